@@ -1,0 +1,1 @@
+"""Wind fields, turbulence, and the zero excess updraft contour in them."""

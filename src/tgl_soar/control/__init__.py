@@ -1,0 +1,1 @@
+"""The control laws: pure functions of parameters, state and measurements."""

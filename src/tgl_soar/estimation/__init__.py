@@ -1,0 +1,1 @@
+"""From measurements to the state of the aircraft: pure, no clock, no I/O."""

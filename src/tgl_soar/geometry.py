@@ -1,0 +1,137 @@
+"""Frames and rotations: quaternions, NED and FRD, the soaring frame, angles.
+
+The soaring frame stands in the site: its origin in local NED, its x axis with the wind.
+Its "upwind NED" sister frame (N' upwind, E' right of an aircraft facing upwind, D' down) is
+local NED turned about the vertical by the direction the wind comes from, so that
+
+    x = -N',  y = E',  z = -D'
+
+and heading is the yaw in that frame: zero facing straight upwind.  Signs change between NED
+and the soaring frame here and nowhere else.
+
+A quaternion (w, x, y, z) rotates body FRD into NED, Hamilton convention, as MAVLink has it.
+"""
+
+from __future__ import annotations
+
+from math import asin, atan2, cos, pi, sin
+from typing import NamedTuple
+
+
+class SoaringFrame(NamedTuple):
+    """Where the soaring frame stands in local NED."""
+
+    origin_north_m: float
+    origin_east_m: float
+    origin_down_m: float
+    wind_from_rad: float  # true direction that the wind comes from, clockwise from north
+
+
+def wrap_angle(angle_rad: float) -> float:
+    """The same angle in [-pi, pi)."""
+    return (angle_rad + pi) % (2.0 * pi) - pi
+
+
+def soaring_from_ned(
+    frame: SoaringFrame, north_m: float, east_m: float, down_m: float
+) -> tuple[float, float, float]:
+    """Soaring-frame position (x, y, z) [m] of a local NED position [m]."""
+    vx, vy, vz = soaring_vector_from_ned(
+        frame,
+        north_m - frame.origin_north_m,
+        east_m - frame.origin_east_m,
+        down_m - frame.origin_down_m,
+    )
+    return vx, vy, vz
+
+
+def soaring_vector_from_ned(
+    frame: SoaringFrame, north: float, east: float, down: float
+) -> tuple[float, float, float]:
+    """Components in the soaring frame of a vector given in local NED, any unit."""
+    c, s = cos(frame.wind_from_rad), sin(frame.wind_from_rad)
+    upwind = c * north + s * east
+    right = -s * north + c * east
+    return -upwind, right, -down
+
+
+def ned_vector_from_soaring(
+    frame: SoaringFrame, x: float, y: float, z: float
+) -> tuple[float, float, float]:
+    """Components in local NED of a vector given in the soaring frame, any unit."""
+    c, s = cos(frame.wind_from_rad), sin(frame.wind_from_rad)
+    upwind, right = -x, y
+    return c * upwind - s * right, s * upwind + c * right, -z
+
+
+def ned_from_soaring(
+    frame: SoaringFrame, x_m: float, y_m: float, z_m: float
+) -> tuple[float, float, float]:
+    """Local NED position [m] of a soaring-frame position [m]."""
+    north, east, down = ned_vector_from_soaring(frame, x_m, y_m, z_m)
+    return (
+        north + frame.origin_north_m,
+        east + frame.origin_east_m,
+        down + frame.origin_down_m,
+    )
+
+
+def euler_from_quaternion(
+    qw: float, qx: float, qy: float, qz: float
+) -> tuple[float, float, float]:
+    """(roll, pitch, yaw) [rad] of a rotation from FRD to NED; needs a unit quaternion."""
+    sin_pitch = 2.0 * (qw * qy - qz * qx)
+    return (
+        atan2(2.0 * (qw * qx + qy * qz), 1.0 - 2.0 * (qx * qx + qy * qy)),
+        asin(max(-1.0, min(1.0, sin_pitch))),
+        atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz)),
+    )
+
+
+def quaternion_from_euler(
+    roll_rad: float, pitch_rad: float, yaw_rad: float
+) -> tuple[float, float, float, float]:
+    """Unit quaternion (w, x, y, z) from FRD to NED of (roll, pitch, yaw), applied z-y-x."""
+    cr, sr = cos(0.5 * roll_rad), sin(0.5 * roll_rad)
+    cp, sp = cos(0.5 * pitch_rad), sin(0.5 * pitch_rad)
+    cy, sy = cos(0.5 * yaw_rad), sin(0.5 * yaw_rad)
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
+
+
+def quaternion_product(
+    aw: float, ax: float, ay: float, az: float, bw: float, bx: float, by: float, bz: float
+) -> tuple[float, float, float, float]:
+    """Hamilton product a ⊗ b: first b, then a."""
+    return (
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    )
+
+
+def euler_rates(
+    roll_rad: float,
+    pitch_rad: float,
+    roll_rate_frd_radps: float,
+    pitch_rate_frd_radps: float,
+    yaw_rate_frd_radps: float,
+) -> tuple[float, float, float]:
+    """Rates of (roll, pitch, yaw) [rad/s] from body rates (p, q, r) [rad/s].
+
+    Near straight up or down the yaw rate has no meaning: cos(pitch) is kept above 0.05.
+    """
+    sr, cr = sin(roll_rad), cos(roll_rad)
+    horizontal = sr * pitch_rate_frd_radps + cr * yaw_rate_frd_radps
+    cos_pitch = max(0.05, cos(pitch_rad))
+    yaw_rate = horizontal / cos_pitch
+    return (
+        roll_rate_frd_radps + sin(pitch_rad) * yaw_rate,
+        cr * pitch_rate_frd_radps - sr * yaw_rate_frd_radps,
+        yaw_rate,
+    )

@@ -1,0 +1,1 @@
+"""Talking to autopilots, ground stations and motion capture."""

@@ -1,0 +1,1 @@
+"""One file for each autopilot firmware: how it wants its surfaces commanded."""

@@ -1,0 +1,1 @@
+"""The simulated world: aircraft, sensors, servos, a Pixhawk that speaks MAVLink, scenarios."""

@@ -1,0 +1,140 @@
+"""What flows through one tick of the autopilot.
+
+Everything here is an immutable named tuple of plain floats, ints and bools: cheap to make,
+exact to log and replay, and taken by numba as it stands.  A missing number is NaN; a count
+says whether a sample is new.  This module imports nothing of ours.
+
+Frames (docs/theory.md):
+  NED      local north-east-down of the autopilot or the motion-capture hall
+  FRD      body forward-right-down
+  soaring  x downstream (with the wind), y to the right of an aircraft facing upwind, z up
+Signs: positive pitch is nose up, positive roll is right wing down, positive heading is to the
+right of straight upwind; positive elevator pitches up, positive aileron rolls right, positive
+rudder yaws right, each normalised to -1 … 1 of its travel.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+NAN = float("nan")
+
+
+class PositionFix(NamedTuple):
+    """One position measurement, in local NED."""
+
+    count: int  # grows by one with every fix of the source; 0: none yet
+    time_s: float  # when it was true (not when it arrived), loop's clock
+    north_m: float
+    east_m: float
+    down_m: float
+    velocity_north_mps: float  # NaN where the source gives no velocity
+    velocity_east_mps: float
+    velocity_down_mps: float
+
+
+class AttitudeSample(NamedTuple):
+    """One attitude measurement: the rotation from FRD to local NED, and body rates."""
+
+    count: int  # grows by one with every sample; 0: none yet
+    time_s: float  # when it was true, loop's clock
+    qw: float
+    qx: float
+    qy: float
+    qz: float
+    roll_rate_frd_radps: float  # NaN where the source gives no rates
+    pitch_rate_frd_radps: float
+    yaw_rate_frd_radps: float
+
+
+class AutopilotStatus(NamedTuple):
+    """What is known of the autopilot that moves the surfaces."""
+
+    time_s: float  # when its last heartbeat arrived, loop's clock; NaN: never
+    accepts_surfaces: bool  # it is in a mode in which it obeys our surface commands
+    armed: bool
+
+
+class Inputs(NamedTuple):
+    """All that one tick may know."""
+
+    time_s: float  # the time of this tick, loop's clock, never decreasing
+    position: PositionFix
+    attitude: AttitudeSample
+    autopilot: AutopilotStatus
+    engage: bool  # the operator wants the module to fly
+
+
+class VehicleState(NamedTuple):
+    """Where the aircraft is and how it moves, at the time of the tick, soaring frame."""
+
+    time_s: float
+    x_m: float
+    y_m: float
+    z_m: float
+    velocity_x_mps: float
+    velocity_y_mps: float
+    climb_mps: float
+    roll_rad: float
+    pitch_rad: float
+    heading_rad: float  # from straight upwind, positive to the right
+    roll_rate_radps: float  # rates of the three angles above, not body rates
+    pitch_rate_radps: float
+    heading_rate_radps: float
+
+
+class Health(NamedTuple):
+    """How old the inputs are and whether they may be flown with."""
+
+    position_age_s: float  # since the last fix that was used was true; inf: none
+    attitude_age_s: float
+    heartbeat_age_s: float
+    position_ok: bool
+    attitude_ok: bool
+    autopilot_ok: bool
+    rejected: int  # samples refused so far (not finite, out of order, no rotation)
+
+
+class Setpoints(NamedTuple):
+    """What the guidance asks of the attitude loops."""
+
+    pitch_rad: float
+    roll_rad: float
+    heading_rad: float
+
+
+class SurfaceCommand(NamedTuple):
+    """Normalised surface deflections, -1 … 1."""
+
+    elevator: float
+    aileron: float
+    rudder: float
+
+
+class GlidePolar(NamedTuple):
+    """Sink as a third-order polynomial of horizontal airspeed, in the paper's way.
+
+    sink_mps = c0 + c1 u + c2 u² + c3 u³ for u in [speed_min_mps, speed_max_mps]; sink is
+    positive down.  Outside that range it is not defined.
+    """
+
+    c0: float
+    c1: float
+    c2: float
+    c3: float
+    speed_min_mps: float
+    speed_max_mps: float
+
+
+def polar_sink(polar: GlidePolar, speed_mps: float) -> float:
+    """Sink [m/s, positive down] at a horizontal airspeed [m/s]; NaN outside the polar's range."""
+    if not polar.speed_min_mps <= speed_mps <= polar.speed_max_mps:
+        return NAN
+    return polar.c0 + speed_mps * (polar.c1 + speed_mps * (polar.c2 + speed_mps * polar.c3))
+
+
+def polar_slope(polar: GlidePolar, speed_mps: float) -> float:
+    """d sink / d speed [-] at a horizontal airspeed [m/s]; NaN outside the polar's range."""
+    if not polar.speed_min_mps <= speed_mps <= polar.speed_max_mps:
+        return NAN
+    return polar.c1 + speed_mps * (2.0 * polar.c2 + speed_mps * 3.0 * polar.c3)
