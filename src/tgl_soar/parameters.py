@@ -1,0 +1,239 @@
+"""Every parameter, declared once: name, unit, range, default, meaning.
+
+The MAVLink parameter server, the TOML loader, the reference page and the tests all read
+`PARAMETERS`.  Values are in the operator's units (degrees, hertz) and are 32-bit floats, as
+they are on the wire, so that what is set is exactly what is read back; the laws' own objects
+in SI units are built from them by `tgl_soar.autopilot.laws_from`.
+
+Names have at most 16 characters and share a prefix by topic.  No firmware has a parameter of
+the same name: an autopilot that has not yet learnt the way to this component would execute a
+set by itself.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator, Mapping
+from math import isfinite
+from typing import Final, NamedTuple
+
+
+class Parameter(NamedTuple):
+    """The declaration of one parameter."""
+
+    name: str
+    unit: str  # as written in the reference page; "" for a pure number
+    minimum: float
+    maximum: float
+    default: float
+    meaning: str
+    in_flight: bool = True  # may it change while the module has the surfaces?
+    integer: bool = False  # whole numbers only
+
+
+class ParameterError(ValueError):
+    """A value that cannot be taken, with the parameter, the value and what is allowed."""
+
+    def __init__(self, name: str, value: object, reason: str) -> None:
+        self.name = name
+        self.value = value
+        self.reason = reason
+        super().__init__(f"{name} = {value}: {reason}")
+
+
+PARAMETERS: Final[tuple[Parameter, ...]] = (
+    # --- the operator's switch -----------------------------------------------------------
+    Parameter(
+        "OP_ENGAGE", "", 0, 1, 0,
+        "1: take the surfaces and soar; 0: let go. The module sets it back to 0 whenever it"
+        " lets go by itself, so that it never engages again unasked.",
+        integer=True,
+    ),
+    # --- the target gradient line --------------------------------------------------------
+    Parameter("TGL_X", "m", -500, 500, 0.0, "Downstream position of the line's point."),
+    Parameter("TGL_Z", "m", -100, 1000, 0.0, "Height of the line's point."),
+    Parameter(
+        "TGL_LEAN", "deg", -60, 60, 15.0,
+        "Lean of the line from the vertical, positive when its upper end leans upwind.",
+    ),
+    Parameter(
+        "TGL_LEAN_MIN", "deg", -60, 60, 5.0,
+        "Smallest lean accepted. A line that leans downwind responds the wrong way round"
+        " first and cannot be flown well: lower this only if you know why.",
+    ),
+    Parameter("TGL_LEAN_MAX", "deg", 5, 60, 45.0, "Largest lean accepted."),
+    Parameter(
+        "TGL_SLEW", "m/s", 0.02, 1.0, 0.3,
+        "Speed of a moving line, across itself, at the aircraft.",
+    ),
+    Parameter("TGL_ACCEL", "m/s^2", 0.05, 5.0, 0.5, "Acceleration of a moving line."),
+    Parameter("TGL_ROT_SLEW", "deg/s", 0.5, 30, 5.0, "Rate of a turning line."),
+    Parameter(
+        "TGL_CAPTURE", "m", 0.01, 2.0, 0.05,
+        "The line is captured when it stands still and the aircraft has been within this"
+        " distance of it for one second.",
+    ),
+    # --- e_rho -> pitch setpoint (eq. 15) ------------------------------------------------
+    Parameter("RHO_P", "rad/m", 0, 5, 0.64, "Pitch setpoint for each metre of e_rho."),
+    Parameter("RHO_I", "rad/(m s)", 0, 5, 0.11, "Pitch setpoint for each metre-second of e_rho."),
+    Parameter("RHO_D", "rad s/m", 0, 5, 0.25, "Pitch setpoint for each m/s of e_rho's rate."),
+    Parameter("RHO_D_FILT", "Hz", 0.1, 100, 6.5, "Low-pass of e_rho's rate."),
+    Parameter("RHO_I_MAX", "deg", 0, 30, 8.0, "Largest share of the integral in the setpoint."),
+    Parameter("PITCH_TRIM", "deg", -30, 30, 0.0, "theta_0: pitch setpoint on the line."),
+    Parameter("PITCH_MIN", "deg", -45, 45, -15.0, "Smallest pitch setpoint."),
+    Parameter("PITCH_MAX", "deg", -45, 45, 12.0, "Largest pitch setpoint."),
+    Parameter("PITCH_SLEW", "deg/s", 1, 1000, 120.0, "Fastest change of the pitch setpoint."),
+    # --- pitch -> elevator (eq. 16) ------------------------------------------------------
+    Parameter("ELE_P", "1/rad", 0, 20, 2.2, "Elevator for each radian of pitch error."),
+    Parameter("ELE_I", "1/(rad s)", 0, 50, 2.7, "Elevator for each radian-second."),
+    Parameter("ELE_D", "s/rad", 0, 5, 0.19, "Elevator for each rad/s of pitch rate."),
+    Parameter("ELE_D_FILT", "Hz", 0.5, 100, 40.0, "Low-pass of the pitch rate."),
+    Parameter("ELE_TRIM", "", -1, 1, 0.0, "Elevator in trimmed flight on the line."),
+    # --- roll -> aileron (eq. 17) --------------------------------------------------------
+    Parameter("AIL_P", "1/rad", 0, 20, 1.2, "Aileron for each radian of roll error."),
+    Parameter("AIL_I", "1/(rad s)", 0, 20, 0.5, "Aileron for each radian-second."),
+    Parameter("AIL_D", "s/rad", 0, 5, 0.06, "Aileron for each rad/s of roll rate."),
+    Parameter("AIL_D_FILT", "Hz", 0.5, 100, 40.0, "Low-pass of the roll rate."),
+    Parameter("AIL_TRIM", "", -1, 1, 0.0, "Aileron with wings level."),
+    # --- heading -> rudder (eq. 18) ------------------------------------------------------
+    Parameter("RUD_P", "1/rad", 0, 20, 1.2, "Rudder for each radian of heading error."),
+    Parameter("RUD_D", "s/rad", 0, 5, 0.2, "Rudder for each rad/s of heading rate."),
+    Parameter("RUD_D_FILT", "Hz", 0.5, 100, 40.0, "Low-pass of the heading rate."),
+    Parameter("RUD_TRIM", "", -1, 1, 0.0, "Rudder in straight flight."),
+    Parameter(
+        "WPT_X", "m", -2000, 500, -8.0,
+        "Downstream position of the virtual waypoint: negative is upwind. It must stay upwind"
+        " of the aircraft by WPT_R_MIN.",
+    ),
+    Parameter("WPT_R_MIN", "m", 1, 100, 3.0, "Shortest distance used to the virtual waypoint."),
+    Parameter("PSI_MAX", "deg", 1, 45, 20.0, "Largest heading setpoint to either side."),
+    # --- surfaces ------------------------------------------------------------------------
+    Parameter("SURF_MAX", "", 0.05, 1, 1.0, "Largest deflection commanded, of full travel."),
+    Parameter("SURF_RATE", "1/s", 0.5, 100, 20.0, "Fastest change of a command, in travels."),
+    # --- estimation ----------------------------------------------------------------------
+    Parameter(
+        "EST_POS_BW", "Hz", 0.2, 20, 4.0,
+        "Bandwidth with which fixes correct the predicted position.",
+    ),
+    Parameter(
+        "EST_VEL_BW", "Hz", 0.2, 50, 10.0,
+        "Bandwidth with which measured velocities correct the predicted velocity.",
+    ),
+    Parameter(
+        "EST_DELAY", "s", 0, 0.5, 0.0,
+        "Delay of the position source that its time stamps do not tell.",
+    ),
+    # --- when to let go ------------------------------------------------------------------
+    Parameter("AGE_POS_HOLD", "s", 0.05, 2, 0.25, "Position older than this: hold the pitch."),
+    Parameter("AGE_POS_MAX", "s", 0.1, 5, 1.5, "Position older than this: let go."),
+    Parameter("AGE_ATT_MAX", "s", 0.02, 1, 0.15, "Attitude older than this: let go."),
+    Parameter("AGE_AP_MAX", "s", 1, 10, 3.0, "Autopilot's heartbeat older than this: let go."),
+    Parameter("CAPTURE_MAX", "m", 0.1, 10, 1.5, "|e_rho| beyond this while flying: let go."),
+    Parameter("TILT_MAX", "deg", 20, 80, 60.0, "Roll or pitch beyond this: let go."),
+    # --- the process ---------------------------------------------------------------------
+    Parameter(
+        "LOOP_RATE", "Hz", 100, 250, 200, "Rate of the loop.", in_flight=False, integer=True
+    ),
+)  # fmt: skip
+
+INDEX: Final[Mapping[str, int]] = {p.name: i for i, p in enumerate(PARAMETERS)}
+
+
+def as_wire_value(value: float) -> float:
+    """The nearest 32-bit float: what a value is after a journey over MAVLink."""
+    return float(struct.unpack("<f", struct.pack("<f", value))[0])
+
+
+class ParameterSet:
+    """An immutable, complete and consistent set of parameter values.
+
+    A change makes a new set or raises `ParameterError` and leaves everything as it was.
+    """
+
+    __slots__ = ("_values",)
+
+    def __init__(self, values: tuple[float, ...] | None = None) -> None:
+        self._values = values or tuple(as_wire_value(p.default) for p in PARAMETERS)
+
+    def __getitem__(self, name: str) -> float:
+        return self._values[INDEX[name]]
+
+    def __iter__(self) -> Iterator[tuple[Parameter, float]]:
+        return iter(zip(PARAMETERS, self._values, strict=True))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ParameterSet) and self._values == other._values
+
+    def __hash__(self) -> int:
+        return hash(self._values)
+
+    def changed(self, changes: Mapping[str, float], *, flying: bool = False) -> ParameterSet:
+        """A new set with several values changed as one.
+
+        Errors: `ParameterError` for an unknown name, a value that is not finite, out of range,
+        not whole where it must be, not changeable while `flying`, or inconsistent with the
+        others.
+        """
+        values = list(self._values)
+        for name, value in changes.items():
+            values[_index_of(name)] = _checked(PARAMETERS[INDEX[name]], value, flying)
+        result = ParameterSet(tuple(values))
+        _check_together(result, changes)
+        return result
+
+
+def _index_of(name: str) -> int:
+    if name not in INDEX:
+        raise ParameterError(name, "?", "no such parameter; `tgl-soar params` lists them")
+    return INDEX[name]
+
+
+def _checked(parameter: Parameter, value: float, flying: bool) -> float:
+    allowed = f"allowed {parameter.minimum:g} to {parameter.maximum:g} {parameter.unit}".rstrip()
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ParameterError(parameter.name, value, f"not a number; {allowed}")
+    if not isfinite(value):
+        raise ParameterError(parameter.name, value, f"not finite; {allowed}")
+    # Limits are compared as they are on the wire, so that a limit itself is always accepted.
+    low, high = as_wire_value(parameter.minimum), as_wire_value(parameter.maximum)
+    if not parameter.minimum <= value <= parameter.maximum and not low <= value <= high:
+        raise ParameterError(parameter.name, f"{value:g}", allowed)
+    if parameter.integer and value != int(value):
+        raise ParameterError(parameter.name, f"{value:g}", f"whole numbers only; {allowed}")
+    if flying and not parameter.in_flight:
+        raise ParameterError(parameter.name, f"{value:g}", "not while flying; let go first")
+    return as_wire_value(value)
+
+
+def _check_together(values: ParameterSet, changes: Mapping[str, float]) -> None:
+    """Raise if two parameters contradict each other, blaming one that was changed."""
+
+    def blame(candidates: tuple[str, ...], reason: str) -> ParameterError:
+        name = next((c for c in candidates if c in changes), candidates[0])
+        return ParameterError(name, f"{values[name]:g}", reason)
+
+    lean, lean_min, lean_max = values["TGL_LEAN"], values["TGL_LEAN_MIN"], values["TGL_LEAN_MAX"]
+    if lean_min > lean_max:
+        raise blame(("TGL_LEAN_MIN", "TGL_LEAN_MAX"), "TGL_LEAN_MIN is above TGL_LEAN_MAX")
+    if lean < lean_min:
+        raise blame(
+            ("TGL_LEAN", "TGL_LEAN_MIN"),
+            f"the line must lean upwind by {lean_min:g} deg or more (TGL_LEAN_MIN):"
+            " one that leans less cannot be flown well",
+        )
+    if lean > lean_max:
+        raise blame(
+            ("TGL_LEAN", "TGL_LEAN_MAX"),
+            f"the line must lean by {lean_max:g} deg or less (TGL_LEAN_MAX):"
+            " the nearer it is to the horizontal, the less e_rho says of the position",
+        )
+    pitch_min, pitch_trim, pitch_max = (values[f"PITCH_{n}"] for n in ("MIN", "TRIM", "MAX"))
+    if not pitch_min < pitch_max:
+        raise blame(("PITCH_MIN", "PITCH_MAX"), "PITCH_MIN must be below PITCH_MAX")
+    if not pitch_min <= pitch_trim <= pitch_max:
+        raise blame(
+            ("PITCH_TRIM", "PITCH_MIN", "PITCH_MAX"),
+            "PITCH_TRIM must lie between PITCH_MIN and PITCH_MAX",
+        )
+    if values["AGE_POS_HOLD"] > values["AGE_POS_MAX"]:
+        raise blame(("AGE_POS_HOLD", "AGE_POS_MAX"), "AGE_POS_HOLD is above AGE_POS_MAX")
