@@ -76,9 +76,7 @@ def ned_from_soaring(
     )
 
 
-def euler_from_quaternion(
-    qw: float, qx: float, qy: float, qz: float
-) -> tuple[float, float, float]:
+def euler_from_quaternion(qw: float, qx: float, qy: float, qz: float) -> tuple[float, float, float]:
     """(roll, pitch, yaw) [rad] of a rotation from FRD to NED; needs a unit quaternion."""
     sin_pitch = 2.0 * (qw * qy - qz * qx)
     return (

@@ -1,8 +1,8 @@
 """What flows through one tick of the autopilot.
 
 Everything here is an immutable named tuple of plain floats, ints and bools: cheap to make,
-exact to log and replay, and taken by numba as it stands.  A missing number is NaN; a count
-says whether a sample is new.  This module imports nothing of ours.
+exact to log and replay, and taken by numba as it stands.  A missing number is NaN; a sequence
+number says whether a sample is new.  This module imports nothing of ours.
 
 Frames (docs/theory.md):
   NED      local north-east-down of the autopilot or the motion-capture hall
@@ -23,7 +23,7 @@ NAN = float("nan")
 class PositionFix(NamedTuple):
     """One position measurement, in local NED."""
 
-    count: int  # grows by one with every fix of the source; 0: none yet
+    sequence: int  # grows by one with every fix of the source; 0: none yet
     time_s: float  # when it was true (not when it arrived), loop's clock
     north_m: float
     east_m: float
@@ -36,7 +36,7 @@ class PositionFix(NamedTuple):
 class AttitudeSample(NamedTuple):
     """One attitude measurement: the rotation from FRD to local NED, and body rates."""
 
-    count: int  # grows by one with every sample; 0: none yet
+    sequence: int  # grows by one with every sample; 0: none yet
     time_s: float  # when it was true, loop's clock
     qw: float
     qx: float
