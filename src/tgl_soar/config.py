@@ -41,7 +41,7 @@ class _Strict(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     pass
 
 
-class Surface(_Strict):
+class Surface(_Strict, frozen=True):
     """How one normalised deflection becomes a channel's pulse width."""
 
     channel: Channel
@@ -58,7 +58,7 @@ class Surface(_Strict):
             )
 
 
-class Surfaces(_Strict):
+class Surfaces(_Strict, frozen=True):
     """The three surfaces of the aircraft."""
 
     elevator: Surface
@@ -71,7 +71,7 @@ class Surfaces(_Strict):
             raise ValueError(f"two surfaces share a channel: {channels}")
 
 
-class AutopilotLink(_Strict):
+class AutopilotLink(_Strict, frozen=True):
     """The autopilot that moves the surfaces, and the identities used towards it."""
 
     firmware: Literal["ardupilot", "bridge"]
@@ -80,7 +80,7 @@ class AutopilotLink(_Strict):
     override_system_id: SystemId = 255  # what the firmware's SYSID_MYGCS names
 
 
-class AirframeFacts(_Strict):
+class AirframeFacts(_Strict, frozen=True):
     """What can be read off the bench."""
 
     name: str
@@ -93,7 +93,7 @@ class AirframeFacts(_Strict):
     izz_kgm2: Positive
 
 
-class Polar(_Strict):
+class Polar(_Strict, frozen=True):
     """The glide polar, as in `types.GlidePolar`."""
 
     c0: Finite
@@ -114,7 +114,7 @@ class Polar(_Strict):
         )
 
 
-class Airframe(_Strict):
+class Airframe(_Strict, frozen=True):
     """One airframe file."""
 
     airframe: AirframeFacts
@@ -125,7 +125,7 @@ class Airframe(_Strict):
     model: dict[str, float] = {}  # the simulation's; checked by tgl_soar.sim.aircraft
 
 
-class Line(_Strict):
+class Line(_Strict, frozen=True):
     """A named target gradient line."""
 
     x_m: Finite
@@ -133,7 +133,7 @@ class Line(_Strict):
     lean_deg: Annotated[float, Meta(ge=-60, le=60)] | None = None  # default: TGL_LEAN
 
 
-class Place(_Strict):
+class Place(_Strict, frozen=True):
     """Where the soaring frame stands in local NED."""
 
     name: str
@@ -143,14 +143,14 @@ class Place(_Strict):
     wind_from_deg: Annotated[float, Meta(ge=-360, le=360)] = 0.0
 
 
-class Turbulence(_Strict):
+class Turbulence(_Strict, frozen=True):
     """Dryden turbulence on top of the mean field."""
 
     intensity: Annotated[float, Meta(ge=0, le=0.5)] = 0.0  # of the reference wind
     length_scale_m: Positive = 1.5
 
 
-class JetAir(_Strict, tag_field="kind", tag="jet"):
+class JetAir(_Strict, frozen=True, tag_field="kind", tag="jet"):
     """A sloped board in an open wind-tunnel jet."""
 
     wind_mps: Annotated[float, Meta(ge=5, le=15)]
@@ -158,7 +158,7 @@ class JetAir(_Strict, tag_field="kind", tag="jet"):
     turbulence: Turbulence = Turbulence()
 
 
-class HillAir(_Strict, tag_field="kind", tag="hill"):
+class HillAir(_Strict, frozen=True, tag_field="kind", tag="hill"):
     """Potential flow over a half-cylinder whose axis lies at the frame's origin."""
 
     wind_mps: Annotated[float, Meta(ge=1, le=30)]
@@ -166,7 +166,7 @@ class HillAir(_Strict, tag_field="kind", tag="hill"):
     turbulence: Turbulence = Turbulence()
 
 
-class GridAir(_Strict, tag_field="kind", tag="grid"):
+class GridAir(_Strict, frozen=True, tag_field="kind", tag="grid"):
     """A field read from a file beside the site file."""
 
     file: str
@@ -174,7 +174,7 @@ class GridAir(_Strict, tag_field="kind", tag="grid"):
     turbulence: Turbulence = Turbulence()
 
 
-class Start(_Strict):
+class Start(_Strict, frozen=True):
     """Where the simulated aircraft is let go, at rest over the ground."""
 
     x_m: Finite
@@ -182,7 +182,7 @@ class Start(_Strict):
     y_m: Finite = 0.0
 
 
-class Site(_Strict):
+class Site(_Strict, frozen=True):
     """One site file."""
 
     site: Place
