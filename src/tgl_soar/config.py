@@ -21,9 +21,9 @@ from typing import Annotated, Literal, TypeVar
 import msgspec
 from msgspec import Meta, Struct
 
-from .geometry import SoaringFrame
-from .parameters import ParameterError, ParameterSet
-from .types import GlidePolar
+from tgl_soar.geometry import SoaringFrame
+from tgl_soar.parameters import ParameterError, ParameterSet
+from tgl_soar.types import GlidePolar
 
 
 class ConfigError(ValueError):

@@ -1,0 +1,482 @@
+"""One tick of the autopilot: estimate, supervise, guide, control, limit.
+
+`step` is pure.  It knows no clock and no socket: the same function flies the aircraft, the
+bridge, the batch simulations and the replay of a log.  Its time is `Inputs.time_s`, its dt
+the difference of two of these.
+"""
+
+from __future__ import annotations
+
+from math import pi, radians
+from typing import NamedTuple
+
+from tgl_soar.control import supervisor as modes
+from tgl_soar.control.attitude import attitude_reset, attitude_step
+from tgl_soar.control.envelope import EnvelopeLimits, Limited, limit_surfaces
+from tgl_soar.control.heading import HeadingGains, heading_setpoint, heading_step
+from tgl_soar.control.pid import PidGains, PidState, PidTerms
+from tgl_soar.control.soaring import (
+    SoaringGains,
+    SoaringState,
+    soaring_reset,
+    soaring_step,
+    trimmed_pitch,
+)
+from tgl_soar.control.target_line import (
+    LineLimits,
+    LineState,
+    TargetLine,
+    e_rho,
+    eta_from_lean,
+    line_at,
+    line_step,
+)
+from tgl_soar.estimation.health import HealthLimits, judge
+from tgl_soar.estimation.motion import MotionGains, MotionState, initial_motion, motion_step
+from tgl_soar.geometry import SoaringFrame
+from tgl_soar.parameters import ParameterSet
+from tgl_soar.types import NAN, Health, Inputs, Setpoints, SurfaceCommand, VehicleState
+
+DT_MAX_S = 0.1  # a longer gap between two ticks is not integrated over
+ON_LINE_S = 1.0  # so long within capture_distance_m before the line counts as captured
+
+
+class Guards(NamedTuple):
+    """When the supervisor considers the aircraft captured, lost or upset."""
+
+    capture_distance_m: float
+    e_rho_max_m: float
+    tilt_max_rad: float
+    position_age_max_s: float  # holding ends here
+
+
+class Laws(NamedTuple):
+    """All parameters of one tick, in SI units."""
+
+    frame: SoaringFrame
+    motion: MotionGains
+    health: HealthLimits
+    guards: Guards
+    target: TargetLine
+    line: LineLimits
+    soaring: SoaringGains
+    pitch: PidGains
+    roll: PidGains
+    heading: HeadingGains
+    envelope: EnvelopeLimits
+    trim: SurfaceCommand
+
+
+class AutopilotState(NamedTuple):
+    """All that one tick leaves to the next."""
+
+    time_s: float  # NaN: no tick yet
+    mode: int
+    conditions: int  # with which this mode stays as it is; -1: not looked at yet
+    off_line_s: float  # when the aircraft was last off its line, or the line off its target
+    motion: MotionState
+    line: LineState
+    soaring: SoaringState
+    pitch: PidState
+    roll: PidState
+    heading: PidState
+    heading_setpoint_rad: float
+    limited: Limited
+
+
+class Output(NamedTuple):
+    """What one tick decided, and why: the command, and one row for the log."""
+
+    time_s: float
+    mode: int
+    reason: int  # of a change of mode in this tick, else REASON_NONE
+    active: bool  # the command is to be sent
+    command: SurfaceCommand
+    setpoints: Setpoints
+    vehicle: VehicleState
+    health: Health
+    line_x_m: float
+    line_z_m: float
+    line_eta_rad: float
+    line_moving: bool
+    e_rho_m: float  # to the line that is flown
+    e_rho_rate_mps: float
+    soaring: PidTerms
+    elevator: PidTerms
+    aileron: PidTerms
+    rudder: PidTerms
+
+
+def mode_name(mode: int) -> str:
+    """The word for a mode."""
+    return modes.MODE_NAMES[mode]
+
+
+def reason_text(reason: int) -> str:
+    """The words for a change of mode."""
+    return modes.REASON_TEXTS[reason]
+
+
+def laws_from(values: ParameterSet, frame: SoaringFrame) -> Laws:
+    """The laws' parameters in SI units, from the operator's."""
+    travel = values["SURF_MAX"]
+    return Laws(
+        frame=frame,
+        motion=MotionGains(
+            2.0 * pi * values["EST_POS_BW"],
+            2.0 * pi * values["EST_VEL_BW"],
+            values["EST_DELAY"],
+        ),
+        health=HealthLimits(values["AGE_POS_HOLD"], values["AGE_ATT_MAX"], values["AGE_AP_MAX"]),
+        guards=Guards(
+            values["TGL_CAPTURE"],
+            values["CAPTURE_MAX"],
+            radians(values["TILT_MAX"]),
+            values["AGE_POS_MAX"],
+        ),
+        target=TargetLine(
+            values["TGL_X"], values["TGL_Z"], eta_from_lean(radians(values["TGL_LEAN"]))
+        ),
+        line=LineLimits(values["TGL_SLEW"], values["TGL_ACCEL"], radians(values["TGL_ROT_SLEW"])),
+        soaring=SoaringGains(
+            PidGains(
+                values["RHO_P"],
+                values["RHO_I"],
+                values["RHO_D"],
+                2.0 * pi * values["RHO_D_FILT"],
+                radians(values["RHO_I_MAX"]),
+                radians(values["PITCH_MIN"]),
+                radians(values["PITCH_MAX"]),
+            ),
+            radians(values["PITCH_TRIM"]),
+            radians(values["PITCH_SLEW"]),
+        ),
+        pitch=_surface_gains(values, "ELE", travel),
+        roll=_surface_gains(values, "AIL", travel),
+        heading=HeadingGains(
+            PidGains(
+                values["RUD_P"],
+                0.0,
+                values["RUD_D"],
+                2.0 * pi * values["RUD_D_FILT"],
+                0.0,
+                -travel,
+                travel,
+            ),
+            values["WPT_X"],
+            values["WPT_R_MIN"],
+            radians(values["PSI_MAX"]),
+        ),
+        envelope=EnvelopeLimits(travel, values["SURF_RATE"]),
+        trim=SurfaceCommand(values["ELE_TRIM"], values["AIL_TRIM"], values["RUD_TRIM"]),
+    )
+
+
+def _surface_gains(values: ParameterSet, prefix: str, travel: float) -> PidGains:
+    return PidGains(
+        values[f"{prefix}_P"],
+        values[f"{prefix}_I"],
+        values[f"{prefix}_D"],
+        2.0 * pi * values[f"{prefix}_D_FILT"],
+        travel,  # the integral may take all of the travel
+        -travel,
+        travel,
+    )
+
+
+_AT_REST = PidState(0.0, 0.0)
+_NO_TERMS = PidTerms(NAN, NAN, NAN, NAN, NAN, 0)
+_NEUTRAL = SurfaceCommand(0.0, 0.0, 0.0)
+
+
+def initial_state() -> AutopilotState:
+    """Before the first tick."""
+    return AutopilotState(
+        NAN,
+        modes.STANDBY,
+        -1,
+        NAN,
+        initial_motion(),
+        LineState(NAN, NAN, NAN, 0.0, False),
+        SoaringState(_AT_REST, 0.0, 0),
+        _AT_REST,
+        _AT_REST,
+        _AT_REST,
+        0.0,
+        Limited(_NEUTRAL, 0, 0, True),
+    )
+
+
+def step(laws: Laws, state: AutopilotState, inputs: Inputs) -> tuple[AutopilotState, Output]:
+    """One tick, at inputs.time_s.  Never raises on any numbers that inputs may hold."""
+    dt = inputs.time_s - state.time_s
+    dt = min(DT_MAX_S, dt) if dt > 0.0 else 0.0  # NaN: the first tick
+    motion, vehicle = motion_step(laws.motion, laws.frame, state.motion, inputs)
+    health = judge(laws.health, motion, inputs)
+    state = state._replace(time_s=inputs.time_s, motion=motion)
+
+    if modes.is_flying(state.mode):
+        state, output = _fly(laws, state, inputs, vehicle, health, dt)
+    else:
+        state, output = _watch(laws, state, inputs, vehicle, health)
+    return state, output
+
+
+def _watch(
+    laws: Laws, state: AutopilotState, inputs: Inputs, vehicle: VehicleState, health: Health
+) -> tuple[AutopilotState, Output]:
+    """Standby and released: look, and engage if asked and able."""
+    conditions = _conditions(laws, inputs, vehicle, health, 0.0, False, False, True)
+    mode, reason = _decide(state, conditions)
+    state = state._replace(mode=mode, conditions=_settled(state.mode, mode, conditions))
+    if modes.is_flying(mode):
+        state = _engaged(laws, state, vehicle)
+        return _fly(laws, state, inputs, vehicle, health, 0.0, reason)
+    target = laws.target
+    distance = e_rho(target.x_m, target.z_m, target.eta_rad, vehicle.x_m, vehicle.z_m)
+    return state, Output(
+        inputs.time_s,
+        mode,
+        reason,
+        False,
+        _NEUTRAL,
+        Setpoints(NAN, NAN, NAN),
+        vehicle,
+        health,
+        target.x_m,
+        target.z_m,
+        target.eta_rad,
+        False,
+        distance,
+        NAN,
+        _NO_TERMS,
+        _NO_TERMS,
+        _NO_TERMS,
+        _NO_TERMS,
+    )
+
+
+def _engaged(laws: Laws, state: AutopilotState, vehicle: VehicleState) -> AutopilotState:
+    """The state at the moment of taking the surfaces: nothing jumps."""
+    state = _line_from_aircraft(laws, state, vehicle)
+    setpoint = state.soaring.pitch_setpoint_rad
+    trim = laws.trim
+    return state._replace(
+        pitch=attitude_reset(
+            laws.pitch, setpoint, vehicle.pitch_rad, vehicle.pitch_rate_radps, trim.elevator
+        ),
+        roll=attitude_reset(
+            laws.roll, 0.0, vehicle.roll_rad, vehicle.roll_rate_radps, trim.aileron
+        ),
+        heading=PidState(0.0, -vehicle.heading_rate_radps),
+        heading_setpoint_rad=heading_setpoint(laws.heading, vehicle.x_m, vehicle.y_m),
+        limited=Limited(trim, 0, 0, True),
+    )
+
+
+def _line_from_aircraft(laws: Laws, state: AutopilotState, vehicle: VehicleState) -> AutopilotState:
+    """The line starts at the aircraft and slides from there; the pitch goes on from its own."""
+    line = line_at(laws.target, vehicle.x_m, vehicle.z_m)
+    rate = e_rho(0.0, 0.0, line.eta_rad, vehicle.velocity_x_mps, vehicle.climb_mps)
+    return state._replace(
+        line=line,
+        soaring=soaring_reset(laws.soaring, 0.0, rate, vehicle.pitch_rad),
+        off_line_s=vehicle.time_s,
+    )
+
+
+def _fly(
+    laws: Laws,
+    state: AutopilotState,
+    inputs: Inputs,
+    vehicle: VehicleState,
+    health: Health,
+    dt_s: float,
+    engaged_because: int = modes.REASON_NONE,
+) -> tuple[AutopilotState, Output]:
+    """Capturing, soaring and holding."""
+    line = state.line
+    if state.mode != modes.HOLDING:
+        line = line_step(laws.line, line, laws.target, vehicle.x_m, vehicle.z_m, dt_s)
+    distance = e_rho(line.x_m, line.z_m, line.eta_rad, vehicle.x_m, vehicle.z_m)
+    # The rate is the distance of the velocity vector from a line through the origin.
+    rate = e_rho(0.0, 0.0, line.eta_rad, vehicle.velocity_x_mps, vehicle.climb_mps) - line.speed_mps
+
+    off_line_s = state.off_line_s
+    if line.moving or not abs(distance) <= laws.guards.capture_distance_m:
+        off_line_s = inputs.time_s
+    on_line = inputs.time_s - off_line_s >= ON_LINE_S
+    conditions = _conditions(
+        laws, inputs, vehicle, health, distance, on_line, line.moving, state.limited.finite
+    )
+    mode, reason = _decide(state, conditions)
+    reason = reason or engaged_because
+    settled = _settled(state.mode, mode, conditions)
+    if not modes.is_flying(mode):
+        state = state._replace(mode=mode, conditions=settled, line=line)
+        return state, _let_go(state, inputs, vehicle, health, reason, distance, rate)
+
+    soaring = state.soaring
+    if mode == modes.HOLDING:
+        # Without a position: the pitch that held the line, wings level, the heading as it was.
+        held = trimmed_pitch(laws.soaring, soaring)
+        soaring = SoaringState(PidState(soaring.pid.integral, 0.0), held, 0)
+        soaring_terms = PidTerms(held, 0.0, soaring.pid.integral, 0.0, held, 0)
+        psi_setpoint = state.heading_setpoint_rad
+    else:
+        if state.mode == modes.HOLDING:
+            state = _line_from_aircraft(laws, state, vehicle)
+            line, distance = state.line, 0.0
+            soaring, off_line_s = state.soaring, state.off_line_s
+        soaring, soaring_terms = soaring_step(
+            laws.soaring, soaring, distance, rate, dt_s, state.limited.elevator_blocked
+        )
+        psi_setpoint = heading_setpoint(laws.heading, vehicle.x_m, vehicle.y_m)
+
+    pitch, elevator_terms = attitude_step(
+        laws.pitch,
+        state.pitch,
+        soaring.pitch_setpoint_rad,
+        vehicle.pitch_rad,
+        vehicle.pitch_rate_radps,
+        laws.trim.elevator,
+        dt_s,
+        state.limited.elevator_blocked,
+    )
+    roll, aileron_terms = attitude_step(
+        laws.roll,
+        state.roll,
+        0.0,
+        vehicle.roll_rad,
+        vehicle.roll_rate_radps,
+        laws.trim.aileron,
+        dt_s,
+        state.limited.aileron_blocked,
+    )
+    heading, rudder_terms = heading_step(
+        laws.heading,
+        state.heading,
+        psi_setpoint,
+        vehicle.heading_rad,
+        vehicle.heading_rate_radps,
+        laws.trim.rudder,
+        dt_s,
+    )
+    wanted = SurfaceCommand(elevator_terms.output, aileron_terms.output, rudder_terms.output)
+    limited = limit_surfaces(laws.envelope, state.limited.command, wanted, dt_s)
+    state = AutopilotState(
+        inputs.time_s,
+        mode,
+        settled,
+        off_line_s,
+        state.motion,
+        line,
+        soaring,
+        pitch,
+        roll,
+        heading,
+        psi_setpoint,
+        limited,
+    )
+    return state, Output(
+        inputs.time_s,
+        mode,
+        reason,
+        True,
+        limited.command,
+        Setpoints(soaring.pitch_setpoint_rad, 0.0, psi_setpoint),
+        vehicle,
+        health,
+        line.x_m,
+        line.z_m,
+        line.eta_rad,
+        line.moving,
+        distance,
+        rate,
+        soaring_terms,
+        elevator_terms,
+        aileron_terms,
+        rudder_terms,
+    )
+
+
+def _let_go(
+    state: AutopilotState,
+    inputs: Inputs,
+    vehicle: VehicleState,
+    health: Health,
+    reason: int,
+    distance_m: float,
+    rate_mps: float,
+) -> Output:
+    """The output of the tick in which the surfaces are given back."""
+    return Output(
+        inputs.time_s,
+        state.mode,
+        reason,
+        False,
+        _NEUTRAL,
+        Setpoints(NAN, NAN, NAN),
+        vehicle,
+        health,
+        state.line.x_m,
+        state.line.z_m,
+        state.line.eta_rad,
+        state.line.moving,
+        distance_m,
+        rate_mps,
+        _NO_TERMS,
+        _NO_TERMS,
+        _NO_TERMS,
+        _NO_TERMS,
+    )
+
+
+def _conditions(
+    laws: Laws,
+    inputs: Inputs,
+    vehicle: VehicleState,
+    health: Health,
+    distance_m: float,
+    on_line: bool,
+    line_moving: bool,
+    finite: bool,
+) -> int:
+    """What holds now, as the supervisor's bits."""
+    conditions = 0
+    if inputs.engage:
+        conditions |= modes.ENGAGE
+    if health.position_ok:
+        conditions |= modes.POSITION_FRESH
+    if health.position_age_s <= laws.guards.position_age_max_s:
+        conditions |= modes.POSITION_KEPT
+    if health.attitude_ok:
+        conditions |= modes.ATTITUDE_FRESH
+    if health.autopilot_ok:
+        conditions |= modes.AUTOPILOT_ALIVE
+    if inputs.autopilot.accepts_surfaces:
+        conditions |= modes.SURFACES_OBEY
+    tilt_max = laws.guards.tilt_max_rad
+    if abs(vehicle.roll_rad) <= tilt_max and abs(vehicle.pitch_rad) <= tilt_max:
+        conditions |= modes.UPRIGHT
+    if abs(distance_m) <= laws.guards.e_rho_max_m:
+        conditions |= modes.NEAR_LINE
+    if on_line:
+        conditions |= modes.ON_LINE
+    if line_moving:
+        conditions |= modes.LINE_MOVING
+    if finite:
+        conditions |= modes.FINITE
+    return conditions
+
+
+def _decide(state: AutopilotState, conditions: int) -> tuple[int, int]:
+    """The supervisor's word; it need not be asked twice about the same."""
+    if conditions == state.conditions:
+        return state.mode, modes.REASON_NONE
+    return modes.next_mode(state.mode, conditions)
+
+
+def _settled(before: int, after: int, conditions: int) -> int:
+    """The conditions to remember: none when the mode is new, its rows were not tried yet."""
+    return conditions if after == before else -1

@@ -1,0 +1,69 @@
+"""Soaring: e_rho to the pitch setpoint (eq. 15).
+
+    theta_sp = theta_0 + kp e_rho + ki ∫ e_rho dt + kd de_rho/dt
+
+Upstream of the line (e_rho > 0) the nose goes up, the aircraft slows and drifts back.
+de_rho/dt is the aircraft's velocity across the line less the line's own.  The setpoint is
+limited in value, because below the trim pitch's maximum holding a pitch runs away into the
+stall, and in rate.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from .pid import PidGains, PidState, PidTerms, pid_reset, pid_step
+
+
+class SoaringGains(NamedTuple):
+    """Parameters of the law; the loop's output is a pitch in rad, its error in m."""
+
+    pid: PidGains
+    trim_pitch_rad: float  # theta_0
+    slew_radps: float
+
+
+class SoaringState(NamedTuple):
+    """What the law remembers."""
+
+    pid: PidState
+    pitch_setpoint_rad: float
+    slewing: int  # +1 or -1 while the rate limit holds the setpoint back, else 0
+
+
+def soaring_step(
+    gains: SoaringGains,
+    state: SoaringState,
+    e_rho_m: float,
+    e_rho_rate_mps: float,
+    dt_s: float,
+    blocked: int,
+) -> tuple[SoaringState, PidTerms]:
+    """One step.  blocked: +1 if the aircraft cannot pitch further up now, -1 down, else 0."""
+    held = blocked if blocked != 0 else state.slewing
+    pid, terms = pid_step(
+        gains.pid, state.pid, e_rho_m, e_rho_rate_mps, gains.trim_pitch_rad, dt_s, held
+    )
+    most = gains.slew_radps * dt_s
+    change = terms.output - state.pitch_setpoint_rad
+    slewing = 0
+    if change > most:
+        change, slewing = most, 1
+    elif change < -most:
+        change, slewing = -most, -1
+    return SoaringState(pid, state.pitch_setpoint_rad + change, slewing), terms
+
+
+def soaring_reset(
+    gains: SoaringGains, e_rho_m: float, e_rho_rate_mps: float, pitch_rad: float
+) -> SoaringState:
+    """The state in which the setpoint starts at the pitch that is flown now, within limits."""
+    pitch = max(gains.pid.output_min, min(gains.pid.output_max, pitch_rad))
+    pid = pid_reset(gains.pid, e_rho_m, e_rho_rate_mps, gains.trim_pitch_rad, pitch)
+    return SoaringState(pid, pitch, 0)
+
+
+def trimmed_pitch(gains: SoaringGains, state: SoaringState) -> float:
+    """The pitch [rad] that holds the line when undisturbed: what to fly without a position."""
+    pitch = gains.trim_pitch_rad + state.pid.integral
+    return max(gains.pid.output_min, min(gains.pid.output_max, pitch))

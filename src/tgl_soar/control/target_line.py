@@ -1,0 +1,109 @@
+"""The target gradient line (TGL) and the distance to it, e_rho (eq. 14).
+
+A line in the vertical plane, extruded along y to a plane: a point p0 = (x0, z0) and an
+inclination eta from the downstream axis.
+
+    t = (cos eta, sin eta)          up along the line
+    n = (-sin eta, cos eta)         across it, upstream
+    e_rho = n · (p - p0)            positive when the aircraft is upstream of the line
+
+eta = lean + 90°: operators think in lean from the vertical, positive when the upper end leans
+upwind.  The paper prints s |A x1 + B z1 + C| / (A² + B²); the denominator of a distance is
+√(A² + B²).  A horizontal line (eta = 0 or 180°) has no upstream side and is refused where
+parameters are checked.
+
+The line that is flown follows the operator's at limited speed, because a step of the line
+throws the aircraft off.  Its motion, seen at the aircraft, is
+
+    turning     at up to turn_rate about the point of the line nearest the aircraft, so that
+                turning alone moves the line by nothing there
+    sliding     along n by the distance between the two lines at the aircraft, at up to
+                speed, with limited acceleration, braking in time: v² <= 2 a |distance|
+"""
+
+from __future__ import annotations
+
+from math import cos, pi, sin, sqrt
+from typing import NamedTuple
+
+
+class TargetLine(NamedTuple):
+    """A target gradient line."""
+
+    x_m: float
+    z_m: float
+    eta_rad: float
+
+
+class LineLimits(NamedTuple):
+    """How fast a line may move."""
+
+    speed_mps: float  # across itself, at the aircraft
+    acceleration_mps2: float
+    turn_rate_radps: float
+
+
+class LineState(NamedTuple):
+    """The line as it is flown now."""
+
+    x_m: float
+    z_m: float
+    eta_rad: float
+    speed_mps: float  # across itself, positive upstream
+    moving: bool
+
+
+def eta_from_lean(lean_rad: float) -> float:
+    """Inclination from the downstream axis [rad] of a lean from the vertical [rad]."""
+    return lean_rad + 0.5 * pi
+
+
+def e_rho(x0_m: float, z0_m: float, eta_rad: float, x_m: float, z_m: float) -> float:
+    """Signed distance [m] of (x_m, z_m) from the line, positive upstream (eq. 14)."""
+    return cos(eta_rad) * (z_m - z0_m) - sin(eta_rad) * (x_m - x0_m)
+
+
+def line_at(target: TargetLine, x_m: float, z_m: float) -> LineState:
+    """A line through (x_m, z_m) at rest, parallel to `target`: where a capture starts."""
+    return LineState(x_m, z_m, target.eta_rad, 0.0, True)
+
+
+def line_step(
+    limits: LineLimits,
+    state: LineState,
+    target: TargetLine,
+    x_m: float,
+    z_m: float,
+    dt_s: float,
+) -> LineState:
+    """Move the flown line towards `target` for dt_s seconds, as the aircraft at (x, z) sees it."""
+    if (
+        state.x_m == target.x_m
+        and state.z_m == target.z_m
+        and state.eta_rad == target.eta_rad
+        and state.speed_mps == 0.0
+    ):
+        return LineState(state.x_m, state.z_m, state.eta_rad, 0.0, False)
+
+    # The point of the line nearest the aircraft: it turns there and slides from there.
+    across = e_rho(state.x_m, state.z_m, state.eta_rad, x_m, z_m)
+    pivot_x = x_m + across * sin(state.eta_rad)
+    pivot_z = z_m - across * cos(state.eta_rad)
+
+    turn = target.eta_rad - state.eta_rad
+    turn_most = limits.turn_rate_radps * dt_s
+    eta = state.eta_rad + max(-turn_most, min(turn_most, turn))
+
+    to_go = across - e_rho(target.x_m, target.z_m, target.eta_rad, x_m, z_m)
+    wanted = min(limits.speed_mps, sqrt(2.0 * limits.acceleration_mps2 * abs(to_go)))
+    if to_go < 0.0:
+        wanted = -wanted
+    change = limits.acceleration_mps2 * dt_s
+    speed = state.speed_mps + max(-change, min(change, wanted - state.speed_mps))
+
+    arrives = abs(to_go) <= max(abs(speed), change) * dt_s and abs(speed) <= 2.0 * change
+    if arrives and eta == target.eta_rad:
+        return LineState(target.x_m, target.z_m, target.eta_rad, 0.0, dt_s > 0.0)
+    return LineState(
+        pivot_x - speed * dt_s * sin(eta), pivot_z + speed * dt_s * cos(eta), eta, speed, True
+    )

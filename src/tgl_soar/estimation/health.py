@@ -1,0 +1,40 @@
+"""Health: how old the inputs are, and whether they may be flown with."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from tgl_soar.types import Health, Inputs
+
+from .motion import MotionState
+
+INFINITE = float("inf")
+
+
+class HealthLimits(NamedTuple):
+    """Ages beyond which an input is no longer flown with."""
+
+    position_age_max_s: float  # beyond: the line cannot be flown
+    attitude_age_max_s: float
+    heartbeat_age_max_s: float
+
+
+def judge(limits: HealthLimits, motion: MotionState, inputs: Inputs) -> Health:
+    """Ages at inputs.time_s, against their limits; what never came is infinitely old."""
+    position_age = _age(inputs.time_s, motion.fix_time_s)
+    attitude_age = _age(inputs.time_s, motion.attitude_time_s)
+    heartbeat_age = _age(inputs.time_s, inputs.autopilot.time_s)
+    return Health(
+        position_age,
+        attitude_age,
+        heartbeat_age,
+        position_age <= limits.position_age_max_s,
+        attitude_age <= limits.attitude_age_max_s,
+        heartbeat_age <= limits.heartbeat_age_max_s,
+        motion.rejected,
+    )
+
+
+def _age(now_s: float, then_s: float) -> float:
+    age = now_s - then_s
+    return age if age == age else INFINITE  # NaN: it never came
