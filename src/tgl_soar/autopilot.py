@@ -213,25 +213,31 @@ def step(laws: Laws, state: AutopilotState, inputs: Inputs) -> tuple[AutopilotSt
     dt = min(DT_MAX_S, dt) if dt > 0.0 else 0.0  # NaN: the first tick
     motion, vehicle = motion_step(laws.motion, laws.frame, state.motion, inputs)
     health = judge(laws.health, motion, inputs)
-    state = state._replace(time_s=inputs.time_s, motion=motion)
-
     if modes.is_flying(state.mode):
-        state, output = _fly(laws, state, inputs, vehicle, health, dt)
-    else:
-        state, output = _watch(laws, state, inputs, vehicle, health)
-    return state, output
+        return _fly(laws, state, inputs, motion, vehicle, health, dt, modes.REASON_NONE)
+    return _watch(laws, state, inputs, motion, vehicle, health)
 
 
 def _watch(
-    laws: Laws, state: AutopilotState, inputs: Inputs, vehicle: VehicleState, health: Health
+    laws: Laws,
+    state: AutopilotState,
+    inputs: Inputs,
+    motion: MotionState,
+    vehicle: VehicleState,
+    health: Health,
 ) -> tuple[AutopilotState, Output]:
     """Standby and released: look, and engage if asked and able."""
     conditions = _conditions(laws, inputs, vehicle, health, 0.0, False, False, True)
     mode, reason = _decide(state, conditions)
-    state = state._replace(mode=mode, conditions=_settled(state.mode, mode, conditions))
+    state = state._replace(
+        time_s=inputs.time_s,
+        mode=mode,
+        conditions=_settled(state.mode, mode, conditions),
+        motion=motion,
+    )
     if modes.is_flying(mode):
         state = _engaged(laws, state, vehicle)
-        return _fly(laws, state, inputs, vehicle, health, 0.0, reason)
+        return _fly(laws, state, inputs, motion, vehicle, health, 0.0, reason)
     target = laws.target
     distance = e_rho(target.x_m, target.z_m, target.eta_rad, vehicle.x_m, vehicle.z_m)
     return state, Output(
@@ -289,10 +295,11 @@ def _fly(
     laws: Laws,
     state: AutopilotState,
     inputs: Inputs,
+    motion: MotionState,
     vehicle: VehicleState,
     health: Health,
     dt_s: float,
-    engaged_because: int = modes.REASON_NONE,
+    engaged_because: int,
 ) -> tuple[AutopilotState, Output]:
     """Capturing, soaring and holding."""
     line = state.line
@@ -313,7 +320,9 @@ def _fly(
     reason = reason or engaged_because
     settled = _settled(state.mode, mode, conditions)
     if not modes.is_flying(mode):
-        state = state._replace(mode=mode, conditions=settled, line=line)
+        state = state._replace(
+            time_s=inputs.time_s, mode=mode, conditions=settled, motion=motion, line=line
+        )
         return state, _let_go(state, inputs, vehicle, health, reason, distance, rate)
 
     soaring = state.soaring
@@ -369,7 +378,7 @@ def _fly(
         mode,
         settled,
         off_line_s,
-        state.motion,
+        motion,
         line,
         soaring,
         pitch,

@@ -83,7 +83,7 @@ def line_step(
         and state.eta_rad == target.eta_rad
         and state.speed_mps == 0.0
     ):
-        return LineState(state.x_m, state.z_m, state.eta_rad, 0.0, False)
+        return state if not state.moving else state._replace(moving=False)
 
     # The point of the line nearest the aircraft: it turns there and slides from there.
     across = e_rho(state.x_m, state.z_m, state.eta_rad, x_m, z_m)
