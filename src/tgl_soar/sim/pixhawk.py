@@ -16,7 +16,7 @@ Everything that arrives is hostile until it has been read: nothing received can 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from dataclasses import dataclass, field
 from math import degrees, inf, isfinite, nan, pi
 from typing import Any, Final, NamedTuple
@@ -50,7 +50,7 @@ _PARAMETERS_PER_STEP: Final = 2  # of a list, so that it does not delay the sens
 _DATAGRAM_BYTES: Final = 1200
 _CHANNEL_UNUSED: Final = 65535
 _FORCE_DISARM: Final = 21196.0
-_PITCH_STICK_RAD: Final = 0.26  # FBWA: pitch asked for by a full stick
+PITCH_STICK_RAD: Final = 0.26  # FBWA: pitch asked for by a full stick
 _BANK_STICK_RAD: Final = 0.52
 
 
@@ -94,7 +94,7 @@ class LevelFlight:
         """Deflections for sticks (pitch, roll, yaw; -1 … 1) and an attitude."""
         roll, pitch, _ = euler_from_quaternion(*attitude[2:6])
         p, q, r = attitude[6:9]
-        pitch_error = self.trim_pitch_rad + _PITCH_STICK_RAD * sticks.elevator - pitch
+        pitch_error = self.trim_pitch_rad + PITCH_STICK_RAD * sticks.elevator - pitch
         self._integral = min(max(self._integral + 2.0 * pitch_error * dt_s, -0.8), 0.8)
         return SurfaceCommand(
             _limited(2.0 * pitch_error + self._integral - 0.19 * q),
@@ -221,6 +221,7 @@ class _Link:
     parameters_to_send: deque[int] = field(default_factory=deque)
     outbox: list[bytes] = field(default_factory=list)
     timesync_answer_ns: int = 0  # ts1 of the latest answer to our TIMESYNC
+    heartbeats: int = 0  # heard on it, of anybody
 
 
 @dataclass
@@ -252,7 +253,7 @@ class Pixhawk:
         parameters: dict[str, float] | None = None,
         trim_pitch_rad: float = 0.0,
         allow_odometry: bool = False,
-        uptime_s: float = 60.0,
+        uptime_s: float = 0.0,
     ) -> None:
         self.step_hz = step_hz
         self.steps = 0
@@ -324,11 +325,17 @@ class Pixhawk:
         target = self._links.get(link)
         return target.timesync_answer_ns if target is not None else 0
 
-    def take_datagrams(self) -> list[tuple[LinkId, bytes]]:
-        """What is queued on all links, as datagrams of whole frames; the queues are emptied."""
+    def heartbeats(self, link: LinkId) -> int:
+        """How many heartbeats came on a link, of anybody."""
+        source = self._links.get(link)
+        return source.heartbeats if source is not None else 0
+
+    def take_datagrams(self, links: Container[LinkId] | None = None) -> list[tuple[LinkId, bytes]]:
+        """What is queued on some links (or all), as datagrams of whole frames; the queues are
+        emptied."""
         datagrams: list[tuple[LinkId, bytes]] = []
         for number, link in self._links.items():
-            if not link.outbox:
+            if not link.outbox or (links is not None and number not in links):
                 continue
             pending = b""
             for raw in link.outbox:
@@ -351,6 +358,11 @@ class Pixhawk:
     def time_s(self) -> float:
         """Time since the simulation began."""
         return self.steps / self.step_hz
+
+    @property
+    def boot_ms(self) -> int:
+        """Now, as the messages' `time_boot_ms`."""
+        return self._boot_ms(self.time_s)
 
     def step(self, sensed: Sensed) -> None:
         """Advance by one step: failsafe, mode, servos, streams."""
@@ -445,6 +457,8 @@ class Pixhawk:
             )
             return
         self.counts.frames_received += 1
+        if frame.message.get_msgId() == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
+            self._links[number].heartbeats += 1
         onward, local = self.router.route(number, frame, own_system, COMPONENT)
         for other in onward:
             self._links[other].outbox.append(frame.raw)

@@ -1,0 +1,684 @@
+"""The simulator bridge: one process that is the Pixhawk and the world around it.
+
+    ground stations  127.0.0.1:14550 ◄──►  :18570 ┐
+                                                  ├ Pixhawk ◄─► servos, aircraft, air, sensors
+    companion        127.0.0.1:14540 ◄──►  :14580 ┘
+
+Real time: every step has an absolute deadline, so time does not drift; where the machine falls
+more than a few steps behind, that time is given up and counted, never hurried after.
+
+Lockstep: after every step the companion gets what its streams have due and a TIMESYNC request.
+The bridge waits for the answer before time goes on; all that the companion sent before the
+answer acts at this very step.  With `--lockstep-gcs` the ground stations are asked in the same
+way every 50 ms.  So nothing depends on the machine's speed: the same seed gives the same
+flight, bit for bit.  Who dies is waited for once, named, and let go; time then goes on at its
+natural pace until they speak again.
+
+The aircraft is held at the start, in the wind, until the first override reaches a surface.
+Whenever nobody overrides the surfaces the safety pilot flies (`sim.pilot`).  An aircraft that
+hits something lies there for 3 s and is then held at the start again.
+
+`tools/sitl_bridge.py` and `python -m tgl_soar.sim.bridge` are the same program.
+"""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from tgl_soar.config import Airframe, ConfigError, Site, load_airframe, load_site
+from tgl_soar.types import polar_sink
+
+from .pilot import SafetyPilot
+from .pixhawk import MANUAL, Pixhawk, Sensed
+from .ports import BURST, Address, Peer, Port, PortError, Ports
+from .routing import LinkId
+from .truth_log import TruthLog
+from .world import World, make_world
+
+LYING_S: Final = 3.0  # after a crash, before somebody has carried the aircraft back
+GROUND_BARRIER_S: Final = 0.05
+TRUTH_HZ: Final = 5
+BEHIND_STEPS: Final = 5  # so far behind, real time gives up catching up
+BARRIER_OFFSET_NS: Final = 1_000_000_000  # so that no barrier's stamp is zero
+REPEAT_S: Final = 1.0  # a barrier's request is repeated, should a datagram have been lost
+
+LOG_COLUMNS: Final = (
+    "time_s",
+    "x_m",
+    "y_m",
+    "z_m",
+    "velocity_x_mps",
+    "velocity_y_mps",
+    "climb_mps",
+    "roll_rad",
+    "pitch_rad",
+    "heading_rad",
+    "wind_x_mps",
+    "wind_y_mps",
+    "updraft_mps",
+    "airspeed_mps",
+    "alpha_rad",
+    "elevator",
+    "aileron",
+    "rudder",
+    "mode",
+    "flying",
+    "overridden",
+)
+
+
+class BridgeError(RuntimeError):
+    """The bridge cannot run; the message says why and what to do."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to simulate; times in seconds of simulated time unless it says wall."""
+
+    seed: int = 1
+    turbulence: float | None = None  # fraction of the reference wind; None: the site's
+    step_hz: int = 200
+    pilot: bool = True
+    held: bool = True  # at the start, until the first override
+    truth: bool = True
+    uptime_s: float = 0.0
+    allow_odometry: bool = False
+    parameters: tuple[tuple[str, float], ...] = ()
+    log: Path | None = None
+    log_hz: int = 50
+
+
+class Simulation:
+    """World, Pixhawk, pilot and log, one step at a time; no sockets, no clock."""
+
+    def __init__(self, airframe: Airframe, site: Site, options: Options, folder: Path) -> None:
+        self.world: World = make_world(
+            airframe,
+            site,
+            seed=options.seed,
+            turbulence=options.turbulence,
+            step_hz=options.step_hz,
+            folder=folder,
+        )
+        self.pixhawk = Pixhawk(
+            airframe.surfaces,
+            options.step_hz,
+            parameters=dict(options.parameters),
+            trim_pitch_rad=self.world.trim_pitch_rad,
+            allow_odometry=options.allow_odometry,
+            uptime_s=options.uptime_s,
+        )
+        self.crashes = 0
+        self._options = options
+        self._polar = airframe.polar.as_polar()
+        self._pilot = SafetyPilot(self.world.trim_pitch_rad, 1.0 / options.step_hz)
+        self._lying_until = -1  # step
+        self._truth_every = options.step_hz // TRUTH_HZ
+        self._log_every = max(1, round(options.step_hz / options.log_hz))
+        self._events: list[str] = []
+        self._sensed = self._sense(False)
+        self._log = TruthLog(options.log, LOG_COLUMNS) if options.log is not None else None
+        self.world.held = options.held
+        self._log_row()
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time."""
+        return self.world.time_s
+
+    @property
+    def flying(self) -> bool:
+        """Neither held nor lying on the ground."""
+        return not self.world.held and not self.world.crashed
+
+    def step(self) -> None:
+        """One step of everything."""
+        world, pixhawk = self.world, self.pixhawk
+        self._launch_or_carry_back()
+        if self._options.pilot:
+            self._fly_by_hand()
+        world.step(pixhawk.surfaces)
+        if world.crashed and self._lying_until < 0:
+            self.crashes += 1
+            self._lying_until = world.steps + round(LYING_S * self._options.step_hz)
+            self._events.append(f"lost: {world.crashed}")
+        self._sensed = self._sense(self.flying)
+        pixhawk.step(self._sensed)
+        if self._options.truth and world.steps % self._truth_every == 0:
+            self._tell_truth()
+        if world.steps % self._log_every == 0:
+            self._log_row()
+
+    def take_events(self) -> list[str]:
+        """What the console should say, each once."""
+        events = [*self.pixhawk.take_events(), *self._events]
+        self._events = []
+        return events
+
+    def close(self) -> None:
+        """Finish the log."""
+        if self._log is not None:
+            self._log.close()
+
+    def _launch_or_carry_back(self) -> None:
+        world, pixhawk = self.world, self.pixhawk
+        if 0 <= self._lying_until <= world.steps:
+            self._lying_until = -1
+            world.relaunch()
+            world.held = True
+            pixhawk.restart()
+            self._events.append("carried back and held at the start again")
+        elif world.held and pixhawk.mode == MANUAL and pixhawk.reads_override():
+            world.held = False
+            self._events.append("launched: the surfaces are overridden")
+
+    def _fly_by_hand(self) -> None:
+        pixhawk = self.pixhawk
+        if not self.flying or pixhawk.reads_override() or self._sensed.attitude.sequence == 0:
+            self._pilot.let_go()
+            pixhawk.pilot_sticks = None
+            return
+        truth = self.world.truth
+        pixhawk.pilot_sticks = self._pilot.sticks(
+            (truth.x_m, truth.y_m, truth.z_m),
+            (truth.velocity_x_mps, truth.velocity_y_mps, truth.climb_mps),
+            truth.heading_rad,
+            self._sensed.attitude,
+            pixhawk.mode == MANUAL,
+            pixhawk.surfaces.elevator,
+        )
+
+    def _sense(self, flying: bool) -> Sensed:
+        world = self.world
+        world.poll_attitude()
+        world.poll_position()
+        return Sensed(world.attitude, world.position, world.airspeed_mps, flying)
+
+    def _tell_truth(self) -> None:
+        truth = self.world.truth
+        sink = polar_sink(self._polar, truth.wind_x_mps)
+        for name, value in (
+            (b"updraft", truth.updraft_mps),
+            (b"sink", sink),
+            (b"true_x", truth.x_m),
+            (b"true_y", truth.y_m),
+            (b"true_z", truth.z_m),
+            (b"airspeed", truth.airspeed_mps),
+        ):
+            self.pixhawk.broadcast(
+                mavlink.MAVLink_named_value_float_message(self.pixhawk.boot_ms, name, value),
+                ground_only=True,
+            )
+
+    def _log_row(self) -> None:
+        if self._log is None:
+            return
+        truth = self.world.truth
+        self._log.add(
+            (
+                self._options.uptime_s + self.world.time_s,
+                truth.x_m,
+                truth.y_m,
+                truth.z_m,
+                truth.velocity_x_mps,
+                truth.velocity_y_mps,
+                truth.climb_mps,
+                truth.roll_rad,
+                truth.pitch_rad,
+                truth.heading_rad,
+                truth.wind_x_mps,
+                truth.wind_y_mps,
+                truth.updraft_mps,
+                truth.airspeed_mps,
+                truth.alpha_rad,
+                truth.elevator,
+                truth.aileron,
+                truth.rudder,
+                self.pixhawk.mode,
+                self.flying,
+                self.pixhawk.reads_override(),
+            )
+        )
+
+
+# --- the process ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How time goes on."""
+
+    lockstep: bool = False
+    lockstep_ground: bool = False
+    duration_s: float | None = None  # simulated
+    patience_s: float = 5.0  # wall: a silent participant is waited for so long
+    start_timeout_s: float = 30.0  # wall: for all participants to appear
+
+
+class Bridge:
+    """Carries datagrams between sockets and the simulation, and lets time go on."""
+
+    def __init__(self, simulation: Simulation, ports: Ports, pace: Pace) -> None:
+        self.simulation, self.ports, self.pace = simulation, ports, pace
+        self.stopping = False
+        self.given_up_s = 0.0  # wall time that real time did not catch up with
+        self.wall_s = 0.0
+        self._pixhawk = simulation.pixhawk
+        self._waited_for: dict[LinkId, Peer] = {}
+        self._missed: dict[LinkId, int] = {}  # datagrams from it when it was let go
+        self._dt_s = 1.0 / simulation.pixhawk.step_hz
+        self._ground_every = round(GROUND_BARRIER_S / self._dt_s)
+        for peer in ports.peers.values():
+            self._pixhawk.add_link(peer.link, ground=peer.port.ground)
+
+    def run(self) -> None:
+        """Until the duration is over or somebody stops it.  Errors: `BridgeError`."""
+        if self.pace.lockstep:
+            self._gather()
+        begun = time.monotonic()
+        try:
+            if self.pace.lockstep:
+                self._run_lockstep()
+            else:
+                self._run_realtime()
+        finally:
+            self.wall_s = time.monotonic() - begun
+
+    def stop(self, *_: object) -> None:
+        """End after this step."""
+        self.stopping = True
+
+    def _over(self) -> bool:
+        duration = self.pace.duration_s
+        return self.stopping or (
+            duration is not None and self.simulation.time_s >= duration - 0.5 * self._dt_s
+        )
+
+    # --- real time ---------------------------------------------------------------------
+
+    def _run_realtime(self) -> None:
+        deadline = time.monotonic()
+        while not self._over():
+            deadline = self._keep_pace(deadline)
+            self._step()
+            self._flush()
+
+    def _keep_pace(self, deadline: float) -> float:
+        """Serve the ports until the deadline; the next one."""
+        ports = self.ports
+        while True:
+            left = deadline - time.monotonic()
+            if left <= 0.0 or self.stopping:
+                break
+            if ports.wait(left, ports.ground, ports.companion):
+                self._drain(ports.companion)
+                self._drain(ports.ground)
+                self._flush()
+        if -left > BEHIND_STEPS * self._dt_s:
+            self.given_up_s -= left
+            deadline -= left
+        self._drain(ports.companion)
+        self._drain(ports.ground)
+        return deadline + self._dt_s
+
+    # --- lockstep ----------------------------------------------------------------------
+
+    def _run_lockstep(self) -> None:
+        deadline = time.monotonic()
+        while not self._over():
+            self._step()
+            if self._missed:
+                # Somebody is missing: natural pace, and an ear for their return.
+                self._flush()
+                deadline = self._keep_pace(max(deadline, time.monotonic() - self._dt_s))
+                self._readmit()
+                self._barrier([link for link in self._waited_for if self._is_companion(link)])
+                continue
+            self._barrier([link for link in self._waited_for if self._is_companion(link)])
+            if not self.pace.lockstep_ground:
+                self._drain(self.ports.ground)
+                self._flush()
+            elif self.simulation.world.steps % self._ground_every == 0:
+                self._barrier([link for link in self._waited_for if not self._is_companion(link)])
+
+    def _is_companion(self, link: LinkId) -> bool:
+        return not self.ports.peers[link].port.ground
+
+    def _barrier(self, links: list[LinkId]) -> None:
+        """Ask each whether it is through with this step, and take all it says until then."""
+        stamp = self._stamp()
+        for link in links:
+            self._pixhawk.send(link, mavlink.MAVLink_timesync_message(0, stamp))
+        self._flush(links)
+        for link in links:
+            self._await(link, stamp)
+
+    def _stamp(self) -> int:
+        return BARRIER_OFFSET_NS + round(self.simulation.time_s * 1e9)
+
+    def _await(self, link: LinkId, stamp: int) -> None:
+        peer = self.ports.peers.get(link)
+        if peer is None or self._pixhawk.timesync_answer_ns(link) == stamp:
+            return
+        begun = repeated = time.monotonic()
+        while self._pixhawk.timesync_answer_ns(link) != stamp and not self.stopping:
+            if self._take_one(peer.port):
+                continue
+            if self.ports.wait(0.1, peer.port):
+                continue
+            now = time.monotonic()
+            if now - begun > self.pace.patience_s:
+                self._let_go(peer)
+                return
+            if now - repeated > REPEAT_S:
+                repeated = now
+                self._pixhawk.send(link, mavlink.MAVLink_timesync_message(0, stamp))
+                self._flush([link])
+
+    def _let_go(self, peer: Peer) -> None:
+        self._waited_for.pop(peer.link, None)
+        self._missed[peer.link] = peer.datagrams
+        self._say(
+            f"{_who(peer)} has been silent for {self.pace.patience_s:g} s:"
+            " going on at natural pace without it"
+        )
+
+    def _readmit(self) -> None:
+        """Wait again for those who speak again, and for a companion that has taken over."""
+        for peer in list(self.ports.peers.values()):
+            heard = peer.datagrams > self._missed.get(peer.link, peer.datagrams)
+            successor = not peer.port.ground and self._pixhawk.heartbeats(peer.link) > 0
+            if peer.link in self._missed:
+                if heard:
+                    del self._missed[peer.link]
+                    self._waited_for[peer.link] = peer
+                    self._say(f"{_who(peer)} is back")
+            elif successor and peer.link not in self._waited_for:
+                self._waited_for[peer.link] = peer
+                self._say(f"{_who(peer)} takes part")
+                for link in [m for m in self._missed if self._is_companion(m)]:
+                    del self._missed[link]
+
+    def _gather(self) -> None:
+        """Wait for the first heartbeat of all, then make sure that all have read their mail."""
+        begun = said = time.monotonic()
+        greeted = float("-inf")
+        while True:
+            now = time.monotonic()
+            if self.stopping:
+                return
+            self._drain(self.ports.companion)
+            self._drain(self.ports.ground)
+            missing = self._missing()
+            if not missing:
+                break
+            if now - greeted > 0.2:
+                greeted = now
+                self._pixhawk.announce()
+            self._flush()
+            if now - begun > self.pace.start_timeout_s:
+                raise BridgeError(
+                    f"no heartbeat from {' or '.join(missing)} within"
+                    f" {self.pace.start_timeout_s:g} s: start it, or use --speed realtime"
+                )
+            if now - said > 2.0:
+                said = now + 3600.0
+                self._say(f"waiting for the first heartbeat of {' and of '.join(missing)}")
+            self.ports.wait(0.05, self.ports.ground, self.ports.companion)
+        for peer in self.ports.peers.values():
+            takes_part = not peer.port.ground or self.pace.lockstep_ground
+            if takes_part and self._pixhawk.heartbeats(peer.link):
+                self._waited_for[peer.link] = peer
+        self._pixhawk.announce()
+        companions = [link for link in self._waited_for if self._is_companion(link)]
+        stations = [link for link in self._waited_for if not self._is_companion(link)]
+        self._barrier(companions)
+        self._barrier(stations)
+
+    def _missing(self) -> list[str]:
+        peers = self.ports.peers.values()
+        missing = []
+        if not any(not p.port.ground and self._pixhawk.heartbeats(p.link) for p in peers):
+            configured = [p for p in peers if not p.port.ground and p.configured]
+            missing += [_who(peer) for peer in configured] or ["a companion"]
+        if self.pace.lockstep_ground:
+            missing += [
+                _who(peer)
+                for peer in peers
+                if peer.port.ground and peer.configured and not self._pixhawk.heartbeats(peer.link)
+            ]
+        return missing
+
+    # --- both --------------------------------------------------------------------------
+
+    def _step(self) -> None:
+        self.simulation.step()
+        for event in self.simulation.take_events():
+            self._say(event)
+
+    def _flush(self, links: Sequence[LinkId] | None = None) -> None:
+        for link, data in self._pixhawk.take_datagrams(links):
+            self.ports.send(link, data)
+
+    def _drain(self, port: Port) -> None:
+        for _ in range(BURST):
+            if not self._take_one(port):
+                return
+
+    def _take_one(self, port: Port) -> bool:
+        received = self.ports.receive(port)
+        if received is None:
+            return False
+        peer, data, new = received
+        if new:
+            self._pixhawk.add_link(peer.link, ground=port.ground)
+            self._say(f"{_who(peer)} spoke first")
+            surplus = self.ports.surplus()
+            if surplus is not None:
+                self._pixhawk.remove_link(surplus.link)
+                self._waited_for.pop(surplus.link, None)
+                self._missed.pop(surplus.link, None)
+        self._pixhawk.receive(peer.link, data)
+        return True
+
+    def _say(self, text: str) -> None:
+        print(f"[{self.simulation.time_s:9.3f} s] {text}", flush=True)
+
+    def summary(self) -> str:
+        """One line of what happened."""
+        simulation, counts = self.simulation, self._pixhawk.counts
+        ratio = simulation.time_s / self.wall_s if self.wall_s > 0.0 else 0.0
+        return (
+            f"{simulation.world.steps} steps, {simulation.time_s:.3f} s simulated in"
+            f" {self.wall_s:.2f} s ({ratio:.1f} x real time);"
+            f" overrides: {counts.overrides_accepted} accepted,"
+            f" {counts.overrides_refused} refused, {counts.override_timeouts} timed out;"
+            f" {simulation.crashes} crashes; {self.given_up_s:.2f} s given up"
+        )
+
+
+def _who(peer: Peer) -> str:
+    role = "ground station" if peer.port.ground else "companion"
+    return f"the {role} at {peer.address[0]}:{peer.address[1]}"
+
+
+# --- the command line ------------------------------------------------------------------------
+
+
+def _address(text: str) -> Address:
+    host, colon, port = text.rpartition(":")
+    if not colon or not host or not port.isdecimal() or not 0 <= int(port) <= 65535:
+        raise argparse.ArgumentTypeError(f"{text!r}: write HOST:PORT, such as 127.0.0.1:14550")
+    return host, int(port)
+
+
+def _number(low: float, high: float) -> Any:
+    def parse(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = float("nan")
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{text!r}: a number from {low:g} to {high:g}")
+        return value
+
+    return parse
+
+
+def _whole(low: int, high: int) -> Any:
+    def parse(text: str) -> int:
+        if not text.isdecimal() or not low <= int(text) <= high:
+            raise argparse.ArgumentTypeError(f"{text!r}: a whole number from {low} to {high}")
+        return int(text)
+
+    return parse
+
+
+def _setting(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    try:
+        return name.strip(), float(value)
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"{text!r}: write NAME=NUMBER, such as SYSID_MYGCS=255"
+        ) from None
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="sitl_bridge",
+        description="A simulated Pixhawk with its aircraft and its air, over MAVLink on UDP.",
+    )
+    add = parser.add_argument
+    add("--airframe", type=Path, required=True, help="airframe file")
+    add("--site", type=Path, required=True, help="site file with [air] and [start]")
+    add(
+        "--gcs", type=_address, action="append", metavar="HOST:PORT",
+        help="where a ground station listens; repeat for more (default 127.0.0.1:14550)",
+    )  # fmt: skip
+    add(
+        "--companion", type=_address, default=("127.0.0.1", 14540), metavar="HOST:PORT",
+        help="where the companion listens (default 127.0.0.1:14540)",
+    )  # fmt: skip
+    add(
+        "--gcs-local", type=_address, default=("127.0.0.1", 18570), metavar="HOST:PORT",
+        help="own port towards ground stations (default 127.0.0.1:18570; port 0: any)",
+    )  # fmt: skip
+    add(
+        "--companion-local", type=_address, default=("127.0.0.1", 14580), metavar="HOST:PORT",
+        help="own port towards the companion (default 127.0.0.1:14580; port 0: any)",
+    )  # fmt: skip
+    add("--seed", type=_whole(0, 2**63), default=1, help="of noise and turbulence (default 1)")
+    add(
+        "--turbulence", type=_number(0.0, 0.5), metavar="FRACTION",
+        help="of the reference wind, 0.03 is 3 %% (default: the site's)",
+    )  # fmt: skip
+    add("--speed", choices=("realtime", "lockstep"), default="realtime")
+    add("--lockstep-gcs", action="store_true", help="lockstep waits for ground stations too")
+    add("--duration", type=_number(0.0, 1e9), metavar="S", help="simulated seconds to run")
+    add("--log", type=Path, metavar="FILE", help="truth as CSV, or .npz")
+    add("--log-rate", type=_whole(1, 400), default=50, metavar="HZ", help="(default 50)")
+    add("--step-rate", type=int, choices=(200, 400), default=200, help="steps per second")
+    add(
+        "--pilot", choices=("steady", "none"), default="steady",
+        help="who flies while nobody overrides the surfaces (default: a steady safety pilot)",
+    )  # fmt: skip
+    add(
+        "--launch", choices=("held", "free"), default="held",
+        help="held at the start until the first override, or let go at once",
+    )  # fmt: skip
+    add("--no-truth", action="store_true", help="send no truth to ground stations")
+    add("--odometry", action="store_true", help="stream ODOMETRY, which ArduPlane denies")
+    add(
+        "--autopilot-parameter", type=_setting, action="append", default=[],
+        metavar="NAME=NUMBER", help="a parameter of the simulated autopilot; repeat for more",
+    )  # fmt: skip
+    add(
+        "--uptime", type=_number(0.0, 1e7), default=0.0, metavar="S",
+        help="time since boot at the start",
+    )  # fmt: skip
+    add("--patience", type=_number(0.1, 3600.0), default=5.0, metavar="S", help="(default 5)")
+    add("--start-timeout", type=_number(0.1, 3600.0), default=30.0, metavar="S")
+    return parser
+
+
+def _open_ports(arguments: argparse.Namespace) -> Ports:
+    ground = Port("ground", "--gcs-local", arguments.gcs_local, ground=True)
+    try:
+        companion = Port("companion", "--companion-local", arguments.companion_local, ground=False)
+    except PortError:
+        ground.socket.close()
+        raise
+    ports = Ports(ground, companion)
+    ports.add(companion, arguments.companion, configured=True)
+    for address in arguments.gcs or [("127.0.0.1", 14550)]:
+        ports.add(ground, address, configured=True)
+    return ports
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the bridge; the exit code: 0 well, 2 wrong set-up, 3 nobody came."""
+    arguments = _parser().parse_args(argv)
+    options = Options(
+        seed=arguments.seed,
+        turbulence=arguments.turbulence,
+        step_hz=arguments.step_rate,
+        pilot=arguments.pilot == "steady",
+        held=arguments.launch == "held",
+        truth=not arguments.no_truth,
+        uptime_s=arguments.uptime,
+        allow_odometry=arguments.odometry,
+        parameters=tuple(arguments.autopilot_parameter),
+        log=arguments.log,
+        log_hz=arguments.log_rate,
+    )
+    pace = Pace(
+        lockstep=arguments.speed == "lockstep",
+        lockstep_ground=arguments.lockstep_gcs,
+        duration_s=arguments.duration,
+        patience_s=arguments.patience,
+        start_timeout_s=arguments.start_timeout,
+    )
+    try:
+        airframe, site = load_airframe(arguments.airframe), load_site(arguments.site)
+        ports = _open_ports(arguments)
+    except (ConfigError, PortError) as error:
+        print(f"sitl_bridge: {error}", file=sys.stderr)
+        return 2
+    try:
+        simulation = Simulation(airframe, site, options, arguments.site.parent)
+    except (ConfigError, ValueError) as error:
+        print(f"sitl_bridge: {error}", file=sys.stderr)
+        ports.close()
+        return 2
+    except OSError as error:
+        print(f"sitl_bridge: --log {options.log}: {error.strerror}", file=sys.stderr)
+        ports.close()
+        return 2
+    bridge = Bridge(simulation, ports, pace)
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, bridge.stop)
+    code = 0
+    try:
+        bridge.run()
+    except BridgeError as error:
+        print(f"sitl_bridge: {error}", file=sys.stderr)
+        code = 3
+    finally:
+        simulation.close()
+        ports.close()
+    print(bridge.summary(), flush=True)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

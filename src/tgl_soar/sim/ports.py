@@ -1,0 +1,123 @@
+"""The simulated Pixhawk's two UDP ports: one towards ground stations, one towards a companion.
+
+As the firmwares' simulators do, each port sends to where a peer listens (14550, 14540) from a
+port of its own (18570, 14580), and answers whoever speaks to that port first.  Every remote
+address is one link of the autopilot.
+"""
+
+from __future__ import annotations
+
+import errno
+import select
+import socket
+from dataclasses import dataclass
+from typing import Final
+
+from .routing import LinkId
+
+Address = tuple[str, int]
+
+MAX_STRANGERS: Final = 16  # links made for those who speak first; the oldest gives way
+_LARGEST: Final = 4096  # bytes of a datagram that are looked at: several frames at most
+BURST: Final = 200  # datagrams taken from one port before time goes on
+
+
+class PortError(RuntimeError):
+    """A port that cannot be had; the message says which, and which option changes it."""
+
+
+@dataclass
+class Peer:
+    """The other end of a link."""
+
+    link: LinkId
+    port: Port
+    address: Address
+    configured: bool
+    datagrams: int = 0  # received from it
+
+
+class Port:
+    """One bound UDP socket."""
+
+    def __init__(self, name: str, option: str, local: Address, *, ground: bool) -> None:
+        self.name, self.ground = name, ground
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self.socket.bind(local)
+        except (OSError, OverflowError) as error:
+            self.socket.close()
+            why = str(error)
+            if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
+                why = "the port is in use: end the other process, or choose another port"
+            raise PortError(f"{option} {local[0]}:{local[1]}: {why} with {option}") from None
+        self.socket.setblocking(False)
+        self.local: Address = self.socket.getsockname()
+
+
+class Ports:
+    """Both ports and all peers."""
+
+    def __init__(self, ground: Port, companion: Port) -> None:
+        self.ground, self.companion = ground, companion
+        self.peers: dict[LinkId, Peer] = {}
+        self._by_address: dict[tuple[Port, Address], Peer] = {}
+        self._next_link = 1
+
+    def add(self, port: Port, address: Address, *, configured: bool) -> Peer:
+        """A peer, with a link of its own."""
+        known = self._by_address.get((port, address))
+        if known is not None:
+            known.configured = known.configured or configured
+            return known
+        peer = Peer(self._next_link, port, address, configured)
+        self._next_link += 1
+        self.peers[peer.link] = peer
+        self._by_address[port, address] = peer
+        return peer
+
+    def surplus(self) -> Peer | None:
+        """The oldest stranger, where there are too many of them; it is forgotten."""
+        strangers = [peer for peer in self.peers.values() if not peer.configured]
+        if len(strangers) <= MAX_STRANGERS:
+            return None
+        oldest = strangers[0]
+        del self.peers[oldest.link]
+        del self._by_address[oldest.port, oldest.address]
+        return oldest
+
+    def send(self, link: LinkId, data: bytes) -> None:
+        """Send a datagram; one that cannot be sent is lost, as on a radio."""
+        peer = self.peers.get(link)
+        if peer is None:
+            return
+        try:
+            peer.port.socket.sendto(data, peer.address)
+        except OSError:
+            return
+
+    def receive(self, port: Port) -> tuple[Peer, bytes, bool] | None:
+        """The next datagram of a port with its sender, and whether the sender is new."""
+        while True:
+            try:
+                data, address = port.socket.recvfrom(_LARGEST)
+            except (BlockingIOError, InterruptedError):
+                return None
+            except OSError:
+                return None  # an answer of the network to something sent earlier
+            peer = self._by_address.get((port, address))
+            new = peer is None
+            if peer is None:
+                peer = self.add(port, address, configured=False)
+            peer.datagrams += 1
+            return peer, data, new
+
+    def wait(self, seconds: float, *ports: Port) -> bool:
+        """Wait until one of the ports has something; False: none had."""
+        ready, _, _ = select.select([port.socket for port in ports], [], [], max(0.0, seconds))
+        return bool(ready)
+
+    def close(self) -> None:
+        """Give both ports back."""
+        self.ground.socket.close()
+        self.companion.socket.close()

@@ -1,0 +1,8 @@
+"""The simulator bridge as a program: `python tools/sitl_bridge.py --help`."""
+
+import sys
+
+from tgl_soar.sim.bridge import main
+
+if __name__ == "__main__":
+    sys.exit(main())
