@@ -205,6 +205,13 @@ class Site(_Strict, frozen=True):
 _File = TypeVar("_File", Airframe, Site)
 
 
+def shipped(name: str) -> Path:
+    """A file of `config/`: of the source tree, or of the installed package."""
+    installed = Path(__file__).parent / "_config"
+    folder = installed if installed.is_dir() else Path(__file__).parents[2] / "config"
+    return folder / name
+
+
 def load_airframe(path: str | Path) -> Airframe:
     """Read an airframe file.  Errors: `ConfigError`."""
     airframe = _load(path, Airframe)

@@ -1,0 +1,148 @@
+"""The module's own tick and the simulated world in one process, without sockets.
+
+For batches, tests and experiments: the law is `autopilot.step` and the world is `sim.world`,
+as in the processes of `tgl-soar sitl`; only the wire is left out.  One tick is one step of the
+world.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgl_soar.autopilot import AutopilotState, Output, initial_state, laws_from, reason_text, step
+from tgl_soar.control.supervisor import RELEASED
+from tgl_soar.control.target_line import e_rho
+from tgl_soar.parameters import ParameterSet
+from tgl_soar.types import AutopilotStatus, Inputs, SurfaceCommand
+
+from .world import World
+
+HELD_S = 0.2  # the aircraft is held until the sensors have spoken and the module has it
+
+
+class Change(NamedTuple):
+    """Parameters set at a time, as an operator would."""
+
+    time_s: float
+    parameters: dict[str, float]
+
+
+class Row(NamedTuple):
+    """One tick of a flight: the truth, and what the module made of it."""
+
+    time_s: float
+    x_m: float
+    y_m: float
+    z_m: float
+    e_rho_m: float  # true distance from the line that is flown
+    line_moving: float  # 1 or 0
+    target_changes: float  # how many changes of parameters so far
+    pitch_rad: float
+    pitch_setpoint_rad: float
+    roll_rad: float
+    heading_rad: float
+    elevator: float  # commanded
+    airspeed_mps: float
+    alpha_rad: float
+    wind_mps: float
+    updraft_mps: float
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A flight as columns of shape (n,), and how it ended."""
+
+    columns: dict[str, NDArray[np.float64]]
+    ended: str  # why it ended early; "" if it flew to the end
+    ticks: int
+
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        return self.columns[name]
+
+
+class ClosedLoop:
+    """A world with the module in it, tick by tick."""
+
+    def __init__(self, world: World, values: ParameterSet) -> None:
+        self.world = world
+        self.values = values
+        self.state: AutopilotState = initial_state()
+        self.output: Output | None = None
+        self.engage = True
+        self._laws = laws_from(values, world.frame)
+        self._command = SurfaceCommand(world.trim.elevator, 0.0, 0.0)
+        world.held = True
+
+    def change(self, parameters: dict[str, float]) -> None:
+        """Set parameters between two ticks.  Errors: `ParameterError`."""
+        self.values = self.values.changed(parameters, flying=True)
+        self._laws = laws_from(self.values, self.world.frame)
+
+    def tick(self) -> Output:
+        """One tick of the module and one step of the world."""
+        world = self.world
+        now = world.time_s
+        engage = self.engage and now >= HELD_S
+        inputs = Inputs(
+            now, world.position, world.attitude, AutopilotStatus(now, True, True), engage
+        )
+        self.state, output = step(self._laws, self.state, inputs)
+        self.output = output
+        if output.active:
+            self._command = output.command
+            world.held = False
+        world.step(self._command)
+        return output
+
+
+def fly(
+    world: World, values: ParameterSet, changes: Sequence[Change], duration_s: float
+) -> Trajectory:
+    """Fly from the start for duration_s seconds, or until the module lets go or crashes."""
+    loop = ClosedLoop(world, values)
+    pending = sorted(changes, key=lambda change: change.time_s)
+    done = 0
+    ended = ""
+    rows: list[Row] = []
+    for _ in range(round(duration_s * world.step_hz)):
+        while done < len(pending) and pending[done].time_s <= world.time_s:
+            loop.change(pending[done].parameters)
+            done += 1
+        truth = world.truth
+        output = loop.tick()
+        rows.append(
+            Row(
+                truth.time_s,
+                truth.x_m,
+                truth.y_m,
+                truth.z_m,
+                e_rho(
+                    output.line_x_m, output.line_z_m, output.line_eta_rad, truth.x_m, truth.z_m
+                ),
+                float(output.line_moving or not output.active),
+                float(done),
+                truth.pitch_rad,
+                output.setpoints.pitch_rad,
+                truth.roll_rad,
+                truth.heading_rad,
+                output.command.elevator,
+                truth.airspeed_mps,
+                truth.alpha_rad,
+                truth.wind_x_mps,
+                truth.updraft_mps,
+            )
+        )
+        if world.crashed:
+            ended = world.crashed
+            break
+        if output.mode == RELEASED:
+            ended = f"let go: {reason_text(output.reason)}"
+            break
+    table = np.array(rows)
+    columns = {name: table[:, i] for i, name in enumerate(Row._fields)}
+    return Trajectory(columns, ended, len(rows))
