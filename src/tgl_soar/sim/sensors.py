@@ -1,0 +1,421 @@
+"""Sensors: each with its own rate, delay, noise and bias.
+
+    sample j is taken at step j P, of the truth at that instant, and carries that time stamp;
+    it is delivered at the first step that is not earlier than its time plus the delay T:
+    step j P + D, with P = step rate / sensor rate and D = ceil(T · step rate)
+
+    measured = truth + bias + noise      bias ~ N(0, σ_bias²) once a flight, noise ~ N(0, σ²)
+
+Steps are counted in integers from 0 (the start of the flight): a sensor of 100 Hz gives exactly
+100 samples in a second, or is refused.  Attitude noise is a small rotation about body axes,
+q ⊗ (1, n/2).  A pitot tube errs in pressure: V = √(max(0, u_b² + 2 n / ρ)), u_b the air's
+speed along the nose.
+
+Samples are in local NED and FRD, as an autopilot reports them.  The functions are pure and
+take their noise as arguments; the classes below them add seeded noise, one stream for each
+sensor, so that a flight with one sensor more is otherwise the same flight.
+"""
+
+from __future__ import annotations
+
+import random
+from math import ceil, cos, isfinite, sin, sqrt
+from typing import NamedTuple, TypeVar
+
+from tgl_soar.geometry import (
+    SoaringFrame,
+    ned_from_soaring,
+    ned_vector_from_soaring,
+    quaternion_product,
+)
+from tgl_soar.types import NAN, AttitudeSample, PositionFix
+
+from .aircraft import AircraftModel, AircraftState, Wind, air_velocity_frd, specific_force_frd
+
+Triple = tuple[float, float, float]
+
+
+class ImuSample(NamedTuple):
+    """One sample of accelerometers and gyros, FRD."""
+
+    sequence: int  # grows by one with every sample; 0: none yet
+    time_s: float
+    force_x_frd_mps2: float  # specific force: gravity is not in it
+    force_y_frd_mps2: float
+    force_z_frd_mps2: float
+    roll_rate_frd_radps: float
+    pitch_rate_frd_radps: float
+    yaw_rate_frd_radps: float
+
+
+class AirspeedSample(NamedTuple):
+    """One sample of a pitot tube along the nose."""
+
+    sequence: int  # grows by one with every sample; 0: none yet
+    time_s: float
+    airspeed_mps: float
+
+
+NO_FIX = PositionFix(0, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
+NO_ATTITUDE = AttitudeSample(0, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
+NO_IMU = ImuSample(0, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
+NO_AIRSPEED = AirspeedSample(0, NAN, NAN)
+
+
+# --- when: rates and delays -----------------------------------------------------------------
+
+
+class SensorTiming(NamedTuple):
+    """A sensor's rate and delay, in steps of the simulation."""
+
+    step_rate_hz: float
+    period_steps: int  # P
+    delay_steps: int  # D
+
+
+def sensor_timing(name: str, rate_hz: float, delay_s: float, step_rate_hz: float) -> SensorTiming:
+    """Timing of a sensor in a simulation that steps at `step_rate_hz`.
+
+    Errors: ValueError for a rate that does not divide the step rate, or a bad delay.
+    """
+    if not (isfinite(step_rate_hz) and step_rate_hz > 0.0):
+        raise ValueError(f"simulation step rate {step_rate_hz} Hz: must be positive")
+    if not 0.0 < rate_hz <= step_rate_hz:
+        raise ValueError(f"{name} rate {rate_hz} Hz: must be above 0, up to {step_rate_hz:g} Hz")
+    period = round(step_rate_hz / rate_hz)
+    if abs(period * rate_hz - step_rate_hz) > 1e-9 * step_rate_hz:
+        raise ValueError(
+            f"{name} rate {rate_hz:g} Hz does not divide the simulation's {step_rate_hz:g} Hz:"
+            f" near it are {step_rate_hz / (period + 1):g}, {step_rate_hz / period:g}"
+            f" and {step_rate_hz / max(1, period - 1):g} Hz, or change the step rate"
+        )
+    if not 0.0 <= delay_s < 60.0:
+        raise ValueError(f"{name} delay {delay_s} s: must be from 0 to 60 s")
+    return SensorTiming(step_rate_hz, period, ceil(delay_s * step_rate_hz - 1e-9))
+
+
+def samples_taken(timing: SensorTiming, step: int) -> int:
+    """Samples taken up to and including this step."""
+    return step // timing.period_steps + 1
+
+
+def samples_delivered(timing: SensorTiming, step: int) -> int:
+    """Samples delivered up to and including this step."""
+    if step < timing.delay_steps:
+        return 0
+    return (step - timing.delay_steps) // timing.period_steps + 1
+
+
+Sample = TypeVar("Sample", PositionFix, AttitudeSample, ImuSample, AirspeedSample)
+
+
+def empty_line(timing: SensorTiming, nothing: Sample) -> tuple[Sample, ...]:
+    """The delay line before the first sample: as long as samples can be under way, plus one."""
+    return (nothing,) * (-(-timing.delay_steps // timing.period_steps) + 1)
+
+
+def delivered(timing: SensorTiming, line: tuple[Sample, ...], step: int) -> Sample:
+    """The newest sample that has arrived by this step; `line` has been given all taken ones."""
+    under_way = samples_taken(timing, step) - samples_delivered(timing, step)
+    return line[len(line) - 1 - under_way]
+
+
+# --- what: pure measurements ----------------------------------------------------------------
+
+
+class PositionParams(NamedTuple):
+    """A source of position: motion capture, or the autopilot's own estimate."""
+
+    rate_hz: float
+    delay_s: float
+    noise_m: float  # standard deviation, each axis
+    bias_m: float
+    velocity_noise_mps: float
+    gives_velocity: bool
+
+
+class AttitudeParams(NamedTuple):
+    """A source of attitude and body rates."""
+
+    rate_hz: float
+    delay_s: float
+    noise_rad: float  # standard deviation, each body axis
+    bias_rad: float
+    rate_noise_radps: float
+    rate_bias_radps: float
+
+
+class ImuParams(NamedTuple):
+    """Accelerometers and gyros."""
+
+    rate_hz: float
+    delay_s: float
+    force_noise_mps2: float  # standard deviation, each axis
+    force_bias_mps2: float
+    rate_noise_radps: float
+    rate_bias_radps: float
+
+
+class AirspeedParams(NamedTuple):
+    """A pitot tube."""
+
+    rate_hz: float
+    delay_s: float
+    pressure_noise_pa: float
+    pressure_bias_pa: float
+
+
+# A motion-capture hall: millimetres, streamed through one network and one computer.
+MOTION_CAPTURE = PositionParams(100.0, 0.015, 0.0005, 0.0, 0.0, False)
+# An autopilot's local position with motion capture as its aid: smoother, slower, later.
+AUTOPILOT_POSITION = PositionParams(50.0, 0.040, 0.002, 0.0, 0.03, True)
+# An autopilot's attitude estimate: 0.1 degrees of jitter, aligned to 0.3 degrees.
+AUTOPILOT_ATTITUDE = AttitudeParams(200.0, 0.005, 0.0017, 0.005, 0.01, 0.002)
+# Consumer MEMS behind a 100 Hz filter, on an airframe without an engine.
+MEMS_IMU = ImuParams(200.0, 0.0, 0.10, 0.10, 0.01, 0.002)
+# A differential pressure sensor of 500 Pa: 0.13 m/s of noise at 8.5 m/s.
+PITOT = AirspeedParams(50.0, 0.010, 1.4, 1.0)
+
+
+def measure_position(
+    frame: SoaringFrame,
+    state: AircraftState,
+    sequence: int,
+    time_s: float,
+    error_m: Triple,
+    velocity_error_mps: Triple,
+) -> PositionFix:
+    """A fix of the state, local NED; errors are added in NED (NaN: no velocity given)."""
+    north, east, down = ned_from_soaring(frame, state.x_m, state.y_m, state.z_m)
+    v_north, v_east, v_down = ned_vector_from_soaring(
+        frame, state.velocity_x_mps, state.velocity_y_mps, state.velocity_z_mps
+    )
+    return PositionFix(
+        sequence,
+        time_s,
+        north + error_m[0],
+        east + error_m[1],
+        down + error_m[2],
+        v_north + velocity_error_mps[0],
+        v_east + velocity_error_mps[1],
+        v_down + velocity_error_mps[2],
+    )
+
+
+def measure_attitude(
+    frame: SoaringFrame,
+    state: AircraftState,
+    sequence: int,
+    time_s: float,
+    error_rad: Triple,
+    rate_error_radps: Triple,
+) -> AttitudeSample:
+    """An attitude of the state, FRD to local NED; errors are small rotations about FRD axes."""
+    half = 0.5 * frame.wind_from_rad  # upwind NED is local NED turned to where wind comes from
+    aw, ax, ay, az = quaternion_product(
+        cos(half), 0.0, 0.0, sin(half), state.qw, state.qx, state.qy, state.qz
+    )
+    qw, qx, qy, qz = quaternion_product(
+        aw, ax, ay, az, 1.0, 0.5 * error_rad[0], 0.5 * error_rad[1], 0.5 * error_rad[2]
+    )
+    unit = 1.0 / sqrt(qw * qw + qx * qx + qy * qy + qz * qz)
+    return AttitudeSample(
+        sequence,
+        time_s,
+        qw * unit,
+        qx * unit,
+        qy * unit,
+        qz * unit,
+        state.roll_rate_frd_radps + rate_error_radps[0],
+        state.pitch_rate_frd_radps + rate_error_radps[1],
+        state.yaw_rate_frd_radps + rate_error_radps[2],
+    )
+
+
+def measure_imu(
+    model: AircraftModel,
+    state: AircraftState,
+    wind: Wind,
+    sequence: int,
+    time_s: float,
+    force_error_mps2: Triple,
+    rate_error_radps: Triple,
+) -> ImuSample:
+    """Specific force and body rates of the state in a wind (u, v, w) [m/s], FRD."""
+    fx, fy, fz = specific_force_frd(model, state, wind)
+    return ImuSample(
+        sequence,
+        time_s,
+        fx + force_error_mps2[0],
+        fy + force_error_mps2[1],
+        fz + force_error_mps2[2],
+        state.roll_rate_frd_radps + rate_error_radps[0],
+        state.pitch_rate_frd_radps + rate_error_radps[1],
+        state.yaw_rate_frd_radps + rate_error_radps[2],
+    )
+
+
+def measure_airspeed(
+    model: AircraftModel,
+    state: AircraftState,
+    wind: Wind,
+    sequence: int,
+    time_s: float,
+    pressure_error_pa: float,
+) -> AirspeedSample:
+    """What a pitot tube along the nose reads in a wind (u, v, w) [m/s]."""
+    along, _, _ = air_velocity_frd(state, wind)
+    squared = max(0.0, along) ** 2 + 2.0 * pressure_error_pa / model.air_density_kgpm3
+    return AirspeedSample(sequence, time_s, sqrt(max(0.0, squared)))
+
+
+# --- seeded sensors, for simulations in plain Python ------------------------------------------
+
+
+class _Sensor:
+    """What all sensors share: their timing, their own stream of noise, their step counter."""
+
+    def __init__(
+        self, name: str, rate_hz: float, delay_s: float, step_rate_hz: float, seed: int
+    ) -> None:
+        self.name = name
+        self.timing = sensor_timing(name, rate_hz, delay_s, step_rate_hz)
+        self._gauss = random.Random(f"{seed}/{name}").gauss
+        self._next_step = 0
+
+    def _due(self, step: int) -> bool:
+        """Whether a sample is taken at this step; steps must come one by one."""
+        if step != self._next_step:
+            raise ValueError(
+                f"{self.name} was stepped to {step} where {self._next_step} is next: a sensor"
+                " that misses steps does not run at its rate"
+            )
+        self._next_step = step + 1
+        return step % self.timing.period_steps == 0
+
+    def _sequence(self, step: int) -> int:
+        return step // self.timing.period_steps + 1
+
+    def _time_s(self, step: int) -> float:
+        return step / self.timing.step_rate_hz
+
+    def _triple(self, deviation: float, centre: Triple = (0.0, 0.0, 0.0)) -> Triple:
+        gauss = self._gauss
+        return (
+            gauss(centre[0], deviation),
+            gauss(centre[1], deviation),
+            gauss(centre[2], deviation),
+        )
+
+
+class PositionSensor(_Sensor):
+    """A source of position fixes, local NED."""
+
+    def __init__(
+        self, params: PositionParams, frame: SoaringFrame, step_rate_hz: float, seed: int
+    ) -> None:
+        super().__init__("position", params.rate_hz, params.delay_s, step_rate_hz, seed)
+        self.params = params
+        self._frame = frame
+        self._bias = self._triple(params.bias_m)
+        self._line = empty_line(self.timing, NO_FIX)
+
+    def step(self, step: int, state: AircraftState) -> PositionFix:
+        """The newest fix that has arrived by this step (0, 1, 2 …); sequence 0: none yet."""
+        if self._due(step):
+            params = self.params
+            error = self._triple(params.noise_m, self._bias)
+            velocity_error = (
+                self._triple(params.velocity_noise_mps)
+                if params.gives_velocity
+                else (NAN, NAN, NAN)
+            )
+            fix = measure_position(
+                self._frame, state, self._sequence(step), self._time_s(step), error, velocity_error
+            )
+            self._line = (*self._line[1:], fix)
+        return delivered(self.timing, self._line, step)
+
+
+class AttitudeSensor(_Sensor):
+    """A source of attitude and body rates."""
+
+    def __init__(
+        self, params: AttitudeParams, frame: SoaringFrame, step_rate_hz: float, seed: int
+    ) -> None:
+        super().__init__("attitude", params.rate_hz, params.delay_s, step_rate_hz, seed)
+        self.params = params
+        self._frame = frame
+        self._bias = self._triple(params.bias_rad)
+        self._rate_bias = self._triple(params.rate_bias_radps)
+        self._line = empty_line(self.timing, NO_ATTITUDE)
+
+    def step(self, step: int, state: AircraftState) -> AttitudeSample:
+        """The newest sample that has arrived by this step (0, 1, 2 …); sequence 0: none yet."""
+        if self._due(step):
+            sample = measure_attitude(
+                self._frame,
+                state,
+                self._sequence(step),
+                self._time_s(step),
+                self._triple(self.params.noise_rad, self._bias),
+                self._triple(self.params.rate_noise_radps, self._rate_bias),
+            )
+            self._line = (*self._line[1:], sample)
+        return delivered(self.timing, self._line, step)
+
+
+class ImuSensor(_Sensor):
+    """Accelerometers and gyros."""
+
+    def __init__(
+        self, params: ImuParams, model: AircraftModel, step_rate_hz: float, seed: int
+    ) -> None:
+        super().__init__("imu", params.rate_hz, params.delay_s, step_rate_hz, seed)
+        self.params = params
+        self._model = model
+        self._force_bias = self._triple(params.force_bias_mps2)
+        self._rate_bias = self._triple(params.rate_bias_radps)
+        self._line = empty_line(self.timing, NO_IMU)
+
+    def step(self, step: int, state: AircraftState, wind: Wind) -> ImuSample:
+        """The newest sample that has arrived by this step (0, 1, 2 …); sequence 0: none yet."""
+        if self._due(step):
+            sample = measure_imu(
+                self._model,
+                state,
+                wind,
+                self._sequence(step),
+                self._time_s(step),
+                self._triple(self.params.force_noise_mps2, self._force_bias),
+                self._triple(self.params.rate_noise_radps, self._rate_bias),
+            )
+            self._line = (*self._line[1:], sample)
+        return delivered(self.timing, self._line, step)
+
+
+class AirspeedSensor(_Sensor):
+    """A pitot tube."""
+
+    def __init__(
+        self, params: AirspeedParams, model: AircraftModel, step_rate_hz: float, seed: int
+    ) -> None:
+        super().__init__("airspeed", params.rate_hz, params.delay_s, step_rate_hz, seed)
+        self.params = params
+        self._model = model
+        self._bias = self._gauss(0.0, params.pressure_bias_pa)
+        self._line = empty_line(self.timing, NO_AIRSPEED)
+
+    def step(self, step: int, state: AircraftState, wind: Wind) -> AirspeedSample:
+        """The newest sample that has arrived by this step (0, 1, 2 …); sequence 0: none yet."""
+        if self._due(step):
+            sample = measure_airspeed(
+                self._model,
+                state,
+                wind,
+                self._sequence(step),
+                self._time_s(step),
+                self._gauss(self._bias, self.params.pressure_noise_pa),
+            )
+            self._line = (*self._line[1:], sample)
+        return delivered(self.timing, self._line, step)
