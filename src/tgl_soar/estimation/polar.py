@@ -1,0 +1,328 @@
+"""The glide polar from gliding flight: the paper's third-order regression.
+
+    sink(u) = c0 + c1 u + c2 u² + c3 u³            least squares over the glides (u_i, sink_i)
+
+u     m/s  horizontal airspeed          sink  m/s  positive down, in air at rest
+θ     rad  pitch: one discrete attitude is one glide
+
+With n glides, X the matrix of powers of u and e the residuals, s² = eᵀe / (n − 4), the
+coefficients have the covariance s² (XᵀX)⁻¹ and the fitted sink at u the standard error
+s √(xᵀ (XᵀX)⁻¹ x), x = (1, u, u², u³). The confidence band is t(n − 4) times that.
+The powers are taken of (u − centre) / scale inside, which keeps the normal matrix well
+conditioned; the polar itself is in u.
+
+A log gives glides through `glides_from_log`. While the speed V along the path changes, the
+vertical speed is no sink; the energy height h + V² / 2g falls at the sink that a steady glide
+would have, so
+
+    sink = − (dh/dt + (V / g) dV/dt)
+
+A polar is refused rather than guessed: too few speeds, no minimum of sink, sink that is not
+positive. Outside its range it is not a number (`types.polar_sink`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite, nan, sqrt
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from tgl_soar.types import GlidePolar, polar_sink, polar_slope
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+# A cubic has four coefficients; two more speeds show whether it is the right curve.
+FEWEST_SPEEDS: Final = 6
+# Speeds nearer to each other than this are one attitude flown twice.
+SAME_SPEED_MPS: Final = 0.1
+# The slowest and fastest glide: nearer to each other, the curvature is noise.
+NARROWEST_SPAN: Final = 1.15
+GRAVITY_MPS2: Final = 9.80665
+
+_Band = tuple[tuple[float, float, float, float], ...]
+
+
+class PolarFit(NamedTuple):
+    """A fitted polar, and how far it may be believed."""
+
+    polar: GlidePolar
+    residuals_mps: tuple[float, ...]  # measured − fitted sink, in the order of the glides
+    residual_rms_mps: float  # s: over the degrees of freedom, not over the glides
+    residual_max_mps: float
+    standard_errors: tuple[float, float, float, float]  # of c0 … c3
+    degrees_of_freedom: int
+    speeds: int  # distinct ones
+    min_sink_speed_mps: float
+    min_sink_mps: float
+    best_glide_speed_mps: float  # NaN where it lies outside the range
+    best_glide_ratio: float  # horizontal speed / sink there
+    centre_mps: float  # of the scaled speed (u − centre) / scale
+    scale_mps: float
+    covariance: _Band  # 4 × 4, of the coefficients in powers of the scaled speed
+
+
+class Glide(NamedTuple):
+    """One stretch of steady gliding."""
+
+    pitch_rad: float
+    speed_mps: float  # horizontal, through the air
+    sink_mps: float
+    duration_s: float
+
+
+def fit_polar(speed_mps: Sequence[float], sink_mps: Sequence[float]) -> PolarFit:
+    """The third-order polar of a table of glides: speeds and sinks [m/s], one each per glide.
+
+    Valid from the slowest to the fastest glide.
+    Errors: ValueError saying what is wrong with the table and what would help.
+    """
+    import numpy as np
+
+    speed, sink = _checked(speed_mps, sink_mps)
+    distinct = _distinct(speed)
+    slowest, fastest = float(speed.min()), float(speed.max())
+    if distinct < FEWEST_SPEEDS:
+        raise ValueError(
+            f"polar: {distinct} distinct speeds ({SAME_SPEED_MPS} m/s apart) from {len(speed)}"
+            f" glides; a cubic needs at least {FEWEST_SPEEDS}: glide at more pitch attitudes"
+        )
+    if fastest < NARROWEST_SPAN * slowest:
+        raise ValueError(
+            f"polar: all speeds lie between {slowest:.2f} and {fastest:.2f} m/s; the fastest must"
+            f" be at least {NARROWEST_SPAN} times the slowest: glide at steeper pitch too"
+        )
+    centre, scale = 0.5 * (slowest + fastest), 0.5 * (fastest - slowest)
+    powers = np.vander((speed - centre) / scale, 4, increasing=True)
+    scaled, *_ = np.linalg.lstsq(powers, sink, rcond=None)
+    residuals = sink - powers @ scaled
+    freedom = len(speed) - 4
+    variance = float(residuals @ residuals) / freedom
+    covariance = variance * np.linalg.inv(powers.T @ powers)
+
+    # (u − centre)^k / scale^k written out in powers of u
+    turn = np.array(
+        [
+            [1.0, -centre / scale, (centre / scale) ** 2, -((centre / scale) ** 3)],
+            [0.0, 1.0 / scale, -2.0 * centre / scale**2, 3.0 * centre**2 / scale**3],
+            [0.0, 0.0, 1.0 / scale**2, -3.0 * centre / scale**3],
+            [0.0, 0.0, 0.0, 1.0 / scale**3],
+        ]
+    )
+    c0, c1, c2, c3 = (float(c) for c in turn @ scaled)
+    errors = np.sqrt(np.diag(turn @ covariance @ turn.T))
+    polar = GlidePolar(c0, c1, c2, c3, slowest, fastest)
+    min_speed = _minimum(polar)
+    best_speed = _best_glide(polar)
+    return PolarFit(
+        polar,
+        tuple(float(e) for e in residuals),
+        sqrt(variance),
+        float(np.max(np.abs(residuals))),
+        (float(errors[0]), float(errors[1]), float(errors[2]), float(errors[3])),
+        freedom,
+        distinct,
+        min_speed,
+        polar_sink(polar, min_speed),
+        best_speed,
+        best_speed / polar_sink(polar, best_speed),
+        centre,
+        scale,
+        tuple((float(a), float(b), float(c), float(d)) for a, b, c, d in covariance),
+    )
+
+
+def sink_standard_error(fit: PolarFit, speed_mps: float) -> float:
+    """Standard error of the fitted sink [m/s] at a speed [m/s]; NaN outside the polar's range."""
+    if not fit.polar.speed_min_mps <= speed_mps <= fit.polar.speed_max_mps:
+        return nan
+    s = (speed_mps - fit.centre_mps) / fit.scale_mps
+    powers = (1.0, s, s * s, s * s * s)
+    total = 0.0
+    for row, a in zip(fit.covariance, powers, strict=True):
+        total += a * sum(c * b for c, b in zip(row, powers, strict=True))
+    return sqrt(max(0.0, total))
+
+
+def sink_band(fit: PolarFit, speed_mps: float, confidence: float = 0.95) -> tuple[float, float]:
+    """Lower and upper sink [m/s] that hold the true curve at a speed [m/s] with a confidence.
+
+    (NaN, NaN) outside the polar's range. Errors: ValueError for a confidence not within 0 … 1.
+    """
+    half = student_t(confidence, fit.degrees_of_freedom) * sink_standard_error(fit, speed_mps)
+    middle = polar_sink(fit.polar, speed_mps)
+    return middle - half, middle + half
+
+
+def student_t(confidence: float, degrees_of_freedom: int) -> float:
+    """The t with P(|T| <= t) = confidence, to about 1e-4 of itself up to a confidence of 0.999.
+
+    With t = √ν tan φ the two-sided probability is ∫₀^φ cos^(ν−1) / ∫₀^(π/2) cos^(ν−1).
+    Errors: ValueError for a confidence not within 0 … 1 or no degree of freedom.
+    """
+    import numpy as np
+
+    if not 0.0 < confidence < 1.0 or degrees_of_freedom < 1:
+        raise ValueError(
+            f"confidence {confidence} with {degrees_of_freedom} degrees of freedom: needs a"
+            " number between 0 and 1, and at least 1"
+        )
+    phi = np.linspace(0.0, 0.5 * np.pi, 100_001)
+    density = np.cos(phi) ** (degrees_of_freedom - 1)
+    density[-1] = 1.0 if degrees_of_freedom == 1 else 0.0
+    share = np.concatenate(([0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))))
+    angle = np.interp(confidence, share / share[-1], phi)
+    return float(np.sqrt(degrees_of_freedom) * np.tan(angle))
+
+
+def glides_from_log(
+    time_s: Sequence[float],
+    pitch_rad: Sequence[float],
+    speed_mps: Sequence[float],
+    climb_mps: Sequence[float],
+    *,
+    window_s: float = 2.0,
+    pitch_spread_rad: float = 0.01,
+    speed_change_mps2: float = 0.2,
+) -> tuple[Glide, ...]:
+    """Steady glides in a log of still air: time, pitch, horizontal airspeed and climb (up > 0).
+
+    The log is cut into windows of `window_s`. A window counts where pitch keeps within
+    `pitch_spread_rad` (standard deviation) and the speed along the path changes by less than
+    `speed_change_mps2`; what it still changes is taken out by the energy height.
+    Errors: ValueError for columns of unequal length, values that are not finite, time that
+    does not increase, or no steady window at all.
+    """
+    import numpy as np
+
+    columns = {
+        "time_s": time_s,
+        "pitch_rad": pitch_rad,
+        "speed_mps": speed_mps,
+        "climb_mps": climb_mps,
+    }
+    arrays = {name: np.asarray(values, dtype=np.float64) for name, values in columns.items()}
+    for name, values in arrays.items():
+        if values.shape != arrays["time_s"].shape or values.ndim != 1:
+            raise ValueError(f"log: {name} has shape {values.shape}, time_s another: one row each")
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            raise ValueError(f"log: {name}[{bad[0]}] = {values[bad[0]]}: not finite; leave it out")
+    time, pitch = arrays["time_s"], arrays["pitch_rad"]
+    speed, climb = arrays["speed_mps"], arrays["climb_mps"]
+    if time.size < 2 or np.any(np.diff(time) <= 0.0):
+        raise ValueError("log: time_s must increase from row to row, over at least two rows")
+    if not 0.0 < window_s < 1e4:
+        raise ValueError(f"window_s = {window_s}: must be positive")
+
+    path = np.hypot(speed, climb)
+    glides = []
+    window = np.floor((time - time[0]) / window_s).astype(np.int64)
+    for number in range(int(window[-1]) + 1):
+        rows = np.flatnonzero(window == number)
+        if rows.size < 5 or time[rows[-1]] - time[rows[0]] < 0.8 * window_s:
+            continue
+        t = time[rows] - time[rows].mean()
+        change = float(t @ path[rows] / (t @ t))  # slope of V over the window
+        if np.std(pitch[rows]) > pitch_spread_rad or abs(change) > speed_change_mps2:
+            continue
+        mean_path = float(path[rows].mean())
+        glides.append(
+            Glide(
+                float(pitch[rows].mean()),
+                float(speed[rows].mean()),
+                float(-climb[rows].mean()) - mean_path * change / GRAVITY_MPS2,
+                float(time[rows[-1]] - time[rows[0]]),
+            )
+        )
+    if not glides:
+        raise ValueError(
+            f"log: none of {int(window[-1]) + 1} windows of {window_s} s is a steady glide (pitch"
+            f" within {pitch_spread_rad} rad, speed changing below {speed_change_mps2} m/s²):"
+            " hold each pitch longer"
+        )
+    return tuple(glides)
+
+
+def _checked(
+    speed_mps: Sequence[float], sink_mps: Sequence[float]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The table as arrays. Errors: ValueError for anything that is no glide."""
+    import numpy as np
+
+    if len(speed_mps) != len(sink_mps):
+        raise ValueError(f"polar: {len(speed_mps)} speeds and {len(sink_mps)} sinks: one each")
+    for row, (u, s) in enumerate(zip(speed_mps, sink_mps, strict=True)):
+        if not (isfinite(u) and isfinite(s)):
+            raise ValueError(f"polar: glide {row} is ({u}, {s}): not finite; leave it out")
+        if not 0.0 < u < 100.0:
+            raise ValueError(f"polar: glide {row} has speed {u} m/s: must be from 0 to 100 m/s")
+        if s <= 0.0:
+            raise ValueError(
+                f"polar: glide {row} has sink {s} m/s: sink is positive down, and every glide in"
+                " still air sinks; turn the sign, or leave out flight in rising air"
+            )
+        if s >= u:
+            raise ValueError(
+                f"polar: glide {row} sinks {s} m/s at {u} m/s: steeper than 45 degrees is no"
+                " glide; are the columns swapped?"
+            )
+    return np.asarray(speed_mps, dtype=np.float64), np.asarray(sink_mps, dtype=np.float64)
+
+
+def _distinct(speed: NDArray[np.float64]) -> int:
+    """Speeds that are at least `SAME_SPEED_MPS` apart."""
+    count, last = 0, float("-inf")
+    for u in sorted(float(u) for u in speed):
+        if u - last >= SAME_SPEED_MPS - 1e-9:
+            count, last = count + 1, u
+    return count
+
+
+def _minimum(polar: GlidePolar) -> float:
+    """The speed of least sink [m/s]. Errors: ValueError where the range holds no minimum."""
+    low, high = polar.speed_min_mps, polar.speed_max_mps
+    between = f"between {low:.2f} and {high:.2f} m/s"
+    if polar_slope(polar, low) >= 0.0:
+        raise ValueError(
+            f"polar: no minimum of sink {between}: it grows from the slowest glide on; add"
+            " slower glides, nearer to the stall"
+        )
+    if polar_slope(polar, high) <= 0.0:
+        raise ValueError(
+            f"polar: no minimum of sink {between}: it still falls at the fastest glide; add"
+            " faster ones, or look for wrong rows"
+        )
+    # a quadratic with a sign change between the ends has exactly one root there
+    for _ in range(80):
+        middle = 0.5 * (low + high)
+        if polar_slope(polar, middle) < 0.0:
+            low = middle
+        else:
+            high = middle
+    least = polar_sink(polar, 0.5 * (low + high))
+    if least <= 0.0:
+        raise ValueError(
+            f"polar: the cubic sinks {least:.3f} m/s at {low:.2f} m/s, less than nothing: the"
+            " glides do not cover that speed, or rows are wrong"
+        )
+    return 0.5 * (low + high)
+
+
+def _best_glide(polar: GlidePolar) -> float:
+    """The speed of the best glide [m/s], where sink = u d sink/du; NaN outside the range."""
+    low, high = polar.speed_min_mps, polar.speed_max_mps
+
+    def excess(u: float) -> float:
+        return u * polar_slope(polar, u) - polar_sink(polar, u)
+
+    if excess(low) >= 0.0 or excess(high) <= 0.0:
+        return nan
+    for _ in range(80):
+        middle = 0.5 * (low + high)
+        if excess(middle) < 0.0:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
