@@ -1,0 +1,24 @@
+"""The command line: `tgl-soar COMMAND`.
+
+`run` is the flying process: it is handed on before anything else is imported, so that the
+command line's own libraries never load on board.
+"""
+
+from __future__ import annotations
+
+import sys
+
+
+def main() -> None:
+    """Entry point of `tgl-soar`."""
+    if sys.argv[1:2] == ["run"]:
+        from tgl_soar.onboard import main as run
+
+        raise SystemExit(run(sys.argv[2:]))
+    from tgl_soar.commands import app
+
+    app()
+
+
+if __name__ == "__main__":
+    main()

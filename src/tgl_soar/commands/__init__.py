@@ -1,0 +1,27 @@
+"""The commands of `tgl-soar` that do not fly, one file each: simulation, figures, reference."""
+
+from __future__ import annotations
+
+import typer
+
+from . import params, sitl
+
+app = typer.Typer(
+    help="An autopilot module that soars a slope on a target gradient line, over MAVLink.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+
+@app.command(
+    add_help_option=False,
+    context_settings={"ignore_unknown_options": True, "allow_extra_args": True},
+)
+def run() -> None:
+    """Fly: read position and attitude, command the surfaces. `tgl-soar run --help` tells more."""
+    raise AssertionError("tgl_soar.cli hands this on before it gets here")
+
+
+app.command("sitl")(sitl.sitl)
+app.command("params")(params.params)

@@ -1,0 +1,107 @@
+"""`tgl-soar sitl`: the three-leg flight between real processes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.live import Live
+from rich.table import Table
+
+from tgl_soar.autopilot import mode_name
+from tgl_soar.config import ConfigError
+
+from .console import AIRFRAME, SITE, console, errors, fail
+
+if TYPE_CHECKING:
+    from tgl_soar.sim.operator import Operator
+
+
+def sitl(
+    airframe: Annotated[Path, typer.Option(help="Airframe file.")] = AIRFRAME,
+    site: Annotated[Path, typer.Option(help="Site file.")] = SITE,
+    legs: Annotated[str, typer.Option(help="Names of lines, by commas; all of the site's.")] = "",
+    stay: Annotated[float, typer.Option(help="Seconds on each line.", min=2.0, max=600.0)] = 16.0,
+    seed: Annotated[int, typer.Option(help="Of noise and turbulence.", min=0)] = 1,
+    turbulence: Annotated[
+        float | None,
+        typer.Option(help="Fraction of the wind; the site's where not given.", min=0.0, max=0.5),
+    ] = None,
+    realtime: Annotated[
+        bool, typer.Option("--realtime", help="By the clock, open to other ground stations.")
+    ] = False,
+    out: Annotated[Path, typer.Option(help="Folder for logs and the figure.")] = Path("out/sitl"),
+) -> None:
+    """Fly the line from a to b to c between real processes; exit code 1 if a leg fails."""
+    from tgl_soar.sim.sitl import SitlError, SitlOptions, fly, passed
+
+    options = SitlOptions(
+        airframe=airframe,
+        site=site,
+        out=out,
+        legs=tuple(name.strip() for name in legs.split(",") if name.strip()),
+        stay_s=stay,
+        seed=seed,
+        turbulence=turbulence,
+        realtime=realtime,
+    )
+    try:
+        with Live(console=console, refresh_per_second=10, transient=True) as live:
+
+            def progress(operator: Operator) -> None:
+                live.update(_progress(operator))
+
+            flight = fly(options, progress)
+    except (SitlError, ConfigError) as error:
+        fail(error)
+    except KeyboardInterrupt:
+        fail("stopped", 130)
+
+    table = Table("leg", "settled after", "rms e_rho", "peak e_rho", "wander", "mean to TGL ∩ ZEUC")
+    for score in flight.scores:
+        table.add_row(
+            score.name,
+            f"{score.settling_s:.1f} s" if score.settled else "[red]never[/red]",
+            f"{score.rms_e_rho_m * 100:.2f} cm",
+            f"{score.peak_e_rho_m * 100:.1f} cm",
+            f"{score.wander_m * 100:.1f} cm",
+            f"{score.crossing_m * 100:.1f} cm" if score.crossing_m == score.crossing_m else "–",
+        )
+    console.print(table)
+    simulated = flight.truth["time_s"][-1]
+    console.print(
+        f"{simulated:.0f} s of flight in {flight.wall_s:.0f} s; logs and figure in {out}/"
+    )
+    try:
+        from tgl_soar.sim.sitl import draw
+
+        draw(options, flight, out / "flight.png")
+    except ImportError as error:
+        errors.print(f"no figure: {error}")
+    if not passed(flight):
+        fail("a leg did not settle", 1)
+
+
+def _progress(operator: Operator) -> Table:
+    """One line of the flight as the ground station sees it."""
+    seen = operator.seen.values
+    leg = operator.flown[-1].leg.name if operator.flown else "–"
+
+    def number(name: str, form: str, unit: str) -> str:
+        value = seen.get(name)
+        return "–" if value is None else f"{value:{form}} {unit}"
+
+    mode = seen.get("soar_mode")
+    table = Table("time", "leg", "mode", "e_rho", "x", "z", "updraft", "sink", box=None)
+    table.add_row(
+        f"{operator.seen.time_s:.1f} s",
+        leg,
+        "–" if mode is None or mode != mode else mode_name(int(mode)),
+        number("e_rho", "+.3f", "m"),
+        number("soar_x", ".2f", "m"),
+        number("soar_z", ".2f", "m"),
+        number("updraft", ".2f", "m/s"),
+        number("sink", ".2f", "m/s"),
+    )
+    return table

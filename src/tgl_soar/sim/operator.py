@@ -1,0 +1,204 @@
+"""An operator at a ground station: engages the module and moves its line, over real MAVLink.
+
+It does what a person would do with the parameter page of a ground station: a `PARAM_SET` to
+component 191, a look at the `PARAM_VALUE` that answers, again if none comes, and a look at
+the telemetry before the next step.  It owns no clock and no socket: datagrams and the time
+come in, datagrams go out, so that it can take part in a lockstep simulation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import isclose
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from tgl_soar.parameters import as_wire_value
+
+RETRY_S = 0.5
+GIVE_UP_S = 10.0  # without an answer to a set for so long, nobody is there
+LEG_TIMEOUT_S = 40.0  # for a line to come to its target
+
+
+class OperatorError(RuntimeError):
+    """The flight cannot go on; the message says what was tried and what came back."""
+
+
+@dataclass(frozen=True)
+class Leg:
+    """One place to fly at: parameters to set, and how long to stay once the line stands."""
+
+    name: str
+    parameters: dict[str, float]
+    stay_s: float
+
+
+@dataclass
+class Flown:
+    """When a leg happened, in the vehicle's time."""
+
+    leg: Leg
+    asked_s: float
+    stopped_s: float = float("nan")  # the line stood still at its target
+    ended_s: float = float("nan")
+
+
+@dataclass
+class Seen:
+    """The last that telemetry said."""
+
+    time_s: float = float("nan")  # the vehicle's
+    values: dict[str, float] = field(default_factory=dict)  # NAMED_VALUE_FLOAT by name
+    texts: list[str] = field(default_factory=list)  # STATUSTEXT, oldest first
+    parameters: dict[str, float] = field(default_factory=dict)
+    module_alive: bool = False
+
+
+class Operator:
+    """Flies a plan of legs.
+
+    receive() takes datagrams; step() is called after them and returns what to send.
+    """
+
+    def __init__(
+        self,
+        legs: list[Leg],
+        system: int,
+        component: int,
+        own_system: int = 254,
+    ) -> None:
+        self.seen = Seen()
+        self.flown: list[Flown] = []
+        self.done = False
+        self._legs = legs
+        self._target = (system, component)
+        self._codec = mavlink.MAVLink(None, own_system, mavlink.MAV_COMP_ID_MISSIONPLANNER)
+        self._codec.robust_parsing = True
+        self._out: list[bytes] = []
+        self._to_set: list[tuple[str, float]] = []
+        self._sent_s = float("-inf")
+        self._first_sent_s = float("nan")
+        self._heartbeat_s = float("-inf")
+        self._engaged = False
+        self._stage = "wait"
+
+    # --- what arrives ---------------------------------------------------------------------
+    def receive(self, data: bytes) -> None:
+        """Take in one datagram."""
+        for message in self._codec.parse_buffer(bytearray(data)) or ():
+            kind = message.get_type()
+            if kind == "BAD_DATA":
+                continue
+            if kind == "TIMESYNC":
+                if message.tc1 == 0:
+                    self._pack(self._codec.timesync_encode(message.ts1, message.ts1))
+            elif kind == "STATUSTEXT":
+                self.seen.texts.append(str(message.text))
+            else:
+                self._from_vehicle(kind, message)
+
+    def _from_vehicle(self, kind: str, message: Any) -> None:
+        source = (message.get_srcSystem(), message.get_srcComponent())
+        if source[0] != self._target[0]:
+            return
+        if kind in ("ATTITUDE", "ATTITUDE_QUATERNION", "LOCAL_POSITION_NED"):
+            self.seen.time_s = message.time_boot_ms * 1e-3
+        elif kind == "NAMED_VALUE_FLOAT":
+            self.seen.time_s = message.time_boot_ms * 1e-3
+            self.seen.values[message.name.rstrip("\0")] = message.value
+        elif source == self._target and kind == "HEARTBEAT":
+            self.seen.module_alive = True
+        elif source == self._target and kind == "PARAM_VALUE":
+            self.seen.parameters[message.param_id.rstrip("\0")] = message.param_value
+
+    # --- what to do -----------------------------------------------------------------------
+    def step(self, now_s: float) -> list[bytes]:
+        """What to send now; `now_s` only paces heartbeats and repetitions."""
+        if not now_s - self._heartbeat_s < 1.0:
+            self._heartbeat_s = now_s
+            self._pack(
+                self._codec.heartbeat_encode(
+                    mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 0
+                )
+            )
+        if self._to_set:
+            self._set_next(now_s)
+        elif not self.done:
+            self._next_stage()
+        out, self._out = self._out, []
+        return out
+
+    def _next_stage(self) -> None:
+        """Wait for the module, then leg by leg: set, wait for the line to stand, stay."""
+        if self._stage == "wait":
+            if self.seen.module_alive and self.seen.time_s == self.seen.time_s:
+                self._begin_leg(0)
+        elif self._stage == "move":
+            flown = self.flown[-1]
+            if not self._engaged:
+                self._engaged = True
+                self._to_set = [("OP_ENGAGE", 1.0)]
+            elif self._line_stands(flown.leg):
+                flown.stopped_s = self.seen.time_s
+                self._stage = "stay"
+            elif self.seen.time_s - flown.asked_s > LEG_TIMEOUT_S:
+                raise OperatorError(
+                    f"leg {flown.leg.name}: the line did not come to its target within"
+                    f" {LEG_TIMEOUT_S:g} s; the module says: {self._last_words()}"
+                )
+        elif self._stage == "stay":
+            flown = self.flown[-1]
+            if self.seen.time_s - flown.stopped_s >= flown.leg.stay_s:
+                flown.ended_s = self.seen.time_s
+                if len(self.flown) == len(self._legs):
+                    self.done = True
+                else:
+                    self._begin_leg(len(self.flown))
+        if self._engaged and self.seen.parameters.get("OP_ENGAGE") == 0.0 and not self._to_set:
+            raise OperatorError(f"the module let go by itself: {self._last_words()}")
+
+    def _begin_leg(self, number: int) -> None:
+        leg = self._legs[number]
+        self.flown.append(Flown(leg, self.seen.time_s))
+        self._to_set = list(leg.parameters.items())
+        self._stage = "move"
+
+    def _line_stands(self, leg: Leg) -> bool:
+        """Whether the line that is flown is the one that was asked for."""
+        shown = {"TGL_X": "line_x", "TGL_Z": "line_z", "TGL_LEAN": "line_lean"}
+        return all(
+            isclose(self.seen.values.get(shown[name], float("nan")), value, abs_tol=1e-3)
+            for name, value in leg.parameters.items()
+        )
+
+    def _set_next(self, now_s: float) -> None:
+        """Send the first set that is due, and drop it once its value is answered."""
+        name, value = self._to_set[0]
+        if self.seen.parameters.get(name) == as_wire_value(value):
+            self._to_set.pop(0)
+            self._first_sent_s = float("nan")
+            self._sent_s = float("-inf")
+            if self._to_set:
+                self._set_next(now_s)
+            return
+        if now_s - self._first_sent_s > GIVE_UP_S:
+            raise OperatorError(
+                f"PARAM_SET {name} = {value:g} was not confirmed within {GIVE_UP_S:g} s;"
+                f" the module says: {self._last_words()}"
+            )
+        if now_s - self._sent_s >= RETRY_S:
+            if self._first_sent_s != self._first_sent_s:
+                self._first_sent_s = now_s
+            self._sent_s = now_s
+            self._pack(
+                self._codec.param_set_encode(
+                    *self._target, name.encode(), value, mavlink.MAV_PARAM_TYPE_REAL32
+                )
+            )
+
+    def _last_words(self) -> str:
+        return "; ".join(self.seen.texts[-3:]) or "nothing"
+
+    def _pack(self, message: Any) -> None:
+        self._out.append(bytes(message.pack(self._codec)))

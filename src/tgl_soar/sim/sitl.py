@@ -1,0 +1,320 @@
+"""The paper's flight between real processes over real sockets: `tgl-soar sitl`.
+
+Three take part, each with its own socket on the loopback interface:
+
+    bridge     a process: the Pixhawk and the world         tools/sitl_bridge.py
+    module     a process: what flies                        tgl-soar run
+    operator   this process: a ground station that engages and moves the line a → b → c
+
+In lockstep (the default) the bridge waits for both others at every step, so that the flight
+runs as fast as the machine allows and the same seed gives the same flight.  In real time it
+waits for nobody, and other ground stations may take part at 127.0.0.1:14550.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import select
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from math import isfinite, radians
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgl_soar.air.zeuc import crossings
+from tgl_soar.config import Site, line_parameters, load_airframe, load_parameters, load_site
+from tgl_soar.control.target_line import eta_from_lean
+from tgl_soar.parameters import ParameterSet
+
+from .operator import Flown, Leg, Operator, OperatorError
+from .score import LegScore, score_leg
+from .world import build_field, ground_outline
+
+Floats = NDArray[np.float64]
+REACH_M = 3.0  # to either side of the line's point a crossing is looked for
+SILENCE_S = 20.0  # without a datagram for so long the bridge is taken for dead
+
+
+class SitlError(RuntimeError):
+    """The flight could not be flown; the message says why and what to do."""
+
+
+@dataclass(frozen=True)
+class SitlOptions:
+    """What to fly."""
+
+    airframe: Path
+    site: Path
+    out: Path
+    legs: tuple[str, ...] = ()  # names of the site's lines; none: all, in order
+    stay_s: float = 16.0
+    seed: int = 1
+    turbulence: float | None = None  # fraction of the reference wind; None: the site's
+    realtime: bool = False
+    gcs: str = "127.0.0.1:14550"
+    companion: str = "127.0.0.1:14540"
+
+
+@dataclass(frozen=True)
+class Flight:
+    """What was flown, and how well."""
+
+    flown: list[Flown]
+    scores: list[LegScore]
+    crossings: list[tuple[float, float] | None]
+    lines: list[tuple[float, float, float]]
+    truth: dict[str, Floats]  # columns of the bridge's log
+    wall_s: float
+
+
+def plan(site: Site, values: ParameterSet, options: SitlOptions) -> list[Leg]:
+    """The legs by name, from the site's lines.  Errors: `SitlError`."""
+    names = options.legs or tuple(site.lines)
+    if not names:
+        raise SitlError(f"{options.site}: no [lines.NAME] tables, so there is nowhere to fly")
+    unknown = [name for name in names if name not in site.lines]
+    if unknown:
+        raise SitlError(
+            f"{options.site}: no line named {unknown[0]!r}; it has {', '.join(site.lines)}"
+        )
+    return [
+        Leg(
+            name,
+            {"TGL_LEAN": values["TGL_LEAN"], **line_parameters(site.lines[name])},
+            options.stay_s,
+        )
+        for name in names
+    ]
+
+
+def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> Flight:
+    """Fly the plan; `progress` is called a few times a second.
+
+    Errors: `SitlError`, `tgl_soar.config.ConfigError`.
+    """
+    airframe = load_airframe(options.airframe)
+    site = load_site(options.site)
+    values = load_parameters(airframe, options.airframe, site, options.site)
+    if site.air is None:
+        raise SitlError(f"{options.site}: no [air] table, so there is no wind to fly in")
+    legs = plan(site, values, options)
+    options.out.mkdir(parents=True, exist_ok=True)
+    truth_file = options.out / "truth.csv"
+    truth_file.unlink(missing_ok=True)
+
+    begun = time.monotonic()
+    ground_station = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    ground_station.bind(("127.0.0.1", 0))
+    own_address = f"127.0.0.1:{ground_station.getsockname()[1]}"
+    operator = Operator(legs, airframe.autopilot.system_id, airframe.autopilot.component_id)
+    processes = _Processes(options.out)
+    try:
+        processes.start("bridge", _bridge_command(options, truth_file, own_address))
+        processes.start("module", _module_command(options))
+        _operate(operator, ground_station, processes, progress)
+    except OperatorError as error:
+        raise SitlError(f"{error}\n{processes.last_words()}") from None
+    finally:
+        processes.stop()
+        ground_station.close()
+    truth = _read_truth(truth_file)
+    field = build_field(site.air)
+    lines = [
+        (
+            leg.parameters["TGL_X"],
+            leg.parameters["TGL_Z"],
+            eta_from_lean(radians(leg.parameters["TGL_LEAN"])),
+        )
+        for leg in legs
+    ]
+    polar = airframe.polar.as_polar()
+    predicted = []
+    for line in lines:
+        stable = [c for c in crossings(field, polar, *line, REACH_M) if c.stable]
+        predicted.append((stable[-1].x_m, stable[-1].z_m) if stable else None)
+    scores = []
+    for flown, line, crossing in zip(operator.flown, lines, predicted, strict=True):
+        rows = (truth["time_s"] >= flown.stopped_s) & (truth["time_s"] <= flown.ended_s)
+        scores.append(
+            score_leg(
+                flown.leg.name,
+                line,
+                crossing,
+                truth["time_s"][rows],
+                truth["x_m"][rows],
+                truth["z_m"][rows],
+            )
+        )
+    flight = Flight(operator.flown, scores, predicted, lines, truth, time.monotonic() - begun)
+    _write_summary(options, flight)
+    return flight
+
+
+def passed(flight: Flight) -> bool:
+    """Whether every leg settled."""
+    return all(score.settled for score in flight.scores)
+
+
+def _bridge_command(options: SitlOptions, truth_file: Path, operator: str) -> list[str]:
+    command = [
+        *(sys.executable, "-m", "tgl_soar.sim.bridge"),
+        *("--airframe", str(options.airframe), "--site", str(options.site)),
+        *("--companion", options.companion, "--gcs", operator),
+        *("--seed", str(options.seed), "--log", str(truth_file)),
+        *("--speed", "realtime" if options.realtime else "lockstep"),
+    ]
+    if options.turbulence is not None:
+        command += ["--turbulence", str(options.turbulence)]
+    if options.realtime:
+        command += ["--gcs", options.gcs]
+    else:
+        command += ["--lockstep-gcs"]
+    return command
+
+
+def _module_command(options: SitlOptions) -> list[str]:
+    command = [
+        *(sys.executable, "-m", "tgl_soar.cli", "run"),
+        *("--airframe", str(options.airframe), "--site", str(options.site)),
+        *("--link", f"udp:{options.companion}"),
+    ]
+    return command if options.realtime else [*command, "--lockstep"]
+
+
+def _operate(
+    operator: Operator,
+    ground_station: socket.socket,
+    processes: _Processes,
+    progress: Callable[[Operator], None],
+) -> None:
+    """Carry datagrams between the operator and the bridge until the plan is flown."""
+    bridge: tuple[str, int] | None = None
+    heard = shown = time.monotonic()
+    while not operator.done:
+        ready, _, _ = select.select([ground_station], [], [], 0.2)
+        now = time.monotonic()
+        if ready:
+            data, bridge = ground_station.recvfrom(65535)
+            operator.receive(data)
+            heard = now
+        elif now - heard > SILENCE_S:
+            raise SitlError(
+                f"nothing heard from the bridge for {SILENCE_S:g} s\n{processes.last_words()}"
+            )
+        processes.check()
+        # Repetitions are paced by simulated time, so that a lockstep flight repeats exactly.
+        simulated = operator.seen.time_s
+        pace = simulated if isfinite(simulated) else now
+        for datagram in operator.step(pace):
+            if bridge is not None:
+                ground_station.sendto(datagram, bridge)
+        if now - shown > 0.1:
+            shown = now
+            progress(operator)
+    progress(operator)
+
+
+class _Processes:
+    """The processes of a flight, each with its output in a file of its own."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+
+    def start(self, name: str, command: list[str]) -> None:
+        with self._log(name).open("wb") as log:
+            self._running[name] = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT
+            )
+
+    def check(self) -> None:
+        """Errors: `SitlError` with its last words if one has ended."""
+        for name, process in self._running.items():
+            code = process.poll()
+            if code is not None:
+                raise SitlError(f"the {name} ended with exit code {code}\n{self.last_words()}")
+
+    def last_words(self) -> str:
+        """The last lines that each has printed."""
+        words = []
+        for name in self._running:
+            lines = self._log(name).read_text(errors="replace").splitlines()[-6:]
+            words += [f"  {name}: {line}" for line in lines]
+        return "\n".join(words)
+
+    def stop(self) -> None:
+        """Ask all to end, the module first; kill what does not."""
+        for process in reversed(self._running.values()):
+            if process.poll() is None:
+                process.send_signal(signal.SIGTERM)
+                try:
+                    process.wait(5.0)
+                except subprocess.TimeoutExpired:
+                    process.kill()
+                    process.wait()
+
+    def _log(self, name: str) -> Path:
+        return self._folder / f"{name}.log"
+
+
+def _read_truth(path: Path) -> dict[str, Floats]:
+    """The columns of the bridge's log."""
+    with path.open(newline="") as file:
+        rows = list(csv.reader(file))
+    if len(rows) < 3:
+        raise SitlError(f"{path}: the bridge logged no flight")
+    table = np.array([[float(value) for value in row] for row in rows[1:]])
+    return {name: table[:, i] for i, name in enumerate(rows[0])}
+
+
+def _write_summary(options: SitlOptions, flight: Flight) -> None:
+    summary = {
+        "seed": options.seed,
+        "turbulence": options.turbulence,
+        "site": options.site.name,
+        "airframe": options.airframe.name,
+        "passed": passed(flight),
+        "legs": [
+            {**asdict(score), "predicted": crossing}
+            for score, crossing in zip(flight.scores, flight.crossings, strict=True)
+        ],
+    }
+    (options.out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
+
+
+def draw(options: SitlOptions, flight: Flight, path: Path) -> None:
+    """The figure of the vertical plane.  Errors: ImportError without matplotlib."""
+    from tgl_soar.report.plane_figure import DrawnLeg, draw_plane
+
+    site = load_site(options.site)
+    assert site.air is not None  # it was flown in
+    truth = flight.truth
+    legs = []
+    for flown, line, crossing in zip(flight.flown, flight.lines, flight.crossings, strict=True):
+        rows = (truth["time_s"] >= flown.stopped_s) & (truth["time_s"] <= flown.ended_s)
+        legs.append(
+            DrawnLeg(flown.leg.name, *line, crossing, truth["x_m"][rows], truth["z_m"][rows])
+        )
+    last = flight.flown[-1].ended_s
+    flying = truth["time_s"] <= last
+    turbulence = options.turbulence
+    if turbulence is None:
+        turbulence = site.air.turbulence.intensity
+    draw_plane(
+        path,
+        build_field(site.air),
+        load_airframe(options.airframe).polar.as_polar(),
+        legs,
+        truth["x_m"][flying],
+        truth["z_m"][flying],
+        f"{site.site.name}: wind {site.air.wind_mps:g} m/s, turbulence {turbulence * 100:g} %",
+        ground_outline(site.air),
+    )
