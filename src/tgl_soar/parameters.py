@@ -176,15 +176,16 @@ class ParameterSet:
         """
         values = list(self._values)
         for name, value in changes.items():
-            values[_index_of(name)] = _checked(PARAMETERS[INDEX[name]], value, flying)
+            index = _index_of(name, value)
+            values[index] = _checked(PARAMETERS[index], value, flying)
         result = ParameterSet(tuple(values))
         _check_together(result, changes)
         return result
 
 
-def _index_of(name: str) -> int:
+def _index_of(name: str, value: object) -> int:
     if name not in INDEX:
-        raise ParameterError(name, "?", "no such parameter; `tgl-soar params` lists them")
+        raise ParameterError(name, value, "no such parameter; `tgl-soar params` lists them")
     return INDEX[name]
 
 
