@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from tgl_soar.types import Health, Inputs
 
-from .motion import MotionState
+from .motion import FUTURE_S, MotionState
 
 INFINITE = float("inf")
 
@@ -20,7 +20,10 @@ class HealthLimits(NamedTuple):
 
 
 def judge(limits: HealthLimits, motion: MotionState, inputs: Inputs) -> Health:
-    """Ages at inputs.time_s, against their limits; what never came is infinitely old."""
+    """Ages at inputs.time_s, against their limits; what never came is infinitely old.
+
+    So is what lies in the future: the clock has gone back, and nobody knows how old it is.
+    """
     position_age = _age(inputs.time_s, motion.fix_time_s)
     attitude_age = _age(inputs.time_s, motion.attitude_time_s)
     heartbeat_age = _age(inputs.time_s, inputs.autopilot.time_s)
@@ -36,5 +39,6 @@ def judge(limits: HealthLimits, motion: MotionState, inputs: Inputs) -> Health:
 
 
 def _age(now_s: float, then_s: float) -> float:
-    age = now_s - then_s
-    return age if age == age else INFINITE  # NaN: it never came
+    # The comparison is the estimator's own, so that what it takes is never refused here; it is
+    # false for NaN: it never came.
+    return now_s - then_s if then_s <= now_s + FUTURE_S else INFINITE

@@ -15,7 +15,8 @@ Attitude is turned into roll, pitch and heading, and carried on to the tick with
 Where a source gives no body rates they are the differences of its angles.
 
 A sample that is not finite, is no rotation, comes from the future, or is not later than the
-one before is refused and counted.
+one before is refused and counted.  Where the one before lies in the future itself the clock has
+gone back: it is forgotten, and the sample starts afresh.
 """
 
 from __future__ import annotations
@@ -121,7 +122,8 @@ def _take_fix(
         and isfinite(fix.east_m)
         and isfinite(fix.down_m)
         and fix_time <= time_s + FUTURE_S
-        and not fix_time <= state.fix_time_s  # NaN: the first one
+        # Not of the past, unless what is known is of the future; NaN: the first one.
+        and (not fix_time <= state.fix_time_s or state.fix_time_s > time_s + FUTURE_S)
     )
     if not usable:
         return state._replace(fix_sequence=fix.sequence, rejected=state.rejected + 1)
@@ -139,7 +141,7 @@ def _take_fix(
         )
 
     interval = fix_time - state.fix_time_s
-    if interval < RESTART_S:  # false for NaN: the first fix starts afresh too
+    if 0.0 < interval < RESTART_S:  # false for NaN: the first fix starts afresh too
         ahead = fix_time - state.time_s
         px = state.x_m + state.velocity_x_mps * ahead
         py = state.y_m + state.velocity_y_mps * ahead
@@ -189,7 +191,9 @@ def _take_attitude(
     usable = (
         0.9 < norm < 1.1  # false for NaN: not a rotation
         and sample.time_s <= time_s + FUTURE_S
-        and not sample.time_s <= state.attitude_time_s
+        and (
+            not sample.time_s <= state.attitude_time_s or state.attitude_time_s > time_s + FUTURE_S
+        )
     )
     if not usable:
         return state._replace(attitude_sequence=sample.sequence, rejected=state.rejected + 1)
@@ -200,7 +204,7 @@ def _take_attitude(
     interval = sample.time_s - state.attitude_time_s
     if isfinite(p) and isfinite(q) and isfinite(r):
         roll_rate, pitch_rate, heading_rate = euler_rates(roll, pitch, p, q, r)
-    elif interval < PREDICT_MAX_S:
+    elif 0.0 < interval < PREDICT_MAX_S:
         roll_rate = wrap_angle(roll - state.roll_rad) / interval
         pitch_rate = (pitch - state.pitch_rad) / interval
         heading_rate = wrap_angle(heading - state.heading_rad) / interval
