@@ -1,0 +1,87 @@
+"""How long one tick of the laws takes.
+
+Reference: parsing one ATTITUDE_QUATERNION with pymavlink, which every tick has to do as well.
+Both are timed call by call in turn, so that whatever else the machine does meets both alike.
+"""
+
+from __future__ import annotations
+
+from statistics import median
+from time import perf_counter
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from tgl_soar.autopilot import AutopilotState, initial_state, laws_from, step
+from tgl_soar.config import load_airframe, load_parameters, load_site, shipped
+from tgl_soar.estimation.motion import motion_step
+from tgl_soar.sim.closed_loop import HELD_S
+from tgl_soar.sim.world import make_world
+from tgl_soar.types import AutopilotStatus, Inputs
+
+from .result import Result
+
+TICKS = 4000
+WARM_UP = 600
+
+
+def tick() -> Result:
+    """Median time of `autopilot.step` while flying, the estimator left out."""
+    whole, estimator, parse = _times()
+    return Result(
+        "one tick of the laws, without the estimator",
+        whole - estimator,
+        parse,
+        "µs",
+        "pymavlink parses one ATTITUDE_QUATERNION",
+    )
+
+
+def tick_with_estimator() -> Result:
+    """Median time of all of `autopilot.step` while flying."""
+    whole, _, parse = _times()
+    return Result(
+        "one tick, all of it", whole, parse, "µs", "pymavlink parses one ATTITUDE_QUATERNION"
+    )
+
+
+BENCHMARKS = (tick, tick_with_estimator)
+
+
+def _times() -> tuple[float, float, float]:
+    """Median µs of a whole tick, of the estimator's part, and of the reference."""
+    airframe_path, site_path = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
+    airframe, site = load_airframe(airframe_path), load_site(site_path)
+    values = load_parameters(airframe, airframe_path, site, site_path)
+    world = make_world(airframe, site, seed=1, turbulence=0.01)
+    world.held = True
+    laws = laws_from(values, world.frame)
+    state: AutopilotState = initial_state()
+    encoder, decoder = mavlink.MAVLink(None, 1, 1), mavlink.MAVLink(None)
+    command = None
+    whole, estimator, parse = [], [], []
+    for i in range(WARM_UP + TICKS):
+        now = world.time_s
+        inputs = Inputs(
+            now,
+            world.position,
+            world.attitude,
+            AutopilotStatus(now, True, True),
+            now >= HELD_S,
+        )
+        frame = mavlink.MAVLink_attitude_quaternion_message(i, 1, 0, 0, 0, 0, 0, 0).pack(encoder)
+        before = perf_counter()
+        motion_step(laws.motion, laws.frame, state.motion, inputs)
+        between = perf_counter()
+        state, output = step(laws, state, inputs)
+        after = perf_counter()
+        decoder.parse_buffer(frame)
+        parsed = perf_counter()
+        if i >= WARM_UP:
+            estimator.append(between - before)
+            whole.append(after - between)
+            parse.append(parsed - after)
+        command = output.command
+        if output.active:
+            world.held = False
+        world.step(command)
+    return median(whole) * 1e6, median(estimator) * 1e6, median(parse) * 1e6
