@@ -32,10 +32,12 @@ class Limited(NamedTuple):
 def limit_surfaces(
     limits: EnvelopeLimits, last: SurfaceCommand, wanted: SurfaceCommand, dt_s: float
 ) -> Limited:
-    """The wanted command within travel and rate; the last one where it is not finite."""
-    if not (isfinite(wanted.elevator) and isfinite(wanted.aileron) and isfinite(wanted.rudder)):
-        return Limited(last, 0, 0, False)
-    most = limits.rate_max_per_s * dt_s
+    """The wanted command within travel and rate; the last one, within travel, where it is not
+    finite.  A dt_s that is negative or NaN counts as zero."""
+    finite = isfinite(wanted.elevator) and isfinite(wanted.aileron) and isfinite(wanted.rudder)
+    if not finite:
+        wanted = last
+    most = max(0.0, limits.rate_max_per_s * dt_s)  # in this order: 0 for NaN
     elevator = limit_one(limits.deflection_max, most, last.elevator, wanted.elevator)
     aileron = limit_one(limits.deflection_max, most, last.aileron, wanted.aileron)
     rudder = limit_one(limits.deflection_max, most, last.rudder, wanted.rudder)
@@ -43,12 +45,17 @@ def limit_surfaces(
         SurfaceCommand(elevator, aileron, rudder),
         blocked_side(limits.deflection_max, elevator, wanted.elevator),
         blocked_side(limits.deflection_max, aileron, wanted.aileron),
-        True,
+        finite,
     )
 
 
 def limit_one(deflection_max: float, change_max: float, last: float, wanted: float) -> float:
-    """One deflection within its travel and within its change from the last."""
+    """One deflection within its travel and, where travel allows, its change from the last."""
+    # NaN would pass the limits below, as full deflection or full rate.
+    if last != last:
+        last = 0.0
+    if wanted != wanted:
+        wanted = last
     within_rate = max(last - change_max, min(last + change_max, wanted))
     return max(-deflection_max, min(deflection_max, within_rate))
 
