@@ -101,7 +101,8 @@ def line_step(
     change = limits.acceleration_mps2 * dt_s
     speed = state.speed_mps + max(-change, min(change, wanted - state.speed_mps))
 
-    arrives = abs(to_go) <= max(abs(speed), change) * dt_s and abs(speed) <= 2.0 * change
+    last_move = min(limits.speed_mps, max(abs(speed), change)) * dt_s
+    arrives = abs(to_go) <= last_move and abs(speed) <= 2.0 * change
     if arrives and eta == target.eta_rad:
         return LineState(target.x_m, target.z_m, target.eta_rad, 0.0, dt_s > 0.0)
     return LineState(
