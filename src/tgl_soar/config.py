@@ -12,14 +12,15 @@ what is allowed.
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Mapping
 from math import radians
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Any, Final, Literal, TypeVar
 
 import msgspec
-from msgspec import Meta, Struct
+from msgspec import Meta, Struct, inspect
 
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.parameters import ParameterError, ParameterSet
@@ -37,11 +38,11 @@ Pwm = Annotated[int, Meta(ge=800, le=2200)]
 Channel = Annotated[int, Meta(ge=1, le=18)]
 
 
-class _Strict(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    pass
+class Strict(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A table of a configuration file: what it does not know, it refuses."""
 
 
-class Surface(_Strict, frozen=True):
+class Surface(Strict, frozen=True):
     """How one normalised deflection becomes a channel's pulse width."""
 
     channel: Channel
@@ -58,7 +59,7 @@ class Surface(_Strict, frozen=True):
             )
 
 
-class Surfaces(_Strict, frozen=True):
+class Surfaces(Strict, frozen=True):
     """The three surfaces of the aircraft."""
 
     elevator: Surface
@@ -71,7 +72,7 @@ class Surfaces(_Strict, frozen=True):
             raise ValueError(f"two surfaces share a channel: {channels}")
 
 
-class AutopilotLink(_Strict, frozen=True):
+class AutopilotLink(Strict, frozen=True):
     """The autopilot that moves the surfaces, and the identities used towards it."""
 
     firmware: Literal["ardupilot", "bridge"]
@@ -80,7 +81,7 @@ class AutopilotLink(_Strict, frozen=True):
     override_system_id: SystemId = 255  # what the firmware's SYSID_MYGCS names
 
 
-class AirframeFacts(_Strict, frozen=True):
+class AirframeFacts(Strict, frozen=True):
     """What can be read off the bench."""
 
     name: str
@@ -93,7 +94,7 @@ class AirframeFacts(_Strict, frozen=True):
     izz_kgm2: Positive
 
 
-class Polar(_Strict, frozen=True):
+class Polar(Strict, frozen=True):
     """The glide polar, as in `types.GlidePolar`."""
 
     c0: Finite
@@ -114,7 +115,7 @@ class Polar(_Strict, frozen=True):
         )
 
 
-class Airframe(_Strict, frozen=True):
+class Airframe(Strict, frozen=True):
     """One airframe file."""
 
     airframe: AirframeFacts
@@ -122,10 +123,10 @@ class Airframe(_Strict, frozen=True):
     surfaces: Surfaces
     polar: Polar
     parameters: dict[str, float] = {}
-    model: dict[str, float] = {}  # the simulation's; checked by tgl_soar.sim.aircraft
+    model: dict[str, Finite] = {}  # the simulation's; checked by tgl_soar.sim.aircraft
 
 
-class Line(_Strict, frozen=True):
+class Line(Strict, frozen=True):
     """A named target gradient line."""
 
     x_m: Finite
@@ -133,7 +134,7 @@ class Line(_Strict, frozen=True):
     lean_deg: Annotated[float, Meta(ge=-60, le=60)] | None = None  # default: TGL_LEAN
 
 
-class Place(_Strict, frozen=True):
+class Place(Strict, frozen=True):
     """Where the soaring frame stands in local NED."""
 
     name: str
@@ -143,14 +144,14 @@ class Place(_Strict, frozen=True):
     wind_from_deg: Annotated[float, Meta(ge=-360, le=360)] = 0.0
 
 
-class Turbulence(_Strict, frozen=True):
+class Turbulence(Strict, frozen=True):
     """Dryden turbulence on top of the mean field."""
 
     intensity: Annotated[float, Meta(ge=0, le=0.5)] = 0.0  # of the reference wind
     length_scale_m: Positive = 1.5
 
 
-class JetAir(_Strict, frozen=True, tag_field="kind", tag="jet"):
+class JetAir(Strict, frozen=True, tag_field="kind", tag="jet"):
     """A sloped board in an open wind-tunnel jet."""
 
     wind_mps: Annotated[float, Meta(ge=5, le=15)]
@@ -158,7 +159,7 @@ class JetAir(_Strict, frozen=True, tag_field="kind", tag="jet"):
     turbulence: Turbulence = Turbulence()
 
 
-class HillAir(_Strict, frozen=True, tag_field="kind", tag="hill"):
+class HillAir(Strict, frozen=True, tag_field="kind", tag="hill"):
     """Potential flow over a half-cylinder whose axis lies at the frame's origin."""
 
     wind_mps: Annotated[float, Meta(ge=1, le=30)]
@@ -166,7 +167,7 @@ class HillAir(_Strict, frozen=True, tag_field="kind", tag="hill"):
     turbulence: Turbulence = Turbulence()
 
 
-class GridAir(_Strict, frozen=True, tag_field="kind", tag="grid"):
+class GridAir(Strict, frozen=True, tag_field="kind", tag="grid"):
     """A field read from a file beside the site file."""
 
     file: str
@@ -174,7 +175,7 @@ class GridAir(_Strict, frozen=True, tag_field="kind", tag="grid"):
     turbulence: Turbulence = Turbulence()
 
 
-class Start(_Strict, frozen=True):
+class Start(Strict, frozen=True):
     """Where the simulated aircraft is let go, at rest over the ground."""
 
     x_m: Finite
@@ -182,7 +183,7 @@ class Start(_Strict, frozen=True):
     y_m: Finite = 0.0
 
 
-class Site(_Strict, frozen=True):
+class Site(Strict, frozen=True):
     """One site file."""
 
     site: Place
@@ -202,7 +203,7 @@ class Site(_Strict, frozen=True):
         )
 
 
-_File = TypeVar("_File", Airframe, Site)
+_File = TypeVar("_File", bound=Struct)
 
 
 def shipped(name: str) -> Path:
@@ -214,14 +215,14 @@ def shipped(name: str) -> Path:
 
 def load_airframe(path: str | Path) -> Airframe:
     """Read an airframe file.  Errors: `ConfigError`."""
-    airframe = _load(path, Airframe)
+    airframe = load_file(path, Airframe)
     _check_parameters(path, ParameterSet(), airframe.parameters)
     return airframe
 
 
 def load_site(path: str | Path) -> Site:
     """Read a site file.  Errors: `ConfigError`."""
-    return _load(path, Site)
+    return load_file(path, Site)
 
 
 def load_parameters(
@@ -234,8 +235,12 @@ def load_parameters(
         try:
             values.changed(line_parameters(line))
         except ParameterError as error:
-            raise ConfigError(f"{site_path}: lines.{name}: {error}") from None
+            key = f"lines.{name}.{_LINE_KEYS[error.name]}"
+            raise ConfigError(f"{site_path}: {key} = {error.value}: {error.reason}") from None
     return values
+
+
+_LINE_KEYS: Final = {"TGL_X": "x_m", "TGL_Z": "z_m", "TGL_LEAN": "lean_deg"}
 
 
 def line_parameters(line: Line) -> dict[str, float]:
@@ -255,7 +260,8 @@ def _check_parameters(
         raise ConfigError(f"{path}: parameters.{error}") from None
 
 
-def _load(path: str | Path, kind: type[_File]) -> _File:
+def load_file(path: str | Path, kind: type[_File]) -> _File:
+    """Read a TOML file of one kind.  Errors: `ConfigError`."""
     try:
         text = Path(path).read_text(encoding="utf-8")
     except OSError as error:
@@ -264,22 +270,133 @@ def _load(path: str | Path, kind: type[_File]) -> _File:
         raise ConfigError(f"{path}: not UTF-8 text: {error.reason}") from None
     try:
         table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise ConfigError(f"{path}: not TOML: {error}") from None
     try:
         return msgspec.convert(table, kind)
     except msgspec.ValidationError as error:
-        raise ConfigError(f"{path}: {_plainly(str(error), table)}") from None
+        raise ConfigError(f"{path}: {_plainly(str(error), table, kind)}") from None
 
 
-def _plainly(message: str, table: object) -> str:
-    """msgspec's message with the key first, and the value that stands there."""
-    what, separator, where = message.partition(" - at `$")
-    if not separator:
-        return message
-    key = where.rstrip("`").lstrip(".")
-    value = table
-    for part in key.replace("[...]", "").split("."):
-        value = value.get(part, "") if isinstance(value, dict) else ""
-    shown = "" if isinstance(value, dict) or value == "" else f" = {value!r}"
-    return f"{key}{shown}: {what}"
+# --- what is wrong, in the file's own words -------------------------------------------------
+# msgspec says "Object contains unknown field `f` - at `$.a.b`" or "Expected `int` <= 18 - at
+# `$.a.b.c`"; an operator wants the key as written, the value, and all that is allowed there.
+
+_FIELD: Final = re.compile(r"Object (missing required|contains unknown) field `(.*)`")
+
+
+def _plainly(message: str, table: dict[str, Any], kind: type[Struct]) -> str:
+    """The key, its value, and what is allowed there."""
+    what, _, where = message.partition(" - at `$")
+    keys = _keys_of(message, where.removesuffix("`"), table, kind)
+    if field := _FIELD.fullmatch(what):
+        there = _type_at(keys, table, kind)
+        keys.append(field[2])
+        if field[1] == "contains unknown":
+            return f"{'.'.join(keys)}: unknown key; known here: {_known(there)}"
+        return f"{'.'.join(keys)}: missing; must be {_allowed(_type_at(keys, table, kind))}"
+    if not (what.startswith(("Expected", "Invalid")) or what == "Number out of range"):
+        return f"{'.'.join(keys)}: {what}"  # one of our own checks
+    value: Any = table
+    for key in keys:
+        value = value[key]
+    return f"{'.'.join(keys)} = {_shown(value)}: must be {_allowed(_type_at(keys, table, kind))}"
+
+
+def _keys_of(message: str, where: str, table: dict[str, Any], kind: type[Struct]) -> list[str]:
+    """The path to what is wrong.  For a freely chosen name msgspec writes [...]: that name is
+    the first whose entry alone is refused with the same message."""
+    before, free, after = where.partition("[...]")
+    keys = [key for key in before.split(".") if key]
+    if free:
+        (section,) = keys
+        for name, entry in table[section].items():
+            try:
+                msgspec.convert({**table, section: {name: entry}}, kind)
+            except msgspec.ValidationError as error:
+                if str(error) == message:
+                    keys.append(name)
+                    break
+    return keys + [key for key in after.split(".") if key]
+
+
+def _type_at(keys: list[str], table: dict[str, Any], kind: type[Struct]) -> inspect.Type:
+    """What msgspec expects at a path."""
+    expected, value = _required(inspect.type_info(kind), table), table
+    for key in keys:
+        value = value.get(key, {})
+        if isinstance(expected, inspect.DictType):
+            expected = expected.value_type
+        elif isinstance(expected, inspect.StructType):
+            expected = next(f.type for f in expected.fields if f.encode_name == key)
+        else:  # the tag of a union that fits none of its structs
+            tags = tuple(t.tag for t in _structs(expected))
+            return inspect.LiteralType(values=tags)
+        expected = _required(expected, value)
+    return expected
+
+
+def _required(expected: inspect.Type, value: object) -> inspect.Type:
+    """Of a choice, the struct that the value's tag names, or what is not None."""
+    structs = _structs(expected)
+    for struct in structs:
+        if isinstance(value, dict) and value.get(struct.tag_field) == struct.tag:
+            return struct
+    if isinstance(expected, inspect.UnionType) and len(structs) <= 1:
+        (expected,) = (t for t in expected.types if not isinstance(t, inspect.NoneType))
+    return expected
+
+
+def _structs(expected: inspect.Type) -> tuple[inspect.StructType, ...]:
+    types = expected.types if isinstance(expected, inspect.UnionType) else ()
+    return tuple(t for t in types if isinstance(t, inspect.StructType))
+
+
+def _known(expected: inspect.Type) -> str:
+    """The keys of a table."""
+    if not isinstance(expected, inspect.StructType):
+        return "any"
+    tag = (expected.tag_field,) if expected.tag_field else ()
+    return ", ".join((*tag, *(f.encode_name for f in expected.fields)))
+
+
+def _allowed(expected: inspect.Type) -> str:
+    """What may stand there."""
+    match expected:
+        case inspect.FloatType():
+            return "a number" + _range(expected)
+        case inspect.IntType():
+            return "a whole number" + _range(expected)
+        case inspect.BoolType():
+            return "true or false"
+        case inspect.StrType():
+            return "text in quotes"
+        case inspect.LiteralType():
+            return " or ".join(f'"{v}"' for v in expected.values)
+        case inspect.StructType():
+            return f"a table with {_known(expected)}"
+        case _:
+            return "a table"
+
+
+def _range(number: inspect.FloatType | inspect.IntType) -> str:
+    low = f" from {number.ge:g}" if number.ge is not None else ""
+    if number.gt is not None:
+        low = f" above {number.gt:g} and up"
+    return f"{low} to {number.le:g}" if number.le is not None else low
+
+
+def _shown(value: object) -> str:
+    """A value as TOML writes it, no longer than a line bears."""
+    match value:
+        case bool():
+            return str(value).lower()
+        case str():
+            text = f'"{value}"'
+        case dict():
+            return "a table"
+        case list():
+            return "an array"
+        case _:
+            text = str(value)
+    return text if len(text) <= 40 else text[:37] + "..."
