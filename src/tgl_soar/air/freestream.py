@@ -24,7 +24,7 @@ ln k / (its thickness), as it must between two pressures.
 
 from __future__ import annotations
 
-from math import log, pi, tan
+from math import log, pi
 from typing import NamedTuple
 
 import numpy as np
@@ -137,7 +137,7 @@ def slowness(jet: FreeJet, chi: ComplexArray) -> ComplexArray:
     return result
 
 
-def _advance(jet: FreeJet, start: ComplexArray, end: ComplexArray) -> ComplexArray:
+def advance(jet: FreeJet, start: ComplexArray, end: ComplexArray) -> ComplexArray:
     """Difference of place between two values of χ: the integral of slowness dφ + i dψ."""
     middle, half = 0.5 * (start + end), 0.5 * (end - start)
     total = np.zeros_like(middle)
@@ -149,7 +149,8 @@ def _advance(jet: FreeJet, start: ComplexArray, end: ComplexArray) -> ComplexArr
 class FreeJetMap:
     """The flow as a net of streamlines: places x + i z, foot at 0, and their inverse."""
 
-    EDGE = 1e-5  # the outermost lines stand this share of Q inside the boundaries
+    # Im χ of the outermost lines: 1e-5 of the flow inside the boundaries, off their corners.
+    BAND = (1e-5 * pi, (1.0 - 1e-5) * pi)
 
     def __init__(self, jet: FreeJet, upstream_m: float, downstream_m: float) -> None:
         self.jet = jet
@@ -160,10 +161,10 @@ class FreeJetMap:
         phi = np.linspace(low, high, 500)
         # cosine spacing: lines crowd at the boundaries, where the corners are.
         psi = pi * (0.5 - 0.5 * np.cos(np.linspace(0.0, pi, 60)))
-        psi = np.clip(psi, pi * self.EDGE, pi * (1.0 - self.EDGE))
+        psi = np.clip(psi, *self.BAND)
         self.chi: ComplexArray = phi[:, None] + 1j * psi[None, :]
-        across = np.cumsum(_advance(jet, self.chi[0, :-1], self.chi[0, 1:]))
-        along = np.cumsum(_advance(jet, self.chi[:-1], self.chi[1:]), axis=0)
+        across = np.cumsum(advance(jet, self.chi[0, :-1], self.chi[0, 1:]))
+        along = np.cumsum(advance(jet, self.chi[:-1], self.chi[1:]), axis=0)
         place = np.zeros_like(self.chi)
         place[0, 1:] = across
         place[1:] = place[0][None, :] + along
@@ -183,8 +184,8 @@ class FreeJetMap:
         edge = self.place[:, 0]
         return edge[self.chi[:, 0].real >= log(self.jet.tip)]
 
-    def velocity(self, x_m: FloatArray, z_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """u, w (q_e = 1) at places in the jet; a place outside gets its nearest edge's."""
+    def locate(self, x_m: FloatArray, z_m: FloatArray) -> ComplexArray:
+        """χ at places (any shape); a place outside the jet gets that of its nearest edge."""
         from scipy.spatial import cKDTree
 
         target = (x_m + 1j * z_m).ravel()
@@ -193,18 +194,22 @@ class FreeJetMap:
         nearest = tree.query(np.column_stack([target.real, target.imag]))[1]
         start, base = self.chi.ravel()[nearest], net[nearest]
         chi = start.copy()
-        low, high = pi * self.EDGE, pi * (1.0 - self.EDGE)
-        for _ in range(6):
-            miss = target - base - _advance(self.jet, start, chi)
-            step = miss * (pi / self.jet.flow_m2ps) / slowness(self.jet, chi)
+        upper, lower = self.place[:, -1], self.place[:, 0]
+        inside = target.imag < np.interp(target.real, upper.real, upper.imag)
+        inside &= target.imag > np.interp(target.real, lower.real, lower.imag)
+        target, start, base, found = target[inside], start[inside], base[inside], chi[inside]
+        for _ in range(4):  # Newton; the net is so fine that the first step is nearly right
+            miss = target - base - advance(self.jet, start, found)
+            step = miss * (pi / self.jet.flow_m2ps) / slowness(self.jet, found)
             step *= np.minimum(1.0, 0.2 / np.maximum(np.abs(step), 1e-300))
-            chi = chi + step
-            chi = chi.real + 1j * np.clip(chi.imag, low, high)
-        speed = 1.0 / slowness(self.jet, chi)
-        return speed.real.reshape(x_m.shape), -speed.imag.reshape(x_m.shape)
+            found = found + step
+            found = found.real + 1j * np.clip(found.imag, *self.BAND)
+        chi[inside] = found
+        return chi.reshape(x_m.shape)
 
-
-def board_height(slope_rad: float, x_m: FloatArray) -> FloatArray:
-    """Height of the board's surface above the floor [m] at x, zero ahead of the foot."""
-    result: FloatArray = np.maximum(0.0, x_m) * tan(slope_rad)
-    return result
+    def place_at(self, chi: ComplexArray) -> ComplexArray:
+        """Places x + i z of values of χ between the ends of the net."""
+        i = np.searchsorted(self.chi[:, 0].real, chi.real).clip(0, self.chi.shape[0] - 1)
+        k = np.searchsorted(self.chi[0].imag, chi.imag).clip(0, self.chi.shape[1] - 1)
+        place: ComplexArray = self.place[i, k] + advance(self.jet, self.chi[i, k], chi)
+        return place

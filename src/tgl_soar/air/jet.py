@@ -1,11 +1,14 @@
 """The air of a sloped board in an open wind-tunnel jet.
 
 The jet leaves a nozzle of height H at x = −d, runs along its floor z = 0 to the foot of the
-board at x = z = 0, and is turned up by the board (length L, slope β).  Three parts:
+board at x = z = 0, and is turned up by the board (length L, slope β).  Four parts:
 
-1.  The core: the exact free-streamline flow of `freestream`, scaled so that the mean speed in
-    the nozzle is the wind that names the field.  Its upper surface is free, so it deflects.
-2.  The mixing edges: along a free streamline of speed U, at the distance s from where it
+1.  The core in two dimensions: the exact free-streamline flow of `freestream`.  Its upper
+    surface is free, so the jet deflects, and the board slows it and speeds its edges up.
+2.  The width B of the jet: air escapes through its open sides (`relief`).  B = inf leaves the
+    two-dimensional flow, which has an almost vertical zero excess updraft contour at the foot;
+    B = H, a square nozzle, gives the arch that leans with the board.
+3.  The mixing edges: along a free streamline of speed U, at the distance s from where it
     springs and n inwards of it, turbulence spreads the step of speed (Görtler; spreading
     σ = 11 of Liepmann and Laufer, NACA TN 1257) as
 
@@ -13,52 +16,86 @@ board at x = z = 0, and is turned up by the board (length L, slope β).  Three p
 
     m follows from momentum: ∫ (share² − step) dn = 0 with the core undisturbed, since
     ∫ f (1 − f) = 1/√(2π) for f = ½ (1 + erf).
-3.  The room: entrainment by that layer, ∂/∂s ∫ (share − step) dn · U = (m / σ) U, draws the
-    air of the room towards the jet; it has no other motion.
+4.  The room: entrainment by that layer, d/ds ∫ (share − step) dn · U = (m/σ) U, draws the air
+    of the room towards the jet; it has no other motion.
 
-The answer is proportional to the wind (no scale of Reynolds number enters), so a slope is
-computed once for wind 1 and baked onto a regular grid.
+Nothing here knows a scale of Reynolds number, so the answer is proportional to the wind: a
+slope is computed once for a nozzle wind of 1 m/s and baked onto a grid of H/114 (25 mm).
+
+What is left out: the boundary layers on floor and board, the swirl behind the board, and a
+pressure in its wake other than the room's (`wake_speed_ratio` sets it: the ratio of the speeds
+of the lower and the upper free streamline, √(1 − cp) with cp the wake's pressure coefficient;
+1 is a vented wake).
 """
 
 from __future__ import annotations
 
 from functools import lru_cache
-from math import cos, isfinite, pi, radians, sin, sqrt, tan
+from math import cos, inf, isfinite, pi, radians, sin, sqrt, tan
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .field import FloatArray, broadcast
-from .freestream import FreeJetMap, solve_free_jet
+from .freestream import ComplexArray, FreeJetMap, solve_free_jet
 from .grid import GridTable, bake, grid_wind, grid_wind_many
+from .relief import relieve, relieved_velocity
 
 SPREADING = 11.0  # σ
 SHIFT = 1.0 / sqrt(2.0 * pi)  # m
-X_MIN_M, X_MAX_M, Z_MAX_M, STEP_M = -2.0, 5.0, 5.5, 0.025
 
 
-@lru_cache(maxsize=8)
-def unit_jet(
-    slope_rad: float,
-    board_length_m: float,
-    nozzle_height_m: float,
-    lip_ahead_m: float,
-    wake_speed_ratio: float,
-) -> GridTable:
-    """The field of a nozzle wind of 1 m/s on a grid; nodes in the board are still."""
-    jet = solve_free_jet(slope_rad, nozzle_height_m, board_length_m, lip_ahead_m, wake_speed_ratio)
-    net = FreeJetMap(jet, upstream_m=6.0, downstream_m=9.0)
-    x = np.arange(round((X_MAX_M - X_MIN_M) / STEP_M) + 1) * STEP_M + X_MIN_M
-    z = np.arange(round(Z_MAX_M / STEP_M) + 1) * STEP_M
+class JetShape(NamedTuple):
+    """The geometry of the board in the jet; lengths in metres."""
+
+    slope_rad: float
+    board_length_m: float = 2.45
+    nozzle_height_m: float = 2.85
+    jet_width_m: float = 2.85  # inf: two-dimensional
+    lip_ahead_m: float = 0.5  # from the nozzle's lip to the foot of the board
+    wake_speed_ratio: float = 1.0  # k
+
+
+@lru_cache(maxsize=16)
+def unit_jet(shape: JetShape) -> GridTable:
+    """The field of a nozzle wind of 1 m/s on a grid; nodes in board and nozzle roof are still."""
+    height, ahead = shape.nozzle_height_m, shape.lip_ahead_m
+    jet = solve_free_jet(
+        shape.slope_rad, height, shape.board_length_m, ahead, shape.wake_speed_ratio
+    )
+    tip = shape.board_length_m * complex(cos(shape.slope_rad), sin(shape.slope_rad))
+    net = FreeJetMap(
+        jet, upstream_m=ahead + 1.6 * height, downstream_m=shape.board_length_m + 1.6 * height
+    )
+    relief = relieve(net, shape.jet_width_m) if shape.jet_width_m < inf else None
+    step = height / 114.0
+    x_min = -step * round((ahead + 0.5 * height) / step)
+    x = np.arange(round((tip.real + 0.9 * height - x_min) / step) + 1) * step + x_min
+    z = np.arange(round(1.9 * height / step) + 1) * step
     xx, zz = np.meshgrid(x, z, indexing="ij")
-    u, w = net.velocity(xx, zz)
-    for edge, inward in ((net.upper_edge, -1.0), (net.lower_edge, 1.0)):
+    u, w = relieved_velocity(net, relief, net.locate(xx, zz))
+    core = bake(x_min, 0.0, step, u, w)
+    upper = _streamline(core, complex(-ahead, height), float(x[-1]))
+    lower = _streamline(core, tip, float(x[-1]))
+    for edge, inward in ((upper, -1.0), (lower, 1.0)):
         u, w = _mix(u, w, xx, zz, edge, inward)
-    tip_x = board_length_m * cos(slope_rad)
-    solid = (xx > 0.0) & (xx <= tip_x) & (zz < xx * tan(slope_rad) - 1e-9)
-    solid |= (xx < -lip_ahead_m) & (zz > nozzle_height_m)
+    solid = (xx > 0.0) & (xx <= tip.real) & (zz < xx * tan(shape.slope_rad) - 1e-9)
+    solid |= (xx < -ahead) & (zz > height)
     scale = np.where(solid, 0.0, 1.0 / jet.nozzle_speed)
-    return bake(X_MIN_M, 0.0, STEP_M, u * scale, w * scale)
+    return bake(x_min, 0.0, step, u * scale, w * scale)
+
+
+def _streamline(core: GridTable, start: complex, x_end_m: float) -> ComplexArray:
+    """Places along a streamline in steps of one grid cell (midpoint rule)."""
+    places = [start]
+    while places[-1].real < x_end_m:
+        here = places[-1]
+        for share in (0.5, 1.0):
+            velocity = complex(*grid_wind(core, here.real, here.imag))
+            here = places[-1] + share * core.dx_m * velocity / abs(velocity)
+        places.append(here)
+    return np.array(places)
 
 
 def _mix(
@@ -66,7 +103,7 @@ def _mix(
     w: FloatArray,
     x: FloatArray,
     z: FloatArray,
-    edge: NDArray[np.complex128],
+    edge: ComplexArray,
     inward: float,
 ) -> tuple[FloatArray, FloatArray]:
     """Spread one free streamline; `inward` is +1 where the jet lies on its left (above)."""
@@ -74,30 +111,31 @@ def _mix(
     from scipy.special import erf
 
     points = np.column_stack([edge.real, edge.imag])
-    segment = np.diff(edge)
-    path = np.concatenate([[0.0], np.cumsum(np.abs(segment))])
+    path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(edge)))])
     tangent = np.gradient(edge) / np.abs(np.gradient(edge))
     nearest = cKDTree(points).query(np.column_stack([x.ravel(), z.ravel()]))[1].reshape(x.shape)
-    offset = (x + 1j * z) - edge[nearest]
-    along = (np.conj(tangent[nearest]) * offset).real
-    inside = inward * (np.conj(tangent[nearest]) * offset).imag
-    s = np.maximum(path[nearest] + along, 1e-9)
+    offset = np.conj(tangent[nearest]) * ((x + 1j * z) - edge[nearest])
+    inside = inward * offset.imag
     # Level with the springing point or past it; behind the board all is past the tip.
-    active = (path[nearest] + along > 0.0) | ((inward > 0.0) & (x > edge[0].real))
+    active = (path[nearest] + offset.real > 0.0) | ((inward > 0.0) & (x > edge[0].real))
+    s = np.maximum(path[nearest] + offset.real, 1e-9)
     share = np.where(active, 0.5 * (1.0 + erf(SPREADING * inside / s + SHIFT)), 1.0)
-    towards = inward * 1j * tangent[nearest] * (SHIFT / SPREADING) * (1.0 - share)
+    entrained = np.hypot(u, w) * (SHIFT / SPREADING) * (1.0 - share)
+    towards = inward * 1j * tangent[nearest] * entrained
     return share * u + towards.real, share * w + towards.imag
 
 
 class SlopeJet:
     """Wind of a board in an open jet, the same at every y and at all times.
 
-    wind_mps: mean speed in the nozzle.  slope_rad: 15° … 35°.  Lengths in metres; the origin is
-    the foot of the board on the floor of the jet.  Outside the grid (x −2 … 5 m, z 0 … 5.5 m)
-    the answer is that of the nearest edge of the grid, and zero below the floor and in the
-    board; `inside` is false there.
-    Errors: ValueError for a wind outside 5 … 15 m/s, a slope outside 15 … 35°, or lengths for
-    which there is no such flow.
+    wind_mps: mean speed in the nozzle, 5 … 15.  slope_rad: 15° … 35° in radians.  Lengths in
+    metres; the origin is the foot of the board on the floor of the jet.  The wind is that of
+    the plane of symmetry, v = 0.  Outside the grid (half a nozzle height upstream of the lip,
+    0.9 downstream of the tip, 1.9 above the floor) the answer is that of the nearest edge of
+    the grid; in the board and below the floor it is zero.  `inside` is false there and beyond
+    half the jet's width to either side.
+    Errors: ValueError for a wind or slope outside its range, and for lengths that have no such
+    flow.
     """
 
     def __init__(
@@ -106,48 +144,41 @@ class SlopeJet:
         slope_rad: float,
         board_length_m: float = 2.45,
         nozzle_height_m: float = 2.85,
+        jet_width_m: float = 2.85,
         lip_ahead_m: float = 0.5,
         wake_speed_ratio: float = 1.0,
     ) -> None:
-        if not 5.0 <= wind_mps <= 15.0:
-            raise ValueError(f"jet wind {wind_mps} m/s: must be from 5 to 15 m/s")
-        if not radians(15.0) - 1e-9 <= slope_rad <= radians(35.0) + 1e-9:
-            raise ValueError(
-                f"slope {slope_rad} rad: must be from {radians(15.0):.4f} to {radians(35.0):.4f}"
-                " rad (15 to 35 degrees)"
-            )
-        for name, value in (
-            ("board length", board_length_m),
-            ("nozzle height", nozzle_height_m),
-            ("distance from lip to foot", lip_ahead_m),
-        ):
-            if not (isfinite(value) and value > 0.0):
-                raise ValueError(f"{name} {value} m: must be positive")
-        self.wind_mps = float(wind_mps)
-        self.slope_rad = float(slope_rad)
-        self.board_length_m = float(board_length_m)
-        self.nozzle_height_m = float(nozzle_height_m)
-        unit = unit_jet(
-            self.slope_rad,
-            self.board_length_m,
-            self.nozzle_height_m,
+        shape = JetShape(
+            float(slope_rad),
+            float(board_length_m),
+            float(nozzle_height_m),
+            float(jet_width_m),
             float(lip_ahead_m),
             float(wake_speed_ratio),
         )
+        if not 5.0 <= wind_mps <= 15.0:
+            raise ValueError(f"jet wind {wind_mps} m/s: must be from 5 to 15 m/s")
+        _check(shape)
+        self.wind_mps = float(wind_mps)
+        self.shape = shape
+        unit = unit_jet(shape)
         self.table = unit._replace(values=(np.asarray(unit.values) * self.wind_mps).tolist())
-        self._tip_x_m = board_length_m * cos(slope_rad)
-        self._tip_z_m = board_length_m * sin(slope_rad)
-        self._rise = tan(slope_rad)
+        self._tip_x_m = shape.board_length_m * cos(shape.slope_rad)
+        self._rise = tan(shape.slope_rad)
 
     @property
     def reference_wind_mps(self) -> float:
         """The mean speed in the nozzle [m/s]."""
         return self.wind_mps
 
+    def board_height_m(self, x_m: float) -> float:
+        """Height of the solid under a place [m]: the board, or the floor beside it."""
+        return x_m * self._rise if 0.0 < x_m <= self._tip_x_m else 0.0
+
     def wind_at(
         self,
         x_m: float,
-        y_m: float,  # noqa: ARG002 - two-dimensional
+        y_m: float,  # noqa: ARG002 - the plane of symmetry
         z_m: float,
         time_s: float,  # noqa: ARG002 - steady
     ) -> tuple[float, float, float]:
@@ -170,7 +201,36 @@ class SlopeJet:
         solid = (z < 0.0) | ((x > 0.0) & (x <= self._tip_x_m) & (z < x * self._rise))
         return np.where(solid, 0.0, u), np.zeros(x.shape), np.where(solid, 0.0, w)
 
-    def inside(self, x_m: float, y_m: float, z_m: float) -> bool:  # noqa: ARG002
-        """In the air of the grid: above floor and board."""
-        board = 0.0 < x_m <= self._tip_x_m and z_m < x_m * self._rise
-        return X_MIN_M <= x_m <= X_MAX_M and 0.0 <= z_m <= Z_MAX_M and not board
+    def inside(self, x_m: float, y_m: float, z_m: float) -> bool:
+        """In the air of the grid: above floor and board, within the width of the jet."""
+        table = self.table
+        return (
+            table.x0_m <= x_m <= table.x0_m + (table.nx - 1) * table.dx_m
+            and self.board_height_m(x_m) <= z_m <= table.z0_m + (table.nz - 1) * table.dz_m
+            and abs(y_m) <= 0.5 * self.shape.jet_width_m
+        )
+
+
+def _check(shape: JetShape) -> None:
+    low, high = radians(15.0), radians(35.0)
+    if not low - 1e-9 <= shape.slope_rad <= high + 1e-9:
+        raise ValueError(
+            f"slope {shape.slope_rad} rad: must be from {low:.4f} to {high:.4f} rad"
+            " (15 to 35 degrees)"
+        )
+    for name, value in (
+        ("board_length_m", shape.board_length_m),
+        ("nozzle_height_m", shape.nozzle_height_m),
+        ("lip_ahead_m", shape.lip_ahead_m),
+    ):
+        if not (isfinite(value) and value > 0.0):
+            raise ValueError(f"{name} {value} m: must be positive")
+    if not shape.jet_width_m >= 0.5 * shape.nozzle_height_m:
+        raise ValueError(
+            f"jet_width_m {shape.jet_width_m} m: must be at least half the nozzle height"
+            f" ({0.5 * shape.nozzle_height_m} m); inf is a two-dimensional jet"
+        )
+    if not 1.0 <= shape.wake_speed_ratio <= 1.5:
+        raise ValueError(
+            f"wake_speed_ratio {shape.wake_speed_ratio}: must be from 1 (vented wake) to 1.5"
+        )
