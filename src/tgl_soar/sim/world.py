@@ -23,7 +23,7 @@ from msgspec.structs import asdict
 from tgl_soar.air.field import WindField
 from tgl_soar.air.gusts import Turbulence
 from tgl_soar.air.hill import HillField
-from tgl_soar.air.jet import SlopeJet
+from tgl_soar.air.jet import JetShape, SlopeJet
 from tgl_soar.config import Airframe, ConfigError, GridAir, HillAir, JetAir, Site, Start
 from tgl_soar.geometry import SoaringFrame, euler_from_quaternion
 from tgl_soar.types import AttitudeSample, PositionFix, SurfaceCommand
@@ -321,9 +321,9 @@ def build_field(air: Air, folder: Path | None = None) -> WindField:
 def ground_outline(air: Air) -> Outline | None:
     """Corners (x, z) [m] of the board or the hill in the vertical plane; None: not known."""
     if isinstance(air, JetAir):
-        jet = SlopeJet(air.wind_mps, radians(air.slope_deg))
-        tip = jet.board_length_m * cos(jet.slope_rad)
-        return [(0.0, 0.0), (tip, tip * tan(jet.slope_rad)), (tip, 0.0)]
+        shape = JetShape(radians(air.slope_deg))
+        tip = shape.board_length_m * cos(shape.slope_rad)
+        return [(0.0, 0.0), (tip, tip * tan(shape.slope_rad)), (tip, 0.0)]
     if isinstance(air, HillAir):
         angles = [pi * i / 90 for i in range(91)]
         return [(air.radius_m * cos(a), air.radius_m * sin(a)) for a in angles]
