@@ -114,7 +114,7 @@ def fit_polar(speed_mps: Sequence[float], sink_mps: Sequence[float]) -> PolarFit
     errors = np.sqrt(np.diag(turn @ covariance @ turn.T))
     polar = GlidePolar(c0, c1, c2, c3, slowest, fastest)
     min_speed = _minimum(polar)
-    best_speed = _best_glide(polar)
+    best_speed = best_glide_speed(polar)
     return PolarFit(
         polar,
         tuple(float(e) for e in residuals),
@@ -310,7 +310,7 @@ def _minimum(polar: GlidePolar) -> float:
     return 0.5 * (low + high)
 
 
-def _best_glide(polar: GlidePolar) -> float:
+def best_glide_speed(polar: GlidePolar) -> float:
     """The speed of the best glide [m/s], where sink = u d sink/du; NaN outside the range."""
     low, high = polar.speed_min_mps, polar.speed_max_mps
 
