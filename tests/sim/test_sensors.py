@@ -1,0 +1,256 @@
+"""Sensors: exact rates, exact delays, honest noise, right frames."""
+
+from __future__ import annotations
+
+from math import cos, isnan, nan, radians, sin, sqrt
+from statistics import fmean, stdev
+
+import pytest
+from msgspec.structs import asdict
+
+from tgl_soar.config import load_airframe, shipped
+from tgl_soar.geometry import SoaringFrame, euler_from_quaternion, quaternion_from_euler
+from tgl_soar.sim.aircraft import (
+    AircraftState,
+    aircraft_model,
+    glide_at,
+    gliding_state,
+    specific_force_frd,
+)
+from tgl_soar.sim.sensors import (
+    AUTOPILOT_ATTITUDE,
+    AUTOPILOT_POSITION,
+    MEMS_IMU,
+    MOTION_CAPTURE,
+    NO_FIX,
+    PITOT,
+    AirspeedSensor,
+    AttitudeParams,
+    AttitudeSensor,
+    ImuSensor,
+    PositionParams,
+    PositionSensor,
+    delivered,
+    empty_line,
+    samples_delivered,
+    samples_taken,
+    sensor_timing,
+)
+
+_AIRFRAME = load_airframe(shipped("airframes/eclipson_c.toml"))
+MODEL = aircraft_model(asdict(_AIRFRAME.airframe), _AIRFRAME.model)
+GLIDE = glide_at(MODEL, 8.55)
+WIND = (8.55, 0.0, 1.35)
+STATE = gliding_state(GLIDE, WIND, 1.0, 2.0, 3.0)
+FRAME = SoaringFrame(10.0, 20.0, -30.0, radians(120.0))
+EXACT_POSITION = PositionParams(100.0, 0.0, 0.0, 0.0, 0.0, True)
+EXACT_ATTITUDE = AttitudeParams(200.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+# --- when -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.005, 0.015, 0.04, 0.06])
+@pytest.mark.parametrize(
+    ("rate_hz", "step_rate_hz"),
+    [(200, 200), (100, 200), (50, 200), (40, 200), (100, 500), (30, 600), (1, 200), (240, 960)],
+)
+def test_a_sensor_fires_at_exactly_its_rate_and_arrives_after_its_delay(
+    rate_hz: float, step_rate_hz: float, delay_s: float
+) -> None:
+    params = EXACT_POSITION._replace(rate_hz=rate_hz, delay_s=delay_s)
+    sensor = PositionSensor(params, FRAME, step_rate_hz, 1)
+    seconds = 3
+    arrivals: list[tuple[int, float]] = []  # (step of arrival, time stamp)
+    last = 0
+    for step in range(int(seconds * step_rate_hz)):
+        fix = sensor.step(step, STATE)
+        assert fix.sequence in (last, last + 1)  # none is lost, none overtakes
+        if fix.sequence > last:
+            arrivals.append((step, fix.time_s))
+        last = fix.sequence
+    # those that are still under way at the end have been taken
+    under_way = samples_taken(sensor.timing, step) - samples_delivered(sensor.timing, step)
+    assert len(arrivals) + under_way == seconds * rate_hz
+    steps_late = round(delay_s * step_rate_hz + 0.4999)  # up to the next step
+    for n, (step, time_s) in enumerate(arrivals):
+        assert time_s == pytest.approx(n / rate_hz, abs=1e-12)
+        assert step == n * step_rate_hz / rate_hz + steps_late
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "step_rate_hz"), [(30, 200), (60, 200), (150, 200), (99.9, 200), (120, 500)]
+)
+def test_a_rate_that_does_not_divide_the_step_rate_is_refused(
+    rate_hz: float, step_rate_hz: float
+) -> None:
+    with pytest.raises(ValueError, match="does not divide"):
+        sensor_timing("position", rate_hz, 0.0, step_rate_hz)
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "delay_s", "step_rate_hz", "named"),
+    [
+        (0.0, 0.0, 200.0, "position rate"),
+        (nan, 0.0, 200.0, "position rate"),
+        (400.0, 0.0, 200.0, "position rate"),
+        (100.0, -0.01, 200.0, "position delay"),
+        (100.0, nan, 200.0, "position delay"),
+        (100.0, 0.0, nan, "step rate"),
+        (100.0, 0.0, 0.0, "step rate"),
+    ],
+)
+def test_bad_timing_is_named(
+    rate_hz: float, delay_s: float, step_rate_hz: float, named: str
+) -> None:
+    with pytest.raises(ValueError, match=named):
+        sensor_timing("position", rate_hz, delay_s, step_rate_hz)
+
+
+def test_a_skipped_step_is_refused() -> None:
+    # a sensor stepped every other step would silently run at half its rate
+    sensor = PositionSensor(MOTION_CAPTURE, FRAME, 200.0, 1)
+    sensor.step(0, STATE)
+    with pytest.raises(ValueError, match="misses steps"):
+        sensor.step(2, STATE)
+
+
+def test_nothing_arrives_before_the_delay() -> None:
+    timing = sensor_timing("position", 100.0, 0.04, 200.0)
+    line = empty_line(timing, NO_FIX)
+    for step in range(8):
+        if step % timing.period_steps == 0:
+            line = (*line[1:], NO_FIX._replace(sequence=step // 2 + 1))
+        assert delivered(timing, line, step).sequence == 0
+    line = (*line[1:], NO_FIX._replace(sequence=5))
+    assert delivered(timing, line, 8).sequence == 1
+
+
+def test_a_sample_shows_the_past() -> None:
+    level = SoaringFrame(0.0, 0.0, 0.0, 0.0)
+    sensor = PositionSensor(EXACT_POSITION._replace(delay_s=0.03), level, 200.0, 1)
+    for step in range(100):
+        fix = sensor.step(step, STATE._replace(x_m=0.01 * step))
+        if fix.sequence:
+            assert fix.north_m == pytest.approx(-2.0 * fix.time_s)  # 0.01 m in 5 ms
+            assert step / 200.0 - fix.time_s in (pytest.approx(0.03), pytest.approx(0.035))
+
+
+# --- what -----------------------------------------------------------------------------------
+
+
+def test_position_is_in_local_ned() -> None:
+    fix = PositionSensor(EXACT_POSITION, FRAME, 200.0, 1).step(0, STATE)
+    # wind from 120°: downstream is towards 300°, right of an upwind-facing aircraft is 210°
+    c, s = cos(radians(300.0)), sin(radians(300.0))
+    assert fix.north_m == pytest.approx(10.0 + 1.0 * c + 2.0 * cos(radians(210.0)))
+    assert fix.east_m == pytest.approx(20.0 + 1.0 * s + 2.0 * sin(radians(210.0)))
+    assert fix.down_m == pytest.approx(-30.0 - 3.0)
+    moving = STATE._replace(velocity_x_mps=2.0, velocity_y_mps=0.0, velocity_z_mps=0.5)
+    fix = PositionSensor(EXACT_POSITION, FRAME, 200.0, 1).step(0, moving)
+    assert fix.velocity_north_mps == pytest.approx(2.0 * c)
+    assert fix.velocity_east_mps == pytest.approx(2.0 * s)
+    assert fix.velocity_down_mps == pytest.approx(-0.5)
+
+
+def test_attitude_is_from_frd_to_local_ned() -> None:
+    q = quaternion_from_euler(0.1, -0.2, 0.3)
+    state = STATE._replace(qw=q[0], qx=q[1], qy=q[2], qz=q[3])
+    sample = AttitudeSensor(EXACT_ATTITUDE, FRAME, 200.0, 1).step(0, state)
+    roll, pitch, yaw = euler_from_quaternion(sample.qw, sample.qx, sample.qy, sample.qz)
+    assert roll == pytest.approx(0.1)
+    assert pitch == pytest.approx(-0.2)
+    assert yaw == pytest.approx(radians(120.0) + 0.3)  # heading is counted from upwind
+
+
+def test_a_source_without_velocity_says_so() -> None:
+    fix = PositionSensor(MOTION_CAPTURE, FRAME, 200.0, 1).step(0, STATE)
+    assert isnan(fix.velocity_north_mps)
+    assert isnan(fix.velocity_down_mps)
+
+
+def test_noise_has_the_size_that_it_claims() -> None:
+    # 4,000 numbers: their standard deviation is known to 1.1 %; four times that is allowed
+    params = PositionParams(200.0, 0.0, 0.002, 0.0, 0.03, True)
+    sensor = PositionSensor(params, FRAME, 200.0, 5)
+    fixes = [sensor.step(k, STATE) for k in range(4000)]
+    for axis, deviation in (("north_m", 0.002), ("down_m", 0.002), ("velocity_east_mps", 0.03)):
+        values = [getattr(f, axis) for f in fixes]
+        assert stdev(values) == pytest.approx(deviation, rel=0.045)
+
+    turns = AttitudeSensor(AUTOPILOT_ATTITUDE._replace(bias_rad=0.0, delay_s=0.0), FRAME, 200.0, 5)
+    samples = [turns.step(k, STATE) for k in range(4000)]
+    angles = [euler_from_quaternion(s.qw, s.qx, s.qy, s.qz) for s in samples]
+    for axis_number in (0, 1, 2):
+        assert stdev(a[axis_number] for a in angles) == pytest.approx(
+            AUTOPILOT_ATTITUDE.noise_rad, rel=0.045
+        )
+    for s in samples[:50]:
+        assert sqrt(s.qw**2 + s.qx**2 + s.qy**2 + s.qz**2) == pytest.approx(1.0, abs=1e-14)
+
+
+def test_bias_stays_for_a_flight_and_differs_between_flights() -> None:
+    params = EXACT_POSITION._replace(bias_m=0.5, rate_hz=200.0)
+    exact = PositionSensor(EXACT_POSITION, FRAME, 200.0, 1).step(0, STATE).north_m
+    offsets = []
+    for seed in range(200):
+        sensor = PositionSensor(params, FRAME, 200.0, seed)
+        values = {sensor.step(k, STATE).north_m for k in range(3)}
+        assert len(values) == 1
+        offsets.append(values.pop() - exact)
+    # 200 flights: the standard deviation is known to 5 %
+    assert stdev(offsets) == pytest.approx(0.5, rel=0.2)
+    assert abs(fmean(offsets)) < 0.5 * 4.0 / sqrt(200.0)
+
+
+def test_the_same_seed_is_the_same_flight_and_sensors_do_not_share_noise() -> None:
+    def flight(seed: int) -> list[object]:
+        a = PositionSensor(AUTOPILOT_POSITION, FRAME, 200.0, seed)
+        b = AttitudeSensor(AUTOPILOT_ATTITUDE, FRAME, 200.0, seed)
+        return [(a.step(k, STATE), b.step(k, STATE)) for k in range(40)]
+
+    assert repr(flight(3)) == repr(flight(3))
+    assert repr(flight(3)) != repr(flight(4))
+
+    alone = PositionSensor(AUTOPILOT_POSITION, FRAME, 200.0, 3)
+    together = PositionSensor(AUTOPILOT_POSITION, FRAME, 200.0, 3)
+    imu = ImuSensor(MEMS_IMU, MODEL, 200.0, 3)
+    for k in range(40):
+        imu.step(k, STATE, WIND)
+        assert repr(alone.step(k, STATE)) == repr(together.step(k, STATE))
+
+
+def test_the_imu_feels_what_the_air_does() -> None:
+    exact = MEMS_IMU._replace(
+        force_noise_mps2=0.0, force_bias_mps2=0.0, rate_noise_radps=0.0, rate_bias_radps=0.0
+    )
+    turning = STATE._replace(roll_rate_frd_radps=0.1, yaw_rate_frd_radps=-0.2)
+    sample = ImuSensor(exact, MODEL, 200.0, 1).step(0, turning, WIND)
+    assert sample[2:5] == specific_force_frd(MODEL, turning, WIND)
+    assert sample[5:8] == (0.1, 0.0, -0.2)
+
+
+def test_the_pitot_reads_the_air_along_the_nose() -> None:
+    exact = PITOT._replace(pressure_noise_pa=0.0, pressure_bias_pa=0.0, delay_s=0.0)
+    sample = AirspeedSensor(exact, MODEL, 200.0, 1).step(0, STATE, WIND)
+    assert sample.airspeed_mps == pytest.approx(GLIDE.airspeed_mps * cos(GLIDE.alpha_rad))
+    backwards = (-20.0, 0.0, 0.0)
+    assert AirspeedSensor(exact, MODEL, 200.0, 1).step(0, STATE, backwards).airspeed_mps == 0.0
+    # noise of 1.4 Pa is 1.4 / (rho V) = 0.13 m/s there; 2,000 samples know it to 1.6 %
+    noisy = AirspeedSensor(exact._replace(pressure_noise_pa=1.4, rate_hz=200.0), MODEL, 200.0, 1)
+    values = [noisy.step(k, STATE, WIND).airspeed_mps for k in range(2000)]
+    assert stdev(values) == pytest.approx(1.4 / (1.225 * sample.airspeed_mps), rel=0.07)
+
+
+def test_the_default_sensors_run_at_200_steps_a_second() -> None:
+    assert PositionSensor(MOTION_CAPTURE, FRAME, 200.0, 1).timing.period_steps == 2
+    assert PositionSensor(AUTOPILOT_POSITION, FRAME, 200.0, 1).timing.delay_steps == 8
+    assert AttitudeSensor(AUTOPILOT_ATTITUDE, FRAME, 200.0, 1).timing.period_steps == 1
+    assert ImuSensor(MEMS_IMU, MODEL, 200.0, 1).timing.period_steps == 1
+    assert AirspeedSensor(PITOT, MODEL, 200.0, 1).timing.period_steps == 4
+
+
+def test_samples_are_plain() -> None:
+    fix = PositionSensor(AUTOPILOT_POSITION, FRAME, 200.0, 1).step(0, STATE)
+    assert all(type(v) is float for v in fix[1:])
+    assert isinstance(STATE, AircraftState)
