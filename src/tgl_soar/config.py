@@ -300,6 +300,11 @@ def _plainly(message: str, table: dict[str, Any], kind: type[Struct]) -> str:
     value: Any = table
     for key in keys:
         value = value[key]
+    if keys[:-1] == ["parameters"] and what.startswith("Expected"):
+        try:
+            ParameterSet().changed({keys[1]: value})
+        except ParameterError as error:
+            return f"parameters.{error}"
     return f"{'.'.join(keys)} = {_shown(value)}: must be {_allowed(_type_at(keys, table, kind))}"
 
 
