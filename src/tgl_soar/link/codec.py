@@ -1,0 +1,377 @@
+"""Bytes to messages and back.
+
+Framing is ours: a stream or a datagram is cut into MAVLink 1 and 2 frames whose checksum is
+right; after anything else the search goes on at the very next byte, so that garbage, a cut
+frame or a marker inside a payload costs no good frame behind it.  Payloads go through
+pymavlink's dialect, and only those of messages that somebody here listens to.
+
+Nothing that arrives raises.  Nothing untyped leaves this file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any, Final
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from .messages import (
+    AttitudeQuaternion,
+    CommandAck,
+    CommandLong,
+    Heard,
+    Heartbeat,
+    LocalPositionNed,
+    NamedValueFloat,
+    Odometry,
+    ParamRequestList,
+    ParamRequestRead,
+    ParamSet,
+    ParamValue,
+    RcChannelsOverride,
+    Received,
+    Said,
+    ServoOutputRaw,
+    Source,
+    StatusText,
+    Timesync,
+)
+
+_MARKER_V1: Final = 0xFE
+_MARKER_V2: Final = 0xFD
+_HEADER_V1: Final = 6
+_HEADER_V2: Final = 10
+_CHECKSUM: Final = 2
+_SIGNED: Final = 0x01
+_SIGNATURE: Final = 13
+
+_CRC_EXTRA: Final[dict[int, int]] = {
+    number: int(kind.crc_extra) for number, kind in dialect.mavlink_map.items()
+}
+
+_FLOAT32_MAX: Final = 3.4028234e38
+
+
+@dataclass(slots=True)
+class DecoderCounters:
+    """What a link brought."""
+
+    frames: int = 0  # with a right checksum
+    messages: int = 0  # of these, understood
+    skipped_bytes: int = 0  # belonged to no good frame
+    bad_checksums: int = 0
+    unknown: int = 0  # of messages that the dialect lacks: cannot be checked
+    undecodable: int = 0  # right checksum, and yet no message
+
+
+class Decoder:
+    """Cuts what arrives on one link into messages."""
+
+    def __init__(self, *, stream: bool) -> None:
+        """`stream`: a frame may go on in the next piece, as on a serial line."""
+        self.counters = DecoderCounters()
+        self._stream = stream
+        self._rest = b""
+        self._dialect: Any = dialect.MAVLink(None)
+
+    def feed(self, data: bytes) -> list[Received]:
+        """The messages that end in this piece, in order."""
+        counters = self.counters
+        if self._rest:
+            data = self._rest + data
+            self._rest = b""
+        received: list[Received] = []
+        at, end = 0, len(data)
+        while at < end:
+            length = _frame_length(data, at)
+            if length == 0:
+                at = self._skip_to_marker(data, at)
+            elif at + length > end:
+                if self._stream:
+                    self._rest = data[at:]
+                    break
+                at = self._skip_to_marker(data, at)
+            else:
+                number = _message_number(data, at)
+                if number not in _CRC_EXTRA:
+                    # Its checksum cannot be told: it may be garbage that hides good frames.
+                    if _may_be_unknown_frame(data, at, at + length):
+                        counters.unknown += 1
+                        at += length
+                    else:
+                        at = self._skip_to_marker(data, at)
+                elif not _checksum_is_right(data, at, number):
+                    counters.bad_checksums += 1
+                    at = self._skip_to_marker(data, at)
+                else:
+                    counters.frames += 1
+                    if number in _HEARD:
+                        self._decode(data[at : at + length], number, received)
+                    at += length
+        return received
+
+    def reset(self) -> None:
+        """Forget a frame begun: the line was cut."""
+        self._rest = b""
+
+    def _skip_to_marker(self, data: bytes, at: int) -> int:
+        """The next place after `at` where a frame may begin."""
+        found = [i for i in (data.find(_MARKER_V2, at + 1), data.find(_MARKER_V1, at + 1)) if i > 0]
+        to = min(found, default=len(data))
+        self.counters.skipped_bytes += to - at
+        return to
+
+    def _decode(self, frame: bytes, number: int, received: list[Received]) -> None:
+        try:
+            message = self._dialect.decode(bytearray(frame))
+            heard = _HEARD[number](message)
+            source = Source(message.get_srcSystem(), message.get_srcComponent())
+        except Exception:  # whatever pymavlink thinks of these bytes, it must not end a flight
+            self.counters.undecodable += 1
+            return
+        self.counters.messages += 1
+        received.append(Received(source, heard))
+
+
+def starts_with_frame(data: bytes) -> bool:
+    """Whether a datagram begins with a whole frame of a known message, checksum right."""
+    if not data:
+        return False
+    length = _frame_length(data, 0)
+    if length == 0 or length > len(data):
+        return False
+    number = _message_number(data, 0)
+    return number in _CRC_EXTRA and _checksum_is_right(data, 0, number)
+
+
+def _frame_length(data: bytes, at: int) -> int:
+    """Length of the frame that begins here, 0 if none does.
+
+    If the header is not whole the length is that of the shortest header: more than there is.
+    """
+    marker = data[at]
+    left = len(data) - at
+    if marker == _MARKER_V2:
+        if left < 3:
+            return _HEADER_V2 + _CHECKSUM
+        flags = data[at + 2]
+        if flags & ~_SIGNED:
+            return 0  # made in a way that we do not know: must not be read
+        return _HEADER_V2 + data[at + 1] + _CHECKSUM + (_SIGNATURE if flags & _SIGNED else 0)
+    if marker == _MARKER_V1:
+        if left < 2:
+            return _HEADER_V1 + _CHECKSUM
+        return _HEADER_V1 + data[at + 1] + _CHECKSUM
+    return 0
+
+
+def _may_be_unknown_frame(data: bytes, at: int, to: int) -> bool:
+    """Whether what stands behind a frame of an unknown number speaks for it.
+
+    It ends where the data end or the next frame begins, and no good frame begins inside it.
+    """
+    if to < len(data) and data[to] not in (_MARKER_V1, _MARKER_V2):
+        return False
+    return not any(
+        data[i] in (_MARKER_V1, _MARKER_V2) and starts_with_frame(data[i:])
+        for i in range(at + 1, to)
+    )
+
+
+def _message_number(data: bytes, at: int) -> int:
+    if data[at] == _MARKER_V1:
+        return data[at + 5]
+    return data[at + 7] | data[at + 8] << 8 | data[at + 9] << 16
+
+
+def _checksum_is_right(data: bytes, at: int, number: int) -> bool:
+    header = _HEADER_V1 if data[at] == _MARKER_V1 else _HEADER_V2
+    end = at + header + data[at + 1]
+    crc = dialect.x25crc(data[at + 1 : end] + bytes((_CRC_EXTRA[number],))).crc
+    return bool(crc == data[end] | data[end + 1] << 8)
+
+
+def _text(value: Any) -> str:
+    """A char field, whichever way pymavlink hands it over."""
+    return (
+        value if isinstance(value, str) else bytes(value).split(b"\0")[0].decode("ascii", "replace")
+    )
+
+
+def _heartbeat(m: Any) -> Heard:
+    return Heartbeat(m.type, m.autopilot, m.base_mode, m.custom_mode, m.system_status)
+
+
+def _attitude_quaternion(m: Any) -> Heard:
+    return AttitudeQuaternion(
+        m.time_boot_ms, m.q1, m.q2, m.q3, m.q4, m.rollspeed, m.pitchspeed, m.yawspeed
+    )
+
+
+def _local_position_ned(m: Any) -> Heard:
+    return LocalPositionNed(m.time_boot_ms, m.x, m.y, m.z, m.vx, m.vy, m.vz)
+
+
+def _odometry(m: Any) -> Heard:
+    qw, qx, qy, qz = m.q
+    return Odometry(
+        m.time_usec,
+        m.frame_id,
+        m.child_frame_id,
+        m.x,
+        m.y,
+        m.z,
+        (qw, qx, qy, qz),
+        m.vx,
+        m.vy,
+        m.vz,
+        m.rollspeed,
+        m.pitchspeed,
+        m.yawspeed,
+    )
+
+
+def _servo_output_raw(m: Any) -> Heard:
+    servos = tuple(int(getattr(m, f"servo{i}_raw")) for i in range(1, 17))
+    return ServoOutputRaw(m.time_usec, m.port, servos)
+
+
+def _command_long(m: Any) -> Heard:
+    return CommandLong(
+        m.target_system,
+        m.target_component,
+        m.command,
+        m.confirmation,
+        (m.param1, m.param2, m.param3, m.param4, m.param5, m.param6, m.param7),
+    )
+
+
+def _command_ack(m: Any) -> Heard:
+    return CommandAck(m.command, m.result, m.target_system, m.target_component)
+
+
+def _param_request_list(m: Any) -> Heard:
+    return ParamRequestList(m.target_system, m.target_component)
+
+
+def _param_request_read(m: Any) -> Heard:
+    return ParamRequestRead(m.target_system, m.target_component, _text(m.param_id), m.param_index)
+
+
+def _param_set(m: Any) -> Heard:
+    return ParamSet(
+        m.target_system, m.target_component, _text(m.param_id), m.param_value, m.param_type
+    )
+
+
+def _timesync(m: Any) -> Heard:
+    return Timesync(m.tc1, m.ts1)
+
+
+_HEARD: Final[dict[int, Callable[[Any], Heard]]] = {
+    dialect.MAVLINK_MSG_ID_HEARTBEAT: _heartbeat,
+    dialect.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: _attitude_quaternion,
+    dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED: _local_position_ned,
+    dialect.MAVLINK_MSG_ID_ODOMETRY: _odometry,
+    dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: _servo_output_raw,
+    dialect.MAVLINK_MSG_ID_COMMAND_LONG: _command_long,
+    dialect.MAVLINK_MSG_ID_COMMAND_ACK: _command_ack,
+    dialect.MAVLINK_MSG_ID_PARAM_REQUEST_LIST: _param_request_list,
+    dialect.MAVLINK_MSG_ID_PARAM_REQUEST_READ: _param_request_read,
+    dialect.MAVLINK_MSG_ID_PARAM_SET: _param_set,
+    dialect.MAVLINK_MSG_ID_TIMESYNC: _timesync,
+}
+
+
+class Encoder:
+    """Frames of one sender; each sender counts its own sequence."""
+
+    def __init__(self, source: Source) -> None:
+        self.source = source
+        self._dialect: Any = dialect.MAVLink(None, source.system, source.component)
+
+    def encode(self, message: Said) -> bytes:
+        """One MAVLink 2 frame.
+
+        Errors: `struct.error` for a field that does not fit its place: a mistake of ours.
+        """
+        frame: bytes = _SAID[type(message)](message).pack(self._dialect)
+        self._dialect.seq = (self._dialect.seq + 1) & 0xFF
+        return frame
+
+    def restart(self) -> None:
+        """Count from zero again."""
+        self._dialect.seq = 0
+
+
+def _float32(value: float) -> float:
+    """A float that can be packed: what is too large for 32 bits becomes the largest."""
+    if not isfinite(value):
+        return value
+    return max(-_FLOAT32_MAX, min(_FLOAT32_MAX, value))
+
+
+def _chars(text: str, size: int) -> bytes:
+    return text.encode("ascii", "replace")[:size]
+
+
+def _pack_heartbeat(m: Any) -> Any:
+    return dialect.MAVLink_heartbeat_message(
+        m.type, m.autopilot, m.base_mode, m.custom_mode, m.system_status, 3
+    )
+
+
+def _pack_command_long(m: Any) -> Any:
+    return dialect.MAVLink_command_long_message(
+        m.target_system, m.target_component, m.command, m.confirmation, *m.params
+    )
+
+
+def _pack_command_ack(m: Any) -> Any:
+    return dialect.MAVLink_command_ack_message(
+        m.command, m.result, 0, 0, m.target_system, m.target_component
+    )
+
+
+def _pack_param_value(m: Any) -> Any:
+    return dialect.MAVLink_param_value_message(
+        _chars(m.param_id, 16),
+        _float32(m.param_value),
+        m.param_type,
+        m.param_count,
+        m.param_index,
+    )
+
+
+def _pack_timesync(m: Any) -> Any:
+    return dialect.MAVLink_timesync_message(m.tc1, m.ts1)
+
+
+def _pack_status_text(m: Any) -> Any:
+    return dialect.MAVLink_statustext_message(m.severity, _chars(m.text, 50), m.id, m.chunk_seq)
+
+
+def _pack_named_value_float(m: Any) -> Any:
+    return dialect.MAVLink_named_value_float_message(
+        m.time_boot_ms & 0xFFFFFFFF, _chars(m.name, 10), _float32(m.value)
+    )
+
+
+def _pack_rc_channels_override(m: Any) -> Any:
+    return dialect.MAVLink_rc_channels_override_message(
+        m.target_system, m.target_component, *m.channels
+    )
+
+
+_SAID: Final[dict[type[Said], Callable[[Any], Any]]] = {
+    Heartbeat: _pack_heartbeat,
+    CommandLong: _pack_command_long,
+    CommandAck: _pack_command_ack,
+    ParamValue: _pack_param_value,
+    Timesync: _pack_timesync,
+    StatusText: _pack_status_text,
+    NamedValueFloat: _pack_named_value_float,
+    RcChannelsOverride: _pack_rc_channels_override,
+}

@@ -1,0 +1,207 @@
+"""The MAVLink messages that this module speaks and hears, as plain named tuples.
+
+Fields keep MAVLink's own names and units (milliseconds, pulse widths), so that a row here can
+be held against the specification; they become SI units and frames of ours in `session`.
+Whatever handles them is pure logic and needs no codec in its tests.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple, TypeAlias
+
+# MAV_TYPE, MAV_AUTOPILOT, MAV_COMP_ID, MAV_MODE_FLAG
+TYPE_GCS: Final = 6
+TYPE_ONBOARD_CONTROLLER: Final = 18
+AUTOPILOT_INVALID: Final = 8
+COMPONENT_AUTOPILOT: Final = 1
+MODE_FLAG_CUSTOM_MODE: Final = 1
+MODE_FLAG_ARMED: Final = 128
+STATE_ACTIVE: Final = 4
+
+# MAV_SEVERITY
+SEVERITY_ERROR: Final = 3
+SEVERITY_WARNING: Final = 4
+SEVERITY_NOTICE: Final = 5
+SEVERITY_INFO: Final = 6
+
+# MAV_CMD and MAV_RESULT
+COMMAND_SET_MESSAGE_INTERVAL: Final = 511
+RESULT_ACCEPTED: Final = 0
+RESULT_TEMPORARILY_REJECTED: Final = 1
+RESULT_DENIED: Final = 2
+RESULT_UNSUPPORTED: Final = 3
+RESULT_FAILED: Final = 4
+RESULT_IN_PROGRESS: Final = 5
+
+# MAV_FRAME
+FRAME_LOCAL_NED: Final = 1
+FRAME_BODY_NED: Final = 8
+FRAME_BODY_FRD: Final = 12
+FRAME_LOCAL_FRD: Final = 20
+
+# MAV_PARAM_TYPE
+PARAM_TYPE_REAL32: Final = 9
+
+# Message numbers of the streams that are asked for
+ID_ATTITUDE_QUATERNION: Final = 31
+ID_LOCAL_POSITION_NED: Final = 32
+ID_SERVO_OUTPUT_RAW: Final = 36
+ID_ODOMETRY: Final = 331
+
+
+class Source(NamedTuple):
+    """Who sent a frame."""
+
+    system: int
+    component: int
+
+
+class Heartbeat(NamedTuple):
+    type: int
+    autopilot: int
+    base_mode: int
+    custom_mode: int
+    system_status: int
+
+
+class AttitudeQuaternion(NamedTuple):
+    time_boot_ms: int
+    q1: float  # w; the rotation from FRD to NED
+    q2: float
+    q3: float
+    q4: float
+    rollspeed: float
+    pitchspeed: float
+    yawspeed: float
+
+
+class LocalPositionNed(NamedTuple):
+    time_boot_ms: int
+    x: float
+    y: float
+    z: float
+    vx: float
+    vy: float
+    vz: float
+
+
+class Odometry(NamedTuple):
+    time_usec: int
+    frame_id: int  # of the position and of the quaternion's target
+    child_frame_id: int  # of the velocities
+    x: float
+    y: float
+    z: float
+    q: tuple[float, float, float, float]
+    vx: float
+    vy: float
+    vz: float
+    rollspeed: float
+    pitchspeed: float
+    yawspeed: float
+
+
+class ServoOutputRaw(NamedTuple):
+    time_usec: int
+    port: int
+    servos: tuple[int, ...]  # 16 pulse widths [us], 0: not driven
+
+
+class CommandLong(NamedTuple):
+    target_system: int
+    target_component: int
+    command: int
+    confirmation: int
+    params: tuple[float, float, float, float, float, float, float]
+
+
+class CommandAck(NamedTuple):
+    command: int
+    result: int
+    target_system: int
+    target_component: int
+
+
+class ParamRequestList(NamedTuple):
+    target_system: int
+    target_component: int
+
+
+class ParamRequestRead(NamedTuple):
+    target_system: int
+    target_component: int
+    param_id: str
+    param_index: int  # -1: by name
+
+
+class ParamSet(NamedTuple):
+    target_system: int
+    target_component: int
+    param_id: str
+    param_value: float
+    param_type: int
+
+
+class ParamValue(NamedTuple):
+    param_id: str
+    param_value: float
+    param_type: int
+    param_count: int
+    param_index: int
+
+
+class Timesync(NamedTuple):
+    tc1: int  # 0 in a request
+    ts1: int
+
+
+class StatusText(NamedTuple):
+    severity: int
+    text: str  # at most 50 characters
+    id: int = 0  # of a text in several chunks; 0: whole
+    chunk_seq: int = 0
+
+
+class NamedValueFloat(NamedTuple):
+    time_boot_ms: int
+    name: str  # at most 10 characters
+    value: float
+
+
+class RcChannelsOverride(NamedTuple):
+    target_system: int
+    target_component: int
+    channels: tuple[int, ...]  # 18 pulse widths [us]
+
+
+Heard: TypeAlias = (
+    Heartbeat
+    | AttitudeQuaternion
+    | LocalPositionNed
+    | Odometry
+    | ServoOutputRaw
+    | CommandLong
+    | CommandAck
+    | ParamRequestList
+    | ParamRequestRead
+    | ParamSet
+    | Timesync
+)
+
+Said: TypeAlias = (
+    Heartbeat
+    | CommandLong
+    | CommandAck
+    | ParamValue
+    | Timesync
+    | StatusText
+    | NamedValueFloat
+    | RcChannelsOverride
+)
+
+
+class Received(NamedTuple):
+    """A message and its sender."""
+
+    source: Source
+    message: Heard
