@@ -1,0 +1,168 @@
+"""The MAVLink parameter server: what a ground station reads and sets.
+
+Pure logic: a message and the time in, messages out.  A set is checked and applied as one
+before the answer is made, and the tick reads `values` only between two messages, so nothing is
+ever half applied.
+
+Every parameter is REAL32, with a constant count and indices without gaps.  The answer to a set
+is always a PARAM_VALUE with the value that stands after it; a refused one is followed by a
+STATUSTEXT with the reason.  Requests for values are remembered as a set of indices: asking
+twice costs nothing, and a flood of requests is answered at `VALUES_PER_S` all the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+from typing import Final
+
+from tgl_soar.parameters import INDEX, PARAMETERS, ParameterError, ParameterSet
+
+from .messages import (
+    PARAM_TYPE_REAL32,
+    SEVERITY_WARNING,
+    Heard,
+    ParamRequestList,
+    ParamRequestRead,
+    ParamSet,
+    ParamValue,
+    Said,
+    Source,
+)
+from .telemetry import StatusTexts
+
+VALUES_PER_S: Final = 100.0
+VALUES_PER_POLL: Final = 2
+COMPLAINTS_PER_S: Final = 4.0  # refused sets told in words; the values are always answered
+COMPLAINTS_AT_ONCE: Final = 8.0
+_PARAM_TYPES_INTEGER: Final = range(1, 9)
+
+
+@dataclass(slots=True)
+class ParameterCounters:
+    """What the operator did."""
+
+    sets: int = 0
+    refused: int = 0
+    answered: int = 0
+
+
+class ParameterServer:
+    """Serves one set of parameters to every station that asks."""
+
+    def __init__(self, own: Source, values: ParameterSet, texts: StatusTexts | None = None) -> None:
+        self.values = values
+        self.counters = ParameterCounters()
+        self._own = own
+        self._texts = texts or StatusTexts()
+        self._due: dict[int, None] = {}  # indices asked for, in order
+        self._next_s = float("-inf")
+        self._complaints = COMPLAINTS_AT_ONCE
+        self._complained_s = float("-inf")
+
+    def handle(self, source: Source, message: Heard, now_s: float, *, flying: bool) -> list[Said]:
+        """What is to be said at once in answer; [] if the message is not for us."""
+        if source == self._own or not self._is_for_us(message):
+            return []
+        if isinstance(message, ParamSet):
+            return self._set(message, now_s, flying)
+        if isinstance(message, ParamRequestRead):
+            return self._read(message, now_s)
+        if isinstance(message, ParamRequestList):
+            for index in range(len(PARAMETERS)):
+                self._due.setdefault(index)
+        return []
+
+    def poll(self, now_s: float) -> list[Said]:
+        """Values asked for, a few at a time."""
+        said: list[Said] = []
+        if not self._due:
+            return said
+        self._next_s = max(self._next_s, now_s - VALUES_PER_POLL / VALUES_PER_S)
+        while self._due and self._next_s <= now_s and len(said) < VALUES_PER_POLL:
+            index = next(iter(self._due))
+            del self._due[index]
+            said.append(self.value_message(index))
+            self.counters.answered += 1
+            self._next_s += 1.0 / VALUES_PER_S
+        return said
+
+    def assign(self, name: str, value: float) -> list[Said]:
+        """A change made by the module itself; every station hears of it."""
+        self.values = self.values.changed({name: value})
+        return [self.value_message(INDEX[name])]
+
+    def value_message(self, index: int) -> ParamValue:
+        """The value that stands."""
+        name = PARAMETERS[index].name
+        return ParamValue(name, self.values[name], PARAM_TYPE_REAL32, len(PARAMETERS), index)
+
+    def rebase(self) -> None:
+        """The clock was changed: what was timed by the old one is forgotten."""
+        self._next_s = float("-inf")
+        self._complained_s = float("-inf")
+        self._complaints = COMPLAINTS_AT_ONCE
+
+    def _is_for_us(self, message: Heard) -> bool:
+        if not isinstance(message, ParamSet | ParamRequestRead | ParamRequestList):
+            return False
+        return message.target_system in (0, self._own.system) and message.target_component in (
+            0,
+            self._own.component,
+        )
+
+    def _set(self, message: ParamSet, now_s: float, flying: bool) -> list[Said]:
+        name = message.param_id
+        if name not in INDEX:
+            # Sent to every component, it may be meant for another one.
+            if message.target_component == 0:
+                return []
+            self.counters.refused += 1
+            return self._complain(f"{name}: no such parameter", now_s)
+        self.counters.sets += 1
+        try:
+            value = _value_of(message)
+            self.values = self.values.changed({name: value}, flying=flying)
+        except ParameterError as error:
+            self.counters.refused += 1
+            return [self.value_message(INDEX[name]), *self._complain(str(error), now_s)]
+        return [self.value_message(INDEX[name])]
+
+    def _read(self, message: ParamRequestRead, now_s: float) -> list[Said]:
+        index = message.param_index
+        if index < 0:
+            index = INDEX.get(message.param_id, -1)
+        if 0 <= index < len(PARAMETERS):
+            self._due.setdefault(index)
+            return []
+        if message.target_component == 0:
+            return []
+        asked = message.param_id if message.param_index < 0 else f"index {message.param_index}"
+        return self._complain(f"{asked}: no such parameter", now_s)
+
+    def _complain(self, text: str, now_s: float) -> list[Said]:
+        """Words, unless too many were said of late."""
+        if now_s > self._complained_s:
+            earned = (now_s - self._complained_s) * COMPLAINTS_PER_S
+            self._complaints = min(COMPLAINTS_AT_ONCE, self._complaints + earned)
+            self._complained_s = now_s
+        if self._complaints < 1.0:
+            return []
+        self._complaints -= 1.0
+        return list(self._texts.chunks(SEVERITY_WARNING, text))
+
+
+def _value_of(message: ParamSet) -> float:
+    """The number that the station means.
+
+    Sent as an integer type it is either a number turned into a float or the integer's bytes
+    put in a float's place: stations differ.  The first gives a whole number, the second one
+    that is tiny, huge or none at all; only zero is both.
+    """
+    value = message.param_value
+    if message.param_type == PARAM_TYPE_REAL32:
+        return value
+    whole = isfinite(value) and value == int(value) and abs(value) < 1e6
+    if message.param_type in _PARAM_TYPES_INTEGER and whole:
+        return value
+    raise ParameterError(message.param_id, f"{value:g}", "send it as REAL32")
