@@ -1,0 +1,73 @@
+"""ArduPlane: the surfaces through RC_CHANNELS_OVERRIDE in MANUAL.
+
+It obeys only the sender whose system id its SYSID_MYGCS (newer: MAV_GCS_SYSID) names, goes back
+to the pilot's sticks 3 s (RC_OVERRIDE_TIME) after the last frame, and at once when a channel is
+released.  The message has two ways to say so: in channels 1 to 8 a 0 releases and 65535 leaves
+as it is, in channels 9 to 18 a 0 leaves as it is and 65534 releases.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from tgl_soar.link.messages import (
+    COMPONENT_AUTOPILOT,
+    MODE_FLAG_CUSTOM_MODE,
+    Heartbeat,
+    RcChannelsOverride,
+    Said,
+)
+from tgl_soar.types import SurfaceCommand
+
+from .base import SurfaceChannels, pulse_width
+
+MODE_MANUAL: Final = 0
+CHANNELS: Final = 18
+_FIRST_EIGHT: Final = 8
+_LEAVE_FIRST: Final = 65535
+_RELEASE_FIRST: Final = 0
+_LEAVE_LATER: Final = 0
+_RELEASE_LATER: Final = 65534
+
+
+class ArduPilot:
+    """ArduPlane 4.x."""
+
+    name = "ardupilot"
+
+    def __init__(self, channels: SurfaceChannels, system_id: int) -> None:
+        self._channels = channels
+        self._system_id = system_id
+        self._release = (self._override({}, release=True),)
+
+    def surfaces(self, command: SurfaceCommand) -> tuple[Said, ...]:
+        """One frame that holds our three channels and leaves the others to the pilot."""
+        elevator, aileron, rudder = self._channels
+        pulses = {
+            elevator.channel: pulse_width(elevator, command.elevator),
+            aileron.channel: pulse_width(aileron, command.aileron),
+            rudder.channel: pulse_width(rudder, command.rudder),
+        }
+        return (self._override(pulses, release=False),)
+
+    def release(self) -> tuple[Said, ...]:
+        """One frame that gives our three channels back and touches no other."""
+        return self._release
+
+    def obeys(self, heartbeat: Heartbeat) -> bool:
+        """Only in MANUAL do the sticks, and so the overrides, move the surfaces directly."""
+        is_custom = heartbeat.base_mode & MODE_FLAG_CUSTOM_MODE != 0
+        return is_custom and heartbeat.custom_mode == MODE_MANUAL
+
+    def way_to_rate(self, rate_hz: float) -> str:
+        """The firmware refuses more than 0.8 of its main loop's rate."""
+        return f"set SCHED_LOOP_RATE to {rate_hz / 0.8:.0f} or more"
+
+    def _override(self, pulses: Mapping[int, int], *, release: bool) -> RcChannelsOverride:
+        values = [_LEAVE_FIRST] * _FIRST_EIGHT + [_LEAVE_LATER] * (CHANNELS - _FIRST_EIGHT)
+        for surface in self._channels:
+            first = surface.channel <= _FIRST_EIGHT
+            let_go = _RELEASE_FIRST if first else _RELEASE_LATER
+            values[surface.channel - 1] = let_go if release else pulses[surface.channel]
+        return RcChannelsOverride(self._system_id, COMPONENT_AUTOPILOT, tuple(values))

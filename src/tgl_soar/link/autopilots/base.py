@@ -1,0 +1,63 @@
+"""What every autopilot firmware has to answer: how are its surfaces moved, and when."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import NamedTuple, Protocol
+
+from tgl_soar.link.messages import Heartbeat, Said
+from tgl_soar.types import SurfaceCommand
+
+
+class SurfaceChannel(NamedTuple):
+    """Which channel moves a surface, and how far."""
+
+    channel: int  # from 1
+    pwm_min: int  # at deflection -1 (+1 where reversed)
+    pwm_trim: int
+    pwm_max: int
+    reversed: bool = False
+
+
+class SurfaceChannels(NamedTuple):
+    """The channels of the three surfaces."""
+
+    elevator: SurfaceChannel
+    aileron: SurfaceChannel
+    rudder: SurfaceChannel
+
+
+class Flavour(Protocol):
+    """One firmware."""
+
+    name: str
+
+    def surfaces(self, command: SurfaceCommand) -> tuple[Said, ...]:
+        """What moves the surfaces; to be sent as the override identity."""
+        ...
+
+    def release(self) -> tuple[Said, ...]:
+        """What gives the surfaces back; to be sent as the override identity."""
+        ...
+
+    def obeys(self, heartbeat: Heartbeat) -> bool:
+        """Whether our surfaces move in the mode that this heartbeat tells."""
+        ...
+
+    def way_to_rate(self, rate_hz: float) -> str:
+        """What to do when a stream of this rate is refused."""
+        ...
+
+
+def pulse_width(channel: SurfaceChannel, deflection: float) -> int:
+    """Pulse width [us] of a deflection in -1 … 1: linear on either side of the trim.
+
+    Beyond 1 it stays at the end; what is not a number is the trim.
+    """
+    if not isfinite(deflection):
+        return channel.pwm_trim
+    deflection = max(-1.0, min(1.0, -deflection if channel.reversed else deflection))
+    span = channel.pwm_max - channel.pwm_trim
+    if deflection < 0.0:
+        span = channel.pwm_trim - channel.pwm_min
+    return round(channel.pwm_trim + deflection * span)
