@@ -1,0 +1,137 @@
+"""Asking the autopilot for its messages at the rates that the loop needs.
+
+One MAV_CMD_SET_MESSAGE_INTERVAL at a time, for its acknowledgement does not say which message
+it is about.  A stream that does not come, or comes too slowly, is asked for again, ever more
+seldom.  A rate that is refused is told once, with the way out, and a lower one is asked for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from .messages import (
+    COMMAND_SET_MESSAGE_INTERVAL,
+    COMPONENT_AUTOPILOT,
+    RESULT_ACCEPTED,
+    RESULT_DENIED,
+    RESULT_FAILED,
+    RESULT_IN_PROGRESS,
+    RESULT_TEMPORARILY_REJECTED,
+    RESULT_UNSUPPORTED,
+    CommandLong,
+)
+
+ACK_WAIT_S: Final = 0.5
+CHECK_S: Final = 2.0  # a rate is measured over this long
+CHECK_MAX_S: Final = 16.0
+ENOUGH: Final = 0.7  # of the rate asked for: a lossy link is not asked again and again
+LOWER_RATES_HZ: Final = (160.0, 125.0, 100.0, 80.0, 50.0, 40.0, 25.0, 20.0, 10.0, 5.0, 2.0, 1.0)
+
+_RESULT_WORDS: Final = {
+    RESULT_DENIED: "denied",
+    RESULT_UNSUPPORTED: "unsupported",
+    RESULT_FAILED: "failed",
+}
+
+
+@dataclass(slots=True)
+class Stream:
+    """One message that we want."""
+
+    message_id: int
+    name: str
+    rate_hz: float  # that is asked for now
+    due_s: float = float("-inf")  # when to measure and perhaps ask
+    since_s: float = float("nan")  # when the measurement began; NaN: never asked for
+    count: int = 0
+    wait_s: float = CHECK_S
+    measured_hz: float = 0.0
+    given_up: bool = False
+    told: bool = False
+
+
+class StreamRequests:
+    """The streams of one autopilot."""
+
+    def __init__(self, target_system: int) -> None:
+        self.requests = 0
+        self.notices: list[tuple[Stream, str, float]] = []  # (stream, result, rate refused)
+        self._target_system = target_system
+        self._streams: dict[int, Stream] = {}
+        self._waiting: Stream | None = None
+        self._waiting_until_s = 0.0
+
+    def want(self, message_id: int, name: str, rate_hz: float) -> None:
+        """Ask for a message at a rate, from now on."""
+        standing = self._streams.get(message_id)
+        if standing is None or standing.rate_hz != rate_hz:
+            self._streams[message_id] = Stream(message_id, name, rate_hz)
+
+    def wanted(self, message_id: int) -> Stream | None:
+        """A stream that was asked for."""
+        return self._streams.get(message_id)
+
+    def heard(self, message_id: int) -> None:
+        """One message has come."""
+        stream = self._streams.get(message_id)
+        if stream is not None:
+            stream.count += 1
+
+    def restart(self) -> None:
+        """The autopilot has forgotten all: ask again for what was wanted."""
+        self._waiting = None
+        for stream in self._streams.values():
+            stream.due_s = float("-inf")
+            stream.since_s = float("nan")
+            stream.wait_s = CHECK_S
+            stream.given_up = False
+
+    def acknowledged(self, result: int, now_s: float) -> None:
+        """The answer to the one request that waits for one."""
+        stream, self._waiting = self._waiting, None
+        if stream is None or result in (RESULT_ACCEPTED, RESULT_IN_PROGRESS):
+            return
+        if result == RESULT_TEMPORARILY_REJECTED:
+            return  # asked again when the measurement ends
+        refused_hz = stream.rate_hz
+        lower = next((rate for rate in LOWER_RATES_HZ if rate < stream.rate_hz), None)
+        if result == RESULT_DENIED and lower is not None:
+            stream.rate_hz = lower
+            stream.since_s = float("nan")
+            stream.due_s = now_s
+        else:
+            stream.given_up = True
+        if not stream.told or stream.given_up:
+            stream.told = True
+            word = _RESULT_WORDS.get(result, f"answered with result {result}")
+            self.notices.append((stream, word, refused_hz))
+
+    def poll(self, now_s: float) -> list[CommandLong]:
+        """At most one request."""
+        if self._waiting is not None and now_s < self._waiting_until_s:
+            return []
+        self._waiting = None
+        for stream in self._streams.values():
+            if stream.given_up or now_s < stream.due_s:
+                continue
+            elapsed = now_s - stream.since_s  # NaN: never asked for
+            stream.measured_hz = stream.count / elapsed if elapsed > 0.0 else 0.0
+            stream.since_s, stream.count = now_s, 0
+            if stream.measured_hz >= ENOUGH * stream.rate_hz:
+                stream.wait_s = CHECK_S
+                stream.due_s = now_s + CHECK_S
+                continue
+            stream.due_s = now_s + stream.wait_s
+            stream.wait_s = min(CHECK_MAX_S, 1.5 * stream.wait_s)
+            self._waiting, self._waiting_until_s = stream, now_s + ACK_WAIT_S
+            self.requests += 1
+            return [self._request(stream)]
+        return []
+
+    def _request(self, stream: Stream) -> CommandLong:
+        interval_us = float(round(1e6 / stream.rate_hz))
+        params = (float(stream.message_id), interval_us, 0.0, 0.0, 0.0, 0.0, 0.0)
+        return CommandLong(
+            self._target_system, COMPONENT_AUTOPILOT, COMMAND_SET_MESSAGE_INTERVAL, 0, params
+        )
