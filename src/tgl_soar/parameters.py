@@ -116,7 +116,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         "Bandwidth with which fixes correct the predicted position.",
     ),
     Parameter(
-        "EST_VEL_BW", "Hz", 0.2, 50, 10.0,
+        "EST_VEL_BW", "Hz", 0.2, 50, 20.0,
         "Bandwidth with which measured velocities correct the predicted velocity.",
     ),
     Parameter(
