@@ -16,6 +16,7 @@ came, the answer to a TIMESYNC tells the simulator that all before it is done.
 
 from __future__ import annotations
 
+import argparse
 import os
 import select
 import signal
@@ -23,7 +24,7 @@ import struct
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import degrees, isfinite
 from pathlib import Path
@@ -60,7 +61,7 @@ from tgl_soar.link.messages import (
 from tgl_soar.link.parameters import ParameterServer
 from tgl_soar.link.session import Session
 from tgl_soar.link.telemetry import NamedValues, StatusTexts
-from tgl_soar.link.transport import LinkError, Transport, open_link
+from tgl_soar.link.transport import FORMS, LinkError, Transport, open_link
 from tgl_soar.parameters import ParameterSet
 from tgl_soar.types import Inputs, SurfaceCommand
 
@@ -397,6 +398,23 @@ def _telemetry_value(output: autopilot.Output, turn: int) -> float:
 
 
 # --- the process ------------------------------------------------------------------------------
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """`tgl-soar run`: the command line of `run`."""
+    parser = argparse.ArgumentParser(
+        prog="tgl-soar run", description="Fly: the module beside the autopilot."
+    )
+    add = parser.add_argument
+    add("--airframe", type=Path, required=True, help="airframe file, as config/airframes/*.toml")
+    add("--site", type=Path, required=True, help="site file, as config/sites/*.toml")
+    add("--link", required=True, help=FORMS)
+    add("--lockstep", action="store_true", help="tick with the simulator's clock, not our own")
+    add("--timeout", type=float, metavar="S", help="give up if no autopilot answers for so long")
+    given = parser.parse_args(arguments)
+    return run(
+        given.airframe, given.site, given.link, lockstep=given.lockstep, timeout_s=given.timeout
+    )
 
 
 def run(
