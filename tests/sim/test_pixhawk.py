@@ -13,8 +13,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config import Surface, Surfaces
 from tgl_soar.sim.channels import deflection_from_pwm, pwm_from_deflection
-from tgl_soar.sim.pixhawk import FBWA, GROUNDED, MANUAL, Pixhawk, Sensed
+from tgl_soar.sim.pixhawk import FBWA, MANUAL, Pixhawk, Sensed
 from tgl_soar.sim.routing import MAX_ROUTES, split_frames
+from tgl_soar.sim.sensors import NO_ATTITUDE, NO_FIX
 from tgl_soar.types import AttitudeSample, PositionFix, SurfaceCommand
 
 STEP_HZ = 200
@@ -733,6 +734,8 @@ def test_before_the_first_sample_no_sensor_stream_goes_out() -> None:
     pixhawk = make()
     companion(pixhawk).command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, ATTITUDE_QUATERNION, 5000)
     collect(pixhawk)
-    for _ in range(5):
-        pixhawk.step(GROUNDED)
+    for _ in range(STEP_HZ):
+        pixhawk.step(Sensed(NO_ATTITUDE, NO_FIX, 8.5, True))
     assert {m.get_type() for m in collect(pixhawk)[COMPANION]} == {"HEARTBEAT"}
+    companion(pixhawk).command(mavlink.MAV_CMD_REQUEST_MESSAGE, LOCAL_POSITION_NED)
+    assert ack(pixhawk) == mavlink.MAV_RESULT_FAILED

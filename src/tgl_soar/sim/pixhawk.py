@@ -367,6 +367,11 @@ class Pixhawk:
     def step(self, sensed: Sensed) -> None:
         """Advance by one step: failsafe, mode, servos, streams."""
         self.steps += 1
+        # Before the first sample there are numbers to show, but none that is streamed.
+        if sensed.attitude.sequence == 0:
+            sensed = sensed._replace(attitude=GROUNDED.attitude)
+        if sensed.position.sequence == 0:
+            sensed = sensed._replace(position=GROUNDED.position)
         if sensed.attitude.sequence != self._sensed.attitude.sequence:
             self._attitudes.append(sensed.attitude)
         self._sensed = sensed
@@ -627,7 +632,7 @@ class Pixhawk:
             mavlink.MAVLINK_MSG_ID_HEARTBEAT: self._heartbeat,
             mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: self._version,
         }.get(message_id)
-        if build is None:
+        if build is None or self._sequence(message_id) == 0:
             return int(mavlink.MAV_RESULT_FAILED)
         self._post(link, build())
         return int(mavlink.MAV_RESULT_ACCEPTED)
@@ -635,16 +640,11 @@ class Pixhawk:
     def _step_streams(self, link: _Link) -> None:
         """Send what is due.  A sample goes out once: where none is new, the stream waits for
         the next one, so that a stream at the sensor's own rate adds no delay of its own."""
-        step, sensed = self.steps, self._sensed
+        step = self.steps
         for message_id, stream in link.streams.items():
             if step < stream.due_at:
                 continue
-            if message_id in _ATTITUDE_STREAMS:
-                sequence = sensed.attitude.sequence
-            elif message_id in _POSITION_STREAMS:
-                sequence = sensed.position.sequence
-            else:
-                sequence = step
+            sequence = self._sequence(message_id)
             if sequence == stream.sent_sequence:
                 continue
             stream.sent_sequence = sequence
@@ -653,6 +653,14 @@ class Pixhawk:
             stream.due_at += (1 + (step - stream.due_at) // stream.interval_steps) * (
                 stream.interval_steps
             )
+
+    def _sequence(self, message_id: int) -> int:
+        """Which sample a message would carry now; 0: none has come yet."""
+        if message_id in _ATTITUDE_STREAMS:
+            return self._sensed.attitude.sequence
+        if message_id in _POSITION_STREAMS:
+            return self._sensed.position.sequence
+        return self.steps + 1
 
     def _step_parameter_list(self, link: _Link) -> None:
         for _ in range(min(_PARAMETERS_PER_STEP, len(link.parameters_to_send))):

@@ -54,7 +54,6 @@ from .servos import ServoParams, servo_params, servo_start, servo_step
 
 Outline = list[tuple[float, float]]
 
-JET_HALF_WIDTH_M: Final = 1.425  # of a square nozzle: sideways beyond this there is no jet
 _HILL_HALF_WIDTH_M: Final = 500.0
 
 
@@ -333,7 +332,9 @@ def ground_outline(air: Air) -> Outline | None:
 def _bounds(air: Air) -> Bounds | None:
     outline = ground_outline(air)
     if isinstance(air, JetAir):
-        return Bounds(outline or [], "board", 0.0, JET_HALF_WIDTH_M)
+        return Bounds(
+            outline or [], "board", 0.0, 0.5 * JetShape(radians(air.slope_deg)).jet_width_m
+        )
     if isinstance(air, HillAir):
         return Bounds(outline or [], "hill", 0.0, _HILL_HALF_WIDTH_M)
     return None

@@ -1,0 +1,464 @@
+"""The bridge: the simulation behind it, its lockstep, its sockets, its bad input."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from tgl_soar.config import Airframe, Site, load_airframe, load_site, shipped
+from tgl_soar.sim.bridge import LOG_COLUMNS, Options, Simulation, main
+from tgl_soar.sim.channels import LEAVE, ordered, pwm_from_deflection
+from tgl_soar.sim.pixhawk import FBWA, MANUAL
+from tgl_soar.sim.routing import split_frames
+
+AIRFRAME = shipped("airframes/eclipson_c.toml")
+SITE = shipped("sites/tunnel.toml")
+SURFACES = load_airframe(AIRFRAME).surfaces
+ATTITUDE_QUATERNION = mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION
+LOCAL_POSITION_NED = mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED
+COMPANION, GROUND = 1, 2
+
+
+@pytest.fixture(scope="module")
+def airframe() -> Airframe:
+    return load_airframe(AIRFRAME)
+
+
+@pytest.fixture(scope="module")
+def site() -> Site:
+    return load_site(SITE)
+
+
+class Companion:
+    """A scripted companion: asks for streams, then overrides the surfaces by the attitude."""
+
+    def __init__(self, answers: bool = True) -> None:
+        self.own = mavlink.MAVLink(None, 1, 191)
+        self.master = mavlink.MAVLink(None, 255, 191)
+        self.decoder = mavlink.MAVLink(None)
+        self.attitudes: list[Any] = []
+        self.answers = answers
+        self.flies = True
+        self._asked = False
+
+    def take(self, data: bytes) -> list[bytes]:
+        out = []
+        for frame in split_frames(self.decoder, data)[0]:
+            message = frame.message
+            kind = message.get_type()
+            if kind == "HEARTBEAT":
+                out.append(
+                    self._pack(self.own, mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3))
+                )
+                if not self._asked:
+                    self._asked = True
+                    out.append(self.ask(ATTITUDE_QUATERNION, 200))
+                    out.append(self.ask(LOCAL_POSITION_NED, 50))
+            elif kind == "ATTITUDE_QUATERNION":
+                self.attitudes.append(message)
+                if self.flies:
+                    out.append(
+                        self.override(1500 - round(200 * message.q3 + 20 * message.pitchspeed))
+                    )
+            elif kind == "TIMESYNC" and message.tc1 == 0 and self.answers:
+                out.append(self._pack(self.own, mavlink.MAVLink_timesync_message(1, message.ts1)))
+        return out
+
+    def ask(self, message_id: int, rate_hz: float) -> bytes:
+        message = mavlink.MAVLink_command_long_message(
+            1, 1, 511, 0, message_id, 1e6 / rate_hz, 0, 0, 0, 0, 0
+        )
+        return self._pack(self.own, message)
+
+    def override(self, elevator: float) -> bytes:
+        values = [LEAVE] * 8
+        for surface, deflection in zip(ordered(SURFACES), (elevator, 0.0, 0.0), strict=True):
+            values[surface.channel - 1] = pwm_from_deflection(surface, deflection)
+        return self._pack(self.master, mavlink.MAVLink_rc_channels_override_message(1, 1, *values))
+
+    def _pack(self, codec: mavlink.MAVLink, message: Any) -> bytes:
+        data = bytes(message.pack(codec))
+        codec.seq = (codec.seq + 1) % 256
+        return data
+
+
+# --- the simulation, without sockets -----------------------------------------------------------
+
+
+def simulate(
+    airframe: Airframe, site: Site, options: Options, seconds: float
+) -> tuple[Simulation, Companion, str, list[str]]:
+    """Flown by a scripted companion; the digest of all that went out, and the console."""
+    simulation = Simulation(airframe, site, options, Path())
+    simulation.pixhawk.add_link(COMPANION, ground=False)
+    simulation.pixhawk.add_link(GROUND, ground=True)
+    companion = Companion()
+    digest = hashlib.sha256()
+    events = []
+    for _ in range(round(seconds * options.step_hz)):
+        simulation.step()
+        events += simulation.take_events()
+        for link, data in simulation.pixhawk.take_datagrams():
+            digest.update(bytes([link]) + data)
+            if link == COMPANION:
+                for answer in companion.take(data):
+                    simulation.pixhawk.receive(COMPANION, answer)
+    simulation.close()
+    return simulation, companion, digest.hexdigest(), events
+
+
+@pytest.mark.parametrize("step_hz", [200, 400])
+def test_the_same_seed_gives_the_same_bytes(airframe: Airframe, site: Site, step_hz: int) -> None:
+    def digest(seed: int) -> str:
+        options = Options(seed=seed, turbulence=0.02, step_hz=step_hz)
+        return simulate(airframe, site, options, 3.0)[2]
+
+    assert digest(4) == digest(4)
+    assert digest(4) != digest(5)
+
+
+@pytest.mark.parametrize("step_hz", [200, 400])
+def test_the_streams_run_at_the_rate_that_was_asked_for(
+    airframe: Airframe, site: Site, step_hz: int
+) -> None:
+    options = Options(step_hz=step_hz)
+    simulation, companion, _, _ = simulate(airframe, site, options, 4.0)
+    assert simulation.world.steps == simulation.pixhawk.steps == 4 * step_hz
+    stamps = [message.time_boot_ms for message in companion.attitudes]
+    # Asked for after the first step: at 200 steps a second a sample has come by then.
+    assert len(stamps) == 4 * 200 - (step_hz == 200)
+    assert {b - a for a, b in pairwise(stamps)} == {5}
+
+
+def test_the_aircraft_is_held_until_the_first_override(airframe: Airframe, site: Site) -> None:
+    simulation = Simulation(airframe, site, Options(), Path())
+    simulation.pixhawk.add_link(COMPANION, ground=False)
+    companion = Companion()
+    for _ in range(100):
+        simulation.step()
+    assert not simulation.flying
+    assert simulation.world.truth.climb_mps == 0.0
+    simulation.pixhawk.receive(COMPANION, companion.override(0.0))
+    simulation.step()
+    simulation.step()
+    assert simulation.flying
+    assert any("launched" in event for event in simulation.take_events())
+
+
+def test_after_the_timeout_its_own_mode_takes_over_and_keeps_it_up(
+    airframe: Airframe, site: Site
+) -> None:
+    """kill -9 of the module, seen from the other end; then it is given back in flight."""
+    simulation = Simulation(airframe, site, Options(turbulence=0.01), Path())
+    simulation.pixhawk.add_link(COMPANION, ground=False)
+    companion = Companion()
+    simulation.pixhawk.receive(COMPANION, companion.override(0.0))
+    for _ in range(3 * 200 + 2):
+        simulation.step()
+    assert simulation.pixhawk.mode == FBWA
+    for _ in range(30 * 200):
+        simulation.step()
+    assert simulation.crashes == 0
+    place = simulation.world.truth
+    for _ in range(10 * 200):
+        simulation.step()
+    assert abs(simulation.world.truth.x_m - place.x_m) < 0.2  # the pilot holds it
+    simulation.pixhawk.set_mode(MANUAL, "test")
+    for _ in range(10 * 200):
+        simulation.step()
+    assert simulation.crashes == 0
+    assert abs(simulation.world.truth.x_m - place.x_m) < 0.3
+
+
+def test_without_a_pilot_an_attitude_is_held_but_no_place(airframe: Airframe, site: Site) -> None:
+    """No mode of a firmware keeps an aircraft without a propeller in the air of a jet."""
+    simulation = Simulation(airframe, site, Options(pilot=False), Path())
+    simulation.pixhawk.add_link(COMPANION, ground=False)
+    simulation.pixhawk.receive(COMPANION, Companion().override(0.0))
+    events = []
+    for _ in range(60 * 200):
+        simulation.step()
+        events += simulation.take_events()
+    assert simulation.crashes == 1
+    assert any(event.startswith("lost: ") for event in events)
+    assert any("carried back" in event for event in events)
+    assert not simulation.flying
+    assert simulation.pixhawk.mode == MANUAL
+
+
+def test_the_log_has_its_columns_its_rate_and_both_formats(
+    airframe: Airframe, site: Site, tmp_path: Path
+) -> None:
+    for name in ("truth.csv", "truth.npz"):
+        simulate(airframe, site, Options(log=tmp_path / name, uptime_s=7.0), 2.0)
+    lines = (tmp_path / "truth.csv").read_text().splitlines()
+    assert lines[0] == ",".join(LOG_COLUMNS)
+    table = np.array([[float(v) for v in line.split(",")] for line in lines[1:]])
+    assert table.shape == (101, len(LOG_COLUMNS))
+    assert table[:, 0] == pytest.approx(7.0 + np.arange(101) / 50)  # the autopilot's clock
+    with np.load(tmp_path / "truth.npz") as arrays:
+        for i, column in enumerate(LOG_COLUMNS):
+            assert arrays[column] == pytest.approx(table[:, i], rel=1e-8, abs=1e-12)
+
+
+def test_ground_stations_are_told_the_truth(airframe: Airframe, site: Site) -> None:
+    simulation = Simulation(airframe, site, Options(), Path())
+    simulation.pixhawk.add_link(GROUND, ground=True)
+    decoder = mavlink.MAVLink(None)
+    told: dict[str, list[float]] = {}
+    for _ in range(2 * 200):
+        simulation.step()
+        for _, data in simulation.pixhawk.take_datagrams():
+            for frame in split_frames(decoder, data)[0]:
+                if frame.message.get_type() == "NAMED_VALUE_FLOAT":
+                    told.setdefault(frame.message.name, []).append(frame.message.value)
+    assert set(told) == {"updraft", "sink", "true_x", "true_y", "true_z", "airspeed"}
+    assert {len(values) for values in told.values()} == {10}  # 5 Hz
+    assert told["true_x"][0] == pytest.approx(site.start.x_m if site.start else 0.0)
+
+
+# --- the process --------------------------------------------------------------------------------
+
+
+class UdpPeer(threading.Thread):
+    """A companion or a ground station on a real socket, in a thread of its own."""
+
+    def __init__(self, script: Companion) -> None:
+        super().__init__(daemon=True)
+        self.script = script
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.bind(("127.0.0.1", 0))
+        self.socket.settimeout(0.2)
+        self.address = f"127.0.0.1:{self.socket.getsockname()[1]}"
+        self.running = True
+        self.deaf = False
+        self.start()
+
+    def run(self) -> None:
+        while self.running:
+            try:
+                data, address = self.socket.recvfrom(4096)
+            except TimeoutError:
+                continue
+            except OSError:
+                return
+            if not self.deaf:
+                for answer in self.script.take(data):
+                    self.socket.sendto(answer, address)
+
+    def close(self) -> None:
+        self.running = False
+        self.join()
+        self.socket.close()
+
+
+@pytest.fixture
+def companion() -> Iterator[UdpPeer]:
+    peer = UdpPeer(Companion())
+    yield peer
+    peer.close()
+
+
+@pytest.fixture
+def station() -> Iterator[UdpPeer]:
+    peer = UdpPeer(Companion())
+    peer.script.flies = False
+    peer.script.own = mavlink.MAVLink(None, 254, 190)
+    peer.script._asked = True
+    yield peer
+    peer.close()
+
+
+def bridge_command(companion: str, gcs: str, *more: str) -> list[str]:
+    return [
+        *(sys.executable, "-m", "tgl_soar.sim.bridge"),
+        *("--airframe", str(AIRFRAME), "--site", str(SITE)),
+        *("--companion", companion, "--gcs", gcs),
+        *("--companion-local", "127.0.0.1:0", "--gcs-local", "127.0.0.1:0"),
+        *more,
+    ]
+
+
+def run_bridge(*command: str, timeout: float = 20.0) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)
+
+
+def test_lockstep_over_sockets_is_the_same_flight_twice(tmp_path: Path) -> None:
+    logs = []
+    for name in ("one.csv", "two.csv"):
+        companion, station = UdpPeer(Companion()), UdpPeer(Companion())
+        station.script.flies = False
+        station.script.own = mavlink.MAVLink(None, 254, 190)
+        station.script._asked = True
+        try:
+            done = run_bridge(
+                *bridge_command(companion.address, station.address),
+                *("--speed", "lockstep", "--lockstep-gcs", "--duration", "3", "--seed", "9"),
+                *("--turbulence", "0.02", "--log", str(tmp_path / name)),
+            )
+        finally:
+            companion.close()
+            station.close()
+        assert done.returncode == 0, done.stderr
+        assert "600 steps, 3.000 s simulated" in done.stdout
+        # Asked for before time began; one sample is always still under way.
+        assert len(companion.script.attitudes) == 600
+        assert "600 accepted, 0 refused, 0 timed out" in done.stdout
+        logs.append((tmp_path / name).read_bytes())
+    assert logs[0] == logs[1]
+
+
+def test_a_companion_that_dies_does_not_hang_the_bridge_and_may_return(
+    companion: UdpPeer, station: UdpPeer
+) -> None:
+    command = bridge_command(
+        *(companion.address, station.address, "--speed", "lockstep", "--patience", "0.3"),
+        *("--autopilot-parameter", "RC_OVERRIDE_TIME=0.5"),
+    )
+    with Console(command) as console:
+        wait_for(lambda: len(companion.script.attitudes) > 200)
+        companion.deaf = True
+        console.wait_for("silent for 0.3 s")
+        console.wait_for("overrides timed out after 0.5 s")
+        console.wait_for("mode FBWA")
+        companion.deaf = False
+        console.wait_for("is back")
+        count = len(companion.script.attitudes)
+        wait_for(lambda: len(companion.script.attitudes) > count + 400)
+    assert console.process.returncode == 0  # ended by SIGTERM, with its summary
+    assert "x real time" in console.text()
+
+
+class Console:
+    """A process whose output is read as it comes; asked to end at the end of the block."""
+
+    def __init__(self, command: list[str]) -> None:
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        self._lines: list[str] = []
+        self._reader = threading.Thread(target=self._read, daemon=True)
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self._lines.append(line)
+
+    def text(self) -> str:
+        return "".join(self._lines)
+
+    def wait_for(self, words: str) -> None:
+        try:
+            wait_for(lambda: words in self.text())
+        except AssertionError:
+            raise AssertionError(f"never said {words!r}:\n{self.text()}") from None
+
+    def __enter__(self) -> Console:
+        self._reader.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.process.send_signal(signal.SIGTERM)
+        try:
+            self.process.wait(timeout=10.0)
+        finally:
+            self.process.kill()
+            self._reader.join()
+
+
+def wait_for(condition: Callable[[], bool], seconds: float = 15.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.01)
+
+
+def test_real_time_keeps_time_and_answers_strangers(
+    companion: UdpPeer, station: UdpPeer, tmp_path: Path
+) -> None:
+    begun = time.monotonic()
+    done = run_bridge(
+        *bridge_command(companion.address, station.address, "--duration", "1.5"),
+        *("--log", str(tmp_path / "truth.npz")),
+    )
+    assert done.returncode == 0, done.stderr
+    assert time.monotonic() - begun >= 1.5
+    assert "300 steps, 1.500 s simulated" in done.stdout
+    assert len(companion.script.attitudes) > 250
+    with np.load(tmp_path / "truth.npz") as arrays:
+        assert arrays["time_s"][-1] == 1.5
+
+
+def test_who_is_missing_is_named(tmp_path: Path) -> None:
+    done = run_bridge(
+        *bridge_command("127.0.0.1:9", "127.0.0.1:10", "--speed", "lockstep", "--lockstep-gcs"),
+        *("--start-timeout", "2.3", "--log", str(tmp_path / "log.csv")),
+    )
+    assert done.returncode == 3
+    assert "waiting for the first heartbeat of the companion at 127.0.0.1:9" in done.stdout
+    assert "no heartbeat from the companion at 127.0.0.1:9 or the ground" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_port_in_use_is_named_with_its_option(capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        arguments = bridge_command("127.0.0.1:9", "127.0.0.1:10")[3:]
+        for option in ("--gcs-local", "--companion-local"):
+            assert main([*arguments, option, f"127.0.0.1:{port}"]) == 2
+            message = capsys.readouterr().err
+            assert f"{option} 127.0.0.1:{port}" in message
+            assert "in use" in message
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--turbulence", "nan"], "from 0 to 0.5"),
+        (["--turbulence", "3"], "from 0 to 0.5"),
+        (["--gcs", "14550"], "HOST:PORT"),
+        (["--seed", "-1"], "a whole number"),
+        (["--duration", "soon"], "'soon': a number"),
+        (["--step-rate", "150"], "150"),
+        (["--autopilot-parameter", "SYSID_MYGCS"], "NAME=NUMBER"),
+        (["--autopilot-parameter", "NONSENSE=1"], "no such parameter"),
+        (["--airframe", "/nowhere.toml"], "/nowhere.toml: cannot be read"),
+        (["--log", "/proc/nowhere/log.csv"], "--log /proc/nowhere/log.csv"),
+    ],
+)
+def test_wrong_arguments_are_named_and_end_with_2(
+    arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT)
+    base = bridge_command("127.0.0.1:9", "127.0.0.1:10")[3:]
+    try:
+        code = main([*base, "--duration", "0", *arguments])
+    except SystemExit as end:
+        code = end.code if isinstance(end.code, int) else -1
+    finally:
+        signal.signal(signal.SIGTERM, before[0])
+        signal.signal(signal.SIGINT, before[1])
+    assert code == 2
+    assert words in capsys.readouterr().err
+
+
+def test_the_tool_is_the_same_program() -> None:
+    tool = Path(__file__).parents[2] / "tools" / "sitl_bridge.py"
+    if not tool.exists():
+        pytest.skip("tools/ is not part of an installed package")
+    done = run_bridge(sys.executable, os.fspath(tool), "--help")
+    assert done.returncode == 0
+    assert "--companion" in done.stdout

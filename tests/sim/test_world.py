@@ -1,0 +1,232 @@
+"""The world as a whole: its steps, its randomness, its edges."""
+
+from __future__ import annotations
+
+from math import cos, degrees, isfinite, radians, sin
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from tgl_soar.config import (
+    Airframe,
+    ConfigError,
+    GridAir,
+    HillAir,
+    JetAir,
+    Place,
+    Site,
+    Start,
+    load_airframe,
+    shipped,
+)
+from tgl_soar.geometry import euler_from_quaternion, soaring_from_ned
+from tgl_soar.sim.sensors import AttitudeParams, PositionParams
+from tgl_soar.sim.world import Air, Truth, World, build_field, ground_outline, make_world
+from tgl_soar.types import AttitudeSample, PositionFix, SurfaceCommand
+
+JET = JetAir(wind_mps=8.5, slope_deg=23.0)
+PERFECT_POSITION = PositionParams(100.0, 0.0, 0.0, 0.0, 0.0, True)
+PERFECT_ATTITUDE = AttitudeParams(200.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.fixture(scope="module")
+def airframe() -> Airframe:
+    return load_airframe(shipped("airframes/eclipson_c.toml"))
+
+
+def site(air: Air | None = JET, *, x_m: float = 1.3, z_m: float = 1.55) -> Site:
+    place = Place(
+        name="test", origin_north_m=10.0, origin_east_m=-5.0, origin_down_m=2.0, wind_from_deg=70.0
+    )
+    return Site(site=place, air=air, start=Start(x_m=x_m, z_m=z_m))
+
+
+def trimmed(world: World) -> SurfaceCommand:
+    return SurfaceCommand(world.trim.elevator, 0.0, 0.0)
+
+
+def test_the_steps_are_the_time_and_every_sensor_has_its_rate(airframe: Airframe) -> None:
+    world = make_world(airframe, site())
+    attitudes: list[AttitudeSample] = []
+    fixes: list[PositionFix] = []
+    world.held = True
+    for _ in range(3 * world.step_hz):
+        world.step(trimmed(world))
+        attitude, fix = world.poll_attitude(), world.poll_position()
+        attitudes += [attitude] if attitude is not None else []
+        fixes += [fix] if fix is not None else []
+        assert world.poll_attitude() is None
+        assert world.poll_position() is None
+    assert world.steps == 600
+    assert world.time_s == pytest.approx(3.0, abs=1e-12)
+    # Delivered after the delay: those taken in the last moments are still under way.
+    assert len(attitudes) == 600  # 200 Hz, one step late
+    assert len(fixes) == 150 - 2 + 1  # 50 Hz, taken from 0 to 2.96 s
+    assert [a.sequence for a in attitudes] == list(range(1, 601))
+    assert attitudes[-1].time_s == pytest.approx(3.0 - 0.005)
+    assert fixes[-1].time_s == pytest.approx(2.96)
+
+
+def fly(world: World, seconds: float) -> list[Truth]:
+    path = []
+    for i in range(round(seconds * world.step_hz)):
+        world.step(SurfaceCommand(world.trim.elevator, 0.01 * (i % 7), -0.02 * (i % 5)))
+        path.append(world.truth)
+    return path
+
+
+def test_the_same_seed_is_the_same_flight_to_the_last_bit(airframe: Airframe) -> None:
+    one, two, other = (
+        make_world(airframe, site(), seed=seed, turbulence=0.03) for seed in (5, 5, 6)
+    )
+    assert fly(one, 2.0) == fly(two, 2.0)
+    assert one.position == two.position
+    assert one.attitude == two.attitude
+    assert fly(other, 2.0) != fly(two, 2.0)
+
+
+def test_turbulence_is_a_fraction_of_the_reference_wind(airframe: Airframe) -> None:
+    """The standard deviation of 10 minutes of the updraft at one place, within 10 %."""
+    world = make_world(airframe, site(), turbulence=0.03)
+    world.held = True
+    updraft = []
+    for _ in range(600 * world.step_hz):
+        world.step(trimmed(world))
+        updraft.append(world.wind[2])
+    mean = sum(updraft) / len(updraft)
+    deviation = (sum((u - mean) ** 2 for u in updraft) / len(updraft)) ** 0.5
+    assert deviation == pytest.approx(0.03 * 8.5, rel=0.1)
+
+
+def test_a_held_aircraft_stays_and_its_sensors_go_on(airframe: Airframe) -> None:
+    world = make_world(airframe, site())
+    world.held = True
+    before = world.truth
+    for _ in range(100):
+        world.step(SurfaceCommand(1.0, 0.5, -0.5))
+    after = world.truth
+    assert (after.x_m, after.z_m, after.pitch_rad) == (before.x_m, before.z_m, before.pitch_rad)
+    assert after.climb_mps == 0.0
+    assert after.airspeed_mps > 8.0  # in the wind
+    assert after.elevator == pytest.approx(1.0, abs=1e-3)  # the servos are alive
+    assert world.attitude.sequence == 100
+    world.held = False
+    world.step(trimmed(world))
+    assert world.truth.climb_mps != 0.0
+
+
+def test_the_start_is_at_rest_upwind_and_not_stalled(airframe: Airframe) -> None:
+    for height in (1.2, 1.55, 2.5):
+        truth = make_world(airframe, site(z_m=height)).truth
+        assert (truth.x_m, truth.y_m, truth.z_m) == (1.3, 0.0, height)
+        assert truth.velocity_x_mps == truth.velocity_y_mps == truth.climb_mps == 0.0
+        assert truth.heading_rad == 0.0
+        assert truth.alpha_rad < radians(15.0)
+
+
+def test_in_calm_air_at_the_right_place_the_start_is_an_equilibrium(airframe: Airframe) -> None:
+    """Where updraft equals the trimmed sink nothing accelerates."""
+    low, high = 1.55, 3.4
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        world = make_world(airframe, site(z_m=middle))
+        if world.wind[2] > world.trim.sink_mps:
+            low = middle
+        else:
+            high = middle
+    world = make_world(airframe, site(z_m=low))
+    world.step(trimmed(world))
+    truth = world.truth
+    acceleration = (truth.velocity_x_mps**2 + truth.climb_mps**2) ** 0.5 * world.step_hz
+    assert acceleration < 0.01
+
+
+def test_samples_are_in_local_ned(airframe: Airframe) -> None:
+    """The frame is moved and turned by 70°: the sensors' answers lead back to the truth."""
+    where = site()
+    world = make_world(
+        airframe, where, position=PERFECT_POSITION, attitude=PERFECT_ATTITUDE, turbulence=0.03
+    )
+    fly(world, 0.5)
+    truth, fix, attitude = world.truth, world.position, world.attitude
+    assert fix.time_s == attitude.time_s == world.time_s
+    place = soaring_from_ned(where.frame(), fix.north_m, fix.east_m, fix.down_m)
+    assert place == pytest.approx((truth.x_m, truth.y_m, truth.z_m), abs=1e-9)
+    roll, pitch, yaw = euler_from_quaternion(*attitude[2:6])
+    assert (roll, pitch) == pytest.approx((truth.roll_rad, truth.pitch_rad), abs=1e-9)
+    assert degrees(yaw - truth.heading_rad) == pytest.approx(70.0, abs=1e-6)
+    upwind = -cos(radians(70.0)), -sin(radians(70.0))
+    along = fix.velocity_north_mps * upwind[0] + fix.velocity_east_mps * upwind[1]
+    assert along == pytest.approx(truth.velocity_x_mps, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("command", "x_m", "z_m", "words"),
+    [
+        (SurfaceCommand(-1.0, 0.0, 0.0), 1.3, 1.2, "hit the board"),
+        (SurfaceCommand(-1.0, 0.0, 0.0), -1.0, 0.8, "hit the ground"),
+        (SurfaceCommand(0.0, 0.3, 0.3), 1.3, 2.5, "left the air sideways"),
+        (SurfaceCommand(0.3, 0.0, 0.0), 0.0, 3.5, "left the air that"),
+    ],
+)
+def test_the_end_of_a_flight_is_named(
+    airframe: Airframe, command: SurfaceCommand, x_m: float, z_m: float, words: str
+) -> None:
+    world = make_world(airframe, site(x_m=x_m, z_m=z_m))
+    for _ in range(20 * world.step_hz):
+        world.step(command)
+        if world.crashed:
+            break
+    assert words in world.crashed
+    lying = world.truth
+    world.step(command)
+    assert world.truth[1:7] == lying[1:7]
+    assert lying.climb_mps == 0.0
+    world.relaunch()
+    assert not world.crashed
+    assert world.truth.x_m == x_m
+    world.step(trimmed(world))
+    assert all(isfinite(value) for value in world.truth)
+
+
+def test_the_hill_flies_too(airframe: Airframe) -> None:
+    air = HillAir(wind_mps=9.0, radius_m=30.0)
+    world = make_world(airframe, site(air, x_m=-20.0, z_m=35.0))
+    fly(world, 1.0)
+    assert not world.crashed
+    for _ in range(60 * world.step_hz):
+        world.step(SurfaceCommand(-0.5, 0.0, 0.0))
+        if world.crashed:
+            break
+    assert "hit the" in world.crashed
+
+
+def test_outlines_bound_the_solid() -> None:
+    for air in (JET, HillAir(wind_mps=9.0, radius_m=30.0)):
+        outline = ground_outline(air)
+        assert outline is not None
+        field = build_field(air)
+        centre = (
+            sum(x for x, _ in outline) / len(outline),
+            sum(z for _, z in outline) / len(outline),
+        )
+        for x, z in outline[1:2]:
+            inward = x + 0.02 * (centre[0] - x), z + 0.02 * (centre[1] - z)
+            outward = x - 0.02 * (centre[0] - x), z - 0.02 * (centre[1] - z)
+            assert not field.inside(inward[0], 0.0, inward[1])
+            assert field.inside(outward[0], 0.0, outward[1])
+
+
+def test_what_cannot_be_flown_in_is_named(airframe: Airframe, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"no \[air\] table"):
+        make_world(airframe, site(None))
+    with pytest.raises(ConfigError, match=r"no \[start\] table"):
+        make_world(airframe, msgspec.structs.replace(site(), start=None))
+    with pytest.raises(ConfigError, match=r"start at x 1\.3.*in the ground"):
+        make_world(airframe, site(z_m=0.2))
+    with pytest.raises(ConfigError, match=r"air\.file = .*wind\.csv"):
+        make_world(airframe, site(GridAir(file="wind.csv", wind_mps=8.5)), folder=tmp_path)
+    broken = msgspec.structs.replace(airframe, model={**airframe.model, "CL_alpha": -1.0})
+    with pytest.raises(ConfigError, match="CL_alpha"):
+        make_world(broken, site())
