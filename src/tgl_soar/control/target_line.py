@@ -18,7 +18,7 @@ throws the aircraft off.  Its motion, seen at the aircraft, is
     turning     at up to turn_rate about the point of the line nearest the aircraft, so that
                 turning alone moves the line by nothing there
     sliding     along n by the distance between the two lines at the aircraft, at up to
-                speed, with limited acceleration, braking in time: v² <= 2 a |distance|
+                speed, with limited acceleration a, braking in time: v² + a v dt <= 2 a |distance|
 """
 
 from __future__ import annotations
@@ -95,10 +95,13 @@ def line_step(
     eta = state.eta_rad + max(-turn_most, min(turn_most, turn))
 
     to_go = across - e_rho(target.x_m, target.z_m, target.eta_rad, x_m, z_m)
-    wanted = min(limits.speed_mps, sqrt(2.0 * limits.acceleration_mps2 * abs(to_go)))
+    change = limits.acceleration_mps2 * dt_s
+    # Braking in steps of dt, v dt + (v - a dt) dt + … = v² / 2a + v dt / 2: solved for v.
+    half = 0.5 * change
+    brakes = sqrt(half * half + 2.0 * limits.acceleration_mps2 * abs(to_go)) - half
+    wanted = min(limits.speed_mps, brakes)
     if to_go < 0.0:
         wanted = -wanted
-    change = limits.acceleration_mps2 * dt_s
     speed = state.speed_mps + max(-change, min(change, wanted - state.speed_mps))
 
     last_move = min(limits.speed_mps, max(abs(speed), change)) * dt_s
