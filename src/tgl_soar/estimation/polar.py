@@ -24,6 +24,7 @@ positive. Outside its range it is not a number (`types.polar_sink`).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from math import isfinite, nan, sqrt
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -63,7 +64,7 @@ class PolarFit(NamedTuple):
     covariance: _Band  # 4 × 4, of the coefficients in powers of the scaled speed
 
 
-class Glide(NamedTuple):
+class GlideStretch(NamedTuple):
     """One stretch of steady gliding."""
 
     pitch_rad: float
@@ -82,12 +83,12 @@ def fit_polar(speed_mps: Sequence[float], sink_mps: Sequence[float]) -> PolarFit
 
     speed, sink = _checked(speed_mps, sink_mps)
     distinct = _distinct(speed)
-    slowest, fastest = float(speed.min()), float(speed.max())
     if distinct < FEWEST_SPEEDS:
         raise ValueError(
             f"polar: {distinct} distinct speeds ({SAME_SPEED_MPS} m/s apart) from {len(speed)}"
             f" glides; a cubic needs at least {FEWEST_SPEEDS}: glide at more pitch attitudes"
         )
+    slowest, fastest = float(speed.min()), float(speed.max())
     if fastest < NARROWEST_SPAN * slowest:
         raise ValueError(
             f"polar: all speeds lie between {slowest:.2f} and {fastest:.2f} m/s; the fastest must"
@@ -155,6 +156,7 @@ def sink_band(fit: PolarFit, speed_mps: float, confidence: float = 0.95) -> tupl
     return middle - half, middle + half
 
 
+@lru_cache(maxsize=64)
 def student_t(confidence: float, degrees_of_freedom: int) -> float:
     """The t with P(|T| <= t) = confidence, to about 1e-4 of itself up to a confidence of 0.999.
 
@@ -185,7 +187,7 @@ def glides_from_log(
     window_s: float = 2.0,
     pitch_spread_rad: float = 0.01,
     speed_change_mps2: float = 0.2,
-) -> tuple[Glide, ...]:
+) -> tuple[GlideStretch, ...]:
     """Steady glides in a log of still air: time, pitch, horizontal airspeed and climb (up > 0).
 
     The log is cut into windows of `window_s`. A window counts where pitch keeps within
@@ -229,7 +231,7 @@ def glides_from_log(
             continue
         mean_path = float(path[rows].mean())
         glides.append(
-            Glide(
+            GlideStretch(
                 float(pitch[rows].mean()),
                 float(speed[rows].mean()),
                 float(-climb[rows].mean()) - mean_path * change / GRAVITY_MPS2,
