@@ -64,6 +64,8 @@ def draw_plane(
 
     x, z = np.meshgrid(np.linspace(*x_range, 220), np.linspace(*z_range, 160))
     _, _, updraft = field.wind(x, np.zeros_like(x), z)
+    described = np.vectorize(field.inside, otypes=[bool])(x, 0.0, z)
+    updraft = np.where(described, updraft, np.nan)
 
     figure, axes = plt.subplots(figsize=(9.0, 6.2), layout="constrained")
     shades = axes.contourf(x, z, updraft, levels=16, cmap="Greys", alpha=0.75)

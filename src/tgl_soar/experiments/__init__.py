@@ -1,0 +1,1 @@
+"""Scenarios, and the paper's experiments flown in simulation."""

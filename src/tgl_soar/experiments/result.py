@@ -1,0 +1,126 @@
+"""What an experiment says: claims held against measurements, tables, numbers, figures."""
+
+from __future__ import annotations
+
+import platform
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+import tgl_soar
+
+Verdict = Literal["agrees", "agrees in part", "differs"]
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One thing that the paper reports or explains, and whether the simulation bears it out."""
+
+    text: str
+    holds: bool
+    measured: str
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of words and numbers, ready to print."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
+class Result:
+    """One experiment."""
+
+    name: str
+    title: str
+    flown: str  # what was done, in a sentence or two
+    claims: tuple[Claim, ...]
+    why: str  # where simulation and explanation part, and why; "" where they do not
+    tables: tuple[Table, ...]
+    numbers: dict[str, Any]
+    figures: tuple[str, ...] = ()  # file names
+    scenarios: tuple[str, ...] = ()
+    seeds: tuple[int, ...] = ()
+    seconds: float = field(default=0.0, compare=False)  # wall clock
+
+    @property
+    def verdict(self) -> Verdict:
+        """All claims hold, some, or none."""
+        held = [claim.holds for claim in self.claims]
+        if all(held):
+            return "agrees"
+        return "agrees in part" if any(held) else "differs"
+
+
+def versions() -> dict[str, str]:
+    """What the numbers were made with."""
+    return {
+        "tgl_soar": tgl_soar.__version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "machine": platform.machine(),
+    }
+
+
+def as_json(result: Result) -> dict[str, Any]:
+    """Everything about a result, for a JSON file."""
+    return {
+        "name": result.name,
+        "title": result.title,
+        "flown": result.flown,
+        "verdict": result.verdict,
+        "claims": [
+            {"text": c.text, "holds": c.holds, "measured": c.measured} for c in result.claims
+        ],
+        "why": result.why,
+        "numbers": plain(result.numbers),
+        "scenarios": list(result.scenarios),
+        "seeds": list(result.seeds),
+        "versions": versions(),
+    }
+
+
+def plain(value: Any) -> Any:
+    """Numbers of numpy as Python's, NaN and infinities as null: what JSON can hold."""
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, np.bool_):
+        return bool(value)
+    if isinstance(value, np.integer):
+        return int(value)
+    if isinstance(value, float | np.floating):
+        number = float(value)
+        return round(number, 6) if np.isfinite(number) else None
+    return value
+
+
+def as_markdown(result: Result, images: str) -> str:
+    """The experiment's section of docs/experiments.md; images: the folder, as the page sees it."""
+    lines = [f"## `{result.name}`: {result.title}", "", result.flown, ""]
+    for table in result.tables:
+        if table.title:
+            lines += [f"**{table.title}**", ""]
+        lines.append("| " + " | ".join(table.columns) + " |")
+        lines.append("|" + "---|" * len(table.columns))
+        lines += ["| " + " | ".join(row) + " |" for row in table.rows]
+        lines.append("")
+    for figure in result.figures:
+        lines += [f"![{result.title}]({images}/{figure})", ""]
+    lines += [f"**Verdict: {result.verdict}.**", ""]
+    for claim in result.claims:
+        lines.append(f"- {'✓' if claim.holds else '✗'} {claim.text}: {claim.measured}.")
+    if result.why:
+        lines += ["", result.why]
+    if result.scenarios:
+        seeds = ", ".join(str(seed) for seed in result.seeds)
+        files = ", ".join(f"`config/scenarios/{name}.toml`" for name in result.scenarios)
+        lines += ["", f"Scenario: {files}. Seeds: {seeds}."]
+    return "\n".join(lines) + "\n"
