@@ -24,7 +24,7 @@ ln k / (its thickness), as it must between two pressures.
 
 from __future__ import annotations
 
-from math import log, pi
+from math import log, pi, tan
 from typing import NamedTuple
 
 import numpy as np
@@ -163,26 +163,17 @@ class FreeJetMap:
         psi = pi * (0.5 - 0.5 * np.cos(np.linspace(0.0, pi, 60)))
         psi = np.clip(psi, *self.BAND)
         self.chi: ComplexArray = phi[:, None] + 1j * psi[None, :]
-        across = np.cumsum(advance(jet, self.chi[0, :-1], self.chi[0, 1:]))
-        along = np.cumsum(advance(jet, self.chi[:-1], self.chi[1:]), axis=0)
-        place = np.zeros_like(self.chi)
-        place[0, 1:] = across
-        place[1:] = place[0][None, :] + along
-        # The foot is where t = 1 on the lowest line; that line runs along the floor before.
-        foot_x = np.interp(0.0, phi, place[:, 0].real)
-        self.place: ComplexArray = place - foot_x - 1j * place[0, 0].imag
-
-    @property
-    def upper_edge(self) -> ComplexArray:
-        """Places on the free streamline from the lip, in order downstream."""
-        edge = self.place[:, -1]
-        return edge[self.chi[:, -1].real >= log(self.jet.lip)]
-
-    @property
-    def lower_edge(self) -> ComplexArray:
-        """Places on the free streamline from the tip, in order downstream."""
-        edge = self.place[:, 0]
-        return edge[self.chi[:, 0].real >= log(self.jet.tip)]
+        # From the middle line outwards, so that no integral runs past a corner at the border.
+        rows = self.chi
+        half = rows.shape[1] // 2
+        spine = np.concatenate([[0.0], np.cumsum(advance(jet, rows[:-1, half], rows[1:, half]))])
+        step = advance(jet, rows[:, :-1], rows[:, 1:])
+        outwards = np.concatenate([np.zeros((len(phi), 1)), np.cumsum(step, axis=1)], axis=1)
+        place = spine[:, None] + outwards - outwards[:, half : half + 1]
+        # The lowest line rounds the corner at the foot; its straight parts meet there.
+        place -= 1j * place[0, 0].imag
+        middle = place[int(np.searchsorted(phi, 0.5 * log(jet.tip))), 0]
+        self.place: ComplexArray = place - (middle.real - middle.imag / tan(jet.slope_rad))
 
     def locate(self, x_m: FloatArray, z_m: FloatArray) -> ComplexArray:
         """χ at places (any shape); a place outside the jet gets that of its nearest edge."""
