@@ -126,7 +126,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     # --- when to let go ------------------------------------------------------------------
     Parameter("AGE_POS_HOLD", "s", 0.05, 2, 0.25, "Position older than this: hold the pitch."),
     Parameter("AGE_POS_MAX", "s", 0.1, 5, 1.5, "Position older than this: let go."),
-    Parameter("AGE_ATT_MAX", "s", 0.02, 1, 0.15, "Attitude older than this: let go."),
+    Parameter("AGE_ATT_MAX", "s", 0.02, 1, 0.3, "Attitude older than this: let go."),
     Parameter("AGE_AP_MAX", "s", 1, 10, 3.0, "Autopilot's heartbeat older than this: let go."),
     Parameter("CAPTURE_MAX", "m", 0.1, 10, 1.5, "|e_rho| beyond this while flying: let go."),
     Parameter("TILT_MAX", "deg", 20, 80, 60.0, "Roll or pitch beyond this: let go."),

@@ -9,6 +9,7 @@ from tgl_soar.types import Health, Inputs
 from .motion import FUTURE_S, MotionState
 
 INFINITE = float("inf")
+HEARTBEAT_FUTURE_S = 1.0  # between two of them
 
 
 class HealthLimits(NamedTuple):
@@ -23,10 +24,11 @@ def judge(limits: HealthLimits, motion: MotionState, inputs: Inputs) -> Health:
     """Ages at inputs.time_s, against their limits; what never came is infinitely old.
 
     So is what lies in the future: the clock has gone back, and nobody knows how old it is.
+    A heartbeat is stamped when it arrives, which may be well after the tick's own time.
     """
-    position_age = _age(inputs.time_s, motion.fix_time_s)
-    attitude_age = _age(inputs.time_s, motion.attitude_time_s)
-    heartbeat_age = _age(inputs.time_s, inputs.autopilot.time_s)
+    position_age = _age(inputs.time_s, motion.fix_time_s, FUTURE_S)
+    attitude_age = _age(inputs.time_s, motion.attitude_time_s, FUTURE_S)
+    heartbeat_age = _age(inputs.time_s, inputs.autopilot.time_s, HEARTBEAT_FUTURE_S)
     return Health(
         position_age,
         attitude_age,
@@ -38,7 +40,7 @@ def judge(limits: HealthLimits, motion: MotionState, inputs: Inputs) -> Health:
     )
 
 
-def _age(now_s: float, then_s: float) -> float:
-    # The comparison is the estimator's own, so that what it takes is never refused here; it is
-    # false for NaN: it never came.
-    return now_s - then_s if then_s <= now_s + FUTURE_S else INFINITE
+def _age(now_s: float, then_s: float, future_s: float) -> float:
+    # For samples the comparison is the estimator's own, so that what it takes is never refused
+    # here; it is false for NaN: it never came.
+    return now_s - then_s if then_s <= now_s + future_s else INFINITE

@@ -94,9 +94,16 @@ class Operator:
                 if message.tc1 == 0:
                     self._pack(self._codec.timesync_encode(message.ts1, message.ts1))
             elif kind == "STATUSTEXT":
-                self.seen.texts.append(str(message.text))
+                self._take_text(str(message.text), message.id, message.chunk_seq)
             else:
                 self._from_vehicle(kind, message)
+
+    def _take_text(self, text: str, number: int, chunk: int) -> None:
+        """A text, or one more piece of a long one."""
+        if number and chunk and self.seen.texts:
+            self.seen.texts[-1] += text
+        else:
+            self.seen.texts.append(text)
 
     def _from_vehicle(self, kind: str, message: Any) -> None:
         source = (message.get_srcSystem(), message.get_srcComponent())

@@ -59,6 +59,7 @@ class SitlOptions:
     seed: int = 1
     turbulence: float | None = None  # fraction of the reference wind; None: the site's
     realtime: bool = False
+    # Real time alone is open to others, on the ports that the firmwares' simulators have.
     gcs: str = "127.0.0.1:14550"
     companion: str = "127.0.0.1:14540"
 
@@ -117,8 +118,9 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> Flight:
     operator = Operator(legs, airframe.autopilot.system_id, airframe.autopilot.component_id)
     processes = _Processes(options.out)
     try:
-        processes.start("bridge", _bridge_command(options, truth_file, own_address))
-        processes.start("module", _module_command(options))
+        companion = options.companion if options.realtime else _free_address()
+        processes.start("bridge", _bridge_command(options, truth_file, own_address, companion))
+        processes.start("module", _module_command(options, companion))
         _operate(operator, ground_station, processes, progress)
     except OperatorError as error:
         raise SitlError(f"{error}\n{processes.last_words()}") from None
@@ -163,11 +165,20 @@ def passed(flight: Flight) -> bool:
     return all(score.settled for score in flight.scores)
 
 
-def _bridge_command(options: SitlOptions, truth_file: Path, operator: str) -> list[str]:
+def _free_address() -> str:
+    """A UDP port on the loopback interface that nobody has."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"127.0.0.1:{probe.getsockname()[1]}"
+
+
+def _bridge_command(
+    options: SitlOptions, truth_file: Path, operator: str, companion: str
+) -> list[str]:
     command = [
         *(sys.executable, "-m", "tgl_soar.sim.bridge"),
         *("--airframe", str(options.airframe), "--site", str(options.site)),
-        *("--companion", options.companion, "--gcs", operator),
+        *("--companion", companion, "--gcs", operator),
         *("--seed", str(options.seed), "--log", str(truth_file)),
         *("--speed", "realtime" if options.realtime else "lockstep"),
     ]
@@ -176,15 +187,16 @@ def _bridge_command(options: SitlOptions, truth_file: Path, operator: str) -> li
     if options.realtime:
         command += ["--gcs", options.gcs]
     else:
-        command += ["--lockstep-gcs"]
+        anywhere = "127.0.0.1:0"
+        command += ["--lockstep-gcs", "--gcs-local", anywhere, "--companion-local", anywhere]
     return command
 
 
-def _module_command(options: SitlOptions) -> list[str]:
+def _module_command(options: SitlOptions, companion: str) -> list[str]:
     command = [
         *(sys.executable, "-m", "tgl_soar.cli", "run"),
         *("--airframe", str(options.airframe), "--site", str(options.site)),
-        *("--link", f"udp:{options.companion}"),
+        *("--link", f"udp:{companion}"),
     ]
     return command if options.realtime else [*command, "--lockstep"]
 

@@ -1,0 +1,194 @@
+"""The flight between real processes over real sockets, as `make run` flies it."""
+
+from __future__ import annotations
+
+import csv
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from tgl_soar.config import shipped
+from tgl_soar.sim.sitl import SitlError, SitlOptions, fly, passed
+
+AIRFRAME = shipped("airframes/eclipson_c.toml")
+SITE = shipped("sites/tunnel.toml")
+MANUAL, FBWA = 0, 5  # ArduPlane's custom modes
+STANDBY_MODE, SOARING = 0.0, 2.0  # the module's
+
+
+def options(out: Path, **changes: Any) -> SitlOptions:
+    return SitlOptions(**{"airframe": AIRFRAME, "site": SITE, "out": out, **changes})
+
+
+def quietly(_operator: object) -> None:
+    return None
+
+
+def test_three_legs_in_calm_air(tmp_path: Path) -> None:
+    """The numbers that the issue of the first flight asks for, through every process."""
+    flight = fly(options(tmp_path), quietly)
+    assert passed(flight)
+    assert [score.name for score in flight.scores] == ["a", "b", "c"]
+    for score in flight.scores:
+        assert score.settling_s <= 3.0
+        assert score.crossing_m <= 0.05
+    assert (tmp_path / "summary.json").exists()
+
+
+def test_the_same_seed_flies_the_same_flight_bit_for_bit(tmp_path: Path) -> None:
+    """Lockstep: three processes, no dependence on how fast any of them is."""
+    logs = []
+    for name in ("first", "second"):
+        fly(options(tmp_path / name, legs=("a",), stay_s=3.0, turbulence=0.03), quietly)
+        logs.append((tmp_path / name / "truth.csv").read_bytes())
+    # Where the log ends is when the operator stops the bridge: that alone is not in lockstep.
+    rows = [log.splitlines()[:-1] for log in logs]
+    shorter = min(len(lines) for lines in rows)
+    assert shorter > 250  # at 50 Hz: capture and 3 s on the line
+    assert rows[0][:shorter] == rows[1][:shorter]
+
+
+def test_an_unknown_leg_is_named(tmp_path: Path) -> None:
+    with pytest.raises(SitlError, match=r"no line named 'q'; it has a, b, c"):
+        fly(options(tmp_path, legs=("q",)), quietly)
+
+
+# --- the module is killed in flight --------------------------------------------------------
+
+
+class Station:
+    """A ground station with nothing but a socket."""
+
+    def __init__(self) -> None:
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.bind(("127.0.0.1", 0))
+        self.socket.settimeout(0.1)
+        self.address = f"127.0.0.1:{self.socket.getsockname()[1]}"
+        self.codec = mavlink.MAVLink(None, 254, 190)
+        self.codec.robust_parsing = True
+        self.peer: Any = None
+        self.parameters: dict[str, float] = {}
+        self.texts: list[str] = []
+        self.mode = -1.0
+        self.module_heartbeats = 0
+        self.autopilot_custom_mode = -1
+
+    def listen(self, until: Callable[[Station], bool], timeout_s: float) -> bool:
+        """Take in what comes until a condition holds; False when it does not in time."""
+        end = time.monotonic() + timeout_s
+        while not until(self):
+            if time.monotonic() > end:
+                return False
+            try:
+                data, self.peer = self.socket.recvfrom(4096)
+            except TimeoutError:
+                continue
+            for message in self.codec.parse_buffer(bytearray(data)) or ():
+                self._take(message)
+        return True
+
+    def _take(self, message: Any) -> None:
+        kind, component = message.get_type(), message.get_srcComponent()
+        if kind == "PARAM_VALUE" and component == 191:
+            self.parameters[message.param_id] = message.param_value
+        elif kind == "STATUSTEXT":
+            self.texts.append(message.text)
+        elif kind == "NAMED_VALUE_FLOAT" and message.name == "soar_mode":
+            self.mode = message.value
+        elif kind == "HEARTBEAT" and component == 191:
+            self.module_heartbeats += 1
+        elif kind == "HEARTBEAT" and component == 1:
+            self.autopilot_custom_mode = message.custom_mode
+
+    def set(self, name: str, value: float, timeout_s: float = 5.0) -> None:
+        """PARAM_SET until its PARAM_VALUE answers."""
+        self.parameters.pop(name, None)
+        end = time.monotonic() + timeout_s
+        while time.monotonic() < end:
+            frame = self.codec.param_set_encode(
+                1, 191, name.encode(), value, mavlink.MAV_PARAM_TYPE_REAL32
+            )
+            self.socket.sendto(frame.pack(self.codec), self.peer)
+            if self.listen(lambda s: name in s.parameters, 0.5):
+                return
+        raise AssertionError(f"{name} was not answered; texts: {self.texts[-4:]}")
+
+    def soar(self) -> None:
+        """MANUAL, engage, and wait for the line to be captured; again if the machine stalled."""
+        for _ in range(3):
+            manual = self.codec.command_long_encode(
+                1, 1, mavlink.MAV_CMD_DO_SET_MODE, 0, 1, MANUAL, 0, 0, 0, 0, 0
+            )
+            self.socket.sendto(manual.pack(self.codec), self.peer)
+            self.autopilot_custom_mode = -1
+            assert self.listen(lambda s: s.autopilot_custom_mode == MANUAL, 3.0)
+            self.set("OP_ENGAGE", 1.0)
+            if self.listen(lambda s: s.mode == SOARING, 20.0):
+                return
+        raise AssertionError(f"not soaring: {self.texts}")
+
+
+@contextmanager
+def process(command: list[str], log: Path) -> Iterator[subprocess.Popen[bytes]]:
+    with log.open("wb") as file:
+        running = subprocess.Popen(command, stdout=file, stderr=subprocess.STDOUT)
+    try:
+        yield running
+    finally:
+        if running.poll() is None:
+            running.kill()
+        running.wait()
+
+
+def free_address() -> str:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"127.0.0.1:{probe.getsockname()[1]}"
+
+
+def test_kill_9_in_flight_hands_back_and_a_restarted_module_engages_again(tmp_path: Path) -> None:
+    """Real time, because what is tested is what happens when nobody waits."""
+    station, companion, truth = Station(), free_address(), tmp_path / "truth.csv"
+    files = ["--airframe", str(AIRFRAME), "--site", str(SITE)]
+    bridge = [
+        *(sys.executable, "-m", "tgl_soar.sim.bridge", *files, "--log", str(truth)),
+        *("--gcs", station.address, "--companion", companion, "--speed", "realtime"),
+        *("--gcs-local", "127.0.0.1:0", "--companion-local", "127.0.0.1:0"),
+    ]
+    module = [*(sys.executable, "-m", "tgl_soar.cli", "run", *files), "--link", f"udp:{companion}"]
+    with process(bridge, tmp_path / "bridge.log") as world:
+        with process(module, tmp_path / "module.log") as flying:
+            assert station.listen(lambda s: s.module_heartbeats > 1, 10.0)
+            station.soar()
+            os.kill(flying.pid, signal.SIGKILL)
+            flying.wait()
+        killed = time.monotonic()
+        station.module_heartbeats, station.mode = 0, -1.0
+        # RC_OVERRIDE_TIME is 3 s: until then the last deflections stand, then the pilot flies.
+        station.listen(lambda _: time.monotonic() - killed > 5.0, 6.0)
+        with process(module, tmp_path / "module2.log"):
+            assert station.listen(lambda s: s.module_heartbeats > 1, 10.0)
+            assert station.listen(lambda s: s.mode == STANDBY_MODE, 5.0)  # it waits to be asked
+            assert station.autopilot_custom_mode == FBWA  # the autopilot's own mode flies
+            station.soar()
+        world.terminate()
+        world.wait(5.0)
+    with truth.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    overridden = [float(row["overridden"]) for row in rows]
+    times = [float(row["time_s"]) for row in rows]
+    changes = [
+        (times[i], overridden[i]) for i in range(1, len(rows)) if overridden[i] != overridden[i - 1]
+    ]
+    # Taken; timed out after the kill; taken again by the restarted module.
+    assert [value for _, value in changes][:3] == [1.0, 0.0, 1.0]
