@@ -6,7 +6,7 @@ from math import cos, hypot, pi, radians, sin, sqrt
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tgl_soar.control.target_line import (
@@ -107,9 +107,10 @@ def test_it_arrives_when_kinematics_says(distance_m: float, side: float) -> None
     assert (state.x_m, state.z_m, state.eta_rad) == target
 
 
+@settings(deadline=None)
 @given(
     limits=limits_of_any_kind,
-    target=st.builds(TargetLine, st.floats(-2, 2), st.floats(0, 3), inclinations),
+    seconds=st.tuples(st.floats(-10, 10), st.floats(-10, 10)),
     eta=inclinations,
     share=st.floats(-1.0, 1.0),
     dts=st.lists(st.floats(0.0, 0.1), min_size=1, max_size=6),
@@ -117,7 +118,7 @@ def test_it_arrives_when_kinematics_says(distance_m: float, side: float) -> None
 )
 def test_a_moving_line_is_gentle_and_arrives(
     limits: LineLimits,
-    target: TargetLine,
+    seconds: tuple[float, float],
     eta: float,
     share: float,
     dts: list[float],
@@ -125,11 +126,14 @@ def test_a_moving_line_is_gentle_and_arrives(
 ) -> None:
     """Any limits, any jitter of the tick, the aircraft wandering: never faster than told, never
     a harder jerk than told, and exactly on the target in the end."""
-    dts = [*dts, 0.02]  # some of the time must pass
-    speed = share * limits.speed_mps
-    state = LineState(0.1, 0.9, eta, speed, True)
+    dts = [*dts, 0.1]  # some time must pass
+    # As many seconds away as drawn, sliding and turning.
+    x0 = limits.speed_mps * seconds[0]
+    eta1 = max(0.3, min(pi - 0.3, eta + limits.turn_rate_radps * seconds[1]))
+    target = TargetLine(x0, 1.0, eta1)
+    state = LineState(0.0, 1.0, eta, share * limits.speed_mps, True)
     time = 0.0
-    for k in range(20_000):
+    for k in range(10_000):
         dt = dts[k % len(dts)]
         time += dt
         x, z = wander * sin(2.0 * time), 1.0 + wander * cos(1.3 * time)

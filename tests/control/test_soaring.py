@@ -1,0 +1,154 @@
+"""e_rho to pitch: signs, limits, slew, and the reset at engagement, with a small glider."""
+
+from __future__ import annotations
+
+from math import radians
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tgl_soar.control.pid import PidGains, PidState
+from tgl_soar.control.soaring import (
+    SoaringGains,
+    SoaringState,
+    soaring_reset,
+    soaring_step,
+    trimmed_pitch,
+)
+
+DT = 0.005
+GAINS = SoaringGains(
+    PidGains(0.6, 0.1, 0.25, 40.0, radians(8.0), radians(-15.0), radians(10.0)),
+    radians(-2.0),
+    radians(60.0),
+)
+INSTANT = GAINS._replace(slew_radps=1e6)
+
+distances = st.floats(-5.0, 5.0)
+rates = st.floats(-5.0, 5.0)
+
+
+def at_trim(gains: SoaringGains = GAINS) -> SoaringState:
+    return soaring_reset(gains, 0.0, 0.0, gains.trim_pitch_rad)
+
+
+def test_upstream_of_the_line_the_nose_goes_up() -> None:
+    up, _ = soaring_step(INSTANT, at_trim(), 0.05, 0.0, DT, 0)
+    down, _ = soaring_step(INSTANT, at_trim(), -0.05, 0.0, DT, 0)
+    assert down.pitch_setpoint_rad < GAINS.trim_pitch_rad < up.pitch_setpoint_rad
+
+
+def test_drifting_upstream_the_nose_goes_up_before_there_is_a_distance() -> None:
+    state = at_trim(INSTANT)
+    for _ in range(20):
+        state, terms = soaring_step(INSTANT, state, 0.0, 0.2, DT, 0)
+    assert terms.d > 0.0
+    assert state.pitch_setpoint_rad > GAINS.trim_pitch_rad
+
+
+@given(
+    e=st.floats(-1e6, 1e6),
+    rate=st.floats(-1e6, 1e6),
+    start=st.floats(-1.0, 1.0),
+    dt=st.floats(0.0, 0.1),
+    blocked=st.sampled_from([-1, 0, 1]),
+)
+def test_value_and_rate_of_the_setpoint_are_limited(
+    e: float, rate: float, start: float, dt: float, blocked: int
+) -> None:
+    state = soaring_reset(GAINS, 0.0, 0.0, start)
+    new, terms = soaring_step(GAINS, state, e, rate, dt, blocked)
+    assert GAINS.pid.output_min <= terms.output <= GAINS.pid.output_max
+    low, high = GAINS.pid.output_min - 1e-12, GAINS.pid.output_max + 1e-12
+    assert low <= new.pitch_setpoint_rad <= high
+    change = new.pitch_setpoint_rad - state.pitch_setpoint_rad
+    assert abs(change) <= GAINS.slew_radps * dt + 1e-12
+    held_back = terms.output - new.pitch_setpoint_rad
+    assert new.slewing == (0 if abs(held_back) < 1e-15 else 1 if held_back > 0.0 else -1)
+
+
+def test_a_step_of_e_rho_takes_the_time_that_the_slew_says() -> None:
+    # 0.15 m asks for 0.09 rad more; at 60 deg/s that takes 86 ms.
+    gains = GAINS._replace(pid=GAINS.pid._replace(ki=0.0))
+    state, ticks = at_trim(gains), 0
+    while True:
+        state, terms = soaring_step(gains, state, 0.15, 0.0, DT, 0)
+        ticks += 1
+        if state.slewing == 0:
+            break
+    assert terms.output == pytest.approx(gains.trim_pitch_rad + 0.6 * 0.15)
+    assert ticks * DT == pytest.approx(0.09 / radians(60.0), abs=DT)
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_the_integral_waits_while_the_setpoint_slews(sign: int) -> None:
+    slow = GAINS._replace(slew_radps=radians(1.0))
+    state = at_trim(slow)
+    for _ in range(100):
+        state, terms = soaring_step(slow, state, sign * 0.1, 0.0, DT, 0)
+    # One step before the slew is known of; then none.
+    assert abs(terms.i) <= 0.1 * 0.1 * DT + 1e-15
+    # It may come back at once.
+    state, terms = soaring_step(slow, state, -sign * 0.1, 0.0, DT, 0)
+    assert terms.i * sign <= 0.0
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_the_integral_waits_while_the_elevator_is_blocked(sign: int) -> None:
+    state, _ = soaring_step(INSTANT, at_trim(), sign * 0.02, 0.0, DT, sign)
+    assert state.pid.integral == 0.0
+    state, _ = soaring_step(INSTANT, at_trim(), sign * 0.02, 0.0, DT, -sign)
+    assert state.pid.integral == pytest.approx(sign * 0.1 * 0.02 * DT)
+
+
+@given(e=st.floats(-0.5, 0.5), rate=st.floats(-0.3, 0.3), pitch=st.floats(-0.25, 0.17))
+def test_at_engagement_the_setpoint_goes_on_from_the_pitch_flown(
+    e: float, rate: float, pitch: float
+) -> None:
+    state = soaring_reset(GAINS, e, rate, pitch)
+    assert state.pitch_setpoint_rad == pitch
+    # Nor does it run off in the next tick, as far as the integral reaches.
+    new, _ = soaring_step(GAINS, state, e, rate, 0.0, 0)
+    assert new.pitch_setpoint_rad == pitch
+    needed = pitch - GAINS.trim_pitch_rad - GAINS.pid.kp * e - GAINS.pid.kd * rate
+    if abs(needed) <= GAINS.pid.integral_max:
+        new, _ = soaring_step(GAINS, state, e, rate, DT, 0)
+        assert new.pitch_setpoint_rad == pytest.approx(pitch, abs=0.1 * abs(e) * DT + 1e-12)
+
+
+@pytest.mark.parametrize(("pitch", "limit"), [(0.5, radians(10.0)), (-0.9, radians(-15.0))])
+def test_a_pitch_beyond_the_limits_is_not_gone_on_with(pitch: float, limit: float) -> None:
+    assert soaring_reset(GAINS, 0.0, 0.0, pitch).pitch_setpoint_rad == limit
+
+
+@given(integral=st.floats(-1.0, 1.0))
+def test_the_trimmed_pitch_is_what_the_line_asks_for_undisturbed(integral: float) -> None:
+    state = SoaringState(PidState(integral, 0.7), 0.0, 1)
+    low, high = GAINS.pid.output_min, GAINS.pid.output_max
+    expected = max(low, min(high, GAINS.trim_pitch_rad + integral))
+    assert trimmed_pitch(GAINS, state) == expected
+
+
+def test_the_line_is_held_against_a_steady_push() -> None:
+    """A glider pitched up by theta loses g theta of speed, and drifts back over the ground.
+
+    e'' = -9.81 theta - 0.35 e' + push; drag damps with about 2 g / (V L/D) = 0.35 1/s.  The push,
+    1.5 % of gravity, stands for drag that changed; the integral meets it in the end.
+    """
+    gains = INSTANT
+    state, e, v = at_trim(gains), 0.0, 0.0
+    largest = 0.0
+    for k in range(round(60.0 / DT)):
+        state, _ = soaring_step(gains, state, e, v, DT, 0)
+        push = 0.15 if k > 200 else 0.0
+        theta = state.pitch_setpoint_rad - gains.trim_pitch_rad
+        v += (-9.81 * theta - 0.35 * v + push) * DT
+        e += v * DT
+        largest = max(largest, abs(e))
+    # Proportional control alone would stay off by 0.15 / (9.81 · 0.6) = 2.5 cm.
+    assert 0.015 < largest < 0.04
+    assert abs(e) < 0.001
+    assert trimmed_pitch(gains, state) - gains.trim_pitch_rad == pytest.approx(
+        0.15 / 9.81, rel=0.02
+    )
