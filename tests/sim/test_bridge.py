@@ -23,6 +23,7 @@ from tgl_soar.config import Airframe, Site, load_airframe, load_site, shipped
 from tgl_soar.sim.bridge import LOG_COLUMNS, Options, Simulation, main
 from tgl_soar.sim.channels import LEAVE, ordered, pwm_from_deflection
 from tgl_soar.sim.pixhawk import FBWA, MANUAL
+from tgl_soar.sim.ports import MAX_STRANGERS, Port, Ports
 from tgl_soar.sim.routing import split_frames
 
 AIRFRAME = shipped("airframes/eclipson_c.toml")
@@ -378,7 +379,7 @@ class Console:
             self._reader.join()
 
 
-def wait_for(condition: Callable[[], bool], seconds: float = 15.0) -> None:
+def wait_for(condition: Callable[[], bool], seconds: float = 30.0) -> None:
     deadline = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < deadline, "waited in vain"
@@ -422,6 +423,27 @@ def test_a_port_in_use_is_named_with_its_option(capsys: pytest.CaptureFixture[st
             message = capsys.readouterr().err
             assert f"{option} 127.0.0.1:{port}" in message
             assert "in use" in message
+
+
+def test_a_flood_of_strangers_takes_no_more_than_its_share() -> None:
+    own = (Port("ground", "--gcs-local", ("127.0.0.1", 0), ground=True),) * 2
+    ports = Ports(*own)
+    ports.add(own[0], ("127.0.0.1", 14550), configured=True)
+    talker = ports.add(own[0], ("127.0.0.1", 1), configured=False)
+    talker.datagrams = 100
+    for number in range(2, 500):
+        ports.add(own[0], ("127.0.0.1", number), configured=False).datagrams = 1
+        ports.surplus()
+    assert len(ports.peers) == 1 + MAX_STRANGERS
+    assert talker in ports.peers.values()  # who has something to say stays
+    assert ports.strangers == 499
+    ports.close()
+
+
+def test_one_machine_only_unless_told_otherwise(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = bridge_command("127.0.0.1:9", "192.0.2.7:14550")[3:]
+    assert main(arguments) == 2
+    assert "add --gcs-local 0.0.0.0:" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -718,6 +718,24 @@ def test_commands_survive_any_numbers(command: int, values: list[float]) -> None
     assert_sane(pixhawk)
 
 
+def test_a_datagram_made_to_waste_time_is_given_up() -> None:
+    """Every eighth byte begins what may be a frame, and none is."""
+    codec = CountingCodec(None)
+    waste = bytes([0xFE, 0, 0, 0, 0, 0, 1, 1]) * 500
+    assert split_frames(codec, waste) == ([], len(waste))
+    assert codec.decoded == 32
+
+
+class CountingCodec(mavlink.MAVLink):  # type: ignore[misc]
+    """Counts how often it is asked to decode."""
+
+    decoded = 0
+
+    def decode(self, msgbuf: bytearray) -> Any:
+        self.decoded += 1
+        return super().decode(msgbuf)
+
+
 def test_a_damaged_frame_does_not_take_the_next_one_with_it() -> None:
     pixhawk = make()
     peer = master(pixhawk)

@@ -87,11 +87,12 @@ def test_the_same_seed_is_the_same_flight_to_the_last_bit(airframe: Airframe) ->
 
 
 def test_turbulence_is_a_fraction_of_the_reference_wind(airframe: Airframe) -> None:
-    """The standard deviation of 10 minutes of the updraft at one place, within 10 %."""
+    """The standard deviation of 2 minutes of the updraft at one place, within 10 %: some 700
+    independent numbers lie within that time, so the scatter is 3 %."""
     world = make_world(airframe, site(), turbulence=0.03)
     world.held = True
     updraft = []
-    for _ in range(600 * world.step_hz):
+    for _ in range(120 * world.step_hz):
         world.step(trimmed(world))
         updraft.append(world.wind[2])
     mean = sum(updraft) / len(updraft)

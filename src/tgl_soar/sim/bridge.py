@@ -39,7 +39,7 @@ from tgl_soar.types import polar_sink
 
 from .pilot import SafetyPilot
 from .pixhawk import MANUAL, Pixhawk, Sensed
-from .ports import BURST, Address, Peer, Port, PortError, Ports
+from .ports import BURST, Address, Peer, Port, PortError, Ports, resolved
 from .routing import LinkId
 from .truth_log import TruthLog
 from .world import World, make_world
@@ -49,6 +49,7 @@ GROUND_BARRIER_S: Final = 0.05
 TRUTH_HZ: Final = 5
 BEHIND_STEPS: Final = 5  # so far behind, real time gives up catching up
 BARRIER_OFFSET_NS: Final = 1_000_000_000  # so that no barrier's stamp is zero
+STRANGERS_NAMED: Final = 20  # on the console; the rest of a flood is not
 REPEAT_S: Final = 1.0  # a barrier's request is repeated, should a datagram have been lost
 
 LOG_COLUMNS: Final = (
@@ -358,7 +359,9 @@ class Bridge:
         stamp = self._stamp()
         for link in links:
             self._pixhawk.send(link, mavlink.MAVLink_timesync_message(0, stamp))
-        self._flush(links)
+        if links:
+            ground = self.ports.peers[links[0]].port.ground
+            self._flush([p.link for p in self.ports.peers.values() if p.port.ground == ground])
         for link in links:
             self._await(link, stamp)
 
@@ -481,7 +484,8 @@ class Bridge:
         peer, data, new = received
         if new:
             self._pixhawk.add_link(peer.link, ground=port.ground)
-            self._say(f"{_who(peer)} spoke first")
+            if self.ports.strangers <= STRANGERS_NAMED:
+                self._say(f"{_who(peer)} spoke first")
             surplus = self.ports.surplus()
             if surplus is not None:
                 self._pixhawk.remove_link(surplus.link)
@@ -619,10 +623,25 @@ def _open_ports(arguments: argparse.Namespace) -> Ports:
         ground.socket.close()
         raise
     ports = Ports(ground, companion)
-    ports.add(companion, arguments.companion, configured=True)
-    for address in arguments.gcs or [("127.0.0.1", 14550)]:
-        ports.add(ground, address, configured=True)
+    try:
+        _add_peer(ports, companion, "--companion", arguments.companion)
+        for address in arguments.gcs or [("127.0.0.1", 14550)]:
+            _add_peer(ports, ground, "--gcs", address)
+    except PortError:
+        ports.close()
+        raise
     return ports
+
+
+def _add_peer(ports: Ports, port: Port, option: str, address: Address) -> None:
+    host, number = resolved(option, address)
+    if port.local[0].startswith("127.") and not host.startswith("127."):
+        raise PortError(
+            f"{option} {host}:{number} is another machine, and {port.option}"
+            f" {port.local[0]}:{port.local[1]} serves this one only:"
+            f" add {port.option} 0.0.0.0:{port.local[1]}"
+        )
+    ports.add(port, (host, number), configured=True)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

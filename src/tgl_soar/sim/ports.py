@@ -17,9 +17,9 @@ from .routing import LinkId
 
 Address = tuple[str, int]
 
-MAX_STRANGERS: Final = 16  # links made for those who speak first; the oldest gives way
+MAX_STRANGERS: Final = 16  # links made for those who speak first
 _LARGEST: Final = 4096  # bytes of a datagram that are looked at: several frames at most
-BURST: Final = 200  # datagrams taken from one port before time goes on
+BURST: Final = 50  # datagrams taken from one port before time goes on
 
 
 class PortError(RuntimeError):
@@ -41,7 +41,7 @@ class Port:
     """One bound UDP socket."""
 
     def __init__(self, name: str, option: str, local: Address, *, ground: bool) -> None:
-        self.name, self.ground = name, ground
+        self.name, self.option, self.ground = name, option, ground
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self.socket.bind(local)
@@ -55,6 +55,14 @@ class Port:
         self.local: Address = self.socket.getsockname()
 
 
+def resolved(option: str, address: Address) -> Address:
+    """The address with a number in place of a name.  Errors: `PortError`."""
+    try:
+        return socket.gethostbyname(address[0]), address[1]
+    except OSError as error:
+        raise PortError(f"{option} {address[0]}:{address[1]}: {error.strerror}") from None
+
+
 class Ports:
     """Both ports and all peers."""
 
@@ -63,6 +71,12 @@ class Ports:
         self.peers: dict[LinkId, Peer] = {}
         self._by_address: dict[tuple[Port, Address], Peer] = {}
         self._next_link = 1
+        self._strangers = 0
+
+    @property
+    def strangers(self) -> int:
+        """How many spoke first so far, those since forgotten included."""
+        return self._strangers
 
     def add(self, port: Port, address: Address, *, configured: bool) -> Peer:
         """A peer, with a link of its own."""
@@ -72,19 +86,20 @@ class Ports:
             return known
         peer = Peer(self._next_link, port, address, configured)
         self._next_link += 1
+        self._strangers += not configured
         self.peers[peer.link] = peer
         self._by_address[port, address] = peer
         return peer
 
     def surplus(self) -> Peer | None:
-        """The oldest stranger, where there are too many of them; it is forgotten."""
+        """Of too many strangers the one that said least (the oldest of several); forgotten."""
         strangers = [peer for peer in self.peers.values() if not peer.configured]
         if len(strangers) <= MAX_STRANGERS:
             return None
-        oldest = strangers[0]
-        del self.peers[oldest.link]
-        del self._by_address[oldest.port, oldest.address]
-        return oldest
+        least = min(strangers, key=lambda peer: peer.datagrams)
+        del self.peers[least.link]
+        del self._by_address[least.port, least.address]
+        return least
 
     def send(self, link: LinkId, data: bytes) -> None:
         """Send a datagram; one that cannot be sent is lost, as on a radio."""
@@ -98,19 +113,17 @@ class Ports:
 
     def receive(self, port: Port) -> tuple[Peer, bytes, bool] | None:
         """The next datagram of a port with its sender, and whether the sender is new."""
-        while True:
-            try:
-                data, address = port.socket.recvfrom(_LARGEST)
-            except (BlockingIOError, InterruptedError):
-                return None
-            except OSError:
-                return None  # an answer of the network to something sent earlier
-            peer = self._by_address.get((port, address))
-            new = peer is None
-            if peer is None:
-                peer = self.add(port, address, configured=False)
-            peer.datagrams += 1
-            return peer, data, new
+        try:
+            data, address = port.socket.recvfrom(_LARGEST)
+        except OSError:
+            # Nothing there, or the network's answer to something sent to nobody.
+            return None
+        peer = self._by_address.get((port, address))
+        new = peer is None
+        if peer is None:
+            peer = self.add(port, address, configured=False)
+        peer.datagrams += 1
+        return peer, data, new
 
     def wait(self, seconds: float, *ports: Port) -> bool:
         """Wait until one of the ports has something; False: none had."""

@@ -23,6 +23,7 @@ _MARKER_V1: Final = 0xFE
 _MARKER_V2: Final = 0xFD
 _SIGNED: Final = 0x01
 _SIGNATURE_BYTES: Final = 13
+_MOST_FALSE_STARTS: Final = 32  # in one datagram: beyond it, it is not worth the time
 
 # Between neighbours only: clocks and radio quality say nothing about a third party.
 _NEVER_FORWARDED: Final = frozenset(
@@ -49,18 +50,21 @@ def split_frames(codec: mavlink.MAVLink, data: bytes) -> tuple[list[Frame], int]
     A frame never spans two datagrams.  Signatures are carried, not checked.
     """
     frames: list[Frame] = []
-    lost = 0
+    lost = false_starts = 0
     at, end = 0, len(data)
-    while at < end:
+    while at < end and false_starts < _MOST_FALSE_STARTS:
         length = _frame_length(data, at)
-        frame = _decode(codec, data[at : at + length]) if length and at + length <= end else None
+        frame = None
+        if length and at + length <= end:
+            frame = _decode(codec, data[at : at + length])
+            false_starts += frame is None
         if frame is None:
             at += 1
             lost += 1
         else:
             frames.append(frame)
             at += length
-    return frames, lost
+    return frames, lost + end - at
 
 
 def _frame_length(data: bytes, at: int) -> int:
