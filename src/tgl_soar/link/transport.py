@@ -15,6 +15,7 @@ from __future__ import annotations
 import errno
 import os
 import socket
+import termios
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,7 +27,7 @@ CONNECT_TIMEOUT_S: Final = 3.0
 MAX_DATAGRAMS: Final = 64  # in one call: the tick must not wait for a flood
 MAX_DATAGRAM_BYTES: Final = 2048
 MAX_READ_BYTES: Final = 16384
-MAX_UNSENT_BYTES: Final = 4096  # of a stream that does not drain; beyond it frames are dropped
+MAX_UNSENT_BYTES: Final = 1024  # of a stream that does not drain: beyond it, dropped, not late
 DEFAULT_BAUD: Final = 921_600
 
 FORMS: Final = "udp:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:/dev/ttyX:BAUD"
@@ -334,7 +335,7 @@ class SerialLink(_Stream):
             self._open()
         except LinkError:
             raise
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, termios.error) as error:
             raise LinkError(_why_no_serial(text, device, error)) from None
         self._retry_s = now_s + RETRY_S
 
@@ -347,15 +348,20 @@ class SerialLink(_Stream):
             )
         except serial.SerialException as error:
             raise LinkError(_why_no_serial(self.name, self._device, error)) from None
-        self._fd = int(self._port.fileno())
-        os.set_blocking(self._fd, False)
+        fd = int(self._port.fileno())
+        os.set_blocking(fd, False)
+        # pyserial lets a read end with nothing; here nothing at all is to mean: hung up.
+        settings = termios.tcgetattr(fd)
+        settings[6][termios.VMIN] = 1
+        termios.tcsetattr(fd, termios.TCSANOW, settings)
+        self._fd = fd
 
     def _reopen(self, now_s: float) -> bool:  # noqa: ARG002
         if not Path(self._device).exists():
             return False
         try:
             self._open()
-        except (LinkError, OSError, ValueError):
+        except (LinkError, OSError, ValueError, termios.error):
             return False
         return True
 

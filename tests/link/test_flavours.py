@@ -1,0 +1,81 @@
+"""How ArduPlane wants its surfaces: channels, pulses, and the two ways to let go."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tgl_soar.link.autopilots.ardupilot import ArduPilot
+from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels, pulse_width
+from tgl_soar.link.autopilots.bridge import Bridge
+from tgl_soar.link.messages import Heartbeat, RcChannelsOverride
+from tgl_soar.types import SurfaceCommand
+
+PLAIN = SurfaceChannel(2, 1100, 1500, 1900)
+CROOKED = SurfaceChannel(1, 1000, 1600, 1900)
+HIGH = SurfaceChannel(12, 1100, 1500, 1900, reversed=True)
+FLAVOURS = [ArduPilot, Bridge]
+
+
+def override(messages: object) -> RcChannelsOverride:
+    assert isinstance(messages, tuple)
+    (message,) = messages
+    assert isinstance(message, RcChannelsOverride)
+    return message
+
+
+@pytest.mark.parametrize("flavour", FLAVOURS)
+def test_our_three_channels_and_no_other(flavour: type[ArduPilot]) -> None:
+    pilot = flavour(SurfaceChannels(PLAIN, CROOKED, HIGH), 7)
+    message = override(pilot.surfaces(SurfaceCommand(0.5, -1.0, 0.25)))
+    assert message.target_system == 7
+    assert message.target_component == 1
+    expected = [65535] * 8 + [0] * 10
+    expected[1], expected[0], expected[11] = 1700, 1000, 1400
+    assert list(message.channels) == expected
+
+
+@pytest.mark.parametrize("flavour", FLAVOURS)
+def test_letting_go_touches_no_other_channel(flavour: type[ArduPilot]) -> None:
+    message = override(flavour(SurfaceChannels(PLAIN, CROOKED, HIGH), 7).release())
+    expected = [65535] * 8 + [0] * 10
+    expected[1], expected[0], expected[11] = 0, 0, 65534
+    assert list(message.channels) == expected
+
+
+@pytest.mark.parametrize(
+    ("channel", "deflection", "pulse"),
+    [
+        (PLAIN, -1.0, 1100),
+        (PLAIN, 0.0, 1500),
+        (PLAIN, 1.0, 1900),
+        (PLAIN, 7.0, 1900),
+        (CROOKED, -0.5, 1300),
+        (CROOKED, 0.5, 1750),
+        (HIGH, 1.0, 1100),
+        (HIGH, -1.0, 1900),
+        (CROOKED._replace(reversed=True), 1.0, 1000),
+        (PLAIN, float("nan"), 1500),
+        (PLAIN, float("inf"), 1500),
+    ],
+)
+def test_pulses(channel: SurfaceChannel, deflection: float, pulse: int) -> None:
+    assert pulse_width(channel, deflection) == pulse
+
+
+@given(
+    st.floats(),
+    st.tuples(st.integers(800, 1400), st.integers(1401, 1600), st.integers(1601, 2200)),
+    st.booleans(),
+)
+def test_a_pulse_never_leaves_the_channel_s_limits(
+    deflection: float, limits: tuple[int, int, int], turned: bool
+) -> None:
+    low, trim, high = limits
+    assert low <= pulse_width(SurfaceChannel(1, low, trim, high, turned), deflection) <= high
+
+
+def test_surfaces_obey_in_manual_only() -> None:
+    pilot = ArduPilot(SurfaceChannels(PLAIN, CROOKED, HIGH), 1)
+    for mode in range(26):
+        assert pilot.obeys(Heartbeat(1, 3, 81, mode, 4)) == (mode == 0)
+    assert not pilot.obeys(Heartbeat(1, 3, 80, 0, 4))  # without a custom mode 0 means nothing

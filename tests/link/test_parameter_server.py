@@ -1,0 +1,243 @@
+"""The parameter server as a ground station meets it."""
+
+from math import inf, nan
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tgl_soar.link.messages import (
+    Heard,
+    ParamRequestList,
+    ParamRequestRead,
+    ParamSet,
+    ParamValue,
+    Said,
+    Source,
+    StatusText,
+)
+from tgl_soar.link.parameters import VALUES_PER_POLL, VALUES_PER_S, ParameterServer
+from tgl_soar.link.telemetry import NamedValues, StatusTexts
+from tgl_soar.parameters import INDEX, PARAMETERS, ParameterSet
+
+OWN = Source(1, 191)
+STATION = Source(255, 190)
+REAL32, INT32, UINT8, REAL64 = 9, 6, 1, 10
+
+
+def server() -> ParameterServer:
+    return ParameterServer(OWN, ParameterSet())
+
+
+def ask(
+    server: ParameterServer,
+    message: Heard,
+    *,
+    now_s: float = 0.0,
+    flying: bool = False,
+    source: Source = STATION,
+) -> list[Said]:
+    return server.handle(source, message, now_s, flying=flying)
+
+
+def words(said: list[Said]) -> str:
+    return "".join(m.text for m in said if isinstance(m, StatusText))
+
+
+def collected(server: ParameterServer, seconds: float, step_s: float = 0.005) -> list[ParamValue]:
+    values: list[ParamValue] = []
+    for i in range(round(seconds / step_s)):
+        polled = server.poll(i * step_s)
+        assert len(polled) <= VALUES_PER_POLL
+        values += [m for m in polled if isinstance(m, ParamValue)]
+    return values
+
+
+def test_a_listing_gives_every_parameter_once_in_under_two_seconds() -> None:
+    served = server()
+    assert ask(served, ParamRequestList(1, 191)) == []
+    values = collected(served, 2.0)
+    assert [v.param_index for v in values] == list(range(len(PARAMETERS)))
+    assert [v.param_id for v in values] == [p.name for p in PARAMETERS]
+    assert {v.param_count for v in values} == {len(PARAMETERS)}
+    assert {v.param_type for v in values} == {REAL32}
+    assert served.poll(3.0) == []
+
+
+@pytest.mark.parametrize("target", [(1, 191), (1, 0), (0, 0), (0, 191)])
+def test_a_broadcast_is_meant_for_us_too(target: tuple[int, int]) -> None:
+    served = server()
+    ask(served, ParamRequestList(*target))
+    assert served.poll(0.0)
+
+
+@pytest.mark.parametrize("target", [(1, 1), (2, 191), (1, 190), (255, 0)])
+def test_what_is_meant_for_others_is_left_alone(target: tuple[int, int]) -> None:
+    served = server()
+    before = served.values
+    assert ask(served, ParamRequestList(*target)) == []
+    assert ask(served, ParamRequestRead(*target, "TGL_X", -1)) == []
+    assert ask(served, ParamSet(*target, "TGL_X", 1.0, REAL32)) == []
+    assert ask(served, ParamSet(*target, "NOPE", 1.0, REAL32)) == []
+    assert served.poll(0.0) == []
+    assert served.values is before
+
+
+def test_our_own_echo_is_not_answered() -> None:
+    served = server()
+    assert ask(served, ParamSet(1, 191, "TGL_X", 1.0, REAL32), source=OWN) == []
+    assert served.values["TGL_X"] == 0.0
+
+
+def test_reading_by_name_and_by_index() -> None:
+    served = server()
+    ask(served, ParamRequestRead(1, 191, "TGL_LEAN", -1))
+    ask(served, ParamRequestRead(1, 191, "", 0))
+    first, second = served.poll(0.0)
+    assert first == ParamValue("TGL_LEAN", 15.0, REAL32, len(PARAMETERS), INDEX["TGL_LEAN"])
+    assert isinstance(second, ParamValue)
+    assert second.param_index == 0
+
+
+def test_reading_what_is_not_there() -> None:
+    served = server()
+    assert words(ask(served, ParamRequestRead(1, 191, "SYSID", -1))) == "SYSID: no such parameter"
+    assert "index 999" in words(ask(served, ParamRequestRead(1, 191, "", 999)))
+    # To all components: it is another one's parameter.
+    assert ask(served, ParamRequestRead(1, 0, "ARSPD_FBW_MIN", -1)) == []
+    assert ask(served, ParamSet(1, 0, "ARSPD_FBW_MIN", 1.0, REAL32)) == []
+
+
+def test_a_set_takes_effect_at_once_and_is_answered_with_the_exact_value() -> None:
+    served = server()
+    said = ask(served, ParamSet(1, 191, "TGL_X", 0.1, REAL32))
+    assert len(said) == 1
+    assert isinstance(said[0], ParamValue)
+    assert said[0].param_value == served.values["TGL_X"] == pytest.approx(0.1, rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "kind", "reason"),
+    [
+        ("TGL_X", nan, REAL32, "not finite"),
+        ("TGL_X", inf, REAL32, "not finite"),
+        ("TGL_X", 501.0, REAL32, "allowed -500 to 500 m"),
+        ("OP_ENGAGE", 0.5, REAL32, "whole numbers only"),
+        ("TGL_LEAN", 2.0, REAL32, "must lean upwind"),
+        ("TGL_X", 1.4e-45, INT32, "send it as REAL32"),  # the bytes of the integer 1
+        ("TGL_X", nan, INT32, "send it as REAL32"),  # the bytes of the integer -1
+        ("TGL_X", 1.065353216e9, INT32, "send it as REAL32"),
+        ("TGL_X", 1.0, REAL64, "send it as REAL32"),
+        ("TGL_X", 1.0, 0, "send it as REAL32"),
+    ],
+)
+def test_a_refused_set_is_answered_with_what_stands_and_why(
+    name: str, value: float, kind: int, reason: str
+) -> None:
+    served = server()
+    before = served.values
+    said = ask(served, ParamSet(1, 191, name, value, kind))
+    assert served.values is before
+    assert said[0] == served.value_message(INDEX[name])
+    assert reason in words(said)
+    assert words(said).startswith(name)
+    assert served.counters.refused == 1
+
+
+def test_an_unknown_name_is_told() -> None:
+    served = server()
+    assert words(ask(served, ParamSet(1, 191, "NOPE", 1.0, REAL32))) == "NOPE: no such parameter"
+
+
+def test_a_number_that_was_an_integer_at_the_station_is_taken() -> None:
+    served = server()
+    ask(served, ParamSet(1, 191, "OP_ENGAGE", 1.0, UINT8))
+    assert served.values["OP_ENGAGE"] == 1.0
+
+
+def test_the_loop_rate_stays_while_flying() -> None:
+    served = server()
+    said = ask(served, ParamSet(1, 191, "LOOP_RATE", 100.0, REAL32), flying=True)
+    assert "not while flying" in words(said)
+    assert served.values["LOOP_RATE"] == 200.0
+    ask(served, ParamSet(1, 191, "LOOP_RATE", 100.0, REAL32))
+    assert served.values["LOOP_RATE"] == 100.0
+
+
+def test_a_change_by_the_module_itself_is_told() -> None:
+    served = server()
+    ask(served, ParamSet(1, 191, "OP_ENGAGE", 1.0, REAL32))
+    assert served.assign("OP_ENGAGE", 0.0) == [
+        ParamValue("OP_ENGAGE", 0.0, REAL32, len(PARAMETERS), INDEX["OP_ENGAGE"])
+    ]
+
+
+def test_a_flood_of_requests_is_answered_at_its_own_pace() -> None:
+    served = server()
+    answered = 0
+    for i in range(2000):
+        now_s = i / 2000
+        ask(served, ParamRequestRead(1, 191, "", i % len(PARAMETERS)), now_s=now_s)
+        ask(served, ParamRequestList(1, 191), now_s=now_s)
+        answered += len(served.poll(now_s))
+    assert answered <= VALUES_PER_S + VALUES_PER_POLL
+    assert answered >= 0.95 * VALUES_PER_S
+
+
+def test_a_flood_of_bad_sets_is_told_in_few_words_but_always_answered() -> None:
+    served = server()
+    values = texts = 0
+    for i in range(1000):
+        said = ask(served, ParamSet(1, 191, "TGL_X", nan, REAL32), now_s=i / 1000)
+        values += sum(isinstance(m, ParamValue) for m in said)
+        texts += sum(isinstance(m, StatusText) for m in said)
+    assert values == 1000
+    assert 8 <= texts <= 13
+
+
+def test_a_lost_answer_is_asked_for_again_by_index() -> None:
+    served = server()
+    ask(served, ParamRequestList(1, 191))
+    lost = {v.param_index for v in collected(served, 1.0) if v.param_index % 5 == 0}
+    for index in sorted(lost):
+        ask(served, ParamRequestRead(1, 191, "", index), now_s=2.0)
+    again: set[int] = set()
+    for i in range(400):
+        again |= {m.param_index for m in served.poll(2.0 + i * 0.005) if isinstance(m, ParamValue)}
+    assert again == lost
+
+
+# --- texts and numbers ------------------------------------------------------------------------
+
+
+@given(st.text(max_size=400))
+def test_texts_are_cut_into_chunks_that_join_again(text: str) -> None:
+    chunks = StatusTexts().chunks(4, text)
+    assert all(len(c.text) <= 50 for c in chunks)
+    assert [c.chunk_seq for c in chunks] == list(range(len(chunks)))
+    assert "".join(c.text for c in chunks) == text.encode("ascii", "replace").decode()[:250]
+    assert len({c.id for c in chunks}) == 1
+    assert (chunks[0].id == 0) == (len(chunks) == 1)
+
+
+def test_long_texts_have_numbers_of_their_own() -> None:
+    texts = StatusTexts()
+    first, second = texts.chunks(4, "a" * 60), texts.chunks(4, "b" * 100)
+    assert first[0].id != second[0].id
+    assert second[-1].text == ""  # a full chunk would not end the text
+
+
+def test_every_named_number_goes_out_at_its_rate() -> None:
+    values = NamedValues(("a", "b", "c"), 5.0)
+    count = [0, 0, 0]
+    for i in range(2000):
+        turn = values.due(i / 200)
+        if turn is not None:
+            count[turn] += 1
+    assert all(abs(n - 50) <= 1 for n in count)
+
+
+def test_named_numbers_do_not_catch_up_after_a_pause() -> None:
+    values = NamedValues(("a",), 5.0)
+    values.due(0.0)
+    assert sum(values.due(100.0 + i / 200) is not None for i in range(200)) <= 6

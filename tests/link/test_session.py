@@ -1,0 +1,391 @@
+"""The conversation with an autopilot, stepped with time as an argument."""
+
+from math import atan2, cos, degrees, nan, sin, sqrt
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tgl_soar.link.autopilots.ardupilot import ArduPilot
+from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels
+from tgl_soar.link.clock import ClockMap, StampOrder
+from tgl_soar.link.messages import (
+    AttitudeQuaternion,
+    CommandAck,
+    CommandLong,
+    Heard,
+    Heartbeat,
+    LocalPositionNed,
+    Odometry,
+    Received,
+    Said,
+    ServoOutputRaw,
+    Source,
+    Timesync,
+)
+from tgl_soar.link.session import Session
+
+OWN = Source(1, 191)
+AUTOPILOT = Source(1, 1)
+STATION = Source(255, 190)
+CHANNELS = SurfaceChannels(
+    SurfaceChannel(2, 1100, 1500, 1900),
+    SurfaceChannel(1, 1100, 1500, 1900),
+    SurfaceChannel(4, 1100, 1500, 1900),
+)
+MANUAL = Heartbeat(1, 3, 81 | 128, 0, 4)
+AUTO = Heartbeat(1, 3, 81, 10, 4)
+
+
+def session(*, lockstep: bool = False) -> Session:
+    return Session(OWN, ArduPilot(CHANNELS, 1), 200.0, lockstep=lockstep)
+
+
+def hear(session: Session, message: Heard, now_s: float, source: Source = AUTOPILOT) -> list[Said]:
+    return session.handle(Received(source, message), now_s)
+
+
+def attitude(time_ms: int, w: float = 1.0) -> AttitudeQuaternion:
+    return AttitudeQuaternion(time_ms, w, 0.0, 0.0, 0.0, 0.1, 0.2, 0.3)
+
+
+def position(time_ms: int, x: float = 1.0) -> LocalPositionNed:
+    return LocalPositionNed(time_ms, x, 2.0, -3.0, 0.1, 0.2, 0.3)
+
+
+def requests(said: list[Said]) -> list[tuple[float, float]]:
+    return [(m.params[0], m.params[1]) for m in said if isinstance(m, CommandLong)]
+
+
+# --- who is who -------------------------------------------------------------------------------
+
+
+def test_our_heartbeat_comes_first_and_once_a_second() -> None:
+    talk = session()
+    hear(talk, MANUAL, 0.0)
+    assert isinstance(talk.poll(0.0)[0], Heartbeat)
+    beats = [m for i in range(2001) for m in talk.poll(i * 0.005) if isinstance(m, Heartbeat)]
+    assert len(beats) == 10
+    assert beats[0] == Heartbeat(18, 8, 0, 0, 4)
+
+
+def test_heartbeats_do_not_catch_up_after_a_pause() -> None:
+    talk = session()
+    talk.poll(0.0)
+    assert sum(len(talk.poll(100.0 + i * 0.005)) for i in range(300)) == 2
+
+
+def test_only_the_vehicle_s_own_autopilot_is_believed() -> None:
+    talk = session()
+    hear(talk, Heartbeat(6, 8, 0, 0, 4), 1.0, STATION)
+    hear(talk, MANUAL, 1.0, Source(2, 1))
+    hear(talk, MANUAL, 1.0, Source(1, 190))
+    hear(talk, Heartbeat(18, 8, 0, 0, 4), 1.0)
+    hear(talk, Heartbeat(6, 3, 81, 0, 4), 1.0)
+    assert not talk.is_heard
+    hear(talk, attitude(1), 1.0, Source(2, 1))
+    hear(talk, position(1), 1.0, Source(2, 1))
+    assert talk.attitude.sequence == talk.position.sequence == 0
+    assert talk.counters.foreign == 2
+    assert set(talk.heard) == {STATION, Source(2, 1), Source(1, 190), AUTOPILOT}
+    hear(talk, MANUAL, 2.0)
+    assert talk.status == (2.0, True, True)
+    hear(talk, AUTO, 3.0)
+    assert talk.status == (3.0, False, False)
+
+
+def test_senders_are_remembered_in_bounds() -> None:
+    talk = session()
+    for system in range(2, 256):
+        hear(talk, MANUAL, 0.0, Source(system, 1))
+    assert len(talk.heard) == 32
+
+
+def test_timesync_requests_are_answered_and_answers_are_not() -> None:
+    talk = session()
+    assert hear(talk, Timesync(0, 77), 1.5, STATION) == [Timesync(1_500_000_000, 77)]
+    assert hear(talk, Timesync(5, 77), 1.5) == []
+    step = session(lockstep=True)
+    assert hear(step, Timesync(0, 77), 1.5) == [Timesync(77, 77)]
+    assert hear(step, Timesync(0, 0), 1.5) == [Timesync(1, 0)]
+
+
+# --- streams ----------------------------------------------------------------------------------
+
+
+def asked_over(talk: Session, seconds: float, *, result: int | None, start_s: float = 0.0) -> int:
+    """How often is asked if every request gets this result and nothing streams."""
+    count = 0
+    for i in range(round(seconds / 0.005)):
+        now = start_s + i * 0.005
+        made = requests(talk.poll(now))
+        count += len(made)
+        if made and result is not None:
+            hear(talk, CommandAck(511, result, 1, 191), now)
+    return count
+
+
+def test_nothing_is_asked_before_the_autopilot_is_heard() -> None:
+    assert asked_over(session(), 5.0, result=None) == 0
+
+
+def test_the_streams_are_asked_for_one_at_a_time() -> None:
+    talk = session()
+    hear(talk, MANUAL, 0.0)
+    assert requests(talk.poll(0.0)) == [(31.0, 5000.0)]
+    assert requests(talk.poll(0.1)) == []
+    hear(talk, CommandAck(511, 0, 1, 191), 0.1)
+    assert requests(talk.poll(0.1)) == [(32.0, 20000.0)]
+    assert requests(talk.poll(0.7)) == [(36.0, 200000.0)]  # the second answer is lost
+
+
+def test_a_stream_that_comes_is_not_asked_for_again() -> None:
+    talk = session()
+    hear(talk, MANUAL, 0.0)
+    made = []
+    for i in range(4000):
+        now = i * 0.005
+        made += requests(talk.poll(now))
+        hear(talk, CommandAck(511, 0, 1, 191), now)
+        hear(talk, attitude(i * 5), now)
+        if i % 4 == 0:
+            hear(talk, position(i * 5), now)
+        if i % 40 == 0:
+            hear(talk, ServoOutputRaw(i * 5000, 0, (1500,) * 16), now)
+    assert len(made) == 3
+
+
+def test_a_stream_that_stays_away_is_asked_for_ever_more_seldom() -> None:
+    talk = session()
+    hear(talk, MANUAL, 0.0)
+    first = asked_over(talk, 10.0, result=None)
+    later = asked_over(talk, 100.0, result=None, start_s=10.0)
+    assert 3 * 3 <= first <= 3 * 4
+    assert 3 * 5 <= later <= 3 * 8
+
+
+def test_a_stream_that_is_too_slow_is_asked_for_again() -> None:
+    talk = session()
+    hear(talk, MANUAL, 0.0)
+    made = []
+    for i in range(1000):
+        now = i * 0.01  # 100 Hz come where 200 were asked for
+        made += requests(talk.poll(now))
+        hear(talk, attitude(i * 10), now)
+    assert made.count((31.0, 5000.0)) >= 3
+
+
+def test_a_denied_rate_is_told_once_with_the_way_out_and_a_lower_one_asked_for() -> None:
+    talk = session()
+    hear(talk, MANUAL, 0.0)
+    allowed_us = 25000.0  # ArduPlane at its default loop of 50 Hz allows 40
+    made = []
+    for i in range(200):
+        now = i * 0.005
+        asked = requests(talk.poll(now))
+        made += asked
+        for _, interval in asked:
+            hear(talk, CommandAck(511, 2 if interval < allowed_us else 0, 1, 191), now)
+    rates = [round(1e6 / interval) for number, interval in made if number == 31.0]
+    assert rates == [200, 160, 125, 100, 80, 50, 40]
+    told = [text for _, text in talk.notices if "ATTITUDE" in text]
+    assert told == [
+        "ATTITUDE_QUATERNION at 200 Hz denied: set SCHED_LOOP_RATE to 250 or more;"
+        " asking for 160 Hz"
+    ]
+
+
+def test_an_unsupported_position_leads_to_odometry() -> None:
+    talk = session()
+    hear(talk, MANUAL, 0.0)
+    made = []
+    for i in range(200):
+        now = i * 0.005
+        asked = requests(talk.poll(now))
+        made += asked
+        for number, _ in asked:
+            hear(talk, CommandAck(511, 3 if number == 32.0 else 0, 0, 0), now)
+    assert (331.0, 20000.0) in made
+    assert made.count((32.0, 20000.0)) == 1
+    assert any("LOCAL_POSITION_NED at 50 Hz unsupported" in text for _, text in talk.notices)
+
+
+def test_an_answer_to_somebody_else_is_not_ours() -> None:
+    talk = session()
+    hear(talk, MANUAL, 0.0)
+    talk.poll(0.0)
+    hear(talk, CommandAck(511, 3, 255, 190), 0.1)
+    hear(talk, CommandAck(400, 3, 1, 191), 0.1)
+    hear(talk, CommandAck(511, 3, 1, 191), 0.1, STATION)
+    talk.poll(0.2)
+    assert talk.notices == []
+
+
+def test_after_a_reboot_all_is_asked_for_again_and_we_greet_at_once() -> None:
+    talk = session()
+    hear(talk, MANUAL, 0.0)
+    assert asked_over(talk, 1.0, result=0) == 3
+    hear(talk, attitude(300_000), 1.0)
+    hear(talk, position(300_000), 1.0)
+    hear(talk, attitude(1_000), 1.1)
+    assert talk.counters.reboots == 1
+    said = talk.poll(1.1)
+    assert isinstance(said[0], Heartbeat)
+    assert requests(said) == [(31.0, 5000.0)]
+    assert talk.attitude.time_s == pytest.approx(1.1)
+    hear(talk, position(1_001), 1.102)
+    assert talk.position.sequence == 2
+    assert talk.counters.reboots == 1
+    assert any("restarted" in text for _, text in talk.notices)
+
+
+# --- measurements -----------------------------------------------------------------------------
+
+
+def test_measurements_become_samples() -> None:
+    talk = session()
+    hear(talk, attitude(1000), 50.0)
+    hear(talk, position(1000), 50.0)
+    assert talk.attitude == (1, 50.0, 1.0, 0.0, 0.0, 0.0, 0.1, 0.2, 0.3)
+    assert talk.position == (1, 50.0, 1.0, 2.0, -3.0, 0.1, 0.2, 0.3)
+    assert talk.vehicle_time_s == 1.0
+
+
+def test_repeated_late_and_broken_samples_are_refused_and_counted() -> None:
+    talk = session()
+    hear(talk, attitude(1000), 1.0)
+    hear(talk, attitude(1000), 1.0)
+    hear(talk, attitude(995), 1.0)
+    hear(talk, attitude(1005, nan), 1.0)
+    hear(talk, position(1000), 1.0)
+    hear(talk, position(990), 1.0)
+    hear(talk, position(1020, nan), 1.0)
+    assert talk.attitude.sequence == talk.position.sequence == 1
+    assert talk.counters.stale == 3
+    assert talk.counters.not_finite == 2
+    hear(talk, attitude(1005), 1.01)
+    assert talk.attitude.sequence == 2
+
+
+@given(st.lists(st.integers(0, 2**32 - 1), max_size=60))
+def test_whatever_the_stamps_a_sample_is_never_from_the_future(stamps: list[int]) -> None:
+    talk = session()
+    for i, stamp in enumerate(stamps):
+        hear(talk, attitude(stamp), i * 0.005)
+        hear(talk, position(stamp), i * 0.005)
+        assert not talk.attitude.time_s > i * 0.005 + 1e-8  # rounding
+        assert not talk.position.time_s > i * 0.005 + 1e-8
+
+
+def test_the_mapped_time_has_none_of_the_link_s_jitter() -> None:
+    talk = session()
+    jitter = (0.004, 0.0, 0.009, 0.002, 0.007)
+    errors = []
+    for i in range(1000):
+        true_s = i * 0.005
+        hear(talk, attitude(20_000 + i * 5), 100.0 + true_s + 0.003 + jitter[i % 5])
+        errors.append(talk.attitude.time_s - (100.0 + true_s + 0.003))
+    # Each loop of five has one sample without jitter; between two the map forgets 1e-4 of 25 ms.
+    assert max(abs(e) for e in errors[10:]) < 1e-5
+
+
+def test_a_slow_stream_shares_what_the_fast_one_learnt_of_the_clock() -> None:
+    talk = session()
+    for i in range(100):
+        hear(talk, attitude(i * 5), 10.0 + i * 0.005)
+    hear(talk, position(495), 10.0 + 0.495 + 0.060)  # 60 ms late, and the first of its kind
+    assert talk.position.time_s == pytest.approx(10.495, abs=1e-4)
+
+
+def test_odometry_in_body_frd_is_turned_into_ned() -> None:
+    """Heading east, nose up by 30 degrees, flying straight ahead at 10 m/s."""
+    talk = session()
+    yaw, pitch = 1.5707963, 0.5235988
+    q = (
+        cos(yaw / 2) * cos(pitch / 2),
+        -sin(yaw / 2) * sin(pitch / 2),
+        cos(yaw / 2) * sin(pitch / 2),
+        sin(yaw / 2) * cos(pitch / 2),
+    )
+    for frame, child in ((1, 12), (20, 12), (1, 8)):
+        stamp = 1000 + 1000 * talk.position.sequence
+        hear(talk, Odometry(stamp, frame, child, 1, 2, -3, q, 10.0, 0, 0, 0.1, 0.2, 0.3), 1.0)
+        fix = talk.position
+        assert (fix.north_m, fix.east_m, fix.down_m) == (1, 2, -3)
+        assert fix.velocity_north_mps == pytest.approx(0.0, abs=1e-5)
+        assert fix.velocity_east_mps == pytest.approx(10 * cos(pitch), abs=1e-5)
+        assert fix.velocity_down_mps == pytest.approx(-10 * sin(pitch), abs=1e-5)
+    assert talk.position.sequence == talk.attitude.sequence == 3
+    qw, qx, qy, qz = talk.attitude[2:6]
+    yaw_back = atan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy * qy + qz * qz))
+    assert degrees(yaw_back) == pytest.approx(90.0, abs=1e-4)
+
+
+def test_odometry_in_local_frames_keeps_its_velocity() -> None:
+    talk = session()
+    q = (sqrt(0.5), 0.0, 0.0, sqrt(0.5))
+    hear(talk, Odometry(5, 1, 1, 1, 2, -3, q, 4.0, 5.0, 6.0, 0, 0, 0), 1.0)
+    assert talk.position[5:] == (4.0, 5.0, 6.0)
+
+
+def test_odometry_in_frames_of_another_kind_is_refused_and_told_once() -> None:
+    talk = session()
+    for i, (frame, child) in enumerate(((4, 12), (21, 12), (1, 21), (0, 0))):
+        odometry = Odometry(
+            *(10 * i, frame, child, 1, 2, 3, (1.0, 0.0, 0.0, 0.0), 0, 0, 0, 0, 0, 0)
+        )
+        hear(talk, odometry, 1.0)
+    assert talk.position.sequence == 0
+    assert talk.counters.wrong_frame == 4
+    assert len(talk.notices) == 1
+
+
+def test_two_position_messages_do_not_mix() -> None:
+    talk = session()
+    odometry = Odometry(1_000_000, 1, 12, 7, 8, 9, (nan,) * 4, 0, 0, 0, 0, 0, 0)
+    hear(talk, position(1000), 1.0)
+    hear(talk, odometry, 1.1)
+    assert talk.position.north_m == 1.0
+    hear(talk, odometry._replace(time_usec=1_600_000), 1.7)  # the other has fallen silent
+    assert talk.position.north_m == 7.0
+    hear(talk, position(1800), 1.8)
+    assert talk.position.north_m == 7.0
+
+
+def test_in_lockstep_the_vehicle_s_time_is_the_time() -> None:
+    talk = session(lockstep=True)
+    hear(talk, attitude(5000), 987.0)
+    hear(talk, position(4980), 987.0)
+    assert talk.attitude.time_s == 5.0
+    assert talk.position.time_s == 4.98
+
+
+def test_a_new_clock_makes_what_was_timed_by_the_old_one_begin_anew() -> None:
+    talk = session(lockstep=True)
+    hear(talk, MANUAL, 5000.0)
+    talk.poll(5000.0)
+    talk.rebase(3.0)
+    assert talk.status.time_s == 3.0
+    said = talk.poll(3.0)
+    assert isinstance(said[0], Heartbeat)
+    assert requests(said) == [(31.0, 5000.0)]
+
+
+# --- the clock alone --------------------------------------------------------------------------
+
+
+def test_the_map_follows_a_vehicle_whose_quartz_runs_slow() -> None:
+    """50 parts per million for 200 s are 10 ms; the map must not lag behind by more than 1 ms."""
+    clock, error = ClockMap(), 0.0
+    for i in range(40_000):
+        stamp = i * 0.005
+        arrival = stamp * (1 + 50e-6) + (0.0005 if i % 7 else 0.0)
+        error = max(error, abs(clock.observe(stamp, arrival) - stamp * (1 + 50e-6)))
+    assert error < 0.001
+
+
+def test_what_stamps_say() -> None:
+    order = StampOrder()
+    stamps = (10.0, 10.005, 10.005, 9.5, 10.01, 5.0, 5.005, 4.9)
+    new, stale, reboot = StampOrder.NEW, StampOrder.STALE, StampOrder.REBOOT
+    assert [order.judge(s) for s in stamps] == [*(new, new, stale, stale, new, reboot, new, stale)]

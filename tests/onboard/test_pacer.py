@@ -1,0 +1,151 @@
+"""When the loop ticks, in simulated time: every rate is exactly the one that it claims."""
+
+import itertools
+import random
+from collections.abc import Callable
+
+import pytest
+
+from tgl_soar.realtime import Pacer
+
+STEP_S = 0.0001  # how finely the simulated process can wake
+
+
+def fly(
+    pacer: Pacer,
+    seconds: float,
+    samples: list[tuple[float, float]],
+    awake: Callable[[float], bool] = lambda _: True,
+) -> list[tuple[float, float]]:
+    """(real time, tick's time) of every tick; samples are (arrival, stamp)."""
+    ticks: list[tuple[float, float]] = []
+    waiting = sorted(samples)
+    for i in range(round(seconds / STEP_S)):
+        now = i * STEP_S
+        if not awake(now):
+            continue
+        while waiting and waiting[0][0] <= now:
+            _, stamp = waiting.pop(0)
+            pacer.sample(now, stamp, stamp)
+        if pacer.due(now):
+            ticks.append((now, pacer.tick(now)))
+    return ticks
+
+
+def stream(
+    rate_hz: float,
+    seconds: float,
+    *,
+    jitter_s: float = 0.0,
+    loss: float = 0.0,
+    phase_s: float = 0.0,
+) -> list[tuple[float, float]]:
+    """Samples that arrive 1 ms after their stamp, and up to jitter_s later; seeded."""
+    noise = random.Random(1)
+    samples = []
+    for i in range(round(seconds * rate_hz)):
+        stamp = phase_s + i / rate_hz
+        delay = 0.001 + noise.uniform(0.0, jitter_s)
+        if noise.random() >= loss:
+            samples.append((stamp + delay, stamp))
+    return samples
+
+
+@pytest.mark.parametrize("rate_hz", [100.0, 125.0, 200.0, 250.0])
+def test_alone_it_ticks_at_exactly_its_rate(rate_hz: float) -> None:
+    pacer = Pacer(rate_hz, 0.0)
+    ticks = fly(pacer, 10.0, [])
+    assert len(ticks) == pytest.approx(10 * rate_hz, abs=1)
+    times = [t for _, t in ticks]
+    assert all(b - a == pytest.approx(1 / rate_hz, abs=1e-9) for a, b in itertools.pairwise(times))
+    assert pacer.counters.late == pacer.counters.skipped == pacer.counters.on_sample == 0
+
+
+@pytest.mark.parametrize("phase_s", [0.0, 0.001, 0.002, 0.003, 0.004])
+@pytest.mark.parametrize("jitter_s", [0.0, 0.002])
+def test_it_follows_an_attitude_stream_of_its_own_rate(phase_s: float, jitter_s: float) -> None:
+    """Whatever the phase at the start, each sample soon has its tick as it arrives."""
+    pacer = Pacer(200.0, 0.0)
+    samples = stream(200.0, 10.0, jitter_s=jitter_s, phase_s=phase_s)
+    ticks = fly(pacer, 10.0, samples)
+    assert len(ticks) == pytest.approx(2000, abs=2)
+    assert pacer.locked
+    assert pacer.counters.on_sample >= 2000 - 40
+    late = [now - time for now, time in ticks[100:]]
+    assert max(late) <= 0.001 + jitter_s + 2 * STEP_S
+    assert pacer.counters.skipped == 0
+
+
+def test_the_tick_s_time_is_the_sample_s_own() -> None:
+    pacer = Pacer(200.0, 0.0)
+    ticks = fly(pacer, 10.0, stream(200.0, 10.0, jitter_s=0.002))
+    times = [t for _, t in ticks[100:]]
+    steps = [b - a for a, b in itertools.pairwise(times)]
+    assert all(step == pytest.approx(0.005, abs=1e-9) for step in steps)
+
+
+@pytest.mark.parametrize("loss", [0.05, 0.2])
+def test_lost_samples_cost_no_tick(loss: float) -> None:
+    pacer = Pacer(200.0, 0.0)
+    ticks = fly(pacer, 10.0, stream(200.0, 10.0, jitter_s=0.001, loss=loss))
+    assert len(ticks) == pytest.approx(2000, abs=4)
+    times = [t for _, t in ticks]
+    assert times == sorted(times)
+    assert all(time <= now for now, time in ticks)
+
+
+@pytest.mark.parametrize("stream_hz", [10.0, 50.0, 100.0, 133.0, 160.0, 333.0, 400.0])
+def test_a_stream_of_another_rate_does_not_set_the_pace(stream_hz: float) -> None:
+    pacer = Pacer(200.0, 0.0)
+    ticks = fly(pacer, 10.0, stream(stream_hz, 10.0, jitter_s=0.001))
+    assert len(ticks) == pytest.approx(2000, abs=1)
+    assert not pacer.locked
+    assert pacer.counters.on_sample == 0
+
+
+def test_a_stream_of_nearly_its_rate_is_followed() -> None:
+    """Two quartzes: the loop then runs at the vehicle's 200 Hz, not at its own."""
+    pacer = Pacer(200.0, 0.0)
+    ticks = fly(pacer, 10.0, stream(199.0, 10.0))
+    assert len(ticks) == pytest.approx(1990, abs=3)
+
+
+def test_a_stream_that_stops_leaves_the_rate_as_it_was() -> None:
+    pacer = Pacer(200.0, 0.0)
+    ticks = fly(pacer, 10.0, stream(200.0, 5.0))
+    after = [now for now, _ in ticks if now >= 5.1]
+    assert len(after) == pytest.approx(980, abs=1)
+    times = [t for _, t in ticks]
+    assert times == sorted(times)
+
+
+def test_periods_slept_through_are_skipped_and_counted() -> None:
+    pacer = Pacer(200.0, 0.0)
+    ticks = fly(pacer, 2.0, [], awake=lambda now: not 1.0 < now < 1.1)
+    assert len(ticks) == pytest.approx(400 - 20, abs=2)
+    assert pacer.counters.skipped == pytest.approx(19, abs=1)
+    assert pacer.counters.late == 1
+    assert pacer.counters.worst_late_s == pytest.approx(0.1, abs=0.006)
+    gaps = [b - a for (a, _), (b, _) in itertools.pairwise(ticks)]
+    assert sum(gap < 0.0049 for gap in gaps) <= 1  # no burst: one step back onto the grid
+
+
+def test_an_old_sample_does_not_pass_for_a_new_one() -> None:
+    """A backlog after a stall: the tick's time must show how old its sample is."""
+    pacer = Pacer(200.0, 0.0)
+    fly(pacer, 1.0, stream(200.0, 1.0))
+    pacer.sample(3.0, 1.0, 1.0)
+    assert pacer.tick(3.0) == 3.0
+
+
+def test_a_new_rate_holds_from_the_next_tick_on() -> None:
+    pacer = Pacer(200.0, 0.0)
+    fly(pacer, 1.0, [])
+    pacer.set_rate(100.0)
+    count = 0
+    for i in range(10_000):
+        now = 1.0 + i * STEP_S
+        if pacer.due(now):
+            pacer.tick(now)
+            count += 1
+    assert count == pytest.approx(100, abs=1)

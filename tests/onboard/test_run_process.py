@@ -1,0 +1,132 @@
+"""`tgl-soar run` as a process: how it starts, what it says when it cannot, how it ends."""
+
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from tgl_soar.onboard import EXIT_CANNOT_START, EXIT_NO_AUTOPILOT, EXIT_OK, main
+
+ROOT = Path(__file__).parents[2]
+AIRFRAME = ROOT / "config/airframes/eclipson_c.toml"
+SITE = ROOT / "config/sites/tunnel.toml"
+HEAVY = ("numpy", "scipy", "matplotlib", "rich", "typer", "pymavlink.mavutil", "serial")
+
+
+def arguments(link: str, *more: str) -> list[str]:
+    return ["--airframe", str(AIRFRAME), "--site", str(SITE), "--link", link, *more]
+
+
+def test_the_flying_process_loads_nothing_that_does_not_fly() -> None:
+    code = "import sys, tgl_soar.onboard; print(*sorted(sys.modules))"
+    loaded = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout.split()
+    assert [name for name in HEAVY if name in loaded] == []
+    ours = [name for name in loaded if name.startswith("tgl_soar.")]
+    assert [name for name in ours if name.split(".")[1] in ("sim", "report", "air")] == []
+
+
+def test_a_port_in_use_is_said_without_a_traceback(capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", 0))
+        link = f"udp:127.0.0.1:{other.getsockname()[1]}"
+        assert main(arguments(link)) == EXIT_CANNOT_START
+    assert "is in use" in capsys.readouterr().err
+
+
+def test_a_missing_file_is_said_without_a_traceback(capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["--airframe", "none.toml", "--site", str(SITE), "--link", "udp:127.0.0.1:1"]
+    assert main(command) == EXIT_CANNOT_START
+    assert "none.toml" in capsys.readouterr().err
+
+
+class Module:
+    """The process, and a vehicle's end of its link."""
+
+    def __init__(self, *more: str) -> None:
+        self.vehicle = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.vehicle.bind(("127.0.0.1", 0))
+        self.vehicle.settimeout(5.0)
+        link = f"udpout:127.0.0.1:{self.vehicle.getsockname()[1]}"
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "tgl_soar.cli", "run", *arguments(link, *more)],
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self.address: tuple[str, int] | None = None
+        self._mav = mavlink.MAVLink(None, 1, 1)
+
+    def receive(self) -> Any:
+        data, self.address = self.vehicle.recvfrom(2048)
+        return mavlink.MAVLink(None).decode(bytearray(data))
+
+    def send(self, message: Any) -> None:
+        assert self.address is not None
+        self.vehicle.sendto(message.pack(self._mav), self.address)
+
+    def close(self) -> None:
+        self.vehicle.close()
+        if self.process.poll() is None:
+            self.words()
+
+    def words(self) -> str:
+        """What it has said on the console; ends it."""
+        self.process.kill()
+        return self.process.communicate()[1]
+
+
+@pytest.fixture
+def module() -> Iterator[Module]:
+    made = Module()
+    yield made
+    made.close()
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_it_is_stopped_by_a_signal_and_gives_the_surfaces_back(
+    module: Module, number: signal.Signals
+) -> None:
+    assert module.receive().get_type() == "HEARTBEAT"
+    module.send(mavlink.MAVLink_heartbeat_message(1, 3, 81, 0, 4, 3))
+    begun = time.monotonic()
+    engaged = stopped = False
+    kinds: list[str] = []
+    pulses: list[int] = []
+    while not kinds or kinds[-1] != "tgl_soar stopped":
+        stamp = round((time.monotonic() - begun) * 1e3)
+        module.send(mavlink.MAVLink_attitude_quaternion_message(stamp, 1, 0, 0, 0, 0, 0, 0))
+        module.send(mavlink.MAVLink_local_position_ned_message(stamp, 0, 0, 0, 0, 0, 0))
+        message = module.receive()
+        kinds.append(message.get_type())
+        if kinds[-1] == "STATUSTEXT":
+            kinds[-1] = message.text
+        if kinds[-1] == "RC_CHANNELS_OVERRIDE":
+            pulses.append(message.chan2_raw)
+        if not engaged and time.monotonic() - begun > 0.3:
+            engaged = True
+            module.send(mavlink.MAVLink_param_set_message(1, 191, b"OP_ENGAGE", 1.0, 9))
+        if not stopped and len(pulses) > 20:
+            stopped = True
+            module.process.send_signal(number)
+        assert time.monotonic() - begun < 10.0
+    assert module.process.wait(5.0) == EXIT_OK
+    assert pulses[-5:] == [0] * 5
+    assert pulses[-6] != 0
+    assert "Traceback" not in module.words()
+
+
+def test_without_an_autopilot_it_gives_up_if_it_was_told_to() -> None:
+    module = Module("--timeout", "0.2")
+    try:
+        assert module.process.wait(5.0) == EXIT_NO_AUTOPILOT
+        assert "no autopilot on udpout:127.0.0.1" in module.words()
+    finally:
+        module.close()
