@@ -122,7 +122,7 @@ class Operator:
     # --- what to do -----------------------------------------------------------------------
     def step(self, now_s: float) -> list[bytes]:
         """What to send now; `now_s` only paces heartbeats and repetitions."""
-        if not now_s - self._heartbeat_s < 1.0:
+        if not 0.0 <= now_s - self._heartbeat_s < 1.0:  # simulated time begins anew, at zero
             self._heartbeat_s = now_s
             self._pack(
                 self._codec.heartbeat_encode(

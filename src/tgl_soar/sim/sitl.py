@@ -41,6 +41,7 @@ from .world import build_field, ground_outline
 Floats = NDArray[np.float64]
 REACH_M = 3.0  # to either side of the line's point a crossing is looked for
 SILENCE_S = 20.0  # without a datagram for so long the bridge is taken for dead
+OVERRIDE_TIME_S = 0.5  # as docs and README ask of a real autopilot: 3 s would lose the aircraft
 
 
 class SitlError(RuntimeError):
@@ -180,6 +181,7 @@ def _bridge_command(
         *("--airframe", str(options.airframe), "--site", str(options.site)),
         *("--companion", companion, "--gcs", operator),
         *("--seed", str(options.seed), "--log", str(truth_file)),
+        *("--autopilot-parameter", f"RC_OVERRIDE_TIME={OVERRIDE_TIME_S:g}"),
         *("--speed", "realtime" if options.realtime else "lockstep"),
     ]
     if options.turbulence is not None:
