@@ -116,6 +116,8 @@ def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Setu
     channels = SurfaceChannels(
         _channel(surfaces.elevator), _channel(surfaces.aileron), _channel(surfaces.rudder)
     )
+    if parameters["OP_ENGAGE"] != 0.0:  # a restarted module must never engage by itself
+        parameters = parameters.changed({"OP_ENGAGE": 0.0})
     kind = Bridge if link.firmware == "bridge" else ArduPilot
     return Setup(
         Source(link.system_id, link.component_id),
@@ -151,7 +153,13 @@ class Onboard:
         self.texts = StatusTexts()
         self.parameters = ParameterServer(setup.own, setup.parameters, self.texts)
         rate_hz = setup.parameters["LOOP_RATE"]
-        self.session = Session(setup.own, setup.flavour, rate_hz, lockstep=lockstep)
+        self.session = Session(
+            setup.own,
+            setup.flavour,
+            rate_hz,
+            override_system=setup.override.system,
+            lockstep=lockstep,
+        )
         self.pacer = realtime.Pacer(rate_hz, now_s)
         self.output: autopilot.Output | None = None  # of the last tick
 
@@ -173,6 +181,11 @@ class Onboard:
         self._release_due_s = 0.0
         self._telemetry = NamedValues(TELEMETRY_NAMES, TELEMETRY_HZ)
         self._reboots = 0
+
+    def relinked(self) -> None:
+        """Somebody else, or the same one anew, is at the far end of the link."""
+        self.decoder.reset()
+        self._greeted = False
 
     # --- event --------------------------------------------------------------------------------
 
@@ -224,6 +237,10 @@ class Onboard:
     def due(self, now_s: float) -> bool:
         """Whether `periodic` is to be called."""
         return not self._lockstep and self.pacer.due(now_s)
+
+    def overdue(self, now_s: float) -> bool:
+        """Whether a tick can wait no longer, not even for what has come but was not read yet."""
+        return not self._lockstep and now_s >= self.pacer.wake_s
 
     def wake_s(self, now_s: float) -> float:
         """When to look again if nothing arrives."""
@@ -488,35 +505,59 @@ def _fly(
     _print(f"listening on {transport.name} as {setup.own.system}:{setup.own.component}")
     for warning in realtime.prepare(real_time=not lockstep):
         _print(warning)
-    complain_s = began_s + COMPLAIN_S
-    reconnects = transport.counters.reconnects
+    watch = _Watch(began_s)
+    generation = transport.generation
     now_s = clock()
     while not stop():
         realtime.wait(transport.fileno(), onboard.wake_s(now_s), now_s)
         now_s = clock()
-        for data in transport.receive(now_s):
+        received = transport.receive(now_s)
+        if transport.generation != generation:
+            generation = transport.generation
+            onboard.relinked()
+        for data in received:
             onboard.event(data, now_s)
-        if transport.counters.reconnects != reconnects:
-            reconnects = transport.counters.reconnects
-            onboard.decoder.reset()
+            if onboard.overdue(clock()):  # a flood must not hold up the tick
+                onboard.periodic(clock())
         if onboard.due(now_s):
             onboard.periodic(now_s)
         else:
             onboard.idle(now_s)
-        if not onboard.session.is_heard and now_s >= complain_s:
-            complain_s = now_s + COMPLAIN_S
+        if watch.is_silent(onboard.session.counters.heartbeats, now_s):
             _print(_why_silent(onboard, transport))
         if timeout_s is not None and now_s - began_s > timeout_s and not onboard.session.is_heard:
             _print(f"no autopilot on {transport.name} within {timeout_s:g} s: giving up")
             return EXIT_NO_AUTOPILOT
     onboard.stop()
+    ticks = onboard.pacer.counters
+    if not lockstep:
+        _print(f"{ticks.ticks} ticks, {ticks.late} late, {ticks.skipped} skipped")
     return EXIT_OK
+
+
+class _Watch:
+    """Tells, every few seconds, that no heartbeat of the autopilot comes."""
+
+    def __init__(self, now_s: float) -> None:
+        self._heartbeats = 0
+        self._complain_s = now_s + COMPLAIN_S
+
+    def is_silent(self, heartbeats: int, now_s: float) -> bool:
+        if heartbeats != self._heartbeats:
+            self._heartbeats = heartbeats
+            self._complain_s = now_s + COMPLAIN_S
+        if now_s < self._complain_s:
+            return False
+        self._complain_s = now_s + COMPLAIN_S
+        return True
 
 
 def _why_silent(onboard: Onboard, transport: Transport) -> str:
     """What to look at when no autopilot answers."""
     system = onboard.session.autopilot.system
     wanted = f"no heartbeat of system {system}, component 1 on {transport.name}"
+    if onboard.session.is_heard:
+        return f"{wanted} for {COMPLAIN_S:g} s: it has stopped, or the link is cut"
     heard = sorted(onboard.session.heard)
     if heard:
         names = ", ".join(f"{s.system}:{s.component}" for s in heard)

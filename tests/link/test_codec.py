@@ -68,6 +68,10 @@ KNOWN = [
         ParamRequestRead(1, 191, "SIXTEEN_LETTERS_", -1),
     ),
     (SET, ParamSet(1, 191, "TGL_X", 1.5, 9)),
+    (
+        mavlink.MAVLink_param_value_message(b"SYSID_MYGCS", 255, 9, 900, 3),
+        ParamValue("SYSID_MYGCS", 255.0, 9, 900, 3),
+    ),
     (mavlink.MAVLink_timesync_message(0, -5), Timesync(0, -5)),
 ]
 
@@ -225,6 +229,10 @@ def test_everything_that_is_said_reads_back_by_pymavlink() -> None:
         (
             ParamValue("SIXTEEN_LETTERS_", 0.5, 9, 48, 47),
             {"param_id": "SIXTEEN_LETTERS_", "param_value": 0.5, "param_index": 47},
+        ),
+        (
+            ParamRequestRead(1, 1, "SYSID_MYGCS", -1),
+            {"param_id": "SYSID_MYGCS", "param_index": -1, "target_component": 1},
         ),
         (Timesync(5, -7), {"tc1": 5, "ts1": -7}),
         (StatusText(4, "x" * 50, 3, 1), {"text": "x" * 50, "id": 3, "chunk_seq": 1}),

@@ -17,6 +17,8 @@ from tgl_soar.link.messages import (
     Heartbeat,
     LocalPositionNed,
     Odometry,
+    ParamRequestRead,
+    ParamValue,
     Received,
     Said,
     ServoOutputRaw,
@@ -237,6 +239,50 @@ def test_after_a_reboot_all_is_asked_for_again_and_we_greet_at_once() -> None:
     assert talk.position.sequence == 2
     assert talk.counters.reboots == 1
     assert any("restarted" in text for _, text in talk.notices)
+
+
+# --- whose overrides it obeys -----------------------------------------------------------------
+
+
+def complaints(answers: dict[str, float], *, override_system: int = 255) -> tuple[int, list[str]]:
+    """(questions, complaints) of ten seconds with an autopilot that has these parameters."""
+    talk = Session(OWN, ArduPilot(CHANNELS, 1), 200.0, override_system=override_system)
+    hear(talk, MANUAL, 0.0)
+    questions = 0
+    for i in range(100):
+        for m in talk.poll(i * 0.1):
+            if isinstance(m, ParamRequestRead):
+                questions += 1
+                assert (m.target_system, m.target_component) == (1, 1)
+                if m.param_id in answers:
+                    hear(talk, ParamValue(m.param_id, answers[m.param_id], 9, 900, 5), i * 0.1)
+    return questions, [text for _, text in talk.notices if "ignores" in text]
+
+
+def test_an_autopilot_that_obeys_is_asked_once_and_not_complained_about() -> None:
+    assert complaints({"SYSID_MYGCS": 255.0}) == (3, [])
+
+
+def test_an_autopilot_that_would_ignore_us_is_told_of_once_with_the_way_out() -> None:
+    questions, told = complaints({"SYSID_MYGCS": 254.0})
+    assert questions == 3
+    assert told == [
+        "the autopilot ignores our surfaces: its SYSID_MYGCS is 254, our override_system_id 255;"
+        " make them the same"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("system", "obeyed"), [(249, False), (250, True), (252, True), (253, False)]
+)
+def test_newer_firmware_obeys_a_range(system: int, obeyed: bool) -> None:
+    answers = {"MAV_GCS_SYSID": 250.0, "MAV_GCS_SYSID_HI": 252.0}
+    assert (complaints(answers, override_system=system)[1] == []) == obeyed
+    assert complaints({"MAV_GCS_SYSID": 250.0}, override_system=250)[1] == []
+
+
+def test_an_autopilot_that_does_not_answer_is_asked_a_few_times_and_believed() -> None:
+    assert complaints({}) == (12, [])
 
 
 # --- measurements -----------------------------------------------------------------------------

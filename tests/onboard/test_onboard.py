@@ -191,6 +191,14 @@ def test_the_streams_are_asked_for(flight: Flight) -> None:
     assert {(31.0, 5000.0), (32.0, 20000.0), (36.0, 200000.0)} <= asked
 
 
+def test_a_new_peer_is_greeted_before_anything_else(flight: Flight) -> None:
+    flight.run(1.5)
+    flight.said()
+    flight.onboard.relinked()
+    flight.set("TGL_X", 1.0)
+    assert [m.get_type() for m in flight.said()[:2]] == ["HEARTBEAT", "PARAM_VALUE"]
+
+
 # --- surfaces ---------------------------------------------------------------------------------
 
 
@@ -357,6 +365,16 @@ def test_whatever_arrives_commands_stay_inside_the_channels(
         for pulse in (m.chan1_raw, m.chan2_raw, m.chan4_raw):
             assert pulse == 0 or 1100 <= pulse <= 1900
     assert flight.onboard.counters.unsendable == 0
+
+
+def test_a_flood_of_sets_cannot_put_off_the_tick(flight: Flight) -> None:
+    """`run` asks between two datagrams whether the tick can wait."""
+    flight.engaged()
+    assert not flight.onboard.overdue(flight.now_s)
+    flight.now_s += 0.0076  # half a period more than the locked loop waits for its sample
+    for i in range(50):
+        flight.set("TGL_X", i / 100)
+    assert flight.onboard.overdue(flight.now_s)
 
 
 # --- settings ---------------------------------------------------------------------------------

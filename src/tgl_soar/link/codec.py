@@ -266,6 +266,10 @@ def _param_set(m: Any) -> Heard:
     )
 
 
+def _param_value(m: Any) -> Heard:
+    return ParamValue(_text(m.param_id), m.param_value, m.param_type, m.param_count, m.param_index)
+
+
 def _timesync(m: Any) -> Heard:
     return Timesync(m.tc1, m.ts1)
 
@@ -281,6 +285,7 @@ _HEARD: Final[dict[int, Callable[[Any], Heard]]] = {
     dialect.MAVLINK_MSG_ID_PARAM_REQUEST_LIST: _param_request_list,
     dialect.MAVLINK_MSG_ID_PARAM_REQUEST_READ: _param_request_read,
     dialect.MAVLINK_MSG_ID_PARAM_SET: _param_set,
+    dialect.MAVLINK_MSG_ID_PARAM_VALUE: _param_value,
     dialect.MAVLINK_MSG_ID_TIMESYNC: _timesync,
 }
 
@@ -335,6 +340,12 @@ def _pack_command_ack(m: Any) -> Any:
     )
 
 
+def _pack_param_request_read(m: Any) -> Any:
+    return dialect.MAVLink_param_request_read_message(
+        m.target_system, m.target_component, _chars(m.param_id, 16), m.param_index
+    )
+
+
 def _pack_param_value(m: Any) -> Any:
     return dialect.MAVLink_param_value_message(
         _chars(m.param_id, 16),
@@ -369,6 +380,7 @@ _SAID: Final[dict[type[Said], Callable[[Any], Any]]] = {
     Heartbeat: _pack_heartbeat,
     CommandLong: _pack_command_long,
     CommandAck: _pack_command_ack,
+    ParamRequestRead: _pack_param_request_read,
     ParamValue: _pack_param_value,
     Timesync: _pack_timesync,
     StatusText: _pack_status_text,

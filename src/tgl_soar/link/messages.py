@@ -185,6 +185,7 @@ Heard: TypeAlias = (
     | ParamRequestList
     | ParamRequestRead
     | ParamSet
+    | ParamValue
     | Timesync
 )
 
@@ -192,6 +193,7 @@ Said: TypeAlias = (
     Heartbeat
     | CommandLong
     | CommandAck
+    | ParamRequestRead
     | ParamValue
     | Timesync
     | StatusText

@@ -19,6 +19,7 @@ from tgl_soar.types import NAN, AttitudeSample, AutopilotStatus, PositionFix
 
 from .autopilots.base import Flavour
 from .clock import ClockMap, StampOrder
+from .inquiry import SenderInquiry
 from .messages import (
     AUTOPILOT_INVALID,
     COMMAND_SET_MESSAGE_INTERVAL,
@@ -42,6 +43,7 @@ from .messages import (
     Heartbeat,
     LocalPositionNed,
     Odometry,
+    ParamValue,
     Received,
     Said,
     ServoOutputRaw,
@@ -79,7 +81,13 @@ class Session:
     """Takes in messages, gives out what is due; time is an argument."""
 
     def __init__(
-        self, own: Source, flavour: Flavour, loop_rate_hz: float, *, lockstep: bool = False
+        self,
+        own: Source,
+        flavour: Flavour,
+        loop_rate_hz: float,
+        *,
+        override_system: int = 255,
+        lockstep: bool = False,
     ) -> None:
         self.counters = SessionCounters()
         self.position = PositionFix(0, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
@@ -90,6 +98,7 @@ class Session:
         self.heard: dict[Source, int] = {}
         self.notices: list[tuple[int, str]] = []  # (severity, text), for whoever tells them
         self.streams = StreamRequests(own.system)
+        self._inquiry = SenderInquiry(flavour, own.system, override_system)
         self._own = own
         self.autopilot = Source(own.system, COMPONENT_AUTOPILOT)
         self._flavour = flavour
@@ -127,6 +136,10 @@ class Session:
             said.append(self.heartbeat())
         if self.is_heard:
             said.extend(self.streams.poll(now_s))
+            asked, complaint = self._inquiry.poll(now_s)
+            said.extend(asked)
+            if complaint:
+                self.notices.append((SEVERITY_WARNING, complaint))
         if self.streams.notices:
             self._tell_refusals()
         return said
@@ -137,6 +150,7 @@ class Session:
         self._position_heard_s = NAN
         self._attitude_heard_s = NAN
         self.streams.restart()
+        self._inquiry.restart()
         if self.is_heard:
             self.status = self.status._replace(time_s=now_s)
 
@@ -164,6 +178,8 @@ class Session:
         elif isinstance(message, ServoOutputRaw):
             self.streams.heard(ID_SERVO_OUTPUT_RAW)
             self.servos_us = message.servos
+        elif isinstance(message, ParamValue):
+            self._inquiry.heard(message)
         elif isinstance(message, CommandAck):
             self._take_ack(message, now_s)
         return []
@@ -320,6 +336,7 @@ class Session:
                 self._orders[number] = StampOrder()
         self._heartbeat_due_s = now_s
         self.streams.restart()
+        self._inquiry.restart()
         self.notices.append((SEVERITY_INFO, "autopilot restarted: asking for its streams again"))
 
 

@@ -54,6 +54,7 @@ class Transport(Protocol):
     name: str
     is_stream: bool  # frames may be cut anywhere
     counters: LinkCounters
+    generation: int  # grows when another peer is at the far end, or the same one anew
 
     def fileno(self) -> int:
         """To wait on; -1 while there is nothing to wait on."""
@@ -127,6 +128,7 @@ class _Udp:
     def __init__(self, text: str, family: int) -> None:
         self.name = text
         self.counters = LinkCounters()
+        self.generation = 0
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
 
@@ -185,6 +187,7 @@ class UdpListener(_Udp):
                     self.counters.strangers += 1
                     continue
                 self.peer = sender
+                self.generation += 1
             self._heard_s = now_s
             self.counters.bytes_in += len(data)
             received.append(data)
@@ -250,6 +253,7 @@ class _Stream:
     def __init__(self, text: str) -> None:
         self.name = text
         self.counters = LinkCounters()
+        self.generation = 0
         self._fd = -1
         self._unsent = bytearray()
         self._retry_s = 0.0
@@ -321,6 +325,7 @@ class _Stream:
         if not self._reopen(now_s):
             return False
         self.counters.reconnects += 1
+        self.generation += 1
         return True
 
 

@@ -35,11 +35,28 @@ class ArduPilot:
     """ArduPlane 4.x."""
 
     name = "ardupilot"
+    # SYSID_MYGCS up to 4.6; then a range, of which the upper end 0 stands for the lower.
+    sender_parameters: tuple[str, ...] = ("SYSID_MYGCS", "MAV_GCS_SYSID", "MAV_GCS_SYSID_HI")
 
     def __init__(self, channels: SurfaceChannels, system_id: int) -> None:
         self._channels = channels
         self._system_id = system_id
         self._release = (self._override({}, release=True),)
+
+    def refusal(self, parameters: Mapping[str, float], system: int) -> str:
+        """The firmware ignores overrides of other senders without a word."""
+        old, low_name, high_name = self.sender_parameters
+        name = old if old in parameters else low_name
+        if name not in parameters:
+            return ""
+        low = parameters[name]
+        high = max(low, parameters.get(high_name, low))
+        if low <= system <= high:
+            return ""
+        return (
+            f"the autopilot ignores our surfaces: its {name} is {low:g}, our override_system_id"
+            f" {system}; make them the same"
+        )
 
     def surfaces(self, command: SurfaceCommand) -> tuple[Said, ...]:
         """One frame that holds our three channels and leaves the others to the pilot."""

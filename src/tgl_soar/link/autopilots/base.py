@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import isfinite
 from typing import NamedTuple, Protocol
 
@@ -31,6 +32,11 @@ class Flavour(Protocol):
     """One firmware."""
 
     name: str
+    sender_parameters: tuple[str, ...]  # of the firmware: they say whose overrides it obeys
+
+    def refusal(self, parameters: Mapping[str, float], system: int) -> str:
+        """Why overrides of this system will be ignored, and the way out; "" if they will not."""
+        ...
 
     def surfaces(self, command: SurfaceCommand) -> tuple[Said, ...]:
         """What moves the surfaces; to be sent as the override identity."""
