@@ -1,0 +1,440 @@
+"""The estimator on flights that are known, with samples as bad as they come."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from math import cos, dist, e, exp, inf, isnan, nan, pi, radians, remainder, sin
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from tgl_soar.estimation.motion import (
+    FUTURE_S,
+    PREDICT_MAX_S,
+    RESTART_S,
+    MotionGains,
+    MotionState,
+    initial_motion,
+    motion_step,
+)
+from tgl_soar.geometry import (
+    SoaringFrame,
+    ned_from_soaring,
+    ned_vector_from_soaring,
+    quaternion_from_euler,
+)
+from tgl_soar.types import AttitudeSample, AutopilotStatus, Inputs, PositionFix, VehicleState
+
+FRAME = SoaringFrame(3.0, -4.0, 5.0, radians(240.0))
+GAINS = MotionGains(2.0 * pi * 4.0, 2.0 * pi * 10.0, 0.0)
+DT = 0.005
+NO_FIX = PositionFix(0, nan, nan, nan, nan, nan, nan, nan)
+NO_SAMPLE = AttitudeSample(0, nan, nan, nan, nan, nan, nan, nan, nan)
+SILENT = AutopilotStatus(nan, False, False)
+LEVEL = (1.0, 0.0, 0.0, 0.0)
+
+Vector = tuple[float, float, float]
+Path = Callable[[float], Vector]
+
+
+def tick(now: float, fix: PositionFix = NO_FIX, sample: AttitudeSample = NO_SAMPLE) -> Inputs:
+    return Inputs(now, fix, sample, SILENT, False)
+
+
+def fix_at(
+    sequence: int, stamp: float, where: Vector, velocity: Vector = (nan, nan, nan)
+) -> PositionFix:
+    """A fix of a position and a velocity in the soaring frame."""
+    ned = ned_from_soaring(FRAME, *where)
+    return PositionFix(sequence, stamp, *ned, *ned_vector_from_soaring(FRAME, *velocity))
+
+
+def position(v: VehicleState) -> Vector:
+    return v.x_m, v.y_m, v.z_m
+
+
+def velocity(v: VehicleState) -> Vector:
+    return v.velocity_x_mps, v.velocity_y_mps, v.climb_mps
+
+
+def flight(
+    path: Path,
+    speed: Path | None,
+    gains: MotionGains = GAINS,
+    every: int = 5,
+    delay: int = 0,
+    told: bool = True,
+    ticks: int = 800,
+) -> Iterator[tuple[float, VehicleState]]:
+    """(time, estimate) of a flight: a fix every `every` ticks, arriving `delay` ticks late, with
+    the time when it was true, or (not told) with that of its arrival."""
+    state, fix = initial_motion(), NO_FIX
+    for k in range(ticks):
+        if (k - delay) % every == 0 and k >= delay:
+            true = (k - delay) * DT
+            stamp = true if told else k * DT
+            fix = fix_at(k + 1, stamp, path(true), speed(true) if speed else (nan, nan, nan))
+        state, vehicle = motion_step(gains, FRAME, state, tick(k * DT, fix))
+        yield k * DT, vehicle
+
+
+STRAIGHT: Vector = (0.4, -0.2, 0.3)
+
+
+def straight(t: float) -> Vector:
+    return 1.0 + 0.4 * t, 2.0 - 0.2 * t, 3.0 + 0.3 * t
+
+
+def straight_speed(_: float) -> Vector:
+    return STRAIGHT
+
+
+# --- fixes ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("delay", [0, 8, 30])
+@pytest.mark.parametrize("speed", [straight_speed, None])
+def test_a_straight_flight_is_tracked_without_bias(delay: int, speed: Path | None) -> None:
+    # Constant velocity is the estimator's own model, so nothing is left once it has settled: 2 s
+    # are 50 time constants.  Before the first fix there is nothing to say.
+    for t, vehicle in flight(straight, speed, delay=delay):
+        if t < delay * DT:
+            assert isnan(vehicle.x_m)
+        elif speed is not None or t > 2.0:
+            assert dist(position(vehicle), straight(t)) < 1e-9
+            assert dist(velocity(vehicle), STRAIGHT) < 1e-8
+
+
+@pytest.mark.parametrize("speed", [straight_speed, None])
+def test_a_delay_that_no_stamp_tells_is_taken_off(speed: Path | None) -> None:
+    # 16 ticks late and stamped at arrival: uncorrected it is behind by v · 80 ms for good.
+    corrected = GAINS._replace(fix_delay_s=16 * DT)
+    *_, (t, blind) = flight(straight, speed, delay=16, told=False)
+    *_, (t, seeing) = flight(straight, speed, corrected, delay=16, told=False)
+    lag = dist(STRAIGHT, (0.0, 0.0, 0.0)) * 0.08
+    assert dist(position(blind), straight(t)) == pytest.approx(lag, rel=1e-6)
+    assert dist(position(seeing), straight(t)) < 1e-9
+
+
+def test_an_unknown_velocity_is_found_with_critical_damping() -> None:
+    """Without velocities the first fix leaves v unknown: an error that starts at 0 with rate V.
+
+    Critically damped it is V t exp(-w t), largest at 1 / w with V / (e w).
+    """
+    slow = GAINS._replace(position_bandwidth_radps=2.0 * pi)
+    w = slow.position_bandwidth_radps
+    size = dist(STRAIGHT, (0.0, 0.0, 0.0))
+    errors = [(t, dist(position(v), straight(t))) for t, v in flight(straight, None, slow, every=1)]
+    at, largest = max(errors, key=lambda row: row[1])
+    # In steps of dt: w dt = 0.03.
+    assert at == pytest.approx(1.0 / w, abs=2.0 * DT)
+    assert largest == pytest.approx(size / (e * w), rel=0.04)
+    # No overshoot: critically damped error only decays after its peak.
+    tail = [error for t, error in errors if t >= at]
+    assert all(b <= a + 1e-12 for a, b in pairwise(tail))
+
+
+def test_a_measured_velocity_is_followed_with_its_bandwidth() -> None:
+    # The velocity steps at 1 s; what is left of the step after a time t is exp(-w_v t).
+    def path(t: float) -> Vector:
+        return max(0.0, t - 1.0), 0.0, 0.0
+
+    def speed(t: float) -> Vector:
+        return (1.0 if t > 1.0 - 1e-9 else 0.0), 0.0, 0.0
+
+    after = {round(t, 6): v.velocity_x_mps for t, v in flight(path, speed, every=1, ticks=220)}
+    w = GAINS.velocity_bandwidth_radps
+    assert after[0.995] == pytest.approx(0.0, abs=1e-12)
+    for n in (1, 3, 6):
+        expected = 1.0 - exp(-w * n * DT)
+        assert after[round(1.0 + (n - 1) * DT, 6)] == pytest.approx(expected, rel=1e-9)
+
+
+def test_an_oscillation_along_the_line_is_followed() -> None:
+    # 10 cm at 0.5 Hz, fixes at 40 Hz, 40 ms late: within 4 mm.  With velocities the error is the
+    # acceleration 1 m/s² over the age of the velocity, 1/w_v + 65 ms, squared and halved.
+    w = 2.0 * pi * 0.5
+
+    def path(t: float) -> Vector:
+        return 0.1 * sin(w * t), 0.0, 1.0
+
+    def speed(t: float) -> Vector:
+        return 0.1 * w * cos(w * t), 0.0, 0.0
+
+    worst = max(dist(position(v), path(t)) for t, v in flight(path, speed, delay=8) if t > 1.0)
+    age = 1.0 / GAINS.velocity_bandwidth_radps + 0.065
+    assert worst < 0.1 * w * w * age * age
+
+
+LAST = 10.0 + 39 * DT
+NOW = 10.0 + 40 * DT
+LAST_FIX = fix_at(40, LAST, straight(LAST), STRAIGHT)
+LAST_SAMPLE = AttitudeSample(40, LAST, *LEVEL, 0.0, 0.0, 0.0)
+
+
+def settled() -> MotionState:
+    """A state in mid flight, after the tick at LAST; what came last stays in the inputs."""
+    state = initial_motion()
+    for k in range(1, 41):
+        t = 10.0 + (k - 1) * DT
+        fix, sample = (
+            fix_at(k, t, straight(t), STRAIGHT),
+            LAST_SAMPLE._replace(sequence=k, time_s=t),
+        )
+        state, _ = motion_step(GAINS, FRAME, state, tick(t, fix, sample))
+    return state
+
+
+def mid(now: float, fix: PositionFix = LAST_FIX, sample: AttitudeSample = LAST_SAMPLE) -> Inputs:
+    return tick(now, fix, sample)
+
+
+def without_count(state: MotionState) -> MotionState:
+    return state._replace(rejected=0, fix_sequence=0, attitude_sequence=0)
+
+
+def test_the_same_sample_twice_is_no_news() -> None:
+    state = settled()
+    fix = fix_at(99, NOW, straight(NOW), STRAIGHT)
+    sample = AttitudeSample(99, NOW, *LEVEL, 0.1, 0.2, 0.3)
+    once, _ = motion_step(GAINS, FRAME, state, mid(NOW, fix, sample))
+    twice, _ = motion_step(GAINS, FRAME, once, mid(NOW + DT, fix, sample))
+    assert twice == once
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"north_m": nan},
+        {"east_m": inf},
+        {"down_m": -inf},
+        {"time_s": nan},
+        {"time_s": inf},
+        {"time_s": -inf},
+        {"time_s": LAST},  # the time of the last one: a duplicate with a new number
+        {"time_s": LAST - DT},  # out of order
+        {"time_s": NOW + FUTURE_S + 1e-6},
+    ],
+)
+def test_a_bad_fix_is_refused_and_counted(bad: dict[str, Any]) -> None:
+    state = settled()
+    fix = fix_at(99, NOW, (500.0, 500.0, 500.0), STRAIGHT)._replace(**bad)
+    after, vehicle = motion_step(GAINS, FRAME, state, mid(NOW, fix))
+    assert after.rejected == state.rejected + 1
+    assert without_count(after) == without_count(state)
+    assert dist(position(vehicle), straight(NOW)) < 1e-9
+    # Once: it is not counted again in the next tick.
+    again, _ = motion_step(GAINS, FRAME, after, mid(NOW + DT, fix))
+    assert again == after
+
+
+def test_a_fix_from_a_little_ahead_is_taken() -> None:
+    # The mapping of clocks is not exact.
+    state = settled()
+    ahead = NOW + 0.9 * FUTURE_S
+    after, vehicle = motion_step(
+        GAINS, FRAME, state, mid(NOW, fix_at(99, ahead, straight(ahead), STRAIGHT))
+    )
+    assert after.rejected == state.rejected
+    assert dist(position(vehicle), straight(NOW)) < 1e-9
+
+
+@pytest.mark.parametrize("place", [0, 1, 2])
+@pytest.mark.parametrize("bad", [nan, inf])
+def test_half_a_velocity_is_none(place: int, bad: float) -> None:
+    state = settled()
+    numbers = [100.0, 100.0, 100.0]
+    numbers[place] = bad
+    fix = PositionFix(99, NOW, *ned_from_soaring(FRAME, *straight(NOW)), *numbers)
+    after, vehicle = motion_step(GAINS, FRAME, state, mid(NOW, fix))
+    assert after.rejected == state.rejected
+    assert after.fix_time_s == NOW
+    assert dist(velocity(vehicle), STRAIGHT) < 1e-6
+
+
+@pytest.mark.parametrize("velocity_known", [True, False])
+def test_after_a_long_gap_the_fix_is_believed(velocity_known: bool) -> None:
+    state = settled()
+    later = LAST + RESTART_S
+    speed = (0.1, 0.0, 0.0) if velocity_known else (nan, nan, nan)
+    fix = fix_at(99, later, (7.0, 8.0, 9.0), speed)
+    _, vehicle = motion_step(GAINS, FRAME, state, mid(later, fix))
+    assert position(vehicle) == pytest.approx((7.0, 8.0, 9.0))
+    expected = (0.1, 0.0, 0.0) if velocity_known else (0.0, 0.0, 0.0)
+    assert velocity(vehicle) == pytest.approx(expected)
+
+
+def test_after_a_short_gap_the_prediction_counts_too() -> None:
+    # 0.1 s at 4 Hz, critically damped: of the innovation exp(-2 w T) = 0.7 % is left.
+    state = settled()
+    later = LAST + 0.1
+    off = tuple(p + 1.0 for p in straight(later))
+    fix = fix_at(99, later, (off[0], off[1], off[2]), STRAIGHT)
+    _, vehicle = motion_step(GAINS, FRAME, state, mid(later, fix))
+    left = exp(-2.0 * GAINS.position_bandwidth_radps * 0.1)
+    assert off[0] - vehicle.x_m == pytest.approx(left, rel=1e-6)
+
+
+def test_in_a_gap_it_goes_on_as_it_was() -> None:
+    state = settled()
+    for k in range(100):
+        t = NOW + k * DT
+        state, vehicle = motion_step(GAINS, FRAME, state, mid(t))
+        assert dist(position(vehicle), straight(t)) < 1e-9
+
+
+def test_a_clock_that_goes_back_starts_it_afresh() -> None:
+    """What is known is of the future: new samples would be refused as late for all of the jump."""
+    state = settled()
+    fix = fix_at(99, 3.0, (7.0, 8.0, 9.0), (0.1, 0.0, 0.0))
+    sample = AttitudeSample(99, 3.0, *quaternion_from_euler(0.1, 0.2, 0.3), nan, nan, nan)
+    after, vehicle = motion_step(GAINS, FRAME, state, mid(3.0, fix, sample))
+    assert after.rejected == state.rejected
+    assert position(vehicle) == pytest.approx((7.0, 8.0, 9.0))
+    assert velocity(vehicle) == pytest.approx((0.1, 0.0, 0.0))
+    assert (vehicle.roll_rad, vehicle.pitch_rad) == pytest.approx((0.1, 0.2))
+    assert vehicle.pitch_rate_radps == 0.0
+
+
+def test_one_sample_lost_in_five_costs_nothing_on_a_straight_flight() -> None:
+    state, fix = initial_motion(), NO_FIX
+    for k in range(400):
+        if k % 5 != 3:
+            fix = fix_at(k + 1, k * DT, straight(k * DT), STRAIGHT)
+        state, vehicle = motion_step(GAINS, FRAME, state, tick(k * DT, fix))
+        assert dist(position(vehicle), straight(k * DT)) < 1e-9
+    assert state.rejected == 0
+
+
+# --- attitude -------------------------------------------------------------------------------
+
+
+@given(
+    roll=st.floats(-3.0, 3.0),
+    pitch=st.floats(-1.5, 1.5),
+    yaw=st.floats(-3.1, 3.1),
+    length=st.floats(0.91, 1.09),
+)
+def test_attitude_is_scipys(roll: float, pitch: float, yaw: float, length: float) -> None:
+    x, y, z, w = (float(v) for v in Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_quat())
+    numbers = (length * w, length * x, length * y, length * z)
+    sample = AttitudeSample(1, 0.0, *numbers, 0.0, 0.0, 0.0)
+    _, vehicle = motion_step(GAINS, FRAME, initial_motion(), tick(0.0, NO_FIX, sample))
+    assert vehicle.pitch_rad == pytest.approx(pitch, abs=1e-6)
+    assert remainder(vehicle.roll_rad - roll, 2 * pi) == pytest.approx(0.0, abs=1e-6)
+    heading = yaw - FRAME.wind_from_rad
+    assert remainder(vehicle.heading_rad - heading, 2 * pi) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_heading_is_nought_where_the_wind_comes_from() -> None:
+    q = quaternion_from_euler(0.0, 0.0, FRAME.wind_from_rad)
+    sample = AttitudeSample(1, 0.0, *q, 0.0, 0.0, 0.0)
+    _, vehicle = motion_step(GAINS, FRAME, initial_motion(), tick(0.0, NO_FIX, sample))
+    assert vehicle.heading_rad == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"qw": nan},
+        {"qx": inf},
+        {"qw": 0.0},  # all nought
+        {"qw": 0.89},
+        {"qw": 1.11},
+        {"time_s": nan},
+        {"time_s": inf},
+        {"time_s": LAST},
+        {"time_s": LAST - DT},
+        {"time_s": NOW + FUTURE_S + 1e-6},
+    ],
+)
+def test_a_bad_attitude_is_refused_and_counted(bad: dict[str, Any]) -> None:
+    state = settled()
+    sample = AttitudeSample(99, NOW, *LEVEL, 9.0, 9.0, 9.0)._replace(**bad)
+    after, vehicle = motion_step(GAINS, FRAME, state, mid(NOW, LAST_FIX, sample))
+    assert after.rejected == state.rejected + 1
+    assert without_count(after) == without_count(state)
+    assert vehicle.roll_rate_radps == 0.0
+    again, _ = motion_step(GAINS, FRAME, after, mid(NOW + DT, LAST_FIX, sample))
+    assert again == after
+
+
+def turning(t: float) -> Vector:
+    """Roll, pitch, yaw of a gentle turn, yaw through ±180 degrees of the soaring frame."""
+    return 0.3 + 0.2 * t, 0.1 - 0.3 * t, FRAME.wind_from_rad + pi - 0.1 + 0.5 * t
+
+
+@pytest.mark.parametrize("gyros", [True, False])
+def test_rates_are_those_of_the_angles_with_and_without_gyros(gyros: bool) -> None:
+    state = initial_motion()
+    for k in range(100):
+        t = k * DT
+        roll, pitch, yaw = turning(t)
+        p = q = r = nan
+        if gyros:  # body rates of these Euler rates, from a finite rotation
+            before, after = (
+                Rotation.from_euler("ZYX", turning(t + s)[::-1]) for s in (-1e-5, 1e-5)
+            )
+            p, q, r = (float(v) for v in (before.inv() * after).as_rotvec() / 2e-5)
+        sample = AttitudeSample(k + 1, t, *quaternion_from_euler(roll, pitch, yaw), p, q, r)
+        state, vehicle = motion_step(GAINS, FRAME, state, mid(t, LAST_FIX, sample))
+        if k > 0 or gyros:
+            rates = (vehicle.roll_rate_radps, vehicle.pitch_rate_radps, vehicle.heading_rate_radps)
+            assert rates == pytest.approx((0.2, -0.3, 0.5), abs=1e-6)
+        else:
+            assert vehicle.roll_rate_radps == 0.0  # of one sample nobody knows
+
+
+def test_differences_over_a_gap_are_no_rates() -> None:
+    state = settled()
+    later = LAST + PREDICT_MAX_S + 0.01
+    q = quaternion_from_euler(0.5, 0.0, 0.0)
+    sample = AttitudeSample(99, later, *q, nan, nan, nan)
+    _, vehicle = motion_step(GAINS, FRAME, state, mid(later, LAST_FIX, sample))
+    assert vehicle.roll_rate_radps == 0.0
+
+
+def test_attitude_is_carried_on_with_its_rates_but_not_for_long() -> None:
+    q = quaternion_from_euler(0.0, 0.1, FRAME.wind_from_rad)
+    sample = AttitudeSample(1, 0.0, *q, 0.0, 0.4, 0.0)
+    state, _ = motion_step(GAINS, FRAME, initial_motion(), tick(0.0, NO_FIX, sample))
+    for age in (0.0, 0.02, PREDICT_MAX_S):
+        _, vehicle = motion_step(GAINS, FRAME, state, tick(age, NO_FIX, sample))
+        assert vehicle.pitch_rad == pytest.approx(0.1 + 0.4 * age)
+    _, vehicle = motion_step(GAINS, FRAME, state, tick(5.0, NO_FIX, sample))
+    assert vehicle.pitch_rad == pytest.approx(0.1 + 0.4 * PREDICT_MAX_S)
+
+
+# --- the site -------------------------------------------------------------------------------
+
+
+@given(
+    turn=st.floats(-6.0, 6.0),
+    origin=st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-50, 50)),
+    wobble=st.floats(-0.5, 0.5),
+)
+def test_a_site_turned_and_moved_gives_the_same_state(
+    turn: float, origin: Vector, wobble: float
+) -> None:
+    """The whole world, wind and all, turned about the vertical and moved: the laws see nothing."""
+
+    def fly(frame: SoaringFrame) -> VehicleState:
+        state = initial_motion()
+        for k in range(12):
+            t = k * DT
+            ned = ned_from_soaring(frame, 1.0 + 0.4 * t, wobble * t, 2.0 - 0.3 * t)
+            speed = ned_vector_from_soaring(frame, 0.4, wobble, -0.3)
+            yaw = frame.wind_from_rad + 0.2 + wobble * t
+            q = quaternion_from_euler(0.1 + wobble * t, -0.2, yaw)
+            sample = AttitudeSample(k + 1, t, *q, 0.1, wobble, -0.2)
+            fix = PositionFix(k + 1, t, *ned, *speed)
+            state, vehicle = motion_step(GAINS, frame, state, tick(t, fix, sample))
+        return vehicle
+
+    here = fly(SoaringFrame(0.0, 0.0, 0.0, 0.0))
+    there = fly(SoaringFrame(*origin, turn))
+    assert there == pytest.approx(here, abs=1e-9)
