@@ -60,21 +60,20 @@ def check_mass(path: Path, axes: list[FloatArray], wind: list[FloatArray], air: 
     along = _sources(axes, wind, air, [1.0] + [0.0] * (len(axes) - 1))
     if as_read <= 0.5 * along:
         return
-    mended = None
-    turned_x = [-1.0] + [1.0] * (len(axes) - 1)
-    if _sources(axes, wind, air, turned_x) < 0.5 * as_read:
-        mended = "x turned round: set x_sign or u_sign"
-    elif len(axes) == 3 and _sources(axes, wind, air, [1.0, -1.0, 1.0]) < 0.5 * as_read:
-        mended = "y turned round: set y_sign or v_sign"
-    elif air.shape[0] == air.shape[-1]:
+    mends = []
+    if _sources(axes, wind, air, [-1.0] + [1.0] * (len(axes) - 1)) < 0.5 * as_read:
+        mends.append("x turned round (set x_sign or u_sign)")
+    if len(axes) == 3 and _sources(axes, wind, air, [1.0, -1.0, 1.0]) < 0.5 * as_read:
+        mends.append("y turned round (set y_sign or v_sign)")
+    if air.shape[0] == air.shape[-1]:
         swapped = [np.swapaxes(part, 0, -1) for part in wind]
         air_swapped = np.swapaxes(air, 0, -1)
         if _sources(axes, swapped, air_swapped, [1.0] * len(axes)) < 0.5 * as_read:
-            mended = "the axes x and z of the nodes swapped: transpose them"
-    if mended:
+            mends.append("the axes x and z of the nodes swapped (transpose them)")
+    if mends:
         raise GridError(
             f"{path}: mass is not conserved (median |div| {as_read:.3g} 1/s), but would be with"
-            f" {mended}; where the file is right, pass check_mass_balance=False"
+            f" {' or with '.join(mends)}; where the file is right, pass check_mass_balance=False"
         )
 
 

@@ -353,8 +353,9 @@ def feasible_leans(
 ) -> tuple[float, float]:
     """The open range of lean [rad] of lines that are stable at a place of the contour.
 
-    Both conditions of stability, and 0 < eta < pi.  Flying qualities narrow it further: a line
-    that leans downwind is hard to fly.  Errors: `ZeucError` where no line is stable, or where
+    Both conditions of stability, and 0 < eta < pi.  On the lower branch of a hill's contour only
+    lines far from upright are left.  Flying qualities narrow the range further: a line that
+    leans downwind is hard to fly.  Errors: `ZeucError` where no line is stable, or where
     the excess updraft or its gradient is undefined.
     """
     u, _, _ = field.wind_at(x_m, y_m, z_m, time_s)
@@ -365,6 +366,8 @@ def feasible_leans(
         raise ZeucError(f"excess updraft is undefined {where}: choose a place of the contour")
     # E falls along t within 90° of the direction −∇E; sin η > S′ cos η from atan S′ on.
     down = atan2(-gz, -gx)
+    if down < -0.5 * pi:
+        down += 2.0 * pi
     low = max(down - 0.5 * pi, atan(slope), 0.0)
     high = min(down + 0.5 * pi, atan(slope) + pi, pi)
     if not low < high:
@@ -392,7 +395,7 @@ def wind_sensitivity(
     gx, gz = excess_gradient(field, polar, crossing.x_m, crossing.z_m, y_m, time_s)
     along_slope = gx * cos(eta_rad) + gz * sin(eta_rad)
     steepness = hypot(gx, gz)
-    if not (isfinite(along_slope) and isfinite(slope)) or along_slope == 0.0:
+    if not (isfinite(along_slope) and abs(along_slope) > 1e-9 * steepness and isfinite(slope)):
         raise ZeucError(
             f"excess updraft has no slope along the line ({degrees(eta_rad) - 90:.1f}° lean) at"
             f" x {crossing.x_m:.3f} m, z {crossing.z_m:.3f} m: the line runs along the contour"
