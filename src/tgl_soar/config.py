@@ -283,69 +283,99 @@ def load_file(path: str | Path, kind: type[_File]) -> _File:
 # `$.a.b.c`"; an operator wants the key as written, the value, and all that is allowed there.
 
 _FIELD: Final = re.compile(r"Object (missing required|contains unknown) field `(.*)`")
+_STEP: Final = re.compile(r"\.([^.\[]+)|\[([^\]]+)\]")
+
+_Keys = list[str | int]
 
 
 def _plainly(message: str, table: dict[str, Any], kind: type[Struct]) -> str:
     """The key, its value, and what is allowed there."""
     what, _, where = message.partition(" - at `$")
-    keys = _keys_of(message, where.removesuffix("`"), table, kind)
+    keys = _keys_of(message, where, table, kind)
+    expected = _type_at(keys, table, kind)
     if field := _FIELD.fullmatch(what):
-        there = _type_at(keys, table, kind)
         keys.append(field[2])
         if field[1] == "contains unknown":
-            return f"{'.'.join(keys)}: unknown key; known here: {_known(there)}"
-        return f"{'.'.join(keys)}: missing; must be {_allowed(_type_at(keys, table, kind))}"
+            return f"{_path(keys)}: unknown key; known here: {_known(expected)}"
+        return f"{_path(keys)}: missing; must be {_allowed(_type_at(keys, table, kind))}"
     if not (what.startswith(("Expected", "Invalid")) or what == "Number out of range"):
-        return f"{'.'.join(keys)}: {what}"  # one of our own checks
-    value: Any = table
-    for key in keys:
-        value = value[key]
+        return f"{_path(keys)}: {what}" if keys else what  # one of our own checks
+    value = _value_at(keys, table)
     if keys[:-1] == ["parameters"] and what.startswith("Expected"):
         try:
-            ParameterSet().changed({keys[1]: value})
+            ParameterSet().changed({str(keys[1]): value})
         except ParameterError as error:
             return f"parameters.{error}"
-    return f"{'.'.join(keys)} = {_shown(value)}: must be {_allowed(_type_at(keys, table, kind))}"
+    return f"{_path(keys)} = {_shown(value)}: must be {_allowed(expected)}"
 
 
-def _keys_of(message: str, where: str, table: dict[str, Any], kind: type[Struct]) -> list[str]:
+def _path(keys: _Keys) -> str:
+    return "".join(f"[{k}]" if isinstance(k, int) else f".{k}" for k in keys).lstrip(".")
+
+
+def _keys_of(message: str, where: str, table: dict[str, Any], kind: type[Struct]) -> _Keys:
     """The path to what is wrong.  For a freely chosen name msgspec writes [...]: that name is
     the first whose entry alone is refused with the same message."""
-    before, free, after = where.partition("[...]")
-    keys = [key for key in before.split(".") if key]
-    if free:
-        (section,) = keys
-        for name, entry in table[section].items():
-            try:
-                msgspec.convert({**table, section: {name: entry}}, kind)
-            except msgspec.ValidationError as error:
-                if str(error) == message:
-                    keys.append(name)
-                    break
-    return keys + [key for key in after.split(".") if key]
+    keys: _Keys = []
+    for name, bracket in _STEP.findall(where):
+        if name:
+            keys.append(name.removesuffix("`"))
+        elif bracket != "...":
+            keys.append(int(bracket))
+        else:
+            for free, entry in _value_at(keys, table).items():
+                try:
+                    msgspec.convert(_replaced(table, keys, {free: entry}), kind)
+                except msgspec.ValidationError as error:
+                    if str(error) == message:
+                        keys.append(free)
+                        break
+    return keys
 
 
-def _type_at(keys: list[str], table: dict[str, Any], kind: type[Struct]) -> inspect.Type:
-    """What msgspec expects at a path."""
-    expected, value = _required(inspect.type_info(kind), table), table
+def _value_at(keys: _Keys, table: Any) -> Any:
     for key in keys:
-        value = value.get(key, {})
-        if isinstance(expected, inspect.DictType):
-            expected = expected.value_type
-        elif isinstance(expected, inspect.StructType):
-            expected = next(f.type for f in expected.fields if f.encode_name == key)
-        else:  # the tag of a union that fits none of its structs
-            tags = tuple(t.tag for t in _structs(expected))
-            return inspect.LiteralType(values=tags)
-        expected = _required(expected, value)
+        table = table[key]
+    return table
+
+
+def _replaced(table: Any, keys: _Keys, value: object) -> Any:
+    """A copy of the table with the value at the path."""
+    if not keys:
+        return value
+    copy = table.copy()
+    copy[keys[0]] = _replaced(table[keys[0]], keys[1:], value)
+    return copy
+
+
+def _type_at(keys: _Keys, table: dict[str, Any], kind: type[Struct]) -> inspect.Type:
+    """What msgspec expects at a path, whether or not there is a value."""
+    value: Any = table
+    expected = _chosen(inspect.type_info(kind), value)
+    for key in keys:
+        structs = _structs(expected)
+        match expected:
+            case inspect.DictType():
+                expected = expected.value_type
+            case inspect.ListType() | inspect.VarTupleType():
+                expected = expected.item_type
+            case inspect.TupleType() if isinstance(key, int):
+                expected = expected.item_types[key]
+            case inspect.StructType() if key != expected.tag_field:
+                expected = next(f.type for f in expected.fields if f.encode_name == key)
+            case _:  # the tag of a union that fits none of its structs
+                return inspect.LiteralType(values=tuple(t.tag for t in structs))
+        value = value.get(key) if isinstance(value, dict) else value[key]
+        expected = _chosen(expected, value)
     return expected
 
 
-def _required(expected: inspect.Type, value: object) -> inspect.Type:
+def _chosen(expected: inspect.Type, value: Any) -> inspect.Type:
     """Of a choice, the struct that the value's tag names, or what is not None."""
     structs = _structs(expected)
     for struct in structs:
-        if isinstance(value, dict) and value.get(struct.tag_field) == struct.tag:
+        tagged = struct.tag_field is not None and isinstance(value, dict)
+        if tagged and value.get(struct.tag_field) == struct.tag:
             return struct
     if isinstance(expected, inspect.UnionType) and len(structs) <= 1:
         (expected,) = (t for t in expected.types if not isinstance(t, inspect.NoneType))
@@ -353,7 +383,7 @@ def _required(expected: inspect.Type, value: object) -> inspect.Type:
 
 
 def _structs(expected: inspect.Type) -> tuple[inspect.StructType, ...]:
-    types = expected.types if isinstance(expected, inspect.UnionType) else ()
+    types = expected.types if isinstance(expected, inspect.UnionType) else (expected,)
     return tuple(t for t in types if isinstance(t, inspect.StructType))
 
 
@@ -380,6 +410,10 @@ def _allowed(expected: inspect.Type) -> str:
             return " or ".join(f'"{v}"' for v in expected.values)
         case inspect.StructType():
             return f"a table with {_known(expected)}"
+        case inspect.ListType() | inspect.VarTupleType():
+            return f"an array, each {_allowed(expected.item_type)}"
+        case inspect.TupleType():
+            return f"an array of {', '.join(map(_allowed, expected.item_types))}"
         case _:
             return "a table"
 
