@@ -24,6 +24,8 @@ from tgl_soar.sim.world import make_world
 from .scenario import Prepared, Scenario, prepare, stable_crossing
 
 SETTLE_S = 5.0
+SETTLED_M = 0.05
+ON_LINE_S = 2.0
 KEEP_EVERY = 4  # of a flight's rows one in so many is kept: 50 a second are enough to draw
 
 Floats = NDArray[np.float64]
@@ -44,7 +46,7 @@ class Leg:
     target: TargetLine
     begin_s: float  # when the line stood still
     end_s: float
-    settling_s: float  # from then to the last time further than 5 cm from the line
+    settling_s: float  # from then to the first two seconds within 5 cm of it; inf: never
     rms_e_rho_m: float
     peak_e_rho_m: float
     mean_x_m: float
@@ -125,8 +127,7 @@ def _score(
     scored = time >= time[0] + SETTLE_S
     if np.count_nonzero(scored) < 100:
         return None
-    outside = np.flatnonzero(np.abs(e) > 0.05)
-    settling = 0.0 if outside.size == 0 else float(time[outside[-1]] - time[0])
+    settling = settling_time(time, e)
     end = float(time[-1])
     crossing = stable_crossing(prepared.field, prepared.polar, target, end)
     predicted, predicted_along = None, float("nan")
@@ -149,6 +150,18 @@ def _score(
         predicted_along,
         end - float(time[0]) - SETTLE_S,
     )
+
+
+def settling_time(time_s: Floats, e_rho_m: Floats) -> float:
+    """From the first time to the first `ON_LINE_S` within `SETTLED_M`; inf: there are none.
+
+    Later peaks in turbulence count as peaks, not as settling.
+    """
+    outside = np.abs(e_rho_m) > SETTLED_M
+    begins = np.concatenate([[time_s[0]], time_s[outside]])
+    ends = np.concatenate([time_s[outside], [time_s[-1]]])
+    quiet = np.flatnonzero(ends - begins >= ON_LINE_S)
+    return float(begins[quiet[0]] - time_s[0]) if quiet.size else float("inf")
 
 
 class Flyer:

@@ -72,7 +72,7 @@ def flight_figure(
 ) -> None:
     """Write map (left) and time histories (right) to `path`.
 
-    flown_x_m, flown_z_m: the path, shape (n,).  Errors: ImportError naming the extra where
+    flown_x_m, flown_z_m: the path, shape (n,); empty: none is drawn.  Errors: ImportError naming the extra where
     matplotlib is missing.
     """
     with drawing() as plt:
@@ -94,9 +94,10 @@ def flight_figure(
         )
         for i, line in enumerate(lines):
             draw_line(axes, line, LEG_COLOURS[i % len(LEG_COLOURS)], 8.0, f"TGL {line.name}")
-        axes.plot(flown_x_m, flown_z_m, color="white", lw=2.4, zorder=5)
-        axes.plot(flown_x_m, flown_z_m, color="0.15", lw=0.9, zorder=6, label="flown path")
-        axes.plot(flown_x_m[0], flown_z_m[0], "k^", ms=6, zorder=8, label="start")
+        if len(flown_x_m):
+            axes.plot(flown_x_m, flown_z_m, color="white", lw=2.4, zorder=5)
+            axes.plot(flown_x_m, flown_z_m, color="0.15", lw=0.9, zorder=6, label="flown path")
+            axes.plot(flown_x_m[0], flown_z_m[0], "k^", ms=6, zorder=8, label="start")
         axes.legend(loc="upper left", framealpha=0.92)
         _time_histories(right, panels, spans or Spans())
         figure.suptitle(title, fontsize=11)
@@ -117,7 +118,7 @@ def _time_histories(figure: Any, panels: list[Panel], spans: Spans) -> None:
     rows = figure.subplots(len(panels), 1, sharex=True, squeeze=False)
     for i, (panel, (axes,)) in enumerate(zip(panels, rows, strict=True)):
         for begin, end, word in spans.items:
-            axes.axvspan(begin, end, color="0.88", lw=0, zorder=0)
+            axes.axvspan(begin, end, color="0.93", lw=0, zorder=0)
             if i == 0:
                 axes.text(
                     0.5 * (begin + end),

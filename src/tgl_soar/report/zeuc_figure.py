@@ -18,6 +18,7 @@ from .style import GROUND, LEG_COLOURS, drawing, save
 
 Floats = NDArray[np.float64]
 Outline = list[tuple[float, float]]
+LEVEL_MPS = 0.25  # between two shades
 
 
 @dataclass(frozen=True)
@@ -53,8 +54,8 @@ def draw_excess_map(
     known = values[np.isfinite(values)]
     if limit_mps is None:
         limit_mps = float(np.percentile(np.abs(known), 97.0)) if known.size else 1.0
-        limit_mps = max(0.5, round(2.0 * limit_mps) / 2.0)
-    levels = np.linspace(-limit_mps, limit_mps, 17)
+        limit_mps = max(1.0, round(limit_mps))
+    levels = np.linspace(-limit_mps, limit_mps, 2 * round(limit_mps / LEVEL_MPS) + 1)
     axes.set_facecolor("0.93")
     shades = axes.contourf(xx, zz, values, levels=levels, cmap="PuOr_r", extend="both", alpha=0.85)
     axes.grid(False)

@@ -1,0 +1,29 @@
+"""Every experiment by name, in the order in which the paper tells them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+from . import changing_air, hill_positions, still_lines
+from .context import Context
+from .result import Result
+
+EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
+    "field": hill_positions.run,
+    "static": still_lines.static,
+    "translate": still_lines.translate,
+    "back": still_lines.back,
+    "rotate": still_lines.rotate,
+    "slope": changing_air.slope,
+    "wind": changing_air.wind,
+}
+
+
+def run(name: str, context: Context) -> Result:
+    """Run one experiment by name.  Errors: KeyError, `ConfigError`, ImportError for figures."""
+    begun = time.monotonic()
+    result = EXPERIMENTS[name](context)
+    return replace(result, seconds=time.monotonic() - begun)
