@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import FunctionType
+
 import numpy as np
 import pytest
 
@@ -16,6 +18,7 @@ from tgl_soar.air.grid import (
 )
 from tgl_soar.air.gusts import DRYDEN_STILL, Gust, dryden_params, dryden_step, gust_share
 from tgl_soar.air.hill import Hill, hill_wind
+from tgl_soar.air.jet import Jet, jet_wind
 
 numba = pytest.importorskip("numba")
 
@@ -50,3 +53,15 @@ def test_hill_and_grids_and_turbulence_compile_and_agree() -> None:
         assert fast_gust == pytest.approx(slow_gust, rel=1e-12)
     gust = Gust(1.0, 2.0, 1.0, 0.0, 0.5)
     assert numba.njit(gust_share)(gust, 1.7) == pytest.approx(gust_share(gust, 1.7))
+
+
+def test_the_jets_query_compiles_with_what_it_calls() -> None:
+    """numba compiles a function whose callee is compiled: bind the callee in its module."""
+    table = bake(-1.0, 0.0, 1.0, np.full((5, 4), 9.0), np.arange(20.0).reshape(5, 4))
+    jet = Jet(table, 2.2, 0.4)
+    compiled = FunctionType(
+        jet_wind.__code__, {**jet_wind.__globals__, "grid_wind": numba.njit(grid_wind)}
+    )
+    fast, numeric = numba.njit(compiled), jet._replace(table=numpy_table(table))
+    for place in [(0.5, 1.3), (2.0, 0.5), (2.5, 0.5), (-0.5, -0.1), (99.0, 9.0)]:
+        assert fast(numeric, *place) == pytest.approx(jet_wind(jet, *place))

@@ -328,6 +328,87 @@ def test_mesh_is_sampled_in_any_orientation_with_holes(tmp_path: Path) -> None:
         read_grid(tmp_path / "hill.vtu", layout._replace(z="height"), step_m=1.0)
 
 
+def _foam_list(kind: str, name: str, where: str, items: list[str]) -> str:
+    head = (
+        f"FoamFile {{ version 2.0; format ascii; class {kind}; location {where}; object {name}; }}"
+    )
+    return f"{head}\n{len(items)}\n(\n" + "\n".join(items) + "\n)\n"
+
+
+def _write_foam(case: Path, x: FloatArray, y: FloatArray, z: FloatArray) -> Path:
+    """A box of hexahedra with the hill's wind at their centres; mesh y is up, as often in 2-D."""
+    nx, ny, nz = len(x) - 1, len(y) - 1, len(z) - 1
+    point = np.arange((nx + 1) * (ny + 1) * (nz + 1)).reshape(nx + 1, ny + 1, nz + 1)
+    cell = np.arange(nx * ny * nz).reshape(nx, ny, nz)
+    inner: list[tuple[int, int, list[int]]] = []
+    outer: list[tuple[int, list[int]]] = []
+    for i, j, k in np.ndindex(nx, ny, nz):
+        for axis, (n, here) in enumerate(((nx, i), (ny, j), (nz, k))):
+            for side in (0, 1):
+                low = [i, j, k]
+                low[axis] += side
+                one, two = [0, 0, 0], [0, 0, 0]
+                one[(axis + 1) % 3], two[(axis + 2) % 3] = 1, 1
+                ring = [np.array(low) + a * np.array(one) + b * np.array(two)
+                        for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]  # fmt: skip
+                face = [int(point[tuple(corner)]) for corner in ring]
+                if side and here + 1 < n:
+                    other = [i, j, k]
+                    other[axis] += 1
+                    inner.append((int(cell[i, j, k]), int(cell[tuple(other)]), face))
+                elif (side and here + 1 == n) or (not side and here == 0):
+                    outer.append((int(cell[i, j, k]), face if side else face[::-1]))
+    inner.sort(key=lambda entry: entry[:2])
+    faces = [face for _, _, face in inner] + [face for _, face in outer]
+    mesh = case / "constant" / "polyMesh"
+    mesh.mkdir(parents=True)
+    points = [f"({a:g} {b:g} {c:g})" for a in x for b in y for c in z]
+    where = "polyMesh"
+    lists = {
+        "points": ("vectorField", points),
+        "faces": ("faceList", [f"4({' '.join(map(str, face))})" for face in faces]),
+        "owner": ("labelList", [str(n) for n, _, _ in inner] + [str(n) for n, _ in outer]),
+        "neighbour": ("labelList", [str(n) for _, n, _ in inner]),
+        "boundary": (
+            "polyBoundaryMesh",
+            [f"walls {{ type wall; nFaces {len(outer)}; startFace {len(inner)}; }}"],
+        ),
+    }
+    for name, (kind, items) in lists.items():
+        (mesh / name).write_text(_foam_list(kind, name, where, items))
+    middle = [0.5 * (axis[1:] + axis[:-1]) for axis in (x, y, z)]
+    for time, share in (("0", 0.0), ("100", 1.0)):
+        winds = []
+        for a, b, _ in ((a, b, c) for a in middle[0] for b in middle[1] for c in middle[2]):
+            u, _, w = HILL.wind_at(a, 0.0, b, 0.0)
+            winds.append(f"({share * u:.9g} {share * w:.9g} 0)")
+        (case / time).mkdir()
+        body = _foam_list("volVectorField", "U", time, winds)
+        head, _, rest = body.partition("\n")
+        (case / time / "U").write_text(
+            f"{head}\ndimensions [0 1 -1 0 0 0 0];\n"
+            f"internalField nonuniform List<vector>\n{rest};\n"
+            "boundaryField { walls { type zeroGradient; } }\n"
+        )
+    (case / "system").mkdir()
+    (case / "system" / "controlDict").write_text(
+        "FoamFile { version 2.0; format ascii; class dictionary; object controlDict; }\n"
+        "startFrom latestTime; endTime 100; deltaT 1; writeControl timeStep; writeInterval 100;\n"
+    )
+    (case / "hill.foam").write_text("")
+    return case / "hill.foam"
+
+
+@pytest.mark.skipif(not importlib.util.find_spec("pyvista"), reason="needs the extra 'meshes'")
+def test_openfoam_case_is_read_at_its_last_time(tmp_path: Path) -> None:
+    x, y = np.arange(-61.0, -20.0, 2.0), np.arange(1.0, 42.0, 2.0)
+    foam = _write_foam(tmp_path / "case", x, y, np.array([0.0, 1.0]))
+    field = read_grid(foam, Layout(x="x", z="y", u="U"), step_m=1.0, zero_cells="refuse")
+    for place in PLACES:
+        # Cells to points and points to grid: twice the error of one interpolation.
+        assert field.wind_at(*place, 0.0) == pytest.approx(HILL.wind_at(*place, 0.0), abs=0.12)
+
+
 def test_unknown_formats_and_missing_files(tmp_path: Path) -> None:
     with pytest.raises(GridError, match=r"'\.txt' is not known; one of \.csv"):
         read_grid(tmp_path / "field.txt")

@@ -114,7 +114,7 @@ def test_outside_is_defined_and_said() -> None:
     assert not field.inside(1.0, 1.5, 1.0)  # beside the jet
     assert not field.inside(0.0, 0.0, -0.1)
     assert not field.inside(-50.0, 0.0, 1.0)
-    edge = field.wind_at(field.table.x0_m, 0.0, 1.0, 0.0)
+    edge = field.wind_at(field.jet.table.x0_m, 0.0, 1.0, 0.0)
     assert field.wind_at(-50.0, 0.0, 1.0, 0.0) == edge
     assert edge[0] == pytest.approx(9.0, rel=0.05)
 

@@ -75,7 +75,8 @@ def read_grid(
     reference_wind_mps: the wind that names the field; default the mean of u over its air.
     zero_cells: what nodes with exactly no wind are: "refuse" them, "solid", or still "air".
     step_m: for VTK and OpenFOAM, the spacing at which the mesh is sampled (required); nodes
-    off the mesh are solid.  An uneven axis is resampled linearly at its least spacing.
+    off the mesh are solid.  Of an OpenFOAM case (an empty file NAME.foam in its folder) the last
+    time is read.  An uneven axis is resampled linearly at its least spacing.
     check_mass_balance: refuse axes or signs that another choice would mend (`grid_checks`).
     Errors: `GridError`; ImportError naming the extra that a format needs.
     """
@@ -304,9 +305,12 @@ def _read_mesh(path: Path, layout: Layout, step_m: float | None) -> _Raw:
         raise GridError(f"{path}: in a mesh, layout x, y, z name its axes 'x', 'y', 'z': {names}")
     if number[1] < 0:
         number[1] = ({0, 1, 2} - {number[0], number[2]}).pop()
-    mesh = pyvista.read(path)
-    if isinstance(mesh, pyvista.MultiBlock):
-        mesh = mesh.combine()
+    reader = pyvista.get_reader(path)
+    if path.suffix.lower() == ".foam" and reader.time_values:
+        reader.set_active_time_value(reader.time_values[-1])  # the converged state
+    mesh = reader.read()
+    if isinstance(mesh, pyvista.MultiBlock):  # OpenFOAM: the walls are blocks of their own
+        mesh = mesh["internalMesh"] if "internalMesh" in mesh.keys() else mesh.combine()  # noqa: SIM118
     if layout.u not in mesh.point_data:
         mesh = mesh.cell_data_to_point_data()
     if layout.u not in mesh.point_data:

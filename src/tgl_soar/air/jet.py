@@ -57,6 +57,21 @@ class JetShape(NamedTuple):
     wake_speed_ratio: float = 1.0  # k
 
 
+class Jet(NamedTuple):
+    """The baked field of one wind and the board in it: all that a query needs."""
+
+    table: GridTable
+    tip_x_m: float
+    rise: float  # tan β
+
+
+def jet_wind(jet: Jet, x_m: float, z_m: float) -> tuple[float, float]:
+    """Wind (u, w) [m/s] at one place; zero in the board and below the floor."""
+    if z_m < 0.0 or (0.0 < x_m <= jet.tip_x_m and z_m < x_m * jet.rise):
+        return 0.0, 0.0
+    return grid_wind(jet.table, x_m, z_m)
+
+
 @lru_cache(maxsize=16)
 def unit_jet(shape: JetShape) -> GridTable:
     """The field of a nozzle wind of 1 m/s on a grid; nodes in board and nozzle roof are still."""
@@ -162,9 +177,11 @@ class SlopeJet:
         self.wind_mps = float(wind_mps)
         self.shape = shape
         unit = unit_jet(shape)
-        self.table = unit._replace(values=(np.asarray(unit.values) * self.wind_mps).tolist())
-        self._tip_x_m = shape.board_length_m * cos(shape.slope_rad)
-        self._rise = tan(shape.slope_rad)
+        self.jet = Jet(
+            unit._replace(values=(np.asarray(unit.values) * self.wind_mps).tolist()),
+            shape.board_length_m * cos(shape.slope_rad),
+            tan(shape.slope_rad),
+        )
 
     @property
     def reference_wind_mps(self) -> float:
@@ -173,7 +190,7 @@ class SlopeJet:
 
     def board_height_m(self, x_m: float) -> float:
         """Height of the solid under a place [m]: the board, or the floor beside it."""
-        return x_m * self._rise if 0.0 < x_m <= self._tip_x_m else 0.0
+        return x_m * self.jet.rise if 0.0 < x_m <= self.jet.tip_x_m else 0.0
 
     def wind_at(
         self,
@@ -183,9 +200,7 @@ class SlopeJet:
         time_s: float,  # noqa: ARG002 - steady
     ) -> tuple[float, float, float]:
         """Wind (u, v, w) [m/s] at one place."""
-        if z_m < 0.0 or (0.0 < x_m <= self._tip_x_m and z_m < x_m * self._rise):
-            return 0.0, 0.0, 0.0
-        u, w = grid_wind(self.table, x_m, z_m)
+        u, w = jet_wind(self.jet, x_m, z_m)
         return u, 0.0, w
 
     def wind(
@@ -197,13 +212,14 @@ class SlopeJet:
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Wind u, v, w [m/s], arrays of the broadcast shape."""
         x, _, z = broadcast(x_m, y_m, z_m)
-        u, w = grid_wind_many(self.table, x, z)
-        solid = (z < 0.0) | ((x > 0.0) & (x <= self._tip_x_m) & (z < x * self._rise))
+        jet = self.jet
+        u, w = grid_wind_many(jet.table, x, z)
+        solid = (z < 0.0) | ((x > 0.0) & (x <= jet.tip_x_m) & (z < x * jet.rise))
         return np.where(solid, 0.0, u), np.zeros(x.shape), np.where(solid, 0.0, w)
 
     def inside(self, x_m: float, y_m: float, z_m: float) -> bool:
         """In the air of the grid: above floor and board, within the width of the jet."""
-        table = self.table
+        table = self.jet.table
         return (
             table.x0_m <= x_m <= table.x0_m + (table.nx - 1) * table.dx_m
             and self.board_height_m(x_m) <= z_m <= table.z0_m + (table.nz - 1) * table.dz_m
