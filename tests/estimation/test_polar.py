@@ -5,10 +5,13 @@ from __future__ import annotations
 from math import isnan, nan
 from random import Random
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import asdict
 
+from tgl_soar.config import load_airframe, shipped
 from tgl_soar.estimation.polar import (
     GRAVITY_MPS2,
     PolarFit,
@@ -18,7 +21,9 @@ from tgl_soar.estimation.polar import (
     sink_standard_error,
     student_t,
 )
-from tgl_soar.types import GlidePolar, polar_sink
+from tgl_soar.geometry import euler_from_quaternion
+from tgl_soar.sim.aircraft import aircraft_model, glide_at, gliding_state, step
+from tgl_soar.types import GlidePolar, SurfaceCommand, polar_sink
 
 # 1.3 + 0.12 (u − 8.6)² − 0.006 (u − 8.6)³: an aircraft with room between least sink and stall
 TRUE = GlidePolar(13.991536, -3.395280, 0.274800, -0.006000, 7.2, 12.0)
@@ -95,6 +100,17 @@ def test_standard_errors_are_the_spread_of_the_coefficients() -> None:
         # each known to 3.5 % (400 fits) and 3.5 % (400 times 4 degrees of freedom)
         assert claimed == pytest.approx(spread, rel=0.15)
         assert mean == pytest.approx(TRUE[k], abs=4.0 * spread / 20.0)
+
+
+def test_the_standard_error_is_that_of_the_textbook() -> None:
+    fit = _measured(1, 0.03)
+    powers = np.vander(np.array(SPEEDS), 4, increasing=True)
+    inverse = np.linalg.inv(powers.T @ powers)
+    for u in (7.2, 7.9, 8.5, 10.4, 11.7, 12.0):
+        x = np.array([1.0, u, u**2, u**3])
+        expected = fit.residual_rms_mps * float(np.sqrt(x @ inverse @ x))
+        # powers of u up to 12³ squared leave about six digits
+        assert sink_standard_error(fit, u) == pytest.approx(expected, rel=1e-4)
 
 
 def test_the_residual_is_the_noise() -> None:
@@ -223,7 +239,7 @@ def _log(
             now = u + change_mps2 * (t - 0.5 * hold_s)
             # what slows down rises by as much: dh/dt = −sink − (V / g) dV/dt
             rise = -polar_sink(TRUE, u) - now * change_mps2 / GRAVITY_MPS2
-            time.append(number * hold_s + t)
+            time.append(100.0 + number * hold_s + t)  # logs do not begin at zero
             pitch.append(0.02 - 0.02 * number)
             speed.append(now)
             climb.append(rise)
@@ -234,6 +250,7 @@ def test_a_log_of_glides_gives_the_polar() -> None:
     speeds = (7.8, 8.2, 8.7, 9.2, 9.8, 10.6, 11.6)
     glides = glides_from_log(*_log(speeds))
     assert len(glides) == 21  # three windows of 2 s each
+    assert all(g.duration_s == pytest.approx(1.98) for g in glides)
     fit = fit_polar([g.speed_mps for g in glides], [g.sink_mps for g in glides])
     for u in (7.81, *speeds[1:-1], 11.59):
         assert polar_sink(fit.polar, u) == pytest.approx(polar_sink(TRUE, u), abs=1e-6)
@@ -256,6 +273,41 @@ def test_unsteady_flight_is_left_out() -> None:
     assert {round(g.speed_mps, 1) for g in glides_from_log(time, pitch, speed, climb)} == {8.2}
     with pytest.raises(ValueError, match="hold each pitch longer"):
         glides_from_log(*_log((8.2, 9.2), change_mps2=0.5))
+
+
+def test_a_window_with_rows_missing_is_left_out() -> None:
+    log = _log((8.2, 9.2))
+    assert len(glides_from_log(*log)) == 6
+    for lost in (range(130, 195), range(100, 140), range(170, 200)):  # inside, before, after
+        kept = [[v for k, v in enumerate(column) if k not in lost] for column in log]
+        assert len(glides_from_log(kept[0], kept[1], kept[2], kept[3])) == 5
+
+
+def test_flown_glides_give_the_polar_of_the_airframe_file() -> None:
+    # The paper's way, in simulation: set the elevator, wait until the phugoid has died to 2 %
+    # (30 s at 0.13 rad/s), glide 10 s, next pitch.
+    airframe = load_airframe(shipped("airframes/eclipson_c.toml"))
+    model = aircraft_model(asdict(airframe.airframe), airframe.model)
+    still, dt = (0.0, 0.0, 0.0), 0.005
+    log: tuple[list[float], ...] = ([], [], [], [])
+    for number, u in enumerate((7.6, 7.9, 8.3, 8.8, 9.4, 10.2, 11.1, 12.0)):
+        state = gliding_state(glide_at(model, u), (-0.2, 0.0, 0.0))
+        surfaces = SurfaceCommand(state.elevator, 0.0, 0.0)
+        for k in range(8000):
+            state = step(model, state, surfaces, still, still, dt)
+            if k >= 6000 and k % 10 == 0:
+                _, pitch, _ = euler_from_quaternion(state.qw, state.qx, state.qy, state.qz)
+                row = (100.0 * number + k * dt, pitch, -state.velocity_x_mps, state.velocity_z_mps)
+                for column, value in zip(log, row, strict=True):
+                    column.append(value)
+    glides = glides_from_log(log[0], log[1], log[2], log[3])
+    fit = fit_polar([g.speed_mps for g in glides], [g.sink_mps for g in glides])
+    assert fit.speeds == 8
+    for u in (7.8, 8.5, 9.2, 10.0, 11.0, 11.9):
+        # two cubics through one curve that is none: each is off by its residual
+        assert polar_sink(fit.polar, u) == pytest.approx(
+            polar_sink(airframe.polar.as_polar(), u), abs=0.02
+        )
 
 
 @pytest.mark.parametrize("column", [0, 1, 2, 3])

@@ -32,6 +32,10 @@ from tgl_soar.sim.sensors import (
     PositionSensor,
     delivered,
     empty_line,
+    measure_airspeed,
+    measure_attitude,
+    measure_imu,
+    measure_position,
     samples_delivered,
     samples_taken,
     sensor_timing,
@@ -169,6 +173,26 @@ def test_a_source_without_velocity_says_so() -> None:
     assert isnan(fix.velocity_down_mps)
 
 
+def test_errors_add_to_the_truth_axis_by_axis() -> None:
+    none, error, other = (0.0, 0.0, 0.0), (0.01, -0.02, 0.03), (0.1, 0.2, -0.3)
+    exact = measure_position(FRAME, STATE, 1, 0.0, none, none)
+    fix = measure_position(FRAME, STATE, 1, 0.0, error, other)
+    added = [b - a for a, b in zip(exact[2:], fix[2:], strict=True)]
+    assert added == pytest.approx([*error, *other])
+
+    force = measure_imu(MODEL, STATE, WIND, 1, 0.0, none, none)
+    imu = measure_imu(MODEL, STATE, WIND, 1, 0.0, error, other)
+    added = [b - a for a, b in zip(force[2:], imu[2:], strict=True)]
+    assert added == pytest.approx([*error, *other])
+
+    # small turns about body axes: from level they are roll, pitch and heading
+    level = STATE._replace(qw=1.0, qx=0.0, qy=0.0, qz=0.0)
+    sample = measure_attitude(SoaringFrame(0.0, 0.0, 0.0, 0.0), level, 1, 0.0, error, other)
+    angles = euler_from_quaternion(sample.qw, sample.qx, sample.qy, sample.qz)
+    assert angles == pytest.approx(error, abs=1e-3)
+    assert sample[6:9] == pytest.approx(other)
+
+
 def test_noise_has_the_size_that_it_claims() -> None:
     # 4,000 numbers: their standard deviation is known to 1.1 %; four times that is allowed
     params = PositionParams(200.0, 0.0, 0.002, 0.0, 0.03, True)
@@ -236,6 +260,11 @@ def test_the_pitot_reads_the_air_along_the_nose() -> None:
     assert sample.airspeed_mps == pytest.approx(GLIDE.airspeed_mps * cos(GLIDE.alpha_rad))
     backwards = (-20.0, 0.0, 0.0)
     assert AirspeedSensor(exact, MODEL, 200.0, 1).step(0, STATE, backwards).airspeed_mps == 0.0
+    # 5 Pa too much is 5 / (rho V) = 0.48 m/s too much, to first order
+    read = measure_airspeed(MODEL, STATE, WIND, 1, 0.0, 5.0).airspeed_mps
+    assert read - sample.airspeed_mps == pytest.approx(
+        5.0 / (1.225 * sample.airspeed_mps), rel=0.04
+    )
     # noise of 1.4 Pa is 1.4 / (rho V) = 0.13 m/s there; 2,000 samples know it to 1.6 %
     noisy = AirspeedSensor(exact._replace(pressure_noise_pa=1.4, rate_hz=200.0), MODEL, 200.0, 1)
     values = [noisy.step(k, STATE, WIND).airspeed_mps for k in range(2000)]

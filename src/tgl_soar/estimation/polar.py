@@ -190,9 +190,9 @@ def glides_from_log(
 ) -> tuple[GlideStretch, ...]:
     """Steady glides in a log of still air: time, pitch, horizontal airspeed and climb (up > 0).
 
-    The log is cut into windows of `window_s`. A window counts where pitch keeps within
-    `pitch_spread_rad` (standard deviation) and the speed along the path changes by less than
-    `speed_change_mps2`; what it still changes is taken out by the energy height.
+    The log is cut into windows of `window_s`. A window counts where rows cover it, pitch keeps
+    within `pitch_spread_rad` (standard deviation) and the speed along the path changes by less
+    than `speed_change_mps2`; what it still changes is taken out by the energy height.
     Errors: ValueError for columns of unequal length, values that are not finite, time that
     does not increase, or no steady window at all.
     """
@@ -223,8 +223,11 @@ def glides_from_log(
     window = np.floor((time - time[0]) / window_s).astype(np.int64)
     for number in range(int(window[-1]) + 1):
         rows = np.flatnonzero(window == number)
-        if rows.size < 5 or time[rows[-1]] - time[rows[0]] < 0.8 * window_s:
+        span_s = float(time[rows[-1]] - time[rows[0]]) if rows.size else 0.0
+        if rows.size < 5 or span_s < 0.8 * window_s:
             continue
+        if np.max(np.diff(time[rows])) > 0.25 * window_s:
+            continue  # what happened in the gap is not known
         t = time[rows] - time[rows].mean()
         change = float(t @ path[rows] / (t @ t))  # slope of V over the window
         if np.std(pitch[rows]) > pitch_spread_rad or abs(change) > speed_change_mps2:
@@ -235,7 +238,7 @@ def glides_from_log(
                 float(pitch[rows].mean()),
                 float(speed[rows].mean()),
                 float(-climb[rows].mean()) - mean_path * change / GRAVITY_MPS2,
-                float(time[rows[-1]] - time[rows[0]]),
+                span_s,
             )
         )
     if not glides:

