@@ -167,11 +167,37 @@ class HillAir(Strict, frozen=True, tag_field="kind", tag="hill"):
     turbulence: Turbulence = Turbulence()
 
 
+Sign = Literal[-1, 1]
+
+
+class GridLayout(Strict, frozen=True):
+    """What the columns or variables of a file are called, their signs, origin and units."""
+
+    x: str = "x"
+    z: str = "z"
+    u: str = "u"
+    w: str = "w"
+    y: str | None = None  # None: a two-dimensional field
+    v: str | None = None  # None: no cross wind
+    x_sign: Sign = 1
+    u_sign: Sign = 1
+    y_sign: Sign = 1
+    v_sign: Sign = 1
+    origin_x_m: Finite = 0.0  # where the soaring frame's origin lies in the file's axes
+    origin_y_m: Finite = 0.0
+    origin_z_m: Finite = 0.0
+    metres_per_length: Positive = 1.0
+    mps_per_speed: Positive = 1.0
+
+
 class GridAir(Strict, frozen=True, tag_field="kind", tag="grid"):
-    """A field read from a file beside the site file."""
+    """A field read from a file, named from the folder of the site file."""
 
     file: str
     wind_mps: Positive  # reference wind: turbulence is a fraction of it
+    layout: GridLayout = GridLayout()
+    zero_cells: Literal["refuse", "solid", "air"] = "refuse"  # nodes with exactly no wind
+    mesh_step_m: Positive | None = None  # VTK and OpenFOAM: spacing at which they are sampled
     turbulence: Turbulence = Turbulence()
 
 

@@ -121,9 +121,7 @@ def fly(
                 truth.x_m,
                 truth.y_m,
                 truth.z_m,
-                e_rho(
-                    output.line_x_m, output.line_z_m, output.line_eta_rad, truth.x_m, truth.z_m
-                ),
+                e_rho(output.line_x_m, output.line_z_m, output.line_eta_rad, truth.x_m, truth.z_m),
                 float(output.line_moving or not output.active),
                 float(done),
                 truth.pitch_rad,

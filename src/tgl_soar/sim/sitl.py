@@ -129,7 +129,7 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> Flight:
         processes.stop()
         ground_station.close()
     truth = _read_truth(truth_file)
-    field = build_field(site.air)
+    field = build_field(site.air, options.site.parent)
     lines = [
         (
             leg.parameters["TGL_X"],
@@ -324,7 +324,7 @@ def draw(options: SitlOptions, flight: Flight, path: Path) -> None:
         turbulence = site.air.turbulence.intensity
     draw_plane(
         path,
-        build_field(site.air),
+        build_field(site.air, options.site.parent),
         load_airframe(options.airframe).polar.as_polar(),
         legs,
         truth["x_m"][flying],

@@ -21,6 +21,8 @@ from typing import Final, NamedTuple
 from msgspec.structs import asdict
 
 from tgl_soar.air.field import WindField
+from tgl_soar.air.grid import GridError
+from tgl_soar.air.grid_files import Layout, read_grid
 from tgl_soar.air.gusts import Turbulence
 from tgl_soar.air.hill import HillField
 from tgl_soar.air.jet import JetShape, SlopeJet
@@ -312,9 +314,16 @@ def build_field(air: Air, folder: Path | None = None) -> WindField:
     if isinstance(air, HillAir):
         return HillField(air.wind_mps, air.radius_m)
     path = Path(air.file) if folder is None else folder / air.file
-    raise ConfigError(
-        f'air.file = {path}: fields from files cannot be flown in yet; use kind = "jet" or "hill"'
-    )
+    try:
+        return read_grid(
+            path,
+            Layout(**asdict(air.layout)),
+            reference_wind_mps=air.wind_mps,
+            zero_cells=air.zero_cells,
+            step_m=air.mesh_step_m,
+        )
+    except (GridError, ImportError) as error:
+        raise ConfigError(f"air.file: {error}") from None
 
 
 def ground_outline(air: Air) -> Outline | None:
