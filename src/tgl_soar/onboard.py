@@ -40,7 +40,6 @@ from tgl_soar.config import (
     load_parameters,
     load_site,
 )
-from tgl_soar.control.supervisor import RELEASED, STANDBY
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.link.autopilots.ardupilot import ArduPilot
 from tgl_soar.link.autopilots.base import Flavour, SurfaceChannel, SurfaceChannels
@@ -65,6 +64,8 @@ from tgl_soar.link.transport import FORMS, LinkError, Transport, open_link
 from tgl_soar.parameters import ParameterSet
 from tgl_soar.types import Inputs, SurfaceCommand
 
+STANDBY: Final = 0  # modes as the supervisor numbers them; a test holds the two together
+RELEASED: Final = 4
 RELEASE_FRAMES: Final = 5  # a lost frame must not leave the aircraft to the overrides' time-out
 RELEASE_INTERVAL_S: Final = 0.1
 TELEMETRY_HZ: Final = 5.0

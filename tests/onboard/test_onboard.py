@@ -11,6 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tgl_soar import onboard
+from tgl_soar.control import supervisor
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.link.autopilots.ardupilot import ArduPilot
 from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels
@@ -126,6 +128,10 @@ def flight() -> Flight:
 
 def texts(messages: list[Any]) -> list[str]:
     return [m.text for m in messages if m.get_type() == "STATUSTEXT"]
+
+
+def test_modes_are_numbered_as_the_supervisor_numbers_them() -> None:
+    assert (onboard.STANDBY, onboard.RELEASED) == (supervisor.STANDBY, supervisor.RELEASED)
 
 
 # --- keeping time -----------------------------------------------------------------------------

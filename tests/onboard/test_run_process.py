@@ -1,10 +1,14 @@
 """`tgl-soar run` as a process: how it starts, what it says when it cannot, how it ends."""
 
+import os
+import pty
+import select
 import signal
 import socket
 import subprocess
 import sys
 import time
+import tty
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -130,3 +134,47 @@ def test_without_an_autopilot_it_gives_up_if_it_was_told_to() -> None:
         assert "no autopilot on udpout:127.0.0.1" in module.words()
     finally:
         module.close()
+
+
+def test_it_speaks_over_a_serial_line_and_survives_that_the_line_is_cut(tmp_path: Path) -> None:
+    device = tmp_path / "ttyTEST"
+
+    def plug() -> int:
+        far, near = pty.openpty()
+        tty.setraw(near)
+        device.unlink(missing_ok=True)
+        device.symlink_to(os.ttyname(near))
+        os.close(near)
+        return far
+
+    def first_message(far: int) -> Any:
+        """Of what comes from now on; a cut frame before it is skipped."""
+        parser = mavlink.MAVLink(None)
+        parser.robust_parsing = True
+        begun = time.monotonic()
+        while time.monotonic() - begun < 8.0:
+            select.select([far], [], [], 0.1)
+            try:
+                data = os.read(far, 4096)
+            except OSError:  # nobody has opened our end yet
+                time.sleep(0.02)
+                continue
+            for message in parser.parse_buffer(data) or []:
+                if message.get_type() != "BAD_DATA":
+                    return message
+        raise AssertionError("nothing came")
+
+    far = plug()
+    command = [sys.executable, "-m", "tgl_soar.cli", "run", *arguments(f"serial:{device}:921600")]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            assert first_message(far).get_type() == "HEARTBEAT"
+            os.close(far)
+            time.sleep(0.1)  # a real cut of a real line: the process must see that it hung up
+            far = plug()
+            assert first_message(far).get_type() == "HEARTBEAT"
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(5.0) == EXIT_OK
+        finally:
+            process.kill()
+            os.close(far)

@@ -12,7 +12,7 @@ from typing import Final
 from .autopilots.base import Flavour
 from .messages import COMPONENT_AUTOPILOT, ParamRequestRead, ParamValue, Said
 
-ASK_S: Final = 1.5
+ASK_S: Final = 0.75
 ASK_TIMES: Final = 4
 
 

@@ -5,8 +5,8 @@ before the answer is made, and the tick reads `values` only between two messages
 ever half applied.
 
 Every parameter is REAL32, with a constant count and indices without gaps.  The answer to a set
-is always a PARAM_VALUE with the value that stands after it; a refused one is followed by a
-STATUSTEXT with the reason.  Requests for values are remembered as a set of indices: asking
+is always a PARAM_VALUE with the value that stands after it (or is staged: `line_changes`); a
+refused one is followed by a STATUSTEXT with the reason.  Requests for values are remembered as a set of indices: asking
 twice costs nothing, and a flood of requests is answered at `VALUES_PER_S` all the same.
 """
 
@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Final
 
+from tgl_soar.line_changes import LineChanges
 from tgl_soar.parameters import INDEX, PARAMETERS, ParameterError, ParameterSet
 
 from .messages import (
@@ -50,8 +51,15 @@ class ParameterCounters:
 class ParameterServer:
     """Serves one set of parameters to every station that asks."""
 
-    def __init__(self, own: Source, values: ParameterSet, texts: StatusTexts | None = None) -> None:
+    def __init__(
+        self,
+        own: Source,
+        values: ParameterSet,
+        texts: StatusTexts | None = None,
+        line: LineChanges | None = None,
+    ) -> None:
         self.values = values
+        self.line = line or LineChanges()
         self.counters = ParameterCounters()
         self._own = own
         self._texts = texts or StatusTexts()
@@ -95,7 +103,8 @@ class ParameterServer:
     def value_message(self, index: int) -> ParamValue:
         """The value that stands."""
         name = PARAMETERS[index].name
-        return ParamValue(name, self.values[name], PARAM_TYPE_REAL32, len(PARAMETERS), index)
+        value = self.line.shown(self.values, name)
+        return ParamValue(name, value, PARAM_TYPE_REAL32, len(PARAMETERS), index)
 
     def rebase(self) -> None:
         """The clock was changed: what was timed by the old one is forgotten."""
@@ -122,11 +131,17 @@ class ParameterServer:
         self.counters.sets += 1
         try:
             value = _value_of(message)
-            self.values = self.values.changed({name: value}, flying=flying)
+            answer = self.line.set(self.values, name, value, flying=flying)
         except ParameterError as error:
             self.counters.refused += 1
             return [self.value_message(INDEX[name]), *self._complain(str(error), now_s)]
-        return [self.value_message(INDEX[name])]
+        self.values = answer.values
+        said: list[Said] = [self.value_message(INDEX[told]) for told in answer.told]
+        if answer.refusal:
+            self.counters.refused += 1
+        if answer.refusal or answer.warning:
+            said += self._complain(answer.refusal or answer.warning, now_s)
+        return said
 
     def _read(self, message: ParamRequestRead, now_s: float) -> list[Said]:
         index = message.param_index
