@@ -1,0 +1,475 @@
+"""Airframe and site files: good ones, and every kind of bad one with what it is told."""
+
+from __future__ import annotations
+
+from math import radians
+from pathlib import Path
+
+import pytest
+
+from tgl_soar.config import (
+    Airframe,
+    ConfigError,
+    GridAir,
+    HillAir,
+    JetAir,
+    Site,
+    Strict,
+    line_parameters,
+    load_airframe,
+    load_file,
+    load_parameters,
+    load_site,
+    shipped,
+)
+from tgl_soar.geometry import SoaringFrame
+from tgl_soar.parameters import ParameterSet
+from tgl_soar.types import GlidePolar
+
+AIRFRAME = """
+[airframe]
+name = "test"
+mass_kg = 0.7
+wing_area_m2 = 0.18
+span_m = 1.1
+chord_m = 0.164
+ixx_kgm2 = 0.013
+iyy_kgm2 = 0.0115
+izz_kgm2 = 0.0233
+[autopilot]
+firmware = "bridge"
+[surfaces]
+elevator = { channel = 2, reversed = true }
+aileron = { channel = 1 }
+rudder = { channel = 4, pwm_min = 1000, pwm_trim = 1520, pwm_max = 2000 }
+[polar]
+c0 = 9.0
+c1 = -2.0
+c2 = 0.2
+c3 = -0.005
+speed_min_mps = 7.5
+speed_max_mps = 12
+[parameters]
+RHO_P = 0.5
+PITCH_TRIM = -1.5
+[model]
+CL0 = 0.2
+"""
+
+SITE = """
+[site]
+name = "hall"
+origin_north_m = 1.0
+origin_down_m = -2
+wind_from_deg = 270.0
+[lines]
+a = { x_m = -0.5, z_m = 1.5 }
+b = { x_m = 0.25, z_m = 2, lean_deg = 30 }
+[parameters]
+RHO_P = 0.75
+TGL_LEAN = 20.0
+[air]
+kind = "jet"
+wind_mps = 8.5
+slope_deg = 23
+[start]
+x_m = 0.0
+z_m = 1.0
+"""
+
+
+def written(tmp_path: Path, text: str, name: str = "file.toml") -> Path:
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def with_change(text: str, old: str, new: str) -> str:
+    assert text.count(old) == 1, f"{old!r} must be in the file once"
+    return text.replace(old, new)
+
+
+# --- good files -----------------------------------------------------------------------------
+
+
+def test_a_good_airframe(tmp_path: Path) -> None:
+    airframe = load_airframe(written(tmp_path, AIRFRAME))
+    assert airframe.airframe.mass_kg == 0.7
+    assert airframe.surfaces.elevator.reversed
+    assert airframe.surfaces.rudder.pwm_trim == 1520
+    assert airframe.polar.as_polar() == GlidePolar(9.0, -2.0, 0.2, -0.005, 7.5, 12.0)
+    assert airframe.model == {"CL0": 0.2}
+    assert airframe.autopilot.component_id == 191  # an onboard computer, where nothing is said
+
+
+def test_a_good_site(tmp_path: Path) -> None:
+    site = load_site(written(tmp_path, SITE))
+    assert site.frame() == SoaringFrame(1.0, 0.0, -2.0, radians(270.0))
+    assert isinstance(site.air, JetAir)
+    assert site.air.turbulence.intensity == 0.0
+    assert line_parameters(site.lines["a"]) == {"TGL_X": -0.5, "TGL_Z": 1.5}
+    assert line_parameters(site.lines["b"]) == {"TGL_X": 0.25, "TGL_Z": 2.0, "TGL_LEAN": 30.0}
+
+
+def test_a_site_for_flying_needs_no_air(tmp_path: Path) -> None:
+    site = load_site(written(tmp_path, '[site]\nname = "field"\n'))
+    assert site.air is None
+    assert site.lines == {}
+
+
+@pytest.mark.parametrize(
+    ("air", "kind"),
+    [
+        ('kind = "hill"\nwind_mps = 8\nradius_m = 30', HillAir),
+        ('kind = "grid"\nwind_mps = 8\nfile = "cfd.csv"', GridAir),
+    ],
+)
+def test_other_airs(tmp_path: Path, air: str, kind: type) -> None:
+    site = load_site(written(tmp_path, f'[site]\nname = "s"\n[air]\n{air}\n'))
+    assert isinstance(site.air, kind)
+
+
+def test_site_beats_airframe_beats_default(tmp_path: Path) -> None:
+    a, s = written(tmp_path, AIRFRAME, "a.toml"), written(tmp_path, SITE, "s.toml")
+    values = load_parameters(load_airframe(a), a, load_site(s), s)
+    assert values["RHO_P"] == 0.75
+    assert values["PITCH_TRIM"] == -1.5
+    assert values["RHO_I"] == ParameterSet()["RHO_I"]
+
+
+def test_what_is_shipped_can_be_used() -> None:
+    airframes = sorted(shipped("airframes").glob("*.toml"))
+    sites = sorted(shipped("sites").glob("*.toml"))
+    assert airframes
+    assert sites
+    for a in airframes:
+        for s in sites:
+            load_parameters(load_airframe(a), a, load_site(s), s)
+
+
+# --- bad values -----------------------------------------------------------------------------
+
+# What is replaced, by what, and the whole of the message after the file's name.
+BAD_AIRFRAMES = [
+    (
+        "mass_kg = 0.7",
+        "mas_kg = 0.7",
+        "airframe.mas_kg: unknown key; known here: name, mass_kg, wing_area_m2, span_m, chord_m,"
+        " ixx_kgm2, iyy_kgm2, izz_kgm2",
+    ),
+    (
+        "[model]",
+        "[modell]",
+        "modell: unknown key; known here: airframe, autopilot, surfaces, polar, parameters, model",
+    ),
+    (
+        "mass_kg = 0.7",
+        "",
+        "airframe.mass_kg: missing; must be a number above 0 and up to 1e+06",
+    ),
+    (
+        '[autopilot]\nfirmware = "bridge"',
+        "",
+        "autopilot: missing; must be a table with firmware, system_id, component_id,"
+        " override_system_id",
+    ),
+    (
+        "mass_kg = 0.7",
+        "mass_kg = true",
+        "airframe.mass_kg = true: must be a number above 0 and up to 1e+06",
+    ),
+    (
+        "mass_kg = 0.7",
+        'mass_kg = "3"',
+        'airframe.mass_kg = "3": must be a number above 0 and up to 1e+06',
+    ),
+    (
+        "mass_kg = 0.7",
+        "mass_kg = nan",
+        "airframe.mass_kg = nan: must be a number above 0 and up to 1e+06",
+    ),
+    (
+        "mass_kg = 0.7",
+        "mass_kg = inf",
+        "airframe.mass_kg = inf: must be a number above 0 and up to 1e+06",
+    ),
+    (
+        "mass_kg = 0.7",
+        "mass_kg = 0",
+        "airframe.mass_kg = 0: must be a number above 0 and up to 1e+06",
+    ),
+    (
+        "mass_kg = 0.7",
+        "mass_kg = 1" + 400 * "0",
+        "airframe.mass_kg = 1" + 36 * "0" + "...: must be a number above 0 and up to 1e+06",
+    ),
+    (
+        "mass_kg = 0.7",
+        "mass_kg = 2024-05-01",
+        "airframe.mass_kg = 2024-05-01: must be a number above 0 and up to 1e+06",
+    ),
+    ("c0 = 9.0", "c0 = nan", "polar.c0 = nan: must be a number from -1e+06 to 1e+06"),
+    ("CL0 = 0.2", "CL0 = nan", "model.CL0 = nan: must be a number from -1e+06 to 1e+06"),
+    ('name = "test"', "name = 3", "airframe.name = 3: must be text in quotes"),
+    (
+        'firmware = "bridge"',
+        'firmware = "px5"',
+        'autopilot.firmware = "px5": must be "ardupilot" or "bridge"',
+    ),
+    (
+        'firmware = "bridge"',
+        'firmware = "bridge"\nsystem_id = 256',
+        "autopilot.system_id = 256: must be a whole number from 1 to 255",
+    ),
+    (
+        "reversed = true",
+        "reversed = 1",
+        "surfaces.elevator.reversed = 1: must be true or false",
+    ),
+    (
+        "{ channel = 1 }",
+        "{ channel = 1.5 }",
+        "surfaces.aileron.channel = 1.5: must be a whole number from 1 to 18",
+    ),
+    (
+        "{ channel = 1 }",
+        "{ channel = true }",
+        "surfaces.aileron.channel = true: must be a whole number from 1 to 18",
+    ),
+    (
+        "{ channel = 1 }",
+        "{ channel = 19 }",
+        "surfaces.aileron.channel = 19: must be a whole number from 1 to 18",
+    ),
+    (
+        "{ channel = 1 }",
+        "1",
+        "surfaces.aileron = 1: must be a table with channel, pwm_min, pwm_trim, pwm_max, reversed",
+    ),
+    (
+        "{ channel = 1 }",
+        "[1]",
+        "surfaces.aileron = an array: must be a table with channel, pwm_min, pwm_trim, pwm_max,"
+        " reversed",
+    ),
+    ("{ channel = 1 }", "{ channel = 4 }", "surfaces: two surfaces share a channel: [2, 4, 4]"),
+    (
+        "pwm_trim = 1520",
+        "pwm_trim = 900",
+        "surfaces.rudder: pwm_min 1000 < pwm_trim 900 < pwm_max 2000 must hold",
+    ),
+    (
+        "pwm_max = 2000",
+        "pwm_max = 2300",
+        "surfaces.rudder.pwm_max = 2300: must be a whole number from 800 to 2200",
+    ),
+    ("speed_max_mps = 12", "speed_max_mps = 7", "polar: speed_min_mps must be below speed_max_mps"),
+    (
+        "RHO_P = 0.5",
+        "RHO_Q = 0.5",
+        "parameters.RHO_Q = 0.5: no such parameter; `tgl-soar params` lists them",
+    ),
+    ("RHO_P = 0.5", "RHO_P = 9.0", "parameters.RHO_P = 9: allowed 0 to 5 rad/m"),
+    ("RHO_P = 0.5", "RHO_P = nan", "parameters.RHO_P = nan: not finite; allowed 0 to 5 rad/m"),
+    ("RHO_P = 0.5", 'RHO_P = "1"', "parameters.RHO_P = 1: not a number; allowed 0 to 5 rad/m"),
+    ("RHO_P = 0.5", "RHO_P = true", "parameters.RHO_P = True: not a number; allowed 0 to 5 rad/m"),
+    (
+        "PITCH_TRIM = -1.5",
+        "PITCH_MIN = 20",
+        "parameters.PITCH_MIN = 20: PITCH_MIN must be below PITCH_MAX",
+    ),
+]
+
+BAD_SITES = [
+    (
+        "x_m = -0.5, z_m = 1.5",
+        "x_m = -0.5",
+        "lines.a.z_m: missing; must be a number from -1e+06 to 1e+06",
+    ),
+    (
+        "x_m = -0.5, z_m = 1.5",
+        "x_m = -0.5, z_m = 1.5, y_m = 1",
+        "lines.a.y_m: unknown key; known here: x_m, z_m, lean_deg",
+    ),
+    (
+        "x_m = 0.25, z_m = 2",
+        'x_m = "0.25", z_m = 2',
+        'lines.b.x_m = "0.25": must be a number from -1e+06 to 1e+06',
+    ),
+    (
+        "a = { x_m = -0.5, z_m = 1.5 }",
+        "a = 3",
+        "lines.a = 3: must be a table with x_m, z_m, lean_deg",
+    ),
+    ("lean_deg = 30", "lean_deg = 90", "lines.b.lean_deg = 90: must be a number from -60 to 60"),
+    (
+        "wind_from_deg = 270.0",
+        "wind_from_deg = 400",
+        "site.wind_from_deg = 400: must be a number from -360 to 360",
+    ),
+    (
+        'kind = "jet"',
+        'kind = "jett"',
+        'air.kind = "jett": must be "jet" or "hill" or "grid"',
+    ),
+    ('kind = "jet"\n', "", 'air.kind: missing; must be "jet" or "hill" or "grid"'),
+    ("wind_mps = 8.5", "wind_mps = 50", "air.wind_mps = 50: must be a number from 5 to 15"),
+    (
+        "slope_deg = 23",
+        "slope_deg = 23\nradius_m = 3",
+        "air.radius_m: unknown key; known here: kind, wind_mps, slope_deg, turbulence",
+    ),
+    (
+        "slope_deg = 23",
+        "slope_deg = 23\nturbulence = { intensity = 5 }",
+        "air.turbulence.intensity = 5: must be a number from 0 to 0.5",
+    ),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "message"), BAD_AIRFRAMES)
+def test_a_bad_airframe_is_told_key_value_and_what_is_allowed(
+    tmp_path: Path, old: str, new: str, message: str
+) -> None:
+    path = written(tmp_path, with_change(AIRFRAME, old, new))
+    with pytest.raises(ConfigError) as caught:
+        load_airframe(path)
+    assert str(caught.value) == f"{path}: {message}"
+
+
+@pytest.mark.parametrize(("old", "new", "message"), BAD_SITES)
+def test_a_bad_site_is_told_key_value_and_what_is_allowed(
+    tmp_path: Path, old: str, new: str, message: str
+) -> None:
+    path = written(tmp_path, with_change(SITE, old, new))
+    with pytest.raises(ConfigError) as caught:
+        load_site(path)
+    assert str(caught.value) == f"{path}: {message}"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "starts"),
+    [
+        # A line that leans downwind, upright, or towards the horizontal.
+        ("lean_deg = 30", "lean_deg = -10", "lines.b.lean_deg = -10: the line must lean upwind by"),
+        ("lean_deg = 30", "lean_deg = 60", "lines.b.lean_deg = 60: the line must lean by"),
+        ("TGL_LEAN = 20.0", "TGL_LEAN = -10", "parameters.TGL_LEAN = -10: the line must lean"),
+        ("TGL_LEAN = 20.0", "TGL_LEAN = 90", "parameters.TGL_LEAN = 90: allowed -60 to 60 deg"),
+        ("x_m = -0.5", "x_m = -600", "lines.a.x_m = -600: allowed -500 to 500 m"),
+        ("z_m = 1.5", "z_m = 2000", "lines.a.z_m = 2000: allowed -100 to 1000 m"),
+        ("RHO_P = 0.75", "RHO_Q = 0.75", "parameters.RHO_Q = 0.75: no such parameter"),
+    ],
+)
+def test_a_site_that_no_line_can_be_flown_at(
+    tmp_path: Path, old: str, new: str, starts: str
+) -> None:
+    a = written(tmp_path, AIRFRAME, "a.toml")
+    # The limits are the site's own, so that other defaults change nothing here.
+    limits = "TGL_LEAN = 20.0\nTGL_LEAN_MIN = 5.0\nTGL_LEAN_MAX = 45.0"
+    text = with_change(SITE, "TGL_LEAN = 20.0", limits) if "LEAN" not in old else SITE
+    s = written(tmp_path, with_change(text, old, new), "s.toml")
+    airframe, site = load_airframe(a), load_site(s)
+    with pytest.raises(ConfigError) as caught:
+        load_parameters(airframe, a, site, s)
+    assert str(caught.value).startswith(f"{s}: {starts}")
+
+
+def test_an_airframe_is_blamed_for_its_own_parameters(tmp_path: Path) -> None:
+    a, s = written(tmp_path, AIRFRAME, "a.toml"), written(tmp_path, SITE, "s.toml")
+    airframe = load_airframe(a)
+    airframe.parameters["RHO_P"] = 99.0
+    with pytest.raises(ConfigError, match=r"a\.toml: parameters\.RHO_P = 99"):
+        load_parameters(airframe, a, load_site(s), s)
+
+
+# --- files that are none --------------------------------------------------------------------
+
+
+def test_a_missing_file_and_a_folder(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"nowhere\.toml: cannot be read: No such file"):
+        load_airframe(tmp_path / "nowhere.toml")
+    with pytest.raises(ConfigError, match="cannot be read: Is a directory"):
+        load_site(tmp_path)
+
+
+def test_no_utf8(tmp_path: Path) -> None:
+    path = tmp_path / "latin.toml"
+    path.write_bytes('[site]\nname = "Höhe"\n'.encode("latin-1"))
+    with pytest.raises(ConfigError, match=r"latin\.toml: not UTF-8 text"):
+        load_site(path)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[site",
+        'name = "a"\nname = "b"',
+        "x = 1.2.3",
+        "x =",
+        "x = " + 5000 * "[",
+        "a = 1\n[a]\nb = 2",
+    ],
+)
+def test_no_toml(tmp_path: Path, text: str) -> None:
+    with pytest.raises(ConfigError, match=r"file\.toml: not TOML: "):
+        load_site(written(tmp_path, text))
+
+
+@pytest.mark.parametrize("text", ["", "# nothing\n"])
+def test_an_empty_file_lacks_its_first_table(tmp_path: Path, text: str) -> None:
+    with pytest.raises(ConfigError, match=r"airframe: missing; must be a table with name, mass_kg"):
+        load_airframe(written(tmp_path, text))
+    with pytest.raises(ConfigError, match=r"site: missing; must be a table with name"):
+        load_site(written(tmp_path, text))
+
+
+@pytest.mark.parametrize("text", ["airframe = 1", "surfaces = []", "parameters = 1", "lines = 1"])
+def test_no_shape_of_a_file_is_a_traceback(tmp_path: Path, text: str) -> None:
+    path = written(tmp_path, text)
+    for load in (load_airframe, load_site):
+        with pytest.raises(ConfigError, match=r"file\.toml: \w+"):
+            load(path)
+
+
+# --- other files of the same reader ---------------------------------------------------------
+
+
+class Leg(Strict, frozen=True):
+    wind_mps: float
+    settings: dict[str, float] = {}  # noqa: RUF012 - msgspec copies it
+
+
+class Plan(Strict, frozen=True):
+    title: str
+    legs: list[Leg] = []  # noqa: RUF012 - msgspec copies it
+    spans_s: list[tuple[float, float]] = []  # noqa: RUF012 - msgspec copies it
+    site: Site | None = None
+    airframe: Airframe | None = None
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("legs = 3", "legs = 3: must be an array, each a table with wind_mps, settings"),
+        (
+            'legs = [{ wind_mps = 8 }, { wind_mps = "9" }]',
+            'legs[1].wind_mps = "9": must be a number',
+        ),
+        (
+            "legs = [{ wind_mps = 8, settings = { a = 1, b = [] } }]",
+            "legs[0].settings.b = an array: must be a number",
+        ),
+        ("legs = [{}]", "legs[0].wind_mps: missing; must be a number"),
+        ("spans_s = [[1, 2], [3, false]]", "spans_s[1][1] = false: must be a number"),
+        ("spans_s = [[1]]", "spans_s[0] = an array: must be an array of a number, a number"),
+        (
+            'site = { site = { name = "s" }, lines = { a = { x_m = 1, z_m = {} } } }',
+            "site.lines.a.z_m = a table: must be a number from -1e+06 to 1e+06",
+        ),
+    ],
+)
+def test_arrays_and_nested_tables_are_named_too(tmp_path: Path, text: str, message: str) -> None:
+    path = written(tmp_path, f'title = "t"\n{text}\n')
+    with pytest.raises(ConfigError) as caught:
+        load_file(path, Plan)
+    assert str(caught.value) == f"{path}: {message}"
