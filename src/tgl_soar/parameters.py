@@ -29,6 +29,7 @@ class Parameter(NamedTuple):
     meaning: str
     in_flight: bool = True  # may it change while the module has the surfaces?
     integer: bool = False  # whole numbers only
+    in_files: bool = True  # may a file give it, and is it kept over a restart?
 
 
 class ParameterError(ValueError):
@@ -47,9 +48,21 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         "OP_ENGAGE", "", 0, 1, 0,
         "1: take the surfaces and soar; 0: let go. The module sets it back to 0 whenever it"
         " lets go by itself, so that it never engages again unasked.",
-        integer=True,
+        integer=True, in_files=False,
     ),
     # --- the target gradient line --------------------------------------------------------
+    Parameter(
+        "TGL_PRESET", "", 0, 99, 0,
+        "Put the line where a line of the site file is: 1 is the first in the file. 0: set by"
+        " hand, and what it goes back to when TGL_X, TGL_Z or TGL_LEAN changes.",
+        integer=True,
+    ),
+    Parameter(
+        "TGL_STAGE", "", 0, 2, 0,
+        "1: hold back what TGL_X, TGL_Z, TGL_LEAN and TGL_SLEW are set to; then 0: move the line"
+        " to all of it at once, or 2: drop it.",
+        integer=True, in_files=False,
+    ),
     Parameter("TGL_X", "m", -500, 500, 0.0, "Downstream position of the line's point."),
     Parameter("TGL_Z", "m", -100, 1000, 0.0, "Height of the line's point."),
     Parameter(
@@ -136,6 +149,40 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
 )  # fmt: skip
 
+
+class Group(NamedTuple):
+    """Parameters that share a topic: every parameter's prefix is in exactly one group."""
+
+    title: str
+    prefixes: tuple[str, ...]  # names up to the first underscore
+    sentence: str
+
+
+GROUPS: Final[tuple[Group, ...]] = (
+    Group("The switch", ("OP",), "What the operator does with the module."),
+    Group(
+        "The target gradient line", ("TGL",),
+        "Where the aircraft is held, and how fast the line moves there when it is moved.",
+    ),
+    Group(
+        "Line to pitch", ("RHO", "PITCH"),
+        "The outer loop: the distance e_rho to the line becomes a pitch setpoint.",
+    ),
+    Group("Pitch to elevator", ("ELE",), "The inner loop of pitch."),
+    Group("Roll to aileron", ("AIL",), "Wings level."),
+    Group(
+        "Heading to rudder", ("RUD", "WPT", "PSI"),
+        "The nose is held towards a virtual waypoint upwind.",
+    ),
+    Group("Surfaces", ("SURF",), "The last limit of every command."),
+    Group("Estimation", ("EST",), "How position and velocity follow from delayed fixes."),
+    Group(
+        "Letting go", ("AGE", "CAPTURE", "TILT"),
+        "Beyond these the module gives the surfaces back by itself and says why.",
+    ),
+    Group("The process", ("LOOP",), "How the module runs."),
+)  # fmt: skip
+
 INDEX: Final[Mapping[str, int]] = {p.name: i for i, p in enumerate(PARAMETERS)}
 
 
@@ -181,6 +228,11 @@ class ParameterSet:
         result = ParameterSet(tuple(values))
         _check_together(result, changes)
         return result
+
+
+def checked_value(name: str, value: float, *, flying: bool = False) -> float:
+    """One value as it would stand, looked at without the others.  Errors: `ParameterError`."""
+    return _checked(PARAMETERS[_index_of(name, value)], value, flying)
 
 
 def _index_of(name: str, value: object) -> int:

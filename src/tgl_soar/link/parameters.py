@@ -6,8 +6,9 @@ ever half applied.
 
 Every parameter is REAL32, with a constant count and indices without gaps.  The answer to a set
 is always a PARAM_VALUE with the value that stands after it (or is staged: `line_changes`); a
-refused one is followed by a STATUSTEXT with the reason.  Requests for values are remembered as a set of indices: asking
-twice costs nothing, and a flood of requests is answered at `VALUES_PER_S` all the same.
+refused one is followed by a STATUSTEXT with the reason.  Requests for values are remembered as
+a set of indices: asking twice costs nothing, and a flood of requests is answered at
+`VALUES_PER_S` all the same.
 """
 
 from __future__ import annotations

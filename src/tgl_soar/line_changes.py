@@ -1,0 +1,190 @@
+"""What setting the line's parameters means: presets, staged moves, a contour to warn by.
+
+    preset   TGL_PRESET = n puts TGL_X, TGL_Z and TGL_LEAN on the site's n-th line as one change.
+             It goes back to 0 as soon as the line stands elsewhere.
+    staging  TGL_STAGE = 1: sets of TGL_X, TGL_Z, TGL_LEAN and TGL_SLEW are checked one by one
+             and held; 0: all of them at once, or none; 2: dropped.  From 2 there is no way to 0
+             but over 1, so that a repeated commit that was refused is refused again.
+    contour  Where the line does not cross the zero excess updraft contour of the site, the
+             aircraft has nowhere to settle.  The line is moved all the same, with a warning.
+
+Pure: a set of values in, another one out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+from math import cos, pi, radians, sin
+from typing import Final, NamedTuple
+
+from tgl_soar.parameters import ParameterError, ParameterSet, as_wire_value, checked_value
+
+LINE: Final = ("TGL_X", "TGL_Z", "TGL_LEAN")
+STAGED: Final = (*LINE, "TGL_SLEW")
+MOVED, STAGING, DROPPED = 0.0, 1.0, 2.0  # of TGL_STAGE
+
+# Lines through (x, z) [m] where excess updraft is zero; rising air is on their left.
+Contour = tuple[tuple[tuple[float, float], ...], ...]
+
+
+class PresetLine(NamedTuple):
+    """A line that the site names."""
+
+    name: str
+    x_m: float
+    z_m: float
+    lean_deg: float
+
+    def parameters(self) -> dict[str, float]:
+        """The parameters that put the line there."""
+        return {"TGL_X": self.x_m, "TGL_Z": self.z_m, "TGL_LEAN": self.lean_deg}
+
+
+Presets = tuple[PresetLine, ...]
+
+
+class Answer(NamedTuple):
+    """What came of one set."""
+
+    values: ParameterSet  # that stand from now on
+    told: tuple[str, ...]  # whose values are to be sent, the one that was set first
+    refusal: str = ""  # why a staged move was not made
+    warning: str = ""
+
+
+class LineChanges:
+    """Knows the site's lines and contour, and holds what is staged."""
+
+    def __init__(self, presets: Presets = (), contour: Contour = ()) -> None:
+        self.staged: dict[str, float] = {}
+        self._presets = presets
+        self._contour = contour
+
+    def set(self, values: ParameterSet, name: str, value: float, *, flying: bool) -> Answer:
+        """What one set makes of the values that stand.
+
+        Errors: `ParameterError`; then nothing has changed, here neither.
+        """
+        if name == "TGL_STAGE":
+            return self._stage(values, checked_value(name, value), flying)
+        if values["TGL_STAGE"] == STAGING:
+            if name in STAGED:
+                self.staged[name] = checked_value(name, value, flying=flying)
+                return Answer(values, (name,))
+            if name == "TGL_PRESET":
+                raise ParameterError(
+                    name, f"{value:g}", "a move is being staged: set TGL_STAGE to 0 or 2 first"
+                )
+        if name == "TGL_PRESET":
+            after = _selected(values, {name: value}, self._presets, flying)
+        else:
+            after = settled(values.changed({name: value}, flying=flying), self._presets)
+        return self._answer(name, values, after)
+
+    def shown(self, values: ParameterSet, name: str) -> float:
+        """The value to answer with: a staged one hides the one that stands."""
+        return self.staged.get(name, values[name])
+
+    def warning(self, values: ParameterSet) -> str:
+        """What is to be said of the line as it stands; "" if nothing."""
+        return contour_warning(self._contour, *_line(values))
+
+    def _stage(self, values: ParameterSet, wanted: float, flying: bool) -> Answer:
+        standing, staged = values["TGL_STAGE"], self.staged
+        if wanted == standing:
+            return Answer(values, ("TGL_STAGE",))
+        if wanted == MOVED and standing == DROPPED:
+            raise ParameterError(
+                "TGL_STAGE", "0", "nothing is staged, the last was dropped: set 1 to stage anew"
+            )
+        self.staged = {}
+        after = values.changed({"TGL_STAGE": wanted})
+        if wanted != MOVED:
+            return Answer(after, ("TGL_STAGE", *staged))
+        try:
+            after = settled(after.changed(staged, flying=flying), self._presets)
+        except ParameterError as error:
+            dropped = values.changed({"TGL_STAGE": DROPPED})
+            return Answer(dropped, ("TGL_STAGE", *staged), f"staged move dropped: {error}")
+        answer = self._answer("TGL_STAGE", values, after)
+        return answer._replace(told=tuple(dict.fromkeys((*answer.told, *staged))))
+
+    def _answer(self, name: str, before: ParameterSet, after: ParameterSet) -> Answer:
+        changed = [p.name for (p, old), (_, new) in zip(before, after, strict=True) if old != new]
+        told = (name, *(other for other in changed if other != name))
+        moved = _line(before) != _line(after)
+        return Answer(after, told, warning=self.warning(after) if moved else "")
+
+
+def with_changes(
+    values: ParameterSet, changes: Mapping[str, float], presets: Presets
+) -> ParameterSet:
+    """Values with the changes that a file gives, where a preset may stand for its line.
+
+    Errors: `ParameterError`.
+    """
+    if "TGL_PRESET" in changes and not any(name in changes for name in LINE):
+        return _selected(values, changes, presets, False)
+    return settled(values.changed(changes), presets)
+
+
+def settled(values: ParameterSet, presets: Presets) -> ParameterSet:
+    """Values whose TGL_PRESET is true: 0 where the line is not where that preset has it."""
+    number = int(values["TGL_PRESET"])
+    if number == 0:
+        return values
+    if number <= len(presets):
+        there = presets[number - 1].parameters()
+        if all(values[name] == as_wire_value(value) for name, value in there.items()):
+            return values
+    return values.changed({"TGL_PRESET": 0.0})
+
+
+def _selected(
+    values: ParameterSet, changes: Mapping[str, float], presets: Presets, flying: bool
+) -> ParameterSet:
+    number = int(checked_value("TGL_PRESET", changes["TGL_PRESET"]))
+    if number == 0:
+        return values.changed(changes, flying=flying)
+    if number > len(presets):
+        known = ", ".join(f"{i} {preset.name}" for i, preset in enumerate(presets, 1))
+        reason = f"the site's lines are {known}" if presets else "the site file names no lines"
+        raise ParameterError("TGL_PRESET", number, f"no such line: {reason}")
+    preset = presets[number - 1]
+    try:
+        return values.changed({**changes, **preset.parameters()}, flying=flying)
+    except ParameterError as error:
+        if error.name not in LINE:
+            raise
+        raise ParameterError("TGL_PRESET", number, f"line {preset.name}: {error}") from None
+
+
+def _line(values: ParameterSet) -> tuple[float, float, float]:
+    return values["TGL_X"], values["TGL_Z"], values["TGL_LEAN"]
+
+
+def contour_warning(contour: Contour, x_m: float, z_m: float, lean_deg: float) -> str:
+    """What a line's crossings with the contour warn of; "" if nothing, or without a contour."""
+    if not contour:
+        return ""
+    crossings = contour_crossings(contour, x_m, z_m, lean_deg)
+    if not crossings:
+        return "line does not cross the known contour: nowhere to settle"
+    if not any(crossings):
+        return "line crosses the known contour only where excess updraft grows up the line"
+    return ""
+
+
+def contour_crossings(contour: Contour, x_m: float, z_m: float, lean_deg: float) -> list[bool]:
+    """For each crossing of the line: whether excess updraft falls going up the line there.
+
+    With rising air on its left, a contour that passes from downstream of the line (e_rho < 0)
+    to upstream of it runs across the line with the rising air below.
+    """
+    eta = radians(lean_deg) + 0.5 * pi
+    found = []
+    for part in contour:
+        e_rho = [cos(eta) * (z - z_m) - sin(eta) * (x - x_m) for x, z in part]
+        found += [b >= 0.0 for a, b in pairwise(e_rho) if (a < 0.0) != (b < 0.0)]
+    return found
