@@ -1,0 +1,235 @@
+"""Who may import whom, read from the source.
+
+The table goes downward only.  A module may import what is in its row and everything below
+that; a new file in a folder falls under the folder's row by itself, a new folder needs one.
+"""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import tgl_soar
+
+SOURCE = Path(tgl_soar.__file__).parent
+PACKAGE = "tgl_soar"
+
+# Direct permissions; what these may import is permitted too.
+TABLE: dict[str, set[str]] = {
+    "types": set(),
+    "geometry": {"types"},
+    "parameters": {"types"},
+    "control": {"parameters", "geometry"},
+    "estimation": {"parameters", "geometry"},
+    "autopilot": {"control", "estimation"},
+    "line_changes": {"parameters"},
+    "link": {"line_changes", "geometry"},
+    "config": {"parameters", "geometry"},
+    "realtime": set(),
+    "onboard": {"autopilot", "link", "config", "realtime"},
+    "air": {"geometry"},
+    "sim": {"autopilot", "air", "link", "config"},
+    "report": {"air", "estimation"},
+    "experiments": {"sim", "report", "config"},
+    "commands": {"onboard", "experiments"},
+    "cli": {"commands"},
+}
+
+# The simulated Pixhawk speaks through pymavlink, so that our codec never talks only to itself.
+PARTS: dict[tuple[str, str], set[str]] = {("sim", "link"): {"tgl_soar.link.autopilots"}}
+
+# One file, one reason.
+EXCEPTIONS: dict[tuple[str, str], str] = {
+    ("tgl_soar.sim.sitl", "report"): "the picture at the end of `make run`",
+}
+
+FLIES = {
+    "types", "geometry", "parameters", "control", "estimation",
+    "autopilot", "line_changes", "link", "config", "realtime", "onboard",
+}  # fmt: skip
+STAYS_ON_THE_GROUND = {"sim", "report", "air", "experiments", "commands", "cli"}
+
+# A law knows no clock, no file and no wire.
+PURE = {"types", "geometry", "parameters", "control", "estimation", "autopilot", "line_changes"}
+IMPURE = {
+    "asyncio", "io", "logging", "multiprocessing", "os", "pathlib", "select", "serial", "signal",
+    "socket", "subprocess", "threading", "time",
+}  # fmt: skip
+
+
+def permitted(unit: str) -> set[str]:
+    """A unit's row, and the rows below."""
+    found = {unit}
+    waiting = list(TABLE[unit])
+    while waiting:
+        below = waiting.pop()
+        if below not in found:
+            found.add(below)
+            waiting.extend(TABLE[below])
+    return found
+
+
+def module_name(source: Path, file: Path) -> str:
+    parts = [PACKAGE, *file.relative_to(source).with_suffix("").parts]
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def imports_of(source: Path, file: Path) -> Iterator[tuple[int, str]]:
+    """(line, full module name) of every import in a file, also those inside functions."""
+    package = module_name(source, file).split(".")
+    if file.name != "__init__.py":
+        package = package[:-1]
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            for name in node.names:
+                yield node.lineno, name.name
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else []
+            origin = ".".join([*base, *([node.module] if node.module else [])])
+            for name in node.names:
+                full = f"{origin}.{name.name}"
+                place = source.joinpath(*full.split(".")[1:])
+                is_module = place.is_dir() or place.with_suffix(".py").is_file()
+                ours = origin.split(".")[0] == PACKAGE
+                yield node.lineno, full if ours and is_module else origin
+        elif isinstance(node, ast.Call) and node.args:
+            called = ast.unparse(node.func).split(".")[-1]
+            target = node.args[0]
+            if called in ("import_module", "__import__") and isinstance(target, ast.Constant):
+                yield node.lineno, str(target.value)
+
+
+def violations(source: Path) -> list[str]:
+    """Every import that the table does not permit, with its place."""
+    found = []
+    for file in sorted(source.rglob("*.py")):
+        name = module_name(source, file)
+        unit = name.split(".")[1] if "." in name else ""
+        if unit and unit not in TABLE:
+            found.append(f"{name}: {unit} has no row in the table of {Path(__file__).name}")
+            continue
+        for line, imported in imports_of(source, file):
+            where = f"{name}, line {line}: imports {imported}"
+            root, *rest = imported.split(".")
+            if root != PACKAGE:
+                if unit in PURE and root in IMPURE:
+                    found.append(f"{where}: a law knows no clock, no file and no wire")
+            elif rest and not unit:
+                found.append(f"{where}: the package itself imports nothing of ours")
+            elif rest and (name, rest[0]) not in EXCEPTIONS:
+                parts = PARTS.get((unit, rest[0]))
+                if rest[0] not in permitted(unit):
+                    found.append(f"{where}: {unit} may import {sorted(permitted(unit))}")
+                elif parts and not any(f"{imported}.".startswith(f"{p}.") for p in parts):
+                    found.append(f"{where}: {unit} may import {sorted(parts)} of it")
+    return found
+
+
+def test_imports_go_downward_only() -> None:
+    assert violations(SOURCE) == []
+
+
+def test_the_table_keeps_the_ground_out_of_the_air() -> None:
+    assert set(TABLE) == FLIES | STAYS_ON_THE_GROUND
+    for unit in FLIES:
+        assert not permitted(unit) & STAYS_ON_THE_GROUND, unit
+    for unit in ("control", "estimation", "autopilot"):
+        assert not permitted(unit) & {"link", "config", "realtime", "onboard"}
+
+
+def test_no_row_leads_back_to_itself() -> None:
+    for unit, row in TABLE.items():
+        assert all(unit not in permitted(below) for below in row), unit
+
+
+def test_every_exception_is_still_needed() -> None:
+    for module, unit in EXCEPTIONS:
+        file = SOURCE.joinpath(*module.split(".")[1:]).with_suffix(".py")
+        used = {name.split(".")[1] for _, name in imports_of(SOURCE, file) if name.count(".")}
+        assert unit in used, f"{module} no longer imports {unit}"
+
+
+# --- the checker checked --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("file", "text"),
+    [
+        ("control/pid.py", "from tgl_soar.link.session import Session"),
+        ("control/pid.py", "import tgl_soar.sim.world as w"),
+        ("control/pid.py", "from ..sim import world"),
+        ("control/pid.py", "from .. import link"),
+        ("control/deep/er.py", "from ...air.hill import HillField"),
+        ("control/pid.py", "from tgl_soar import link"),
+        ("control/pid.py", "def f():\n    from tgl_soar.link import session"),
+        ("control/pid.py", "if TYPE_CHECKING:\n    from tgl_soar.report import x"),
+        ("control/pid.py", "import importlib\nimportlib.import_module('tgl_soar.sim.world')"),
+        ("control/pid.py", "import time"),
+        ("estimation/motion.py", "from time import monotonic"),
+        ("estimation/motion.py", "import os.path"),
+        ("estimation/motion.py", "import threading, math"),
+        ("autopilot.py", "import socket"),
+        ("autopilot.py", "from .link import codec"),
+        ("onboard.py", "from tgl_soar.air.hill import HillField"),
+        ("link/codec.py", "from tgl_soar.autopilot import step"),
+        ("types.py", "from .geometry import wrap_angle"),
+        ("sim/pixhawk.py", "from tgl_soar.link.codec import Encoder"),
+        ("sim/pixhawk.py", "from tgl_soar.link import codec"),
+        ("sim/pixhawk.py", "from tgl_soar.report.style import save"),
+        ("unheard_of/x.py", "import math"),
+        ("__init__.py", "from .types import Inputs"),
+    ],
+)
+def test_a_planted_violation_is_found(tmp_path: Path, file: str, text: str) -> None:
+    source = tmp_path / PACKAGE
+    for folder in ("control", "estimation", "link/autopilots", "sim", "air", "report"):
+        (source / folder).mkdir(parents=True)
+    (source / "link" / "codec.py").touch()
+    path = source / file
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    (only,) = violations(source)
+    assert only.startswith(module_name(source, path))
+
+
+@pytest.mark.parametrize(
+    ("file", "text"),
+    [
+        ("control/pid.py", "from math import pi\nfrom ..types import NAN\nfrom .other import x"),
+        ("onboard.py", "import time\nfrom tgl_soar import autopilot\nfrom .link import codec"),
+        ("sim/pixhawk.py", "from tgl_soar.link.autopilots.base import Flavour\nimport time"),
+        ("sim/pixhawk.py", "from tgl_soar.link.autopilots import base"),
+        ("cli.py", "import tgl_soar.sim.world, tgl_soar.report.style, tgl_soar.onboard"),
+        ("experiments/result.py", "import tgl_soar\nprint(tgl_soar.__version__)"),
+    ],
+)
+def test_what_is_permitted_passes(tmp_path: Path, file: str, text: str) -> None:
+    source = tmp_path / PACKAGE
+    (source / "link" / "autopilots").mkdir(parents=True)
+    path = source / file
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    assert violations(source) == []
+
+
+# --- what is really loaded ------------------------------------------------------------------
+
+
+def test_the_tick_loads_no_heavy_package() -> None:
+    """Start-up on a companion computer: a restart in flight must not wait for arrays or figures."""
+    code = "import sys, tgl_soar.autopilot; print(*sorted(sys.modules))"
+    run = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+    )
+    loaded = {name.split(".")[0] for name in run.stdout.split()}
+    assert "tgl_soar" in loaded
+    heavy = {"numpy", "scipy", "pymavlink", "matplotlib", "rich", "typer", "msgspec", "serial"}
+    assert not loaded & heavy
+    ours = {name for name in run.stdout.split() if name.startswith("tgl_soar.")}
+    units = {name.split(".")[1] for name in ours}
+    assert units == {"autopilot", "control", "estimation", "geometry", "parameters", "types"}
