@@ -9,7 +9,7 @@ come in, datagrams go out, so that it can take part in a lockstep simulation.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import isclose
+from math import isclose, isfinite
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -18,6 +18,7 @@ from tgl_soar.parameters import as_wire_value
 
 RETRY_S = 0.5
 GIVE_UP_S = 10.0  # without an answer to a set for so long, nobody is there
+LOOK_S = 1.0  # the position is watched for so long before engaging
 LEG_TIMEOUT_S = 40.0  # for a line to come to its target
 
 
@@ -81,6 +82,7 @@ class Operator:
         self._first_sent_s = float("nan")
         self._heartbeat_s = float("-inf")
         self._engaged = False
+        self._known_since_s = float("nan")
         self._stage = "wait"
 
     # --- what arrives ---------------------------------------------------------------------
@@ -139,7 +141,10 @@ class Operator:
     def _next_stage(self) -> None:
         """Wait for the module, then leg by leg: set, wait for the line to stand, stay."""
         if self._stage == "wait":
-            if self.seen.module_alive and self.seen.time_s == self.seen.time_s:
+            known = self.seen.module_alive and isfinite(self._shown("soar_x"))
+            if not (known and isfinite(self._known_since_s)):
+                self._known_since_s = self.seen.time_s
+            elif self.seen.time_s - self._known_since_s >= LOOK_S:
                 self._begin_leg(0)
         elif self._stage == "move":
             flown = self.flown[-1]
@@ -175,9 +180,13 @@ class Operator:
         """Whether the line that is flown is the one that was asked for."""
         shown = {"TGL_X": "line_x", "TGL_Z": "line_z", "TGL_LEAN": "line_lean"}
         return all(
-            isclose(self.seen.values.get(shown[name], float("nan")), value, abs_tol=1e-3)
+            isclose(self._shown(shown[name]), value, abs_tol=1e-3)
             for name, value in leg.parameters.items()
         )
+
+    def _shown(self, name: str) -> float:
+        """The last value of a telemetry name; NaN where none has come."""
+        return self.seen.values.get(name, float("nan"))
 
     def _set_next(self, now_s: float) -> None:
         """Send the first set that is due, and drop it once its value is answered."""

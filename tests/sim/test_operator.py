@@ -1,0 +1,133 @@
+"""The operator of the simulated flight, with the module's side of the wire played by hand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from tgl_soar.sim.operator import Leg, Operator, OperatorError
+
+LEG = Leg("a", {"TGL_X": 0.25, "TGL_Z": 1.5, "TGL_LEAN": 15.0}, stay_s=2.0)
+
+
+class Module:
+    """Component 191 of vehicle 1, as far as an operator can see it."""
+
+    def __init__(self, operator: Operator) -> None:
+        self.operator = operator
+        self.codec = mavlink.MAVLink(None, 1, 191)
+        self.heard = mavlink.MAVLink(None)
+        self.heard.robust_parsing = True
+        self.sets: list[tuple[str, float]] = []
+        self.values: dict[str, float] = {}
+        self.line_follows = True
+        self.obeys = True
+        self.loses = 0  # so many sets are lost on the way
+
+    def say(self, message: Any) -> None:
+        self.operator.receive(bytes(message.pack(self.codec)))
+
+    def second(self, time_s: float) -> None:
+        """One look at the telemetry, one step of the operator, and the answers."""
+        boot_ms = round(time_s * 1e3)
+        self.say(self.codec.heartbeat_encode(18, 8, 0, 0, 4))
+        shown = {"soar_x": 0.0, "soar_mode": 2.0}
+        if self.line_follows:
+            shown |= {
+                "line_x": self.values.get("TGL_X", 0.0),
+                "line_z": self.values.get("TGL_Z", 0.0),
+                "line_lean": self.values.get("TGL_LEAN", 0.0),
+            }
+        for name, value in shown.items():
+            self.say(self.codec.named_value_float_encode(boot_ms, name.encode(), value))
+        for data in self.operator.step(time_s):
+            for message in self.heard.parse_buffer(bytearray(data)) or ():
+                if message.get_type() == "PARAM_SET":
+                    self._set(message)
+
+    def _set(self, message: Any) -> None:
+        assert (message.target_system, message.target_component) == (1, 191)
+        assert message.param_type == mavlink.MAV_PARAM_TYPE_REAL32
+        self.sets.append((message.param_id, message.param_value))
+        if self.loses > 0:
+            self.loses -= 1
+            return
+        if self.obeys:
+            self.values[message.param_id] = message.param_value
+        value = self.values.get(message.param_id, -1.0)
+        self.say(self.codec.param_value_encode(message.param_id.encode(), value, 9, 50, 0))
+
+
+def run(module: Module, seconds: float) -> None:
+    for i in range(round(seconds * 20)):
+        if module.operator.done:
+            return
+        module.second(i * 0.05)
+
+
+def test_it_sets_the_line_engages_waits_and_is_done() -> None:
+    operator = Operator([LEG], 1, 191)
+    module = Module(operator)
+    run(module, 20.0)
+    assert operator.done
+    assert [name for name, _ in module.sets] == ["TGL_X", "TGL_Z", "TGL_LEAN", "OP_ENGAGE"]
+    flown = operator.flown[0]
+    assert flown.asked_s >= 1.0  # it has looked at the position for a second first
+    assert flown.ended_s - flown.stopped_s == pytest.approx(2.0, abs=0.06)
+
+
+def test_a_lost_set_is_sent_again() -> None:
+    operator = Operator([LEG], 1, 191)
+    module = Module(operator)
+    module.loses = 3
+    run(module, 20.0)
+    assert operator.done
+    assert [name for name, _ in module.sets].count("TGL_X") == 4
+
+
+def test_a_refused_set_is_reported_with_the_modules_words() -> None:
+    operator = Operator([LEG], 1, 191)
+    module = Module(operator)
+    module.obeys = False
+    module.say(module.codec.statustext_encode(4, b"TGL_X = 0.25: not t", 7, 0))
+    module.say(module.codec.statustext_encode(4, b"oday", 7, 1))
+    with pytest.raises(OperatorError, match=r"TGL_X = 0.25 was not confirmed.*not today"):
+        run(module, 30.0)
+
+
+def test_a_line_that_never_arrives_ends_the_flight() -> None:
+    operator = Operator([LEG], 1, 191)
+    module = Module(operator)
+    module.line_follows = False
+    with pytest.raises(OperatorError, match="did not come to its target"):
+        run(module, 60.0)
+
+
+def test_a_module_that_lets_go_ends_the_flight() -> None:
+    operator = Operator([LEG], 1, 191)
+    module = Module(operator)
+    run(module, 2.0)
+    module.say(module.codec.statustext_encode(3, b"released: position lost"))
+    module.say(module.codec.param_value_encode(b"OP_ENGAGE", 0.0, 9, 50, 0))
+    with pytest.raises(OperatorError, match=r"let go by itself: .*position lost"):
+        run(module, 2.0)
+
+
+def test_it_answers_the_lockstep_barrier_and_hears_no_other_vehicle() -> None:
+    operator = Operator([LEG], 1, 191)
+    bridge = mavlink.MAVLink(None, 1, 1)
+    operator.receive(bytes(bridge.timesync_encode(0, 12345).pack(bridge)))
+    other = mavlink.MAVLink(None, 2, 191)
+    operator.receive(bytes(other.heartbeat_encode(18, 8, 0, 0, 4).pack(other)))
+    heard = mavlink.MAVLink(None)
+    answers = [m for data in operator.step(0.0) for m in heard.parse_buffer(bytearray(data))]
+    assert [m.ts1 for m in answers if m.get_type() == "TIMESYNC"] == [12345]
+    assert not operator.seen.module_alive
+
+
+def test_garbage_is_no_news() -> None:
+    operator = Operator([LEG], 1, 191)
+    operator.receive(b"\xfd\x09\x00" + bytes(range(256)))
+    assert operator.seen.values == {}
