@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
-from . import changing_air, hill_positions, still_lines
+from . import air_speed, changing_air, hill_positions, line_lean, sensitivity, still_lines
 from .context import Context
 from .result import Result
 
@@ -19,6 +19,9 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "rotate": still_lines.rotate,
     "slope": changing_air.slope,
     "wind": changing_air.wind,
+    "gust": sensitivity.gust,
+    "lean": line_lean.lean,
+    "speed": air_speed.speed,
 }
 
 

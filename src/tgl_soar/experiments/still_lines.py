@@ -7,8 +7,11 @@ from math import degrees, sqrt
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+from msgspec.structs import asdict
 
 from tgl_soar.report.flight_figure import Panel, Spans, Trace, flight_figure
+from tgl_soar.sim.aircraft import aircraft_model, glide_at
+from tgl_soar.types import polar_sink
 
 from .context import Context, drawn_air, drawn_line, turbulence_of, with_turbulence
 from .flights import SETTLE_S, Flown, Leg, pooled_wander, rms
@@ -140,6 +143,28 @@ def wander_note(by_intensity: dict[float, list[LegSummary]]) -> str:
     )
 
 
+def polar_bias_m(prepared: Prepared, line: str) -> float:
+    """How far along its line the fitted polar puts a crossing below the aircraft's own [m].
+
+    The polar is a cubic through the model's glides: where it sinks more than they do, the
+    aircraft settles higher, by the difference over the slope of excess updraft.
+    """
+    target, at = prepared.lines[line]
+    assert at is not None
+    model = aircraft_model(asdict(prepared.airframe.airframe), prepared.airframe.model)
+    own = glide_at(model, at.wind_mps).sink_mps
+    return (polar_sink(prepared.polar, at.wind_mps) - own) / -at.excess_slope_per_s
+
+
+def bias_note(prepared: Prepared, lines: list[str]) -> str:
+    """The size of that, in words."""
+    values = ", ".join(f"{100 * polar_bias_m(prepared, n):+.1f} cm at {n}" for n in lines)
+    return (
+        "The contour is that of the fitted cubic polar; where the simulated aircraft's own glides"
+        f" differ from the cubic, its place does, by {values}."
+    )
+
+
 def draw(
     context: Context, name: str, prepared: Prepared, flight: Flown, title: str, **air: Any
 ) -> tuple[str, ...]:
@@ -147,9 +172,7 @@ def draw(
     path = context.figure(name)
     if path is None:
         return ()
-    flown = [prepared.scenario.first_line]
-    flown += [c.line for c in prepared.scenario.changes if c.line is not None]
-    names = list(dict.fromkeys(flown))
+    names = flown_lines(prepared.scenario)
     active = np.isfinite(flight.path["pitch_setpoint_rad"])
     p = {column: values[active] for column, values in flight.path.items()}
     time = p["time_s"]
@@ -195,6 +218,12 @@ def draw(
     return (path.name,)
 
 
+def flown_lines(scenario: Scenario) -> list[str]:
+    """Names of the lines that are flown, each once, in order."""
+    lines = [scenario.first_line, *(c.line for c in scenario.changes if c.line is not None)]
+    return list(dict.fromkeys(lines))
+
+
 def _fly_at(
     context: Context, scenario: Scenario, intensities: tuple[float, ...]
 ) -> tuple[dict[float, list[Flown]], dict[float, list[LegSummary]]]:
@@ -234,7 +263,7 @@ def _result(
             place_claim(summaries[judged], MISS_MOST_M * (2.0 if context.quick else 1.0)),
             *extra,
         ),
-        wander_note(summaries),
+        f"{wander_note(summaries)} {bias_note(prepared, flown_lines(scenario))}",
         (Table("", LEG_COLUMNS, tuple(rows)),),
         {
             "judged_at_turbulence": judged,

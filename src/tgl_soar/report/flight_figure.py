@@ -72,8 +72,8 @@ def flight_figure(
 ) -> None:
     """Write map (left) and time histories (right) to `path`.
 
-    flown_x_m, flown_z_m: the path, shape (n,); empty: none is drawn.  Errors: ImportError naming the extra where
-    matplotlib is missing.
+    flown_x_m, flown_z_m: the path, shape (n,); empty: none is drawn.
+    Errors: ImportError naming the extra where matplotlib is missing.
     """
     with drawing() as plt:
         figure = plt.figure(figsize=(11.0, 5.4), layout="constrained")
