@@ -29,9 +29,11 @@ TABLE: dict[str, set[str]] = {
     "autopilot": {"control", "estimation"},
     "line_changes": {"parameters"},
     "link": {"line_changes", "geometry"},
-    "config": {"parameters", "geometry"},
+    "parameter_files": {"parameters"},
+    "parameter_store": {"parameter_files", "line_changes"},
+    "config": {"line_changes", "geometry"},
     "realtime": set(),
-    "onboard": {"autopilot", "link", "config", "realtime"},
+    "onboard": {"autopilot", "link", "config", "parameter_store", "realtime"},
     "air": {"geometry"},
     "sim": {"autopilot", "air", "link", "config"},
     "report": {"air", "estimation"},
@@ -51,6 +53,7 @@ EXCEPTIONS: dict[tuple[str, str], str] = {
 FLIES = {
     "types", "geometry", "parameters", "control", "estimation",
     "autopilot", "line_changes", "link", "config", "realtime", "onboard",
+    "parameter_files", "parameter_store",
 }  # fmt: skip
 STAYS_ON_THE_GROUND = {"sim", "report", "air", "experiments", "commands", "cli"}
 

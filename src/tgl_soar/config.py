@@ -23,7 +23,8 @@ import msgspec
 from msgspec import Meta, Struct, inspect
 
 from tgl_soar.geometry import SoaringFrame
-from tgl_soar.parameters import ParameterError, ParameterSet
+from tgl_soar.line_changes import Contour, PresetLine, Presets, with_changes
+from tgl_soar.parameters import INDEX, PARAMETERS, ParameterError, ParameterSet
 from tgl_soar.types import GlidePolar
 
 
@@ -72,6 +73,11 @@ class Surfaces(Strict, frozen=True):
             raise ValueError(f"two surfaces share a channel: {channels}")
 
 
+# Who is an operator unless the airframe file says otherwise: the ids that ground stations use
+# (MAVSDK's 245, and 255 of QGroundControl, Mission Planner and MAVProxy) with a few beside it.
+OPERATORS: Final = frozenset((245, *range(250, 256)))
+
+
 class AutopilotLink(Strict, frozen=True):
     """The autopilot that moves the surfaces, and the identities used towards it."""
 
@@ -79,6 +85,7 @@ class AutopilotLink(Strict, frozen=True):
     system_id: SystemId = 1
     component_id: Annotated[int, Meta(ge=1, le=255)] = 191  # MAV_COMP_ID_ONBOARD_COMPUTER
     override_system_id: SystemId = 255  # what the firmware's SYSID_MYGCS names
+    operators: frozenset[SystemId] = OPERATORS  # who may set parameters and command
 
 
 class AirframeFacts(Strict, frozen=True):
@@ -132,6 +139,17 @@ class Line(Strict, frozen=True):
     x_m: Finite
     z_m: Finite
     lean_deg: Annotated[float, Meta(ge=-60, le=60)] | None = None  # default: TGL_LEAN
+
+
+class KnownContour(Strict, frozen=True):
+    """Where excess updraft is zero, computed beforehand by `tgl-soar site contour`."""
+
+    airframe: str  # name of the airframe whose polar it was computed with
+    parts: list[list[tuple[Finite, Finite]]]  # x, z [m]; rising air is on the left
+
+    def __post_init__(self) -> None:
+        if any(len(part) < 2 for part in self.parts):
+            raise ValueError("each of parts needs two points or more")
 
 
 class Place(Strict, frozen=True):
@@ -217,6 +235,7 @@ class Site(Strict, frozen=True):
     parameters: dict[str, float] = {}
     air: JetAir | HillAir | GridAir | None = None
     start: Start | None = None
+    contour: KnownContour | None = None
 
     def frame(self) -> SoaringFrame:
         """The soaring frame of this site."""
@@ -227,6 +246,12 @@ class Site(Strict, frozen=True):
             place.origin_down_m,
             radians(place.wind_from_deg),
         )
+
+    def contour_for(self, airframe: str) -> Contour:
+        """The contour as `line_changes` takes it; empty if none is known for this airframe."""
+        if self.contour is None or self.contour.airframe != airframe:
+            return ()
+        return tuple(tuple(part) for part in self.contour.parts)
 
 
 _File = TypeVar("_File", bound=Struct)
@@ -256,7 +281,7 @@ def load_parameters(
 ) -> ParameterSet:
     """Defaults, then the airframe's values, then the site's.  Errors: `ConfigError`."""
     values = _check_parameters(airframe_path, ParameterSet(), airframe.parameters)
-    values = _check_parameters(site_path, values, site.parameters)
+    values = _check_parameters(site_path, values, site.parameters, preset_lines(site, values))
     for name, line in site.lines.items():
         try:
             values.changed(line_parameters(line))
@@ -264,6 +289,15 @@ def load_parameters(
             key = f"lines.{name}.{_LINE_KEYS[error.name]}"
             raise ConfigError(f"{site_path}: {key} = {error.value}: {error.reason}") from None
     return values
+
+
+def preset_lines(site: Site, values: ParameterSet) -> Presets:
+    """The site's lines for TGL_PRESET; one without a lean of its own has that of the files."""
+    lean = site.parameters.get("TGL_LEAN", values["TGL_LEAN"])
+    return tuple(
+        PresetLine(name, line.x_m, line.z_m, lean if line.lean_deg is None else line.lean_deg)
+        for name, line in site.lines.items()
+    )
 
 
 _LINE_KEYS: Final = {"TGL_X": "x_m", "TGL_Z": "z_m", "TGL_LEAN": "lean_deg"}
@@ -278,12 +312,23 @@ def line_parameters(line: Line) -> dict[str, float]:
 
 
 def _check_parameters(
-    path: str | Path, values: ParameterSet, changes: Mapping[str, float]
+    path: str | Path, values: ParameterSet, changes: Mapping[str, float], presets: Presets = ()
 ) -> ParameterSet:
     try:
-        return values.changed(changes)
+        for name, value in changes.items():
+            if name in INDEX and not PARAMETERS[INDEX[name]].in_files:
+                raise ParameterError(name, value, _OVER_THE_AIR)
+        result = with_changes(values, changes, presets)
+        wanted = changes.get("TGL_PRESET", result["TGL_PRESET"])
+        if result["TGL_PRESET"] != wanted:
+            raise ParameterError("TGL_PRESET", f"{wanted:g}", _TWO_LINES)
     except ParameterError as error:
         raise ConfigError(f"{path}: parameters.{error}") from None
+    return result
+
+
+_OVER_THE_AIR: Final = "not from a file: it is the operator's, over the air; remove it here"
+_TWO_LINES: Final = "TGL_X or TGL_Z beside it put the line elsewhere: give one or the other"
 
 
 def load_file(path: str | Path, kind: type[_File]) -> _File:

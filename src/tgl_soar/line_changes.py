@@ -120,11 +120,11 @@ class LineChanges:
 def with_changes(
     values: ParameterSet, changes: Mapping[str, float], presets: Presets
 ) -> ParameterSet:
-    """Values with the changes that a file gives, where a preset may stand for its line.
+    """Values with the changes that a file gives.
 
-    Errors: `ParameterError`.
+    A preset stands for its line where the file places none.  Errors: `ParameterError`.
     """
-    if "TGL_PRESET" in changes and not any(name in changes for name in LINE):
+    if "TGL_PRESET" in changes and "TGL_X" not in changes and "TGL_Z" not in changes:
         return _selected(values, changes, presets, False)
     return settled(values.changed(changes), presets)
 
