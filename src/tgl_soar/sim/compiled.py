@@ -1,0 +1,150 @@
+"""A compiled twin of the laws and the model: the same source, taken by numba as it stands.
+
+A twin function has the byte code of the plain one and a namespace of its own, in which every
+function of the twin's modules is compiled too.  Nothing that flies knows of it: no decorator,
+no copy, no import.  Named tuples are the plain ones, so that a value made in plain Python goes
+in, and what comes out is read as ever.
+
+numba knows named tuples but not their `_replace`: it is taught below, for the tuples' fields as
+they are in the modules.
+
+Compiled functions raise what the plain ones raise (division by zero too) and let other threads
+run meanwhile.  Each is inlined where it is called: otherwise handing over hundreds of numbers
+would cost as much as the arithmetic.  They live in memory: a cache on disk would not see that a
+module further down has changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from importlib import import_module
+from importlib.util import find_spec
+from types import FunctionType, ModuleType
+from typing import Any, Final, TypeVar, cast
+
+# Downward, as they import each other.
+MODULES: Final = (
+    "tgl_soar.types",
+    "tgl_soar.geometry",
+    "tgl_soar.control.pid",
+    "tgl_soar.control.attitude",
+    "tgl_soar.control.heading",
+    "tgl_soar.control.soaring",
+    "tgl_soar.control.target_line",
+    "tgl_soar.control.supervisor",
+    "tgl_soar.control.envelope",
+    "tgl_soar.estimation.motion",
+    "tgl_soar.estimation.health",
+    "tgl_soar.autopilot",
+    "tgl_soar.air.grid",
+    "tgl_soar.air.hill",
+    "tgl_soar.air.jet",
+    "tgl_soar.air.gusts",
+    "tgl_soar.sim.aircraft",
+    "tgl_soar.sim.servos",
+    "tgl_soar.sim.sensors",
+    "tgl_soar.sim.flight",
+)
+
+Plain = TypeVar("Plain", bound=Callable[..., Any])
+
+
+def available() -> bool:
+    """Whether numba is installed (the extra `fast`)."""
+    return find_spec("numba") is not None
+
+
+def compiled(function: Plain) -> Plain:
+    """The compiled twin of a function of `MODULES`; it compiles when it is first called.
+
+    Errors: ImportError without numba; KeyError for a function of another module.
+    """
+    return cast(Plain, _twins()[cast(FunctionType, function)])
+
+
+def cell(value: object) -> Any:
+    """A cell with one field, `value`, that compiled functions read and write.
+
+    Handing a cell over costs as much as handing over a float, whatever lies in it.
+    """
+    return _cell_type()(value)
+
+
+@cache
+def _cell_type() -> Any:
+    from numba.core import types
+    from numba.experimental import structref
+
+    @structref.register
+    class CellType(types.StructRef):
+        pass
+
+    class Cell(structref.StructRefProxy):
+        def __new__(cls, value: object) -> Any:
+            return structref.StructRefProxy.__new__(cls, value)  # type: ignore[no-untyped-call]
+
+    structref.define_proxy(Cell, CellType, ["value"])  # type: ignore[no-untyped-call]
+    return Cell
+
+
+@cache
+def _twins() -> dict[FunctionType, Any]:
+    try:
+        from numba import njit
+    except ImportError as error:
+        raise ImportError(
+            "compiled flights need numba: install tgl_soar[fast], or fly them plain"
+        ) from error
+    modules = [import_module(name) for name in MODULES]
+    _teach_replace(modules)
+    spaces = {module: dict(vars(module)) for module in modules}
+    twins: dict[FunctionType, Any] = {}
+    for module, space in spaces.items():
+        for name, value in vars(module).items():
+            if isinstance(value, FunctionType) and value.__module__ == module.__name__:
+                twin = FunctionType(value.__code__, space, name, value.__defaults__)
+                twins[value] = njit(nogil=True, forceinline=True)(twin)
+    named = {module: ModuleType(module.__name__) for module in modules}
+    for module, space in spaces.items():
+        for name, value in vars(module).items():
+            if isinstance(value, FunctionType) and value in twins:
+                space[name] = twins[value]
+            elif isinstance(value, ModuleType) and value in named:
+                space[name] = named[value]
+        vars(named[module]).update(space)
+    return twins
+
+
+def _teach_replace(modules: list[ModuleType]) -> None:
+    """Teach numba `_replace` with any of the fields of the modules' named tuples."""
+    from numba.core import types
+    from numba.extending import overload_method
+
+    fields: set[str] = set()
+    for module in modules:
+        for value in vars(module).values():
+            if isinstance(value, type) and issubclass(value, tuple):
+                fields.update(getattr(value, "_fields", ()))
+    # numba wants every keyword in the signature: it is written here and not by hand.
+    signature = "self, " + ", ".join(f"{field}=None" for field in sorted(fields))
+
+    def implementation(given: dict[str, Any]) -> Any:
+        kind = given["self"].instance_class
+        changed = {name for name, value in given.items() if value is not None} - {"self"}
+        values = (field if field in changed else f"self.{field}" for field in kind._fields)
+        space: dict[str, Any] = {"_kind": kind}  # no field's name begins so
+        exec(f"def replaced({signature}): return _kind({', '.join(values)})", space)
+        return space["replaced"]
+
+    def omitted(value: Any) -> bool:
+        return value is None or isinstance(value, types.NoneType | types.Omitted)
+
+    space: dict[str, Any] = {"implementation": implementation, "omitted": omitted}
+    exec(
+        f"def choose({signature}):\n"
+        "    given = locals()\n"
+        "    return implementation({k: None if omitted(v) else v for k, v in given.items()})",
+        space,
+    )
+    overload_method(types.BaseNamedTuple, "_replace")(space["choose"])

@@ -1,0 +1,338 @@
+"""A flight in a world, flown by the compiled twin of `sim.flight`.
+
+The world is taken apart into named tuples and arrays: its field into what `flight.air_wind`
+knows, its times into columns, its randomness into white numbers from the very streams that its
+sensors and its turbulence would draw from, for any seed.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Sequence
+from math import ceil, inf, nan, pi
+from typing import NamedTuple
+
+import numpy as np
+
+from tgl_soar.air.field import FloatArray, WindField
+from tgl_soar.air.grid import (
+    GridField,
+    GridTable,
+    GridTable3D,
+    numpy_table,
+    numpy_table_3d,
+)
+from tgl_soar.air.gusts import (
+    DRYDEN_STILL,
+    BlendedField,
+    DrydenParams,
+    GustyField,
+    ScaledField,
+    dryden_start,
+    dryden_step,
+)
+from tgl_soar.air.hill import Hill, HillField
+from tgl_soar.air.jet import Jet, SlopeJet
+from tgl_soar.autopilot import initial_state, laws_from, reason_text
+from tgl_soar.parameters import ParameterSet
+from tgl_soar.types import AttitudeSample, PositionFix, SurfaceCommand
+
+from .aircraft import AircraftState
+from .closed_loop import Change, Row, Trajectory
+from .compiled import cell, compiled
+from .flight import (
+    BOARD,
+    CRASHED,
+    FLIES,
+    GRID,
+    HILL,
+    LET_GO,
+    REPORT_SIZE,
+    Air,
+    Biases,
+    Flight,
+    Instruments,
+    Noise,
+    Parts,
+    Setup,
+    Weather,
+    WorldNow,
+    arrived_attitude,
+    arrived_fix,
+    fly_ticks,
+    sense,
+    world_step_in_cells,
+)
+from .sensors import NO_ATTITUDE, NO_FIX, Triple, empty_line
+from .world import World
+
+_FAR_M = 1e6
+_NO_AIR = Air(
+    HILL,
+    Hill(0.0, 0.0),
+    Jet(GridTable(0.0, 1.0, 2, 0.0, 1.0, 2, np.zeros(8)), 0.0, 0.0),
+    inf,
+    GridTable3D(0.0, 1.0, 2, 0.0, 1.0, 2, 0.0, 1.0, 2, np.zeros(24)),
+    np.zeros((2, 2, 2), dtype=bool),
+    False,
+    nan,
+)
+
+
+class Prepared(NamedTuple):
+    """A world ready for compiled flights of up to some duration, with any seed."""
+
+    world: World  # as it was made; its own seed plays no part
+    setup: Setup
+    weather: Weather
+    ticks: int
+
+
+class UnknownFieldError(ValueError):
+    """A wind field that the compiled flight does not know; plain flights take any."""
+
+
+def prepare(world: World, duration_s: float) -> Prepared:
+    """Take a newly made world apart for flights of `duration_s` [s].
+
+    Errors: `UnknownFieldError`; ValueError for a world that has already been stepped.
+    """
+    if world.steps:
+        raise ValueError(f"world at step {world.steps}: a flight starts from a new one")
+    ticks = round(duration_s * world.step_hz)
+    times: FloatArray = np.arange(ticks + 1, dtype=np.float64) * (1.0 / world.step_hz)
+    flat = _flat(world.field, times)
+    position, attitude = world._position_sensor, world._attitude_sensor
+    setup = Setup(
+        world.step_hz,
+        world._model,
+        world._servo,
+        world.frame,
+        flat.first,
+        flat.first if flat.second is None else flat.second,
+        inf if world._bounds is None else world._bounds.half_width_m,
+        position.params,
+        position.timing,
+        attitude.params,
+        attitude.timing,
+    )
+    air = world._turbulence
+    weather = Weather(
+        flat.weight,
+        flat.factor,
+        flat.gust_mps,
+        air is not None,
+        DrydenParams(1.0, 0.0, 0.0, 0.0) if air is None else air.params,
+    )
+    return Prepared(world, setup, weather, ticks)
+
+
+def fly_compiled(
+    prepared: Prepared, seed: int, values: ParameterSet, changes: Sequence[Change]
+) -> Trajectory:
+    """The flight that `closed_loop.fly` would make in a world of this seed, compiled."""
+    world, ticks = prepared.world, prepared.ticks
+    parts, start = _draw(prepared, seed)
+    flight = Flight(
+        0,
+        FLIES,
+        0,
+        start,
+        SurfaceCommand(world.trim.elevator, 0.0, 0.0),
+        True,
+        initial_state(),
+    )
+    rows = np.empty((ticks, len(Row._fields)))
+    fly = compiled(fly_ticks)
+    pending = sorted(changes, key=lambda change: change.time_s)
+    dt = 1.0 / world.step_hz
+    for done in range(len(pending) + 1):
+        until = ticks
+        if done < len(pending):
+            until = min(ticks, max(0, ceil(pending[done].time_s / dt - 1e-9)))
+        if until > flight.steps and flight.standing == FLIES:
+            laws = laws_from(values, world.frame)
+            flight = fly(parts, laws, flight, until, done, rows)
+        if done < len(pending):
+            values = values.changed(pending[done].parameters, flying=True)
+    ended = ""
+    if flight.standing == CRASHED:
+        ended = world._why_lost(flight.world.aircraft)
+    elif flight.standing == LET_GO:
+        ended = f"let go: {reason_text(flight.reason)}"
+    flown = rows[: flight.steps]
+    columns = {name: flown[:, i] for i, name in enumerate(Row._fields)}
+    return Trajectory(columns, ended, flight.steps)
+
+
+class CompiledWorld(World):
+    """A world whose steps are compiled, for laws in plain Python: the world of `prepare`.
+
+    It lasts as long as it was prepared for, and cannot be relaunched.
+    """
+
+    def __init__(self, prepared: Prepared, seed: int) -> None:
+        vars(self).update(vars(prepared.world))  # in place of `World`'s own: it is made already
+        parts, start = _draw(prepared, seed)
+        compiled(sense)(parts, start.aircraft, 0)
+        self.position = arrived_fix(parts, 0)
+        self.attitude = arrived_attitude(parts, 0)
+        self.wind = start.wind
+        self._ticks = prepared.ticks
+        self._parts, self._now = cell(parts), cell(start)
+        self._report = np.zeros(REPORT_SIZE)
+        self._advance = compiled(world_step_in_cells)
+
+    def step(self, command: SurfaceCommand) -> None:
+        """Advance by one step under a surface command."""
+        if self.steps >= self._ticks:
+            raise ValueError(f"this world was prepared for {self._ticks} steps and no more")
+        self.steps += 1
+        report = self._report
+        held = self.held or self.crashed != ""
+        self._advance(self._parts, self._now, self.steps, *command, held, report)
+        values = report.tolist()
+        self.state = AircraftState(*values[:16])
+        self.wind = (values[16], values[17], values[18])
+        if values[19] != 0.0:
+            self.crashed = self._why_lost(self.state)
+        if values[20] != self.position.sequence:
+            self.position = PositionFix(int(values[20]), *values[21:28])
+        self.attitude = AttitudeSample(int(values[28]), *values[29:37])
+
+    def relaunch(self) -> None:
+        """Errors: ValueError, always."""
+        raise ValueError("a compiled world cannot be relaunched: make another")
+
+
+# --- randomness -------------------------------------------------------------------------------
+
+
+def _draw(prepared: Prepared, seed: int) -> tuple[Parts, WorldNow]:
+    """All that is random in a flight, and the world at its start in that air."""
+    world, setup, weather, ticks = prepared
+    white, turbulence, gust = np.zeros((1, 3)), DRYDEN_STILL, (0.0, 0.0, 0.0)
+    if weather.turbulent:
+        rng = np.random.default_rng([seed, 0])  # as `World` seeds its turbulence
+        turbulence = dryden_start(weather.dryden, rng)
+        white = rng.standard_normal(3 * (ticks + 1)).reshape(-1, 3)
+        turbulence, gust = dryden_step(weather.dryden, turbulence, *white[0].tolist())
+    position, attitude = setup.position, setup.attitude
+    columns = 6 if position.gives_velocity else 3
+    samples = ticks // setup.position_timing.period_steps + 1
+    place = white_gauss(f"{seed}/position", 3 + columns * samples)
+    samples = ticks // setup.attitude_timing.period_steps + 1
+    turn = white_gauss(f"{seed}/attitude", 6 + 6 * samples)
+    state = world.state
+    calm = world.field.wind_at(state.x_m, state.y_m, state.z_m, 0.0)
+    parts = Parts(
+        setup,
+        weather,
+        Noise(white, place[3:].reshape(-1, columns), turn[6:].reshape(-1, 6)),
+        Biases(
+            _triple(place[:3] * position.bias_m),
+            _triple(turn[:3] * attitude.bias_rad),
+            _triple(turn[3:6] * attitude.rate_bias_radps),
+        ),
+        Instruments(
+            np.zeros((len(empty_line(setup.position_timing, NO_FIX)), 7)),
+            np.zeros((len(empty_line(setup.attitude_timing, NO_ATTITUDE)), 8)),
+        ),
+    )
+    wind = (calm[0] + gust[0], calm[1] + gust[1], calm[2] + gust[2])
+    elevator, aileron, rudder = world._servos
+    return parts, WorldNow(state, elevator, aileron, rudder, wind, turbulence, False)
+
+
+def _triple(numbers: FloatArray) -> Triple:
+    x, y, z = numbers.tolist()
+    return x, y, z
+
+
+def white_gauss(seed: str, count: int) -> FloatArray:
+    """The first `count` numbers of `random.Random(seed).gauss(0, 1)`, shape (count,).
+
+    The standard library draws pairs by Box and Muller's method from a Mersenne twister, which
+    numpy has too.
+    """
+    _, internal, _ = random.Random(seed).getstate()
+    twister = np.random.RandomState()
+    key = np.array(internal[:-1], dtype=np.uint32)
+    twister.set_state(("MT19937", key, internal[-1], 0, 0.0))
+    uniform = twister.random_sample((-(-count // 2), 2))
+    angle = uniform[:, 0] * (2.0 * pi)
+    radius = np.sqrt(-2.0 * np.log(1.0 - uniform[:, 1]))
+    return np.stack([np.cos(angle) * radius, np.sin(angle) * radius], axis=1).ravel()[:count]
+
+
+# --- fields -----------------------------------------------------------------------------------
+
+
+class _Flat(NamedTuple):
+    """A field as one or two steady ones and what becomes of them in time."""
+
+    first: Air
+    second: Air | None
+    weight: FloatArray  # negative: there is no second
+    factor: FloatArray
+    gust_mps: FloatArray
+
+
+def _flat(field: WindField, times_s: FloatArray) -> _Flat:
+    count = len(times_s)
+    if isinstance(field, GustyField):
+        flat = _flat(field.field, times_s)
+        gusts = np.array([field.gust_at(t) for t in times_s.tolist()])
+        return flat._replace(gust_mps=flat.gust_mps + gusts)
+    if isinstance(field, ScaledField):
+        flat = _flat(field.field, times_s)
+        factor = np.array([field.factor.at(t) for t in times_s.tolist()])
+        return flat._replace(
+            factor=flat.factor * factor, gust_mps=flat.gust_mps * factor[:, np.newaxis]
+        )
+    if isinstance(field, BlendedField):
+        weight = np.array([field.weight.at(t) for t in times_s.tolist()])
+        return _Flat(
+            as_air(field.first), as_air(field.second), weight, np.ones(count), np.zeros((count, 3))
+        )
+    return _Flat(as_air(field), None, np.full(count, -1.0), np.ones(count), np.zeros((count, 3)))
+
+
+def as_air(field: WindField) -> Air:
+    """A steady field as data.  Errors: `UnknownFieldError`."""
+    if isinstance(field, HillField):
+        return _NO_AIR._replace(kind=HILL, hill=field.hill)
+    if isinstance(field, SlopeJet):
+        return _NO_AIR._replace(
+            kind=BOARD,
+            jet=field.jet._replace(table=numpy_table(field.jet.table)),
+            half_width_m=0.5 * field.shape.jet_width_m,
+        )
+    if isinstance(field, GridField):
+        table, solid = field.table, field.solid
+        if isinstance(table, GridTable):
+            table, solid = _at_every_y(field, table), np.stack([solid, solid], axis=1)
+        return _NO_AIR._replace(
+            kind=GRID,
+            grid=numpy_table_3d(table),
+            solid=solid,
+            goes_on=field.outside == "edge",
+            lost_mps=0.0 if field.outside == "still" else nan,
+        )
+    raise UnknownFieldError(
+        f"{type(field).__name__}: compiled flights know SlopeJet, HillField, GridField, and these"
+        " blended, scaled or with gusts, in this order; fly it plain"
+    )
+
+
+def _at_every_y(field: GridField, table: GridTable) -> GridTable3D:
+    """A grid in x and z, twice along y, farther apart than any flight goes."""
+    x = table.x0_m + np.arange(table.nx)[:, np.newaxis] * table.dx_m
+    z = table.z0_m + np.arange(table.nz) * table.dz_m
+    nodes = np.stack(field.wind(x, 0.0, z), axis=-1)
+    return GridTable3D(
+        table.x0_m, table.dx_m, table.nx,
+        -_FAR_M, 2.0 * _FAR_M, 2,
+        table.z0_m, table.dz_m, table.nz,
+        np.stack([nodes, nodes], axis=1).ravel(),
+    )  # fmt: skip

@@ -1,0 +1,230 @@
+"""Compiled flights against plain ones: the same source, so the same flight."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from functools import lru_cache
+from math import inf, nan
+from typing import Literal
+
+import numpy as np
+import pytest
+
+from tgl_soar.air.field import WindField
+from tgl_soar.air.grid import GridField
+from tgl_soar.air.gusts import BlendedField, Gust, GustyField, ScaledField, Schedule
+from tgl_soar.air.hill import HillField
+from tgl_soar.air.jet import SlopeJet
+from tgl_soar.config import (
+    Airframe,
+    Site,
+    line_parameters,
+    load_airframe,
+    load_parameters,
+    load_site,
+    shipped,
+)
+from tgl_soar.control.envelope import EnvelopeLimits, limit_surfaces
+from tgl_soar.parameters import ParameterSet
+from tgl_soar.sim.closed_loop import Change, Row, Trajectory, fly
+from tgl_soar.sim.compiled import available, compiled
+from tgl_soar.sim.fast_flight import (
+    CompiledWorld,
+    UnknownFieldError,
+    as_air,
+    fly_compiled,
+    prepare,
+    white_gauss,
+)
+from tgl_soar.sim.flight import air_inside, air_wind, fly_ticks
+from tgl_soar.sim.world import build_field, make_world
+from tgl_soar.types import SurfaceCommand
+
+needs_numba = pytest.mark.skipif(not available(), reason="numba is not installed")
+
+FLIGHT_S = 10.0
+# The same operations in the same order: what is left are the last bits of sines and logarithms,
+# which a stable loop does not let grow.
+AGREE = 1e-6
+
+
+@lru_cache(maxsize=4)
+def place(name: str) -> tuple[Airframe, Site, ParameterSet, WindField, tuple[Change, ...]]:
+    """A shipped site, its field, and two of its lines to move between."""
+    airframe_path, site_path = shipped("airframes/eclipson_c.toml"), shipped(f"sites/{name}.toml")
+    airframe, site = load_airframe(airframe_path), load_site(site_path)
+    assert site.air is not None
+    changes = tuple(
+        Change(5.0 * i, line_parameters(line)) for i, line in enumerate(site.lines.values())
+    )
+    values = load_parameters(airframe, airframe_path, site, site_path)
+    return airframe, site, values, build_field(site.air), changes[:2]
+
+
+def both(
+    name: str,
+    seed: int,
+    turbulence: float,
+    field: WindField | None = None,
+    changes: tuple[Change, ...] | None = None,
+    duration_s: float = FLIGHT_S,
+) -> tuple[Trajectory, Trajectory]:
+    """The same flight, plain and all compiled."""
+    airframe, site, values, site_field, lines = place(name)
+    changes = lines if changes is None else changes
+    field = field or site_field
+    world = make_world(airframe, site, seed=seed, turbulence=turbulence, field=field)
+    # The prepared world has another seed: its own must play no part.
+    other = make_world(airframe, site, seed=seed + 1, turbulence=turbulence, field=field)
+    fast = fly_compiled(prepare(other, duration_s), seed, values, changes)
+    return fly(world, values, changes, duration_s), fast
+
+
+def assert_same(plain: Trajectory, fast: Trajectory) -> None:
+    assert fast.ended == plain.ended
+    assert fast.ticks == plain.ticks
+    for name in Row._fields:
+        np.testing.assert_allclose(fast[name], plain[name], rtol=0.0, atol=AGREE, err_msg=name)
+
+
+@needs_numba
+@pytest.mark.parametrize("turbulence", [0.0, 0.03])
+@pytest.mark.parametrize("name", ["tunnel", "hill"])
+def test_a_compiled_flight_is_the_plain_one(name: str, turbulence: float) -> None:
+    plain, fast = both(name, 5, turbulence)
+    assert plain.ended == ""
+    assert plain["target_changes"][-1] == 2.0
+    assert np.ptp(plain["x_m"]) > 0.02  # it did fly
+    assert_same(plain, fast)
+
+
+@needs_numba
+@pytest.mark.parametrize("turbulence", [0.0, 0.03])
+@pytest.mark.parametrize("name", ["tunnel", "hill"])
+def test_a_plain_module_in_a_compiled_world_flies_the_same(name: str, turbulence: float) -> None:
+    airframe, site, values, field, changes = place(name)
+    world = make_world(airframe, site, seed=5, turbulence=turbulence, field=field)
+    fast = CompiledWorld(prepare(world, FLIGHT_S), 5)
+    assert (fast.position, fast.wind) == (world.position, world.wind)
+    plain = fly(world, values, changes, FLIGHT_S)
+    assert_same(plain, fly(fast, values, changes, FLIGHT_S))
+    with pytest.raises(ValueError, match="prepared for 2000 steps"):
+        fast.step(SurfaceCommand(0.0, 0.0, 0.0))
+
+
+@needs_numba
+def test_air_that_changes_in_time_is_the_same_compiled() -> None:
+    """A board that is tilted, wind that rises, and a gust: all that compiled flights know."""
+    blended = BlendedField(
+        SlopeJet(8.5, 0.40), SlopeJet(8.5, 0.42), Schedule([1.0, 4.0], [0.0, 1.0])
+    )
+    rising = ScaledField(blended, Schedule([2.0, 6.0], [1.0, 1.05]))
+    gusty = GustyField(rising, [Gust(3.0, 1.0, 0.3, 0.1, -0.2)])
+    plain, fast = both("tunnel", 3, 0.01, gusty)
+    assert_same(plain, fast)
+    calm, _ = both("tunnel", 3, 0.01)
+    assert np.max(np.abs(plain["x_m"] - calm["x_m"])) > 0.02  # the air did change
+
+
+@needs_numba
+def test_a_flight_that_ends_early_ends_alike() -> None:
+    """Thrown into the board by a gust; left behind by a line that moves too fast."""
+    field = place("tunnel")[3]
+    gusty = GustyField(field, [Gust(2.0, 0.6, -6.0, 0.0, -3.0)])
+    plain, fast = both("tunnel", 3, 0.0, gusty, ())
+    assert plain.ended.startswith("hit the board")
+    assert_same(plain, fast)
+    let_go = Change(3.0, {"CAPTURE_MAX": 0.1, "TGL_SLEW": 1.0, "TGL_ACCEL": 5.0, "TGL_X": 0.5})
+    plain, fast = both("tunnel", 3, 0.03, None, (let_go,))
+    assert plain.ended == "let go: e_rho beyond CAPTURE_MAX"
+    assert_same(plain, fast)
+
+
+@needs_numba
+def test_a_command_that_is_not_a_number_is_judged_alike() -> None:
+    limits = EnvelopeLimits(0.8, 4.0)
+    last = SurfaceCommand(0.1, -0.2, 0.3)
+    for value in (nan, inf, -inf, 0.5, -2.0):
+        wanted = SurfaceCommand(value, 0.0, -value)
+        plain = limit_surfaces(limits, last, wanted, 0.005)
+        assert compiled(limit_surfaces)(limits, last, wanted, 0.005) == plain
+
+
+def grid(depth: int, outside: Literal["nan", "edge", "still"]) -> GridField:
+    """Random wind, a corner of it solid; depth: nodes along y, 0 for a plane."""
+    rng = np.random.default_rng(7)
+    x, y, z = np.linspace(-6.0, 3.0, 19), np.linspace(-2.0, 2.0, max(depth, 2)), np.arange(9.0)
+    shape = (19, depth, 9) if depth else (19, 9)
+    u, v, w = 8.5 + rng.standard_normal((3, *shape))
+    solid = np.zeros(shape, dtype=bool)
+    solid[8:14, ..., :2] = True
+    return GridField(
+        x, y if depth else None, z, u, v, w, reference_wind_mps=8.5, solid=solid, outside=outside
+    )
+
+
+@pytest.mark.parametrize(
+    "field",
+    [
+        SlopeJet(9.0, 0.40),
+        HillField(7.0, 8.0),
+        grid(0, "nan"),
+        grid(0, "edge"),
+        grid(3, "nan"),
+        grid(3, "still"),
+    ],
+)
+def test_the_air_as_data_is_the_field_everywhere(field: WindField) -> None:
+    """Also on edges, in the ground, and outside."""
+    air = as_air(field)
+    rng = random.Random(4)
+    places = [(rng.uniform(-10, 10), rng.uniform(-3, 3), rng.uniform(-1, 10)) for _ in range(5000)]
+    places += [(x, 0.0, z) for x in (0.0, 1.0, -6.0, -8.0) for z in (0.0, 0.4, 8.0, -1e-9)]
+    assert {field.inside(*p) for p in places} == {True, False}
+    for place in places:
+        np.testing.assert_allclose(
+            air_wind(air, *place), field.wind_at(*place, 0.0), rtol=0.0, atol=1e-12
+        )
+        assert air_inside(air, *place) == field.inside(*place)
+
+
+@needs_numba
+def test_a_measured_grid_is_flown_alike() -> None:
+    """The tunnel's field, read off at nodes."""
+    jet = place("tunnel")[3]
+    x, z = np.arange(-1.0, 1.5, 0.05), np.arange(0.0, 4.0, 0.05)
+    u, _, w = jet.wind(x[:, np.newaxis], 0.0, z)
+    solid = z < 0.4245 * np.maximum(x[:, np.newaxis], 0.0)
+    field = GridField(x, None, z, u, None, w, reference_wind_mps=8.5, solid=solid)
+    plain, fast = both("tunnel", 3, 0.01, field)
+    assert plain.ended == ""
+    assert_same(plain, fast)
+
+
+def test_white_numbers_are_those_of_the_standard_library() -> None:
+    gauss = random.Random("7/position").gauss
+    expected = [gauss(0.0, 1.0) for _ in range(4001)]
+    np.testing.assert_allclose(white_gauss("7/position", 4001), expected, rtol=0.0, atol=1e-14)
+
+
+def test_an_unknown_field_is_named() -> None:
+    class Still:
+        reference_wind_mps = 8.0
+        wind: Callable[..., None]
+
+        def wind_at(self, *_: float) -> tuple[float, float, float]:
+            return 8.5, 0.0, 1.4
+
+        def inside(self, *_: float) -> bool:
+            return True
+
+    with pytest.raises(UnknownFieldError, match="Still"):
+        as_air(Still())  # type: ignore[arg-type]
+
+
+@needs_numba
+def test_only_functions_of_the_twin_have_one() -> None:
+    with pytest.raises(KeyError):
+        compiled(make_world)
+    assert compiled(fly_ticks) is compiled(fly_ticks)
