@@ -1,0 +1,166 @@
+"""Many flights of one plan, each with its own seed, and a score for each.
+
+One seed is one flight, however it is flown:
+
+    nothing compiled   `closed_loop.fly` in a `World`, in processes
+    the model          `closed_loop.fly` in a `CompiledWorld`, in processes
+    all                `fly_compiled`, in threads: it holds no lock, and compiles only once
+
+The second and third need numba (the extra `fast`) and agree with the first to 1e-6.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from math import radians
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from tgl_soar.air.field import WindField
+from tgl_soar.air.zeuc import crossings
+from tgl_soar.config import Airframe, Site
+from tgl_soar.control.target_line import eta_from_lean
+from tgl_soar.parameters import ParameterSet
+
+from .closed_loop import Change, Trajectory, fly
+from .fast_flight import CompiledWorld, Prepared, fly_compiled, prepare
+from .score import LegScore, score_leg
+from .world import World, make_world
+
+Compile = Literal["nothing", "model", "all"]
+
+CHUNKS_PER_WORKER = 4  # so that no worker is left with the last long flights alone
+CROSSING_REACH_M = 3.0
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What every flight of a batch has in common."""
+
+    airframe: Airframe
+    site: Site
+    values: ParameterSet
+    changes: Sequence[Change] = ()  # by the operator; each begins a leg
+    duration_s: float = 30.0
+    turbulence: float | None = None  # intensity; None: the site's
+    step_hz: int = 200
+    field: WindField | None = None  # None: the site's
+
+    def world(self, seed: int) -> World:
+        """A new world.  Errors: `ConfigError`."""
+        return make_world(
+            self.airframe,
+            self.site,
+            seed=seed,
+            turbulence=self.turbulence,
+            step_hz=self.step_hz,
+            field=self.field,
+        )
+
+
+class FlightScore(NamedTuple):
+    """One flight of a batch."""
+
+    seed: int
+    ended: str  # why it ended early; "" if it flew to the end
+    flown_s: float
+    legs: tuple[LegScore, ...]  # named by the changes before them; those whose line stood still
+
+
+class _Leg(NamedTuple):
+    line: tuple[float, float, float]  # x0, z0 [m], eta [rad]
+    crossing: tuple[float, float] | None  # of line and contour, where the aircraft should be
+
+
+def fly_batch(
+    plan: Plan,
+    seeds: Sequence[int],
+    *,
+    workers: int | None = None,
+    compile: Compile = "nothing",
+) -> list[FlightScore]:
+    """Fly the plan once with each seed; scores in the order of the seeds.
+
+    workers: processes or threads at once; None: one a core.  Neither their number nor the
+    other seeds change a score.
+    Errors: `ConfigError`, `ParameterError`; ImportError without numba and
+    `UnknownFieldError` where something is to be compiled.
+    """
+    count = workers if workers is not None else os.cpu_count() or 1
+    if count < 1:
+        raise ValueError(f"workers {count}: at least 1")
+    if not seeds:
+        return []
+    world = plan.world(seeds[0])
+    plan = replace(plan, field=world.field)  # built once
+    legs = _legs(plan, world.field)
+    if compile == "all":
+        prepared = prepare(world, plan.duration_s)
+        fly_one = partial(_fly_all_compiled, plan, legs, prepared)
+        if count == 1:
+            return [fly_one(seed) for seed in seeds]
+        first = fly_one(seeds[0])  # compiles, once for all threads
+        with ThreadPoolExecutor(count) as threads:
+            return [first, *threads.map(fly_one, seeds[1:])]
+    fly_chunk = partial(_fly_chunk, plan, legs, compile)
+    if count == 1:
+        return fly_chunk(seeds)
+    size = -(-len(seeds) // (CHUNKS_PER_WORKER * count))
+    chunks = [seeds[i : i + size] for i in range(0, len(seeds), size)]
+    with ProcessPoolExecutor(count) as processes:
+        return [score for chunk in processes.map(fly_chunk, chunks) for score in chunk]
+
+
+def _fly_all_compiled(
+    plan: Plan, legs: Sequence[_Leg], prepared: Prepared, seed: int
+) -> FlightScore:
+    return _score(seed, legs, fly_compiled(prepared, seed, plan.values, plan.changes))
+
+
+def _fly_chunk(
+    plan: Plan, legs: Sequence[_Leg], compile: Compile, seeds: Sequence[int]
+) -> list[FlightScore]:
+    prepared = prepare(plan.world(seeds[0]), plan.duration_s) if compile == "model" else None
+    scores = []
+    for seed in seeds:
+        world = CompiledWorld(prepared, seed) if prepared else plan.world(seed)
+        flight = fly(world, plan.values, plan.changes, plan.duration_s)
+        scores.append(_score(seed, legs, flight))
+    return scores
+
+
+def _legs(plan: Plan, field: WindField) -> list[_Leg]:
+    """The line before any change, and after each."""
+    values = plan.values
+    legs = [_leg(plan, values, field)]
+    for change in sorted(plan.changes, key=lambda change: change.time_s):
+        values = values.changed(change.parameters, flying=True)
+        legs.append(_leg(plan, values, field))
+    return legs
+
+
+def _leg(plan: Plan, values: ParameterSet, field: WindField) -> _Leg:
+    line = (values["TGL_X"], values["TGL_Z"], eta_from_lean(radians(values["TGL_LEAN"])))
+    polar = plan.airframe.polar.as_polar()
+    stable = [c for c in crossings(field, polar, *line, CROSSING_REACH_M) if c.stable]
+    return _Leg(line, (stable[-1].x_m, stable[-1].z_m) if stable else None)
+
+
+def _score(seed: int, legs: Sequence[_Leg], flight: Trajectory) -> FlightScore:
+    time_s, x_m, z_m = (flight[name] for name in ("time_s", "x_m", "z_m"))
+    still = flight["line_moving"] == 0.0
+    changes = flight["target_changes"]
+    scores = []
+    for i, leg in enumerate(legs):
+        rows = still & (changes == i)
+        if np.count_nonzero(rows) >= 2:
+            scores.append(
+                score_leg(str(i), leg.line, leg.crossing, time_s[rows], x_m[rows], z_m[rows])
+            )
+    flown_s = float(time_s[-1]) if flight.ticks else 0.0
+    return FlightScore(seed, flight.ended, flown_s, tuple(scores))
