@@ -33,7 +33,8 @@ TABLE: dict[str, set[str]] = {
     "parameter_store": {"parameter_files", "line_changes"},
     "config": {"line_changes", "geometry"},
     "realtime": set(),
-    "onboard": {"autopilot", "link", "config", "parameter_store", "realtime"},
+    "instruments": {"autopilot", "link"},
+    "onboard": {"instruments", "autopilot", "link", "config", "parameter_store", "realtime"},
     "air": {"geometry"},
     "sim": {"autopilot", "air", "link", "config"},
     "report": {"air", "estimation"},
@@ -53,7 +54,7 @@ EXCEPTIONS: dict[tuple[str, str], str] = {
 FLIES = {
     "types", "geometry", "parameters", "control", "estimation",
     "autopilot", "line_changes", "link", "config", "realtime", "onboard",
-    "parameter_files", "parameter_store",
+    "parameter_files", "parameter_store", "instruments",
 }  # fmt: skip
 STAYS_ON_THE_GROUND = {"sim", "report", "air", "experiments", "commands", "cli"}
 

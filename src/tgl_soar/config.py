@@ -477,6 +477,8 @@ def _allowed(expected: inspect.Type) -> str:
             return "true or false"
         case inspect.StrType():
             return "text in quotes"
+        case inspect.FrozenSetType() | inspect.SetType() | inspect.ListType():
+            return f"a list, each {_allowed(expected.item_type)}"
         case inspect.LiteralType():
             return " or ".join(f'"{v}"' for v in expected.values)
         case inspect.StructType():

@@ -26,12 +26,13 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from math import degrees, isfinite
+from math import isfinite
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from tgl_soar import autopilot, realtime
+from tgl_soar import __version__, autopilot, instruments, realtime
 from tgl_soar.config import (
+    OPERATORS,
     Airframe,
     ConfigError,
     Site,
@@ -45,40 +46,50 @@ from tgl_soar.link.autopilots.ardupilot import ArduPilot
 from tgl_soar.link.autopilots.base import Flavour, SurfaceChannel, SurfaceChannels
 from tgl_soar.link.autopilots.bridge import Bridge
 from tgl_soar.link.codec import Decoder, Encoder, starts_with_frame
+from tgl_soar.link.commands import ABORT, ENGAGE, NOTHING, RELEASE, CommandServer
+from tgl_soar.link.engagement import Engagement
 from tgl_soar.link.messages import (
+    ID_DEBUG_FLOAT_ARRAY,
+    ID_NAMED_VALUE_FLOAT,
+    ID_NAV_CONTROLLER_OUTPUT,
+    ID_RC_CHANNELS,
     SEVERITY_ERROR,
     SEVERITY_INFO,
     SEVERITY_NOTICE,
+    SEVERITY_WARNING,
     AttitudeQuaternion,
+    CommandInt,
+    CommandLong,
+    Heartbeat,
     ParamRequestList,
     ParamRequestRead,
     ParamSet,
+    RcChannels,
     Received,
     Said,
     Source,
+    Timesync,
 )
 from tgl_soar.link.parameters import ParameterServer
+from tgl_soar.link.routes import Route
 from tgl_soar.link.session import Session
-from tgl_soar.link.telemetry import NamedValues, StatusTexts
+from tgl_soar.link.telemetry import Flow, StatusTexts, Telemetry
 from tgl_soar.link.transport import FORMS, LinkError, Transport, open_link
 from tgl_soar.parameters import ParameterSet
 from tgl_soar.types import Inputs, SurfaceCommand
 
 STANDBY: Final = 0  # modes as the supervisor numbers them; a test holds the two together
+CAPTURING: Final = 1
+SOARING: Final = 2
+HOLDING: Final = 3
 RELEASED: Final = 4
 RELEASE_FRAMES: Final = 5  # a lost frame must not leave the aircraft to the overrides' time-out
 RELEASE_INTERVAL_S: Final = 0.1
-TELEMETRY_HZ: Final = 5.0
-TELEMETRY_NAMES: Final = (
-    "e_rho",
-    "soar_x",
-    "soar_z",
-    "pitch_sp",
-    "soar_mode",
-    "line_x",
-    "line_z",
-    "line_lean",
-)
+FAST_S: Final = 0.2  # between two of the same number of `instruments.FAST`
+SLOW_S: Final = 1.0
+ARRAY_S: Final = 0.5
+PILOT_SWITCH_HZ: Final = 10.0
+LOSS_S: Final = 2.0  # over which the loss on the link is measured
 COMPLAIN_S: Final = 5.0  # between two lines on the console about an autopilot that is not there
 IDLE_S: Final = 0.05  # how often to look around while nothing sets the pace
 
@@ -95,6 +106,7 @@ class Setup(NamedTuple):
     flavour: Flavour
     frame: SoaringFrame
     parameters: ParameterSet
+    operators: frozenset[int] = OPERATORS  # systems that may set parameters and command
 
 
 @dataclass(slots=True)
@@ -126,6 +138,7 @@ def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Setu
         kind(channels, link.system_id),
         site.frame(),
         parameters,
+        link.operators,
     )
 
 
@@ -150,7 +163,6 @@ class Onboard:
     ) -> None:
         """`stream`: the link may cut frames anywhere.  `console`: where words go locally."""
         self.counters = Counters()
-        self.decoder = Decoder(stream=stream)
         self.texts = StatusTexts()
         self.parameters = ParameterServer(setup.own, setup.parameters, self.texts)
         rate_hz = setup.parameters["LOOP_RATE"]
@@ -165,13 +177,12 @@ class Onboard:
         self.output: autopilot.Output | None = None  # of the last tick
 
         self._setup = setup
-        self._send = send
         self._console = console or _nowhere
-        self._own = Encoder(setup.own)
-        self._override = Encoder(setup.override)
         self._lockstep = lockstep
         self._vehicle_clock = False  # lockstep, and the first attitude has come
-        self._greeted = False  # our heartbeat has gone out on this link
+        self._routes: list[Route] = []
+        self._autopilot = self._routes[self.add_link(send, stream=stream)]
+        self._autopilot.decoder.watch(self.session.autopilot)
         self._values = setup.parameters
         self._laws = autopilot.laws_from(setup.parameters, setup.frame)
         self._engage = setup.parameters["OP_ENGAGE"] >= 0.5
@@ -180,31 +191,71 @@ class Onboard:
         self._active = False
         self._releases = 0
         self._release_due_s = 0.0
-        self._telemetry = NamedValues(TELEMETRY_NAMES, TELEMETRY_HZ)
+        self._flows()
+        self.engagement = Engagement()
+        major, minor, patch = (int(part) for part in __version__.split(".")[:3])
+        self.commands = CommandServer(setup.own, self.telemetry, (major, minor, patch))
+        self._loss = 0.0
+        self._loss_due_s = float("-inf")
+        self._loss_counted = (0, 0)
         self._reboots = 0
 
-    def relinked(self) -> None:
-        """Somebody else, or the same one anew, is at the far end of the link."""
-        self.decoder.reset()
-        self._greeted = False
+    def _flows(self) -> None:
+        """What is told without being asked, and how often; NAV_CONTROLLER_OUTPUT only if asked."""
+        self.telemetry = Telemetry(
+            (
+                Flow(ID_NAMED_VALUE_FLOAT, len(instruments.FAST), FAST_S, self._fast),
+                Flow(ID_NAMED_VALUE_FLOAT, len(instruments.SLOW), SLOW_S, self._slow_number),
+                Flow(ID_DEBUG_FLOAT_ARRAY, 1, ARRAY_S, self._array),
+                Flow(ID_NAV_CONTROLLER_OUTPUT, 1, float("inf"), self._nav_controller_output),
+            )
+        )
+
+    def add_link(self, send: Callable[[bytes], bool], *, stream: bool = False) -> int:
+        """One more link; its number.  The first leads to the autopilot."""
+        setup = self._setup
+        self._routes.append(Route(setup.own, setup.override, send, stream=stream))
+        return len(self._routes) - 1
+
+    @property
+    def decoder(self) -> Decoder:
+        """Of the link to the autopilot."""
+        return self._autopilot.decoder
+
+    def relinked(self, link: int = 0) -> None:
+        """Somebody else, or the same one anew, is at the far end of a link."""
+        self._routes[link].forget()
 
     # --- event --------------------------------------------------------------------------------
 
-    def event(self, data: bytes, now_s: float) -> None:
-        """Bytes have come from the link."""
-        for received in self.decoder.feed(data):
-            if not self._greeted:
-                self._greet()
-            self._take(received, now_s)
+    def event(self, data: bytes, now_s: float, link: int = 0) -> None:
+        """Bytes have come from a link."""
+        route = self._routes[link]
+        for received in route.decoder.feed(data):
+            route.heard(received.source)
+            route.match_version()
+            if not route.greeted:
+                self._greet(route)
+            self._take(route, received, now_s)
 
-    def _take(self, received: Received, now_s: float) -> None:
+    def _take(self, route: Route, received: Received, now_s: float) -> None:
         message = received.message
         session = self.session
         if isinstance(message, ParamSet | ParamRequestRead | ParamRequestList):
-            self._answer(received, self._clock(now_s))
+            self._answer(route, received, self._clock(now_s))
+            return
+        if isinstance(message, CommandLong | CommandInt):
+            self._obey(route, received.source, message, self._clock(now_s))
+            return
+        if route is not self._autopilot and not isinstance(message, Timesync | Heartbeat):
+            return  # nobody else's measurements are flown with
+        if isinstance(message, RcChannels):
+            if received.source == session.autopilot:
+                self._take_pilot_switch(message, self._clock(now_s))
             return
         sequence = session.attitude.sequence
-        self._say_all(session.handle(received, self._clock(now_s)))
+        if route is self._autopilot or isinstance(message, Timesync):
+            self._say_all(session.handle(received, self._clock(now_s)), route)
         if session.attitude.sequence == sequence:
             return
         if not self._lockstep:
@@ -212,12 +263,93 @@ class Onboard:
         elif isinstance(message, AttitudeQuaternion):
             self._step_with_vehicle()
 
-    def _answer(self, received: Received, now_s: float) -> None:
+    def _answer(self, route: Route, received: Received, now_s: float) -> None:
+        """Reading is answered where it was asked; a value that is set concerns every station."""
         server = self.parameters
-        said = server.handle(received.source, received.message, now_s, flying=self._active)
+        source, message = received
+        if not isinstance(message, ParamSet):
+            route.asked = True
+            self._say_all(server.handle(source, message, now_s, flying=self._active), route)
+            return
+        engages = message.param_id == "OP_ENGAGE" and message.param_value >= 0.5
+        refusal = self._forbidden(source) or (self._held_back() if engages else "")
+        if refusal:
+            self._say_all(server.refuse(source, message, refusal, now_s))
+            return
+        said = server.handle(source, message, now_s, flying=self._active)
+        if said and message.param_id == "OP_ENGAGE" and message.param_value == 0.0:
+            self.engagement.clear()
         if server.values is not self._values:
             self._settings()
         self._say_all(said)
+
+    # --- operators and the pilot --------------------------------------------------------------
+
+    def _forbidden(self, source: Source) -> str:
+        """Why a sender may neither set nor command; "" if it may."""
+        if source.system in self._setup.operators:
+            return ""
+        return f"system {source.system} is not among autopilot.operators of the airframe file"
+
+    def _held_back(self) -> str:
+        """Why nobody can engage now; "" if it can be tried."""
+        if self._mode == RELEASED:
+            return "it has let go just now: try again"
+        return self.engagement.held_back()
+
+    def _obey(
+        self, route: Route, source: Source, message: CommandLong | CommandInt, now_s: float
+    ) -> None:
+        commands = self.commands
+        if not commands.is_for_us(source, message):
+            return
+        held_back = self._held_back() if message.command == ENGAGE else ""
+        answer = commands.handle(
+            source, message, now_s, forbidden=self._forbidden(source), held_back=held_back
+        )
+        self._say_all(answer.said, route)
+        if answer.reason:
+            self.tell(SEVERITY_WARNING, f"command refused: {answer.reason}")
+        if answer.wish != NOTHING:
+            self._want(answer.wish, f"system {source.system}")
+
+    def _take_pilot_switch(self, message: RcChannels, now_s: float) -> None:
+        values = self._values
+        self.session.streams.heard(ID_RC_CHANNELS)
+        switch = self.engagement.switch
+        was_low = switch.is_low
+        wish = switch.take(
+            message, now_s, int(values["OP_RC_CHAN"]), values["OP_RC_ON"], values["OP_RC_OFF"]
+        )
+        if wish == RELEASE and was_low and not self._engage:
+            return  # a switch that stays low says nothing new
+        if wish == ENGAGE and (held_back := self._held_back()):
+            self.tell(SEVERITY_WARNING, f"the pilot's switch cannot engage: {held_back}")
+        elif wish != NOTHING:
+            self._want(wish, "the pilot's switch")
+
+    def _want(self, wish: int, by: str) -> None:
+        """Somebody who may has asked for it."""
+        if wish == ABORT:
+            self.engagement.abort(by)
+            self.tell(SEVERITY_WARNING, f"aborted by {by}: no engagement until released")
+        elif wish == RELEASE:
+            self.engagement.clear()
+        if wish == ENGAGE and self._engage:
+            self._tell_engagement(self._mode)  # it flies already
+        elif self._engage != (wish == ENGAGE):
+            self._say_all(self.parameters.assign("OP_ENGAGE", float(wish == ENGAGE)))
+            self._settings()
+            self._console(f"{'engaged' if wish == ENGAGE else 'released'} by {by}")
+
+    def _tell_engagement(self, mode: int) -> None:
+        """Whoever has asked to engage hears how it goes."""
+        for ack in self.commands.engagement(
+            flying=mode in (CAPTURING, SOARING, HOLDING),
+            settled=mode == SOARING,
+            withdrawn=mode == STANDBY,
+        ):
+            self._say_to(Source(ack.target_system, ack.target_component), ack)
 
     # --- settings -----------------------------------------------------------------------------
 
@@ -231,7 +363,15 @@ class Onboard:
         self._values = values
         self._laws = autopilot.laws_from(values, self._setup.frame)
         self._engage = values["OP_ENGAGE"] >= 0.5
+        self._want_pilot_switch()
         self.counters.laws_changed += 1
+
+    def _want_pilot_switch(self) -> None:
+        """The stream of the pilot's channels, where one of them is a switch of ours."""
+        if self._values["OP_RC_CHAN"] > 0.0:
+            self.session.streams.want(ID_RC_CHANNELS, "RC_CHANNELS", PILOT_SWITCH_HZ)
+        else:
+            self.engagement.switch.forget()
 
     # --- periodic -----------------------------------------------------------------------------
 
@@ -271,9 +411,13 @@ class Onboard:
         self._vehicle_clock = True
         self.session.rebase(now_s)
         self.parameters.rebase()
-        self._telemetry.rebase()
-        self._own.restart()
-        self._override.restart()
+        self.telemetry.rebase()
+        self.commands.rebase()
+        self.engagement.switch.forget()
+        self._loss_due_s = now_s
+        for route in self._routes:
+            route.own.restart()
+            route.override.restart()
         self._state = autopilot.initial_state()
         if self._active:
             self._disengage()
@@ -314,6 +458,7 @@ class Onboard:
         reason = autopilot.reason_text(output.reason)
         name = autopilot.mode_name(output.mode)
         self.tell(severity, f"{name}: {reason}" if reason else name)
+        self._tell_engagement(output.mode)
 
     def _disengage(self) -> None:
         """The module let go by itself: the operator's switch goes back, for all to see."""
@@ -324,22 +469,73 @@ class Onboard:
         """Whatever may wait until the surfaces have been sent."""
         session = self.session
         said = session.poll(now_s)
-        if not self._greeted:
-            self._greet()
-        else:
-            self._say_all(said)
-        self._say_all(self.parameters.poll(now_s))
+        for route in self._routes:
+            if not route.greeted:
+                self._greet(route)
+            elif said and isinstance(said[0], Heartbeat):
+                self._say(said[0], route)
+        self._say_all([m for m in said if not isinstance(m, Heartbeat)], self._autopilot)
+        self._list_parameters(now_s)
+        for ack in self.commands.poll(now_s):
+            self._say_to(Source(ack.target_system, ack.target_component), ack)
         for severity, text in session.notices:
             self.tell(severity, text)
         session.notices.clear()
         if self.output is not None:
-            turn = self._telemetry.due(now_s)
-            if turn is not None:
-                self._say(
-                    self._telemetry.message(
-                        turn, session.vehicle_time_s, _telemetry_value(self.output, turn)
-                    )
-                )
+            self._measure_loss(now_s)
+            message = self.telemetry.due(now_s, self._values["TEL_BUDGET"])
+            if message is not None:
+                self._spend(self._say(message))
+
+    def _list_parameters(self, now_s: float) -> None:
+        """Values go out where somebody has asked for any."""
+        said = self.parameters.poll(now_s)
+        for route in self._routes:
+            if route.asked:
+                self._say_all(said, route)
+                route.asked = self.parameters.is_busy
+
+    # --- telemetry ----------------------------------------------------------------------------
+
+    def _fast(self, turn: int) -> Said | None:
+        return self._number(instruments.FAST[turn], instruments.fast_value, turn)
+
+    def _slow_number(self, turn: int) -> Said | None:
+        if self.output is None:
+            return None
+        link = instruments.LinkState(self._loss, self.session.round_trip_s)
+        value = instruments.slow_value(self.output, link, turn)
+        return instruments.named_value(instruments.SLOW[turn], self.session.vehicle_time_s, value)
+
+    def _number(
+        self, name: str, value: Callable[[autopilot.Output, int], float], turn: int
+    ) -> Said | None:
+        if self.output is None:
+            return None
+        time_s = self.session.vehicle_time_s
+        return instruments.named_value(name, time_s, value(self.output, turn))
+
+    def _array(self, _turn: int) -> Said | None:
+        if self.output is None:
+            return None
+        return instruments.float_array(self.output, self.session.vehicle_time_s)
+
+    def _nav_controller_output(self, _turn: int) -> Said | None:
+        return None if self.output is None else instruments.nav_controller_output(self.output)
+
+    def _measure_loss(self, now_s: float) -> None:
+        """How much of what the autopilot sent was lost of late."""
+        if now_s < self._loss_due_s:
+            return
+        self._loss_due_s = now_s + LOSS_S
+        counters = self._autopilot.decoder.counters
+        watched, lost = self._loss_counted
+        self._loss_counted = counters.watched, counters.lost
+        came, missed = counters.watched - watched, max(0, counters.lost - lost)
+        self._loss = missed / (came + missed) if came + missed else 0.0
+
+    def _spend(self, size: int) -> None:
+        self.telemetry.budget.spend(size, self._values["TEL_BUDGET"])
 
     # --- speaking -----------------------------------------------------------------------------
 
@@ -347,7 +543,7 @@ class Onboard:
         """Words for the operator, over the link and on the console."""
         self._console(text)
         for chunk in self.texts.chunks(severity, text):
-            self._say(chunk)
+            self._spend(self._say(chunk))
 
     def stop(self) -> None:
         """The process ends: give the surfaces back, and say so."""
@@ -358,35 +554,47 @@ class Onboard:
         self._releases = 0
         self.tell(SEVERITY_NOTICE, "tgl_soar stopped")
 
-    def _greet(self) -> None:
+    def _greet(self, route: Route) -> None:
         """Our heartbeat, before anything else is said on this link."""
-        self._greeted = self._send(self._own.encode(self.session.heartbeat()))
+        route.greeted = route.send(route.own.encode(self.session.heartbeat()))
 
     def _release(self) -> None:
         self._say_surfaces(self._setup.flavour.release())
         self.counters.release_frames += 1
 
     def _say_surfaces(self, messages: tuple[Said, ...]) -> None:
+        route = self._autopilot
         for message in messages:
-            self._send_frame(self._override, message)
+            self._send_frame(route, route.override, message)
 
-    def _say_all(self, messages: list[Said]) -> None:
+    def _say_all(self, messages: list[Said], route: Route | None = None) -> None:
         for message in messages:
-            self._say(message)
+            self._say(message, route)
 
-    def _say(self, message: Said) -> None:
-        self._send_frame(self._own, message)
+    def _say_to(self, source: Source, message: Said) -> None:
+        """On the links where somebody was heard."""
+        for route in self._routes:
+            if route.leads_to(source):
+                self._say(message, route)
 
-    def _send_frame(self, encoder: Encoder, message: Said) -> None:
-        if not self._greeted:
-            return
+    def _say(self, message: Said, only: Route | None = None) -> int:
+        """On one link, or on all; the bytes that one link carries."""
+        size = 0
+        for route in self._routes if only is None else (only,):
+            size = max(size, self._send_frame(route, route.own, message))
+        return size
+
+    def _send_frame(self, route: Route, encoder: Encoder, message: Said) -> int:
+        if not route.greeted:
+            return 0
         try:
             frame = encoder.encode(message)
         except (struct.error, OverflowError, ValueError, TypeError):
             self.counters.unsendable += 1
-            return
-        if not self._send(frame):
+            return 0
+        if frame and not route.send(frame):
             self.counters.unsent += 1
+        return len(frame)
 
     def _clock(self, now_s: float) -> float:
         """The loop's time."""
@@ -399,20 +607,6 @@ def _nowhere(_text: str) -> None:
 
 def _is_finite(command: SurfaceCommand) -> bool:
     return isfinite(command.elevator) and isfinite(command.aileron) and isfinite(command.rudder)
-
-
-def _telemetry_value(output: autopilot.Output, turn: int) -> float:
-    """The number of `TELEMETRY_NAMES[turn]`, in the units of the operator's parameters."""
-    return (
-        output.e_rho_m,
-        output.vehicle.x_m,
-        output.vehicle.z_m,
-        degrees(output.setpoints.pitch_rad),
-        float(output.mode),
-        output.line_x_m,
-        output.line_z_m,
-        degrees(output.line_eta_rad) - 90.0,
-    )[turn]
 
 
 # --- the process ------------------------------------------------------------------------------

@@ -50,6 +50,17 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         " lets go by itself, so that it never engages again unasked.",
         integer=True, in_files=False,
     ),
+    Parameter(
+        "OP_RC_CHAN", "", 0, 18, 0,
+        "Channel of the pilot's transmitter whose switch engages and releases; 0: none. It must"
+        " be none that moves a surface.",
+        in_flight=False, integer=True,
+    ),
+    Parameter("OP_RC_ON", "us", 1000, 2000, 1700, "The switch is high above this pulse width."),
+    Parameter(
+        "OP_RC_OFF", "us", 1000, 2000, 1300,
+        "The switch is low below this pulse width: the module lets go and cannot be engaged.",
+    ),
     # --- the target gradient line --------------------------------------------------------
     Parameter(
         "TGL_PRESET", "", 0, 99, 0,
@@ -143,6 +154,11 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     Parameter("AGE_AP_MAX", "s", 1, 10, 3.0, "Autopilot's heartbeat older than this: let go."),
     Parameter("CAPTURE_MAX", "m", 0.1, 10, 1.5, "|e_rho| beyond this while flying: let go."),
     Parameter("TILT_MAX", "deg", 20, 80, 60.0, "Roll or pitch beyond this: let go."),
+    # --- telemetry -----------------------------------------------------------------------
+    Parameter(
+        "TEL_BUDGET", "B/s", 100, 50000, 2400,
+        "Bytes a second that texts and numbers may use on each link, MAVLink's own included.",
+    ),
     # --- the process ---------------------------------------------------------------------
     Parameter(
         "LOOP_RATE", "Hz", 100, 250, 200, "Rate of the loop.", in_flight=False, integer=True
@@ -180,6 +196,7 @@ GROUPS: Final[tuple[Group, ...]] = (
         "Letting go", ("AGE", "CAPTURE", "TILT"),
         "Beyond these the module gives the surfaces back by itself and says why.",
     ),
+    Group("Telemetry", ("TEL",), "What the module tells without being asked."),
     Group("The process", ("LOOP",), "How the module runs."),
 )  # fmt: skip
 
@@ -288,5 +305,7 @@ def _check_together(values: ParameterSet, changes: Mapping[str, float]) -> None:
             ("PITCH_TRIM", "PITCH_MIN", "PITCH_MAX"),
             "PITCH_TRIM must lie between PITCH_MIN and PITCH_MAX",
         )
+    if values["OP_RC_OFF"] >= values["OP_RC_ON"]:
+        raise blame(("OP_RC_OFF", "OP_RC_ON"), "OP_RC_OFF must be below OP_RC_ON")
     if values["AGE_POS_HOLD"] > values["AGE_POS_MAX"]:
         raise blame(("AGE_POS_HOLD", "AGE_POS_MAX"), "AGE_POS_HOLD is above AGE_POS_MAX")

@@ -17,7 +17,7 @@ from tgl_soar.link.messages import (
     StatusText,
 )
 from tgl_soar.link.parameters import VALUES_PER_POLL, VALUES_PER_S, ParameterServer
-from tgl_soar.link.telemetry import NamedValues, StatusTexts
+from tgl_soar.link.telemetry import StatusTexts
 from tgl_soar.parameters import INDEX, PARAMETERS, ParameterSet
 
 OWN = Source(1, 191)
@@ -207,7 +207,7 @@ def test_a_lost_answer_is_asked_for_again_by_index() -> None:
     assert again == lost
 
 
-# --- texts and numbers ------------------------------------------------------------------------
+# --- texts ------------------------------------------------------------------------
 
 
 @given(st.text(max_size=400))
@@ -225,19 +225,3 @@ def test_long_texts_have_numbers_of_their_own() -> None:
     first, second = texts.chunks(4, "a" * 60), texts.chunks(4, "b" * 100)
     assert first[0].id != second[0].id
     assert second[-1].text == ""  # a full chunk would not end the text
-
-
-def test_every_named_number_goes_out_at_its_rate() -> None:
-    values = NamedValues(("a", "b", "c"), 5.0)
-    count = [0, 0, 0]
-    for i in range(2000):
-        turn = values.due(i / 200)
-        if turn is not None:
-            count[turn] += 1
-    assert all(abs(n - 50) <= 1 for n in count)
-
-
-def test_named_numbers_do_not_catch_up_after_a_pause() -> None:
-    values = NamedValues(("a",), 5.0)
-    values.due(0.0)
-    assert sum(values.due(100.0 + i / 200) is not None for i in range(200)) <= 6

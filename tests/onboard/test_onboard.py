@@ -14,10 +14,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tgl_soar import onboard
 from tgl_soar.control import supervisor
 from tgl_soar.geometry import SoaringFrame
+from tgl_soar.instruments import FAST, SLOW
 from tgl_soar.link.autopilots.ardupilot import ArduPilot
 from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels
 from tgl_soar.link.messages import Source
-from tgl_soar.onboard import RELEASE_FRAMES, TELEMETRY_NAMES, Onboard, Setup
+from tgl_soar.onboard import RELEASE_FRAMES, Onboard, Setup
 from tgl_soar.parameters import ParameterSet
 
 STANDBY, CAPTURING, SOARING, HOLDING, RELEASED = range(5)
@@ -164,8 +165,10 @@ def test_every_loop_runs_at_its_own_rate(flight: Flight) -> None:
             names[m.name] = names.get(m.name, 0) + 1
     assert count["HEARTBEAT", 1] == 10
     assert count["RC_CHANNELS_OVERRIDE", 255] == pytest.approx(2000, abs=1)
-    assert set(names) == set(TELEMETRY_NAMES)
-    assert all(n == pytest.approx(50, abs=1) for n in names.values())
+    assert set(names) == {*FAST, *SLOW}
+    assert all(names[name] == pytest.approx(50, abs=1) for name in FAST)
+    assert all(names[name] == pytest.approx(10, abs=1) for name in SLOW)
+    assert count["DEBUG_FLOAT_ARRAY", 1] == pytest.approx(20, abs=1)
     assert all(key[1] == 1 for key in count if key[0] != "RC_CHANNELS_OVERRIDE")
 
 

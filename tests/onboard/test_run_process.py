@@ -67,6 +67,7 @@ class Module:
         )
         self.address: tuple[str, int] | None = None
         self._mav = mavlink.MAVLink(None, 1, 1)
+        self._station = mavlink.MAVLink(None, 255, 190)
 
     def receive(self) -> Any:
         data, self.address = self.vehicle.recvfrom(2048)
@@ -75,6 +76,11 @@ class Module:
     def send(self, message: Any) -> None:
         assert self.address is not None
         self.vehicle.sendto(message.pack(self._mav), self.address)
+
+    def command(self, message: Any) -> None:
+        """What a ground station says, routed by the vehicle."""
+        assert self.address is not None
+        self.vehicle.sendto(message.pack(self._station), self.address)
 
     def close(self) -> None:
         self.vehicle.close()
@@ -116,7 +122,7 @@ def test_it_is_stopped_by_a_signal_and_gives_the_surfaces_back(
             pulses.append(message.chan2_raw)
         if not engaged and time.monotonic() - begun > 0.3:
             engaged = True
-            module.send(mavlink.MAVLink_param_set_message(1, 191, b"OP_ENGAGE", 1.0, 9))
+            module.command(mavlink.MAVLink_param_set_message(1, 191, b"OP_ENGAGE", 1.0, 9))
         if not stopped and len(pulses) > 20:
             stopped = True
             module.process.send_signal(number)

@@ -19,17 +19,23 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from .messages import (
     AttitudeQuaternion,
+    AutopilotVersion,
     CommandAck,
+    CommandInt,
     CommandLong,
+    DebugFloatArray,
     Heard,
     Heartbeat,
     LocalPositionNed,
+    MessageInterval,
     NamedValueFloat,
+    NavControllerOutput,
     Odometry,
     ParamRequestList,
     ParamRequestRead,
     ParamSet,
     ParamValue,
+    RcChannels,
     RcChannelsOverride,
     Received,
     Said,
@@ -52,6 +58,9 @@ _CRC_EXTRA: Final[dict[int, int]] = {
 }
 
 _FLOAT32_MAX: Final = 3.4028234e38
+_MOST_LOST: Final = 200  # in a row: a larger gap is a frame that was overtaken
+_LARGEST_V1: Final = 255  # MAVLink 1 has no larger message numbers
+_ARRAY_SIZE: Final = 58  # numbers of a DEBUG_FLOAT_ARRAY
 
 
 @dataclass(slots=True)
@@ -59,6 +68,8 @@ class DecoderCounters:
     """What a link brought."""
 
     frames: int = 0  # with a right checksum
+    watched: int = 0  # of these, of the sender whose sequence is watched
+    lost: int = 0  # of that sender's, by the gaps of its sequence
     messages: int = 0  # of these, understood
     skipped_bytes: int = 0  # belonged to no good frame
     bad_checksums: int = 0
@@ -75,6 +86,14 @@ class Decoder:
         self._stream = stream
         self._rest = b""
         self._dialect: Any = dialect.MAVLink(None)
+        self.only_v1 = False  # frames came, and all of MAVLink 1
+        self._heard_v2 = False
+        self._watched = b""
+        self._sequence = -1
+
+    def watch(self, source: Source) -> None:
+        """Count what is lost of one sender's frames."""
+        self._watched = bytes(source)
 
     def feed(self, data: bytes) -> list[Received]:
         """The messages that end in this piece, in order."""
@@ -107,6 +126,7 @@ class Decoder:
                     at = self._skip_to_marker(data, at)
                 else:
                     counters.frames += 1
+                    self._count(data, at)
                     if number in _HEARD:
                         self._decode(data[at : at + length], number, received)
                     at += length
@@ -115,6 +135,30 @@ class Decoder:
     def reset(self) -> None:
         """Forget a frame begun: the line was cut."""
         self._rest = b""
+        self._sequence = -1
+        self.only_v1 = self._heard_v2 = False
+
+    def _count(self, data: bytes, at: int) -> None:
+        """The version of a good frame, and the gap before it if its sender is watched."""
+        counters = self.counters
+        sequence_at = at + 4
+        if data[at] == _MARKER_V1:
+            self.only_v1 = not self._heard_v2
+            sequence_at = at + 2
+        elif not self._heard_v2:
+            self._heard_v2 = True
+            self.only_v1 = False
+        if data[sequence_at + 1 : sequence_at + 3] != self._watched:
+            return
+        counters.watched += 1
+        sequence = data[sequence_at]
+        if self._sequence >= 0:
+            gap = (sequence - self._sequence - 1) & 0xFF
+            if gap > _MOST_LOST:  # it comes late: one that was counted as lost
+                counters.lost = max(0, counters.lost - 1)
+                return
+            counters.lost += gap
+        self._sequence = sequence
 
     def _skip_to_marker(self, data: bytes, at: int) -> int:
         """The next place after `at` where a frame may begin."""
@@ -248,6 +292,17 @@ def _command_long(m: Any) -> Heard:
     )
 
 
+def _command_int(m: Any) -> Heard:
+    return CommandInt(
+        m.target_system, m.target_component, m.command, (m.param1, m.param2, m.param3, m.param4)
+    )
+
+
+def _rc_channels(m: Any) -> Heard:
+    channels = tuple(int(getattr(m, f"chan{i}_raw")) for i in range(1, 19))
+    return RcChannels(m.chancount, channels)
+
+
 def _command_ack(m: Any) -> Heard:
     return CommandAck(m.command, m.result, m.target_system, m.target_component)
 
@@ -281,7 +336,9 @@ _HEARD: Final[dict[int, Callable[[Any], Heard]]] = {
     dialect.MAVLINK_MSG_ID_ODOMETRY: _odometry,
     dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: _servo_output_raw,
     dialect.MAVLINK_MSG_ID_COMMAND_LONG: _command_long,
+    dialect.MAVLINK_MSG_ID_COMMAND_INT: _command_int,
     dialect.MAVLINK_MSG_ID_COMMAND_ACK: _command_ack,
+    dialect.MAVLINK_MSG_ID_RC_CHANNELS: _rc_channels,
     dialect.MAVLINK_MSG_ID_PARAM_REQUEST_LIST: _param_request_list,
     dialect.MAVLINK_MSG_ID_PARAM_REQUEST_READ: _param_request_read,
     dialect.MAVLINK_MSG_ID_PARAM_SET: _param_set,
@@ -295,14 +352,18 @@ class Encoder:
 
     def __init__(self, source: Source) -> None:
         self.source = source
+        self.version1 = False  # speak MAVLink 1
         self._dialect: Any = dialect.MAVLink(None, source.system, source.component)
 
     def encode(self, message: Said) -> bytes:
-        """One MAVLink 2 frame.
+        """One frame; empty if MAVLink 1 was asked for and has no such message.
 
         Errors: `struct.error` for a field that does not fit its place: a mistake of ours.
         """
-        frame: bytes = _SAID[type(message)](message).pack(self._dialect)
+        packable = _SAID[type(message)](message)
+        if self.version1 and packable.id > _LARGEST_V1:
+            return b""
+        frame: bytes = packable.pack(self._dialect, force_mavlink1=self.version1)
         self._dialect.seq = (self._dialect.seq + 1) & 0xFF
         return frame
 
@@ -336,7 +397,7 @@ def _pack_command_long(m: Any) -> Any:
 
 def _pack_command_ack(m: Any) -> Any:
     return dialect.MAVLink_command_ack_message(
-        m.command, m.result, 0, 0, m.target_system, m.target_component
+        m.command, m.result, m.progress, 0, m.target_system, m.target_component
     )
 
 
@@ -376,6 +437,37 @@ def _pack_rc_channels_override(m: Any) -> Any:
     )
 
 
+def _pack_autopilot_version(m: Any) -> Any:
+    nothing = [0] * 8
+    return dialect.MAVLink_autopilot_version_message(
+        m.capabilities, m.flight_sw_version, 0, 0, 0, nothing, nothing, nothing, 0, 0, 0
+    )
+
+
+def _pack_message_interval(m: Any) -> Any:
+    return dialect.MAVLink_message_interval_message(m.message_id, m.interval_us)
+
+
+def _pack_debug_float_array(m: Any) -> Any:
+    data = [_float32(value) for value in m.data] + [0.0] * (_ARRAY_SIZE - len(m.data))
+    return dialect.MAVLink_debug_float_array_message(
+        m.time_usec, _chars(m.name, 10), m.array_id, data
+    )
+
+
+def _pack_nav_controller_output(m: Any) -> Any:
+    return dialect.MAVLink_nav_controller_output_message(
+        m.nav_roll,
+        m.nav_pitch,
+        m.nav_bearing,
+        m.target_bearing,
+        m.wp_dist,
+        m.alt_error,
+        m.aspd_error,
+        m.xtrack_error,
+    )
+
+
 _SAID: Final[dict[type[Said], Callable[[Any], Any]]] = {
     Heartbeat: _pack_heartbeat,
     CommandLong: _pack_command_long,
@@ -386,4 +478,8 @@ _SAID: Final[dict[type[Said], Callable[[Any], Any]]] = {
     StatusText: _pack_status_text,
     NamedValueFloat: _pack_named_value_float,
     RcChannelsOverride: _pack_rc_channels_override,
+    AutopilotVersion: _pack_autopilot_version,
+    MessageInterval: _pack_message_interval,
+    DebugFloatArray: _pack_debug_float_array,
+    NavControllerOutput: _pack_nav_controller_output,
 }

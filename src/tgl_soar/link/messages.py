@@ -25,13 +25,20 @@ SEVERITY_NOTICE: Final = 5
 SEVERITY_INFO: Final = 6
 
 # MAV_CMD and MAV_RESULT
+COMMAND_GET_MESSAGE_INTERVAL: Final = 510
 COMMAND_SET_MESSAGE_INTERVAL: Final = 511
+COMMAND_REQUEST_MESSAGE: Final = 512
+COMMAND_REQUEST_AUTOPILOT_CAPABILITIES: Final = 520
+COMMAND_USER_1: Final = 31010
+COMMAND_USER_2: Final = 31011
+COMMAND_USER_3: Final = 31012
 RESULT_ACCEPTED: Final = 0
 RESULT_TEMPORARILY_REJECTED: Final = 1
 RESULT_DENIED: Final = 2
 RESULT_UNSUPPORTED: Final = 3
 RESULT_FAILED: Final = 4
 RESULT_IN_PROGRESS: Final = 5
+RESULT_CANCELLED: Final = 6
 
 # MAV_FRAME
 FRAME_LOCAL_NED: Final = 1
@@ -43,10 +50,24 @@ FRAME_LOCAL_FRD: Final = 20
 PARAM_TYPE_REAL32: Final = 9
 
 # Message numbers of the streams that are asked for
+ID_RC_CHANNELS: Final = 65
 ID_ATTITUDE_QUATERNION: Final = 31
 ID_LOCAL_POSITION_NED: Final = 32
 ID_SERVO_OUTPUT_RAW: Final = 36
 ID_ODOMETRY: Final = 331
+
+# Message numbers of what we say, for those who ask for it
+ID_HEARTBEAT: Final = 0
+ID_NAV_CONTROLLER_OUTPUT: Final = 62
+ID_AUTOPILOT_VERSION: Final = 148
+ID_MESSAGE_INTERVAL: Final = 244
+ID_NAMED_VALUE_FLOAT: Final = 251
+ID_DEBUG_FLOAT_ARRAY: Final = 350
+
+# MAV_PROTOCOL_CAPABILITY
+CAPABILITY_COMMAND_INT: Final = 1 << 3
+CAPABILITY_MAVLINK2: Final = 1 << 13
+CAPABILITY_PARAM_ENCODE_C_CAST: Final = 1 << 17
 
 
 class Source(NamedTuple):
@@ -115,11 +136,54 @@ class CommandLong(NamedTuple):
     params: tuple[float, float, float, float, float, float, float]
 
 
+class CommandInt(NamedTuple):
+    """The same with whole numbers for a place; nobody here needs the place."""
+
+    target_system: int
+    target_component: int
+    command: int
+    params: tuple[float, float, float, float]
+
+
 class CommandAck(NamedTuple):
     command: int
     result: int
     target_system: int
     target_component: int
+    progress: int = 0  # of IN_PROGRESS [%], 255: unknown
+
+
+class RcChannels(NamedTuple):
+    chancount: int
+    channels: tuple[int, ...]  # 18 pulse widths [us], 65535: not there
+
+
+class AutopilotVersion(NamedTuple):
+    capabilities: int
+    flight_sw_version: int  # major, minor, patch and type, a byte each
+
+
+class MessageInterval(NamedTuple):
+    message_id: int
+    interval_us: int  # -1: not sent, 0: not available
+
+
+class DebugFloatArray(NamedTuple):
+    time_usec: int
+    name: str  # at most 10 characters
+    array_id: int
+    data: tuple[float, ...]  # at most 58
+
+
+class NavControllerOutput(NamedTuple):
+    nav_roll: float  # [deg]
+    nav_pitch: float  # [deg]
+    nav_bearing: int  # [deg]
+    target_bearing: int  # [deg]
+    wp_dist: int  # [m]
+    alt_error: float  # [m]
+    aspd_error: float  # [m/s]
+    xtrack_error: float  # [m]
 
 
 class ParamRequestList(NamedTuple):
@@ -181,7 +245,9 @@ Heard: TypeAlias = (
     | Odometry
     | ServoOutputRaw
     | CommandLong
+    | CommandInt
     | CommandAck
+    | RcChannels
     | ParamRequestList
     | ParamRequestRead
     | ParamSet
@@ -199,6 +265,10 @@ Said: TypeAlias = (
     | StatusText
     | NamedValueFloat
     | RcChannelsOverride
+    | AutopilotVersion
+    | MessageInterval
+    | DebugFloatArray
+    | NavControllerOutput
 )
 
 

@@ -101,6 +101,20 @@ class ParameterServer:
         self.values = self.values.changed({name: value})
         return [self.value_message(INDEX[name])]
 
+    def refuse(self, source: Source, message: ParamSet, reason: str, now_s: float) -> list[Said]:
+        """A set that its sender may not make, or not now: what stands, and why."""
+        if source == self._own or not self._is_for_us(message) or message.param_id not in INDEX:
+            return []
+        self.counters.sets += 1
+        self.counters.refused += 1
+        words = self._complain(f"{message.param_id}: {reason}", now_s)
+        return [self.value_message(INDEX[message.param_id]), *words]
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether values that were asked for are still to be sent."""
+        return bool(self._due)
+
     def value_message(self, index: int) -> ParamValue:
         """The value that stands."""
         name = PARAMETERS[index].name

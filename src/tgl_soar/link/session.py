@@ -51,6 +51,7 @@ from .messages import (
     Timesync,
 )
 from .streams import StreamRequests
+from .timesync import RoundTrip
 
 HEARTBEAT_S: Final = 1.0
 POSITION_HZ: Final = 50.0
@@ -98,6 +99,7 @@ class Session:
         self.heard: dict[Source, int] = {}
         self.notices: list[tuple[int, str]] = []  # (severity, text), for whoever tells them
         self.streams = StreamRequests(own.system)
+        self.round_trip = RoundTrip()
         self._inquiry = SenderInquiry(flavour, own.system, override_system)
         self._own = own
         self.autopilot = Source(own.system, COMPONENT_AUTOPILOT)
@@ -123,6 +125,11 @@ class Session:
         """Whether the autopilot has ever sent a heartbeat."""
         return self.status.time_s == self.status.time_s
 
+    @property
+    def round_trip_s(self) -> float:
+        """To the autopilot and back; NaN: not measured."""
+        return self.round_trip.round_trip_s
+
     def heartbeat(self) -> Heartbeat:
         """Ours."""
         return Heartbeat(TYPE_ONBOARD_CONTROLLER, AUTOPILOT_INVALID, 0, 0, STATE_ACTIVE)
@@ -136,6 +143,9 @@ class Session:
             said.append(self.heartbeat())
         if self.is_heard:
             said.extend(self.streams.poll(now_s))
+            question = None if self._lockstep else self.round_trip.poll(now_s)
+            if question is not None:
+                said.append(question)
             asked, complaint = self._inquiry.poll(now_s)
             said.extend(asked)
             if complaint:
@@ -150,6 +160,7 @@ class Session:
         self._position_heard_s = NAN
         self._attitude_heard_s = NAN
         self.streams.restart()
+        self.round_trip.restart()
         self._inquiry.restart()
         if self.is_heard:
             self.status = self.status._replace(time_s=now_s)
@@ -162,7 +173,7 @@ class Session:
         if source in self.heard:
             self.heard[source] += 1
         if isinstance(message, Timesync):
-            return self._timesync(message, now_s)
+            return self._timesync(source, message, now_s)
         if source != self.autopilot:
             if isinstance(message, AttitudeQuaternion | LocalPositionNed | Odometry):
                 self.counters.foreign += 1
@@ -186,9 +197,11 @@ class Session:
 
     # --- the conversation -------------------------------------------------------------------
 
-    def _timesync(self, message: Timesync, now_s: float) -> list[Said]:
-        """A request is answered with our time; an answer to somebody else is not for us."""
+    def _timesync(self, source: Source, message: Timesync, now_s: float) -> list[Said]:
+        """A request is answered with our time; of answers only the autopilot's are looked at."""
         if message.tc1 != 0:
+            if source == self.autopilot:
+                self.round_trip.take(message, now_s)
             return []
         # In lockstep the answer says only that all before it was done; zero would be a request.
         ours_ns = (message.ts1 or 1) if self._lockstep else int(now_s * 1e9)
@@ -336,6 +349,7 @@ class Session:
                 self._orders[number] = StampOrder()
         self._heartbeat_due_s = now_s
         self.streams.restart()
+        self.round_trip.restart()
         self._inquiry.restart()
         self.notices.append((SEVERITY_INFO, "autopilot restarted: asking for its streams again"))
 

@@ -1,13 +1,20 @@
-"""What the module tells its operator: texts, and numbers for plots."""
+"""What the module tells its operator: texts, and numbers for plots, within a budget of bytes.
+
+Texts are always said; they use up the budget, and the numbers wait.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Final
 
-from .messages import NamedValueFloat, StatusText
+from .messages import ID_HEARTBEAT, Said, StatusText
 
 CHUNK: Final = 50  # characters of one STATUSTEXT
 MAX_CHUNKS: Final = 5
+BURST_S: Final = 0.2  # of the budget, saved up at most
+DEBT_S: Final = 1.0
+MIN_INTERVAL_US: Final = 20_000.0  # 50 Hz: beyond it, log on board
 
 
 class StatusTexts:
@@ -28,31 +35,122 @@ class StatusTexts:
         return [StatusText(severity, piece, self._id, i) for i, piece in enumerate(pieces)]
 
 
-class NamedValues:
-    """Takes turns among named numbers so that each goes out at the same slow rate."""
+class Budget:
+    """Bytes that telemetry may use: so many a second, and a little saved up."""
 
-    def __init__(self, names: tuple[str, ...], rate_hz: float) -> None:
-        self._names = names
-        self._interval_s = 1.0 / (rate_hz * len(names))
+    def __init__(self) -> None:
+        self.spent_bytes = 0  # in all
+        self._left = 0.0
+        self._filled_s = float("nan")
+
+    def fill(self, now_s: float, bytes_per_s: float) -> bool:
+        """Time has passed; whether anything is left to spend."""
+        passed_s = now_s - self._filled_s
+        if passed_s > 0.0:
+            self._left = min(BURST_S * bytes_per_s, self._left + passed_s * bytes_per_s)
+        if passed_s != 0.0:  # NaN: the first time
+            self._filled_s = now_s
+        return self._left > 0.0
+
+    def spend(self, size: int, bytes_per_s: float) -> None:
+        """A frame went out.  What was said beyond the budget is a debt, of `DEBT_S` at most."""
+        self.spent_bytes += size
+        self._left = max(-DEBT_S * bytes_per_s, self._left - size)
+
+    def rebase(self) -> None:
+        """The clock was changed."""
+        self._left = 0.0
+        self._filled_s = float("nan")
+
+
+class Flow:
+    """Messages of one kind that go out in turns, each at the same rate."""
+
+    def __init__(
+        self, message_id: int, items: int, interval_s: float, build: Callable[[int], Said | None]
+    ) -> None:
+        """`build`: the message of a turn, 0 … items - 1.  `interval_s` inf: only when asked."""
+        self.message_id = message_id
+        self.interval_s = interval_s  # between two of the same turn
+        self.default_s = interval_s
+        self.build = build
+        self._items = items
         self._turn = 0
         self._due_s = float("-inf")
 
-    def due(self, now_s: float) -> int | None:
-        """The index of the number whose turn it is, if it is anyone's."""
-        if now_s < self._due_s:
-            return None
-        behind = now_s - self._due_s > 4.0 * self._interval_s
-        self._due_s = (now_s if behind else self._due_s) + self._interval_s
-        turn = self._turn
-        self._turn = (turn + 1) % len(self._names)
-        return turn
+    def lateness(self, now_s: float) -> float:
+        """By how many of its own intervals a message is due; negative: it is not."""
+        if now_s < self._due_s or self.interval_s == float("inf"):
+            return -1.0
+        return min((now_s - self._due_s) * self._items / self.interval_s, 1e9)
 
-    def message(self, index: int, vehicle_time_s: float, value: float) -> NamedValueFloat:
-        """One number, stamped with the vehicle's time."""
-        stamp_ms = int(vehicle_time_s * 1e3) if vehicle_time_s == vehicle_time_s else 0
-        return NamedValueFloat(stamp_ms & 0xFFFFFFFF, self._names[index], value)
+    def take(self, now_s: float) -> Said | None:
+        """The message whose turn it is; the next is due on the grid, unless that is long past."""
+        interval_s = self.interval_s / self._items
+        behind = now_s - self._due_s > 4.0 * interval_s
+        self._due_s = (now_s if behind else self._due_s) + interval_s
+        turn = self._turn
+        self._turn = (turn + 1) % self._items
+        return self.build(turn)
+
+    def rebase(self) -> None:
+        """The clock was changed, or the rate: begin again."""
+        self._due_s = float("-inf")
+        self._turn = 0
+
+
+class Telemetry:
+    """All flows under one budget; whoever is most behind its own rate goes first."""
+
+    def __init__(self, flows: tuple[Flow, ...]) -> None:
+        self.budget = Budget()
+        self._flows = flows
+
+    def due(self, now_s: float, bytes_per_s: float) -> Said | None:
+        """One message, if one is due and may be paid for."""
+        if not self.budget.fill(now_s, bytes_per_s):
+            return None
+        latest, most = None, -1.0
+        for flow in self._flows:
+            lateness = flow.lateness(now_s)
+            if lateness > most:
+                latest, most = flow, lateness
+        return None if latest is None else latest.take(now_s)
+
+    def once(self, message_id: int) -> Said | None:
+        """A message now."""
+        flow = self._flow(message_id)
+        return None if flow is None else flow.build(0)
+
+    def set_interval(self, message_id: int, interval_us: float) -> bool:
+        """Another rate for all flows of a message, in proportion; -1 never, 0 as by default."""
+        first = self._flow(message_id)
+        if first is None or not (interval_us in (-1.0, 0.0) or interval_us >= MIN_INTERVAL_US):
+            return False
+        for flow in self._flows:
+            if flow.message_id == message_id:
+                share = flow.default_s / first.default_s if flow is not first else 1.0
+                flow.interval_s = {-1.0: float("inf"), 0.0: flow.default_s}.get(
+                    interval_us, interval_us * 1e-6 * share
+                )
+                flow.rebase()
+        return True
+
+    def interval_us(self, message_id: int) -> int:
+        """How often a message is sent; -1: not, 0: it is not ours."""
+        if message_id == ID_HEARTBEAT:
+            return 1_000_000
+        flow = self._flow(message_id)
+        if flow is None:
+            return 0
+        endless = flow.interval_s == float("inf")
+        return -1 if endless else min(round(flow.interval_s * 1e6), 2**31 - 1)
 
     def rebase(self) -> None:
         """The clock was changed: begin again."""
-        self._due_s = float("-inf")
-        self._turn = 0
+        self.budget.rebase()
+        for flow in self._flows:
+            flow.rebase()
+
+    def _flow(self, message_id: int) -> Flow | None:
+        return next((f for f in self._flows if f.message_id == message_id), None)

@@ -1,0 +1,154 @@
+"""What the ground can watch: the numbers of one tick, in the units of the operator's parameters.
+
+    NAMED_VALUE_FLOAT     `FAST` and `SLOW`, by name
+    DEBUG_FLOAT_ARRAY     all that a tick decided and why, `ARRAY`, for plots and for tuning
+    NAV_CONTROLLER_OUTPUT only when asked for: several ground stations show it as the autopilot's
+                          own, whichever component sends it
+
+A number that does not exist (a setpoint in standby) is NaN.
+"""
+
+from __future__ import annotations
+
+from math import degrees, isfinite
+from typing import Final, NamedTuple
+
+from tgl_soar.autopilot import Output
+from tgl_soar.link.messages import DebugFloatArray, NamedValueFloat, NavControllerOutput
+
+FAST: Final = (
+    "e_rho",
+    "soar_x",
+    "soar_z",
+    "pitch_sp",
+    "soar_mode",
+    "line_x",
+    "line_z",
+    "line_lean",
+)
+SLOW: Final = ("climb", "health", "age_pos", "age_att", "age_ap", "loss", "rtt_ms")
+ARRAY: Final = (
+    *("mode", "e_rho", "e_rho_rate", "line_x", "line_z", "line_lean", "line_moving"),
+    *("x", "y", "z", "speed_x", "speed_y", "climb", "roll", "pitch", "heading"),
+    *("pitch_sp", "heading_sp"),
+    *("rho_p", "rho_i", "rho_d", "rho_saturated"),
+    *("elevator", "ele_p", "ele_i", "ele_d", "ele_saturated"),
+    *("aileron", "ail_p", "ail_i", "ail_d", "ail_saturated"),
+    *("rudder", "rud_p", "rud_d", "rud_saturated"),
+    *("age_pos", "age_att", "age_ap", "health"),
+)
+ARRAY_NAME: Final = "tgl_soar"
+ARRAY_ID: Final = 191
+
+POSITION_OK: Final = 1  # bits of "health"
+ATTITUDE_OK: Final = 2
+AUTOPILOT_OK: Final = 4
+
+
+class LinkState(NamedTuple):
+    """What the links tell of themselves."""
+
+    loss: float  # share of the autopilot's frames that were lost of late, 0 … 1
+    round_trip_s: float  # to the autopilot and back; NaN: not measured
+
+
+def health_bits(output: Output) -> float:
+    """What may be flown with, as bits."""
+    health = output.health
+    return float(
+        POSITION_OK * health.position_ok
+        + ATTITUDE_OK * health.attitude_ok
+        + AUTOPILOT_OK * health.autopilot_ok
+    )
+
+
+def fast_value(output: Output, turn: int) -> float:
+    """The number of `FAST[turn]`."""
+    return (
+        output.e_rho_m,
+        output.vehicle.x_m,
+        output.vehicle.z_m,
+        degrees(output.setpoints.pitch_rad),
+        float(output.mode),
+        output.line_x_m,
+        output.line_z_m,
+        degrees(output.line_eta_rad) - 90.0,
+    )[turn]
+
+
+def slow_value(output: Output, link: LinkState, turn: int) -> float:
+    """The number of `SLOW[turn]`."""
+    health = output.health
+    return (
+        output.vehicle.climb_mps,
+        health_bits(output),
+        health.position_age_s,
+        health.attitude_age_s,
+        health.heartbeat_age_s,
+        link.loss,
+        link.round_trip_s * 1e3,
+    )[turn]
+
+
+def named_value(name: str, vehicle_time_s: float, value: float) -> NamedValueFloat:
+    """One number, stamped with the vehicle's time."""
+    return NamedValueFloat(_stamp(vehicle_time_s, 1e3) & 0xFFFFFFFF, name, value)
+
+
+def float_array(output: Output, vehicle_time_s: float) -> DebugFloatArray:
+    """All of `ARRAY`, angles in degrees."""
+    vehicle, health, setpoints = output.vehicle, output.health, output.setpoints
+    soaring, command = output.soaring, output.command
+    elevator, aileron, rudder = output.elevator, output.aileron, output.rudder
+    data = (
+        float(output.mode),
+        output.e_rho_m,
+        output.e_rho_rate_mps,
+        output.line_x_m,
+        output.line_z_m,
+        degrees(output.line_eta_rad) - 90.0,
+        float(output.line_moving),
+        vehicle.x_m,
+        vehicle.y_m,
+        vehicle.z_m,
+        vehicle.velocity_x_mps,
+        vehicle.velocity_y_mps,
+        vehicle.climb_mps,
+        degrees(vehicle.roll_rad),
+        degrees(vehicle.pitch_rad),
+        degrees(vehicle.heading_rad),
+        degrees(setpoints.pitch_rad),
+        degrees(setpoints.heading_rad),
+        degrees(soaring.p),
+        degrees(soaring.i),
+        degrees(soaring.d),
+        float(soaring.saturated),
+        *(command.elevator, elevator.p, elevator.i, elevator.d, float(elevator.saturated)),
+        *(command.aileron, aileron.p, aileron.i, aileron.d, float(aileron.saturated)),
+        *(command.rudder, rudder.p, rudder.d, float(rudder.saturated)),
+        health.position_age_s,
+        health.attitude_age_s,
+        health.heartbeat_age_s,
+        health_bits(output),
+    )
+    return DebugFloatArray(_stamp(vehicle_time_s, 1e6), ARRAY_NAME, ARRAY_ID, data)
+
+
+def nav_controller_output(output: Output) -> NavControllerOutput:
+    """Setpoints and e_rho in the fields that ground stations have instruments for."""
+    heading = degrees(output.setpoints.heading_rad)
+    whole = round(heading) if isfinite(heading) else 0
+    return NavControllerOutput(
+        degrees(output.setpoints.roll_rad),
+        degrees(output.setpoints.pitch_rad),
+        whole,
+        whole,
+        0,
+        output.line_z_m - output.vehicle.z_m,
+        0.0,
+        output.e_rho_m,
+    )
+
+
+def _stamp(vehicle_time_s: float, per_s: float) -> int:
+    return int(vehicle_time_s * per_s) if 0.0 <= vehicle_time_s < 1e9 else 0

@@ -1,0 +1,56 @@
+"""Links side by side: who was heard where, and what was lost on the way.
+
+The first link leads to the autopilot: its measurements are believed there and nowhere else, and
+the surfaces are commanded there and nowhere else.  A ground station may be on that link too, as
+the autopilot routes between its own links, or on a link of its own.  An answer goes out where
+the question came from; what concerns everybody goes out everywhere.  Nothing is passed on from
+one link to another: that is a router's work.
+
+A link speaks MAVLink 1 as long as nothing but MAVLink 1 has come over it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final, TypeAlias
+
+from .codec import Decoder, Encoder
+from .messages import Source
+
+MAX_SENDERS: Final = 32  # remembered on each link
+
+Send: TypeAlias = Callable[[bytes], bool]
+
+
+class Route:
+    """One link: its decoder, its encoders, and whom it leads to."""
+
+    def __init__(self, own: Source, override: Source, send: Send, *, stream: bool) -> None:
+        """`stream`: the link may cut frames anywhere."""
+        self.send = send
+        self.decoder = Decoder(stream=stream)
+        self.own = Encoder(own)
+        self.override = Encoder(override)
+        self.greeted = False  # our heartbeat has gone out
+        self.asked = False  # a list of parameters, or some of them
+        self._senders: dict[Source, None] = {}
+
+    def heard(self, source: Source) -> None:
+        """Somebody has spoken on this link."""
+        if source not in self._senders and len(self._senders) < MAX_SENDERS:
+            self._senders[source] = None
+
+    def leads_to(self, source: Source) -> bool:
+        """Whether somebody was heard on this link."""
+        return source in self._senders
+
+    def forget(self) -> None:
+        """Another peer is at the far end, or the same one anew."""
+        self.decoder.reset()
+        self.greeted = False
+        self.asked = False
+        self._senders.clear()
+
+    def match_version(self) -> None:
+        """Speak as the far end does."""
+        self.own.version1 = self.override.version1 = self.decoder.only_v1
