@@ -224,6 +224,17 @@ def test_an_unknown_field_is_named() -> None:
 
 
 @needs_numba
+def test_changes_come_at_the_same_tick() -> None:
+    """Also at times that are no sum of steps, twice at once, and after the end."""
+    lines = [c.parameters for c in place("tunnel")[4]]
+    times = (0.0, 0.3, 0.3, 0.5050001, 0.7 - 1e-12, 5.0)
+    changes = tuple(Change(t, lines[i % 2]) for i, t in enumerate(times))
+    plain, fast = both("tunnel", 2, 0.0, None, changes, 1.0)
+    assert plain["target_changes"][-1] == 5.0
+    np.testing.assert_array_equal(fast["target_changes"], plain["target_changes"])
+
+
+@needs_numba
 def test_only_functions_of_the_twin_have_one() -> None:
     with pytest.raises(KeyError):
         compiled(make_world)

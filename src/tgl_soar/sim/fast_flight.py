@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Sequence
-from math import ceil, inf, nan, pi
+from math import floor, inf, nan, pi
 from typing import NamedTuple
 
 import numpy as np
@@ -146,15 +146,15 @@ def fly_compiled(
     fly = compiled(fly_ticks)
     pending = sorted(changes, key=lambda change: change.time_s)
     dt = 1.0 / world.step_hz
-    for done in range(len(pending) + 1):
-        until = ticks
-        if done < len(pending):
-            until = min(ticks, max(0, ceil(pending[done].time_s / dt - 1e-9)))
-        if until > flight.steps and flight.standing == FLIES:
+    until_steps = [_first_step(change.time_s, dt) for change in pending]
+    for done, until in enumerate([*until_steps, ticks]):
+        if flight.standing != FLIES or flight.steps >= ticks:
+            break
+        if done > 0:
+            values = values.changed(pending[done - 1].parameters, flying=True)
+        if until > flight.steps:
             laws = laws_from(values, world.frame)
-            flight = fly(parts, laws, flight, until, done, rows)
-        if done < len(pending):
-            values = values.changed(pending[done].parameters, flying=True)
+            flight = fly(parts, laws, flight, min(until, ticks), done, rows)
     ended = ""
     if flight.standing == CRASHED:
         ended = world._why_lost(flight.world.aircraft)
@@ -163,6 +163,14 @@ def fly_compiled(
     flown = rows[: flight.steps]
     columns = {name: flown[:, i] for i, name in enumerate(Row._fields)}
     return Trajectory(columns, ended, flight.steps)
+
+
+def _first_step(time_s: float, dt_s: float) -> int:
+    """The first step that is not before a time, as `closed_loop.fly` compares them."""
+    n = max(0, floor(time_s / dt_s) - 1)
+    while n * dt_s < time_s:
+        n += 1
+    return n
 
 
 class CompiledWorld(World):
