@@ -1,33 +1,172 @@
-"""How fast the closed loop runs in process: law and world, no sockets.
+"""How fast flights are simulated: law and world in one process, no sockets.
 
-Reference: real time.
+Every row is in simulated seconds per second on one core, unless it says otherwise, with 1 %
+turbulence and every sensor on.  References: real time; and JSBSim, which steps an aircraft
+alone at the same rate, in a wind that is new in every step (its own sailplane without a law:
+the agreement of ours with it is a test's business).
 """
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable, Iterator
+from functools import cache
 from time import perf_counter
+from typing import Any
+
+from msgspec.structs import asdict
 
 from tgl_soar.config import load_airframe, load_parameters, load_site, shipped
+from tgl_soar.sim.aircraft import aircraft_model, step
+from tgl_soar.sim.batch import Plan, fly_batch
 from tgl_soar.sim.closed_loop import fly
-from tgl_soar.sim.world import build_field, make_world
+from tgl_soar.sim.compiled import available
+from tgl_soar.sim.fast_flight import CompiledWorld, fly_compiled, prepare
+from tgl_soar.sim.world import build_field
+from tgl_soar.types import SurfaceCommand
 
 from .result import Result
 
-FLIGHT_S = 60.0
+FLIGHT_S = 30.0
+ROUNDS = 3  # the quickest counts: what else the machine does can only slow it down
+COMPILED_FLIGHTS = 50  # in a round
+BATCH_FLIGHTS = 1000
+REAL_TIME = "real time"
+NO_NUMBA = "numba is not installed: nothing is compiled"
+NO_JSBSIM = "jsbsim is not installed: not measured beside it"
 
 
-def closed_loop() -> Result:
-    """Simulated seconds per second, turbulence and every sensor on, one core."""
+def flights() -> Iterator[Result]:
+    """The closed loop: plain, with the model compiled, with the laws compiled too."""
+    plain = _plain_speed()
+    yield Result("closed loop, nothing compiled", plain, 1.0, "s/s", REAL_TIME)
+    if not available():
+        print(NO_NUMBA)
+        return
+    prepared = prepare(_plan().world(1), FLIGHT_S)
+    values = _plan().values
+
+    before = perf_counter()
+    CompiledWorld(prepared, 1).step(SurfaceCommand(0.0, 0.0, 0.0))
+    compile_model_s = perf_counter() - before
+    model = _speed(1, lambda: fly(CompiledWorld(prepared, 1), values, [], FLIGHT_S).ended)
+    yield Result("closed loop, the model compiled", model, 1.0, "s/s", REAL_TIME)
+
+    before = perf_counter()
+    fly_compiled(prepared, 1, values, [])
+    compile_all_s = perf_counter() - before
+
+    def fly_many() -> str:
+        return "".join(
+            fly_compiled(prepared, seed, values, []).ended for seed in range(COMPILED_FLIGHTS)
+        )
+
+    everything = _speed(COMPILED_FLIGHTS, fly_many)
+    yield Result("closed loop, all compiled", everything, 1.0, "s/s", REAL_TIME)
+
+    plain_flight_s = FLIGHT_S / plain
+    one_flight = f"a plain flight of {FLIGHT_S:g} s"
+    yield Result("compiling the model", compile_model_s, plain_flight_s, "s", one_flight)
+    yield Result("compiling the rest too", compile_all_s, plain_flight_s, "s", one_flight)
+
+    cores = os.cpu_count() or 1
+    before = perf_counter()
+    scores = fly_batch(_plan(), range(BATCH_FLIGHTS), compile="all")
+    elapsed = perf_counter() - before
+    assert not any(score.ended for score in scores)
+    yield Result(
+        f"batch of {BATCH_FLIGHTS} flights of {FLIGHT_S:g} s with scores, {cores} cores",
+        BATCH_FLIGHTS * FLIGHT_S / elapsed,
+        everything,
+        "s/s",
+        "all compiled on one core",
+    )
+
+
+def beside_jsbsim() -> Iterator[Result]:
+    """JSBSim's aircraft alone against our aircraft alone, and against our whole closed loop."""
+    os.environ.setdefault("JSBSIM_DEBUG", "0")  # it greets otherwise
+    try:
+        import jsbsim
+    except ImportError:
+        print(NO_JSBSIM)
+        return
+    theirs = _jsbsim_speed(jsbsim)
+    what = "JSBSim steps its aircraft alone"
+    world, airframe = _plan().world(1), _plan().airframe
+    model = aircraft_model(asdict(airframe.airframe), airframe.model)
+    state, surfaces = world.state, SurfaceCommand(0.0, 0.0, 0.0)
+    dt = 1.0 / world.step_hz
+    steps = round(FLIGHT_S / dt)
+
+    def aircraft_alone() -> str:
+        now = state
+        for i in range(steps):
+            wind = (8.5 + 1e-3 * (i % 100), 0.0, 1.4)
+            now = step(model, now, surfaces, wind, wind, dt)
+        return ""
+
+    yield Result("our aircraft alone, plain", _speed(1, aircraft_alone), theirs, "s/s", what)
+    yield Result("closed loop, nothing compiled", _plain_speed(), theirs, "s/s", what)
+    if available():
+        prepared, values = prepare(world, FLIGHT_S), _plan().values
+        fly_compiled(prepared, 1, values, [])
+        everything = _speed(1, lambda: fly_compiled(prepared, 1, values, []).ended)
+        yield Result("closed loop, all compiled", everything, theirs, "s/s", what)
+
+
+BENCHMARKS = (flights, beside_jsbsim)
+
+
+def _jsbsim_speed(jsbsim: Any) -> float:
+    fdm = jsbsim.FGFDMExec(None)
+    fdm.set_debug_level(0)
+    assert fdm.load_model("SGS")
+    dt = 1.0 / _plan().step_hz
+    fdm.set_dt(dt)
+    fdm["ic/h-sl-ft"], fdm["ic/vc-kts"] = 5000.0, 45.0
+    assert fdm.run_ic()
+    steps = round(FLIGHT_S / dt)
+
+    def aircraft_alone() -> str:
+        for i in range(steps):
+            fdm["atmosphere/wind-north-fps"] = -28.0 - 3e-3 * (i % 100)
+            fdm["atmosphere/wind-east-fps"] = 0.0
+            fdm["atmosphere/wind-down-fps"] = -4.6
+            fdm.run()
+        return ""
+
+    return _speed(1, aircraft_alone)
+
+
+@cache
+def _plain_speed() -> float:
+    plan = _plan()
+    return _speed(1, lambda: fly(plan.world(1), plan.values, [], FLIGHT_S).ended)
+
+
+def _speed(flights: int, run: Callable[[], str]) -> float:
+    """Simulated seconds per second of `flights` flights, the best of `ROUNDS`."""
+    best = float("inf")
+    for _ in range(ROUNDS):
+        before = perf_counter()
+        ended = run()
+        best = min(best, perf_counter() - before)
+        assert not ended, ended
+    return flights * FLIGHT_S / best
+
+
+@cache
+def _plan() -> Plan:
     airframe_path, site_path = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
     airframe, site = load_airframe(airframe_path), load_site(site_path)
     values = load_parameters(airframe, airframe_path, site, site_path)
     assert site.air is not None
-    world = make_world(airframe, site, seed=1, turbulence=0.01, field=build_field(site.air))
-    before = perf_counter()
-    flight = fly(world, values, [], FLIGHT_S)
-    elapsed = perf_counter() - before
-    assert not flight.ended, flight.ended
-    return Result("closed loop in process", FLIGHT_S / elapsed, 1.0, "s/s", "real time")
-
-
-BENCHMARKS = (closed_loop,)
+    return Plan(
+        airframe,
+        site,
+        values,
+        duration_s=FLIGHT_S,
+        turbulence=0.01,
+        field=build_field(site.air),
+    )
