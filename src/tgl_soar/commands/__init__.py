@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from . import params, polar, site, sitl, zeuc
+from . import experiment, params, polar, site, sitl, zeuc
 
 app = typer.Typer(
     help="An autopilot module that soars a slope on a target gradient line, over MAVLink.",
@@ -24,7 +24,8 @@ def run() -> None:
 
 
 app.command("sitl")(sitl.sitl)
-app.command("params")(params.params)
 app.command("zeuc")(zeuc.zeuc)
+app.add_typer(params.params_app, name="params")
 app.add_typer(polar.polar_app, name="polar")
 app.add_typer(site.site_app, name="site")
+app.command("experiment")(experiment.experiment)

@@ -24,6 +24,19 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "speed": air_speed.speed,
 }
 
+TITLES: Final = {
+    "field": "a hill of potential flow, an illustrative polar, three places",
+    "static": "a line that stands still",
+    "translate": "the line moves downstream, a to b to c",
+    "back": "and back upstream",
+    "rotate": "the line turns",
+    "slope": "the board from 23° to 25°, the line translating",
+    "wind": "8.5 to 9.5 m/s, the line still",
+    "gust": "updraft and sink at once after a change of wind",
+    "lean": "lines less perpendicular to the contour, upright, leaning downwind",
+    "speed": "oscillation with fixed gains as airspeed grows",
+}
+
 
 def run(name: str, context: Context) -> Result:
     """Run one experiment by name.  Errors: KeyError, `ConfigError`, ImportError for figures."""

@@ -12,6 +12,7 @@ from typing import Final, NamedTuple
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tgl_soar.estimation.polar import best_glide_speed
 from tgl_soar.types import polar_sink, polar_slope
@@ -20,6 +21,8 @@ from .context import Context
 from .flights import Flown
 from .result import Claim, Result, Table
 from .scenario import Prepared, prepare, stable_crossing
+
+Floats = NDArray[np.float64]
 
 AT_ONCE_S: Final = 0.5  # after the step of wind
 STAYS_MPS: Final = 0.005  # per m/s of wind: a slope of 1 : 200
@@ -51,7 +54,7 @@ def gust(context: Context) -> Result:
     lines = list(scenario.lines)
     variants = {line: msgspec.structs.replace(scenario, first_line=line) for line in lines}
     flights = context.fly(variants)
-    changes = [_change(prepare(variants[n]), flights[n][0], n) for n in lines]
+    changes = [_change(prepare(variants[n]), flights[n], n) for n in lines]
     step = scenario.wind.mps[-1] - scenario.wind.mps[0]
     best = best_glide_speed(prepare(scenario).polar)
     figures = _draw(context, prepare(scenario), changes, flights, best)
@@ -59,8 +62,9 @@ def gust(context: Context) -> Result:
         "gust",
         "a sudden change of wind: updraft against sink",
         "At the four places of `wind`: what updraft and sink gain for each m/s of local wind while"
-        f" the aircraft keeps its place; and, in calm air, what the simulated aircraft does in the"
-        f" seconds after the wind of the tunnel grows by {step:g} m/s within 0.2 s.",
+        " the aircraft keeps its place; and, in calm air, what the simulated aircraft does in the"
+        f" seconds after the wind of the tunnel grows by {step:g} m/s within 0.2 s (the mean of"
+        " several seeds of the sensors' noise).",
         sensitivity_claims(changes, best),
         gust_why(changes),
         (
@@ -97,38 +101,41 @@ def gust(context: Context) -> Result:
     )  # fmt: skip
 
 
-def _along(
-    prepared: Prepared, flight: Flown, line: str
-) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def _moved(prepared: Prepared, flights: list[Flown], line: str) -> tuple[Floats, Floats]:
+    """(time since the step [s], mean way up the line since before it [m]) of all flights."""
     target = prepared.lines[line].target
-    along: np.ndarray[tuple[int], np.dtype[np.float64]] = cos(target.eta_rad) * (
-        flight.path["x_m"] - target.x_m
-    ) + sin(target.eta_rad) * (flight.path["z_m"] - target.z_m)
-    return along
-
-
-def _change(prepared: Prepared, flight: Flown, line: str) -> Change:
-    target, at = prepared.lines[line]
     schedule = prepared.scenario.wind
-    assert at is not None
     assert schedule is not None
+    whole = [flight for flight in flights if flight.survived]
+    if not whole:
+        return np.array([0.0, 1e3]), np.full(2, np.nan)
+    along = np.mean(
+        [
+            cos(target.eta_rad) * flight.path["x_m"] + sin(target.eta_rad) * flight.path["z_m"]
+            for flight in whole
+        ],
+        axis=0,
+    )
+    time = whole[0].path["time_s"] - schedule.times_s[0]
+    return time, along - np.mean(along[(time > -10.0) & (time <= 0.0)])
+
+
+def _change(prepared: Prepared, flights: list[Flown], line: str) -> Change:
+    target, at = prepared.lines[line]
+    assert at is not None
     after = stable_crossing(prepared.field, prepared.polar, target, 1e6)
     assert after is not None
-    begin = schedule.times_s[0]
-    time, along = flight.path["time_s"], _along(prepared, flight, line)
-    before = float(np.mean(along[(time > begin - 10.0) & (time <= begin)]))
-    moved = along - before
-    soon = (time > begin) & (time < begin + 5.0)
-    nan = float("nan")
+    time, moved = _moved(prepared, flights, line)
+    soon = (time >= 0.0) & (time < 5.0)
     return Change(
         line,
         at.wind_mps,
         polar_sink(prepared.polar, at.wind_mps),
         at.updraft_mps / at.wind_mps,
         polar_slope(prepared.polar, at.wind_mps),
-        float(np.interp(begin + AT_ONCE_S, time, moved)) if flight.survived else nan,
-        float(np.max(moved[soon])) if flight.survived else nan,
-        float(np.mean(moved[time > time[-1] - 10.0])) if flight.survived else nan,
+        float(np.interp(AT_ONCE_S, time, moved)),
+        float(np.max(moved[soon])),
+        float(np.mean(moved[time > time[-1] - 10.0])),
         cos(target.eta_rad) * (after.x_m - at.x_m) + sin(target.eta_rad) * (after.z_m - at.z_m),
     )
 
@@ -205,20 +212,10 @@ def _draw(
         points.append(Series([c.wind_mps], [c.margin], None, colour, "", "o"))
         notes.append(Note(c.wind_mps, c.sink_mps, "", colour))
         margin_notes.append(Note(c.wind_mps, c.margin, c.line, colour))
-        flight = flights[c.line][0]
-        time = flight.path["time_s"]
-        assert prepared.scenario.wind is not None
-        begin = prepared.scenario.wind.times_s[0]
-        along = _along(prepared, flight, c.line)
-        before = float(np.mean(along[(time > begin - 10.0) & (time <= begin)]))
-        show = (time > begin - 1.0) & (time < begin + 8.0)
+        time, moved = _moved(prepared, flights[c.line], c.line)
+        show = (time > -1.0) & (time < 8.0)
         histories.append(
-            Series(
-                (time[show] - begin).tolist(),
-                (100.0 * (along - before)[show]).tolist(),
-                c.line,
-                colour,
-            )
+            Series(time[show].tolist(), (100.0 * moved[show]).tolist(), c.line, colour)
         )
         histories.append(Series([6.5, 8.0], [100.0 * c.predicted_m] * 2, None, colour, "--"))
     curves_figure(

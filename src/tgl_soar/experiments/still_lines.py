@@ -149,7 +149,7 @@ def polar_bias_m(prepared: Prepared, line: str) -> float:
     The polar is a cubic through the model's glides: where it sinks more than they do, the
     aircraft settles higher, by the difference over the slope of excess updraft.
     """
-    target, at = prepared.lines[line]
+    at = prepared.lines[line].crossing
     assert at is not None
     model = aircraft_model(asdict(prepared.airframe.airframe), prepared.airframe.model)
     own = glide_at(model, at.wind_mps).sink_mps

@@ -52,8 +52,8 @@ class CurvePanel:
     notes: list[Note] = field(default_factory=list)
     marks: list[Mark] = field(default_factory=list)
     y_from_zero: bool = False
-    y_down: bool = False
-    legend: Literal["best", "upper left", "upper right", "lower left", "lower right"] = "best"
+    y_log: bool = False
+    legend: Literal["best", "upper left", "upper right", "center right"] = "best"
 
 
 def curves_figure(path: Path, panels: list[CurvePanel], title: str) -> None:
@@ -63,7 +63,11 @@ def curves_figure(path: Path, panels: list[CurvePanel], title: str) -> None:
     """
     with drawing() as plt:
         figure, rows = plt.subplots(
-            1, len(panels), figsize=(5.2 * len(panels), 4.2), layout="constrained", squeeze=False
+            1,
+            len(panels),
+            figsize=(10.4 if len(panels) < 3 else 12.6, 4.2),
+            layout="constrained",
+            squeeze=False,
         )
         for panel, axes in zip(panels, rows[0], strict=True):
             for s in panel.series:
@@ -79,8 +83,10 @@ def curves_figure(path: Path, panels: list[CurvePanel], title: str) -> None:
                 )
             if panel.y_from_zero:
                 axes.set_ylim(bottom=0.0)
-            if panel.y_down:
-                axes.invert_yaxis()
+            if panel.y_log:
+                axes.set_yscale("log")
+                axes.yaxis.set_major_formatter(lambda y, _: f"{y:g}")
+                axes.yaxis.set_minor_formatter(lambda y, _: f"{y:g}" if f"{y:e}"[0] in "25" else "")
             for mark in panel.marks:
                 axes.axvline(mark.x, color="0.45", lw=0.9, ls=":")
                 axes.annotate(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -49,8 +50,18 @@ def drawing() -> Iterator[Any]:
 
 
 def save(plt: Any, figure: Figure, path: Path) -> None:
-    """Write a figure (PNG or SVG by the path's ending), the same bytes for the same picture."""
+    """Write a figure (PNG or SVG by the path's ending), the same bytes for the same picture.
+
+    A PNG is reduced to 200 colours, which no eye tells from all and which halves the file.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
-    metadata = {"Date": None} if path.suffix == ".svg" else {"Software": None}
-    figure.savefig(path, dpi=110, metadata=metadata)
+    if path.suffix.lower() == ".png":
+        from PIL import Image  # comes with matplotlib
+
+        pixels = BytesIO()
+        figure.savefig(pixels, format="png", dpi=110)
+        picture = Image.open(pixels).convert("RGB")
+        picture.quantize(colors=200, dither=Image.Dither.NONE).save(path, optimize=True)
+    else:
+        figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
     plt.close(figure)
