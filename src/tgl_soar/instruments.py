@@ -11,10 +11,24 @@ A number that does not exist (a setpoint in standby) is NaN.
 from __future__ import annotations
 
 from math import degrees, isfinite
-from typing import Final, NamedTuple
+from typing import Final
 
 from tgl_soar.autopilot import Output
-from tgl_soar.link.messages import DebugFloatArray, NamedValueFloat, NavControllerOutput
+from tgl_soar.link.messages import (
+    ID_DEBUG_FLOAT_ARRAY,
+    ID_NAMED_VALUE_FLOAT,
+    ID_NAV_CONTROLLER_OUTPUT,
+    DebugFloatArray,
+    NamedValueFloat,
+    NavControllerOutput,
+    Said,
+)
+from tgl_soar.link.telemetry import Flow
+from tgl_soar.types import NAN
+
+FAST_S: Final = 0.2  # between two of the same number
+SLOW_S: Final = 1.0
+ARRAY_S: Final = 0.5
 
 FAST: Final = (
     "e_rho",
@@ -45,11 +59,51 @@ ATTITUDE_OK: Final = 2
 AUTOPILOT_OK: Final = 4
 
 
-class LinkState(NamedTuple):
-    """What the links tell of themselves."""
+class Panel:
+    """The newest of everything, and the messages that show it."""
 
-    loss: float  # share of the autopilot's frames that were lost of late, 0 … 1
-    round_trip_s: float  # to the autopilot and back; NaN: not measured
+    def __init__(self) -> None:
+        self._output: Output | None = None
+        self._vehicle_time_s = NAN
+        self._loss = 0.0
+        self._round_trip_s = NAN
+
+    def look(self, output: Output, vehicle_time_s: float, loss: float, round_trip_s: float) -> None:
+        """Take in a tick.
+
+        loss: share of the autopilot's frames that were lost of late, 0 … 1; round_trip_s: to the
+        autopilot and back, NaN: not measured.
+        """
+        self._output = output
+        self._vehicle_time_s = vehicle_time_s
+        self._loss = loss
+        self._round_trip_s = round_trip_s
+
+    def flows(self) -> tuple[Flow, ...]:
+        """What is told without being asked, and how often; the last one only if asked for."""
+        return (
+            Flow(ID_NAMED_VALUE_FLOAT, len(FAST), FAST_S, self._fast),
+            Flow(ID_NAMED_VALUE_FLOAT, len(SLOW), SLOW_S, self._slow),
+            Flow(ID_DEBUG_FLOAT_ARRAY, 1, ARRAY_S, self._array),
+            Flow(ID_NAV_CONTROLLER_OUTPUT, 1, float("inf"), self._navigation),
+        )
+
+    def _fast(self, turn: int) -> Said | None:
+        if self._output is None:
+            return None
+        return named_value(FAST[turn], self._vehicle_time_s, fast_value(self._output, turn))
+
+    def _slow(self, turn: int) -> Said | None:
+        if self._output is None:
+            return None
+        value = slow_value(self._output, self._loss, self._round_trip_s, turn)
+        return named_value(SLOW[turn], self._vehicle_time_s, value)
+
+    def _array(self, _turn: int) -> Said | None:
+        return None if self._output is None else float_array(self._output, self._vehicle_time_s)
+
+    def _navigation(self, _turn: int) -> Said | None:
+        return None if self._output is None else nav_controller_output(self._output)
 
 
 def health_bits(output: Output) -> float:
@@ -76,7 +130,7 @@ def fast_value(output: Output, turn: int) -> float:
     )[turn]
 
 
-def slow_value(output: Output, link: LinkState, turn: int) -> float:
+def slow_value(output: Output, loss: float, round_trip_s: float, turn: int) -> float:
     """The number of `SLOW[turn]`."""
     health = output.health
     return (
@@ -85,8 +139,8 @@ def slow_value(output: Output, link: LinkState, turn: int) -> float:
         health.position_age_s,
         health.attitude_age_s,
         health.heartbeat_age_s,
-        link.loss,
-        link.round_trip_s * 1e3,
+        loss,
+        round_trip_s * 1e3,
     )[turn]
 
 

@@ -26,6 +26,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from math import isfinite
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -45,13 +46,20 @@ from tgl_soar.geometry import SoaringFrame
 from tgl_soar.link.autopilots.ardupilot import ArduPilot
 from tgl_soar.link.autopilots.base import Flavour, SurfaceChannel, SurfaceChannels
 from tgl_soar.link.autopilots.bridge import Bridge
-from tgl_soar.link.codec import Decoder, Encoder, starts_with_frame
+from tgl_soar.link.codec import Decoder, Encoder
 from tgl_soar.link.commands import ABORT, ENGAGE, NOTHING, RELEASE, CommandServer
 from tgl_soar.link.engagement import Engagement
+from tgl_soar.link.keys import (
+    UNSIGNED,
+    Secret,
+    SigningError,
+    keep_timestamp,
+    peers_of,
+    save_key,
+    signing_from,
+)
 from tgl_soar.link.messages import (
-    ID_DEBUG_FLOAT_ARRAY,
-    ID_NAMED_VALUE_FLOAT,
-    ID_NAV_CONTROLLER_OUTPUT,
+    COMPONENT_AUTOPILOT,
     ID_RC_CHANNELS,
     SEVERITY_ERROR,
     SEVERITY_INFO,
@@ -67,14 +75,16 @@ from tgl_soar.link.messages import (
     RcChannels,
     Received,
     Said,
+    SetupSigning,
     Source,
     Timesync,
 )
 from tgl_soar.link.parameters import ParameterServer
 from tgl_soar.link.routes import Route
 from tgl_soar.link.session import Session
-from tgl_soar.link.telemetry import Flow, StatusTexts, Telemetry
-from tgl_soar.link.transport import FORMS, LinkError, Transport, open_link
+from tgl_soar.link.signing import KEY_BYTES, Signing
+from tgl_soar.link.telemetry import StatusTexts, Telemetry
+from tgl_soar.link.transport import FORMS, LinkError, Transport, is_open, open_link
 from tgl_soar.parameters import ParameterSet
 from tgl_soar.types import Inputs, SurfaceCommand
 
@@ -85,9 +95,6 @@ HOLDING: Final = 3
 RELEASED: Final = 4
 RELEASE_FRAMES: Final = 5  # a lost frame must not leave the aircraft to the overrides' time-out
 RELEASE_INTERVAL_S: Final = 0.1
-FAST_S: Final = 0.2  # between two of the same number of `instruments.FAST`
-SLOW_S: Final = 1.0
-ARRAY_S: Final = 0.5
 PILOT_SWITCH_HZ: Final = 10.0
 LOSS_S: Final = 2.0  # over which the loss on the link is measured
 COMPLAIN_S: Final = 5.0  # between two lines on the console about an autopilot that is not there
@@ -160,8 +167,16 @@ class Onboard:
         stream: bool = False,
         lockstep: bool = False,
         console: Callable[[str], None] | None = None,
+        signing: Signing | None = None,
+        unsigned_autopilot: bool = False,
+        keep_key: Callable[[bytes], None] | None = None,
     ) -> None:
-        """`stream`: the link may cut frames anywhere.  `console`: where words go locally."""
+        """`stream`: the link may cut frames anywhere.  `console`: where words go locally.
+
+        `signing`: without one nothing is signed.  `unsigned_autopilot`: the autopilot itself
+        need not sign on its own link.  `keep_key`: keeps a key that came over the air, or raises
+        OSError; without it none is taken.
+        """
         self.counters = Counters()
         self.texts = StatusTexts()
         self.parameters = ParameterServer(setup.own, setup.parameters, self.texts)
@@ -178,6 +193,10 @@ class Onboard:
 
         self._setup = setup
         self._console = console or _nowhere
+        self.signing = signing or Signing(None, 0.0, 0.0)
+        self._unsigned_autopilot = unsigned_autopilot
+        self._keep_key = keep_key
+        self._keys_refused_s = float("-inf")
         self._lockstep = lockstep
         self._vehicle_clock = False  # lockstep, and the first attitude has come
         self._routes: list[Route] = []
@@ -191,7 +210,8 @@ class Onboard:
         self._active = False
         self._releases = 0
         self._release_due_s = 0.0
-        self._flows()
+        self._panel = instruments.Panel()
+        self.telemetry = Telemetry(self._panel.flows())
         self.engagement = Engagement()
         major, minor, patch = (int(part) for part in __version__.split(".")[:3])
         self.commands = CommandServer(setup.own, self.telemetry, (major, minor, patch))
@@ -200,22 +220,22 @@ class Onboard:
         self._loss_counted = (0, 0)
         self._reboots = 0
 
-    def _flows(self) -> None:
-        """What is told without being asked, and how often; NAV_CONTROLLER_OUTPUT only if asked."""
-        self.telemetry = Telemetry(
-            (
-                Flow(ID_NAMED_VALUE_FLOAT, len(instruments.FAST), FAST_S, self._fast),
-                Flow(ID_NAMED_VALUE_FLOAT, len(instruments.SLOW), SLOW_S, self._slow_number),
-                Flow(ID_DEBUG_FLOAT_ARRAY, 1, ARRAY_S, self._array),
-                Flow(ID_NAV_CONTROLLER_OUTPUT, 1, float("inf"), self._nav_controller_output),
-            )
-        )
-
     def add_link(self, send: Callable[[bytes], bool], *, stream: bool = False) -> int:
         """One more link; its number.  The first leads to the autopilot."""
-        setup = self._setup
-        self._routes.append(Route(setup.own, setup.override, send, stream=stream))
-        return len(self._routes) - 1
+        setup, number = self._setup, len(self._routes)
+        excused = self.session.autopilot if number == 0 and self._unsigned_autopilot else None
+        self._routes.append(
+            Route(
+                number,
+                setup.own,
+                setup.override,
+                send,
+                self.signing,
+                stream=stream,
+                excused=excused,
+            )
+        )
+        return number
 
     @property
     def decoder(self) -> Decoder:
@@ -246,6 +266,9 @@ class Onboard:
             return
         if isinstance(message, CommandLong | CommandInt):
             self._obey(route, received.source, message, self._clock(now_s))
+            return
+        if isinstance(message, SetupSigning):
+            self._take_key(received.source, message, now_s)
             return
         if route is not self._autopilot and not isinstance(message, Timesync | Heartbeat):
             return  # nobody else's measurements are flown with
@@ -282,6 +305,32 @@ class Onboard:
         if server.values is not self._values:
             self._settings()
         self._say_all(said)
+
+    # --- keys ---------------------------------------------------------------------------------
+
+    def _take_key(self, source: Source, message: SetupSigning, now_s: float) -> None:
+        """A key over the air: everybody who listens knows it from then on."""
+        own = self._setup.own
+        if message.target_system != own.system or message.target_component != own.component:
+            return
+        refusal = self._forbidden(source)
+        if self._keep_key is None:
+            refusal = "not over the air (--allow-setup-signing)"
+        elif self._active:
+            refusal = "not while flying"
+        elif len(message.secret_key) != KEY_BYTES or not any(message.secret_key):
+            refusal = "signing is not turned off over the air"
+        if not refusal and self._keep_key is not None:
+            try:
+                self._keep_key(message.secret_key)
+            except OSError as error:
+                refusal = f"it cannot be kept: {error.strerror}"
+        if not refusal:
+            self.signing.replace_key(message.secret_key, message.initial_timestamp)
+            self.tell(SEVERITY_WARNING, f"new signing key from system {source.system}")
+        elif now_s - self._keys_refused_s > COMPLAIN_S:
+            self._keys_refused_s = now_s
+            self.tell(SEVERITY_WARNING, f"SETUP_SIGNING refused: {refusal}")
 
     # --- operators and the pilot --------------------------------------------------------------
 
@@ -468,6 +517,8 @@ class Onboard:
     def _slow(self, now_s: float) -> None:
         """Whatever may wait until the surfaces have been sent."""
         session = self.session
+        if self.signing.is_on:
+            self.signing.advance(now_s)
         said = session.poll(now_s)
         for route in self._routes:
             if not route.greeted:
@@ -483,6 +534,7 @@ class Onboard:
         session.notices.clear()
         if self.output is not None:
             self._measure_loss(now_s)
+            self._panel.look(self.output, session.vehicle_time_s, self._loss, session.round_trip_s)
             message = self.telemetry.due(now_s, self._values["TEL_BUDGET"])
             if message is not None:
                 self._spend(self._say(message))
@@ -496,32 +548,6 @@ class Onboard:
                 route.asked = self.parameters.is_busy
 
     # --- telemetry ----------------------------------------------------------------------------
-
-    def _fast(self, turn: int) -> Said | None:
-        return self._number(instruments.FAST[turn], instruments.fast_value, turn)
-
-    def _slow_number(self, turn: int) -> Said | None:
-        if self.output is None:
-            return None
-        link = instruments.LinkState(self._loss, self.session.round_trip_s)
-        value = instruments.slow_value(self.output, link, turn)
-        return instruments.named_value(instruments.SLOW[turn], self.session.vehicle_time_s, value)
-
-    def _number(
-        self, name: str, value: Callable[[autopilot.Output, int], float], turn: int
-    ) -> Said | None:
-        if self.output is None:
-            return None
-        time_s = self.session.vehicle_time_s
-        return instruments.named_value(name, time_s, value(self.output, turn))
-
-    def _array(self, _turn: int) -> Said | None:
-        if self.output is None:
-            return None
-        return instruments.float_array(self.output, self.session.vehicle_time_s)
-
-    def _nav_controller_output(self, _turn: int) -> Said | None:
-        return None if self.output is None else instruments.nav_controller_output(self.output)
 
     def _measure_loss(self, now_s: float) -> None:
         """How much of what the autopilot sent was lost of late."""
@@ -620,49 +646,89 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add = parser.add_argument
     add("--airframe", type=Path, required=True, help="airframe file, as config/airframes/*.toml")
     add("--site", type=Path, required=True, help="site file, as config/sites/*.toml")
-    add("--link", required=True, help=FORMS)
+    add(
+        "--link",
+        required=True,
+        action="append",
+        help=f"{FORMS}; the first leads to the autopilot, repeat it for ground stations",
+    )
     add("--lockstep", action="store_true", help="tick with the simulator's clock, not our own")
     add("--timeout", type=float, metavar="S", help="give up if no autopilot answers for so long")
+    add("--signing-key", type=Path, metavar="FILE", help="sign, and refuse what is not signed")
+    add(
+        "--unsigned-autopilot",
+        action="store_true",
+        help="with a key: the autopilot itself need not sign on the first link",
+    )
+    add(
+        "--allow-setup-signing",
+        action="store_true",
+        help="with a key file: take another key from an operator over the air, and keep it there",
+    )
     given = parser.parse_args(arguments)
+    if given.signing_key is None and (given.unsigned_autopilot or given.allow_setup_signing):
+        parser.error("--unsigned-autopilot and --allow-setup-signing need --signing-key")
     return run(
-        given.airframe, given.site, given.link, lockstep=given.lockstep, timeout_s=given.timeout
+        given.airframe,
+        given.site,
+        given.link,
+        lockstep=given.lockstep,
+        timeout_s=given.timeout,
+        secret=Secret(given.signing_key, given.unsigned_autopilot, given.allow_setup_signing),
     )
 
 
 def run(
     airframe_path: str | Path,
     site_path: str | Path,
-    link: str,
+    link: str | Sequence[str],
     *,
     lockstep: bool = False,
     timeout_s: float | None = None,
+    secret: Secret = UNSIGNED,
 ) -> int:
     """Fly until told to stop; the process's exit code.
 
-    0: stopped by SIGINT or SIGTERM; 2: configuration or link cannot be used; 3: no autopilot
-    answered within `timeout_s`, if that was given.
+    `link`: one or several, the first to the autopilot.  0: stopped by SIGINT or SIGTERM;
+    2: configuration, key or link cannot be used; 3: no autopilot answered within `timeout_s`,
+    if that was given.
     """
+    links = [link] if isinstance(link, str) else list(link)
+    transports: list[Transport] = []
     try:
         airframe = load_airframe(airframe_path)
         site = load_site(site_path)
         parameters = load_parameters(airframe, airframe_path, site, site_path)
-        transport = open_link(link, starts_with_frame, time.monotonic())
-    except (ConfigError, LinkError) as error:
+        signing = signing_from(secret)
+        setup = setup_from(airframe, site, parameters)
+        for i, text in enumerate(links):
+            excused = Source(setup.own.system, COMPONENT_AUTOPILOT)
+            trusted = excused if i == 0 and secret.unsigned_autopilot else None
+            is_frame = peers_of(signing, trusted)
+            transports.append(open_link(text, is_frame, time.monotonic()))
+    except (ConfigError, LinkError, SigningError) as error:
         print(error, file=sys.stderr)
+        for transport in transports:
+            transport.close()
         return EXIT_CANNOT_START
     stopped = threading.Event()
     restore = _stop_on_signals(stopped)
+    end_keeping = keep_timestamp(signing, secret.key_file, _print)
     try:
         return _fly(
-            setup_from(airframe, site, parameters),
-            transport,
+            setup,
+            transports,
             stopped.is_set,
             lockstep=lockstep,
             timeout_s=timeout_s,
+            signing=signing,
+            secret=secret,
         )
     finally:
+        end_keeping()
         restore()
-        transport.close()
+        for transport in transports:
+            transport.close()
 
 
 def _stop_on_signals(stopped: threading.Event) -> Callable[[], None]:
@@ -681,52 +747,83 @@ def _stop_on_signals(stopped: threading.Event) -> Callable[[], None]:
 
 def _fly(
     setup: Setup,
-    transport: Transport,
+    transports: Sequence[Transport],
     stop: Callable[[], bool],
     *,
     lockstep: bool = False,
     timeout_s: float | None = None,
+    signing: Signing | None = None,
+    secret: Secret = UNSIGNED,
 ) -> int:
-    clock = time.monotonic
-    began_s = clock()
+    began_s = time.monotonic()
+    first, *others = transports
+    key_file = secret.key_file
     onboard = Onboard(
         setup,
-        transport.send,
+        first.send,
         began_s,
-        stream=transport.is_stream,
+        stream=first.is_stream,
         lockstep=lockstep,
         console=_print,
+        signing=signing,
+        unsigned_autopilot=secret.unsigned_autopilot,
+        keep_key=partial(save_key, key_file) if key_file and secret.allow_setup else None,
     )
-    _print(f"listening on {transport.name} as {setup.own.system}:{setup.own.component}")
+    for other in others:
+        onboard.add_link(other.send, stream=other.is_stream)
+    names = ", ".join(transport.name for transport in transports)
+    _print(f"listening on {names} as {setup.own.system}:{setup.own.component}")
+    if not onboard.signing.is_on:
+        for transport in transports:
+            if is_open(transport.name):
+                _print(
+                    f"WARNING: {transport.name} is open to the network and unsigned: whoever"
+                    " reaches it can fly this aircraft; give --signing-key, or listen on 127.0.0.1"
+                )
     for warning in realtime.prepare(real_time=not lockstep):
         _print(warning)
+    try:
+        code = _loop(onboard, transports, stop, timeout_s)
+    finally:  # whatever has happened, the pilot gets the surfaces
+        onboard.stop()
+    ticks = onboard.pacer.counters
+    if code == EXIT_OK and not lockstep:
+        _print(f"{ticks.ticks} ticks, {ticks.late} late, {ticks.skipped} skipped")
+    return code
+
+
+def _loop(
+    onboard: Onboard,
+    transports: Sequence[Transport],
+    stop: Callable[[], bool],
+    timeout_s: float | None,
+) -> int:
+    clock = time.monotonic
+    now_s = began_s = clock()
     watch = _Watch(began_s)
-    generation = transport.generation
-    now_s = clock()
+    generations = [transport.generation for transport in transports]
     while not stop():
-        realtime.wait(transport.fileno(), onboard.wake_s(now_s), now_s)
+        realtime.wait([t.fileno() for t in transports], onboard.wake_s(now_s), now_s)
         now_s = clock()
-        received = transport.receive(now_s)
-        if transport.generation != generation:
-            generation = transport.generation
-            onboard.relinked()
-        for data in received:
-            onboard.event(data, now_s)
-            if onboard.overdue(clock()):  # a flood must not hold up the tick
-                onboard.periodic(clock())
+        for link, transport in enumerate(transports):
+            received = transport.receive(now_s)
+            if transport.generation != generations[link]:
+                generations[link] = transport.generation
+                onboard.relinked(link)
+            for data in received:
+                onboard.event(data, now_s, link)
+                if onboard.overdue(clock()):  # a flood must not hold up the tick
+                    onboard.periodic(clock())
         if onboard.due(now_s):
             onboard.periodic(now_s)
         else:
             onboard.idle(now_s)
         if watch.is_silent(onboard.session.counters.heartbeats, now_s):
-            _print(_why_silent(onboard, transport))
+            _print(_why_silent(onboard, transports[0]))
         if timeout_s is not None and now_s - began_s > timeout_s and not onboard.session.is_heard:
-            _print(f"no autopilot on {transport.name} within {timeout_s:g} s: giving up")
+            name = transports[0].name
+            _print(f"no autopilot on {name} within {timeout_s:g} s: giving up")
             return EXIT_NO_AUTOPILOT
-    onboard.stop()
-    ticks = onboard.pacer.counters
-    if not lockstep:
-        _print(f"{ticks.ticks} ticks, {ticks.late} late, {ticks.skipped} skipped")
     return EXIT_OK
 
 

@@ -9,6 +9,7 @@ import ctypes
 import gc
 import os
 import select
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
@@ -125,10 +126,10 @@ class Pacer:
         return self.locked and self._sample_s >= self._deadline_s - EARLY * self.period_s
 
 
-def wait(fd: int, until_s: float, now_s: float) -> None:
-    """Sleep until something can be read, or until a time on our clock."""
+def wait(fds: Iterable[int], until_s: float, now_s: float) -> None:
+    """Sleep until one of some can be read (those below zero are none), or until a time."""
     timeout_s = max(0.0, until_s - now_s)
-    select.select([fd] if fd >= 0 else [], [], [], timeout_s)
+    select.select([fd for fd in fds if fd >= 0], [], [], timeout_s)
 
 
 def prepare(*, real_time: bool = True) -> list[str]:

@@ -40,10 +40,12 @@ from .messages import (
     Received,
     Said,
     ServoOutputRaw,
+    SetupSigning,
     Source,
     StatusText,
     Timesync,
 )
+from .signing import Signing
 
 _MARKER_V1: Final = 0xFE
 _MARKER_V2: Final = 0xFD
@@ -74,16 +76,22 @@ class DecoderCounters:
     skipped_bytes: int = 0  # belonged to no good frame
     bad_checksums: int = 0
     unknown: int = 0  # of messages that the dialect lacks: cannot be checked
+    refused: int = 0  # not signed as they must be
     undecodable: int = 0  # right checksum, and yet no message
 
 
 class Decoder:
     """Cuts what arrives on one link into messages."""
 
-    def __init__(self, *, stream: bool) -> None:
-        """`stream`: a frame may go on in the next piece, as on a serial line."""
+    def __init__(self, *, stream: bool, accept: Callable[[bytes], bool] | None = None) -> None:
+        """`stream`: a frame may go on in the next piece, as on a serial line.
+
+        `accept`: whether a whole, good frame of a message that somebody listens to may be
+        believed.
+        """
         self.counters = DecoderCounters()
         self._stream = stream
+        self._accept = accept
         self._rest = b""
         self._dialect: Any = dialect.MAVLink(None)
         self.only_v1 = False  # frames came, and all of MAVLink 1
@@ -128,7 +136,11 @@ class Decoder:
                     counters.frames += 1
                     self._count(data, at)
                     if number in _HEARD:
-                        self._decode(data[at : at + length], number, received)
+                        frame = data[at : at + length]
+                        if self._accept is None or self._accept(frame):
+                            self._decode(frame, number, received)
+                        else:
+                            counters.refused += 1
                     at += length
         return received
 
@@ -181,13 +193,19 @@ class Decoder:
 
 def starts_with_frame(data: bytes) -> bool:
     """Whether a datagram begins with a whole frame of a known message, checksum right."""
+    return first_frame(data) != b""
+
+
+def first_frame(data: bytes) -> bytes:
+    """The whole frame of a known message that a datagram begins with; empty if it does not."""
     if not data:
-        return False
+        return b""
     length = _frame_length(data, 0)
     if length == 0 or length > len(data):
-        return False
+        return b""
     number = _message_number(data, 0)
-    return number in _CRC_EXTRA and _checksum_is_right(data, 0, number)
+    good = number in _CRC_EXTRA and _checksum_is_right(data, 0, number)
+    return data[:length] if good else b""
 
 
 def _frame_length(data: bytes, at: int) -> int:
@@ -325,6 +343,12 @@ def _param_value(m: Any) -> Heard:
     return ParamValue(_text(m.param_id), m.param_value, m.param_type, m.param_count, m.param_index)
 
 
+def _setup_signing(m: Any) -> Heard:
+    return SetupSigning(
+        m.target_system, m.target_component, bytes(m.secret_key), m.initial_timestamp
+    )
+
+
 def _timesync(m: Any) -> Heard:
     return Timesync(m.tc1, m.ts1)
 
@@ -343,6 +367,7 @@ _HEARD: Final[dict[int, Callable[[Any], Heard]]] = {
     dialect.MAVLINK_MSG_ID_PARAM_REQUEST_READ: _param_request_read,
     dialect.MAVLINK_MSG_ID_PARAM_SET: _param_set,
     dialect.MAVLINK_MSG_ID_PARAM_VALUE: _param_value,
+    dialect.MAVLINK_MSG_ID_SETUP_SIGNING: _setup_signing,
     dialect.MAVLINK_MSG_ID_TIMESYNC: _timesync,
 }
 
@@ -350,8 +375,11 @@ _HEARD: Final[dict[int, Callable[[Any], Heard]]] = {
 class Encoder:
     """Frames of one sender; each sender counts its own sequence."""
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: Source, signing: Signing | None = None, link_id: int = 0) -> None:
+        """`signing`: what all links share; frames are signed while it has a key."""
         self.source = source
+        self._signing = signing
+        self._link_id = link_id
         self.version1 = False  # speak MAVLink 1
         self._dialect: Any = dialect.MAVLink(None, source.system, source.component)
 
@@ -363,9 +391,19 @@ class Encoder:
         packable = _SAID[type(message)](message)
         if self.version1 and packable.id > _LARGEST_V1:
             return b""
+        if self._signing is not None:
+            self._prepare_signature(self._signing)
         frame: bytes = packable.pack(self._dialect, force_mavlink1=self.version1)
         self._dialect.seq = (self._dialect.seq + 1) & 0xFF
         return frame
+
+    def _prepare_signature(self, signing: Signing) -> None:
+        state = self._dialect.signing
+        state.secret_key = signing.key
+        state.sign_outgoing = signing.is_on
+        state.link_id = self._link_id
+        if signing.is_on:
+            state.timestamp = signing.next_timestamp()
 
     def restart(self) -> None:
         """Count from zero again."""

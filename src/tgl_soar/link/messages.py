@@ -219,6 +219,13 @@ class Timesync(NamedTuple):
     ts1: int
 
 
+class SetupSigning(NamedTuple):
+    target_system: int
+    target_component: int
+    secret_key: bytes  # 32
+    initial_timestamp: int  # 10 us since 2015
+
+
 class StatusText(NamedTuple):
     severity: int
     text: str  # at most 50 characters
@@ -252,6 +259,7 @@ Heard: TypeAlias = (
     | ParamRequestRead
     | ParamSet
     | ParamValue
+    | SetupSigning
     | Timesync
 )
 

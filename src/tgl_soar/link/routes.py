@@ -16,6 +16,7 @@ from typing import Final, TypeAlias
 
 from .codec import Decoder, Encoder
 from .messages import Source
+from .signing import Signing, source_of
 
 MAX_SENDERS: Final = 32  # remembered on each link
 
@@ -25,15 +26,34 @@ Send: TypeAlias = Callable[[bytes], bool]
 class Route:
     """One link: its decoder, its encoders, and whom it leads to."""
 
-    def __init__(self, own: Source, override: Source, send: Send, *, stream: bool) -> None:
-        """`stream`: the link may cut frames anywhere."""
+    def __init__(
+        self,
+        number: int,
+        own: Source,
+        override: Source,
+        send: Send,
+        signing: Signing,
+        *,
+        stream: bool,
+        excused: Source | None = None,
+    ) -> None:
+        """`stream`: the link may cut frames anywhere.  `excused`: who need not sign here."""
+        self.number = number
         self.send = send
-        self.decoder = Decoder(stream=stream)
-        self.own = Encoder(own)
-        self.override = Encoder(override)
+        self.decoder = Decoder(stream=stream, accept=self._accept)
+        self.own = Encoder(own, signing, number)
+        self.override = Encoder(override, signing, number)
+        self._signing = signing
+        self._excused = excused
         self.greeted = False  # our heartbeat has gone out
         self.asked = False  # a list of parameters, or some of them
         self._senders: dict[Source, None] = {}
+
+    def _accept(self, frame: bytes) -> bool:
+        signing = self._signing
+        if not signing.is_on:
+            return True
+        return signing.lets_in(frame, excused=source_of(frame) == self._excused)
 
     def heard(self, source: Source) -> None:
         """Somebody has spoken on this link."""

@@ -13,6 +13,7 @@ checksum, and keeps this peer: another may follow when the old one has been sile
 from __future__ import annotations
 
 import errno
+import ipaddress
 import os
 import socket
 import termios
@@ -88,6 +89,19 @@ def open_link(text: str, is_frame: Callable[[bytes], bool], now_s: float = 0.0) 
     if kind == "serial":
         return SerialLink(text, *_device_and_baud(text, rest), now_s)
     raise LinkError(f"link {text!r}: unknown kind {kind!r}; give {FORMS}")
+
+
+def is_open(text: str) -> bool:
+    """Whether others than this computer can reach a link of this form."""
+    kind, _, rest = text.partition(":")
+    if kind == "serial":
+        return False
+    host = rest.rpartition(":")[0].removeprefix("[").removesuffix("]")
+    try:
+        found = {str(entry[4][0]) for entry in socket.getaddrinfo(host, None)}
+    except OSError:
+        return True
+    return not all(ipaddress.ip_address(a.partition("%")[0]).is_loopback for a in found)
 
 
 def _host_and_port(text: str, rest: str) -> tuple[str, int]:

@@ -1,0 +1,151 @@
+"""The signing key and the latest timestamp, as files that nobody else may read.
+
+A key over the air is taken only where that was allowed, and then kept here.  The timestamp is
+kept by a thread, every few seconds: a disk can be slow, and the loop must not wait for it.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from .codec import first_frame
+from .messages import Source
+from .signing import KEY_BYTES, Signing, source_of
+
+KEEP_TIMESTAMP_S: Final = 10.0
+
+
+class SigningError(Exception):
+    """A key file that cannot be used; the message names it and the way out."""
+
+
+class Secret(NamedTuple):
+    """How links are signed, as the command line says it."""
+
+    key_file: Path | None = None
+    unsigned_autopilot: bool = False  # it need not sign on its own link
+    allow_setup: bool = False  # take another key over the air
+
+
+UNSIGNED: Final = Secret()
+
+
+def signing_from(secret: Secret) -> Signing:
+    """The key, if one was given, and a timestamp that is not before the last one kept.
+
+    Errors: `SigningError`.
+    """
+    path = secret.key_file
+    if path is None:
+        return Signing(None, 0.0, 0.0)
+    key = None if secret.allow_setup and not path.exists() else load_key(path)
+    return Signing(key, time.time(), time.monotonic(), TimestampFile(path).load())
+
+
+def peers_of(signing: Signing, excused: Source | None) -> Callable[[bytes], bool]:
+    """Which datagram makes its sender the peer of a link that listens."""
+
+    def is_frame(data: bytes) -> bool:
+        frame = first_frame(data)
+        if not frame:
+            return False
+        return signing.vouches(frame) or source_of(frame) == excused
+
+    return is_frame
+
+
+def keep_timestamp(
+    signing: Signing, key_file: Path | None, complain: Callable[[str], None]
+) -> Callable[[], None]:
+    """Begin to keep the timestamp; the way to end it."""
+    if key_file is None:
+        return lambda: None
+    file = TimestampFile(key_file)
+    ended = threading.Event()
+
+    def keep() -> None:
+        told = False
+        over = False
+        while not over:
+            over = ended.wait(KEEP_TIMESTAMP_S)
+            try:
+                file.save(signing.timestamp)
+            except OSError as error:
+                if not told:
+                    told = True
+                    complain(f"the signing timestamp cannot be kept: {error}")
+
+    thread = threading.Thread(target=keep, name="timestamp", daemon=True)
+    thread.start()
+
+    def end() -> None:
+        ended.set()
+        thread.join(2.0)
+
+    return end
+
+
+def load_key(path: Path) -> bytes:
+    """The 32 bytes of a key file that nobody else may read.  Errors: `SigningError`."""
+    try:
+        with path.open("rb") as file:
+            mode = stat.S_IMODE(os.fstat(file.fileno()).st_mode)
+            key = file.read(KEY_BYTES + 1)
+    except OSError as error:
+        raise SigningError(
+            f"{path}: cannot be read: {error.strerror};"
+            f" make a key with: (umask 077; head -c {KEY_BYTES} /dev/urandom > {path})"
+        ) from None
+    if mode & 0o077:
+        raise SigningError(
+            f"{path}: others may read or write it (mode {mode:04o}), so it is no secret:"
+            f" make a new one, and chmod 600 {path}"
+        )
+    if len(key) != KEY_BYTES:
+        size = "more than 32" if len(key) > KEY_BYTES else str(len(key))
+        raise SigningError(f"{path}: has {size} bytes; a key has {KEY_BYTES}")
+    if key == bytes(KEY_BYTES):
+        raise SigningError(f"{path}: all zeros is no key")
+    return key
+
+
+def save_key(path: Path, key: bytes) -> None:
+    """Replace a key file in one step.  Errors: OSError."""
+    _replace(path, key)
+
+
+class TimestampFile:
+    """The latest timestamp, beside the key, so that a restart does not go back."""
+
+    def __init__(self, key_path: Path) -> None:
+        self._path = key_path.with_name(key_path.name + ".timestamp")
+
+    def load(self) -> int:
+        """What was kept; 0 if there is nothing usable."""
+        try:
+            return min(2**48 - 1, max(0, int(self._path.read_text(encoding="ascii"))))
+        except (OSError, ValueError):
+            return 0
+
+    def save(self, timestamp: int) -> None:
+        """Replace it in one step.  Errors: OSError."""
+        _replace(self._path, f"{timestamp}\n".encode())
+
+
+def _replace(path: Path, content: bytes) -> None:
+    """The whole new content or the whole old one, readable by the owner alone."""
+    beside = path.with_name(path.name + ".new")
+    fd = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW, 0o600)
+    try:
+        os.fchmod(fd, 0o600)
+        os.write(fd, content)
+        os.fsync(fd)
+    finally:
+        os.close(fd)
+    beside.replace(path)
