@@ -13,7 +13,8 @@ in, over (sin η − S′ cos η)².  With R = σ² exp(−t / τ) the integral 
 
 `wander` is that line; τ is an integral time.  In Dryden turbulence u′ has that R with τ = L / V;
 w′ has R = σ² exp(−t/τ) (1 − t / 2τ), integral time τ / 2, for which the integral is
-σ² τ (1 + 2 λ τ) / (2 (1 + λ τ)²): `dryden_wander`.  The two differ by (λτ)² terms.
+σ² τ (1 + 2 λ τ) / (2 (1 + λ τ)²): `dryden_wander`.  The variances of the two differ by λτ/2 of
+themselves at most, some 8 % in the tunnel.
 
 No law that keeps the line still can make this smaller: a line has one degree of freedom.
 """
