@@ -41,8 +41,10 @@ from tgl_soar.config import (
     load_airframe,
     load_parameters,
     load_site,
+    preset_lines,
 )
 from tgl_soar.geometry import SoaringFrame
+from tgl_soar.line_changes import Contour, LineChanges, Presets
 from tgl_soar.link.autopilots.ardupilot import ArduPilot
 from tgl_soar.link.autopilots.base import Flavour, SurfaceChannel, SurfaceChannels
 from tgl_soar.link.autopilots.bridge import Bridge
@@ -85,6 +87,7 @@ from tgl_soar.link.session import Session
 from tgl_soar.link.signing import KEY_BYTES, Signing
 from tgl_soar.link.telemetry import StatusTexts, Telemetry
 from tgl_soar.link.transport import FORMS, LinkError, Transport, is_open, open_link
+from tgl_soar.parameter_store import Identity, ParameterStore, state_file, state_folder
 from tgl_soar.parameters import ParameterSet
 from tgl_soar.types import Inputs, SurfaceCommand
 
@@ -114,6 +117,8 @@ class Setup(NamedTuple):
     frame: SoaringFrame
     parameters: ParameterSet
     operators: frozenset[int] = OPERATORS  # systems that may set parameters and command
+    presets: Presets = ()  # the site's lines, for TGL_PRESET
+    contour: Contour = ()  # of the site, to warn by
 
 
 @dataclass(slots=True)
@@ -146,6 +151,8 @@ def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Setu
         site.frame(),
         parameters,
         link.operators,
+        preset_lines(site, parameters),
+        site.contour_for(airframe.airframe.name),
     )
 
 
@@ -167,11 +174,14 @@ class Onboard:
         stream: bool = False,
         lockstep: bool = False,
         console: Callable[[str], None] | None = None,
+        store: ParameterStore | None = None,
+        first_words: Sequence[tuple[int, str]] = (),
         signing: Signing | None = None,
         unsigned_autopilot: bool = False,
         keep_key: Callable[[bytes], None] | None = None,
     ) -> None:
         """`stream`: the link may cut frames anywhere.  `console`: where words go locally.
+        `store`: keeps changed parameters.  `first_words`: told once the autopilot is heard.
 
         `signing`: without one nothing is signed.  `unsigned_autopilot`: the autopilot itself
         need not sign on its own link.  `keep_key`: keeps a key that came over the air, or raises
@@ -179,7 +189,8 @@ class Onboard:
         """
         self.counters = Counters()
         self.texts = StatusTexts()
-        self.parameters = ParameterServer(setup.own, setup.parameters, self.texts)
+        line = LineChanges(setup.presets, setup.contour)
+        self.parameters = ParameterServer(setup.own, setup.parameters, self.texts, line)
         rate_hz = setup.parameters["LOOP_RATE"]
         self.session = Session(
             setup.own,
@@ -193,6 +204,12 @@ class Onboard:
 
         self._setup = setup
         self._console = console or _nowhere
+        self._store = store
+        self._first_words = list(first_words)
+        if warning := line.warning(setup.parameters):
+            self._first_words.append((SEVERITY_WARNING, warning))
+        for _, text in self._first_words:
+            self._console(text)
         self.signing = signing or Signing(None, 0.0, 0.0)
         self._unsigned_autopilot = unsigned_autopilot
         self._keep_key = keep_key
@@ -529,6 +546,13 @@ class Onboard:
         self._list_parameters(now_s)
         for ack in self.commands.poll(now_s):
             self._say_to(Source(ack.target_system, ack.target_component), ack)
+        if self._store is not None:
+            for text in self._store.poll(self._values, now_s):
+                self.tell(SEVERITY_WARNING, text)
+        if self._first_words and session.is_heard:
+            for severity, text in self._first_words:
+                self._say_words(severity, text)
+            self._first_words.clear()
         for severity, text in session.notices:
             self.tell(severity, text)
         session.notices.clear()
@@ -568,6 +592,9 @@ class Onboard:
     def tell(self, severity: int, text: str) -> None:
         """Words for the operator, over the link and on the console."""
         self._console(text)
+        self._say_words(severity, text)
+
+    def _say_words(self, severity: int, text: str) -> None:
         for chunk in self.texts.chunks(severity, text):
             self._spend(self._say(chunk))
 
@@ -579,6 +606,9 @@ class Onboard:
         self._active = False
         self._releases = 0
         self.tell(SEVERITY_NOTICE, "tgl_soar stopped")
+        if self._store is not None:
+            for text in self._store.stop(self._values):
+                self._console(text)
 
     def _greet(self, route: Route) -> None:
         """Our heartbeat, before anything else is said on this link."""
@@ -641,7 +671,9 @@ def _is_finite(command: SurfaceCommand) -> bool:
 def main(arguments: Sequence[str] | None = None) -> int:
     """`tgl-soar run`: the command line of `run`."""
     parser = argparse.ArgumentParser(
-        prog="tgl-soar run", description="Fly: the module beside the autopilot."
+        prog="tgl-soar run",
+        description="Fly: the module beside the autopilot.",
+        epilog="Parameters: `tgl-soar params` lists them, docs/parameters.md tells all of them.",
     )
     add = parser.add_argument
     add("--airframe", type=Path, required=True, help="airframe file, as config/airframes/*.toml")
@@ -665,6 +697,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         action="store_true",
         help="with a key file: take another key from an operator over the air, and keep it there",
     )
+    add(
+        "--state",
+        metavar="FOLDER",
+        help="where parameters changed over the air are stored; none: nowhere."
+        " Default: tgl_soar in $XDG_STATE_HOME or in ~/.local/state",
+    )
     given = parser.parse_args(arguments)
     if given.signing_key is None and (given.unsigned_autopilot or given.allow_setup_signing):
         parser.error("--unsigned-autopilot and --allow-setup-signing need --signing-key")
@@ -674,8 +712,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         given.link,
         lockstep=given.lockstep,
         timeout_s=given.timeout,
+        state=_folder(given.state),
         secret=Secret(given.signing_key, given.unsigned_autopilot, given.allow_setup_signing),
     )
+
+
+def _folder(state: str | None) -> Path | None:
+    """Where the state is stored, if anywhere."""
+    if state is None:
+        return state_folder(os.environ)
+    return None if state == "none" else Path(state)
 
 
 def run(
@@ -685,6 +731,7 @@ def run(
     *,
     lockstep: bool = False,
     timeout_s: float | None = None,
+    state: Path | None = None,
     secret: Secret = UNSIGNED,
 ) -> int:
     """Fly until told to stop; the process's exit code.
@@ -701,6 +748,7 @@ def run(
         parameters = load_parameters(airframe, airframe_path, site, site_path)
         signing = signing_from(secret)
         setup = setup_from(airframe, site, parameters)
+        store = _store(airframe, airframe_path, site, site_path, setup, state)
         for i, text in enumerate(links):
             excused = Source(setup.own.system, COMPONENT_AUTOPILOT)
             trusted = excused if i == 0 and secret.unsigned_autopilot else None
@@ -723,12 +771,44 @@ def run(
             timeout_s=timeout_s,
             signing=signing,
             secret=secret,
+            store=store,
         )
     finally:
         end_keeping()
         restore()
         for transport in transports:
             transport.close()
+
+
+def _store(
+    airframe: Airframe,
+    airframe_path: str | Path,
+    site: Site,
+    site_path: str | Path,
+    setup: Setup,
+    folder: Path | None,
+) -> ParameterStore | None:
+    """What keeps changed parameters, if they are to be kept."""
+    if folder is None:
+        _print("parameters changed over the air are not stored: no --state")
+        return None
+    identity = Identity(
+        airframe.airframe.name, site.site.name, setup.own.system, setup.own.component
+    )
+    path = state_file(folder, airframe_path, site_path)
+    return ParameterStore(path, identity, setup.parameters, setup.presets)
+
+
+def _restored(setup: Setup, store: ParameterStore | None) -> tuple[Setup, list[tuple[int, str]]]:
+    """With the values that were kept, and what is to be said of them."""
+    if store is None:
+        return setup, []
+    found = store.restore()
+    words = [(SEVERITY_ERROR, note) for note in found.notes]
+    if found.kept:
+        names = ", ".join(found.kept)
+        words.append((SEVERITY_NOTICE, f"{len(found.kept)} stored parameters: {names}"))
+    return setup._replace(parameters=found.values), words
 
 
 def _stop_on_signals(stopped: threading.Event) -> Callable[[], None]:
@@ -754,10 +834,12 @@ def _fly(
     timeout_s: float | None = None,
     signing: Signing | None = None,
     secret: Secret = UNSIGNED,
+    store: ParameterStore | None = None,
 ) -> int:
     began_s = time.monotonic()
     first, *others = transports
     key_file = secret.key_file
+    setup, first_words = _restored(setup, store)
     onboard = Onboard(
         setup,
         first.send,
@@ -765,6 +847,8 @@ def _fly(
         stream=first.is_stream,
         lockstep=lockstep,
         console=_print,
+        store=store,
+        first_words=first_words,
         signing=signing,
         unsigned_autopilot=secret.unsigned_autopilot,
         keep_key=partial(save_key, key_file) if key_file and secret.allow_setup else None,
@@ -782,6 +866,9 @@ def _fly(
                 )
     for warning in realtime.prepare(real_time=not lockstep):
         _print(warning)
+    if store is not None:
+        _print(f"parameters changed over the air are stored in {store.path}")
+        store.start()
     try:
         code = _loop(onboard, transports, stop, timeout_s)
     finally:  # whatever has happened, the pilot gets the surfaces

@@ -182,8 +182,11 @@ class ParameterStore:
 
     # --- at the start -------------------------------------------------------------------------
 
-    def restore(self) -> Restored:
-        """What was kept, from the file or else from its previous copy."""
+    def restore(self, *, looking: bool = False) -> Restored:
+        """What was kept, from the file or else from its previous copy.
+
+        A damaged file is set aside, unless one is only `looking`.
+        """
         notes: list[str] = []
         for path in (self.path, _beside(self.path, ".previous")):
             try:
@@ -196,7 +199,7 @@ class ParameterStore:
             except (OSError, StoreError) as error:
                 reason = error.strerror if isinstance(error, OSError) else error
                 notes.append(f"{path}: {reason}")
-                if isinstance(error, StoreError):
+                if isinstance(error, StoreError) and not looking:
                     self._set_aside(path)
             else:
                 values, unfit = restored(self._base, kept, self._presets)
@@ -225,6 +228,13 @@ class ParameterStore:
     def save(self, values: ParameterSet) -> None:
         """Write now, and wait for it: not for a process that flies.  Errors: OSError."""
         self._write(to_keep(values, self._base))
+
+    def forget(self) -> bool:
+        """Remove the file and its previous copy; whether there was any.  Errors: OSError."""
+        paths = [p for p in (self.path, _beside(self.path, ".previous")) if p.exists()]
+        for path in paths:
+            path.unlink()
+        return bool(paths)
 
     # --- while flying -------------------------------------------------------------------------
 

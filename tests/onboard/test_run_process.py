@@ -25,7 +25,8 @@ HEAVY = ("numpy", "scipy", "matplotlib", "rich", "typer", "pymavlink.mavutil", "
 
 
 def arguments(link: str, *more: str) -> list[str]:
-    return ["--airframe", str(AIRFRAME), "--site", str(SITE), "--link", link, *more]
+    files = ["--airframe", str(AIRFRAME), "--site", str(SITE)]
+    return [*files, "--link", link, "--state", "none", *more]
 
 
 def test_the_flying_process_loads_nothing_that_does_not_fly() -> None:

@@ -165,7 +165,8 @@ def test_kill_9_in_flight_hands_back_and_a_restarted_module_engages_again(tmp_pa
         *("--gcs", station.address, "--companion", companion, "--speed", "realtime"),
         *("--gcs-local", "127.0.0.1:0", "--companion-local", "127.0.0.1:0"),
     ]
-    module = [*(sys.executable, "-m", "tgl_soar.cli", "run", *files), "--link", f"udp:{companion}"]
+    run = [sys.executable, "-m", "tgl_soar.cli", "run", *files]
+    module = [*run, "--link", f"udp:{companion}", "--state", "none"]
     with process(bridge, tmp_path / "bridge.log") as world:
         with process(module, tmp_path / "module.log") as flying:
             assert station.listen(lambda s: s.module_heartbeats > 1, 10.0)

@@ -198,7 +198,7 @@ def _module_command(options: SitlOptions, companion: str) -> list[str]:
     command = [
         *(sys.executable, "-m", "tgl_soar.cli", "run"),
         *("--airframe", str(options.airframe), "--site", str(options.site)),
-        *("--link", f"udp:{companion}"),
+        *("--link", f"udp:{companion}", "--state", "none"),
     ]
     return command if options.realtime else [*command, "--lockstep"]
 

@@ -1,0 +1,142 @@
+"""Parameters changed over the air, over a kill and a restart of the process that flies."""
+
+from __future__ import annotations
+
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from tgl_soar.config import shipped
+
+AIRFRAME, SITE = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
+FILE = "eclipson_c-tunnel.params"
+
+
+class Flying:
+    """The process, with a vehicle and a ground station at the other end of its link."""
+
+    def __init__(self, state: Path | str) -> None:
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.bind(("127.0.0.1", 0))
+        self.socket.settimeout(0.05)
+        link = f"udpout:127.0.0.1:{self.socket.getsockname()[1]}"
+        files = ["--airframe", str(AIRFRAME), "--site", str(SITE)]
+        self.process = subprocess.Popen(
+            [
+                *(sys.executable, "-m", "tgl_soar.cli", "run", *files, "--link", link),
+                *("--state", str(state)),
+            ],
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self.vehicle, self.station = mavlink.MAVLink(None, 1, 1), mavlink.MAVLink(None, 255, 190)
+        self.codec = mavlink.MAVLink(None)
+        self.texts: list[str] = []
+        self.values: dict[str, float] = {}
+        self.address: Any = None
+        self._heartbeat_s = 0.0
+        self.until(lambda: self.address is not None)
+
+    def until(self, condition: Callable[[], bool], seconds: float = 10.0) -> bool:
+        end = time.monotonic() + seconds
+        while not condition():
+            now = time.monotonic()
+            if now > end:
+                return False
+            if self.address and now - self._heartbeat_s > 0.5:
+                self._heartbeat_s = now
+                self.send(self.vehicle, mavlink.MAVLink_heartbeat_message(1, 3, 81, 0, 4, 3))
+            try:
+                data, self.address = self.socket.recvfrom(2048)
+            except TimeoutError:
+                continue
+            message = self.codec.decode(bytearray(data))
+            if message.get_type() == "STATUSTEXT":
+                if message.chunk_seq:
+                    self.texts[-1] += message.text
+                else:
+                    self.texts.append(message.text)
+            elif message.get_type() == "PARAM_VALUE":
+                self.values[message.param_id] = message.param_value
+        return True
+
+    def send(self, sender: Any, message: Any) -> None:
+        self.socket.sendto(message.pack(sender), self.address)
+        sender.seq = (sender.seq + 1) % 256
+
+    def set(self, name: str, value: float) -> None:
+        self.values.pop(name, None)
+        message = mavlink.MAVLink_param_set_message(1, 191, name.encode(), value, 9)
+        self.send(self.station, message)
+        assert self.until(lambda: name in self.values)
+
+    def read(self, name: str) -> float:
+        self.values.pop(name, None)
+        message = mavlink.MAVLink_param_request_read_message(1, 191, name.encode(), -1)
+        self.send(self.station, message)
+        assert self.until(lambda: name in self.values)
+        return self.values[name]
+
+    def end(self, number: signal.Signals) -> str:
+        """What it has said on the console."""
+        self.process.send_signal(number)
+        words = self.process.communicate(timeout=10.0)[1]
+        self.socket.close()
+        return words
+
+
+def test_changes_survive_a_kill_and_a_damaged_file(tmp_path: Path) -> None:
+    file = tmp_path / "deep" / "state" / FILE
+    first = Flying(file.parent)
+    first.set("TGL_PRESET", 3)
+    first.set("RHO_D", 0.5)
+    first.set("OP_ENGAGE", 1)
+    assert first.until(lambda: file.exists() and b"RHO_D" in file.read_bytes())
+    words = first.end(signal.SIGKILL)
+    assert f"stored in {file}" in words
+
+    second = Flying(file.parent)
+    assert second.read("RHO_D") == 0.5
+    assert second.read("TGL_PRESET") == 3.0
+    assert second.read("TGL_X") == pytest.approx(1.05)
+    assert second.read("OP_ENGAGE") == 0.0  # never engaged at boot
+    assert second.until(lambda: any("stored parameters: " in text for text in second.texts))
+    second.set("RHO_D", 0.6)
+    words = second.end(signal.SIGTERM)  # at once: the last change is written at the end
+    assert "stored parameters: TGL_PRESET, TGL_X, TGL_Z, RHO_D" in words
+
+    assert b"RHO_D\t0.6" in file.read_bytes()
+    file.write_bytes(file.read_bytes()[:-3])
+    third = Flying(file.parent)
+    assert third.read("RHO_D") == 0.5  # of the previous copy
+    assert third.until(lambda: any("checksum is wrong" in text for text in third.texts))
+    assert "checksum is wrong" in third.end(signal.SIGKILL)
+
+
+def test_without_a_place_to_store_it_flies_on_and_says_so_once(tmp_path: Path) -> None:
+    nowhere = tmp_path / "a_file"
+    nowhere.write_text("")
+    flying = Flying(nowhere)
+    flying.set("RHO_D", 0.5)
+    assert flying.until(lambda: any("not kept" in text for text in flying.texts))
+    flying.set("RHO_D", 0.6)
+    assert flying.read("RHO_D") == pytest.approx(0.6)
+    words = flying.end(signal.SIGTERM)
+    assert words.count("parameters are not kept") == 1
+    assert flying.process.returncode == 0
+
+
+def test_none_stores_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    flying = Flying("none")
+    flying.set("RHO_D", 0.5)
+    assert "are not stored" in flying.end(signal.SIGTERM)
+    assert list(tmp_path.iterdir()) == []
