@@ -178,8 +178,10 @@ def test_a_blocked_integral_may_always_come_back_and_never_go_on(
     # Limits of the output far away: only what follows is blocked.
     g = g._replace(output_min=-1e9, output_max=1e9)
     held = max(-g.integral_max, min(g.integral_max, integral))
-    state, _ = pid_step(g, PidState(held, 0.0), error, 0.0, 0.0, dt, blocked)
-    free, _ = pid_step(g, PidState(held, 0.0), error, 0.0, 0.0, dt, 0)
+    state, terms = pid_step(g, PidState(held, 0.5), error, 0.5, 0.25, dt, blocked)
+    free, _ = pid_step(g, PidState(held, 0.5), error, 0.5, 0.25, dt, 0)
+    assert terms.i == state.integral
+    assert terms.output == 0.25 + terms.p + terms.i + terms.d
     outward = (free.integral - held) * blocked > 0.0
     assert state.integral == (held if outward else free.integral)
 

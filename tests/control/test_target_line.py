@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import cos, hypot, pi, radians, sin, sqrt
 
 import numpy as np
@@ -97,13 +98,20 @@ def test_it_arrives_when_kinematics_says(distance_m: float, side: float) -> None
     whole = distance_m >= v * v / a
     expected = distance_m / v + v / a if whole else 2.0 * sqrt(distance_m / a)
     target = TargetLine(-side * distance_m, 2.0, UPRIGHT)
-    state, ticks = line_at(target, 0.0, 1.0), 0
+    state, ticks, speeds = line_at(target, 0.0, 1.0), 0, [0.0]
     while (state.x_m, state.z_m) != (target.x_m, target.z_m):
         state = line_step(LIMITS, state, target, 0.0, 1.0, DT)
         ticks += 1
         assert ticks < 10_000
         assert (state.x_m - target.x_m) * side >= 0.0  # it never passes its target
+        speeds.append(abs(state.speed_mps))
+        assert state.moving
     assert ticks * DT == pytest.approx(expected, abs=2.0 * DT)
+    assert not line_step(LIMITS, state, target, 0.0, 1.0, DT).moving
+    # From where it brakes it brakes by a, neither harder nor softer, down to the last move.
+    braking = [s - t for s, t in pairwise(speeds[:-1]) if t < s][1:]
+    assert braking == pytest.approx([a * DT] * len(braking))
+    assert len(braking) > 10
     assert (state.x_m, state.z_m, state.eta_rad) == target
 
 
