@@ -748,6 +748,8 @@ def run(
         parameters = load_parameters(airframe, airframe_path, site, site_path)
         signing = signing_from(secret)
         setup = setup_from(airframe, site, parameters)
+        if site.contour is not None and not setup.contour:
+            _print(f"no line is checked: the site's contour is of {site.contour.airframe!r}")
         store = _store(airframe, airframe_path, site, site_path, setup, state)
         for i, text in enumerate(links):
             excused = Source(setup.own.system, COMPONENT_AUTOPILOT)

@@ -1,4 +1,4 @@
-"""Parameters changed over the air, over a kill and a restart of the process that flies."""
+"""Parameters changed over the air, before and after a kill of the process that flies."""
 
 from __future__ import annotations
 
@@ -140,3 +140,28 @@ def test_none_stores_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     flying.set("RHO_D", 0.5)
     assert "are not stored" in flying.end(signal.SIGTERM)
     assert list(tmp_path.iterdir()) == []
+
+
+# --- the line over the air --------------------------------------------------------------------
+
+
+def test_a_staged_move_that_leads_nowhere_is_warned_of_when_made_and_at_the_next_start(
+    tmp_path: Path,
+) -> None:
+    def warned(flying: Flying) -> bool:
+        return any("does not cross the known contour" in text for text in flying.texts)
+
+    flying = Flying(tmp_path)
+    flying.set("TGL_STAGE", 1)
+    flying.set("TGL_X", 400)
+    flying.set("TGL_Z", 3)
+    assert flying.read("TGL_X") == 400.0
+    assert not warned(flying)
+    flying.set("TGL_STAGE", 0)
+    assert flying.until(lambda: warned(flying))
+    flying.end(signal.SIGTERM)
+    again = Flying(tmp_path)
+    assert again.read("TGL_X") == 400.0
+    assert again.read("TGL_STAGE") == 0.0
+    assert again.until(lambda: warned(again))
+    assert "does not cross the known contour" in again.end(signal.SIGKILL)
