@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import json
+from math import radians
 
 import pytest
 
+from tgl_soar.air.hill import HillField
+from tgl_soar.control.target_line import TargetLine, eta_from_lean
 from tgl_soar.experiments.air_speed import SpeedScore, speed_claims
 from tgl_soar.experiments.changing_air import Shift, WindShift, slope_claims, wind_claims
-from tgl_soar.experiments.hill_positions import POLAR, claims_of, positions
+from tgl_soar.experiments.hill_positions import POLAR, RADIUS_M, WIND_MPS, claims_of, positions
 from tgl_soar.experiments.line_lean import LeanScore, lean_claims, refusal
 from tgl_soar.experiments.page import page
 from tgl_soar.experiments.result import Claim, Result, Table, as_json, as_markdown, plain
+from tgl_soar.experiments.scenario import stable_crossing
 from tgl_soar.experiments.sensitivity import Change, sensitivity_claims
 from tgl_soar.types import polar_sink
 
@@ -65,6 +69,10 @@ def test_the_hill_has_its_three_places() -> None:
     a, b, c = places
     assert not claims_of([a._replace(updraft_mps=1.8), b, c])[0].holds
     assert not claims_of([c, b, a])[2].holds
+    for place in (b, c):  # their perpendiculars lean downwind; lines that lean upwind do as well
+        assert place.lean_rad < 0.0
+        upwind = TargetLine(place.x_m, place.z_m, eta_from_lean(radians(20.0)))
+        assert stable_crossing(HillField(WIND_MPS, RADIUS_M), POLAR, upwind) is not None
 
 
 def test_slope_needs_contour_and_aircraft_to_rise_alike() -> None:

@@ -154,7 +154,9 @@ def run(context: Context) -> Result:
         claims_of(places),
         f"The parabola, the wind and the radius are ours. [b] holds still to first order only:"
         f" {100 * (STRONGER - 1):.0f} % more wind already move it by {b.shift_m:+.2f} m, because"
-        " past best glide sink grows faster than updraft.",
+        " past best glide sink grows faster than updraft. And the perpendicular at [b] and [c],"
+        " above the shoulder of the hill, leans downwind: the module refuses such a line (see"
+        " `lean`) and flies these places on lines that lean upwind, which are stable there too.",
         (
             Table(
                 "",

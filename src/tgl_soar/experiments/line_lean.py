@@ -304,15 +304,15 @@ def _draw(
         [
             CurvePanel(
                 "across the line", label, "rms e_rho [cm]", curve("rms_e_rho_m"), lost, marks,
-                y_log=True,
+                y_log=True, legend="upper right",
             ),
             CurvePanel(
                 "along the line", label, "wander [cm]", [*curve("wander_m"), formula], [], marks,
-                y_log=True,
+                y_log=True, legend="upper right",
             ),
             CurvePanel(
                 "mean place", label, "to TGL ∩ ZEUC, along the line [cm]", curve("drift_m"), [],
-                marks,
+                marks, legend="lower left",
             ),
         ],
         "lines of every lean through one place",

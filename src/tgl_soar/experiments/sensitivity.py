@@ -245,7 +245,7 @@ def _draw(
                 "time [s]",
                 "up the line [cm]",
                 histories,
-                legend="upper right",
+                legend="center right",
             ),
         ],
         "",

@@ -53,7 +53,7 @@ class CurvePanel:
     marks: list[Mark] = field(default_factory=list)
     y_from_zero: bool = False
     y_log: bool = False
-    legend: Literal["best", "upper left", "upper right", "center right"] = "best"
+    legend: Literal["best", "upper left", "upper right", "center right", "lower left"] = "best"
 
 
 def curves_figure(path: Path, panels: list[CurvePanel], title: str) -> None:
@@ -91,13 +91,13 @@ def curves_figure(path: Path, panels: list[CurvePanel], title: str) -> None:
                 axes.axvline(mark.x, color="0.45", lw=0.9, ls=":")
                 axes.annotate(
                     mark.text,
-                    (mark.x, 0.98),
+                    (mark.x, 0.02),
                     xycoords=axes.get_xaxis_transform(),
                     xytext=(3, 0),
                     textcoords="offset points",
                     rotation=90,
                     ha="left",
-                    va="top",
+                    va="bottom",
                     fontsize=7.5,
                     color="0.3",
                 )
