@@ -36,7 +36,7 @@ def patiently(what: Callable[[], Any]) -> Any:
 
 def main(port: str, sets: str) -> None:
     mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
-    mavsdk.add_any_connection(f"udpin://127.0.0.1:{port}")
+    mavsdk.add_any_connection(f"udpout://127.0.0.1:{port}")
     system = mavsdk.first_autopilot(20.0)
     assert system is not None, "no autopilot"
     param = Param(system)

@@ -1,5 +1,9 @@
 """A flight between processes that others can join: bridge, module, and a pilot who watches.
 
+Bridge, module and pilot fly in lockstep, so that a machine that is busy slows the flight down
+and does not spoil it; the pilot holds time back to `SPEED` times its natural pace, because the
+stations that join live by the clock on the wall.
+
 Every address is on the loopback interface, every port is one that nobody has.
 """
 
@@ -24,6 +28,7 @@ ROOT = Path(__file__).parents[2]
 AIRFRAME = ROOT / "config/airframes/eclipson_c.toml"
 SITE = ROOT / "config/sites/tunnel.toml"
 LOCAL = "127.0.0.1"
+SPEED = 2.0
 FLYING = (1.0, 2.0)  # capturing, soaring
 
 
@@ -70,12 +75,12 @@ class Mangler:
 class BadRadio:
     """Stands between the bridge and a ground station, on two ports."""
 
-    def __init__(self, station_port: int, *, seed: int, loss: float = 0.2, late: float = 0.2):
+    def __init__(self, bridge_port: int, *, seed: int, loss: float = 0.2, late: float = 0.2):
         self._bridge_side, self._station_side = self._socket(), self._socket()
-        self.port = int(self._bridge_side.getsockname()[1])
+        self.port = int(self._station_side.getsockname()[1])
         self.down, self.up = Mangler(seed, loss, late), Mangler(seed + 1, loss, late)
-        self._station = (LOCAL, station_port)
-        self._bridge: tuple[str, int] | None = None
+        self._bridge = (LOCAL, bridge_port)
+        self._station: tuple[str, int] | None = None
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._carry, daemon=True)
         self._thread.start()
@@ -99,27 +104,26 @@ class BadRadio:
                 except OSError:
                     continue
                 if side is self._bridge_side:
-                    self._bridge = sender
                     self._to_station(self.down.push(data))
                 else:
                     self._station = sender
                     self._to_bridge(self.up.push(data))
 
     def _to_station(self, datagrams: list[bytes]) -> None:
-        for data in datagrams:
-            self._send(self._station_side, data, self._station)
+        if self._station is not None:
+            for data in datagrams:
+                self._send(self._station_side, data, self._station)
 
     def _to_bridge(self, datagrams: list[bytes]) -> None:
-        if self._bridge is not None:
-            for data in datagrams:
-                self._send(self._bridge_side, data, self._bridge)
+        for data in datagrams:
+            self._send(self._bridge_side, data, self._bridge)
 
     @staticmethod
     def _send(side: socket.socket, data: bytes, to: tuple[str, int]) -> None:
         try:
             side.sendto(data, to)
         except OSError:
-            return  # nobody listens there yet
+            return  # nobody listens there any more
 
     def close(self) -> None:
         self._ended.set()
@@ -143,6 +147,7 @@ class Pilot:
         self.parameters: dict[str, float] = {}
         self.texts: list[str] = []
         self.acks: list[tuple[int, int]] = []
+        self._ahead_s = float("nan")  # wall clock less simulated time
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._listen, daemon=True)
         self._thread.start()
@@ -162,7 +167,11 @@ class Pilot:
 
     def _take(self, message: Any) -> None:
         kind = message.get_type()
-        if kind == "NAMED_VALUE_FLOAT":
+        if kind == "TIMESYNC":
+            if message.tc1 == 0:
+                self._hold_back(message.ts1 * 1e-9)
+                self.send(mavlink.MAVLink_timesync_message(message.ts1, message.ts1))
+        elif kind == "NAMED_VALUE_FLOAT":
             self.values[message.name] = message.value
         elif message.get_srcComponent() != 191:
             return
@@ -172,6 +181,15 @@ class Pilot:
             self.texts.append(message.text)
         elif kind == "COMMAND_ACK" and message.target_system == 254:
             self.acks.append((message.command, message.result))
+
+    def _hold_back(self, simulated_s: float) -> None:
+        """The bridge waits for us: let time go on no sooner than it should."""
+        now = time.monotonic()
+        early_s = simulated_s / SPEED + self._ahead_s - now
+        if not 0.0 <= early_s <= 1.0:  # NaN, or it is behind: nothing is hurried after
+            self._ahead_s = now - simulated_s / SPEED
+        else:
+            time.sleep(early_s)
 
     def send(self, message: Any) -> None:
         if self._bridge is not None:
@@ -210,24 +228,26 @@ class Pilot:
 class Scene:
     """Bridge and module as processes; ground stations on ports of their own."""
 
-    def __init__(self, folder: Path, stations: list[int]) -> None:
+    def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.pilot = Pilot()
+        self.port = free_port()  # where stations speak to
         companion = f"{LOCAL}:{free_port()}"
         files = ["--airframe", str(AIRFRAME), "--site", str(SITE)]
-        gcs = [
-            word for port in (self.pilot.port, *stations) for word in ("--gcs", f"{LOCAL}:{port}")
-        ]
         self._processes = [
             self._start(
                 "bridge",
                 [
-                    *("tgl_soar.sim.bridge", *files, *gcs, "--gcs-local", f"{LOCAL}:0"),
+                    *("tgl_soar.sim.bridge", *files, "--speed", "lockstep", "--lockstep-gcs"),
+                    *("--gcs", f"{LOCAL}:{self.pilot.port}", "--gcs-local", f"{LOCAL}:{self.port}"),
                     *("--companion", companion, "--companion-local", f"{LOCAL}:0"),
-                    *("--autopilot-parameter", "RC_OVERRIDE_TIME=0.5"),
+                    *("--autopilot-parameter", "RC_OVERRIDE_TIME=0.5", "--patience", "60"),
                 ],
             ),
-            self._start("module", ["tgl_soar.cli", "run", *files, "--link", f"udp:{companion}"]),
+            self._start(
+                "module",
+                ["tgl_soar.cli", "run", *files, "--link", f"udp:{companion}", "--lockstep"],
+            ),
         ]
 
     def _start(self, name: str, words: list[str]) -> subprocess.Popen[bytes]:

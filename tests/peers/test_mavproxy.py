@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from peers_scene import BadRadio, Scene, free_port
+from peers_scene import BadRadio, Scene
 
 from tgl_soar.parameters import PARAMETERS
 
@@ -32,7 +32,7 @@ class MavProxy:
         self.words = ""
         self._process = subprocess.Popen(
             [
-                *(sys.executable, PROGRAM, f"--master=udp:127.0.0.1:{port}", "--no-state"),
+                *(sys.executable, PROGRAM, f"--master=udpout:127.0.0.1:{port}", "--no-state"),
                 *("--default-modules=param,cmdlong", "--target-system=1"),
                 "--target-component=191",
             ],
@@ -99,10 +99,10 @@ class MavProxy:
 
 @pytest.fixture(params=[False, True], ids=["good-link", "bad-radio"])
 def flight(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Scene, MavProxy]]:
-    port = free_port()
-    radio = BadRadio(port, seed=7) if request.param else None
-    station = MavProxy(tmp_path, port)
-    scene = Scene(tmp_path, [radio.port if radio else port])
+    scene = Scene(tmp_path)
+    radio = BadRadio(scene.port, seed=7) if request.param else None
+    scene.pilot.engage()
+    station = MavProxy(tmp_path, radio.port if radio else scene.port)
     try:
         yield scene, station
         scene.assert_flies()
@@ -120,7 +120,6 @@ def flight(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Sce
 def test_mavproxy_lists_shows_sets_saves_and_loads(flight: tuple[Scene, MavProxy]) -> None:
     scene, station = flight
     pilot = scene.pilot
-    pilot.engage()
     station.fetch(len(PARAMETERS))
     assert station.shown("TGL_LEAN") == 15.0
 

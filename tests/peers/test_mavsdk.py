@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from peers_scene import BadRadio, Scene, free_port
+from peers_scene import BadRadio, Scene
 
 from tgl_soar.parameters import PARAMETERS, as_wire_value
 
@@ -46,9 +46,9 @@ def report(process: subprocess.Popen[str]) -> dict[str, Any]:
 
 @pytest.mark.parametrize("bad", [False, True], ids=["good-link", "bad-radio"])
 def test_two_clients_at_once_read_and_set(tmp_path: Path, bad: bool) -> None:
-    ports = [free_port(), free_port()]
-    radios = [BadRadio(port, seed=20 + i) for i, port in enumerate(ports)] if bad else []
-    scene = Scene(tmp_path, [radio.port for radio in radios] or ports)
+    scene = Scene(tmp_path)
+    radios = [BadRadio(scene.port, seed=20 + i) for i in range(2)] if bad else []
+    ports = [radio.port for radio in radios] or [scene.port] * 2
     wanted = [{"TGL_X": 0.3, "RHO_I_MAX": 7.0}, {"TGL_Z": 1.3, "TGL_SLEW": 0.25}]
     try:
         scene.pilot.engage()
