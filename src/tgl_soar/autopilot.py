@@ -11,16 +11,16 @@ from math import pi, radians
 from typing import NamedTuple
 
 from tgl_soar.control import supervisor as modes
-from tgl_soar.control.attitude import attitude_reset, attitude_step
+from tgl_soar.control.attitude import attitude_step
 from tgl_soar.control.envelope import EnvelopeLimits, Limited, limit_surfaces
 from tgl_soar.control.heading import HeadingGains, heading_setpoint, heading_step
 from tgl_soar.control.pid import PidGains, PidState, PidTerms
 from tgl_soar.control.soaring import (
     SoaringGains,
     SoaringState,
+    holding_step,
     soaring_reset,
     soaring_step,
-    trimmed_pitch,
 )
 from tgl_soar.control.target_line import (
     LineLimits,
@@ -126,6 +126,7 @@ def laws_from(values: ParameterSet, frame: SoaringFrame) -> Laws:
             2.0 * pi * values["EST_POS_BW"],
             2.0 * pi * values["EST_VEL_BW"],
             values["EST_DELAY"],
+            values["EST_GATE"],
         ),
         health=HealthLimits(values["AGE_POS_HOLD"], values["AGE_ATT_MAX"], values["AGE_AP_MAX"]),
         guards=Guards(
@@ -263,17 +264,16 @@ def _watch(
 
 
 def _engaged(laws: Laws, state: AutopilotState, vehicle: VehicleState) -> AutopilotState:
-    """The state at the moment of taking the surfaces: nothing jumps."""
+    """The state at the moment of taking the surfaces.
+
+    The surfaces start at their trims and go from there no faster than the envelope lets them;
+    no integral hides an error that the laws must act on at once, such as a bank.
+    """
     state = _line_from_aircraft(laws, state, vehicle)
-    setpoint = state.soaring.pitch_setpoint_rad
     trim = laws.trim
     return state._replace(
-        pitch=attitude_reset(
-            laws.pitch, setpoint, vehicle.pitch_rad, vehicle.pitch_rate_radps, trim.elevator
-        ),
-        roll=attitude_reset(
-            laws.roll, 0.0, vehicle.roll_rad, vehicle.roll_rate_radps, trim.aileron
-        ),
+        pitch=PidState(0.0, -vehicle.pitch_rate_radps),
+        roll=PidState(0.0, -vehicle.roll_rate_radps),
         heading=PidState(0.0, -vehicle.heading_rate_radps),
         heading_setpoint_rad=heading_setpoint(laws.heading, vehicle.x_m, vehicle.y_m),
         limited=Limited(trim, 0, 0, True),
@@ -286,7 +286,7 @@ def _line_from_aircraft(laws: Laws, state: AutopilotState, vehicle: VehicleState
     rate = e_rho(0.0, 0.0, line.eta_rad, vehicle.velocity_x_mps, vehicle.climb_mps)
     return state._replace(
         line=line,
-        soaring=soaring_reset(laws.soaring, 0.0, rate, vehicle.pitch_rad),
+        soaring=soaring_reset(laws.soaring, rate, vehicle.pitch_rad),
         off_line_s=vehicle.time_s,
     )
 
@@ -328,9 +328,7 @@ def _fly(
     soaring = state.soaring
     if mode == modes.HOLDING:
         # Without a position: the pitch that held the line, wings level, the heading as it was.
-        held = trimmed_pitch(laws.soaring, soaring)
-        soaring = SoaringState(PidState(soaring.pid.integral, 0.0), held, 0)
-        soaring_terms = PidTerms(held, 0.0, soaring.pid.integral, 0.0, held, 0)
+        soaring, soaring_terms = holding_step(laws.soaring, soaring, dt_s)
         psi_setpoint = state.heading_setpoint_rad
     else:
         if state.mode == modes.HOLDING:

@@ -144,6 +144,10 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         "Bandwidth with which measured velocities correct the predicted velocity.",
     ),
     Parameter(
+        "EST_GATE", "m", 0.05, 100, 0.5,
+        "A fix this far from where the aircraft must be is not believed, unless several agree.",
+    ),
+    Parameter(
         "EST_DELAY", "s", 0, 0.5, 0.0,
         "Delay of the position source that its time stamps do not tell.",
     ),

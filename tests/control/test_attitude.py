@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tgl_soar.control.attitude import attitude_reset, attitude_step
+from tgl_soar.control.attitude import attitude_step
 from tgl_soar.control.pid import PidGains, PidState
 
 DT = 0.005
@@ -35,16 +35,6 @@ def test_a_step_of_the_setpoint_gives_no_kick() -> None:
     _, before = attitude_step(GAINS, REST, 0.0, 0.0, 0.3, 0.0, DT, 0)
     _, after = attitude_step(GAINS, REST, 0.5, 0.0, 0.3, 0.0, DT, 0)
     assert after.d == before.d
-
-
-@given(setpoint=angles, angle=angles, rate=rates, trim=st.floats(-1.0, 1.0))
-def test_the_surface_starts_at_its_trim(
-    setpoint: float, angle: float, rate: float, trim: float
-) -> None:
-    wide = GAINS._replace(integral_max=100.0)
-    state = attitude_reset(wide, setpoint, angle, rate, trim)
-    _, terms = attitude_step(wide, state, setpoint, angle, rate, trim, 0.0, 0)
-    assert terms.output == pytest.approx(trim, abs=1e-9)
 
 
 @given(

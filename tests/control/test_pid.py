@@ -243,19 +243,21 @@ def test_a_naive_integral_stays_against_the_limit() -> None:
     feedforward=st.floats(-10, 10),
     output=st.floats(-10, 10),
 )
-def test_reset_is_bumpless_within_the_integrals_reach(
+def test_reset_gives_the_undisturbed_output_and_hides_no_error(
     g: PidGains, error: float, error_rate: float, feedforward: float, output: float
 ) -> None:
-    state = pid_reset(g, error, error_rate, feedforward, output)
-    _, terms = pid_step(g, state, error, error_rate, feedforward, 0.0, 0)
-    needed = output - feedforward - g.kp * error - g.kd * error_rate
+    state = pid_reset(g, error_rate, feedforward, output)
+    needed = output - feedforward
+    _, still = pid_step(g, state._replace(rate=0.0), 0.0, 0.0, feedforward, 0.0, 0)
     asked = max(g.output_min, min(g.output_max, output))
     if abs(needed) <= g.integral_max:
-        assert terms.output == pytest.approx(asked, abs=1e-9)
+        assert still.output == pytest.approx(asked, abs=1e-9)
     else:  # as near as the integral reaches
         assert abs(state.integral) == g.integral_max
         assert state.integral * needed >= 0.0
-    # And no kick of the derivative in the step after.
+    # P and D act in full from the first step on, and the derivative does not kick in the next.
+    _, terms = pid_step(g, state, error, error_rate, feedforward, 0.0, 0)
+    assert (terms.p, terms.d) == (g.kp * error, g.kd * error_rate)
     after, _ = pid_step(g, state, error, error_rate, feedforward, 0.005, 0)
     assert after.rate == pytest.approx(error_rate)
 

@@ -12,9 +12,9 @@ from tgl_soar.control.pid import PidGains, PidState
 from tgl_soar.control.soaring import (
     SoaringGains,
     SoaringState,
+    holding_step,
     soaring_reset,
     soaring_step,
-    trimmed_pitch,
 )
 
 DT = 0.005
@@ -30,7 +30,7 @@ rates = st.floats(-5.0, 5.0)
 
 
 def at_trim(gains: SoaringGains = GAINS) -> SoaringState:
-    return soaring_reset(gains, 0.0, 0.0, gains.trim_pitch_rad)
+    return soaring_reset(gains, 0.0, gains.trim_pitch_rad)
 
 
 def test_upstream_of_the_line_the_nose_goes_up() -> None:
@@ -57,7 +57,7 @@ def test_drifting_upstream_the_nose_goes_up_before_there_is_a_distance() -> None
 def test_value_and_rate_of_the_setpoint_are_limited(
     e: float, rate: float, start: float, dt: float, blocked: int
 ) -> None:
-    state = soaring_reset(GAINS, 0.0, 0.0, start)
+    state = soaring_reset(GAINS, 0.0, start)
     new, terms = soaring_step(GAINS, state, e, rate, dt, blocked)
     assert GAINS.pid.output_min <= terms.output <= GAINS.pid.output_max
     low, high = GAINS.pid.output_min - 1e-12, GAINS.pid.output_max + 1e-12
@@ -103,32 +103,39 @@ def test_the_integral_waits_while_the_elevator_is_blocked(sign: int) -> None:
     assert state.pid.integral == pytest.approx(sign * 0.1 * 0.02 * DT)
 
 
-@given(e=st.floats(-0.5, 0.5), rate=st.floats(-0.3, 0.3), pitch=st.floats(-0.25, 0.17))
-def test_at_engagement_the_setpoint_goes_on_from_the_pitch_flown(
-    e: float, rate: float, pitch: float
-) -> None:
-    state = soaring_reset(GAINS, e, rate, pitch)
+@given(rate=st.floats(-0.3, 0.3), pitch=st.floats(-0.25, 0.17))
+def test_at_engagement_the_setpoint_goes_on_from_the_pitch_flown(rate: float, pitch: float) -> None:
+    state = soaring_reset(GAINS, rate, pitch)
     assert state.pitch_setpoint_rad == pitch
-    # Nor does it run off in the next tick, as far as the integral reaches.
-    new, _ = soaring_step(GAINS, state, e, rate, 0.0, 0)
+    new, _ = soaring_step(GAINS, state, 0.0, rate, 0.0, 0)
     assert new.pitch_setpoint_rad == pitch
-    needed = pitch - GAINS.trim_pitch_rad - GAINS.pid.kp * e - GAINS.pid.kd * rate
-    if abs(needed) <= GAINS.pid.integral_max:
-        new, _ = soaring_step(GAINS, state, e, rate, DT, 0)
-        assert new.pitch_setpoint_rad == pytest.approx(pitch, abs=0.1 * abs(e) * DT + 1e-12)
+    # From there the law acts at once on a drift, as fast as the slew lets it.
+    new, terms = soaring_step(GAINS, state, 0.0, rate, DT, 0)
+    assert terms.d == pytest.approx(GAINS.pid.kd * rate)
+    assert abs(new.pitch_setpoint_rad - pitch) <= GAINS.slew_radps * DT + 1e-12
+    # Without one it stays, as far as the integral reaches.
+    if abs(pitch - GAINS.trim_pitch_rad) <= GAINS.pid.integral_max:
+        new, _ = soaring_step(GAINS, soaring_reset(GAINS, 0.0, pitch), 0.0, 0.0, DT, 0)
+        assert new.pitch_setpoint_rad == pytest.approx(pitch, abs=1e-12)
 
 
 @pytest.mark.parametrize(("pitch", "limit"), [(0.5, radians(10.0)), (-0.9, radians(-15.0))])
 def test_a_pitch_beyond_the_limits_is_not_gone_on_with(pitch: float, limit: float) -> None:
-    assert soaring_reset(GAINS, 0.0, 0.0, pitch).pitch_setpoint_rad == limit
+    assert soaring_reset(GAINS, 0.0, pitch).pitch_setpoint_rad == limit
 
 
-@given(integral=st.floats(-1.0, 1.0))
-def test_the_trimmed_pitch_is_what_the_line_asks_for_undisturbed(integral: float) -> None:
-    state = SoaringState(PidState(integral, 0.7), 0.0, 1)
+@given(integral=st.floats(-1.0, 1.0), start=st.floats(-0.25, 0.17))
+def test_holding_slews_to_what_the_line_asks_for_undisturbed(integral: float, start: float) -> None:
+    state = SoaringState(PidState(integral, 0.7), start, 1)
     low, high = GAINS.pid.output_min, GAINS.pid.output_max
     expected = max(low, min(high, GAINS.trim_pitch_rad + integral))
-    assert trimmed_pitch(GAINS, state) == expected
+    for _ in range(round(0.5 / DT)):  # 0.42 rad at 60 deg/s takes 0.4 s
+        before = state.pitch_setpoint_rad
+        state, terms = holding_step(GAINS, state, DT)
+        assert abs(state.pitch_setpoint_rad - before) <= GAINS.slew_radps * DT + 1e-12
+    assert terms.output == expected
+    assert state.pitch_setpoint_rad == pytest.approx(expected, abs=1e-12)
+    assert state.pid == PidState(integral, 0.0)
 
 
 def test_the_line_is_held_against_a_steady_push() -> None:
@@ -150,6 +157,4 @@ def test_the_line_is_held_against_a_steady_push() -> None:
     # Proportional control alone would stay off by 0.15 / (9.81 · 0.6) = 2.5 cm.
     assert 0.015 < largest < 0.04
     assert abs(e) < 0.001
-    assert trimmed_pitch(gains, state) - gains.trim_pitch_rad == pytest.approx(
-        0.15 / 9.81, rel=0.02
-    )
+    assert state.pid.integral == pytest.approx(0.15 / 9.81, rel=0.02)

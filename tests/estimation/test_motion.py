@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from math import cos, dist, e, exp, inf, isnan, nan, pi, radians, remainder, sin
@@ -14,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from tgl_soar.estimation.motion import (
     FUTURE_S,
+    OUTLIERS_BELIEVED,
     PREDICT_MAX_S,
     RESTART_S,
     MotionGains,
@@ -30,7 +32,7 @@ from tgl_soar.geometry import (
 from tgl_soar.types import AttitudeSample, AutopilotStatus, Inputs, PositionFix, VehicleState
 
 FRAME = SoaringFrame(3.0, -4.0, 5.0, radians(240.0))
-GAINS = MotionGains(2.0 * pi * 4.0, 2.0 * pi * 10.0, 0.0)
+GAINS = MotionGains(2.0 * pi * 4.0, 2.0 * pi * 10.0, 0.0, 0.5)
 DT = 0.005
 NO_FIX = PositionFix(0, nan, nan, nan, nan, nan, nan, nan)
 NO_SAMPLE = AttitudeSample(0, nan, nan, nan, nan, nan, nan, nan, nan)
@@ -272,11 +274,11 @@ def test_after_a_short_gap_the_prediction_counts_too() -> None:
     # 0.1 s at 4 Hz, critically damped: of the innovation exp(-2 w T) = 0.7 % is left.
     state = settled()
     later = LAST + 0.1
-    off = tuple(p + 1.0 for p in straight(later))
+    off = tuple(p + 0.5 for p in straight(later))
     fix = fix_at(99, later, (off[0], off[1], off[2]), STRAIGHT)
     _, vehicle = motion_step(GAINS, FRAME, state, mid(later, fix))
     left = exp(-2.0 * GAINS.position_bandwidth_radps * 0.1)
-    assert off[0] - vehicle.x_m == pytest.approx(left, rel=1e-6)
+    assert off[0] - vehicle.x_m == pytest.approx(0.5 * left, rel=1e-6)
 
 
 def test_in_a_gap_it_goes_on_as_it_was() -> None:
@@ -438,3 +440,60 @@ def test_a_site_turned_and_moved_gives_the_same_state(
     here = fly(SoaringFrame(0.0, 0.0, 0.0, 0.0))
     there = fly(SoaringFrame(*origin, turn))
     assert there == pytest.approx(here, abs=1e-9)
+
+
+# --- outliers -------------------------------------------------------------------------------
+
+
+def off(fix: PositionFix, metres: float) -> PositionFix:
+    return fix._replace(down_m=fix.down_m + metres)
+
+
+@pytest.mark.parametrize("metres", [1.0, 3.0, -50.0])
+def test_one_fix_far_from_the_prediction_changes_nothing(metres: float) -> None:
+    state = settled()
+    fix = off(fix_at(99, NOW, straight(NOW), STRAIGHT), metres)
+    after, vehicle = motion_step(GAINS, FRAME, state, mid(NOW, fix))
+    assert after.rejected == state.rejected + 1
+    assert dist(position(vehicle), straight(NOW)) < 1e-6
+    later = NOW + 0.02
+    good = fix_at(100, later, straight(later), STRAIGHT)
+    again, vehicle = motion_step(GAINS, FRAME, after, mid(later, good))
+    assert again.outliers == 0
+    assert dist(position(vehicle), straight(later)) < 1e-6
+
+
+def test_every_twentieth_fix_wrong_costs_nothing() -> None:
+    rng = random.Random(5)
+    state = settled()
+    for k in range(200):
+        t = NOW + 0.02 * k
+        fix = fix_at(100 + k, t, straight(t), STRAIGHT)
+        if k % 20 == 7:
+            fix = off(fix, rng.uniform(0.8, 5.0))
+        state, vehicle = motion_step(GAINS, FRAME, state, mid(t, fix))
+        assert dist(position(vehicle), straight(t)) < 1e-6
+    assert state.rejected == 10
+
+
+def test_a_place_that_enough_fixes_agree_on_is_believed() -> None:
+    """The source has moved its origin: what it says is where the aircraft is, from now on."""
+    state = settled()
+    for k in range(OUTLIERS_BELIEVED):
+        t = NOW + 0.02 * k
+        state, vehicle = motion_step(
+            GAINS, FRAME, state, mid(t, off(fix_at(99 + k, t, straight(t), STRAIGHT), 4.0))
+        )
+    assert position(vehicle)[2] == pytest.approx(straight(t)[2] - 4.0, abs=1e-6)
+    assert state.outliers == 0
+
+
+def test_outliers_that_do_not_agree_are_never_believed() -> None:
+    """Markers taken for others, here and there by turns."""
+    state = settled()
+    for k in range(20):
+        t = NOW + 0.02 * k
+        fix = off(fix_at(99 + k, t, straight(t), STRAIGHT), 4.0 if k % 2 else -4.0)
+        state, vehicle = motion_step(GAINS, FRAME, state, mid(t, fix))
+    assert dist(position(vehicle), straight(t)) < 1e-6
+    assert state.rejected == 20

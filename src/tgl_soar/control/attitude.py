@@ -9,7 +9,7 @@ on the measured rate alone: a setpoint that steps does not kick the surface.
 
 from __future__ import annotations
 
-from .pid import PidGains, PidState, PidTerms, pid_reset, pid_step
+from .pid import PidGains, PidState, PidTerms, pid_step
 
 
 def attitude_step(
@@ -24,14 +24,3 @@ def attitude_step(
 ) -> tuple[PidState, PidTerms]:
     """One step of either law.  trim: deflection in undisturbed flight, -1 … 1."""
     return pid_step(gains, state, setpoint_rad - angle_rad, -angle_rate_radps, trim, dt_s, blocked)
-
-
-def attitude_reset(
-    gains: PidGains,
-    setpoint_rad: float,
-    angle_rad: float,
-    angle_rate_radps: float,
-    trim: float,
-) -> PidState:
-    """The state from which the surface starts at its trim."""
-    return pid_reset(gains, setpoint_rad - angle_rad, -angle_rate_radps, trim, trim)

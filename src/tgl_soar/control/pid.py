@@ -85,8 +85,12 @@ def pid_step(
 
 
 def pid_reset(
-    gains: PidGains, error: float, error_rate: float, feedforward: float, output: float
+    gains: PidGains, error_rate: float, feedforward: float, undisturbed: float
 ) -> PidState:
-    """The state from which the next step gives `output`, as far as the integral may reach."""
-    integral = output - feedforward - gains.kp * error - gains.kd * error_rate
+    """The state in which the loop gives `undisturbed` where there is no error and no rate.
+
+    P and D act at once: an integral that cancelled them would hide the very disturbance that
+    the loop is there for, and unwind only slowly.
+    """
+    integral = undisturbed - feedforward
     return PidState(max(-gains.integral_max, min(gains.integral_max, integral)), error_rate)

@@ -44,26 +44,38 @@ def soaring_step(
     pid, terms = pid_step(
         gains.pid, state.pid, e_rho_m, e_rho_rate_mps, gains.trim_pitch_rad, dt_s, held
     )
+    return _slewed(gains, pid, state.pitch_setpoint_rad, terms.output, dt_s), terms
+
+
+def holding_step(
+    gains: SoaringGains, state: SoaringState, dt_s: float
+) -> tuple[SoaringState, PidTerms]:
+    """One step without a position: towards the pitch that holds the line when undisturbed."""
+    integral = state.pid.integral
+    pitch = gains.trim_pitch_rad + integral
+    pitch = max(gains.pid.output_min, min(gains.pid.output_max, pitch))
+    terms = PidTerms(pitch, 0.0, integral, 0.0, gains.trim_pitch_rad, 0)
+    return _slewed(gains, PidState(integral, 0.0), state.pitch_setpoint_rad, pitch, dt_s), terms
+
+
+def _slewed(
+    gains: SoaringGains, pid: PidState, setpoint_rad: float, wanted_rad: float, dt_s: float
+) -> SoaringState:
+    """The setpoint moved towards the wanted pitch, no faster than its slew rate."""
     most = gains.slew_radps * dt_s
-    change = terms.output - state.pitch_setpoint_rad
+    change = wanted_rad - setpoint_rad
     slewing = 0
     if change > most:
         change, slewing = most, 1
     elif change < -most:
         change, slewing = -most, -1
-    return SoaringState(pid, state.pitch_setpoint_rad + change, slewing), terms
+    return SoaringState(pid, setpoint_rad + change, slewing)
 
 
-def soaring_reset(
-    gains: SoaringGains, e_rho_m: float, e_rho_rate_mps: float, pitch_rad: float
-) -> SoaringState:
-    """The state in which the setpoint starts at the pitch that is flown now, within limits."""
+def soaring_reset(gains: SoaringGains, e_rho_rate_mps: float, pitch_rad: float) -> SoaringState:
+    """The state in which the setpoint starts at the pitch that is flown now, within limits.
+
+    That pitch is also the best guess of the one that will hold the line.
+    """
     pitch = max(gains.pid.output_min, min(gains.pid.output_max, pitch_rad))
-    pid = pid_reset(gains.pid, e_rho_m, e_rho_rate_mps, gains.trim_pitch_rad, pitch)
-    return SoaringState(pid, pitch, 0)
-
-
-def trimmed_pitch(gains: SoaringGains, state: SoaringState) -> float:
-    """The pitch [rad] that holds the line when undisturbed: what to fly without a position."""
-    pitch = gains.trim_pitch_rad + state.pid.integral
-    return max(gains.pid.output_min, min(gains.pid.output_max, pitch))
+    return SoaringState(pid_reset(gains.pid, e_rho_rate_mps, gains.trim_pitch_rad, pitch), pitch, 0)

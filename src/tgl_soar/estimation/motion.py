@@ -14,6 +14,14 @@ r = p_fix - p(t_fix), the interval T to the fix before, and the bandwidths w_p, 
 Attitude is turned into roll, pitch and heading, and carried on to the tick with its rates.
 Where a source gives no body rates they are the differences of its angles.
 
+A fix that lies further from the prediction than any flight explains,
+
+    |r| > gate + v_gate T
+
+is an outlier: swapped markers, a glitch of the autopilot's filter.  It is refused and counted,
+until `OUTLIERS_BELIEVED` of them in a row agree with each other: then the aircraft is there,
+and the estimate starts afresh.
+
 A sample that is not finite, is no rotation, comes from the future, or is not later than the
 one before is refused and counted.  Where the one before lies in the future itself the clock has
 gone back: it is forgotten, and the sample starts afresh.
@@ -36,6 +44,8 @@ from tgl_soar.types import NAN, AttitudeSample, Inputs, PositionFix, VehicleStat
 
 FUTURE_S = 0.05  # a time stamp may be this far ahead of the tick: clock mapping is not exact
 RESTART_S = 1.0  # after a gap of this length the fix says more than the prediction
+GATE_MPS = 5.0  # how wrong the estimated velocity may be
+OUTLIERS_BELIEVED = 5
 PREDICT_MAX_S = 0.1  # attitude is carried on no further than this
 
 
@@ -45,6 +55,7 @@ class MotionGains(NamedTuple):
     position_bandwidth_radps: float
     velocity_bandwidth_radps: float
     fix_delay_s: float  # of the source, beyond what its time stamps tell
+    fix_gate_m: float  # innovation beyond which a fix is an outlier
 
 
 class MotionState(NamedTuple):
@@ -68,12 +79,39 @@ class MotionState(NamedTuple):
     pitch_rate_radps: float
     heading_rate_radps: float
     rejected: int
+    outliers: int  # in a row, agreeing with each other
+    outlier_time_s: float  # the last of them
+    outlier_x_m: float
+    outlier_y_m: float
+    outlier_z_m: float
 
 
 def initial_motion() -> MotionState:
     """Nothing is known yet."""
     return MotionState(
-        NAN, NAN, NAN, NAN, 0.0, 0.0, 0.0, 0, NAN, 0, NAN, NAN, NAN, NAN, 0.0, 0.0, 0.0, 0
+        time_s=NAN,
+        x_m=NAN,
+        y_m=NAN,
+        z_m=NAN,
+        velocity_x_mps=0.0,
+        velocity_y_mps=0.0,
+        climb_mps=0.0,
+        fix_sequence=0,
+        fix_time_s=NAN,
+        attitude_sequence=0,
+        attitude_time_s=NAN,
+        roll_rad=NAN,
+        pitch_rad=NAN,
+        heading_rad=NAN,
+        roll_rate_radps=0.0,
+        pitch_rate_radps=0.0,
+        heading_rate_radps=0.0,
+        rejected=0,
+        outliers=0,
+        outlier_time_s=NAN,
+        outlier_x_m=NAN,
+        outlier_y_m=NAN,
+        outlier_z_m=NAN,
     )
 
 
@@ -146,6 +184,8 @@ def _take_fix(
         px = state.x_m + state.velocity_x_mps * ahead
         py = state.y_m + state.velocity_y_mps * ahead
         pz = state.z_m + state.climb_mps * ahead
+        if _apart(x - px, y - py, z - pz) > gains.fix_gate_m + GATE_MPS * interval:
+            return _take_outlier(gains, state, fix.sequence, fix_time, x, y, z)
         fade = exp(-gains.position_bandwidth_radps * interval)
         g = 1.0 - fade * fade
         if has_velocity:
@@ -161,25 +201,59 @@ def _take_fix(
         x, y, z = px + g * (x - px), py + g * (y - py), pz + g * (z - pz)
     else:
         vx, vy, climb = fix_vx, fix_vy, fix_climb
-    return MotionState(
-        fix_time,
-        x,
-        y,
-        z,
-        vx,
-        vy,
-        climb,
-        fix.sequence,
-        fix_time,
-        state.attitude_sequence,
-        state.attitude_time_s,
-        state.roll_rad,
-        state.pitch_rad,
-        state.heading_rad,
-        state.roll_rate_radps,
-        state.pitch_rate_radps,
-        state.heading_rate_radps,
-        state.rejected,
+    return state._replace(
+        time_s=fix_time,
+        x_m=x,
+        y_m=y,
+        z_m=z,
+        velocity_x_mps=vx,
+        velocity_y_mps=vy,
+        climb_mps=climb,
+        fix_sequence=fix.sequence,
+        fix_time_s=fix_time,
+        outliers=0,
+    )
+
+
+def _apart(x_m: float, y_m: float, z_m: float) -> float:
+    """Length of a vector."""
+    return sqrt(x_m * x_m + y_m * y_m + z_m * z_m)
+
+
+def _take_outlier(
+    gains: MotionGains,
+    state: MotionState,
+    sequence: int,
+    fix_time_s: float,
+    x_m: float,
+    y_m: float,
+    z_m: float,
+) -> MotionState:
+    """Refuse a fix far from the prediction, or start afresh where enough of them agree."""
+    away = _apart(x_m - state.outlier_x_m, y_m - state.outlier_y_m, z_m - state.outlier_z_m)
+    near = gains.fix_gate_m + GATE_MPS * (fix_time_s - state.outlier_time_s)
+    outliers = state.outliers + 1 if state.outliers > 0 and away <= near else 1
+    if outliers >= OUTLIERS_BELIEVED:
+        return state._replace(
+            time_s=fix_time_s,
+            x_m=x_m,
+            y_m=y_m,
+            z_m=z_m,
+            velocity_x_mps=0.0,
+            velocity_y_mps=0.0,
+            climb_mps=0.0,
+            fix_sequence=sequence,
+            fix_time_s=fix_time_s,
+            outliers=0,
+        )
+    return state._replace(
+        fix_sequence=sequence,
+        rejected=state.rejected + 1,
+        outliers=outliers,
+        outlier_time_s=fix_time_s,
+        outlier_x_m=x_m,
+        outlier_y_m=y_m,
+        outlier_z_m=z_m,
     )
 
 
@@ -210,23 +284,13 @@ def _take_attitude(
         heading_rate = wrap_angle(heading - state.heading_rad) / interval
     else:
         roll_rate, pitch_rate, heading_rate = 0.0, 0.0, 0.0
-    return MotionState(
-        state.time_s,
-        state.x_m,
-        state.y_m,
-        state.z_m,
-        state.velocity_x_mps,
-        state.velocity_y_mps,
-        state.climb_mps,
-        state.fix_sequence,
-        state.fix_time_s,
-        sample.sequence,
-        sample.time_s,
-        roll,
-        pitch,
-        heading,
-        roll_rate,
-        pitch_rate,
-        heading_rate,
-        state.rejected,
+    return state._replace(
+        attitude_sequence=sample.sequence,
+        attitude_time_s=sample.time_s,
+        roll_rad=roll,
+        pitch_rad=pitch,
+        heading_rad=heading,
+        roll_rate_radps=roll_rate,
+        pitch_rate_radps=pitch_rate,
+        heading_rate_radps=heading_rate,
     )
