@@ -1,0 +1,304 @@
+"""Commands as ground stations send them; time is an argument."""
+
+from __future__ import annotations
+
+from math import nan
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tgl_soar.link.commands import ABORT, ENGAGE, NOTHING, RELEASE, Command, CommandServer
+from tgl_soar.link.engagement import Engagement, PilotSwitch
+from tgl_soar.link.messages import (
+    AutopilotVersion,
+    CommandAck,
+    CommandInt,
+    CommandLong,
+    MessageInterval,
+    NamedValueFloat,
+    RcChannels,
+    Said,
+    Source,
+)
+from tgl_soar.link.telemetry import Flow, Telemetry
+
+OWN = Source(1, 191)
+STATION, OTHER = Source(255, 190), Source(245, 190)
+ACCEPTED, REJECTED, DENIED, UNSUPPORTED, FAILED, IN_PROGRESS, CANCELLED = 0, 1, 2, 3, 4, 5, 6
+
+
+def server() -> CommandServer:
+    flow = Flow(251, 1, 0.2, lambda turn: NamedValueFloat(0, "n", turn))
+    return CommandServer(OWN, Telemetry((flow,)), (1, 2, 3))
+
+
+def command(
+    number: int, *params: float, confirmation: int = 0, target: tuple[int, int] = OWN
+) -> CommandLong:
+    padded = (*params, *[0.0] * (7 - len(params)))
+    return CommandLong(*target, number, confirmation, padded[:7])  # type: ignore[arg-type]
+
+
+def results(said: list[Said] | list[CommandAck]) -> list[int]:
+    return [m.result for m in said if isinstance(m, CommandAck)]
+
+
+def flying(commands: CommandServer, *, settled: bool = False) -> list[int]:
+    return results(commands.engagement(flying=True, settled=settled, withdrawn=False))
+
+
+def let_go(commands: CommandServer, *, withdrawn: bool) -> list[int]:
+    return results(commands.engagement(flying=False, settled=False, withdrawn=withdrawn))
+
+
+# --- for whom ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("target", "number", "ours"),
+    [
+        ((1, 191), ENGAGE, True),
+        ((0, 191), ENGAGE, True),
+        ((1, 0), ENGAGE, False),  # nobody engages all components
+        ((0, 0), ENGAGE, False),
+        ((1, 0), RELEASE, True),  # but may tell all to let go
+        ((0, 0), ABORT, True),
+        ((1, 0), 400, False),
+        ((1, 1), ABORT, False),
+        ((2, 191), ABORT, False),
+    ],
+)
+def test_engaging_must_name_us_and_letting_go_need_not(
+    target: tuple[int, int], number: int, ours: bool
+) -> None:
+    commands = server()
+    assert commands.is_for_us(STATION, command(number, target=target)) == ours
+    assert commands.is_for_us(STATION, CommandInt(*target, number, (0.0,) * 4)) == ours
+    assert not commands.is_for_us(OWN, command(number, target=target))
+
+
+# --- engage -----------------------------------------------------------------------------------
+
+
+def test_an_engagement_is_in_progress_until_the_aircraft_is_on_its_line() -> None:
+    commands = server()
+    answer = commands.handle(STATION, command(ENGAGE), 10.0)
+    assert (answer.said, answer.wish) == ([], ENGAGE)  # the entry checks come first
+    assert flying(commands) == [IN_PROGRESS]
+    assert commands.poll(10.9) == []
+    assert commands.poll(11.0) == [CommandAck(ENGAGE, IN_PROGRESS, 255, 190, 255)]
+    assert commands.poll(11.5) == []
+    assert flying(commands) == []  # holding, capturing again: nothing new
+    assert flying(commands, settled=True) == [ACCEPTED]
+    assert commands.poll(20.0) == []
+    assert let_go(commands, withdrawn=True) == []  # it has been answered
+
+
+def test_entry_checks_that_wait_for_a_tick_are_in_progress() -> None:
+    commands = server()
+    commands.handle(STATION, command(ENGAGE), 10.0)
+    assert results(commands.poll(11.0)) == [IN_PROGRESS]
+
+
+def test_a_refused_entry_check_is_a_temporary_rejection() -> None:
+    commands = server()
+    commands.handle(STATION, command(ENGAGE), 10.0)
+    assert let_go(commands, withdrawn=False) == [REJECTED]
+
+
+@pytest.mark.parametrize(("withdrawn", "result"), [(False, FAILED), (True, CANCELLED)])
+def test_an_engagement_that_ends_before_its_line_failed_or_was_cancelled(
+    withdrawn: bool, result: int
+) -> None:
+    commands = server()
+    commands.handle(STATION, command(ENGAGE), 10.0)
+    flying(commands)
+    assert let_go(commands, withdrawn=withdrawn) == [result]
+
+
+def test_what_holds_an_engagement_back_is_told() -> None:
+    commands = server()
+    answer = commands.handle(STATION, command(ENGAGE), 10.0, held_back="aborted")
+    assert (results(answer.said), answer.wish, answer.reason) == ([REJECTED], NOTHING, "aborted")
+
+
+@pytest.mark.parametrize("number", [ENGAGE, RELEASE, ABORT])
+def test_a_stranger_is_denied(number: int) -> None:
+    answer = server().handle(STATION, command(number), 10.0, forbidden="not an operator")
+    assert (results(answer.said), answer.wish) == ([DENIED], NOTHING)
+    assert answer.reason == "not an operator"
+
+
+# --- repeated commands ------------------------------------------------------------------------
+
+
+def test_a_repeated_command_is_answered_the_same_and_not_done_twice() -> None:
+    commands = server()
+    assert commands.handle(STATION, command(ENGAGE), 10.0).wish == ENGAGE
+    again = commands.handle(STATION, command(ENGAGE, confirmation=1), 11.0)
+    assert (results(again.said), again.wish) == ([IN_PROGRESS], NOTHING)
+    flying(commands, settled=True)
+    assert commands.handle(STATION, command(RELEASE), 12.0).wish == RELEASE
+    # This one was on its way for long: it must not engage what was released since.
+    late = commands.handle(STATION, command(ENGAGE, confirmation=2), 13.0)
+    assert (results(late.said), late.wish) == ([ACCEPTED], NOTHING)
+    released = commands.handle(STATION, command(RELEASE, confirmation=1), 13.0)
+    assert (results(released.said), released.wish) == ([ACCEPTED], NOTHING)
+
+
+def test_a_repetition_whose_first_was_lost_is_done() -> None:
+    commands = server()
+    assert commands.handle(STATION, command(ENGAGE, confirmation=1), 10.0).wish == ENGAGE
+    assert commands.handle(OTHER, command(ENGAGE, confirmation=1), 10.0).wish == ENGAGE
+    assert commands.handle(STATION, command(RELEASE, confirmation=3), 50.0).wish == RELEASE
+    assert commands.handle(STATION, command(RELEASE, confirmation=3), 70.0).wish == RELEASE
+
+
+def test_every_station_that_waits_is_answered() -> None:
+    commands = server()
+    commands.handle(STATION, command(ENGAGE), 10.0)
+    commands.handle(OTHER, CommandInt(*OWN, ENGAGE, (0.0,) * 4), 10.0)
+    acks = commands.engagement(flying=True, settled=True, withdrawn=False)
+    assert [(m.target_system, m.result) for m in acks] == [(255, ACCEPTED), (245, ACCEPTED)]
+
+
+def test_senders_are_remembered_in_bounds() -> None:
+    commands = server()
+    for system in range(1, 250):
+        commands.handle(Source(system, 7), command(ENGAGE), 10.0)
+    assert len(commands.poll(12.0)) == 16
+
+
+# --- messages ---------------------------------------------------------------------------------
+
+
+def test_messages_are_sent_on_request() -> None:
+    commands = server()
+    ack, version = commands.handle(STATION, command(512, 148.0), 0.0).said
+    assert isinstance(version, AutopilotVersion)
+    assert version.flight_sw_version == 1 << 24 | 2 << 16 | 3 << 8
+    ack, value = commands.handle(STATION, command(512, 251.0), 0.0).said
+    assert isinstance(value, NamedValueFloat)
+    ack, interval = commands.handle(STATION, command(512, 244.0, 251.0), 0.0).said
+    assert interval == MessageInterval(251, 200_000)
+    ack, interval = commands.handle(STATION, command(510, 30.0), 0.0).said
+    assert interval == MessageInterval(30, 0)
+    assert results([ack]) == [ACCEPTED]
+
+
+@pytest.mark.parametrize(
+    ("interval_us", "result", "then"),
+    [
+        (100_000.0, ACCEPTED, 100_000),
+        (-1.0, ACCEPTED, -1),
+        (0.0, ACCEPTED, 200_000),
+        (19_000.0, DENIED, 200_000),  # more than 50 Hz
+        (-2.0, DENIED, 200_000),
+        (nan, DENIED, 200_000),
+    ],
+)
+def test_the_rate_of_our_own_telemetry_can_be_set(
+    interval_us: float, result: int, then: int
+) -> None:
+    commands = server()
+    assert results(commands.handle(STATION, command(511, 251.0, interval_us), 0.0).said) == [result]
+    _, interval = commands.handle(STATION, command(510, 251.0), 0.0).said
+    assert interval == MessageInterval(251, then)
+
+
+@pytest.mark.parametrize("params", [(30.0,), (nan,), (-1.0,), (1e9,), (250.5,)])
+def test_what_we_do_not_send_cannot_be_asked_for(params: tuple[float, ...]) -> None:
+    commands = server()
+    assert results(commands.handle(STATION, command(512, *params), 0.0).said) == [DENIED]
+    assert results(commands.handle(STATION, command(511, *params, 1e6), 0.0).said) == [DENIED]
+
+
+@given(
+    st.integers(0, 65535),
+    st.lists(st.floats(width=32), min_size=7, max_size=7),
+    st.integers(0, 255),
+    st.booleans(),
+)
+def test_whatever_is_commanded_gets_one_answer_at_most(
+    number: int, params: list[float], confirmation: int, whole: bool
+) -> None:
+    message: Command = command(number, *params, confirmation=confirmation)
+    if whole:
+        message = CommandInt(*OWN, number, tuple(params[:4]))  # type: ignore[arg-type]
+    answer = server().handle(STATION, message, 0.0)
+    assert len(results(answer.said)) == (number != ENGAGE)
+    if number not in (ENGAGE, RELEASE, ABORT):
+        assert answer.wish == NOTHING
+    if not 510 <= number <= 520 and answer.wish == NOTHING:
+        assert results(answer.said) == [UNSUPPORTED]
+
+
+# --- the pilot's switch -----------------------------------------------------------------------
+
+ON_US, OFF_US = 1700.0, 1300.0
+LOW, MIDDLE, HIGH, GONE = 1100, 1500, 1900, 65535
+
+
+def take(switch: PilotSwitch, pulse_us: int, now_s: float, channel: int = 8) -> int:
+    channels = [1500] * 18
+    channels[7] = pulse_us
+    return switch.take(RcChannels(18, tuple(channels)), now_s, channel, ON_US, OFF_US)
+
+
+def test_the_way_up_engages_once_and_low_always_releases() -> None:
+    switch = PilotSwitch()
+    assert [take(switch, p, i * 0.1) for i, p in enumerate((LOW, LOW, MIDDLE, HIGH, HIGH))] == [
+        *(RELEASE, RELEASE, NOTHING, ENGAGE, NOTHING)
+    ]
+    assert take(switch, MIDDLE, 0.6) == NOTHING
+    assert take(switch, HIGH, 0.7) == NOTHING  # not from low
+    assert take(switch, LOW, 0.8) == RELEASE
+    assert switch.is_low
+    assert take(switch, HIGH, 0.9) == ENGAGE
+    assert not switch.is_low
+
+
+def test_a_switch_that_is_up_at_the_start_does_not_engage() -> None:
+    switch = PilotSwitch()
+    assert [take(switch, HIGH, i * 0.1) for i in range(20)] == [NOTHING] * 20
+
+
+def test_silence_engages_nothing_even_when_the_switch_comes_back_up() -> None:
+    switch = PilotSwitch()
+    take(switch, LOW, 0.0)
+    assert take(switch, HIGH, 1.5) == NOTHING
+    take(switch, LOW, 1.6)
+    assert [take(switch, GONE, 1.6 + i * 0.1) for i in range(20)] == [NOTHING] * 20
+    assert take(switch, HIGH, 3.7) == NOTHING
+
+
+def test_no_channel_and_no_pulse_is_no_switch() -> None:
+    switch = PilotSwitch()
+    for channel in (0, 19, -3):
+        assert take(switch, LOW, 0.0, channel) == NOTHING
+    assert take(switch, 0, 0.0) == NOTHING
+    assert not switch.is_low
+
+
+@given(st.lists(st.sampled_from((LOW, MIDDLE, HIGH, GONE, 0)), max_size=60))
+def test_every_engagement_follows_a_low_that_was_seen(pulses: list[int]) -> None:
+    switch = PilotSwitch()
+    lows = engagements = 0
+    for i, pulse in enumerate(pulses):
+        wish = take(switch, pulse, i * 0.1)
+        lows += wish == RELEASE
+        engagements += wish == ENGAGE
+        assert engagements <= lows
+        assert (wish == RELEASE) == (pulse == LOW)
+
+
+def test_an_abort_stands_until_somebody_releases() -> None:
+    engagement = Engagement()
+    assert engagement.held_back() == ""
+    engagement.abort("system 255")
+    assert "aborted by system 255" in engagement.held_back()
+    engagement.clear()
+    assert engagement.held_back() == ""
+    take(engagement.switch, LOW, 0.0)
+    assert "switch is low" in engagement.held_back()
