@@ -428,7 +428,7 @@ def _type_at(keys: _Keys, table: dict[str, Any], kind: type[Struct]) -> inspect.
         match expected:
             case inspect.DictType():
                 expected = expected.value_type
-            case inspect.ListType() | inspect.VarTupleType():
+            case inspect.ListType() | inspect.VarTupleType() | inspect.FrozenSetType():
                 expected = expected.item_type
             case inspect.TupleType() if isinstance(key, int):
                 expected = expected.item_types[key]
@@ -477,13 +477,11 @@ def _allowed(expected: inspect.Type) -> str:
             return "true or false"
         case inspect.StrType():
             return "text in quotes"
-        case inspect.FrozenSetType() | inspect.SetType() | inspect.ListType():
-            return f"a list, each {_allowed(expected.item_type)}"
         case inspect.LiteralType():
             return " or ".join(f'"{v}"' for v in expected.values)
         case inspect.StructType():
             return f"a table with {_known(expected)}"
-        case inspect.ListType() | inspect.VarTupleType():
+        case inspect.ListType() | inspect.VarTupleType() | inspect.FrozenSetType():
             return f"an array, each {_allowed(expected.item_type)}"
         case inspect.TupleType():
             return f"an array of {', '.join(map(_allowed, expected.item_types))}"
