@@ -168,10 +168,10 @@ BAD_AIRFRAMES = [
         "airframe.mass_kg: missing; must be a number above 0 and up to 1e+06",
     ),
     (
-        '[autopilot]\nfirmware = "bridge"',
+        "aileron = { channel = 1 }",
         "",
-        "autopilot: missing; must be a table with firmware, system_id, component_id,"
-        " override_system_id",
+        "surfaces.aileron: missing; must be a table with channel, pwm_min, pwm_trim, pwm_max,"
+        " reversed",
     ),
     (
         "mass_kg = 0.7",
@@ -220,6 +220,16 @@ BAD_AIRFRAMES = [
         'firmware = "bridge"',
         'firmware = "bridge"\nsystem_id = 256',
         "autopilot.system_id = 256: must be a whole number from 1 to 255",
+    ),
+    (
+        'firmware = "bridge"',
+        'firmware = "bridge"\noperators = [255, 300]',
+        "autopilot.operators[1] = 300: must be a whole number from 1 to 255",
+    ),
+    (
+        'firmware = "bridge"',
+        'firmware = "bridge"\noperators = 255',
+        "autopilot.operators = 255: must be an array, each a whole number from 1 to 255",
     ),
     (
         "reversed = true",
