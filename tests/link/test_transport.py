@@ -19,6 +19,7 @@ from tgl_soar.link.transport import (
     Transport,
     UdpListener,
     UdpSpeaker,
+    is_open,
     open_link,
 )
 
@@ -239,3 +240,21 @@ def test_a_link_that_cannot_be_opened_is_named_with_the_way_out(text: str, words
 def test_a_port_in_use_says_so(listener: UdpListener) -> None:
     with pytest.raises(LinkError, match="is in use; stop the other program"):
         open_link(listener.name, is_frame)
+
+
+@pytest.mark.parametrize(
+    ("link", "opened"),
+    [
+        ("udp:127.0.0.1:14540", False),
+        ("udp:localhost:14540", False),
+        ("udpout:127.0.0.7:1", False),
+        ("tcp:[::1]:5760", False),
+        ("serial:/dev/ttyAMA0:921600", False),
+        ("udp:0.0.0.0:14540", True),
+        ("udp:[::]:14540", True),
+        ("udpout:192.0.2.1:14550", True),
+        ("tcp:10.1.2.3:5760", True),
+    ],
+)
+def test_which_links_others_can_reach(link: str, opened: bool) -> None:
+    assert is_open(link) == opened

@@ -185,3 +185,27 @@ def test_it_speaks_over_a_serial_line_and_survives_that_the_line_is_cut(tmp_path
         finally:
             process.kill()
             os.close(far)
+
+
+def test_an_open_unsigned_link_is_warned_of_and_a_loopback_is_not() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    module = Module("--link", f"udp:0.0.0.0:{port}", "--timeout", "0.2")
+    assert module.process.wait(5.0) == EXIT_NO_AUTOPILOT
+    words = module.words()
+    module.close()
+    warnings = [line for line in words.splitlines() if "WARNING" in line]
+    assert len(warnings) == 1
+    assert "udp:0.0.0.0" in warnings[0]
+    assert "unsigned" in warnings[0]
+
+
+def test_a_key_that_others_can_read_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    key = tmp_path / "key"
+    key.write_bytes(bytes(range(32)))
+    key.chmod(0o644)
+    assert main(arguments("udp:127.0.0.1:1", "--signing-key", str(key))) == EXIT_CANNOT_START
+    assert "others may read" in capsys.readouterr().err

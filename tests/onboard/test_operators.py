@@ -1,0 +1,437 @@
+"""Operators, links and keys, as the whole module meets them: frames in, frames out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from test_onboard import CAPTURING, SOARING, STANDBY, Flight, setup, texts
+
+from tgl_soar import onboard as module
+from tgl_soar.instruments import ARRAY
+from tgl_soar.link.signing import EPOCH_S, Signing
+from tgl_soar.onboard import Onboard
+
+ENGAGE, RELEASE, ABORT = 31010, 31011, 31012
+ACCEPTED, REJECTED, DENIED, UNSUPPORTED, FAILED, IN_PROGRESS, CANCELLED = 0, 1, 2, 3, 4, 5, 6
+KEY = bytes(range(1, 33))
+
+
+@pytest.fixture
+def flight() -> Flight:
+    made = Flight()
+    made.run(1.0)
+    made.said()
+    return made
+
+
+def order(flight: Flight, number: int, *, component: int = 191, confirmation: int = 0) -> None:
+    flight.hear(
+        mavlink.MAVLink_command_long_message(
+            1, component, number, confirmation, 0, 0, 0, 0, 0, 0, 0
+        ),
+        station=True,
+    )
+
+
+def acks(messages: list[Any]) -> list[tuple[int, int]]:
+    return [(m.command, m.result) for m in messages if m.get_type() == "COMMAND_ACK"]
+
+
+# --- commands ---------------------------------------------------------------------------------
+
+
+def test_engage_and_release_by_command(flight: Flight) -> None:
+    order(flight, ENGAGE)
+    flight.run(0.05)
+    said = flight.said()
+    assert acks(said) == [(ENGAGE, IN_PROGRESS)]
+    assert flight.mode_now == CAPTURING
+    assert [m.param_value for m in said if m.get_type() == "PARAM_VALUE"] == [1.0]
+    flight.run(4.0)
+    assert flight.mode_now == SOARING
+    results = acks(flight.said())
+    assert results[-1] == (ENGAGE, ACCEPTED)
+    assert set(results[:-1]) <= {(ENGAGE, IN_PROGRESS)}
+    order(flight, ENGAGE)
+    assert acks(flight.said()) == [(ENGAGE, ACCEPTED)]  # it flies already
+    order(flight, RELEASE)
+    flight.run(0.05)
+    said = flight.said()
+    assert acks(said) == [(RELEASE, ACCEPTED)]
+    assert flight.mode_now == STANDBY
+    assert "standby: operator let go" in texts(said)
+
+
+def test_an_entry_check_that_refuses_is_a_rejection_with_its_reason(flight: Flight) -> None:
+    flight.mode = 10
+    flight.run(1.0)
+    flight.said()
+    order(flight, ENGAGE)
+    flight.run(0.1)
+    said = flight.said()
+    assert acks(said) == [(ENGAGE, REJECTED)]
+    assert "released: autopilot not in the mode that obeys" in texts(said)
+
+
+def test_a_capture_that_is_lost_failed(flight: Flight) -> None:
+    order(flight, ENGAGE)
+    flight.run(0.1)
+    flight.attitude_hz = 0.0
+    flight.run(0.6)
+    assert acks(flight.said())[-1] == (ENGAGE, FAILED)
+
+
+def test_a_capture_that_an_operator_ends_was_cancelled(flight: Flight) -> None:
+    order(flight, ENGAGE)
+    flight.run(0.1)
+    flight.set("OP_ENGAGE", 0.0)
+    flight.run(0.1)
+    assert acks(flight.said())[-1] == (ENGAGE, CANCELLED)
+
+
+def test_an_abort_stands_against_every_way_to_engage(flight: Flight) -> None:
+    order(flight, ENGAGE)
+    flight.run(0.1)
+    order(flight, ABORT, component=0)
+    flight.run(0.05)
+    assert flight.mode_now == STANDBY
+    said = flight.said()
+    assert (ABORT, ACCEPTED) in acks(said)
+    assert any("aborted by system 255" in text for text in texts(said))
+    flight.set("OP_ENGAGE", 1.0)
+    order(flight, ENGAGE)
+    flight.run(0.1)
+    said = flight.said()
+    assert flight.mode_now == STANDBY
+    assert [m.param_value for m in said if m.get_type() == "PARAM_VALUE"] == [0.0]
+    assert acks(said) == [(ENGAGE, REJECTED)]
+    flight.set("OP_ENGAGE", 0.0)
+    order(flight, ENGAGE)
+    flight.run(0.1)
+    assert flight.mode_now == CAPTURING
+
+
+def test_other_commands_to_us_are_unsupported_and_to_others_not_ours(flight: Flight) -> None:
+    order(flight, 400)
+    order(flight, 400, component=0)
+    order(flight, ENGAGE, component=1)
+    flight.run(0.05)
+    assert acks(flight.said()) == [(400, UNSUPPORTED)]
+
+
+def test_only_operators_may_set_and_command(flight: Flight) -> None:
+    flight._station = mavlink.MAVLink(None, 77, 190)
+    flight.set("TGL_X", 0.5)
+    order(flight, ENGAGE)
+    flight.hear(mavlink.MAVLink_param_request_read_message(1, 191, b"TGL_Z", -1), station=True)
+    flight.run(0.1)
+    said = flight.said()
+    values = {m.param_id: m.param_value for m in said if m.get_type() == "PARAM_VALUE"}
+    assert values == {"TGL_X": 0.0, "TGL_Z": 0.0}  # refused; reading is free
+    assert acks(said) == [(ENGAGE, DENIED)]
+    assert "system 77 is not among autopilot.operators" in "".join(texts(said))
+    assert flight.mode_now == STANDBY
+
+
+# --- the pilot's switch -----------------------------------------------------------------------
+
+
+def switch(flight: Flight, pulse_us: int, seconds: float = 0.5, *, system: int = 1) -> None:
+    vehicle = mavlink.MAVLink(None, system, 1)
+    for _ in range(round(seconds / 0.1)):
+        channels = [1500] * 7 + [pulse_us] + [65535] * 10
+        frame = mavlink.MAVLink_rc_channels_message(0, 8, *channels, 254).pack(vehicle)
+        flight.onboard.event(bytes(frame), flight.now_s)
+        flight.run(0.1)
+
+
+def test_the_pilot_s_switch_engages_releases_and_holds_back(flight: Flight) -> None:
+    flight.set("OP_RC_CHAN", 8.0)
+    flight.run(2.5)
+    assert any(m.param1 == 65.0 for m in flight.said("COMMAND_LONG"))  # the stream is asked for
+    switch(flight, 1900)
+    assert flight.mode_now == STANDBY
+    switch(flight, 1100)
+    order(flight, ENGAGE)
+    flight.run(0.1)
+    said = flight.said()
+    assert acks(said) == [(ENGAGE, REJECTED)]
+    assert any("switch is low" in text for text in texts(said))
+    switch(flight, 1900, system=9)  # another vehicle's
+    assert flight.mode_now == STANDBY
+    switch(flight, 1900)
+    assert flight.mode_now == CAPTURING
+    flight.run(3.0)  # RC_CHANNELS fall silent
+    assert flight.mode_now in (CAPTURING, SOARING)
+    switch(flight, 1100, 0.1)
+    assert flight.mode_now == STANDBY
+    assert flight.onboard.parameters.values["OP_ENGAGE"] == 0.0
+
+
+# --- telemetry --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("budget", [200.0, 800.0, 2400.0])
+def test_telemetry_stays_within_its_bytes_on_the_wire(flight: Flight, budget: float) -> None:
+    flight.set("TEL_BUDGET", budget)
+    flight.engaged()
+    before = len(flight.frames)
+    seconds = 20.0
+    flight.run(seconds)
+    told = (62, 251, 253, 350)  # NAV_CONTROLLER_OUTPUT, NAMED_VALUE_FLOAT, STATUSTEXT, …ARRAY
+    size = sum(len(f) for f in flight.frames[before:] if f[7] | f[8] << 8 | f[9] << 16 in told)
+    assert size <= budget * (seconds + 0.2) + 280
+    assert size >= min(budget * seconds * 0.9, 1000 * seconds)
+
+
+def test_all_terms_come_in_one_array(flight: Flight) -> None:
+    flight.engaged().run(1.0)
+    arrays = flight.said("DEBUG_FLOAT_ARRAY")
+    assert arrays[-1].name == "tgl_soar"
+    shown = dict(zip(ARRAY, arrays[-1].data, strict=False))
+    assert shown["mode"] in (CAPTURING, SOARING)
+    assert shown["health"] == 7.0
+    assert abs(shown["age_att"]) < 0.01
+    output = flight.onboard.output
+    assert output is not None
+    assert len(ARRAY) <= len(arrays[-1].data)
+    assert shown["elevator"] == pytest.approx(output.command.elevator, abs=0.05)
+
+
+def test_lost_frames_are_told_as_a_share(flight: Flight) -> None:
+    codec = flight._vehicle
+    for i in range(4000):
+        flight.run(0.0005)
+        if i % 5 == 0:
+            codec.seq = (codec.seq + 1) % 256  # a frame that never came
+    flight.run(2.0)
+    told = [m.value for m in flight.said("NAMED_VALUE_FLOAT") if m.name == "loss"]
+    assert max(told) > 0.3
+
+
+# --- links ------------------------------------------------------------------------------------
+
+
+class Station:
+    """A ground station on a link of its own."""
+
+    def __init__(self, flight: Flight, system: int = 255, *, old: bool = False) -> None:
+        self.frames: list[bytes] = []
+        self._flight = flight
+        self._codec = mavlink.MAVLink(None, system, 190)
+        self._old = old
+        self._link = flight.onboard.add_link(self._take)
+
+    def _take(self, frame: bytes) -> bool:
+        self.frames.append(frame)
+        return True
+
+    def say(self, message: Any) -> None:
+        frame = bytes(message.pack(self._codec, force_mavlink1=self._old))
+        self._flight.onboard.event(frame, self._flight.now_s, self._link)
+
+    def said(self) -> list[Any]:
+        frames, self.frames = self.frames, []
+        return [mavlink.MAVLink(None).decode(bytearray(f)) for f in frames]
+
+
+def kinds(messages: list[Any]) -> set[str]:
+    return {m.get_type() for m in messages}
+
+
+def test_an_answer_goes_where_the_question_came_from_and_telemetry_everywhere(
+    flight: Flight,
+) -> None:
+    one, two = Station(flight), Station(flight, 254)
+    flight.run(1.0)
+    assert one.said()[0].get_type() == two.said()[0].get_type() == "HEARTBEAT"
+    flight.said()
+    one.say(mavlink.MAVLink_param_request_list_message(1, 191))
+    one.say(mavlink.MAVLink_timesync_message(0, 5))
+    two.say(mavlink.MAVLink_command_long_message(1, 191, ENGAGE, 0, 0, 0, 0, 0, 0, 0, 0))
+    flight.run(2.0)
+    first, second, serial = one.said(), two.said(), flight.said()
+    assert len({m.param_index for m in first if m.get_type() == "PARAM_VALUE"}) > 50
+    assert {m.param_id for m in second if m.get_type() == "PARAM_VALUE"} == {"OP_ENGAGE"}
+    assert {m.param_id for m in serial if m.get_type() == "PARAM_VALUE"} == {"OP_ENGAGE"}
+    assert "TIMESYNC" in kinds(first)
+    assert "TIMESYNC" not in kinds(second)
+    assert acks(first) == acks(serial) == []
+    assert acks(second)[0] == (ENGAGE, IN_PROGRESS)
+    for said in (first, second, serial):
+        assert {"HEARTBEAT", "NAMED_VALUE_FLOAT", "STATUSTEXT"} <= kinds(said)
+    assert "RC_CHANNELS_OVERRIDE" in kinds(serial)
+    assert "RC_CHANNELS_OVERRIDE" not in kinds(first) | kinds(second)
+    for frames in (first, second):
+        seqs = [m.get_seq() for m in frames]
+        assert seqs == [(seqs[0] + i) % 256 for i in range(len(seqs))]
+
+
+def test_nobody_but_the_autopilot_s_own_link_measures(flight: Flight) -> None:
+    liar = Station(flight, 1)
+    liar._codec = mavlink.MAVLink(None, 1, 1)
+    before = flight.onboard.session.attitude
+    liar.say(mavlink.MAVLink_heartbeat_message(1, 3, 81, 10, 4, 3))
+    liar.say(mavlink.MAVLink_attitude_quaternion_message(10**6, 0, 1, 0, 0, 0, 0, 0))
+    assert flight.onboard.session.attitude == before
+    assert flight.onboard.session.status.accepts_surfaces
+
+
+def test_mavlink_1_is_answered_in_mavlink_1(flight: Flight) -> None:
+    old = Station(flight, old=True)
+    flight.run(0.1)
+    old.frames.clear()
+    old.say(mavlink.MAVLink_param_set_message(1, 191, b"TGL_X", 0.5, 9))
+    flight.run(2.0)
+    assert {f[0] for f in old.frames} == {0xFE}
+    said = old.said()
+    assert {"PARAM_VALUE", "HEARTBEAT", "NAMED_VALUE_FLOAT"} <= kinds(said)
+    assert {f[0] for f in flight.frames} == {0xFD}
+    old._old = False
+    old.say(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+    flight.run(1.0)
+    assert {f[0] for f in old.frames} == {0xFD}
+
+
+# --- keys -------------------------------------------------------------------------------------
+
+
+def signed_flight(
+    *, unsigned_autopilot: bool, keep: Callable[[bytes], None] | None = None
+) -> Flight:
+    flight = Flight()
+    signing = Signing(KEY, EPOCH_S + 1e8, flight.now_s)
+    flight.onboard = Onboard(
+        setup(),
+        flight._send,
+        flight.now_s,
+        console=flight.console.append,
+        signing=signing,
+        unsigned_autopilot=unsigned_autopilot,
+        keep_key=keep,
+    )
+    return flight
+
+
+def sign(codec: Any, flight: Flight, key: bytes = KEY) -> None:
+    codec.signing.secret_key = key
+    codec.signing.sign_outgoing = True
+    codec.signing.timestamp = flight.onboard.signing.timestamp
+
+
+def test_with_a_key_only_the_signed_are_heard() -> None:
+    flight = signed_flight(unsigned_autopilot=True)
+    flight.run(1.0)
+    flight.set("TGL_X", 0.5)
+    order(flight, ENGAGE)
+    flight.run(0.1)
+    assert flight.onboard.parameters.values["TGL_X"] == 0.0
+    assert flight.mode_now == STANDBY
+    sign(flight._station, flight)
+    flight.set("TGL_X", 0.5)
+    order(flight, ENGAGE)
+    flight.run(0.1)
+    assert flight.onboard.parameters.values["TGL_X"] == 0.5
+    assert flight.mode_now == CAPTURING
+    assert all(f[2] == 1 for f in flight.frames)  # overrides too
+
+
+def test_with_a_key_an_unsigned_autopilot_is_not_believed_unless_that_was_allowed() -> None:
+    flight = signed_flight(unsigned_autopilot=False)
+    flight.run(1.0)
+    assert not flight.onboard.session.is_heard
+    sign(flight._vehicle, flight)
+    flight.run(1.0)
+    assert flight.onboard.session.is_heard
+
+
+def setup_signing(flight: Flight, key: bytes) -> None:
+    flight.hear(mavlink.MAVLink_setup_signing_message(1, 191, list(key), 10**13), station=True)
+
+
+def test_a_key_over_the_air_is_refused(flight: Flight) -> None:
+    setup_signing(flight, KEY)
+    setup_signing(flight, KEY)
+    assert not flight.onboard.signing.is_on
+    told = [text for text in texts(flight.said()) if "SETUP_SIGNING refused" in text]
+    assert len(told) == 1
+
+
+def test_a_key_over_the_air_is_taken_where_that_was_allowed() -> None:
+    kept: list[bytes] = []
+    flight = signed_flight(unsigned_autopilot=True, keep=kept.append)
+    flight.run(1.0)
+    new = bytes(range(3, 35))
+    setup_signing(flight, new)  # unsigned
+    assert kept == []
+    sign(flight._station, flight)
+    setup_signing(flight, bytes(32))
+    assert kept == []
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(0.1)
+    setup_signing(flight, new)
+    assert kept == []  # not while it flies
+    flight.set("OP_ENGAGE", 0.0)
+    flight.run(6.0)
+    setup_signing(flight, new)
+    assert kept == [new]
+    assert flight.onboard.signing.key == new
+
+
+# --- the process ------------------------------------------------------------------------------
+
+
+class BreakingLink:
+    """A link that carries a flight for a while, and then something raises."""
+
+    name = "udp:127.0.0.1:1"
+    is_stream = False
+    generation = 0
+
+    def __init__(self) -> None:
+        self.sent: list[bytes] = []
+        self._codec = mavlink.MAVLink(None, 1, 1)
+        self._station = mavlink.MAVLink(None, 255, 190)
+        self._calls = 0
+
+    def fileno(self) -> int:
+        return -1
+
+    def send(self, data: bytes) -> bool:
+        self.sent.append(data)
+        return True
+
+    def receive(self, now_s: float) -> list[bytes]:
+        self._calls += 1
+        stamp = round(now_s * 1e3) & 0xFFFFFFFF
+        messages = [
+            mavlink.MAVLink_heartbeat_message(1, 3, 81, 0, 4, 3),
+            mavlink.MAVLink_attitude_quaternion_message(stamp, 1, 0, 0, 0, 0, 0, 0),
+            mavlink.MAVLink_local_position_ned_message(stamp, 0, 0, 0, 0, 0, 0),
+        ]
+        frames = [bytes(m.pack(self._codec)) for m in messages]
+        if self._calls == 20:
+            engage = mavlink.MAVLink_param_set_message(1, 191, b"OP_ENGAGE", 1.0, 9)
+            frames.append(bytes(engage.pack(self._station)))
+        if self.overrides():
+            raise RuntimeError("something that nobody has thought of")
+        assert self._calls < 5000
+        return frames
+
+    def overrides(self) -> list[Any]:
+        messages = [mavlink.MAVLink(None).decode(bytearray(f)) for f in self.sent[-40:]]
+        return [m for m in messages if m.get_type() == "RC_CHANNELS_OVERRIDE"]
+
+    def close(self) -> None:
+        return
+
+
+def test_whatever_is_raised_the_pilot_gets_the_surfaces(capfd: pytest.CaptureFixture[str]) -> None:
+    link = BreakingLink()
+    with pytest.raises(RuntimeError, match="nobody has thought of"):
+        module._fly(setup(), [link], lambda: False)  # type: ignore[list-item]
+    assert [m.chan2_raw for m in link.overrides()][-5:] == [0] * 5
+    assert "tgl_soar stopped" in capfd.readouterr().err
