@@ -84,7 +84,7 @@ def test_slope_needs_contour_and_aircraft_to_rise_alike() -> None:
 
 def shift(line: str, flown_m: float, predicted_m: float | None = None) -> WindShift:
     predicted = flown_m if predicted_m is None else predicted_m
-    return WindShift(line, 1.0, 0.0, 0.0, 0.0, 0.0, predicted, flown_m)
+    return WindShift(line, 1.0, 0.0, 0.0, 0.0, 0.0, predicted, flown_m, 0.0)
 
 
 def test_wind_asks_for_a_rise_a_rest_and_a_fall() -> None:

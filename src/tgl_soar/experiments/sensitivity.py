@@ -201,7 +201,7 @@ def _draw(
     rays = [Series(speeds.tolist(), [polar_sink(polar, u) for u in speeds.tolist()],
                    "sink (glide polar)", "0.2", width=2.2)]  # fmt: skip
     points, histories = [], []
-    notes, margin_notes = [], []
+    ends, margin_notes = [], []
     for c, colour in zip(changes, LEG_COLOURS, strict=False):
         reach = np.array([c.wind_mps - 0.7, c.wind_mps + 0.9])
         rays.append(
@@ -210,13 +210,11 @@ def _draw(
             )
         )
         points.append(Series([c.wind_mps], [c.margin], None, colour, "", "o"))
-        notes.append(Note(c.wind_mps, c.sink_mps, "", colour))
         margin_notes.append(Note(c.wind_mps, c.margin, c.line, colour))
         time, moved = _moved(prepared, flights[c.line], c.line)
         show = (time > -1.0) & (time < 8.0)
-        histories.append(
-            Series(time[show].tolist(), (100.0 * moved[show]).tolist(), c.line, colour)
-        )
+        histories.append(Series(time[show].tolist(), (100.0 * moved[show]).tolist(), None, colour))
+        ends.append(Note(7.9, 100.0 * float(moved[show][-1]), c.line, colour))
         histories.append(Series([6.5, 8.0], [100.0 * c.predicted_m] * 2, None, colour, "--"))
     curves_figure(
         path,
@@ -241,11 +239,11 @@ def _draw(
                 marks=[Mark(best_mps, "best glide")],
             ),
             CurvePanel(
-                "flown: a step of wind at 0 s, calm air",
+                "flown: a step of wind at 0 s (dashed: TGL ∩ ZEUC)",
                 "time [s]",
                 "up the line [cm]",
                 histories,
-                legend="center right",
+                notes=ends,
             ),
         ],
         "",

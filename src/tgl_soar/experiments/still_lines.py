@@ -9,6 +9,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from msgspec.structs import asdict
 
+from tgl_soar.air.zeuc import Crossing
 from tgl_soar.report.flight_figure import Panel, Spans, Trace, flight_figure
 from tgl_soar.sim.aircraft import aircraft_model, glide_at
 from tgl_soar.types import polar_sink
@@ -35,6 +36,7 @@ class LegSummary(NamedTuple):
     miss_error_m: float  # standard error of that
     wander_m: float
     wander_formula_m: float  # 0 in calm air
+    stalled_share: float  # of the whole flights' time, with the wing beyond the stall
     mean_x_m: float
     mean_z_m: float
 
@@ -42,6 +44,8 @@ class LegSummary(NamedTuple):
 def summarise(prepared: Prepared, flights: list[Flown]) -> list[LegSummary]:
     """Legs by their order in the flight; those that no flight reached are left out."""
     sigma, tau = turbulence_of(prepared)
+    stall = prepared.airframe.model["stall_alpha_rad"]
+    stalled = float(np.mean([np.mean(f.path["alpha_rad"] > stall) for f in flights]))
     count = max((len(flight.legs) for flight in flights), default=0)
     summaries = []
     for k in range(count):
@@ -64,6 +68,7 @@ def summarise(prepared: Prepared, flights: list[Flown]) -> list[LegSummary]:
                 wandered / sqrt(independent),
                 wandered,
                 dryden_wander(slide, sigma, tau) if sigma > 0.0 else 0.0,
+                stalled,
                 float(np.mean([leg.mean_x_m for leg in legs])),
                 float(np.mean([leg.mean_z_m for leg in legs])),
             )
@@ -128,29 +133,38 @@ def place_claim(summaries: list[LegSummary], miss_most_m: float = MISS_MOST_M) -
 
 def wander_note(by_intensity: dict[float, list[LegSummary]]) -> str:
     """How the wander compares with its formula."""
-    ratios = [
-        s.wander_m / s.wander_formula_m
-        for summaries in by_intensity.values()
+    compared = [
+        (s.wander_m / s.wander_formula_m, intensity, s)
+        for intensity, summaries in by_intensity.items()
         for s in summaries
         if s.wander_formula_m > 0.0
     ]
-    if not ratios:
+    if not compared:
         return ""
-    return (
+    ratios = [ratio for ratio, _, _ in compared]
+    note = (
         f"Wander along the line is {min(ratios):.2f} to {max(ratios):.2f} times what the formula of"
         " [theory.md](theory.md#wander) predicts from the turbulence and the slope of excess"
         " updraft alone; no gain enters it."
     )
+    ratio, intensity, worst = max(compared, key=lambda item: item[0])
+    if ratio > 1.15:
+        note += (
+            f" The formula is linear: at {100 * intensity:g} % of turbulence gusts take the wing"
+            f" beyond the stall {100 * worst.stalled_share:.1f} % of the time, wander is"
+            f" {ratio:.2f} times the formula's, and the mean place lies"
+            f" {100 * abs(worst.miss_m):.0f} cm {'below' if worst.miss_m < 0.0 else 'above'} the"
+            " crossing."
+        )
+    return note
 
 
-def polar_bias_m(prepared: Prepared, line: str) -> float:
+def polar_bias_m(prepared: Prepared, at: Crossing) -> float:
     """How far along its line the fitted polar puts a crossing below the aircraft's own [m].
 
     The polar is a cubic through the model's glides: where it sinks more than they do, the
     aircraft settles higher, by the difference over the slope of excess updraft.
     """
-    at = prepared.lines[line].crossing
-    assert at is not None
     model = aircraft_model(asdict(prepared.airframe.airframe), prepared.airframe.model)
     own = glide_at(model, at.wind_mps).sink_mps
     return (polar_sink(prepared.polar, at.wind_mps) - own) / -at.excess_slope_per_s
@@ -158,7 +172,12 @@ def polar_bias_m(prepared: Prepared, line: str) -> float:
 
 def bias_note(prepared: Prepared, lines: list[str]) -> str:
     """The size of that, in words."""
-    values = ", ".join(f"{100 * polar_bias_m(prepared, n):+.1f} cm at {n}" for n in lines)
+    placed = [(name, prepared.lines[name].crossing) for name in lines]
+    values = ", ".join(
+        f"{100 * polar_bias_m(prepared, at):+.1f} cm at {name}"
+        for name, at in placed
+        if at is not None
+    )
     return (
         "The contour is that of the fitted cubic polar; where the simulated aircraft's own glides"
         f" differ from the cubic, its place does, by {values}."

@@ -100,6 +100,7 @@ def curves_figure(path: Path, panels: list[CurvePanel], title: str) -> None:
                     va="bottom",
                     fontsize=7.5,
                     color="0.3",
+                    bbox={"fc": "white", "ec": "none", "alpha": 0.75, "pad": 0.6},
                 )
             for note in panel.notes:
                 axes.annotate(
