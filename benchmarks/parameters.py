@@ -138,7 +138,8 @@ def confirmed_set() -> Result:
 def _ticks_under_flood() -> tuple[list[float], list[float]]:
     """Times of ticks, quiet and with requests between them, in turns of the same run."""
     flight = _Flight().engaged()
-    quiet, flooded = [], []
+    quiet: list[float] = []
+    flooded: list[float] = []
     per_tick = round(FLOOD_HZ * TICK_S)
     for i in range(2 * TICKS):
         flood = i // 100 % 2 == 1
