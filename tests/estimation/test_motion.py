@@ -485,7 +485,19 @@ def test_a_place_that_enough_fixes_agree_on_is_believed() -> None:
             GAINS, FRAME, state, mid(t, off(fix_at(99 + k, t, straight(t), STRAIGHT), 4.0))
         )
     assert position(vehicle)[2] == pytest.approx(straight(t)[2] - 4.0, abs=1e-6)
+    assert velocity(vehicle) == pytest.approx(STRAIGHT, abs=1e-9)
     assert state.outliers == 0
+
+
+def test_one_outlier_that_comes_over_several_links_is_one() -> None:
+    """The same message under new numbers does not agree with itself."""
+    state = settled()
+    for k in range(2 * OUTLIERS_BELIEVED):
+        fix = off(fix_at(99 + k, NOW, straight(NOW), STRAIGHT), 4.0)
+        state, vehicle = motion_step(GAINS, FRAME, state, mid(NOW + k * DT, fix))
+        assert dist(position(vehicle), straight(NOW + k * DT)) < 1e-6
+    assert state.outliers == 1
+    assert state.rejected == 2 * OUTLIERS_BELIEVED
 
 
 def test_outliers_that_do_not_agree_are_never_believed() -> None:

@@ -185,7 +185,9 @@ def _take_fix(
         py = state.y_m + state.velocity_y_mps * ahead
         pz = state.z_m + state.climb_mps * ahead
         if _apart(x - px, y - py, z - pz) > gains.fix_gate_m + GATE_MPS * interval:
-            return _take_outlier(gains, state, fix.sequence, fix_time, x, y, z)
+            return _take_outlier(
+                gains, state, fix.sequence, fix_time, x, y, z, fix_vx, fix_vy, fix_climb
+            )
         fade = exp(-gains.position_bandwidth_radps * interval)
         g = 1.0 - fade * fade
         if has_velocity:
@@ -228,8 +230,13 @@ def _take_outlier(
     x_m: float,
     y_m: float,
     z_m: float,
+    velocity_x_mps: float,
+    velocity_y_mps: float,
+    climb_mps: float,
 ) -> MotionState:
     """Refuse a fix far from the prediction, or start afresh where enough of them agree."""
+    if state.outliers > 0 and fix_time_s <= state.outlier_time_s:  # again, over another link
+        return state._replace(fix_sequence=sequence, rejected=state.rejected + 1)
     away = _apart(x_m - state.outlier_x_m, y_m - state.outlier_y_m, z_m - state.outlier_z_m)
     near = gains.fix_gate_m + GATE_MPS * (fix_time_s - state.outlier_time_s)
     outliers = state.outliers + 1 if state.outliers > 0 and away <= near else 1
@@ -239,9 +246,9 @@ def _take_outlier(
             x_m=x_m,
             y_m=y_m,
             z_m=z_m,
-            velocity_x_mps=0.0,
-            velocity_y_mps=0.0,
-            climb_mps=0.0,
+            velocity_x_mps=velocity_x_mps,
+            velocity_y_mps=velocity_y_mps,
+            climb_mps=climb_mps,
             fix_sequence=sequence,
             fix_time_s=fix_time_s,
             outliers=0,
