@@ -146,7 +146,7 @@ def test_an_unknown_name_is_named_with_its_value_and_the_way_out() -> None:
 
 @pytest.mark.parametrize("value", [True, "3", None])
 def test_what_is_not_even_a_number_is_refused(value: object) -> None:
-    with pytest.raises(ParameterError, match=r"OP_ENGAGE = .*: not a number; allowed 0 to 1"):
+    with pytest.raises(ParameterError, match=r"OP_ENGAGE = .*: not a number; allowed 0 to 2"):
         DEFAULTS.changed({"OP_ENGAGE": value})  # type: ignore[dict-item]
 
 

@@ -98,6 +98,8 @@ HOLDING: Final = 3
 RELEASED: Final = 4
 RELEASE_FRAMES: Final = 5  # a lost frame must not leave the aircraft to the overrides' time-out
 RELEASE_INTERVAL_S: Final = 0.1
+ENGAGED: Final = 2.0  # OP_ENGAGE of a module that has the surfaces
+SHOW_ENGAGED_S: Final = 1.0
 PILOT_SWITCH_HZ: Final = 10.0
 LOSS_S: Final = 2.0  # over which the loss on the link is measured
 COMPLAIN_S: Final = 5.0  # between two lines on the console about an autopilot that is not there
@@ -235,6 +237,7 @@ class Onboard:
         self._loss = 0.0
         self._loss_due_s = float("-inf")
         self._loss_counted = (0, 0)
+        self._engaged_s = now_s
         self._reboots = 0
 
     def add_link(self, send: Callable[[bytes], bool], *, stream: bool = False) -> int:
@@ -313,6 +316,8 @@ class Onboard:
             return
         engages = message.param_id == "OP_ENGAGE" and message.param_value >= 0.5
         refusal = self._forbidden(source) or (self._held_back() if engages else "")
+        if engages and message.param_value == ENGAGED and not self._engage:
+            refusal = refusal or "2 is what a module shows that has engaged: set 1"
         if refusal:
             self._say_all(server.refuse(source, message, refusal, now_s))
             return
@@ -480,7 +485,7 @@ class Onboard:
         self.telemetry.rebase()
         self.commands.rebase()
         self.engagement.switch.forget()
-        self._loss_due_s = now_s
+        self._loss_due_s = self._engaged_s = now_s
         for route in self._routes:
             route.own.restart()
             route.override.restart()
@@ -544,6 +549,7 @@ class Onboard:
                 self._say(said[0], route)
         self._say_all([m for m in said if not isinstance(m, Heartbeat)], self._autopilot)
         self._list_parameters(now_s)
+        self._show_engaged(now_s)
         for ack in self.commands.poll(now_s):
             self._say_to(Source(ack.target_system, ack.target_component), ack)
         if self._store is not None:
@@ -562,6 +568,15 @@ class Onboard:
             message = self.telemetry.due(now_s, self._values["TEL_BUDGET"])
             if message is not None:
                 self._spend(self._say(message))
+
+    def _show_engaged(self, now_s: float) -> None:
+        """OP_ENGAGE becomes what a file may hold and yet engage nothing; not before the station
+        that has set 1 could see it confirmed."""
+        if not self._active or self._values["OP_ENGAGE"] != 1.0:
+            self._engaged_s = now_s
+        elif now_s - self._engaged_s >= SHOW_ENGAGED_S:
+            self._say_all(self.parameters.assign("OP_ENGAGE", ENGAGED))
+            self._settings()
 
     def _list_parameters(self, now_s: float) -> None:
         """Values go out where somebody has asked for any."""

@@ -45,9 +45,11 @@ class ParameterError(ValueError):
 PARAMETERS: Final[tuple[Parameter, ...]] = (
     # --- the operator's switch -----------------------------------------------------------
     Parameter(
-        "OP_ENGAGE", "", 0, 1, 0,
-        "1: take the surfaces and soar; 0: let go. The module sets it back to 0 whenever it"
-        " lets go by itself, so that it never engages again unasked.",
+        "OP_ENGAGE", "", 0, 2, 0,
+        "1: take the surfaces and soar; 0: let go. A second after it has engaged the module shows"
+        " 2, which engages nothing when it is set: a file that a ground station has saved in"
+        " flight does not engage when it is loaded. Whenever the module lets go by itself it"
+        " shows 0, so that it never engages again unasked.",
         integer=True, in_files=False,
     ),
     Parameter(

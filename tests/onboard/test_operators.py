@@ -136,6 +136,27 @@ def test_only_operators_may_set_and_command(flight: Flight) -> None:
     assert flight.mode_now == STANDBY
 
 
+def test_a_file_saved_in_flight_does_not_engage_when_it_is_loaded(flight: Flight) -> None:
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(0.5)
+    assert flight.onboard.parameters.values["OP_ENGAGE"] == 1.0  # the station sees its own value
+    flight.run(1.0)
+    shown = [m.param_value for m in flight.said("PARAM_VALUE") if m.param_id == "OP_ENGAGE"]
+    assert shown == [1.0, 2.0]
+    flight.set("OP_ENGAGE", 2.0)
+    flight.run(0.1)
+    assert flight.mode_now in (CAPTURING, SOARING)
+    flight.set("OP_ENGAGE", 0.0)
+    flight.run(0.1)
+    flight.said()
+    flight.set("OP_ENGAGE", 2.0)  # the file is loaded
+    flight.run(0.1)
+    said = flight.said()
+    assert flight.mode_now == STANDBY
+    assert [m.param_value for m in said if m.get_type() == "PARAM_VALUE"] == [0.0]
+    assert any("set 1" in text for text in texts(said))
+
+
 # --- the pilot's switch -----------------------------------------------------------------------
 
 

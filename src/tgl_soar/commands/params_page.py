@@ -83,8 +83,8 @@ out of range by now is passed over by name.
 
 Each takes `--airframe`, `--site` and `--state` as `tgl-soar run` does. In files, rows of other
 components and unknown names are passed over and told; each bad line is named. A file that a ground
-station saved while the module flew holds `OP_ENGAGE` as 1: `import` passes it over, but a ground
-station that loads it *sets* it.
+station saved while the module flew holds `OP_ENGAGE` as 2: `import` passes it over, and a module
+that is not engaged refuses it.
 """
 
 
