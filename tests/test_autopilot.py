@@ -382,6 +382,20 @@ def test_a_gap_is_held_through_and_flown_on_from() -> None:
     assert_inside(flight.outputs)
 
 
+def test_a_gap_while_the_line_moves_leaves_nothing_of_its_speed() -> None:
+    """The line starts at the aircraft again, at rest: e_rho's rate is the aircraft's own."""
+    flight = soaring()
+    flight.laws = laws_with(TGL_X=1.0)
+    flight.fly(1.5)
+    assert flight.outputs[-1].line_moving
+    flight.fly(0.4, frozen("position", flight)).fly(0.1)
+    back = next(o for o in flight.outputs if o.reason == modes.REASON_POSITION_BACK)
+    v = back.vehicle
+    across = e_rho(0.0, 0.0, back.line_eta_rad, v.velocity_x_mps, v.climb_mps)
+    assert back.e_rho_rate_mps == pytest.approx(across, abs=1e-12)
+    assert back.soaring.d == pytest.approx(LAWS.soaring.pid.kd * across, abs=1e-12)
+
+
 # --- faults of the data -----------------------------------------------------------------------
 
 POSITION_FIELDS = ("time_s", "north_m", "east_m", "down_m", "velocity_north_mps")

@@ -333,7 +333,7 @@ def _fly(
     else:
         if state.mode == modes.HOLDING:
             state = _line_from_aircraft(laws, state, vehicle)
-            line, distance = state.line, 0.0
+            line, distance, rate = state.line, 0.0, rate + line.speed_mps  # at rest now
             soaring, off_line_s = state.soaring, state.off_line_s
         soaring, soaring_terms = soaring_step(
             laws.soaring, soaring, distance, rate, dt_s, state.limited.elevator_blocked
