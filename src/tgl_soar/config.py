@@ -83,7 +83,7 @@ class AutopilotLink(Strict, frozen=True):
 
     firmware: Literal["ardupilot", "bridge"]
     system_id: SystemId = 1
-    component_id: Annotated[int, Meta(ge=1, le=255)] = 191  # MAV_COMP_ID_ONBOARD_COMPUTER
+    component_id: Annotated[int, Meta(ge=2, le=255)] = 191  # 1 is the autopilot itself
     override_system_id: SystemId = 255  # what the firmware's SYSID_MYGCS names
     operators: frozenset[SystemId] = OPERATORS  # who may set parameters and command
 

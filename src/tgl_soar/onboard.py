@@ -829,10 +829,10 @@ def _restored(setup: Setup, store: ParameterStore | None) -> tuple[Setup, list[t
 
 
 def _stop_on_signals(stopped: threading.Event) -> Callable[[], None]:
-    """SIGINT and SIGTERM set the flag; the way back."""
+    """SIGINT, SIGTERM and a lost terminal set the flag; the way back."""
     if threading.current_thread() is not threading.main_thread():
         return lambda: None
-    signals = (signal.SIGINT, signal.SIGTERM)
+    signals = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     before = [signal.signal(number, lambda *_: stopped.set()) for number in signals]
 
     def restore() -> None:

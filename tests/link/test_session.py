@@ -229,7 +229,10 @@ def test_after_a_reboot_all_is_asked_for_again_and_we_greet_at_once() -> None:
     assert asked_over(talk, 1.0, result=0) == 3
     hear(talk, attitude(300_000), 1.0)
     hear(talk, position(300_000), 1.0)
-    hear(talk, attitude(1_000), 1.1)
+    for late_ms in (1_000, 1_005):
+        hear(talk, attitude(late_ms), 1.1)
+    assert talk.counters.reboots == 0
+    hear(talk, attitude(1_010), 1.1)
     assert talk.counters.reboots == 1
     said = talk.poll(1.1)
     assert isinstance(said[0], Heartbeat)
@@ -432,6 +435,21 @@ def test_the_map_follows_a_vehicle_whose_quartz_runs_slow() -> None:
 
 def test_what_stamps_say() -> None:
     order = StampOrder()
-    stamps = (10.0, 10.005, 10.005, 9.5, 10.01, 5.0, 5.005, 4.9)
     new, stale, reboot = StampOrder.NEW, StampOrder.STALE, StampOrder.REBOOT
-    assert [order.judge(s) for s in stamps] == [*(new, new, stale, stale, new, reboot, new, stale)]
+    said = {
+        10.0: new, 10.005: new, 9.5: stale, 10.01: new,
+        5.0: stale, 5.005: stale, 5.01: reboot, 5.015: new, 4.9: stale,
+    }  # fmt: skip
+    assert [order.judge(stamp) for stamp in said] == list(said.values())
+    assert order.judge(5.015) == stale
+
+
+def test_frames_that_were_long_under_way_are_no_reboot() -> None:
+    """One now and then, or several whose stamps do not count on: late, whatever their age."""
+    order = StampOrder()
+    assert order.judge(10.0) == StampOrder.NEW
+    for late, new in ((5.0, 10.005), (5.005, 10.01), (5.01, 10.015)):
+        assert order.judge(late) == StampOrder.STALE
+        assert order.judge(new) == StampOrder.NEW
+    for late in (5.0, 4.0, 3.0, 2.0):
+        assert order.judge(late) == StampOrder.STALE

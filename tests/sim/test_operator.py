@@ -115,6 +115,19 @@ def test_a_module_that_lets_go_ends_the_flight() -> None:
         run(module, 2.0)
 
 
+def test_a_line_moved_by_another_station_is_noted_and_flown_on() -> None:
+    operator = Operator([LEG], 1, 191)
+    module = Module(operator)
+    run(module, 2.5)
+    assert operator.flown[0].stopped_s > 0.0
+    module.values["TGL_Z"] = 1.7
+    module.say(module.codec.param_value_encode(b"TGL_Z", 1.7, 9, 50, 0))
+    for i in range(50, 100):
+        module.second(i * 0.05)
+    assert operator.done
+    assert operator.flown[0].by_hand
+
+
 def test_it_answers_the_lockstep_barrier_and_hears_no_other_vehicle() -> None:
     operator = Operator([LEG], 1, 191)
     bridge = mavlink.MAVLink(None, 1, 1)

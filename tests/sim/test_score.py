@@ -19,16 +19,33 @@ def test_a_decaying_approach_settles_when_it_enters_the_band_for_good() -> None:
     score = score_leg("a", VERTICAL, (0.0, 1.0), TIME, x, np.ones_like(TIME))
     assert score.settling_s == pytest.approx(np.log(10.0), abs=0.011)
     assert score.settled
-    assert score.peak_e_rho_m == pytest.approx(0.05, abs=0.001)
+    # The capture is not scored: 3 s after the stop 0.5 exp(-3) is left.
+    assert score.peak_e_rho_m == pytest.approx(0.5 * np.exp(-3.0), rel=0.01)
     assert score.crossing_m == pytest.approx(0.0, abs=1e-4)
 
 
-def test_leaving_the_band_at_the_end_is_not_settled() -> None:
-    x = np.where(TIME > 19.9, 0.06, 0.0)
+def test_a_peak_later_on_is_a_peak_and_not_settling() -> None:
+    x = np.where((TIME > 10.0) & (TIME < 10.2), 0.08, 0.0)
+    score = score_leg("a", VERTICAL, None, TIME, x, np.ones_like(TIME))
+    assert score.settling_s == 0.0
+    assert score.settled
+    assert score.peak_e_rho_m == pytest.approx(0.08)
+    assert isnan(score.crossing_m)
+
+
+def test_a_swing_that_never_rests_in_the_band_is_not_settled() -> None:
+    """Through the line and out of the band again every second."""
+    x = 0.12 * np.sin(2.0 * pi * TIME / 2.0)
     score = score_leg("a", VERTICAL, None, TIME, x, np.ones_like(TIME))
     assert score.settling_s == inf
     assert not score.settled
-    assert isnan(score.crossing_m)
+
+
+def test_a_leg_that_loses_the_line_after_two_good_seconds_is_not_settled() -> None:
+    x = np.where(TIME > 4.0, 0.2, 0.0)
+    score = score_leg("a", VERTICAL, None, TIME, x, np.ones_like(TIME))
+    assert score.settling_s == 0.0
+    assert not score.settled
 
 
 def test_a_position_that_is_not_a_number_is_not_settled() -> None:

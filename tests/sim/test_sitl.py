@@ -18,7 +18,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config import shipped
-from tgl_soar.sim.sitl import SitlError, SitlOptions, fly, passed
+from tgl_soar.sim.sitl import OVERRIDE_TIME_S, SitlError, SitlOptions, fly, passed
 
 AIRFRAME = shipped("airframes/eclipson_c.toml")
 SITE = shipped("sites/tunnel.toml")
@@ -56,6 +56,12 @@ def test_the_same_seed_flies_the_same_flight_bit_for_bit(tmp_path: Path) -> None
     shorter = min(len(lines) for lines in rows)
     assert shorter > 250  # at 50 Hz: capture and 3 s on the line
     assert rows[0][:shorter] == rows[1][:shorter]
+
+
+def test_an_output_folder_that_cannot_be_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(SitlError, match=r"--out .*file: cannot be written"):
+        fly(options(tmp_path / "file"), quietly)
 
 
 def test_an_unknown_leg_is_named(tmp_path: Path) -> None:
@@ -164,6 +170,7 @@ def test_kill_9_in_flight_hands_back_and_a_restarted_module_engages_again(tmp_pa
         *(sys.executable, "-m", "tgl_soar.sim.bridge", *files, "--log", str(truth)),
         *("--gcs", station.address, "--companion", companion, "--speed", "realtime"),
         *("--gcs-local", "127.0.0.1:0", "--companion-local", "127.0.0.1:0"),
+        *("--autopilot-parameter", f"RC_OVERRIDE_TIME={OVERRIDE_TIME_S}"),
     ]
     run = [sys.executable, "-m", "tgl_soar.cli", "run", *files]
     module = [*run, "--link", f"udp:{companion}", "--state", "none"]
@@ -175,8 +182,8 @@ def test_kill_9_in_flight_hands_back_and_a_restarted_module_engages_again(tmp_pa
             flying.wait()
         killed = time.monotonic()
         station.module_heartbeats, station.mode = 0, -1.0
-        # RC_OVERRIDE_TIME is 3 s: until then the last deflections stand, then the pilot flies.
-        station.listen(lambda _: time.monotonic() - killed > 5.0, 6.0)
+        # Until RC_OVERRIDE_TIME is over the last deflections stand; then the pilot flies.
+        station.listen(lambda _: time.monotonic() - killed > 2.0, 3.0)
         with process(module, tmp_path / "module2.log"):
             assert station.listen(lambda s: s.module_heartbeats > 1, 10.0)
             assert station.listen(lambda s: s.mode == STANDBY_MODE, 5.0)  # it waits to be asked
@@ -191,5 +198,23 @@ def test_kill_9_in_flight_hands_back_and_a_restarted_module_engages_again(tmp_pa
     changes = [
         (times[i], overridden[i]) for i in range(1, len(rows)) if overridden[i] != overridden[i - 1]
     ]
-    # Taken; timed out after the kill; taken again by the restarted module.
+    # Taken; timed out after the kill; taken again by the restarted module; nothing was hit.
     assert [value for _, value in changes][:3] == [1.0, 0.0, 1.0]
+    assert "; 0 crashes;" in (tmp_path / "bridge.log").read_text()
+
+
+def test_kill_9_of_the_operator_leaves_no_process_behind(tmp_path: Path) -> None:
+    sitl = [sys.executable, "-m", "tgl_soar.cli", "sitl", "--out", str(tmp_path), "--stay", "600"]
+    with process(sitl, tmp_path / "operator.log") as operator:
+        children = Path(f"/proc/{operator.pid}/task/{operator.pid}/children")
+        end = time.monotonic() + 20.0
+        while len(pids := children.read_text().split()) < 2:
+            assert time.monotonic() < end, (tmp_path / "operator.log").read_text()
+            time.sleep(0.05)
+        time.sleep(1.0)  # they are up and have asked the kernel to be told
+        operator.kill()
+        operator.wait()
+        end = time.monotonic() + 10.0
+        while any(Path(f"/proc/{pid}").exists() for pid in pids):
+            assert time.monotonic() < end, "bridge or module still runs"
+            time.sleep(0.05)

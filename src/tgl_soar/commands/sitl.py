@@ -59,10 +59,11 @@ def sitl(
         fail("stopped", 130)
 
     table = Table("leg", "settled after", "rms e_rho", "peak e_rho", "wander", "mean to TGL ∩ ZEUC")
-    for score in flight.scores:
+    for score, flown in zip(flight.scores, flight.flown, strict=True):
+        settled = f"{score.settling_s:.1f} s" if score.settled else "[red]not held[/red]"
         table.add_row(
             score.name,
-            f"{score.settling_s:.1f} s" if score.settled else "[red]never[/red]",
+            "moved by hand" if flown.by_hand else settled,
             f"{score.rms_e_rho_m * 100:.2f} cm",
             f"{score.peak_e_rho_m * 100:.1f} cm",
             f"{score.wander_m * 100:.1f} cm",

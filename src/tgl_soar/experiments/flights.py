@@ -19,13 +19,12 @@ from numpy.typing import NDArray
 
 from tgl_soar.control.target_line import TargetLine
 from tgl_soar.sim.closed_loop import Trajectory, fly
+from tgl_soar.sim.score import settling_time
 from tgl_soar.sim.world import make_world
 
 from .scenario import Prepared, Scenario, prepare, stable_crossing
 
 SETTLE_S = 5.0
-SETTLED_M = 0.05
-ON_LINE_S = 2.0
 KEEP_EVERY = 4  # of a flight's rows one in so many is kept: 50 a second are enough to draw
 
 Floats = NDArray[np.float64]
@@ -150,18 +149,6 @@ def _score(
         predicted_along,
         end - float(time[0]) - SETTLE_S,
     )
-
-
-def settling_time(time_s: Floats, e_rho_m: Floats) -> float:
-    """From the first time to the first `ON_LINE_S` within `SETTLED_M`; inf: there are none.
-
-    Later peaks in turbulence count as peaks, not as settling.
-    """
-    outside = np.abs(e_rho_m) > SETTLED_M
-    begins = np.concatenate([[time_s[0]], time_s[outside]])
-    ends = np.concatenate([time_s[outside], [time_s[-1]]])
-    quiet = np.flatnonzero(ends - begins >= ON_LINE_S)
-    return float(begins[quiet[0]] - time_s[0]) if quiet.size else float("inf")
 
 
 class Flyer:

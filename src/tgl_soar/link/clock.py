@@ -14,7 +14,8 @@ from __future__ import annotations
 from typing import Final
 
 FORGET: Final = 1e-4  # s/s: more than two quartzes drift apart
-REBOOT_S: Final = 1.0  # further back than this, it began anew
+REBOOT_S: Final = 1.0  # further back than this, it may have begun anew
+REBOOT_STAMPS: Final = 3  # so many in a row that count on from there: it has
 
 NAN: Final = float("nan")
 
@@ -43,23 +44,35 @@ class ClockMap:
 
 
 class StampOrder:
-    """Tells new stamps of one stream from repeated, late and rebooted ones."""
+    """Tells new stamps of one stream from repeated, late and rebooted ones.
+
+    One old stamp is a frame that was long under way; only several that count on from each other
+    are a vehicle that began anew.
+    """
 
     NEW: Final = 0
     STALE: Final = 1
     REBOOT: Final = 2
 
-    __slots__ = ("newest_s",)
+    __slots__ = ("_behind", "_behind_s", "newest_s")
 
     def __init__(self) -> None:
         self.newest_s = NAN
+        self._behind = 0
+        self._behind_s = NAN
 
     def judge(self, stamp_s: float) -> int:
         """What a stamp says, and remember it if it is new."""
-        if stamp_s <= self.newest_s:
-            if stamp_s >= self.newest_s - REBOOT_S:
-                return self.STALE
+        if not stamp_s <= self.newest_s:  # NaN: the first one
             self.newest_s = stamp_s
-            return self.REBOOT
+            self._behind = 0
+            return self.NEW
+        if stamp_s >= self.newest_s - REBOOT_S:
+            return self.STALE
+        self._behind = self._behind + 1 if self._behind and stamp_s > self._behind_s else 1
+        self._behind_s = stamp_s
+        if self._behind < REBOOT_STAMPS:
+            return self.STALE
         self.newest_s = stamp_s
-        return self.NEW
+        self._behind = 0
+        return self.REBOOT

@@ -43,6 +43,7 @@ class Flown:
     asked_s: float
     stopped_s: float = float("nan")  # the line stood still at its target
     ended_s: float = float("nan")
+    by_hand: bool = False  # another ground station has moved the line meanwhile
 
 
 @dataclass
@@ -86,12 +87,14 @@ class Operator:
         self._stage = "wait"
 
     # --- what arrives ---------------------------------------------------------------------
-    def receive(self, data: bytes) -> None:
-        """Take in one datagram."""
+    def receive(self, data: bytes) -> bool:
+        """Take in one datagram; whether anything in it came from the vehicle."""
+        from_vehicle = False
         for message in self._codec.parse_buffer(bytearray(data)) or ():
             kind = message.get_type()
-            if kind == "BAD_DATA":
+            if kind == "BAD_DATA" or message.get_srcSystem() != self._target[0]:
                 continue
+            from_vehicle = True
             if kind == "TIMESYNC":
                 if message.tc1 == 0:
                     self._pack(self._codec.timesync_encode(message.ts1, message.ts1))
@@ -99,6 +102,7 @@ class Operator:
                 self._take_text(str(message.text), message.id, message.chunk_seq)
             else:
                 self._from_vehicle(kind, message)
+        return from_vehicle
 
     def _take_text(self, text: str, number: int, chunk: int) -> None:
         """A text, or one more piece of a long one."""
@@ -109,8 +113,6 @@ class Operator:
 
     def _from_vehicle(self, kind: str, message: Any) -> None:
         source = (message.get_srcSystem(), message.get_srcComponent())
-        if source[0] != self._target[0]:
-            return
         if kind in ("ATTITUDE", "ATTITUDE_QUATERNION", "LOCAL_POSITION_NED"):
             self.seen.time_s = message.time_boot_ms * 1e-3
         elif kind == "NAMED_VALUE_FLOAT":
@@ -151,7 +153,7 @@ class Operator:
             if not self._engaged:
                 self._engaged = True
                 self._to_set = [("OP_ENGAGE", 1.0)]
-            elif self._line_stands(flown.leg):
+            elif self._line_stands(flown.leg) or self._moved_by_hand(flown):
                 flown.stopped_s = self.seen.time_s
                 self._stage = "stay"
             elif self.seen.time_s - flown.asked_s > LEG_TIMEOUT_S:
@@ -161,6 +163,7 @@ class Operator:
                 )
         elif self._stage == "stay":
             flown = self.flown[-1]
+            self._moved_by_hand(flown)
             if self.seen.time_s - flown.stopped_s >= flown.leg.stay_s:
                 flown.ended_s = self.seen.time_s
                 if len(self.flown) == len(self._legs):
@@ -175,6 +178,14 @@ class Operator:
         self.flown.append(Flown(leg, self.seen.time_s))
         self._to_set = list(leg.parameters.items())
         self._stage = "move"
+
+    def _moved_by_hand(self, flown: Flown) -> bool:
+        """Whether the line's parameters are no longer those that this leg set."""
+        flown.by_hand = flown.by_hand or any(
+            self.seen.parameters.get(name) != as_wire_value(value)
+            for name, value in flown.leg.parameters.items()
+        )
+        return flown.by_hand
 
     def _line_stands(self, leg: Leg) -> bool:
         """Whether the line that is flown is the one that was asked for."""

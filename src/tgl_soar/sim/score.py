@@ -12,7 +12,9 @@ from math import cos, sin
 import numpy as np
 from numpy.typing import NDArray
 
-SETTLED_M = 0.05  # |e_rho| within this, for good, is settled
+SETTLED_M = 0.05  # |e_rho| within this for `SETTLED_FOR_S` is settled
+SETTLED_FOR_S = 2.0
+SETTLE_S = 3.0  # from the line's stop; what comes later is scored
 TAIL_S = 8.0  # the last so many seconds of a leg tell where it ended up
 
 Floats = NDArray[np.float64]
@@ -23,9 +25,9 @@ class LegScore:
     """One leg: from when the line stood still to the end of the leg."""
 
     name: str
-    settling_s: float  # from the line's stop to the last time outside 5 cm; inf: never settled
-    rms_e_rho_m: float  # after settling
-    peak_e_rho_m: float  # after settling
+    settling_s: float  # from the line's stop to the first two seconds within 5 cm; inf: never
+    rms_e_rho_m: float  # from SETTLE_S after the line's stop on
+    peak_e_rho_m: float  # likewise: later peaks count here, not as settling
     mean_x_m: float  # over the last TAIL_S seconds
     mean_z_m: float
     wander_m: float  # standard deviation along the line, over the last TAIL_S seconds
@@ -33,8 +35,20 @@ class LegScore:
 
     @property
     def settled(self) -> bool:
-        """Whether the leg came to the line and stayed."""
-        return bool(np.isfinite(self.settling_s))
+        """Whether the leg came to the line and was held on it."""
+        return bool(np.isfinite(self.settling_s) and self.rms_e_rho_m <= SETTLED_M)
+
+
+def settling_time(time_s: Floats, e_rho_m: Floats) -> float:
+    """From the first time to the first `SETTLED_FOR_S` within `SETTLED_M`; inf: there are none.
+
+    Later peaks in turbulence count as peaks, not as settling.  time_s, e_rho_m: shape (n,).
+    """
+    outside = ~(np.abs(e_rho_m) <= SETTLED_M)  # what is not a number is outside
+    begins = np.concatenate([time_s[:1], time_s[outside]])
+    ends = np.concatenate([time_s[outside], time_s[-1:]])
+    quiet = np.flatnonzero(ends - begins >= SETTLED_FOR_S)
+    return float(begins[quiet[0]] - time_s[0]) if quiet.size else float("inf")
 
 
 def score_leg(
@@ -44,7 +58,6 @@ def score_leg(
     time_s: Floats,
     x_m: Floats,
     z_m: Floats,
-    settled_m: float = SETTLED_M,
 ) -> LegScore:
     """Score a leg from the true path.
 
@@ -54,14 +67,7 @@ def score_leg(
     x0, z0, eta = line
     e = cos(eta) * (z_m - z0) - sin(eta) * (x_m - x0)
     along = cos(eta) * (x_m - x0) + sin(eta) * (z_m - z0)
-    outside = np.flatnonzero(~(np.abs(e) <= settled_m))
-    if outside.size == 0:
-        first, settling = 0, 0.0
-    elif outside[-1] + 1 < len(e):
-        first = int(outside[-1]) + 1
-        settling = float(time_s[first] - time_s[0])
-    else:
-        first, settling = 0, float("inf")
+    scored = time_s >= min(time_s[0] + SETTLE_S, time_s[-1])
     tail = time_s >= time_s[-1] - TAIL_S
     mean_x, mean_z = float(np.mean(x_m[tail])), float(np.mean(z_m[tail]))
     distance = float("nan")
@@ -69,9 +75,9 @@ def score_leg(
         distance = float(np.hypot(mean_x - crossing[0], mean_z - crossing[1]))
     return LegScore(
         name,
-        settling,
-        float(np.sqrt(np.mean(e[first:] ** 2))),
-        float(np.max(np.abs(e[first:]))),
+        settling_time(time_s, e),
+        float(np.sqrt(np.mean(e[scored] ** 2))),
+        float(np.max(np.abs(e[scored]))),
         mean_x,
         mean_z,
         float(np.std(along[tail])),

@@ -23,7 +23,8 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from math import isfinite, radians
+from functools import partial
+from math import dist, isfinite, radians
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +41,10 @@ from .world import build_field, ground_outline
 
 Floats = NDArray[np.float64]
 REACH_M = 3.0  # to either side of the line's point a crossing is looked for
+# Runs a command that the kernel ends when its parent dies, however that dies.
+WITH_PARENT = (
+    "import ctypes, os, sys; ctypes.CDLL(None).prctl(1, 15); os.execv(sys.argv[1], sys.argv[1:])"
+)
 SILENCE_S = 20.0  # without a datagram for so long the bridge is taken for dead
 OVERRIDE_TIME_S = 0.5  # as docs and README ask of a real autopilot: 3 s would lose the aircraft
 
@@ -108,9 +113,14 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> Flight:
     if site.air is None:
         raise SitlError(f"{options.site}: no [air] table, so there is no wind to fly in")
     legs = plan(site, values, options)
-    options.out.mkdir(parents=True, exist_ok=True)
     truth_file = options.out / "truth.csv"
-    truth_file.unlink(missing_ok=True)
+    try:
+        options.out.mkdir(parents=True, exist_ok=True)
+        truth_file.unlink(missing_ok=True)
+    except OSError as error:
+        raise SitlError(
+            f"--out {options.out}: cannot be written: {error.strerror}; name another folder"
+        ) from None
 
     begun = time.monotonic()
     ground_station = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -141,8 +151,8 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> Flight:
     polar = airframe.polar.as_polar()
     predicted = []
     for line in lines:
-        stable = [c for c in crossings(field, polar, *line, REACH_M) if c.stable]
-        predicted.append((stable[-1].x_m, stable[-1].z_m) if stable else None)
+        stable = [(c.x_m, c.z_m) for c in crossings(field, polar, *line, REACH_M) if c.stable]
+        predicted.append(min(stable, key=partial(dist, line[:2]), default=None))
     scores = []
     for flown, line, crossing in zip(operator.flown, lines, predicted, strict=True):
         rows = (truth["time_s"] >= flown.stopped_s) & (truth["time_s"] <= flown.ended_s)
@@ -162,8 +172,11 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> Flight:
 
 
 def passed(flight: Flight) -> bool:
-    """Whether every leg settled."""
-    return all(score.settled for score in flight.scores)
+    """Whether every leg settled that nobody else has moved."""
+    return all(
+        score.settled or flown.by_hand
+        for score, flown in zip(flight.scores, flight.flown, strict=True)
+    )
 
 
 def _free_address() -> str:
@@ -216,10 +229,10 @@ def _operate(
         ready, _, _ = select.select([ground_station], [], [], 0.2)
         now = time.monotonic()
         if ready:
-            data, bridge = ground_station.recvfrom(65535)
-            operator.receive(data)
-            heard = now
-        elif now - heard > SILENCE_S:
+            data, sender = ground_station.recvfrom(65535)
+            if bridge in (None, sender) and operator.receive(data):
+                bridge, heard = sender, now
+        if now - heard > SILENCE_S:
             raise SitlError(
                 f"nothing heard from the bridge for {SILENCE_S:g} s\n{processes.last_words()}"
             )
@@ -246,7 +259,10 @@ class _Processes:
     def start(self, name: str, command: list[str]) -> None:
         with self._log(name).open("wb") as log:
             self._running[name] = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT
+                [sys.executable, "-c", WITH_PARENT, *command],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
             )
 
     def check(self) -> None:
@@ -297,8 +313,10 @@ def _write_summary(options: SitlOptions, flight: Flight) -> None:
         "airframe": options.airframe.name,
         "passed": passed(flight),
         "legs": [
-            {**asdict(score), "predicted": crossing}
-            for score, crossing in zip(flight.scores, flight.crossings, strict=True)
+            {**asdict(score), "predicted": crossing, "by_hand": flown.by_hand}
+            for score, crossing, flown in zip(
+                flight.scores, flight.crossings, flight.flown, strict=True
+            )
         ],
     }
     (options.out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
