@@ -850,12 +850,32 @@ def test_every_parameter_of_the_laws_reaches_them(name: str) -> None:
 
 
 def test_units_are_turned_to_si() -> None:
-    laws = laws_with(RHO_D_FILT=5.0, PITCH_TRIM=-2.0, TGL_LEAN=20.0, EST_POS_BW=3.0, TILT_MAX=45.0)
-    assert laws.soaring.pid.rate_filter_radps == pytest.approx(2.0 * pi * 5.0)
-    assert laws.soaring.trim_pitch_rad == pytest.approx(radians(-2.0))
-    assert laws.target.eta_rad == pytest.approx(radians(110.0))
-    assert laws.motion.position_bandwidth_radps == pytest.approx(2.0 * pi * 3.0)
-    assert laws.guards.tilt_max_rad == pytest.approx(radians(45.0))
+    hertz = ("EST_POS_BW", "EST_VEL_BW", "RHO_D_FILT", "ELE_D_FILT", "AIL_D_FILT", "RUD_D_FILT")
+    laws = laws_with(
+        PITCH_TRIM=-2.0, PITCH_MIN=-11.0, PITCH_MAX=7.0, PITCH_SLEW=50.0, RHO_I_MAX=6.0,
+        TGL_LEAN=20.0, TGL_ROT_SLEW=4.0, TILT_MAX=45.0, PSI_MAX=15.0,
+        **{name: 3.0 + n for n, name in enumerate(hertz)},
+    )  # fmt: skip
+    assert (
+        laws.motion.position_bandwidth_radps,
+        laws.motion.velocity_bandwidth_radps,
+        laws.soaring.pid.rate_filter_radps,
+        laws.pitch.rate_filter_radps,
+        laws.roll.rate_filter_radps,
+        laws.heading.pid.rate_filter_radps,
+    ) == pytest.approx([2.0 * pi * (3.0 + n) for n in range(6)])
+    assert (
+        laws.soaring.trim_pitch_rad,
+        laws.soaring.pid.output_min,
+        laws.soaring.pid.output_max,
+        laws.soaring.slew_radps,
+        laws.soaring.pid.integral_max,
+        laws.target.eta_rad,
+        laws.line.turn_rate_radps,
+        laws.guards.tilt_max_rad,
+        laws.heading.heading_max_rad,
+    ) == pytest.approx([radians(d) for d in (-2.0, -11.0, 7.0, 50.0, 6.0, 110.0, 4.0, 45.0, 15.0)])
+    assert laws.heading.pid.ki == 0.0  # eq. 18 has none
 
 
 def test_a_turned_site_is_flown_with_the_same_commands() -> None:

@@ -109,6 +109,14 @@ def test_straight_up_and_down_are_numbers(pitch: float) -> None:
     assert all(-pi <= a <= pi for a in (roll, yaw))
 
 
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_rounding_beyond_straight_up_is_straight_up(sign: float) -> None:
+    # A quaternion longer than one by a few units in the last place has a sine above one.
+    w = 0.5**0.5 * (1.0 + 1e-15)
+    _, pitch, _ = euler_from_quaternion(w, 0.0, sign * w, 0.0)
+    assert pitch == pytest.approx(sign * 0.5 * pi, abs=1e-12)
+
+
 def test_nose_up_right_wing_down_nose_right_are_positive() -> None:
     # Body axes forward, right, down, seen in NED.
     forward, right, _ = scipy_rotation(quaternion_from_euler(0.0, 0.1, 0.0)).as_matrix().T

@@ -143,16 +143,18 @@ def test_an_unknown_velocity_is_found_with_critical_damping() -> None:
 def test_a_measured_velocity_is_followed_with_its_bandwidth() -> None:
     # The velocity steps at 1 s; what is left of the step after a time t is exp(-w_v t).
     def path(t: float) -> Vector:
-        return max(0.0, t - 1.0), 0.0, 0.0
+        on = max(0.0, t - 1.0)
+        return 1.0 * on, -2.0 * on, 0.5 * on
 
     def speed(t: float) -> Vector:
-        return (1.0 if t > 1.0 - 1e-9 else 0.0), 0.0, 0.0
+        return (1.0, -2.0, 0.5) if t > 1.0 - 1e-9 else (0.0, 0.0, 0.0)
 
-    after = {round(t, 6): v.velocity_x_mps for t, v in flight(path, speed, every=1, ticks=220)}
+    after = {round(t, 6): velocity(v) for t, v in flight(path, speed, every=1, ticks=220)}
     w = GAINS.velocity_bandwidth_radps
-    assert after[0.995] == pytest.approx(0.0, abs=1e-12)
+    assert after[0.995] == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
     for n in (1, 3, 6):
-        expected = 1.0 - exp(-w * n * DT)
+        share = 1.0 - exp(-w * n * DT)
+        expected = (1.0 * share, -2.0 * share, 0.5 * share)
         assert after[round(1.0 + (n - 1) * DT, 6)] == pytest.approx(expected, rel=1e-9)
 
 
@@ -401,14 +403,27 @@ def test_differences_over_a_gap_are_no_rates() -> None:
 
 
 def test_attitude_is_carried_on_with_its_rates_but_not_for_long() -> None:
-    q = quaternion_from_euler(0.0, 0.1, FRAME.wind_from_rad)
-    sample = AttitudeSample(1, 0.0, *q, 0.0, 0.4, 0.0)
-    state, _ = motion_step(GAINS, FRAME, initial_motion(), tick(0.0, NO_FIX, sample))
-    for age in (0.0, 0.02, PREDICT_MAX_S):
-        _, vehicle = motion_step(GAINS, FRAME, state, tick(age, NO_FIX, sample))
-        assert vehicle.pitch_rad == pytest.approx(0.1 + 0.4 * age)
-    _, vehicle = motion_step(GAINS, FRAME, state, tick(5.0, NO_FIX, sample))
-    assert vehicle.pitch_rad == pytest.approx(0.1 + 0.4 * PREDICT_MAX_S)
+    q = quaternion_from_euler(0.0, 0.0, FRAME.wind_from_rad)  # level: Euler rates are the gyros'
+    sample = AttitudeSample(1, 7.0, *q, 0.3, 0.4, -0.5)
+    state, _ = motion_step(GAINS, FRAME, initial_motion(), tick(7.0, NO_FIX, sample))
+    for age, carried in ((0.0, 0.0), (0.02, 0.02), (PREDICT_MAX_S, PREDICT_MAX_S), (5.0, 0.1)):
+        _, v = motion_step(GAINS, FRAME, state, tick(7.0 + age, NO_FIX, sample))
+        angles = (v.roll_rad, v.pitch_rad, v.heading_rad)
+        assert angles == pytest.approx((0.3 * carried, 0.4 * carried, -0.5 * carried), abs=1e-9)
+        rates = (v.roll_rate_radps, v.pitch_rate_radps, v.heading_rate_radps)
+        assert rates == pytest.approx((0.3, 0.4, -0.5))
+
+
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_half_a_gyro_is_none(place: int) -> None:
+    # Nothing turns: by the angles' differences all rates are nought, whatever two gyros say.
+    state = settled()
+    numbers = [9.0, 9.0, 9.0]
+    numbers[place] = nan
+    sample = AttitudeSample(99, NOW, *LEVEL, *numbers)
+    after, v = motion_step(GAINS, FRAME, state, mid(NOW, LAST_FIX, sample))
+    assert after.rejected == state.rejected
+    assert (v.roll_rate_radps, v.pitch_rate_radps, v.heading_rate_radps) == (0.0, 0.0, 0.0)
 
 
 # --- the site -------------------------------------------------------------------------------
