@@ -121,6 +121,7 @@ class Setup(NamedTuple):
     operators: frozenset[int] = OPERATORS  # systems that may set parameters and command
     presets: Presets = ()  # the site's lines, for TGL_PRESET
     contour: Contour = ()  # of the site, to warn by
+    surface_channels: frozenset[int] = frozenset()  # none of them can be the pilot's switch
 
 
 @dataclass(slots=True)
@@ -145,6 +146,12 @@ def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Setu
     )
     if parameters["OP_ENGAGE"] != 0.0:  # a restarted module must never engage by itself
         parameters = parameters.changed({"OP_ENGAGE": 0.0})
+    driven = frozenset(channel.channel for channel in channels)
+    if parameters["OP_RC_CHAN"] in driven:
+        raise ConfigError(
+            f"parameters.OP_RC_CHAN = {parameters['OP_RC_CHAN']:g}: this channel moves a surface"
+            " ([surfaces] of the airframe file); give the channel of a switch, or 0"
+        )
     kind = Bridge if link.firmware == "bridge" else ArduPilot
     return Setup(
         Source(link.system_id, link.component_id),
@@ -155,6 +162,7 @@ def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Setu
         link.operators,
         preset_lines(site, parameters),
         site.contour_for(airframe.airframe.name),
+        driven,
     )
 
 
@@ -308,7 +316,7 @@ class Onboard:
 
     def _answer(self, route: Route, received: Received, now_s: float) -> None:
         """Reading is answered where it was asked; a value that is set concerns every station."""
-        server = self.parameters
+        server, setup = self.parameters, self._setup
         source, message = received
         if not isinstance(message, ParamSet):
             route.asked = True
@@ -318,6 +326,8 @@ class Onboard:
         refusal = self._forbidden(source) or (self._held_back() if engages else "")
         if engages and message.param_value == ENGAGED and not self._engage:
             refusal = refusal or "2 is what a module shows that has engaged: set 1"
+        if message.param_id == "OP_RC_CHAN" and message.param_value in setup.surface_channels:
+            refusal = refusal or "this channel moves a surface"
         if refusal:
             self._say_all(server.refuse(source, message, refusal, now_s))
             return

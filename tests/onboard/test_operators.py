@@ -192,6 +192,19 @@ def test_the_pilot_s_switch_engages_releases_and_holds_back(flight: Flight) -> N
     assert flight.onboard.parameters.values["OP_ENGAGE"] == 0.0
 
 
+def test_a_channel_that_moves_a_surface_is_no_switch() -> None:
+    flight = Flight()
+    values = setup()._replace(surface_channels=frozenset((1, 2, 4)))
+    flight.onboard = Onboard(values, flight._send, flight.now_s)
+    flight.run(0.1)
+    for channel in (1, 2, 4):
+        flight.set("OP_RC_CHAN", channel)
+        assert flight.onboard.parameters.values["OP_RC_CHAN"] == 0.0
+    assert "this channel moves a surface" in "".join(texts(flight.said()))
+    flight.set("OP_RC_CHAN", 3)
+    assert flight.onboard.parameters.values["OP_RC_CHAN"] == 3.0
+
+
 # --- telemetry --------------------------------------------------------------------------------
 
 
