@@ -100,6 +100,7 @@ RELEASE_FRAMES: Final = 5  # a lost frame must not leave the aircraft to the ove
 RELEASE_INTERVAL_S: Final = 0.1
 ENGAGED: Final = 2.0  # OP_ENGAGE of a module that has the surfaces
 SHOW_ENGAGED_S: Final = 1.0
+REFUSALS_S: Final = 0.25  # between two words about commands that were refused
 PILOT_SWITCH_HZ: Final = 10.0
 LOSS_S: Final = 2.0  # over which the loss on the link is measured
 COMPLAIN_S: Final = 5.0  # between two lines on the console about an autopilot that is not there
@@ -246,6 +247,7 @@ class Onboard:
         self._loss_due_s = float("-inf")
         self._loss_counted = (0, 0)
         self._engaged_s = now_s
+        self._refused_s = float("-inf")
         self._reboots = 0
 
     def add_link(self, send: Callable[[bytes], bool], *, stream: bool = False) -> int:
@@ -389,7 +391,8 @@ class Onboard:
             source, message, now_s, forbidden=self._forbidden(source), held_back=held_back
         )
         self._say_all(answer.said, route)
-        if answer.reason:
+        if answer.reason and not 0.0 <= now_s - self._refused_s < REFUSALS_S:
+            self._refused_s = now_s
             self.tell(SEVERITY_WARNING, f"command refused: {answer.reason}")
         if answer.wish != NOTHING:
             self._want(answer.wish, f"system {source.system}")

@@ -170,6 +170,19 @@ def test_senders_are_remembered_in_bounds() -> None:
     assert len(commands.poll(12.0)) == 16
 
 
+def test_a_flood_is_answered_in_bounds_and_keeps_nobody_from_letting_go() -> None:
+    commands = server()
+    answers = 0
+    for i in range(4000):
+        now_s = i / 2000
+        answers += len(commands.handle(STATION, command(400), now_s).said)
+        answers += len(commands.handle(OTHER, command(ENGAGE), now_s, forbidden="no").said)
+    assert answers <= 20 + 2 * 20 + 1
+    assert commands.handle(STATION, command(RELEASE), 2.0).wish == RELEASE
+    assert commands.handle(STATION, command(ABORT), 2.0).wish == ABORT
+    assert commands.handle(STATION, command(ENGAGE), 2.0).wish == ENGAGE
+
+
 # --- messages ---------------------------------------------------------------------------------
 
 

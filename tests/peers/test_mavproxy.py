@@ -107,8 +107,8 @@ def flight(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Sce
         yield scene, station
         scene.assert_flies()
         if radio is not None:
-            assert radio.down.lost > 100
-            assert radio.down.overtaken > 100
+            assert radio.down.lost > 10
+            assert radio.down.overtaken > 10
             assert radio.up.lost + radio.up.overtaken > 0
     finally:
         station.close()

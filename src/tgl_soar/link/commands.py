@@ -57,6 +57,8 @@ NOTHING: Final = 0
 PROGRESS_S: Final = 1.0  # between two IN_PROGRESS
 REPEAT_S: Final = 10.0  # so long after a command a confirmation > 0 repeats it
 MAX_REMEMBERED: Final = 16
+ANSWERS_PER_S: Final = 20.0  # to strangers, and to what nothing that flies depends on
+ANSWERS_AT_ONCE: Final = 20.0
 UNKNOWN_PROGRESS: Final = 255
 
 Command: TypeAlias = CommandLong | CommandInt
@@ -94,6 +96,7 @@ class CommandCounters:
     repeated: int = 0
     refused: int = 0
     unsupported: int = 0
+    unanswered: int = 0  # of a flood
 
 
 @dataclass(slots=True)
@@ -119,6 +122,8 @@ class CommandServer:
             major << 24 | minor << 16 | patch << 8,
         )
         self._done: dict[tuple[Source, int], _Done] = {}
+        self._answers = ANSWERS_AT_ONCE
+        self._answered_s = float("-inf")
 
     def is_for_us(self, source: Source, message: Command) -> bool:
         """Letting go may be told to all components at once; all else names ours."""
@@ -148,6 +153,10 @@ class CommandServer:
         if before is not None and confirmation > 0 and now_s - before.time_s <= REPEAT_S:
             self.counters.repeated += 1
             return Answer([_ack(source, number, before.result)])
+        flies = number in (ENGAGE, RELEASE, ABORT) and not forbidden
+        if not flies and not self._may_answer(now_s):
+            self.counters.unanswered += 1
+            return Answer([])
         if number not in (ENGAGE, RELEASE, ABORT):
             return self._asked(source, message)
         wish, result, reason = number, RESULT_ACCEPTED, ""
@@ -196,6 +205,19 @@ class CommandServer:
     def rebase(self) -> None:
         """The clock was changed: nobody waits any more."""
         self._done.clear()
+        self._answers = ANSWERS_AT_ONCE
+        self._answered_s = float("-inf")
+
+    def _may_answer(self, now_s: float) -> bool:
+        """Whether a flood leaves room for one more answer."""
+        if now_s > self._answered_s:
+            earned = (now_s - self._answered_s) * ANSWERS_PER_S
+            self._answers = min(ANSWERS_AT_ONCE, self._answers + earned)
+            self._answered_s = now_s
+        if self._answers < 1.0:
+            return False
+        self._answers -= 1.0
+        return True
 
     def _asked(self, source: Source, message: Command) -> Answer:
         """Messages by number: nothing that flies depends on them, so anybody may ask."""
