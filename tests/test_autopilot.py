@@ -701,6 +701,21 @@ def test_the_line_moves_once_a_tick() -> None:
     assert moved == pytest.approx(0.3 * cos(radians(15.0)) * 99 * DT, rel=1e-6)
 
 
+def test_a_turning_aircraft_is_damped_from_the_first_tick() -> None:
+    """The filters start at the rates that are flown, not at rest: damping needs no time to wake."""
+    first = standing(0)
+    turning = first.attitude._replace(
+        roll_rate_frd_radps=0.3, pitch_rate_frd_radps=-0.4, yaw_rate_frd_radps=0.5
+    )
+    _, output = step(LAWS, initial_state(), first._replace(attitude=turning))
+    v = output.vehicle
+    assert output.active
+    assert output.aileron.d == pytest.approx(-LAWS.roll.kd * v.roll_rate_radps)
+    assert output.elevator.d == pytest.approx(-LAWS.pitch.kd * v.pitch_rate_radps)
+    assert output.rudder.d == pytest.approx(-LAWS.heading.pid.kd * v.heading_rate_radps)
+    assert v.pitch_rate_radps < 0.0 < v.heading_rate_radps
+
+
 def test_a_long_pause_is_not_integrated_over() -> None:
     laws = laws_with(AIL_P=0.0, AIL_D=0.0, AIL_I=1.0)
     state = initial_state()
