@@ -748,13 +748,18 @@ def test_the_same_inputs_give_the_same_outputs_bit_for_bit() -> None:
 
 
 def test_the_log_holds_what_makes_up_each_output() -> None:
-    flight = soaring().fly(1.0)
+    """On the line, through a gap, and back."""
+    flight = soaring()
+    flight.fly(0.6, frozen("position", flight)).fly(1.0)
+    assert {o.mode for o in flight.outputs} >= {modes.SOARING, modes.HOLDING, modes.CAPTURING}
     for o in flight.outputs:
         for terms in (o.soaring, o.elevator, o.aileron, o.rudder):
             assert terms.saturated == 0
             parts = terms.feedforward + terms.p + terms.i + terms.d
             assert terms.output == pytest.approx(parts, abs=1e-12)
-        assert o.soaring.p == pytest.approx(LAWS.soaring.pid.kp * o.e_rho_m)
+        if o.mode != modes.HOLDING:
+            assert o.soaring.p == pytest.approx(LAWS.soaring.pid.kp * o.e_rho_m)
+        assert o.setpoints.roll_rad == 0.0
 
 
 # --- inputs that are anything -----------------------------------------------------------------
