@@ -129,6 +129,25 @@ def settle(mode: int, conditions: int) -> list[int]:
     return path
 
 
+def test_a_fault_is_told_even_where_the_operator_lets_go_in_the_same_tick() -> None:
+    # Worst first: the log shall not say "operator let go" of a command that was no number.
+    healthy = s.ALL_CONDITIONS & ~s.LINE_MOVING & ~s.ENGAGE
+    faults = (
+        (s.FINITE, s.REASON_NOT_FINITE),
+        (s.ATTITUDE_FRESH, s.REASON_ATTITUDE_LOST),
+        (s.AUTOPILOT_ALIVE, s.REASON_AUTOPILOT_LOST),
+        (s.SURFACES_OBEY, s.REASON_MODE_TAKEN),
+    )
+    for mode in FLYING:
+        lost = 0
+        for condition, reason in reversed(faults):  # and the worse the fault, the earlier
+            lost |= condition
+            assert next_mode(mode, healthy & ~lost) == (s.RELEASED, reason)
+        # What an operator may well let go for is theirs to say.
+        for condition in (s.UPRIGHT, s.POSITION_KEPT, s.NEAR_LINE):
+            assert next_mode(mode, healthy & ~condition) == (s.STANDBY, s.REASON_OPERATOR)
+
+
 def test_under_standing_conditions_it_comes_to_rest() -> None:
     """No cycling: at most holding or soaring, capturing, released, standby, one after another."""
     for mode in MODES:
