@@ -13,12 +13,14 @@ from math import hypot, inf, radians
 import numpy as np
 import pytest
 
+from tgl_soar.air.comparison import compare_jet
 from tgl_soar.air.grid import GridField
 from tgl_soar.air.grid_files import Layout, read_grid
-from tgl_soar.air.jet import SlopeJet
+from tgl_soar.air.jet import JetShape
 
 CFD = os.environ.get("TGL_SOAR_CFD", "")
 pytestmark = pytest.mark.skipif(not CFD, reason="TGL_SOAR_CFD names no file")
+LENGTH_M = hypot(2.25, 0.9)
 LAYOUT = Layout(u="v_x", w="v_z", x_sign=-1, origin_x_m=5.5, origin_z_m=0.5)
 
 
@@ -27,22 +29,8 @@ def plane() -> GridField:
     return read_grid(CFD, LAYOUT, reference_wind_mps=8.52, zero_cells="solid")
 
 
-def _errors(plane: GridField, field: SlopeJet) -> tuple[float, float, float, float]:
-    """rms and bias of wind, rms and bias of updraft, in shares of the nozzle's mean wind."""
-    x, z = np.meshgrid(np.linspace(0, 2.25, 46), np.linspace(0.4, 2.55, 44), indexing="ij")
-    keep = z >= 0.4 * x + 0.4
-    u, _, w = plane.wind(x[keep], 0.0, z[keep])
-    flow = np.linspace(0.0, 2.85, 571)
-    wind = float(np.trapezoid(plane.wind(-0.45, 0.0, flow)[0], flow)) / 2.85
-    model = SlopeJet(wind, field.shape.slope_rad, *field.shape[1:])
-    du = (model.wind(x[keep], 0.0, z[keep])[0] - u) / wind
-    dw = (model.wind(x[keep], 0.0, z[keep])[2] - w) / wind
-    return (
-        float(np.sqrt((du**2).mean())),
-        float(du.mean()),
-        float(np.sqrt((dw**2).mean())),
-        float(dw.mean()),
-    )
+def _shape(width: float, ratio: float = 1.0) -> JetShape:
+    return JetShape(radians(21.3), LENGTH_M, jet_width_m=width, wake_speed_ratio=ratio)
 
 
 @pytest.mark.parametrize(("width", "ratio"), [(inf, 1.0), (2.85, 1.0), (inf, 1.15)])
@@ -50,25 +38,19 @@ def test_wind_and_updraft_agree_within_twelve_percent(
     plane: GridField, width: float, ratio: float
 ) -> None:
     """12 %: the least that is useful, the difference of updraft between slopes 3° apart."""
-    field = SlopeJet(
-        8.5, radians(21.3), hypot(2.25, 0.9), jet_width_m=width, wake_speed_ratio=ratio
-    )
-    wind_rms, _, updraft_rms, _ = _errors(plane, field)
-    assert wind_rms < 0.12
-    assert updraft_rms < 0.12
+    difference = compare_jet(plane, _shape(width, ratio))
+    assert difference.wind_rms < 0.12
+    assert difference.updraft_rms < 0.12
 
 
 def test_plane_is_two_dimensional_and_its_wake_sucks(plane: GridField) -> None:
     """Why the two-dimensional model with suction is its nearest: what the rest consists of."""
-    length = hypot(2.25, 0.9)
-    vented = _errors(plane, SlopeJet(8.5, radians(21.3), length, jet_width_m=inf))
+    vented = compare_jet(plane, _shape(inf))
     # Speeds of the lower and upper free edges one metre behind the tip, from the plane itself.
     edge = plane.wind(3.25, 0.0, np.linspace(1.4, 3.2, 73))[0]
     ratio = float(edge.max() / edge[-9])
     assert ratio > 1.1
-    drawn = _errors(
-        plane, SlopeJet(8.5, radians(21.3), length, jet_width_m=inf, wake_speed_ratio=ratio)
-    )
-    square = _errors(plane, SlopeJet(8.5, radians(21.3), length, jet_width_m=2.85))
-    assert drawn[0] < vented[0] < square[0]
-    assert drawn[2] < vented[2] < square[2]
+    drawn = compare_jet(plane, _shape(inf, ratio))
+    square = compare_jet(plane, _shape(2.85))
+    assert drawn.wind_rms < vented.wind_rms < square.wind_rms
+    assert drawn.updraft_rms < vented.updraft_rms < square.updraft_rms
