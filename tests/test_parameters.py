@@ -226,3 +226,10 @@ def test_a_line_may_not_be_horizontal_whatever_the_operator_raises() -> None:
     wide = BASE.changed({"TGL_LEAN_MAX": PARAMETERS[INDEX["TGL_LEAN_MAX"]].maximum})
     for lean in (90.0, -90.0):
         assert "allowed" in refusal(wide, {"TGL_LEAN": lean})
+
+
+@pytest.mark.parametrize("changes", [{"EST_DELAY": 0.3}, {"EST_DELAY": 0.1, "AGE_POS_HOLD": 0.1}])
+def test_a_delay_that_makes_every_position_too_old_is_refused(changes: dict[str, float]) -> None:
+    with pytest.raises(ParameterError, match=r"EST_DELAY = .*below AGE_POS_HOLD"):
+        ParameterSet().changed(changes)
+    assert ParameterSet().changed({"EST_DELAY": 0.3, "AGE_POS_HOLD": 0.5})["EST_DELAY"] > 0.29

@@ -313,5 +313,10 @@ def _check_together(values: ParameterSet, changes: Mapping[str, float]) -> None:
         )
     if values["OP_RC_OFF"] >= values["OP_RC_ON"]:
         raise blame(("OP_RC_OFF", "OP_RC_ON"), "OP_RC_OFF must be below OP_RC_ON")
+    if values["EST_DELAY"] >= values["AGE_POS_HOLD"]:
+        raise blame(
+            ("EST_DELAY", "AGE_POS_HOLD"),
+            "EST_DELAY must be below AGE_POS_HOLD, or every position is too old to fly with",
+        )
     if values["AGE_POS_HOLD"] > values["AGE_POS_MAX"]:
         raise blame(("AGE_POS_HOLD", "AGE_POS_MAX"), "AGE_POS_HOLD is above AGE_POS_MAX")
