@@ -166,12 +166,12 @@ def tick_under_flood() -> Result:
 
 
 def late_tick_under_flood() -> Result:
-    """The slowest hundredth of the same ticks."""
+    """What nine of ten of the same ticks stay below."""
     quiet, flooded = _ticks_under_flood()
     return Result(
-        "tick under 2,000 parameter requests/s, 99 %",
-        quantiles(flooded, n=100)[98] * 1e6,
-        quantiles(quiet, n=100)[98] * 1e6,
+        "tick under 2,000 parameter requests/s, 90 %",
+        quantiles(flooded, n=10)[8] * 1e6,
+        quantiles(quiet, n=10)[8] * 1e6,
         "µs",
         "the same tick when it is quiet",
     )
