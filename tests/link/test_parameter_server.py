@@ -7,7 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tgl_soar.link.messages import (
+    PARAM_ERROR_DOES_NOT_EXIST,
+    PARAM_ERROR_PERMISSION_DENIED,
+    PARAM_ERROR_VALUE_OUT_OF_RANGE,
     Heard,
+    ParamError,
     ParamRequestList,
     ParamRequestRead,
     ParamSet,
@@ -147,6 +151,24 @@ def test_a_refused_set_is_answered_with_what_stands_and_why(
 def test_an_unknown_name_is_told() -> None:
     served = server()
     assert words(ask(served, ParamSet(1, 191, "NOPE", 1.0, REAL32))) == "NOPE: no such parameter"
+
+
+def errors(said: list[Said]) -> list[ParamError]:
+    return [m for m in said if isinstance(m, ParamError)]
+
+
+def test_a_refusal_is_told_to_programs_too() -> None:
+    """PARAM_ERROR goes to the station that asked, and says which of the three it is."""
+    served = server()
+    unknown = ask(served, ParamSet(1, 191, "NOPE", 1.0, REAL32))
+    assert errors(unknown) == [ParamError(255, 190, "NOPE", -1, PARAM_ERROR_DOES_NOT_EXIST)]
+    by_index = ask(served, ParamRequestRead(1, 191, "", 999))
+    assert errors(by_index) == [ParamError(255, 190, "", 999, PARAM_ERROR_DOES_NOT_EXIST)]
+    bad = ask(served, ParamSet(1, 191, "TGL_LEAN", -30.0, REAL32))
+    assert errors(bad) == [ParamError(255, 190, "TGL_LEAN", -1, PARAM_ERROR_VALUE_OUT_OF_RANGE)]
+    denied = served.refuse(STATION, ParamSet(1, 191, "TGL_X", 1.0, REAL32), "not yours", 0.0)
+    assert errors(denied) == [ParamError(255, 190, "TGL_X", -1, PARAM_ERROR_PERMISSION_DENIED)]
+    assert errors(ask(served, ParamSet(1, 191, "TGL_X", 1.0, REAL32))) == []
 
 
 def test_a_number_that_was_an_integer_at_the_station_is_taken() -> None:

@@ -405,7 +405,10 @@ def test_a_refused_set_leaves_the_laws_alone(flight: Flight) -> None:
     flight.set("TGL_X", nan)
     assert flight.onboard.counters.laws_changed == 0
     said = flight.said()
-    assert said[-2].get_type() == "PARAM_VALUE"
+    answer = ["PARAM_VALUE", "PARAM_ERROR", "STATUSTEXT"]
+    assert [m.get_type() for m in said[-3:]] == answer
+    assert said[-2].error == mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE
+    assert said[-2].param_id == "TGL_X"
     assert "not finite" in said[-1].text
 
 

@@ -31,6 +31,7 @@ from .messages import (
     NamedValueFloat,
     NavControllerOutput,
     Odometry,
+    ParamError,
     ParamRequestList,
     ParamRequestRead,
     ParamSet,
@@ -445,6 +446,16 @@ def _pack_param_request_read(m: Any) -> Any:
     )
 
 
+def _pack_param_error(m: Any) -> Any:
+    return dialect.MAVLink_param_error_message(
+        m.target_system,
+        m.target_component,
+        _chars(m.param_id, 16),
+        m.param_index,
+        m.error,
+    )
+
+
 def _pack_param_value(m: Any) -> Any:
     return dialect.MAVLink_param_value_message(
         _chars(m.param_id, 16),
@@ -511,6 +522,7 @@ _SAID: Final[dict[type[Said], Callable[[Any], Any]]] = {
     CommandLong: _pack_command_long,
     CommandAck: _pack_command_ack,
     ParamRequestRead: _pack_param_request_read,
+    ParamError: _pack_param_error,
     ParamValue: _pack_param_value,
     Timesync: _pack_timesync,
     StatusText: _pack_status_text,

@@ -214,6 +214,19 @@ class ParamValue(NamedTuple):
     param_index: int
 
 
+PARAM_ERROR_DOES_NOT_EXIST: Final = 1
+PARAM_ERROR_VALUE_OUT_OF_RANGE: Final = 2
+PARAM_ERROR_PERMISSION_DENIED: Final = 3
+
+
+class ParamError(NamedTuple):
+    target_system: int
+    target_component: int
+    param_id: str
+    param_index: int  # -1: the name says which
+    error: int
+
+
 class Timesync(NamedTuple):
     tc1: int  # 0 in a request
     ts1: int
@@ -269,6 +282,7 @@ Said: TypeAlias = (
     | CommandAck
     | ParamRequestRead
     | ParamValue
+    | ParamError
     | Timesync
     | StatusText
     | NamedValueFloat

@@ -21,9 +21,13 @@ from tgl_soar.line_changes import LineChanges
 from tgl_soar.parameters import INDEX, PARAMETERS, ParameterError, ParameterSet
 
 from .messages import (
+    PARAM_ERROR_DOES_NOT_EXIST,
+    PARAM_ERROR_PERMISSION_DENIED,
+    PARAM_ERROR_VALUE_OUT_OF_RANGE,
     PARAM_TYPE_REAL32,
     SEVERITY_WARNING,
     Heard,
+    ParamError,
     ParamRequestList,
     ParamRequestRead,
     ParamSet,
@@ -74,9 +78,9 @@ class ParameterServer:
         if source == self._own or not self._is_for_us(message):
             return []
         if isinstance(message, ParamSet):
-            return self._set(message, now_s, flying)
+            return self._set(source, message, now_s, flying)
         if isinstance(message, ParamRequestRead):
-            return self._read(message, now_s)
+            return self._read(source, message, now_s)
         if isinstance(message, ParamRequestList):
             for index in range(len(PARAMETERS)):
                 self._due.setdefault(index)
@@ -107,7 +111,8 @@ class ParameterServer:
             return []
         self.counters.sets += 1
         self.counters.refused += 1
-        words = self._complain(f"{message.param_id}: {reason}", now_s)
+        error = _error(source, message.param_id, PARAM_ERROR_PERMISSION_DENIED)
+        words = self._complain(f"{message.param_id}: {reason}", now_s, error)
         return [self.value_message(INDEX[message.param_id]), *words]
 
     @property
@@ -135,30 +140,33 @@ class ParameterServer:
             self._own.component,
         )
 
-    def _set(self, message: ParamSet, now_s: float, flying: bool) -> list[Said]:
+    def _set(self, source: Source, message: ParamSet, now_s: float, flying: bool) -> list[Said]:
         name = message.param_id
         if name not in INDEX:
             # Sent to every component, it may be meant for another one.
             if message.target_component == 0:
                 return []
             self.counters.refused += 1
-            return self._complain(f"{name}: no such parameter", now_s)
+            unknown = _error(source, name, PARAM_ERROR_DOES_NOT_EXIST)
+            return self._complain(f"{name}: no such parameter", now_s, unknown)
         self.counters.sets += 1
+        refused = _error(source, name, PARAM_ERROR_VALUE_OUT_OF_RANGE)
         try:
             value = _value_of(message)
             answer = self.line.set(self.values, name, value, flying=flying)
         except ParameterError as error:
             self.counters.refused += 1
-            return [self.value_message(INDEX[name]), *self._complain(str(error), now_s)]
+            return [self.value_message(INDEX[name]), *self._complain(str(error), now_s, refused)]
         self.values = answer.values
         said: list[Said] = [self.value_message(INDEX[told]) for told in answer.told]
         if answer.refusal:
             self.counters.refused += 1
-        if answer.refusal or answer.warning:
-            said += self._complain(answer.refusal or answer.warning, now_s)
+            said += self._complain(answer.refusal, now_s, refused)
+        elif answer.warning:
+            said += self._complain(answer.warning, now_s)
         return said
 
-    def _read(self, message: ParamRequestRead, now_s: float) -> list[Said]:
+    def _read(self, source: Source, message: ParamRequestRead, now_s: float) -> list[Said]:
         index = message.param_index
         if index < 0:
             index = INDEX.get(message.param_id, -1)
@@ -168,10 +176,11 @@ class ParameterServer:
         if message.target_component == 0:
             return []
         asked = message.param_id if message.param_index < 0 else f"index {message.param_index}"
-        return self._complain(f"{asked}: no such parameter", now_s)
+        error = _error(source, message.param_id, PARAM_ERROR_DOES_NOT_EXIST, message.param_index)
+        return self._complain(f"{asked}: no such parameter", now_s, error)
 
-    def _complain(self, text: str, now_s: float) -> list[Said]:
-        """Words, unless too many were said of late."""
+    def _complain(self, text: str, now_s: float, error: ParamError | None = None) -> list[Said]:
+        """A PARAM_ERROR for programs and words for people, unless too many were said of late."""
         if now_s > self._complained_s:
             earned = (now_s - self._complained_s) * COMPLAINTS_PER_S
             self._complaints = min(COMPLAINTS_AT_ONCE, self._complaints + earned)
@@ -179,7 +188,12 @@ class ParameterServer:
         if self._complaints < 1.0:
             return []
         self._complaints -= 1.0
-        return list(self._texts.chunks(SEVERITY_WARNING, text))
+        words = self._texts.chunks(SEVERITY_WARNING, text)
+        return [*words] if error is None else [error, *words]
+
+
+def _error(to: Source, name: str, error: int, index: int = -1) -> ParamError:
+    return ParamError(to.system, to.component, name, index, error)
 
 
 def _value_of(message: ParamSet) -> float:
