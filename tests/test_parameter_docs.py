@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from tgl_soar.commands.params_page import page
-from tgl_soar.onboard import main
 from tgl_soar.parameters import GROUPS, PARAMETERS
+from tgl_soar.process import main
 
 PAGE = Path(__file__).parents[1] / "docs/parameters.md"
 MAKE = "tgl-soar params --markdown > docs/parameters.md"

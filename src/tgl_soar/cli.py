@@ -12,7 +12,7 @@ import sys
 def main() -> None:
     """Entry point of `tgl-soar`."""
     if sys.argv[1:2] == ["run"]:
-        from tgl_soar.onboard import main as run
+        from tgl_soar.process import main as run
 
         raise SystemExit(run(sys.argv[2:]))
     from tgl_soar.commands import app

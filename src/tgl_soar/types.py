@@ -2,7 +2,8 @@
 
 Everything here is an immutable named tuple of plain floats, ints and bools: cheap to make,
 exact to log and replay, and taken by numba as it stands.  A missing number is NaN; a sequence
-number says whether a sample is new.  This module imports nothing of ours.
+number says whether a sample is new.  Numba takes no defaults: what it compiles names all
+fields.  This module imports nothing of ours.
 
 Frames (docs/theory.md):
   NED      local north-east-down of the autopilot or the motion-capture hall
@@ -31,6 +32,8 @@ class PositionFix(NamedTuple):
     velocity_north_mps: float  # NaN where the source gives no velocity
     velocity_east_mps: float
     velocity_down_mps: float
+    source: int = 0  # which source gave it: another number is another sensor, with other biases
+    sigma_m: float = NAN  # standard deviation of each axis as the source tells it; NaN: it does not
 
 
 class AttitudeSample(NamedTuple):
@@ -47,12 +50,52 @@ class AttitudeSample(NamedTuple):
     yaw_rate_frd_radps: float
 
 
+class ImuSample(NamedTuple):
+    """One sample of accelerometers and gyros, FRD."""
+
+    sequence: int  # grows by one with every sample; 0: none yet
+    time_s: float  # when it was true, loop's clock
+    force_x_frd_mps2: float  # specific force: gravity is not in it
+    force_y_frd_mps2: float
+    force_z_frd_mps2: float
+    roll_rate_frd_radps: float  # NaN where the source gives no rates
+    pitch_rate_frd_radps: float
+    yaw_rate_frd_radps: float
+
+
+class AirspeedSample(NamedTuple):
+    """One sample of a pitot tube along the nose."""
+
+    sequence: int  # grows by one with every sample; 0: none yet
+    time_s: float  # when it was true, loop's clock
+    airspeed_mps: float
+
+
 class AutopilotStatus(NamedTuple):
     """What is known of the autopilot that moves the surfaces."""
 
     time_s: float  # when its last heartbeat arrived, loop's clock; NaN: never
     accepts_surfaces: bool  # it is in a mode in which it obeys our surface commands
     armed: bool
+    failsafe: bool = False  # it says itself that it is in a failsafe
+    boots: int = 0  # how often it has restarted since we first heard it
+
+
+class SurfacesSample(NamedTuple):
+    """Where the autopilot says that it puts the surfaces, as read back from its outputs."""
+
+    sequence: int  # grows by one with every sample; 0: none yet
+    time_s: float  # when it was true, loop's clock
+    elevator: float  # -1 … 1 of travel, as in SurfaceCommand; NaN: not known
+    aileron: float
+    rudder: float
+
+
+NO_FIX = PositionFix(0, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
+NO_ATTITUDE = AttitudeSample(0, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
+NO_IMU = ImuSample(0, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
+NO_AIRSPEED = AirspeedSample(0, NAN, NAN)
+NO_SURFACES = SurfacesSample(0, NAN, NAN, NAN, NAN)
 
 
 class Inputs(NamedTuple):
@@ -63,6 +106,9 @@ class Inputs(NamedTuple):
     attitude: AttitudeSample
     autopilot: AutopilotStatus
     engage: bool  # the operator wants the module to fly
+    imu: ImuSample = NO_IMU
+    airspeed: AirspeedSample = NO_AIRSPEED
+    surfaces: SurfacesSample = NO_SURFACES
 
 
 class VehicleState(NamedTuple):

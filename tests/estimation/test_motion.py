@@ -253,7 +253,9 @@ def test_half_a_velocity_is_none(place: int, bad: float) -> None:
     state = settled()
     numbers = [100.0, 100.0, 100.0]
     numbers[place] = bad
-    fix = PositionFix(99, NOW, *ned_from_soaring(FRAME, *straight(NOW)), *numbers)
+    fix = PositionFix(
+        99, NOW, *ned_from_soaring(FRAME, *straight(NOW)), numbers[0], numbers[1], numbers[2]
+    )
     after, vehicle = motion_step(GAINS, FRAME, state, mid(NOW, fix))
     assert after.rejected == state.rejected
     assert after.fix_time_s == NOW

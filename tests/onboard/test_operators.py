@@ -9,7 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from test_onboard import CAPTURING, SOARING, STANDBY, Flight, setup, texts
 
-from tgl_soar import onboard as module
+from tgl_soar import process as module
 from tgl_soar.instruments import ARRAY
 from tgl_soar.link.signing import EPOCH_S, Signing
 from tgl_soar.onboard import Onboard

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.onboard import EXIT_CANNOT_START, EXIT_NO_AUTOPILOT, EXIT_OK, main
+from tgl_soar.process import EXIT_CANNOT_START, EXIT_NO_AUTOPILOT, EXIT_OK, main
 
 ROOT = Path(__file__).parents[2]
 AIRFRAME = ROOT / "config/airframes/eclipson_c.toml"
@@ -30,7 +30,7 @@ def arguments(link: str, *more: str) -> list[str]:
 
 
 def test_the_flying_process_loads_nothing_that_does_not_fly() -> None:
-    code = "import sys, tgl_soar.onboard; print(*sorted(sys.modules))"
+    code = "import sys, tgl_soar.process; print(*sorted(sys.modules))"
     loaded = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     ).stdout.split()

@@ -15,8 +15,7 @@ from tgl_soar.config import Surface, Surfaces
 from tgl_soar.sim.channels import deflection_from_pwm, pwm_from_deflection
 from tgl_soar.sim.pixhawk import FBWA, MANUAL, Pixhawk, Sensed
 from tgl_soar.sim.routing import MAX_ROUTES, split_frames
-from tgl_soar.sim.sensors import NO_ATTITUDE, NO_FIX
-from tgl_soar.types import AttitudeSample, PositionFix, SurfaceCommand
+from tgl_soar.types import NO_ATTITUDE, NO_FIX, AttitudeSample, PositionFix, SurfaceCommand
 
 STEP_HZ = 200
 GROUND, COMPANION, RADIO = 1, 2, 3

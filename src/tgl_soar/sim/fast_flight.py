@@ -35,7 +35,7 @@ from tgl_soar.air.hill import Hill, HillField
 from tgl_soar.air.jet import Jet, SlopeJet
 from tgl_soar.autopilot import initial_state, laws_from, reason_text
 from tgl_soar.parameters import ParameterSet
-from tgl_soar.types import AttitudeSample, PositionFix, SurfaceCommand
+from tgl_soar.types import NAN, NO_ATTITUDE, NO_FIX, AttitudeSample, PositionFix, SurfaceCommand
 
 from .aircraft import AircraftState
 from .closed_loop import Change, Row, Trajectory
@@ -63,7 +63,7 @@ from .flight import (
     sense,
     world_step_in_cells,
 )
-from .sensors import NO_ATTITUDE, NO_FIX, Triple, empty_line
+from .sensors import Triple, empty_line
 from .world import World
 
 _FAR_M = 1e6
@@ -205,7 +205,13 @@ class CompiledWorld(World):
         if values[19] != 0.0:
             self.crashed = self._why_lost(self.state)
         if values[20] != self.position.sequence:
-            self.position = PositionFix(int(values[20]), *values[21:28])
+            at, speed = values[21:25], values[25:28]
+            self.position = PositionFix(
+                int(values[20]),
+                *(at[0], at[1], at[2], at[3]),
+                *(speed[0], speed[1], speed[2]),
+                *(0, NAN),
+            )
         self.attitude = AttitudeSample(int(values[28]), *values[29:37])
 
     def relaunch(self) -> None:

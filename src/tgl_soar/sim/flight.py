@@ -27,6 +27,11 @@ from tgl_soar.control.target_line import e_rho
 from tgl_soar.geometry import SoaringFrame, euler_from_quaternion
 from tgl_soar.types import (
     NAN,
+    NO_AIRSPEED,
+    NO_ATTITUDE,
+    NO_FIX,
+    NO_IMU,
+    NO_SURFACES,
     AttitudeSample,
     AutopilotStatus,
     Inputs,
@@ -38,8 +43,6 @@ from .aircraft import AircraftModel, AircraftState, Wind, air_data, place_ahead
 from .aircraft import step as aircraft_step
 from .closed_loop import HELD_S
 from .sensors import (
-    NO_ATTITUDE,
-    NO_FIX,
     AttitudeParams,
     PositionParams,
     SensorTiming,
@@ -304,7 +307,7 @@ def arrived_fix(parts: Parts, n: int) -> PositionFix:
         return NO_FIX
     fixes = parts.instruments.fixes
     row = fixes[(sequence - 1) % len(fixes)]
-    return PositionFix(sequence, row[0], row[1], row[2], row[3], row[4], row[5], row[6])
+    return PositionFix(sequence, row[0], row[1], row[2], row[3], row[4], row[5], row[6], 0, NAN)
 
 
 def arrived_attitude(parts: Parts, n: int) -> AttitudeSample:
@@ -428,8 +431,11 @@ def fly_ticks(
             now,
             arrived_fix(parts, n),
             arrived_attitude(parts, n),
-            AutopilotStatus(now, True, True),
+            AutopilotStatus(now, True, True, False, 0),
             now >= HELD_S,
+            NO_IMU,
+            NO_AIRSPEED,
+            NO_SURFACES,
         )
         autopilot, output = autopilot_step(laws, autopilot, inputs)
         reason = output.reason

@@ -28,38 +28,21 @@ from tgl_soar.geometry import (
     ned_vector_from_soaring,
     quaternion_product,
 )
-from tgl_soar.types import NAN, AttitudeSample, PositionFix
+from tgl_soar.types import (
+    NAN,
+    NO_AIRSPEED,
+    NO_ATTITUDE,
+    NO_FIX,
+    NO_IMU,
+    AirspeedSample,
+    AttitudeSample,
+    ImuSample,
+    PositionFix,
+)
 
 from .aircraft import AircraftModel, AircraftState, Wind, air_velocity_frd, specific_force_frd
 
 Triple = tuple[float, float, float]
-
-
-class ImuSample(NamedTuple):
-    """One sample of accelerometers and gyros, FRD."""
-
-    sequence: int  # grows by one with every sample; 0: none yet
-    time_s: float
-    force_x_frd_mps2: float  # specific force: gravity is not in it
-    force_y_frd_mps2: float
-    force_z_frd_mps2: float
-    roll_rate_frd_radps: float
-    pitch_rate_frd_radps: float
-    yaw_rate_frd_radps: float
-
-
-class AirspeedSample(NamedTuple):
-    """One sample of a pitot tube along the nose."""
-
-    sequence: int  # grows by one with every sample; 0: none yet
-    time_s: float
-    airspeed_mps: float
-
-
-NO_FIX = PositionFix(0, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
-NO_ATTITUDE = AttitudeSample(0, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
-NO_IMU = ImuSample(0, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
-NO_AIRSPEED = AirspeedSample(0, NAN, NAN)
 
 
 # --- when: rates and delays -----------------------------------------------------------------
@@ -199,6 +182,8 @@ def measure_position(
         v_north + velocity_error_mps[0],
         v_east + velocity_error_mps[1],
         v_down + velocity_error_mps[2],
+        0,
+        NAN,
     )
 
 

@@ -28,7 +28,7 @@ from tgl_soar.air.hill import HillField
 from tgl_soar.air.jet import JetShape, SlopeJet
 from tgl_soar.config import Airframe, ConfigError, GridAir, HillAir, JetAir, Site, Start
 from tgl_soar.geometry import SoaringFrame, euler_from_quaternion
-from tgl_soar.types import AttitudeSample, PositionFix, SurfaceCommand
+from tgl_soar.types import NO_ATTITUDE, NO_FIX, AttitudeSample, PositionFix, SurfaceCommand
 
 from .aircraft import (
     AircraftModel,
@@ -45,8 +45,6 @@ from .aircraft import (
 from .sensors import (
     AUTOPILOT_ATTITUDE,
     AUTOPILOT_POSITION,
-    NO_ATTITUDE,
-    NO_FIX,
     AttitudeParams,
     AttitudeSensor,
     PositionParams,

@@ -1,0 +1,350 @@
+"""The process around the module: the command line of `run`, links, signals, the loop.
+
+`onboard.Onboard` knows neither socket nor clock; here they are opened, waited for and read, and
+whatever ends the process gives the surfaces back first.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import select
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+from tgl_soar import realtime
+from tgl_soar.config import (
+    Airframe,
+    ConfigError,
+    Site,
+    load_airframe,
+    load_parameters,
+    load_site,
+)
+from tgl_soar.link.keys import (
+    UNSIGNED,
+    Secret,
+    SigningError,
+    keep_timestamp,
+    peers_of,
+    save_key,
+    signing_from,
+)
+from tgl_soar.link.messages import (
+    COMPONENT_AUTOPILOT,
+    SEVERITY_ERROR,
+    SEVERITY_NOTICE,
+    Source,
+)
+from tgl_soar.link.signing import Signing
+from tgl_soar.link.transport import FORMS, LinkError, Transport, is_open, open_link
+from tgl_soar.onboard import Onboard, Setup, setup_from
+from tgl_soar.parameter_store import Identity, ParameterStore, state_file, state_folder
+
+COMPLAIN_S: Final = 5.0  # between two lines on the console about an autopilot that is not there
+
+EXIT_OK: Final = 0
+EXIT_CANNOT_START: Final = 2
+EXIT_NO_AUTOPILOT: Final = 3
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """`tgl-soar run`: the command line of `run`."""
+    parser = argparse.ArgumentParser(
+        prog="tgl-soar run",
+        description="Fly: the module beside the autopilot.",
+        epilog="Parameters: `tgl-soar params` lists them, docs/parameters.md tells all of them.",
+    )
+    add = parser.add_argument
+    add("--airframe", type=Path, required=True, help="airframe file, as config/airframes/*.toml")
+    add("--site", type=Path, required=True, help="site file, as config/sites/*.toml")
+    add(
+        "--link",
+        required=True,
+        action="append",
+        help=f"{FORMS}; the first leads to the autopilot, repeat it for ground stations",
+    )
+    add("--lockstep", action="store_true", help="tick with the simulator's clock, not our own")
+    add("--timeout", type=float, metavar="S", help="give up if no autopilot answers for so long")
+    add("--signing-key", type=Path, metavar="FILE", help="sign, and refuse what is not signed")
+    add(
+        "--unsigned-autopilot",
+        action="store_true",
+        help="with a key: the autopilot itself need not sign on the first link",
+    )
+    add(
+        "--allow-setup-signing",
+        action="store_true",
+        help="with a key file: take another key from an operator over the air, and keep it there",
+    )
+    add(
+        "--state",
+        metavar="FOLDER",
+        help="where parameters changed over the air are stored; none: nowhere."
+        " Default: tgl_soar in $XDG_STATE_HOME or in ~/.local/state",
+    )
+    given = parser.parse_args(arguments)
+    if given.signing_key is None and (given.unsigned_autopilot or given.allow_setup_signing):
+        parser.error("--unsigned-autopilot and --allow-setup-signing need --signing-key")
+    return run(
+        given.airframe,
+        given.site,
+        given.link,
+        lockstep=given.lockstep,
+        timeout_s=given.timeout,
+        state=_folder(given.state),
+        secret=Secret(given.signing_key, given.unsigned_autopilot, given.allow_setup_signing),
+    )
+
+
+def _folder(state: str | None) -> Path | None:
+    """Where the state is stored, if anywhere."""
+    if state is None:
+        return state_folder(os.environ)
+    return None if state == "none" else Path(state)
+
+
+def run(
+    airframe_path: str | Path,
+    site_path: str | Path,
+    link: str | Sequence[str],
+    *,
+    lockstep: bool = False,
+    timeout_s: float | None = None,
+    state: Path | None = None,
+    secret: Secret = UNSIGNED,
+) -> int:
+    """Fly until told to stop; the process's exit code.
+
+    `link`: one or several, the first to the autopilot.  0: stopped by SIGINT or SIGTERM;
+    2: configuration, key or link cannot be used; 3: no autopilot answered within `timeout_s`,
+    if that was given.
+    """
+    links = [link] if isinstance(link, str) else list(link)
+    transports: list[Transport] = []
+    try:
+        airframe = load_airframe(airframe_path)
+        site = load_site(site_path)
+        parameters = load_parameters(airframe, airframe_path, site, site_path)
+        signing = signing_from(secret)
+        setup = setup_from(airframe, site, parameters)
+        if site.contour is not None and not setup.contour:
+            _print(f"no line is checked: the site's contour is of {site.contour.airframe!r}")
+        store = _store(airframe, airframe_path, site, site_path, setup, state)
+        for i, text in enumerate(links):
+            excused = Source(setup.own.system, COMPONENT_AUTOPILOT)
+            trusted = excused if i == 0 and secret.unsigned_autopilot else None
+            is_frame = peers_of(signing, trusted)
+            transports.append(open_link(text, is_frame, time.monotonic()))
+    except (ConfigError, LinkError, SigningError) as error:
+        print(error, file=sys.stderr)
+        for transport in transports:
+            transport.close()
+        return EXIT_CANNOT_START
+    stopped = threading.Event()
+    restore = _stop_on_signals(stopped)
+    end_keeping = keep_timestamp(signing, secret.key_file, _print)
+    try:
+        return _fly(
+            setup,
+            transports,
+            stopped.is_set,
+            lockstep=lockstep,
+            timeout_s=timeout_s,
+            signing=signing,
+            secret=secret,
+            store=store,
+        )
+    finally:
+        end_keeping()
+        restore()
+        for transport in transports:
+            transport.close()
+
+
+def _store(
+    airframe: Airframe,
+    airframe_path: str | Path,
+    site: Site,
+    site_path: str | Path,
+    setup: Setup,
+    folder: Path | None,
+) -> ParameterStore | None:
+    """What keeps changed parameters, if they are to be kept."""
+    if folder is None:
+        _print("parameters changed over the air are not stored: no --state")
+        return None
+    identity = Identity(
+        airframe.airframe.name, site.site.name, setup.own.system, setup.own.component
+    )
+    path = state_file(folder, airframe_path, site_path)
+    return ParameterStore(path, identity, setup.parameters, setup.presets)
+
+
+def _restored(setup: Setup, store: ParameterStore | None) -> tuple[Setup, list[tuple[int, str]]]:
+    """With the values that were kept, and what is to be said of them."""
+    if store is None:
+        return setup, []
+    found = store.restore()
+    words = [(SEVERITY_ERROR, note) for note in found.notes]
+    if found.kept:
+        names = ", ".join(found.kept)
+        words.append((SEVERITY_NOTICE, f"{len(found.kept)} stored parameters: {names}"))
+    return setup._replace(parameters=found.values), words
+
+
+def _stop_on_signals(stopped: threading.Event) -> Callable[[], None]:
+    """SIGINT, SIGTERM and a lost terminal set the flag; the way back."""
+    if threading.current_thread() is not threading.main_thread():
+        return lambda: None
+    signals = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = [signal.signal(number, lambda *_: stopped.set()) for number in signals]
+
+    def restore() -> None:
+        for number, handler in zip(signals, before, strict=True):
+            signal.signal(number, handler)
+
+    return restore
+
+
+def _fly(
+    setup: Setup,
+    transports: Sequence[Transport],
+    stop: Callable[[], bool],
+    *,
+    lockstep: bool = False,
+    timeout_s: float | None = None,
+    signing: Signing | None = None,
+    secret: Secret = UNSIGNED,
+    store: ParameterStore | None = None,
+) -> int:
+    began_s = time.monotonic()
+    first, *others = transports
+    key_file = secret.key_file
+    setup, first_words = _restored(setup, store)
+    onboard = Onboard(
+        setup,
+        first.send,
+        began_s,
+        stream=first.is_stream,
+        lockstep=lockstep,
+        console=_print,
+        store=store,
+        first_words=first_words,
+        signing=signing,
+        unsigned_autopilot=secret.unsigned_autopilot,
+        keep_key=partial(save_key, key_file) if key_file and secret.allow_setup else None,
+    )
+    for other in others:
+        onboard.add_link(other.send, stream=other.is_stream)
+    names = ", ".join(transport.name for transport in transports)
+    _print(f"listening on {names} as {setup.own.system}:{setup.own.component}")
+    if not onboard.signing.is_on:
+        for transport in transports:
+            if is_open(transport.name):
+                _print(
+                    f"WARNING: {transport.name} is open to the network and unsigned: whoever"
+                    " reaches it can fly this aircraft; give --signing-key, or listen on 127.0.0.1"
+                )
+    for warning in realtime.prepare(real_time=not lockstep):
+        _print(warning)
+    if store is not None:
+        _print(f"parameters changed over the air are stored in {store.path}")
+        store.start()
+    try:
+        code = _loop(onboard, transports, stop, timeout_s)
+    finally:  # whatever has happened, the pilot gets the surfaces
+        onboard.stop()
+    ticks = onboard.pacer.counters
+    if code == EXIT_OK and not lockstep:
+        _print(f"{ticks.ticks} ticks, {ticks.late} late, {ticks.skipped} skipped")
+    return code
+
+
+def _loop(
+    onboard: Onboard,
+    transports: Sequence[Transport],
+    stop: Callable[[], bool],
+    timeout_s: float | None,
+) -> int:
+    clock = time.monotonic
+    now_s = began_s = clock()
+    watch = _Watch(began_s)
+    generations = [transport.generation for transport in transports]
+    while not stop():
+        realtime.wait([t.fileno() for t in transports], onboard.wake_s(now_s), now_s)
+        now_s = clock()
+        for link, transport in enumerate(transports):
+            received = transport.receive(now_s)
+            if transport.generation != generations[link]:
+                generations[link] = transport.generation
+                onboard.relinked(link)
+            for data in received:
+                onboard.event(data, now_s, link)
+                if onboard.overdue(clock()):  # a flood must not hold up the tick
+                    onboard.periodic(clock())
+        if onboard.due(now_s):
+            onboard.periodic(now_s)
+        else:
+            onboard.idle(now_s)
+        if watch.is_silent(onboard.session.counters.heartbeats, now_s):
+            _print(_why_silent(onboard, transports[0]))
+        if timeout_s is not None and now_s - began_s > timeout_s and not onboard.session.is_heard:
+            name = transports[0].name
+            _print(f"no autopilot on {name} within {timeout_s:g} s: giving up")
+            return EXIT_NO_AUTOPILOT
+    return EXIT_OK
+
+
+class _Watch:
+    """Tells, every few seconds, that no heartbeat of the autopilot comes."""
+
+    def __init__(self, now_s: float) -> None:
+        self._heartbeats = 0
+        self._complain_s = now_s + COMPLAIN_S
+
+    def is_silent(self, heartbeats: int, now_s: float) -> bool:
+        if heartbeats != self._heartbeats:
+            self._heartbeats = heartbeats
+            self._complain_s = now_s + COMPLAIN_S
+        if now_s < self._complain_s:
+            return False
+        self._complain_s = now_s + COMPLAIN_S
+        return True
+
+
+def _why_silent(onboard: Onboard, transport: Transport) -> str:
+    """What to look at when no autopilot answers."""
+    system = onboard.session.autopilot.system
+    wanted = f"no heartbeat of system {system}, component 1 on {transport.name}"
+    if onboard.session.is_heard:
+        return f"{wanted} for {COMPLAIN_S:g} s: it has stopped, or the link is cut"
+    heard = sorted(onboard.session.heard)
+    if heard:
+        names = ", ".join(f"{s.system}:{s.component}" for s in heard)
+        return f"{wanted}, only of {names}: check autopilot.system_id in the airframe file"
+    counters = onboard.decoder.counters
+    if transport.counters.bytes_in > 0 and counters.frames == 0:
+        return (
+            f"{wanted}: {transport.counters.bytes_in} bytes came, none of them MAVLink:"
+            " check the baud rate and the port's protocol (SERIALn_PROTOCOL = 2)"
+        )
+    if transport.counters.strangers > 0:
+        return f"{wanted}: what came there was not MAVLink, or not of one peer"
+    return f"{wanted}: nothing came. Is the autopilot on, and does it send to this port or line?"
+
+
+def _print(text: str) -> None:
+    """A line on standard error, or none if nobody reads it: the loop must not wait."""
+    line = f"tgl_soar: {text}\n".encode()
+    try:
+        if select.select([], [2], [], 0.0)[1]:
+            os.write(2, line[: select.PIPE_BUF])
+    except OSError:
+        return
