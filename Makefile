@@ -48,7 +48,7 @@ $(VENV)/.made:
 	@touch $@
 
 $(VENV)/.run: $(VENV)/.made pyproject.toml constraints.txt
-	$(PIP) -e '.[figures]'
+	$(PIP) -e '.[figures,logs]'
 	@touch $@
 
 $(VENV)/.test: $(VENV)/.run pyproject.toml constraints.txt

@@ -111,6 +111,22 @@ class Inputs(NamedTuple):
     surfaces: SurfacesSample = NO_SURFACES
 
 
+class AirEstimate(NamedTuple):
+    """What the air does at the aircraft, as far as it can be told on board."""
+
+    airspeed_mps: float  # true; NaN: not known
+    alpha_rad: float  # angle of attack of the body's x axis; NaN: not known
+    wind_mps: float  # horizontal, along the soaring frame's x: positive downstream
+    updraft_mps: float  # vertical wind, positive up
+    excess_mps: float  # updraft less the sink in still air: what the aircraft would climb with
+    wind_sigma_mps: float  # standard deviations of the two
+    updraft_sigma_mps: float
+    measured: bool  # the airspeed comes from a pitot tube
+
+
+NO_AIR = AirEstimate(NAN, NAN, NAN, NAN, NAN, NAN, NAN, False)
+
+
 class VehicleState(NamedTuple):
     """Where the aircraft is and how it moves, at the time of the tick, soaring frame."""
 
