@@ -37,8 +37,9 @@ TABLE: dict[str, set[str]] = {
     "onboard": {"instruments", "autopilot", "link", "config", "parameter_store", "realtime"},
     "process": {"onboard"},
     "air": {"geometry"},
-    "sim": {"autopilot", "air", "link", "config"},
-    "report": {"air", "estimation"},
+    "score": set(),
+    "sim": {"autopilot", "air", "link", "config", "score"},
+    "report": {"air", "estimation", "score"},
     "experiments": {"sim", "report", "config"},
     "commands": {"process", "experiments"},
     "cli": {"commands"},
@@ -57,7 +58,7 @@ FLIES = {
     "autopilot", "line_changes", "link", "config", "realtime", "onboard",
     "parameter_files", "parameter_store", "instruments", "process",
 }  # fmt: skip
-STAYS_ON_THE_GROUND = {"sim", "report", "air", "experiments", "commands", "cli"}
+STAYS_ON_THE_GROUND = {"sim", "report", "air", "score", "experiments", "commands", "cli"}
 
 # A law knows no clock, no file and no wire.
 PURE = {"types", "geometry", "parameters", "control", "estimation", "autopilot", "line_changes"}

@@ -12,7 +12,7 @@ import pytest
 from tgl_soar.config import shipped
 from tgl_soar.experiments.flights import Flown, Flyer, Job, fly_job, pooled_wander
 from tgl_soar.experiments.scenario import Scenario, load_scenario
-from tgl_soar.sim.score import settling_time
+from tgl_soar.score import settling_time
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,7 @@ from math import radians
 import pytest
 
 from tgl_soar.air.hill import HillField
+from tgl_soar.air.zeuc import stable_crossing
 from tgl_soar.control.target_line import TargetLine, eta_from_lean
 from tgl_soar.experiments.air_speed import SpeedScore, speed_claims
 from tgl_soar.experiments.changing_air import Shift, WindShift, slope_claims, wind_claims
@@ -15,7 +16,6 @@ from tgl_soar.experiments.hill_positions import POLAR, RADIUS_M, WIND_MPS, claim
 from tgl_soar.experiments.line_lean import LeanScore, lean_claims, refusal
 from tgl_soar.experiments.page import page
 from tgl_soar.experiments.result import Claim, Result, Table, as_json, as_markdown, plain
-from tgl_soar.experiments.scenario import stable_crossing
 from tgl_soar.experiments.sensitivity import Change, sensitivity_claims
 from tgl_soar.types import polar_sink
 

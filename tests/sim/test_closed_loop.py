@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tgl_soar.air.field import WindField
-from tgl_soar.air.zeuc import crossings
+from tgl_soar.air.zeuc import stable_crossing
 from tgl_soar.config import (
     Airframe,
     Site,
@@ -22,8 +22,8 @@ from tgl_soar.config import (
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.geometry import euler_from_quaternion, quaternion_from_euler
 from tgl_soar.parameters import ParameterSet
+from tgl_soar.score import LegScore, score_leg
 from tgl_soar.sim.closed_loop import Change, ClosedLoop, Trajectory, fly
-from tgl_soar.sim.score import LegScore, score_leg
 from tgl_soar.sim.sensors import AUTOPILOT_POSITION
 from tgl_soar.sim.world import build_field, make_world
 
@@ -58,8 +58,8 @@ def fly_legs(
         lean = line.lean_deg if line.lean_deg is not None else values["TGL_LEAN"]
         eta = eta_from_lean(radians(lean))
         place = (line.x_m, line.z_m, eta)
-        stable = [c for c in crossings(field, airframe.polar.as_polar(), *place, 3.0) if c.stable]
-        crossing = (stable[-1].x_m, stable[-1].z_m) if stable else None
+        there = stable_crossing(field, airframe.polar.as_polar(), place)
+        crossing = None if there is None else (there.x_m, there.z_m)
         columns = (flight[c][rows] for c in ("time_s", "x_m", "z_m"))
         scores.append(score_leg(name, place, crossing, *columns))
     return flight, scores

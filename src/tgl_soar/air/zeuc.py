@@ -39,6 +39,7 @@ Bounds = tuple[float, float, float, float]  # x from, x to, z from, z to [m]
 
 GRADIENT_STEP_M = 0.02  # half the span of the central differences of E
 PLACE_TOLERANCE_M = 1e-6
+REACH_M = 4.0  # to either side of a line's point a crossing is looked for
 
 
 class ZeucError(ValueError):
@@ -163,12 +164,28 @@ def crossings(
         if s is None:
             continue
         x, z = x0_m + s * tx, z0_m + s * tz
-        u, _, w = field.wind_at(x, y_m, z, time_s)
+        u, _, w = map(float, field.wind_at(x, y_m, z, time_s))
         gx, gz = excess_gradient(field, polar, x, z, y_m, time_s)
-        slope = gx * tx + gz * tz
+        slope = float(gx * tx + gz * tz)
         slides = tz > polar_slope(polar, u) * tx
         found.append(Crossing(x, z, u, w, slope, slope < 0.0 and slides))
     return found
+
+
+def stable_crossing(
+    field: WindField,
+    polar: GlidePolar,
+    line: tuple[float, float, float],
+    time_s: float = 0.0,
+    reach_m: float = REACH_M,
+) -> Crossing | None:
+    """Where an aircraft that is held to a line should hover: its stable crossing.
+
+    line: x0 [m], z0 [m], eta [rad].  Of several stable places the one nearest to the line's
+    point; None: there is none within reach.
+    """
+    found = [c for c in crossings(field, polar, *line, reach_m, time_s=time_s) if c.stable]
+    return min(found, key=lambda c: hypot(c.x_m - line[0], c.z_m - line[1]), default=None)
 
 
 def _zero(

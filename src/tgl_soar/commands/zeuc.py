@@ -11,6 +11,7 @@ import typer
 from rich.table import Table
 
 from tgl_soar.air.zeuc import (
+    REACH_M,
     Bounds,
     Core,
     ZeucError,
@@ -24,7 +25,6 @@ from tgl_soar.config import ConfigError, load_airframe, load_parameters, load_si
 from tgl_soar.control.target_line import TargetLine, eta_from_lean
 from tgl_soar.experiments.result import plain, versions
 from tgl_soar.experiments.scenario import (
-    REACH_M,
     contour_step,
     perpendicular_lean,
     search_bounds,

@@ -8,14 +8,14 @@ from typing import Any, Final, NamedTuple
 import msgspec
 import numpy as np
 
-from tgl_soar.air.zeuc import wind_sensitivity
+from tgl_soar.air.zeuc import stable_crossing, wind_sensitivity
 from tgl_soar.control.target_line import TargetLine
 from tgl_soar.estimation.polar import best_glide_speed
 
 from .context import Context, drawn_air, drawn_line, with_turbulence
 from .flights import Flown
 from .result import Claim, Result, Table
-from .scenario import Prepared, Scenario, WindSchedule, prepare, stable_crossing
+from .scenario import Prepared, Scenario, WindSchedule, prepare
 from .still_lines import (
     LEG_COLUMNS,
     draw,

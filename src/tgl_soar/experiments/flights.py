@@ -17,12 +17,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tgl_soar.air.zeuc import stable_crossing
 from tgl_soar.control.target_line import TargetLine
+from tgl_soar.score import settling_time
 from tgl_soar.sim.closed_loop import Trajectory, fly
-from tgl_soar.sim.score import settling_time
 from tgl_soar.sim.world import make_world
 
-from .scenario import Prepared, Scenario, prepare, stable_crossing
+from .scenario import Prepared, Scenario, prepare
 
 SETTLE_S = 5.0
 KEEP_EVERY = 4  # of a flight's rows one in so many is kept: 50 a second are enough to draw

@@ -15,14 +15,14 @@ from typing import Final, NamedTuple
 
 from tgl_soar.air.gusts import ScaledField
 from tgl_soar.air.hill import HillField
-from tgl_soar.air.zeuc import Bounds, WindSensitivity, wind_sensitivity
+from tgl_soar.air.zeuc import Bounds, WindSensitivity, stable_crossing, wind_sensitivity
 from tgl_soar.control.target_line import TargetLine, eta_from_lean
 from tgl_soar.estimation.polar import best_glide_speed
 from tgl_soar.types import GlidePolar, polar_sink, polar_slope
 
 from .context import Context
 from .result import Claim, Result, Table
-from .scenario import perpendicular_lean, place_at_speed_ratio, stable_crossing
+from .scenario import perpendicular_lean, place_at_speed_ratio
 
 SINK_MPS: Final = 1.7
 WIND_MPS: Final = 8.0

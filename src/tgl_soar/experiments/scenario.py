@@ -31,8 +31,8 @@ from tgl_soar.air.zeuc import (
     Crossing,
     ZeucError,
     contour,
-    crossings,
     excess_gradient,
+    stable_crossing,
 )
 from tgl_soar.config import (
     Airframe,
@@ -65,7 +65,6 @@ Seconds = Annotated[float, Meta(ge=0, le=3600)]
 Finite = Annotated[float, Meta(ge=-1e6, le=1e6)]
 
 CONTOUR_STEP_M = 0.02
-REACH_M = 4.0  # to either side of a line's point a crossing is looked for
 
 
 class LineSpec(Strict, frozen=True):
@@ -377,25 +376,6 @@ def _falls_upwards(
     return [
         excess_gradient(field, polar, float(x), float(z), time_s=time_s)[1] < 0.0 for x, z in part
     ]
-
-
-def stable_crossing(
-    field: WindField, polar: GlidePolar, target: TargetLine, time_s: float = 0.0
-) -> Crossing | None:
-    """The stable place on a line that lies nearest to the line's point; None: there is none."""
-    found = [
-        c
-        for c in crossings(
-            field, polar, target.x_m, target.z_m, target.eta_rad, REACH_M, time_s=time_s
-        )
-        if c.stable
-    ]
-    if not found:
-        return None
-    c = min(found, key=lambda c: np.hypot(c.x_m - target.x_m, c.z_m - target.z_m))
-    numbers = (float(v) for v in (c.x_m, c.z_m, c.wind_mps, c.updraft_mps, c.excess_slope_per_s))
-    x, z, wind, updraft, slope = numbers
-    return Crossing(x, z, wind, updraft, slope, True)
 
 
 def perpendicular_lean(

@@ -14,13 +14,14 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from tgl_soar.air.zeuc import stable_crossing
 from tgl_soar.estimation.polar import best_glide_speed
 from tgl_soar.types import polar_sink, polar_slope
 
 from .context import Context
 from .flights import Flown
 from .result import Claim, Result, Table
-from .scenario import Prepared, prepare, stable_crossing
+from .scenario import Prepared, prepare
 
 Floats = NDArray[np.float64]
 

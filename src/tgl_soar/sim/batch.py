@@ -22,20 +22,19 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from tgl_soar.air.field import WindField
-from tgl_soar.air.zeuc import crossings
+from tgl_soar.air.zeuc import stable_crossing
 from tgl_soar.config import Airframe, Site
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.parameters import ParameterSet
+from tgl_soar.score import LegScore, score_leg
 
 from .closed_loop import Change, Trajectory, fly
 from .fast_flight import CompiledWorld, Prepared, fly_compiled, prepare
-from .score import LegScore, score_leg
 from .world import World, make_world
 
 Compile = Literal["nothing", "model", "all"]
 
 CHUNKS_PER_WORKER = 4  # so that no worker is left with the last long flights alone
-CROSSING_REACH_M = 3.0
 
 
 @dataclass(frozen=True)
@@ -146,9 +145,8 @@ def _legs(plan: Plan, field: WindField) -> list[_Leg]:
 
 def _leg(plan: Plan, values: ParameterSet, field: WindField) -> _Leg:
     line = (values["TGL_X"], values["TGL_Z"], eta_from_lean(radians(values["TGL_LEAN"])))
-    polar = plan.airframe.polar.as_polar()
-    stable = [c for c in crossings(field, polar, *line, CROSSING_REACH_M) if c.stable]
-    return _Leg(line, (stable[-1].x_m, stable[-1].z_m) if stable else None)
+    place = stable_crossing(field, plan.airframe.polar.as_polar(), line)
+    return _Leg(line, None if place is None else (place.x_m, place.z_m))
 
 
 def _score(seed: int, legs: Sequence[_Leg], flight: Trajectory) -> FlightScore:

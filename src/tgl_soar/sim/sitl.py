@@ -23,24 +23,22 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from functools import partial
-from math import dist, isfinite, radians
+from math import isfinite, radians
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tgl_soar.air.zeuc import crossings
+from tgl_soar.air.zeuc import stable_crossing
 from tgl_soar.config import Site, line_parameters, load_airframe, load_parameters, load_site
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.parameters import ParameterSet
+from tgl_soar.score import LegScore, score_leg
 
 from .operator import Flown, Leg, Operator, OperatorError
-from .score import LegScore, score_leg
 from .world import build_field, ground_outline
 
 Floats = NDArray[np.float64]
-REACH_M = 3.0  # to either side of the line's point a crossing is looked for
 # Runs a command that the kernel ends when its parent dies, however that dies.
 WITH_PARENT = (
     "import ctypes, os, sys; ctypes.CDLL(None).prctl(1, 15); os.execv(sys.argv[1], sys.argv[1:])"
@@ -149,10 +147,8 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> Flight:
         for leg in legs
     ]
     polar = airframe.polar.as_polar()
-    predicted = []
-    for line in lines:
-        stable = [(c.x_m, c.z_m) for c in crossings(field, polar, *line, REACH_M) if c.stable]
-        predicted.append(min(stable, key=partial(dist, line[:2]), default=None))
+    met = [stable_crossing(field, polar, line) for line in lines]
+    predicted = [None if c is None else (c.x_m, c.z_m) for c in met]
     scores = []
     for flown, line, crossing in zip(operator.flown, lines, predicted, strict=True):
         rows = (truth["time_s"] >= flown.stopped_s) & (truth["time_s"] <= flown.ended_s)

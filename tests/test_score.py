@@ -7,7 +7,7 @@ from math import inf, isnan, pi, radians
 import numpy as np
 import pytest
 
-from tgl_soar.sim.score import TAIL_S, score_leg
+from tgl_soar.score import TAIL_S, score_leg
 
 TIME = np.arange(0.0, 20.0, 0.01)
 VERTICAL = (0.0, 1.0, 0.5 * pi)
