@@ -227,10 +227,26 @@ class Start(Strict, frozen=True):
     y_m: Finite = 0.0
 
 
+class Position(Strict, frozen=True):
+    """Where the position comes from."""
+
+    # As `link.sources` names them, the most trusted first.
+    sources: list[Literal["local_position", "odometry", "global_position", "vision", "mocap"]] = (
+        msgspec.field(default_factory=lambda: ["local_position", "odometry"])
+    )
+    silence_s: Annotated[float, Meta(ge=0.02, le=2)] = 0.15  # then another source takes over
+    return_s: Annotated[float, Meta(ge=0, le=60)] = 2.0  # steady for so long before taken back
+
+    def __post_init__(self) -> None:
+        if not self.sources or len(set(self.sources)) != len(self.sources):
+            raise ValueError("sources: name one or more, each once")
+
+
 class Site(Strict, frozen=True):
     """One site file."""
 
     site: Place
+    position: Position = Position()
     lines: dict[str, Line] = {}
     parameters: dict[str, float] = {}
     air: JetAir | HillAir | GridAir | None = None

@@ -27,6 +27,7 @@ from tgl_soar.config import (
     OPERATORS,
     Airframe,
     ConfigError,
+    Position,
     Site,
     Surface,
     preset_lines,
@@ -63,6 +64,7 @@ from tgl_soar.link.parameters import ParameterServer
 from tgl_soar.link.routes import Route
 from tgl_soar.link.session import Session
 from tgl_soar.link.signing import KEY_BYTES, Signing
+from tgl_soar.link.sources import NUMBERS, PositionSources
 from tgl_soar.link.telemetry import StatusTexts, Telemetry
 from tgl_soar.parameter_store import ParameterStore
 from tgl_soar.parameters import ParameterSet
@@ -96,6 +98,7 @@ class Setup(NamedTuple):
     presets: Presets = ()  # the site's lines, for TGL_PRESET
     contour: Contour = ()  # of the site, to warn by
     surface_channels: frozenset[int] = frozenset()  # none of them can be the pilot's switch
+    position: Position = Position()  # the site's sources
 
 
 @dataclass(slots=True)
@@ -137,6 +140,7 @@ def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Setu
         preset_lines(site, parameters),
         site.contour_for(airframe.airframe.name),
         driven,
+        site.position,
     )
 
 
@@ -182,6 +186,11 @@ class Onboard:
             rate_hz,
             override_system=setup.override.system,
             lockstep=lockstep,
+            sources=PositionSources(
+                [NUMBERS[name] for name in setup.position.sources],
+                silence_s=setup.position.silence_s,
+                return_s=setup.position.return_s,
+            ),
         )
         self.pacer = realtime.Pacer(rate_hz, now_s)
         self.output: autopilot.Output | None = None  # of the last tick

@@ -358,7 +358,8 @@ def test_odometry_in_body_frd_is_turned_into_ned() -> None:
     )
     for frame, child in ((1, 12), (20, 12), (1, 8)):
         stamp = 1000 + 1000 * talk.position.sequence
-        hear(talk, Odometry(stamp, frame, child, 1, 2, -3, q, 10.0, 0, 0, 0.1, 0.2, 0.3), 1.0)
+        odometry = Odometry(stamp, frame, child, 1, 2, -3, q, 10.0, 0, 0, 0.1, 0.2, 0.3)
+        hear(talk, odometry, 1.0 + 1e-6 * stamp)
         fix = talk.position
         assert (fix.north_m, fix.east_m, fix.down_m) == (1, 2, -3)
         assert fix.velocity_north_mps == pytest.approx(0.0, abs=1e-5)

@@ -15,7 +15,13 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Final
 
-from tgl_soar.types import NAN, AttitudeSample, AutopilotStatus, PositionFix
+from tgl_soar.types import (
+    NAN,
+    NO_ATTITUDE,
+    AttitudeSample,
+    AutopilotStatus,
+    PositionFix,
+)
 
 from .autopilots.base import Flavour
 from .clock import ClockMap, StampOrder
@@ -50,13 +56,14 @@ from .messages import (
     Source,
     Timesync,
 )
+from .sources import LOCAL_POSITION, ODOMETRY, PositionSources
 from .streams import StreamRequests
 from .timesync import RoundTrip
 
 HEARTBEAT_S: Final = 1.0
 POSITION_HZ: Final = 50.0
 SERVO_HZ: Final = 5.0
-SOURCE_SILENCE_S: Final = 0.5  # after this another message may give the position
+SOURCE_SILENCE_S: Final = 0.5  # after this another message may give the attitude
 FUTURE_S: Final = 0.02
 MAX_HEARD: Final = 32  # senders remembered, for the message that nobody answers
 
@@ -89,10 +96,12 @@ class Session:
         *,
         override_system: int = 255,
         lockstep: bool = False,
+        sources: PositionSources | None = None,
     ) -> None:
+        """`sources`: whose positions are taken; of the autopilot's alone if not given."""
         self.counters = SessionCounters()
-        self.position = PositionFix(0, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
-        self.attitude = AttitudeSample(0, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
+        self.sources = sources or PositionSources()
+        self.attitude = NO_ATTITUDE
         self.status = AutopilotStatus(NAN, False, False)
         self.vehicle_time_s = NAN  # newest stamp of the attitude, vehicle's clock
         self.servos_us: tuple[int, ...] = ()
@@ -108,8 +117,6 @@ class Session:
         self._heartbeat_due_s = float("-inf")
         self._orders: dict[int, StampOrder] = {}
         self._clocks: dict[int, ClockMap] = {}
-        self._position_source = 0
-        self._position_heard_s = NAN
         self._attitude_source = 0
         self._attitude_heard_s = NAN
         self.set_loop_rate(loop_rate_hz)
@@ -119,6 +126,11 @@ class Session:
     def set_loop_rate(self, loop_rate_hz: float) -> None:
         """The attitude is wanted once a tick."""
         self.streams.want(ID_ATTITUDE_QUATERNION, "ATTITUDE_QUATERNION", loop_rate_hz)
+
+    @property
+    def position(self) -> PositionFix:
+        """Of the source that is trusted most now."""
+        return self.sources.position
 
     @property
     def is_heard(self) -> bool:
@@ -152,12 +164,15 @@ class Session:
                 self.notices.append((SEVERITY_WARNING, complaint))
         if self.streams.notices:
             self._tell_refusals()
+        if self.sources.notices:
+            self.notices.extend(self.sources.notices)
+            self.sources.notices.clear()
         return said
 
     def rebase(self, now_s: float) -> None:
         """The loop's clock was changed to now_s: whatever was timed by the old one begins anew."""
         self._heartbeat_due_s = now_s
-        self._position_heard_s = NAN
+        self.sources.rebase()
         self._attitude_heard_s = NAN
         self.streams.restart()
         self.round_trip.restart()
@@ -257,8 +272,8 @@ class Session:
             self.counters.not_finite += 1
             return
         time_s = self._time_of(ID_LOCAL_POSITION_NED, m.time_boot_ms * 1e-3, now_s)
-        if time_s is not None and self._is_position_source(ID_LOCAL_POSITION_NED, now_s):
-            self._set_position(time_s, (m.x, m.y, m.z), (m.vx, m.vy, m.vz))
+        if time_s is not None:
+            self._offer(LOCAL_POSITION, time_s, (m.x, m.y, m.z), (m.vx, m.vy, m.vz), now_s)
 
     def _take_odometry(self, m: Odometry, now_s: float) -> None:
         """Position and attitude in one.  LOCAL_FRD is the hall's frame: NED by agreement."""
@@ -280,17 +295,23 @@ class Session:
         velocity = (m.vx, m.vy, m.vz)
         if in_body:
             velocity = _rotated(m.q, velocity) if turned else (NAN, NAN, NAN)
-        if self._is_position_source(ID_ODOMETRY, now_s):
-            self._set_position(time_s, (m.x, m.y, m.z), velocity)
+        self._offer(ODOMETRY, time_s, (m.x, m.y, m.z), velocity, now_s)
         if turned and self._is_attitude_source(ID_ODOMETRY, now_s) and not self._lockstep:
             self.vehicle_time_s = m.time_usec * 1e-6
             self._set_attitude(time_s, m.q, (m.rollspeed, m.pitchspeed, m.yawspeed))
 
-    def _set_position(
-        self, time_s: float, at: tuple[float, float, float], velocity: tuple[float, float, float]
+    def _offer(
+        self,
+        source: int,
+        time_s: float,
+        at: tuple[float, float, float],
+        velocity: tuple[float, float, float],
+        now_s: float,
     ) -> None:
-        self.counters.positions += 1
-        self.position = PositionFix(self.position.sequence + 1, time_s, *at, *velocity)
+        """A position on the link, for the choice among all sources."""
+        fix = PositionFix(0, time_s, *at, *velocity)
+        if self.sources.take(source, fix, self.vehicle_time_s if self._lockstep else now_s):
+            self.counters.positions += 1
 
     def _set_attitude(
         self,
@@ -300,15 +321,6 @@ class Session:
     ) -> None:
         self.counters.attitudes += 1
         self.attitude = AttitudeSample(self.attitude.sequence + 1, time_s, *q, *rates)
-
-    def _is_position_source(self, message_id: int, now_s: float) -> bool:
-        """One message gives the position; another one only when that has fallen silent."""
-        if message_id != self._position_source:
-            if now_s - self._position_heard_s <= SOURCE_SILENCE_S:
-                return False
-            self._position_source = message_id
-        self._position_heard_s = now_s
-        return True
 
     def _is_attitude_source(self, message_id: int, now_s: float) -> bool:
         if message_id != self._attitude_source:

@@ -1,0 +1,221 @@
+"""Which of several sources the position is taken from.
+
+A site file names its sources in the order in which they are trusted.  The best that is in good
+health gives the position, all others are only watched:
+
+    left        when nothing usable has come of it for `silence_s`, or for a few of its own
+                periods where that is longer
+    taken       the best of those that are fresh, at its next fix
+    taken back  a better one that has been without such a gap for `return_s`, and no earlier
+                than `DWELL_S` after the last change
+
+Sources of different kinds differ by their biases, and where the site file is wrong by their
+frames: how far they are apart is watched, and said when one takes over from another.  The step
+between them is the estimator's to swallow; `PositionFix.source` tells it.
+
+Times are on the loop's clock; time is an argument.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite, sqrt
+from typing import Final
+
+from tgl_soar.types import NAN, NO_FIX, PositionFix
+
+from .messages import SEVERITY_INFO, SEVERITY_WARNING
+
+LOCAL_POSITION: Final = 1
+ODOMETRY: Final = 2
+GLOBAL_POSITION: Final = 3
+VISION: Final = 4
+MOCAP: Final = 5
+NAMES: Final = {
+    LOCAL_POSITION: "local_position",
+    ODOMETRY: "odometry",
+    GLOBAL_POSITION: "global_position",
+    VISION: "vision",
+    MOCAP: "mocap",
+}
+NUMBERS: Final = {name: number for number, name in NAMES.items()}
+EXTERNAL: Final = frozenset((VISION, MOCAP))  # not the autopilot's own estimate
+DEFAULT_ORDER: Final = (LOCAL_POSITION, ODOMETRY)
+
+SILENCE_S: Final = 0.15  # before AGE_POS_HOLD makes the laws hold still
+RETURN_S: Final = 2.0
+DWELL_S: Final = 2.0
+PERIODS: Final = 3.0  # of its own that a slow source may be silent for
+LATE_S: Final = 1.0  # an older fix is no measurement of where the aircraft is
+FUTURE_S: Final = 0.05  # the mapping of clocks is not exact
+APART_M: Final = 1.0  # sources that are further apart do not share a frame
+RATE_SHARE: Final = 0.1  # of a new interval in the mean one
+
+
+class SourceHealth:
+    """What is known of one source."""
+
+    __slots__ = (
+        "apart_m",
+        "fixes",
+        "future",
+        "heard_s",
+        "late",
+        "newest_s",
+        "not_finite",
+        "period_s",
+        "steady_s",
+    )
+
+    def __init__(self) -> None:
+        self.fixes = 0  # usable ones
+        self.not_finite = 0
+        self.late = 0  # out of order, or older than a second
+        self.future = 0
+        self.heard_s = NAN  # when the last usable one came
+        self.newest_s = NAN  # when it was true
+        self.steady_s = NAN  # since when they have come without a gap
+        self.period_s = NAN  # the mean interval
+        self.apart_m = NAN  # from the chosen source, when its last fix came
+
+    @property
+    def rejected(self) -> int:
+        """What came and could not be used."""
+        return self.not_finite + self.late + self.future
+
+    @property
+    def rate_hz(self) -> float:
+        """Usable fixes in a second; 0: not known."""
+        return 1.0 / self.period_s if self.period_s > 0.0 else 0.0
+
+    def forget_time(self) -> None:
+        """The clock is another one."""
+        self.heard_s = self.newest_s = self.steady_s = self.period_s = NAN
+
+
+class PositionSources:
+    """Takes the fixes of all sources, gives those of one."""
+
+    def __init__(
+        self,
+        order: Sequence[int] = DEFAULT_ORDER,
+        *,
+        silence_s: float = SILENCE_S,
+        return_s: float = RETURN_S,
+    ) -> None:
+        """`order`: numbers of the sources, the most trusted first."""
+        self.position: PositionFix = NO_FIX  # of the chosen source
+        self.chosen = 0  # its number; 0: none yet
+        self.switches = 0  # from one to another
+        self.unused = 0  # fixes of sources that are not in the order
+        self.health = {source: SourceHealth() for source in order}
+        self.notices: list[tuple[int, str]] = []  # (severity, text)
+        self._order = tuple(order)
+        self._silence_s = silence_s
+        self._return_s = return_s
+        self._since_s = NAN  # of the chosen one
+        self._told_apart: set[frozenset[int]] = set()
+
+    def take(self, source: int, measured: PositionFix, now_s: float) -> bool:
+        """Take in one fix; whether it is the position now.
+
+        Of `measured`, sequence and source are set here.
+        """
+        health = self.health.get(source)
+        if health is None:
+            self.unused += 1
+            return False
+        if not self._is_usable(health, measured, now_s):
+            return False
+        self._count(health, measured.time_s, now_s)
+        health.apart_m = _distance(measured, self.position) if self.chosen else NAN
+        if source != self.chosen:
+            if not self._takes_over(source, now_s):
+                self._tell_apart(source, health, now_s)
+                return False
+            self._switch(source, now_s)
+        self.position = measured._replace(sequence=self.position.sequence + 1, source=source)
+        return True
+
+    def is_fresh(self, source: int, now_s: float) -> bool:
+        """Whether usable fixes of a source have been coming until now."""
+        health = self.health.get(source)
+        return health is not None and now_s - health.heard_s <= self._patience_s(health)
+
+    def rebase(self) -> None:
+        """The loop's clock is another one from here on."""
+        for health in self.health.values():
+            health.forget_time()
+        self._since_s = NAN
+
+    def _is_usable(self, health: SourceHealth, fix: PositionFix, now_s: float) -> bool:
+        finite = isfinite(fix.north_m) and isfinite(fix.east_m) and isfinite(fix.down_m)
+        if not (finite and isfinite(fix.time_s)):
+            health.not_finite += 1
+            return False
+        if fix.time_s > now_s + FUTURE_S:
+            health.future += 1
+            return False
+        if fix.time_s <= health.newest_s or fix.time_s < now_s - LATE_S:
+            health.late += 1
+            return False
+        return True
+
+    def _count(self, health: SourceHealth, time_s: float, now_s: float) -> None:
+        if not now_s - health.heard_s <= self._patience_s(health):  # NaN: the first
+            health.steady_s = now_s
+        interval_s = time_s - health.newest_s
+        if not isfinite(health.period_s):
+            health.period_s = interval_s
+        elif interval_s < LATE_S:  # a longer one is a gap, and says nothing of the rate
+            health.period_s += RATE_SHARE * (interval_s - health.period_s)
+        health.fixes += 1
+        health.heard_s = now_s
+        health.newest_s = time_s
+
+    def _patience_s(self, health: SourceHealth) -> float:
+        """How long a source may be silent; never longer than its fixes may be old."""
+        own_s = PERIODS * health.period_s
+        return min(own_s, LATE_S) if own_s > self._silence_s else self._silence_s
+
+    def _takes_over(self, source: int, now_s: float) -> bool:
+        if self.chosen == 0:
+            return True
+        rank = self._order.index(source)
+        if not self.is_fresh(self.chosen, now_s):
+            return not any(self.is_fresh(better, now_s) for better in self._order[:rank])
+        return (
+            rank < self._order.index(self.chosen)
+            and now_s - self.health[source].steady_s >= self._return_s
+            and now_s - self._since_s >= DWELL_S
+        )
+
+    def _switch(self, source: int, now_s: float) -> None:
+        before, self.chosen = self.chosen, source
+        self._since_s = now_s
+        if before == 0:
+            return
+        self.switches += 1
+        better = self._order.index(source) < self._order.index(before)
+        text = f"position from {NAMES[source]}"
+        if not self.is_fresh(before, now_s):
+            text += f": {NAMES[before]} is silent"
+        apart_m = self.health[source].apart_m
+        if isfinite(apart_m):
+            text += f", {apart_m:.2f} m from its last"
+        self.notices.append((SEVERITY_INFO if better else SEVERITY_WARNING, text))
+
+    def _tell_apart(self, source: int, health: SourceHealth, now_s: float) -> None:
+        """Once: two live sources that cannot both be right."""
+        pair = frozenset((source, self.chosen))
+        live = self.is_fresh(self.chosen, now_s)
+        if live and health.apart_m > APART_M and pair not in self._told_apart:
+            self._told_apart.add(pair)
+            text = f"{NAMES[source]} is {health.apart_m:.1f} m from {NAMES[self.chosen]}"
+            self.notices.append((SEVERITY_WARNING, f"{text}: do they share a frame?"))
+
+
+def _distance(one: PositionFix, other: PositionFix) -> float:
+    north, east = one.north_m - other.north_m, one.east_m - other.east_m
+    down = one.down_m - other.down_m
+    return sqrt(north * north + east * east + down * down)

@@ -1,0 +1,190 @@
+"""The choice among several sources of the position, stepped with time as an argument."""
+
+from itertools import pairwise
+from math import inf, nan
+from typing import get_args, get_type_hints
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tgl_soar.config import Position
+from tgl_soar.link.sources import (
+    DEFAULT_ORDER,
+    DWELL_S,
+    LOCAL_POSITION,
+    MOCAP,
+    NUMBERS,
+    ODOMETRY,
+    RETURN_S,
+    SILENCE_S,
+    VISION,
+    PositionSources,
+)
+from tgl_soar.types import PositionFix
+
+
+def fix(time_s: float, north_m: float = 1.0) -> PositionFix:
+    return PositionFix(0, time_s, north_m, 2.0, -3.0, nan, nan, nan)
+
+
+def play(
+    sources: PositionSources,
+    until_s: float,
+    *,
+    start_s: float = 0.0,
+    rates: dict[int, float],
+    north: dict[int, float] | None = None,
+) -> list[tuple[float, int]]:
+    """All sources at their rates; (time, source) of every change of the chosen one."""
+    changes, chosen = [], sources.chosen
+    for i in range(round(start_s * 1000), round(until_s * 1000)):
+        now = i * 1e-3
+        for source, rate in rates.items():
+            if i % round(1000 / rate) == 0:
+                sources.take(source, fix(now - 0.01, (north or {}).get(source, 1.0)), now)
+                if sources.chosen != chosen:
+                    chosen = sources.chosen
+                    changes.append((now, chosen))
+    return changes
+
+
+def test_the_site_file_has_a_name_for_every_source() -> None:
+    (names,) = get_args(get_type_hints(Position)["sources"])
+    assert set(get_args(names)) == set(NUMBERS)
+    assert [NUMBERS[name] for name in Position().sources] == list(DEFAULT_ORDER)
+    assert Position().silence_s == SILENCE_S
+    assert Position().return_s == RETURN_S
+
+
+def test_the_first_that_comes_is_taken_and_numbered() -> None:
+    sources = PositionSources((MOCAP, LOCAL_POSITION))
+    assert sources.position.sequence == sources.chosen == 0
+    assert sources.take(LOCAL_POSITION, fix(0.99), 1.0)
+    assert sources.take(LOCAL_POSITION, fix(1.01), 1.02)
+    assert sources.position[:3] == (2, 1.01, 1.0)
+    assert sources.position.source == LOCAL_POSITION
+
+
+def test_a_source_that_nobody_named_is_not_used() -> None:
+    sources = PositionSources((MOCAP,))
+    assert not sources.take(VISION, fix(0.0), 0.0)
+    assert sources.position.sequence == 0
+    assert sources.unused == 1
+
+
+def test_a_better_source_must_have_been_steady_before_it_takes_over() -> None:
+    sources = PositionSources((MOCAP, LOCAL_POSITION))
+    play(sources, 5.0, rates={LOCAL_POSITION: 50.0})
+    changes = play(sources, 10.0, start_s=5.0, rates={LOCAL_POSITION: 50.0, MOCAP: 100.0})
+    ((when, chosen),) = changes
+    assert chosen == MOCAP
+    assert when == pytest.approx(5.0 + RETURN_S)
+
+
+def test_a_source_with_gaps_is_not_taken_back() -> None:
+    """Half a second of fixes, then 0.2 s of none, again and again: worse than the next best."""
+    sources = PositionSources((MOCAP, LOCAL_POSITION))
+    play(sources, 1.0, rates={LOCAL_POSITION: 50.0})
+    for start in range(20):
+        here = 1.0 + 0.7 * start
+        assert not play(
+            sources, here + 0.5, start_s=here, rates={LOCAL_POSITION: 50.0, MOCAP: 100.0}
+        )
+        assert not play(sources, here + 0.7, start_s=here + 0.5, rates={LOCAL_POSITION: 50.0})
+
+
+def test_a_silent_source_is_left_soon_and_for_the_best_of_the_others() -> None:
+    sources = PositionSources((MOCAP, VISION, LOCAL_POSITION))
+    all_three = {LOCAL_POSITION: 50.0, VISION: 30.0, MOCAP: 100.0}
+    play(sources, 5.0, rates=all_three)
+    assert sources.chosen == MOCAP
+    del all_three[MOCAP]
+    ((when, chosen),) = play(sources, 6.0, start_s=5.0, rates=all_three)
+    assert chosen == VISION
+    assert when <= 5.0 + SILENCE_S + 0.05
+    assert "mocap is silent" in sources.notices[-1][1]
+
+
+def test_a_slow_source_is_given_its_own_periods() -> None:
+    """2.5 Hz, as a Paparazzi streams by default: 0.4 s without a fix is its way."""
+    sources = PositionSources((ODOMETRY, LOCAL_POSITION))
+    play(sources, 10.0, rates={ODOMETRY: 2.5})
+    assert play(sources, 20.0, start_s=10.0, rates={ODOMETRY: 2.5, LOCAL_POSITION: 50.0}) == []
+
+
+def test_the_change_is_no_oftener_than_the_dwell() -> None:
+    """The better source comes and goes as it may: each time back it has been steady for long."""
+    sources = PositionSources((MOCAP, LOCAL_POSITION), return_s=0.0)
+    play(sources, 1.0, rates={LOCAL_POSITION: 50.0})
+    changes = []
+    for i in range(30):
+        here = 1.0 + 0.5 * i
+        changes += play(
+            sources, here + 0.2, start_s=here, rates={LOCAL_POSITION: 50.0, MOCAP: 100.0}
+        )
+        changes += play(sources, here + 0.5, start_s=here + 0.2, rates={LOCAL_POSITION: 50.0})
+    back = [when for when, source in changes if source == MOCAP]
+    assert len(back) >= 3
+    assert all(b - a >= DWELL_S for a, b in pairwise(back))
+
+
+def test_broken_late_and_future_fixes_are_counted_and_keep_no_source_alive() -> None:
+    sources = PositionSources((MOCAP, LOCAL_POSITION))
+    play(sources, 1.0, rates={MOCAP: 100.0})
+    for broken in (fix(1.0, nan), fix(1.0, inf), fix(nan), fix(0.5), fix(1.2)):
+        assert not sources.take(MOCAP, broken, 1.0)
+    assert not sources.take(LOCAL_POSITION, fix(-0.1), 1.0)
+    health = sources.health[MOCAP]
+    assert (health.not_finite, health.late, health.future) == (3, 1, 1)
+    assert health.rejected == 5
+    assert sources.health[LOCAL_POSITION].late == 1
+    for i in range(100):
+        sources.take(MOCAP, fix(1.0 + 0.01 * i, nan), 1.0 + 0.01 * i)
+    assert not sources.is_fresh(MOCAP, 1.5)
+    assert sources.take(LOCAL_POSITION, fix(1.99), 2.0)
+    assert sources.position.source == LOCAL_POSITION
+
+
+def test_rate_and_distance_are_known() -> None:
+    sources = PositionSources((MOCAP, LOCAL_POSITION))
+    play(
+        sources,
+        5.0,
+        rates={LOCAL_POSITION: 50.0, MOCAP: 100.0},
+        north={LOCAL_POSITION: 3.5, MOCAP: 1.0},
+    )
+    assert sources.health[MOCAP].rate_hz == pytest.approx(100.0)
+    assert sources.health[LOCAL_POSITION].rate_hz == pytest.approx(50.0)
+    assert sources.health[LOCAL_POSITION].apart_m == pytest.approx(2.5)
+    told = [text for _, text in sources.notices if "share a frame" in text]
+    assert told == ["mocap is 2.5 m from local_position: do they share a frame?"]
+
+
+def test_a_new_clock_does_not_lock_anything_out() -> None:
+    sources = PositionSources((MOCAP, LOCAL_POSITION))
+    play(sources, 500.0, start_s=499.0, rates={MOCAP: 100.0})
+    sources.rebase()
+    assert sources.take(MOCAP, fix(0.99), 1.0)
+    assert sources.position[:2] == (101, 0.99)
+
+
+times = st.one_of(st.floats(0, 100), st.floats(), st.sampled_from([nan, inf, -inf]))
+
+
+@given(st.lists(st.tuples(st.integers(0, 6), times, times, st.floats(0, 1)), max_size=60))
+def test_whatever_comes_positions_are_finite_in_order_and_of_a_named_source(
+    said: list[tuple[int, float, float, float]],
+) -> None:
+    sources = PositionSources((MOCAP, VISION, LOCAL_POSITION))
+    now, sequence = 0.0, 0
+    for source, time_s, north_m, step_s in said:
+        now += step_s
+        if sources.take(source, fix(time_s, north_m), now):
+            sequence += 1
+            position = sources.position
+            assert position.sequence == sequence
+            assert abs(position.north_m) < inf
+            assert now - 1.0 <= position.time_s <= now + 0.05
+            assert position.source == source == sources.chosen
+        assert sources.position.sequence == sequence
