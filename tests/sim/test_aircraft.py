@@ -620,7 +620,7 @@ def test_compiled_sensors_measure_the_same() -> None:
     for function, arguments in (
         (sensors.measure_position, (frame, state, 4, 0.2, error, error)),
         (sensors.measure_attitude, (frame, state, 4, 0.2, error, error)),
-        (sensors.measure_imu, (MODEL, state, wind, 4, 0.2, error, error)),
+        (sensors.measure_imu, (MODEL, state, wind, False, 4, 0.2, error, error)),
         (sensors.measure_airspeed, (MODEL, state, wind, 4, 0.2, 0.5)),
     ):
         assert list(_compile(function)(*arguments)) == pytest.approx(

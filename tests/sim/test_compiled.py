@@ -38,6 +38,15 @@ from tgl_soar.sim.fast_flight import (
     white_gauss,
 )
 from tgl_soar.sim.flight import air_inside, air_wind, fly_ticks
+from tgl_soar.sim.sensors import (
+    AUTOPILOT_ATTITUDE,
+    MEMS_IMU,
+    MOTION_CAPTURE,
+    PITOT,
+    READ_BACK,
+    USUAL_SENSORS,
+    Sensors,
+)
 from tgl_soar.sim.world import build_field, make_world
 from tgl_soar.types import SurfaceCommand
 
@@ -47,6 +56,10 @@ FLIGHT_S = 10.0
 # The same operations in the same order: what is left are the last bits of sines and logarithms,
 # which a stable loop does not let grow.
 AGREE = 1e-6
+# One more of everything, at rates and delays of their own.
+ALL_SENSORS = Sensors(
+    MOTION_CAPTURE, AUTOPILOT_ATTITUDE, MEMS_IMU._replace(delay_s=0.01), PITOT, READ_BACK
+)
 
 
 @lru_cache(maxsize=4)
@@ -69,14 +82,16 @@ def both(
     field: WindField | None = None,
     changes: tuple[Change, ...] | None = None,
     duration_s: float = FLIGHT_S,
+    sensors: Sensors = USUAL_SENSORS,
 ) -> tuple[Trajectory, Trajectory]:
     """The same flight, plain and all compiled."""
     airframe, site, values, site_field, lines = place(name)
     changes = lines if changes is None else changes
     field = field or site_field
-    world = make_world(airframe, site, seed=seed, turbulence=turbulence, field=field)
-    # The prepared world has another seed: its own must play no part.
-    other = make_world(airframe, site, seed=seed + 1, turbulence=turbulence, field=field)
+    world, other = (
+        make_world(airframe, site, seed=s, turbulence=turbulence, field=field, sensors=sensors)
+        for s in (seed, seed + 1)  # the prepared one's own seed must play no part
+    )
     fast = fly_compiled(prepare(other, duration_s), seed, values, changes)
     return fly(world, values, changes, duration_s), fast
 
@@ -111,6 +126,35 @@ def test_a_plain_module_in_a_compiled_world_flies_the_same(name: str, turbulence
     assert_same(plain, fly(fast, values, changes, FLIGHT_S))
     with pytest.raises(ValueError, match="prepared for 2000 steps"):
         fast.step(SurfaceCommand(0.0, 0.0, 0.0))
+
+
+@needs_numba
+def test_with_every_sensor_a_compiled_flight_is_the_plain_one() -> None:
+    plain, fast = both("tunnel", 5, 0.03, sensors=ALL_SENSORS)
+    assert plain.ended == ""
+    assert_same(plain, fast)
+
+
+@needs_numba
+def test_every_sensor_gives_a_compiled_world_the_same_samples() -> None:
+    airframe, site, _, field, _ = place("tunnel")
+    world, other = (
+        make_world(airframe, site, seed=s, turbulence=0.03, field=field, sensors=ALL_SENSORS)
+        for s in (5, 6)
+    )
+    fast = CompiledWorld(prepare(other, 1.0), 5)
+    world.held = fast.held = True
+    for step in range(200):
+        for sensed in ("position", "attitude", "imu", "airspeed", "surfaces"):
+            plain, twin = getattr(world, sensed), getattr(fast, sensed)
+            assert twin.sequence == plain.sequence
+            np.testing.assert_allclose(twin, plain, rtol=0.0, atol=AGREE, err_msg=sensed)
+        if step == 50:
+            world.held = fast.held = False
+        command = SurfaceCommand(0.1 + 0.001 * step, -0.02, 0.03)
+        world.step(command)
+        fast.step(command)
+    assert (world.imu.sequence, world.airspeed.sequence, world.surfaces.sequence) == (199, 50, 50)
 
 
 @needs_numba

@@ -180,8 +180,8 @@ def test_errors_add_to_the_truth_axis_by_axis() -> None:
     added = [b - a for a, b in zip(exact[2:8], fix[2:8], strict=True)]
     assert added == pytest.approx([*error, *other])
 
-    force = measure_imu(MODEL, STATE, WIND, 1, 0.0, none, none)
-    imu = measure_imu(MODEL, STATE, WIND, 1, 0.0, error, other)
+    force = measure_imu(MODEL, STATE, WIND, False, 1, 0.0, none, none)
+    imu = measure_imu(MODEL, STATE, WIND, False, 1, 0.0, error, other)
     added = [b - a for a, b in zip(force[2:], imu[2:], strict=True)]
     assert added == pytest.approx([*error, *other])
 

@@ -23,9 +23,24 @@ from tgl_soar.config import (
     shipped,
 )
 from tgl_soar.geometry import euler_from_quaternion, soaring_from_ned
-from tgl_soar.sim.sensors import AttitudeParams, PositionParams
+from tgl_soar.sim.sensors import (
+    MEMS_IMU,
+    PITOT,
+    READ_BACK,
+    AttitudeParams,
+    ImuParams,
+    PositionParams,
+    Sensors,
+)
 from tgl_soar.sim.world import Air, Truth, World, build_field, ground_outline, make_world
-from tgl_soar.types import AttitudeSample, PositionFix, SurfaceCommand
+from tgl_soar.types import (
+    NO_AIRSPEED,
+    NO_IMU,
+    NO_SURFACES,
+    AttitudeSample,
+    PositionFix,
+    SurfaceCommand,
+)
 
 JET = JetAir(wind_mps=8.5, slope_deg=23.0)
 PERFECT_POSITION = PositionParams(100.0, 0.0, 0.0, 0.0, 0.0, True)
@@ -148,9 +163,8 @@ def test_in_calm_air_at_the_right_place_the_start_is_an_equilibrium(airframe: Ai
 def test_samples_are_in_local_ned(airframe: Airframe) -> None:
     """The frame is moved and turned by 70°: the sensors' answers lead back to the truth."""
     where = site()
-    world = make_world(
-        airframe, where, position=PERFECT_POSITION, attitude=PERFECT_ATTITUDE, turbulence=0.03
-    )
+    sensors = Sensors(PERFECT_POSITION, PERFECT_ATTITUDE)
+    world = make_world(airframe, where, sensors=sensors, turbulence=0.03)
     fly(world, 0.5)
     truth, fix, attitude = world.truth, world.position, world.attitude
     assert fix.time_s == attitude.time_s == world.time_s
@@ -253,3 +267,32 @@ def test_a_field_from_a_file_is_flown_in(airframe: Airframe, tmp_path: Path) -> 
     # Half a second of free flight: bilinear cells of 0.25 m leave 0.02 m/s, so a centimetre.
     assert read.x_m == pytest.approx(exact.x_m, abs=0.01)
     assert read.z_m == pytest.approx(exact.z_m, abs=0.01)
+
+
+def test_a_sensor_more_is_otherwise_the_same_flight(airframe: Airframe) -> None:
+    """Each draws from a stream of its own; what is absent says nothing."""
+    bare = make_world(airframe, site(), turbulence=0.03)
+    full = make_world(
+        airframe,
+        site(),
+        turbulence=0.03,
+        sensors=Sensors(imu=MEMS_IMU, airspeed=PITOT, surfaces=READ_BACK),
+    )
+    for _ in range(200):
+        bare.step(trimmed(bare))
+        full.step(trimmed(full))
+        assert (full.position, full.attitude) == (bare.position, bare.attitude)
+    assert full.truth == bare.truth
+    assert (bare.imu, bare.airspeed, bare.surfaces) == (NO_IMU, NO_AIRSPEED, NO_SURFACES)
+    assert (full.imu.sequence, full.airspeed.sequence, full.surfaces.sequence) == (201, 50, 50)
+    assert full.airspeed.airspeed_mps == pytest.approx(full.airspeed_mps, abs=1.0)
+    assert full.surfaces[2:] == trimmed(full)
+
+
+def test_an_aircraft_that_is_held_feels_its_weight(airframe: Airframe) -> None:
+    exact = ImuParams(200.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    world = make_world(airframe, site(), turbulence=0.03, sensors=Sensors(imu=exact))
+    world.held = True
+    world.step(trimmed(world))
+    pitch, g = world.truth.pitch_rad, 9.80665
+    assert world.imu[2:5] == pytest.approx((g * sin(pitch), 0.0, -g * cos(pitch)))

@@ -82,7 +82,13 @@ class Flown:
 def fly_job(job: Job) -> Flown:
     """Fly one scenario with one seed.  Errors: `ConfigError`."""
     prepared = prepare(job.scenario)
-    world = make_world(prepared.airframe, prepared.site, seed=job.seed, field=prepared.field)
+    world = make_world(
+        prepared.airframe,
+        prepared.site,
+        seed=job.seed,
+        field=prepared.field,
+        sensors=job.scenario.sensors.as_sensors(),
+    )
     trajectory = fly(world, prepared.values, prepared.changes, job.scenario.duration_s)
     path = {name: column[::KEEP_EVERY].copy() for name, column in trajectory.columns.items()}
     return Flown(

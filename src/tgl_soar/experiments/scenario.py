@@ -56,6 +56,14 @@ from tgl_soar.control.target_line import TargetLine, eta_from_lean
 from tgl_soar.estimation.polar import best_glide_speed
 from tgl_soar.parameters import ParameterError, ParameterSet
 from tgl_soar.sim.closed_loop import Change
+from tgl_soar.sim.sensors import (
+    AUTOPILOT_POSITION,
+    MEMS_IMU,
+    PITOT,
+    READ_BACK,
+    PositionParams,
+    Sensors,
+)
 from tgl_soar.sim.world import build_field
 from tgl_soar.types import GlidePolar, polar_slope
 
@@ -131,6 +139,41 @@ class StartSpec(Strict, frozen=True):
             raise ValueError("a place needs both x_m and z_m")
 
 
+class PositionSpec(Strict, frozen=True):
+    """A source of position; without velocity_noise_mps it gives no velocity."""
+
+    rate_hz: Annotated[float, Meta(ge=1, le=200)]
+    delay_s: Annotated[float, Meta(ge=0, le=1)]
+    noise_m: Annotated[float, Meta(ge=0, le=10)]
+    bias_m: Annotated[float, Meta(ge=0, le=10)] = 0.0
+    velocity_noise_mps: Annotated[float, Meta(ge=0, le=10)] | None = None
+
+    def as_params(self) -> PositionParams:
+        """The same, as the simulation has it."""
+        noise = self.velocity_noise_mps
+        return PositionParams(
+            self.rate_hz, self.delay_s, self.noise_m, self.bias_m, noise or 0.0, noise is not None
+        )
+
+
+class SensorSpec(Strict, frozen=True):
+    """What the module is given: the autopilot's position and attitude, and what is named."""
+
+    position: PositionSpec | None = None  # None: the autopilot's own
+    imu: bool = False  # accelerations
+    pitot: bool = False
+    surfaces: bool = False  # read back
+
+    def as_sensors(self) -> Sensors:
+        """The same, as the simulation has it."""
+        return Sensors(
+            AUTOPILOT_POSITION if self.position is None else self.position.as_params(),
+            imu=MEMS_IMU if self.imu else None,
+            airspeed=PITOT if self.pitot else None,
+            surfaces=READ_BACK if self.surfaces else None,
+        )
+
+
 class Scenario(Strict, frozen=True):
     """One scenario file."""
 
@@ -145,6 +188,7 @@ class Scenario(Strict, frozen=True):
     turbulence: Turbulence | None = None
     seeds: tuple[Annotated[int, Meta(ge=0)], ...] = (1,)
     start: StartSpec = StartSpec()
+    sensors: SensorSpec = SensorSpec()
     changes: list[TimedChange] = []  # noqa: RUF012 - msgspec copies it
     wind: WindSchedule | None = None
     slope: SlopeSchedule | None = None

@@ -470,6 +470,16 @@ def specific_force_frd(
     return fx, fy, fz
 
 
+def resting_force_frd(model: AircraftModel, state: AircraftState) -> tuple[float, float, float]:
+    """What that accelerometer feels while somebody holds the aircraft still [m/s², FRD]."""
+    g, qw, qx, qy, qz = model.gravity_mps2, state.qw, state.qx, state.qy, state.qz
+    return (
+        -2.0 * g * (qx * qz - qw * qy),
+        -2.0 * g * (qy * qz + qw * qx),
+        -g * (1.0 - 2.0 * (qx * qx + qy * qy)),
+    )
+
+
 # --- steady glides --------------------------------------------------------------------------
 
 

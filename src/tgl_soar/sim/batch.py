@@ -30,6 +30,7 @@ from tgl_soar.score import LegScore, score_leg
 
 from .closed_loop import Change, Trajectory, fly
 from .fast_flight import CompiledWorld, Prepared, fly_compiled, prepare
+from .sensors import USUAL_SENSORS, Sensors
 from .world import World, make_world
 
 Compile = Literal["nothing", "model", "all"]
@@ -49,6 +50,7 @@ class Plan:
     turbulence: float | None = None  # intensity; None: the site's
     step_hz: int = 200
     field: WindField | None = None  # None: the site's
+    sensors: Sensors = USUAL_SENSORS
 
     def world(self, seed: int) -> World:
         """A new world.  Errors: `ConfigError`."""
@@ -59,6 +61,7 @@ class Plan:
             turbulence=self.turbulence,
             step_hz=self.step_hz,
             field=self.field,
+            sensors=self.sensors,
         )
 
 

@@ -89,7 +89,14 @@ class ClosedLoop:
         now = world.time_s
         engage = self.engage and now >= HELD_S
         inputs = Inputs(
-            now, world.position, world.attitude, AutopilotStatus(now, True, True), engage
+            now,
+            world.position,
+            world.attitude,
+            AutopilotStatus(now, True, True),
+            engage,
+            world.imu,
+            world.airspeed,
+            world.surfaces,
         )
         self.state, output = step(self._laws, self.state, inputs)
         self.output = output

@@ -35,7 +35,16 @@ from tgl_soar.air.hill import Hill, HillField
 from tgl_soar.air.jet import Jet, SlopeJet
 from tgl_soar.autopilot import initial_state, laws_from, reason_text
 from tgl_soar.parameters import ParameterSet
-from tgl_soar.types import NAN, NO_ATTITUDE, NO_FIX, AttitudeSample, PositionFix, SurfaceCommand
+from tgl_soar.types import (
+    NAN,
+    NO_FIX,
+    AirspeedSample,
+    AttitudeSample,
+    ImuSample,
+    PositionFix,
+    SurfaceCommand,
+    SurfacesSample,
+)
 
 from .aircraft import AircraftState
 from .closed_loop import Change, Row, Trajectory
@@ -57,13 +66,23 @@ from .flight import (
     Setup,
     Weather,
     WorldNow,
+    arrived_airspeed,
     arrived_attitude,
     arrived_fix,
+    arrived_imu,
+    arrived_surfaces,
     fly_ticks,
     sense,
     world_step_in_cells,
 )
-from .sensors import Triple, empty_line
+from .sensors import (
+    AirspeedParams,
+    ImuParams,
+    SensorTiming,
+    Triple,
+    empty_line,
+    sensor_timing,
+)
 from .world import World
 
 _FAR_M = 1e6
@@ -77,6 +96,8 @@ _NO_AIR = Air(
     False,
     nan,
 )
+_NO_IMU_PARAMS = ImuParams(1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+_NO_AIRSPEED_PARAMS = AirspeedParams(1.0, 0.0, 0.0, 0.0)
 
 
 class Prepared(NamedTuple):
@@ -103,6 +124,8 @@ def prepare(world: World, duration_s: float) -> Prepared:
     times: FloatArray = np.arange(ticks + 1, dtype=np.float64) * (1.0 / world.step_hz)
     flat = _flat(world.field, times)
     position, attitude = world._position_sensor, world._attitude_sensor
+    imu, airspeed, surfaces = world._imu_sensor, world._airspeed_sensor, world._surfaces_sensor
+    never = sensor_timing("none", world.step_hz, 0.0, world.step_hz)
     setup = Setup(
         world.step_hz,
         world._model,
@@ -115,6 +138,14 @@ def prepare(world: World, duration_s: float) -> Prepared:
         position.timing,
         attitude.params,
         attitude.timing,
+        imu is not None,
+        _NO_IMU_PARAMS if imu is None else imu.params,
+        never if imu is None else imu.timing,
+        airspeed is not None,
+        _NO_AIRSPEED_PARAMS if airspeed is None else airspeed.params,
+        never if airspeed is None else airspeed.timing,
+        surfaces is not None,
+        never if surfaces is None else surfaces.timing,
     )
     air = world._turbulence
     weather = Weather(
@@ -182,9 +213,12 @@ class CompiledWorld(World):
     def __init__(self, prepared: Prepared, seed: int) -> None:
         vars(self).update(vars(prepared.world))  # in place of `World`'s own: it is made already
         parts, start = _draw(prepared, seed)
-        compiled(sense)(parts, start.aircraft, 0)
+        compiled(sense)(parts, start.aircraft, start.wind, self._command, False, 0)
         self.position = arrived_fix(parts, 0)
         self.attitude = arrived_attitude(parts, 0)
+        self.imu = arrived_imu(parts, 0)
+        self.airspeed = arrived_airspeed(parts, 0)
+        self.surfaces = arrived_surfaces(parts, 0)
         self.wind = start.wind
         self._ticks = prepared.ticks
         self._parts, self._now = cell(parts), cell(start)
@@ -213,6 +247,9 @@ class CompiledWorld(World):
                 *(0, NAN),
             )
         self.attitude = AttitudeSample(int(values[28]), *values[29:37])
+        self.imu = ImuSample(int(values[37]), *values[38:45])
+        self.airspeed = AirspeedSample(int(values[45]), *values[46:48])
+        self.surfaces = SurfacesSample(int(values[48]), *values[49:53])
 
     def relaunch(self) -> None:
         """Errors: ValueError, always."""
@@ -237,25 +274,47 @@ def _draw(prepared: Prepared, seed: int) -> tuple[Parts, WorldNow]:
     place = white_gauss(f"{seed}/position", 3 + columns * samples)
     samples = ticks // setup.attitude_timing.period_steps + 1
     turn = white_gauss(f"{seed}/attitude", 6 + 6 * samples)
+    imu, airspeed = setup.imu, setup.airspeed
+    samples = ticks // setup.imu_timing.period_steps + 1 if setup.has_imu else 0
+    force = white_gauss(f"{seed}/imu", 6 + 6 * samples)
+    samples = ticks // setup.airspeed_timing.period_steps + 1 if setup.has_airspeed else 0
+    pressure = white_gauss(f"{seed}/airspeed", 1 + samples)
     state = world.state
     calm = world.field.wind_at(state.x_m, state.y_m, state.z_m, 0.0)
     parts = Parts(
         setup,
         weather,
-        Noise(white, place[3:].reshape(-1, columns), turn[6:].reshape(-1, 6)),
+        Noise(
+            white,
+            place[3:].reshape(-1, columns),
+            turn[6:].reshape(-1, 6),
+            force[6:].reshape(-1, 6),
+            pressure[1:],
+        ),
         Biases(
             _triple(place[:3] * position.bias_m),
             _triple(turn[:3] * attitude.bias_rad),
             _triple(turn[3:6] * attitude.rate_bias_radps),
+            _triple(force[:3] * imu.force_bias_mps2),
+            _triple(force[3:6] * imu.rate_bias_radps),
+            float(pressure[0]) * airspeed.pressure_bias_pa,
         ),
         Instruments(
-            np.zeros((len(empty_line(setup.position_timing, NO_FIX)), 7)),
-            np.zeros((len(empty_line(setup.attitude_timing, NO_ATTITUDE)), 8)),
+            _under_way(setup.position_timing, 7),
+            _under_way(setup.attitude_timing, 8),
+            _under_way(setup.imu_timing, 7),
+            _under_way(setup.airspeed_timing, 2),
+            _under_way(setup.surfaces_timing, 4),
         ),
     )
     wind = (calm[0] + gust[0], calm[1] + gust[1], calm[2] + gust[2])
     elevator, aileron, rudder = world._servos
     return parts, WorldNow(state, elevator, aileron, rudder, wind, turbulence, False)
+
+
+def _under_way(timing: SensorTiming, columns: int) -> FloatArray:
+    """Room for the samples that may be on their way."""
+    return np.zeros((len(empty_line(timing, NO_FIX)), columns))
 
 
 def _triple(numbers: FloatArray) -> Triple:

@@ -32,22 +32,29 @@ from tgl_soar.types import (
     NO_FIX,
     NO_IMU,
     NO_SURFACES,
+    AirspeedSample,
     AttitudeSample,
     AutopilotStatus,
+    ImuSample,
     Inputs,
     PositionFix,
     SurfaceCommand,
+    SurfacesSample,
 )
 
 from .aircraft import AircraftModel, AircraftState, Wind, air_data, place_ahead
 from .aircraft import step as aircraft_step
 from .closed_loop import HELD_S
 from .sensors import (
+    AirspeedParams,
     AttitudeParams,
+    ImuParams,
     PositionParams,
     SensorTiming,
     Triple,
+    measure_airspeed,
     measure_attitude,
+    measure_imu,
     measure_position,
     samples_delivered,
 )
@@ -94,6 +101,8 @@ class Noise(NamedTuple):
     turbulence: FloatArray  # (n, 3) of every step
     position: FloatArray  # (n, 6 or 3) of every sample: place, velocity
     attitude: FloatArray  # (n, 6) of every sample: rotation, rates
+    imu: FloatArray  # (n, 6) of every sample: force, rates
+    airspeed: FloatArray  # (n,) of every sample: pressure
 
 
 class Biases(NamedTuple):
@@ -102,6 +111,9 @@ class Biases(NamedTuple):
     position_m: Triple
     attitude_rad: Triple
     rate_radps: Triple
+    force_mps2: Triple
+    gyro_radps: Triple
+    pressure_pa: float
 
 
 class Setup(NamedTuple):
@@ -118,6 +130,14 @@ class Setup(NamedTuple):
     position_timing: SensorTiming
     attitude: AttitudeParams
     attitude_timing: SensorTiming
+    has_imu: bool
+    imu: ImuParams
+    imu_timing: SensorTiming
+    has_airspeed: bool
+    airspeed: AirspeedParams
+    airspeed_timing: SensorTiming
+    has_surfaces: bool
+    surfaces_timing: SensorTiming
 
 
 class Instruments(NamedTuple):
@@ -125,6 +145,9 @@ class Instruments(NamedTuple):
 
     fixes: FloatArray  # (n, 7): time, place, velocity
     attitudes: FloatArray  # (n, 8): time, quaternion, rates
+    imus: FloatArray  # (n, 7): time, force, rates
+    airspeeds: FloatArray  # (n, 2): time, airspeed
+    surfaces: FloatArray  # (n, 4): time, elevator, aileron, rudder
 
 
 class Parts(NamedTuple):
@@ -240,8 +263,70 @@ def inside(setup: Setup, weather: Weather, n: int, x_m: float, y_m: float, z_m: 
     )
 
 
-def sense(parts: Parts, aircraft: AircraftState, n: int) -> None:
-    """Take the samples that are due at step n; as the sensors' own `step`."""
+def sense(
+    parts: Parts, aircraft: AircraftState, wind: Wind, command: SurfaceCommand, rests: bool, n: int
+) -> None:
+    """Take the samples that are due at step n; as `World._sense`."""
+    _sense_pose(parts, aircraft, n)
+    if parts.setup.has_imu:
+        _sense_imu(parts, aircraft, wind, rests, n)
+    if parts.setup.has_airspeed:
+        _sense_airspeed(parts, aircraft, wind, n)
+    if parts.setup.has_surfaces:
+        timing, surfaces = parts.setup.surfaces_timing, parts.instruments.surfaces
+        if n % timing.period_steps == 0:
+            row = surfaces[n // timing.period_steps % len(surfaces)]
+            row[0] = n / timing.step_rate_hz
+            row[1], row[2], row[3] = command.elevator, command.aileron, command.rudder
+
+
+def _sense_imu(parts: Parts, aircraft: AircraftState, wind: Wind, rests: bool, n: int) -> None:
+    setup, imus = parts.setup, parts.instruments.imus
+    if n % setup.imu_timing.period_steps != 0:
+        return
+    k = n // setup.imu_timing.period_steps
+    white, force, gyro = parts.noise.imu, parts.biases.force_mps2, parts.biases.gyro_radps
+    sigma, rate_sigma = setup.imu.force_noise_mps2, setup.imu.rate_noise_radps
+    sample = measure_imu(
+        setup.model,
+        aircraft,
+        wind,
+        rests,
+        k + 1,
+        n / setup.imu_timing.step_rate_hz,
+        (
+            force[0] + white[k, 0] * sigma,
+            force[1] + white[k, 1] * sigma,
+            force[2] + white[k, 2] * sigma,
+        ),
+        (
+            gyro[0] + white[k, 3] * rate_sigma,
+            gyro[1] + white[k, 4] * rate_sigma,
+            gyro[2] + white[k, 5] * rate_sigma,
+        ),
+    )
+    row = imus[k % len(imus)]
+    row[0], row[1] = sample.time_s, sample.force_x_frd_mps2
+    row[2], row[3] = sample.force_y_frd_mps2, sample.force_z_frd_mps2
+    row[4] = sample.roll_rate_frd_radps
+    row[5] = sample.pitch_rate_frd_radps
+    row[6] = sample.yaw_rate_frd_radps
+
+
+def _sense_airspeed(parts: Parts, aircraft: AircraftState, wind: Wind, n: int) -> None:
+    setup, airspeeds = parts.setup, parts.instruments.airspeeds
+    if n % setup.airspeed_timing.period_steps != 0:
+        return
+    k = n // setup.airspeed_timing.period_steps
+    error = parts.biases.pressure_pa + parts.noise.airspeed[k] * setup.airspeed.pressure_noise_pa
+    sample = measure_airspeed(
+        setup.model, aircraft, wind, k + 1, n / setup.airspeed_timing.step_rate_hz, error
+    )
+    row = airspeeds[k % len(airspeeds)]
+    row[0], row[1] = sample.time_s, sample.airspeed_mps
+
+
+def _sense_pose(parts: Parts, aircraft: AircraftState, n: int) -> None:
     setup, noise = parts.setup, parts.noise
     biases, instruments = parts.biases, parts.instruments
     if n % setup.position_timing.period_steps == 0:
@@ -320,6 +405,42 @@ def arrived_attitude(parts: Parts, n: int) -> AttitudeSample:
     return AttitudeSample(sequence, row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7])
 
 
+def arrived_imu(parts: Parts, n: int) -> ImuSample:
+    """The newest accelerations that have arrived by step n."""
+    if not parts.setup.has_imu:
+        return NO_IMU
+    sequence = samples_delivered(parts.setup.imu_timing, n)
+    if sequence == 0:
+        return NO_IMU
+    imus = parts.instruments.imus
+    row = imus[(sequence - 1) % len(imus)]
+    return ImuSample(sequence, row[0], row[1], row[2], row[3], row[4], row[5], row[6])
+
+
+def arrived_airspeed(parts: Parts, n: int) -> AirspeedSample:
+    """The newest airspeed that has arrived by step n."""
+    if not parts.setup.has_airspeed:
+        return NO_AIRSPEED
+    sequence = samples_delivered(parts.setup.airspeed_timing, n)
+    if sequence == 0:
+        return NO_AIRSPEED
+    airspeeds = parts.instruments.airspeeds
+    row = airspeeds[(sequence - 1) % len(airspeeds)]
+    return AirspeedSample(sequence, row[0], row[1])
+
+
+def arrived_surfaces(parts: Parts, n: int) -> SurfacesSample:
+    """The newest surfaces that have been read back by step n."""
+    if not parts.setup.has_surfaces:
+        return NO_SURFACES
+    sequence = samples_delivered(parts.setup.surfaces_timing, n)
+    if sequence == 0:
+        return NO_SURFACES
+    surfaces = parts.instruments.surfaces
+    row = surfaces[(sequence - 1) % len(surfaces)]
+    return SurfacesSample(sequence, row[0], row[1], row[2], row[3])
+
+
 def world_step(
     parts: Parts, now: WorldNow, n: int, command: SurfaceCommand, held: bool
 ) -> WorldNow:
@@ -345,11 +466,11 @@ def world_step(
         aircraft = aircraft_step(setup.model, aircraft, surfaces, now.wind, ahead, dt)
         crashed = not inside(setup, weather, n, aircraft.x_m, aircraft.y_m, aircraft.z_m)
     wind = wind_at(setup, weather, gust, n, aircraft.x_m, aircraft.y_m, aircraft.z_m)
-    sense(parts, aircraft, n)
+    sense(parts, aircraft, wind, command, held or crashed, n)
     return WorldNow(aircraft, elevator, aileron, rudder, wind, turbulence, crashed)
 
 
-REPORT_SIZE: Final = 37
+REPORT_SIZE: Final = 53
 
 
 def world_step_in_cells(
@@ -365,7 +486,8 @@ def world_step_in_cells(
     """`world_step` for a caller in plain Python, to whom whole worlds are dear to hand over.
 
     report, shape (REPORT_SIZE,): the aircraft (16), the wind (3), crashed (1), the newest fix
-    (8) and attitude (9) that have arrived, in their fields' order.
+    (8), attitude (9), accelerations (8), airspeed (3) and surfaces (5) that have arrived, in
+    their fields' order.
     """
     parts: Parts = parts_cell.value
     now = world_step(parts, now_cell.value, n, SurfaceCommand(elevator, aileron, rudder), held)
@@ -385,6 +507,15 @@ def world_step_in_cells(
     report[28] = attitude.sequence
     report[29], report[30], report[31], report[32], report[33] = attitude[1:6]
     report[34], report[35], report[36] = attitude[6:9]
+    imu = arrived_imu(parts, n)
+    report[37] = imu.sequence
+    report[38], report[39], report[40], report[41] = imu[1:5]
+    report[42], report[43], report[44] = imu[5:8]
+    airspeed, surfaces = arrived_airspeed(parts, n), arrived_surfaces(parts, n)
+    report[45] = airspeed.sequence
+    report[46], report[47] = airspeed[1:3]
+    report[48] = surfaces.sequence
+    report[49], report[50], report[51], report[52] = surfaces[1:5]
 
 
 def write_row(
@@ -424,7 +555,7 @@ def fly_ticks(
     command, held = flight.command, flight.held
     dt = 1.0 / parts.setup.step_hz
     if n == 0:
-        sense(parts, world.aircraft, n)
+        sense(parts, world.aircraft, world.wind, command, False, n)
     while n < until_step and standing == FLIES:
         now = n * dt
         inputs = Inputs(
@@ -433,9 +564,9 @@ def fly_ticks(
             arrived_attitude(parts, n),
             AutopilotStatus(now, True, True, False, 0),
             now >= HELD_S,
-            NO_IMU,
-            NO_AIRSPEED,
-            NO_SURFACES,
+            arrived_imu(parts, n),
+            arrived_airspeed(parts, n),
+            arrived_surfaces(parts, n),
         )
         autopilot, output = autopilot_step(laws, autopilot, inputs)
         reason = output.reason

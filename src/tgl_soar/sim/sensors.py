@@ -34,13 +34,23 @@ from tgl_soar.types import (
     NO_ATTITUDE,
     NO_FIX,
     NO_IMU,
+    NO_SURFACES,
     AirspeedSample,
     AttitudeSample,
     ImuSample,
     PositionFix,
+    SurfaceCommand,
+    SurfacesSample,
 )
 
-from .aircraft import AircraftModel, AircraftState, Wind, air_velocity_frd, specific_force_frd
+from .aircraft import (
+    AircraftModel,
+    AircraftState,
+    Wind,
+    air_velocity_frd,
+    resting_force_frd,
+    specific_force_frd,
+)
 
 Triple = tuple[float, float, float]
 
@@ -89,7 +99,7 @@ def samples_delivered(timing: SensorTiming, step: int) -> int:
     return (step - timing.delay_steps) // timing.period_steps + 1
 
 
-Sample = TypeVar("Sample", PositionFix, AttitudeSample, ImuSample, AirspeedSample)
+Sample = TypeVar("Sample", PositionFix, AttitudeSample, ImuSample, AirspeedSample, SurfacesSample)
 
 
 def empty_line(timing: SensorTiming, nothing: Sample) -> tuple[Sample, ...]:
@@ -148,6 +158,13 @@ class AirspeedParams(NamedTuple):
     pressure_bias_pa: float
 
 
+class SurfacesParams(NamedTuple):
+    """The autopilot's own word on what it puts out to the servos."""
+
+    rate_hz: float
+    delay_s: float
+
+
 # A motion-capture hall: millimetres, streamed through one network and one computer.
 MOTION_CAPTURE = PositionParams(100.0, 0.015, 0.0005, 0.0, 0.0, False)
 # An autopilot's local position with motion capture as its aid: smoother, slower, later.
@@ -158,6 +175,21 @@ AUTOPILOT_ATTITUDE = AttitudeParams(200.0, 0.005, 0.0017, 0.005, 0.01, 0.002)
 MEMS_IMU = ImuParams(200.0, 0.0, 0.10, 0.10, 0.01, 0.002)
 # A differential pressure sensor of 500 Pa: 0.13 m/s of noise at 8.5 m/s.
 PITOT = AirspeedParams(50.0, 0.010, 1.4, 1.0)
+# An autopilot's output channels, read back over the link.
+READ_BACK = SurfacesParams(50.0, 0.010)
+
+
+class Sensors(NamedTuple):
+    """What a simulated aircraft carries; None: that it does not have."""
+
+    position: PositionParams = AUTOPILOT_POSITION
+    attitude: AttitudeParams = AUTOPILOT_ATTITUDE
+    imu: ImuParams | None = None
+    airspeed: AirspeedParams | None = None
+    surfaces: SurfacesParams | None = None
+
+
+USUAL_SENSORS = Sensors()  # the autopilot's own position and attitude
 
 
 def measure_position(
@@ -221,13 +253,19 @@ def measure_imu(
     model: AircraftModel,
     state: AircraftState,
     wind: Wind,
+    rests: bool,
     sequence: int,
     time_s: float,
     force_error_mps2: Triple,
     rate_error_radps: Triple,
 ) -> ImuSample:
-    """Specific force and body rates of the state in a wind (u, v, w) [m/s], FRD."""
+    """Specific force and body rates of the state in a wind (u, v, w) [m/s], FRD.
+
+    rests: it does not fly, something holds it where it is.
+    """
     fx, fy, fz = specific_force_frd(model, state, wind)
+    if rests:
+        fx, fy, fz = resting_force_frd(model, state)
     return ImuSample(
         sequence,
         time_s,
@@ -363,13 +401,14 @@ class ImuSensor(_Sensor):
         self._rate_bias = self._triple(params.rate_bias_radps)
         self._line = empty_line(self.timing, NO_IMU)
 
-    def step(self, step: int, state: AircraftState, wind: Wind) -> ImuSample:
+    def step(self, step: int, state: AircraftState, wind: Wind, rests: bool = False) -> ImuSample:
         """The newest sample that has arrived by this step (0, 1, 2 …); sequence 0: none yet."""
         if self._due(step):
             sample = measure_imu(
                 self._model,
                 state,
                 wind,
+                rests,
                 self._sequence(step),
                 self._time_s(step),
                 self._triple(self.params.force_noise_mps2, self._force_bias),
@@ -402,5 +441,21 @@ class AirspeedSensor(_Sensor):
                 self._time_s(step),
                 self._gauss(self._bias, self.params.pressure_noise_pa),
             )
+            self._line = (*self._line[1:], sample)
+        return delivered(self.timing, self._line, step)
+
+
+class SurfacesSensor(_Sensor):
+    """The surfaces as the autopilot puts them out."""
+
+    def __init__(self, params: SurfacesParams, step_rate_hz: float, seed: int) -> None:
+        super().__init__("surfaces", params.rate_hz, params.delay_s, step_rate_hz, seed)
+        self.params = params
+        self._line = empty_line(self.timing, NO_SURFACES)
+
+    def step(self, step: int, command: SurfaceCommand) -> SurfacesSample:
+        """The newest sample that has arrived by this step (0, 1, 2 …); sequence 0: none yet."""
+        if self._due(step):
+            sample = SurfacesSample(self._sequence(step), self._time_s(step), *command)
             self._line = (*self._line[1:], sample)
         return delivered(self.timing, self._line, step)

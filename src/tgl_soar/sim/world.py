@@ -28,7 +28,19 @@ from tgl_soar.air.hill import HillField
 from tgl_soar.air.jet import JetShape, SlopeJet
 from tgl_soar.config import Airframe, ConfigError, GridAir, HillAir, JetAir, Site, Start
 from tgl_soar.geometry import SoaringFrame, euler_from_quaternion
-from tgl_soar.types import NO_ATTITUDE, NO_FIX, AttitudeSample, PositionFix, SurfaceCommand
+from tgl_soar.types import (
+    NO_AIRSPEED,
+    NO_ATTITUDE,
+    NO_FIX,
+    NO_IMU,
+    NO_SURFACES,
+    AirspeedSample,
+    AttitudeSample,
+    ImuSample,
+    PositionFix,
+    SurfaceCommand,
+    SurfacesSample,
+)
 
 from .aircraft import (
     AircraftModel,
@@ -43,12 +55,13 @@ from .aircraft import (
     step,
 )
 from .sensors import (
-    AUTOPILOT_ATTITUDE,
-    AUTOPILOT_POSITION,
-    AttitudeParams,
+    USUAL_SENSORS,
+    AirspeedSensor,
     AttitudeSensor,
-    PositionParams,
+    ImuSensor,
     PositionSensor,
+    Sensors,
+    SurfacesSensor,
 )
 from .servos import ServoParams, servo_params, servo_start, servo_step
 
@@ -98,6 +111,7 @@ class World:
                    a lower pitch where the updraft would stall it at rest
     turbulence     Dryden intensity as a fraction of the field's reference wind, and its scale
     step_hz        steps per second; every sensor's rate must divide it
+    sensors        what it carries; the autopilot's own position and attitude by default
     """
 
     def __init__(
@@ -113,8 +127,7 @@ class World:
         length_scale_m: float = 1.5,
         step_hz: int = 200,
         bounds: Bounds | None = None,
-        position: PositionParams = AUTOPILOT_POSITION,
-        attitude: AttitudeParams = AUTOPILOT_ATTITUDE,
+        sensors: Sensors = USUAL_SENSORS,
     ) -> None:
         self.step_hz = step_hz
         self.steps = 0
@@ -123,6 +136,9 @@ class World:
         self.field, self.frame, self.start = field, frame, start
         self.position: PositionFix = NO_FIX  # the newest that has arrived
         self.attitude: AttitudeSample = NO_ATTITUDE
+        self.imu: ImuSample = NO_IMU
+        self.airspeed: AirspeedSample = NO_AIRSPEED
+        self.surfaces: SurfacesSample = NO_SURFACES
         self._model, self._servo = model, servo
         self._dt_s = 1.0 / step_hz
         self._bounds = bounds
@@ -134,8 +150,16 @@ class World:
         self._gust: Wind = (0.0, 0.0, 0.0)
         if self._turbulence is not None:
             self._gust = self._turbulence.step()
-        self._position_sensor = PositionSensor(position, frame, step_hz, seed)
-        self._attitude_sensor = AttitudeSensor(attitude, frame, step_hz, seed)
+        imu, airspeed, surfaces = sensors.imu, sensors.airspeed, sensors.surfaces
+        self._position_sensor = PositionSensor(sensors.position, frame, step_hz, seed)
+        self._attitude_sensor = AttitudeSensor(sensors.attitude, frame, step_hz, seed)
+        self._imu_sensor = None if imu is None else ImuSensor(imu, model, step_hz, seed)
+        self._airspeed_sensor = (
+            None if airspeed is None else AirspeedSensor(airspeed, model, step_hz, seed)
+        )
+        self._surfaces_sensor = (
+            None if surfaces is None else SurfacesSensor(surfaces, step_hz, seed)
+        )
         self._polled_position = self._polled_attitude = 0
         if not field.inside(start.x_m, start.y_m, start.z_m):
             raise ValueError(
@@ -146,6 +170,7 @@ class World:
         self.trim = _trim(model, calm[0])
         unstalled = highest_pitch_glide(model).alpha_rad - atan2(calm[2], calm[0])
         self._launch_pitch_rad = min(self.trim.pitch_rad, unstalled)
+        self._command = SurfaceCommand(self.trim.elevator, 0.0, 0.0)
         self.relaunch()
         self._sense()
 
@@ -175,6 +200,7 @@ class World:
     def step(self, command: SurfaceCommand) -> None:
         """Advance by one step under a surface command."""
         dt, servo, state = self._dt_s, self._servo, self.state
+        self._command = command
         servos = self._servos = [
             servo_step(servo, self._servos[0], command[0], dt),
             servo_step(servo, self._servos[1], command[1], dt),
@@ -254,6 +280,13 @@ class World:
     def _sense(self) -> None:
         self.position = self._position_sensor.step(self.steps, self.state)
         self.attitude = self._attitude_sensor.step(self.steps, self.state)
+        if self._imu_sensor is not None:
+            rests = self.held or self.crashed != ""
+            self.imu = self._imu_sensor.step(self.steps, self.state, self.wind, rests)
+        if self._airspeed_sensor is not None:
+            self.airspeed = self._airspeed_sensor.step(self.steps, self.state, self.wind)
+        if self._surfaces_sensor is not None:
+            self.surfaces = self._surfaces_sensor.step(self.steps, self._command)
 
     def _why_lost(self, state: AircraftState) -> str:
         x, y, z = state.x_m, state.y_m, state.z_m
@@ -356,13 +389,13 @@ def make_world(
     step_hz: int = 200,
     folder: Path | None = None,
     field: WindField | None = None,
-    position: PositionParams = AUTOPILOT_POSITION,
-    attitude: AttitudeParams = AUTOPILOT_ATTITUDE,
+    sensors: Sensors = USUAL_SENSORS,
 ) -> World:
     """The world of an airframe and a site file.
 
     turbulence: its intensity where it is not the site's.  field: one that was built before, to
-    save the time where many worlds share it.  Errors: `ConfigError`.
+    save the time where many worlds share it.  sensors: what the aircraft carries.
+    Errors: `ConfigError`.
     """
     if site.air is None:
         raise ConfigError(f"site {site.site.name}: no [air] table, so there is no wind to fly in")
@@ -380,8 +413,7 @@ def make_world(
             length_scale_m=site.air.turbulence.length_scale_m,
             step_hz=step_hz,
             bounds=_bounds(site.air),
-            position=position,
-            attitude=attitude,
+            sensors=sensors,
         )
     except ValueError as error:
         raise ConfigError(f"{site.site.name}, {airframe.airframe.name}: {error}") from None
