@@ -35,7 +35,8 @@ TABLE: dict[str, set[str]] = {
     "realtime": set(),
     "instruments": {"autopilot", "link"},
     "onboard": {"instruments", "autopilot", "link", "config", "parameter_store", "realtime"},
-    "process": {"onboard"},
+    "guard": set(),
+    "process": {"onboard", "guard"},
     "air": {"geometry"},
     "score": set(),
     "sim": {"autopilot", "air", "link", "config", "score"},
@@ -56,7 +57,7 @@ EXCEPTIONS: dict[tuple[str, str], str] = {
 FLIES = {
     "types", "geometry", "parameters", "control", "estimation",
     "autopilot", "line_changes", "link", "config", "realtime", "onboard",
-    "parameter_files", "parameter_store", "instruments", "process",
+    "parameter_files", "parameter_store", "instruments", "process", "guard",
 }  # fmt: skip
 STAYS_ON_THE_GROUND = {"sim", "report", "air", "score", "experiments", "commands", "cli"}
 

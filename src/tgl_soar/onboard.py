@@ -254,6 +254,11 @@ class Onboard:
         """Of the link to the autopilot."""
         return self._autopilot.decoder
 
+    @property
+    def has_surfaces(self) -> bool:
+        """Whether surfaces are commanded, or being given back."""
+        return self._active or self._releases > 0
+
     def relinked(self, link: int = 0) -> None:
         """Somebody else, or the same one anew, is at the far end of a link."""
         self._routes[link].forget()

@@ -16,9 +16,9 @@ import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
-from tgl_soar import realtime
+from tgl_soar import guard, realtime
 from tgl_soar.config import (
     Airframe,
     ConfigError,
@@ -38,15 +38,26 @@ from tgl_soar.link.keys import (
 )
 from tgl_soar.link.messages import (
     COMPONENT_AUTOPILOT,
+    SEVERITY_CRITICAL,
     SEVERITY_ERROR,
     SEVERITY_NOTICE,
     Source,
 )
+from tgl_soar.link.routes import Route
 from tgl_soar.link.signing import Signing
-from tgl_soar.link.transport import FORMS, LinkError, Transport, is_open, open_link
-from tgl_soar.onboard import Onboard, Setup, setup_from
+from tgl_soar.link.telemetry import StatusTexts
+from tgl_soar.link.transport import (
+    FORMS,
+    LinkError,
+    Transport,
+    UdpListener,
+    is_open,
+    open_link,
+)
+from tgl_soar.onboard import RELEASE_FRAMES, Onboard, Setup, setup_from
 from tgl_soar.parameter_store import Identity, ParameterStore, state_file, state_folder
 
+GIVE_BACK_INTERVAL_S: Final = 0.02  # between frames that give the surfaces back for a dead process
 COMPLAIN_S: Final = 5.0  # between two lines on the console about an autopilot that is not there
 
 EXIT_OK: Final = 0
@@ -89,6 +100,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help="where parameters changed over the air are stored; none: nowhere."
         " Default: tgl_soar in $XDG_STATE_HOME or in ~/.local/state",
     )
+    add(
+        "--no-guard",
+        action="store_true",
+        help="no second process that gives the surfaces back when this one is killed or hangs"
+        " (in lockstep there is none)",
+    )
     given = parser.parse_args(arguments)
     if given.signing_key is None and (given.unsigned_autopilot or given.allow_setup_signing):
         parser.error("--unsigned-autopilot and --allow-setup-signing need --signing-key")
@@ -100,6 +117,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         timeout_s=given.timeout,
         state=_folder(given.state),
         secret=Secret(given.signing_key, given.unsigned_autopilot, given.allow_setup_signing),
+        guarded=not given.no_guard and not given.lockstep,
     )
 
 
@@ -108,6 +126,21 @@ def _folder(state: str | None) -> Path | None:
     if state is None:
         return state_folder(os.environ)
     return None if state == "none" else Path(state)
+
+
+class Plan(NamedTuple):
+    """All that a flight is started from; nothing is open yet."""
+
+    airframe: Airframe
+    airframe_path: str | Path
+    site: Site
+    site_path: str | Path
+    setup: Setup
+    links: tuple[str, ...]  # the first leads to the autopilot
+    lockstep: bool
+    timeout_s: float | None
+    state: Path | None
+    secret: Secret
 
 
 def run(
@@ -119,29 +152,43 @@ def run(
     timeout_s: float | None = None,
     state: Path | None = None,
     secret: Secret = UNSIGNED,
+    guarded: bool = False,
 ) -> int:
     """Fly until told to stop; the process's exit code.
 
-    `link`: one or several, the first to the autopilot.  0: stopped by SIGINT or SIGTERM;
-    2: configuration, key or link cannot be used; 3: no autopilot answered within `timeout_s`,
-    if that was given.
+    `link`: one or several, the first to the autopilot.  `guarded`: in a child process, watched.
+    0: stopped by SIGINT or SIGTERM; 2: configuration, key or link cannot be used; 3: no autopilot
+    answered within `timeout_s`, if that was given; 4: guarded, and it keeps dying.
     """
-    links = [link] if isinstance(link, str) else list(link)
-    transports: list[Transport] = []
     try:
         airframe = load_airframe(airframe_path)
         site = load_site(site_path)
         parameters = load_parameters(airframe, airframe_path, site, site_path)
-        signing = signing_from(secret)
         setup = setup_from(airframe, site, parameters)
-        if site.contour is not None and not setup.contour:
-            _print(f"no line is checked: the site's contour is of {site.contour.airframe!r}")
-        store = _store(airframe, airframe_path, site, site_path, setup, state)
-        for i, text in enumerate(links):
-            excused = Source(setup.own.system, COMPONENT_AUTOPILOT)
-            trusted = excused if i == 0 and secret.unsigned_autopilot else None
-            is_frame = peers_of(signing, trusted)
-            transports.append(open_link(text, is_frame, time.monotonic()))
+    except ConfigError as error:
+        print(error, file=sys.stderr)
+        return EXIT_CANNOT_START
+    if site.contour is not None and not setup.contour:
+        _print(f"no line is checked: the site's contour is of {site.contour.airframe!r}")
+    links = (link,) if isinstance(link, str) else tuple(link)
+    plan = Plan(
+        *(airframe, airframe_path, site, site_path, setup),
+        *(links, lockstep, timeout_s, state, secret),
+    )
+    if guarded:
+        realtime.go_first()
+        return guard.watch(partial(_run, plan), partial(_give_back, plan), _print)
+    return _run(plan)
+
+
+def _run(plan: Plan, life: guard.LifeSign | None = None, became: str = "") -> int:
+    """Open the links and fly.  `became`: what happened to the process that flew before."""
+    transports: list[Transport] = []
+    try:
+        signing = signing_from(plan.secret)
+        store = _store(plan)
+        for text in plan.links:
+            transports.append(_open(plan, text, signing))  # noqa: PERF401 - closed on error
     except (ConfigError, LinkError, SigningError) as error:
         print(error, file=sys.stderr)
         for transport in transports:
@@ -149,17 +196,20 @@ def run(
         return EXIT_CANNOT_START
     stopped = threading.Event()
     restore = _stop_on_signals(stopped)
-    end_keeping = keep_timestamp(signing, secret.key_file, _print)
+    end_keeping = keep_timestamp(signing, plan.secret.key_file, _print)
+    words = [(SEVERITY_ERROR, f"restarted: the flying process {became}")] if became else []
     try:
         return _fly(
-            setup,
+            plan.setup,
             transports,
             stopped.is_set,
-            lockstep=lockstep,
-            timeout_s=timeout_s,
+            lockstep=plan.lockstep,
+            timeout_s=plan.timeout_s,
             signing=signing,
-            secret=secret,
+            secret=plan.secret,
             store=store,
+            life=life,
+            first_words=words,
         )
     finally:
         end_keeping()
@@ -168,23 +218,49 @@ def run(
             transport.close()
 
 
-def _store(
-    airframe: Airframe,
-    airframe_path: str | Path,
-    site: Site,
-    site_path: str | Path,
-    setup: Setup,
-    folder: Path | None,
-) -> ParameterStore | None:
+def _open(plan: Plan, text: str, signing: Signing) -> Transport:
+    excused = Source(plan.setup.own.system, COMPONENT_AUTOPILOT)
+    trusted = excused if text == plan.links[0] and plan.secret.unsigned_autopilot else None
+    return open_link(text, peers_of(signing, trusted), time.monotonic())
+
+
+def _give_back(plan: Plan, sign: guard.Sign, became: str) -> None:
+    """The flying process is dead and its links are closed: let go in its stead."""
+    setup = plan.setup
+    try:
+        signing = signing_from(plan.secret)
+        signing.timestamp = max(signing.timestamp, sign.timestamp)
+        transport = _open(plan, plan.links[0], signing)
+    except (LinkError, SigningError) as error:
+        _print(f"the guard cannot give the surfaces back: {error}")
+        return
+    if isinstance(transport, UdpListener) and sign.host:
+        transport.peer = (sign.host, sign.port)
+    route = Route(0, setup.own, setup.override, transport.send, signing, stream=False)
+    route.own.version1 = route.override.version1 = sign.version1
+    frames = [route.override.encode(message) for message in setup.flavour.release()]
+    words = StatusTexts().chunks(SEVERITY_CRITICAL, f"surfaces given back: module {became}")
+    try:
+        for _ in range(RELEASE_FRAMES):
+            for frame in frames:
+                transport.send(frame)
+            time.sleep(GIVE_BACK_INTERVAL_S)
+        for chunk in words:
+            transport.send(route.own.encode(chunk))
+        transport.receive(time.monotonic())  # a serial line writes what is left
+    finally:
+        transport.close()
+
+
+def _store(plan: Plan) -> ParameterStore | None:
     """What keeps changed parameters, if they are to be kept."""
-    if folder is None:
+    if plan.state is None:
         _print("parameters changed over the air are not stored: no --state")
         return None
-    identity = Identity(
-        airframe.airframe.name, site.site.name, setup.own.system, setup.own.component
-    )
-    path = state_file(folder, airframe_path, site_path)
-    return ParameterStore(path, identity, setup.parameters, setup.presets)
+    own = plan.setup.own
+    identity = Identity(plan.airframe.airframe.name, plan.site.site.name, own.system, own.component)
+    path = state_file(plan.state, plan.airframe_path, plan.site_path)
+    return ParameterStore(path, identity, plan.setup.parameters, plan.setup.presets)
 
 
 def _restored(setup: Setup, store: ParameterStore | None) -> tuple[Setup, list[tuple[int, str]]]:
@@ -223,11 +299,13 @@ def _fly(
     signing: Signing | None = None,
     secret: Secret = UNSIGNED,
     store: ParameterStore | None = None,
+    life: guard.LifeSign | None = None,
+    first_words: Sequence[tuple[int, str]] = (),
 ) -> int:
     began_s = time.monotonic()
     first, *others = transports
     key_file = secret.key_file
-    setup, first_words = _restored(setup, store)
+    setup, restored_words = _restored(setup, store)
     onboard = Onboard(
         setup,
         first.send,
@@ -236,7 +314,7 @@ def _fly(
         lockstep=lockstep,
         console=_print,
         store=store,
-        first_words=first_words,
+        first_words=[*first_words, *restored_words],
         signing=signing,
         unsigned_autopilot=secret.unsigned_autopilot,
         keep_key=partial(save_key, key_file) if key_file and secret.allow_setup else None,
@@ -258,9 +336,11 @@ def _fly(
         _print(f"parameters changed over the air are stored in {store.path}")
         store.start()
     try:
-        code = _loop(onboard, transports, stop, timeout_s)
+        code = _loop(onboard, transports, stop, timeout_s, life)
     finally:  # whatever has happened, the pilot gets the surfaces
         onboard.stop()
+        if life is not None:
+            life.show(False)
     ticks = onboard.pacer.counters
     if code == EXIT_OK and not lockstep:
         _print(f"{ticks.ticks} ticks, {ticks.late} late, {ticks.skipped} skipped")
@@ -272,6 +352,7 @@ def _loop(
     transports: Sequence[Transport],
     stop: Callable[[], bool],
     timeout_s: float | None,
+    life: guard.LifeSign | None = None,
 ) -> int:
     clock = time.monotonic
     now_s = began_s = clock()
@@ -293,6 +374,8 @@ def _loop(
             onboard.periodic(now_s)
         else:
             onboard.idle(now_s)
+        if life is not None:
+            _show_life(life, onboard, transports[0])
         if watch.is_silent(onboard.session.counters.heartbeats, now_s):
             _print(_why_silent(onboard, transports[0]))
         if timeout_s is not None and now_s - began_s > timeout_s and not onboard.session.is_heard:
@@ -300,6 +383,16 @@ def _loop(
             _print(f"no autopilot on {name} within {timeout_s:g} s: giving up")
             return EXIT_NO_AUTOPILOT
     return EXIT_OK
+
+
+def _show_life(life: guard.LifeSign, onboard: Onboard, first: Transport) -> None:
+    """The loop has gone round once more."""
+    life.show(
+        onboard.has_surfaces,
+        version1=onboard.decoder.only_v1,
+        peer=first.peer if isinstance(first, UdpListener) else None,
+        timestamp=onboard.signing.timestamp,
+    )
 
 
 class _Watch:

@@ -10,6 +10,7 @@ import gc
 import os
 import select
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
@@ -153,6 +154,12 @@ def prepare(*, real_time: bool = True) -> list[str]:
             " (give the service LimitRTPRIO=60 and LimitMEMLOCK=infinity)"
         )
     return warnings
+
+
+def go_first() -> None:
+    """For the process that watches the flying one: it must be able to stop it if that spins."""
+    with suppress(AttributeError, OSError):  # without the right to: `prepare` tells it
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY + 1))
 
 
 def _lock_memory() -> bool:

@@ -14,19 +14,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from module_process import SITE, Module, arguments
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.process import EXIT_CANNOT_START, EXIT_NO_AUTOPILOT, EXIT_OK, main
 
-ROOT = Path(__file__).parents[2]
-AIRFRAME = ROOT / "config/airframes/eclipson_c.toml"
-SITE = ROOT / "config/sites/tunnel.toml"
 HEAVY = ("numpy", "scipy", "matplotlib", "rich", "typer", "pymavlink.mavutil", "serial")
-
-
-def arguments(link: str, *more: str) -> list[str]:
-    files = ["--airframe", str(AIRFRAME), "--site", str(SITE)]
-    return [*files, "--link", link, "--state", "none", *more]
 
 
 def test_the_flying_process_loads_nothing_that_does_not_fly() -> None:
@@ -43,7 +36,7 @@ def test_a_port_in_use_is_said_without_a_traceback(capsys: pytest.CaptureFixture
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("127.0.0.1", 0))
         link = f"udp:127.0.0.1:{other.getsockname()[1]}"
-        assert main(arguments(link)) == EXIT_CANNOT_START
+        assert main(arguments(link, "--no-guard")) == EXIT_CANNOT_START
     assert "is in use" in capsys.readouterr().err
 
 
@@ -51,47 +44,6 @@ def test_a_missing_file_is_said_without_a_traceback(capsys: pytest.CaptureFixtur
     command = ["--airframe", "none.toml", "--site", str(SITE), "--link", "udp:127.0.0.1:1"]
     assert main(command) == EXIT_CANNOT_START
     assert "none.toml" in capsys.readouterr().err
-
-
-class Module:
-    """The process, and a vehicle's end of its link."""
-
-    def __init__(self, *more: str) -> None:
-        self.vehicle = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.vehicle.bind(("127.0.0.1", 0))
-        self.vehicle.settimeout(5.0)
-        link = f"udpout:127.0.0.1:{self.vehicle.getsockname()[1]}"
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "tgl_soar.cli", "run", *arguments(link, *more)],
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        self.address: tuple[str, int] | None = None
-        self._mav = mavlink.MAVLink(None, 1, 1)
-        self._station = mavlink.MAVLink(None, 255, 190)
-
-    def receive(self) -> Any:
-        data, self.address = self.vehicle.recvfrom(2048)
-        return mavlink.MAVLink(None).decode(bytearray(data))
-
-    def send(self, message: Any) -> None:
-        assert self.address is not None
-        self.vehicle.sendto(message.pack(self._mav), self.address)
-
-    def command(self, message: Any) -> None:
-        """What a ground station says, routed by the vehicle."""
-        assert self.address is not None
-        self.vehicle.sendto(message.pack(self._station), self.address)
-
-    def close(self) -> None:
-        self.vehicle.close()
-        if self.process.poll() is None:
-            self.words()
-
-    def words(self) -> str:
-        """What it has said on the console; ends it."""
-        self.process.kill()
-        return self.process.communicate()[1]
 
 
 @pytest.fixture
@@ -207,5 +159,8 @@ def test_a_key_that_others_can_read_is_refused(
     key = tmp_path / "key"
     key.write_bytes(bytes(range(32)))
     key.chmod(0o644)
-    assert main(arguments("udp:127.0.0.1:1", "--signing-key", str(key))) == EXIT_CANNOT_START
+    assert (
+        main(arguments("udp:127.0.0.1:1", "--no-guard", "--signing-key", str(key)))
+        == EXIT_CANNOT_START
+    )
     assert "others may read" in capsys.readouterr().err

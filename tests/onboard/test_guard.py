@@ -1,0 +1,163 @@
+"""Killed, hung, orphaned: the surfaces go back all the same, and nothing engages by itself."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from module_process import Module
+
+from tgl_soar.guard import EXIT_KEEPS_DYING, LifeSign
+from tgl_soar.process import EXIT_OK
+
+
+@pytest.fixture
+def module() -> Iterator[Module]:
+    made = Module()
+    assert made.receive().get_type() == "HEARTBEAT"
+    yield made
+    made.close()
+
+
+def child_of(module: Module) -> int:
+    """The process that flies."""
+    pid = module.process.pid
+    (child,) = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    return int(child)
+
+
+def pump_until_released(module: Module, within_s: float) -> float:
+    """When the first frame came that gives the surfaces back."""
+    end = time.monotonic() + within_s
+    while not (module.overrides and module.overrides[-1][1] == 0):
+        assert time.monotonic() < end, module.texts
+        module.pump()
+    return module.overrides[-1][0]
+
+
+def pump_until_said(module: Module, words: str, within_s: float = 10.0) -> None:
+    end = time.monotonic() + within_s
+    while not any(words in text for text in module.texts):
+        assert time.monotonic() < end, module.texts
+        module.pump()
+
+
+def test_a_killed_process_lets_go_and_its_successor_waits_to_be_asked(module: Module) -> None:
+    module.engage()
+    first = child_of(module)
+    os.kill(first, signal.SIGKILL)
+    pump_until_released(module, 2.0)
+    pump_until_said(module, "surfaces given back: module was killed by SIGKILL"[:50])
+    pump_until_said(module, "restarted: the flying process was killed by SIGKIL")
+    assert child_of(module) != first
+    given_back = len(module.overrides)
+    for _ in range(100):
+        module.pump()
+    assert {pulse for _, pulse in module.overrides[given_back:]} <= {0}  # it does not engage
+    module.overrides.clear()
+    module.engage()  # and does when it is asked
+    assert module.overrides
+
+
+def test_a_hanging_process_is_killed_and_lets_go(module: Module) -> None:
+    module.engage()
+    os.kill(child_of(module), signal.SIGSTOP)
+    pump_until_released(module, 5.0)
+    pump_until_said(module, "restarted: the flying process stood still for")
+
+
+def test_a_process_that_stands_still_while_it_does_not_fly_is_left_alone(module: Module) -> None:
+    child = child_of(module)
+    os.kill(child, signal.SIGSTOP)
+    end = time.monotonic() + 1.0  # longer than would be allowed in flight
+    while time.monotonic() < end:
+        module.pump()
+    os.kill(child, signal.SIGCONT)
+    assert child_of(module) == child
+    module.engage()
+
+
+def test_an_orphan_lets_go_and_ends(module: Module) -> None:
+    module.engage()
+    child = child_of(module)
+    module.process.kill()
+    pump_until_released(module, 2.0)
+    pump_until_said(module, "tgl_soar stopped")
+    end = time.monotonic() + 5.0
+    while Path(f"/proc/{child}/stat").exists():
+        state = Path(f"/proc/{child}/stat").read_text().rsplit(")", 1)[1].split()[0]
+        if state == "Z":  # whoever adopts orphans here takes its time to bury them
+            break
+        assert time.monotonic() < end
+
+
+def test_what_keeps_dying_is_given_up(module: Module) -> None:
+    killed: set[int] = set()
+    end = time.monotonic() + 30.0
+    while module.process.poll() is None:
+        assert time.monotonic() < end
+        try:
+            child = child_of(module)
+        except (ValueError, FileNotFoundError):
+            continue  # between two of them
+        if child not in killed:
+            killed.add(child)
+            os.kill(child, signal.SIGKILL)
+        time.sleep(0.01)
+    assert module.process.returncode == EXIT_KEEPS_DYING
+    assert "giving up" in module.words()
+
+
+def drained(systemd: socket.socket) -> bytes:
+    """What has come, if anything."""
+    try:
+        return systemd.recv(64)
+    except BlockingIOError:
+        return b""
+
+
+def test_systemd_is_told_of_the_start_of_every_round_and_of_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as systemd:
+        systemd.bind(str(tmp_path / "notify"))
+        systemd.settimeout(10.0)
+        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+        monkeypatch.setenv("WATCHDOG_USEC", "400000")
+        module = Module()
+        try:
+            assert systemd.recv(64) == b"READY=1"
+            assert [systemd.recv(64) for _ in range(3)] == [b"WATCHDOG=1"] * 3
+            os.kill(child_of(module), signal.SIGSTOP)
+            time.sleep(0.3)
+            systemd.setblocking(False)
+            while drained(systemd):
+                pass
+            time.sleep(0.5)
+            assert not drained(systemd)
+            os.kill(child_of(module), signal.SIGCONT)
+            systemd.settimeout(10.0)
+            assert systemd.recv(64) == b"WATCHDOG=1"
+            module.process.send_signal(signal.SIGTERM)
+            while (word := systemd.recv(64)) == b"WATCHDOG=1":
+                pass
+            assert word == b"STOPPING=1"
+            assert module.process.wait(5.0) == EXIT_OK
+        finally:
+            module.close()
+
+
+def test_the_life_sign_is_what_was_shown_last() -> None:
+    life = LifeSign()
+    assert life.read() == (0, 0, False, False, "", 0)
+    life.show(True, version1=True, peer=("192.168.1.17", 14550), timestamp=2**47)
+    assert life.read() == (1, 2**47, True, True, "192.168.1.17", 14550)
+    life.show(False)
+    assert life.read() == (2, 0, False, False, "", 0)
+    life.clear()
+    assert life.read().rounds == 0
