@@ -80,6 +80,8 @@ RELEASE_INTERVAL_S: Final = 0.1
 ENGAGED: Final = 2.0  # OP_ENGAGE of a module that has the surfaces
 SHOW_ENGAGED_S: Final = 1.0
 REFUSALS_S: Final = 0.25  # between two words about commands that were refused
+STRAIN_TOLD_S: Final = 10.0  # between two words about late ticks
+LATE_TOLD: Final = 10  # fewer are not worth a word
 PILOT_SWITCH_HZ: Final = 10.0
 LOSS_S: Final = 2.0  # over which the loss on the link is measured
 COMPLAIN_S: Final = 5.0  # between two words about keys that were refused
@@ -111,6 +113,7 @@ class Counters:
     unsent: int = 0  # frames that the link did not take
     unsendable: int = 0  # messages that could not be packed: a mistake of ours
     laws_changed: int = 0
+    telemetry_shed: int = 0  # messages that were due while ticks came late
     mode_changes: dict[int, int] = field(default_factory=dict)  # by the new mode
 
 
@@ -193,6 +196,7 @@ class Onboard:
             ),
         )
         self.pacer = realtime.Pacer(rate_hz, now_s)
+        self.strain = realtime.Strain()
         self.output: autopilot.Output | None = None  # of the last tick
 
         self._setup = setup
@@ -230,6 +234,8 @@ class Onboard:
         self._loss_counted = (0, 0)
         self._engaged_s = now_s
         self._refused_s = float("-inf")
+        self._strain_told_s = float("-inf")
+        self._late_told = 0
         self._reboots = 0
 
     def add_link(self, send: Callable[[bytes], bool], *, stream: bool = False) -> int:
@@ -460,8 +466,12 @@ class Onboard:
 
     def periodic(self, now_s: float) -> None:
         """One tick, then what is slow."""
+        counters = self.pacer.counters
+        late, skipped = counters.late, counters.skipped
         self._tick(self.pacer.tick(now_s))
+        self.strain.tick(counters, late, skipped)
         self._slow(now_s)
+        self._tell_strain(now_s)
 
     def idle(self, now_s: float) -> None:
         """Lockstep before the first attitude: nothing but the wall clock moves yet."""
@@ -566,7 +576,9 @@ class Onboard:
             self._measure_loss(now_s)
             self._panel.look(self.output, session.vehicle_time_s, self._loss, session.round_trip_s)
             message = self.telemetry.due(now_s, self._values["TEL_BUDGET"])
-            if message is not None:
+            if message is not None and self.strain.no_telemetry:
+                self.counters.telemetry_shed += 1
+            elif message is not None:
                 self._spend(self._say(message))
 
     def _show_engaged(self, now_s: float) -> None:
@@ -577,6 +589,16 @@ class Onboard:
         elif now_s - self._engaged_s >= SHOW_ENGAGED_S:
             self._say_all(self.parameters.assign("OP_ENGAGE", ENGAGED))
             self._settings()
+
+    def _tell_strain(self, now_s: float) -> None:
+        """A computer that is too busy is told of, now and then."""
+        late = self.pacer.counters.late + self.pacer.counters.skipped
+        if now_s < self._strain_told_s + STRAIN_TOLD_S or not self.strain.no_telemetry:
+            return
+        if late - self._late_told >= LATE_TOLD:
+            self._strain_told_s = now_s
+            self.tell(SEVERITY_WARNING, f"computer too busy: {late - self._late_told} ticks late")
+            self._late_told = late
 
     def _list_parameters(self, now_s: float) -> None:
         """Values go out where somebody has asked for any."""

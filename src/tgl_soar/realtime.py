@@ -23,6 +23,10 @@ _STREAK_LOSS: Final = 2  # what a sample out of step costs: a fifth may be lost
 _IN_STEP: Final = 0.05  # how far the samples' mean interval may be from the period
 _SMOOTH: Final = 0.05
 
+STRAIN_TICKS: Final = 40
+_STRAIN_TELEMETRY: Final = 0.02  # one late tick is 0.025
+_STRAIN_LOG: Final = 0.3
+
 _MCL_CURRENT: Final = 1
 _MCL_FUTURE: Final = 2
 PRIORITY: Final = 60  # of SCHED_FIFO: above ordinary interrupts' threads, below the timer's
@@ -125,6 +129,33 @@ class Pacer:
 
     def _is_sample_due(self) -> bool:
         return self.locked and self._sample_s >= self._deadline_s - EARLY * self.period_s
+
+
+class Strain:
+    """How hard the loop finds it to be on time, and so what it does without.
+
+    A tick that was late or came after skipped ones counts 1, another 0; the strain is their
+    mean over the last `STRAIN_TICKS` or so.  One late tick costs a moment's telemetry; a computer
+    that is late all the time loses its log too.  The tick itself is never left out.
+    """
+
+    def __init__(self) -> None:
+        self.value = 0.0
+
+    def tick(self, counters: TickCounters, late_before: int, skipped_before: int) -> None:
+        """After a tick: the counters, and what they were before it."""
+        hit = counters.late != late_before or counters.skipped != skipped_before
+        self.value += (float(hit) - self.value) / STRAIN_TICKS
+
+    @property
+    def no_telemetry(self) -> bool:
+        """Nothing is told that was not asked for."""
+        return self.value > _STRAIN_TELEMETRY
+
+    @property
+    def no_log(self) -> bool:
+        """Nothing is written down either."""
+        return self.value > _STRAIN_LOG
 
 
 def wait(fds: Iterable[int], until_s: float, now_s: float) -> None:

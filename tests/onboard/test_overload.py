@@ -1,0 +1,110 @@
+"""A computer that is too busy: telemetry goes first, then the log, and never the tick."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from test_onboard import CAPTURING, SOARING, STEP_S, Flight, texts
+
+from tgl_soar.realtime import STRAIN_TICKS, Strain, TickCounters
+
+
+class BusyFlight(Flight):
+    """Wakes only now and then."""
+
+    awake_every_s = 0.0
+
+    def run(self, seconds: float) -> None:
+        if self.awake_every_s == 0.0:
+            super().run(seconds)
+            return
+        onboard, end_s = self.onboard, self.now_s + seconds
+        waiting: list[mavlink.MAVLink_message] = []
+        wake_s = self.now_s + self.awake_every_s
+        while self.now_s < end_s:
+            self.now_s += STEP_S
+            stamp_ms = round((self.now_s - self.boot_s) * 1e3)
+            if self._is_due("heartbeat", 1.0):
+                waiting.append(mavlink.MAVLink_heartbeat_message(1, 3, 81, self.mode, 4, 3))
+            if self._is_due("position", 50.0):
+                waiting.append(
+                    mavlink.MAVLink_local_position_ned_message(stamp_ms, 0, 0, 0, 0, 0, 0)
+                )
+            if self._is_due("attitude", 200.0):
+                waiting.append(
+                    mavlink.MAVLink_attitude_quaternion_message(stamp_ms, 1, 0, 0, 0, 0, 0, 0)
+                )
+            if self.now_s >= wake_s:
+                wake_s += self.awake_every_s
+                for message in waiting:
+                    self.hear(message)
+                waiting.clear()
+                if onboard.due(self.now_s):
+                    onboard.periodic(self.now_s)
+
+
+def test_late_ticks_cost_the_telemetry_and_never_the_surfaces() -> None:
+    flight = BusyFlight()
+    flight.engaged().run(1.0)
+    flight.said()
+    assert not flight.onboard.strain.no_telemetry
+    flight.awake_every_s = 0.02
+    flight.run(0.2)
+    words = texts(flight.said())
+    assert any("computer too busy" in text for text in words)
+    ticks, surfaces = flight.onboard.counters.ticks, flight.onboard.counters.surface_frames
+    flight.run(2.0)
+    said = flight.said()
+    kinds = {m.get_type() for m in said}
+    assert not kinds & {"NAMED_VALUE_FLOAT", "DEBUG_FLOAT_ARRAY"}
+    assert {"RC_CHANNELS_OVERRIDE", "HEARTBEAT"} <= kinds
+    ticked = flight.onboard.counters.ticks - ticks
+    assert ticked == pytest.approx(100, abs=2)
+    assert flight.onboard.counters.surface_frames - surfaces == ticked
+    assert flight.mode_now in (CAPTURING, SOARING)
+    assert flight.onboard.strain.no_log
+    assert flight.onboard.counters.telemetry_shed > 0
+
+    flight.awake_every_s = 0.0
+    flight.run(2.0)
+    assert not flight.onboard.strain.no_telemetry
+    assert "NAMED_VALUE_FLOAT" in {m.get_type() for m in flight.said()}
+
+
+def test_asking_is_answered_however_busy_it_is() -> None:
+    flight = BusyFlight()
+    flight.engaged()
+    flight.awake_every_s = 0.02
+    flight.run(0.5)
+    flight.said()
+    flight.set("TGL_CAPTURE", 0.08)
+    flight.run(0.1)
+    assert [m.param_id for m in flight.said("PARAM_VALUE")] == ["TGL_CAPTURE"]
+
+
+def test_one_late_tick_costs_a_moment_and_many_cost_the_log() -> None:
+    strain, counters = Strain(), TickCounters()
+    counters.late = 1
+    strain.tick(counters, 0, 0)
+    assert strain.no_telemetry
+    assert not strain.no_log
+    for _ in range(STRAIN_TICKS):
+        strain.tick(counters, 1, 0)
+    assert not strain.no_telemetry
+    for _ in range(STRAIN_TICKS):
+        strain.tick(counters, 0, 0)
+    assert strain.no_log
+
+
+def test_the_wall_clock_may_jump_as_it_likes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    flight = Flight()
+    flight.engaged().run(1.0)
+    for jump_s in (3600.0, -86400.0 * 365, 0.0, 4e9):
+        monkeypatch.setattr(time, "time", lambda jump_s=jump_s: jump_s)
+        flight.run(0.5)
+        assert flight.mode_now in (CAPTURING, SOARING)
+    assert flight.onboard.pacer.counters.skipped == 0
