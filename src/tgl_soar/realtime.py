@@ -182,7 +182,7 @@ def prepare(*, real_time: bool = True) -> list[str]:
     if lacking:
         warnings.append(
             f"no {' and no '.join(lacking)}: ticks may be late when the computer is busy"
-            " (give the service LimitRTPRIO=60 and LimitMEMLOCK=infinity)"
+            " (give the service LimitRTPRIO=61 and LimitMEMLOCK=infinity)"
         )
     return warnings
 

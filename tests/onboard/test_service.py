@@ -1,0 +1,65 @@
+"""The systemd unit: what systemd itself says of it, and whether it starts what is there."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tgl_soar.config import shipped
+from tgl_soar.guard import HANGS_FLYING_S
+from tgl_soar.process import EXIT_CANNOT_START, main
+from tgl_soar.realtime import PRIORITY
+
+UNIT = shipped("systemd/tgl-soar.service")
+TEXT = UNIT.read_text(encoding="utf-8")
+ANALYZE = shutil.which("systemd-analyze") or ""
+EXPOSURE_MAX = 2.5  # of 10, as systemd counts it; 4 and more it calls medium
+
+
+def setting(name: str) -> str:
+    (value,) = re.findall(rf"^{name}=(.*)$", TEXT, re.MULTILINE)
+    return str(value)
+
+
+@pytest.fixture
+def unit(tmp_path: Path) -> Path:
+    """As installed, with a program that is there."""
+    path = tmp_path / UNIT.name
+    path.write_text(TEXT.replace("/opt/tgl_soar/bin/tgl-soar", "/bin/true"), encoding="utf-8")
+    return path
+
+
+@pytest.mark.skipif(not ANALYZE, reason="no systemd-analyze here")
+def test_systemd_finds_nothing_wrong(unit: Path) -> None:
+    found = subprocess.run([ANALYZE, "verify", str(unit)], capture_output=True, text=True)
+    assert (found.returncode, found.stderr) == (0, "")
+
+
+@pytest.mark.skipif(not ANALYZE, reason="no systemd-analyze here")
+def test_the_service_may_do_little(unit: Path) -> None:
+    command = [ANALYZE, "security", "--offline=yes", "--no-pager", str(unit)]
+    found = subprocess.run(command, capture_output=True, text=True)
+    if "unrecognized option" in found.stderr:
+        pytest.skip("this systemd-analyze knows no --offline")
+    (exposure,) = re.findall(r"exposure level for .*: ([\d.]+)", found.stdout)
+    assert float(exposure) <= EXPOSURE_MAX
+
+
+def test_it_starts_a_command_that_there_is(capsys: pytest.CaptureFixture[str]) -> None:
+    (example,) = re.findall(r'^# FLIGHT="(.*)"$', TEXT, re.MULTILINE)
+    program, run, *options = shlex.split(setting("ExecStart").replace("$FLIGHT", example))
+    assert (program, run) == ("/opt/tgl_soar/bin/tgl-soar", "run")
+    assert main([*options, "--no-guard"]) == EXIT_CANNOT_START  # and not: unknown option
+    assert "/etc/tgl_soar/my_airframe.toml" in capsys.readouterr().err
+
+
+def test_its_numbers_are_those_of_the_program() -> None:
+    assert int(setting("RestartPreventExitStatus")) == EXIT_CANNOT_START
+    assert int(setting("LimitRTPRIO")) == PRIORITY + 1  # the guard's
+    assert float(setting("WatchdogSec")) > 2.0 * HANGS_FLYING_S
+    assert setting("KillSignal") == "SIGTERM"
