@@ -11,82 +11,18 @@ from time import perf_counter
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.config import load_airframe, load_parameters, load_site, shipped
-from tgl_soar.onboard import Onboard, setup_from
 from tgl_soar.parameters import PARAMETERS
 
+from .module_flight import TICK_S, ModuleFlight
 from .result import Result
 
-TICK_S = 0.005
 TICKS = 3000
-WARM_UP = 400
 FLOOD_HZ = 2000.0
-
-
-class _Flight:
-    """The module in the air, and a vehicle and a station that talk to it."""
-
-    def __init__(self) -> None:
-        airframe_path, site_path = (
-            shipped("airframes/eclipson_c.toml"),
-            shipped("sites/tunnel.toml"),
-        )
-        airframe, site = load_airframe(airframe_path), load_site(site_path)
-        values = load_parameters(airframe, airframe_path, site, site_path)
-        self.frames: list[bytes] = []
-        self.now_s = 100.0
-        self.onboard = Onboard(setup_from(airframe, site, values), self._take, self.now_s)
-        self._vehicle = mavlink.MAVLink(None, 1, 1)
-        self._station = mavlink.MAVLink(None, 255, 190)
-        self._ticks = 0
-
-    def _take(self, frame: bytes) -> bool:
-        self.frames.append(frame)
-        return True
-
-    def ask(self, message: mavlink.MAVLink_message) -> bytes:
-        """A frame of the station's."""
-        frame = bytes(message.pack(self._station))
-        self._station.seq = (self._station.seq + 1) % 256
-        return frame
-
-    def tick(self) -> float:
-        """What a vehicle says in one period, then the tick; the tick's time."""
-        self._ticks += 1
-        self.now_s += TICK_S
-        stamp = round(self._ticks * TICK_S * 1e3)
-        messages = [mavlink.MAVLink_attitude_quaternion_message(stamp, 1, 0, 0, 0, 0, 0, 0)]
-        if self._ticks % 4 == 1:
-            messages.append(
-                mavlink.MAVLink_local_position_ned_message(stamp, 0.2, 0, -1.15, 0, 0, 0)
-            )
-        if self._ticks % 200 == 1:
-            messages.append(mavlink.MAVLink_heartbeat_message(1, 3, 81, 0, 4, 3))
-        for message in messages:
-            self.onboard.event(bytes(message.pack(self._vehicle)), self.now_s)
-        before = perf_counter()
-        if self.onboard.due(self.now_s):
-            self.onboard.periodic(self.now_s)
-        return perf_counter() - before
-
-    def engaged(self) -> _Flight:
-        """In the air."""
-        for _ in range(WARM_UP):
-            self.tick()
-        self.onboard.event(
-            self.ask(mavlink.MAVLink_param_set_message(1, 191, b"OP_ENGAGE", 1.0, 9)), self.now_s
-        )
-        for _ in range(WARM_UP):
-            self.tick()
-        assert self.onboard.output is not None
-        assert self.onboard.output.active
-        self.frames.clear()
-        return self
 
 
 def listing() -> Result:
     """Flight time from PARAM_REQUEST_LIST to the last value."""
-    flight = _Flight().engaged()
+    flight = ModuleFlight().engaged()
     begun = flight.now_s
     flight.onboard.event(
         flight.ask(mavlink.MAVLink_param_request_list_message(1, 191)), flight.now_s
@@ -108,7 +44,7 @@ def listing() -> Result:
 
 def confirmed_set() -> Result:
     """From the arrival of a PARAM_SET to the frame that confirms it, the laws made anew."""
-    flight = _Flight().engaged()
+    flight = ModuleFlight().engaged()
     times, parse = [], []
     decoder = mavlink.MAVLink(None)
     for i in range(600):
@@ -137,7 +73,7 @@ def confirmed_set() -> Result:
 
 def _ticks_under_flood() -> tuple[list[float], list[float]]:
     """Times of ticks, quiet and with requests between them, in turns of the same run."""
-    flight = _Flight().engaged()
+    flight = ModuleFlight().engaged()
     quiet: list[float] = []
     flooded: list[float] = []
     per_tick = round(FLOOD_HZ * TICK_S)
