@@ -36,13 +36,14 @@ TABLE: dict[str, set[str]] = {
     "instruments": {"autopilot", "link"},
     "onboard": {"instruments", "autopilot", "link", "config", "parameter_store", "realtime"},
     "guard": set(),
+    "surface_check": {"link"},
     "process": {"onboard", "guard"},
     "air": {"geometry"},
     "score": set(),
     "sim": {"autopilot", "air", "link", "config", "score"},
     "report": {"air", "estimation", "score"},
     "experiments": {"sim", "report", "config"},
-    "commands": {"process", "experiments"},
+    "commands": {"process", "surface_check", "experiments"},
     "cli": {"commands"},
 }
 
@@ -59,7 +60,16 @@ FLIES = {
     "autopilot", "line_changes", "link", "config", "realtime", "onboard",
     "parameter_files", "parameter_store", "instruments", "process", "guard",
 }  # fmt: skip
-STAYS_ON_THE_GROUND = {"sim", "report", "air", "score", "experiments", "commands", "cli"}
+STAYS_ON_THE_GROUND = {
+    "surface_check",
+    "sim",
+    "report",
+    "air",
+    "score",
+    "experiments",
+    "commands",
+    "cli",
+}
 
 # A law knows no clock, no file and no wire.
 PURE = {"types", "geometry", "parameters", "control", "estimation", "autopilot", "line_changes"}

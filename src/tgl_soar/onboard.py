@@ -117,13 +117,24 @@ class Counters:
     mode_changes: dict[int, int] = field(default_factory=dict)  # by the new mode
 
 
+def surface_channels(airframe: Airframe) -> SurfaceChannels:
+    """The channels of an airframe's surfaces."""
+    surfaces = airframe.surfaces
+    return SurfaceChannels(
+        _channel(surfaces.elevator), _channel(surfaces.aileron), _channel(surfaces.rudder)
+    )
+
+
+def flavour_of(airframe: Airframe) -> Flavour:
+    """How an airframe's autopilot moves its surfaces."""
+    kind = Bridge if airframe.autopilot.firmware == "bridge" else ArduPilot
+    return kind(surface_channels(airframe), airframe.autopilot.system_id)
+
+
 def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Setup:
     """Configuration files' contents as the flying module takes them."""
     link = airframe.autopilot
-    surfaces = airframe.surfaces
-    channels = SurfaceChannels(
-        _channel(surfaces.elevator), _channel(surfaces.aileron), _channel(surfaces.rudder)
-    )
+    channels = surface_channels(airframe)
     if parameters["OP_ENGAGE"] != 0.0:  # a restarted module must never engage by itself
         parameters = parameters.changed({"OP_ENGAGE": 0.0})
     driven = frozenset(channel.channel for channel in channels)
@@ -132,11 +143,10 @@ def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Setu
             f"parameters.OP_RC_CHAN = {parameters['OP_RC_CHAN']:g}: this channel moves a surface"
             " ([surfaces] of the airframe file); give the channel of a switch, or 0"
         )
-    kind = Bridge if link.firmware == "bridge" else ArduPilot
     return Setup(
         Source(link.system_id, link.component_id),
         Source(link.override_system_id, link.component_id),
-        kind(channels, link.system_id),
+        flavour_of(airframe),
         site.frame(),
         parameters,
         link.operators,

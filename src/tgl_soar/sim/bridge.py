@@ -90,6 +90,7 @@ class Options:
     step_hz: int = 200
     pilot: bool = True
     held: bool = True  # at the start, until the first override
+    armed: bool = True  # when it begins
     truth: bool = True
     uptime_s: float = 0.0
     allow_odometry: bool = False
@@ -129,6 +130,7 @@ class Simulation:
         self._sensed = self._sense(False)
         self._log = TruthLog(options.log, LOG_COLUMNS) if options.log is not None else None
         self.world.held = options.held
+        self.pixhawk.armed = options.armed
         self._log_row()
 
     @property
@@ -178,7 +180,7 @@ class Simulation:
             world.held = True
             pixhawk.restart()
             self._events.append("carried back and held at the start again")
-        elif world.held and pixhawk.mode == MANUAL and pixhawk.reads_override():
+        elif world.held and pixhawk.armed and pixhawk.mode == MANUAL and pixhawk.reads_override():
             world.held = False
             self._events.append("launched: the surfaces are overridden")
 
@@ -597,8 +599,8 @@ def _parser() -> argparse.ArgumentParser:
         help="who flies while nobody overrides the surfaces (default: a steady safety pilot)",
     )  # fmt: skip
     add(
-        "--launch", choices=("held", "free"), default="held",
-        help="held at the start until the first override, or let go at once",
+        "--launch", choices=("held", "free", "bench"), default="held",
+        help="held at the start until the first override, let go at once, or disarmed on a bench",
     )  # fmt: skip
     add("--no-truth", action="store_true", help="send no truth to ground stations")
     add("--odometry", action="store_true", help="stream ODOMETRY, which ArduPlane denies")
@@ -652,7 +654,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         turbulence=arguments.turbulence,
         step_hz=arguments.step_rate,
         pilot=arguments.pilot == "steady",
-        held=arguments.launch == "held",
+        held=arguments.launch != "free",
+        armed=arguments.launch != "bench",
         truth=not arguments.no_truth,
         uptime_s=arguments.uptime,
         allow_odometry=arguments.odometry,

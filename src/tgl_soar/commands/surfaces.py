@@ -1,0 +1,221 @@
+"""`tgl-soar surfaces`: move each surface on the ground, and see that it goes the right way."""
+
+from __future__ import annotations
+
+import select
+import sys
+import time
+from collections.abc import Callable
+from math import isfinite
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+from rich.table import Table
+
+from tgl_soar.config import ConfigError, load_airframe
+from tgl_soar.link.keys import Secret, SigningError, peers_of, signing_from
+from tgl_soar.link.messages import (
+    AUTOPILOT_INVALID,
+    COMMAND_SET_MESSAGE_INTERVAL,
+    COMPONENT_AUTOPILOT,
+    ID_LOCAL_POSITION_NED,
+    ID_SERVO_OUTPUT_RAW,
+    STATE_ACTIVE,
+    TYPE_ONBOARD_CONTROLLER,
+    CommandLong,
+    Heartbeat,
+    Said,
+    Source,
+)
+from tgl_soar.link.routes import Route
+from tgl_soar.link.transport import LinkError, Transport, open_link
+from tgl_soar.onboard import RELEASE_FRAMES, flavour_of, surface_channels
+from tgl_soar.surface_check import SurfaceCheck
+
+from .console import AIRFRAME, console, errors, fail
+
+HEARTBEAT_S: Final = 1.0
+OUTPUT_HZ: Final = 10.0
+LOOK_S: Final = 0.02
+
+
+def surfaces(
+    link: Annotated[str, typer.Option(help="To the autopilot, as for `tgl-soar run`.")],
+    airframe: Annotated[Path, typer.Option(help="Airframe file.")] = AIRFRAME,
+    deflection: Annotated[
+        float, typer.Option(help="How far, of full travel.", min=0.1, max=1.0)
+    ] = 0.5,
+    hold: Annotated[float, typer.Option(help="Seconds at each stop.", min=0.5, max=20.0)] = 1.5,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="Nobody looks: compare the outputs only.")
+    ] = False,
+    armed_on_ground: Annotated[
+        bool,
+        typer.Option("--armed-on-ground", help="It is armed, and somebody holds it on the ground."),
+    ] = False,
+    timeout: Annotated[
+        float, typer.Option(help="Seconds to wait for the autopilot.", min=1.0, max=600.0)
+    ] = 10.0,
+    signing_key: Annotated[Path | None, typer.Option(help="Sign with the key of a file.")] = None,
+) -> None:
+    """Move elevator, aileron and rudder in turn, say which way each must go, and compare the
+    autopilot's outputs with the airframe file.
+
+    Exit code 0: all as in the file and as it must look; 1: something is not; 2: not possible.
+    """
+    transport: Transport | None = None
+    try:
+        plane = load_airframe(airframe)
+        own = Source(plane.autopilot.system_id, plane.autopilot.component_id)
+        signing = signing_from(Secret(signing_key))
+        transport = open_link(link, peers_of(signing, None), time.monotonic())
+        flavour = flavour_of(plane)
+        check = SurfaceCheck(
+            surface_channels(plane), flavour, deflection, hold, armed_on_ground=armed_on_ground
+        )
+        override = Source(plane.autopilot.override_system_id, own.component)
+        route = Route(0, own, override, transport.send, signing, stream=transport.is_stream)
+        bench = _Bench(check, route, transport)
+        bench.wait_for_autopilot(timeout)
+        try:
+            wrong = bench.go(_nobody if yes else _asked)
+        finally:
+            for _ in range(RELEASE_FRAMES):
+                for message in flavour.release():
+                    route.send(route.override.encode(message))
+    except (ConfigError, LinkError, SigningError, _Refused) as error:
+        fail(error)
+    except KeyboardInterrupt:
+        fail("stopped; the surfaces are given back", 130)
+    finally:
+        if transport is not None:
+            transport.close()
+    raise typer.Exit(_told(check, wrong))
+
+
+class _Refused(Exception):
+    """Nothing may be moved; the message says why."""
+
+
+class _Bench:
+    """The check, on its link."""
+
+    def __init__(self, check: SurfaceCheck, route: Route, transport: Transport) -> None:
+        self._check = check
+        self._route = route
+        self._transport = transport
+        self._autopilot = Source(route.own.source.system, COMPONENT_AUTOPILOT)
+        self._beat_s = self._ask_s = float("-inf")
+
+    def wait_for_autopilot(self, timeout_s: float) -> None:
+        """Until it has said what it is doing.  Errors: `_Refused`."""
+        end_s = time.monotonic() + timeout_s
+        while refusal := self._check.refusal(time.monotonic()):
+            heard = "no heartbeat" not in refusal
+            if heard or time.monotonic() > end_s:
+                raise _Refused(refusal)
+            self._turn()
+
+    def go(self, look: Callable[[str], bool | None]) -> list[str]:
+        """All stops; what a person said looked wrong.  Errors: `_Refused`."""
+        check, wrong = self._check, []
+        while not check.done:
+            self._turn()
+            now_s = time.monotonic()
+            if refusal := check.refusal(now_s):
+                raise _Refused(f"{refusal}; the surfaces are given back")
+            for message in check.step(now_s):
+                self._say(message, override=True)
+            if not check.held(now_s):
+                continue
+            right = look(check.sight) if check.sight else True
+            if right is None:
+                continue  # not answered yet: hold it there
+            if not right:
+                wrong.append(check.sight)
+            check.move_on()
+        return wrong
+
+    def _turn(self) -> None:
+        """Wait a moment; hear, greet, ask."""
+        fd = self._transport.fileno()
+        select.select([fd] if fd >= 0 else [], [], [], LOOK_S)
+        now_s = time.monotonic()
+        for data in self._transport.receive(now_s):
+            for received in self._route.decoder.feed(data):
+                self._route.match_version()
+                if received.source == self._autopilot:
+                    self._check.hear(received.message, now_s)
+        if now_s - self._beat_s >= HEARTBEAT_S:
+            self._beat_s = now_s
+            self._say(Heartbeat(TYPE_ONBOARD_CONTROLLER, AUTOPILOT_INVALID, 0, 0, STATE_ACTIVE))
+            for message_id in (ID_SERVO_OUTPUT_RAW, ID_LOCAL_POSITION_NED):
+                self._ask_for(message_id)
+
+    def _ask_for(self, message_id: int) -> None:
+        numbers = (float(message_id), 1e6 / OUTPUT_HZ, 0.0, 0.0, 0.0, 0.0, 0.0)
+        system, component = self._autopilot
+        self._say(CommandLong(system, component, COMMAND_SET_MESSAGE_INTERVAL, 0, numbers))
+
+    def _say(self, message: Said, *, override: bool = False) -> None:
+        encoder = self._route.override if override else self._route.own
+        self._route.send(encoder.encode(message))
+
+
+def _nobody(sight: str) -> bool | None:
+    console.print(f"  {sight}", highlight=False)
+    return True
+
+
+class _Asked:
+    """Asks a person, without keeping the link waiting."""
+
+    def __init__(self) -> None:
+        self._question = ""
+
+    def __call__(self, sight: str) -> bool | None:
+        if sight != self._question:
+            self._question = sight
+            console.print(f"  {sight}?  \\[y/n] ", end="", highlight=False)
+        if not select.select([sys.stdin], [], [], 0.0)[0]:
+            return None
+        line = sys.stdin.readline()
+        if not line:
+            raise _Refused("nobody answers: give --yes to compare the outputs only")
+        answer = line.strip().lower()
+        if answer in ("y", "yes", "n", "no"):
+            self._question = ""
+            return answer.startswith("y")
+        console.print(f"  y or n: {sight}?  ", end="", highlight=False)
+        return None
+
+
+_asked: Final = _Asked()
+
+
+def _told(check: SurfaceCheck, wrong: list[str]) -> int:
+    """The table, what is wrong, and the exit code."""
+    table = Table("surface", "trim", "negative", "positive", "outputs")
+    faults = 0
+    for found in check.findings():
+        faults += len(found.faults)
+        table.add_row(
+            found.surface,
+            *(_pulse(us) for us in (found.trim_us, found.low_us, found.high_us)),
+            "as in the file" if not found.faults else "\n".join(found.faults),
+        )
+    console.print(table)
+    for sight in wrong:
+        errors.print(
+            f"went the wrong way; it must be: {sight}\n  change `reversed` of that surface in the"
+            " airframe file; if the pilot's stick moves it wrongly too, the autopilot's own",
+            style="red",
+            highlight=False,
+            soft_wrap=True,
+        )
+    return 1 if faults or wrong else 0
+
+
+def _pulse(us: float) -> str:
+    return f"{us:.0f} us" if isfinite(us) else "-"

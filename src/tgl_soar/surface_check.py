@@ -1,0 +1,229 @@
+"""Moves each surface in turn on the ground, and compares what the autopilot does with the file.
+
+    neutral, one way, the other way, neutral        for elevator, aileron and rudder
+
+At each stop the autopilot's outputs (SERVO_OUTPUT_RAW) are read back: does the servo of this
+channel move at all, to the pulse widths of the airframe file, about the file's trim, and do no
+others move with it?  Whether the surface itself goes the right way only a person can see.
+
+No socket and no clock here: messages and time are arguments.  Nothing is moved on an aircraft
+that is armed, unless that was asked for (PX4 drives no surface otherwise) and it stands still;
+and a propeller-less aircraft that stands still may be soaring, so a person must say that it is on
+the ground.
+"""
+
+from __future__ import annotations
+
+from math import hypot
+from typing import Final, NamedTuple
+
+from tgl_soar.link.autopilots.base import Flavour, SurfaceChannel, SurfaceChannels, pulse_width
+from tgl_soar.link.messages import (
+    MODE_FLAG_ARMED,
+    Heartbeat,
+    LocalPositionNed,
+    Said,
+    ServoOutputRaw,
+)
+from tgl_soar.types import SurfaceCommand
+
+STOPS: Final = (0.0, 1.0, -1.0, 0.0)  # of the deflection that is tried
+TOLERANCE_US: Final = 60.0  # an autopilot's own calibration bends a little
+TRIM_TOLERANCE_US: Final = 25.0
+MOVES_US: Final = 20.0  # less is no movement
+SPEED_MAX_MPS: Final = 1.0  # of an aircraft that stands on the ground
+HEARTBEAT_MAX_S: Final = 3.0
+SETTLE_S: Final = 0.2  # from a command to outputs that show it
+READ_BACK_S: Final = 2.0  # so long is waited for them
+FRAME_S: Final = 0.05  # between two commands
+
+NAMES: Final = ("elevator", "aileron", "rudder")
+# What a person must see: trailing edges, as seen from behind the aircraft.
+SIGHTS: Final = {
+    ("elevator", 1): "elevator UP: the nose would rise",
+    ("elevator", -1): "elevator DOWN: the nose would drop",
+    ("aileron", 1): "right aileron UP, left one DOWN: it would roll right",
+    ("aileron", -1): "right aileron DOWN, left one UP: it would roll left",
+    ("rudder", 1): "rudder to the RIGHT: the nose would go right",
+    ("rudder", -1): "rudder to the LEFT: the nose would go left",
+}
+
+
+class Stop(NamedTuple):
+    """One surface at one deflection, and what came back."""
+
+    surface: str
+    deflection: float
+    expected_us: int
+    servos_us: tuple[int, ...]  # all outputs; (): nothing came back
+
+
+class Finding(NamedTuple):
+    """What the outputs say of one surface."""
+
+    surface: str
+    faults: tuple[str, ...]  # none: as in the airframe file
+    trim_us: float  # NaN: not read back
+    low_us: float  # at the negative deflection
+    high_us: float
+
+
+class SurfaceCheck:
+    """Where the check stands; `step` says what to send."""
+
+    def __init__(
+        self,
+        channels: SurfaceChannels,
+        flavour: Flavour,
+        deflection: float,
+        hold_s: float,
+        *,
+        armed_on_ground: bool = False,
+    ) -> None:
+        """`deflection`: of full travel, 0 … 1.  `armed_on_ground`: a person says that it is."""
+        self.stops: list[Stop] = []
+        self._channels = channels
+        self._flavour = flavour
+        self._deflection = deflection
+        self._hold_s = hold_s
+        self._armed_on_ground = armed_on_ground
+        self._heartbeat: Heartbeat | None = None
+        self._heartbeat_s = float("-inf")
+        self._servos: tuple[int, ...] = ()
+        self._servos_s = float("-inf")
+        self._speed_mps = float("nan")
+        self._plan = [(name, share * deflection) for name in NAMES for share in STOPS]
+        self._at = 0
+        self._since_s = float("nan")  # when this stop began
+        self._sent_s = float("-inf")
+
+    def hear(self, message: object, now_s: float) -> None:
+        """Take in one message of the autopilot."""
+        if isinstance(message, Heartbeat):
+            self._heartbeat, self._heartbeat_s = message, now_s
+        elif isinstance(message, ServoOutputRaw):
+            self._servos, self._servos_s = message.servos, now_s
+        elif isinstance(message, LocalPositionNed):
+            self._speed_mps = hypot(message.vx, message.vy, message.vz)
+
+    def refusal(self, now_s: float) -> str:
+        """Why nothing may be moved now; "" if it may."""
+        heartbeat = self._heartbeat
+        if heartbeat is None or now_s - self._heartbeat_s > HEARTBEAT_MAX_S:
+            return "no heartbeat of the autopilot"
+        if heartbeat.base_mode & MODE_FLAG_ARMED:
+            if not self._armed_on_ground:
+                return (
+                    "the aircraft is armed and may be flying: disarm it; if it must be armed to"
+                    " move a surface, hold it on the ground and give --armed-on-ground"
+                )
+            if not self._speed_mps <= SPEED_MAX_MPS:
+                return f"the aircraft is armed and moves at {self._speed_mps:.1f} m/s"
+        if not self._flavour.obeys(heartbeat):
+            return "the autopilot is not in the mode in which it obeys: put it into MANUAL"
+        return ""
+
+    @property
+    def done(self) -> bool:
+        """Whether every surface has been at every stop."""
+        return self._at >= len(self._plan)
+
+    @property
+    def sight(self) -> str:
+        """What a person must see now; "" at neutral."""
+        if self.done:
+            return ""
+        surface, deflection = self._plan[self._at]
+        side = (deflection > 0.0) - (deflection < 0.0)
+        return SIGHTS.get((surface, side), "")
+
+    def held(self, now_s: float) -> bool:
+        """Whether the servo has had its time at this stop, and was read back if it can be."""
+        stayed_s = now_s - self._since_s
+        patient = stayed_s < self._hold_s + READ_BACK_S
+        return stayed_s >= self._hold_s and (self._is_read_back or not patient)
+
+    @property
+    def _is_read_back(self) -> bool:
+        """Whether the outputs were heard of since the servo has had time to go there."""
+        return self._servos_s - self._since_s >= SETTLE_S
+
+    def step(self, now_s: float) -> tuple[Said, ...]:
+        """What is to be sent now, as the override identity."""
+        if self.done:
+            return ()
+        if self._since_s != self._since_s:
+            self._since_s = now_s
+        if now_s - self._sent_s < FRAME_S:
+            return ()
+        self._sent_s = now_s
+        return self._flavour.surfaces(self._command())
+
+    def move_on(self) -> None:
+        """This stop has been looked at: note what came back, and go to the next."""
+        surface, deflection = self._plan[self._at]
+        channel = self._channels[NAMES.index(surface)]
+        self.stops.append(
+            Stop(
+                surface,
+                deflection,
+                pulse_width(channel, deflection),
+                self._servos if self._is_read_back else (),
+            )
+        )
+        self._at += 1
+        self._since_s = float("nan")
+        self._sent_s = float("-inf")
+
+    def findings(self) -> list[Finding]:
+        """What the outputs say of each surface that has been at all stops."""
+        found = []
+        for name, channel in zip(NAMES, self._channels, strict=True):
+            stops = [stop for stop in self.stops if stop.surface == name]
+            if len(stops) == len(STOPS):
+                found.append(finding(name, channel, stops))
+        return found
+
+    def _command(self) -> SurfaceCommand:
+        surface, deflection = self._plan[self._at]
+        return SurfaceCommand(*(deflection if name == surface else 0.0 for name in NAMES))
+
+
+def finding(surface: str, channel: SurfaceChannel, stops: list[Stop]) -> Finding:
+    """Compare the outputs at neutral, one way, the other way and neutral with the file."""
+    output = channel.channel - 1
+    if any(len(stop.servos_us) <= output or stop.servos_us[output] == 0 for stop in stops):
+        words = f"output {channel.channel} cannot be read back: no SERVO_OUTPUT_RAW, or not driven"
+        return Finding(surface, (words,), *(float("nan"),) * 3)
+    neutral, positive, negative, again = (stop.servos_us[output] for stop in stops)
+    expected = [stop.expected_us for stop in stops]
+    faults: list[str] = []
+    moved, should = positive - negative, expected[1] - expected[2]
+    if abs(moved) < MOVES_US:
+        faults.append(
+            f"output {channel.channel} does not move: is it this surface's channel, does the"
+            " autopilot obey our system id, is the safety switch pressed?"
+        )
+    elif (moved > 0) != (should > 0):
+        faults.append(
+            f"output {channel.channel} moves the other way than the file says: if the surface"
+            f" itself goes wrong, change surfaces.{surface}.reversed of the airframe file"
+        )
+    else:
+        for side, seen, wanted in (("+", positive, expected[1]), ("-", negative, expected[2])):
+            if abs(seen - wanted) > TOLERANCE_US:
+                faults.append(f"travel to {side}: {seen} us, the file says {wanted} us")
+    if abs(neutral - expected[0]) > TRIM_TOLERANCE_US:
+        faults.append(f"trim: {neutral} us, the file says {expected[0]} us")
+    if abs(again - neutral) > MOVES_US:
+        faults.append(f"does not come back: {again} us, was {neutral} us")
+    others = [
+        str(i + 1)
+        for i, low in enumerate(stops[2].servos_us)
+        if i != output
+        and i < len(stops[1].servos_us)
+        and abs(stops[1].servos_us[i] - low) >= MOVES_US
+    ]
+    if others:
+        faults.append(f"moves output {', '.join(others)} too: a mixer, or a channel used twice")
+    return Finding(surface, tuple(faults), neutral, negative, positive)
