@@ -86,6 +86,8 @@ class AutopilotLink(Strict, frozen=True):
     component_id: Annotated[int, Meta(ge=2, le=255)] = 191  # 1 is the autopilot itself
     override_system_id: SystemId = 255  # what the firmware's SYSID_MYGCS names
     operators: frozenset[SystemId] = OPERATORS  # who may set parameters and command
+    # The message that brings accelerations; "usual" is what the firmware does best.
+    imu: Literal["usual", "raw_imu", "scaled_imu", "highres_imu", "none"] = "usual"
 
 
 class AirframeFacts(Strict, frozen=True):
@@ -227,6 +229,21 @@ class Start(Strict, frozen=True):
     y_m: Finite = 0.0
 
 
+class HomePosition(Strict, frozen=True):
+    """Where the origin of local NED lies on the earth."""
+
+    latitude_deg: Annotated[float, Meta(ge=-90, le=90)]
+    longitude_deg: Annotated[float, Meta(ge=-180, le=180)]
+    altitude_m: Annotated[float, Meta(ge=-500, le=9000)]  # above mean sea level
+
+
+class Sender(Strict, frozen=True):
+    """A MAVLink system and component."""
+
+    system: SystemId
+    component: SystemId
+
+
 class Position(Strict, frozen=True):
     """Where the position comes from."""
 
@@ -236,10 +253,32 @@ class Position(Strict, frozen=True):
     )
     silence_s: Annotated[float, Meta(ge=0.02, le=2)] = 0.15  # then another source takes over
     return_s: Annotated[float, Meta(ge=0, le=60)] = 2.0  # steady for so long before taken back
+    home: HomePosition | None = None  # for global_position
+    vision_from: list[Sender] = []  # whose VISION_POSITION_ESTIMATE is believed
 
     def __post_init__(self) -> None:
         if not self.sources or len(set(self.sources)) != len(self.sources):
             raise ValueError("sources: name one or more, each once")
+        if "global_position" in self.sources and self.home is None:
+            raise ValueError(
+                'sources = ["global_position", ...]: needs home = { latitude_deg, longitude_deg,'
+                " altitude_m }, the origin of local NED"
+            )
+        if "vision" in self.sources and not self.vision_from:
+            raise ValueError(
+                'sources = ["vision", ...]: needs vision_from = [{ system, component }], whose'
+                " positions are believed"
+            )
+
+
+class Forward(Strict, frozen=True):
+    """Telling the autopilot the position that a tracker has measured."""
+
+    message: Literal["vision_position_estimate", "odometry"] = "vision_position_estimate"
+    rate_hz: Annotated[float, Meta(ge=5, le=100)] = 40.0  # EKF2 and EKF3 want 30 to 50
+    # Where the source does not tell its own; standard deviations.
+    sigma_m: Annotated[float, Meta(ge=1e-4, le=10)] | None = None
+    sigma_deg: Annotated[float, Meta(ge=0.01, le=45)] | None = None
 
 
 class Site(Strict, frozen=True):
@@ -247,6 +286,7 @@ class Site(Strict, frozen=True):
 
     site: Place
     position: Position = Position()
+    forward: Forward | None = None  # None: the autopilot is told nothing
     lines: dict[str, Line] = {}
     parameters: dict[str, float] = {}
     air: JetAir | HillAir | GridAir | None = None

@@ -41,7 +41,10 @@ from tgl_soar.link.codec import Decoder, Encoder
 from tgl_soar.link.commands import ABORT, ENGAGE, NOTHING, RELEASE, CommandServer
 from tgl_soar.link.engagement import Engagement
 from tgl_soar.link.messages import (
+    ID_HIGHRES_IMU,
+    ID_RAW_IMU,
     ID_RC_CHANNELS,
+    ID_SCALED_IMU,
     SEVERITY_ERROR,
     SEVERITY_INFO,
     SEVERITY_NOTICE,
@@ -59,12 +62,14 @@ from tgl_soar.link.messages import (
     SetupSigning,
     Source,
     Timesync,
+    VisionPositionEstimate,
 )
 from tgl_soar.link.parameters import ParameterServer
 from tgl_soar.link.routes import Route
 from tgl_soar.link.session import Session
 from tgl_soar.link.signing import KEY_BYTES, Signing
 from tgl_soar.link.sources import NUMBERS, PositionSources
+from tgl_soar.link.tangent_plane import Home
 from tgl_soar.link.telemetry import StatusTexts, Telemetry
 from tgl_soar.parameter_store import ParameterStore
 from tgl_soar.parameters import ParameterSet
@@ -101,6 +106,7 @@ class Setup(NamedTuple):
     contour: Contour = ()  # of the site, to warn by
     surface_channels: frozenset[int] = frozenset()  # none of them can be the pilot's switch
     position: Position = Position()  # the site's sources
+    imu: int | None = None  # the message that is to carry accelerations; None: the usual one
 
 
 @dataclass(slots=True)
@@ -143,6 +149,7 @@ def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Setu
             f"parameters.OP_RC_CHAN = {parameters['OP_RC_CHAN']:g}: this channel moves a surface"
             " ([surfaces] of the airframe file); give the channel of a switch, or 0"
         )
+    _believed(site.position, Source(link.system_id, link.component_id))
     return Setup(
         Source(link.system_id, link.component_id),
         Source(link.override_system_id, link.component_id),
@@ -154,7 +161,31 @@ def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Setu
         site.contour_for(airframe.airframe.name),
         driven,
         site.position,
+        _IMUS[link.imu],
     )
+
+
+_IMUS: Final = {
+    "usual": None,
+    "raw_imu": ID_RAW_IMU,
+    "scaled_imu": ID_SCALED_IMU,
+    "highres_imu": ID_HIGHRES_IMU,
+    "none": 0,
+}
+
+
+def _believed(position: Position, own: Source) -> frozenset[Source]:
+    """Whose VISION_POSITION_ESTIMATE is taken.
+
+    Errors: `ConfigError` for our own, which an autopilot may send back to us.
+    """
+    believed = frozenset(Source(s.system, s.component) for s in position.vision_from)
+    if own in believed:
+        raise ConfigError(
+            f"position.vision_from = system {own.system}, component {own.component}: that is"
+            " this module itself; name the bridge that measures"
+        )
+    return believed
 
 
 def _channel(surface: Surface) -> SurfaceChannel:
@@ -193,6 +224,7 @@ class Onboard:
         line = LineChanges(setup.presets, setup.contour)
         self.parameters = ParameterServer(setup.own, setup.parameters, self.texts, line)
         rate_hz = setup.parameters["LOOP_RATE"]
+        home = setup.position.home
         self.session = Session(
             setup.own,
             setup.flavour,
@@ -204,6 +236,9 @@ class Onboard:
                 silence_s=setup.position.silence_s,
                 return_s=setup.position.return_s,
             ),
+            home=Home(home.latitude_deg, home.longitude_deg, home.altitude_m) if home else None,
+            vision_from=_believed(setup.position, setup.own),
+            imu=setup.imu,
         )
         self.pacer = realtime.Pacer(rate_hz, now_s)
         self.strain = realtime.Strain()
@@ -303,14 +338,14 @@ class Onboard:
         if isinstance(message, SetupSigning):
             self._take_key(received.source, message, now_s)
             return
-        if route is not self._autopilot and not isinstance(message, Timesync | Heartbeat):
+        if route is not self._autopilot and not isinstance(message, _FROM_ANYWHERE):
             return  # nobody else's measurements are flown with
         if isinstance(message, RcChannels):
             if received.source == session.autopilot:
                 self._take_pilot_switch(message, self._clock(now_s))
             return
         sequence = session.attitude.sequence
-        if route is self._autopilot or isinstance(message, Timesync):
+        if route is self._autopilot or isinstance(message, Timesync | VisionPositionEstimate):
             self._say_all(session.handle(received, self._clock(now_s)), route)
         if session.attitude.sequence == sequence:
             return
@@ -519,7 +554,16 @@ class Onboard:
     def _tick(self, time_s: float) -> None:
         self.counters.ticks += 1
         session = self.session
-        inputs = Inputs(time_s, session.position, session.attitude, session.status, self._engage)
+        inputs = Inputs(
+            time_s,
+            session.position,
+            session.attitude,
+            session.status,
+            self._engage,
+            session.imu,
+            session.airspeed,
+            session.surfaces,
+        )
         self._state, output = autopilot.step(self._laws, self._state, inputs)
         self.output = output
         if output.active and _is_finite(output.command):
@@ -702,6 +746,10 @@ class Onboard:
     def _clock(self, now_s: float) -> float:
         """The loop's time."""
         return self.session.vehicle_time_s if self._vehicle_clock else now_s
+
+
+# Whom the session looks at itself: a bridge whose positions are believed may sit on any link.
+_FROM_ANYWHERE: Final = Timesync | Heartbeat | VisionPositionEstimate
 
 
 def _nowhere(_text: str) -> None:

@@ -14,7 +14,9 @@ from tgl_soar.link.messages import (
     AttitudeQuaternion,
     CommandAck,
     CommandLong,
+    GlobalPositionInt,
     Heartbeat,
+    HighresImu,
     LocalPositionNed,
     NamedValueFloat,
     Odometry,
@@ -22,12 +24,17 @@ from tgl_soar.link.messages import (
     ParamRequestRead,
     ParamSet,
     ParamValue,
+    RawImu,
     RcChannelsOverride,
     Said,
+    ScaledImu,
     ServoOutputRaw,
     Source,
     StatusText,
+    SysStatus,
     Timesync,
+    VfrHud,
+    VisionPositionEstimate,
 )
 
 
@@ -51,7 +58,47 @@ KNOWN = [
         Odometry(
             *(7_000_000, 20, 12, 1.0, 2.0, 3.0, (1.0, 0.0, 0.0, 0.0)),
             *(4.0, 5.0, 6.0, 7.0, 8.0, 9.0),
+            *((0.0,) * 21, (0.0,) * 21),
         ),
+    ),
+    (
+        mavlink.MAVLink_vision_position_estimate_message(
+            9_000_000, 1, 2, -3, 0.5, -0.25, 1.5, [0.25] * 21
+        ),
+        VisionPositionEstimate(9_000_000, 1.0, 2.0, -3.0, 0.5, -0.25, 1.5, (0.25,) * 21),
+    ),
+    (
+        mavlink.MAVLink_global_position_int_message(
+            5, 519_990_001, -43_770_002, 12_345, 1_000, -120, 34, -5, 9_000
+        ),
+        GlobalPositionInt(5, 519_990_001, -43_770_002, 12_345, -120, 34, -5),
+    ),
+    (
+        mavlink.MAVLink_highres_imu_message(
+            77_000_123, 0.5, -0.25, -9.75, 0.125, 1, 2, 3, 4, 5, 1013.25, 0.5, 7, 15.5, 0x43F
+        ),
+        HighresImu(77_000_123, 0.5, -0.25, -9.75, 0.125, 1.0, 2.0, 1013.25, 0.5, 15.5, 0x43F),
+    ),
+    (
+        mavlink.MAVLink_scaled_imu_message(5, 10, -20, -1000, 1, 2, 3, 4, 5, 6),
+        ScaledImu(26, 5, 10, -20, -1000, 1, 2, 3),
+    ),
+    (
+        mavlink.MAVLink_scaled_imu2_message(6, 10, -20, -1000, 1, 2, 3, 4, 5, 6),
+        ScaledImu(116, 6, 10, -20, -1000, 1, 2, 3),
+    ),
+    (
+        mavlink.MAVLink_scaled_imu3_message(7, 10, -20, -1000, 1, 2, 3, 4, 5, 6),
+        ScaledImu(129, 7, 10, -20, -1000, 1, 2, 3),
+    ),
+    (
+        mavlink.MAVLink_raw_imu_message(5_000_007, 10, -20, -1000, 1, 2, 3, 4, 5, 6),
+        RawImu(5_000_007, 10, -20, -1000, 1, 2, 3),
+    ),
+    (mavlink.MAVLink_vfr_hud_message(8.5, 0.25, 270, 0, 120.5, -0.5), VfrHud(8.5, 120.5)),
+    (
+        mavlink.MAVLink_sys_status_message(*(48, 32, 16), *(0,) * 10),
+        SysStatus(48, 16),
     ),
     (
         mavlink.MAVLink_servo_output_raw_message(5, 0, *range(1500, 1508)),
@@ -106,7 +153,7 @@ def test_signed_frames_are_read() -> None:
 def test_other_messages_pass_unread_and_unknown_ones_are_stepped_over() -> None:
     decoder = Decoder(stream=False)
     unknown = bytes((0xFD, 4, 0, 0, 0, 1, 1, 0xFF, 0xEE, 0xDD)) + b"abcd" + b"??"
-    other = packed(mavlink.MAVLink_vfr_hud_message(1, 2, 3, 4, 5, 6))
+    other = packed(mavlink.MAVLink_system_time_message(1, 2))
     received = decoder.feed(packed(HEARTBEAT) + unknown + other + packed(ATTITUDE))
     assert [type(r.message) for r in received] == [Heartbeat, AttitudeQuaternion]
     assert decoder.counters.unknown == 1

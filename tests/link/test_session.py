@@ -19,11 +19,14 @@ from tgl_soar.link.messages import (
     Odometry,
     ParamRequestRead,
     ParamValue,
+    RawImu,
     Received,
     Said,
     ServoOutputRaw,
     Source,
+    SysStatus,
     Timesync,
+    VfrHud,
 )
 from tgl_soar.link.session import Session
 
@@ -138,7 +141,12 @@ def test_the_streams_are_asked_for_one_at_a_time() -> None:
     assert requests(talk.poll(0.1)) == []
     hear(talk, CommandAck(511, 0, 1, 191), 0.1)
     assert requests(talk.poll(0.1)) == [(32.0, 20000.0)]
-    assert requests(talk.poll(0.7)) == [(36.0, 200000.0)]  # the second answer is lost
+    assert requests(talk.poll(0.7)) == [(36.0, 20000.0)]  # the second answer is lost
+    later = []
+    for i in range(3):
+        hear(talk, CommandAck(511, 0, 1, 191), 0.8 + 0.1 * i)
+        later += requests(talk.poll(0.8 + 0.1 * i))
+    assert later == [(27.0, 5000.0), (74.0, 50000.0), (1.0, 1000000.0)]
 
 
 def test_a_stream_that_comes_is_not_asked_for_again() -> None:
@@ -152,18 +160,22 @@ def test_a_stream_that_comes_is_not_asked_for_again() -> None:
         hear(talk, attitude(i * 5), now)
         if i % 4 == 0:
             hear(talk, position(i * 5), now)
-        if i % 40 == 0:
             hear(talk, ServoOutputRaw(i * 5000, 0, (1500,) * 16), now)
-    assert len(made) == 3
+        hear(talk, RawImu(i * 5000, 0, 0, -1000, 0, 0, 0), now)
+        if i % 10 == 0:
+            hear(talk, VfrHud(9.0, 0.0), now)
+        if i % 200 == 0:
+            hear(talk, SysStatus(0, 0), now)
+    assert len(made) == 6
 
 
 def test_a_stream_that_stays_away_is_asked_for_ever_more_seldom() -> None:
     talk = session()
     hear(talk, MANUAL, 0.0)
-    first = asked_over(talk, 10.0, result=None)
-    later = asked_over(talk, 100.0, result=None, start_s=10.0)
-    assert 3 * 3 <= first <= 3 * 4
-    assert 3 * 5 <= later <= 3 * 8
+    first = asked_over(talk, 12.0, result=None)
+    later = asked_over(talk, 100.0, result=None, start_s=12.0)
+    assert 6 * 3 <= first <= 6 * 4
+    assert 6 * 5 <= later <= 6 * 8
 
 
 def test_a_stream_that_is_too_slow_is_asked_for_again() -> None:
@@ -226,7 +238,7 @@ def test_an_answer_to_somebody_else_is_not_ours() -> None:
 def test_after_a_reboot_all_is_asked_for_again_and_we_greet_at_once() -> None:
     talk = session()
     hear(talk, MANUAL, 0.0)
-    assert asked_over(talk, 1.0, result=0) == 3
+    assert asked_over(talk, 1.0, result=0) == 6
     hear(talk, attitude(300_000), 1.0)
     hear(talk, position(300_000), 1.0)
     for late_ms in (1_000, 1_005):
@@ -297,7 +309,7 @@ def test_measurements_become_samples() -> None:
     hear(talk, position(1000), 50.0)
     assert talk.attitude == (1, 50.0, 1.0, 0.0, 0.0, 0.0, 0.1, 0.2, 0.3)
     assert talk.position[:8] == (1, 50.0, 1.0, 2.0, -3.0, 0.1, 0.2, 0.3)
-    assert talk.vehicle_time_s == 1.0
+    assert 1.0 <= talk.vehicle_time_s <= 1.001
 
 
 def test_repeated_late_and_broken_samples_are_refused_and_counted() -> None:

@@ -198,7 +198,7 @@ def test_the_streams_are_asked_for(flight: Flight) -> None:
     flight.attitude_hz = flight.position_hz = 0.0
     flight.run(3.0)
     asked = {(m.param1, m.param2) for m in flight.said("COMMAND_LONG")}
-    assert {(31.0, 5000.0), (32.0, 20000.0), (36.0, 200000.0)} <= asked
+    assert {(31.0, 5000.0), (32.0, 20000.0), (36.0, 20000.0), (27.0, 5000.0)} <= asked
 
 
 def test_a_new_peer_is_greeted_before_anything_else(flight: Flight) -> None:

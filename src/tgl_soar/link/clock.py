@@ -7,15 +7,25 @@ A sample is stamped by the vehicle when it was true and arrives d later:
 The smallest arrival - stamp seen is the offset plus the smallest delay; the jitter of all other
 samples is gone.  It is forgotten at `FORGET` per second, so that two quartzes that run apart
 are followed; a constant part of the delay cannot be seen (EST_DELAY is for that).
+
+A stamp that counts milliseconds in 32 bits begins again at zero after 49.7 days, one that counts
+microseconds after 71.6 minutes; and one of whole milliseconds is made finer by `sensor_clock`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from typing import Final
+
+from .sensor_clock import SensorClock
 
 FORGET: Final = 1e-4  # s/s: more than two quartzes drift apart
 REBOOT_S: Final = 1.0  # further back than this, it may have begun anew
 REBOOT_STAMPS: Final = 3  # so many in a row that count on from there: it has
+MILLISECONDS_WRAP_S: Final = 2**32 * 1e-3
+MICROSECONDS_WRAP_S: Final = 2**32 * 1e-6
+NEAR_WRAP_S: Final = 300.0  # further from it a clock that has gone back began anew
+SHARED_S: Final = 0.5  # streams whose offsets are no further apart have one clock
 
 NAN: Final = float("nan")
 
@@ -76,3 +86,95 @@ class StampOrder:
         self.newest_s = stamp_s
         self._behind = 0
         return self.REBOOT
+
+
+class Stream:
+    """What is known of the stamps of one stream."""
+
+    __slots__ = ("_ahead_s", "_newest_s", "_wrap_s", "foreign", "map", "order", "sensor")
+
+    def __init__(self, wrap_s: float, *, quantised: bool, foreign: bool) -> None:
+        self.order = StampOrder()
+        self.map = ClockMap()
+        self.sensor = SensorClock() if quantised else None
+        self.foreign = foreign  # of another clock than the autopilot's
+        self._wrap_s = wrap_s
+        self._newest_s = NAN
+        self._ahead_s = 0.0  # what the stamps have lost by beginning again at zero
+
+    def unwrapped(self, stamp_s: float) -> float:
+        """The stamp as if its counter had no end."""
+        gone_back_s = self._newest_s - stamp_s  # NaN: the first one
+        if gone_back_s > self._wrap_s - NEAR_WRAP_S:
+            self._ahead_s += self._wrap_s
+        elif -gone_back_s > self._wrap_s - NEAR_WRAP_S:  # of before, and long under way
+            return stamp_s + self._ahead_s - self._wrap_s
+        self._newest_s = stamp_s
+        return stamp_s + self._ahead_s
+
+    def restart(self) -> None:
+        """The clock of this stream began anew: only the order of its stamps is left."""
+        self.map.reset()
+        if self.sensor is not None:
+            self.sensor = SensorClock()
+
+    def forget(self) -> None:
+        """Whatever comes next is the first."""
+        self.restart()
+        self.order = StampOrder()
+        self._newest_s, self._ahead_s = NAN, 0.0
+
+
+class StampedStreams:
+    """The stamps of all streams, on one clock: ours."""
+
+    def __init__(self, *, lockstep: bool) -> None:
+        """`lockstep`: the loop's clock is the vehicle's, and nothing is mapped."""
+        self.reboots = 0
+        self._lockstep = lockstep
+        self._streams: dict[Hashable, Stream] = {}
+
+    def time_of(
+        self,
+        key: Hashable,
+        stamp_s: float,
+        now_s: float,
+        *,
+        wrap_s: float = MILLISECONDS_WRAP_S,
+        quantised: bool = False,
+        foreign: bool = False,
+    ) -> tuple[float, float] | None:
+        """(when it was true on the loop's clock, on the sender's); None: it is not new.
+
+        `quantised`: the stamp counts whole milliseconds.  `wrap_s`: where it begins again at
+        zero; inf: nowhere.  `foreign`: of another clock than the autopilot's.
+        """
+        stream = self._streams.get(key)
+        if stream is None:
+            stream = self._streams[key] = Stream(wrap_s, quantised=quantised, foreign=foreign)
+        stamp_s = stream.unwrapped(stamp_s)
+        verdict = stream.order.judge(stamp_s)
+        if verdict == StampOrder.STALE:
+            return None
+        if verdict == StampOrder.REBOOT:
+            stream.restart()
+            if not foreign:
+                self._rebooted(stream)
+        if self._lockstep:
+            return stamp_s, stamp_s
+        if stream.sensor is not None:
+            stamp_s = stream.sensor.recover(stamp_s)
+        time_s = stream.map.observe(stamp_s, now_s)
+        if not foreign:
+            # Streams stamped by one clock share what the fastest of them has learnt of it.
+            mine_s = stream.map.offset_s
+            for other in self._streams.values():
+                if not other.foreign and mine_s - SHARED_S < other.map.offset_s < mine_s:
+                    time_s = min(time_s, stamp_s + other.map.offset_s)
+        return time_s, stamp_s
+
+    def _rebooted(self, which: Stream) -> None:
+        self.reboots += 1
+        for stream in self._streams.values():
+            if stream is not which and not stream.foreign:
+                stream.forget()

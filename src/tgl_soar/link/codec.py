@@ -24,8 +24,10 @@ from .messages import (
     CommandInt,
     CommandLong,
     DebugFloatArray,
+    GlobalPositionInt,
     Heard,
     Heartbeat,
+    HighresImu,
     LocalPositionNed,
     MessageInterval,
     NamedValueFloat,
@@ -36,15 +38,20 @@ from .messages import (
     ParamRequestRead,
     ParamSet,
     ParamValue,
+    RawImu,
     RcChannels,
     RcChannelsOverride,
     Received,
     Said,
+    ScaledImu,
     ServoOutputRaw,
     SetupSigning,
     Source,
     StatusText,
+    SysStatus,
     Timesync,
+    VfrHud,
+    VisionPositionEstimate,
 )
 from .signing import Signing
 
@@ -293,7 +300,52 @@ def _odometry(m: Any) -> Heard:
         m.rollspeed,
         m.pitchspeed,
         m.yawspeed,
+        tuple(m.pose_covariance),
+        tuple(m.velocity_covariance),
+        m.estimator_type,
     )
+
+
+def _vision_position_estimate(m: Any) -> Heard:
+    pose = m.x, m.y, m.z, m.roll, m.pitch, m.yaw
+    return VisionPositionEstimate(m.usec, *pose, tuple(m.covariance))
+
+
+def _global_position_int(m: Any) -> Heard:
+    return GlobalPositionInt(m.time_boot_ms, m.lat, m.lon, m.alt, m.vx, m.vy, m.vz)
+
+
+def _highres_imu(m: Any) -> Heard:
+    return HighresImu(
+        m.time_usec,
+        m.xacc,
+        m.yacc,
+        m.zacc,
+        m.xgyro,
+        m.ygyro,
+        m.zgyro,
+        m.abs_pressure,
+        m.diff_pressure,
+        m.temperature,
+        m.fields_updated,
+    )
+
+
+def _scaled_imu(m: Any) -> Heard:
+    force, rate = (m.xacc, m.yacc, m.zacc), (m.xgyro, m.ygyro, m.zgyro)
+    return ScaledImu(m.get_msgId(), m.time_boot_ms, *force, *rate)
+
+
+def _raw_imu(m: Any) -> Heard:
+    return RawImu(m.time_usec, m.xacc, m.yacc, m.zacc, m.xgyro, m.ygyro, m.zgyro)
+
+
+def _vfr_hud(m: Any) -> Heard:
+    return VfrHud(m.airspeed, m.alt)
+
+
+def _sys_status(m: Any) -> Heard:
+    return SysStatus(m.onboard_control_sensors_present, m.onboard_control_sensors_health)
 
 
 def _servo_output_raw(m: Any) -> Heard:
@@ -359,6 +411,15 @@ _HEARD: Final[dict[int, Callable[[Any], Heard]]] = {
     dialect.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: _attitude_quaternion,
     dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED: _local_position_ned,
     dialect.MAVLINK_MSG_ID_ODOMETRY: _odometry,
+    dialect.MAVLINK_MSG_ID_VISION_POSITION_ESTIMATE: _vision_position_estimate,
+    dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: _global_position_int,
+    dialect.MAVLINK_MSG_ID_HIGHRES_IMU: _highres_imu,
+    dialect.MAVLINK_MSG_ID_SCALED_IMU: _scaled_imu,
+    dialect.MAVLINK_MSG_ID_SCALED_IMU2: _scaled_imu,
+    dialect.MAVLINK_MSG_ID_SCALED_IMU3: _scaled_imu,
+    dialect.MAVLINK_MSG_ID_RAW_IMU: _raw_imu,
+    dialect.MAVLINK_MSG_ID_VFR_HUD: _vfr_hud,
+    dialect.MAVLINK_MSG_ID_SYS_STATUS: _sys_status,
     dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: _servo_output_raw,
     dialect.MAVLINK_MSG_ID_COMMAND_LONG: _command_long,
     dialect.MAVLINK_MSG_ID_COMMAND_INT: _command_int,
@@ -517,6 +578,27 @@ def _pack_nav_controller_output(m: Any) -> Any:
     )
 
 
+def _pack_odometry(m: Any) -> Any:
+    return dialect.MAVLink_odometry_message(
+        m.time_usec,
+        m.frame_id,
+        m.child_frame_id,
+        *map(_float32, (m.x, m.y, m.z)),
+        list(m.q),
+        *map(_float32, (m.vx, m.vy, m.vz, m.rollspeed, m.pitchspeed, m.yawspeed)),
+        list(map(_float32, m.pose_covariance)),
+        list(map(_float32, m.velocity_covariance)),
+        0,
+        m.estimator_type,
+    )
+
+
+def _pack_vision_position_estimate(m: Any) -> Any:
+    pose = map(_float32, (m.x, m.y, m.z, m.roll, m.pitch, m.yaw))
+    covariance = list(map(_float32, m.covariance))
+    return dialect.MAVLink_vision_position_estimate_message(m.usec, *pose, covariance)
+
+
 _SAID: Final[dict[type[Said], Callable[[Any], Any]]] = {
     Heartbeat: _pack_heartbeat,
     CommandLong: _pack_command_long,
@@ -532,4 +614,6 @@ _SAID: Final[dict[type[Said], Callable[[Any], Any]]] = {
     MessageInterval: _pack_message_interval,
     DebugFloatArray: _pack_debug_float_array,
     NavControllerOutput: _pack_nav_controller_output,
+    Odometry: _pack_odometry,
+    VisionPositionEstimate: _pack_vision_position_estimate,
 }

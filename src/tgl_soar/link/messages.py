@@ -17,6 +17,11 @@ COMPONENT_AUTOPILOT: Final = 1
 MODE_FLAG_CUSTOM_MODE: Final = 1
 MODE_FLAG_ARMED: Final = 128
 STATE_ACTIVE: Final = 4
+STATE_CRITICAL: Final = 5
+STATE_EMERGENCY: Final = 6
+SENSOR_DIFFERENTIAL_PRESSURE: Final = 16  # MAV_SYS_STATUS_SENSOR: a pitot tube
+ESTIMATOR_MOCAP: Final = 5  # MAV_ESTIMATOR_TYPE
+ESTIMATOR_VISION: Final = 2
 
 # MAV_SEVERITY
 SEVERITY_CRITICAL: Final = 2
@@ -51,10 +56,19 @@ FRAME_LOCAL_FRD: Final = 20
 PARAM_TYPE_REAL32: Final = 9
 
 # Message numbers of the streams that are asked for
-ID_RC_CHANNELS: Final = 65
+ID_SYS_STATUS: Final = 1
+ID_SCALED_IMU: Final = 26
+ID_RAW_IMU: Final = 27
 ID_ATTITUDE_QUATERNION: Final = 31
 ID_LOCAL_POSITION_NED: Final = 32
+ID_GLOBAL_POSITION_INT: Final = 33
 ID_SERVO_OUTPUT_RAW: Final = 36
+ID_RC_CHANNELS: Final = 65
+ID_VFR_HUD: Final = 74
+ID_VISION_POSITION_ESTIMATE: Final = 102
+ID_HIGHRES_IMU: Final = 105
+ID_SCALED_IMU2: Final = 116
+ID_SCALED_IMU3: Final = 129
 ID_ODOMETRY: Final = 331
 
 # Message numbers of what we say, for those who ask for it
@@ -69,6 +83,10 @@ ID_DEBUG_FLOAT_ARRAY: Final = 350
 CAPABILITY_COMMAND_INT: Final = 1 << 3
 CAPABILITY_MAVLINK2: Final = 1 << 13
 CAPABILITY_PARAM_ENCODE_C_CAST: Final = 1 << 17
+
+
+# A covariance of which nothing is known.
+UNKNOWN_COVARIANCE: Final = (float("nan"), *(0.0,) * 20)
 
 
 class Source(NamedTuple):
@@ -121,6 +139,78 @@ class Odometry(NamedTuple):
     rollspeed: float
     pitchspeed: float
     yawspeed: float
+    # Upper triangles of 6 x 6, row by row; NaN in the first: unknown.
+    pose_covariance: tuple[float, ...] = UNKNOWN_COVARIANCE
+    velocity_covariance: tuple[float, ...] = UNKNOWN_COVARIANCE
+    estimator_type: int = 0
+
+
+class VisionPositionEstimate(NamedTuple):
+    usec: int  # of the sender's clock
+    x: float
+    y: float
+    z: float
+    roll: float
+    pitch: float
+    yaw: float
+    covariance: tuple[float, ...] = UNKNOWN_COVARIANCE  # upper triangle of 6 x 6, row by row
+
+
+class GlobalPositionInt(NamedTuple):
+    time_boot_ms: int
+    lat: int  # [deg 1e-7]
+    lon: int
+    alt: int  # above mean sea level [mm]
+    vx: int  # [cm/s], NED
+    vy: int
+    vz: int
+
+
+class HighresImu(NamedTuple):
+    time_usec: int
+    xacc: float  # [m/s2]
+    yacc: float
+    zacc: float
+    xgyro: float  # [rad/s]
+    ygyro: float
+    zgyro: float
+    abs_pressure: float  # [hPa]
+    diff_pressure: float  # [hPa]
+    temperature: float  # [degC]
+    fields_updated: int
+
+
+class ScaledImu(NamedTuple):
+    """SCALED_IMU, SCALED_IMU2 and SCALED_IMU3."""
+
+    message_id: int  # which of the three
+    time_boot_ms: int
+    xacc: int  # [mG]
+    yacc: int
+    zacc: int
+    xgyro: int  # [mrad/s]
+    ygyro: int
+    zgyro: int
+
+
+class RawImu(NamedTuple):
+    time_usec: int
+    xacc: int  # no unit by the definition; the firmware says
+    yacc: int
+    zacc: int
+    xgyro: int
+    ygyro: int
+    zgyro: int
+
+
+class VfrHud(NamedTuple):
+    airspeed: float  # [m/s]
+    alt: float  # above mean sea level [m]
+
+
+class SysStatus(NamedTuple):
+    sensors_present: int  # MAV_SYS_STATUS_SENSOR
+    sensors_health: int
 
 
 class ServoOutputRaw(NamedTuple):
@@ -263,7 +353,14 @@ Heard: TypeAlias = (
     Heartbeat
     | AttitudeQuaternion
     | LocalPositionNed
+    | GlobalPositionInt
     | Odometry
+    | VisionPositionEstimate
+    | HighresImu
+    | ScaledImu
+    | RawImu
+    | VfrHud
+    | SysStatus
     | ServoOutputRaw
     | CommandLong
     | CommandInt
@@ -292,6 +389,8 @@ Said: TypeAlias = (
     | MessageInterval
     | DebugFloatArray
     | NavControllerOutput
+    | Odometry
+    | VisionPositionEstimate
 )
 
 

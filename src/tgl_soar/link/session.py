@@ -7,24 +7,34 @@ believed; ground stations and other vehicles on the same link are not.
 
 Stamps of the vehicle become times on the loop's clock here (`clock`).  In lockstep the loop's
 clock *is* the vehicle's and nothing is mapped.
+
+Of several messages that carry the same (attitude, accelerations) one is taken at a time.
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection, Hashable
 from dataclasses import dataclass
-from math import isfinite
+from math import inf, isfinite
 from typing import Final
 
+from tgl_soar.geometry import quaternion_from_euler
 from tgl_soar.types import (
     NAN,
+    NO_AIRSPEED,
     NO_ATTITUDE,
+    NO_IMU,
+    NO_SURFACES,
+    AirspeedSample,
     AttitudeSample,
     AutopilotStatus,
+    ImuSample,
     PositionFix,
+    SurfacesSample,
 )
 
 from .autopilots.base import Flavour
-from .clock import ClockMap, StampOrder
+from .clock import MICROSECONDS_WRAP_S, MILLISECONDS_WRAP_S, StampedStreams
 from .inquiry import SenderInquiry
 from .messages import (
     AUTOPILOT_INVALID,
@@ -35,10 +45,17 @@ from .messages import (
     FRAME_LOCAL_FRD,
     FRAME_LOCAL_NED,
     ID_ATTITUDE_QUATERNION,
+    ID_GLOBAL_POSITION_INT,
+    ID_HIGHRES_IMU,
     ID_LOCAL_POSITION_NED,
     ID_ODOMETRY,
+    ID_RAW_IMU,
+    ID_SCALED_IMU,
     ID_SERVO_OUTPUT_RAW,
+    ID_SYS_STATUS,
+    ID_VFR_HUD,
     MODE_FLAG_ARMED,
+    SENSOR_DIFFERENTIAL_PRESSURE,
     SEVERITY_INFO,
     SEVERITY_WARNING,
     STATE_ACTIVE,
@@ -46,25 +63,47 @@ from .messages import (
     TYPE_ONBOARD_CONTROLLER,
     AttitudeQuaternion,
     CommandAck,
+    GlobalPositionInt,
     Heartbeat,
+    HighresImu,
     LocalPositionNed,
     Odometry,
     ParamValue,
+    RawImu,
     Received,
     Said,
+    ScaledImu,
     ServoOutputRaw,
     Source,
+    SysStatus,
     Timesync,
+    VfrHud,
+    VisionPositionEstimate,
 )
-from .sources import LOCAL_POSITION, ODOMETRY, PositionSources
+from .sensing import airspeed_of_hud, airspeed_of_pressure, imu_of, sigma_of
+from .sources import (
+    GLOBAL_POSITION,
+    LOCAL_POSITION,
+    ODOMETRY,
+    VISION,
+    PositionSources,
+    Quaternion,
+)
 from .streams import StreamRequests
+from .tangent_plane import Home, TangentPlane
 from .timesync import RoundTrip
 
 HEARTBEAT_S: Final = 1.0
 POSITION_HZ: Final = 50.0
-SERVO_HZ: Final = 5.0
-SOURCE_SILENCE_S: Final = 0.5  # after this another message may give the attitude
-FUTURE_S: Final = 0.02
+SERVO_HZ: Final = 50.0
+STATUS_HZ: Final = 1.0
+IMU_NAMES: Final = {
+    ID_RAW_IMU: "RAW_IMU",
+    ID_SCALED_IMU: "SCALED_IMU",
+    ID_HIGHRES_IMU: "HIGHRES_IMU",
+}
+SILENCE_S: Final = 0.5  # after this another message may give the same quantity
+FAR_M: Final = 100_000.0  # from the home: no place of this flight
 MAX_HEARD: Final = 32  # senders remembered, for the message that nobody answers
 
 _LOCAL_FRAMES: Final = (FRAME_LOCAL_NED, FRAME_LOCAL_FRD)
@@ -80,9 +119,34 @@ class SessionCounters:
     positions: int = 0  # taken
     stale: int = 0  # repeated or out of order
     not_finite: int = 0
+    imus: int = 0  # taken
+    airspeeds: int = 0  # taken
+    no_measurement: int = 0  # of accelerations or airspeed that cannot be
+    far: int = 0  # GLOBAL_POSITION_INT that is nowhere near the home
     wrong_frame: int = 0  # ODOMETRY in a frame that is not understood
     foreign: int = 0  # measurements of another system or component
     reboots: int = 0
+
+
+class Exclusive:
+    """Of several messages that carry the same, one speaks; another when that has fallen silent."""
+
+    def __init__(self) -> None:
+        self._speaker: Hashable = None
+        self._heard_s = NAN
+
+    def speaks(self, message: Hashable, now_s: float) -> bool:
+        """Whether this one is to be taken."""
+        if message != self._speaker:
+            if now_s - self._heard_s <= SILENCE_S:
+                return False
+            self._speaker = message
+        self._heard_s = now_s
+        return True
+
+    def rebase(self) -> None:
+        """The clock is another one."""
+        self._heard_s = NAN
 
 
 class Session:
@@ -97,11 +161,22 @@ class Session:
         override_system: int = 255,
         lockstep: bool = False,
         sources: PositionSources | None = None,
+        home: Home | None = None,
+        vision_from: Collection[Source] = (),
+        imu: int | None = None,
     ) -> None:
-        """`sources`: whose positions are taken; of the autopilot's alone if not given."""
+        """`sources`: whose positions are taken; of the autopilot's alone if not given.
+
+        `home`: where latitude and longitude are counted from.  `vision_from`: whose
+        VISION_POSITION_ESTIMATE is believed.  `imu`: the message that is to carry
+        accelerations; None: the firmware's usual one, 0: none.
+        """
         self.counters = SessionCounters()
         self.sources = sources or PositionSources()
         self.attitude = NO_ATTITUDE
+        self.imu = NO_IMU
+        self.airspeed = NO_AIRSPEED
+        self.surfaces = NO_SURFACES
         self.status = AutopilotStatus(NAN, False, False)
         self.vehicle_time_s = NAN  # newest stamp of the attitude, vehicle's clock
         self.servos_us: tuple[int, ...] = ()
@@ -115,17 +190,35 @@ class Session:
         self._flavour = flavour
         self._lockstep = lockstep
         self._heartbeat_due_s = float("-inf")
-        self._orders: dict[int, StampOrder] = {}
-        self._clocks: dict[int, ClockMap] = {}
-        self._attitude_source = 0
-        self._attitude_heard_s = NAN
-        self.set_loop_rate(loop_rate_hz)
-        self.streams.want(ID_LOCAL_POSITION_NED, "LOCAL_POSITION_NED", POSITION_HZ)
+        self._stamps = StampedStreams(lockstep=lockstep)
+        self._attitude_from, self._imu_from = Exclusive(), Exclusive()
+        self._has_pitot = False
+        self._vision_from = frozenset(vision_from)
+        self._plane = TangentPlane(home) if home is not None else None
+        self._imus = list(flavour.sensors.imu) if imu is None else [imu] if imu else []
+        self.streams.want(ID_ATTITUDE_QUATERNION, "ATTITUDE_QUATERNION", loop_rate_hz)
+        self._want_positions()
         self.streams.want(ID_SERVO_OUTPUT_RAW, "SERVO_OUTPUT_RAW", SERVO_HZ)
+        self.set_loop_rate(loop_rate_hz)
+        self.streams.want(*flavour.sensors.airspeed)
+        self.streams.want(ID_SYS_STATUS, "SYS_STATUS", STATUS_HZ)
 
     def set_loop_rate(self, loop_rate_hz: float) -> None:
-        """The attitude is wanted once a tick."""
+        """Attitude and accelerations are wanted once a tick."""
+        self._loop_rate_hz = loop_rate_hz
         self.streams.want(ID_ATTITUDE_QUATERNION, "ATTITUDE_QUATERNION", loop_rate_hz)
+        if self._imus:
+            self.streams.want(self._imus[0], IMU_NAMES[self._imus[0]], loop_rate_hz)
+
+    def _want_positions(self) -> None:
+        """ODOMETRY is what LOCAL_POSITION_NED is: asked for where that is refused."""
+        named = self.sources.health
+        if LOCAL_POSITION in named:
+            self.streams.want(ID_LOCAL_POSITION_NED, "LOCAL_POSITION_NED", POSITION_HZ)
+        elif ODOMETRY in named:
+            self.streams.want(ID_ODOMETRY, "ODOMETRY", POSITION_HZ)
+        if GLOBAL_POSITION in named:
+            self.streams.want(ID_GLOBAL_POSITION_INT, "GLOBAL_POSITION_INT", POSITION_HZ)
 
     @property
     def position(self) -> PositionFix:
@@ -173,7 +266,8 @@ class Session:
         """The loop's clock was changed to now_s: whatever was timed by the old one begins anew."""
         self._heartbeat_due_s = now_s
         self.sources.rebase()
-        self._attitude_heard_s = NAN
+        self._attitude_from.rebase()
+        self._imu_from.rebase()
         self.streams.restart()
         self.round_trip.restart()
         self._inquiry.restart()
@@ -189,21 +283,33 @@ class Session:
             self.heard[source] += 1
         if isinstance(message, Timesync):
             return self._timesync(source, message, now_s)
+        if isinstance(message, VisionPositionEstimate):
+            self._take_vision(source, message, now_s)
+            return []
         if source != self.autopilot:
-            if isinstance(message, AttitudeQuaternion | LocalPositionNed | Odometry):
+            if isinstance(message, _MEASUREMENTS):
                 self.counters.foreign += 1
             return []
         if isinstance(message, AttitudeQuaternion):
             self._take_attitude_quaternion(message, now_s)
+        elif isinstance(message, HighresImu | RawImu | ScaledImu):
+            self._take_imu(message, now_s)
         elif isinstance(message, LocalPositionNed):
             self._take_local_position(message, now_s)
         elif isinstance(message, Odometry):
             self._take_odometry(message, now_s)
+        elif isinstance(message, GlobalPositionInt):
+            self._take_global_position(message, now_s)
+        elif isinstance(message, ServoOutputRaw):
+            self._take_servos(message, now_s)
+        elif isinstance(message, VfrHud):
+            self._take_hud(message, now_s)
+        elif isinstance(message, SysStatus):
+            self.streams.heard(ID_SYS_STATUS)
+            pitot = message.sensors_present & message.sensors_health
+            self._has_pitot = pitot & SENSOR_DIFFERENTIAL_PRESSURE != 0
         elif isinstance(message, Heartbeat):
             self._take_heartbeat(message, now_s)
-        elif isinstance(message, ServoOutputRaw):
-            self.streams.heard(ID_SERVO_OUTPUT_RAW)
-            self.servos_us = message.servos
         elif isinstance(message, ParamValue):
             self._inquiry.heard(message)
         elif isinstance(message, CommandAck):
@@ -227,7 +333,11 @@ class Session:
             return
         self.counters.heartbeats += 1
         self.status = AutopilotStatus(
-            now_s, self._flavour.obeys(message), message.base_mode & MODE_FLAG_ARMED != 0
+            now_s,
+            self._flavour.obeys(message),
+            message.base_mode & MODE_FLAG_ARMED != 0,
+            self._flavour.failsafe(message),
+            self.counters.reboots,
         )
 
     def _take_ack(self, message: CommandAck, now_s: float) -> None:
@@ -246,9 +356,17 @@ class Session:
             if not stream.given_up:
                 text += f"; asking for {stream.rate_hz:g} Hz"
             self.notices.append((SEVERITY_WARNING, text))
-            if stream.given_up and stream.message_id == ID_LOCAL_POSITION_NED:
-                self.streams.want(ID_ODOMETRY, "ODOMETRY", POSITION_HZ)
+            if stream.given_up:
+                self._want_instead(stream.message_id)
         self.streams.notices.clear()
+
+    def _want_instead(self, message_id: int) -> None:
+        """What carries the same as a message that the autopilot does not have."""
+        if message_id == ID_LOCAL_POSITION_NED and ODOMETRY in self.sources.health:
+            self.streams.want(ID_ODOMETRY, "ODOMETRY", POSITION_HZ)
+        if message_id in self._imus:
+            self._imus.remove(message_id)
+            self.set_loop_rate(self._loop_rate_hz)
 
     # --- measurements -----------------------------------------------------------------------
 
@@ -257,23 +375,97 @@ class Session:
         if not (isfinite(m.q1) and isfinite(m.q2) and isfinite(m.q3) and isfinite(m.q4)):
             self.counters.not_finite += 1
             return
-        stamp_s = m.time_boot_ms * 1e-3
-        time_s = self._time_of(ID_ATTITUDE_QUATERNION, stamp_s, now_s)
-        if time_s is None or not self._is_attitude_source(ID_ATTITUDE_QUATERNION, now_s):
+        times = self._time_of(ID_ATTITUDE_QUATERNION, m.time_boot_ms, now_s)
+        if times is None or not self._attitude_from.speaks(ID_ATTITUDE_QUATERNION, now_s):
             return
-        self.vehicle_time_s = stamp_s
+        time_s, self.vehicle_time_s = times
         self._set_attitude(
             time_s, (m.q1, m.q2, m.q3, m.q4), (m.rollspeed, m.pitchspeed, m.yawspeed)
         )
+
+    def _take_imu(self, m: HighresImu | RawImu | ScaledImu, now_s: float) -> None:
+        if isinstance(m, ScaledImu):
+            number, times = m.message_id, self._time_of(m.message_id, m.time_boot_ms, now_s)
+        else:
+            number = ID_RAW_IMU if isinstance(m, RawImu) else ID_HIGHRES_IMU
+            times = self._time_of_us(number, m.time_usec, now_s)
+        self.streams.heard(number)
+        if times is None:
+            return
+        if isinstance(m, HighresImu) and self._flavour.sensors.pitot_in_imu:
+            self._set_airspeed(airspeed_of_pressure(m), times[0])
+        measured = imu_of(m)
+        if measured is None:
+            self.counters.no_measurement += 1
+        elif self._imu_from.speaks(number, now_s):
+            force, rates = measured
+            self.counters.imus += 1
+            self.imu = ImuSample(self.imu.sequence + 1, times[0], *force, *rates)
+
+    def _take_hud(self, m: VfrHud, now_s: float) -> None:
+        """It has no stamp.  Without a pitot tube it shows a guess, which is no measurement."""
+        self.streams.heard(ID_VFR_HUD)
+        if self._has_pitot:
+            measured = airspeed_of_hud(m)
+            self.counters.no_measurement += measured is None
+            self._set_airspeed(measured, self._loop_time_s(now_s))
+
+    def _set_airspeed(self, airspeed_mps: float | None, time_s: float) -> None:
+        if airspeed_mps is not None:
+            self.counters.airspeeds += 1
+            self.airspeed = AirspeedSample(self.airspeed.sequence + 1, time_s, airspeed_mps)
+
+    def _take_servos(self, m: ServoOutputRaw, now_s: float) -> None:
+        self.streams.heard(ID_SERVO_OUTPUT_RAW)
+        if m.port != 0:
+            return
+        times = self._time_of_us(
+            ID_SERVO_OUTPUT_RAW, m.time_usec, now_s, wrap_s=MICROSECONDS_WRAP_S
+        )
+        if times is not None:
+            self.servos_us = m.servos
+            put = self._flavour.deflections(m.servos)
+            self.surfaces = SurfacesSample(self.surfaces.sequence + 1, times[0], *put)
 
     def _take_local_position(self, m: LocalPositionNed, now_s: float) -> None:
         self.streams.heard(ID_LOCAL_POSITION_NED)
         if not (isfinite(m.x) and isfinite(m.y) and isfinite(m.z)):
             self.counters.not_finite += 1
             return
-        time_s = self._time_of(ID_LOCAL_POSITION_NED, m.time_boot_ms * 1e-3, now_s)
-        if time_s is not None:
-            self._offer(LOCAL_POSITION, time_s, (m.x, m.y, m.z), (m.vx, m.vy, m.vz), now_s)
+        times = self._time_of(ID_LOCAL_POSITION_NED, m.time_boot_ms, now_s)
+        if times is not None:
+            self._offer(LOCAL_POSITION, times[0], (m.x, m.y, m.z), (m.vx, m.vy, m.vz), now_s)
+
+    def _take_global_position(self, m: GlobalPositionInt, now_s: float) -> None:
+        self.streams.heard(ID_GLOBAL_POSITION_INT)
+        times = self._time_of(ID_GLOBAL_POSITION_INT, m.time_boot_ms, now_s)
+        if times is None or self._plane is None:
+            return
+        at = self._plane.ned_m(m.lat * 1e-7, m.lon * 1e-7, m.alt * 1e-3)
+        if not max(abs(at[0]), abs(at[1]), abs(at[2])) < FAR_M:
+            if self.counters.far == 0:
+                where = f"{m.lat * 1e-7:.4f}, {m.lon * 1e-7:.4f}"
+                text = f"GLOBAL_POSITION_INT at {where}: no fix, or not near position.home"
+                self.notices.append((SEVERITY_WARNING, text))
+            self.counters.far += 1
+            return
+        velocity = m.vx * 0.01, m.vy * 0.01, m.vz * 0.01
+        self._offer(GLOBAL_POSITION, times[0], at, velocity, now_s)
+
+    def _take_vision(self, source: Source, m: VisionPositionEstimate, now_s: float) -> None:
+        """What another bridge tells the autopilot, overheard."""
+        if source not in self._vision_from:
+            self.counters.foreign += 1
+            return
+        if not (isfinite(m.x) and isfinite(m.y) and isfinite(m.z)):
+            self.counters.not_finite += 1
+            return
+        times = self._time_of_us(source, m.usec, now_s, foreign=True)
+        if times is not None:
+            told = all(isfinite(angle) for angle in (m.roll, m.pitch, m.yaw))
+            turned = quaternion_from_euler(m.roll, m.pitch, m.yaw) if told else None
+            sigma_m = sigma_of(m.covariance)
+            self._offer(VISION, times[0], (m.x, m.y, m.z), _NO_VELOCITY, now_s, sigma_m, turned)
 
     def _take_odometry(self, m: Odometry, now_s: float) -> None:
         """Position and attitude in one.  LOCAL_FRD is the hall's frame: NED by agreement."""
@@ -288,16 +480,18 @@ class Session:
         if not (isfinite(m.x) and isfinite(m.y) and isfinite(m.z)):
             self.counters.not_finite += 1
             return
-        time_s = self._time_of(ID_ODOMETRY, m.time_usec * 1e-6, now_s)
-        if time_s is None:
+        times = self._time_of_us(ID_ODOMETRY, m.time_usec, now_s)
+        if times is None:
             return
+        time_s = times[0]
         turned = all(isfinite(q) for q in m.q)
         velocity = (m.vx, m.vy, m.vz)
         if in_body:
             velocity = _rotated(m.q, velocity) if turned else (NAN, NAN, NAN)
-        self._offer(ODOMETRY, time_s, (m.x, m.y, m.z), velocity, now_s)
-        if turned and self._is_attitude_source(ID_ODOMETRY, now_s) and not self._lockstep:
-            self.vehicle_time_s = m.time_usec * 1e-6
+        sigma_m = sigma_of(m.pose_covariance)
+        self._offer(ODOMETRY, time_s, (m.x, m.y, m.z), velocity, now_s, sigma_m)
+        if turned and self._attitude_from.speaks(ID_ODOMETRY, now_s) and not self._lockstep:
+            self.vehicle_time_s = times[1]
             self._set_attitude(time_s, m.q, (m.rollspeed, m.pitchspeed, m.yawspeed))
 
     def _offer(
@@ -307,58 +501,69 @@ class Session:
         at: tuple[float, float, float],
         velocity: tuple[float, float, float],
         now_s: float,
+        sigma_m: float = NAN,
+        turned: Quaternion | None = None,
     ) -> None:
         """A position on the link, for the choice among all sources."""
-        fix = PositionFix(0, time_s, *at, *velocity)
-        if self.sources.take(source, fix, self.vehicle_time_s if self._lockstep else now_s):
+        fix = PositionFix(0, time_s, *at, *velocity, source, sigma_m)
+        if self.sources.take(source, fix, self._loop_time_s(now_s), turned):
             self.counters.positions += 1
 
     def _set_attitude(
         self,
         time_s: float,
-        q: tuple[float, float, float, float],
+        q: Quaternion,
         rates: tuple[float, float, float],
     ) -> None:
         self.counters.attitudes += 1
         self.attitude = AttitudeSample(self.attitude.sequence + 1, time_s, *q, *rates)
 
-    def _is_attitude_source(self, message_id: int, now_s: float) -> bool:
-        if message_id != self._attitude_source:
-            if now_s - self._attitude_heard_s <= SOURCE_SILENCE_S:
-                return False
-            self._attitude_source = message_id
-        self._attitude_heard_s = now_s
-        return True
+    def _loop_time_s(self, now_s: float) -> float:
+        """Now, on the loop's clock."""
+        return self.vehicle_time_s if self._lockstep else now_s
 
-    def _time_of(self, message_id: int, stamp_s: float, now_s: float) -> float | None:
-        """When a sample was true, on the loop's clock; None: it is not new."""
-        order = self._orders.get(message_id)
-        if order is None:
-            order = self._orders[message_id] = StampOrder()
-            self._clocks[message_id] = ClockMap()
-        verdict = order.judge(stamp_s)
-        if verdict == StampOrder.STALE:
+    def _time_of(self, number: int, stamp_ms: int, now_s: float) -> tuple[float, float] | None:
+        """When a sample stamped in milliseconds was true, on our clock and on the vehicle's."""
+        return self._placed(
+            number, stamp_ms * 1e-3, now_s, wrap_s=MILLISECONDS_WRAP_S, quantised=True
+        )
+
+    def _time_of_us(
+        self,
+        key: Hashable,
+        stamp_us: int,
+        now_s: float,
+        *,
+        wrap_s: float = inf,
+        foreign: bool = False,
+    ) -> tuple[float, float] | None:
+        """The same of one stamped in microseconds."""
+        return self._placed(key, stamp_us * 1e-6, now_s, wrap_s=wrap_s, foreign=foreign)
+
+    def _placed(
+        self,
+        key: Hashable,
+        stamp_s: float,
+        now_s: float,
+        *,
+        wrap_s: float,
+        quantised: bool = False,
+        foreign: bool = False,
+    ) -> tuple[float, float] | None:
+        reboots = self._stamps.reboots
+        times = self._stamps.time_of(
+            key, stamp_s, now_s, wrap_s=wrap_s, quantised=quantised, foreign=foreign
+        )
+        if self._stamps.reboots != reboots:
+            self._rebooted(now_s)
+        if times is None:
             self.counters.stale += 1
-            return None
-        if verdict == StampOrder.REBOOT:
-            self._rebooted(message_id, now_s)
-        if self._lockstep:
-            return stamp_s
-        clock = self._clocks[message_id]
-        time_s = clock.observe(stamp_s, now_s)
-        # Streams stamped by the same clock share what the fastest of them has learnt of it.
-        for other in self._clocks.values():
-            if clock.offset_s - 0.5 < other.offset_s < clock.offset_s:
-                time_s = min(time_s, stamp_s + other.offset_s)
-        return time_s
+        return times
 
-    def _rebooted(self, message_id: int, now_s: float) -> None:
-        """The vehicle's clock began anew: forget it, greet again, ask again."""
+    def _rebooted(self, now_s: float) -> None:
+        """The vehicle's clock began anew: greet again, ask again."""
         self.counters.reboots += 1
-        for number, clock in self._clocks.items():
-            clock.reset()
-            if number != message_id:
-                self._orders[number] = StampOrder()
+        self.status = self.status._replace(boots=self.counters.reboots)
         self._heartbeat_due_s = now_s
         self.streams.restart()
         self.round_trip.restart()
@@ -366,9 +571,21 @@ class Session:
         self.notices.append((SEVERITY_INFO, "autopilot restarted: asking for its streams again"))
 
 
-def _rotated(
-    q: tuple[float, float, float, float], v: tuple[float, float, float]
-) -> tuple[float, float, float]:
+_NO_VELOCITY: Final = (NAN, NAN, NAN)
+_MEASUREMENTS: Final = (
+    AttitudeQuaternion
+    | LocalPositionNed
+    | Odometry
+    | GlobalPositionInt
+    | HighresImu
+    | RawImu
+    | ScaledImu
+    | VfrHud
+    | ServoOutputRaw
+)
+
+
+def _rotated(q: Quaternion, v: tuple[float, float, float]) -> tuple[float, float, float]:
     """A body vector in the frame that the quaternion leads to."""
     w, x, y, z = q
     vx, vy, vz = v

@@ -48,6 +48,8 @@ DWELL_S: Final = 2.0
 PERIODS: Final = 3.0  # of its own that a slow source may be silent for
 LATE_S: Final = 1.0  # an older fix is no measurement of where the aircraft is
 FUTURE_S: Final = 0.05  # the mapping of clocks is not exact
+Quaternion = tuple[float, float, float, float]
+
 APART_M: Final = 1.0  # sources that are further apart do not share a frame
 RATE_SHARE: Final = 0.1  # of a new interval in the mean one
 
@@ -105,6 +107,7 @@ class PositionSources:
     ) -> None:
         """`order`: numbers of the sources, the most trusted first."""
         self.position: PositionFix = NO_FIX  # of the chosen source
+        self.turned: Quaternion | None = None  # the attitude that came with it, if any
         self.chosen = 0  # its number; 0: none yet
         self.switches = 0  # from one to another
         self.unused = 0  # fixes of sources that are not in the order
@@ -116,10 +119,17 @@ class PositionSources:
         self._since_s = NAN  # of the chosen one
         self._told_apart: set[frozenset[int]] = set()
 
-    def take(self, source: int, measured: PositionFix, now_s: float) -> bool:
+    def take(
+        self,
+        source: int,
+        measured: PositionFix,
+        now_s: float,
+        turned: Quaternion | None = None,
+    ) -> bool:
         """Take in one fix; whether it is the position now.
 
-        Of `measured`, sequence and source are set here.
+        Of `measured`, sequence and source are set here.  `turned`: the attitude that a tracker
+        has seen at the same instant, (w, x, y, z) from FRD to local NED.
         """
         health = self.health.get(source)
         if health is None:
@@ -135,6 +145,7 @@ class PositionSources:
                 return False
             self._switch(source, now_s)
         self.position = measured._replace(sequence=self.position.sequence + 1, source=source)
+        self.turned = turned
         return True
 
     def is_fresh(self, source: int, now_s: float) -> bool:

@@ -8,19 +8,24 @@ as it is, in channels 9 to 18 a 0 leaves as it is and 65534 releases.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 from tgl_soar.link.messages import (
     COMPONENT_AUTOPILOT,
+    ID_RAW_IMU,
+    ID_SCALED_IMU,
+    ID_VFR_HUD,
     MODE_FLAG_CUSTOM_MODE,
+    STATE_CRITICAL,
+    STATE_EMERGENCY,
     Heartbeat,
     RcChannelsOverride,
     Said,
 )
 from tgl_soar.types import SurfaceCommand
 
-from .base import SurfaceChannels, pulse_width
+from .base import SensorMessages, SurfaceChannels, Wanted, deflection, pulse_width
 
 MODE_MANUAL: Final = 0
 CHANNELS: Final = 18
@@ -37,6 +42,12 @@ class ArduPilot:
     name = "ardupilot"
     # SYSID_MYGCS up to 4.6; then a range, of which the upper end 0 stands for the lower.
     sender_parameters: tuple[str, ...] = ("SYSID_MYGCS", "MAV_GCS_SYSID", "MAV_GCS_SYSID_HI")
+    # RAW_IMU is stamped in microseconds, SCALED_IMU of the same numbers in milliseconds.  The
+    # differential pressure of its HIGHRES_IMU is the barometer's, less that at the ground.
+    # The airspeed is read ten times a second; twice as often, so that it is not old as well.
+    sensors = SensorMessages(
+        (ID_RAW_IMU, ID_SCALED_IMU), Wanted(ID_VFR_HUD, "VFR_HUD", 20.0), pitot_in_imu=False
+    )
 
     def __init__(self, channels: SurfaceChannels, system_id: int) -> None:
         self._channels = channels
@@ -76,6 +87,17 @@ class ArduPilot:
         """Only in MANUAL do the sticks, and so the overrides, move the surfaces directly."""
         is_custom = heartbeat.base_mode & MODE_FLAG_CUSTOM_MODE != 0
         return is_custom and heartbeat.custom_mode == MODE_MANUAL
+
+    def deflections(self, servos: Sequence[int]) -> SurfaceCommand:
+        """The outputs by the table of the overrides: its RCn and SERVOn must be alike."""
+        elevator, aileron, rudder = self._channels
+        return SurfaceCommand(
+            deflection(elevator, servos), deflection(aileron, servos), deflection(rudder, servos)
+        )
+
+    def failsafe(self, heartbeat: Heartbeat) -> bool:
+        """CRITICAL: any failsafe has been triggered; EMERGENCY: it believes to have crashed."""
+        return heartbeat.system_status in (STATE_CRITICAL, STATE_EMERGENCY)
 
     def way_to_rate(self, rate_hz: float) -> str:
         """The firmware refuses more than 0.8 of its main loop's rate."""

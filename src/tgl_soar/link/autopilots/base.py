@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import NamedTuple, Protocol
 
 from tgl_soar.link.messages import Heartbeat, Said
-from tgl_soar.types import SurfaceCommand
+from tgl_soar.types import NAN, SurfaceCommand
 
 
 class SurfaceChannel(NamedTuple):
@@ -28,10 +28,27 @@ class SurfaceChannels(NamedTuple):
     rudder: SurfaceChannel
 
 
+class Wanted(NamedTuple):
+    """A message to ask for."""
+
+    message_id: int
+    name: str
+    rate_hz: float
+
+
+class SensorMessages(NamedTuple):
+    """Which messages carry what, beyond position and attitude."""
+
+    imu: tuple[int, ...]  # accelerations: the best first, the next where that is refused
+    airspeed: Wanted
+    pitot_in_imu: bool  # HIGHRES_IMU.diff_pressure is that of a pitot tube
+
+
 class Flavour(Protocol):
     """One firmware."""
 
     name: str
+    sensors: SensorMessages
     sender_parameters: tuple[str, ...]  # of the firmware: they say whose overrides it obeys
 
     def refusal(self, parameters: Mapping[str, float], system: int) -> str:
@@ -48,6 +65,14 @@ class Flavour(Protocol):
 
     def obeys(self, heartbeat: Heartbeat) -> bool:
         """Whether our surfaces move in the mode that this heartbeat tells."""
+        ...
+
+    def deflections(self, servos: Sequence[int]) -> SurfaceCommand:
+        """Where the surfaces are put by these outputs [us], from channel 1; NaN: not driven."""
+        ...
+
+    def failsafe(self, heartbeat: Heartbeat) -> bool:
+        """Whether it says of itself that it is in a failsafe."""
         ...
 
     def way_to_rate(self, rate_hz: float) -> str:
@@ -67,3 +92,15 @@ def pulse_width(channel: SurfaceChannel, deflection: float) -> int:
     if deflection < 0.0:
         span = channel.pwm_trim - channel.pwm_min
     return round(channel.pwm_trim + deflection * span)
+
+
+def deflection(channel: SurfaceChannel, servos: Sequence[int]) -> float:
+    """The inverse of `pulse_width`, limited to -1 … 1; NaN where the output is not driven."""
+    pulse = servos[channel.channel - 1] if channel.channel <= len(servos) else 0
+    if pulse == 0:
+        return NAN
+    span = channel.pwm_max - channel.pwm_trim
+    if pulse < channel.pwm_trim:
+        span = channel.pwm_trim - channel.pwm_min
+    value = max(-1.0, min(1.0, (pulse - channel.pwm_trim) / span))
+    return -value if channel.reversed else value

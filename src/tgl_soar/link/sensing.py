@@ -1,0 +1,90 @@
+"""What the autopilot's sensor messages say, in SI units and FRD.
+
+| message        | acceleration            | rates             | stamp                |
+|----------------|-------------------------|-------------------|----------------------|
+| HIGHRES_IMU    | m/s², float             | rad/s, float      | us                   |
+| SCALED_IMU 1-3 | mG: steps of 9.8 mm/s²  | mrad/s            | whole ms             |
+| RAW_IMU        | by definition no unit; on ArduPilot as SCALED_IMU | us    |
+
+A sample whose accelerations are all exactly zero comes from a sensor that is not there, one
+beyond `FORCE_MAX_MPS2` or `RATE_MAX_RADPS` from none that is made: neither is a measurement.
+
+A pitot tube measures a pressure, so an autopilot shows the *equivalent* airspeed, as if the air
+had the density of sea level.  The aircraft flies through the air that there is:
+
+    true = equivalent / sqrt(ρ/ρ0),    ρ/ρ0 = (1 - 2.25577e-5 h)^4.2559     (standard atmosphere)
+    true = sqrt(2 dp / ρ),             ρ = p / (287.05 (T + 273.15))        (from HIGHRES_IMU)
+"""
+
+from __future__ import annotations
+
+from math import isfinite, sqrt
+from typing import Final
+
+from tgl_soar.types import NAN
+
+from .messages import HighresImu, RawImu, ScaledImu, VfrHud
+
+MILLI_G_MPS2: Final = 9.80665e-3
+FORCE_MAX_MPS2: Final = 400.0  # 40 g
+RATE_MAX_RADPS: Final = 80.0
+AIRSPEED_MAX_MPS: Final = 150.0
+_ACCELERATIONS: Final = 0b111  # HIGHRES_IMU.fields_updated
+_GYROS: Final = 0b111000
+_DIFFERENTIAL_PRESSURE: Final = 1 << 10
+_AIR_GAS_CONSTANT: Final = 287.05  # [J/(kg K)]
+
+Triple = tuple[float, float, float]
+NO_RATES: Final[Triple] = (NAN, NAN, NAN)
+
+
+def imu_of(message: HighresImu | ScaledImu | RawImu) -> tuple[Triple, Triple] | None:
+    """Specific force [m/s²] and body rates [rad/s] (NaN: none), or None: no measurement."""
+    force = message.xacc, message.yacc, message.zacc
+    rates = message.xgyro, message.ygyro, message.zgyro
+    if isinstance(message, HighresImu):
+        if message.fields_updated & _ACCELERATIONS != _ACCELERATIONS:
+            return None
+        if message.fields_updated & _GYROS != _GYROS:
+            rates = NO_RATES
+    else:
+        force = force[0] * MILLI_G_MPS2, force[1] * MILLI_G_MPS2, force[2] * MILLI_G_MPS2
+        rates = rates[0] * 1e-3, rates[1] * 1e-3, rates[2] * 1e-3
+    if not all(abs(f) <= FORCE_MAX_MPS2 for f in force) or force == (0.0, 0.0, 0.0):
+        return None
+    if not all(abs(r) <= RATE_MAX_RADPS for r in rates):
+        rates = NO_RATES
+    return force, rates
+
+
+def airspeed_of_pressure(message: HighresImu) -> float | None:
+    """True airspeed [m/s] of the differential pressure; None: it brings no new one."""
+    if not message.fields_updated & _DIFFERENTIAL_PRESSURE:
+        return None
+    kelvin = message.temperature + 273.15
+    if not kelvin > 0.0:
+        return None
+    density = 100.0 * message.abs_pressure / (_AIR_GAS_CONSTANT * kelvin)
+    if not (0.3 <= density <= 1.8 and isfinite(message.diff_pressure)):
+        return None  # no air that is soared in
+    return _plausible(sqrt(max(0.0, 200.0 * message.diff_pressure) / density))
+
+
+def airspeed_of_hud(message: VfrHud) -> float | None:
+    """True airspeed [m/s] of the equivalent one that VFR_HUD shows; None: no measurement."""
+    height_m = min(max(message.alt, -500.0), 9000.0) if isfinite(message.alt) else 0.0
+    ratio = (1.0 - 2.25577e-5 * height_m) ** 4.2559
+    return _plausible(message.airspeed / sqrt(ratio))
+
+
+def _plausible(airspeed_mps: float) -> float | None:
+    return airspeed_mps if 0.0 <= airspeed_mps <= AIRSPEED_MAX_MPS else None
+
+
+def sigma_of(covariance: tuple[float, ...]) -> float:
+    """Standard deviation [m] of the worst axis of a pose's covariance; NaN: not told."""
+    if len(covariance) < 12:
+        return NAN
+    worst = max(covariance[0], covariance[6], covariance[11])  # the diagonal: x, y, z
+    told = isfinite(sum(covariance[i] for i in (0, 6, 11))) and worst > 0.0
+    return sqrt(worst) if told else NAN
