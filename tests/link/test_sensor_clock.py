@@ -47,12 +47,12 @@ def error_rms(samples: list[tuple[float, float]], clock: SensorClock, after_s: f
 def test_any_period_is_recovered_within_a_tenth_of_a_millisecond(
     period_s: float, seed: int
 ) -> None:
-    """Where the period is near a whole number of milliseconds, the stamps look the same for
+    """Where a few periods are nearly a whole number of milliseconds, the stamps look the same for
     longer than the filter remembers: there it is only never worse than they are."""
-    near = min(abs(period_s * 1e3 * m - round(period_s * 1e3 * m)) / m for m in (1, 2, 3))
+    near = min(abs(period_s * 1e3 * m - round(period_s * 1e3 * m)) / m for m in range(1, 7))
     samples = stamped(period_s, 4.0, seed=seed)
     error_s = error_rms(samples, SensorClock(), 1.0)
-    assert error_s < (0.1e-3 if near > 0.02 else 0.51 * QUANTUM_S)
+    assert error_s < (0.1e-3 if near > 0.01 else 0.51 * QUANTUM_S)
 
 
 @pytest.mark.parametrize("seed", range(20))
