@@ -26,8 +26,9 @@ from tgl_soar.config import (
     shipped,
 )
 from tgl_soar.control.envelope import EnvelopeLimits, limit_surfaces
+from tgl_soar.control.supervisor import MODE_NAMES
 from tgl_soar.parameters import ParameterSet
-from tgl_soar.sim.closed_loop import Change, Row, Trajectory, fly
+from tgl_soar.sim.closed_loop import Change, ClosedLoop, Row, Trajectory, fly
 from tgl_soar.sim.compiled import available, compiled
 from tgl_soar.sim.fast_flight import (
     CompiledWorld,
@@ -37,7 +38,9 @@ from tgl_soar.sim.fast_flight import (
     prepare,
     white_gauss,
 )
+from tgl_soar.sim.faults import Fault, parse_fault
 from tgl_soar.sim.flight import air_inside, air_wind, fly_ticks
+from tgl_soar.sim.injection import Injection
 from tgl_soar.sim.sensors import (
     AUTOPILOT_ATTITUDE,
     MEMS_IMU,
@@ -47,7 +50,7 @@ from tgl_soar.sim.sensors import (
     USUAL_SENSORS,
     Sensors,
 )
-from tgl_soar.sim.world import build_field, make_world
+from tgl_soar.sim.world import World, build_field, make_world
 from tgl_soar.types import SurfaceCommand
 
 needs_numba = pytest.mark.skipif(not available(), reason="numba is not installed")
@@ -193,6 +196,38 @@ def test_a_command_that_is_not_a_number_is_judged_alike() -> None:
         wanted = SurfaceCommand(value, 0.0, -value)
         plain = limit_surfaces(limits, last, wanted, 0.005)
         assert compiled(limit_surfaces)(limits, last, wanted, 0.005) == plain
+
+
+def flown_with_faults(world: World, faults: list[Fault], ticks: int) -> list[tuple[float, ...]]:
+    loop = ClosedLoop(world, place("tunnel")[2], Injection(faults, 3))
+    rows: list[tuple[float, ...]] = []
+    for _ in range(ticks):
+        output = loop.tick()
+        rows.append((output.mode, *output.command, world.state.x_m, world.state.z_m))
+    return rows
+
+
+@needs_numba
+def test_faults_act_alike_in_a_plain_and_in_a_compiled_world() -> None:
+    faults = [
+        parse_fault("position.loss start=1 for=2 share=0.3"),
+        parse_fault("attitude.bias start=1.5 for=1 roll=4 pitch=-2 heading=1"),
+        parse_fault("elevator.slow start=2 for=1 rate=1.5"),
+        parse_fault("air.gust start=2 for=1 along=0.7 up=0.3"),
+        parse_fault("air.stop start=3 for=1 to=0.9"),
+        parse_fault("position.dropout start=3 for=0.4"),
+    ]
+    airframe, site, _, field, _ = place("tunnel")
+    air = Injection(faults, 3).field(field)
+
+    def world() -> World:
+        return make_world(airframe, site, seed=3, turbulence=0.02, field=air, sensors=ALL_SENSORS)
+
+    plain = flown_with_faults(world(), faults, 900)
+    fast = flown_with_faults(CompiledWorld(prepare(world(), 5.0), 3), faults, 900)
+    assert {MODE_NAMES[int(row[0])] for row in plain} >= {"capturing", "holding"}
+    for a, b in zip(plain, fast, strict=True):
+        assert a == pytest.approx(b, abs=AGREE)
 
 
 def grid(depth: int, outside: Literal["nan", "edge", "still"]) -> GridField:

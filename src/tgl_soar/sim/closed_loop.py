@@ -20,6 +20,7 @@ from tgl_soar.control.target_line import e_rho
 from tgl_soar.parameters import ParameterSet
 from tgl_soar.types import AutopilotStatus, Inputs, SurfaceCommand
 
+from .injection import DirectLink, Injection
 from .world import World
 
 HELD_S = 0.2  # the aircraft is held until the sensors have spoken and the module has it
@@ -68,7 +69,10 @@ class Trajectory:
 class ClosedLoop:
     """A world with the module in it, tick by tick."""
 
-    def __init__(self, world: World, values: ParameterSet) -> None:
+    def __init__(
+        self, world: World, values: ParameterSet, injection: Injection | None = None
+    ) -> None:
+        """injection: what goes wrong between the two; its `field` is the world's already."""
         self.world = world
         self.values = values
         self.state: AutopilotState = initial_state()
@@ -76,6 +80,9 @@ class ClosedLoop:
         self.engage = True
         self._laws = laws_from(values, world.frame)
         self._command = SurfaceCommand(world.trim.elevator, 0.0, 0.0)
+        self._link = DirectLink(injection, self._command) if injection is not None else None
+        self._injection = injection
+        self._dt_s = 1.0 / world.step_hz
         world.held = True
 
     def change(self, parameters: dict[str, float]) -> None:
@@ -98,20 +105,30 @@ class ClosedLoop:
             world.airspeed,
             world.surfaces,
         )
+        if self._link is not None:
+            inputs = self._link.inputs(inputs)
         self.state, output = step(self._laws, self.state, inputs)
         self.output = output
         if output.active:
             self._command = output.command
             world.held = False
-        world.step(self._command)
+        told = self._command
+        if self._link is not None and self._injection is not None:
+            told = self._link.surfaces(now, output.command if output.active else None)
+            told = self._injection.surfaces(now, told, self._dt_s)
+        world.step(told)
         return output
 
 
 def fly(
-    world: World, values: ParameterSet, changes: Sequence[Change], duration_s: float
+    world: World,
+    values: ParameterSet,
+    changes: Sequence[Change],
+    duration_s: float,
+    injection: Injection | None = None,
 ) -> Trajectory:
     """Fly from the start for duration_s seconds, or until the module lets go or crashes."""
-    loop = ClosedLoop(world, values)
+    loop = ClosedLoop(world, values, injection)
     pending = sorted(changes, key=lambda change: change.time_s)
     done = 0
     ended = ""

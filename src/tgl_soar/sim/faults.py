@@ -1,0 +1,320 @@
+"""What can go wrong: every fault by name, with its numbers, units and ranges, declared once.
+
+    position.dropout start=20 for=1.5
+
+reads: from 20 s on nothing arrives of the position for 1.5 s.  A number that is left out has
+the default that the catalogue names.  `sim.injection` says how each of them acts.
+
+The same text stands behind `--fault`, in scenario files and in the table of a campaign.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from math import isfinite
+from random import Random
+from typing import Final, NamedTuple
+
+
+class FaultError(ValueError):
+    """A fault that is not in the catalogue; the message says what is."""
+
+
+class Number(NamedTuple):
+    """One number of a fault: its range, and from where a campaign draws it."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    default: float
+    drawn: tuple[float, float]
+    what: str
+
+    @property
+    def allowed(self) -> str:
+        """The range, in words."""
+        return f"a number from {self.low:g} to {self.high:g} {self.unit}".rstrip()
+
+
+class Kind(NamedTuple):
+    """One fault of the catalogue."""
+
+    name: str  # of what, and what becomes of it
+    what: str
+    numbers: tuple[Number, ...]
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One fault of one flight."""
+
+    kind: Kind
+    values: Mapping[str, float]
+
+    def __getitem__(self, number: str) -> float:
+        return self.values[number]
+
+    @property
+    def of(self) -> str:
+        """What it happens to."""
+        return self.kind.name.partition(".")[0]
+
+    @property
+    def way(self) -> str:
+        """What becomes of it."""
+        return self.kind.name.partition(".")[2]
+
+    @property
+    def start_s(self) -> float:
+        """When it begins."""
+        return self.values["start"]
+
+    @property
+    def end_s(self) -> float:
+        """When it is over."""
+        return self.values["start"] + self.values["for"]
+
+    @property
+    def offsets(self) -> tuple[float, ...]:
+        """Its numbers beside start and duration, in the catalogue's order."""
+        return tuple(self.values.values())[2:]
+
+    def acts(self, time_s: float) -> bool:
+        """Whether it acts at a time."""
+        return self.start_s <= time_s < self.end_s
+
+    def __str__(self) -> str:
+        numbers = (f"{name}={value:g}" for name, value in self.values.items())
+        return " ".join((self.kind.name, *numbers))
+
+
+# --- the catalogue ---------------------------------------------------------------------------
+
+_LONGEST_S: Final = 1e6
+_START: Final = Number("start", "s", 0.0, _LONGEST_S, 10.0, (5.0, 11.0), "when it begins")
+
+
+def _for(default: float, low: float, high: float) -> Number:
+    return Number("for", "s", 0.0, _LONGEST_S, default, (low, high), "how long it lasts")
+
+
+def _share(default: float, low: float, high: float) -> Number:
+    return Number("share", "", 0.0, 1.0, default, (low, high), "of all that passes")
+
+
+def _by(unit: str, largest: float, default: float, low: float, high: float, what: str) -> Number:
+    return Number("by", unit, -largest, largest, default, (low, high), what)
+
+
+def _late(default: float, low: float, high: float, what: str) -> Number:
+    return Number("by", "s", 0.0, 10.0, default, (low, high), what)
+
+
+# What passes on a way, and what can become of anything that passes.
+_PASSING: Final = {
+    "position": "positions",
+    "attitude": "attitudes",
+    "imu": "accelerations and rates",
+    "airspeed": "airspeeds",
+    "all": "all measurements",
+    "link": "datagrams, both ways",
+}
+_GAP_S: Final = {"attitude": _for(0.2, 0.02, 1.0), "all": _for(0.2, 0.02, 1.0)}
+
+
+def _ways(of: str, passing: str) -> list[Kind]:
+    lasting = _for(3.0, 0.5, 6.0)
+    kinds = []
+    if of != "link":
+        gap = _GAP_S.get(of, _for(1.0, 0.05, 3.0))
+        kinds.append(Kind(f"{of}.dropout", f"no {passing} arrive", (_START, gap)))
+    kinds += [
+        Kind(
+            f"{of}.delay",
+            f"{passing} arrive later",
+            (_START, lasting, _late(0.1, 0.01, 0.3, "later than they would")),
+        ),
+        Kind(
+            f"{of}.jitter",
+            f"{passing} arrive later, each by another time",
+            (_START, lasting, _late(0.05, 0.01, 0.2, "at most")),
+        ),
+        Kind(
+            f"{of}.reorder",
+            f"some {passing} are overtaken by later ones",
+            (_START, lasting, _share(0.2, 0.05, 0.5), _late(0.05, 0.01, 0.2, "overtaken by")),
+        ),
+        Kind(
+            f"{of}.duplicate",
+            f"some {passing} arrive twice",
+            (_START, lasting, _share(0.3, 0.05, 1.0), _late(0.02, 0.0, 0.1, "the second later")),
+        ),
+        Kind(
+            f"{of}.loss",
+            f"some {passing} never arrive",
+            (_START, lasting, _share(0.2, 0.02, 0.6)),
+        ),
+    ]
+    return kinds
+
+
+def _lies(of: str, passing: str) -> list[Kind]:
+    lasting = _for(2.0, 0.05, 4.0)
+    return [
+        Kind(f"{of}.freeze", f"{passing} repeat one value under new stamps", (_START, lasting)),
+        Kind(
+            f"{of}.nan",
+            f"some {passing} are not numbers",
+            (_START, lasting, _share(0.5, 0.02, 1.0)),
+        ),
+    ]
+
+
+def _errors(of: str, passing: str, unit: str, axes: tuple[str, ...], usual: float) -> list[Kind]:
+    largest = 1e3
+    lasting = _for(2.0, 0.1, 6.0)
+    offsets = tuple(
+        Number(
+            axis, unit, -largest, largest, usual if i == 0 else 0.0, (-usual, usual), "added to it"
+        )
+        for i, axis in enumerate(axes)
+    )
+    sigma = Number(
+        "sigma", unit, 0.0, largest, 0.5 * usual, (0.05 * usual, usual), "standard deviation"
+    )
+    return [
+        Kind(f"{of}.bias", f"{passing} are wrong by as much", (_START, lasting, *offsets)),
+        Kind(f"{of}.noise", f"{passing} are noisy, each axis alike", (_START, lasting, sigma)),
+    ]
+
+
+_SERVO_FOR: Final = _for(2.0, 0.1, 5.0)
+
+
+def _servo(surface: str) -> list[Kind]:
+    return [
+        Kind(f"{surface}.stuck", f"the {surface} stays where it is", (_START, _SERVO_FOR)),
+        Kind(
+            f"{surface}.slow",
+            f"the {surface} moves slowly",
+            (
+                _START,
+                _SERVO_FOR,
+                Number("rate", "1/s", 0.01, 100.0, 1.0, (0.2, 4.0), "half-throws a second"),
+            ),
+        ),
+    ]
+
+
+_KINDS: Final[tuple[Kind, ...]] = (
+    *(kind for of, passing in _PASSING.items() for kind in _ways(of, passing)),
+    *(
+        kind
+        for of, passing in _PASSING.items()
+        if of not in ("link", "all")
+        for kind in _lies(of, passing)
+    ),
+    *_errors("position", _PASSING["position"], "m", ("north", "east", "down"), 0.4),
+    *_errors("attitude", _PASSING["attitude"], "deg", ("roll", "pitch", "heading"), 8.0),
+    *_errors("imu", _PASSING["imu"], "m/s²", ("x", "y", "z"), 2.0),
+    *_errors("airspeed", _PASSING["airspeed"], "m/s", ("ahead",), 2.0),
+    Kind(
+        "link.corrupt",
+        "bits of some datagrams are turned, both ways",
+        (_START, _for(3.0, 0.5, 6.0), _share(0.2, 0.02, 0.6)),
+    ),
+    Kind("link.down", "nothing of the autopilot arrives", (_START, _for(0.3, 0.02, 4.0))),
+    Kind("link.up", "nothing arrives at the autopilot", (_START, _for(0.3, 0.02, 2.0))),
+    *(kind for surface in ("elevator", "aileron", "rudder") for kind in _servo(surface)),
+    Kind(
+        "air.gust",
+        "a gust of 1 − cos in all of the air",
+        (
+            _START,
+            Number("for", "s", 0.01, _LONGEST_S, 1.0, (0.3, 3.0), "how long it lasts"),
+            Number("along", "m/s", -30.0, 30.0, 1.0, (-2.0, 2.0), "at most, downstream"),
+            Number("across", "m/s", -30.0, 30.0, 0.0, (-1.0, 1.0), "at most, to the right"),
+            Number("up", "m/s", -30.0, 30.0, 0.0, (-1.0, 1.0), "at most, upwards"),
+        ),
+    ),
+    Kind(
+        "air.stop",
+        "the wind falls to a share of itself, and comes back",
+        (
+            _START,
+            _for(2.0, 0.2, 6.0),
+            Number("to", "", 0.0, 2.0, 0.5, (0.0, 0.95), "share of the wind"),
+            Number("over", "s", 0.05, 1e3, 1.0, (0.2, 2.0), "time to fall, and to rise"),
+        ),
+    ),
+    Kind(
+        "autopilot.reboot",
+        "the autopilot restarts: silent, then without memory",
+        (_START, _for(1.5, 0.2, 3.0)),
+    ),
+    Kind(
+        "autopilot.twin",
+        "another autopilot with the same system id is heard, elsewhere",
+        (_START, _for(2.0, 0.1, 6.0)),
+    ),
+    Kind("pilot.takes", "the pilot takes the aircraft by the mode", (_START, _for(5.0, 0.5, 6.0))),
+)
+
+CATALOGUE: Final[dict[str, Kind]] = {kind.name: kind for kind in _KINDS}
+
+
+# --- faults from text, and by lot --------------------------------------------------------------
+
+
+def parse_fault(text: str) -> Fault:
+    """A fault as it is written: its name, then NAME=NUMBER.  Errors: `FaultError`."""
+    name, *given = text.split() or [""]
+    kind = CATALOGUE.get(name)
+    if kind is None:
+        near = get_close_matches(name, CATALOGUE, 3, 0.5)
+        hint = f"; near it: {', '.join(near)}" if near else ""
+        raise FaultError(f"no fault named {name!r}{hint}; `--fault list` shows all")
+    values = {number.name: number.default for number in kind.numbers}
+    allowed = {number.name: number for number in kind.numbers}
+    for assignment in given:
+        key, equals, number_text = assignment.partition("=")
+        if not equals or key not in allowed:
+            raise FaultError(f"{name}: {assignment!r}: it takes {', '.join(allowed)}, as for=1.5")
+        values[key] = _checked(name, allowed[key], number_text)
+    return Fault(kind, values)
+
+
+def _checked(fault: str, number: Number, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not (isfinite(value) and number.low <= value <= number.high):
+        raise FaultError(f"{fault}: {number.name} = {text!r}: must be {number.allowed}")
+    return value
+
+
+def parse_faults(texts: Iterable[str]) -> tuple[Fault, ...]:
+    """Several faults.  Errors: `FaultError`."""
+    return tuple(parse_fault(text) for text in texts)
+
+
+def drawn_fault(kind: Kind, random: Random) -> Fault:
+    """A fault of a kind, with numbers drawn from where campaigns draw them."""
+    return Fault(
+        kind, {number.name: round(random.uniform(*number.drawn), 3) for number in kind.numbers}
+    )
+
+
+def catalogue_text() -> str:
+    """The catalogue for a terminal."""
+    lines = ["A fault is written NAME start=10 for=1.5, and more numbers where it has them."]
+    for kind in CATALOGUE.values():
+        numbers = ", ".join(
+            f"{n.name}={n.default:g}{' ' + n.unit if n.unit else ''}" for n in kind.numbers
+        )
+        lines.append(f"  {kind.name:<20} {kind.what} ({numbers})")
+    return "\n".join(lines)
