@@ -11,7 +11,8 @@ function.  `process` opens the links, waits, and calls.
 Two ways to keep time.  On an aircraft the loop's clock is this computer's and `realtime.Pacer`
 says when to tick.  In lockstep the loop's clock is the vehicle's: each new ATTITUDE_QUATERNION
 is exactly one tick at its own time stamp, and as everything is handled in the order in which it
-came, the answer to a TIMESYNC tells the simulator that all before it is done.
+came, the answer to a TIMESYNC tells the simulator that all before it is done.  Where attitudes
+fail the stamps of the TIMESYNCs keep the clock going: silence must not stop time.
 """
 
 from __future__ import annotations
@@ -90,6 +91,7 @@ LATE_TOLD: Final = 10  # fewer are not worth a word
 PILOT_SWITCH_HZ: Final = 10.0
 LOSS_S: Final = 2.0  # over which the loss on the link is measured
 COMPLAIN_S: Final = 5.0  # between two words about keys that were refused
+MISSED_TICKS: Final = 1.5  # lockstep: so long without an attitude, its tick is missing
 IDLE_S: Final = 0.05  # how often to look around while nothing sets the pace
 
 
@@ -258,6 +260,9 @@ class Onboard:
         self._keys_refused_s = float("-inf")
         self._lockstep = lockstep
         self._vehicle_clock = False  # lockstep, and the first attitude has come
+        self._stepped_s = float("-inf")  # lockstep: the time of the last tick
+        self._attitude_stepped = False  # since the last TIMESYNC
+        self._timesync_ahead_s = float("nan")  # of its stamp, before an attitude's
         self._routes: list[Route] = []
         self._autopilot = self._routes[self.add_link(send, stream=stream)]
         self._autopilot.decoder.watch(self.session.autopilot)
@@ -345,6 +350,8 @@ class Onboard:
                 self._take_pilot_switch(message, self._clock(now_s))
             return
         sequence = session.attitude.sequence
+        if self._vehicle_clock and received.source == session.autopilot:
+            self._step_without_attitude(message)
         if route is self._autopilot or isinstance(message, Timesync | VisionPositionEstimate):
             self._say_all(session.handle(received, self._clock(now_s)), route)
         if session.attitude.sequence == sequence:
@@ -528,13 +535,33 @@ class Onboard:
         now_s = self.session.vehicle_time_s
         if not self._vehicle_clock or self.session.counters.reboots != self._reboots:
             self._start_vehicle_clock(now_s)
+        elif now_s <= self._stepped_s:
+            return  # it comes late: time is further already
+        self._attitude_stepped = True
+        self._stepped_s = now_s
         self._tick(now_s)
         self._slow(now_s)
+
+    def _step_without_attitude(self, message: object) -> None:
+        """Lockstep: a TIMESYNC ends a step of the vehicle; a tick that is missing is made up for."""
+        if not isinstance(message, Timesync) or message.tc1 != 0:
+            return
+        stamp_s = message.ts1 * 1e-9
+        if self._attitude_stepped:
+            self._attitude_stepped = False
+            self._timesync_ahead_s = stamp_s - self._stepped_s
+            return
+        now_s = stamp_s - self._timesync_ahead_s
+        if now_s - self._stepped_s >= MISSED_TICKS / self._values["LOOP_RATE"]:  # not for NaN
+            self._stepped_s = now_s
+            self._tick(now_s)
+            self._slow(now_s)
 
     def _start_vehicle_clock(self, now_s: float) -> None:
         """From here on nothing depends on the wall clock, nor on what was before."""
         self._reboots = self.session.counters.reboots
         self._vehicle_clock = True
+        self._stepped_s = now_s
         self.session.rebase(now_s)
         self.parameters.rebase()
         self.telemetry.rebase()
@@ -745,7 +772,7 @@ class Onboard:
 
     def _clock(self, now_s: float) -> float:
         """The loop's time."""
-        return self.session.vehicle_time_s if self._vehicle_clock else now_s
+        return self._stepped_s if self._vehicle_clock else now_s
 
 
 # Whom the session looks at itself: a bridge whose positions are believed may sit on any link.
