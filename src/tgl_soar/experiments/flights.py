@@ -21,6 +21,8 @@ from tgl_soar.air.zeuc import stable_crossing
 from tgl_soar.control.target_line import TargetLine
 from tgl_soar.score import settling_time
 from tgl_soar.sim.closed_loop import Trajectory, fly
+from tgl_soar.sim.faults import parse_faults
+from tgl_soar.sim.injection import Injection
 from tgl_soar.sim.world import make_world
 
 from .scenario import Prepared, Scenario, prepare
@@ -82,14 +84,16 @@ class Flown:
 def fly_job(job: Job) -> Flown:
     """Fly one scenario with one seed.  Errors: `ConfigError`."""
     prepared = prepare(job.scenario)
+    faults = parse_faults(job.scenario.faults)
+    injection = Injection(faults, job.seed) if faults else None
     world = make_world(
         prepared.airframe,
         prepared.site,
         seed=job.seed,
-        field=prepared.field,
+        field=prepared.field if injection is None else injection.field(prepared.field),
         sensors=job.scenario.sensors.as_sensors(),
     )
-    trajectory = fly(world, prepared.values, prepared.changes, job.scenario.duration_s)
+    trajectory = fly(world, prepared.values, prepared.changes, job.scenario.duration_s, injection)
     path = {name: column[::KEEP_EVERY].copy() for name, column in trajectory.columns.items()}
     return Flown(
         job.seed,

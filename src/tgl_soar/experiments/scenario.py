@@ -56,6 +56,7 @@ from tgl_soar.control.target_line import TargetLine, eta_from_lean
 from tgl_soar.estimation.polar import best_glide_speed
 from tgl_soar.parameters import ParameterError, ParameterSet
 from tgl_soar.sim.closed_loop import Change
+from tgl_soar.sim.faults import parse_faults
 from tgl_soar.sim.sensors import (
     AUTOPILOT_POSITION,
     MEMS_IMU,
@@ -192,12 +193,14 @@ class Scenario(Strict, frozen=True):
     changes: list[TimedChange] = []  # noqa: RUF012 - msgspec copies it
     wind: WindSchedule | None = None
     slope: SlopeSchedule | None = None
+    faults: list[str] = []  # noqa: RUF012 - msgspec copies it; as `--fault` of the bridge
     # From, to: while wind or slope change.
     unscored_s: list[tuple[Seconds, Seconds]] = []  # noqa: RUF012 - msgspec copies it
 
     def __post_init__(self) -> None:
         if (self.site is None) == (self.air is None):
             raise ValueError("a scenario needs either a site or an [air] table")
+        parse_faults(self.faults)
         if not self.seeds:
             raise ValueError("seeds: at least one is needed")
         for name in (self.first_line, *(c.line for c in self.changes if c.line is not None)):
