@@ -31,11 +31,27 @@ def sitl(
     realtime: Annotated[
         bool, typer.Option("--realtime", help="By the clock, open to other ground stations.")
     ] = False,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="What goes wrong, as 'position.dropout start=20 for=1.5'; repeat for more;"
+            " `list` shows all."
+        ),
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for logs and the figure.")] = Path("out/sitl"),
 ) -> None:
     """Fly the line from a to b to c between real processes; exit code 1 if a leg fails."""
+    from tgl_soar.sim.faults import FaultError, catalogue_text, parse_faults
     from tgl_soar.sim.sitl import SitlError, SitlOptions, fly, passed
 
+    faults = tuple(fault or ())
+    if "list" in faults:
+        console.print(catalogue_text(), markup=False, highlight=False, soft_wrap=True)
+        return
+    try:
+        parse_faults(faults)
+    except FaultError as error:
+        fail(f"--fault: {error}")
     options = SitlOptions(
         airframe=airframe,
         site=site,
@@ -45,6 +61,7 @@ def sitl(
         seed=seed,
         turbulence=turbulence,
         realtime=realtime,
+        faults=faults,
     )
     try:
         with Live(console=console, refresh_per_second=10, transient=True) as live:

@@ -37,12 +37,14 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tgl_soar.config import Airframe, ConfigError, Site, load_airframe, load_site
 from tgl_soar.types import polar_sink
 
+from .faults import Fault, FaultError, catalogue_text, parse_fault
+from .injection import Injection, of_twin
 from .pilot import SafetyPilot
-from .pixhawk import MANUAL, Pixhawk, Sensed
+from .pixhawk import FBWA, MANUAL, Pixhawk, Sensed
 from .ports import BURST, Address, Peer, Port, PortError, Ports, resolved
 from .routing import LinkId
 from .truth_log import TruthLog
-from .world import World, make_world
+from .world import World, build_field, make_world
 
 LYING_S: Final = 3.0  # after a crash, before somebody has carried the aircraft back
 GROUND_BARRIER_S: Final = 0.05
@@ -51,6 +53,10 @@ BEHIND_STEPS: Final = 5  # so far behind, real time gives up catching up
 BARRIER_OFFSET_NS: Final = 1_000_000_000  # so that no barrier's stamp is zero
 STRANGERS_NAMED: Final = 20  # on the console; the rest of a flood is not
 REPEAT_S: Final = 1.0  # a barrier's request is repeated, should a datagram have been lost
+
+NOT_TOLD: Final = ("imu", "airspeed")  # by the simulated autopilot
+TWIN_UPTIME_S: Final = 3600.0  # since when the other autopilot has been running, and longer
+TIMESYNC_ID: Final = mavlink.MAVLINK_MSG_ID_TIMESYNC.to_bytes(3, "little")
 
 LOG_COLUMNS: Final = (
     "time_s",
@@ -94,6 +100,7 @@ class Options:
     truth: bool = True
     uptime_s: float = 0.0
     allow_odometry: bool = False
+    faults: tuple[Fault, ...] = ()
     parameters: tuple[tuple[str, float], ...] = ()
     log: Path | None = None
     log_hz: int = 50
@@ -103,6 +110,8 @@ class Simulation:
     """World, Pixhawk, pilot and log, one step at a time; no sockets, no clock."""
 
     def __init__(self, airframe: Airframe, site: Site, options: Options, folder: Path) -> None:
+        self.injection = Injection(options.faults, options.seed)
+        field = None if site.air is None else self.injection.field(build_field(site.air, folder))
         self.world: World = make_world(
             airframe,
             site,
@@ -110,14 +119,15 @@ class Simulation:
             turbulence=options.turbulence,
             step_hz=options.step_hz,
             folder=folder,
+            field=field,
         )
-        self.pixhawk = Pixhawk(
-            airframe.surfaces,
-            options.step_hz,
-            parameters=dict(options.parameters),
-            trim_pitch_rad=self.world.trim_pitch_rad,
-            allow_odometry=options.allow_odometry,
-            uptime_s=options.uptime_s,
+        self.pixhawk = self._autopilot(airframe, options, options.uptime_s)
+        # Heard by nobody until its fault acts, it hears all that the other hears.
+        self._twins = self.injection.named("autopilot.twin")
+        self._twin = (
+            self._autopilot(airframe, options, options.uptime_s + TWIN_UPTIME_S)
+            if self._twins
+            else None
         )
         self.crashes = 0
         self._options = options
@@ -133,6 +143,47 @@ class Simulation:
         self.pixhawk.armed = options.armed
         self._log_row()
 
+    def _autopilot(self, airframe: Airframe, options: Options, uptime_s: float) -> Pixhawk:
+        return Pixhawk(
+            airframe.surfaces,
+            options.step_hz,
+            parameters=dict(options.parameters),
+            trim_pitch_rad=self.world.trim_pitch_rad,
+            allow_odometry=options.allow_odometry,
+            uptime_s=uptime_s,
+        )
+
+    # --- the links of the autopilot, or of both that say to be it ------------------------
+
+    def add_link(self, link: LinkId, *, ground: bool) -> None:
+        """A link to a ground station or to a companion."""
+        self.pixhawk.add_link(link, ground=ground)
+        if self._twin is not None and not ground:
+            self._twin.add_link(link, ground=False)
+
+    def remove_link(self, link: LinkId) -> None:
+        """A link that is gone."""
+        self.pixhawk.remove_link(link)
+        if self._twin is not None:
+            self._twin.remove_link(link)
+
+    def receive(self, link: LinkId, data: bytes) -> None:
+        """Take one datagram of a link."""
+        self.pixhawk.receive(link, data)
+        if self._twin is not None:
+            self._twin.receive(link, data)
+
+    def take_datagrams(self, links: Sequence[LinkId] | None = None) -> list[tuple[LinkId, bytes]]:
+        """What goes out on some links, or on all."""
+        datagrams = self.pixhawk.take_datagrams(links)
+        if self._twin is not None:
+            of_twin = self._twin.take_datagrams(links)
+            if any(fault.acts(self.time_s) for fault in self._twins):
+                datagrams += of_twin
+        return datagrams
+
+    # --- time ----------------------------------------------------------------------------
+
     @property
     def time_s(self) -> float:
         """Simulated time."""
@@ -145,17 +196,23 @@ class Simulation:
 
     def step(self) -> None:
         """One step of everything."""
-        world, pixhawk = self.world, self.pixhawk
+        world, pixhawk, injection = self.world, self.pixhawk, self.injection
+        self._turn_faults()
         self._launch_or_carry_back()
         if self._options.pilot:
             self._fly_by_hand()
-        world.step(pixhawk.surfaces)
+        world.step(injection.surfaces(self.time_s, pixhawk.surfaces, 1.0 / world.step_hz))
         if world.crashed and self._lying_until < 0:
             self.crashes += 1
             self._lying_until = world.steps + round(LYING_S * self._options.step_hz)
             self._events.append(f"lost: {world.crashed}")
         self._sensed = self._sense(self.flying)
-        pixhawk.step(self._sensed)
+        told = self._spoilt(self._sensed)
+        pixhawk.step(self._sensed, told)
+        if self._twin is not None:
+            self._twin.step(
+                told._replace(attitude=of_twin(told.attitude), position=of_twin(told.position))
+            )
         if self._options.truth and world.steps % self._truth_every == 0:
             self._tell_truth()
         if world.steps % self._log_every == 0:
@@ -171,6 +228,26 @@ class Simulation:
         """Finish the log."""
         if self._log is not None:
             self._log.close()
+
+    def _turn_faults(self) -> None:
+        """Tell what begins and what is over, and what becomes of the autopilot by it."""
+        pixhawk = self.pixhawk
+        for fault, begins in self.injection.turns(self.time_s):
+            self._events.append(f"fault {'begins' if begins else 'is over'}: {fault}")
+            if fault.kind.name == "autopilot.reboot":
+                (pixhawk.shut_down if begins else pixhawk.boot)()
+            elif fault.kind.name == "pilot.takes":
+                pixhawk.set_mode(FBWA if begins else MANUAL, "the pilot")
+            elif fault.kind.name == "autopilot.twin" and begins and self._twin is not None:
+                self._twin.announce()
+
+    def _spoilt(self, sensed: Sensed) -> Sensed:
+        """What the autopilot tells of what it senses."""
+        sample = self.injection.sample
+        return sensed._replace(
+            attitude=sample("attitude", self.time_s, sensed.attitude),
+            position=sample("position", self.time_s, sensed.position),
+        )
 
     def _launch_or_carry_back(self) -> None:
         world, pixhawk = self.world, self.pixhawk
@@ -276,12 +353,14 @@ class Bridge:
         self.given_up_s = 0.0  # wall time that real time did not catch up with
         self.wall_s = 0.0
         self._pixhawk = simulation.pixhawk
+        self._down = simulation.injection.wire("down")  # to companions
+        self._up = simulation.injection.wire("up")
         self._waited_for: dict[LinkId, Peer] = {}
         self._missed: dict[LinkId, int] = {}  # datagrams from it when it was let go
         self._dt_s = 1.0 / simulation.pixhawk.step_hz
         self._ground_every = round(GROUND_BARRIER_S / self._dt_s)
         for peer in ports.peers.values():
-            self._pixhawk.add_link(peer.link, ground=peer.port.ground)
+            simulation.add_link(peer.link, ground=peer.port.ground)
 
     def run(self) -> None:
         """Until the duration is over or somebody stops it.  Errors: `BridgeError`."""
@@ -359,11 +438,14 @@ class Bridge:
     def _barrier(self, links: list[LinkId]) -> None:
         """Ask each whether it is through with this step, and take all it says until then."""
         stamp = self._stamp()
+        if self._down is not None:
+            self._flush()  # so that the question below goes alone, past all faults
         for link in links:
             self._pixhawk.send(link, mavlink.MAVLink_timesync_message(0, stamp))
         if links:
             ground = self.ports.peers[links[0]].port.ground
-            self._flush([p.link for p in self.ports.peers.values() if p.port.ground == ground])
+            asked = [p.link for p in self.ports.peers.values() if p.port.ground == ground]
+            self._flush(asked, spoilt=False)
         for link in links:
             self._await(link, stamp)
 
@@ -387,7 +469,7 @@ class Bridge:
             if now - repeated > REPEAT_S:
                 repeated = now
                 self._pixhawk.send(link, mavlink.MAVLink_timesync_message(0, stamp))
-                self._flush([link])
+                self._flush([link], spoilt=False)
 
     def _let_go(self, peer: Peer) -> None:
         self._waited_for.pop(peer.link, None)
@@ -466,13 +548,24 @@ class Bridge:
     # --- both --------------------------------------------------------------------------
 
     def _step(self) -> None:
+        if self._up is not None:
+            for link, data in self._up.arrived(self.simulation.time_s):
+                self.simulation.receive(link, data)
         self.simulation.step()
         for event in self.simulation.take_events():
             self._say(event)
 
-    def _flush(self, links: Sequence[LinkId] | None = None) -> None:
-        for link, data in self._pixhawk.take_datagrams(links):
-            self.ports.send(link, data)
+    def _flush(self, links: Sequence[LinkId] | None = None, *, spoilt: bool = True) -> None:
+        """Send what is due on some links, or on all; companions get it as faults leave it."""
+        down, now = self._down, self.simulation.time_s
+        for link, data in self.simulation.take_datagrams(links):
+            if down is not None and spoilt and self._is_companion(link):
+                down.send(now, (link, data))
+            else:
+                self.ports.send(link, data)
+        if down is not None:
+            for link, data in down.arrived(now):
+                self.ports.send(link, data)
 
     def _drain(self, port: Port) -> None:
         for _ in range(BURST):
@@ -485,15 +578,20 @@ class Bridge:
             return False
         peer, data, new = received
         if new:
-            self._pixhawk.add_link(peer.link, ground=port.ground)
+            self.simulation.add_link(peer.link, ground=port.ground)
             if self.ports.strangers <= STRANGERS_NAMED:
                 self._say(f"{_who(peer)} spoke first")
             surplus = self.ports.surplus()
             if surplus is not None:
-                self._pixhawk.remove_link(surplus.link)
+                self.simulation.remove_link(surplus.link)
                 self._waited_for.pop(surplus.link, None)
                 self._missed.pop(surplus.link, None)
-        self._pixhawk.receive(peer.link, data)
+        if self._up is None or port.ground or _answers_barrier(data):
+            self.simulation.receive(peer.link, data)
+        else:
+            self._up.send(self.simulation.time_s, (peer.link, data))
+            for link, arrived in self._up.arrived(self.simulation.time_s):
+                self.simulation.receive(link, arrived)
         return True
 
     def _say(self, text: str) -> None:
@@ -510,6 +608,11 @@ class Bridge:
             f" {counts.overrides_refused} refused, {counts.override_timeouts} timed out;"
             f" {simulation.crashes} crashes; {self.given_up_s:.2f} s given up"
         )
+
+
+def _answers_barrier(data: bytes) -> bool:
+    """Whether a datagram is one TIMESYNC: faults leave lockstep alone."""
+    return data[:1] == b"\xfd" and data[7:10] == TIMESYNC_ID
 
 
 def _who(peer: Peer) -> str:
@@ -557,6 +660,18 @@ def _setting(text: str) -> tuple[str, float]:
         raise argparse.ArgumentTypeError(
             f"{text!r}: write NAME=NUMBER, such as SYSID_MYGCS=255"
         ) from None
+
+
+def _fault(text: str) -> Fault:
+    try:
+        fault = parse_fault(text)
+    except FaultError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+    if fault.of in NOT_TOLD:
+        raise argparse.ArgumentTypeError(
+            f"{fault.kind.name}: this autopilot tells no {fault.of}; fly it in a scenario file"
+        )
+    return fault
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -612,6 +727,11 @@ def _parser() -> argparse.ArgumentParser:
         "--uptime", type=_number(0.0, 1e7), default=0.0, metavar="S",
         help="time since boot at the start",
     )  # fmt: skip
+    add(
+        "--fault", type=_fault, action="append", default=[], metavar="'NAME start=S for=S'",
+        help="what goes wrong, as 'position.dropout start=20 for=1.5'; repeat for more;"
+        " `--fault list` shows all",
+    )  # fmt: skip
     add("--patience", type=_number(0.1, 3600.0), default=5.0, metavar="S", help="(default 5)")
     add("--start-timeout", type=_number(0.1, 3600.0), default=30.0, metavar="S")
     return parser
@@ -648,7 +768,11 @@ def _add_peer(ports: Ports, port: Port, option: str, address: Address) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the bridge; the exit code: 0 well, 2 wrong set-up, 3 nobody came."""
-    arguments = _parser().parse_args(argv)
+    words = list(sys.argv[1:] if argv is None else argv)
+    if ["--fault", "list"] in [words[i : i + 2] for i in range(len(words))]:
+        print(catalogue_text())
+        return 0
+    arguments = _parser().parse_args(words)
     options = Options(
         seed=arguments.seed,
         turbulence=arguments.turbulence,
@@ -659,6 +783,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         truth=not arguments.no_truth,
         uptime_s=arguments.uptime,
         allow_odometry=arguments.odometry,
+        faults=tuple(arguments.fault),
         parameters=tuple(arguments.autopilot_parameter),
         log=arguments.log,
         log_hz=arguments.log_rate,

@@ -259,6 +259,7 @@ class Pixhawk:
         self.steps = 0
         self.mode = MANUAL
         self.armed = True
+        self.running = True
         self.counts = Counts()
         self.parameters = FirmwareParameters(surfaces, parameters)
         self.pilot_sticks: SurfaceCommand | None = None  # None: no receiver
@@ -269,7 +270,8 @@ class Pixhawk:
         self._uptime_s = uptime_s
         self._level = LevelFlight(trim_pitch_rad)
         self._links: dict[LinkId, _Link] = {}
-        self._sensed = GROUNDED
+        self._sensed = GROUNDED  # as its streams tell it
+        self._own_attitude = GROUNDED.attitude  # as its own control has it
         self._attitudes: deque[AttitudeSample] = deque(maxlen=128)
         self._channel_pwm = [0] * CHANNELS
         self._servo_pwm = [0] * CHANNELS
@@ -286,9 +288,12 @@ class Pixhawk:
         codec = mavlink.MAVLink(None, int(self.parameters["SYSID_THISMAV"]), COMPONENT)
         self._links[link] = _Link(codec, ground)
         self.router.add(link)
-        if ground:
+        self._stream_by_default(self._links[link])
+
+    def _stream_by_default(self, link: _Link) -> None:
+        if link.ground:
             for message_id, rate_hz in GROUND_RATES_HZ.items():
-                self._set_interval(self._links[link], message_id, 1.0 / rate_hz)
+                self._set_interval(link, message_id, 1.0 / rate_hz)
 
     def remove_link(self, link: LinkId) -> None:
         """A link that is gone."""
@@ -298,6 +303,9 @@ class Pixhawk:
     def receive(self, link: LinkId, data: bytes) -> None:
         """Take one datagram of a link; whatever it holds, nothing is raised."""
         if link not in self._links:
+            return
+        if not self.running:
+            self._take_barrier(link, data)
             return
         frames, lost = split_frames(self._decoder, data)
         self.counts.bytes_refused += lost
@@ -364,9 +372,16 @@ class Pixhawk:
         """Now, as the messages' `time_boot_ms`."""
         return self._boot_ms(self.time_s)
 
-    def step(self, sensed: Sensed) -> None:
-        """Advance by one step: failsafe, mode, servos, streams."""
+    def step(self, sensed: Sensed, told: Sensed | None = None) -> None:
+        """Advance by one step: failsafe, mode, servos, streams.
+
+        told: what the streams say, where that is not what its own control has.
+        """
         self.steps += 1
+        if not self.running:
+            return
+        self._own_attitude = sensed.attitude
+        sensed = told or sensed
         # Before the first sample there are numbers to show, but none that is streamed.
         if sensed.attitude.sequence == 0:
             sensed = sensed._replace(attitude=GROUNDED.attitude)
@@ -404,6 +419,27 @@ class Pixhawk:
         self.armed = True
         self.set_mode(MANUAL, "launch")
 
+    def shut_down(self) -> None:
+        """Nothing is heard, said or moved until `boot`; the servos stay."""
+        self.running = False
+        self.overrides.clear()
+        self.router = Router()
+        for number, link in self._links.items():
+            self.router.add(number)
+            link.streams.clear()
+            link.parameters_to_send.clear()
+            link.outbox.clear()
+
+    def boot(self) -> None:
+        """Start anew, without memory: the clock from zero, the mode of the pilot's switch."""
+        self.running = True
+        self._uptime_s = -self.time_s
+        self._attitudes.clear()
+        for link in self._links.values():
+            self._stream_by_default(link)
+        self.set_mode(MANUAL, "after a restart")
+        self.announce()
+
     def reads_override(self, surface_channels: bool = True) -> bool:
         """Whether a surface's channel (or any channel) is overridden now."""
         if not surface_channels:
@@ -434,7 +470,7 @@ class Pixhawk:
             self._channel_pwm[channel - 1] = pwm
             low, trim, high, reverse = self.parameters.calibration(f"RC{channel}")
             sticks.append(stick_from_pwm(pwm, low, trim, high, reverse))
-        if self.mode == FBWA and self._sensed.attitude.sequence > 0:
+        if self.mode == FBWA and self._own_attitude.sequence > 0:
             sticks = self._level_flight(sticks)
         deflections = []
         for surface, stick in zip(ordered(self._surfaces), sticks, strict=True):
@@ -448,7 +484,7 @@ class Pixhawk:
         # A stick's sign on the wire follows the airframe file; the law's is ours.
         signs = [-1.0 if s.reversed else 1.0 for s in ordered(self._surfaces)]
         asked = SurfaceCommand(*(sign * stick for sign, stick in zip(signs, sticks, strict=True)))
-        law = self._level.step(asked, self._sensed.attitude, 1.0 / self.step_hz)
+        law = self._level.step(asked, self._own_attitude, 1.0 / self.step_hz)
         return [sign * deflection for sign, deflection in zip(signs, law, strict=True)]
 
     # --- what arrives ----------------------------------------------------------------------
@@ -471,6 +507,12 @@ class Pixhawk:
             handler = _HANDLERS.get(frame.message.get_msgId())
             if handler is not None:
                 handler(self, self._links[number], frame)
+
+    def _take_barrier(self, number: LinkId, data: bytes) -> None:
+        """While it does not run, lockstep goes on all the same."""
+        for frame in split_frames(self._decoder, data)[0]:
+            if frame.message.get_msgId() == mavlink.MAVLINK_MSG_ID_TIMESYNC and frame.message.tc1:
+                self._take_timesync(self._links[number], frame)
 
     def _take_override(self, _link: _Link, frame: Frame) -> None:
         master = int(self.parameters["SYSID_MYGCS"])

@@ -63,6 +63,7 @@ class SitlOptions:
     seed: int = 1
     turbulence: float | None = None  # fraction of the reference wind; None: the site's
     realtime: bool = False
+    faults: tuple[str, ...] = ()  # as they are written (`sim.faults`)
     # Real time alone is open to others, on the ports that the firmwares' simulators have.
     gcs: str = "127.0.0.1:14550"
     companion: str = "127.0.0.1:14540"
@@ -193,6 +194,8 @@ def _bridge_command(
         *("--autopilot-parameter", f"RC_OVERRIDE_TIME={OVERRIDE_TIME_S:g}"),
         *("--speed", "realtime" if options.realtime else "lockstep"),
     ]
+    for fault in options.faults:
+        command += ["--fault", fault]
     if options.turbulence is not None:
         command += ["--turbulence", str(options.turbulence)]
     if options.realtime:
