@@ -543,7 +543,7 @@ class Onboard:
         self._slow(now_s)
 
     def _step_without_attitude(self, message: object) -> None:
-        """Lockstep: a TIMESYNC ends a step of the vehicle; a tick that is missing is made up for."""
+        """Lockstep: a TIMESYNC ends a step of the vehicle; a missing tick is made up for."""
         if not isinstance(message, Timesync) or message.tc1 != 0:
             return
         stamp_s = message.ts1 * 1e-9
