@@ -34,21 +34,36 @@ TABLE: dict[str, set[str]] = {
     "config": {"line_changes", "geometry"},
     "realtime": set(),
     "instruments": {"autopilot", "link"},
-    "onboard": {"instruments", "autopilot", "link", "config", "parameter_store", "realtime"},
+    "flightlog": {"autopilot"},
+    "onboard": {
+        "instruments",
+        "autopilot",
+        "link",
+        "config",
+        "parameter_store",
+        "realtime",
+        "flightlog",
+    },
     "guard": set(),
     "surface_check": {"link"},
     "process": {"onboard", "guard"},
     "air": {"geometry"},
     "score": set(),
     "sim": {"autopilot", "air", "link", "config", "score"},
-    "report": {"air", "estimation", "score"},
+    "report": {"air", "estimation", "score", "flightlog"},
     "experiments": {"sim", "report", "config"},
     "commands": {"process", "surface_check", "experiments"},
     "cli": {"commands"},
 }
 
 # The simulated Pixhawk speaks through pymavlink, so that our codec never talks only to itself.
-PARTS: dict[tuple[str, str], set[str]] = {("sim", "link"): {"tgl_soar.link.autopilots"}}
+# Of the flight log, what writes it flies; what reads it stays on the ground.
+_LOG = "tgl_soar.flightlog"
+PARTS: dict[tuple[str, str], set[str]] = {
+    ("sim", "link"): {"tgl_soar.link.autopilots"},
+    ("onboard", "flightlog"): {f"{_LOG}.recorder"},
+    ("process", "flightlog"): {f"{_LOG}.declaration", f"{_LOG}.recorder", f"{_LOG}.writer"},
+}
 
 # One file, one reason.
 EXCEPTIONS: dict[tuple[str, str], str] = {
@@ -59,6 +74,7 @@ FLIES = {
     "types", "geometry", "parameters", "control", "estimation",
     "autopilot", "line_changes", "link", "config", "realtime", "onboard",
     "parameter_files", "parameter_store", "instruments", "process", "guard",
+    "flightlog",
 }  # fmt: skip
 STAYS_ON_THE_GROUND = {
     "surface_check",

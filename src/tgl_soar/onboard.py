@@ -33,6 +33,7 @@ from tgl_soar.config import (
     Surface,
     preset_lines,
 )
+from tgl_soar.flightlog.recorder import NO_RECORDER, LinkReport, Recorder
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.line_changes import Contour, LineChanges, Presets
 from tgl_soar.link.autopilots.ardupilot import ArduPilot
@@ -213,13 +214,14 @@ class Onboard:
         signing: Signing | None = None,
         unsigned_autopilot: bool = False,
         keep_key: Callable[[bytes], None] | None = None,
+        recorder: Recorder = NO_RECORDER,
     ) -> None:
         """`stream`: the link may cut frames anywhere.  `console`: where words go locally.
         `store`: keeps changed parameters.  `first_words`: told once the autopilot is heard.
 
         `signing`: without one nothing is signed.  `unsigned_autopilot`: the autopilot itself
         need not sign on its own link.  `keep_key`: keeps a key that came over the air, or raises
-        OSError; without it none is taken.
+        OSError; without it none is taken.  `recorder`: is told all that a log holds.
         """
         self.counters = Counters()
         self.texts = StatusTexts()
@@ -247,6 +249,7 @@ class Onboard:
         self.output: autopilot.Output | None = None  # of the last tick
 
         self._setup = setup
+        self._recorder = recorder
         self._console = console or _nowhere
         self._store = store
         self._first_words = list(first_words)
@@ -271,6 +274,8 @@ class Onboard:
         self._engage = setup.parameters["OP_ENGAGE"] >= 0.5
         self._state = autopilot.initial_state()
         self._mode = STANDBY
+        recorder.parameters(self._values)
+        recorder.afresh(self._state)
         self._active = False
         self._releases = 0
         self._release_due_s = 0.0
@@ -301,6 +306,7 @@ class Onboard:
                 self.signing,
                 stream=stream,
                 excused=excused,
+                tap=self._recorder.frame,
             )
         )
         return number
@@ -490,6 +496,7 @@ class Onboard:
             self.session.set_loop_rate(rate_hz)
             self.pacer.set_rate(rate_hz)
         self._values = values
+        self._recorder.parameters(values)
         self._laws = autopilot.laws_from(values, self._setup.frame)
         self._engage = values["OP_ENGAGE"] >= 0.5
         self._want_pilot_switch()
@@ -572,6 +579,7 @@ class Onboard:
             route.own.restart()
             route.override.restart()
         self._state = autopilot.initial_state()
+        self._recorder.afresh(self._state)
         if self._active:
             self._disengage()
         self._active = False
@@ -605,6 +613,7 @@ class Onboard:
             self._releases -= 1
             self._release()
         self._active = output.active
+        self._recorder.tick(inputs, output, self._state)
         if output.mode != self._mode:
             self._mode_changed(output)
 
@@ -646,6 +655,8 @@ class Onboard:
         if self._store is not None:
             for text in self._store.poll(self._values, now_s):
                 self.tell(SEVERITY_WARNING, text)
+        for text in self._recorder.poll():
+            self.tell(SEVERITY_WARNING, text)
         if self._first_words and session.is_heard:
             for severity, text in self._first_words:
                 self._say_words(severity, text)
@@ -701,6 +712,19 @@ class Onboard:
         self._loss_counted = counters.watched, counters.lost
         came, missed = counters.watched - watched, max(0, counters.lost - lost)
         self._loss = missed / (came + missed) if came + missed else 0.0
+        ticks = self.pacer.counters
+        self._recorder.link(
+            LinkReport(
+                self._loss,
+                self.session.round_trip_s,
+                counters.frames,
+                counters.bad_checksums,
+                self.counters.unsent,
+                ticks.late,
+                ticks.skipped,
+                ticks.worst_late_s,
+            )
+        )
 
     def _spend(self, size: int) -> None:
         self.telemetry.budget.spend(size, self._values["TEL_BUDGET"])
@@ -710,6 +734,7 @@ class Onboard:
     def tell(self, severity: int, text: str) -> None:
         """Words for the operator, over the link and on the console."""
         self._console(text)
+        self._recorder.text(severity, text)
         self._say_words(severity, text)
 
     def _say_words(self, severity: int, text: str) -> None:
@@ -766,8 +791,10 @@ class Onboard:
         except (struct.error, OverflowError, ValueError, TypeError):
             self.counters.unsendable += 1
             return 0
-        if frame and not route.send(frame):
-            self.counters.unsent += 1
+        if frame:
+            if not route.send(frame):
+                self.counters.unsent += 1
+            self._recorder.frame(frame)
         return len(frame)
 
     def _clock(self, now_s: float) -> float:

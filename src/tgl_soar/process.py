@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import platform
 import select
 import signal
 import sys
@@ -18,7 +19,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from tgl_soar import guard, realtime
+from tgl_soar import __version__, guard, realtime
 from tgl_soar.config import (
     Airframe,
     ConfigError,
@@ -27,6 +28,10 @@ from tgl_soar.config import (
     load_parameters,
     load_site,
 )
+from tgl_soar.control.supervisor import MODE_NAMES, REASON_TEXTS
+from tgl_soar.flightlog.declaration import VERSION
+from tgl_soar.flightlog.recorder import NO_RECORDER
+from tgl_soar.flightlog.writer import LARGEST_BYTES, Facts, FlightRecorder
 from tgl_soar.link.keys import (
     UNSIGNED,
     Secret,
@@ -101,6 +106,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         " Default: tgl_soar in $XDG_STATE_HOME or in ~/.local/state",
     )
     add(
+        "--log",
+        metavar="FOLDER",
+        help="where flight logs are kept; none: nowhere. Default: logs in the folder of --state",
+    )
+    add(
+        "--log-max",
+        type=_megabytes,
+        default=LARGEST_BYTES,
+        metavar="MB",
+        help="of all logs in that folder together, 10 at least: the oldest are deleted."
+        f" Default: {LARGEST_BYTES / 1e6:g}",
+    )
+    add(
         "--no-guard",
         action="store_true",
         help="no second process that gives the surfaces back when this one is killed or hangs"
@@ -116,6 +134,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         lockstep=given.lockstep,
         timeout_s=given.timeout,
         state=_folder(given.state),
+        log=_log_folder(given.log, _folder(given.state)),
+        log_bytes=given.log_max,
         secret=Secret(given.signing_key, given.unsigned_autopilot, given.allow_setup_signing),
         guarded=not given.no_guard and not given.lockstep,
     )
@@ -126,6 +146,23 @@ def _folder(state: str | None) -> Path | None:
     if state is None:
         return state_folder(os.environ)
     return None if state == "none" else Path(state)
+
+
+def _log_folder(log: str | None, state: Path | None) -> Path | None:
+    """Where flight logs are kept, if anywhere."""
+    if log is None:
+        return None if state is None else state / "logs"
+    return None if log == "none" else Path(log)
+
+
+def _megabytes(text: str) -> int:
+    try:
+        megabytes = float(text)
+    except ValueError:
+        megabytes = 0.0
+    if not 10.0 <= megabytes <= 1e9:
+        raise argparse.ArgumentTypeError(f"{text}: must be a number of megabytes, 10 or more")
+    return int(megabytes * 1e6)
 
 
 class Plan(NamedTuple):
@@ -141,6 +178,8 @@ class Plan(NamedTuple):
     timeout_s: float | None
     state: Path | None
     secret: Secret
+    log: Path | None
+    log_bytes: int
 
 
 def run(
@@ -153,6 +192,8 @@ def run(
     state: Path | None = None,
     secret: Secret = UNSIGNED,
     guarded: bool = False,
+    log: Path | None = None,
+    log_bytes: int = LARGEST_BYTES,
 ) -> int:
     """Fly until told to stop; the process's exit code.
 
@@ -172,8 +213,18 @@ def run(
         _print(f"no line is checked: the site's contour is of {site.contour.airframe!r}")
     links = (link,) if isinstance(link, str) else tuple(link)
     plan = Plan(
-        *(airframe, airframe_path, site, site_path, setup),
-        *(links, lockstep, timeout_s, state, secret),
+        airframe=airframe,
+        airframe_path=airframe_path,
+        site=site,
+        site_path=site_path,
+        setup=setup,
+        links=links,
+        lockstep=lockstep,
+        timeout_s=timeout_s,
+        state=state,
+        secret=secret,
+        log=log,
+        log_bytes=log_bytes,
     )
     if guarded:
         realtime.go_first()
@@ -210,6 +261,7 @@ def _run(plan: Plan, life: guard.LifeSign | None = None, became: str = "") -> in
             store=store,
             life=life,
             first_words=words,
+            recorder=_recorder(plan),
         )
     finally:
         end_keeping()
@@ -263,6 +315,42 @@ def _store(plan: Plan) -> ParameterStore | None:
     return ParameterStore(path, identity, plan.setup.parameters, plan.setup.presets)
 
 
+def _recorder(plan: Plan) -> FlightRecorder | None:
+    """What keeps the flight's log, if it is to be kept."""
+    if plan.log is None:
+        _print("no flight log is kept: no --log")
+        return None
+    words = {
+        "sys_name": "tgl_soar",
+        "ver_sw": __version__,
+        "ver_log": str(VERSION),
+        "ver_python": platform.python_version(),
+        "started_utc": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        "airframe_file": str(plan.airframe_path),
+        "site_file": str(plan.site_path),
+        "links": " ".join(plan.links),
+        "lockstep": str(plan.lockstep),
+        "modes": ";".join(MODE_NAMES),
+        "reasons": ";".join(REASON_TEXTS),
+    }
+    texts = {"airframe": _text_of(plan.airframe_path), "site": _text_of(plan.site_path)}
+    return FlightRecorder(
+        plan.log,
+        Facts(words, texts),
+        0.0 if plan.lockstep else time.monotonic(),
+        largest_bytes=plan.log_bytes,
+        patient=plan.lockstep,
+    )
+
+
+def _text_of(path: str | Path) -> str:
+    """A file that was good a moment ago."""
+    try:
+        return Path(path).read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""
+
+
 def _restored(setup: Setup, store: ParameterStore | None) -> tuple[Setup, list[tuple[int, str]]]:
     """With the values that were kept, and what is to be said of them."""
     if store is None:
@@ -301,6 +389,7 @@ def _fly(
     store: ParameterStore | None = None,
     life: guard.LifeSign | None = None,
     first_words: Sequence[tuple[int, str]] = (),
+    recorder: FlightRecorder | None = None,
 ) -> int:
     began_s = time.monotonic()
     first, *others = transports
@@ -318,6 +407,7 @@ def _fly(
         signing=signing,
         unsigned_autopilot=secret.unsigned_autopilot,
         keep_key=partial(save_key, key_file) if key_file and secret.allow_setup else None,
+        recorder=recorder or NO_RECORDER,
     )
     for other in others:
         onboard.add_link(other.send, stream=other.is_stream)
@@ -335,12 +425,16 @@ def _fly(
     if store is not None:
         _print(f"parameters changed over the air are stored in {store.path}")
         store.start()
+    if recorder is not None:
+        recorder.start()
     try:
         code = _loop(onboard, transports, stop, timeout_s, life)
     finally:  # whatever has happened, the pilot gets the surfaces
         onboard.stop()
         if life is not None:
             life.show(False)
+        for text in (recorder or NO_RECORDER).stop():
+            _print(text)
     ticks = onboard.pacer.counters
     if code == EXIT_OK and not lockstep:
         _print(f"{ticks.ticks} ticks, {ticks.late} late, {ticks.skipped} skipped")

@@ -19,7 +19,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.process import EXIT_CANNOT_START, EXIT_NO_AUTOPILOT, EXIT_OK, main
 
-HEAVY = ("numpy", "scipy", "matplotlib", "rich", "typer", "pymavlink.mavutil", "serial")
+HEAVY = ("numpy", "scipy", "matplotlib", "rich", "typer", "pymavlink.mavutil", "serial", "pyulog")
 
 
 def test_the_flying_process_loads_nothing_that_does_not_fly() -> None:

@@ -91,13 +91,20 @@ class DecoderCounters:
 class Decoder:
     """Cuts what arrives on one link into messages."""
 
-    def __init__(self, *, stream: bool, accept: Callable[[bytes], bool] | None = None) -> None:
+    def __init__(
+        self,
+        *,
+        stream: bool,
+        accept: Callable[[bytes], bool] | None = None,
+        tap: Callable[[bytes], None] | None = None,
+    ) -> None:
         """`stream`: a frame may go on in the next piece, as on a serial line.
 
         `accept`: whether a whole, good frame of a message that somebody listens to may be
-        believed.
+        believed.  `tap`: is shown every whole frame, also of messages that nobody listens to.
         """
         self.counters = DecoderCounters()
+        self._tap = tap
         self._stream = stream
         self._accept = accept
         self._rest = b""
@@ -134,6 +141,8 @@ class Decoder:
                     # Its checksum cannot be told: it may be garbage that hides good frames.
                     if _may_be_unknown_frame(data, at, at + length):
                         counters.unknown += 1
+                        if self._tap is not None:
+                            self._tap(data[at : at + length])
                         at += length
                     else:
                         at = self._skip_to_marker(data, at)
@@ -142,6 +151,8 @@ class Decoder:
                     at = self._skip_to_marker(data, at)
                 else:
                     counters.frames += 1
+                    if self._tap is not None:
+                        self._tap(data[at : at + length])
                     self._count(data, at)
                     if number in _HEARD:
                         frame = data[at : at + length]

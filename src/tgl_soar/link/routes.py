@@ -36,11 +36,15 @@ class Route:
         *,
         stream: bool,
         excused: Source | None = None,
+        tap: Callable[[bytes], None] | None = None,
     ) -> None:
-        """`stream`: the link may cut frames anywhere.  `excused`: who need not sign here."""
+        """`stream`: the link may cut frames anywhere.  `excused`: who need not sign here.
+
+        `tap`: is shown every frame that comes.
+        """
         self.number = number
         self.send = send
-        self.decoder = Decoder(stream=stream, accept=self._accept)
+        self.decoder = Decoder(stream=stream, accept=self._accept, tap=tap)
         self.own = Encoder(own, signing, number)
         self.override = Encoder(override, signing, number)
         self._signing = signing

@@ -43,6 +43,7 @@ Floats = NDArray[np.float64]
 WITH_PARENT = (
     "import ctypes, os, sys; ctypes.CDLL(None).prctl(1, 15); os.execv(sys.argv[1], sys.argv[1:])"
 )
+LOGS_MB = 500.0  # of all flights in a folder
 SILENCE_S = 20.0  # without a datagram for so long the bridge is taken for dead
 OVERRIDE_TIME_S = 0.5  # as docs and README ask of a real autopilot: 3 s would lose the aircraft
 
@@ -211,6 +212,7 @@ def _module_command(options: SitlOptions, companion: str) -> list[str]:
         *(sys.executable, "-m", "tgl_soar.cli", "run"),
         *("--airframe", str(options.airframe), "--site", str(options.site)),
         *("--link", f"udp:{companion}", "--state", "none"),
+        *("--log", str(options.out / "logs"), "--log-max", f"{LOGS_MB:g}"),
     ]
     return command if options.realtime else [*command, "--lockstep"]
 

@@ -1,0 +1,51 @@
+"""`tgl-soar log`: what a flight log holds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from tgl_soar.flightlog.meanings import page
+from tgl_soar.flightlog.reader import FlightLog, LogError, read_log
+
+from .console import console, errors, fail
+
+log_app = typer.Typer(help="What a flight log holds, and other formats.", no_args_is_help=True)
+
+
+def read(path: Path) -> FlightLog:
+    """A log, with what is lost of it said; ends the command where nothing can be read."""
+    try:
+        log = read_log(path)
+    except (LogError, ImportError) as error:
+        fail(error)
+    for loss in log.losses:
+        errors.print(f"{path.name}: {loss}", style="yellow", highlight=False, markup=False)
+    return log
+
+
+@log_app.command()
+def fields() -> None:
+    """Print docs/logs.md: every field with its unit and frame."""
+    typer.echo(page(), nl=False)
+
+
+@log_app.command()
+def info(path: Annotated[Path, typer.Argument(metavar="LOG", help="A ULog.")]) -> None:
+    """Say what a log holds, and what of it is lost."""
+    log = read(path)
+    for key, value in sorted(log.info.items()):
+        console.print(f"{key}: {value}", highlight=False, markup=False, soft_wrap=True)
+    size = path.stat().st_size
+    console.print(f"{log.duration_s:.1f} s, {size / 1e6:.2f} MB, {len(log.changes)} changes")
+    table = Table("topic", "rows", "rate")
+    for name, topic in log.topics.items():
+        rows = len(topic["timestamp"])
+        rate = f"{rows / log.duration_s:.1f} Hz" if log.duration_s > 0.0 else "–"
+        table.add_row(name, str(rows), rate)
+    console.print(table)
+    for words in log.words:
+        console.print(f"{words.time_s:10.3f} s  {words.text}", highlight=False, markup=False)

@@ -1,0 +1,393 @@
+"""Every topic of the flight log and every field in it, declared once.
+
+Writer, reader, replay and docs/logs.md all read `TOPICS`.  It is not written by hand: topics are
+made of the named tuples that flow through a tick, flattened field by field, so that what the
+laws, the estimator or the supervisor add is in the log and on the page by itself:
+
+    tick        `Output`, and of `Inputs` the plain fields           one row a tick
+    NAME        each named tuple in `Inputs`, in doubles             a row when it has changed
+    state       `AutopilotState`, in doubles                         a row now and then
+    parameter   the parameters that have changed
+    link        how the link and the loop's timing did
+
+A nested field's name begins with that of what it is in: `Output.vehicle.x_m` is `vehicle_x_m`.
+Its unit is the ending of its name, or stands in `UNITS`; its meaning is the comment beside it in
+its named tuple, or stands in `MEANINGS`.
+
+Derived numbers are 32-bit floats.  Times, inputs, states and the surface commands are doubles:
+with them a flight is replayed bit for bit.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from functools import cache
+from typing import Any, Final, NamedTuple, get_args, get_origin, get_type_hints
+
+from tgl_soar.autopilot import AutopilotState, Output
+from tgl_soar.types import Inputs
+
+VERSION: Final = 1  # of this layout: a log says with which it was written
+
+_CODES: Final = {
+    "uint64_t": "Q",
+    "uint32_t": "I",
+    "uint16_t": "H",
+    "uint8_t": "B",
+    "int64_t": "q",
+    "int32_t": "i",
+    "int8_t": "b",
+    "double": "d",
+    "float": "f",
+    "bool": "?",
+}
+
+SUFFIXES: Final = (
+    ("_mps2", "m/s²"),
+    ("_mps", "m/s"),
+    ("_radps", "rad/s"),
+    ("_rad", "rad"),
+    ("_hz", "Hz"),
+    ("_us", "µs"),
+    ("_ms", "ms"),
+    ("_m", "m"),
+    ("_s", "s"),
+)
+
+# Units that no ending tells: by the name in the topic, or by what it begins with.
+UNITS: Final = {
+    "command_": "of full travel",
+    "soaring_": "rad",
+    "elevator_": "of full travel",
+    "aileron_": "of full travel",
+    "rudder_": "of full travel",
+    "elevator": "of full travel",
+    "aileron": "of full travel",
+    "rudder": "of full travel",
+    "timestamp": "µs",
+}
+
+# What is small enough for less than 32 bits.
+_SMALL: Final = {
+    "Output.mode": "uint8_t",
+    "Output.reason": "uint8_t",
+    "PidTerms.saturated": "int8_t",
+    "PositionFix.source": "uint8_t",
+}
+
+# Of the output, what the row says elsewhere.
+_LEFT_OUT: Final = frozenset({"Output.time_s", "VehicleState.time_s"})
+
+FRAMES: Final = {
+    "PositionFix": "NED",
+    "VehicleState": "soaring",
+    "MotionState": "soaring",
+    "LineState": "soaring",
+    "AirEstimate": "soaring",
+}
+
+MEANINGS: Final = {
+    "Inputs.engage": "the operator wants the module to fly",
+    "Inputs.time_s": "the time of this tick, loop's clock",
+    "PositionFix.north_m": "position",
+    "PositionFix.east_m": "position",
+    "PositionFix.down_m": "position",
+    "PositionFix.velocity_east_mps": "NaN where the source gives no velocity",
+    "PositionFix.velocity_down_mps": "NaN where the source gives no velocity",
+    "AttitudeSample.qw": "rotation from FRD to NED",
+    "AttitudeSample.qx": "rotation from FRD to NED",
+    "AttitudeSample.qy": "rotation from FRD to NED",
+    "AttitudeSample.qz": "rotation from FRD to NED",
+    "AttitudeSample.pitch_rate_frd_radps": "NaN where the source gives no rates",
+    "AttitudeSample.yaw_rate_frd_radps": "NaN where the source gives no rates",
+    "ImuSample.force_y_frd_mps2": "specific force: gravity is not in it",
+    "ImuSample.force_z_frd_mps2": "specific force: gravity is not in it",
+    "ImuSample.pitch_rate_frd_radps": "NaN where the source gives no rates",
+    "ImuSample.yaw_rate_frd_radps": "NaN where the source gives no rates",
+    "AirspeedSample.airspeed_mps": "as the pitot tube measures it",
+    "AutopilotStatus.armed": "it is armed",
+    "SurfacesSample.aileron": "as the elevator",
+    "SurfacesSample.rudder": "as the elevator",
+    "AirEstimate.updraft_sigma_mps": "standard deviation of the updraft",
+    "Output.mode": "by number: Modes, below",
+    "Output.reason": "of a change of mode in this tick, by number: below",
+    "Output.line_x_m": "of the line's point, downstream",
+    "Output.line_z_m": "of the line's point, height",
+    "Output.line_eta_rad": "the line's inclination from the downstream axis",
+    "Output.line_moving": "the line is on its way to its target",
+    "Output.e_rho_rate_mps": "how fast e_rho grows, as the law sees it",
+    "VehicleState.x_m": "downstream",
+    "VehicleState.y_m": "to the right of an aircraft facing upwind",
+    "VehicleState.z_m": "height",
+    "VehicleState.velocity_x_mps": "downstream",
+    "VehicleState.velocity_y_mps": "to the right of an aircraft facing upwind",
+    "VehicleState.climb_mps": "up",
+    "VehicleState.roll_rad": "right wing down is positive",
+    "VehicleState.pitch_rad": "nose up is positive",
+    "VehicleState.pitch_rate_radps": "of the angle above",
+    "VehicleState.heading_rate_radps": "of the angle above",
+    "Health.attitude_age_s": "since the last sample that was used was true; inf: none",
+    "Health.heartbeat_age_s": "since the autopilot's last heartbeat; inf: none",
+    "Health.position_ok": "it may be flown with",
+    "Health.attitude_ok": "it may be flown with",
+    "Health.autopilot_ok": "its heartbeat is heard",
+    "Setpoints.pitch_rad": "of the attitude loop; NaN: the module does not fly",
+    "Setpoints.roll_rad": "of the attitude loop; NaN: the module does not fly",
+    "Setpoints.heading_rad": "of the heading loop, towards the waypoint; NaN: it does not fly",
+    "SurfaceCommand.elevator": "what is sent; up is positive",
+    "SurfaceCommand.aileron": "what is sent; rolling right is positive",
+    "SurfaceCommand.rudder": "what is sent; yawing right is positive",
+    "PidTerms.output": "the sum of the terms, limited",
+    "PidTerms.p": "proportional to the error",
+    "PidTerms.i": "the integral",
+    "PidTerms.d": "proportional to the error's rate",
+    "PidTerms.feedforward": "without any error",
+    "AutopilotState.mode": "by number: Modes, below",
+    "MotionState.attitude_sequence": "of the last sample looked at",
+    "MotionState.rejected": "samples refused so far",
+    "LineState.moving": "it is on its way to its target",
+    "Limited.aileron_blocked": "as the elevator's",
+    "Limited.finite": "the last command was a number",
+}
+
+
+class Leaf(NamedTuple):
+    """One number of a tuple of tuples."""
+
+    name: str
+    kind: type  # float, int or bool
+    owner: str  # "NamedTuple.field" that declares it
+    place: str  # how to get at it from the outermost tuple: "[4][0]"
+
+
+class Field(NamedTuple):
+    """One column of a topic."""
+
+    name: str
+    kind: str  # ULog's name of the type
+    owner: str = ""  # "NamedTuple.field"; "": declared here
+    said: str = ""  # its meaning, where it is declared here
+
+    @property
+    def code(self) -> str:
+        """The type as `struct` has it."""
+        return _CODES[self.kind]
+
+
+class Topic(NamedTuple):
+    """One kind of row."""
+
+    name: str
+    number: int  # the subscription's in every log
+    fields: tuple[Field, ...]
+    meaning: str
+    leaves: tuple[Leaf, ...] = ()  # of the tuple it is made from
+    source: type | None = None
+
+    @property
+    def layout(self) -> str:
+        """A row as `struct` has it."""
+        return "<" + "".join(field.code for field in self.fields)
+
+    @property
+    def format(self) -> str:
+        """As a ULog declares it."""
+        return f"{self.name}:" + "".join(f"{field.kind} {field.name};" for field in self.fields)
+
+
+def is_named_tuple(kind: object) -> bool:
+    """Whether a type is a named tuple."""
+    return isinstance(kind, type) and issubclass(kind, tuple) and hasattr(kind, "_fields")
+
+
+def leaves_of(kind: type, name: str = "", owner: str = "", place: str = "") -> Iterator[Leaf]:
+    """The numbers in a tuple of tuples, in order.
+
+    A fixed-length tuple of plain numbers counts through: `p_0`, `p_1`.  Errors: `TypeError` for
+    what is none of both.
+    """
+    if kind in (float, int, bool):
+        yield Leaf(name, kind, owner, place)
+    elif is_named_tuple(kind):
+        for i, (field, hint) in enumerate(get_type_hints(kind).items()):
+            inner = f"{name}_{field}" if name else field
+            yield from leaves_of(hint, inner, f"{kind.__name__}.{field}", f"{place}[{i}]")
+    elif get_origin(kind) is tuple and Ellipsis not in get_args(kind):
+        for i, hint in enumerate(get_args(kind)):
+            yield from leaves_of(hint, f"{name}_{i}", owner, f"{place}[{i}]")
+    else:
+        raise TypeError(f"{owner}: the log knows no {kind}")
+
+
+def rebuilt(kind: type, numbers: Iterator[Any]) -> Any:
+    """The tuple of tuples whose leaves, in order, these numbers are."""
+    if kind in (float, int, bool):
+        return kind(next(numbers))
+    if is_named_tuple(kind):
+        return kind(*(rebuilt(hint, numbers) for hint in get_type_hints(kind).values()))
+    return tuple(rebuilt(hint, numbers) for hint in get_args(kind))
+
+
+def _field(leaf: Leaf, *, exact: bool) -> Field:
+    if leaf.kind is bool:
+        return Field(leaf.name, "bool", leaf.owner)
+    if leaf.kind is int:
+        return Field(leaf.name, _SMALL.get(leaf.owner, "int32_t"), leaf.owner)
+    exact = exact or leaf.name.endswith("time_s") or leaf.name.startswith("command_")
+    return Field(leaf.name, "double" if exact else "float", leaf.owner)
+
+
+_HEAD: Final = (
+    Field("timestamp", "uint64_t", said="time of the tick, loop's clock"),
+    Field("tick", "uint32_t", said="number of the tick, from 1"),
+)
+
+STREAMS: Final[dict[str, type]] = {
+    name: hint for name, hint in get_type_hints(Inputs).items() if is_named_tuple(hint)
+}
+_PLAIN_INPUTS: Final = tuple(leaf for leaf in leaves_of(Inputs) if leaf.place.count("[") == 1)
+_OUTPUTS: Final = tuple(leaf for leaf in leaves_of(Output) if leaf.owner not in _LEFT_OUT)
+
+
+def _topics() -> Iterator[Topic]:
+    plain = [_field(leaf, exact=True) for leaf in _PLAIN_INPUTS]
+    outputs = [_field(leaf, exact=False) for leaf in _OUTPUTS]
+    yield Topic(
+        "tick",
+        0,
+        (*_HEAD, *plain, *outputs),
+        "What one tick decided, and why: one row for every tick.",
+    )
+    number = 1
+    for name, kind in STREAMS.items():
+        leaves = tuple(leaves_of(kind))
+        fields = (*_HEAD, *(_field(leaf, exact=True) for leaf in leaves))
+        meaning = "What the ticks from this one on had for input. A row when it has changed."
+        yield Topic(name, number, fields, meaning, leaves, kind)
+        number += 1
+    leaves = tuple(leaves_of(AutopilotState))
+    yield Topic(
+        "state",
+        number,
+        (
+            *_HEAD,
+            Field("afresh", "bool", said="the module began anew, at this state"),
+            *(_field(leaf, exact=True) for leaf in leaves),
+        ),
+        "What that tick left to the next: a replay begins at any of these rows.",
+        leaves,
+        AutopilotState,
+    )
+    yield Topic(
+        "parameter",
+        number + 1,
+        (
+            *_HEAD,
+            Field("index", "uint16_t", said="which, in the order of docs/parameters.md"),
+            Field("value", "float", said="as it stands after that tick"),
+        ),
+        "A parameter that has changed. ULog's own parameter messages say the same.",
+    )
+    yield Topic(
+        "link",
+        number + 2,
+        (
+            *_HEAD,
+            Field("loss", "float", said="fraction of the autopilot's frames that were lost"),
+            Field("round_trip_s", "float", said="to the autopilot and back; NaN: not measured"),
+            Field("frames", "uint32_t", said="good frames from the autopilot's link so far"),
+            Field("bad_checksums", "uint32_t", said="frames with a wrong checksum so far"),
+            Field("unsent", "uint32_t", said="frames that the links did not take so far"),
+            Field("late", "uint32_t", said="ticks that began late so far"),
+            Field("skipped", "uint32_t", said="periods without a tick so far"),
+            Field("worst_late_s", "float", said="the latest tick so far"),
+        ),
+        "How the link and the loop's timing did, every two seconds.",
+    )
+
+
+TOPICS: Final[dict[str, Topic]] = {topic.name: topic for topic in _topics()}
+
+
+def unit_of(field: Field) -> str:
+    """The unit of a field; "" for a pure number."""
+    for suffix, unit in SUFFIXES:
+        if field.name.endswith(suffix):
+            return unit
+    if field.kind not in ("float", "double"):
+        return UNITS.get(field.name, "")
+    if field.name in UNITS:
+        return UNITS[field.name]
+    return next((u for begin, u in UNITS.items() if field.name.startswith(begin)), "")
+
+
+def frame_of(field: Field) -> str:
+    """The frame of a field, where it has one."""
+    name = field.name
+    if name.endswith(("_ok", "time_s", "sequence", "_age_s")):
+        return ""
+    if "_frd" in name:
+        return "FRD"
+    owner = field.owner.partition(".")[0]
+    spatial = re.search(r"_(m|mps|mps2|rad|radps)$", name) is not None
+    if owner in FRAMES:
+        return FRAMES[owner] if spatial else ""
+    return "soaring" if spatial and name.startswith(("line_", "heading", "setpoints_")) else ""
+
+
+def flattener(leaves: tuple[Leaf, ...]) -> Callable[[Any], tuple[Any, ...]]:
+    """A function from the tuple of tuples to its numbers, as fast as Python can say it."""
+    made: Callable[[Any], tuple[Any, ...]] = eval(f"lambda t: ({expression(leaves, 't')},)")
+    return made
+
+
+def expression(leaves: tuple[Leaf, ...], variable: str) -> str:
+    """The leaves of a variable as arguments, neighbours as one slice: `*t[4][0:3], t[5]`."""
+    runs: list[tuple[str, int, int]] = []
+    for leaf in leaves:
+        inside, _, last = leaf.place[:-1].rpartition("[")
+        index = int(last)
+        if runs and runs[-1][0] == inside and runs[-1][2] == index:
+            runs[-1] = (inside, runs[-1][1], index + 1)
+        else:
+            runs.append((inside, index, index + 1))
+    return ", ".join(
+        f"{variable}{inside}[{start}]"
+        if stop == start + 1
+        else f"*{variable}{inside}[{start}:{stop}]"
+        for inside, start, stop in runs
+    )
+
+
+@cache
+def packer(name: str) -> Callable[..., None]:
+    """A function that puts a record of a topic into a buffer.
+
+    `(buffer, offset, timestamp, tick, *rest)`, where `rest` is `(inputs, output)` for "tick",
+    `(tuple,)` for a stream, `(afresh, state)` for "state", and the numbers for the others.
+    """
+    from struct import Struct
+
+    topic = TOPICS[name]
+    record = Struct("<HBH" + topic.layout[1:])
+    if name == "tick":
+        given = "i, o"
+        numbers = f"{expression(_PLAIN_INPUTS, 'i')}, {expression(_OUTPUTS, 'o')}"
+    elif name == "state":
+        given, numbers = "afresh, t", f"afresh, {expression(topic.leaves, 't')}"
+    elif topic.source is not None:
+        given, numbers = "t", expression(topic.leaves, "t")
+    else:
+        given = numbers = "*numbers"
+    head = f"{record.size - 3}, 68, {topic.number}, timestamp, tick"
+    text = f"lambda b, at, timestamp, tick, {given}: pack(b, at, {head}, {numbers})"
+    made: Callable[..., None] = eval(text, {"pack": record.pack_into})
+    return made
+
+
+def record_size(name: str) -> int:
+    """Bytes of a record of a topic."""
+    from struct import calcsize
+
+    return 5 + calcsize(TOPICS[name].layout)

@@ -1,0 +1,107 @@
+"""What each field of the log means, and the page docs/logs.md.  On the ground only.
+
+A field that a named tuple declares is explained by the comment beside it, there where it is
+declared; one without a comment stands in `declaration.MEANINGS`, or its name, which has a unit,
+says it all.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Iterator
+from functools import cache
+from typing import Final, get_type_hints
+
+from tgl_soar.autopilot import AutopilotState, Output
+from tgl_soar.control.supervisor import MODE_NAMES, REASON_TEXTS
+from tgl_soar.types import Inputs
+
+from .declaration import MEANINGS, SUFFIXES, TOPICS, Field, Topic, frame_of, is_named_tuple, unit_of
+
+_COMMENTED: Final = re.compile(r"\s+(\w+): [^#]+#\s*(.+)")
+
+_TITLE: Final = """\
+# Flight logs
+
+<!-- Made by `tgl-soar log fields > docs/logs.md`; change the declaration instead. -->
+
+`tgl-soar run` leaves two files of each flight in the folder of `--log` (`logs` in that of
+`--state` where it is not given; `--log none`: nowhere):
+
+    2026-11-21/14_03_55_flight007.ulg     a ULog: every tick, what it had and what it decided
+    2026-11-21/14_03_55_flight007.tlog    every MAVLink frame that came or went on any link
+
+Day and hour are UTC; where the computer does not know the time the folder is `undated`. Flights
+are counted through. A long flight is cut into parts (`_part2`, …), of which each can be read and
+replayed by itself. When all logs in the folder exceed `--log-max` megabytes, or the disk gets
+full, the oldest are deleted. A thread writes: a slow disk holds up no tick, and what it cannot
+take is dropped and marked. A full or read-only disk is told once, and the flight goes on. Every
+second all is synced to the disk, so that a loss of power costs no more than that. A frame that
+carries a signing key is not written down.
+
+| command | what it does |
+|---|---|
+| `tgl-soar log info LOG` | what a log holds, and what of it is lost |
+| `tgl-soar log export LOG --to csv` | a table for each topic; also `netcdf`, `mcap` |
+| `tgl-soar replay LOG` | flies the logged inputs through the laws again, bit for bit |
+| `ulog_info LOG`, PlotJuggler | any reader of ULogs |
+| `mavlogdump.py LOG.tlog` | any reader of MAVLink telemetry logs |
+
+The ULog's information messages tell version, files and links, `airframe` and `site` hold the text
+of the configuration files, the parameters stand at the beginning and at each change, and the words
+for the operator are logged messages.
+
+Frames: *NED* and *FRD* are the autopilot's, *soaring* has x downstream, y to the right of an
+aircraft facing upwind and z up (docs/theory.md). Angles without a frame are named in the text.
+"""
+
+
+@cache
+def _comments() -> dict[str, str]:
+    """What stands beside the fields of all named tuples in the log, by "NamedTuple.field"."""
+    found: dict[str, str] = {}
+    for kind in _kinds(Inputs, Output, AutopilotState):
+        for line in inspect.getsource(kind).splitlines():
+            if match := _COMMENTED.fullmatch(line):
+                found[f"{kind.__name__}.{match[1]}"] = match[2]
+    return found
+
+
+def _kinds(*kinds: type) -> Iterator[type]:
+    for kind in kinds:
+        yield kind
+        yield from _kinds(*(k for k in get_type_hints(kind).values() if is_named_tuple(k)))
+
+
+def meaning_of(field: Field) -> str:
+    """What a field means, in words; "" where nobody has said it."""
+    told = field.said or MEANINGS.get(field.owner) or _comments().get(field.owner)
+    if told:
+        return told
+    name = field.owner.partition(".")[2]
+    suffix = next((suffix for suffix, _ in SUFFIXES if name.endswith(suffix)), "")
+    return name.removesuffix(suffix).replace("_", " ") if suffix else ""
+
+
+def page() -> str:
+    """docs/logs.md."""
+    topics = (f"\n## {t.name}\n\n{t.meaning}\n\n{_table(t)}" for t in TOPICS.values())
+    modes = f"\n## Modes\n\n{_numbered(MODE_NAMES)}"
+    reasons = f"\n## Reasons of a change of mode\n\n{_numbered(REASON_TEXTS)}"
+    return "".join((_TITLE, *topics, modes, reasons))
+
+
+def _table(topic: Topic) -> str:
+    rows = ["| field | type | unit | frame | meaning |", "|---|---|---|---|---|"]
+    rows += [
+        f"| `{f.name}` | {f.kind} | {unit_of(f)} | {frame_of(f)} | {meaning_of(f)} |"
+        for f in topic.fields
+    ]
+    return "\n".join(rows) + "\n"
+
+
+def _numbered(words: tuple[str, ...]) -> str:
+    rows = ["| number | meaning |", "|---|---|"]
+    rows += [f"| {i} | {word or '–'} |" for i, word in enumerate(words)]
+    return "\n".join(rows) + "\n"

@@ -1,0 +1,224 @@
+"""Reading a ULog, ours or another's, as far as it can be read.  On the ground only.
+
+`read_log(path)` gives a `FlightLog`:
+
+    topics      {"tick": {"timestamp": array, "vehicle_x_m": array, …}, …}, arrays of shape (n,)
+                of the row's own type; times in µs in `timestamp`, and in `time_s` where a topic
+                has it; a second instance of a topic is "name#1" (only others' logs have any)
+    parameters  at the beginning, by name
+    changes     parameters that changed, in order
+    words       texts for the operator, in order
+    info        versions, names, how it was started
+    texts       whole files: of our logs "airframe" and "site", TOML
+    losses      what could not be read, in words; empty: nothing is missing
+
+What the fields of our topics mean: docs/logs.md.  A power loss cuts a log anywhere, a full disk
+fills its end with zeros, a bad card flips bits: whole messages before and after are used.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from contextlib import redirect_stdout
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .declaration import VERSION
+
+Array = NDArray[Any]
+Topic = dict[str, Array]
+
+_MAGIC: Final = b"ULog\x01\x12\x35"
+_HEADER: Final = 16
+_KINDS: Final = frozenset(b"BFIMPQARDLCSO")
+_ALIKE: Final = 4  # so many messages in a row are no accident
+_SEARCHED: Final = 1_000_000  # bytes after damage
+
+
+class LogError(ValueError):
+    """A file of which nothing can be read; the message says why."""
+
+
+class Change(NamedTuple):
+    """A parameter has changed."""
+
+    tick: int  # it acts from the tick after this one on; 0 in others' logs
+    time_s: float
+    name: str
+    value: float
+
+
+class Words(NamedTuple):
+    """A text for the operator."""
+
+    time_s: float
+    severity: int  # MAVLink's: 0 the worst, 6 information
+    text: str
+
+
+@dataclass(frozen=True)
+class FlightLog:
+    """What a ULog holds; the module's docstring says how."""
+
+    path: Path
+    topics: Mapping[str, Topic]
+    parameters: Mapping[str, float]
+    changes: list[Change] = field(default_factory=list)
+    words: list[Words] = field(default_factory=list)
+    info: Mapping[str, Any] = field(default_factory=dict)
+    texts: Mapping[str, str] = field(default_factory=dict)
+    losses: list[str] = field(default_factory=list)
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether tgl_soar wrote it."""
+        return self.info.get("sys_name") == "tgl_soar"
+
+    @property
+    def duration_s(self) -> float:
+        """From the first tick to the last; of others' logs, from the first row to the last."""
+        topics = [self.topics["tick"]] if "tick" in self.topics else list(self.topics.values())
+        times = [t["timestamp"] for t in topics if len(t.get("timestamp", ()))]
+        if not times:
+            return 0.0
+        return float(max(t.max() for t in times) - min(t.min() for t in times)) * 1e-6
+
+
+def read_log(path: str | Path) -> FlightLog:
+    """Read a ULog.  Errors: `LogError`; ImportError without pyulog."""
+    try:
+        from pyulog import ULog
+    except ImportError as error:
+        raise ImportError("reading logs needs pyulog: install tgl_soar[logs]") from error
+    path = Path(path)
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read: {error.strerror}") from None
+    if not data:
+        raise LogError(f"{path}: empty: nothing was logged")
+    if len(data) < _HEADER or not data.startswith(_MAGIC):
+        raise LogError(f"{path}: not a ULog: it does not begin as one")
+    whole, losses = _whole_messages(data)
+    try:
+        with redirect_stdout(io.StringIO()):  # what it would say is said by `losses`
+            ulog = ULog(io.BytesIO(whole), disable_str_exceptions=True)
+    except Exception as error:  # whatever pyulog thinks of these bytes
+        raise LogError(f"{path}: cannot be read: {error}") from None
+    topics: dict[str, Topic] = {}
+    for dataset in ulog.data_list:
+        name = dataset.name if dataset.multi_id == 0 else f"{dataset.name}#{dataset.multi_id}"
+        flags = {f.field_name for f in dataset.field_data if f.type_str == "bool"}
+        topics[name] = {
+            key: column.astype(bool) if key in flags else column
+            for key, column in dataset.data.items()
+        }
+    info = dict(ulog.msg_info_dict)
+    log = FlightLog(
+        path,
+        topics,
+        dict(ulog.initial_parameters),
+        _changes(topics, ulog),
+        [
+            Words(m.timestamp * 1e-6, m.log_level - ord("0"), m.message)
+            for m in ulog.logged_messages
+        ],
+        info,
+        {key: "".join(map(str, values[0])) for key, values in ulog.msg_info_multiple_dict.items()},
+        losses,
+    )
+    losses += [
+        f"nothing was written for {d.duration} ms: the disk was too slow" for d in ulog.dropouts
+    ]
+    losses += _gaps(log)
+    return log
+
+
+def _whole_messages(data: bytes) -> tuple[bytes, list[str]]:
+    """The file without what is no message, and what was left out."""
+    pieces, losses = [data[:_HEADER]], []
+    begin = at = _HEADER
+    end = len(data)
+    while at < end:
+        after = _after(data, at, end)
+        if after:
+            at = after
+            continue
+        pieces.append(data[begin:at])
+        begin = _next_message(data, at, end)
+        losses.append(
+            f"damaged: {begin - at} bytes at byte {at} are left out"
+            if begin < end
+            else f"cut off: the last {end - at} bytes are no whole message"
+        )
+        at = begin
+    pieces.append(data[begin:at])
+    return b"".join(pieces), losses
+
+
+def _after(data: bytes, at: int, end: int) -> int:
+    """Where the message ends that begins here; 0 if none does."""
+    if at + 3 > end or data[at + 2] not in _KINDS:
+        return 0
+    after = at + 3 + (data[at] | data[at + 1] << 8)
+    return after if after <= end else 0
+
+
+def _next_message(data: bytes, at: int, end: int) -> int:
+    """Where, after damage, messages begin again; the end if nowhere."""
+    for start in range(at + 1, min(end, at + _SEARCHED)):
+        follows, found = start, 0
+        while found < _ALIKE and follows < end:
+            follows = _after(data, follows, end)
+            if not follows:
+                break
+            found += 1
+        if found == _ALIKE or (follows == end and found > 1):
+            return start
+    return end
+
+
+def _changes(topics: Mapping[str, Topic], ulog: Any) -> list[Change]:
+    """Parameters that changed: of our logs with the tick, of others' without."""
+    ours = topics.get("parameter")
+    if ours is None or "index" not in ours:
+        return [
+            Change(0, t * 1e-6, name, float(value)) for t, name, value in ulog.changed_parameters
+        ]
+    rows = zip(
+        *(ours[name].tolist() for name in ("tick", "timestamp", "index", "value")), strict=True
+    )
+    names = list(ulog.initial_parameters)  # the log's own: another version may have others
+    return [
+        Change(tick, t * 1e-6, names[index], value)
+        for tick, t, index, value in rows
+        if index < len(names)
+    ]
+
+
+def _gaps(log: FlightLog) -> list[str]:
+    """What is missing between the rows, or stands in them in a wrong order."""
+    losses = []
+    ticks = log.topics.get("tick", {})
+    if log.is_ours:
+        if (version := log.info.get("ver_log")) != str(VERSION):
+            losses.append(f"written with layout {version}, read with {VERSION}: fields may differ")
+        if not len(ticks.get("tick", ())):
+            losses.append("no tick was logged")
+    if "tick" in ticks:
+        steps = np.diff(ticks["tick"].astype(np.int64))
+        losses += [
+            f"{steps[i] - 1} ticks are missing after tick {ticks['tick'][i]}"
+            for i in np.flatnonzero(steps != 1)[:10]
+        ]
+    for name, topic in log.topics.items():
+        times = topic.get("timestamp")
+        if times is not None and np.any(back := np.diff(times.astype(np.int64)) < 0):
+            at = times[int(np.argmax(back))] * 1e-6
+            losses.append(f"{name}: the clock goes back after {at:.3f} s, {int(back.sum())} times")
+    return losses

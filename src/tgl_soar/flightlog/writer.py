@@ -1,0 +1,527 @@
+"""The flight log: a ULog of the ticks and a `.tlog` of the wire, written while flying.
+
+The loop packs a record for each thing that happens into a buffer that was there from the start,
+and hands a full buffer to a thread; the thread alone opens, writes and syncs.  No disk, however
+slow, holds up a tick: when no buffer is free, records are dropped, counted, and the gap is
+marked with ULog's dropout message.  Whatever the disk refuses is told once, and the flight goes
+on without a log.
+
+    ULog     header, formats, what was flown with; parameters; then rows (`declaration`)
+    .tlog    for each frame 8 bytes of µs since 1970, big-endian, and the frame
+
+What was recorded is handed over every half a second and synced every second, so that a loss of
+power costs no more.  A log is cut into parts, of which each can be read and replayed by itself:
+it begins with all parameters, the state and the inputs as they stand.
+
+ULog: https://docs.px4.io/main/en/dev_log/ulog_file_format.html
+"""
+
+from __future__ import annotations
+
+import os
+import queue
+import struct
+import threading
+import time
+from collections.abc import Callable, Mapping
+from math import inf, isfinite
+from os import write
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from tgl_soar.autopilot import AutopilotState, Output
+from tgl_soar.parameters import PARAMETERS, ParameterSet
+from tgl_soar.types import Inputs
+
+from . import files
+from .declaration import STREAMS, TOPICS, packer, record_size
+from .recorder import LinkReport, Recorder
+
+BUFFER_BYTES: Final = 65536
+BUFFERS: Final = 48  # 3 MB: nearly a minute of a disk that does not answer
+FLUSH_S: Final = 0.5
+SYNC_S: Final = 1.0
+STATE_TICKS: Final = 400  # between two rows of the state
+STOP_S: Final = 2.0  # so long the end of the process waits for the disk
+STACK_BYTES: Final = 256 * 1024  # memory is locked: a thread's stack of 8 MB would be resident
+LARGEST_BYTES: Final = 1_000_000_000  # of all logs together, unless told otherwise
+_PARTS: Final = 10  # so many parts make up the largest
+_TEXT_CHARS: Final = 8000  # of a file's text in one message
+
+_MAGIC: Final = b"\x55\x4c\x6f\x67\x01\x12\x35\x01"
+_HEAD: Final = struct.Struct("<HB")
+_SETUP_SIGNING: Final = b"\x00\x01\x00"  # it carries a key: never written down
+_LARGEST_FLOAT32: Final = 3.4028234e38
+
+
+class Facts(NamedTuple):
+    """What a log says of its flight before it begins."""
+
+    words: Mapping[str, str]  # versions, names, how it was started
+    texts: Mapping[str, str]  # whole files
+
+
+def message(kind: str, body: bytes) -> bytes:
+    """One message of a ULog."""
+    return _HEAD.pack(len(body), ord(kind)) + body
+
+
+def _preamble(facts: Facts) -> bytes:
+    """What every part begins with, after its header."""
+    made = [message("B", bytes(40))]
+    made += [message("F", topic.format.encode()) for topic in TOPICS.values()]
+    for key, word in facts.words.items():
+        made.append(message("I", _keyed(key, word.encode()[: BUFFER_BYTES // 2])))
+    for key, text in facts.texts.items():
+        for at in range(0, max(1, len(text)), _TEXT_CHARS):
+            piece = text[at : at + _TEXT_CHARS].encode()
+            made.append(message("M", bytes([at > 0]) + _keyed(key, piece)))
+    return b"".join(made)
+
+
+def _keyed(key: str, value: bytes) -> bytes:
+    name = f"char[{len(value)}] {key}".encode()
+    return bytes([len(name)]) + name + value
+
+
+_SUBSCRIPTIONS: Final = b"".join(
+    message("A", struct.pack("<BH", 0, topic.number) + topic.name.encode())
+    for topic in TOPICS.values()
+)
+
+
+class _Order(NamedTuple):
+    """For the thread: a buffer to write, and the file that it belongs to."""
+
+    ending: str  # "ulg" or "tlog"
+    buffer: bytearray
+    length: int
+    begins_us: (
+        int  # the buffer begins a new part, at this time of the loop's clock; -1: it does not
+    )
+
+
+_Orders = queue.SimpleQueue[_Order | None]
+
+
+class _Buffers:
+    """Those that are free."""
+
+    def __init__(self, count: int, patient: bool) -> None:
+        self._count = count
+        self._patient = patient
+        self._free: queue.SimpleQueue[bytearray] = queue.SimpleQueue()
+        for _ in range(count):
+            self._free.put(bytearray(BUFFER_BYTES))
+
+    def take(self) -> bytearray | None:
+        """One, if there is one; a patient loop waits for it."""
+        try:
+            return self._free.get(self._patient, STOP_S)
+        except queue.Empty:
+            return None
+
+    def give_back(self, buffer: bytearray) -> None:
+        self._free.put(buffer)
+
+    @property
+    def plenty(self) -> bool:
+        """Whether the disk keeps up."""
+        return self._free.qsize() > self._count // 2
+
+
+class _Spool:
+    """The loop's end of one file: fills buffers and hands them over."""
+
+    def __init__(self, ending: str, free: _Buffers, orders: _Orders) -> None:
+        self.ending = ending
+        self.buffer = bytearray()  # empty: none is there
+        self.at = 0
+        self.handed_bytes = 0  # of this part
+        self._begins_us = -1
+        self._free = free
+        self._orders = orders
+
+    def room(self, size: int) -> bool:
+        """Whether so much can be put at `at`; a full buffer is handed over for it."""
+        if self.at + size <= len(self.buffer):
+            return True
+        self.hand_over()
+        if not self.buffer:
+            self.buffer = self._free.take() or bytearray()
+        return size <= len(self.buffer)
+
+    def write(self, data: bytes) -> bool:
+        """Whether it found room."""
+        size = len(data)
+        if not self.room(size):
+            return False
+        self.buffer[self.at : self.at + size] = data
+        self.at += size
+        return True
+
+    def hand_over(self) -> None:
+        """What is there goes to the thread."""
+        if self.at > 0:
+            self._orders.put(_Order(self.ending, self.buffer, self.at, self._begins_us))
+            self.handed_bytes += self.at
+            self.buffer, self.at, self._begins_us = bytearray(), 0, -1
+
+    def begin_part(self, time_us: int) -> None:
+        """What comes next goes into another file."""
+        self.hand_over()
+        self.handed_bytes = 0
+        self._begins_us = time_us
+
+
+class FlightRecorder(Recorder):
+    """Writes a flight's log into a folder."""
+
+    def __init__(
+        self,
+        folder: Path,
+        facts: Facts,
+        now_s: float,
+        *,
+        largest_bytes: int = LARGEST_BYTES,
+        patient: bool = False,
+        unix_s: Callable[[], float] = time.time,
+        buffers: int = BUFFERS,
+    ) -> None:
+        """`now_s`: the loop's clock.  `largest_bytes`: of all logs in the folder.
+
+        `patient`: the loop waits for the disk rather than drop anything; not in an aircraft.
+        """
+        self.dropped = 0  # ticks and frames
+        orders: _Orders = queue.SimpleQueue()
+        self._on = True
+        self._free = _Buffers(buffers, patient)
+        self._rows = _Spool("ulg", self._free, orders)
+        self._wire = _Spool("tlog", self._free, orders)
+        self._disk = _Disk(folder, _preamble(facts), largest_bytes, unix_s, self._free, orders)
+        self._part_bytes = largest_bytes // _PARTS
+        self._unix_offset_us = int(unix_s() * 1e6) - time.monotonic_ns() // 1000
+        self._ticks = 0
+        self._time_us = _microseconds(now_s)
+        self._flushed_s = -inf
+        self._lost_us = -1  # since when ticks are dropped; -1: none are
+        self._values: ParameterSet | None = None
+        self._last: list[Any] = [None] * len(_PACKED_STREAMS)
+        self._state: AutopilotState | None = None
+        self._state_due = 0
+
+    def start(self) -> None:
+        """Begin the thread that writes."""
+        self._disk.start()
+
+    @property
+    def path(self) -> Path | None:
+        """The ULog that is being written; None: none yet."""
+        return self._disk.path
+
+    # --- what happens -------------------------------------------------------------------------
+
+    def parameters(self, values: ParameterSet) -> None:
+        """The values with which the next tick flies."""
+        before, self._values = self._values, values
+        if before is None:
+            self._begin_part()
+        elif self._on and self._lost_us < 0 and not self._tell_changes(before, values):
+            self._drop()
+
+    def tick(self, inputs: Inputs, output: Output, state: AutopilotState) -> None:
+        """A tick is done: what it had, what it decided, what it leaves."""
+        self._ticks += 1
+        self._state = state
+        if not self._on:
+            return
+        self._time_us = _microseconds(inputs.time_s)
+        if self._rows.room(_TICK_ROOM) and (self._lost_us < 0 or self._end_gap()):
+            self._put_tick(inputs, output, state)
+        else:
+            self._drop()
+
+    def afresh(self, state: AutopilotState) -> None:
+        """The next tick begins from this state, whatever the last one left."""
+        self._state = state
+        if self._on and self._rows.room(_STATE_BYTES):
+            self._pack(_PACK_STATE, _STATE_BYTES, True, state)
+        elif self._on:
+            self._drop()
+
+    def frame(self, frame: bytes) -> None:
+        """A frame came or went on any link; one that carries a key is left out."""
+        if not self._on or _carries_key(frame):
+            return
+        now_us = time.monotonic_ns() // 1000 + self._unix_offset_us
+        if not self._wire.write(now_us.to_bytes(8, "big") + frame):
+            self.dropped += 1
+
+    def text(self, severity: int, text: str) -> None:
+        """Words for the operator; MAVLink's severity is ULog's too."""
+        if self._on:
+            level = ord("0") + max(0, min(7, severity))
+            words = text.encode("utf-8", "replace")[:_TEXT_CHARS]
+            self._rows.write(message("L", struct.pack("<BQ", level, self._time_us) + words))
+
+    def link(self, report: LinkReport) -> None:
+        """How the link did of late."""
+        if self._on and self._rows.room(_LINK_BYTES):
+            self._pack(_PACK_LINK, _LINK_BYTES, *report)
+
+    def poll(self) -> list[str]:
+        """Hand over what is there, every half a second; what is to be told the operator."""
+        if not self._on:
+            return []
+        if self._disk.trouble:
+            self._on = False
+            return [f"no flight log: {self._disk.trouble}; flying on"]
+        if (
+            self._rows.handed_bytes + self._wire.handed_bytes >= self._part_bytes
+            and self._free.plenty
+        ):
+            self._begin_part()
+        now_s = time.monotonic()
+        if now_s - self._flushed_s >= FLUSH_S:
+            self._flushed_s = now_s
+            if self._free.plenty:
+                self._rows.hand_over()
+                self._wire.hand_over()
+        return []
+
+    def stop(self) -> list[str]:
+        """The flight is over: write the rest, unless the disk takes too long."""
+        self._rows.hand_over()
+        self._wire.hand_over()
+        in_time = self._disk.stop()
+        said = []
+        if self._on and self._disk.trouble:
+            said.append(f"flight log cut: {self._disk.trouble}")
+        elif not in_time:
+            said.append(f"flight log cut: {self.path}: the disk does not answer")
+        elif self._on and self.path is not None:
+            said.append(f"flight log: {self.path}")
+        if self.dropped:
+            said.append(f"flight log: {self.dropped} records are missing: the disk was too slow")
+        self._on = False
+        return said
+
+    # --- rows ---------------------------------------------------------------------------------
+
+    def _pack(self, pack: Callable[..., None], size: int, *values: Any) -> None:
+        """One record, where there is room for it."""
+        rows = self._rows
+        try:
+            pack(rows.buffer, rows.at, self._time_us, self._ticks, *values)
+        except (struct.error, OverflowError):
+            tame = (_tamed(value) for value in values)
+            pack(rows.buffer, rows.at, self._time_us, self._ticks, *tame)
+        rows.at += size
+
+    def _put_tick(self, inputs: Inputs, output: Output, state: AutopilotState) -> None:
+        rows, last = self._rows, self._last
+        for i, (place, pack, size) in enumerate(_PACKED_STREAMS):
+            sample = inputs[place]
+            if sample is not last[i]:
+                if sample != last[i]:
+                    self._pack(pack, size, sample)
+                last[i] = sample
+        try:
+            _PACK_TICK(rows.buffer, rows.at, self._time_us, self._ticks, inputs, output)
+        except (struct.error, OverflowError):
+            tame = _tamed(inputs), _tamed(output)
+            _PACK_TICK(rows.buffer, rows.at, self._time_us, self._ticks, *tame)
+        rows.at += _TICK_BYTES
+        if self._ticks >= self._state_due:
+            self._state_due = self._ticks + STATE_TICKS
+            self._pack(_PACK_STATE, _STATE_BYTES, False, state)
+
+    def _drop(self) -> None:
+        """There was no room: the log goes on after a gap."""
+        self.dropped += 1
+        if self._lost_us < 0:
+            self._lost_us = self._time_us
+
+    def _begin_part(self) -> None:
+        """Another file, that needs none of those before it."""
+        rows = self._rows
+        rows.begin_part(self._time_us)
+        self._wire.begin_part(self._time_us)
+        assert self._values is not None
+        told = (_told(index, value) for index, (_, value) in enumerate(self._values))
+        rows.write(b"".join(told) + _SUBSCRIPTIONS)
+        self._last = [None] * len(_PACKED_STREAMS)  # the next tick writes all of its inputs
+        if self._state is not None:
+            self._pack(_PACK_STATE, _STATE_BYTES, False, self._state)
+
+    def _tell_changes(self, before: ParameterSet | None, values: ParameterSet | None) -> bool:
+        """The parameters that have changed, or all of them; whether there was room."""
+        rows = self._rows
+        for index, (declared, value) in enumerate(values or ()):
+            if before is not None and before[declared.name] == value:
+                continue
+            if not (rows.write(_told(index, value)) and rows.room(_PARAMETER_BYTES)):
+                return False
+            self._pack(_PACK_PARAMETER, _PARAMETER_BYTES, index, value)
+        return True
+
+    def _end_gap(self) -> bool:
+        """Ticks were dropped: say how long, and begin anew; whether there is room to go on."""
+        lost_ms = max(0, min(0xFFFF, (self._time_us - self._lost_us) // 1000))
+        self._rows.write(message("O", struct.pack("<H", lost_ms)))
+        self._last = [None] * len(_PACKED_STREAMS)
+        self._state_due = 0
+        if not (self._tell_changes(None, self._values) and self._rows.room(_TICK_ROOM)):
+            return False
+        self._lost_us = -1
+        return True
+
+
+class _Disk:
+    """The thread that writes, and all that only it touches."""
+
+    def __init__(
+        self,
+        folder: Path,
+        preamble: bytes,
+        largest_bytes: int,
+        unix_s: Callable[[], float],
+        free: _Buffers,
+        orders: _Orders,
+    ) -> None:
+        self.trouble = ""  # why nothing more is written
+        self.path: Path | None = None
+        self._folder = folder
+        self._preamble = preamble
+        self._largest_bytes = largest_bytes
+        self._unix_s = unix_s
+        self._free = free
+        self._orders = orders
+        self._stem: Path | None = None  # of this flight's files
+        self._open: dict[str, int] = {}  # descriptors by ending
+        self._parts = {"ulg": 0, "tlog": 0}
+        self._synced_s = -inf
+        self._thread: threading.Thread | None = None
+
+    def start(self) -> None:
+        before = threading.stack_size(STACK_BYTES)
+        try:
+            self._thread = threading.Thread(target=self._work, name="flight log", daemon=True)
+            self._thread.start()
+        finally:
+            threading.stack_size(before)
+
+    def stop(self) -> bool:
+        """Whether all was written in time."""
+        self._orders.put(None)
+        if self._thread is None:
+            return True
+        self._thread.join(STOP_S)
+        return not self._thread.is_alive()
+
+    def _work(self) -> None:
+        while (order := self._orders.get()) is not None:
+            if not self.trouble:
+                self._try(lambda order=order: self._write(order))  # type: ignore[misc]
+            self._free.give_back(order.buffer)
+        for ending in tuple(self._open):
+            self._try(lambda ending=ending: self._close(ending))  # type: ignore[misc]
+
+    def _try(self, action: Callable[[], None]) -> None:
+        """Whatever goes wrong ends the log and nothing else."""
+        try:
+            action()
+        except OSError as error:
+            self.trouble = f"{error.filename or self.path or self._folder}: {error.strerror}"
+        except Exception as error:
+            self.trouble = f"{self.path or self._folder}: {error!r}"
+
+    def _write(self, order: _Order) -> None:
+        if order.begins_us >= 0:
+            self._begin(order.ending, order.begins_us)
+        _write_all(self._open[order.ending], memoryview(order.buffer)[: order.length])
+        now_s = time.monotonic()
+        if now_s - self._synced_s >= SYNC_S:
+            self._synced_s = now_s
+            for descriptor in self._open.values():
+                os.fsync(descriptor)
+
+    def _begin(self, ending: str, begins_us: int) -> None:
+        """The next part of a file."""
+        self._close(ending)
+        if self._stem is None:
+            self._stem = self._name()
+        if ending == "ulg" and self._parts[ending]:
+            files.make_room(self._folder, self._largest_bytes, self._largest_bytes // _PARTS)
+        self._parts[ending] += 1
+        path = files.part_name(self._stem, self._parts[ending], ending)
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+        self._open[ending] = descriptor
+        if ending == "ulg":
+            self.path = path
+            _write_all(descriptor, memoryview(_MAGIC + struct.pack("<Q", begins_us)))
+            _write_all(descriptor, memoryview(self._preamble))
+
+    def _name(self) -> Path:
+        """This flight's: the number after the last one that is there."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        files.make_room(self._folder, self._largest_bytes, self._largest_bytes // _PARTS)
+        last = max((file.flight for file in files.kept_in(self._folder)), default=0)
+        stem = files.flight_name(self._folder, last + 1, self._unix_s())
+        stem.parent.mkdir(exist_ok=True)
+        return stem
+
+    def _close(self, ending: str) -> None:
+        descriptor = self._open.pop(ending, None)
+        if descriptor is not None:
+            try:
+                os.fsync(descriptor)
+            finally:
+                os.close(descriptor)
+
+
+def _write_all(descriptor: int, data: memoryview) -> None:
+    while data:
+        data = data[write(descriptor, data) :]
+
+
+def _told(index: int, value: float) -> bytes:
+    """ULog's own message of a parameter."""
+    return _PARAMETER_HEADS[index] + struct.pack("<f", value)
+
+
+def _parameter_head(name: str) -> bytes:
+    key = f"float {name}".encode()
+    return _HEAD.pack(len(key) + 5, ord("P")) + bytes([len(key)]) + key
+
+
+def _carries_key(frame: bytes) -> bool:
+    return frame[7:10] == _SETUP_SIGNING and frame[0] == 0xFD
+
+
+def _microseconds(time_s: float) -> int:
+    """A time stamp; 0 for what is none."""
+    return int(time_s * 1e6) if 0.0 <= time_s < 1e12 else 0
+
+
+def _tamed(value: Any) -> Any:
+    """A value that fits its field: beyond the largest lies infinity."""
+    if isinstance(value, tuple):
+        tame = map(_tamed, value)
+        return value._make(tame) if hasattr(value, "_make") else tuple(tame)
+    if isinstance(value, float) and isfinite(value) and abs(value) > _LARGEST_FLOAT32:
+        return inf if value > 0.0 else -inf
+    if isinstance(value, int) and not isinstance(value, bool):
+        return max(-0x80000000, min(0x7FFFFFFF, value))
+    return value
+
+
+_PARAMETER_HEADS: Final = tuple(_parameter_head(declared.name) for declared in PARAMETERS)
+_PACKED_STREAMS: Final = tuple(
+    (Inputs._fields.index(name), packer(name), record_size(name)) for name in STREAMS
+)
+_PACK_TICK, _TICK_BYTES = packer("tick"), record_size("tick")
+_PACK_STATE, _STATE_BYTES = packer("state"), record_size("state")
+_PACK_LINK, _LINK_BYTES = packer("link"), record_size("link")
+_PACK_PARAMETER, _PARAMETER_BYTES = packer("parameter"), record_size("parameter")
+_TICK_ROOM: Final = _TICK_BYTES + _STATE_BYTES + sum(size for _, _, size in _PACKED_STREAMS)
