@@ -613,7 +613,10 @@ class Onboard:
             self._releases -= 1
             self._release()
         self._active = output.active
-        self._recorder.tick(inputs, output, self._state)
+        if self.strain.no_log:
+            self._recorder.leave_out(time_s, self._state)
+        else:
+            self._recorder.tick(inputs, output, self._state)
         if output.mode != self._mode:
             self._mode_changed(output)
 

@@ -133,7 +133,8 @@ def read_log(path: str | Path) -> FlightLog:
         losses,
     )
     losses += [
-        f"nothing was written for {d.duration} ms: the disk was too slow" for d in ulog.dropouts
+        f"nothing was written for {d.duration} ms: disk or computer were too slow"
+        for d in ulog.dropouts
     ]
     losses += _gaps(log)
     return log

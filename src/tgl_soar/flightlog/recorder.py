@@ -35,6 +35,9 @@ class Recorder:
     def tick(self, inputs: Inputs, output: Output, state: AutopilotState) -> None:
         """A tick is done: what it had, what it decided, what it leaves."""
 
+    def leave_out(self, time_s: float, state: AutopilotState) -> None:
+        """A tick is done that there is no time to write down."""
+
     def afresh(self, state: AutopilotState) -> None:
         """The next tick begins from this state, whatever the last one left."""
 

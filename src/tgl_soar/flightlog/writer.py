@@ -241,6 +241,14 @@ class FlightRecorder(Recorder):
         else:
             self._drop()
 
+    def leave_out(self, time_s: float, state: AutopilotState) -> None:
+        """A tick is done that there is no time to write down."""
+        self._ticks += 1
+        self._state = state
+        self._time_us = _microseconds(time_s)
+        if self._on:
+            self._drop()
+
     def afresh(self, state: AutopilotState) -> None:
         """The next tick begins from this state, whatever the last one left."""
         self._state = state
@@ -302,7 +310,9 @@ class FlightRecorder(Recorder):
         elif self._on and self.path is not None:
             said.append(f"flight log: {self.path}")
         if self.dropped:
-            said.append(f"flight log: {self.dropped} records are missing: the disk was too slow")
+            said.append(
+                f"flight log: {self.dropped} records are missing: disk or computer were too slow"
+            )
         self._on = False
         return said
 
