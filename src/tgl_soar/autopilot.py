@@ -7,7 +7,7 @@ the difference of two of these.
 
 from __future__ import annotations
 
-from math import pi, radians
+from math import isfinite, pi, radians, sin
 from typing import NamedTuple
 
 from tgl_soar.control import supervisor as modes
@@ -18,10 +18,12 @@ from tgl_soar.control.pid import PidGains, PidState, PidTerms
 from tgl_soar.control.soaring import (
     SoaringGains,
     SoaringState,
+    gliding_step,
     holding_step,
     soaring_reset,
     soaring_step,
 )
+from tgl_soar.control.supervisor import SupervisorState, initial_supervisor, supervise
 from tgl_soar.control.target_line import (
     LineLimits,
     LineState,
@@ -31,13 +33,14 @@ from tgl_soar.control.target_line import (
     line_at,
     line_step,
 )
-from tgl_soar.estimation.health import HealthLimits, judge
+from tgl_soar.estimation.health import INFINITE, HealthLimits, judge
 from tgl_soar.estimation.motion import MotionGains, MotionState, initial_motion, motion_step
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.parameters import ParameterSet
 from tgl_soar.types import NAN, Health, Inputs, Setpoints, SurfaceCommand, VehicleState
 
 DT_MAX_S = 0.1  # a longer gap between two ticks is not integrated over
+LINE_UPRIGHT = 0.1  # sine of a line's inclination, below which it has no upstream side
 ON_LINE_S = 1.0  # so long within capture_distance_m before the line counts as captured
 
 
@@ -48,6 +51,8 @@ class Guards(NamedTuple):
     e_rho_max_m: float
     tilt_max_rad: float
     position_age_max_s: float  # holding ends here
+    glide_pitch_rad: float  # flown while recovering
+    recover_s: float  # the longest time of it
 
 
 class Laws(NamedTuple):
@@ -71,8 +76,7 @@ class AutopilotState(NamedTuple):
     """All that one tick leaves to the next."""
 
     time_s: float  # NaN: no tick yet
-    mode: int
-    conditions: int  # with which this mode stays as it is; -1: not looked at yet
+    supervisor: SupervisorState
     off_line_s: float  # when the aircraft was last off its line, or the line off its target
     motion: MotionState
     line: LineState
@@ -134,6 +138,8 @@ def laws_from(values: ParameterSet, frame: SoaringFrame) -> Laws:
             values["CAPTURE_MAX"],
             radians(values["TILT_MAX"]),
             values["AGE_POS_MAX"],
+            radians(values["REC_PITCH"]),
+            values["REC_TIME"],
         ),
         target=TargetLine(
             values["TGL_X"], values["TGL_Z"], eta_from_lean(radians(values["TGL_LEAN"]))
@@ -185,6 +191,17 @@ def _surface_gains(values: ParameterSet, prefix: str, travel: float) -> PidGains
     )
 
 
+# Conditions that nothing looks at: they hold.
+_NOT_WATCHED = (
+    modes.POSITION_SANE
+    | modes.ATTITUDE_AGREES
+    | modes.SURFACES_ANSWER
+    | modes.AIRSPEED_SANE
+    | modes.INSIDE_FENCE
+    | modes.AIR_SAFE
+    | modes.HIGH_ENOUGH
+    | modes.CLEAR
+)
 _AT_REST = PidState(0.0, 0.0)
 _NO_TERMS = PidTerms(NAN, NAN, NAN, NAN, NAN, 0)
 _NEUTRAL = SurfaceCommand(0.0, 0.0, 0.0)
@@ -194,8 +211,7 @@ def initial_state() -> AutopilotState:
     """Before the first tick."""
     return AutopilotState(
         NAN,
-        modes.STANDBY,
-        -1,
+        initial_supervisor(),
         NAN,
         initial_motion(),
         LineState(NAN, NAN, NAN, 0.0, False),
@@ -214,7 +230,7 @@ def step(laws: Laws, state: AutopilotState, inputs: Inputs) -> tuple[AutopilotSt
     dt = min(DT_MAX_S, dt) if dt > 0.0 else 0.0  # NaN: the first tick
     motion, vehicle = motion_step(laws.motion, laws.frame, state.motion, inputs)
     health = judge(laws.health, motion, inputs)
-    if modes.is_flying(state.mode):
+    if modes.is_flying(state.supervisor.mode):
         return _fly(laws, state, inputs, motion, vehicle, health, dt, modes.REASON_NONE)
     return _watch(laws, state, inputs, motion, vehicle, health)
 
@@ -227,15 +243,11 @@ def _watch(
     vehicle: VehicleState,
     health: Health,
 ) -> tuple[AutopilotState, Output]:
-    """Standby and released: look, and engage if asked and able."""
-    conditions = _conditions(laws, inputs, vehicle, health, 0.0, False, False, True)
-    mode, reason = _decide(state, conditions)
-    state = state._replace(
-        time_s=inputs.time_s,
-        mode=mode,
-        conditions=_settled(state.mode, mode, conditions),
-        motion=motion,
-    )
+    """Without the surfaces: look, and engage if asked and able."""
+    found = _found(laws, inputs, vehicle, health, 0.0, False, False, True, True)
+    supervisor, decision = _decide(laws, state, inputs, found)
+    mode, reason = decision.mode, decision.reason
+    state = state._replace(time_s=inputs.time_s, supervisor=supervisor, motion=motion)
     if modes.is_flying(mode):
         state = _engaged(laws, state, vehicle)
         return _fly(laws, state, inputs, motion, vehicle, health, 0.0, reason)
@@ -301,9 +313,10 @@ def _fly(
     dt_s: float,
     engaged_because: int,
 ) -> tuple[AutopilotState, Output]:
-    """Capturing, soaring and holding."""
+    """Capturing, soaring, holding and recovering."""
     line = state.line
-    if state.mode != modes.HOLDING:
+    before = state.supervisor.mode
+    if before in (modes.CAPTURING, modes.SOARING):
         line = line_step(laws.line, line, laws.target, vehicle.x_m, vehicle.z_m, dt_s)
     distance = e_rho(line.x_m, line.z_m, line.eta_rad, vehicle.x_m, vehicle.z_m)
     # The rate is the distance of the velocity vector from a line through the origin.
@@ -313,25 +326,31 @@ def _fly(
     if line.moving or not abs(distance) <= laws.guards.capture_distance_m:
         off_line_s = inputs.time_s
     on_line = inputs.time_s - off_line_s >= ON_LINE_S
-    conditions = _conditions(
-        laws, inputs, vehicle, health, distance, on_line, line.moving, state.limited.finite
+    sane = isfinite(
+        line.x_m + line.z_m + state.soaring.pitch_setpoint_rad + state.heading_setpoint_rad
     )
-    mode, reason = _decide(state, conditions)
-    reason = reason or engaged_because
-    settled = _settled(state.mode, mode, conditions)
+    found = _found(
+        laws, inputs, vehicle, health, distance, on_line, line.moving, state.limited.finite, sane
+    )
+    supervisor, decision = _decide(laws, state, inputs, found)
+    mode, reason = decision.mode, decision.reason or engaged_because
     if not modes.is_flying(mode):
         state = state._replace(
-            time_s=inputs.time_s, mode=mode, conditions=settled, motion=motion, line=line
+            time_s=inputs.time_s, supervisor=supervisor, motion=motion, line=line
         )
         return state, _let_go(state, inputs, vehicle, health, reason, distance, rate)
 
     soaring = state.soaring
+    psi_setpoint = state.heading_setpoint_rad
     if mode == modes.HOLDING:
         # Without a position: the pitch that held the line, wings level, the heading as it was.
         soaring, soaring_terms = holding_step(laws.soaring, soaring, dt_s)
-        psi_setpoint = state.heading_setpoint_rad
+    elif mode == modes.RECOVERING:
+        soaring, soaring_terms = gliding_step(
+            laws.soaring, soaring, laws.guards.glide_pitch_rad, dt_s
+        )
     else:
-        if state.mode == modes.HOLDING:
+        if decision.action == modes.NEW_LINE:
             state = _line_from_aircraft(laws, state, vehicle)
             line, distance, rate = state.line, 0.0, rate + line.speed_mps  # at rest now
             soaring, off_line_s = state.soaring, state.off_line_s
@@ -373,8 +392,7 @@ def _fly(
     limited = limit_surfaces(laws.envelope, state.limited.command, wanted, dt_s)
     state = AutopilotState(
         inputs.time_s,
-        mode,
-        settled,
+        supervisor,
         off_line_s,
         motion,
         line,
@@ -419,7 +437,7 @@ def _let_go(
     """The output of the tick in which the surfaces are given back."""
     return Output(
         inputs.time_s,
-        state.mode,
+        state.supervisor.mode,
         reason,
         False,
         _NEUTRAL,
@@ -439,7 +457,7 @@ def _let_go(
     )
 
 
-def _conditions(
+def _found(
     laws: Laws,
     inputs: Inputs,
     vehicle: VehicleState,
@@ -448,42 +466,51 @@ def _conditions(
     on_line: bool,
     line_moving: bool,
     finite: bool,
+    sane: bool,
 ) -> int:
     """What holds now, as the supervisor's bits."""
-    conditions = 0
+    found = _NOT_WATCHED
     if inputs.engage:
-        conditions |= modes.ENGAGE
+        found |= modes.ENGAGE
+    if max(health.position_age_s, health.attitude_age_s, health.heartbeat_age_s) < INFINITE:
+        found |= modes.STREAMS_SEEN
     if health.position_ok:
-        conditions |= modes.POSITION_FRESH
+        found |= modes.POSITION_FRESH
     if health.position_age_s <= laws.guards.position_age_max_s:
-        conditions |= modes.POSITION_KEPT
+        found |= modes.POSITION_KEPT
     if health.attitude_ok:
-        conditions |= modes.ATTITUDE_FRESH
+        found |= modes.ATTITUDE_FRESH
     if health.autopilot_ok:
-        conditions |= modes.AUTOPILOT_ALIVE
+        found |= modes.AUTOPILOT_ALIVE
+    if not inputs.autopilot.failsafe:
+        found |= modes.NO_FAILSAFE
     if inputs.autopilot.accepts_surfaces:
-        conditions |= modes.SURFACES_OBEY
+        found |= modes.SURFACES_OBEY
     tilt_max = laws.guards.tilt_max_rad
     if abs(vehicle.roll_rad) <= tilt_max and abs(vehicle.pitch_rad) <= tilt_max:
-        conditions |= modes.UPRIGHT
-    if abs(distance_m) <= laws.guards.e_rho_max_m:
-        conditions |= modes.NEAR_LINE
-    if on_line:
-        conditions |= modes.ON_LINE
+        found |= modes.UPRIGHT
+    if abs(vehicle.heading_rad) <= 0.5 * pi:
+        found |= modes.UPWIND
+    if sin(laws.target.eta_rad) >= LINE_UPRIGHT and isfinite(laws.target.x_m + laws.target.z_m):
+        found |= modes.LINE_VALID
     if line_moving:
-        conditions |= modes.LINE_MOVING
+        found |= modes.LINE_MOVING
+    if abs(distance_m) <= laws.guards.e_rho_max_m:
+        found |= modes.NEAR_LINE
+    if on_line:
+        found |= modes.ON_LINE
     if finite:
-        conditions |= modes.FINITE
-    return conditions
+        found |= modes.FINITE
+    if sane:
+        found |= modes.SANE
+    return found
 
 
-def _decide(state: AutopilotState, conditions: int) -> tuple[int, int]:
-    """The supervisor's word; it need not be asked twice about the same."""
-    if conditions == state.conditions:
-        return state.mode, modes.REASON_NONE
-    return modes.next_mode(state.mode, conditions)
-
-
-def _settled(before: int, after: int, conditions: int) -> int:
-    """The conditions to remember: none when the mode is new, its rows were not tried yet."""
-    return conditions if after == before else -1
+def _decide(
+    laws: Laws, state: AutopilotState, inputs: Inputs, found: int
+) -> tuple[SupervisorState, modes.Decision]:
+    """The supervisor's word."""
+    status = inputs.autopilot
+    return supervise(
+        state.supervisor, inputs.time_s, found, status.boots, status.armed, laws.guards.recover_s
+    )

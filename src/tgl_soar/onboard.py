@@ -77,11 +77,16 @@ from tgl_soar.parameter_store import ParameterStore
 from tgl_soar.parameters import ParameterSet
 from tgl_soar.types import Inputs, SurfaceCommand
 
-STANDBY: Final = 0  # modes as the supervisor numbers them; a test holds the two together
-CAPTURING: Final = 1
-SOARING: Final = 2
-HOLDING: Final = 3
-RELEASED: Final = 4
+BOOT: Final = 0  # modes as the supervisor numbers them; a test holds the two together
+STANDBY: Final = 1
+READY: Final = 2
+CAPTURING: Final = 3
+SOARING: Final = 4
+HOLDING: Final = 5
+RECOVERING: Final = 6
+RELEASED: Final = 7
+FAILED: Final = 8
+FLYING: Final = range(CAPTURING, RELEASED)
 RELEASE_FRAMES: Final = 5  # a lost frame must not leave the aircraft to the overrides' time-out
 RELEASE_INTERVAL_S: Final = 0.1
 ENGAGED: Final = 2.0  # OP_ENGAGE of a module that has the surfaces
@@ -273,7 +278,7 @@ class Onboard:
         self._laws = autopilot.laws_from(setup.parameters, setup.frame)
         self._engage = setup.parameters["OP_ENGAGE"] >= 0.5
         self._state = autopilot.initial_state()
-        self._mode = STANDBY
+        self._mode = BOOT
         recorder.parameters(self._values)
         recorder.afresh(self._state)
         self._active = False
@@ -429,6 +434,8 @@ class Onboard:
         """Why nobody can engage now; "" if it can be tried."""
         if self._mode == RELEASED:
             return "it has let go just now: try again"
+        if self._mode == FAILED:
+            return "it has failed: start it again"
         return self.engagement.held_back()
 
     def _obey(
@@ -480,9 +487,9 @@ class Onboard:
     def _tell_engagement(self, mode: int) -> None:
         """Whoever has asked to engage hears how it goes."""
         for ack in self.commands.engagement(
-            flying=mode in (CAPTURING, SOARING, HOLDING),
+            flying=mode in FLYING,
             settled=mode == SOARING,
-            withdrawn=mode == STANDBY,
+            withdrawn=mode in (BOOT, STANDBY, READY),
         ):
             self._say_to(Source(ack.target_system, ack.target_component), ack)
 
@@ -584,7 +591,7 @@ class Onboard:
             self._disengage()
         self._active = False
         self._releases = 0
-        self._mode = STANDBY
+        self._mode = BOOT
 
     def _tick(self, time_s: float) -> None:
         self.counters.ticks += 1
@@ -625,14 +632,17 @@ class Onboard:
         changes = self.counters.mode_changes
         changes[output.mode] = changes.get(output.mode, 0) + 1
         severity = SEVERITY_INFO
-        if output.mode == RELEASED:
+        if output.mode in (HOLDING, RECOVERING):
+            severity = SEVERITY_WARNING
+        elif output.mode in (RELEASED, FAILED):
             severity = SEVERITY_ERROR
             if self._engage:
                 self._disengage()
         reason = autopilot.reason_text(output.reason)
         name = autopilot.mode_name(output.mode)
         self.tell(severity, f"{name}: {reason}" if reason else name)
-        self._tell_engagement(output.mode)
+        if not (self._engage and output.mode in (STANDBY, READY)):  # else it is on its way
+            self._tell_engagement(output.mode)
 
     def _disengage(self) -> None:
         """The module let go by itself: the operator's switch goes back, for all to see."""

@@ -155,9 +155,17 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     # --- when to let go ------------------------------------------------------------------
     Parameter("AGE_POS_HOLD", "s", 0.05, 2, 0.25, "Position older than this: hold the pitch."),
-    Parameter("AGE_POS_MAX", "s", 0.1, 5, 1.5, "Position older than this: let go."),
+    Parameter(
+        "AGE_POS_MAX", "s", 0.1, 5, 1.5,
+        "Position older than this: recover, wings level at REC_PITCH, for REC_TIME; then let go.",
+    ),
     Parameter("AGE_ATT_MAX", "s", 0.02, 1, 0.3, "Attitude older than this: let go."),
     Parameter("AGE_AP_MAX", "s", 1, 10, 3.0, "Autopilot's heartbeat older than this: let go."),
+    Parameter(
+        "REC_PITCH", "deg", -30, 10, -4.0,
+        "Pitch flown while recovering: that of the best glide, or a little lower.",
+    ),
+    Parameter("REC_TIME", "s", 0.0, 10, 2.0, "Longest time of recovering; then let go."),
     Parameter("CAPTURE_MAX", "m", 0.1, 10, 1.5, "|e_rho| beyond this while flying: let go."),
     Parameter("TILT_MAX", "deg", 20, 80, 60.0, "Roll or pitch beyond this: let go."),
     # --- telemetry -----------------------------------------------------------------------
@@ -199,7 +207,7 @@ GROUPS: Final[tuple[Group, ...]] = (
     Group("Surfaces", ("SURF",), "The last limit of every command."),
     Group("Estimation", ("EST",), "How position and velocity follow from delayed fixes."),
     Group(
-        "Letting go", ("AGE", "CAPTURE", "TILT"),
+        "Letting go", ("AGE", "REC", "CAPTURE", "TILT"),
         "Beyond these the module gives the surfaces back by itself and says why.",
     ),
     Group("Telemetry", ("TEL",), "What the module tells without being asked."),
@@ -318,5 +326,9 @@ def _check_together(values: ParameterSet, changes: Mapping[str, float]) -> None:
             ("EST_DELAY", "AGE_POS_HOLD"),
             "EST_DELAY must be below AGE_POS_HOLD, or every position is too old to fly with",
         )
+    travel = values["SURF_MAX"]
+    for name in ("ELE_TRIM", "AIL_TRIM", "RUD_TRIM"):
+        if abs(values[name]) > travel:
+            raise blame((name, "SURF_MAX"), f"{name} must lie within SURF_MAX = {travel:g}")
     if values["AGE_POS_HOLD"] > values["AGE_POS_MAX"]:
         raise blame(("AGE_POS_HOLD", "AGE_POS_MAX"), "AGE_POS_HOLD is above AGE_POS_MAX")

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from test_onboard import CAPTURING, SOARING, STANDBY, Flight, setup, texts
+from test_onboard import CAPTURING, READY, SOARING, Flight, setup, texts
 
 from tgl_soar import process as module
 from tgl_soar.instruments import ARRAY
@@ -61,7 +61,7 @@ def test_engage_and_release_by_command(flight: Flight) -> None:
     flight.run(0.05)
     said = flight.said()
     assert acks(said) == [(RELEASE, ACCEPTED)]
-    assert flight.mode_now == STANDBY
+    assert flight.mode_now == READY
     assert "standby: operator let go" in texts(said)
 
 
@@ -97,7 +97,7 @@ def test_an_abort_stands_against_every_way_to_engage(flight: Flight) -> None:
     flight.run(0.1)
     order(flight, ABORT, component=0)
     flight.run(0.05)
-    assert flight.mode_now == STANDBY
+    assert flight.mode_now == READY
     said = flight.said()
     assert (ABORT, ACCEPTED) in acks(said)
     assert any("aborted by system 255" in text for text in texts(said))
@@ -105,7 +105,7 @@ def test_an_abort_stands_against_every_way_to_engage(flight: Flight) -> None:
     order(flight, ENGAGE)
     flight.run(0.1)
     said = flight.said()
-    assert flight.mode_now == STANDBY
+    assert flight.mode_now == READY
     assert [m.param_value for m in said if m.get_type() == "PARAM_VALUE"] == [0.0]
     assert acks(said) == [(ENGAGE, REJECTED)]
     flight.set("OP_ENGAGE", 0.0)
@@ -133,7 +133,7 @@ def test_only_operators_may_set_and_command(flight: Flight) -> None:
     assert values == {"TGL_X": 0.0, "TGL_Z": 0.0}  # refused; reading is free
     assert acks(said) == [(ENGAGE, DENIED)]
     assert "system 77 is not among autopilot.operators" in "".join(texts(said))
-    assert flight.mode_now == STANDBY
+    assert flight.mode_now == READY
 
 
 def test_a_file_saved_in_flight_does_not_engage_when_it_is_loaded(flight: Flight) -> None:
@@ -152,7 +152,7 @@ def test_a_file_saved_in_flight_does_not_engage_when_it_is_loaded(flight: Flight
     flight.set("OP_ENGAGE", 2.0)  # the file is loaded
     flight.run(0.1)
     said = flight.said()
-    assert flight.mode_now == STANDBY
+    assert flight.mode_now == READY
     assert [m.param_value for m in said if m.get_type() == "PARAM_VALUE"] == [0.0]
     assert any("set 1" in text for text in texts(said))
 
@@ -174,7 +174,7 @@ def test_the_pilot_s_switch_engages_releases_and_holds_back(flight: Flight) -> N
     flight.run(2.5)
     assert any(m.param1 == 65.0 for m in flight.said("COMMAND_LONG"))  # the stream is asked for
     switch(flight, 1900)
-    assert flight.mode_now == STANDBY
+    assert flight.mode_now == READY
     switch(flight, 1100)
     order(flight, ENGAGE)
     flight.run(0.1)
@@ -182,13 +182,13 @@ def test_the_pilot_s_switch_engages_releases_and_holds_back(flight: Flight) -> N
     assert acks(said) == [(ENGAGE, REJECTED)]
     assert any("switch is low" in text for text in texts(said))
     switch(flight, 1900, system=9)  # another vehicle's
-    assert flight.mode_now == STANDBY
+    assert flight.mode_now == READY
     switch(flight, 1900)
     assert flight.mode_now == CAPTURING
     flight.run(3.0)  # RC_CHANNELS fall silent
     assert flight.mode_now in (CAPTURING, SOARING)
     switch(flight, 1100, 0.1)
-    assert flight.mode_now == STANDBY
+    assert flight.mode_now == READY
     assert flight.onboard.parameters.values["OP_ENGAGE"] == 0.0
 
 
@@ -363,7 +363,7 @@ def test_with_a_key_only_the_signed_are_heard() -> None:
     order(flight, ENGAGE)
     flight.run(0.1)
     assert flight.onboard.parameters.values["TGL_X"] == 0.0
-    assert flight.mode_now == STANDBY
+    assert flight.mode_now == READY
     sign(flight._station, flight)
     flight.set("TGL_X", 0.5)
     order(flight, ENGAGE)

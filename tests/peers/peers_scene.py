@@ -29,7 +29,7 @@ AIRFRAME = ROOT / "config/airframes/eclipson_c.toml"
 SITE = ROOT / "config/sites/tunnel.toml"
 LOCAL = "127.0.0.1"
 SPEED = 2.0
-FLYING = (1.0, 2.0)  # capturing, soaring
+FLYING = (3.0, 4.0)  # capturing, soaring
 
 
 def free_port() -> int:

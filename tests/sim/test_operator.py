@@ -33,7 +33,7 @@ class Module:
         """One look at the telemetry, one step of the operator, and the answers."""
         boot_ms = round(time_s * 1e3)
         self.say(self.codec.heartbeat_encode(18, 8, 0, 0, 4))
-        shown = {"soar_x": 0.0, "soar_mode": 2.0}
+        shown = {"soar_x": 0.0, "soar_mode": 4.0}
         if self.line_follows:
             shown |= {
                 "line_x": self.values.get("TGL_X", 0.0),

@@ -23,7 +23,7 @@ from tgl_soar.sim.sitl import OVERRIDE_TIME_S, SitlError, SitlOptions, fly, pass
 AIRFRAME = shipped("airframes/eclipson_c.toml")
 SITE = shipped("sites/tunnel.toml")
 MANUAL, FBWA = 0, 5  # ArduPlane's custom modes
-STANDBY_MODE, SOARING = 0.0, 2.0  # the module's
+STANDBY_MODE, SOARING = 1.0, 4.0  # the module's
 
 
 def options(out: Path, **changes: Any) -> SitlOptions:

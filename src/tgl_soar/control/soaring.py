@@ -58,6 +58,16 @@ def holding_step(
     return _slewed(gains, PidState(integral, 0.0), state.pitch_setpoint_rad, pitch, dt_s), terms
 
 
+def gliding_step(
+    gains: SoaringGains, state: SoaringState, pitch_rad: float, dt_s: float
+) -> tuple[SoaringState, PidTerms]:
+    """One step while recovering: towards a given pitch, with what the integral has learnt kept."""
+    integral = state.pid.integral
+    pitch = max(gains.pid.output_min, min(gains.pid.output_max, pitch_rad))
+    terms = PidTerms(pitch, 0.0, 0.0, 0.0, pitch, 0)
+    return _slewed(gains, PidState(integral, 0.0), state.pitch_setpoint_rad, pitch, dt_s), terms
+
+
 def _slewed(
     gains: SoaringGains, pid: PidState, setpoint_rad: float, wanted_rad: float, dt_s: float
 ) -> SoaringState:

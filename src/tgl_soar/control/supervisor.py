@@ -1,14 +1,23 @@
 """The supervisor: which mode, decided by one table.
 
-    standby     the module watches; the surfaces belong to the pilot and the autopilot
+    boot        not every stream has been seen yet
+    standby     the module watches, and something that engaging needs is missing
+    ready       all of it is there: engaging would be granted now
     capturing   it has the surfaces; the line it flies slides from the aircraft to its target
     soaring     the line stands still and the aircraft is on it
     holding     the position is lost for a short time: pitch, wings and heading are held
+    recovering  nose down to the best glide, wings level, for a limited time: after a stall, too
+                low, or after a long drop-out of the position
     released    it has let go by itself, and stays so until the operator has withdrawn the wish
+    failed      a fault of its own: it has let go, and stays so until it is started again
 
-A row reads: from this mode, when all of these hold and none of those, go there, because.
-Rows are tried in order and the first that fits is taken; none fits: stay.  Conditions are
-bits of one number, so that a test can walk through all of them.
+A row reads: from this mode, when all of these hold and none of those, go there, do that, and
+say why.  Rows are tried in order and the first that fits is taken; none fits: stay.  Conditions
+are bits of one number, so that a test can walk through all of them.
+
+What must last counts in explicit timers of the state, so that noise cannot make it chatter:
+capturing and soaring are left for each other or for holding only after MINIMUM_S, trouble must
+last TROUBLE_S and its end CLEAR_S, and ready is given up only after READY_S without.
 
 A new mode or fault is a new row.
 """
@@ -18,26 +27,141 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 # Modes.  Plain numbers: they go over the wire and into the log.
-STANDBY: Final = 0
-CAPTURING: Final = 1
-SOARING: Final = 2
-HOLDING: Final = 3
-RELEASED: Final = 4
-MODE_NAMES: Final = ("standby", "capturing", "soaring", "holding", "released")
+BOOT: Final = 0
+STANDBY: Final = 1
+READY: Final = 2
+CAPTURING: Final = 3
+SOARING: Final = 4
+HOLDING: Final = 5
+RECOVERING: Final = 6
+RELEASED: Final = 7
+FAILED: Final = 8
+MODE_NAMES: Final = (
+    "boot",
+    "standby",
+    "ready",
+    "capturing",
+    "soaring",
+    "holding",
+    "recovering",
+    "released",
+    "failed",
+)
 
-# Conditions.
-ENGAGE: Final = 1 << 0  # the operator wants the module to fly
-POSITION_FRESH: Final = 1 << 1  # good enough to fly the line with
-POSITION_KEPT: Final = 1 << 2  # not lost for longer than may be held through
-ATTITUDE_FRESH: Final = 1 << 3
-AUTOPILOT_ALIVE: Final = 1 << 4  # its heartbeat is heard
-SURFACES_OBEY: Final = 1 << 5  # the autopilot is in a mode in which it obeys our surfaces
-UPRIGHT: Final = 1 << 6  # roll and pitch within what the laws are made for
-NEAR_LINE: Final = 1 << 7  # e_rho within what the laws are made for
-ON_LINE: Final = 1 << 8  # the line is at its target and the aircraft has stayed on it
-LINE_MOVING: Final = 1 << 9
-FINITE: Final = 1 << 10  # the last surface command was a number
-ALL_CONDITIONS: Final = (1 << 11) - 1
+INFINITE: Final = float("inf")
+MINIMUM_S: Final = 0.2
+READY_S: Final = 1.0
+TROUBLE_S: Final = 0.1
+CLEAR_S: Final = 0.3
+LONG_GAP_S: Final = 0.3  # of holding, after which the line starts anew at the aircraft
+
+# Conditions that the tick finds.
+ENGAGE: Final = 1 << 0
+STREAMS_SEEN: Final = 1 << 1
+POSITION_FRESH: Final = 1 << 2
+POSITION_KEPT: Final = 1 << 3
+POSITION_SANE: Final = 1 << 4
+ATTITUDE_FRESH: Final = 1 << 5
+ATTITUDE_AGREES: Final = 1 << 6
+AUTOPILOT_ALIVE: Final = 1 << 7
+NO_FAILSAFE: Final = 1 << 8
+SURFACES_OBEY: Final = 1 << 9
+SURFACES_ANSWER: Final = 1 << 10
+AIRSPEED_SANE: Final = 1 << 11
+UPRIGHT: Final = 1 << 12
+UPWIND: Final = 1 << 13
+INSIDE_FENCE: Final = 1 << 14
+LINE_VALID: Final = 1 << 15
+LINE_MOVING: Final = 1 << 16
+NEAR_LINE: Final = 1 << 17
+ON_LINE: Final = 1 << 18
+AIR_SAFE: Final = 1 << 19
+HIGH_ENOUGH: Final = 1 << 20
+CLEAR: Final = 1 << 21  # both of these, with a margin
+FINITE: Final = 1 << 22
+SANE: Final = 1 << 23
+FOUND: Final = (1 << 24) - 1
+# Conditions that the supervisor finds itself, by what it remembers.
+SAME_BOOT: Final = 1 << 24
+STAYS_ARMED: Final = 1 << 25
+STILL_READY: Final = 1 << 26
+SETTLED: Final = 1 << 27
+LONG_GAP: Final = 1 << 28
+TIME_UP: Final = 1 << 29
+TROUBLED: Final = 1 << 30
+CLEARED: Final = 1 << 31
+CONDITIONS: Final = 32
+CONDITION_TEXTS: Final = (
+    "the operator wants it to fly",
+    "every stream was seen",
+    "position fresh",
+    "position not lost for long",
+    "position sane",
+    "attitude fresh",
+    "attitude sources agree",
+    "autopilot heard",
+    "autopilot in no failsafe",
+    "autopilot obeys surfaces",
+    "surfaces answer",
+    "airspeed sane, or none",
+    "upright",
+    "nose upwind",
+    "inside the fence",
+    "line valid",
+    "line moves",
+    "near the line",
+    "on the line",
+    "airspeed and angle of attack safe",
+    "high enough",
+    "both with a margin",
+    "command finite",
+    "state sane",
+    "autopilot not restarted",
+    "not disarmed since",
+    "was ready a moment ago",
+    "mode has settled",
+    "gap was long",
+    "recovering for too long",
+    "trouble lasts",
+    "trouble is over",
+)
+ENTRY: Final = (
+    AUTOPILOT_ALIVE
+    | ATTITUDE_FRESH
+    | ATTITUDE_AGREES
+    | POSITION_FRESH
+    | POSITION_SANE
+    | NO_FAILSAFE
+    | SURFACES_OBEY
+    | SURFACES_ANSWER
+    | AIRSPEED_SANE
+    | UPRIGHT
+    | UPWIND
+    | INSIDE_FENCE
+    | LINE_VALID
+    | AIR_SAFE
+    | HIGH_ENOUGH
+)
+
+_CALM: Final = AIR_SAFE | HIGH_ENOUGH
+
+# What the tick does at a change of mode.
+NOTHING: Final = 0
+TAKE: Final = 1  # the surfaces; the line starts at the aircraft
+NEW_LINE: Final = 2  # the line starts at the aircraft again
+KEEP_LINE: Final = 3
+HOLD: Final = 4  # pitch, wings level, heading
+GLIDE: Final = 5  # nose down to the best glide, wings level
+LET_GO: Final = 6
+ACTION_TEXTS: Final = (
+    "",
+    "take the surfaces, start the line at the aircraft",
+    "start the line at the aircraft",
+    "fly the line on",
+    "hold pitch, wings and heading",
+    "best glide, wings level",
+    "let go",
+)
 
 # Reasons for a change of mode.
 REASON_NONE: Final = 0
@@ -55,6 +179,23 @@ REASON_UPSET: Final = 11
 REASON_OFF_LINE: Final = 12
 REASON_NOT_FINITE: Final = 13
 REASON_WITHDRAWN: Final = 14
+REASON_SEEN: Final = 15
+REASON_READY: Final = 16
+REASON_POSITION_INSANE: Final = 17
+REASON_ATTITUDE_DISAGREES: Final = 18
+REASON_FAILSAFE: Final = 19
+REASON_REBOOTED: Final = 20
+REASON_DISARMED: Final = 21
+REASON_SURFACES_DEAD: Final = 22
+REASON_AIRSPEED: Final = 23
+REASON_DOWNWIND: Final = 24
+REASON_FENCE: Final = 25
+REASON_LINE: Final = 26
+REASON_STALL: Final = 27
+REASON_LOW: Final = 28
+REASON_RECOVERED: Final = 29
+REASON_NOT_RECOVERED: Final = 30
+REASON_INSANE: Final = 31
 REASON_TEXTS: Final = (
     "",
     "engaged",
@@ -70,7 +211,24 @@ REASON_TEXTS: Final = (
     "roll or pitch beyond TILT_MAX",
     "e_rho beyond CAPTURE_MAX",
     "command not finite",
-    "ready",
+    "engagement withdrawn",
+    "position, attitude and autopilot are there",
+    "can be engaged",
+    "position is not to be trusted",
+    "attitude disagrees with the accelerometers",
+    "autopilot in failsafe",
+    "autopilot has restarted",
+    "autopilot was disarmed",
+    "surfaces do not answer",
+    "airspeed is not to be trusted",
+    "nose does not point upwind",
+    "outside the fence",
+    "target line not valid or outside the fence",
+    "too slow or stalling",
+    "too low",
+    "recovered",
+    "not recovered in time",
+    "impossible state",
 )
 
 
@@ -81,56 +239,189 @@ class Transition(NamedTuple):
     all_of: int
     none_of: int
     to: int
+    action: int
     reason: int
+
+
+# Every entry check and what is told of it, in the order in which an operator would look.
+_CHECKS: Final = (
+    (AUTOPILOT_ALIVE, REASON_AUTOPILOT_LOST),
+    (ATTITUDE_FRESH, REASON_ATTITUDE_LOST),
+    (ATTITUDE_AGREES, REASON_ATTITUDE_DISAGREES),
+    (POSITION_FRESH, REASON_POSITION_LOST),
+    (POSITION_SANE, REASON_POSITION_INSANE),
+    (NO_FAILSAFE, REASON_FAILSAFE),
+    (SURFACES_OBEY, REASON_MODE_TAKEN),
+    (SURFACES_ANSWER, REASON_SURFACES_DEAD),
+    (AIRSPEED_SANE, REASON_AIRSPEED),
+    (UPRIGHT, REASON_UPSET),
+    (UPWIND, REASON_DOWNWIND),
+    (INSIDE_FENCE, REASON_FENCE),
+    (HIGH_ENOUGH, REASON_LOW),
+    (AIR_SAFE, REASON_STALL),
+    (LINE_VALID, REASON_LINE),
+)
+
+
+def _refusals(mode: int) -> tuple[Transition, ...]:
+    """Asked to engage: every entry check has a row that refuses."""
+    return tuple(
+        Transition(mode, ENGAGE, check, RELEASED, LET_GO, reason) for check, reason in _CHECKS
+    )
 
 
 def _faults(mode: int) -> tuple[Transition, ...]:
     """What makes every flying mode let go, worst first."""
     return (
-        Transition(mode, 0, FINITE, RELEASED, REASON_NOT_FINITE),
-        Transition(mode, 0, ATTITUDE_FRESH, RELEASED, REASON_ATTITUDE_LOST),
-        Transition(mode, 0, AUTOPILOT_ALIVE, RELEASED, REASON_AUTOPILOT_LOST),
-        Transition(mode, 0, SURFACES_OBEY, RELEASED, REASON_MODE_TAKEN),
-        Transition(mode, 0, ENGAGE, STANDBY, REASON_OPERATOR),
-        Transition(mode, 0, UPRIGHT, RELEASED, REASON_UPSET),
-        Transition(mode, 0, POSITION_KEPT, RELEASED, REASON_POSITION_LOST),
+        Transition(mode, 0, FINITE, FAILED, LET_GO, REASON_NOT_FINITE),
+        Transition(mode, 0, SANE, FAILED, LET_GO, REASON_INSANE),
+        Transition(mode, 0, ATTITUDE_FRESH, RELEASED, LET_GO, REASON_ATTITUDE_LOST),
+        Transition(mode, 0, AUTOPILOT_ALIVE, RELEASED, LET_GO, REASON_AUTOPILOT_LOST),
+        Transition(mode, 0, SAME_BOOT, RELEASED, LET_GO, REASON_REBOOTED),
+        Transition(mode, 0, NO_FAILSAFE, RELEASED, LET_GO, REASON_FAILSAFE),
+        Transition(mode, 0, SURFACES_OBEY, RELEASED, LET_GO, REASON_MODE_TAKEN),
+        Transition(mode, 0, STAYS_ARMED, RELEASED, LET_GO, REASON_DISARMED),
+        Transition(mode, 0, ENGAGE, STANDBY, LET_GO, REASON_OPERATOR),
+        Transition(mode, 0, ATTITUDE_AGREES, RELEASED, LET_GO, REASON_ATTITUDE_DISAGREES),
+        Transition(mode, 0, SURFACES_ANSWER, RELEASED, LET_GO, REASON_SURFACES_DEAD),
+        Transition(mode, 0, UPRIGHT, RELEASED, LET_GO, REASON_UPSET),
+    )
+
+
+def _on_the_line(mode: int) -> tuple[Transition, ...]:
+    """What capturing and soaring have in common."""
+    return (
+        *_faults(mode),
+        Transition(mode, SETTLED, POSITION_FRESH, HOLDING, HOLD, REASON_POSITION_GAP),
+        Transition(mode, 0, INSIDE_FENCE, RELEASED, LET_GO, REASON_FENCE),
+        Transition(mode, 0, NEAR_LINE, RELEASED, LET_GO, REASON_OFF_LINE),
+        Transition(mode, TROUBLED, AIR_SAFE, RECOVERING, GLIDE, REASON_STALL),
+        Transition(mode, TROUBLED, HIGH_ENOUGH, RECOVERING, GLIDE, REASON_LOW),
     )
 
 
 TRANSITIONS: Final[tuple[Transition, ...]] = (
-    # Asked to engage: every entry check has a row that refuses, then the way in.
-    Transition(STANDBY, ENGAGE, AUTOPILOT_ALIVE, RELEASED, REASON_AUTOPILOT_LOST),
-    Transition(STANDBY, ENGAGE, ATTITUDE_FRESH, RELEASED, REASON_ATTITUDE_LOST),
-    Transition(STANDBY, ENGAGE, POSITION_FRESH, RELEASED, REASON_POSITION_LOST),
-    Transition(STANDBY, ENGAGE, SURFACES_OBEY, RELEASED, REASON_MODE_TAKEN),
-    Transition(STANDBY, ENGAGE, UPRIGHT, RELEASED, REASON_UPSET),
-    Transition(STANDBY, ENGAGE, 0, CAPTURING, REASON_ENGAGED),
-    *_faults(CAPTURING),
-    Transition(CAPTURING, 0, POSITION_FRESH, HOLDING, REASON_POSITION_GAP),
-    Transition(CAPTURING, 0, NEAR_LINE, RELEASED, REASON_OFF_LINE),
-    Transition(CAPTURING, ON_LINE, LINE_MOVING, SOARING, REASON_ON_LINE),
-    *_faults(SOARING),
-    Transition(SOARING, 0, POSITION_FRESH, HOLDING, REASON_POSITION_GAP),
-    Transition(SOARING, 0, NEAR_LINE, RELEASED, REASON_OFF_LINE),
-    Transition(SOARING, LINE_MOVING, 0, CAPTURING, REASON_LINE_MOVED),
+    *_refusals(BOOT),
+    Transition(BOOT, STREAMS_SEEN, 0, STANDBY, NOTHING, REASON_SEEN),
+    *_refusals(STANDBY),
+    Transition(STANDBY, ENTRY, 0, READY, NOTHING, REASON_READY),
+    *_refusals(READY),
+    Transition(READY, ENGAGE, 0, CAPTURING, TAKE, REASON_ENGAGED),
+    *(
+        Transition(READY, 0, STILL_READY | check, STANDBY, NOTHING, reason)
+        for check, reason in _CHECKS
+    ),
+    *_on_the_line(CAPTURING),
+    Transition(CAPTURING, ON_LINE | SETTLED, LINE_MOVING, SOARING, NOTHING, REASON_ON_LINE),
+    *_on_the_line(SOARING),
+    Transition(SOARING, LINE_MOVING | SETTLED, 0, CAPTURING, NOTHING, REASON_LINE_MOVED),
     *_faults(HOLDING),
-    Transition(HOLDING, POSITION_FRESH, 0, CAPTURING, REASON_POSITION_BACK),
-    Transition(RELEASED, 0, ENGAGE, STANDBY, REASON_WITHDRAWN),
+    Transition(HOLDING, 0, POSITION_KEPT, RECOVERING, GLIDE, REASON_POSITION_LOST),
+    Transition(HOLDING, TROUBLED, AIR_SAFE, RECOVERING, GLIDE, REASON_STALL),
+    Transition(HOLDING, POSITION_FRESH | LONG_GAP, 0, CAPTURING, NEW_LINE, REASON_POSITION_BACK),
+    Transition(HOLDING, POSITION_FRESH, 0, CAPTURING, KEEP_LINE, REASON_POSITION_BACK),
+    *_faults(RECOVERING),
+    Transition(RECOVERING, POSITION_FRESH, INSIDE_FENCE, RELEASED, LET_GO, REASON_FENCE),
+    Transition(RECOVERING, POSITION_FRESH | CLEARED, 0, CAPTURING, NEW_LINE, REASON_RECOVERED),
+    Transition(RECOVERING, TIME_UP, POSITION_FRESH, RELEASED, LET_GO, REASON_POSITION_LOST),
+    Transition(RECOVERING, TIME_UP, HIGH_ENOUGH, RELEASED, LET_GO, REASON_LOW),
+    Transition(RECOVERING, TIME_UP, AIR_SAFE, RELEASED, LET_GO, REASON_STALL),
+    Transition(RECOVERING, TIME_UP, 0, RELEASED, LET_GO, REASON_NOT_RECOVERED),
+    Transition(RELEASED, STREAMS_SEEN, ENGAGE, STANDBY, NOTHING, REASON_WITHDRAWN),
+    Transition(RELEASED, 0, ENGAGE, BOOT, NOTHING, REASON_WITHDRAWN),
 )
 
 
-def next_mode(mode: int, conditions: int) -> tuple[int, int]:
-    """(mode, reason) after one look at the conditions; (mode, REASON_NONE) where it stays."""
+class SupervisorState(NamedTuple):
+    """What the supervisor remembers; times on the loop's clock."""
+
+    mode: int
+    since_s: float  # when this mode began
+    unready_s: float  # since when an entry check fails; inf: none does
+    trouble_s: float  # since when the air or the height is not safe; inf: they are
+    clear_s: float  # since when both are safe with a margin; inf: they are not
+    boots: int  # of the autopilot when it was engaged
+    armed: bool  # whether the autopilot was armed when it was engaged, or since
+    conditions: int  # with which this mode stays as it is; -1: not looked at yet
+
+
+class Decision(NamedTuple):
+    """What to do in this tick, and why."""
+
+    mode: int
+    action: int
+    reason: int
+
+
+def initial_supervisor() -> SupervisorState:
+    """Before the first tick."""
+    return SupervisorState(BOOT, -INFINITE, INFINITE, INFINITE, INFINITE, 0, False, -1)
+
+
+def supervise(
+    state: SupervisorState,
+    time_s: float,
+    found: int,
+    boots: int,
+    armed: bool,
+    recover_s: float,
+) -> tuple[SupervisorState, Decision]:
+    """One look at what the tick has found, the bits up to SANE.
+
+    boots, armed: of the autopilot, as it says; recover_s: the longest time in recovering.
+    """
+    # The minima: what began in the future, because the clock has gone back, counts from here.
+    since_s = min(state.since_s, time_s)
+    unready_s = INFINITE if found & ENTRY == ENTRY else min(state.unready_s, time_s)
+    calm = found & _CALM == _CALM
+    trouble_s = INFINITE if calm else min(state.trouble_s, time_s)
+    clear_s = min(state.clear_s, time_s) if calm and found & CLEAR else INFINITE
+
+    conditions = found
+    lasted_s = time_s - since_s
+    if boots == state.boots:
+        conditions |= SAME_BOOT
+    if armed or not state.armed:
+        conditions |= STAYS_ARMED
+    if time_s - unready_s < READY_S:
+        conditions |= STILL_READY
+    if lasted_s >= MINIMUM_S:
+        conditions |= SETTLED
+    if lasted_s >= LONG_GAP_S:
+        conditions |= LONG_GAP
+    if lasted_s >= recover_s:
+        conditions |= TIME_UP
+    if time_s - trouble_s >= TROUBLE_S:
+        conditions |= TROUBLED
+    if time_s - clear_s >= CLEAR_S:
+        conditions |= CLEARED
+
+    # The table need not be asked twice about the same.
+    if conditions == state.conditions and armed <= state.armed:
+        return state, Decision(state.mode, NOTHING, REASON_NONE)
+    decision = next_mode(state.mode, conditions)
+    if decision.mode != state.mode:
+        since_s = time_s if time_s == time_s else -INFINITE
+        conditions = -1  # the new mode's rows were not tried yet
+    if decision.action != TAKE:
+        boots, armed = state.boots, armed or state.armed
+    return SupervisorState(
+        decision.mode, since_s, unready_s, trouble_s, clear_s, boots, armed, conditions
+    ), decision
+
+
+def next_mode(mode: int, conditions: int) -> Decision:
+    """What the table says; the same mode and REASON_NONE where it stays."""
     for row in TRANSITIONS:
         if (
             row.source == mode
             and conditions & row.all_of == row.all_of
             and conditions & row.none_of == 0
         ):
-            return row.to, row.reason
-    return mode, REASON_NONE
+            return Decision(row.to, row.action, row.reason)
+    return Decision(mode, NOTHING, REASON_NONE)
 
 
 def is_flying(mode: int) -> bool:
     """Whether the module has the surfaces in this mode."""
-    return mode in (CAPTURING, SOARING, HOLDING)
+    return CAPTURING <= mode <= RECOVERING

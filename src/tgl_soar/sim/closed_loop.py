@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgl_soar.autopilot import AutopilotState, Output, initial_state, laws_from, reason_text, step
-from tgl_soar.control.supervisor import RELEASED
+from tgl_soar.control.supervisor import FAILED, RELEASED
 from tgl_soar.control.target_line import e_rho
 from tgl_soar.parameters import ParameterSet
 from tgl_soar.types import AutopilotStatus, Inputs, SurfaceCommand
@@ -162,7 +162,7 @@ def fly(
         if world.crashed:
             ended = world.crashed
             break
-        if output.mode == RELEASED:
+        if output.mode in (RELEASED, FAILED):
             ended = f"let go: {reason_text(output.reason)}"
             break
     table = np.array(rows)

@@ -22,7 +22,7 @@ from tgl_soar.air.hill import Hill, hill_wind
 from tgl_soar.air.jet import Jet, jet_wind
 from tgl_soar.autopilot import AutopilotState, Laws, Output
 from tgl_soar.autopilot import step as autopilot_step
-from tgl_soar.control.supervisor import RELEASED
+from tgl_soar.control.supervisor import FAILED, RELEASED
 from tgl_soar.control.target_line import e_rho
 from tgl_soar.geometry import SoaringFrame, euler_from_quaternion
 from tgl_soar.types import (
@@ -578,6 +578,6 @@ def fly_ticks(
         world = world_step(parts, world, n, command, held)
         if world.crashed:
             standing = CRASHED
-        elif output.mode == RELEASED:
+        elif output.mode in (RELEASED, FAILED):
             standing = LET_GO
     return Flight(n, standing, reason, world, command, held, autopilot)

@@ -52,6 +52,7 @@ class Seen:
 
     time_s: float = float("nan")  # the vehicle's
     values: dict[str, float] = field(default_factory=dict)  # NAMED_VALUE_FLOAT by name
+    stamps: dict[str, float] = field(default_factory=dict)  # the vehicle's time of each
     texts: list[str] = field(default_factory=list)  # STATUSTEXT, oldest first
     parameters: dict[str, float] = field(default_factory=dict)
     module_alive: bool = False
@@ -83,6 +84,7 @@ class Operator:
         self._first_sent_s = float("nan")
         self._heartbeat_s = float("-inf")
         self._engaged = False
+        self._engaged_s = float("nan")
         self._known_since_s = float("nan")
         self._stage = "wait"
 
@@ -117,7 +119,8 @@ class Operator:
             self.seen.time_s = message.time_boot_ms * 1e-3
         elif kind == "NAMED_VALUE_FLOAT":
             self.seen.time_s = message.time_boot_ms * 1e-3
-            self.seen.values[message.name.rstrip("\0")] = message.value
+            name = message.name.rstrip("\0")
+            self.seen.values[name], self.seen.stamps[name] = message.value, self.seen.time_s
         elif source == self._target and kind == "HEARTBEAT":
             self.seen.module_alive = True
         elif source == self._target and kind == "PARAM_VALUE":
@@ -153,6 +156,8 @@ class Operator:
             if not self._engaged:
                 self._engaged = True
                 self._to_set = [("OP_ENGAGE", 1.0)]
+            elif self._engaged_s != self._engaged_s:
+                self._engaged_s = self.seen.time_s  # it has been confirmed
             elif self._line_stands(flown.leg) or self._moved_by_hand(flown):
                 flown.stopped_s = self.seen.time_s
                 self._stage = "stay"
@@ -188,10 +193,12 @@ class Operator:
         return flown.by_hand
 
     def _line_stands(self, leg: Leg) -> bool:
-        """Whether the line that is flown is the one that was asked for."""
+        """Whether the line that is flown is the one that was asked for: before it is engaged the
+        module shows the target itself."""
         shown = {"TGL_X": "line_x", "TGL_Z": "line_z", "TGL_LEAN": "line_lean"}
         return all(
             isclose(self._shown(shown[name]), value, abs_tol=1e-3)
+            and self.seen.stamps[shown[name]] > self._engaged_s
             for name, value in leg.parameters.items()
         )
 
