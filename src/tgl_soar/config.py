@@ -12,6 +12,7 @@ what is allowed.
 
 from __future__ import annotations
 
+import ipaddress
 import re
 import tomllib
 from collections.abc import Mapping
@@ -22,7 +23,7 @@ from typing import Annotated, Any, Final, Literal, TypeVar
 import msgspec
 from msgspec import Meta, Struct, inspect
 
-from tgl_soar.geometry import SoaringFrame
+from tgl_soar.geometry import HallFrame, SoaringFrame
 from tgl_soar.line_changes import Contour, PresetLine, Presets, with_changes
 from tgl_soar.parameters import INDEX, PARAMETERS, ParameterError, ParameterSet
 from tgl_soar.types import GlidePolar
@@ -281,17 +282,70 @@ class Forward(Strict, frozen=True):
     sigma_deg: Annotated[float, Meta(ge=0.01, le=45)] | None = None
 
 
+Port = Annotated[int, Meta(ge=1, le=65535)]
+
+
+class Mocap(Strict, frozen=True):
+    """OptiTrack: where Motive streams, what of it is flown with, and how the hall's axes lie."""
+
+    server: Annotated[str, Meta(min_length=1)]  # address or name, or "discover"
+    # Its name in Motive, or its streaming id.
+    body: Annotated[str, Meta(min_length=1)] | Annotated[int, Meta(ge=0, le=2**31 - 1)]
+    stream: Literal["multicast", "unicast"] = "multicast"  # as Motive's streaming pane says
+    interface: str = ""  # own address on the network of the cameras; "": the system chooses
+    group: str = "239.255.42.99"
+    command_port: Port = 1510
+    data_port: Port = 1511
+    up: Literal["y", "z"] = "y"
+    yaw_deg: Annotated[float, Meta(ge=-360, le=360)] = 0.0  # the hall's x axis, from north to east
+    offset_m: tuple[Finite, Finite, Finite] = (0.0, 0.0, 0.0)  # the hall's origin in local NED
+    noise_m: Annotated[float, Meta(ge=1e-5, le=1)] = 0.001  # standard deviation, at least
+    max_error_m: Annotated[float, Meta(gt=0, le=1)] = 0.02  # mean marker error
+    max_speed_mps: Annotated[float, Meta(ge=1, le=100)] = 25.0  # what is faster is a jump
+    max_age_s: Annotated[float, Meta(ge=0.01, le=1)] = 0.3
+    max_rate_hz: Annotated[float, Meta(ge=10, le=1000)] = 200.0
+
+    def __post_init__(self) -> None:
+        if not _is_address(self.group) or not ipaddress.IPv4Address(self.group).is_multicast:
+            raise ValueError(
+                f"group {self.group!r}: must be a multicast address, 224.0.0.0 to 239.255.255.255"
+            )
+        if self.interface and not _is_address(self.interface):
+            raise ValueError(
+                f"interface {self.interface!r}: must be an IPv4 address of this computer"
+            )
+
+    def hall(self) -> HallFrame:
+        """Where the hall's axes stand in local NED."""
+        return HallFrame(self.up == "z", radians(self.yaw_deg), *self.offset_m)
+
+
+def _is_address(text: str) -> bool:
+    try:
+        ipaddress.IPv4Address(text)
+    except ValueError:
+        return False
+    return True
+
+
 class Site(Strict, frozen=True):
     """One site file."""
 
     site: Place
     position: Position = Position()
     forward: Forward | None = None  # None: the autopilot is told nothing
+    mocap: Mocap | None = None
     lines: dict[str, Line] = {}
     parameters: dict[str, float] = {}
     air: JetAir | HillAir | GridAir | None = None
     start: Start | None = None
     contour: KnownContour | None = None
+
+    def __post_init__(self) -> None:
+        if ("mocap" in self.position.sources) != (self.mocap is not None):
+            raise ValueError(
+                "position.sources names mocap where there is a [mocap] table, and only there"
+            )
 
     def frame(self) -> SoaringFrame:
         """The soaring frame of this site."""

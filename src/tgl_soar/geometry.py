@@ -9,6 +9,10 @@ local NED turned about the vertical by the direction the wind comes from, so tha
 and heading is the yaw in that frame: zero facing straight upwind.  Signs change between NED
 and the soaring frame here and nowhere else.
 
+A motion-capture hall has its own axes, with y or z up.  Levelled, they are N'' = x, D'' down and
+E'' the third; turned about the vertical by the direction of the hall's x axis and put where its
+origin lies, they are local NED.
+
 A quaternion (w, x, y, z) rotates body FRD into NED, Hamilton convention, as MAVLink has it.
 """
 
@@ -27,6 +31,16 @@ class SoaringFrame(NamedTuple):
     wind_from_rad: float  # true direction that the wind comes from, clockwise from north
 
 
+class HallFrame(NamedTuple):
+    """Where the axes of a motion-capture hall stand in local NED."""
+
+    z_up: bool  # else y is up
+    yaw_rad: float  # direction that the hall's x axis points to, clockwise from north
+    origin_north_m: float
+    origin_east_m: float
+    origin_down_m: float
+
+
 def wrap_angle(angle_rad: float) -> float:
     """The same angle in [-pi, pi)."""
     return (angle_rad + pi) % (2.0 * pi) - pi
@@ -43,6 +57,35 @@ def soaring_from_ned(
         down_m - frame.origin_down_m,
     )
     return vx, vy, vz
+
+
+def ned_from_hall(
+    hall: HallFrame, x_m: float, y_m: float, z_m: float
+) -> tuple[float, float, float]:
+    """Local NED position [m] of a position in the hall's axes [m]."""
+    north, east, down = levelled(x_m, y_m, z_m, z_up=hall.z_up)
+    c, s = cos(hall.yaw_rad), sin(hall.yaw_rad)
+    return (
+        hall.origin_north_m + c * north - s * east,
+        hall.origin_east_m + s * north + c * east,
+        hall.origin_down_m + down,
+    )
+
+
+def hall_from_ned(
+    hall: HallFrame, north_m: float, east_m: float, down_m: float
+) -> tuple[float, float, float]:
+    """Position in the hall's axes [m] of a local NED position [m]."""
+    dn, de = north_m - hall.origin_north_m, east_m - hall.origin_east_m
+    down = down_m - hall.origin_down_m
+    c, s = cos(hall.yaw_rad), sin(hall.yaw_rad)
+    north, east = c * dn + s * de, c * de - s * dn
+    return (north, -east, -down) if hall.z_up else (north, -down, east)
+
+
+def levelled(x_m: float, y_m: float, z_m: float, *, z_up: bool) -> tuple[float, float, float]:
+    """A position in the hall's axes with N'' = x, E'' and D'' down; both are right-handed."""
+    return (x_m, -y_m, -z_m) if z_up else (x_m, z_m, -y_m)
 
 
 def soaring_vector_from_ned(

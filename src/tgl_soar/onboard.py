@@ -66,11 +66,13 @@ from tgl_soar.link.messages import (
     Timesync,
     VisionPositionEstimate,
 )
+from tgl_soar.link.optitrack import Link as MocapLink
+from tgl_soar.link.optitrack import Optitrack
 from tgl_soar.link.parameters import ParameterServer
 from tgl_soar.link.routes import Route
 from tgl_soar.link.session import Session
 from tgl_soar.link.signing import KEY_BYTES, Signing
-from tgl_soar.link.sources import NUMBERS, PositionSources
+from tgl_soar.link.sources import MOCAP, NUMBERS, PositionSources
 from tgl_soar.link.tangent_plane import Home
 from tgl_soar.link.telemetry import StatusTexts, Telemetry
 from tgl_soar.parameter_store import ParameterStore
@@ -289,6 +291,8 @@ class Onboard:
         self.engagement = Engagement()
         major, minor, patch = (int(part) for part in __version__.split(".")[:3])
         self.commands = CommandServer(setup.own, self.telemetry, (major, minor, patch))
+        self.mocap: Optitrack | None = None
+        self._mocap_link: MocapLink | None = None
         self._loss = 0.0
         self._loss_due_s = float("-inf")
         self._loss_counted = (0, 0)
@@ -316,6 +320,10 @@ class Onboard:
         )
         return number
 
+    def add_mocap(self, client: Optitrack, link: MocapLink) -> None:
+        """Positions from a motion-capture hall, and how to ask its server."""
+        self.mocap, self._mocap_link = client, link
+
     @property
     def decoder(self) -> Decoder:
         """Of the link to the autopilot."""
@@ -341,6 +349,15 @@ class Onboard:
             if not route.greeted:
                 self._greet(route)
             self._take(route, received, now_s)
+
+    def pose(self, data: bytes, sender: tuple[str, int], now_s: float) -> None:
+        """A datagram has come from a motion-capture server, or from somebody who plays it."""
+        if self.mocap is None:
+            return
+        now_s = self._clock(now_s)
+        fix = self.mocap.take(data, sender, now_s)
+        if fix is not None and (self._vehicle_clock or not self._lockstep):
+            self.session.sources.take(MOCAP, fix, now_s)
 
     def _take(self, route: Route, received: Received, now_s: float) -> None:
         message = received.message
@@ -577,6 +594,8 @@ class Onboard:
         self._vehicle_clock = True
         self._stepped_s = now_s
         self.session.rebase(now_s)
+        if self.mocap is not None:
+            self.mocap.rebase()
         self.parameters.rebase()
         self.telemetry.rebase()
         self.commands.rebase()
@@ -674,6 +693,8 @@ class Onboard:
             for severity, text in self._first_words:
                 self._say_words(severity, text)
             self._first_words.clear()
+        if self.mocap is not None:
+            self._ask_mocap(self.mocap, now_s)
         for severity, text in session.notices:
             self.tell(severity, text)
         session.notices.clear()
@@ -685,6 +706,16 @@ class Onboard:
                 self.counters.telemetry_shed += 1
             elif message is not None:
                 self._spend(self._say(message))
+
+    def _ask_mocap(self, mocap: Optitrack, now_s: float) -> None:
+        assert self._mocap_link is not None
+        for request in mocap.poll(now_s):
+            self._mocap_link.send(request)
+        if mocap.stream is not None:
+            self._mocap_link.follow(mocap.stream)
+        for severity, text in mocap.notices:
+            self.tell(severity, text)
+        mocap.notices.clear()
 
     def _show_engaged(self, now_s: float) -> None:
         """OP_ENGAGE becomes what a file may hold and yet engage nothing; not before the station

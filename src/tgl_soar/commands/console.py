@@ -14,6 +14,7 @@ errors = Console(stderr=True)
 
 AIRFRAME = shipped("airframes/eclipson_c.toml")
 SITE = shipped("sites/tunnel.toml")
+SITE_MOCAP = shipped("sites/tunnel_mocap.toml")
 
 
 def fail(message: object, code: int = 2) -> NoReturn:

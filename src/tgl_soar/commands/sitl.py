@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,15 +13,24 @@ from rich.table import Table
 from tgl_soar.autopilot import mode_name
 from tgl_soar.config import ConfigError
 
-from .console import AIRFRAME, SITE, console, errors, fail
+from .console import AIRFRAME, SITE, SITE_MOCAP, console, errors, fail
 
 if TYPE_CHECKING:
     from tgl_soar.sim.operator import Operator
 
 
+class Mocap(StrEnum):
+    """Where the position comes from: the autopilot, or a motion-capture hall."""
+
+    NONE = "none"
+    NATNET = "natnet"
+
+
 def sitl(
     airframe: Annotated[Path, typer.Option(help="Airframe file.")] = AIRFRAME,
-    site: Annotated[Path, typer.Option(help="Site file.")] = SITE,
+    site: Annotated[
+        Path | None, typer.Option(help="Site file; of the tunnel, with [mocap] where needed.")
+    ] = None,
     legs: Annotated[str, typer.Option(help="Names of lines, by commas; all of the site's.")] = "",
     stay: Annotated[float, typer.Option(help="Seconds on each line.", min=2.0, max=600.0)] = 16.0,
     seed: Annotated[int, typer.Option(help="Of noise and turbulence.", min=0)] = 1,
@@ -38,6 +48,17 @@ def sitl(
             " `list` shows all."
         ),
     ] = None,
+    mocap: Annotated[
+        Mocap, typer.Option(help="The position comes from OptiTrack: a stand-in streams NatNet.")
+    ] = Mocap.NONE,
+    mocap_option: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=VALUE",
+            help="Of the stand-in, as tools/sitl_bridge.py --help tells them: version=4.2,"
+            " loss=0.1, fault=untracked:20:21.5; repeat for more.",
+        ),
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for logs and the figure.")] = Path("out/sitl"),
 ) -> None:
     """Fly the line from a to b to c between real processes; exit code 1 if a leg fails."""
@@ -52,9 +73,10 @@ def sitl(
         parse_faults(faults)
     except FaultError as error:
         fail(f"--fault: {error}")
+    flown_by = mocap == Mocap.NATNET
     options = SitlOptions(
         airframe=airframe,
-        site=site,
+        site=site or (SITE_MOCAP if flown_by else SITE),
         out=out,
         legs=tuple(name.strip() for name in legs.split(",") if name.strip()),
         stay_s=stay,
@@ -62,6 +84,8 @@ def sitl(
         turbulence=turbulence,
         realtime=realtime,
         faults=faults,
+        mocap=flown_by,
+        mocap_options=tuple(f"--mocap-{option}" for option in mocap_option or []),
     )
     try:
         with Live(console=console, refresh_per_second=10, transient=True) as live:

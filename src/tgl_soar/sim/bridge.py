@@ -14,6 +14,11 @@ way every 50 ms.  So nothing depends on the machine's speed: the same seed gives
 flight, bit for bit.  Who dies is waited for once, named, and let go; time then goes on at its
 natural pace until they speak again.
 
+With `--mocap natnet` a stand-in for OptiTrack's Motive (`sim.motive`) streams the aircraft's
+place as well.  A step's poses are sent before its MAVLink, and in lockstep the stand-in's clock
+is simulated time and the bridge waits at the start until a client knows all that it needs: so a
+flight by motion capture repeats bit for bit, too.
+
 The aircraft is held at the start, in the wind, until the first override reaches a surface.
 Whenever nobody overrides the surfaces the safety pilot flies (`sim.pilot`).  An aircraft that
 hits something lies there for 3 s and is then held at the start again.
@@ -35,14 +40,17 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config import Airframe, ConfigError, Site, load_airframe, load_site
+from tgl_soar.geometry import ned_from_soaring
 from tgl_soar.types import polar_sink
 
 from .faults import Fault, FaultError, catalogue_text, parse_fault
 from .injection import Injection, of_twin
+from .motive import MotiveServer, add_motive_options, motive_server
 from .pilot import SafetyPilot
 from .pixhawk import FBWA, MANUAL, Pixhawk, Sensed
 from .ports import BURST, Address, Peer, Port, PortError, Ports, resolved
 from .routing import LinkId
+from .sensors import measure_attitude
 from .truth_log import TruthLog
 from .world import World, build_field, make_world
 
@@ -347,8 +355,15 @@ class Pace:
 class Bridge:
     """Carries datagrams between sockets and the simulation, and lets time go on."""
 
-    def __init__(self, simulation: Simulation, ports: Ports, pace: Pace) -> None:
+    def __init__(
+        self,
+        simulation: Simulation,
+        ports: Ports,
+        pace: Pace,
+        motive: MotiveServer | None = None,
+    ) -> None:
         self.simulation, self.ports, self.pace = simulation, ports, pace
+        self.motive = motive
         self.stopping = False
         self.given_up_s = 0.0  # wall time that real time did not catch up with
         self.wall_s = 0.0
@@ -401,7 +416,11 @@ class Bridge:
             left = deadline - time.monotonic()
             if left <= 0.0 or self.stopping:
                 break
-            if ports.wait(left, ports.ground, ports.companion):
+            waited_for = [ports.ground, ports.companion]
+            if self.motive is not None:
+                waited_for.append(self.motive.port)
+            if ports.wait(left, *waited_for):
+                self._serve_mocap()
                 self._drain(ports.companion)
                 self._drain(ports.ground)
                 self._flush()
@@ -503,6 +522,7 @@ class Bridge:
             now = time.monotonic()
             if self.stopping:
                 return
+            self._serve_mocap()
             self._drain(self.ports.companion)
             self._drain(self.ports.ground)
             missing = self._missing()
@@ -534,6 +554,8 @@ class Bridge:
     def _missing(self) -> list[str]:
         peers = self.ports.peers.values()
         missing = []
+        if self.motive is not None and not self.motive.motive.is_followed:
+            missing.append("a NatNet client")
         if not any(not p.port.ground and self._pixhawk.heartbeats(p.link) for p in peers):
             configured = [p for p in peers if not p.port.ground and p.configured]
             missing += [_who(peer) for peer in configured] or ["a companion"]
@@ -551,9 +573,25 @@ class Bridge:
         if self._up is not None:
             for link, data in self._up.arrived(self.simulation.time_s):
                 self.simulation.receive(link, data)
+        self._serve_mocap()
         self.simulation.step()
+        self._expose()
         for event in self.simulation.take_events():
             self._say(event)
+
+    def _serve_mocap(self) -> None:
+        if self.motive is not None:
+            self.motive.serve(self.simulation.time_s)
+
+    def _expose(self) -> None:
+        """The hall's cameras see the aircraft as it is now."""
+        if self.motive is None:
+            return
+        world = self.simulation.world
+        state, none = world.state, (0.0, 0.0, 0.0)
+        place = ned_from_soaring(world.frame, state.x_m, state.y_m, state.z_m)
+        q = measure_attitude(world.frame, state, 1, world.time_s, none, none)
+        self.motive.step(world.steps, world.time_s, place, (q.qw, q.qx, q.qy, q.qz))
 
     def _flush(self, links: Sequence[LinkId] | None = None, *, spoilt: bool = True) -> None:
         """Send what is due on some links, or on all; companions get it as faults leave it."""
@@ -732,6 +770,7 @@ def _parser() -> argparse.ArgumentParser:
         help="what goes wrong, as 'position.dropout start=20 for=1.5'; repeat for more;"
         " `--fault list` shows all",
     )  # fmt: skip
+    add_motive_options(parser)
     add("--patience", type=_number(0.1, 3600.0), default=5.0, metavar="S", help="(default 5)")
     add("--start-timeout", type=_number(0.1, 3600.0), default=30.0, metavar="S")
     return parser
@@ -803,7 +842,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 2
     try:
         simulation = Simulation(airframe, site, options, arguments.site.parent)
-    except (ConfigError, ValueError) as error:
+        motive = motive_server(arguments, site, lambda: simulation.time_s)
+    except (ConfigError, PortError, ValueError) as error:
         print(f"sitl_bridge: {error}", file=sys.stderr)
         ports.close()
         return 2
@@ -811,7 +851,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"sitl_bridge: --log {options.log}: {error.strerror}", file=sys.stderr)
         ports.close()
         return 2
-    bridge = Bridge(simulation, ports, pace)
+    bridge = Bridge(simulation, ports, pace, motive)
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, bridge.stop)
     code = 0
@@ -823,6 +863,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     finally:
         simulation.close()
         ports.close()
+        if motive is not None:
+            motive.close()
     print(bridge.summary(), flush=True)
     return code
 

@@ -65,6 +65,8 @@ class SitlOptions:
     turbulence: float | None = None  # fraction of the reference wind; None: the site's
     realtime: bool = False
     faults: tuple[str, ...] = ()  # as they are written (`sim.faults`)
+    mocap: bool = False  # the position comes as NatNet, from a stand-in for Motive
+    mocap_options: tuple[str, ...] = ()  # more of the bridge's, such as --mocap-version=4.2
     # Real time alone is open to others, on the ports that the firmwares' simulators have.
     gcs: str = "127.0.0.1:14550"
     companion: str = "127.0.0.1:14540"
@@ -113,6 +115,8 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> Flight:
     if site.air is None:
         raise SitlError(f"{options.site}: no [air] table, so there is no wind to fly in")
     legs = plan(site, values, options)
+    if options.mocap and site.mocap is None:
+        raise SitlError(f"{options.site}: no [mocap] table, as sites/tunnel_mocap.toml has it")
     truth_file = options.out / "truth.csv"
     try:
         options.out.mkdir(parents=True, exist_ok=True)
@@ -130,8 +134,10 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> Flight:
     processes = _Processes(options.out)
     try:
         companion = options.companion if options.realtime else _free_address()
-        processes.start("bridge", _bridge_command(options, truth_file, own_address, companion))
-        processes.start("module", _module_command(options, companion))
+        mocap = _free_address() if options.mocap else ""
+        bridge_command = _bridge_command(options, truth_file, own_address, companion, mocap)
+        processes.start("bridge", bridge_command)
+        processes.start("module", _module_command(options, companion, mocap))
         _operate(operator, ground_station, processes, progress)
     except OperatorError as error:
         raise SitlError(f"{error}\n{processes.last_words()}") from None
@@ -185,7 +191,7 @@ def _free_address() -> str:
 
 
 def _bridge_command(
-    options: SitlOptions, truth_file: Path, operator: str, companion: str
+    options: SitlOptions, truth_file: Path, operator: str, companion: str, mocap: str
 ) -> list[str]:
     command = [
         *(sys.executable, "-m", "tgl_soar.sim.bridge"),
@@ -199,6 +205,8 @@ def _bridge_command(
         command += ["--fault", fault]
     if options.turbulence is not None:
         command += ["--turbulence", str(options.turbulence)]
+    if mocap:
+        command += ["--mocap", "natnet", "--mocap-local", mocap, *options.mocap_options]
     if options.realtime:
         command += ["--gcs", options.gcs]
     else:
@@ -207,13 +215,15 @@ def _bridge_command(
     return command
 
 
-def _module_command(options: SitlOptions, companion: str) -> list[str]:
+def _module_command(options: SitlOptions, companion: str, mocap: str) -> list[str]:
     command = [
         *(sys.executable, "-m", "tgl_soar.cli", "run"),
         *("--airframe", str(options.airframe), "--site", str(options.site)),
         *("--link", f"udp:{companion}", "--state", "none"),
         *("--log", str(options.out / "logs"), "--log-max", f"{LOGS_MB:g}"),
     ]
+    if mocap:
+        command += ["--mocap-server", mocap]
     return command if options.realtime else [*command, "--lockstep"]
 
 

@@ -1,0 +1,125 @@
+"""The server's clock against ours, with a bound on how wrong that can be.
+
+    ours = server's + offset
+
+Whatever has come from the server was stamped before it came, so a frame bounds the offset from
+above; an echo was stamped after we asked, so it bounds it from below as well:
+
+    asked - stamp <= offset <= arrival - stamp
+
+All bounds are kept as one interval, which opens by `DRIFT` every second, as two quartzes run
+apart, and is cut by whatever comes.  The offset is the middle of it and half its width is how
+wrong it can be.  Where nothing is echoed there is no lower bound: the offset is the upper one,
+which is wrong by the smallest delay on the way, and how much that is is not known.
+
+A stamp that does not fit the interval is odd and is not believed.  Several in a row that fit
+each other, over more than a moment of our own time, are a server that has begun anew with
+another clock: then all that was known is forgotten.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+NAN: Final = float("nan")
+INF: Final = float("inf")
+
+DRIFT: Final = 1e-4  # s/s: more than two quartzes drift apart
+LATE_S: Final = 1.0  # a frame that was under way for longer is odd
+EARLY_S: Final = 0.002  # how far two bounds may contradict each other
+ANEW_STAMPS: Final = 3
+ANEW_S: Final = 0.1  # a burst that was held up does not last so long
+ANEW_APART_S: Final = 0.02
+
+
+class ServerClock:
+    """Maps a server's seconds to ours; times are arguments."""
+
+    __slots__ = (
+        "_high_s",
+        "_low_s",
+        "_odd",
+        "_odd_from_s",
+        "_odd_s",
+        "_updated_s",
+        "restarts",
+    )
+
+    def __init__(self) -> None:
+        self.restarts = 0
+        self._low_s, self._high_s = -INF, INF
+        self._updated_s = NAN
+        self._odd = 0  # stamps that fit each other and nothing else
+        self._odd_s = self._odd_from_s = NAN
+
+    def reset(self) -> None:
+        """Nothing is known."""
+        self._low_s, self._high_s = -INF, INF
+        self._updated_s = NAN
+        self._forget_odd()
+
+    @property
+    def is_known(self) -> bool:
+        """Whether anything has come."""
+        return self._high_s < INF
+
+    @property
+    def offset_s(self) -> float:
+        """Ours less the server's; NaN: not known."""
+        if self._low_s > -INF:
+            return 0.5 * (self._low_s + self._high_s)
+        return self._high_s if self.is_known else NAN
+
+    @property
+    def uncertainty_s(self) -> float:
+        """How wrong the offset can be; infinite: that is not known."""
+        return 0.5 * (self._high_s - self._low_s)
+
+    def stamped(self, stamp_s: float, arrival_s: float) -> bool:
+        """A frame was sent at `stamp_s` and has come; whether its stamp can be believed."""
+        return self._take(stamp_s, -INF, arrival_s)
+
+    def echoed(self, stamp_s: float, asked_s: float, arrival_s: float) -> bool:
+        """The server had our question at `stamp_s`; whether that can be believed."""
+        return arrival_s >= asked_s and self._take(stamp_s, asked_s - stamp_s, arrival_s)
+
+    def _take(self, stamp_s: float, low_s: float, arrival_s: float) -> bool:
+        self._open(arrival_s)
+        high_s = arrival_s - stamp_s
+        if self.is_known and not self._fits(low_s, high_s):
+            if not self._begins_anew(high_s, arrival_s):
+                return False
+            self.reset()
+            self.restarts += 1
+            self._updated_s = arrival_s
+        self._forget_odd()
+        self._low_s = max(self._low_s, low_s)
+        self._high_s = min(self._high_s, high_s)
+        if self._low_s > self._high_s:  # they touch within EARLY_S
+            self._low_s = self._high_s = 0.5 * (self._low_s + self._high_s)
+        return True
+
+    def _open(self, now_s: float) -> None:
+        elapsed_s = now_s - self._updated_s
+        if elapsed_s > 0.0:
+            self._low_s -= DRIFT * elapsed_s
+            self._high_s += DRIFT * elapsed_s
+        if not elapsed_s <= 0.0:  # NaN: the first time
+            self._updated_s = now_s
+
+    def _fits(self, low_s: float, high_s: float) -> bool:
+        oldest_s = self._low_s if self._low_s > -INF else self._high_s - LATE_S
+        return oldest_s - EARLY_S <= high_s <= self._high_s + LATE_S and (
+            low_s <= self._high_s + EARLY_S
+        )
+
+    def _begins_anew(self, seen_s: float, arrival_s: float) -> bool:
+        if not (self._odd and abs(seen_s - self._odd_s) <= ANEW_APART_S):
+            self._odd, self._odd_s, self._odd_from_s = 1, seen_s, arrival_s
+            return False
+        self._odd += 1
+        return self._odd >= ANEW_STAMPS and arrival_s - self._odd_from_s >= ANEW_S
+
+    def _forget_odd(self) -> None:
+        self._odd = 0
+        self._odd_s = self._odd_from_s = NAN
