@@ -32,6 +32,7 @@ TABLE: dict[str, set[str]] = {
     "parameter_files": {"parameters"},
     "parameter_store": {"parameter_files", "line_changes"},
     "config": {"line_changes", "geometry"},
+    "mocap": {"config", "link"},
     "realtime": set(),
     "instruments": {"autopilot", "link"},
     "flightlog": {"autopilot"},
@@ -46,7 +47,7 @@ TABLE: dict[str, set[str]] = {
     },
     "guard": set(),
     "surface_check": {"link"},
-    "process": {"onboard", "guard"},
+    "process": {"mocap", "onboard", "guard"},
     "air": {"geometry"},
     "score": set(),
     "sim": {"autopilot", "air", "link", "config", "score"},
@@ -74,7 +75,7 @@ FLIES = {
     "types", "geometry", "parameters", "control", "estimation",
     "autopilot", "line_changes", "link", "config", "realtime", "onboard",
     "parameter_files", "parameter_store", "instruments", "process", "guard",
-    "flightlog",
+    "flightlog", "mocap",
 }  # fmt: skip
 STAYS_ON_THE_GROUND = {
     "surface_check",

@@ -483,3 +483,64 @@ def test_arrays_and_nested_tables_are_named_too(tmp_path: Path, text: str, messa
     with pytest.raises(ConfigError) as caught:
         load_file(path, Plan)
     assert str(caught.value) == f"{path}: {message}"
+
+
+# --- motion capture -----------------------------------------------------------------------------
+
+
+def test_the_shipped_site_with_mocap_is_read() -> None:
+    site = load_site(shipped("sites/tunnel_mocap.toml"))
+    assert site.mocap is not None
+    hall = site.mocap.hall()
+    assert not hall.z_up
+    assert hall.yaw_rad == pytest.approx(3.14159265)
+    plain = load_site(shipped("sites/tunnel.toml"))
+    assert (site.lines, site.parameters, site.contour) == (
+        plain.lines, plain.parameters, plain.contour,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("yaw_deg = 400.0", "mocap.yaw_deg = 400.0: must be a number from -360 to 360"),
+        ('up = "x"', 'mocap.up = "x": must be'),
+        ("data_port = 0", "mocap.data_port = 0: must be a whole number from 1 to 65535"),
+        ("offset_m = [1.0, 2.0]", "mocap.offset_m"),
+        ('group = "10.0.0.1"', "mocap: group '10.0.0.1': must be a multicast address"),
+        ('interface = "eth0"', "mocap: interface 'eth0': must be an IPv4 address"),
+        ('sever = "10.0.0.1"', "mocap.sever: unknown key; known here: server"),
+        ("max_age_s = 5.0", "mocap.max_age_s = 5.0: must be a number from 0.01 to 1"),
+    ],
+)
+def test_a_mistake_in_mocap_is_named(tmp_path: Path, line: str, words: str) -> None:
+    text = f"""
+[site]
+name = "hall"
+[position]
+sources = ["mocap"]
+[mocap]
+server = "10.0.0.2"
+body = 3
+{line}
+"""
+    path = tmp_path / "site.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError) as error:
+        load_site(path)
+    assert str(error.value).startswith(str(path))
+    assert words in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '[position]\nsources = ["mocap"]\n',
+        '[mocap]\nserver = "10.0.0.2"\nbody = "aircraft"\n',
+    ],
+)
+def test_mocap_is_a_source_where_it_is_described(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "site.toml"
+    path.write_text(f'[site]\nname = "hall"\n{text}', encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"position\.sources names mocap where there is a"):
+        load_site(path)

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from msgspec.structs import replace
 
-from tgl_soar.config import ConfigError, Mocap
+from tgl_soar.config import ConfigError, Mocap, Site
 from tgl_soar.link.natnet import layout
-from tgl_soar.link.natnet.sockets import Address, NatNetError, NatNetSockets
+from tgl_soar.link.natnet.sockets import Address, NatNetSockets
 from tgl_soar.link.optitrack import Optitrack, Settings, Stream
 
 
@@ -66,14 +66,12 @@ class MocapFeed:
         self._sockets.close()
 
 
-def open_mocap(mocap: Mocap, *, server: str = "", lockstep: bool = False) -> MocapFeed:
-    """`server`: HOST or HOST:PORT instead of the site's.  Errors: `ConfigError`."""
-    if server:
-        host, colon, port = server.partition(":")
-        if not host or (colon and not (port.isdecimal() and 1 <= int(port) <= 65535)):
-            raise ConfigError(f"--mocap-server {server!r}: write HOST or HOST:PORT")
-        mocap = replace(mocap, server=host, command_port=int(port) if colon else mocap.command_port)
-    try:
-        return MocapFeed(mocap, lockstep=lockstep)
-    except NatNetError as error:
-        raise ConfigError(str(error)) from None
+def from_server(site: Site, server: str) -> Site:
+    """The site with the poses of another server, HOST or HOST:PORT.  Errors: `ConfigError`."""
+    host, colon, port = server.partition(":")
+    if not host or (colon and not (port.isdecimal() and 1 <= int(port) <= 65535)):
+        raise ConfigError(f"--mocap-server {server!r}: write HOST or HOST:PORT")
+    if site.mocap is None:
+        raise ConfigError(f"--mocap-server: site {site.site.name} has no [mocap] table")
+    command_port = int(port) if colon else site.mocap.command_port
+    return replace(site, mocap=replace(site.mocap, server=host, command_port=command_port))

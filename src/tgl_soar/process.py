@@ -48,6 +48,7 @@ from tgl_soar.link.messages import (
     SEVERITY_NOTICE,
     Source,
 )
+from tgl_soar.link.natnet.sockets import NatNetError
 from tgl_soar.link.routes import Route
 from tgl_soar.link.signing import Signing
 from tgl_soar.link.telemetry import StatusTexts
@@ -59,6 +60,7 @@ from tgl_soar.link.transport import (
     is_open,
     open_link,
 )
+from tgl_soar.mocap import MocapFeed, from_server
 from tgl_soar.onboard import RELEASE_FRAMES, Onboard, Setup, setup_from
 from tgl_soar.parameter_store import Identity, ParameterStore, state_file, state_folder
 
@@ -124,6 +126,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help="no second process that gives the surfaces back when this one is killed or hangs"
         " (in lockstep there is none)",
     )
+    add(
+        "--mocap-server",
+        default="",
+        metavar="HOST[:PORT]",
+        help="OptiTrack's server and command port, instead of [mocap] of the site file",
+    )
     given = parser.parse_args(arguments)
     if given.signing_key is None and (given.unsigned_autopilot or given.allow_setup_signing):
         parser.error("--unsigned-autopilot and --allow-setup-signing need --signing-key")
@@ -137,6 +145,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         log=_log_folder(given.log, _folder(given.state)),
         log_bytes=given.log_max,
         secret=Secret(given.signing_key, given.unsigned_autopilot, given.allow_setup_signing),
+        mocap_server=given.mocap_server,
         guarded=not given.no_guard and not given.lockstep,
     )
 
@@ -191,6 +200,7 @@ def run(
     timeout_s: float | None = None,
     state: Path | None = None,
     secret: Secret = UNSIGNED,
+    mocap_server: str = "",
     guarded: bool = False,
     log: Path | None = None,
     log_bytes: int = LARGEST_BYTES,
@@ -204,6 +214,8 @@ def run(
     try:
         airframe = load_airframe(airframe_path)
         site = load_site(site_path)
+        if mocap_server:
+            site = from_server(site, mocap_server)
         parameters = load_parameters(airframe, airframe_path, site, site_path)
         setup = setup_from(airframe, site, parameters)
     except ConfigError as error:
@@ -235,12 +247,15 @@ def run(
 def _run(plan: Plan, life: guard.LifeSign | None = None, became: str = "") -> int:
     """Open the links and fly.  `became`: what happened to the process that flew before."""
     transports: list[Transport] = []
+    mocap: MocapFeed | None = None
     try:
         signing = signing_from(plan.secret)
         store = _store(plan)
         for text in plan.links:
             transports.append(_open(plan, text, signing))  # noqa: PERF401 - closed on error
-    except (ConfigError, LinkError, SigningError) as error:
+        if plan.site.mocap is not None:
+            mocap = MocapFeed(plan.site.mocap, lockstep=plan.lockstep)
+    except (ConfigError, LinkError, SigningError, NatNetError) as error:
         print(error, file=sys.stderr)
         for transport in transports:
             transport.close()
@@ -262,12 +277,15 @@ def _run(plan: Plan, life: guard.LifeSign | None = None, became: str = "") -> in
             life=life,
             first_words=words,
             recorder=_recorder(plan),
+            mocap=mocap,
         )
     finally:
         end_keeping()
         restore()
         for transport in transports:
             transport.close()
+        if mocap is not None:
+            mocap.close()
 
 
 def _open(plan: Plan, text: str, signing: Signing) -> Transport:
@@ -390,6 +408,7 @@ def _fly(
     life: guard.LifeSign | None = None,
     first_words: Sequence[tuple[int, str]] = (),
     recorder: FlightRecorder | None = None,
+    mocap: MocapFeed | None = None,
 ) -> int:
     began_s = time.monotonic()
     first, *others = transports
@@ -411,6 +430,8 @@ def _fly(
     )
     for other in others:
         onboard.add_link(other.send, stream=other.is_stream)
+    if mocap is not None:
+        onboard.add_mocap(mocap.client, mocap)
     names = ", ".join(transport.name for transport in transports)
     _print(f"listening on {names} as {setup.own.system}:{setup.own.component}")
     if not onboard.signing.is_on:
@@ -428,13 +449,15 @@ def _fly(
     if recorder is not None:
         recorder.start()
     try:
-        code = _loop(onboard, transports, stop, timeout_s, life)
+        code = _loop(onboard, transports, stop, timeout_s, life, mocap)
     finally:  # whatever has happened, the pilot gets the surfaces
         onboard.stop()
         if life is not None:
             life.show(False)
         for text in (recorder or NO_RECORDER).stop():
             _print(text)
+    if mocap is not None:
+        _print(f"OptiTrack: {mocap.client.counters.told()}")
     ticks = onboard.pacer.counters
     if code == EXIT_OK and not lockstep:
         _print(f"{ticks.ticks} ticks, {ticks.late} late, {ticks.skipped} skipped")
@@ -447,20 +470,26 @@ def _loop(
     stop: Callable[[], bool],
     timeout_s: float | None,
     life: guard.LifeSign | None = None,
+    mocap: MocapFeed | None = None,
 ) -> int:
     clock = time.monotonic
     now_s = began_s = clock()
     watch = _Watch(began_s)
     generations = [transport.generation for transport in transports]
+    poses = mocap.filenos() if mocap is not None else []
     while not stop():
-        realtime.wait([t.fileno() for t in transports], onboard.wake_s(now_s), now_s)
+        waited_for = [*poses, *(transport.fileno() for transport in transports)]
+        realtime.wait(waited_for, onboard.wake_s(now_s), now_s)
         now_s = clock()
+        _take_poses(onboard, mocap, now_s)
         for link, transport in enumerate(transports):
             received = transport.receive(now_s)
             if transport.generation != generations[link]:
                 generations[link] = transport.generation
                 onboard.relinked(link)
             for data in received:
+                # In lockstep a pose is sent before the attitude of its step: so it is taken first.
+                _take_poses(onboard, mocap, now_s)
                 onboard.event(data, now_s, link)
                 if onboard.overdue(clock()):  # a flood must not hold up the tick
                     onboard.periodic(clock())
@@ -477,6 +506,12 @@ def _loop(
             _print(f"no autopilot on {name} within {timeout_s:g} s: giving up")
             return EXIT_NO_AUTOPILOT
     return EXIT_OK
+
+
+def _take_poses(onboard: Onboard, mocap: MocapFeed | None, now_s: float) -> None:
+    if mocap is not None:
+        for data, sender in mocap.receive():
+            onboard.pose(data, sender, now_s)
 
 
 def _show_life(life: guard.LifeSign, onboard: Onboard, first: Transport) -> None:

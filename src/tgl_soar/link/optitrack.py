@@ -47,6 +47,7 @@ ECHO_S: Final = 1.0
 FIRST_ECHOES: Final = 10  # so many soon after each other, to know the clock before flight
 FIRST_ECHO_S: Final = 0.05
 SILENCE_S: Final = 1.0
+START_S: Final = 3.0  # a server may be silent for so long at first, before it is told
 UNREADABLE: Final = 50  # frames in a row: the server must have become another one
 
 Address = tuple[str, int]
@@ -176,7 +177,7 @@ class Optitrack:
             self._heard_s = now_s
         silent = now_s - self._heard_s > SILENCE_S
         if silent:
-            self._tell_silence()
+            self._tell_silence(now_s - self._heard_s)
         if (self.info is None or silent) and now_s >= self._connect_due_s:
             self._connect_due_s = now_s + CONNECT_S
             asked.append(layout.connect_request())
@@ -439,6 +440,7 @@ class Optitrack:
         if self.clock.restarts > 0:
             self.clock.restarts = 0
             self.info = None
+            self._connect_due_s = float("-inf")
             self._begin_anew("the server has restarted, with another clock")
 
     def _begin_anew(self, why: str) -> None:
@@ -457,12 +459,15 @@ class Optitrack:
         self._track.forget()
         self._used_s = float("-inf")
 
-    def _tell_silence(self) -> None:
-        if self.info is None:
+    def _tell_silence(self, silence_s: float) -> None:
+        if self.counters.frames > 0:
+            self._tell("silent", SEVERITY_WARNING, f"no frame for {SILENCE_S:g} s: asking again")
+        elif silence_s > START_S and self.info is None:
             where = self._server or "anywhere"
             self._tell("nobody", SEVERITY_WARNING, f"no answer from {where}: does Motive stream?")
-        else:
-            self._tell("silent", SEVERITY_WARNING, f"no frame for {SILENCE_S:g} s: asking again")
+        elif silence_s > START_S:
+            text = "it answers, but no frame comes: see mocap.stream, group and interface"
+            self._tell("frameless", SEVERITY_WARNING, text)
 
     def _tell(self, kind: str, severity: int, text: str) -> None:
         """Words for each kind once; the counters go on."""
