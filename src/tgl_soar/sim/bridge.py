@@ -50,7 +50,7 @@ from .pilot import SafetyPilot
 from .pixhawk import FBWA, MANUAL, Pixhawk, Sensed
 from .ports import BURST, Address, Peer, Port, PortError, Ports, resolved
 from .routing import LinkId
-from .sensors import measure_attitude
+from .sensors import MEMS_IMU, PITOT, Sensors, measure_attitude
 from .truth_log import TruthLog
 from .world import World, build_field, make_world
 
@@ -109,6 +109,7 @@ class Options:
     uptime_s: float = 0.0
     allow_odometry: bool = False
     faults: tuple[Fault, ...] = ()
+    pitot: bool = True
     parameters: tuple[tuple[str, float], ...] = ()
     log: Path | None = None
     log_hz: int = 50
@@ -128,7 +129,9 @@ class Simulation:
             step_hz=options.step_hz,
             folder=folder,
             field=field,
+            sensors=Sensors(imu=MEMS_IMU, airspeed=PITOT if options.pitot else None),
         )
+        self._home = site.position.home
         self.pixhawk = self._autopilot(airframe, options, options.uptime_s)
         # Heard by nobody until its fault acts, it hears all that the other hears.
         self._twins = self.injection.named("autopilot.twin")
@@ -159,6 +162,7 @@ class Simulation:
             trim_pitch_rad=self.world.trim_pitch_rad,
             allow_odometry=options.allow_odometry,
             uptime_s=uptime_s,
+            home=self._home,
         )
 
     # --- the links of the autopilot, or of both that say to be it ------------------------
@@ -289,7 +293,8 @@ class Simulation:
         world = self.world
         world.poll_attitude()
         world.poll_position()
-        return Sensed(world.attitude, world.position, world.airspeed_mps, flying)
+        position, airspeed_mps = world.position, world.airspeed_mps
+        return Sensed(world.attitude, position, airspeed_mps, flying, world.imu, world.airspeed)
 
     def _tell_truth(self) -> None:
         truth = self.world.truth
@@ -757,6 +762,7 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     add("--no-truth", action="store_true", help="send no truth to ground stations")
     add("--odometry", action="store_true", help="stream ODOMETRY, which ArduPlane denies")
+    add("--no-pitot", action="store_true", help="VFR_HUD then shows a guess, as ArduPlane does")
     add(
         "--autopilot-parameter", type=_setting, action="append", default=[],
         metavar="NAME=NUMBER", help="a parameter of the simulated autopilot; repeat for more",
@@ -823,6 +829,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         uptime_s=arguments.uptime,
         allow_odometry=arguments.odometry,
         faults=tuple(arguments.fault),
+        pitot=not arguments.no_pitot,
         parameters=tuple(arguments.autopilot_parameter),
         log=arguments.log,
         log_hz=arguments.log_rate,

@@ -23,9 +23,17 @@ from typing import Any, Final, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.config import Surfaces
+from tgl_soar.config import HomePosition, Surfaces
 from tgl_soar.geometry import euler_from_quaternion
-from tgl_soar.types import AttitudeSample, PositionFix, SurfaceCommand
+from tgl_soar.types import (
+    NO_AIRSPEED,
+    NO_IMU,
+    AirspeedSample,
+    AttitudeSample,
+    ImuSample,
+    PositionFix,
+    SurfaceCommand,
+)
 
 from .channels import (
     CHANNELS,
@@ -37,7 +45,9 @@ from .channels import (
     pwm_from_stick,
     stick_from_pwm,
 )
+from .external_pose import ExternalPose
 from .routing import Frame, LinkId, Router, split_frames
+from .sensor_messages import ShownAirspeed, global_position, highres_imu, raw_imu, scaled_imu
 
 MANUAL: Final = 0
 FBWA: Final = 5
@@ -61,6 +71,8 @@ class Sensed(NamedTuple):
     position: PositionFix
     airspeed_mps: float
     flying: bool  # False while held or lying on the ground: no failsafe acts
+    imu: ImuSample = NO_IMU  # sequence 0: it has none
+    pitot: AirspeedSample = NO_AIRSPEED
 
 
 GROUNDED: Final = Sensed(
@@ -119,6 +131,8 @@ class FirmwareParameters:
             "SYSID_MYGCS": (255.0, 1.0, 255.0),
             "SCHED_LOOP_RATE": (400.0, 50.0, 400.0),
             "RC_OVERRIDE_TIME": (3.0, OVERRIDES_NEVER_EXPIRE, 120.0),
+            "VISO_TYPE": (0.0, 0.0, 1.0),
+            "VISO_DELAY_MS": (10.0, 0.0, 250.0),
         }
         # The pulse widths of the airframe file are those of the override, so the firmware's
         # calibration of stick and servo are the same and a channel passes through unchanged.
@@ -191,18 +205,33 @@ _STREAM_GROUPS: Final = {
         mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW,
         mavlink.MAVLINK_MSG_ID_RC_CHANNELS,
     ),
-    mavlink.MAV_DATA_STREAM_POSITION: (mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,),
+    mavlink.MAV_DATA_STREAM_RAW_SENSORS: (mavlink.MAVLINK_MSG_ID_RAW_IMU,),
+    mavlink.MAV_DATA_STREAM_POSITION: (
+        mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+        mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+    ),
     mavlink.MAV_DATA_STREAM_EXTRA1: (mavlink.MAVLINK_MSG_ID_ATTITUDE,),
     mavlink.MAV_DATA_STREAM_EXTRA2: (mavlink.MAVLINK_MSG_ID_VFR_HUD,),
     mavlink.MAV_DATA_STREAM_EXTRA3: (mavlink.MAVLINK_MSG_ID_SYSTEM_TIME,),
 }
 
-# Messages that carry an attitude or a position go out when there is a new one, once each.
+# Messages that carry a measurement go out when there is a new one, once each.
 _ATTITUDE_STREAMS: Final = frozenset(
     {mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION, mavlink.MAVLINK_MSG_ID_ATTITUDE}
 )
 _POSITION_STREAMS: Final = frozenset(
-    {mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, mavlink.MAVLINK_MSG_ID_ODOMETRY}
+    {
+        mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+        mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+        mavlink.MAVLINK_MSG_ID_ODOMETRY,
+    }
+)
+_IMU_STREAMS: Final = frozenset(
+    {
+        mavlink.MAVLINK_MSG_ID_RAW_IMU,
+        mavlink.MAVLINK_MSG_ID_SCALED_IMU,
+        mavlink.MAVLINK_MSG_ID_HIGHRES_IMU,
+    }
 )
 
 
@@ -241,7 +270,8 @@ class Pixhawk:
 
     parameters        values of its own parameters that differ from their defaults
     trim_pitch_rad    the pitch that FBWA holds with centred sticks
-    allow_odometry    stream ODOMETRY as PX4 does; ArduPlane denies it
+    allow_odometry    stream ODOMETRY, and HIGHRES_IMU, as PX4 does; ArduPlane denies the one
+    home              where local NED has its origin; None: it has never had a fix
     uptime_s          how long it has been running when the simulation begins
     """
 
@@ -254,6 +284,7 @@ class Pixhawk:
         trim_pitch_rad: float = 0.0,
         allow_odometry: bool = False,
         uptime_s: float = 0.0,
+        home: HomePosition | None = None,
     ) -> None:
         self.step_hz = step_hz
         self.steps = 0
@@ -278,6 +309,11 @@ class Pixhawk:
         self._events: list[str] = []
         self._told: set[str] = set()
         self._decoder = mavlink.MAVLink(None)
+        self.external = ExternalPose()
+        self._home = home
+        self._px4 = allow_odometry
+        self._shown = ShownAirspeed()
+        self._pitot_told = 0  # sequence of the sample that went out in HIGHRES_IMU
         self._streamable = self._stream_table(allow_odometry)
         self._update_outputs()
 
@@ -389,7 +425,12 @@ class Pixhawk:
             sensed = sensed._replace(position=GROUNDED.position)
         if sensed.attitude.sequence != self._sensed.attitude.sequence:
             self._attitudes.append(sensed.attitude)
+        if self.external.is_in_use():
+            delay_s = 1e-3 * self.parameters["VISO_DELAY_MS"]
+            aided = self.external.fix(sensed.position, self._sensed.position, self.time_s, delay_s)
+            sensed = sensed._replace(position=aided)
         self._sensed = sensed
+        self._shown.step(self.time_s, sensed.pitot, self._height_m)
         self._expire_overrides()
         self._update_outputs()
         if self.steps % self.step_hz == 1 % self.step_hz:
@@ -528,6 +569,10 @@ class Pixhawk:
         )
         self.counts.overrides_accepted += 1
 
+    def _take_pose(self, _link: _Link, frame: Frame) -> None:
+        if self.parameters["VISO_TYPE"] == 1.0:
+            self.external.take(frame.message, self.time_s)
+
     def _take_parameter_set(self, link: _Link, frame: Frame) -> None:
         name = str(frame.message.param_id)
         if name not in self.parameters:
@@ -652,6 +697,10 @@ class Pixhawk:
             return int(mavlink.MAV_RESULT_DENIED)
         interval_steps = max(1, round(min(interval_s, 3600.0) * self.step_hz))
         link.streams[message_id] = _Stream(interval_steps, self.steps + 1)
+        # The attitude is what a companion waits for: whatever else is due goes out before it.
+        last = link.streams.pop(mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION, None)
+        if last is not None:
+            link.streams[mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION] = last
         return int(mavlink.MAV_RESULT_ACCEPTED)
 
     def _report_interval(self, link: _Link, message_id: int) -> int:
@@ -702,6 +751,8 @@ class Pixhawk:
             return self._sensed.attitude.sequence
         if message_id in _POSITION_STREAMS:
             return self._sensed.position.sequence
+        if message_id in _IMU_STREAMS:
+            return self._sensed.imu.sequence
         return self.steps + 1
 
     def _step_parameter_list(self, link: _Link) -> None:
@@ -756,6 +807,10 @@ class Pixhawk:
             mavlink.MAVLINK_MSG_ID_ATTITUDE: self._attitude,
             mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: self._attitude_quaternion,
             mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._local_position,
+            mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self._global_position,
+            mavlink.MAVLINK_MSG_ID_RAW_IMU: self._raw_imu,
+            mavlink.MAVLINK_MSG_ID_SCALED_IMU: self._scaled_imu,
+            mavlink.MAVLINK_MSG_ID_HIGHRES_IMU: self._highres_imu,
             mavlink.MAVLINK_MSG_ID_VFR_HUD: self._vfr_hud,
             mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: self._servo_output,
             mavlink.MAVLINK_MSG_ID_RC_CHANNELS: self._rc_channels,
@@ -766,7 +821,14 @@ class Pixhawk:
 
     def _sys_status(self) -> Any:
         # 11.4 V, no current measured, charge unknown: enough for a ground station's display.
-        return mavlink.MAVLink_sys_status_message(0, 0, 0, 250, 11400, -1, -1, 0, 0, 0, 0, 0, 0)
+        has = 0
+        if self._sensed.imu.sequence:
+            has |= mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
+        if self._sensed.pitot.sequence:
+            has |= mavlink.MAV_SYS_STATUS_SENSOR_DIFFERENTIAL_PRESSURE
+        return mavlink.MAVLink_sys_status_message(
+            has, has, has, 250, 11400, -1, -1, 0, 0, 0, 0, 0, 0
+        )
 
     def _system_time(self) -> Any:
         return mavlink.MAVLink_system_time_message(0, self._boot_ms(self.time_s))
@@ -816,14 +878,44 @@ class Pixhawk:
         fix, attitude = self._sensed.position, self._sensed.attitude
         _, _, yaw = euler_from_quaternion(*attitude[2:6])
         north, east, down = (0.0 if v != v else v for v in fix[5:8])
+        shown = self._sensed.pitot.sequence > 0  # else an estimate, which looks just the same
         return mavlink.MAVLink_vfr_hud_message(
-            self._sensed.airspeed_mps,
+            self._shown.equivalent_mps if shown else self._sensed.airspeed_mps,
             (north * north + east * east) ** 0.5,
             round(degrees(yaw % (2.0 * pi))) % 360,
             0,
-            -fix.down_m,
+            self._height_m,
             -down,
         )
+
+    @property
+    def _height_m(self) -> float:
+        """Above mean sea level."""
+        above_m = -self._sensed.position.down_m
+        return above_m if self._home is None else self._home.altitude_m + above_m
+
+    def _boot_us(self, time_s: float) -> int:
+        return round((self._uptime_s + time_s) * 1e6)
+
+    def _global_position(self) -> Any:
+        fix = self._sensed.position
+        _, _, yaw = euler_from_quaternion(*self._sensed.attitude[2:6])
+        return global_position(fix, self._home, self._boot_ms(fix.time_s), yaw)
+
+    def _raw_imu(self) -> Any:
+        sample = self._sensed.imu
+        return raw_imu(sample, self._boot_us(sample.time_s))
+
+    def _scaled_imu(self) -> Any:
+        sample = self._sensed.imu
+        return scaled_imu(sample, self._boot_ms(sample.time_s))
+
+    def _highres_imu(self) -> Any:
+        sample, pitot = self._sensed.imu, self._sensed.pitot
+        new = pitot.sequence != self._pitot_told
+        self._pitot_told = pitot.sequence
+        time_us = self._boot_us(sample.time_s)
+        return highres_imu(sample, time_us, self._height_m, pitot, px4=self._px4, new=new)
 
     def _servo_output(self) -> Any:
         time_us = round((self._uptime_s + self.time_s) * 1e6) & 0xFFFFFFFF
@@ -852,6 +944,8 @@ def _body_from_ned(
 
 _HANDLERS: Final[dict[int, Callable[[Pixhawk, _Link, Frame], None]]] = {
     mavlink.MAVLINK_MSG_ID_RC_CHANNELS_OVERRIDE: Pixhawk._take_override,
+    mavlink.MAVLINK_MSG_ID_VISION_POSITION_ESTIMATE: Pixhawk._take_pose,
+    mavlink.MAVLINK_MSG_ID_ODOMETRY: Pixhawk._take_pose,
     mavlink.MAVLINK_MSG_ID_PARAM_SET: Pixhawk._take_parameter_set,
     mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ: Pixhawk._take_parameter_read,
     mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST: Pixhawk._take_parameter_list,

@@ -1,0 +1,130 @@
+"""The simulated Pixhawk's sensors as its firmware tells them: units, steps, stamps, limits.
+
+As in ArduPlane, integers are cut off toward zero as C does; stamps of milliseconds count whole
+ones.  The airspeed that it shows is the equivalent one, read ten times a second; the
+"differential pressure" of its HIGHRES_IMU is the barometer's less that at the ground.  As in PX4
+(`px4`), that field is the pitot tube's, and marked as new only when it is.
+"""
+
+from __future__ import annotations
+
+from math import cos, degrees, radians, sin, sqrt
+from typing import Any, Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from tgl_soar.config import HomePosition
+from tgl_soar.types import AirspeedSample, ImuSample, PositionFix
+
+MILLI_G_MPS2: Final = 9.80665e-3
+PITOT_READ_S: Final = 0.1
+SEA_LEVEL_HPA: Final = 1013.25
+SEA_LEVEL_KGPM3: Final = 1.225
+TEMPERATURE_C: Final = 15.0
+INERTIAL: Final = (
+    mavlink.HIGHRES_IMU_UPDATED_XACC
+    | mavlink.HIGHRES_IMU_UPDATED_YACC
+    | mavlink.HIGHRES_IMU_UPDATED_ZACC
+    | mavlink.HIGHRES_IMU_UPDATED_XGYRO
+    | mavlink.HIGHRES_IMU_UPDATED_YGYRO
+    | mavlink.HIGHRES_IMU_UPDATED_ZGYRO
+)
+BAROMETER: Final = (
+    mavlink.HIGHRES_IMU_UPDATED_ABS_PRESSURE
+    | mavlink.HIGHRES_IMU_UPDATED_PRESSURE_ALT
+    | mavlink.HIGHRES_IMU_UPDATED_TEMPERATURE
+)
+_EQUATOR_M: Final = 6_378_137.0
+_E2: Final = 6.694379990141e-3
+_INT16: Final = 32767
+
+
+def thousandths(values: tuple[float, ...], unit: float = 1.0) -> list[int]:
+    """In thousandths of a unit, cut off toward zero and limited to 16 bits."""
+    return [int(max(-_INT16, min(_INT16, v / unit * 1e3))) for v in values]
+
+
+def raw_imu(sample: ImuSample, time_us: int) -> Any:
+    """RAW_IMU: milli-g, millirad/s, microseconds."""
+    force = thousandths(sample[2:5], 1e3 * MILLI_G_MPS2)
+    return mavlink.MAVLink_raw_imu_message(
+        time_us, *force, *thousandths(sample[5:8]), 0, 0, 0, 0, 2500
+    )
+
+
+def scaled_imu(sample: ImuSample, time_ms: int) -> Any:
+    """SCALED_IMU: the same numbers, milliseconds."""
+    force = thousandths(sample[2:5], 1e3 * MILLI_G_MPS2)
+    return mavlink.MAVLink_scaled_imu_message(
+        time_ms, *force, *thousandths(sample[5:8]), 0, 0, 0, 2500
+    )
+
+
+def highres_imu(
+    sample: ImuSample, time_us: int, height_m: float, pitot: AirspeedSample, *, px4: bool, new: bool
+) -> Any:
+    """HIGHRES_IMU at a height above mean sea level.  new: the pitot's sample is."""
+    absolute_hpa = SEA_LEVEL_HPA * density_ratio(height_m) ** 1.235  # 5.2559 / 4.2559
+    updated = INERTIAL | BAROMETER
+    if px4:
+        density = 100.0 * absolute_hpa / (287.05 * (TEMPERATURE_C + 273.15))
+        differential_hpa = 0.005 * density * pitot.airspeed_mps**2 if pitot.sequence else 0.0
+        updated |= mavlink.HIGHRES_IMU_UPDATED_DIFF_PRESSURE if new else 0
+    else:
+        differential_hpa = absolute_hpa - SEA_LEVEL_HPA
+        updated |= mavlink.HIGHRES_IMU_UPDATED_DIFF_PRESSURE
+    return mavlink.MAVLink_highres_imu_message(
+        time_us,
+        *sample[2:8],
+        *(0.0, 0.0, 0.0),
+        absolute_hpa,
+        differential_hpa,
+        height_m,
+        TEMPERATURE_C,
+        updated,
+    )
+
+
+def density_ratio(height_m: float) -> float:
+    """Of the standard atmosphere, to sea level."""
+    return float((1.0 - 2.25577e-5 * height_m) ** 4.2559)
+
+
+class ShownAirspeed:
+    """The equivalent airspeed that VFR_HUD shows: of the pitot tube, read at its own pace."""
+
+    def __init__(self) -> None:
+        self._read_s = float("-inf")
+        self.equivalent_mps = 0.0
+
+    def step(self, time_s: float, pitot: AirspeedSample, height_m: float) -> None:
+        """Read it, if it is time."""
+        if pitot.sequence and time_s - self._read_s >= PITOT_READ_S - 1e-9:
+            self._read_s = time_s
+            self.equivalent_mps = pitot.airspeed_mps * sqrt(density_ratio(height_m))
+
+
+def global_position(fix: PositionFix, home: HomePosition | None, time_ms: int, yaw: float) -> Any:
+    """GLOBAL_POSITION_INT of a place near a home, by its radii of curvature; all zero without."""
+    velocity = [round(max(-327.0, min(327.0, v)) * 100.0) if v == v else 0 for v in fix[5:8]]
+    heading = round(degrees(yaw) % 360.0 * 100.0) % 36000
+    if home is None:
+        return mavlink.MAVLink_global_position_int_message(
+            time_ms, 0, 0, 0, round(-1e3 * fix.down_m), *velocity, heading
+        )
+    latitude = radians(home.latitude_deg)
+    bulge = 1.0 - _E2 * sin(latitude) ** 2
+    normal_m = _EQUATOR_M / sqrt(bulge)
+    meridian_m = normal_m * (1.0 - _E2) / bulge
+    height_m = home.altitude_m - fix.down_m
+    north_rad = fix.north_m / (meridian_m + height_m)
+    east_rad = fix.east_m / ((normal_m + height_m) * cos(latitude))
+    return mavlink.MAVLink_global_position_int_message(
+        time_ms,
+        round((home.latitude_deg + degrees(north_rad)) * 1e7),
+        round((home.longitude_deg + degrees(east_rad)) * 1e7),
+        round(height_m * 1e3),
+        round(-fix.down_m * 1e3),
+        *velocity,
+        heading,
+    )
