@@ -506,7 +506,9 @@ class Session:
     ) -> None:
         """A position on the link, for the choice among all sources."""
         fix = PositionFix(0, time_s, *at, *velocity, source, sigma_m)
-        if self.sources.take(source, fix, self._loop_time_s(now_s), turned):
+        if self._lockstep:  # the vehicle is at least as far as this, though its attitude be lost
+            now_s = time_s if time_s > self.vehicle_time_s else self.vehicle_time_s
+        if self.sources.take(source, fix, now_s, turned):
             self.counters.positions += 1
 
     def _set_attitude(

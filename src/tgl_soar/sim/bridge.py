@@ -259,6 +259,8 @@ class Simulation:
         return sensed._replace(
             attitude=sample("attitude", self.time_s, sensed.attitude),
             position=sample("position", self.time_s, sensed.position),
+            imu=sample("imu", self.time_s, sensed.imu),
+            pitot=sample("airspeed", self.time_s, sensed.pitot),
         )
 
     def _launch_or_carry_back(self) -> None:
