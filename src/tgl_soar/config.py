@@ -277,9 +277,9 @@ class Forward(Strict, frozen=True):
 
     message: Literal["vision_position_estimate", "odometry"] = "vision_position_estimate"
     rate_hz: Annotated[float, Meta(ge=5, le=100)] = 40.0  # EKF2 and EKF3 want 30 to 50
-    # Where the source does not tell its own; standard deviations.
+    # Standard deviations; of the position where the source does not tell its own.
     sigma_m: Annotated[float, Meta(ge=1e-4, le=10)] | None = None
-    sigma_deg: Annotated[float, Meta(ge=0.01, le=45)] | None = None
+    sigma_deg: Annotated[float, Meta(ge=0.01, le=45)] = 1.0
 
 
 Port = Annotated[int, Meta(ge=1, le=65535)]

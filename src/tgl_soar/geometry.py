@@ -156,6 +156,20 @@ def quaternion_product(
     )
 
 
+def rotated(
+    q: tuple[float, float, float, float], v: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """A vector turned by a unit quaternion: FRD to NED, or back by the conjugate."""
+    w, x, y, z = q
+    vx, vy, vz = v
+    tx, ty, tz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
+    return (
+        vx + w * tx + y * tz - z * ty,
+        vy + w * ty + z * tx - x * tz,
+        vz + w * tz + x * ty - y * tx,
+    )
+
+
 def euler_rates(
     roll_rad: float,
     pitch_rad: float,

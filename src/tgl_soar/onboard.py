@@ -20,7 +20,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from math import isfinite
+from math import isfinite, radians
 from typing import Final, NamedTuple
 
 from tgl_soar import __version__, autopilot, instruments, realtime
@@ -28,6 +28,7 @@ from tgl_soar.config import (
     OPERATORS,
     Airframe,
     ConfigError,
+    Forward,
     Position,
     Site,
     Surface,
@@ -69,15 +70,16 @@ from tgl_soar.link.messages import (
 from tgl_soar.link.optitrack import Link as MocapLink
 from tgl_soar.link.optitrack import Optitrack
 from tgl_soar.link.parameters import ParameterServer
+from tgl_soar.link.pose_forwarding import PoseForwarding
 from tgl_soar.link.routes import Route
 from tgl_soar.link.session import Session
 from tgl_soar.link.signing import KEY_BYTES, Signing
-from tgl_soar.link.sources import MOCAP, NUMBERS, PositionSources
+from tgl_soar.link.sources import MOCAP, NUMBERS, VISION, PositionSources
 from tgl_soar.link.tangent_plane import Home
 from tgl_soar.link.telemetry import StatusTexts, Telemetry
 from tgl_soar.parameter_store import ParameterStore
 from tgl_soar.parameters import ParameterSet
-from tgl_soar.types import Inputs, SurfaceCommand
+from tgl_soar.types import NAN, Inputs, SurfaceCommand
 
 BOOT: Final = 0  # modes as the supervisor numbers them; a test holds the two together
 STANDBY: Final = 1
@@ -117,6 +119,7 @@ class Setup(NamedTuple):
     surface_channels: frozenset[int] = frozenset()  # none of them can be the pilot's switch
     position: Position = Position()  # the site's sources
     imu: int | None = None  # the message that is to carry accelerations; None: the usual one
+    forward: Forward | None = None  # what the autopilot is told of the position
 
 
 @dataclass(slots=True)
@@ -172,6 +175,7 @@ def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Setu
         driven,
         site.position,
         _IMUS[link.imu],
+        site.forward,
     )
 
 
@@ -196,6 +200,17 @@ def _believed(position: Position, own: Source) -> frozenset[Source]:
             " this module itself; name the bridge that measures"
         )
     return believed
+
+
+def _forwarding(forward: Forward | None) -> PoseForwarding | None:
+    if forward is None:
+        return None
+    return PoseForwarding(
+        forward.message,
+        forward.rate_hz,
+        sigma_m=NAN if forward.sigma_m is None else forward.sigma_m,
+        sigma_rad=radians(forward.sigma_deg),
+    )
 
 
 def _channel(surface: Surface) -> SurfaceChannel:
@@ -251,6 +266,7 @@ class Onboard:
             vision_from=_believed(setup.position, setup.own),
             imu=setup.imu,
         )
+        self.forwarding = _forwarding(setup.forward)
         self.pacer = realtime.Pacer(rate_hz, now_s)
         self.strain = realtime.Strain()
         self.output: autopilot.Output | None = None  # of the last tick
@@ -377,6 +393,8 @@ class Onboard:
             if received.source == session.autopilot:
                 self._take_pilot_switch(message, self._clock(now_s))
             return
+        if isinstance(message, VisionPositionEstimate) and route is self._autopilot:
+            self._already_known(received.source)
         sequence = session.attitude.sequence
         if self._vehicle_clock and received.source == session.autopilot:
             self._step_without_attitude(message)
@@ -388,6 +406,13 @@ class Onboard:
             self.pacer.sample(now_s, session.vehicle_time_s, session.attitude.time_s)
         elif isinstance(message, AttitudeQuaternion):
             self._step_with_vehicle()
+
+    def _already_known(self, source: Source) -> None:
+        """A bridge on the autopilot's own link speaks to it without us."""
+        if self.forwarding is not None and source in _believed(
+            self._setup.position, self._setup.own
+        ):
+            self.forwarding.known.add(VISION)
 
     def _answer(self, route: Route, received: Received, now_s: float) -> None:
         """Reading is answered where it was asked; a value that is set concerns every station."""
@@ -596,6 +621,8 @@ class Onboard:
         self.session.rebase(now_s)
         if self.mocap is not None:
             self.mocap.rebase()
+        if self.forwarding is not None:
+            self.forwarding.rebase()
         self.parameters.rebase()
         self.telemetry.rebase()
         self.commands.rebase()
@@ -680,6 +707,8 @@ class Onboard:
             elif said and isinstance(said[0], Heartbeat):
                 self._say(said[0], route)
         self._say_all([m for m in said if not isinstance(m, Heartbeat)], self._autopilot)
+        if self.forwarding is not None:
+            self._forward(self.forwarding, now_s)
         self._list_parameters(now_s)
         self._show_engaged(now_s)
         for ack in self.commands.poll(now_s):
@@ -716,6 +745,15 @@ class Onboard:
         for severity, text in mocap.notices:
             self.tell(severity, text)
         mocap.notices.clear()
+
+    def _forward(self, forwarding: PoseForwarding, now_s: float) -> None:
+        """The pose of a tracker, to the autopilot alone."""
+        pose = forwarding.poll(self.session.sources, now_s)
+        if pose is not None:
+            self._say(pose, self._autopilot)
+        for severity, text in forwarding.notices:
+            self.tell(severity, text)
+        forwarding.notices.clear()
 
     def _show_engaged(self, now_s: float) -> None:
         """OP_ENGAGE becomes what a file may hold and yet engage nothing; not before the station

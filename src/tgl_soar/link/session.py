@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from math import inf, isfinite
 from typing import Final
 
-from tgl_soar.geometry import quaternion_from_euler
+from tgl_soar.geometry import quaternion_from_euler, rotated
 from tgl_soar.types import (
     NAN,
     NO_AIRSPEED,
@@ -487,7 +487,7 @@ class Session:
         turned = all(isfinite(q) for q in m.q)
         velocity = (m.vx, m.vy, m.vz)
         if in_body:
-            velocity = _rotated(m.q, velocity) if turned else (NAN, NAN, NAN)
+            velocity = rotated(m.q, velocity) if turned else (NAN, NAN, NAN)
         sigma_m = sigma_of(m.pose_covariance)
         self._offer(ODOMETRY, time_s, (m.x, m.y, m.z), velocity, now_s, sigma_m)
         if turned and self._attitude_from.speaks(ID_ODOMETRY, now_s) and not self._lockstep:
@@ -585,15 +585,3 @@ _MEASUREMENTS: Final = (
     | VfrHud
     | ServoOutputRaw
 )
-
-
-def _rotated(q: Quaternion, v: tuple[float, float, float]) -> tuple[float, float, float]:
-    """A body vector in the frame that the quaternion leads to."""
-    w, x, y, z = q
-    vx, vy, vz = v
-    tx, ty, tz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
-    return (
-        vx + w * tx + y * tz - z * ty,
-        vy + w * ty + z * tx - x * tz,
-        vz + w * tz + x * ty - y * tx,
-    )

@@ -17,6 +17,7 @@ from tgl_soar.types import PositionFix
 
 LOST_S: Final = 1.0
 UNIT: Final = 1e-5  # how far the norm of a quaternion may be from 1
+FAR_M: Final = 1e5
 
 
 class ExternalPose:
@@ -43,18 +44,23 @@ class ExternalPose:
         """Whether the position comes from here, or came until it stopped."""
         return self.accepted > 0
 
-    def fix(self, own: PositionFix, before: PositionFix, time_s: float, delay_s: float) -> Any:
+    def fix(
+        self, own: PositionFix, before: PositionFix, time_s: float, delay_s: float
+    ) -> PositionFix:
         """The position with this aid: `own` is what it would be without, `before` the last."""
         if time_s - self._came_s > LOST_S:
             return before
         age_s = own.time_s - (self._came_s - delay_s)
-        place = (p + v * age_s if v == v else p for p, v in zip(self._at, own[5:8], strict=True))
-        north, east, down = place
+        north, east, down = (
+            at + speed * age_s if isfinite(speed) else at
+            for at, speed in zip(self._at, own[5:8], strict=True)
+        )
         return own._replace(north_m=north, east_m=east, down_m=down)
 
 
 def _is_usable(message: Any) -> bool:
-    numbers = [message.x, message.y, message.z]
+    if not all(abs(number) < FAR_M for number in (message.x, message.y, message.z)):
+        return False
     if message.get_msgId() == mavlink.MAVLINK_MSG_ID_ODOMETRY:
         if (message.frame_id, message.child_frame_id) != (
             mavlink.MAV_FRAME_LOCAL_FRD,
@@ -62,5 +68,5 @@ def _is_usable(message: Any) -> bool:
         ):
             return False
         norm = sum(q * q for q in message.q) ** 0.5
-        return all(map(isfinite, numbers)) and abs(norm - 1.0) < UNIT
-    return all(map(isfinite, (*numbers, message.roll, message.pitch, message.yaw)))
+        return bool(abs(norm - 1.0) < UNIT)
+    return all(map(isfinite, (message.roll, message.pitch, message.yaw)))

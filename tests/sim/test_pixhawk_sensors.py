@@ -1,0 +1,208 @@
+"""What the simulated Pixhawk tells of its sensors, and how it takes a pose."""
+
+from __future__ import annotations
+
+from math import inf, nan, radians, sqrt
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from tgl_soar.config import HomePosition, Surface, Surfaces
+from tgl_soar.sim.pixhawk import Pixhawk, Sensed
+from tgl_soar.types import AirspeedSample, AttitudeSample, ImuSample, PositionFix
+
+STEP_HZ = 200
+LINK = 1
+SURFACES = Surfaces(
+    elevator=Surface(channel=2, reversed=True),
+    aileron=Surface(channel=1),
+    rudder=Surface(channel=4, pwm_min=1200, pwm_trim=1510, pwm_max=1800),
+)
+HOME = HomePosition(latitude_deg=51.99, longitude_deg=4.375, altitude_m=20.0)
+FORCE = (0.7654321, -0.3, -9.6543)
+RATES = (0.0123456, -0.2, 0.05)
+
+
+class Wire:
+    """A companion's end of the only link."""
+
+    def __init__(self, **options: Any) -> None:
+        self.pixhawk = Pixhawk(SURFACES, STEP_HZ, home=HOME, **options)
+        self.pixhawk.add_link(LINK, ground=False)
+        self.codec = mavlink.MAVLink(None, 1, 191)
+        self.reader = mavlink.MAVLink(None)
+        self.reader.robust_parsing = True
+        self.says(mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3))
+
+    def says(self, message: Any) -> None:
+        self.pixhawk.receive(LINK, bytes(message.pack(self.codec)))
+
+    def wants(self, message_id: int, rate_hz: float) -> None:
+        interval_us = 1e6 / rate_hz
+        self.says(
+            mavlink.MAVLink_command_long_message(
+                *(1, 1, 511, 0, message_id, interval_us, 0, 0, 0, 0, 0)
+            )
+        )
+
+    def runs(self, steps: int, *, pitot: bool = True) -> list[Any]:
+        heard: list[Any] = []
+        for _ in range(steps):
+            self.pixhawk.step(sensed(self.pixhawk.steps + 1, pitot=pitot))
+            for _, data in self.pixhawk.take_datagrams():
+                heard += self.reader.parse_buffer(data) or []
+        return heard
+
+
+def sensed(step: int, *, pitot: bool = True) -> Sensed:
+    time_s = (step - 1) / STEP_HZ
+    return Sensed(
+        AttitudeSample(step, time_s, 1.0, 0.0, 0.0, 0.0, *RATES),
+        PositionFix(1 + step // 4, time_s, 12.0, -34.0, -5.0, 0.1, 0.2, 0.3),
+        8.5,
+        True,
+        ImuSample(step, time_s, *FORCE, *RATES),
+        AirspeedSample(1 + step // 4, time_s, 9.0) if pitot else AirspeedSample(0, nan, nan),
+    )
+
+
+def named(messages: list[Any], name: str) -> list[Any]:
+    return [m for m in messages if m.get_type() == name]
+
+
+def test_inertial_messages_come_at_the_rate_asked_for_in_their_own_units() -> None:
+    wire = Wire(uptime_s=100.0)
+    for message_id in (27, 26, 105):
+        wire.wants(message_id, 100.0)
+    heard = wire.runs(200)
+    raw, scaled, high = (named(heard, n) for n in ("RAW_IMU", "SCALED_IMU", "HIGHRES_IMU"))
+    assert len(raw) == len(scaled) == len(high) == 100
+    for m in (raw[-1], scaled[-1]):
+        # Milli-g and milliradians, cut off toward zero.
+        assert (m.xacc, m.yacc, m.zacc) == (78, -30, -984)
+        assert (m.xgyro, m.ygyro, m.zgyro) == (12, -200, 50)
+    assert (high[-1].xacc, high[-1].zgyro) == pytest.approx((FORCE[0], RATES[2]))
+    assert raw[-1].time_usec == high[-1].time_usec == pytest.approx(100.99e6)
+    assert scaled[-1].time_boot_ms == 100_990
+
+
+def test_the_attitude_goes_out_last_in_every_step() -> None:
+    wire = Wire()
+    wire.wants(31, 200.0)
+    for message_id in (27, 32, 36, 74):
+        wire.wants(message_id, 200.0)
+    for _ in range(20):
+        heard = wire.runs(1)
+        assert heard[-1].get_type() == "ATTITUDE_QUATERNION"
+        assert len(named(heard, "RAW_IMU")) == 1
+
+
+def test_without_a_sensor_there_is_no_message_and_no_health() -> None:
+    wire = Wire()
+    wire.wants(1, 1.0)
+    wire.wants(74, 10.0)
+    status, hud = (named(wire.runs(20, pitot=False), n)[-1] for n in ("SYS_STATUS", "VFR_HUD"))
+    assert not status.onboard_control_sensors_present & 16
+    assert hud.airspeed == pytest.approx(8.5)  # its own guess
+
+
+def test_the_airspeed_is_equivalent_and_read_ten_times_a_second() -> None:
+    wire = Wire()
+    wire.wants(1, 1.0)
+    wire.wants(74, 50.0)
+    heard = wire.runs(20)
+    assert named(heard, "SYS_STATUS")[-1].onboard_control_sensors_health & 16
+    hud = named(heard, "VFR_HUD")[-1]
+    assert hud.alt == pytest.approx(25.0)
+    assert hud.airspeed == pytest.approx(9.0 * sqrt((1 - 2.25577e-5 * 25.0) ** 4.2559), abs=1e-3)
+
+
+def test_differential_pressure_is_the_barometer_s_on_the_one_and_the_pitot_s_on_the_other() -> None:
+    """9 m/s are 0.495 hPa at 25 m; a pitot that is read every fourth step is new as often."""
+    for px4 in (False, True):
+        wire = Wire(allow_odometry=px4)
+        wire.wants(105, 200.0)
+        high = named(wire.runs(41), "HIGHRES_IMU")
+        marked = [bool(m.fields_updated & 1 << 10) for m in high]
+        assert all(m.fields_updated & 0x3F == 0x3F for m in high)
+        if px4:
+            assert high[-1].diff_pressure == pytest.approx(0.495, abs=0.002)
+            assert sum(marked) == 11
+        else:
+            assert high[-1].diff_pressure < 0.0
+            assert all(marked)
+
+
+def test_the_hill_has_a_latitude() -> None:
+    wire = Wire()
+    wire.wants(33, 50.0)
+    place = named(wire.runs(10), "GLOBAL_POSITION_INT")[-1]
+    assert (place.lat * 1e-7 - 51.99) * 111_268 == pytest.approx(12.0, abs=0.02)
+    assert (place.lon * 1e-7 - 4.375) * 68_680 == pytest.approx(-34.0, abs=0.05)
+    assert (place.alt, place.relative_alt) == (25_000, 5_000)
+    assert (place.vx, place.vy, place.vz) == (10, 20, 30)
+
+
+# --- a pose from a companion ------------------------------------------------------------------
+
+
+def vision(x: float = 1.0, roll: float = 0.0) -> Any:
+    return mavlink.MAVLink_vision_position_estimate_message(
+        5_000_000, x, 2.0, -3.0, roll, 0.0, radians(90.0), [0.0] * 21
+    )
+
+
+def odometry(frames: tuple[int, int] = (20, 12), w: float = 1.0) -> Any:
+    return mavlink.MAVLink_odometry_message(
+        *(5_000_000, *frames, 7.0, 8.0, -9.0, [w, 0.0, 0.0, 0.0], 0, 0, 0, 0, 0, 0),
+        *([0.0] * 21, [0.0] * 21),
+    )
+
+
+def position_of(wire: Wire) -> tuple[float, float, float]:
+    fix = named(wire.runs(10), "LOCAL_POSITION_NED")[-1]
+    return fix.x, fix.y, fix.z
+
+
+def test_a_pose_becomes_its_position_only_where_it_is_told_to_take_it() -> None:
+    for viso_type, north_m in ((0.0, 12.0), (1.0, 1.0)):
+        wire = Wire(parameters={"VISO_TYPE": viso_type})
+        wire.wants(32, 50.0)
+        wire.says(vision())
+        assert position_of(wire)[0] == pytest.approx(north_m, abs=0.01)
+
+
+def test_the_position_stops_when_poses_stop() -> None:
+    wire = Wire(parameters={"VISO_TYPE": 1.0})
+    wire.wants(32, 50.0)
+    wire.says(vision())
+    assert len(named(wire.runs(400), "LOCAL_POSITION_NED")) <= 51
+    assert named(wire.runs(50), "LOCAL_POSITION_NED") == []
+    wire.says(vision(x=2.0))
+    assert position_of(wire)[0] == pytest.approx(2.0, abs=0.01)
+
+
+def test_what_the_firmware_drops_without_a_word_is_dropped() -> None:
+    wire = Wire(parameters={"VISO_TYPE": 1.0})
+    for wrong in (odometry((1, 8)), odometry((1, 12)), odometry(w=1.0001), vision(roll=nan)):
+        wire.says(wrong)
+    assert (wire.pixhawk.external.accepted, wire.pixhawk.external.dropped) == (0, 4)
+    wire.wants(32, 50.0)
+    wire.says(odometry())
+    assert position_of(wire) == pytest.approx((7.0, 8.0, -9.0), abs=0.03)
+
+
+WILD = st.one_of(st.floats(width=32), st.sampled_from([nan, inf, -inf, 3.4e38, -3.4e38]))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(WILD, min_size=6, max_size=6), st.integers(0, 2**64 - 1))
+def test_no_pose_can_stop_it(pose: list[float], stamp: int) -> None:
+    wire = Wire(parameters={"VISO_TYPE": 1.0})
+    for message_id in (32, 33, 74):
+        wire.wants(message_id, 50.0)
+    wire.says(mavlink.MAVLink_vision_position_estimate_message(stamp, *pose, [nan] * 21))
+    assert len(named(wire.runs(8), "LOCAL_POSITION_NED")) == 2
