@@ -554,7 +554,7 @@ class Onboard:
     def _want_pilot_switch(self) -> None:
         """The stream of the pilot's channels, where one of them is a switch of ours."""
         if self._values["OP_RC_CHAN"] > 0.0:
-            self.session.streams.want(ID_RC_CHANNELS, "RC_CHANNELS", PILOT_SWITCH_HZ)
+            self.session.streams.want(ID_RC_CHANNELS, "RC_CHANNELS", PILOT_SWITCH_HZ, urgent=True)
         else:
             self.engagement.switch.forget()
 

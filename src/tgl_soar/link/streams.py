@@ -62,11 +62,12 @@ class StreamRequests:
         self._waiting: Stream | None = None
         self._waiting_until_s = 0.0
 
-    def want(self, message_id: int, name: str, rate_hz: float) -> None:
-        """Ask for a message at a rate, from now on."""
+    def want(self, message_id: int, name: str, rate_hz: float, *, urgent: bool = False) -> None:
+        """Ask for a message at a rate, from now on; an urgent one before all others."""
         standing = self._streams.get(message_id)
         if standing is None or standing.rate_hz != rate_hz:
-            self._streams[message_id] = Stream(message_id, name, rate_hz)
+            wanted = {message_id: Stream(message_id, name, rate_hz)}
+            self._streams = wanted | self._streams | wanted if urgent else self._streams | wanted
 
     def wanted(self, message_id: int) -> Stream | None:
         """A stream that was asked for."""
