@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from . import experiment, log, params, polar, site, sitl, surfaces, zeuc
+from . import align, experiment, log, params, polar, site, sitl, surfaces, zeuc
 
 app = typer.Typer(
     help="An autopilot module that soars a slope on a target gradient line, over MAVLink.",
@@ -23,6 +23,7 @@ def run() -> None:
     raise AssertionError("tgl_soar.cli hands this on before it gets here")
 
 
+app.command("align")(align.align)
 app.command("sitl")(sitl.sitl)
 app.command("surfaces")(surfaces.surfaces)
 app.command("zeuc")(zeuc.zeuc)

@@ -188,7 +188,7 @@ def _sized_sections(data: bytes, offset: int, wanted: int) -> tuple[int, RigidBo
 def _walked_sections(data: bytes, offset: int, wanted: int) -> tuple[int, RigidBody | None, int]:
     walk = _Walk(data, offset)
     for _ in range(walk.count()):
-        walk.name()
+        walk.skip_name()
         walk.skip_all(_POSITION_BYTES)
     walk.skip_all(_POSITION_BYTES)
     bodies = walk.count()
@@ -208,10 +208,12 @@ def _walked_sections(data: bytes, offset: int, wanted: int) -> tuple[int, RigidB
 
 
 def _body_of(data: bytes, offset: int, count: int, stride: int, wanted: int) -> RigidBody | None:
-    unpack = _COUNT.unpack_from
-    for at in range(offset, offset + count * stride, stride):
-        if unpack(data, at)[0] == wanted:
+    pattern, at, end = _COUNT.pack(wanted), offset, offset + count * stride
+    while (at := data.find(pattern, at, end)) >= 0:
+        into = (at - offset) % stride
+        if into == 0:
             return RigidBody._make(_BODY.unpack_from(data, at))
+        at += stride - into  # it only looks like the id: on with the next body
     return None
 
 
@@ -246,14 +248,18 @@ class _Walk:
         """Over a count and as many entries of one size."""
         self.skip(self.count() * size)
 
-    def name(self) -> str:
-        """A text that ends with a zero."""
+    def skip_name(self) -> None:
+        """Over a text that ends with a zero."""
         end = self._data.find(b"\0", self.offset, self.offset + MAX_NAME_BYTES)
         if end < 0:
             raise Malformed("a name without an end")
-        name = self._data[self.offset : end].decode("utf-8", "replace")
         self.skip(end + 1 - self.offset)
-        return name
+
+    def name(self) -> str:
+        """A text that ends with a zero."""
+        begin = self.offset
+        self.skip_name()
+        return self._data[begin : self.offset - 1].decode("utf-8", "replace")
 
 
 def server_info_of(data: bytes) -> ServerInfo:
@@ -309,30 +315,30 @@ def _skip_body_model(walk: _Walk, version: Version) -> None:
     walk.skip(markers * (_POSITION_BYTES + _COUNT.size))
     if version >= (4, 0):
         for _ in range(markers):
-            walk.name()
+            walk.skip_name()
 
 
 def _skip_model(walk: _Walk, kind: int) -> bool:
     """Over a definition without a size; False: how long it is is not known."""
     if kind == 0:  # marker set
-        walk.name()
+        walk.skip_name()
     elif kind == 3:  # force plate
         walk.skip(_COUNT.size)
-        walk.name()
+        walk.skip_name()
         walk.skip(4 * (2 + 3 + 12 * 12 + 4 * 3) + 2 * _COUNT.size)
     elif kind == 4:  # device
         walk.skip(_COUNT.size)
-        walk.name()
-        walk.name()
+        walk.skip_name()
+        walk.skip_name()
         walk.skip(2 * _COUNT.size)
     elif kind == 5:  # camera
-        walk.name()
+        walk.skip_name()
         walk.skip(_POSITION_BYTES + 16)
         return True
     else:  # of skeletons' bones two readings are about
         return False
     for _ in range(walk.count()):
-        walk.name()
+        walk.skip_name()
     return True
 
 

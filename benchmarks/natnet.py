@@ -1,0 +1,115 @@
+"""What a frame of motion capture costs.
+
+50 rigid bodies and 500 markers at 360 Hz is what a large hall streams.  References: the packaged
+clients' decoders on the very same bytes, timed frame by frame in turn, so that whatever else the
+machine does meets all alike; and one core, of which the client may take a twentieth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import redirect_stdout
+from functools import cache
+from io import StringIO
+from statistics import median
+from time import perf_counter
+
+from natnet.data_frame import DataFrame
+from natnet.packet_buffer import PacketBuffer
+from natnet.version import Version
+from natnetsdk.NatNetClient import NatNetClient
+
+from tgl_soar.geometry import HallFrame
+from tgl_soar.link.natnet import layout
+from tgl_soar.link.optitrack import Optitrack, Settings
+from tgl_soar.sim.natnet_frames import (
+    CLOCK_HZ,
+    Body,
+    Scene,
+    encode_frame,
+    encode_models,
+    encode_server_info,
+)
+
+from .result import Result
+
+RATE_HZ = 360.0
+BODIES, MARKERS = 50, 10  # of each
+FRAMES = 200
+SHARE = 0.05  # of a core
+SERVER = ("10.0.0.2", 1510)
+
+
+def natnet() -> Iterator[Result]:
+    """A frame through the whole client, by version; and its share of a core at 360 Hz."""
+    for version in ((3, 1), (4, 2)):
+        ours, theirs, vendors = _times(version)
+        what = (
+            f"a NatNet {version[0]}.{version[1]} frame, {BODIES} bodies, {BODIES * MARKERS} markers"
+        )
+        yield Result(what, ours, theirs, "µs", "PyPI's natnet decodes it")
+        yield Result(what, ours, vendors, "µs", "the vendor's sample (natnetsdk) decodes it")
+        share = ours * 1e-6 * RATE_HZ
+        yield Result(
+            f"{what}, at {RATE_HZ:g} Hz", share * 100, SHARE * 100, "%", "of a core at most"
+        )
+
+
+BENCHMARKS = (natnet,)
+
+
+@cache
+def _times(version: layout.Version) -> tuple[float, float, float]:
+    """Median µs of our whole client, of natnet's decoder and of natnetsdk's."""
+    client, bodies = _client(version)
+    theirs = Version(*version)
+    vendors = NatNetClient()._NatNetClient__unpack_mocap_data
+    ours_us, theirs_us, vendors_us = [], [], []
+    for number in range(1, FRAMES + 1):
+        now_s = number / RATE_HZ
+        data = _frame(version, bodies, number, now_s)
+        begun = perf_counter()
+        client.take(data, SERVER, now_s + 0.012)
+        done = perf_counter()
+        buffer = PacketBuffer(data)
+        buffer.pointer = 4
+        DataFrame.read_from_buffer(buffer, theirs)
+        read = perf_counter()
+        with redirect_stdout(StringIO()):
+            vendors(data[4:], len(data) - 4, *version)
+        ended = perf_counter()
+        ours_us.append(done - begun)
+        theirs_us.append(read - done)
+        vendors_us.append(ended - read)
+    if client.counters.fixes < FRAMES // 2:  # at 360 Hz every second is thinned
+        raise RuntimeError(f"{client.counters.fixes} fixes of {FRAMES} frames: {client.notices}")
+    return median(ours_us) * 1e6, median(theirs_us) * 1e6, median(vendors_us) * 1e6
+
+
+def _client(version: layout.Version) -> tuple[Optitrack, list[Body]]:
+    """A client that knows its server, and whose body is the last of all."""
+    bodies = [
+        Body(
+            f"body {i}",
+            i,
+            (0.1 * i, 1.0, 2.0),
+            (0.0, 0.0, 0.0, 1.0),
+            markers=tuple((0.01 * k, 1.0, 0.1 * i) for k in range(MARKERS)),
+        )
+        for i in range(1, BODIES + 1)
+    ]
+    hall = HallFrame(False, 0.3, 1.0, 2.0, 0.0)
+    name = bodies[-1].name
+    client = Optitrack(Settings(SERVER[0], name, False, hall, 0.001, 0.02, 25.0, 0.3, 200.0))
+    info = encode_server_info(version, data_port=1511, group="239.255.42.99", multicast=True)
+    for data in (info, encode_models(version, bodies)):
+        client.take(data, SERVER, 0.0)
+    return client, bodies
+
+
+def _frame(version: layout.Version, bodies: list[Body], number: int, now_s: float) -> bytes:
+    last = bodies[-1]
+    moved = last._replace(position_m=(last.position_m[0] + 1e-4 * number, 1.0, 2.0))
+    exposed = round((5000.0 + now_s) * CLOCK_HZ)
+    ticks = exposed, exposed + CLOCK_HZ // 200, exposed + CLOCK_HZ // 100
+    return encode_frame(version, Scene(number, [*bodies[:-1], moved], now_s, *ticks))
