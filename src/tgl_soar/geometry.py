@@ -170,6 +170,18 @@ def rotated(
     )
 
 
+def ned_attitude_from_hall(
+    hall: HallFrame, qw: float, qx: float, qy: float, qz: float
+) -> tuple[float, float, float, float]:
+    """The rotation from FRD to local NED of a tracked body's rotation in the hall's axes.
+
+    A tracker calls a body's attitude identity as it stands when it is defined: level and with
+    its nose to the north of local NED, as docs/sensors.md asks for.
+    """
+    level = hall._replace(origin_north_m=0.0, origin_east_m=0.0, origin_down_m=0.0)
+    return (qw, *ned_from_hall(level, qx, qy, qz))
+
+
 def euler_rates(
     roll_rad: float,
     pitch_rad: float,

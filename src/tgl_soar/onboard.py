@@ -373,7 +373,7 @@ class Onboard:
         now_s = self._clock(now_s)
         fix = self.mocap.take(data, sender, now_s)
         if fix is not None and (self._vehicle_clock or not self._lockstep):
-            self.session.sources.take(MOCAP, fix, now_s)
+            self.session.sources.take(MOCAP, fix, now_s, self.mocap.turned)
 
     def _take(self, route: Route, received: Received, now_s: float) -> None:
         message = received.message

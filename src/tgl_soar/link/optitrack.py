@@ -31,7 +31,7 @@ from dataclasses import dataclass, fields
 from math import isfinite
 from typing import Final, NamedTuple, Protocol
 
-from tgl_soar.geometry import HallFrame, ned_from_hall
+from tgl_soar.geometry import HallFrame, ned_attitude_from_hall, ned_from_hall
 from tgl_soar.types import NAN, PositionFix
 
 from .messages import SEVERITY_INFO, SEVERITY_WARNING
@@ -149,6 +149,14 @@ class Optitrack:
         self._newest_ticks = -1
         self._echoes = 0
         self.rebase()
+
+    @property
+    def turned(self) -> tuple[float, float, float, float] | None:
+        """The attitude of the pose that was used last, FRD to local NED."""
+        pose = self.pose
+        if pose is None:
+            return None
+        return ned_attitude_from_hall(self._settings.hall, pose.qw, pose.qx, pose.qy, pose.qz)
 
     @property
     def is_ready(self) -> bool:

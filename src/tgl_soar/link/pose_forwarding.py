@@ -10,6 +10,7 @@ docs/sensors.md.  Their filters want 30 to 50 poses a second, none of them twice
                  none has nothing to forward, for a yaw must stand in the message
     covariance   variances on the diagonal; NaN in the first place where nothing is known, so
                  that the autopilot's own parameters count, and nowhere else: EKF3 drops such a pose
+    estimator    VISION, whatever it is: EKF2 does not look at what calls itself MOCAP
     quaternion   normalised: EKF2 refuses what is not a unit by more than 1e-5
 
 Only a source that is not the autopilot's own is forwarded, and only a fix that is new and not
@@ -25,7 +26,6 @@ from tgl_soar.geometry import euler_from_quaternion, rotated
 from tgl_soar.types import NAN
 
 from .messages import (
-    ESTIMATOR_MOCAP,
     ESTIMATOR_VISION,
     FRAME_BODY_FRD,
     FRAME_LOCAL_FRD,
@@ -35,7 +35,7 @@ from .messages import (
     Said,
     VisionPositionEstimate,
 )
-from .sources import EXTERNAL, MOCAP, NAMES, PositionSources, Quaternion
+from .sources import EXTERNAL, NAMES, PositionSources, Quaternion
 
 STALE_S: Final = 0.1
 UNIT: Final = 0.02  # a quaternion whose norm is further from 1 is no rotation
@@ -104,7 +104,7 @@ class PoseForwarding:
             *(NAN, NAN, NAN),
             covariance,
             UNKNOWN_COVARIANCE,
-            ESTIMATOR_MOCAP if sources.chosen == MOCAP else ESTIMATOR_VISION,
+            ESTIMATOR_VISION,
         )
 
     def _covariance(self, told_m: float) -> tuple[float, ...]:
