@@ -544,3 +544,54 @@ def test_mocap_is_a_source_where_it_is_described(tmp_path: Path, text: str) -> N
     path.write_text(f'[site]\nname = "hall"\n{text}', encoding="utf-8")
     with pytest.raises(ConfigError, match=r"position\.sources names mocap where there is a"):
         load_site(path)
+
+
+HOME = "home = { latitude_deg = 52.0, longitude_deg = 4.4, altitude_m = 3.0 }"
+
+
+@pytest.mark.parametrize(
+    ("lines", "words"),
+    [
+        ('sources = ["gps"]', 'position.sources[0] = "gps": must be "global_position" or'),
+        ("sources = []", "position: sources: name one or more, each once"),
+        ('sources = ["odometry", "odometry"]', "position: sources: name one or more, each once"),
+        ('sources = ["global_position"]', "needs home = { latitude_deg, longitude_deg"),
+        ('sources = ["vision"]', "needs vision_from = [{ system, component }]"),
+        ("silence_s = 0.0", "position.silence_s = 0.0: must be a number from 0.02 to 2"),
+        ("return_s = -1", "position.return_s = -1: must be a number from 0 to 60"),
+        (HOME.replace("52.0", "95.0"), "latitude_deg = 95.0: must be a number from -90 to 90"),
+        (HOME.replace("4.4", "400"), "longitude_deg = 400: must be a number from -180 to 180"),
+        (HOME.replace(", altitude_m = 3.0", ""), "position.home.altitude_m: missing"),
+        ("vision_from = [{ system = 1 }]", "position.vision_from[0].component: missing"),
+        (
+            "vision_from = [{ system = 0, component = 197 }]",
+            "position.vision_from[0].system = 0: must be a whole number from 1 to 255",
+        ),
+        ("[forward]\nrate_hz = 1", "forward.rate_hz = 1: must be a number from 5 to 100"),
+        ('[forward]\nmessage = "mocap"', 'forward.message = "mocap": must be "odometry" or'),
+        ("[forward]\nsigma_deg = 0", "forward.sigma_deg = 0: must be a number from 0.01 to 45"),
+    ],
+)
+def test_a_mistake_in_the_position_s_sources_is_named(
+    tmp_path: Path, lines: str, words: str
+) -> None:
+    path = tmp_path / "site.toml"
+    path.write_text(f'[site]\nname = "hill"\n[position]\n{lines}\n', encoding="utf-8")
+    with pytest.raises(ConfigError) as error:
+        load_site(path)
+    assert str(error.value).startswith(str(path))
+    assert words in str(error.value)
+
+
+def test_a_hill_with_everything(tmp_path: Path) -> None:
+    path = tmp_path / "site.toml"
+    path.write_text(
+        '[site]\nname = "hill"\n[position]\nsources = ["vision", "global_position"]\n'
+        f"vision_from = [{{ system = 1, component = 197 }}]\n{HOME}\n"
+        '[forward]\nmessage = "odometry"\nrate_hz = 30\nsigma_m = 0.05\n',
+        encoding="utf-8",
+    )
+    site = load_site(path)
+    assert site.position.home is not None
+    assert site.forward is not None
+    assert (site.position.home.altitude_m, site.forward.rate_hz) == (3.0, 30.0)

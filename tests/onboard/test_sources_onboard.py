@@ -1,0 +1,158 @@
+"""The module with all its sensors: what a tick is given, and what the autopilot is told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from tgl_soar import autopilot
+from tgl_soar.config import ConfigError, load_airframe, load_parameters, load_site, shipped
+from tgl_soar.link.sources import GLOBAL_POSITION, MOCAP, VISION
+from tgl_soar.onboard import Onboard, Setup, setup_from
+from tgl_soar.types import NAN, Inputs, PositionFix
+
+AIRFRAME = shipped("airframes/eclipson_c.toml")
+BRIDGE = (1, 197)
+VISION_TABLE = """
+sources = ["vision", "local_position"]
+vision_from = [{ system = 1, component = 197 }]
+"""
+HALL_TABLE = """
+sources = ["mocap", "local_position"]
+[mocap]
+server = "discover"
+body = "aircraft"
+"""
+FORWARD = "[forward]\nrate_hz = 50.0\n"
+
+
+def setup_of(tmp_path: Path, position: str = "", forward: str = "") -> Setup:
+    site_path = tmp_path / "site.toml"
+    site_path.write_text(f'[site]\nname = "test"\n[position]\n{position}\n{forward}')
+    airframe, site = load_airframe(AIRFRAME), load_site(site_path)
+    return setup_from(airframe, site, load_parameters(airframe, AIRFRAME, site, site_path))
+
+
+class Bench:
+    """The module, an autopilot on its first link and a bridge on the second."""
+
+    def __init__(self, setup: Setup) -> None:
+        self.now_s = 100.0
+        self.frames: list[bytes] = []
+        self.onboard = Onboard(setup, self._send, self.now_s)
+        self.onboard.add_link(lambda _: True)
+        self.codecs = {s: mavlink.MAVLink(None, *s) for s in ((1, 1), BRIDGE, (9, 1))}
+        self.hears(mavlink.MAVLink_heartbeat_message(1, 3, 81 | 128, 0, 4, 3))
+
+    def _send(self, frame: bytes) -> bool:
+        self.frames.append(frame)
+        return True
+
+    def hears(self, message: Any, *, of: tuple[int, int] = (1, 1), link: int = 0) -> None:
+        self.onboard.event(bytes(message.pack(self.codecs[of])), self.now_s, link)
+
+    def runs(self, seconds: float, *, tracked: bool = False) -> None:
+        """An autopilot with all its streams; a tracker in the hall, too, if it is tracked."""
+        for _ in range(round(seconds * 200)):
+            self.now_s += 0.005
+            ms, us = round(self.now_s * 1e3) - 90_000, round(self.now_s * 1e6) - 90_000_000
+            self.hears(mavlink.MAVLink_raw_imu_message(us, 10, 0, -1000, 1, 2, 3, 0, 0, 0))
+            self.hears(mavlink.MAVLink_sys_status_message(16, 16, 16, *[0] * 10))
+            self.hears(mavlink.MAVLink_vfr_hud_message(8.5, 0, 0, 0, 0, 0))
+            self.hears(mavlink.MAVLink_servo_output_raw_message(us & 0xFFFFFFFF, 0, *[1500] * 8))
+            self.hears(mavlink.MAVLink_local_position_ned_message(ms, 1, 2, -3, 0, 0, 0))
+            self.hears(mavlink.MAVLink_attitude_quaternion_message(ms, 1, 0, 0, 0, 0, 0, 0))
+            if tracked:
+                fix = PositionFix(0, self.now_s - 0.01, 1.0, 2.0, -3.0, NAN, NAN, NAN, 0, 0.001)
+                turned = (1.0, 0.0, 0.0, 0.0)
+                self.onboard.session.sources.take(MOCAP, fix, self.now_s, turned)
+            self.onboard.periodic(self.now_s)
+
+    def told(self, kind: str) -> list[Any]:
+        decoder = mavlink.MAVLink(None)
+        messages = decoder.parse_buffer(b"".join(self.frames)) or []
+        return [m for m in messages if m.get_type() == kind]
+
+
+def vision(time_s: float) -> Any:
+    return mavlink.MAVLink_vision_position_estimate_message(
+        round(time_s * 1e6), 7.0, 8.0, -9.0, 0.0, 0.0, 0.0, [0.0] * 21
+    )
+
+
+def test_a_tick_is_given_all_that_there_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench, seen = Bench(setup_of(tmp_path)), []
+    step = autopilot.step
+
+    def spied(laws: Any, state: Any, inputs: Inputs) -> Any:
+        seen.append(inputs)
+        return step(laws, state, inputs)
+
+    monkeypatch.setattr(autopilot, "step", spied)
+    bench.runs(0.5)
+    last = seen[-1]
+    assert min(last.position.sequence, last.attitude.sequence, last.imu.sequence) > 90
+    assert last.imu.force_z_frd_mps2 == pytest.approx(-9.80665)
+    assert last.airspeed.airspeed_mps == pytest.approx(8.5)
+    assert last.surfaces[2:] == (0.0, 0.0, 0.0)
+    for sample in (last.position, last.attitude, last.imu, last.airspeed, last.surfaces):
+        assert last.time_s - 0.01 < sample.time_s <= last.time_s + 1e-3
+    assert last.autopilot[1:] == (True, True, False, 0)
+
+
+def test_a_bridge_on_any_link_is_believed_and_nobody_else(tmp_path: Path) -> None:
+    bench = Bench(setup_of(tmp_path, VISION_TABLE))
+    for of, link in (((9, 1), 1), ((1, 1), 1), ((9, 1), 0)):
+        bench.hears(vision(5.0), of=of, link=link)
+    assert bench.onboard.session.position.sequence == 0
+    bench.hears(vision(5.0), of=BRIDGE, link=1)
+    assert bench.onboard.session.position.source == VISION
+    bench.hears(mavlink.MAVLink_local_position_ned_message(5, 1, 2, 3, 0, 0, 0), link=1)
+    assert bench.onboard.session.position.sequence == 1
+
+
+def test_our_own_positions_are_not_believed(tmp_path: Path) -> None:
+    """PX4 sends what it is told on to every link, us among them."""
+    with pytest.raises(ConfigError, match="this module itself"):
+        setup_of(tmp_path, VISION_TABLE.replace("197", "191"))
+
+
+def test_a_tracked_pose_is_forwarded_at_its_rate_and_stops_with_the_tracker(
+    tmp_path: Path,
+) -> None:
+    bench = Bench(setup_of(tmp_path, HALL_TABLE, FORWARD))
+    bench.runs(2.0)
+    assert bench.told("VISION_POSITION_ESTIMATE") == []  # its own position is not for it
+    bench.runs(4.0, tracked=True)
+    poses = bench.told("VISION_POSITION_ESTIMATE")
+    assert 90 <= len(poses) <= 102  # 50 Hz, once the tracker has been steady for two seconds
+    assert (poses[-1].x, poses[-1].y, poses[-1].z) == (1.0, 2.0, -3.0)
+    assert poses[-1].covariance[0] == pytest.approx(1e-6)
+    # By the clock in which a TIMESYNC is answered.
+    assert poses[-1].usec * 1e-6 == pytest.approx(bench.now_s - 0.01, abs=0.03)
+    bench.runs(1.0)
+    assert len(bench.told("VISION_POSITION_ESTIMATE")) - len(poses) <= 6
+
+
+def test_a_bridge_that_speaks_to_the_autopilot_itself_is_not_repeated(tmp_path: Path) -> None:
+    for link, repeated in ((1, True), (0, False)):
+        bench = Bench(setup_of(tmp_path, VISION_TABLE, FORWARD))
+        for _ in range(130):
+            bench.runs(0.02)
+            bench.hears(vision(bench.now_s), of=BRIDGE, link=link)
+        bench.runs(1.0)
+        assert bool(bench.told("VISION_POSITION_ESTIMATE")) == repeated
+
+
+def test_a_hill_needs_no_more_than_its_home(tmp_path: Path) -> None:
+    home = "home = { latitude_deg = 51.99, longitude_deg = 4.375, altitude_m = 20.0 }"
+    bench = Bench(setup_of(tmp_path, f'sources = ["global_position"]\n{home}'))
+    place = mavlink.MAVLink_global_position_int_message(
+        5, 519_900_000, 43_750_000, 25_000, 5_000, 0, 0, 0, 0
+    )
+    bench.hears(place)
+    assert bench.onboard.session.position[2:5] == pytest.approx((0.0, 0.0, -5.0), abs=1e-6)
+    assert bench.onboard.session.position.source == GLOBAL_POSITION
