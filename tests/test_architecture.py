@@ -51,7 +51,8 @@ TABLE: dict[str, set[str]] = {
     "air": {"geometry"},
     "score": set(),
     "sim": {"autopilot", "air", "link", "config", "score"},
-    "report": {"air", "estimation", "score", "flightlog"},
+    "logs": {"flightlog", "config"},
+    "report": {"air", "estimation", "score", "logs"},
     "experiments": {"sim", "report", "config"},
     "commands": {"process", "surface_check", "experiments"},
     "cli": {"commands"},
@@ -63,6 +64,7 @@ _LOG = "tgl_soar.flightlog"
 PARTS: dict[tuple[str, str], set[str]] = {
     ("sim", "link"): {"tgl_soar.link.autopilots"},
     ("onboard", "flightlog"): {f"{_LOG}.recorder"},
+    ("logs", "flightlog"): {f"{_LOG}.reader"},
     ("process", "flightlog"): {f"{_LOG}.declaration", f"{_LOG}.recorder", f"{_LOG}.writer"},
 }
 
@@ -78,6 +80,7 @@ FLIES = {
     "flightlog", "mocap",
 }  # fmt: skip
 STAYS_ON_THE_GROUND = {
+    "logs",
     "surface_check",
     "sim",
     "report",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from . import align, experiment, log, params, polar, site, sitl, surfaces, zeuc
+from . import align, experiment, log, params, polar, report, site, sitl, surfaces, zeuc
 
 app = typer.Typer(
     help="An autopilot module that soars a slope on a target gradient line, over MAVLink.",
@@ -24,6 +24,7 @@ def run() -> None:
 
 
 app.command("align")(align.align)
+app.command("report")(report.report)
 app.command("sitl")(sitl.sitl)
 app.command("surfaces")(surfaces.surfaces)
 app.command("zeuc")(zeuc.zeuc)

@@ -189,7 +189,9 @@ def _changes(topics: Mapping[str, Topic], ulog: Any) -> list[Change]:
     ours = topics.get("parameter")
     if ours is None or "index" not in ours:
         return [
-            Change(0, t * 1e-6, name, float(value)) for t, name, value in ulog.changed_parameters
+            Change(0, t * 1e-6, name, float(value))
+            for t, name, value in ulog.changed_parameters
+            if isinstance(value, int | float)  # damage may have made it no number
         ]
     rows = zip(
         *(ours[name].tolist() for name in ("tick", "timestamp", "index", "value")), strict=True

@@ -1,0 +1,201 @@
+"""`tgl-soar report`: the page of a flight, from its log."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from math import radians
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
+
+import typer
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+from tgl_soar.config import (
+    Airframe,
+    ConfigError,
+    Site,
+    load_airframe,
+    load_parameters,
+    load_site,
+    preset_lines,
+)
+from tgl_soar.control.target_line import eta_from_lean
+from tgl_soar.flightlog.reader import LogError
+from tgl_soar.parameters import ParameterSet
+
+from .console import console, errors, fail
+
+if TYPE_CHECKING:
+    from tgl_soar.logs.flight_data import FlightData
+    from tgl_soar.report.flight_figures import Surroundings
+
+STEPS = 9  # reading, reckoning, and the parts of the page
+
+
+def report(
+    log: Annotated[Path, typer.Argument(help="ULog (ours, PX4's), DataFlash .bin or .tlog.")],
+    site: Annotated[
+        Path | None, typer.Option(help="Site file; of our logs the one that was flown with.")
+    ] = None,
+    airframe: Annotated[
+        Path | None, typer.Option(help="Airframe file; of our logs the one that was flown with.")
+    ] = None,
+    field: Annotated[
+        Path | None,
+        typer.Option(help="Wind field instead of the site's air: a grid file, or a site file."),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="Page, or a folder for it. Default: out/report/LOG.html"),
+    ] = None,
+) -> None:
+    """Write the page of a flight: figures, legs, spectra, health. Exit code 1 if data was lost."""
+    try:
+        page = page_of(log, out)
+        with Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            console=errors,
+            transient=True,
+        ) as progress:
+            task = progress.add_task("Reading the log", total=STEPS)
+
+            def step(words: str) -> None:
+                progress.update(task, advance=1, description=words)
+
+            lost = write(log, page, Named(site, airframe, field), step)
+    except (LogError, ConfigError, ImportError) as error:
+        fail(error)
+    except OSError as error:
+        fail(f"{error.filename}: cannot be written: {error.strerror}")
+    except KeyboardInterrupt:
+        fail("stopped", 130)
+    for text in lost:
+        errors.print(f"lost: {text}", style="yellow", highlight=False, markup=False)
+    console.print(f"page in {page}, figures in {page.parent / f'{page.stem}-figures'}/")
+    if lost:
+        fail("what could be read is in the page; what was lost is told there and above", 1)
+
+
+def page_of(log: Path, out: Path | None) -> Path:
+    """Where the page goes."""
+    if out is None:
+        return Path("out/report") / f"{log.stem}.html"
+    return out if out.suffix.lower() in (".html", ".htm") else out / f"{log.stem}.html"
+
+
+class Named(NamedTuple):
+    """The files that the user names; None: the log's own, where it holds one."""
+
+    site: Path | None = None
+    airframe: Path | None = None
+    field: Path | None = None
+
+
+def write(log: Path, page: Path, named: Named, step: Callable[[str], None]) -> tuple[str, ...]:
+    """Write the page; what the log has lost.
+
+    step is told what comes next.
+    Errors: `LogError`, `ConfigError`, ImportError without an extra, OSError.
+    """
+    from tgl_soar.logs.flight_data import steered
+    from tgl_soar.logs.reading import read_flight
+    from tgl_soar.report.flight_page import analysed, write_page
+
+    flight = read_flight(log)
+    step("Legs and spectra")
+    site, place, notes = _of_the_log(flight, "site", named.site, load_site)
+    airframe, _, more = _of_the_log(flight, "airframe", named.airframe, load_airframe)
+    known, unread = _surroundings(site, place, airframe, named)
+    frame = None if site is None else site.frame()
+    if airframe is not None:
+        flight = steered(flight, airframe.surfaces)
+    analysis = analysed(flight, known, frame)
+    analysis = analysis._replace(missing=(*analysis.missing, *notes, *more, *unread))
+    write_page(page, analysis, step)
+    return flight.lost
+
+
+_File = TypeVar("_File", Site, Airframe)
+
+
+def _of_the_log(
+    flight: FlightData, kind: str, path: Path | None, load: Callable[[Path], _File]
+) -> tuple[_File | None, Path, list[str]]:
+    """The named file, or the one that the log holds; where it stood, and what is wrong with it."""
+    if path is not None:
+        return load(path), path.parent, []
+    text = flight.files.get(kind, "")
+    stood = Path(flight.facts.get(f"{kind} file", kind))
+    if not text:
+        return None, stood.parent, []
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / stood.name
+        copy.write_text(text, encoding="utf-8")
+        try:
+            return load(copy), stood.parent, []
+        except ConfigError as error:
+            words = str(error).replace(f"{folder}/", "")
+            return None, stood.parent, [f"the log's own {kind} file is not understood: {words}"]
+
+
+def _surroundings(
+    site: Site | None, folder: Path, airframe: Airframe | None, named: Named
+) -> tuple[Surroundings, list[str]]:
+    """What is known of place, aircraft and air, and what could not be had of it."""
+    from tgl_soar.report.flight_figures import Surroundings
+    from tgl_soar.sim.world import build_field, ground_outline
+
+    lines = {}
+    air = None if site is None else site.air
+    if site is not None:
+        values = ParameterSet()
+        if airframe is not None:
+            values = load_parameters(airframe, "airframe", site, "site")
+        lines = {
+            line.name: (line.x_m, line.z_m, eta_from_lean(radians(line.lean_deg)))
+            for line in preset_lines(site, values)
+        }
+    wind: Any = None
+    notes = []
+    if named.field is not None and named.field.suffix.lower() == ".toml":
+        of_field = load_site(named.field)
+        air, folder = of_field.air, named.field.parent
+        if air is None:
+            raise ConfigError(f"{named.field}: no [air] table, so there is no field in it")
+    elif named.field is not None:
+        wind, air = _grid(named.field), None
+    if air is not None:
+        try:
+            wind = build_field(air, folder)
+        except ConfigError as error:
+            if named.site is not None or named.field is not None:
+                raise
+            notes.append(f"the air of the log's site cannot be read again: {error}")
+            air = None
+    return (
+        Surroundings(
+            site="" if site is None else site.site.name,
+            airframe="" if airframe is None else airframe.airframe.name,
+            lines=lines,
+            field=wind,
+            polar=None if airframe is None else airframe.polar.as_polar(),
+            ground=None if air is None else ground_outline(air),
+        ),
+        notes,
+    )
+
+
+def _grid(path: Path) -> Any:
+    """A grid file with the columns x, z, u, w in the soaring frame.  Errors: `ConfigError`."""
+    from tgl_soar.air.grid import GridError
+    from tgl_soar.air.grid_files import Layout, read_grid
+
+    try:
+        return read_grid(path, Layout(), reference_wind_mps=1.0, zero_cells="solid")
+    except (GridError, OSError) as error:
+        raise ConfigError(
+            f"--field {error}; a file with other columns is named by a site file's [air]"
+        ) from None

@@ -1,0 +1,1 @@
+"""Reading flights back on the ground: our logs and those of others, as one `FlightData`."""

@@ -1,0 +1,125 @@
+"""The module's own flight log as a flight."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgl_soar.control.supervisor import MODE_NAMES, REASON_TEXTS
+from tgl_soar.flightlog.reader import FlightLog, LogError
+
+from .flight_data import (
+    COLUMNS,
+    Event,
+    FlightData,
+    Series,
+    changes_of,
+    euler,
+    mode_words,
+    series,
+    with_missing,
+)
+from .ulog import Topics
+
+Floats = NDArray[np.float64]
+
+TICK: Final = "tick"
+# What of a tick each series is made of: how its columns' names begin there.
+_OF_THE_TICK: Final = {
+    "path": "vehicle_",
+    "motion": "vehicle_",
+    "heading": "vehicle_",
+    "setpoints": "setpoints_",
+    "surfaces": "command_",
+    "air": "air_",
+    "ages": "health_",
+    "line": "line_",
+    "tracking": "",
+}
+_FLOWN_ONLY: Final = ("surfaces", "setpoints", "tracking")  # of a module that only watches: none
+_SPEEDS: Final = {
+    "north_mps": "velocity_north_mps",
+    "east_mps": "velocity_east_mps",
+    "down_mps": "velocity_down_mps",
+}
+_FACTS: Final = {
+    "sys_name": "system",
+    "ver_sw": "software version",
+    "ver_python": "Python",
+    "started_utc": "started",
+    "airframe_file": "airframe file",
+    "site_file": "site file",
+    "links": "links",
+}
+
+
+def read_module_log(log: FlightLog) -> FlightData:
+    """A flight that the module logged.  Errors: `LogError` without a tick."""
+    topics = Topics(log)
+    if not topics.has(TICK, "mode"):
+        raise LogError(f"{log.path}: no tick of the module is in it")
+    times = topics.time_s[TICK]
+    modes = mode_words(topics.column(TICK, "mode"), _names(log, "modes", MODE_NAMES))
+    parts: dict[str, Any] = {
+        kind: topics.take(TICK, {name: prefix + name for name in COLUMNS[kind]})
+        for kind, prefix in _OF_THE_TICK.items()
+    }
+    active = topics.column(TICK, "active") > 0.0
+    for kind in _FLOWN_ONLY:
+        part: Series | None = parts[kind]
+        if part is not None:
+            flown = np.isin(part.time_s, times[active])
+            columns = {k: np.where(flown, v, np.nan) for k, v in part.columns.items()}
+            parts[kind] = replace(part, columns=columns)
+    flight = FlightData(
+        name=log.path.name,
+        kind="flight log of the module (ULog)",
+        position=topics.take("position", {name: name for name in COLUMNS["position"]}),
+        velocity=topics.take("position", _SPEEDS),
+        attitude=_attitude(topics),
+        airspeed=topics.take("airspeed", {name: name for name in COLUMNS["airspeed"]}),
+        imu=topics.take("imu", {name: name for name in COLUMNS["imu"]}),
+        modes=changes_of(times, modes),
+        events=tuple(sorted([*topics.events(), *_reasons(topics, modes, log)])),
+        parameters=topics.parameters(),
+        facts={word: str(log.info[key]) for key, word in _FACTS.items() if key in log.info},
+        files=log.texts,
+        streams={name: t for name, t in topics.time_s.items() if name != "parameter"},
+        lost=topics.lost,
+    )
+    flight = replace(flight, **parts)
+    return with_missing(flight, ("path", "tracking", "line", "surfaces", "airspeed", "air"))
+
+
+def _attitude(topics: Topics) -> Series | None:
+    if not topics.has("attitude", "qw"):
+        return None
+    roll, pitch, yaw = euler(*(topics.column("attitude", q) for q in ("qw", "qx", "qy", "qz")))
+    good = np.isfinite(roll)
+    angles = {"roll_rad": roll[good], "pitch_rad": pitch[good], "yaw_rad": yaw[good]}
+    return series(topics.time_s["attitude"][good], "attitude", **angles)
+
+
+def _reasons(topics: Topics, modes: list[str], log: FlightLog) -> list[Event]:
+    """Why the mode changed, at each change that was not told in words."""
+    said = {words.text.strip() for words in log.words}
+    if not topics.has(TICK, "reason"):
+        return []
+    reasons = topics.column(TICK, "reason").astype(int)
+    words = dict(enumerate(_names(log, "reasons", REASON_TEXTS)))
+    times = topics.time_s[TICK]
+    found = []
+    for i in np.flatnonzero(reasons).tolist():
+        text = f"{modes[i]}: {words.get(int(reasons[i]), 'reason unknown')}"
+        if text not in said:  # else it was told the operator, and the log has that
+            found.append(Event(float(times[i]), "mode", text))
+    return found
+
+
+def _names(log: FlightLog, key: str, ours: tuple[str, ...]) -> tuple[str, ...]:
+    """As the version that wrote the log numbered them."""
+    told = log.info.get(key)
+    return tuple(told.split(";")) if isinstance(told, str) and told else ours

@@ -1,0 +1,49 @@
+"""Any log that is known here, opened by what is in it and not by what it is called."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from tgl_soar.flightlog.reader import LogError, read_log
+
+from . import dataflash, tlog
+from .dataflash import Dataflash, read_dataflash
+from .flight_data import FlightData
+from .module_log import read_module_log
+from .px4 import read_px4
+from .tlog import Tlog, read_tlog
+
+ULOG: Final = b"ULog"
+KNOWN: Final = (
+    "the module's flight log and PX4's (ULog), ArduPilot's DataFlash log (.bin), and MAVLink"
+    " telemetry logs (.tlog)"
+)
+
+
+def read_flight(path: str | Path) -> FlightData:
+    """Read a log.  What could not be read of it is told in `lost`.
+
+    Errors: `LogError` where nothing could be; ImportError naming the extra that is needed.
+    """
+    path = Path(path)
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read: {error.strerror}") from None
+    if not data.strip(b"\0"):
+        raise LogError(f"{path}: {'only zeros' if data else 'empty'}: there is no flight in it")
+    if data.startswith(ULOG):
+        log = read_log(path)
+        return read_module_log(log) if log.is_ours else read_px4(log)
+    if data.startswith(dataflash.MAGIC):
+        return read_dataflash(path.name, Dataflash(path, data))
+    if len(data) > 8 and data[8] in (tlog.V1, tlog.V2):
+        return read_tlog(path.name, Tlog(path, data))
+    for what, magic in (("ULog", ULOG), ("DataFlash log", dataflash.MAGIC + b"\x80")):
+        at = data.find(magic, 0, 65536)
+        if at > 0:
+            raise LogError(
+                f"{path}: {at} bytes of something else stand before a {what}: cut them off"
+            )
+    raise LogError(f"{path}: no log that is known here; known are {KNOWN}")

@@ -1,0 +1,189 @@
+"""Empty, cut, foreign, damaged and clock-jumping logs: what can be read is; the rest is told."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import flown
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tgl_soar.flightlog.reader import LogError
+from tgl_soar.logs.clocks import Straightened
+from tgl_soar.logs.flight_data import FlightData
+from tgl_soar.logs.reading import read_flight
+
+Write = Callable[[Path], Path]
+WRITERS: dict[str, Write] = {
+    "ours": flown.our_log,
+    "px4": flown.px4_log,
+    "dataflash": flown.dataflash_log,
+    "tlog": flown.tlog,
+}
+every_writer = pytest.mark.parametrize("writer", WRITERS)
+
+
+def attitudes(flight: FlightData) -> int:
+    return 0 if flight.attitude is None else len(flight.attitude)
+
+
+@pytest.mark.parametrize("data", [b"", b"\0" * 5000, b"not a log at all", b"ULog\x01\x12\x35\x01"])
+def test_what_is_no_log_is_refused_by_name(tmp_path: Path, data: bytes) -> None:
+    path = tmp_path / "flight.ulg"
+    path.write_bytes(data)
+    with pytest.raises(LogError, match=r"flight\.ulg"):
+        read_flight(path)
+
+
+def test_a_folder_and_a_missing_file_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="cannot be read"):
+        read_flight(tmp_path)
+    with pytest.raises(LogError, match="cannot be read"):
+        read_flight(tmp_path / "none.ulg")
+
+
+def test_a_picture_is_told_from_a_log_and_the_known_ones_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "flight.tlog"
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(range(256)) * 20)
+    with pytest.raises(LogError, match=r"known are .*ULog.*DataFlash.*tlog"):
+        read_flight(path)
+
+
+@every_writer
+def test_the_name_does_not_matter(tmp_path: Path, writer: str) -> None:
+    path = WRITERS[writer](tmp_path)
+    other = tmp_path / "flight.txt"
+    path.rename(other)
+    assert attitudes(read_flight(other)) > 100
+
+
+@every_writer
+def test_a_log_that_breaks_off_is_read_up_to_there(tmp_path: Path, writer: str) -> None:
+    path = WRITERS[writer](tmp_path)
+    whole = read_flight(path)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(0.6 * len(data)) + 5])
+    cut = read_flight(path)
+    assert 0.4 * attitudes(whole) < attitudes(cut) < 0.8 * attitudes(whole)
+    assert cut.lost
+    assert any("cut off" in text or "whole" in text for text in cut.lost)
+
+
+@every_writer
+def test_damage_in_the_middle_costs_little_more_than_itself(tmp_path: Path, writer: str) -> None:
+    path = WRITERS[writer](tmp_path)
+    whole = read_flight(path)
+    data = bytearray(path.read_bytes())
+    middle = len(data) // 2
+    data[middle : middle + 300] = random.Random(1).randbytes(300)
+    path.write_bytes(bytes(data))
+    damaged = read_flight(path)
+    assert attitudes(damaged) > 0.85 * attitudes(whole)  # a wrong length may swallow some
+    assert damaged.lost
+
+
+@pytest.mark.parametrize("jump_s", [-3600.0, -3.0, 7200.0])
+@pytest.mark.parametrize("write", [flown.px4_log, flown.dataflash_log])
+def test_a_clock_that_is_set_in_flight_is_straightened(
+    tmp_path: Path, write: Callable[..., Path], jump_s: float
+) -> None:
+    boot_us = round(flown.BOOT_S * 1e6)
+    jump_us = max(round(jump_s * 1e6), -boot_us - round(flown.LEG_S * 1e6))
+    flight = read_flight(write(tmp_path, jump_us=jump_us))
+    assert flight.duration_s == pytest.approx(2 * flown.LEG_S, abs=1.5)
+    assert any("ran back" in text or "leapt" in text for text in flight.lost)
+    whole = read_flight(write(tmp_path))
+    assert attitudes(flight) == attitudes(whole)
+    for series in flight.series().values():
+        assert np.all(np.diff(series.time_s) >= 0.0)
+
+
+@pytest.mark.parametrize("jump_s", [-600.0, 86_400.0])
+def test_a_recorders_clock_is_no_matter_where_the_autopilot_tells_its_own(
+    tmp_path: Path, jump_s: float
+) -> None:
+    flight = read_flight(flown.tlog(tmp_path, recorder_jump_us=round(jump_s * 1e6)))
+    assert flight.duration_s == pytest.approx(2 * flown.LEG_S, abs=0.1)
+    assert any("recorder's clock leaps" in text for text in flight.lost)
+
+
+def test_a_newer_ulog_says_that_it_is_newer_or_reads(tmp_path: Path) -> None:
+    flight = read_flight(flown.px4_log(tmp_path, version=9))
+    assert attitudes(flight) > 100
+
+
+def test_our_log_of_another_layout_is_read_and_said_to_be_of_another(tmp_path: Path) -> None:
+    path = flown.our_log(tmp_path)
+    path.write_bytes(path.read_bytes().replace(b"char[1] ver_log1", b"char[1] ver_log9"))
+    flight = read_flight(path)
+    assert attitudes(flight) > 100
+    assert any("layout 9" in text for text in flight.lost)
+
+
+def test_attitude_alone_is_a_flight_too(tmp_path: Path) -> None:
+    others = [name for name in flown.PX4 if name != "vehicle_attitude"]
+    flight = read_flight(flown.px4_log(tmp_path, leave_out=others))
+    assert set(flight.series()) == {"attitude"}
+    assert any("position" in text for text in flight.missing)
+
+
+@every_writer
+@settings(max_examples=15)
+@given(data=st.data())
+def test_no_damage_makes_a_reader_raise_anything_but_its_own_error(
+    writer: str, data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    whole = _whole(writer, tmp_path_factory)
+    begin = data.draw(st.integers(0, len(whole) - 1))
+    length = data.draw(st.integers(1, 4000))
+    damaged = bytearray(whole[begin : begin + length] if data.draw(st.booleans()) else whole[:9000])
+    for _ in range(data.draw(st.integers(0, 20))):
+        damaged[data.draw(st.integers(0, len(damaged) - 1))] = data.draw(st.integers(0, 255))
+    if data.draw(st.booleans()):
+        damaged[:16] = whole[:16]
+    path = tmp_path_factory.getbasetemp() / f"damaged_{writer}"
+    path.write_bytes(bytes(damaged))
+    with suppress(LogError):
+        assert read_flight(path).duration_s >= 0.0
+
+
+_BYTES: dict[str, bytes] = {}
+
+
+def _whole(writer: str, factory: pytest.TempPathFactory) -> bytes:
+    if writer not in _BYTES:
+        _BYTES[writer] = WRITERS[writer](factory.mktemp("whole")).read_bytes()
+    return _BYTES[writer]
+
+
+# --- clocks -----------------------------------------------------------------------------------
+
+
+def test_a_single_stamp_far_off_is_left_out() -> None:
+    times = np.arange(0.0, 10.0, 0.1)
+    times[40], times[60] = 1e13, 0.0
+    clocks = Straightened({"a": times})
+    assert len(clocks.rows["a"]) == 98
+    assert clocks.time_s["a"][-1] == pytest.approx(9.9)
+    assert "2 of 100 samples" in clocks.lost[0]
+
+
+def test_a_sample_that_came_late_goes_to_its_place() -> None:
+    clocks = Straightened({"a": np.array([1.0, 1.1, 1.3, 1.2, 1.4])})
+    assert clocks.rows["a"].tolist() == [0, 1, 3, 2, 4]
+    assert clocks.lost == []
+
+
+def test_streams_stay_together_over_a_step_back() -> None:
+    """A slow stream steps back by another amount than the fast one, and yet by the same clock."""
+    true = {"fast": np.arange(0.0, 20.0, 0.01), "slow": np.arange(0.0, 20.0, 0.7)}
+    stamps = {name: np.where(t > 10.0, t - 8.0, t) for name, t in true.items()}
+    clocks = Straightened(stamps)
+    for name, t in true.items():
+        np.testing.assert_allclose(clocks.time_s[name], t, atol=0.011)
+    assert len(clocks.lost) == 1
