@@ -54,7 +54,7 @@ def _times() -> tuple[float, float, float]:
     values = load_parameters(airframe, airframe_path, site, site_path)
     world = make_world(airframe, site, seed=1, turbulence=0.01)
     world.held = True
-    laws = laws_from(values, world.frame)
+    laws = laws_from(values, world.frame, world.aerodynamics)
     state: AutopilotState = initial_state()
     encoder, decoder = mavlink.MAVLink(None, 1, 1), mavlink.MAVLink(None)
     command = None

@@ -35,9 +35,20 @@ from tgl_soar.control.target_line import (
 )
 from tgl_soar.estimation.health import INFINITE, HealthLimits, judge
 from tgl_soar.estimation.motion import MotionGains, MotionState, initial_motion, motion_step
+from tgl_soar.estimation.wind import WindParams, WindState, initial_wind, wind_step
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.parameters import ParameterSet
-from tgl_soar.types import NAN, Health, Inputs, Setpoints, SurfaceCommand, VehicleState
+from tgl_soar.types import (
+    NAN,
+    NO_AERODYNAMICS,
+    Aerodynamics,
+    AirEstimate,
+    Health,
+    Inputs,
+    Setpoints,
+    SurfaceCommand,
+    VehicleState,
+)
 
 DT_MAX_S = 0.1  # a longer gap between two ticks is not integrated over
 LINE_UPRIGHT = 0.1  # sine of a line's inclination, below which it has no upstream side
@@ -70,6 +81,7 @@ class Laws(NamedTuple):
     heading: HeadingGains
     envelope: EnvelopeLimits
     trim: SurfaceCommand
+    wind: WindParams
 
 
 class AutopilotState(NamedTuple):
@@ -86,6 +98,7 @@ class AutopilotState(NamedTuple):
     heading: PidState
     heading_setpoint_rad: float
     limited: Limited
+    wind: WindState
 
 
 class Output(NamedTuple):
@@ -109,6 +122,7 @@ class Output(NamedTuple):
     elevator: PidTerms
     aileron: PidTerms
     rudder: PidTerms
+    air: AirEstimate
 
 
 def mode_name(mode: int) -> str:
@@ -121,8 +135,10 @@ def reason_text(reason: int) -> str:
     return modes.REASON_TEXTS[reason]
 
 
-def laws_from(values: ParameterSet, frame: SoaringFrame) -> Laws:
-    """The laws' parameters in SI units, from the operator's."""
+def laws_from(
+    values: ParameterSet, frame: SoaringFrame, aerodynamics: Aerodynamics = NO_AERODYNAMICS
+) -> Laws:
+    """The laws' parameters in SI units, from the operator's and what the airframe file knows."""
     travel = values["SURF_MAX"]
     return Laws(
         frame=frame,
@@ -176,6 +192,7 @@ def laws_from(values: ParameterSet, frame: SoaringFrame) -> Laws:
         ),
         envelope=EnvelopeLimits(travel, values["SURF_RATE"]),
         trim=SurfaceCommand(values["ELE_TRIM"], values["AIL_TRIM"], values["RUD_TRIM"]),
+        wind=WindParams(aerodynamics, values["WIND_CHANGE"], radians(values["WIND_ALIGN"])),
     )
 
 
@@ -221,6 +238,7 @@ def initial_state() -> AutopilotState:
         _AT_REST,
         0.0,
         Limited(_NEUTRAL, 0, 0, True),
+        initial_wind(),
     )
 
 
@@ -230,9 +248,20 @@ def step(laws: Laws, state: AutopilotState, inputs: Inputs) -> tuple[AutopilotSt
     dt = min(DT_MAX_S, dt) if dt > 0.0 else 0.0  # NaN: the first tick
     motion, vehicle = motion_step(laws.motion, laws.frame, state.motion, inputs)
     health = judge(laws.health, motion, inputs)
+    wind, air = wind_step(laws.wind, state.wind, vehicle, inputs, _elevator(laws, state, inputs))
+    state = state._replace(wind=wind)
     if modes.is_flying(state.supervisor.mode):
-        return _fly(laws, state, inputs, motion, vehicle, health, dt, modes.REASON_NONE)
-    return _watch(laws, state, inputs, motion, vehicle, health)
+        return _fly(laws, state, inputs, motion, vehicle, health, air, dt, modes.REASON_NONE)
+    return _watch(laws, state, inputs, motion, vehicle, health, air)
+
+
+def _elevator(laws: Laws, state: AutopilotState, inputs: Inputs) -> float:
+    """The elevator's deflection as it is read back, else as it was commanded, else its trim."""
+    if isfinite(inputs.surfaces.elevator):
+        return inputs.surfaces.elevator
+    if modes.is_flying(state.supervisor.mode):
+        return state.limited.command.elevator
+    return laws.trim.elevator
 
 
 def _watch(
@@ -242,6 +271,7 @@ def _watch(
     motion: MotionState,
     vehicle: VehicleState,
     health: Health,
+    air: AirEstimate,
 ) -> tuple[AutopilotState, Output]:
     """Without the surfaces: look, and engage if asked and able."""
     found = _found(laws, inputs, vehicle, health, 0.0, False, False, True, True)
@@ -250,7 +280,7 @@ def _watch(
     state = state._replace(time_s=inputs.time_s, supervisor=supervisor, motion=motion)
     if modes.is_flying(mode):
         state = _engaged(laws, state, vehicle)
-        return _fly(laws, state, inputs, motion, vehicle, health, 0.0, reason)
+        return _fly(laws, state, inputs, motion, vehicle, health, air, 0.0, reason)
     target = laws.target
     distance = e_rho(target.x_m, target.z_m, target.eta_rad, vehicle.x_m, vehicle.z_m)
     return state, Output(
@@ -272,6 +302,7 @@ def _watch(
         _NO_TERMS,
         _NO_TERMS,
         _NO_TERMS,
+        air,
     )
 
 
@@ -310,6 +341,7 @@ def _fly(
     motion: MotionState,
     vehicle: VehicleState,
     health: Health,
+    air: AirEstimate,
     dt_s: float,
     engaged_because: int,
 ) -> tuple[AutopilotState, Output]:
@@ -338,7 +370,7 @@ def _fly(
         state = state._replace(
             time_s=inputs.time_s, supervisor=supervisor, motion=motion, line=line
         )
-        return state, _let_go(state, inputs, vehicle, health, reason, distance, rate)
+        return state, _let_go(state, inputs, vehicle, health, air, reason, distance, rate)
 
     soaring = state.soaring
     psi_setpoint = state.heading_setpoint_rad
@@ -402,6 +434,7 @@ def _fly(
         heading,
         psi_setpoint,
         limited,
+        state.wind,
     )
     return state, Output(
         inputs.time_s,
@@ -422,6 +455,7 @@ def _fly(
         elevator_terms,
         aileron_terms,
         rudder_terms,
+        air,
     )
 
 
@@ -430,6 +464,7 @@ def _let_go(
     inputs: Inputs,
     vehicle: VehicleState,
     health: Health,
+    air: AirEstimate,
     reason: int,
     distance_m: float,
     rate_mps: float,
@@ -454,6 +489,7 @@ def _let_go(
         _NO_TERMS,
         _NO_TERMS,
         _NO_TERMS,
+        air,
     )
 
 

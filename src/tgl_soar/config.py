@@ -26,7 +26,7 @@ from msgspec import Meta, Struct, inspect
 from tgl_soar.geometry import HallFrame, SoaringFrame
 from tgl_soar.line_changes import Contour, PresetLine, Presets, with_changes
 from tgl_soar.parameters import INDEX, PARAMETERS, ParameterError, ParameterSet
-from tgl_soar.types import GlidePolar
+from tgl_soar.types import NO_AERODYNAMICS, Aerodynamics, GlidePolar
 
 
 class ConfigError(ValueError):
@@ -134,6 +134,36 @@ class Airframe(Strict, frozen=True):
     polar: Polar
     parameters: dict[str, float] = {}
     model: dict[str, Finite] = {}  # the simulation's; checked by tgl_soar.sim.aircraft
+
+    def __post_init__(self) -> None:
+        for key in _POSITIVE:
+            if not self.model.get(key, 1.0) > 0.0:
+                raise ValueError(f"model.{key} = {self.model[key]:g}: must be above 0")
+
+    def aerodynamics(self) -> Aerodynamics:
+        """Lift and drag as the flying module knows them; `NO_AERODYNAMICS` without a model."""
+        model, facts = self.model, self.airframe
+        if not all(key in model for key in _AERODYNAMIC):
+            return NO_AERODYNAMICS
+        figures = (model[key] for key in _AERODYNAMIC)
+        return Aerodynamics._make(
+            (facts.mass_kg, facts.wing_area_m2, *figures, self.polar.as_polar())
+        )
+
+
+_AERODYNAMIC: Final = tuple(
+    name
+    for name in Aerodynamics._fields
+    if name not in AirframeFacts.__struct_fields__ and name != "polar"
+)
+_POSITIVE: Final = (
+    "gravity_mps2",
+    "air_density_kgpm3",
+    "CL_alpha",
+    "stall_alpha_rad",
+    "stall_width_rad",
+    "CD0",
+)
 
 
 class Line(Strict, frozen=True):

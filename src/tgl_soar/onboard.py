@@ -79,7 +79,7 @@ from tgl_soar.link.tangent_plane import Home
 from tgl_soar.link.telemetry import StatusTexts, Telemetry
 from tgl_soar.parameter_store import ParameterStore
 from tgl_soar.parameters import ParameterSet
-from tgl_soar.types import NAN, Inputs, SurfaceCommand
+from tgl_soar.types import NAN, NO_AERODYNAMICS, Aerodynamics, Inputs, SurfaceCommand
 
 BOOT: Final = 0  # modes as the supervisor numbers them; a test holds the two together
 STANDBY: Final = 1
@@ -120,6 +120,7 @@ class Setup(NamedTuple):
     position: Position = Position()  # the site's sources
     imu: int | None = None  # the message that is to carry accelerations; None: the usual one
     forward: Forward | None = None  # what the autopilot is told of the position
+    aerodynamics: Aerodynamics = NO_AERODYNAMICS  # of the airframe, to read the air by
 
 
 @dataclass(slots=True)
@@ -176,6 +177,7 @@ def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Setu
         site.position,
         _IMUS[link.imu],
         site.forward,
+        airframe.aerodynamics(),
     )
 
 
@@ -293,7 +295,7 @@ class Onboard:
         self._autopilot = self._routes[self.add_link(send, stream=stream)]
         self._autopilot.decoder.watch(self.session.autopilot)
         self._values = setup.parameters
-        self._laws = autopilot.laws_from(setup.parameters, setup.frame)
+        self._laws = autopilot.laws_from(setup.parameters, setup.frame, setup.aerodynamics)
         self._engage = setup.parameters["OP_ENGAGE"] >= 0.5
         self._state = autopilot.initial_state()
         self._mode = BOOT
@@ -546,7 +548,7 @@ class Onboard:
             self.pacer.set_rate(rate_hz)
         self._values = values
         self._recorder.parameters(values)
-        self._laws = autopilot.laws_from(values, self._setup.frame)
+        self._laws = autopilot.laws_from(values, self._setup.frame, self._setup.aerodynamics)
         self._engage = values["OP_ENGAGE"] >= 0.5
         self._want_pilot_switch()
         self.counters.laws_changed += 1

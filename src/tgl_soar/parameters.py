@@ -153,6 +153,16 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         "EST_DELAY", "s", 0, 0.5, 0.0,
         "Delay of the position source that its time stamps do not tell.",
     ),
+    # --- the air at the aircraft -----------------------------------------------------------
+    Parameter(
+        "WIND_CHANGE", "m/s/sqrt(s)", 0.05, 10, 0.8,
+        "How fast the wind that the aircraft meets wanders: the root of what its variance grows"
+        " by in half a second. In Dryden turbulence it is sigma / sqrt(L / V).",
+    ),
+    Parameter(
+        "WIND_ALIGN", "deg", 0, 5, 0.5,
+        "Standard deviation of the pitch's constant error, for the uncertainty of the updraft.",
+    ),
     # --- when to let go ------------------------------------------------------------------
     Parameter("AGE_POS_HOLD", "s", 0.05, 2, 0.25, "Position older than this: hold the pitch."),
     Parameter(
@@ -206,6 +216,10 @@ GROUPS: Final[tuple[Group, ...]] = (
     ),
     Group("Surfaces", ("SURF",), "The last limit of every command."),
     Group("Estimation", ("EST",), "How position and velocity follow from delayed fixes."),
+    Group(
+        "The air", ("WIND",),
+        "Airspeed, angle of attack, wind and updraft, estimated from all that is measured.",
+    ),
     Group(
         "Letting go", ("AGE", "REC", "CAPTURE", "TILT"),
         "Beyond these the module gives the surfaces back by itself and says why.",

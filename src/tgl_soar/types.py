@@ -200,3 +200,30 @@ def polar_slope(polar: GlidePolar, speed_mps: float) -> float:
     if not polar.speed_min_mps <= speed_mps <= polar.speed_max_mps:
         return NAN
     return polar.c1 + speed_mps * (2.0 * polar.c2 + speed_mps * 3.0 * polar.c3)
+
+
+class Aerodynamics(NamedTuple):
+    """What is known of the airframe's lift and drag, for reading the air from what it feels.
+
+    C_L = CL0 + CL_alpha (alpha − s) + CL_elevator elevator
+    C_D = CD0 + CD_lift C_L² + CD_separated sin s
+    s = w ln(1 + exp((alpha − stall_alpha) / w))     how far the incidence is beyond the stall
+    """
+
+    mass_kg: float
+    wing_area_m2: float
+    gravity_mps2: float
+    air_density_kgpm3: float
+    CL0: float
+    CL_alpha: float  # per rad
+    CL_elevator: float  # per half-throw
+    stall_alpha_rad: float
+    stall_width_rad: float
+    CD0: float
+    CD_lift: float
+    CD_separated: float
+    polar: GlidePolar
+
+
+NO_POLAR = GlidePolar(NAN, NAN, NAN, NAN, NAN, NAN)
+NO_AERODYNAMICS = Aerodynamics(NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NO_POLAR)

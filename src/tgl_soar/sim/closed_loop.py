@@ -52,6 +52,13 @@ class Row(NamedTuple):
     alpha_rad: float
     wind_mps: float
     updraft_mps: float
+    air_airspeed_mps: float  # from here on what the module takes them to be: types.AirEstimate
+    air_alpha_rad: float
+    air_wind_mps: float
+    air_updraft_mps: float
+    air_excess_mps: float
+    air_wind_sigma_mps: float
+    air_updraft_sigma_mps: float
 
 
 @dataclass(frozen=True)
@@ -78,7 +85,7 @@ class ClosedLoop:
         self.state: AutopilotState = initial_state()
         self.output: Output | None = None
         self.engage = True
-        self._laws = laws_from(values, world.frame)
+        self._laws = laws_from(values, world.frame, world.aerodynamics)
         self._command = SurfaceCommand(world.trim.elevator, 0.0, 0.0)
         self._link = DirectLink(injection, self._command) if injection is not None else None
         self._injection = injection
@@ -88,7 +95,7 @@ class ClosedLoop:
     def change(self, parameters: dict[str, float]) -> None:
         """Set parameters between two ticks.  Errors: `ParameterError`."""
         self.values = self.values.changed(parameters, flying=True)
-        self._laws = laws_from(self.values, self.world.frame)
+        self._laws = laws_from(self.values, self.world.frame, self.world.aerodynamics)
 
     def tick(self) -> Output:
         """One tick of the module and one step of the world."""
@@ -157,6 +164,7 @@ def fly(
                 truth.alpha_rad,
                 truth.wind_x_mps,
                 truth.updraft_mps,
+                *output.air[:7],
             )
         )
         if world.crashed:

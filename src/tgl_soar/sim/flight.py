@@ -536,6 +536,10 @@ def write_row(
     row[11] = output.command.elevator
     row[12], row[13] = air.airspeed_mps, air.alpha_rad
     row[14], row[15] = wind[0], wind[2]
+    felt = output.air
+    row[16], row[17], row[18] = felt.airspeed_mps, felt.alpha_rad, felt.wind_mps
+    row[19], row[20] = felt.updraft_mps, felt.excess_mps
+    row[21], row[22] = felt.wind_sigma_mps, felt.updraft_sigma_mps
 
 
 def fly_ticks(

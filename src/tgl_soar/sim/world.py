@@ -29,11 +29,13 @@ from tgl_soar.air.jet import JetShape, SlopeJet
 from tgl_soar.config import Airframe, ConfigError, GridAir, HillAir, JetAir, Site, Start
 from tgl_soar.geometry import SoaringFrame, euler_from_quaternion
 from tgl_soar.types import (
+    NO_AERODYNAMICS,
     NO_AIRSPEED,
     NO_ATTITUDE,
     NO_FIX,
     NO_IMU,
     NO_SURFACES,
+    Aerodynamics,
     AirspeedSample,
     AttitudeSample,
     ImuSample,
@@ -112,6 +114,7 @@ class World:
     turbulence     Dryden intensity as a fraction of the field's reference wind, and its scale
     step_hz        steps per second; every sensor's rate must divide it
     sensors        what it carries; the autopilot's own position and attitude by default
+    aerodynamics   what the module on board is told of the aircraft; the model is what is true
     """
 
     def __init__(
@@ -128,12 +131,14 @@ class World:
         step_hz: int = 200,
         bounds: Bounds | None = None,
         sensors: Sensors = USUAL_SENSORS,
+        aerodynamics: Aerodynamics = NO_AERODYNAMICS,
     ) -> None:
         self.step_hz = step_hz
         self.steps = 0
         self.held = False  # somebody holds the aircraft where it is
         self.crashed = ""  # why it flies no more
         self.field, self.frame, self.start = field, frame, start
+        self.aerodynamics = aerodynamics
         self.position: PositionFix = NO_FIX  # the newest that has arrived
         self.attitude: AttitudeSample = NO_ATTITUDE
         self.imu: ImuSample = NO_IMU
@@ -414,6 +419,7 @@ def make_world(
             step_hz=step_hz,
             bounds=_bounds(site.air),
             sensors=sensors,
+            aerodynamics=airframe.aerodynamics(),
         )
     except ValueError as error:
         raise ConfigError(f"{site.site.name}, {airframe.airframe.name}: {error}") from None

@@ -1,0 +1,465 @@
+"""The air at the aircraft: airspeed, angle of attack, wind and updraft.
+
+What an accelerometer at the centre of gravity feels is the air's force on the airframe, and
+that depends on the velocity through the air alone: (u, w) along the body's x and z axes,
+V² = u² + w², alpha = atan2(w, u), k = ρ S / 2m,
+
+    normal   −f_z = k V (C_L u + C_D w)          mostly V² and alpha, by the lift curve
+    axial     f_x = k V (C_L w − C_D u)          mostly alpha − atan(C_D / C_L)
+    pitot     u
+
+The wind is what is added to that to give the velocity over the ground: in upwind NED, R the
+rotation from FRD, v the velocity over the ground and W the wind, both in the soaring frame,
+
+    (u, ·, w) = Rᵀ (W_x − v_x,  v_y,  W_z − v_z)          the cross wind is taken as none
+
+A Kalman filter holds W = (W_x, W_z), which wanders: dW² = 2 q² dt.  Each measurement corrects
+it where there is a new sample, so that every sensor may be missing or late:
+
+    without a pitot the two forces alone give u and w;
+    without accelerometers the force is that of steady flight, −Rᵀ g, give or take what
+    turbulence of a few per cent does (UNSTEADY_…).
+
+Constant errors are not estimated, there is nothing to see them by, but considered (Schmidt's
+filter): the covariance of what is not known of W with each of them is carried along, so that
+no sensor is believed further than its bias allows, and the standard deviations count them.
+
+    b_n   of the normal force      the lift curve
+    b_a   of the axial force       the drag, and g δ
+    b_p   of the pitot
+    δ     of the pitch             the attitude's alignment: Ŵ = v + R(θ + δ) (u, w)
+
+The accelerometers' own bias is taken out beforehand, by the attitude: flight over seconds is
+unaccelerated flight, and there R f + g = dv/dt.  What is left of it is the attitude's own error,
+g δ, along x: the alpha found from the force's direction is too high by about what the pitch is
+too high, and the updraft, which needs their difference, hardly notices.
+
+Excess updraft is the updraft less the sink of the glide polar at the horizontal airspeed.
+"""
+
+from __future__ import annotations
+
+from math import atan2, cos, exp, isfinite, log1p, sin, sqrt
+from typing import NamedTuple
+
+from tgl_soar.types import (
+    NAN,
+    NO_AIR,
+    Aerodynamics,
+    AirEstimate,
+    ImuSample,
+    Inputs,
+    VehicleState,
+    polar_sink,
+)
+
+# What the numbers of an airframe file are good for.
+LIFT_ERROR = 0.04  # of the lift at an angle of attack
+DRAG_ERROR = 0.10
+GLIDE_RATIO = 6.0  # drag is weight over this
+PITOT_BIAS_MPS = 0.15
+# White noise of single samples, with what is not simultaneous in it.
+FORCE_NOISE_MPS2 = 0.25
+PITOT_NOISE_MPS = 0.20
+VELOCITY_ERROR_MPS = 0.05  # of the velocity over the ground
+# Without accelerometers: how far from steady flight is, and for how long.
+UNSTEADY_X_MPS2 = 0.25
+UNSTEADY_Z_MPS2 = 1.3
+UNSTEADY_S = 0.1
+FORCE_AGE_MAX_S = 0.1
+PITOT_AGE_MAX_S = 0.5
+BIAS_S = 5.0  # over so long flight is unaccelerated
+FIRST_GUESS_MPS = 4.0
+GATE = 5.0  # standard deviations beyond which a measurement is refused
+RESTART_S = 1.0  # after a gap of this length nothing is known any more
+# Beyond these the model says nothing, and nor do we.
+ALPHA_MAX_RAD = 0.6
+SLOWEST = 0.4  # of the polar's slowest
+FASTEST = 2.0  # of the polar's fastest
+SLOWEST_MPS = 0.5
+
+
+class WindParams(NamedTuple):
+    """Parameters of the estimator."""
+
+    aerodynamics: Aerodynamics
+    change: float  # q: how fast the wind at the aircraft wanders [m/s per root second]
+    alignment_rad: float  # standard deviation of δ
+
+
+class Belief(NamedTuple):
+    """W, the covariance of what is not known of it, and that with each constant error."""
+
+    wind_mps: float  # W_x: horizontal wind, positive downstream
+    updraft_mps: float  # W_z: vertical wind, positive up
+    p_xx: float  # variance of W_x, in m²/s²
+    p_xz: float  # covariance of W_x and W_z
+    p_zz: float  # variance of W_z
+    normal_x: float  # covariance of W_x with b_n, in m²/s³
+    normal_z: float  # covariance of W_z with b_n
+    axial_x: float  # covariance of W_x with b_a
+    axial_z: float  # covariance of W_z with b_a
+    pitot_x: float  # covariance of W_x with b_p, in m²/s²
+    pitot_z: float  # covariance of W_z with b_p
+    pitch_x: float  # covariance of W_x with δ, in rad m/s
+    pitch_z: float  # covariance of W_z with δ
+
+
+class Body(NamedTuple):
+    """The body's x and z axes in upwind NED (two columns of R), and its velocity."""
+
+    x_n: float
+    x_e: float
+    x_d: float
+    z_n: float
+    z_e: float
+    z_d: float
+    velocity_x_mps: float
+    velocity_y_mps: float
+    climb_mps: float
+
+
+class Averages(NamedTuple):
+    """Over `BIAS_S`; from them the accelerometers' bias follows."""
+
+    velocity_x_mps: float  # over the ground, downstream
+    climb_mps: float  # over the ground, up
+    force_x_mps2: float  # specific force plus gravity, body axes
+    force_z_mps2: float  # specific force plus gravity, body axes
+
+
+class WindState(NamedTuple):
+    """What the estimator remembers."""
+
+    time_s: float  # NaN: nothing is known yet
+    belief: Belief
+    average: Averages
+    imu_sequence: int  # of the last sample looked at
+    imu_time_s: float  # of the tick that used the last sample; NaN: none yet
+    airspeed_sequence: int  # of the last sample looked at
+    airspeed_time_s: float  # of the tick that used the last sample; NaN: none yet
+    refused: int  # measurements that no flight explains, so far
+
+
+def initial_wind() -> WindState:
+    """Nothing is known yet."""
+    return WindState(
+        NAN,
+        Belief(NAN, NAN, NAN, NAN, NAN, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        Averages(0.0, 0.0, 0.0, 0.0),
+        0,
+        NAN,
+        0,
+        NAN,
+        0,
+    )
+
+
+def wind_step(
+    params: WindParams,
+    state: WindState,
+    vehicle: VehicleState,
+    inputs: Inputs,
+    elevator: float,
+) -> tuple[WindState, AirEstimate]:
+    """Take in what is new and give the air at inputs.time_s.
+
+    elevator: its deflection, -1 … 1, as far as it is known.
+    """
+    aero, imu, pitot = params.aerodynamics, inputs.imu, inputs.airspeed
+    now = inputs.time_s
+    frame = _body(vehicle)
+    usable = (
+        isfinite(aero.mass_kg)
+        and isfinite(frame.x_n + frame.x_e + frame.x_d + frame.z_n + frame.z_e + frame.z_d)
+        and isfinite(frame.velocity_x_mps + frame.velocity_y_mps + frame.climb_mps)
+    )
+    dt = now - state.time_s
+    belief, average = state.belief, state.average
+    if not 0.0 <= dt < RESTART_S:  # NaN: nothing is known yet
+        belief, dt = _first_guess(aero, frame), 0.0
+        average = Averages(frame.velocity_x_mps, frame.climb_mps, 0.0, 0.0)
+    wander = 2.0 * params.change * params.change * dt
+    belief = belief._replace(p_xx=belief.p_xx + wander, p_zz=belief.p_zz + wander)
+    refused, imu_time, pitot_time = state.refused, state.imu_time_s, state.airspeed_time_s
+
+    gravity = aero.gravity_mps2
+    forces = 0
+    fx, fz, noise_x, noise_z = 0.0, 0.0, FORCE_NOISE_MPS2, FORCE_NOISE_MPS2
+    if imu.sequence != state.imu_sequence:
+        if isfinite(imu.force_x_frd_mps2) and isfinite(imu.force_z_frd_mps2):
+            average = _averaged(average, frame, imu, gravity, dt)
+            fx, fz = _unbiased(average, frame, imu)
+            imu_time = now
+            forces = 2
+    elif dt > 0.0 and not now - imu_time <= FORCE_AGE_MAX_S:
+        fx, fz = -gravity * frame.x_d, -gravity * frame.z_d
+        samples = sqrt(2.0 * UNSTEADY_S / dt)  # that are as good as one
+        noise_x, noise_z = UNSTEADY_X_MPS2 * samples, UNSTEADY_Z_MPS2 * samples
+        forces = 2
+    if usable and forces > 0:
+        belief, taken = _take_forces(
+            aero, belief, frame, params.alignment_rad, fx, fz, noise_x, noise_z, elevator
+        )
+        refused += forces - taken
+
+    if usable and pitot.sequence != state.airspeed_sequence and isfinite(pitot.airspeed_mps):
+        before = belief
+        belief = _take_pitot(belief, frame, pitot.airspeed_mps)
+        if belief.p_xx < before.p_xx:
+            pitot_time = now
+        else:
+            refused += 1
+
+    air = NO_AIR
+    if usable:
+        air = _estimate(params, belief, frame, now - pitot_time <= PITOT_AGE_MAX_S)
+    known = isfinite(air.airspeed_mps)
+    return WindState(
+        now if known else NAN,
+        belief,
+        average,
+        imu.sequence,
+        imu_time,
+        pitot.sequence,
+        pitot_time,
+        refused,
+    ), air
+
+
+def _body(vehicle: VehicleState) -> Body:
+    angles = vehicle.roll_rad + vehicle.pitch_rad + vehicle.heading_rad
+    if not isfinite(angles):
+        return Body(NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
+    sr, cr = sin(vehicle.roll_rad), cos(vehicle.roll_rad)
+    sp, cp = sin(vehicle.pitch_rad), cos(vehicle.pitch_rad)
+    sh, ch = sin(vehicle.heading_rad), cos(vehicle.heading_rad)
+    return Body(
+        ch * cp,
+        sh * cp,
+        -sp,
+        ch * sp * cr + sh * sr,
+        sh * sp * cr - ch * sr,
+        cp * cr,
+        vehicle.velocity_x_mps,
+        vehicle.velocity_y_mps,
+        vehicle.climb_mps,
+    )
+
+
+def through_air(frame: Body, wind_mps: float, updraft_mps: float) -> tuple[float, float]:
+    """(u, w) [m/s]: the velocity through the air along the body's x and z axes."""
+    north, east = wind_mps - frame.velocity_x_mps, frame.velocity_y_mps
+    down = updraft_mps - frame.climb_mps
+    return (
+        frame.x_n * north + frame.x_e * east + frame.x_d * down,
+        frame.z_n * north + frame.z_e * east + frame.z_d * down,
+    )
+
+
+def _first_guess(aero: Aerodynamics, frame: Body) -> Belief:
+    """The wind in which the aircraft would glide a little faster than its slowest."""
+    speed = 1.15 * aero.polar.speed_min_mps
+    unknown = FIRST_GUESS_MPS * FIRST_GUESS_MPS
+    return Belief(
+        frame.velocity_x_mps + speed,
+        frame.climb_mps + polar_sink(aero.polar, speed),
+        *(unknown, 0.0, unknown),
+        *(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    )
+
+
+def _averaged(
+    average: Averages, frame: Body, imu: ImuSample, gravity_mps2: float, dt_s: float
+) -> Averages:
+    blend = min(1.0, dt_s / BIAS_S)
+    force_x = imu.force_x_frd_mps2 + gravity_mps2 * frame.x_d
+    force_z = imu.force_z_frd_mps2 + gravity_mps2 * frame.z_d
+    return Averages(
+        average.velocity_x_mps + blend * (frame.velocity_x_mps - average.velocity_x_mps),
+        average.climb_mps + blend * (frame.climb_mps - average.climb_mps),
+        average.force_x_mps2 + blend * (force_x - average.force_x_mps2),
+        average.force_z_mps2 + blend * (force_z - average.force_z_mps2),
+    )
+
+
+def _unbiased(average: Averages, frame: Body, imu: ImuSample) -> tuple[float, float]:
+    """The specific force less what its average leaves when the true acceleration is taken out.
+
+    With one low-pass for both, that of dv/dt is (v − v averaged) / BIAS_S.
+    """
+    north = (average.velocity_x_mps - frame.velocity_x_mps) / BIAS_S
+    down = (average.climb_mps - frame.climb_mps) / BIAS_S
+    return (
+        imu.force_x_frd_mps2 - average.force_x_mps2 + frame.x_n * north + frame.x_d * down,
+        imu.force_z_frd_mps2 - average.force_z_mps2 + frame.z_n * north + frame.z_d * down,
+    )
+
+
+def _take_forces(
+    aero: Aerodynamics,
+    belief: Belief,
+    frame: Body,
+    alignment_rad: float,
+    force_x_mps2: float,
+    force_z_mps2: float,
+    noise_x_mps2: float,
+    noise_z_mps2: float,
+    elevator: float,
+) -> tuple[Belief, int]:
+    """Normal and axial force, and how many of them were believed."""
+    u, w = through_air(frame, belief.wind_mps, belief.updraft_mps)
+    speed = sqrt(u * u + w * w)
+    if not speed > SLOWEST_MPS:
+        return belief, 0
+    cl, cl_alpha, cd, cd_alpha = lift_drag(aero, atan2(w, u), elevator)
+    k = 0.5 * aero.air_density_kgpm3 * aero.wing_area_m2 / aero.mass_kg
+    kv = k * speed
+    ku, kw = k * u / speed, k * w / speed
+
+    across = cl * u + cd * w
+    turn = k * (cl_alpha * u + cd_alpha * w) / speed
+    by_u = ku * across + kv * cl - turn * w  # of the normal force, by u and w
+    by_w = kw * across + kv * cd + turn * u
+    h_x = by_u * frame.x_n + by_w * frame.z_n
+    h_z = by_u * frame.x_d + by_w * frame.z_d
+    error = LIFT_ERROR * aero.gravity_mps2
+    normal = _corrected(
+        belief,
+        h_x,
+        h_z,
+        -force_z_mps2 - kv * across,
+        noise_z_mps2 * noise_z_mps2,
+        error * error,
+        0.0,
+        0.0,
+        0.0,
+    )
+    taken = 1 if normal.p_zz < belief.p_zz else 0
+
+    along = cl * w - cd * u
+    turn = k * (cl_alpha * w - cd_alpha * u) / speed
+    by_u = ku * along - kv * cd - turn * w  # of the axial force
+    by_w = kw * along + kv * cl + turn * u
+    h_x = by_u * frame.x_n + by_w * frame.z_n
+    h_z = by_u * frame.x_d + by_w * frame.z_d
+    # Linear about the same place: what the normal force has moved since is part of the forecast.
+    moved = h_x * (normal.wind_mps - belief.wind_mps) + h_z * (
+        normal.updraft_mps - belief.updraft_mps
+    )
+    error = DRAG_ERROR * aero.gravity_mps2 / GLIDE_RATIO
+    tilted = aero.gravity_mps2 * alignment_rad * alignment_rad
+    axial = _corrected(
+        normal,
+        h_x,
+        h_z,
+        force_x_mps2 - kv * along - moved,
+        noise_x_mps2 * noise_x_mps2,
+        0.0,
+        error * error + aero.gravity_mps2 * tilted,
+        0.0,
+        tilted,
+    )
+    return axial, taken + (1 if axial.p_zz < normal.p_zz else 0)
+
+
+def _take_pitot(belief: Belief, frame: Body, airspeed_mps: float) -> Belief:
+    u, _ = through_air(frame, belief.wind_mps, belief.updraft_mps)
+    white, bias = PITOT_NOISE_MPS * PITOT_NOISE_MPS, PITOT_BIAS_MPS * PITOT_BIAS_MPS
+    return _corrected(belief, frame.x_n, frame.x_d, airspeed_mps - u, white, 0.0, 0.0, bias, 0.0)
+
+
+def lift_drag(
+    aero: Aerodynamics, alpha_rad: float, elevator: float
+) -> tuple[float, float, float, float]:
+    """(C_L, dC_L/dalpha, C_D, dC_D/dalpha) at an angle of attack [rad]."""
+    width = aero.stall_width_rad
+    beyond = min(30.0, (alpha_rad - aero.stall_alpha_rad) / width)
+    share = exp(beyond)
+    stalled = width * log1p(share)
+    share = share / (1.0 + share)
+    cl = aero.CL0 + aero.CL_alpha * (alpha_rad - stalled) + aero.CL_elevator * elevator
+    cl_alpha = aero.CL_alpha * (1.0 - share)
+    cd = aero.CD0 + aero.CD_lift * cl * cl + aero.CD_separated * sin(stalled)
+    cd_alpha = 2.0 * aero.CD_lift * cl * cl_alpha + aero.CD_separated * share * cos(stalled)
+    return cl, cl_alpha, cd, cd_alpha
+
+
+def _corrected(
+    b: Belief,
+    h_x: float,
+    h_z: float,
+    innovation: float,
+    noise: float,
+    normal: float,
+    axial: float,
+    pitot: float,
+    pitch: float,
+) -> Belief:
+    """One measurement z = h · W + bias + noise.
+
+    noise: variance of the white noise; normal, axial, pitot: that of its own bias in its own
+    place, 0 in the others; pitch: covariance of its bias with that of the pitch.
+    """
+    if axial > 0.0:
+        own_x, own_z = b.axial_x, b.axial_z
+    elif normal > 0.0:
+        own_x, own_z = b.normal_x, b.normal_z
+    else:
+        own_x, own_z = b.pitot_x, b.pitot_z
+    to_x = b.p_xx * h_x + b.p_xz * h_z + own_x
+    to_z = b.p_xz * h_x + b.p_zz * h_z + own_z
+    variance = h_x * to_x + h_z * to_z + h_x * own_x + h_z * own_z + noise + normal + axial + pitot
+    if not innovation * innovation <= GATE * GATE * variance:
+        return b
+    k_x, k_z = to_x / variance, to_z / variance
+    r_n = h_x * b.normal_x + h_z * b.normal_z + normal
+    r_a = h_x * b.axial_x + h_z * b.axial_z + axial
+    r_p = h_x * b.pitot_x + h_z * b.pitot_z + pitot
+    r_d = h_x * b.pitch_x + h_z * b.pitch_z + pitch
+    return Belief(
+        b.wind_mps + k_x * innovation,
+        b.updraft_mps + k_z * innovation,
+        b.p_xx - k_x * to_x,
+        b.p_xz - k_x * to_z,
+        b.p_zz - k_z * to_z,
+        b.normal_x - k_x * r_n,
+        b.normal_z - k_z * r_n,
+        b.axial_x - k_x * r_a,
+        b.axial_z - k_z * r_a,
+        b.pitot_x - k_x * r_p,
+        b.pitot_z - k_z * r_p,
+        b.pitch_x - k_x * r_d,
+        b.pitch_z - k_z * r_d,
+    )
+
+
+def _estimate(params: WindParams, belief: Belief, frame: Body, measured: bool) -> AirEstimate:
+    """What is believed, if an aircraft can fly so."""
+    polar = params.aerodynamics.polar
+    u, w = through_air(frame, belief.wind_mps, belief.updraft_mps)
+    speed, alpha = sqrt(u * u + w * w), atan2(w, u)
+    flies = (
+        SLOWEST * polar.speed_min_mps < speed < FASTEST * polar.speed_max_mps
+        and abs(alpha) < ALPHA_MAX_RAD
+    )
+    if not flies:
+        return NO_AIR
+    down = belief.updraft_mps - frame.climb_mps
+    north, east = belief.wind_mps - frame.velocity_x_mps, frame.velocity_y_mps
+    flat = sqrt(north * north + east * east)
+    # The pitch's error turns (u, w) on its way to the wind: by δ flat upward, δ down upwind.
+    ground = VELOCITY_ERROR_MPS * VELOCITY_ERROR_MPS
+    delta = params.alignment_rad * params.alignment_rad
+    x2 = belief.p_xx + ground + down * down * delta - 2.0 * down * belief.pitch_x
+    z2 = belief.p_zz + ground + flat * flat * delta + 2.0 * flat * belief.pitch_z
+    return AirEstimate(
+        speed,
+        alpha,
+        belief.wind_mps,
+        belief.updraft_mps,
+        belief.updraft_mps - polar_sink(polar, flat),
+        sqrt(max(0.0, x2)),
+        sqrt(max(0.0, z2)),
+        measured,
+    )

@@ -1,0 +1,222 @@
+"""The air as it is read from what the aircraft feels.
+
+The truth is the simulated aircraft's own equations (tgl_soar.sim.aircraft): the estimator has
+its formulas from the same textbook but no line of code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import inf, isfinite, isnan, nan, radians
+from typing import Any
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from msgspec.structs import asdict, replace
+
+from tgl_soar.config import ConfigError, load_airframe, shipped
+from tgl_soar.estimation.wind import WindParams, WindState, initial_wind, lift_drag, wind_step
+from tgl_soar.geometry import euler_from_quaternion
+from tgl_soar.sim import aircraft
+from tgl_soar.sim.aircraft import (
+    air_data,
+    aircraft_model,
+    glide_at,
+    gliding_state,
+)
+from tgl_soar.sim.sensors import measure_airspeed, measure_imu
+from tgl_soar.types import (
+    NO_AERODYNAMICS,
+    NO_AIR,
+    NO_AIRSPEED,
+    NO_ATTITUDE,
+    NO_FIX,
+    NO_IMU,
+    NO_SURFACES,
+    AirEstimate,
+    AirspeedSample,
+    AutopilotStatus,
+    ImuSample,
+    Inputs,
+    VehicleState,
+    polar_sink,
+)
+
+DT = 0.005
+AIRFRAME = load_airframe(shipped("airframes/eclipson_c.toml"))
+MODEL = aircraft_model(asdict(AIRFRAME.airframe), AIRFRAME.model)
+AERO = AIRFRAME.aerodynamics()
+PARAMS = WindParams(AERO, 0.8, radians(0.5))
+NONE = (0.0, 0.0, 0.0)
+
+
+def vehicle_of(state: aircraft.AircraftState, time_s: float) -> VehicleState:
+    roll, pitch, heading = euler_from_quaternion(state.qw, state.qx, state.qy, state.qz)
+    return VehicleState(
+        time_s, state.x_m, state.y_m, state.z_m,
+        state.velocity_x_mps, state.velocity_y_mps, state.velocity_z_mps,
+        roll, pitch, heading,
+        state.roll_rate_frd_radps, state.pitch_rate_frd_radps, state.yaw_rate_frd_radps,
+    )  # fmt: skip
+
+
+def inputs_at(
+    time_s: float, imu: ImuSample = NO_IMU, airspeed: AirspeedSample = NO_AIRSPEED
+) -> Inputs:
+    status = AutopilotStatus(time_s, True, True)
+    return Inputs(time_s, NO_FIX, NO_ATTITUDE, status, True, imu, airspeed, NO_SURFACES)
+
+
+def imu_of(
+    state: aircraft.AircraftState, air: aircraft.Wind, sequence: int, time_s: float
+) -> ImuSample:
+    return measure_imu(MODEL, state, air, False, sequence, time_s, NONE, NONE)
+
+
+class Glide:
+    """A steady glide in a steady wind, with sensors that make no error."""
+
+    def __init__(self, speed_mps: float, air: tuple[float, float, float]) -> None:
+        glide = glide_at(MODEL, speed_mps)
+        self.air = air
+        self.elevator = glide.elevator
+        self.state = gliding_state(glide, air, 0.0, 0.0, 0.0)
+        self.truth = air_data(self.state, air)
+
+    def felt(
+        self, seconds: float, *, imu: bool, pitot: bool, pitot_mps: float | None = None
+    ) -> Iterator[tuple[WindState, AirEstimate]]:
+        state = initial_wind()
+        for n in range(1, round(seconds / DT) + 1):
+            now = n * DT
+            force, speed = NO_IMU, NO_AIRSPEED
+            if imu:
+                force = imu_of(self.state, self.air, n, now)
+            if pitot:
+                speed = measure_airspeed(MODEL, self.state, self.air, n // 4, now, 0.0)
+                if pitot_mps is not None:
+                    speed = speed._replace(airspeed_mps=pitot_mps)
+            state, air = wind_step(
+                PARAMS, state, vehicle_of(self.state, now), inputs_at(now, force, speed),
+                self.elevator,
+            )  # fmt: skip
+            yield state, air
+
+
+@pytest.mark.parametrize("speed_mps", [7.8, 9.0, 11.0])
+@pytest.mark.parametrize(
+    ("imu", "pitot"), [(True, True), (True, False), (False, True), (False, False)]
+)
+def test_a_steady_glide_is_read_as_it_is(speed_mps: float, imu: bool, pitot: bool) -> None:
+    glide = Glide(speed_mps, (8.5, 0.0, 1.4))
+    *_, (_, air) = glide.felt(8.0, imu=imu, pitot=pitot)
+    # What is left is how far 8 s of noise-free samples have brought the first guess.
+    assert air.airspeed_mps == pytest.approx(glide.truth.airspeed_mps, abs=0.06)
+    assert air.alpha_rad == pytest.approx(glide.truth.alpha_rad, abs=0.01)
+    assert air.wind_mps == pytest.approx(8.5, abs=0.06)
+    assert air.updraft_mps == pytest.approx(1.4, abs=0.06)
+    sink = polar_sink(AERO.polar, speed_mps)
+    assert air.excess_mps == pytest.approx(1.4 - sink, abs=0.07)
+    assert air.measured == pitot
+
+
+def test_more_sensors_leave_less_unknown() -> None:
+    glide = Glide(9.0, (8.5, 0.0, 1.4))
+    ends = []
+    for imu, pitot in ((True, True), (True, False), (False, False)):
+        *_, (_, air) = glide.felt(5.0, imu=imu, pitot=pitot)
+        ends.append((air.wind_sigma_mps, air.updraft_sigma_mps))
+    assert ends == sorted(ends)
+    # With a pitot most of what is left is the pitch's error times the airspeed.
+    assert 1.0 < ends[0][1] / (9.0 * radians(0.5)) < 1.6
+
+
+def test_the_wing_is_that_of_the_simulated_aircraft() -> None:
+    for alpha in (-0.1, 0.0, 0.1, 0.15, 0.2, 0.24, 0.3):
+        cl, cl_alpha, cd, cd_alpha = lift_drag(AERO, alpha, 0.3)
+        truth = aircraft.lift_drag(MODEL, alpha, 0.3)
+        # Left out: what an incidence across the stream takes of the lift, and the negative stall.
+        assert (cl, cd) == pytest.approx(truth, abs=0.02)
+        above = lift_drag(AERO, alpha + 1e-6, 0.3)
+        assert (above[0] - cl) / 1e-6 == pytest.approx(cl_alpha, abs=1e-3)
+        assert (above[2] - cd) / 1e-6 == pytest.approx(cd_alpha, abs=1e-3)
+
+
+def test_a_blocked_pitot_is_refused() -> None:
+    glide = Glide(9.0, (8.5, 0.0, 1.4))
+    *_, (state, air) = glide.felt(4.0, imu=True, pitot=True, pitot_mps=0.0)
+    assert air.airspeed_mps == pytest.approx(glide.truth.airspeed_mps, abs=0.1)
+    assert not air.measured
+    assert state.refused > 100
+
+
+def test_what_is_not_known_is_not_told() -> None:
+    glide = Glide(9.0, (8.5, 0.0, 1.4))
+    vehicle, inputs = vehicle_of(glide.state, 1.0), inputs_at(1.0)
+    for params, seen in (
+        (PARAMS._replace(aerodynamics=NO_AERODYNAMICS), vehicle),
+        (PARAMS, vehicle._replace(pitch_rad=nan)),
+        (PARAMS, vehicle._replace(climb_mps=inf)),
+        (PARAMS, vehicle._replace(velocity_x_mps=40.0, pitch_rad=1.2)),  # no model goes so far
+    ):
+        state, air = wind_step(params, initial_wind(), seen, inputs, 0.0)
+        if seen is vehicle or not isfinite(seen.pitch_rad + seen.climb_mps):
+            assert air == NO_AIR or all(isnan(number) for number in air[:7])
+            assert isnan(state.time_s)
+
+
+def test_it_starts_afresh_after_a_gap_and_after_bad_numbers() -> None:
+    glide = Glide(9.0, (8.5, 0.0, 1.4))
+    *_, (state, air) = glide.felt(3.0, imu=True, pitot=True)
+    later, _ = wind_step(PARAMS, state, vehicle_of(glide.state, 5.0), inputs_at(5.0), 0.0)
+    assert later.belief.p_xx > 10.0 * state.belief.p_xx
+    lost, nothing = wind_step(
+        PARAMS, state, vehicle_of(glide.state, 3.005)._replace(roll_rad=nan), inputs_at(3.005), 0.0
+    )
+    assert isnan(nothing.airspeed_mps)
+    _, again = wind_step(PARAMS, lost, vehicle_of(glide.state, 3.01), inputs_at(3.01), 0.0)
+    assert isfinite(again.airspeed_mps)
+    assert again.updraft_sigma_mps > air.updraft_sigma_mps
+
+
+NUMBERS = st.floats(allow_nan=True, allow_infinity=True)
+
+
+@given(st.lists(NUMBERS, min_size=18, max_size=18), st.integers(0, 3))
+@example([0.0] * 18, 1)
+@example([1e308] * 18, 3)
+@example([-1e308] * 18, 3)
+def test_no_number_makes_it_raise_and_it_recovers(numbers: list[float], sensors: int) -> None:
+    glide = Glide(9.0, (8.5, 0.0, 1.4))
+    *_, (state, _) = glide.felt(0.1, imu=True, pitot=True)
+    bad: Any = numbers
+    force = ImuSample(99, 0.105, *bad[:6]) if sensors & 1 else NO_IMU
+    speed = AirspeedSample(99, 0.105, bad[6]) if sensors & 2 else NO_AIRSPEED
+    state, air = wind_step(
+        PARAMS, state, VehicleState(0.105, *bad[6:18]), inputs_at(0.105, force, speed), bad[0]
+    )
+    assert air == NO_AIR or isnan(air.airspeed_mps) or 0.0 < air.airspeed_mps < 30.0
+    for n in range(800):
+        now = 0.11 + n * DT
+        force = imu_of(glide.state, glide.air, 100 + n, now)
+        speed = measure_airspeed(MODEL, glide.state, glide.air, 100 + n // 4, now, 0.0)
+        vehicle = vehicle_of(glide.state, now)
+        state, air = wind_step(PARAMS, state, vehicle, inputs_at(now, force, speed), glide.elevator)
+    assert air.airspeed_mps == pytest.approx(glide.truth.airspeed_mps, abs=0.3)
+
+
+def test_an_airframe_without_a_model_has_no_aerodynamics() -> None:
+    assert replace(AIRFRAME, model={}).aerodynamics() is NO_AERODYNAMICS
+    partly = {k: v for k, v in AIRFRAME.model.items() if k != "CD_lift"}
+    assert replace(AIRFRAME, model=partly).aerodynamics() is NO_AERODYNAMICS
+    assert AERO.mass_kg == 0.699
+    assert AERO.polar == AIRFRAME.polar.as_polar()
+
+
+def test_a_wing_that_lifts_downward_is_refused(tmp_path: Any) -> None:
+    text = shipped("airframes/eclipson_c.toml").read_text(encoding="utf-8")
+    path = tmp_path / "bad.toml"
+    path.write_text(text.replace("CL_alpha = 4.6", "CL_alpha = -4.6"), encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"model.CL_alpha = -4.6: must be above 0"):
+        load_airframe(path)
