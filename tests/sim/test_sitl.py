@@ -22,6 +22,7 @@ from tgl_soar.sim.sitl import OVERRIDE_TIME_S, SitlError, SitlOptions, fly, pass
 
 AIRFRAME = shipped("airframes/eclipson_c.toml")
 SITE = shipped("sites/tunnel.toml")
+SITE_MOCAP = shipped("sites/tunnel_mocap.toml")
 MANUAL, FBWA = 0, 5  # ArduPlane's custom modes
 STANDBY_MODE, SOARING = 1.0, 4.0  # the module's
 
@@ -56,6 +57,29 @@ def test_the_same_seed_flies_the_same_flight_bit_for_bit(tmp_path: Path) -> None
     shorter = min(len(lines) for lines in rows)
     assert shorter > 250  # at 50 Hz: capture and 3 s on the line
     assert rows[0][:shorter] == rows[1][:shorter]
+
+
+def test_a_flight_by_motion_capture_repeats_bit_for_bit(tmp_path: Path) -> None:
+    """Two sockets more, with a clock that has to be mapped, frames lost and ids swapped."""
+    mocap = ("--mocap-loss=0.1", "--mocap-jitter=0.02", "--mocap-fault=swap:4:5")
+    logs = []
+    for name in ("first", "second"):
+        changes = {"site": SITE_MOCAP, "mocap": True, "mocap_options": mocap}
+        flown = options(tmp_path / name, legs=("a",), stay_s=3.0, turbulence=0.01, **changes)
+        assert passed(fly(flown, quietly))
+        logs.append((tmp_path / name / "truth.csv").read_bytes())
+        words = (tmp_path / name / "module.log").read_text()
+        assert "speaks NatNet 4.1" in words
+        assert " fixes" in words
+    rows = [log.splitlines()[:-1] for log in logs]
+    shorter = min(len(lines) for lines in rows)
+    assert shorter > 250
+    assert rows[0][:shorter] == rows[1][:shorter]
+
+
+def test_motion_capture_needs_a_site_that_has_it(tmp_path: Path) -> None:
+    with pytest.raises(SitlError, match=r"tunnel\.toml: no \[mocap\] table"):
+        fly(options(tmp_path, mocap=True), quietly)
 
 
 def test_an_output_folder_that_cannot_be_is_named(tmp_path: Path) -> None:

@@ -259,6 +259,7 @@ class Optitrack:
             self._clock_hz, self._first_ticks = info.clock_hz, None
             self.clock.reset()
         self.info, self._version, self._server = info, version, sender[0]
+        self._heard_s = NAN  # its stream may take a while to begin
         self._find_body()
         text = f"{words}, clock {info.clock_hz} Hz"
         if version > layout.NEWEST:
@@ -470,10 +471,12 @@ class Optitrack:
     def _tell_silence(self, silence_s: float) -> None:
         if self.counters.frames > 0:
             self._tell("silent", SEVERITY_WARNING, f"no frame for {SILENCE_S:g} s: asking again")
-        elif silence_s > START_S and self.info is None:
+        elif self._lockstep or silence_s <= START_S:
+            return  # a simulation begins when all have come
+        elif self.info is None:
             where = self._server or "anywhere"
             self._tell("nobody", SEVERITY_WARNING, f"no answer from {where}: does Motive stream?")
-        elif silence_s > START_S:
+        else:
             text = "it answers, but no frame comes: see mocap.stream, group and interface"
             self._tell("frameless", SEVERITY_WARNING, text)
 

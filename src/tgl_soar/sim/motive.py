@@ -83,6 +83,7 @@ class MotiveOptions:
     bodies: int = 3  # the aircraft among them
     markers: int = 4  # of each
     precise_4_0: bool = True
+    restarted_clock: bool = True  # after a restart it counts from another beginning
     faults: tuple[HallFault, ...] = ()
     seed: int = 1
 
@@ -201,7 +202,8 @@ class Motive:
         return any(f.kind == kind and f.from_s <= now_s < f.until_s for f in self.options.faults)
 
     def _ticks(self, clock_s: float) -> int:
-        return round((clock_s + self._restarts * RESTART_S) * CLOCK_HZ)
+        began_s = self._restarts * RESTART_S if self.options.restarted_clock else 0.0
+        return round((clock_s + began_s) * CLOCK_HZ)
 
     def _version_for(self, request: bytes) -> Version:
         """A client that we stream to alone may ask for an older version, after its own name."""
@@ -438,6 +440,7 @@ def motive_server(
     if not host or not port.isdecimal():
         raise ValueError(f"--mocap-local {arguments.mocap_local!r}: write HOST:PORT")
     major, minor = arguments.mocap_version.split(".")
+    lockstep = arguments.speed == "lockstep"
     options = MotiveOptions(
         version=(int(major), int(minor)),
         multicast=site.mocap.stream == "multicast",
@@ -450,9 +453,9 @@ def motive_server(
         loss=arguments.mocap_loss,
         faults=tuple(arguments.mocap_fault),
         seed=arguments.seed,
+        restarted_clock=not lockstep,  # there every clock is the vehicle's
     )
     uptime_s = arguments.uptime
-    lockstep = arguments.speed == "lockstep"
     return MotiveServer(
         Motive(options, site.mocap.hall(), site.mocap.body),
         (host, int(port)),
