@@ -457,7 +457,7 @@ def _fly(
         for text in (recorder or NO_RECORDER).stop():
             _print(text)
     if mocap is not None:
-        _print(f"OptiTrack: {mocap.client.counters.told()}")
+        _print(f"OptiTrack: {mocap.client.told()}")
     ticks = onboard.pacer.counters
     if code == EXIT_OK and not lockstep:
         _print(f"{ticks.ticks} ticks, {ticks.late} late, {ticks.skipped} skipped")

@@ -213,6 +213,17 @@ def test_a_restarted_server_has_another_clock() -> None:
     assert any("restarted, with another clock" in words for words in hall.words)
 
 
+def test_a_server_that_counts_anew_is_asked_for_its_bodies() -> None:
+    """Motive is restarted on the same computer: the clock goes on, ids may be others."""
+    faults = (HallFault("restart", 2.0, 2.5), HallFault("swap", 2.0, 9.0))
+    hall = Hall(MotiveOptions(noise_m=0.0, faults=faults, restarted_clock=False)).run(6.0)
+    assert hall.client.counters.restarts == 0
+    assert hall.client.models["aircraft"] == 2
+    assert hall.worst_m() < 2e-3
+    assert hall.fixes[-1][0] > hall.now_s - 0.02
+    assert "the last was 10.5 ms old, give or take 0.5" in hall.client.told()
+
+
 def test_one_frame_with_another_clock_is_not_believed() -> None:
     hall = Hall().run(1.0)
     count = len(hall.fixes)

@@ -147,6 +147,7 @@ class Optitrack:
         self._track = Track(settings.max_speed_mps)
         self._used_s = float("-inf")  # when the last fix was true
         self._newest_ticks = -1
+        self._number = -1
         self._echoes = 0
         self.rebase()
 
@@ -162,6 +163,15 @@ class Optitrack:
     def is_ready(self) -> bool:
         """Whether frames can be used: the server is known, and which body is ours."""
         return self.info is not None and self._id is not None
+
+    def told(self) -> str:
+        """What came and how old it was, in words."""
+        words = self.counters.told() or "nothing came"
+        if self.counters.fixes:
+            words += f"; the last was {1e3 * self.latency_s:.1f} ms old"
+        if self.counters.fixes and isfinite(self.uncertainty_s):
+            words += f", give or take {1e3 * self.uncertainty_s:.2f} ms"
+        return words
 
     @property
     def uncertainty_s(self) -> float:
@@ -252,6 +262,7 @@ class Optitrack:
             self._tell("version", SEVERITY_WARNING, f"{words}: 3.0 to 4.2 can be read")
             return
         if info == self.info:
+            self._ask_again()  # it was silent: ids may be others
             return
         if self.info is not None:
             self._begin_anew("it is another server now, or another version")
@@ -331,6 +342,10 @@ class Optitrack:
             self._forget_body()
         self._flagged = frame.models_changed
         time_s = self._time_of(frame, now_s)
+        if time_s is not None:
+            if frame.number <= self._number:  # it counts anew: it was restarted, or plays a take
+                self._forget_body()
+            self._number = frame.number
         if time_s is None or not self.is_ready:
             counters.unready += time_s is not None
             return None
@@ -460,7 +475,7 @@ class Optitrack:
         self._forget_track()
 
     def _forget_stream(self) -> None:
-        self._newest_ticks = -1
+        self._newest_ticks = self._number = -1
         self._echoes = 0
         self._from = None
 

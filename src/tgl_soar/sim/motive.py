@@ -106,9 +106,9 @@ class Datagram(NamedTuple):
 @dataclass(order=True)
 class _Waiting:
     due_s: float
-    number: int
+    exposed_s: float  # on the server's clock
+    number: int = field(compare=False)
     bodies: list[Body] = field(compare=False)
-    exposed_s: float = field(compare=False)  # on the server's clock
     changed: bool = field(compare=False)
 
 
@@ -170,13 +170,14 @@ class Motive:
         late_s = LATE_S if self._has("late", now_s) else 0.0
         due_s = now_s + self.options.latency_s + late_s
         due_s += self._random.random() * self.options.jitter_s
-        heapq.heappush(self._waiting, _Waiting(due_s, self._number, bodies, clock_s, changed))
+        heapq.heappush(self._waiting, _Waiting(due_s, clock_s, self._number, bodies, changed))
 
     def send(self, clock_s: float, now_s: float) -> None:
         """Stream what is due, with ticks of now."""
         restarting = self._has("restart", now_s)
         if restarting and not self._was_restarting:
             self._restarts += 1
+            self._number = 0
             self._clients.clear()
         self._was_restarting = restarting
         gone = [a for a, c in self._clients.items() if clock_s - c.heard_s > CLIENT_SILENCE_S]
