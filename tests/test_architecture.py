@@ -54,7 +54,8 @@ TABLE: dict[str, set[str]] = {
     "logs": {"flightlog", "config"},
     "report": {"air", "estimation", "score", "logs"},
     "experiments": {"sim", "report", "config"},
-    "commands": {"process", "surface_check", "experiments"},
+    "replay": {"onboard", "flightlog"},
+    "commands": {"process", "surface_check", "experiments", "replay"},
     "cli": {"commands"},
 }
 
@@ -87,6 +88,7 @@ STAYS_ON_THE_GROUND = {
     "air",
     "score",
     "experiments",
+    "replay",
     "commands",
     "cli",
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from . import align, experiment, log, params, polar, report, site, sitl, surfaces, zeuc
+from . import align, experiment, log, params, polar, replay, report, site, sitl, surfaces, zeuc
 
 app = typer.Typer(
     help="An autopilot module that soars a slope on a target gradient line, over MAVLink.",
@@ -29,6 +29,7 @@ app.command("sitl")(sitl.sitl)
 app.command("surfaces")(surfaces.surfaces)
 app.command("zeuc")(zeuc.zeuc)
 app.add_typer(log.log_app, name="log")
+app.command("replay")(replay.replay)
 app.add_typer(params.params_app, name="params")
 app.add_typer(polar.polar_app, name="polar")
 app.add_typer(site.site_app, name="site")

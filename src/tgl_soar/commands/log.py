@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
+from tgl_soar.flightlog.export import ENDINGS, FORMATS
 from tgl_soar.flightlog.meanings import page
 from tgl_soar.flightlog.reader import FlightLog, LogError, read_log
 
@@ -49,3 +50,26 @@ def info(path: Annotated[Path, typer.Argument(metavar="LOG", help="A ULog.")]) -
     console.print(table)
     for words in log.words:
         console.print(f"{words.time_s:10.3f} s  {words.text}", highlight=False, markup=False)
+
+
+@log_app.command()
+def export(
+    path: Annotated[Path, typer.Argument(metavar="LOG", help="A ULog.")],
+    to: Annotated[str, typer.Option("--to", help="csv, netcdf or mcap.")] = "csv",
+    out: Annotated[
+        Path | None, typer.Option(help="File, or folder for csv; beside the log if not given.")
+    ] = None,
+) -> None:
+    """Write a log in another format."""
+    if to not in FORMATS:
+        fail(f"--to {to}: must be {', '.join(FORMATS)}")
+    log = read(path)
+    target = out or path.with_name(path.stem + ENDINGS[to])
+    try:
+        written = FORMATS[to](log, target)
+    except ImportError as error:
+        fail(error)
+    except OSError as error:
+        fail(f"{target}: cannot be written: {error.strerror or error}")
+    for file in written:
+        console.print(str(file), highlight=False, markup=False, soft_wrap=True)

@@ -386,6 +386,12 @@ def packer(name: str) -> Callable[..., None]:
     return made
 
 
+def rows_type(name: str) -> list[tuple[str, str]]:
+    """A record of a topic as numpy's structured types have it."""
+    fields = [(field.name, "<" + field.code) for field in TOPICS[name].fields]
+    return [("record_size", "<u2"), ("record_kind", "u1"), ("record_topic", "<u2"), *fields]
+
+
 def record_size(name: str) -> int:
     """Bytes of a record of a topic."""
     from struct import calcsize

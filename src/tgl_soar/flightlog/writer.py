@@ -324,7 +324,7 @@ class FlightRecorder(Recorder):
         try:
             pack(rows.buffer, rows.at, self._time_us, self._ticks, *values)
         except (struct.error, OverflowError):
-            tame = (_tamed(value) for value in values)
+            tame = (tamed(value) for value in values)
             pack(rows.buffer, rows.at, self._time_us, self._ticks, *tame)
         rows.at += size
 
@@ -339,7 +339,7 @@ class FlightRecorder(Recorder):
         try:
             _PACK_TICK(rows.buffer, rows.at, self._time_us, self._ticks, inputs, output)
         except (struct.error, OverflowError):
-            tame = _tamed(inputs), _tamed(output)
+            tame = tamed(inputs), tamed(output)
             _PACK_TICK(rows.buffer, rows.at, self._time_us, self._ticks, *tame)
         rows.at += _TICK_BYTES
         if self._ticks >= self._state_due:
@@ -514,10 +514,10 @@ def _microseconds(time_s: float) -> int:
     return int(time_s * 1e6) if 0.0 <= time_s < 1e12 else 0
 
 
-def _tamed(value: Any) -> Any:
+def tamed(value: Any) -> Any:
     """A value that fits its field: beyond the largest lies infinity."""
     if isinstance(value, tuple):
-        tame = map(_tamed, value)
+        tame = map(tamed, value)
         return value._make(tame) if hasattr(value, "_make") else tuple(tame)
     if isinstance(value, float) and isfinite(value) and abs(value) > _LARGEST_FLOAT32:
         return inf if value > 0.0 else -inf

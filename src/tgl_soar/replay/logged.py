@@ -1,0 +1,444 @@
+"""A logged flight through the same laws again.
+
+`replay` gives every tick the inputs that it had, and compares what `autopilot.step` makes of them
+with what was logged, bit for bit: a log is believed because it can be flown again.  With other
+parameters, or another airframe's, it shows what would have been commanded instead.  That is an
+open loop: the aircraft does not answer to the other commands.
+
+A replay begins at a logged state and takes up the thread at the next one wherever ticks are
+missing.  As every state in the log can be a beginning, stretches of a log are replayed side by
+side on all processors; each must end in the very state in which the next one begins.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgl_soar import __version__
+from tgl_soar.autopilot import AutopilotState, Laws, initial_state, laws_from, step
+from tgl_soar.config import Airframe, Site, load_airframe, load_parameters, load_site
+from tgl_soar.flightlog.declaration import (
+    STREAMS,
+    TOPICS,
+    packer,
+    rebuilt,
+    record_size,
+    rows_type,
+)
+from tgl_soar.flightlog.reader import Array, FlightLog, Topic
+from tgl_soar.flightlog.writer import tamed
+from tgl_soar.geometry import SoaringFrame
+from tgl_soar.parameters import INDEX, ParameterError, ParameterSet
+from tgl_soar.types import NAN, NO_ATTITUDE, NO_FIX, AutopilotStatus, Inputs
+
+STRETCH: Final = 2000  # ticks: less is not worth another process
+SHOWN: Final = (
+    "setpoints_pitch_rad",
+    "command_elevator",
+    "command_aileron",
+    "command_rudder",
+)
+_BEFORE_ANY: Final[dict[str, Any]] = {
+    **Inputs._field_defaults,
+    "position": NO_FIX,
+    "attitude": NO_ATTITUDE,
+    "autopilot": AutopilotStatus(NAN, False, False),
+}
+
+
+class ReplayError(ValueError):
+    """A log that cannot be replayed; the message says why."""
+
+
+class Difference(NamedTuple):
+    """How one field of the replay differs from the log."""
+
+    name: str
+    ticks: int  # so many differ in at least one bit
+    largest: float  # inf: a number against none
+    time_s: float  # where it is largest
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A log and its replay beside it."""
+
+    time_s: Array  # of the ticks that were replayed, shape (n,)
+    logged: Mapping[str, Array]  # their columns of the topic `tick`, shape (n,) each
+    replayed: Mapping[str, Array]
+    differences: list[Difference]  # the largest first; empty: the same in every bit
+    left_out: int  # ticks whose state before is not in the log
+    took_s: float
+    changed: bool  # with other parameters than those of the log
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def speed(self) -> float:
+        """Times real time."""
+        return float(np.abs(np.diff(self.time_s)).sum()) / max(self.took_s, 1e-9)
+
+
+class _Cut(NamedTuple):
+    """Something that happens before a tick of the log."""
+
+    state: AutopilotState | None = None
+    afresh: bool = False
+    gap: bool = False
+    laws: Laws | None = None
+
+
+class _Flight(NamedTuple):
+    """All that a replay needs; workers are forked with it in memory."""
+
+    ticks: list[int]
+    stamps: list[int]
+    inputs: list[Inputs]
+    cuts: dict[int, _Cut]
+    changed: bool
+
+
+class _Flown(NamedTuple):
+    """What came of a stretch."""
+
+    rows: bytes
+    known: list[tuple[int, int]]  # from tick to tick that could be flown
+    torn: list[int]  # ticks after which the state is not the logged one
+
+
+def replay(
+    log: FlightLog,
+    *,
+    changes: Mapping[str, float] | None = None,
+    airframe: str | Path | None = None,
+    workers: int | None = None,
+) -> Replay:
+    """Fly the log's inputs again.
+
+    `changes`: parameters that stand from the beginning on, whatever the log says of them.
+    `airframe`: a file whose parameters take the place of the logged airframe's.  `workers`: as
+    many processes at most.  Errors: `ReplayError`, `ConfigError`, `ParameterError`.
+    """
+    tick = _ticks_of(log)
+    notes: list[str] = []
+    changed = bool(changes) or airframe is not None
+    flight = _prepare(log, tick, dict(changes or {}), airframe, changed, notes)
+    began = time.perf_counter()
+    flown = _fly_all(flight, workers or os.cpu_count() or 1)
+    rows = np.concatenate(
+        [np.frombuffer(stretch.rows, np.dtype(rows_type("tick"))) for stretch in flown]
+    )
+    took = time.perf_counter() - began
+    known = np.zeros(len(rows), bool)
+    for stretch in flown:
+        for begin, end in stretch.known:
+            known[begin:end] = True
+    torn = [number for stretch in flown for number in stretch.torn]
+    if torn and not changed:
+        notes.append(f"the state after tick {torn[0]} is not the logged one ({len(torn)} of them)")
+    names = [f.name for f in TOPICS["tick"].fields if f.name in tick]
+    lacking = [f.name for f in TOPICS["tick"].fields if f.name not in tick]
+    if lacking:
+        notes.append(f"not in the log, so not compared: {', '.join(lacking)}")
+    logged = {name: tick[name][known] for name in names}
+    replayed = {name: rows[name][known] for name in names}
+    return Replay(
+        logged["time_s"],
+        logged,
+        replayed,
+        _differences(logged, replayed),
+        int(np.count_nonzero(~known)),
+        took,
+        changed,
+        notes,
+    )
+
+
+def _ticks_of(log: FlightLog) -> Topic:
+    if not log.is_ours:
+        raise ReplayError(f"{log.path}: not a log of tgl_soar: it has no inputs of our ticks")
+    tick = log.topics.get("tick", {})
+    if not len(tick.get("tick", ())):
+        raise ReplayError(f"{log.path}: no tick in it")
+    missing = [name for name in ("time_s", "engage") if name not in tick]
+    if missing:
+        raise ReplayError(f"{log.path}: another layout: no {', '.join(missing)} in its ticks")
+    return tick
+
+
+# --- what a flight is replayed from -----------------------------------------------------------
+
+
+def _prepare(
+    log: FlightLog,
+    tick: Topic,
+    changes: dict[str, float],
+    airframe: str | Path | None,
+    changed: bool,
+    notes: list[str],
+) -> _Flight:
+    version = log.info.get("ver_sw")
+    if version != __version__:
+        notes.append(f"flown with version {version}, replayed with {__version__}")
+    numbers = tick["tick"].astype(np.int64)
+    cuts: dict[int, _Cut] = {}
+
+    def cut(index: int, **what: Any) -> None:
+        cuts[index] = cuts.get(index, _Cut())._replace(**what)
+
+    for before_gap in np.flatnonzero(np.diff(numbers) != 1).tolist():
+        cut(before_gap + 1, gap=True)
+    for number, afresh, state in _states(log, notes):
+        index = int(np.searchsorted(numbers, number, side="right"))
+        # A state belongs to what comes next, unless ticks in between are missing.
+        if index < len(numbers) and numbers[index] == number + 1:
+            cut(index, state=state, afresh=afresh or cuts.get(index, _Cut()).afresh)
+    frame, stands = _configuration(log, airframe, notes)
+    for number, values in _parameters(log, stands, changes, notes):
+        index = int(np.searchsorted(numbers, number, side="right")) if number >= 0 else 0
+        if index < len(numbers):
+            cut(index, laws=laws_from(values, frame))
+    if 0 not in cuts or cuts[0].state is None:
+        begins = numbers[0] == 1
+        if begins or not any(c.state for c in cuts.values()):
+            notes.append("no state at the beginning: from a module's first tick on")
+            cut(0, state=initial_state())
+    return _Flight(
+        numbers.tolist(), tick["timestamp"].tolist(), _inputs(log, tick, numbers), cuts, changed
+    )
+
+
+def _inputs(log: FlightLog, tick: Topic, numbers: NDArray[np.int64]) -> list[Inputs]:
+    """What each tick had: the newest row of every stream, and its own plain fields."""
+    columns: list[list[Any]] = []
+    for name in Inputs._fields:
+        if name not in STREAMS:
+            columns.append(tick[name].tolist() if name in tick else [NAN] * len(numbers))
+            continue
+        rows = log.topics.get(name, {})
+        samples = [_BEFORE_ANY[name], *_samples(name, rows)]
+        newest = np.searchsorted(rows.get("tick", np.empty(0)), numbers, side="right")
+        columns.append([samples[i] for i in newest.tolist()])
+    return [Inputs(*values) for values in zip(*columns, strict=True)]
+
+
+def _samples(name: str, rows: Topic) -> list[Any]:
+    """The rows of a topic as the tuples that they were."""
+    leaves = TOPICS[name].leaves
+    missing = [leaf.name for leaf in leaves if leaf.name not in rows]
+    if rows and missing:
+        raise ReplayError(f"another layout: no {', '.join(missing)} in {name}")
+    kind = STREAMS.get(name, AutopilotState)
+    table = zip(*(rows[leaf.name].tolist() for leaf in leaves), strict=True) if rows else ()
+    if all(leaf.place.count("[") == 1 for leaf in leaves):
+        return [kind(*row) for row in table]
+    return [rebuilt(kind, iter(row)) for row in table]
+
+
+def _states(log: FlightLog, notes: list[str]) -> list[tuple[int, bool, AutopilotState]]:
+    rows = log.topics.get("state", {})
+    try:
+        states = _samples("state", rows)
+    except ReplayError as error:
+        notes.append(f"{error}: its states are not used")
+        return []
+    if not states:
+        return []
+    return list(zip(rows["tick"].tolist(), rows["afresh"].tolist(), states, strict=True))
+
+
+def _configuration(
+    log: FlightLog, airframe: str | Path | None, notes: list[str]
+) -> tuple[SoaringFrame, dict[str, float]]:
+    """The frame of the site, and the parameters that another airframe file changes."""
+    missing = [name for name in ("airframe", "site") if name not in log.texts]
+    if missing:
+        raise ReplayError(f"{log.path}: it does not hold the {missing[0]} file")
+    with tempfile.TemporaryDirectory() as folder:
+        paths = {name: Path(folder) / f"{name} in {log.path.name}" for name in ("airframe", "site")}
+        for name, path in paths.items():
+            path.write_text(log.texts[name], encoding="utf-8")
+        site = load_site(paths["site"])
+        if airframe is None:
+            return site.frame(), {}
+        before = _files_values(load_airframe(paths["airframe"]), paths["airframe"], site, log)
+        after = _files_values(load_airframe(airframe), airframe, site, log)
+    stands = {p.name: new for (p, old), (_, new) in zip(before, after, strict=True) if old != new}
+    notes.append(f"of {airframe}: {len(stands)} parameters are others")
+    return site.frame(), stands
+
+
+def _files_values(airframe: Airframe, path: str | Path, site: Site, log: FlightLog) -> ParameterSet:
+    return load_parameters(airframe, path, site, f"site in {log.path.name}")
+
+
+def _parameters(
+    log: FlightLog, stands: dict[str, float], changes: dict[str, float], notes: list[str]
+) -> list[tuple[int, ParameterSet]]:
+    """(tick after which they act, values), the first at -1."""
+    unknown = sorted(name for name in log.parameters if name not in INDEX)
+    if unknown:
+        notes.append(f"unknown by now, passed over: {', '.join(unknown)}")
+    known = {name: float(value) for name, value in log.parameters.items() if name in INDEX}
+    for name in changes:
+        if name not in INDEX:
+            raise ParameterError(name, changes[name], "no such parameter; see `tgl-soar params`")
+    values = ParameterSet().changed({**known, **stands, **changes})
+    found = [(-1, values)]
+    waiting: dict[int, dict[str, float]] = {}
+    for change in log.changes:
+        if change.name in INDEX and change.name not in changes:
+            waiting.setdefault(change.tick, {})[change.name] = float(change.value)
+    for number, group in sorted(waiting.items()):
+        try:
+            values = values.changed(group)
+        except ParameterError as error:
+            notes.append(f"after tick {number}: {error}: passed over")
+            continue
+        found.append((number, values))
+    return found
+
+
+# --- flying it --------------------------------------------------------------------------------
+
+_shared: _Flight | None = None  # what forked workers find in their memory
+
+
+def _fly_all(flight: _Flight, workers: int) -> list[_Flown]:
+    """The whole flight, in stretches side by side where that is worth it."""
+    global _shared
+    edges = _edges(flight, workers)
+    if len(edges) == 2 or "fork" not in multiprocessing.get_all_start_methods():
+        return [_fly(flight, 0, len(flight.ticks))]
+    _shared = flight
+    try:
+        with multiprocessing.get_context("fork").Pool(len(edges) - 1) as pool:
+            return pool.starmap(_fly_shared, pairwise(edges))
+    finally:
+        _shared = None
+
+
+def _edges(flight: _Flight, workers: int) -> list[int]:
+    """Where stretches begin and end: at logged states, evenly."""
+    count = len(flight.ticks)
+    workers = min(workers, count // STRETCH)
+    edges = [0, count]
+    if flight.changed:
+        return edges  # another past leaves another state
+    possible = np.array(sorted(i for i, cut in flight.cuts.items() if cut.state is not None))
+    for i in range(1, workers):
+        at = np.searchsorted(possible, i * count // workers)
+        if at < len(possible):
+            edges.append(int(possible[at]))
+    return sorted(set(edges))
+
+
+def _fly_shared(begin: int, end: int) -> _Flown:
+    assert _shared is not None
+    return _fly(_shared, begin, end)
+
+
+def _fly(flight: _Flight, begin: int, end: int) -> _Flown:
+    """From one tick to before another."""
+    size = record_size("tick")
+    rows = bytearray(size * (end - begin))
+    known: list[tuple[int, int]] = []
+    torn: list[int] = []
+    laws = next(
+        flight.cuts[i].laws
+        for i in sorted(flight.cuts, reverse=True)
+        if i <= begin and flight.cuts[i].laws is not None
+    )
+    state: AutopilotState | None = None
+    edges = sorted({begin, end, *(i for i in flight.cuts if begin < i < end)})
+    for here, there in pairwise(edges):
+        cut = flight.cuts.get(here, _Cut())
+        state = _taken_up(flight, here, cut, state, torn)
+        laws = cut.laws or laws
+        assert laws is not None
+        if state is not None:
+            state = _stretch(flight, laws, state, here, there, rows, (here - begin) * size)
+            known.append((here, there))
+    last = flight.cuts.get(end)
+    if last is not None and end < len(flight.ticks):
+        _taken_up(flight, end, last, state, torn)
+    return _Flown(bytes(rows), known, torn)
+
+
+def _taken_up(
+    flight: _Flight,
+    index: int,
+    cut: _Cut,
+    state: AutopilotState | None,
+    torn: list[int],
+) -> AutopilotState | None:
+    """The state from which a tick is flown."""
+    if cut.gap:
+        state = None
+    if cut.state is None:
+        return state
+    if state is None or cut.afresh:
+        return cut.state
+    if flight.changed:
+        return state
+    if not _same(state, cut.state):
+        torn.append(flight.ticks[index] - 1)
+    return cut.state
+
+
+def _same(a: Any, b: Any) -> bool:
+    """Whether two tuples of tuples hold the same, NaN being itself."""
+    if isinstance(a, tuple):
+        return len(a) == len(b) and all(map(_same, a, b))
+    return bool(a == b or (a != a and b != b))
+
+
+def _stretch(
+    flight: _Flight,
+    laws: Laws,
+    state: AutopilotState,
+    begin: int,
+    end: int,
+    rows: bytearray,
+    at: int,
+) -> AutopilotState:
+    """Ticks under the same laws, packed as the writer packs them; the state that they leave."""
+    pack, size = packer("tick"), record_size("tick")
+    numbers, stamps = flight.ticks[begin:end], flight.stamps[begin:end]
+    for number, stamp, inputs in zip(numbers, stamps, flight.inputs[begin:end], strict=True):
+        state, output = step(laws, state, inputs)
+        try:
+            pack(rows, at, stamp, number, inputs, output)
+        except OverflowError:
+            pack(rows, at, stamp, number, tamed(inputs), tamed(output))
+        at += size
+    return state
+
+
+def _differences(logged: Mapping[str, Array], replayed: Mapping[str, Array]) -> list[Difference]:
+    """Fields that are not the same in every bit; any NaN is as good as another."""
+    found = []
+    for name, a in logged.items():
+        b = replayed[name]
+        if a.tobytes() == b.tobytes():
+            continue
+        x, y = a.astype(np.float64), b.astype(np.float64)
+        unlike = ~((x == y) | (np.isnan(x) & np.isnan(y)))
+        if not unlike.any():
+            continue
+        with np.errstate(invalid="ignore"):
+            size = np.where(unlike, np.nan_to_num(np.abs(x - y), nan=np.inf), 0.0)
+        worst = int(np.argmax(size))
+        at = float(logged["time_s"][worst])
+        found.append(Difference(name, int(unlike.sum()), float(size[worst]), at))
+    return sorted(found, key=lambda d: d.largest, reverse=True)

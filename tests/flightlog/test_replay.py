@@ -1,0 +1,310 @@
+"""A logged flight flown again: the same to the last bit, or by how much not."""
+
+from __future__ import annotations
+
+import struct
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from logged_flight import AIRFRAME, FACTS, SITE, LoggedFlight, logs_in, recorded
+
+from tgl_soar.autopilot import AutopilotState, initial_state
+from tgl_soar.config import ConfigError
+from tgl_soar.flightlog.declaration import TOPICS, flattener, leaves_of, rebuilt, record_size
+from tgl_soar.flightlog.reader import FlightLog, LogError, read_log
+from tgl_soar.flightlog.writer import FlightRecorder
+from tgl_soar.parameters import ParameterError
+from tgl_soar.replay.logged import Replay, ReplayError, replay
+from tgl_soar.replay.wire import read_wire, replay_wire, rms
+from tgl_soar.sim.sitl import SitlOptions, fly
+
+TICKS = 799
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return recorded(tmp_path_factory.mktemp("replayed"))
+
+
+@pytest.fixture(scope="module")
+def log(path: Path) -> FlightLog:
+    return read_log(path)
+
+
+def is_the_same(result: Replay) -> bool:
+    return result.differences == [] and result.notes == []
+
+
+# --- bit for bit ------------------------------------------------------------------------------
+
+
+def test_a_flight_replays_bit_for_bit(log: FlightLog) -> None:
+    result = replay(log, workers=1)
+    assert is_the_same(result)
+    assert len(result.time_s) == TICKS
+    assert result.left_out == 0
+    assert result.logged["active"].sum() > 600  # it flew
+    assert set(result.replayed) == {field.name for field in TOPICS["tick"].fields}
+
+
+def test_stretches_side_by_side_replay_the_same(
+    log: FlightLog, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tgl_soar.replay.logged.STRETCH", 300)
+    alone, together = replay(log, workers=1), replay(log, workers=2)
+    assert is_the_same(together)
+    for name, column in alone.replayed.items():
+        assert column.tobytes() == together.replayed[name].tobytes()
+
+
+def test_a_flight_between_real_processes_replays_bit_for_bit(tmp_path: Path) -> None:
+    options = SitlOptions(airframe=AIRFRAME, site=SITE, out=tmp_path, legs=("a",), stay_s=2.0)
+    fly(options, lambda _operator: None)
+    (path,) = logs_in(tmp_path / "logs")
+    log = read_log(path)
+    assert log.losses == []
+    result = replay(log)
+    assert is_the_same(result)
+    assert result.logged["active"].sum() > 400
+    assert replay_wire(path.with_suffix(".tlog"), AIRFRAME, SITE).outputs[-1].mode == 2
+
+
+def test_every_part_of_a_cut_log_replays_by_itself(tmp_path: Path) -> None:
+    recorded(tmp_path, largest_bytes=3_000_000)
+    parts = logs_in(tmp_path)
+    assert len(parts) > 1
+    results = [replay(read_log(part), workers=1) for part in parts]
+    assert all(is_the_same(result) for result in results)
+    assert sum(len(result.time_s) for result in results) == TICKS
+
+
+@settings(max_examples=8, deadline=None)
+@given(share=st.floats(0.05, 1.0))
+def test_a_log_that_is_cut_off_replays_up_to_the_cut(path: Path, share: float) -> None:
+    data = path.read_bytes()
+    shorter = path.with_name("shorter.bin")
+    shorter.write_bytes(data[: int(share * len(data))])
+    log = read_log(shorter)
+    result = replay(log, workers=1)
+    assert is_the_same(result)
+    assert len(result.time_s) == len(log.topics["tick"]["tick"])
+
+
+def test_behind_a_gap_the_next_state_is_taken_up(tmp_path: Path) -> None:
+    recorder = FlightRecorder(tmp_path, FACTS, 0.0, patient=True)
+    recorder.start()
+    flight = LoggedFlight(recorder)
+    flight.run(1.0)
+    flight.onboard.strain.value = 1.0
+    flight.run(0.5)
+    flight.onboard.strain.value = 0.0
+    flight.run(1.5)
+    recorder.stop()
+    result = replay(read_log(logs_in(tmp_path)[0]), workers=1)
+    assert is_the_same(result)
+    assert result.left_out == 1  # the first behind the gap: the state before it was not logged
+    assert len(result.time_s) == 599 - 100 - 1
+
+
+def test_a_module_that_began_anew_in_flight_replays_on(tmp_path: Path) -> None:
+    """The simulator was restarted: the vehicle's clock goes back, all begins afresh."""
+    recorder = FlightRecorder(tmp_path, FACTS, 0.0, patient=True)
+    recorder.start()
+    first = LoggedFlight(recorder)
+    first.run(2.5)
+    second = LoggedFlight(FlightRecorder(tmp_path / "nowhere", FACTS, 0.0), seed=2)
+    first.world = second.world
+    first.run(1.0)
+    recorder.stop()
+    log = read_log(logs_in(tmp_path)[0])
+    assert any("the clock goes back" in loss for loss in log.losses)
+    result = replay(log, workers=1)
+    assert is_the_same(result)
+    assert result.left_out == 0
+
+
+# --- what is not the same ---------------------------------------------------------------------
+
+
+def test_one_changed_bit_is_found(path: Path, tmp_path: Path) -> None:
+    """The smallest possible lie about an elevator command."""
+    data = bytearray(path.read_bytes())
+    head = struct.pack("<HBH", record_size("tick") - 3, ord("D"), 0)
+    at = data.find(head, len(data) // 2)
+    names = [field.name for field in TOPICS["tick"].fields]
+    codes = [field.code for field in TOPICS["tick"].fields]
+    before = struct.calcsize("<" + "".join(codes[: names.index("command_elevator")]))
+    data[at + len(head) + before] ^= 1
+    (tmp_path / "lie.ulg").write_bytes(data)
+    (only,) = replay(read_log(tmp_path / "lie.ulg"), workers=1).differences
+    assert only.name == "command_elevator"
+    assert only.ticks == 1
+    assert 0.0 < only.largest < 1e-15
+
+
+def test_a_state_that_does_not_follow_is_told(log: FlightLog) -> None:
+    state = dict(log.topics["state"])
+    state["line_x_m"] = state["line_x_m"] + np.where(state["tick"] > 1, 1e-9, 0.0)
+    result = replay(replace(log, topics={**log.topics, "state": state}), workers=1)
+    assert any("the state after tick 401 is not the logged one" in note for note in result.notes)
+
+
+def test_another_gain_shows_what_would_have_been_commanded(log: FlightLog) -> None:
+    result = replay(log, changes={"RHO_P": 0.9})
+    assert result.changed
+    found = {d.name for d in result.differences}
+    assert {"setpoints_pitch_rad", "command_elevator", "soaring_p"} <= found
+    assert not found & {"vehicle_x_m", "health_position_age_s", "roll_rad"}
+    p, e_rho = result.replayed["soaring_p"], result.replayed["e_rho_m"]
+    flying = result.logged["active"] & (np.abs(e_rho) > 1e-3)
+    assert p[flying] == pytest.approx(np.float32(0.9) * e_rho[flying], rel=1e-5)
+
+
+def test_the_same_gain_given_again_changes_nothing(log: FlightLog) -> None:
+    result = replay(log, changes={"RHO_P": log.parameters["RHO_P"]})
+    assert result.differences == []
+
+
+def test_another_airframe_brings_its_parameters(log: FlightLog, tmp_path: Path) -> None:
+    text = AIRFRAME.read_text()
+    assert "\nRHO_P = " in text
+    line = next(line for line in text.splitlines() if line.startswith("RHO_P = "))
+    other = tmp_path / "other.toml"
+    other.write_text(text.replace(line, "RHO_P = 1.1"))
+    result = replay(log, airframe=other)
+    assert result.notes == [f"of {other}: 1 parameters are others"]
+    same = replay(log, changes={"RHO_P": 1.1})
+    assert result.replayed["soaring_p"].tobytes() == same.replayed["soaring_p"].tobytes()
+
+
+def test_what_cannot_be_replayed_is_told(log: FlightLog, tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match="no such parameter"):
+        replay(log, changes={"NO_SUCH": 1.0})
+    with pytest.raises(ParameterError, match="allowed"):
+        replay(log, changes={"RHO_P": 1e9})
+    with pytest.raises(ConfigError, match="missing"):
+        replay(log, airframe=tmp_path / "missing.toml")
+    with pytest.raises(ReplayError, match="not a log of tgl_soar"):
+        replay(replace(log, info={"sys_name": "PX4"}))
+    with pytest.raises(ReplayError, match="does not hold the site file"):
+        replay(replace(log, texts={"airframe": ""}))
+    with pytest.raises(ReplayError, match="no tick in it"):
+        replay(replace(log, topics={}))
+    attitude = {k: v for k, v in log.topics["attitude"].items() if k != "qz"}
+    with pytest.raises(ReplayError, match="no qz in attitude"):
+        replay(replace(log, topics={**log.topics, "attitude": attitude}))
+
+
+def test_another_version_is_told_and_replayed(log: FlightLog) -> None:
+    tick = {k: v for k, v in log.topics["tick"].items() if k != "e_rho_rate_mps"}
+    older = replace(log, info={**log.info, "ver_sw": "0.0.9"}, topics={**log.topics, "tick": tick})
+    result = replay(older, workers=1)
+    assert "flown with version 0.0.9" in result.notes[0]
+    assert "not compared: e_rho_rate_mps" in result.notes[1]
+    assert result.differences == []
+
+
+def test_a_state_goes_through_numbers_and_back() -> None:
+    state = initial_state()
+    numbers = flattener(tuple(leaves_of(AutopilotState)))(state)
+    assert len(numbers) == len(TOPICS["state"].leaves)
+    back = rebuilt(AutopilotState, iter(numbers))
+    assert repr(back) == repr(state)
+
+
+# --- from the wire ----------------------------------------------------------------------------
+
+
+def test_the_wire_replays_as_far_as_it_tells(path: Path, log: FlightLog) -> None:
+    """In simulation faster than real time: each attitude is a tick, and the same comes of it."""
+    result = replay_wire(path.with_suffix(".tlog"), AIRFRAME, SITE)
+    assert "not bit for bit" in result.notes[0]
+    assert any("a tick each attitude" in note for note in result.notes)
+    assert len(result.outputs) == TICKS
+    elevator = result.column("command.elevator")
+    assert elevator == pytest.approx(log.topics["tick"]["command_elevator"], abs=0.02)
+    assert rms(result.compared["soar_x"]) < 1e-6
+    assert rms(result.compared["pitch_sp"]) < 0.2  # degrees
+    assert len(result.compared["e_rho"]) > 10
+
+
+def test_the_wire_replays_with_another_gain(path: Path) -> None:
+    wire = path.with_suffix(".tlog")
+    changed = replay_wire(wire, AIRFRAME, SITE, {"RHO_P": 0.9})
+    assert rms(changed.compared["pitch_sp"]) > 2.0 * rms(
+        replay_wire(wire, AIRFRAME, SITE).compared["pitch_sp"]
+    )
+
+
+@settings(max_examples=25, deadline=None)
+@given(at=st.floats(0.0, 1.0), garbage=st.binary(max_size=100))
+def test_a_damaged_wire_gives_its_whole_frames(path: Path, at: float, garbage: bytes) -> None:
+    data = path.with_suffix(".tlog").read_bytes()[:8_000]
+    frames, _ = read_wire(_written(path, data))
+    place = int(at * len(data))
+    found, losses = read_wire(_written(path, data[:place] + garbage + data[place:]))
+    assert len(found) >= len(frames) - 3
+    assert all(loss for loss in losses)
+
+
+def _written(path: Path, data: bytes) -> Path:
+    damaged = path.with_name("damaged.tlog")
+    damaged.write_bytes(data)
+    return damaged
+
+
+def test_a_file_that_is_no_wire_is_told(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="cannot be read"):
+        read_wire(tmp_path / "missing.tlog")
+    (tmp_path / "x.tlog").write_bytes(b"")
+    with pytest.raises(LogError, match="empty"):
+        read_wire(tmp_path / "x.tlog")
+    (tmp_path / "x.tlog").write_bytes(bytes(1000))
+    with pytest.raises(LogError, match=r"not a \.tlog"):
+        read_wire(tmp_path / "x.tlog")
+
+
+# --- the commands -----------------------------------------------------------------------------
+
+
+def tgl_soar(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "tgl_soar.cli", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
+
+def test_the_command_tells_that_all_is_the_same_and_what_would_differ(
+    path: Path, tmp_path: Path
+) -> None:
+    run = tgl_soar("replay", path)
+    assert run.returncode == 0, run.stderr
+    assert "every command is the same, bit for bit" in run.stdout
+    figure = tmp_path / "figure.png"
+    run = tgl_soar("replay", path, "--param", "rho_p=0.9", "--figure", figure)
+    assert run.returncode == 0, run.stderr
+    assert "does not answer" in run.stdout
+    assert figure.stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "why"),
+    [
+        (("replay", "{x}"), "not a ULog"),
+        (("replay", "{log}", "--param", "RHO_P"), "must be NAME=VALUE"),
+        (("log", "info", "{x}"), "not a ULog"),
+        (("log", "export", "{log}", "--to", "xls"), "must be csv, netcdf, mcap"),
+    ],
+)
+def test_what_is_wrong_is_told_without_a_traceback(
+    path: Path, tmp_path: Path, arguments: tuple[str, ...], why: str
+) -> None:
+    (tmp_path / "x.ulg").write_bytes(b"no log at all, but long enough")
+    run = tgl_soar(*(a.format(x=tmp_path / "x.ulg", log=path) for a in arguments))
+    assert run.returncode == 2
+    assert why in run.stderr
+    assert "Traceback" not in run.stderr
