@@ -68,7 +68,7 @@ UNITS: Final = {
     "timestamp": "µs",
 }
 
-# What is small enough for less than 32 bits.
+# What is small enough for less than 64 bits.
 _SMALL: Final = {
     "Output.mode": "uint8_t",
     "Output.reason": "uint8_t",
@@ -143,7 +143,7 @@ MEANINGS: Final = {
     "PidTerms.i": "the integral",
     "PidTerms.d": "proportional to the error's rate",
     "PidTerms.feedforward": "without any error",
-    "AutopilotState.mode": "by number: Modes, below",
+    "SupervisorState.mode": "by number: Modes, below",
     "MotionState.attitude_sequence": "of the last sample looked at",
     "MotionState.rejected": "samples refused so far",
     "LineState.moving": "it is on its way to its target",
@@ -233,7 +233,7 @@ def _field(leaf: Leaf, *, exact: bool) -> Field:
     if leaf.kind is bool:
         return Field(leaf.name, "bool", leaf.owner)
     if leaf.kind is int:
-        return Field(leaf.name, _SMALL.get(leaf.owner, "int32_t"), leaf.owner)
+        return Field(leaf.name, _SMALL.get(leaf.owner, "int64_t"), leaf.owner)
     exact = exact or leaf.name.endswith("time_s") or leaf.name.startswith("command_")
     return Field(leaf.name, "double" if exact else "float", leaf.owner)
 

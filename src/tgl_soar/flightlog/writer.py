@@ -51,6 +51,7 @@ _TEXT_CHARS: Final = 8000  # of a file's text in one message
 _MAGIC: Final = b"\x55\x4c\x6f\x67\x01\x12\x35\x01"
 _HEAD: Final = struct.Struct("<HB")
 _SETUP_SIGNING: Final = b"\x00\x01\x00"  # it carries a key: never written down
+_LARGEST_INT: Final = (1 << 63) - 1
 _LARGEST_FLOAT32: Final = 3.4028234e38
 
 
@@ -137,10 +138,15 @@ class _Spool:
         self.ending = ending
         self.buffer = bytearray()  # empty: none is there
         self.at = 0
-        self.handed_bytes = 0  # of this part
+        self._handed_bytes = 0  # of this part
         self._begins_us = -1
         self._free = free
         self._orders = orders
+
+    @property
+    def part_bytes(self) -> int:
+        """Of this part so far."""
+        return self._handed_bytes + self.at
 
     def room(self, size: int) -> bool:
         """Whether so much can be put at `at`; a full buffer is handed over for it."""
@@ -164,13 +170,13 @@ class _Spool:
         """What is there goes to the thread."""
         if self.at > 0:
             self._orders.put(_Order(self.ending, self.buffer, self.at, self._begins_us))
-            self.handed_bytes += self.at
+            self._handed_bytes += self.at
             self.buffer, self.at, self._begins_us = bytearray(), 0, -1
 
     def begin_part(self, time_us: int) -> None:
         """What comes next goes into another file."""
         self.hand_over()
-        self.handed_bytes = 0
+        self._handed_bytes = 0
         self._begins_us = time_us
 
 
@@ -284,10 +290,8 @@ class FlightRecorder(Recorder):
         if self._disk.trouble:
             self._on = False
             return [f"no flight log: {self._disk.trouble}; flying on"]
-        if (
-            self._rows.handed_bytes + self._wire.handed_bytes >= self._part_bytes
-            and self._free.plenty
-        ):
+        written = self._rows.part_bytes + self._wire.part_bytes
+        if written >= self._part_bytes and self._free.plenty:
             self._begin_part()
         now_s = time.monotonic()
         if now_s - self._flushed_s >= FLUSH_S:
@@ -319,29 +323,28 @@ class FlightRecorder(Recorder):
     # --- rows ---------------------------------------------------------------------------------
 
     def _pack(self, pack: Callable[..., None], size: int, *values: Any) -> None:
-        """One record, where there is room for it."""
+        """One record, where there is room for it; left out if its numbers fit no field."""
         rows = self._rows
         try:
             pack(rows.buffer, rows.at, self._time_us, self._ticks, *values)
         except (struct.error, OverflowError):
-            tame = (tamed(value) for value in values)
-            pack(rows.buffer, rows.at, self._time_us, self._ticks, *tame)
+            tame = [tamed(value) for value in values]
+            try:
+                pack(rows.buffer, rows.at, self._time_us, self._ticks, *tame)
+            except struct.error:
+                self.dropped += 1
+                return
         rows.at += size
 
     def _put_tick(self, inputs: Inputs, output: Output, state: AutopilotState) -> None:
-        rows, last = self._rows, self._last
+        last = self._last
         for i, (place, pack, size) in enumerate(_PACKED_STREAMS):
             sample = inputs[place]
             if sample is not last[i]:
                 if sample != last[i]:
                     self._pack(pack, size, sample)
                 last[i] = sample
-        try:
-            _PACK_TICK(rows.buffer, rows.at, self._time_us, self._ticks, inputs, output)
-        except (struct.error, OverflowError):
-            tame = tamed(inputs), tamed(output)
-            _PACK_TICK(rows.buffer, rows.at, self._time_us, self._ticks, *tame)
-        rows.at += _TICK_BYTES
+        self._pack(_PACK_TICK, _TICK_BYTES, inputs, output)
         if self._ticks >= self._state_due:
             self._state_due = self._ticks + STATE_TICKS
             self._pack(_PACK_STATE, _STATE_BYTES, False, state)
@@ -522,7 +525,7 @@ def tamed(value: Any) -> Any:
     if isinstance(value, float) and isfinite(value) and abs(value) > _LARGEST_FLOAT32:
         return inf if value > 0.0 else -inf
     if isinstance(value, int) and not isinstance(value, bool):
-        return max(-0x80000000, min(0x7FFFFFFF, value))
+        return max(-_LARGEST_INT - 1, min(_LARGEST_INT, value))
     return value
 
 
