@@ -215,6 +215,11 @@ def _forwarding(forward: Forward | None) -> PoseForwarding | None:
     )
 
 
+def laws_of(setup: Setup, values: ParameterSet) -> autopilot.Laws:
+    """The laws of one tick: here, and in the replay of a log."""
+    return autopilot.laws_from(values, setup.frame, setup.aerodynamics)
+
+
 def _channel(surface: Surface) -> SurfaceChannel:
     return SurfaceChannel(
         surface.channel, surface.pwm_min, surface.pwm_trim, surface.pwm_max, surface.reversed
@@ -295,7 +300,7 @@ class Onboard:
         self._autopilot = self._routes[self.add_link(send, stream=stream)]
         self._autopilot.decoder.watch(self.session.autopilot)
         self._values = setup.parameters
-        self._laws = autopilot.laws_from(setup.parameters, setup.frame, setup.aerodynamics)
+        self._laws = laws_of(setup, setup.parameters)
         self._engage = setup.parameters["OP_ENGAGE"] >= 0.5
         self._state = autopilot.initial_state()
         self._mode = BOOT
@@ -548,7 +553,7 @@ class Onboard:
             self.pacer.set_rate(rate_hz)
         self._values = values
         self._recorder.parameters(values)
-        self._laws = autopilot.laws_from(values, self._setup.frame, self._setup.aerodynamics)
+        self._laws = laws_of(self._setup, values)
         self._engage = values["OP_ENGAGE"] >= 0.5
         self._want_pilot_switch()
         self.counters.laws_changed += 1

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgl_soar import __version__
-from tgl_soar.autopilot import AutopilotState, Laws, initial_state, laws_from, step
+from tgl_soar.autopilot import AutopilotState, Laws, initial_state, step
 from tgl_soar.config import Airframe, Site, load_airframe, load_parameters, load_site
 from tgl_soar.flightlog.declaration import (
     STREAMS,
@@ -38,7 +38,7 @@ from tgl_soar.flightlog.declaration import (
 )
 from tgl_soar.flightlog.reader import Array, FlightLog, Topic
 from tgl_soar.flightlog.writer import tamed
-from tgl_soar.geometry import SoaringFrame
+from tgl_soar.onboard import Setup, laws_of, setup_from
 from tgl_soar.parameters import INDEX, ParameterError, ParameterSet
 from tgl_soar.types import NAN, NO_ATTITUDE, NO_FIX, AutopilotStatus, Inputs
 
@@ -203,11 +203,11 @@ def _prepare(
         # A state belongs to what comes next, unless ticks in between are missing.
         if index < len(numbers) and numbers[index] == number + 1:
             cut(index, state=state, afresh=afresh or cuts.get(index, _Cut()).afresh)
-    frame, stands = _configuration(log, airframe, notes)
+    setup, stands = _configuration(log, airframe, notes)
     for number, values in _parameters(log, stands, changes, notes):
         index = int(np.searchsorted(numbers, number, side="right")) if number >= 0 else 0
         if index < len(numbers):
-            cut(index, laws=laws_from(values, frame))
+            cut(index, laws=laws_of(setup, values))
     if 0 not in cuts or cuts[0].state is None:
         begins = numbers[0] == 1
         if begins or not any(c.state for c in cuts.values()):
@@ -259,8 +259,8 @@ def _states(log: FlightLog, notes: list[str]) -> list[tuple[int, bool, Autopilot
 
 def _configuration(
     log: FlightLog, airframe: str | Path | None, notes: list[str]
-) -> tuple[SoaringFrame, dict[str, float]]:
-    """The frame of the site, and the parameters that another airframe file changes."""
+) -> tuple[Setup, dict[str, float]]:
+    """What the module was set up with, and the parameters that another airframe file changes."""
     missing = [name for name in ("airframe", "site") if name not in log.texts]
     if missing:
         raise ReplayError(f"{log.path}: it does not hold the {missing[0]} file")
@@ -269,13 +269,15 @@ def _configuration(
         for name, path in paths.items():
             path.write_text(log.texts[name], encoding="utf-8")
         site = load_site(paths["site"])
+        logged = load_airframe(paths["airframe"])
+        before = _files_values(logged, paths["airframe"], site, log)
         if airframe is None:
-            return site.frame(), {}
-        before = _files_values(load_airframe(paths["airframe"]), paths["airframe"], site, log)
-        after = _files_values(load_airframe(airframe), airframe, site, log)
+            return setup_from(logged, site, before), {}
+        other = load_airframe(airframe)
+        after = _files_values(other, airframe, site, log)
     stands = {p.name: new for (p, old), (_, new) in zip(before, after, strict=True) if old != new}
     notes.append(f"of {airframe}: {len(stands)} parameters are others")
-    return site.frame(), stands
+    return setup_from(other, site, after), stands
 
 
 def _files_values(airframe: Airframe, path: str | Path, site: Site, log: FlightLog) -> ParameterSet:
