@@ -69,11 +69,6 @@ PARTS: dict[tuple[str, str], set[str]] = {
     ("process", "flightlog"): {f"{_LOG}.declaration", f"{_LOG}.recorder", f"{_LOG}.writer"},
 }
 
-# One file, one reason.
-EXCEPTIONS: dict[tuple[str, str], str] = {
-    ("tgl_soar.sim.sitl", "report"): "the picture at the end of `make run`",
-}
-
 FLIES = {
     "types", "geometry", "parameters", "control", "estimation",
     "autopilot", "line_changes", "link", "config", "realtime", "onboard",
@@ -160,7 +155,7 @@ def violations(source: Path) -> list[str]:
                     found.append(f"{where}: a law knows no clock, no file and no wire")
             elif rest and not unit:
                 found.append(f"{where}: the package itself imports nothing of ours")
-            elif rest and (name, rest[0]) not in EXCEPTIONS:
+            elif rest:
                 parts = PARTS.get((unit, rest[0]))
                 if rest[0] not in permitted(unit):
                     found.append(f"{where}: {unit} may import {sorted(permitted(unit))}")
@@ -184,13 +179,6 @@ def test_the_table_keeps_the_ground_out_of_the_air() -> None:
 def test_no_row_leads_back_to_itself() -> None:
     for unit, row in TABLE.items():
         assert all(unit not in permitted(below) for below in row), unit
-
-
-def test_every_exception_is_still_needed() -> None:
-    for module, unit in EXCEPTIONS:
-        file = SOURCE.joinpath(*module.split(".")[1:]).with_suffix(".py")
-        used = {name.split(".")[1] for _, name in imports_of(SOURCE, file) if name.count(".")}
-        assert unit in used, f"{module} no longer imports {unit}"
 
 
 # --- the checker checked --------------------------------------------------------------------

@@ -11,6 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from tgl_soar.commands import app
+from tgl_soar.commands.sitl import newest_log
 
 RUN = CliRunner()
 
@@ -89,3 +90,21 @@ def test_what_cannot_be_is_named(
     assert result.exit_code == 2, result.output
     assert words in result.output.replace("\n", " ")
     assert "Traceback" not in result.output
+
+
+def test_the_flight_of_make_run_ends_with_its_report(tmp_path: Path) -> None:
+    arguments = ["sitl", "--legs", "a", "--stay", "5", "--out", str(tmp_path), "--report"]
+    result = RUN.invoke(app, arguments)
+    assert "its report: " in result.output, result.output
+    assert 'id="plane"' in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert (tmp_path / "flight.png").stat().st_size > 10_000
+
+
+def test_the_newest_log_is_the_first_part_of_the_last_flight(tmp_path: Path) -> None:
+    assert newest_log(tmp_path) is None
+    day = tmp_path / "2026-11-21"
+    day.mkdir()
+    for name in ("08_00_00_flight001", "09_00_00_flight002_part2", "09_00_00_flight002"):
+        (day / f"{name}.ulg").touch()
+        (day / f"{name}.tlog").touch()
+    assert newest_log(tmp_path) == day / "09_00_00_flight002.ulg"

@@ -11,12 +11,16 @@ from rich.live import Live
 from rich.table import Table
 
 from tgl_soar.autopilot import mode_name
-from tgl_soar.config import ConfigError
+from tgl_soar.config import ConfigError, load_airframe, load_site
+from tgl_soar.flightlog.files import kept_in
+from tgl_soar.flightlog.reader import LogError
 
 from .console import AIRFRAME, SITE, SITE_MOCAP, console, errors, fail
+from .report import Named, write
 
 if TYPE_CHECKING:
     from tgl_soar.sim.operator import Operator
+    from tgl_soar.sim.sitl import Flight, SitlOptions
 
 
 class Mocap(StrEnum):
@@ -60,6 +64,9 @@ def sitl(
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for logs and the figure.")] = Path("out/sitl"),
+    report: Annotated[
+        bool, typer.Option("--report", help="Write the page of the flight as well.")
+    ] = False,
 ) -> None:
     """Fly the line from a to b to c between real processes; exit code 1 if a leg fails."""
     from tgl_soar.sim.faults import FaultError, catalogue_text, parse_faults
@@ -115,14 +122,55 @@ def sitl(
     console.print(
         f"{simulated:.0f} s of flight in {flight.wall_s:.0f} s; logs and figure in {out}/"
     )
+    log = newest_log(out / "logs")
     try:
-        from tgl_soar.sim.sitl import draw
-
-        draw(options, flight, out / "flight.png")
-    except ImportError as error:
+        _draw(options, flight, out / "flight.png")
+        if report and log is not None:
+            page = out / "report.html"
+            write(log, page, Named(), lambda _words: None)
+            console.print(f"its report: {page}")
+    except (ImportError, LogError) as error:
         errors.print(f"no figure: {error}")
+    if log is not None and not report:
+        console.print(f"its report: tgl-soar report {log}", soft_wrap=True, highlight=False)
     if not passed(flight):
         fail("a leg did not settle", 1)
+
+
+def newest_log(folder: Path) -> Path | None:
+    """The module's log of the last flight, its first part."""
+    logs = [kept for kept in kept_in(folder) if kept.path.suffix == ".ulg"]
+    return next((log.path for log in logs if log.flight == logs[-1].flight), None)
+
+
+def _draw(options: SitlOptions, flight: Flight, path: Path) -> None:
+    """The flight in the vertical plane, as it truly was.  Errors: ImportError."""
+    from tgl_soar.logs.flight_data import FlightData, Series
+    from tgl_soar.report.flight_figures import Surroundings, plane_figure
+    from tgl_soar.report.legs import Leg
+    from tgl_soar.report.style import drawing, save
+    from tgl_soar.sim.world import build_field, ground_outline
+
+    site = load_site(options.site)
+    assert site.air is not None  # it was flown in
+    truth = flight.truth
+    flying = truth["time_s"] <= flight.flown[-1].ended_s
+    columns = {name: truth[name][flying] for name in ("x_m", "y_m", "z_m")}
+    legs = [
+        Leg(score.name, line, flown.stopped_s, flown.ended_s, score, crossing, float("nan"))
+        for flown, line, score, crossing in zip(
+            flight.flown, flight.lines, flight.scores, flight.crossings, strict=True
+        )
+    ]
+    surroundings = Surroundings(
+        field=build_field(site.air, options.site.parent),
+        polar=load_airframe(options.airframe).polar.as_polar(),
+        ground=ground_outline(site.air),
+    )
+    path_flown = Series(truth["time_s"][flying], columns, "truth.csv")
+    with drawing() as plt:
+        data = FlightData(path.name, "simulation", path=path_flown)
+        save(plt, plane_figure(plt, data, legs, surroundings), path)
 
 
 def _progress(operator: Operator) -> Table:

@@ -40,8 +40,9 @@ UPDRAFT_STEPS: Final = (0.05, 0.1, 0.2, 0.25, 0.5, 1.0, 2.0, 5.0)  # between two
 POINTS: Final = 1400  # of a curve: about one for every other pixel of a page
 PATH_POINTS: Final = 12_000
 MODE_COLOURS: Final = {
+    "boot": "#eef0f2",
     "standby": "#d9dde1",
-    "ready": "#c4d9e8",
+    "ready": "#b5cfe2",
     "capturing": "#E69F00",
     "soaring": "#009E73",
     "holding": "#CC79A7",
@@ -49,6 +50,9 @@ MODE_COLOURS: Final = {
     "released": "#5a626b",
     "failed": "#1f2429",
 }
+
+
+LOUD_MODES: Final = ("holding", "recovering", "released", "failed")  # named however short
 
 
 @dataclass(frozen=True)
@@ -181,7 +185,7 @@ def _bounds(path: Series, legs: Sequence[Leg]) -> Bounds:
 def _map(axes: Axes, known: Surroundings, bounds: Bounds) -> Any:
     """Updraft in grey and the contour in black; None where the air is not known."""
     if known.ground:
-        axes.fill(*zip(*known.ground, strict=True), color=GROUND, zorder=4, lw=0)
+        axes.fill(*zip(*known.ground, strict=True), color=GROUND, zorder=4, lw=2.0)
     if known.field is None:
         return None
     x, z = np.meshgrid(np.linspace(*bounds[:2], 360), np.linspace(*bounds[2:], 260))
@@ -190,14 +194,30 @@ def _map(axes: Axes, known: Surroundings, bounds: Bounds) -> Any:
     if not np.isfinite(updraft[inside]).any():
         return None
     low, high = (float(np.nanpercentile(updraft[inside], q)) for q in (1.0, 99.0))
-    if not known.ground:  # else the ground covers what is none of the air
-        updraft = np.where(inside, updraft, np.nan)
+    updraft = np.where(inside, updraft, np.nan)
+    if known.ground:  # down to where the ground covers it, without a jagged edge
+        updraft = _filled_down(updraft)
     step = next(s for s in UPDRAFT_STEPS if high - low <= 20.0 * s or s == UPDRAFT_STEPS[-1])
     levels = np.arange(np.floor(min(0.0, low) / step), np.ceil(high / step) + 1.0) * step
-    shades = axes.contourf(x, z, updraft, levels=levels, cmap="Greys", alpha=0.62, extend="both")
+    shades = axes.contourf(x, z, updraft, levels=levels, cmap=_greys(), extend="both")
     shades.set_rasterized(True)
     _contour(axes, known, bounds, "ZEUC: updraft = sink")
     return shades
+
+
+def _filled_down(values: Floats) -> Floats:
+    """Each column, lowest row first, with its lowest number below that as well."""
+    rows = np.arange(len(values))[:, None]
+    lowest = np.argmax(np.isfinite(values), axis=0)
+    return np.where(rows < lowest, values[lowest, np.arange(values.shape[1])], values)
+
+
+def _greys() -> Any:
+    """Greys on which every colour can be seen."""
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+
+    return ListedColormap(colormaps["Greys"](np.linspace(0.0, 0.58, 256)))
 
 
 def _contour(axes: Axes, known: Surroundings, bounds: Bounds, label: str | None) -> None:
@@ -407,7 +427,7 @@ def _mode_band(axes: Axes, flight: FlightData, span: Span) -> None:
                 transform=axes.get_xaxis_transform(),
                 clip_on=True,
             )
-        else:
+        elif b - a > 0.002 * (span[1] - span[0]) or name in LOUD_MODES:
             unnamed[name] = None
     names = [name for name in unnamed if name]
     if names:
@@ -451,14 +471,14 @@ def longitudinal_panels(flight: FlightData) -> list[TimePanel]:
             ],
         ),
         TimePanel("elevator [–]", _curve(flight.surfaces, "elevator"), zero=True),
+        TimePanel("updraft [m/s]", _curve(flight.air, "updraft_mps", colour=BLUE), zero=True),
         TimePanel(
-            "air, onboard [m/s]",
+            "speed [m/s]",
             [
-                *_curve(flight.air, "updraft_mps", 1.0, "updraft", BLUE),
-                *_curve(flight.air, "wind_mps", 1.0, "wind", RED),
+                *_curve(flight.air, "wind_mps", 1.0, "wind, estimated", PALE),
+                *_curve(flight.airspeed, "airspeed_mps", 1.0, "airspeed", INK),
             ],
         ),
-        TimePanel("airspeed [m/s]", _curve(flight.airspeed, "airspeed_mps")),
     ]
 
 

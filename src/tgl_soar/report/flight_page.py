@@ -131,8 +131,9 @@ def write_page(page: Path, analysis: Analysis, progress: Progress) -> list[Path]
             (
                 "longitudinal",
                 "Holding the line",
-                "Distance from the line, pitch and its setpoint, elevator, and the air as the"
-                " module estimates it. Shaded: the line stands still. Red ticks: events.",
+                "Distance from the line, pitch and its setpoint, elevator; updraft and wind as they"
+                " are estimated on board, and airspeed. Shaded: the line stands still. Red ticks:"
+                " events.",
                 lambda plt: history_figure(plt, flight, legs, longitudinal_panels(flight)),
             ),
             (

@@ -29,14 +29,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tgl_soar.air.zeuc import stable_crossing
+from tgl_soar.air.zeuc import Crossing, stable_crossing
 from tgl_soar.config import Site, line_parameters, load_airframe, load_parameters, load_site
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.parameters import ParameterSet
 from tgl_soar.score import LegScore, score_leg
 
 from .operator import Flown, Leg, Operator, OperatorError
-from .world import build_field, ground_outline
+from .world import build_field
 
 Floats = NDArray[np.float64]
 # Runs a command that the kernel ends when its parent dies, however that dies.
@@ -78,7 +78,7 @@ class Flight:
 
     flown: list[Flown]
     scores: list[LegScore]
-    crossings: list[tuple[float, float] | None]
+    crossings: list[Crossing | None]
     lines: list[tuple[float, float, float]]
     truth: dict[str, Floats]  # columns of the bridge's log
     wall_s: float
@@ -156,21 +156,20 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> Flight:
     ]
     polar = airframe.polar.as_polar()
     met = [stable_crossing(field, polar, line) for line in lines]
-    predicted = [None if c is None else (c.x_m, c.z_m) for c in met]
     scores = []
-    for flown, line, crossing in zip(operator.flown, lines, predicted, strict=True):
+    for flown, line, crossing in zip(operator.flown, lines, met, strict=True):
         rows = (truth["time_s"] >= flown.stopped_s) & (truth["time_s"] <= flown.ended_s)
         scores.append(
             score_leg(
                 flown.leg.name,
                 line,
-                crossing,
+                _place(crossing),
                 truth["time_s"][rows],
                 truth["x_m"][rows],
                 truth["z_m"][rows],
             )
         )
-    flight = Flight(operator.flown, scores, predicted, lines, truth, time.monotonic() - begun)
+    flight = Flight(operator.flown, scores, met, lines, truth, time.monotonic() - begun)
     _write_summary(options, flight)
     return flight
 
@@ -316,6 +315,10 @@ def _read_truth(path: Path) -> dict[str, Floats]:
     return {name: table[:, i] for i, name in enumerate(rows[0])}
 
 
+def _place(crossing: Crossing | None) -> tuple[float, float] | None:
+    return None if crossing is None else (crossing.x_m, crossing.z_m)
+
+
 def _write_summary(options: SitlOptions, flight: Flight) -> None:
     summary = {
         "seed": options.seed,
@@ -324,40 +327,10 @@ def _write_summary(options: SitlOptions, flight: Flight) -> None:
         "airframe": options.airframe.name,
         "passed": passed(flight),
         "legs": [
-            {**asdict(score), "predicted": crossing, "by_hand": flown.by_hand}
+            {**asdict(score), "predicted": _place(crossing), "by_hand": flown.by_hand}
             for score, crossing, flown in zip(
                 flight.scores, flight.crossings, flight.flown, strict=True
             )
         ],
     }
     (options.out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
-
-
-def draw(options: SitlOptions, flight: Flight, path: Path) -> None:
-    """The figure of the vertical plane.  Errors: ImportError without matplotlib."""
-    from tgl_soar.report.plane_figure import DrawnLeg, draw_plane
-
-    site = load_site(options.site)
-    assert site.air is not None  # it was flown in
-    truth = flight.truth
-    legs = []
-    for flown, line, crossing in zip(flight.flown, flight.lines, flight.crossings, strict=True):
-        rows = (truth["time_s"] >= flown.stopped_s) & (truth["time_s"] <= flown.ended_s)
-        legs.append(
-            DrawnLeg(flown.leg.name, *line, crossing, truth["x_m"][rows], truth["z_m"][rows])
-        )
-    last = flight.flown[-1].ended_s
-    flying = truth["time_s"] <= last
-    turbulence = options.turbulence
-    if turbulence is None:
-        turbulence = site.air.turbulence.intensity
-    draw_plane(
-        path,
-        build_field(site.air, options.site.parent),
-        load_airframe(options.airframe).polar.as_polar(),
-        legs,
-        truth["x_m"][flying],
-        truth["z_m"][flying],
-        f"{site.site.name}: wind {site.air.wind_mps:g} m/s, turbulence {turbulence * 100:g} %",
-        ground_outline(site.air),
-    )
