@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, pi, radians, remainder, sin
+from math import cos, pi, radians, remainder, sin, sqrt
 
 import numpy as np
 import pytest
@@ -11,13 +11,16 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from tgl_soar.geometry import (
+    HallFrame,
     SoaringFrame,
     euler_from_quaternion,
     euler_rates,
+    ned_attitude_from_hall,
     ned_from_soaring,
     ned_vector_from_soaring,
     quaternion_from_euler,
     quaternion_product,
+    rotated,
     soaring_from_ned,
     soaring_vector_from_ned,
     wrap_angle,
@@ -164,3 +167,25 @@ def test_euler_rates_stay_numbers_straight_up() -> None:
     assert abs(yaw_rate) <= 20.0 * (2.0 * sin(0.3) + 3.0 * cos(0.3)) + 1e-9
     assert abs(roll_rate) <= 1.0 + abs(yaw_rate)
     assert pitch_rate == pytest.approx(2.0 * cos(0.3) - 3.0 * sin(0.3))
+
+
+def test_a_tracked_body_s_attitude_in_a_hall_that_points_south() -> None:
+    """y up, x to the south, so z to the west: a turn to the right is about -y, nose up about -z."""
+    hall = HallFrame(False, pi, 5.0, 6.0, 7.0)
+    half = sqrt(0.5)
+    turned = ned_attitude_from_hall(hall, half, 0.0, -half, 0.0)
+    assert euler_from_quaternion(*turned) == pytest.approx((0.0, 0.0, pi / 2), abs=1e-12)
+    nose_up = ned_attitude_from_hall(hall, cos(0.1), 0.0, 0.0, -sin(0.1))
+    assert euler_from_quaternion(*nose_up) == pytest.approx((0.0, 0.2, 0.0), abs=1e-12)
+
+
+@given(angles, pitches, angles, metres, metres, metres)
+def test_a_vector_is_turned_by_a_quaternion_as_by_its_product(
+    roll: float, pitch: float, yaw: float, x: float, y: float, z: float
+) -> None:
+    q = quaternion_from_euler(roll, pitch, yaw)
+    back = (q[0], -q[1], -q[2], -q[3])
+    product = quaternion_product(*quaternion_product(*q, 0.0, x, y, z), *back)
+    turned = rotated(q, (x, y, z))
+    assert turned == pytest.approx(product[1:], abs=1e-9)
+    assert rotated(back, turned) == pytest.approx((x, y, z), abs=1e-9)
