@@ -1,0 +1,37 @@
+"""The whole module in flight under frames that nobody should send.
+
+`python -m benchmarks.hostile --frames 1000000` is the long version, with times.
+"""
+
+from __future__ import annotations
+
+from itertools import islice
+
+import pytest
+from benchmarks.hostile import fire
+
+from tgl_soar.link.codec import Decoder
+from tgl_soar.sim.hostile import HostileFrames
+
+
+def test_the_supply_repeats_and_every_sort_of_frame_is_in_it() -> None:
+    frames = list(islice(HostileFrames(1), 4000))
+    assert frames == list(islice(HostileFrames(1), 4000))
+    assert frames != list(islice(HostileFrames(2), 4000))
+    decoder = Decoder(stream=False)
+    heard = {type(r.message).__name__ for frame in frames for r in decoder.feed(frame)}
+    assert {"AttitudeQuaternion", "ParamSet", "CommandLong", "Odometry", "SetupSigning"} <= heard
+    counters = decoder.counters
+    assert counters.bad_checksums > 100
+    assert counters.skipped_bytes > 1000
+    assert {frame[0] for frame in frames if frame} >= {0xFD, 0xFE}
+
+
+@pytest.mark.parametrize("traced", [False, True])
+def test_nothing_that_arrives_raises_sets_anything_or_ends_the_flight(traced: bool) -> None:
+    fired = fire(8_000 if traced else 30_000, trace=traced)
+    assert not fired.changed
+    assert fired.still_flying
+    if traced:
+        # A tenth of it is spent before memory is looked at; what grows later would grow for ever.
+        assert fired.grown_bytes < 96 * 1024
