@@ -53,7 +53,7 @@ TABLE: dict[str, set[str]] = {
     "sim": {"autopilot", "air", "link", "config", "score"},
     "logs": {"flightlog", "config"},
     "report": {"air", "estimation", "score", "logs"},
-    "experiments": {"sim", "report", "config"},
+    "experiments": {"sim", "report", "config", "onboard"},
     "replay": {"onboard", "flightlog"},
     "commands": {"process", "surface_check", "experiments", "replay"},
     "cli": {"commands"},

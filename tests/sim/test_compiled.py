@@ -230,6 +230,21 @@ def test_faults_act_alike_in_a_plain_and_in_a_compiled_world() -> None:
         assert a == pytest.approx(b, abs=AGREE)
 
 
+@needs_numba
+def test_an_hour_is_flown_without_drift() -> None:
+    """Time and the laws' memories, over 720,000 ticks of one flight; `campaign long` does more."""
+    airframe, site, values, field, _ = place("tunnel")
+    line = line_parameters(site.lines["b"])
+    world = make_world(airframe, site, seed=1, turbulence=0.01, field=field)
+    flight = fly_compiled(prepare(world, 3600.0), 1, values.changed(line), ())
+    assert flight.ended == ""
+    assert flight.ticks == 720_000
+    assert np.array_equal(flight["time_s"], np.arange(720_000) * (1.0 / 200))
+    e_rho = flight["e_rho_m"]
+    first, last = e_rho[12_000:132_000], e_rho[-120_000:]  # ten minutes, without the capture
+    assert np.sqrt(np.mean(last**2)) < 1.2 * np.sqrt(np.mean(first**2)) < 0.05
+
+
 def grid(depth: int, outside: Literal["nan", "edge", "still"]) -> GridField:
     """Random wind, a corner of it solid; depth: nodes along y, 0 for a plane."""
     rng = np.random.default_rng(7)
