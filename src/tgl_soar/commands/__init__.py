@@ -4,7 +4,20 @@ from __future__ import annotations
 
 import typer
 
-from . import align, experiment, log, params, polar, replay, report, site, sitl, surfaces, zeuc
+from . import (
+    align,
+    campaign,
+    experiment,
+    log,
+    params,
+    polar,
+    replay,
+    report,
+    site,
+    sitl,
+    surfaces,
+    zeuc,
+)
 
 app = typer.Typer(
     help="An autopilot module that soars a slope on a target gradient line, over MAVLink.",
@@ -34,3 +47,4 @@ app.add_typer(params.params_app, name="params")
 app.add_typer(polar.polar_app, name="polar")
 app.add_typer(site.site_app, name="site")
 app.command("experiment")(experiment.experiment)
+app.add_typer(campaign.campaign_app, name="campaign")

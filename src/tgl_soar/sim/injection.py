@@ -373,7 +373,8 @@ class DirectLink:
         for fault in self._reboots:
             if fault.acts(now_s):
                 self._overridden = False
-        if not (self._overridden and self._obeys):
+        taken = any(fault.acts(now_s) for fault in self._takes)
+        if taken or not (self._overridden and self._obeys):
             self._command = self._trim
         return self._command
 
