@@ -268,9 +268,9 @@ def flown(text: str | None, duration_s: float = 8.0, seed: int = 1) -> str:
     return fly(world, VALUES, [], duration_s, injection).ended
 
 
-def test_a_short_gap_is_flown_through_and_a_long_one_is_not() -> None:
+def test_a_gap_in_the_position_is_flown_through_and_one_in_the_attitude_is_not() -> None:
     assert flown("position.dropout start=4 for=0.5") == ""
-    assert "position lost" in flown("position.dropout start=4 for=3")
+    assert "attitude lost" in flown("attitude.dropout start=4 for=1")
 
 
 def test_the_pilot_has_the_aircraft_when_he_wants_it() -> None:
