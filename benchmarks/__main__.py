@@ -12,14 +12,19 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from . import closed_loop, hostile, natnet, parameters, release, tick
+from . import closed_loop, hostile, natnet, parameters, release, report, tick
 from .result import Result
 
 
 def _results() -> Iterator[Result]:
     for benchmark in (*tick.BENCHMARKS, *parameters.BENCHMARKS, *hostile.BENCHMARKS):
         yield benchmark()
-    for benchmark_of_many in (*closed_loop.BENCHMARKS, *natnet.BENCHMARKS, *release.BENCHMARKS):
+    for benchmark_of_many in (
+        *closed_loop.BENCHMARKS,
+        *natnet.BENCHMARKS,
+        *release.BENCHMARKS,
+        *report.BENCHMARKS,
+    ):
         yield from benchmark_of_many()
 
 
