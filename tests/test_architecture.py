@@ -51,7 +51,7 @@ TABLE: dict[str, set[str]] = {
     "air": {"geometry"},
     "score": set(),
     "sim": {"autopilot", "air", "link", "config", "score"},
-    "logs": {"flightlog", "config"},
+    "logs": {"flightlog", "config", "estimation"},
     "report": {"air", "estimation", "score", "logs"},
     "experiments": {"sim", "report", "config", "onboard"},
     "replay": {"onboard", "flightlog"},

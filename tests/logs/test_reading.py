@@ -76,8 +76,8 @@ def test_attitude_and_position_are_those_that_were_flown(
         # ArduPilot keeps hundredths of a degree; between samples the truth moves on.
         assert differs(flight, "attitude", name, [a[i] for a in angles]) < radians(0.3)
     fixes = [tick.inputs.position for tick in ticks]
-    assert differs(flight, "position", "north_m", [f.north_m for f in fixes]) < 0.03
-    assert differs(flight, "position", "down_m", [f.down_m for f in fixes]) < 0.03
+    assert differs(flight, "position", "north_m", [f.north_m for f in fixes]) < 0.05
+    assert differs(flight, "position", "down_m", [f.down_m for f in fixes]) < 0.05  # taken earlier
 
 
 @pytest.mark.parametrize("writer", ["px4", "dataflash", "tlog"])

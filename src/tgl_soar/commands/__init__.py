@@ -6,8 +6,21 @@ import typer
 
 from . import (
     align,
+from . import (
+    align,
     campaign,
     experiment,
+    identify,
+    log,
+    params,
+    polar,
+    replay,
+    report,
+    site,
+    sitl,
+    surfaces,
+    zeuc,
+)
     log,
     params,
     polar,
@@ -39,6 +52,7 @@ def run() -> None:
 app.command("align")(align.align)
 app.command("report")(report.report)
 app.command("sitl")(sitl.sitl)
+app.command("identify")(identify.identify_command)
 app.command("surfaces")(surfaces.surfaces)
 app.command("zeuc")(zeuc.zeuc)
 app.add_typer(log.log_app, name="log")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from math import isfinite
+from math import isfinite, radians
 from pathlib import Path
 from typing import Annotated
 
@@ -12,27 +12,52 @@ from rich.table import Table
 
 from tgl_soar.config import ConfigError, load_airframe
 from tgl_soar.estimation.polar import PolarFit, best_glide_speed, fit_polar, sink_band
+from tgl_soar.flightlog.reader import LogError
+from tgl_soar.logs.gliding import MeanWind, glides
+from tgl_soar.logs.reading import read_flight
 from tgl_soar.types import GlidePolar, polar_sink, polar_slope
 
 from .console import AIRFRAME, console, errors, fail
+from .identify import WindFromOption, WindOption
 
 polar_app = typer.Typer(help="Glide polars: fit one, or show an airframe's.", no_args_is_help=True)
 
 
 @polar_app.command("fit")
 def fit(
-    file: Annotated[Path, typer.Argument(help="CSV with columns speed_mps and sink_mps.")],
+    files: Annotated[
+        list[Path],
+        typer.Argument(help="One CSV with columns speed_mps and sink_mps, or flight logs."),
+    ],
     speed: Annotated[str, typer.Option(help="Column of horizontal airspeeds [m/s].")] = "speed_mps",
     sink: Annotated[str, typer.Option(help="Column of sinks [m/s, positive down].")] = "sink_mps",
+    wind: WindOption = 0.0,
+    wind_from: WindFromOption = 0.0,
+    compare: Annotated[
+        Path | None, typer.Option(help="Airframe file whose polar the figure shows beside it.")
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="Figure to write, PNG or SVG.")] = None,
 ) -> None:
-    """Fit the third-order polar to a table of glides and print it as TOML."""
+    """Fit the third-order polar to a table of glides, or to the steady glides that logs hold.
+
+    Of a log only still air counts: steady pitch, wings level, no lift; the horizontal wind is
+    given, unless the aircraft has a pitot tube.
+    """
+    file = files[0]
     try:
-        speeds, sinks = read_glides(file, speed, sink)
+        beside = None if compare is None else load_airframe(compare).polar.as_polar()
+        if file.suffix.lower() == ".csv":
+            if len(files) > 1:
+                raise ValueError(f"{files[1]}: one table at a time")
+            speeds, sinks = read_glides(file, speed, sink)
+        else:
+            speeds, sinks = logged_glides(files, MeanWind(wind, radians(wind_from)))
         fitted = fit_polar(speeds, sinks)
+    except (ConfigError, LogError, ImportError) as error:
+        fail(error)
     except ValueError as error:
         text = str(error)
-        fail(text if text.startswith(str(file)) else f"{file}: {text}")
+        fail(text if any(text.startswith(str(each)) for each in files) else f"{file}: {text}")
     console.print(_residuals(fitted, speeds, sinks))
     console.print(
         f"{len(speeds)} glides at {fitted.speeds} speeds; residual"
@@ -41,7 +66,7 @@ def fit(
     _summary(fitted.polar)
     console.print("\n" + polar_toml(fitted), markup=False, highlight=False)
     if out is not None:
-        _draw(out, fitted.polar, file.name, fitted, speeds, sinks)
+        _draw(out, fitted.polar, file.name, fitted, speeds, sinks, beside)
 
 
 @polar_app.command("show")
@@ -102,6 +127,28 @@ def read_glides(path: Path, speed: str, sink: str) -> tuple[list[float], list[fl
     return speeds, sinks
 
 
+def logged_glides(files: list[Path], wind: MeanWind) -> tuple[list[float], list[float]]:
+    """Speeds and sinks of the steady glides in some logs.
+
+    Errors: `LogError`; ValueError naming a log that holds none.
+    """
+    speeds, sinks = [], []
+    for path in files:
+        flight = read_flight(path)
+        for text in flight.lost:
+            errors.print(f"lost: {text}", style="yellow", highlight=False, markup=False)
+        try:
+            found = glides(flight, wind)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
+        console.print(
+            f"{path}: {len(found)} steady glides, {sum(g.duration_s for g in found):.0f} s in all"
+        )
+        speeds += [glide.speed_mps for glide in found]
+        sinks += [glide.sink_mps for glide in found]
+    return speeds, sinks
+
+
 def polar_toml(fitted: PolarFit) -> str:
     """The `[polar]` table of an airframe file."""
     p = fitted.polar
@@ -145,11 +192,12 @@ def _draw(
     fitted: PolarFit | None = None,
     speeds: list[float] | None = None,
     sinks: list[float] | None = None,
+    beside: GlidePolar | None = None,
 ) -> None:
     try:
         from tgl_soar.report.polar_figure import polar_figure
 
-        polar_figure(out, polar, f"glide polar: {title}", fitted, speeds or (), sinks or ())
+        polar_figure(out, polar, f"glide polar: {title}", fitted, speeds or (), sinks or (), beside)
     except (ImportError, ValueError) as error:
         errors.print(f"no figure: {error}")
     else:

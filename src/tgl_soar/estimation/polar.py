@@ -187,12 +187,15 @@ def glides_from_log(
     window_s: float = 2.0,
     pitch_spread_rad: float = 0.01,
     speed_change_mps2: float = 0.2,
+    climb_change_mps2: float = 0.02,
 ) -> tuple[GlideStretch, ...]:
     """Steady glides in a log of still air: time, pitch, horizontal airspeed and climb (up > 0).
 
     The log is cut into windows of `window_s`. A window counts where rows cover it, pitch keeps
-    within `pitch_spread_rad` (standard deviation) and the speed along the path changes by less
-    than `speed_change_mps2`; what it still changes is taken out by the energy height.
+    within `pitch_spread_rad` (standard deviation), the speed along the path changes by less
+    than `speed_change_mps2` (what it still changes is taken out by the energy height), and climb
+    by less than `climb_change_mps2`: a path that curves carries another lift than the weight,
+    and one per cent of lift is one or two of sink.
     Errors: ValueError for columns of unequal length, values that are not finite, time that
     does not increase, or no steady window at all.
     """
@@ -230,7 +233,12 @@ def glides_from_log(
             continue  # what happened in the gap is not known
         t = time[rows] - time[rows].mean()
         change = float(t @ path[rows] / (t @ t))  # slope of V over the window
-        if np.std(pitch[rows]) > pitch_spread_rad or abs(change) > speed_change_mps2:
+        curving = float(t @ climb[rows] / (t @ t))
+        if (
+            np.std(pitch[rows]) > pitch_spread_rad
+            or abs(change) > speed_change_mps2
+            or abs(curving) > climb_change_mps2
+        ):
             continue
         mean_path = float(path[rows].mean())
         glides.append(
@@ -244,8 +252,8 @@ def glides_from_log(
     if not glides:
         raise ValueError(
             f"log: none of {int(window[-1]) + 1} windows of {window_s} s is a steady glide (pitch"
-            f" within {pitch_spread_rad} rad, speed changing below {speed_change_mps2} m/s²):"
-            " hold each pitch longer"
+            f" within {pitch_spread_rad} rad, speed changing below {speed_change_mps2} m/s², climb"
+            f" below {climb_change_mps2} m/s²): hold each pitch longer"
         )
     return tuple(glides)
 

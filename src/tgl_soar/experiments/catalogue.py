@@ -7,7 +7,15 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
-from . import air_speed, changing_air, hill_positions, line_lean, sensitivity, still_lines
+from . import (
+    air_speed,
+    changing_air,
+    hill_positions,
+    identification,
+    line_lean,
+    sensitivity,
+    still_lines,
+)
 from .context import Context
 from .result import Result
 
@@ -22,6 +30,7 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "gust": sensitivity.gust,
     "lean": line_lean.lean,
     "speed": air_speed.speed,
+    "identification": identification.identification,
 }
 
 TITLES: Final = {
@@ -35,6 +44,7 @@ TITLES: Final = {
     "gust": "updraft and sink at once after a change of wind",
     "lean": "lines less perpendicular to the contour, upright, leaning downwind",
     "speed": "oscillation with fixed gains as airspeed grows",
+    "identification": "a gliding test flight's log, and the model that flew it",
 }
 
 

@@ -12,7 +12,7 @@ from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from math import cos, sin
 from types import TracebackType
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -162,6 +162,19 @@ def _score(
     )
 
 
+class Timed(Protocol):
+    """Whatever lasted for some time."""
+
+    @property
+    def duration_s(self) -> float:
+        """How long it flew."""
+        ...
+
+
+Wanted = TypeVar("Wanted")
+Lasted = TypeVar("Lasted", bound=Timed)
+
+
 class Flyer:
     """Flies jobs on all cores it is given, or in this process with `workers` = 0."""
 
@@ -188,17 +201,21 @@ class Flyer:
 
     def fly(self, jobs: Iterable[Job]) -> list[Flown]:
         """Fly all, in the order given.  Errors: `ConfigError`."""
+        return self.each(fly_job, jobs)
+
+    def each(self, fly: Callable[[Wanted], Lasted], jobs: Iterable[Wanted]) -> list[Lasted]:
+        """What a function that flies one flight makes of each job, in the order given."""
         queue = list(jobs)
         self.wanted += len(queue)
         self._on_flight(self.flown, self.wanted)
         if self._pool is None:
-            return [self._count(fly_job(job)) for job in queue]
-        futures: list[Future[Flown]] = [self._pool.submit(fly_job, job) for job in queue]
+            return [self._count(fly(job)) for job in queue]
+        futures: list[Future[Lasted]] = [self._pool.submit(fly, job) for job in queue]
         for future in as_completed(futures):
             self._count(future.result())
         return [future.result() for future in futures]
 
-    def _count(self, flown: Flown) -> Flown:
+    def _count(self, flown: Lasted) -> Lasted:
         self.flown += 1
         self.simulated_s += flown.duration_s
         self._on_flight(self.flown, self.wanted)

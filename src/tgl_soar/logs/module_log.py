@@ -39,6 +39,8 @@ _OF_THE_TICK: Final = {
     "line": "line_",
     "tracking": "",
 }
+OLDEST_S: Final = 2.0  # of a sample when it is logged: older, its clock is another
+COMMANDED: Final = TICK  # the source of surfaces that the module itself has moved
 _FLOWN_ONLY: Final = ("surfaces", "setpoints", "tracking")  # of a module that only watches: none
 _SPEEDS: Final = {
     "north_mps": "velocity_north_mps",
@@ -77,11 +79,11 @@ def read_module_log(log: FlightLog) -> FlightData:
     flight = FlightData(
         name=log.path.name,
         kind="flight log of the module (ULog)",
-        position=topics.take("position", {name: name for name in COLUMNS["position"]}),
-        velocity=topics.take("position", _SPEEDS),
+        position=_measured(topics, "position"),
+        velocity=_measured(topics, "position", _SPEEDS),
         attitude=_attitude(topics),
-        airspeed=topics.take("airspeed", {name: name for name in COLUMNS["airspeed"]}),
-        imu=topics.take("imu", {name: name for name in COLUMNS["imu"]}),
+        airspeed=_measured(topics, "airspeed"),
+        imu=_measured(topics, "imu"),
         modes=changes_of(times, modes),
         events=tuple(sorted([*topics.events(), *_reasons(topics, modes, log)])),
         parameters=topics.parameters(),
@@ -90,17 +92,52 @@ def read_module_log(log: FlightLog) -> FlightData:
         streams={name: t for name, t in topics.time_s.items() if name != "parameter"},
         lost=topics.lost,
     )
+    parts["surfaces"] = _moved(parts["surfaces"], topics)
     flight = replace(flight, **parts)
     return with_missing(flight, ("path", "tracking", "line", "surfaces", "airspeed", "air"))
 
 
-def _attitude(topics: Topics) -> Series | None:
-    if not topics.has("attitude", "qw"):
+def _measured(topics: Topics, topic: str, columns: dict[str, str] | None = None) -> Series | None:
+    """Samples at the times when they were true; logged they were when a tick had them.
+
+    A sample that claims to be older than the one before, or not of this flight, is left out.
+    """
+    wanted = columns or {name: name for name in COLUMNS[topic]}
+    taken = topics.take(topic, {**wanted, "age_s": "time_s", "logged_s": "timestamp"})
+    if taken is None:
         return None
-    roll, pitch, yaw = euler(*(topics.column("attitude", q) for q in ("qw", "qx", "qy", "qz")))
+    age = taken["logged_s"] * 1e-6 - taken["age_s"]
+    times = taken.time_s - age
+    newest = np.maximum.accumulate(np.where(np.isfinite(times), times, -np.inf))
+    good = (np.abs(age) <= OLDEST_S) & (times >= newest)
+    if not good.any():
+        return None
+    return Series(times[good], {name: taken[name][good] for name in wanted}, topic)
+
+
+def _attitude(topics: Topics) -> Series | None:
+    found = _measured(topics, "attitude", {q: q for q in ("qw", "qx", "qy", "qz")})
+    if found is None:
+        return None
+    roll, pitch, yaw = euler(*(found[q] for q in ("qw", "qx", "qy", "qz")))
     good = np.isfinite(roll)
     angles = {"roll_rad": roll[good], "pitch_rad": pitch[good], "yaw_rad": yaw[good]}
-    return series(topics.time_s["attitude"][good], "attitude", **angles)
+    return series(found.time_s[good], "attitude", **angles)
+
+
+def _moved(commanded: Series | None, topics: Topics) -> Series | None:
+    """Where the surfaces were put: by the module, or, as read back, by whoever flew."""
+    seen = _measured(topics, "surfaces")
+    if commanded is None or seen is None:
+        return commanded or seen
+    flown = np.isfinite(commanded["elevator"])
+    if not flown.any():
+        return seen
+    columns = {
+        name: np.where(flown, values, seen.last_at(name, commanded.time_s))
+        for name, values in commanded.columns.items()
+    }
+    return Series(commanded.time_s, columns, commanded.source)
 
 
 def _reasons(topics: Topics, modes: list[str], log: FlightLog) -> list[Event]:

@@ -54,8 +54,11 @@ def polar_figure(
     fit: PolarFit | None = None,
     speed_mps: Sequence[float] = (),
     sink_mps: Sequence[float] = (),
+    beside: GlidePolar | None = None,
 ) -> None:
     """Write the polar to `path`; with a fit, its glides, band and residuals as well.
+
+    `beside`: another polar to compare it with.
 
     Errors: ImportError naming the extra where matplotlib is missing.
     """
@@ -74,6 +77,10 @@ def polar_figure(
             )
             draw_polar(axes, polar, band=lambda u: sink_band(fit, u))
             axes.plot(speed_mps, sink_mps, "o", ms=4.5, color=LEG_COLOURS[0], label="glides")
+            if beside is not None:
+                u = np.linspace(beside.speed_min_mps, beside.speed_max_mps, 200)
+                sink = [polar_sink(beside, float(each)) for each in u]
+                axes.plot(u, sink, ":", lw=1.8, color="0.2", label="compared with")
             axes.set_xlabel("")
             lower.axhline(0.0, color="0.4", lw=0.8)
             lower.plot(
