@@ -82,13 +82,13 @@ def flight() -> tuple[Tick, ...]:
 # --- ours -----------------------------------------------------------------------------------
 
 
-@lru_cache(maxsize=1)
-def _our_bytes(folder: str) -> bytes:
+def our_parts(folder: Path, largest_bytes: int = 1_000_000_000) -> list[Path]:
+    """The module's own log, in as many parts as its largest size makes of it."""
     facts = Facts(
         {"sys_name": "tgl_soar", "ver_log": "1", "ver_sw": "0.1.0", "site_file": str(SITE)},
         {"airframe": AIRFRAME.read_text(), "site": SITE.read_text()},
     )
-    recorder = FlightRecorder(Path(folder), facts, 0.0, patient=True)
+    recorder = FlightRecorder(folder, facts, 0.0, patient=True, largest_bytes=largest_bytes)
     recorder.start()
     values = None
     for tick in flight():
@@ -101,15 +101,19 @@ def _our_bytes(folder: str) -> bytes:
         recorder.poll()
     recorder.text(4, "the end")
     recorder.stop()
-    (path,) = Path(folder).rglob("*.ulg")
-    return path.read_bytes()
+    return sorted(folder.rglob("*.ulg"), key=lambda path: (len(path.name), path.name))
 
 
 def our_log(folder: Path) -> Path:
     """The module's own log."""
     path = folder / "ours.ulg"
-    path.write_bytes(_our_bytes(str(folder / "written")))
+    if not _whole:
+        _whole.append(our_parts(folder / "written")[0].read_bytes())
+    path.write_bytes(_whole[0])
     return path
+
+
+_whole: list[bytes] = []  # that log, once written
 
 
 # --- PX4 ------------------------------------------------------------------------------------

@@ -122,6 +122,27 @@ def test_our_log_holds_what_the_laws_did(flights: dict[str, FlightData]) -> None
     assert any("TGL_X" in event.text for event in flight.events)
 
 
+def test_a_log_in_parts_is_one_flight(flights: dict[str, FlightData], tmp_path: Path) -> None:
+    parts = flown.our_parts(tmp_path, largest_bytes=10_000_000)
+    assert len(parts) > 2
+    flight, whole = read_flight(parts[0]), flights["ours"]
+    assert flight.duration_s == pytest.approx(whole.duration_s, abs=0.01)
+    assert [m.name for m in flight.modes] == [m.name for m in whole.modes]
+    assert {e.text for e in flight.events} == {e.text for e in whole.events}
+    for name, series in whole.series().items():
+        again = flight.series()[name]
+        column = next(iter(series.columns))
+        times = np.linspace(1.0, whole.duration_s - 1.0, 200)
+        np.testing.assert_allclose(
+            again.at(column, times), series.at(column, times), atol=0.02, err_msg=name
+        )
+    assert read_flight(parts[1]).duration_s < 0.6 * whole.duration_s  # that part alone
+    parts[2].write_bytes(b"")
+    without = read_flight(parts[0])
+    assert without.duration_s > 0.3 * whole.duration_s
+    assert any(parts[2].name in text for text in without.lost)
+
+
 def test_the_wire_tells_line_and_modes(flights: dict[str, FlightData]) -> None:
     flight = flights["tlog"]
     assert [m.name for m in flight.modes][-1] == "soaring"

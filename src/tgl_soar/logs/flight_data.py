@@ -141,6 +141,7 @@ class FlightData:
     files: Mapping[str, str] = field(default_factory=dict)  # "airframe", "site": whole files
     streams: Mapping[str, Floats] = field(default_factory=dict)  # times at which each arrived
     loss: Mapping[str, tuple[int, int]] = field(default_factory=dict)  # frames: arrived, lost
+    start_s: float = 0.0  # by the log's own clock
     absolute_positions: bool = True  # False: measured from the first fix, wherever that was
     missing: tuple[str, ...] = ()
     lost: tuple[str, ...] = ()

@@ -90,6 +90,7 @@ def read_module_log(log: FlightLog) -> FlightData:
         facts={word: str(log.info[key]) for key, word in _FACTS.items() if key in log.info},
         files=log.texts,
         streams={name: t for name, t in topics.time_s.items() if name != "parameter"},
+        start_s=topics.start_s,
         lost=topics.lost,
     )
     parts["surfaces"] = _moved(parts["surfaces"], topics)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -11,6 +12,7 @@ from . import dataflash, tlog
 from .dataflash import Dataflash, read_dataflash
 from .flight_data import FlightData
 from .module_log import read_module_log
+from .parts import joined, later_parts
 from .px4 import read_px4
 from .tlog import Tlog, read_tlog
 
@@ -22,7 +24,7 @@ KNOWN: Final = (
 
 
 def read_flight(path: str | Path) -> FlightData:
-    """Read a log.  What could not be read of it is told in `lost`.
+    """Read a log, with the parts that follow it.  What could not be read is told in `lost`.
 
     Errors: `LogError` where nothing could be; ImportError naming the extra that is needed.
     """
@@ -35,7 +37,16 @@ def read_flight(path: str | Path) -> FlightData:
         raise LogError(f"{path}: {'only zeros' if data else 'empty'}: there is no flight in it")
     if data.startswith(ULOG):
         log = read_log(path)
-        return read_module_log(log) if log.is_ours else read_px4(log)
+        if not log.is_ours:
+            return read_px4(log)
+        flights, lost = [read_module_log(log)], []
+        for part in later_parts(path):
+            try:
+                flights.append(read_module_log(read_log(part)))
+            except LogError as error:
+                lost.append(str(error))
+        flight = joined(flights)
+        return replace(flight, lost=(*flight.lost, *lost))
     if data.startswith(dataflash.MAGIC):
         return read_dataflash(path.name, Dataflash(path, data))
     if len(data) > 8 and data[8] in (tlog.V1, tlog.V2):
