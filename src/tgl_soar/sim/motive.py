@@ -18,7 +18,7 @@ import socket
 import struct
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple
 
 from tgl_soar.config import ConfigError, Site
@@ -238,7 +238,7 @@ class Motive:
         )
         if self._has("second", now_s):
             elsewhere = [b._replace(position_m=_moved(b.position_m)) for b in waiting.bodies]
-            other = encode_frame(options.version, Scene(**{**vars(scene), "bodies": elsewhere}))
+            other = encode_frame(options.version, replace(scene, bodies=elsewhere))
             for to in [None] if options.multicast else list(self._clients):
                 self._out.append(Datagram(other, to, second=True))
         if options.multicast:
