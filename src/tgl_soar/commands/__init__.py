@@ -6,21 +6,9 @@ import typer
 
 from . import (
     align,
-from . import (
-    align,
     campaign,
     experiment,
     identify,
-    log,
-    params,
-    polar,
-    replay,
-    report,
-    site,
-    sitl,
-    surfaces,
-    zeuc,
-)
     log,
     params,
     polar,
