@@ -17,30 +17,44 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from functools import cache
 from pathlib import Path
 from random import Random
 from typing import Any, Final
 
-from tgl_soar.config import (
-    Airframe,
-    ConfigError,
-    Site,
-    load_airframe,
-    load_file,
-    load_parameters,
-    load_site,
-    shipped,
-)
-from tgl_soar.experiments.scenario import Scenario
-from tgl_soar.flightlog.reader import LogError, read_log
-from tgl_soar.geometry import HallFrame
-from tgl_soar.link.optitrack import Optitrack, Settings
-from tgl_soar.onboard import Onboard, setup_from
-from tgl_soar.parameter_files import ParameterFileError, read_file
-from tgl_soar.parameter_store import Identity, StoreError, read_state, state_text
-from tgl_soar.parameters import ParameterSet
-from tgl_soar.sim.hostile import HEARD_NAMES, HostileFrames, hostile_message
+
+def _watched() -> AbstractContextManager[Any]:
+    """What atheris is to watch is imported within; nothing where it does not guide."""
+    if __name__ != "__main__" or "--by-lot" in sys.argv:
+        return nullcontext()
+    try:
+        import atheris
+    except ImportError:
+        return nullcontext()
+    return atheris.instrument_imports(include=["tgl_soar"])  # type: ignore[no-any-return]
+
+
+with _watched():
+    from tgl_soar.config import (
+        Airframe,
+        ConfigError,
+        Site,
+        load_airframe,
+        load_file,
+        load_parameters,
+        load_site,
+        shipped,
+    )
+    from tgl_soar.experiments.scenario import Scenario
+    from tgl_soar.flightlog.reader import LogError, read_log
+    from tgl_soar.geometry import HallFrame
+    from tgl_soar.link.optitrack import Optitrack, Settings
+    from tgl_soar.onboard import Onboard, setup_from
+    from tgl_soar.parameter_files import ParameterFileError, read_file
+    from tgl_soar.parameter_store import Identity, StoreError, read_state, state_text
+    from tgl_soar.parameters import ParameterSet
+    from tgl_soar.sim.hostile import HEARD_NAMES, HostileFrames, hostile_message
 
 AIRFRAME, SITE = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
 IDENTITY: Final = Identity("airframe", "site", 1, 191)
@@ -230,7 +244,6 @@ def guided(target: str, seconds: float, atheris: Any) -> None:
         for i, example in enumerate(examples(target)):
             (Path(corpus) / str(i)).write_bytes(example)
         options = [sys.argv[0], f"-max_total_time={seconds:.0f}", "-max_len=4096", corpus]
-        atheris.instrument_all()
         atheris.Setup(options, TARGETS[target])
         atheris.Fuzz()
 
