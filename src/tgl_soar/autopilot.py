@@ -248,20 +248,20 @@ def step(laws: Laws, state: AutopilotState, inputs: Inputs) -> tuple[AutopilotSt
     dt = min(DT_MAX_S, dt) if dt > 0.0 else 0.0  # NaN: the first tick
     motion, vehicle = motion_step(laws.motion, laws.frame, state.motion, inputs)
     health = judge(laws.health, motion, inputs)
-    wind, air = wind_step(laws.wind, state.wind, vehicle, inputs, _elevator(laws, state, inputs))
+    wind, air = wind_step(laws.wind, state.wind, vehicle, inputs, _elevator(state, inputs))
     state = state._replace(wind=wind)
     if modes.is_flying(state.supervisor.mode):
         return _fly(laws, state, inputs, motion, vehicle, health, air, dt, modes.REASON_NONE)
     return _watch(laws, state, inputs, motion, vehicle, health, air)
 
 
-def _elevator(laws: Laws, state: AutopilotState, inputs: Inputs) -> float:
-    """The elevator's deflection as it is read back, else as it was commanded, else its trim."""
+def _elevator(state: AutopilotState, inputs: Inputs) -> float:
+    """The elevator's deflection as it is read back, else as we command it, else NaN."""
     if isfinite(inputs.surfaces.elevator):
         return inputs.surfaces.elevator
     if modes.is_flying(state.supervisor.mode):
         return state.limited.command.elevator
-    return laws.trim.elevator
+    return NAN
 
 
 def _watch(

@@ -145,16 +145,14 @@ class Airframe(Strict, frozen=True):
         model, facts = self.model, self.airframe
         if not all(key in model for key in _AERODYNAMIC):
             return NO_AERODYNAMICS
-        figures = (model[key] for key in _AERODYNAMIC)
-        return Aerodynamics._make(
-            (facts.mass_kg, facts.wing_area_m2, *figures, self.polar.as_polar())
-        )
+        known = {**{key: getattr(facts, key) for key in _ON_THE_BENCH}, **model}
+        figures = (known[name] for name in Aerodynamics._fields if name != "polar")
+        return Aerodynamics._make((*figures, self.polar.as_polar()))
 
 
+_ON_THE_BENCH: Final = ("mass_kg", "wing_area_m2", "chord_m")
 _AERODYNAMIC: Final = tuple(
-    name
-    for name in Aerodynamics._fields
-    if name not in AirframeFacts.__struct_fields__ and name != "polar"
+    name for name in Aerodynamics._fields if name != "polar" and name not in _ON_THE_BENCH
 )
 _POSITIVE: Final = (
     "gravity_mps2",

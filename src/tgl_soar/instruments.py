@@ -4,6 +4,7 @@
     DEBUG_FLOAT_ARRAY     all that a tick decided and why, `ARRAY`, for plots and for tuning
     NAV_CONTROLLER_OUTPUT only when asked for: several ground stations show it as the autopilot's
                           own, whichever component sends it
+    WIND_COV              only when asked for, for the same reason
 
 A number that does not exist (a setpoint in standby) is NaN.
 """
@@ -14,17 +15,20 @@ from math import degrees, isfinite
 from typing import Final
 
 from tgl_soar.autopilot import Output
+from tgl_soar.geometry import SoaringFrame, ned_vector_from_soaring
 from tgl_soar.link.messages import (
     ID_DEBUG_FLOAT_ARRAY,
     ID_NAMED_VALUE_FLOAT,
     ID_NAV_CONTROLLER_OUTPUT,
+    ID_WIND_COV,
     DebugFloatArray,
     NamedValueFloat,
     NavControllerOutput,
     Said,
+    WindCov,
 )
 from tgl_soar.link.telemetry import Flow
-from tgl_soar.types import NAN
+from tgl_soar.types import NAN, AirEstimate
 
 FAST_S: Final = 0.2  # between two of the same number
 SLOW_S: Final = 1.0
@@ -40,7 +44,10 @@ FAST: Final = (
     "line_z",
     "line_lean",
 )
-SLOW: Final = ("climb", "health", "age_pos", "age_att", "age_ap", "loss", "rtt_ms")
+SLOW: Final = (
+    *("climb", "health", "age_pos", "age_att", "age_ap", "loss", "rtt_ms"),
+    *("wind", "updraft", "excess", "airspeed"),
+)
 ARRAY: Final = (
     *("mode", "e_rho", "e_rho_rate", "line_x", "line_z", "line_lean", "line_moving"),
     *("x", "y", "z", "speed_x", "speed_y", "climb", "roll", "pitch", "heading"),
@@ -50,6 +57,7 @@ ARRAY: Final = (
     *("aileron", "ail_p", "ail_i", "ail_d", "ail_saturated"),
     *("rudder", "rud_p", "rud_d", "rud_saturated"),
     *("age_pos", "age_att", "age_ap", "health"),
+    *("airspeed", "alpha", "wind", "updraft", "excess", "wind_sd", "updraft_sd"),
 )
 ARRAY_NAME: Final = "tgl_soar"
 ARRAY_ID: Final = 191
@@ -62,7 +70,9 @@ AUTOPILOT_OK: Final = 4
 class Panel:
     """The newest of everything, and the messages that show it."""
 
-    def __init__(self) -> None:
+    def __init__(self, frame: SoaringFrame) -> None:
+        """`frame`: the site's, in which the wind blows along x."""
+        self._frame = frame
         self._output: Output | None = None
         self._vehicle_time_s = NAN
         self._loss = 0.0
@@ -80,12 +90,13 @@ class Panel:
         self._round_trip_s = round_trip_s
 
     def flows(self) -> tuple[Flow, ...]:
-        """What is told without being asked, and how often; the last one only if asked for."""
+        """What is told without being asked, and how often; the last two only if asked for."""
         return (
             Flow(ID_NAMED_VALUE_FLOAT, len(FAST), FAST_S, self._fast),
             Flow(ID_NAMED_VALUE_FLOAT, len(SLOW), SLOW_S, self._slow),
             Flow(ID_DEBUG_FLOAT_ARRAY, 1, ARRAY_S, self._array),
             Flow(ID_NAV_CONTROLLER_OUTPUT, 1, float("inf"), self._navigation),
+            Flow(ID_WIND_COV, 1, float("inf"), self._wind),
         )
 
     def _fast(self, turn: int) -> Said | None:
@@ -104,6 +115,11 @@ class Panel:
 
     def _navigation(self, _turn: int) -> Said | None:
         return None if self._output is None else nav_controller_output(self._output)
+
+    def _wind(self, _turn: int) -> Said | None:
+        if self._output is None:
+            return None
+        return wind_cov(self._output.air, self._frame, self._vehicle_time_s)
 
 
 def health_bits(output: Output) -> float:
@@ -141,6 +157,10 @@ def slow_value(output: Output, loss: float, round_trip_s: float, turn: int) -> f
         health.heartbeat_age_s,
         loss,
         round_trip_s * 1e3,
+        output.air.wind_mps,
+        output.air.updraft_mps,
+        output.air.excess_mps,
+        output.air.airspeed_mps,
     )[turn]
 
 
@@ -154,6 +174,7 @@ def float_array(output: Output, vehicle_time_s: float) -> DebugFloatArray:
     vehicle, health, setpoints = output.vehicle, output.health, output.setpoints
     soaring, command = output.soaring, output.command
     elevator, aileron, rudder = output.elevator, output.aileron, output.rudder
+    air = output.air
     data = (
         float(output.mode),
         output.e_rho_m,
@@ -184,6 +205,8 @@ def float_array(output: Output, vehicle_time_s: float) -> DebugFloatArray:
         health.attitude_age_s,
         health.heartbeat_age_s,
         health_bits(output),
+        *(air.airspeed_mps, degrees(air.alpha_rad), air.wind_mps, air.updraft_mps),
+        *(air.excess_mps, air.wind_sigma_mps, air.updraft_sigma_mps),
     )
     return DebugFloatArray(_stamp(vehicle_time_s, 1e6), ARRAY_NAME, ARRAY_ID, data)
 
@@ -201,6 +224,19 @@ def nav_controller_output(output: Output) -> NavControllerOutput:
         output.line_z_m - output.vehicle.z_m,
         0.0,
         output.e_rho_m,
+    )
+
+
+def wind_cov(air: AirEstimate, frame: SoaringFrame, vehicle_time_s: float) -> WindCov:
+    """The wind in local NED; across the site's x axis it is taken as none."""
+    north, east, down = ned_vector_from_soaring(frame, air.wind_mps, 0.0, air.updraft_mps)
+    return WindCov(
+        _stamp(vehicle_time_s, 1e6),
+        north,
+        east,
+        down,
+        air.wind_sigma_mps,
+        air.updraft_sigma_mps,
     )
 
 

@@ -309,7 +309,7 @@ class Onboard:
         self._active = False
         self._releases = 0
         self._release_due_s = 0.0
-        self._panel = instruments.Panel()
+        self._panel = instruments.Panel(setup.frame)
         self.telemetry = Telemetry(self._panel.flows())
         self.engagement = Engagement()
         major, minor, patch = (int(part) for part in __version__.split(".")[:3])

@@ -203,11 +203,12 @@ def polar_slope(polar: GlidePolar, speed_mps: float) -> float:
 
 
 class Aerodynamics(NamedTuple):
-    """What is known of the airframe's lift and drag, for reading the air from what it feels.
+    """What is known of the airframe's lift, drag and trim, for reading the air from what it feels.
 
     C_L = CL0 + CL_alpha (alpha − s) + CL_elevator elevator
     C_D = CD0 + CD_lift C_L² + CD_separated sin s
     s = w ln(1 + exp((alpha − stall_alpha) / w))     how far the incidence is beyond the stall
+    C_m = Cm0 + Cm_alpha alpha + Cm_q chord q / 2V + Cm_elevator elevator
     """
 
     mass_kg: float
@@ -222,8 +223,16 @@ class Aerodynamics(NamedTuple):
     CD0: float
     CD_lift: float
     CD_separated: float
+    chord_m: float
+    Cm0: float
+    Cm_alpha: float
+    Cm_q: float
+    Cm_elevator: float
     polar: GlidePolar
 
 
 NO_POLAR = GlidePolar(NAN, NAN, NAN, NAN, NAN, NAN)
-NO_AERODYNAMICS = Aerodynamics(NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NO_POLAR)
+NO_AERODYNAMICS = Aerodynamics(
+    *(NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN),
+    NO_POLAR,
+)

@@ -7,6 +7,7 @@ V² = u² + w², alpha = atan2(w, u), k = ρ S / 2m,
     normal   −f_z = k V (C_L u + C_D w)          mostly V² and alpha, by the lift curve
     axial     f_x = k V (C_L w − C_D u)          mostly alpha − atan(C_D / C_L)
     pitot     u
+    trim      alpha = −(C_m0 + C_me δe + C_mq c q / 2V) / C_ma
 
 The wind is what is added to that to give the velocity over the ground: in upwind NED, R the
 rotation from FRD, v the velocity over the ground and W the wind, both in the soaring frame,
@@ -16,7 +17,9 @@ rotation from FRD, v the velocity over the ground and W the wind, both in the so
 A Kalman filter holds W = (W_x, W_z), which wanders: dW² = 2 q² dt.  Each measurement corrects
 it where there is a new sample, so that every sensor may be missing or late:
 
-    without a pitot the two forces alone give u and w;
+    without a pitot the two forces alone give u and w, but near the stall the force's direction
+    hardly changes with alpha any more, and then the elevator that holds it there tells more;
+    beyond the stall the force is rough, and believed as far as the flow is attached;
     without accelerometers the force is that of steady flight, −Rᵀ g, give or take what
     turbulence of a few per cent does (UNSTEADY_…).
 
@@ -27,6 +30,7 @@ no sensor is believed further than its bias allows, and the standard deviations 
     b_n   of the normal force      the lift curve
     b_a   of the axial force       the drag, and g δ
     b_p   of the pitot
+    b_t   of the trim: where the centre of gravity lies
     δ     of the pitch             the attitude's alignment: Ŵ = v + R(θ + δ) (u, w)
 
 The accelerometers' own bias is taken out beforehand, by the attitude: flight over seconds is
@@ -58,9 +62,13 @@ LIFT_ERROR = 0.04  # of the lift at an angle of attack
 DRAG_ERROR = 0.10
 GLIDE_RATIO = 6.0  # drag is weight over this
 PITOT_BIAS_MPS = 0.15
+TRIM_ERROR_RAD = 0.02
 # White noise of single samples, with what is not simultaneous in it.
 FORCE_NOISE_MPS2 = 0.25
+STALL_NOISE_MPS2 = 3.0  # of the force on a wing that is wholly stalled
 PITOT_NOISE_MPS = 0.20
+TRIM_NOISE_RAD = 0.05  # what the pitch acceleration makes of it, for TRIM_S
+TRIM_S = 0.1
 VELOCITY_ERROR_MPS = 0.05  # of the velocity over the ground
 # Without accelerometers: how far from steady flight is, and for how long.
 UNSTEADY_X_MPS2 = 0.25
@@ -101,6 +109,8 @@ class Belief(NamedTuple):
     axial_z: float  # covariance of W_z with b_a
     pitot_x: float  # covariance of W_x with b_p, in m²/s²
     pitot_z: float  # covariance of W_z with b_p
+    trim_x: float  # covariance of W_x with b_t, in rad m/s
+    trim_z: float  # covariance of W_z with b_t
     pitch_x: float  # covariance of W_x with δ, in rad m/s
     pitch_z: float  # covariance of W_z with δ
 
@@ -145,7 +155,7 @@ def initial_wind() -> WindState:
     """Nothing is known yet."""
     return WindState(
         NAN,
-        Belief(NAN, NAN, NAN, NAN, NAN, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        Belief(NAN, NAN, NAN, NAN, NAN, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         Averages(0.0, 0.0, 0.0, 0.0),
         0,
         NAN,
@@ -164,7 +174,7 @@ def wind_step(
 ) -> tuple[WindState, AirEstimate]:
     """Take in what is new and give the air at inputs.time_s.
 
-    elevator: its deflection, -1 … 1, as far as it is known.
+    elevator: its deflection, -1 … 1; NaN: not known.
     """
     aero, imu, pitot = params.aerodynamics, inputs.imu, inputs.airspeed
     now = inputs.time_s
@@ -199,9 +209,20 @@ def wind_step(
         forces = 2
     if usable and forces > 0:
         belief, taken = _take_forces(
-            aero, belief, frame, params.alignment_rad, fx, fz, noise_x, noise_z, elevator
+            aero,
+            belief,
+            frame,
+            params.alignment_rad,
+            fx,
+            fz,
+            noise_x,
+            noise_z,
+            elevator if isfinite(elevator) else 0.0,
         )
         refused += forces - taken
+
+    if usable and dt > 0.0 and isfinite(elevator):
+        belief = _take_trim(aero, belief, frame, vehicle.pitch_rate_radps, elevator, dt)
 
     if usable and pitot.sequence != state.airspeed_sequence and isfinite(pitot.airspeed_mps):
         before = belief
@@ -265,7 +286,7 @@ def _first_guess(aero: Aerodynamics, frame: Body) -> Belief:
         frame.velocity_x_mps + speed,
         frame.climb_mps + polar_sink(aero.polar, speed),
         *(unknown, 0.0, unknown),
-        *(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        *(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     )
 
 
@@ -313,6 +334,8 @@ def _take_forces(
     if not speed > SLOWEST_MPS:
         return belief, 0
     cl, cl_alpha, cd, cd_alpha = lift_drag(aero, atan2(w, u), elevator)
+    separated = STALL_NOISE_MPS2 * (1.0 - cl_alpha / aero.CL_alpha)
+    rough = separated * separated
     k = 0.5 * aero.air_density_kgpm3 * aero.wing_area_m2 / aero.mass_kg
     kv = k * speed
     ku, kw = k * u / speed, k * w / speed
@@ -329,8 +352,9 @@ def _take_forces(
         h_x,
         h_z,
         -force_z_mps2 - kv * across,
-        noise_z_mps2 * noise_z_mps2,
+        noise_z_mps2 * noise_z_mps2 + rough,
         error * error,
+        0.0,
         0.0,
         0.0,
         0.0,
@@ -354,19 +378,51 @@ def _take_forces(
         h_x,
         h_z,
         force_x_mps2 - kv * along - moved,
-        noise_x_mps2 * noise_x_mps2,
+        noise_x_mps2 * noise_x_mps2 + rough,
         0.0,
         error * error + aero.gravity_mps2 * tilted,
+        0.0,
         0.0,
         tilted,
     )
     return axial, taken + (1 if axial.p_zz < normal.p_zz else 0)
 
 
+def _take_trim(
+    aero: Aerodynamics,
+    belief: Belief,
+    frame: Body,
+    pitch_rate_radps: float,
+    elevator: float,
+    dt_s: float,
+) -> Belief:
+    u, w = through_air(frame, belief.wind_mps, belief.updraft_mps)
+    speed2 = u * u + w * w
+    if not speed2 > SLOWEST_MPS * SLOWEST_MPS:
+        return belief
+    damping = 0.5 * aero.Cm_q * aero.chord_m * pitch_rate_radps / sqrt(speed2)
+    alpha = -(aero.Cm0 + aero.Cm_elevator * elevator + damping) / aero.Cm_alpha
+    by_u, by_w = -w / speed2, u / speed2
+    return _corrected(
+        belief,
+        by_u * frame.x_n + by_w * frame.z_n,
+        by_u * frame.x_d + by_w * frame.z_d,
+        alpha - atan2(w, u),
+        TRIM_NOISE_RAD * TRIM_NOISE_RAD * 2.0 * TRIM_S / dt_s,
+        0.0,
+        0.0,
+        0.0,
+        TRIM_ERROR_RAD * TRIM_ERROR_RAD,
+        0.0,
+    )
+
+
 def _take_pitot(belief: Belief, frame: Body, airspeed_mps: float) -> Belief:
     u, _ = through_air(frame, belief.wind_mps, belief.updraft_mps)
     white, bias = PITOT_NOISE_MPS * PITOT_NOISE_MPS, PITOT_BIAS_MPS * PITOT_BIAS_MPS
-    return _corrected(belief, frame.x_n, frame.x_d, airspeed_mps - u, white, 0.0, 0.0, bias, 0.0)
+    return _corrected(
+        belief, frame.x_n, frame.x_d, airspeed_mps - u, white, 0.0, 0.0, bias, 0.0, 0.0
+    )
 
 
 def lift_drag(
@@ -394,28 +450,34 @@ def _corrected(
     normal: float,
     axial: float,
     pitot: float,
+    trim: float,
     pitch: float,
 ) -> Belief:
     """One measurement z = h · W + bias + noise.
 
-    noise: variance of the white noise; normal, axial, pitot: that of its own bias in its own
+    noise: variance of the white noise; normal … trim: that of its own bias in its own
     place, 0 in the others; pitch: covariance of its bias with that of the pitch.
     """
     if axial > 0.0:
         own_x, own_z = b.axial_x, b.axial_z
     elif normal > 0.0:
         own_x, own_z = b.normal_x, b.normal_z
+    elif trim > 0.0:
+        own_x, own_z = b.trim_x, b.trim_z
     else:
         own_x, own_z = b.pitot_x, b.pitot_z
     to_x = b.p_xx * h_x + b.p_xz * h_z + own_x
     to_z = b.p_xz * h_x + b.p_zz * h_z + own_z
-    variance = h_x * to_x + h_z * to_z + h_x * own_x + h_z * own_z + noise + normal + axial + pitot
+    variance = (
+        h_x * to_x + h_z * to_z + h_x * own_x + h_z * own_z + noise + normal + axial + pitot + trim
+    )
     if not innovation * innovation <= GATE * GATE * variance:
         return b
     k_x, k_z = to_x / variance, to_z / variance
     r_n = h_x * b.normal_x + h_z * b.normal_z + normal
     r_a = h_x * b.axial_x + h_z * b.axial_z + axial
     r_p = h_x * b.pitot_x + h_z * b.pitot_z + pitot
+    r_t = h_x * b.trim_x + h_z * b.trim_z + trim
     r_d = h_x * b.pitch_x + h_z * b.pitch_z + pitch
     return Belief(
         b.wind_mps + k_x * innovation,
@@ -429,6 +491,8 @@ def _corrected(
         b.axial_z - k_z * r_a,
         b.pitot_x - k_x * r_p,
         b.pitot_z - k_z * r_p,
+        b.trim_x - k_x * r_t,
+        b.trim_z - k_z * r_t,
         b.pitch_x - k_x * r_d,
         b.pitch_z - k_z * r_d,
     )

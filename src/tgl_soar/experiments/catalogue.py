@@ -1,4 +1,4 @@
-"""Every experiment by name, in the order in which the paper tells them."""
+"""Every experiment by name: the paper's in the order in which it tells them, then our own."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from . import (
     line_lean,
     sensitivity,
     still_lines,
+    wind_estimate,
 )
 from .context import Context
 from .result import Result
@@ -31,6 +32,7 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "lean": line_lean.lean,
     "speed": air_speed.speed,
     "identification": identification.identification,
+    "wind_estimate": wind_estimate.wind_estimate,
 }
 
 TITLES: Final = {
@@ -45,6 +47,7 @@ TITLES: Final = {
     "lean": "lines less perpendicular to the contour, upright, leaning downwind",
     "speed": "oscillation with fixed gains as airspeed grows",
     "identification": "a gliding test flight's log, and the model that flew it",
+    "wind_estimate": "wind and updraft as read on board, against the air that was there",
 }
 
 

@@ -52,6 +52,7 @@ from .messages import (
     Timesync,
     VfrHud,
     VisionPositionEstimate,
+    WindCov,
 )
 from .signing import Signing
 
@@ -589,6 +590,17 @@ def _pack_nav_controller_output(m: Any) -> Any:
     )
 
 
+def _pack_wind_cov(m: Any) -> Any:
+    unknown = float("nan")
+    return dialect.MAVLink_wind_cov_message(
+        m.time_usec,
+        *(m.wind_x, m.wind_y, m.wind_z),
+        *(unknown, unknown, unknown),  # variability in a second, altitude above the sea
+        m.horiz_accuracy,
+        m.vert_accuracy,
+    )
+
+
 def _pack_odometry(m: Any) -> Any:
     return dialect.MAVLink_odometry_message(
         m.time_usec,
@@ -625,6 +637,7 @@ _SAID: Final[dict[type[Said], Callable[[Any], Any]]] = {
     MessageInterval: _pack_message_interval,
     DebugFloatArray: _pack_debug_float_array,
     NavControllerOutput: _pack_nav_controller_output,
+    WindCov: _pack_wind_cov,
     Odometry: _pack_odometry,
     VisionPositionEstimate: _pack_vision_position_estimate,
 }

@@ -74,6 +74,7 @@ ID_ODOMETRY: Final = 331
 ID_HEARTBEAT: Final = 0
 ID_NAV_CONTROLLER_OUTPUT: Final = 62
 ID_AUTOPILOT_VERSION: Final = 148
+ID_WIND_COV: Final = 231
 ID_MESSAGE_INTERVAL: Final = 244
 ID_NAMED_VALUE_FLOAT: Final = 251
 ID_DEBUG_FLOAT_ARRAY: Final = 350
@@ -276,6 +277,15 @@ class NavControllerOutput(NamedTuple):
     xtrack_error: float  # [m]
 
 
+class WindCov(NamedTuple):
+    time_usec: int  # [us]
+    wind_x: float  # north [m/s]
+    wind_y: float  # east [m/s]
+    wind_z: float  # down [m/s]
+    horiz_accuracy: float  # standard deviation [m/s]
+    vert_accuracy: float  # standard deviation [m/s]
+
+
 class ParamRequestList(NamedTuple):
     target_system: int
     target_component: int
@@ -388,6 +398,7 @@ Said: TypeAlias = (
     | MessageInterval
     | DebugFloatArray
     | NavControllerOutput
+    | WindCov
     | Odometry
     | VisionPositionEstimate
 )
