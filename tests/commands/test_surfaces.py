@@ -7,7 +7,6 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from math import isnan
@@ -229,12 +228,13 @@ def test_on_the_bench(tmp_path: Path) -> None:
         assert all(sight in good.stdout for sight in SIGHTS.values())
 
         with subprocess.Popen(
-            surfaces(link, AIRFRAME, "--yes", "--hold", "20"),
+            surfaces(link, AIRFRAME, "--yes", "--hold", "0.5", "--deflection", "0.3"),
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
         ) as stopped:
-            time.sleep(1.5)
+            assert stopped.stdout is not None
+            assert SIGHTS["elevator", 1] in stopped.stdout.readline()  # it is under way
             os.kill(stopped.pid, signal.SIGINT)
             _, words = stopped.communicate(timeout=10)
         assert stopped.returncode == 130
