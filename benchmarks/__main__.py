@@ -12,7 +12,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from . import closed_loop, hostile, natnet, parameters, release, report, tick
+from . import closed_loop, hostile, log, natnet, parameters, release, report, tick
 from .result import Result
 
 
@@ -24,6 +24,7 @@ def _results() -> Iterator[Result]:
         *natnet.BENCHMARKS,
         *release.BENCHMARKS,
         *report.BENCHMARKS,
+        *log.BENCHMARKS,
     ):
         yield from benchmark_of_many()
 

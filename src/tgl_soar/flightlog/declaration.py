@@ -5,6 +5,7 @@ made of the named tuples that flow through a tick, flattened field by field, so 
 laws, the estimator or the supervisor add is in the log and on the page by itself:
 
     tick        `Output`, and of `Inputs` the plain fields           one row a tick
+    slow        what of `Output` changes slowly                      every eighth tick
     NAME        each named tuple in `Inputs`, in doubles             a row when it has changed
     state       `AutopilotState`, in doubles                         a row now and then
     parameter   the parameters that have changed
@@ -78,6 +79,9 @@ _SMALL: Final = {
 
 # Of the output, what the row says elsewhere.
 _LEFT_OUT: Final = frozenset({"Output.time_s", "VehicleState.time_s"})
+
+# Of the output, what need not be in every row.
+_SLOW: Final = re.compile(r"air_\w+|\w+_feedforward|health_rejected|health_heartbeat_age_s")
 
 FRAMES: Final = {
     "PositionFix": "NED",
@@ -233,7 +237,8 @@ def _field(leaf: Leaf, *, exact: bool) -> Field:
     if leaf.kind is bool:
         return Field(leaf.name, "bool", leaf.owner)
     if leaf.kind is int:
-        return Field(leaf.name, _SMALL.get(leaf.owner, "int64_t"), leaf.owner)
+        usual = "uint32_t" if leaf.name == "sequence" else "int64_t"
+        return Field(leaf.name, _SMALL.get(leaf.owner, usual), leaf.owner)
     exact = exact or leaf.name.endswith("time_s") or leaf.name.startswith("command_")
     return Field(leaf.name, "double" if exact else "float", leaf.owner)
 
@@ -247,7 +252,9 @@ STREAMS: Final[dict[str, type]] = {
     name: hint for name, hint in get_type_hints(Inputs).items() if is_named_tuple(hint)
 }
 _PLAIN_INPUTS: Final = tuple(leaf for leaf in leaves_of(Inputs) if leaf.place.count("[") == 1)
-_OUTPUTS: Final = tuple(leaf for leaf in leaves_of(Output) if leaf.owner not in _LEFT_OUT)
+_ALL_OUTPUTS: Final = tuple(leaf for leaf in leaves_of(Output) if leaf.owner not in _LEFT_OUT)
+_OUTPUTS: Final = tuple(leaf for leaf in _ALL_OUTPUTS if not _SLOW.fullmatch(leaf.name))
+_SLOW_OUTPUTS: Final = tuple(leaf for leaf in _ALL_OUTPUTS if _SLOW.fullmatch(leaf.name))
 
 
 def _topics() -> Iterator[Topic]:
@@ -304,6 +311,13 @@ def _topics() -> Iterator[Topic]:
             Field("worst_late_s", "float", said="the latest tick so far"),
         ),
         "How the link and the loop's timing did, every two seconds.",
+    )
+    slow = [_field(leaf, exact=False) for leaf in _SLOW_OUTPUTS]
+    yield Topic(
+        "slow",
+        number + 3,
+        (*_HEAD, *slow),
+        "What of a tick's decision changes slowly: a row every eighth tick.",
     )
 
 
@@ -365,7 +379,8 @@ def packer(name: str) -> Callable[..., None]:
     """A function that puts a record of a topic into a buffer.
 
     `(buffer, offset, timestamp, tick, *rest)`, where `rest` is `(inputs, output)` for "tick",
-    `(tuple,)` for a stream, `(afresh, state)` for "state", and the numbers for the others.
+    `(tuple,)` for a stream, `(output,)` for "slow", `(afresh, state)` for "state", and the
+    numbers for the others.
     """
     from struct import Struct
 
@@ -374,6 +389,8 @@ def packer(name: str) -> Callable[..., None]:
     if name == "tick":
         given = "i, o"
         numbers = f"{expression(_PLAIN_INPUTS, 'i')}, {expression(_OUTPUTS, 'o')}"
+    elif name == "slow":
+        given, numbers = "o", expression(_SLOW_OUTPUTS, "o")
     elif name == "state":
         given, numbers = "afresh, t", f"afresh, {expression(topic.leaves, 't')}"
     elif topic.source is not None:

@@ -152,11 +152,11 @@ class Decoder:
                     at = self._skip_to_marker(data, at)
                 else:
                     counters.frames += 1
+                    frame = data[at : at + length]
                     if self._tap is not None:
-                        self._tap(data[at : at + length])
+                        self._tap(frame)
                     self._count(data, at)
                     if number in _HEARD:
-                        frame = data[at : at + length]
                         if self._accept is None or self._accept(frame):
                             self._decode(frame, number, received)
                         else:
