@@ -143,10 +143,14 @@ def laws_from(
     return Laws(
         frame=frame,
         motion=MotionGains(
-            2.0 * pi * values["EST_POS_BW"],
-            2.0 * pi * values["EST_VEL_BW"],
+            values["EST_FIX_SD"],
+            values["EST_VEL_SD"],
+            values["EST_ACC_SD"],
+            values["EST_ACC_BIAS_SD"],
+            values["EST_CV_SD"],
             values["EST_DELAY"],
             values["EST_GATE"],
+            values["EST_IMU"] != 0.0,
         ),
         health=HealthLimits(values["AGE_POS_HOLD"], values["AGE_ATT_MAX"], values["AGE_AP_MAX"]),
         guards=Guards(

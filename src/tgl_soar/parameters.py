@@ -138,16 +138,33 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     Parameter("SURF_RATE", "1/s", 0.5, 100, 20.0, "Fastest change of a command, in travels."),
     # --- estimation ----------------------------------------------------------------------
     Parameter(
-        "EST_POS_BW", "Hz", 0.2, 20, 4.0,
-        "Bandwidth with which fixes correct the predicted position.",
+        "EST_FIX_SD", "m", 0.0002, 20, 0.003,
+        "Noise of a position fix on each axis (standard deviation); more where its source says so.",
     ),
     Parameter(
-        "EST_VEL_BW", "Hz", 0.2, 50, 20.0,
-        "Bandwidth with which measured velocities correct the predicted velocity.",
+        "EST_VEL_SD", "m/s", 0.002, 20, 0.05, "Noise of the velocity that comes with a fix."
+    ),
+    Parameter(
+        "EST_IMU", "", 0, 1, 1,
+        "1: carry position and velocity on with the accelerometers, where they are heard.",
+        integer=True,
+    ),
+    Parameter(
+        "EST_ACC_SD", "m/s^2", 0.01, 20, 0.2,
+        "Noise of one sample of the accelerometers, errors of the attitude included.",
+    ),
+    Parameter(
+        "EST_ACC_BIAS_SD", "m/s^2", 0.001, 5, 0.15,
+        "Bias of the accelerations, errors of the attitude included: 1 deg of tilt is 0.17.",
+    ),
+    Parameter(
+        "EST_CV_SD", "m/s^2", 0.05, 50, 3.0,
+        "Acceleration that the aircraft may have where no accelerometers are heard.",
     ),
     Parameter(
         "EST_GATE", "m", 0.05, 100, 0.5,
-        "A fix this far from where the aircraft must be is not believed, unless several agree.",
+        "A fix no farther than this from where the aircraft must be is always believed; one farther"
+        " than this and than chance explains is not, unless several agree.",
     ),
     Parameter(
         "EST_DELAY", "s", 0, 0.5, 0.0,

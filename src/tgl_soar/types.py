@@ -145,6 +145,35 @@ class VehicleState(NamedTuple):
     heading_rate_radps: float
 
 
+class MotionQuality(NamedTuple):
+    """How sure the estimator is, and what it did with the samples of one tick; soaring frame."""
+
+    innovation_x_m: float  # of the last fix: measured less predicted; NaN: none compared yet
+    innovation_y_m: float
+    innovation_z_m: float
+    nis: float  # normalised innovation squared, of three degrees of freedom: 3 on average
+    position_sigma_m: float  # standard deviations now, each axis; NaN: nothing is known
+    velocity_sigma_mps: float
+    bias_x_mps2: float  # of the measured accelerations
+    bias_y_mps2: float
+    bias_z_mps2: float
+    bias_sigma_mps2: float
+    offset_x_m: float  # of the source of position, yet to be bled off
+    offset_y_m: float
+    offset_z_m: float
+    source: int  # of the last fix used
+    fix_used: bool  # in this tick
+    fix_refused: bool
+    jumped: bool  # the position was set anew in this tick: no flight led there
+    inertial: bool  # accelerations are in use
+
+
+NO_QUALITY = MotionQuality(
+    *(NAN, NAN, NAN, NAN, NAN, NAN, 0.0, 0.0, 0.0, NAN, 0.0, 0.0, 0.0, 0),
+    *(False, False, False, False),
+)
+
+
 class Health(NamedTuple):
     """How old the inputs are and whether they may be flown with."""
 

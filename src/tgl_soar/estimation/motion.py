@@ -1,26 +1,28 @@
-"""From fixes and attitude samples to the state of the aircraft at the time of the tick.
+"""From fixes, attitude and accelerations to the state of the aircraft at the time of the tick.
 
-Position and velocity are carried on with constant velocity between fixes,
+Accelerations move an inertial track from sample to sample (`inertial_track`):
 
-    p(t + dt) = p + v dt
+    a = R(roll, pitch, heading) f + g
 
-and corrected when a fix arrives, at the time when the fix was *true*: with the innovation
-r = p_fix - p(t_fix), the interval T to the fix before, and the bandwidths w_p, w_v
+f the specific force, turned by the attitude (`turning`) into the soaring frame.  A Kalman filter
+(`fix_filter`) estimates from fix to fix, each at the time when it was *true*, what the track is
+wrong by, and the accelerations' bias.  The state is track plus error, at any time; a late fix
+costs no more than one in time.  Without accelerations the track goes straight on and the filter
+is told how large the acceleration may be: a constant-velocity model.
 
-    p += (1 - e^{-2 w_p T}) r                        critically damped
-    v += (1 - e^{-w_v T}) (v_fix - v)                where the fix has a velocity
-    v += (1 - e^{-w_p T})² r / T                     where it has none
+A fix whose innovation r is beyond what both the filter's own covariance S and EST_GATE allow,
 
-Attitude is turned into roll, pitch and heading, and carried on to the tick with its rates.
-Where a source gives no body rates they are the differences of its angles.
-
-A fix that lies further from the prediction than any flight explains,
-
-    |r| > gate + v_gate T
+    |r| > gate    and    |r|² > GATE_SIGMAS² S
 
 is an outlier: swapped markers, a glitch of the autopilot's filter.  It is refused and counted,
 until `OUTLIERS_BELIEVED` of them in a row agree with each other: then the aircraft is there,
-and the estimate starts afresh.
+and the estimate jumps, as it does to the first fix after so long a silence that nobody knows the
+place.  `jump_s` tells that tick, in which the position is not to be flown with.  A velocity that
+is as far off is left out, and its place taken.
+
+Another `PositionFix.source` has another origin, by some centimetres.  What its first fix differs
+by, as far as the filter does not doubt itself, is learnt as the source's offset, and bled off
+slowly: the position slides over, its velocity does not know of it.
 
 A sample that is not finite, is no rotation, comes from the future, or is not later than the
 one before is refused and counted.  Where the one before lies in the future itself the clock has
@@ -29,89 +31,129 @@ gone back: it is forgotten, and the sample starts afresh.
 
 from __future__ import annotations
 
-from math import exp, isfinite, sqrt
+from math import cos, exp, isfinite, sin, sqrt
 from typing import NamedTuple
 
-from tgl_soar.geometry import (
-    SoaringFrame,
-    euler_from_quaternion,
-    euler_rates,
-    soaring_from_ned,
-    soaring_vector_from_ned,
-    wrap_angle,
+from tgl_soar.geometry import SoaringFrame, soaring_from_ned, soaring_vector_from_ned
+from tgl_soar.types import (
+    NAN,
+    AttitudeSample,
+    ImuSample,
+    Inputs,
+    MotionQuality,
+    PositionFix,
+    VehicleState,
 )
-from tgl_soar.types import NAN, AttitudeSample, Inputs, PositionFix, VehicleState
 
+from .fix_filter import (
+    Covariance,
+    Errors,
+    carried_on,
+    position_taken,
+    spread,
+    velocity_taken,
+)
+from .inertial_track import Node, Track, new_track, track_at, track_moved
+from .turning import NO_TURNING, PREDICT_MAX_S, Turning, is_rotation, turned_by, turning_to
+
+GRAVITY_MPS2 = 9.80665  # what it is elsewhere is a bias of the vertical acceleration
 FUTURE_S = 0.05  # a time stamp may be this far ahead of the tick: clock mapping is not exact
-RESTART_S = 1.0  # after a gap of this length the fix says more than the prediction
-GATE_MPS = 5.0  # how wrong the estimated velocity may be
+FORCE_MAX_MPS2 = 200.0  # of 20 g nothing soars; hostile or broken
+IMU_SILENT_S = 0.05  # accelerations older than this are no longer counted on
+IMU_INTERVAL_S = 0.005  # between two accelerations, until it is known
+IMU_INTERVAL_MIN_S = 0.001
+INTERVAL_SHARE = 0.02  # of the newest interval in the known one
+BIAS_S = 30.0  # in which a bias may become another one: it turns with the aircraft
+ACCELERATION_S = 0.1  # how long an acceleration that nobody tells lasts
+GATE_SIGMAS = 5.0
+GATE_MPS = 1.0  # floor of the gate of velocities
+AGREE_MPS = 5.0  # how wrong the estimated velocity may be while outliers are compared
 OUTLIERS_BELIEVED = 5
-PREDICT_MAX_S = 0.1  # attitude is carried on no further than this
+LOST_M = 0.5  # with a place as uncertain as this, and 3 σ of a fix, a fix starts afresh
+START_MPS = 2.0  # how fast the aircraft may be where a first fix has no velocity
+OFFSET_M = 0.3  # how far the origins of two sources may be apart
+OFFSET_GATES = 5.0  # farther than so many gates a new source is not believed at once
+OFFSET_SMALL_M = 1e-4  # an offset that nobody sees go
+BLEED_S = 5.0  # in which an offset is bled off, no faster than
+BLEED_MPS = 0.05
 
 
 class MotionGains(NamedTuple):
-    """Parameters of the estimator."""
+    """Parameters of the estimator; standard deviations on each axis."""
 
-    position_bandwidth_radps: float
-    velocity_bandwidth_radps: float
+    fix_sd_m: float
+    velocity_sd_mps: float  # of a fix that has one
+    force_sd_mps2: float  # of one sample of the accelerometers, errors of the tilt included
+    bias_sd_mps2: float  # of the same, over a flight
+    unknown_sd_mps2: float  # acceleration where nobody measures it
     fix_delay_s: float  # of the source, beyond what its time stamps tell
-    fix_gate_m: float  # innovation beyond which a fix is an outlier
+    fix_gate_m: float  # innovation below which no fix is an outlier
+    use_imu: bool
 
 
 class MotionState(NamedTuple):
     """What the estimator remembers; positions in the soaring frame."""
 
-    time_s: float  # the position's and the velocity's
-    x_m: float
-    y_m: float
-    z_m: float
-    velocity_x_mps: float
-    velocity_y_mps: float
-    climb_mps: float
+    track: Track
+    errors: Errors  # at fix_time_s
+    turning: Turning
+    inertial: bool  # the track moves by accelerations
+    imu_sequence: int
+    imu_time_s: float  # of the last sample used; NaN: none yet
+    imu_interval_s: float  # between two, on average
     fix_sequence: int  # of the last fix looked at
     fix_time_s: float  # of the last fix used; NaN: none yet
+    source: int  # of that fix
+    offset_x_m: float  # of that source: what it says less what is estimated
+    offset_y_m: float
+    offset_z_m: float
+    innovation_x_m: float  # of the last fix that was compared with the estimate; NaN: none yet
+    innovation_y_m: float
+    innovation_z_m: float
+    nis: float  # their squares over their variance: 3 on average
     attitude_sequence: int
     attitude_time_s: float  # of the last sample used; NaN: none yet
-    roll_rad: float
-    pitch_rad: float
-    heading_rad: float
-    roll_rate_radps: float
-    pitch_rate_radps: float
-    heading_rate_radps: float
     rejected: int
     outliers: int  # in a row, agreeing with each other
     outlier_time_s: float  # the last of them
-    outlier_x_m: float
+    outlier_x_m: float  # its innovation
     outlier_y_m: float
     outlier_z_m: float
+    jump_s: float  # the tick in which the position last jumped; NaN: never
 
 
 def initial_motion() -> MotionState:
     """Nothing is known yet."""
     return MotionState(
-        time_s=NAN,
-        x_m=NAN,
-        y_m=NAN,
-        z_m=NAN,
-        velocity_x_mps=0.0,
-        velocity_y_mps=0.0,
-        climb_mps=0.0,
+        track=new_track(NAN),
+        errors=Errors(
+            *(NAN, NAN, NAN, NAN, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+            Covariance(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        ),
+        turning=NO_TURNING,
+        inertial=False,
+        imu_sequence=0,
+        imu_time_s=NAN,
+        imu_interval_s=IMU_INTERVAL_S,
         fix_sequence=0,
         fix_time_s=NAN,
+        source=0,
+        offset_x_m=0.0,
+        offset_y_m=0.0,
+        offset_z_m=0.0,
+        innovation_x_m=NAN,
+        innovation_y_m=NAN,
+        innovation_z_m=NAN,
+        nis=NAN,
         attitude_sequence=0,
         attitude_time_s=NAN,
-        roll_rad=NAN,
-        pitch_rad=NAN,
-        heading_rad=NAN,
-        roll_rate_radps=0.0,
-        pitch_rate_radps=0.0,
-        heading_rate_radps=0.0,
         rejected=0,
         outliers=0,
         outlier_time_s=NAN,
         outlier_x_m=NAN,
         outlier_y_m=NAN,
         outlier_z_m=NAN,
+        jump_s=NAN,
     )
 
 
@@ -119,185 +161,331 @@ def motion_step(
     gains: MotionGains, frame: SoaringFrame, state: MotionState, inputs: Inputs
 ) -> tuple[MotionState, VehicleState]:
     """Take in what is new and give the state of the aircraft at inputs.time_s."""
-    if inputs.position.sequence != state.fix_sequence:
-        state = _take_fix(gains, frame, state, inputs.position, inputs.time_s)
+    now = inputs.time_s
+    if not state.track.time_s <= now + FUTURE_S:  # the first tick, or the clock has gone back
+        state = state._replace(track=new_track(now), inertial=False, imu_time_s=NAN)
     if inputs.attitude.sequence != state.attitude_sequence:
-        state = _take_attitude(frame, state, inputs.attitude, inputs.time_s)
-    return state, _at(state, inputs.time_s)
+        state = _take_attitude(frame, state, inputs.attitude, now)
+    if inputs.imu.sequence != state.imu_sequence:
+        state = _take_imu(gains, state, inputs.imu, now)
+    if state.inertial and not (gains.use_imu and now - state.imu_time_s <= IMU_SILENT_S):
+        track = track_moved(state.track, max(now, state.track.time_s), 0.0, 0.0, 0.0)
+        state = state._replace(track=track, inertial=False)
+    if inputs.position.sequence != state.fix_sequence:
+        state = _take_fix(gains, frame, state, inputs.position, now)
+    return state, _at(state, now)
+
+
+def motion_quality(
+    gains: MotionGains, before: MotionState, after: MotionState, time_s: float
+) -> MotionQuality:
+    """What a tick at time_s did with what was new, and how sure the estimate is then."""
+    errors = after.errors
+    covariance = _spread(gains, after, time_s - errors.time_s)
+    looked_at = after.fix_sequence != before.fix_sequence
+    known = after.fix_time_s == after.fix_time_s  # not NaN
+    used = looked_at and known and after.fix_time_s != before.fix_time_s
+    return MotionQuality(
+        after.innovation_x_m,
+        after.innovation_y_m,
+        after.innovation_z_m,
+        after.nis,
+        sqrt(max(0.0, covariance.pp)),
+        sqrt(max(0.0, covariance.vv)),
+        errors.bias_x_mps2,
+        errors.bias_y_mps2,
+        errors.bias_z_mps2,
+        sqrt(max(0.0, covariance.bb)),
+        after.offset_x_m,
+        after.offset_y_m,
+        after.offset_z_m,
+        after.source,
+        used,
+        looked_at and not used,
+        after.jump_s == time_s,
+        after.inertial,
+    )
 
 
 def _at(state: MotionState, time_s: float) -> VehicleState:
     """The state carried on to time_s."""
-    ahead = time_s - state.time_s
-    turn = max(0.0, min(PREDICT_MAX_S, time_s - state.attitude_time_s))
+    _, x, y, z, vx, vy, climb = track_at(state.track, time_s)
+    errors = carried_on(state.errors, time_s, 1.0 if state.inertial else 0.0)
+    turning = state.turning
+    turn = max(0.0, min(PREDICT_MAX_S, time_s - turning.time_s))
     return VehicleState(
         time_s,
-        state.x_m + state.velocity_x_mps * ahead,
-        state.y_m + state.velocity_y_mps * ahead,
-        state.z_m + state.climb_mps * ahead,
-        state.velocity_x_mps,
-        state.velocity_y_mps,
-        state.climb_mps,
-        state.roll_rad + state.roll_rate_radps * turn,
-        state.pitch_rad + state.pitch_rate_radps * turn,
-        state.heading_rad + state.heading_rate_radps * turn,
-        state.roll_rate_radps,
-        state.pitch_rate_radps,
-        state.heading_rate_radps,
+        x + errors.x_m,
+        y + errors.y_m,
+        z + errors.z_m,
+        vx + errors.velocity_x_mps,
+        vy + errors.velocity_y_mps,
+        climb + errors.climb_mps,
+        turning.roll_rad + turning.roll_rate_radps * turn,
+        turning.pitch_rad + turning.pitch_rate_radps * turn,
+        turning.heading_rad + turning.heading_rate_radps * turn,
+        turning.roll_rate_radps,
+        turning.pitch_rate_radps,
+        turning.heading_rate_radps,
+    )
+
+
+def _spread(gains: MotionGains, state: MotionState, interval_s: float) -> Covariance:
+    """The covariance some time after the last fix."""
+    if state.inertial:
+        interval = max(IMU_INTERVAL_MIN_S, state.imu_interval_s)
+        density = gains.force_sd_mps2 * gains.force_sd_mps2 * interval
+        bias_density = gains.bias_sd_mps2 * gains.bias_sd_mps2 / BIAS_S
+        return spread(state.errors.covariance, interval_s, 1.0, density, bias_density)
+    density = 2.0 * gains.unknown_sd_mps2 * gains.unknown_sd_mps2 * ACCELERATION_S
+    return spread(state.errors.covariance, interval_s, 0.0, density, 0.0)
+
+
+def _is_later(time_s: float, last_s: float, now_s: float) -> bool:
+    """Not of the future nor of the past, unless what is known is of the future; NaN: the first."""
+    return time_s <= now_s + FUTURE_S and (not time_s <= last_s or last_s > now_s + FUTURE_S)
+
+
+def _take_attitude(
+    frame: SoaringFrame, state: MotionState, sample: AttitudeSample, now_s: float
+) -> MotionState:
+    last_s = state.attitude_time_s
+    if not (is_rotation(sample) and _is_later(sample.time_s, last_s, now_s)):
+        return state._replace(attitude_sequence=sample.sequence, rejected=state.rejected + 1)
+    turning = NO_TURNING if last_s > now_s + FUTURE_S else state.turning
+    return state._replace(
+        turning=turning_to(frame, turning, sample),
+        attitude_sequence=sample.sequence,
+        attitude_time_s=sample.time_s,
+    )
+
+
+def _take_imu(
+    gains: MotionGains, state: MotionState, sample: ImuSample, now_s: float
+) -> MotionState:
+    fx, fy, fz, time_s = (
+        sample.force_x_frd_mps2,
+        sample.force_y_frd_mps2,
+        sample.force_z_frd_mps2,
+        sample.time_s,
+    )
+    usable = (
+        abs(fx) <= FORCE_MAX_MPS2  # false for NaN
+        and abs(fy) <= FORCE_MAX_MPS2
+        and abs(fz) <= FORCE_MAX_MPS2
+        and _is_later(time_s, state.imu_time_s, now_s)
+    )
+    if not usable:
+        return state._replace(imu_sequence=sample.sequence, rejected=state.rejected + 1)
+    turning = turned_by(state.turning, sample)
+    turn = time_s - turning.time_s
+    if not (gains.use_imu and abs(turn) <= PREDICT_MAX_S and now_s - time_s <= IMU_SILENT_S):
+        return state._replace(turning=turning, imu_sequence=sample.sequence, imu_time_s=time_s)
+    ax, ay, az = _acceleration(turning, turn, fx, fy, fz)
+    track, interval = state.track, state.imu_interval_s
+    if not state.inertial and time_s > track.time_s:  # it went straight on until now
+        track = track_moved(track, time_s, 0.0, 0.0, 0.0)
+    if time_s > track.time_s:
+        track = track_moved(track, time_s, ax, ay, az)
+        interval += INTERVAL_SHARE * (time_s - state.imu_time_s - interval)
+    else:
+        track = track._replace(ax_mps2=ax, ay_mps2=ay, az_mps2=az)
+    return state._replace(
+        track=track,
+        turning=turning,
+        inertial=True,
+        imu_sequence=sample.sequence,
+        imu_time_s=time_s,
+        imu_interval_s=interval,
+    )
+
+
+def _acceleration(
+    turning: Turning, turn_s: float, fx: float, fy: float, fz: float
+) -> tuple[float, float, float]:
+    """Acceleration in the soaring frame of a specific force in FRD [m/s²]."""
+    roll = turning.roll_rad + turn_s * turning.roll_rate_radps
+    pitch = turning.pitch_rad + turn_s * turning.pitch_rate_radps
+    heading = turning.heading_rad + turn_s * turning.heading_rate_radps
+    sr, cr, sp, cp = sin(roll), cos(roll), sin(pitch), cos(pitch)
+    sh, ch = sin(heading), cos(heading)
+    level, right = sr * fy + cr * fz, cr * fy - sr * fz  # after roll
+    ahead = cp * fx + sp * level  # after pitch
+    return (
+        sh * right - ch * ahead,  # downstream is against upwind
+        sh * ahead + ch * right,
+        sp * fx - cp * level - GRAVITY_MPS2,
+    )
+
+
+class _Measured(NamedTuple):
+    """A fix in the soaring frame."""
+
+    time_s: float
+    x_m: float
+    y_m: float
+    z_m: float
+    velocity_x_mps: float
+    velocity_y_mps: float
+    climb_mps: float
+    has_velocity: bool
+    variance_m2: float
+    velocity_variance_m2ps2: float
+
+
+def _measured(gains: MotionGains, frame: SoaringFrame, fix: PositionFix) -> _Measured:
+    x, y, z = soaring_from_ned(frame, fix.north_m, fix.east_m, fix.down_m)
+    vx, vy, climb = soaring_vector_from_ned(
+        frame, fix.velocity_north_mps, fix.velocity_east_mps, fix.velocity_down_mps
+    )
+    sd = fix.sigma_m if fix.sigma_m > gains.fix_sd_m else gains.fix_sd_m  # false for NaN
+    return _Measured(
+        fix.time_s - gains.fix_delay_s,
+        x,
+        y,
+        z,
+        vx,
+        vy,
+        climb,
+        isfinite(vx) and isfinite(vy) and isfinite(climb),
+        sd * sd,
+        gains.velocity_sd_mps * gains.velocity_sd_mps,
     )
 
 
 def _take_fix(
-    gains: MotionGains,
-    frame: SoaringFrame,
-    state: MotionState,
-    fix: PositionFix,
-    time_s: float,
+    gains: MotionGains, frame: SoaringFrame, state: MotionState, fix: PositionFix, now_s: float
 ) -> MotionState:
-    fix_time = fix.time_s - gains.fix_delay_s
-    usable = (
-        isfinite(fix.north_m)
-        and isfinite(fix.east_m)
-        and isfinite(fix.down_m)
-        and fix_time <= time_s + FUTURE_S
-        # Not of the past, unless what is known is of the future; NaN: the first one.
-        and (not fix_time <= state.fix_time_s or state.fix_time_s > time_s + FUTURE_S)
-    )
-    if not usable:
-        return state._replace(fix_sequence=fix.sequence, rejected=state.rejected + 1)
+    measured = _measured(gains, frame, fix)
+    state = state._replace(fix_sequence=fix.sequence)
+    time_s = measured.time_s
+    usable = isfinite(measured.x_m) and isfinite(measured.y_m) and isfinite(measured.z_m)
+    if not (usable and _is_later(time_s, state.fix_time_s, now_s)):
+        return state._replace(rejected=state.rejected + 1)
 
-    x, y, z = soaring_from_ned(frame, fix.north_m, fix.east_m, fix.down_m)
-    has_velocity = (
-        isfinite(fix.velocity_north_mps)
-        and isfinite(fix.velocity_east_mps)
-        and isfinite(fix.velocity_down_mps)
-    )
-    fix_vx, fix_vy, fix_climb = 0.0, 0.0, 0.0
-    if has_velocity:
-        fix_vx, fix_vy, fix_climb = soaring_vector_from_ned(
-            frame, fix.velocity_north_mps, fix.velocity_east_mps, fix.velocity_down_mps
-        )
+    track = track_at(state.track, time_s)
+    interval = time_s - state.fix_time_s
+    if not interval > 0.0:  # the first, or the clock has gone back
+        return _start(gains, state, fix.source, measured, track)
+    covariance = _spread(gains, state, interval)
+    if covariance.pp > LOST_M * LOST_M + 9.0 * measured.variance_m2:
+        return _start(gains, state._replace(jump_s=now_s), fix.source, measured, track)
 
-    interval = fix_time - state.fix_time_s
-    if 0.0 < interval < RESTART_S:  # false for NaN: the first fix starts afresh too
-        ahead = fix_time - state.time_s
-        px = state.x_m + state.velocity_x_mps * ahead
-        py = state.y_m + state.velocity_y_mps * ahead
-        pz = state.z_m + state.climb_mps * ahead
-        if _apart(x - px, y - py, z - pz) > gains.fix_gate_m + GATE_MPS * interval:
-            return _take_outlier(
-                gains, state, fix.sequence, fix_time, x, y, z, fix_vx, fix_vy, fix_climb
-            )
-        fade = exp(-gains.position_bandwidth_radps * interval)
-        g = 1.0 - fade * fade
-        if has_velocity:
-            h = 1.0 - exp(-gains.velocity_bandwidth_radps * interval)
-            vx = state.velocity_x_mps + h * (fix_vx - state.velocity_x_mps)
-            vy = state.velocity_y_mps + h * (fix_vy - state.velocity_y_mps)
-            climb = state.climb_mps + h * (fix_climb - state.climb_mps)
-        else:
-            h = (1.0 - fade) * (1.0 - fade) / interval
-            vx = state.velocity_x_mps + h * (x - px)
-            vy = state.velocity_y_mps + h * (y - py)
-            climb = state.climb_mps + h * (z - pz)
-        x, y, z = px + g * (x - px), py + g * (y - py), pz + g * (z - pz)
-    else:
-        vx, vy, climb = fix_vx, fix_vy, fix_climb
+    errors = carried_on(state.errors, time_s, 1.0 if state.inertial else 0.0)
+    errors = errors._replace(covariance=covariance)
+    scatter = covariance.pp + measured.variance_m2
+    ox, oy, oz = state.offset_x_m, state.offset_y_m, state.offset_z_m
+    rx = measured.x_m - ox - track.x_m - errors.x_m
+    ry = measured.y_m - oy - track.y_m - errors.y_m
+    rz = measured.z_m - oz - track.z_m - errors.z_m
+    distance = _length(rx, ry, rz)
+    reach = max(gains.fix_gate_m, GATE_SIGMAS * sqrt(scatter))
+    if fix.source == state.source:
+        if ox != 0.0 or oy != 0.0 or oz != 0.0:
+            bled = _bled(_length(ox, oy, oz), interval)
+            dx, dy, dz = bled * ox, bled * oy, bled * oz
+            ox, oy, oz = ox - dx, oy - dy, oz - dz
+            errors = errors._replace(x_m=errors.x_m + dx, y_m=errors.y_m + dy, z_m=errors.z_m + dz)
+    elif distance <= OFFSET_GATES * reach:
+        # Of the difference the new source's origin has the share that the filter's doubt has not.
+        share = OFFSET_M * OFFSET_M / (OFFSET_M * OFFSET_M + scatter)
+        ox, oy, oz = ox + share * rx, oy + share * ry, oz + share * rz
+        rx, ry, rz = (1.0 - share) * rx, (1.0 - share) * ry, (1.0 - share) * rz
+        distance *= 1.0 - share
+    state = state._replace(
+        innovation_x_m=rx,
+        innovation_y_m=ry,
+        innovation_z_m=rz,
+        nis=distance * distance / scatter,
+    )
+    if distance > reach:
+        return _take_outlier(gains, state, fix.source, measured, track, now_s)
+
+    errors = position_taken(errors, rx, ry, rz, measured.variance_m2)
+    if measured.has_velocity:
+        variance = measured.velocity_variance_m2ps2
+        rx = measured.velocity_x_mps - track.velocity_x_mps - errors.velocity_x_mps
+        ry = measured.velocity_y_mps - track.velocity_y_mps - errors.velocity_y_mps
+        rz = measured.climb_mps - track.climb_mps - errors.climb_mps
+        reach = max(GATE_MPS, GATE_SIGMAS * sqrt(errors.covariance.vv + variance))
+        if _length(rx, ry, rz) <= reach:
+            errors = velocity_taken(errors, rx, ry, rz, variance)
     return state._replace(
-        time_s=fix_time,
-        x_m=x,
-        y_m=y,
-        z_m=z,
-        velocity_x_mps=vx,
-        velocity_y_mps=vy,
-        climb_mps=climb,
-        fix_sequence=fix.sequence,
-        fix_time_s=fix_time,
+        errors=errors,
+        fix_time_s=time_s,
+        source=fix.source,
+        offset_x_m=ox,
+        offset_y_m=oy,
+        offset_z_m=oz,
         outliers=0,
     )
 
 
-def _apart(x_m: float, y_m: float, z_m: float) -> float:
-    """Length of a vector."""
-    return sqrt(x_m * x_m + y_m * y_m + z_m * z_m)
+def _length(x: float, y: float, z: float) -> float:
+    return sqrt(x * x + y * y + z * z)
+
+
+def _bled(offset_m: float, interval_s: float) -> float:
+    """The share of an offset that goes in a time."""
+    if offset_m < OFFSET_SMALL_M:
+        return 1.0
+    return min(1.0 - exp(-interval_s / BLEED_S), BLEED_MPS * interval_s / offset_m)
+
+
+def _start(
+    gains: MotionGains, state: MotionState, source: int, measured: _Measured, track: Node
+) -> MotionState:
+    """The aircraft is where the fix says; of the past only the bias is still believed."""
+    vx, vy, climb, variance = 0.0, 0.0, 0.0, START_MPS * START_MPS
+    if measured.has_velocity:
+        vx, vy, climb = measured.velocity_x_mps, measured.velocity_y_mps, measured.climb_mps
+        variance = measured.velocity_variance_m2ps2
+    bias_variance = state.errors.covariance.bb
+    if not bias_variance > 0.0:
+        bias_variance = gains.bias_sd_mps2 * gains.bias_sd_mps2
+    return state._replace(
+        errors=state.errors._replace(
+            time_s=measured.time_s,
+            x_m=measured.x_m - track.x_m,
+            y_m=measured.y_m - track.y_m,
+            z_m=measured.z_m - track.z_m,
+            velocity_x_mps=vx - track.velocity_x_mps,
+            velocity_y_mps=vy - track.velocity_y_mps,
+            climb_mps=climb - track.climb_mps,
+            covariance=Covariance(measured.variance_m2, 0.0, 0.0, variance, 0.0, bias_variance),
+        ),
+        fix_time_s=measured.time_s,
+        source=source,
+        offset_x_m=0.0,
+        offset_y_m=0.0,
+        offset_z_m=0.0,
+        outliers=0,
+    )
 
 
 def _take_outlier(
     gains: MotionGains,
     state: MotionState,
-    sequence: int,
-    fix_time_s: float,
-    x_m: float,
-    y_m: float,
-    z_m: float,
-    velocity_x_mps: float,
-    velocity_y_mps: float,
-    climb_mps: float,
+    source: int,
+    measured: _Measured,
+    track: Node,
+    now_s: float,
 ) -> MotionState:
-    """Refuse a fix far from the prediction, or start afresh where enough of them agree."""
-    if state.outliers > 0 and fix_time_s <= state.outlier_time_s:  # again, over another link
-        return state._replace(fix_sequence=sequence, rejected=state.rejected + 1)
-    away = _apart(x_m - state.outlier_x_m, y_m - state.outlier_y_m, z_m - state.outlier_z_m)
-    near = gains.fix_gate_m + GATE_MPS * (fix_time_s - state.outlier_time_s)
+    """Refuse a fix far from the prediction, or go there where enough of them agree."""
+    time_s = measured.time_s
+    if state.outliers > 0 and time_s <= state.outlier_time_s:  # again, over another link
+        return state._replace(rejected=state.rejected + 1)
+    rx, ry, rz = state.innovation_x_m, state.innovation_y_m, state.innovation_z_m
+    away = _length(rx - state.outlier_x_m, ry - state.outlier_y_m, rz - state.outlier_z_m)
+    near = gains.fix_gate_m + AGREE_MPS * (time_s - state.outlier_time_s)
     outliers = state.outliers + 1 if state.outliers > 0 and away <= near else 1
     if outliers >= OUTLIERS_BELIEVED:
-        return state._replace(
-            time_s=fix_time_s,
-            x_m=x_m,
-            y_m=y_m,
-            z_m=z_m,
-            velocity_x_mps=velocity_x_mps,
-            velocity_y_mps=velocity_y_mps,
-            climb_mps=climb_mps,
-            fix_sequence=sequence,
-            fix_time_s=fix_time_s,
-            outliers=0,
-        )
+        return _start(gains, state._replace(jump_s=now_s), source, measured, track)
     return state._replace(
-        fix_sequence=sequence,
         rejected=state.rejected + 1,
         outliers=outliers,
-        outlier_time_s=fix_time_s,
-        outlier_x_m=x_m,
-        outlier_y_m=y_m,
-        outlier_z_m=z_m,
-    )
-
-
-def _take_attitude(
-    frame: SoaringFrame, state: MotionState, sample: AttitudeSample, time_s: float
-) -> MotionState:
-    qw, qx, qy, qz = sample.qw, sample.qx, sample.qy, sample.qz
-    norm = sqrt(qw * qw + qx * qx + qy * qy + qz * qz)
-    usable = (
-        0.9 < norm < 1.1  # false for NaN: not a rotation
-        and sample.time_s <= time_s + FUTURE_S
-        and (
-            not sample.time_s <= state.attitude_time_s or state.attitude_time_s > time_s + FUTURE_S
-        )
-    )
-    if not usable:
-        return state._replace(attitude_sequence=sample.sequence, rejected=state.rejected + 1)
-
-    roll, pitch, yaw = euler_from_quaternion(qw / norm, qx / norm, qy / norm, qz / norm)
-    heading = wrap_angle(yaw - frame.wind_from_rad)
-    p, q, r = sample.roll_rate_frd_radps, sample.pitch_rate_frd_radps, sample.yaw_rate_frd_radps
-    interval = sample.time_s - state.attitude_time_s
-    if isfinite(p) and isfinite(q) and isfinite(r):
-        roll_rate, pitch_rate, heading_rate = euler_rates(roll, pitch, p, q, r)
-    elif 0.0 < interval < PREDICT_MAX_S:
-        roll_rate = wrap_angle(roll - state.roll_rad) / interval
-        pitch_rate = (pitch - state.pitch_rad) / interval
-        heading_rate = wrap_angle(heading - state.heading_rad) / interval
-    else:
-        roll_rate, pitch_rate, heading_rate = 0.0, 0.0, 0.0
-    return state._replace(
-        attitude_sequence=sample.sequence,
-        attitude_time_s=sample.time_s,
-        roll_rad=roll,
-        pitch_rad=pitch,
-        heading_rad=heading,
-        roll_rate_radps=roll_rate,
-        pitch_rate_radps=pitch_rate,
-        heading_rate_radps=heading_rate,
+        outlier_time_s=time_s,
+        outlier_x_m=rx,
+        outlier_y_m=ry,
+        outlier_z_m=rz,
     )
