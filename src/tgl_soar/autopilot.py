@@ -34,7 +34,13 @@ from tgl_soar.control.target_line import (
     line_step,
 )
 from tgl_soar.estimation.health import INFINITE, HealthLimits, judge
-from tgl_soar.estimation.motion import MotionGains, MotionState, initial_motion, motion_step
+from tgl_soar.estimation.motion import (
+    MotionGains,
+    MotionState,
+    initial_motion,
+    motion_quality,
+    motion_step,
+)
 from tgl_soar.estimation.wind import WindParams, WindState, initial_wind, wind_step
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.parameters import ParameterSet
@@ -45,6 +51,7 @@ from tgl_soar.types import (
     AirEstimate,
     Health,
     Inputs,
+    MotionQuality,
     Setpoints,
     SurfaceCommand,
     VehicleState,
@@ -62,6 +69,7 @@ class Guards(NamedTuple):
     e_rho_max_m: float
     tilt_max_rad: float
     position_age_max_s: float  # holding ends here
+    position_sd_max_m: float  # until then the line is flown, where accelerations are known
     glide_pitch_rad: float  # flown while recovering
     recover_s: float  # the longest time of it
 
@@ -123,6 +131,7 @@ class Output(NamedTuple):
     aileron: PidTerms
     rudder: PidTerms
     air: AirEstimate
+    quality: MotionQuality
 
 
 def mode_name(mode: int) -> str:
@@ -158,6 +167,7 @@ def laws_from(
             values["CAPTURE_MAX"],
             radians(values["TILT_MAX"]),
             values["AGE_POS_MAX"],
+            values["EST_SD_MAX"],
             radians(values["REC_PITCH"]),
             values["REC_TIME"],
         ),
@@ -251,12 +261,15 @@ def step(laws: Laws, state: AutopilotState, inputs: Inputs) -> tuple[AutopilotSt
     dt = inputs.time_s - state.time_s
     dt = min(DT_MAX_S, dt) if dt > 0.0 else 0.0  # NaN: the first tick
     motion, vehicle = motion_step(laws.motion, laws.frame, state.motion, inputs)
-    health = judge(laws.health, motion, inputs)
+    quality = motion_quality(laws.motion, state.motion, motion, inputs.time_s)
+    health = _as_sure(laws.guards, judge(laws.health, motion, inputs), quality)
     wind, air = wind_step(laws.wind, state.wind, vehicle, inputs, _elevator(state, inputs))
     state = state._replace(wind=wind)
     if modes.is_flying(state.supervisor.mode):
-        return _fly(laws, state, inputs, motion, vehicle, health, air, dt, modes.REASON_NONE)
-    return _watch(laws, state, inputs, motion, vehicle, health, air)
+        return _fly(
+            laws, state, inputs, motion, vehicle, health, air, quality, dt, modes.REASON_NONE
+        )
+    return _watch(laws, state, inputs, motion, vehicle, health, air, quality)
 
 
 def _elevator(state: AutopilotState, inputs: Inputs) -> float:
@@ -268,6 +281,20 @@ def _elevator(state: AutopilotState, inputs: Inputs) -> float:
     return NAN
 
 
+def _as_sure(guards: Guards, health: Health, quality: MotionQuality) -> Health:
+    """Health as the estimator's doubt has it, and not the age of the last fix alone.
+
+    With accelerations the position is flown with until it is too uncertain; where it has jumped
+    it is not, so that the line starts anew at the aircraft and no law sees the step.
+    """
+    carried = (
+        quality.inertial
+        and quality.position_sigma_m <= guards.position_sd_max_m  # false for NaN
+        and health.position_age_s <= guards.position_age_max_s
+    )
+    return health._replace(position_ok=(health.position_ok or carried) and not quality.jumped)
+
+
 def _watch(
     laws: Laws,
     state: AutopilotState,
@@ -276,6 +303,7 @@ def _watch(
     vehicle: VehicleState,
     health: Health,
     air: AirEstimate,
+    quality: MotionQuality,
 ) -> tuple[AutopilotState, Output]:
     """Without the surfaces: look, and engage if asked and able."""
     found = _found(laws, inputs, vehicle, health, 0.0, False, False, True, True)
@@ -284,7 +312,7 @@ def _watch(
     state = state._replace(time_s=inputs.time_s, supervisor=supervisor, motion=motion)
     if modes.is_flying(mode):
         state = _engaged(laws, state, vehicle)
-        return _fly(laws, state, inputs, motion, vehicle, health, air, 0.0, reason)
+        return _fly(laws, state, inputs, motion, vehicle, health, air, quality, 0.0, reason)
     target = laws.target
     distance = e_rho(target.x_m, target.z_m, target.eta_rad, vehicle.x_m, vehicle.z_m)
     return state, Output(
@@ -307,6 +335,7 @@ def _watch(
         _NO_TERMS,
         _NO_TERMS,
         air,
+        quality,
     )
 
 
@@ -346,6 +375,7 @@ def _fly(
     vehicle: VehicleState,
     health: Health,
     air: AirEstimate,
+    quality: MotionQuality,
     dt_s: float,
     engaged_because: int,
 ) -> tuple[AutopilotState, Output]:
@@ -374,7 +404,7 @@ def _fly(
         state = state._replace(
             time_s=inputs.time_s, supervisor=supervisor, motion=motion, line=line
         )
-        return state, _let_go(state, inputs, vehicle, health, air, reason, distance, rate)
+        return state, _let_go(state, inputs, vehicle, health, air, quality, reason, distance, rate)
 
     soaring = state.soaring
     psi_setpoint = state.heading_setpoint_rad
@@ -460,6 +490,7 @@ def _fly(
         aileron_terms,
         rudder_terms,
         air,
+        quality,
     )
 
 
@@ -469,6 +500,7 @@ def _let_go(
     vehicle: VehicleState,
     health: Health,
     air: AirEstimate,
+    quality: MotionQuality,
     reason: int,
     distance_m: float,
     rate_mps: float,
@@ -494,6 +526,7 @@ def _let_go(
         _NO_TERMS,
         _NO_TERMS,
         air,
+        quality,
     )
 
 

@@ -162,6 +162,11 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         "Acceleration that the aircraft may have where no accelerometers are heard.",
     ),
     Parameter(
+        "EST_SD_MAX", "m", 0.005, 10, 0.10,
+        "With accelerometers the line is flown on without fixes until the position is less certain"
+        " than this (standard deviation), and not only for AGE_POS_HOLD.",
+    ),
+    Parameter(
         "EST_GATE", "m", 0.05, 100, 0.5,
         "A fix no farther than this from where the aircraft must be is always believed; one farther"
         " than this and than chance explains is not, unless several agree.",
@@ -183,7 +188,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     # --- when to let go ------------------------------------------------------------------
     Parameter("AGE_POS_HOLD", "s", 0.05, 2, 0.25, "Position older than this: hold the pitch."),
     Parameter(
-        "AGE_POS_MAX", "s", 0.1, 5, 1.5,
+        "AGE_POS_MAX", "s", 0.1, 5, 2.0,
         "Position older than this: recover, wings level at REC_PITCH, for REC_TIME; then let go.",
     ),
     Parameter("AGE_ATT_MAX", "s", 0.02, 1, 0.3, "Attitude older than this: let go."),

@@ -164,7 +164,7 @@ class MotionQuality(NamedTuple):
     source: int  # of the last fix used
     fix_used: bool  # in this tick
     fix_refused: bool
-    jumped: bool  # the position was set anew in this tick: no flight led there
+    jumped: bool  # the position was set anew just now: no flight led there
     inertial: bool  # accelerations are in use
 
 

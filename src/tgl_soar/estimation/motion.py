@@ -17,7 +17,8 @@ A fix whose innovation r is beyond what both the filter's own covariance S and E
 is an outlier: swapped markers, a glitch of the autopilot's filter.  It is refused and counted,
 until `OUTLIERS_BELIEVED` of them in a row agree with each other: then the aircraft is there,
 and the estimate jumps, as it does to the first fix after so long a silence that nobody knows the
-place.  `jump_s` tells that tick, in which the position is not to be flown with.  A velocity that
+place.  For JUMP_S the position is then not to be flown with (`MotionQuality.jumped`), so that the
+law starts anew from where the aircraft is and never sees the step.  A velocity that
 is as far off is left out, and its place taken.
 
 Another `PositionFix.source` has another origin, by some centimetres.  What its first fix differs
@@ -69,6 +70,7 @@ GATE_SIGMAS = 5.0
 GATE_MPS = 1.0  # floor of the gate of velocities
 AGREE_MPS = 5.0  # how wrong the estimated velocity may be while outliers are compared
 OUTLIERS_BELIEVED = 5
+JUMP_S = 0.4  # longer than the supervisor keeps a line over a gap
 LOST_M = 0.5  # with a place as uncertain as this, and 3 σ of a fix, a fix starts afresh
 START_MPS = 2.0  # how fast the aircraft may be where a first fix has no velocity
 OFFSET_M = 0.3  # how far the origins of two sources may be apart
@@ -202,7 +204,7 @@ def motion_quality(
         after.source,
         used,
         looked_at and not used,
-        after.jump_s == time_s,
+        time_s - after.jump_s < JUMP_S,  # false for NaN
         after.inertial,
     )
 
