@@ -30,14 +30,14 @@ from typing import NamedTuple
 
 
 class Covariance(NamedTuple):
-    """Of position, velocity and bias on one axis: p p, p v, p b, v v, v b, b b."""
+    """Of position [m], velocity [m/s] and bias [m/s²] on one axis."""
 
-    pp: float
-    pv: float
-    pb: float
-    vv: float
-    vb: float
-    bb: float
+    pp: float  # variance of the position
+    pv: float  # covariance of position and velocity
+    pb: float  # of position and bias
+    vv: float  # variance of the velocity
+    vb: float  # covariance of velocity and bias
+    bb: float  # variance of the bias
 
 
 class Errors(NamedTuple):

@@ -6,8 +6,8 @@ From sample to sample, acceleration linear in between,
 
 and of the last half second it keeps nodes, between which a cubic through position and velocity
 of both ends says where the track was: at the time when a late fix was true.  With nodes every
-h = 32 ms that cubic is wrong by h⁴ / 384 times the second derivative of the acceleration, some
-micrometres in the roughest air.
+h = 64 ms that cubic is wrong by h⁴ / 384 times the second derivative of the acceleration, some
+ten micrometres in the roughest air.
 
 The track drifts away from the truth and nobody calls it back: `fix_filter` knows by how much it
 is wrong.  Where nobody measures accelerations it goes straight on.
@@ -35,6 +35,9 @@ class Node(NamedTuple):
     climb_mps: float
 
 
+Nodes = tuple[Node, Node, Node, Node, Node, Node, Node, Node]  # NODES of them, oldest first
+
+
 class Track(NamedTuple):
     """The track up to its last sample, and the acceleration with which it goes on."""
 
@@ -48,7 +51,7 @@ class Track(NamedTuple):
     ax_mps2: float
     ay_mps2: float
     az_mps2: float
-    nodes: tuple[Node, ...]  # NODES of them, oldest first
+    nodes: Nodes
 
 
 def new_track(time_s: float) -> Track:

@@ -75,6 +75,7 @@ _SMALL: Final = {
     "Output.reason": "uint8_t",
     "PidTerms.saturated": "int8_t",
     "PositionFix.source": "uint8_t",
+    "MotionQuality.source": "uint8_t",
 }
 
 # Of the output, what the row says elsewhere.
@@ -87,6 +88,11 @@ FRAMES: Final = {
     "PositionFix": "NED",
     "VehicleState": "soaring",
     "MotionState": "soaring",
+    "MotionQuality": "soaring",
+    "Track": "soaring",
+    "Node": "soaring",
+    "Errors": "soaring",
+    "Turning": "soaring",
     "LineState": "soaring",
     "AirEstimate": "soaring",
 }
@@ -149,7 +155,13 @@ MEANINGS: Final = {
     "PidTerms.feedforward": "without any error",
     "SupervisorState.mode": "by number: Modes, below",
     "MotionState.attitude_sequence": "of the last sample looked at",
+    "MotionState.imu_sequence": "of the last sample looked at",
     "MotionState.rejected": "samples refused so far",
+    "MotionQuality.fix_refused": "a fix was refused in this tick",
+    "Node.time_s": "of a point that the track has passed",
+    "Track.time_s": "up to which accelerations were taken in",
+    "Errors.time_s": "at which the track is wrong by this",
+    "Turning.by_gyros": "the rates are those of the gyros",
     "LineState.moving": "it is on its way to its target",
     "Limited.aileron_blocked": "as the elevator's",
     "Limited.finite": "the last command was a number",
