@@ -1,0 +1,438 @@
+"""The estimator against a filter that replays its history, and against its own word."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+from itertools import pairwise
+from math import cos, isfinite, nan, radians, sin, sqrt
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from tgl_soar.estimation.motion import (
+    BIAS_S,
+    GRAVITY_MPS2,
+    IMU_SILENT_S,
+    OUTLIERS_BELIEVED,
+    MotionGains,
+    MotionState,
+    initial_motion,
+    motion_quality,
+    motion_step,
+)
+from tgl_soar.geometry import (
+    SoaringFrame,
+    ned_from_soaring,
+    ned_vector_from_soaring,
+    quaternion_from_euler,
+    soaring_from_ned,
+)
+from tgl_soar.types import (
+    NO_AIRSPEED,
+    NO_ATTITUDE,
+    NO_FIX,
+    NO_IMU,
+    NO_SURFACES,
+    AttitudeSample,
+    AutopilotStatus,
+    ImuSample,
+    Inputs,
+    MotionQuality,
+    PositionFix,
+    VehicleState,
+)
+
+FRAME = SoaringFrame(3.0, -4.0, 5.0, radians(240.0))
+GAINS = MotionGains(0.003, 0.05, 0.2, 0.15, 3.0, 0.0, 0.5, True)
+DT = 0.005
+FIX_TICKS = 4
+SILENT = AutopilotStatus(nan, False, False)
+UPWIND = quaternion_from_euler(0.0, 0.0, FRAME.wind_from_rad)
+
+Vector = tuple[float, float, float]
+Floats = NDArray[np.float64]
+
+
+def force(acceleration: Vector) -> Vector:
+    """What accelerometers of a level aircraft that faces upwind feel, FRD."""
+    ax, ay, az = acceleration
+    return -ax, ay, -az - GRAVITY_MPS2
+
+
+def level(k: int) -> AttitudeSample:
+    return AttitudeSample(k + 1, k * DT, *UPWIND, 0.0, 0.0, 0.0)
+
+
+def accelerations(k: int, acceleration: Vector) -> ImuSample:
+    return ImuSample(k + 1, k * DT, *force(acceleration), 0.0, 0.0, 0.0)
+
+
+def fix_at(k: int, where: Vector, speed: Vector = (nan, nan, nan), source: int = 0) -> PositionFix:
+    """A fix of tick k, soaring frame."""
+    return PositionFix(
+        k + 1,
+        k * DT,
+        *ned_from_soaring(FRAME, *where),
+        *ned_vector_from_soaring(FRAME, *speed),
+        source,
+    )
+
+
+def tick(
+    now: float, fix: PositionFix, imu: ImuSample = NO_IMU, sample: AttitudeSample = NO_ATTITUDE
+) -> Inputs:
+    return Inputs(now, fix, sample, SILENT, False, imu, NO_AIRSPEED, NO_SURFACES)
+
+
+class Tick(NamedTuple):
+    """One tick of a flight along the soaring frame's axes."""
+
+    truth: Floats  # (2, 3): position, velocity
+    vehicle: VehicleState
+    state: MotionState
+    quality: MotionQuality
+
+
+class Noise(NamedTuple):
+    """Standard deviations of the samples."""
+
+    fix: float
+    speed: float | None  # None: fixes have no velocity
+    force: float
+    bias: float
+
+
+def flight(
+    seed: int,
+    noise: Noise,
+    gains: MotionGains = GAINS,
+    ticks: int = 400,
+    delay: int = 8,
+    imu: bool = True,
+    silent: range = range(0),
+    density: float = 0.0,
+) -> Iterator[Tick]:
+    """A flight with smooth accelerations, or white ones of a density [m²/s³]."""
+    dice = random.Random(seed)
+    phases = [dice.uniform(0.0, 6.28) for _ in range(3)]
+    bias = [dice.gauss(0.0, noise.bias) for _ in range(3)]
+    p = np.zeros(3)
+    v = np.array([dice.gauss(0.0, 0.3) for _ in range(3)])
+    a = np.zeros(3)
+    history: list[tuple[Floats, Floats]] = []
+    state, fix, last_imu, last_attitude = initial_motion(), NO_FIX, NO_IMU, NO_ATTITUDE
+    for k in range(ticks):
+        if k:
+            was = a
+            if density:
+                # White acceleration over a tick: velocity and position are a joint Gaussian.
+                step = sqrt(density * DT)
+                one = np.array([dice.gauss(0.0, step) for _ in range(3)])
+                two = np.array([dice.gauss(0.0, step) for _ in range(3)])
+                p = p + v * DT + DT * (0.5 * one + two / sqrt(12.0))
+                v = v + one
+            else:
+                a = np.array([2.0 * sin(3.0 * k * DT + f) for f in phases])
+                p = p + v * DT + (2.0 * was + a) * DT * DT / 6.0
+                v = v + 0.5 * (was + a) * DT
+        history.append((p, v))
+        if imu:
+            walk = noise.bias * sqrt(DT / BIAS_S)
+            bias = [b + dice.gauss(0.0, walk) for b in bias]
+            felt = [a[i] + bias[i] + dice.gauss(0.0, noise.force) for i in range(3)]
+            last_imu, last_attitude = accelerations(k, (felt[0], felt[1], felt[2])), level(k)
+        then = k - delay
+        if then >= 0 and then % FIX_TICKS == 0 and k not in silent:
+            at, speed = history[then]
+            where = [at[i] + dice.gauss(0.0, noise.fix) for i in range(3)]
+            told = [nan] * 3
+            if noise.speed is not None:
+                told = [speed[i] + dice.gauss(0.0, noise.speed) for i in range(3)]
+            fix = fix_at(then, (where[0], where[1], where[2]), (told[0], told[1], told[2]))
+        before = state
+        state, vehicle = motion_step(
+            gains, FRAME, state, tick(k * DT, fix, last_imu, last_attitude)
+        )
+        quality = motion_quality(gains, before, state, k * DT)
+        yield Tick(np.array([p, v]), vehicle, state, quality)
+
+
+def error(now: Tick) -> Floats:
+    """(2, 3): position and velocity, estimate less truth."""
+    v = now.vehicle
+    estimate = [[v.x_m, v.y_m, v.z_m], [v.velocity_x_mps, v.velocity_y_mps, v.climb_mps]]
+    return np.array(estimate) - now.truth
+
+
+# --- against a filter that replays --------------------------------------------------------------
+
+
+def replayed(fixes: list[PositionFix], samples: list[ImuSample], now: float) -> tuple[Floats, ...]:
+    """(mean (3, 3), covariance (3, 3)) of position, velocity, bias at a time: the textbook's way.
+
+    From the first fix on, all that is known so far is taken in again in the order in which it
+    was true, accelerations from sample to sample, each fix at its own time.
+    """
+    g = GAINS
+    density, bias_density = g.force_sd_mps2**2 * DT, g.bias_sd_mps2**2 / BIAS_S
+
+    def soaring(fix: PositionFix) -> Floats:
+        return np.array(soaring_from_ned(FRAME, fix.north_m, fix.east_m, fix.down_m))
+
+    def measured(sample: ImuSample) -> Floats:
+        fx, fy, fz = sample[2:5]
+        return np.array([-fx, fy, -fz - GRAVITY_MPS2])
+
+    mean = np.zeros((3, 3))
+    mean[0] = soaring(fixes[0])
+    covariance = np.diag([g.fix_sd_m**2, 4.0, g.bias_sd_mps2**2])
+    time = fixes[0].time_s
+    pending = list(fixes[1:])
+    times = [s.time_s for s in samples]
+    for n in range(round((now - time) / DT)):
+        here = round(time / DT)
+        a, b = measured(samples[here]), measured(samples[here + 1])
+        assert abs(times[here] - time) < 1e-9
+        f = np.array([[1.0, DT, -DT * DT / 2.0], [0.0, 1.0, -DT], [0.0, 0.0, 1.0]])
+        mean = f @ mean
+        mean[0] += (2.0 * a + b) * DT * DT / 6.0
+        mean[1] += (a + b) * DT / 2.0
+        h = DT
+        q = density * np.array([[h**3 / 3, h**2 / 2, 0.0], [h**2 / 2, h, 0.0], [0.0, 0.0, 0.0]])
+        q += bias_density * np.array(
+            [
+                [h**5 / 20, h**4 / 8, -(h**3) / 6],
+                [h**4 / 8, h**3 / 3, -(h**2) / 2],
+                [-(h**3) / 6, -(h**2) / 2, h],
+            ]
+        )
+        covariance = f @ covariance @ f.T + q
+        time = fixes[0].time_s + (n + 1) * DT
+        if pending and abs(pending[0].time_s - time) < 1e-9:
+            gain = covariance[:, 0] / (covariance[0, 0] + g.fix_sd_m**2)
+            mean = mean + np.outer(gain, soaring(pending.pop(0)) - mean[0])
+            covariance = covariance - np.outer(gain, covariance[0])
+    return mean, covariance
+
+
+def test_it_is_the_filter_that_goes_back_and_takes_everything_in_again() -> None:
+    """Fixes 40 ms late, in noise: the same numbers as the replay, to what a cubic between nodes
+    smooths of the accelerometers' noise, 0.2 m/s² · 5 ms · 64 ms / 8 and its square root of 13."""
+    dice = random.Random(3)
+    state, fix = initial_motion(), NO_FIX
+    fixes: list[PositionFix] = []
+    samples: list[ImuSample] = []
+    path = [(0.5 * cos(2.0 * k * DT), 0.1 * k * DT, 1.0) for k in range(240)]
+    for k in range(240):
+        t = k * DT
+        felt = (-2.0 * cos(2.0 * t) + 0.1, -0.05, 0.2)
+        noisy = (felt[0] + dice.gauss(0, 0.2), felt[1] + dice.gauss(0, 0.2), felt[2])
+        samples.append(accelerations(k, noisy))
+        if k >= 8 and k % FIX_TICKS == 0:
+            x, y, z = path[k - 8]
+            fix = fix_at(k - 8, (x + dice.gauss(0, 0.003), y + dice.gauss(0, 0.003), z))
+            fixes.append(fix)
+        state, v = motion_step(GAINS, FRAME, state, tick(t, fix, samples[-1], level(k)))
+        if k in (8, 60, 133, 239):
+            mean, covariance = replayed(fixes, samples, t)
+            quality = motion_quality(GAINS, state, state, t)
+            assert (v.x_m, v.y_m, v.z_m) == pytest.approx(mean[0], abs=3e-5)
+            speed = (v.velocity_x_mps, v.velocity_y_mps, v.climb_mps)
+            assert speed == pytest.approx(mean[1], abs=1e-3)
+            bias = (quality.bias_x_mps2, quality.bias_y_mps2, quality.bias_z_mps2)
+            assert bias == pytest.approx(mean[2], abs=1e-3)
+            sigmas = (
+                quality.position_sigma_m,
+                quality.velocity_sigma_mps,
+                quality.bias_sigma_mps2,
+            )
+            assert sigmas == pytest.approx(np.sqrt(np.diag(covariance)), rel=0.01)
+
+
+# --- its own word ---------------------------------------------------------------------------
+
+
+def within(values: list[float], freedom: int) -> bool:
+    """Whether a mean of sums of squares is that of chi-square, to 99.9 %."""
+    low, high = chi2.ppf([0.0005, 0.9995], freedom * len(values))
+    return bool(low <= sum(values) <= high)
+
+
+RUNS = 30
+
+
+@pytest.mark.parametrize("speed", [None, 0.05])
+@pytest.mark.parametrize("imu", [True, False])
+def test_innovations_and_errors_are_as_large_as_it_says(imu: bool, speed: float | None) -> None:
+    """NIS of one fix and NEES of one instant of each flight: those of one flight are related.
+
+    With accelerations: noise and bias as declared.  Without: white acceleration of the density
+    that EST_CV_SD stands for.
+    """
+    noise = Noise(0.003, speed, 0.2, 0.15)
+    density = 0.0 if imu else 2.0 * 3.0 * 3.0 * 0.1
+    nis, position_nees, velocity_nees = [], [], []
+    for seed in range(50, 50 + RUNS):
+        *_, last = flight(seed, noise, ticks=201, imu=imu, density=density)
+        quality, e = last.quality, error(last)
+        assert quality.inertial == imu
+        nis.append(quality.nis)
+        position_nees.append(float(np.sum(e[0] ** 2)) / quality.position_sigma_m**2)
+        velocity_nees.append(float(np.sum(e[1] ** 2)) / quality.velocity_sigma_mps**2)
+    assert within(nis, 3)
+    assert within(position_nees, 3)
+    assert within(velocity_nees, 3)
+
+
+def test_a_bias_is_found_and_the_doubt_of_it_shrinks() -> None:
+    noise = Noise(0.001, None, 0.02, 0.0)
+    gains = GAINS._replace(fix_sd_m=0.001, force_sd_mps2=0.02)
+    flown = list(flight(1, noise, gains, ticks=2000))
+    assert abs(flown[-1].quality.bias_x_mps2) < 4.0 * flown[-1].quality.bias_sigma_mps2
+    assert flown[-1].quality.bias_sigma_mps2 < 0.25 * gains.bias_sd_mps2
+
+
+def test_a_gap_is_flown_through_and_the_doubt_grows_with_the_error() -> None:
+    """1.5 s without fixes: still known to centimetres, and no better than it says."""
+    ratios, worst = [], 0.0
+    for seed in range(RUNS):
+        flown = list(flight(seed, Noise(0.003, None, 0.2, 0.15), ticks=701, silent=range(400, 700)))
+        sigmas = [now.quality.position_sigma_m for now in flown[409:700]]
+        assert all(b > a for a, b in pairwise(sigmas))
+        e = error(flown[699])[0]
+        worst = max(worst, float(np.max(np.abs(e))))
+        ratios.append(float(np.sum(e**2)) / sigmas[-1] ** 2)
+    assert worst < 0.25
+    assert within(ratios, 3)
+
+
+# --- what comes and goes ------------------------------------------------------------------------
+
+
+def test_accelerations_that_fall_silent_are_done_without_and_come_back() -> None:
+    state, fix, sample = initial_motion(), NO_FIX, NO_IMU
+    inertial = []
+    for k in range(600):
+        t = k * DT
+        where, speed = (0.3 * sin(t), 0.0, 1.0), (0.3 * cos(t), 0.0, 0.0)
+        if not 200 <= k < 400:
+            sample = accelerations(k, (-0.3 * sin(t), 0.0, 0.0))
+        if k % FIX_TICKS == 0:
+            fix = fix_at(k, where, speed)
+        state, v = motion_step(GAINS, FRAME, state, tick(t, fix, sample, level(k)))
+        inertial.append(state.inertial)
+        if k > 100:
+            assert abs(v.x_m - where[0]) < 0.002
+            assert abs(v.velocity_x_mps - speed[0]) < 0.03
+    gone = 200 + round(IMU_SILENT_S / DT)
+    assert inertial[100:200] == [True] * 100
+    assert inertial[gone:400] == [False] * (400 - gone)
+    assert inertial[401:] == [True] * 199
+
+
+@pytest.mark.parametrize("imu", [True, False])
+def test_another_source_is_no_step(imu: bool) -> None:
+    """5 cm apart: position and velocity go on as they were, and slide over."""
+    state, fix, before = initial_motion(), NO_FIX, None
+    for k in range(6000):
+        shift = 0.05 if k >= 400 else 0.0
+        if k % FIX_TICKS == 0:
+            fix = fix_at(k, (1.0, 2.0, 3.0 + shift), source=2 if k >= 400 else 1)
+        sample = accelerations(k, (0.0, 0.0, 0.0)) if imu else NO_IMU
+        state, v = motion_step(GAINS, FRAME, state, tick(k * DT, fix, sample, level(k)))
+        if k > 200 and before is not None:
+            assert abs(v.z_m - before) < 3e-4
+            assert abs(v.climb_mps) < 0.01
+        before = v.z_m
+    assert v.z_m == pytest.approx(3.05, abs=1e-3)
+    assert state.offset_z_m == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_source_far_from_the_first_is_doubted_like_any_outlier() -> None:
+    state, jumped = initial_motion(), []
+    for k in range(0, 600, FIX_TICKS):
+        fix = fix_at(k, (1.0 + (9.0 if k >= 400 else 0.0), 2.0, 3.0), source=int(k >= 400))
+        before = state
+        state, v = motion_step(GAINS, FRAME, state, tick(k * DT, fix))
+        quality = motion_quality(GAINS, before, state, k * DT)
+        jumped.append(quality.jumped)
+        assert not (quality.fix_used and quality.fix_refused)
+    first = 400 // FIX_TICKS + OUTLIERS_BELIEVED - 1
+    assert jumped.index(True) == first
+    assert v.x_m == pytest.approx(10.0, abs=0.01)
+
+
+def test_a_velocity_that_cannot_be_is_left_out_and_its_place_taken() -> None:
+    state = initial_motion()
+    for k in range(0, 400, FIX_TICKS):
+        wild = (50.0, 0.0, 0.0) if k == 300 else (0.0, 0.0, 0.0)
+        state, v = motion_step(GAINS, FRAME, state, tick(k * DT, fix_at(k, (1.0, 2.0, 3.0), wild)))
+        assert abs(v.velocity_x_mps) < 1e-6
+        assert state.fix_time_s == k * DT
+
+
+def test_a_source_that_doubts_itself_is_believed_less() -> None:
+    sure, unsure = (
+        motion_step(
+            GAINS,
+            FRAME,
+            motion_step(GAINS, FRAME, initial_motion(), tick(0.0, fix_at(0, (0.0, 0.0, 0.0))))[0],
+            tick(0.02, fix_at(4, (0.1, 0.0, 0.0))._replace(sigma_m=sigma)),
+        )[1].x_m
+        for sigma in (nan, 5.0)
+    )
+    assert abs(unsure) < 0.1 * sure
+
+
+# --- time and nonsense ----------------------------------------------------------------------
+
+
+BAD_IMU = [
+    {"force_x_frd_mps2": nan},
+    {"force_z_frd_mps2": 1e300},
+    {"time_s": nan},
+    {"time_s": 1e9},
+    {"time_s": 0.4},  # the one before again
+    {"time_s": 0.3},  # out of order
+]
+
+
+@pytest.mark.parametrize("bad", BAD_IMU)
+def test_a_bad_acceleration_is_refused_and_counted(bad: dict[str, float]) -> None:
+    state, fix = initial_motion(), fix_at(0, (1.0, 2.0, 3.0))
+    for k in range(81):
+        sample = accelerations(k, (0.0, 0.0, 0.0))
+        state, _ = motion_step(GAINS, FRAME, state, tick(k * DT, fix, sample, level(k)))
+    spoilt = accelerations(81, (100.0, 0.0, 0.0))._replace(**bad)
+    after, v = motion_step(GAINS, FRAME, state, tick(81 * DT, fix, spoilt, level(81)))
+    assert after.rejected == state.rejected + 1
+    assert after.track == state.track
+    assert abs(v.velocity_x_mps) < 1e-9
+
+
+@settings(max_examples=60, deadline=None)
+@given(data=st.data())
+def test_whatever_comes_the_estimate_stays_a_number(data: st.DataObject) -> None:
+    """Samples with any numbers and stamps, after a first good fix and attitude."""
+    number = st.floats(allow_nan=True, allow_infinity=True) | st.floats(-20.0, 20.0)
+    stamp = st.floats(-0.5, 1.5) | st.sampled_from([nan, 0.0, 1e-6, 2e-6, 1e9])
+    state, _ = motion_step(
+        GAINS, FRAME, initial_motion(), tick(0.0, fix_at(0, (0.0, 0.0, 0.0)), NO_IMU, level(0))
+    )
+    now = 0.0
+    for k in range(1, 12):
+        now += data.draw(st.sampled_from([0.0, 0.005, 0.1]))
+        inputs = tick(
+            now,
+            PositionFix(k + 1, data.draw(stamp), *(data.draw(number) for _ in range(6)), k % 3),
+            ImuSample(k, data.draw(stamp), *(data.draw(number) for _ in range(6))),
+            AttitudeSample(k + 1, data.draw(stamp), *UPWIND, *(data.draw(st.floats(-9, 9)),) * 3),
+        )
+        state, v = motion_step(GAINS, FRAME, state, inputs)
+        assert all(isfinite(number) for number in v[1:7])
