@@ -6,7 +6,7 @@ import random
 from collections.abc import Iterator
 from itertools import pairwise
 from math import cos, isfinite, nan, radians, sin, sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -173,7 +173,9 @@ def error(now: Tick) -> Floats:
 # --- against a filter that replays --------------------------------------------------------------
 
 
-def replayed(fixes: list[PositionFix], samples: list[ImuSample], now: float) -> tuple[Floats, ...]:
+def replayed(
+    fixes: list[PositionFix], samples: list[ImuSample], now: float
+) -> tuple[Floats, Floats]:
     """(mean (3, 3), covariance (3, 3)) of position, velocity, bias at a time: the textbook's way.
 
     From the first fix on, all that is known so far is taken in again in the order in which it
@@ -260,7 +262,7 @@ def test_it_is_the_filter_that_goes_back_and_takes_everything_in_again() -> None
 
 def within(values: list[float], freedom: int) -> bool:
     """Whether a mean of sums of squares is that of chi-square, to 99.9 %."""
-    low, high = chi2.ppf([0.0005, 0.9995], freedom * len(values))
+    low, high = (float(chi2.ppf(q, freedom * len(values))) for q in (0.0005, 0.9995))
     return bool(low <= sum(values) <= high)
 
 
@@ -404,7 +406,7 @@ BAD_IMU = [
 
 
 @pytest.mark.parametrize("bad", BAD_IMU)
-def test_a_bad_acceleration_is_refused_and_counted(bad: dict[str, float]) -> None:
+def test_a_bad_acceleration_is_refused_and_counted(bad: dict[str, Any]) -> None:
     state, fix = initial_motion(), fix_at(0, (1.0, 2.0, 3.0))
     for k in range(81):
         sample = accelerations(k, (0.0, 0.0, 0.0))
@@ -428,11 +430,34 @@ def test_whatever_comes_the_estimate_stays_a_number(data: st.DataObject) -> None
     now = 0.0
     for k in range(1, 12):
         now += data.draw(st.sampled_from([0.0, 0.005, 0.1]))
+        numbers = [data.draw(number) for _ in range(12)]
+        rates = [data.draw(st.floats(-9.0, 9.0)) for _ in range(3)]
         inputs = tick(
             now,
-            PositionFix(k + 1, data.draw(stamp), *(data.draw(number) for _ in range(6)), k % 3),
-            ImuSample(k, data.draw(stamp), *(data.draw(number) for _ in range(6))),
-            AttitudeSample(k + 1, data.draw(stamp), *UPWIND, *(data.draw(st.floats(-9, 9)),) * 3),
+            PositionFix(
+                *(
+                    k + 1,
+                    data.draw(stamp),
+                    numbers[0],
+                    numbers[1],
+                    numbers[2],
+                    numbers[3],
+                    numbers[4],
+                    numbers[5],
+                ),
+                k % 3,
+            ),
+            ImuSample(
+                k,
+                data.draw(stamp),
+                numbers[6],
+                numbers[7],
+                numbers[8],
+                numbers[9],
+                numbers[10],
+                numbers[11],
+            ),
+            AttitudeSample(k + 1, data.draw(stamp), *UPWIND, rates[0], rates[1], rates[2]),
         )
         state, v = motion_step(GAINS, FRAME, state, inputs)
         assert all(isfinite(number) for number in v[1:7])
