@@ -100,6 +100,8 @@ def test_it_holds_what_was_flown(log: FlightLog, tmp_path: Path) -> None:
     assert tick["vehicle_x_m"][-1] == np.float32(output.vehicle.x_m)
     assert tick["soaring_i"][-1] == np.float32(output.soaring.i)
     assert tick["mode"][-1] == output.mode
+    assert tick["line_eta_rad"][-1] == np.float32(output.line_eta_rad)  # from the slow rows
+    assert len(tick["line_eta_rad"]) == TICKS
     attitude = log.topics["attitude"]
     assert attitude["qw"][-1] == flight.onboard.session.attitude.qw
     assert log.texts["airframe"] == AIRFRAME.read_text()
@@ -374,6 +376,8 @@ def _cut_reads(path: Path, data: bytes, cut: int) -> None:
     if whole is not None:
         for name, topic in log.topics.items():
             for key, column in topic.items():
+                if name == "tick" and key not in {f.name for f in TOPICS["tick"].fields}:
+                    continue  # spread from rows that are cut off too
                 same = whole.topics[name][key][: len(column)]
                 assert column.tobytes() == same.tobytes()
 

@@ -82,7 +82,10 @@ _SMALL: Final = {
 _LEFT_OUT: Final = frozenset({"Output.time_s", "VehicleState.time_s"})
 
 # Of the output, what need not be in every row.
-_SLOW: Final = re.compile(r"air_\w+|\w+_feedforward|health_rejected|health_heartbeat_age_s")
+_SLOW: Final = re.compile(
+    r"air_\w+|\w+_feedforward|health_rejected|health_heartbeat_age_s"
+    r"|setpoints_roll_rad|rudder_i|line_eta_rad"
+)
 
 FRAMES: Final = {
     "PositionFix": "NED",

@@ -5,6 +5,7 @@
     topics      {"tick": {"timestamp": array, "vehicle_x_m": array, …}, …}, arrays of shape (n,)
                 of the row's own type; times in µs in `timestamp`, and in `time_s` where a topic
                 has it; a second instance of a topic is "name#1" (only others' logs have any)
+                what our logs hold every eighth tick, `slow`, is also spread over `tick`
     parameters  at the beginning, by name
     changes     parameters that changed, in order
     words       texts for the operator, in order
@@ -118,6 +119,7 @@ def read_log(path: str | Path) -> FlightLog:
             key: column.astype(bool) if key in flags else column
             for key, column in dataset.data.items()
         }
+    _spread_slow(topics)
     info = dict(ulog.msg_info_dict)
     log = FlightLog(
         path,
@@ -138,6 +140,16 @@ def read_log(path: str | Path) -> FlightLog:
     ]
     losses += _gaps(log)
     return log
+
+
+def _spread_slow(topics: dict[str, Topic]) -> None:
+    """Put what is logged every eighth tick into the rows of the ticks: each as the next one says."""
+    tick, slow = topics.get("tick", {}), topics.get("slow", {})
+    if not len(slow.get("tick", ())) or "tick" not in tick:
+        return
+    nearest = np.searchsorted(slow["tick"], tick["tick"]).clip(max=len(slow["tick"]) - 1)
+    for name, column in slow.items():
+        tick.setdefault(name, column[nearest])
 
 
 def _whole_messages(data: bytes) -> tuple[bytes, list[str]]:
