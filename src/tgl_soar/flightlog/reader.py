@@ -143,7 +143,7 @@ def read_log(path: str | Path) -> FlightLog:
 
 
 def _spread_slow(topics: dict[str, Topic]) -> None:
-    """Put what is logged every eighth tick into the rows of the ticks: each as the next one says."""
+    """Put what is logged every eighth tick into the rows of the ticks."""
     tick, slow = topics.get("tick", {}), topics.get("slow", {})
     if not len(slow.get("tick", ())) or "tick" not in tick:
         return
