@@ -81,10 +81,10 @@ _SMALL: Final = {
 # Of the output, what the row says elsewhere.
 _LEFT_OUT: Final = frozenset({"Output.time_s", "VehicleState.time_s"})
 
-# Of the output, what need not be in every row.
+# Of the output, what need not be in every row: a replay gives all of it for every tick.
 _SLOW: Final = re.compile(
     r"air_\w+|\w+_feedforward|health_rejected|health_heartbeat_age_s"
-    r"|setpoints_roll_rad|rudder_i|line_eta_rad"
+    r"|setpoints_roll_rad|rudder_i|line_eta_rad|quality_\w+|(elevator|aileron|rudder)_output"
 )
 
 FRAMES: Final = {
@@ -332,7 +332,8 @@ def _topics() -> Iterator[Topic]:
         "slow",
         number + 3,
         (*_HEAD, *slow),
-        "What of a tick's decision changes slowly: a row every eighth tick.",
+        "What of a tick's decision need not be in every row: a row every eighth tick. A replay gives"
+        " it for all of them.",
     )
 
 
