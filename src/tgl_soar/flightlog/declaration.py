@@ -332,8 +332,8 @@ def _topics() -> Iterator[Topic]:
         "slow",
         number + 3,
         (*_HEAD, *slow),
-        "What of a tick's decision need not be in every row: a row every eighth tick. A replay gives"
-        " it for all of them.",
+        "What of a tick's decision need not be in every row: a row every eighth tick. A replay"
+        " gives it for all of them.",
     )
 
 
