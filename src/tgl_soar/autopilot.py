@@ -12,7 +12,22 @@ from typing import NamedTuple
 
 from tgl_soar.control import supervisor as modes
 from tgl_soar.control.attitude import attitude_step
-from tgl_soar.control.envelope import EnvelopeLimits, Limited, limit_surfaces
+from tgl_soar.control.envelope import (
+    CUT_NOSE_DOWN,
+    CUT_NOSE_UP,
+    EnvelopeLimits,
+    Fence,
+    Limited,
+    Margins,
+    clearance,
+    elevator_limit,
+    is_air_safe,
+    is_clear,
+    limit_surfaces,
+    outside,
+    pitch_within,
+    stall_margin,
+)
 from tgl_soar.control.heading import HeadingGains, heading_setpoint, heading_step
 from tgl_soar.control.pid import PidGains, PidState, PidTerms
 from tgl_soar.control.soaring import (
@@ -33,7 +48,17 @@ from tgl_soar.control.target_line import (
     line_at,
     line_step,
 )
-from tgl_soar.estimation.health import INFINITE, HealthLimits, judge
+from tgl_soar.estimation.health import (
+    AIRSPEED,
+    DISAGREES,
+    FROZEN,
+    INFINITE,
+    INSANE,
+    HealthLimits,
+    HealthState,
+    health_step,
+    initial_health,
+)
 from tgl_soar.estimation.motion import (
     MotionGains,
     MotionState,
@@ -47,8 +72,10 @@ from tgl_soar.parameters import ParameterSet
 from tgl_soar.types import (
     NAN,
     NO_AERODYNAMICS,
+    NO_GROUND,
     Aerodynamics,
     AirEstimate,
+    Ground,
     Health,
     Inputs,
     MotionQuality,
@@ -58,6 +85,7 @@ from tgl_soar.types import (
 )
 
 DT_MAX_S = 0.1  # a longer gap between two ticks is not integrated over
+HEADING_MAX_RAD = 0.5 * pi  # from upwind, to be engaged at all
 LINE_UPRIGHT = 0.1  # sine of a line's inclination, below which it has no upstream side
 ON_LINE_S = 1.0  # so long within capture_distance_m before the line counts as captured
 
@@ -70,7 +98,6 @@ class Guards(NamedTuple):
     tilt_max_rad: float
     position_age_max_s: float  # holding ends here
     position_sd_max_m: float  # until then the line is flown, where accelerations are known
-    glide_pitch_rad: float  # flown while recovering
     recover_s: float  # the longest time of it
 
 
@@ -90,6 +117,8 @@ class Laws(NamedTuple):
     envelope: EnvelopeLimits
     trim: SurfaceCommand
     wind: WindParams
+    fence: Fence
+    ground: Ground
 
 
 class AutopilotState(NamedTuple):
@@ -107,6 +136,7 @@ class AutopilotState(NamedTuple):
     heading_setpoint_rad: float
     limited: Limited
     wind: WindState
+    health: HealthState
 
 
 class Output(NamedTuple):
@@ -132,6 +162,8 @@ class Output(NamedTuple):
     rudder: PidTerms
     air: AirEstimate
     quality: MotionQuality
+    margins: Margins
+    cut: int  # what the envelope cut off the command, bits CUT_…
 
 
 def mode_name(mode: int) -> str:
@@ -145,9 +177,12 @@ def reason_text(reason: int) -> str:
 
 
 def laws_from(
-    values: ParameterSet, frame: SoaringFrame, aerodynamics: Aerodynamics = NO_AERODYNAMICS
+    values: ParameterSet,
+    frame: SoaringFrame,
+    aerodynamics: Aerodynamics = NO_AERODYNAMICS,
+    ground: Ground = NO_GROUND,
 ) -> Laws:
-    """The laws' parameters in SI units, from the operator's and what the airframe file knows."""
+    """The laws' parameters in SI units, from the operator's and what airframe and site know."""
     travel = values["SURF_MAX"]
     return Laws(
         frame=frame,
@@ -161,14 +196,19 @@ def laws_from(
             values["EST_GATE"],
             values["EST_IMU"] != 0.0,
         ),
-        health=HealthLimits(values["AGE_POS_HOLD"], values["AGE_ATT_MAX"], values["AGE_AP_MAX"]),
+        health=HealthLimits(
+            values["AGE_POS_HOLD"],
+            values["AGE_ATT_MAX"],
+            values["AGE_AP_MAX"],
+            values["AGE_FROZEN"],
+            values["SURF_TOL"],
+        ),
         guards=Guards(
             values["TGL_CAPTURE"],
             values["CAPTURE_MAX"],
             radians(values["TILT_MAX"]),
             values["AGE_POS_MAX"],
             values["EST_SD_MAX"],
-            radians(values["REC_PITCH"]),
             values["REC_TIME"],
         ),
         target=TargetLine(
@@ -204,9 +244,25 @@ def laws_from(
             values["WPT_R_MIN"],
             radians(values["PSI_MAX"]),
         ),
-        envelope=EnvelopeLimits(travel, values["SURF_RATE"]),
+        envelope=EnvelopeLimits(
+            travel,
+            values["SURF_RATE"],
+            radians(values["ALPHA_MAX"]),
+            values["SPEED_MIN"],
+            values["SINK_MAX"],
+            values["CLEAR_MIN"],
+            radians(values["REC_PITCH"]),
+        ),
         trim=SurfaceCommand(values["ELE_TRIM"], values["AIL_TRIM"], values["RUD_TRIM"]),
         wind=WindParams(aerodynamics, values["WIND_CHANGE"], radians(values["WIND_ALIGN"])),
+        fence=Fence(
+            values["FENCE_X_MIN"],
+            values["FENCE_X_MAX"],
+            values["FENCE_Y_MAX"],
+            values["FENCE_Z_MIN"],
+            values["FENCE_Z_MAX"],
+        ),
+        ground=ground,
     )
 
 
@@ -222,17 +278,6 @@ def _surface_gains(values: ParameterSet, prefix: str, travel: float) -> PidGains
     )
 
 
-# Conditions that nothing looks at: they hold.
-_NOT_WATCHED = (
-    modes.POSITION_SANE
-    | modes.ATTITUDE_AGREES
-    | modes.SURFACES_ANSWER
-    | modes.AIRSPEED_SANE
-    | modes.INSIDE_FENCE
-    | modes.AIR_SAFE
-    | modes.HIGH_ENOUGH
-    | modes.CLEAR
-)
 _AT_REST = PidState(0.0, 0.0)
 _NO_TERMS = PidTerms(NAN, NAN, NAN, NAN, NAN, 0)
 _NEUTRAL = SurfaceCommand(0.0, 0.0, 0.0)
@@ -251,8 +296,9 @@ def initial_state() -> AutopilotState:
         _AT_REST,
         _AT_REST,
         0.0,
-        Limited(_NEUTRAL, 0, 0, True),
+        Limited(_NEUTRAL, 0, 0, True, 0),
         initial_wind(),
+        initial_health(),
     )
 
 
@@ -262,14 +308,49 @@ def step(laws: Laws, state: AutopilotState, inputs: Inputs) -> tuple[AutopilotSt
     dt = min(DT_MAX_S, dt) if dt > 0.0 else 0.0  # NaN: the first tick
     motion, vehicle = motion_step(laws.motion, laws.frame, state.motion, inputs)
     quality = motion_quality(laws.motion, state.motion, motion, inputs.time_s)
-    health = _as_sure(laws.guards, judge(laws.health, motion, inputs), quality)
+    flying = modes.is_flying(state.supervisor.mode)
+    watched, health = health_step(
+        laws.health, state.health, motion, inputs, flying, state.limited.command, dt
+    )
+    health = _as_sure(laws.guards, health, quality)
     wind, air = wind_step(laws.wind, state.wind, vehicle, inputs, _elevator(state, inputs))
-    state = state._replace(wind=wind)
-    if modes.is_flying(state.supervisor.mode):
+    state = state._replace(wind=wind, health=watched)
+    margins = _margins(laws, inputs, vehicle, health, air)
+    if flying:
         return _fly(
-            laws, state, inputs, motion, vehicle, health, air, quality, dt, modes.REASON_NONE
+            laws,
+            state,
+            inputs,
+            motion,
+            vehicle,
+            health,
+            air,
+            quality,
+            margins,
+            dt,
+            modes.REASON_NONE,
         )
-    return _watch(laws, state, inputs, motion, vehicle, health, air, quality)
+    return _watch(laws, state, inputs, motion, vehicle, health, air, quality, margins)
+
+
+def _margins(
+    laws: Laws, inputs: Inputs, vehicle: VehicleState, health: Health, air: AirEstimate
+) -> Margins:
+    """How far it is to the stall, the ground and the fence.
+
+    Without a pitot tube alpha is not known well enough to act on: wrong by 5 to 7 degrees rms in
+    simulated flights, with one by 0.3 to 2.6.
+    """
+    alpha, airspeed = NAN, NAN
+    if air.measured:
+        alpha, airspeed = air.alpha_rad, air.airspeed_mps
+    elif not health.faults & AIRSPEED:
+        airspeed = inputs.airspeed.airspeed_mps
+    return Margins(
+        stall_margin(laws.envelope, alpha, airspeed),
+        clearance(laws.ground, vehicle.x_m, vehicle.z_m),
+        outside(laws.fence, vehicle.x_m, vehicle.y_m, vehicle.z_m),
+    )
 
 
 def _elevator(state: AutopilotState, inputs: Inputs) -> float:
@@ -291,6 +372,7 @@ def _as_sure(guards: Guards, health: Health, quality: MotionQuality) -> Health:
         quality.inertial
         and quality.position_sigma_m <= guards.position_sd_max_m  # false for NaN
         and health.position_age_s <= guards.position_age_max_s
+        and not health.faults & FROZEN  # the estimator knows no better
     )
     return health._replace(position_ok=(health.position_ok or carried) and not quality.jumped)
 
@@ -304,15 +386,20 @@ def _watch(
     health: Health,
     air: AirEstimate,
     quality: MotionQuality,
+    margins: Margins,
 ) -> tuple[AutopilotState, Output]:
     """Without the surfaces: look, and engage if asked and able."""
-    found = _found(laws, inputs, vehicle, health, 0.0, False, False, True, True)
+    found = _found(laws, inputs, vehicle, health, margins, 0.0, False, False, True, True)
+    if line_valid(laws):  # to be engaged with; in flight nothing looks at it
+        found |= modes.LINE_VALID
     supervisor, decision = _decide(laws, state, inputs, found)
     mode, reason = decision.mode, decision.reason
     state = state._replace(time_s=inputs.time_s, supervisor=supervisor, motion=motion)
     if modes.is_flying(mode):
         state = _engaged(laws, state, vehicle)
-        return _fly(laws, state, inputs, motion, vehicle, health, air, quality, 0.0, reason)
+        return _fly(
+            laws, state, inputs, motion, vehicle, health, air, quality, margins, 0.0, reason
+        )
     target = laws.target
     distance = e_rho(target.x_m, target.z_m, target.eta_rad, vehicle.x_m, vehicle.z_m)
     return state, Output(
@@ -336,6 +423,8 @@ def _watch(
         _NO_TERMS,
         air,
         quality,
+        margins,
+        0,
     )
 
 
@@ -352,7 +441,7 @@ def _engaged(laws: Laws, state: AutopilotState, vehicle: VehicleState) -> Autopi
         roll=PidState(0.0, -vehicle.roll_rate_radps),
         heading=PidState(0.0, -vehicle.heading_rate_radps),
         heading_setpoint_rad=heading_setpoint(laws.heading, vehicle.x_m, vehicle.y_m),
-        limited=Limited(trim, 0, 0, True),
+        limited=Limited(trim, 0, 0, True, 0),
     )
 
 
@@ -376,6 +465,7 @@ def _fly(
     health: Health,
     air: AirEstimate,
     quality: MotionQuality,
+    margins: Margins,
     dt_s: float,
     engaged_because: int,
 ) -> tuple[AutopilotState, Output]:
@@ -396,7 +486,16 @@ def _fly(
         line.x_m + line.z_m + state.soaring.pitch_setpoint_rad + state.heading_setpoint_rad
     )
     found = _found(
-        laws, inputs, vehicle, health, distance, on_line, line.moving, state.limited.finite, sane
+        laws,
+        inputs,
+        vehicle,
+        health,
+        margins,
+        distance,
+        on_line,
+        line.moving,
+        state.limited.finite,
+        sane,
     )
     supervisor, decision = _decide(laws, state, inputs, found)
     mode, reason = decision.mode, decision.reason or engaged_because
@@ -404,7 +503,9 @@ def _fly(
         state = state._replace(
             time_s=inputs.time_s, supervisor=supervisor, motion=motion, line=line
         )
-        return state, _let_go(state, inputs, vehicle, health, air, quality, reason, distance, rate)
+        return state, _let_go(
+            state, inputs, vehicle, health, air, quality, margins, reason, distance, rate
+        )
 
     soaring = state.soaring
     psi_setpoint = state.heading_setpoint_rad
@@ -413,7 +514,7 @@ def _fly(
         soaring, soaring_terms = holding_step(laws.soaring, soaring, dt_s)
     elif mode == modes.RECOVERING:
         soaring, soaring_terms = gliding_step(
-            laws.soaring, soaring, laws.guards.glide_pitch_rad, dt_s
+            laws.soaring, soaring, laws.envelope.glide_pitch_rad, dt_s
         )
     else:
         if decision.action == modes.NEW_LINE:
@@ -425,10 +526,23 @@ def _fly(
         )
         psi_setpoint = heading_setpoint(laws.heading, vehicle.x_m, vehicle.y_m)
 
+    pitch_setpoint = pitch_within(
+        laws.envelope,
+        soaring.pitch_setpoint_rad,
+        vehicle.pitch_rad,
+        margins.stall_rad,
+        vehicle.climb_mps,
+        margins.clearance_m,
+    )
+    cut = 0
+    if pitch_setpoint < soaring.pitch_setpoint_rad:
+        cut = CUT_NOSE_UP
+    elif pitch_setpoint > soaring.pitch_setpoint_rad:
+        cut = CUT_NOSE_DOWN
     pitch, elevator_terms = attitude_step(
         laws.pitch,
         state.pitch,
-        soaring.pitch_setpoint_rad,
+        pitch_setpoint,
         vehicle.pitch_rad,
         vehicle.pitch_rate_radps,
         laws.trim.elevator,
@@ -455,7 +569,14 @@ def _fly(
         dt_s,
     )
     wanted = SurfaceCommand(elevator_terms.output, aileron_terms.output, rudder_terms.output)
-    limited = limit_surfaces(laws.envelope, state.limited.command, wanted, dt_s)
+    limited = limit_surfaces(
+        laws.envelope,
+        state.limited.command,
+        wanted,
+        elevator_limit(laws.envelope, laws.trim.elevator, margins.stall_rad),
+        True,
+        dt_s,
+    )
     state = AutopilotState(
         inputs.time_s,
         supervisor,
@@ -469,6 +590,7 @@ def _fly(
         psi_setpoint,
         limited,
         state.wind,
+        state.health,
     )
     return state, Output(
         inputs.time_s,
@@ -476,7 +598,7 @@ def _fly(
         reason,
         True,
         limited.command,
-        Setpoints(soaring.pitch_setpoint_rad, 0.0, psi_setpoint),
+        Setpoints(pitch_setpoint, 0.0, psi_setpoint),
         vehicle,
         health,
         line.x_m,
@@ -491,6 +613,8 @@ def _fly(
         rudder_terms,
         air,
         quality,
+        margins,
+        limited.cut | cut,
     )
 
 
@@ -501,6 +625,7 @@ def _let_go(
     health: Health,
     air: AirEstimate,
     quality: MotionQuality,
+    margins: Margins,
     reason: int,
     distance_m: float,
     rate_mps: float,
@@ -527,6 +652,8 @@ def _let_go(
         _NO_TERMS,
         air,
         quality,
+        margins,
+        0,
     )
 
 
@@ -535,6 +662,7 @@ def _found(
     inputs: Inputs,
     vehicle: VehicleState,
     health: Health,
+    margins: Margins,
     distance_m: float,
     on_line: bool,
     line_moving: bool,
@@ -542,30 +670,47 @@ def _found(
     sane: bool,
 ) -> int:
     """What holds now, as the supervisor's bits."""
-    found = _NOT_WATCHED
+    found = 0
     if inputs.engage:
         found |= modes.ENGAGE
-    if max(health.position_age_s, health.attitude_age_s, health.heartbeat_age_s) < INFINITE:
+    age = health.position_age_s
+    if age < INFINITE and health.attitude_age_s < INFINITE and health.heartbeat_age_s < INFINITE:
         found |= modes.STREAMS_SEEN
     if health.position_ok:
         found |= modes.POSITION_FRESH
-    if health.position_age_s <= laws.guards.position_age_max_s:
+    if age <= laws.guards.position_age_max_s:
         found |= modes.POSITION_KEPT
+    faults = health.faults
+    if not faults & INSANE:
+        found |= modes.POSITION_SANE
     if health.attitude_ok:
         found |= modes.ATTITUDE_FRESH
+    if not faults & DISAGREES:
+        found |= modes.ATTITUDE_AGREES
+    if not faults & AIRSPEED:
+        found |= modes.AIRSPEED_SANE
     if health.autopilot_ok:
         found |= modes.AUTOPILOT_ALIVE
     if not inputs.autopilot.failsafe:
         found |= modes.NO_FAILSAFE
     if inputs.autopilot.accepts_surfaces:
         found |= modes.SURFACES_OBEY
+    if health.surfaces_answer != 0:
+        found |= modes.SURFACES_ANSWER
     tilt_max = laws.guards.tilt_max_rad
     if abs(vehicle.roll_rad) <= tilt_max and abs(vehicle.pitch_rad) <= tilt_max:
         found |= modes.UPRIGHT
-    if abs(vehicle.heading_rad) <= 0.5 * pi:
+    if abs(vehicle.heading_rad) <= HEADING_MAX_RAD:
         found |= modes.UPWIND
-    if sin(laws.target.eta_rad) >= LINE_UPRIGHT and isfinite(laws.target.x_m + laws.target.z_m):
-        found |= modes.LINE_VALID
+    if not margins.outside:
+        found |= modes.INSIDE_FENCE
+    limits, stall, climb = laws.envelope, margins.stall_rad, vehicle.climb_mps
+    if is_air_safe(limits, stall, climb):
+        found |= modes.AIR_SAFE
+    if margins.clearance_m >= limits.clearance_min_m:
+        found |= modes.HIGH_ENOUGH
+    if is_clear(limits, stall, climb, margins.clearance_m):
+        found |= modes.CLEAR
     if line_moving:
         found |= modes.LINE_MOVING
     if abs(distance_m) <= laws.guards.e_rho_max_m:
@@ -577,6 +722,15 @@ def _found(
     if sane:
         found |= modes.SANE
     return found
+
+
+def line_valid(laws: Laws) -> bool:
+    """Whether the target line can be flown: it has an upstream side, and its point lies inside
+    the fence."""
+    target = laws.target
+    return sin(target.eta_rad) >= LINE_UPRIGHT and not outside(
+        laws.fence, target.x_m, 0.0, target.z_m
+    )
 
 
 def _decide(

@@ -13,6 +13,7 @@ what is allowed.
 from __future__ import annotations
 
 import ipaddress
+import itertools
 import re
 import tomllib
 from collections.abc import Mapping
@@ -26,7 +27,14 @@ from msgspec import Meta, Struct, inspect
 from tgl_soar.geometry import HallFrame, SoaringFrame
 from tgl_soar.line_changes import Contour, PresetLine, Presets, with_changes
 from tgl_soar.parameters import INDEX, PARAMETERS, ParameterError, ParameterSet
-from tgl_soar.types import NO_AERODYNAMICS, Aerodynamics, GlidePolar
+from tgl_soar.types import (
+    GROUND_POINTS,
+    NO_AERODYNAMICS,
+    NO_GROUND,
+    Aerodynamics,
+    GlidePolar,
+    Ground,
+)
 
 
 class ConfigError(ValueError):
@@ -181,6 +189,23 @@ class KnownContour(Strict, frozen=True):
     def __post_init__(self) -> None:
         if any(len(part) < 2 for part in self.parts):
             raise ValueError("each of parts needs two points or more")
+
+
+class GroundProfile(Strict, frozen=True):
+    """The ground or the board in the vertical plane: what the aircraft keeps away from."""
+
+    profile: Annotated[list[tuple[Finite, Finite]], Meta(min_length=1, max_length=GROUND_POINTS)]
+
+    def __post_init__(self) -> None:
+        if any(a[0] >= b[0] for a, b in itertools.pairwise(self.profile)):
+            raise ValueError("profile must grow in x from point to point")
+
+    def as_ground(self) -> Ground:
+        """As the envelope takes it."""
+        points = [*self.profile, *[self.profile[-1]] * (GROUND_POINTS - len(self.profile))]
+        a, b, c, d, e, f, g, h = (x for x, _ in points)
+        i, j, k, m, n, o, p, q = (z for _, z in points)
+        return Ground(len(self.profile), (a, b, c, d, e, f, g, h), (i, j, k, m, n, o, p, q))
 
 
 class Place(Strict, frozen=True):
@@ -368,6 +393,7 @@ class Site(Strict, frozen=True):
     air: JetAir | HillAir | GridAir | None = None
     start: Start | None = None
     contour: KnownContour | None = None
+    ground: GroundProfile | None = None
 
     def __post_init__(self) -> None:
         if ("mocap" in self.position.sources) != (self.mocap is not None):
@@ -384,6 +410,10 @@ class Site(Strict, frozen=True):
             place.origin_down_m,
             radians(place.wind_from_deg),
         )
+
+    def known_ground(self) -> Ground:
+        """The ground as the envelope takes it; empty if the file does not give it."""
+        return NO_GROUND if self.ground is None else self.ground.as_ground()
 
     def contour_for(self, airframe: str) -> Contour:
         """The contour as `line_changes` takes it; empty if none is known for this airframe."""

@@ -79,7 +79,15 @@ from tgl_soar.link.tangent_plane import Home
 from tgl_soar.link.telemetry import StatusTexts, Telemetry
 from tgl_soar.parameter_store import ParameterStore
 from tgl_soar.parameters import ParameterSet
-from tgl_soar.types import NAN, NO_AERODYNAMICS, Aerodynamics, Inputs, SurfaceCommand
+from tgl_soar.types import (
+    NAN,
+    NO_AERODYNAMICS,
+    NO_GROUND,
+    Aerodynamics,
+    Ground,
+    Inputs,
+    SurfaceCommand,
+)
 
 BOOT: Final = 0  # modes as the supervisor numbers them; a test holds the two together
 STANDBY: Final = 1
@@ -121,6 +129,7 @@ class Setup(NamedTuple):
     imu: int | None = None  # the message that is to carry accelerations; None: the usual one
     forward: Forward | None = None  # what the autopilot is told of the position
     aerodynamics: Aerodynamics = NO_AERODYNAMICS  # of the airframe, to read the air by
+    ground: Ground = NO_GROUND  # of the site, to keep away from
 
 
 @dataclass(slots=True)
@@ -178,6 +187,7 @@ def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Setu
         _IMUS[link.imu],
         site.forward,
         airframe.aerodynamics(),
+        site.known_ground(),
     )
 
 
@@ -217,7 +227,7 @@ def _forwarding(forward: Forward | None) -> PoseForwarding | None:
 
 def laws_of(setup: Setup, values: ParameterSet) -> autopilot.Laws:
     """The laws of one tick: here, and in the replay of a log."""
-    return autopilot.laws_from(values, setup.frame, setup.aerodynamics)
+    return autopilot.laws_from(values, setup.frame, setup.aerodynamics, setup.ground)
 
 
 def _channel(surface: Surface) -> SurfaceChannel:

@@ -136,6 +136,32 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     # --- surfaces ------------------------------------------------------------------------
     Parameter("SURF_MAX", "", 0.05, 1, 1.0, "Largest deflection commanded, of full travel."),
     Parameter("SURF_RATE", "1/s", 0.5, 100, 20.0, "Fastest change of a command, in travels."),
+    Parameter(
+        "SURF_TOL", "", 0.05, 2, 0.25,
+        "Largest difference between commands and what the autopilot reads back of its outputs;"
+        " beyond it for half a second the surfaces do not answer: let go.",
+    ),
+    # --- the envelope --------------------------------------------------------------------
+    Parameter(
+        "ALPHA_MAX", "deg", 3, 45, 14.0,
+        "Largest angle of attack, where it is known: from 3 deg below on the nose is kept from"
+        " rising, 3 deg beyond the module recovers.",
+    ),
+    Parameter(
+        "SPEED_MIN", "m/s", 0, 50, 6.0,
+        "Smallest airspeed, where it is known: from 1 m/s above on the nose is kept from rising,"
+        " 1 m/s below the module recovers.",
+    ),
+    Parameter("SINK_MAX", "m/s", 0.5, 50, 6.0, "Sinking faster than this: recover."),
+    Parameter(
+        "CLEAR_MIN", "m", 0, 50, 0.0,
+        "Smallest distance to the ground of the site file: nearer, recover.",
+    ),
+    Parameter("FENCE_X_MIN", "m", -5000, 5000, -5000, "Upstream of this: let go."),
+    Parameter("FENCE_X_MAX", "m", -5000, 5000, 5000, "Downstream of this: let go."),
+    Parameter("FENCE_Y_MAX", "m", 0.5, 5000, 5000, "Further to either side than this: let go."),
+    Parameter("FENCE_Z_MIN", "m", -1000, 5000, -1000, "Below this height: let go."),
+    Parameter("FENCE_Z_MAX", "m", -1000, 5000, 5000, "Above this height: let go."),
     # --- estimation ----------------------------------------------------------------------
     Parameter(
         "EST_FIX_SD", "m", 0.0002, 20, 0.003,
@@ -191,6 +217,11 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         "AGE_POS_MAX", "s", 0.1, 5, 2.0,
         "Position older than this: recover, wings level at REC_PITCH, for REC_TIME; then let go.",
     ),
+    Parameter(
+        "AGE_FROZEN", "s", 0.1, 10, 1.0,
+        "A source that repeats the same numbers for longer than this, and does not say that it"
+        " stands still, is as old as their last change.",
+    ),
     Parameter("AGE_ATT_MAX", "s", 0.02, 1, 0.3, "Attitude older than this: let go."),
     Parameter("AGE_AP_MAX", "s", 1, 10, 3.0, "Autopilot's heartbeat older than this: let go."),
     Parameter(
@@ -237,6 +268,10 @@ GROUPS: Final[tuple[Group, ...]] = (
         "The nose is held towards a virtual waypoint upwind.",
     ),
     Group("Surfaces", ("SURF",), "The last limit of every command."),
+    Group(
+        "The envelope", ("ALPHA", "SPEED", "SINK", "CLEAR", "FENCE"),
+        "Limits of the aircraft and its place, independent of the laws.",
+    ),
     Group("Estimation", ("EST",), "How position and velocity follow from delayed fixes."),
     Group(
         "The air", ("WIND",),
@@ -362,6 +397,9 @@ def _check_together(values: ParameterSet, changes: Mapping[str, float]) -> None:
             ("EST_DELAY", "AGE_POS_HOLD"),
             "EST_DELAY must be below AGE_POS_HOLD, or every position is too old to fly with",
         )
+    for low, high in (("FENCE_X_MIN", "FENCE_X_MAX"), ("FENCE_Z_MIN", "FENCE_Z_MAX")):
+        if not values[low] < values[high]:
+            raise blame((low, high), f"{low} must be below {high}")
     travel = values["SURF_MAX"]
     for name in ("ELE_TRIM", "AIL_TRIM", "RUD_TRIM"):
         if abs(values[name]) > travel:

@@ -184,6 +184,13 @@ class Health(NamedTuple):
     attitude_ok: bool
     autopilot_ok: bool
     rejected: int  # samples refused so far (not finite, out of order, no rotation)
+    position_interval_s: float  # mean between two samples; NaN: not known
+    position_jitter_s: float  # mean deviation from it
+    attitude_interval_s: float
+    attitude_jitter_s: float
+    gaps: int  # intervals much longer than the mean, so far, of both
+    surfaces_answer: int  # 1: they follow our commands, 0: they do not, -1: not known
+    faults: int  # bits, as `estimation.health` names them
 
 
 class Setpoints(NamedTuple):
@@ -265,3 +272,16 @@ NO_AERODYNAMICS = Aerodynamics(
     *(NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN),
     NO_POLAR,
 )
+
+
+class Ground(NamedTuple):
+    """The profile of the ground in the vertical plane, soaring frame: level beyond its ends."""
+
+    points: int  # how many of them there are, with growing x; 0: it is not known
+    x_m: tuple[float, float, float, float, float, float, float, float]
+    z_m: tuple[float, float, float, float, float, float, float, float]
+
+
+GROUND_POINTS = 8
+_NOUGHTS = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+NO_GROUND = Ground(0, _NOUGHTS, _NOUGHTS)

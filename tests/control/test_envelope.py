@@ -9,18 +9,57 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tgl_soar.control import envelope
 from tgl_soar.control.envelope import (
+    CUT_MODE,
+    CUT_NOSE_UP,
+    CUT_NOT_FINITE,
+    CUT_RATE,
+    CUT_TRAVEL,
+    INFINITE,
+    MARGIN_FULL,
+    OUT_ABOVE,
+    OUT_BELOW,
+    OUT_DOWNSTREAM,
+    OUT_SIDE,
+    OUT_UPSTREAM,
+    PITCH_PER_SPEED,
     EnvelopeLimits,
+    Fence,
+    Limited,
     blocked_side,
+    clearance,
+    cut_words,
+    elevator_limit,
+    is_air_safe,
+    is_clear,
     limit_one,
-    limit_surfaces,
+    outside,
+    pitch_within,
+    stall_margin,
 )
-from tgl_soar.types import SurfaceCommand
+from tgl_soar.types import GROUND_POINTS, NO_GROUND, Ground, SurfaceCommand
 
-LIMITS = EnvelopeLimits(0.8, 20.0)
+LIMITS = EnvelopeLimits(
+    deflection_max=0.8,
+    rate_max_per_s=20.0,
+    alpha_max_rad=0.25,
+    speed_min_mps=6.0,
+    sink_max_mps=4.0,
+    clearance_min_m=0.5,
+    glide_pitch_rad=-0.0625,
+)
 DT = 0.005
 MOST = 20.0 * DT
 ZERO = SurfaceCommand(0.0, 0.0, 0.0)
+
+
+def limit_surfaces(
+    limits: EnvelopeLimits, last: SurfaceCommand, wanted: SurfaceCommand, dt_s: float
+) -> Limited:
+    """In flight, far from the stall."""
+    return envelope.limit_surfaces(limits, last, wanted, limits.deflection_max, True, dt_s)
+
 
 anything = st.floats(allow_nan=True, allow_infinity=True)
 commands = st.builds(SurfaceCommand, anything, anything, anything)
@@ -133,3 +172,276 @@ def test_each_surface_tells_its_own_side() -> None:
     assert (limited.elevator_blocked, limited.aileron_blocked) == (1, -1)
     limited = limit_surfaces(LIMITS, ZERO, SurfaceCommand(0.0, 0.05, 0.5), DT)
     assert (limited.elevator_blocked, limited.aileron_blocked) == (0, 0)
+
+
+# --- what was cut -----------------------------------------------------------------------------
+
+
+@given(last=sent, wanted=commands, dt=st.floats(0.0, 0.02), up=st.floats(-0.8, 0.8))
+def test_what_was_cut_is_told_and_nothing_else(
+    last: SurfaceCommand, wanted: SurfaceCommand, dt: float, up: float
+) -> None:
+    limited = envelope.limit_surfaces(LIMITS, last, wanted, up, True, dt)
+    assert limited.finite == (limited.cut & CUT_NOT_FINITE == 0)
+    if limited.command == wanted and wanted.elevator <= up:
+        assert limited.cut == 0
+    if limited.finite and limited.command != wanted:
+        assert limited.cut
+    if limited.cut & CUT_NOSE_UP:
+        assert wanted.elevator > up or not limited.finite
+    assert bool(limited.cut & CUT_TRAVEL) <= any(abs(u) > 0.8 for u in wanted)
+
+
+@pytest.mark.parametrize("surface", SurfaceCommand._fields)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_travel_and_rate_are_told_of_each_surface(surface: str, sign: float) -> None:
+    def cut(last: float, wanted: float) -> int:
+        before = SurfaceCommand(**{**ZERO._asdict(), surface: sign * last})
+        command = SurfaceCommand(**{**ZERO._asdict(), surface: sign * wanted})
+        return limit_surfaces(LIMITS, before, command, DT).cut
+
+    assert cut(0.79, 0.8) == 0
+    assert cut(0.79, nextafter(0.8, inf)) == CUT_TRAVEL
+    assert cut(0.0, MOST) == 0
+    assert cut(0.0, nextafter(MOST, inf)) == CUT_RATE
+    assert cut(0.0, 0.9) == CUT_RATE | CUT_TRAVEL
+    assert cut(0.75, 0.84) == CUT_TRAVEL
+
+
+def test_a_mode_that_does_not_fly_puts_nothing_out() -> None:
+    limited = envelope.limit_surfaces(
+        LIMITS, SurfaceCommand(0.5, 0.5, 0.5), SurfaceCommand(nan, 0.5, 0.5), 0.8, False, DT
+    )
+    assert limited == Limited(ZERO, 0, 0, True, CUT_MODE)
+
+
+def test_every_cut_has_its_word() -> None:
+    bits = [v for k, v in vars(envelope).items() if k.startswith("CUT_") and isinstance(v, int)]
+    assert sorted(bits) == [1 << i for i in range(len(envelope.CUT_TEXTS))]
+    assert cut_words(0) == ""
+    assert cut_words(CUT_TRAVEL | CUT_MODE) == "travel, mode"
+    assert cut_words(CUT_NOSE_UP) == "nose-up, near the stall"
+
+
+# --- the stall ----------------------------------------------------------------------------------
+
+
+def around(value: float) -> tuple[float, float, float]:
+    return nextafter(value, -inf), value, nextafter(value, inf)
+
+
+def test_the_margin_is_the_smaller_of_what_is_known() -> None:
+    assert stall_margin(LIMITS, nan, nan) == inf
+    assert stall_margin(LIMITS, 0.125, nan) == 0.125
+    assert stall_margin(LIMITS, nan, 8.0) == 2.0 * PITCH_PER_SPEED
+    assert stall_margin(LIMITS, 0.125, 8.0) == 2.0 * PITCH_PER_SPEED
+    assert stall_margin(LIMITS, 0.25, 8.0) == 0.0
+    assert stall_margin(LIMITS, 0.5, 100.0) == -0.25
+    assert stall_margin(LIMITS, 0.0, 5.0) == -PITCH_PER_SPEED
+
+
+@given(
+    alpha=st.floats(-1.0, 1.0), speed=st.floats(0.0, 30.0), wanted=sent, last=sent, dt=st.just(1.0)
+)
+def test_at_the_limit_the_elevator_stands_no_further_up_than_its_trim(
+    alpha: float, speed: float, wanted: SurfaceCommand, last: SurfaceCommand, dt: float
+) -> None:
+    margin = stall_margin(LIMITS, alpha, speed)
+    trim = 0.1
+    up = elevator_limit(LIMITS, trim, margin)
+    assert trim <= up <= 0.8
+    given_ = envelope.limit_surfaces(LIMITS, last, wanted, up, True, dt).command.elevator
+    if alpha >= 0.25 or speed <= 6.0:
+        assert given_ <= trim
+    if margin >= MARGIN_FULL:
+        assert given_ == wanted.elevator
+    assert given_ <= wanted.elevator
+
+
+def test_the_elevators_limit_is_met_on_its_boundaries() -> None:
+    below, full, above = around(MARGIN_FULL)
+    assert elevator_limit(LIMITS, 0.1, below) <= 0.8
+    assert elevator_limit(LIMITS, 0.1, below) == pytest.approx(0.8)
+    assert elevator_limit(LIMITS, 0.1, full) == 0.8
+    assert elevator_limit(LIMITS, 0.1, above) == 0.8
+    assert elevator_limit(LIMITS, 0.1, inf) == 0.8
+    assert elevator_limit(LIMITS, 0.1, 0.5 * MARGIN_FULL) == pytest.approx(0.45)
+    for margin in (0.0, nextafter(0.0, -inf), -1.0, -inf):
+        assert elevator_limit(LIMITS, 0.1, margin) == 0.1
+    assert 0.1 < elevator_limit(LIMITS, 0.1, 1e-9) < 0.11
+
+
+def test_the_elevator_that_is_held_down_tells_the_loops_before_it() -> None:
+    limited = envelope.limit_surfaces(LIMITS, ZERO, ZERO._replace(elevator=0.05), 0.02, True, DT)
+    assert limited.command.elevator == 0.02
+    assert (limited.elevator_blocked, limited.cut) == (1, CUT_NOSE_UP)
+    # At the limit without asking for more: it can go no further up either.
+    limited = envelope.limit_surfaces(LIMITS, ZERO, ZERO._replace(elevator=0.02), 0.02, True, DT)
+    assert (limited.command.elevator, limited.elevator_blocked, limited.cut) == (0.02, 1, 0)
+    # And down it goes as ever.
+    limited = envelope.limit_surfaces(LIMITS, ZERO, ZERO._replace(elevator=-0.05), 0.02, True, DT)
+    assert (limited.command.elevator, limited.elevator_blocked) == (-0.05, 0)
+
+
+STALL = -envelope.STALL_BEYOND
+
+
+@pytest.mark.parametrize(
+    ("margin", "climb", "safe"),
+    [
+        (inf, 0.0, True),
+        (0.0, 0.0, True),
+        (nextafter(STALL, inf), 0.0, True),
+        (STALL, 0.0, True),
+        (nextafter(STALL, -inf), 0.0, False),
+        (inf, nextafter(-4.0, inf), True),
+        (inf, -4.0, True),
+        (inf, nextafter(-4.0, -inf), False),
+        (nan, 0.0, False),
+        (inf, nan, False),
+    ],
+)
+def test_where_the_air_is_safe(margin: float, climb: float, safe: bool) -> None:
+    assert is_air_safe(LIMITS, margin, climb) is safe
+
+
+HIGH = 0.5 * envelope.CLEAR_FACTOR
+
+
+@pytest.mark.parametrize(
+    ("margin", "climb", "height", "clear"),
+    [
+        (0.0, -2.0, HIGH, True),
+        (inf, 5.0, inf, True),
+        (nextafter(0.0, -inf), 0.0, inf, False),
+        (inf, nextafter(-2.0, -inf), inf, False),
+        (inf, 0.0, nextafter(HIGH, -inf), False),
+        (inf, 0.0, nan, False),
+        (nan, 0.0, inf, False),
+        (inf, nan, inf, False),
+    ],
+)
+def test_where_it_is_clear_again(margin: float, climb: float, height: float, clear: bool) -> None:
+    assert is_clear(LIMITS, margin, climb, height) is clear
+    assert not clear or is_air_safe(LIMITS, margin, climb)
+
+
+GLIDE = LIMITS.glide_pitch_rad
+
+
+@pytest.mark.parametrize(
+    ("setpoint", "margin", "climb", "height", "given_"),
+    [
+        (0.1, inf, 0.0, inf, 0.1),
+        (0.1, MARGIN_FULL, 0.0, inf, 0.1),  # far enough from the stall: the law may ask for more
+        (0.125, 0.03125, 0.0, inf, 0.03125),
+        (0.125, 0.0, 0.0, inf, 0.0),
+        (0.125, -0.03125, 0.0, inf, -0.03125),
+        (0.125, -0.125, 0.0, inf, GLIDE),  # but no further down than the glide
+        (-0.25, 0.0, 0.0, inf, -0.25),  # nose-down is never held back by the stall
+        (0.03125, 0.03125, 0.0, inf, 0.03125),
+        # Low: not below the glide.
+        (-0.25, inf, 0.0, 1.0, -0.25),
+        (-0.25, inf, 0.0, nextafter(1.0, -inf), GLIDE),
+        (-0.25, inf, 0.0, -1.0, GLIDE),
+        (GLIDE, inf, 0.0, 0.0, GLIDE),
+        (0.0, inf, 0.0, 0.0, 0.0),
+        (-0.25, -0.125, 0.0, 0.0, GLIDE),
+        # Sinking fast.
+        (-0.25, inf, -4.0, inf, -0.25),
+        (-0.25, inf, nextafter(-4.0, -inf), inf, GLIDE),
+    ],
+)
+def test_the_pitch_that_may_be_flown(
+    setpoint: float, margin: float, climb: float, height: float, given_: float
+) -> None:
+    assert pitch_within(LIMITS, setpoint, 0.0, margin, climb, height) == given_
+
+
+def test_the_pitch_is_limited_from_where_the_nose_is() -> None:
+    assert pitch_within(LIMITS, 0.5, 0.25, 0.03125, 0.0, inf) == 0.28125
+
+
+# --- the place ----------------------------------------------------------------------------------
+
+BOX = Fence(-4.0, 8.0, 2.0, 0.5, 16.0)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("bad", [nan, inf, -inf])
+def test_no_number_is_outside(axis: int, bad: float) -> None:
+    place = [0.0, 0.0, 1.0]
+    place[axis] = bad
+    assert outside(BOX, *place)
+
+
+@pytest.mark.parametrize(
+    ("axis", "edge", "inward", "bit"),
+    [
+        (0, -4.0, inf, OUT_UPSTREAM),
+        (0, 8.0, -inf, OUT_DOWNSTREAM),
+        (1, -2.0, inf, OUT_SIDE),
+        (1, 2.0, -inf, OUT_SIDE),
+        (2, 0.5, inf, OUT_BELOW),
+        (2, 16.0, -inf, OUT_ABOVE),
+    ],
+)
+def test_each_side_of_the_fence(axis: int, edge: float, inward: float, bit: int) -> None:
+    def at(value: float) -> int:
+        place = [0.0, 0.0, 1.0]
+        place[axis] = value
+        return outside(BOX, *place)
+
+    assert at(edge) == 0
+    assert at(nextafter(edge, inward)) == 0
+    assert at(nextafter(edge, -inward)) == bit
+
+
+def test_a_corner_is_told_of_every_side() -> None:
+    assert outside(BOX, -5.0, 3.0, 20.0) == OUT_UPSTREAM | OUT_SIDE | OUT_ABOVE
+    assert outside(BOX, 9.0, -3.0, 0.0) == OUT_DOWNSTREAM | OUT_SIDE | OUT_BELOW
+
+
+def ground(*points: tuple[float, float]) -> Ground:
+    padded = [*points, *[(0.0, 0.0)] * (GROUND_POINTS - len(points))]
+    return Ground(len(points), tuple(p[0] for p in padded), tuple(p[1] for p in padded))  # type: ignore[arg-type]
+
+
+BOARD = ground((0.0, 0.0), (4.0, 3.0), (8.0, 3.0))  # 3-4-5, then level
+
+
+@pytest.mark.parametrize(
+    ("x", "z", "distance"),
+    [
+        (-9.0, 1.0, 1.0),
+        (0.0, 1.0, 1.0),
+        (2.0, 1.5, 0.0),
+        (2.0, 2.75, 1.0),  # 1.25 above a slope of 3 in 4
+        (4.0, 4.25, 1.0),  # the end of the slope still counts as slope
+        (6.0, 4.0, 1.0),
+        (8.0, 4.0, 1.0),
+        (20.0, 2.0, -1.0),
+        (2.0, 0.25, -1.0),
+    ],
+)
+def test_clearance_is_the_distance_to_a_plane(x: float, z: float, distance: float) -> None:
+    assert clearance(BOARD, x, z) == pytest.approx(distance, abs=1e-12)
+
+
+def test_a_profile_may_have_as_many_points_as_there_is_room_for() -> None:
+    stairs = ground(*((float(k), float(k % 2)) for k in range(GROUND_POINTS)))
+    for k in range(GROUND_POINTS):
+        assert clearance(stairs, k - 0.5, 0.5) in (
+            pytest.approx(0.0, abs=1e-12), 0.5  # on the slope, or before the first point
+        )  # fmt: skip
+    assert clearance(stairs, 100.0, 2.0) == 1.0  # level beyond the last
+
+
+def test_where_no_ground_is_known_nothing_is_low() -> None:
+    assert clearance(NO_GROUND, 0.0, -1e9) == INFINITE
+
+
+@pytest.mark.parametrize("bad", [nan, inf, -inf])
+def test_clearance_of_no_place_ends(bad: float) -> None:
+    clearance(BOARD, bad, 1.0)  # returns at all
+    assert not clearance(BOARD, 2.0, bad) >= 0.0 or bad == inf

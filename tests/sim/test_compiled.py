@@ -190,12 +190,12 @@ def test_a_flight_that_ends_early_ends_alike() -> None:
 
 @needs_numba
 def test_a_command_that_is_not_a_number_is_judged_alike() -> None:
-    limits = EnvelopeLimits(0.8, 4.0)
+    limits = EnvelopeLimits(0.8, 4.0, 0.2, 6.0, 5.0, 0.0, -0.05)
     last = SurfaceCommand(0.1, -0.2, 0.3)
     for value in (nan, inf, -inf, 0.5, -2.0):
         wanted = SurfaceCommand(value, 0.0, -value)
-        plain = limit_surfaces(limits, last, wanted, 0.005)
-        assert compiled(limit_surfaces)(limits, last, wanted, 0.005) == plain
+        plain = limit_surfaces(limits, last, wanted, 0.5, True, 0.005)
+        assert compiled(limit_surfaces)(limits, last, wanted, 0.5, True, 0.005) == plain
 
 
 def flown_with_faults(world: World, faults: list[Fault], ticks: int) -> list[tuple[float, ...]]:

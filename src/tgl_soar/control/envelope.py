@@ -1,23 +1,92 @@
 """The envelope: the last limiter before the surfaces, independent of the laws.
 
-    |u| <= deflection_max,   |u - u_last| <= rate_max dt
+    |u| <= deflection_max,   |u - u_last| <= rate_max dt,   nothing unless the mode flies
 
 A command that is not finite never passes: the caller is told and lets go.
+
+Against the stall, with the angle of attack alpha and the airspeed V where they are known:
+
+    margin = min(alpha_max - alpha, (V - V_min) PITCH_PER_SPEED)
+    pitch setpoint <= pitch + margin, or the best glide's, whichever is higher
+    elevator <= trim + (travel - trim) margin / MARGIN_FULL     between trim and travel
+
+so that at the limit the elevator stands no further up than its trim.  What is not known does
+not limit.  Low over the ground, or sinking fast, the pitch setpoint is not below that of the
+best glide: there is nothing to be won by diving.
+
+The place is held against a box (the fence) and against the ground: a few points (x, z) of its
+profile in the soaring frame, extruded along y.  Over a plane the clearance is the distance to
+it, over anything else it lies between that to the tangent below and the height above it:
+
+    clearance = (z - z_ground(x)) cos(slope there)
 """
 
 from __future__ import annotations
 
-from math import isfinite
-from typing import NamedTuple
+from math import isfinite, sqrt
+from typing import Final, NamedTuple
 
-from tgl_soar.types import SurfaceCommand
+from tgl_soar.types import Ground, SurfaceCommand
+
+INFINITE = float("inf")
+PITCH_PER_SPEED = 0.05  # rad for each m/s: what a glider's pitch gains in alpha when it slows down
+MARGIN_FULL = 0.05  # rad; from here on all of the elevator may be used
+STALL_BEYOND = 0.05  # rad beyond the limit: it does not hold, the aircraft stalls
+SLOW_BEYOND = 0.05  # as a pitch, by PITCH_PER_SPEED
+CLEAR_FACTOR = 1.3  # of the least clearance: clear of the ground again
+
+# What was cut.
+CUT_TRAVEL: Final = 1
+CUT_RATE: Final = 2
+CUT_NOT_FINITE: Final = 4
+CUT_MODE: Final = 8
+CUT_NOSE_UP: Final = 16
+CUT_NOSE_DOWN: Final = 32
+CUT_TEXTS: Final = (
+    "travel",
+    "rate",
+    "not finite",
+    "mode",
+    "nose-up, near the stall",
+    "nose-down, low or sinking",
+)
+
+# Where a place is outside.
+OUT_UPSTREAM: Final = 1
+OUT_DOWNSTREAM: Final = 2
+OUT_SIDE: Final = 4
+OUT_BELOW: Final = 8
+OUT_ABOVE: Final = 16
 
 
 class EnvelopeLimits(NamedTuple):
-    """What a surface may be told."""
+    """What a surface may be told, and what the aircraft may do."""
 
     deflection_max: float  # of full travel
     rate_max_per_s: float  # full travels a second
+    alpha_max_rad: float
+    speed_min_mps: float
+    sink_max_mps: float
+    clearance_min_m: float
+    glide_pitch_rad: float
+
+
+class Fence(NamedTuple):
+    """The box that the aircraft must stay in, soaring frame."""
+
+    x_min_m: float
+    x_max_m: float
+    y_max_m: float  # to either side
+    z_min_m: float
+    z_max_m: float
+
+
+class Margins(NamedTuple):
+    """How far the aircraft is from its limits."""
+
+    stall_rad: float  # of the angle of attack; inf: not known
+    clearance_m: float  # over the ground; inf: not known
+    outside: int  # of the fence, bits OUT_…
 
 
 class Limited(NamedTuple):
@@ -27,25 +96,108 @@ class Limited(NamedTuple):
     elevator_blocked: int  # +1: can deflect no further up, -1: no further down, else 0
     aileron_blocked: int
     finite: bool
+    cut: int  # bits CUT_…
+
+
+def stall_margin(limits: EnvelopeLimits, alpha_rad: float, airspeed_mps: float) -> float:
+    """How far the nose may come up [rad]; negative beyond the limit, inf where nothing is known."""
+    margin = INFINITE
+    if alpha_rad == alpha_rad:
+        margin = limits.alpha_max_rad - alpha_rad
+    if airspeed_mps == airspeed_mps:
+        margin = min(margin, (airspeed_mps - limits.speed_min_mps) * PITCH_PER_SPEED)
+    return margin
+
+
+def is_air_safe(limits: EnvelopeLimits, margin_rad: float, climb_mps: float) -> bool:
+    """Whether the aircraft flies: it does not stall, nor sink as if it did."""
+    return margin_rad >= -STALL_BEYOND and climb_mps >= -limits.sink_max_mps
+
+
+def is_clear(
+    limits: EnvelopeLimits, margin_rad: float, climb_mps: float, clearance_m: float
+) -> bool:
+    """Whether stall and ground are far enough to end a recovery."""
+    return (
+        margin_rad >= 0.0
+        and climb_mps >= -0.5 * limits.sink_max_mps
+        and clearance_m >= CLEAR_FACTOR * limits.clearance_min_m
+    )
+
+
+def pitch_within(
+    limits: EnvelopeLimits,
+    setpoint_rad: float,
+    pitch_rad: float,
+    margin_rad: float,
+    climb_mps: float,
+    clearance_m: float,
+) -> float:
+    """The pitch setpoint that may be flown.
+
+    Neither limit goes beyond the best glide: a wrong margin must not push the nose down for good.
+    """
+    low = clearance_m < 2.0 * limits.clearance_min_m or climb_mps < -limits.sink_max_mps
+    if low and setpoint_rad < limits.glide_pitch_rad:
+        setpoint_rad = limits.glide_pitch_rad
+    highest = max(limits.glide_pitch_rad, pitch_rad + margin_rad)
+    if margin_rad < MARGIN_FULL and setpoint_rad > highest:
+        setpoint_rad = highest
+    return setpoint_rad
+
+
+def elevator_limit(limits: EnvelopeLimits, trim: float, margin_rad: float) -> float:
+    """The furthest that the elevator may go up."""
+    if margin_rad >= MARGIN_FULL:
+        return limits.deflection_max
+    share = max(0.0, margin_rad / MARGIN_FULL)
+    return trim + (limits.deflection_max - trim) * share
 
 
 def limit_surfaces(
-    limits: EnvelopeLimits, last: SurfaceCommand, wanted: SurfaceCommand, dt_s: float
+    limits: EnvelopeLimits,
+    last: SurfaceCommand,
+    wanted: SurfaceCommand,
+    elevator_max: float,
+    flying: bool,
+    dt_s: float,
 ) -> Limited:
-    """The wanted command within travel and rate; the last one, within travel, where it is not
-    finite.  A dt_s that is negative or NaN counts as zero."""
+    """The wanted command within travel, rate and elevator_max; the last one, within travel, where
+    it is not finite; neutral unless the mode flies.  A dt_s that is negative or NaN counts as
+    zero."""
+    if not flying:
+        return Limited(SurfaceCommand(0.0, 0.0, 0.0), 0, 0, True, CUT_MODE)
+    cut = 0
     finite = isfinite(wanted.elevator) and isfinite(wanted.aileron) and isfinite(wanted.rudder)
     if not finite:
         wanted = last
+        cut = CUT_NOT_FINITE
+    up = wanted.elevator
+    if elevator_max < limits.deflection_max and up > elevator_max:
+        up = elevator_max
+        cut |= CUT_NOSE_UP
     most = max(0.0, limits.rate_max_per_s * dt_s)  # in this order: 0 for NaN
-    elevator = limit_one(limits.deflection_max, most, last.elevator, wanted.elevator)
+    elevator = limit_one(limits.deflection_max, most, last.elevator, up)
     aileron = limit_one(limits.deflection_max, most, last.aileron, wanted.aileron)
     rudder = limit_one(limits.deflection_max, most, last.rudder, wanted.rudder)
+    if elevator != up or aileron != wanted.aileron or rudder != wanted.rudder:
+        travel = limits.deflection_max
+        if max(abs(up), abs(wanted.aileron), abs(wanted.rudder)) > travel:
+            cut |= CUT_TRAVEL
+        if (
+            abs(up - last.elevator) > most
+            or abs(wanted.aileron - last.aileron) > most
+            or abs(wanted.rudder - last.rudder) > most
+        ):
+            cut |= CUT_RATE
     return Limited(
         SurfaceCommand(elevator, aileron, rudder),
-        blocked_side(limits.deflection_max, elevator, wanted.elevator),
+        1
+        if elevator >= elevator_max
+        else blocked_side(limits.deflection_max, elevator, wanted.elevator),
         blocked_side(limits.deflection_max, aileron, wanted.aileron),
         finite,
+        cut,
     )
 
 
@@ -67,3 +219,48 @@ def blocked_side(deflection_max: float, given: float, wanted: float) -> int:
     if given <= -deflection_max or given > wanted:
         return -1
     return 0
+
+
+def outside(fence: Fence, x_m: float, y_m: float, z_m: float) -> int:
+    """Where a place is outside, as bits; 0: inside.  NaN is outside."""
+    if (
+        fence.x_min_m <= x_m <= fence.x_max_m
+        and abs(y_m) <= fence.y_max_m
+        and fence.z_min_m <= z_m <= fence.z_max_m
+    ):
+        return 0
+    out = 0
+    if not x_m >= fence.x_min_m:
+        out |= OUT_UPSTREAM
+    if not x_m <= fence.x_max_m:
+        out |= OUT_DOWNSTREAM
+    if not abs(y_m) <= fence.y_max_m:
+        out |= OUT_SIDE
+    if not z_m >= fence.z_min_m:
+        out |= OUT_BELOW
+    if not z_m <= fence.z_max_m:
+        out |= OUT_ABOVE
+    return out
+
+
+def clearance(ground: Ground, x_m: float, z_m: float) -> float:
+    """Distance [m] to the ground below, as above; inf where it is not known."""
+    count = ground.points
+    if count == 0:
+        return INFINITE
+    if not x_m > ground.x_m[0]:
+        return z_m - ground.z_m[0]
+    if x_m >= ground.x_m[count - 1]:
+        return z_m - ground.z_m[count - 1]
+    i = 1
+    while x_m > ground.x_m[i]:
+        i += 1
+    length = ground.x_m[i] - ground.x_m[i - 1]
+    rise = ground.z_m[i] - ground.z_m[i - 1]
+    height = z_m - ground.z_m[i - 1] - rise * (x_m - ground.x_m[i - 1]) / length
+    return height * length / sqrt(length * length + rise * rise)
+
+
+def cut_words(cut: int) -> str:
+    """The words of what was cut, by commas; "" where nothing was."""
+    return ", ".join(text for i, text in enumerate(CUT_TEXTS) if cut >> i & 1)

@@ -1,35 +1,237 @@
-"""Health: how old the inputs are, and whether they may be flown with."""
+"""Health: how old the inputs are, how they come, and whether they may be flown with.
+
+Each stream is watched sample by sample, with the mean interval T and the mean deviation J from
+it as first-order averages over AVERAGED samples:
+
+    gap         an interval longer than GAP_FACTOR T, and than GAP_MIN_S
+    frozen      the same bits again for longer than a limit, of something that moves: a source
+                that says that it stands still (velocities or rates of exactly zero) may
+    jump        further than JUMP_M + JUMP_MPS dt, or turned by more than JUMP_COSINE
+    not finite  a number that is none
+    backwards   a stamp earlier than the one before: reordered, or the source's clock was reset
+    wrong       position: its changes are not its velocities, averaged over FRAME_S (the frames
+                differ); attitude: a quaternion whose norm is not one
+
+A fault is told for FAULT_S after it was seen last.  What was frozen is as old as its last
+change.
+
+Attitude sources disagree where the specific force f of the accelerometers and the attitude do
+not, averaged over TILT_S: with no lasting acceleration f = −g, so that
+
+    | mean(f / g + down) | <= TILT_MAX        down: NED's third axis, seen from the body
+
+Surfaces answer where what the autopilot puts out lies between the lowest and the highest of
+our late commands, give or take a limit: the band shrinks towards the command that stands at
+SHRINK_PER_S, which leaves room for delays, for rates, and for a slow stream.  For longer than
+DEAD_S outside of it, they do not.  Where nothing is read back nobody knows, which is no fault.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from math import isfinite
+from typing import Final, NamedTuple
 
-from tgl_soar.types import Health, Inputs
+from tgl_soar.types import NAN, AttitudeSample, Health, Inputs, PositionFix, SurfaceCommand
 
 from .motion import FUTURE_S, MotionState
 
 INFINITE = float("inf")
 HEARTBEAT_FUTURE_S = 1.0  # between two of them
+AVERAGED = 32.0
+GAP_FACTOR = 3.5
+GAP_MIN_S = 0.05
+JUMP_M = 1.0
+JUMP_MPS = 30.0
+JUMP_COSINE = 0.95  # of half the angle: 36 degrees
+NORM_ERROR = 0.02
+FRAME_S = 2.0
+FRAME_MPS = 2.0
+FAULT_S = 1.0
+TILT_S = 2.0
+TILT_MAX = 0.4  # of g
+TILT_STEP_S = 0.02  # accelerations are looked at no more often
+STALE_S = 1.0  # accelerations and what is read back count for so long
+AIRSPEED_STALE_S = 3.0
+DEAD_S = 0.5
+SHRINK_PER_S = 1.0
+AIRSPEED_MAX_MPS = 80.0
+GRAVITY_MPS2 = 9.81
+
+# Faults, as bits; a stream's own are those of the position, shifted for the attitude.
+GAP: Final = 1 << 0
+FROZEN: Final = 1 << 1
+JUMP: Final = 1 << 2
+NOT_FINITE: Final = 1 << 3
+BACKWARDS: Final = 1 << 4
+WRONG: Final = 1 << 5
+ATTITUDE_SHIFT: Final = 6
+DISAGREES: Final = 1 << 12
+AIRSPEED: Final = 1 << 13
+SURFACES: Final = 1 << 14
+FAILSAFE: Final = 1 << 15
+DISARMED: Final = 1 << 16
+FAULT_TEXTS: Final = (
+    "position has gaps",
+    "position frozen",
+    "position jumps",
+    "position not finite",
+    "position stamps go back",
+    "position and velocity disagree: frame?",
+    "attitude has gaps",
+    "attitude frozen",
+    "attitude jumps",
+    "attitude not finite",
+    "attitude stamps go back",
+    "quaternion norm is not one",
+    "attitude and accelerometers disagree",
+    "airspeed stale or senseless",
+    "surfaces do not follow commands",
+    "autopilot in failsafe",
+    "autopilot disarmed",
+)
+# A position with one of these is not engaged with.
+INSANE: Final = FROZEN | JUMP | NOT_FINITE | BACKWARDS | WRONG
 
 
 class HealthLimits(NamedTuple):
-    """Ages beyond which an input is no longer flown with."""
+    """Ages beyond which an input is no longer flown with, and what a source may do."""
 
     position_age_max_s: float  # beyond: the line cannot be flown
     attitude_age_max_s: float
     heartbeat_age_max_s: float
+    frozen_s: float  # the same bits for so long are no measurement
+    surface_error_max: float  # of full travel
 
 
-def judge(limits: HealthLimits, motion: MotionState, inputs: Inputs) -> Health:
-    """Ages at inputs.time_s, against their limits; what never came is infinitely old.
+class StreamState(NamedTuple):
+    """What is remembered of one stream."""
 
-    So is what lies in the future: the clock has gone back, and nobody knows how old it is.
-    A heartbeat is stamped when it arrives, which may be well after the tick's own time.
+    sequence: int  # of the last sample looked at
+    source: int  # of that sample
+    time_s: float  # its stamp; NaN: none yet
+    interval_s: float  # T; NaN: not known yet
+    jitter_s: float  # J
+    a: float  # north, or the quaternion's w, for comparison with the next sample
+    b: float  # east, or x
+    c: float  # down, or y
+    d: float  # the velocity down, or z
+    changed_s: float  # stamp of the last sample that was not the one before again
+    gaps: int  # so far
+    faults: int  # seen in the last FAULT_S
+    fault_s: float  # the last of them, loop's clock
+
+
+class BandState(NamedTuple):
+    """Between which deflections a surface may be."""
+
+    low: float  # of travel
+    high: float  # of travel
+
+
+class HealthState(NamedTuple):
+    """What health remembers."""
+
+    position: StreamState
+    attitude: StreamState
+    frame_north_mps: float  # mean of what the position's changes are off its velocity, north
+    frame_east_mps: float  # the same, east
+    frame_down_mps: float  # the same, down
+    imu_time_s: float  # of the last acceleration looked at; NaN: none
+    tilt_x: float  # mean of f / g + down, forward
+    tilt_y: float  # the same, right
+    tilt_z: float  # the same, down
+    surfaces_sequence: int  # of the last sample looked at; 0: not flying
+    dead_s: float  # since when a surface is out of its band; inf: all are within
+    elevator: BandState
+    aileron: BandState
+    rudder: BandState
+
+
+def initial_health() -> HealthState:
+    """Nothing has come yet."""
+    stream = StreamState(0, 0, NAN, NAN, 0.0, NAN, NAN, NAN, NAN, NAN, 0, 0, -INFINITE)
+    anywhere = BandState(-1.0, 1.0)
+    return HealthState(
+        stream, stream, 0.0, 0.0, 0.0, NAN, 0.0, 0.0, 0.0, 0, INFINITE, anywhere, anywhere, anywhere
+    )
+
+
+def health_step(
+    limits: HealthLimits,
+    state: HealthState,
+    motion: MotionState,
+    inputs: Inputs,
+    flying: bool,
+    command: SurfaceCommand,
+    dt_s: float,
+) -> tuple[HealthState, Health]:
+    """Look at what is new, and judge all of it at inputs.time_s.
+
+    flying: the module has the surfaces; command: the last that it gave them; dt_s: since then.
+
+    What never came is infinitely old.  So is what lies in the future: the clock has gone back,
+    and nobody knows how old it is.  A heartbeat is stamped when it arrives, which may be well
+    after the tick's own time.
     """
-    position_age = _age(inputs.time_s, motion.fix_time_s, FUTURE_S)
-    attitude_age = _age(inputs.time_s, motion.attitude_time_s, FUTURE_S)
-    heartbeat_age = _age(inputs.time_s, inputs.autopilot.time_s, HEARTBEAT_FUTURE_S)
-    return Health(
+    now = inputs.time_s
+    position, attitude = state.position, state.attitude
+    new_position = inputs.position.sequence != position.sequence
+    new_attitude = inputs.attitude.sequence != attitude.sequence
+    if new_attitude:
+        attitude = _look_at_attitude(attitude, inputs.attitude, now)
+    if new_position:
+        state = _look_at_position(state, inputs.position, inputs.attitude, now)
+        position = state.position
+    if inputs.imu.sequence > 0 and not inputs.imu.time_s - state.imu_time_s < TILT_STEP_S:
+        state = _look_at_tilt(state, inputs)
+    if flying and inputs.surfaces.sequence > 0:
+        state = _look_at_surfaces(limits, state, inputs, command, dt_s)
+    elif state.surfaces_sequence != 0:
+        anywhere = BandState(-1.0, 1.0)
+        state = state._replace(
+            surfaces_sequence=0,
+            dead_s=INFINITE,
+            elevator=anywhere,
+            aileron=anywhere,
+            rudder=anywhere,
+        )
+    if new_attitude:
+        state = state._replace(attitude=attitude)
+
+    position_age = _age(now, motion.fix_time_s, FUTURE_S)
+    attitude_age = _age(now, motion.attitude_time_s, FUTURE_S)
+    heartbeat_age = _age(now, inputs.autopilot.time_s, HEARTBEAT_FUTURE_S)
+    faults = 0
+    if position.faults and now - position.fault_s < FAULT_S:
+        faults = position.faults
+    if attitude.faults and now - attitude.fault_s < FAULT_S:
+        faults |= attitude.faults << ATTITUDE_SHIFT
+    if position.time_s - position.changed_s > limits.frozen_s:
+        faults |= FROZEN
+        position_age = max(position_age, now - position.changed_s)
+    if attitude.time_s - attitude.changed_s > limits.frozen_s:
+        faults |= FROZEN << ATTITUDE_SHIFT
+        attitude_age = max(attitude_age, now - attitude.changed_s)
+    if inputs.imu.sequence > 0 and now - inputs.imu.time_s <= STALE_S:
+        x, y, z = state.tilt_x, state.tilt_y, state.tilt_z
+        if x * x + y * y + z * z > TILT_MAX * TILT_MAX:
+            faults |= DISAGREES
+    if inputs.airspeed.sequence > 0 and not (
+        now - inputs.airspeed.time_s <= AIRSPEED_STALE_S
+        and 0.0 <= inputs.airspeed.airspeed_mps <= AIRSPEED_MAX_MPS
+    ):
+        faults |= AIRSPEED
+    answer = -1  # nobody knows
+    if state.surfaces_sequence > 0 and now - inputs.surfaces.time_s <= STALE_S:
+        answer = 1
+        if now - state.dead_s > DEAD_S:
+            answer = 0
+            faults |= SURFACES
+    if inputs.autopilot.failsafe:
+        faults |= FAILSAFE
+    if not inputs.autopilot.armed:
+        faults |= DISARMED
+    return state, Health(
         position_age,
         attitude_age,
         heartbeat_age,
@@ -37,6 +239,13 @@ def judge(limits: HealthLimits, motion: MotionState, inputs: Inputs) -> Health:
         attitude_age <= limits.attitude_age_max_s,
         heartbeat_age <= limits.heartbeat_age_max_s,
         motion.rejected,
+        position.interval_s,
+        position.jitter_s,
+        attitude.interval_s,
+        attitude.jitter_s,
+        position.gaps + attitude.gaps,
+        answer,
+        faults,
     )
 
 
@@ -44,3 +253,186 @@ def _age(now_s: float, then_s: float, future_s: float) -> float:
     # For samples the comparison is the estimator's own, so that what it takes is never refused
     # here; it is false for NaN: it never came.
     return now_s - then_s if then_s <= now_s + future_s else INFINITE
+
+
+def _look_at_position(
+    state: HealthState, fix: PositionFix, attitude: AttitudeSample, now_s: float
+) -> HealthState:
+    before = state.position
+    n, e, d = fix.north_m, fix.east_m, fix.down_m
+    vn, ve, vd = fix.velocity_north_mps, fix.velocity_east_mps, fix.velocity_down_mps
+    dt = fix.time_s - before.time_s
+    moved_n, moved_e, moved_d = n - before.a, e - before.b, d - before.c
+    same_source = fix.source == before.source
+    found = 0
+    known = isfinite(n) and isfinite(e) and isfinite(d)
+    if not known:
+        found |= NOT_FINITE
+    elif same_source and max(abs(moved_n), abs(moved_e), abs(moved_d)) > JUMP_M + JUMP_MPS * abs(
+        dt
+    ):
+        found |= JUMP
+    has_velocity = isfinite(vn) and isfinite(ve) and isfinite(vd)
+    if known and has_velocity and same_source and 0.0 < dt < FAULT_S and not found:
+        share = dt / FRAME_S
+        off_n = state.frame_north_mps + share * (moved_n / dt - vn - state.frame_north_mps)
+        off_e = state.frame_east_mps + share * (moved_e / dt - ve - state.frame_east_mps)
+        off_d = state.frame_down_mps + share * (moved_d / dt - vd - state.frame_down_mps)
+        if max(abs(off_n), abs(off_e), abs(off_d)) > FRAME_MPS:
+            found |= WRONG
+        state = state._replace(frame_north_mps=off_n, frame_east_mps=off_e, frame_down_mps=off_d)
+    again = moved_n == 0.0 and moved_e == 0.0 and moved_d == 0.0
+    if has_velocity:
+        again = again and vd == before.d and not (vn == 0.0 and ve == 0.0 and vd == 0.0)
+    else:
+        vd = 0.0
+        again = again and not _stands_still(attitude)
+    return state._replace(
+        position=_sampled(
+            before, fix.sequence, fix.source, fix.time_s, now_s, found, again, known, n, e, d, vd
+        )
+    )
+
+
+def _stands_still(sample: AttitudeSample) -> bool:
+    return (
+        sample.roll_rate_frd_radps == 0.0
+        and sample.pitch_rate_frd_radps == 0.0
+        and sample.yaw_rate_frd_radps == 0.0
+    )
+
+
+def _look_at_attitude(before: StreamState, sample: AttitudeSample, now_s: float) -> StreamState:
+    w, x, y, z = sample.qw, sample.qx, sample.qy, sample.qz
+    found = 0
+    square = w * w + x * x + y * y + z * z
+    known = square < INFINITE  # false for NaN
+    if not known:
+        found |= NOT_FINITE
+    elif not abs(square - 1.0) <= 2.0 * NORM_ERROR:
+        found |= WRONG
+    elif abs(w * before.a + x * before.b + y * before.c + z * before.d) < JUMP_COSINE:
+        found |= JUMP
+    again = (
+        w == before.a
+        and x == before.b
+        and y == before.c
+        and z == before.d
+        and not _stands_still(sample)
+    )
+    return _sampled(
+        before, sample.sequence, 0, sample.time_s, now_s, found, again, known, w, x, y, z
+    )
+
+
+def _sampled(
+    before: StreamState,
+    sequence: int,
+    source: int,
+    time_s: float,
+    now_s: float,
+    found: int,
+    again: bool,
+    known: bool,
+    a: float,
+    b: float,
+    c: float,
+    d: float,
+) -> StreamState:
+    """The stream after one more sample; found: what is wrong with its numbers."""
+    interval, jitter, gaps = before.interval_s, before.jitter_s, before.gaps
+    changed_s = before.changed_s
+    dt = time_s - before.time_s
+    if not isfinite(time_s):
+        found |= NOT_FINITE
+        time_s = before.time_s
+    elif dt < 0.0:
+        found |= BACKWARDS
+        changed_s = time_s
+    elif dt > 0.0:
+        if interval != interval:
+            interval = dt
+        elif dt > GAP_MIN_S and dt > GAP_FACTOR * interval:
+            found |= GAP
+            gaps += 1
+        else:
+            off = dt - interval
+            interval += off / AVERAGED
+            jitter += (abs(off) - jitter) / AVERAGED
+    if not again:
+        changed_s = time_s
+    if not known:  # the next one is compared with the last that was a number
+        a, b, c, d = before.a, before.b, before.c, before.d
+    faults, fault_s = before.faults, before.fault_s
+    if found:
+        faults = found | (faults if now_s - fault_s < FAULT_S else 0)
+        fault_s = now_s
+    return StreamState(
+        sequence, source, time_s, interval, jitter, a, b, c, d, changed_s, gaps, faults, fault_s
+    )
+
+
+def _look_at_tilt(state: HealthState, inputs: Inputs) -> HealthState:
+    """Accelerations against the newest attitude."""
+    imu, q = inputs.imu, inputs.attitude
+    dt = imu.time_s - state.imu_time_s
+    x = imu.force_x_frd_mps2 / GRAVITY_MPS2 + 2.0 * (q.qx * q.qz - q.qw * q.qy)
+    y = imu.force_y_frd_mps2 / GRAVITY_MPS2 + 2.0 * (q.qy * q.qz + q.qw * q.qx)
+    z = imu.force_z_frd_mps2 / GRAVITY_MPS2 + 1.0 - 2.0 * (q.qx * q.qx + q.qy * q.qy)
+    if not (isfinite(x + y + z) and 0.0 <= dt <= STALE_S):  # the first, or after a silence
+        return state._replace(imu_time_s=imu.time_s, tilt_x=0.0, tilt_y=0.0, tilt_z=0.0)
+    share = dt / TILT_S
+    return state._replace(
+        imu_time_s=imu.time_s,
+        tilt_x=state.tilt_x + share * (x - state.tilt_x),
+        tilt_y=state.tilt_y + share * (y - state.tilt_y),
+        tilt_z=state.tilt_z + share * (z - state.tilt_z),
+    )
+
+
+def _look_at_surfaces(
+    limits: HealthLimits,
+    state: HealthState,
+    inputs: Inputs,
+    command: SurfaceCommand,
+    dt_s: float,
+) -> HealthState:
+    """What was commanded against what is put out."""
+    seen = inputs.surfaces
+    elevator = _band(state.elevator, command.elevator, dt_s)
+    aileron = _band(state.aileron, command.aileron, dt_s)
+    rudder = _band(state.rudder, command.rudder, dt_s)
+    dead_s = state.dead_s
+    if seen.sequence != state.surfaces_sequence:
+        off = max(
+            _outside(elevator, seen.elevator),
+            _outside(aileron, seen.aileron),
+            _outside(rudder, seen.rudder),
+        )
+        dead_s = min(dead_s, inputs.time_s) if off > limits.surface_error_max else INFINITE
+    return state._replace(
+        surfaces_sequence=seen.sequence,
+        dead_s=dead_s,
+        elevator=elevator,
+        aileron=aileron,
+        rudder=rudder,
+    )
+
+
+def _band(band: BandState, command: float, dt_s: float) -> BandState:
+    shrunk = SHRINK_PER_S * dt_s
+    return BandState(min(command, band.low + shrunk), max(command, band.high - shrunk))
+
+
+def _outside(band: BandState, seen: float) -> float:
+    """By how much; NaN, not known, is within."""
+    if seen < band.low:
+        return band.low - seen
+    if seen > band.high:
+        return seen - band.high
+    return 0.0
+
+
+def fault_words(faults: int) -> str:
+    """The words of all faults, by commas; "" where there are none."""
+    return ", ".join(text for i, text in enumerate(FAULT_TEXTS) if faults >> i & 1)

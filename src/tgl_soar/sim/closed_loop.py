@@ -85,7 +85,7 @@ class ClosedLoop:
         self.state: AutopilotState = initial_state()
         self.output: Output | None = None
         self.engage = True
-        self._laws = laws_from(values, world.frame, world.aerodynamics)
+        self._laws = laws_from(values, world.frame, world.aerodynamics, world.ground)
         self._command = SurfaceCommand(world.trim.elevator, 0.0, 0.0)
         self._link = DirectLink(injection, self._command) if injection is not None else None
         self._injection = injection
@@ -95,7 +95,9 @@ class ClosedLoop:
     def change(self, parameters: dict[str, float]) -> None:
         """Set parameters between two ticks.  Errors: `ParameterError`."""
         self.values = self.values.changed(parameters, flying=True)
-        self._laws = laws_from(self.values, self.world.frame, self.world.aerodynamics)
+        self._laws = laws_from(
+            self.values, self.world.frame, self.world.aerodynamics, self.world.ground
+        )
 
     def tick(self) -> Output:
         """One tick of the module and one step of the world."""

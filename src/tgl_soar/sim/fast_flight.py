@@ -184,7 +184,7 @@ def fly_compiled(
         if done > 0:
             values = values.changed(pending[done - 1].parameters, flying=True)
         if until > flight.steps:
-            laws = laws_from(values, world.frame, world.aerodynamics)
+            laws = laws_from(values, world.frame, world.aerodynamics, world.ground)
             flight = fly(parts, laws, flight, min(until, ticks), done, rows)
     ended = ""
     if flight.standing == CRASHED:

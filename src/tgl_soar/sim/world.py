@@ -33,11 +33,13 @@ from tgl_soar.types import (
     NO_AIRSPEED,
     NO_ATTITUDE,
     NO_FIX,
+    NO_GROUND,
     NO_IMU,
     NO_SURFACES,
     Aerodynamics,
     AirspeedSample,
     AttitudeSample,
+    Ground,
     ImuSample,
     PositionFix,
     SurfaceCommand,
@@ -115,6 +117,7 @@ class World:
     step_hz        steps per second; every sensor's rate must divide it
     sensors        what it carries; the autopilot's own position and attitude by default
     aerodynamics   what the module on board is told of the aircraft; the model is what is true
+    ground         what it is told of the ground; the field and the bounds are what is true
     """
 
     def __init__(
@@ -132,6 +135,7 @@ class World:
         bounds: Bounds | None = None,
         sensors: Sensors = USUAL_SENSORS,
         aerodynamics: Aerodynamics = NO_AERODYNAMICS,
+        ground: Ground = NO_GROUND,
     ) -> None:
         self.step_hz = step_hz
         self.steps = 0
@@ -139,6 +143,7 @@ class World:
         self.crashed = ""  # why it flies no more
         self.field, self.frame, self.start = field, frame, start
         self.aerodynamics = aerodynamics
+        self.ground = ground
         self.position: PositionFix = NO_FIX  # the newest that has arrived
         self.attitude: AttitudeSample = NO_ATTITUDE
         self.imu: ImuSample = NO_IMU
@@ -420,6 +425,7 @@ def make_world(
             bounds=_bounds(site.air),
             sensors=sensors,
             aerodynamics=airframe.aerodynamics(),
+            ground=site.known_ground(),
         )
     except ValueError as error:
         raise ConfigError(f"{site.site.name}, {airframe.airframe.name}: {error}") from None
