@@ -33,10 +33,13 @@ from tgl_soar.control.pid import PidGains, PidState, PidTerms
 from tgl_soar.control.soaring import (
     SoaringGains,
     SoaringState,
+    TrimGains,
+    TrimState,
     gliding_step,
     holding_step,
     soaring_reset,
     soaring_step,
+    trim_step,
 )
 from tgl_soar.control.supervisor import SupervisorState, initial_supervisor, supervise
 from tgl_soar.control.target_line import (
@@ -66,7 +69,13 @@ from tgl_soar.estimation.motion import (
     motion_quality,
     motion_step,
 )
-from tgl_soar.estimation.wind import WindParams, WindState, initial_wind, wind_step
+from tgl_soar.estimation.wind import (
+    WindParams,
+    WindState,
+    glide_pitch,
+    initial_wind,
+    wind_step,
+)
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.parameters import ParameterSet
 from tgl_soar.types import (
@@ -119,6 +128,7 @@ class Laws(NamedTuple):
     wind: WindParams
     fence: Fence
     ground: Ground
+    pitch_trim: TrimGains
 
 
 class AutopilotState(NamedTuple):
@@ -137,6 +147,8 @@ class AutopilotState(NamedTuple):
     limited: Limited
     wind: WindState
     health: HealthState
+    pitch_trim: TrimState
+    gust_pitch_rad: float  # by which the setpoint meets a gust
 
 
 class Output(NamedTuple):
@@ -263,6 +275,12 @@ def laws_from(
             values["FENCE_Z_MAX"],
         ),
         ground=ground,
+        pitch_trim=TrimGains(
+            radians(values["PITCH_TRIM"]),
+            values["WIND_TRIM"],
+            values["WIND_TRIM_T"],
+            values["WIND_FF"],
+        ),
     )
 
 
@@ -299,6 +317,8 @@ def initial_state() -> AutopilotState:
         Limited(_NEUTRAL, 0, 0, True, 0),
         initial_wind(),
         initial_health(),
+        TrimState(NAN, NAN),
+        0.0,
     )
 
 
@@ -314,7 +334,17 @@ def step(laws: Laws, state: AutopilotState, inputs: Inputs) -> tuple[AutopilotSt
     )
     health = _as_sure(laws.guards, health, quality)
     wind, air = wind_step(laws.wind, state.wind, vehicle, inputs, _elevator(state, inputs))
-    state = state._replace(wind=wind, health=watched)
+    trim, gust = trim_step(
+        laws.pitch_trim,
+        state.pitch_trim,
+        glide_pitch(laws.wind.aerodynamics, air.wind_mps - vehicle.velocity_x_mps),
+        air.updraft_mps,
+        air.airspeed_mps,
+        dt,
+    )
+    state = state._replace(wind=wind, health=watched, pitch_trim=trim, gust_pitch_rad=gust)
+    # theta_0 is part of what the soaring law is given
+    laws = laws._replace(soaring=laws.soaring._replace(trim_pitch_rad=trim.pitch_rad))
     margins = _margins(laws, inputs, vehicle, health, air)
     if flying:
         return _fly(
@@ -521,8 +551,14 @@ def _fly(
             state = _line_from_aircraft(laws, state, vehicle)
             line, distance, rate = state.line, 0.0, rate + line.speed_mps  # at rest now
             soaring, off_line_s = state.soaring, state.off_line_s
+        theta_0 = laws.soaring.trim_pitch_rad + state.gust_pitch_rad
         soaring, soaring_terms = soaring_step(
-            laws.soaring, soaring, distance, rate, dt_s, state.limited.elevator_blocked
+            laws.soaring._replace(trim_pitch_rad=theta_0),
+            soaring,
+            distance,
+            rate,
+            dt_s,
+            state.limited.elevator_blocked,
         )
         psi_setpoint = heading_setpoint(laws.heading, vehicle.x_m, vehicle.y_m)
 
@@ -591,6 +627,8 @@ def _fly(
         limited,
         state.wind,
         state.health,
+        state.pitch_trim,
+        state.gust_pitch_rad,
     )
     return state, Output(
         inputs.time_s,

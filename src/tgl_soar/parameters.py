@@ -211,6 +211,16 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         "WIND_ALIGN", "deg", 0, 5, 0.5,
         "Standard deviation of the pitch's constant error, for the uncertainty of the updraft.",
     ),
+    Parameter(
+        "WIND_TRIM", "", 0, 1, 0.0,
+        "Share of theta_0 that is the pitch of the glide at the local wind's speed instead of"
+        " PITCH_TRIM.",
+    ),
+    Parameter("WIND_TRIM_T", "s", 0.1, 60, 2.0, "Time in which theta_0 follows."),
+    Parameter(
+        "WIND_FF", "", 0, 1, 0.0,
+        "Share of the incidence that a gust of updraft makes which the pitch setpoint takes out.",
+    ),
     # --- when to let go ------------------------------------------------------------------
     Parameter("AGE_POS_HOLD", "s", 0.05, 2, 0.25, "Position older than this: hold the pitch."),
     Parameter(

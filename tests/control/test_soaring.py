@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import radians
+from math import nan, radians
 
 import pytest
 from hypothesis import given
@@ -12,9 +12,12 @@ from tgl_soar.control.pid import PidGains, PidState
 from tgl_soar.control.soaring import (
     SoaringGains,
     SoaringState,
+    TrimGains,
+    TrimState,
     holding_step,
     soaring_reset,
     soaring_step,
+    trim_step,
 )
 
 DT = 0.005
@@ -158,3 +161,41 @@ def test_the_line_is_held_against_a_steady_push() -> None:
     assert 0.015 < largest < 0.04
     assert abs(e) < 0.001
     assert state.pid.integral == pytest.approx(0.15 / 9.81, rel=0.02)
+
+
+# --- theta_0 and gusts ------------------------------------------------------------------------
+
+TRIM = TrimGains(-0.03, 1.0, 2.0, 0.5)
+
+
+def test_theta_0_is_the_constant_unless_a_share_of_the_glide_is_asked_for() -> None:
+    state, gust = trim_step(TRIM._replace(share=0.0), TrimState(nan, nan), 0.1, 1.0, 9.0, DT)
+    assert (state.pitch_rad, gust) == (-0.03, 0.0)
+    state, _ = trim_step(TRIM, TrimState(nan, nan), 0.1, 1.0, 9.0, DT)
+    assert state.pitch_rad == pytest.approx(0.1)
+
+
+def test_theta_0_moves_without_a_step_and_arrives() -> None:
+    state = TrimState(-0.03, 1.0)
+    steps = []
+    for _ in range(round(10.0 / DT)):
+        new, _ = trim_step(TRIM, state, 0.05, 1.0, 9.0, DT)
+        steps.append(new.pitch_rad - state.pitch_rad)
+        state = new
+    assert max(steps) <= 0.08 * DT / 2.0
+    assert state.pitch_rad == pytest.approx(0.05, abs=0.001)
+
+
+def test_a_gust_is_met_by_a_share_of_its_incidence_and_then_forgotten() -> None:
+    state, gust = trim_step(TRIM, TrimState(-0.03, 1.0), -0.03, 1.9, 9.0, DT)
+    assert gust == pytest.approx(-0.5 * 0.9 / 9.0, rel=0.01)
+    for _ in range(round(20.0 / DT)):
+        state, gust = trim_step(TRIM, state, -0.03, 1.9, 9.0, DT)
+    assert gust == pytest.approx(0.0, abs=1e-4)
+
+
+@pytest.mark.parametrize("airspeed_mps", [nan, 0.0])
+def test_without_an_estimate_of_the_air_nothing_moves(airspeed_mps: float) -> None:
+    state, gust = trim_step(TRIM, TrimState(0.02, 1.0), nan, nan, airspeed_mps, DT)
+    assert state.pitch_rad == 0.02
+    assert gust == 0.0

@@ -16,7 +16,14 @@ from hypothesis import strategies as st
 from msgspec.structs import asdict, replace
 
 from tgl_soar.config import ConfigError, load_airframe, shipped
-from tgl_soar.estimation.wind import WindParams, WindState, initial_wind, lift_drag, wind_step
+from tgl_soar.estimation.wind import (
+    WindParams,
+    WindState,
+    glide_pitch,
+    initial_wind,
+    lift_drag,
+    wind_step,
+)
 from tgl_soar.geometry import euler_from_quaternion
 from tgl_soar.sim import aircraft
 from tgl_soar.sim.aircraft import (
@@ -220,3 +227,11 @@ def test_a_wing_that_lifts_downward_is_refused(tmp_path: Any) -> None:
     path.write_text(text.replace("CL_alpha = 4.6", "CL_alpha = -4.6"), encoding="utf-8")
     with pytest.raises(ConfigError, match=r"model.CL_alpha = -4.6: must be above 0"):
         load_airframe(path)
+
+
+@pytest.mark.parametrize("speed_mps", [8.0, 9.0, 11.0])
+def test_the_pitch_of_a_glide_is_that_of_the_simulated_one(speed_mps: float) -> None:
+    """The polar is a cubic of that model's glides, good to 0.03 m/s at the slow end."""
+    found = glide_pitch(AERO, speed_mps)
+    assert found == pytest.approx(glide_at(MODEL, speed_mps).pitch_rad, abs=0.012)
+    assert isnan(glide_pitch(AERO, 5.0))

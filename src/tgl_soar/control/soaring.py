@@ -6,11 +6,21 @@ Upstream of the line (e_rho > 0) the nose goes up, the aircraft slows and drifts
 de_rho/dt is the aircraft's velocity across the line less the line's own.  The setpoint is
 limited in value, because below the trim pitch's maximum holding a pitch runs away into the
 stall, and in rate.
+
+theta_0 is a constant, or moves towards the pitch of a steady glide at the local wind's speed,
+slowly (first order, `trim_s`), so that nothing steps; gusts of updraft w' beyond the slow one
+may be met by the incidence that they make:
+
+    d theta_0/dt = (trim + share (theta_glide − trim) − theta_0) / trim_s
+    theta_gust   = −gust_share w' / V
 """
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import NamedTuple
+
+from tgl_soar.types import NAN
 
 from .pid import PidGains, PidState, PidTerms, pid_reset, pid_step
 
@@ -29,6 +39,48 @@ class SoaringState(NamedTuple):
     pid: PidState
     pitch_setpoint_rad: float
     slewing: int  # +1 or -1 while the rate limit holds the setpoint back, else 0
+
+
+class TrimGains(NamedTuple):
+    """What theta_0 is made of."""
+
+    trim_pitch_rad: float
+    share: float  # of the glide's pitch in it, 0 … 1
+    trim_s: float  # time in which theta_0 follows
+    gust_share: float  # of a gust's incidence that is taken out, 0 … 1
+
+
+class TrimState(NamedTuple):
+    """What slowly changes."""
+
+    pitch_rad: float  # theta_0; NaN: not begun
+    updraft_mps: float  # the slow updraft; NaN: not known yet
+
+
+def trim_step(
+    gains: TrimGains,
+    state: TrimState,
+    glide_pitch_rad: float,
+    updraft_mps: float,
+    airspeed_mps: float,
+    dt_s: float,
+) -> tuple[TrimState, float]:
+    """One step; also theta_gust.  What is NaN is not known: theta_0 stays, and no gust is met."""
+    blend = dt_s / (gains.trim_s + dt_s)
+    wanted = gains.trim_pitch_rad
+    if gains.share > 0.0:
+        wanted += gains.share * (glide_pitch_rad - gains.trim_pitch_rad)
+    pitch = state.pitch_rad
+    if not isfinite(pitch):
+        pitch = wanted if isfinite(wanted) else gains.trim_pitch_rad
+    elif isfinite(wanted):
+        pitch += blend * (wanted - pitch)
+    if not (isfinite(updraft_mps) and airspeed_mps > 1.0):
+        return TrimState(pitch, NAN), 0.0
+    slow = updraft_mps
+    if isfinite(state.updraft_mps):
+        slow = state.updraft_mps + blend * (updraft_mps - state.updraft_mps)
+    return TrimState(pitch, slow), -gains.gust_share * (updraft_mps - slow) / airspeed_mps
 
 
 def soaring_step(

@@ -441,6 +441,24 @@ def lift_drag(
     return cl, cl_alpha, cd, cd_alpha
 
 
+def glide_pitch(aero: Aerodynamics, horizontal_mps: float) -> float:
+    """Pitch [rad] of the steady glide at a horizontal airspeed [m/s]; NaN outside the polar.
+
+    The lift that carries the weight gives alpha, with the elevator that trims it; pitch is alpha
+    less the glide angle.  The lift curve is taken as straight: near the stall it is too low.
+    """
+    sink = polar_sink(aero.polar, horizontal_mps)
+    if not isfinite(sink):
+        return NAN
+    slope = atan2(sink, horizontal_mps)
+    speed2 = horizontal_mps * horizontal_mps + sink * sink
+    pressure_area = 0.5 * aero.air_density_kgpm3 * speed2 * aero.wing_area_m2
+    cl = aero.mass_kg * aero.gravity_mps2 * cos(slope) / pressure_area
+    trim = aero.CL_elevator / aero.Cm_elevator  # of the lift, for each unit of moment
+    alpha = (cl - aero.CL0 + trim * aero.Cm0) / (aero.CL_alpha - trim * aero.Cm_alpha)
+    return alpha - slope
+
+
 def _corrected(
     b: Belief,
     h_x: float,
