@@ -41,7 +41,35 @@ from tgl_soar.control.soaring import (
     soaring_step,
     trim_step,
 )
-from tgl_soar.control.supervisor import SupervisorState, initial_supervisor, supervise
+from tgl_soar.control.supervisor import (
+    AIR_SAFE,
+    AIRSPEED_SANE,
+    ATTITUDE_AGREES,
+    ATTITUDE_FRESH,
+    AUTOPILOT_ALIVE,
+    CLEAR,
+    ENGAGE,
+    FINITE,
+    HIGH_ENOUGH,
+    INSIDE_FENCE,
+    LINE_MOVING,
+    LINE_VALID,
+    NEAR_LINE,
+    NO_FAILSAFE,
+    ON_LINE,
+    POSITION_FRESH,
+    POSITION_KEPT,
+    POSITION_SANE,
+    SANE,
+    STREAMS_SEEN,
+    SURFACES_ANSWER,
+    SURFACES_OBEY,
+    UPRIGHT,
+    UPWIND,
+    SupervisorState,
+    initial_supervisor,
+    supervise,
+)
 from tgl_soar.control.target_line import (
     LineLimits,
     LineState,
@@ -421,7 +449,7 @@ def _watch(
     """Without the surfaces: look, and engage if asked and able."""
     found = _found(laws, inputs, vehicle, health, margins, 0.0, False, False, True, True)
     if line_valid(laws):  # to be engaged with; in flight nothing looks at it
-        found |= modes.LINE_VALID
+        found |= LINE_VALID
     supervisor, decision = _decide(laws, state, inputs, found)
     mode, reason = decision.mode, decision.reason
     state = state._replace(time_s=inputs.time_s, supervisor=supervisor, motion=motion)
@@ -710,55 +738,55 @@ def _found(
     """What holds now, as the supervisor's bits."""
     found = 0
     if inputs.engage:
-        found |= modes.ENGAGE
+        found |= ENGAGE
     age = health.position_age_s
     if age < INFINITE and health.attitude_age_s < INFINITE and health.heartbeat_age_s < INFINITE:
-        found |= modes.STREAMS_SEEN
+        found |= STREAMS_SEEN
     if health.position_ok:
-        found |= modes.POSITION_FRESH
+        found |= POSITION_FRESH
     if age <= laws.guards.position_age_max_s:
-        found |= modes.POSITION_KEPT
+        found |= POSITION_KEPT
     faults = health.faults
     if not faults & INSANE:
-        found |= modes.POSITION_SANE
+        found |= POSITION_SANE
     if health.attitude_ok:
-        found |= modes.ATTITUDE_FRESH
+        found |= ATTITUDE_FRESH
     if not faults & DISAGREES:
-        found |= modes.ATTITUDE_AGREES
+        found |= ATTITUDE_AGREES
     if not faults & AIRSPEED:
-        found |= modes.AIRSPEED_SANE
+        found |= AIRSPEED_SANE
     if health.autopilot_ok:
-        found |= modes.AUTOPILOT_ALIVE
+        found |= AUTOPILOT_ALIVE
     if not inputs.autopilot.failsafe:
-        found |= modes.NO_FAILSAFE
+        found |= NO_FAILSAFE
     if inputs.autopilot.accepts_surfaces:
-        found |= modes.SURFACES_OBEY
+        found |= SURFACES_OBEY
     if health.surfaces_answer != 0:
-        found |= modes.SURFACES_ANSWER
+        found |= SURFACES_ANSWER
     tilt_max = laws.guards.tilt_max_rad
     if abs(vehicle.roll_rad) <= tilt_max and abs(vehicle.pitch_rad) <= tilt_max:
-        found |= modes.UPRIGHT
+        found |= UPRIGHT
     if abs(vehicle.heading_rad) <= HEADING_MAX_RAD:
-        found |= modes.UPWIND
+        found |= UPWIND
     if not margins.outside:
-        found |= modes.INSIDE_FENCE
+        found |= INSIDE_FENCE
     limits, stall, climb = laws.envelope, margins.stall_rad, vehicle.climb_mps
     if is_air_safe(limits, stall, climb):
-        found |= modes.AIR_SAFE
+        found |= AIR_SAFE
     if margins.clearance_m >= limits.clearance_min_m:
-        found |= modes.HIGH_ENOUGH
+        found |= HIGH_ENOUGH
     if is_clear(limits, stall, climb, margins.clearance_m):
-        found |= modes.CLEAR
+        found |= CLEAR
     if line_moving:
-        found |= modes.LINE_MOVING
+        found |= LINE_MOVING
     if abs(distance_m) <= laws.guards.e_rho_max_m:
-        found |= modes.NEAR_LINE
+        found |= NEAR_LINE
     if on_line:
-        found |= modes.ON_LINE
+        found |= ON_LINE
     if finite:
-        found |= modes.FINITE
+        found |= FINITE
     if sane:
-        found |= modes.SANE
+        found |= SANE
     return found
 
 

@@ -10,6 +10,7 @@ from . import (
     experiment,
     identify,
     log,
+    modes,
     params,
     polar,
     replay,
@@ -44,6 +45,7 @@ app.command("identify")(identify.identify_command)
 app.command("surfaces")(surfaces.surfaces)
 app.command("zeuc")(zeuc.zeuc)
 app.add_typer(log.log_app, name="log")
+app.command("modes")(modes.modes)
 app.command("replay")(replay.replay)
 app.add_typer(params.params_app, name="params")
 app.add_typer(polar.polar_app, name="polar")

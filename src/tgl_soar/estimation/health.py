@@ -128,31 +128,56 @@ class BandState(NamedTuple):
     high: float  # of travel
 
 
-class HealthState(NamedTuple):
-    """What health remembers."""
+class FrameState(NamedTuple):
+    """Mean of what the position's changes are off its velocity."""
 
-    position: StreamState
-    attitude: StreamState
-    frame_north_mps: float  # mean of what the position's changes are off its velocity, north
-    frame_east_mps: float  # the same, east
-    frame_down_mps: float  # the same, down
-    imu_time_s: float  # of the last acceleration looked at; NaN: none
-    tilt_x: float  # mean of f / g + down, forward
-    tilt_y: float  # the same, right
-    tilt_z: float  # the same, down
-    surfaces_sequence: int  # of the last sample looked at; 0: not flying
+    north_mps: float  # mean of what the position's changes are off its velocity, north
+    east_mps: float  # the same, east
+    down_mps: float  # the same, down
+
+
+class TiltState(NamedTuple):
+    """Mean of f / g + down, FRD."""
+
+    time_s: float  # of the last acceleration looked at; NaN: none
+    x: float  # mean of f / g + down, forward
+    y: float  # the same, right
+    z: float  # the same, down
+
+
+class SurfacesState(NamedTuple):
+    """What is remembered of commands and of what was put out."""
+
+    sequence: int  # of the last sample looked at; 0: not flying
     dead_s: float  # since when a surface is out of its band; inf: all are within
     elevator: BandState
     aileron: BandState
     rudder: BandState
 
 
+class HealthState(NamedTuple):
+    """What health remembers."""
+
+    position: StreamState
+    attitude: StreamState
+    frame: FrameState
+    tilt: TiltState
+    surfaces: SurfacesState
+
+
+_ANYWHERE = BandState(-1.0, 1.0)
+_NO_SURFACES = SurfacesState(0, INFINITE, _ANYWHERE, _ANYWHERE, _ANYWHERE)
+
+
 def initial_health() -> HealthState:
     """Nothing has come yet."""
     stream = StreamState(0, 0, NAN, NAN, 0.0, NAN, NAN, NAN, NAN, NAN, 0, 0, -INFINITE)
-    anywhere = BandState(-1.0, 1.0)
     return HealthState(
-        stream, stream, 0.0, 0.0, 0.0, NAN, 0.0, 0.0, 0.0, 0, INFINITE, anywhere, anywhere, anywhere
+        stream,
+        stream,
+        FrameState(0.0, 0.0, 0.0),
+        TiltState(NAN, 0.0, 0.0, 0.0),
+        _NO_SURFACES,
     )
 
 
@@ -174,29 +199,17 @@ def health_step(
     after the tick's own time.
     """
     now = inputs.time_s
-    position, attitude = state.position, state.attitude
-    new_position = inputs.position.sequence != position.sequence
-    new_attitude = inputs.attitude.sequence != attitude.sequence
-    if new_attitude:
+    position, attitude, frame, tilt, surfaces = state
+    if inputs.attitude.sequence != attitude.sequence:
         attitude = _look_at_attitude(attitude, inputs.attitude, now)
-    if new_position:
-        state = _look_at_position(state, inputs.position, inputs.attitude, now)
-        position = state.position
-    if inputs.imu.sequence > 0 and not inputs.imu.time_s - state.imu_time_s < TILT_STEP_S:
-        state = _look_at_tilt(state, inputs)
+    if inputs.position.sequence != position.sequence:
+        position, frame = _look_at_position(position, frame, inputs.position, inputs.attitude, now)
+    if inputs.imu.sequence > 0 and not inputs.imu.time_s - tilt.time_s < TILT_STEP_S:
+        tilt = _look_at_tilt(tilt, inputs)
     if flying and inputs.surfaces.sequence > 0:
-        state = _look_at_surfaces(limits, state, inputs, command, dt_s)
-    elif state.surfaces_sequence != 0:
-        anywhere = BandState(-1.0, 1.0)
-        state = state._replace(
-            surfaces_sequence=0,
-            dead_s=INFINITE,
-            elevator=anywhere,
-            aileron=anywhere,
-            rudder=anywhere,
-        )
-    if new_attitude:
-        state = state._replace(attitude=attitude)
+        surfaces = _look_at_surfaces(limits, surfaces, inputs, command, dt_s)
+    elif surfaces.sequence != 0:
+        surfaces = _NO_SURFACES
 
     position_age = _age(now, motion.fix_time_s, FUTURE_S)
     attitude_age = _age(now, motion.attitude_time_s, FUTURE_S)
@@ -212,26 +225,28 @@ def health_step(
     if attitude.time_s - attitude.changed_s > limits.frozen_s:
         faults |= FROZEN << ATTITUDE_SHIFT
         attitude_age = max(attitude_age, now - attitude.changed_s)
-    if inputs.imu.sequence > 0 and now - inputs.imu.time_s <= STALE_S:
-        x, y, z = state.tilt_x, state.tilt_y, state.tilt_z
-        if x * x + y * y + z * z > TILT_MAX * TILT_MAX:
-            faults |= DISAGREES
+    if (
+        inputs.imu.sequence > 0
+        and now - inputs.imu.time_s <= STALE_S
+        and tilt.x * tilt.x + tilt.y * tilt.y + tilt.z * tilt.z > TILT_MAX * TILT_MAX
+    ):
+        faults |= DISAGREES
     if inputs.airspeed.sequence > 0 and not (
         now - inputs.airspeed.time_s <= AIRSPEED_STALE_S
         and 0.0 <= inputs.airspeed.airspeed_mps <= AIRSPEED_MAX_MPS
     ):
         faults |= AIRSPEED
     answer = -1  # nobody knows
-    if state.surfaces_sequence > 0 and now - inputs.surfaces.time_s <= STALE_S:
+    if surfaces.sequence > 0 and now - inputs.surfaces.time_s <= STALE_S:
         answer = 1
-        if now - state.dead_s > DEAD_S:
+        if now - surfaces.dead_s > DEAD_S:
             answer = 0
             faults |= SURFACES
     if inputs.autopilot.failsafe:
         faults |= FAILSAFE
     if not inputs.autopilot.armed:
         faults |= DISARMED
-    return state, Health(
+    return HealthState(position, attitude, frame, tilt, surfaces), Health(
         position_age,
         attitude_age,
         heartbeat_age,
@@ -256,9 +271,12 @@ def _age(now_s: float, then_s: float, future_s: float) -> float:
 
 
 def _look_at_position(
-    state: HealthState, fix: PositionFix, attitude: AttitudeSample, now_s: float
-) -> HealthState:
-    before = state.position
+    before: StreamState,
+    frame: FrameState,
+    fix: PositionFix,
+    attitude: AttitudeSample,
+    now_s: float,
+) -> tuple[StreamState, FrameState]:
     n, e, d = fix.north_m, fix.east_m, fix.down_m
     vn, ve, vd = fix.velocity_north_mps, fix.velocity_east_mps, fix.velocity_down_mps
     dt = fix.time_s - before.time_s
@@ -275,23 +293,21 @@ def _look_at_position(
     has_velocity = isfinite(vn) and isfinite(ve) and isfinite(vd)
     if known and has_velocity and same_source and 0.0 < dt < FAULT_S and not found:
         share = dt / FRAME_S
-        off_n = state.frame_north_mps + share * (moved_n / dt - vn - state.frame_north_mps)
-        off_e = state.frame_east_mps + share * (moved_e / dt - ve - state.frame_east_mps)
-        off_d = state.frame_down_mps + share * (moved_d / dt - vd - state.frame_down_mps)
+        off_n = frame.north_mps + share * (moved_n / dt - vn - frame.north_mps)
+        off_e = frame.east_mps + share * (moved_e / dt - ve - frame.east_mps)
+        off_d = frame.down_mps + share * (moved_d / dt - vd - frame.down_mps)
         if max(abs(off_n), abs(off_e), abs(off_d)) > FRAME_MPS:
             found |= WRONG
-        state = state._replace(frame_north_mps=off_n, frame_east_mps=off_e, frame_down_mps=off_d)
+        frame = FrameState(off_n, off_e, off_d)
     again = moved_n == 0.0 and moved_e == 0.0 and moved_d == 0.0
     if has_velocity:
         again = again and vd == before.d and not (vn == 0.0 and ve == 0.0 and vd == 0.0)
     else:
         vd = 0.0
         again = again and not _stands_still(attitude)
-    return state._replace(
-        position=_sampled(
-            before, fix.sequence, fix.source, fix.time_s, now_s, found, again, known, n, e, d, vd
-        )
-    )
+    return _sampled(
+        before, fix.sequence, fix.source, fix.time_s, now_s, found, again, known, n, e, d, vd
+    ), frame
 
 
 def _stands_still(sample: AttitudeSample) -> bool:
@@ -372,51 +388,45 @@ def _sampled(
     )
 
 
-def _look_at_tilt(state: HealthState, inputs: Inputs) -> HealthState:
+def _look_at_tilt(tilt: TiltState, inputs: Inputs) -> TiltState:
     """Accelerations against the newest attitude."""
     imu, q = inputs.imu, inputs.attitude
-    dt = imu.time_s - state.imu_time_s
+    dt = imu.time_s - tilt.time_s
     x = imu.force_x_frd_mps2 / GRAVITY_MPS2 + 2.0 * (q.qx * q.qz - q.qw * q.qy)
     y = imu.force_y_frd_mps2 / GRAVITY_MPS2 + 2.0 * (q.qy * q.qz + q.qw * q.qx)
     z = imu.force_z_frd_mps2 / GRAVITY_MPS2 + 1.0 - 2.0 * (q.qx * q.qx + q.qy * q.qy)
     if not (isfinite(x + y + z) and 0.0 <= dt <= STALE_S):  # the first, or after a silence
-        return state._replace(imu_time_s=imu.time_s, tilt_x=0.0, tilt_y=0.0, tilt_z=0.0)
+        return TiltState(imu.time_s, 0.0, 0.0, 0.0)
     share = dt / TILT_S
-    return state._replace(
-        imu_time_s=imu.time_s,
-        tilt_x=state.tilt_x + share * (x - state.tilt_x),
-        tilt_y=state.tilt_y + share * (y - state.tilt_y),
-        tilt_z=state.tilt_z + share * (z - state.tilt_z),
+    return TiltState(
+        imu.time_s,
+        tilt.x + share * (x - tilt.x),
+        tilt.y + share * (y - tilt.y),
+        tilt.z + share * (z - tilt.z),
     )
 
 
 def _look_at_surfaces(
     limits: HealthLimits,
-    state: HealthState,
+    state: SurfacesState,
     inputs: Inputs,
     command: SurfaceCommand,
     dt_s: float,
-) -> HealthState:
+) -> SurfacesState:
     """What was commanded against what is put out."""
     seen = inputs.surfaces
     elevator = _band(state.elevator, command.elevator, dt_s)
     aileron = _band(state.aileron, command.aileron, dt_s)
     rudder = _band(state.rudder, command.rudder, dt_s)
     dead_s = state.dead_s
-    if seen.sequence != state.surfaces_sequence:
+    if seen.sequence != state.sequence:
         off = max(
             _outside(elevator, seen.elevator),
             _outside(aileron, seen.aileron),
             _outside(rudder, seen.rudder),
         )
         dead_s = min(dead_s, inputs.time_s) if off > limits.surface_error_max else INFINITE
-    return state._replace(
-        surfaces_sequence=seen.sequence,
-        dead_s=dead_s,
-        elevator=elevator,
-        aileron=aileron,
-        rudder=rudder,
-    )
+    return SurfacesState(seen.sequence, dead_s, elevator, aileron, rudder)
 
 
 def _band(band: BandState, command: float, dt_s: float) -> BandState:
