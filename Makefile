@@ -1,6 +1,8 @@
 # make run    fly the three-leg flight between real processes and draw it
 # make test   lint, types and tests
 # make bench  timings, as ratios against references of the same run
+# make cover  the branches of supervisor and envelope that their own tests reach: all of them
+# make mutate whether those tests notice every small change of the two (some twenty minutes)
 #
 # Each makes its own virtual environment in .venv first; nothing else on the machine is changed.
 
@@ -14,7 +16,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c const
 export PIP_ROOT_USER_ACTION := ignore
 
 .DEFAULT_GOAL := help
-.PHONY: help run test lint bench clean
+.PHONY: help run test lint bench cover mutate clean
 
 help:
 	@sed -n 's/^# \(make .*\)/\1/p' Makefile
@@ -32,6 +34,17 @@ lint: $(VENV)/.test
 
 bench: $(VENV)/.test
 	$(BIN)/python -m benchmarks $(ARGS)
+
+CONTROL := src/tgl_soar/control
+
+cover: $(VENV)/.test
+	$(BIN)/coverage run --branch --include='$(CONTROL)/supervisor.py,$(CONTROL)/envelope.py' \
+	  -m pytest -q tests/control/test_supervisor.py tests/control/test_envelope.py
+	$(BIN)/coverage report -m --fail-under=100
+
+mutate: $(VENV)/.test
+	$(BIN)/python tools/mutate.py $(CONTROL)/supervisor.py tests/control/test_supervisor.py
+	$(BIN)/python tools/mutate.py $(CONTROL)/envelope.py tests/control/test_envelope.py
 
 clean:
 	rm -rf $(VENV) out

@@ -85,8 +85,10 @@ from tgl_soar.estimation.health import (
     FROZEN,
     INFINITE,
     INSANE,
+    STREAM_FAULTS,
     HealthLimits,
     HealthState,
+    fault_words,
     health_step,
     initial_health,
 )
@@ -214,6 +216,11 @@ def mode_name(mode: int) -> str:
 def reason_text(reason: int) -> str:
     """The words for a change of mode."""
     return modes.REASON_TEXTS[reason]
+
+
+def fault_text(faults: int) -> str:
+    """The words for what is wrong with the streams; the autopilot's own state has reasons."""
+    return fault_words(faults & STREAM_FAULTS)
 
 
 def laws_from(

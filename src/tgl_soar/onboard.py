@@ -78,7 +78,7 @@ from tgl_soar.link.sources import MOCAP, NUMBERS, VISION, PositionSources
 from tgl_soar.link.tangent_plane import Home
 from tgl_soar.link.telemetry import StatusTexts, Telemetry
 from tgl_soar.parameter_store import ParameterStore
-from tgl_soar.parameters import ParameterSet
+from tgl_soar.parameters import INDEX, ParameterSet
 from tgl_soar.types import (
     NAN,
     NO_AERODYNAMICS,
@@ -103,6 +103,7 @@ RELEASE_FRAMES: Final = 5  # a lost frame must not leave the aircraft to the ove
 RELEASE_INTERVAL_S: Final = 0.1
 ENGAGED: Final = 2.0  # OP_ENGAGE of a module that has the surfaces
 SHOW_ENGAGED_S: Final = 1.0
+ABSENT_S: Final = 5.0  # a station that was silent for longer may have missed a change
 REFUSALS_S: Final = 0.25  # between two words about commands that were refused
 STRAIN_TOLD_S: Final = 10.0  # between two words about late ticks
 LATE_TOLD: Final = 10  # fewer are not worth a word
@@ -330,6 +331,7 @@ class Onboard:
         self._loss_due_s = float("-inf")
         self._loss_counted = (0, 0)
         self._engaged_s = now_s
+        self._met: dict[tuple[int, Source], float] = {}  # when each station was heard last
         self._refused_s = float("-inf")
         self._strain_told_s = float("-inf")
         self._late_told = 0
@@ -406,6 +408,8 @@ class Onboard:
             return
         if route is not self._autopilot and not isinstance(message, _FROM_ANYWHERE):
             return  # nobody else's measurements are flown with
+        if isinstance(message, Heartbeat):
+            self._meet(route, received.source, now_s)
         if isinstance(message, RcChannels):
             if received.source == session.autopilot:
                 self._take_pilot_switch(message, self._clock(now_s))
@@ -423,6 +427,17 @@ class Onboard:
             self.pacer.sample(now_s, session.vehicle_time_s, session.attitude.time_s)
         elif isinstance(message, AttitudeQuaternion):
             self._step_with_vehicle()
+
+    def _meet(self, route: Route, source: Source, now_s: float) -> None:
+        """An operator's station that was away hears whether the module is engaged, and its mode."""
+        if source.system not in self._setup.operators:
+            return
+        before = self._met.get((route.number, source), now_s)
+        self._met[route.number, source] = now_s
+        if now_s - before > ABSENT_S:
+            self._say(self.parameters.value_message(INDEX["OP_ENGAGE"]), route)
+            for chunk in self.texts.chunks(SEVERITY_INFO, autopilot.mode_name(self._mode)):
+                self._spend(self._say(chunk, route))
 
     def _already_known(self, source: Source) -> None:
         """A bridge on the autopilot's own link speaks to it without us."""
@@ -704,6 +719,8 @@ class Onboard:
         reason = autopilot.reason_text(output.reason)
         name = autopilot.mode_name(output.mode)
         self.tell(severity, f"{name}: {reason}" if reason else name)
+        if severity != SEVERITY_INFO and (words := autopilot.fault_text(output.health.faults)):
+            self.tell(SEVERITY_WARNING, words)
         if not (self._engage and output.mode in (STANDBY, READY)):  # else it is on its way
             self._tell_engagement(output.mode)
 

@@ -499,3 +499,37 @@ def test_in_lockstep_a_simulator_that_begins_anew_finds_the_module_in_standby() 
     assert flight.onboard.output is not None
     assert flight.onboard.output.time_s == pytest.approx(99 * 0.005)
     assert isfinite(flight.onboard.output.vehicle.x_m)
+
+
+# --- stations that come back ------------------------------------------------------------------
+
+
+def station_beats(flight: Flight, seconds: float) -> list[Any]:
+    """A ground station's heartbeats, and what the module says meanwhile."""
+    flight.said()
+    for _ in range(round(seconds)):
+        flight.hear(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3), station=True)
+        flight.run(1.0)
+    return flight.said()
+
+
+def test_a_station_that_was_away_hears_how_it_stands(flight: Flight) -> None:
+    station_beats(flight, 2.0)
+    flight.engaged()
+    flight.run(1.5)
+    flight.run(onboard.ABSENT_S)
+    said = station_beats(flight, 1.0)
+    shown = [m.param_value for m in said if m.get_type() == "PARAM_VALUE"]
+    assert shown == [2.0]
+    assert "soaring" in texts(said) or "capturing" in texts(said)
+    # And one that was not away, or is nobody's, hears nothing of it.
+    assert not [m for m in station_beats(flight, 3.0) if m.get_type() == "PARAM_VALUE"]
+
+
+def test_what_is_wrong_with_a_stream_is_told_with_the_mode(flight: Flight) -> None:
+    flight.engaged().said()
+    flight.north_m = 300.0
+    flight.run(1.0)
+    said = texts(flight.said())
+    where = said.index("released: e_rho beyond CAPTURE_MAX")
+    assert said[where + 1] == "position jumps"

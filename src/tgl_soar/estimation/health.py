@@ -89,6 +89,7 @@ FAULT_TEXTS: Final = (
     "autopilot in failsafe",
     "autopilot disarmed",
 )
+STREAM_FAULTS: Final = SURFACES - 1  # of position, attitude, accelerations, airspeed
 # A position with one of these is not engaged with.
 INSANE: Final = FROZEN | JUMP | NOT_FINITE | BACKWARDS | WRONG
 
