@@ -10,7 +10,7 @@ import sys
 import time
 from math import inf, nan
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ from pymavlink import mavutil
 from pyulog import ULog
 
 from tgl_soar.autopilot import initial_state, laws_from, step
-from tgl_soar.flightlog import writer
+from tgl_soar.flightlog import files, writer
 from tgl_soar.flightlog.declaration import STREAMS, TOPICS, record_size, unit_of
 from tgl_soar.flightlog.meanings import meaning_of, page
 from tgl_soar.flightlog.reader import FlightLog, LogError, read_log
@@ -209,6 +209,60 @@ def test_the_oldest_logs_make_room_and_nothing_else_goes(tmp_path: Path) -> None
     assert (day / "10_00_00_flight003.ulg").exists()
     assert (day / "notes.txt").exists()
     assert any("flight004" in name for name in names)
+
+
+class Disk(NamedTuple):
+    """Of `os.statvfs`."""
+
+    f_bavail: int
+    f_frsize: int = 1
+
+
+@pytest.mark.parametrize(
+    ("free", "gone"),
+    [
+        (5_000_000, []),  # more than the next part needs
+        (1_000_000, [1]),  # two parts more would fit: the next one takes 90 % of what is free
+        (10_000, [1, 2]),  # half of all that can be had, not all of it
+        (0, [1, 2]),
+    ],
+)
+def test_a_full_disk_costs_no_more_old_flights_than_help(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, free: int, gone: list[int]
+) -> None:
+    """Flights 1 to 4 were flown, 5 is being flown, and a part of 1.5 MB is coming."""
+    day = tmp_path / "2026-01-01"
+    day.mkdir()
+    for flight in (1, 2, 3, 4, 5):
+        (day / f"10_00_00_flight{flight:03d}.ulg").write_bytes(bytes(800_000))
+    monkeypatch.setattr(os, "statvfs", lambda _folder: Disk(free))
+    deleted = files.make_room(tmp_path, 1_000_000_000, 1_500_000, 5)
+    assert [file.flight for file in deleted] == gone
+    assert len(logs_in(tmp_path)) == 5 - len(gone)
+
+
+def test_a_full_disk_takes_neither_the_last_flight_nor_this_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorded(tmp_path, 0.2)
+    monkeypatch.setattr(os, "statvfs", lambda _folder: Disk(0))
+    recorded(tmp_path, largest_bytes=2_000_000)
+    names = [path.name for path in logs_in(tmp_path)]
+    assert any("flight001" in name for name in names)
+    assert sum("flight002" in name for name in names) > 1  # with all of its parts
+
+
+def test_what_was_deleted_is_told(tmp_path: Path) -> None:
+    day = tmp_path / "2026-01-01"
+    day.mkdir()
+    for number in (1, 2, 3):
+        (day / f"10_00_00_flight{number:03d}.ulg").write_bytes(bytes(500_000))
+    recorder = FlightRecorder(tmp_path, FACTS, 0.0, largest_bytes=1_000_000, patient=True)
+    recorder.start()
+    flight = LoggedFlight(recorder)
+    flight.run(0.2)
+    said = [*flight.console, *recorder.stop()]
+    assert "no room: 2 log files of flights 1 to 2 deleted" in said
 
 
 def test_names_tell_day_and_flight_or_count_where_no_day_is_known(tmp_path: Path) -> None:

@@ -5,8 +5,9 @@
     FOLDER/2026-11-21/14_03_55_flight007_part2.ulg    each part can be read by itself
     FOLDER/undated/flight008.ulg                      the computer's clock was not set
 
-Flights are counted through.  What is oldest goes when all of it together is too much; nothing
-that is not named so is ever touched.
+Flights are counted through.  What is oldest goes when all of it together is too much, or when
+the disk gets full; then the last flight and the one being flown stay whatever comes of it.
+Nothing that is not named so is ever touched.
 """
 
 from __future__ import annotations
@@ -69,15 +70,27 @@ def part_name(stem: Path, part: int, ending: str) -> Path:
     return stem.with_name(f"{stem.name}{number}.{ending}")
 
 
-def make_room(folder: Path, largest_bytes: int, coming_bytes: int) -> None:
-    """Delete the oldest files until so much more fits.  Errors: OSError where one cannot be."""
+def make_room(folder: Path, largest_bytes: int, coming_bytes: int, flying: int) -> list[Kept]:
+    """Delete the oldest files until so much more fits; those that were deleted.
+
+    `largest_bytes`, of all together, may take any file.  A disk that is nearly full takes none of
+    the flight that is flown, by its number, nor of the one before it; where there is not enough
+    to be had for all that is coming, half of that is aimed at, so that a small disk keeps the
+    other half of its older flights.  Errors: OSError where a file cannot be deleted.
+    """
     kept = kept_in(folder)
-    used = sum(file.size for file in kept)
     disk = os.statvfs(folder)
-    free = disk.f_bavail * disk.f_frsize
-    allowed = min(largest_bytes, used + int(free * (1.0 - _KEPT_FREE)))
+    free = int(disk.f_bavail * disk.f_frsize * (1.0 - _KEPT_FREE))
+    last = max((file.flight for file in kept if file.flight < flying), default=0)
+    spare = sum(file.size for file in kept if file.flight < last)
+    beyond = sum(file.size for file in kept) + coming_bytes - largest_bytes
+    lacking = min(coming_bytes, (free + spare) // 2) - free
+    deleted = []
     for file in kept:
-        if used + coming_bytes <= allowed:
-            return
+        if beyond <= 0 and (lacking <= 0 or file.flight >= last):
+            break
         file.path.unlink(missing_ok=True)
-        used -= file.size
+        deleted.append(file)
+        beyond -= file.size
+        lacking -= file.size
+    return deleted

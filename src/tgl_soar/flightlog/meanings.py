@@ -33,9 +33,11 @@ _TITLE: Final = """\
     2026-11-21/14_03_55_flight007.tlog    every MAVLink frame that came or went on any link
 
 Day and hour are UTC; where the computer does not know the time the folder is `undated`. Flights
-are counted through. A long flight is cut into parts (`_part2`, …), of which each can be read and
-replayed by itself. When all logs in the folder exceed `--log-max` megabytes, or the disk gets
-full, the oldest are deleted. A thread writes: a slow disk holds up no tick, and what it cannot
+are counted through. A long flight is cut into parts (`_part2`, …), of which each `.ulg` can be
+read and replayed by itself. When all logs in the folder exceed `--log-max` megabytes, the oldest
+are deleted. When the disk gets full, older flights are deleted too, and no more of them than the
+next part needs, but never the last flight nor the one being flown: rather the log ends. What was
+deleted is told the operator. A thread writes: a slow disk holds up no tick, and what it cannot
 take is dropped and marked. A full or read-only disk is told once, and the flight goes on. Every
 second all is synced to the disk, so that a loss of power costs no more than that. A frame that
 carries a signing key is not written down.

@@ -297,7 +297,7 @@ class FlightRecorder(Recorder):
             self._pack_frames()
         if self._disk.trouble:
             self._on = False
-            return [f"no flight log: {self._disk.trouble}; flying on"]
+            return [*self._disk.said(), f"no flight log: {self._disk.trouble}; flying on"]
         written = self._rows.part_bytes + self._wire.part_bytes
         if written >= self._part_bytes and self._free.plenty:
             self._begin_part()
@@ -307,7 +307,7 @@ class FlightRecorder(Recorder):
             if self._free.plenty:
                 self._rows.hand_over()
                 self._wire.hand_over()
-        return []
+        return self._disk.said()
 
     def stop(self) -> list[str]:
         """The flight is over: write the rest, unless the disk takes too long."""
@@ -316,7 +316,7 @@ class FlightRecorder(Recorder):
         self._rows.hand_over()
         self._wire.hand_over()
         in_time = self._disk.stop()
-        said = []
+        said = self._disk.said()
         if self._on and self._disk.trouble:
             said.append(f"flight log cut: {self._disk.trouble}")
         elif not in_time:
@@ -458,7 +458,9 @@ class _Disk:
         self._unix_s = unix_s
         self._free = free
         self._orders = orders
+        self._flight = 0  # the number of this one
         self._stem: Path | None = None  # of this flight's files
+        self._said: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._open: dict[str, int] = {}  # descriptors by ending
         self._parts = {"ulg": 0, "tlog": 0}
         self._synced_s = -inf
@@ -513,7 +515,7 @@ class _Disk:
         if self._stem is None:
             self._stem = self._name()
         if ending == "ulg" and self._parts[ending]:
-            files.make_room(self._folder, self._largest_bytes, self._largest_bytes // _PARTS)
+            self._make_room()
         self._parts[ending] += 1
         path = files.part_name(self._stem, self._parts[ending], ending)
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
@@ -526,11 +528,28 @@ class _Disk:
     def _name(self) -> Path:
         """This flight's: the number after the last one that is there."""
         self._folder.mkdir(parents=True, exist_ok=True)
-        files.make_room(self._folder, self._largest_bytes, self._largest_bytes // _PARTS)
-        last = max((file.flight for file in files.kept_in(self._folder)), default=0)
-        stem = files.flight_name(self._folder, last + 1, self._unix_s())
+        self._flight = 1 + max((file.flight for file in files.kept_in(self._folder)), default=0)
+        self._make_room()
+        stem = files.flight_name(self._folder, self._flight, self._unix_s())
         stem.parent.mkdir(exist_ok=True)
         return stem
+
+    def _make_room(self) -> None:
+        """For the next part; whose logs went for it is told."""
+        deleted = files.make_room(
+            self._folder, self._largest_bytes, self._largest_bytes // _PARTS, self._flight
+        )
+        if deleted:
+            first, last = deleted[0].flight, deleted[-1].flight
+            whose = f"flight {first}" if first == last else f"flights {first} to {last}"
+            self._said.put(f"no room: {len(deleted)} log files of {whose} deleted")
+
+    def said(self) -> list[str]:
+        """What is to be told since the last time."""
+        words = []
+        while not self._said.empty():
+            words.append(self._said.get())
+        return words
 
     def _close(self, ending: str) -> None:
         descriptor = self._open.pop(ending, None)
