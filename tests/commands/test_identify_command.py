@@ -65,6 +65,42 @@ def test_an_airframe_file_from_a_log(glide_log: Path, tmp_path: Path) -> None:
     assert figure.read_text(encoding="utf-8").count("<svg") == 1
 
 
+def test_the_file_that_it_is_compared_with_is_not_overwritten(glide_log: Path) -> None:
+    before = AIRFRAME.read_bytes()
+    code, said = run("identify", glide_log, "--airframe", AIRFRAME, "-o", AIRFRAME)
+    assert (code, AIRFRAME.read_bytes()) == (2, before)
+    assert "another name" in said.replace("\n", " ")
+
+
+def test_a_figure_that_cannot_be_written_is_a_plain_error(glide_log: Path) -> None:
+    code, said = run("polar", "fit", glide_log, "--wind", WIND_MPS, "--out", "/proc/none/p.png")
+    assert code == 2
+    assert "no figure: /proc/none/p.png" in said.replace("\n", " ")
+
+
+def test_what_the_airframe_file_lacks_is_not_blamed_on_the_log(
+    glide_log: Path, tmp_path: Path
+) -> None:
+    lacking = tmp_path / "lacking.toml"
+    text = AIRFRAME.read_text(encoding="utf-8")
+    lacking.write_text(text.replace("servo_lag_radps = 54.0", ""), encoding="utf-8")
+    code, said = run("identify", glide_log, "--airframe", lacking)
+    assert code == 2
+    assert str(lacking) in said.replace("\n", "")
+    assert "servo_lag_radps" in said
+
+
+def test_a_simulated_glide_leaves_a_log_that_both_take(tmp_path: Path) -> None:
+    code, said = run("glide", "--out", tmp_path, "--seed", 3)
+    assert code == 0, said
+    (log,) = tmp_path.rglob("*.ulg")
+    code, said = run("polar", "fit", log, "--wind", WIND_MPS)
+    assert code == 0, said
+    blocked = tmp_path / "file"
+    blocked.touch()
+    assert run("glide", "--out", blocked)[0] == 2
+
+
 def test_mistakes_are_said(glide_log: Path, tmp_path: Path) -> None:
     code, said = run("identify", tmp_path / "none.ulg")
     assert code == 2

@@ -8,6 +8,7 @@ from . import (
     align,
     campaign,
     experiment,
+    glide,
     identify,
     log,
     modes,
@@ -41,6 +42,7 @@ def run() -> None:
 app.command("align")(align.align)
 app.command("report")(report.report)
 app.command("sitl")(sitl.sitl)
+app.command("glide")(glide.glide)
 app.command("identify")(identify.identify_command)
 app.command("surfaces")(surfaces.surfaces)
 app.command("zeuc")(zeuc.zeuc)

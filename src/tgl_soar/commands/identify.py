@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tempfile
 from math import isfinite, radians
 from pathlib import Path
 from typing import Annotated, Final
@@ -72,31 +73,32 @@ def identify_command(
     from tgl_soar.logs.gliding import MeanWind, longitudinal
     from tgl_soar.logs.reading import read_flight
 
+    if out is not None and out.resolve() == airframe.resolve():
+        fail(f"--out {out}: that is the file that it is compared with; give another name")
     try:
         plane = load_airframe(airframe)
         body = body_from(asdict(plane.airframe), plane.model)
+    except (ConfigError, IdentificationError) as error:
+        fail(error if isinstance(error, ConfigError) else f"{airframe}: {error}")
+    try:
         flight = steered(read_flight(log), plane.surfaces)
+        columns = longitudinal(flight, MeanWind(wind, radians(wind_from)))
         with Progress(
             SpinnerColumn(), TextColumn("{task.description}"), console=errors, transient=True
         ) as progress:
             progress.add_task("fitting the manoeuvres")
-            found = identify(longitudinal(flight, MeanWind(wind, radians(wind_from))), body)
-    except (ConfigError, LogError, ImportError) as error:
+            found = identify(columns, body)
+    except (LogError, ImportError) as error:
         fail(error)
-    except (IdentificationError, ValueError) as error:
+    except ValueError as error:
         fail(f"{log}: {error}")
     for text in flight.lost:
         errors.print(f"lost: {text}", style="yellow", highlight=False, markup=False)
     _print(found, plane.model)
+    if out is not None:
+        _write(out, airframe, found)
     if figure is not None:
         _draw(figure, found, log.name)
-    if out is not None:
-        try:
-            out.write_text(with_identified(airframe, found), encoding="utf-8")
-            load_airframe(out)
-        except (OSError, ConfigError) as error:
-            fail(error)
-        console.print(f"airframe file in {out}: compare it with {airframe} before you fly with it")
     if not found.explained >= EXPLAINED_MIN:
         fail(
             f"of the manoeuvres held out the model explains {found.explained:.0%}:"
@@ -146,12 +148,29 @@ def _print(found: Identified, model: dict[str, float]) -> None:
         console.print(f"the model explains {found.explained:.1%} of what was held out")
 
 
-def _draw(path: Path, found: Identified, title: str) -> None:
+def _write(out: Path, airframe: Path, found: Identified) -> None:
+    """The new airframe file, once it is known to be one."""
     try:
-        from tgl_soar.report.identification_figure import identification_figure
+        text = with_identified(airframe, found)
+        with tempfile.TemporaryDirectory() as folder:
+            trial = Path(folder) / out.name
+            trial.write_text(text, encoding="utf-8")
+            load_airframe(trial)
+        out.write_text(text, encoding="utf-8")
+    except ConfigError as error:
+        fail(error)
+    except OSError as error:
+        fail(f"--out {out}: cannot be written: {error.strerror}")
+    console.print(f"airframe file in {out}: compare it with {airframe} before you fly with it")
 
+
+def _draw(path: Path, found: Identified, title: str) -> None:
+    from tgl_soar.report.identification_figure import identification_figure
+
+    try:
         identification_figure(path, found, title)
     except (ImportError, ValueError) as error:
-        errors.print(f"no figure: {error}")
-    else:
-        console.print(f"figure in {path}")
+        fail(f"no figure: {error}")
+    except OSError as error:
+        fail(f"no figure: {path}: {error.strerror}")
+    console.print(f"figure in {path}")

@@ -194,11 +194,13 @@ def _draw(
     sinks: list[float] | None = None,
     beside: GlidePolar | None = None,
 ) -> None:
-    try:
-        from tgl_soar.report.polar_figure import polar_figure
+    from tgl_soar.report.polar_figure import polar_figure
 
-        polar_figure(out, polar, f"glide polar: {title}", fitted, speeds or (), sinks or (), beside)
+    title = f"glide polar: {title}"
+    try:
+        polar_figure(out, polar, title, fitted, speeds or (), sinks or (), beside)
     except (ImportError, ValueError) as error:
-        errors.print(f"no figure: {error}")
-    else:
-        console.print(f"figure in {out}")
+        fail(f"no figure: {error}")
+    except OSError as error:
+        fail(f"no figure: {out}: {error.strerror}")
+    console.print(f"figure in {out}")

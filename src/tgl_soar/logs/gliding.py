@@ -55,6 +55,11 @@ def through_air(flight: FlightData, wind: MeanWind, time_s: Floats) -> ThroughAi
         horizontal, climb = np.hypot(north, east), -on_grid(velocity, "down_mps", time_s)
         source = velocity.source
     elif motion is not None:
+        if wind.from_rad != 0.0:
+            raise ValueError(
+                "the log's velocity is that of the soaring frame: its wind blows along x, so"
+                " leave out --wind-from"
+            )
         along = on_grid(motion, "velocity_x_mps", time_s) - wind.speed_mps
         across = on_grid(motion, "velocity_y_mps", time_s)
         horizontal, climb = np.hypot(along, across), on_grid(motion, "climb_mps", time_s)
