@@ -159,9 +159,9 @@ def options(out: Path, **changes: Any) -> SitlOptions:
 
 def test_lost_datagrams_are_the_same_ones_in_every_lockstep_flight(tmp_path: Path) -> None:
     faults = (
-        "link.loss start=2 for=9 share=0.3",
+        "link.loss start=2 for=9 share=0.15",
         "link.jitter start=2 for=9 by=0.02",
-        "link.corrupt start=2 for=9 share=0.1",
+        "link.corrupt start=2 for=9 share=0.05",
     )
     logs = []
     for name in ("first", "second"):
