@@ -34,6 +34,7 @@ from tgl_soar.config import (
     Surface,
     preset_lines,
 )
+from tgl_soar.estimation.health import JUMP, WRONG
 from tgl_soar.flightlog.recorder import NO_RECORDER, LinkReport, Recorder
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.line_changes import Contour, LineChanges, Presets
@@ -686,6 +687,8 @@ class Onboard:
         )
         self._state, output = autopilot.step(self._laws, self._state, inputs)
         self.output = output
+        if output.health.faults & (JUMP | WRONG):  # what else there is, the sources see themselves
+            session.sources.doubt(time_s)
         if output.active and _is_finite(output.command):
             self._say_surfaces(self._setup.flavour.surfaces(output.command))
             self.counters.surface_frames += 1

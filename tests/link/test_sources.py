@@ -1,7 +1,7 @@
 """The choice among several sources of the position, stepped with time as an argument."""
 
 from itertools import pairwise
-from math import inf, nan
+from math import inf, nan, sin
 from typing import get_args, get_type_hints
 
 import pytest
@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 from tgl_soar.config import Position
 from tgl_soar.link.sources import (
     DEFAULT_ORDER,
+    DOUBT_S,
     DWELL_S,
+    FROZEN_S,
     LOCAL_POSITION,
     MOCAP,
     NUMBERS,
@@ -144,6 +146,79 @@ def test_broken_late_and_future_fixes_are_counted_and_keep_no_source_alive() -> 
     assert not sources.is_fresh(MOCAP, 1.5)
     assert sources.take(LOCAL_POSITION, fix(1.99), 2.0)
     assert sources.position.source == LOCAL_POSITION
+
+
+def wander(time_s: float, *, speed_mps: float = 0.1) -> PositionFix:
+    """As an aircraft that hangs in the wind: it moves by millimetres."""
+    return fix(time_s, 1e-3 * sin(7.0 * time_s))._replace(
+        velocity_north_mps=speed_mps, velocity_east_mps=0.0, velocity_down_mps=0.0
+    )
+
+
+def hang(
+    sources: PositionSources, start_s: float, until_s: float, *, frozen: PositionFix | None = None
+) -> list[tuple[float, int]]:
+    """Both at 100 Hz; what LOCAL_POSITION repeats under new stamps; every change of the chosen."""
+    changes, chosen = [], sources.chosen
+    for i in range(round(start_s * 100), round(until_s * 100)):
+        now = i * 1e-2
+        told = wander(now) if frozen is None else frozen._replace(time_s=now)
+        for source, said in ((LOCAL_POSITION, told), (MOCAP, wander(now - 0.005))):
+            sources.take(source, said, now)
+            if sources.chosen != chosen:
+                chosen = sources.chosen
+                changes.append((now, chosen))
+    return changes
+
+
+def test_a_frozen_source_is_left_and_taken_back_when_it_has_long_thawed() -> None:
+    sources = PositionSources((LOCAL_POSITION, MOCAP))
+    hang(sources, 0.0, 5.0)
+    ((left, chosen),) = hang(sources, 5.0, 10.0, frozen=wander(5.0))
+    assert chosen == MOCAP
+    assert left == pytest.approx(5.0 + FROZEN_S, abs=0.03)
+    assert sources.notices[-1][1].startswith("position from mocap: local_position is frozen")
+    ((back, chosen),) = hang(sources, 10.0, 15.0)
+    assert chosen == LOCAL_POSITION
+    assert back == pytest.approx(10.0 + RETURN_S, abs=0.02)
+
+
+def test_who_stands_still_may_say_so_as_often_as_he_likes() -> None:
+    sources = PositionSources((LOCAL_POSITION, MOCAP))
+    assert hang(sources, 0.0, 5.0, frozen=wander(0.0, speed_mps=0.0))[1:] == []
+    assert sources.chosen == LOCAL_POSITION
+
+
+def test_what_stands_still_for_all_is_not_frozen() -> None:
+    """A tracker tells no velocity; the autopilot's own estimate does not change either."""
+    sources = PositionSources((MOCAP, LOCAL_POSITION))
+    for i in range(1000):
+        stands = wander(0.0, speed_mps=0.0)._replace(time_s=1e-2 * i)
+        sources.take(LOCAL_POSITION, stands, 1e-2 * i)
+        sources.take(MOCAP, fix(1e-2 * i), 1e-2 * i)
+    assert sources.chosen == MOCAP
+    assert sources.switches == 1
+
+
+def test_a_frozen_source_is_given_while_there_is_no_better_one() -> None:
+    sources = PositionSources((LOCAL_POSITION, MOCAP))
+    play(sources, 5.0, rates={LOCAL_POSITION: 50.0})
+    assert sources.health[LOCAL_POSITION].repeats_itself
+    assert sources.position.time_s == pytest.approx(4.97)
+
+
+def test_what_is_not_sane_is_left_for_what_may_be() -> None:
+    sources = PositionSources((LOCAL_POSITION, MOCAP))
+    hang(sources, 0.0, 5.0)
+    sources.doubt(5.0)
+    ((left, chosen),) = hang(sources, 5.0, 15.0)
+    assert chosen == MOCAP
+    assert left == pytest.approx(5.0, abs=0.02)
+    sources.doubt(left + 0.1)  # an echo of the one before
+    assert sources.chosen == MOCAP
+    ((back, chosen),) = hang(sources, 15.0, 18.0)
+    assert chosen == LOCAL_POSITION
+    assert back == pytest.approx(5.0 + DOUBT_S, abs=0.02)
 
 
 def test_rate_and_distance_are_known() -> None:

@@ -40,13 +40,13 @@ def align(
         typer.Argument(help=f"CSV with columns {', '.join(COLUMNS)}, all in metres."),
     ] = None,
     site: Annotated[
-        Path | None, typer.Option(help="Site file with [mocap]: server, body and up axis.")
+        Path | None, typer.Option(help="Site file with \\[mocap]: server, body and up axis.")
     ] = None,
     at: Annotated[
         list[str] | None,
         typer.Option(
             metavar="NORTH,EAST,DOWN",
-            help="Measure now, with the body at this point of the site [m]; repeat for each.",
+            help="Measure now, with the body at this point of the site \\[m]; repeat for each.",
         ),
     ] = None,
     server: Annotated[str, typer.Option(help="HOST or HOST:PORT instead of the site's.")] = "",
@@ -55,10 +55,10 @@ def align(
         float, typer.Option(help="How long each point is averaged.", min=0.5, max=60.0)
     ] = 2.0,
     tolerance: Annotated[
-        float, typer.Option(help="Residual that is accepted, rms [m].", min=1e-4, max=1.0)
+        float, typer.Option(help="Residual that is accepted, rms \\[m].", min=1e-4, max=1.0)
     ] = TOLERANCE_M,
 ) -> None:
-    """Compute yaw and offset between a hall's axes and the site's NED; print them as [mocap].
+    """Compute yaw and offset between a hall's axes and the site's NED; print them as \\[mocap].
 
     Put the rigid body at three points or more that are known in the site's NED, not on one line:
     tgl-soar align --site my_site.toml --at 0,0,0 --at 2,0,0 --at 2,1.5,-1

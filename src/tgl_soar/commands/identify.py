@@ -44,7 +44,7 @@ WORDS: Final = {
 EXPLAINED_MIN: Final = 0.8  # of those held out; below, the model is not to be trusted
 
 WindOption = Annotated[
-    float, typer.Option("--wind", help="Horizontal wind in the flight [m/s].", min=0.0, max=50.0)
+    float, typer.Option("--wind", help="Horizontal wind in the flight \\[m/s].", min=0.0, max=50.0)
 ]
 WindFromOption = Annotated[
     float, typer.Option(help="Where it came from, degrees from north.", min=-360.0, max=360.0)

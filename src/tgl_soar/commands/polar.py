@@ -29,8 +29,10 @@ def fit(
         list[Path],
         typer.Argument(help="One CSV with columns speed_mps and sink_mps, or flight logs."),
     ],
-    speed: Annotated[str, typer.Option(help="Column of horizontal airspeeds [m/s].")] = "speed_mps",
-    sink: Annotated[str, typer.Option(help="Column of sinks [m/s, positive down].")] = "sink_mps",
+    speed: Annotated[
+        str, typer.Option(help="Column of horizontal airspeeds \\[m/s].")
+    ] = "speed_mps",
+    sink: Annotated[str, typer.Option(help="Column of sinks \\[m/s, positive down].")] = "sink_mps",
     wind: WindOption = 0.0,
     wind_from: WindFromOption = 0.0,
     compare: Annotated[

@@ -35,14 +35,14 @@ def site_() -> None:
 
 @site_app.command("contour")
 def contour_(
-    site: Annotated[Path, typer.Option(help="Site file with an [air] table.")] = SITE,
+    site: Annotated[Path, typer.Option(help="Site file with an \\[air] table.")] = SITE,
     airframe: Annotated[Path, typer.Option(help="Airframe file, for its polar.")] = AIRFRAME,
     bounds: Annotated[
-        str, typer.Option(help="Where to look: x from,x to,z from,z to [m]. Of the site's air.")
+        str, typer.Option(help="Where to look: x from,x to,z from,z to \\[m]. Of the site's air.")
     ] = "",
     out: Annotated[Path | None, typer.Option(help="File to write; else it is printed.")] = None,
 ) -> None:
-    """Print the site's zero excess updraft contour as the [contour] table of its file.
+    """Print the site's zero excess updraft contour as the \\[contour] table of its file.
 
     The module warns when a line is set that does not cross it. Append it to the site file:
     tgl-soar site contour --site my_site.toml >> my_site.toml

@@ -33,7 +33,7 @@ class Mocap(StrEnum):
 def sitl(
     airframe: Annotated[Path, typer.Option(help="Airframe file.")] = AIRFRAME,
     site: Annotated[
-        Path | None, typer.Option(help="Site file; of the tunnel, with [mocap] where needed.")
+        Path | None, typer.Option(help="Site file; of the tunnel, with \\[mocap] where needed.")
     ] = None,
     legs: Annotated[str, typer.Option(help="Names of lines, by commas; all of the site's.")] = "",
     stay: Annotated[float, typer.Option(help="Seconds on each line.", min=2.0, max=600.0)] = 16.0,
@@ -49,7 +49,7 @@ def sitl(
         list[str] | None,
         typer.Option(
             help="What goes wrong, as 'position.dropout start=20 for=1.5'; repeat for more;"
-            " `list` shows all."
+            " `list` shows all. Of the position: as the autopilot tells it, also with --mocap."
         ),
     ] = None,
     mocap: Annotated[

@@ -8,6 +8,12 @@ The smallest arrival - stamp seen is the offset plus the smallest delay; the jit
 samples is gone.  It is forgotten at `FORGET` per second, so that two quartzes that run apart
 are followed; a constant part of the delay cannot be seen (EST_DELAY is for that).
 
+A vehicle that restarts counts from zero again.  Heard again late, its stamps may be above the
+last one all the same, and then are late by a constant: after a skip in its stamps, that is a new
+clock too, unless another of its streams still comes in time.  One whose stamps go on without a
+skip is late itself, as after a stall of ours or on a link with a queue.  (For a clock that is not
+the autopilot's, whose other streams nobody hears, it always is.)
+
 A stamp that counts milliseconds in 32 bits begins again at zero after 49.7 days, one that counts
 microseconds after 71.6 minutes; and one of whole milliseconds is made finer by `sensor_clock`.
 """
@@ -22,6 +28,10 @@ from .sensor_clock import SensorClock
 FORGET: Final = 1e-4  # s/s: more than two quartzes drift apart
 REBOOT_S: Final = 1.0  # further back than this, it may have begun anew
 REBOOT_STAMPS: Final = 3  # so many in a row that count on from there: it has
+LATE_S: Final = 1.0  # later at once than before, and so much that nothing can be done with it
+SKIP_S: Final = 0.25  # between two stamps: what is only late has none
+STEADY_LATE_S: Final = 0.5  # late by the same for so long
+SAME_S: Final = 0.2
 MILLISECONDS_WRAP_S: Final = 2**32 * 1e-3
 MICROSECONDS_WRAP_S: Final = 2**32 * 1e-6
 NEAR_WRAP_S: Final = 300.0  # further from it a clock that has gone back began anew
@@ -51,6 +61,42 @@ class ClockMap:
         self.offset_s = kept if kept <= seen else seen  # NaN: the first sample
         self._arrival_s = arrival_s
         return stamp_s + self.offset_s
+
+
+class Lateness:
+    """Tells a clock that began anew, above the last stamp heard, from samples that are late."""
+
+    __slots__ = (
+        "_count", "_late_s", "_since_s", "_stamp_s", "_suspected_s", "begun_s", "timely_s"
+    )  # fmt: skip
+
+    def __init__(self) -> None:
+        self.begun_s = NAN
+        self.timely_s = NAN  # when the last sample came that was in time
+        self._stamp_s = NAN
+        self._late_s = 0.0
+        self._suspected_s = NAN  # since when it may be a new clock
+        self._since_s = NAN  # since when it has been late by the same
+        self._count = 0
+
+    def judge(self, stamp_s: float, late_s: float, arrival_s: float) -> float:
+        """Since when it has been a new clock; NaN: it is not.  late_s: against its map."""
+        skipped_s, self._stamp_s = stamp_s - self._stamp_s, stamp_s
+        if late_s != late_s:
+            self.begun_s = arrival_s
+        if not late_s > LATE_S:  # NaN: the first one
+            self.timely_s, self._late_s, self._suspected_s = arrival_s, late_s, NAN
+            return NAN
+        if skipped_s > SKIP_S and late_s - self._late_s > LATE_S:
+            self._suspected_s = arrival_s
+        if self._suspected_s != self._suspected_s:
+            self._late_s = late_s
+            return NAN
+        if abs(late_s - self._late_s) > SAME_S:
+            self._late_s, self._since_s, self._count = late_s, arrival_s, 0
+        self._count += 1
+        lasts = arrival_s - self._since_s >= STEADY_LATE_S and self._count >= REBOOT_STAMPS
+        return self._suspected_s if lasts else NAN
 
 
 class StampOrder:
@@ -91,11 +137,21 @@ class StampOrder:
 class Stream:
     """What is known of the stamps of one stream."""
 
-    __slots__ = ("_ahead_s", "_newest_s", "_wrap_s", "foreign", "map", "order", "sensor")
+    __slots__ = (
+        "_ahead_s",
+        "_newest_s",
+        "_wrap_s",
+        "foreign",
+        "lateness",
+        "map",
+        "order",
+        "sensor",
+    )
 
     def __init__(self, wrap_s: float, *, quantised: bool, foreign: bool) -> None:
         self.order = StampOrder()
         self.map = ClockMap()
+        self.lateness = Lateness()
         self.sensor = SensorClock() if quantised else None
         self.foreign = foreign  # of another clock than the autopilot's
         self._wrap_s = wrap_s
@@ -115,6 +171,7 @@ class Stream:
     def restart(self) -> None:
         """The clock of this stream began anew: only the order of its stamps is left."""
         self.map.reset()
+        self.lateness = Lateness()
         if self.sensor is not None:
             self.sensor = SensorClock()
 
@@ -162,6 +219,9 @@ class StampedStreams:
                 self._rebooted(stream)
         if self._lockstep:
             return stamp_s, stamp_s
+        if not foreign and self._is_new_clock(stream, stamp_s, now_s):
+            stream.restart()
+            self._rebooted(stream)
         if stream.sensor is not None:
             stamp_s = stream.sensor.recover(stamp_s)
         time_s = stream.map.observe(stamp_s, now_s)
@@ -172,6 +232,15 @@ class StampedStreams:
                 if not other.foreign and mine_s - SHARED_S < other.map.offset_s < mine_s:
                     time_s = min(time_s, stamp_s + other.map.offset_s)
         return time_s, stamp_s
+
+    def _is_new_clock(self, which: Stream, stamp_s: float, now_s: float) -> bool:
+        late_s = now_s - stamp_s - which.map.offset_s
+        since_s = which.lateness.judge(stamp_s, late_s, now_s)
+        return since_s == since_s and not any(
+            stream.lateness.begun_s < since_s <= stream.lateness.timely_s
+            for stream in self._streams.values()
+            if not stream.foreign
+        )
 
     def _rebooted(self, which: Stream) -> None:
         self.reboots += 1

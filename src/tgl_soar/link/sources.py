@@ -4,10 +4,14 @@ A site file names its sources in the order in which they are trusted.  The best 
 health gives the position, all others are only watched:
 
     left        when nothing usable has come of it for `silence_s`, or for a few of its own
-                periods where that is longer
+                periods where that is longer; or while it is doubtful and another one is not
     taken       the best of those that are fresh, at its next fix
     taken back  a better one that has been without such a gap for `return_s`, and no earlier
                 than `DWELL_S` after the last change
+
+Doubtful is what says the same bit for bit for `FROZEN_S`, not that it stands still, while what
+another one says changes; and for `DOUBT_S` what the module has called not sane.  Where nothing
+better is heard it is still given: whether to fly with it is not decided here.
 
 Sources of different kinds differ by their biases, and where the site file is wrong by their
 frames: how far they are apart is watched, and said when one takes over from another.  The step
@@ -19,7 +23,7 @@ Times are on the loop's clock; time is an argument.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isfinite, sqrt
+from math import inf, isfinite, sqrt
 from typing import Final
 
 from tgl_soar.types import NAN, NO_FIX, PositionFix
@@ -45,6 +49,9 @@ DEFAULT_ORDER: Final = (LOCAL_POSITION, ODOMETRY)
 SILENCE_S: Final = 0.15  # before AGE_POS_HOLD makes the laws hold still
 RETURN_S: Final = 2.0
 DWELL_S: Final = 2.0
+FROZEN_S: Final = 0.2  # the same bits for so long
+FROZEN_FIXES: Final = 5  # and so often: a slow source may repeat itself once
+DOUBT_S: Final = 10.0  # after it was found not sane
 PERIODS: Final = 3.0  # of its own that a slow source may be silent for
 LATE_S: Final = 1.0  # an older fix is no measurement of where the aircraft is
 FUTURE_S: Final = 0.05  # the mapping of clocks is not exact
@@ -59,6 +66,8 @@ class SourceHealth:
 
     __slots__ = (
         "apart_m",
+        "changed_s",
+        "doubted_s",
         "fixes",
         "future",
         "heard_s",
@@ -66,6 +75,9 @@ class SourceHealth:
         "newest_s",
         "not_finite",
         "period_s",
+        "repeats",
+        "said",
+        "stands",
         "steady_s",
     )
 
@@ -78,6 +90,11 @@ class SourceHealth:
         self.newest_s = NAN  # when it was true
         self.steady_s = NAN  # since when they have come without a gap
         self.period_s = NAN  # the mean interval
+        self.said: tuple[float, ...] = ()  # where it was last
+        self.changed_s = NAN  # when that became true
+        self.repeats = 0  # how often it was said again since
+        self.stands = False  # it says so: velocities of exactly zero
+        self.doubted_s = NAN  # when it was found not sane
         self.apart_m = NAN  # from the chosen source, when its last fix came
 
     @property
@@ -90,9 +107,16 @@ class SourceHealth:
         """Usable fixes in a second; 0: not known."""
         return 1.0 / self.period_s if self.period_s > 0.0 else 0.0
 
+    @property
+    def repeats_itself(self) -> bool:
+        """Whether it says nothing but the same."""
+        return self.repeats >= FROZEN_FIXES and self.newest_s - self.changed_s >= FROZEN_S
+
     def forget_time(self) -> None:
         """The clock is another one."""
         self.heard_s = self.newest_s = self.steady_s = self.period_s = NAN
+        self.changed_s = self.doubted_s = NAN
+        self.said, self.repeats = (), 0
 
 
 class PositionSources:
@@ -138,6 +162,7 @@ class PositionSources:
         if not self._is_usable(health, measured, now_s):
             return False
         self._count(health, measured.time_s, now_s)
+        self._compare(health, measured, now_s)
         health.apart_m = _distance(measured, self.position) if self.chosen else NAN
         if source != self.chosen:
             if not self._takes_over(source, now_s):
@@ -153,11 +178,18 @@ class PositionSources:
         health = self.health.get(source)
         return health is not None and now_s - health.heard_s <= self._patience_s(health)
 
+    def doubt(self, now_s: float) -> None:
+        """What the chosen source says was found not sane; not yet, where it could be what the
+        one before has said."""
+        if self.chosen and now_s - self._since_s >= DWELL_S:
+            health = self.health[self.chosen]
+            health.doubted_s = health.steady_s = now_s
+
     def rebase(self) -> None:
         """The loop's clock is another one from here on."""
         for health in self.health.values():
             health.forget_time()
-        self._since_s = NAN
+        self._since_s = -inf
 
     def _is_usable(self, health: SourceHealth, fix: PositionFix, now_s: float) -> bool:
         finite = isfinite(fix.north_m) and isfinite(fix.east_m) and isfinite(fix.down_m)
@@ -184,6 +216,36 @@ class PositionSources:
         health.heard_s = now_s
         health.newest_s = time_s
 
+    def _compare(self, health: SourceHealth, fix: PositionFix, now_s: float) -> None:
+        """With what it said before."""
+        velocity = fix.velocity_north_mps, fix.velocity_east_mps, fix.velocity_down_mps
+        said = fix.north_m, fix.east_m, fix.down_m, *(v for v in velocity if isfinite(v))
+        health.stands = velocity == (0.0, 0.0, 0.0)
+        if said == health.said:
+            health.repeats += 1
+            return
+        if health.repeats_itself:
+            health.steady_s = now_s
+        health.said, health.changed_s, health.repeats = said, fix.time_s, 0
+
+    def _standing(self, source: int, now_s: float) -> int:
+        """0: silent, 1: doubtful, 2: in good health."""
+        if not self.is_fresh(source, now_s):
+            return 0
+        doubted = now_s - self.health[source].doubted_s < DOUBT_S
+        return 1 if doubted or self._is_frozen(source, now_s) else 2
+
+    def _is_frozen(self, source: int, now_s: float) -> bool:
+        health = self.health[source]
+        return (
+            health.repeats_itself
+            and not health.stands
+            and any(
+                self.is_fresh(other, now_s) and not self.health[other].repeats_itself
+                for other in self._order
+            )
+        )
+
     def _patience_s(self, health: SourceHealth) -> float:
         """How long a source may be silent; never longer than its fixes may be old."""
         own_s = PERIODS * health.period_s
@@ -193,11 +255,16 @@ class PositionSources:
         if self.chosen == 0:
             return True
         rank = self._order.index(source)
-        if not self.is_fresh(self.chosen, now_s):
-            return not any(self.is_fresh(better, now_s) for better in self._order[:rank])
+        mine, theirs = self._standing(source, now_s), self._standing(self.chosen, now_s)
+        steady_s = now_s - self.health[source].steady_s
+        if mine > theirs:
+            first = all(self._standing(better, now_s) < mine for better in self._order[:rank])
+            # When both thaw at once, as on leaving the ground, the one that was chosen stays.
+            return first and (theirs == 0 or steady_s >= FROZEN_S)
         return (
-            rank < self._order.index(self.chosen)
-            and now_s - self.health[source].steady_s >= self._return_s
+            mine == theirs
+            and rank < self._order.index(self.chosen)
+            and steady_s >= self._return_s
             and now_s - self._since_s >= DWELL_S
         )
 
@@ -209,8 +276,10 @@ class PositionSources:
         self.switches += 1
         better = self._order.index(source) < self._order.index(before)
         text = f"position from {NAMES[source]}"
-        if not self.is_fresh(before, now_s):
-            text += f": {NAMES[before]} is silent"
+        if (standing := self._standing(before, now_s)) < 2:
+            frozen = self._is_frozen(before, now_s)
+            why = "silent" if standing == 0 else "frozen" if frozen else "not sane"
+            text += f": {NAMES[before]} is {why}"
         apart_m = self.health[source].apart_m
         if isfinite(apart_m):
             text += f", {apart_m:.2f} m from its last"

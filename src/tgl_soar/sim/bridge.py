@@ -62,7 +62,6 @@ BARRIER_OFFSET_NS: Final = 1_000_000_000  # so that no barrier's stamp is zero
 STRANGERS_NAMED: Final = 20  # on the console; the rest of a flood is not
 REPEAT_S: Final = 1.0  # a barrier's request is repeated, should a datagram have been lost
 
-NOT_TOLD: Final = ("imu", "airspeed")  # by the simulated autopilot
 TWIN_UPTIME_S: Final = 3600.0  # since when the other autopilot has been running, and longer
 TIMESYNC_ID: Final = mavlink.MAVLINK_MSG_ID_TIMESYNC.to_bytes(3, "little")
 
@@ -709,14 +708,9 @@ def _setting(text: str) -> tuple[str, float]:
 
 def _fault(text: str) -> Fault:
     try:
-        fault = parse_fault(text)
+        return parse_fault(text)
     except FaultError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
-    if fault.of in NOT_TOLD:
-        raise argparse.ArgumentTypeError(
-            f"{fault.kind.name}: this autopilot tells no {fault.of}; fly it in a scenario file"
-        )
-    return fault
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -311,7 +311,10 @@ def drawn_fault(kind: Kind, random: Random) -> Fault:
 
 def catalogue_text() -> str:
     """The catalogue for a terminal."""
-    lines = ["A fault is written NAME start=10 for=1.5, and more numbers where it has them."]
+    lines = [
+        "A fault is written NAME start=10 for=1.5, and more numbers where it has them.",
+        "position.* acts on what the autopilot tells; on motion capture: --mocap-option fault=….",
+    ]
     for kind in CATALOGUE.values():
         numbers = ", ".join(
             f"{n.name}={n.default:g}{' ' + n.unit if n.unit else ''}" for n in kind.numbers

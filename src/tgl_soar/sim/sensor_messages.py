@@ -40,8 +40,8 @@ _INT16: Final = 32767
 
 
 def thousandths(values: tuple[float, ...], unit: float = 1.0) -> list[int]:
-    """In thousandths of a unit, cut off toward zero and limited to 16 bits."""
-    return [int(max(-_INT16, min(_INT16, v / unit * 1e3))) for v in values]
+    """In thousandths of a unit, cut off toward zero and limited to 16 bits; NaN becomes 0."""
+    return [int(max(-_INT16, min(_INT16, v / unit * 1e3))) if v == v else 0 for v in values]
 
 
 def raw_imu(sample: ImuSample, time_us: int) -> Any:
