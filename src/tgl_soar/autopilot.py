@@ -30,6 +30,7 @@ from tgl_soar.control.envelope import (
 )
 from tgl_soar.control.heading import HeadingGains, heading_setpoint, heading_step
 from tgl_soar.control.pid import PidGains, PidState, PidTerms
+from tgl_soar.control.scheduling import pid_between, share_step, soaring_between
 from tgl_soar.control.soaring import (
     SoaringGains,
     SoaringState,
@@ -150,7 +151,9 @@ class Laws(NamedTuple):
     target: TargetLine
     line: LineLimits
     soaring: SoaringGains
+    soaring_imu: SoaringGains  # while accelerations are in use
     pitch: PidGains
+    pitch_imu: PidGains
     roll: PidGains
     heading: HeadingGains
     envelope: EnvelopeLimits
@@ -179,6 +182,7 @@ class AutopilotState(NamedTuple):
     health: HealthState
     pitch_trim: TrimState
     gust_pitch_rad: float  # by which the setpoint meets a gust
+    imu_share: float  # of the gains with accelerations in those flown, 0 … 1
 
 
 class Output(NamedTuple):
@@ -206,6 +210,7 @@ class Output(NamedTuple):
     quality: MotionQuality
     margins: Margins
     cut: int  # what the envelope cut off the command, bits CUT_…
+    imu_share: float  # of the gains with accelerations in those flown, 0 … 1
 
 
 def mode_name(mode: int) -> str:
@@ -231,6 +236,20 @@ def laws_from(
 ) -> Laws:
     """The laws' parameters in SI units, from the operator's and what airframe and site know."""
     travel = values["SURF_MAX"]
+    soaring = SoaringGains(
+        PidGains(
+            values["RHO_P"],
+            values["RHO_I"],
+            values["RHO_D"],
+            2.0 * pi * values["RHO_D_FILT"],
+            radians(values["RHO_I_MAX"]),
+            radians(values["PITCH_MIN"]),
+            radians(values["PITCH_MAX"]),
+        ),
+        radians(values["PITCH_TRIM"]),
+        radians(values["PITCH_SLEW"]),
+    )
+    pitch = _surface_gains(values, "ELE", travel)
     return Laws(
         frame=frame,
         motion=MotionGains(
@@ -262,20 +281,12 @@ def laws_from(
             values["TGL_X"], values["TGL_Z"], eta_from_lean(radians(values["TGL_LEAN"]))
         ),
         line=LineLimits(values["TGL_SLEW"], values["TGL_ACCEL"], radians(values["TGL_ROT_SLEW"])),
-        soaring=SoaringGains(
-            PidGains(
-                values["RHO_P"],
-                values["RHO_I"],
-                values["RHO_D"],
-                2.0 * pi * values["RHO_D_FILT"],
-                radians(values["RHO_I_MAX"]),
-                radians(values["PITCH_MIN"]),
-                radians(values["PITCH_MAX"]),
-            ),
-            radians(values["PITCH_TRIM"]),
-            radians(values["PITCH_SLEW"]),
+        soaring=soaring,
+        soaring_imu=soaring._replace(
+            pid=_imu_gains(values, "RHO", soaring.pid, values["RHO_DF_IMU"])
         ),
-        pitch=_surface_gains(values, "ELE", travel),
+        pitch=pitch,
+        pitch_imu=_imu_gains(values, "ELE", pitch, 0.0),
         roll=_surface_gains(values, "AIL", travel),
         heading=HeadingGains(
             PidGains(
@@ -331,6 +342,18 @@ def _surface_gains(values: ParameterSet, prefix: str, travel: float) -> PidGains
     )
 
 
+def _imu_gains(
+    values: ParameterSet, prefix: str, plain: PidGains, rate_filter_hz: float
+) -> PidGains:
+    """The gains for flight with accelerations; one that is 0 is as without."""
+    return plain._replace(
+        kp=values[f"{prefix}_P_IMU"] or plain.kp,
+        ki=values[f"{prefix}_I_IMU"] or plain.ki,
+        kd=values[f"{prefix}_D_IMU"] or plain.kd,
+        rate_filter_radps=2.0 * pi * rate_filter_hz or plain.rate_filter_radps,
+    )
+
+
 _AT_REST = PidState(0.0, 0.0)
 _NO_TERMS = PidTerms(NAN, NAN, NAN, NAN, NAN, 0)
 _NEUTRAL = SurfaceCommand(0.0, 0.0, 0.0)
@@ -353,6 +376,7 @@ def initial_state() -> AutopilotState:
         initial_wind(),
         initial_health(),
         TrimState(NAN, NAN),
+        0.0,
         0.0,
     )
 
@@ -377,9 +401,16 @@ def step(laws: Laws, state: AutopilotState, inputs: Inputs) -> tuple[AutopilotSt
         air.airspeed_mps,
         dt,
     )
-    state = state._replace(wind=wind, health=watched, pitch_trim=trim, gust_pitch_rad=gust)
-    # theta_0 is part of what the soaring law is given
-    laws = laws._replace(soaring=laws.soaring._replace(trim_pitch_rad=trim.pitch_rad))
+    share = share_step(state.imu_share, quality.inertial, dt)
+    state = state._replace(
+        wind=wind, health=watched, pitch_trim=trim, gust_pitch_rad=gust, imu_share=share
+    )
+    # theta_0 and the gains of this tick are part of what the laws are given
+    soaring = soaring_between(laws.soaring, laws.soaring_imu, share)
+    laws = laws._replace(
+        soaring=soaring._replace(trim_pitch_rad=trim.pitch_rad),
+        pitch=pid_between(laws.pitch, laws.pitch_imu, share),
+    )
     margins = _margins(laws, inputs, vehicle, health, air)
     if flying:
         return _fly(
@@ -490,6 +521,7 @@ def _watch(
         quality,
         margins,
         0,
+        state.imu_share,
     )
 
 
@@ -664,6 +696,7 @@ def _fly(
         state.health,
         state.pitch_trim,
         state.gust_pitch_rad,
+        state.imu_share,
     )
     return state, Output(
         inputs.time_s,
@@ -688,6 +721,7 @@ def _fly(
         quality,
         margins,
         limited.cut | cut,
+        state.imu_share,
     )
 
 
@@ -727,6 +761,7 @@ def _let_go(
         quality,
         margins,
         0,
+        state.imu_share,
     )
 
 

@@ -58,6 +58,7 @@ ARRAY: Final = (
     *("rudder", "rud_p", "rud_d", "rud_saturated"),
     *("age_pos", "age_att", "age_ap", "health"),
     *("airspeed", "alpha", "wind", "updraft", "excess", "wind_sd", "updraft_sd"),
+    "imu_share",
 )
 ARRAY_NAME: Final = "tgl_soar"
 ARRAY_ID: Final = 191
@@ -207,6 +208,7 @@ def float_array(output: Output, vehicle_time_s: float) -> DebugFloatArray:
         health_bits(output),
         *(air.airspeed_mps, degrees(air.alpha_rad), air.wind_mps, air.updraft_mps),
         *(air.excess_mps, air.wind_sigma_mps, air.updraft_sigma_mps),
+        output.imu_share,
     )
     return DebugFloatArray(_stamp(vehicle_time_s, 1e6), ARRAY_NAME, ARRAY_ID, data)
 

@@ -104,6 +104,14 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     Parameter("RHO_I", "rad/(m s)", 0, 5, 0.11, "Pitch setpoint for each metre-second of e_rho."),
     Parameter("RHO_D", "rad s/m", 0, 5, 0.25, "Pitch setpoint for each m/s of e_rho's rate."),
     Parameter("RHO_D_FILT", "Hz", 0.1, 100, 6.5, "Low-pass of e_rho's rate."),
+    Parameter(
+        "RHO_P_IMU", "rad/m", 0, 5, 0.0,
+        "RHO_P while the estimator uses accelerations; 0: as without. Between the two sets of"
+        " gains the law moves over within half a second, back within a tenth.",
+    ),
+    Parameter("RHO_I_IMU", "rad/(m s)", 0, 5, 0.0, "RHO_I with accelerations; 0: as without."),
+    Parameter("RHO_D_IMU", "rad s/m", 0, 5, 0.0, "RHO_D with accelerations; 0: as without."),
+    Parameter("RHO_DF_IMU", "Hz", 0, 100, 0.0, "RHO_D_FILT with accelerations; 0: as without."),
     Parameter("RHO_I_MAX", "deg", 0, 30, 8.0, "Largest share of the integral in the setpoint."),
     Parameter("PITCH_TRIM", "deg", -30, 30, 0.0, "theta_0: pitch setpoint on the line."),
     Parameter("PITCH_MIN", "deg", -45, 45, -15.0, "Smallest pitch setpoint."),
@@ -113,6 +121,9 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     Parameter("ELE_P", "1/rad", 0, 20, 2.2, "Elevator for each radian of pitch error."),
     Parameter("ELE_I", "1/(rad s)", 0, 50, 2.7, "Elevator for each radian-second."),
     Parameter("ELE_D", "s/rad", 0, 5, 0.19, "Elevator for each rad/s of pitch rate."),
+    Parameter("ELE_P_IMU", "1/rad", 0, 20, 0.0, "ELE_P with accelerations; 0: as without."),
+    Parameter("ELE_I_IMU", "1/(rad s)", 0, 50, 0.0, "ELE_I with accelerations; 0: as without."),
+    Parameter("ELE_D_IMU", "s/rad", 0, 5, 0.0, "ELE_D with accelerations; 0: as without."),
     Parameter("ELE_D_FILT", "Hz", 0.5, 100, 40.0, "Low-pass of the pitch rate."),
     Parameter("ELE_TRIM", "", -1, 1, 0.0, "Elevator in trimmed flight on the line."),
     # --- roll -> aileron (eq. 17) --------------------------------------------------------

@@ -84,7 +84,7 @@ _LEFT_OUT: Final = frozenset({"Output.time_s", "VehicleState.time_s"})
 # Of the output, what need not be in every row: a replay gives all of it for every tick.
 _SLOW: Final = re.compile(
     r"air_\w+|\w+_feedforward|health_rejected|health_heartbeat_age_s"
-    r"|setpoints_roll_rad|rudder_i|line_eta_rad|quality_\w+|(elevator|aileron|rudder)_output"
+    r"|setpoints_roll_rad|rudder_i|line_eta_rad|quality_\w+|imu_share|(elevator|aileron|rudder)_output"
 )
 
 FRAMES: Final = {

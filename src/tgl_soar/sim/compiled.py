@@ -31,6 +31,7 @@ MODULES: Final = (
     "tgl_soar.control.attitude",
     "tgl_soar.control.heading",
     "tgl_soar.control.soaring",
+    "tgl_soar.control.scheduling",
     "tgl_soar.control.target_line",
     "tgl_soar.control.supervisor",
     "tgl_soar.control.envelope",

@@ -1,0 +1,53 @@
+"""Two sets of gains: one for flight with accelerations, one for flight without.
+
+    k = k_plain + s (k_imu - k_plain),   0 <= s <= 1
+
+With accelerations the estimated velocity is early and quiet, and the loops can be twice as stiff;
+the same gains on a velocity made of late fixes have no margin.  The share s follows what the
+estimator says that it has, slowly up, and down before a track without accelerations is wrong.
+
+No command steps when s does: integrals are in the unit of the output whatever the gain, and P
+and D change no faster than s.
+"""
+
+from __future__ import annotations
+
+from .pid import PidGains
+from .soaring import SoaringGains
+
+UP_PER_S = 2.0
+DOWN_PER_S = 10.0
+
+
+def share_step(share: float, inertial: bool, dt_s: float) -> float:
+    """The share s a tick later; inertial: accelerations are in use."""
+    if inertial:
+        return min(1.0, share + UP_PER_S * dt_s)
+    return max(0.0, share - DOWN_PER_S * dt_s)
+
+
+def pid_between(plain: PidGains, imu: PidGains, share: float) -> PidGains:
+    """The gains at a share; limits are those of both."""
+    if share <= 0.0:
+        return plain
+    if share >= 1.0:
+        return imu
+    return PidGains(
+        plain.kp + share * (imu.kp - plain.kp),
+        plain.ki + share * (imu.ki - plain.ki),
+        plain.kd + share * (imu.kd - plain.kd),
+        plain.rate_filter_radps + share * (imu.rate_filter_radps - plain.rate_filter_radps),
+        plain.integral_max,
+        plain.output_min,
+        plain.output_max,
+    )
+
+
+def soaring_between(plain: SoaringGains, imu: SoaringGains, share: float) -> SoaringGains:
+    """The soaring law's gains at a share; trim and slew rate are those of both."""
+    if share <= 0.0:
+        return plain
+    if share >= 1.0:
+        return imu
+    pid = pid_between(plain.pid, imu.pid, share)
+    return SoaringGains(pid, plain.trim_pitch_rad, plain.slew_radps)
