@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple
+from dataclasses import astuple, replace
 from functools import lru_cache
 
 import numpy as np
@@ -12,6 +12,7 @@ from tgl_soar.config import line_parameters, load_airframe, load_parameters, loa
 from tgl_soar.sim.batch import Compile, FlightScore, Plan, fly_batch
 from tgl_soar.sim.closed_loop import Change
 from tgl_soar.sim.compiled import available
+from tgl_soar.sim.sensors import MEMS_IMU, Sensors
 from tgl_soar.sim.world import build_field
 
 COMPILED = pytest.param(
@@ -65,6 +66,15 @@ def test_compiled_scores_are_the_plain_ones(compile: Compile) -> None:
         for leg, expected in zip(ours.legs, theirs.legs, strict=True):
             assert leg.name == expected.name
             np.testing.assert_allclose(astuple(leg)[1:], astuple(expected)[1:], rtol=0.0, atol=1e-6)
+
+
+@pytest.mark.skipif(not available(), reason="numba is not installed")
+def test_accelerations_that_come_and_go_lose_no_flight() -> None:
+    """32 seeds in 3 % turbulence: from one set of gains to the other and back, and for good."""
+    heard = [Change(t, {"EST_IMU": i % 2}) for i, t in enumerate((4.0, 6.0, 6.4, 6.5, 7.0))]
+    shaken = replace(plan(), changes=heard, duration_s=12.0, sensors=Sensors(imu=MEMS_IMU))
+    scores = fly_batch(shaken, range(32), workers=1, compile="all")
+    assert [score.ended for score in scores] == [""] * 32
 
 
 def test_a_leg_is_what_follows_a_change() -> None:
