@@ -136,9 +136,10 @@ def test_survivals_are_counted_by_fault_and_air() -> None:
         Outcome(each.row, each.seed, "", RELEASED if i == 0 else SOARING, "", 30.0, 0, "")
         for i, each in enumerate(jobs)
     ]
-    first, second = survivals(outcomes)
+    first, *others = survivals(outcomes)
     assert (first.turbulence, first.survived, first.flights) == (0.03, 2, 3)
-    assert (second.turbulence, second.survived) == (0.01, 3)
+    assert [(s.turbulence, s.survived) for s in others] == [(0.03, 3), (0.01, 3), (0.01, 3)]
+    assert {s.aboard for s in others} == set(campaign.SENSORS)
 
 
 def test_the_section_is_written_between_its_marks_and_counts_right() -> None:

@@ -31,6 +31,7 @@ from tgl_soar.parameters import ParameterSet
 from tgl_soar.sim.closed_loop import Change, ClosedLoop, Row, Trajectory, fly
 from tgl_soar.sim.compiled import available, compiled
 from tgl_soar.sim.fast_flight import (
+    CompiledLoop,
     CompiledWorld,
     UnknownFieldError,
     as_air,
@@ -198,8 +199,10 @@ def test_a_command_that_is_not_a_number_is_judged_alike() -> None:
         assert compiled(limit_surfaces)(limits, last, wanted, 0.5, True, 0.005) == plain
 
 
-def flown_with_faults(world: World, faults: list[Fault], ticks: int) -> list[tuple[float, ...]]:
-    loop = ClosedLoop(world, place("tunnel")[2], Injection(faults, 3))
+def flown_with_faults(
+    world: World, faults: list[Fault], ticks: int, kind: type[ClosedLoop] = ClosedLoop
+) -> list[tuple[float, ...]]:
+    loop = kind(world, place("tunnel")[2], Injection(faults, 3))
     rows: list[tuple[float, ...]] = []
     for _ in range(ticks):
         output = loop.tick()
@@ -224,7 +227,7 @@ def test_faults_act_alike_in_a_plain_and_in_a_compiled_world() -> None:
         return make_world(airframe, site, seed=3, turbulence=0.02, field=air, sensors=ALL_SENSORS)
 
     plain = flown_with_faults(world(), faults, 900)
-    fast = flown_with_faults(CompiledWorld(prepare(world(), 5.0), 3), faults, 900)
+    fast = flown_with_faults(CompiledWorld(prepare(world(), 5.0), 3), faults, 900, CompiledLoop)
     assert {MODE_NAMES[int(row[0])] for row in plain} >= {"ready", "capturing"}
     for a, b in zip(plain, fast, strict=True):
         assert a == pytest.approx(b, abs=AGREE)

@@ -123,8 +123,8 @@ def _print(outcomes: list[campaign.Outcome], survivals: list[campaign.Survival])
     for each in survivals:
         low, high = each.interval
         console.print(
-            f"{each.fault} at {each.turbulence * 100:g} %: {each.survived} of {each.flights}"
-            f" survived, {low * 100:.1f} to {high * 100:.1f} % at 95 %",
+            f"{each.fault} at {each.turbulence * 100:g} %, {each.aboard}:"
+            f" {each.survived} of {each.flights} survived, {low * 100:.1f} to {high * 100:.1f} % at 95 %",
             highlight=False,
         )
 

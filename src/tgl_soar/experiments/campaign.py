@@ -22,6 +22,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import lru_cache
 from math import isfinite, sqrt
+from multiprocessing import get_all_start_methods, get_context
 from random import Random
 from typing import Final, NamedTuple
 
@@ -39,10 +40,10 @@ from tgl_soar.config import (
 from tgl_soar.parameters import ParameterSet
 from tgl_soar.sim.closed_loop import ClosedLoop
 from tgl_soar.sim.compiled import available
-from tgl_soar.sim.fast_flight import CompiledWorld, prepare
+from tgl_soar.sim.fast_flight import CompiledLoop, CompiledWorld, prepare
 from tgl_soar.sim.faults import CATALOGUE, Fault, drawn_fault, parse_fault
 from tgl_soar.sim.injection import Injection
-from tgl_soar.sim.sensors import MEMS_IMU, PITOT, READ_BACK, Sensors
+from tgl_soar.sim.sensors import MEMS_IMU, PITOT, READ_BACK, USUAL_SENSORS, Sensors
 from tgl_soar.sim.world import World, build_field, make_world
 from tgl_soar.types import SurfaceCommand
 
@@ -50,8 +51,21 @@ DURATION_S: Final = 30.0
 TURBULENCE: Final = 0.02  # drawn from 0 to this
 TWO_OF: Final = 4  # one flight in so many has two faults
 PAIRS: Final = "two at once"
+WARM_UP_S: Final = 0.05
 CHUNK: Final = 16  # flights handed to a process at a time
 LINE: Final = "b"
+# What an operator sets for this line: nearer to the board, lower or further than this is trouble.
+ENVELOPE: Final = {
+    "CLEAR_MIN": 0.4, "FENCE_Z_MIN": 0.8, "FENCE_Z_MAX": 2.6, "FENCE_Y_MAX": 1.2,
+    "FENCE_X_MIN": -0.4, "FENCE_X_MAX": 2.0,
+}  # fmt: skip
+
+EVERY_SENSOR: Final = "every sensor"
+POSE_ALONE: Final = "position and attitude alone"
+SENSORS: Final = {
+    EVERY_SENSOR: Sensors(imu=MEMS_IMU, airspeed=PITOT, surfaces=READ_BACK),
+    POSE_ALONE: USUAL_SENSORS,
+}
 
 SOARING: Final = "soaring"
 FLYING: Final = "flying"
@@ -70,6 +84,7 @@ class Job(NamedTuple):
     seed: int
     turbulence: float
     faults: tuple[Fault, ...]
+    aboard: str = EVERY_SENSOR
 
 
 class Outcome(NamedTuple):
@@ -91,6 +106,7 @@ class Survival:
 
     fault: str
     turbulence: float
+    aboard: str
     flights: int
     survived: int
 
@@ -135,19 +151,27 @@ def drawn_jobs(flights: int, seed: int) -> list[Job]:
     return jobs
 
 
-SURVIVALS: Final = (  # fault, turbulence
-    ("position.dropout start=12 for=0.5", 0.03),
-    ("position.dropout start=12 for=1.5", 0.01),
+SURVIVALS: Final = tuple(  # fault, turbulence, what is aboard
+    (fault, turbulence, aboard)
+    for fault, turbulence in (
+        ("position.dropout start=12 for=0.5", 0.03),
+        ("position.dropout start=12 for=1.5", 0.01),
+    )
+    for aboard in SENSORS
 )
 
 
 def survival_jobs(flights: int, seed: int) -> list[Job]:
     """Drop-outs of the lengths that must be survived."""
     return [
-        Job(f"{text} at {turbulence * 100:g} %", seed + i, turbulence, (parse_fault(text),))
-        for text, turbulence in SURVIVALS
+        Job(_name(text, turbulence, aboard), seed + i, turbulence, (parse_fault(text),), aboard)
+        for text, turbulence, aboard in SURVIVALS
         for i in range(flights)
     ]
+
+
+def _name(text: str, turbulence: float, aboard: str) -> str:
+    return f"{text} at {turbulence * 100:g} %, {aboard}"
 
 
 # --- one flight --------------------------------------------------------------------------------
@@ -169,7 +193,7 @@ def place() -> Place:
     airframe, site = load_airframe(airframe_path), load_site(site_path)
     values = load_parameters(airframe, airframe_path, site, site_path)
     assert site.air is not None
-    values = values.changed(line_parameters(site.lines[LINE]))
+    values = values.changed({**line_parameters(site.lines[LINE]), **ENVELOPE})
     return Place(airframe, site, values, build_field(site.air, site_path.parent))
 
 
@@ -182,7 +206,7 @@ def world_of(job: Job, injection: Injection, duration_s: float = DURATION_S) -> 
         seed=job.seed,
         turbulence=max(job.turbulence, 1e-6),  # one compiled kind of air for all
         field=injection.field(field),
-        sensors=Sensors(imu=MEMS_IMU, airspeed=PITOT, surfaces=READ_BACK),
+        sensors=SENSORS[job.aboard],
     )
     return CompiledWorld(prepare(world, duration_s), job.seed) if available() else world
 
@@ -217,7 +241,7 @@ def fly_job(job: Job, duration_s: float = DURATION_S) -> Outcome:
     world = world_of(job, injection, duration_s)
     check = CommandCheck(values, 1.0 / world.step_hz)
     result, reason, error = "", "", ""
-    loop = ClosedLoop(world, values, injection)
+    loop = (CompiledLoop if available() else ClosedLoop)(world, values, injection)
     try:
         for _ in range(round(duration_s * world.step_hz)):
             output = loop.tick()
@@ -259,7 +283,11 @@ def fly_all(
         return list(_counted((fly_job(job) for job in jobs), told))
     chunks = [jobs[i : i + CHUNK] for i in range(0, len(jobs), CHUNK)]
     flown = 0
-    with ProcessPoolExecutor(workers) as processes:
+    context = None
+    if available() and "fork" in get_all_start_methods():
+        fly_job(jobs[0], WARM_UP_S)  # compiles once, for all processes
+        context = get_context("fork")
+    with ProcessPoolExecutor(workers, context) as processes:
         futures = [processes.submit(_fly_chunk, chunk) for chunk in chunks]
         for future in as_completed(futures):
             flown += len(future.result())
@@ -279,10 +307,10 @@ def _counted(outcomes: Iterator[Outcome], told: Callable[[int], None]) -> Iterat
 def survivals(outcomes: Sequence[Outcome]) -> list[Survival]:
     """Of the flights of `survival_jobs`."""
     found = []
-    for text, turbulence in SURVIVALS:
-        own = [o for o in outcomes if o.row == f"{text} at {turbulence * 100:g} %"]
+    for text, turbulence, aboard in SURVIVALS:
+        own = [o for o in outcomes if o.row == _name(text, turbulence, aboard)]
         survived = sum(o.result in (SOARING, FLYING) for o in own)
-        found.append(Survival(text, turbulence, len(own), survived))
+        found.append(Survival(text, turbulence, aboard, len(own), survived))
     return found
 
 
@@ -344,14 +372,14 @@ def section(outcomes: Sequence[Outcome], lengths: Sequence[Survival], command: s
         "",
         "Drop-outs that must be survived, on the same line:",
         "",
-        "| drop-out | turbulence | flights | survived | 95 % interval |",
-        "|---|--:|--:|--:|---|",
+        "| drop-out | turbulence | aboard | flights | survived | 95 % interval |",
+        "|---|--:|---|--:|--:|---|",
     ]
     for s in lengths:
         low, high = s.interval
         lines.append(
-            f"| `{s.fault}` | {s.turbulence * 100:g} % | {s.flights} | {s.share * 100:.1f} % |"
-            f" {low * 100:.1f} to {high * 100:.1f} % |"
+            f"| `{s.fault}` | {s.turbulence * 100:g} % | {s.aboard} | {s.flights} |"
+            f" {s.share * 100:.1f} % | {low * 100:.1f} to {high * 100:.1f} % |"
         )
     return "\n".join(lines) + "\n"
 

@@ -14,7 +14,7 @@ from tgl_soar.sim.faults import parse_fault
 from tgl_soar.sim.injection import Injection
 from tgl_soar.types import NAN
 
-from .campaign import Job, place, world_of
+from .campaign import POSE_ALONE, Job, place, world_of
 
 BEGIN_S, END_S = 10.0, 18.0
 SHOWN = (
@@ -26,7 +26,7 @@ SHOWN = (
 def fly_timeline(title: str, text: str) -> Timeline:
     """One flight with one fault, from BEGIN_S to END_S."""
     fault = parse_fault(text)
-    job = Job(title, 1, 0.01, (fault,))
+    job = Job(title, 1, 0.01, (fault,), POSE_ALONE)
     injection = Injection(job.faults, job.seed)
     world = world_of(job, injection, END_S)
     loop = ClosedLoop(world, place().values, injection)

@@ -116,7 +116,7 @@ class ClosedLoop:
         )
         if self._link is not None:
             inputs = self._link.inputs(inputs)
-        self.state, output = step(self._laws, self.state, inputs)
+        output = self._decide(inputs)
         self.output = output
         if output.active:
             self._command = output.command
@@ -126,6 +126,11 @@ class ClosedLoop:
             told = self._link.surfaces(now, output.command if output.active else None)
             told = self._injection.surfaces(now, told, self._dt_s)
         world.step(told)
+        return output
+
+    def _decide(self, inputs: Inputs) -> Output:
+        """The module's tick."""
+        self.state, output = step(self._laws, self.state, inputs)
         return output
 
 

@@ -33,7 +33,8 @@ from tgl_soar.air.gusts import (
 )
 from tgl_soar.air.hill import Hill, HillField
 from tgl_soar.air.jet import Jet, SlopeJet
-from tgl_soar.autopilot import initial_state, laws_from, reason_text
+from tgl_soar.autopilot import Output, initial_state, laws_from, reason_text
+from tgl_soar.autopilot import step as autopilot_step
 from tgl_soar.parameters import ParameterSet
 from tgl_soar.types import (
     NAN,
@@ -41,13 +42,14 @@ from tgl_soar.types import (
     AirspeedSample,
     AttitudeSample,
     ImuSample,
+    Inputs,
     PositionFix,
     SurfaceCommand,
     SurfacesSample,
 )
 
 from .aircraft import AircraftState
-from .closed_loop import Change, Row, Trajectory
+from .closed_loop import Change, ClosedLoop, Row, Trajectory
 from .compiled import cell, compiled
 from .flight import (
     BOARD,
@@ -57,6 +59,7 @@ from .flight import (
     HILL,
     LET_GO,
     REPORT_SIZE,
+    TICK_REPORT_SIZE,
     Air,
     Biases,
     Flight,
@@ -73,8 +76,10 @@ from .flight import (
     arrived_surfaces,
     fly_ticks,
     sense,
+    tick_in_cells,
     world_step_in_cells,
 )
+from .injection import Injection
 from .sensors import (
     AirspeedParams,
     ImuParams,
@@ -254,6 +259,41 @@ class CompiledWorld(World):
     def relaunch(self) -> None:
         """Errors: ValueError, always."""
         raise ValueError("a compiled world cannot be relaunched: make another")
+
+
+class CompiledLoop(ClosedLoop):
+    """A closed loop whose laws are compiled too, for faults in plain Python between the two.
+
+    Of an output it tells mode, reason, command and whether it is sent; all else is that of the
+    first tick.
+    """
+
+    def __init__(
+        self, world: World, values: ParameterSet, injection: Injection | None = None
+    ) -> None:
+        super().__init__(world, values, injection)
+        self._laws_cell, self._state_cell = cell(self._laws), cell(self.state)
+        self._tick_report = np.zeros(TICK_REPORT_SIZE)
+        self._step = compiled(tick_in_cells)
+        self._first: Output | None = None
+
+    def change(self, parameters: dict[str, float]) -> None:
+        """Set parameters between two ticks.  Errors: `ParameterError`."""
+        super().change(parameters)
+        self._laws_cell.value = self._laws
+
+    def _decide(self, inputs: Inputs) -> Output:
+        if self._first is None:
+            _, self._first = autopilot_step(self._laws, self.state, inputs)
+        self._step(self._laws_cell, self._state_cell, inputs, self._tick_report)
+        mode, reason, active, *command = self._tick_report.tolist()
+        return self._first._replace(
+            time_s=inputs.time_s,
+            mode=int(mode),
+            reason=int(reason),
+            active=active != 0.0,
+            command=SurfaceCommand(*command),
+        )
 
 
 # --- randomness -------------------------------------------------------------------------------

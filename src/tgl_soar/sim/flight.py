@@ -518,6 +518,23 @@ def world_step_in_cells(
     report[49], report[50], report[51], report[52] = surfaces[1:5]
 
 
+TICK_REPORT_SIZE: Final = 6
+
+
+def tick_in_cells(laws_cell: Cell, state_cell: Cell, inputs: Inputs, report: FloatArray) -> None:
+    """The module's tick for a caller in plain Python, to whom laws and state are dear to hand over.
+
+    report, shape (TICK_REPORT_SIZE,): mode, reason, active, elevator, aileron, rudder.
+    """
+    state: AutopilotState = state_cell.value
+    laws: Laws = laws_cell.value
+    state, output = autopilot_step(laws, state, inputs)
+    state_cell.value = state
+    report[0], report[1] = output.mode, output.reason
+    report[2] = 1.0 if output.active else 0.0
+    report[3], report[4], report[5] = output.command
+
+
 def write_row(
     row: FloatArray, now_s: float, world: WorldNow, output: Output, target_changes: int
 ) -> None:
