@@ -243,7 +243,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         "A source that repeats the same numbers for longer than this, and does not say that it"
         " stands still, is as old as their last change.",
     ),
-    Parameter("AGE_ATT_MAX", "s", 0.02, 1, 0.3, "Attitude older than this: let go."),
+    Parameter("AGE_ATT_MAX", "s", 0.02, 1, 0.2, "Attitude older than this: let go."),
     Parameter("AGE_AP_MAX", "s", 1, 10, 3.0, "Autopilot's heartbeat older than this: let go."),
     Parameter(
         "REC_PITCH", "deg", -30, 10, -4.0,
