@@ -495,8 +495,8 @@ def test_the_shipped_site_with_mocap_is_read() -> None:
     assert not hall.z_up
     assert hall.yaw_rad == pytest.approx(3.14159265)
     plain = load_site(shipped("sites/tunnel.toml"))
-    assert (site.lines, site.parameters, site.contour) == (
-        plain.lines, plain.parameters, plain.contour,
+    assert (site.lines, site.parameters, site.contour, site.ground) == (
+        plain.lines, plain.parameters, plain.contour, plain.ground,
     )  # fmt: skip
 
 
