@@ -358,6 +358,23 @@ def test_differences_over_a_gap_are_no_rates() -> None:
     assert vehicle.roll_rate_radps == 0.0
 
 
+@pytest.mark.parametrize("apart_s", [1e-6, 1e-4])
+def test_samples_microseconds_apart_make_no_rate(apart_s: float) -> None:
+    """Each sample comes twice, over two links, their angles 0.1 degrees apart: over a microsecond
+    that would be 1745 rad/s.  The rate is that from one pair to the next, 20 ms on."""
+    state, jitter = initial_motion(), radians(0.1)
+    for k in range(40):
+        pair, second = divmod(k, 2)
+        t = 0.02 * pair + second * apart_s
+        roll, pitch, yaw = turning(t)
+        q = quaternion_from_euler(roll + second * jitter, pitch - second * jitter, yaw)
+        sample = AttitudeSample(k + 1, t, *q, nan, nan, nan)
+        state, v = motion_step(GAINS, FRAME, state, mid(t, LAST_FIX, sample))
+        if pair > 0:
+            rates = (v.roll_rate_radps, v.pitch_rate_radps, v.heading_rate_radps)
+            assert rates == pytest.approx((0.2, -0.3, 0.5), abs=1e-6)
+
+
 def test_attitude_is_carried_on_with_its_rates_but_not_for_long() -> None:
     q = quaternion_from_euler(0.0, 0.0, FRAME.wind_from_rad)  # level: Euler rates are the gyros'
     sample = AttitudeSample(1, 7.0, *q, 0.3, 0.4, -0.5)

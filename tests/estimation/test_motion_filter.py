@@ -260,13 +260,16 @@ def test_it_is_the_filter_that_goes_back_and_takes_everything_in_again() -> None
 # --- its own word ---------------------------------------------------------------------------
 
 
-def within(values: list[float], freedom: int) -> bool:
-    """Whether a mean of sums of squares is that of chi-square, to 99.9 %."""
-    low, high = (float(chi2.ppf(q, freedom * len(values))) for q in (0.0005, 0.9995))
+def within(values: list[float], freedom: int, chance: float = 1e-3) -> bool:
+    """Whether a mean of sums of squares is that of chi-square; where it is, this often it fails."""
+    tails = 0.5 * chance, 1.0 - 0.5 * chance
+    low, high = (float(chi2.ppf(q, freedom * len(values))) for q in tails)
     return bool(low <= sum(values) <= high)
 
 
-RUNS = 30
+RUNS = 120  # a mean of so many is known to 7.5 %
+GAPS = 30
+CHECKS = 12  # three in each of four cases: one in a thousand for all of them together
 
 
 @pytest.mark.parametrize("speed", [None, 0.05])
@@ -280,16 +283,16 @@ def test_innovations_and_errors_are_as_large_as_it_says(imu: bool, speed: float 
     noise = Noise(0.003, speed, 0.2, 0.15)
     density = 0.0 if imu else 2.0 * 3.0 * 3.0 * 0.1
     nis, position_nees, velocity_nees = [], [], []
-    for seed in range(50, 50 + RUNS):
+    for seed in range(RUNS):
         *_, last = flight(seed, noise, ticks=201, imu=imu, density=density)
         quality, e = last.quality, error(last)
         assert quality.inertial == imu
         nis.append(quality.nis)
         position_nees.append(float(np.sum(e[0] ** 2)) / quality.position_sigma_m**2)
         velocity_nees.append(float(np.sum(e[1] ** 2)) / quality.velocity_sigma_mps**2)
-    assert within(nis, 3)
-    assert within(position_nees, 3)
-    assert within(velocity_nees, 3)
+    assert within(nis, 3, 1e-3 / CHECKS)
+    assert within(position_nees, 3, 1e-3 / CHECKS)
+    assert within(velocity_nees, 3, 1e-3 / CHECKS)
 
 
 def test_a_bias_is_found_and_the_doubt_of_it_shrinks() -> None:
@@ -303,7 +306,7 @@ def test_a_bias_is_found_and_the_doubt_of_it_shrinks() -> None:
 def test_a_gap_is_flown_through_and_the_doubt_grows_with_the_error() -> None:
     """1.5 s without fixes: still known to centimetres, and no better than it says."""
     ratios, worst = [], 0.0
-    for seed in range(RUNS):
+    for seed in range(GAPS):
         flown = list(flight(seed, Noise(0.003, None, 0.2, 0.15), ticks=701, silent=range(400, 700)))
         sigmas = [now.quality.position_sigma_m for now in flown[409:700]]
         assert all(b > a for a, b in pairwise(sigmas))

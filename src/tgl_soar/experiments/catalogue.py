@@ -10,6 +10,7 @@ from typing import Final
 from . import (
     air_speed,
     changing_air,
+    estimator,
     hill_positions,
     identification,
     line_lean,
@@ -32,6 +33,7 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "lean": line_lean.lean,
     "speed": air_speed.speed,
     "identification": identification.identification,
+    "estimator": estimator.estimator,
     "wind_estimate": wind_estimate.wind_estimate,
 }
 
@@ -47,6 +49,7 @@ TITLES: Final = {
     "lean": "lines less perpendicular to the contour, upright, leaning downwind",
     "speed": "oscillation with fixed gains as airspeed grows",
     "identification": "a gliding test flight's log, and the model that flew it",
+    "estimator": "what accelerometers are worth to estimate and flight",
     "wind_estimate": "wind and updraft as read on board, against the air that was there",
 }
 

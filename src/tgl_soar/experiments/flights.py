@@ -8,7 +8,13 @@ the wander along the line, which it does not, are scored apart.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import (
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    as_completed,
+)
 from dataclasses import dataclass
 from math import cos, sin
 from types import TracebackType
@@ -182,6 +188,7 @@ class Flyer:
         self, workers: int = 0, on_flight: Callable[[int, int], None] | None = None
     ) -> None:
         """on_flight(flown, wanted) is called as flights begin to be wanted and are flown."""
+        self._workers = workers
         self._pool = ProcessPoolExecutor(workers) if workers > 0 else None
         self._on_flight = on_flight or (lambda _flown, _wanted: None)
         self.flown = self.wanted = 0
@@ -203,14 +210,31 @@ class Flyer:
         """Fly all, in the order given.  Errors: `ConfigError`."""
         return self.each(fly_job, jobs)
 
-    def each(self, fly: Callable[[Wanted], Lasted], jobs: Iterable[Wanted]) -> list[Lasted]:
-        """What a function that flies one flight makes of each job, in the order given."""
+    def each(
+        self,
+        fly: Callable[[Wanted], Lasted],
+        jobs: Iterable[Wanted],
+        *,
+        compiled: bool = False,
+    ) -> list[Lasted]:
+        """What a function that flies one flight makes of each job, in the order given.
+
+        compiled: in threads of this process, where it compiles only once and holds no lock.
+        """
         queue = list(jobs)
         self.wanted += len(queue)
         self._on_flight(self.flown, self.wanted)
         if self._pool is None:
             return [self._count(fly(job)) for job in queue]
-        futures: list[Future[Lasted]] = [self._pool.submit(fly, job) for job in queue]
+        if compiled:
+            with ThreadPoolExecutor(self._workers) as threads:
+                return self._all(threads, fly, queue)
+        return self._all(self._pool, fly, queue)
+
+    def _all(
+        self, pool: Executor, fly: Callable[[Wanted], Lasted], queue: list[Wanted]
+    ) -> list[Lasted]:
+        futures: list[Future[Lasted]] = [pool.submit(fly, job) for job in queue]
         for future in as_completed(futures):
             self._count(future.result())
         return [future.result() for future in futures]
