@@ -124,7 +124,8 @@ def _print(outcomes: list[campaign.Outcome], survivals: list[campaign.Survival])
         low, high = each.interval
         console.print(
             f"{each.fault} at {each.turbulence * 100:g} %, {each.aboard}:"
-            f" {each.survived} of {each.flights} survived, {low * 100:.1f} to {high * 100:.1f} % at 95 %",
+            f" {each.survived} of {each.flights} survived,"
+            f" {low * 100:.1f} to {high * 100:.1f} % at 95 %",
             highlight=False,
         )
 
