@@ -94,6 +94,7 @@ from tgl_soar.estimation.health import (
     initial_health,
 )
 from tgl_soar.estimation.motion import (
+    IMU_SILENT_S,
     MotionGains,
     MotionState,
     initial_motion,
@@ -127,6 +128,7 @@ from tgl_soar.types import (
 DT_MAX_S = 0.1  # a longer gap between two ticks is not integrated over
 HEADING_MAX_RAD = 0.5 * pi  # from upwind, to be engaged at all
 LINE_UPRIGHT = 0.1  # sine of a line's inclination, below which it has no upstream side
+DOUBT_MAX = 3.0  # times EST_SD_MAX: in more doubt than this no fix is young enough
 ON_LINE_S = 1.0  # so long within capture_distance_m before the line counts as captured
 
 
@@ -392,7 +394,8 @@ def step(laws: Laws, state: AutopilotState, inputs: Inputs) -> tuple[AutopilotSt
         laws.health, state.health, motion, inputs, flying, state.limited.command, dt
     )
     health = _as_sure(laws.guards, health, quality)
-    wind, air = wind_step(laws.wind, state.wind, vehicle, inputs, _elevator(state, inputs))
+    felt = _is_felt(state.motion, motion, inputs)
+    wind, air = wind_step(laws.wind, state.wind, vehicle, inputs, _elevator(state, inputs), felt)
     trim, gust = trim_step(
         laws.pitch_trim,
         state.pitch_trim,
@@ -449,6 +452,15 @@ def _margins(
     )
 
 
+def _is_felt(before: MotionState, after: MotionState, inputs: Inputs) -> bool:
+    """Whether the estimator has taken the accelerations of this tick, and they are of now."""
+    return (
+        after.imu_time_s == inputs.imu.time_s  # false for NaN
+        and after.imu_time_s != before.imu_time_s
+        and inputs.time_s - after.imu_time_s <= IMU_SILENT_S
+    )
+
+
 def _elevator(state: AutopilotState, inputs: Inputs) -> float:
     """The elevator's deflection as it is read back, else as we command it, else NaN."""
     if isfinite(inputs.surfaces.elevator):
@@ -462,15 +474,17 @@ def _as_sure(guards: Guards, health: Health, quality: MotionQuality) -> Health:
     """Health as the estimator's doubt has it, and not the age of the last fix alone.
 
     With accelerations the position is flown with until it is too uncertain; where it has jumped
-    it is not, so that the line starts anew at the aircraft and no law sees the step.
+    it is not, so that the line starts anew at the aircraft and no law sees the step.  A fix that
+    says little is young and helps no one: then the position is as uncertain as before.
     """
+    young = health.position_ok and quality.position_sigma_m <= DOUBT_MAX * guards.position_sd_max_m
     carried = (
         quality.inertial
         and quality.position_sigma_m <= guards.position_sd_max_m  # false for NaN
         and health.position_age_s <= guards.position_age_max_s
         and not health.faults & FROZEN  # the estimator knows no better
     )
-    return health._replace(position_ok=(health.position_ok or carried) and not quality.jumped)
+    return health._replace(position_ok=(young or carried) and not quality.jumped)
 
 
 def _watch(

@@ -201,7 +201,8 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     Parameter(
         "EST_SD_MAX", "m", 0.005, 10, 0.10,
         "With accelerometers the line is flown on without fixes until the position is less certain"
-        " than this (standard deviation), and not only for AGE_POS_HOLD.",
+        " than this (standard deviation), and not only for AGE_POS_HOLD. In three times this doubt"
+        " no position is flown with, however young.",
     ),
     Parameter(
         "EST_GATE", "m", 0.05, 100, 0.5,
@@ -233,7 +234,10 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         "Share of the incidence that a gust of updraft makes which the pitch setpoint takes out.",
     ),
     # --- when to let go ------------------------------------------------------------------
-    Parameter("AGE_POS_HOLD", "s", 0.05, 2, 0.25, "Position older than this: hold the pitch."),
+    Parameter("AGE_POS_HOLD", "s", 0.05, 2, 0.25,
+        "Position older than this: hold the pitch; with accelerometers not before the position is"
+        " less certain than EST_SD_MAX.",
+    ),
     Parameter(
         "AGE_POS_MAX", "s", 0.1, 5, 2.0,
         "Position older than this: recover, wings level at REC_PITCH, for REC_TIME; then let go.",

@@ -199,6 +199,40 @@ def test_a_bad_fix_is_refused_and_counted(bad: dict[str, Any]) -> None:
     assert again == after
 
 
+@pytest.mark.parametrize("sigma", [1e3, 1e160, inf])
+def test_a_fix_that_doubts_itself_beyond_measure_is_refused(sigma: float) -> None:
+    """Its square is no number any more: believed once, it would be the end of the estimate."""
+    state = settled()
+    fix = fix_at(99, NOW, straight(NOW), STRAIGHT)._replace(sigma_m=sigma)
+    after, _ = motion_step(GAINS, FRAME, state, mid(NOW, fix))
+    assert after.rejected == state.rejected + 1
+    assert without_count(after) == without_count(state)
+    taken, _ = motion_step(GAINS, FRAME, state, mid(NOW, fix._replace(sigma_m=999.0)))
+    assert taken.fix_time_s == NOW
+
+
+@pytest.mark.parametrize("speed", [26.0, 500.0, 1e200])
+def test_a_place_that_is_believed_does_not_vouch_for_its_velocity(speed: float) -> None:
+    state = settled()
+    for k in range(OUTLIERS_BELIEVED):
+        t = NOW + 0.02 * k
+        fix = off(fix_at(99 + k, t, (1.0, 2.0, 3.0), (speed, 0.0, 0.0)), 6.0)
+        state, vehicle = motion_step(GAINS, FRAME, state, mid(t, fix))
+    assert position(vehicle) == pytest.approx((1.0, 2.0, -3.0))
+    assert velocity(vehicle) == pytest.approx((0.0, 0.0, 0.0))
+    assert motion_quality(GAINS, state, state, t).velocity_sigma_mps == pytest.approx(2.0)
+
+
+def test_before_the_first_fix_nothing_is_told_as_sure() -> None:
+    state = initial_motion()
+    for inputs in (tick(1.0), tick(1.005, NO_FIX, LAST_SAMPLE)):
+        before = state
+        state, _ = motion_step(GAINS, FRAME, state, inputs)
+        quality = motion_quality(GAINS, before, state, inputs.time_s)
+        sigmas = (quality.position_sigma_m, quality.velocity_sigma_mps, quality.bias_sigma_mps2)
+        assert all(isnan(sigma) for sigma in sigmas)
+
+
 def test_a_fix_from_a_little_ahead_is_taken() -> None:
     # The mapping of clocks is not exact.
     state = settled()

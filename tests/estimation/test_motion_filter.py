@@ -19,6 +19,7 @@ from tgl_soar.estimation.motion import (
     BIAS_S,
     GRAVITY_MPS2,
     IMU_SILENT_S,
+    IMU_STEADY_S,
     OUTLIERS_BELIEVED,
     MotionGains,
     MotionState,
@@ -52,6 +53,7 @@ FRAME = SoaringFrame(3.0, -4.0, 5.0, radians(240.0))
 GAINS = MotionGains(0.003, 0.05, 0.2, 0.15, 3.0, 0.0, 0.5, True)
 DT = 0.005
 FIX_TICKS = 4
+CV_DENSITY = 2.0 * 3.0 * 3.0 * 0.1  # what EST_CV_SD stands for
 SILENT = AutopilotStatus(nan, False, False)
 UPWIND = quaternion_from_euler(0.0, 0.0, FRAME.wind_from_rad)
 
@@ -116,9 +118,14 @@ def flight(
     delay: int = 8,
     imu: bool = True,
     silent: range = range(0),
+    deaf: range = range(0),
     density: float = 0.0,
 ) -> Iterator[Tick]:
-    """A flight with smooth accelerations, or white ones of a density [m²/s³]."""
+    """A flight with smooth accelerations, or white ones of a density [m²/s³].
+
+    silent: ticks without fixes; deaf: without accelerations.  Where the estimator knows none,
+    a deaf flight has white ones of EST_CV_SD, else none.
+    """
     dice = random.Random(seed)
     phases = [dice.uniform(0.0, 6.28) for _ in range(3)]
     bias = [dice.gauss(0.0, noise.bias) for _ in range(3)]
@@ -130,6 +137,8 @@ def flight(
     for k in range(ticks):
         if k:
             was = a
+            if deaf:
+                density = CV_DENSITY if k in deaf or not state.inertial else 0.0
             if density:
                 # White acceleration over a tick: velocity and position are a joint Gaussian.
                 step = sqrt(density * DT)
@@ -138,11 +147,12 @@ def flight(
                 p = p + v * DT + DT * (0.5 * one + two / sqrt(12.0))
                 v = v + one
             else:
-                a = np.array([2.0 * sin(3.0 * k * DT + f) for f in phases])
+                if not deaf:
+                    a = np.array([2.0 * sin(3.0 * k * DT + f) for f in phases])
                 p = p + v * DT + (2.0 * was + a) * DT * DT / 6.0
                 v = v + 0.5 * (was + a) * DT
         history.append((p, v))
-        if imu:
+        if imu and k not in deaf:
             walk = noise.bias * sqrt(DT / BIAS_S)
             bias = [b + dice.gauss(0.0, walk) for b in bias]
             felt = [a[i] + bias[i] + dice.gauss(0.0, noise.force) for i in range(3)]
@@ -236,12 +246,12 @@ def test_it_is_the_filter_that_goes_back_and_takes_everything_in_again() -> None
         felt = (-2.0 * cos(2.0 * t) + 0.1, -0.05, 0.2)
         noisy = (felt[0] + dice.gauss(0, 0.2), felt[1] + dice.gauss(0, 0.2), felt[2])
         samples.append(accelerations(k, noisy))
-        if k >= 8 and k % FIX_TICKS == 0:
+        if k >= 40 and k % FIX_TICKS == 0:
             x, y, z = path[k - 8]
             fix = fix_at(k - 8, (x + dice.gauss(0, 0.003), y + dice.gauss(0, 0.003), z))
             fixes.append(fix)
         state, v = motion_step(GAINS, FRAME, state, tick(t, fix, samples[-1], level(k)))
-        if k in (8, 60, 133, 239):
+        if k in (40, 60, 133, 239):
             mean, covariance = replayed(fixes, samples, t)
             quality = motion_quality(GAINS, state, state, t)
             assert (v.x_m, v.y_m, v.z_m) == pytest.approx(mean[0], abs=3e-5)
@@ -281,7 +291,7 @@ def test_innovations_and_errors_are_as_large_as_it_says(imu: bool, speed: float 
     that EST_CV_SD stands for.
     """
     noise = Noise(0.003, speed, 0.2, 0.15)
-    density = 0.0 if imu else 2.0 * 3.0 * 3.0 * 0.1
+    density = 0.0 if imu else CV_DENSITY
     nis, position_nees, velocity_nees = [], [], []
     for seed in range(RUNS):
         *_, last = flight(seed, noise, ticks=201, imu=imu, density=density)
@@ -293,6 +303,94 @@ def test_innovations_and_errors_are_as_large_as_it_says(imu: bool, speed: float 
     assert within(nis, 3, 1e-3 / CHECKS)
     assert within(position_nees, 3, 1e-3 / CHECKS)
     assert within(velocity_nees, 3, 1e-3 / CHECKS)
+
+
+@pytest.mark.parametrize(
+    ("deaf", "silent"),
+    [
+        (range(130, 150), range(120, 209)),  # back inside a gap of fixes
+        (range(160, 180), range(0)),
+        (range(150, 169), range(168, 186)),
+    ],
+)
+def test_accelerations_that_come_and_go_are_counted_on_where_they_were(
+    deaf: range, silent: range
+) -> None:
+    """The doubt of the time without them is not forgotten when they come back."""
+    noise = Noise(0.003, None, 0.2, 0.15)
+    nis, gap_nees, velocity_nees = [], [], []
+    for seed in range(RUNS):
+        flown = list(flight(seed, noise, ticks=212, silent=silent, deaf=deaf))
+        before, after = flown[207], flown[208 + 2 * (len(silent) > 50)]
+        assert before.quality.inertial
+        gap_nees.append(float(np.sum(error(before)[0] ** 2)) / before.quality.position_sigma_m**2)
+        velocity_nees.append(
+            float(np.sum(error(before)[1] ** 2)) / before.quality.velocity_sigma_mps**2
+        )
+        nis.append(after.quality.nis)
+    assert within(nis, 3)
+    assert within(gap_nees, 3)
+    assert within(velocity_nees, 3)
+
+
+@pytest.mark.parametrize("hz", [22.0, 18.0, 16.0, 15.0, 12.0])
+def test_slow_accelerations_are_counted_on_or_not_but_not_by_turns(hz: float) -> None:
+    state, fix, sample = initial_motion(), NO_FIX, NO_IMU
+    changes, said, known = 0, -1, False
+    for k in range(1000):
+        t = k * DT
+        where = (0.4 * sin(3.0 * t), 0.0, 1.0)
+        if int(t * hz) != said:
+            said = int(t * hz)
+            sample = accelerations(k, (-3.6 * sin(3.0 * t), 0.0, 0.0))
+        if k % FIX_TICKS == 0:
+            fix = fix_at(k, where)
+        state, v = motion_step(GAINS, FRAME, state, tick(t, fix, sample, level(k)))
+        changes += state.inertial != known
+        known = state.inertial
+        if k > 200:
+            quality = motion_quality(GAINS, state, state, t)
+            assert abs(v.x_m - where[0]) < 3.0 * quality.position_sigma_m + 0.002
+    assert changes <= 1
+
+
+@pytest.mark.parametrize("delay", [90, 110, 130, 180])
+def test_a_fix_of_a_time_that_the_track_has_forgotten_is_refused(delay: int) -> None:
+    """0.45 s are remembered; fixes that are later are counted, and nobody believes in them."""
+    flown = list(flight(7, Noise(0.003, None, 0.2, 0.0), ticks=1200, delay=delay))
+    for now in flown[delay + 60 :]:
+        sigma = now.quality.position_sigma_m
+        assert not sigma <= 0.1 or float(np.max(np.abs(error(now)[0]))) < 6.0 * sigma
+    sigma, rejected = flown[-1].quality.position_sigma_m, flown[-1].state.rejected
+    if delay == 90:
+        assert sigma < 0.02
+        assert rejected == 0
+    else:
+        assert not sigma <= 1.0
+        assert rejected > 200
+
+
+@pytest.mark.parametrize("imu", [True, False])
+@pytest.mark.parametrize("back", [13, 20, 30, 60])
+def test_a_clock_that_goes_back_a_little_leaves_no_old_errors_behind(imu: bool, back: int) -> None:
+    """Fixes 60 ms late, 5 m away from where the track began: lost until the next, and no jump."""
+    state, fix, sample = initial_motion(), NO_FIX, NO_IMU
+    where = (5.0, 0.0, 1.0)
+    for k in range(600):
+        now = k if k < 400 else k - back
+        if k % FIX_TICKS == 0:
+            fix = fix_at(now - 12, where)._replace(sequence=k + 1)
+        if imu:
+            sample = accelerations(now, (0.0, 0.0, 0.0))._replace(sequence=k + 1)
+        attitude = level(now)._replace(sequence=k + 1)
+        before = state
+        state, v = motion_step(GAINS, FRAME, state, tick(now * DT, fix, sample, attitude))
+        quality = motion_quality(GAINS, before, state, now * DT)
+        assert not quality.jumped
+        if k > 20:
+            assert abs(v.x_m - 5.0) < 1e-6 or not isfinite(v.x_m)
+    assert isfinite(v.x_m)
+    assert quality.position_sigma_m < 0.03
 
 
 def test_a_bias_is_found_and_the_doubt_of_it_shrinks() -> None:
@@ -338,12 +436,14 @@ def test_accelerations_that_fall_silent_are_done_without_and_come_back() -> None
     gone = 200 + round(IMU_SILENT_S / DT)
     assert inertial[100:200] == [True] * 100
     assert inertial[gone:400] == [False] * (400 - gone)
-    assert inertial[401:] == [True] * 199
+    back = 400 + round(IMU_STEADY_S / DT)
+    assert inertial[400:back] == [False] * (back - 400)
+    assert inertial[back + 1 :] == [True] * (599 - back)
 
 
 @pytest.mark.parametrize("imu", [True, False])
 def test_another_source_is_no_step(imu: bool) -> None:
-    """5 cm apart: position and velocity go on as they were, and slide over."""
+    """5 cm apart: position and velocity go on as they were, and slide over, in doubt until then."""
     state, fix, before = initial_motion(), NO_FIX, None
     for k in range(6000):
         shift = 0.05 if k >= 400 else 0.0
@@ -354,15 +454,19 @@ def test_another_source_is_no_step(imu: bool) -> None:
         if k > 200 and before is not None:
             assert abs(v.z_m - before) < 3e-4
             assert abs(v.climb_mps) < 0.01
+            if k >= 400:
+                told = motion_quality(GAINS, state, state, k * DT).position_sigma_m
+                assert told >= 0.999 * (3.05 - v.z_m) - 1e-4
         before = v.z_m
     assert v.z_m == pytest.approx(3.05, abs=1e-3)
     assert state.offset_z_m == pytest.approx(0.0, abs=1e-3)
 
 
-def test_a_source_far_from_the_first_is_doubted_like_any_outlier() -> None:
+@pytest.mark.parametrize("away", [1.2, 2.4, 9.0])
+def test_a_source_far_from_the_first_is_doubted_like_any_outlier(away: float) -> None:
     state, jumped = initial_motion(), []
     for k in range(0, 600, FIX_TICKS):
-        fix = fix_at(k, (1.0 + (9.0 if k >= 400 else 0.0), 2.0, 3.0), source=int(k >= 400))
+        fix = fix_at(k, (1.0 + (away if k >= 400 else 0.0), 2.0, 3.0), source=int(k >= 400))
         before = state
         state, v = motion_step(GAINS, FRAME, state, tick(k * DT, fix))
         quality = motion_quality(GAINS, before, state, k * DT)
@@ -370,7 +474,7 @@ def test_a_source_far_from_the_first_is_doubted_like_any_outlier() -> None:
         assert not (quality.fix_used and quality.fix_refused)
     first = 400 // FIX_TICKS + OUTLIERS_BELIEVED - 1
     assert jumped.index(True) == first
-    assert v.x_m == pytest.approx(10.0, abs=0.01)
+    assert v.x_m == pytest.approx(1.0 + away, abs=0.01)
 
 
 def test_a_velocity_that_cannot_be_is_left_out_and_its_place_taken() -> None:

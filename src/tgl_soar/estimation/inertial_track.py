@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+INFINITE = float("inf")
 NODES = 8
 NODE_S = 0.064  # from one node to the next, or one sample where those are farther apart
 
@@ -103,6 +104,12 @@ def track_at(track: Track, time_s: float) -> Node:
     h = time_s - later.time_s
     _, x, y, z, vx, vy, vz = later
     return Node(time_s, x + vx * h, y + vy * h, z + vz * h, vx, vy, vz)
+
+
+def oldest_s(track: Track) -> float:
+    """The time before which nobody knows where the track was; -inf: its beginning is remembered."""
+    first, second = track.nodes[0].time_s, track.nodes[1].time_s
+    return first if first < second else -INFINITE
 
 
 def _between(a: Node, b: Node, time_s: float) -> Node:

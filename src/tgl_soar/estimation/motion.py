@@ -7,8 +7,12 @@ Accelerations move an inertial track from sample to sample (`inertial_track`):
 f the specific force, turned by the attitude (`turning`) into the soaring frame.  A Kalman filter
 (`fix_filter`) estimates from fix to fix, each at the time when it was *true*, what the track is
 wrong by, and the accelerations' bias.  The state is track plus error, at any time; a late fix
-costs no more than one in time.  Without accelerations the track goes straight on and the filter
-is told how large the acceleration may be: a constant-velocity model.
+costs no more than one in time, as long as the track remembers its time; a later one is refused.
+Without accelerations the track goes straight on and the filter is told how large the acceleration
+may be: a constant-velocity model.  From which time on accelerations are known or not is
+remembered (`MotionState.switched_s`), so that errors and doubt grow on each side of it by the
+model that holds there.  They are counted on from IMU_STEADY_S after they have become frequent
+enough until they fall silent.
 
 A fix whose innovation r is beyond what both the filter's own covariance S and EST_GATE allow,
 
@@ -23,11 +27,13 @@ is as far off is left out, and its place taken.
 
 Another `PositionFix.source` has another origin, by some centimetres.  What its first fix differs
 by, as far as the filter does not doubt itself, is learnt as the source's offset, and bled off
-slowly: the position slides over, its velocity does not know of it.
+slowly: the position slides over, its velocity does not know of it.  Nobody knows which of both is
+right: what is left of the offset is part of the standard deviation that is told.  What differs by
+more than OFFSET_MAX_M is an outlier like any other.
 
 A sample that is not finite, is no rotation, comes from the future, or is not later than the
 one before is refused and counted.  Where the one before lies in the future itself the clock has
-gone back: it is forgotten, and the sample starts afresh.
+gone back: place and velocity are forgotten, and the sample starts afresh.
 """
 
 from __future__ import annotations
@@ -54,13 +60,15 @@ from .fix_filter import (
     spread,
     velocity_taken,
 )
-from .inertial_track import Node, Track, new_track, track_at, track_moved
+from .inertial_track import Node, Track, new_track, oldest_s, track_at, track_moved
 from .turning import NO_TURNING, PREDICT_MAX_S, Turning, is_rotation, turned_by, turning_to
 
 GRAVITY_MPS2 = 9.80665  # what it is elsewhere is a bias of the vertical acceleration
 FUTURE_S = 0.05  # a time stamp may be this far ahead of the tick: clock mapping is not exact
 FORCE_MAX_MPS2 = 200.0  # of 20 g nothing soars; hostile or broken
-IMU_SILENT_S = 0.05  # accelerations older than this are no longer counted on
+IMU_GAP_S = 0.055  # accelerations are counted on where they come more often than this
+IMU_STEADY_S = 0.1  # and have done so for this long
+IMU_SILENT_S = 0.08  # until the last is older than this
 IMU_INTERVAL_S = 0.005  # between two accelerations, until it is known
 IMU_INTERVAL_MIN_S = 0.001
 INTERVAL_SHARE = 0.02  # of the newest interval in the known one
@@ -73,8 +81,10 @@ OUTLIERS_BELIEVED = 5
 JUMP_S = 0.4  # longer than the supervisor keeps a line over a gap
 LOST_M = 0.5  # with a place as uncertain as this, and 3 σ of a fix, a fix starts afresh
 START_MPS = 2.0  # how fast the aircraft may be where a first fix has no velocity
-OFFSET_M = 0.3  # how far the origins of two sources may be apart
-OFFSET_GATES = 5.0  # farther than so many gates a new source is not believed at once
+VELOCITY_MAX_MPS = 25.0  # over the ground; a faster one is none
+SIGMA_MAX_M = 1e3  # who doubts himself so much says nothing
+OFFSET_M = 0.3  # how far the origins of two sources may be apart: standard deviation
+OFFSET_MAX_M = 3.0 * OFFSET_M  # farther off a new source is not believed at once
 OFFSET_SMALL_M = 1e-4  # an offset that nobody sees go
 BLEED_S = 5.0  # in which an offset is bled off, no faster than
 BLEED_MPS = 0.05
@@ -100,8 +110,10 @@ class MotionState(NamedTuple):
     errors: Errors  # at fix_time_s
     turning: Turning
     inertial: bool  # the track moves by accelerations
+    switched_s: float  # since when it does, or does not; NaN: it never did
     imu_sequence: int
     imu_time_s: float  # of the last sample used; NaN: none yet
+    imu_since_s: float  # since when they come often enough; NaN: none yet
     imu_interval_s: float  # between two, on average
     fix_sequence: int  # of the last fix looked at
     fix_time_s: float  # of the last fix used; NaN: none yet
@@ -129,13 +141,15 @@ def initial_motion() -> MotionState:
     return MotionState(
         track=new_track(NAN),
         errors=Errors(
-            *(NAN, NAN, NAN, NAN, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-            Covariance(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+            *(NAN, NAN, NAN, NAN, NAN, NAN, NAN, 0.0, 0.0, 0.0),
+            Covariance(NAN, NAN, NAN, NAN, NAN, NAN),
         ),
         turning=NO_TURNING,
         inertial=False,
+        switched_s=NAN,
         imu_sequence=0,
         imu_time_s=NAN,
+        imu_since_s=NAN,
         imu_interval_s=IMU_INTERVAL_S,
         fix_sequence=0,
         fix_time_s=NAN,
@@ -164,15 +178,21 @@ def motion_step(
 ) -> tuple[MotionState, VehicleState]:
     """Take in what is new and give the state of the aircraft at inputs.time_s."""
     now = inputs.time_s
-    if not state.track.time_s <= now + FUTURE_S:  # the first tick, or the clock has gone back
-        state = state._replace(track=new_track(now), inertial=False, imu_time_s=NAN)
+    newest = now + FUTURE_S
+    if (
+        not state.track.time_s <= newest  # the first tick, or the clock has gone back
+        or state.errors.time_s > newest
+        or state.attitude_time_s > newest
+    ):
+        state = _forgotten(state, now)
     if inputs.attitude.sequence != state.attitude_sequence:
         state = _take_attitude(frame, state, inputs.attitude, now)
     if inputs.imu.sequence != state.imu_sequence:
         state = _take_imu(gains, state, inputs.imu, now)
-    if state.inertial and not (gains.use_imu and now - state.imu_time_s <= IMU_SILENT_S):
-        track = track_moved(state.track, max(now, state.track.time_s), 0.0, 0.0, 0.0)
-        state = state._replace(track=track, inertial=False)
+    last_s = state.track.time_s
+    if state.inertial and not (gains.use_imu and now - last_s <= IMU_SILENT_S):
+        track = track_moved(state.track, max(now, last_s), 0.0, 0.0, 0.0)
+        state = _switched(gains, state, track, last_s)
     if inputs.position.sequence != state.fix_sequence:
         state = _take_fix(gains, frame, state, inputs.position, now)
     return state, _at(state, now)
@@ -183,7 +203,8 @@ def motion_quality(
 ) -> MotionQuality:
     """What a tick at time_s did with what was new, and how sure the estimate is then."""
     errors = after.errors
-    covariance = _spread(gains, after, time_s - errors.time_s)
+    covariance = _covariance_at(gains, after, time_s)
+    ox, oy, oz = after.offset_x_m, after.offset_y_m, after.offset_z_m
     looked_at = after.fix_sequence != before.fix_sequence
     known = after.fix_time_s == after.fix_time_s  # not NaN
     used = looked_at and known and after.fix_time_s != before.fix_time_s
@@ -192,15 +213,15 @@ def motion_quality(
         after.innovation_y_m,
         after.innovation_z_m,
         after.nis,
-        sqrt(max(0.0, covariance.pp)),
-        sqrt(max(0.0, covariance.vv)),
+        _root(covariance.pp + ox * ox + oy * oy + oz * oz),
+        _root(covariance.vv),
         errors.bias_x_mps2,
         errors.bias_y_mps2,
         errors.bias_z_mps2,
-        sqrt(max(0.0, covariance.bb)),
-        after.offset_x_m,
-        after.offset_y_m,
-        after.offset_z_m,
+        _root(covariance.bb),
+        ox,
+        oy,
+        oz,
         after.source,
         used,
         looked_at and not used,
@@ -209,10 +230,51 @@ def motion_quality(
     )
 
 
+def _root(variance: float) -> float:
+    """A standard deviation; NaN, nothing is known, stays NaN."""
+    return 0.0 if variance < 0.0 else sqrt(variance)
+
+
+def _forgotten(state: MotionState, now_s: float) -> MotionState:
+    """Nothing is known of place and velocity; the bias is still believed."""
+    unknown = initial_motion()
+    old, none = state.errors, unknown.errors
+    return state._replace(
+        track=new_track(now_s),
+        errors=none._replace(
+            bias_x_mps2=old.bias_x_mps2,
+            bias_y_mps2=old.bias_y_mps2,
+            bias_z_mps2=old.bias_z_mps2,
+            covariance=none.covariance._replace(bb=old.covariance.bb),
+        ),
+        inertial=False,
+        switched_s=NAN,
+        imu_time_s=NAN,
+        imu_since_s=NAN,
+        fix_time_s=NAN,
+        outliers=0,
+        jump_s=NAN,
+    )
+
+
+def _switched(gains: MotionGains, state: MotionState, track: Track, time_s: float) -> MotionState:
+    """From time_s on accelerations are known where they were not, or the other way round.
+
+    Fixes that are late may still be true before time_s; before the change before this one none.
+    """
+    errors = state.errors
+    if errors.time_s < state.switched_s:
+        covariance = _covariance_at(gains, state, state.switched_s)
+        errors = _errors_at(state, state.switched_s)._replace(covariance=covariance)
+    return state._replace(
+        track=track, errors=errors, inertial=not state.inertial, switched_s=time_s
+    )
+
+
 def _at(state: MotionState, time_s: float) -> VehicleState:
     """The state carried on to time_s."""
     _, x, y, z, vx, vy, climb = track_at(state.track, time_s)
-    errors = carried_on(state.errors, time_s, 1.0 if state.inertial else 0.0)
+    errors = _errors_at(state, time_s)
     turning = state.turning
     turn = max(0.0, min(PREDICT_MAX_S, time_s - turning.time_s))
     return VehicleState(
@@ -232,15 +294,44 @@ def _at(state: MotionState, time_s: float) -> VehicleState:
     )
 
 
-def _spread(gains: MotionGains, state: MotionState, interval_s: float) -> Covariance:
-    """The covariance some time after the last fix."""
-    if state.inertial:
+def _errors_at(state: MotionState, time_s: float) -> Errors:
+    """What the track is wrong by at a time, the covariance left as it was."""
+    errors = state.errors
+    before, after = (0.0, 1.0) if state.inertial else (1.0, 0.0)
+    if errors.time_s < state.switched_s:
+        if time_s <= state.switched_s:
+            return carried_on(errors, time_s, before)
+        errors = carried_on(errors, state.switched_s, before)
+    return carried_on(errors, time_s, after)
+
+
+def _covariance_at(gains: MotionGains, state: MotionState, time_s: float) -> Covariance:
+    """The covariance of these errors."""
+    covariance, start_s = state.errors.covariance, state.errors.time_s
+    if start_s < state.switched_s:
+        end_s = min(time_s, state.switched_s)
+        covariance = _spread(gains, state, covariance, end_s - start_s, not state.inertial)
+        if time_s <= state.switched_s:
+            return covariance
+        start_s = end_s
+    return _spread(gains, state, covariance, time_s - start_s, state.inertial)
+
+
+def _spread(
+    gains: MotionGains,
+    state: MotionState,
+    covariance: Covariance,
+    interval_s: float,
+    inertial: bool,
+) -> Covariance:
+    """The covariance after a time with accelerations, or without."""
+    if inertial:
         interval = max(IMU_INTERVAL_MIN_S, state.imu_interval_s)
         density = gains.force_sd_mps2 * gains.force_sd_mps2 * interval
         bias_density = gains.bias_sd_mps2 * gains.bias_sd_mps2 / BIAS_S
-        return spread(state.errors.covariance, interval_s, 1.0, density, bias_density)
+        return spread(covariance, interval_s, 1.0, density, bias_density)
     density = 2.0 * gains.unknown_sd_mps2 * gains.unknown_sd_mps2 * ACCELERATION_S
-    return spread(state.errors.covariance, interval_s, 0.0, density, 0.0)
+    return spread(covariance, interval_s, 0.0, density, 0.0)
 
 
 def _is_later(time_s: float, last_s: float, now_s: float) -> bool:
@@ -281,25 +372,31 @@ def _take_imu(
         return state._replace(imu_sequence=sample.sequence, rejected=state.rejected + 1)
     turning = turned_by(state.turning, sample)
     turn = time_s - turning.time_s
-    if not (gains.use_imu and abs(turn) <= PREDICT_MAX_S and now_s - time_s <= IMU_SILENT_S):
-        return state._replace(turning=turning, imu_sequence=sample.sequence, imu_time_s=time_s)
-    ax, ay, az = _acceleration(turning, turn, fx, fy, fz)
-    track, interval = state.track, state.imu_interval_s
-    if not state.inertial and time_s > track.time_s:  # it went straight on until now
-        track = track_moved(track, time_s, 0.0, 0.0, 0.0)
-    if time_s > track.time_s:
-        track = track_moved(track, time_s, ax, ay, az)
-        interval += INTERVAL_SHARE * (time_s - state.imu_time_s - interval)
-    else:
-        track = track._replace(ax_mps2=ax, ay_mps2=ay, az_mps2=az)
-    return state._replace(
-        track=track,
+    interval, average, since_s = time_s - state.imu_time_s, state.imu_interval_s, state.imu_since_s
+    counts = gains.use_imu and abs(turn) <= PREDICT_MAX_S and now_s - time_s <= IMU_SILENT_S
+    if interval <= IMU_GAP_S:  # false for NaN, the first
+        average += INTERVAL_SHARE * (interval - average)
+    if not (counts and interval <= IMU_GAP_S):
+        since_s = time_s
+    state = state._replace(
         turning=turning,
-        inertial=True,
         imu_sequence=sample.sequence,
         imu_time_s=time_s,
-        imu_interval_s=interval,
+        imu_interval_s=average,
+        imu_since_s=since_s,
     )
+    if not counts or not (state.inertial or time_s - since_s >= IMU_STEADY_S):
+        return state
+    ax, ay, az = _acceleration(turning, turn, fx, fy, fz)
+    track = state.track
+    if state.inertial and time_s > track.time_s:
+        return state._replace(track=track_moved(track, time_s, ax, ay, az))
+    if time_s > track.time_s:  # it went straight on until now
+        track = track_moved(track, time_s, 0.0, 0.0, 0.0)
+    track = track._replace(ax_mps2=ax, ay_mps2=ay, az_mps2=az)
+    if state.inertial:
+        return state._replace(track=track)
+    return _switched(gains, state, track, track.time_s)
 
 
 def _acceleration(
@@ -349,7 +446,7 @@ def _measured(gains: MotionGains, frame: SoaringFrame, fix: PositionFix) -> _Mea
         vx,
         vy,
         climb,
-        isfinite(vx) and isfinite(vy) and isfinite(climb),
+        _length(vx, vy, climb) <= VELOCITY_MAX_MPS,  # false for NaN
         sd * sd,
         gains.velocity_sd_mps * gains.velocity_sd_mps,
     )
@@ -361,22 +458,31 @@ def _take_fix(
     measured = _measured(gains, frame, fix)
     state = state._replace(fix_sequence=fix.sequence)
     time_s = measured.time_s
-    usable = isfinite(measured.x_m) and isfinite(measured.y_m) and isfinite(measured.z_m)
-    if not (usable and _is_later(time_s, state.fix_time_s, now_s)):
+    last_s = state.errors.time_s
+    usable = (
+        isfinite(measured.x_m)
+        and isfinite(measured.y_m)
+        and isfinite(measured.z_m)
+        and not fix.sigma_m >= SIGMA_MAX_M  # NaN is not told
+        and time_s >= oldest_s(state.track)
+        and _is_later(time_s, last_s, now_s)
+    )
+    if not usable:
         return state._replace(rejected=state.rejected + 1)
 
     track = track_at(state.track, time_s)
-    interval = time_s - state.fix_time_s
-    if not interval > 0.0:  # the first, or the clock has gone back
+    if last_s != last_s:  # NaN: the first
         return _start(gains, state, fix.source, measured, track)
-    covariance = _spread(gains, state, interval)
-    if covariance.pp > LOST_M * LOST_M + 9.0 * measured.variance_m2:
+    interval = time_s - last_s
+    covariance = _covariance_at(gains, state, time_s)
+    if not covariance.pp <= LOST_M * LOST_M + 9.0 * measured.variance_m2:
         return _start(gains, state._replace(jump_s=now_s), fix.source, measured, track)
 
-    errors = carried_on(state.errors, time_s, 1.0 if state.inertial else 0.0)
-    errors = errors._replace(covariance=covariance)
+    errors = _errors_at(state, time_s)._replace(covariance=covariance)
     scatter = covariance.pp + measured.variance_m2
-    ox, oy, oz = state.offset_x_m, state.offset_y_m, state.offset_z_m
+    ox, oy, oz = 0.0, 0.0, 0.0
+    if fix.source == state.source:
+        ox, oy, oz = state.offset_x_m, state.offset_y_m, state.offset_z_m
     rx = measured.x_m - ox - track.x_m - errors.x_m
     ry = measured.y_m - oy - track.y_m - errors.y_m
     rz = measured.z_m - oz - track.z_m - errors.z_m
@@ -388,10 +494,10 @@ def _take_fix(
             dx, dy, dz = bled * ox, bled * oy, bled * oz
             ox, oy, oz = ox - dx, oy - dy, oz - dz
             errors = errors._replace(x_m=errors.x_m + dx, y_m=errors.y_m + dy, z_m=errors.z_m + dz)
-    elif distance <= OFFSET_GATES * reach:
+    elif distance <= OFFSET_MAX_M:
         # Of the difference the new source's origin has the share that the filter's doubt has not.
         share = OFFSET_M * OFFSET_M / (OFFSET_M * OFFSET_M + scatter)
-        ox, oy, oz = ox + share * rx, oy + share * ry, oz + share * rz
+        ox, oy, oz = share * rx, share * ry, share * rz
         rx, ry, rz = (1.0 - share) * rx, (1.0 - share) * ry, (1.0 - share) * rz
         distance *= 1.0 - share
     state = state._replace(

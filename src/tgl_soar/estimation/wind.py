@@ -171,10 +171,12 @@ def wind_step(
     vehicle: VehicleState,
     inputs: Inputs,
     elevator: float,
+    felt: bool,
 ) -> tuple[WindState, AirEstimate]:
     """Take in what is new and give the air at inputs.time_s.
 
-    elevator: its deflection, -1 … 1; NaN: not known.
+    elevator: its deflection, -1 … 1; NaN: not known.  felt: new accelerations are of now and may
+    be believed; one spike in the averages is believed for BIAS_S.
     """
     aero, imu, pitot = params.aerodynamics, inputs.imu, inputs.airspeed
     now = inputs.time_s
@@ -197,7 +199,7 @@ def wind_step(
     forces = 0
     fx, fz, noise_x, noise_z = 0.0, 0.0, FORCE_NOISE_MPS2, FORCE_NOISE_MPS2
     if imu.sequence != state.imu_sequence:
-        if isfinite(imu.force_x_frd_mps2) and isfinite(imu.force_z_frd_mps2):
+        if felt and isfinite(imu.force_x_frd_mps2) and isfinite(imu.force_z_frd_mps2):
             average = _averaged(average, frame, imu, gravity, dt)
             fx, fz = _unbiased(average, frame, imu)
             imu_time = now

@@ -161,7 +161,7 @@ def look_on(flight: Flight) -> Seen:
                 imu=inputs.imu if case.imu else NO_IMU,
                 airspeed=inputs.airspeed if case.pitot else NO_AIRSPEED,
             )
-            states[name], air = wind_step(params[name], states[name], vehicle, seen, elevator)
+            states[name], air = wind_step(params[name], states[name], vehicle, seen, elevator, True)
             read[name].append(air[:7])
         elevator = output.command.elevator if output.active else nan
         flat = hypot(truth.wind_x_mps - truth.velocity_x_mps, truth.velocity_y_mps)
