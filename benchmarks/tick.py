@@ -15,6 +15,7 @@ from tgl_soar.autopilot import AutopilotState, initial_state, laws_from, step
 from tgl_soar.config import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.estimation.motion import motion_step
 from tgl_soar.sim.closed_loop import HELD_S
+from tgl_soar.sim.sensors import MEMS_IMU, USUAL_SENSORS, Sensors
 from tgl_soar.sim.world import make_world
 from tgl_soar.types import AutopilotStatus, Inputs
 
@@ -22,6 +23,7 @@ from .result import Result
 
 TICKS = 4000
 WARM_UP = 600
+WITH_IMU = Sensors(imu=MEMS_IMU)
 
 
 def tick() -> Result:
@@ -44,15 +46,39 @@ def tick_with_estimator() -> Result:
     )
 
 
-BENCHMARKS = (tick, tick_with_estimator)
+def tick_with_accelerations() -> Result:
+    """The same with accelerometers of 200 Hz: a sample in every tick."""
+    whole, _, parse = _times(WITH_IMU)
+    return Result(
+        "one tick, all of it, accelerations fused",
+        whole,
+        parse,
+        "µs",
+        "pymavlink parses one ATTITUDE_QUATERNION",
+    )
 
 
-def _times() -> tuple[float, float, float]:
+def estimator_with_accelerations() -> Result:
+    """Median time of the estimator's part of that."""
+    _, estimator, parse = _times(WITH_IMU)
+    return Result(
+        "the estimator, accelerations fused",
+        estimator,
+        parse,
+        "µs",
+        "pymavlink parses one ATTITUDE_QUATERNION",
+    )
+
+
+BENCHMARKS = (tick, tick_with_estimator, tick_with_accelerations, estimator_with_accelerations)
+
+
+def _times(sensors: Sensors = USUAL_SENSORS) -> tuple[float, float, float]:
     """Median µs of a whole tick, of the estimator's part, and of the reference."""
     airframe_path, site_path = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
     airframe, site = load_airframe(airframe_path), load_site(site_path)
     values = load_parameters(airframe, airframe_path, site, site_path)
-    world = make_world(airframe, site, seed=1, turbulence=0.01)
+    world = make_world(airframe, site, seed=1, turbulence=0.01, sensors=sensors)
     world.held = True
     laws = laws_from(values, world.frame, world.aerodynamics)
     state: AutopilotState = initial_state()
@@ -67,6 +93,9 @@ def _times() -> tuple[float, float, float]:
             world.attitude,
             AutopilotStatus(now, True, True),
             now >= HELD_S,
+            world.imu,
+            world.airspeed,
+            world.surfaces,
         )
         frame = mavlink.MAVLink_attitude_quaternion_message(i, 1, 0, 0, 0, 0, 0, 0).pack(encoder)
         before = perf_counter()
