@@ -212,10 +212,10 @@ def _wrapped(attitude: Series | None) -> Series | None:
 
 
 def _modes(kinds: _Kinds, clocks: Straightened) -> tuple[ModeChange, ...]:
-    rows = kinds.get("MODE")
-    if rows is None:
+    rows = kinds.get("MODE", {})
+    numbers = rows.get("ModeNum", rows.get("Mode"))
+    if numbers is None or numbers.dtype.kind not in "iuf":  # damage may have renamed it
         return ()
-    numbers = rows["ModeNum"] if "ModeNum" in rows else rows["Mode"]
     names = mavutil.mode_mapping_bynumber(mavutil.mavlink.MAV_TYPE_FIXED_WING) or {}
     words = [names.get(int(number), f"mode {int(number)}") for number in numbers]
     return changes_of(clocks.time_s["MODE"], words)
