@@ -394,7 +394,7 @@ def step(laws: Laws, state: AutopilotState, inputs: Inputs) -> tuple[AutopilotSt
         laws.health, state.health, motion, inputs, flying, state.limited.command, dt
     )
     health = _as_sure(laws.guards, health, quality)
-    felt = _is_felt(state.motion, motion, inputs)
+    felt = _is_felt(state.motion, motion, inputs.time_s)
     wind, air = wind_step(laws.wind, state.wind, vehicle, inputs, _elevator(state, inputs), felt)
     trim, gust = trim_step(
         laws.pitch_trim,
@@ -452,12 +452,11 @@ def _margins(
     )
 
 
-def _is_felt(before: MotionState, after: MotionState, inputs: Inputs) -> bool:
-    """Whether the estimator has taken the accelerations of this tick, and they are of now."""
+def _is_felt(before: MotionState, after: MotionState, time_s: float) -> bool:
+    """Whether the estimator has taken new accelerations in this tick, and they are of now."""
     return (
-        after.imu_time_s == inputs.imu.time_s  # false for NaN
-        and after.imu_time_s != before.imu_time_s
-        and inputs.time_s - after.imu_time_s <= IMU_SILENT_S
+        after.imu_time_s != before.imu_time_s
+        and time_s - after.imu_time_s <= IMU_SILENT_S  # false for NaN
     )
 
 
