@@ -133,7 +133,7 @@ def prepare(world: World, duration_s: float) -> Prepared:
     never = sensor_timing("none", world.step_hz, 0.0, world.step_hz)
     setup = Setup(
         world.step_hz,
-        world._model,
+        world.model,
         world._servo,
         world.frame,
         flat.first,

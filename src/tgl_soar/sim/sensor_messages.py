@@ -105,26 +105,34 @@ class ShownAirspeed:
 
 
 def global_position(fix: PositionFix, home: HomePosition | None, time_ms: int, yaw: float) -> Any:
-    """GLOBAL_POSITION_INT of a place near a home, by its radii of curvature; all zero without."""
+    """GLOBAL_POSITION_INT of a place near a home; latitude and longitude are zero without one."""
     velocity = [round(max(-327.0, min(327.0, v)) * 100.0) if v == v else 0 for v in fix[5:8]]
     heading = round(degrees(yaw) % 360.0 * 100.0) % 36000
     if home is None:
         return mavlink.MAVLink_global_position_int_message(
             time_ms, 0, 0, 0, round(-1e3 * fix.down_m), *velocity, heading
         )
-    latitude = radians(home.latitude_deg)
-    bulge = 1.0 - _E2 * sin(latitude) ** 2
-    normal_m = _EQUATOR_M / sqrt(bulge)
-    meridian_m = normal_m * (1.0 - _E2) / bulge
-    height_m = home.altitude_m - fix.down_m
-    north_rad = fix.north_m / (meridian_m + height_m)
-    east_rad = fix.east_m / ((normal_m + height_m) * cos(latitude))
+    latitude_deg, longitude_deg, height_m = geodetic(home, fix.north_m, fix.east_m, fix.down_m)
     return mavlink.MAVLink_global_position_int_message(
         time_ms,
-        round((home.latitude_deg + degrees(north_rad)) * 1e7),
-        round((home.longitude_deg + degrees(east_rad)) * 1e7),
+        round(latitude_deg * 1e7),
+        round(longitude_deg * 1e7),
         round(height_m * 1e3),
         round(-fix.down_m * 1e3),
         *velocity,
         heading,
     )
+
+
+def geodetic(
+    home: HomePosition, north_m: float, east_m: float, down_m: float
+) -> tuple[float, float, float]:
+    """Latitude, longitude [deg] and height [m] of a place near a home, by radii of curvature."""
+    latitude = radians(home.latitude_deg)
+    bulge = 1.0 - _E2 * sin(latitude) ** 2
+    normal_m = _EQUATOR_M / sqrt(bulge)
+    meridian_m = normal_m * (1.0 - _E2) / bulge
+    height_m = home.altitude_m - down_m
+    north_rad = north_m / (meridian_m + height_m)
+    east_rad = east_m / ((normal_m + height_m) * cos(latitude))
+    return home.latitude_deg + degrees(north_rad), home.longitude_deg + degrees(east_rad), height_m

@@ -149,7 +149,7 @@ class World:
         self.imu: ImuSample = NO_IMU
         self.airspeed: AirspeedSample = NO_AIRSPEED
         self.surfaces: SurfacesSample = NO_SURFACES
-        self._model, self._servo = model, servo
+        self.model, self._servo = model, servo
         self._dt_s = 1.0 / step_hz
         self._bounds = bounds
         self._turbulence = (
@@ -228,7 +228,7 @@ class World:
                 state.y_m + state.velocity_y_mps * dt,
                 state.z_m + state.velocity_z_mps * dt,
             )
-            state = step(self._model, state, surfaces, self.wind, ahead, dt)
+            state = step(self.model, state, surfaces, self.wind, ahead, dt)
             if not self.field.inside(state.x_m, state.y_m, state.z_m) or (
                 self._bounds is not None and abs(state.y_m) > self._bounds.half_width_m
             ):
