@@ -2,8 +2,9 @@
 
 Framing is ours: a stream or a datagram is cut into MAVLink 1 and 2 frames whose checksum is
 right; after anything else the search goes on at the very next byte, so that garbage, a cut
-frame or a marker inside a payload costs no good frame behind it.  Payloads go through
-pymavlink's dialect, and only those of messages that somebody here listens to.
+frame or a marker inside a payload costs no good frame behind it.  The payloads of every tick
+are read and written by `hot_frames`, all others by pymavlink's dialect, and only those of
+messages that somebody here listens to.
 
 Nothing that arrives raises.  Nothing untyped leaves this file.
 """
@@ -13,22 +14,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any, Final
+from struct import Struct
+from typing import Any, Final, TypeAlias
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from .hot_frames import READERS, WRITERS, Read, checksum
 from .messages import (
-    AttitudeQuaternion,
     AutopilotVersion,
     CommandAck,
     CommandInt,
     CommandLong,
     DebugFloatArray,
-    GlobalPositionInt,
     Heard,
     Heartbeat,
-    HighresImu,
-    LocalPositionNed,
     MessageInterval,
     NamedValueFloat,
     NavControllerOutput,
@@ -38,40 +37,38 @@ from .messages import (
     ParamRequestRead,
     ParamSet,
     ParamValue,
-    RawImu,
     RcChannels,
-    RcChannelsOverride,
     Received,
     Said,
-    ScaledImu,
-    ServoOutputRaw,
     SetupSigning,
     Source,
     StatusText,
     SysStatus,
-    Timesync,
     VfrHud,
     VisionPositionEstimate,
     WindCov,
 )
-from .signing import Signing
+from .signing import Signing, signed
 
 _MARKER_V1: Final = 0xFE
 _MARKER_V2: Final = 0xFD
 _HEADER_V1: Final = 6
 _HEADER_V2: Final = 10
 _CHECKSUM: Final = 2
+_HEAD_V1: Final = Struct("<BBB2ss").unpack_from  # the sender and the number as they stand there
+_HEAD_V2: Final = Struct("<BBBBB2s3s").unpack_from
+_SHORTEST_V2: Final = _HEADER_V2 + _CHECKSUM
 _SIGNED: Final = 0x01
 _SIGNATURE: Final = 13
 
-_CRC_EXTRA: Final[dict[int, int]] = {
-    number: int(kind.crc_extra) for number, kind in dialect.mavlink_map.items()
-}
+_new: Final = tuple.__new__  # a named tuple without counting its fields once more
 
 _FLOAT32_MAX: Final = 3.4028234e38
 _MOST_LOST: Final = 200  # in a row: a larger gap is a frame that was overtaken
 _LARGEST_V1: Final = 255  # MAVLink 1 has no larger message numbers
 _ARRAY_SIZE: Final = 58  # numbers of a DEBUG_FLOAT_ARRAY
+_MAX_SOURCES: Final = 64  # kept, so that each need not be made anew with every frame
+_ZEROS: Final = bytes(255)  # what was cut off a payload
 
 
 @dataclass(slots=True)
@@ -112,6 +109,7 @@ class Decoder:
         self._dialect: Any = dialect.MAVLink(None)
         self.only_v1 = False  # frames came, and all of MAVLink 1
         self._heard_v2 = False
+        self._sources: dict[bytes, Source] = {}
         self._watched = b""
         self._sequence = -1
 
@@ -121,47 +119,25 @@ class Decoder:
 
     def feed(self, data: bytes) -> list[Received]:
         """The messages that end in this piece, in order."""
-        counters = self.counters
         if self._rest:
             data = self._rest + data
             self._rest = b""
         received: list[Received] = []
         at, end = 0, len(data)
         while at < end:
-            length = _frame_length(data, at)
-            if length == 0:
-                at = self._skip_to_marker(data, at)
-            elif at + length > end:
-                if self._stream:
-                    self._rest = data[at:]
-                    break
-                at = self._skip_to_marker(data, at)
+            if data[at] == _MARKER_V2 and end - at >= _SHORTEST_V2 and data[at + 2] == 0:
+                length = _SHORTEST_V2 + data[at + 1]  # nearly always
             else:
-                number = _message_number(data, at)
-                if number not in _CRC_EXTRA:
-                    # Its checksum cannot be told: it may be garbage that hides good frames.
-                    if _may_be_unknown_frame(data, at, at + length):
-                        counters.unknown += 1
-                        if self._tap is not None:
-                            self._tap(data[at : at + length])
-                        at += length
-                    else:
-                        at = self._skip_to_marker(data, at)
-                elif not _checksum_is_right(data, at, number):
-                    counters.bad_checksums += 1
-                    at = self._skip_to_marker(data, at)
-                else:
-                    counters.frames += 1
-                    frame = data[at : at + length]
-                    if self._tap is not None:
-                        self._tap(frame)
-                    self._count(data, at)
-                    if number in _HEARD:
-                        if self._accept is None or self._accept(frame):
-                            self._decode(frame, number, received)
-                        else:
-                            counters.refused += 1
-                    at += length
+                length = _frame_length(data, at)
+            if at + length > end and self._stream:
+                self._rest = data[at:]
+                break
+            if 0 < length <= end - at and (
+                self._take(data[at : at + length], received) or self._is_unknown(data, at, length)
+            ):
+                at += length
+            else:
+                at = self._skip_to_marker(data, at)
         return received
 
     def reset(self) -> None:
@@ -170,20 +146,66 @@ class Decoder:
         self._sequence = -1
         self.only_v1 = self._heard_v2 = False
 
-    def _count(self, data: bytes, at: int) -> None:
-        """The version of a good frame, and the gap before it if its sender is watched."""
+    def _take(self, frame: bytes, received: list[Received]) -> bool:
+        """What has the length of a frame; whether it is one, of a message that is known."""
+        if frame[0] == _MARKER_V2:
+            _, size, _, _, sequence, sender, number = _HEAD_V2(frame)
+            payload_at = _HEADER_V2
+        else:
+            _, size, sequence, sender, number = _HEAD_V1(frame)
+            payload_at = _HEADER_V1
+        kind = _KINDS.get(number)
+        if kind is None:
+            return False
+        crc_extra, needed, read, heard = kind
+        to = payload_at + size
         counters = self.counters
-        sequence_at = at + 4
-        if data[at] == _MARKER_V1:
+        if checksum(crc_extra, checksum(frame[1:to])) != frame[to] | frame[to + 1] << 8:
+            counters.bad_checksums += 1
+            return False
+        counters.frames += 1
+        if self._tap is not None:
+            self._tap(frame)
+        if payload_at == _HEADER_V1:
             self.only_v1 = not self._heard_v2
-            sequence_at = at + 2
         elif not self._heard_v2:
-            self._heard_v2 = True
-            self.only_v1 = False
-        if data[sequence_at + 1 : sequence_at + 3] != self._watched:
-            return
+            self._heard_v2, self.only_v1 = True, False
+        if sender == self._watched:
+            self._count(sequence)
+        if read is None and heard is None:
+            return True
+        if self._accept is not None and not self._accept(frame):
+            counters.refused += 1
+            return True
+        if read is None:
+            message = self._decoded(frame, heard)
+        elif size >= needed:
+            message = read(frame, payload_at)
+        else:
+            message = read(frame[payload_at:to] + _ZEROS[: needed - size], 0)
+        if message is not None:
+            counters.messages += 1
+            source = self._sources.get(sender) or self._met(sender)
+            received.append(_new(Received, (source, message)))
+        return True
+
+    def _is_unknown(self, data: bytes, at: int, length: int) -> bool:
+        """Whether it is a frame of a number that the dialect lacks.
+
+        Its checksum cannot be told: it may be garbage that hides good frames.
+        """
+        frame = data[at : at + length]
+        if _number(frame) in _KINDS or not _may_be_unknown_frame(data, at, at + length):
+            return False
+        self.counters.unknown += 1
+        if self._tap is not None:
+            self._tap(frame)
+        return True
+
+    def _count(self, sequence: int) -> None:
+        """A frame of the sender that is watched, and the gap before it."""
+        counters = self.counters
         counters.watched += 1
-        sequence = data[sequence_at]
         if self._sequence >= 0:
             gap = (sequence - self._sequence - 1) & 0xFF
             if gap > _MOST_LOST:  # it comes late: one that was counted as lost
@@ -192,23 +214,28 @@ class Decoder:
             counters.lost += gap
         self._sequence = sequence
 
+    def _met(self, sender: bytes) -> Source:
+        """Who has not spoken before."""
+        source = Source(*sender)
+        if len(self._sources) < _MAX_SOURCES:
+            self._sources[sender] = source
+        return source
+
+    def _decoded(self, frame: bytes, heard: Callable[[Any], Heard] | None) -> Heard | None:
+        """What pymavlink makes of it."""
+        assert heard is not None
+        try:
+            return heard(self._dialect.decode(bytearray(frame)))
+        except Exception:  # whatever pymavlink thinks of these bytes, it must not end a flight
+            self.counters.undecodable += 1
+            return None
+
     def _skip_to_marker(self, data: bytes, at: int) -> int:
         """The next place after `at` where a frame may begin."""
         found = [i for i in (data.find(_MARKER_V2, at + 1), data.find(_MARKER_V1, at + 1)) if i > 0]
         to = min(found, default=len(data))
         self.counters.skipped_bytes += to - at
         return to
-
-    def _decode(self, frame: bytes, number: int, received: list[Received]) -> None:
-        try:
-            message = self._dialect.decode(bytearray(frame))
-            heard = _HEARD[number](message)
-            source = Source(message.get_srcSystem(), message.get_srcComponent())
-        except Exception:  # whatever pymavlink thinks of these bytes, it must not end a flight
-            self.counters.undecodable += 1
-            return
-        self.counters.messages += 1
-        received.append(Received(source, heard))
 
 
 def starts_with_frame(data: bytes) -> bool:
@@ -223,9 +250,13 @@ def first_frame(data: bytes) -> bytes:
     length = _frame_length(data, 0)
     if length == 0 or length > len(data):
         return b""
-    number = _message_number(data, 0)
-    good = number in _CRC_EXTRA and _checksum_is_right(data, 0, number)
-    return data[:length] if good else b""
+    frame = data[:length]
+    kind = _KINDS.get(_number(frame))
+    to = length - _CHECKSUM - (_SIGNATURE if frame[0] == _MARKER_V2 and frame[2] else 0)
+    good = kind is not None and (
+        checksum(kind[0], checksum(frame[1:to])) == frame[to] | frame[to + 1] << 8
+    )
+    return frame if good else b""
 
 
 def _frame_length(data: bytes, at: int) -> int:
@@ -262,17 +293,9 @@ def _may_be_unknown_frame(data: bytes, at: int, to: int) -> bool:
     )
 
 
-def _message_number(data: bytes, at: int) -> int:
-    if data[at] == _MARKER_V1:
-        return data[at + 5]
-    return data[at + 7] | data[at + 8] << 8 | data[at + 9] << 16
-
-
-def _checksum_is_right(data: bytes, at: int, number: int) -> bool:
-    header = _HEADER_V1 if data[at] == _MARKER_V1 else _HEADER_V2
-    end = at + header + data[at + 1]
-    crc = dialect.x25crc(data[at + 1 : end] + bytes((_CRC_EXTRA[number],))).crc
-    return bool(crc == data[end] | data[end + 1] << 8)
+def _number(frame: bytes) -> bytes:
+    """Of its message, as it stands in the frame."""
+    return frame[5:6] if frame[0] == _MARKER_V1 else frame[7:10]
 
 
 def _text(value: Any) -> str:
@@ -286,70 +309,9 @@ def _heartbeat(m: Any) -> Heard:
     return Heartbeat(m.type, m.autopilot, m.base_mode, m.custom_mode, m.system_status)
 
 
-def _attitude_quaternion(m: Any) -> Heard:
-    return AttitudeQuaternion(
-        m.time_boot_ms, m.q1, m.q2, m.q3, m.q4, m.rollspeed, m.pitchspeed, m.yawspeed
-    )
-
-
-def _local_position_ned(m: Any) -> Heard:
-    return LocalPositionNed(m.time_boot_ms, m.x, m.y, m.z, m.vx, m.vy, m.vz)
-
-
-def _odometry(m: Any) -> Heard:
-    qw, qx, qy, qz = m.q
-    return Odometry(
-        m.time_usec,
-        m.frame_id,
-        m.child_frame_id,
-        m.x,
-        m.y,
-        m.z,
-        (qw, qx, qy, qz),
-        m.vx,
-        m.vy,
-        m.vz,
-        m.rollspeed,
-        m.pitchspeed,
-        m.yawspeed,
-        tuple(m.pose_covariance),
-        tuple(m.velocity_covariance),
-        m.estimator_type,
-    )
-
-
 def _vision_position_estimate(m: Any) -> Heard:
     pose = m.x, m.y, m.z, m.roll, m.pitch, m.yaw
     return VisionPositionEstimate(m.usec, *pose, tuple(m.covariance))
-
-
-def _global_position_int(m: Any) -> Heard:
-    return GlobalPositionInt(m.time_boot_ms, m.lat, m.lon, m.alt, m.vx, m.vy, m.vz)
-
-
-def _highres_imu(m: Any) -> Heard:
-    return HighresImu(
-        m.time_usec,
-        m.xacc,
-        m.yacc,
-        m.zacc,
-        m.xgyro,
-        m.ygyro,
-        m.zgyro,
-        m.abs_pressure,
-        m.diff_pressure,
-        m.temperature,
-        m.fields_updated,
-    )
-
-
-def _scaled_imu(m: Any) -> Heard:
-    force, rate = (m.xacc, m.yacc, m.zacc), (m.xgyro, m.ygyro, m.zgyro)
-    return ScaledImu(m.get_msgId(), m.time_boot_ms, *force, *rate)
-
-
-def _raw_imu(m: Any) -> Heard:
-    return RawImu(m.time_usec, m.xacc, m.yacc, m.zacc, m.xgyro, m.ygyro, m.zgyro)
 
 
 def _vfr_hud(m: Any) -> Heard:
@@ -358,11 +320,6 @@ def _vfr_hud(m: Any) -> Heard:
 
 def _sys_status(m: Any) -> Heard:
     return SysStatus(m.onboard_control_sensors_present, m.onboard_control_sensors_health)
-
-
-def _servo_output_raw(m: Any) -> Heard:
-    servos = tuple(int(getattr(m, f"servo{i}_raw")) for i in range(1, 17))
-    return ServoOutputRaw(m.time_usec, m.port, servos)
 
 
 def _command_long(m: Any) -> Heard:
@@ -414,25 +371,11 @@ def _setup_signing(m: Any) -> Heard:
     )
 
 
-def _timesync(m: Any) -> Heard:
-    return Timesync(m.tc1, m.ts1)
-
-
 _HEARD: Final[dict[int, Callable[[Any], Heard]]] = {
     dialect.MAVLINK_MSG_ID_HEARTBEAT: _heartbeat,
-    dialect.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: _attitude_quaternion,
-    dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED: _local_position_ned,
-    dialect.MAVLINK_MSG_ID_ODOMETRY: _odometry,
     dialect.MAVLINK_MSG_ID_VISION_POSITION_ESTIMATE: _vision_position_estimate,
-    dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: _global_position_int,
-    dialect.MAVLINK_MSG_ID_HIGHRES_IMU: _highres_imu,
-    dialect.MAVLINK_MSG_ID_SCALED_IMU: _scaled_imu,
-    dialect.MAVLINK_MSG_ID_SCALED_IMU2: _scaled_imu,
-    dialect.MAVLINK_MSG_ID_SCALED_IMU3: _scaled_imu,
-    dialect.MAVLINK_MSG_ID_RAW_IMU: _raw_imu,
     dialect.MAVLINK_MSG_ID_VFR_HUD: _vfr_hud,
     dialect.MAVLINK_MSG_ID_SYS_STATUS: _sys_status,
-    dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: _servo_output_raw,
     dialect.MAVLINK_MSG_ID_COMMAND_LONG: _command_long,
     dialect.MAVLINK_MSG_ID_COMMAND_INT: _command_int,
     dialect.MAVLINK_MSG_ID_COMMAND_ACK: _command_ack,
@@ -442,7 +385,30 @@ _HEARD: Final[dict[int, Callable[[Any], Heard]]] = {
     dialect.MAVLINK_MSG_ID_PARAM_SET: _param_set,
     dialect.MAVLINK_MSG_ID_PARAM_VALUE: _param_value,
     dialect.MAVLINK_MSG_ID_SETUP_SIGNING: _setup_signing,
-    dialect.MAVLINK_MSG_ID_TIMESYNC: _timesync,
+}
+
+
+# What is known of a message: what its checksum ends with, and who reads it, if anybody:
+# `hot_frames`, from so many bytes of the payload, or pymavlink.  (A plain tuple unpacks faster
+# than a named one.)
+_Kind: TypeAlias = tuple[bytes, int, Read | None, Callable[[Any], Heard] | None]
+
+
+def _kinds() -> dict[bytes, _Kind]:
+    """By the number as it stands in a frame of either version."""
+    kinds: dict[bytes, _Kind] = {}
+    for number, message in dialect.mavlink_map.items():
+        needed, read = READERS.get(number, (0, None))
+        kind = bytes((message.crc_extra,)), needed, read, _HEARD.get(number)
+        kinds[number.to_bytes(3, "little")] = kind
+        if number <= _LARGEST_V1:
+            kinds[bytes((number,))] = kind
+    return kinds
+
+
+_KINDS: Final = _kinds()
+_WRITTEN: Final = {
+    kind: (number, _KINDS[bytes((number,))][0], write) for kind, (number, write) in WRITERS.items()
 }
 
 
@@ -455,6 +421,7 @@ class Encoder:
         self._signing = signing
         self._link_id = link_id
         self.version1 = False  # speak MAVLink 1
+        self._sequence = 0
         self._dialect: Any = dialect.MAVLink(None, source.system, source.component)
 
     def encode(self, message: Said) -> bytes:
@@ -462,26 +429,51 @@ class Encoder:
 
         Errors: `struct.error` for a field that does not fit its place: a mistake of ours.
         """
+        signing = self._signing
+        key = signing.key if signing is not None and not self.version1 else None
+        timestamp = signing.next_timestamp() if signing is not None and key is not None else 0
+        written = _WRITTEN.get(type(message))
+        if written is None:
+            frame = self._packed(message, key, timestamp)
+        else:
+            number, crc_extra, write = written
+            frame = self._framed(number, crc_extra, write(message), key, timestamp)
+        if frame:
+            self._sequence = (self._sequence + 1) & 0xFF
+        return frame
+
+    def _framed(
+        self, number: int, crc_extra: bytes, payload: bytes, key: bytes | None, timestamp: int
+    ) -> bytes:
+        """Around a payload of ours: of a number below 256."""
+        if self.version1:
+            body = bytes((len(payload), self._sequence, *self.source, number)) + payload
+            return b"\xfe" + body + checksum(crc_extra, checksum(body)).to_bytes(2, "little")
+        payload = payload.rstrip(b"\0") or b"\0"
+        flags = 0 if key is None else _SIGNED
+        system, component = self.source
+        head = bytes((len(payload), flags, 0, self._sequence, system, component, number, 0, 0))
+        body = head + payload
+        frame = b"\xfd" + body + checksum(crc_extra, checksum(body)).to_bytes(2, "little")
+        return frame if key is None else signed(frame, key, self._link_id, timestamp)
+
+    def _packed(self, message: Said, key: bytes | None, timestamp: int) -> bytes:
+        """By pymavlink."""
         packable = _SAID[type(message)](message)
         if self.version1 and packable.id > _LARGEST_V1:
             return b""
-        if self._signing is not None:
-            self._prepare_signature(self._signing)
-        frame: bytes = packable.pack(self._dialect, force_mavlink1=self.version1)
-        self._dialect.seq = (self._dialect.seq + 1) & 0xFF
-        return frame
-
-    def _prepare_signature(self, signing: Signing) -> None:
-        state = self._dialect.signing
-        state.secret_key = signing.key
-        state.sign_outgoing = signing.is_on
+        mav = self._dialect
+        mav.seq = self._sequence
+        state = mav.signing
+        state.secret_key = key
+        state.sign_outgoing = key is not None
         state.link_id = self._link_id
-        if signing.is_on:
-            state.timestamp = signing.next_timestamp()
+        state.timestamp = timestamp
+        return bytes(packable.pack(mav, force_mavlink1=self.version1))
 
     def restart(self) -> None:
         """Count from zero again."""
-        self._dialect.seq = 0
+        self._sequence = 0
 
 
 def _float32(value: float) -> float:
@@ -539,10 +531,6 @@ def _pack_param_value(m: Any) -> Any:
     )
 
 
-def _pack_timesync(m: Any) -> Any:
-    return dialect.MAVLink_timesync_message(m.tc1, m.ts1)
-
-
 def _pack_status_text(m: Any) -> Any:
     return dialect.MAVLink_statustext_message(m.severity, _chars(m.text, 50), m.id, m.chunk_seq)
 
@@ -550,12 +538,6 @@ def _pack_status_text(m: Any) -> Any:
 def _pack_named_value_float(m: Any) -> Any:
     return dialect.MAVLink_named_value_float_message(
         m.time_boot_ms & 0xFFFFFFFF, _chars(m.name, 10), _float32(m.value)
-    )
-
-
-def _pack_rc_channels_override(m: Any) -> Any:
-    return dialect.MAVLink_rc_channels_override_message(
-        m.target_system, m.target_component, *m.channels
     )
 
 
@@ -629,10 +611,8 @@ _SAID: Final[dict[type[Said], Callable[[Any], Any]]] = {
     ParamRequestRead: _pack_param_request_read,
     ParamError: _pack_param_error,
     ParamValue: _pack_param_value,
-    Timesync: _pack_timesync,
     StatusText: _pack_status_text,
     NamedValueFloat: _pack_named_value_float,
-    RcChannelsOverride: _pack_rc_channels_override,
     AutopilotVersion: _pack_autopilot_version,
     MessageInterval: _pack_message_interval,
     DebugFloatArray: _pack_debug_float_array,

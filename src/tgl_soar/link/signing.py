@@ -109,14 +109,24 @@ class Signing:
 
     @staticmethod
     def _is_ours(frame: bytes, key: bytes) -> bool:
-        right = hashlib.sha256(key + frame[:-_SHARE]).digest()[:_SHARE]
-        return hmac.compare_digest(right, frame[-_SHARE:])
+        return hmac.compare_digest(_signature(frame[:-_SHARE], key), frame[-_SHARE:])
+
+
+def signed(frame: bytes, key: bytes, link_id: int, timestamp: int) -> bytes:
+    """A whole frame, flagged as signed, with its signature."""
+    unsigned = frame + bytes((link_id,)) + timestamp.to_bytes(6, "little")
+    return unsigned + _signature(unsigned, key)
 
 
 def source_of(frame: bytes) -> Source:
     """The sender of a frame of either version."""
     at = 5 if frame[0] == _MARKER_V2 else 3
     return Source(frame[at], frame[at + 1])
+
+
+def _signature(frame: bytes, key: bytes) -> bytes:
+    """Of all that stands before it."""
+    return hashlib.sha256(key + frame).digest()[:_SHARE]
 
 
 def _is_signed(frame: bytes) -> bool:
