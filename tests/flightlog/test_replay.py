@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import struct
 import subprocess
 import sys
@@ -13,18 +14,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from logged_flight import AIRFRAME, FACTS, SITE, LoggedFlight, logs_in, recorded
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.autopilot import AutopilotState, initial_state
 from tgl_soar.config import ConfigError
 from tgl_soar.flightlog.declaration import TOPICS, flattener, leaves_of, rebuilt, record_size
 from tgl_soar.flightlog.reader import FlightLog, LogError, read_log
 from tgl_soar.flightlog.writer import BATCH_TICKS, FlightRecorder
-from tgl_soar.parameters import ParameterError
-from tgl_soar.replay.logged import Replay, ReplayError, replay
+from tgl_soar.parameters import INDEX, ParameterError, ParameterSet
+from tgl_soar.replay.logged import Replay, ReplayError, read_by_laws, replay
 from tgl_soar.replay.wire import read_wire, replay_wire, rms
 from tgl_soar.sim.sitl import SitlOptions, fly
 
 TICKS = 799
+_VEHICLE = mavlink.MAVLink(None, 1, 1)
 
 
 @pytest.fixture(scope="module")
@@ -155,6 +158,14 @@ def test_a_state_that_does_not_follow_is_told(log: FlightLog) -> None:
     assert any("the state after tick 408 is not the logged one" in note for note in result.notes)
 
 
+def test_a_parameter_that_no_law_reads_is_refused(log: FlightLog) -> None:
+    for name in ("OP_ENGAGE", "LOOP_RATE", "TEL_DIV"):
+        if name in INDEX:
+            with pytest.raises(ParameterError, match="no law reads it"):
+                replay(log, changes={name: ParameterSet()[name]})
+    assert {"RHO_P", "TGL_X", "AGE_POS_MAX", "FENCE_Z_MIN"} <= read_by_laws()
+
+
 def test_another_gain_shows_what_would_have_been_commanded(log: FlightLog) -> None:
     result = replay(log, changes={"RHO_P": 0.9})
     assert result.changed
@@ -253,6 +264,34 @@ def test_a_damaged_wire_gives_its_whole_frames(path: Path, at: float, garbage: b
     assert all(loss for loss in losses)
 
 
+def test_a_wire_that_begins_in_flight_flies(path: Path, tmp_path: Path) -> None:
+    """A ground station that was started late: nobody says in it that the module engages."""
+    frames, _ = read_wire(path.with_suffix(".tlog"))
+    late = [frame for frame in frames if frame.unix_us > frames[len(frames) // 2].unix_us]
+    whole = b"".join(f.unix_us.to_bytes(8, "big") + f.data for f in late)
+    (tmp_path / "late.tlog").write_bytes(whole)
+    result = replay_wire(tmp_path / "late.tlog", AIRFRAME, SITE)
+    assert any("it flies when first heard" in note for note in result.notes)
+    assert result.outputs[-1].active
+    assert not result.missed
+
+
+def test_a_wire_that_lacks_what_the_flight_needs_is_told(path: Path, tmp_path: Path) -> None:
+    """Without positions nothing engages."""
+    kept = [
+        frame
+        for frame in read_wire(path.with_suffix(".tlog"))[0]
+        if frame.data[7:10] != (32).to_bytes(3, "little")
+    ]
+    file = tmp_path / "blind.tlog"
+    file.write_bytes(b"".join(f.unix_us.to_bytes(8, "big") + f.data for f in kept))
+    result = replay_wire(file, AIRFRAME, SITE)
+    assert result.missed
+    assert "does not in the replay" in result.notes[-1]
+    run = tgl_soar("replay", file)
+    assert run.returncode == 1
+
+
 def _written(path: Path, data: bytes) -> Path:
     damaged = path.with_name("damaged.tlog")
     damaged.write_bytes(data)
@@ -291,9 +330,22 @@ def test_the_command_tells_that_all_is_the_same_and_what_would_differ(
     assert figure.stat().st_size > 10_000
 
 
+def test_what_was_lost_shows_in_the_exit_code(path: Path, tmp_path: Path) -> None:
+    cut = tmp_path / "cut.ulg"
+    cut.write_bytes(path.read_bytes()[:-7])
+    assert tgl_soar("log", "info", cut).returncode == 1
+    assert tgl_soar("replay", cut).returncode == 1
+    assert tgl_soar("log", "info", path).returncode == 0
+
+
 @pytest.mark.parametrize(
     ("arguments", "why"),
     [
+        (("log", "info", "{wire}"), "tgl-soar report"),
+        (("log", "info", "{head}"), "no row of any topic"),
+        (("log", "export", "{log}", "--to", "netcdf", "--out", "/proc/x.nc"), "No such file"),
+        (("replay", "{random}"), "not one MAVLink frame with a right checksum"),
+        (("replay", "{beats}"), "not one tick"),
         (("replay", "{x}"), "not a ULog"),
         (("replay", "{log}", "--param", "RHO_P"), "must be NAME=VALUE"),
         (("log", "info", "{x}"), "not a ULog"),
@@ -304,7 +356,14 @@ def test_what_is_wrong_is_told_without_a_traceback(
     path: Path, tmp_path: Path, arguments: tuple[str, ...], why: str
 ) -> None:
     (tmp_path / "x.ulg").write_bytes(b"no log at all, but long enough")
-    run = tgl_soar(*(a.format(x=tmp_path / "x.ulg", log=path) for a in arguments))
+    (tmp_path / "head.ulg").write_bytes(path.read_bytes()[:16])
+    (tmp_path / "random.tlog").write_bytes(random.Random(0).randbytes(100_000))
+    beat = bytes(mavlink.MAVLink_heartbeat_message(1, 3, 81, 0, 4, 3).pack(_VEHICLE))
+    (tmp_path / "beats.tlog").write_bytes((bytes(8) + beat) * 3)
+    files = {name.stem: name for name in tmp_path.iterdir()}
+    wire = path.with_suffix(".tlog")
+    run = tgl_soar(*(a.format(log=path, wire=wire, **files) for a in arguments))
     assert run.returncode == 2
     assert why in run.stderr
+    assert "synchronously" not in run.stderr  # HDF5's words
     assert "Traceback" not in run.stderr

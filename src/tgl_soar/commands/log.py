@@ -19,12 +19,16 @@ log_app = typer.Typer(help="What a flight log holds, and other formats.", no_arg
 
 def read(path: Path) -> FlightLog:
     """A log, with what is lost of it said; ends the command where nothing can be read."""
+    if path.suffix == ".tlog":
+        fail(f"{path}: a .tlog holds frames, no topics: see `tgl-soar report` or `tgl-soar replay`")
     try:
         log = read_log(path)
     except (LogError, ImportError) as error:
         fail(error)
     for loss in log.losses:
         errors.print(f"{path.name}: {loss}", style="yellow", highlight=False, markup=False)
+    if not any(len(topic["timestamp"]) for topic in log.topics.values()):
+        fail(f"{path}: no row of any topic is in it")
     return log
 
 
@@ -36,7 +40,7 @@ def fields() -> None:
 
 @log_app.command()
 def info(path: Annotated[Path, typer.Argument(metavar="LOG", help="A ULog.")]) -> None:
-    """Say what a log holds, and what of it is lost."""
+    """Say what a log holds, and what of it is lost; exit code 1 if anything is."""
     log = read(path)
     for key, value in sorted(log.info.items()):
         console.print(f"{key}: {value}", highlight=False, markup=False, soft_wrap=True)
@@ -50,6 +54,8 @@ def info(path: Annotated[Path, typer.Argument(metavar="LOG", help="A ULog.")]) -
     console.print(table)
     for words in log.words:
         console.print(f"{words.time_s:10.3f} s  {words.text}", highlight=False, markup=False)
+    if log.losses:
+        raise typer.Exit(1)
 
 
 @log_app.command()

@@ -21,6 +21,10 @@ from .console import AIRFRAME, SITE, console, errors, fail
 from .log import read
 
 _MOST = 12  # fields in a table of differences
+_TOLD_IN = {  # units of what telemetry tells
+    **dict.fromkeys(("e_rho", "soar_x", "soar_z", "line_x", "line_z"), "m"),
+    **dict.fromkeys(("pitch_sp", "line_lean"), "°"),
+}
 
 
 def replay(
@@ -42,7 +46,7 @@ def replay(
         int, typer.Option(help="Processes at most; 0: as many as processors.", min=0, max=256)
     ] = 0,
 ) -> None:
-    """Fly a log's inputs through the laws again; exit code 1 if the commands differ.
+    """Fly a log's inputs through the laws again; exit code 1 if commands differ or data is lost.
 
     A .ulg is compared bit for bit. With --param or --airframe it shows what would have been
     commanded: the aircraft does not answer to it. A .tlog, of this module or of a ground station,
@@ -72,7 +76,7 @@ def replay(
         console.print("every command is the same, bit for bit", style="green")
     if figure is not None:
         _draw(figure, result, path, changes, airframe)
-    if result.differences and not result.changed:
+    if log.losses or (result.differences and not result.changed):
         raise typer.Exit(1)
 
 
@@ -145,12 +149,22 @@ def _draw(
 def _from_wire(path: Path, airframe: Path, site: Path, changes: dict[str, float]) -> None:
     result: WireReplay = replay_wire(path, airframe, site, changes)
     _say(result.notes)
+    if not result.outputs:
+        fail(f"{path}: not one tick came of it: no attitude of the airframe's autopilot is in it")
     ticks, speed = len(result.outputs), result.seconds / max(result.took_s, 1e-9)
     console.print(f"{ticks} ticks in {result.took_s:.2f} s, {speed:.1f} × the recording's time")
-    table = Table("told by telemetry", "times", "rms of then less now", "largest")
+    table = Table("told by telemetry", "unit", "times", "rms of then less now", "largest")
     for name, heard in result.compared.items():
         sizes = [abs(h.told - h.replayed) for h in heard]
         known = [size for size in sizes if size == size]
         largest = f"{max(known):.3g}" if known else "–"
-        table.add_row(name, str(len(heard)), f"{rms(heard):.3g}" if known else "–", largest)
+        table.add_row(
+            name,
+            _TOLD_IN.get(name, ""),
+            str(len(heard)),
+            f"{rms(heard):.3g}" if known else "–",
+            largest,
+        )
     console.print(table)
+    if result.missed:
+        raise typer.Exit(1)

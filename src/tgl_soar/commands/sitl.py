@@ -106,7 +106,16 @@ def sitl(
     except KeyboardInterrupt:
         fail("stopped", 130)
 
-    table = Table("leg", "settled after", "rms e_rho", "peak e_rho", "wander", "mean to TGL ∩ ZEUC")
+    title = "from the truth of the simulation"
+    table = Table(
+        "leg",
+        "settled after",
+        "rms e_rho",
+        "peak e_rho",
+        "wander",
+        "mean to TGL ∩ ZEUC",
+        title=title,
+    )
     for score, flown in zip(flight.scores, flight.flown, strict=True):
         settled = f"{score.settling_s:.1f} s" if score.settled else "[red]not held[/red]"
         table.add_row(

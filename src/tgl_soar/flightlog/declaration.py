@@ -16,7 +16,8 @@ Its unit is the ending of its name, or stands in `UNITS`; its meaning is the com
 its named tuple, or stands in `MEANINGS`.
 
 Derived numbers are 32-bit floats.  Times, inputs, states and the surface commands are doubles:
-with them a flight is replayed bit for bit.
+with them a flight is replayed bit for bit.  Attitudes and accelerations come in single precision
+and are logged in it: nothing of them is lost.
 """
 
 from __future__ import annotations
@@ -76,15 +77,23 @@ _SMALL: Final = {
     "PidTerms.saturated": "int8_t",
     "PositionFix.source": "uint8_t",
     "MotionQuality.source": "uint8_t",
+    "Health.surfaces_answer": "int8_t",
+    "Health.faults": "uint32_t",
+    "Margins.outside": "uint8_t",
+    "Output.cut": "uint16_t",
 }
+
+# Samples whose numbers, but for their times, the wire brings in single precision.
+_SINGLE: Final = frozenset({"AttitudeSample", "ImuSample"})
 
 # Of the output, what the row says elsewhere.
 _LEFT_OUT: Final = frozenset({"Output.time_s", "VehicleState.time_s"})
 
 # Of the output, what need not be in every row: a replay gives all of it for every tick.
 _SLOW: Final = re.compile(
-    r"air_\w+|\w+_feedforward|health_rejected|health_heartbeat_age_s"
-    r"|setpoints_roll_rad|rudder_i|line_eta_rad|quality_\w+|imu_share|(elevator|aileron|rudder)_output"
+    r"air_\w+|\w+_feedforward|health_(rejected|gaps|heartbeat_age_s|attitude_age_s)"
+    r"|health_\w+_(interval|jitter)_s|setpoints_(roll|heading)_rad|rudder_i|line_eta_rad"
+    r"|quality_\w+|imu_share|(elevator|aileron|rudder)_output"
 )
 
 FRAMES: Final = {
@@ -252,8 +261,9 @@ def _field(leaf: Leaf, *, exact: bool) -> Field:
     if leaf.kind is bool:
         return Field(leaf.name, "bool", leaf.owner)
     if leaf.kind is int:
-        usual = "uint32_t" if leaf.name == "sequence" else "int64_t"
+        usual = "uint32_t" if leaf.name == "sequence" else "int64_t" if exact else "int32_t"
         return Field(leaf.name, _SMALL.get(leaf.owner, usual), leaf.owner)
+    exact = exact and leaf.owner.partition(".")[0] not in _SINGLE
     exact = exact or leaf.name.endswith("time_s") or leaf.name.startswith("command_")
     return Field(leaf.name, "double" if exact else "float", leaf.owner)
 

@@ -62,6 +62,7 @@ def to_netcdf(log: FlightLog, to: Path) -> list[Path]:
     except ImportError:
         raise ImportError("NetCDF needs h5netcdf: pip install 'tgl_soar[netcdf]'") from None
     to.parent.mkdir(parents=True, exist_ok=True)
+    to.open("wb").close()  # HDF5 has no plain words for a place that cannot be written
     with h5netcdf.File(to, "w") as file:
         for key, value in log.info.items():
             file.attrs[key] = value if isinstance(value, int | float) else str(value)

@@ -19,6 +19,7 @@ had the density of sea level.  The aircraft flies through the air that there is:
 from __future__ import annotations
 
 from math import isfinite, sqrt
+from struct import Struct
 from typing import Final
 
 from tgl_soar.types import NAN
@@ -34,12 +35,17 @@ _GYROS: Final = 0b111000
 _DIFFERENTIAL_PRESSURE: Final = 1 << 10
 _AIR_GAS_CONSTANT: Final = 287.05  # [J/(kg K)]
 
+_SIX: Final = Struct("<6f")
+
 Triple = tuple[float, float, float]
 NO_RATES: Final[Triple] = (NAN, NAN, NAN)
 
 
 def imu_of(message: HighresImu | ScaledImu | RawImu) -> tuple[Triple, Triple] | None:
-    """Specific force [m/s²] and body rates [rad/s] (NaN: none), or None: no measurement."""
+    """Specific force [m/s²] and body rates [rad/s] (NaN: none), or None: no measurement.
+
+    All are numbers of single precision, which the flight log keeps as they are.
+    """
     force = message.xacc, message.yacc, message.zacc
     rates = message.xgyro, message.ygyro, message.zgyro
     if isinstance(message, HighresImu):
@@ -48,8 +54,11 @@ def imu_of(message: HighresImu | ScaledImu | RawImu) -> tuple[Triple, Triple] | 
         if message.fields_updated & _GYROS != _GYROS:
             rates = NO_RATES
     else:
-        force = force[0] * MILLI_G_MPS2, force[1] * MILLI_G_MPS2, force[2] * MILLI_G_MPS2
-        rates = rates[0] * 1e-3, rates[1] * 1e-3, rates[2] * 1e-3
+        mg, mrad = MILLI_G_MPS2, 1e-3
+        x, y, z, p, q, r = _SIX.unpack(
+            _SIX.pack(*(f * mg for f in force), *(rate * mrad for rate in rates))
+        )
+        force, rates = (x, y, z), (p, q, r)
     if not all(abs(f) <= FORCE_MAX_MPS2 for f in force) or force == (0.0, 0.0, 0.0):
         return None
     if not all(abs(r) <= RATE_MAX_RADPS for r in rates):

@@ -181,19 +181,17 @@ def _split(data: bytes) -> tuple[_Frames, int]:
         length = _frame_length(data, head)
         after = head + length
         whole = length and after <= end and (after == end or _begins(data, after + _STAMP))
-        if not whole or (last_us and abs(stamp - last_us) > 4000 * _DAY_US):
+        if whole and last_us and abs(stamp - last_us) > 4000 * _DAY_US:
+            whole = _is_right(data, head)  # a recorder's clock may be set in flight
+        if not whole:
             at += 1
             skipped += 1
             continue
         last_us = stamp
         size = data[head + 1]
-        if data[head] == V2:
-            body = head + 10
-            sequence, system, component = data[head + 4 : head + 7]
-            number = int.from_bytes(data[head + 7 : body], "little")
-        else:
-            body = head + 6
-            sequence, system, component, number = data[head + 2 : body]
+        number, body = _number_and_body(data, head)
+        place = head + (4 if data[head] == V2 else 2)
+        sequence, system, component = data[place : place + 3]
         frames.stamp_us.append(stamp)
         frames.system.append(system)
         frames.component.append(component)
@@ -204,6 +202,24 @@ def _split(data: bytes) -> tuple[_Frames, int]:
         frames.payload.append(data[body : body + size])
         at = after
     return frames, skipped + (end - at)
+
+
+def _number_and_body(data: bytes, head: int) -> tuple[int, int]:
+    """Of the frame that begins at a place: its message's number, and where its payload begins."""
+    if data[head] == V2:
+        return int.from_bytes(data[head + 7 : head + 10], "little"), head + 10
+    return data[head + 5], head + 6
+
+
+def _is_right(data: bytes, head: int) -> bool:
+    """Whether the frame that begins at a place is of a known message and its checksum right."""
+    number, body = _number_and_body(data, head)
+    if number not in mavlink.mavlink_map:
+        return False
+    end = body + data[head + 1]
+    covered = np.frombuffer(data[head + 1 : end], dtype=np.uint8)[np.newaxis]
+    found = int(checksums(covered, mavlink.mavlink_map[number].crc_extra)[0])
+    return found == int.from_bytes(data[end : end + 2], "little")
 
 
 def _frame_length(data: bytes, head: int) -> int:

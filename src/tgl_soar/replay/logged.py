@@ -18,6 +18,7 @@ import tempfile
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -26,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgl_soar import __version__
-from tgl_soar.autopilot import AutopilotState, Laws, initial_state, step
+from tgl_soar.autopilot import AutopilotState, Laws, initial_state, laws_from, step
 from tgl_soar.config import Airframe, Site, load_airframe, load_parameters, load_site
 from tgl_soar.flightlog.declaration import (
     STREAMS,
@@ -38,6 +39,7 @@ from tgl_soar.flightlog.declaration import (
 )
 from tgl_soar.flightlog.reader import Array, FlightLog, Topic
 from tgl_soar.flightlog.writer import tamed
+from tgl_soar.geometry import SoaringFrame
 from tgl_soar.onboard import Setup, laws_of, setup_from
 from tgl_soar.parameters import INDEX, ParameterError, ParameterSet
 from tgl_soar.types import NAN, NO_ATTITUDE, NO_FIX, AutopilotStatus, Inputs
@@ -284,6 +286,28 @@ def _files_values(airframe: Airframe, path: str | Path, site: Site, log: FlightL
     return load_parameters(airframe, path, site, f"site in {log.path.name}")
 
 
+class _Watched(ParameterSet):
+    """Remembers what is read."""
+
+    __slots__ = ("read",)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.read: set[str] = set()
+
+    def __getitem__(self, name: str) -> float:
+        self.read.add(name)
+        return super().__getitem__(name)
+
+
+@cache
+def read_by_laws() -> frozenset[str]:
+    """The parameters of which `autopilot.step` takes any notice."""
+    values = _Watched()
+    laws_from(values, SoaringFrame(0.0, 0.0, 0.0, 0.0))
+    return frozenset(values.read)
+
+
 def _parameters(
     log: FlightLog, stands: dict[str, float], changes: dict[str, float], notes: list[str]
 ) -> list[tuple[int, ParameterSet]]:
@@ -295,6 +319,11 @@ def _parameters(
     for name in changes:
         if name not in INDEX:
             raise ParameterError(name, changes[name], "no such parameter; see `tgl-soar params`")
+        if name not in read_by_laws():
+            why = (
+                "no law reads it, so nothing would be commanded otherwise: a replay has the inputs"
+            )
+            raise ParameterError(name, changes[name], f"{why} as they were logged")
     values = ParameterSet().changed({**known, **stands, **changes})
     found = [(-1, values)]
     waiting: dict[int, dict[str, float]] = {}

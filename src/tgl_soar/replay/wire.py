@@ -1,8 +1,9 @@
 """A flight replayed from the wire: a `.tlog`, as this module or a ground station has recorded it.
 
 The frames of the autopilot go through the whole module again, as they came.  What the module said
-its parameters were is set again when it said so; `OP_ENGAGE` among them engages it.  Its other
-words are compared with those that it has now.
+its parameters were is set again when it said so; `OP_ENGAGE` among them engages it.  Where the
+recording begins in flight, it is engaged when telemetry first tells so.  Its other words are
+compared with those that it has now.
 
 This is no replay bit for bit.  A frame that the ground station lost is missing, times are those
 of arrival at whoever recorded it, and what the module itself saw may have been more.  Where the
@@ -25,6 +26,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.autopilot import AutopilotState, Output
 from tgl_soar.config import load_airframe, load_parameters, load_site
+from tgl_soar.control.supervisor import is_flying
 from tgl_soar.flightlog.reader import Array, LogError
 from tgl_soar.flightlog.recorder import Recorder
 from tgl_soar.instruments import FAST, fast_value
@@ -62,6 +64,7 @@ class WireReplay:
     inputs: list[Inputs]
     compared: Mapping[str, list[Heard]]  # by the names of `instruments.FAST`
     seconds: float  # of the recording
+    missed: bool  # then it flew, now it never did
     took_s: float
     notes: list[str]
 
@@ -82,9 +85,10 @@ def read_wire(path: str | Path) -> tuple[list[Frame], list[str]]:
     if not data:
         raise LogError(f"{path}: empty: nothing was recorded")
     frames: list[Frame] = []
-    lost = at = 0
+    lost = at = right = 0
     while at < len(data):
-        length = _length(data, at + _STAMP)
+        length, checked = _length(data, at + _STAMP)
+        right += checked
         if length:
             end = at + _STAMP + length
             frames.append(
@@ -93,8 +97,8 @@ def read_wire(path: str | Path) -> tuple[list[Frame], list[str]]:
             at = end
         else:
             at, lost = at + 1, lost + 1
-    if not frames:
-        raise LogError(f"{path}: not a .tlog: no MAVLink frame in it")
+    if not right:
+        raise LogError(f"{path}: not a .tlog: not one MAVLink frame with a right checksum in it")
     losses = [f"{lost} bytes are no frame with a time stamp"] if lost else []
     back = sum(b.unix_us < a.unix_us for a, b in pairwise(frames))
     if back:
@@ -102,20 +106,23 @@ def read_wire(path: str | Path) -> tuple[list[Frame], list[str]]:
     return frames, losses
 
 
-def _length(data: bytes, at: int) -> int:
-    """Of the frame that begins here; 0 if none does.  Unknown ones must be followed by another."""
+def _length(data: bytes, at: int) -> tuple[int, bool]:
+    """Of the frame that begins here, 0 if none does; and whether its checksum is known and right.
+
+    Unknown ones must be followed by another.
+    """
     head = data[at : at + 10]
     if len(head) < 8 or head[0] not in (0xFD, 0xFE):
-        return 0
+        return 0, False
     if frame := first_frame(data[at : at + _SEARCHED]):
-        return len(frame)
+        return len(frame), True
     is_v2 = head[0] == 0xFD
     if (int.from_bytes(head[7:10], "little") if is_v2 else head[5]) in mavlink.mavlink_map:
-        return 0  # its checksum is wrong
+        return 0, False  # its checksum is wrong
     length = head[1] + (12 + 13 * (head[2] & 1) if is_v2 else 8)
     end = at + length
     follows = end == len(data) or data[end + _STAMP : end + _STAMP + 1] in (b"\xfd", b"\xfe")
-    return length if follows else 0
+    return length if follows else 0, False
 
 
 class _Memory(Recorder):
@@ -175,6 +182,7 @@ def replay_wire(
     first_us = frames[0].unix_us
     began = time.perf_counter()
     now_s = skipped_s = 0.0
+    asked = told_flying = False
     for frame, message in decoded:
         at_s = (frame.unix_us - first_us) * 1e-6 - skipped_s
         if not 0.0 <= at_s - now_s <= GAP_S:
@@ -189,16 +197,30 @@ def replay_wire(
         if source == (own[0], 1):
             onboard.event(frame.data, now_s)
         elif source == own and kind == "PARAM_VALUE":
+            asked |= message.param_id == "OP_ENGAGE"
             _set_again(onboard, operator, own, message, changes, now_s)
         elif source == own and kind == "NAMED_VALUE_FLOAT":
             name, output = message.name, onboard.output
+            if name == "soar_mode" and isfinite(message.value) and is_flying(int(message.value)):
+                told_flying = True
+                if not asked and (output is None or not output.active):  # refused until it can
+                    _set(onboard, operator, own, "OP_ENGAGE", 1.0, now_s)
+                elif not asked:
+                    asked = True
+                    notes.append(f"it flies when first heard: engaged before {now_s:.1f} s")
             if name in compared and output is not None:
                 replayed = fast_value(output, FAST.index(name))
                 compared[name].append(Heard(now_s, message.value, replayed))
         if onboard.due(now_s):
             onboard.periodic(now_s)
     took = time.perf_counter() - began
-    return WireReplay(memory.outputs, memory.inputs, compared, now_s, took, notes)
+    missed = told_flying and not any(output.active for output in memory.outputs)
+    if missed:
+        notes.append(
+            "it flew, and does not in the replay: what it needs to engage is not in the recording,"
+            " or its files are others (--airframe, --site)"
+        )
+    return WireReplay(memory.outputs, memory.inputs, compared, now_s, missed, took, notes)
 
 
 def _decoded(frames: list[Frame]) -> Iterator[tuple[Frame, Any]]:
@@ -261,6 +283,12 @@ def _set_again(
         value, stands = min(value, 1.0), min(stands, 1.0)
     if value == stands:
         return
+    _set(onboard, operator, own, name, value, now_s)
+
+
+def _set(
+    onboard: Onboard, operator: Any, own: tuple[int, int], name: str, value: float, now_s: float
+) -> None:
     order = mavlink.MAVLink_param_set_message(*own, name.encode(), value, 9)
     onboard.event(bytes(order.pack(operator)), now_s)
 

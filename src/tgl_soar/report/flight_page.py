@@ -384,7 +384,8 @@ def _legs_table(legs: Sequence[Leg]) -> str:
         "to TGL ∩ ZEUC [cm]",
     )
     words = (
-        f"Settled: the first {SETTLED_FOR_S:g} s within {100 * SETTLED_M:g} cm of the line, from"
+        "From the path as the aircraft itself has estimated it."
+        f" Settled: the first {SETTLED_FOR_S:g} s within {100 * SETTLED_M:g} cm of the line, from"
         f" its stop on. Rms and peak leave out the first {SETTLE_S:g} s. Wander is the standard"
         f" deviation along the line, mean the mean position, both over the last {TAIL_S:g} s. The"
         " distance from the predicted place carries one standard error of that mean, from the"
