@@ -130,6 +130,16 @@ def test_a_late_frame_of_before_the_wrap_is_stale() -> None:
     assert streams.reboots == 0
 
 
+def test_a_stamp_of_no_clock_is_passed_over() -> None:
+    """Of a damaged or hostile frame: the next true one is neither stale nor a reboot."""
+    streams = StampedStreams(lockstep=False)
+    assert streams.time_of("a", 5.0, 1.0, wrap_s=inf) == (1.0, 5.0)
+    for stamp_s in ((2**64 - 1) * 1e-6, 2**63 * 1e-6, 2e10):
+        assert streams.time_of("a", stamp_s, 1.001, wrap_s=inf) is None
+    assert streams.time_of("a", 5.005, 1.005, wrap_s=inf) is not None
+    assert streams.reboots == 0
+
+
 def test_a_reboot_of_a_month_old_autopilot_is_a_reboot() -> None:
     streams = StampedStreams(lockstep=False)
     for i in range(10):

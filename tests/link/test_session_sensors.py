@@ -385,6 +385,7 @@ wild_message = st.one_of(
 @given(st.lists(st.tuples(wild_message, st.sampled_from(SENDERS), st.floats(0, 2)), max_size=30))
 @example([(highres(0)._replace(temperature=-1e38), AUTOPILOT, 0.1)])
 @example([(VfrHud(9.0, 1e38), AUTOPILOT, 0.1)])
+@example([(SysStatus(0, 0), AUTOPILOT, 1.404), (RawImu(2**63, 0, 0, 1, 0, 0, 0), AUTOPILOT, 0.333)])
 def test_whatever_comes_samples_are_finite_and_only_of_whom_is_believed(
     said: list[tuple[Heard, Source, float]],
 ) -> None:

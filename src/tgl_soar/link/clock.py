@@ -35,6 +35,7 @@ SAME_S: Final = 0.2
 MILLISECONDS_WRAP_S: Final = 2**32 * 1e-3
 MICROSECONDS_WRAP_S: Final = 2**32 * 1e-6
 NEAR_WRAP_S: Final = 300.0  # further from it a clock that has gone back began anew
+STAMP_MAX_S: Final = 1e10  # 317 years: no clock says so, and a double is finer than 2 us up to here
 SHARED_S: Final = 0.5  # streams whose offsets are no further apart have one clock
 
 NAN: Final = float("nan")
@@ -206,6 +207,8 @@ class StampedStreams:
         `quantised`: the stamp counts whole milliseconds.  `wrap_s`: where it begins again at
         zero; inf: nowhere.  `foreign`: of another clock than the autopilot's.
         """
+        if stamp_s > STAMP_MAX_S:
+            return None
         stream = self._streams.get(key)
         if stream is None:
             stream = self._streams[key] = Stream(wrap_s, quantised=quantised, foreign=foreign)

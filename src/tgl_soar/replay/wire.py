@@ -30,6 +30,7 @@ from tgl_soar.control.supervisor import is_flying
 from tgl_soar.flightlog.reader import Array, LogError
 from tgl_soar.flightlog.recorder import Recorder
 from tgl_soar.instruments import FAST, fast_value
+from tgl_soar.link.clock import ClockMap
 from tgl_soar.link.codec import first_frame
 from tgl_soar.onboard import Onboard, setup_from
 from tgl_soar.parameters import INDEX, ParameterError
@@ -39,6 +40,8 @@ GAP_S: Final = 5.0  # a silence that is passed over
 _STAMP: Final = 8
 _SEARCHED: Final = 300  # a frame is no longer
 _SAME_PACE: Final = 0.1  # by how much the vehicle's clock may differ from the recorder's
+_LATE_S: Final = 0.1  # against the earliest, for so long as below: no link, a clock that stood
+_LATE_FOR_S: Final = 0.5
 
 
 class Frame(NamedTuple):
@@ -153,6 +156,7 @@ def replay_wire(
     link = airframe.autopilot
     own = (link.system_id, link.component_id)
     decoded = list(_decoded(frames))
+    arrivals_s = _arrivals(frames)
     told = _first_values(decoded, own)
     changes = dict(changes or {})
     try:
@@ -162,7 +166,7 @@ def replay_wire(
             raise
         notes.append(f"{error}: the values of the files are used")
         values = values.changed(changes)
-    lockstep = not _keeps_pace(decoded, own[0])
+    lockstep = not _keeps_pace(decoded, arrivals_s, own[0])
     notes.insert(0, "replayed from the wire: not bit for bit, the module may have heard more")
     if not told:
         notes.append("it said no parameters: those of the files are used")
@@ -179,15 +183,10 @@ def replay_wire(
     )
     compared: dict[str, list[Heard]] = {name: [] for name in FAST}
     operator = mavlink.MAVLink(None, min(link.operators), 190)
-    first_us = frames[0].unix_us
     began = time.perf_counter()
-    now_s = skipped_s = 0.0
+    now_s = 0.0
     asked = told_flying = False
-    for frame, message in decoded:
-        at_s = (frame.unix_us - first_us) * 1e-6 - skipped_s
-        if not 0.0 <= at_s - now_s <= GAP_S:
-            skipped_s += at_s - now_s
-            at_s = now_s
+    for (frame, message), at_s in zip(decoded, arrivals_s, strict=True):
         while not lockstep and onboard.wake_s(now_s) < at_s:
             now_s = onboard.wake_s(now_s)
             onboard.periodic(now_s)
@@ -250,11 +249,24 @@ def _first_values(decoded: list[tuple[Frame, Any]], own: tuple[int, int]) -> dic
     return {n: v for n, v in found.items() if n in INDEX and n not in ("OP_ENGAGE", "TGL_STAGE")}
 
 
-def _keeps_pace(decoded: list[tuple[Frame, Any]], system: int) -> bool:
-    """Whether the vehicle's clock runs with the recorder's."""
+def _arrivals(frames: list[Frame]) -> list[float]:
+    """When each frame was recorded, from the first on, without silences and leaps of the clock."""
+    times_s = [0.0]
+    for before, after in pairwise(frames):
+        step_s = (after.unix_us - before.unix_us) * 1e-6
+        times_s.append(times_s[-1] + (step_s if 0.0 <= step_s <= GAP_S else 0.0))
+    return times_s
+
+
+def _keeps_pace(decoded: list[tuple[Frame, Any]], arrivals_s: list[float], system: int) -> bool:
+    """Whether the vehicle's clock runs with the recorder's, all the time.
+
+    The clock of a simulation that waits for a slow computer stands meanwhile: from then on every
+    frame is late, and not one of them as early as before.
+    """
     stamps = [
-        (frame.unix_us * 1e-6, message.time_boot_ms * 1e-3)
-        for frame, message in decoded
+        (arrival_s, message.time_boot_ms * 1e-3)
+        for (_, message), arrival_s in zip(decoded, arrivals_s, strict=True)
         if message is not None
         and message.get_type() == "ATTITUDE_QUATERNION"
         and message.get_srcSystem() == system
@@ -263,6 +275,13 @@ def _keeps_pace(decoded: list[tuple[Frame, Any]], system: int) -> bool:
         return True
     (ours, theirs), (ours_last, theirs_last) = stamps[0], stamps[-1]
     passed, told = ours_last - ours, theirs_last - theirs
+    clocks = ClockMap()
+    timely_s = ours
+    for arrival_s, stamp_s in stamps:
+        if arrival_s - clocks.observe(stamp_s, arrival_s) <= _LATE_S:
+            timely_s = arrival_s
+        elif arrival_s - timely_s > _LATE_FOR_S:
+            return False
     return bool(abs(told - passed) <= _SAME_PACE * abs(passed))
 
 
