@@ -395,7 +395,15 @@ def step(laws: Laws, state: AutopilotState, inputs: Inputs) -> tuple[AutopilotSt
     )
     health = _as_sure(laws.guards, health, quality)
     felt = _is_felt(state.motion, motion, inputs.time_s)
-    wind, air = wind_step(laws.wind, state.wind, vehicle, inputs, _elevator(state, inputs), felt)
+    wind, air = wind_step(
+        laws.wind,
+        state.wind,
+        vehicle,
+        inputs,
+        quality.velocity_sigma_mps,
+        _elevator(state, inputs),
+        felt,
+    )
     trim, gust = trim_step(
         laws.pitch_trim,
         state.pitch_trim,

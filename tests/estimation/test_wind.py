@@ -6,8 +6,9 @@ its formulas from the same textbook but no line of code.
 
 from __future__ import annotations
 
+import random
 from collections.abc import Iterator
-from math import inf, isfinite, isnan, nan, radians
+from math import cos, inf, isfinite, isnan, nan, radians
 from typing import Any
 
 import pytest
@@ -17,6 +18,12 @@ from msgspec.structs import asdict, replace
 
 from tgl_soar.config import ConfigError, load_airframe, shipped
 from tgl_soar.estimation.wind import (
+    DRAG_ERROR,
+    FORCE_NOISE_MPS2,
+    LIFT_ERROR,
+    PITOT_BIAS_MPS,
+    PITOT_NOISE_MPS,
+    TRIM_ERROR_RAD,
     WindParams,
     WindState,
     glide_pitch,
@@ -54,6 +61,7 @@ DT = 0.005
 AIRFRAME = load_airframe(shipped("airframes/eclipson_c.toml"))
 MODEL = aircraft_model(asdict(AIRFRAME.airframe), AIRFRAME.model)
 AERO = AIRFRAME.aerodynamics()
+SURE = 0.0  # of a velocity over the ground that is the true one
 PARAMS = WindParams(AERO, 0.8, radians(0.5))
 NONE = (0.0, 0.0, 0.0)
 
@@ -106,7 +114,7 @@ class Glide:
                     speed = speed._replace(airspeed_mps=pitot_mps)
             state, air = wind_step(
                 PARAMS, state, vehicle_of(self.state, now), inputs_at(now, force, speed),
-                self.elevator, True,
+                SURE, self.elevator, True,
             )  # fmt: skip
             yield state, air
 
@@ -137,6 +145,62 @@ def test_more_sensors_leave_less_unknown() -> None:
     assert ends == sorted(ends)
     # With a pitot most of what is left is the pitch's error times the airspeed.
     assert 1.0 < ends[0][1] / (9.0 * radians(0.5)) < 1.6
+
+
+VELOCITY_SD_MPS = 0.1
+DRAWS = 60
+
+
+def drawn(seed: int, pitot: bool) -> tuple[float, float]:
+    """(wind's, updraft's) squared error over its variance, all that is wrong drawn as supposed."""
+    gauss = random.Random(seed).gauss
+    glide = Glide(9.0, (8.5, 0.0, 1.4))
+    truth = vehicle_of(glide.state, 0.0)
+    lift, drag = 1.0 + gauss(0.0, LIFT_ERROR), 1.0 + gauss(0.0, DRAG_ERROR)
+    wing = AERO._replace(
+        CL0=AERO.CL0 * lift,
+        CL_alpha=AERO.CL_alpha * lift,
+        CD0=AERO.CD0 * drag,
+        CD_lift=AERO.CD_lift * drag / lift**2,
+        Cm0=AERO.Cm0 + AERO.Cm_alpha * gauss(0.0, TRIM_ERROR_RAD),
+    )
+    params = PARAMS._replace(aerodynamics=wing)
+    read = truth._replace(
+        pitch_rad=truth.pitch_rad + gauss(0.0, PARAMS.alignment_rad),
+        velocity_x_mps=truth.velocity_x_mps + gauss(0.0, VELOCITY_SD_MPS),
+        climb_mps=truth.climb_mps + gauss(0.0, VELOCITY_SD_MPS),
+    )
+    bias = gauss(0.0, 0.1), gauss(0.0, 0.1)
+    pitot_bias = gauss(0.0, PITOT_BIAS_MPS)
+    state, speed = initial_wind(), NO_AIRSPEED
+    for n in range(1, 800):
+        now = n * DT
+        noise = bias[0] + gauss(0.0, FORCE_NOISE_MPS2), 0.0, bias[1] + gauss(0.0, FORCE_NOISE_MPS2)
+        force = measure_imu(MODEL, glide.state, glide.air, False, n, now, noise, NONE)
+        if pitot and n % 4 == 0:
+            u = glide.truth.airspeed_mps * cos(glide.truth.alpha_rad)
+            speed = AirspeedSample(n // 4, now, u + pitot_bias + gauss(0.0, PITOT_NOISE_MPS))
+        state, air = wind_step(
+            params, state, read, inputs_at(now, force, speed), VELOCITY_SD_MPS, glide.elevator, True
+        )
+    return (
+        ((air.wind_mps - glide.air[0]) / air.wind_sigma_mps) ** 2,
+        ((air.updraft_mps - glide.air[2]) / air.updraft_sigma_mps) ** 2,
+    )
+
+
+@pytest.mark.parametrize("pitot", [True, False])
+def test_the_errors_are_as_large_as_it_says(pitot: bool) -> None:
+    """Everything that is wrong is drawn as the estimator supposes, but for two things.
+
+    The wind does not wander, and what is constant is not also rough as near the stall: its doubt
+    of the wind may be too large by that, of the updraft it hardly is.  The mean of squares of
+    DRAWS normal numbers is 1, give or take 3 sqrt(2 / DRAWS).
+    """
+    draws = [drawn(seed, pitot) for seed in range(DRAWS)]
+    wind, updraft = (sum(column) / DRAWS for column in zip(*draws, strict=True))
+    assert 0.4 < wind < 1.55
+    assert 0.65 < updraft < 1.55
 
 
 def test_the_wing_is_that_of_the_simulated_aircraft() -> None:
@@ -173,7 +237,7 @@ def test_accelerations_that_are_not_felt_leave_no_trace() -> None:
                 force = force._replace(force_z_frd_mps2=390.0)
             inputs = inputs_at(now, force)
             vehicle = vehicle_of(glide.state, now)
-            state, air = wind_step(PARAMS, state, vehicle, inputs, glide.elevator, not bad)
+            state, air = wind_step(PARAMS, state, vehicle, inputs, SURE, glide.elevator, not bad)
             updrafts.append(abs(air.updraft_mps - 1.4))
         worst.append(max(updrafts))
     assert worst[1] == worst[0]
@@ -183,33 +247,39 @@ def test_accelerations_that_are_not_felt_leave_no_trace() -> None:
 def test_what_is_not_known_is_not_told() -> None:
     glide = Glide(9.0, (8.5, 0.0, 1.4))
     vehicle, inputs = vehicle_of(glide.state, 1.0), inputs_at(1.0)
-    for params, seen in (
-        (PARAMS._replace(aerodynamics=NO_AERODYNAMICS), vehicle),
-        (PARAMS, vehicle._replace(pitch_rad=nan)),
-        (PARAMS, vehicle._replace(climb_mps=inf)),
-        (PARAMS, vehicle._replace(velocity_x_mps=40.0, pitch_rad=1.2)),  # no model goes so far
+    for params, seen, sigma in (
+        (PARAMS._replace(aerodynamics=NO_AERODYNAMICS), vehicle, SURE),
+        (PARAMS, vehicle._replace(pitch_rad=nan), SURE),
+        (PARAMS, vehicle._replace(climb_mps=inf), SURE),
+        (PARAMS, vehicle, nan),
+        (PARAMS, vehicle, inf),
     ):
-        state, air = wind_step(params, initial_wind(), seen, inputs, 0.0, True)
-        if seen is vehicle or not isfinite(seen.pitch_rad + seen.climb_mps):
-            assert air == NO_AIR or all(isnan(number) for number in air[:7])
-            assert isnan(state.time_s)
+        state, air = wind_step(params, initial_wind(), seen, inputs, sigma, 0.0, True)
+        assert all(isnan(number) for number in air[:7])
+        assert not air.measured
+        assert isnan(state.time_s)
 
 
 def test_it_starts_afresh_after_a_gap_and_after_bad_numbers() -> None:
     glide = Glide(9.0, (8.5, 0.0, 1.4))
     *_, (state, air) = glide.felt(3.0, imu=True, pitot=True)
-    later, _ = wind_step(PARAMS, state, vehicle_of(glide.state, 5.0), inputs_at(5.0), 0.0, True)
+    later, _ = wind_step(
+        PARAMS, state, vehicle_of(glide.state, 5.0), inputs_at(5.0), SURE, 0.0, True
+    )
     assert later.belief.p_xx > 10.0 * state.belief.p_xx
     lost, nothing = wind_step(
         PARAMS,
         state,
         vehicle_of(glide.state, 3.005)._replace(roll_rad=nan),
         inputs_at(3.005),
+        SURE,
         0.0,
         True,
     )
     assert isnan(nothing.airspeed_mps)
-    _, again = wind_step(PARAMS, lost, vehicle_of(glide.state, 3.01), inputs_at(3.01), 0.0, True)
+    _, again = wind_step(
+        PARAMS, lost, vehicle_of(glide.state, 3.01), inputs_at(3.01), SURE, 0.0, True
+    )
     assert isfinite(again.airspeed_mps)
     assert again.updraft_sigma_mps > air.updraft_sigma_mps
 
@@ -228,7 +298,13 @@ def test_no_number_makes_it_raise_and_it_recovers(numbers: list[float], sensors:
     force = ImuSample(99, 0.105, *bad[:6]) if sensors & 1 else NO_IMU
     speed = AirspeedSample(99, 0.105, bad[6]) if sensors & 2 else NO_AIRSPEED
     state, air = wind_step(
-        PARAMS, state, VehicleState(0.105, *bad[6:18]), inputs_at(0.105, force, speed), bad[0], True
+        PARAMS,
+        state,
+        VehicleState(0.105, *bad[6:18]),
+        inputs_at(0.105, force, speed),
+        bad[1],
+        bad[0],
+        True,
     )
     assert air == NO_AIR or isnan(air.airspeed_mps) or 0.0 < air.airspeed_mps < 30.0
     for n in range(800):
@@ -237,7 +313,7 @@ def test_no_number_makes_it_raise_and_it_recovers(numbers: list[float], sensors:
         speed = measure_airspeed(MODEL, glide.state, glide.air, 100 + n // 4, now, 0.0)
         vehicle = vehicle_of(glide.state, now)
         state, air = wind_step(
-            PARAMS, state, vehicle, inputs_at(now, force, speed), glide.elevator, True
+            PARAMS, state, vehicle, inputs_at(now, force, speed), SURE, glide.elevator, True
         )
     assert air.airspeed_mps == pytest.approx(glide.truth.airspeed_mps, abs=0.3)
 

@@ -31,6 +31,7 @@ from tgl_soar.experiments.estimator import (
     in_gap,
     known,
     paired_difference,
+    paired_ratios,
     score,
     watch,
 )
@@ -108,6 +109,13 @@ def test_differences_are_those_of_so_many_samples_and_late() -> None:
 def test_a_flight_that_ends_before_it_is_scored_is_counted_only_as_lost() -> None:
     flown = [Scored(30.0, "", 4.0, 9.0), Scored(3.0, "hit the board", nan, nan)]
     assert score(flown) == (2, 1, 2.0, 3.0)
+
+
+def test_ratios_are_of_pairs_in_the_same_air() -> None:
+    lost = Scored(3.0, "hit the board", nan, nan)
+    flown = [Scored(30.0, "", 1.0, 8.0), Scored(30.0, "", 8.0, 4.0), lost]
+    others = [Scored(30.0, "", 4.0, 2.0), lost, Scored(30.0, "", 100.0, 100.0)]
+    assert paired_ratios(flown, others) == (0.5, 2.0)
 
 
 def test_errors_are_lengths_and_held_against_their_sigmas() -> None:

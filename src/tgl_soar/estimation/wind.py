@@ -69,7 +69,6 @@ STALL_NOISE_MPS2 = 3.0  # of the force on a wing that is wholly stalled
 PITOT_NOISE_MPS = 0.20
 TRIM_NOISE_RAD = 0.05  # what the pitch acceleration makes of it, for TRIM_S
 TRIM_S = 0.1
-VELOCITY_ERROR_MPS = 0.05  # of the velocity over the ground
 # Without accelerometers: how far from steady flight is, and for how long.
 UNSTEADY_X_MPS2 = 0.25
 UNSTEADY_Z_MPS2 = 1.3
@@ -170,13 +169,15 @@ def wind_step(
     state: WindState,
     vehicle: VehicleState,
     inputs: Inputs,
+    velocity_sigma_mps: float,
     elevator: float,
     felt: bool,
 ) -> tuple[WindState, AirEstimate]:
     """Take in what is new and give the air at inputs.time_s.
 
-    elevator: its deflection, -1 … 1; NaN: not known.  felt: new accelerations are of now and may
-    be believed; one spike in the averages is believed for BIAS_S.
+    velocity_sigma_mps: of the vehicle's velocity, on each axis.  elevator: its deflection,
+    -1 … 1; NaN: not known.  felt: new accelerations are of now and may be believed; one spike in
+    the averages is believed for BIAS_S.
     """
     aero, imu, pitot = params.aerodynamics, inputs.imu, inputs.airspeed
     now = inputs.time_s
@@ -185,6 +186,7 @@ def wind_step(
         isfinite(aero.mass_kg)
         and isfinite(frame.x_n + frame.x_e + frame.x_d + frame.z_n + frame.z_e + frame.z_d)
         and isfinite(frame.velocity_x_mps + frame.velocity_y_mps + frame.climb_mps)
+        and isfinite(velocity_sigma_mps)
     )
     dt = now - state.time_s
     belief, average = state.belief, state.average
@@ -236,7 +238,8 @@ def wind_step(
 
     air = NO_AIR
     if usable:
-        air = _estimate(params, belief, frame, now - pitot_time <= PITOT_AGE_MAX_S)
+        measured = now - pitot_time <= PITOT_AGE_MAX_S
+        air = _estimate(params, belief, frame, velocity_sigma_mps, measured)
     known = isfinite(air.airspeed_mps)
     return WindState(
         now if known else NAN,
@@ -518,7 +521,9 @@ def _corrected(
     )
 
 
-def _estimate(params: WindParams, belief: Belief, frame: Body, measured: bool) -> AirEstimate:
+def _estimate(
+    params: WindParams, belief: Belief, frame: Body, velocity_sigma_mps: float, measured: bool
+) -> AirEstimate:
     """What is believed, if an aircraft can fly so."""
     polar = params.aerodynamics.polar
     u, w = through_air(frame, belief.wind_mps, belief.updraft_mps)
@@ -532,8 +537,9 @@ def _estimate(params: WindParams, belief: Belief, frame: Body, measured: bool) -
     down = belief.updraft_mps - frame.climb_mps
     north, east = belief.wind_mps - frame.velocity_x_mps, frame.velocity_y_mps
     flat = sqrt(north * north + east * east)
-    # The pitch's error turns (u, w) on its way to the wind: by δ flat upward, δ down upwind.
-    ground = VELOCITY_ERROR_MPS * VELOCITY_ERROR_MPS
+    # The pitch's error turns (u, w) on its way to the wind: by δ flat upward, δ down upwind;
+    # the ground velocity's own is the wind's.
+    ground = velocity_sigma_mps * velocity_sigma_mps
     delta = params.alignment_rad * params.alignment_rad
     x2 = belief.p_xx + ground + down * down * delta - 2.0 * down * belief.pitch_x
     z2 = belief.p_zz + ground + flat * flat * delta + 2.0 * flat * belief.pitch_z

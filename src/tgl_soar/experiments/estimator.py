@@ -294,6 +294,24 @@ def score(flown: Sequence[Scored]) -> Score:
     )
 
 
+class Ratios(NamedTuple):
+    """How flights compare with others, rms over all that was scored of both."""
+
+    e_rho: float
+    activity: float
+
+
+def paired_ratios(flown: Sequence[Scored], others: Sequence[Scored]) -> Ratios:
+    """Of flights to others in the same air, one by one; a pair with one not scored is left out."""
+    pairs = [
+        (one, other)
+        for one, other in zip(flown, others, strict=True)
+        if one.e_rho_m2 == one.e_rho_m2 and other.e_rho_m2 == other.e_rho_m2
+    ]
+    one, other = score([one for one, _ in pairs]), score([other for _, other in pairs])
+    return Ratios(one.e_rho_m / other.e_rho_m, one.activity_ps / other.activity_ps)
+
+
 def paired_difference(both: int, first: int, second: int, neither: int) -> tuple[float, float]:
     """The difference of two shares of the same flights, second less first, at 95 %.
 
@@ -425,8 +443,15 @@ def estimator(context: Context) -> Result:
     seen = _each(context.flyer, watch, {**watched, "through": [through]})
     flown = _fly(context.flyer, spoilt, scored)
     scores = {name: score(flights) for name, flights in flown.items()}
-    pairs = zip(scored["plain"], flown["plain"], strict=True)
-    few_plain = score([result for flight, result in pairs if flight.seed in few])
+    air = {
+        (flight.line, flight.seed): result
+        for flight, result in zip(scored["plain"], flown["plain"], strict=True)
+    }
+    of_plain = {
+        name: paired_ratios(flown[name], [air[flight.line, flight.seed] for flight in flights])
+        for name, flights in {**scored, **spoilt}.items()
+        if flights[0].turbulence == TURBULENCE
+    }
     knowledge = {(name, imu): known(seen[name], imu) for name in ASKED for imu in (True, False)}
     survived = [
         (not plain.ended, not imu.ended)
@@ -437,12 +462,12 @@ def estimator(context: Context) -> Result:
     low, high = paired_difference(both, first, second, len(survived) - sum(counts))
 
     plain, imu = scores["plain"], scores["accelerations"]
-    ratio, activity = imu.e_rho_m / plain.e_rho_m, imu.activity_ps / plain.activity_ps
-    late = [scores[f"accelerations, position {1e3 * late:g} ms late"] for late in LATENCIES_S]
-    cost = max(s.e_rho_m for s in late) / late[0].e_rho_m
+    ratio, activity = of_plain["accelerations"]
+    late = [f"accelerations, position {1e3 * late:g} ms late" for late in LATENCIES_S]
+    cost = max(paired_ratios(flown[name], flown[late[0]]).e_rho for name in late)
     margins = [f"{law}, gains × {k:g}" for law in ("plain", "accelerations") for k in MARGIN]
     gaps, lab = scores["accelerations, gaps"], scores["laboratory's chain"]
-    lab_cost = lab.e_rho_m / few_plain.e_rho_m
+    lab_ratio = of_plain["laboratory's chain"].e_rho
     percent = f"{100 * TURBULENCE:g} %"
     return Result(
         "estimator",
@@ -452,7 +477,8 @@ def estimator(context: Context) -> Result:
         " laws have the autopilot's position (50 Hz, 40 ms late, 2 mm) and attitude; the plain one"
         " flies with its gains and without accelerometers, the other with accelerometers of 200 Hz"
         " (0.1 m/s² of bias and noise) and the gains that belong to them. Every pair has the same"
-        " air and the same noise. Elevator activity is the rms of its rate of change.",
+        " air and the same noise, and every ratio is one of such pairs. Elevator activity is the"
+        " rms of its rate of change.",
         (
             Claim(
                 f"with accelerations rms e_rho at {percent} is at most {RATIO:g} of what it is"
@@ -482,7 +508,7 @@ def estimator(context: Context) -> Result:
             Claim(
                 f"position up to {1e3 * LATENCIES_S[-1]:g} ms late costs at most"
                 f" {100 * (LATENCY_COST - 1):.0f} % of rms e_rho",
-                cost <= LATENCY_COST and not any(s.lost for s in late),
+                cost <= LATENCY_COST and not any(scores[name].lost for name in late),
                 f"{100 * (cost - 1):.0f} %",
             ),
             Claim(
@@ -508,7 +534,7 @@ def estimator(context: Context) -> Result:
                 f" arrival, velocity from differences over {CHAIN} samples, no accelerometers",
                 lab.lost == 0,
                 f"{lab.lost} of {lab.flights} lost; rms e_rho {1e3 * lab.e_rho_m:.1f} mm,"
-                f" {lab_cost:.2f} of the plain law's",
+                f" {lab_ratio:.2f} of the plain law's",
             ),
         ),
         "",
@@ -520,12 +546,7 @@ def estimator(context: Context) -> Result:
                     "activity, of plain",
                 ),
                 tuple(
-                    _row(
-                        name,
-                        flights[0].turbulence,
-                        scores[name],
-                        few_plain if len(flights) == few_plain.flights else plain,
-                    )
+                    _row(name, flights[0].turbulence, scores[name], of_plain.get(name))
                     for name, flights in {**scored, **spoilt}.items()
                 ),
             ),
@@ -550,6 +571,7 @@ def estimator(context: Context) -> Result:
         ),
         {
             "scores": {name: s._asdict() for name, s in scores.items()},
+            "of plain": {name: r._asdict() for name, r in of_plain.items()},
             "known": {f"{name}, {imu}": k._asdict() for (name, imu), k in knowledge.items()},
             "survival": {"difference": (second - first) / len(survived), "interval": (low, high)},
         },
@@ -591,16 +613,14 @@ def _fly(
     return {**_named(scored, flyer.each(fly_scored_compiled, simple, compiled=True)), **flown}
 
 
-def _row(name: str, turbulence: float, s: Score, plain: Score) -> tuple[str, ...]:
-    alike = turbulence == TURBULENCE
+def _row(name: str, turbulence: float, s: Score, of_plain: Ratios | None) -> tuple[str, ...]:
     return (
         name,
         f"{100 * turbulence:g} %",
         f"{s.flights}",
         f"{s.lost}",
         f"{1e3 * s.e_rho_m:.1f}",
-        f"{s.e_rho_m / plain.e_rho_m:.2f}" if alike else "",
-        f"{s.activity_ps / plain.activity_ps:.2f}" if alike else "",
+        *(("", "") if of_plain is None else (f"{ratio:.2f}" for ratio in of_plain)),
     )
 
 

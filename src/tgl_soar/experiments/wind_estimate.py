@@ -155,13 +155,16 @@ def look_on(flight: Flight) -> Seen:
         )
         output = loop.tick()
         vehicle = output.vehicle._replace(pitch_rad=output.vehicle.pitch_rad + tilt)
+        velocity_sigma = output.quality.velocity_sigma_mps
         for name in flight.cases:
             case = CASES[name]
             seen = inputs._replace(
                 imu=inputs.imu if case.imu else NO_IMU,
                 airspeed=inputs.airspeed if case.pitot else NO_AIRSPEED,
             )
-            states[name], air = wind_step(params[name], states[name], vehicle, seen, elevator, True)
+            states[name], air = wind_step(
+                params[name], states[name], vehicle, seen, velocity_sigma, elevator, True
+            )
             read[name].append(air[:7])
         elevator = output.command.elevator if output.active else nan
         flat = hypot(truth.wind_x_mps - truth.velocity_x_mps, truth.velocity_y_mps)
