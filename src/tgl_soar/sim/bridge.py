@@ -35,13 +35,13 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config import Airframe, ConfigError, Site, load_airframe, load_site
 from tgl_soar.geometry import ned_from_soaring
-from tgl_soar.types import polar_sink
+from tgl_soar.types import GlidePolar, polar_sink
 
 from .faults import Fault, FaultError, catalogue_text, parse_fault
 from .injection import Injection, of_twin
@@ -235,6 +235,19 @@ class Simulation:
         self._events = []
         return events
 
+    @property
+    def booted(self) -> bool:
+        """Whether the autopilot speaks; this one does from the first."""
+        return True
+
+    def summary(self) -> str:
+        """What became of the overrides."""
+        counts = self.pixhawk.counts
+        return (
+            f"overrides: {counts.overrides_accepted} accepted,"
+            f" {counts.overrides_refused} refused, {counts.override_timeouts} timed out"
+        )
+
     def close(self) -> None:
         """Finish the log."""
         if self._log is not None:
@@ -298,50 +311,37 @@ class Simulation:
         return Sensed(world.attitude, position, airspeed_mps, flying, world.imu, world.airspeed)
 
     def _tell_truth(self) -> None:
-        truth = self.world.truth
-        sink = polar_sink(self._polar, truth.wind_x_mps)
-        for name, value in (
-            (b"updraft", truth.updraft_mps),
-            (b"sink", sink),
-            (b"true_x", truth.x_m),
-            (b"true_y", truth.y_m),
-            (b"true_z", truth.z_m),
-            (b"airspeed", truth.airspeed_mps),
-        ):
+        for name, value in told_truth(self.world, self._polar):
             self.pixhawk.broadcast(
                 mavlink.MAVLink_named_value_float_message(self.pixhawk.boot_ms, name, value),
                 ground_only=True,
             )
 
     def _log_row(self) -> None:
-        if self._log is None:
-            return
-        truth = self.world.truth
-        self._log.add(
-            (
-                self._options.uptime_s + self.world.time_s,
-                truth.x_m,
-                truth.y_m,
-                truth.z_m,
-                truth.velocity_x_mps,
-                truth.velocity_y_mps,
-                truth.climb_mps,
-                truth.roll_rad,
-                truth.pitch_rad,
-                truth.heading_rad,
-                truth.wind_x_mps,
-                truth.wind_y_mps,
-                truth.updraft_mps,
-                truth.airspeed_mps,
-                truth.alpha_rad,
-                truth.elevator,
-                truth.aileron,
-                truth.rudder,
-                self.pixhawk.mode,
-                self.flying,
-                self.pixhawk.reads_override(),
+        if self._log is not None:
+            pixhawk = self.pixhawk
+            state = (pixhawk.mode, self.flying, pixhawk.reads_override())
+            self._log.add(
+                (*truth_row(self._options.uptime_s + self.world.time_s, self.world), *state)
             )
-        )
+
+
+def told_truth(world: World, polar: GlidePolar) -> tuple[tuple[bytes, float], ...]:
+    """What ground stations are told of the truth, by name."""
+    truth = world.truth
+    return (
+        (b"updraft", truth.updraft_mps),
+        (b"sink", polar_sink(polar, truth.wind_x_mps)),
+        (b"true_x", truth.x_m),
+        (b"true_y", truth.y_m),
+        (b"true_z", truth.z_m),
+        (b"airspeed", truth.airspeed_mps),
+    )
+
+
+def truth_row(time_s: float, world: World) -> tuple[float, ...]:
+    """A row of the log at a time on the autopilot's clock, but for the last three columns."""
+    return (time_s, *world.truth[1:])
 
 
 # --- the process ---------------------------------------------------------------------------
@@ -358,12 +358,92 @@ class Pace:
     start_timeout_s: float = 30.0  # wall: for all participants to appear
 
 
+class Autopilot(Protocol):
+    """What speaks for the vehicle on its links."""
+
+    @property
+    def step_hz(self) -> int:
+        """Steps per second."""
+        ...
+
+    def send(self, link: LinkId, message: Any) -> None:
+        """Say something on one link."""
+        ...
+
+    def announce(self) -> None:
+        """Show on every link that the vehicle is there."""
+        ...
+
+    def heartbeats(self, link: LinkId) -> int:
+        """How many came over a link."""
+        ...
+
+    def timesync_answer_ns(self, link: LinkId) -> int:
+        """The stamp of the last TIMESYNC answered on a link; 0: none."""
+        ...
+
+
+class Simulated(Protocol):
+    """World and autopilot, one step at a time: `Simulation`, or a real firmware in its place."""
+
+    injection: Injection
+    world: World
+    crashes: int
+
+    @property
+    def pixhawk(self) -> Autopilot:
+        """What speaks for the vehicle."""
+        ...
+
+    @property
+    def booted(self) -> bool:
+        """Whether it speaks yet."""
+        ...
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time."""
+        ...
+
+    def add_link(self, link: LinkId, *, ground: bool) -> None:
+        """A link to a ground station or to a companion."""
+        ...
+
+    def remove_link(self, link: LinkId) -> None:
+        """A link that is gone."""
+        ...
+
+    def receive(self, link: LinkId, data: bytes) -> None:
+        """Take one datagram of a link."""
+        ...
+
+    def take_datagrams(self, links: Sequence[LinkId] | None = None) -> list[tuple[LinkId, bytes]]:
+        """What goes out on some links, or on all."""
+        ...
+
+    def step(self) -> None:
+        """One step of everything."""
+        ...
+
+    def take_events(self) -> list[str]:
+        """What the console should say, each once."""
+        ...
+
+    def summary(self) -> str:
+        """What became of a companion's commands."""
+        ...
+
+    def close(self) -> None:
+        """It is over."""
+        ...
+
+
 class Bridge:
     """Carries datagrams between sockets and the simulation, and lets time go on."""
 
     def __init__(
         self,
-        simulation: Simulation,
+        simulation: Simulated,
         ports: Ports,
         pace: Pace,
         motive: MotiveServer | None = None,
@@ -385,6 +465,7 @@ class Bridge:
 
     def run(self) -> None:
         """Until the duration is over or somebody stops it.  Errors: `BridgeError`."""
+        self._boot()
         if self.pace.lockstep:
             self._gather()
         begun = time.monotonic()
@@ -395,6 +476,14 @@ class Bridge:
                 self._run_realtime()
         finally:
             self.wall_s = time.monotonic() - begun
+
+    def _boot(self) -> None:
+        """A real firmware must have booted before anybody can be asked to wait for it."""
+        while not self.simulation.booted and not self.stopping:
+            self._step()
+            self._drain(self.ports.ground)
+            self._drain(self.ports.companion)
+            self._flush()
 
     def stop(self, *_: object) -> None:
         """End after this step."""
@@ -643,13 +732,11 @@ class Bridge:
 
     def summary(self) -> str:
         """One line of what happened."""
-        simulation, counts = self.simulation, self._pixhawk.counts
+        simulation = self.simulation
         ratio = simulation.time_s / self.wall_s if self.wall_s > 0.0 else 0.0
         return (
             f"{simulation.world.steps} steps, {simulation.time_s:.3f} s simulated in"
-            f" {self.wall_s:.2f} s ({ratio:.1f} x real time);"
-            f" overrides: {counts.overrides_accepted} accepted,"
-            f" {counts.overrides_refused} refused, {counts.override_timeouts} timed out;"
+            f" {self.wall_s:.2f} s ({ratio:.1f} x real time); {simulation.summary()};"
             f" {simulation.crashes} crashes; {self.given_up_s:.2f} s given up"
         )
 
@@ -756,12 +843,21 @@ def _parser() -> argparse.ArgumentParser:
         "--launch", choices=("held", "free", "bench"), default="held",
         help="held at the start until the first override, let go at once, or disarmed on a bench",
     )  # fmt: skip
+    add(
+        "--autopilot", choices=("builtin", "px4"), default="builtin",
+        help="the simulated Pixhawk, or a real firmware in its place (default: builtin)",
+    )  # fmt: skip
+    add("--firmware", type=Path, metavar="PATH", help="the firmware's program")
+    add(
+        "--firmware-folder", type=Path, default=Path("out/firmware"), metavar="DIR",
+        help="where the firmware runs and keeps its files (default out/firmware)",
+    )  # fmt: skip
     add("--no-truth", action="store_true", help="send no truth to ground stations")
     add("--odometry", action="store_true", help="stream ODOMETRY, which ArduPlane denies")
     add("--no-pitot", action="store_true", help="VFR_HUD then shows a guess, as ArduPlane does")
     add(
         "--autopilot-parameter", type=_setting, action="append", default=[],
-        metavar="NAME=NUMBER", help="a parameter of the simulated autopilot; repeat for more",
+        metavar="NAME=NUMBER", help="a parameter of the autopilot; repeat for more",
     )  # fmt: skip
     add(
         "--uptime", type=_number(0.0, 1e7), default=0.0, metavar="S",
@@ -807,6 +903,32 @@ def _add_peer(ports: Ports, port: Port, option: str, address: Address) -> None:
     ports.add(port, (host, number), configured=True)
 
 
+def _simulation(
+    arguments: argparse.Namespace, airframe: Airframe, site: Site, options: Options
+) -> Simulated:
+    """The simulated Pixhawk, or a real firmware.  Errors: ValueError, OSError, `BridgeError`."""
+    folder = arguments.site.parent
+    if arguments.autopilot == "builtin":
+        return Simulation(airframe, site, options, folder)
+    # What a firmware needs is loaded only where there is one.
+    from .firmware.px4 import Px4, flight_parameters
+    from .firmware.simulation import FirmwareSimulation
+
+    if arguments.firmware is None:
+        raise ValueError(f"--autopilot {arguments.autopilot}: give its program with --firmware")
+    by_sticks = getattr(airframe.autopilot, "route", None) == "manual_control"
+    parameters = flight_parameters(airframe, gps=site.mocap is None, by_sticks=by_sticks)
+    px4 = Px4(
+        arguments.firmware,
+        arguments.firmware_folder,
+        airframe.surfaces,
+        {**parameters, **dict(options.parameters)},
+    )
+    arguments.step_rate = px4.step_hz
+    relay = px4.relay(airframe.autopilot.system_id)
+    return FirmwareSimulation(airframe, site, options, folder, px4, relay)
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the bridge; the exit code: 0 well, 2 wrong set-up, 3 nobody came."""
     words = list(sys.argv[1:] if argv is None else argv)
@@ -844,7 +966,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"sitl_bridge: {error}", file=sys.stderr)
         return 2
     try:
-        simulation = Simulation(airframe, site, options, arguments.site.parent)
+        simulation = _simulation(arguments, airframe, site, options)
         motive = motive_server(arguments, site, lambda: simulation.time_s)
     except (ConfigError, PortError, ValueError) as error:
         print(f"sitl_bridge: {error}", file=sys.stderr)

@@ -1,0 +1,204 @@
+"""The MAVLink links of a firmware, passed on frame by frame, and what is learnt on the way.
+
+    ground stations ◄──►  bridge  ◄──► firmware's link to a ground station
+    companion       ◄──►  bridge  ◄──► firmware's link to a companion
+
+Everything passes as it is, in both directions, with the sender's own sequence and signature.
+The bridge speaks on its own account only as component `OWN`: the TIMESYNC by which a lockstep
+companion is waited for (its answer goes no further), and truth for ground stations.
+"""
+
+from __future__ import annotations
+
+import socket
+from collections import defaultdict
+from collections.abc import Sequence
+from typing import Any, Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from tgl_soar.sim.ports import Address
+from tgl_soar.sim.routing import Frame, LinkId, split_frames
+
+OWN: Final = mavlink.MAV_COMP_ID_UDP_BRIDGE
+LARGEST: Final = 4096
+BURST: Final = 200
+PREARM: Final = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+COMMANDS: Final = frozenset(
+    {"SET_ATTITUDE_TARGET", "MANUAL_CONTROL", "SET_ACTUATOR_CONTROL_TARGET", "RC_CHANNELS_OVERRIDE"}
+)
+
+
+class FirmwareLink:
+    """One UDP link of the firmware: it speaks to us first, or we know where it listens."""
+
+    def __init__(self, remote: Address | None, local: Address = ("127.0.0.1", 0)) -> None:
+        self._remote = remote
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind(local)
+        self._socket.setblocking(False)
+        self.local: Address = self._socket.getsockname()
+
+    def send(self, data: bytes) -> None:
+        """To the firmware; lost where it is not there."""
+        if self._remote is not None:
+            try:
+                self._socket.sendto(data, self._remote)
+            except OSError:
+                return
+
+    def receive(self) -> bytes | None:
+        """The next datagram; None: there is none."""
+        try:
+            data, self._remote = self._socket.recvfrom(LARGEST)
+        except OSError:
+            return None
+        return data
+
+    def close(self) -> None:
+        """Give the port back."""
+        self._socket.close()
+
+
+class Relay:
+    """Between the bridge's ports and the firmware's links."""
+
+    def __init__(self, system: int, step_hz: int, ground: FirmwareLink, companion: FirmwareLink):
+        self.step_hz = step_hz
+        self.armed = False
+        self.custom_mode = -1  # of the newest heartbeat; -1: none yet
+        self.ready = False  # it says that it could be armed
+        self.commands: dict[str, int] = {}  # of a companion to its surfaces, by message
+        self.last_command = ""
+        self.commanded_step = -1
+        self._system = system
+        self._ground, self._companion = ground, companion
+        self._links: dict[LinkId, bool] = {}  # whether it leads to a ground station
+        self._out: dict[LinkId, list[bytes]] = defaultdict(list)
+        self._heartbeats: dict[LinkId, int] = defaultdict(int)
+        self._asked_ns: dict[LinkId, int] = {}
+        self._answered_ns: dict[LinkId, int] = {}
+        self._events: list[str] = []
+        self._greeting = b""  # the firmware's newest heartbeat
+        self._step = 0
+        self._split = mavlink.MAVLink(None)
+        self._own = mavlink.MAVLink(None, system, OWN)
+
+    # --- towards the bridge's ports -----------------------------------------------------
+
+    def add_link(self, link: LinkId, *, ground: bool) -> None:
+        """A link to a ground station or to a companion."""
+        self._links[link] = ground
+
+    def remove_link(self, link: LinkId) -> None:
+        """A link that is gone."""
+        self._links.pop(link, None)
+
+    def receive(self, link: LinkId, data: bytes) -> None:
+        """Take one datagram of a link, and pass on what is not for the bridge."""
+        ground = self._links.get(link, True)
+        frames, _ = split_frames(self._split, data)
+        passed = b"".join(frame.raw for frame in frames if self._is_passed(link, ground, frame))
+        if passed:
+            (self._ground if ground else self._companion).send(passed)
+
+    def take_datagrams(self, links: Sequence[LinkId] | None = None) -> list[tuple[LinkId, bytes]]:
+        """What goes out on some links, or on all."""
+        self._collect()
+        taken = []
+        for link in list(self._links) if links is None else links:
+            taken += [(link, data) for data in self._out.pop(link, ())]
+        return taken
+
+    def send(self, link: LinkId, message: Any) -> None:
+        """Say something on the bridge's own account."""
+        if message.get_type() == "TIMESYNC":
+            self._asked_ns[link] = message.ts1
+        self._out[link].append(bytes(message.pack(self._own)))
+
+    def broadcast(self, message: Any) -> None:
+        """Tell all ground stations."""
+        for link, ground in self._links.items():
+            if ground:
+                self.send(link, message)
+
+    def announce(self) -> None:
+        """Show the firmware's newest heartbeat again, so that all know where to speak."""
+        for link in self._links:
+            if self._greeting:
+                self._out[link].append(self._greeting)
+
+    def heartbeats(self, link: LinkId) -> int:
+        """How many came over a link."""
+        return self._heartbeats[link]
+
+    def timesync_answer_ns(self, link: LinkId) -> int:
+        """The stamp of the last TIMESYNC answered on a link; 0: none."""
+        return self._answered_ns.get(link, 0)
+
+    def _is_passed(self, link: LinkId, ground: bool, frame: Frame) -> bool:
+        message = frame.message
+        kind = message.get_type()
+        if kind == "TIMESYNC" and message.tc1 and message.ts1 == self._asked_ns.get(link):
+            self._answered_ns[link] = message.ts1
+            return False
+        if kind == "HEARTBEAT":
+            self._heartbeats[link] += 1
+        elif kind in COMMANDS and not ground:
+            self.commands[kind] = self.commands.get(kind, 0) + 1
+            self.last_command, self.commanded_step = kind, self._step
+        return True
+
+    # --- towards the firmware -----------------------------------------------------------
+
+    def step(self) -> None:
+        """Time goes on by one step."""
+        self._step += 1
+        self._collect()
+
+    def command(self, message: Any) -> None:
+        """To the firmware, as a ground station."""
+        self._ground.send(bytes(message.pack(self._own)))
+
+    @property
+    def is_commanded(self) -> bool:
+        """Whether a companion has commanded the surfaces in the last tenth of a second."""
+        recent = 0.1 * self.step_hz
+        return self.commanded_step >= 0 and self._step - self.commanded_step <= recent
+
+    def take_events(self) -> list[str]:
+        """What the firmware said in words, each once."""
+        events, self._events = self._events, []
+        return events
+
+    def close(self) -> None:
+        """Give the ports back."""
+        self._ground.close()
+        self._companion.close()
+
+    def _collect(self) -> None:
+        for source, is_ground in ((self._ground, True), (self._companion, False)):
+            for _ in range(BURST):
+                data = source.receive()
+                if data is None:
+                    break
+                if is_ground:
+                    self._look_at(data)
+                for link, ground in self._links.items():
+                    if ground == is_ground:
+                        self._out[link].append(data)
+
+    def _look_at(self, data: bytes) -> None:
+        for frame in split_frames(self._split, data)[0]:
+            if (frame.system, frame.component) != (self._system, mavlink.MAV_COMP_ID_AUTOPILOT1):
+                continue
+            message = frame.message
+            kind = message.get_type()
+            if kind == "HEARTBEAT":
+                self._greeting = frame.raw
+                self.armed = message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED != 0
+                self.custom_mode = message.custom_mode
+            elif kind == "SYS_STATUS":
+                self.ready = message.onboard_control_sensors_health & PREARM != 0
+            elif kind == "STATUSTEXT":
+                self._events.append(f"it says: {message.text}")

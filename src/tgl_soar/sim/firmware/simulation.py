@@ -1,0 +1,264 @@
+"""A real firmware in the place of the simulated Pixhawk: our world around it, its links relayed.
+
+An aircraft without a propeller cannot take off.  So it is launched in the air, step by step:
+
+    boots     time goes on, the aircraft is held at the start, in the wind
+    aligns    until the firmware says that it could be armed
+    armed     by a ground station's command, in the mode for sticks
+    let go    when a companion commands the surfaces in the mode that obeys it
+
+While no companion commands them, a pilot flies by his transmitter (`sim.pilot`).  An aircraft
+that hits something lies there for 3 s and is then held at the start again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final, NamedTuple, Protocol
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from tgl_soar.config import Airframe, Site
+from tgl_soar.sim.bridge import (
+    LOG_COLUMNS,
+    LYING_S,
+    TRUTH_HZ,
+    Options,
+    told_truth,
+    truth_row,
+)
+from tgl_soar.sim.channels import NEUTRAL
+from tgl_soar.sim.injection import Injection
+from tgl_soar.sim.pilot import SafetyPilot
+from tgl_soar.sim.routing import LinkId
+from tgl_soar.sim.truth_log import TruthLog
+from tgl_soar.sim.world import World, build_field, make_world
+from tgl_soar.types import SurfaceCommand
+
+from .relay import Relay
+from .sensors import FirmwareSensors, Readings, firmware_sensors
+
+ASK_S: Final = 1.0  # between two requests to arm, or for a mode
+
+
+class Sticks(NamedTuple):
+    """The pilot's transmitter."""
+
+    deflections: SurfaceCommand  # of the sticks, as they would move the surfaces
+    takes: bool = False  # his mode switch is at the mode in which he takes over
+
+
+class Physics(Protocol):
+    """The firmware's own simulator interface."""
+
+    name: str
+    step_hz: int
+    manual_mode: int  # custom_mode in which sticks move the surfaces, and it is armed
+    obeys: Mapping[str, int]  # command message of a companion: custom_mode that obeys it
+
+    def exchange(self, readings: Readings, sticks: Sticks) -> SurfaceCommand:
+        """One step in lockstep: what the servos are told."""
+        ...
+
+    def ask_for_mode(self, system: int, custom_mode: int) -> Any:
+        """The command for a mode."""
+        ...
+
+    def close(self) -> None:
+        """It is over."""
+        ...
+
+
+class FirmwareSimulation:
+    """World, firmware, pilot and log, one step at a time."""
+
+    def __init__(
+        self,
+        airframe: Airframe,
+        site: Site,
+        options: Options,
+        folder: Path,
+        physics: Physics,
+        relay: Relay,
+    ) -> None:
+        self.injection = Injection(options.faults, options.seed)
+        field = None if site.air is None else self.injection.field(build_field(site.air, folder))
+        self.world: World = make_world(
+            airframe,
+            site,
+            seed=options.seed,
+            turbulence=options.turbulence,
+            step_hz=physics.step_hz,
+            folder=folder,
+            field=field,
+            sensors=firmware_sensors(physics.step_hz, pitot=options.pitot),
+        )
+        self.world.held = True
+        self.pixhawk = relay
+        self.crashes = 0
+        self._physics = physics
+        self._system = airframe.autopilot.system_id
+        self._options = options
+        self._sensors = FirmwareSensors(self.world, site.position.home, options.seed)
+        self._polar = airframe.polar.as_polar()
+        self._pilot = SafetyPilot(self.world.trim_pitch_rad, 1.0 / physics.step_hz)
+        self._pilot_takes = False
+        self._surfaces = NEUTRAL
+        self._lying_until = -1  # step
+        self._truth_every = physics.step_hz // TRUTH_HZ
+        self._log_every = max(1, round(physics.step_hz / options.log_hz))
+        self._ask_every = round(ASK_S * physics.step_hz)
+        self._stage = 0
+        self._events: list[str] = [f"waiting for {physics.name} to boot; the aircraft is held"]
+        self._log = TruthLog(options.log, LOG_COLUMNS) if options.log is not None else None
+
+    # --- links ---------------------------------------------------------------------------
+
+    def add_link(self, link: LinkId, *, ground: bool) -> None:
+        """A link to a ground station or to a companion."""
+        self.pixhawk.add_link(link, ground=ground)
+
+    def remove_link(self, link: LinkId) -> None:
+        """A link that is gone."""
+        self.pixhawk.remove_link(link)
+
+    def receive(self, link: LinkId, data: bytes) -> None:
+        """Take one datagram of a link."""
+        self.pixhawk.receive(link, data)
+
+    def take_datagrams(self, links: Sequence[LinkId] | None = None) -> list[tuple[LinkId, bytes]]:
+        """What goes out on some links, or on all."""
+        return self.pixhawk.take_datagrams(links)
+
+    # --- time ----------------------------------------------------------------------------
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time."""
+        return self.world.time_s
+
+    @property
+    def flying(self) -> bool:
+        """Neither held nor lying on the ground."""
+        return not self.world.held and not self.world.crashed
+
+    @property
+    def booted(self) -> bool:
+        """Whether the firmware speaks."""
+        return self.pixhawk.custom_mode >= 0
+
+    def step(self) -> None:
+        """One step of everything."""
+        world = self.world
+        for fault, begins in self.injection.turns(self.time_s):
+            self._events.append(f"fault {'begins' if begins else 'is over'}: {fault}")
+            if fault.kind.name == "pilot.takes":
+                self._pilot_takes = begins
+        self._launch()
+        world.step(self.injection.surfaces(self.time_s, self._surfaces, 1.0 / world.step_hz))
+        if world.crashed and self._lying_until < 0:
+            self.crashes += 1
+            self._lying_until = world.steps + round(LYING_S * world.step_hz)
+            self._events.append(f"lost: {world.crashed}")
+        self._surfaces = self._physics.exchange(self._sensors.read(), self._sticks())
+        self.pixhawk.step()
+        if world.steps % world.step_hz == 0:
+            self.pixhawk.command(_HEARTBEAT)
+        if self._options.truth and world.steps % self._truth_every == 0:
+            for name, value in told_truth(world, self._polar):
+                self.pixhawk.broadcast(
+                    mavlink.MAVLink_named_value_float_message(round(1e3 * self.time_s), name, value)
+                )
+        if world.steps % self._log_every == 0:
+            self._log_row()
+
+    def take_events(self) -> list[str]:
+        """What the console should say, each once."""
+        events = [*self.pixhawk.take_events(), *self._events]
+        self._events = []
+        return events
+
+    def summary(self) -> str:
+        """What the companion sent."""
+        sent = ", ".join(f"{n} {name}" for name, n in self.pixhawk.commands.items())
+        return f"commands: {sent or 'none'}"
+
+    def close(self) -> None:
+        """Finish the log, let the firmware go."""
+        if self._log is not None:
+            self._log.close()
+        self._physics.close()
+        self.pixhawk.close()
+
+    def _launch(self) -> None:
+        """The next stage of the launch, once it is due."""
+        world, relay, physics = self.world, self.pixhawk, self._physics
+        if 0 <= self._lying_until <= world.steps:
+            self._lying_until = -1
+            world.relaunch()
+            world.held = True
+            self._stage = min(self._stage, 3)
+            self._events.append("carried back and held at the start again")
+        due = world.steps % self._ask_every == 0
+        if self._stage == 0 and self.booted:
+            self._next(f"{physics.name} has booted: waiting until its estimator has aligned")
+        elif self._stage == 1 and relay.ready:
+            self._next("aligned: arming it")
+        elif self._stage == 2 and relay.armed:
+            self._next("armed: held until a companion commands the surfaces")
+        elif self._stage == 2 and due:
+            wrong = relay.custom_mode != physics.manual_mode
+            relay.command(
+                physics.ask_for_mode(self._system, physics.manual_mode)
+                if wrong
+                else arm(self._system)
+            )
+        elif (
+            self._stage == 3
+            and relay.armed
+            and relay.is_commanded
+            and physics.obeys.get(relay.last_command) == relay.custom_mode
+        ):
+            world.held = False
+            self._next(f"launched: it obeys {relay.last_command}")
+
+    def _next(self, what: str) -> None:
+        self._stage += 1
+        self._events.append(what)
+
+    def _sticks(self) -> Sticks:
+        world, relay = self.world, self.pixhawk
+        obeyed = self._physics.obeys.get(relay.last_command) == relay.custom_mode
+        if not self.flying or (relay.is_commanded and obeyed):
+            self._pilot.let_go()
+            return Sticks(NEUTRAL, self._pilot_takes)
+        truth = world.truth
+        return Sticks(
+            self._pilot.sticks(
+                (truth.x_m, truth.y_m, truth.z_m),
+                (truth.velocity_x_mps, truth.velocity_y_mps, truth.climb_mps),
+                truth.heading_rad,
+                world.attitude,
+                relay.custom_mode == self._physics.manual_mode,
+                self._surfaces.elevator,
+            ),
+            self._pilot_takes,
+        )
+
+    def _log_row(self) -> None:
+        if self._log is not None:
+            state = (self.pixhawk.custom_mode, self.flying, self.pixhawk.is_commanded)
+            self._log.add((*truth_row(self.time_s, self.world), *state))
+
+
+def arm(system: int) -> Any:
+    """The command that arms."""
+    return mavlink.MAVLink_command_long_message(
+        system, 1, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    )
+
+
+_HEARTBEAT: Final = mavlink.MAVLink_heartbeat_message(
+    mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
+)
