@@ -841,6 +841,7 @@ class Onboard:
                 self.counters.unsent,
                 ticks.late,
                 ticks.skipped,
+                ticks.over_run,
                 ticks.worst_late_s,
             )
         )

@@ -15,6 +15,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -127,6 +128,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         " (in lockstep there is none)",
     )
     add(
+        "--cpu",
+        type=_processor,
+        metavar="N",
+        help="fly on this processor alone (best one that is kept free: isolcpus=N)",
+    )
+    add(
+        "--spin",
+        type=_spin,
+        default=0.0,
+        metavar="US",
+        help="do not sleep through so many of the last microseconds before a tick; 0 to 2000",
+    )
+    add(
         "--mocap-server",
         default="",
         metavar="HOST[:PORT]",
@@ -147,6 +161,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         secret=Secret(given.signing_key, given.unsigned_autopilot, given.allow_setup_signing),
         mocap_server=given.mocap_server,
         guarded=not given.no_guard and not given.lockstep,
+        wishes=realtime.Wishes(given.cpu, given.spin),
     )
 
 
@@ -174,6 +189,25 @@ def _megabytes(text: str) -> int:
     return int(megabytes * 1e6)
 
 
+def _processor(text: str) -> int:
+    there = realtime.processors()
+    if not text.isascii() or not text.isdigit() or int(text) not in there:
+        names = ", ".join(str(number) for number in sorted(there))
+        raise argparse.ArgumentTypeError(f"{text}: must be a processor of this computer: {names}")
+    return int(text)
+
+
+def _spin(text: str) -> float:
+    try:
+        spin_s = float(text) * 1e-6
+    except ValueError:
+        spin_s = -1.0
+    if not 0.0 <= spin_s <= realtime.SPIN_MAX_S:
+        longest_us = realtime.SPIN_MAX_S * 1e6
+        raise argparse.ArgumentTypeError(f"{text}: must be 0 to {longest_us:g} microseconds")
+    return spin_s
+
+
 class Plan(NamedTuple):
     """All that a flight is started from; nothing is open yet."""
 
@@ -189,6 +223,7 @@ class Plan(NamedTuple):
     secret: Secret
     log: Path | None
     log_bytes: int
+    wishes: realtime.Wishes
 
 
 def run(
@@ -204,6 +239,7 @@ def run(
     guarded: bool = False,
     log: Path | None = None,
     log_bytes: int = LARGEST_BYTES,
+    wishes: realtime.Wishes = realtime.Wishes(),  # noqa: B008
 ) -> int:
     """Fly until told to stop; the process's exit code.
 
@@ -237,6 +273,7 @@ def run(
         secret=secret,
         log=log,
         log_bytes=log_bytes,
+        wishes=wishes,
     )
     if guarded:
         realtime.go_first()
@@ -262,7 +299,8 @@ def _run(plan: Plan, life: guard.LifeSign | None = None, became: str = "") -> in
         return EXIT_CANNOT_START
     stopped = threading.Event()
     restore = _stop_on_signals(stopped)
-    end_keeping = keep_timestamp(signing, plan.secret.key_file, _print)
+    with _behind(plan.wishes, plan.lockstep):
+        end_keeping = keep_timestamp(signing, plan.secret.key_file, _print)
     words = [(SEVERITY_ERROR, f"restarted: the flying process {became}")] if became else []
     try:
         return _fly(
@@ -278,6 +316,7 @@ def _run(plan: Plan, life: guard.LifeSign | None = None, became: str = "") -> in
             first_words=words,
             recorder=_recorder(plan),
             mocap=mocap,
+            wishes=plan.wishes,
         )
     finally:
         end_keeping()
@@ -409,6 +448,7 @@ def _fly(
     first_words: Sequence[tuple[int, str]] = (),
     recorder: FlightRecorder | None = None,
     mocap: MocapFeed | None = None,
+    wishes: realtime.Wishes = realtime.Wishes(),  # noqa: B008
 ) -> int:
     began_s = time.monotonic()
     first, *others = transports
@@ -441,15 +481,16 @@ def _fly(
                     f"WARNING: {transport.name} is open to the network and unsigned: whoever"
                     " reaches it can fly this aircraft; give --signing-key, or listen on 127.0.0.1"
                 )
-    for warning in realtime.prepare(real_time=not lockstep):
+    for warning in realtime.prepare(wishes, real_time=not lockstep):
         _print(warning)
-    if store is not None:
-        _print(f"parameters changed over the air are stored in {store.path}")
-        store.start()
-    if recorder is not None:
-        recorder.start()
+    with _behind(wishes, lockstep):
+        if store is not None:
+            _print(f"parameters changed over the air are stored in {store.path}")
+            store.start()
+        if recorder is not None:
+            recorder.start()
     try:
-        code = _loop(onboard, transports, stop, timeout_s, life, mocap)
+        code = _loop(onboard, transports, stop, timeout_s, life, mocap, wishes.spin_s)
     finally:  # whatever has happened, the pilot gets the surfaces
         onboard.stop()
         if life is not None:
@@ -460,8 +501,16 @@ def _fly(
         _print(f"OptiTrack: {mocap.client.told()}")
     ticks = onboard.pacer.counters
     if code == EXIT_OK and not lockstep:
-        _print(f"{ticks.ticks} ticks, {ticks.late} late, {ticks.skipped} skipped")
+        _print(
+            f"{ticks.ticks} ticks, {ticks.late} late, {ticks.skipped} skipped,"
+            f" {ticks.over_run} longer than a period"
+        )
     return code
+
+
+def _behind(wishes: realtime.Wishes, lockstep: bool) -> AbstractContextManager[None]:
+    """For starting threads that must not come before the loop."""
+    return nullcontext() if lockstep else realtime.behind(wishes)
 
 
 def _loop(
@@ -471,16 +520,17 @@ def _loop(
     timeout_s: float | None,
     life: guard.LifeSign | None = None,
     mocap: MocapFeed | None = None,
+    spin_s: float = 0.0,
 ) -> int:
     clock = time.monotonic
     now_s = began_s = clock()
+    onboard.pacer.begin(now_s)
     watch = _Watch(began_s)
     generations = [transport.generation for transport in transports]
     poses = mocap.filenos() if mocap is not None else []
     while not stop():
         waited_for = [*poses, *(transport.fileno() for transport in transports)]
-        realtime.wait(waited_for, onboard.wake_s(now_s), now_s)
-        now_s = clock()
+        now_s = realtime.wait(waited_for, onboard.wake_s(now_s), clock, spin_s)
         _take_poses(onboard, mocap, now_s)
         for link, transport in enumerate(transports):
             received = transport.receive(now_s)
@@ -495,6 +545,7 @@ def _loop(
                     onboard.periodic(clock())
         if onboard.due(now_s):
             onboard.periodic(now_s)
+            onboard.pacer.done(now_s, clock())
         else:
             onboard.idle(now_s)
         if life is not None:

@@ -1,6 +1,11 @@
 """When the loop ticks, and how the process asks the system to be on time.
 
 The only file that touches scheduling, memory locking, garbage collection and deadlines.
+
+    guard            SCHED_FIFO 61: it must be able to stop a flying process that spins
+    the loop         SCHED_FIFO 60, memory locked, no garbage collection, on one processor if told
+    log, parameters  SCHED_FIFO 59: never before a tick; and not below ordinary processes, as
+                     a thread that waits for a processor with Python's lock holds up the loop
 """
 
 from __future__ import annotations
@@ -9,10 +14,11 @@ import ctypes
 import gc
 import os
 import select
-from collections.abc import Iterable
-from contextlib import suppress
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 LATE_S: Final = 0.002  # a tick that much after it was due is counted as late
 GRACE: Final = 0.5  # of a period: so long a tick waits for its sample
@@ -29,7 +35,17 @@ _STRAIN_LOG: Final = 0.3
 
 _MCL_CURRENT: Final = 1
 _MCL_FUTURE: Final = 2
+_PR_SET_TIMERSLACK: Final = 29
 PRIORITY: Final = 60  # of SCHED_FIFO: above ordinary interrupts' threads, below the timer's
+SWITCH_S: Final = 50e-6  # so long another thread keeps Python's lock when the loop wants it
+SPIN_MAX_S: Final = 0.002
+
+
+class Wishes(NamedTuple):
+    """What an operator may ask of the system beyond what is always asked for."""
+
+    processor: int | None = None  # the loop runs on this one only
+    spin_s: float = 0.0  # before a deadline it does not sleep
 
 
 @dataclass(slots=True)
@@ -40,6 +56,7 @@ class TickCounters:
     on_sample: int = 0  # of these, begun by an attitude sample
     late: int = 0
     skipped: int = 0  # periods without a tick: the process was held up
+    over_run: int = 0  # ticks that took longer than their period
     worst_late_s: float = 0.0
 
 
@@ -62,6 +79,10 @@ class Pacer:
         self._streak = 0
         self._sample_s = float("nan")  # arrival of a sample that no tick has seen; NaN: none
         self._sample_time_s = float("nan")
+
+    def begin(self, now_s: float) -> None:
+        """The loop starts now: whatever took its time before is no delay."""
+        self._deadline_s = now_s + self.period_s
 
     def set_rate(self, rate_hz: float) -> None:
         """Another rate, from the next tick on."""
@@ -127,6 +148,11 @@ class Pacer:
         self._time_s = max(self._time_s, min(now_s, time_s))
         return self._time_s
 
+    def done(self, began_s: float, now_s: float) -> None:
+        """What a tick brought with it is done."""
+        if now_s - began_s > self.period_s:
+            self.counters.over_run += 1
+
     def _is_sample_due(self) -> bool:
         return self.locked and self._sample_s >= self._deadline_s - EARLY * self.period_s
 
@@ -158,26 +184,46 @@ class Strain:
         return self.value > _STRAIN_LOG
 
 
-def wait(fds: Iterable[int], until_s: float, now_s: float) -> None:
-    """Sleep until one of some can be read (those below zero are none), or until a time."""
-    timeout_s = max(0.0, until_s - now_s)
-    select.select([fd for fd in fds if fd >= 0], [], [], timeout_s)
+def wait(
+    fds: Sequence[int], until_s: float, clock: Callable[[], float], spin_s: float = 0.0
+) -> float:
+    """Sleep until one of some can be read (those below zero are none), or until a time.
+
+    Returns the time.  The deadline is absolute: what is left is computed last.  `select`, as
+    `poll` and `epoll` count whole milliseconds.  Of the last `spin_s` nothing is slept away.
+    """
+    waiting = [fd for fd in fds if fd >= 0]
+    ready, _, _ = select.select(waiting, (), (), max(0.0, until_s - spin_s - clock()))
+    now_s = clock()
+    while spin_s > 0.0 and not ready and now_s < until_s:
+        ready, _, _ = select.select(waiting, (), (), 0.0)
+        now_s = clock()
+    return now_s
 
 
-def prepare(*, real_time: bool = True) -> list[str]:
-    """Make the process ready to be on time; what could not be had is said in words."""
+def prepare(wishes: Wishes = Wishes(), *, real_time: bool = True) -> list[str]:  # noqa: B008
+    """Make the process ready to be on time; what could not be had is said in words.
+
+    To be called by the loop's thread once everything is built: what is there by then is never
+    looked through for garbage again.
+    """
     gc.collect()
     gc.freeze()
     gc.disable()
-    warnings: list[str] = []
     if not real_time:
-        return warnings
+        return []
+    sys.setswitchinterval(SWITCH_S)
+    warnings: list[str] = []
+    if wishes.processor is not None:
+        try:
+            os.sched_setaffinity(0, {wishes.processor})
+        except (AttributeError, OSError):
+            warnings.append(f"processor {wishes.processor} cannot be had: running on any")
     lacking: list[str] = []
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
-    except (AttributeError, OSError):
+    if not _set_priority(PRIORITY):
         lacking.append("real-time priority")
-    if not _lock_memory():
+        _libc_call("prctl", _PR_SET_TIMERSLACK, 1, 0, 0, 0)  # ns; with the priority there is none
+    if not _libc_call("mlockall", _MCL_CURRENT | _MCL_FUTURE):
         lacking.append("locked memory")
     if lacking:
         warnings.append(
@@ -189,13 +235,51 @@ def prepare(*, real_time: bool = True) -> list[str]:
 
 def go_first() -> None:
     """For the process that watches the flying one: it must be able to stop it if that spins."""
-    with suppress(AttributeError, OSError):  # without the right to: `prepare` tells it
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY + 1))
+    _set_priority(PRIORITY + 1)  # without the right to: `prepare` tells it
 
 
-def _lock_memory() -> bool:
+@contextmanager
+def behind(wishes: Wishes) -> Iterator[None]:
+    """Threads that are started within come right after the loop, and before all others.
+
+    They run wherever there is room, also where the loop has a processor for itself.
+    """
     try:
-        libc = ctypes.CDLL(None, use_errno=True)
-        return bool(libc.mlockall(_MCL_CURRENT | _MCL_FUTURE) == 0)
-    except (OSError, AttributeError):
+        policy, parameter = os.sched_getscheduler(0), os.sched_getparam(0)
+        mine = os.sched_getaffinity(0)
+    except (AttributeError, OSError):
+        yield
+        return
+    has_priority = _set_priority(PRIORITY - 1)
+    if wishes.processor is not None:
+        os.sched_setaffinity(0, range(os.cpu_count() or 1))
+    try:
+        yield
+    finally:
+        if wishes.processor is not None:
+            os.sched_setaffinity(0, mine)
+        if has_priority:
+            os.sched_setscheduler(0, policy, parameter)
+
+
+def processors() -> set[int]:
+    """Those that this process may run on."""
+    try:
+        return os.sched_getaffinity(0)
+    except (AttributeError, OSError):
+        return set(range(os.cpu_count() or 1))
+
+
+def _set_priority(priority: int) -> bool:
+    """Of this thread, among those that run before all ordinary ones."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except (AttributeError, OSError):
         return False
+    return True
+
+
+def _libc_call(name: str, *arguments: int) -> bool:
+    with suppress(OSError, AttributeError):
+        return bool(getattr(ctypes.CDLL(None), name)(*arguments) == 0)
+    return False

@@ -333,6 +333,7 @@ def _topics() -> Iterator[Topic]:
             Field("unsent", "uint32_t", said="frames that the links did not take so far"),
             Field("late", "uint32_t", said="ticks that began late so far"),
             Field("skipped", "uint32_t", said="periods without a tick so far"),
+            Field("over_run", "uint32_t", said="ticks longer than their period so far"),
             Field("worst_late_s", "float", said="the latest tick so far"),
         ),
         "How the link and the loop's timing did, every two seconds.",

@@ -23,6 +23,7 @@ class LinkReport(NamedTuple):
     unsent: int
     late: int
     skipped: int
+    over_run: int
     worst_late_s: float
 
 
