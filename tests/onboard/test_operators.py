@@ -10,6 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from test_onboard import CAPTURING, READY, SOARING, Flight, setup, texts
 
 from tgl_soar import process as module
+from tgl_soar import realtime
 from tgl_soar.instruments import ARRAY
 from tgl_soar.link.signing import EPOCH_S, Signing
 from tgl_soar.onboard import Onboard
@@ -463,7 +464,11 @@ class BreakingLink:
         return
 
 
-def test_whatever_is_raised_the_pilot_gets_the_surfaces(capfd: pytest.CaptureFixture[str]) -> None:
+def test_whatever_is_raised_the_pilot_gets_the_surfaces(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # It would give its priority to this process, and to all that later tests start from it.
+    monkeypatch.setattr(realtime, "prepare", lambda *_, **__: [])
     link = BreakingLink()
     with pytest.raises(RuntimeError, match="nobody has thought of"):
         module._fly(setup(), [link], lambda: False)  # type: ignore[list-item]
