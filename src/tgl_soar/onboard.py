@@ -11,8 +11,10 @@ function.  `process` opens the links, waits, and calls.
 Two ways to keep time.  On an aircraft the loop's clock is this computer's and `realtime.Pacer`
 says when to tick.  In lockstep the loop's clock is the vehicle's: each new ATTITUDE_QUATERNION
 is exactly one tick at its own time stamp, and as everything is handled in the order in which it
-came, the answer to a TIMESYNC tells the simulator that all before it is done.  Where attitudes
-fail the stamps of the TIMESYNCs keep the clock going: silence must not stop time.
+came, the answer to a TIMESYNC tells the simulator that all before it is done.  Before the first
+attitude, which the simulator sends unasked, the autopilot gets nothing but heartbeats: whatever
+was asked of it would come earlier or later as the machine is fast or slow.  Where attitudes fail
+the stamps of the TIMESYNCs keep the clock going: silence must not stop time.
 """
 
 from __future__ import annotations
@@ -615,9 +617,11 @@ class Onboard:
         self._tell_strain(now_s)
 
     def idle(self, now_s: float) -> None:
-        """Lockstep before the first attitude: nothing but the wall clock moves yet."""
+        """Lockstep before the first attitude: we are here, and all else waits for its clock."""
         if self._lockstep and not self._vehicle_clock:
-            self._slow(now_s)
+            self._show_presence(now_s)
+            if self.mocap is not None:
+                self._ask_mocap(self.mocap, now_s)
 
     def _step_with_vehicle(self) -> None:
         """Lockstep: a tick at the vehicle's time."""
@@ -737,13 +741,8 @@ class Onboard:
         session = self.session
         if self.signing.is_on:
             self.signing.advance(now_s)
-        said = session.poll(now_s)
-        for route in self._routes:
-            if not route.greeted:
-                self._greet(route)
-            elif said and isinstance(said[0], Heartbeat):
-                self._say(said[0], route)
-        self._say_all([m for m in said if not isinstance(m, Heartbeat)], self._autopilot)
+        self._show_presence(now_s)
+        self._say_all(session.poll(now_s), self._autopilot)
         if self.forwarding is not None:
             self._forward(self.forwarding, now_s)
         self._list_parameters(now_s)
@@ -872,6 +871,15 @@ class Onboard:
         if self._store is not None:
             for text in self._store.stop(self._values):
                 self._console(text)
+
+    def _show_presence(self, now_s: float) -> None:
+        """Our heartbeat, where it is due."""
+        due = self.session.heartbeat_if_due(now_s)
+        for route in self._routes:
+            if not route.greeted:
+                self._greet(route)
+            else:
+                self._say_all(list(due), route)
 
     def _greet(self, route: Route) -> None:
         """Our heartbeat, before anything else is said on this link."""

@@ -473,6 +473,7 @@ def test_in_lockstep_the_wall_clock_leaves_no_trace() -> None:
         for _ in range(idle):
             flight.now_s += 0.05
             flight.onboard.idle(flight.now_s)
+        assert {m.get_type() for m in flight.said()} == {"HEARTBEAT"}
         del flight.frames[:]
         for i in simulator(flight, 1200):
             flight.now_s += slow

@@ -67,6 +67,19 @@ def run(module: Module, seconds: float) -> None:
         module.second(i * 0.05)
 
 
+def test_called_again_without_news_it_does_nothing() -> None:
+    """So a lockstep flight does not depend on how often a slow machine calls."""
+    module = Module(Operator([LEG, LEG], 1, 191))
+    for i in range(400):
+        if module.operator.done:
+            break
+        module.second(i * 0.05)
+        if module.sets and module.sets[-1][0] in module.operator.seen.parameters:
+            module.operator.step(i * 0.05)  # the answers were news
+        assert module.operator.step(i * 0.05) == []
+    assert module.operator.done
+
+
 def test_it_sets_the_line_engages_waits_and_is_done() -> None:
     operator = Operator([LEG], 1, 191)
     module = Module(operator)

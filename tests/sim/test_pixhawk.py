@@ -421,6 +421,19 @@ def test_a_ground_station_gets_slow_streams_unasked_and_a_companion_only_the_hea
     assert stations["SERVO_OUTPUT_RAW"] == 10
 
 
+def test_a_companion_that_sets_its_pace_by_us_gets_every_attitude_unasked_and_last() -> None:
+    pixhawk = make()
+    pixhawk.set_pace(COMPANION)
+    pixhawk.set_pace("nobody")
+    companion(pixhawk).command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, LOCAL_POSITION_NED, 2e4)
+    out = run(pixhawk, STEP_HZ)[COMPANION]
+    assert len(named(out, "ATTITUDE_QUATERNION")) == STEP_HZ
+    names = [m.get_type() for m in out if m.get_type() != "HEARTBEAT"]
+    before = [names[i + 1] for i, name in enumerate(names) if name == "LOCAL_POSITION_NED"]
+    assert before
+    assert set(before) == {"ATTITUDE_QUATERNION"}
+
+
 def test_streams_stop_and_return_to_their_default() -> None:
     pixhawk = make()
     peer = ground(pixhawk)

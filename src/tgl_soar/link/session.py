@@ -239,13 +239,17 @@ class Session:
         """Ours."""
         return Heartbeat(TYPE_ONBOARD_CONTROLLER, AUTOPILOT_INVALID, 0, 0, STATE_ACTIVE)
 
+    def heartbeat_if_due(self, now_s: float) -> list[Heartbeat]:
+        """Ours, once a second."""
+        if now_s < self._heartbeat_due_s:
+            return []
+        late = now_s - self._heartbeat_due_s > HEARTBEAT_S
+        self._heartbeat_due_s = (now_s if late else self._heartbeat_due_s) + HEARTBEAT_S
+        return [self.heartbeat()]
+
     def poll(self, now_s: float) -> list[Said]:
-        """What is due: our heartbeat, and at most one request for a stream."""
+        """What is due: questions to the autopilot, at most one request for a stream."""
         said: list[Said] = []
-        if now_s >= self._heartbeat_due_s:
-            late = now_s - self._heartbeat_due_s > HEARTBEAT_S
-            self._heartbeat_due_s = (now_s if late else self._heartbeat_due_s) + HEARTBEAT_S
-            said.append(self.heartbeat())
         if self.is_heard:
             said.extend(self.streams.poll(now_s))
             question = None if self._lockstep else self.round_trip.poll(now_s)

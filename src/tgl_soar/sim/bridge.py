@@ -7,7 +7,8 @@
 Real time: every step has an absolute deadline, so time does not drift; where the machine falls
 more than a few steps behind, that time is given up and counted, never hurried after.
 
-Lockstep: after every step the companion gets what its streams have due and a TIMESYNC request.
+Lockstep: after every step the companion gets the attitude, even unasked, what else its streams
+have due, and a TIMESYNC request.
 The bridge waits for the answer before time goes on; all that the companion sent before the
 answer acts at this very step.  With `--lockstep-gcs` the ground stations are asked in the same
 way every 50 ms.  So nothing depends on the machine's speed: the same seed gives the same
@@ -604,7 +605,7 @@ class Bridge:
                     self._waited_for[peer.link] = peer
                     self._say(f"{_who(peer)} is back")
             elif successor and peer.link not in self._waited_for:
-                self._waited_for[peer.link] = peer
+                self._wait_for(peer)
                 self._say(f"{_who(peer)} takes part")
                 for link in [m for m in self._missed if self._is_companion(m)]:
                     del self._missed[link]
@@ -639,12 +640,17 @@ class Bridge:
         for peer in self.ports.peers.values():
             takes_part = not peer.port.ground or self.pace.lockstep_ground
             if takes_part and self._pixhawk.heartbeats(peer.link):
-                self._waited_for[peer.link] = peer
+                self._wait_for(peer)
         self._pixhawk.announce()
         companions = [link for link in self._waited_for if self._is_companion(link)]
         stations = [link for link in self._waited_for if not self._is_companion(link)]
         self._barrier(companions)
         self._barrier(stations)
+
+    def _wait_for(self, peer: Peer) -> None:
+        self._waited_for[peer.link] = peer
+        if not peer.port.ground:
+            self._pixhawk.set_pace(peer.link)
 
     def _missing(self) -> list[str]:
         peers = self.ports.peers.values()

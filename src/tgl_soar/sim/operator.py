@@ -136,12 +136,25 @@ class Operator:
                     mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 0
                 )
             )
-        if self._to_set:
-            self._set_next(now_s)
-        elif not self.done:
-            self._next_stage()
+        while self._act(now_s):
+            pass
         out, self._out = self._out, []
         return out
+
+    def _act(self, now_s: float) -> bool:
+        """Do one thing; whether another may follow from it at once.
+
+        All that can be done is done, so that another call without news does nothing: a flight
+        in lockstep must not depend on how often a slow machine calls.
+        """
+        if self._to_set:
+            self._set_next(now_s)
+            return not self._to_set
+        if self.done:
+            return False
+        before = self._stage, self._engaged, isfinite(self._engaged_s), len(self.flown)
+        self._next_stage()
+        return before != (self._stage, self._engaged, isfinite(self._engaged_s), len(self.flown))
 
     def _next_stage(self) -> None:
         """Wait for the module, then leg by leg: set, wait for the line to stand, stay."""

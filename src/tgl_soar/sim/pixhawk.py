@@ -336,6 +336,12 @@ class Pixhawk:
         self._links.pop(link, None)
         self.router.forget(link)
 
+    def set_pace(self, link: LinkId) -> None:
+        """Lockstep: from the next step on a link gets the attitude of every step, unasked."""
+        if link in self._links:
+            streams = self._links[link].streams
+            streams[mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION] = _Stream(1, self.steps + 1)
+
     def receive(self, link: LinkId, data: bytes) -> None:
         """Take one datagram of a link; whatever it holds, nothing is raised."""
         if link not in self._links:

@@ -247,12 +247,13 @@ def _operate(
                 f"nothing heard from the bridge for {SILENCE_S:g} s\n{processes.last_words()}"
             )
         processes.check()
-        # Repetitions are paced by simulated time, so that a lockstep flight repeats exactly.
+        # Once there is simulated time the operator acts on what comes and at no other moment, so
+        # that a lockstep flight repeats exactly.
         simulated = operator.seen.time_s
-        pace = simulated if isfinite(simulated) else now
-        for datagram in operator.step(pace):
-            if bridge is not None:
-                ground_station.sendto(datagram, bridge)
+        if ready or not isfinite(simulated):
+            for datagram in operator.step(simulated if isfinite(simulated) else now):
+                if bridge is not None:
+                    ground_station.sendto(datagram, bridge)
         if now - shown > 0.1:
             shown = now
             progress(operator)
