@@ -233,3 +233,12 @@ def test_all_peers_hear_their_side_of_the_firmware(links: FakeLinks) -> None:
     relay.remove_link(9)
     relay.broadcast(mavlink.MAVLink_named_value_float_message(0, b"updraft", 1.0))
     assert [link for link, _ in relay.take_datagrams()] == [GROUND]
+
+
+def test_the_pace_of_lockstep_is_the_attitude_of_every_step(links: FakeLinks) -> None:
+    links.relay.set_pace(GROUND)
+    assert links.heard(links.companion) == []
+    links.relay.set_pace(COMPANION)
+    [asked] = links.heard(links.companion)
+    assert asked.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+    assert (asked.param1, asked.param2) == (31, 1e6 / STEP_HZ)

@@ -424,7 +424,7 @@ def test_a_ground_station_gets_slow_streams_unasked_and_a_companion_only_the_hea
 def test_a_companion_that_sets_its_pace_by_us_gets_every_attitude_unasked_and_last() -> None:
     pixhawk = make()
     pixhawk.set_pace(COMPANION)
-    pixhawk.set_pace("nobody")
+    pixhawk.set_pace(77)
     companion(pixhawk).command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, LOCAL_POSITION_NED, 2e4)
     out = run(pixhawk, STEP_HZ)[COMPANION]
     assert len(named(out, "ATTITUDE_QUATERNION")) == STEP_HZ

@@ -375,6 +375,10 @@ class Autopilot(Protocol):
         """Show on every link that the vehicle is there."""
         ...
 
+    def set_pace(self, link: LinkId) -> None:
+        """Lockstep: send the attitude of every step on a link, unasked."""
+        ...
+
     def heartbeats(self, link: LinkId) -> int:
         """How many came over a link."""
         ...

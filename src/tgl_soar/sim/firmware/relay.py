@@ -128,6 +128,21 @@ class Relay:
             if self._greeting:
                 self._out[link].append(self._greeting)
 
+    def set_pace(self, link: LinkId) -> None:
+        """Ask the firmware for the attitude of every step where companions listen."""
+        if self._links.get(link, True):
+            return
+        request = mavlink.MAVLink_command_long_message(
+            self._system,
+            mavlink.MAV_COMP_ID_AUTOPILOT1,
+            mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
+            0,
+            mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION,
+            round(1e6 / self.step_hz),
+            *(0, 0, 0, 0, 0),
+        )
+        self._companion.send(bytes(request.pack(self._own)))
+
     def heartbeats(self, link: LinkId) -> int:
         """How many came over a link."""
         return self._heartbeats[link]
