@@ -28,7 +28,13 @@ from tgl_soar.control.envelope import (
     pitch_within,
     stall_margin,
 )
-from tgl_soar.control.heading import HeadingGains, heading_setpoint, heading_step
+from tgl_soar.control.heading import (
+    BankGains,
+    HeadingGains,
+    bank_setpoint,
+    heading_setpoint,
+    heading_step,
+)
 from tgl_soar.control.pid import PidGains, PidState, PidTerms
 from tgl_soar.control.scheduling import pid_between, share_step, soaring_between
 from tgl_soar.control.soaring import (
@@ -114,6 +120,9 @@ from tgl_soar.types import (
     NAN,
     NO_AERODYNAMICS,
     NO_GROUND,
+    NO_SETPOINTS,
+    OURS,
+    THEIRS,
     Aerodynamics,
     AirEstimate,
     Ground,
@@ -122,6 +131,7 @@ from tgl_soar.types import (
     MotionQuality,
     Setpoints,
     SurfaceCommand,
+    SurfacesSample,
     VehicleState,
 )
 
@@ -129,6 +139,7 @@ DT_MAX_S = 0.1  # a longer gap between two ticks is not integrated over
 HEADING_MAX_RAD = 0.5 * pi  # from upwind, to be engaged at all
 LINE_UPRIGHT = 0.1  # sine of a line's inclination, below which it has no upstream side
 DOUBT_MAX = 3.0  # times EST_SD_MAX: in more doubt than this no fix is young enough
+TRAVEL_END = 0.98  # of travel: a surface read back from here on can go no further
 ON_LINE_S = 1.0  # so long within capture_distance_m before the line counts as captured
 
 
@@ -158,12 +169,14 @@ class Laws(NamedTuple):
     pitch_imu: PidGains
     roll: PidGains
     heading: HeadingGains
+    bank: BankGains
     envelope: EnvelopeLimits
     trim: SurfaceCommand
     wind: WindParams
     fence: Fence
     ground: Ground
     pitch_trim: TrimGains
+    loops: int  # whose loops move the surfaces: OURS, THEIRS or THEIRS_WITH_RUDDER
 
 
 class AutopilotState(NamedTuple):
@@ -235,8 +248,12 @@ def laws_from(
     frame: SoaringFrame,
     aerodynamics: Aerodynamics = NO_AERODYNAMICS,
     ground: Ground = NO_GROUND,
+    loops: int = OURS,
 ) -> Laws:
-    """The laws' parameters in SI units, from the operator's and what airframe and site know."""
+    """The laws' parameters in SI units, from the operator's and what airframe and site know.
+
+    loops: whose loops move the surfaces, as `types` numbers them.
+    """
     travel = values["SURF_MAX"]
     soaring = SoaringGains(
         PidGains(
@@ -304,6 +321,7 @@ def laws_from(
             values["WPT_R_MIN"],
             radians(values["PSI_MAX"]),
         ),
+        bank=BankGains(values["BANK_P"], radians(values["BANK_MAX"])),
         envelope=EnvelopeLimits(
             travel,
             values["SURF_RATE"],
@@ -329,6 +347,7 @@ def laws_from(
             values["WIND_TRIM_T"],
             values["WIND_FF"],
         ),
+        loops=loops,
     )
 
 
@@ -391,7 +410,13 @@ def step(laws: Laws, state: AutopilotState, inputs: Inputs) -> tuple[AutopilotSt
     quality = motion_quality(laws.motion, state.motion, motion, inputs.time_s)
     flying = modes.is_flying(state.supervisor.mode)
     watched, health = health_step(
-        laws.health, state.health, motion, inputs, flying, state.limited.command, dt
+        laws.health,
+        state.health,
+        motion,
+        inputs,
+        flying and laws.loops == OURS,  # else nothing is known of where surfaces should be
+        state.limited.command,
+        dt,
     )
     health = _as_sure(laws.guards, health, quality)
     felt = _is_felt(state.motion, motion, inputs.time_s)
@@ -525,7 +550,7 @@ def _watch(
         reason,
         False,
         _NEUTRAL,
-        Setpoints(NAN, NAN, NAN),
+        NO_SETPOINTS,
         vehicle,
         health,
         target.x_m,
@@ -663,26 +688,32 @@ def _fly(
         cut = CUT_NOSE_UP
     elif pitch_setpoint > soaring.pitch_setpoint_rad:
         cut = CUT_NOSE_DOWN
-    pitch, elevator_terms = attitude_step(
-        laws.pitch,
-        state.pitch,
-        pitch_setpoint,
-        vehicle.pitch_rad,
-        vehicle.pitch_rate_radps,
-        laws.trim.elevator,
-        dt_s,
-        state.limited.elevator_blocked,
-    )
-    roll, aileron_terms = attitude_step(
-        laws.roll,
-        state.roll,
-        0.0,
-        vehicle.roll_rad,
-        vehicle.roll_rate_radps,
-        laws.trim.aileron,
-        dt_s,
-        state.limited.aileron_blocked,
-    )
+    roll_setpoint = 0.0
+    if laws.loops == THEIRS:
+        roll_setpoint = bank_setpoint(laws.bank, psi_setpoint, vehicle.heading_rad)
+    pitch, roll = state.pitch, state.roll
+    elevator_terms = aileron_terms = _NO_TERMS
+    if laws.loops == OURS:
+        pitch, elevator_terms = attitude_step(
+            laws.pitch,
+            state.pitch,
+            pitch_setpoint,
+            vehicle.pitch_rad,
+            vehicle.pitch_rate_radps,
+            laws.trim.elevator,
+            dt_s,
+            state.limited.elevator_blocked,
+        )
+        roll, aileron_terms = attitude_step(
+            laws.roll,
+            state.roll,
+            roll_setpoint,
+            vehicle.roll_rad,
+            vehicle.roll_rate_radps,
+            laws.trim.aileron,
+            dt_s,
+            state.limited.aileron_blocked,
+        )
     heading, rudder_terms = heading_step(
         laws.heading,
         state.heading,
@@ -693,6 +724,8 @@ def _fly(
         dt_s,
     )
     wanted = SurfaceCommand(elevator_terms.output, aileron_terms.output, rudder_terms.output)
+    if laws.loops != OURS:
+        wanted = SurfaceCommand(laws.trim.elevator, laws.trim.aileron, rudder_terms.output)
     limited = limit_surfaces(
         laws.envelope,
         state.limited.command,
@@ -701,6 +734,8 @@ def _fly(
         True,
         dt_s,
     )
+    if laws.loops != OURS:
+        limited = _left_to_firmware(limited, laws.loops, inputs.surfaces)
     state = AutopilotState(
         inputs.time_s,
         supervisor,
@@ -725,7 +760,7 @@ def _fly(
         reason,
         True,
         limited.command,
-        Setpoints(pitch_setpoint, 0.0, psi_setpoint),
+        Setpoints(pitch_setpoint, roll_setpoint, psi_setpoint),
         vehicle,
         health,
         line.x_m,
@@ -744,6 +779,20 @@ def _fly(
         limited.cut | cut,
         state.imu_share,
     )
+
+
+def _left_to_firmware(limited: Limited, loops: int, surfaces: SurfacesSample) -> Limited:
+    """What is known of surfaces that the firmware's own loops move: where it says that they are.
+
+    Without them the pitch is taken to follow its setpoint.
+    """
+    blocked = 0
+    if surfaces.elevator >= TRAVEL_END:  # false for NaN
+        blocked = 1
+    elif surfaces.elevator <= -TRAVEL_END:
+        blocked = -1
+    rudder = limited.command.rudder if loops != THEIRS else NAN
+    return Limited(SurfaceCommand(NAN, NAN, rudder), blocked, 0, limited.finite, limited.cut)
 
 
 def _let_go(
@@ -765,7 +814,7 @@ def _let_go(
         reason,
         False,
         _NEUTRAL,
-        Setpoints(NAN, NAN, NAN),
+        NO_SETPOINTS,
         vehicle,
         health,
         state.line.x_m,

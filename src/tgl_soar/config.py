@@ -90,7 +90,8 @@ OPERATORS: Final = frozenset((245, *range(250, 256)))
 class AutopilotLink(Strict, frozen=True):
     """The autopilot that moves the surfaces, and the identities used towards it."""
 
-    firmware: Literal["ardupilot", "bridge"]
+    firmware: Literal["ardupilot", "px4", "paparazzi", "bridge"]
+    route: str | None = None  # by which it is commanded; None: the firmware's usual one
     system_id: SystemId = 1
     component_id: Annotated[int, Meta(ge=2, le=255)] = 191  # 1 is the autopilot itself
     override_system_id: SystemId = 255  # what the firmware's SYSID_MYGCS names

@@ -40,9 +40,9 @@ from tgl_soar.estimation.health import JUMP, WRONG
 from tgl_soar.flightlog.recorder import NO_RECORDER, LinkReport, Recorder
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.line_changes import Contour, LineChanges, Presets
-from tgl_soar.link.autopilots.ardupilot import ArduPilot
-from tgl_soar.link.autopilots.base import Flavour, SurfaceChannel, SurfaceChannels
-from tgl_soar.link.autopilots.bridge import Bridge
+from tgl_soar.link.autopilots import flavour as autopilot_flavour
+from tgl_soar.link.autopilots import routes
+from tgl_soar.link.autopilots.base import Flavour, SurfaceChannel, SurfaceChannels, is_finite
 from tgl_soar.link.codec import Decoder, Encoder
 from tgl_soar.link.commands import ABORT, ENGAGE, NOTHING, RELEASE, CommandServer
 from tgl_soar.link.engagement import Engagement
@@ -70,6 +70,7 @@ from tgl_soar.link.messages import (
     Timesync,
     VisionPositionEstimate,
 )
+from tgl_soar.link.mode_change import ModeChange
 from tgl_soar.link.optitrack import Link as MocapLink
 from tgl_soar.link.optitrack import Optitrack
 from tgl_soar.link.parameters import ParameterServer
@@ -86,9 +87,12 @@ from tgl_soar.types import (
     NAN,
     NO_AERODYNAMICS,
     NO_GROUND,
+    OURS,
+    THEIRS,
     Aerodynamics,
     Ground,
     Inputs,
+    Setpoints,
     SurfaceCommand,
 )
 
@@ -121,7 +125,7 @@ class Setup(NamedTuple):
     """What the module needs to know of an airframe and a site."""
 
     own: Source
-    override: Source  # the sender that the autopilot obeys
+    override: Source  # the sender of commands that the autopilot obeys
     flavour: Flavour
     frame: SoaringFrame
     parameters: ParameterSet
@@ -159,15 +163,36 @@ def surface_channels(airframe: Airframe) -> SurfaceChannels:
 
 
 def flavour_of(airframe: Airframe) -> Flavour:
-    """How an airframe's autopilot moves its surfaces."""
-    kind = Bridge if airframe.autopilot.firmware == "bridge" else ArduPilot
-    return kind(surface_channels(airframe), airframe.autopilot.system_id)
+    """How an airframe's autopilot is commanded.  Errors: `ConfigError` for an unknown route."""
+    link = airframe.autopilot
+    try:
+        channels = surface_channels(airframe)
+        return autopilot_flavour(link.firmware, link.route, channels, link.system_id)
+    except ValueError as error:
+        raise ConfigError(f"autopilot.route = {link.route!r}: {error}") from None
+
+
+def commanding_source(airframe: Airframe, flavour: Flavour) -> Source:
+    """The identity that commands carry: the one that the firmware obeys, else our own."""
+    link = airframe.autopilot
+    system = link.override_system_id if flavour.route.as_operator else link.system_id
+    return Source(system, link.component_id)
+
+
+def direct_flavour_of(airframe: Airframe) -> Flavour:
+    """The firmware by a route that moves surfaces directly, for the bench."""
+    chosen = flavour_of(airframe)
+    if chosen.route.loops == OURS:
+        return chosen
+    link = airframe.autopilot
+    direct = next(r.name for r in routes(link.firmware) if r.loops == OURS)
+    return autopilot_flavour(link.firmware, direct, surface_channels(airframe), link.system_id)
 
 
 def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Setup:
     """Configuration files' contents as the flying module takes them."""
     link = airframe.autopilot
-    channels = surface_channels(airframe)
+    channels, flavour = surface_channels(airframe), flavour_of(airframe)
     if parameters["OP_ENGAGE"] != 0.0:  # a restarted module must never engage by itself
         parameters = parameters.changed({"OP_ENGAGE": 0.0})
     driven = frozenset(channel.channel for channel in channels)
@@ -179,8 +204,8 @@ def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Setu
     _believed(site.position, Source(link.system_id, link.component_id))
     return Setup(
         Source(link.system_id, link.component_id),
-        Source(link.override_system_id, link.component_id),
-        flavour_of(airframe),
+        commanding_source(airframe, flavour),
+        flavour,
         site.frame(),
         parameters,
         link.operators,
@@ -231,7 +256,8 @@ def _forwarding(forward: Forward | None) -> PoseForwarding | None:
 
 def laws_of(setup: Setup, values: ParameterSet) -> autopilot.Laws:
     """The laws of one tick: here, and in the replay of a log."""
-    return autopilot.laws_from(values, setup.frame, setup.aerodynamics, setup.ground)
+    loops = setup.flavour.route.loops
+    return autopilot.laws_from(values, setup.frame, setup.aerodynamics, setup.ground, loops)
 
 
 def _channel(surface: Surface) -> SurfaceChannel:
@@ -321,6 +347,7 @@ class Onboard:
         recorder.parameters(self._values)
         recorder.afresh(self._state)
         self._active = False
+        self._mode_change = ModeChange(setup.flavour)
         self._releases = 0
         self._release_due_s = 0.0
         self._panel = instruments.Panel(setup.frame)
@@ -678,13 +705,18 @@ class Onboard:
 
     def _tick(self, time_s: float) -> None:
         self.counters.ticks += 1
-        session = self.session
+        session, flavour = self.session, self._setup.flavour
+        can_enter = flavour.route.mode_to_enter is not None and not session.mismatch
+        status = session.status
+        if can_enter and not self._active:
+            self._enter_mode(time_s)
+            status = status._replace(accepts_surfaces=True)  # it will, once it is asked
         inputs = Inputs(
             time_s,
             session.position,
             session.attitude,
-            session.status,
-            self._engage,
+            status,
+            self._engage and not self._mode_change.is_entering,
             session.imu,
             session.airspeed,
             session.surfaces,
@@ -693,13 +725,15 @@ class Onboard:
         self.output = output
         if output.health.faults & (JUMP | WRONG):  # what else there is, the sources see themselves
             session.sources.doubt(time_s)
-        if output.active and _is_finite(output.command):
-            self._say_surfaces(self._setup.flavour.surfaces(output.command))
+        if output.active and _can_be_said(output, flavour.route.loops):
+            self._say_surfaces(flavour.commands(output.command, output.setpoints))
             self.counters.surface_frames += 1
             self._releases = 0
         elif self._active and not output.active:
             self._releases = RELEASE_FRAMES
             self._release_due_s = time_s
+            if session.status.accepts_surfaces:
+                self._mode_change.leave(time_s)
         if self._releases > 0 and time_s >= self._release_due_s:
             self._release_due_s = time_s + RELEASE_INTERVAL_S
             self._releases -= 1
@@ -711,6 +745,31 @@ class Onboard:
             self._recorder.tick(inputs, output, self._state)
         if output.mode != self._mode:
             self._mode_changed(output)
+
+    def _enter_mode(self, time_s: float) -> None:
+        """Engaged: the autopilot first has to come into the mode that obeys.
+
+        Until then it hears what keeps the aircraft as it is: some firmwares enter only where
+        setpoints stream already.
+        """
+        change, session = self._mode_change, self.session
+        obeys = session.status.accepts_surfaces
+        if not self._engage and change.is_entering:
+            change.leave(time_s)  # it may have been asked for already
+        elif self._engage and self._mode == READY and not obeys and not change.is_entering:
+            change.enter(time_s, session.custom_mode)
+        self._say_all(list(change.poll(time_s, obeys, session.custom_mode)), self._autopilot)
+        if change.failed:
+            self.tell(SEVERITY_ERROR, change.failed)
+            change.failed = ""
+            if self._engage:
+                self._disengage()
+                self._tell_engagement(self._mode)
+        if change.is_entering and self.output is not None:
+            pitch_rad = self.output.vehicle.pitch_rad
+            if isfinite(pitch_rad):
+                level = Setpoints(pitch_rad, 0.0, 0.0)
+                self._say_surfaces(self._setup.flavour.commands(SurfaceCommand(0, 0, 0), level))
 
     def _mode_changed(self, output: autopilot.Output) -> None:
         self._mode = output.mode
@@ -865,6 +924,7 @@ class Onboard:
         if self._active or self._releases:
             for _ in range(RELEASE_FRAMES):
                 self._release()
+                self._say_all(list(self._mode_change.parting()), self._autopilot)
         self._active = False
         self._releases = 0
         self.tell(SEVERITY_NOTICE, "tgl_soar stopped")
@@ -938,5 +998,9 @@ def _nowhere(_text: str) -> None:
     """Words that nobody asked for."""
 
 
-def _is_finite(command: SurfaceCommand) -> bool:
-    return isfinite(command.elevator) and isfinite(command.aileron) and isfinite(command.rudder)
+def _can_be_said(output: autopilot.Output, loops: int) -> bool:
+    """Whether all that a route says of a tick are numbers."""
+    if loops == OURS:
+        return is_finite(output.command)
+    rudder_rad = output.command.rudder if loops != THEIRS else 0.0
+    return isfinite(output.setpoints.pitch_rad + output.setpoints.roll_rad + rudder_rad)

@@ -144,6 +144,12 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter("WPT_R_MIN", "m", 1, 100, 3.0, "Shortest distance used to the virtual waypoint."),
     Parameter("PSI_MAX", "deg", 1, 45, 20.0, "Largest heading setpoint to either side."),
+    Parameter(
+        "BANK_P", "", 0, 5, 1.0,
+        "Bank asked for with each degree of heading error, where the autopilot's own loops hold"
+        " the attitude and turn by banking.",
+    ),
+    Parameter("BANK_MAX", "deg", 1, 40, 20.0, "Largest bank asked for in this way."),
     # --- surfaces ------------------------------------------------------------------------
     Parameter("SURF_MAX", "", 0.05, 1, 1.0, "Largest deflection commanded, of full travel."),
     Parameter("SURF_RATE", "1/s", 0.5, 100, 20.0, "Fastest change of a command, in travels."),
@@ -289,7 +295,7 @@ GROUPS: Final[tuple[Group, ...]] = (
     Group("Pitch to elevator", ("ELE",), "The inner loop of pitch."),
     Group("Roll to aileron", ("AIL",), "Wings level."),
     Group(
-        "Heading to rudder", ("RUD", "WPT", "PSI"),
+        "Heading to rudder", ("RUD", "WPT", "PSI", "BANK"),
         "The nose is held towards a virtual waypoint upwind.",
     ),
     Group("Surfaces", ("SURF",), "The last limit of every command."),

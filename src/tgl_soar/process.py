@@ -49,6 +49,7 @@ from tgl_soar.link.messages import (
     SEVERITY_NOTICE,
     Source,
 )
+from tgl_soar.link.mode_change import ModeChange
 from tgl_soar.link.natnet.sockets import NatNetError
 from tgl_soar.link.routes import Route
 from tgl_soar.link.signing import Signing
@@ -348,6 +349,7 @@ def _give_back(plan: Plan, sign: guard.Sign, became: str) -> None:
     route = Route(0, setup.own, setup.override, transport.send, signing, stream=False)
     route.own.version1 = route.override.version1 = sign.version1
     frames = [route.override.encode(message) for message in setup.flavour.release()]
+    frames += [route.own.encode(message) for message in ModeChange(setup.flavour).parting()]
     words = StatusTexts().chunks(SEVERITY_CRITICAL, f"surfaces given back: module {became}")
     try:
         for _ in range(RELEASE_FRAMES):

@@ -25,7 +25,7 @@ from tgl_soar.link.messages import (
     Said,
     ServoOutputRaw,
 )
-from tgl_soar.types import SurfaceCommand
+from tgl_soar.types import NO_SETPOINTS, SurfaceCommand
 
 STOPS: Final = (0.0, 1.0, -1.0, 0.0)  # of the deflection that is tried
 TOLERANCE_US: Final = 60.0  # an autopilot's own calibration bends a little
@@ -120,7 +120,8 @@ class SurfaceCheck:
             if not self._speed_mps <= SPEED_MAX_MPS:
                 return f"the aircraft is armed and moves at {self._speed_mps:.1f} m/s"
         if not self._flavour.obeys(heartbeat):
-            return "the autopilot is not in the mode in which it obeys: put it into MANUAL"
+            mode = self._flavour.route.mode
+            return f"the autopilot is not in the mode in which it obeys: put it into {mode}"
         return ""
 
     @property
@@ -157,7 +158,7 @@ class SurfaceCheck:
         if now_s - self._sent_s < FRAME_S:
             return ()
         self._sent_s = now_s
-        return self._flavour.surfaces(self._command())
+        return self._flavour.commands(self._command(), NO_SETPOINTS)
 
     def move_on(self) -> None:
         """This stop has been looked at: note what came back, and go to the next."""

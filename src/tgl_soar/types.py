@@ -209,6 +209,15 @@ class SurfaceCommand(NamedTuple):
     rudder: float
 
 
+# Whose loops move the surfaces.
+OURS = 0  # the module commands elevator, aileron and rudder
+THEIRS_WITH_RUDDER = 1  # the firmware holds pitch and bank, the module commands the rudder
+THEIRS = 2  # the firmware holds pitch and bank, and turns by banking
+
+
+NO_SETPOINTS = Setpoints(NAN, NAN, NAN)
+
+
 class GlidePolar(NamedTuple):
     """Sink as a third-order polynomial of horizontal airspeed, in the paper's way.
 

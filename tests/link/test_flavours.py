@@ -8,7 +8,7 @@ from tgl_soar.link.autopilots.ardupilot import ArduPilot
 from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels, pulse_width
 from tgl_soar.link.autopilots.bridge import Bridge
 from tgl_soar.link.messages import Heartbeat, RcChannelsOverride
-from tgl_soar.types import SurfaceCommand
+from tgl_soar.types import NO_SETPOINTS, SurfaceCommand
 
 PLAIN = SurfaceChannel(2, 1100, 1500, 1900)
 CROOKED = SurfaceChannel(1, 1000, 1600, 1900)
@@ -26,7 +26,7 @@ def override(messages: object) -> RcChannelsOverride:
 @pytest.mark.parametrize("flavour", FLAVOURS)
 def test_our_three_channels_and_no_other(flavour: type[ArduPilot]) -> None:
     pilot = flavour(SurfaceChannels(PLAIN, CROOKED, HIGH), 7)
-    message = override(pilot.surfaces(SurfaceCommand(0.5, -1.0, 0.25)))
+    message = override(pilot.commands(SurfaceCommand(0.5, -1.0, 0.25), NO_SETPOINTS))
     assert message.target_system == 7
     assert message.target_component == 1
     expected = [65535] * 8 + [0] * 10

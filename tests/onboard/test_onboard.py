@@ -44,16 +44,19 @@ def setup() -> Setup:
 class Flight:
     """The module, and a vehicle that hangs in the air where it is and says so."""
 
-    def __init__(self, *, lockstep: bool = False, now_s: float = 1000.0) -> None:
+    def __init__(
+        self, *, lockstep: bool = False, now_s: float = 1000.0, flown: Setup | None = None
+    ) -> None:
         self.now_s = now_s
         self.boot_s = now_s  # when the vehicle's clock began
         self.frames: list[bytes] = []
         self.console: list[str] = []
         self.takes = True
         self.onboard = Onboard(
-            setup(), self._send, now_s, lockstep=lockstep, console=self.console.append
+            flown or setup(), self._send, now_s, lockstep=lockstep, console=self.console.append
         )
         self.attitude_hz, self.position_hz, self.heartbeat_hz = 200.0, 50.0, 1.0
+        self.kind = (1, 3)  # MAV_TYPE, MAV_AUTOPILOT
         self.mode = 0
         self.quaternion = [1.0, 0.0, 0.0, 0.0]
         self.north_m = 0.0
@@ -86,7 +89,7 @@ class Flight:
             self.now_s += STEP_S
             stamp_ms = round((self.now_s - self.boot_s) * 1e3)
             if self._is_due("heartbeat", self.heartbeat_hz):
-                self.hear(mavlink.MAVLink_heartbeat_message(1, 3, 81, self.mode, 4, 3))
+                self.hear(mavlink.MAVLink_heartbeat_message(*self.kind, 81, self.mode, 4, 3))
             if self._is_due("position", self.position_hz):
                 self.hear(
                     mavlink.MAVLink_local_position_ned_message(

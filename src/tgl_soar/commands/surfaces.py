@@ -30,7 +30,12 @@ from tgl_soar.link.messages import (
 )
 from tgl_soar.link.routes import Route
 from tgl_soar.link.transport import LinkError, Transport, open_link
-from tgl_soar.onboard import RELEASE_FRAMES, flavour_of, surface_channels
+from tgl_soar.onboard import (
+    RELEASE_FRAMES,
+    commanding_source,
+    direct_flavour_of,
+    surface_channels,
+)
 from tgl_soar.surface_check import SurfaceCheck
 
 from .console import AIRFRAME, console, errors, fail
@@ -70,11 +75,11 @@ def surfaces(
         own = Source(plane.autopilot.system_id, plane.autopilot.component_id)
         signing = signing_from(Secret(signing_key))
         transport = open_link(link, peers_of(signing, None), time.monotonic())
-        flavour = flavour_of(plane)
+        flavour = direct_flavour_of(plane)
         check = SurfaceCheck(
             surface_channels(plane), flavour, deflection, hold, armed_on_ground=armed_on_ground
         )
-        override = Source(plane.autopilot.override_system_id, own.component)
+        override = commanding_source(plane, flavour)
         route = Route(0, own, override, transport.send, signing, stream=transport.is_stream)
         bench = _Bench(check, route, transport)
         bench.wait_for_autopilot(timeout)

@@ -8,6 +8,11 @@ aircraft that faces upwind: right of the middle it must look left.  R is the alo
 distance to the waypoint, which must lie upwind (a waypoint downwind diverges), so R has a
 floor.  The paper writes tan(y/R) - psi, leaves the sign of y open, and its text names an
 integral that its equation lacks; there is none here: the waypoint takes the place of one.
+
+A firmware that holds the attitude itself and has the rudder coordinate its turns is asked for a
+bank instead (the paper has no such flight):
+
+    phi_sp = kphi e_psi,   limited to either side
 """
 
 from __future__ import annotations
@@ -29,6 +34,13 @@ class HeadingGains(NamedTuple):
     heading_max_rad: float
 
 
+class BankGains(NamedTuple):
+    """Parameters of the turn by banking."""
+
+    bank_per_heading: float  # rad of bank for each rad of heading
+    bank_max_rad: float
+
+
 def heading_setpoint(gains: HeadingGains, x_m: float, y_m: float) -> float:
     """Heading [rad] that looks at the virtual waypoint from (x, y), limited to either side."""
     distance = max(gains.distance_min_m, x_m - gains.waypoint_x_m)
@@ -48,3 +60,9 @@ def heading_step(
     """One step of the rudder law.  trim: deflection in straight flight, -1 … 1."""
     error = wrap_angle(setpoint_rad - heading_rad)
     return pid_step(gains.pid, state, error, -heading_rate_radps, trim, dt_s, 0)
+
+
+def bank_setpoint(gains: BankGains, setpoint_rad: float, heading_rad: float) -> float:
+    """Bank [rad] that turns the nose to a heading."""
+    bank = gains.bank_per_heading * wrap_angle(setpoint_rad - heading_rad)
+    return max(-gains.bank_max_rad, min(gains.bank_max_rad, bank))

@@ -28,6 +28,7 @@ from .messages import (
     DebugFloatArray,
     Heard,
     Heartbeat,
+    ManualControl,
     MessageInterval,
     NamedValueFloat,
     NavControllerOutput,
@@ -40,6 +41,8 @@ from .messages import (
     RcChannels,
     Received,
     Said,
+    SetActuatorControlTarget,
+    SetAttitudeTarget,
     SetupSigning,
     Source,
     StatusText,
@@ -541,6 +544,32 @@ def _pack_named_value_float(m: Any) -> Any:
     )
 
 
+def _pack_set_attitude_target(m: Any) -> Any:
+    rates_and_thrust = 0.0, 0.0, 0.0, 0.0  # the mask says that they are not meant
+    return dialect.MAVLink_set_attitude_target_message(
+        m.time_boot_ms & 0xFFFFFFFF,
+        m.target_system,
+        m.target_component,
+        m.type_mask,
+        list(map(_float32, m.q)),
+        *rates_and_thrust,
+    )
+
+
+def _pack_manual_control(m: Any) -> Any:
+    return dialect.MAVLink_manual_control_message(m.target, m.x, m.y, m.z, m.r, 0)
+
+
+def _pack_set_actuator_control_target(m: Any) -> Any:
+    return dialect.MAVLink_set_actuator_control_target_message(
+        m.time_usec,
+        m.group,
+        m.target_system,
+        m.target_component,
+        list(map(_float32, m.controls)),
+    )
+
+
 def _pack_autopilot_version(m: Any) -> Any:
     nothing = [0] * 8
     return dialect.MAVLink_autopilot_version_message(
@@ -613,6 +642,9 @@ _SAID: Final[dict[type[Said], Callable[[Any], Any]]] = {
     ParamValue: _pack_param_value,
     StatusText: _pack_status_text,
     NamedValueFloat: _pack_named_value_float,
+    SetAttitudeTarget: _pack_set_attitude_target,
+    ManualControl: _pack_manual_control,
+    SetActuatorControlTarget: _pack_set_actuator_control_target,
     AutopilotVersion: _pack_autopilot_version,
     MessageInterval: _pack_message_interval,
     DebugFloatArray: _pack_debug_float_array,

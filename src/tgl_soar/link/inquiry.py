@@ -17,7 +17,7 @@ ASK_TIMES: Final = 4
 
 
 class SenderInquiry:
-    """Whose overrides does it obey?"""
+    """Whose commands does it obey?"""
 
     def __init__(self, flavour: Flavour, target_system: int, override_system: int) -> None:
         self._flavour = flavour
@@ -36,8 +36,8 @@ class SenderInquiry:
 
     def heard(self, message: ParamValue) -> None:
         """A parameter of the autopilot."""
-        if message.param_id in self._flavour.sender_parameters:
-            self._answers[message.param_id] = message.param_value
+        if message.param_id in self._flavour.asked:
+            self._answers[message.param_id] = self._flavour.value_of(message)
 
     def poll(self, now_s: float) -> tuple[list[Said], str]:
         """What is to be asked, and what is to be told: each complaint once."""
@@ -54,5 +54,5 @@ class SenderInquiry:
             return [], ""
         return [
             ParamRequestRead(self._target_system, COMPONENT_AUTOPILOT, name, -1)
-            for name in self._flavour.sender_parameters
+            for name in self._flavour.asked
         ], ""

@@ -10,11 +10,17 @@ from __future__ import annotations
 from typing import Final, NamedTuple, TypeAlias
 
 # MAV_TYPE, MAV_AUTOPILOT, MAV_COMP_ID, MAV_MODE_FLAG
+TYPE_FIXED_WING: Final = 1
 TYPE_GCS: Final = 6
 TYPE_ONBOARD_CONTROLLER: Final = 18
+AUTOPILOT_ARDUPILOT: Final = 3
 AUTOPILOT_INVALID: Final = 8
+AUTOPILOT_PX4: Final = 12
+AUTOPILOT_PAPARAZZI: Final = 9
 COMPONENT_AUTOPILOT: Final = 1
 MODE_FLAG_CUSTOM_MODE: Final = 1
+MODE_FLAG_STABILIZE: Final = 16
+MODE_FLAG_MANUAL_INPUT: Final = 64
 MODE_FLAG_ARMED: Final = 128
 STATE_ACTIVE: Final = 4
 STATE_CRITICAL: Final = 5
@@ -30,6 +36,7 @@ SEVERITY_NOTICE: Final = 5
 SEVERITY_INFO: Final = 6
 
 # MAV_CMD and MAV_RESULT
+COMMAND_DO_SET_MODE: Final = 176
 COMMAND_GET_MESSAGE_INTERVAL: Final = 510
 COMMAND_SET_MESSAGE_INTERVAL: Final = 511
 COMMAND_REQUEST_MESSAGE: Final = 512
@@ -52,7 +59,13 @@ FRAME_BODY_FRD: Final = 12
 FRAME_LOCAL_FRD: Final = 20
 
 # MAV_PARAM_TYPE
+PARAM_TYPE_UINT8: Final = 1
+PARAM_TYPE_INT32: Final = 6
 PARAM_TYPE_REAL32: Final = 9
+
+# ATTITUDE_TARGET_TYPEMASK
+IGNORE_RATES: Final = 7
+IGNORE_THRUST: Final = 64
 
 # Message numbers of the streams that are asked for
 ID_SYS_STATUS: Final = 1
@@ -360,6 +373,30 @@ class RcChannelsOverride(NamedTuple):
     channels: tuple[int, ...]  # 18 pulse widths [us]
 
 
+class SetAttitudeTarget(NamedTuple):
+    time_boot_ms: int
+    target_system: int
+    target_component: int
+    type_mask: int
+    q: tuple[float, float, float, float]  # FRD to NED
+
+
+class ManualControl(NamedTuple):
+    target: int
+    x: int  # -1000 … 1000
+    y: int
+    z: int
+    r: int
+
+
+class SetActuatorControlTarget(NamedTuple):
+    time_usec: int
+    target_system: int
+    target_component: int
+    group: int
+    controls: tuple[float, float, float, float, float, float, float, float]  # -1 … 1
+
+
 Heard: TypeAlias = (
     Heartbeat
     | AttitudeQuaternion
@@ -396,6 +433,9 @@ Said: TypeAlias = (
     | StatusText
     | NamedValueFloat
     | RcChannelsOverride
+    | SetAttitudeTarget
+    | ManualControl
+    | SetActuatorControlTarget
     | AutopilotVersion
     | MessageInterval
     | DebugFloatArray

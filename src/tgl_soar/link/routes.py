@@ -46,7 +46,7 @@ class Route:
         self.send = send
         self.decoder = Decoder(stream=stream, accept=self._accept, tap=tap)
         self.own = Encoder(own, signing, number)
-        self.override = Encoder(override, signing, number)
+        self.override = self.own if override == own else Encoder(override, signing, number)
         self._signing = signing
         self._excused = excused
         self.greeted = False  # our heartbeat has gone out

@@ -56,6 +56,7 @@ from .messages import (
     ID_VFR_HUD,
     MODE_FLAG_ARMED,
     SENSOR_DIFFERENTIAL_PRESSURE,
+    SEVERITY_ERROR,
     SEVERITY_INFO,
     SEVERITY_WARNING,
     STATE_ACTIVE,
@@ -178,6 +179,8 @@ class Session:
         self.airspeed = NO_AIRSPEED
         self.surfaces = NO_SURFACES
         self.status = AutopilotStatus(NAN, False, False)
+        self.custom_mode = -1  # of the autopilot, as its heartbeat tells it
+        self.mismatch = ""  # why this is not the autopilot of the airframe file
         self.vehicle_time_s = NAN  # newest stamp of the attitude, vehicle's clock
         self.servos_us: tuple[int, ...] = ()
         self.heard: dict[Source, int] = {}
@@ -336,9 +339,15 @@ class Session:
         if message.autopilot == AUTOPILOT_INVALID or message.type == TYPE_GCS:
             return
         self.counters.heartbeats += 1
+        self.custom_mode = message.custom_mode
+        mismatch = self._flavour.mismatch(message)
+        if mismatch != self.mismatch:
+            self.mismatch = mismatch
+            if mismatch:
+                self.notices.append((SEVERITY_ERROR, mismatch))
         self.status = AutopilotStatus(
             now_s,
-            self._flavour.obeys(message),
+            not mismatch and self._flavour.obeys(message),
             message.base_mode & MODE_FLAG_ARMED != 0,
             self._flavour.failsafe(message),
             self.counters.reboots,

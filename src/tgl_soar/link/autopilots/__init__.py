@@ -1,1 +1,31 @@
-"""One file for each autopilot firmware: how it wants its surfaces commanded."""
+"""One file for each autopilot firmware: how it wants to be commanded."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from .ardupilot import ArduPilot
+from .base import Flavour, Route, SurfaceChannels
+from .bridge import Bridge
+from .paparazzi import Paparazzi
+from .px4 import Px4
+
+_FIRMWARES: Final[dict[str, type[ArduPilot | Bridge | Paparazzi | Px4]]] = {
+    kind.name: kind for kind in (ArduPilot, Px4, Paparazzi, Bridge)
+}
+FIRMWARES: Final = tuple(_FIRMWARES)
+
+
+def routes(firmware: str) -> tuple[Route, ...]:
+    """The ways of commanding a firmware, the usual one first."""
+    return tuple(_FIRMWARES[firmware].routes.values())
+
+
+def flavour(firmware: str, route: str | None, channels: SurfaceChannels, system_id: int) -> Flavour:
+    """A firmware by one of its routes; None: the usual one.  Errors: `ValueError`."""
+    kind = _FIRMWARES[firmware]
+    if route is None:
+        return kind(channels, system_id)
+    if route not in kind.routes:
+        raise ValueError(f"{firmware} has {', '.join(kind.routes)}")
+    return kind(channels, system_id, kind.routes[route])

@@ -1,47 +1,102 @@
-"""ArduPlane: the surfaces through RC_CHANNELS_OVERRIDE in MANUAL.
+"""ArduPlane.
 
-It obeys only the sender whose system id its SYSID_MYGCS (newer: MAV_GCS_SYSID) names, goes back
-to the pilot's sticks 3 s (RC_OVERRIDE_TIME) after the last frame, and at once when a channel is
-released.  The message has two ways to say so: in channels 1 to 8 a 0 releases and 65535 leaves
-as it is, in channels 9 to 18 a 0 leaves as it is and 65534 releases.
+`override`: RC_CHANNELS_OVERRIDE in MANUAL.  It obeys only the sender whose system id its
+SYSID_MYGCS (newer: MAV_GCS_SYSID) names, goes back to the pilot's sticks RC_OVERRIDE_TIME (3 s)
+after the last frame, and at once when a channel is released.  The message has two ways to say
+so: in channels 1 to 8 a 0 releases and 65535 leaves as it is, in channels 9 to 18 a 0 leaves as
+it is and 65534 releases.
+
+`attitude`: SET_ATTITUDE_TARGET in GUIDED.  Roll and pitch are held; the yaw angle of the
+quaternion is no angle here but the rudder, 45 degrees being all of it.  3 s after the last one
+it navigates by itself again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import isfinite, pi
 from typing import Final
 
+from tgl_soar.geometry import quaternion_from_euler
 from tgl_soar.link.messages import (
+    AUTOPILOT_ARDUPILOT,
     COMPONENT_AUTOPILOT,
     ID_RAW_IMU,
     ID_SCALED_IMU,
     ID_VFR_HUD,
+    IGNORE_RATES,
+    IGNORE_THRUST,
     MODE_FLAG_CUSTOM_MODE,
     STATE_CRITICAL,
     STATE_EMERGENCY,
+    CommandLong,
     Heartbeat,
+    ParamValue,
     RcChannelsOverride,
     Said,
+    SetAttitudeTarget,
 )
-from tgl_soar.types import SurfaceCommand
+from tgl_soar.types import OURS, THEIRS_WITH_RUDDER, Setpoints, SurfaceCommand
 
-from .base import SensorMessages, SurfaceChannels, Wanted, deflection, pulse_width
+from .base import (
+    Route,
+    SensorMessages,
+    SurfaceChannels,
+    Wanted,
+    deflections,
+    firmware_mismatch,
+    pulse_width,
+    set_mode,
+    value_cast,
+)
+from .requirements import SHOULD, Answers, Needs, Requirement
 
 MODE_MANUAL: Final = 0
+MODE_FBWA: Final = 5
+MODE_GUIDED: Final = 15
 CHANNELS: Final = 18
+RUDDER_RAD: Final = pi / 4.0  # yaw of the quaternion that is full rudder
 _FIRST_EIGHT: Final = 8
 _LEAVE_FIRST: Final = 65535
 _RELEASE_FIRST: Final = 0
 _LEAVE_LATER: Final = 0
 _RELEASE_LATER: Final = 65534
 
+OVERRIDE: Final = Route(
+    name="override",
+    message="RC_CHANNELS_OVERRIDE",
+    mode="MANUAL",
+    loops=OURS,
+    as_operator=True,
+    mode_to_enter=None,
+    mode_to_leave=MODE_MANUAL,
+    silence_s=3.0,
+    after_silence="the pilot's sticks move the surfaces again (RC_OVERRIDE_TIME)",
+    takeover="leave MANUAL, or the switch with RCx_OPTION = 46",
+    releases=True,
+)
+ATTITUDE: Final = Route(
+    name="attitude",
+    message="SET_ATTITUDE_TARGET",
+    mode="GUIDED",
+    loops=THEIRS_WITH_RUDDER,
+    as_operator=False,
+    mode_to_enter=MODE_GUIDED,
+    mode_to_leave=MODE_FBWA,
+    silence_s=3.0,
+    after_silence="GUIDED flies to its own target: it circles where it was entered",
+    takeover="leave GUIDED; with STICK_MIXING = 1 the sticks add to our setpoints",
+    releases=False,
+)
+
 
 class ArduPilot:
     """ArduPlane 4.x."""
 
     name = "ardupilot"
+    routes: Mapping[str, Route] = {route.name: route for route in (OVERRIDE, ATTITUDE)}
     # SYSID_MYGCS up to 4.6; then a range, of which the upper end 0 stands for the lower.
-    sender_parameters: tuple[str, ...] = ("SYSID_MYGCS", "MAV_GCS_SYSID", "MAV_GCS_SYSID_HI")
+    asked: tuple[str, ...] = ("SYSID_MYGCS", "MAV_GCS_SYSID", "MAV_GCS_SYSID_HI")
     # RAW_IMU is stamped in microseconds, SCALED_IMU of the same numbers in milliseconds.  The
     # differential pressure of its HIGHRES_IMU is the barometer's, less that at the ground.
     # The airspeed is read ten times a second; twice as often, so that it is not old as well.
@@ -49,16 +104,17 @@ class ArduPilot:
         (ID_RAW_IMU, ID_SCALED_IMU), Wanted(ID_VFR_HUD, "VFR_HUD", 20.0), pitot_in_imu=False
     )
 
-    def __init__(self, channels: SurfaceChannels, system_id: int) -> None:
+    def __init__(self, channels: SurfaceChannels, system_id: int, route: Route = OVERRIDE) -> None:
+        self.route = route
         self._channels = channels
         self._system_id = system_id
-        self._release = (self._override({}, release=True),)
+        self._release = (self._override({}, release=True),) if route.releases else ()
 
-    def refusal(self, parameters: Mapping[str, float], system: int) -> str:
+    def refusal(self, parameters: Answers, system: int) -> str:
         """The firmware ignores overrides of other senders without a word."""
-        old, low_name, high_name = self.sender_parameters
+        old, low_name, high_name = self.asked
         name = old if old in parameters else low_name
-        if name not in parameters:
+        if name not in parameters or not self.route.as_operator:
             return ""
         low = parameters[name]
         high = max(low, parameters.get(high_name, low))
@@ -69,13 +125,19 @@ class ArduPilot:
             f" {system}; make them the same"
         )
 
-    def surfaces(self, command: SurfaceCommand) -> tuple[Said, ...]:
-        """One frame that holds our three channels and leaves the others to the pilot."""
+    def mismatch(self, heartbeat: Heartbeat) -> str:
+        """Whether it is an ArduPlane."""
+        return firmware_mismatch(heartbeat, AUTOPILOT_ARDUPILOT, "an ArduPilot")
+
+    def commands(self, surfaces: SurfaceCommand, setpoints: Setpoints) -> tuple[Said, ...]:
+        """One frame: our three channels, the others left to the pilot; or the attitude."""
+        if self.route is ATTITUDE:
+            return (self._attitude(surfaces.rudder, setpoints),)
         elevator, aileron, rudder = self._channels
         pulses = {
-            elevator.channel: pulse_width(elevator, command.elevator),
-            aileron.channel: pulse_width(aileron, command.aileron),
-            rudder.channel: pulse_width(rudder, command.rudder),
+            elevator.channel: pulse_width(elevator, surfaces.elevator),
+            aileron.channel: pulse_width(aileron, surfaces.aileron),
+            rudder.channel: pulse_width(rudder, surfaces.rudder),
         }
         return (self._override(pulses, release=False),)
 
@@ -83,17 +145,20 @@ class ArduPilot:
         """One frame that gives our three channels back and touches no other."""
         return self._release
 
+    def ask_for_mode(self, custom_mode: int) -> CommandLong:
+        """Its modes are numbered as its heartbeat has them."""
+        return set_mode(self._system_id, float(custom_mode))
+
     def obeys(self, heartbeat: Heartbeat) -> bool:
-        """Only in MANUAL do the sticks, and so the overrides, move the surfaces directly."""
+        """Only in MANUAL do the sticks, and so the overrides, move the surfaces directly; only
+        in GUIDED are attitudes taken."""
         is_custom = heartbeat.base_mode & MODE_FLAG_CUSTOM_MODE != 0
-        return is_custom and heartbeat.custom_mode == MODE_MANUAL
+        mode = MODE_GUIDED if self.route is ATTITUDE else MODE_MANUAL
+        return is_custom and heartbeat.custom_mode == mode
 
     def deflections(self, servos: Sequence[int]) -> SurfaceCommand:
         """The outputs by the table of the overrides: its RCn and SERVOn must be alike."""
-        elevator, aileron, rudder = self._channels
-        return SurfaceCommand(
-            deflection(elevator, servos), deflection(aileron, servos), deflection(rudder, servos)
-        )
+        return deflections(self._channels, servos)
 
     def failsafe(self, heartbeat: Heartbeat) -> bool:
         """CRITICAL: any failsafe has been triggered; EMERGENCY: it believes to have crashed."""
@@ -102,6 +167,34 @@ class ArduPilot:
     def way_to_rate(self, rate_hz: float) -> str:
         """The firmware refuses more than 0.8 of its main loop's rate."""
         return f"set SCHED_LOOP_RATE to {rate_hz / 0.8:.0f} or more"
+
+    def value_of(self, message: ParamValue) -> float:
+        """It sends every value as a float."""
+        return value_cast(message)
+
+    def requirements(self, needs: Needs) -> tuple[Requirement, ...]:
+        """Those of the route, of the streams and of the surfaces."""
+        loop_hz = max(250.0, needs.loop_rate_hz / 0.8)
+        return (
+            Requirement(
+                ("SCHED_LOOP_RATE",),
+                "at least",
+                loop_hz,
+                f"it sends a stream at 0.8 of this at most, and ours run at {needs.loop_rate_hz:g}"
+                " Hz; its servos are late by one loop",
+                SHOULD,
+            ),
+        )
+
+    def _attitude(self, rudder: float, setpoints: Setpoints) -> SetAttitudeTarget:
+        yaw = max(-1.0, min(1.0, rudder)) * RUDDER_RAD if isfinite(rudder) else 0.0
+        return SetAttitudeTarget(
+            0,
+            self._system_id,
+            COMPONENT_AUTOPILOT,
+            IGNORE_RATES | IGNORE_THRUST,
+            quaternion_from_euler(setpoints.roll_rad, setpoints.pitch_rad, yaw),
+        )
 
     def _override(self, pulses: Mapping[int, int], *, release: bool) -> RcChannelsOverride:
         values = [_LEAVE_FIRST] * _FIRST_EIGHT + [_LEAVE_LATER] * (CHANNELS - _FIRST_EIGHT)

@@ -1,13 +1,32 @@
-"""What every autopilot firmware has to answer: how are its surfaces moved, and when."""
+"""What every autopilot firmware has to answer: how is it commanded, when, and what goes wrong.
+
+A *route* is one way of commanding one firmware.  By a direct route elevator, aileron and rudder
+are ours.  By an attitude route the firmware's own loops hold the pitch and the bank that we ask
+for, and our laws end at these setpoints.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import struct
+from collections.abc import Sequence
 from math import isfinite
 from typing import NamedTuple, Protocol
 
-from tgl_soar.link.messages import Heartbeat, Said
-from tgl_soar.types import NAN, SurfaceCommand
+from tgl_soar.link.messages import (
+    COMMAND_DO_SET_MODE,
+    COMPONENT_AUTOPILOT,
+    MODE_FLAG_CUSTOM_MODE,
+    PARAM_TYPE_INT32,
+    PARAM_TYPE_UINT8,
+    TYPE_FIXED_WING,
+    CommandLong,
+    Heartbeat,
+    ParamValue,
+    Said,
+)
+from tgl_soar.types import NAN, Setpoints, SurfaceCommand
+
+from .requirements import Answers, Needs, Requirement
 
 
 class SurfaceChannel(NamedTuple):
@@ -44,27 +63,53 @@ class SensorMessages(NamedTuple):
     pitot_in_imu: bool  # HIGHRES_IMU.diff_pressure is that of a pitot tube
 
 
+class Route(NamedTuple):
+    """One way of commanding a firmware, in words and numbers for module and people."""
+
+    name: str  # in the airframe file
+    message: str  # that carries the commands
+    mode: str  # of the firmware, in which it obeys them
+    loops: int  # whose loops move the surfaces: OURS, THEIRS or THEIRS_WITH_RUDDER
+    as_operator: bool  # commands carry override_system_id, else the module's own identity
+    mode_to_enter: int | None  # custom_mode that the module asks for; None: the pilot does
+    mode_to_leave: int  # where the one before is not known
+    silence_s: float  # after so long without a command the firmware acts alone
+    after_silence: str  # what it does then
+    takeover: str  # how the pilot takes over
+    releases: bool  # there is a message that gives the surfaces back
+
+
 class Flavour(Protocol):
-    """One firmware."""
+    """One firmware, commanded by one route."""
 
     name: str
+    route: Route
     sensors: SensorMessages
-    sender_parameters: tuple[str, ...]  # of the firmware: they say whose overrides it obeys
+    asked: tuple[str, ...]  # parameters that `refusal` looks at
 
-    def refusal(self, parameters: Mapping[str, float], system: int) -> str:
-        """Why overrides of this system will be ignored, and the way out; "" if they will not."""
+    def refusal(self, parameters: Answers, system: int) -> str:
+        """Why commands of this system will be ignored, and the way out; "" if they will not."""
         ...
 
-    def surfaces(self, command: SurfaceCommand) -> tuple[Said, ...]:
-        """What moves the surfaces; to be sent as the override identity."""
+    def mismatch(self, heartbeat: Heartbeat) -> str:
+        """Why this is not the firmware or the kind of vehicle of the airframe file; or ""."""
+        ...
+
+    def commands(self, surfaces: SurfaceCommand, setpoints: Setpoints) -> tuple[Said, ...]:
+        """What a tick asks for.  Of a direct route only the surfaces count, of the others pitch
+        and roll of the setpoints, and the rudder where the route has it."""
         ...
 
     def release(self) -> tuple[Said, ...]:
-        """What gives the surfaces back; to be sent as the override identity."""
+        """What gives the surfaces back; nothing where going silent or changing the mode does."""
+        ...
+
+    def ask_for_mode(self, custom_mode: int) -> CommandLong:
+        """A request for a mode, as its heartbeat tells it."""
         ...
 
     def obeys(self, heartbeat: Heartbeat) -> bool:
-        """Whether our surfaces move in the mode that this heartbeat tells."""
+        """Whether our commands act in the mode that this heartbeat tells."""
         ...
 
     def deflections(self, servos: Sequence[int]) -> SurfaceCommand:
@@ -78,6 +123,52 @@ class Flavour(Protocol):
     def way_to_rate(self, rate_hz: float) -> str:
         """What to do when a stream of this rate is refused."""
         ...
+
+    def value_of(self, message: ParamValue) -> float:
+        """A parameter's value as a number; firmwares differ in how they send whole numbers."""
+        ...
+
+    def requirements(self, needs: Needs) -> tuple[Requirement, ...]:
+        """What its parameters must be for this route."""
+        ...
+
+
+def firmware_mismatch(
+    heartbeat: Heartbeat, autopilot: int, name: str, types: Sequence[int] = (TYPE_FIXED_WING,)
+) -> str:
+    """Why a heartbeat is not that of a firmware on a fixed wing; "" if it is."""
+    if heartbeat.autopilot != autopilot:
+        return (
+            f"the autopilot is not {name} (MAV_AUTOPILOT {heartbeat.autopilot}, not {autopilot}):"
+            " set firmware in [autopilot] of the airframe file"
+        )
+    if heartbeat.type not in types:
+        return f"the vehicle is no fixed wing (MAV_TYPE {heartbeat.type})"
+    return ""
+
+
+def set_mode(system: int, mode: float, sub_mode: float = 0.0) -> CommandLong:
+    """MAV_CMD_DO_SET_MODE; what the numbers mean is the firmware's."""
+    params = (float(MODE_FLAG_CUSTOM_MODE), mode, sub_mode, 0.0, 0.0, 0.0, 0.0)
+    return CommandLong(system, COMPONENT_AUTOPILOT, COMMAND_DO_SET_MODE, 0, params)
+
+
+def value_bytewise(message: ParamValue) -> float:
+    """Of a PARAM_VALUE whose four bytes are the whole number itself, not its value as a float."""
+    if not PARAM_TYPE_UINT8 <= message.param_type <= PARAM_TYPE_INT32:
+        return message.param_value
+    kind = "<i" if message.param_type % 2 == 0 else "<I"  # signed ones have even numbers
+    return float(struct.unpack(kind, struct.pack("<f", message.param_value))[0])
+
+
+def value_cast(message: ParamValue) -> float:
+    """Of a PARAM_VALUE that holds whole numbers as floats."""
+    return message.param_value
+
+
+def is_finite(surfaces: SurfaceCommand) -> bool:
+    """Whether all three deflections are numbers."""
+    return isfinite(surfaces.elevator) and isfinite(surfaces.aileron) and isfinite(surfaces.rudder)
 
 
 def pulse_width(channel: SurfaceChannel, deflection: float) -> int:
@@ -104,3 +195,11 @@ def deflection(channel: SurfaceChannel, servos: Sequence[int]) -> float:
         span = channel.pwm_trim - channel.pwm_min
     value = max(-1.0, min(1.0, (pulse - channel.pwm_trim) / span))
     return -value if channel.reversed else value
+
+
+def deflections(channels: SurfaceChannels, servos: Sequence[int]) -> SurfaceCommand:
+    """All three."""
+    elevator, aileron, rudder = channels
+    return SurfaceCommand(
+        deflection(elevator, servos), deflection(aileron, servos), deflection(rudder, servos)
+    )

@@ -1,0 +1,190 @@
+"""PX4.
+
+`attitude`: SET_ATTITUDE_TARGET in OFFBOARD, the default: the pilot's mode switch goes on working.
+Roll and pitch are held, the yaw is ignored on a fixed wing: it turns by banking.  Setpoints must
+stream before the mode can be entered.  COM_OF_LOSS_T after the last one COM_OBL_RC_ACT acts.
+
+`manual_control`: MANUAL_CONTROL in MANUAL, with COM_RC_IN_MODE = 1.  While it is the source that
+PX4 has chosen, the pilot's mode, arm and kill switches are ignored.
+
+`actuators`: SET_ACTUATOR_CONTROL_TARGET in OFFBOARD, up to v1.13.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import isfinite
+from typing import Final
+
+from tgl_soar.geometry import quaternion_from_euler
+from tgl_soar.link.messages import (
+    AUTOPILOT_PX4,
+    COMPONENT_AUTOPILOT,
+    ID_HIGHRES_IMU,
+    ID_VFR_HUD,
+    IGNORE_RATES,
+    IGNORE_THRUST,
+    MODE_FLAG_CUSTOM_MODE,
+    STATE_CRITICAL,
+    STATE_EMERGENCY,
+    CommandLong,
+    Heartbeat,
+    ManualControl,
+    ParamValue,
+    Said,
+    SetActuatorControlTarget,
+    SetAttitudeTarget,
+)
+from tgl_soar.types import OURS, THEIRS, Setpoints, SurfaceCommand
+
+from .base import (
+    Route,
+    SensorMessages,
+    SurfaceChannels,
+    Wanted,
+    deflections,
+    firmware_mismatch,
+    set_mode,
+    value_bytewise,
+)
+from .requirements import Answers, Needs, Requirement
+
+# custom_mode: the main mode in bits 16 to 23, the sub mode above it
+MAIN_MANUAL: Final = 1
+MAIN_OFFBOARD: Final = 6
+MAIN_STABILIZED: Final = 7
+FULL: Final = 1000.0  # of MANUAL_CONTROL
+
+
+def _custom(main: int, sub: int = 0) -> int:
+    return main << 16 | sub << 24
+
+
+MODE_MANUAL: Final = _custom(MAIN_MANUAL)
+MODE_OFFBOARD: Final = _custom(MAIN_OFFBOARD)
+MODE_STABILIZED: Final = _custom(MAIN_STABILIZED)
+
+ATTITUDE: Final = Route(
+    name="attitude",
+    message="SET_ATTITUDE_TARGET",
+    mode="OFFBOARD",
+    loops=THEIRS,
+    as_operator=False,
+    mode_to_enter=MODE_OFFBOARD,
+    mode_to_leave=MODE_STABILIZED,
+    silence_s=1.0,
+    after_silence="COM_OBL_RC_ACT acts (COM_OF_LOSS_T)",
+    takeover="the mode switch",
+    releases=False,
+)
+MANUAL_CONTROL: Final = Route(
+    name="manual_control",
+    message="MANUAL_CONTROL",
+    mode="MANUAL",
+    loops=OURS,
+    as_operator=False,
+    mode_to_enter=None,
+    mode_to_leave=MODE_MANUAL,
+    silence_s=0.5,
+    after_silence="RC is lost: Hold, then the failsafe of NAV_RCL_ACT (COM_RC_LOSS_T)",
+    takeover="none by radio: its mode, arm and kill switches are ignored; a ground station's mode",
+    releases=False,
+)
+ACTUATORS: Final = Route(
+    name="actuators",
+    message="SET_ACTUATOR_CONTROL_TARGET",
+    mode="OFFBOARD",
+    loops=OURS,
+    as_operator=False,
+    mode_to_enter=MODE_OFFBOARD,
+    mode_to_leave=MODE_STABILIZED,
+    silence_s=1.0,
+    after_silence="COM_OBL_RC_ACT acts (COM_OF_LOSS_T)",
+    takeover="the mode switch",
+    releases=False,
+)
+
+
+class Px4:
+    """PX4, fixed wing."""
+
+    name = "px4"
+    routes: Mapping[str, Route] = {
+        route.name: route for route in (ATTITUDE, MANUAL_CONTROL, ACTUATORS)
+    }
+    asked: tuple[str, ...] = ()
+    sensors = SensorMessages(
+        (ID_HIGHRES_IMU,), Wanted(ID_VFR_HUD, "VFR_HUD", 20.0), pitot_in_imu=True
+    )
+
+    def __init__(self, channels: SurfaceChannels, system_id: int, route: Route = ATTITUDE) -> None:
+        self.route = route
+        self._channels = channels
+        self._system_id = system_id
+
+    def refusal(self, parameters: Answers, system: int) -> str:
+        """It does not look at who commands."""
+        return ""
+
+    def mismatch(self, heartbeat: Heartbeat) -> str:
+        """Whether it is a PX4."""
+        return firmware_mismatch(heartbeat, AUTOPILOT_PX4, "a PX4")
+
+    def commands(self, surfaces: SurfaceCommand, setpoints: Setpoints) -> tuple[Said, ...]:
+        """One frame."""
+        if self.route is ATTITUDE:
+            return (
+                SetAttitudeTarget(
+                    0,
+                    self._system_id,
+                    COMPONENT_AUTOPILOT,
+                    IGNORE_RATES | IGNORE_THRUST,
+                    quaternion_from_euler(setpoints.roll_rad, setpoints.pitch_rad, 0.0),
+                ),
+            )
+        elevator, aileron, rudder = map(_limited, surfaces)
+        if self.route is MANUAL_CONTROL:  # its x is the stick pushed forward
+            x, y, r = round(-FULL * elevator), round(FULL * aileron), round(FULL * rudder)
+            return (ManualControl(self._system_id, x, y, 0, r),)
+        controls = (aileron, elevator, rudder, 0.0, 0.0, 0.0, 0.0, 0.0)
+        return (SetActuatorControlTarget(0, self._system_id, COMPONENT_AUTOPILOT, 0, controls),)
+
+    def release(self) -> tuple[Said, ...]:
+        """There is no such message: leaving the mode does it."""
+        return ()
+
+    def ask_for_mode(self, custom_mode: int) -> CommandLong:
+        """Main mode and sub mode are asked for apart."""
+        return set_mode(
+            self._system_id, float(custom_mode >> 16 & 0xFF), float(custom_mode >> 24 & 0xFF)
+        )
+
+    def obeys(self, heartbeat: Heartbeat) -> bool:
+        """In the mode of the route alone."""
+        is_custom = heartbeat.base_mode & MODE_FLAG_CUSTOM_MODE != 0
+        main = MAIN_MANUAL if self.route is MANUAL_CONTROL else MAIN_OFFBOARD
+        return is_custom and heartbeat.custom_mode >> 16 & 0xFF == main
+
+    def deflections(self, servos: Sequence[int]) -> SurfaceCommand:
+        """By the table of the airframe file."""
+        return deflections(self._channels, servos)
+
+    def failsafe(self, heartbeat: Heartbeat) -> bool:
+        """CRITICAL and EMERGENCY are how it says so."""
+        return heartbeat.system_status in (STATE_CRITICAL, STATE_EMERGENCY)
+
+    def way_to_rate(self, rate_hz: float) -> str:
+        """The rate of a stream is limited by that of its link."""
+        return "raise MAV_x_RATE of this link, and its baud rate"
+
+    def value_of(self, message: ParamValue) -> float:
+        """Whole numbers are sent as their four bytes."""
+        return value_bytewise(message)
+
+    def requirements(self, needs: Needs) -> tuple[Requirement, ...]:
+        """None yet known to matter."""
+        return ()
+
+
+def _limited(deflection: float) -> float:
+    return max(-1.0, min(1.0, deflection)) if isfinite(deflection) else 0.0

@@ -1,0 +1,146 @@
+"""Flying by attitude targets: into the firmware's mode, setpoints, out of it again."""
+
+from math import radians
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from test_onboard import CHANNELS, Flight, setup, texts
+
+from tgl_soar.geometry import euler_from_quaternion, quaternion_from_euler
+from tgl_soar.link.autopilots import flavour
+from tgl_soar.link.messages import Source
+from tgl_soar.onboard import CAPTURING, FLYING, READY
+
+PLANE, PX4 = (1, 3), (1, 12)
+FBWA, GUIDED = 5, 15
+STABILIZED, OFFBOARD = 7 << 16, 6 << 16
+
+
+class Guided(Flight):
+    """A vehicle whose own loops hold attitudes, and which enters its mode when asked."""
+
+    def __init__(self, firmware: str = "ardupilot") -> None:
+        pilot = flavour(firmware, "attitude", CHANNELS, 1)
+        super().__init__(flown=setup()._replace(flavour=pilot, override=Source(1, 191)))
+        self.kind, self.mode = (PLANE, FBWA) if firmware == "ardupilot" else (PX4, STABILIZED)
+        self.enters = True
+        self.asked: list[tuple[float, ...]] = []
+        self.targets: list[Any] = []
+
+    def run(self, seconds: float) -> None:
+        for _ in range(round(seconds / 0.05)):
+            super().run(0.05)
+            for message in self.said():
+                if message.get_type() == "SET_ATTITUDE_TARGET":
+                    self.targets.append(message)
+                if message.get_type() == "COMMAND_LONG" and message.command == 176:
+                    self.asked.append((message.param1, message.param2, message.param3))
+                    if self.enters:
+                        main = int(message.param2)
+                        self.mode = main if self.kind == PLANE else main << 16
+
+
+@pytest.mark.parametrize(("firmware", "mode"), [("ardupilot", GUIDED), ("px4", OFFBOARD)])
+def test_it_enters_flies_and_goes_back(firmware: str, mode: int) -> None:
+    flight = Guided(firmware)
+    before = flight.mode
+    flight.run(1.2)
+    assert flight.mode_now == READY
+    assert flight.targets == []
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(0.1)
+    assert len(flight.targets) > 5  # setpoints stream before the mode has come
+    flight.run(1.2)
+    assert flight.mode == mode
+    assert flight.mode_now == CAPTURING
+    assert all((m.get_srcSystem(), m.get_srcComponent()) == (1, 191) for m in flight.targets)
+    flight.set("OP_ENGAGE", 0.0)
+    flight.run(0.2)
+    assert flight.mode == before
+    told = len(flight.targets)
+    flight.run(2.0)
+    assert len(flight.targets) == told
+    assert len(flight.asked) <= 10
+
+
+def test_setpoints_are_those_of_the_laws() -> None:
+    flight = Guided()
+    flight.quaternion = list(quaternion_from_euler(0.0, radians(3.0), radians(10.0)))
+    flight.run(1.2)
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(2.0)
+    output = flight.onboard.output
+    assert output is not None
+    roll, pitch, yaw = euler_from_quaternion(*flight.targets[-1].q)
+    assert roll == pytest.approx(0.0, abs=1e-6)
+    assert pitch == pytest.approx(output.setpoints.pitch_rad, abs=1e-5)
+    assert yaw < 0.0  # left rudder: the nose is right of upwind
+    assert yaw == pytest.approx(output.command.rudder * radians(45.0), abs=1e-5)
+    assert output.command.elevator != output.command.elevator  # it is not ours
+
+
+def test_a_firmware_that_turns_by_banking_is_asked_for_a_bank() -> None:
+    flight = Guided("px4")
+    flight.quaternion = list(quaternion_from_euler(0.0, 0.0, radians(10.0)))
+    flight.run(1.2)
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(2.0)
+    roll, _, yaw = euler_from_quaternion(*flight.targets[-1].q)
+    assert roll == pytest.approx(radians(-10.0), abs=1e-3)
+    assert yaw == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_mode_that_does_not_come_engages_nothing() -> None:
+    flight = Guided()
+    flight.enters = False
+    flight.run(1.2)
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(5.0)
+    assert flight.mode_now == READY
+    assert flight.onboard.parameters.values["OP_ENGAGE"] == 0.0
+    assert any("does not enter GUIDED" in text for text in flight.console)
+
+
+def test_the_pilot_s_mode_ends_the_flight_and_is_not_changed() -> None:
+    flight = Guided()
+    flight.run(1.2)
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(2.0)
+    assert flight.mode_now in FLYING
+    asked = len(flight.asked)
+    flight.mode = 11  # RTL
+    flight.run(2.0)
+    assert flight.mode_now not in FLYING
+    assert flight.mode == 11
+    assert len(flight.asked) == asked
+
+
+def test_another_firmware_is_never_commanded() -> None:
+    flight = Guided()
+    flight.kind = PX4
+    flight.mode = GUIDED
+    flight.run(1.2)
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(4.0)
+    assert flight.mode_now not in FLYING
+    assert flight.asked == []
+    assert any("not an ArduPilot" in text for text in flight.console)
+
+
+def test_the_end_of_the_process_leaves_the_mode() -> None:
+    flight = Guided()
+    flight.run(1.2)
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(2.0)
+    flight.onboard.stop()
+    said = flight.said()
+    assert "tgl_soar stopped" in texts(said)
+    assert [m.param2 for m in said if m.get_type() == "COMMAND_LONG"] == [FBWA] * 5
+
+
+def test_mavlink_has_the_numbers_that_are_used() -> None:
+    assert mavlink.MAV_CMD_DO_SET_MODE == 176
+    assert PX4[1] == mavlink.MAV_AUTOPILOT_PX4
+    assert mavlink.MAV_AUTOPILOT_PPZ == 9
+    assert mavlink.PLANE_MODE_GUIDED == GUIDED
