@@ -336,12 +336,12 @@ class SupervisorState(NamedTuple):
     """What the supervisor remembers; times on the loop's clock."""
 
     mode: int
-    since_s: float  # when this mode began
+    since_s: float  # when this mode began; inf: with the next tick
     unready_s: float  # since when an entry check fails; inf: none does
     trouble_s: float  # since when the air or the height is not safe; inf: they are
     clear_s: float  # since when both are safe with a margin; inf: they are not
-    boots: int  # of the autopilot when it was engaged
-    armed: bool  # whether the autopilot was armed when it was engaged, or since
+    boots: int  # of the autopilot, when it was looked at last
+    armed: bool  # the autopilot, when it was looked at last
     conditions: int  # with which this mode stays as it is; -1: not looked at yet
 
 
@@ -355,7 +355,7 @@ class Decision(NamedTuple):
 
 def initial_supervisor() -> SupervisorState:
     """Before the first tick."""
-    return SupervisorState(BOOT, -INFINITE, INFINITE, INFINITE, INFINITE, 0, False, -1)
+    return SupervisorState(BOOT, INFINITE, INFINITE, INFINITE, INFINITE, 0, False, -1)
 
 
 def supervise(
@@ -397,14 +397,12 @@ def supervise(
         conditions |= CLEARED
 
     # The table need not be asked twice about the same.
-    if conditions == state.conditions and armed <= state.armed:
+    if conditions == state.conditions and armed == state.armed:
         return state, Decision(state.mode, NOTHING, REASON_NONE)
     decision = next_mode(state.mode, conditions)
     if decision.mode != state.mode:
-        since_s = time_s if time_s == time_s else -INFINITE
+        since_s = time_s if time_s == time_s else INFINITE
         conditions = -1  # the new mode's rows were not tried yet
-    if decision.action != TAKE:
-        boots, armed = state.boots, armed or state.armed
     return SupervisorState(
         decision.mode, since_s, unready_s, trouble_s, clear_s, boots, armed, conditions
     ), decision
