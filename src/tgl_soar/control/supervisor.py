@@ -16,8 +16,9 @@ say why.  Rows are tried in order and the first that fits is taken; none fits: s
 are bits of one number, so that a test can walk through all of them.
 
 What must last counts in explicit timers of the state, so that noise cannot make it chatter:
-capturing and soaring are left for each other or for holding only after MINIMUM_S, trouble must
-last TROUBLE_S and its end CLEAR_S, and ready is given up only after READY_S without.
+capturing and soaring are left for each other or for holding only after MINIMUM_S, so is
+recovering for capturing, trouble must last TROUBLE_S and its end CLEAR_S, and ready is given up
+only after READY_S without.
 
 A new mode or fault is a new row.
 """
@@ -322,7 +323,9 @@ TRANSITIONS: Final[tuple[Transition, ...]] = (
     Transition(HOLDING, POSITION_FRESH, 0, CAPTURING, KEEP_LINE, REASON_POSITION_BACK),
     *_faults(RECOVERING),
     Transition(RECOVERING, POSITION_FRESH, INSIDE_FENCE, RELEASED, LET_GO, REASON_FENCE),
-    Transition(RECOVERING, POSITION_FRESH | CLEARED, 0, CAPTURING, NEW_LINE, REASON_RECOVERED),
+    Transition(
+        RECOVERING, POSITION_FRESH | CLEARED | SETTLED, 0, CAPTURING, NEW_LINE, REASON_RECOVERED
+    ),
     Transition(RECOVERING, TIME_UP, POSITION_FRESH, RELEASED, LET_GO, REASON_POSITION_LOST),
     Transition(RECOVERING, TIME_UP, HIGH_ENOUGH, RELEASED, LET_GO, REASON_LOW),
     Transition(RECOVERING, TIME_UP, AIR_SAFE, RELEASED, LET_GO, REASON_STALL),
