@@ -6,21 +6,16 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import settings
 
-from tgl_soar import realtime
-
 # Time is a benchmark's business: a busy machine must not fail a property.
 settings.register_profile("project", deadline=None)
 settings.load_profile("project")
 
 
 @pytest.fixture(autouse=True)
-def ordinary_process(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """A module that runs within a test leaves the tests' process an ordinary one.
-
-    Otherwise it, and every process that a later test starts, would run before all others on the
-    machine, with its memory locked and no garbage collected.
-    """
-    monkeypatch.setattr(realtime, "prepare", lambda *_wishes, **_how: [])
-    monkeypatch.setattr(realtime, "_set_priority", lambda _priority: False)
+def ordinary_process() -> Iterator[None]:
+    """No test may leave this process, and those that later tests start, before all others."""
     yield
-    assert os.sched_getscheduler(0) == os.SCHED_OTHER
+    left_as = os.sched_getscheduler(0)
+    if left_as != os.SCHED_OTHER:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    assert left_as == os.SCHED_OTHER

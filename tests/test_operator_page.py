@@ -9,7 +9,7 @@ from tgl_soar.control.supervisor import MODE_NAMES
 from tgl_soar.estimation.health import DISARMED, FAULT_TEXTS
 from tgl_soar.guard import EXIT_KEEPS_DYING, HANGS_FLYING_S, RESTARTS
 from tgl_soar.instruments import FAST, SLOW
-from tgl_soar.parameters import INDEX, PARAMETERS
+from tgl_soar.parameters import INDEX
 from tgl_soar.process import EXIT_CANNOT_START
 
 PAGE = (Path(__file__).parents[1] / "docs" / "operator.md").read_text(encoding="utf-8")
@@ -31,9 +31,7 @@ def test_every_number_that_is_told_has_its_row() -> None:
 
 
 def test_the_session_shows_the_parameters_that_there_are() -> None:
-    counts = re.findall(r"(\d+) parameters", PAGE)
-    assert len(counts) >= 3
-    assert set(counts) == {str(len(PARAMETERS))}
+    assert not re.findall(r"\d+ parameters", PAGE)  # a count would be stale with the next one
     session = PAGE.partition("param show TGL_*")[2]
     listed = re.findall(r"^    (TGL_\w+) +-?\d", session, re.MULTILINE)
     of_the_line = sorted(name for name in INDEX if name.startswith("TGL_"))
