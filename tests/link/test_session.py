@@ -411,6 +411,14 @@ def test_two_position_messages_do_not_mix() -> None:
     assert talk.position.north_m == 7.0
 
 
+def test_in_lockstep_an_odometry_that_comes_first_leaves_attitude_to_its_message() -> None:
+    """PX4 streams ODOMETRY unasked; the pace of lockstep is ATTITUDE_QUATERNION's alone."""
+    talk = session(lockstep=True)
+    hear(talk, Odometry(1_000_000, 1, 12, 7, 8, 9, (1, 0, 0, 0), 0, 0, 0, 0, 0, 0), 1.0)
+    hear(talk, attitude(1_004), 1.0)
+    assert talk.attitude.sequence == 1
+
+
 def test_in_lockstep_the_vehicle_s_time_is_the_time() -> None:
     talk = session(lockstep=True)
     hear(talk, attitude(5000), 987.0)

@@ -12,10 +12,9 @@ import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
 from tgl_soar.config import load_airframe
-from tgl_soar.sim.firmware import px4
+from tgl_soar.sim.firmware import FirmwareError, px4
 from tgl_soar.sim.firmware.px4 import (
     Px4,
-    Px4Error,
     Px4Physics,
     flight_parameters,
     hil_gps,
@@ -134,7 +133,7 @@ def test_what_is_not_a_number_leaves_a_surface_neutral(physics: Px4Physics) -> N
 def test_an_end_of_the_firmware_is_told(physics: Px4Physics) -> None:
     connected(physics, controls(), ends_after=2)
     physics.exchange(READINGS, NO_STICKS)
-    with pytest.raises(Px4Error, match="closed the connection"):
+    with pytest.raises(FirmwareError, match="closed the connection"):
         physics.exchange(READINGS, NO_STICKS)
 
 
@@ -144,17 +143,17 @@ def test_a_firmware_that_hangs_is_told(
     connected(physics, controls())
     physics.exchange(READINGS, NO_STICKS)
     monkeypatch.setattr(px4, "PATIENCE_S", 0.0)
-    with pytest.raises(Px4Error, match="not answered a step for 0 s"):
+    with pytest.raises(FirmwareError, match="not answered a step for 0 s"):
         physics.exchange(READINGS, NO_STICKS)
 
 
 def test_a_step_without_a_firmware_is_refused(physics: Px4Physics) -> None:
-    with pytest.raises(Px4Error, match="has not connected"):
+    with pytest.raises(FirmwareError, match="has not connected"):
         physics.exchange(READINGS, NO_STICKS)
 
 
 def test_a_port_in_use_is_named(physics: Px4Physics) -> None:
-    with pytest.raises(Px4Error, match=f"TCP port {physics.port}"):
+    with pytest.raises(FirmwareError, match=f"TCP port {physics.port}"):
         Px4Physics(AIRFRAME.surfaces, physics.port)
 
 
@@ -221,11 +220,11 @@ def test_without_satellites_it_is_told_to_fuse_poses() -> None:
 
 
 def test_a_program_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(Px4Error, match="there is no program"):
+    with pytest.raises(FirmwareError, match="there is no program"):
         Px4(tmp_path / "px4", tmp_path, AIRFRAME.surfaces, {})
     alone = tmp_path / "bin" / "px4"
     alone.parent.mkdir()
     alone.write_text("")
     alone.chmod(0o755)
-    with pytest.raises(Px4Error, match="rcS beside it"):
+    with pytest.raises(FirmwareError, match="rcS beside it"):
         Px4(alone, tmp_path, AIRFRAME.surfaces, {})

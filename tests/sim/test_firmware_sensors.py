@@ -171,6 +171,14 @@ def test_gps_and_barometer_tell_the_same_height() -> None:
     assert isclose(baro, 420.0 + world.state.z_m, abs_tol=0.05)
 
 
+def test_a_hall_has_no_satellites() -> None:
+    world = a_world()
+    sensors = FirmwareSensors(world, None, 1, gps=False)
+    for _ in range(STEP_HZ // 2):
+        world.step(SurfaceCommand(0.0, 0.0, 0.0))
+        assert sensors.read().gps is None
+
+
 def test_the_same_seed_reads_the_same() -> None:
     first, again = flown(a_world(), None, 0.5), flown(a_world(), None, 0.5)
     other = flown(a_world(), None, 0.5, seed=2)

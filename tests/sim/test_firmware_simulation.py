@@ -222,6 +222,19 @@ def test_frames_pass_as_they_are_and_barriers_go_no_further(links: FakeLinks) ->
     assert links.heard(links.ground) == []
 
 
+def test_what_passes_the_companions_link_can_be_kept(links: FakeLinks, tmp_path: Path) -> None:
+    """As a .tlog: eight bytes of microseconds before every frame."""
+    relay = links.relay
+    with (tmp_path / "companion.tlog").open("wb") as relay.record:
+        for i in range(5):
+            relay.step(i / STEP_HZ)
+        relay.receive(COMPANION, from_companion(attitude_target()))
+        relay.receive(GROUND, from_companion(sys_status(ready=True)))
+    kept = (tmp_path / "companion.tlog").read_bytes()
+    assert int.from_bytes(kept[:8], "big") == 20_000
+    assert kept[8:] == from_companion(attitude_target())
+
+
 def test_all_peers_hear_their_side_of_the_firmware(links: FakeLinks) -> None:
     relay = links.relay
     relay.add_link(9, ground=True)

@@ -91,6 +91,18 @@ def test_it_sets_the_line_engages_waits_and_is_done() -> None:
     assert flown.ended_s - flown.stopped_s == pytest.approx(2.0, abs=0.06)
 
 
+def test_where_it_is_told_to_it_waits_until_the_vehicle_is_armed() -> None:
+    operator = Operator([LEG], 1, 191, when_armed=True)
+    module = Module(operator)
+    autopilot = mavlink.MAVLink(None, 1, 1)
+    run(module, 5.0)
+    assert module.sets == []
+    operator.receive(bytes(autopilot.heartbeat_encode(1, 12, 128 | 1, 0, 4).pack(autopilot)))
+    for i in range(600, 1000):
+        module.second(0.01 * i)
+    assert ("OP_ENGAGE", 1.0) in module.sets
+
+
 def test_a_lost_set_is_sent_again() -> None:
     operator = Operator([LEG], 1, 191)
     module = Module(operator)

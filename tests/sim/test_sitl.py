@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.config import shipped
+from tgl_soar.config import load_airframe, load_site, shipped
 from tgl_soar.sim.sitl import OVERRIDE_TIME_S, SitlError, SitlOptions, fly, passed
 
 AIRFRAME = shipped("airframes/eclipson_c.toml")
@@ -80,6 +80,25 @@ def test_a_flight_by_motion_capture_repeats_bit_for_bit(tmp_path: Path) -> None:
 def test_motion_capture_needs_a_site_that_has_it(tmp_path: Path) -> None:
     with pytest.raises(SitlError, match=r"tunnel\.toml: no \[mocap\] table"):
         fly(options(tmp_path, mocap=True), quietly)
+
+
+def test_a_firmware_flies_the_airframe_file_with_its_name_and_is_told_the_hall_s_poses(
+    tmp_path: Path,
+) -> None:
+    """Fails at the missing program, with both files as they would be flown in the folder."""
+    flown = options(
+        tmp_path,
+        site=SITE_MOCAP,
+        mocap=True,
+        autopilot="px4",
+        firmware=tmp_path / "px4",
+        route="manual_control",
+    )
+    with pytest.raises(SitlError, match="there is no program"):
+        fly(flown, quietly)
+    airframe = load_airframe(tmp_path / "eclipson_c.toml")
+    assert (airframe.autopilot.firmware, airframe.autopilot.route) == ("px4", "manual_control")
+    assert load_site(tmp_path / "tunnel_mocap.toml").forward is not None
 
 
 def test_an_output_folder_that_cannot_be_is_named(tmp_path: Path) -> None:

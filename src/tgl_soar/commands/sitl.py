@@ -23,6 +23,19 @@ if TYPE_CHECKING:
     from tgl_soar.sim.sitl import Flight, SitlOptions
 
 
+class Autopilot(StrEnum):
+    """Who moves the surfaces: the bridge's own Pixhawk, or a real firmware in its place."""
+
+    BUILTIN = "builtin"
+    PX4 = "px4"
+
+
+OBTAINED = {
+    Autopilot.PX4: "build the target px4_sitl_default of PX4's public sources, v1.14 or newer;"
+    " the program is build/px4_sitl_default/bin/px4 (name it by --px4 or TGL_SOAR_PX4)",
+}
+
+
 class Mocap(StrEnum):
     """Where the position comes from: the autopilot, or a motion-capture hall."""
 
@@ -63,6 +76,21 @@ def sitl(
             " loss=0.1, fault=untracked:20:21.5; repeat for more.",
         ),
     ] = None,
+    autopilot: Annotated[
+        Autopilot, typer.Option(help="The bridge's own Pixhawk, or a real firmware.")
+    ] = Autopilot.BUILTIN,
+    px4: Annotated[
+        Path | None,
+        typer.Option(envvar="TGL_SOAR_PX4", help="PX4's program: …/px4_sitl_default/bin/px4."),
+    ] = None,
+    route: Annotated[
+        str | None,
+        typer.Option(help="By which a firmware is commanded, as attitude or manual_control."),
+    ] = None,
+    autopilot_parameter: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=NUMBER", help="Of the autopilot; repeat for more."),
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for logs and the figure.")] = Path("out/sitl"),
     report: Annotated[
         bool, typer.Option("--report", help="Write the page of the flight as well.")
@@ -80,7 +108,16 @@ def sitl(
         parse_faults(faults)
     except FaultError as error:
         fail(f"--fault: {error}")
-    flown_by = mocap == Mocap.NATNET
+    firmware = {Autopilot.PX4: px4}.get(autopilot)
+    if autopilot != Autopilot.BUILTIN and firmware is None:
+        errors.print(f"no program of {autopilot}: {OBTAINED[autopilot]}", soft_wrap=True)
+        errors.print("flying the bridge's own Pixhawk instead")
+        autopilot, route, autopilot_parameter = Autopilot.BUILTIN, None, None
+    by_poses = autopilot != Autopilot.BUILTIN and site is None
+    flown_by = mocap == Mocap.NATNET or by_poses
+    mocap_option = mocap_option or []
+    if flown_by and autopilot == Autopilot.PX4:
+        mocap_option = ["rate=125", *mocap_option]  # of its 250 steps a second
     options = SitlOptions(
         airframe=airframe,
         site=site or (SITE_MOCAP if flown_by else SITE),
@@ -92,7 +129,11 @@ def sitl(
         realtime=realtime,
         faults=faults,
         mocap=flown_by,
-        mocap_options=tuple(f"--mocap-{option}" for option in mocap_option or []),
+        mocap_options=tuple(f"--mocap-{option}" for option in mocap_option),
+        autopilot=autopilot.value,
+        firmware=firmware,
+        route=route,
+        autopilot_parameters=tuple(autopilot_parameter or ()),
     )
     try:
         with Live(console=console, refresh_per_second=10, transient=True) as live:

@@ -503,7 +503,7 @@ class Session:
             velocity = rotated(m.q, velocity) if turned else (NAN, NAN, NAN)
         sigma_m = sigma_of(m.pose_covariance)
         self._offer(ODOMETRY, time_s, (m.x, m.y, m.z), velocity, now_s, sigma_m)
-        if turned and self._attitude_from.speaks(ID_ODOMETRY, now_s) and not self._lockstep:
+        if turned and not self._lockstep and self._attitude_from.speaks(ID_ODOMETRY, now_s):
             self.vehicle_time_s = times[1]
             self._set_attitude(time_s, m.q, (m.rollspeed, m.pitchspeed, m.yawspeed))
 

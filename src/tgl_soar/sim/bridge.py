@@ -45,6 +45,7 @@ from tgl_soar.geometry import ned_from_soaring
 from tgl_soar.types import GlidePolar, polar_sink
 
 from .faults import Fault, FaultError, catalogue_text, parse_fault
+from .firmware import FirmwareError
 from .injection import Injection, of_twin
 from .motive import MotiveServer, add_motive_options, motive_server
 from .pilot import SafetyPilot
@@ -111,6 +112,7 @@ class Options:
     faults: tuple[Fault, ...] = ()
     pitot: bool = True
     parameters: tuple[tuple[str, float], ...] = ()
+    record: Path | None = None  # what passed between a firmware and its companion, as .tlog
     log: Path | None = None
     log_hz: int = 50
 
@@ -862,6 +864,7 @@ def _parser() -> argparse.ArgumentParser:
         "--firmware-folder", type=Path, default=Path("out/firmware"), metavar="DIR",
         help="where the firmware runs and keeps its files (default out/firmware)",
     )  # fmt: skip
+    add("--record", type=Path, metavar="FILE", help="traffic of firmware and companion, as .tlog")
     add("--no-truth", action="store_true", help="send no truth to ground stations")
     add("--odometry", action="store_true", help="stream ODOMETRY, which ArduPlane denies")
     add("--no-pitot", action="store_true", help="VFR_HUD then shows a guess, as ArduPlane does")
@@ -926,7 +929,7 @@ def _simulation(
 
     if arguments.firmware is None:
         raise ValueError(f"--autopilot {arguments.autopilot}: give its program with --firmware")
-    by_sticks = getattr(airframe.autopilot, "route", None) == "manual_control"
+    by_sticks = airframe.autopilot.route == "manual_control"
     parameters = flight_parameters(airframe, gps=site.mocap is None, by_sticks=by_sticks)
     px4 = Px4(
         arguments.firmware,
@@ -959,6 +962,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         faults=tuple(arguments.fault),
         pitot=not arguments.no_pitot,
         parameters=tuple(arguments.autopilot_parameter),
+        record=arguments.record,
         log=arguments.log,
         log_hz=arguments.log_rate,
     )
@@ -978,7 +982,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         simulation = _simulation(arguments, airframe, site, options)
         motive = motive_server(arguments, site, lambda: simulation.time_s)
-    except (ConfigError, PortError, ValueError) as error:
+    except (ConfigError, PortError, FirmwareError, ValueError) as error:
         print(f"sitl_bridge: {error}", file=sys.stderr)
         ports.close()
         return 2
@@ -992,7 +996,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     code = 0
     try:
         bridge.run()
-    except BridgeError as error:
+    except (BridgeError, FirmwareError) as error:
         print(f"sitl_bridge: {error}", file=sys.stderr)
         code = 3
     finally:

@@ -56,6 +56,7 @@ class Seen:
     texts: list[str] = field(default_factory=list)  # STATUSTEXT, oldest first
     parameters: dict[str, float] = field(default_factory=dict)
     module_alive: bool = False
+    armed: bool = False
 
 
 class Operator:
@@ -70,11 +71,15 @@ class Operator:
         system: int,
         component: int,
         own_system: int = 254,
+        *,
+        when_armed: bool = False,
     ) -> None:
+        """`when_armed`: it engages nothing before the vehicle is armed."""
         self.seen = Seen()
         self.flown: list[Flown] = []
         self.done = False
         self._legs = legs
+        self._when_armed = when_armed
         self._target = (system, component)
         self._codec = mavlink.MAVLink(None, own_system, mavlink.MAV_COMP_ID_MISSIONPLANNER)
         self._codec.robust_parsing = True
@@ -123,6 +128,8 @@ class Operator:
             self.seen.values[name], self.seen.stamps[name] = message.value, self.seen.time_s
         elif source == self._target and kind == "HEARTBEAT":
             self.seen.module_alive = True
+        elif kind == "HEARTBEAT" and source[1] == mavlink.MAV_COMP_ID_AUTOPILOT1:
+            self.seen.armed = message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED != 0
         elif source == self._target and kind == "PARAM_VALUE":
             self.seen.parameters[message.param_id.rstrip("\0")] = message.param_value
 
@@ -160,6 +167,7 @@ class Operator:
         """Wait for the module, then leg by leg: set, wait for the line to stand, stay."""
         if self._stage == "wait":
             known = self.seen.module_alive and isfinite(self._shown("soar_x"))
+            known = known and (self.seen.armed or not self._when_armed)
             if not (known and isfinite(self._known_since_s)):
                 self._known_since_s = self.seen.time_s
             elif self.seen.time_s - self._known_since_s >= LOOK_S:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import select
 import signal
 import socket
@@ -22,7 +23,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from math import isfinite, radians
 from pathlib import Path
 
@@ -67,6 +68,10 @@ class SitlOptions:
     faults: tuple[str, ...] = ()  # as they are written (`sim.faults`)
     mocap: bool = False  # the position comes as NatNet, from a stand-in for Motive
     mocap_options: tuple[str, ...] = ()  # more of the bridge's, such as --mocap-version=4.2
+    autopilot: str = "builtin"  # or a real firmware, by the bridge's name for it
+    firmware: Path | None = None  # its program
+    route: str | None = None  # by which the module commands it; None: the firmware's usual one
+    autopilot_parameters: tuple[str, ...] = ()  # NAME=NUMBER
     # Real time alone is open to others, on the ports that the firmwares' simulators have.
     gcs: str = "127.0.0.1:14550"
     companion: str = "127.0.0.1:14540"
@@ -126,11 +131,18 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> Flight:
             f"--out {options.out}: cannot be written: {error.strerror}; name another folder"
         ) from None
 
+    if options.autopilot != "builtin":
+        options = replace(options, airframe=_airframe_for(options), site=_site_for(options, site))
     begun = time.monotonic()
     ground_station = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     ground_station.bind(("127.0.0.1", 0))
     own_address = f"127.0.0.1:{ground_station.getsockname()[1]}"
-    operator = Operator(legs, airframe.autopilot.system_id, airframe.autopilot.component_id)
+    operator = Operator(
+        legs,
+        airframe.autopilot.system_id,
+        airframe.autopilot.component_id,
+        when_armed=options.autopilot != "builtin",
+    )
     processes = _Processes(options.out)
     try:
         companion = options.companion if options.realtime else _free_address()
@@ -189,6 +201,29 @@ def _free_address() -> str:
         return f"127.0.0.1:{probe.getsockname()[1]}"
 
 
+def _airframe_for(options: SitlOptions) -> Path:
+    """The airframe file as it is flown with a real firmware, in the folder of the flight."""
+    text = options.airframe.read_text()
+    lines = [f'firmware = "{options.autopilot}"']
+    if options.route is not None:
+        lines.append(f'route = "{options.route}"')
+    changed, count = re.subn(r"(?m)^firmware *=.*$", "\n".join(lines), text)
+    if count != 1:
+        raise SitlError(f"{options.airframe}: no line firmware = … in [autopilot] to replace")
+    path = options.out / options.airframe.name
+    path.write_text(changed)
+    return path
+
+
+def _site_for(options: SitlOptions, site: Site) -> Path:
+    """The site file: one whose position a tracker measures tells it to the firmware as well."""
+    if site.mocap is None or site.forward is not None:
+        return options.site
+    path = options.out / options.site.name
+    path.write_text(f"{options.site.read_text()}\n[forward]\n")
+    return path
+
+
 def _bridge_command(
     options: SitlOptions, truth_file: Path, operator: str, companion: str, mocap: str
 ) -> list[str]:
@@ -197,9 +232,16 @@ def _bridge_command(
         *("--airframe", str(options.airframe), "--site", str(options.site)),
         *("--companion", companion, "--gcs", operator),
         *("--seed", str(options.seed), "--log", str(truth_file)),
-        *("--autopilot-parameter", f"RC_OVERRIDE_TIME={OVERRIDE_TIME_S:g}"),
         *("--speed", "realtime" if options.realtime else "lockstep"),
     ]
+    if options.autopilot == "builtin":
+        command += ["--autopilot-parameter", f"RC_OVERRIDE_TIME={OVERRIDE_TIME_S:g}"]
+    else:
+        command += ["--autopilot", options.autopilot, "--firmware", str(options.firmware)]
+        command += ["--firmware-folder", str(options.out / "firmware")]
+        command += ["--record", str(options.out / "companion.tlog")]
+    for setting in options.autopilot_parameters:
+        command += ["--autopilot-parameter", setting]
     for fault in options.faults:
         command += ["--fault", fault]
     if options.turbulence is not None:

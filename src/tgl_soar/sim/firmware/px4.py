@@ -32,6 +32,7 @@ from tgl_soar.sim.channels import NEUTRAL, ordered
 from tgl_soar.sim.sitl import WITH_PARENT
 from tgl_soar.types import SurfaceCommand
 
+from . import FirmwareError
 from .relay import FirmwareLink, Relay
 from .sensors import Place, Readings
 from .simulation import Sticks
@@ -65,10 +66,6 @@ def custom_mode(main: int) -> int:
     return main << 16
 
 
-class Px4Error(RuntimeError):
-    """PX4 cannot be flown; the message says why and what to do."""
-
-
 class Px4Physics:
     """One PX4 at the other end of a TCP connection."""
 
@@ -82,7 +79,7 @@ class Px4Physics:
     }
 
     def __init__(self, surfaces: Surfaces, port: int) -> None:
-        """Listens at once.  Errors: `Px4Error` where the port cannot be had."""
+        """Listens at once.  Errors: `FirmwareError` where the port cannot be had."""
         self.armed = False
         self._steps = 0
         self.answers = 0
@@ -96,7 +93,9 @@ class Px4Physics:
             self._server.bind(("127.0.0.1", port))
         except (OSError, OverflowError) as error:
             self._server.close()
-            raise Px4Error(f"TCP port {port}, where PX4 looks for its simulator: {error}") from None
+            raise FirmwareError(
+                f"TCP port {port}, where PX4 looks for its simulator: {error}"
+            ) from None
         self._server.listen(1)
         self.port: int = self._server.getsockname()[1]
 
@@ -131,7 +130,7 @@ class Px4Physics:
     def exchange(self, readings: Readings, sticks: Sticks) -> SurfaceCommand:
         """One step: what the sensors read, then what the servos are told; neutral at first.
 
-        Errors: `Px4Error` when PX4 has gone or answers no more.
+        Errors: `FirmwareError` when PX4 has gone or answers no more.
         """
         messages = [hil_sensor(readings)]
         if readings.gps is not None:
@@ -142,7 +141,7 @@ class Px4Physics:
         try:
             return self._exchange(b"".join(message.pack(self._codec) for message in messages))
         except OSError as error:
-            raise Px4Error(f"PX4 has closed the connection: {error.strerror}") from None
+            raise FirmwareError(f"PX4 has closed the connection: {error.strerror}") from None
 
     def close(self) -> None:
         """Give the port back."""
@@ -153,7 +152,7 @@ class Px4Physics:
     def _exchange(self, data: bytes) -> SurfaceCommand:
         connection = self._connection
         if connection is None:
-            raise Px4Error("PX4 has not connected")
+            raise FirmwareError("PX4 has not connected")
         connection.sendall(data)
         begun = time.monotonic()
         patience_s = PATIENCE_S if self.answers else UNANSWERED_S
@@ -162,7 +161,7 @@ class Px4Physics:
                 continue
             received = connection.recv(4096)
             if not received:
-                raise Px4Error("PX4 has closed the connection")
+                raise FirmwareError("PX4 has closed the connection")
             answered = [
                 message
                 for message in self._codec.parse_buffer(bytearray(received)) or ()
@@ -172,7 +171,7 @@ class Px4Physics:
                 self.answers += 1
                 return self._take(answered[-1])
         if self.answers:
-            raise Px4Error(f"PX4 has not answered a step for {PATIENCE_S:g} s")
+            raise FirmwareError(f"PX4 has not answered a step for {PATIENCE_S:g} s")
         return NEUTRAL
 
     def _take(self, message: Any) -> SurfaceCommand:
@@ -341,17 +340,19 @@ class Px4(Px4Physics):
     def __init__(
         self, binary: Path, folder: Path, surfaces: Surfaces, parameters: Mapping[str, float]
     ) -> None:
-        """`folder`: where it keeps its parameters, begun anew.  Errors: `Px4Error`."""
+        """`folder`: where it keeps its parameters, begun anew.  Errors: `FirmwareError`."""
         files = binary.parent.parent / "etc"
         if not (binary.is_file() and os.access(binary, os.X_OK)):
-            raise Px4Error(f"{binary}: there is no program")
+            raise FirmwareError(f"{binary}: there is no program")
         if not (files / "init.d-posix" / "rcS").is_file():
-            raise Px4Error(f"{binary}: no {files}/init.d-posix/rcS beside it, as a build has it")
+            raise FirmwareError(
+                f"{binary}: no {files}/init.d-posix/rcS beside it, as a build has it"
+            )
         for instance in INSTANCES:
             try:
                 super().__init__(surfaces, SIMULATOR_PORT + instance)
                 break
-            except Px4Error:
+            except FirmwareError:
                 if instance == INSTANCES[-1]:
                     raise
         self.instance = instance
@@ -373,7 +374,7 @@ class Px4(Px4Physics):
             )
         if not self.connect(BOOT_S):
             self.close()
-            raise Px4Error(f"PX4 does not come: see {folder / 'px4.log'}")
+            raise FirmwareError(f"PX4 does not come: see {folder / 'px4.log'}")
 
     def relay(self, system: int) -> Relay:
         """Its links to a ground station and to a companion."""

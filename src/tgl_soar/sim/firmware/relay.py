@@ -4,16 +4,22 @@
     companion       ◄──►  bridge  ◄──► firmware's link to a companion
 
 Everything passes as it is, in both directions, with the sender's own sequence and signature.
+A firmware's links have threads of their own, which its simulator's lockstep does not wait for.
+So the relay does: while attitudes stream to a companion, a step is over only when that of this
+step, or of the last few before it, has come.
+
 The bridge speaks on its own account only as component `OWN`: the TIMESYNC by which a lockstep
 companion is waited for (its answer goes no further), and truth for ground stations.
 """
 
 from __future__ import annotations
 
+import select
 import socket
+import time
 from collections import defaultdict
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any, BinaryIO, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -24,6 +30,10 @@ OWN: Final = mavlink.MAV_COMP_ID_UDP_BRIDGE
 LARGEST: Final = 4096
 BURST: Final = 200
 PREARM: Final = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+ATTITUDE_QUATERNION: Final = mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION.to_bytes(3, "little")
+STREAM_S: Final = 0.02  # between two attitudes at most, or there is no stream to wait for
+LAG_STEPS: Final = 2  # that an attitude may be late, by the rate of its stream
+PATIENCE_S: Final = 0.05  # wall
 COMMANDS: Final = frozenset(
     {"SET_ATTITUDE_TARGET", "MANUAL_CONTROL", "SET_ACTUATOR_CONTROL_TARGET", "RC_CHANNELS_OVERRIDE"}
 )
@@ -55,6 +65,10 @@ class FirmwareLink:
             return None
         return data
 
+    def wait(self, seconds: float) -> None:
+        """Until something has come, or so long."""
+        select.select([self._socket], [], [], seconds)
+
     def close(self) -> None:
         """Give the port back."""
         self._socket.close()
@@ -71,6 +85,7 @@ class Relay:
         self.commands: dict[str, int] = {}  # of a companion to its surfaces, by message
         self.last_command = ""
         self.commanded_step = -1
+        self.record: BinaryIO | None = None  # of the companion's link, both ways, as a .tlog
         self._system = system
         self._ground, self._companion = ground, companion
         self._links: dict[LinkId, bool] = {}  # whether it leads to a ground station
@@ -81,6 +96,7 @@ class Relay:
         self._events: list[str] = []
         self._greeting = b""  # the firmware's newest heartbeat
         self._step = 0
+        self._attitude_ms = self._attitude_before_ms = 0
         self._split = mavlink.MAVLink(None)
         self._own = mavlink.MAVLink(None, system, OWN)
 
@@ -101,6 +117,8 @@ class Relay:
         passed = b"".join(frame.raw for frame in frames if self._is_passed(link, ground, frame))
         if passed:
             (self._ground if ground else self._companion).send(passed)
+            if not ground:
+                self._keep(passed)
 
     def take_datagrams(self, links: Sequence[LinkId] | None = None) -> list[tuple[LinkId, bytes]]:
         """What goes out on some links, or on all."""
@@ -166,10 +184,18 @@ class Relay:
 
     # --- towards the firmware -----------------------------------------------------------
 
-    def step(self) -> None:
-        """Time goes on by one step."""
+    def step(self, time_s: float) -> None:
+        """One step is done: collect what the firmware says of it."""
         self._step += 1
         self._collect()
+        wanted_ms = 1e3 * (time_s - LAG_STEPS / self.step_hz) - 0.5
+        streams = 0 < self._attitude_ms - self._attitude_before_ms <= 1e3 * STREAM_S
+        if not streams or self._attitude_ms >= wanted_ms:
+            return
+        until = time.monotonic() + PATIENCE_S
+        while self._attitude_ms < wanted_ms and (left := until - time.monotonic()) > 0.0:
+            self._companion.wait(left)
+            self._collect()
 
     def command(self, message: Any) -> None:
         """To the firmware, as a ground station."""
@@ -199,9 +225,20 @@ class Relay:
                     break
                 if is_ground:
                     self._look_at(data)
+                elif data[7:10] == ATTITUDE_QUATERNION and data[0] == mavlink.PROTOCOL_MARKER_V2:
+                    self._attitude_before_ms = self._attitude_ms
+                    self._attitude_ms = int.from_bytes(data[10:14], "little")
+                if not is_ground:
+                    self._keep(data)
                 for link, ground in self._links.items():
                     if ground == is_ground:
                         self._out[link].append(data)
+
+    def _keep(self, data: bytes) -> None:
+        if self.record is not None:
+            stamp = (self._step * 1_000_000 // self.step_hz).to_bytes(8, "big")
+            for frame in split_frames(self._split, data)[0]:
+                self.record.write(stamp + frame.raw)
 
     def _look_at(self, data: bytes) -> None:
         for frame in split_frames(self._split, data)[0]:

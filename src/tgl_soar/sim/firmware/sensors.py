@@ -101,8 +101,14 @@ def firmware_sensors(step_hz: int, *, pitot: bool = True) -> Sensors:
 class FirmwareSensors:
     """The sensors of one flight; `read` is called once after every step of the world."""
 
-    def __init__(self, world: World, home: HomePosition | None, seed: int) -> None:
-        """Errors: ValueError for a step rate that the slow sensors' does not divide."""
+    def __init__(
+        self, world: World, home: HomePosition | None, seed: int, *, gps: bool = True
+    ) -> None:
+        """gps: there are satellites to be seen.
+
+        Errors: ValueError for a step rate that the slow sensors' does not divide.
+        """
+        self._has_gps = gps
         self.home = SOMEWHERE if home is None else home
         self._world = world
         self._gauss = random.Random(f"{seed}/firmware").gauss
@@ -127,7 +133,7 @@ class FirmwareSensors:
             self._pitot_taken = world.airspeed.sequence
             differential = 0.5 * self._density_kgpm3 * world.airspeed.airspeed_mps**2
         gps: Place | None = None
-        if world.position.sequence > self._fixes_taken:
+        if self._has_gps and world.position.sequence > self._fixes_taken:
             self._fixes_taken = world.position.sequence
             gps = self._place(world.position)
         imu = world.imu

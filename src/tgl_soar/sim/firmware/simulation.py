@@ -100,7 +100,9 @@ class FirmwareSimulation:
         self._physics = physics
         self._system = airframe.autopilot.system_id
         self._options = options
-        self._sensors = FirmwareSensors(self.world, site.position.home, options.seed)
+        self._sensors = FirmwareSensors(
+            self.world, site.position.home, options.seed, gps=site.mocap is None
+        )
         self._polar = airframe.polar.as_polar()
         self._pilot = SafetyPilot(self.world.trim_pitch_rad, 1.0 / physics.step_hz)
         self._pilot_takes = False
@@ -112,6 +114,8 @@ class FirmwareSimulation:
         self._stage = 0
         self._events: list[str] = [f"waiting for {physics.name} to boot; the aircraft is held"]
         self._log = TruthLog(options.log, LOG_COLUMNS) if options.log is not None else None
+        self._record = None if options.record is None else options.record.open("wb")
+        relay.record = self._record
 
     # --- links ---------------------------------------------------------------------------
 
@@ -162,7 +166,7 @@ class FirmwareSimulation:
             self._lying_until = world.steps + round(LYING_S * world.step_hz)
             self._events.append(f"lost: {world.crashed}")
         self._surfaces = self._physics.exchange(self._sensors.read(), self._sticks())
-        self.pixhawk.step()
+        self.pixhawk.step(self.time_s)
         if world.steps % world.step_hz == 0:
             self.pixhawk.command(_HEARTBEAT)
         if self._options.truth and world.steps % self._truth_every == 0:
@@ -188,6 +192,8 @@ class FirmwareSimulation:
         """Finish the log, let the firmware go."""
         if self._log is not None:
             self._log.close()
+        if self._record is not None:
+            self._record.close()
         self._physics.close()
         self.pixhawk.close()
 
