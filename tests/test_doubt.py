@@ -182,7 +182,7 @@ def test_accelerations_of_long_ago_are_not_felt(share: float, felt: bool) -> Non
     deaf = (held(n)._replace(imu=held(99).imu) for n in range(100, 150))
     *_, (state, _) = ticks(deaf, state=after(100))
     ((heard, _),) = ticks(iter([held(150)._replace(imu=late)]), state=state)
-    assert heard.motion.imu_time_s == late.time_s  # taken, and known to be old
+    assert heard.motion.imu.time_s == late.time_s  # taken, and known to be old
     assert (heard.wind.imu_time_s == 150 * DT) == felt
 
 

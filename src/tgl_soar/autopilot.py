@@ -488,8 +488,8 @@ def _margins(
 def _is_felt(before: MotionState, after: MotionState, time_s: float) -> bool:
     """Whether the estimator has taken new accelerations in this tick, and they are of now."""
     return (
-        after.imu_time_s != before.imu_time_s
-        and time_s - after.imu_time_s <= IMU_SILENT_S  # false for NaN
+        after.imu.time_s != before.imu.time_s
+        and time_s - after.imu.time_s <= IMU_SILENT_S  # false for NaN
     )
 
 

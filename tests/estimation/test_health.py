@@ -20,7 +20,13 @@ from tgl_soar.estimation.health import (
     health_step,
     initial_health,
 )
-from tgl_soar.estimation.motion import FUTURE_S, initial_motion
+from tgl_soar.estimation.motion import (
+    FUTURE_S,
+    AttitudeHeard,
+    FixHeard,
+    MotionState,
+    initial_motion,
+)
 from tgl_soar.geometry import quaternion_from_euler
 from tgl_soar.types import (
     NO_ATTITUDE,
@@ -42,10 +48,17 @@ NEUTRAL = SurfaceCommand(0.0, 0.0, 0.0)
 DT = 1.0 / 128.0
 
 
+def heard_at(fix_s: float, attitude_s: float) -> MotionState:
+    """An estimator that has used samples of these times."""
+    return initial_motion()._replace(
+        fix=FixHeard(1, fix_s, 0), attitude=AttitudeHeard(1, attitude_s)
+    )
+
+
 def health(
     now: float, fix: float = nan, attitude: float = nan, heartbeat: float = nan, rejected: int = 0
 ) -> Health:
-    motion = initial_motion()._replace(fix_time_s=fix, attitude_time_s=attitude, rejected=rejected)
+    motion = heard_at(fix, attitude)._replace(rejected=rejected)
     status = AutopilotStatus(heartbeat, True, True)
     inputs = Inputs(now, NO_FIX, NO_ATTITUDE, status, True)
     return health_step(LIMITS, initial_health(), motion, inputs, False, NEUTRAL, 0.0)[1]
@@ -129,7 +142,7 @@ class Watch:
             )
             for name, change in changes.items():
                 inputs = inputs._replace(**{name: change(inputs, self.k)})
-            motion = initial_motion()._replace(fix_time_s=now, attitude_time_s=now)
+            motion = heard_at(now, now)
             self.state, self.health = health_step(
                 LIMITS, self.state, motion, inputs, self.flying, self.command, DT
             )

@@ -459,7 +459,7 @@ def test_another_source_is_no_step(imu: bool) -> None:
                 assert told >= 0.999 * (3.05 - v.z_m) - 1e-4
         before = v.z_m
     assert v.z_m == pytest.approx(3.05, abs=1e-3)
-    assert state.offset_z_m == pytest.approx(0.0, abs=1e-3)
+    assert state.offset.z_m == pytest.approx(0.0, abs=1e-3)
 
 
 @pytest.mark.parametrize("away", [1.2, 2.4, 9.0])
@@ -483,7 +483,7 @@ def test_a_velocity_that_cannot_be_is_left_out_and_its_place_taken() -> None:
         wild = (50.0, 0.0, 0.0) if k == 300 else (0.0, 0.0, 0.0)
         state, v = motion_step(GAINS, FRAME, state, tick(k * DT, fix_at(k, (1.0, 2.0, 3.0), wild)))
         assert abs(v.velocity_x_mps) < 1e-6
-        assert state.fix_time_s == k * DT
+        assert state.fix.time_s == k * DT
 
 
 def test_a_source_that_doubts_itself_is_believed_less() -> None:

@@ -212,8 +212,8 @@ def health_step(
     elif surfaces.sequence != 0:
         surfaces = _NO_SURFACES
 
-    position_age = _age(now, motion.fix_time_s, FUTURE_S)
-    attitude_age = _age(now, motion.attitude_time_s, FUTURE_S)
+    position_age = _age(now, motion.fix.time_s, FUTURE_S)
+    attitude_age = _age(now, motion.attitude.time_s, FUTURE_S)
     heartbeat_age = _age(now, inputs.autopilot.time_s, HEARTBEAT_FUTURE_S)
     faults = 0
     if position.faults and now - position.fault_s < FAULT_S:

@@ -103,37 +103,77 @@ class MotionGains(NamedTuple):
     use_imu: bool
 
 
+class ImuHeard(NamedTuple):
+    """What came of accelerations."""
+
+    sequence: int  # of the last sample looked at
+    time_s: float  # of the last sample used; NaN: none yet
+    since_s: float  # since when they come often enough; NaN: none yet
+    interval_s: float  # between two, on average
+
+
+class FixHeard(NamedTuple):
+    """What came of fixes."""
+
+    sequence: int  # of the last fix looked at
+    time_s: float  # of the last fix used; NaN: none yet
+    source: int  # of that fix
+
+
+class AttitudeHeard(NamedTuple):
+    """What came of attitudes."""
+
+    sequence: int  # of the last sample looked at
+    time_s: float  # of the last sample used; NaN: none yet
+
+
+class Offset(NamedTuple):
+    """Of the source of fixes: how far its origin is off, soaring frame."""
+
+    x_m: float  # what the source says less what is estimated
+    y_m: float
+    z_m: float
+
+
+class Innovation(NamedTuple):
+    """Of the last fix that was compared with the estimate, soaring frame."""
+
+    x_m: float  # measured less predicted; NaN: none yet
+    y_m: float
+    z_m: float
+    nis: float  # their squares over their variance: 3 on average
+
+
+class Outliers(NamedTuple):
+    """Fixes that were far from the prediction and agree with each other."""
+
+    in_a_row: int  # so many
+    time_s: float  # of the last of them
+    x_m: float  # its innovation
+    y_m: float
+    z_m: float
+
+
 class MotionState(NamedTuple):
     """What the estimator remembers; positions in the soaring frame."""
 
     track: Track
-    errors: Errors  # at fix_time_s
+    errors: Errors  # at the time of the last fix used, or since
     turning: Turning
     inertial: bool  # the track moves by accelerations
     switched_s: float  # since when it does, or does not; NaN: it never did
-    imu_sequence: int
-    imu_time_s: float  # of the last sample used; NaN: none yet
-    imu_since_s: float  # since when they come often enough; NaN: none yet
-    imu_interval_s: float  # between two, on average
-    fix_sequence: int  # of the last fix looked at
-    fix_time_s: float  # of the last fix used; NaN: none yet
-    source: int  # of that fix
-    offset_x_m: float  # of that source: what it says less what is estimated
-    offset_y_m: float
-    offset_z_m: float
-    innovation_x_m: float  # of the last fix that was compared with the estimate; NaN: none yet
-    innovation_y_m: float
-    innovation_z_m: float
-    nis: float  # their squares over their variance: 3 on average
-    attitude_sequence: int
-    attitude_time_s: float  # of the last sample used; NaN: none yet
-    rejected: int
-    outliers: int  # in a row, agreeing with each other
-    outlier_time_s: float  # the last of them
-    outlier_x_m: float  # its innovation
-    outlier_y_m: float
-    outlier_z_m: float
+    imu: ImuHeard
+    fix: FixHeard
+    attitude: AttitudeHeard
+    offset: Offset
+    innovation: Innovation
+    outliers: Outliers
+    rejected: int  # samples refused so far
     jump_s: float  # the tick in which the position last jumped; NaN: never
+
+
+_NO_OFFSET = Offset(0.0, 0.0, 0.0)
+_NO_OUTLIERS = Outliers(0, NAN, NAN, NAN, NAN)
 
 
 def initial_motion() -> MotionState:
@@ -147,28 +187,13 @@ def initial_motion() -> MotionState:
         turning=NO_TURNING,
         inertial=False,
         switched_s=NAN,
-        imu_sequence=0,
-        imu_time_s=NAN,
-        imu_since_s=NAN,
-        imu_interval_s=IMU_INTERVAL_S,
-        fix_sequence=0,
-        fix_time_s=NAN,
-        source=0,
-        offset_x_m=0.0,
-        offset_y_m=0.0,
-        offset_z_m=0.0,
-        innovation_x_m=NAN,
-        innovation_y_m=NAN,
-        innovation_z_m=NAN,
-        nis=NAN,
-        attitude_sequence=0,
-        attitude_time_s=NAN,
+        imu=ImuHeard(0, NAN, NAN, IMU_INTERVAL_S),
+        fix=FixHeard(0, NAN, 0),
+        attitude=AttitudeHeard(0, NAN),
+        offset=_NO_OFFSET,
+        innovation=Innovation(NAN, NAN, NAN, NAN),
+        outliers=_NO_OUTLIERS,
         rejected=0,
-        outliers=0,
-        outlier_time_s=NAN,
-        outlier_x_m=NAN,
-        outlier_y_m=NAN,
-        outlier_z_m=NAN,
         jump_s=NAN,
     )
 
@@ -182,18 +207,18 @@ def motion_step(
     if (
         not state.track.time_s <= newest  # the first tick, or the clock has gone back
         or state.errors.time_s > newest
-        or state.attitude_time_s > newest
+        or state.attitude.time_s > newest
     ):
         state = _forgotten(state, now)
-    if inputs.attitude.sequence != state.attitude_sequence:
+    if inputs.attitude.sequence != state.attitude.sequence:
         state = _take_attitude(frame, state, inputs.attitude, now)
-    if inputs.imu.sequence != state.imu_sequence:
+    if inputs.imu.sequence != state.imu.sequence:
         state = _take_imu(gains, state, inputs.imu, now)
     last_s = state.track.time_s
     if state.inertial and not (gains.use_imu and now - last_s <= IMU_SILENT_S):
         track = track_moved(state.track, max(now, last_s), 0.0, 0.0, 0.0)
         state = _switched(gains, state, track, last_s)
-    if inputs.position.sequence != state.fix_sequence:
+    if inputs.position.sequence != state.fix.sequence:
         state = _take_fix(gains, frame, state, inputs.position, now)
     return state, _at(state, now)
 
@@ -202,27 +227,27 @@ def motion_quality(
     gains: MotionGains, before: MotionState, after: MotionState, time_s: float
 ) -> MotionQuality:
     """What a tick at time_s did with what was new, and how sure the estimate is then."""
-    errors = after.errors
     covariance = _covariance_at(gains, after, time_s)
-    ox, oy, oz = after.offset_x_m, after.offset_y_m, after.offset_z_m
-    looked_at = after.fix_sequence != before.fix_sequence
-    known = after.fix_time_s == after.fix_time_s  # not NaN
-    used = looked_at and known and after.fix_time_s != before.fix_time_s
+    _, used_s, source = after.fix
+    looked_at = after.fix.sequence != before.fix.sequence
+    used = looked_at and used_s == used_s and used_s != before.fix.time_s  # not NaN
+    x, y, z, nis = after.innovation
+    ox, oy, oz = after.offset
     return MotionQuality(
-        after.innovation_x_m,
-        after.innovation_y_m,
-        after.innovation_z_m,
-        after.nis,
+        x,
+        y,
+        z,
+        nis,
         _root(covariance.pp + ox * ox + oy * oy + oz * oz),
         _root(covariance.vv),
-        errors.bias_x_mps2,
-        errors.bias_y_mps2,
-        errors.bias_z_mps2,
+        after.errors.bias_x_mps2,
+        after.errors.bias_y_mps2,
+        after.errors.bias_z_mps2,
         _root(covariance.bb),
         ox,
         oy,
         oz,
-        after.source,
+        source,
         used,
         looked_at and not used,
         time_s - after.jump_s < JUMP_S,  # false for NaN
@@ -249,10 +274,9 @@ def _forgotten(state: MotionState, now_s: float) -> MotionState:
         ),
         inertial=False,
         switched_s=NAN,
-        imu_time_s=NAN,
-        imu_since_s=NAN,
-        fix_time_s=NAN,
-        outliers=0,
+        imu=state.imu._replace(time_s=NAN, since_s=NAN),
+        fix=state.fix._replace(time_s=NAN),
+        outliers=_NO_OUTLIERS,
         jump_s=NAN,
     )
 
@@ -326,7 +350,7 @@ def _spread(
 ) -> Covariance:
     """The covariance after a time with accelerations, or without."""
     if inertial:
-        interval = max(IMU_INTERVAL_MIN_S, state.imu_interval_s)
+        interval = max(IMU_INTERVAL_MIN_S, state.imu.interval_s)
         density = gains.force_sd_mps2 * gains.force_sd_mps2 * interval
         bias_density = gains.bias_sd_mps2 * gains.bias_sd_mps2 / BIAS_S
         return spread(covariance, interval_s, 1.0, density, bias_density)
@@ -342,58 +366,50 @@ def _is_later(time_s: float, last_s: float, now_s: float) -> bool:
 def _take_attitude(
     frame: SoaringFrame, state: MotionState, sample: AttitudeSample, now_s: float
 ) -> MotionState:
-    last_s = state.attitude_time_s
+    last_s = state.attitude.time_s
     if not (is_rotation(sample) and _is_later(sample.time_s, last_s, now_s)):
-        return state._replace(attitude_sequence=sample.sequence, rejected=state.rejected + 1)
+        heard = AttitudeHeard(sample.sequence, last_s)
+        return state._replace(attitude=heard, rejected=state.rejected + 1)
     turning = NO_TURNING if last_s > now_s + FUTURE_S else state.turning
     return state._replace(
         turning=turning_to(frame, turning, sample),
-        attitude_sequence=sample.sequence,
-        attitude_time_s=sample.time_s,
+        attitude=AttitudeHeard(sample.sequence, sample.time_s),
     )
 
 
 def _take_imu(
     gains: MotionGains, state: MotionState, sample: ImuSample, now_s: float
 ) -> MotionState:
-    fx, fy, fz, time_s = (
-        sample.force_x_frd_mps2,
-        sample.force_y_frd_mps2,
-        sample.force_z_frd_mps2,
-        sample.time_s,
-    )
+    sequence, time_s, fx, fy, fz, _, _, _ = sample
+    _, last_s, since_s, average = state.imu
     usable = (
         abs(fx) <= FORCE_MAX_MPS2  # false for NaN
         and abs(fy) <= FORCE_MAX_MPS2
         and abs(fz) <= FORCE_MAX_MPS2
-        and _is_later(time_s, state.imu_time_s, now_s)
+        and _is_later(time_s, last_s, now_s)
     )
     if not usable:
-        return state._replace(imu_sequence=sample.sequence, rejected=state.rejected + 1)
+        heard = ImuHeard(sequence, last_s, since_s, average)
+        return state._replace(imu=heard, rejected=state.rejected + 1)
     turning = turned_by(state.turning, sample)
-    turn = time_s - turning.time_s
-    interval, average, since_s = time_s - state.imu_time_s, state.imu_interval_s, state.imu_since_s
+    turn, interval = time_s - turning.time_s, time_s - last_s
     counts = gains.use_imu and abs(turn) <= PREDICT_MAX_S and now_s - time_s <= IMU_SILENT_S
     if interval <= IMU_GAP_S:  # false for NaN, the first
         average += INTERVAL_SHARE * (interval - average)
     if not (counts and interval <= IMU_GAP_S):
         since_s = time_s
-    state = state._replace(
-        turning=turning,
-        imu_sequence=sample.sequence,
-        imu_time_s=time_s,
-        imu_interval_s=average,
-        imu_since_s=since_s,
-    )
+    heard = ImuHeard(sequence, time_s, since_s, average)
     if not counts or not (state.inertial or time_s - since_s >= IMU_STEADY_S):
-        return state
+        return state._replace(turning=turning, imu=heard)
     ax, ay, az = _acceleration(turning, turn, fx, fy, fz)
     track = state.track
     if state.inertial and time_s > track.time_s:
-        return state._replace(track=track_moved(track, time_s, ax, ay, az))
+        track = track_moved(track, time_s, ax, ay, az)
+        return state._replace(track=track, turning=turning, imu=heard)
     if time_s > track.time_s:  # it went straight on until now
         track = track_moved(track, time_s, 0.0, 0.0, 0.0)
     track = track._replace(ax_mps2=ax, ay_mps2=ay, az_mps2=az)
+    state = state._replace(turning=turning, imu=heard)
     if state.inertial:
         return state._replace(track=track)
     return _switched(gains, state, track, track.time_s)
@@ -456,9 +472,8 @@ def _take_fix(
     gains: MotionGains, frame: SoaringFrame, state: MotionState, fix: PositionFix, now_s: float
 ) -> MotionState:
     measured = _measured(gains, frame, fix)
-    state = state._replace(fix_sequence=fix.sequence)
-    time_s = measured.time_s
-    last_s = state.errors.time_s
+    time_s, last_s = measured.time_s, state.errors.time_s
+    _, used_s, source = state.fix
     usable = (
         isfinite(measured.x_m)
         and isfinite(measured.y_m)
@@ -468,46 +483,42 @@ def _take_fix(
         and _is_later(time_s, last_s, now_s)
     )
     if not usable:
-        return state._replace(rejected=state.rejected + 1)
+        heard = FixHeard(fix.sequence, used_s, source)
+        return state._replace(fix=heard, rejected=state.rejected + 1)
 
+    heard = FixHeard(fix.sequence, time_s, fix.source)
     track = track_at(state.track, time_s)
     if last_s != last_s:  # NaN: the first
-        return _start(gains, state, fix.source, measured, track)
-    interval = time_s - last_s
+        return _start(gains, state, heard, measured, track)
     covariance = _covariance_at(gains, state, time_s)
     if not covariance.pp <= LOST_M * LOST_M + 9.0 * measured.variance_m2:
-        return _start(gains, state._replace(jump_s=now_s), fix.source, measured, track)
+        return _start(gains, state._replace(jump_s=now_s), heard, measured, track)
 
     errors = _errors_at(state, time_s)._replace(covariance=covariance)
     scatter = covariance.pp + measured.variance_m2
-    ox, oy, oz = 0.0, 0.0, 0.0
-    if fix.source == state.source:
-        ox, oy, oz = state.offset_x_m, state.offset_y_m, state.offset_z_m
+    same_source = fix.source == source
+    offset = state.offset if same_source else _NO_OFFSET
+    ox, oy, oz = offset
     rx = measured.x_m - ox - track.x_m - errors.x_m
     ry = measured.y_m - oy - track.y_m - errors.y_m
     rz = measured.z_m - oz - track.z_m - errors.z_m
     distance = _length(rx, ry, rz)
     reach = max(gains.fix_gate_m, GATE_SIGMAS * sqrt(scatter))
-    if fix.source == state.source:
-        if ox != 0.0 or oy != 0.0 or oz != 0.0:
-            bled = _bled(_length(ox, oy, oz), interval)
-            dx, dy, dz = bled * ox, bled * oy, bled * oz
-            ox, oy, oz = ox - dx, oy - dy, oz - dz
-            errors = errors._replace(x_m=errors.x_m + dx, y_m=errors.y_m + dy, z_m=errors.z_m + dz)
-    elif distance <= OFFSET_MAX_M:
+    if same_source and (ox != 0.0 or oy != 0.0 or oz != 0.0):
+        bled = _bled(_length(ox, oy, oz), time_s - last_s)
+        dx, dy, dz = bled * ox, bled * oy, bled * oz
+        offset = Offset(ox - dx, oy - dy, oz - dz)
+        errors = errors._replace(x_m=errors.x_m + dx, y_m=errors.y_m + dy, z_m=errors.z_m + dz)
+    elif not same_source and distance <= OFFSET_MAX_M:
         # Of the difference the new source's origin has the share that the filter's doubt has not.
         share = OFFSET_M * OFFSET_M / (OFFSET_M * OFFSET_M + scatter)
-        ox, oy, oz = share * rx, share * ry, share * rz
+        offset = Offset(share * rx, share * ry, share * rz)
         rx, ry, rz = (1.0 - share) * rx, (1.0 - share) * ry, (1.0 - share) * rz
         distance *= 1.0 - share
-    state = state._replace(
-        innovation_x_m=rx,
-        innovation_y_m=ry,
-        innovation_z_m=rz,
-        nis=distance * distance / scatter,
-    )
+    innovation = Innovation(rx, ry, rz, distance * distance / scatter)
     if distance > reach:
-        return _take_outlier(gains, state, fix.source, measured, track, now_s)
+        doubtful = state._replace(innovation=innovation)
+        return _take_outlier(gains, doubtful, heard, measured, track, now_s)
 
     errors = position_taken(errors, rx, ry, rz, measured.variance_m2)
     if measured.has_velocity:
@@ -520,12 +531,10 @@ def _take_fix(
             errors = velocity_taken(errors, rx, ry, rz, variance)
     return state._replace(
         errors=errors,
-        fix_time_s=time_s,
-        source=fix.source,
-        offset_x_m=ox,
-        offset_y_m=oy,
-        offset_z_m=oz,
-        outliers=0,
+        fix=heard,
+        offset=offset,
+        innovation=innovation,
+        outliers=_NO_OUTLIERS,
     )
 
 
@@ -541,7 +550,7 @@ def _bled(offset_m: float, interval_s: float) -> float:
 
 
 def _start(
-    gains: MotionGains, state: MotionState, source: int, measured: _Measured, track: Node
+    gains: MotionGains, state: MotionState, heard: FixHeard, measured: _Measured, track: Node
 ) -> MotionState:
     """The aircraft is where the fix says; of the past only the bias is still believed."""
     vx, vy, climb, variance = 0.0, 0.0, 0.0, START_MPS * START_MPS
@@ -562,38 +571,30 @@ def _start(
             climb_mps=climb - track.climb_mps,
             covariance=Covariance(measured.variance_m2, 0.0, 0.0, variance, 0.0, bias_variance),
         ),
-        fix_time_s=measured.time_s,
-        source=source,
-        offset_x_m=0.0,
-        offset_y_m=0.0,
-        offset_z_m=0.0,
-        outliers=0,
+        fix=heard,
+        offset=_NO_OFFSET,
+        outliers=_NO_OUTLIERS,
     )
 
 
 def _take_outlier(
     gains: MotionGains,
     state: MotionState,
-    source: int,
+    heard: FixHeard,
     measured: _Measured,
     track: Node,
     now_s: float,
 ) -> MotionState:
     """Refuse a fix far from the prediction, or go there where enough of them agree."""
+    refused = FixHeard(heard.sequence, state.fix.time_s, state.fix.source)
     time_s = measured.time_s
-    if state.outliers > 0 and time_s <= state.outlier_time_s:  # again, over another link
-        return state._replace(rejected=state.rejected + 1)
-    rx, ry, rz = state.innovation_x_m, state.innovation_y_m, state.innovation_z_m
-    away = _length(rx - state.outlier_x_m, ry - state.outlier_y_m, rz - state.outlier_z_m)
-    near = gains.fix_gate_m + AGREE_MPS * (time_s - state.outlier_time_s)
-    outliers = state.outliers + 1 if state.outliers > 0 and away <= near else 1
-    if outliers >= OUTLIERS_BELIEVED:
-        return _start(gains, state._replace(jump_s=now_s), source, measured, track)
-    return state._replace(
-        rejected=state.rejected + 1,
-        outliers=outliers,
-        outlier_time_s=time_s,
-        outlier_x_m=rx,
-        outlier_y_m=ry,
-        outlier_z_m=rz,
-    )
+    count, last_s, x, y, z = state.outliers
+    if count > 0 and time_s <= last_s:  # again, over another link
+        return state._replace(fix=refused, rejected=state.rejected + 1)
+    rx, ry, rz, _ = state.innovation
+    near = gains.fix_gate_m + AGREE_MPS * (time_s - last_s)
+    agrees = count > 0 and _length(rx - x, ry - y, rz - z) <= near
+    outliers = Outliers(count + 1 if agrees else 1, time_s, rx, ry, rz)
+    if outliers.in_a_row >= OUTLIERS_BELIEVED:
+        return _start(gains, state._replace(jump_s=now_s), heard, measured, track)
+    return state._replace(fix=refused, outliers=outliers, rejected=state.rejected + 1)

@@ -275,12 +275,9 @@ def _body(vehicle: VehicleState) -> Body:
 
 def through_air(frame: Body, wind_mps: float, updraft_mps: float) -> tuple[float, float]:
     """(u, w) [m/s]: the velocity through the air along the body's x and z axes."""
-    north, east = wind_mps - frame.velocity_x_mps, frame.velocity_y_mps
-    down = updraft_mps - frame.climb_mps
-    return (
-        frame.x_n * north + frame.x_e * east + frame.x_d * down,
-        frame.z_n * north + frame.z_e * east + frame.z_d * down,
-    )
+    x_n, x_e, x_d, z_n, z_e, z_d, velocity_x, east, climb = frame
+    north, down = wind_mps - velocity_x, updraft_mps - climb
+    return x_n * north + x_e * east + x_d * down, z_n * north + z_e * east + z_d * down
 
 
 def _first_guess(aero: Aerodynamics, frame: Body) -> Belief:
@@ -481,43 +478,44 @@ def _corrected(
     noise: variance of the white noise; normal … trim: that of its own bias in its own
     place, 0 in the others; pitch: covariance of its bias with that of the pitch.
     """
+    wind, updraft, p_xx, p_xz, p_zz, n_x, n_z, a_x, a_z, p_x, p_z, t_x, t_z, d_x, d_z = b
     if axial > 0.0:
-        own_x, own_z = b.axial_x, b.axial_z
+        own_x, own_z = a_x, a_z
     elif normal > 0.0:
-        own_x, own_z = b.normal_x, b.normal_z
+        own_x, own_z = n_x, n_z
     elif trim > 0.0:
-        own_x, own_z = b.trim_x, b.trim_z
+        own_x, own_z = t_x, t_z
     else:
-        own_x, own_z = b.pitot_x, b.pitot_z
-    to_x = b.p_xx * h_x + b.p_xz * h_z + own_x
-    to_z = b.p_xz * h_x + b.p_zz * h_z + own_z
+        own_x, own_z = p_x, p_z
+    to_x = p_xx * h_x + p_xz * h_z + own_x
+    to_z = p_xz * h_x + p_zz * h_z + own_z
     variance = (
         h_x * to_x + h_z * to_z + h_x * own_x + h_z * own_z + noise + normal + axial + pitot + trim
     )
     if not innovation * innovation <= GATE * GATE * variance:
         return b
     k_x, k_z = to_x / variance, to_z / variance
-    r_n = h_x * b.normal_x + h_z * b.normal_z + normal
-    r_a = h_x * b.axial_x + h_z * b.axial_z + axial
-    r_p = h_x * b.pitot_x + h_z * b.pitot_z + pitot
-    r_t = h_x * b.trim_x + h_z * b.trim_z + trim
-    r_d = h_x * b.pitch_x + h_z * b.pitch_z + pitch
+    r_n = h_x * n_x + h_z * n_z + normal
+    r_a = h_x * a_x + h_z * a_z + axial
+    r_p = h_x * p_x + h_z * p_z + pitot
+    r_t = h_x * t_x + h_z * t_z + trim
+    r_d = h_x * d_x + h_z * d_z + pitch
     return Belief(
-        b.wind_mps + k_x * innovation,
-        b.updraft_mps + k_z * innovation,
-        b.p_xx - k_x * to_x,
-        b.p_xz - k_x * to_z,
-        b.p_zz - k_z * to_z,
-        b.normal_x - k_x * r_n,
-        b.normal_z - k_z * r_n,
-        b.axial_x - k_x * r_a,
-        b.axial_z - k_z * r_a,
-        b.pitot_x - k_x * r_p,
-        b.pitot_z - k_z * r_p,
-        b.trim_x - k_x * r_t,
-        b.trim_z - k_z * r_t,
-        b.pitch_x - k_x * r_d,
-        b.pitch_z - k_z * r_d,
+        wind + k_x * innovation,
+        updraft + k_z * innovation,
+        p_xx - k_x * to_x,
+        p_xz - k_x * to_z,
+        p_zz - k_z * to_z,
+        n_x - k_x * r_n,
+        n_z - k_z * r_n,
+        a_x - k_x * r_a,
+        a_z - k_z * r_a,
+        p_x - k_x * r_p,
+        p_z - k_z * r_p,
+        t_x - k_x * r_t,
+        t_z - k_z * r_t,
+        d_x - k_x * r_d,
+        d_z - k_z * r_d,
     )
 
 
