@@ -7,6 +7,7 @@ from time import perf_counter
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config import load_airframe, load_parameters, load_site, shipped
+from tgl_soar.flightlog.recorder import NO_RECORDER, Recorder
 from tgl_soar.onboard import Onboard, setup_from
 
 TICK_S = 0.005
@@ -16,7 +17,7 @@ WARM_UP = 400
 class ModuleFlight:
     """The module in the air, and a vehicle and a station that talk to it."""
 
-    def __init__(self) -> None:
+    def __init__(self, recorder: Recorder = NO_RECORDER) -> None:
         airframe_path, site_path = (
             shipped("airframes/eclipson_c.toml"),
             shipped("sites/tunnel.toml"),
@@ -25,9 +26,13 @@ class ModuleFlight:
         values = load_parameters(airframe, airframe_path, site, site_path)
         self.frames: list[bytes] = []
         self.now_s = 100.0
-        self.onboard = Onboard(setup_from(airframe, site, values), self._take, self.now_s)
+        self.onboard = Onboard(
+            setup_from(airframe, site, values), self._take, self.now_s, recorder=recorder
+        )
         self._vehicle = mavlink.MAVLink(None, 1, 1)
         self._station = mavlink.MAVLink(None, 255, 190)
+        self._reader = mavlink.MAVLink(None)
+        self._servos = (1500, 1500, 1500, 1500)
         self._ticks = 0
         self.custom_mode = 0  # MANUAL
         self.quaternion = (1.0, 0.0, 0.0, 0.0)  # of an aircraft that hangs where it is
@@ -50,6 +55,33 @@ class ModuleFlight:
     def heartbeat(self) -> mavlink.MAVLink_message:
         """The vehicle's, in the mode that it is in."""
         return mavlink.MAVLink_heartbeat_message(1, 3, 81, self.custom_mode, 4, 3)
+
+    def piece(self) -> bytes:
+        """All that an autopilot with accelerometers says in one period, in one datagram.
+
+        Its servos do as they were told.
+        """
+        for frame in self.frames:
+            told = self._reader.decode(bytearray(frame))
+            if told.get_type() == "RC_CHANNELS_OVERRIDE" and told.chan2_raw:
+                self._servos = (told.chan1_raw, told.chan2_raw, told.chan3_raw, told.chan4_raw)
+        self.frames.clear()
+        self._ticks += 1
+        self.now_s += TICK_S
+        ms, i = round(self._ticks * TICK_S * 1e3), self._ticks
+        messages = [
+            mavlink.MAVLink_raw_imu_message(1000 * ms, i % 10, 0, -1000 + i % 5, *(0,) * 6),
+            mavlink.MAVLink_attitude_quaternion_message(ms, *self.quaternion, 0, 0, 0),
+        ]
+        if i % 4 == 1:
+            at = mavlink.MAVLink_local_position_ned_message(ms, 0.2, 0, -1.15, 0, 0, 0)
+            servos = mavlink.MAVLink_servo_output_raw_message(
+                1000 * ms, 0, *self._servos, 0, 0, 0, 0
+            )
+            messages = [at, servos, *messages]
+        if i % 200 == 1:
+            messages = [self.heartbeat(), *messages]
+        return b"".join(bytes(message.pack(self._vehicle)) for message in messages)
 
     def tick(self) -> float:
         """What a vehicle says in one period, then the tick; the tick's time."""

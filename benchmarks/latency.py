@@ -1,0 +1,156 @@
+"""From a sample to the surfaces: the whole module beside the least that answers.
+
+A vehicle in C (`c/vehicle.c`) sends accelerations and an attitude 200 times a second, and now
+and then a position and its servos, to three programs in turn: to the module as it flies (guard,
+log, stored parameters, telemetry, engaged), to a minimal responder in C, and to one of a few
+lines with pymavlink's `mavutil`.  Each has a third of every period for itself; all three meet
+the same weather.  Timed is from before the datagram is sent to when the surfaces are there.
+"""
+
+from __future__ import annotations
+
+import signal
+import socket
+import subprocess
+import sys
+import time
+from array import array
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+from tgl_soar.config import shipped
+
+from . import c_reference
+from .c_reference import PRIORITY, NoCompilerError
+from .processes import child_of, cpu_s, end
+from .result import ALLOWED, Result, percentile
+
+SECONDS = 25
+ENGAGE_AFTER_S = 3
+SETTLED_S = 8  # from then on it counts
+RATE_HZ = 200
+VEHICLE_PRIORITY = PRIORITY + 10
+AGE_ALLOWED_MS = 1.0
+CPU_ALLOWED = 8.0  # % of one core
+NEVER_NS = 1 << 62  # no answer within its part of the period
+SHARES = (("p50", 0.5, 2.3), ("p99", 0.99, 2.5), ("p99.9", 0.999, 2.5))
+
+
+class Measured(NamedTuple):
+    """Nanoseconds of every answer, and what the flying process took of one core."""
+
+    module_ns: list[int]
+    c_ns: list[int]
+    mavutil_ns: list[int]
+    cpu_percent: float
+
+
+def sensor_to_surface(seconds: int = SECONDS) -> Iterator[Result]:
+    """Over UDP, and over a pseudo-terminal as over a serial line."""
+    for kind, name in (("udp", "UDP"), ("pty", "pseudo-terminal")):
+        try:
+            measured = measure(kind, seconds)
+        except NoCompilerError as error:
+            print(error)
+            return
+        for share_name, share, aim in SHARES:
+            yield Result(
+                f"sensor to surface, {name}, {share_name}",
+                percentile(measured.module_ns, share) / 1e3,
+                percentile(measured.c_ns, share) / 1e3,
+                "µs",
+                "a minimal responder in C",
+                aim,
+            )
+        yield Result(
+            f"sensor to surface, {name}, p50",
+            percentile(measured.module_ns, 0.5) / 1e3,
+            percentile(measured.mavutil_ns, 0.5) / 1e3,
+            "µs",
+            "a minimal responder with mavutil",
+        )
+        yield Result(
+            f"age of the sample at the surface, {name}, p50",
+            percentile(measured.module_ns, 0.5) / 1e6,
+            AGE_ALLOWED_MS,
+            "ms",
+            ALLOWED,
+            1.0,
+        )
+        yield Result(
+            f"the flying process, {name}",
+            measured.cpu_percent,
+            CPU_ALLOWED,
+            "% of a core",
+            ALLOWED,
+            1.0,
+        )
+
+
+BENCHMARKS = (sensor_to_surface,)
+
+
+def measure(kind: str, seconds: int) -> Measured:
+    """Fly the three against one vehicle."""
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(TemporaryDirectory(prefix="tgl_soar_bench_")))
+        if kind == "udp":
+            ends = [f"udp:{_free_port()}" for _ in range(3)]
+        else:
+            ends = [f"pty:{folder / f'line{i}'}" for i in range(3)]
+        vehicle = subprocess.Popen(
+            [
+                *(c_reference.program("vehicle"), str(seconds), str(ENGAGE_AFTER_S)),
+                *(str(VEHICLE_PRIORITY), *ends),
+            ],
+            stdout=subprocess.PIPE,
+        )
+        stack.callback(end, vehicle, signal.SIGKILL)
+        assert vehicle.stdout is not None
+        if vehicle.stdout.readline() != b"ready\n":
+            raise RuntimeError("the vehicle of the benchmark does not start")
+        commands = _commands(kind, ends, folder)
+        running = [subprocess.Popen(c, stderr=subprocess.DEVNULL) for c in commands]
+        for process in running:
+            stack.callback(end, process, signal.SIGTERM)
+        time.sleep(SETTLED_S)
+        child = child_of(running[0].pid)
+        before_s, began_s = cpu_s(child), time.monotonic()
+        time.sleep(seconds - SETTLED_S - 1)
+        cpu_percent = 100.0 * (cpu_s(child) - before_s) / (time.monotonic() - began_s)
+        took = array("q", vehicle.communicate()[0])
+    took = took[3 * RATE_HZ * SETTLED_S :]
+    of_each = [[ns if ns > 0 else NEVER_NS for ns in took[i::3]] for i in range(3)]
+    if percentile(of_each[0], 0.5) == NEVER_NS:
+        raise RuntimeError("the module did not fly")
+    return Measured(of_each[0], of_each[1], of_each[2], cpu_percent)
+
+
+def _commands(kind: str, ends: list[str], folder: Path) -> list[list[str]]:
+    """The module, the C responder, mavutil's."""
+    names = [end.partition(":")[2] for end in ends]
+    if kind == "pty":
+        names = [Path(name).read_text() for name in names]
+        links = f"serial:{names[0]}:921600", names[1], names[2]
+    else:
+        links = f"udpout:127.0.0.1:{names[0]}", ends[1], f"udpout:127.0.0.1:{names[2]}"
+    module, in_c, mavutil = links
+    return [
+        [
+            *(sys.executable, "-m", "tgl_soar.cli", "run", "--link", module),
+            *("--airframe", str(shipped("airframes/eclipson_c.toml"))),
+            *("--site", str(shipped("sites/tunnel.toml"))),
+            *("--state", str(folder / "state")),
+        ],
+        [c_reference.program("responder"), in_c, str(PRIORITY)],
+        [sys.executable, "-m", "benchmarks.mavutil_responder", mavutil, str(PRIORITY)],
+    ]
+
+
+def _free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

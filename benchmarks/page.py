@@ -1,0 +1,110 @@
+"""The results as a table of a page, and as JSON."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import os
+import platform
+import sys
+from collections.abc import Sequence
+from importlib import metadata
+from math import isfinite
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from .result import NO_AIM, Result
+
+BEGIN: Final = "<!-- results: made by `make bench`, do not edit -->"
+END: Final = "<!-- end of results -->"
+PACKAGES: Final = ("tgl_soar", "pymavlink", "fastcrc", "numba", "jsbsim")
+
+
+class Group(NamedTuple):
+    """Results that belong together."""
+
+    title: str
+    results: Sequence[Result]
+
+
+def machine() -> dict[str, str | int]:
+    """Where and with what it was measured."""
+    found: dict[str, str | int] = {
+        "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d"),
+        "processor": _processor(),
+        "cores": os.cpu_count() or 1,
+        "architecture": platform.machine(),
+        "kernel": f"{platform.system()} {platform.release()}",
+        "python": sys.version.split()[0],
+    }
+    for name in PACKAGES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def _processor() -> str:
+    try:
+        text = Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace")
+    except OSError:
+        return platform.processor()
+    names = [line.partition(":")[2].strip() for line in text.splitlines() if "model name" in line]
+    return names[0] if names else platform.processor()
+
+
+def write_json(path: Path, groups: Sequence[Group]) -> None:
+    """All of it, for whoever compares machines."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    results = [
+        {"group": group.title, **result._asdict()}
+        | {"ratio": _or_none(result.ratio), "aim": _or_none(result.aim)}
+        for group in groups
+        for result in group.results
+    ]
+    content = {"machine": machine(), "results": results}
+    path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+
+
+def _or_none(value: float) -> float | None:
+    """JSON knows no infinity."""
+    return value if isfinite(value) else None
+
+
+def markdown(groups: Sequence[Group]) -> str:
+    """One table for each group, and what it was measured on."""
+    where = machine()
+    lines = [
+        f"{where['date']}; {where['processor']}, {where['cores']} cores, {where['kernel']};"
+        f" Python {where['python']},"
+        + ",".join(f" {name} {where[name]}" for name in PACKAGES)
+        + "."
+    ]
+    for group in groups:
+        if not group.results:
+            continue
+        lines += [
+            "",
+            f"### {group.title}",
+            "",
+            "| | measured | beside | | ratio | aim |",
+            "|---|---:|---:|---|---:|---|",
+        ]
+        for r in group.results:
+            aim = "" if r.aim == NO_AIM else f"≤ {r.aim:.3g}{'' if r.is_met else ', **missed**'}"
+            lines.append(
+                f"| {r.what} | {r.value:.3g} {r.unit} | {r.reference:.3g} {r.unit}"
+                f" | {r.reference_what} | {r.ratio:.3g} | {aim} |"
+            )
+    return "\n".join(lines)
+
+
+def replace_table(path: Path, groups: Sequence[Group]) -> None:
+    """Between the two marks of a page.  Errors: ValueError where it has none."""
+    text = path.read_text(encoding="utf-8")
+    before, begin, rest = text.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not begin or not end:
+        raise ValueError(f"{path}: there is no {BEGIN!r} and {END!r} to put the results between")
+    path.write_text(f"{before}{BEGIN}\n\n{markdown(groups)}\n\n{END}{after}", encoding="utf-8")

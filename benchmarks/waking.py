@@ -1,0 +1,186 @@
+"""How late the loop wakes, beside a C loop that wakes in the middle between.
+
+Both sleep to absolute deadlines 5 ms apart, the one half a period after the other, at the same
+time, under the same policy and with locked memory: whatever the machine does meets both.  The C
+loop is `clock_nanosleep`, as in cyclictest; ours is `realtime.wait` on a socket, as it flies.
+
+`python -m benchmarks.waking COUNT PERIOD_NS BEGIN_NS` is our loop alone, for `wake_ups`.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import socket
+import subprocess
+import sys
+import time
+from array import array
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from tgl_soar import realtime
+
+from . import c_reference
+from .c_reference import PRIORITY, NoCompilerError
+from .processes import start_module
+from .result import Result, percentile
+
+PERIOD_NS = 5_000_000
+SECONDS = 15
+BUSY_CORES = 2
+STARTING_S = 1.5
+LATE_NS = 2_000_000
+SHARES = (("p50", 0.5, float("inf")), ("p99", 0.99, 1.3), ("p99.9", 0.999, 1.5))
+
+
+def wake_ups(seconds: int = SECONDS) -> Iterator[Result]:
+    """Idle, then with two busy cores."""
+    try:
+        c_reference.program("wake")
+    except NoCompilerError as error:
+        print(error)
+        return
+    for load, cores in (("idle", 0), (f"{BUSY_CORES} busy cores", BUSY_CORES)):
+        with busy(cores):
+            ours, in_c = beside_c(seconds)
+            for name, share, aim in SHARES:
+                yield Result(
+                    f"wake-up lateness, {load}, {name}",
+                    percentile(ours, share) / 1e3,
+                    percentile(in_c, share) / 1e3,
+                    "µs",
+                    "a C loop at the same time",
+                    aim,
+                )
+            yield from _cyclictest(seconds, load, ours)
+
+
+BENCHMARKS = (wake_ups,)
+
+
+def long_run(seconds: int = 600) -> Iterator[Result]:
+    """The module itself beside two busy cores and a C loop, with no vehicle to keep time for it.
+
+    Only where the real-time policy is permitted.
+    """
+    if not may_come_first():
+        print("SCHED_FIFO is not permitted here: no long run")
+        return
+    try:
+        wake = c_reference.program("wake")
+    except NoCompilerError as error:
+        print(error)
+        return
+    count = seconds * 1_000_000_000 // PERIOD_NS
+    with (
+        busy(BUSY_CORES),
+        TemporaryDirectory(prefix="tgl_soar_bench_") as folder,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as nobody,
+    ):
+        nobody.bind(("127.0.0.1", 0))
+        module = start_module(Path(folder), nobody.getsockname()[1], stderr=subprocess.PIPE)
+        begin = time.monotonic_ns() + int(STARTING_S * 1e9)
+        arguments = [str(count), str(PERIOD_NS), str(begin), str(PRIORITY)]
+        in_c = subprocess.run([wake, *arguments], stdout=subprocess.PIPE, check=True)
+        module.terminate()
+        words = module.communicate()[1].decode()
+    found = re.search(r"(\d+) ticks, (\d+) late", words)
+    if found is None:
+        raise RuntimeError(f"the module did not run: {words}")
+    yield Result(
+        f"ticks later than 2 ms, of {found[1]}, {BUSY_CORES} busy cores",
+        int(found[2]),
+        sum(ns > LATE_NS for ns in array("q", in_c.stdout)),
+        "",
+        f"of {count} wake-ups of a C loop at the same time",
+        1.0,
+    )
+
+
+def beside_c(seconds: int) -> tuple[list[int], list[int]]:
+    """Lateness [ns] of every wake-up, of ours and of C's."""
+    count = seconds * 1_000_000_000 // PERIOD_NS
+    begin = time.monotonic_ns() + int(STARTING_S * 1e9)
+    arguments = [str(count), str(PERIOD_NS)]
+    ours = [sys.executable, "-m", "benchmarks.waking", *arguments, str(begin)]
+    in_c = [
+        c_reference.program("wake"),
+        *arguments,
+        str(begin + PERIOD_NS // 2),
+        str(PRIORITY),
+    ]
+    running = [subprocess.Popen(command, stdout=subprocess.PIPE) for command in (ours, in_c)]
+    lateness = []
+    for process in running:
+        data = process.communicate()[0]
+        if process.returncode != 0:
+            raise RuntimeError(f"a loop has failed: {process.args!r}")
+        lateness.append(array("q", data).tolist())
+    return lateness[0], lateness[1]
+
+
+def may_come_first() -> bool:
+    """Whether the real-time policy is permitted here."""
+    try_it = f"import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param({PRIORITY}))"
+    command = [sys.executable, "-c", try_it]
+    return subprocess.run(command, stderr=subprocess.DEVNULL).returncode == 0
+
+
+@contextmanager
+def busy(cores: int) -> Iterator[None]:
+    """So many processes of ordinary priority that never rest."""
+    spin = [sys.executable, "-c", "while True: pass"]
+    running = [subprocess.Popen(spin) for _ in range(cores)]
+    try:
+        yield
+    finally:
+        for process in running:
+            process.kill()
+            process.wait()
+
+
+def _cyclictest(seconds: int, load: str, ours: list[int]) -> Iterator[Result]:
+    """The usual tool, where it is installed."""
+    tool = shutil.which("cyclictest")
+    if tool is None:
+        return
+    loops = seconds * 1_000_000_000 // PERIOD_NS
+    command = [tool, "-q", "-m", f"-p{PRIORITY}", "-i5000", f"-l{loops}", "-h10000"]
+    run = subprocess.run(command, capture_output=True, text=True)
+    if run.returncode == 0:
+        yield Result(
+            f"wake-up lateness, {load}, p99",
+            percentile(ours, 0.99) / 1e3,
+            percentile(histogram(run.stdout), 0.99),
+            "µs",
+            "cyclictest, right after",
+        )
+
+
+def histogram(text: str) -> list[int]:
+    """Every wake-up [µs] of a histogram of cyclictest's."""
+    rows = re.findall(r"^(\d{6}) (\d{6,})$", text, re.MULTILINE)
+    return [int(us) for us, count in rows for _ in range(int(count))]
+
+
+def _wake(count: int, period_ns: int, begin_ns: int) -> array[int]:
+    """Our loop: what waits for a tick where no sample comes."""
+    late = array("q", [1]) * count
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as silent:
+        waiting = (silent.fileno(),)
+        realtime.prepare()
+        due_ns = begin_ns
+        for i in range(count):
+            due_s = due_ns * 1e-9
+            while realtime.wait(waiting, due_s, time.monotonic) < due_s:
+                pass
+            late[i] = time.monotonic_ns() - due_ns
+            due_ns += period_ns
+    return late
+
+
+if __name__ == "__main__":
+    sys.stdout.buffer.write(_wake(*(int(text) for text in sys.argv[1:])).tobytes())
