@@ -4,7 +4,8 @@ Two modules fly the same frames in turn, one with a log and one without: all tha
 sends a module, accelerations and attitude 200 times a second, position and servo outputs 50 times,
 airspeed 20 times.  A tick is all that a new
 attitude sets off: decoding, estimating, deciding, sending.  Timed is the processor time of the
-loop's own thread.
+loop's own thread.  A replay's time is all that follows reading the log; what numba makes of the
+laws is kept from one run to the next.
 """
 
 from __future__ import annotations
@@ -49,8 +50,14 @@ def log() -> Iterator[Result]:
             size = file.stat().st_size / 1e6 / minutes
             yield Result(f"{name}, a minute at 200 Hz", size, ALLOWED_MB, "MB", "what is allowed")
         flight = read_log(path)
-        for workers, how in ((1, "one process"), (None, "as many as processors")):
-            result = replay(flight, workers=workers)
+        for workers, compile, how in (
+            (1, False, "one process"),
+            (None, False, "as many as processors"),
+            (1, True, "laws compiled before"),
+        ):
+            if compile:
+                replay(flight, compile=True)
+            result = replay(flight, workers=workers, compile=compile)
             assert not result.differences
             tick_us = 1e6 * result.took_s / len(result.time_s)
             asked_us = 1e6 / RATE_HZ / ASKED_SPEED

@@ -54,7 +54,7 @@ TABLE: dict[str, set[str]] = {
     "logs": {"flightlog", "config", "estimation"},
     "report": {"air", "estimation", "score", "logs"},
     "experiments": {"sim", "report", "config", "onboard"},
-    "replay": {"onboard", "flightlog"},
+    "replay": {"onboard", "flightlog", "sim"},
     "commands": {"process", "surface_check", "experiments", "replay"},
     "cli": {"commands"},
 }

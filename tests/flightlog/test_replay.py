@@ -7,7 +7,9 @@ import struct
 import subprocess
 import sys
 from dataclasses import replace
+from math import inf, nextafter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,15 +18,19 @@ from hypothesis import strategies as st
 from logged_flight import AIRFRAME, FACTS, SITE, LoggedFlight, logs_in, recorded
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.autopilot import AutopilotState, initial_state
+from tgl_soar.autopilot import AutopilotState, Laws, initial_state, step
 from tgl_soar.config import ConfigError
 from tgl_soar.flightlog.declaration import TOPICS, flattener, leaves_of, rebuilt, record_size
 from tgl_soar.flightlog.reader import FlightLog, LogError, read_log
 from tgl_soar.flightlog.writer import BATCH_TICKS, FlightRecorder
 from tgl_soar.parameters import INDEX, ParameterError, ParameterSet
+from tgl_soar.replay import compiled_ticks as compiled_ticks_module
+from tgl_soar.replay.compiled_ticks import plain_ticks
 from tgl_soar.replay.logged import Replay, ReplayError, read_by_laws, replay
 from tgl_soar.replay.wire import read_wire, replay_wire, rms
+from tgl_soar.sim.compiled import available
 from tgl_soar.sim.sitl import SitlOptions, fly
+from tgl_soar.types import Inputs
 
 TICKS = 799
 _VEHICLE = mavlink.MAVLink(None, 1, 1)
@@ -64,6 +70,56 @@ def test_stretches_side_by_side_replay_the_same(
     assert is_the_same(together)
     for name, column in alone.replayed.items():
         assert column.tobytes() == together.replayed[name].tobytes()
+
+
+def test_the_loop_that_is_compiled_replays_the_same(
+    log: FlightLog, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Here in plain Python; what numba makes of `step` is tested where simulations use it."""
+    monkeypatch.setattr("tgl_soar.replay.logged.compiled_ticks", plain_ticks)
+    plain, twin = replay(log, workers=1, compile=False), replay(log, compile=True)
+    assert is_the_same(twin)
+    for name, column in plain.replayed.items():
+        assert column.tobytes() == twin.replayed[name].tobytes(), name
+    changed = replay(log, changes={"RHO_P": 0.9}, compile=True)
+    assert {"setpoints_pitch_rad", "soaring_p"} <= {d.name for d in changed.differences}
+
+
+def test_where_a_compiled_twin_differs_the_plain_laws_decide(
+    log: FlightLog, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The last bit of a sine, on a machine whose compiler has another."""
+
+    def other_libm(laws: Laws, state: AutopilotState, inputs: Inputs) -> Any:
+        state, output = step(laws, state, inputs)
+        pitch = nextafter(output.vehicle.pitch_rad, inf)
+        return state, output._replace(command=output.command._replace(elevator=pitch))
+
+    monkeypatch.setattr("tgl_soar.replay.logged.compiled_ticks", lambda: plain_ticks(other_libm))
+    result = replay(log, workers=1, compile=True)
+    assert is_the_same(result)
+    assert len(result.time_s) == TICKS
+
+
+@pytest.mark.skipif(not available(), reason="numba is not installed")
+def test_a_compiled_twin_is_kept_by_its_source(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    compiled_ticks_module.folder.cache_clear()
+    try:
+        assert not compiled_ticks_module.is_ready()
+        kept = compiled_ticks_module.folder()
+        assert kept.parent == tmp_path / "tgl_soar"
+        kept.mkdir(parents=True)
+        (kept / "ticks.nbi").touch()
+        assert compiled_ticks_module.is_ready()
+        monkeypatch.setattr(compiled_ticks_module, "MODULES", ("tgl_soar.types",))
+        compiled_ticks_module.folder.cache_clear()
+        assert compiled_ticks_module.folder() != kept
+        assert not compiled_ticks_module.is_ready()
+    finally:
+        compiled_ticks_module.folder.cache_clear()
 
 
 def test_a_flight_between_real_processes_replays_bit_for_bit(tmp_path: Path) -> None:

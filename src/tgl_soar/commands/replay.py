@@ -45,6 +45,14 @@ def replay(
     workers: Annotated[
         int, typer.Option(help="Processes at most; 0: as many as processors.", min=0, max=256)
     ] = 0,
+    compile: Annotated[
+        bool,
+        typer.Option(
+            "--compile",
+            help="Compile the laws first (numba): up to a minute, once for each version. From then"
+            " on long logs are flown with them by themselves.",
+        ),
+    ] = False,
 ) -> None:
     """Fly a log's inputs through the laws again; exit code 1 if commands differ or data is lost.
 
@@ -60,8 +68,14 @@ def replay(
         if site is not None:
             fail("--site is for a .tlog: a .ulg holds its own site file")
         log = read(path)
-        result = replay_log(log, changes=changes, airframe=airframe, workers=workers or None)
-    except (LogError, ReplayError, ConfigError, ParameterError) as error:
+        result = replay_log(
+            log,
+            changes=changes,
+            airframe=airframe,
+            workers=workers or None,
+            compile=compile or None,
+        )
+    except (LogError, ReplayError, ConfigError, ParameterError, ImportError) as error:
         fail(error)
     _say(result.notes)
     console.print(

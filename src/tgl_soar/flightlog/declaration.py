@@ -248,12 +248,17 @@ def leaves_of(kind: type, name: str = "", owner: str = "", place: str = "") -> I
         raise TypeError(f"{owner}: the log knows no {kind}")
 
 
+@cache
+def _hints(kind: type) -> tuple[type, ...]:
+    return tuple(get_type_hints(kind).values())
+
+
 def rebuilt(kind: type, numbers: Iterator[Any]) -> Any:
     """The tuple of tuples whose leaves, in order, these numbers are."""
     if kind in (float, int, bool):
         return kind(next(numbers))
     if is_named_tuple(kind):
-        return kind(*(rebuilt(hint, numbers) for hint in get_type_hints(kind).values()))
+        return kind(*(rebuilt(hint, numbers) for hint in _hints(kind)))
     return tuple(rebuilt(hint, numbers) for hint in get_args(kind))
 
 

@@ -47,8 +47,18 @@ carries a signing key is not written down.
 | `tgl-soar log info LOG` | what a log holds, and what of it is lost |
 | `tgl-soar log export LOG --to csv` | a table for each topic; also `netcdf`, `mcap` |
 | `tgl-soar replay LOG` | flies the logged inputs through the laws again, bit for bit |
+| `tgl-soar replay LOG --param RHO_P=0.9` | what another gain would have commanded |
 | `ulog_info LOG`, PlotJuggler | any reader of ULogs |
 | `mavlogdump.py LOG.tlog` | any reader of MAVLink telemetry logs |
+
+The tests open every kind of log with pyulog and `mavlogdump.py`. PlotJuggler, a desktop program, is
+on neither PyPI nor in Debian, so no test of ours opens a log with it; it reads what pyulog reads.
+
+A replay takes about as long as the laws in plain Python take: some 100 times faster than the
+flight on each processor. `tgl-soar replay --compile` compiles them once for each version, with
+numba; from then on logs of more than 100 s are replayed over 1000 times faster than they were
+flown. It is the same source. Where the compiled laws would differ from the log in one bit, the
+plain ones fly it again, and only they say that it differs.
 
 The ULog's information messages tell version, files and links, `airframe` and `site` hold the text
 of the configuration files, the parameters stand at the beginning and at each change, and the words

@@ -8,6 +8,10 @@ open loop: the aircraft does not answer to the other commands.
 A replay begins at a logged state and takes up the thread at the next one wherever ticks are
 missing.  As every state in the log can be a beginning, stretches of a log are replayed side by
 side on all processors; each must end in the very state in which the next one begins.
+
+Long logs are flown by the laws' compiled twin (`compiled_ticks`) where there is one.  It makes
+the same bits wherever its sines and logarithms are the same; where anything of it is not as it was
+logged, the plain laws have the last word.
 """
 
 from __future__ import annotations
@@ -19,9 +23,9 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from itertools import pairwise
+from itertools import pairwise, starmap
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +36,8 @@ from tgl_soar.config import Airframe, Site, load_airframe, load_parameters, load
 from tgl_soar.flightlog.declaration import (
     STREAMS,
     TOPICS,
+    flattener,
+    is_named_tuple,
     packer,
     rebuilt,
     record_size,
@@ -44,7 +50,10 @@ from tgl_soar.onboard import Setup, laws_of, setup_from
 from tgl_soar.parameters import INDEX, ParameterError, ParameterSet
 from tgl_soar.types import NAN, NO_ATTITUDE, NO_FIX, AutopilotStatus, Inputs
 
+from .compiled_ticks import INPUT_LEAVES, OUTPUT_LEAVES, Ticks, compiled_ticks, is_ready
+
 STRETCH: Final = 2000  # ticks: less is not worth another process
+LONG: Final = 20_000  # ticks: for less the compiled twin is not worth loading
 SHOWN: Final = (
     "setpoints_pitch_rad",
     "command_elevator",
@@ -100,14 +109,23 @@ class _Cut(NamedTuple):
     laws: Laws | None = None
 
 
+class _Column(NamedTuple):
+    """One field of `Inputs` over the ticks."""
+
+    kind: type
+    leaves: list[Array]  # of its rows; the first row: before any
+    newest: NDArray[np.int64]  # the row of each tick
+
+
 class _Flight(NamedTuple):
     """All that a replay needs; workers are forked with it in memory."""
 
-    ticks: list[int]
-    stamps: list[int]
-    inputs: list[Inputs]
+    ticks: NDArray[np.int64]
+    stamps: NDArray[np.uint64]
+    inputs: list[_Column]  # of `Inputs`, in order
     cuts: dict[int, _Cut]
     changed: bool
+    twin: Ticks | None  # where it is compiled
 
 
 class _Flown(NamedTuple):
@@ -124,23 +142,28 @@ def replay(
     changes: Mapping[str, float] | None = None,
     airframe: str | Path | None = None,
     workers: int | None = None,
+    compile: bool | None = None,
 ) -> Replay:
     """Fly the log's inputs again.
 
     `changes`: parameters that stand from the beginning on, whatever the log says of them.
     `airframe`: a file whose parameters take the place of the logged airframe's.  `workers`: as
-    many processes at most.  Errors: `ReplayError`, `ConfigError`, `ParameterError`.
+    many processes at most.  `compile`: fly the compiled twin; None: where it has been compiled
+    before and the log is long.  Errors: `ReplayError`, `ConfigError`, `ParameterError`;
+    ImportError where it is to be compiled without numba.
     """
     tick = _ticks_of(log)
     notes: list[str] = []
     changed = bool(changes) or airframe is not None
-    flight = _prepare(log, tick, dict(changes or {}), airframe, changed, notes)
+    if compile is None:
+        compile = len(tick["tick"]) >= LONG and is_ready()
+    twin = compiled_ticks() if compile else None
     began = time.perf_counter()
+    flight = _prepare(log, tick, dict(changes or {}), airframe, changed, notes, twin)
     flown = _fly_all(flight, workers or os.cpu_count() or 1)
     rows = np.concatenate(
         [np.frombuffer(stretch.rows, np.dtype(rows_type("tick"))) for stretch in flown]
     )
-    took = time.perf_counter() - began
     known = np.zeros(len(rows), bool)
     for stretch in flown:
         for begin, end in stretch.known:
@@ -154,13 +177,16 @@ def replay(
         notes.append(f"not in the log, so not compared: {', '.join(lacking)}")
     logged = {name: tick[name][known] for name in names}
     replayed = {name: rows[name][known] for name in names}
+    differences = _differences(logged, replayed)
+    if compile and not changed and (differences or torn):
+        return replay(log, workers=workers, compile=False)
     return Replay(
         logged["time_s"],
         logged,
         replayed,
-        _differences(logged, replayed),
+        differences,
         int(np.count_nonzero(~known)),
-        took,
+        time.perf_counter() - began,
         changed,
         notes,
     )
@@ -188,6 +214,7 @@ def _prepare(
     airframe: str | Path | None,
     changed: bool,
     notes: list[str],
+    twin: Ticks | None,
 ) -> _Flight:
     version = log.info.get("ver_sw")
     if version != __version__:
@@ -215,47 +242,65 @@ def _prepare(
         if begins or not any(c.state for c in cuts.values()):
             notes.append("no state at the beginning: from a module's first tick on")
             cut(0, state=initial_state())
-    return _Flight(
-        numbers.tolist(), tick["timestamp"].tolist(), _inputs(log, tick, numbers), cuts, changed
-    )
+    return _Flight(numbers, tick["timestamp"], _columns(log, tick, numbers), cuts, changed, twin)
 
 
-def _inputs(log: FlightLog, tick: Topic, numbers: NDArray[np.int64]) -> list[Inputs]:
+def _columns(log: FlightLog, tick: Topic, numbers: NDArray[np.int64]) -> list[_Column]:
     """What each tick had: the newest row of every stream, and its own plain fields."""
-    columns: list[list[Any]] = []
-    for name in Inputs._fields:
+    columns = []
+    for name, kind in get_type_hints(Inputs).items():
         if name not in STREAMS:
-            columns.append(tick[name].tolist() if name in tick else [NAN] * len(numbers))
+            plain = tick.get(name, np.full(len(numbers), NAN))
+            columns.append(_Column(kind, [plain], np.arange(len(numbers))))
             continue
         rows = log.topics.get(name, {})
-        samples = [_BEFORE_ANY[name], *_samples(name, rows)]
-        newest = np.searchsorted(rows.get("tick", np.empty(0)), numbers, side="right")
-        columns.append([samples[i] for i in newest.tolist()])
-    return [Inputs(*values) for values in zip(*columns, strict=True)]
+        leaves = TOPICS[name].leaves
+        _check_layout(name, rows)
+        before = flattener(leaves)(_BEFORE_ANY[name])
+        columns.append(
+            _Column(
+                kind,
+                [
+                    np.concatenate([np.array([first], column.dtype), column])
+                    for first, column in zip(
+                        before,
+                        (rows.get(leaf.name, np.empty(0, leaf.kind)) for leaf in leaves),
+                        strict=True,
+                    )
+                ],
+                np.searchsorted(rows.get("tick", np.empty(0)), numbers, side="right"),
+            )
+        )
+    return columns
 
 
-def _samples(name: str, rows: Topic) -> list[Any]:
-    """The rows of a topic as the tuples that they were."""
-    leaves = TOPICS[name].leaves
-    missing = [leaf.name for leaf in leaves if leaf.name not in rows]
+def _check_layout(name: str, rows: Topic) -> None:
+    missing = [leaf.name for leaf in TOPICS[name].leaves if leaf.name not in rows]
     if rows and missing:
         raise ReplayError(f"another layout: no {', '.join(missing)} in {name}")
-    kind = STREAMS.get(name, AutopilotState)
-    table = zip(*(rows[leaf.name].tolist() for leaf in leaves), strict=True) if rows else ()
-    if all(leaf.place.count("[") == 1 for leaf in leaves):
-        return [kind(*row) for row in table]
-    return [rebuilt(kind, iter(row)) for row in table]
+
+
+def _tuples(kind: type, leaves: list[Array]) -> list[Any]:
+    """The rows of some columns as what they were: tuples of tuples, tuples, or plain numbers."""
+    columns: list[list[Any]] = [leaf.tolist() for leaf in leaves]
+    if not is_named_tuple(kind):
+        return columns[0]
+    table = zip(*columns, strict=True)
+    if any(map(is_named_tuple, get_type_hints(kind).values())):
+        return [rebuilt(kind, iter(row)) for row in table]
+    return list(starmap(kind, table))
 
 
 def _states(log: FlightLog, notes: list[str]) -> list[tuple[int, bool, AutopilotState]]:
     rows = log.topics.get("state", {})
     try:
-        states = _samples("state", rows)
+        _check_layout("state", rows)
     except ReplayError as error:
         notes.append(f"{error}: its states are not used")
         return []
-    if not states:
+    if not rows:
         return []
+    states = _tuples(AutopilotState, [rows[leaf.name] for leaf in TOPICS["state"].leaves])
     return list(zip(rows["tick"].tolist(), rows["afresh"].tolist(), states, strict=True))
 
 
@@ -349,7 +394,8 @@ def _fly_all(flight: _Flight, workers: int) -> list[_Flown]:
     """The whole flight, in stretches side by side where that is worth it."""
     global _shared
     edges = _edges(flight, workers)
-    if len(edges) == 2 or "fork" not in multiprocessing.get_all_start_methods():
+    alone = flight.twin is not None or "fork" not in multiprocessing.get_all_start_methods()
+    if alone or len(edges) == 2:
         return [_fly(flight, 0, len(flight.ticks))]
     _shared = flight
     try:
@@ -423,7 +469,7 @@ def _taken_up(
     if flight.changed:
         return state
     if not _same(state, cut.state):
-        torn.append(flight.ticks[index] - 1)
+        torn.append(int(flight.ticks[index]) - 1)
     return cut.state
 
 
@@ -443,16 +489,63 @@ def _stretch(
     rows: bytearray,
     at: int,
 ) -> AutopilotState:
-    """Ticks under the same laws, packed as the writer packs them; the state that they leave."""
+    """Ticks under the same laws, as the writer packs them; the state that they leave."""
+    if flight.twin is not None:
+        return _stretch_compiled(flight, flight.twin, laws, state, begin, end, rows, at)
     pack, size = packer("tick"), record_size("tick")
-    numbers, stamps = flight.ticks[begin:end], flight.stamps[begin:end]
-    for number, stamp, inputs in zip(numbers, stamps, flight.inputs[begin:end], strict=True):
+    numbers, stamps = flight.ticks[begin:end].tolist(), flight.stamps[begin:end].tolist()
+    for number, stamp, inputs in zip(numbers, stamps, _inputs(flight, begin, end), strict=True):
         state, output = step(laws, state, inputs)
         try:
             pack(rows, at, stamp, number, inputs, output)
         except OverflowError:
             pack(rows, at, stamp, number, tamed(inputs), tamed(output))
         at += size
+    return state
+
+
+def _inputs(flight: _Flight, begin: int, end: int) -> list[Inputs]:
+    """Of some ticks, in plain tuples."""
+    columns = []
+    for kind, leaves, newest in flight.inputs:
+        here = newest[begin:end]
+        first, last = int(here.min()), int(here.max())
+        rows = _tuples(kind, [leaf[first : last + 1] for leaf in leaves])
+        columns.append([rows[i] for i in (here - first).tolist()])
+    return [Inputs(*values) for values in zip(*columns, strict=True)]
+
+
+def _stretch_compiled(
+    flight: _Flight,
+    twin: Ticks,
+    laws: Laws,
+    state: AutopilotState,
+    begin: int,
+    end: int,
+    rows: bytearray,
+    at: int,
+) -> AutopilotState:
+    given = np.column_stack(
+        [
+            leaf[newest[begin:end]].astype(np.float64)
+            for _, leaves, newest in flight.inputs
+            for leaf in leaves
+        ]
+    )
+    taken = np.empty((end - begin, len(OUTPUT_LEAVES)))
+    state = twin(laws, state, given, taken)
+    row = np.frombuffer(rows, np.dtype(rows_type("tick")), end - begin, at)
+    row["timestamp"], row["tick"] = flight.stamps[begin:end], flight.ticks[begin:end]
+    columns = dict(zip((leaf.name for leaf in INPUT_LEAVES), given.T, strict=True))
+    columns |= zip((leaf.name for leaf in OUTPUT_LEAVES), taken.T, strict=True)
+    with np.errstate(over="ignore"):  # beyond the largest lies infinity
+        for field in TOPICS["tick"].fields[len(("timestamp", "tick")) :]:
+            kind = row.dtype[field.name]
+            row[field.name] = (
+                columns[field.name].clip(np.iinfo(kind).min, np.iinfo(kind).max)
+                if kind.kind in "iu"
+                else columns[field.name]
+            )
     return state
 
 
