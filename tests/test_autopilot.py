@@ -39,7 +39,14 @@ from tgl_soar.geometry import (
     quaternion_from_euler,
 )
 from tgl_soar.parameters import PARAMETERS, ParameterSet
-from tgl_soar.types import AttitudeSample, AutopilotStatus, Inputs, PositionFix, SurfaceCommand
+from tgl_soar.types import (
+    THEIRS,
+    AttitudeSample,
+    AutopilotStatus,
+    Inputs,
+    PositionFix,
+    SurfaceCommand,
+)
 
 DT = 0.005
 FRAME = SoaringFrame(3.0, -4.0, 5.0, radians(240.0))
@@ -999,3 +1006,10 @@ def test_a_turned_site_is_flown_with_the_same_commands() -> None:
     there = stood(laws_from(VALUES, elsewhere), 200, roll=0.1, x=0.2, frame=elsewhere)
     for a, b in zip(here, there, strict=True):
         assert a.command == pytest.approx(b.command, abs=1e-9)
+
+
+def test_gains_for_accelerations_are_those_of_our_own_inner_loops_alone() -> None:
+    values = VALUES.changed({"RHO_P": 0.7, "RHO_P_IMU": 1.8})
+    ours, theirs = laws_from(values, FRAME), laws_from(values, FRAME, loops=THEIRS)
+    assert ours.soaring_imu.pid.kp == 1.8
+    assert theirs.soaring_imu == theirs.soaring == ours.soaring

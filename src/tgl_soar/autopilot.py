@@ -268,6 +268,11 @@ def laws_from(
         radians(values["PITCH_TRIM"]),
         radians(values["PITCH_SLEW"]),
     )
+    soaring_imu = soaring
+    if loops == OURS:  # a firmware's loops are too slow for what ours allow
+        soaring_imu = soaring._replace(
+            pid=_imu_gains(values, "RHO", soaring.pid, values["RHO_DF_IMU"])
+        )
     pitch = _surface_gains(values, "ELE", travel)
     return Laws(
         frame=frame,
@@ -301,9 +306,7 @@ def laws_from(
         ),
         line=LineLimits(values["TGL_SLEW"], values["TGL_ACCEL"], radians(values["TGL_ROT_SLEW"])),
         soaring=soaring,
-        soaring_imu=soaring._replace(
-            pid=_imu_gains(values, "RHO", soaring.pid, values["RHO_DF_IMU"])
-        ),
+        soaring_imu=soaring_imu,
         pitch=pitch,
         pitch_imu=_imu_gains(values, "ELE", pitch, 0.0),
         roll=_surface_gains(values, "AIL", travel),

@@ -107,7 +107,8 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     Parameter(
         "RHO_P_IMU", "rad/m", 0, 5, 0.0,
         "RHO_P while the estimator uses accelerations; 0: as without. Between the two sets of"
-        " gains the law moves over within half a second, back within a tenth.",
+        " gains the law moves over within half a second, back within a tenth. Not used where a"
+        " firmware's own loops hold the attitude.",
     ),
     Parameter("RHO_I_IMU", "rad/(m s)", 0, 5, 0.0, "RHO_I with accelerations; 0: as without."),
     Parameter("RHO_D_IMU", "rad s/m", 0, 5, 0.0, "RHO_D with accelerations; 0: as without."),

@@ -47,7 +47,7 @@ from .base import (
     set_mode,
     value_bytewise,
 )
-from .requirements import Answers, Needs, Requirement
+from .requirements import MUST, SHOULD, Answers, Needs, Requirement
 
 # custom_mode: the main mode in bits 16 to 23, the sub mode above it
 MAIN_MANUAL: Final = 1
@@ -102,6 +102,79 @@ ACTUATORS: Final = Route(
     after_silence="COM_OBL_RC_ACT acts (COM_OF_LOSS_T)",
     takeover="the mode switch",
     releases=False,
+)
+
+
+def _row(
+    names: str, relation: str, wanted: float, why: str, level: str = MUST, *, old: bool = True
+) -> Requirement:
+    """`old`: there are releases without it, which need nothing."""
+    return Requirement(tuple(names.split()), relation, wanted, why, level, old)
+
+
+HOVER: Final = (
+    _row("MAV_TYPE", "is", 1, "the aircraft is a fixed wing", old=False),
+    _row(
+        "COM_DISARM_LAND", "at most", 0,
+        "standing over the ground may be taken for having landed, and would disarm in the air",
+        old=False,
+    ),
+    _row(
+        "COM_DISARM_PRFLT", "at most", 0, "an aircraft that is launched by hand waits for it, armed"
+    ),
+    _row("NAV_RCL_ACT", "is not", 5, "a lost radio must not terminate the flight", old=False),
+    _row("NAV_RCL_ACT", "is not", 6, "a lost radio must not disarm in the air", old=False),
+    _row("NAV_DLL_ACT", "is", 0, "a ground station that is lost must not end the flight", SHOULD),
+    _row(
+        "MAV_0_FORWARD", "is", 1,
+        "ground stations reach the module through the autopilot (and MAV_1_FORWARD)", SHOULD,
+    ),
+    _row("MAV_1_FORWARD", "is", 1, "the same, of the link to the companion", SHOULD),
+)  # fmt: skip
+BY_OFFBOARD: Final = (
+    _row(
+        "COM_OF_LOSS_T", "at most", 1.0,
+        "so long it flies on as it was told last when the module has fallen silent", old=False,
+    ),
+    _row("COM_OF_LOSS_T", "at most", 0.5, "the same, and shorter is safer", SHOULD),
+    _row(
+        "COM_OBL_RC_ACT", "is", 2,
+        "then the pilot flies by his sticks: all other modes need a propeller or end the flight",
+    ),
+    _row("COM_RC_IN_MODE", "is not", 1, "the pilot's transmitter would not be read", old=False),
+    _row("COM_RC_IN_MODE", "is not", 4, "the pilot could not take over", old=False),
+)  # fmt: skip
+BY_STICKS: Final = (
+    *(
+        _row("COM_RC_IN_MODE", "is not", number, why, old=False)
+        for number, why in (
+            (0, "MANUAL_CONTROL is ignored: 1, or 6 where it is known"),
+            (4, "MANUAL_CONTROL is ignored: 1, or 6 where it is known"),
+            (5, "the module would be ignored wherever a radio is heard"),
+            (7, "the module would be ignored wherever a radio is heard"),
+        )
+    ),
+    _row(
+        "COM_RC_LOSS_T", "at most", 0.5,
+        "so long the surfaces stand as they were told last when the module has fallen silent",
+        SHOULD,
+    ),
+)  # fmt: skip
+POSES: Final = (
+    _row("EKF2_EV_CTRL", "has bit", 0, "its estimator takes the poses' place"),
+    _row("EKF2_EV_CTRL", "has bit", 1, "its estimator takes the poses' height"),
+    _row("EKF2_EV_CTRL", "has bit", 3, "its estimator takes the poses' heading"),
+    _row("EKF2_AID_MASK", "has bit", 3, "up to v1.13: its estimator takes the poses' place"),
+    _row("EKF2_AID_MASK", "has bit", 4, "up to v1.13: its estimator takes the poses' heading"),
+)
+NO_SATELLITES: Final = (
+    _row("EKF2_HGT_REF EKF2_HGT_MODE", "is", 3, "its height is that of the poses", old=False),
+    _row("EKF2_MAG_TYPE", "is", 5, "steel and motors turn a compass in a hall", old=False),
+    _row("EKF2_GPS_CTRL", "is", 0, "there are no satellites, and reflections are worse than none"),
+)
+SATELLITES: Final = (
+    _row("EKF2_GPS_CTRL", "is not", 0, "its position comes from satellites"),
+    _row("SYS_HAS_GPS", "is", 1, "its position comes from satellites"),
 )
 
 
@@ -182,8 +255,12 @@ class Px4:
         return value_bytewise(message)
 
     def requirements(self, needs: Needs) -> tuple[Requirement, ...]:
-        """None yet known to matter."""
-        return ()
+        """Those of the route, of what becomes of a hovering aircraft, and of the poses."""
+        by_sticks = self.route is MANUAL_CONTROL
+        rows = HOVER + (BY_STICKS if by_sticks else BY_OFFBOARD)
+        if needs.external_pose:
+            rows += POSES
+        return rows + (SATELLITES if needs.gps else NO_SATELLITES)
 
 
 def _limited(deflection: float) -> float:

