@@ -1011,5 +1011,6 @@ def test_a_turned_site_is_flown_with_the_same_commands() -> None:
 def test_gains_for_accelerations_are_those_of_our_own_inner_loops_alone() -> None:
     values = VALUES.changed({"RHO_P": 0.7, "RHO_P_IMU": 1.8})
     ours, theirs = laws_from(values, FRAME), laws_from(values, FRAME, loops=THEIRS)
-    assert ours.soaring_imu.pid.kp == 1.8
+    assert ours.soaring_imu.pid.kp == pytest.approx(1.8)
+    assert ours.soaring.pid.kp == pytest.approx(0.7)
     assert theirs.soaring_imu == theirs.soaring == ours.soaring

@@ -214,7 +214,7 @@ BAD_AIRFRAMES = [
     (
         'firmware = "bridge"',
         'firmware = "px5"',
-        'autopilot.firmware = "px5": must be "ardupilot" or "bridge"',
+        'autopilot.firmware = "px5": must be "ardupilot" or "bridge" or "paparazzi" or "px4"',
     ),
     (
         'firmware = "bridge"',
