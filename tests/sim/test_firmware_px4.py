@@ -22,7 +22,7 @@ from tgl_soar.sim.firmware.px4 import (
     output_parameters,
     rc_channels,
 )
-from tgl_soar.sim.firmware.sensors import Place, Readings
+from tgl_soar.sim.firmware.sensors import Motion, Place, Readings
 from tgl_soar.sim.firmware.simulation import Sticks
 from tgl_soar.types import SurfaceCommand
 
@@ -38,6 +38,7 @@ READINGS = Readings(
     temperature_c=15.0,
     differential_pressure_pa=44.0,
     gps=None,
+    motion=Motion((1.0, 2.0, -3.0), (0.1, 0.2, 0.3), (1.0, 0.0, 0.0, 0.0), 8.7),
 )
 BARE = READINGS._replace(magnetic_frd_gauss=None, pressure_pa=None, differential_pressure_pa=None)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +36,9 @@ class FakePhysics:
         self.readings: list[Readings] = []
         self.sticks: list[Sticks] = []
         self.closed = False
+
+    def helped(self, _readings: Readings, _said: Collection[str]) -> None:
+        return None
 
     def exchange(self, readings: Readings, sticks: Sticks) -> SurfaceCommand:
         self.readings.append(readings)

@@ -28,11 +28,15 @@ class Autopilot(StrEnum):
 
     BUILTIN = "builtin"
     PX4 = "px4"
+    ARDUPILOT = "ardupilot"
 
 
 OBTAINED = {
     Autopilot.PX4: "build the target px4_sitl_default of PX4's public sources, v1.14 or newer;"
     " the program is build/px4_sitl_default/bin/px4 (name it by --px4 or TGL_SOAR_PX4)",
+    Autopilot.ARDUPILOT: "build ArduPlane 4.6 or newer for the board sitl from ArduPilot's public"
+    " sources (./waf configure --board sitl, ./waf plane); the program is"
+    " build/sitl/bin/arduplane (name it by --ardupilot or TGL_SOAR_ARDUPLANE)",
 }
 
 
@@ -83,6 +87,10 @@ def sitl(
         Path | None,
         typer.Option(envvar="TGL_SOAR_PX4", help="PX4's program: …/px4_sitl_default/bin/px4."),
     ] = None,
+    ardupilot: Annotated[
+        Path | None,
+        typer.Option(envvar="TGL_SOAR_ARDUPLANE", help="ArduPlane's program: …/bin/arduplane."),
+    ] = None,
     route: Annotated[
         str | None,
         typer.Option(help="By which a firmware is commanded, as attitude or manual_control."),
@@ -108,7 +116,7 @@ def sitl(
         parse_faults(faults)
     except FaultError as error:
         fail(f"--fault: {error}")
-    firmware = {Autopilot.PX4: px4}.get(autopilot)
+    firmware = {Autopilot.PX4: px4, Autopilot.ARDUPILOT: ardupilot}.get(autopilot)
     if autopilot != Autopilot.BUILTIN and firmware is None:
         errors.print(f"no program of {autopilot}: {OBTAINED[autopilot]}", soft_wrap=True)
         errors.print("flying the bridge's own Pixhawk instead")

@@ -856,7 +856,7 @@ def _parser() -> argparse.ArgumentParser:
         help="held at the start until the first override, let go at once, or disarmed on a bench",
     )  # fmt: skip
     add(
-        "--autopilot", choices=("builtin", "px4"), default="builtin",
+        "--autopilot", choices=("builtin", "px4", "ardupilot"), default="builtin",
         help="the simulated Pixhawk, or a real firmware in its place (default: builtin)",
     )  # fmt: skip
     add("--firmware", type=Path, metavar="PATH", help="the firmware's program")
@@ -924,22 +924,17 @@ def _simulation(
     if arguments.autopilot == "builtin":
         return Simulation(airframe, site, options, folder)
     # What a firmware needs is loaded only where there is one.
-    from .firmware.px4 import Px4, flight_parameters
+    from .firmware import ardupilot, px4
     from .firmware.simulation import FirmwareSimulation
 
     if arguments.firmware is None:
         raise ValueError(f"--autopilot {arguments.autopilot}: give its program with --firmware")
-    by_sticks = airframe.autopilot.route == "manual_control"
-    parameters = flight_parameters(airframe, gps=site.mocap is None, by_sticks=by_sticks)
-    px4 = Px4(
-        arguments.firmware,
-        arguments.firmware_folder,
-        airframe.surfaces,
-        {**parameters, **dict(options.parameters)},
+    start = px4.start if arguments.autopilot == "px4" else ardupilot.start
+    physics, relay = start(
+        arguments.firmware, arguments.firmware_folder, airframe, site, dict(options.parameters)
     )
-    arguments.step_rate = px4.step_hz
-    relay = px4.relay(airframe.autopilot.system_id)
-    return FirmwareSimulation(airframe, site, options, folder, px4, relay)
+    arguments.step_rate = physics.step_hz
+    return FirmwareSimulation(airframe, site, options, folder, physics, relay)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -31,11 +31,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgl_soar.air.zeuc import Crossing, stable_crossing
-from tgl_soar.config import Site, line_parameters, load_airframe, load_parameters, load_site
+from tgl_soar.config import (
+    Position,
+    Site,
+    line_parameters,
+    load_airframe,
+    load_parameters,
+    load_site,
+)
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.parameters import ParameterSet
 from tgl_soar.score import LegScore, score_leg
 
+from .firmware.sensors import SOMEWHERE
 from .operator import Flown, Leg, Operator, OperatorError
 from .world import build_field
 
@@ -216,11 +224,21 @@ def _airframe_for(options: SitlOptions) -> Path:
 
 
 def _site_for(options: SitlOptions, site: Site) -> Path:
-    """The site file: one whose position a tracker measures tells it to the firmware as well."""
-    if site.mocap is None or site.forward is not None:
+    """The site file as it is flown with a real firmware, in the folder of the flight.
+
+    Where a tracker measures the position it tells it to the firmware as well.  Where satellites
+    do, the site needs a place on earth: a firmware's local NED begins wherever it was started.
+    """
+    if site.mocap is not None and site.forward is None:
+        added = "[forward]\n"
+    elif site.mocap is None and site.position == Position():
+        place = f"{{ latitude_deg = {SOMEWHERE.latitude_deg}, longitude_deg ="
+        place += f" {SOMEWHERE.longitude_deg}, altitude_m = {SOMEWHERE.altitude_m} }}"
+        added = f'[position]\nsources = ["global_position"]\nhome = {place}\n'
+    else:
         return options.site
     path = options.out / options.site.name
-    path.write_text(f"{options.site.read_text()}\n[forward]\n")
+    path.write_text(f"{options.site.read_text()}\n{added}")
     return path
 
 

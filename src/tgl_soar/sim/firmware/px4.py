@@ -20,14 +20,14 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from math import hypot, isfinite
 from pathlib import Path
 from typing import Any, Final
 
 from pymavlink.dialects.v20 import common as mavlink
 
-from tgl_soar.config import Airframe, Surfaces
+from tgl_soar.config import Airframe, Site, Surfaces
 from tgl_soar.sim.channels import NEUTRAL, ordered
 from tgl_soar.sim.sitl import WITH_PARENT
 from tgl_soar.types import SurfaceCommand
@@ -110,6 +110,10 @@ class Px4Physics:
             self._connection, _ = self._server.accept()
             self._connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         return self._connection is not None
+
+    def helped(self, _readings: Readings, _said: Collection[str]) -> Any | None:
+        """It needs no help."""
+        return None
 
     def ask_for_mode(self, system: int, mode: int) -> Any:
         """MAV_CMD_DO_SET_MODE."""
@@ -397,3 +401,13 @@ class Px4(Px4Physics):
             self._process.kill()
             self._process.wait()
         super().close()
+
+
+def start(
+    binary: Path, folder: Path, airframe: Airframe, site: Site, parameters: Mapping[str, float]
+) -> tuple[Px4, Relay]:
+    """A PX4 set up for an airframe, a site and what differs.  Errors: `FirmwareError`, OSError."""
+    by_sticks = airframe.autopilot.route == "manual_control"
+    usual = flight_parameters(airframe, gps=site.mocap is None, by_sticks=by_sticks)
+    px4 = Px4(binary, folder, airframe.surfaces, {**usual, **parameters})
+    return px4, px4.relay(airframe.autopilot.system_id)

@@ -4,8 +4,8 @@
     companion       ◄──►  bridge  ◄──► firmware's link to a companion
 
 Everything passes as it is, in both directions, with the sender's own sequence and signature.
-A firmware's links have threads of their own, which its simulator's lockstep does not wait for.
-So the relay does: while attitudes stream to a companion, a step is over only when that of this
+PX4's links have threads of their own, which its simulator's lockstep does not wait for.  So the
+relay does: while attitudes stream to a companion, a step is over only when that of this
 step, or of the last few before it, has come.
 
 The bridge speaks on its own account only as component `OWN`: the TIMESYNC by which a lockstep
@@ -77,7 +77,25 @@ class FirmwareLink:
 class Relay:
     """Between the bridge's ports and the firmware's links."""
 
-    def __init__(self, system: int, step_hz: int, ground: FirmwareLink, companion: FirmwareLink):
+    def __init__(
+        self,
+        system: int,
+        step_hz: int,
+        ground: FirmwareLink,
+        companion: FirmwareLink,
+        *,
+        attitude_hz: int | None = None,
+        ready: int = PREARM,
+        has_threads: bool = True,
+    ):
+        """`attitude_hz`: of the stream that sets the pace; None: one at every step.
+
+        `ready`: MAV_SYS_STATUS_SENSOR bits that are healthy once it could be armed.
+        `has_threads`: for its links, so that lockstep has to wait for them.
+        """
+        self._ready_bits = ready
+        self._has_threads = has_threads
+        self.attitude_hz = step_hz if attitude_hz is None else attitude_hz
         self.step_hz = step_hz
         self.armed = False
         self.custom_mode = -1  # of the newest heartbeat; -1: none yet
@@ -94,6 +112,7 @@ class Relay:
         self._asked_ns: dict[LinkId, int] = {}
         self._answered_ns: dict[LinkId, int] = {}
         self._events: list[str] = []
+        self.said: set[str] = set()  # by the firmware, in words
         self._greeting = b""  # the firmware's newest heartbeat
         self._step = 0
         self._attitude_ms = self._attitude_before_ms = 0
@@ -156,7 +175,7 @@ class Relay:
             mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
             0,
             mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION,
-            round(1e6 / self.step_hz),
+            round(1e6 / self.attitude_hz),
             *(0, 0, 0, 0, 0),
         )
         self._companion.send(bytes(request.pack(self._own)))
@@ -190,7 +209,7 @@ class Relay:
         self._collect()
         wanted_ms = 1e3 * (time_s - LAG_STEPS / self.step_hz) - 0.5
         streams = 0 < self._attitude_ms - self._attitude_before_ms <= 1e3 * STREAM_S
-        if not streams or self._attitude_ms >= wanted_ms:
+        if not (self._has_threads and streams) or self._attitude_ms >= wanted_ms:
             return
         until = time.monotonic() + PATIENCE_S
         while self._attitude_ms < wanted_ms and (left := until - time.monotonic()) > 0.0:
@@ -251,6 +270,8 @@ class Relay:
                 self.armed = message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED != 0
                 self.custom_mode = message.custom_mode
             elif kind == "SYS_STATUS":
-                self.ready = message.onboard_control_sensors_health & PREARM != 0
+                healthy = message.onboard_control_sensors_health & self._ready_bits
+                self.ready = healthy == self._ready_bits
             elif kind == "STATUSTEXT":
+                self.said.add(message.text)
                 self._events.append(f"it says: {message.text}")

@@ -22,7 +22,7 @@ from math import cos, radians, sin
 from typing import Final, NamedTuple
 
 from tgl_soar.config import HomePosition
-from tgl_soar.geometry import ned_from_soaring, rotated
+from tgl_soar.geometry import ned_from_soaring, ned_vector_from_soaring, rotated
 from tgl_soar.sim.sensor_messages import geodetic
 from tgl_soar.sim.sensors import (
     MEMS_IMU,
@@ -74,6 +74,15 @@ class Place(NamedTuple):
     velocity_ned_mps: Triple
 
 
+class Motion(NamedTuple):
+    """The truth, for a firmware whose simulator makes sensors of its own."""
+
+    position_ned_m: Triple
+    velocity_ned_mps: Triple
+    attitude: tuple[float, float, float, float]  # quaternion, FRD to NED
+    airspeed_mps: float
+
+
 class Readings(NamedTuple):
     """All that the sensors read at one step; None: nothing new."""
 
@@ -86,6 +95,7 @@ class Readings(NamedTuple):
     temperature_c: float
     differential_pressure_pa: float | None
     gps: Place | None
+    motion: Motion
 
 
 def firmware_sensors(step_hz: int, *, pitot: bool = True) -> Sensors:
@@ -147,6 +157,18 @@ class FirmwareSensors:
             pressure / (GAS_JPKGK * self._density_kgpm3) - ZERO_CELSIUS_K,
             differential,
             gps,
+            self._motion(),
+        )
+
+    def _motion(self) -> Motion:
+        world, state, none = self._world, self._world.state, (0.0, 0.0, 0.0)
+        q = measure_attitude(world.frame, state, 1, world.time_s, none, none)
+        velocity = state.velocity_x_mps, state.velocity_y_mps, state.velocity_z_mps
+        return Motion(
+            ned_from_soaring(world.frame, state.x_m, state.y_m, state.z_m),
+            ned_vector_from_soaring(world.frame, *velocity),
+            (q.qw, q.qx, q.qy, q.qz),
+            world.airspeed_mps,
         )
 
     def _height_m(self) -> float:

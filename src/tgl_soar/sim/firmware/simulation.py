@@ -13,7 +13,7 @@ that hits something lies there for 3 s and is then held at the start again.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple, Protocol
 
@@ -59,6 +59,10 @@ class Physics(Protocol):
 
     def exchange(self, readings: Readings, sticks: Sticks) -> SurfaceCommand:
         """One step in lockstep: what the servos are told."""
+        ...
+
+    def helped(self, readings: Readings, said: Collection[str], /) -> Any | None:
+        """What a ground station sends to help its estimator start; `said`: its words so far."""
         ...
 
     def ask_for_mode(self, system: int, custom_mode: int) -> Any:
@@ -165,7 +169,11 @@ class FirmwareSimulation:
             self.crashes += 1
             self._lying_until = world.steps + round(LYING_S * world.step_hz)
             self._events.append(f"lost: {world.crashed}")
-        self._surfaces = self._physics.exchange(self._sensors.read(), self._sticks())
+        readings = self._sensors.read()
+        self._surfaces = self._physics.exchange(readings, self._sticks())
+        help_ = self._physics.helped(readings, self.pixhawk.said)
+        if help_ is not None:
+            self.pixhawk.command(help_)
         self.pixhawk.step(self.time_s)
         if world.steps % world.step_hz == 0:
             self.pixhawk.command(_HEARTBEAT)

@@ -1,0 +1,207 @@
+"""ArduPlane's simulator interface, with a client that answers as its parser and outputs do."""
+
+import json
+import os
+import socket
+import struct
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tgl_soar.config import load_airframe
+from tgl_soar.sim.firmware import FirmwareError, ardupilot
+from tgl_soar.sim.firmware.ardupilot import (
+    MAGIC,
+    ArduPlane,
+    ArduPlanePhysics,
+    flight_parameters,
+    gps_input,
+    state_line,
+)
+from tgl_soar.sim.firmware.sensors import SOMEWHERE, Motion, Readings
+from tgl_soar.sim.firmware.simulation import Sticks
+from tgl_soar.sim.sitl import SitlOptions, fly, passed
+from tgl_soar.types import SurfaceCommand
+
+CONFIG = Path(__file__).parents[2] / "config"
+AIRFRAME = load_airframe(CONFIG / "airframes/eclipson_c.toml")
+NO_STICKS = Sticks(SurfaceCommand(0.0, 0.0, 0.0))
+READINGS = Readings(
+    time_s=1.0025,
+    force_frd_mps2=(0.1, 0.2, -9.8),
+    rate_frd_radps=(0.01, 0.02, 0.03),
+    magnetic_frd_gauss=None,
+    pressure_pa=None,
+    height_m=10.5,
+    temperature_c=15.0,
+    differential_pressure_pa=None,
+    gps=None,
+    motion=Motion((1.0, -2.0, -3.0), (0.25, -0.5, 0.125), (0.5, 0.5, -0.5, 0.5), 8.75),
+)
+
+
+def outputs(frame: int, pulses: list[int], magic: int = MAGIC) -> bytes:
+    return struct.pack("<HHI16H", magic, 400, frame, *pulses, *[0] * (16 - len(pulses)))
+
+
+class FakeArduPlane(threading.Thread):
+    """Sends outputs, and the next ones for every line that it hears."""
+
+    def __init__(self, port: int, answers: list[bytes]) -> None:
+        super().__init__(daemon=True)
+        self.lines: list[bytes] = []
+        self.odd: tuple[bytes, ...] = ()  # sent before every answer
+        self._answers = answers
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.settimeout(5.0)
+        self._address = ("127.0.0.1", port)
+
+    def run(self) -> None:
+        with self._socket as client:
+            client.sendto(self._answers[0], self._address)
+            for answer in self._answers[1:]:
+                self.lines.append(client.recv(4096))
+                for data in self.odd:
+                    client.sendto(data, self._address)
+                client.sendto(answer, self._address)
+
+
+@pytest.fixture
+def physics() -> Any:
+    made = ArduPlanePhysics(AIRFRAME.surfaces)
+    yield made
+    made.close()
+
+
+def found(line: bytes, key: str) -> str:
+    """What ArduPilot's parser has for a name: from behind its first place in the text."""
+    text = line.decode()
+    return text[text.index(key) + len(key) + 2 :]
+
+
+def test_the_line_is_what_its_parser_finds() -> None:
+    line = state_line(READINGS, [1500, 1400, 1000, 1600])
+    assert line.startswith(b"\n")
+    assert line.endswith(b"\n")
+    state = json.loads(line)
+    assert state["imu"] == {"gyro": [0.01, 0.02, 0.03], "accel_body": [0.1, 0.2, -9.8]}
+    assert found(line, "timestamp").startswith("1.0025")
+    assert found(line, "position").startswith("[1.0,-2.0,-3.0]")
+    assert found(line, "quaternion").startswith("[0.5,0.5,-0.5,0.5]")
+    assert found(line, "velocity").startswith("[0.25,-0.5,0.125]")
+    assert found(line, "airspeed").startswith("8.75")
+    assert "attitude" not in line.decode()  # the quaternion is used
+    rc = line.decode()[line.decode().index("rc") :]
+    assert [found(rc.encode(), f"rc_{i}")[:4] for i in (1, 2, 3, 4)] == [
+        "1500",
+        "1400",
+        "1000",
+        "1600",
+    ]
+
+
+def test_a_step_is_one_line_and_one_answer(physics: ArduPlanePhysics) -> None:
+    plane = FakeArduPlane(
+        physics.port, [outputs(0, [0] * 8), outputs(1, [0] * 8), outputs(2, [1300, 1700, 0, 1900])]
+    )
+    plane.start()
+    assert physics.connect(5.0)
+    assert physics.exchange(READINGS, NO_STICKS) == (0.0, 0.0, 0.0)  # outputs not set up yet
+    assert physics.exchange(READINGS, NO_STICKS) == (0.5, -0.5, 1.0)
+    plane.join(5.0)
+    assert len(plane.lines) == 2
+
+
+def test_what_it_repeats_and_what_is_not_its_is_passed_over(physics: ArduPlanePhysics) -> None:
+    odd = (b"?", outputs(1, [1900] * 4, magic=1), outputs(0, [1900] * 4))
+    plane = FakeArduPlane(physics.port, [outputs(0, [0] * 8), outputs(1, [1500, 1100, 0, 1500])])
+    plane.odd = odd
+    plane.start()
+    assert physics.connect(5.0)
+    assert physics.exchange(READINGS, NO_STICKS).elevator == -1.0
+    plane.join(5.0)
+
+
+def test_sticks_and_mode_switch_are_channels(physics: ArduPlanePhysics) -> None:
+    plane = FakeArduPlane(physics.port, [outputs(i, [0] * 8) for i in range(3)])
+    plane.start()
+    physics.connect(5.0)
+    physics.exchange(READINGS, Sticks(SurfaceCommand(0.5, -1.0, 0.25)))
+    physics.exchange(READINGS, Sticks(SurfaceCommand(0.0, 0.0, 0.0), takes=True))
+    plane.join(5.0)
+    first, second = (json.loads(line)["rc"] for line in plane.lines)
+    assert [first[f"rc_{i}"] for i in range(1, 9)] == [
+        1100,
+        1700,
+        1000,
+        1600,
+        1500,
+        1500,
+        1500,
+        1900,
+    ]
+    assert second["rc_8"] == 1000
+
+
+def test_silence_is_the_end(physics: ArduPlanePhysics, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ardupilot, "PATIENCE_S", 0.05)
+    plane = FakeArduPlane(physics.port, [outputs(0, [0] * 8)])
+    plane.start()
+    physics.connect(5.0)
+    with pytest.raises(FirmwareError, match="has not answered"):
+        physics.exchange(READINGS, NO_STICKS)
+
+
+def test_poses_alone_need_fixes_to_begin_with() -> None:
+    for by_poses in (True, False):
+        physics = ArduPlanePhysics(AIRFRAME.surfaces, by_poses=by_poses)
+        fixes = [physics.helped(READINGS, ()) for _ in range(400)]
+        assert len([fix for fix in fixes if fix]) == (5 if by_poses else 0)
+        used = "EKF3 IMU0 is using external nav data"
+        assert not any(physics.helped(READINGS, (used,)) for _ in range(400))
+        physics.close()
+    fix = gps_input(SOMEWHERE, READINGS)
+    assert fix.lat == pytest.approx(SOMEWHERE.latitude_deg * 1e7 + 90, abs=2)  # a metre north
+    assert fix.alt == pytest.approx(SOMEWHERE.altitude_m + 3.0)
+    assert (fix.vn, fix.ve, fix.vd) == (0.25, -0.5, 0.125)
+
+
+def test_stick_and_servo_are_alike() -> None:
+    parameters = flight_parameters(AIRFRAME, gps=True)
+    for prefix in ("RC", "SERVO"):
+        ends = [parameters[f"{prefix}2_{end}"] for end in ("MIN", "TRIM", "MAX")]
+        assert ends == [1100, 1500, 1900]
+    assert parameters["SERVO2_FUNCTION"] == 19  # elevator
+    assert parameters["SYSID_MYGCS"] == AIRFRAME.autopilot.override_system_id
+    assert "VISO_TYPE" not in parameters
+    assert flight_parameters(AIRFRAME, gps=False)["EK3_SRC1_POSXY"] == 6
+
+
+def test_a_program_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(FirmwareError, match="there is no program"):
+        ArduPlane(tmp_path / "arduplane", tmp_path, AIRFRAME.surfaces, {}, None, by_poses=False)
+
+
+@pytest.mark.skipif(
+    "TGL_SOAR_ARDUPLANE" not in os.environ,
+    reason="needs a real ArduPlane: set TGL_SOAR_ARDUPLANE to its program",
+)
+@pytest.mark.parametrize("route", ["override", "attitude"])
+def test_a_leg_through_a_real_arduplane(tmp_path: Path, route: str) -> None:
+    flight = fly(
+        SitlOptions(
+            airframe=CONFIG / "airframes/eclipson_c.toml",
+            site=CONFIG / "sites/tunnel_mocap.toml",
+            out=tmp_path,
+            legs=("a",),
+            stay_s=4.0,
+            mocap=True,
+            autopilot="ardupilot",
+            firmware=Path(os.environ["TGL_SOAR_ARDUPLANE"]),
+            route=route,
+        ),
+        lambda _: None,
+    )
+    assert passed(flight)
