@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from module_process import Module
+from module_process import PATIENCE_S, Module
 
 from tgl_soar.guard import EXIT_KEEPS_DYING, LifeSign
 from tgl_soar.process import EXIT_OK
@@ -31,17 +31,17 @@ def child_of(module: Module) -> int:
     return int(child)
 
 
-def pump_until_released(module: Module, within_s: float) -> float:
+def pump_until_released(module: Module) -> float:
     """When the first frame came that gives the surfaces back."""
-    end = time.monotonic() + within_s
+    end = time.monotonic() + PATIENCE_S
     while not (module.overrides and module.overrides[-1][1] == 0):
         assert time.monotonic() < end, module.texts
         module.pump()
     return module.overrides[-1][0]
 
 
-def pump_until_said(module: Module, words: str, within_s: float = 10.0) -> None:
-    end = time.monotonic() + within_s
+def pump_until_said(module: Module, words: str) -> None:
+    end = time.monotonic() + PATIENCE_S
     while not any(words in text for text in module.texts):
         assert time.monotonic() < end, module.texts
         module.pump()
@@ -51,7 +51,7 @@ def test_a_killed_process_lets_go_and_its_successor_waits_to_be_asked(module: Mo
     module.engage()
     first = child_of(module)
     os.kill(first, signal.SIGKILL)
-    pump_until_released(module, 2.0)
+    pump_until_released(module)
     pump_until_said(module, "surfaces given back: module was killed by SIGKILL"[:50])
     pump_until_said(module, "restarted: the flying process was killed by SIGKIL")
     assert child_of(module) != first
@@ -67,7 +67,7 @@ def test_a_killed_process_lets_go_and_its_successor_waits_to_be_asked(module: Mo
 def test_a_hanging_process_is_killed_and_lets_go(module: Module) -> None:
     module.engage()
     os.kill(child_of(module), signal.SIGSTOP)
-    pump_until_released(module, 5.0)
+    pump_until_released(module)
     pump_until_said(module, "restarted: the flying process stood still for")
 
 
@@ -86,9 +86,9 @@ def test_an_orphan_lets_go_and_ends(module: Module) -> None:
     module.engage()
     child = child_of(module)
     module.process.kill()
-    pump_until_released(module, 2.0)
+    pump_until_released(module)
     pump_until_said(module, "tgl_soar stopped")
-    end = time.monotonic() + 5.0
+    end = time.monotonic() + PATIENCE_S
     while Path(f"/proc/{child}/stat").exists():
         state = Path(f"/proc/{child}/stat").read_text().rsplit(")", 1)[1].split()[0]
         if state == "Z":  # whoever adopts orphans here takes its time to bury them
@@ -98,7 +98,7 @@ def test_an_orphan_lets_go_and_ends(module: Module) -> None:
 
 def test_what_keeps_dying_is_given_up(module: Module) -> None:
     killed: set[int] = set()
-    end = time.monotonic() + 30.0
+    end = time.monotonic() + 2 * PATIENCE_S
     while module.process.poll() is None:
         assert time.monotonic() < end
         try:
@@ -113,12 +113,12 @@ def test_what_keeps_dying_is_given_up(module: Module) -> None:
     assert "giving up" in module.words()
 
 
-def drained(systemd: socket.socket) -> bytes:
-    """What has come, if anything."""
+def is_fed(systemd: socket.socket) -> bool:
+    """Whether anything comes within the socket's time-out."""
     try:
-        return systemd.recv(64)
-    except BlockingIOError:
-        return b""
+        return bool(systemd.recv(64))
+    except TimeoutError:
+        return False
 
 
 def test_systemd_is_told_of_the_start_of_every_round_and_of_the_end(
@@ -126,7 +126,7 @@ def test_systemd_is_told_of_the_start_of_every_round_and_of_the_end(
 ) -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as systemd:
         systemd.bind(str(tmp_path / "notify"))
-        systemd.settimeout(10.0)
+        systemd.settimeout(PATIENCE_S)
         monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
         monkeypatch.setenv("WATCHDOG_USEC", "400000")
         module = Module()
@@ -134,20 +134,18 @@ def test_systemd_is_told_of_the_start_of_every_round_and_of_the_end(
             assert systemd.recv(64) == b"READY=1"
             assert [systemd.recv(64) for _ in range(3)] == [b"WATCHDOG=1"] * 3
             os.kill(child_of(module), signal.SIGSTOP)
-            time.sleep(0.3)
-            systemd.setblocking(False)
-            while drained(systemd):
-                pass
-            time.sleep(0.5)
-            assert not drained(systemd)
+            end = time.monotonic() + PATIENCE_S
+            systemd.settimeout(0.5)
+            while is_fed(systemd):  # what was on its way
+                assert time.monotonic() < end
             os.kill(child_of(module), signal.SIGCONT)
-            systemd.settimeout(10.0)
+            systemd.settimeout(PATIENCE_S)
             assert systemd.recv(64) == b"WATCHDOG=1"
             module.process.send_signal(signal.SIGTERM)
             while (word := systemd.recv(64)) == b"WATCHDOG=1":
                 pass
             assert word == b"STOPPING=1"
-            assert module.process.wait(5.0) == EXIT_OK
+            assert module.process.wait(PATIENCE_S) == EXIT_OK
         finally:
             module.close()
 
