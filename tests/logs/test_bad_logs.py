@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tgl_soar.flightlog.reader import LogError
+from tgl_soar.flightlog.reader import LogError, read_log
 from tgl_soar.logs.clocks import Straightened
 from tgl_soar.logs.flight_data import FlightData
 from tgl_soar.logs.reading import read_flight
@@ -131,6 +131,15 @@ def test_attitude_alone_is_a_flight_too(tmp_path: Path) -> None:
     flight = read_flight(flown.px4_log(tmp_path, leave_out=others))
     assert set(flight.series()) == {"attitude"}
     assert any("position" in text for text in flight.missing)
+
+
+def test_data_that_nothing_defines_is_left_out_and_said_to_be(tmp_path: Path) -> None:
+    """Among such messages pyulog alone would seek back without end."""
+    path = tmp_path / "flight.ulg"
+    path.write_bytes(b"ULog\x01\x12\x35\x01" + bytes(8) + b"\0\0R" + b"\x01\0D\0" * 5)
+    assert read_log(path).losses == [
+        "damaged: 6 messages before the first subscription are left out"
+    ]
 
 
 @every_writer

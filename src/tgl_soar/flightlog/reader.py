@@ -37,6 +37,8 @@ Topic = dict[str, Array]
 _MAGIC: Final = b"ULog\x01\x12\x35"
 _HEADER: Final = 16
 _KINDS: Final = frozenset(b"BFIMPQARDLCSO")
+_DEFINITIONS: Final = frozenset(b"BFIMPQ")
+_BEGINNINGS: Final = frozenset(b"ALC")  # of the data
 _ALIKE: Final = 4  # so many messages in a row are no accident
 _SEARCHED: Final = 1_000_000  # bytes after damage
 
@@ -171,7 +173,26 @@ def _whole_messages(data: bytes) -> tuple[bytes, list[str]]:
         )
         at = begin
     pieces.append(data[begin:at])
-    return b"".join(pieces), losses
+    return _defined_first(b"".join(pieces), losses), losses
+
+
+def _defined_first(whole: bytes, losses: list[str]) -> bytes:
+    """Whole messages without data that come before anything is subscribed to.
+
+    No reader can use them, and among them pyulog (1.3.0) seeks back without end.
+    """
+    kept, left_out = [whole[:_HEADER]], 0
+    at, end = _HEADER, len(whole)
+    while at < end and whole[at + 2] not in _BEGINNINGS:
+        after = _after(whole, at, end)
+        if whole[at + 2] in _DEFINITIONS:
+            kept.append(whole[at:after])
+        else:
+            left_out += 1
+        at = after
+    if left_out:
+        losses.append(f"damaged: {left_out} messages before the first subscription are left out")
+    return b"".join((*kept, whole[at:]))
 
 
 def _after(data: bytes, at: int, end: int) -> int:
