@@ -168,19 +168,19 @@ def manoeuvres(log: LongitudinalLog) -> list[slice]:
         )
         end = k + int(away[-1]) + 1
         rows = slice(max(0, k - before), min(n, end + after))
-        if _is_good(log, rows, base, end - k):
+        if _is_good(log, rows, slice(k, end), base):
             found.append(rows)
         k = end + 1
     return found
 
 
-def _is_good(log: LongitudinalLog, rows: slice, base: float, length: int) -> bool:
+def _is_good(log: LongitudinalLog, rows: slice, moving: slice, base: float) -> bool:
     import numpy as np
 
-    swing = log.elevator[rows] - base
+    swing = log.elevator[moving] - base
     columns = (log.elevator, log.pitch_rad, log.pitch_rate_radps, log.airspeed_mps)
     return bool(
-        length * STEP_S >= SHORTEST_S
+        len(swing) * STEP_S >= SHORTEST_S
         and np.max(swing) >= 0.5 * LEAST_STEP
         and np.min(swing) <= -0.5 * LEAST_STEP
         and all(np.all(np.isfinite(column[rows])) for column in columns)

@@ -30,7 +30,7 @@ from .world import Truth, World
 STEP_S: Final = 1.0 / 200.0
 HEIGHT_M: Final = 500.0
 WIND_MPS: Final = 9.2
-SPEEDS_MPS: Final = (9.0, 8.6, 8.2, 7.9, 7.9, 8.4, 9.3, 10.0, 10.7, 11.4)  # of the steady glides
+SPEEDS_MPS: Final = (9.0, 8.6, 8.2, 7.9, 7.6, 8.4, 9.3, 10.0, 10.7, 11.4)  # of the steady glides
 GLIDE_S: Final = 8.0  # at each of them, the way there included
 DOUBLETS: Final = 8
 DOUBLET_EVERY_S: Final = 4.0
