@@ -71,6 +71,13 @@ def test_another_delay_is_told_apart() -> None:
     assert seen["delay"].value == pytest.approx(found()["delay"].value + 0.01, abs=0.002)
 
 
+def test_a_touch_of_the_stick_before_a_doublet_is_none() -> None:
+    elevator = log().elevator.copy()
+    begin = manoeuvres(log())[2].start
+    elevator[begin - 100 : begin - 95] += 0.03  # a second before it: seen by both
+    assert manoeuvres(replace(log(), elevator=elevator)) == manoeuvres(log())
+
+
 @pytest.mark.parametrize("column", ["elevator", "pitch_rate_radps", "airspeed_mps"])
 def test_what_was_not_measured_is_not_used(column: str) -> None:
     values = getattr(log(), column).copy()

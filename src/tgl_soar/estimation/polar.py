@@ -7,7 +7,9 @@ u     m/s  horizontal airspeed          sink  m/s  positive down, in air at rest
 
 With n glides, X the matrix of powers of u and e the residuals, s² = eᵀe / (n − 4), the
 coefficients have the covariance s² (XᵀX)⁻¹ and the fitted sink at u the standard error
-s √(xᵀ (XᵀX)⁻¹ x), x = (1, u, u², u³). The confidence band is t(n − 4) times that.
+s √(xᵀ (XᵀX)⁻¹ x), x = (1, u, u², u³). That times t(n − 4) holds what noise does to a cubic.
+But the polar of a wing near its stall is none: what a fourth power would change at u is taken as
+an error of its own, and the confidence band is the root of the sum of the two squares.
 The powers are taken of (u − centre) / scale inside, which keeps the normal matrix well
 conditioned; the polar itself is in u.
 
@@ -25,7 +27,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from math import isfinite, nan, sqrt
+from math import hypot, isfinite, nan, sqrt
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from tgl_soar.types import GlidePolar, polar_sink, polar_slope
@@ -62,6 +64,7 @@ class PolarFit(NamedTuple):
     centre_mps: float  # of the scaled speed (u − centre) / scale
     scale_mps: float
     covariance: _Band  # 4 × 4, of the coefficients in powers of the scaled speed
+    left_out: tuple[float, ...]  # fourth order − third: a polynomial in the scaled speed [m/s]
 
 
 class GlideStretch(NamedTuple):
@@ -102,6 +105,12 @@ def fit_polar(speed_mps: Sequence[float], sink_mps: Sequence[float]) -> PolarFit
     variance = float(residuals @ residuals) / freedom
     covariance = variance * np.linalg.inv(powers.T @ powers)
 
+    # The fourth power's own part, at right angles to the others: its coefficient adds alone.
+    fourth = ((speed - centre) / scale) ** 4
+    shared, *_ = np.linalg.lstsq(powers, fourth, rcond=None)
+    own = fourth - powers @ shared
+    left_out = float(own @ sink) / float(own @ own) * np.array([*-shared, 1.0])
+
     # (u − centre)^k / scale^k written out in powers of u
     turn = np.array(
         [
@@ -131,6 +140,7 @@ def fit_polar(speed_mps: Sequence[float], sink_mps: Sequence[float]) -> PolarFit
         centre,
         scale,
         tuple((float(a), float(b), float(c), float(d)) for a, b, c, d in covariance),
+        tuple(float(c) for c in left_out),
     )
 
 
@@ -151,7 +161,9 @@ def sink_band(fit: PolarFit, speed_mps: float, confidence: float = 0.95) -> tupl
 
     (NaN, NaN) outside the polar's range. Errors: ValueError for a confidence not within 0 … 1.
     """
-    half = student_t(confidence, fit.degrees_of_freedom) * sink_standard_error(fit, speed_mps)
+    noise = student_t(confidence, fit.degrees_of_freedom) * sink_standard_error(fit, speed_mps)
+    s = (speed_mps - fit.centre_mps) / fit.scale_mps
+    half = hypot(noise, sum(c * s**k for k, c in enumerate(fit.left_out)))
     middle = polar_sink(fit.polar, speed_mps)
     return middle - half, middle + half
 
