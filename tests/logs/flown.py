@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from math import degrees
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -33,6 +33,17 @@ LEG_S = 15.0  # on each of the site's lines a and b
 UNIX_US = 1_790_000_000_000_000  # when the flight began
 AT_REST = (0.0, 0.0, -9.81)  # specific force of an aircraft that hovers [m/s²]
 BOOT_S = 20.0  # how long the autopilot had been on by then
+
+
+class Told(Protocol):
+    """What the logs of other autopilots tell of a tick."""
+
+    @property
+    def inputs(self) -> Inputs: ...
+    @property
+    def output(self) -> Output: ...
+    @property
+    def truth(self) -> Truth: ...
 
 
 class Tick(NamedTuple):
@@ -137,9 +148,18 @@ def ulog_message(kind: str, body: bytes) -> bytes:
 
 
 def px4_log(
-    folder: Path, leave_out: Sequence[str] = (), jump_us: int = 0, version: int = 1
+    folder: Path,
+    leave_out: Sequence[str] = (),
+    jump_us: int = 0,
+    version: int = 1,
+    ticks: Sequence[Told] = (),
+    moved_every: int = 8,
 ) -> Path:
-    """PX4's log; jump_us: the clock is set so much further in the middle of the flight."""
+    """PX4's log; jump_us: the clock is set so much further in the middle of the flight.
+
+    ticks: of another flight; moved_every: ticks from one message of the surfaces to the next.
+    """
+    ticks = ticks or flight()
     parts = [b"ULog\x01\x12\x35" + struct.pack("<BQ", version, round(BOOT_S * 1e6))]
     parts.append(ulog_message("B", bytes(40)))
     parts.append(ulog_message("I", b"\x10char[3] sys_namePX4"))
@@ -149,10 +169,9 @@ def px4_log(
     for number, name in enumerate(kept):
         parts.append(ulog_message("A", struct.pack("<BH", 0, number) + name.encode()))
     layouts = {name: _layout(PX4[name]) for name in kept}
-    ticks = flight()
     for k, tick in enumerate(ticks):
         us = round((BOOT_S + tick.inputs.time_s) * 1e6) + (jump_us if k > len(ticks) // 2 else 0)
-        for name, numbers in _px4_rows(k, tick):
+        for name, numbers in _px4_rows(k, tick, moved_every):
             if name in kept:
                 row = struct.pack(layouts[name], us, *numbers)
                 parts.append(ulog_message("D", struct.pack("<H", kept.index(name)) + row))
@@ -173,16 +192,18 @@ def _layout(fields: str) -> str:
     return found
 
 
-def _px4_rows(k: int, tick: Tick) -> Iterable[tuple[str, tuple[Any, ...]]]:
-    fix, command = tick.inputs.position, tick.output.command
+def _px4_rows(k: int, tick: Told, moved_every: int) -> Iterable[tuple[str, tuple[Any, ...]]]:
+    fix = tick.inputs.position
     yield "vehicle_attitude", tick.inputs.attitude[2:6]
     if k % 4 == 0 and fix.sequence:
         yield "vehicle_local_position", (*fix[2:8], True)
     if k % 8 == 0:
         yield "airspeed_validated", (tick.truth.airspeed_mps,)
-        yield "vehicle_torque_setpoint", (command.aileron, command.elevator, command.rudder)
         yield "vehicle_attitude_setpoint", (0.0, tick.output.setpoints.pitch_rad)
-    yield "sensor_combined", (*tick.inputs.attitude[6:9], *AT_REST)
+    if k % moved_every == 0:
+        moved = _moved(tick)
+        yield "vehicle_torque_setpoint", (moved.aileron, moved.elevator, moved.rudder)
+    yield "sensor_combined", (*tick.inputs.attitude[6:9], *_force(tick))
     if k % 100 == 0:
         yield "vehicle_status", (0 if tick.inputs.time_s < 1.0 else 14, False)
 
@@ -203,8 +224,15 @@ _DATAFLASH: dict[str, tuple[int, str, str]] = {
 _LETTERS = {"Q": "Q", "N": "16s", "f": "f", "Z": "64s", "M": "B", "B": "B", "c": "h", "H": "H"}
 
 
-def dataflash_log(folder: Path, leave_out: Sequence[str] = (), jump_us: int = 0) -> Path:
-    """ArduPlane's log; jump_us as of PX4's."""
+def dataflash_log(
+    folder: Path,
+    leave_out: Sequence[str] = (),
+    jump_us: int = 0,
+    ticks: Sequence[Told] = (),
+    moved_every: int = 4,
+) -> Path:
+    """ArduPlane's log; jump_us, ticks and moved_every as of PX4's."""
+    ticks = ticks or flight()
     kept = {name: kind for name, kind in _DATAFLASH.items() if name not in leave_out}
     own = _format_record(0x80, 89, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")
     parts = [own]
@@ -213,10 +241,9 @@ def dataflash_log(folder: Path, leave_out: Sequence[str] = (), jump_us: int = 0)
         layouts[name] = "<" + "".join(_LETTERS[letter] for letter in letters)
         length = 3 + struct.calcsize(layouts[name])
         parts.append(_format_record(number, length, name, letters, columns))
-    ticks = flight()
     for k, tick in enumerate(ticks):
         us = round((BOOT_S + tick.inputs.time_s) * 1e6) + (jump_us if k > len(ticks) // 2 else 0)
-        for name, numbers in _dataflash_rows(k, tick):
+        for name, numbers in _dataflash_rows(k, tick, moved_every):
             if name in kept:
                 row = struct.pack(layouts[name], us, *numbers)
                 parts.append(b"\xa3\x95" + bytes([kept[name][0]]) + row)
@@ -230,7 +257,7 @@ def _format_record(number: int, length: int, name: str, letters: str, columns: s
     return b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", number, length, *words)
 
 
-def _dataflash_rows(k: int, tick: Tick) -> Iterable[tuple[str, tuple[Any, ...]]]:
+def _dataflash_rows(k: int, tick: Told, moved_every: int) -> Iterable[tuple[str, tuple[Any, ...]]]:
     if k == 0:
         yield "MSG", (b"ArduPlane V4.5.7 (0358a9c2)",)
         yield "PARM", (b"AIRSPEED_CRUISE", 8.5, 8.5)
@@ -252,8 +279,22 @@ def _dataflash_rows(k: int, tick: Tick) -> Iterable[tuple[str, tuple[Any, ...]]]
     if k % 20 == 0:
         yield "ARSP", (0, tick.truth.airspeed_mps)
     if k % 4 == 0:
-        yield "IMU", (0, *tick.inputs.attitude[6:9], *AT_REST)
-        yield "RCOU", _pulses(tick.output.command)
+        yield "IMU", (0, *tick.inputs.attitude[6:9], *_force(tick))
+    if k % moved_every == 0:
+        yield "RCOU", _pulses(_moved(tick))
+
+
+def _moved(tick: Told) -> SurfaceCommand:
+    """What the surfaces were told: by the pilot, where that is read back, else by the module."""
+    seen = tick.inputs.surfaces
+    if not seen.sequence:
+        return tick.output.command
+    return SurfaceCommand(seen.elevator, seen.aileron, seen.rudder)
+
+
+def _force(tick: Told) -> tuple[float, ...]:
+    imu = tick.inputs.imu
+    return imu[2:5] if imu.sequence else AT_REST
 
 
 def _pulses(command: SurfaceCommand) -> tuple[int, ...]:
@@ -265,15 +306,24 @@ def _pulses(command: SurfaceCommand) -> tuple[int, ...]:
 # --- the wire -------------------------------------------------------------------------------
 
 
-def tlog(folder: Path, leave_out: Sequence[str] = (), recorder_jump_us: int = 0) -> Path:
-    """What a ground station records; recorder_jump_us: its clock is set in the middle."""
+def tlog(
+    folder: Path,
+    leave_out: Sequence[str] = (),
+    recorder_jump_us: int = 0,
+    ticks: Sequence[Told] = (),
+    moved_every: int = 20,
+) -> Path:
+    """What a ground station records; recorder_jump_us: its clock is set in the middle.
+
+    ticks and moved_every as of PX4's log.
+    """
+    ticks = ticks or flight()
     vehicle, module = mavlink.MAVLink(None, 1, 1), mavlink.MAVLink(None, 1, 191)
     parts = []
-    ticks = flight()
     for k, tick in enumerate(ticks):
         us = UNIX_US + round(tick.inputs.time_s * 1e6)
         us += recorder_jump_us if k > len(ticks) // 2 else 0
-        for sender, message in _frames(k, tick):
+        for sender, message in _frames(k, tick, moved_every):
             if message.get_type() in leave_out:
                 continue
             packed = message.pack(module if sender else vehicle)
@@ -285,7 +335,7 @@ def tlog(folder: Path, leave_out: Sequence[str] = (), recorder_jump_us: int = 0)
     return path
 
 
-def _frames(k: int, tick: Tick) -> Iterable[tuple[int, Any]]:
+def _frames(k: int, tick: Told, moved_every: int) -> Iterable[tuple[int, Any]]:
     ms = round(1e3 * (BOOT_S + tick.inputs.time_s))
     fix, attitude = tick.inputs.position, tick.inputs.attitude
     if k % 200 == 0:
@@ -307,8 +357,8 @@ def _frames(k: int, tick: Tick) -> Iterable[tuple[int, Any]]:
             ),
         )
         yield 0, mavlink.MAVLink_vfr_hud_message(tick.truth.airspeed_mps, 0, 0, 0, 0, 0)
-    if k % 20 == 0:
-        pulses = (*_pulses(tick.output.command), 0, 0, 0, 0)
+    if k % moved_every == 0:
+        pulses = (*_pulses(_moved(tick)), 0, 0, 0, 0)
         yield 0, mavlink.MAVLink_servo_output_raw_message(ms * 1000, 0, *pulses)
     if k % 8 == 0:
         turn = (k // 8) % len(FAST)

@@ -21,16 +21,15 @@ from tgl_soar.geometry import SoaringFrame, soaring_from_ned, soaring_vector_fro
 
 Floats = NDArray[np.float64]
 
+RATES: Final = ("roll_rate_frd_radps", "pitch_rate_frd_radps", "yaw_rate_frd_radps")
 # The columns of every series, in their order.
 COLUMNS: Final[dict[str, tuple[str, ...]]] = {
     "position": ("north_m", "east_m", "down_m"),  # local NED
     "velocity": ("north_mps", "east_mps", "down_mps"),  # local NED
     "attitude": ("roll_rad", "pitch_rad", "yaw_rad"),  # FRD to local NED
+    "rates": RATES,  # those that come with the attitude
     "airspeed": ("airspeed_mps",),
-    "imu": (
-        *("force_x_frd_mps2", "force_y_frd_mps2", "force_z_frd_mps2"),
-        *("roll_rate_frd_radps", "pitch_rate_frd_radps", "yaw_rate_frd_radps"),
-    ),
+    "imu": ("force_x_frd_mps2", "force_y_frd_mps2", "force_z_frd_mps2", *RATES),
     "path": ("x_m", "y_m", "z_m"),  # soaring frame
     "motion": ("velocity_x_mps", "velocity_y_mps", "climb_mps"),  # soaring frame
     "heading": ("heading_rad",),  # from straight upwind, positive to the right
@@ -46,6 +45,7 @@ WORDS: Final[dict[str, str]] = {
     "position": "position (local NED)",
     "velocity": "velocity",
     "attitude": "attitude",
+    "rates": "rates beside the attitude",
     "airspeed": "airspeed",
     "imu": "accelerations and rates",
     "surfaces": "surface commands",
@@ -121,6 +121,7 @@ class FlightData:
     position: Series | None = None
     velocity: Series | None = None
     attitude: Series | None = None
+    rates: Series | None = None
     airspeed: Series | None = None
     imu: Series | None = None
     path: Series | None = None

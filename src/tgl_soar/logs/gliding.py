@@ -146,14 +146,10 @@ def longitudinal(flight: FlightData, wind: MeanWind = STILL) -> LongitudinalLog:
     ahead_s = 0.0 if surfaces.source == COMMANDED else 0.5 * step_s
     air = through_air(flight, wind, times)
     pitch = on_grid(attitude, "pitch_rad", times)
-    rate = _difference(pitch)
     lift: Floats | None = None
     path_angle = np.arctan2(air.climb_mps, air.horizontal_mps)
     imu = flight.imu
     if imu is not None:
-        measured = on_grid(imu, "pitch_rate_frd_radps", times)
-        if np.isfinite(measured).any():
-            rate = measured
         fx, fz = (on_grid(imu, f"force_{axis}_frd_mps2", times) for axis in "xz")
         if np.isfinite(fz).any():
             alpha = pitch - path_angle
@@ -162,13 +158,22 @@ def longitudinal(flight: FlightData, wind: MeanWind = STILL) -> LongitudinalLog:
         times,
         _held(surfaces, "elevator", times + ahead_s),
         pitch,
-        rate,
+        _pitch_rate(flight, pitch, times),
         on_grid(attitude, "roll_rad", times),
         np.hypot(air.horizontal_mps, air.climb_mps),
         path_angle,
         lift,
         step_s,
     )
+
+
+def _pitch_rate(flight: FlightData, pitch_rad: Floats, time_s: Floats) -> Floats:
+    """From whatever tells it oftenest; from the pitch where nothing does."""
+    name = "pitch_rate_frd_radps"
+    tell = [s for s in (flight.imu, flight.rates) if s is not None and np.isfinite(s[name]).any()]
+    if not tell:
+        return _difference(pitch_rad)
+    return on_grid(max(tell, key=lambda s: np.count_nonzero(np.isfinite(s[name]))), name, time_s)
 
 
 def _held(samples: Series, name: str, time_s: Floats) -> Floats:

@@ -13,6 +13,7 @@ from tgl_soar.flightlog.reader import FlightLog, LogError
 
 from .flight_data import (
     COLUMNS,
+    RATES,
     Event,
     FlightData,
     Series,
@@ -82,6 +83,7 @@ def read_module_log(log: FlightLog) -> FlightData:
         position=_measured(topics, "position"),
         velocity=_measured(topics, "position", _SPEEDS),
         attitude=_attitude(topics),
+        rates=_measured(topics, "attitude", {name: name for name in RATES}),
         airspeed=_measured(topics, "airspeed"),
         imu=_measured(topics, "imu"),
         modes=changes_of(times, modes),

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tgl_soar.flightlog.reader import FlightLog
 
 from .flight_data import (
+    RATES,
     Event,
     FlightData,
     ModeChange,
@@ -49,6 +50,7 @@ _IMU: Final = {
     "pitch_rate_frd_radps": "gyro_rad[1]",
     "yaw_rate_frd_radps": "gyro_rad[2]",
 }
+_XYZ: Final = ("xyz[0]", "xyz[1]", "xyz[2]")
 _FACTS: Final = {
     "sys_name": "system",
     "ver_hw": "hardware",
@@ -62,7 +64,7 @@ def read_px4(log: FlightLog) -> FlightData:
     topics = Topics(log)
     speed = {"airspeed_mps": "true_airspeed_m_s"}
     place = "vehicle_local_position"
-    torque = {"aileron": "xyz[0]", "elevator": "xyz[1]", "rudder": "xyz[2]"}
+    torque = dict(zip(("aileron", "elevator", "rudder"), _XYZ, strict=True))
     controls = {"aileron": "control[0]", "elevator": "control[1]", "rudder": "control[2]"}
     flight = FlightData(
         name=log.path.name,
@@ -71,6 +73,7 @@ def read_px4(log: FlightLog) -> FlightData:
         velocity=topics.take(place, {"north_mps": "vx", "east_mps": "vy", "down_mps": "vz"}),
         attitude=_attitude(topics),
         airspeed=topics.take("airspeed_validated", speed) or topics.take("airspeed", speed),
+        rates=topics.take("vehicle_angular_velocity", dict(zip(RATES, _XYZ, strict=True))),
         imu=topics.take("sensor_combined", _IMU),
         surfaces=topics.take("vehicle_torque_setpoint", torque)
         or topics.take("actuator_controls_0", controls),

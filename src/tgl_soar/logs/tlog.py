@@ -21,6 +21,8 @@ from tgl_soar.flightlog.reader import LogError
 
 from .clocks import LEAP_S, OUT_OF_ORDER_S, Straightened
 from .flight_data import (
+    COLUMNS,
+    RATES,
     Event,
     FlightData,
     ModeChange,
@@ -297,6 +299,7 @@ def read_tlog(name: str, log: Tlog) -> FlightData:
         velocity=_velocity(log, system),
         attitude=_attitude(log, system),
         airspeed=_from(log.get("VFR_HUD", system), "VFR_HUD", airspeed_mps="airspeed"),
+        rates=_rates(log, system),
         imu=_imu(log, system),
         path=_told_path(told),
         outputs=_outputs(log, system),
@@ -386,22 +389,30 @@ def _velocity(log: Tlog, system: int) -> Series | None:
     return series(kind.time_s, "GLOBAL_POSITION_INT", **columns)
 
 
-def _attitude(log: Tlog, system: int) -> Series | None:
-    turned = log.get("ATTITUDE_QUATERNION", system)
-    angles = log.get("ATTITUDE", system)
+def _turned(log: Tlog, system: int) -> tuple[str, Kind | None]:
+    """The message that tells the attitude, or tells it oftener."""
+    turned, angles = (log.get(name, system) for name in ("ATTITUDE_QUATERNION", "ATTITUDE"))
     if turned is not None and (angles is None or len(turned.time_s) >= len(angles.time_s)):
-        roll, pitch, yaw = euler(*(turned.columns[f"q{i}"].astype(float) for i in range(1, 5)))
-        return series(
-            turned.time_s, "ATTITUDE_QUATERNION", roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw
-        )
-    return _from(angles, "ATTITUDE", roll_rad="roll", pitch_rad="pitch", yaw_rad="yaw")
+        return "ATTITUDE_QUATERNION", turned
+    return "ATTITUDE", angles
+
+
+def _attitude(log: Tlog, system: int) -> Series | None:
+    source, kind = _turned(log, system)
+    if kind is None or source == "ATTITUDE":
+        return _from(kind, source, roll_rad="roll", pitch_rad="pitch", yaw_rad="yaw")
+    roll, pitch, yaw = euler(*(kind.columns[f"q{i}"].astype(float) for i in range(1, 5)))
+    return series(kind.time_s, source, roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw)
+
+
+def _rates(log: Tlog, system: int) -> Series | None:
+    source, kind = _turned(log, system)
+    speeds = ("rollspeed", "pitchspeed", "yawspeed")
+    return _from(kind, source, **dict(zip(RATES, speeds, strict=True)))
 
 
 def _imu(log: Tlog, system: int) -> Series | None:
-    names = (
-        *("force_x_frd_mps2", "force_y_frd_mps2", "force_z_frd_mps2"),
-        *("roll_rate_frd_radps", "pitch_rate_frd_radps", "yaw_rate_frd_radps"),
-    )
+    names = COLUMNS["imu"]
     fine = log.get("HIGHRES_IMU", system)
     if fine is not None:
         fields = ("xacc", "yacc", "zacc", "xgyro", "ygyro", "zgyro")
