@@ -507,6 +507,31 @@ def test_a_clock_that_goes_back_or_is_none_keeps_no_timer_from_running_out(back:
     assert flown.state.mode == s.RELEASED
 
 
+@pytest.mark.parametrize("after_s", [0.0, 0.1, 0.25, 1.0])
+def test_a_clock_that_goes_back_while_nothing_else_changes(after_s: float) -> None:
+    """Nothing but the time tells it: no condition begins or ends with the jump."""
+    lost = WELL & ~s.POSITION_FRESH & ~s.POSITION_KEPT & ~s.CLEAR
+    flown = soaring().look(lost, 2 * DT)
+    assert flown.state.mode == s.RECOVERING
+    flown.look(lost, after_s)
+    flown.now -= 60.0
+    flown.look(lost, RECOVER_S + 2 * DT)
+    assert flown.changes[-1][1:] == (s.RELEASED, s.REASON_POSITION_LOST)
+
+
+def test_trouble_and_its_end_count_again_from_where_the_clock_went_back() -> None:
+    bad = WELL & ~s.AIR_SAFE & ~s.CLEAR
+    flown = soaring().look(WELL & ~s.POSITION_FRESH & ~s.POSITION_KEPT, 2 * DT)
+    flown.look(bad, 0.5 * s.TROUBLE_S)
+    flown.now -= 60.0
+    flown.look(bad, s.TROUBLE_S + 2 * DT)
+    assert flown.state.conditions & s.TROUBLED
+    flown.look(WELL, 0.5 * s.CLEAR_S)
+    flown.now -= 60.0
+    flown.look(WELL, s.CLEAR_S + 2 * DT)
+    assert flown.changes[-1][1:] == (s.CAPTURING, s.REASON_RECOVERED)
+
+
 @settings(deadline=None, max_examples=60)
 @given(seed=st.integers(0, 2**32), flips=st.integers(1, 24), wish=st.booleans())
 def test_noise_cannot_make_it_chatter(seed: int, flips: int, wish: bool) -> None:

@@ -396,8 +396,10 @@ def supervise(
     if time_s - clear_s >= CLEAR_S:
         conditions |= CLEARED
 
-    # The table need not be asked twice about the same.
-    if conditions == state.conditions and armed <= state.armed:
+    # The table need not be asked twice about the same; a timer that was set back is news.
+    as_before = since_s == state.since_s and trouble_s == state.trouble_s
+    as_before = as_before and clear_s == state.clear_s and unready_s == state.unready_s
+    if as_before and conditions == state.conditions and armed <= state.armed:
         return state, Decision(state.mode, NOTHING, REASON_NONE)
     decision = next_mode(state.mode, conditions)
     if decision.mode != state.mode:
