@@ -28,6 +28,7 @@ ALLOWED_S = 2.0 * TICK_S
 PATIENCE_TICKS = 1000
 REPEATS = 5
 ENGAGED_TICKS = 200
+ASK_AGAIN_S = 2.0  # a busy machine may have let the attitude grow old meanwhile
 
 
 # --- known inside the module ------------------------------------------------------------------
@@ -167,7 +168,7 @@ class _Process:
         while len(self.pulses) < ENGAGED_TICKS:
             self.pump()
             if time.monotonic() >= asked_s:
-                asked_s = float("inf")
+                asked_s += ASK_AGAIN_S
                 message = mavlink.MAVLink_param_set_message(1, 191, b"OP_ENGAGE", 1.0, 9)
                 self._socket.sendto(bytes(message.pack(self._station)), self._address)
 
