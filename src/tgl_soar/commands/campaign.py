@@ -81,6 +81,18 @@ def faults(
 
 
 @campaign_app.command()
+def timeline(
+    out: Annotated[Path, typer.Option(help="Where the figure goes.", dir_okay=False)] = Path(
+        "out/safety-timeline.png"
+    ),
+) -> None:
+    """Draw a flight with one drop-out of the position, and one that the pilot takes over."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    if not _draw(out):
+        raise typer.Exit(1)
+
+
+@campaign_app.command()
 def long(
     hours: Annotated[float, typer.Option(help="Simulated.", min=0.001, max=1000.0)] = 24.0,
     seed: Annotated[int, typer.Option(help="Of noise and turbulence.", min=0)] = 1,
@@ -130,10 +142,12 @@ def _print(outcomes: list[campaign.Outcome], survivals: list[campaign.Survival])
         )
 
 
-def _draw(path: Path) -> None:
+def _draw(path: Path) -> bool:
+    """Whether the figure was drawn."""
     try:
         draw_safety_timeline(path)
     except ImportError as error:
         errors.print(f"no figure: {error}")
-    else:
-        console.print(f"figure in {path}")
+        return False
+    console.print(f"figure in {path}")
+    return True
