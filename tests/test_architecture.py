@@ -47,7 +47,6 @@ TABLE: dict[str, set[str]] = {
     },
     "guard": set(),
     "surface_check": {"link"},
-    "preflight": {"link"},
     "process": {"mocap", "onboard", "guard"},
     "air": {"geometry"},
     "score": set(),
@@ -56,7 +55,7 @@ TABLE: dict[str, set[str]] = {
     "report": {"air", "estimation", "score", "logs"},
     "experiments": {"sim", "report", "config", "onboard"},
     "replay": {"onboard", "flightlog", "sim"},
-    "commands": {"process", "surface_check", "preflight", "experiments", "replay"},
+    "commands": {"process", "surface_check", "experiments", "replay"},
     "cli": {"commands"},
 }
 
@@ -79,7 +78,6 @@ FLIES = {
 STAYS_ON_THE_GROUND = {
     "logs",
     "surface_check",
-    "preflight",
     "sim",
     "report",
     "air",

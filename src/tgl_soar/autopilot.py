@@ -7,7 +7,7 @@ the difference of two of these.
 
 from __future__ import annotations
 
-from math import isfinite, pi, radians, sin
+from math import cos, hypot, isfinite, pi, radians, sin
 from typing import NamedTuple
 
 from tgl_soar.control import supervisor as modes
@@ -15,6 +15,7 @@ from tgl_soar.control.attitude import attitude_step
 from tgl_soar.control.envelope import (
     CUT_NOSE_DOWN,
     CUT_NOSE_UP,
+    PITCH_PER_SPEED,
     EnvelopeLimits,
     Fence,
     Limited,
@@ -138,6 +139,7 @@ from tgl_soar.types import (
 DT_MAX_S = 0.1  # a longer gap between two ticks is not integrated over
 HEADING_MAX_RAD = 0.5 * pi  # from upwind, to be engaged at all
 LINE_UPRIGHT = 0.1  # sine of a line's inclination, below which it has no upstream side
+STALL_DOUBT_MAX_RAD = 0.035  # 2 degrees: the margin acts from 3 degrees before the limit on
 DOUBT_MAX = 3.0  # times EST_SD_MAX: in more doubt than this no fix is young enough
 TRAVEL_END = 0.98  # of travel: a surface read back from here on can go no further
 ON_LINE_S = 1.0  # so long within capture_distance_m before the line counts as captured
@@ -450,7 +452,7 @@ def step(laws: Laws, state: AutopilotState, inputs: Inputs) -> tuple[AutopilotSt
         soaring=soaring._replace(trim_pitch_rad=trim.pitch_rad),
         pitch=pid_between(laws.pitch, laws.pitch_imu, share),
     )
-    margins = _margins(laws, inputs, vehicle, health, air)
+    margins = _margins(laws, inputs, vehicle, health, air, flying)
     if flying:
         return _fly(
             laws,
@@ -469,15 +471,22 @@ def step(laws: Laws, state: AutopilotState, inputs: Inputs) -> tuple[AutopilotSt
 
 
 def _margins(
-    laws: Laws, inputs: Inputs, vehicle: VehicleState, health: Health, air: AirEstimate
+    laws: Laws,
+    inputs: Inputs,
+    vehicle: VehicleState,
+    health: Health,
+    air: AirEstimate,
+    flying: bool,
 ) -> Margins:
     """How far it is to the stall, the ground and the fence.
 
-    Without a pitot tube alpha is not known well enough to act on: wrong by 5 to 7 degrees rms in
-    simulated flights, with one by 0.3 to 2.6.
+    Without a pitot tube alpha and airspeed are worked out from wind, velocity and pitch. They count
+    where the estimator is sure of them, as with accelerometers it is, and in flight: what is held
+    in a hand feels the hand.
     """
     alpha, airspeed = NAN, NAN
-    if air.measured:
+    sure = flying and stall_doubt(air, vehicle.pitch_rad) <= STALL_DOUBT_MAX_RAD
+    if air.measured or sure:
         alpha, airspeed = air.alpha_rad, air.airspeed_mps
     elif not health.faults & AIRSPEED:
         airspeed = inputs.airspeed.airspeed_mps
@@ -486,6 +495,19 @@ def _margins(
         clearance(laws.ground, vehicle.x_m, vehicle.z_m),
         outside(laws.fence, vehicle.x_m, vehicle.y_m, vehicle.z_m),
     )
+
+
+def stall_doubt(air: AirEstimate, pitch_rad: float) -> float:
+    """Standard deviation [rad] of the margin to the stall, by that of wind and updraft.
+
+    The flight path through the air climbs by gamma = pitch - alpha, wings level: across it the
+    doubt turns alpha, along it it changes the airspeed, which counts as a pitch.  NaN: not known.
+    """
+    gamma = pitch_rad - air.alpha_rad
+    c, s = cos(gamma), sin(gamma)
+    across = hypot(c * air.updraft_sigma_mps, s * air.wind_sigma_mps) / air.airspeed_mps
+    along = hypot(c * air.wind_sigma_mps, s * air.updraft_sigma_mps) * PITCH_PER_SPEED
+    return max(across, along)
 
 
 def _is_felt(before: MotionState, after: MotionState, time_s: float) -> bool:
