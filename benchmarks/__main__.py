@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -76,17 +77,23 @@ def main() -> int:
     chosen = {name: GROUPS[name] for name in options.only or GROUPS}
     if options.long:
         chosen["long"] = "Ten minutes on time", waking.long_run
-    groups = []
+    groups, failed = [], False
     for title, benchmark in chosen.values():
         begun = time.monotonic()
-        groups.append(Group(title, list(benchmark())))
+        results: list[Result] = []
+        groups.append(Group(title, results))
+        try:
+            results.extend(benchmark())
+        except Exception:  # the others are still worth their time
+            traceback.print_exc()
+            failed = True
         print(f"{title}: {time.monotonic() - begun:.0f} s", file=sys.stderr, flush=True)
     _show(groups)
     if options.json:
         write_json(options.json, groups)
     if options.page:
         replace_table(options.page, groups)
-    return 0
+    return int(failed)
 
 
 def _show(groups: list[Group]) -> None:

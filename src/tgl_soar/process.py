@@ -17,6 +17,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
+from math import inf
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -492,7 +493,8 @@ def _fly(
         if recorder is not None:
             recorder.start()
     try:
-        code = _loop(onboard, transports, stop, timeout_s, life, mocap, wishes.spin_s)
+        spin_s = 0.0 if lockstep else wishes.spin_s
+        code = _loop(onboard, transports, stop, timeout_s, life, mocap, spin_s)
     finally:  # whatever has happened, the pilot gets the surfaces
         onboard.stop()
         if life is not None:
@@ -532,7 +534,8 @@ def _loop(
     poses = mocap.filenos() if mocap is not None else []
     while not stop():
         waited_for = [*poses, *(transport.fileno() for transport in transports)]
-        now_s = realtime.wait(waited_for, onboard.wake_s(now_s), clock, spin_s)
+        awake_s = onboard.pacer.expected_s - spin_s if spin_s > 0.0 else inf
+        now_s = realtime.wait(waited_for, onboard.wake_s(now_s), clock, awake_s)
         _take_poses(onboard, mocap, now_s)
         for link, transport in enumerate(transports):
             received = transport.receive(now_s)

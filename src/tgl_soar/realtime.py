@@ -18,6 +18,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from math import inf
 from typing import Final, NamedTuple
 
 LATE_S: Final = 0.002  # a tick that much after it was due is counted as late
@@ -45,7 +46,7 @@ class Wishes(NamedTuple):
     """What an operator may ask of the system beyond what is always asked for."""
 
     processor: int | None = None  # the loop runs on this one only
-    spin_s: float = 0.0  # before a deadline it does not sleep
+    spin_s: float = 0.0  # so long before a tick is expected it does not sleep
 
 
 @dataclass(slots=True)
@@ -101,6 +102,11 @@ class Pacer:
     def wake_s(self) -> float:
         """When to look again if nothing arrives."""
         return self._deadline_s + (GRACE * self.period_s if self.locked else 0.0)
+
+    @property
+    def expected_s(self) -> float:
+        """When the next tick, or the sample that begins it, is expected."""
+        return self._deadline_s
 
     def sample(self, arrival_s: float, stamp_s: float, time_s: float) -> None:
         """An attitude sample: when it came, the vehicle's stamp, its time on our clock."""
@@ -185,17 +191,17 @@ class Strain:
 
 
 def wait(
-    fds: Sequence[int], until_s: float, clock: Callable[[], float], spin_s: float = 0.0
+    fds: Sequence[int], until_s: float, clock: Callable[[], float], awake_s: float = inf
 ) -> float:
     """Sleep until one of some can be read (those below zero are none), or until a time.
 
     Returns the time.  The deadline is absolute: what is left is computed last.  `select`, as
-    `poll` and `epoll` count whole milliseconds.  Of the last `spin_s` nothing is slept away.
+    `poll` and `epoll` count whole milliseconds.  From `awake_s` on nothing is slept away.
     """
     waiting = [fd for fd in fds if fd >= 0]
-    ready, _, _ = select.select(waiting, (), (), max(0.0, until_s - spin_s - clock()))
+    ready, _, _ = select.select(waiting, (), (), max(0.0, min(until_s, awake_s) - clock()))
     now_s = clock()
-    while spin_s > 0.0 and not ready and now_s < until_s:
+    while not ready and awake_s <= now_s < until_s:
         ready, _, _ = select.select(waiting, (), (), 0.0)
         now_s = clock()
     return now_s
