@@ -22,7 +22,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from math import isfinite, radians
+from math import inf, isfinite, radians
 from typing import Final, NamedTuple
 
 from tgl_soar import __version__, autopilot, instruments, realtime
@@ -343,6 +343,7 @@ class Onboard:
         self._laws = laws_of(setup, setup.parameters)
         self._engage = setup.parameters["OP_ENGAGE"] >= 0.5
         self._state = autopilot.initial_state()
+        self._last_tick: tuple[autopilot.AutopilotState, Inputs] | None = None
         self._mode = BOOT
         recorder.parameters(self._values)
         recorder.afresh(self._state)
@@ -634,6 +635,25 @@ class Onboard:
         """When to look again if nothing arrives."""
         return now_s + IDLE_S if self._lockstep else self.pacer.wake_s
 
+    @property
+    def rehearsal_s(self) -> float:
+        """When to call `rehearse`; inf: not now."""
+        if self._lockstep or self._last_tick is None or self.strain.no_telemetry:
+            return inf
+        return self.pacer.rehearsal_s
+
+    def rehearse(self) -> None:
+        """The last tick once more, for nothing: the next one finds what it needs at hand.
+
+        A tick of the laws is a function of its arguments; what it gives is thrown away.
+        """
+        if self._last_tick is not None:
+            state, inputs = self._last_tick
+            _, output = autopilot.step(self._laws, state, inputs)
+            flavour = self._setup.flavour
+            if output.active and _can_be_said(output, flavour.route.loops):
+                flavour.commands(output.command, output.setpoints)
+
     def periodic(self, now_s: float) -> None:
         """One tick, then what is slow."""
         counters = self.pacer.counters
@@ -721,6 +741,7 @@ class Onboard:
             session.airspeed,
             session.surfaces,
         )
+        self._last_tick = self._state, inputs
         self._state, output = autopilot.step(self._laws, self._state, inputs)
         self.output = output
         if output.health.faults & (JUMP | WRONG):  # what else there is, the sources see themselves

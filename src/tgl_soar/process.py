@@ -535,7 +535,13 @@ def _loop(
     while not stop():
         waited_for = [*poses, *(transport.fileno() for transport in transports)]
         awake_s = onboard.pacer.expected_s - spin_s if spin_s > 0.0 else inf
-        now_s = realtime.wait(waited_for, onboard.wake_s(now_s), clock, awake_s)
+        rehearsal_s = onboard.rehearsal_s
+        until_s = min(onboard.wake_s(now_s), rehearsal_s)
+        now_s = realtime.wait(waited_for, until_s, clock, awake_s)
+        if now_s >= rehearsal_s:
+            onboard.rehearse()
+            onboard.pacer.rehearsed(now_s, clock())
+            continue
         _take_poses(onboard, mocap, now_s)
         for link, transport in enumerate(transports):
             received = transport.receive(now_s)

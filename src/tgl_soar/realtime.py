@@ -30,6 +30,10 @@ _STREAK_LOSS: Final = 2  # what a sample out of step costs: a fifth may be lost
 _IN_STEP: Final = 0.05  # how far the samples' mean interval may be from the period
 _SMOOTH: Final = 0.05
 
+REHEARSAL_S: Final = 0.0007  # before the sample, until it is known how long one takes
+REHEARSAL_MIN_S: Final = 0.0003
+REHEARSAL_MAX: Final = 0.4  # of a period
+
 STRAIN_TICKS: Final = 40
 _STRAIN_TELEMETRY: Final = 0.02  # one late tick is 0.025
 _STRAIN_LOG: Final = 0.3
@@ -80,6 +84,8 @@ class Pacer:
         self._streak = 0
         self._sample_s = float("nan")  # arrival of a sample that no tick has seen; NaN: none
         self._sample_time_s = float("nan")
+        self._rehearsed_s = float("nan")  # the deadline that was rehearsed for
+        self._ahead_s = REHEARSAL_S
 
     def begin(self, now_s: float) -> None:
         """The loop starts now: whatever took its time before is no delay."""
@@ -107,6 +113,24 @@ class Pacer:
     def expected_s(self) -> float:
         """When the next tick, or the sample that begins it, is expected."""
         return self._deadline_s
+
+    @property
+    def rehearsal_s(self) -> float:
+        """When to go through the next tick for nothing; inf: not before this one.
+
+        A sleep of 5 ms is enough to lose the tick's code and data from the processor's caches:
+        the tick after it takes some three times as long.  Gone through once just before its
+        sample is expected, it is quick when the sample is there.
+        """
+        if not self.locked or self._rehearsed_s == self._deadline_s:
+            return inf
+        return self._deadline_s - self._ahead_s
+
+    def rehearsed(self, began_s: float, now_s: float) -> None:
+        """It was gone through: next time as early as is needed to be done in time."""
+        self._rehearsed_s = self._deadline_s
+        ahead_s = self._ahead_s + _SMOOTH * (2.0 * (now_s - began_s) - self._ahead_s)
+        self._ahead_s = max(REHEARSAL_MIN_S, min(REHEARSAL_MAX * self.period_s, ahead_s))
 
     def sample(self, arrival_s: float, stamp_s: float, time_s: float) -> None:
         """An attitude sample: when it came, the vehicle's stamp, its time on our clock."""

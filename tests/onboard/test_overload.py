@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from math import inf
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -108,3 +109,34 @@ def test_the_wall_clock_may_jump_as_it_likes(
         flight.run(0.5)
         assert flight.mode_now in (CAPTURING, SOARING)
     assert flight.onboard.pacer.counters.skipped == 0
+
+
+def test_a_rehearsed_flight_is_the_same_flight_bit_for_bit() -> None:
+    """What is gone through for nothing leaves nothing behind."""
+    plain, rehearsed = Flight(), Flight()
+    assert rehearsed.onboard.rehearsal_s == inf
+    rehearsals = 0
+    for flight in (plain, rehearsed):
+        flight.engaged().run(0.5)
+    for _ in range(round(1.0 / STEP_S)):
+        if rehearsed.now_s + STEP_S >= rehearsed.onboard.rehearsal_s:
+            rehearsed.onboard.rehearse()
+            rehearsed.onboard.pacer.rehearsed(rehearsed.now_s, rehearsed.now_s + 1e-4)
+            rehearsals += 1
+        for flight in (plain, rehearsed):
+            flight.run(STEP_S)
+    assert rehearsals == pytest.approx(200, abs=2)  # one for each tick
+    assert repr(plain.onboard.output) == repr(rehearsed.onboard.output)
+    assert plain.frames == rehearsed.frames
+
+
+def test_a_busy_computer_and_a_simulation_rehearse_nothing() -> None:
+    flight = Flight()
+    flight.engaged().run(0.5)
+    assert flight.onboard.rehearsal_s < inf
+    flight.onboard.strain.value = 1.0
+    assert flight.onboard.rehearsal_s == inf
+    simulated = Flight(lockstep=True)
+    simulated.run(1.0)
+    simulated.onboard.rehearse()
+    assert simulated.onboard.rehearsal_s == inf

@@ -149,3 +149,19 @@ def test_a_new_rate_holds_from_the_next_tick_on() -> None:
             pacer.tick(now)
             count += 1
     assert count == pytest.approx(100, abs=1)
+
+
+def test_a_rehearsal_is_once_before_each_expected_sample_and_in_time_for_it() -> None:
+    pacer = Pacer(200.0, 0.0)
+    assert pacer.rehearsal_s == float("inf")  # nothing is expected yet
+    fly(pacer, 1.0, stream(200.0, 1.0))
+    assert pacer.locked
+    ahead_s = pacer.expected_s - pacer.rehearsal_s
+    assert 0.0 < ahead_s < 0.4 * pacer.period_s
+    for took_s, ahead_then_s in ((1e-6, 0.0003), (0.0005, 0.001), (1.0, 0.002)):
+        for _ in range(400):
+            pacer.rehearsed(pacer.rehearsal_s, pacer.rehearsal_s + took_s)
+            assert pacer.rehearsal_s == float("inf")  # not twice
+            pacer.sample(pacer.expected_s, pacer.expected_s, pacer.expected_s)
+            pacer.tick(pacer.expected_s)
+        assert pacer.expected_s - pacer.rehearsal_s == pytest.approx(ahead_then_s, rel=0.01)
