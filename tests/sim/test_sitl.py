@@ -246,6 +246,19 @@ def test_kill_9_in_flight_hands_back_and_a_restarted_module_engages_again(tmp_pa
     assert changes[:3] == [1.0, 0.0, 1.0]
 
 
+def test_a_flight_whose_module_is_killed_goes_on_without_it(tmp_path: Path) -> None:
+    """The time-out gives the surfaces back, and the flight says when it was killed."""
+    flight = fly(options(tmp_path, legs=("a",), stay_s=4.0, kill_s=1.0), quietly)
+    assert flight.killed_s is not None
+    assert 0.9 <= flight.killed_s - flight.flown[0].stopped_s <= 1.5
+    after = flight.truth["time_s"] > flight.killed_s + OVERRIDE_TIME_S + 0.3
+    before = flight.truth["time_s"] < flight.killed_s
+    assert after.any()
+    assert not flight.truth["overridden"][after].any()
+    assert flight.truth["overridden"][before][-1]
+    assert flight.truth["flying"][after].all()
+
+
 def test_kill_9_of_the_operator_leaves_no_process_behind(tmp_path: Path) -> None:
     sitl = [sys.executable, "-m", "tgl_soar.cli", "sitl", "--out", str(tmp_path), "--stay", "600"]
     with process(sitl, tmp_path / "operator.log") as operator:

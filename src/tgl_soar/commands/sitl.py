@@ -99,6 +99,15 @@ def sitl(
         list[str] | None,
         typer.Option(metavar="NAME=NUMBER", help="Of the autopilot; repeat for more."),
     ] = None,
+    kill_module: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SECONDS",
+            help="Kill the module so long after its first line stood, and see what becomes of the"
+            " aircraft.",
+            min=0.0,
+        ),
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for logs and the figure.")] = Path("out/sitl"),
     report: Annotated[
         bool, typer.Option("--report", help="Write the page of the flight as well.")
@@ -142,6 +151,7 @@ def sitl(
         firmware=firmware,
         route=route,
         autopilot_parameters=tuple(autopilot_parameter or ()),
+        kill_s=kill_module,
     )
     try:
         with Live(console=console, refresh_per_second=10, transient=True) as live:

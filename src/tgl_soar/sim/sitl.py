@@ -24,7 +24,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from math import isfinite, radians
+from math import inf, isfinite, radians
 from pathlib import Path
 
 import numpy as np
@@ -80,6 +80,7 @@ class SitlOptions:
     firmware: Path | None = None  # its program
     route: str | None = None  # by which the module commands it; None: the firmware's usual one
     autopilot_parameters: tuple[str, ...] = ()  # NAME=NUMBER
+    kill_s: float | None = None  # the module is killed so long after its line first stood
     # Real time alone is open to others, on the ports that the firmwares' simulators have.
     gcs: str = "127.0.0.1:14550"
     companion: str = "127.0.0.1:14540"
@@ -95,6 +96,7 @@ class Flight:
     lines: list[tuple[float, float, float]]
     truth: dict[str, Floats]  # columns of the bridge's log
     wall_s: float
+    killed_s: float | None = None  # when the module was killed, on the autopilot's clock
 
 
 def plan(site: Site, values: ParameterSet, options: SitlOptions) -> list[Leg]:
@@ -158,7 +160,7 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> Flight:
         bridge_command = _bridge_command(options, truth_file, own_address, companion, mocap)
         processes.start("bridge", bridge_command)
         processes.start("module", _module_command(options, companion, mocap))
-        _operate(operator, ground_station, processes, progress)
+        killed_s = _operate(operator, ground_station, processes, progress, options.kill_s)
     except OperatorError as error:
         raise SitlError(f"{error}\n{processes.last_words()}") from None
     finally:
@@ -189,7 +191,8 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> Flight:
                 truth["z_m"][rows],
             )
         )
-    flight = Flight(operator.flown, scores, met, lines, truth, time.monotonic() - begun)
+    wall_s = time.monotonic() - begun
+    flight = Flight(operator.flown, scores, met, lines, truth, wall_s, killed_s)
     _write_summary(options, flight)
     return flight
 
@@ -291,9 +294,12 @@ def _operate(
     ground_station: socket.socket,
     processes: _Processes,
     progress: Callable[[Operator], None],
-) -> None:
-    """Carry datagrams between the operator and the bridge until the plan is flown."""
+    kill_s: float | None,
+) -> float | None:
+    """Carry datagrams between the operator and the bridge until the plan is flown; when the
+    module was killed."""
     bridge: tuple[str, int] | None = None
+    killed_s: float | None = None
     heard = shown = time.monotonic()
     while not operator.done:
         ready, _, _ = select.select([ground_station], [], [], 0.2)
@@ -307,6 +313,10 @@ def _operate(
                 f"nothing heard from the bridge for {SILENCE_S:g} s\n{processes.last_words()}"
             )
         processes.check()
+        stood_s = operator.flown[0].stopped_s if operator.flown else inf
+        if kill_s is not None and killed_s is None and operator.seen.time_s - stood_s >= kill_s:
+            processes.kill("module")
+            killed_s = operator.seen.time_s
         # Once there is simulated time the operator acts on what comes and at no other moment, so
         # that a lockstep flight repeats exactly.
         simulated = operator.seen.time_s
@@ -318,6 +328,7 @@ def _operate(
             shown = now
             progress(operator)
     progress(operator)
+    return killed_s
 
 
 class _Processes:
@@ -342,6 +353,12 @@ class _Processes:
             code = process.poll()
             if code is not None:
                 raise SitlError(f"the {name} ended with exit code {code}\n{self.last_words()}")
+
+    def kill(self, name: str) -> None:
+        """By SIGKILL, and expect it no more."""
+        process = self._running.pop(name)
+        process.kill()
+        process.wait()
 
     def last_words(self) -> str:
         """The last lines that each has printed."""
@@ -387,6 +404,7 @@ def _write_summary(options: SitlOptions, flight: Flight) -> None:
         "site": options.site.name,
         "airframe": options.airframe.name,
         "passed": passed(flight),
+        "killed_s": flight.killed_s,
         "legs": [
             {**asdict(score), "predicted": _place(crossing), "by_hand": flown.by_hand}
             for score, crossing, flown in zip(
