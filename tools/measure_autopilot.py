@@ -1,0 +1,250 @@
+#!/usr/bin/env python3
+"""How late and how faithful an autopilot is: the numbers of docs/autopilots.md.
+
+    python tools/measure_autopilot.py latency ardupilot override --firmware .../bin/arduplane
+    python tools/measure_autopilot.py silence out/sitl
+
+`latency`: the aircraft is held over the hill, the autopilot runs in lockstep at the pace of the
+clock, and a companion that thinks in no time steps its command to and fro.
+
+    sensor to companion   ATTITUDE_QUATERNION: the step at which it arrives, less its own stamp
+    command to servo      the step at which the output moves, less that at which the command came
+
+Both are simulated time, whole steps of the firmware.  What the module itself takes is in
+docs/performance.md.
+
+`silence`: what became of a flight of `tgl-soar sitl --kill-module`, from its folder.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import random
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from math import degrees, hypot
+from pathlib import Path
+from statistics import mean, median
+from typing import Any, Final, NamedTuple
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from tgl_soar.config import load_airframe, load_site, shipped
+from tgl_soar.link.autopilots import flavour
+from tgl_soar.link.codec import Encoder
+from tgl_soar.link.messages import (
+    AUTOPILOT_INVALID,
+    STATE_ACTIVE,
+    TYPE_ONBOARD_CONTROLLER,
+    Heartbeat,
+    Source,
+)
+from tgl_soar.onboard import surface_channels
+from tgl_soar.sim.bridge import Options, Simulation
+from tgl_soar.sim.firmware import ardupilot, px4
+from tgl_soar.sim.firmware.sensors import Readings
+from tgl_soar.sim.firmware.simulation import FirmwareSimulation, Sticks
+from tgl_soar.types import NO_SETPOINTS, OURS, SurfaceCommand
+
+LINK: Final = 1
+COMMAND_HZ: Final = 100
+STEPS_TRIED: Final = 60
+SWING: Final = 0.2  # of the elevator
+SWING_RAD: Final = 0.15  # of the pitch
+MOVED: Final = 0.05  # of full travel: above what noise and loops of its own do in a step or two
+BOOT_S: Final = 60.0
+HOLD_S: Final = 0.3  # and as much again at most between two swings
+LOST_S: Final = 0.25  # an output that has not moved by then has not followed
+
+
+class Told:
+    """A firmware's simulator interface, with what the servos were told last."""
+
+    def __init__(self, physics: Any) -> None:
+        self._physics = physics
+        self.servos = SurfaceCommand(0.0, 0.0, 0.0)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._physics, name)
+
+    def exchange(self, readings: Readings, sticks: Sticks) -> SurfaceCommand:
+        """One step."""
+        self.servos = self._physics.exchange(readings, sticks)
+        return self.servos
+
+
+class Latencies(NamedTuple):
+    """All that were measured [s]."""
+
+    ages_s: list[float]
+    to_servo_s: list[float]
+    lost: int  # swings that no output followed
+
+
+def latency(firmware: str, route: str | None, program: Path | None, folder: Path) -> Latencies:
+    """Hold the aircraft, swing the command, look at the servos."""
+    plane = load_airframe(shipped("airframes/eclipson_c.toml"))
+    path = shipped("sites/hill.toml")
+    site = load_site(path)
+    way = flavour(firmware, route, surface_channels(plane), 1)
+    options = Options(truth=False, parameters=())
+    simulation: Any
+    if firmware == "bridge":
+        simulation = Simulation(plane, site, options, path.parent)
+
+        def servos() -> SurfaceCommand:
+            return simulation.pixhawk.surfaces  # type: ignore[no-any-return]
+
+    else:
+        if program is None:
+            raise SystemExit(f"{firmware}: give its program with --firmware")
+        by_sticks = {"COM_RC_IN_MODE": 6.0} if way.route.name == "manual_control" else {}
+        start = ardupilot.start if firmware == "ardupilot" else px4.start
+        made, relay = start(program, folder, plane, site, by_sticks)
+        told = Told(made)
+        simulation = FirmwareSimulation(plane, site, options, path.parent, told, relay)
+
+        def servos() -> SurfaceCommand:
+            return told.servos
+
+    simulation.add_link(LINK, ground=False)
+    try:
+        return _swing(simulation, way, servos)
+    finally:
+        simulation.close()
+
+
+def _swing(simulation: Any, way: Any, servos: Callable[[], SurfaceCommand]) -> Latencies:
+    ours = way.route.loops == OURS
+    system = 255 if way.route.as_operator else 1
+    own, commanding = Encoder(Source(1, 191)), Encoder(Source(system, 191))
+    listening: Any = mavlink.MAVLink(None)
+    listening.robust_parsing = True
+    rng = random.Random(1)
+    ages: list[float] = []
+    delays: list[float] = []
+    step_hz = simulation.pixhawk.step_hz
+    every = step_hz // COMMAND_HZ
+    side, swung_at, next_at, lost, steps = 1.0, -1, 0, 0, 0
+    before, armed, custom_mode = 0.0, False, -1
+    began_s: float | None = None
+    deadline = time.monotonic()
+    while len(delays) + lost < STEPS_TRIED:
+        steps += 1
+        deadline = max(deadline + 1.0 / step_hz, time.monotonic() - 0.1)
+        time.sleep(max(0.0, deadline - time.monotonic()))
+        simulation.world.held = True
+        simulation.step()
+        now_s = simulation.time_s
+        for _, data in simulation.take_datagrams([LINK]):
+            for message in listening.parse_buffer(bytearray(data)) or ():
+                if message.get_type() == "HEARTBEAT" and message.get_srcComponent() == 1:
+                    armed = message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED != 0
+                    custom_mode = message.custom_mode
+                elif message.get_type() == "ATTITUDE_QUATERNION" and began_s is not None:
+                    ages.append(now_s - 1e-3 * message.time_boot_ms)
+        if steps % step_hz == 0:
+            beat = Heartbeat(TYPE_ONBOARD_CONTROLLER, AUTOPILOT_INVALID, 0, 0, STATE_ACTIVE)
+            simulation.receive(LINK, own.encode(beat))
+            simulation.pixhawk.set_pace(LINK)
+            mode = way.route.mode_to_enter
+            if armed and mode is not None and custom_mode != mode:
+                simulation.receive(LINK, own.encode(way.ask_for_mode(mode)))
+            elif armed and began_s is None:
+                began_s = now_s + 2.0
+                next_at = steps + 2 * step_hz
+            if began_s is None and now_s > BOOT_S:
+                raise SystemExit(f"not armed in its mode within {BOOT_S:g} s")
+        if swung_at >= 0:
+            late_s = (steps - swung_at) / step_hz
+            if abs(servos().elevator - before) > MOVED:
+                delays.append(late_s)
+                swung_at = -1
+            elif late_s > LOST_S:
+                lost += 1
+                swung_at = -1
+        swings = began_s is not None and swung_at < 0 and steps >= next_at
+        if swings:
+            side, swung_at, before = -side, steps, servos().elevator
+            next_at = steps + round((HOLD_S + HOLD_S * rng.random()) * step_hz)
+        if swings or steps % every == 0:
+            surfaces = SurfaceCommand(side * SWING if ours else 0.0, 0.0, 0.0)
+            asked = NO_SETPOINTS._replace(roll_rad=0.0, pitch_rad=side * SWING_RAD)
+            for command in way.commands(surfaces, asked):
+                simulation.receive(LINK, commanding.encode(command))
+    return Latencies(ages, delays, lost)
+
+
+def silence(folder: Path) -> dict[str, float | str]:
+    """What happened after the module was killed, of a flight of `tgl-soar sitl`."""
+    summary = json.loads((folder / "summary.json").read_text())
+    killed_s = summary["killed_s"]
+    if killed_s is None:
+        raise SystemExit(f"{folder}: fly it with --kill-module")
+    with (folder / "truth.csv").open(newline="") as file:
+        rows = [{n: float(v) for n, v in row.items()} for row in csv.DictReader(file)]
+    after = [row for row in rows if row["time_s"] >= killed_s]
+    first = after[0]
+    commanded = [row for row in after if row["overridden"]]
+    silent_s = commanded[-1]["time_s"] if commanded else killed_s
+    silent = [row for row in after if row["time_s"] >= silent_s + 0.04]
+    at_rest = silent[0]
+
+    def since(is_so: Callable[[dict[str, float]], bool]) -> float:
+        return next((row["time_s"] - silent_s for row in silent if is_so(row)), float("nan"))
+
+    flown = [row for row in after if row["flying"]]
+    return {
+        "surfaces stood for [s]": since(
+            lambda row: any(
+                abs(row[name] - at_rest[name]) > 0.01 for name in ("elevator", "aileron", "rudder")
+            )
+        ),
+        "mode before": first["mode"],
+        "mode changed after [s]": since(lambda row: row["mode"] != first["mode"]),
+        "mode after": after[-1]["mode"],
+        "largest bank [deg]": max(abs(degrees(row["roll_rad"])) for row in flown),
+        "largest way from there [m]": max(
+            hypot(row["x_m"] - first["x_m"], row["y_m"] - first["y_m"], row["z_m"] - first["z_m"])
+            for row in flown
+        ),
+        "flown on for [s]": flown[-1]["time_s"] - killed_s,
+        "watched for [s]": after[-1]["time_s"] - killed_s,
+    }
+
+
+def main() -> int:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    what = parser.add_subparsers(dest="what", required=True)
+    one = what.add_parser("latency", help="sensor to companion, command to servo")
+    one.add_argument("autopilot", choices=("ardupilot", "px4", "bridge"))
+    one.add_argument("route", nargs="?", help="the usual one where not given")
+    one.add_argument("--firmware", type=Path, metavar="PATH", help="its program")
+    other = what.add_parser("silence", help="after the module was killed")
+    other.add_argument("folder", type=Path, help="of tgl-soar sitl --kill-module")
+    arguments = parser.parse_args()
+    if arguments.what == "silence":
+        for name, value in silence(arguments.folder).items():
+            print(f"{name:28} {value:.2f}" if isinstance(value, float) else f"{name:28} {value}")
+        return 0
+    with tempfile.TemporaryDirectory() as folder:
+        found = latency(
+            arguments.autopilot, arguments.route, arguments.firmware, Path(folder) / "firmware"
+        )
+    for name, values in (("sensor to companion", found.ages_s), ("to servo", found.to_servo_s)):
+        if values:
+            print(
+                f"{name:20} median {1e3 * median(values):.1f} ms, mean {1e3 * mean(values):.1f},"
+                f" largest {1e3 * max(values):.1f}, {len(values)} of them"
+            )
+    print(f"not followed {found.lost} times")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
