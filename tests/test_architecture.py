@@ -47,6 +47,7 @@ TABLE: dict[str, set[str]] = {
     },
     "guard": set(),
     "surface_check": {"link"},
+    "preflight": {"link"},
     "process": {"mocap", "onboard", "guard"},
     "air": {"geometry"},
     "score": set(),
@@ -55,7 +56,7 @@ TABLE: dict[str, set[str]] = {
     "report": {"air", "estimation", "score", "logs"},
     "experiments": {"sim", "report", "config", "onboard"},
     "replay": {"onboard", "flightlog", "sim"},
-    "commands": {"process", "surface_check", "experiments", "replay"},
+    "commands": {"process", "surface_check", "preflight", "experiments", "replay"},
     "cli": {"commands"},
 }
 
@@ -78,6 +79,7 @@ FLIES = {
 STAYS_ON_THE_GROUND = {
     "logs",
     "surface_check",
+    "preflight",
     "sim",
     "report",
     "air",

@@ -14,6 +14,7 @@ from . import (
     modes,
     params,
     polar,
+    preflight,
     replay,
     report,
     site,
@@ -45,6 +46,7 @@ app.command("sitl")(sitl.sitl)
 app.command("glide")(glide.glide)
 app.command("identify")(identify.identify_command)
 app.command("surfaces")(surfaces.surfaces)
+app.command("preflight")(preflight.preflight)
 app.command("zeuc")(zeuc.zeuc)
 app.add_typer(log.log_app, name="log")
 app.command("modes")(modes.modes)

@@ -48,13 +48,15 @@ from .operator import Flown, Leg, Operator, OperatorError
 from .world import build_field
 
 Floats = NDArray[np.float64]
-# Runs a command that the kernel ends when its parent dies, however that dies.
-WITH_PARENT = (
-    "import ctypes, os, sys; ctypes.CDLL(None).prctl(1, 15); os.execv(sys.argv[1], sys.argv[1:])"
-)
 LOGS_MB = 500.0  # of all flights in a folder
 SILENCE_S = 20.0  # without a datagram for so long the bridge is taken for dead
 OVERRIDE_TIME_S = 0.5  # as docs and README ask of a real autopilot: 3 s would lose the aircraft
+
+
+def with_parent(command: list[str], ended_by: int = signal.SIGTERM) -> list[str]:
+    """A command that the kernel ends when its parent dies, however that dies."""
+    bound = f"import ctypes, os, sys; ctypes.CDLL(None).prctl(1, {int(ended_by)});"
+    return [sys.executable, "-c", bound + " os.execv(sys.argv[1], sys.argv[1:])", *command]
 
 
 class SitlError(RuntimeError):
@@ -341,7 +343,7 @@ class _Processes:
     def start(self, name: str, command: list[str]) -> None:
         with self._log(name).open("wb") as log:
             self._running[name] = subprocess.Popen(
-                [sys.executable, "-c", WITH_PARENT, *command],
+                with_parent(command),
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,

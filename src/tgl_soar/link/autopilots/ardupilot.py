@@ -49,12 +49,14 @@ from .base import (
     set_mode,
     value_cast,
 )
-from .requirements import SHOULD, Answers, Needs, Requirement
+from .requirements import MUST, SHOULD, Answers, Needs, Requirement
 
 MODE_MANUAL: Final = 0
 MODE_FBWA: Final = 5
 MODE_GUIDED: Final = 15
 CHANNELS: Final = 18
+FUNCTIONS: Final = (19, 4, 21)  # SERVOn_FUNCTION of elevator, aileron, rudder
+STICKS: Final = ("RCMAP_PITCH", "RCMAP_ROLL", "RCMAP_YAW")
 RUDDER_RAD: Final = pi / 4.0  # yaw of the quaternion that is full rudder
 _FIRST_EIGHT: Final = 8
 _LEAVE_FIRST: Final = 65535
@@ -87,6 +89,56 @@ ATTITUDE: Final = Route(
     after_silence="GUIDED flies to its own target: it circles where it was entered",
     takeover="leave GUIDED; with STICK_MIXING = 1 the sticks add to our setpoints",
     releases=False,
+)
+
+
+def _row(
+    names: str, relation: str, wanted: float, why: str, level: str = MUST, *, old: bool = True
+) -> Requirement:
+    """`old`: there are releases without it, which need nothing."""
+    return Requirement(tuple(names.split()), relation, wanted, why, level, old)
+
+
+BY_OVERRIDE: Final = (
+    _row(
+        "RC_OVERRIDE_TIME", "at most", 0.5,
+        "so long the surfaces stand as they were told last when the module has fallen silent",
+        old=False,
+    ),
+    _row("RC_OVERRIDE_TIME", "at least", 0.1, "0 takes no overrides, -1 lets none run out",
+         old=False),
+    _row("RC_OPTIONS", "lacks bit", 1, "overrides would be ignored"),
+)  # fmt: skip
+BY_ATTITUDE: Final = (
+    _row("STALL_PREVENTION", "is", 0, "near the stall it would bank and pitch otherwise than asked",
+         SHOULD),
+    _row("STICK_MIXING", "is not", 0, "the pilot's sticks would do nothing until he leaves GUIDED",
+         SHOULD),
+)  # fmt: skip
+HOVER: Final = (
+    _row("CRASH_DETECT", "lacks bit", 0,
+         "standing over the ground may be taken for a crash, and would disarm in the air"),
+    _row("FS_SHORT_ACTN", "at least", 2,
+         "a lost radio must not circle without a propeller: 2 glides in FBWA, 3 does nothing"),
+    _row("FS_LONG_ACTN", "is not", 1, "a lost radio must not fly home without a propeller"),
+    _row("FS_LONG_ACTN", "is not", 3, "a lost radio must not end the flight by parachute", SHOULD),
+    _row("FS_GCS_ENABL", "is", 0, "a ground station that is lost must not end the flight", SHOULD),
+)  # fmt: skip
+POSES: Final = (
+    _row("VISO_TYPE", "is", 1, "poses come by MAVLink", old=False),
+    _row("EK3_SRC1_POSXY", "is", 6, "its estimator takes the poses' place"),
+    _row("EK3_SRC1_POSZ", "is", 6, "its estimator takes the poses' height"),
+    _row("EK3_SRC1_YAW", "is", 6, "its estimator takes the poses' heading"),
+    _row("EK3_SRC1_VELXY", "is not", 3, "there are no satellites to tell its velocity"),
+    _row("EK3_SRC1_VELZ", "is not", 3, "there are no satellites to tell its climb"),
+    _row(
+        "GPS1_TYPE GPS_TYPE", "is", 14,
+        "its estimator begins with a fix: a ground station gives it one by GPS_INPUT", SHOULD,
+    ),
+)  # fmt: skip
+SATELLITES: Final = (
+    _row("GPS1_TYPE GPS_TYPE", "is not", 0, "its position comes from satellites"),
+    _row("EK3_SRC1_POSXY", "is", 3, "its position comes from satellites"),
 )
 
 
@@ -173,18 +225,56 @@ class ArduPilot:
         return value_cast(message)
 
     def requirements(self, needs: Needs) -> tuple[Requirement, ...]:
-        """Those of the route, of the streams and of the surfaces."""
-        loop_hz = max(250.0, needs.loop_rate_hz / 0.8)
+        """Those of the route, of streams and surfaces, of a hovering aircraft, of the poses."""
+        rows = (self._loop(needs), *self._calibration(), *self._functions())
+        rows += BY_ATTITUDE if self.route is ATTITUDE else BY_OVERRIDE
         return (
-            Requirement(
-                ("SCHED_LOOP_RATE",),
-                "at least",
-                loop_hz,
-                f"it sends a stream at 0.8 of this at most, and ours run at {needs.loop_rate_hz:g}"
-                " Hz; its servos are late by one loop",
-                SHOULD,
-            ),
+            rows
+            + HOVER
+            + (POSES if needs.external_pose else ())
+            + (SATELLITES if needs.gps else ())
         )
+
+    def _loop(self, needs: Needs) -> Requirement:
+        return _row(
+            "SCHED_LOOP_RATE",
+            "at least",
+            max(250.0, needs.loop_rate_hz / 0.8),
+            f"it sends a stream at 0.8 of this at most, and ours run at {needs.loop_rate_hz:g}"
+            " Hz; its servos are late by one loop",
+            SHOULD,
+            old=False,
+        )
+
+    def _calibration(self) -> tuple[Requirement, ...]:
+        """A pulse passes from stick to servo unchanged, and its own modes know the direction."""
+        rows: list[Requirement] = []
+        prefixes = ("SERVO",) if self.route is ATTITUDE else ("RC", "SERVO")
+        for what, surface in zip(self._channels._fields, self._channels, strict=True):
+            why = f"{what} as in the airframe file, so that a pulse passes unchanged"
+            for prefix in prefixes:
+                name = f"{prefix}{surface.channel}"
+                rows += (
+                    _row(f"{name}_MIN", "is", surface.pwm_min, why, old=False),
+                    _row(f"{name}_TRIM", "is", surface.pwm_trim, why, old=False),
+                    _row(f"{name}_MAX", "is", surface.pwm_max, why, old=False),
+                    _row(f"{name}_REVERSED", "is", float(surface.reversed), why, old=False),
+                )
+        return tuple(rows)
+
+    def _functions(self) -> tuple[Requirement, ...]:
+        """Which output follows which stick."""
+        rows: list[Requirement] = []
+        columns = (self._channels._fields, self._channels, FUNCTIONS, STICKS)
+        for what, surface, function, stick in zip(*columns, strict=True):
+            channel = surface.channel
+            why = f"the {what} is on channel {channel}"
+            rows.append(_row(f"SERVO{channel}_FUNCTION", "is", function, why))
+            if self.route is OVERRIDE:
+                rows.append(_row(stick, "is", channel, why))
+                dead = "small deflections would be swallowed"
+                rows.append(_row(f"RC{channel}_DZ", "is", 0, dead, SHOULD))
+        return tuple(rows)
 
     def _attitude(self, rudder: float, setpoints: Setpoints) -> SetAttitudeTarget:
         yaw = max(-1.0, min(1.0, rudder)) * RUDDER_RAD if isfinite(rudder) else 0.0

@@ -127,9 +127,12 @@ HOVER: Final = (
     _row("NAV_DLL_ACT", "is", 0, "a ground station that is lost must not end the flight", SHOULD),
     _row(
         "MAV_0_FORWARD", "is", 1,
-        "ground stations reach the module through the autopilot (and MAV_1_FORWARD)", SHOULD,
+        "ground stations reach the module through the autopilot", SHOULD,
     ),
-    _row("MAV_1_FORWARD", "is", 1, "the same, of the link to the companion", SHOULD),
+    _row(
+        "MAV_1_FORWARD", "is", 1,
+        "ground stations reach the module through the autopilot", SHOULD,
+    ),
 )  # fmt: skip
 BY_OFFBOARD: Final = (
     _row(

@@ -18,10 +18,10 @@ from __future__ import annotations
 import json
 import os
 import select
+import signal
 import socket
 import struct
 import subprocess
-import sys
 import time
 from collections.abc import Collection, Mapping
 from pathlib import Path
@@ -30,10 +30,11 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config import Airframe, HomePosition, Site, Surfaces
+from tgl_soar.link.autopilots.ardupilot import FUNCTIONS
 from tgl_soar.sim.channels import NEUTRAL, deflection_from_pwm, ordered, pwm_from_deflection
 from tgl_soar.sim.ports import Address
 from tgl_soar.sim.sensor_messages import geodetic
-from tgl_soar.sim.sitl import WITH_PARENT
+from tgl_soar.sim.sitl import with_parent
 from tgl_soar.types import SurfaceCommand
 
 from . import FirmwareError
@@ -59,7 +60,6 @@ THROTTLE_CHANNEL: Final = 3
 RC_CHANNELS: Final = 8
 # Before its estimator has aligned a simpler one takes its place, and it could be armed.
 READY: Final = mavlink.MAV_SYS_STATUS_PREARM_CHECK | mavlink.MAV_SYS_STATUS_AHRS
-FUNCTIONS: Final = (19, 4, 21)  # SERVOn_FUNCTION of elevator, aileron, rudder
 
 
 class ArduPlanePhysics:
@@ -206,7 +206,7 @@ def channel_parameters(surfaces: Surfaces) -> dict[str, float]:
             parameters[f"{name}_MIN"] = surface.pwm_min
             parameters[f"{name}_TRIM"] = surface.pwm_trim
             parameters[f"{name}_MAX"] = surface.pwm_max
-            parameters[f"{name}_REVERSED"] = 0
+            parameters[f"{name}_REVERSED"] = surface.reversed
         parameters[f"RC{surface.channel}_DZ"] = 0
         parameters[f"SERVO{surface.channel}_FUNCTION"] = function
     return parameters
@@ -316,14 +316,19 @@ class ArduPlane(ArduPlanePhysics):
         at = self._home
         with (folder / "arduplane.log").open("wb") as log:
             self._process = subprocess.Popen(
-                [
-                    *(sys.executable, "-c", WITH_PARENT, str(binary.resolve())),
-                    *("--wipe", "--model", "JSON:127.0.0.1", "--sim-port-out", str(self.port)),
-                    *("--rate", str(STEP_HZ), "--speedup", str(SPEEDUP)),
-                    *("--home", f"{at.latitude_deg},{at.longitude_deg},{at.altitude_m},0"),
-                    *("--defaults", str(defaults.resolve())),
-                    *("--serial0", _client(self._ground), "--serial1", _client(self._companion)),
-                ],
+                with_parent(
+                    [
+                        str(binary.resolve()),
+                        *("--wipe", "--model", "JSON:127.0.0.1"),
+                        *("--sim-port-out", str(self.port)),
+                        *("--rate", str(STEP_HZ), "--speedup", str(SPEEDUP)),
+                        *("--home", f"{at.latitude_deg},{at.longitude_deg},{at.altitude_m},0"),
+                        *("--defaults", str(defaults.resolve())),
+                        *("--serial0", _client(self._ground)),
+                        *("--serial1", _client(self._companion)),
+                    ],
+                    signal.SIGKILL,
+                ),
                 cwd=folder,
                 stdin=subprocess.DEVNULL,
                 stdout=log,
@@ -346,13 +351,9 @@ class ArduPlane(ArduPlanePhysics):
         )
 
     def close(self) -> None:
-        """End it."""
-        self._process.terminate()
-        try:
-            self._process.wait(5.0)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        """End it; while it waits for our next step it hears no request to end."""
+        self._process.kill()
+        self._process.wait()
         super().close()
 
 

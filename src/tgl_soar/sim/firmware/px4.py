@@ -16,9 +16,9 @@ from __future__ import annotations
 
 import os
 import select
+import signal
 import socket
 import subprocess
-import sys
 import time
 from collections.abc import Collection, Mapping
 from math import hypot, isfinite
@@ -29,7 +29,7 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from tgl_soar.config import Airframe, Site, Surfaces
 from tgl_soar.sim.channels import NEUTRAL, ordered
-from tgl_soar.sim.sitl import WITH_PARENT
+from tgl_soar.sim.sitl import with_parent
 from tgl_soar.types import SurfaceCommand
 
 from . import FirmwareError
@@ -369,10 +369,10 @@ class Px4(Px4Physics):
         settings = {f"PX4_PARAM_{name}": f"{value:g}" for name, value in parameters.items()}
         with (folder / "px4.log").open("wb") as log:
             self._process = subprocess.Popen(
-                [
-                    *(sys.executable, "-c", WITH_PARENT, str(binary.resolve())),
-                    *("-i", str(instance), "-d", str(files.resolve())),
-                ],
+                with_parent(
+                    [str(binary.resolve()), "-i", str(instance), "-d", str(files.resolve())],
+                    signal.SIGKILL,
+                ),
                 cwd=folder,
                 env={**os.environ, "PX4_SYS_AUTOSTART": PLANE, **settings},
                 stdin=subprocess.DEVNULL,

@@ -38,6 +38,10 @@ COMMANDS: Final = frozenset(
     {"SET_ATTITUDE_TARGET", "MANUAL_CONTROL", "SET_ACTUATOR_CONTROL_TARGET", "RC_CHANNELS_OVERRIDE"}
 )
 
+HEARTBEAT: Final = mavlink.MAVLink_heartbeat_message(
+    mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
+)
+
 
 class FirmwareLink:
     """One UDP link of the firmware: it speaks to us first, or we know where it listens."""
@@ -219,6 +223,14 @@ class Relay:
     def command(self, message: Any) -> None:
         """To the firmware, as a ground station."""
         self._ground.send(bytes(message.pack(self._own)))
+
+    def greet(self) -> None:
+        """A ground station's heartbeat; on the companion's link until a companion has spoken, as
+        PX4 says nothing there before it has heard something."""
+        beat = bytes(HEARTBEAT.pack(self._own))
+        self._ground.send(beat)
+        if not any(self._heartbeats[link] for link, ground in self._links.items() if not ground):
+            self._companion.send(beat)
 
     @property
     def is_commanded(self) -> bool:

@@ -176,7 +176,7 @@ class FirmwareSimulation:
             self.pixhawk.command(help_)
         self.pixhawk.step(self.time_s)
         if world.steps % world.step_hz == 0:
-            self.pixhawk.command(_HEARTBEAT)
+            self.pixhawk.greet()
         if self._options.truth and world.steps % self._truth_every == 0:
             for name, value in told_truth(world, self._polar):
                 self.pixhawk.broadcast(
@@ -271,8 +271,3 @@ def arm(system: int) -> Any:
     return mavlink.MAVLink_command_long_message(
         system, 1, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     )
-
-
-_HEARTBEAT: Final = mavlink.MAVLink_heartbeat_message(
-    mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
-)
