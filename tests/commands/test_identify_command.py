@@ -101,6 +101,23 @@ def test_a_simulated_glide_leaves_a_log_that_both_take(tmp_path: Path) -> None:
     assert run("glide", "--out", blocked)[0] == 2
 
 
+def test_of_a_log_that_breaks_off_the_glides_are_used_and_the_loss_is_told(
+    glide_log: Path, tmp_path: Path
+) -> None:
+    """Power is lost among the doublets: a polar is still in it, and too few of those."""
+    data = glide_log.read_bytes()
+    cut = tmp_path / "cut.ulg"
+    cut.write_bytes(data[: int(0.72 * len(data))])
+    code, said = run("polar", "fit", cut, "--wind", WIND_MPS)
+    assert code == 0, said
+    assert "lost: cut off" in said
+    assert "[polar]" in said
+    code, said = run("identify", cut, "--wind", WIND_MPS)
+    assert code == 2
+    assert "lost: cut off" in said
+    assert "manoeuvres found, 4 are needed" in said.replace("\n", " ")
+
+
 def test_mistakes_are_said(glide_log: Path, tmp_path: Path) -> None:
     code, said = run("identify", tmp_path / "none.ulg")
     assert code == 2

@@ -82,6 +82,8 @@ def identify_command(
         fail(error if isinstance(error, ConfigError) else f"{airframe}: {error}")
     try:
         flight = steered(read_flight(log), plane.surfaces)
+        for text in flight.lost:
+            errors.print(f"lost: {text}", style="yellow", highlight=False, markup=False)
         columns = longitudinal(flight, MeanWind(wind, radians(wind_from)))
         with Progress(
             SpinnerColumn(), TextColumn("{task.description}"), console=errors, transient=True
@@ -92,8 +94,6 @@ def identify_command(
         fail(error)
     except ValueError as error:
         fail(f"{log}: {error}")
-    for text in flight.lost:
-        errors.print(f"lost: {text}", style="yellow", highlight=False, markup=False)
     _print(found, plane.model)
     if out is not None:
         _write(out, airframe, found)

@@ -66,7 +66,7 @@ def export(
         Path | None, typer.Option(help="File, or folder for csv; beside the log if not given.")
     ] = None,
 ) -> None:
-    """Write a log in another format."""
+    """Write what can be read of a log in another format; exit code 1 if anything is lost."""
     if to not in FORMATS:
         fail(f"--to {to}: must be {', '.join(FORMATS)}")
     log = read(path)
@@ -79,3 +79,5 @@ def export(
         fail(f"{target}: cannot be written: {error.strerror or error}")
     for file in written:
         console.print(str(file), highlight=False, markup=False, soft_wrap=True)
+    if log.losses:
+        raise typer.Exit(1)

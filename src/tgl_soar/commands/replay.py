@@ -180,5 +180,5 @@ def _from_wire(path: Path, airframe: Path, site: Path, changes: dict[str, float]
             largest,
         )
     console.print(table)
-    if result.missed:
+    if result.missed or result.losses:
         raise typer.Exit(1)

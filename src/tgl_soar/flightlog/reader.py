@@ -41,6 +41,8 @@ _DEFINITIONS: Final = frozenset(b"BFIMPQ")
 _BEGINNINGS: Final = frozenset(b"ALC")  # of the data
 _ALIKE: Final = 4  # so many messages in a row are no accident
 _SEARCHED: Final = 1_000_000  # bytes after damage
+_FORMAT: Final = 1  # the file format's newest version
+LEAP_S: Final = 60.0  # no row of any topic for so long: the clock leapt, or nothing was logged
 
 
 class LogError(ValueError):
@@ -108,6 +110,8 @@ def read_log(path: str | Path) -> FlightLog:
     if len(data) < _HEADER or not data.startswith(_MAGIC):
         raise LogError(f"{path}: not a ULog: it does not begin as one")
     whole, losses = _whole_messages(data)
+    if data[len(_MAGIC)] > _FORMAT:
+        losses.append(f"ULog of version {data[len(_MAGIC)]}, read as version {_FORMAT}")
     try:
         with redirect_stdout(io.StringIO()):  # what it would say is said by `losses`
             ulog = ULog(io.BytesIO(whole), disable_str_exceptions=True)
@@ -257,4 +261,12 @@ def _gaps(log: FlightLog) -> list[str]:
         if times is not None and np.any(back := np.diff(times.astype(np.int64)) < 0):
             at = times[int(np.argmax(back))] * 1e-6
             losses.append(f"{name}: the clock goes back after {at:.3f} s, {int(back.sum())} times")
+    every = [topic["timestamp"] for topic in log.topics.values() if "timestamp" in topic]
+    times_s = np.sort(np.concatenate(every)) * 1e-6 if every else np.empty(0)
+    gaps_s = np.diff(times_s)
+    losses += [
+        f"{gaps_s[i]:.4g} s without a row after {times_s[i]:.3f} s: the clock leapt or nothing was"
+        " logged"
+        for i in np.flatnonzero(gaps_s > LEAP_S)[:10]
+    ]
     return losses

@@ -7,9 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from tgl_soar.flightlog.reader import LEAP_S
+
 Floats = NDArray[np.float64]
 
-LEAP_S = 60.0  # no sample of any stream for so long: the clock leapt, or nothing was recorded
 REST_S = 1.0  # is left of such a leap
 OUT_OF_ORDER_S = 0.5  # a step back by less is a sample that came late
 

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.flightlog.reader import LogError
+from tgl_soar.flightlog.reader import LEAP_S, LogError
 
-from .clocks import LEAP_S, OUT_OF_ORDER_S, Straightened
+from .clocks import OUT_OF_ORDER_S, Straightened
 from .flight_data import (
     COLUMNS,
     RATES,

@@ -70,6 +70,7 @@ class WireReplay:
     missed: bool  # then it flew, now it never did
     took_s: float
     notes: list[str]
+    losses: list[str]  # what of the recording could not be read; among the notes too
 
     def column(self, name: str) -> Array:
         """A field of the outputs over the ticks, by its dotted name."""
@@ -150,7 +151,8 @@ def replay_wire(
 
     Errors: `LogError`, `ConfigError`, `ParameterError`.
     """
-    frames, notes = read_wire(path)
+    frames, losses = read_wire(path)
+    notes = list(losses)
     airframe, site = load_airframe(airframe_path), load_site(site_path)
     values = load_parameters(airframe, airframe_path, site, site_path)
     link = airframe.autopilot
@@ -219,7 +221,7 @@ def replay_wire(
             "it flew, and does not in the replay: what it needs to engage is not in the recording,"
             " or its files are others (--airframe, --site)"
         )
-    return WireReplay(memory.outputs, memory.inputs, compared, now_s, missed, took, notes)
+    return WireReplay(memory.outputs, memory.inputs, compared, now_s, missed, took, notes, losses)
 
 
 def _decoded(frames: list[Frame]) -> Iterator[tuple[Frame, Any]]:
