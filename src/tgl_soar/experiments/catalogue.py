@@ -17,6 +17,7 @@ from . import (
     sensitivity,
     still_lines,
     wind_estimate,
+    wind_use,
 )
 from .context import Context
 from .result import Result
@@ -35,6 +36,7 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "identification": identification.identification,
     "estimator": estimator.estimator,
     "wind_estimate": wind_estimate.wind_estimate,
+    "wind_use": wind_use.wind_use,
 }
 
 TITLES: Final = {
@@ -51,6 +53,7 @@ TITLES: Final = {
     "identification": "a gliding test flight's log, and the model that flew it",
     "estimator": "what accelerometers are worth to estimate and flight",
     "wind_estimate": "wind and updraft as read on board, against the air that was there",
+    "wind_use": "what the laws may make of the wind they read",
 }
 
 

@@ -120,6 +120,7 @@ class Flight(NamedTuple):
     duration_s: float = FLIGHT_S
     scale: float = 1.0  # of the outer loop's gains
     heard: Heard = "all"
+    changes: tuple[tuple[str, float], ...] = ()  # of parameters
 
 
 class Scored(NamedTuple):
@@ -148,7 +149,7 @@ def fly_scored(flight: Flight) -> Scored:
 
 def fly_scored_compiled(flight: Flight) -> Scored:
     """The same where all fixes are heard, compiled."""
-    prepared = _prepared(flight._replace(seed=1, scale=1.0))
+    prepared = _prepared(flight._replace(seed=1, scale=1.0, changes=()))
     return _scored(fly_compiled(prepared, flight.seed, _values(flight), ()))
 
 
@@ -237,6 +238,11 @@ def _place() -> tuple[Site, ParameterSet, WindField]:
     return site, values, build_field(site.air)
 
 
+def places() -> tuple[str, ...]:
+    """The lines of the tunnel.  Errors: `ConfigError`."""
+    return tuple(_place()[0].lines)
+
+
 @lru_cache(maxsize=1)
 def _airframe() -> Airframe:
     return load_airframe(shipped("airframes/eclipson_c.toml"))
@@ -270,6 +276,7 @@ def _values(flight: Flight) -> ParameterSet:
             **line_parameters(site.lines[flight.line]),
             **{name: flight.scale * values[name] for name in loop},
             "EST_FIX_SD": max(flight.sensors.position.noise_m, values["EST_FIX_SD"]),
+            **dict(flight.changes),
         }
     )
 
@@ -405,20 +412,19 @@ def known(flights: Sequence[Seen], imu: bool) -> Known:
 
 def estimator(context: Context) -> Result:
     """Ratios against the law without accelerations, errors, gaps, latency, the lab's chain."""
-    lines = tuple(_place()[0].lines)
-    places = lines[:1] if context.quick else lines
+    lines = places()[:1] if context.quick else places()
     seeds = SEEDS[:1] if context.quick else SEEDS
     few = seeds[:FEW]
     rough = ROUGH_SEEDS[:1] if context.quick else ROUGH_SEEDS
 
     def all_of(seeds: Sequence[int], sensors: Sensors, **what: Any) -> list[Flight]:
-        return [Flight(place, seed, sensors, **what) for place in places for seed in seeds]
+        return [Flight(place, seed, sensors, **what) for place in lines for seed in seeds]
 
     watched = {
         name: all_of(seeds[:WATCHED], asked.sensors, duration_s=WATCHED_S)
         for name, asked in ASKED.items()
     }
-    through = Flight(places[0], 1, IMU, CALM, WATCHED_S, heard="with one gap")
+    through = Flight(lines[0], 1, IMU, CALM, WATCHED_S, heard="with one gap")
     spoilt = {
         "accelerations, gaps": all_of(
             seeds, IMU, turbulence=CALM, duration_s=GAPS_S, heard="with gaps"
@@ -441,7 +447,7 @@ def estimator(context: Context) -> Result:
         **{f"accelerations, gains × {k:g}": all_of(few, IMU, scale=k) for k in MARGIN},
     }
     seen = _each(context.flyer, watch, {**watched, "through": [through]})
-    flown = _fly(context.flyer, spoilt, scored)
+    flown = fly_named(context.flyer, spoilt, scored)
     scores = {name: score(flights) for name, flights in flown.items()}
     air = {
         (flight.line, flight.seed): result
@@ -472,7 +478,7 @@ def estimator(context: Context) -> Result:
     return Result(
         "estimator",
         "what accelerometers are worth to estimate and flight",
-        f"Flights of {FLIGHT_S:g} s on the lines {', '.join(places)} of the tunnel, the first"
+        f"Flights of {FLIGHT_S:g} s on the lines {', '.join(lines)} of the tunnel, the first"
         f" {SETTLE_S:g} s not scored, at {percent} of turbulence where nothing else is said. Both"
         " laws have the autopilot's position (50 Hz, 40 ms late, 2 mm) and attitude; the plain one"
         " flies with its gains and without accelerometers, the other with accelerometers of 200 Hz"
@@ -598,10 +604,10 @@ def _named(jobs: dict[str, list[Flight]], flown: list[Flew]) -> dict[str, list[F
     return {name: [next(left) for _ in flights] for name, flights in jobs.items()}
 
 
-def _fly(
+def fly_named(
     flyer: Flyer, spoilt: dict[str, list[Flight]], scored: dict[str, list[Flight]]
 ) -> dict[str, list[Scored]]:
-    """All of them, compiled where that is possible and worth its time."""
+    """All of them, compiled where that is possible and worth its time; `spoilt` never is."""
     simple = [flight for flights in scored.values() for flight in flights]
     if len(simple) < COMPILED_FROM or not available():
         return _each(flyer, fly_scored, {**spoilt, **scored})
