@@ -177,7 +177,8 @@ def identification(context: Context) -> Result:
         "a gliding test flight's log, and the model that flew it",
         f"{len(seeds)} gliding flights of {max(f.duration_s for f in flights):.0f} s in still air,"
         " each with a servo delay of 0 to 40 ms and sensor errors of its own: ten speeds, then"
-        " eight doublets. `tgl-soar polar fit` and `tgl-soar identify` do the same with a log.",
+        " eight doublets. `tgl-soar polar fit` and `tgl-soar identify` do the same with a log. Of"
+        " sink the worst of eight speeds counts, and truth is the model's own polar, no cubic.",
         tuple(
             Claim(
                 f"{what} within {within * scale:g} {unit}",
@@ -194,7 +195,9 @@ def identification(context: Context) -> Result:
             )
             for what, _, _, share, _, _ in rows
         ),
-        "",
+        "What is known beforehand (mass, size, inertia, the servo's lag and rate) is known exactly"
+        " here, and the air is still. The bands are wider than these errors because they also hold"
+        " what a stepwise read-back of the elevator leaves open of its timing.",
         (
             Table(
                 "Errors",
