@@ -71,6 +71,7 @@ GIVE_BACK_INTERVAL_S: Final = 0.02  # between frames that give the surfaces back
 COMPLAIN_S: Final = 5.0  # between two lines on the console about an autopilot that is not there
 
 EXIT_OK: Final = 0
+EXIT_ERROR: Final = 1
 EXIT_CANNOT_START: Final = 2
 EXIT_NO_AUTOPILOT: Final = 3
 
@@ -298,7 +299,9 @@ def _run(plan: Plan, life: guard.LifeSign | None = None, became: str = "") -> in
         print(error, file=sys.stderr)
         for transport in transports:
             transport.close()
-        return EXIT_CANNOT_START
+        # What has worked before may work again, as a line that was pulled for a moment: the guard
+        # is to try.
+        return EXIT_ERROR if became else EXIT_CANNOT_START
     stopped = threading.Event()
     restore = _stop_on_signals(stopped)
     with _behind(plan.wishes, plan.lockstep):

@@ -6,14 +6,15 @@ import os
 import signal
 import socket
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from module_process import PATIENCE_S, Module
+from module_process import AIRFRAME, PATIENCE_S, SITE, Module
 
-from tgl_soar.guard import EXIT_KEEPS_DYING, LifeSign
-from tgl_soar.process import EXIT_OK
+from tgl_soar import process
+from tgl_soar.guard import EXIT_KEEPS_DYING, Child, LifeSign, Release
+from tgl_soar.process import EXIT_CANNOT_START, EXIT_ERROR, EXIT_OK
 
 
 @pytest.fixture
@@ -94,6 +95,22 @@ def test_an_orphan_lets_go_and_ends(module: Module) -> None:
         if state == "Z":  # whoever adopts orphans here takes its time to bury them
             break
         assert time.monotonic() < end
+
+
+@pytest.mark.parametrize(
+    ("became", "code"), [("", EXIT_CANNOT_START), ("was killed by SIGKILL", EXIT_ERROR)]
+)
+def test_a_link_that_worked_before_is_tried_again(
+    became: str, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def watch(child: Child, _release: Release, _say: Callable[[str], None]) -> int:
+        return child(LifeSign(), became)
+
+    monkeypatch.setattr("tgl_soar.guard.watch", watch)
+    monkeypatch.setattr("tgl_soar.realtime.go_first", lambda: None)
+    link = "serial:/dev/there_is_none:57600"
+    assert process.run(AIRFRAME, SITE, link, guarded=True) == code
+    assert "there_is_none" in capsys.readouterr().err
 
 
 def test_what_keeps_dying_is_given_up(module: Module) -> None:
