@@ -1,5 +1,6 @@
 # make run    fly the three-leg flight between real processes and draw it
 # make test   lint, types and tests
+# make long   the tests that take minutes: an hour's flight of the whole module
 # make bench  timings, as ratios against references of the same run
 # make cover  the branches of supervisor and envelope that their own tests reach: all of them
 # make mutate whether those tests notice every small change of the two (some twenty minutes)
@@ -16,7 +17,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c const
 export PIP_ROOT_USER_ACTION := ignore
 
 .DEFAULT_GOAL := help
-.PHONY: help run test lint bench cover mutate clean
+.PHONY: help run test lint long bench cover mutate clean
 
 help:
 	@sed -n 's/^# \(make .*\)/\1/p' Makefile
@@ -31,6 +32,9 @@ lint: $(VENV)/.test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+long: $(VENV)/.test
+	$(BIN)/pytest -m long $(ARGS)
 
 bench: $(VENV)/.test
 	$(BIN)/python -m benchmarks $(ARGS)

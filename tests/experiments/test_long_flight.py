@@ -1,4 +1,7 @@
-"""The whole module across the wrap of the autopilot's clock; `campaign long` flies a day."""
+"""The whole module across the wrap of the autopilot's clock.
+
+For seconds in every run, for an hour by `make long`; `tgl-soar campaign long` flies a day.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +22,17 @@ def test_the_wrap_of_the_autopilots_clock_is_flown_through() -> None:
     # After the capture and across the wrap the line is held as ever: 5 cm, at 1 % turbulence.
     assert all(part.largest_e_rho_m < 0.05 for part in flight.parts if part.flown_s > 5.0)
     assert flight.is_well
+
+
+@pytest.mark.long
+def test_an_hour_is_flown_through_and_leaves_memory_as_it_was() -> None:
+    flight = fly_long(3600.0)
+    assert flight.is_well, flight
+    assert flight.ticks == 720_000
+    assert flight.stale == 0
+    assert flight.grown_kib < 1024  # a byte and a half for each tick
+    # After the capture twice as far as turbulence of 1 % ever takes it.
+    assert all(part.largest_e_rho_m < 0.05 for part in flight.parts[1:])
 
 
 @pytest.mark.parametrize(

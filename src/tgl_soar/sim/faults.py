@@ -119,7 +119,7 @@ _PASSING: Final = {
     "attitude": "attitudes",
     "imu": "accelerations and rates",
     "airspeed": "airspeeds",
-    "all": "all measurements",
+    "all": "measurements",
     "link": "datagrams, both ways",
 }
 _GAP_S: Final = {"attitude": _for(0.2, 0.02, 1.0), "all": _for(0.2, 0.02, 1.0)}
