@@ -6,7 +6,9 @@
                           own, whichever component sends it
     WIND_COV              only when asked for, for the same reason
 
-A number that does not exist (a setpoint in standby) is NaN.
+A number that does not exist (a setpoint in standby) is NaN.  `health` says what may be flown
+with, `faults` what ails whom: the bits of `estimation.health.FAULT_TEXTS`, which a float holds
+exactly.
 """
 
 from __future__ import annotations
@@ -45,7 +47,7 @@ FAST: Final = (
     "line_lean",
 )
 SLOW: Final = (
-    *("climb", "health", "age_pos", "age_att", "age_ap", "loss", "rtt_ms"),
+    *("climb", "health", "faults", "age_pos", "age_att", "age_ap", "loss", "rtt_ms"),
     *("wind", "updraft", "excess", "airspeed"),
 )
 ARRAY: Final = (
@@ -58,7 +60,7 @@ ARRAY: Final = (
     *("rudder", "rud_p", "rud_d", "rud_saturated"),
     *("age_pos", "age_att", "age_ap", "health"),
     *("airspeed", "alpha", "wind", "updraft", "excess", "wind_sd", "updraft_sd"),
-    "imu_share",
+    *("imu_share", "faults"),
 )
 ARRAY_NAME: Final = "tgl_soar"
 ARRAY_ID: Final = 191
@@ -153,6 +155,7 @@ def slow_value(output: Output, loss: float, round_trip_s: float, turn: int) -> f
     return (
         output.vehicle.climb_mps,
         health_bits(output),
+        float(health.faults),
         health.position_age_s,
         health.attitude_age_s,
         health.heartbeat_age_s,
@@ -209,6 +212,7 @@ def float_array(output: Output, vehicle_time_s: float) -> DebugFloatArray:
         *(air.airspeed_mps, degrees(air.alpha_rad), air.wind_mps, air.updraft_mps),
         *(air.excess_mps, air.wind_sigma_mps, air.updraft_sigma_mps),
         output.imu_share,
+        float(health.faults),
     )
     return DebugFloatArray(_stamp(vehicle_time_s, 1e6), ARRAY_NAME, ARRAY_ID, data)
 

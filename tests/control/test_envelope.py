@@ -208,6 +208,28 @@ def test_travel_and_rate_are_told_of_each_surface(surface: str, sign: float) -> 
     assert cut(0.75, 0.84) == CUT_TRAVEL
 
 
+@pytest.mark.parametrize("other", SurfaceCommand._fields)
+@pytest.mark.parametrize("surface", SurfaceCommand._fields)
+def test_a_surface_on_its_boundary_is_not_blamed_for_another(surface: str, other: str) -> None:
+    """One is too fast and the other as fast as it may be; one too far and the other at its stop."""
+    if surface == other:
+        return
+
+    def command(one: float, two: float) -> SurfaceCommand:
+        return SurfaceCommand(**{**ZERO._asdict(), surface: one, other: two})
+
+    assert limit_surfaces(LIMITS, ZERO, command(2 * MOST, MOST), DT).cut == CUT_RATE
+    assert limit_surfaces(LIMITS, ZERO, command(2 * MOST, 0.8), 0.04).cut == 0
+    assert limit_surfaces(LIMITS, ZERO, command(0.9, 0.8), 1.0).cut == CUT_TRAVEL
+    held = command(0.0, 0.8)  # at its stop while the other is too fast: no travel is cut
+    assert limit_surfaces(LIMITS, held, command(2 * MOST, 0.8), DT).cut == CUT_RATE
+    stopped = limit_surfaces(LIMITS, command(0.8, 0.0), command(0.9, MOST), DT)
+    # 0.1 beyond the stop is as fast as it may be too.
+    assert stopped.cut & CUT_TRAVEL
+    near = command(0.75, 0.0)
+    assert limit_surfaces(LIMITS, near, command(0.84, MOST), DT).cut == CUT_TRAVEL
+
+
 def test_a_mode_that_does_not_fly_puts_nothing_out() -> None:
     limited = envelope.limit_surfaces(
         LIMITS, SurfaceCommand(0.5, 0.5, 0.5), SurfaceCommand(nan, 0.5, 0.5), 0.8, False, DT
@@ -264,6 +286,8 @@ def test_the_elevators_limit_is_met_on_its_boundaries() -> None:
     assert elevator_limit(LIMITS, 0.1, below) == pytest.approx(0.8)
     assert elevator_limit(LIMITS, 0.1, full) == 0.8
     assert elevator_limit(LIMITS, 0.1, above) == 0.8
+    trim = next(k / 1000 for k in range(-800, 800) if k / 1000 + (0.8 - k / 1000) != 0.8)
+    assert elevator_limit(LIMITS, trim, full) == 0.8  # with no rounding
     assert elevator_limit(LIMITS, 0.1, inf) == 0.8
     assert elevator_limit(LIMITS, 0.1, 0.5 * MARGIN_FULL) == pytest.approx(0.45)
     for margin in (0.0, nextafter(0.0, -inf), -1.0, -inf):
@@ -426,6 +450,17 @@ BOARD = ground((0.0, 0.0), (4.0, 3.0), (8.0, 3.0))  # 3-4-5, then level
 )
 def test_clearance_is_the_distance_to_a_plane(x: float, z: float, distance: float) -> None:
     assert clearance(BOARD, x, z) == pytest.approx(distance, abs=1e-12)
+
+
+def test_a_profile_goes_on_level_from_its_ends() -> None:
+    ramp = ground((0.0, 1.0), (4.0, 4.0))
+    assert clearance(ramp, -1.0, 2.25) == 1.25
+    assert clearance(ramp, 0.0, 2.25) == 1.25
+    assert clearance(ramp, nextafter(0.0, inf), 2.25) == pytest.approx(1.0)
+    assert clearance(ramp, nextafter(4.0, 0.0), 5.25) == pytest.approx(1.0)
+    assert clearance(ramp, 4.0, 5.25) == 1.25
+    assert clearance(ramp, 9.0, 5.25) == 1.25
+    assert clearance(ground((3.0, 2.0)), 3.0, 5.0) == 3.0  # one point: a height
 
 
 def test_a_profile_may_have_as_many_points_as_there_is_room_for() -> None:

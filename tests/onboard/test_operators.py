@@ -11,6 +11,7 @@ from test_onboard import CAPTURING, READY, SOARING, Flight, setup, texts
 
 from tgl_soar import process as module
 from tgl_soar import realtime
+from tgl_soar.estimation.health import ATTITUDE_SHIFT, DISARMED, WRONG
 from tgl_soar.instruments import ARRAY
 from tgl_soar.link.signing import EPOCH_S, Signing
 from tgl_soar.onboard import Onboard
@@ -232,8 +233,18 @@ def test_all_terms_come_in_one_array(flight: Flight) -> None:
     assert abs(shown["age_att"]) < 0.01
     output = flight.onboard.output
     assert output is not None
+    assert shown["faults"] == output.health.faults
     assert len(ARRAY) <= len(arrays[-1].data)
     assert shown["elevator"] == pytest.approx(output.command.elevator, abs=0.05)
+
+
+def test_a_fault_of_a_stream_is_told_by_its_bit(flight: Flight) -> None:
+    flight.engaged().run(1.5)
+    assert {m.value for m in flight.said("NAMED_VALUE_FLOAT") if m.name == "faults"} == {DISARMED}
+    flight.quaternion = [0.9, 0.0, 0.0, 0.0]  # its norm is not one
+    flight.run(1.5)
+    told = [m.value for m in flight.said("NAMED_VALUE_FLOAT") if m.name == "faults"]
+    assert told[-1] == DISARMED | WRONG << ATTITUDE_SHIFT
 
 
 def test_lost_frames_are_told_as_a_share(flight: Flight) -> None:

@@ -138,11 +138,10 @@ def pitch_within(
     Neither limit goes beyond the best glide: a wrong margin must not push the nose down for good.
     """
     low = clearance_m < 2.0 * limits.clearance_min_m or climb_mps < -limits.sink_max_mps
-    if low and setpoint_rad < limits.glide_pitch_rad:
-        setpoint_rad = limits.glide_pitch_rad
-    highest = max(limits.glide_pitch_rad, pitch_rad + margin_rad)
-    if margin_rad < MARGIN_FULL and setpoint_rad > highest:
-        setpoint_rad = highest
+    if low:
+        setpoint_rad = max(setpoint_rad, limits.glide_pitch_rad)
+    if margin_rad < MARGIN_FULL:
+        setpoint_rad = min(setpoint_rad, max(limits.glide_pitch_rad, pitch_rad + margin_rad))
     return setpoint_rad
 
 
@@ -223,12 +222,6 @@ def blocked_side(deflection_max: float, given: float, wanted: float) -> int:
 
 def outside(fence: Fence, x_m: float, y_m: float, z_m: float) -> int:
     """Where a place is outside, as bits; 0: inside.  NaN is outside."""
-    if (
-        fence.x_min_m <= x_m <= fence.x_max_m
-        and abs(y_m) <= fence.y_max_m
-        and fence.z_min_m <= z_m <= fence.z_max_m
-    ):
-        return 0
     out = 0
     if not x_m >= fence.x_min_m:
         out |= OUT_UPSTREAM

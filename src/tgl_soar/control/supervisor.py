@@ -16,8 +16,9 @@ say why.  Rows are tried in order and the first that fits is taken; none fits: s
 are bits of one number, so that a test can walk through all of them.
 
 What must last counts in explicit timers of the state, so that noise cannot make it chatter:
-capturing and soaring are left for each other or for holding only after MINIMUM_S, trouble must
-last TROUBLE_S and its end CLEAR_S, and ready is given up only after READY_S without.
+capturing and soaring are left for each other or for holding only after MINIMUM_S, so is
+recovering for capturing, trouble must last TROUBLE_S and its end CLEAR_S, and ready is given up
+only after READY_S without.
 
 A new mode or fault is a new row.
 """
@@ -322,7 +323,9 @@ TRANSITIONS: Final[tuple[Transition, ...]] = (
     Transition(HOLDING, POSITION_FRESH, 0, CAPTURING, KEEP_LINE, REASON_POSITION_BACK),
     *_faults(RECOVERING),
     Transition(RECOVERING, POSITION_FRESH, INSIDE_FENCE, RELEASED, LET_GO, REASON_FENCE),
-    Transition(RECOVERING, POSITION_FRESH | CLEARED, 0, CAPTURING, NEW_LINE, REASON_RECOVERED),
+    Transition(
+        RECOVERING, POSITION_FRESH | CLEARED | SETTLED, 0, CAPTURING, NEW_LINE, REASON_RECOVERED
+    ),
     Transition(RECOVERING, TIME_UP, POSITION_FRESH, RELEASED, LET_GO, REASON_POSITION_LOST),
     Transition(RECOVERING, TIME_UP, HIGH_ENOUGH, RELEASED, LET_GO, REASON_LOW),
     Transition(RECOVERING, TIME_UP, AIR_SAFE, RELEASED, LET_GO, REASON_STALL),
@@ -336,12 +339,12 @@ class SupervisorState(NamedTuple):
     """What the supervisor remembers; times on the loop's clock."""
 
     mode: int
-    since_s: float  # when this mode began
+    since_s: float  # when this mode began; inf: with the next tick
     unready_s: float  # since when an entry check fails; inf: none does
     trouble_s: float  # since when the air or the height is not safe; inf: they are
     clear_s: float  # since when both are safe with a margin; inf: they are not
-    boots: int  # of the autopilot when it was engaged
-    armed: bool  # whether the autopilot was armed when it was engaged, or since
+    boots: int  # of the autopilot, when it was looked at last
+    armed: bool  # the autopilot, when it was looked at last
     conditions: int  # with which this mode stays as it is; -1: not looked at yet
 
 
@@ -355,7 +358,7 @@ class Decision(NamedTuple):
 
 def initial_supervisor() -> SupervisorState:
     """Before the first tick."""
-    return SupervisorState(BOOT, -INFINITE, INFINITE, INFINITE, INFINITE, 0, False, -1)
+    return SupervisorState(BOOT, INFINITE, INFINITE, INFINITE, INFINITE, 0, False, -1)
 
 
 def supervise(
@@ -399,14 +402,12 @@ def supervise(
     # The table need not be asked twice about the same; a timer that was set back is news.
     as_before = since_s == state.since_s and trouble_s == state.trouble_s
     as_before = as_before and clear_s == state.clear_s and unready_s == state.unready_s
-    if as_before and conditions == state.conditions and armed <= state.armed:
+    if as_before and conditions == state.conditions and armed == state.armed:
         return state, Decision(state.mode, NOTHING, REASON_NONE)
     decision = next_mode(state.mode, conditions)
     if decision.mode != state.mode:
-        since_s = time_s if time_s == time_s else -INFINITE
+        since_s = time_s if time_s == time_s else INFINITE
         conditions = -1  # the new mode's rows were not tried yet
-    if decision.action != TAKE:
-        boots, armed = state.boots, armed or state.armed
     return SupervisorState(
         decision.mode, since_s, unready_s, trouble_s, clear_s, boots, armed, conditions
     ), decision
