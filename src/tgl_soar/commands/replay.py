@@ -84,6 +84,8 @@ def replay(
     )
     if result.changed:
         _compare(result)
+        if not result.differences:
+            console.print("no command differs: no tick of this flight was flown with what changed")
     elif result.differences:
         _list_differences(result)
     else:

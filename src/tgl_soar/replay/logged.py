@@ -47,7 +47,7 @@ from tgl_soar.flightlog.reader import Array, FlightLog, Topic
 from tgl_soar.flightlog.writer import tamed
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.onboard import Setup, laws_of, setup_from
-from tgl_soar.parameters import INDEX, ParameterError, ParameterSet
+from tgl_soar.parameters import INDEX, PARAMETERS, ParameterError, ParameterSet
 from tgl_soar.types import NAN, NO_ATTITUDE, NO_FIX, AutopilotStatus, Inputs
 
 from .compiled_ticks import INPUT_LEAVES, OUTPUT_LEAVES, Ticks, compiled_ticks, is_ready
@@ -66,6 +66,11 @@ _BEFORE_ANY: Final[dict[str, Any]] = {
     "attitude": NO_ATTITUDE,
     "autopilot": AutopilotStatus(NAN, False, False),
 }
+
+
+# Surfaces that are read back answered the commands of then.  Held against others they would seem
+# dead, and the module would let go: nothing is further from a command than this.
+NEVER_DEAD: Final = {"SURF_TOL": PARAMETERS[INDEX["SURF_TOL"]].maximum}
 
 
 class ReplayError(ValueError):
@@ -155,6 +160,9 @@ def replay(
     tick = _ticks_of(log)
     notes: list[str] = []
     changed = bool(changes) or airframe is not None
+    if changed and log.topics.get("surfaces"):
+        changes = {**NEVER_DEAD, **(changes or {})}
+        notes.append("the surfaces obeyed the logged commands, and are not held against these")
     if compile is None:
         compile = len(tick["tick"]) >= LONG and is_ready()
     twin = compiled_ticks() if compile else None

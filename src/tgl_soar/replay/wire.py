@@ -36,6 +36,8 @@ from tgl_soar.onboard import Onboard, setup_from
 from tgl_soar.parameters import INDEX, ParameterError
 from tgl_soar.types import Inputs
 
+from .logged import NEVER_DEAD
+
 GAP_S: Final = 5.0  # a silence that is passed over
 _STAMP: Final = 8
 _SEARCHED: Final = 300  # a frame is no longer
@@ -160,7 +162,7 @@ def replay_wire(
     decoded = list(_decoded(frames))
     arrivals_s = _arrivals(frames)
     told = _first_values(decoded, own)
-    changes = dict(changes or {})
+    changes = {**NEVER_DEAD, **(changes or {})}
     try:
         values = values.changed({**told, **changes})
     except ParameterError as error:
