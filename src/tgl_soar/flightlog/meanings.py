@@ -47,18 +47,55 @@ carries a signing key is not written down.
 | `tgl-soar log info LOG` | what a log holds, and what of it is lost |
 | `tgl-soar log export LOG --to csv` | a table for each topic; also `netcdf`, `mcap` |
 | `tgl-soar replay LOG` | flies the logged inputs through the laws again, bit for bit |
-| `tgl-soar replay LOG --param RHO_P=0.9` | what another gain would have commanded |
+| `tgl-soar replay LOG --param RHO_P_IMU=1.2` | what another gain would have commanded |
 | `ulog_info LOG`, PlotJuggler | any reader of ULogs |
 | `mavlogdump.py LOG.tlog` | any reader of MAVLink telemetry logs |
 
+What cannot be read of a log, empty, cut off, damaged, of another version or with a clock that
+jumped, is said, and the rest is used. The exit code is 1 where something was lost and 2 where
+nothing could be done; a fit of `polar` or `identify` counts as done, if enough is left for it.
+
 The tests open every kind of log with pyulog and `mavlogdump.py`. PlotJuggler, a desktop program, is
-on neither PyPI nor in Debian, so no test of ours opens a log with it; it reads what pyulog reads.
+installed by neither `pip install plotjuggler` nor `apt install plotjuggler` (Debian 12), so no test
+opens a log with it.
+
+## Another gain
+
+    make run ARGS="--turbulence 0.03"
+    tgl-soar replay out/sitl/logs/*/*.ulg
+    tgl-soar replay out/sitl/logs/*/*.ulg --param RHO_P_IMU=1.2 --figure out/replay.png
+
+The first replay ends with *every command is the same, bit for bit*. The second says what a gain of
+1.2 in place of 1.8 would have commanded while accelerometers are heard:
+
+    the surfaces obeyed the logged commands, and are not held against these
+    ┏━━━━━━━━━━━━━━━━━━━━━━┳━━━━━━━━━┳━━━━━━━━━━┳━━━━━━━━━━━━┳━━━━━━━━━┳━━━━━━━━━━┓
+    ┃ rms of               ┃ logged  ┃ replayed ┃ difference ┃ largest ┃ at       ┃
+    ┡━━━━━━━━━━━━━━━━━━━━━━╇━━━━━━━━━╇━━━━━━━━━━╇━━━━━━━━━━━━╇━━━━━━━━━╇━━━━━━━━━━┩
+    │ setpoints_pitch_rad  │ 0.03075 │ 0.0265   │ 0.006251   │ 0.02903 │ 21.610 s │
+    │ command_elevator     │ 0.07478 │ 0.2497   │ 0.2639     │ 0.569   │ 55.710 s │
+    │ command_aileron      │ 0.00618 │ 0.00618  │ 0          │ 0       │ –        │
+    │ command_rudder       │ 0.02652 │ 0.02652  │ 0          │ 0       │ –        │
+    └──────────────────────┴─────────┴──────────┴────────────┴─────────┴──────────┘
+    the inputs are the logged ones: the aircraft does not answer to the change
+
+![Logged and replayed commands](images/replay.png)
+
+*The pitch setpoint shrinks as the gain does. The elevator runs away: the pitch loop's integral goes
+on adding up an error that an aircraft would have answered.*
+
+## How fast
 
 A replay takes about as long as the laws in plain Python take: some 100 times faster than the
 flight on each processor. `tgl-soar replay --compile` compiles them once for each version, with
 numba; from then on logs of more than 100 s are replayed over 1000 times faster than they were
 flown. It is the same source. Where the compiled laws would differ from the log in one bit, the
 plain ones fly it again, and only they say that it differs.
+
+Writing, replay and report are timed by `make bench ARGS="--only log --only report"`; the newest
+figures stand in [performance.md](performance.md).
+
+## What is in it
 
 The ULog's information messages tell version, files and links, `airframe` and `site` hold the text
 of the configuration files, the parameters stand at the beginning and at each change, and the words
