@@ -578,6 +578,23 @@ def test_a_clock_that_goes_back_while_nothing_else_changes(after_s: float) -> No
     assert flown.changes[-1][1:] == (s.RELEASED, s.REASON_POSITION_LOST)
 
 
+def test_each_timer_alone_is_set_back_with_the_clock() -> None:
+    """With an entry check failing since long ago, as the nose turned from upwind."""
+    turned = WELL & ~s.UPWIND
+    lost = turned & ~s.POSITION_FRESH & ~s.POSITION_KEPT & ~s.CLEAR
+    flown = soaring().look(turned, 10.0).look(lost, 0.1)
+    assert flown.state.mode == s.RECOVERING
+    flown.now -= 5.0
+    flown.look(lost, RECOVER_S + 2 * DT)
+    assert flown.state.mode == s.RELEASED
+
+    flown = soaring().look(turned, 10.0).look(turned & ~s.AIR_SAFE, 0.5 * s.TROUBLE_S)
+    assert flown.state.mode == s.SOARING
+    flown.now -= 5.0
+    flown.look(turned & ~s.AIR_SAFE, s.TROUBLE_S + 2 * DT)
+    assert flown.state.mode == s.RECOVERING
+
+
 def test_trouble_and_its_end_count_again_from_where_the_clock_went_back() -> None:
     bad = WELL & ~s.AIR_SAFE & ~s.CLEAR
     flown = soaring().look(WELL & ~s.POSITION_FRESH & ~s.POSITION_KEPT, 2 * DT)
