@@ -5,7 +5,7 @@
     python tools/measure_autopilot.py silence out/sitl
 
 `latency`: the aircraft is held over the hill, the autopilot runs in lockstep at the pace of the
-clock, and a companion that thinks in no time steps its command to and fro.
+clock, and a companion that thinks in no time steps elevator or bank to and fro.
 
     sensor to companion   ATTITUDE_QUATERNION: the step at which it arrives, less its own stamp
     command to servo      the step at which the output moves, less that at which the command came
@@ -54,10 +54,16 @@ LINK: Final = 1
 COMMAND_HZ: Final = 100
 STEPS_TRIED: Final = 60
 SWING: Final = 0.2  # of the elevator
-SWING_RAD: Final = 0.15  # of the pitch
+SWING_RAD: Final = 0.15  # of the bank
 MOVED: Final = 0.05  # of full travel: above what noise and loops of its own do in a step or two
 BOOT_S: Final = 60.0
+# Integrators of an aircraft that is held would run full, and its outputs stand at the end.
+BENCH: Final = {
+    "px4": {"COM_RC_IN_MODE": 6.0, "FW_RR_I": 0.0},
+    "ardupilot": {"RLL_RATE_I": 0.0},
+}
 HOLD_S: Final = 0.3  # and as much again at most between two swings
+COMMANDED_S: Final = 0.1  # so long after a command the bridge's log still says so
 LOST_S: Final = 0.25  # an output that has not moved by then has not followed
 
 
@@ -102,9 +108,8 @@ def latency(firmware: str, route: str | None, program: Path | None, folder: Path
     else:
         if program is None:
             raise SystemExit(f"{firmware}: give its program with --firmware")
-        by_sticks = {"COM_RC_IN_MODE": 6.0} if way.route.name == "manual_control" else {}
         start = ardupilot.start if firmware == "ardupilot" else px4.start
-        made, relay = start(program, folder, plane, site, by_sticks)
+        made, relay = start(program, folder, plane, site, dict(BENCH[firmware]))
         told = Told(made)
         simulation = FirmwareSimulation(plane, site, options, path.parent, told, relay)
 
@@ -120,6 +125,10 @@ def latency(firmware: str, route: str | None, program: Path | None, folder: Path
 
 def _swing(simulation: Any, way: Any, servos: Callable[[], SurfaceCommand]) -> Latencies:
     ours = way.route.loops == OURS
+
+    def output() -> float:
+        return servos().elevator if ours else servos().aileron
+
     system = 255 if way.route.as_operator else 1
     own, commanding = Encoder(Source(1, 191)), Encoder(Source(system, 191))
     listening: Any = mavlink.MAVLink(None)
@@ -161,7 +170,7 @@ def _swing(simulation: Any, way: Any, servos: Callable[[], SurfaceCommand]) -> L
                 raise SystemExit(f"not armed in its mode within {BOOT_S:g} s")
         if swung_at >= 0:
             late_s = (steps - swung_at) / step_hz
-            if abs(servos().elevator - before) > MOVED:
+            if abs(output() - before) > MOVED:
                 delays.append(late_s)
                 swung_at = -1
             elif late_s > LOST_S:
@@ -169,11 +178,11 @@ def _swing(simulation: Any, way: Any, servos: Callable[[], SurfaceCommand]) -> L
                 swung_at = -1
         swings = began_s is not None and swung_at < 0 and steps >= next_at
         if swings:
-            side, swung_at, before = -side, steps, servos().elevator
+            side, swung_at, before = -side, steps, output()
             next_at = steps + round((HOLD_S + HOLD_S * rng.random()) * step_hz)
         if swings or steps % every == 0:
             surfaces = SurfaceCommand(side * SWING if ours else 0.0, 0.0, 0.0)
-            asked = NO_SETPOINTS._replace(roll_rad=0.0, pitch_rad=side * SWING_RAD)
+            asked = NO_SETPOINTS._replace(roll_rad=side * SWING_RAD, pitch_rad=0.0)
             for command in way.commands(surfaces, asked):
                 simulation.receive(LINK, commanding.encode(command))
     return Latencies(ages, delays, lost)
@@ -189,9 +198,11 @@ def silence(folder: Path) -> dict[str, float | str]:
         rows = [{n: float(v) for n, v in row.items()} for row in csv.DictReader(file)]
     after = [row for row in rows if row["time_s"] >= killed_s]
     first = after[0]
-    commanded = [row for row in after if row["overridden"]]
-    silent_s = commanded[-1]["time_s"] if commanded else killed_s
-    silent = [row for row in after if row["time_s"] >= silent_s + 0.04]
+    silent_s = killed_s
+    if (folder / "companion.tlog").exists():  # with a firmware the bridge sees the commands
+        commanded = [row["time_s"] for row in after if row["overridden"]]
+        silent_s = max(killed_s, commanded[-1] - COMMANDED_S)
+    silent = [row for row in after if row["time_s"] >= silent_s + 0.15]  # servos have arrived
     at_rest = silent[0]
 
     def since(is_so: Callable[[dict[str, float]], bool]) -> float:

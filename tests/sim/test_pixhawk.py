@@ -166,7 +166,20 @@ def test_the_master_system_can_be_changed() -> None:
     assert pixhawk.surfaces.aileron == pytest.approx(0.5)
 
 
+def test_after_the_timeout_the_pilots_sticks_have_the_surfaces_in_the_same_mode() -> None:
+    pixhawk = make()
+    pixhawk.pilot_sticks = SurfaceCommand(0.0, -0.25, 0.0)
+    master(pixhawk).override(1700)
+    run(pixhawk, 3 * STEP_HZ - 1)
+    assert pixhawk.surfaces.aileron == pytest.approx(0.5)
+    run(pixhawk, 1)
+    assert pixhawk.surfaces.aileron == pytest.approx(-0.25)
+    assert pixhawk.mode == MANUAL
+    assert pixhawk.counts.override_timeouts == 1
+
+
 def test_overrides_time_out_after_three_seconds_exactly() -> None:
+    """Without a receiver its own mode takes over."""
     pixhawk = make()
     run(pixhawk, 10)
     master(pixhawk).override(1700)
@@ -470,13 +483,16 @@ def test_timesync_is_answered_on_its_link_and_answers_are_noted() -> None:
 # --- parameters ------------------------------------------------------------------------------
 
 
-def test_the_list_is_complete_contiguous_and_of_one_type() -> None:
+def test_the_list_is_complete_and_contiguous() -> None:
     pixhawk = make()
     ground(pixhawk).say(mavlink.MAVLink_param_request_list_message(1, 0))
     values = named(run(pixhawk, STEP_HZ)[GROUND], "PARAM_VALUE")
     count = values[0].param_count
     assert [value.param_index for value in values] == list(range(count))
-    assert {value.param_type for value in values} == {mavlink.MAV_PARAM_TYPE_REAL32}
+    types = {value.param_id: value.param_type for value in values}
+    assert types["RC_OVERRIDE_TIME"] == mavlink.MAV_PARAM_TYPE_REAL32
+    assert types["SYSID_MYGCS"] == mavlink.MAV_PARAM_TYPE_INT16
+    assert types["VISO_TYPE"] == mavlink.MAV_PARAM_TYPE_INT8
     assert {value.param_id for value in values} >= {"SYSID_MYGCS", "RC1_TRIM", "SERVO4_REVERSED"}
 
 
@@ -485,7 +501,9 @@ def test_parameters_are_read_by_name_and_index_and_broadcast_when_set() -> None:
     peer = companion(pixhawk)
     peer.say(mavlink.MAVLink_param_request_read_message(1, 1, b"SYSID_MYGCS", -1))
     [by_name] = named(collect(pixhawk)[COMPANION], "PARAM_VALUE")
-    peer.say(mavlink.MAVLink_param_request_read_message(1, 1, b"", by_name.param_index))
+    assert by_name.param_index == 65535
+    index = pixhawk.parameters.names.index("SYSID_MYGCS")
+    peer.say(mavlink.MAVLink_param_request_read_message(1, 1, b"", index))
     [by_index] = named(collect(pixhawk)[COMPANION], "PARAM_VALUE")
     assert by_index.param_id == "SYSID_MYGCS"
     assert by_index.param_value == 255.0

@@ -25,7 +25,7 @@ AIRFRAME = shipped("airframes/eclipson_c.toml")
 SITE = shipped("sites/tunnel.toml")
 SITE_MOCAP = shipped("sites/tunnel_mocap.toml")
 PATIENCE_S = 60.0  # for what happens at once, were the machine not busy with other things
-MANUAL, FBWA = 0, 5  # ArduPlane's custom modes
+MANUAL = 0  # ArduPlane's custom mode
 STANDBY_MODE, SOARING = 1.0, 4.0  # the module's
 
 
@@ -227,13 +227,13 @@ def test_kill_9_in_flight_hands_back_and_a_restarted_module_engages_again(tmp_pa
             os.kill(flying.pid, signal.SIGKILL)
             flying.wait()
         station.module_heartbeats, station.mode = 0, -1.0
-        # Until RC_OVERRIDE_TIME is over the last deflections stand; then its own mode flies.
-        assert station.listen(lambda s: s.autopilot_custom_mode == FBWA, PATIENCE_S)
+        # Until RC_OVERRIDE_TIME is over the last deflections stand; then the pilot's sticks have
+        # the surfaces, in the same mode.
         with process(module, tmp_path / "module2.log"):
             assert station.listen(lambda s: s.module_heartbeats > 1, PATIENCE_S)
             # It waits to be asked.
             assert station.listen(lambda s: s.mode == STANDBY_MODE, PATIENCE_S)
-            assert station.autopilot_custom_mode == FBWA
+            assert station.autopilot_custom_mode == MANUAL
             station.soar()
         world.terminate()
         world.wait(PATIENCE_S)

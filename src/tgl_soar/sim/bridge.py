@@ -44,6 +44,7 @@ from tgl_soar.config import Airframe, ConfigError, Site, load_airframe, load_sit
 from tgl_soar.geometry import ned_from_soaring
 from tgl_soar.types import GlidePolar, polar_sink
 
+from .channels import NEUTRAL
 from .faults import Fault, FaultError, catalogue_text, parse_fault
 from .firmware import FirmwareError
 from .injection import Injection, of_twin
@@ -294,7 +295,7 @@ class Simulation:
         pixhawk = self.pixhawk
         if not self.flying or pixhawk.reads_override() or self._sensed.attitude.sequence == 0:
             self._pilot.let_go()
-            pixhawk.pilot_sticks = None
+            pixhawk.pilot_sticks = NEUTRAL
             return
         truth = self.world.truth
         pixhawk.pilot_sticks = self._pilot.sticks(

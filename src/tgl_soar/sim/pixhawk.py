@@ -2,13 +2,15 @@
 
 It has no sockets and no clock.  `receive` takes the datagrams of a link, `step` advances by
 one fixed step and returns what goes out on each link.  What it accepts, refuses and lets time
-out follows what was measured on ArduPlane 4.6 (docs/autopilots.md): surfaces are moved by
-`RC_CHANNELS_OVERRIDE` in MANUAL, and only by the system that `SYSID_MYGCS` names; everyone
-else is ignored without a word.
+out follows what was measured on ArduPlane 4.6 (docs/autopilots.md; a recorded conversation is
+held against it in the tests): surfaces are moved by `RC_CHANNELS_OVERRIDE` in MANUAL, and only by
+the system that `SYSID_MYGCS` names; everyone else is ignored without a word.
 
 Two modes: MANUAL (sticks move surfaces) and FBWA (sticks ask for pitch and bank, wings level
-and trim pitch with the sticks centred).  FBWA is the mode that takes over when overrides time
-out.  Like every mode of an aircraft without a propeller it holds an attitude, not a place.
+and trim pitch with the sticks centred).  When overrides time out the pilot's sticks move the
+surfaces again, in the same mode; where there is no receiver it changes to FBWA, as with
+`FS_SHORT_ACTN = 2`.  Like every mode of an aircraft without a propeller FBWA holds an attitude,
+not a place.
 
 Everything that arrives is hostile until it has been read: nothing received can raise.
 """
@@ -59,6 +61,7 @@ _RATE_SHARE: Final = 0.8  # of SCHED_LOOP_RATE: faster streams are denied
 _PARAMETERS_PER_STEP: Final = 2  # of a list, so that it does not delay the sensors
 _DATAGRAM_BYTES: Final = 1200
 _CHANNEL_UNUSED: Final = 65535
+_NO_INDEX: Final = 65535  # of a parameter that was asked for by name
 _FORCE_DISARM: Final = 21196.0
 PITCH_STICK_RAD: Final = 0.26  # FBWA: pitch asked for by a full stick
 _BANK_STICK_RAD: Final = 0.52
@@ -170,6 +173,14 @@ class FirmwareParameters:
             self._table[name] = (before, low, high)
             return False
         return True
+
+    def wire_type(self, name: str) -> int:
+        """MAV_PARAM_TYPE of a parameter; the value is sent as a float all the same."""
+        if name == "RC_OVERRIDE_TIME":
+            return int(mavlink.MAV_PARAM_TYPE_REAL32)
+        if name == "VISO_TYPE" or name.endswith("_REVERSED"):
+            return int(mavlink.MAV_PARAM_TYPE_INT8)
+        return int(mavlink.MAV_PARAM_TYPE_INT16)
 
     def calibration(self, prefix: str) -> tuple[float, float, float, bool]:
         """Minimum, trim, maximum and reversal of "RC1", "SERVO1", …"""
@@ -503,7 +514,8 @@ class Pixhawk:
         self.counts.override_timeouts += 1
         channels = ", ".join(str(channel) for channel in expired)
         self._event(f"overrides timed out after {allowed_s:g} s (channels {channels})")
-        if self._sensed.flying and not self.reads_override():
+        no_receiver = self.pilot_sticks is None
+        if no_receiver and self._sensed.flying and not self.reads_override():
             self.set_mode(FBWA, "own mode after the time-out")
 
     def _update_outputs(self) -> None:
@@ -595,7 +607,7 @@ class Pixhawk:
         index = int(frame.message.param_index)
         name = str(frame.message.param_id)
         if 0 <= index < len(names):
-            self._post(link, self._parameter_value(names[index]))
+            self._post(link, self._parameter_value(names[index], index))
         elif name in self.parameters:
             self._post(link, self._parameter_value(name))
 
@@ -764,24 +776,23 @@ class Pixhawk:
     def _step_parameter_list(self, link: _Link) -> None:
         for _ in range(min(_PARAMETERS_PER_STEP, len(link.parameters_to_send))):
             index = link.parameters_to_send.popleft()
-            self._post(link, self._parameter_value(self.parameters.names[index]))
+            self._post(link, self._parameter_value(self.parameters.names[index], index))
 
-    def _parameter_value(self, name: str) -> Any:
-        names = self.parameters.names
+    def _parameter_value(self, name: str, index: int = _NO_INDEX) -> Any:
+        """`index`: in a list, or where it was asked for by index."""
         return mavlink.MAVLink_param_value_message(
             name.encode("ascii"),
             self.parameters[name],
-            mavlink.MAV_PARAM_TYPE_REAL32,
-            len(names),
-            names.index(name),
+            self.parameters.wire_type(name),
+            len(self.parameters.names),
+            index,
         )
 
     def _heartbeat(self) -> Any:
-        base_mode = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-        base_mode |= (
-            mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
-            if self.mode == MANUAL
-            else mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
+        base_mode = (
+            mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+            | mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
+            | mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
         )
         if self.armed:
             base_mode |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED
