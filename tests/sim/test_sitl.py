@@ -26,7 +26,7 @@ SITE = shipped("sites/tunnel.toml")
 SITE_MOCAP = shipped("sites/tunnel_mocap.toml")
 PATIENCE_S = 60.0  # for what happens at once, were the machine not busy with other things
 MANUAL = 0  # ArduPlane's custom mode
-STANDBY_MODE, SOARING = 1.0, 4.0  # the module's
+STANDBY_MODE, READY, SOARING = 1.0, 2.0, 4.0  # the module's
 
 
 def options(out: Path, **changes: Any) -> SitlOptions:
@@ -232,7 +232,8 @@ def test_kill_9_in_flight_hands_back_and_a_restarted_module_engages_again(tmp_pa
         with process(module, tmp_path / "module2.log"):
             assert station.listen(lambda s: s.module_heartbeats > 1, PATIENCE_S)
             # It waits to be asked.
-            assert station.listen(lambda s: s.mode == STANDBY_MODE, PATIENCE_S)
+            assert station.listen(lambda s: s.mode in (STANDBY_MODE, READY), PATIENCE_S)
+            assert not station.listen(lambda s: s.mode not in (STANDBY_MODE, READY), 1.0)
             assert station.autopilot_custom_mode == MANUAL
             station.soar()
         world.terminate()
