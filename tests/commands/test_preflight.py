@@ -191,6 +191,26 @@ def test_names_are_as_long_as_the_protocol_carries(firmware: str) -> None:
         assert all(len(name) <= 16 for row in rows for name in row.names)
 
 
+@pytest.mark.parametrize("firmware", ["ardupilot", "px4"])
+def test_the_hardware_page_names_every_parameter(firmware: str) -> None:
+    """Of channels it names one, and the others by their numbers."""
+    page = (Path(__file__).parents[2] / "docs" / "hardware.md").read_text()
+    for route in (None, "attitude", "manual_control" if firmware == "px4" else "override"):
+        for needs in (HALL, HILL):
+            for row in flavour(firmware, route, CHANNELS, 1).requirements(needs):
+                name = row.names[0]
+                channel = name.startswith(("RC1", "RC2", "RC4", "SERVO"))
+                stem = name.rpartition("_")[2] if channel else name
+                assert f"{stem}`" in page, name
+
+
+def test_of_paparazzi_nothing_can_be_read() -> None:
+    check = check_of("paparazzi")
+    assert check.findings() == []
+    assert check.poll(0.0) == []
+    assert check.done(0.0)
+
+
 # --- the command, and the simulated Pixhawk --------------------------------------------------
 
 

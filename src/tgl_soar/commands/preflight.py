@@ -119,6 +119,8 @@ def _told(check: Preflight, *, show_all: bool) -> int:
         f"{check.flavour.name} by {route.message} in {route.mode}:"
         f" {len(findings)} parameters, {len(findings) - len(wrong)} as needed"
     )
+    if not findings:
+        console.print("nothing of its set-up can be read over the link: see docs/hardware.md")
     if findings and not check.answers:
         console.print("none of them has answered: does the link carry parameters?", style="red")
     shown = findings if show_all else wrong
@@ -143,5 +145,6 @@ def _told(check: Preflight, *, show_all: bool) -> int:
     if unfit or refusal:
         console.print("[red]not ready[/red]: change what stands above as MUST, then ask again")
         return 1
-    console.print("[green]ready[/green]" + (", though it could be better" if wrong else ""))
+    if findings:
+        console.print("[green]ready[/green]" + (", though it could be better" if wrong else ""))
     return 0
