@@ -57,7 +57,9 @@ nothing could be done; a fit of `polar` or `identify` counts as done, if enough 
 
 The tests open every kind of log with pyulog and `mavlogdump.py`. PlotJuggler, a desktop program, is
 installed by neither `pip install plotjuggler` nor `apt install plotjuggler` (Debian 12), so no test
-opens a log with it.
+opens a log with it. Tried by hand instead: its ULog reader (`ulog_parser.cpp` of April 2026,
+compiled by itself) finds every row of every topic of a flight with the numbers that pyulog finds,
+the parameters and the texts, and reads a log that is cut off up to the cut.
 
 ## Another gain
 
