@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import threading
 from collections.abc import Iterator
@@ -24,9 +25,11 @@ from tgl_soar.sim.firmware.px4 import (
 )
 from tgl_soar.sim.firmware.sensors import Motion, Place, Readings
 from tgl_soar.sim.firmware.simulation import Sticks
+from tgl_soar.sim.sitl import SitlOptions, fly, passed
 from tgl_soar.types import SurfaceCommand
 
-AIRFRAME = load_airframe(Path(__file__).parents[2] / "config/airframes/eclipson_c.toml")
+CONFIG = Path(__file__).parents[2] / "config"
+AIRFRAME = load_airframe(CONFIG / "airframes/eclipson_c.toml")
 NO_STICKS = Sticks(SurfaceCommand(0.0, 0.0, 0.0))
 READINGS = Readings(
     time_s=1.004,
@@ -229,3 +232,27 @@ def test_a_program_that_is_not_there_is_named(tmp_path: Path) -> None:
     alone.chmod(0o755)
     with pytest.raises(FirmwareError, match="rcS beside it"):
         Px4(alone, tmp_path, AIRFRAME.surfaces, {})
+
+
+@pytest.mark.skipif(
+    "TGL_SOAR_PX4" not in os.environ,
+    reason="needs a real PX4: set TGL_SOAR_PX4 to its program",
+)
+@pytest.mark.parametrize("route", ["attitude", "manual_control"])
+def test_a_leg_through_a_real_px4(tmp_path: Path, route: str) -> None:
+    flight = fly(
+        SitlOptions(
+            airframe=CONFIG / "airframes/eclipson_c.toml",
+            site=CONFIG / "sites/tunnel_mocap.toml",
+            out=tmp_path,
+            legs=("a",),
+            stay_s=8.0,
+            mocap=True,
+            mocap_options=("--mocap-rate=125",),  # of its 250 steps a second
+            autopilot="px4",
+            firmware=Path(os.environ["TGL_SOAR_PX4"]),
+            route=route,
+        ),
+        lambda _: None,
+    )
+    assert passed(flight)
