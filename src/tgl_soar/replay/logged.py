@@ -95,7 +95,7 @@ class Replay:
     replayed: Mapping[str, Array]
     differences: list[Difference]  # the largest first; empty: the same in every bit
     left_out: int  # ticks whose state before is not in the log
-    took_s: float
+    took_s: float  # without compiling
     changed: bool  # with other parameters than those of the log
     notes: list[str] = field(default_factory=list)
 
@@ -168,6 +168,7 @@ def replay(
     twin = compiled_ticks() if compile else None
     began = time.perf_counter()
     flight = _prepare(log, tick, dict(changes or {}), airframe, changed, notes, twin)
+    began += _load(flight)  # to compile is no replay
     flown = _fly_all(flight, workers or os.cpu_count() or 1)
     rows = np.concatenate(
         [np.frombuffer(stretch.rows, np.dtype(rows_type("tick"))) for stretch in flown]
@@ -251,6 +252,17 @@ def _prepare(
             notes.append("no state at the beginning: from a module's first tick on")
             cut(0, state=initial_state())
     return _Flight(numbers, tick["timestamp"], _columns(log, tick, numbers), cuts, changed, twin)
+
+
+def _load(flight: _Flight) -> float:
+    """Compile the twin, or load what was compiled, and tell the seconds that it took."""
+    laws = [cut.laws for cut in flight.cuts.values() if cut.laws is not None]
+    states = [cut.state for cut in flight.cuts.values() if cut.state is not None]
+    began = time.perf_counter()
+    if flight.twin is not None and laws and states:
+        none = np.empty((0, len(INPUT_LEAVES))), np.empty((0, len(OUTPUT_LEAVES)))
+        flight.twin(laws[0], states[0], *none)
+    return time.perf_counter() - began
 
 
 def _columns(log: FlightLog, tick: Topic, numbers: NDArray[np.int64]) -> list[_Column]:
