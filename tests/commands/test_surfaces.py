@@ -243,6 +243,8 @@ def test_on_the_bench(tmp_path: Path) -> None:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
+            # Tests that run in the background of a shell have been told to ignore it.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         ) as stopped:
             assert stopped.stdout is not None
             assert SIGHTS["elevator", 1] in stopped.stdout.readline()  # it is under way
