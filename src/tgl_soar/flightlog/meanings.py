@@ -88,7 +88,7 @@ on adding up an error that an aircraft would have answered.*
 
 ## How fast
 
-A replay takes about as long as the laws in plain Python take: some 100 times faster than the
+A replay takes about as long as the laws in plain Python take: 30 to 50 times faster than the
 flight on each processor. `tgl-soar replay --compile` compiles them once for each version, with
 numba; from then on logs of more than 100 s are replayed over 1000 times faster than they were
 flown. It is the same source. Where the compiled laws would differ from the log in one bit, the
