@@ -123,7 +123,7 @@ def test_our_log_holds_what_the_laws_did(flights: dict[str, FlightData]) -> None
 
 
 def test_a_log_in_parts_is_one_flight(flights: dict[str, FlightData], tmp_path: Path) -> None:
-    parts = flown.our_parts(tmp_path, largest_bytes=10_000_000)
+    parts = flown.our_parts(tmp_path, largest_bytes=7_000_000)
     assert len(parts) > 2
     flight, whole = read_flight(parts[0]), flights["ours"]
     assert flight.duration_s == pytest.approx(whole.duration_s, abs=0.01)

@@ -131,8 +131,8 @@ class _Buffers:
 
     @property
     def plenty(self) -> bool:
-        """Whether the disk keeps up."""
-        return self._free.qsize() > self._count // 2
+        """Whether the disk keeps up, or is waited for."""
+        return self._patient or self._free.qsize() > self._count // 2
 
 
 class _Spool:
