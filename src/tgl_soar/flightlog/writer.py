@@ -464,23 +464,23 @@ class _Disk:
         self._open: dict[str, int] = {}  # descriptors by ending
         self._parts = {"ulg": 0, "tlog": 0}
         self._synced_s = -inf
-        self._thread: threading.Thread | None = None
+        self._worker: threading.Thread | None = None
 
     def start(self) -> None:
         before = threading.stack_size(STACK_BYTES)
         try:
-            self._thread = threading.Thread(target=self._work, name="flight log", daemon=True)
-            self._thread.start()
+            self._worker = threading.Thread(target=self._work, name="flight log", daemon=True)
+            self._worker.start()
         finally:
             threading.stack_size(before)
 
     def stop(self) -> bool:
         """Whether all was written in time."""
         self._orders.put(None)
-        if self._thread is None:
+        if self._worker is None:
             return True
-        self._thread.join(STOP_S)
-        return not self._thread.is_alive()
+        self._worker.join(STOP_S)
+        return not self._worker.is_alive()
 
     def _work(self) -> None:
         while (order := self._orders.get()) is not None:
