@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -169,6 +172,21 @@ def test_the_catalogue_is_listed(capsys: pytest.CaptureFixture[str]) -> None:
     assert listed.exit_code == 0
     assert "position.dropout" in listed.stdout
     assert "on motion capture: --mocap-option" in listed.stdout
+
+
+def test_a_reader_of_the_catalogue_may_go_before_its_end() -> None:
+    """As `--fault list | head -1` does."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    with os.fdopen(writer, "w") as pipe:
+        listed = subprocess.run(
+            [sys.executable, "-m", "tgl_soar.sim.bridge", "--fault", "list"],
+            stdout=pipe,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert (listed.returncode, listed.stderr) == (0, "")
 
 
 def test_a_mistake_ends_the_bridge_before_it_begins(capsys: pytest.CaptureFixture[str]) -> None:

@@ -30,6 +30,7 @@ hits something lies there for 3 s and is then held at the start again.
 from __future__ import annotations
 
 import argparse
+import os
 import signal
 import sys
 import time
@@ -938,11 +939,20 @@ def _simulation(
     return FirmwareSimulation(airframe, site, options, folder, physics, relay)
 
 
+def _list_faults() -> None:
+    """Print the catalogue, to its end or as far as it is read: `head` goes when it has enough."""
+    try:
+        print(catalogue_text(), flush=True)
+    except BrokenPipeError:
+        # What is still in the buffer would fail once more when the process ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the bridge; the exit code: 0 well, 2 wrong set-up, 3 nobody came."""
     words = list(sys.argv[1:] if argv is None else argv)
     if ["--fault", "list"] in [words[i : i + 2] for i in range(len(words))]:
-        print(catalogue_text())
+        _list_faults()
         return 0
     arguments = _parser().parse_args(words)
     options = Options(
