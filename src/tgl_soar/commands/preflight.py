@@ -2,54 +2,38 @@
 
 from __future__ import annotations
 
-import select
 import time
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated
 
 import typer
 from rich.table import Table
 
 from tgl_soar.config import ConfigError, load_airframe, load_parameters, load_site
 from tgl_soar.link.autopilots.requirements import MUST, Needs, wish
-from tgl_soar.link.keys import Secret, SigningError, peers_of, signing_from
-from tgl_soar.link.messages import (
-    AUTOPILOT_INVALID,
-    COMPONENT_AUTOPILOT,
-    STATE_ACTIVE,
-    TYPE_ONBOARD_CONTROLLER,
-    Heartbeat,
-    Said,
-    Source,
-)
-from tgl_soar.link.routes import Route
-from tgl_soar.link.transport import LinkError, Transport, open_link
+from tgl_soar.link.keys import SigningError
+from tgl_soar.link.transport import LinkError
 from tgl_soar.onboard import flavour_of
 from tgl_soar.preflight import Preflight
 
 from .console import AIRFRAME, SITE, console, fail
-
-HEARTBEAT_S: Final = 1.0
-LOOK_S: Final = 0.02
+from .conversation import Conversation, KeyOption, LinkOption, TimeoutOption
 
 
 def preflight(
-    link: Annotated[str, typer.Option(help="To the autopilot, as for `tgl-soar run`.")],
+    link: LinkOption,
     airframe: Annotated[Path, typer.Option(help="Airframe file: firmware and route.")] = AIRFRAME,
     site: Annotated[Path, typer.Option(help="Site file: where the position comes from.")] = SITE,
     show_all: Annotated[
         bool, typer.Option("--all", help="Show also what is as it should be.")
     ] = False,
-    timeout: Annotated[
-        float, typer.Option(help="Seconds to wait for the autopilot.", min=1.0, max=600.0)
-    ] = 10.0,
-    signing_key: Annotated[Path | None, typer.Option(help="Sign with the key of a file.")] = None,
+    timeout: TimeoutOption = 10.0,
+    signing_key: KeyOption = None,
 ) -> None:
     """Read the autopilot's parameters and list what to change before flight; change nothing.
 
     Exit code 0: all as needed; 1: something must be changed; 2: not possible.
     """
-    transport: Transport | None = None
     try:
         plane, place = load_airframe(airframe), load_site(site)
         values = load_parameters(plane, airframe, place, site)
@@ -61,52 +45,34 @@ def preflight(
             gps=place.mocap is None,
         )
         check = Preflight(flavour, needs, plane.autopilot.system_id)
-        own = Source(plane.autopilot.system_id, plane.autopilot.component_id)
-        signing = signing_from(Secret(signing_key))
-        transport = open_link(link, peers_of(signing, None), time.monotonic())
-        route = Route(0, own, own, transport.send, signing, stream=transport.is_stream)
-        _read(check, route, transport, timeout)
+        with Conversation(link, plane, flavour, signing_key) as conversation:
+            _read(check, conversation, timeout)
     except (ConfigError, LinkError, SigningError) as error:
         fail(error)
     except KeyboardInterrupt:
         fail("stopped", 130)
-    finally:
-        if transport is not None:
-            transport.close()
     raise typer.Exit(_told(check, show_all=show_all))
 
 
-def _read(check: Preflight, route: Route, transport: Transport, timeout_s: float) -> None:
+def _read(check: Preflight, conversation: Conversation, timeout_s: float) -> None:
     """Until every parameter has answered or will not.  Errors: `LinkError`."""
-    autopilot = Source(route.own.source.system, COMPONENT_AUTOPILOT)
-    begun_s, beat_s = time.monotonic(), float("-inf")
-
-    def say(message: Said) -> None:
-        route.send(route.own.encode(message))
-
+    begun_s = time.monotonic()
     while True:
-        fd = transport.fileno()
-        select.select([fd] if fd >= 0 else [], [], [], LOOK_S)
+        for message in conversation.turn():
+            check.hear(message)
         now_s = time.monotonic()
-        for data in transport.receive(now_s):
-            for received in route.decoder.feed(data):
-                route.match_version()
-                if received.source == autopilot:
-                    check.hear(received.message)
-        if now_s - beat_s >= HEARTBEAT_S:
-            beat_s = now_s
-            say(Heartbeat(TYPE_ONBOARD_CONTROLLER, AUTOPILOT_INVALID, 0, 0, STATE_ACTIVE))
         if not check.heard:
             if now_s - begun_s > timeout_s:
                 raise LinkError(
-                    f"no heartbeat of autopilot {autopilot.system} within {timeout_s:g} s: check"
-                    " the link, its rate, and system_id of the airframe file"
+                    f"no heartbeat of autopilot {conversation.autopilot.system}"
+                    f" within {timeout_s:g} s: check the link, its rate, and system_id of the"
+                    " airframe file"
                 )
             continue
         if check.mismatch:
             raise LinkError(check.mismatch)
         for request in check.poll(now_s):
-            say(request)
+            conversation.say(request)
         if check.done(now_s):
             return
 

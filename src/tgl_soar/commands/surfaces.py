@@ -14,39 +14,26 @@ import typer
 from rich.table import Table
 
 from tgl_soar.config import ConfigError, load_airframe
-from tgl_soar.link.keys import Secret, SigningError, peers_of, signing_from
+from tgl_soar.link.keys import SigningError
 from tgl_soar.link.messages import (
-    AUTOPILOT_INVALID,
     COMMAND_SET_MESSAGE_INTERVAL,
-    COMPONENT_AUTOPILOT,
     ID_LOCAL_POSITION_NED,
     ID_SERVO_OUTPUT_RAW,
-    STATE_ACTIVE,
-    TYPE_ONBOARD_CONTROLLER,
     CommandLong,
-    Heartbeat,
-    Said,
     Source,
 )
-from tgl_soar.link.routes import Route
-from tgl_soar.link.transport import LinkError, Transport, open_link
-from tgl_soar.onboard import (
-    RELEASE_FRAMES,
-    commanding_source,
-    direct_flavour_of,
-    surface_channels,
-)
+from tgl_soar.link.transport import LinkError
+from tgl_soar.onboard import RELEASE_FRAMES, direct_flavour_of, surface_channels
 from tgl_soar.surface_check import SurfaceCheck
 
 from .console import AIRFRAME, console, errors, fail
+from .conversation import Conversation, KeyOption, LinkOption, TimeoutOption
 
-HEARTBEAT_S: Final = 1.0
 OUTPUT_HZ: Final = 10.0
-LOOK_S: Final = 0.02
 
 
 def surfaces(
-    link: Annotated[str, typer.Option(help="To the autopilot, as for `tgl-soar run`.")],
+    link: LinkOption,
     airframe: Annotated[Path, typer.Option(help="Airframe file.")] = AIRFRAME,
     deflection: Annotated[
         float, typer.Option(help="How far, of full travel.", min=0.1, max=1.0)
@@ -59,43 +46,33 @@ def surfaces(
         bool,
         typer.Option("--armed-on-ground", help="It is armed, and somebody holds it on the ground."),
     ] = False,
-    timeout: Annotated[
-        float, typer.Option(help="Seconds to wait for the autopilot.", min=1.0, max=600.0)
-    ] = 10.0,
-    signing_key: Annotated[Path | None, typer.Option(help="Sign with the key of a file.")] = None,
+    timeout: TimeoutOption = 10.0,
+    signing_key: KeyOption = None,
 ) -> None:
     """Move elevator, aileron and rudder in turn, say which way each must go, and compare the
     autopilot's outputs with the airframe file.
 
     Exit code 0: all as in the file and as it must look; 1: something is not; 2: not possible.
     """
-    transport: Transport | None = None
     try:
         plane = load_airframe(airframe)
-        own = Source(plane.autopilot.system_id, plane.autopilot.component_id)
-        signing = signing_from(Secret(signing_key))
-        transport = open_link(link, peers_of(signing, None), time.monotonic())
         flavour = direct_flavour_of(plane)
         check = SurfaceCheck(
             surface_channels(plane), flavour, deflection, hold, armed_on_ground=armed_on_ground
         )
-        override = commanding_source(plane, flavour)
-        route = Route(0, own, override, transport.send, signing, stream=transport.is_stream)
-        bench = _Bench(check, route, transport)
-        bench.wait_for_autopilot(timeout)
-        try:
-            wrong = bench.go(_nobody if yes else _asked)
-        finally:
-            for _ in range(RELEASE_FRAMES):
-                for message in flavour.release():
-                    route.send(route.override.encode(message))
+        with Conversation(link, plane, flavour, signing_key) as conversation:
+            bench = _Bench(check, conversation)
+            bench.wait_for_autopilot(timeout)
+            try:
+                wrong = bench.go(_nobody if yes else _asked)
+            finally:
+                for _ in range(RELEASE_FRAMES):
+                    for message in flavour.release():
+                        conversation.command(message)
     except (ConfigError, LinkError, SigningError, _Refused) as error:
         fail(error)
     except KeyboardInterrupt:
         fail("stopped; the surfaces are given back", 130)
-    finally:
-        if transport is not None:
-            transport.close()
     raise typer.Exit(_told(check, wrong))
 
 
@@ -104,14 +81,15 @@ class _Refused(Exception):
 
 
 class _Bench:
-    """The check, on its link."""
+    """The check, talked through with the autopilot."""
 
-    def __init__(self, check: SurfaceCheck, route: Route, transport: Transport) -> None:
+    def __init__(self, check: SurfaceCheck, conversation: Conversation) -> None:
         self._check = check
-        self._route = route
-        self._transport = transport
-        self._autopilot = Source(route.own.source.system, COMPONENT_AUTOPILOT)
-        self._beat_s = self._ask_s = float("-inf")
+        self._conversation = conversation
+        self._requests = [
+            _rate_request(conversation.autopilot, message_id)
+            for message_id in (ID_SERVO_OUTPUT_RAW, ID_LOCAL_POSITION_NED)
+        ]
 
     def wait_for_autopilot(self, timeout_s: float) -> None:
         """Until it has said what it is doing.  Errors: `_Refused`."""
@@ -131,7 +109,7 @@ class _Bench:
             if refusal := check.refusal(now_s):
                 raise _Refused(f"{refusal}; the surfaces are given back")
             for message in check.step(now_s):
-                self._say(message, override=True)
+                self._conversation.command(message)
             if not check.held(now_s):
                 continue
             right = look(check.sight) if check.sight else True
@@ -143,29 +121,13 @@ class _Bench:
         return wrong
 
     def _turn(self) -> None:
-        """Wait a moment; hear, greet, ask."""
-        fd = self._transport.fileno()
-        select.select([fd] if fd >= 0 else [], [], [], LOOK_S)
-        now_s = time.monotonic()
-        for data in self._transport.receive(now_s):
-            for received in self._route.decoder.feed(data):
-                self._route.match_version()
-                if received.source == self._autopilot:
-                    self._check.hear(received.message, now_s)
-        if now_s - self._beat_s >= HEARTBEAT_S:
-            self._beat_s = now_s
-            self._say(Heartbeat(TYPE_ONBOARD_CONTROLLER, AUTOPILOT_INVALID, 0, 0, STATE_ACTIVE))
-            for message_id in (ID_SERVO_OUTPUT_RAW, ID_LOCAL_POSITION_NED):
-                self._ask_for(message_id)
+        for message in self._conversation.turn(self._requests):
+            self._check.hear(message, time.monotonic())
 
-    def _ask_for(self, message_id: int) -> None:
-        numbers = (float(message_id), 1e6 / OUTPUT_HZ, 0.0, 0.0, 0.0, 0.0, 0.0)
-        system, component = self._autopilot
-        self._say(CommandLong(system, component, COMMAND_SET_MESSAGE_INTERVAL, 0, numbers))
 
-    def _say(self, message: Said, *, override: bool = False) -> None:
-        encoder = self._route.override if override else self._route.own
-        self._route.send(encoder.encode(message))
+def _rate_request(autopilot: Source, message_id: int) -> CommandLong:
+    numbers = (float(message_id), 1e6 / OUTPUT_HZ, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return CommandLong(*autopilot, COMMAND_SET_MESSAGE_INTERVAL, 0, numbers)
 
 
 def _nobody(sight: str) -> bool | None:
