@@ -48,7 +48,8 @@ TABLE: dict[str, set[str]] = {
     "guard": set(),
     "surface_check": {"link"},
     "preflight": {"link"},
-    "process": {"mocap", "onboard", "guard"},
+    "loop": {"mocap", "onboard", "guard"},
+    "process": {"loop"},
     "air": {"geometry"},
     "score": set(),
     "sim": {"autopilot", "air", "link", "config", "score"},
@@ -73,7 +74,7 @@ PARTS: dict[tuple[str, str], set[str]] = {
 FLIES = {
     "types", "geometry", "parameters", "control", "estimation",
     "autopilot", "line_changes", "link", "config", "realtime", "onboard",
-    "parameter_files", "parameter_store", "instruments", "process", "guard",
+    "parameter_files", "parameter_store", "instruments", "process", "loop", "guard",
     "flightlog", "mocap",
 }  # fmt: skip
 STAYS_ON_THE_GROUND = {

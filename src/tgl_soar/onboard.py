@@ -6,7 +6,7 @@
     settings  a parameter has changed: new laws before the next tick
 
 `Onboard` has neither socket nor clock: bytes and time are arguments, frames go out through a
-function.  `process` opens the links, waits, and calls.
+function.  `process` opens the links, `loop` waits, and calls.
 
 Two ways to keep time.  On an aircraft the loop's clock is this computer's and `realtime.Pacer`
 says when to tick.  In lockstep the loop's clock is the vehicle's: each new ATTITUDE_QUATERNION

@@ -1,7 +1,7 @@
-"""The process around the module: the command line of `run`, links, signals, the loop.
+"""The process around the module: the command line of `run`, links, signals.
 
-`onboard.Onboard` knows neither socket nor clock; here they are opened, waited for and read, and
-whatever ends the process gives the surfaces back first.
+`onboard.Onboard` knows neither socket nor clock; here they are opened, `loop` waits for them and
+reads them, and whatever ends the process gives the surfaces back first.
 """
 
 from __future__ import annotations
@@ -17,11 +17,10 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
-from math import inf
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from tgl_soar import __version__, guard, realtime
+from tgl_soar import __version__, guard, loop, realtime
 from tgl_soar.config import (
     Airframe,
     ConfigError,
@@ -68,7 +67,6 @@ from tgl_soar.onboard import RELEASE_FRAMES, Onboard, Setup, setup_from
 from tgl_soar.parameter_store import Identity, ParameterStore, state_file, state_folder
 
 GIVE_BACK_INTERVAL_S: Final = 0.02  # between frames that give the surfaces back for a dead process
-COMPLAIN_S: Final = 5.0  # between two lines on the console about an autopilot that is not there
 
 EXIT_OK: Final = 0
 EXIT_ERROR: Final = 1
@@ -497,7 +495,16 @@ def _fly(
             recorder.start()
     try:
         spin_s = 0.0 if lockstep else wishes.spin_s
-        code = _loop(onboard, transports, stop, timeout_s, life, mocap, spin_s)
+        in_order = loop.run(
+            onboard,
+            transports,
+            stop,
+            _print,
+            timeout_s=timeout_s,
+            life=life,
+            mocap=mocap,
+            spin_s=spin_s,
+        )
     finally:  # whatever has happened, the pilot gets the surfaces
         onboard.stop()
         if life is not None:
@@ -507,124 +514,17 @@ def _fly(
     if mocap is not None:
         _print(f"OptiTrack: {mocap.client.told()}")
     ticks = onboard.pacer.counters
-    if code == EXIT_OK and not lockstep:
+    if in_order and not lockstep:
         _print(
             f"{ticks.ticks} ticks, {ticks.late} late, {ticks.skipped} skipped,"
             f" {ticks.over_run} longer than a period"
         )
-    return code
+    return EXIT_OK if in_order else EXIT_NO_AUTOPILOT
 
 
 def _behind(wishes: realtime.Wishes, lockstep: bool) -> AbstractContextManager[None]:
     """For starting threads that must not come before the loop."""
     return nullcontext() if lockstep else realtime.behind(wishes)
-
-
-def _loop(
-    onboard: Onboard,
-    transports: Sequence[Transport],
-    stop: Callable[[], bool],
-    timeout_s: float | None,
-    life: guard.LifeSign | None = None,
-    mocap: MocapFeed | None = None,
-    spin_s: float = 0.0,
-) -> int:
-    clock = time.monotonic
-    now_s = began_s = clock()
-    onboard.pacer.begin(now_s)
-    watch = _Watch(began_s)
-    generations = [transport.generation for transport in transports]
-    poses = mocap.filenos() if mocap is not None else []
-    while not stop():
-        waited_for = [*poses, *(transport.fileno() for transport in transports)]
-        awake_s = onboard.pacer.expected_s - spin_s if spin_s > 0.0 else inf
-        rehearsal_s = onboard.rehearsal_s
-        until_s = min(onboard.wake_s(now_s), rehearsal_s)
-        now_s = realtime.wait(waited_for, until_s, clock, awake_s)
-        if now_s >= rehearsal_s:
-            onboard.rehearse()
-            onboard.pacer.rehearsed(now_s, clock())
-            continue
-        _take_poses(onboard, mocap, now_s)
-        for link, transport in enumerate(transports):
-            received = transport.receive(now_s)
-            if transport.generation != generations[link]:
-                generations[link] = transport.generation
-                onboard.relinked(link)
-            for data in received:
-                # In lockstep a pose is sent before the attitude of its step: so it is taken first.
-                _take_poses(onboard, mocap, now_s)
-                onboard.event(data, now_s, link)
-                if onboard.overdue(clock()):  # a flood must not hold up the tick
-                    onboard.periodic(clock())
-        if onboard.due(now_s):
-            onboard.periodic(now_s)
-            onboard.pacer.done(now_s, clock())
-        else:
-            onboard.idle(now_s)
-        if life is not None:
-            _show_life(life, onboard, transports[0])
-        if watch.is_silent(onboard.session.counters.heartbeats, now_s):
-            _print(_why_silent(onboard, transports[0]))
-        if timeout_s is not None and now_s - began_s > timeout_s and not onboard.session.is_heard:
-            name = transports[0].name
-            _print(f"no autopilot on {name} within {timeout_s:g} s: giving up")
-            return EXIT_NO_AUTOPILOT
-    return EXIT_OK
-
-
-def _take_poses(onboard: Onboard, mocap: MocapFeed | None, now_s: float) -> None:
-    if mocap is not None:
-        for data, sender in mocap.receive():
-            onboard.pose(data, sender, now_s)
-
-
-def _show_life(life: guard.LifeSign, onboard: Onboard, first: Transport) -> None:
-    """The loop has gone round once more."""
-    life.show(
-        onboard.has_surfaces,
-        version1=onboard.decoder.only_v1,
-        peer=first.peer if isinstance(first, UdpListener) else None,
-        timestamp=onboard.signing.timestamp,
-    )
-
-
-class _Watch:
-    """Tells, every few seconds, that no heartbeat of the autopilot comes."""
-
-    def __init__(self, now_s: float) -> None:
-        self._heartbeats = 0
-        self._complain_s = now_s + COMPLAIN_S
-
-    def is_silent(self, heartbeats: int, now_s: float) -> bool:
-        if heartbeats != self._heartbeats:
-            self._heartbeats = heartbeats
-            self._complain_s = now_s + COMPLAIN_S
-        if now_s < self._complain_s:
-            return False
-        self._complain_s = now_s + COMPLAIN_S
-        return True
-
-
-def _why_silent(onboard: Onboard, transport: Transport) -> str:
-    """What to look at when no autopilot answers."""
-    system = onboard.session.autopilot.system
-    wanted = f"no heartbeat of system {system}, component 1 on {transport.name}"
-    if onboard.session.is_heard:
-        return f"{wanted} for {COMPLAIN_S:g} s: it has stopped, or the link is cut"
-    heard = sorted(onboard.session.heard)
-    if heard:
-        names = ", ".join(f"{s.system}:{s.component}" for s in heard)
-        return f"{wanted}, only of {names}: check autopilot.system_id in the airframe file"
-    counters = onboard.decoder.counters
-    if transport.counters.bytes_in > 0 and counters.frames == 0:
-        return (
-            f"{wanted}: {transport.counters.bytes_in} bytes came, none of them MAVLink:"
-            " check the baud rate and the port's protocol (SERIALn_PROTOCOL = 2)"
-        )
-    if transport.counters.strangers > 0:
-        return f"{wanted}: what came there was not MAVLink, or not of one peer"
-    return f"{wanted}: nothing came. Is the autopilot on, and does it send to this port or line?"
 
 
 def _print(text: str) -> None:
