@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import socket
 import struct
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from bench_bridge import AIRFRAME, bridge
+from free_ports import free_port
 
-from tgl_soar.config import load_airframe, shipped
+from tgl_soar.config import load_airframe
 from tgl_soar.link.autopilots import FIRMWARES, flavour
 from tgl_soar.link.autopilots.requirements import MUST, Finding, Needs, compare
 from tgl_soar.link.messages import (
@@ -27,7 +26,6 @@ from tgl_soar.onboard import surface_channels
 from tgl_soar.preflight import ASK_S, ASK_TIMES, Preflight
 from tgl_soar.sim.firmware.ardupilot import flight_parameters
 
-AIRFRAME = shipped("airframes/eclipson_c.toml")
 PLANE = load_airframe(AIRFRAME)
 CHANNELS = surface_channels(PLANE)
 HALL = Needs(override_system=255, loop_rate_hz=200.0, external_pose=True, gps=False)
@@ -214,28 +212,6 @@ def test_of_paparazzi_nothing_can_be_read() -> None:
 # --- the command, and the simulated Pixhawk --------------------------------------------------
 
 
-@contextmanager
-def bridge(log: Path, *parameters: str) -> Iterator[str]:
-    """A simulated Pixhawk on its bench; the link to it."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        companion = f"127.0.0.1:{probe.getsockname()[1]}"
-    words = [word for each in parameters for word in ("--autopilot-parameter", each)]
-    command = [
-        *(sys.executable, "-m", "tgl_soar.sim.bridge", "--launch", "bench"),
-        *("--airframe", str(AIRFRAME), "--site", str(shipped("sites/tunnel.toml"))),
-        *("--gcs", "127.0.0.1:9", "--gcs-local", "127.0.0.1:0"),
-        *("--companion", companion, "--companion-local", "127.0.0.1:0", *words),
-    ]
-    with log.open("wb") as file:
-        running = subprocess.Popen(command, stdout=file, stderr=subprocess.STDOUT)
-    try:
-        yield f"udp:{companion}"
-    finally:
-        running.terminate()
-        running.wait(10.0)
-
-
 def preflight(link: str, *words: str) -> tuple[int, str]:
     """The command's exit code, and what it printed."""
     ended = subprocess.run(
@@ -274,9 +250,6 @@ def test_a_badly_set_up_vehicle_is_told_what_to_change(tmp_path: Path) -> None:
 
 
 def test_nobody_there() -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    code, text = preflight(f"udp:127.0.0.1:{port}", "--timeout", "1")
+    code, text = preflight(f"udp:127.0.0.1:{free_port()}", "--timeout", "1")
     assert code == 2
     assert "no heartbeat of autopilot 1 within 1 s" in text

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import os
 import signal
-import socket
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from math import isnan
 from pathlib import Path
 
 import pytest
+from bench_bridge import AIRFRAME, PATIENCE_S, bridge
+from free_ports import free_port
 
-from tgl_soar.config import shipped
 from tgl_soar.link.autopilots.ardupilot import ArduPilot
 from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels
 from tgl_soar.link.messages import (
@@ -26,14 +24,12 @@ from tgl_soar.link.messages import (
 )
 from tgl_soar.surface_check import SIGHTS, STOPS, SurfaceCheck, finding
 
-AIRFRAME = shipped("airframes/eclipson_c.toml")
 CHANNELS = SurfaceChannels(
     SurfaceChannel(2, 1100, 1500, 1900, reversed=True),
     SurfaceChannel(1, 1000, 1480, 2000),
     SurfaceChannel(4, 1100, 1500, 1900),
 )
 MANUAL, FBWA = 0, 5
-PATIENCE_S = 120.0  # for what takes some seconds, were the machine not busy with other things
 DISARMED = 1 | 64
 
 
@@ -188,32 +184,6 @@ def test_it_stops_half_way_when_that_changes(
 # --- the command, on a simulated Pixhawk ------------------------------------------------------
 
 
-def free_address() -> str:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"127.0.0.1:{probe.getsockname()[1]}"
-
-
-@contextmanager
-def bridge(launch: str, log: Path, *parameters: str) -> Iterator[str]:
-    """A Pixhawk on the bench; the link to it."""
-    companion = free_address()
-    command = [
-        *(sys.executable, "-m", "tgl_soar.sim.bridge", "--launch", launch),
-        *("--airframe", str(AIRFRAME), "--site", str(shipped("sites/tunnel.toml"))),
-        *("--companion", companion, "--companion-local", "127.0.0.1:0"),
-        *("--gcs", free_address(), "--gcs-local", "127.0.0.1:0", "--speed", "realtime"),
-        *(word for given in parameters for word in ("--autopilot-parameter", given)),
-    ]
-    with log.open("wb") as file:
-        running = subprocess.Popen(command, stdout=file, stderr=subprocess.STDOUT)
-    try:
-        yield f"udp:{companion}"
-    finally:
-        running.terminate()
-        running.wait(PATIENCE_S)
-
-
 def surfaces(link: str, airframe: Path, *more: str) -> list[str]:
     options = [
         "--link",
@@ -230,7 +200,7 @@ def surfaces(link: str, airframe: Path, *more: str) -> list[str]:
 
 
 def test_on_the_bench(tmp_path: Path) -> None:
-    with bridge("bench", tmp_path / "bridge.log") as link:
+    with bridge(tmp_path / "bridge.log") as link:
         good = subprocess.run(
             surfaces(link, AIRFRAME, "--yes"), capture_output=True, text=True, timeout=PATIENCE_S
         )
@@ -259,7 +229,7 @@ def test_on_the_bench(tmp_path: Path) -> None:
 def test_the_autopilot_turns_a_servo_round_and_a_person_sees_another_go_wrong(
     tmp_path: Path,
 ) -> None:
-    with bridge("bench", tmp_path / "bridge.log", "SERVO4_REVERSED=1") as link:
+    with bridge(tmp_path / "bridge.log", "SERVO4_REVERSED=1") as link:
         answers = "y\n" * 3 + "n\n" + "y\n" * 2
         bad = subprocess.run(
             surfaces(link, AIRFRAME),
@@ -274,7 +244,7 @@ def test_the_autopilot_turns_a_servo_round_and_a_person_sees_another_go_wrong(
 
 
 def test_not_in_the_air(tmp_path: Path) -> None:
-    with bridge("free", tmp_path / "bridge.log") as link:
+    with bridge(tmp_path / "bridge.log", launch="free") as link:
         refused = subprocess.run(
             surfaces(link, AIRFRAME, "--yes"), capture_output=True, text=True, timeout=PATIENCE_S
         )
@@ -284,7 +254,7 @@ def test_not_in_the_air(tmp_path: Path) -> None:
 
 def test_nobody_answers() -> None:
     silent = subprocess.run(
-        surfaces(f"udp:{free_address()}", AIRFRAME, "--timeout", "1"),
+        surfaces(f"udp:127.0.0.1:{free_port()}", AIRFRAME, "--timeout", "1"),
         capture_output=True,
         text=True,
         timeout=PATIENCE_S,

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from free_ports import free_port
 
 from tgl_soar.link.transport import (
     MAX_DATAGRAMS,
@@ -36,12 +37,6 @@ def peer() -> Iterator[socket.socket]:
         made.bind((LOCAL, 0))
         made.settimeout(2.0)
         yield made
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind((LOCAL, 0))
-        return int(probe.getsockname()[1])
 
 
 @pytest.fixture

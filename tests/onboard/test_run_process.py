@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from free_ports import free_port
 from module_process import SITE, Module, arguments
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -140,10 +141,7 @@ def test_it_speaks_over_a_serial_line_and_survives_that_the_line_is_cut(tmp_path
 
 
 def test_an_open_unsigned_link_is_warned_of_and_a_loopback_is_not() -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    module = Module("--link", f"udp:0.0.0.0:{port}", "--timeout", "0.2")
+    module = Module("--link", f"udp:0.0.0.0:{free_port()}", "--timeout", "0.2")
     assert module.process.wait(5.0) == EXIT_NO_AUTOPILOT
     words = module.words()
     module.close()

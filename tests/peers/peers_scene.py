@@ -22,6 +22,7 @@ from collections import deque
 from pathlib import Path
 from typing import Any
 
+from free_ports import free_port
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 ROOT = Path(__file__).parents[2]
@@ -30,13 +31,6 @@ SITE = ROOT / "config/sites/tunnel.toml"
 LOCAL = "127.0.0.1"
 SPEED = 2.0
 FLYING = (3.0, 4.0)  # capturing, soaring
-
-
-def free_port() -> int:
-    """A UDP port that nobody has."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind((LOCAL, 0))
-        return int(probe.getsockname()[1])
 
 
 class Mangler:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -10,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from free_ports import free_port
 from natnet.data_descriptions import DataDescriptions
 from natnet.data_frame import DataFrame
 from natnet.nat_net_client import NatNetClient
@@ -28,12 +28,6 @@ from tgl_soar.types import PositionFix
 PLACE = (1.0, 2.0, -1.5)
 STILL = (1.0, 0.0, 0.0, 0.0)
 GROUP = "239.255.42.98"
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 @contextmanager

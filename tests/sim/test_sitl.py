@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from free_ports import free_port
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config import load_airframe, load_site, shipped
@@ -201,15 +202,10 @@ def process(command: list[str], log: Path) -> Iterator[subprocess.Popen[bytes]]:
         running.wait()
 
 
-def free_address() -> str:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"127.0.0.1:{probe.getsockname()[1]}"
-
-
 def test_kill_9_in_flight_hands_back_and_a_restarted_module_engages_again(tmp_path: Path) -> None:
     """Real time, because what is tested is what happens when nobody waits."""
-    station, companion, truth = Station(), free_address(), tmp_path / "truth.csv"
+    station, truth = Station(), tmp_path / "truth.csv"
+    companion = f"127.0.0.1:{free_port()}"
     files = ["--airframe", str(AIRFRAME), "--site", str(SITE)]
     bridge = [
         *(sys.executable, "-m", "tgl_soar.sim.bridge", *files, "--log", str(truth)),
