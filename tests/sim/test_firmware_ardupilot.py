@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from firmware_step import AIRFRAME, NO_STICKS, READINGS, leg
 
-from tgl_soar.config import load_airframe
 from tgl_soar.sim.firmware import FirmwareError, ardupilot
 from tgl_soar.sim.firmware.ardupilot import (
     MAGIC,
@@ -20,26 +20,10 @@ from tgl_soar.sim.firmware.ardupilot import (
     gps_input,
     state_line,
 )
-from tgl_soar.sim.firmware.sensors import SOMEWHERE, Motion, Readings
+from tgl_soar.sim.firmware.sensors import SOMEWHERE
 from tgl_soar.sim.firmware.simulation import Sticks
-from tgl_soar.sim.sitl import SitlOptions, fly, passed
+from tgl_soar.sim.sitl import fly, passed
 from tgl_soar.types import SurfaceCommand
-
-CONFIG = Path(__file__).parents[2] / "config"
-AIRFRAME = load_airframe(CONFIG / "airframes/eclipson_c.toml")
-NO_STICKS = Sticks(SurfaceCommand(0.0, 0.0, 0.0))
-READINGS = Readings(
-    time_s=1.0025,
-    force_frd_mps2=(0.1, 0.2, -9.8),
-    rate_frd_radps=(0.01, 0.02, 0.03),
-    magnetic_frd_gauss=None,
-    pressure_pa=None,
-    height_m=10.5,
-    temperature_c=15.0,
-    differential_pressure_pa=None,
-    gps=None,
-    motion=Motion((1.0, -2.0, -3.0), (0.25, -0.5, 0.125), (0.5, 0.5, -0.5, 0.5), 8.75),
-)
 
 
 def outputs(frame: int, pulses: list[int], magic: int = MAGIC) -> bytes:
@@ -190,18 +174,6 @@ def test_a_program_that_is_not_there(tmp_path: Path) -> None:
 )
 @pytest.mark.parametrize("route", ["override", "attitude"])
 def test_a_leg_through_a_real_arduplane(tmp_path: Path, route: str) -> None:
-    flight = fly(
-        SitlOptions(
-            airframe=CONFIG / "airframes/eclipson_c.toml",
-            site=CONFIG / "sites/tunnel_mocap.toml",
-            out=tmp_path,
-            legs=("a",),
-            stay_s=4.0,
-            mocap=True,
-            autopilot="ardupilot",
-            firmware=Path(os.environ["TGL_SOAR_ARDUPLANE"]),
-            route=route,
-        ),
-        lambda _: None,
-    )
+    program = os.environ["TGL_SOAR_ARDUPLANE"]
+    flight = fly(leg(tmp_path, "ardupilot", program, route, stay_s=4.0), lambda _: None)
     assert passed(flight)

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from firmware_step import AIRFRAME, NO_STICKS, READINGS, leg
 from pymavlink.dialects.v20 import common as mavlink
 
-from tgl_soar.config import load_airframe
 from tgl_soar.sim.firmware import FirmwareError, px4
 from tgl_soar.sim.firmware.px4 import (
     Px4,
@@ -23,26 +23,11 @@ from tgl_soar.sim.firmware.px4 import (
     output_parameters,
     rc_channels,
 )
-from tgl_soar.sim.firmware.sensors import Motion, Place, Readings
+from tgl_soar.sim.firmware.sensors import Place
 from tgl_soar.sim.firmware.simulation import Sticks
-from tgl_soar.sim.sitl import SitlOptions, fly, passed
+from tgl_soar.sim.sitl import fly, passed
 from tgl_soar.types import SurfaceCommand
 
-CONFIG = Path(__file__).parents[2] / "config"
-AIRFRAME = load_airframe(CONFIG / "airframes/eclipson_c.toml")
-NO_STICKS = Sticks(SurfaceCommand(0.0, 0.0, 0.0))
-READINGS = Readings(
-    time_s=1.004,
-    force_frd_mps2=(0.1, 0.2, -9.8),
-    rate_frd_radps=(0.01, 0.02, 0.03),
-    magnetic_frd_gauss=(0.2, 0.0, 0.45),
-    pressure_pa=101200.0,
-    height_m=10.5,
-    temperature_c=15.0,
-    differential_pressure_pa=44.0,
-    gps=None,
-    motion=Motion((1.0, 2.0, -3.0), (0.1, 0.2, 0.3), (1.0, 0.0, 0.0, 0.0), 8.7),
-)
 BARE = READINGS._replace(magnetic_frd_gauss=None, pressure_pa=None, differential_pressure_pa=None)
 
 
@@ -241,17 +226,13 @@ def test_a_program_that_is_not_there_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize("route", ["attitude", "manual_control"])
 def test_a_leg_through_a_real_px4(tmp_path: Path, route: str) -> None:
     flight = fly(
-        SitlOptions(
-            airframe=CONFIG / "airframes/eclipson_c.toml",
-            site=CONFIG / "sites/tunnel_mocap.toml",
-            out=tmp_path,
-            legs=("a",),
+        leg(
+            tmp_path,
+            "px4",
+            os.environ["TGL_SOAR_PX4"],
+            route,
             stay_s=8.0,
-            mocap=True,
             mocap_options=("--mocap-rate=125",),  # of its 250 steps a second
-            autopilot="px4",
-            firmware=Path(os.environ["TGL_SOAR_PX4"]),
-            route=route,
         ),
         lambda _: None,
     )
