@@ -45,9 +45,9 @@ from tgl_soar.link.messages import (
 )
 from tgl_soar.onboard import surface_channels
 from tgl_soar.sim.bridge import Options, Simulation
-from tgl_soar.sim.firmware import ardupilot, px4
 from tgl_soar.sim.firmware.sensors import Readings
 from tgl_soar.sim.firmware.simulation import FirmwareSimulation, Sticks
+from tgl_soar.sim.firmware.starts import STARTS
 from tgl_soar.types import NO_SETPOINTS, OURS, SurfaceCommand
 
 LINK: Final = 1
@@ -108,8 +108,7 @@ def latency(firmware: str, route: str | None, program: Path | None, folder: Path
     else:
         if program is None:
             raise SystemExit(f"{firmware}: give its program with --firmware")
-        start = ardupilot.start if firmware == "ardupilot" else px4.start
-        made, relay = start(program, folder, plane, site, dict(BENCH[firmware]))
+        made, relay = STARTS[firmware](program, folder, plane, site, BENCH[firmware])
         told = Told(made)
         simulation = FirmwareSimulation(plane, site, options, path.parent, told, relay)
 

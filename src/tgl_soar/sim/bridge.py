@@ -926,13 +926,12 @@ def _simulation(
     if arguments.autopilot == "builtin":
         return Simulation(airframe, site, options, folder)
     # What a firmware needs is loaded only where there is one.
-    from .firmware import ardupilot, px4
     from .firmware.simulation import FirmwareSimulation
+    from .firmware.starts import STARTS
 
     if arguments.firmware is None:
         raise ValueError(f"--autopilot {arguments.autopilot}: give its program with --firmware")
-    start = px4.start if arguments.autopilot == "px4" else ardupilot.start
-    physics, relay = start(
+    physics, relay = STARTS[arguments.autopilot](
         arguments.firmware, arguments.firmware_folder, airframe, site, dict(options.parameters)
     )
     arguments.step_rate = physics.step_hz
