@@ -16,12 +16,9 @@ its clock.
 from __future__ import annotations
 
 import json
-import os
 import select
-import signal
 import socket
 import struct
-import subprocess
 import time
 from collections.abc import Collection, Mapping
 from pathlib import Path
@@ -34,10 +31,9 @@ from tgl_soar.link.autopilots.ardupilot import FUNCTIONS
 from tgl_soar.sim.channels import NEUTRAL, deflection_from_pwm, ordered, pwm_from_deflection
 from tgl_soar.sim.ports import Address
 from tgl_soar.sim.sensor_messages import geodetic
-from tgl_soar.sim.sitl import with_parent
 from tgl_soar.types import SurfaceCommand
 
-from . import FirmwareError
+from . import FirmwareError, program
 from .relay import FirmwareLink, Relay
 from .sensors import SOMEWHERE, Readings
 from .simulation import Sticks
@@ -306,37 +302,27 @@ class ArduPlane(ArduPlanePhysics):
         by_poses: bool,
     ) -> None:
         """`folder`: where it keeps its parameters, begun anew.  Errors: `FirmwareError`."""
-        if not (binary.is_file() and os.access(binary, os.X_OK)):
-            raise FirmwareError(f"{binary}: there is no program")
+        program.require(binary)
         super().__init__(surfaces, home, by_poses=by_poses)
         folder.mkdir(parents=True, exist_ok=True)
         defaults = folder / "parameters.parm"
         defaults.write_text("".join(f"{n} {v:.9g}\n" for n, v in parameters.items()))
         self._ground, self._companion = FirmwareLink(None), FirmwareLink(None)
         at = self._home
-        with (folder / "arduplane.log").open("wb") as log:
-            self._process = subprocess.Popen(
-                with_parent(
-                    [
-                        str(binary.resolve()),
-                        *("--wipe", "--model", "JSON:127.0.0.1"),
-                        *("--sim-port-out", str(self.port)),
-                        *("--rate", str(STEP_HZ), "--speedup", str(SPEEDUP)),
-                        *("--home", f"{at.latitude_deg},{at.longitude_deg},{at.altitude_m},0"),
-                        *("--defaults", str(defaults.resolve())),
-                        *("--serial0", _client(self._ground)),
-                        *("--serial1", _client(self._companion)),
-                    ],
-                    signal.SIGKILL,
-                ),
-                cwd=folder,
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-            )
+        options = (
+            *("--wipe", "--model", "JSON:127.0.0.1"),
+            *("--sim-port-out", str(self.port)),
+            *("--rate", str(STEP_HZ), "--speedup", str(SPEEDUP)),
+            *("--home", f"{at.latitude_deg},{at.longitude_deg},{at.altitude_m},0"),
+            *("--defaults", str(defaults.resolve())),
+            *("--serial0", _client(self._ground)),
+            *("--serial1", _client(self._companion)),
+        )
+        log = folder / "arduplane.log"
+        self._process = program.launch(binary, options, log, {})
         if not self.connect(BOOT_S):
             self.close()
-            raise FirmwareError(f"ArduPlane does not come: see {folder / 'arduplane.log'}")
+            raise FirmwareError(f"ArduPlane does not come: see {log}")
 
     def relay(self, system: int) -> Relay:
         """Its links to a ground station and to a companion."""

@@ -14,9 +14,7 @@ does not answer later is waited for, as everything hangs on it.
 
 from __future__ import annotations
 
-import os
 import select
-import signal
 import socket
 import subprocess
 import time
@@ -29,10 +27,9 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from tgl_soar.config import Airframe, Site, Surfaces
 from tgl_soar.sim.channels import NEUTRAL, ordered
-from tgl_soar.sim.sitl import with_parent
 from tgl_soar.types import SurfaceCommand
 
-from . import FirmwareError
+from . import FirmwareError, program
 from .relay import FirmwareLink, Relay
 from .sensors import Place, Readings
 from .simulation import Sticks
@@ -349,8 +346,7 @@ class Px4(Px4Physics):
     ) -> None:
         """`folder`: where it keeps its parameters, begun anew.  Errors: `FirmwareError`."""
         files = binary.parent.parent / "etc"
-        if not (binary.is_file() and os.access(binary, os.X_OK)):
-            raise FirmwareError(f"{binary}: there is no program")
+        program.require(binary)
         if not (files / "init.d-posix" / "rcS").is_file():
             raise FirmwareError(
                 f"{binary}: no {files}/init.d-posix/rcS beside it, as a build has it"
@@ -367,21 +363,16 @@ class Px4(Px4Physics):
         for kept in ("parameters.bson", "parameters_backup.bson", "dataman"):
             (folder / kept).unlink(missing_ok=True)
         settings = {f"PX4_PARAM_{name}": f"{value:g}" for name, value in parameters.items()}
-        with (folder / "px4.log").open("wb") as log:
-            self._process = subprocess.Popen(
-                with_parent(
-                    [str(binary.resolve()), "-i", str(instance), "-d", str(files.resolve())],
-                    signal.SIGKILL,
-                ),
-                cwd=folder,
-                env={**os.environ, "PX4_SYS_AUTOSTART": PLANE, **settings},
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-            )
+        log = folder / "px4.log"
+        self._process = program.launch(
+            binary,
+            ("-i", str(instance), "-d", str(files.resolve())),
+            log,
+            {"PX4_SYS_AUTOSTART": PLANE, **settings},
+        )
         if not self.connect(BOOT_S):
             self.close()
-            raise FirmwareError(f"PX4 does not come: see {folder / 'px4.log'}")
+            raise FirmwareError(f"PX4 does not come: see {log}")
 
     def relay(self, system: int) -> Relay:
         """Its links to a ground station and to a companion."""
