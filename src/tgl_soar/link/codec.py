@@ -14,12 +14,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import isfinite
-from struct import Struct
 from typing import Any, Final, TypeAlias
 
+from fastcrc.crc16 import mcrf4xx as checksum
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from .hot_frames import READERS, WRITERS, Read, checksum
+from .hot_frames import READERS, WRITERS, Reader, override_body
 from .messages import (
     AutopilotVersion,
     CommandAck,
@@ -39,6 +39,7 @@ from .messages import (
     ParamSet,
     ParamValue,
     RcChannels,
+    RcChannelsOverride,
     Received,
     Said,
     SetActuatorControlTarget,
@@ -58,20 +59,20 @@ _MARKER_V2: Final = 0xFD
 _HEADER_V1: Final = 6
 _HEADER_V2: Final = 10
 _CHECKSUM: Final = 2
-_HEAD_V1: Final = Struct("<BBB2ss").unpack_from  # the sender and the number as they stand there
-_HEAD_V2: Final = Struct("<BBBBB2s3s").unpack_from
 _SHORTEST_V2: Final = _HEADER_V2 + _CHECKSUM
 _SIGNED: Final = 0x01
 _SIGNATURE: Final = 13
 
-_new: Final = tuple.__new__  # a named tuple without counting its fields once more
+_new: Final[Any] = tuple.__new__  # a named tuple without counting its fields once more
 
 _FLOAT32_MAX: Final = 3.4028234e38
 _MOST_LOST: Final = 200  # in a row: a larger gap is a frame that was overtaken
 _LARGEST_V1: Final = 255  # MAVLink 1 has no larger message numbers
 _ARRAY_SIZE: Final = 58  # numbers of a DEBUG_FLOAT_ARRAY
-_MAX_SOURCES: Final = 64  # kept, so that each need not be made anew with every frame
+_MOST_KEPT: Final = 256  # of what is known of a message and its sender
 _ZEROS: Final = bytes(255)  # what was cut off a payload
+
+_ONE_BYTE: Final = tuple(checksum(bytes((byte,)), 0) for byte in range(256))  # its checksum
 
 
 @dataclass(slots=True)
@@ -87,6 +88,22 @@ class DecoderCounters:
     unknown: int = 0  # of messages that the dialect lacks: cannot be checked
     refused: int = 0  # not signed as they must be
     undecodable: int = 0  # right checksum, and yet no message
+
+
+@dataclass(slots=True)
+class _Known:
+    """What a message's number and its sender tell of a frame."""
+
+    source: Source
+    is_watched: bool  # its sender's sequence is
+    crc_extra: int
+    # Of a hot frame: so many bytes are read, into this, by that.
+    needed: int
+    kind: type[Heard] | None
+    fields: Callable[[bytes, int], tuple[Any, ...]] | None
+    # Of another one that somebody listens to.
+    heard: Callable[[Any], Heard] | None
+    is_kept: bool = False
 
 
 class Decoder:
@@ -112,13 +129,14 @@ class Decoder:
         self._dialect: Any = dialect.MAVLink(None)
         self.only_v1 = False  # frames came, and all of MAVLink 1
         self._heard_v2 = False
-        self._sources: dict[bytes, Source] = {}
-        self._watched = b""
+        self._known: dict[bytes, _Known] = {}  # by sender and number, as they stand in a frame
+        self._watched: Source | None = None
         self._sequence = -1
 
     def watch(self, source: Source) -> None:
         """Count what is lost of one sender's frames."""
-        self._watched = bytes(source)
+        self._watched = source
+        self._known.clear()
 
     def feed(self, data: bytes) -> list[Received]:
         """The messages that end in this piece, in order."""
@@ -136,7 +154,7 @@ class Decoder:
                 self._rest = data[at:]
                 break
             if 0 < length <= end - at and (
-                self._take(data[at : at + length], received) or self._is_unknown(data, at, length)
+                self._take(data, at, length, received) or self._is_unknown(data, at, length)
             ):
                 at += length
             else:
@@ -149,47 +167,53 @@ class Decoder:
         self._sequence = -1
         self.only_v1 = self._heard_v2 = False
 
-    def _take(self, frame: bytes, received: list[Received]) -> bool:
+    def _take(self, data: bytes, at: int, length: int, received: list[Received]) -> bool:
         """What has the length of a frame; whether it is one, of a message that is known."""
-        if frame[0] == _MARKER_V2:
-            _, size, _, _, sequence, sender, number = _HEAD_V2(frame)
-            payload_at = _HEADER_V2
+        version1 = data[at] == _MARKER_V1
+        if version1:
+            sequence, about, payload_at = data[at + 2], data[at + 3 : at + 6], at + _HEADER_V1
         else:
-            _, size, sequence, sender, number = _HEAD_V1(frame)
-            payload_at = _HEADER_V1
-        kind = _KINDS.get(number)
-        if kind is None:
-            return False
-        crc_extra, needed, read, heard = kind
+            sequence, about, payload_at = data[at + 4], data[at + 5 : at + 10], at + _HEADER_V2
+        known = self._known.get(about)
+        if known is None:
+            known = self._looked_up(about)
+            if known is None:
+                return False
+        size = data[at + 1]
         to = payload_at + size
-        counters = self.counters
-        if checksum(crc_extra, checksum(frame[1:to])) != frame[to] | frame[to + 1] << 8:
-            counters.bad_checksums += 1
+        crc = checksum(data[at + 1 : to])
+        if crc >> 8 ^ _ONE_BYTE[(crc ^ known.crc_extra) & 0xFF] != data[to] | data[to + 1] << 8:
+            self.counters.bad_checksums += 1
             return False
+        counters = self.counters
         counters.frames += 1
+        frame = data if length == len(data) else data[at : at + length]
         if self._tap is not None:
             self._tap(frame)
-        if payload_at == _HEADER_V1:
+        if version1:
             self.only_v1 = not self._heard_v2
         elif not self._heard_v2:
             self._heard_v2, self.only_v1 = True, False
-        if sender == self._watched:
+        if not known.is_kept:
+            self._keep(about, known)
+        if known.is_watched:
             self._count(sequence)
-        if read is None and heard is None:
+        fields = known.fields
+        if fields is None and known.heard is None:
             return True
         if self._accept is not None and not self._accept(frame):
             counters.refused += 1
             return True
-        if read is None:
-            message = self._decoded(frame, heard)
-        elif size >= needed:
-            message = read(frame, payload_at)
+        if fields is None:
+            message: Heard | None = self._decoded(frame, known.heard)
+            if message is None:
+                return True
+        elif size >= known.needed:
+            message = _new(known.kind, fields(data, payload_at))
         else:
-            message = read(frame[payload_at:to] + _ZEROS[: needed - size], 0)
-        if message is not None:
-            counters.messages += 1
-            source = self._sources.get(sender) or self._met(sender)
-            received.append(_new(Received, (source, message)))
+            message = _new(known.kind, fields(data[payload_at:to] + _ZEROS, 0))
+        counters.messages += 1
+        received.append(_new(Received, (known.source, message)))
         return True
 
     def _is_unknown(self, data: bytes, at: int, length: int) -> bool:
@@ -217,12 +241,24 @@ class Decoder:
             counters.lost += gap
         self._sequence = sequence
 
-    def _met(self, sender: bytes) -> Source:
-        """Who has not spoken before."""
-        source = Source(*sender)
-        if len(self._sources) < _MAX_SOURCES:
-            self._sources[sender] = source
-        return source
+    def _looked_up(self, about: bytes) -> _Known | None:
+        """What the dialect says of a message; None: it lacks it."""
+        kind = _KINDS.get(about[2:])
+        if kind is None:
+            return None
+        crc_extra, reader, heard = kind
+        source = Source(about[0], about[1])
+        is_watched = source == self._watched
+        if reader is None:
+            return _Known(source, is_watched, crc_extra, 0, None, None, heard)
+        return _Known(source, is_watched, crc_extra, *reader, None)
+
+    def _keep(self, about: bytes, known: _Known) -> None:
+        """Of a good frame, so that it need not be looked up with every one."""
+        if len(self._known) >= _MOST_KEPT:
+            self._known.clear()
+        known.is_kept = True
+        self._known[about] = known
 
     def _decoded(self, frame: bytes, heard: Callable[[Any], Heard] | None) -> Heard | None:
         """What pymavlink makes of it."""
@@ -241,6 +277,11 @@ class Decoder:
         return to
 
 
+def _ended(crc: int, crc_extra: int) -> int:
+    """A frame's checksum: that of its bytes, and one more that tells the message's layout."""
+    return crc >> 8 ^ _ONE_BYTE[(crc ^ crc_extra) & 0xFF]
+
+
 def starts_with_frame(data: bytes) -> bool:
     """Whether a datagram begins with a whole frame of a known message, checksum right."""
     return first_frame(data) != b""
@@ -257,7 +298,7 @@ def first_frame(data: bytes) -> bytes:
     kind = _KINDS.get(_number(frame))
     to = length - _CHECKSUM - (_SIGNATURE if frame[0] == _MARKER_V2 and frame[2] else 0)
     good = kind is not None and (
-        checksum(kind[0], checksum(frame[1:to])) == frame[to] | frame[to + 1] << 8
+        _ended(checksum(frame[1:to]), kind[0]) == frame[to] | frame[to + 1] << 8
     )
     return frame if good else b""
 
@@ -391,18 +432,15 @@ _HEARD: Final[dict[int, Callable[[Any], Heard]]] = {
 }
 
 
-# What is known of a message: what its checksum ends with, and who reads it, if anybody:
-# `hot_frames`, from so many bytes of the payload, or pymavlink.  (A plain tuple unpacks faster
-# than a named one.)
-_Kind: TypeAlias = tuple[bytes, int, Read | None, Callable[[Any], Heard] | None]
+# What is known of a message: what its checksum ends with, and who reads it, if anybody.
+_Kind: TypeAlias = tuple[int, Reader | None, Callable[[Any], Heard] | None]
 
 
 def _kinds() -> dict[bytes, _Kind]:
     """By the number as it stands in a frame of either version."""
     kinds: dict[bytes, _Kind] = {}
     for number, message in dialect.mavlink_map.items():
-        needed, read = READERS.get(number, (0, None))
-        kind = bytes((message.crc_extra,)), needed, read, _HEARD.get(number)
+        kind = message.crc_extra, READERS.get(number), _HEARD.get(number)
         kinds[number.to_bytes(3, "little")] = kind
         if number <= _LARGEST_V1:
             kinds[bytes((number,))] = kind
@@ -413,6 +451,7 @@ _KINDS: Final = _kinds()
 _WRITTEN: Final = {
     kind: (number, _KINDS[bytes((number,))][0], write) for kind, (number, write) in WRITERS.items()
 }
+_OVERRIDE_EXTRA: Final = _WRITTEN[RcChannelsOverride][1]
 
 
 class Encoder:
@@ -435,29 +474,41 @@ class Encoder:
         signing = self._signing
         key = signing.key if signing is not None and not self.version1 else None
         timestamp = signing.next_timestamp() if signing is not None and key is not None else 0
-        written = _WRITTEN.get(type(message))
-        if written is None:
-            frame = self._packed(message, key, timestamp)
+        kind = type(message)
+        if isinstance(message, RcChannelsOverride):
+            frame = self._override(message, key, timestamp)
+        elif kind in _WRITTEN:
+            frame = self._framed(kind, message, key, timestamp)
         else:
-            number, crc_extra, write = written
-            frame = self._framed(number, crc_extra, write(message), key, timestamp)
+            frame = self._packed(message, key, timestamp)
         if frame:
             self._sequence = (self._sequence + 1) & 0xFF
         return frame
 
-    def _framed(
-        self, number: int, crc_extra: bytes, payload: bytes, key: bytes | None, timestamp: int
-    ) -> bytes:
+    def _override(self, message: RcChannelsOverride, key: bytes | None, timestamp: int) -> bytes:
+        """What every tick says."""
+        body, source = b"", self.source
+        if not self.version1:
+            flags = 0 if key is None else _SIGNED
+            body = override_body(message, flags, self._sequence, source[0], source[1])
+        if not body:
+            return self._framed(RcChannelsOverride, message, key, timestamp)
+        frame = b"\xfd" + body + _ended(checksum(body), _OVERRIDE_EXTRA).to_bytes(2, "little")
+        return frame if key is None else signed(frame, key, self._link_id, timestamp)
+
+    def _framed(self, kind: type[Said], message: Said, key: bytes | None, timestamp: int) -> bytes:
         """Around a payload of ours: of a number below 256."""
+        number, crc_extra, write = _WRITTEN[kind]
+        payload = write(message)
+        system, component = self.source
         if self.version1:
-            body = bytes((len(payload), self._sequence, *self.source, number)) + payload
-            return b"\xfe" + body + checksum(crc_extra, checksum(body)).to_bytes(2, "little")
+            body = bytes((len(payload), self._sequence, system, component, number)) + payload
+            return b"\xfe" + body + _ended(checksum(body), crc_extra).to_bytes(2, "little")
         payload = payload.rstrip(b"\0") or b"\0"
         flags = 0 if key is None else _SIGNED
-        system, component = self.source
         head = bytes((len(payload), flags, 0, self._sequence, system, component, number, 0, 0))
         body = head + payload
-        frame = b"\xfd" + body + checksum(crc_extra, checksum(body)).to_bytes(2, "little")
+        frame = b"\xfd" + body + _ended(checksum(body), crc_extra).to_bytes(2, "little")
         return frame if key is None else signed(frame, key, self._link_id, timestamp)
 
     def _packed(self, message: Said, key: bytes | None, timestamp: int) -> bytes:

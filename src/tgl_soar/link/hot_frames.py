@@ -17,9 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from struct import Struct
-from typing import Any, Final, NamedTuple, TypeAlias
-
-from fastcrc.crc16 import mcrf4xx as checksum
+from typing import Any, Final, NamedTuple
 
 from .messages import (
     ID_ATTITUDE_QUATERNION,
@@ -48,16 +46,13 @@ from .messages import (
     Timesync,
 )
 
-__all__ = ["READERS", "WRITERS", "Read", "checksum"]
-
-Read: TypeAlias = Callable[[bytes, int], Heard]
-
 
 class Reader(NamedTuple):
     """How a payload becomes a message."""
 
     size: int  # so many bytes are read
-    read: Read  # from a buffer, at an offset
+    kind: type[Heard]
+    fields: Callable[[bytes, int], tuple[Any, ...]]  # of a payload that begins at an offset
 
 
 class Writer(NamedTuple):
@@ -66,8 +61,6 @@ class Writer(NamedTuple):
     number: int
     write: Callable[[Any], bytes]
 
-
-_new: Final = tuple.__new__  # a named tuple of what is unpacked, without counting it once more
 
 _ATTITUDE_QUATERNION: Final = Struct("<I7f")
 _LOCAL_POSITION_NED: Final = Struct("<I6f")
@@ -78,60 +71,82 @@ _SCALED_IMU: Final = Struct("<I6h")
 _HIGHRES_IMU: Final = Struct("<Q6f12x2f4xfH")
 _SERVO_OUTPUT_RAW: Final = Struct("<I8HB8H")
 _TIMESYNC: Final = Struct("<2q")
-_OVERRIDE: Final = Struct("<8H2B").pack
-_LATER_CHANNELS: Final = Struct("<10H").pack
+
+_read_servos: Final = _SERVO_OUTPUT_RAW.unpack_from
+_read_odometry: Final = _ODOMETRY.unpack_from
+_read_scaled_imu: Final = _SCALED_IMU.unpack_from
+_write_two: Final = _TIMESYNC.pack
+_write_channels: Final = Struct("<8H2B").pack
+_write_body: Final = Struct("<7B2x8H2B").pack
+_OVERRIDE_BYTES: Final = 18
+_write_later: Final = Struct("<10H").pack
+_FIRST_CHANNELS: Final = 8
 _NO_LATER_CHANNELS: Final = (0,) * 10
 
 
 def _plain(kind: type[Heard], layout: Struct) -> Reader:
     """Of a message whose fields are those of the payload, in its order."""
-    unpack = layout.unpack_from
-
-    def read(data: bytes, at: int) -> Heard:
-        return _new(kind, unpack(data, at))
-
-    return Reader(layout.size, read)
+    return Reader(layout.size, kind, layout.unpack_from)
 
 
 def _scaled_imu(number: int) -> Reader:
-    unpack = _SCALED_IMU.unpack_from
-    return Reader(_SCALED_IMU.size, lambda data, at: ScaledImu(number, *unpack(data, at)))
+    return Reader(
+        _SCALED_IMU.size, ScaledImu, lambda data, at: (number, *_read_scaled_imu(data, at))
+    )
 
 
-def _servo_output_raw(data: bytes, at: int) -> Heard:
-    fields = _SERVO_OUTPUT_RAW.unpack_from(data, at)
-    return ServoOutputRaw(fields[0], fields[9], fields[1:9] + fields[10:])
+def _servo_output_raw(data: bytes, at: int) -> tuple[Any, ...]:
+    f = _read_servos(data, at)
+    return f[0], f[9], f[1:9] + f[10:]
 
 
-def _odometry(data: bytes, at: int) -> Heard:
-    f = _ODOMETRY.unpack_from(data, at)
-    motion = f[4:8], *f[8:14]
+def _odometry(data: bytes, at: int) -> tuple[Any, ...]:
+    f = _read_odometry(data, at)
     frame, child_frame, estimator = f[56:]
-    fields = f[0], frame, child_frame, *f[1:4], *motion, f[14:35], f[35:56], estimator
-    return _new(Odometry, fields)
+    moves = f[4:8], *f[8:14]
+    return f[0], frame, child_frame, *f[1:4], *moves, f[14:35], f[35:56], estimator
 
 
 def _write_timesync(message: Any) -> bytes:
-    return _TIMESYNC.pack(*message)
+    return _write_two(*message)
+
+
+def override_body(
+    message: RcChannelsOverride, flags: int, sequence: int, system: int, component: int
+) -> bytes:
+    """A MAVLink 2 frame of RC_CHANNELS_OVERRIDE between its marker and its checksum, at one go.
+
+    `message` moves none but the first eight channels and ends in no zero, as nearly always; else
+    nothing is made.  `system`, `component`: who sends it.
+    """
+    channels, part = message.channels, message.target_component
+    if part == 0 or channels[_FIRST_CHANNELS:] != _NO_LATER_CHANNELS:
+        return b""
+    c: Any = channels
+    return _write_body(
+        _OVERRIDE_BYTES, flags, 0, sequence, system, component, ID_RC_CHANNELS_OVERRIDE,
+        c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], message.target_system, part,
+    )  # fmt: skip
 
 
 def _write_override(message: Any) -> bytes:
     system, component, channels = message
-    payload, later = _OVERRIDE(*channels[:8], system, component), channels[8:]
-    return payload if later == _NO_LATER_CHANNELS else payload + _LATER_CHANNELS(*later)
+    payload = _write_channels(*channels[:_FIRST_CHANNELS], system, component)
+    later = channels[_FIRST_CHANNELS:]
+    return payload if later == _NO_LATER_CHANNELS else payload + _write_later(*later)
 
 
 READERS: Final[dict[int, Reader]] = {
     ID_ATTITUDE_QUATERNION: _plain(AttitudeQuaternion, _ATTITUDE_QUATERNION),
     ID_LOCAL_POSITION_NED: _plain(LocalPositionNed, _LOCAL_POSITION_NED),
     ID_GLOBAL_POSITION_INT: _plain(GlobalPositionInt, _GLOBAL_POSITION_INT),
-    ID_ODOMETRY: Reader(_ODOMETRY.size, _odometry),
+    ID_ODOMETRY: Reader(_ODOMETRY.size, Odometry, _odometry),
     ID_RAW_IMU: _plain(RawImu, _RAW_IMU),
     ID_SCALED_IMU: _scaled_imu(ID_SCALED_IMU),
     ID_SCALED_IMU2: _scaled_imu(ID_SCALED_IMU2),
     ID_SCALED_IMU3: _scaled_imu(ID_SCALED_IMU3),
     ID_HIGHRES_IMU: _plain(HighresImu, _HIGHRES_IMU),
-    ID_SERVO_OUTPUT_RAW: Reader(_SERVO_OUTPUT_RAW.size, _servo_output_raw),
+    ID_SERVO_OUTPUT_RAW: Reader(_SERVO_OUTPUT_RAW.size, ServoOutputRaw, _servo_output_raw),
     ID_TIMESYNC: _plain(Timesync, _TIMESYNC),
 }
 
