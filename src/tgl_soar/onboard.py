@@ -58,16 +58,25 @@ from tgl_soar.link.messages import (
     AttitudeQuaternion,
     CommandInt,
     CommandLong,
+    GlobalPositionInt,
     Heartbeat,
+    HighresImu,
+    LocalPositionNed,
+    Odometry,
     ParamRequestList,
     ParamRequestRead,
     ParamSet,
+    RawImu,
     RcChannels,
     Received,
     Said,
+    ScaledImu,
+    ServoOutputRaw,
     SetupSigning,
     Source,
+    SysStatus,
     Timesync,
+    VfrHud,
     VisionPositionEstimate,
 )
 from tgl_soar.link.mode_change import ModeChange
@@ -342,6 +351,7 @@ class Onboard:
         self._values = setup.parameters
         self._laws = laws_of(setup, setup.parameters)
         self._engage = setup.parameters["OP_ENGAGE"] >= 0.5
+        self._telemetry_bytes_per_s = setup.parameters["TEL_BUDGET"]
         self._state = autopilot.initial_state()
         self._last_tick: tuple[autopilot.AutopilotState, Inputs] | None = None
         self._mode = BOOT
@@ -414,7 +424,10 @@ class Onboard:
             route.match_version()
             if not route.greeted:
                 self._greet(route)
-            self._take(route, received, now_s)
+            if type(received.message) in _STREAMED:
+                self._measure(route, received, now_s)
+            else:
+                self._take(route, received, now_s)
 
     def pose(self, data: bytes, sender: tuple[str, int], now_s: float) -> None:
         """A datagram has come from a motion-capture server, or from somebody who plays it."""
@@ -426,6 +439,7 @@ class Onboard:
             self.session.sources.take(MOCAP, fix, now_s, self.mocap.turned)
 
     def _take(self, route: Route, received: Received, now_s: float) -> None:
+        """Whatever does not come in a steady stream."""
         message = received.message
         session = self.session
         if isinstance(message, ParamSet | ParamRequestRead | ParamRequestList):
@@ -447,16 +461,24 @@ class Onboard:
             return
         if isinstance(message, VisionPositionEstimate) and route is self._autopilot:
             self._already_known(received.source)
-        sequence = session.attitude.sequence
         if self._vehicle_clock and received.source == session.autopilot:
             self._step_without_attitude(message)
         if route is self._autopilot or isinstance(message, Timesync | VisionPositionEstimate):
             self._say_all(session.handle(received, self._clock(now_s)), route)
-        if session.attitude.sequence == sequence:
+
+    def _measure(self, route: Route, received: Received, now_s: float) -> None:
+        """What the autopilot measures; nobody else's measurements are flown with."""
+        if route is not self._autopilot:
+            return
+        session = self.session
+        before = session.attitude
+        session.handle(received, self._clock(now_s))
+        attitude = session.attitude
+        if attitude is before:
             return
         if not self._lockstep:
-            self.pacer.sample(now_s, session.vehicle_time_s, session.attitude.time_s)
-        elif isinstance(message, AttitudeQuaternion):
+            self.pacer.sample(now_s, session.vehicle_time_s, attitude.time_s)
+        elif isinstance(received.message, AttitudeQuaternion):
             self._step_with_vehicle()
 
     def _meet(self, route: Route, source: Source, now_s: float) -> None:
@@ -611,6 +633,7 @@ class Onboard:
         self._recorder.parameters(values)
         self._laws = laws_of(self._setup, values)
         self._engage = values["OP_ENGAGE"] >= 0.5
+        self._telemetry_bytes_per_s = values["TEL_BUDGET"]
         self._want_pilot_switch()
         self.counters.laws_changed += 1
 
@@ -840,13 +863,14 @@ class Onboard:
             self._first_words.clear()
         if self.mocap is not None:
             self._ask_mocap(self.mocap, now_s)
-        for severity, text in session.notices:
-            self.tell(severity, text)
-        session.notices.clear()
+        if session.notices:
+            for severity, text in session.notices:
+                self.tell(severity, text)
+            session.notices.clear()
         if self.output is not None:
             self._measure_loss(now_s)
             self._panel.look(self.output, session.vehicle_time_s, self._loss, session.round_trip_s)
-            message = self.telemetry.due(now_s, self._values["TEL_BUDGET"])
+            message = self.telemetry.due(now_s, self._telemetry_bytes_per_s)
             if message is not None and self.strain.no_telemetry:
                 self.counters.telemetry_shed += 1
             elif message is not None:
@@ -892,6 +916,10 @@ class Onboard:
 
     def _list_parameters(self, now_s: float) -> None:
         """Values go out where somebody has asked for any."""
+        if not self.parameters.is_busy:
+            for route in self._routes:
+                route.asked = False
+            return
         said = self.parameters.poll(now_s)
         for route in self._routes:
             if route.asked:
@@ -926,7 +954,7 @@ class Onboard:
         )
 
     def _spend(self, size: int) -> None:
-        self.telemetry.budget.spend(size, self._values["TEL_BUDGET"])
+        self.telemetry.budget.spend(size, self._telemetry_bytes_per_s)
 
     # --- speaking -----------------------------------------------------------------------------
 
@@ -960,7 +988,8 @@ class Onboard:
             if not route.greeted:
                 self._greet(route)
             else:
-                self._say_all(list(due), route)
+                for heartbeat in due:
+                    self._say(heartbeat, route)
 
     def _greet(self, route: Route) -> None:
         """Our heartbeat, before anything else is said on this link."""
@@ -1010,6 +1039,22 @@ class Onboard:
         """The loop's time."""
         return self._stepped_s if self._vehicle_clock else now_s
 
+
+# What brings measurements and nothing else: the session takes it and has no answer.
+_STREAMED: Final = frozenset(
+    (
+        AttitudeQuaternion,
+        RawImu,
+        ScaledImu,
+        HighresImu,
+        LocalPositionNed,
+        GlobalPositionInt,
+        Odometry,
+        ServoOutputRaw,
+        VfrHud,
+        SysStatus,
+    )
+)
 
 # Whom the session looks at itself: a bridge whose positions are believed may sit on any link.
 _FROM_ANYWHERE: Final = Timesync | Heartbeat | VisionPositionEstimate

@@ -130,6 +130,7 @@ class Decoder:
         self.only_v1 = False  # frames came, and all of MAVLink 1
         self._heard_v2 = False
         self._known: dict[bytes, _Known] = {}  # by sender and number, as they stand in a frame
+        self._sources: dict[bytes, Source] = {}  # of these
         self._watched: Source | None = None
         self._sequence = -1
 
@@ -247,7 +248,7 @@ class Decoder:
         if kind is None:
             return None
         crc_extra, reader, heard = kind
-        source = Source(about[0], about[1])
+        source = self._sources.get(about[:2]) or Source(about[0], about[1])
         is_watched = source == self._watched
         if reader is None:
             return _Known(source, is_watched, crc_extra, 0, None, None, heard)
@@ -257,8 +258,10 @@ class Decoder:
         """Of a good frame, so that it need not be looked up with every one."""
         if len(self._known) >= _MOST_KEPT:
             self._known.clear()
+            self._sources.clear()
         known.is_kept = True
         self._known[about] = known
+        self._sources[about[:2]] = known.source
 
     def _decoded(self, frame: bytes, heard: Callable[[Any], Heard] | None) -> Heard | None:
         """What pymavlink makes of it."""

@@ -195,6 +195,8 @@ class CommandServer:
     def poll(self, now_s: float) -> list[CommandAck]:
         """IN_PROGRESS, once a second, to those who wait."""
         said: list[CommandAck] = []
+        if not self._done:
+            return said
         for (source, number), done in self._done.items():
             if done.result == RESULT_IN_PROGRESS and now_s >= done.progress_s:
                 done.progress_s = now_s + PROGRESS_S

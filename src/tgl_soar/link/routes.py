@@ -49,18 +49,22 @@ class Route:
         self.override = self.own if override == own else Encoder(override, signing, number)
         self._signing = signing
         self._excused = excused
+        self._spoke: Source | None = None  # last
         self.greeted = False  # our heartbeat has gone out
         self.asked = False  # a list of parameters, or some of them
         self._senders: dict[Source, None] = {}
 
     def _accept(self, frame: bytes) -> bool:
         signing = self._signing
-        if not signing.is_on:
+        if signing.key is None:
             return True
         return signing.lets_in(frame, excused=source_of(frame) == self._excused)
 
     def heard(self, source: Source) -> None:
         """Somebody has spoken on this link."""
+        if source is self._spoke:
+            return
+        self._spoke = source
         if source not in self._senders and len(self._senders) < MAX_SENDERS:
             self._senders[source] = None
 
@@ -73,6 +77,7 @@ class Route:
         self.decoder.reset()
         self.greeted = False
         self.asked = False
+        self._spoke = None
         self._senders.clear()
 
     def match_version(self) -> None:

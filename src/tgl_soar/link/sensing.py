@@ -35,10 +35,10 @@ _GYROS: Final = 0b111000
 _DIFFERENTIAL_PRESSURE: Final = 1 << 10
 _AIR_GAS_CONSTANT: Final = 287.05  # [J/(kg K)]
 
-_SIX: Final = Struct("<6f")
+_six: Final = Struct("<6f").pack
+_single: Final = Struct("<6f").unpack
 
 Triple = tuple[float, float, float]
-NO_RATES: Final[Triple] = (NAN, NAN, NAN)
 
 
 def imu_of(message: HighresImu | ScaledImu | RawImu) -> tuple[Triple, Triple] | None:
@@ -46,24 +46,27 @@ def imu_of(message: HighresImu | ScaledImu | RawImu) -> tuple[Triple, Triple] | 
 
     All are numbers of single precision, which the flight log keeps as they are.
     """
-    force = message.xacc, message.yacc, message.zacc
-    rates = message.xgyro, message.ygyro, message.zgyro
+    has_rates = True
     if isinstance(message, HighresImu):
+        x, y, z = message.xacc, message.yacc, message.zacc
+        p, q, r = message.xgyro, message.ygyro, message.zgyro
         if message.fields_updated & _ACCELERATIONS != _ACCELERATIONS:
             return None
-        if message.fields_updated & _GYROS != _GYROS:
-            rates = NO_RATES
+        has_rates = message.fields_updated & _GYROS == _GYROS
     else:
         mg, mrad = MILLI_G_MPS2, 1e-3
-        x, y, z, p, q, r = _SIX.unpack(
-            _SIX.pack(*(f * mg for f in force), *(rate * mrad for rate in rates))
-        )
-        force, rates = (x, y, z), (p, q, r)
-    if not all(abs(f) <= FORCE_MAX_MPS2 for f in force) or force == (0.0, 0.0, 0.0):
+        x, y, z, p, q, r = _single(
+            _six(
+                message.xacc * mg, message.yacc * mg, message.zacc * mg,
+                message.xgyro * mrad, message.ygyro * mrad, message.zgyro * mrad,
+            )
+        )  # fmt: skip
+    if not (abs(x) <= FORCE_MAX_MPS2 and abs(y) <= FORCE_MAX_MPS2 and abs(z) <= FORCE_MAX_MPS2):
         return None
-    if not all(abs(r) <= RATE_MAX_RADPS for r in rates):
-        rates = NO_RATES
-    return force, rates
+    if x == 0.0 and y == 0.0 and z == 0.0:
+        return None
+    fits = abs(p) <= RATE_MAX_RADPS and abs(q) <= RATE_MAX_RADPS and abs(r) <= RATE_MAX_RADPS
+    return (x, y, z), (p, q, r) if has_rates and fits else (NAN, NAN, NAN)
 
 
 def airspeed_of_pressure(message: HighresImu) -> float | None:

@@ -65,6 +65,7 @@ from .messages import (
     AttitudeQuaternion,
     CommandAck,
     GlobalPositionInt,
+    Heard,
     Heartbeat,
     HighresImu,
     LocalPositionNed,
@@ -183,7 +184,7 @@ class Session:
         self.mismatch = ""  # why this is not the autopilot of the airframe file
         self.vehicle_time_s = NAN  # newest stamp of the attitude, vehicle's clock
         self.servos_us: tuple[int, ...] = ()
-        self.heard: dict[Source, int] = {}
+        self.heard: set[Source] = set()
         self.notices: list[tuple[int, str]] = []  # (severity, text), for whoever tells them
         self.streams = StreamRequests(own.system)
         self.round_trip = RoundTrip()
@@ -285,30 +286,23 @@ class Session:
         """Take in one message; what is to be said at once."""
         source, message = received
         if source not in self.heard and len(self.heard) < MAX_HEARD:
-            self.heard[source] = 0
-        if source in self.heard:
-            self.heard[source] += 1
-        if isinstance(message, Timesync):
-            return self._timesync(source, message, now_s)
-        if isinstance(message, VisionPositionEstimate):
-            self._take_vision(source, message, now_s)
-            return []
+            self.heard.add(source)
         if source != self.autopilot:
-            if isinstance(message, _MEASUREMENTS):
-                self.counters.foreign += 1
-            return []
+            return self._handle_other(source, message, now_s)
         if isinstance(message, AttitudeQuaternion):
             self._take_attitude_quaternion(message, now_s)
-        elif isinstance(message, HighresImu | RawImu | ScaledImu):
+        elif isinstance(message, _IMU_KINDS):
             self._take_imu(message, now_s)
         elif isinstance(message, LocalPositionNed):
             self._take_local_position(message, now_s)
+        elif isinstance(message, ServoOutputRaw):
+            self._take_servos(message, now_s)
         elif isinstance(message, Odometry):
             self._take_odometry(message, now_s)
         elif isinstance(message, GlobalPositionInt):
             self._take_global_position(message, now_s)
-        elif isinstance(message, ServoOutputRaw):
-            self._take_servos(message, now_s)
+        elif isinstance(message, Timesync):
+            return self._timesync(source, message, now_s)
         elif isinstance(message, VfrHud):
             self._take_hud(message, now_s)
         elif isinstance(message, SysStatus):
@@ -321,6 +315,18 @@ class Session:
             self._inquiry.heard(message)
         elif isinstance(message, CommandAck):
             self._take_ack(message, now_s)
+        elif isinstance(message, VisionPositionEstimate):
+            self._take_vision(source, message, now_s)
+        return []
+
+    def _handle_other(self, source: Source, message: Heard, now_s: float) -> list[Said]:
+        """Of somebody who is not the autopilot."""
+        if isinstance(message, Timesync):
+            return self._timesync(source, message, now_s)
+        if isinstance(message, VisionPositionEstimate):
+            self._take_vision(source, message, now_s)
+        elif isinstance(message, _MEASUREMENTS):
+            self.counters.foreign += 1
         return []
 
     # --- the conversation -------------------------------------------------------------------
@@ -411,9 +417,9 @@ class Session:
         if measured is None:
             self.counters.no_measurement += 1
         elif self._imu_from.speaks(number, now_s):
-            force, rates = measured
+            (x, y, z), (p, q, r) = measured
             self.counters.imus += 1
-            self.imu = ImuSample(self.imu.sequence + 1, times[0], *force, *rates)
+            self.imu = ImuSample(self.imu.sequence + 1, times[0], x, y, z, p, q, r)
 
     def _take_hud(self, m: VfrHud, now_s: float) -> None:
         """It has no stamp.  Without a pitot tube it shows a guess, which is no measurement."""
@@ -438,7 +444,9 @@ class Session:
         if times is not None:
             self.servos_us = m.servos
             put = self._flavour.deflections(m.servos)
-            self.surfaces = SurfacesSample(self.surfaces.sequence + 1, times[0], *put)
+            self.surfaces = SurfacesSample(
+                self.surfaces.sequence + 1, times[0], put.elevator, put.aileron, put.rudder
+            )
 
     def _take_local_position(self, m: LocalPositionNed, now_s: float) -> None:
         self.streams.heard(ID_LOCAL_POSITION_NED)
@@ -478,7 +486,7 @@ class Session:
             told = all(isfinite(angle) for angle in (m.roll, m.pitch, m.yaw))
             turned = quaternion_from_euler(m.roll, m.pitch, m.yaw) if told else None
             sigma_m = sigma_of(m.covariance)
-            self._offer(VISION, times[0], (m.x, m.y, m.z), _NO_VELOCITY, now_s, sigma_m, turned)
+            self._offer(VISION, times[0], (m.x, m.y, m.z), (NAN, NAN, NAN), now_s, sigma_m, turned)
 
     def _take_odometry(self, m: Odometry, now_s: float) -> None:
         """Position and attitude in one.  LOCAL_FRD is the hall's frame: NED by agreement."""
@@ -518,7 +526,8 @@ class Session:
         turned: Quaternion | None = None,
     ) -> None:
         """A position on the link, for the choice among all sources."""
-        fix = PositionFix(0, time_s, *at, *velocity, source, sigma_m)
+        (x, y, z), (u, v, w) = at, velocity
+        fix = PositionFix(0, time_s, x, y, z, u, v, w, source, sigma_m)
         if self._lockstep:  # the vehicle is at least as far as this, though its attitude be lost
             now_s = time_s if time_s > self.vehicle_time_s else self.vehicle_time_s
         if self.sources.take(source, fix, now_s, turned):
@@ -531,7 +540,9 @@ class Session:
         rates: tuple[float, float, float],
     ) -> None:
         self.counters.attitudes += 1
-        self.attitude = AttitudeSample(self.attitude.sequence + 1, time_s, *q, *rates)
+        (w, x, y, z), (roll, pitch, yaw) = q, rates
+        number = self.attitude.sequence + 1
+        self.attitude = AttitudeSample(number, time_s, w, x, y, z, roll, pitch, yaw)
 
     def _loop_time_s(self, now_s: float) -> float:
         """Now, on the loop's clock."""
@@ -586,15 +597,13 @@ class Session:
         self.notices.append((SEVERITY_INFO, "autopilot restarted: asking for its streams again"))
 
 
-_NO_VELOCITY: Final = (NAN, NAN, NAN)
+_IMU_KINDS: Final = (RawImu, ScaledImu, HighresImu)
 _MEASUREMENTS: Final = (
-    AttitudeQuaternion
-    | LocalPositionNed
-    | Odometry
-    | GlobalPositionInt
-    | HighresImu
-    | RawImu
-    | ScaledImu
-    | VfrHud
-    | ServoOutputRaw
+    *_IMU_KINDS,
+    AttitudeQuaternion,
+    LocalPositionNed,
+    Odometry,
+    GlobalPositionInt,
+    VfrHud,
+    ServoOutputRaw,
 )

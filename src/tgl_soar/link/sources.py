@@ -169,7 +169,9 @@ class PositionSources:
                 self._tell_apart(source, health, now_s)
                 return False
             self._switch(source, now_s)
-        self.position = measured._replace(sequence=self.position.sequence + 1, source=source)
+        _, time_s, x, y, z, u, v, w, _, sigma_m = measured
+        number = self.position.sequence + 1
+        self.position = PositionFix(number, time_s, x, y, z, u, v, w, source, sigma_m)
         self.turned = turned
         return True
 
@@ -219,7 +221,10 @@ class PositionSources:
     def _compare(self, health: SourceHealth, fix: PositionFix, now_s: float) -> None:
         """With what it said before."""
         velocity = fix.velocity_north_mps, fix.velocity_east_mps, fix.velocity_down_mps
-        said = fix.north_m, fix.east_m, fix.down_m, *(v for v in velocity if isfinite(v))
+        u, v, w = velocity
+        said: tuple[float, ...] = fix.north_m, fix.east_m, fix.down_m, u, v, w
+        if not isfinite(u + v + w):  # what is not known is not compared
+            said = *said[:3], *[speed for speed in velocity if isfinite(speed)]
         health.stands = velocity == (0.0, 0.0, 0.0)
         if said == health.said:
             health.repeats += 1

@@ -8,6 +8,7 @@ seldom.  A rate that is refused is told once, with the way out, and a lower one 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 from typing import Final
 
 from .messages import (
@@ -42,7 +43,7 @@ class Stream:
     message_id: int
     name: str
     rate_hz: float  # that is asked for now
-    due_s: float = float("-inf")  # when to measure and perhaps ask
+    due_s: float = -inf  # when to measure and perhaps ask
     since_s: float = float("nan")  # when the measurement began; NaN: never asked for
     count: int = 0
     wait_s: float = CHECK_S
@@ -61,6 +62,7 @@ class StreamRequests:
         self._streams: dict[int, Stream] = {}
         self._waiting: Stream | None = None
         self._waiting_until_s = 0.0
+        self._due_s = -inf  # nothing is to be done before
 
     def want(self, message_id: int, name: str, rate_hz: float, *, urgent: bool = False) -> None:
         """Ask for a message at a rate, from now on; an urgent one before all others."""
@@ -68,6 +70,7 @@ class StreamRequests:
         if standing is None or standing.rate_hz != rate_hz:
             wanted = {message_id: Stream(message_id, name, rate_hz)}
             self._streams = wanted | self._streams | wanted if urgent else self._streams | wanted
+            self._due_s = -inf
 
     def wanted(self, message_id: int) -> Stream | None:
         """A stream that was asked for."""
@@ -82,8 +85,9 @@ class StreamRequests:
     def restart(self) -> None:
         """The autopilot has forgotten all: ask again for what was wanted."""
         self._waiting = None
+        self._due_s = -inf
         for stream in self._streams.values():
-            stream.due_s = float("-inf")
+            stream.due_s = -inf
             stream.since_s = float("nan")
             stream.wait_s = CHECK_S
             stream.given_up = False
@@ -91,6 +95,7 @@ class StreamRequests:
     def acknowledged(self, result: int, now_s: float) -> None:
         """The answer to the one request that waits for one."""
         stream, self._waiting = self._waiting, None
+        self._due_s = -inf
         if stream is None or result in (RESULT_ACCEPTED, RESULT_IN_PROGRESS):
             return
         if result == RESULT_TEMPORARILY_REJECTED:
@@ -110,11 +115,15 @@ class StreamRequests:
 
     def poll(self, now_s: float) -> list[CommandLong]:
         """At most one request."""
-        if self._waiting is not None and now_s < self._waiting_until_s:
+        if now_s < self._due_s or (self._waiting is not None and now_s < self._waiting_until_s):
             return []
         self._waiting = None
+        next_s = inf
         for stream in self._streams.values():
-            if stream.given_up or now_s < stream.due_s:
+            if stream.given_up:
+                continue
+            if now_s < stream.due_s:
+                next_s = min(next_s, stream.due_s)
                 continue
             elapsed = now_s - stream.since_s  # NaN: never asked for
             stream.measured_hz = stream.count / elapsed if elapsed > 0.0 else 0.0
@@ -122,12 +131,14 @@ class StreamRequests:
             if stream.measured_hz >= ENOUGH * stream.rate_hz:
                 stream.wait_s = CHECK_S
                 stream.due_s = now_s + CHECK_S
+                next_s = min(next_s, stream.due_s)
                 continue
             stream.due_s = now_s + stream.wait_s
             stream.wait_s = min(CHECK_MAX_S, 1.5 * stream.wait_s)
             self._waiting, self._waiting_until_s = stream, now_s + ACK_WAIT_S
             self.requests += 1
             return [self._request(stream)]
+        self._due_s = next_s
         return []
 
     def _request(self, stream: Stream) -> CommandLong:

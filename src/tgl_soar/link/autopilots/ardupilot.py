@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import isfinite, pi
-from typing import Final
+from typing import ClassVar, Final
 
 from tgl_soar.geometry import quaternion_from_euler
 from tgl_soar.link.messages import (
@@ -145,14 +145,14 @@ SATELLITES: Final = (
 class ArduPilot:
     """ArduPlane 4.x."""
 
-    name = "ardupilot"
-    routes: Mapping[str, Route] = {route.name: route for route in (OVERRIDE, ATTITUDE)}
+    name: ClassVar[str] = "ardupilot"
+    routes: ClassVar[Mapping[str, Route]] = {route.name: route for route in (OVERRIDE, ATTITUDE)}
     # SYSID_MYGCS up to 4.6; then a range, of which the upper end 0 stands for the lower.
-    asked: tuple[str, ...] = ("SYSID_MYGCS", "MAV_GCS_SYSID", "MAV_GCS_SYSID_HI")
+    asked: ClassVar[tuple[str, ...]] = ("SYSID_MYGCS", "MAV_GCS_SYSID", "MAV_GCS_SYSID_HI")
     # RAW_IMU is stamped in microseconds, SCALED_IMU of the same numbers in milliseconds.  The
     # differential pressure of its HIGHRES_IMU is the barometer's, less that at the ground.
     # The airspeed is read ten times a second; twice as often, so that it is not old as well.
-    sensors = SensorMessages(
+    sensors: ClassVar[SensorMessages] = SensorMessages(
         (ID_RAW_IMU, ID_SCALED_IMU), Wanted(ID_VFR_HUD, "VFR_HUD", 20.0), pitot_in_imu=False
     )
 
@@ -160,7 +160,11 @@ class ArduPilot:
         self.route = route
         self._channels = channels
         self._system_id = system_id
-        self._release = (self._override({}, release=True),) if route.releases else ()
+        self._untouched = [
+            *(_LEAVE_FIRST,) * _FIRST_EIGHT,
+            *(_LEAVE_LATER,) * (CHANNELS - _FIRST_EIGHT),
+        ]
+        self._release = (self._released(),) if route.releases else ()
 
     def refusal(self, parameters: Answers, system: int) -> str:
         """The firmware ignores overrides of other senders without a word."""
@@ -186,12 +190,11 @@ class ArduPilot:
         if self.route is ATTITUDE:
             return (self._attitude(surfaces.rudder, setpoints),)
         elevator, aileron, rudder = self._channels
-        pulses = {
-            elevator.channel: pulse_width(elevator, surfaces.elevator),
-            aileron.channel: pulse_width(aileron, surfaces.aileron),
-            rudder.channel: pulse_width(rudder, surfaces.rudder),
-        }
-        return (self._override(pulses, release=False),)
+        values = self._untouched.copy()
+        values[elevator.channel - 1] = pulse_width(elevator, surfaces.elevator)
+        values[aileron.channel - 1] = pulse_width(aileron, surfaces.aileron)
+        values[rudder.channel - 1] = pulse_width(rudder, surfaces.rudder)
+        return (RcChannelsOverride(self._system_id, COMPONENT_AUTOPILOT, tuple(values)),)
 
     def release(self) -> tuple[Said, ...]:
         """One frame that gives our three channels back and touches no other."""
@@ -286,10 +289,9 @@ class ArduPilot:
             quaternion_from_euler(setpoints.roll_rad, setpoints.pitch_rad, yaw),
         )
 
-    def _override(self, pulses: Mapping[int, int], *, release: bool) -> RcChannelsOverride:
-        values = [_LEAVE_FIRST] * _FIRST_EIGHT + [_LEAVE_LATER] * (CHANNELS - _FIRST_EIGHT)
+    def _released(self) -> RcChannelsOverride:
+        values = self._untouched.copy()
         for surface in self._channels:
             first = surface.channel <= _FIRST_EIGHT
-            let_go = _RELEASE_FIRST if first else _RELEASE_LATER
-            values[surface.channel - 1] = let_go if release else pulses[surface.channel]
+            values[surface.channel - 1] = _RELEASE_FIRST if first else _RELEASE_LATER
         return RcChannelsOverride(self._system_id, COMPONENT_AUTOPILOT, tuple(values))

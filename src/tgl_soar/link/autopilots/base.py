@@ -10,7 +10,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from math import isfinite
-from typing import NamedTuple, Protocol
+from typing import ClassVar, NamedTuple, Protocol
 
 from tgl_soar.link.messages import (
     COMMAND_DO_SET_MODE,
@@ -82,10 +82,10 @@ class Route(NamedTuple):
 class Flavour(Protocol):
     """One firmware, commanded by one route."""
 
-    name: str
+    name: ClassVar[str]
     route: Route
-    sensors: SensorMessages
-    asked: tuple[str, ...]  # parameters that `refusal` looks at
+    sensors: ClassVar[SensorMessages]
+    asked: ClassVar[tuple[str, ...]]  # parameters that `refusal` looks at
 
     def refusal(self, parameters: Answers, system: int) -> str:
         """Why commands of this system will be ignored, and the way out; "" if they will not."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from .ardupilot import BY_OVERRIDE, OVERRIDE, POSES, ArduPilot
 from .requirements import Needs, Requirement
 
@@ -9,7 +11,7 @@ from .requirements import Needs, Requirement
 class Bridge(ArduPilot):
     """`tools/sitl_bridge.py`."""
 
-    name = "bridge"
+    name: ClassVar[str] = "bridge"
 
     def way_to_rate(self, rate_hz: float) -> str:
         """It has no main loop of a lower rate."""

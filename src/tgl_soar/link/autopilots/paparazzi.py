@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import isfinite
-from typing import Final
+from typing import ClassVar, Final
 
 from tgl_soar.link.messages import (
     AUTOPILOT_PAPARAZZI,
@@ -70,10 +70,12 @@ OVERRIDE: Final = Route(
 class Paparazzi:
     """Paparazzi's fixed-wing firmware."""
 
-    name = "paparazzi"
-    routes: Mapping[str, Route] = {OVERRIDE.name: OVERRIDE}
-    asked: tuple[str, ...] = ()
-    sensors = SensorMessages((), Wanted(ID_VFR_HUD, "VFR_HUD", 20.0), pitot_in_imu=False)
+    name: ClassVar[str] = "paparazzi"
+    routes: ClassVar[Mapping[str, Route]] = {OVERRIDE.name: OVERRIDE}
+    asked: ClassVar[tuple[str, ...]] = ()
+    sensors: ClassVar[SensorMessages] = SensorMessages(
+        (), Wanted(ID_VFR_HUD, "VFR_HUD", 20.0), pitot_in_imu=False
+    )
 
     def __init__(self, channels: SurfaceChannels, system_id: int, route: Route = OVERRIDE) -> None:
         self.route = route

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import isfinite
-from typing import Final
+from typing import ClassVar, Final
 
 from tgl_soar.geometry import quaternion_from_euler
 from tgl_soar.link.messages import (
@@ -184,12 +184,12 @@ SATELLITES: Final = (
 class Px4:
     """PX4, fixed wing."""
 
-    name = "px4"
-    routes: Mapping[str, Route] = {
+    name: ClassVar[str] = "px4"
+    routes: ClassVar[Mapping[str, Route]] = {
         route.name: route for route in (ATTITUDE, MANUAL_CONTROL, ACTUATORS)
     }
-    asked: tuple[str, ...] = ()
-    sensors = SensorMessages(
+    asked: ClassVar[tuple[str, ...]] = ()
+    sensors: ClassVar[SensorMessages] = SensorMessages(
         (ID_HIGHRES_IMU,), Wanted(ID_VFR_HUD, "VFR_HUD", 20.0), pitot_in_imu=True
     )
 
