@@ -424,7 +424,7 @@ def test_a_gap_is_held_through_and_flown_on_from() -> None:
     assert len({o.setpoints for o in held}) == 1
     # The pitch held is the one that held the line: what the integral has learnt.
     before = flight.outputs[0]
-    expected = LAWS.soaring.trim_pitch_rad + before.soaring.i
+    expected = LAWS.pitch_trim.trim_pitch_rad + before.soaring.i
     assert held[0].setpoints.pitch_rad == pytest.approx(expected, abs=1e-3)
     back = next(o for o in flight.outputs if o.reason == modes.REASON_POSITION_BACK)
     assert back.e_rho_m == 0.0  # the line starts at the aircraft again
@@ -986,7 +986,7 @@ def test_units_are_turned_to_si() -> None:
         laws.heading.pid.rate_filter_radps,
     ) == pytest.approx([2.0 * pi * (3.0 + n) for n in range(4)])
     assert (
-        laws.soaring.trim_pitch_rad,
+        laws.pitch_trim.trim_pitch_rad,
         laws.soaring.pid.output_min,
         laws.soaring.pid.output_max,
         laws.soaring.slew_radps,

@@ -267,7 +267,6 @@ def laws_from(
             radians(values["PITCH_MIN"]),
             radians(values["PITCH_MAX"]),
         ),
-        radians(values["PITCH_TRIM"]),
         radians(values["PITCH_SLEW"]),
     )
     soaring_imu = soaring
@@ -407,13 +406,37 @@ def initial_state() -> AutopilotState:
     )
 
 
+class _Seen(NamedTuple):
+    """What the estimators make of one tick: what they tell, and what they remember of it."""
+
+    vehicle: VehicleState
+    quality: MotionQuality
+    health: Health
+    air: AirEstimate
+    margins: Margins
+    gust_pitch_rad: float
+    imu_share: float
+    motion: MotionState
+    watched: HealthState
+    wind: WindState
+    pitch_trim: TrimState
+
+
 def step(laws: Laws, state: AutopilotState, inputs: Inputs) -> tuple[AutopilotState, Output]:
     """One tick, at inputs.time_s.  Never raises on any numbers that inputs may hold."""
     dt = inputs.time_s - state.time_s
     dt = min(DT_MAX_S, dt) if dt > 0.0 else 0.0  # NaN: the first tick
+    seen = _look(laws, state, inputs, dt)
+    if modes.is_flying(state.supervisor.mode):
+        return _fly(laws, state, inputs, seen, dt, modes.REASON_NONE)
+    return _watch(laws, state, inputs, seen)
+
+
+def _look(laws: Laws, state: AutopilotState, inputs: Inputs, dt_s: float) -> _Seen:
+    """Where the aircraft is, how it moves, in which air, and how sure that is."""
+    flying = modes.is_flying(state.supervisor.mode)
     motion, vehicle = motion_step(laws.motion, laws.frame, state.motion, inputs)
     quality = motion_quality(laws.motion, state.motion, motion, inputs.time_s)
-    flying = modes.is_flying(state.supervisor.mode)
     watched, health = health_step(
         laws.health,
         state.health,
@@ -421,10 +444,9 @@ def step(laws: Laws, state: AutopilotState, inputs: Inputs) -> tuple[AutopilotSt
         inputs,
         flying and laws.loops == OURS,  # else nothing is known of where surfaces should be
         state.limited.command,
-        dt,
+        dt_s,
     )
     health = _as_sure(laws.guards, health, quality)
-    felt = _is_felt(state.motion, motion, inputs.time_s)
     wind, air = wind_step(
         laws.wind,
         state.wind,
@@ -432,42 +454,27 @@ def step(laws: Laws, state: AutopilotState, inputs: Inputs) -> tuple[AutopilotSt
         inputs,
         quality.velocity_sigma_mps,
         _elevator(state, inputs),
-        felt,
+        _is_felt(state.motion, motion, inputs.time_s),
     )
+    glide = NAN
+    if laws.pitch_trim.share > 0.0:
+        glide = glide_pitch(laws.wind.aerodynamics, air.wind_mps - vehicle.velocity_x_mps)
     trim, gust = trim_step(
-        laws.pitch_trim,
-        state.pitch_trim,
-        glide_pitch(laws.wind.aerodynamics, air.wind_mps - vehicle.velocity_x_mps),
-        air.updraft_mps,
-        air.airspeed_mps,
-        dt,
+        laws.pitch_trim, state.pitch_trim, glide, air.updraft_mps, air.airspeed_mps, dt_s
     )
-    share = share_step(state.imu_share, quality.inertial, dt)
-    state = state._replace(
-        wind=wind, health=watched, pitch_trim=trim, gust_pitch_rad=gust, imu_share=share
+    return _Seen(
+        vehicle,
+        quality,
+        health,
+        air,
+        _margins(laws, inputs, vehicle, health, air, flying),
+        gust,
+        share_step(state.imu_share, quality.inertial, dt_s),
+        motion,
+        watched,
+        wind,
+        trim,
     )
-    # theta_0 and the gains of this tick are part of what the laws are given
-    soaring = soaring_between(laws.soaring, laws.soaring_imu, share)
-    laws = laws._replace(
-        soaring=soaring._replace(trim_pitch_rad=trim.pitch_rad),
-        pitch=pid_between(laws.pitch, laws.pitch_imu, share),
-    )
-    margins = _margins(laws, inputs, vehicle, health, air, flying)
-    if flying:
-        return _fly(
-            laws,
-            state,
-            inputs,
-            motion,
-            vehicle,
-            health,
-            air,
-            quality,
-            margins,
-            dt,
-            modes.REASON_NONE,
-        )
-    return _watch(laws, state, inputs, motion, vehicle, health, air, quality, margins)
 
 
 def _margins(
@@ -541,69 +548,100 @@ def _as_sure(guards: Guards, health: Health, quality: MotionQuality) -> Health:
         and health.position_age_s <= guards.position_age_max_s
         and not health.faults & FROZEN  # the estimator knows no better
     )
-    return health._replace(position_ok=(young or carried) and not quality.jumped)
+    sure = (young or carried) and not quality.jumped
+    return health if sure == health.position_ok else health._replace(position_ok=sure)
 
 
 def _watch(
-    laws: Laws,
-    state: AutopilotState,
-    inputs: Inputs,
-    motion: MotionState,
-    vehicle: VehicleState,
-    health: Health,
-    air: AirEstimate,
-    quality: MotionQuality,
-    margins: Margins,
+    laws: Laws, state: AutopilotState, inputs: Inputs, seen: _Seen
 ) -> tuple[AutopilotState, Output]:
     """Without the surfaces: look, and engage if asked and able."""
-    found = _found(laws, inputs, vehicle, health, margins, 0.0, False, False, True, True)
+    vehicle, target = seen.vehicle, laws.target
+    found = _found(laws, inputs, seen, 0.0, False, False, True, True)
     if line_valid(laws):  # to be engaged with; in flight nothing looks at it
         found |= LINE_VALID
     supervisor, decision = _decide(laws, state, inputs, found)
-    mode, reason = decision.mode, decision.reason
-    state = state._replace(time_s=inputs.time_s, supervisor=supervisor, motion=motion)
-    if modes.is_flying(mode):
-        state = _engaged(laws, state, vehicle)
-        return _fly(
-            laws, state, inputs, motion, vehicle, health, air, quality, margins, 0.0, reason
-        )
-    target = laws.target
+    state = _idle(state, inputs, seen, supervisor, state.line)
+    if modes.is_flying(decision.mode):
+        return _fly(laws, _engaged(laws, state, seen), inputs, seen, 0.0, decision.reason)
     distance = e_rho(target.x_m, target.z_m, target.eta_rad, vehicle.x_m, vehicle.z_m)
-    return state, Output(
+    line = LineState(target.x_m, target.z_m, target.eta_rad, 0.0, False)
+    return state, _idle_output(inputs, seen, decision.mode, decision.reason, line, distance, NAN)
+
+
+def _idle(
+    state: AutopilotState,
+    inputs: Inputs,
+    seen: _Seen,
+    supervisor: SupervisorState,
+    line: LineState,
+) -> AutopilotState:
+    """The state after a tick without the surfaces: only what was seen is new."""
+    return AutopilotState(
+        inputs.time_s,
+        supervisor,
+        state.off_line_s,
+        seen.motion,
+        line,
+        state.soaring,
+        state.pitch,
+        state.roll,
+        state.heading,
+        state.heading_setpoint_rad,
+        state.limited,
+        seen.wind,
+        seen.watched,
+        seen.pitch_trim,
+        seen.gust_pitch_rad,
+        seen.imu_share,
+    )
+
+
+def _idle_output(
+    inputs: Inputs,
+    seen: _Seen,
+    mode: int,
+    reason: int,
+    line: LineState,
+    distance_m: float,
+    rate_mps: float,
+) -> Output:
+    """The output of a tick without the surfaces, or in which they are given back."""
+    return Output(
         inputs.time_s,
         mode,
         reason,
         False,
         _NEUTRAL,
         NO_SETPOINTS,
-        vehicle,
-        health,
-        target.x_m,
-        target.z_m,
-        target.eta_rad,
-        False,
-        distance,
-        NAN,
+        seen.vehicle,
+        seen.health,
+        line.x_m,
+        line.z_m,
+        line.eta_rad,
+        line.moving,
+        distance_m,
+        rate_mps,
         _NO_TERMS,
         _NO_TERMS,
         _NO_TERMS,
         _NO_TERMS,
-        air,
-        quality,
-        margins,
+        seen.air,
+        seen.quality,
+        seen.margins,
         0,
-        state.imu_share,
+        seen.imu_share,
     )
 
 
-def _engaged(laws: Laws, state: AutopilotState, vehicle: VehicleState) -> AutopilotState:
+def _engaged(laws: Laws, state: AutopilotState, seen: _Seen) -> AutopilotState:
     """The state at the moment of taking the surfaces.
 
     The surfaces start at their trims and go from there no faster than the envelope lets them;
     no integral hides an error that the laws must act on at once, such as a bank.
     """
-    state = _line_from_aircraft(laws, state, vehicle)
-    trim = laws.trim
+    state = _line_from_aircraft(laws, state, seen)
+    vehicle, trim = seen.vehicle, laws.trim
     return state._replace(
         pitch=PidState(0.0, -vehicle.pitch_rate_radps),
         roll=PidState(0.0, -vehicle.roll_rate_radps),
@@ -613,13 +651,14 @@ def _engaged(laws: Laws, state: AutopilotState, vehicle: VehicleState) -> Autopi
     )
 
 
-def _line_from_aircraft(laws: Laws, state: AutopilotState, vehicle: VehicleState) -> AutopilotState:
+def _line_from_aircraft(laws: Laws, state: AutopilotState, seen: _Seen) -> AutopilotState:
     """The line starts at the aircraft and slides from there; the pitch goes on from its own."""
+    vehicle = seen.vehicle
     line = line_at(laws.target, vehicle.x_m, vehicle.z_m)
     rate = e_rho(0.0, 0.0, line.eta_rad, vehicle.velocity_x_mps, vehicle.climb_mps)
     return state._replace(
         line=line,
-        soaring=soaring_reset(laws.soaring, rate, vehicle.pitch_rad),
+        soaring=soaring_reset(laws.soaring, seen.pitch_trim.pitch_rad, rate, vehicle.pitch_rad),
         off_line_s=vehicle.time_s,
     )
 
@@ -628,17 +667,12 @@ def _fly(
     laws: Laws,
     state: AutopilotState,
     inputs: Inputs,
-    motion: MotionState,
-    vehicle: VehicleState,
-    health: Health,
-    air: AirEstimate,
-    quality: MotionQuality,
-    margins: Margins,
+    seen: _Seen,
     dt_s: float,
     engaged_because: int,
 ) -> tuple[AutopilotState, Output]:
     """Capturing, soaring, holding and recovering."""
-    line = state.line
+    vehicle, margins, line = seen.vehicle, seen.margins, state.line
     before = state.supervisor.mode
     if before in (modes.CAPTURING, modes.SOARING):
         line = line_step(laws.line, line, laws.target, vehicle.x_m, vehicle.z_m, dt_s)
@@ -653,46 +687,31 @@ def _fly(
     sane = isfinite(
         line.x_m + line.z_m + state.soaring.pitch_setpoint_rad + state.heading_setpoint_rad
     )
-    found = _found(
-        laws,
-        inputs,
-        vehicle,
-        health,
-        margins,
-        distance,
-        on_line,
-        line.moving,
-        state.limited.finite,
-        sane,
-    )
+    found = _found(laws, inputs, seen, distance, on_line, line.moving, state.limited.finite, sane)
     supervisor, decision = _decide(laws, state, inputs, found)
     mode, reason = decision.mode, decision.reason or engaged_because
     if not modes.is_flying(mode):
-        state = state._replace(
-            time_s=inputs.time_s, supervisor=supervisor, motion=motion, line=line
-        )
-        return state, _let_go(
-            state, inputs, vehicle, health, air, quality, margins, reason, distance, rate
-        )
+        state = _idle(state, inputs, seen, supervisor, line)
+        return state, _idle_output(inputs, seen, mode, reason, line, distance, rate)
 
-    soaring = state.soaring
+    theta_0, soaring = seen.pitch_trim.pitch_rad, state.soaring
     psi_setpoint = state.heading_setpoint_rad
     if mode == modes.HOLDING:
         # Without a position: the pitch that held the line, wings level, the heading as it was.
-        soaring, soaring_terms = holding_step(laws.soaring, soaring, dt_s)
+        soaring, soaring_terms = holding_step(laws.soaring, soaring, theta_0, dt_s)
     elif mode == modes.RECOVERING:
         soaring, soaring_terms = gliding_step(
             laws.soaring, soaring, laws.envelope.glide_pitch_rad, dt_s
         )
     else:
         if decision.action == modes.NEW_LINE:
-            state = _line_from_aircraft(laws, state, vehicle)
+            state = _line_from_aircraft(laws, state, seen)
             line, distance, rate = state.line, 0.0, rate + line.speed_mps  # at rest now
             soaring, off_line_s = state.soaring, state.off_line_s
-        theta_0 = laws.soaring.trim_pitch_rad + state.gust_pitch_rad
         soaring, soaring_terms = soaring_step(
-            laws.soaring._replace(trim_pitch_rad=theta_0),
+            soaring_between(laws.soaring, laws.soaring_imu, seen.imu_share),
             soaring,
+            theta_0 + seen.gust_pitch_rad,
             distance,
             rate,
             dt_s,
@@ -720,7 +739,7 @@ def _fly(
     elevator_terms = aileron_terms = _NO_TERMS
     if laws.loops == OURS:
         pitch, elevator_terms = attitude_step(
-            laws.pitch,
+            pid_between(laws.pitch, laws.pitch_imu, seen.imu_share),
             state.pitch,
             pitch_setpoint,
             vehicle.pitch_rad,
@@ -765,7 +784,7 @@ def _fly(
         inputs.time_s,
         supervisor,
         off_line_s,
-        motion,
+        seen.motion,
         line,
         soaring,
         pitch,
@@ -773,11 +792,11 @@ def _fly(
         heading,
         psi_setpoint,
         limited,
-        state.wind,
-        state.health,
-        state.pitch_trim,
-        state.gust_pitch_rad,
-        state.imu_share,
+        seen.wind,
+        seen.watched,
+        seen.pitch_trim,
+        seen.gust_pitch_rad,
+        seen.imu_share,
     )
     return state, Output(
         inputs.time_s,
@@ -787,7 +806,7 @@ def _fly(
         limited.command,
         Setpoints(pitch_setpoint, roll_setpoint, psi_setpoint),
         vehicle,
-        health,
+        seen.health,
         line.x_m,
         line.z_m,
         line.eta_rad,
@@ -798,11 +817,11 @@ def _fly(
         elevator_terms,
         aileron_terms,
         rudder_terms,
-        air,
-        quality,
+        seen.air,
+        seen.quality,
         margins,
         limited.cut | cut,
-        state.imu_share,
+        seen.imu_share,
     )
 
 
@@ -820,52 +839,10 @@ def _left_to_firmware(limited: Limited, loops: int, surfaces: SurfacesSample) ->
     return Limited(SurfaceCommand(NAN, NAN, rudder), blocked, 0, limited.finite, limited.cut)
 
 
-def _let_go(
-    state: AutopilotState,
-    inputs: Inputs,
-    vehicle: VehicleState,
-    health: Health,
-    air: AirEstimate,
-    quality: MotionQuality,
-    margins: Margins,
-    reason: int,
-    distance_m: float,
-    rate_mps: float,
-) -> Output:
-    """The output of the tick in which the surfaces are given back."""
-    return Output(
-        inputs.time_s,
-        state.supervisor.mode,
-        reason,
-        False,
-        _NEUTRAL,
-        NO_SETPOINTS,
-        vehicle,
-        health,
-        state.line.x_m,
-        state.line.z_m,
-        state.line.eta_rad,
-        state.line.moving,
-        distance_m,
-        rate_mps,
-        _NO_TERMS,
-        _NO_TERMS,
-        _NO_TERMS,
-        _NO_TERMS,
-        air,
-        quality,
-        margins,
-        0,
-        state.imu_share,
-    )
-
-
 def _found(
     laws: Laws,
     inputs: Inputs,
-    vehicle: VehicleState,
-    health: Health,
-    margins: Margins,
+    seen: _Seen,
     distance_m: float,
     on_line: bool,
     line_moving: bool,
@@ -873,6 +850,7 @@ def _found(
     sane: bool,
 ) -> int:
     """What holds now, as the supervisor's bits."""
+    vehicle, health, margins = seen.vehicle, seen.health, seen.margins
     found = 0
     if inputs.engage:
         found |= ENGAGE

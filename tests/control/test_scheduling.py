@@ -18,7 +18,8 @@ from tgl_soar.control.scheduling import (
 from tgl_soar.control.soaring import SoaringGains, SoaringState, soaring_step
 
 DT = 0.005
-PLAIN = SoaringGains(PidGains(0.73, 0.24, 0.27, 47.0, 0.14, -0.21, 0.1), -0.026, 2.1)
+PLAIN = SoaringGains(PidGains(0.73, 0.24, 0.27, 47.0, 0.14, -0.21, 0.1), 2.1)
+TRIM_RAD = -0.026
 IMU = PLAIN._replace(pid=PLAIN.pid._replace(kp=1.8, ki=0.2, kd=0.355, rate_filter_radps=59.0))
 PITCH = PidGains(5.0, 4.2, 0.15, 251.0, 1.0, -1.0, 1.0)
 PITCH_IMU = PITCH._replace(kp=9.2, ki=8.4, kd=0.31)
@@ -77,12 +78,12 @@ def test_a_switch_in_steady_flight_moves_the_pitch_setpoint_no_faster_than_the_g
     """
     share = 0.0 if up else 1.0
     gains = soaring_between(PLAIN, IMU, share)
-    pitch = gains.trim_pitch_rad + gains.pid.kp * e + integral + gains.pid.kd * rate
+    pitch = TRIM_RAD + gains.pid.kp * e + integral + gains.pid.kd * rate
     state = SoaringState(PidState(integral, rate), pitch, 0)
     for _ in range(200):
         share = share_step(share, up, DT)
         gains = soaring_between(PLAIN, IMU, share)
-        after, _ = soaring_step(gains, state, e, rate, DT, 0)
+        after, _ = soaring_step(gains, state, TRIM_RAD, e, rate, DT, 0)
         change = abs(after.pitch_setpoint_rad - state.pitch_setpoint_rad)
         assert change <= 0.05 * (1.07 * abs(e) + 0.085 * abs(rate)) + 0.24 * abs(e) * DT + 1e-12
         state = after

@@ -23,9 +23,9 @@ from tgl_soar.control.soaring import (
 DT = 0.005
 GAINS = SoaringGains(
     PidGains(0.6, 0.1, 0.25, 40.0, radians(8.0), radians(-15.0), radians(10.0)),
-    radians(-2.0),
     radians(60.0),
 )
+TRIM_RAD = radians(-2.0)
 INSTANT = GAINS._replace(slew_radps=1e6)
 
 distances = st.floats(-5.0, 5.0)
@@ -33,21 +33,21 @@ rates = st.floats(-5.0, 5.0)
 
 
 def at_trim(gains: SoaringGains = GAINS) -> SoaringState:
-    return soaring_reset(gains, 0.0, gains.trim_pitch_rad)
+    return soaring_reset(gains, TRIM_RAD, 0.0, TRIM_RAD)
 
 
 def test_upstream_of_the_line_the_nose_goes_up() -> None:
-    up, _ = soaring_step(INSTANT, at_trim(), 0.05, 0.0, DT, 0)
-    down, _ = soaring_step(INSTANT, at_trim(), -0.05, 0.0, DT, 0)
-    assert down.pitch_setpoint_rad < GAINS.trim_pitch_rad < up.pitch_setpoint_rad
+    up, _ = soaring_step(INSTANT, at_trim(), TRIM_RAD, 0.05, 0.0, DT, 0)
+    down, _ = soaring_step(INSTANT, at_trim(), TRIM_RAD, -0.05, 0.0, DT, 0)
+    assert down.pitch_setpoint_rad < TRIM_RAD < up.pitch_setpoint_rad
 
 
 def test_drifting_upstream_the_nose_goes_up_before_there_is_a_distance() -> None:
     state = at_trim(INSTANT)
     for _ in range(20):
-        state, terms = soaring_step(INSTANT, state, 0.0, 0.2, DT, 0)
+        state, terms = soaring_step(INSTANT, state, TRIM_RAD, 0.0, 0.2, DT, 0)
     assert terms.d > 0.0
-    assert state.pitch_setpoint_rad > GAINS.trim_pitch_rad
+    assert state.pitch_setpoint_rad > TRIM_RAD
 
 
 @given(
@@ -60,8 +60,8 @@ def test_drifting_upstream_the_nose_goes_up_before_there_is_a_distance() -> None
 def test_value_and_rate_of_the_setpoint_are_limited(
     e: float, rate: float, start: float, dt: float, blocked: int
 ) -> None:
-    state = soaring_reset(GAINS, 0.0, start)
-    new, terms = soaring_step(GAINS, state, e, rate, dt, blocked)
+    state = soaring_reset(GAINS, TRIM_RAD, 0.0, start)
+    new, terms = soaring_step(GAINS, state, TRIM_RAD, e, rate, dt, blocked)
     assert GAINS.pid.output_min <= terms.output <= GAINS.pid.output_max
     low, high = GAINS.pid.output_min - 1e-12, GAINS.pid.output_max + 1e-12
     assert low <= new.pitch_setpoint_rad <= high
@@ -77,11 +77,11 @@ def test_a_step_of_e_rho_takes_the_time_that_the_slew_says() -> None:
     gains = GAINS._replace(pid=GAINS.pid._replace(ki=0.0))
     state, ticks = at_trim(gains), 0
     while True:
-        state, terms = soaring_step(gains, state, 0.15, 0.0, DT, 0)
+        state, terms = soaring_step(gains, state, TRIM_RAD, 0.15, 0.0, DT, 0)
         ticks += 1
         if state.slewing == 0:
             break
-    assert terms.output == pytest.approx(gains.trim_pitch_rad + 0.6 * 0.15)
+    assert terms.output == pytest.approx(TRIM_RAD + 0.6 * 0.15)
     assert ticks * DT == pytest.approx(0.09 / radians(60.0), abs=DT)
 
 
@@ -90,51 +90,52 @@ def test_the_integral_waits_while_the_setpoint_slews(sign: int) -> None:
     slow = GAINS._replace(slew_radps=radians(1.0))
     state = at_trim(slow)
     for _ in range(100):
-        state, terms = soaring_step(slow, state, sign * 0.1, 0.0, DT, 0)
+        state, terms = soaring_step(slow, state, TRIM_RAD, sign * 0.1, 0.0, DT, 0)
     # One step before the slew is known of; then none.
     assert abs(terms.i) <= 0.1 * 0.1 * DT + 1e-15
     # It may come back at once.
-    state, terms = soaring_step(slow, state, -sign * 0.1, 0.0, DT, 0)
+    state, terms = soaring_step(slow, state, TRIM_RAD, -sign * 0.1, 0.0, DT, 0)
     assert terms.i * sign <= 0.0
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_the_integral_waits_while_the_elevator_is_blocked(sign: int) -> None:
-    state, _ = soaring_step(INSTANT, at_trim(), sign * 0.02, 0.0, DT, sign)
+    state, _ = soaring_step(INSTANT, at_trim(), TRIM_RAD, sign * 0.02, 0.0, DT, sign)
     assert state.pid.integral == 0.0
-    state, _ = soaring_step(INSTANT, at_trim(), sign * 0.02, 0.0, DT, -sign)
+    state, _ = soaring_step(INSTANT, at_trim(), TRIM_RAD, sign * 0.02, 0.0, DT, -sign)
     assert state.pid.integral == pytest.approx(sign * 0.1 * 0.02 * DT)
 
 
 @given(rate=st.floats(-0.3, 0.3), pitch=st.floats(-0.25, 0.17))
 def test_at_engagement_the_setpoint_goes_on_from_the_pitch_flown(rate: float, pitch: float) -> None:
-    state = soaring_reset(GAINS, rate, pitch)
+    state = soaring_reset(GAINS, TRIM_RAD, rate, pitch)
     assert state.pitch_setpoint_rad == pitch
-    new, _ = soaring_step(GAINS, state, 0.0, rate, 0.0, 0)
+    new, _ = soaring_step(GAINS, state, TRIM_RAD, 0.0, rate, 0.0, 0)
     assert new.pitch_setpoint_rad == pitch
     # From there the law acts at once on a drift, as fast as the slew lets it.
-    new, terms = soaring_step(GAINS, state, 0.0, rate, DT, 0)
+    new, terms = soaring_step(GAINS, state, TRIM_RAD, 0.0, rate, DT, 0)
     assert terms.d == pytest.approx(GAINS.pid.kd * rate)
     assert abs(new.pitch_setpoint_rad - pitch) <= GAINS.slew_radps * DT + 1e-12
     # Without one it stays, as far as the integral reaches.
-    if abs(pitch - GAINS.trim_pitch_rad) <= GAINS.pid.integral_max:
-        new, _ = soaring_step(GAINS, soaring_reset(GAINS, 0.0, pitch), 0.0, 0.0, DT, 0)
+    if abs(pitch - TRIM_RAD) <= GAINS.pid.integral_max:
+        undisturbed = soaring_reset(GAINS, TRIM_RAD, 0.0, pitch)
+        new, _ = soaring_step(GAINS, undisturbed, TRIM_RAD, 0.0, 0.0, DT, 0)
         assert new.pitch_setpoint_rad == pytest.approx(pitch, abs=1e-12)
 
 
 @pytest.mark.parametrize(("pitch", "limit"), [(0.5, radians(10.0)), (-0.9, radians(-15.0))])
 def test_a_pitch_beyond_the_limits_is_not_gone_on_with(pitch: float, limit: float) -> None:
-    assert soaring_reset(GAINS, 0.0, pitch).pitch_setpoint_rad == limit
+    assert soaring_reset(GAINS, TRIM_RAD, 0.0, pitch).pitch_setpoint_rad == limit
 
 
 @given(integral=st.floats(-1.0, 1.0), start=st.floats(-0.25, 0.17))
 def test_holding_slews_to_what_the_line_asks_for_undisturbed(integral: float, start: float) -> None:
     state = SoaringState(PidState(integral, 0.7), start, 1)
     low, high = GAINS.pid.output_min, GAINS.pid.output_max
-    expected = max(low, min(high, GAINS.trim_pitch_rad + integral))
+    expected = max(low, min(high, TRIM_RAD + integral))
     for _ in range(round(0.5 / DT)):  # 0.42 rad at 60 deg/s takes 0.4 s
         before = state.pitch_setpoint_rad
-        state, terms = holding_step(GAINS, state, DT)
+        state, terms = holding_step(GAINS, state, TRIM_RAD, DT)
         assert abs(state.pitch_setpoint_rad - before) <= GAINS.slew_radps * DT + 1e-12
     assert terms.output == expected
     assert state.pitch_setpoint_rad == pytest.approx(expected, abs=1e-12)
@@ -151,9 +152,9 @@ def test_the_line_is_held_against_a_steady_push() -> None:
     state, e, v = at_trim(gains), 0.0, 0.0
     largest = 0.0
     for k in range(round(60.0 / DT)):
-        state, _ = soaring_step(gains, state, e, v, DT, 0)
+        state, _ = soaring_step(gains, state, TRIM_RAD, e, v, DT, 0)
         push = 0.15 if k > 200 else 0.0
-        theta = state.pitch_setpoint_rad - gains.trim_pitch_rad
+        theta = state.pitch_setpoint_rad - TRIM_RAD
         v += (-9.81 * theta - 0.35 * v + push) * DT
         e += v * DT
         largest = max(largest, abs(e))

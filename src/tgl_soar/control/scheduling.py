@@ -44,10 +44,9 @@ def pid_between(plain: PidGains, imu: PidGains, share: float) -> PidGains:
 
 
 def soaring_between(plain: SoaringGains, imu: SoaringGains, share: float) -> SoaringGains:
-    """The soaring law's gains at a share; trim and slew rate are those of both."""
+    """The soaring law's gains at a share; the slew rate is that of both."""
     if share <= 0.0:
         return plain
     if share >= 1.0:
         return imu
-    pid = pid_between(plain.pid, imu.pid, share)
-    return SoaringGains(pid, plain.trim_pitch_rad, plain.slew_radps)
+    return SoaringGains(pid_between(plain.pid, imu.pid, share), plain.slew_radps)

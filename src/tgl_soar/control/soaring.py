@@ -29,7 +29,6 @@ class SoaringGains(NamedTuple):
     """Parameters of the law; the loop's output is a pitch in rad, its error in m."""
 
     pid: PidGains
-    trim_pitch_rad: float  # theta_0
     slew_radps: float
 
 
@@ -86,27 +85,30 @@ def trim_step(
 def soaring_step(
     gains: SoaringGains,
     state: SoaringState,
+    trim_pitch_rad: float,
     e_rho_m: float,
     e_rho_rate_mps: float,
     dt_s: float,
     blocked: int,
 ) -> tuple[SoaringState, PidTerms]:
-    """One step.  blocked: +1 if the aircraft cannot pitch further up now, -1 down, else 0."""
+    """One step.
+
+    trim_pitch_rad: theta_0; blocked: +1 if the aircraft cannot pitch further up now, -1 down,
+    else 0.
+    """
     held = blocked if blocked != 0 else state.slewing
-    pid, terms = pid_step(
-        gains.pid, state.pid, e_rho_m, e_rho_rate_mps, gains.trim_pitch_rad, dt_s, held
-    )
+    pid, terms = pid_step(gains.pid, state.pid, e_rho_m, e_rho_rate_mps, trim_pitch_rad, dt_s, held)
     return _slewed(gains, pid, state.pitch_setpoint_rad, terms.output, dt_s), terms
 
 
 def holding_step(
-    gains: SoaringGains, state: SoaringState, dt_s: float
+    gains: SoaringGains, state: SoaringState, trim_pitch_rad: float, dt_s: float
 ) -> tuple[SoaringState, PidTerms]:
     """One step without a position: towards the pitch that holds the line when undisturbed."""
     integral = state.pid.integral
-    pitch = gains.trim_pitch_rad + integral
+    pitch = trim_pitch_rad + integral
     pitch = max(gains.pid.output_min, min(gains.pid.output_max, pitch))
-    terms = PidTerms(pitch, 0.0, integral, 0.0, gains.trim_pitch_rad, 0)
+    terms = PidTerms(pitch, 0.0, integral, 0.0, trim_pitch_rad, 0)
     return _slewed(gains, PidState(integral, 0.0), state.pitch_setpoint_rad, pitch, dt_s), terms
 
 
@@ -134,10 +136,12 @@ def _slewed(
     return SoaringState(pid, setpoint_rad + change, slewing)
 
 
-def soaring_reset(gains: SoaringGains, e_rho_rate_mps: float, pitch_rad: float) -> SoaringState:
+def soaring_reset(
+    gains: SoaringGains, trim_pitch_rad: float, e_rho_rate_mps: float, pitch_rad: float
+) -> SoaringState:
     """The state in which the setpoint starts at the pitch that is flown now, within limits.
 
     That pitch is also the best guess of the one that will hold the line.
     """
     pitch = max(gains.pid.output_min, min(gains.pid.output_max, pitch_rad))
-    return SoaringState(pid_reset(gains.pid, e_rho_rate_mps, gains.trim_pitch_rad, pitch), pitch, 0)
+    return SoaringState(pid_reset(gains.pid, e_rho_rate_mps, trim_pitch_rad, pitch), pitch, 0)
