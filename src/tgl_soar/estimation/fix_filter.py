@@ -28,6 +28,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from .inertial_track import Place
+
 
 class Covariance(NamedTuple):
     """Of position [m], velocity [m/s] and bias [m/s²] on one axis."""
@@ -56,24 +58,23 @@ class Errors(NamedTuple):
     covariance: Covariance
 
 
-def carried_on(errors: Errors, time_s: float, coupling: float) -> Errors:
-    """The errors at another time; coupling: 1 where accelerations were measured, else 0."""
-    start, x, y, z, vx, vy, vz, bx, by, bz, covariance = errors
-    t = time_s - start
+def errors_at(errors: Errors, time_s: float, coupling: float) -> Place:
+    """Position and velocity of the errors at another time; the biases stay.
+
+    coupling: 1 where accelerations were measured, else 0.
+    """
+    t = time_s - errors.time_s
     h = coupling * t
     q = 0.5 * h * t
-    return Errors(
-        time_s,
-        x + vx * t - bx * q,
-        y + vy * t - by * q,
-        z + vz * t - bz * q,
+    bx, by, bz = errors.bias_x_mps2, errors.bias_y_mps2, errors.bias_z_mps2
+    vx, vy, vz = errors.velocity_x_mps, errors.velocity_y_mps, errors.climb_mps
+    return (
+        errors.x_m + vx * t - bx * q,
+        errors.y_m + vy * t - by * q,
+        errors.z_m + vz * t - bz * q,
         vx - bx * h,
         vy - by * h,
         vz - bz * h,
-        bx,
-        by,
-        bz,
-        covariance,
     )
 
 

@@ -24,6 +24,9 @@ NODES = 8
 NODE_S = 0.064  # from one node to the next, or one sample where those are farther apart
 
 
+Place = tuple[float, float, float, float, float, float]  # x, y, z [m], velocities [m/s]
+
+
 class Node(NamedTuple):
     """A point of the track."""
 
@@ -81,14 +84,13 @@ def track_moved(
     return Track(time_s, x, y, z, vx, vy, vz, ax_mps2, ay_mps2, az_mps2, nodes)
 
 
-def track_at(track: Track, time_s: float) -> Node:
+def track_at(track: Track, time_s: float) -> Place:
     """Where the track is or was; before its oldest node it is taken as straight."""
     start, x, y, z, vx, vy, vz, ax, ay, az, nodes = track
     if time_s >= start:
         h = time_s - start
         q = 0.5 * h * h
-        return Node(
-            time_s,
+        return (
             x + vx * h + ax * q,
             y + vy * h + ay * q,
             z + vz * h + az * q,
@@ -103,7 +105,7 @@ def track_at(track: Track, time_s: float) -> Node:
         later = nodes[i]
     h = time_s - later.time_s
     _, x, y, z, vx, vy, vz = later
-    return Node(time_s, x + vx * h, y + vy * h, z + vz * h, vx, vy, vz)
+    return x + vx * h, y + vy * h, z + vz * h, vx, vy, vz
 
 
 def oldest_s(track: Track) -> float:
@@ -112,7 +114,7 @@ def oldest_s(track: Track) -> float:
     return first if first < second else -INFINITE
 
 
-def _between(a: Node, b: Node, time_s: float) -> Node:
+def _between(a: Node, b: Node, time_s: float) -> Place:
     """The cubic through both ends' positions and velocities (Hermite)."""
     h = b.time_s - a.time_s  # above 0: a is not after time_s, b is
     s = (time_s - a.time_s) / h
@@ -121,8 +123,7 @@ def _between(a: Node, b: Node, time_s: float) -> Node:
     slope = 6.0 * s * (1.0 - s) / h
     leave, arrive = (1.0 - s) * (1.0 - 3.0 * s), s * (3.0 * s - 2.0)
     dx, dy, dz = b.x_m - a.x_m, b.y_m - a.y_m, b.z_m - a.z_m
-    return Node(
-        time_s,
+    return (
         a.x_m + up * dx + out * a.velocity_x_mps + back * b.velocity_x_mps,
         a.y_m + up * dy + out * a.velocity_y_mps + back * b.velocity_y_mps,
         a.z_m + up * dz + out * a.climb_mps + back * b.climb_mps,

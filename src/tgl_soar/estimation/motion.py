@@ -44,7 +44,6 @@ from typing import NamedTuple
 from tgl_soar.geometry import SoaringFrame, soaring_from_ned, soaring_vector_from_ned
 from tgl_soar.types import (
     NAN,
-    AttitudeSample,
     ImuSample,
     Inputs,
     MotionQuality,
@@ -55,12 +54,12 @@ from tgl_soar.types import (
 from .fix_filter import (
     Covariance,
     Errors,
-    carried_on,
+    errors_at,
     position_taken,
     spread,
     velocity_taken,
 )
-from .inertial_track import Node, Track, new_track, oldest_s, track_at, track_moved
+from .inertial_track import Place, Track, new_track, oldest_s, track_at, track_moved
 from .turning import NO_TURNING, PREDICT_MAX_S, Turning, is_rotation, turned_by, turning_to
 
 GRAVITY_MPS2 = 9.80665  # what it is elsewhere is a bias of the vertical acceleration
@@ -210,14 +209,7 @@ def motion_step(
         or state.attitude.time_s > newest
     ):
         state = _forgotten(state, now)
-    if inputs.attitude.sequence != state.attitude.sequence:
-        state = _take_attitude(frame, state, inputs.attitude, now)
-    if inputs.imu.sequence != state.imu.sequence:
-        state = _take_imu(gains, state, inputs.imu, now)
-    last_s = state.track.time_s
-    if state.inertial and not (gains.use_imu and now - last_s <= IMU_SILENT_S):
-        track = track_moved(state.track, max(now, last_s), 0.0, 0.0, 0.0)
-        state = _switched(gains, state, track, last_s)
+    state = _carried(gains, frame, state, inputs)
     if inputs.position.sequence != state.fix.sequence:
         state = _take_fix(gains, frame, state, inputs.position, now)
     return state, _at(state, now)
@@ -281,34 +273,20 @@ def _forgotten(state: MotionState, now_s: float) -> MotionState:
     )
 
 
-def _switched(gains: MotionGains, state: MotionState, track: Track, time_s: float) -> MotionState:
-    """From time_s on accelerations are known where they were not, or the other way round.
-
-    Fixes that are late may still be true before time_s; before the change before this one none.
-    """
-    errors = state.errors
-    if errors.time_s < state.switched_s:
-        covariance = _covariance_at(gains, state, state.switched_s)
-        errors = _errors_at(state, state.switched_s)._replace(covariance=covariance)
-    return state._replace(
-        track=track, errors=errors, inertial=not state.inertial, switched_s=time_s
-    )
-
-
 def _at(state: MotionState, time_s: float) -> VehicleState:
     """The state carried on to time_s."""
-    _, x, y, z, vx, vy, climb = track_at(state.track, time_s)
-    errors = _errors_at(state, time_s)
+    x, y, z, vx, vy, climb = track_at(state.track, time_s)
+    dx, dy, dz, dvx, dvy, d_climb = _errors_at(state, time_s)
     turning = state.turning
     turn = max(0.0, min(PREDICT_MAX_S, time_s - turning.time_s))
     return VehicleState(
         time_s,
-        x + errors.x_m,
-        y + errors.y_m,
-        z + errors.z_m,
-        vx + errors.velocity_x_mps,
-        vy + errors.velocity_y_mps,
-        climb + errors.climb_mps,
+        x + dx,
+        y + dy,
+        z + dz,
+        vx + dvx,
+        vy + dvy,
+        climb + d_climb,
         turning.roll_rad + turning.roll_rate_radps * turn,
         turning.pitch_rad + turning.pitch_rate_radps * turn,
         turning.heading_rad + turning.heading_rate_radps * turn,
@@ -318,15 +296,23 @@ def _at(state: MotionState, time_s: float) -> VehicleState:
     )
 
 
-def _errors_at(state: MotionState, time_s: float) -> Errors:
-    """What the track is wrong by at a time, the covariance left as it was."""
+def _errors_at(state: MotionState, time_s: float) -> Place:
+    """What the track is wrong by at a time."""
     errors = state.errors
     before, after = (0.0, 1.0) if state.inertial else (1.0, 0.0)
     if errors.time_s < state.switched_s:
         if time_s <= state.switched_s:
-            return carried_on(errors, time_s, before)
-        errors = carried_on(errors, state.switched_s, before)
-    return carried_on(errors, time_s, after)
+            return errors_at(errors, time_s, before)
+        errors = _errors_when_switched(state, errors.covariance)
+    return errors_at(errors, time_s, after)
+
+
+def _errors_when_switched(state: MotionState, covariance: Covariance) -> Errors:
+    """The same, with a covariance, when the errors last began to grow in another way."""
+    errors, time_s = state.errors, state.switched_s
+    x, y, z, vx, vy, climb = errors_at(errors, time_s, 0.0 if state.inertial else 1.0)
+    bx, by, bz = errors.bias_x_mps2, errors.bias_y_mps2, errors.bias_z_mps2
+    return Errors(time_s, x, y, z, vx, vy, climb, bx, by, bz, covariance)
 
 
 def _covariance_at(gains: MotionGains, state: MotionState, time_s: float) -> Covariance:
@@ -363,62 +349,102 @@ def _is_later(time_s: float, last_s: float, now_s: float) -> bool:
     return time_s <= now_s + FUTURE_S and (not time_s <= last_s or last_s > now_s + FUTURE_S)
 
 
-def _take_attitude(
-    frame: SoaringFrame, state: MotionState, sample: AttitudeSample, now_s: float
+def _carried(
+    gains: MotionGains, frame: SoaringFrame, state: MotionState, inputs: Inputs
 ) -> MotionState:
-    last_s = state.attitude.time_s
-    if not (is_rotation(sample) and _is_later(sample.time_s, last_s, now_s)):
-        heard = AttitudeHeard(sample.sequence, last_s)
-        return state._replace(attitude=heard, rejected=state.rejected + 1)
-    turning = NO_TURNING if last_s > now_s + FUTURE_S else state.turning
-    return state._replace(
-        turning=turning_to(frame, turning, sample),
-        attitude=AttitudeHeard(sample.sequence, sample.time_s),
+    """Attitude and track carried on with what is new of attitudes, gyros and accelerations."""
+    now = inputs.time_s
+    attitude, imu, turning = state.attitude, state.imu, state.turning
+    track, errors, inertial = state.track, state.errors, state.inertial
+    switched_s, rejected = state.switched_s, state.rejected
+
+    sample = inputs.attitude
+    if sample.sequence != attitude.sequence:
+        last_s = attitude.time_s
+        if is_rotation(sample) and _is_later(sample.time_s, last_s, now):
+            turning = turning_to(frame, NO_TURNING if last_s > now + FUTURE_S else turning, sample)
+            last_s = sample.time_s
+        else:
+            rejected += 1
+        attitude = AttitudeHeard(sample.sequence, last_s)
+
+    felt = inputs.imu
+    if felt.sequence != imu.sequence:
+        if _is_force(felt) and _is_later(felt.time_s, imu.time_s, now):
+            turning = turned_by(turning, felt)
+            imu, track, inertial = _take_imu(gains, imu, turning, track, inertial, felt, now)
+        else:
+            imu = ImuHeard(felt.sequence, imu.time_s, imu.since_s, imu.interval_s)
+            rejected += 1
+    since_s = track.time_s
+    if inertial and not (gains.use_imu and now - since_s <= IMU_SILENT_S):
+        track = track_moved(track, max(now, since_s), 0.0, 0.0, 0.0)
+        inertial = False
+
+    if inertial != state.inertial:
+        # Late fixes may still be true before this; before the change before this one none.
+        if errors.time_s < switched_s:
+            covariance = _covariance_at(gains, state._replace(imu=imu), switched_s)
+            errors = _errors_when_switched(state, covariance)
+        switched_s = since_s
+    return MotionState(
+        track,
+        errors,
+        turning,
+        inertial,
+        switched_s,
+        imu,
+        state.fix,
+        attitude,
+        state.offset,
+        state.innovation,
+        state.outliers,
+        rejected,
+        state.jump_s,
+    )
+
+
+def _is_force(sample: ImuSample) -> bool:
+    """Whether these may be accelerations of something that soars."""
+    return (
+        abs(sample.force_x_frd_mps2) <= FORCE_MAX_MPS2  # false for NaN
+        and abs(sample.force_y_frd_mps2) <= FORCE_MAX_MPS2
+        and abs(sample.force_z_frd_mps2) <= FORCE_MAX_MPS2
     )
 
 
 def _take_imu(
-    gains: MotionGains, state: MotionState, sample: ImuSample, now_s: float
-) -> MotionState:
-    sequence, time_s, fx, fy, fz, _, _, _ = sample
-    _, last_s, since_s, average = state.imu
-    usable = (
-        abs(fx) <= FORCE_MAX_MPS2  # false for NaN
-        and abs(fy) <= FORCE_MAX_MPS2
-        and abs(fz) <= FORCE_MAX_MPS2
-        and _is_later(time_s, last_s, now_s)
-    )
-    if not usable:
-        heard = ImuHeard(sequence, last_s, since_s, average)
-        return state._replace(imu=heard, rejected=state.rejected + 1)
-    turning = turned_by(state.turning, sample)
+    gains: MotionGains,
+    heard: ImuHeard,
+    turning: Turning,
+    track: Track,
+    inertial: bool,
+    sample: ImuSample,
+    now_s: float,
+) -> tuple[ImuHeard, Track, bool]:
+    """What was heard, the track at the sample's time, and whether it moves by accelerations."""
+    _, last_s, since_s, average = heard
+    time_s = sample.time_s
     turn, interval = time_s - turning.time_s, time_s - last_s
     counts = gains.use_imu and abs(turn) <= PREDICT_MAX_S and now_s - time_s <= IMU_SILENT_S
     if interval <= IMU_GAP_S:  # false for NaN, the first
         average += INTERVAL_SHARE * (interval - average)
     if not (counts and interval <= IMU_GAP_S):
         since_s = time_s
-    heard = ImuHeard(sequence, time_s, since_s, average)
-    if not counts or not (state.inertial or time_s - since_s >= IMU_STEADY_S):
-        return state._replace(turning=turning, imu=heard)
-    ax, ay, az = _acceleration(turning, turn, fx, fy, fz)
-    track = state.track
-    if state.inertial and time_s > track.time_s:
-        track = track_moved(track, time_s, ax, ay, az)
-        return state._replace(track=track, turning=turning, imu=heard)
+    heard = ImuHeard(sample.sequence, time_s, since_s, average)
+    if not counts or not (inertial or time_s - since_s >= IMU_STEADY_S):
+        return heard, track, inertial
+    ax, ay, az = _acceleration(turning, turn, sample)
+    if inertial and time_s > track.time_s:
+        return heard, track_moved(track, time_s, ax, ay, az), True
     if time_s > track.time_s:  # it went straight on until now
         track = track_moved(track, time_s, 0.0, 0.0, 0.0)
-    track = track._replace(ax_mps2=ax, ay_mps2=ay, az_mps2=az)
-    state = state._replace(turning=turning, imu=heard)
-    if state.inertial:
-        return state._replace(track=track)
-    return _switched(gains, state, track, track.time_s)
+    return heard, track._replace(ax_mps2=ax, ay_mps2=ay, az_mps2=az), True
 
 
-def _acceleration(
-    turning: Turning, turn_s: float, fx: float, fy: float, fz: float
-) -> tuple[float, float, float]:
-    """Acceleration in the soaring frame of a specific force in FRD [m/s²]."""
+def _acceleration(turning: Turning, turn_s: float, sample: ImuSample) -> tuple[float, float, float]:
+    """Acceleration [m/s²] in the soaring frame of the specific force that was felt."""
+    fx, fy, fz = sample.force_x_frd_mps2, sample.force_y_frd_mps2, sample.force_z_frd_mps2
     roll = turning.roll_rad + turn_s * turning.roll_rate_radps
     pitch = turning.pitch_rad + turn_s * turning.pitch_rate_radps
     heading = turning.heading_rad + turn_s * turning.heading_rate_radps
@@ -487,28 +513,29 @@ def _take_fix(
         return state._replace(fix=heard, rejected=state.rejected + 1)
 
     heard = FixHeard(fix.sequence, time_s, fix.source)
-    track = track_at(state.track, time_s)
+    place = track_at(state.track, time_s)
     if last_s != last_s:  # NaN: the first
-        return _start(gains, state, heard, measured, track)
+        return _start(gains, state, heard, measured, place)
     covariance = _covariance_at(gains, state, time_s)
     if not covariance.pp <= LOST_M * LOST_M + 9.0 * measured.variance_m2:
-        return _start(gains, state._replace(jump_s=now_s), heard, measured, track)
+        return _start(gains, state._replace(jump_s=now_s), heard, measured, place)
 
-    errors = _errors_at(state, time_s)._replace(covariance=covariance)
+    track_x, track_y, track_z, track_vx, track_vy, track_climb = place
+    x, y, z, vx, vy, climb = _errors_at(state, time_s)
     scatter = covariance.pp + measured.variance_m2
     same_source = fix.source == source
     offset = state.offset if same_source else _NO_OFFSET
     ox, oy, oz = offset
-    rx = measured.x_m - ox - track.x_m - errors.x_m
-    ry = measured.y_m - oy - track.y_m - errors.y_m
-    rz = measured.z_m - oz - track.z_m - errors.z_m
+    rx = measured.x_m - ox - track_x - x
+    ry = measured.y_m - oy - track_y - y
+    rz = measured.z_m - oz - track_z - z
     distance = _length(rx, ry, rz)
     reach = max(gains.fix_gate_m, GATE_SIGMAS * sqrt(scatter))
     if same_source and (ox != 0.0 or oy != 0.0 or oz != 0.0):
         bled = _bled(_length(ox, oy, oz), time_s - last_s)
         dx, dy, dz = bled * ox, bled * oy, bled * oz
         offset = Offset(ox - dx, oy - dy, oz - dz)
-        errors = errors._replace(x_m=errors.x_m + dx, y_m=errors.y_m + dy, z_m=errors.z_m + dz)
+        x, y, z = x + dx, y + dy, z + dz
     elif not same_source and distance <= OFFSET_MAX_M:
         # Of the difference the new source's origin has the share that the filter's doubt has not.
         share = OFFSET_M * OFFSET_M / (OFFSET_M * OFFSET_M + scatter)
@@ -518,14 +545,16 @@ def _take_fix(
     innovation = Innovation(rx, ry, rz, distance * distance / scatter)
     if distance > reach:
         doubtful = state._replace(innovation=innovation)
-        return _take_outlier(gains, doubtful, heard, measured, track, now_s)
+        return _take_outlier(gains, doubtful, heard, measured, place, now_s)
 
+    _, _, _, _, _, _, _, bx, by, bz, _ = state.errors
+    errors = Errors(time_s, x, y, z, vx, vy, climb, bx, by, bz, covariance)
     errors = position_taken(errors, rx, ry, rz, measured.variance_m2)
     if measured.has_velocity:
         variance = measured.velocity_variance_m2ps2
-        rx = measured.velocity_x_mps - track.velocity_x_mps - errors.velocity_x_mps
-        ry = measured.velocity_y_mps - track.velocity_y_mps - errors.velocity_y_mps
-        rz = measured.climb_mps - track.climb_mps - errors.climb_mps
+        rx = measured.velocity_x_mps - track_vx - errors.velocity_x_mps
+        ry = measured.velocity_y_mps - track_vy - errors.velocity_y_mps
+        rz = measured.climb_mps - track_climb - errors.climb_mps
         reach = max(GATE_MPS, GATE_SIGMAS * sqrt(errors.covariance.vv + variance))
         if _length(rx, ry, rz) <= reach:
             errors = velocity_taken(errors, rx, ry, rz, variance)
@@ -550,9 +579,13 @@ def _bled(offset_m: float, interval_s: float) -> float:
 
 
 def _start(
-    gains: MotionGains, state: MotionState, heard: FixHeard, measured: _Measured, track: Node
+    gains: MotionGains, state: MotionState, heard: FixHeard, measured: _Measured, place: Place
 ) -> MotionState:
-    """The aircraft is where the fix says; of the past only the bias is still believed."""
+    """The aircraft is where the fix says; of the past only the bias is still believed.
+
+    place: the track's at that time.
+    """
+    track_x, track_y, track_z, track_vx, track_vy, track_climb = place
     vx, vy, climb, variance = 0.0, 0.0, 0.0, START_MPS * START_MPS
     if measured.has_velocity:
         vx, vy, climb = measured.velocity_x_mps, measured.velocity_y_mps, measured.climb_mps
@@ -563,12 +596,12 @@ def _start(
     return state._replace(
         errors=state.errors._replace(
             time_s=measured.time_s,
-            x_m=measured.x_m - track.x_m,
-            y_m=measured.y_m - track.y_m,
-            z_m=measured.z_m - track.z_m,
-            velocity_x_mps=vx - track.velocity_x_mps,
-            velocity_y_mps=vy - track.velocity_y_mps,
-            climb_mps=climb - track.climb_mps,
+            x_m=measured.x_m - track_x,
+            y_m=measured.y_m - track_y,
+            z_m=measured.z_m - track_z,
+            velocity_x_mps=vx - track_vx,
+            velocity_y_mps=vy - track_vy,
+            climb_mps=climb - track_climb,
             covariance=Covariance(measured.variance_m2, 0.0, 0.0, variance, 0.0, bias_variance),
         ),
         fix=heard,
@@ -582,7 +615,7 @@ def _take_outlier(
     state: MotionState,
     heard: FixHeard,
     measured: _Measured,
-    track: Node,
+    place: Place,
     now_s: float,
 ) -> MotionState:
     """Refuse a fix far from the prediction, or go there where enough of them agree."""
@@ -596,5 +629,5 @@ def _take_outlier(
     agrees = count > 0 and _length(rx - x, ry - y, rz - z) <= near
     outliers = Outliers(count + 1 if agrees else 1, time_s, rx, ry, rz)
     if outliers.in_a_row >= OUTLIERS_BELIEVED:
-        return _start(gains, state._replace(jump_s=now_s), heard, measured, track)
+        return _start(gains, state._replace(jump_s=now_s), heard, measured, place)
     return state._replace(fix=refused, outliers=outliers, rejected=state.rejected + 1)
