@@ -82,6 +82,7 @@ class Pacer:
         self._stamp_s = float("nan")
         self._interval_s = self.period_s
         self._streak = 0
+        self.locked = False  # the loop follows the attitude stream
         self._sample_s = float("nan")  # arrival of a sample that no tick has seen; NaN: none
         self._sample_time_s = float("nan")
         self._rehearsed_s = float("nan")  # the deadline that was rehearsed for
@@ -97,12 +98,7 @@ class Pacer:
         self.period_s = 1.0 / rate_hz
         self._interval_s = self.period_s
         self._streak = 0
-
-    @property
-    def locked(self) -> bool:
-        """Whether the loop follows the attitude stream."""
-        in_step = abs(self._interval_s - self.period_s) <= _IN_STEP * self.period_s
-        return self._streak >= LOCK_AT and in_step
+        self.locked = False
 
     @property
     def wake_s(self) -> float:
@@ -140,6 +136,8 @@ class Pacer:
             self._streak = min(_STREAK_MAX, self._streak + 1)
         else:  # NaN: the first one
             self._streak = max(0, self._streak - _STREAK_LOSS)
+        in_step = abs(self._interval_s - self.period_s) <= _IN_STEP * self.period_s
+        self.locked = self._streak >= LOCK_AT and in_step
         self._stamp_s = stamp_s
         self._sample_s = arrival_s
         self._sample_time_s = time_s

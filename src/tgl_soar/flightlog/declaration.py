@@ -389,21 +389,20 @@ def flattener(leaves: tuple[Leaf, ...]) -> Callable[[Any], tuple[Any, ...]]:
 
 
 def expression(leaves: tuple[Leaf, ...], variable: str) -> str:
-    """The leaves of a variable as arguments, neighbours as one slice: `*t[4][0:3], t[5]`."""
-    runs: list[tuple[str, int, int]] = []
+    """The leaves of a variable as arguments; a tuple in it is fetched once and named:
+    `t[0], (t_4 := t[4])[0], t_4[1]`."""
+    made: list[str] = []
+    named: set[str] = set()
     for leaf in leaves:
         inside, _, last = leaf.place[:-1].rpartition("[")
-        index = int(last)
-        if runs and runs[-1][0] == inside and runs[-1][2] == index:
-            runs[-1] = (inside, runs[-1][1], index + 1)
-        else:
-            runs.append((inside, index, index + 1))
-    return ", ".join(
-        f"{variable}{inside}[{start}]"
-        if stop == start + 1
-        else f"*{variable}{inside}[{start}:{stop}]"
-        for inside, start, stop in runs
-    )
+        name = variable + "".join(f"_{i}" for i in re.findall(r"\d+", inside))
+        made.append(
+            f"{name}[{last}]"
+            if name in named or not inside
+            else f"({name} := {variable}{inside})[{last}]"
+        )
+        named.add(name)
+    return ", ".join(made)
 
 
 @cache

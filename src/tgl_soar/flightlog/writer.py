@@ -272,10 +272,11 @@ class FlightRecorder(Recorder):
 
     def frame(self, frame: bytes) -> None:
         """A frame came or went on any link; one that carries a key is left out."""
-        if self._on and not (len(frame) > 9 and frame[7:10] == _SETUP_SIGNING):
-            self._frames.append((monotonic_ns(), frame))
-            if len(self._frames) >= BATCH_FRAMES:
-                self._pack_frames()
+        if not self._on or (len(frame) > 9 and frame[8] == 1 and frame[7:10] == _SETUP_SIGNING):
+            return
+        self._frames.append((monotonic_ns(), frame))
+        if len(self._frames) >= BATCH_FRAMES:
+            self._pack_frames()
 
     def text(self, severity: int, text: str) -> None:
         """Words for the operator; MAVLink's severity is ULog's too."""
