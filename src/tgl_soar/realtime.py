@@ -18,7 +18,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from math import inf
+from math import inf, nan
 from typing import Final, NamedTuple
 
 LATE_S: Final = 0.002  # a tick that much after it was due is counted as late
@@ -78,14 +78,14 @@ class Pacer:
         self.counters = TickCounters()
         self.period_s = 1.0 / rate_hz
         self._deadline_s = now_s + self.period_s
-        self._time_s = float("-inf")
-        self._stamp_s = float("nan")
+        self._time_s = -inf
+        self._stamp_s = nan
         self._interval_s = self.period_s
         self._streak = 0
         self.locked = False  # the loop follows the attitude stream
-        self._sample_s = float("nan")  # arrival of a sample that no tick has seen; NaN: none
-        self._sample_time_s = float("nan")
-        self._rehearsed_s = float("nan")  # the deadline that was rehearsed for
+        self._sample_s = nan  # arrival of a sample that no tick has seen; NaN: none
+        self._sample_time_s = nan
+        self._rehearsed_s = nan  # the deadline that was rehearsed for
         self._ahead_s = REHEARSAL_S
 
     def begin(self, now_s: float) -> None:
@@ -172,7 +172,7 @@ class Pacer:
         if late_s > LATE_S:
             counters.late += 1
         counters.worst_late_s = max(counters.worst_late_s, late_s)
-        self._sample_s = float("nan")
+        self._sample_s = nan
         self._time_s = max(self._time_s, min(now_s, time_s))
         return self._time_s
 

@@ -13,24 +13,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import isfinite
 from typing import Any, Final, TypeAlias
 
 from fastcrc.crc16 import mcrf4xx as checksum
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from .hot_frames import READERS, WRITERS, Reader, override_body
+from .hot_frames import READERS, WRITERS, Reader, chars, float32, override_body
 from .messages import (
     AutopilotVersion,
     CommandAck,
     CommandInt,
     CommandLong,
-    DebugFloatArray,
     Heard,
     Heartbeat,
     ManualControl,
     MessageInterval,
-    NamedValueFloat,
     NavControllerOutput,
     Odometry,
     ParamError,
@@ -43,7 +40,6 @@ from .messages import (
     Received,
     Said,
     SetActuatorControlTarget,
-    SetAttitudeTarget,
     SetupSigning,
     Source,
     StatusText,
@@ -65,10 +61,8 @@ _SIGNATURE: Final = 13
 
 _new: Final[Any] = tuple.__new__  # a named tuple without counting its fields once more
 
-_FLOAT32_MAX: Final = 3.4028234e38
 _MOST_LOST: Final = 200  # in a row: a larger gap is a frame that was overtaken
 _LARGEST_V1: Final = 255  # MAVLink 1 has no larger message numbers
-_ARRAY_SIZE: Final = 58  # numbers of a DEBUG_FLOAT_ARRAY
 _MOST_KEPT: Final = 256  # of what is known of a message and its sender
 _ZEROS: Final = bytes(255)  # what was cut off a payload
 
@@ -452,7 +446,8 @@ def _kinds() -> dict[bytes, _Kind]:
 
 _KINDS: Final = _kinds()
 _WRITTEN: Final = {
-    kind: (number, _KINDS[bytes((number,))][0], write) for kind, (number, write) in WRITERS.items()
+    kind: (number, _KINDS[number.to_bytes(3, "little")][0], write)
+    for kind, (number, write) in WRITERS.items()
 }
 _OVERRIDE_EXTRA: Final = _WRITTEN[RcChannelsOverride][1]
 
@@ -500,8 +495,10 @@ class Encoder:
         return frame if key is None else signed(frame, key, self._link_id, timestamp)
 
     def _framed(self, kind: type[Said], message: Said, key: bytes | None, timestamp: int) -> bytes:
-        """Around a payload of ours: of a number below 256."""
+        """Around a payload of ours."""
         number, crc_extra, write = _WRITTEN[kind]
+        if self.version1 and number > _LARGEST_V1:
+            return b""
         payload = write(message)
         system, component = self.source
         if self.version1:
@@ -509,8 +506,8 @@ class Encoder:
             return b"\xfe" + body + _ended(checksum(body), crc_extra).to_bytes(2, "little")
         payload = payload.rstrip(b"\0") or b"\0"
         flags = 0 if key is None else _SIGNED
-        head = bytes((len(payload), flags, 0, self._sequence, system, component, number, 0, 0))
-        body = head + payload
+        head = bytes((len(payload), flags, 0, self._sequence, system, component))
+        body = head + number.to_bytes(3, "little") + payload
         frame = b"\xfd" + body + _ended(checksum(body), crc_extra).to_bytes(2, "little")
         return frame if key is None else signed(frame, key, self._link_id, timestamp)
 
@@ -533,17 +530,6 @@ class Encoder:
         self._sequence = 0
 
 
-def _float32(value: float) -> float:
-    """A float that can be packed: what is too large for 32 bits becomes the largest."""
-    if not isfinite(value):
-        return value
-    return max(-_FLOAT32_MAX, min(_FLOAT32_MAX, value))
-
-
-def _chars(text: str, size: int) -> bytes:
-    return text.encode("ascii", "replace")[:size]
-
-
 def _pack_heartbeat(m: Any) -> Any:
     return dialect.MAVLink_heartbeat_message(
         m.type, m.autopilot, m.base_mode, m.custom_mode, m.system_status, 3
@@ -564,7 +550,7 @@ def _pack_command_ack(m: Any) -> Any:
 
 def _pack_param_request_read(m: Any) -> Any:
     return dialect.MAVLink_param_request_read_message(
-        m.target_system, m.target_component, _chars(m.param_id, 16), m.param_index
+        m.target_system, m.target_component, chars(m.param_id, 16), m.param_index
     )
 
 
@@ -572,7 +558,7 @@ def _pack_param_error(m: Any) -> Any:
     return dialect.MAVLink_param_error_message(
         m.target_system,
         m.target_component,
-        _chars(m.param_id, 16),
+        chars(m.param_id, 16),
         m.param_index,
         m.error,
     )
@@ -580,8 +566,8 @@ def _pack_param_error(m: Any) -> Any:
 
 def _pack_param_value(m: Any) -> Any:
     return dialect.MAVLink_param_value_message(
-        _chars(m.param_id, 16),
-        _float32(m.param_value),
+        chars(m.param_id, 16),
+        float32(m.param_value),
         m.param_type,
         m.param_count,
         m.param_index,
@@ -589,25 +575,7 @@ def _pack_param_value(m: Any) -> Any:
 
 
 def _pack_status_text(m: Any) -> Any:
-    return dialect.MAVLink_statustext_message(m.severity, _chars(m.text, 50), m.id, m.chunk_seq)
-
-
-def _pack_named_value_float(m: Any) -> Any:
-    return dialect.MAVLink_named_value_float_message(
-        m.time_boot_ms & 0xFFFFFFFF, _chars(m.name, 10), _float32(m.value)
-    )
-
-
-def _pack_set_attitude_target(m: Any) -> Any:
-    rates_and_thrust = 0.0, 0.0, 0.0, 0.0  # the mask says that they are not meant
-    return dialect.MAVLink_set_attitude_target_message(
-        m.time_boot_ms & 0xFFFFFFFF,
-        m.target_system,
-        m.target_component,
-        m.type_mask,
-        list(map(_float32, m.q)),
-        *rates_and_thrust,
-    )
+    return dialect.MAVLink_statustext_message(m.severity, chars(m.text, 50), m.id, m.chunk_seq)
 
 
 def _pack_manual_control(m: Any) -> Any:
@@ -620,7 +588,7 @@ def _pack_set_actuator_control_target(m: Any) -> Any:
         m.group,
         m.target_system,
         m.target_component,
-        list(map(_float32, m.controls)),
+        list(map(float32, m.controls)),
     )
 
 
@@ -633,13 +601,6 @@ def _pack_autopilot_version(m: Any) -> Any:
 
 def _pack_message_interval(m: Any) -> Any:
     return dialect.MAVLink_message_interval_message(m.message_id, m.interval_us)
-
-
-def _pack_debug_float_array(m: Any) -> Any:
-    data = [_float32(value) for value in m.data] + [0.0] * (_ARRAY_SIZE - len(m.data))
-    return dialect.MAVLink_debug_float_array_message(
-        m.time_usec, _chars(m.name, 10), m.array_id, data
-    )
 
 
 def _pack_nav_controller_output(m: Any) -> Any:
@@ -671,19 +632,19 @@ def _pack_odometry(m: Any) -> Any:
         m.time_usec,
         m.frame_id,
         m.child_frame_id,
-        *map(_float32, (m.x, m.y, m.z)),
+        *map(float32, (m.x, m.y, m.z)),
         list(m.q),
-        *map(_float32, (m.vx, m.vy, m.vz, m.rollspeed, m.pitchspeed, m.yawspeed)),
-        list(map(_float32, m.pose_covariance)),
-        list(map(_float32, m.velocity_covariance)),
+        *map(float32, (m.vx, m.vy, m.vz, m.rollspeed, m.pitchspeed, m.yawspeed)),
+        list(map(float32, m.pose_covariance)),
+        list(map(float32, m.velocity_covariance)),
         0,
         m.estimator_type,
     )
 
 
 def _pack_vision_position_estimate(m: Any) -> Any:
-    pose = map(_float32, (m.x, m.y, m.z, m.roll, m.pitch, m.yaw))
-    covariance = list(map(_float32, m.covariance))
+    pose = map(float32, (m.x, m.y, m.z, m.roll, m.pitch, m.yaw))
+    covariance = list(map(float32, m.covariance))
     return dialect.MAVLink_vision_position_estimate_message(m.usec, *pose, covariance)
 
 
@@ -695,13 +656,10 @@ _SAID: Final[dict[type[Said], Callable[[Any], Any]]] = {
     ParamError: _pack_param_error,
     ParamValue: _pack_param_value,
     StatusText: _pack_status_text,
-    NamedValueFloat: _pack_named_value_float,
-    SetAttitudeTarget: _pack_set_attitude_target,
     ManualControl: _pack_manual_control,
     SetActuatorControlTarget: _pack_set_actuator_control_target,
     AutopilotVersion: _pack_autopilot_version,
     MessageInterval: _pack_message_interval,
-    DebugFloatArray: _pack_debug_float_array,
     NavControllerOutput: _pack_nav_controller_output,
     WindCov: _pack_wind_cov,
     Odometry: _pack_odometry,

@@ -1,7 +1,8 @@
 """The frames of every tick, by fixed offsets.
 
 A tick hears an attitude and accelerations, in every fourth a position and the servos' outputs,
-and says one override.  A simulator in lockstep asks the time in between.  These few payloads
+and says one override or attitude, in every fourth a number for the ground.  A simulator in
+lockstep asks the time in between.  These few payloads
 are unpacked and packed here with one `struct` each; all others go through pymavlink's dialect,
 and a test holds both ways equal field by field.
 
@@ -16,14 +17,17 @@ https://mavlink.io/en/guide/serialization.html
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import isfinite
 from struct import Struct
 from typing import Any, Final, NamedTuple
 
 from .messages import (
     ID_ATTITUDE_QUATERNION,
+    ID_DEBUG_FLOAT_ARRAY,
     ID_GLOBAL_POSITION_INT,
     ID_HIGHRES_IMU,
     ID_LOCAL_POSITION_NED,
+    ID_NAMED_VALUE_FLOAT,
     ID_ODOMETRY,
     ID_RAW_IMU,
     ID_RC_CHANNELS_OVERRIDE,
@@ -31,18 +35,22 @@ from .messages import (
     ID_SCALED_IMU2,
     ID_SCALED_IMU3,
     ID_SERVO_OUTPUT_RAW,
+    ID_SET_ATTITUDE_TARGET,
     ID_TIMESYNC,
     AttitudeQuaternion,
+    DebugFloatArray,
     GlobalPositionInt,
     Heard,
     HighresImu,
     LocalPositionNed,
+    NamedValueFloat,
     Odometry,
     RawImu,
     RcChannelsOverride,
     Said,
     ScaledImu,
     ServoOutputRaw,
+    SetAttitudeTarget,
     Timesync,
 )
 
@@ -80,8 +88,25 @@ _write_channels: Final = Struct("<8H2B").pack
 _write_body: Final = Struct("<7B2x8H2B").pack
 _OVERRIDE_BYTES: Final = 18
 _write_later: Final = Struct("<10H").pack
+_write_number: Final = Struct("<If10s").pack
+_write_array: Final = Struct("<QH10s58f").pack
+_write_attitude: Final = Struct("<I4f4f3B").pack
 _FIRST_CHANNELS: Final = 8
-_NO_LATER_CHANNELS: Final = (0,) * 10
+_NO_LATER_CHANNELS: Final[tuple[int, ...]] = (0,) * 10
+_ARRAY_SIZE: Final = 58  # numbers of a DEBUG_FLOAT_ARRAY
+_FLOAT32_MAX: Final = 3.4028234e38
+
+
+def float32(value: float) -> float:
+    """A float that can be packed: what is too large for 32 bits becomes the largest."""
+    if not isfinite(value):
+        return value
+    return max(-_FLOAT32_MAX, min(_FLOAT32_MAX, value))
+
+
+def chars(text: str, size: int) -> bytes:
+    """What a char field of a size has room for."""
+    return text.encode("ascii", "replace")[:size]
 
 
 def _plain(kind: type[Heard], layout: Struct) -> Reader:
@@ -109,6 +134,24 @@ def _odometry(data: bytes, at: int) -> tuple[Any, ...]:
 
 def _write_timesync(message: Any) -> bytes:
     return _write_two(*message)
+
+
+def _write_named_value(m: Any) -> bytes:
+    return _write_number(m.time_boot_ms & 0xFFFFFFFF, float32(m.value), chars(m.name, 10))
+
+
+def _write_debug_array(m: Any) -> bytes:
+    data = [float32(value) for value in m.data] + [0.0] * (_ARRAY_SIZE - len(m.data))
+    return _write_array(m.time_usec, m.array_id, chars(m.name, 10), *data)
+
+
+def _write_attitude_target(m: Any) -> bytes:
+    w, x, y, z = m.q
+    return _write_attitude(
+        m.time_boot_ms & 0xFFFFFFFF, float32(w), float32(x), float32(y), float32(z),
+        0.0, 0.0, 0.0, 0.0,  # rates and thrust: the mask says that they are not meant
+        m.target_system, m.target_component, m.type_mask,
+    )  # fmt: skip
 
 
 def override_body(
@@ -152,5 +195,8 @@ READERS: Final[dict[int, Reader]] = {
 
 WRITERS: Final[dict[type[Said], Writer]] = {
     RcChannelsOverride: Writer(ID_RC_CHANNELS_OVERRIDE, _write_override),
+    SetAttitudeTarget: Writer(ID_SET_ATTITUDE_TARGET, _write_attitude_target),
+    NamedValueFloat: Writer(ID_NAMED_VALUE_FLOAT, _write_named_value),
+    DebugFloatArray: Writer(ID_DEBUG_FLOAT_ARRAY, _write_debug_array),
     Timesync: Writer(ID_TIMESYNC, _write_timesync),
 }

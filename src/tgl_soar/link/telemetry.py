@@ -6,7 +6,10 @@ Texts are always said; they use up the budget, and the numbers wait.
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import inf
 from typing import Final
+
+from tgl_soar.types import NAN
 
 from .messages import ID_HEARTBEAT, Said, StatusText
 
@@ -41,7 +44,7 @@ class Budget:
     def __init__(self) -> None:
         self.spent_bytes = 0  # in all
         self._left = 0.0
-        self._filled_s = float("nan")
+        self._filled_s = NAN
 
     def fill(self, now_s: float, bytes_per_s: float) -> bool:
         """Time has passed; whether anything is left to spend."""
@@ -60,7 +63,7 @@ class Budget:
     def rebase(self) -> None:
         """The clock was changed."""
         self._left = 0.0
-        self._filled_s = float("nan")
+        self._filled_s = NAN
 
 
 class Flow:
@@ -76,11 +79,11 @@ class Flow:
         self.build = build
         self._items = items
         self._turn = 0
-        self._due_s = float("-inf")
+        self._due_s = -inf
 
     def lateness(self, now_s: float) -> float:
         """By how many of its own intervals a message is due; negative: it is not."""
-        if now_s < self._due_s or self.interval_s == float("inf"):
+        if now_s < self._due_s or self.interval_s == inf:
             return -1.0
         return min((now_s - self._due_s) * self._items / self.interval_s, 1e9)
 
@@ -95,7 +98,7 @@ class Flow:
 
     def rebase(self) -> None:
         """The clock was changed, or the rate: begin again."""
-        self._due_s = float("-inf")
+        self._due_s = -inf
         self._turn = 0
 
 
@@ -130,7 +133,7 @@ class Telemetry:
         for flow in self._flows:
             if flow.message_id == message_id:
                 share = flow.default_s / first.default_s if flow is not first else 1.0
-                flow.interval_s = {-1.0: float("inf"), 0.0: flow.default_s}.get(
+                flow.interval_s = {-1.0: inf, 0.0: flow.default_s}.get(
                     interval_us, interval_us * 1e-6 * share
                 )
                 flow.rebase()
@@ -143,7 +146,7 @@ class Telemetry:
         flow = self._flow(message_id)
         if flow is None:
             return 0
-        endless = flow.interval_s == float("inf")
+        endless = flow.interval_s == inf
         return -1 if endless else min(round(flow.interval_s * 1e6), 2**31 - 1)
 
     def rebase(self) -> None:
