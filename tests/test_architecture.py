@@ -34,6 +34,7 @@ TABLE: dict[str, set[str]] = {
     "config": {"line_changes", "geometry"},
     "mocap": {"config", "link"},
     "realtime": set(),
+    "native": set(),
     "instruments": {"autopilot", "link"},
     "flightlog": {"autopilot"},
     "onboard": {
@@ -49,7 +50,7 @@ TABLE: dict[str, set[str]] = {
     "surface_check": {"link"},
     "preflight": {"link"},
     "loop": {"mocap", "onboard", "guard"},
-    "process": {"loop"},
+    "process": {"loop", "native"},
     "air": {"geometry"},
     "score": set(),
     "sim": {"autopilot", "air", "link", "config", "score"},
@@ -75,7 +76,7 @@ FLIES = {
     "types", "geometry", "parameters", "control", "estimation",
     "autopilot", "line_changes", "link", "config", "realtime", "onboard",
     "parameter_files", "parameter_store", "instruments", "process", "loop", "guard",
-    "flightlog", "mocap",
+    "flightlog", "mocap", "native",
 }  # fmt: skip
 STAYS_ON_THE_GROUND = {
     "logs",

@@ -7,11 +7,18 @@ command line's own libraries never load on board.
 from __future__ import annotations
 
 import sys
+from typing import Final
+
+INTERPRETED: Final = "--interpreted"
 
 
 def main() -> None:
     """Entry point of `tgl-soar`."""
     if sys.argv[1:2] == ["run"]:
+        from tgl_soar import native
+
+        if INTERPRETED not in sys.argv:
+            native.use()
         from tgl_soar.process import main as run
 
         raise SystemExit(run(sys.argv[2:]))

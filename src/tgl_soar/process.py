@@ -20,7 +20,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from tgl_soar import __version__, guard, loop, realtime
+from tgl_soar import __version__, guard, loop, native, realtime
 from tgl_soar.config import (
     Airframe,
     ConfigError,
@@ -147,6 +147,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         metavar="HOST[:PORT]",
         help="OptiTrack's server and command port, instead of [mocap] of the site file",
     )
+    add(
+        "--interpreted",
+        action="store_true",
+        help="fly the source as it stands, also where `tgl-soar compile` made native code of it",
+    )
     given = parser.parse_args(arguments)
     if given.signing_key is None and (given.unsigned_autopilot or given.allow_setup_signing):
         parser.error("--unsigned-autopilot and --allow-setup-signing need --signing-key")
@@ -260,6 +265,7 @@ def run(
         return EXIT_CANNOT_START
     if site.contour is not None and not setup.contour:
         _print(f"no line is checked: the site's contour is of {site.contour.airframe!r}")
+    _print(f"code: {native.told()}")
     links = (link,) if isinstance(link, str) else tuple(link)
     plan = Plan(
         airframe=airframe,
@@ -386,6 +392,7 @@ def _recorder(plan: Plan) -> FlightRecorder | None:
         "ver_sw": __version__,
         "ver_log": str(VERSION),
         "ver_python": platform.python_version(),
+        "code": native.told(),
         "started_utc": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         "airframe_file": str(plan.airframe_path),
         "site_file": str(plan.site_path),

@@ -7,6 +7,7 @@ import typer
 from . import (
     align,
     campaign,
+    compile,
     experiment,
     glide,
     identify,
@@ -49,6 +50,7 @@ app.command("surfaces")(surfaces.surfaces)
 app.command("preflight")(preflight.preflight)
 app.command("zeuc")(zeuc.zeuc)
 app.add_typer(log.log_app, name="log")
+app.command("compile")(compile.compile_command)
 app.command("modes")(modes.modes)
 app.command("replay")(replay.replay)
 app.add_typer(params.params_app, name="params")

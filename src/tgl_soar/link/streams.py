@@ -27,7 +27,9 @@ ACK_WAIT_S: Final = 0.5
 CHECK_S: Final = 2.0  # a rate is measured over this long
 CHECK_MAX_S: Final = 16.0
 ENOUGH: Final = 0.7  # of the rate asked for: a lossy link is not asked again and again
-LOWER_RATES_HZ: Final = (160.0, 125.0, 100.0, 80.0, 50.0, 40.0, 25.0, 20.0, 10.0, 5.0, 2.0, 1.0)
+LOWER_RATES_HZ: Final[tuple[float, ...]] = (
+    *(160.0, 125.0, 100.0, 80.0, 50.0, 40.0, 25.0, 20.0, 10.0, 5.0, 2.0, 1.0),
+)
 
 _RESULT_WORDS: Final = {
     RESULT_DENIED: "denied",

@@ -1,0 +1,154 @@
+"""`tgl-soar compile`: native code of what flies, by mypyc, for `tgl-soar run`."""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Annotated, Final
+
+import typer
+
+from tgl_soar import native
+
+from .console import AIRFRAME, SITE, console, fail
+
+# No product and sum in one rounding: native code gives the very numbers of the source.
+_FLAGS: Final = "-ffp-contract=off"
+_CONFIG: Final = "[mypy]\nignore_missing_imports = True\n"
+_LAST_LINES: Final = 20  # of what the compiler said
+_STAY_S: Final = 4.0  # on each line, in the flight that is flown by both
+_NEEDED: Final = (
+    "a C compiler and Python's headers are needed (Debian, Ubuntu: apt install gcc python3-dev)"
+)
+
+
+class CompileError(Exception):
+    """Why there is no native code."""
+
+
+def compile_command(
+    again: Annotated[bool, typer.Option("--again", help="Also where it is there already.")] = False,
+    remove: Annotated[bool, typer.Option("--remove", help="Remove it: fly the source.")] = False,
+) -> None:
+    """Make native code of what flies: a tick takes half the time. Some minutes, once."""
+    try:
+        if remove:
+            for path in (native.folder(), *native.others()):
+                shutil.rmtree(path, ignore_errors=True)
+            console.print("removed: the source flies")
+            return
+        if again or not (native.folder() / native.MANIFEST).is_file():
+            make(lambda words: console.print(words, highlight=False, soft_wrap=True))
+        console.print(f"ready: {native.folder()}", highlight=False, soft_wrap=True)
+    except (CompileError, OSError) as error:
+        fail(error, 1)
+
+
+def make(say: Callable[[str], None]) -> None:
+    """Compile, fly it beside the source, and keep it.
+
+    Errors: `CompileError`; OSError where it cannot be kept.
+    """
+    if find_spec("mypyc") is None or find_spec("setuptools") is None:
+        raise CompileError("mypyc is not installed: pip install 'tgl_soar[native]'")
+    kept, stale = native.folder(), native.others()
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(prefix="making-native-", dir=kept.parent) as name:
+        made = Path(name) / "made" / kept.name
+        say(f"compiling {len(native.MODULES)} modules: one to five minutes")
+        _compile(Path(name))
+        _collect(Path(name), made)
+        say("flying the source and the native code of it: the same flight, to the last bit")
+        _check(made.parent, Path(name))
+        shutil.rmtree(kept, ignore_errors=True)
+        made.rename(kept)
+    for path in stale:
+        shutil.rmtree(path, ignore_errors=True)
+
+
+def _compile(work: Path) -> None:
+    """mypyc on a copy of what flies: nothing of its work is to lie about beside the source."""
+    for folder in native.FOLDERS:
+        (work / "tgl_soar" / folder).mkdir(parents=True, exist_ok=True)
+        for file in (native.SOURCE / folder).glob("*.py"):
+            shutil.copy(file, work / "tgl_soar" / folder)
+    (work / "mypy.ini").write_text(_CONFIG, encoding="utf-8")
+    files = [str(native.file_of(name).relative_to(native.SOURCE.parent)) for name in native.MODULES]
+    flags = f"{os.environ.get('CFLAGS', '')} {_FLAGS}".strip()
+    run = subprocess.run(
+        [sys.executable, "-m", "mypyc", *files],
+        cwd=work,
+        env={**os.environ, "CFLAGS": flags},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        errors="replace",
+        check=False,
+    )
+    if run.returncode != 0:
+        last = "\n".join(run.stdout.splitlines()[-_LAST_LINES:])
+        raise CompileError(f"{last}\nit could not be compiled; {_NEEDED}")
+
+
+def _collect(work: Path, made: Path) -> None:
+    """What the compiler made, and what it left out."""
+    for file in [*work.glob("*.so"), *work.joinpath("tgl_soar").rglob("*.so")]:
+        to = made / file.relative_to(work)
+        to.parent.mkdir(parents=True, exist_ok=True)
+        file.rename(to)
+    fields = {name: _fields(native.file_of(name)) for name in native.MODULES}
+    manifest = {"compiler": f"mypyc {version('mypy')}", "fields": fields}
+    (made / native.MANIFEST).write_text(json.dumps(manifest, indent=1), encoding="utf-8")
+
+
+def _fields(file: Path) -> native.Fields:
+    """What the fields of a module's named tuples are, in its own words."""
+    return {
+        kind.name: {
+            ast.unparse(field.target): ast.unparse(field.annotation)
+            for field in kind.body
+            if isinstance(field, ast.AnnAssign)
+        }
+        for kind in ast.parse(file.read_text(encoding="utf-8")).body
+        if isinstance(kind, ast.ClassDef)
+        and any(ast.unparse(base) == "NamedTuple" for base in kind.bases)
+    }
+
+
+def _check(base: Path, work: Path) -> None:
+    """One flight between real processes by both: where the aircraft was, byte by byte."""
+    flown = {}
+    for name, kept in (("source", work / "none"), ("native", base)):
+        flown[name] = _flown(work / name, kept)
+    if flown["source"] != flown["native"]:
+        raise CompileError(
+            "native code does not fly as its source does: it is not kept. The compiler is to blame;"
+            " CFLAGS may hold an option that changes arithmetic"
+        )
+
+
+def _flown(out: Path, kept: Path) -> bytes:
+    """A short flight, and by what the module flew: the truth of the simulation."""
+    from tgl_soar.sim.sitl import SitlError, SitlOptions, fly
+
+    before = os.environ.get("TGL_SOAR_NATIVE")
+    os.environ["TGL_SOAR_NATIVE"] = str(kept)  # the module's process inherits it
+    try:
+        fly(SitlOptions(AIRFRAME, SITE, out, stay_s=_STAY_S), lambda _operator: None)
+    except SitlError as error:
+        raise CompileError(f"the flight that was to check it failed: {error}") from None
+    finally:
+        if before is None:
+            del os.environ["TGL_SOAR_NATIVE"]
+        else:
+            os.environ["TGL_SOAR_NATIVE"] = before
+    return (out / "truth.csv").read_bytes()

@@ -1,0 +1,180 @@
+"""Native code of what flies, made by mypyc from the very source that stands here.
+
+`tgl-soar compile` makes it once; `tgl-soar run` takes it wherever it was made of just this source
+for just this interpreter, and flies the source as it stands where not.  Nothing else takes it:
+simulations, replays and tests go by the source, unless they ask for it.
+
+It lies beside the byte code, or in the folder that $TGL_SOAR_NATIVE names, under a name that
+changes with the source of anything that flies.  mypyc leaves out what the fields of named tuples
+are; the log's declaration reads them, so they are written down beside the code and put back here.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import sys
+from collections.abc import Sequence
+from hashlib import sha256
+from importlib import import_module
+from importlib.machinery import ExtensionFileLoader, ModuleSpec
+from importlib.util import spec_from_file_location
+from pathlib import Path
+from types import ModuleType
+from typing import Final
+
+SOURCE: Final = Path(__file__).parent
+MANIFEST: Final = "manifest.json"
+LIBRARY: Final = "__mypyc"  # the end of its name: it holds the code of all modules
+FOLDERS: Final = (
+    *("", "control", "estimation", "flightlog"),
+    *("link", "link/autopilots", "link/natnet"),
+)  # of what flies
+
+# What every tick goes through.  What reads files, declares or starts things stays as it is.
+MODULES: Final = (
+    "tgl_soar.geometry",
+    "tgl_soar.control.attitude",
+    "tgl_soar.control.envelope",
+    "tgl_soar.control.heading",
+    "tgl_soar.control.pid",
+    "tgl_soar.control.scheduling",
+    "tgl_soar.control.soaring",
+    "tgl_soar.control.supervisor",
+    "tgl_soar.control.target_line",
+    "tgl_soar.estimation.fix_filter",
+    "tgl_soar.estimation.health",
+    "tgl_soar.estimation.inertial_track",
+    "tgl_soar.estimation.motion",
+    "tgl_soar.estimation.turning",
+    "tgl_soar.estimation.wind",
+    "tgl_soar.autopilot",
+    "tgl_soar.instruments",
+    "tgl_soar.link.clock",
+    "tgl_soar.link.codec",
+    "tgl_soar.link.hot_frames",
+    "tgl_soar.link.routes",
+    "tgl_soar.link.sensing",
+    "tgl_soar.link.sensor_clock",
+    "tgl_soar.link.session",
+    "tgl_soar.link.signing",
+    "tgl_soar.link.sources",
+    "tgl_soar.link.streams",
+    "tgl_soar.link.telemetry",
+    "tgl_soar.link.timesync",
+    "tgl_soar.link.transport",
+    "tgl_soar.onboard",
+    "tgl_soar.loop",
+    "tgl_soar.realtime",
+)
+
+_told = "interpreted"
+
+
+def told() -> str:
+    """What flies: native code, or the source and why."""
+    return _told
+
+
+def base() -> Path:
+    """Where native code is kept, of any source."""
+    return Path(os.environ.get("TGL_SOAR_NATIVE") or SOURCE / "__pycache__")
+
+
+def folder() -> Path:
+    """Where native code of just this source, for just this interpreter, is kept."""
+    key = sha256(f"{sys.version} {platform.machine()}".encode())
+    for name in FOLDERS:
+        for file in sorted((SOURCE / name).glob("*.py")):
+            key.update(file.read_bytes())
+    return base() / f"native-{key.hexdigest()[:16]}"
+
+
+def others() -> list[Path]:
+    """Folders with native code of another source or interpreter."""
+    mine = folder()
+    return [path for path in sorted(base().glob("native-*")) if path != mine]
+
+
+def file_of(module: str) -> Path:
+    """The source of a module."""
+    return SOURCE.joinpath(*module.split(".")[1:]).with_suffix(".py")
+
+
+def use() -> bool:
+    """Take native code wherever a module is imported from now on; whether there is any that fits.
+
+    Never raises: what cannot be used is told, and the source flies.
+    """
+    global _told
+    kept = folder()
+    if not (kept / MANIFEST).is_file():
+        stale = " (what was compiled is of another version)" if others() else ""
+        _told = f"interpreted{stale}; `tgl-soar compile` makes it twice as quick"
+        return False
+    try:
+        manifest = json.loads((kept / MANIFEST).read_text(encoding="utf-8"))
+        finder = _Finder(kept, manifest["fields"])
+        sys.meta_path.insert(0, finder)
+        for library in finder.libraries:  # what this computer cannot load shows here
+            import_module(library)
+        _told = f"native, by {manifest['compiler']}"
+    except Exception as error:  # it must fly all the same
+        sys.meta_path[:] = [f for f in sys.meta_path if not isinstance(f, _Finder)]
+        _told = f"interpreted: what was compiled cannot be used: {error}"
+        return False
+    return True
+
+
+Fields = dict[str, dict[str, str]]  # of each named tuple, as its source has it
+
+
+class _Finder:
+    """Finds modules in a folder of native code, before Python looks for their source.
+
+    Native modules import each other without asking anybody: whatever has been loaded by the time
+    of the next question gets its fields back then.
+    """
+
+    def __init__(self, kept: Path, fields: dict[str, Fields]) -> None:
+        self._waiting = fields
+        self._files = {
+            ".".join([*file.relative_to(kept).parts[:-1], file.name.partition(".")[0]]): file
+            for file in kept.rglob("*.so")
+        }
+        self.libraries = [name for name in self._files if name.endswith(LIBRARY)]
+
+    def find_spec(
+        self,
+        name: str,
+        _path: Sequence[str] | None = None,
+        _target: ModuleType | None = None,
+    ) -> ModuleSpec | None:
+        """As `importlib` asks for it."""
+        self.give_back()
+        file = self._files.get(name)
+        if file is None:
+            return None
+        return spec_from_file_location(name, file, loader=_Loader(name, str(file), self))
+
+    def give_back(self) -> None:
+        """The fields of the named tuples of all modules that are whole."""
+        for module in [name for name in self._waiting if name in sys.modules]:
+            kinds = vars(sys.modules[module])
+            if kinds.keys() >= self._waiting[module].keys():
+                for name, fields in self._waiting.pop(module).items():
+                    kinds[name].__annotations__ = fields
+
+
+class _Loader(ExtensionFileLoader):
+    """Loads a native module."""
+
+    def __init__(self, name: str, path: str, finder: _Finder) -> None:
+        super().__init__(name, path)
+        self._finder = finder
+
+    def exec_module(self, module: ModuleType) -> None:
+        """As `importlib` asks for it."""
+        super().exec_module(module)
+        self._finder.give_back()
