@@ -6,9 +6,25 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import settings
 
+from tgl_soar import native
+
 # Time is a benchmark's business: a busy machine must not fail a property.
 settings.register_profile("project", deadline=None)
 settings.load_profile("project")
+
+# Set by the test of native code, which has the tests of what flies run once more.
+NATIVE = "TGL_SOAR_TEST_NATIVE" in os.environ
+if NATIVE:
+    assert native.use(), native.told()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The longest test goes first; native code has no seams for some."""
+    items.sort(key=lambda item: item.get_closest_marker("first") is None)
+    if NATIVE:
+        for item in items:
+            if item.get_closest_marker("interpreted"):
+                item.add_marker(pytest.mark.skip(reason="native code has no seam for it"))
 
 
 @pytest.fixture(autouse=True)

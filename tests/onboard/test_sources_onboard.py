@@ -83,6 +83,7 @@ def vision(time_s: float) -> Any:
     )
 
 
+@pytest.mark.interpreted
 def test_a_tick_is_given_all_that_there_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     bench, seen = Bench(setup_of(tmp_path)), []
     step = autopilot.step
