@@ -59,15 +59,17 @@ def test_native_code_does_what_the_source_does(place: Path) -> None:
 
     taken = said(
         "from tgl_soar import native; native.use(); import sys, tgl_soar.process;"
-        'print(*sorted(n for n, m in sys.modules.items() if str(m).endswith(".so\'>")'
-        " and n.startswith('tgl_soar.')))"
+        "print(*sorted(name for name, module in sys.modules.items()"
+        " if name.startswith('tgl_soar.') and module.__file__.endswith('.so')))"
     )
     assert taken.split() == sorted(native.MODULES)
-    left = "import sys; from tgl_soar.cli import main; sys.argv = ['tgl-soar', 'run', '-h']\n"
-    assert "EXIT" in said(
-        left + "try: main()\nexcept SystemExit: print('EXIT', *sys.modules['tgl_soar.autopilot']"
-        ".__file__.split('.')[-1:])"
-    )
+    for options, ending in (([], ".so"), (["--interpreted"], ".py")):
+        flown = said(
+            "import sys; from tgl_soar.cli import main\n"
+            f"sys.argv = ['tgl-soar', 'run', '-h', *{options}]\n"
+            "try: main()\nexcept SystemExit: print(sys.modules['tgl_soar.autopilot'].__file__)"
+        )
+        assert flown.endswith(ending)
 
     run = subprocess.run(
         [
