@@ -44,7 +44,7 @@ Excess updraft is the updraft less the sink of the glide polar at the horizontal
 from __future__ import annotations
 
 from math import atan2, cos, exp, isfinite, log1p, sin, sqrt
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from tgl_soar.types import (
     NAN,
@@ -112,6 +112,18 @@ class Belief(NamedTuple):
     trim_z: float  # covariance of W_z with b_t
     pitch_x: float  # covariance of W_x with δ, in rad m/s
     pitch_z: float  # covariance of W_z with δ
+
+
+# A belief's numbers in their order.  Every measurement makes them anew; those that are looked at
+# in between are the first five.
+Numbers = tuple[
+    float, float, float, float, float,
+    float, float, float, float, float, float, float, float, float, float,
+]  # fmt: skip
+WIND: Final = 0
+UPDRAFT: Final = 1
+P_XX: Final = 2
+P_ZZ: Final = 4
 
 
 class Body(NamedTuple):
@@ -189,12 +201,11 @@ def wind_step(
         and isfinite(velocity_sigma_mps)
     )
     dt = now - state.time_s
-    belief, average = state.belief, state.average
+    believed, average = state.belief, state.average
     if not 0.0 <= dt < RESTART_S:  # NaN: nothing is known yet
-        belief, dt = _first_guess(aero, frame), 0.0
+        believed, dt = _first_guess(aero, frame), 0.0
         average = Averages(frame.velocity_x_mps, frame.climb_mps, 0.0, 0.0)
-    wander = 2.0 * params.change * params.change * dt
-    belief = belief._replace(p_xx=belief.p_xx + wander, p_zz=belief.p_zz + wander)
+    belief = _wandered(believed, 2.0 * params.change * params.change * dt)
     refused, imu_time, pitot_time = state.refused, state.imu_time_s, state.airspeed_time_s
 
     gravity = aero.gravity_mps2
@@ -231,19 +242,20 @@ def wind_step(
     if usable and pitot.sequence != state.airspeed_sequence and isfinite(pitot.airspeed_mps):
         before = belief
         belief = _take_pitot(belief, frame, pitot.airspeed_mps)
-        if belief.p_xx < before.p_xx:
+        if belief[P_XX] < before[P_XX]:
             pitot_time = now
         else:
             refused += 1
 
+    believed = _named(belief)
     air = NO_AIR
     if usable:
         measured = now - pitot_time <= PITOT_AGE_MAX_S
-        air = _estimate(params, belief, frame, velocity_sigma_mps, measured)
+        air = _estimate(params, believed, frame, velocity_sigma_mps, measured)
     known = isfinite(air.airspeed_mps)
     return WindState(
         now if known else NAN,
-        belief,
+        believed,
         average,
         imu.sequence,
         imu_time,
@@ -292,6 +304,22 @@ def _first_guess(aero: Aerodynamics, frame: Body) -> Belief:
     )
 
 
+def _wandered(belief: Belief, variance: float) -> Numbers:
+    """The wind is another one by now."""
+    wind, updraft, p_xx, p_xz, p_zz, n_x, n_z, a_x, a_z, p_x, p_z, t_x, t_z, d_x, d_z = belief
+    return (
+        wind, updraft, p_xx + variance, p_xz, p_zz + variance,
+        n_x, n_z, a_x, a_z, p_x, p_z, t_x, t_z, d_x, d_z,
+    )  # fmt: skip
+
+
+def _named(numbers: Numbers) -> Belief:
+    wind, updraft, p_xx, p_xz, p_zz, n_x, n_z, a_x, a_z, p_x, p_z, t_x, t_z, d_x, d_z = numbers
+    return Belief(
+        wind, updraft, p_xx, p_xz, p_zz, n_x, n_z, a_x, a_z, p_x, p_z, t_x, t_z, d_x, d_z
+    )  # fmt: skip
+
+
 def _averaged(
     average: Averages, frame: Body, imu: ImuSample, gravity_mps2: float, dt_s: float
 ) -> Averages:
@@ -321,7 +349,7 @@ def _unbiased(average: Averages, frame: Body, imu: ImuSample) -> tuple[float, fl
 
 def _take_forces(
     aero: Aerodynamics,
-    belief: Belief,
+    belief: Numbers,
     frame: Body,
     alignment_rad: float,
     force_x_mps2: float,
@@ -329,9 +357,9 @@ def _take_forces(
     noise_x_mps2: float,
     noise_z_mps2: float,
     elevator: float,
-) -> tuple[Belief, int]:
+) -> tuple[Numbers, int]:
     """Normal and axial force, and how many of them were believed."""
-    u, w = through_air(frame, belief.wind_mps, belief.updraft_mps)
+    u, w = through_air(frame, belief[WIND], belief[UPDRAFT])
     speed = sqrt(u * u + w * w)
     if not speed > SLOWEST_MPS:
         return belief, 0
@@ -361,7 +389,7 @@ def _take_forces(
         0.0,
         0.0,
     )
-    taken = 1 if normal.p_zz < belief.p_zz else 0
+    taken = 1 if normal[P_ZZ] < belief[P_ZZ] else 0
 
     along = cl * w - cd * u
     turn = k * (cl_alpha * w - cd_alpha * u) / speed
@@ -370,9 +398,7 @@ def _take_forces(
     h_x = by_u * frame.x_n + by_w * frame.z_n
     h_z = by_u * frame.x_d + by_w * frame.z_d
     # Linear about the same place: what the normal force has moved since is part of the forecast.
-    moved = h_x * (normal.wind_mps - belief.wind_mps) + h_z * (
-        normal.updraft_mps - belief.updraft_mps
-    )
+    moved = h_x * (normal[WIND] - belief[WIND]) + h_z * (normal[UPDRAFT] - belief[UPDRAFT])
     error = DRAG_ERROR * aero.gravity_mps2 / GLIDE_RATIO
     tilted = aero.gravity_mps2 * alignment_rad * alignment_rad
     axial = _corrected(
@@ -387,18 +413,18 @@ def _take_forces(
         0.0,
         tilted,
     )
-    return axial, taken + (1 if axial.p_zz < normal.p_zz else 0)
+    return axial, taken + (1 if axial[P_ZZ] < normal[P_ZZ] else 0)
 
 
 def _take_trim(
     aero: Aerodynamics,
-    belief: Belief,
+    belief: Numbers,
     frame: Body,
     pitch_rate_radps: float,
     elevator: float,
     dt_s: float,
-) -> Belief:
-    u, w = through_air(frame, belief.wind_mps, belief.updraft_mps)
+) -> Numbers:
+    u, w = through_air(frame, belief[WIND], belief[UPDRAFT])
     speed2 = u * u + w * w
     if not speed2 > SLOWEST_MPS * SLOWEST_MPS:
         return belief
@@ -419,8 +445,8 @@ def _take_trim(
     )
 
 
-def _take_pitot(belief: Belief, frame: Body, airspeed_mps: float) -> Belief:
-    u, _ = through_air(frame, belief.wind_mps, belief.updraft_mps)
+def _take_pitot(belief: Numbers, frame: Body, airspeed_mps: float) -> Numbers:
+    u, _ = through_air(frame, belief[WIND], belief[UPDRAFT])
     white, bias = PITOT_NOISE_MPS * PITOT_NOISE_MPS, PITOT_BIAS_MPS * PITOT_BIAS_MPS
     return _corrected(
         belief, frame.x_n, frame.x_d, airspeed_mps - u, white, 0.0, 0.0, bias, 0.0, 0.0
@@ -462,7 +488,7 @@ def glide_pitch(aero: Aerodynamics, horizontal_mps: float) -> float:
 
 
 def _corrected(
-    b: Belief,
+    belief: Numbers,
     h_x: float,
     h_z: float,
     innovation: float,
@@ -472,13 +498,13 @@ def _corrected(
     pitot: float,
     trim: float,
     pitch: float,
-) -> Belief:
+) -> Numbers:
     """One measurement z = h · W + bias + noise.
 
     noise: variance of the white noise; normal … trim: that of its own bias in its own
     place, 0 in the others; pitch: covariance of its bias with that of the pitch.
     """
-    wind, updraft, p_xx, p_xz, p_zz, n_x, n_z, a_x, a_z, p_x, p_z, t_x, t_z, d_x, d_z = b
+    wind, updraft, p_xx, p_xz, p_zz, n_x, n_z, a_x, a_z, p_x, p_z, t_x, t_z, d_x, d_z = belief
     if axial > 0.0:
         own_x, own_z = a_x, a_z
     elif normal > 0.0:
@@ -493,14 +519,14 @@ def _corrected(
         h_x * to_x + h_z * to_z + h_x * own_x + h_z * own_z + noise + normal + axial + pitot + trim
     )
     if not innovation * innovation <= GATE * GATE * variance:
-        return b
+        return belief
     k_x, k_z = to_x / variance, to_z / variance
     r_n = h_x * n_x + h_z * n_z + normal
     r_a = h_x * a_x + h_z * a_z + axial
     r_p = h_x * p_x + h_z * p_z + pitot
     r_t = h_x * t_x + h_z * t_z + trim
     r_d = h_x * d_x + h_z * d_z + pitch
-    return Belief(
+    return (
         wind + k_x * innovation,
         updraft + k_z * innovation,
         p_xx - k_x * to_x,
