@@ -94,6 +94,15 @@ def test_one_call_does_a_bounded_amount_of_work(listener: UdpListener, peer: soc
     assert len(received(listener)) == 10
 
 
+def test_an_empty_datagram_holds_nothing_back(listener: UdpListener, peer: socket.socket) -> None:
+    for data in (b"frame 1", b"", b"frame 2", b"frame 3"):
+        peer.sendto(data, address(listener))
+    came = received(listener)
+    while came[-1] != b"frame 3":
+        came += received(listener)
+    assert came == [b"frame 1", b"", b"frame 2", b"frame 3"]
+
+
 def test_the_speaker_speaks_first_and_survives_that_nobody_listens(peer: socket.socket) -> None:
     closed = open_link(f"udpout:{LOCAL}:{free_port()}", is_frame)
     for _ in range(3):

@@ -13,6 +13,7 @@ checksum, and keeps this peer: another may follow when the old one has been sile
 from __future__ import annotations
 
 import errno
+import fcntl
 import ipaddress
 import os
 import socket
@@ -30,6 +31,8 @@ MAX_DATAGRAM_BYTES: Final = 2048
 MAX_READ_BYTES: Final = 16384
 MAX_UNSENT_BYTES: Final = 1024  # of a stream that does not drain: beyond it, dropped, not late
 DEFAULT_BAUD: Final = 921_600
+
+_NOTHING: Final = bytes(4)
 
 FORMS: Final = "udp:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:/dev/ttyX:BAUD"
 
@@ -145,6 +148,7 @@ class _Udp:
         self.generation = 0
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
+        self._waiting = bytearray(4)  # bytes of the next datagram, as the kernel writes them
 
     def fileno(self) -> int:
         return self._socket.fileno()
@@ -162,6 +166,14 @@ class _Udp:
             except OSError:
                 return None
             return data, (address[0], address[1])
+
+    def _has_more(self) -> bool:
+        """Whether another datagram waits; to fail to read it would take much longer.
+
+        An empty one is not seen: it is the first one of the next time.
+        """
+        fcntl.ioctl(self._socket, termios.FIONREAD, self._waiting)
+        return self._waiting != _NOTHING
 
     def _send_to(self, data: bytes, address: tuple[str, int]) -> bool:
         try:
@@ -205,6 +217,8 @@ class UdpListener(_Udp):
             self._heard_s = now_s
             self.counters.bytes_in += len(data)
             received.append(data)
+            if not self._has_more():
+                break
         return received
 
     def send(self, data: bytes) -> bool:
@@ -247,6 +261,8 @@ class UdpSpeaker(_Udp):
                 break
             self.counters.bytes_in += len(datagram[0])
             received.append(datagram[0])
+            if not self._has_more():
+                break
         return received
 
     def send(self, data: bytes) -> bool:
