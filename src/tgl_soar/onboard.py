@@ -78,6 +78,7 @@ from tgl_soar.link.messages import (
     Timesync,
     VfrHud,
     VisionPositionEstimate,
+    new,
 )
 from tgl_soar.link.mode_change import ModeChange
 from tgl_soar.link.optitrack import Link as MocapLink
@@ -754,15 +755,18 @@ class Onboard:
         if can_enter and not self._active:
             self._enter_mode(time_s)
             status = status._replace(accepts_surfaces=True)  # it will, once it is asked
-        inputs = Inputs(
-            time_s,
-            session.position,
-            session.attitude,
-            status,
-            self._engage and not self._mode_change.is_entering,
-            session.imu,
-            session.airspeed,
-            session.surfaces,
+        inputs: Inputs = new(
+            Inputs,
+            (
+                time_s,
+                session.position,
+                session.attitude,
+                status,
+                self._engage and not self._mode_change.is_entering,
+                session.imu,
+                session.airspeed,
+                session.surfaces,
+            ),
         )
         self._last_tick = self._state, inputs
         self._state, output = autopilot.step(self._laws, self._state, inputs)

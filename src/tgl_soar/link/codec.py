@@ -47,6 +47,7 @@ from .messages import (
     VfrHud,
     VisionPositionEstimate,
     WindCov,
+    new,
 )
 from .signing import Signing, signed
 
@@ -58,8 +59,6 @@ _CHECKSUM: Final = 2
 _SHORTEST_V2: Final = _HEADER_V2 + _CHECKSUM
 _SIGNED: Final = 0x01
 _SIGNATURE: Final = 13
-
-_new: Final[Any] = tuple.__new__  # a named tuple without counting its fields once more
 
 _MOST_LOST: Final = 200  # in a row: a larger gap is a frame that was overtaken
 _LARGEST_V1: Final = 255  # MAVLink 1 has no larger message numbers
@@ -204,11 +203,11 @@ class Decoder:
             if message is None:
                 return True
         elif size >= known.needed:
-            message = _new(known.kind, fields(data, payload_at))
+            message = new(known.kind, fields(data, payload_at))
         else:
-            message = _new(known.kind, fields(data[payload_at:to] + _ZEROS, 0))
+            message = new(known.kind, fields(data[payload_at:to] + _ZEROS, 0))
         counters.messages += 1
-        received.append(_new(Received, (known.source, message)))
+        received.append(new(Received, (known.source, message)))
         return True
 
     def _is_unknown(self, data: bytes, at: int, length: int) -> bool:

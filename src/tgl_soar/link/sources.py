@@ -28,7 +28,7 @@ from typing import Final
 
 from tgl_soar.types import NAN, NO_FIX, PositionFix
 
-from .messages import SEVERITY_INFO, SEVERITY_WARNING
+from .messages import SEVERITY_INFO, SEVERITY_WARNING, new
 
 LOCAL_POSITION: Final = 1
 ODOMETRY: Final = 2
@@ -171,7 +171,8 @@ class PositionSources:
             self._switch(source, now_s)
         _, time_s, x, y, z, u, v, w, _, sigma_m = measured
         number = self.position.sequence + 1
-        self.position = PositionFix(number, time_s, x, y, z, u, v, w, source, sigma_m)
+        fields = (number, time_s, x, y, z, u, v, w, source, sigma_m)
+        self.position = new(PositionFix, fields)
         self.turned = turned
         return True
 

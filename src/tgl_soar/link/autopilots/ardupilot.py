@@ -35,6 +35,7 @@ from tgl_soar.link.messages import (
     RcChannelsOverride,
     Said,
     SetAttitudeTarget,
+    new,
 )
 from tgl_soar.types import OURS, THEIRS_WITH_RUDDER, Setpoints, SurfaceCommand
 
@@ -194,7 +195,8 @@ class ArduPilot:
         values[elevator.channel - 1] = pulse_width(elevator, surfaces.elevator)
         values[aileron.channel - 1] = pulse_width(aileron, surfaces.aileron)
         values[rudder.channel - 1] = pulse_width(rudder, surfaces.rudder)
-        return (RcChannelsOverride(self._system_id, COMPONENT_AUTOPILOT, tuple(values)),)
+        fields = (self._system_id, COMPONENT_AUTOPILOT, tuple(values))
+        return (new(RcChannelsOverride, fields),)
 
     def release(self) -> tuple[Said, ...]:
         """One frame that gives our three channels back and touches no other."""
