@@ -175,7 +175,7 @@ def _wake(count: int, period_ns: int, begin_ns: int) -> array[int]:
         due_ns = begin_ns
         for i in range(count):
             due_s = due_ns * 1e-9
-            while realtime.wait(waiting, due_s, time.monotonic) < due_s:
+            while realtime.wait(waiting, due_s, time.monotonic)[0] < due_s:
                 pass
             late[i] = time.monotonic_ns() - due_ns
             due_ns += period_ns

@@ -44,11 +44,11 @@ def run(
     generations = [transport.generation for transport in transports]
     poses = mocap.filenos() if mocap is not None else []
     while not stop():
-        waited_for = [*poses, *[transport.fileno() for transport in transports]]
+        fds = [transport.fileno() for transport in transports]
         awake_s = pacer.expected_s - spin_s if spin_s > 0.0 else inf
         rehearsal_s = onboard.rehearsal_s
         until_s = min(onboard.wake_s(now_s), rehearsal_s)
-        now_s = realtime.wait(waited_for, until_s, clock, awake_s)
+        now_s, ready = realtime.wait([*poses, *fds], until_s, clock, awake_s)
         if now_s >= rehearsal_s:
             onboard.rehearse()
             pacer.rehearsed(now_s, clock())
@@ -56,6 +56,9 @@ def run(
         if mocap is not None:
             _take_poses(onboard, mocap, now_s)
         for link, transport in enumerate(transports):
+            # A line that is lost is tried again, and writes what waits; of others nothing has come.
+            if not transport.is_stream and fds[link] not in ready:
+                continue
             received = transport.receive(now_s)
             if transport.generation != generations[link]:
                 generations[link] = transport.generation

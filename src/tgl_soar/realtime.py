@@ -214,11 +214,12 @@ class Strain:
 
 def wait(
     fds: Sequence[int], until_s: float, clock: Callable[[], float], awake_s: float = inf
-) -> float:
+) -> tuple[float, list[int]]:
     """Sleep until one of some can be read (those below zero are none), or until a time.
 
-    Returns the time.  The deadline is absolute: what is left is computed last.  `select`, as
-    `poll` and `epoll` count whole milliseconds.  From `awake_s` on nothing is slept away.
+    Returns the time, and those that can be read.  The deadline is absolute: what is left is
+    computed last.  `select`, as `poll` and `epoll` count whole milliseconds.  From `awake_s` on
+    nothing is slept away.
     """
     waiting = [fd for fd in fds if fd >= 0]
     ready, _, _ = select.select(waiting, (), (), max(0.0, min(until_s, awake_s) - clock()))
@@ -226,7 +227,7 @@ def wait(
     while not ready and awake_s <= now_s < until_s:
         ready, _, _ = select.select(waiting, (), (), 0.0)
         now_s = clock()
-    return now_s
+    return now_s, ready
 
 
 def prepare(wishes: Wishes = Wishes(), *, real_time: bool = True) -> list[str]:  # noqa: B008

@@ -111,12 +111,12 @@ def test_the_guard_stops_a_child_that_spins_on_the_only_processor() -> None:
 @pytest.mark.parametrize("spin_s", [-inf, 0.001, 1.0])
 def test_it_wakes_at_the_deadline_and_not_before(spin_s: float) -> None:
     until_s = time.monotonic() + 0.01
-    now_s = wait([-1], until_s, time.monotonic, until_s - spin_s)
+    now_s, _ = wait([-1], until_s, time.monotonic, until_s - spin_s)
     assert until_s <= now_s <= time.monotonic()
 
 
 def test_a_deadline_that_is_past_costs_no_sleep() -> None:
-    assert wait([], 5.0, lambda: 7.0) == 7.0
+    assert wait([], 5.0, lambda: 7.0) == (7.0, [])
 
 
 @pytest.mark.parametrize("awake_s", [inf, 0.0])
@@ -124,7 +124,8 @@ def test_what_arrives_wakes_it(awake_s: float) -> None:
     far, near = os.pipe()
     try:
         os.write(near, b"!")
-        assert wait([-1, far], time.monotonic() + 1000.0, time.monotonic, awake_s)
+        _, ready = wait([-1, far], time.monotonic() + 1000.0, time.monotonic, awake_s)
+        assert ready == [far]
     finally:
         os.close(far)
         os.close(near)
@@ -133,13 +134,13 @@ def test_what_arrives_wakes_it(awake_s: float) -> None:
 def test_what_is_left_is_computed_last() -> None:
     """Work since the last look at the clock must not be slept on top."""
     times = iter((100.0, 200.0))
-    assert wait([], 99.0, lambda: next(times)) == 200.0
+    assert wait([], 99.0, lambda: next(times)) == (200.0, [])
 
 
 def test_it_stays_awake_before_what_is_expected() -> None:
     """Asked how late it is until the time has come, without a sleep in between."""
     times = iter((1.0, 1.1, 1.2, 2.0))
-    assert wait([], 2.0, lambda: next(times), 1.0) == 2.0
+    assert wait([], 2.0, lambda: next(times), 1.0) == (2.0, [])
     assert next(times, None) is None
 
 
