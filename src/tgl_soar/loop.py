@@ -56,8 +56,8 @@ def run(
         if mocap is not None:
             _take_poses(onboard, mocap, now_s)
         for link, transport in enumerate(transports):
-            # A line that is lost is tried again, and writes what waits; of others nothing has come.
-            if not transport.is_stream and fds[link] not in ready:
+            # A stream also writes what waits, and what cannot be waited for is looked at.
+            if fds[link] >= 0 and fds[link] not in ready and not transport.is_stream:
                 continue
             received = transport.receive(now_s)
             if transport.generation != generations[link]:
