@@ -563,7 +563,8 @@ class _Disk:
 
 def _write_all(descriptor: int, data: memoryview) -> None:
     while data:
-        data = data[write(descriptor, data) :]
+        written = write(descriptor, data)  # not in the slice: mypyc would call it twice
+        data = data[written:]
 
 
 def _told(index: int, value: float) -> bytes:
