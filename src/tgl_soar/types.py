@@ -287,8 +287,8 @@ class Ground(NamedTuple):
     """The profile of the ground in the vertical plane, soaring frame: level beyond its ends."""
 
     points: int  # how many of them there are, with growing x; 0: it is not known
-    x_m: tuple[float, float, float, float, float, float, float, float]
-    z_m: tuple[float, float, float, float, float, float, float, float]
+    x_m: tuple[float, ...]  # GROUND_POINTS of them
+    z_m: tuple[float, ...]
 
 
 GROUND_POINTS = 8

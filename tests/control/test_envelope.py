@@ -428,7 +428,7 @@ def test_a_corner_is_told_of_every_side() -> None:
 
 def ground(*points: tuple[float, float]) -> Ground:
     padded = [*points, *[(0.0, 0.0)] * (GROUND_POINTS - len(points))]
-    return Ground(len(points), tuple(p[0] for p in padded), tuple(p[1] for p in padded))  # type: ignore[arg-type]
+    return Ground(len(points), tuple(p[0] for p in padded), tuple(p[1] for p in padded))
 
 
 BOARD = ground((0.0, 0.0), (4.0, 3.0), (8.0, 3.0))  # 3-4-5, then level

@@ -154,7 +154,7 @@ def test_errors_are_carried_on_by_the_matrix(seed: int, coupling: float, t: floa
             ]
         )
         grown = spread(errors.covariance, t, coupling, q, 0.3)
-        assert matrix(grown) == pytest.approx(f @ p @ f.T + noise)
+        assert matrix(Covariance(*grown)) == pytest.approx(f @ p @ f.T + noise)
 
 
 @pytest.mark.parametrize("seed", SEEDS)

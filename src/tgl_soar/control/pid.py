@@ -60,27 +60,30 @@ def pid_step(
     blocked: int,
 ) -> tuple[PidState, PidTerms]:
     """One step of dt_s >= 0 seconds; returns the new state and the terms."""
-    blend = gains.rate_filter_radps * dt_s
-    rate = state.rate + (error_rate - state.rate) * blend / (1.0 + blend)
-    p = gains.kp * error
-    d = gains.kd * rate
+    kp, ki, kd, rate_filter, integral_max, output_min, output_max = gains
+    before, rate = state
+    blend = rate_filter * dt_s
+    rate = rate + (error_rate - rate) * blend / (1.0 + blend)
+    p = kp * error
+    d = kd * rate
 
-    integral = state.integral + gains.ki * error * dt_s
-    integral = max(-gains.integral_max, min(gains.integral_max, integral))
+    integral = before + ki * error * dt_s
+    if not integral < integral_max:  # so, NaN is held as well
+        integral = integral_max
+    if not integral > -integral_max:
+        integral = -integral_max
     output = feedforward + p + integral + d
-    rising = integral > state.integral
-    falling = integral < state.integral
-    if (rising and (blocked > 0 or output > gains.output_max)) or (
-        falling and (blocked < 0 or output < gains.output_min)
+    if (integral > before and (blocked > 0 or output > output_max)) or (
+        integral < before and (blocked < 0 or output < output_min)
     ):
-        integral = state.integral
+        integral = before
         output = feedforward + p + integral + d
 
     saturated = 0
-    if output > gains.output_max:
-        output, saturated = gains.output_max, 1
-    elif output < gains.output_min:
-        output, saturated = gains.output_min, -1
+    if output > output_max:
+        output, saturated = output_max, 1
+    elif output < output_min:
+        output, saturated = output_min, -1
     return PidState(integral, rate), PidTerms(output, p, integral, d, feedforward, saturated)
 
 

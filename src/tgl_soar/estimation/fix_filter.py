@@ -42,6 +42,9 @@ class Covariance(NamedTuple):
     bb: float  # variance of the bias
 
 
+Moments = tuple[float, float, float, float, float, float]  # those of a `Covariance`, in its order
+
+
 class Errors(NamedTuple):
     """What the track is wrong by at one time: truth less track, soaring frame."""
 
@@ -79,8 +82,8 @@ def errors_at(errors: Errors, time_s: float, coupling: float) -> Place:
 
 
 def spread(
-    covariance: Covariance, t_s: float, coupling: float, density: float, bias_density: float
-) -> Covariance:
+    covariance: Moments, t_s: float, coupling: float, density: float, bias_density: float
+) -> Moments:
     """The covariance after a time; densities q [m²/s³] and q_b [m²/s⁵]."""
     pp, pv, pb, vv, vb, bb = covariance
     t = t_s
@@ -94,7 +97,7 @@ def spread(
     vv_new = vv - h * (vb + vb_new)
     tt = t * t
     u = coupling * bias_density
-    return Covariance(
+    return (
         pp_new + tt * t * (density / 3.0 + u * tt / 20.0),
         pv_new + tt * (0.5 * density + u * tt / 8.0),
         pb_new - u * tt * t / 6.0,

@@ -54,6 +54,7 @@ from tgl_soar.types import (
 from .fix_filter import (
     Covariance,
     Errors,
+    Moments,
     errors_at,
     position_taken,
     spread,
@@ -219,10 +220,11 @@ def motion_quality(
     gains: MotionGains, before: MotionState, after: MotionState, time_s: float
 ) -> MotionQuality:
     """What a tick at time_s did with what was new, and how sure the estimate is then."""
-    covariance = _covariance_at(gains, after, time_s)
-    _, used_s, source = after.fix
-    looked_at = after.fix.sequence != before.fix.sequence
+    pp, _, _, vv, _, bb = _covariance_at(gains, after, time_s)
+    sequence, used_s, source = after.fix
+    looked_at = sequence != before.fix.sequence
     used = looked_at and used_s == used_s and used_s != before.fix.time_s  # not NaN
+    errors = after.errors
     x, y, z, nis = after.innovation
     ox, oy, oz = after.offset
     return MotionQuality(
@@ -230,12 +232,12 @@ def motion_quality(
         y,
         z,
         nis,
-        _root(covariance.pp + ox * ox + oy * oy + oz * oz),
-        _root(covariance.vv),
-        after.errors.bias_x_mps2,
-        after.errors.bias_y_mps2,
-        after.errors.bias_z_mps2,
-        _root(covariance.bb),
+        _root(pp + ox * ox + oy * oy + oz * oz),
+        _root(vv),
+        errors.bias_x_mps2,
+        errors.bias_y_mps2,
+        errors.bias_z_mps2,
+        _root(bb),
         ox,
         oy,
         oz,
@@ -277,8 +279,8 @@ def _at(state: MotionState, time_s: float) -> VehicleState:
     """The state carried on to time_s."""
     x, y, z, vx, vy, climb = track_at(state.track, time_s)
     dx, dy, dz, dvx, dvy, d_climb = _errors_at(state, time_s)
-    turning = state.turning
-    turn = max(0.0, min(PREDICT_MAX_S, time_s - turning.time_s))
+    seen_s, roll, pitch, heading, roll_rate, pitch_rate, heading_rate, _, _, _, _, _ = state.turning
+    turn = max(0.0, min(PREDICT_MAX_S, time_s - seen_s))
     return VehicleState(
         time_s,
         x + dx,
@@ -287,12 +289,12 @@ def _at(state: MotionState, time_s: float) -> VehicleState:
         vx + dvx,
         vy + dvy,
         climb + d_climb,
-        turning.roll_rad + turning.roll_rate_radps * turn,
-        turning.pitch_rad + turning.pitch_rate_radps * turn,
-        turning.heading_rad + turning.heading_rate_radps * turn,
-        turning.roll_rate_radps,
-        turning.pitch_rate_radps,
-        turning.heading_rate_radps,
+        roll + roll_rate * turn,
+        pitch + pitch_rate * turn,
+        heading + heading_rate * turn,
+        roll_rate,
+        pitch_rate,
+        heading_rate,
     )
 
 
@@ -307,33 +309,33 @@ def _errors_at(state: MotionState, time_s: float) -> Place:
     return errors_at(errors, time_s, after)
 
 
-def _errors_when_switched(state: MotionState, covariance: Covariance) -> Errors:
+def _errors_when_switched(state: MotionState, covariance: Moments) -> Errors:
     """The same, with a covariance, when the errors last began to grow in another way."""
     errors, time_s = state.errors, state.switched_s
     x, y, z, vx, vy, climb = errors_at(errors, time_s, 0.0 if state.inertial else 1.0)
     bx, by, bz = errors.bias_x_mps2, errors.bias_y_mps2, errors.bias_z_mps2
-    return Errors(time_s, x, y, z, vx, vy, climb, bx, by, bz, covariance)
+    return Errors(time_s, x, y, z, vx, vy, climb, bx, by, bz, Covariance(*covariance))
 
 
-def _covariance_at(gains: MotionGains, state: MotionState, time_s: float) -> Covariance:
+def _covariance_at(gains: MotionGains, state: MotionState, time_s: float) -> Moments:
     """The covariance of these errors."""
-    covariance, start_s = state.errors.covariance, state.errors.time_s
-    if start_s < state.switched_s:
-        end_s = min(time_s, state.switched_s)
-        covariance = _spread(gains, state, covariance, end_s - start_s, not state.inertial)
-        if time_s <= state.switched_s:
-            return covariance
-        start_s = end_s
-    return _spread(gains, state, covariance, time_s - start_s, state.inertial)
+    start_s, switched_s = state.errors.time_s, state.switched_s
+    if not start_s < switched_s:
+        return _spread(gains, state, state.errors.covariance, time_s - start_s, state.inertial)
+    end_s = min(time_s, switched_s)
+    covariance = _spread(gains, state, state.errors.covariance, end_s - start_s, not state.inertial)
+    if time_s <= switched_s:
+        return covariance
+    return _spread(gains, state, covariance, time_s - end_s, state.inertial)
 
 
 def _spread(
     gains: MotionGains,
     state: MotionState,
-    covariance: Covariance,
+    covariance: Moments,
     interval_s: float,
     inertial: bool,
-) -> Covariance:
+) -> Moments:
     """The covariance after a time with accelerations, or without."""
     if inertial:
         interval = max(IMU_INTERVAL_MIN_S, state.imu.interval_s)
@@ -517,12 +519,13 @@ def _take_fix(
     if last_s != last_s:  # NaN: the first
         return _start(gains, state, heard, measured, place)
     covariance = _covariance_at(gains, state, time_s)
-    if not covariance.pp <= LOST_M * LOST_M + 9.0 * measured.variance_m2:
+    pp, _, _, _, _, _ = covariance
+    if not pp <= LOST_M * LOST_M + 9.0 * measured.variance_m2:
         return _start(gains, state._replace(jump_s=now_s), heard, measured, place)
 
     track_x, track_y, track_z, track_vx, track_vy, track_climb = place
     x, y, z, vx, vy, climb = _errors_at(state, time_s)
-    scatter = covariance.pp + measured.variance_m2
+    scatter = pp + measured.variance_m2
     same_source = fix.source == source
     offset = state.offset if same_source else _NO_OFFSET
     ox, oy, oz = offset
@@ -548,7 +551,7 @@ def _take_fix(
         return _take_outlier(gains, doubtful, heard, measured, place, now_s)
 
     _, _, _, _, _, _, _, bx, by, bz, _ = state.errors
-    errors = Errors(time_s, x, y, z, vx, vy, climb, bx, by, bz, covariance)
+    errors = Errors(time_s, x, y, z, vx, vy, climb, bx, by, bz, Covariance(*covariance))
     errors = position_taken(errors, rx, ry, rz, measured.variance_m2)
     if measured.has_velocity:
         variance = measured.velocity_variance_m2ps2

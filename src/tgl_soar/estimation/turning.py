@@ -75,7 +75,7 @@ def turning_to(frame: SoaringFrame, turning: Turning, sample: AttitudeSample) ->
     before_s, before_roll = turning.before_s, turning.before_roll_rad
     before_pitch, before_heading = turning.before_pitch_rad, turning.before_heading_rad
     roll_rate, pitch_rate, heading_rate = 0.0, 0.0, 0.0
-    told = isfinite(p) and isfinite(q) and isfinite(r)
+    told = isfinite(p + q + r)
     if told:
         roll_rate, pitch_rate, heading_rate = euler_rates(roll, pitch, p, q, r)
     else:
@@ -121,7 +121,7 @@ def turned_by(turning: Turning, sample: ImuSample) -> Turning:
     """The attitude carried on to a later sample of the gyros, if it has rates."""
     p, q, r = sample.roll_rate_frd_radps, sample.pitch_rate_frd_radps, sample.yaw_rate_frd_radps
     h = sample.time_s - turning.time_s
-    if not (isfinite(p) and isfinite(q) and isfinite(r) and 0.0 <= h <= PREDICT_MAX_S):
+    if not (isfinite(p + q + r) and 0.0 <= h <= PREDICT_MAX_S):
         return turning
     _, roll, pitch, heading, roll_rate, pitch_rate, heading_rate, _, s, a, b, c = turning
     p, q, r = euler_rates(roll + h * roll_rate, pitch + h * pitch_rate, p, q, r)

@@ -194,11 +194,10 @@ def wind_step(
     aero, imu, pitot = params.aerodynamics, inputs.imu, inputs.airspeed
     now = inputs.time_s
     frame = _body(vehicle)
-    usable = (
-        isfinite(aero.mass_kg)
-        and isfinite(frame.x_n + frame.x_e + frame.x_d + frame.z_n + frame.z_e + frame.z_d)
-        and isfinite(frame.velocity_x_mps + frame.velocity_y_mps + frame.climb_mps)
-        and isfinite(velocity_sigma_mps)
+    usable = isfinite(
+        aero.mass_kg
+        + (frame.x_n + frame.velocity_x_mps + frame.velocity_y_mps + frame.climb_mps)
+        + velocity_sigma_mps
     )
     dt = now - state.time_s
     believed, average = state.belief, state.average
@@ -266,12 +265,11 @@ def wind_step(
 
 
 def _body(vehicle: VehicleState) -> Body:
-    angles = vehicle.roll_rad + vehicle.pitch_rad + vehicle.heading_rad
-    if not isfinite(angles):
+    _, _, _, _, velocity_x, velocity_y, climb, roll, pitch, heading, _, _, _ = vehicle
+    if not isfinite(roll + pitch + heading):
         return Body(NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
-    sr, cr = sin(vehicle.roll_rad), cos(vehicle.roll_rad)
-    sp, cp = sin(vehicle.pitch_rad), cos(vehicle.pitch_rad)
-    sh, ch = sin(vehicle.heading_rad), cos(vehicle.heading_rad)
+    sr, cr, sp, cp = sin(roll), cos(roll), sin(pitch), cos(pitch)
+    sh, ch = sin(heading), cos(heading)
     return Body(
         ch * cp,
         sh * cp,
@@ -279,9 +277,9 @@ def _body(vehicle: VehicleState) -> Body:
         ch * sp * cr + sh * sr,
         sh * sp * cr - ch * sr,
         cp * cr,
-        vehicle.velocity_x_mps,
-        vehicle.velocity_y_mps,
-        vehicle.climb_mps,
+        velocity_x,
+        velocity_y,
+        climb,
     )
 
 
