@@ -20,6 +20,7 @@ import typer
 from tgl_soar import native
 
 from .console import AIRFRAME, SITE, console, fail
+from .direct_tuples import direct, kinds_of
 
 # No product and sum in one rounding: native code gives the very numbers of the source.
 _FLAGS: Final = "-ffp-contract=off"
@@ -81,6 +82,7 @@ def _compile(work: Path) -> None:
         (work / "tgl_soar" / folder).mkdir(parents=True, exist_ok=True)
         for file in (native.SOURCE / folder).glob("*.py"):
             shutil.copy(file, work / "tgl_soar" / folder)
+    _make_tuples_direct(work)
     (work / "mypy.ini").write_text(_CONFIG, encoding="utf-8")
     files = [str(native.file_of(name).relative_to(native.SOURCE.parent)) for name in native.MODULES]
     flags = f"{os.environ.get('CFLAGS', '')} {_FLAGS}".strip()
@@ -97,6 +99,18 @@ def _compile(work: Path) -> None:
     if run.returncode != 0:
         last = "\n".join(run.stdout.splitlines()[-_LAST_LINES:])
         raise CompileError(f"{last}\nit could not be compiled; {_NEEDED}")
+
+
+def _make_tuples_direct(work: Path) -> None:
+    """In the copy; what a tick makes most of is tuples."""
+    sources = {
+        ".".join(file.relative_to(work).with_suffix("").parts): file.read_text(encoding="utf-8")
+        for file in work.joinpath("tgl_soar").rglob("*.py")
+    }
+    declared = {name: kinds_of(source) for name, source in sources.items()}
+    for name in native.MODULES:
+        file = work / native.file_of(name).relative_to(native.SOURCE.parent)
+        file.write_text(direct(name, sources[name], declared), encoding="utf-8")
 
 
 def _collect(work: Path, made: Path) -> None:

@@ -1,0 +1,101 @@
+"""Named tuples made of their fields at once, in the copy of the source that is compiled.
+
+To a C compiler `Kind(a, b)` is a call of a Python function that counts its arguments and hands
+them on.  Where all fields are given by place there is nothing to count:
+
+    Kind(a, b)   →   cast(Kind, tuple.__new__(Kind, (a, b)))
+
+is the same tuple in half the time, and a tick makes some forty of them.  Nobody would want to
+read it, so that the source stays as it is.  Lines keep their numbers, for what goes wrong in them.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator, Mapping
+from typing import Final
+
+Kinds = Mapping[str, int]  # named tuples, and how many fields each has
+
+_IMPORTS: Final = (
+    b"; from typing import Any as _direct_Any, Final as _direct_Final, cast as _direct_cast"
+    b"; _direct_new: _direct_Final[_direct_Any] = tuple.__new__"
+)
+
+
+def kinds_of(source: str) -> Kinds:
+    """The named tuples that a module declares."""
+    return {
+        kind.name: sum(isinstance(field, ast.AnnAssign) for field in kind.body)
+        for kind in ast.parse(source).body
+        if isinstance(kind, ast.ClassDef)
+        and any(ast.unparse(base) == "NamedTuple" for base in kind.bases)
+    }
+
+
+def direct(module: str, source: str, declared: Mapping[str, Kinds]) -> str:
+    """The source of a module that makes its tuples at once, line by line where it was.
+
+    declared: the kinds of each module that it may import them from, and its own.
+    """
+    tree = ast.parse(source)
+    lines = [line.encode() for line in source.split("\n")]  # the parser counts bytes
+    known: dict[str, int] = {}
+    places: dict[str, int] = {}  # the line behind which a kind is known
+    for node in tree.body:
+        end = node.end_lineno or 0
+        if isinstance(node, ast.ImportFrom):
+            kinds = declared.get(_imported(module, node), {})
+            here = {a.asname or a.name: kinds[a.name] for a in node.names if a.name in kinds}
+            places |= dict.fromkeys(here, end - 1)
+        elif isinstance(node, ast.ClassDef) and not lines[end]:
+            # It ends with an indented line: what is said of it stands in the empty one below.
+            here = {n: count for n, count in declared[module].items() if n == node.name}
+            places |= dict.fromkeys(here, end)
+        else:
+            continue
+        known |= here
+
+    calls = list(_calls(tree, known))
+    edits = [edit for call in calls for edit in _edits(lines, call)]
+    for row, start, stop, text in sorted(edits, reverse=True):
+        lines[row] = lines[row][:start] + text + lines[row][stop:]
+    for name in sorted({ast.unparse(call.func) for call in calls}):
+        row = places[name]
+        separator = b"; " if lines[row] else b""
+        lines[row] += separator + f"_direct_{name}: _direct_Final[_direct_Any] = {name}".encode()
+    if calls:
+        first = next(n for n in tree.body if isinstance(n, ast.ImportFrom))  # of __future__
+        lines[(first.end_lineno or 0) - 1] += _IMPORTS
+    return b"\n".join(lines).decode()
+
+
+def _imported(module: str, node: ast.ImportFrom) -> str:
+    """The full name of the module that is imported from."""
+    package = module.split(".")[: -node.level] if node.level else []
+    return ".".join([*package, *filter(None, [node.module])])
+
+
+def _calls(tree: ast.Module, known: Kinds) -> Iterator[ast.Call]:
+    """Calls that make a tuple, in functions: what runs once at the import may stay as it is."""
+    functions = [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)]
+    inside = {n: None for f in functions for statement in f.body for n in ast.walk(statement)}
+    for node in inside:  # each once, also in a function within a function
+        if (
+            isinstance(node, ast.Call)
+            and isinstance(node.func, ast.Name)
+            and known.get(node.func.id) == len(node.args) > 1
+            and not node.keywords
+            and not any(isinstance(argument, ast.Starred) for argument in node.args)
+        ):
+            yield node
+
+
+def _edits(lines: list[bytes], call: ast.Call) -> Iterator[tuple[int, int, int, bytes]]:
+    """What to write over both ends of a call: row, from and to which column, text."""
+    name = ast.unparse(call.func)
+    row, start = call.lineno - 1, call.col_offset
+    made = f"_direct_cast({name}, _direct_new(_direct_{name}, (".encode()
+    yield row, start, lines[row].index(b"(", start) + 1, made
+    row, stop = (call.end_lineno or 0) - 1, call.end_col_offset or 0
+    yield row, stop - 1, stop, b")))"
