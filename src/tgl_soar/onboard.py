@@ -150,6 +150,14 @@ class Setup(NamedTuple):
     ground: Ground = NO_GROUND  # of the site, to keep away from
 
 
+class Rehearsal(NamedTuple):
+    """What a tick had, to go through it once more."""
+
+    state: autopilot.AutopilotState
+    inputs: Inputs
+    piece: bytes  # what came before it
+
+
 @dataclass(slots=True)
 class Counters:
     """What the module did; the parts have counters of their own."""
@@ -354,7 +362,9 @@ class Onboard:
         self._engage = setup.parameters["OP_ENGAGE"] >= 0.5
         self._telemetry_bytes_per_s = setup.parameters["TEL_BUDGET"]
         self._state = autopilot.initial_state()
-        self._last_tick: tuple[autopilot.AutopilotState, Inputs] | None = None
+        self._piece = b""  # that came last over the first link
+        self._rehearsal: Rehearsal | None = None
+        self._rehearsing = Decoder(stream=False), Encoder(setup.override)  # nobody else's
         self._mode = BOOT
         recorder.parameters(self._values)
         recorder.afresh(self._state)
@@ -420,6 +430,8 @@ class Onboard:
     def event(self, data: bytes, now_s: float, link: int = 0) -> None:
         """Bytes have come from a link."""
         route = self._routes[link]
+        if route is self._autopilot:
+            self._piece = data
         for received in route.decoder.feed(data):
             route.heard(received.source)
             route.match_version()
@@ -662,21 +674,26 @@ class Onboard:
     @property
     def rehearsal_s(self) -> float:
         """When to call `rehearse`; inf: not now."""
-        if self._lockstep or self._last_tick is None or self.strain.no_telemetry:
+        if self._lockstep or self._rehearsal is None or self.strain.no_telemetry:
             return inf
         return self.pacer.rehearsal_s
 
     def rehearse(self) -> None:
-        """The last tick once more, for nothing: the next one finds what it needs at hand.
+        """A tick once more, for nothing: the next one finds what it needs at hand.
 
-        A tick of the laws is a function of its arguments; what it gives is thrown away.
+        It is the last one with a new position, which has the most to do.  A tick of the laws is a
+        function of its arguments; what it gives is thrown away.
         """
-        if self._last_tick is not None:
-            state, inputs = self._last_tick
-            _, output = autopilot.step(self._laws, state, inputs)
-            flavour = self._setup.flavour
-            if output.active and _can_be_said(output, flavour.route.loops):
-                flavour.commands(output.command, output.setpoints)
+        if self._rehearsal is None:
+            return
+        state, inputs, piece = self._rehearsal
+        decoder, encoder = self._rehearsing
+        decoder.feed(piece)
+        _, output = autopilot.step(self._laws, state, inputs)
+        flavour = self._setup.flavour
+        if output.active and _can_be_said(output, flavour.route.loops):
+            for message in flavour.commands(output.command, output.setpoints):
+                _frame_of(message, encoder)
 
     def periodic(self, now_s: float) -> None:
         """One tick, then what is slow."""
@@ -768,7 +785,9 @@ class Onboard:
                 session.surfaces,
             ),
         )
-        self._last_tick = self._state, inputs
+        rehearsal = self._rehearsal
+        if rehearsal is None or inputs.position.sequence != rehearsal.inputs.position.sequence:
+            self._rehearsal = Rehearsal(self._state, inputs, self._piece)
         self._state, output = autopilot.step(self._laws, self._state, inputs)
         self.output = output
         if output.health.faults & (JUMP | WRONG):  # what else there is, the sources see themselves
@@ -1028,9 +1047,8 @@ class Onboard:
     def _send_frame(self, route: Route, encoder: Encoder, message: Said) -> int:
         if not route.greeted:
             return 0
-        try:
-            frame = encoder.encode(message)
-        except (struct.error, OverflowError, ValueError, TypeError):
+        frame = _frame_of(message, encoder)
+        if frame is None:
             self.counters.unsendable += 1
             return 0
         if frame:
@@ -1066,6 +1084,14 @@ _FROM_ANYWHERE: Final = Timesync | Heartbeat | VisionPositionEstimate
 
 def _nowhere(_text: str) -> None:
     """Words that nobody asked for."""
+
+
+def _frame_of(message: Said, encoder: Encoder) -> bytes | None:
+    """A message as it goes out; None: a field does not fit its place."""
+    try:
+        return encoder.encode(message)
+    except (struct.error, OverflowError, ValueError, TypeError):
+        return None
 
 
 def _can_be_said(output: autopilot.Output, loops: int) -> bool:
