@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from math import inf
 from typing import Final
 
 from tgl_soar import realtime
@@ -29,14 +28,15 @@ def run(
     timeout_s: float | None = None,
     life: LifeSign | None = None,
     mocap: MocapFeed | None = None,
-    spin_s: float = 0.0,
+    spin_s: float | None = None,
 ) -> bool:
     """Fly until told to stop; False: no autopilot answered within `timeout_s`.
 
     `transports`: the first leads to the autopilot.  `stop` is asked in every round.  `say`: for
-    words on the console.
+    words on the console.  `spin_s`: as `realtime.Waiter` takes it.
     """
     clock = time.monotonic
+    waiter = realtime.Waiter(clock, spin_s)
     now_s = began_s = clock()
     first, pacer = transports[0], onboard.pacer
     pacer.begin(now_s)
@@ -45,10 +45,9 @@ def run(
     poses = mocap.filenos() if mocap is not None else []
     while not stop():
         fds = [transport.fileno() for transport in transports]
-        awake_s = pacer.expected_s - spin_s if spin_s > 0.0 else inf
         rehearsal_s = onboard.rehearsal_s
         until_s = min(onboard.wake_s(now_s), rehearsal_s)
-        now_s, ready = realtime.wait([*poses, *fds], until_s, clock, awake_s)
+        now_s, ready = waiter.wait([*poses, *fds], until_s, pacer.expected_s)
         if now_s >= rehearsal_s:
             onboard.rehearse()
             pacer.rehearsed(now_s, clock())

@@ -137,9 +137,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add(
         "--spin",
         type=_spin,
-        default=0.0,
         metavar="US",
-        help="do not sleep through so many of the last microseconds before a tick; 0 to 2000",
+        help="do not sleep through so many of the last microseconds before a tick; 0 to 2000."
+        f" Default: as many as this computer takes to wake, at most {realtime.AWAKE_MAX_S * 1e6:g}",
     )
     add(
         "--mocap-server",

@@ -44,13 +44,16 @@ _PR_SET_TIMERSLACK: Final = 29
 PRIORITY: Final = 60  # of SCHED_FIFO: above ordinary interrupts' threads, below the timer's
 SWITCH_S: Final = 50e-6  # so long another thread keeps Python's lock when the loop wants it
 SPIN_MAX_S: Final = 0.002
+AWAKE_MAX_S: Final = 0.0002  # where it is learned how long to stay awake
+_LATER: Final = 0.2  # what a sleep counts that ended later than thought
+_SOONER: Final = 0.01
 
 
 class Wishes(NamedTuple):
     """What an operator may ask of the system beyond what is always asked for."""
 
     processor: int | None = None  # the loop runs on this one only
-    spin_s: float = 0.0  # so long before a tick is expected it does not sleep
+    spin_s: float | None = None  # so long before a tick is expected sleep ends; None: as it takes
 
 
 @dataclass(slots=True)
@@ -212,22 +215,50 @@ class Strain:
         return self.value > _STRAIN_LOG
 
 
-def wait(
-    fds: Sequence[int], until_s: float, clock: Callable[[], float], awake_s: float = inf
-) -> tuple[float, list[int]]:
-    """Sleep until one of some can be read (those below zero are none), or until a time.
+class Waiter:
+    """Waits for what comes and for the next tick: asleep while it may be, awake when it matters.
 
-    Returns the time, and those that can be read.  The deadline is absolute: what is left is
-    computed last.  `select`, as `poll` and `epoll` count whole milliseconds.  From `awake_s` on
-    nothing is slept away.
+    A processor that has gone idle takes its time to wake, some 20 to 100 µs.  So much before a
+    tick is expected sleep ends, and what is left is waited for awake, as long again after it at
+    most.  How much that is, is learned from how late sleep ended before (nearly the latest of
+    late), unless it is told.
     """
-    waiting = [fd for fd in fds if fd >= 0]
-    ready, _, _ = select.select(waiting, (), (), max(0.0, min(until_s, awake_s) - clock()))
-    now_s = clock()
-    while not ready and awake_s <= now_s < until_s:
-        ready, _, _ = select.select(waiting, (), (), 0.0)
+
+    def __init__(self, clock: Callable[[], float], awake_s: float | None = None) -> None:
+        """`awake_s`: before and after a tick is expected; 0: sleep until it is time."""
+        self._clock = clock
+        self._learns = awake_s is None
+        self.awake_s = 0.0 if awake_s is None else awake_s
+
+    def wait(
+        self, fds: Sequence[int], until_s: float, expected_s: float = inf
+    ) -> tuple[float, list[int]]:
+        """Until one of some can be read (those below zero are none), or until a time.
+
+        Returns the time, and those that can be read.  Deadlines are absolute: what is left is
+        computed last.  `select`, as `poll` and `epoll` count whole milliseconds.
+        """
+        clock, look = self._clock, select.select
+        waiting = [fd for fd in fds if fd >= 0]
+        asleep_until_s = min(until_s, expected_s - self.awake_s)
+        left_s = asleep_until_s - clock()
+        ready, _, _ = look(waiting, (), (), max(0.0, left_s))
         now_s = clock()
-    return now_s, ready
+        if not ready and left_s > 0.0 and self._learns:
+            self._learn(now_s - asleep_until_s)
+        awake_until_s = min(until_s, expected_s + self.awake_s)
+        while not ready and now_s < awake_until_s:
+            ready, _, _ = look(waiting, (), (), 0.0)
+            now_s = clock()
+        if not ready and now_s < until_s:
+            ready, _, _ = look(waiting, (), (), until_s - now_s)
+            now_s = clock()
+        return now_s, ready
+
+    def _learn(self, late_s: float) -> None:
+        """Sleep ended so much later than it was to."""
+        weight = _LATER if late_s > self.awake_s else _SOONER
+        self.awake_s += weight * (min(AWAKE_MAX_S, late_s) - self.awake_s)
 
 
 def prepare(wishes: Wishes = Wishes(), *, real_time: bool = True) -> list[str]:  # noqa: B008

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import os
+import select
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from math import inf
+from random import Random
+from typing import Any
 
 import pytest
 from module_process import arguments
 
 from tgl_soar.process import main
-from tgl_soar.realtime import PRIORITY, Pacer, processors, wait
+from tgl_soar.realtime import AWAKE_MAX_S, PRIORITY, Pacer, Waiter, processors
 
 
 def fifo_is_permitted() -> bool:
@@ -108,23 +112,26 @@ def test_the_guard_stops_a_child_that_spins_on_the_only_processor() -> None:
 # --- sleeping ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("spin_s", [-inf, 0.001, 1.0])
-def test_it_wakes_at_the_deadline_and_not_before(spin_s: float) -> None:
+@pytest.mark.parametrize("awake_s", [None, 0.0, 0.001, 1.0])
+@pytest.mark.parametrize("ahead_s", [-inf, 0.0, 0.005, inf])
+def test_it_wakes_at_the_deadline_and_not_before(awake_s: float | None, ahead_s: float) -> None:
     until_s = time.monotonic() + 0.01
-    now_s, _ = wait([-1], until_s, time.monotonic, until_s - spin_s)
+    waiter = Waiter(time.monotonic, awake_s)
+    now_s, _ = waiter.wait([-1], until_s, until_s - ahead_s)
     assert until_s <= now_s <= time.monotonic()
 
 
 def test_a_deadline_that_is_past_costs_no_sleep() -> None:
-    assert wait([], 5.0, lambda: 7.0) == (7.0, [])
+    assert Waiter(lambda: 7.0).wait([], 5.0, 5.0) == (7.0, [])
 
 
-@pytest.mark.parametrize("awake_s", [inf, 0.0])
-def test_what_arrives_wakes_it(awake_s: float) -> None:
+@pytest.mark.parametrize("expected_s", [inf, 0.0])
+def test_what_arrives_wakes_it(expected_s: float) -> None:
     far, near = os.pipe()
     try:
         os.write(near, b"!")
-        _, ready = wait([-1, far], time.monotonic() + 1000.0, time.monotonic, awake_s)
+        waiter = Waiter(time.monotonic)
+        _, ready = waiter.wait([-1, far], time.monotonic() + 1000.0, expected_s)
         assert ready == [far]
     finally:
         os.close(far)
@@ -134,14 +141,68 @@ def test_what_arrives_wakes_it(awake_s: float) -> None:
 def test_what_is_left_is_computed_last() -> None:
     """Work since the last look at the clock must not be slept on top."""
     times = iter((100.0, 200.0))
-    assert wait([], 99.0, lambda: next(times)) == (200.0, [])
+    assert Waiter(lambda: next(times)).wait([], 99.0) == (200.0, [])
 
 
-def test_it_stays_awake_before_what_is_expected() -> None:
-    """Asked how late it is until the time has come, without a sleep in between."""
-    times = iter((1.0, 1.1, 1.2, 2.0))
-    assert wait([], 2.0, lambda: next(times), 1.0) == (2.0, [])
-    assert next(times, None) is None
+class Computer:
+    """Whose sleeps end late, as long as its processor takes to wake."""
+
+    LOOK_S = 3e-6
+
+    def __init__(self, late_s: Callable[[], float]) -> None:
+        self.now_s, self.asleep_s = 0.0, 0.0
+        self._late_s = late_s
+
+    def clock(self) -> float:
+        return self.now_s
+
+    def select(self, *given: Any) -> tuple[list[int], tuple[()], tuple[()]]:
+        timeout_s = given[-1]
+        self.asleep_s += timeout_s
+        self.now_s += timeout_s + self._late_s() if timeout_s > 0.0 else self.LOOK_S
+        return [], (), ()
+
+
+def test_it_wakes_as_much_earlier_as_it_wakes_late(monkeypatch: pytest.MonkeyPatch) -> None:
+    random = Random(1)
+    computer = Computer(lambda: random.uniform(40e-6, 90e-6))
+    monkeypatch.setattr(select, "select", computer.select)
+    waiter = Waiter(computer.clock)
+    due_s = [0.005 * i for i in range(1, 1001)]
+    late_s = sorted([waiter.wait([], due, due)[0] - due for due in due_s][100:])
+    assert late_s[0] >= 0.0
+    assert late_s[800] <= 2 * computer.LOOK_S  # nearly all are on time
+    assert late_s[-1] <= 20e-6
+    assert 75e-6 <= waiter.awake_s <= 90e-6
+    assert computer.asleep_s >= 0.97 * computer.now_s
+
+
+def test_however_late_it_does_not_stay_awake_for_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    computer = Computer(lambda: 0.004)
+    monkeypatch.setattr(select, "select", computer.select)
+    waiter = Waiter(computer.clock)
+    for _ in range(100):
+        until_s = computer.now_s + 0.005
+        waiter.wait([], until_s, until_s)
+    assert waiter.awake_s <= AWAKE_MAX_S
+
+
+def test_what_does_not_come_is_not_waited_for_awake(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A sample that fails to come has its tick half a period later."""
+    computer = Computer(lambda: 0.0)
+    monkeypatch.setattr(select, "select", computer.select)
+    now_s, ready = Waiter(computer.clock, 100e-6).wait([], 0.0075, 0.005)
+    assert now_s == pytest.approx(0.0075)
+    assert not ready
+    assert computer.asleep_s == pytest.approx(0.0073, abs=10e-6)
+
+
+def test_told_not_to_it_never_stays_awake(monkeypatch: pytest.MonkeyPatch) -> None:
+    computer = Computer(lambda: 50e-6)
+    monkeypatch.setattr(select, "select", computer.select)
+    waiter = Waiter(computer.clock, 0.0)
+    for i in range(1, 101):
+        assert waiter.wait([], 0.005 * i, 0.005 * i)[0] == pytest.approx(0.005 * i + 50e-6)
 
 
 def test_a_locked_loop_is_awake_for_its_sample_and_not_for_the_grace_after_it() -> None:
