@@ -31,6 +31,7 @@ FOLDERS: Final = (
     *("", "control", "estimation", "flightlog"),
     *("link", "link/autopilots", "link/natnet"),
 )  # of what flies
+_MADE_BY: Final = ("compile.py", "direct_tuples.py")  # of the commands
 
 # What every tick goes through.  What reads files, declares or starts things stays as it is.
 MODULES: Final = (
@@ -50,7 +51,14 @@ MODULES: Final = (
     "tgl_soar.estimation.turning",
     "tgl_soar.estimation.wind",
     "tgl_soar.autopilot",
+    "tgl_soar.flightlog.recorder",
+    "tgl_soar.flightlog.writer",
     "tgl_soar.instruments",
+    "tgl_soar.link.autopilots.ardupilot",
+    "tgl_soar.link.autopilots.base",
+    "tgl_soar.link.autopilots.bridge",
+    "tgl_soar.link.autopilots.paparazzi",
+    "tgl_soar.link.autopilots.px4",
     "tgl_soar.link.clock",
     "tgl_soar.link.codec",
     "tgl_soar.link.hot_frames",
@@ -85,9 +93,9 @@ def base() -> Path:
 def folder() -> Path:
     """Where native code of just this source, for just this interpreter, is kept."""
     key = sha256(f"{sys.version} {platform.machine()}".encode())
-    for name in FOLDERS:
-        for file in sorted((SOURCE / name).glob("*.py")):
-            key.update(file.read_bytes())
+    files = [file for name in FOLDERS for file in sorted((SOURCE / name).glob("*.py"))]
+    for file in [*files, *(SOURCE / "commands" / name for name in _MADE_BY)]:
+        key.update(file.read_bytes())
     return base() / f"native-{key.hexdigest()[:16]}"
 
 
