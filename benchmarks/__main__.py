@@ -1,68 +1,77 @@
 """`python -m benchmarks`: run the benchmarks, print one table, keep the results.
 
+What flies is measured as native code, made first where it is not there yet; simulation, log and
+report as the source stands.
+
 --json FILE      where the results are kept, with machine, versions and date
 --page FILE      replace the table in a page, as docs/performance.md
 --only NAME      some groups only (repeat it)
 --long           also ten minutes of wake-ups beside two busy cores
+--interpreted    what flies as the source stands, too
 """
 
 from __future__ import annotations
 
 import argparse
+import subprocess
 import sys
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from rich.console import Console
 from rich.table import Table
 
-from . import (
-    closed_loop,
-    codec,
-    hostile,
-    latency,
-    log,
-    natnet,
-    parameters,
-    parts,
-    release,
-    report,
-    start,
-    tick,
-    waking,
-)
-from .page import Group, replace_table, write_json
+from tgl_soar import native
+from tgl_soar.commands.compile import CompileError, make
+
+from .page import Group, read_json, replace_table, write_json
 from .result import NO_AIM, Result
 
-Benchmark = Callable[[], Iterator[Result]]
-
-
-def _each(*benchmarks: Callable[[], Result]) -> Benchmark:
-    return lambda: (benchmark() for benchmark in benchmarks)
-
-
-def _all(*benchmarks: Benchmark) -> Benchmark:
-    return lambda: (result for benchmark in benchmarks for result in benchmark())
-
-
-GROUPS: dict[str, tuple[str, Benchmark]] = {
-    "waking": ("On time", _all(*waking.BENCHMARKS)),
-    "latency": ("From a sample to the surfaces", _all(*latency.BENCHMARKS)),
-    "codec": ("A frame", _all(*codec.BENCHMARKS)),
-    "parts": ("A tick, by part", _all(*parts.BENCHMARKS)),
-    "tick": ("The laws", _each(*tick.BENCHMARKS)),
-    "start": ("The flying process", _all(*start.BENCHMARKS)),
-    "log": ("The flight log", _all(*log.BENCHMARKS)),
-    "release": ("Letting go", _all(*release.BENCHMARKS)),
-    "others": (
-        "What else flies",
-        _all(_each(*parameters.BENCHMARKS, *hostile.BENCHMARKS), *natnet.BENCHMARKS),
-    ),
-    "simulation": ("Simulation", _all(*closed_loop.BENCHMARKS)),
-    "report": ("Reports", _all(*report.BENCHMARKS)),
+# Title, and the modules whose BENCHMARKS belong to it.
+GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "waking": ("On time", ("waking",)),
+    "latency": ("From a sample to the surfaces", ("latency",)),
+    "codec": ("A frame", ("codec",)),
+    "parts": ("A tick, by part", ("parts",)),
+    "tick": ("The laws", ("tick",)),
+    "start": ("The flying process", ("start",)),
+    "log": ("The flight log", ("log",)),
+    "release": ("Letting go", ("release",)),
+    "others": ("What else flies", ("parameters", "hostile", "natnet")),
+    "simulation": ("Simulation", ("closed_loop",)),
+    "report": ("Reports", ("report",)),
 }
+INTERPRETED = ("log", "simulation", "report")  # numba and replays take the source
+
+
+def _results(modules: tuple[str, ...]) -> Iterator[Result]:
+    for name in modules:
+        for benchmark in import_module(f".{name}", __package__).BENCHMARKS:
+            found = benchmark()
+            yield from (found,) if isinstance(found, Result) else found
+
+
+def _by_the_source(name: str) -> list[Result]:
+    """A group in a process of its own, that takes no native code."""
+    with TemporaryDirectory(prefix="tgl_soar_bench_") as folder:
+        kept = Path(folder) / "results.json"
+        command = [sys.executable, "-m", __package__ or "", "--interpreted", "--only", name]
+        subprocess.run([*command, "--json", str(kept)], check=True, stdout=subprocess.DEVNULL)
+        return read_json(kept)
+
+
+def _is_native() -> bool:
+    """Whether native code flies from here on; it is made where it can be."""
+    if not (native.folder() / native.MANIFEST).is_file():
+        try:
+            make(lambda words: print(words, file=sys.stderr, flush=True))
+        except (CompileError, OSError) as error:
+            print(f"what flies is measured interpreted: {error}", file=sys.stderr)
+    return native.use()
 
 
 def main() -> int:
@@ -73,17 +82,22 @@ def main() -> int:
     parser.add_argument("--page", type=Path, help=argparse.SUPPRESS)
     parser.add_argument("--only", action="append", choices=GROUPS, help=argparse.SUPPRESS)
     parser.add_argument("--long", action="store_true", help=argparse.SUPPRESS)
+    parser.add_argument("--interpreted", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
+    is_native = not options.interpreted and _is_native()
     chosen = {name: GROUPS[name] for name in options.only or GROUPS}
     if options.long:
-        chosen["long"] = "Ten minutes on time", waking.long_run
+        chosen["long"] = "Ten minutes on time", ("long_run",)
     groups, failed = [], False
-    for title, benchmark in chosen.values():
+    for name, (title, modules) in chosen.items():
         begun = time.monotonic()
         results: list[Result] = []
         groups.append(Group(title, results))
         try:
-            results.extend(benchmark())
+            if is_native and name in INTERPRETED:
+                results.extend(_by_the_source(name))
+            else:
+                results.extend(_results(modules))
         except Exception:  # the others are still worth their time
             traceback.print_exc()
             failed = True

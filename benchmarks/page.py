@@ -17,7 +17,7 @@ from .result import NO_AIM, Result
 
 BEGIN: Final = "<!-- results: made by `make bench`, do not edit -->"
 END: Final = "<!-- end of results -->"
-PACKAGES: Final = ("tgl_soar", "pymavlink", "fastcrc", "numba", "jsbsim")
+PACKAGES: Final = ("tgl_soar", "mypy", "pymavlink", "fastcrc", "numba", "jsbsim")
 
 
 class Group(NamedTuple):
@@ -65,6 +65,18 @@ def write_json(path: Path, groups: Sequence[Group]) -> None:
     ]
     content = {"machine": machine(), "results": results}
     path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+
+
+def read_json(path: Path) -> list[Result]:
+    """The results that were written."""
+    kept = json.loads(path.read_text(encoding="utf-8"))["results"]
+    return [
+        Result(
+            *(row["what"], row["value"], row["reference"], row["unit"], row["reference_what"]),
+            NO_AIM if row["aim"] is None else row["aim"],
+        )
+        for row in kept
+    ]
 
 
 def _or_none(value: float) -> float | None:

@@ -2,7 +2,7 @@
 
 Both sleep to absolute deadlines 5 ms apart, the one half a period after the other, at the same
 time, under the same policy and with locked memory: whatever the machine does meets both.  The C
-loop is `clock_nanosleep`, as in cyclictest; ours is `realtime.wait` on a socket, as it flies.
+loop is `clock_nanosleep`, as in cyclictest; ours is `realtime.Waiter` on a socket, as it flies.
 
 `python -m benchmarks.waking COUNT PERIOD_NS BEGIN_NS` is our loop alone, for `wake_ups`.
 """
@@ -18,21 +18,17 @@ import time
 from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from tgl_soar import realtime
 
 from . import c_reference
 from .c_reference import PRIORITY, NoCompilerError
-from .processes import start_module
 from .result import Result, percentile
 
 PERIOD_NS = 5_000_000
 SECONDS = 15
 BUSY_CORES = 2
 STARTING_S = 1.5
-LATE_NS = 2_000_000
 SHARES = (("p50", 0.5, float("inf")), ("p99", 0.99, 1.3), ("p99.9", 0.999, 1.5))
 
 
@@ -59,45 +55,6 @@ def wake_ups(seconds: int = SECONDS) -> Iterator[Result]:
 
 
 BENCHMARKS = (wake_ups,)
-
-
-def long_run(seconds: int = 600) -> Iterator[Result]:
-    """The module itself beside two busy cores and a C loop, with no vehicle to keep time for it.
-
-    Only where the real-time policy is permitted.
-    """
-    if not may_come_first():
-        print("SCHED_FIFO is not permitted here: no long run")
-        return
-    try:
-        wake = c_reference.program("wake")
-    except NoCompilerError as error:
-        print(error)
-        return
-    count = seconds * 1_000_000_000 // PERIOD_NS
-    with (
-        busy(BUSY_CORES),
-        TemporaryDirectory(prefix="tgl_soar_bench_") as folder,
-        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as nobody,
-    ):
-        nobody.bind(("127.0.0.1", 0))
-        module = start_module(Path(folder), nobody.getsockname()[1], stderr=subprocess.PIPE)
-        begin = time.monotonic_ns() + int(STARTING_S * 1e9)
-        arguments = [str(count), str(PERIOD_NS), str(begin), str(PRIORITY)]
-        in_c = subprocess.run([wake, *arguments], stdout=subprocess.PIPE, check=True)
-        module.terminate()
-        words = module.communicate()[1].decode()
-    found = re.search(r"(\d+) ticks, (\d+) late", words)
-    if found is None:
-        raise RuntimeError(f"the module did not run: {words}")
-    yield Result(
-        f"ticks later than 2 ms, of {found[1]}, {BUSY_CORES} busy cores",
-        int(found[2]),
-        sum(ns > LATE_NS for ns in array("q", in_c.stdout)),
-        "",
-        f"of {count} wake-ups of a C loop at the same time",
-        1.0,
-    )
 
 
 def beside_c(seconds: int) -> tuple[list[int], list[int]]:
@@ -170,12 +127,12 @@ def _wake(count: int, period_ns: int, begin_ns: int) -> array[int]:
     """Our loop: what waits for a tick where no sample comes."""
     late = array("q", [1]) * count
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as silent:
-        waiting = (silent.fileno(),)
+        waiting, waiter = (silent.fileno(),), realtime.Waiter(time.monotonic)
         realtime.prepare()
         due_ns = begin_ns
         for i in range(count):
             due_s = due_ns * 1e-9
-            while realtime.wait(waiting, due_s, time.monotonic)[0] < due_s:
+            while waiter.wait(waiting, due_s, due_s)[0] < due_s:
                 pass
             late[i] = time.monotonic_ns() - due_ns
             due_ns += period_ns
