@@ -21,7 +21,7 @@ from tgl_soar.commands import compile as compiling
 TESTS = Path(__file__).parent
 # The tests of what flies, in this process; those of links and processes are interpreted anyway.
 OF_WHAT_FLIES = (
-    *("control", "estimation", "link", "onboard"),
+    *("control", "estimation", "link", "onboard", "flightlog/test_flight_log.py"),
     *("test_autopilot.py", "test_geometry.py", "test_links.py", "test_stall_margin.py"),
 )
 

@@ -48,10 +48,12 @@ def log(path: Path) -> FlightLog:
 # --- the declaration and its page -------------------------------------------------------------
 
 
+@pytest.mark.interpreted
 def test_the_page_is_not_stale() -> None:
     assert DOCS.read_text(encoding="utf-8") == page(), "stale: tgl-soar log fields > docs/logs.md"
 
 
+@pytest.mark.interpreted
 def test_every_field_is_explained() -> None:
     fields = [field for topic in TOPICS.values() for field in topic.fields]
     assert [f"{f.owner or f.name}" for f in fields if not meaning_of(f)] == []

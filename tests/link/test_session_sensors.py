@@ -183,6 +183,7 @@ def test_the_airspeed_of_the_hud_is_taken_only_with_a_healthy_pitot() -> None:
     assert talk.airspeed.sequence == 2
 
 
+@pytest.mark.interpreted
 def test_the_differential_pressure_is_a_pitot_s_only_where_the_firmware_means_it() -> None:
     """0.5 hPa in standard air: sqrt(2 * 50 / 1.225) = 9.04 m/s."""
     for flavour, taken in ((ArduPilot, False), (Px4Like, True)):
@@ -381,6 +382,7 @@ wild_message = st.one_of(
 )
 
 
+@pytest.mark.interpreted
 @settings(max_examples=150, deadline=None)
 @given(st.lists(st.tuples(wild_message, st.sampled_from(SENDERS), st.floats(0, 2)), max_size=30))
 @example([(highres(0)._replace(temperature=-1e38), AUTOPILOT, 0.1)])

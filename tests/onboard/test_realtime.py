@@ -156,11 +156,11 @@ class Computer:
     def clock(self) -> float:
         return self.now_s
 
-    def select(self, *given: Any) -> tuple[list[int], tuple[()], tuple[()]]:
+    def select(self, *given: Any) -> tuple[list[int], list[int], list[int]]:
         timeout_s = given[-1]
         self.asleep_s += timeout_s
         self.now_s += timeout_s + self._late_s() if timeout_s > 0.0 else self.LOOK_S
-        return [], (), ()
+        return [], [], []
 
 
 def test_it_wakes_as_much_earlier_as_it_wakes_late(monkeypatch: pytest.MonkeyPatch) -> None:
