@@ -28,7 +28,7 @@ from math import inf, isfinite
 from os import write
 from pathlib import Path
 from time import monotonic_ns
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeVar
 
 from tgl_soar.autopilot import AutopilotState, Output
 from tgl_soar.parameters import PARAMETERS, ParameterSet
@@ -107,6 +107,7 @@ class _Order(NamedTuple):
 
 
 _Orders = queue.SimpleQueue[_Order | None]
+_Given = TypeVar("_Given")
 
 
 class _Buffers:
@@ -486,15 +487,15 @@ class _Disk:
     def _work(self) -> None:
         while (order := self._orders.get()) is not None:
             if not self.trouble:
-                self._try(lambda order=order: self._write(order))  # type: ignore[misc]
+                self._try(self._write, order)
             self._free.give_back(order.buffer)
         for ending in tuple(self._open):
-            self._try(lambda ending=ending: self._close(ending))  # type: ignore[misc]
+            self._try(self._close, ending)
 
-    def _try(self, action: Callable[[], None]) -> None:
+    def _try(self, action: Callable[[_Given], None], given: _Given) -> None:
         """Whatever goes wrong ends the log and nothing else."""
         try:
-            action()
+            action(given)
         except OSError as error:
             self.trouble = f"{error.filename or self.path or self._folder}: {error.strerror}"
         except Exception as error:
