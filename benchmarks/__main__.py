@@ -20,15 +20,14 @@ import traceback
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from rich.console import Console
 from rich.table import Table
 
 from tgl_soar import native
-from tgl_soar.commands.compile import CompileError, make
 
-from .page import Group, read_json, replace_table, write_json
+from .page import Group, replace_table, write_json
+from .processes import by_the_source
 from .result import NO_AIM, Result
 
 # Title, and the modules whose BENCHMARKS belong to it.
@@ -55,23 +54,13 @@ def _results(modules: tuple[str, ...]) -> Iterator[Result]:
             yield from (found,) if isinstance(found, Result) else found
 
 
-def _by_the_source(name: str) -> list[Result]:
-    """A group in a process of its own, that takes no native code."""
-    with TemporaryDirectory(prefix="tgl_soar_bench_") as folder:
-        kept = Path(folder) / "results.json"
-        command = [sys.executable, "-m", __package__ or "", "--interpreted", "--only", name]
-        subprocess.run([*command, "--json", str(kept)], check=True, stdout=subprocess.DEVNULL)
-        return read_json(kept)
-
-
 def _is_native() -> bool:
     """Whether native code flies from here on; it is made where it can be."""
-    if not (native.folder() / native.MANIFEST).is_file():
-        try:
-            make(lambda words: print(words, file=sys.stderr, flush=True))
-        except (CompileError, OSError) as error:
-            print(f"what flies is measured interpreted: {error}", file=sys.stderr)
-    return native.use()
+    # In another process: here nothing of what flies may be loaded before.
+    subprocess.run([sys.executable, "-m", "tgl_soar.cli", "compile"], stdout=sys.stderr)
+    is_native = native.use()
+    print(f"what flies: {native.told()}", file=sys.stderr, flush=True)
+    return is_native
 
 
 def main() -> int:
@@ -95,7 +84,7 @@ def main() -> int:
         groups.append(Group(title, results))
         try:
             if is_native and name in INTERPRETED:
-                results.extend(_by_the_source(name))
+                results.extend(by_the_source(name))
             else:
                 results.extend(_results(modules))
         except Exception:  # the others are still worth their time

@@ -21,12 +21,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
+from tgl_soar import native
 from tgl_soar.config import shipped
 
 from . import c_reference
 from .c_reference import PRIORITY, NoCompilerError
 from .processes import child_of, cpu_s, end
-from .result import ALLOWED, Result, percentile
+from .result import ALLOWED, INTERPRETED, Result, percentile
 
 SECONDS = 25
 ENGAGE_AFTER_S = 3
@@ -95,13 +96,29 @@ def sensor_to_surface(seconds: int = SECONDS) -> Iterator[Result]:
             ALLOWED,
             1.0,
         )
+        if native.told().startswith("native") and kind == "udp":
+            source = measure(kind, seconds, "--interpreted")
+            yield Result(
+                f"sensor to surface, {name}, p50",
+                percentile(measured.module_ns, 0.5) / 1e3,
+                percentile(source.module_ns, 0.5) / 1e3,
+                "µs",
+                INTERPRETED,
+            )
+            yield Result(
+                f"the flying process, {name}",
+                measured.cpu_percent,
+                source.cpu_percent,
+                "% of a core",
+                INTERPRETED,
+            )
 
 
 BENCHMARKS = (sensor_to_surface,)
 
 
-def measure(kind: str, seconds: int) -> Measured:
-    """Fly the three against one vehicle."""
+def measure(kind: str, seconds: int, *options: str) -> Measured:
+    """Fly the three against one vehicle.  `options`: more of the module's."""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(TemporaryDirectory(prefix="tgl_soar_bench_")))
         if kind == "udp":
@@ -120,6 +137,7 @@ def measure(kind: str, seconds: int) -> Measured:
         if vehicle.stdout.readline() != b"ready\n":
             raise RuntimeError("the vehicle of the benchmark does not start")
         commands = _commands(kind, ends, folder)
+        commands[0] += options
         running = [subprocess.Popen(c, stderr=subprocess.DEVNULL) for c in commands]
         for process in running:
             stack.callback(end, process, signal.SIGTERM)

@@ -1,4 +1,4 @@
-"""What the kernel tells of a process, and how one is ended."""
+"""Processes that are measured: how they begin and end, and what the kernel tells of them."""
 
 from __future__ import annotations
 
@@ -7,9 +7,13 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from tgl_soar.config import shipped
+
+from .page import read_json
+from .result import Result
 
 
 def start_module(folder: Path, port: int, *, stderr: int) -> subprocess.Popen[bytes]:
@@ -23,6 +27,15 @@ def start_module(folder: Path, port: int, *, stderr: int) -> subprocess.Popen[by
         ],
         stderr=stderr,
     )
+
+
+def by_the_source(group: str) -> list[Result]:
+    """A group of benchmarks in a process that takes no native code."""
+    with TemporaryDirectory(prefix="tgl_soar_bench_") as folder:
+        kept = Path(folder) / "results.json"
+        command = [sys.executable, "-m", "benchmarks", "--interpreted", "--only", group]
+        subprocess.run([*command, "--json", str(kept)], check=True, stdout=subprocess.DEVNULL)
+        return read_json(kept)
 
 
 def child_of(guard: int) -> int:

@@ -7,6 +7,7 @@ from typing import Final, NamedTuple
 
 NO_AIM: Final = float("inf")
 ALLOWED: Final = "what is allowed"
+INTERPRETED: Final = "the same, interpreted"
 
 
 class Result(NamedTuple):

@@ -3,15 +3,12 @@
 Both sleep to absolute deadlines 5 ms apart, the one half a period after the other, at the same
 time, under the same policy and with locked memory: whatever the machine does meets both.  The C
 loop is `clock_nanosleep`, as in cyclictest; ours is `realtime.Waiter` on a socket, as it flies.
-
-`python -m benchmarks.waking COUNT PERIOD_NS BEGIN_NS` is our loop alone, for `wake_ups`.
 """
 
 from __future__ import annotations
 
 import re
 import shutil
-import socket
 import subprocess
 import sys
 import time
@@ -19,7 +16,7 @@ from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from tgl_soar import realtime
+from tgl_soar import native
 
 from . import c_reference
 from .c_reference import PRIORITY, NoCompilerError
@@ -62,7 +59,9 @@ def beside_c(seconds: int) -> tuple[list[int], list[int]]:
     count = seconds * 1_000_000_000 // PERIOD_NS
     begin = time.monotonic_ns() + int(STARTING_S * 1e9)
     arguments = [str(count), str(PERIOD_NS)]
-    ours = [sys.executable, "-m", "benchmarks.waking", *arguments, str(begin)]
+    ours = [sys.executable, "-m", "benchmarks.wake_loop", *arguments, str(begin)]
+    if native.told().startswith("native"):
+        ours.append("native")
     in_c = [
         c_reference.program("wake"),
         *arguments,
@@ -121,23 +120,3 @@ def histogram(text: str) -> list[int]:
     """Every wake-up [µs] of a histogram of cyclictest's."""
     rows = re.findall(r"^(\d{6}) (\d{6,})$", text, re.MULTILINE)
     return [int(us) for us, count in rows for _ in range(int(count))]
-
-
-def _wake(count: int, period_ns: int, begin_ns: int) -> array[int]:
-    """Our loop: what waits for a tick where no sample comes."""
-    late = array("q", [1]) * count
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as silent:
-        waiting, waiter = (silent.fileno(),), realtime.Waiter(time.monotonic)
-        realtime.prepare()
-        due_ns = begin_ns
-        for i in range(count):
-            due_s = due_ns * 1e-9
-            while waiter.wait(waiting, due_s, due_s)[0] < due_s:
-                pass
-            late[i] = time.monotonic_ns() - due_ns
-            due_ns += period_ns
-    return late
-
-
-if __name__ == "__main__":
-    sys.stdout.buffer.write(_wake(*(int(text) for text in sys.argv[1:])).tobytes())
