@@ -97,6 +97,22 @@ def sensor_to_surface(seconds: int = SECONDS) -> Iterator[Result]:
             1.0,
         )
         if native.told().startswith("native") and kind == "udp":
+            thrifty = measure(kind, seconds, "--thrifty")
+            yield Result(
+                f"sensor to surface, {name}, --thrifty, p50",
+                percentile(thrifty.module_ns, 0.5) / 1e3,
+                percentile(thrifty.c_ns, 0.5) / 1e3,
+                "µs",
+                "a minimal responder in C",
+            )
+            yield Result(
+                f"the flying process, {name}, --thrifty",
+                thrifty.cpu_percent,
+                CPU_ALLOWED,
+                "% of a core",
+                ALLOWED,
+                1.0,
+            )
             source = measure(kind, seconds, "--interpreted")
             yield Result(
                 f"sensor to surface, {name}, p50",

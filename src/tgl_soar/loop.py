@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from math import inf
 from typing import Final
 
 from tgl_soar import realtime
@@ -29,11 +30,13 @@ def run(
     life: LifeSign | None = None,
     mocap: MocapFeed | None = None,
     spin_s: float | None = None,
+    thrifty: bool = False,
 ) -> bool:
     """Fly until told to stop; False: no autopilot answered within `timeout_s`.
 
     `transports`: the first leads to the autopilot.  `stop` is asked in every round.  `say`: for
-    words on the console.  `spin_s`: as `realtime.Waiter` takes it.
+    words on the console.  `spin_s`: as `realtime.Waiter` takes it.  `thrifty`:
+    no tick is rehearsed.
     """
     clock = time.monotonic
     waiter = realtime.Waiter(clock, spin_s)
@@ -45,7 +48,7 @@ def run(
     poses = mocap.filenos() if mocap is not None else []
     while not stop():
         fds = [transport.fileno() for transport in transports]
-        rehearsal_s = onboard.rehearsal_s
+        rehearsal_s = inf if thrifty else onboard.rehearsal_s
         until_s = min(onboard.wake_s(now_s), rehearsal_s)
         now_s, ready = waiter.wait([*poses, *fds], until_s, pacer.expected_s)
         if now_s >= rehearsal_s:

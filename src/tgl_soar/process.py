@@ -142,6 +142,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         f" Default: as many as this computer takes to wake, at most {realtime.AWAKE_MAX_S * 1e6:g}",
     )
     add(
+        "--thrifty",
+        action="store_true",
+        help="take less of the processor: sleep until it is time (unless --spin says otherwise)"
+        " and go through no tick beforehand; surfaces move some tenths of a millisecond later",
+    )
+    add(
         "--mocap-server",
         default="",
         metavar="HOST[:PORT]",
@@ -167,7 +173,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         secret=Secret(given.signing_key, given.unsigned_autopilot, given.allow_setup_signing),
         mocap_server=given.mocap_server,
         guarded=not given.no_guard and not given.lockstep,
-        wishes=realtime.Wishes(given.cpu, given.spin),
+        wishes=realtime.Wishes(
+            given.cpu, 0.0 if given.thrifty and given.spin is None else given.spin, given.thrifty
+        ),
     )
 
 
@@ -511,6 +519,7 @@ def _fly(
             life=life,
             mocap=mocap,
             spin_s=spin_s,
+            thrifty=wishes.thrifty,
         )
     finally:  # whatever has happened, the pilot gets the surfaces
         onboard.stop()

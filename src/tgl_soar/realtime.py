@@ -54,6 +54,7 @@ class Wishes(NamedTuple):
 
     processor: int | None = None  # the loop runs on this one only
     spin_s: float | None = None  # so long before a tick is expected sleep ends; None: as it takes
+    thrifty: bool = False  # no tick is rehearsed
 
 
 @dataclass(slots=True)

@@ -242,6 +242,7 @@ def test_one_frame_with_another_clock_is_not_believed() -> None:
     assert len(hall.fixes) == count + 100
 
 
+@pytest.mark.interpreted
 def test_a_hold_up_is_no_restart() -> None:
     """Frames that were kept back for 2 s come in one burst: old, and their clock is the same."""
     hall = Hall().run(2.0)

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import time
 from math import inf
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
+from module_process import arguments
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from test_onboard import CAPTURING, SOARING, STEP_S, Flight, texts
 
-from tgl_soar.realtime import STRAIN_TICKS, Strain, TickCounters
+from tgl_soar import loop, process
+from tgl_soar.onboard import Onboard
+from tgl_soar.realtime import STRAIN_TICKS, Strain, TickCounters, Wishes
 
 
 class BusyFlight(Flight):
@@ -140,3 +145,36 @@ def test_a_busy_computer_and_a_simulation_rehearse_nothing() -> None:
     simulated.run(1.0)
     simulated.onboard.rehearse()
     assert simulated.onboard.rehearsal_s == inf
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("thrifty", [False, True])
+def test_a_thrifty_loop_rehearses_nothing(thrifty: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    flight, rehearsed = Flight(), [0]
+    monkeypatch.setattr(Onboard, "rehearsal_s", 0.0)
+    monkeypatch.setattr(Onboard, "rehearse", lambda _self: rehearsed.append(1))
+    silent: Any = SimpleNamespace(generation=0, fileno=lambda: -1, is_stream=False)
+    silent.receive = lambda _now_s: []
+    rounds = iter((False, False, True))
+    loop.run(flight.onboard, [silent], lambda: next(rounds), print, thrifty=thrifty)
+    assert sum(rehearsed) == (0 if thrifty else 2)
+
+
+@pytest.mark.parametrize(
+    ("options", "wishes"),
+    [
+        ([], Wishes(None, None, False)),
+        (["--thrifty"], Wishes(None, 0.0, True)),
+        (["--thrifty", "--spin", "50"], Wishes(None, 50e-6, True)),
+        (["--spin", "0"], Wishes(None, 0.0, False)),
+    ],
+)
+def test_what_is_asked_for_is_wished_for(
+    options: list[str], wishes: Wishes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: list[Wishes] = []
+    monkeypatch.setattr(process, "run", lambda *_, **named: given.append(named["wishes"]))
+    process.main([*arguments("udp:127.0.0.1:1"), *options])
+    (found,) = given
+    assert found.spin_s == (None if wishes.spin_s is None else pytest.approx(wishes.spin_s))
+    assert found.thrifty == wishes.thrifty
