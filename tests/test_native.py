@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import ast
+import fcntl
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
+from contextlib import suppress
 from keyword import iskeyword
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 import tgl_soar
 from tgl_soar import native
+from tgl_soar.commands import app
 from tgl_soar.commands import compile as compiling
+from tgl_soar.process import main
 
 TESTS = Path(__file__).parent
 # The tests of what flies, in this process; those of links and processes are interpreted anyway.
@@ -55,7 +62,7 @@ def test_native_code_does_what_the_source_does(place: Path) -> None:
     words: list[str] = []
     compiling.make(words.append)
     assert len(words) == 2
-    assert [path.name for path in place.iterdir()] == [native.folder().name]
+    assert {path.name for path in place.iterdir()} == {native.folder().name, "native.lock"}
 
     taken = said(
         "from tgl_soar import native; native.use(); import sys, tgl_soar.process;"
@@ -89,39 +96,145 @@ def test_native_code_does_what_the_source_does(place: Path) -> None:
 
 
 def test_without_native_code_the_source_flies_and_it_is_said(place: Path) -> None:
-    assert said(USE) == "False|interpreted; `tgl-soar compile` makes it twice as quick"
+    assert said(USE) == "False|interpreted; `tgl-soar compile` makes it three times as quick"
     assert not place.exists()
 
 
+def made_at(kept: Path, *, python: str = sys.version, source: Path = native.SOURCE) -> Path:
+    """A folder as `compile` leaves it, with a library that is none."""
+    kept.mkdir(parents=True)
+    (kept / f"0123{native.LIBRARY}{native.SUFFIX}").write_bytes(b"\x7fELF and then nothing")
+    (kept / "tgl_soar").mkdir()
+    (kept / "tgl_soar" / f"autopilot{native.SUFFIX}").write_bytes(b"\x7fELF")
+    manifest = {"compiler": "mypyc", "python": python, "source": str(source), "fields": {}}
+    manifest |= {"sums": native.sums(kept)}
+    (kept / native.MANIFEST).write_text(json.dumps(manifest), encoding="utf-8")
+    kept.chmod(0o755)
+    return kept
+
+
+CANNOT = "False|interpreted: what was compiled cannot be used: "
+
+
 def test_native_code_of_another_source_is_not_taken(place: Path) -> None:
-    other = place / "native-0123456789abcdef"
-    other.mkdir(parents=True)
-    (other / native.MANIFEST).write_text("{}", encoding="utf-8")
+    made_at(place / "native-0123456789abcdef")
     assert said(USE).startswith("False|interpreted (what was compiled is of another version)")
+
+
+def test_only_what_is_ours_is_removed(place: Path) -> None:
+    kept, old = made_at(native.folder()), made_at(place / "native-0123456789abcdef")
+    (place / "native-photos").mkdir()
+    theirs = [
+        place / "native-photos",
+        made_at(place / "native-1123456789abcdef", python="3.99"),
+        made_at(place / "native-2123456789abcdef", source=place),
+    ]
+    assert native.others() == [old]
+    assert CliRunner().invoke(app, ["compile", "--remove"]).exit_code == 0
+    assert not kept.exists()
+    assert not old.exists()
+    assert all(folder.exists() for folder in theirs)
 
 
 @pytest.mark.parametrize("manifest", ["", "{}", "[1]", '{"fields": {}}'])
 def test_a_damaged_manifest_grounds_nothing(place: Path, manifest: str) -> None:
-    kept = native.folder()
-    kept.mkdir(parents=True)
-    (kept / native.MANIFEST).write_text(manifest, encoding="utf-8")
+    (made_at(native.folder()) / native.MANIFEST).write_text(manifest, encoding="utf-8")
+    assert place in native.folder().parents
+    assert not native.is_made()
+    assert said(USE).startswith(CANNOT)
+
+
+def test_code_that_was_cut_off_on_the_disk_is_never_loaded(place: Path) -> None:
+    """A whole process would die of it."""
+    kept = made_at(native.folder())
     assert place in kept.parents
-    assert said(USE).startswith("False|interpreted: what was compiled cannot be used: ")
+    assert native.is_made()
+    for file in kept.rglob(f"*{native.SUFFIX}"):
+        whole = file.read_bytes()
+        file.write_bytes(whole[:3])
+        assert not native.is_made()
+        assert said(USE) == CANNOT + "it is damaged: compile it again"
+        file.write_bytes(whole)
+    assert native.is_made()
+
+
+def test_what_others_may_write_to_is_not_run(place: Path) -> None:
+    made_at(native.folder()).chmod(0o777)
+    assert said(USE) == f"{CANNOT}others may write to {native.folder()}"
+    assert place in native.folder().parents
 
 
 def test_a_library_that_cannot_be_loaded_grounds_nothing(place: Path) -> None:
-    kept = native.folder()
-    kept.mkdir(parents=True)
-    manifest = {"compiler": "mypyc", "fields": {}}
-    (kept / native.MANIFEST).write_text(json.dumps(manifest), encoding="utf-8")
-    (kept / f"0123{native.LIBRARY}.so").write_bytes(b"\x7fELF and then nothing")
-    (kept / "tgl_soar").mkdir()
-    (kept / "tgl_soar" / "autopilot.so").write_bytes(b"\x7fELF")
-    assert place in kept.parents
+    made_at(native.folder())
+    assert place in native.folder().parents
     code = USE + "; import tgl_soar.autopilot; print(tgl_soar.autopilot.__file__[-3:])"
     first, second = said(code).splitlines()
-    assert first.startswith("False|interpreted: what was compiled cannot be used: ")
+    assert first.startswith(CANNOT)
     assert second == ".py"
+
+
+def test_what_did_not_fly_is_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The module falls back to the source, which flies as the source does."""
+
+    def flown(out: Path, _kept: Path) -> bytes:
+        out.mkdir()
+        (out / "module.log").write_text("tgl_soar: code: interpreted: for a reason\n")
+        return b"the same"
+
+    monkeypatch.setattr(compiling, "_flown", flown)
+    with pytest.raises(compiling.CompileError, match="cannot be loaded here: interpreted: for a"):
+        compiling._check(tmp_path, tmp_path)
+
+
+def test_what_flies_otherwise_is_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def flown(out: Path, _kept: Path) -> bytes:
+        out.mkdir()
+        code = "native, by" if out.name == "native" else "interpreted;"
+        (out / "module.log").write_text(f"tgl_soar: code: {code} …\n", encoding="utf-8")
+        return out.name.encode()
+
+    monkeypatch.setattr(compiling, "_flown", flown)
+    with pytest.raises(compiling.CompileError, match="does not fly as its source"):
+        compiling._check(tmp_path, tmp_path)
+
+
+def test_two_do_not_compile_into_the_same_place(place: Path) -> None:
+    place.mkdir()
+    with (place / "native.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        with pytest.raises(compiling.CompileError, match="somebody else is compiling into"):
+            compiling.make(lambda _words: None)
+
+
+def test_a_compile_that_is_ended_leaves_nothing_behind(place: Path) -> None:
+    place.mkdir()
+    (place / "making-native-left-by-a-kill").mkdir()
+    command = [sys.executable, "-m", "tgl_soar.cli", "compile"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as run:
+        while not (compilers := compilers_in(place)) and run.poll() is None:
+            time.sleep(0.05)
+        run.send_signal(signal.SIGTERM)
+    assert run.returncode == 1
+    assert compilers
+    assert not compilers_in(place)
+    assert [path.name for path in place.iterdir()] == ["native.lock"]
+
+
+def compilers_in(place: Path) -> list[int]:
+    """The processes that work in a folder below."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            if place in (process / "cwd").readlink().parents:
+                found.append(int(process.name))
+    return found
+
+
+def test_an_abbreviated_option_does_not_slip_through(capsys: pytest.CaptureFixture[str]) -> None:
+    """`--interp` would be understood once and overlooked once."""
+    with pytest.raises(SystemExit):
+        main(["--airframe", "a", "--site", "s", "--link", "udp:1", "--interp"])
+    assert "--interp" in capsys.readouterr().err
 
 
 def test_it_is_of_all_that_flies() -> None:
@@ -159,7 +272,7 @@ def test_without_a_compiler_it_is_said_what_is_needed(
     monkeypatch.setattr(native, "MODULES", ("tgl_soar.control.pid",))
     with pytest.raises(compiling.CompileError, match=r"apt install gcc python3-dev"):
         compiling.make(lambda _words: None)
-    assert list(place.iterdir()) == []
+    assert [path.name for path in place.iterdir()] == ["native.lock"]
 
 
 # --- what mypyc gets wrong, or takes otherwise than Python does ----------------------------------

@@ -18,14 +18,15 @@ import sys
 from collections.abc import Sequence
 from hashlib import sha256
 from importlib import import_module
-from importlib.machinery import ExtensionFileLoader, ModuleSpec
+from importlib.machinery import EXTENSION_SUFFIXES, ExtensionFileLoader, ModuleSpec
 from importlib.util import spec_from_file_location
 from pathlib import Path
 from types import ModuleType
-from typing import Final
+from typing import Any, Final
 
 SOURCE: Final = Path(__file__).parent
 MANIFEST: Final = "manifest.json"
+SUFFIX: Final = EXTENSION_SUFFIXES[0]  # of native code for just this interpreter
 LIBRARY: Final = "__mypyc"  # the end of its name: it holds the code of all modules
 FOLDERS: Final = (
     *("", "control", "estimation", "flightlog"),
@@ -103,17 +104,62 @@ def base() -> Path:
 
 def folder() -> Path:
     """Where native code of just this source, for just this interpreter, is kept."""
-    key = sha256(f"{sys.version} {platform.machine()}".encode())
+    key = sha256(f"{sys.version} {platform.machine()} {SUFFIX}".encode())
     files = [file for name in FOLDERS for file in sorted((SOURCE / name).glob("*.py"))]
     for file in [*files, *(SOURCE / "commands" / name for name in _MADE_BY)]:
-        key.update(file.read_bytes())
+        if file.is_file():
+            key.update(file.read_bytes())
     return base() / f"native-{key.hexdigest()[:16]}"
 
 
 def others() -> list[Path]:
-    """Folders with native code of another source or interpreter."""
+    """Folders with native code of another version of this source, for this interpreter."""
     mine = folder()
-    return [path for path in sorted(base().glob("native-*")) if path != mine]
+    return [
+        path
+        for path in sorted(base().glob("native-*"))
+        if path != mine and _made_for(path) == [sys.version, str(SOURCE)]
+    ]
+
+
+def _made_for(kept: Path) -> list[str]:
+    """The interpreter and the source whose native code lies in a folder; empty: it is none."""
+    try:
+        manifest = json.loads((kept / MANIFEST).read_text(encoding="utf-8"))
+        return [manifest["python"], manifest["source"]]
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
+
+
+def is_made() -> bool:
+    """Whether there is native code of just this source, as whole as it was made."""
+    try:
+        _manifest_of(folder())
+    except Exception:
+        return False
+    return True
+
+
+def sums(kept: Path) -> dict[str, str]:
+    """Every file of native code in a folder, and the sum of its bytes."""
+    return {
+        file.relative_to(kept).as_posix(): sha256(file.read_bytes()).hexdigest()
+        for file in sorted(kept.rglob(f"*{SUFFIX}"))
+    }
+
+
+def _manifest_of(kept: Path) -> dict[str, Any]:
+    """What was written down beside the code.
+
+    Errors: whatever shows that it is not as it was made, or not made by whom we trust.
+    """
+    about = kept.stat()
+    if about.st_uid not in (0, os.getuid()) or about.st_mode & 0o022:
+        raise PermissionError(f"others may write to {kept}")
+    manifest: dict[str, Any] = json.loads((kept / MANIFEST).read_text(encoding="utf-8"))
+    if manifest["sums"] != sums(kept):
+        raise ValueError("it is damaged: compile it again")
+    return manifest
 
 
 def file_of(module: str) -> Path:
@@ -127,13 +173,13 @@ def use() -> bool:
     Never raises: what cannot be used is told, and the source flies.
     """
     global _told
-    kept = folder()
-    if not (kept / MANIFEST).is_file():
-        stale = " (what was compiled is of another version)" if others() else ""
-        _told = f"interpreted{stale}; `tgl-soar compile` makes it twice as quick"
-        return False
     try:
-        manifest = json.loads((kept / MANIFEST).read_text(encoding="utf-8"))
+        kept = folder()
+        if not kept.exists():
+            stale = " (what was compiled is of another version)" if others() else ""
+            _told = f"interpreted{stale}; `tgl-soar compile` makes it three times as quick"
+            return False
+        manifest = _manifest_of(kept)
         finder = _Finder(kept, manifest["fields"])
         sys.meta_path.insert(0, finder)
         for library in finder.libraries:  # what this computer cannot load shows here
@@ -160,7 +206,7 @@ class _Finder:
         self._waiting = fields
         self._files = {
             ".".join([*file.relative_to(kept).parts[:-1], file.name.partition(".")[0]]): file
-            for file in kept.rglob("*.so")
+            for file in kept.rglob(f"*{SUFFIX}")
         }
         self.libraries = [name for name in self._files if name.endswith(LIBRARY)]
 

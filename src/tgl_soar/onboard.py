@@ -128,6 +128,7 @@ PILOT_SWITCH_HZ: Final = 10.0
 LOSS_S: Final = 2.0  # over which the loss on the link is measured
 COMPLAIN_S: Final = 5.0  # between two words about keys that were refused
 MISSED_TICKS: Final = 1.5  # lockstep: so long without an attitude, its tick is missing
+PIECE_BYTES: Final = 512  # more than a tick usually hears is not rehearsed
 IDLE_S: Final = 0.05  # how often to look around while nothing sets the pace
 
 
@@ -431,7 +432,7 @@ class Onboard:
         """Bytes have come from a link."""
         route = self._routes[link]
         if route is self._autopilot:
-            self._piece = data
+            self._piece = data if len(data) <= PIECE_BYTES else b""
         for received in route.decoder.feed(data):
             route.heard(received.source)
             route.match_version()

@@ -78,6 +78,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """`tgl-soar run`: the command line of `run`."""
     parser = argparse.ArgumentParser(
         prog="tgl-soar run",
+        allow_abbrev=False,  # `cli` looks for one of them itself
         description="Fly: the module beside the autopilot.",
         epilog="Parameters: `tgl-soar params` lists them, docs/parameters.md tells all of them.",
     )
@@ -138,7 +139,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--spin",
         type=_spin,
         metavar="US",
-        help="do not sleep through so many of the last microseconds before a tick; 0 to 2000."
+        help="do not sleep for so many microseconds before a tick is expected and, where its sample"
+        " is late, after it; 0 to 2000."
         f" Default: as many as this computer takes to wake, at most {realtime.AWAKE_MAX_S * 1e6:g}",
     )
     add(

@@ -47,13 +47,14 @@ SPIN_MAX_S: Final = 0.002
 AWAKE_MAX_S: Final = 0.0002  # where it is learned how long to stay awake
 _LATER: Final = 0.2  # what a sleep counts that ended later than thought
 _SOONER: Final = 0.01
+_IN_VAIN_MAX: Final = 3
 
 
 class Wishes(NamedTuple):
     """What an operator may ask of the system beyond what is always asked for."""
 
     processor: int | None = None  # the loop runs on this one only
-    spin_s: float | None = None  # so long before a tick is expected sleep ends; None: as it takes
+    spin_s: float | None = None  # so long around a tick it does not sleep; None: as it takes
     thrifty: bool = False  # no tick is rehearsed
 
 
@@ -221,8 +222,8 @@ class Waiter:
 
     A processor that has gone idle takes its time to wake, some 20 to 100 µs.  So much before a
     tick is expected sleep ends, and what is left is waited for awake, as long again after it at
-    most.  How much that is, is learned from how late sleep ended before (nearly the latest of
-    late), unless it is told.
+    most, unless of late nothing has come.  How much that is, is learned from how late sleep ended
+    before (nearly the latest of late), unless it is told.
     """
 
     def __init__(self, clock: Callable[[], float], awake_s: float | None = None) -> None:
@@ -230,6 +231,7 @@ class Waiter:
         self._clock = clock
         self._learns = awake_s is None
         self.awake_s = 0.0 if awake_s is None else awake_s
+        self._in_vain = 0  # how often nothing came, one after the other
 
     def wait(
         self, fds: Sequence[int], until_s: float, expected_s: float = inf
@@ -247,10 +249,12 @@ class Waiter:
         now_s = clock()
         if not ready and left_s > 0.0 and self._learns:
             self._learn(now_s - asleep_until_s)
-        awake_until_s = min(until_s, expected_s + self.awake_s)
+        patience_s = self.awake_s if self._in_vain < _IN_VAIN_MAX else 0.0
+        awake_until_s = min(until_s, expected_s + patience_s)
         while not ready and now_s < awake_until_s:
             ready, _, _ = look(waiting, (), (), 0.0)
             now_s = clock()
+        self._in_vain = 0 if ready else min(_IN_VAIN_MAX, self._in_vain + (now_s >= expected_s))
         if not ready and now_s < until_s:
             ready, _, _ = look(waiting, (), (), until_s - now_s)
             now_s = clock()

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from test_onboard import CAPTURING, SOARING, STEP_S, Flight, texts
 
 from tgl_soar import loop, process
-from tgl_soar.onboard import Onboard
+from tgl_soar.onboard import PIECE_BYTES, Onboard, Rehearsal
 from tgl_soar.realtime import STRAIN_TICKS, Strain, TickCounters, Wishes
 
 
@@ -145,6 +145,22 @@ def test_a_busy_computer_and_a_simulation_rehearse_nothing() -> None:
     simulated.run(1.0)
     simulated.onboard.rehearse()
     assert simulated.onboard.rehearsal_s == inf
+
+
+def test_a_backlog_is_not_gone_through_again() -> None:
+    """A rehearsal is to be done before the sample comes."""
+    flight = Flight()
+    flight.engaged().run(0.5)
+    rehearsal = flight.onboard._rehearsal
+    assert rehearsal is not None
+    assert 0 < len(rehearsal.piece) <= PIECE_BYTES
+    many = mavlink.MAVLink_vfr_hud_message(9.0, 9.0, 0, 0, 0.0, 0.0).pack(mavlink.MAVLink(None, 7))
+    flight.onboard.event(bytes(many) * 400, flight.now_s)
+    flight.onboard._rehearsal = None
+    flight.onboard._tick(flight.now_s)
+    again: Rehearsal | None = flight.onboard._rehearsal
+    assert again is not None
+    assert again.piece == b""
 
 
 @pytest.mark.interpreted

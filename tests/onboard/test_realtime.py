@@ -197,6 +197,19 @@ def test_what_does_not_come_is_not_waited_for_awake(monkeypatch: pytest.MonkeyPa
     assert computer.asleep_s == pytest.approx(0.0073, abs=10e-6)
 
 
+def test_where_nothing_comes_any_more_it_sleeps(monkeypatch: pytest.MonkeyPatch) -> None:
+    computer = Computer(lambda: 0.0)
+    monkeypatch.setattr(select, "select", computer.select)
+    waiter, asleep_s = Waiter(computer.clock, 200e-6), []
+    for i in range(6):
+        before_s = computer.asleep_s
+        waiter.wait([], 0.01 * i + 0.0075, 0.01 * i + 0.005)
+        computer.now_s = 0.01 * (i + 1)
+        asleep_s.append(computer.asleep_s - before_s)
+    assert asleep_s[1] == pytest.approx(0.0071, abs=10e-6)
+    assert asleep_s[5] == pytest.approx(0.0073, abs=10e-6)  # awake before, not after
+
+
 def test_told_not_to_it_never_stays_awake(monkeypatch: pytest.MonkeyPatch) -> None:
     computer = Computer(lambda: 50e-6)
     monkeypatch.setattr(select, "select", computer.select)
