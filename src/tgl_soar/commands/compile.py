@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import fcntl
 import json
 import os
@@ -23,7 +22,7 @@ import typer
 from tgl_soar import native
 
 from .console import AIRFRAME, SITE, console, fail
-from .direct_tuples import direct, kinds_of
+from .direct_tuples import direct, fields_of, kinds_of
 
 # No product and sum in one rounding: native code gives the very numbers of the source.
 _FLAGS: Final = "-ffp-contract=off"
@@ -152,7 +151,9 @@ def _collect(work: Path, made: Path) -> None:
         to = made / file.relative_to(work)
         to.parent.mkdir(parents=True, exist_ok=True)
         file.rename(to)
-    fields = {name: _fields(native.file_of(name)) for name in native.MODULES}
+    fields = {
+        name: fields_of(native.file_of(name).read_text(encoding="utf-8")) for name in native.MODULES
+    }
     manifest = {
         "compiler": f"mypyc {version('mypy')}",
         "python": sys.version,
@@ -170,20 +171,6 @@ def _collect(work: Path, made: Path) -> None:
             os.close(descriptor)
 
 
-def _fields(file: Path) -> native.Fields:
-    """What the fields of a module's named tuples are, in its own words."""
-    return {
-        kind.name: {
-            ast.unparse(field.target): ast.unparse(field.annotation)
-            for field in kind.body
-            if isinstance(field, ast.AnnAssign)
-        }
-        for kind in ast.parse(file.read_text(encoding="utf-8")).body
-        if isinstance(kind, ast.ClassDef)
-        and any(ast.unparse(base) == "NamedTuple" for base in kind.bases)
-    }
-
-
 def _check(base: Path, work: Path) -> None:
     """One flight between real processes by both: where the aircraft was, byte by byte."""
     flown = {}
@@ -197,8 +184,7 @@ def _check(base: Path, work: Path) -> None:
             raise CompileError(f"it cannot be loaded here: {said.partition('code: ')[2][:300]}")
     if flown["source"] != flown["native"]:
         raise CompileError(
-            "native code does not fly as its source does: it is not kept. The compiler is to blame;"
-            " CFLAGS may hold an option that changes arithmetic"
+            "native code does not fly as its source does: it is not kept. The compiler is to blame"
         )
 
 

@@ -23,14 +23,23 @@ _IMPORTS: Final = (
 )
 
 
-def kinds_of(source: str) -> Kinds:
-    """The named tuples that a module declares."""
+def fields_of(source: str) -> dict[str, dict[str, str]]:
+    """The fields of each named tuple that a module declares, and their types in its own words."""
     return {
-        kind.name: sum(isinstance(field, ast.AnnAssign) for field in kind.body)
+        kind.name: {
+            ast.unparse(field.target): ast.unparse(field.annotation)
+            for field in kind.body
+            if isinstance(field, ast.AnnAssign)
+        }
         for kind in ast.parse(source).body
         if isinstance(kind, ast.ClassDef)
         and any(ast.unparse(base) == "NamedTuple" for base in kind.bases)
     }
+
+
+def kinds_of(source: str) -> Kinds:
+    """The named tuples that a module declares."""
+    return {name: len(fields) for name, fields in fields_of(source).items()}
 
 
 def direct(module: str, source: str, declared: Mapping[str, Kinds]) -> str:
