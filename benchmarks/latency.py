@@ -21,13 +21,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
-from tgl_soar import native
 from tgl_soar.config import shipped
 
 from . import c_reference
 from .c_reference import PRIORITY, NoCompilerError
-from .processes import child_of, cpu_s, end
-from .result import ALLOWED, INTERPRETED, Result, percentile
+from .processes import child_of, cpu_s, end, is_native
+from .result import ALLOWED, INTERPRETED, NO_AIM, Result, percentile
 
 SECONDS = 25
 ENGAGE_AFTER_S = 3
@@ -37,6 +36,8 @@ VEHICLE_PRIORITY = PRIORITY + 10
 AGE_ALLOWED_MS = 1.0
 CPU_ALLOWED = 8.0  # % of one core
 PART_NS = 1_000_000_000 // RATE_HZ // 3  # of the period; an answer that misses it counts as this
+IN_C = "a minimal responder in C"
+IN_MAVUTIL = "a minimal responder with mavutil"
 SHARES = (("p50", 0.5, 2.3), ("p99", 0.99, 2.5), ("p99.9", 0.999, 2.5))
 
 
@@ -58,27 +59,16 @@ def sensor_to_surface(seconds: int = SECONDS) -> Iterator[Result]:
             print(error)
             return
         for share_name, share, aim in SHARES:
-            yield Result(
-                f"sensor to surface, {name}, {share_name}",
-                percentile(measured.module_ns, share) / 1e3,
-                percentile(measured.c_ns, share) / 1e3,
-                "µs",
-                "a minimal responder in C",
-                aim,
-            )
-        yield Result(
-            f"sensor to surface, {name}, p50",
-            percentile(measured.module_ns, 0.5) / 1e3,
-            percentile(measured.mavutil_ns, 0.5) / 1e3,
-            "µs",
-            "a minimal responder with mavutil",
+            yield _delay(name, measured.module_ns, measured.c_ns, IN_C, share_name, share, aim)
+        yield _delay(
+            name, measured.module_ns, measured.mavutil_ns, "a minimal responder with mavutil"
         )
         yield Result(
             f"answers that miss their third of the period, {name}",
             sum(ns >= PART_NS for ns in measured.module_ns),
             sum(ns >= PART_NS for ns in measured.c_ns),
             f"of {len(measured.c_ns)}",
-            "a minimal responder in C",
+            IN_C,
         )
         yield Result(
             f"age of the sample at the surface, {name}, p50",
@@ -88,46 +78,43 @@ def sensor_to_surface(seconds: int = SECONDS) -> Iterator[Result]:
             ALLOWED,
             1.0,
         )
-        yield Result(
-            f"the flying process, {name}",
-            measured.cpu_percent,
-            CPU_ALLOWED,
-            "% of a core",
-            ALLOWED,
-            1.0,
-        )
-        if native.told().startswith("native") and kind == "udp":
+        yield _processor(name, measured, CPU_ALLOWED, ALLOWED, 1.0)
+        if is_native() and kind == "udp":
             thrifty = measure(kind, seconds, "--thrifty")
-            yield Result(
-                f"sensor to surface, {name}, --thrifty, p50",
-                percentile(thrifty.module_ns, 0.5) / 1e3,
-                percentile(thrifty.c_ns, 0.5) / 1e3,
-                "µs",
-                "a minimal responder in C",
-            )
-            yield Result(
-                f"the flying process, {name}, --thrifty",
-                thrifty.cpu_percent,
-                CPU_ALLOWED,
-                "% of a core",
-                ALLOWED,
-                1.0,
-            )
+            yield _delay(f"{name}, --thrifty", thrifty.module_ns, thrifty.c_ns, IN_C)
+            yield _processor(f"{name}, --thrifty", thrifty, CPU_ALLOWED, ALLOWED, 1.0)
             source = measure(kind, seconds, "--interpreted")
-            yield Result(
-                f"sensor to surface, {name}, p50",
-                percentile(measured.module_ns, 0.5) / 1e3,
-                percentile(source.module_ns, 0.5) / 1e3,
-                "µs",
-                INTERPRETED,
-            )
-            yield Result(
-                f"the flying process, {name}",
-                measured.cpu_percent,
-                source.cpu_percent,
-                "% of a core",
-                INTERPRETED,
-            )
+            yield _delay(name, measured.module_ns, source.module_ns, INTERPRETED)
+            yield _processor(name, measured, source.cpu_percent, INTERPRETED)
+
+
+def _delay(
+    name: str,
+    ours_ns: list[int],
+    theirs_ns: list[int],
+    whose: str,
+    share_name: str = "p50",
+    share: float = 0.5,
+    aim: float = NO_AIM,
+) -> Result:
+    """From a sample to the surfaces, beside somebody else."""
+    return Result(
+        f"sensor to surface, {name}, {share_name}",
+        percentile(ours_ns, share) / 1e3,
+        percentile(theirs_ns, share) / 1e3,
+        "µs",
+        whose,
+        aim,
+    )
+
+
+def _processor(
+    name: str, measured: Measured, beside: float, whose: str, aim: float = NO_AIM
+) -> Result:
+    """What the flying process takes of a core."""
+    return Result(
+        f"the flying process, {name}", measured.cpu_percent, beside, "% of a core", whose, aim
+    )
 
 
 BENCHMARKS = (sensor_to_surface,)

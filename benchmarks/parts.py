@@ -16,7 +16,6 @@ from tempfile import TemporaryDirectory
 from time import perf_counter_ns
 from typing import ParamSpec, TypeVar
 
-from tgl_soar import native
 from tgl_soar.autopilot import initial_state, laws_from, step
 from tgl_soar.control.envelope import elevator_limit, limit_surfaces
 from tgl_soar.estimation.health import health_step
@@ -28,7 +27,7 @@ from tgl_soar.link.session import Session
 from tgl_soar.types import Inputs
 
 from .module_flight import TICK_S, ModuleFlight
-from .processes import by_the_source
+from .processes import by_the_source, is_native
 from .result import INTERPRETED, Result, percentile
 
 TICKS, SLEEPY_TICKS = 4000, 1000
@@ -60,7 +59,7 @@ def parts() -> Iterator[Result]:
             f"{100 * allowed:g} % of the period",
             1.0,
         )
-    if native.told().startswith("native"):
+    if is_native():
         interpreted = by_the_source("parts")[0]
         yield Result(interpreted.what, percentile(whole, 0.5), interpreted.value, "µs", INTERPRETED)
     yield Result(

@@ -10,6 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from tgl_soar import native
 from tgl_soar.config import shipped
 
 from .page import read_json
@@ -27,6 +28,11 @@ def start_module(folder: Path, port: int, *, stderr: int) -> subprocess.Popen[by
         ],
         stderr=stderr,
     )
+
+
+def is_native() -> bool:
+    """Whether this process has taken native code of what flies."""
+    return native.told().startswith("native")
 
 
 def by_the_source(group: str) -> list[Result]:

@@ -16,10 +16,9 @@ from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from tgl_soar import native
-
 from . import c_reference
 from .c_reference import PRIORITY, NoCompilerError
+from .processes import is_native
 from .result import Result, percentile
 
 PERIOD_NS = 5_000_000
@@ -60,7 +59,7 @@ def beside_c(seconds: int) -> tuple[list[int], list[int]]:
     begin = time.monotonic_ns() + int(STARTING_S * 1e9)
     arguments = [str(count), str(PERIOD_NS)]
     ours = [sys.executable, "-m", "benchmarks.wake_loop", *arguments, str(begin)]
-    if native.told().startswith("native"):
+    if is_native():
         ours.append("native")
     in_c = [
         c_reference.program("wake"),
