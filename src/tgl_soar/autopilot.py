@@ -7,8 +7,8 @@ the difference of two of these.
 
 from __future__ import annotations
 
-from math import cos, hypot, isfinite, pi, radians, sin
-from typing import NamedTuple
+from math import cos, hypot, pi, radians, sin
+from typing import Final, NamedTuple
 
 from tgl_soar.control import supervisor as modes
 from tgl_soar.control.attitude import attitude_step
@@ -134,15 +134,16 @@ from tgl_soar.types import (
     SurfaceCommand,
     SurfacesSample,
     VehicleState,
+    isfinite,
 )
 
-DT_MAX_S = 0.1  # a longer gap between two ticks is not integrated over
-HEADING_MAX_RAD = 0.5 * pi  # from upwind, to be engaged at all
-LINE_UPRIGHT = 0.1  # sine of a line's inclination, below which it has no upstream side
-STALL_DOUBT_MAX_RAD = 0.035  # 2 degrees: the margin acts from 3 degrees before the limit on
-DOUBT_MAX = 3.0  # times EST_SD_MAX: in more doubt than this no fix is young enough
-TRAVEL_END = 0.98  # of travel: a surface read back from here on can go no further
-ON_LINE_S = 1.0  # so long within capture_distance_m before the line counts as captured
+DT_MAX_S: Final = 0.1  # a longer gap between two ticks is not integrated over
+HEADING_MAX_RAD: Final = 0.5 * pi  # from upwind, to be engaged at all
+LINE_UPRIGHT: Final = 0.1  # sine of a line's inclination, below which it has no upstream side
+STALL_DOUBT_MAX_RAD: Final = 0.035  # 2 degrees: the margin acts from 3 degrees before the limit on
+DOUBT_MAX: Final = 3.0  # times EST_SD_MAX: in more doubt than this no fix is young enough
+TRAVEL_END: Final = 0.98  # of travel: a surface read back from here on can go no further
+ON_LINE_S: Final = 1.0  # so long within capture_distance_m before the line counts as captured
 
 
 class Guards(NamedTuple):
@@ -379,9 +380,9 @@ def _imu_gains(
     )
 
 
-_AT_REST = PidState(0.0, 0.0)
-_NO_TERMS = PidTerms(NAN, NAN, NAN, NAN, NAN, 0)
-_NEUTRAL = SurfaceCommand(0.0, 0.0, 0.0)
+_AT_REST: Final = PidState(0.0, 0.0)
+_NO_TERMS: Final = PidTerms(NAN, NAN, NAN, NAN, NAN, 0)
+_NEUTRAL: Final = SurfaceCommand(0.0, 0.0, 0.0)
 
 
 def initial_state() -> AutopilotState:

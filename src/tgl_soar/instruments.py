@@ -13,7 +13,7 @@ exactly.
 
 from __future__ import annotations
 
-from math import degrees, isfinite
+from math import degrees
 from typing import Final
 
 from tgl_soar.autopilot import Output
@@ -30,7 +30,7 @@ from tgl_soar.link.messages import (
     WindCov,
 )
 from tgl_soar.link.telemetry import Flow
-from tgl_soar.types import NAN, AirEstimate
+from tgl_soar.types import NAN, AirEstimate, isfinite
 
 FAST_S: Final = 0.2  # between two of the same number
 SLOW_S: Final = 1.0

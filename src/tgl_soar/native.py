@@ -36,6 +36,7 @@ _MADE_BY: Final = ("compile.py", "direct_tuples.py")  # of the commands
 
 # What every tick goes through.  What reads files, declares or starts things stays as it is.
 MODULES: Final = (
+    "tgl_soar.types",
     "tgl_soar.geometry",
     "tgl_soar.control.attitude",
     "tgl_soar.control.envelope",

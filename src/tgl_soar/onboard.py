@@ -22,7 +22,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from math import inf, isfinite, radians
+from math import inf, radians
 from typing import Final, NamedTuple
 
 from tgl_soar import __version__, autopilot, instruments, realtime
@@ -78,7 +78,6 @@ from tgl_soar.link.messages import (
     Timesync,
     VfrHud,
     VisionPositionEstimate,
-    new,
 )
 from tgl_soar.link.mode_change import ModeChange
 from tgl_soar.link.optitrack import Link as MocapLink
@@ -104,6 +103,7 @@ from tgl_soar.types import (
     Inputs,
     Setpoints,
     SurfaceCommand,
+    isfinite,
 )
 
 BOOT: Final = 0  # modes as the supervisor numbers them; a test holds the two together
@@ -360,7 +360,8 @@ class Onboard:
         self._autopilot.decoder.watch(self.session.autopilot)
         self._values = setup.parameters
         self._laws = laws_of(setup, setup.parameters)
-        self._engage = setup.parameters["OP_ENGAGE"] >= 0.5
+        self._op_engage = setup.parameters["OP_ENGAGE"]
+        self._engage = self._op_engage >= 0.5
         self._telemetry_bytes_per_s = setup.parameters["TEL_BUDGET"]
         self._state = autopilot.initial_state()
         self._piece = b""  # that came last over the first link
@@ -646,7 +647,8 @@ class Onboard:
         self._values = values
         self._recorder.parameters(values)
         self._laws = laws_of(self._setup, values)
-        self._engage = values["OP_ENGAGE"] >= 0.5
+        self._op_engage = values["OP_ENGAGE"]
+        self._engage = self._op_engage >= 0.5
         self._telemetry_bytes_per_s = values["TEL_BUDGET"]
         self._want_pilot_switch()
         self.counters.laws_changed += 1
@@ -773,18 +775,15 @@ class Onboard:
         if can_enter and not self._active:
             self._enter_mode(time_s)
             status = status._replace(accepts_surfaces=True)  # it will, once it is asked
-        inputs: Inputs = new(
-            Inputs,
-            (
-                time_s,
-                session.position,
-                session.attitude,
-                status,
-                self._engage and not self._mode_change.is_entering,
-                session.imu,
-                session.airspeed,
-                session.surfaces,
-            ),
+        inputs = Inputs(
+            time_s,
+            session.position,
+            session.attitude,
+            status,
+            self._engage and not self._mode_change.is_entering,
+            session.imu,
+            session.airspeed,
+            session.surfaces,
         )
         rehearsal = self._rehearsal
         if rehearsal is None or inputs.position.sequence != rehearsal.inputs.position.sequence:
@@ -922,7 +921,7 @@ class Onboard:
     def _show_engaged(self, now_s: float) -> None:
         """OP_ENGAGE becomes what a file may hold and yet engage nothing; not before the station
         that has set 1 could see it confirmed."""
-        if not self._active or self._values["OP_ENGAGE"] != 1.0:
+        if not self._active or self._op_engage != 1.0:
             self._engaged_s = now_s
         elif now_s - self._engaged_s >= SHOW_ENGAGED_S:
             self._say_all(self.parameters.assign("OP_ENGAGE", ENGAGED))

@@ -16,9 +16,14 @@ rudder yaws right, each normalised to -1 … 1 of its travel.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
-NAN = float("nan")
+NAN: Final = float("nan")
+
+
+def isfinite(number: float) -> bool:
+    """As `math.isfinite`: neither NaN nor infinite.  In native code it is no call of Python's."""
+    return number - number == 0.0
 
 
 class PositionFix(NamedTuple):
@@ -91,11 +96,11 @@ class SurfacesSample(NamedTuple):
     rudder: float
 
 
-NO_FIX = PositionFix(0, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
-NO_ATTITUDE = AttitudeSample(0, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
-NO_IMU = ImuSample(0, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
-NO_AIRSPEED = AirspeedSample(0, NAN, NAN)
-NO_SURFACES = SurfacesSample(0, NAN, NAN, NAN, NAN)
+NO_FIX: Final = PositionFix(0, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
+NO_ATTITUDE: Final = AttitudeSample(0, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
+NO_IMU: Final = ImuSample(0, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
+NO_AIRSPEED: Final = AirspeedSample(0, NAN, NAN)
+NO_SURFACES: Final = SurfacesSample(0, NAN, NAN, NAN, NAN)
 
 
 class Inputs(NamedTuple):
@@ -124,7 +129,7 @@ class AirEstimate(NamedTuple):
     measured: bool  # the airspeed comes from a pitot tube
 
 
-NO_AIR = AirEstimate(NAN, NAN, NAN, NAN, NAN, NAN, NAN, False)
+NO_AIR: Final = AirEstimate(NAN, NAN, NAN, NAN, NAN, NAN, NAN, False)
 
 
 class VehicleState(NamedTuple):
@@ -168,7 +173,7 @@ class MotionQuality(NamedTuple):
     inertial: bool  # accelerations are in use
 
 
-NO_QUALITY = MotionQuality(
+NO_QUALITY: Final = MotionQuality(
     *(NAN, NAN, NAN, NAN, NAN, NAN, 0.0, 0.0, 0.0, NAN, 0.0, 0.0, 0.0, 0),
     *(False, False, False, False),
 )
@@ -210,12 +215,12 @@ class SurfaceCommand(NamedTuple):
 
 
 # Whose loops move the surfaces.
-OURS = 0  # the module commands elevator, aileron and rudder
-THEIRS_WITH_RUDDER = 1  # the firmware holds pitch and bank, the module commands the rudder
-THEIRS = 2  # the firmware holds pitch and bank, and turns by banking
+OURS: Final = 0  # the module commands elevator, aileron and rudder
+THEIRS_WITH_RUDDER: Final = 1  # the firmware holds pitch and bank, the module commands the rudder
+THEIRS: Final = 2  # the firmware holds pitch and bank, and turns by banking
 
 
-NO_SETPOINTS = Setpoints(NAN, NAN, NAN)
+NO_SETPOINTS: Final = Setpoints(NAN, NAN, NAN)
 
 
 class GlidePolar(NamedTuple):
@@ -276,8 +281,8 @@ class Aerodynamics(NamedTuple):
     polar: GlidePolar
 
 
-NO_POLAR = GlidePolar(NAN, NAN, NAN, NAN, NAN, NAN)
-NO_AERODYNAMICS = Aerodynamics(
+NO_POLAR: Final = GlidePolar(NAN, NAN, NAN, NAN, NAN, NAN)
+NO_AERODYNAMICS: Final = Aerodynamics(
     *(NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN),
     NO_POLAR,
 )
@@ -291,6 +296,6 @@ class Ground(NamedTuple):
     z_m: tuple[float, ...]
 
 
-GROUND_POINTS = 8
+GROUND_POINTS: Final = 8
 _NOUGHTS = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-NO_GROUND = Ground(0, _NOUGHTS, _NOUGHTS)
+NO_GROUND: Final = Ground(0, _NOUGHTS, _NOUGHTS)

@@ -23,17 +23,17 @@ it, over anything else it lies between that to the tangent below and the height 
 
 from __future__ import annotations
 
-from math import isfinite, sqrt
+from math import sqrt
 from typing import Final, NamedTuple
 
-from tgl_soar.types import Ground, SurfaceCommand
+from tgl_soar.types import Ground, SurfaceCommand, isfinite
 
-INFINITE = float("inf")
-PITCH_PER_SPEED = 0.05  # rad for each m/s: what a glider's pitch gains in alpha when it slows down
-MARGIN_FULL = 0.05  # rad; from here on all of the elevator may be used
-STALL_BEYOND = 0.05  # rad beyond the limit: it does not hold, the aircraft stalls
-SLOW_BEYOND = 0.05  # as a pitch, by PITCH_PER_SPEED
-CLEAR_FACTOR = 1.3  # of the least clearance: clear of the ground again
+INFINITE: Final = float("inf")
+PITCH_PER_SPEED: Final = 0.05  # rad for each m/s: a glider that slows down gains alpha so
+MARGIN_FULL: Final = 0.05  # rad; from here on all of the elevator may be used
+STALL_BEYOND: Final = 0.05  # rad beyond the limit: it does not hold, the aircraft stalls
+SLOW_BEYOND: Final = 0.05  # as a pitch, by PITCH_PER_SPEED
+CLEAR_FACTOR: Final = 1.3  # of the least clearance: clear of the ground again
 
 # What was cut.
 CUT_TRAVEL: Final = 1

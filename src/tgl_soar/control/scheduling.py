@@ -12,11 +12,13 @@ and D change no faster than s.
 
 from __future__ import annotations
 
+from typing import Final
+
 from .pid import PidGains
 from .soaring import SoaringGains
 
-UP_PER_S = 2.0
-DOWN_PER_S = 10.0
+UP_PER_S: Final = 2.0
+DOWN_PER_S: Final = 10.0
 
 
 def share_step(share: float, inertial: bool, dt_s: float) -> float:

@@ -17,10 +17,9 @@ may be met by the incidence that they make:
 
 from __future__ import annotations
 
-from math import isfinite
 from typing import NamedTuple
 
-from tgl_soar.types import NAN
+from tgl_soar.types import NAN, isfinite
 
 from .pid import PidGains, PidState, PidTerms, pid_reset, pid_step
 

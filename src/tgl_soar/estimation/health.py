@@ -28,34 +28,41 @@ DEAD_S outside of it, they do not.  Where nothing is read back nobody knows, whi
 
 from __future__ import annotations
 
-from math import isfinite
 from typing import Final, NamedTuple
 
-from tgl_soar.types import NAN, AttitudeSample, Health, Inputs, PositionFix, SurfaceCommand
+from tgl_soar.types import (
+    NAN,
+    AttitudeSample,
+    Health,
+    Inputs,
+    PositionFix,
+    SurfaceCommand,
+    isfinite,
+)
 
 from .motion import FUTURE_S, MotionState
 
-INFINITE = float("inf")
-HEARTBEAT_FUTURE_S = 1.0  # between two of them
-AVERAGED = 32.0
-GAP_FACTOR = 3.5
-GAP_MIN_S = 0.05
-JUMP_M = 1.0
-JUMP_MPS = 30.0
-JUMP_COSINE = 0.95  # of half the angle: 36 degrees
-NORM_ERROR = 0.02
-FRAME_S = 2.0
-FRAME_MPS = 2.0
-FAULT_S = 1.0
-TILT_S = 2.0
-TILT_MAX = 0.4  # of g
-TILT_STEP_S = 0.02  # accelerations are looked at no more often
-STALE_S = 1.0  # accelerations and what is read back count for so long
-AIRSPEED_STALE_S = 3.0
-DEAD_S = 0.5
-SHRINK_PER_S = 1.0
-AIRSPEED_MAX_MPS = 80.0
-GRAVITY_MPS2 = 9.81
+INFINITE: Final = float("inf")
+HEARTBEAT_FUTURE_S: Final = 1.0  # between two of them
+AVERAGED: Final = 32.0
+GAP_FACTOR: Final = 3.5
+GAP_MIN_S: Final = 0.05
+JUMP_M: Final = 1.0
+JUMP_MPS: Final = 30.0
+JUMP_COSINE: Final = 0.95  # of half the angle: 36 degrees
+NORM_ERROR: Final = 0.02
+FRAME_S: Final = 2.0
+FRAME_MPS: Final = 2.0
+FAULT_S: Final = 1.0
+TILT_S: Final = 2.0
+TILT_MAX: Final = 0.4  # of g
+TILT_STEP_S: Final = 0.02  # accelerations are looked at no more often
+STALE_S: Final = 1.0  # accelerations and what is read back count for so long
+AIRSPEED_STALE_S: Final = 3.0
+DEAD_S: Final = 0.5
+SHRINK_PER_S: Final = 1.0
+AIRSPEED_MAX_MPS: Final = 80.0
+GRAVITY_MPS2: Final = 9.81
 
 # Faults, as bits; a stream's own are those of the position, shifted for the attitude.
 GAP: Final = 1 << 0
@@ -166,8 +173,8 @@ class HealthState(NamedTuple):
     surfaces: SurfacesState
 
 
-_ANYWHERE = BandState(-1.0, 1.0)
-_NO_SURFACES = SurfacesState(0, INFINITE, _ANYWHERE, _ANYWHERE, _ANYWHERE)
+_ANYWHERE: Final = BandState(-1.0, 1.0)
+_NO_SURFACES: Final = SurfacesState(0, INFINITE, _ANYWHERE, _ANYWHERE, _ANYWHERE)
 
 
 def initial_health() -> HealthState:

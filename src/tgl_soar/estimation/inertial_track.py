@@ -17,11 +17,11 @@ x, y, z  m  soaring frame       v  m/s       a  m/s²
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
-INFINITE = float("inf")
-NODES = 8
-NODE_S = 0.064  # from one node to the next, or one sample where those are farther apart
+INFINITE: Final = float("inf")
+NODES: Final = 8
+NODE_S: Final = 0.064  # from one node to the next, or one sample where those are farther apart
 
 
 Place = tuple[float, float, float, float, float, float]  # x, y, z [m], velocities [m/s]

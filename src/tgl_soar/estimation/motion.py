@@ -38,8 +38,8 @@ gone back: place and velocity are forgotten, and the sample starts afresh.
 
 from __future__ import annotations
 
-from math import cos, exp, isfinite, sin, sqrt
-from typing import NamedTuple
+from math import cos, exp, sin, sqrt
+from typing import Final, NamedTuple
 
 from tgl_soar.geometry import SoaringFrame, soaring_from_ned, soaring_vector_from_ned
 from tgl_soar.types import (
@@ -49,6 +49,7 @@ from tgl_soar.types import (
     MotionQuality,
     PositionFix,
     VehicleState,
+    isfinite,
 )
 
 from .fix_filter import (
@@ -63,31 +64,31 @@ from .fix_filter import (
 from .inertial_track import Place, Track, new_track, oldest_s, track_at, track_moved
 from .turning import NO_TURNING, PREDICT_MAX_S, Turning, is_rotation, turned_by, turning_to
 
-GRAVITY_MPS2 = 9.80665  # what it is elsewhere is a bias of the vertical acceleration
-FUTURE_S = 0.05  # a time stamp may be this far ahead of the tick: clock mapping is not exact
-FORCE_MAX_MPS2 = 200.0  # of 20 g nothing soars; hostile or broken
-IMU_GAP_S = 0.055  # accelerations are counted on where they come more often than this
-IMU_STEADY_S = 0.1  # and have done so for this long
-IMU_SILENT_S = 0.08  # until the last is older than this
-IMU_INTERVAL_S = 0.005  # between two accelerations, until it is known
-IMU_INTERVAL_MIN_S = 0.001
-INTERVAL_SHARE = 0.02  # of the newest interval in the known one
-BIAS_S = 300.0  # in which a bias may become another one: it turns with the aircraft
-ACCELERATION_S = 0.1  # how long an acceleration that nobody tells lasts
-GATE_SIGMAS = 5.0
-GATE_MPS = 1.0  # floor of the gate of velocities
-AGREE_MPS = 5.0  # how wrong the estimated velocity may be while outliers are compared
-OUTLIERS_BELIEVED = 5
-JUMP_S = 0.4  # longer than the supervisor keeps a line over a gap
-LOST_M = 0.5  # with a place as uncertain as this, and 3 σ of a fix, a fix starts afresh
-START_MPS = 2.0  # how fast the aircraft may be where a first fix has no velocity
-VELOCITY_MAX_MPS = 25.0  # over the ground; a faster one is none
-SIGMA_MAX_M = 1e3  # who doubts himself so much says nothing
-OFFSET_M = 0.3  # how far the origins of two sources may be apart: standard deviation
-OFFSET_MAX_M = 3.0 * OFFSET_M  # farther off a new source is not believed at once
-OFFSET_SMALL_M = 1e-4  # an offset that nobody sees go
-BLEED_S = 5.0  # in which an offset is bled off, no faster than
-BLEED_MPS = 0.05
+GRAVITY_MPS2: Final = 9.80665  # what it is elsewhere is a bias of the vertical acceleration
+FUTURE_S: Final = 0.05  # a time stamp may be this far ahead of the tick: clock mapping is not exact
+FORCE_MAX_MPS2: Final = 200.0  # of 20 g nothing soars; hostile or broken
+IMU_GAP_S: Final = 0.055  # accelerations are counted on where they come more often than this
+IMU_STEADY_S: Final = 0.1  # and have done so for this long
+IMU_SILENT_S: Final = 0.08  # until the last is older than this
+IMU_INTERVAL_S: Final = 0.005  # between two accelerations, until it is known
+IMU_INTERVAL_MIN_S: Final = 0.001
+INTERVAL_SHARE: Final = 0.02  # of the newest interval in the known one
+BIAS_S: Final = 300.0  # in which a bias may become another one: it turns with the aircraft
+ACCELERATION_S: Final = 0.1  # how long an acceleration that nobody tells lasts
+GATE_SIGMAS: Final = 5.0
+GATE_MPS: Final = 1.0  # floor of the gate of velocities
+AGREE_MPS: Final = 5.0  # how wrong the estimated velocity may be while outliers are compared
+OUTLIERS_BELIEVED: Final = 5
+JUMP_S: Final = 0.4  # longer than the supervisor keeps a line over a gap
+LOST_M: Final = 0.5  # with a place as uncertain as this, and 3 σ of a fix, a fix starts afresh
+START_MPS: Final = 2.0  # how fast the aircraft may be where a first fix has no velocity
+VELOCITY_MAX_MPS: Final = 25.0  # over the ground; a faster one is none
+SIGMA_MAX_M: Final = 1e3  # who doubts himself so much says nothing
+OFFSET_M: Final = 0.3  # how far the origins of two sources may be apart: standard deviation
+OFFSET_MAX_M: Final = 3.0 * OFFSET_M  # farther off a new source is not believed at once
+OFFSET_SMALL_M: Final = 1e-4  # an offset that nobody sees go
+BLEED_S: Final = 5.0  # in which an offset is bled off, no faster than
+BLEED_MPS: Final = 0.05
 
 
 class MotionGains(NamedTuple):
@@ -172,8 +173,8 @@ class MotionState(NamedTuple):
     jump_s: float  # the tick in which the position last jumped; NaN: never
 
 
-_NO_OFFSET = Offset(0.0, 0.0, 0.0)
-_NO_OUTLIERS = Outliers(0, NAN, NAN, NAN, NAN)
+_NO_OFFSET: Final = Offset(0.0, 0.0, 0.0)
+_NO_OUTLIERS: Final = Outliers(0, NAN, NAN, NAN, NAN)
 
 
 def initial_motion() -> MotionState:

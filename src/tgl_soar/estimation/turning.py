@@ -9,8 +9,8 @@ differences of the angles.
 
 from __future__ import annotations
 
-from math import cos, isfinite, sin, sqrt
-from typing import NamedTuple
+from math import cos, sin, sqrt
+from typing import Final, NamedTuple
 
 from tgl_soar.geometry import (
     SoaringFrame,
@@ -19,10 +19,10 @@ from tgl_soar.geometry import (
     quaternion_product,
     wrap_angle,
 )
-from tgl_soar.types import NAN, AttitudeSample, ImuSample
+from tgl_soar.types import NAN, AttitudeSample, ImuSample, isfinite
 
-PREDICT_MAX_S = 0.1  # attitude is carried on no further than this
-DIFFERENCE_MIN_S = 0.002  # over a shorter time the noise of stamps and angles is no rate
+PREDICT_MAX_S: Final = 0.1  # attitude is carried on no further than this
+DIFFERENCE_MIN_S: Final = 0.002  # over a shorter time the noise of stamps and angles is no rate
 
 
 class Turning(NamedTuple):
@@ -42,7 +42,7 @@ class Turning(NamedTuple):
     before_heading_rad: float
 
 
-NO_TURNING = Turning(NAN, NAN, NAN, NAN, 0.0, 0.0, 0.0, False, NAN, NAN, NAN, NAN)
+NO_TURNING: Final = Turning(NAN, NAN, NAN, NAN, 0.0, 0.0, 0.0, False, NAN, NAN, NAN, NAN)
 
 
 def is_rotation(sample: AttitudeSample) -> bool:

@@ -43,7 +43,7 @@ Excess updraft is the updraft less the sink of the glide polar at the horizontal
 
 from __future__ import annotations
 
-from math import atan2, cos, exp, isfinite, log1p, sin, sqrt
+from math import atan2, cos, exp, log1p, sin, sqrt
 from typing import Final, NamedTuple
 
 from tgl_soar.types import (
@@ -54,36 +54,37 @@ from tgl_soar.types import (
     ImuSample,
     Inputs,
     VehicleState,
+    isfinite,
     polar_sink,
 )
 
 # What the numbers of an airframe file are good for.
-LIFT_ERROR = 0.04  # of the lift at an angle of attack
-DRAG_ERROR = 0.10
-GLIDE_RATIO = 6.0  # drag is weight over this
-PITOT_BIAS_MPS = 0.15
-TRIM_ERROR_RAD = 0.02
+LIFT_ERROR: Final = 0.04  # of the lift at an angle of attack
+DRAG_ERROR: Final = 0.10
+GLIDE_RATIO: Final = 6.0  # drag is weight over this
+PITOT_BIAS_MPS: Final = 0.15
+TRIM_ERROR_RAD: Final = 0.02
 # White noise of single samples, with what is not simultaneous in it.
-FORCE_NOISE_MPS2 = 0.25
-STALL_NOISE_MPS2 = 3.0  # of the force on a wing that is wholly stalled
-PITOT_NOISE_MPS = 0.20
-TRIM_NOISE_RAD = 0.05  # what the pitch acceleration makes of it, for TRIM_S
-TRIM_S = 0.1
+FORCE_NOISE_MPS2: Final = 0.25
+STALL_NOISE_MPS2: Final = 3.0  # of the force on a wing that is wholly stalled
+PITOT_NOISE_MPS: Final = 0.20
+TRIM_NOISE_RAD: Final = 0.05  # what the pitch acceleration makes of it, for TRIM_S
+TRIM_S: Final = 0.1
 # Without accelerometers: how far from steady flight is, and for how long.
-UNSTEADY_X_MPS2 = 0.25
-UNSTEADY_Z_MPS2 = 1.3
-UNSTEADY_S = 0.1
-FORCE_AGE_MAX_S = 0.1
-PITOT_AGE_MAX_S = 0.5
-BIAS_S = 5.0  # over so long flight is unaccelerated
-FIRST_GUESS_MPS = 4.0
-GATE = 5.0  # standard deviations beyond which a measurement is refused
-RESTART_S = 1.0  # after a gap of this length nothing is known any more
+UNSTEADY_X_MPS2: Final = 0.25
+UNSTEADY_Z_MPS2: Final = 1.3
+UNSTEADY_S: Final = 0.1
+FORCE_AGE_MAX_S: Final = 0.1
+PITOT_AGE_MAX_S: Final = 0.5
+BIAS_S: Final = 5.0  # over so long flight is unaccelerated
+FIRST_GUESS_MPS: Final = 4.0
+GATE: Final = 5.0  # standard deviations beyond which a measurement is refused
+RESTART_S: Final = 1.0  # after a gap of this length nothing is known any more
 # Beyond these the model says nothing, and nor do we.
-ALPHA_MAX_RAD = 0.6
-SLOWEST = 0.4  # of the polar's slowest
-FASTEST = 2.0  # of the polar's fastest
-SLOWEST_MPS = 0.5
+ALPHA_MAX_RAD: Final = 0.6
+SLOWEST: Final = 0.4  # of the polar's slowest
+FASTEST: Final = 2.0  # of the polar's fastest
+SLOWEST_MPS: Final = 0.5
 
 
 class WindParams(NamedTuple):

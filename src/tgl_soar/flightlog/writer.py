@@ -24,15 +24,14 @@ import struct
 import threading
 import time
 from collections.abc import Callable, Mapping
-from math import inf, isfinite
+from math import inf
 from os import write
 from pathlib import Path
-from time import monotonic_ns
 from typing import Any, Final, NamedTuple, TypeVar
 
 from tgl_soar.autopilot import AutopilotState, Output
 from tgl_soar.parameters import PARAMETERS, ParameterSet
-from tgl_soar.types import Inputs
+from tgl_soar.types import Inputs, isfinite
 
 from . import files
 from .declaration import STREAMS, TOPICS, packer, record_size
@@ -55,6 +54,7 @@ _MAGIC: Final = b"\x55\x4c\x6f\x67\x01\x12\x35\x01"
 _HEAD: Final = struct.Struct("<HB")
 _SETUP_SIGNING: Final = b"\x00\x01\x00"  # it carries a key: never written down
 _STAMP: Final = struct.Struct(">Q").pack
+_now_ns: Final = time.monotonic_ns
 _LARGEST_INT: Final = 0x7FFFFFFF
 _LARGEST_FLOAT32: Final = 3.4028234e38
 
@@ -275,7 +275,7 @@ class FlightRecorder(Recorder):
         """A frame came or went on any link; one that carries a key is left out."""
         if not self._on or (len(frame) > 9 and frame[8] == 1 and frame[7:10] == _SETUP_SIGNING):
             return
-        self._frames.append((monotonic_ns(), frame))
+        self._frames.append((_now_ns(), frame))
         if len(self._frames) >= BATCH_FRAMES:
             self._pack_frames()
 

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
-from fastcrc.crc16 import mcrf4xx as checksum
+from fastcrc.crc16 import mcrf4xx
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from .hot_frames import READERS, WRITERS, Reader, chars, float32, override_body
@@ -47,9 +47,12 @@ from .messages import (
     VfrHud,
     VisionPositionEstimate,
     WindCov,
-    new,
 )
 from .signing import Signing, signed
+
+# Constants of this module, and so found at once in native code.
+checksum: Final = mcrf4xx
+_new: Final[Any] = tuple.__new__  # a named tuple of all its fields in a tuple
 
 _MARKER_V1: Final = 0xFE
 _MARKER_V2: Final = 0xFD
@@ -203,11 +206,11 @@ class Decoder:
             if message is None:
                 return True
         elif size >= known.needed:
-            message = new(known.kind, fields(data, payload_at))
+            message = _new(known.kind, fields(data, payload_at))
         else:
-            message = new(known.kind, fields(data[payload_at:to] + _ZEROS, 0))
+            message = _new(known.kind, fields(data[payload_at:to] + _ZEROS, 0))
         counters.messages += 1
-        received.append(new(Received, (known.source, message)))
+        received.append(Received(known.source, message))
         return True
 
     def _is_unknown(self, data: bytes, at: int, length: int) -> bool:

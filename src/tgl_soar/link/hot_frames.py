@@ -17,9 +17,10 @@ https://mavlink.io/en/guide/serialization.html
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import isfinite
 from struct import Struct
 from typing import Any, Final, NamedTuple
+
+from tgl_soar.types import isfinite
 
 from .messages import (
     ID_ATTITUDE_QUATERNION,

@@ -7,11 +7,7 @@ Whatever handles them is pure logic and needs no codec in its tests.
 
 from __future__ import annotations
 
-from typing import Any, Final, NamedTuple, TypeAlias
-
-# A named tuple of all its fields in a tuple: half the time of calling it by its name.  For what
-# is made several times a tick.
-new: Final[Any] = tuple.__new__
+from typing import Final, NamedTuple, TypeAlias
 
 # MAV_TYPE, MAV_AUTOPILOT, MAV_COMP_ID, MAV_MODE_FLAG
 TYPE_FIXED_WING: Final = 1

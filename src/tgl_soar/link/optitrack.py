@@ -28,11 +28,10 @@ In lockstep the server's clock is the vehicle's and nothing is mapped.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from math import isfinite
 from typing import Final, NamedTuple, Protocol
 
 from tgl_soar.geometry import HallFrame, ned_attitude_from_hall, ned_from_hall
-from tgl_soar.types import NAN, PositionFix
+from tgl_soar.types import NAN, PositionFix, isfinite
 
 from .messages import SEVERITY_INFO, SEVERITY_WARNING
 from .natnet import layout, track

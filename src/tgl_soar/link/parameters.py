@@ -14,11 +14,11 @@ a set of indices: asking twice costs nothing, and a flood of requests is answere
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite
 from typing import Final
 
 from tgl_soar.line_changes import LineChanges
 from tgl_soar.parameters import INDEX, PARAMETERS, ParameterError, ParameterSet
+from tgl_soar.types import isfinite
 
 from .messages import (
     PARAM_ERROR_DOES_NOT_EXIST,

@@ -19,11 +19,11 @@ older than `STALE_S`: with the source the messages stop.
 
 from __future__ import annotations
 
-from math import isfinite, sqrt
+from math import sqrt
 from typing import Final
 
 from tgl_soar.geometry import euler_from_quaternion, rotated
-from tgl_soar.types import NAN
+from tgl_soar.types import NAN, isfinite
 
 from .messages import (
     ESTIMATOR_VISION,

@@ -18,11 +18,11 @@ had the density of sea level.  The aircraft flies through the air that there is:
 
 from __future__ import annotations
 
-from math import isfinite, sqrt
+from math import sqrt
 from struct import Struct
 from typing import Final
 
-from tgl_soar.types import NAN
+from tgl_soar.types import NAN, isfinite
 
 from .messages import HighresImu, RawImu, ScaledImu, VfrHud
 

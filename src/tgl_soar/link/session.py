@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Hashable
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf
 from typing import Final
 
 from tgl_soar.geometry import quaternion_from_euler, rotated
@@ -31,6 +31,7 @@ from tgl_soar.types import (
     ImuSample,
     PositionFix,
     SurfacesSample,
+    isfinite,
 )
 
 from .autopilots.base import Flavour
@@ -81,7 +82,6 @@ from .messages import (
     Timesync,
     VfrHud,
     VisionPositionEstimate,
-    new,
 )
 from .sensing import airspeed_of_hud, airspeed_of_pressure, imu_of, sigma_of
 from .sources import (
@@ -420,7 +420,7 @@ class Session:
         elif self._imu_from.speaks(number, now_s):
             (x, y, z), (p, q, r) = measured
             self.counters.imus += 1
-            self.imu = new(ImuSample, (self.imu.sequence + 1, times[0], x, y, z, p, q, r))
+            self.imu = ImuSample(self.imu.sequence + 1, times[0], x, y, z, p, q, r)
 
     def _take_hud(self, m: VfrHud, now_s: float) -> None:
         """It has no stamp.  Without a pitot tube it shows a guess, which is no measurement."""
@@ -528,7 +528,7 @@ class Session:
     ) -> None:
         """A position on the link, for the choice among all sources."""
         (x, y, z), (u, v, w) = at, velocity
-        fix = new(PositionFix, (0, time_s, x, y, z, u, v, w, source, sigma_m))
+        fix = PositionFix(0, time_s, x, y, z, u, v, w, source, sigma_m)
         if self._lockstep:  # the vehicle is at least as far as this, though its attitude be lost
             now_s = time_s if time_s > self.vehicle_time_s else self.vehicle_time_s
         if self.sources.take(source, fix, now_s, turned):
@@ -543,7 +543,7 @@ class Session:
         self.counters.attitudes += 1
         (w, x, y, z), (roll, pitch, yaw) = q, rates
         number = self.attitude.sequence + 1
-        self.attitude = new(AttitudeSample, (number, time_s, w, x, y, z, roll, pitch, yaw))
+        self.attitude = AttitudeSample(number, time_s, w, x, y, z, roll, pitch, yaw)
 
     def _loop_time_s(self, now_s: float) -> float:
         """Now, on the loop's clock."""

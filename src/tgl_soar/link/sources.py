@@ -23,12 +23,12 @@ Times are on the loop's clock; time is an argument.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import inf, isfinite, sqrt
+from math import inf, sqrt
 from typing import Final
 
-from tgl_soar.types import NAN, NO_FIX, PositionFix
+from tgl_soar.types import NAN, NO_FIX, PositionFix, isfinite
 
-from .messages import SEVERITY_INFO, SEVERITY_WARNING, new
+from .messages import SEVERITY_INFO, SEVERITY_WARNING
 
 LOCAL_POSITION: Final = 1
 ODOMETRY: Final = 2
@@ -171,8 +171,7 @@ class PositionSources:
             self._switch(source, now_s)
         _, time_s, x, y, z, u, v, w, _, sigma_m = measured
         number = self.position.sequence + 1
-        fields = (number, time_s, x, y, z, u, v, w, source, sigma_m)
-        self.position = new(PositionFix, fields)
+        self.position = PositionFix(number, time_s, x, y, z, u, v, w, source, sigma_m)
         self.turned = turned
         return True
 

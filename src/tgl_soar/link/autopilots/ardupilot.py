@@ -14,7 +14,7 @@ it navigates by itself again.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import isfinite, pi
+from math import pi
 from typing import ClassVar, Final
 
 from tgl_soar.geometry import quaternion_from_euler
@@ -35,9 +35,8 @@ from tgl_soar.link.messages import (
     RcChannelsOverride,
     Said,
     SetAttitudeTarget,
-    new,
 )
-from tgl_soar.types import OURS, THEIRS_WITH_RUDDER, Setpoints, SurfaceCommand
+from tgl_soar.types import OURS, THEIRS_WITH_RUDDER, Setpoints, SurfaceCommand, isfinite
 
 from .base import (
     Route,
@@ -195,8 +194,7 @@ class ArduPilot:
         values[elevator.channel - 1] = pulse_width(elevator, surfaces.elevator)
         values[aileron.channel - 1] = pulse_width(aileron, surfaces.aileron)
         values[rudder.channel - 1] = pulse_width(rudder, surfaces.rudder)
-        fields = (self._system_id, COMPONENT_AUTOPILOT, tuple(values))
-        return (new(RcChannelsOverride, fields),)
+        return (RcChannelsOverride(self._system_id, COMPONENT_AUTOPILOT, tuple(values)),)
 
     def release(self) -> tuple[Said, ...]:
         """One frame that gives our three channels back and touches no other."""

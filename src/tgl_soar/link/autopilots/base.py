@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from math import isfinite
 from typing import ClassVar, NamedTuple, Protocol
 
 from tgl_soar.link.messages import (
@@ -24,7 +23,7 @@ from tgl_soar.link.messages import (
     ParamValue,
     Said,
 )
-from tgl_soar.types import NAN, Setpoints, SurfaceCommand
+from tgl_soar.types import NAN, Setpoints, SurfaceCommand, isfinite
 
 from .requirements import Answers, Needs, Requirement
 

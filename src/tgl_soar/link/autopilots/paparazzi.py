@@ -15,7 +15,6 @@ Its streams are slow and no request makes them faster: the telemetry file has to
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import isfinite
 from typing import ClassVar, Final
 
 from tgl_soar.link.messages import (
@@ -32,7 +31,7 @@ from tgl_soar.link.messages import (
     RcChannelsOverride,
     Said,
 )
-from tgl_soar.types import OURS, Setpoints, SurfaceCommand
+from tgl_soar.types import OURS, Setpoints, SurfaceCommand, isfinite
 
 from .base import (
     Route,

@@ -13,7 +13,6 @@ PX4 has chosen, the pilot's mode, arm and kill switches are ignored.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import isfinite
 from typing import ClassVar, Final
 
 from tgl_soar.geometry import quaternion_from_euler
@@ -35,7 +34,7 @@ from tgl_soar.link.messages import (
     SetActuatorControlTarget,
     SetAttitudeTarget,
 )
-from tgl_soar.types import OURS, THEIRS, Setpoints, SurfaceCommand
+from tgl_soar.types import OURS, THEIRS, Setpoints, SurfaceCommand, isfinite
 
 from .base import (
     Route,

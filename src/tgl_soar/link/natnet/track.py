@@ -9,8 +9,10 @@ new place for `SETTLE_S`: then it is where the body is, whatever has happened.
 
 from __future__ import annotations
 
-from math import isfinite, sqrt
+from math import sqrt
 from typing import Final
+
+from tgl_soar.types import isfinite
 
 from .layout import RigidBody
 
