@@ -32,7 +32,7 @@ FOLDERS: Final = (
     *("", "control", "estimation", "flightlog"),
     *("link", "link/autopilots", "link/natnet"),
 )  # of what flies
-_MADE_BY: Final = ("compile.py", "direct_tuples.py")  # of the commands
+_MADE_BY: Final = ("compile.py", "direct_tuples.py", "direct_tuples.c")  # of the commands
 
 # What every tick goes through.  What reads files, declares or starts things stays as it is.
 MODULES: Final = (

@@ -22,11 +22,19 @@ import typer
 from tgl_soar import native
 
 from .console import AIRFRAME, SITE, console, fail
-from .direct_tuples import direct, fields_of, kinds_of
+from .direct_tuples import IN_C, direct, fields_of, kinds_of
 
-# No product and sum in one rounding: native code gives the very numbers of the source.
-_FLAGS: Final = "-ffp-contract=off"
+# No product and sum in one rounding: native code gives the very numbers of the source.  Nobody
+# else's functions stand in for ours: they are called without asking.
+_FLAGS: Final = "-ffp-contract=off -fno-semantic-interposition -fno-plt"
 _CONFIG: Final = "[mypy]\nignore_missing_imports = True\n"
+_SETUP: Final = """\
+from mypyc.build import mypycify
+from setuptools import Extension, setup
+
+modules = mypycify({files!r})
+setup(name="tgl_soar", ext_modules=[*modules, Extension("tgl_soar_tuples", [{in_c!r}])])
+"""
 _WORK: Final = "making-native-"  # what a folder to work in is called
 _LAST_LINES: Final = 20  # of what the compiler said
 _STAY_S: Final = 4.0  # on each line, in the flight that is flown by both
@@ -113,8 +121,10 @@ def _compile(work: Path) -> None:
     _make_tuples_direct(work)
     (work / "mypy.ini").write_text(_CONFIG, encoding="utf-8")
     files = [str(native.file_of(name).relative_to(native.SOURCE.parent)) for name in native.MODULES]
+    shutil.copy(Path(__file__).with_name(IN_C), work)
+    (work / "setup.py").write_text(_SETUP.format(files=files, in_c=IN_C), encoding="utf-8")
     with subprocess.Popen(
-        [sys.executable, "-m", "mypyc", *files],
+        [sys.executable, "setup.py", "build_ext", "--inplace"],
         cwd=work,
         env={**os.environ, "CFLAGS": _FLAGS},
         stdout=subprocess.PIPE,
