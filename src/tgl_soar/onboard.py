@@ -338,6 +338,8 @@ class Onboard:
         self.output: autopilot.Output | None = None  # of the last tick
 
         self._setup = setup
+        route = setup.flavour.route
+        self._loops, self._enters_mode = route.loops, route.mode_to_enter is not None
         self._recorder = recorder
         self._console = console or _nowhere
         self._store = store
@@ -693,9 +695,8 @@ class Onboard:
         decoder, encoder = self._rehearsing
         decoder.feed(piece)
         _, output = autopilot.step(self._laws, state, inputs)
-        flavour = self._setup.flavour
-        if output.active and _can_be_said(output, flavour.route.loops):
-            for message in flavour.commands(output.command, output.setpoints):
+        if output.active and _can_be_said(output, self._loops):
+            for message in self._setup.flavour.commands(output.command, output.setpoints):
                 _frame_of(message, encoder)
 
     def periodic(self, now_s: float) -> None:
@@ -770,9 +771,8 @@ class Onboard:
     def _tick(self, time_s: float) -> None:
         self.counters.ticks += 1
         session, flavour = self.session, self._setup.flavour
-        can_enter = flavour.route.mode_to_enter is not None and not session.mismatch
         status = session.status
-        if can_enter and not self._active:
+        if self._enters_mode and not self._active and not session.mismatch:
             self._enter_mode(time_s)
             status = status._replace(accepts_surfaces=True)  # it will, once it is asked
         inputs = Inputs(
@@ -792,7 +792,7 @@ class Onboard:
         self.output = output
         if output.health.faults & (JUMP | WRONG):  # what else there is, the sources see themselves
             session.sources.doubt(time_s)
-        if output.active and _can_be_said(output, flavour.route.loops):
+        if output.active and _can_be_said(output, self._loops):
             self._say_surfaces(flavour.commands(output.command, output.setpoints))
             self.counters.surface_frames += 1
             self._releases = 0

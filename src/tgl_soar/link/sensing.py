@@ -53,20 +53,28 @@ def imu_of(message: HighresImu | ScaledImu | RawImu) -> tuple[Triple, Triple] | 
         if message.fields_updated & _ACCELERATIONS != _ACCELERATIONS:
             return None
         has_rates = message.fields_updated & _GYROS == _GYROS
+    elif isinstance(message, ScaledImu):
+        m = message
+        x, y, z, p, q, r = _scaled(m.xacc, m.yacc, m.zacc, m.xgyro, m.ygyro, m.zgyro)
     else:
-        mg, mrad = MILLI_G_MPS2, 1e-3
-        x, y, z, p, q, r = _single(
-            _six(
-                message.xacc * mg, message.yacc * mg, message.zacc * mg,
-                message.xgyro * mrad, message.ygyro * mrad, message.zgyro * mrad,
-            )
-        )  # fmt: skip
+        n = message
+        x, y, z, p, q, r = _scaled(n.xacc, n.yacc, n.zacc, n.xgyro, n.ygyro, n.zgyro)
     if not (abs(x) <= FORCE_MAX_MPS2 and abs(y) <= FORCE_MAX_MPS2 and abs(z) <= FORCE_MAX_MPS2):
         return None
     if x == 0.0 and y == 0.0 and z == 0.0:
         return None
     fits = abs(p) <= RATE_MAX_RADPS and abs(q) <= RATE_MAX_RADPS and abs(r) <= RATE_MAX_RADPS
     return (x, y, z), (p, q, r) if has_rates and fits else (NAN, NAN, NAN)
+
+
+def _scaled(
+    x_mg: int, y_mg: int, z_mg: int, p_mrad: int, q_mrad: int, r_mrad: int
+) -> tuple[float, float, float, float, float, float]:
+    """In m/s² and rad/s, of single precision."""
+    mg, mrad = MILLI_G_MPS2, 1e-3
+    turns = p_mrad * mrad, q_mrad * mrad, r_mrad * mrad
+    x, y, z, p, q, r = _single(_six(x_mg * mg, y_mg * mg, z_mg * mg, *turns))
+    return x, y, z, p, q, r
 
 
 def airspeed_of_pressure(message: HighresImu) -> float | None:

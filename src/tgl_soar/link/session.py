@@ -406,9 +406,10 @@ class Session:
     def _take_imu(self, m: HighresImu | RawImu | ScaledImu, now_s: float) -> None:
         if isinstance(m, ScaledImu):
             number, times = m.message_id, self._time_of(m.message_id, m.time_boot_ms, now_s)
+        elif isinstance(m, RawImu):
+            number, times = ID_RAW_IMU, self._time_of_us(ID_RAW_IMU, m.time_usec, now_s)
         else:
-            number = ID_RAW_IMU if isinstance(m, RawImu) else ID_HIGHRES_IMU
-            times = self._time_of_us(number, m.time_usec, now_s)
+            number, times = ID_HIGHRES_IMU, self._time_of_us(ID_HIGHRES_IMU, m.time_usec, now_s)
         self.streams.heard(number)
         if times is None:
             return

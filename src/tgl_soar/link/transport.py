@@ -156,17 +156,6 @@ class _Udp:
     def close(self) -> None:
         self._socket.close()
 
-    def _next(self) -> tuple[bytes, tuple[str, int]] | None:
-        """The next datagram and its sender."""
-        while True:
-            try:
-                data, address = self._socket.recvfrom(MAX_DATAGRAM_BYTES)
-            except ConnectionRefusedError:
-                continue  # the answer to something sent before the peer was there
-            except OSError:
-                return None
-            return data, (address[0], address[1])
-
     def _has_more(self) -> bool:
         """Whether another datagram waits; to fail to read it would take much longer.
 
@@ -221,6 +210,17 @@ class UdpListener(_Udp):
                 break
         return received
 
+    def _next(self) -> tuple[bytes, tuple[str, int]] | None:
+        """The next datagram and its sender."""
+        while True:
+            try:
+                data, address = self._socket.recvfrom(MAX_DATAGRAM_BYTES)
+            except ConnectionRefusedError:
+                continue  # the answer to something sent before the peer was there
+            except OSError:
+                return None
+            return data, (address[0], address[1])
+
     def send(self, data: bytes) -> bool:
         return self.peer is not None and self._send_to(data, self.peer)
 
@@ -256,11 +256,14 @@ class UdpSpeaker(_Udp):
     def receive(self, now_s: float) -> list[bytes]:  # noqa: ARG002 - a Transport is given the time
         received: list[bytes] = []
         for _ in range(MAX_DATAGRAMS):
-            datagram = self._next()
-            if datagram is None:
+            try:
+                data = self._socket.recv(MAX_DATAGRAM_BYTES)
+            except ConnectionRefusedError:
+                continue  # the answer to something sent before the peer was there
+            except OSError:
                 break
-            self.counters.bytes_in += len(datagram[0])
-            received.append(datagram[0])
+            self.counters.bytes_in += len(data)
+            received.append(data)
             if not self._has_more():
                 break
         return received
