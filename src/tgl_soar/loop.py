@@ -53,7 +53,7 @@ def run(
         now_s, ready = waiter.wait([*poses, *fds], until_s, pacer.expected_s)
         if now_s >= rehearsal_s:
             onboard.rehearse()
-            pacer.rehearsed(now_s, clock())
+            pacer.rehearsed(rehearsal_s, clock())
             continue
         if mocap is not None:
             _take_poses(onboard, mocap, now_s)

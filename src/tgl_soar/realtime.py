@@ -31,8 +31,11 @@ _IN_STEP: Final = 0.05  # how far the samples' mean interval may be from the per
 _SMOOTH: Final = 0.05
 
 REHEARSAL_S: Final = 0.0007  # before the sample, until it is known how long one takes
-REHEARSAL_MIN_S: Final = 0.0003
 REHEARSAL_MAX: Final = 0.4  # of a period
+_LONGER: Final = 0.05  # what one counts that took longer than thought: most do not
+_SHORTER: Final = 0.02
+_BEFORE: Final = 0.2  # what a sample counts that came before it was expected
+_AFTER: Final = 0.02  # or after: it may have waited for us
 
 STRAIN_TICKS: Final = 40
 _STRAIN_TELEMETRY: Final = 0.02  # one late tick is 0.025
@@ -82,7 +85,7 @@ class Pacer:
     def __init__(self, rate_hz: float, now_s: float) -> None:
         self.counters = TickCounters()
         self.period_s = 1.0 / rate_hz
-        self._deadline_s = now_s + self.period_s
+        self._deadline_s = self._expected_s = now_s + self.period_s
         self._time_s = -inf
         self._stamp_s = nan
         self._interval_s = self.period_s
@@ -95,11 +98,12 @@ class Pacer:
 
     def begin(self, now_s: float) -> None:
         """The loop starts now: whatever took its time before is no delay."""
-        self._deadline_s = now_s + self.period_s
+        self._deadline_s = self._expected_s = now_s + self.period_s
 
     def set_rate(self, rate_hz: float) -> None:
         """Another rate, from the next tick on."""
         self._deadline_s += 1.0 / rate_hz - self.period_s
+        self._expected_s = self._deadline_s
         self.period_s = 1.0 / rate_hz
         self._interval_s = self.period_s
         self._streak = 0
@@ -113,7 +117,7 @@ class Pacer:
     @property
     def expected_s(self) -> float:
         """When the next tick, or the sample that begins it, is expected."""
-        return self._deadline_s
+        return self._expected_s
 
     @property
     def rehearsal_s(self) -> float:
@@ -121,17 +125,22 @@ class Pacer:
 
         A sleep of 5 ms is enough to lose the tick's code and data from the processor's caches:
         the tick after it takes some three times as long.  Gone through once just before its
-        sample is expected, it is quick when the sample is there.
+        sample is expected, it is quick when the sample is there.  It ends as the sample comes, or
+        shortly before: to sleep once more in between would cost more than it saves.
         """
         if not self.locked or self._rehearsed_s == self._deadline_s:
             return inf
-        return self._deadline_s - self._ahead_s
+        return self._expected_s - self._ahead_s
 
-    def rehearsed(self, began_s: float, now_s: float) -> None:
-        """It was gone through: next time as early as is needed to be done in time."""
+    def rehearsed(self, to_begin_s: float, now_s: float) -> None:
+        """It was gone through: next time as early as is mostly needed to be done in time.
+
+        `to_begin_s`: when it was to begin.
+        """
         self._rehearsed_s = self._deadline_s
-        ahead_s = self._ahead_s + _SMOOTH * (2.0 * (now_s - began_s) - self._ahead_s)
-        self._ahead_s = max(REHEARSAL_MIN_S, min(REHEARSAL_MAX * self.period_s, ahead_s))
+        took_s = min(now_s - to_begin_s, REHEARSAL_MAX * self.period_s)
+        weight = _LONGER if took_s > self._ahead_s else _SHORTER
+        self._ahead_s += weight * (took_s - self._ahead_s)
 
     def sample(self, arrival_s: float, stamp_s: float, time_s: float) -> None:
         """An attitude sample: when it came, the vehicle's stamp, its time on our clock."""
@@ -167,11 +176,13 @@ class Pacer:
             if not now_s - self.period_s <= time_s:
                 time_s = now_s  # an old sample: the tick must know how old
             self._deadline_s = self._sample_s + self.period_s
+            self._expect()
         else:
             time_s = self._time_s + self.period_s if self.locked else self._deadline_s
             if missed > 0:
                 time_s = now_s
             self._deadline_s += (1 + missed) * self.period_s
+            self._expected_s = self._deadline_s
         counters.skipped += missed
         late_s = now_s - due_s
         if late_s > LATE_S:
@@ -180,6 +191,19 @@ class Pacer:
         self._sample_s = nan
         self._time_s = max(self._time_s, min(now_s, time_s))
         return self._time_s
+
+    def _expect(self) -> None:
+        """The next sample, one interval after this one was to come.
+
+        This one may have come earlier than it was read: what is late counts little, else the loop
+        would be later and later itself.
+        """
+        after_s = self._sample_s - self._expected_s
+        if abs(after_s) > EARLY * self.period_s:
+            self._expected_s = self._sample_s
+        else:
+            self._expected_s += (_AFTER if after_s > 0.0 else _BEFORE) * after_s
+        self._expected_s += self._interval_s
 
     def done(self, began_s: float, now_s: float) -> None:
         """What a tick brought with it is done."""
@@ -245,9 +269,10 @@ class Waiter:
         waiting = [fd for fd in fds if fd >= 0]
         asleep_until_s = min(until_s, expected_s - self.awake_s)
         left_s = asleep_until_s - clock()
-        ready, _, _ = look(waiting, (), (), max(0.0, left_s))
+        sleeps = left_s > self.awake_s  # a shorter sleep would end no sooner
+        ready, _, _ = look(waiting, (), (), left_s if sleeps else 0.0)
         now_s = clock()
-        if not ready and left_s > 0.0 and self._learns:
+        if not ready and sleeps and self._learns:
             self._learn(now_s - asleep_until_s)
         patience_s = self.awake_s if self._in_vain < _IN_VAIN_MAX else 0.0
         awake_until_s = min(until_s, expected_s + patience_s)

@@ -151,17 +151,69 @@ def test_a_new_rate_holds_from_the_next_tick_on() -> None:
     assert count == pytest.approx(100, abs=1)
 
 
-def test_a_rehearsal_is_once_before_each_expected_sample_and_in_time_for_it() -> None:
-    pacer = Pacer(200.0, 0.0)
-    assert pacer.rehearsal_s == float("inf")  # nothing is expected yet
-    fly(pacer, 1.0, stream(200.0, 1.0))
-    assert pacer.locked
-    ahead_s = pacer.expected_s - pacer.rehearsal_s
-    assert 0.0 < ahead_s < 0.4 * pacer.period_s
-    for took_s, ahead_then_s in ((1e-6, 0.0003), (0.0005, 0.001), (1.0, 0.002)):
-        for _ in range(400):
-            pacer.rehearsed(pacer.rehearsal_s, pacer.rehearsal_s + took_s)
+def rehearsing(
+    took_s: Callable[[], float], *, interval_s: float = 0.005, jitter_s: float = 0.0
+) -> tuple[Pacer, list[float], list[float]]:
+    """A pacer that has followed samples, each read once its rehearsal was over; and of the last
+    thousand, how long each one waited to be read, and how long after it was expected it came."""
+    pacer, noise = Pacer(1.0 / 0.005, 0.0), random.Random(2)
+    waited, after = [], []
+    for i in range(3000):
+        comes_s = i * interval_s + noise.uniform(0.0, jitter_s)
+        free_s = -float("inf")
+        if pacer.rehearsal_s < comes_s:
+            begins_s = pacer.rehearsal_s
+            free_s = begins_s + took_s()
+            pacer.rehearsed(begins_s, free_s)
             assert pacer.rehearsal_s == float("inf")  # not twice
-            pacer.sample(pacer.expected_s, pacer.expected_s, pacer.expected_s)
-            pacer.tick(pacer.expected_s)
-        assert pacer.expected_s - pacer.rehearsal_s == pytest.approx(ahead_then_s, rel=0.01)
+        now_s = max(comes_s, free_s)
+        waited.append(now_s - comes_s)
+        after.append(comes_s - pacer.expected_s)
+        pacer.sample(now_s, i * interval_s, i * interval_s)
+        assert not pacer.locked or pacer.due(now_s)
+        if pacer.due(now_s):
+            pacer.tick(now_s)
+    assert pacer.locked
+    return pacer, waited[-1000:], after[-1000:]
+
+
+@pytest.mark.parametrize("interval_s", [0.005, 0.00505, 0.0049])
+def test_a_rehearsal_ends_as_its_sample_comes(interval_s: float) -> None:
+    assert Pacer(200.0, 0.0).rehearsal_s == float("inf")  # nothing is expected yet
+    pacer, waited, after = rehearsing(lambda: 0.0002, interval_s=interval_s)
+    assert pacer.expected_s - pacer.rehearsal_s == pytest.approx(0.0002, abs=5e-6)
+    assert max(waited) < 10e-6
+    assert max(map(abs, after)) < 10e-6
+
+
+def test_most_rehearsals_are_done_in_time_however_long_each_takes() -> None:
+    noise = random.Random(3)
+    _, waited, after = rehearsing(lambda: noise.uniform(0.0001, 0.0003))
+    assert 0.2 < sum(w > 0.0 for w in waited) / len(waited) < 0.5
+    assert max(map(abs, after)) < 50e-6  # it is not later and later itself
+
+
+def test_where_samples_jitter_the_first_of_them_are_waited_for() -> None:
+    _, waited, after = rehearsing(lambda: 0.0001, jitter_s=0.0005)
+    assert 0.6 < sum(a > 0.0 for a in after) / len(after) < 0.98
+    assert sum(w > 0.0 for w in waited) / len(waited) < 0.4
+
+
+def test_a_rehearsal_that_takes_too_long_does_not_eat_up_the_period() -> None:
+    pacer, _, _ = rehearsing(lambda: 0.0002)
+    for _ in range(1000):
+        pacer.rehearsed(0.0, 1.0)
+    pacer.sample(pacer.expected_s, 3000 * 0.005, 3000 * 0.005)
+    pacer.tick(pacer.expected_s)
+    assert pacer.expected_s - pacer.rehearsal_s == pytest.approx(0.4 * pacer.period_s)
+
+
+def test_after_a_gap_or_another_rate_the_next_sample_is_expected_anew() -> None:
+    pacer, _, _ = rehearsing(lambda: 0.0002)
+    sample_s = pacer.expected_s + 0.9 * pacer.period_s
+    pacer.sample(sample_s, 3000 * 0.005, 3000 * 0.005)
+    pacer.tick(sample_s)
+    assert pacer.expected_s == pytest.approx(sample_s + pacer.period_s, abs=1e-4)
+    pacer.set_rate(100.0)
+    assert pacer.expected_s == pytest.approx(sample_s + 0.01, abs=1e-3)
+    assert pacer.rehearsal_s == float("inf")
