@@ -43,6 +43,7 @@ FLUSH_S: Final = 0.5
 SYNC_S: Final = 1.0
 BATCH_TICKS: Final = 8  # packed together: one after the other is faster than each by itself
 BATCH_FRAMES: Final = 100  # at most
+_FRAMES_PHASE: Final = BATCH_TICKS // 2  # not in the tick that packs ticks
 STATE_TICKS: Final = 400  # between two rows of the state
 STOP_S: Final = 2.0  # so long the end of the process waits for the disk
 STACK_BYTES: Final = 256 * 1024  # memory is locked: a thread's stack of 8 MB would be resident
@@ -293,10 +294,12 @@ class FlightRecorder(Recorder):
 
     def poll(self) -> list[str]:
         """Hand over what is there, every half a second; what is to be told the operator."""
-        if not self._on or self._ticks % BATCH_TICKS:
+        phase = self._ticks % BATCH_TICKS
+        if not self._on or phase not in (0, _FRAMES_PHASE):
             return []
-        if self._frames:
+        if phase == _FRAMES_PHASE:
             self._pack_frames()
+            return []
         if self._disk.trouble:
             self._on = False
             return [*self._disk.said(), f"no flight log: {self._disk.trouble}; flying on"]
@@ -407,6 +410,7 @@ class FlightRecorder(Recorder):
     def _begin_part(self) -> None:
         """Another file, that needs none of those before it."""
         self._pack_waiting()
+        self._pack_frames()
         rows = self._rows
         rows.begin_part(self._time_us)
         self._wire.begin_part(self._time_us)
