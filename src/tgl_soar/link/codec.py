@@ -97,6 +97,7 @@ class _Known:
     needed: int
     kind: type[Heard] | None
     fields: Callable[[bytes, int], tuple[Any, ...]] | None
+    all_fields: Callable[[bytes, int], tuple[Any, ...]] | None
     # Of another one that somebody listens to.
     heard: Callable[[Any], Heard] | None
     is_kept: bool = False
@@ -205,6 +206,8 @@ class Decoder:
             message: Heard | None = self._decoded(frame, known.heard)
             if message is None:
                 return True
+        elif size > known.needed and known.all_fields is not None:
+            message = _new(known.kind, known.all_fields(data[payload_at:to] + _ZEROS, 0))
         elif size >= known.needed:
             message = _new(known.kind, fields(data, payload_at))
         else:
@@ -247,7 +250,7 @@ class Decoder:
         source = self._sources.get(about[:2]) or Source(about[0], about[1])
         is_watched = source == self._watched
         if reader is None:
-            return _Known(source, is_watched, crc_extra, 0, None, None, heard)
+            return _Known(source, is_watched, crc_extra, 0, None, None, None, heard)
         return _Known(source, is_watched, crc_extra, *reader, None)
 
     def _keep(self, about: bytes, known: _Known) -> None:

@@ -62,6 +62,8 @@ class Reader(NamedTuple):
     size: int  # so many bytes are read
     kind: type[Heard]
     fields: Callable[[bytes, int], tuple[Any, ...]]  # of a payload that begins at an offset
+    # Of a payload of more than `size` bytes; None: the rest is not read.
+    all_fields: Callable[[bytes, int], tuple[Any, ...]] | None = None
 
 
 class Writer(NamedTuple):
@@ -78,10 +80,12 @@ _ODOMETRY: Final = Struct("<Q55f2BxB")
 _RAW_IMU: Final = Struct("<Q6h")
 _SCALED_IMU: Final = Struct("<I6h")
 _HIGHRES_IMU: Final = Struct("<Q6f12x2f4xfH")
-_SERVO_OUTPUT_RAW: Final = Struct("<I8HB8H")
+_SERVO_OUTPUT_RAW: Final = Struct("<I8HB")  # without the outputs behind the first eight
 _TIMESYNC: Final = Struct("<2q")
 
 _read_servos: Final = _SERVO_OUTPUT_RAW.unpack_from
+_read_all_servos: Final = Struct("<I8HB8H").unpack_from
+_NO_LATER_SERVOS: Final[tuple[int, ...]] = (0,) * 8
 _read_odometry: Final = _ODOMETRY.unpack_from
 _read_scaled_imu: Final = _SCALED_IMU.unpack_from
 _write_two: Final = _TIMESYNC.pack
@@ -123,6 +127,11 @@ def _scaled_imu(number: int) -> Reader:
 
 def _servo_output_raw(data: bytes, at: int) -> tuple[Any, ...]:
     f = _read_servos(data, at)
+    return f[0], f[9], f[1:9] + _NO_LATER_SERVOS
+
+
+def _all_servo_outputs_raw(data: bytes, at: int) -> tuple[Any, ...]:
+    f = _read_all_servos(data, at)
     return f[0], f[9], f[1:9] + f[10:]
 
 
@@ -190,7 +199,9 @@ READERS: Final[dict[int, Reader]] = {
     ID_SCALED_IMU2: _scaled_imu(ID_SCALED_IMU2),
     ID_SCALED_IMU3: _scaled_imu(ID_SCALED_IMU3),
     ID_HIGHRES_IMU: _plain(HighresImu, _HIGHRES_IMU),
-    ID_SERVO_OUTPUT_RAW: Reader(_SERVO_OUTPUT_RAW.size, ServoOutputRaw, _servo_output_raw),
+    ID_SERVO_OUTPUT_RAW: Reader(
+        _SERVO_OUTPUT_RAW.size, ServoOutputRaw, _servo_output_raw, _all_servo_outputs_raw
+    ),
     ID_TIMESYNC: _plain(Timesync, _TIMESYNC),
 }
 
