@@ -32,7 +32,7 @@ _SMOOTH: Final = 0.05
 
 REHEARSAL_S: Final = 0.0007  # before the sample, until it is known how long one takes
 REHEARSAL_MAX: Final = 0.4  # of a period
-_LONGER: Final = 0.05  # what one counts that took longer than thought: most do not
+_LONGER: Final = 0.1  # what one counts that took longer than thought: most do not
 _SHORTER: Final = 0.02
 _BEFORE: Final = 0.2  # what a sample counts that came before it was expected
 _AFTER: Final = 0.02  # or after: it may have waited for us
