@@ -11,7 +11,6 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from tgl_soar import native
-from tgl_soar.config import shipped
 
 from .page import read_json
 from .result import Result
@@ -19,6 +18,8 @@ from .result import Result
 
 def start_module(folder: Path, port: int, *, stderr: int) -> subprocess.Popen[bytes]:
     """`tgl-soar run` as it flies: guard, log and stored parameters, to a vehicle on a port."""
+    from tgl_soar.config import shipped  # what flies is not to be imported before native code
+
     return subprocess.Popen(
         [
             *(sys.executable, "-m", "tgl_soar.cli", "run", "--state", str(folder)),

@@ -173,6 +173,13 @@ def test_a_library_that_cannot_be_loaded_grounds_nothing(place: Path) -> None:
     assert second == ".py"
 
 
+def test_where_some_of_it_is_imported_already_the_source_flies_on(place: Path) -> None:
+    """Else there would be two of each kind of tuple."""
+    made_at(native.folder())
+    assert place in native.folder().parents
+    assert said("import tgl_soar.types; " + USE) == CANNOT + "tgl_soar.types was imported before it"
+
+
 def test_what_did_not_fly_is_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The module falls back to the source, which flies as the source does."""
 

@@ -181,6 +181,8 @@ def use() -> bool:
             _told = f"interpreted{stale}; `tgl-soar compile` makes it three times as quick"
             return False
         manifest = _manifest_of(kept)
+        if early := [name for name in MODULES if name in sys.modules]:
+            raise ImportError(f"{early[0]} was imported before it")  # never half of each
         finder = _Finder(kept, manifest["fields"])
         sys.meta_path.insert(0, finder)
         for library in finder.libraries:  # what this computer cannot load shows here
