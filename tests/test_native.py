@@ -50,6 +50,31 @@ def said(code: str) -> str:
 USE = "from tgl_soar import native; print(native.use(), native.told(), sep='|')"
 
 
+OF_THE_LINES_IN_C = """
+import gc, sys
+from tgl_soar import native; native.use()
+from tgl_soar_tuples import make
+from tgl_soar.types import Setpoints as Kind
+whole, pitch = make(Kind, 1.0, 2.0, 3.0), 4.5e-6
+print(whole == Kind(1.0, 2.0, 3.0) and type(whole) is Kind and hash(whole) == hash(tuple(whole)))
+before = sys.getrefcount(pitch), sys.getrefcount(Kind)
+many = [make(Kind, pitch, pitch, pitch) for _ in range(100)]
+del many
+print((sys.getrefcount(pitch), sys.getrefcount(Kind)) == before)
+print(gc.is_tracked(make(Kind, [], [], [])))
+errors = 0
+for wrong in ((), (3,), (list, 1.0)):
+    try: make(*wrong)
+    except TypeError: errors += 1
+print(errors)
+ring = []
+ring.append(make(Kind, ring, ring, ring))
+del ring
+gc.collect()
+print(sum(type(o) is Kind and type(o[0]) is list for o in gc.get_objects()))
+"""
+
+
 # --- the real thing ------------------------------------------------------------------------------
 
 
@@ -77,6 +102,8 @@ def test_native_code_does_what_the_source_does(place: Path) -> None:
             "try: main()\nexcept SystemExit: print(sys.modules['tgl_soar.autopilot'].__file__)"
         )
         assert flown.endswith(ending)
+
+    assert said(OF_THE_LINES_IN_C).split() == ["True", "True", "True", "3", "0"]
 
     run = subprocess.run(
         [

@@ -51,7 +51,7 @@ def run(
         rehearsal_s = inf if thrifty else onboard.rehearsal_s
         until_s = min(onboard.wake_s(now_s), rehearsal_s)
         now_s, ready = waiter.wait([*poses, *fds], until_s, pacer.expected_s)
-        if now_s >= rehearsal_s:
+        if now_s >= rehearsal_s and not ready:
             onboard.rehearse()
             pacer.rehearsed(rehearsal_s, clock())
             continue

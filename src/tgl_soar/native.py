@@ -1,4 +1,4 @@
-"""Native code of what flies, made by mypyc from the very source that stands here.
+"""Native code of what flies, made by mypyc from the source that stands here.
 
 `tgl-soar compile` makes it once; `tgl-soar run` takes it wherever it was made of just this source
 for just this interpreter, and flies the source as it stands where not.  Nothing else takes it:

@@ -31,9 +31,11 @@ _IN_STEP: Final = 0.05  # how far the samples' mean interval may be from the per
 _SMOOTH: Final = 0.05
 
 REHEARSAL_S: Final = 0.0007  # before the sample, until it is known how long one takes
-REHEARSAL_MAX: Final = 0.4  # of a period
-_LONGER: Final = 0.1  # what one counts that took longer than thought: most do not
-_SHORTER: Final = 0.02
+REHEARSAL_MAX: Final = 0.4  # of a period; what takes longer does not fit
+_LONGER: Final = 0.2  # what one counts that took longer than thought: most do not
+_SHORTER: Final = 0.01
+_MISFITS_MAX: Final = 3  # one after the other: no rehearsals for
+_REST_TICKS: Final = 1000
 _BEFORE: Final = 0.2  # what a sample counts that came before it was expected
 _AFTER: Final = 0.02  # or after: it may have waited for us
 
@@ -88,13 +90,17 @@ class Pacer:
         self._deadline_s = self._expected_s = now_s + self.period_s
         self._time_s = -inf
         self._stamp_s = nan
-        self._interval_s = self.period_s
+        self._interval_s = self.period_s  # of the stamps
+        self._arrivals_s = self.period_s  # between two samples, on our clock
+        self._arrived_s = nan
         self._streak = 0
         self.locked = False  # the loop follows the attitude stream
         self._sample_s = nan  # arrival of a sample that no tick has seen; NaN: none
         self._sample_time_s = nan
         self._rehearsed_s = nan  # the deadline that was rehearsed for
         self._ahead_s = REHEARSAL_S
+        self._misfits = 0
+        self._resting = 0  # ticks without a rehearsal, as it does not fit
 
     def begin(self, now_s: float) -> None:
         """The loop starts now: whatever took its time before is no delay."""
@@ -105,7 +111,7 @@ class Pacer:
         self._deadline_s += 1.0 / rate_hz - self.period_s
         self._expected_s = self._deadline_s
         self.period_s = 1.0 / rate_hz
-        self._interval_s = self.period_s
+        self._interval_s = self._arrivals_s = self.period_s
         self._streak = 0
         self.locked = False
 
@@ -128,7 +134,7 @@ class Pacer:
         sample is expected, it is quick when the sample is there.  It ends as the sample comes, or
         shortly before: to sleep once more in between would cost more than it saves.
         """
-        if not self.locked or self._rehearsed_s == self._deadline_s:
+        if not self.locked or self._resting > 0 or self._rehearsed_s == self._deadline_s:
             return inf
         return self._expected_s - self._ahead_s
 
@@ -138,9 +144,12 @@ class Pacer:
         `to_begin_s`: when it was to begin.
         """
         self._rehearsed_s = self._deadline_s
-        took_s = min(now_s - to_begin_s, REHEARSAL_MAX * self.period_s)
+        took_s, longest_s = now_s - to_begin_s, REHEARSAL_MAX * self.period_s
+        self._misfits = self._misfits + 1 if took_s > longest_s else 0
+        if self._misfits >= _MISFITS_MAX:
+            self._misfits, self._resting = 0, _REST_TICKS
         weight = _LONGER if took_s > self._ahead_s else _SHORTER
-        self._ahead_s += weight * (took_s - self._ahead_s)
+        self._ahead_s += weight * (min(took_s, longest_s) - self._ahead_s)
 
     def sample(self, arrival_s: float, stamp_s: float, time_s: float) -> None:
         """An attitude sample: when it came, the vehicle's stamp, its time on our clock."""
@@ -167,6 +176,7 @@ class Pacer:
         """
         counters = self.counters
         counters.ticks += 1
+        self._resting = max(0, self._resting - 1)
         due_s = self.wake_s
         missed = int((now_s - due_s) / self.period_s) if now_s > due_s else 0
         if self._is_sample_due():
@@ -182,7 +192,9 @@ class Pacer:
             if missed > 0:
                 time_s = now_s
             self._deadline_s += (1 + missed) * self.period_s
-            self._expected_s = self._deadline_s
+            self._expected_s += (1 + missed) * self._arrivals_s
+            if not self.locked:
+                self._expected_s = self._deadline_s
         counters.skipped += missed
         late_s = now_s - due_s
         if late_s > LATE_S:
@@ -196,14 +208,19 @@ class Pacer:
         """The next sample, one interval after this one was to come.
 
         This one may have come earlier than it was read: what is late counts little, else the loop
-        would be later and later itself.
+        would be later and later itself.  The interval is that of arrivals: the vehicle's clock
+        may go otherwise than ours.
         """
+        step_s = self._sample_s - self._arrived_s
+        if 0.5 <= step_s / self.period_s < 1.5:
+            self._arrivals_s += _AFTER * (step_s - self._arrivals_s)
+        self._arrived_s = self._sample_s
         after_s = self._sample_s - self._expected_s
         if abs(after_s) > EARLY * self.period_s:
             self._expected_s = self._sample_s
         else:
             self._expected_s += (_AFTER if after_s > 0.0 else _BEFORE) * after_s
-        self._expected_s += self._interval_s
+        self._expected_s += self._arrivals_s
 
     def done(self, began_s: float, now_s: float) -> None:
         """What a tick brought with it is done."""
@@ -269,7 +286,7 @@ class Waiter:
         waiting = [fd for fd in fds if fd >= 0]
         asleep_until_s = min(until_s, expected_s - self.awake_s)
         left_s = asleep_until_s - clock()
-        sleeps = left_s > self.awake_s  # a shorter sleep would end no sooner
+        sleeps = left_s > (self.awake_s if self._learns else 0.0)  # a shorter one ends no sooner
         ready, _, _ = look(waiting, (), (), left_s if sleeps else 0.0)
         now_s = clock()
         if not ready and sleeps and self._learns:

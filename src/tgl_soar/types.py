@@ -22,7 +22,7 @@ NAN: Final = float("nan")
 
 
 def isfinite(number: float) -> bool:
-    """As `math.isfinite`: neither NaN nor infinite.  In native code it is no call of Python's."""
+    """Of a float, as `math.isfinite`; in native code it is no call of Python's."""
     return number - number == 0.0
 
 

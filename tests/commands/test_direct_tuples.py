@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -73,17 +75,28 @@ def used(x: float) -> Outer:
 """
 
 
+@pytest.fixture
+def in_python(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the place of what is written in C."""
+    monkeypatch.setitem(
+        sys.modules,
+        "tgl_soar_tuples",
+        SimpleNamespace(make=lambda kind, *values: tuple.__new__(kind, values)),
+    )
+
+
 def run(source: str, **known: Any) -> dict[str, Any]:
     space: dict[str, Any] = {"__name__": "some.kinds", **known}
     exec(compile(source, "kinds.py", "exec"), space)
     return space
 
 
+@pytest.mark.usefixtures("in_python")
 def test_the_same_tuples_are_made_on_the_same_lines() -> None:
     declared = {"some.kinds": kinds_of(KINDS)}
     assert declared["some.kinds"] == {"Inner": 2, "Outer": 2}
     found = direct("some.kinds", KINDS, declared)
-    assert found.count("_direct_new(_direct_") == 6
+    assert found.count("_direct_make(_direct_") == 6
     assert found.count("\n") == KINDS.count("\n")
     before, after = run(KINDS), run(found)
     for name in ("made", "spread", "left_as_they_are", "nested"):
@@ -97,7 +110,7 @@ def test_the_same_tuples_are_made_on_the_same_lines() -> None:
 def test_kinds_of_other_modules_are_known_by_the_names_they_have_here() -> None:
     found = direct("some.user", USER, {"some.kinds": kinds_of(KINDS), "some.user": {}})
     assert "_direct_In: _direct_Final[_direct_Any] = In" in found
-    assert found.count("_direct_new(_direct_") == 2
+    assert found.count("_direct_make(_direct_") == 2
     assert found.count("\n") == USER.count("\n")
 
 
@@ -122,5 +135,5 @@ def test_most_of_what_a_tick_makes_is_made_direct() -> None:
     names = [name for name in native.MODULES if "control" in name or "estimation" in name]
     sources = {n: native.file_of(n).read_text(encoding="utf-8") for n in [*names, "tgl_soar.types"]}
     declared = {module: kinds_of(source) for module, source in sources.items()}
-    made = sum(direct(n, sources[n], declared).count("_direct_new(_direct_") for n in names)
+    made = sum(direct(n, sources[n], declared).count("_direct_make(_direct_") for n in names)
     assert made > 60

@@ -26,7 +26,7 @@ from tgl_soar.flightlog import files, writer
 from tgl_soar.flightlog.declaration import STREAMS, TOPICS, record_size, unit_of
 from tgl_soar.flightlog.meanings import meaning_of, page
 from tgl_soar.flightlog.reader import FlightLog, LogError, read_log
-from tgl_soar.flightlog.writer import BATCH_TICKS, STATE_TICKS, FlightRecorder
+from tgl_soar.flightlog.writer import BATCH_TICKS, FLUSH_S, STATE_TICKS, FlightRecorder
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.parameters import PARAMETERS, ParameterSet
 from tgl_soar.types import NO_ATTITUDE, NO_FIX, AutopilotStatus, Inputs
@@ -188,6 +188,29 @@ def test_a_number_that_fits_no_float_is_logged_as_infinite(tmp_path: Path) -> No
     assert len(log.topics["tick"]["tick"]) == 1  # there is no mode 1000
     assert log.topics["tick"]["e_rho_m"][0] == -inf
     assert log.topics["position"]["sequence"][0] == 2**31 - 1
+
+
+def test_what_is_heard_before_the_first_parameters_ends_no_log(tmp_path: Path) -> None:
+    recorder = FlightRecorder(tmp_path, FACTS, 0.0)
+    recorder.start()
+    recorder.frame(b"heard")
+    recorder.parameters(ParameterSet())
+    assert "cut" not in " ".join(recorder.stop())
+    assert b"heard" in logs_in(tmp_path, "tlog")[0].read_bytes()
+
+
+def test_what_was_on_the_wire_goes_to_the_disk_within_a_second(tmp_path: Path) -> None:
+    recorder = FlightRecorder(tmp_path, FACTS, 0.0)
+    recorder.start()
+    LoggedFlight(recorder).run(0.4)
+    time.sleep(FLUSH_S)
+    LoggedFlight(recorder).run(0.1)
+    (wire,) = logs_in(tmp_path, "tlog")
+    until_s = time.monotonic() + 5.0
+    while wire.stat().st_size == 0 and time.monotonic() < until_s:
+        time.sleep(0.01)
+    assert wire.stat().st_size > 0
+    recorder.stop()
 
 
 # --- parts, and room on the disk --------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import time
 from math import inf
 from types import SimpleNamespace
@@ -161,6 +162,26 @@ def test_a_backlog_is_not_gone_through_again() -> None:
     again: Rehearsal | None = flight.onboard._rehearsal
     assert again is not None
     assert again.piece == b""
+
+
+@pytest.mark.interpreted
+def test_what_has_come_goes_before_a_rehearsal(monkeypatch: pytest.MonkeyPatch) -> None:
+    done: list[str] = []
+    monkeypatch.setattr(Onboard, "rehearsal_s", 0.0)
+    monkeypatch.setattr(Onboard, "rehearse", lambda _self: done.append("rehearsed"))
+    near, far = socket.socketpair()
+    link: Any = SimpleNamespace(generation=0, fileno=near.fileno, is_stream=False)
+
+    def receive(_now_s: float) -> list[bytes]:
+        done.append("received")
+        return [near.recv(10)]
+
+    link.receive = receive
+    rounds = iter((False, False, True))
+    with near, far:
+        far.send(b"!")
+        loop.run(Flight().onboard, [link], lambda: next(rounds), print)
+    assert done == ["received", "rehearsed"]
 
 
 @pytest.mark.interpreted

@@ -218,6 +218,7 @@ class FlightRecorder(Recorder):
         self._frames: list[tuple[int, bytes]] = []
         self._waiting: list[tuple[int, int, Inputs, Output]] = []
         self._flushed_s = -inf
+        self._wire_is_due = False  # to be handed over once its frames are packed
         self._lost_us = -1  # since when ticks are dropped; -1: none are
         self._values: ParameterSet | None = None
         self._last: tuple[Any, ...] = _NOTHING_YET
@@ -299,19 +300,23 @@ class FlightRecorder(Recorder):
             return []
         if phase == _FRAMES_PHASE:
             self._pack_frames()
+            if self._wire_is_due and self._free.plenty:
+                self._wire.hand_over()
+            self._wire_is_due = False
             return []
         if self._disk.trouble:
             self._on = False
             return [*self._disk.said(), f"no flight log: {self._disk.trouble}; flying on"]
         written = self._rows.part_bytes + self._wire.part_bytes
         if written >= self._part_bytes and self._free.plenty:
+            self._pack_frames()
             self._begin_part()
         now_s = time.monotonic()
         if now_s - self._flushed_s >= FLUSH_S:
             self._flushed_s = now_s
             if self._free.plenty:
                 self._rows.hand_over()
-                self._wire.hand_over()
+                self._wire_is_due = True
         return self._disk.said()
 
     def stop(self) -> list[str]:
@@ -410,7 +415,6 @@ class FlightRecorder(Recorder):
     def _begin_part(self) -> None:
         """Another file, that needs none of those before it."""
         self._pack_waiting()
-        self._pack_frames()
         rows = self._rows
         rows.begin_part(self._time_us)
         self._wire.begin_part(self._time_us)

@@ -54,7 +54,7 @@ def imu_of(message: HighresImu | ScaledImu | RawImu) -> tuple[Triple, Triple] | 
             return None
         has_rates = message.fields_updated & _GYROS == _GYROS
     elif isinstance(message, ScaledImu):
-        m = message
+        m = message  # and n: of one kind each, whose fields native code finds by their place
         x, y, z, p, q, r = _scaled(m.xacc, m.yacc, m.zacc, m.xgyro, m.ygyro, m.zgyro)
     else:
         n = message
