@@ -178,7 +178,7 @@ def use() -> bool:
         kept = folder()
         if not kept.exists():
             stale = " (what was compiled is of another version)" if others() else ""
-            _told = f"interpreted{stale}; `tgl-soar compile` makes it three times as quick"
+            _told = f"interpreted{stale}; `tgl-soar compile` makes it four times as quick"
             return False
         manifest = _manifest_of(kept)
         if early := [name for name in MODULES if name in sys.modules]:

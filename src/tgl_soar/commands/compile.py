@@ -51,7 +51,7 @@ def compile_command(
     again: Annotated[bool, typer.Option("--again", help="Also where it is there already.")] = False,
     remove: Annotated[bool, typer.Option("--remove", help="Remove it: fly the source.")] = False,
 ) -> None:
-    """Make native code of what flies: a tick takes a third of the time. Some minutes, once.
+    """Make native code of what flies: a tick takes a quarter of the time. Some minutes, once.
 
     It is kept beside the package, or in the folder that TGL_SOAR_NATIVE names.
     """
