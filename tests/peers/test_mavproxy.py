@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -82,7 +83,10 @@ class MavProxy:
         since = self.type(f"param show {name}")
         self.wait(f"{name} ", since, seconds)
         self.wait("\n", self.words.index(f"{name} ", since))
-        return float(self.words[self.words.index(f"{name} ", since) :].split()[1])
+        told = self.words[self.words.index(f"{name} ", since) + len(name) :]
+        number = re.match(r"\s+(-?[\d.]+(?:e[-+]?\d+)?)", told)  # a prompt may stand behind it
+        assert number is not None, told
+        return float(number[1])
 
     def set(self, name: str, value: float) -> None:
         """Until it shows the value itself.  It repeats a set that is not confirmed a few times;
