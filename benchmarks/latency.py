@@ -60,9 +60,7 @@ def sensor_to_surface(seconds: int = SECONDS) -> Iterator[Result]:
             return
         for share_name, share, aim in SHARES:
             yield _delay(name, measured.module_ns, measured.c_ns, IN_C, share_name, share, aim)
-        yield _delay(
-            name, measured.module_ns, measured.mavutil_ns, "a minimal responder with mavutil"
-        )
+        yield _delay(name, measured.module_ns, measured.mavutil_ns, IN_MAVUTIL)
         yield Result(
             f"answers that miss their third of the period, {name}",
             sum(ns >= PART_NS for ns in measured.module_ns),
