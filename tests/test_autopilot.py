@@ -43,6 +43,7 @@ from tgl_soar.types import (
     THEIRS,
     AttitudeSample,
     AutopilotStatus,
+    Ground,
     Inputs,
     PositionFix,
     SurfaceCommand,
@@ -459,6 +460,72 @@ def test_a_short_gap_leaves_the_line_where_it_is() -> None:
     assert_inside(flight.outputs)
 
 
+def sinking_out_of_sight(inputs: Inputs, since_s: float) -> Inputs:
+    """The last that is heard of the position, for a tenth of a second: it sinks at 0.8 m/s."""
+    p = inputs.position
+    age = min(0.1, inputs.time_s - since_s)
+    lower = p._replace(down_m=p.down_m + 0.8 * age, velocity_down_mps=0.8)
+    return inputs._replace(position=lower)
+
+
+def lost_while_sinking(laws: Laws) -> Flight:
+    """The position is lost of an aircraft that sinks, by its estimate, by a metre more."""
+    flight = soaring()
+    flight.laws = laws
+    since = flight.inputs[-1].time_s
+    flight.fly(0.1, lambda _, inputs: sinking_out_of_sight(inputs, since))
+    return flight.fly(1.3, frozen("position", flight))
+
+
+GROUND = Ground(2, (-9.0, 9.0, *[0.0] * 6), (0.0,) * 8)
+
+
+def test_holding_looks_at_the_ground_below_the_estimate() -> None:
+    low = laws_from(VALUES.changed({"CLEAR_MIN": 1.0}), FRAME, ground=GROUND)
+    flight = lost_while_sinking(low)
+    assert flight.changes()[:2] == [
+        ("holding", "position gap, holding pitch"),
+        ("recovering", "too low"),
+    ]
+    assert_inside(flight.outputs)
+
+
+def test_holding_looks_at_the_fence_around_the_estimate() -> None:
+    flight = lost_while_sinking(laws_with(FENCE_Z_MIN=1.0))
+    assert flight.changes() == [
+        ("holding", "position gap, holding pitch"),
+        ("released", "outside the fence"),
+    ]
+    assert flight.outputs[-1].vehicle.z_m < 1.0
+    assert_inside(flight.outputs)
+
+
+def test_recovering_looks_at_the_fence_though_the_position_is_lost() -> None:
+    flight = soaring()
+    flight.fly(1.6, frozen("position", flight))
+    assert flight.outputs[-1].mode == modes.RECOVERING
+    place = flight.outputs[-1].vehicle.z_m
+    flight.laws = laws_with(FENCE_Z_MIN=place + 0.1)  # as the estimate would come to lie
+    flight.fly(2 * DT, frozen("position", flight))
+    assert flight.changes()[-1] == ("released", "outside the fence")
+
+
+def test_fixes_that_never_make_the_position_confident_do_not_keep_it() -> None:
+    """One every 1.2 s: in time by its age, and the place is as uncertain before each as ever."""
+    held: dict[int, PositionFix] = {}
+
+    def seldom(k: int, inputs: Inputs) -> Inputs:
+        return inputs._replace(position=held.setdefault(k // 240, inputs.position))
+
+    flight = soaring().fly(6.0, seldom)
+    limit = LAWS.guards.position_age_max_s
+    (lost,) = [o.time_s for o in flight.outputs if o.mode == modes.RECOVERING and o.reason]
+    assert [change[0] for change in flight.changes()[:2]] == ["holding", "recovering"]
+    began = flight.outputs[0].time_s
+    assert lost - began == pytest.approx(limit, abs=5 * DT)  # the last good fix is 4 ticks old
+    assert flight.changes()[-1][0] == "released"
+
+
 def test_a_long_gap_is_recovered_from() -> None:
     """Beyond AGE_POS_MAX it glides, wings level, as long as it may; then the line starts anew."""
     flight = soaring()
@@ -658,7 +725,10 @@ def jump(seconds: float) -> Spoil:
     [
         (0.02, []),
         (0.5, ["holding", "capturing", "soaring"]),  # the last fix is half a second old
-        (1.2, ["holding", "capturing", "soaring"]),
+        (1.0, ["holding", "capturing", "soaring"]),
+        # The first fix after it starts the place afresh, and it is confident again 0.4 s later:
+        # beyond AGE_POS_MAX.
+        (1.2, ["holding", "recovering", "capturing", "soaring"]),
         (60.0, ["released"]),
     ],
 )

@@ -101,6 +101,7 @@ from tgl_soar.estimation.health import (
     initial_health,
 )
 from tgl_soar.estimation.motion import (
+    FUTURE_S,
     IMU_SILENT_S,
     MotionGains,
     MotionState,
@@ -152,7 +153,7 @@ class Guards(NamedTuple):
     capture_distance_m: float
     e_rho_max_m: float
     tilt_max_rad: float
-    position_age_max_s: float  # holding ends here
+    position_age_max_s: float  # since the last confident position; holding ends here
     position_sd_max_m: float  # until then the line is flown, where accelerations are known
     recover_s: float  # the longest time of it
 
@@ -201,6 +202,7 @@ class AutopilotState(NamedTuple):
     pitch_trim: TrimState
     gust_pitch_rad: float  # by which the setpoint meets a gust
     imu_share: float  # of the gains with accelerations in those flown, 0 … 1
+    confident_s: float  # of when the last fix is that made the position confident; NaN: none
 
 
 class Output(NamedTuple):
@@ -404,6 +406,7 @@ def initial_state() -> AutopilotState:
         TrimState(NAN, NAN),
         0.0,
         0.0,
+        NAN,
     )
 
 
@@ -421,6 +424,7 @@ class _Seen(NamedTuple):
     watched: HealthState
     wind: WindState
     pitch_trim: TrimState
+    confident_s: float
 
 
 def step(laws: Laws, state: AutopilotState, inputs: Inputs) -> tuple[AutopilotState, Output]:
@@ -475,6 +479,7 @@ def _look(laws: Laws, state: AutopilotState, inputs: Inputs, dt_s: float) -> _Se
         watched,
         wind,
         trim,
+        motion.fix.time_s if health.position_ok else state.confident_s,
     )
 
 
@@ -490,7 +495,8 @@ def _margins(
 
     Without a pitot tube alpha and airspeed are worked out from wind, velocity and pitch. They count
     where the estimator is sure of them, as with accelerometers it is, and in flight: what is held
-    in a hand feels the hand.
+    in a hand feels the hand.  A lost place that nobody can even estimate is not outside: its age
+    ends the flight, in its own words.
     """
     alpha, airspeed = NAN, NAN
     sure = flying and stall_doubt(air, vehicle.pitch_rad) <= STALL_DOUBT_MAX_RAD
@@ -498,10 +504,11 @@ def _margins(
         alpha, airspeed = air.alpha_rad, air.airspeed_mps
     elif not health.faults & AIRSPEED:
         airspeed = inputs.airspeed.airspeed_mps
+    unknown = not health.position_ok and not isfinite(vehicle.x_m + vehicle.y_m + vehicle.z_m)
     return Margins(
         stall_margin(laws.envelope, alpha, airspeed),
         clearance(laws.ground, vehicle.x_m, vehicle.z_m),
-        outside(laws.fence, vehicle.x_m, vehicle.y_m, vehicle.z_m),
+        0 if unknown else outside(laws.fence, vehicle.x_m, vehicle.y_m, vehicle.z_m),
     )
 
 
@@ -595,6 +602,7 @@ def _idle(
         seen.pitch_trim,
         seen.gust_pitch_rad,
         seen.imu_share,
+        seen.confident_s,
     )
 
 
@@ -798,6 +806,7 @@ def _fly(
         seen.pitch_trim,
         seen.gust_pitch_rad,
         seen.imu_share,
+        seen.confident_s,
     )
     return state, Output(
         inputs.time_s,
@@ -860,7 +869,9 @@ def _found(
         found |= STREAMS_SEEN
     if health.position_ok:
         found |= POSITION_FRESH
-    if age <= laws.guards.position_age_max_s:
+    # Fixes that leave the position uncertain, or come too seldom, do not keep it.
+    unsure_s, unsure_max_s = inputs.time_s - seen.confident_s, laws.guards.position_age_max_s
+    if age <= unsure_max_s and -FUTURE_S <= unsure_s <= unsure_max_s:  # false for NaN
         found |= POSITION_KEPT
     faults = health.faults
     if not faults & INSANE:
@@ -919,7 +930,13 @@ def _decide(
     laws: Laws, state: AutopilotState, inputs: Inputs, found: int
 ) -> tuple[SupervisorState, modes.Decision]:
     """The supervisor's word."""
-    status = inputs.autopilot
+    status, guards = inputs.autopilot, laws.guards
     return supervise(
-        state.supervisor, inputs.time_s, found, status.boots, status.armed, laws.guards.recover_s
+        state.supervisor,
+        inputs.time_s,
+        found,
+        status.boots,
+        status.armed,
+        guards.position_age_max_s,
+        guards.recover_s,
     )

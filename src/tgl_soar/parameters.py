@@ -247,7 +247,8 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         "AGE_POS_MAX", "s", 0.1, 5, 2.0,
-        "Position older than this: recover, wings level at REC_PITCH, for REC_TIME; then let go.",
+        "No confident position for longer than this, whether none comes or those that come leave it"
+        " uncertain: recover, wings level at REC_PITCH, for REC_TIME; then hand over.",
     ),
     Parameter(
         "AGE_FROZEN", "s", 0.1, 10, 1.0,

@@ -329,6 +329,21 @@ def test_where_the_air_is_safe(margin: float, climb: float, safe: bool) -> None:
     assert is_air_safe(LIMITS, margin, climb) is safe
 
 
+def test_the_margins_are_those_that_the_parameters_name() -> None:
+    """ALPHA_MAX: kept from rising from 3 deg below on, recovered from 3 deg beyond; SPEED_MIN:
+    1 m/s each; CLEAR_MIN: clear again at 1.3 times the least.  In numbers, not in names."""
+    assert not is_air_safe(LIMITS, stall_margin(LIMITS, 0.25 + 0.0501, nan), 0.0)
+    assert is_air_safe(LIMITS, stall_margin(LIMITS, 0.25 + 0.0499, nan), 0.0)
+    assert not is_air_safe(LIMITS, stall_margin(LIMITS, nan, 4.99), 0.0)
+    assert is_air_safe(LIMITS, stall_margin(LIMITS, nan, 5.01), 0.0)
+    assert elevator_limit(LIMITS, 0.0, stall_margin(LIMITS, 0.25 - 0.0501, nan)) == 0.8
+    assert elevator_limit(LIMITS, 0.0, stall_margin(LIMITS, 0.25 - 0.0499, nan)) < 0.8
+    assert elevator_limit(LIMITS, 0.0, stall_margin(LIMITS, nan, 6.99)) < 0.8
+    assert elevator_limit(LIMITS, 0.0, stall_margin(LIMITS, nan, 7.01)) == 0.8
+    assert is_clear(LIMITS, 0.0, 0.0, 0.6501)
+    assert not is_clear(LIMITS, 0.0, 0.0, 0.6499)
+
+
 HIGH = 0.5 * envelope.CLEAR_FACTOR
 
 

@@ -42,7 +42,7 @@ What lasts is counted by the supervisor itself:
 | {CONDITION_TEXTS[supervisor.STILL_READY.bit_length() - 1]} | all entry checks have held within the last {supervisor.READY_S:g} s |
 | {CONDITION_TEXTS[supervisor.SETTLED.bit_length() - 1]} | the mode has lasted {supervisor.MINIMUM_S:g} s |
 | {CONDITION_TEXTS[supervisor.LONG_GAP.bit_length() - 1]} | it has held for {supervisor.LONG_GAP_S:g} s |
-| {CONDITION_TEXTS[supervisor.TIME_UP.bit_length() - 1]} | it has recovered for `REC_TIME` |
+| {CONDITION_TEXTS[supervisor.TIME_UP.bit_length() - 1]} | it has held for `AGE_POS_MAX`, or recovered for `REC_TIME` |
 | {CONDITION_TEXTS[supervisor.TROUBLED.bit_length() - 1]} | stalling, or too low, for {supervisor.TROUBLE_S:g} s |
 | {CONDITION_TEXTS[supervisor.CLEARED.bit_length() - 1]} | neither, by a margin, for {supervisor.CLEAR_S:g} s |
 """  # noqa: E501

@@ -31,8 +31,7 @@ from tgl_soar.types import Ground, SurfaceCommand, isfinite
 INFINITE: Final = float("inf")
 PITCH_PER_SPEED: Final = 0.05  # rad for each m/s: a glider that slows down gains alpha so
 MARGIN_FULL: Final = 0.05  # rad; from here on all of the elevator may be used
-STALL_BEYOND: Final = 0.05  # rad beyond the limit: it does not hold, the aircraft stalls
-SLOW_BEYOND: Final = 0.05  # as a pitch, by PITCH_PER_SPEED
+STALL_BEYOND: Final = 0.05  # rad (or 1 m/s) beyond the limit: it does not hold, a stall
 CLEAR_FACTOR: Final = 1.3  # of the least clearance: clear of the ground again
 
 # What was cut.

@@ -5,15 +5,19 @@
     ready       all of it is there: engaging would be granted now
     capturing   it has the surfaces; the line it flies slides from the aircraft to its target
     soaring     the line stands still and the aircraft is on it
-    holding     the position is lost for a short time: pitch, wings and heading are held
+    holding     no confident position for a short, limited time: pitch, wings and heading are held
     recovering  nose down to the best glide, wings level, for a limited time: after a stall, too
-                low, or after a long drop-out of the position
+                low, or after too long without a confident position
     released    it has let go by itself, and stays so until the operator has withdrawn the wish
     failed      a fault of its own: it has let go, and stays so until it is started again
 
 A row reads: from this mode, when all of these hold and none of those, go there, do that, and
 say why.  Rows are tried in order and the first that fits is taken; none fits: stay.  Conditions
 are bits of one number, so that a test can walk through all of them.
+
+Fence and height are judged on the estimate in every mode in control, however uncertain it is:
+where the position is lost the estimate is still the best that is known of the place.  No mode
+without a confident position lasts: holding ends by its own timer, recovering by its own.
 
 What must last counts in explicit timers of the state, so that noise cannot make it chatter:
 capturing and soaring are left for each other or for holding only after MINIMUM_S, so is
@@ -122,7 +126,7 @@ CONDITION_TEXTS: Final = (
     "was ready a moment ago",
     "mode has settled",
     "gap was long",
-    "recovering for too long",
+    "time is up",
     "trouble lasts",
     "trouble is over",
 )
@@ -286,6 +290,7 @@ def _faults(mode: int) -> tuple[Transition, ...]:
         Transition(mode, 0, ATTITUDE_AGREES, RELEASED, LET_GO, REASON_ATTITUDE_DISAGREES),
         Transition(mode, 0, SURFACES_ANSWER, RELEASED, LET_GO, REASON_SURFACES_DEAD),
         Transition(mode, 0, UPRIGHT, RELEASED, LET_GO, REASON_UPSET),
+        Transition(mode, 0, UPWIND, RELEASED, LET_GO, REASON_DOWNWIND),
     )
 
 
@@ -317,12 +322,15 @@ TRANSITIONS: Final[tuple[Transition, ...]] = (
     *_on_the_line(SOARING),
     Transition(SOARING, LINE_MOVING | SETTLED, 0, CAPTURING, NOTHING, REASON_LINE_MOVED),
     *_faults(HOLDING),
+    Transition(HOLDING, 0, INSIDE_FENCE, RELEASED, LET_GO, REASON_FENCE),
     Transition(HOLDING, 0, POSITION_KEPT, RECOVERING, GLIDE, REASON_POSITION_LOST),
     Transition(HOLDING, TROUBLED, AIR_SAFE, RECOVERING, GLIDE, REASON_STALL),
+    Transition(HOLDING, TROUBLED, HIGH_ENOUGH, RECOVERING, GLIDE, REASON_LOW),
     Transition(HOLDING, POSITION_FRESH | LONG_GAP, 0, CAPTURING, NEW_LINE, REASON_POSITION_BACK),
     Transition(HOLDING, POSITION_FRESH, 0, CAPTURING, KEEP_LINE, REASON_POSITION_BACK),
+    Transition(HOLDING, TIME_UP, 0, RECOVERING, GLIDE, REASON_POSITION_LOST),
     *_faults(RECOVERING),
-    Transition(RECOVERING, POSITION_FRESH, INSIDE_FENCE, RELEASED, LET_GO, REASON_FENCE),
+    Transition(RECOVERING, 0, INSIDE_FENCE, RELEASED, LET_GO, REASON_FENCE),
     Transition(
         RECOVERING, POSITION_FRESH | CLEARED | SETTLED, 0, CAPTURING, NEW_LINE, REASON_RECOVERED
     ),
@@ -367,11 +375,13 @@ def supervise(
     found: int,
     boots: int,
     armed: bool,
+    hold_s: float,
     recover_s: float,
 ) -> tuple[SupervisorState, Decision]:
     """One look at what the tick has found, the bits up to SANE.
 
-    boots, armed: of the autopilot, as it says; recover_s: the longest time in recovering.
+    boots, armed: of the autopilot, as it says; hold_s, recover_s: the longest time in holding and
+    in recovering.
     """
     # The minima: what began in the future, because the clock has gone back, counts from here.
     since_s = min(state.since_s, time_s)
@@ -392,7 +402,7 @@ def supervise(
         conditions |= SETTLED
     if lasted_s >= LONG_GAP_S:
         conditions |= LONG_GAP
-    if lasted_s >= recover_s:
+    if lasted_s >= (hold_s if state.mode == HOLDING else recover_s):
         conditions |= TIME_UP
     if time_s - trouble_s >= TROUBLE_S:
         conditions |= TROUBLED
