@@ -533,8 +533,10 @@ class Onboard:
         if refusal:
             self._say_all(server.refuse(source, message, refusal, now_s))
             return
+        refused = server.counters.refused
         said = server.handle(source, message, now_s, flying=self._active)
-        if said and message.param_id == "OP_ENGAGE" and message.param_value == 0.0:
+        accepted = bool(said) and server.counters.refused == refused
+        if accepted and message.param_id == "OP_ENGAGE" and message.param_value == 0.0:
             self.engagement.clear()
         if server.values is not self._values:
             self._settings()

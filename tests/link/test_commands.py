@@ -170,6 +170,26 @@ def test_senders_are_remembered_in_bounds() -> None:
     assert len(commands.poll(12.0)) == 16
 
 
+def test_refused_strangers_crowd_out_no_memory() -> None:
+    commands = server()
+    assert commands.handle(STATION, command(ENGAGE), 10.0).wish == ENGAGE
+    assert commands.handle(STATION, command(RELEASE), 10.5).wish == RELEASE
+    for system in range(20):
+        stranger = Source(system, 7)
+        answer = commands.handle(stranger, command(ABORT), 11.0 + system, forbidden="no")
+        assert results(answer.said) == [DENIED]
+    late = commands.handle(STATION, command(ENGAGE, confirmation=1), 19.0)
+    assert late.wish == NOTHING  # a late repetition must not undo the release
+
+
+def test_strangers_set_no_rates() -> None:
+    commands = server()
+    answer = commands.handle(STATION, command(511, 251.0, -1.0), 0.0, forbidden="not an operator")
+    assert (results(answer.said), answer.reason) == ([DENIED], "not an operator")
+    _, interval = commands.handle(STATION, command(510, 251.0), 0.0, forbidden="no").said
+    assert interval == MessageInterval(251, 200_000)  # reading is free
+
+
 def test_a_flood_is_answered_in_bounds_and_keeps_nobody_from_letting_go() -> None:
     commands = server()
     answers = 0

@@ -116,6 +116,18 @@ def test_an_abort_stands_against_every_way_to_engage(flight: Flight) -> None:
     assert flight.mode_now == CAPTURING
 
 
+def test_a_refused_zero_does_not_take_an_abort_back(flight: Flight) -> None:
+    order(flight, ABORT)
+    real64 = 10  # a type that is refused
+    flight.hear(mavlink.MAVLink_param_set_message(1, 191, b"OP_ENGAGE", 0.0, real64), station=True)
+    order(flight, ENGAGE)
+    flight.run(0.1)
+    said = flight.said()
+    assert any("send it as REAL32" in text for text in texts(said))
+    assert acks(said)[-1] == (ENGAGE, REJECTED)
+    assert flight.mode_now == READY
+
+
 def test_other_commands_to_us_are_unsupported_and_to_others_not_ours(flight: Flight) -> None:
     order(flight, 400)
     order(flight, 400, component=0)

@@ -153,16 +153,18 @@ class CommandServer:
         if before is not None and confirmation > 0 and now_s - before.time_s <= REPEAT_S:
             self.counters.repeated += 1
             return Answer([_ack(source, number, before.result)])
-        flies = number in (ENGAGE, RELEASE, ABORT) and not forbidden
-        if not flies and not self._may_answer(now_s):
+        flies = number in (ENGAGE, RELEASE, ABORT)
+        if (forbidden or not flies) and not self._may_answer(now_s):
             self.counters.unanswered += 1
             return Answer([])
-        if number not in (ENGAGE, RELEASE, ABORT):
+        if forbidden and (flies or number == COMMAND_SET_MESSAGE_INTERVAL):
+            # Not remembered: strangers must not crowd out what operators have asked for.
+            self.counters.refused += 1
+            return Answer([_ack(source, number, RESULT_DENIED)], NOTHING, forbidden)
+        if not flies:
             return self._asked(source, message)
         wish, result, reason = number, RESULT_ACCEPTED, ""
-        if forbidden:
-            wish, result, reason = NOTHING, RESULT_DENIED, forbidden
-        elif number == ENGAGE:
+        if number == ENGAGE:
             result = RESULT_IN_PROGRESS
             if held_back:
                 wish, result, reason = NOTHING, RESULT_TEMPORARILY_REJECTED, held_back
@@ -222,7 +224,8 @@ class CommandServer:
         return True
 
     def _asked(self, source: Source, message: Command) -> Answer:
-        """Messages by number: nothing that flies depends on them, so anybody may ask."""
+        """Messages by number: nothing that flies depends on them, so anybody may ask for one;
+        how often all stations get it is the operators' to say."""
         number, (one, two) = message.command, message.params[:2]
         said: list[Said] = []
         result = RESULT_ACCEPTED
