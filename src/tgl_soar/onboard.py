@@ -127,6 +127,7 @@ LATE_TOLD: Final = 10  # fewer are not worth a word
 PILOT_SWITCH_HZ: Final = 10.0
 LOSS_S: Final = 2.0  # over which the loss on the link is measured
 COMPLAIN_S: Final = 5.0  # between two words about keys that were refused
+KEPT_IS_DAMAGED: Final = "the signing timestamp that was kept is damaged: the clock is used instead"
 MISSED_TICKS: Final = 1.5  # lockstep: so long without an attitude, its tick is missing
 PIECE_BYTES: Final = 512  # more than a tick usually hears is not rehearsed
 IDLE_S: Final = 0.05  # how often to look around while nothing sets the pace
@@ -346,9 +347,11 @@ class Onboard:
         self._first_words = list(first_words)
         if warning := line.warning(setup.parameters):
             self._first_words.append((SEVERITY_WARNING, warning))
+        self.signing = signing or Signing(None, 0.0, 0.0)
+        if self.signing.kept_is_damaged:
+            self._first_words.append((SEVERITY_WARNING, KEPT_IS_DAMAGED))
         for _, text in self._first_words:
             self._console(text)
-        self.signing = signing or Signing(None, 0.0, 0.0)
         self._unsigned_autopilot = unsigned_autopilot
         self._keep_key = keep_key
         self._keys_refused_s = float("-inf")
@@ -556,6 +559,8 @@ class Onboard:
             refusal = "not while flying"
         elif len(message.secret_key) != KEY_BYTES or not any(message.secret_key):
             refusal = "signing is not turned off over the air"
+        elif not self.signing.may_begin_with(message.initial_timestamp):
+            refusal = "initial_timestamp is years ahead: set the station's clock"
         if not refusal and self._keep_key is not None:
             try:
                 self._keep_key(message.secret_key)

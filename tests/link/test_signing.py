@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from tgl_soar.link.keys import (
     signing_from,
 )
 from tgl_soar.link.messages import Heartbeat, Source
-from tgl_soar.link.signing import EPOCH_S, TICKS_PER_S, Signing
+from tgl_soar.link.signing import CLOCK_IS_SET_S, EPOCH_S, LATEST, TICKS_PER_S, Signing
 
 KEY, OTHER_KEY = bytes(range(1, 33)), bytes(range(2, 34))
 WALL_S = EPOCH_S + 1e8
@@ -96,6 +97,34 @@ def test_our_timestamp_is_the_latest_of_wall_clock_peers_and_file() -> None:
     assert without_a_clock.next_timestamp() == 78
 
 
+DAMAGED = (2**48 - 1, NOW_TICKS + 20 * 366 * 86_400 * TICKS_PER_S, -1)
+
+
+@pytest.mark.parametrize("kept", DAMAGED)
+def test_a_damaged_timestamp_does_not_mute_us(kept: int) -> None:
+    ours = Signing(KEY, CLOCK_IS_SET_S + 1e7, 0.0, kept=kept)
+    assert ours.kept_is_damaged
+    now = round((CLOCK_IS_SET_S + 1e7 - EPOCH_S) * TICKS_PER_S)
+    assert ours.timestamp == now
+    assert ours.lets_in(frame(peer(ticks=now)))  # nobody is held for a replay
+    encoder = Encoder(Source(1, 191), ours, 0)
+    assert peer(ticks=now).decode(bytearray(encoder.encode(Heartbeat(18, 8, 0, 0, 4))))
+
+
+def test_a_peer_s_clock_that_is_years_ahead_is_not_taken_over() -> None:
+    ours = Signing(KEY, CLOCK_IS_SET_S, 0.0)
+    before = ours.timestamp
+    assert ours.lets_in(frame(peer(ticks=2**48 - 5)))  # it knows the key
+    ours.replace_key(OTHER_KEY, 2**48 - 1)
+    assert ours.timestamp == before
+
+
+def test_without_a_clock_all_but_the_end_of_the_bits_is_believed() -> None:
+    later = round((CLOCK_IS_SET_S + 1e9 - EPOCH_S) * TICKS_PER_S)  # 2057
+    assert Signing(KEY, 0.0, 0.0, kept=later).timestamp == later
+    assert Signing(KEY, 0.0, 0.0, kept=LATEST + 1).kept_is_damaged
+
+
 def test_pymavlink_believes_what_we_sign_and_our_decoder_what_it_signs() -> None:
     ours = signing()
     theirs = peer()
@@ -165,10 +194,10 @@ def test_the_timestamp_is_kept_and_garbage_is_no_timestamp(tmp_path: Path) -> No
     save_key(key, KEY)
     file = TimestampFile(key)
     assert file.load() == 0
-    far_s = round(1e10 * TICKS_PER_S) % 2**48
-    file.save(far_s)
-    assert file.load() == far_s
+    far = Signing(KEY, time.time(), 0.0).timestamp + 86_400 * TICKS_PER_S  # of a peer
+    file.save(far)
+    assert file.load() == far
     assert (tmp_path / "key.timestamp").stat().st_mode & 0o777 == 0o600
-    assert signing_from(Secret(key)).timestamp >= far_s
+    assert signing_from(Secret(key)).timestamp >= far
     (tmp_path / "key.timestamp").write_text("many\n")
     assert file.load() == 0

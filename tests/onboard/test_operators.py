@@ -406,8 +406,8 @@ def test_with_a_key_an_unsigned_autopilot_is_not_believed_unless_that_was_allowe
     assert flight.onboard.session.is_heard
 
 
-def setup_signing(flight: Flight, key: bytes) -> None:
-    flight.hear(mavlink.MAVLink_setup_signing_message(1, 191, list(key), 10**13), station=True)
+def setup_signing(flight: Flight, key: bytes, ticks: int = 10**13) -> None:
+    flight.hear(mavlink.MAVLink_setup_signing_message(1, 191, list(key), ticks), station=True)
 
 
 def test_a_key_over_the_air_is_refused(flight: Flight) -> None:
@@ -416,6 +416,13 @@ def test_a_key_over_the_air_is_refused(flight: Flight) -> None:
     assert not flight.onboard.signing.is_on
     told = [text for text in texts(flight.said()) if "SETUP_SIGNING refused" in text]
     assert len(told) == 1
+
+
+def test_a_damaged_timestamp_is_told(flight: Flight) -> None:
+    damaged = Signing(None, EPOCH_S, 0.0, kept=2**48 - 1)
+    flight.onboard = Onboard(setup(), flight._send, flight.now_s, signing=damaged)
+    flight.run(1.5)
+    assert "timestamp that was kept is damaged" in "".join(texts(flight.said()))
 
 
 def test_a_key_over_the_air_is_taken_where_that_was_allowed() -> None:
@@ -427,6 +434,7 @@ def test_a_key_over_the_air_is_taken_where_that_was_allowed() -> None:
     assert kept == []
     sign(flight._station, flight)
     setup_signing(flight, bytes(32))
+    setup_signing(flight, new, 2**48 - 1)  # no working clock: nothing could be signed after it
     assert kept == []
     flight.set("OP_ENGAGE", 1.0)
     flight.run(0.1)

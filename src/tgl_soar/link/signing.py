@@ -6,7 +6,9 @@ Timestamps count 10 µs since 2015 and must grow from frame to frame of one stre
 system, component), so that a frame recorded from the air is worth nothing; a stream not yet
 known must not be more than a minute behind.  Ours never goes back: it is the wall clock, or
 what a peer has signed with, or what was kept in a file before a restart, whichever is latest
-(a companion without a battery for its clock starts in the past).
+(a companion without a battery for its clock starts in the past).  A timestamp that no working
+clock shows is never taken over: at the end of its 48 bits nothing could be signed any more, and
+far in the future we would hold every station for a replay.
 
 The signature is looked at before the timestamp is believed: otherwise anybody could shut an
 operator out with one forged frame from the far future.
@@ -25,6 +27,11 @@ KEY_BYTES: Final = 32
 TICKS_PER_S: Final = 100_000
 EPOCH_S: Final = 1_420_070_400.0  # 2015-01-01, of the wall clock
 NEW_STREAM_TICKS: Final = 60 * TICKS_PER_S
+CLOCK_IS_SET_S: Final = 1_767_225_600.0  # 2026-01-01: an earlier wall clock was never set
+# So far may another clock be ahead of one that is set: a clock kept in a file over a winter is
+# late by months.  Of one that was not set nothing is known but the half of 48 bits, until 2059.
+YEAR_TICKS: Final = 366 * 86_400 * TICKS_PER_S
+LATEST: Final = 2**47
 MAX_STREAMS: Final = 64
 _MARKER_V2: Final = 0xFD
 _SIGNED: Final = 0x01
@@ -51,7 +58,9 @@ class Signing:
         """`wall_s`: seconds since 1970 at now_s of our clock; `kept`: a timestamp used before."""
         self.counters = SigningCounters()
         self.key = key
-        self.timestamp = kept
+        self._latest = _latest(wall_s)
+        self.kept_is_damaged = not 0 <= kept <= self._latest
+        self.timestamp = 0 if self.kept_is_damaged else kept
         self._wall_less_now_s = wall_s - now_s
         self._streams: dict[tuple[int, Source], int] = {}
         self.advance(now_s)
@@ -71,10 +80,14 @@ class Signing:
         self.timestamp += 1
         return self.timestamp
 
+    def may_begin_with(self, timestamp: int) -> bool:
+        """Whether a timestamp can be that of a working clock."""
+        return timestamp <= self._latest
+
     def replace_key(self, key: bytes, timestamp: int) -> None:
         """Another key, and the timestamp to begin with if it is later than ours."""
         self.key = key
-        self.timestamp = max(self.timestamp, min(timestamp, 2**48 - 1))
+        self._follow(timestamp)
         self._streams.clear()
 
     def vouches(self, frame: bytes) -> bool:
@@ -99,9 +112,13 @@ class Signing:
             counters.replayed += 1
             return False
         self._streams[stream] = timestamp
-        self.timestamp = max(self.timestamp, timestamp)
+        self._follow(timestamp)
         counters.good += 1
         return True
+
+    def _follow(self, timestamp: int) -> None:
+        if self.may_begin_with(timestamp):
+            self.timestamp = max(self.timestamp, timestamp)
 
     @property
     def _is_full(self) -> bool:
@@ -110,6 +127,13 @@ class Signing:
     @staticmethod
     def _is_ours(frame: bytes, key: bytes) -> bool:
         return hmac.compare_digest(_signature(frame[:-_SHARE], key), frame[-_SHARE:])
+
+
+def _latest(wall_s: float) -> int:
+    """What is later than this was shown by no working clock."""
+    if wall_s < CLOCK_IS_SET_S:
+        return LATEST
+    return int((wall_s - EPOCH_S) * TICKS_PER_S) + YEAR_TICKS
 
 
 def signed(frame: bytes, key: bytes, link_id: int, timestamp: int) -> bytes:
