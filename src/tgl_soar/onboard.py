@@ -771,6 +771,7 @@ class Onboard:
         self._recorder.afresh(self._state)
         if self._active:
             self._disengage()
+        self._mode_change.stop()
         self._active = False
         self._releases = 0
         self._mode = BOOT
@@ -787,7 +788,7 @@ class Onboard:
             session.position,
             session.attitude,
             status,
-            self._engage and not self._mode_change.is_entering,
+            self._engage and not self._mode_change.is_changing,
             session.imu,
             session.airspeed,
             session.surfaces,
@@ -807,7 +808,7 @@ class Onboard:
             self._releases = RELEASE_FRAMES
             self._release_due_s = time_s
             if session.status.accepts_surfaces:
-                self._mode_change.leave(time_s)
+                self._mode_change.leave(time_s, session.status.time_s)
         if self._releases > 0 and time_s >= self._release_due_s:
             self._release_due_s = time_s + RELEASE_INTERVAL_S
             self._releases -= 1
@@ -827,18 +828,19 @@ class Onboard:
         setpoints stream already.
         """
         change, session = self._mode_change, self.session
-        obeys = session.status.accepts_surfaces
+        obeys, heard_s = session.status.accepts_surfaces, session.status.time_s
         if not self._engage and change.is_entering:
-            change.leave(time_s)  # it may have been asked for already
-        elif self._engage and self._mode == READY and not obeys and not change.is_entering:
-            change.enter(time_s, session.custom_mode)
-        self._say_all(list(change.poll(time_s, obeys, session.custom_mode)), self._autopilot)
+            change.leave(time_s, heard_s)  # it may have been asked for already
+        asked = change.poll(time_s, heard_s, obeys, session.custom_mode)
+        self._say_all(list(asked), self._autopilot)
         if change.failed:
             self.tell(SEVERITY_ERROR, change.failed)
             change.failed = ""
             if self._engage:
                 self._disengage()
                 self._tell_engagement(self._mode)
+        if self._engage and self._mode == READY and not obeys and not change.is_changing:
+            change.enter(time_s, heard_s, session.custom_mode)
         if change.is_entering and self.output is not None:
             pitch_rad = self.output.vehicle.pitch_rad
             if isfinite(pitch_rad):
@@ -1000,10 +1002,11 @@ class Onboard:
 
     def stop(self) -> None:
         """The process ends: give the surfaces back, and say so."""
-        if self._active or self._releases:
+        parting = self._mode_change.parting(obeys=self.session.status.accepts_surfaces)
+        if self._active or self._releases or self._mode_change.is_changing:
             for _ in range(RELEASE_FRAMES):
                 self._release()
-                self._say_all(list(self._mode_change.parting()), self._autopilot)
+                self._say_all(list(parting), self._autopilot)
         self._active = False
         self._releases = 0
         self.tell(SEVERITY_NOTICE, "tgl_soar stopped")

@@ -25,6 +25,7 @@ class Guided(Flight):
         super().__init__(flown=setup()._replace(flavour=pilot, override=Source(1, 191)))
         self.kind, self.mode = (PLANE, FBWA) if firmware == "ardupilot" else (PX4, STABILIZED)
         self.enters = True
+        self.quickens = True  # its heartbeat, where it is asked to
         self.asked: list[tuple[float, ...]] = []
         self.targets: list[Any] = []
 
@@ -34,7 +35,11 @@ class Guided(Flight):
             for message in self.said():
                 if message.get_type() == "SET_ATTITUDE_TARGET":
                     self.targets.append(message)
-                if message.get_type() == "COMMAND_LONG" and message.command == 176:
+                if message.get_type() != "COMMAND_LONG":
+                    continue
+                if self.quickens and (message.command, message.param1) == (511, 0.0):
+                    self.heartbeat_hz = 1e6 / message.param2
+                if message.command == 176:
                     self.asked.append((message.param1, message.param2, message.param3))
                     if self.enters:
                         main = int(message.param2)
@@ -56,12 +61,12 @@ def test_it_enters_flies_and_goes_back(firmware: str, mode: int) -> None:
     assert flight.mode_now == CAPTURING
     assert all((m.get_srcSystem(), m.get_srcComponent()) == (1, 191) for m in flight.targets)
     flight.set("OP_ENGAGE", 0.0)
-    flight.run(0.2)
+    flight.run(0.4)
     assert flight.mode == before
     told = len(flight.targets)
     flight.run(2.0)
     assert len(flight.targets) == told
-    assert len(flight.asked) <= 10
+    assert len(flight.asked) == 2  # in and out
 
 
 def test_setpoints_are_those_of_the_laws() -> None:
@@ -100,6 +105,108 @@ def test_a_mode_that_does_not_come_engages_nothing() -> None:
     assert flight.mode_now == READY
     assert flight.onboard.parameters.values["OP_ENGAGE"] == 0.0
     assert any("does not enter GUIDED" in text for text in flight.console)
+    assert len(flight.asked) == 3
+
+
+SLOW_OR_FAST = pytest.mark.parametrize("quickens", [False, True], ids=["1 Hz", "5 Hz"])
+POSITION, LOITER = 3 << 16, 12
+
+
+@SLOW_OR_FAST
+@pytest.mark.parametrize(
+    ("firmware", "chosen"), [("ardupilot", LOITER), ("px4", POSITION)], ids=["ArduPlane", "PX4"]
+)
+def test_a_mode_that_the_pilot_chooses_while_it_enters_stays(
+    firmware: str, chosen: int, quickens: bool
+) -> None:
+    flight = Guided(firmware)
+    flight.quickens, flight.enters = quickens, False  # the request is lost, or not obeyed yet
+    flight.run(1.6)
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(1.0)
+    assert len(flight.asked) > 0
+    flight.enters = True
+    flight.mode = chosen
+    asked = len(flight.asked)
+    flight.run(6.0)
+    assert flight.mode == chosen
+    assert len(flight.asked) == asked
+    assert flight.mode_now == READY
+    assert flight.onboard.parameters.values["OP_ENGAGE"] == 0.0
+    assert any("pilot has chosen another mode" in text for text in flight.console)
+
+
+@SLOW_OR_FAST
+@pytest.mark.parametrize(
+    ("firmware", "chosen"), [("ardupilot", LOITER), ("px4", POSITION)], ids=["ArduPlane", "PX4"]
+)
+def test_a_mode_that_the_pilot_chooses_as_it_disengages_stays(
+    firmware: str, chosen: int, quickens: bool
+) -> None:
+    """The module disengages by itself between the pilot's choice and the heartbeat that shows
+    it."""
+    flight = Guided(firmware)
+    flight.quickens = quickens
+    flight.run(1.6)
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(2.0)
+    assert flight.mode_now in FLYING
+    asked, session = len(flight.asked), flight.onboard.session
+    heartbeats = session.counters.heartbeats
+    while session.counters.heartbeats == heartbeats:
+        flight.run(0.05)
+    flight.mode = chosen  # the next heartbeat will show it
+    flight.attitude_hz = 0.0
+    flight.run(0.8)
+    assert flight.mode_now not in FLYING
+    flight.attitude_hz = 200.0
+    flight.run(6.0)
+    assert flight.mode == chosen
+    assert len(flight.asked) == asked
+
+
+def test_acknowledgements_say_nothing_of_the_mode() -> None:
+    """PX4 answers twice, the first time always ACCEPTED; on a bad link none comes at all."""
+    flight = Guided("px4")
+    flight.enters = False
+    flight.run(1.6)
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(0.3)
+    for result in (0, 1):  # ACCEPTED, TEMPORARILY_REJECTED
+        flight.hear(mavlink.MAVLink_command_ack_message(176, result, 0, 0, 1, 191))
+    flight.run(0.3)
+    assert flight.mode_now == READY
+    flight.enters = True
+    flight.run(1.0)  # the second request
+    assert flight.mode_now == CAPTURING
+    assert len(flight.asked) == 2
+
+
+def test_engaged_again_while_it_still_leaves_does_not_fight_itself() -> None:
+    flight = Guided()
+    flight.run(1.6)
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(2.0)
+    assert flight.mode_now in FLYING
+    flight.set("OP_ENGAGE", 0.0)
+    flight.run(0.05)
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(3.0)
+    assert flight.mode_now in FLYING
+    assert flight.mode == GUIDED
+    assert [mode for _, mode, _ in flight.asked] == [GUIDED, FBWA, GUIDED]
+
+
+def test_a_stop_after_the_pilot_s_choice_changes_nothing() -> None:
+    flight = Guided()
+    flight.run(1.6)
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(2.0)
+    flight.mode = LOITER
+    flight.run(0.3)
+    flight.said()
+    flight.onboard.stop()
+    assert [m for m in flight.said() if m.get_type() == "COMMAND_LONG"] == []
 
 
 def test_the_pilot_s_mode_ends_the_flight_and_is_not_changed() -> None:

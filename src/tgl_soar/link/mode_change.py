@@ -1,9 +1,18 @@
 """Into the mode in which a route's commands act, and back out of it.
 
 Some firmwares obey only in a mode of their own (GUIDED, OFFBOARD), which the module asks for
-when it is engaged and leaves when it lets go, for the one that it was found in.  Whether the
-mode has changed is believed of the heartbeat alone: an acknowledgement may come before a
-refusal.  A mode that is neither the old one nor ours is the pilot's: nothing more is asked.
+when it is engaged and leaves when it disengages, for the one that it was found in.  The pilot
+chooses modes too, and their word is final:
+
+    ask      only right after a heartbeat that shows the mode to be left; never by a timer, which
+             would overwrite what the pilot has chosen since the last heartbeat
+    again    only after a heartbeat that can have heard of the last request, and still shows the
+             same: `TRIES` times in all, for a request may be lost
+    stop     at the first heartbeat that shows any other mode
+
+What remains is a choice that crosses a request on its way: the link's latency, once.  Whether
+the mode has changed is believed of the heartbeat alone: an acknowledgement may be lost, and PX4
+acknowledges before it refuses.
 """
 
 from __future__ import annotations
@@ -13,8 +22,11 @@ from typing import Final
 from .autopilots.base import Flavour
 from .messages import Said
 
-ASK_S: Final = 0.25
-PATIENCE_S: Final = 3.0  # heartbeats come once a second
+# A heartbeat so long after a request was sent after it was heard: a radio's round trip is up to
+# 0.3 s, and a firmware takes a request up within 0.1 s.
+ANSWER_S: Final = 0.5
+TRIES: Final = 3  # one frame in ten lost: none of three arrives once in a thousand times
+PATIENCE_S: Final = 5.0  # where heartbeats come once a second, three requests and their answers
 
 
 class ModeChange:
@@ -27,59 +39,102 @@ class ModeChange:
         self._wanted = -1
         self._to_enter = False
         self._until_s = float("-inf")
-        self._due_s = float("-inf")
+        self._looked_s = float("-inf")  # when the newest heartbeat came that was looked at
+        self._asked_s = float("-inf")  # last
+        self._entry_asked_s = float("-inf")  # of one that was withdrawn
+        self._tries = 0
+
+    @property
+    def is_changing(self) -> bool:
+        """Whether a mode is asked for, or about to be."""
+        return self._wanted >= 0
 
     @property
     def is_entering(self) -> bool:
         """Whether the mode that obeys has been asked for and has not come yet."""
         return self._wanted >= 0 and self._to_enter
 
-    def enter(self, now_s: float, custom_mode: int) -> None:
-        """Ask for the mode that obeys, from the one that is."""
+    def enter(self, now_s: float, heartbeat_s: float, custom_mode: int) -> None:
+        """Ask for the mode that obeys, from the one that the last heartbeat has shown."""
         wanted = self._flavour.route.mode_to_enter
         if wanted is not None:
             self._before = custom_mode
-            self._ask(wanted, now_s, to_enter=True)
+            self._begin(wanted, now_s, heartbeat_s, to_enter=True)
 
-    def leave(self, now_s: float) -> None:
+    def leave(self, now_s: float, heartbeat_s: float) -> None:
         """Ask for the mode that was before."""
-        if self._flavour.route.mode_to_enter is not None:
-            self._ask(self._before, now_s, to_enter=False)
-            self._before = self._flavour.route.mode_to_leave
-
-    def parting(self) -> tuple[Said, ...]:
-        """The same as a last word."""
         if self._flavour.route.mode_to_enter is None:
+            return
+        if self.is_entering and self._tries == 0:
+            self.stop()  # nothing was asked for yet
+            return
+        self._entry_asked_s = self._asked_s if self.is_entering else float("-inf")
+        self._begin(self._before, now_s, heartbeat_s, to_enter=False)
+
+    def parting(self, *, obeys: bool = True) -> tuple[Said, ...]:
+        """The same as a last word, for there is no time to wait for a heartbeat.
+
+        `obeys`: whether the latest one has shown our mode; any other is the pilot's.
+        """
+        on_its_way = self.is_entering and self._tries > 0
+        if self._flavour.route.mode_to_enter is None or not (obeys or on_its_way):
             return ()
         return (self._flavour.ask_for_mode(self._before),)
 
     def stop(self) -> None:
-        """Ask for nothing any more."""
+        """Ask for nothing any more; the mode of before counts only while ours was entered."""
         self._wanted = -1
+        self._before = self._flavour.route.mode_to_leave
 
-    def poll(self, now_s: float, obeys: bool, custom_mode: int) -> tuple[Said, ...]:
-        """What is to be sent; `obeys`, `custom_mode`: of the latest heartbeat."""
+    def poll(
+        self, now_s: float, heartbeat_s: float, obeys: bool, custom_mode: int
+    ) -> tuple[Said, ...]:
+        """What is to be sent.
+
+        `heartbeat_s`: when the latest heartbeat came; `obeys`, `custom_mode`: what it shows.
+        """
         if self._wanted < 0:
             return ()
-        if obeys == self._to_enter:
-            self.stop()
-            return ()
-        mode = self._flavour.route.mode
-        if self._to_enter and custom_mode != self._before:
-            self.failed = "not engaged: the pilot has chosen another mode"
-        elif now_s >= self._until_s and self._to_enter:
-            self.failed = f"not engaged: the autopilot does not enter {mode}"
-        elif now_s >= self._until_s:
-            self.failed = f"the autopilot does not leave {mode}: take it out of it"
-        else:
-            if now_s < self._due_s:
-                return ()
-            self._due_s = now_s + ASK_S
-            return (self._flavour.ask_for_mode(self._wanted),)
-        self.stop()
+        if heartbeat_s > self._looked_s:
+            self._looked_s = heartbeat_s
+            return self._look(now_s, obeys, custom_mode)
+        if now_s >= self._until_s:
+            self._give_up("no heartbeat shows it")
         return ()
 
-    def _ask(self, wanted: int, now_s: float, *, to_enter: bool) -> None:
+    def _look(self, now_s: float, obeys: bool, custom_mode: int) -> tuple[Said, ...]:
+        """At a new heartbeat."""
+        answered = self._looked_s - self._asked_s >= ANSWER_S
+        if obeys and self._to_enter:
+            self._wanted = -1
+        elif not obeys and not self._to_enter:
+            # A request to enter that was withdrawn may still be on its way.
+            over = self._looked_s - self._entry_asked_s >= ANSWER_S
+            if over or custom_mode != self._before:
+                self.stop()
+        elif self._to_enter and custom_mode != self._before:
+            self.failed = "not engaged: the pilot has chosen another mode"
+            self.stop()
+        elif answered:
+            if self._tries >= TRIES:
+                self._give_up(f"asked {TRIES} times")
+            else:
+                self._tries += 1
+                self._asked_s = now_s
+                return (self._flavour.ask_for_mode(self._wanted),)
+        return ()
+
+    def _give_up(self, why: str) -> None:
+        mode = self._flavour.route.mode
+        if self._to_enter:
+            self.failed = f"not engaged: the autopilot does not enter {mode} ({why})"
+        elif self._tries > 0:
+            self.failed = f"the autopilot does not leave {mode} ({why}): take it out of it"
+        self.stop()
+
+    def _begin(self, wanted: int, now_s: float, heartbeat_s: float, *, to_enter: bool) -> None:
         self.failed = ""
         self._wanted, self._to_enter = wanted, to_enter
-        self._until_s, self._due_s = now_s + PATIENCE_S, now_s
+        self._tries, self._asked_s = 0, float("-inf")
+        self._looked_s = heartbeat_s
+        self._until_s = now_s + PATIENCE_S

@@ -47,6 +47,7 @@ from .messages import (
     FRAME_LOCAL_NED,
     ID_ATTITUDE_QUATERNION,
     ID_GLOBAL_POSITION_INT,
+    ID_HEARTBEAT,
     ID_HIGHRES_IMU,
     ID_LOCAL_POSITION_NED,
     ID_ODOMETRY,
@@ -97,6 +98,8 @@ from .tangent_plane import Home, TangentPlane
 from .timesync import RoundTrip
 
 HEARTBEAT_S: Final = 1.0
+# Of the autopilot, where the module changes its mode: so soon the pilot's own choice is seen.
+HEARTBEAT_HZ: Final = 5.0
 POSITION_HZ: Final = 50.0
 SERVO_HZ: Final = 50.0
 STATUS_HZ: Final = 1.0
@@ -207,6 +210,8 @@ class Session:
         self.set_loop_rate(loop_rate_hz)
         self.streams.want(*flavour.sensors.airspeed)
         self.streams.want(ID_SYS_STATUS, "SYS_STATUS", STATUS_HZ)
+        if flavour.route.mode_to_enter is not None:
+            self.streams.want(ID_HEARTBEAT, "HEARTBEAT", HEARTBEAT_HZ, urgent=True)
 
     def set_loop_rate(self, loop_rate_hz: float) -> None:
         """Attitude and accelerations are wanted once a tick."""
@@ -346,6 +351,7 @@ class Session:
         if message.autopilot == AUTOPILOT_INVALID or message.type == TYPE_GCS:
             return
         self.counters.heartbeats += 1
+        self.streams.heard(ID_HEARTBEAT)
         self.custom_mode = message.custom_mode
         mismatch = self._flavour.mismatch(message)
         if mismatch != self.mismatch:
@@ -371,7 +377,9 @@ class Session:
     def _tell_refusals(self) -> None:
         for stream, word, rate_hz in self.streams.notices:
             text = f"{stream.name} at {rate_hz:g} Hz {word}"
-            if word == "denied":
+            if stream.message_id == ID_HEARTBEAT:
+                text += ": a mode that the pilot chooses is seen up to a second later"
+            elif word == "denied":
                 text += f": {self._flavour.way_to_rate(rate_hz)}"
             if not stream.given_up:
                 text += f"; asking for {stream.rate_hz:g} Hz"
