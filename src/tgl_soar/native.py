@@ -74,6 +74,7 @@ MODULES: Final = (
     "tgl_soar.link.optitrack",
     "tgl_soar.link.parameters",
     "tgl_soar.link.pose_forwarding",
+    "tgl_soar.link.presence",
     "tgl_soar.link.routes",
     "tgl_soar.link.sensing",
     "tgl_soar.link.sensor_clock",

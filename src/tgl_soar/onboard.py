@@ -304,13 +304,15 @@ class Onboard:
         unsigned_autopilot: bool = False,
         keep_key: Callable[[bytes], None] | None = None,
         recorder: Recorder = NO_RECORDER,
+        start: int = 1,
     ) -> None:
         """`stream`: the link may cut frames anywhere.  `console`: where words go locally.
         `store`: keeps changed parameters.  `first_words`: told once the autopilot is heard.
 
         `signing`: without one nothing is signed.  `unsigned_autopilot`: the autopilot itself
         need not sign on its own link.  `keep_key`: keeps a key that came over the air, or raises
-        OSError; without it none is taken.  `recorder`: is told all that a log holds.
+        OSError; without it none is taken.  `recorder`: is told all that a log holds.  `start`:
+        tells this module from another one that was given the same identity by mistake.
         """
         self.counters = Counters()
         self.texts = StatusTexts()
@@ -332,6 +334,7 @@ class Onboard:
             home=Home(home.latitude_deg, home.longitude_deg, home.altitude_m) if home else None,
             vision_from=_believed(setup.position, setup.own),
             imu=setup.imu,
+            start=start,
         )
         self.forwarding = _forwarding(setup.forward)
         self.pacer = realtime.Pacer(rate_hz, now_s)
@@ -774,7 +777,7 @@ class Onboard:
         self._mode_change.stop()
         self._active = False
         self._releases = 0
-        self._mode = BOOT
+        self._mode = self.session.presence.mode = BOOT
 
     def _tick(self, time_s: float) -> None:
         self.counters.ticks += 1
@@ -848,7 +851,8 @@ class Onboard:
                 self._say_surfaces(self._setup.flavour.commands(SurfaceCommand(0, 0, 0), level))
 
     def _mode_changed(self, output: autopilot.Output) -> None:
-        self._mode = output.mode
+        self._mode = self.session.presence.mode = output.mode
+        self._say(self.session.heartbeat())
         changes = self.counters.mode_changes
         changes[output.mode] = changes.get(output.mode, 0) + 1
         severity = SEVERITY_INFO

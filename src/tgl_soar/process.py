@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import os
 import platform
+import secrets
 import select
 import signal
 import sys
@@ -488,6 +489,7 @@ def _fly(
         unsigned_autopilot=secret.unsigned_autopilot,
         keep_key=partial(save_key, key_file) if key_file and secret.allow_setup else None,
         recorder=recorder or NO_RECORDER,
+        start=secrets.randbits(24),
     )
     for other in others:
         onboard.add_link(other.send, stream=other.is_stream)

@@ -69,7 +69,7 @@ def test_our_heartbeat_comes_once_a_second() -> None:
     talk = session()
     beats = [m for i in range(2001) for m in talk.heartbeat_if_due(i * 0.005)]
     assert len(beats) == 11
-    assert beats[0] == Heartbeat(18, 8, 0, 0, 4)
+    assert beats[0] == Heartbeat(18, 8, 1, 1 << 8, 1)  # mode boot
 
 
 def test_heartbeats_do_not_catch_up_after_a_pause() -> None:

@@ -184,6 +184,18 @@ def test_ticks_follow_the_attitude_where_it_comes_at_the_rate(flight: Flight) ->
     assert counters.on_sample >= counters.ticks - 40
 
 
+def test_the_heartbeat_tells_the_mode_at_once(flight: Flight) -> None:
+    flight.run(1.0)
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(0.05)
+    flight.attitude_hz = 0.0
+    flight.run(0.5)
+    told = [(m.custom_mode & 0xFF, m.system_status) for m in flight.said("HEARTBEAT")]
+    assert (CAPTURING, mavlink.MAV_STATE_ACTIVE) in told
+    assert (RELEASED, mavlink.MAV_STATE_CRITICAL) in told
+    assert told[-1] == (flight.mode_now, mavlink.MAV_STATE_STANDBY)
+
+
 # --- greeting ---------------------------------------------------------------------------------
 
 

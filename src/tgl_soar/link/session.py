@@ -61,9 +61,7 @@ from .messages import (
     SEVERITY_ERROR,
     SEVERITY_INFO,
     SEVERITY_WARNING,
-    STATE_ACTIVE,
     TYPE_GCS,
-    TYPE_ONBOARD_CONTROLLER,
     AttitudeQuaternion,
     CommandAck,
     GlobalPositionInt,
@@ -84,6 +82,7 @@ from .messages import (
     VfrHud,
     VisionPositionEstimate,
 )
+from .presence import Presence
 from .sensing import airspeed_of_hud, airspeed_of_pressure, imu_of, sigma_of
 from .sources import (
     GLOBAL_POSITION,
@@ -170,12 +169,14 @@ class Session:
         home: Home | None = None,
         vision_from: Collection[Source] = (),
         imu: int | None = None,
+        start: int = 1,
     ) -> None:
         """`sources`: whose positions are taken; of the autopilot's alone if not given.
 
         `home`: where latitude and longitude are counted from.  `vision_from`: whose
         VISION_POSITION_ESTIMATE is believed.  `imu`: the message that is to carry
-        accelerations; None: the firmware's usual one, 0: none.
+        accelerations; None: the firmware's usual one, 0: none.  `start`: a number of this start
+        of the module, for its heartbeat.
         """
         self.counters = SessionCounters()
         self.sources = sources or PositionSources()
@@ -190,6 +191,7 @@ class Session:
         self.servos_us: tuple[int, ...] = ()
         self.heard: set[Source] = set()
         self.notices: list[tuple[int, str]] = []  # (severity, text), for whoever tells them
+        self.presence = Presence(start)
         self.streams = StreamRequests(own.system)
         self.round_trip = RoundTrip()
         self._inquiry = SenderInquiry(flavour, own.system, override_system)
@@ -247,7 +249,7 @@ class Session:
 
     def heartbeat(self) -> Heartbeat:
         """Ours."""
-        return Heartbeat(TYPE_ONBOARD_CONTROLLER, AUTOPILOT_INVALID, 0, 0, STATE_ACTIVE)
+        return self.presence.heartbeat()
 
     def heartbeat_if_due(self, now_s: float) -> list[Heartbeat]:
         """Ours, once a second."""

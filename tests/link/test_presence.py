@@ -1,0 +1,35 @@
+"""Our heartbeat: every mode can be told by it."""
+
+from __future__ import annotations
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from tgl_soar.control import supervisor
+from tgl_soar.link.presence import STATES, Presence
+
+
+def beat_in(mode: int, start: int = 7) -> tuple[int, int]:
+    presence = Presence(start)
+    presence.mode = mode
+    beat = presence.heartbeat()
+    assert beat.base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+    assert beat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED == 0  # nobody takes us for armed
+    return beat.custom_mode, beat.system_status
+
+
+def test_every_mode_of_the_supervisor_has_its_state() -> None:
+    assert len(STATES) == len(supervisor.MODE_NAMES)
+    state = {name: beat_in(mode)[1] for mode, name in enumerate(supervisor.MODE_NAMES)}
+    assert state["boot"] == mavlink.MAV_STATE_BOOT
+    assert state["standby"] == state["ready"] == mavlink.MAV_STATE_STANDBY
+    assert state["capturing"] == state["soaring"] == mavlink.MAV_STATE_ACTIVE
+    assert state["holding"] == state["recovering"] == mavlink.MAV_STATE_CRITICAL
+    assert state["released"] == mavlink.MAV_STATE_CRITICAL
+    assert state["failed"] == mavlink.MAV_STATE_EMERGENCY
+
+
+def test_the_low_byte_is_the_mode_and_the_rest_the_start() -> None:
+    for mode in range(len(STATES)):
+        for start in (1, 0x5A5A5A, 2**24 - 1):
+            assert beat_in(mode, start)[0] == start * 256 + mode
+    assert beat_in(4, 0)[0] == beat_in(4, 2**24)[0] == 256 + 4  # never that of none
