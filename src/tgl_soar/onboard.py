@@ -123,6 +123,8 @@ SHOW_ENGAGED_S: Final = 1.0
 ABSENT_S: Final = 5.0  # a station that was silent for longer may have missed a change
 REFUSALS_S: Final = 0.25  # between two words about commands that were refused
 STRAIN_TOLD_S: Final = 10.0  # between two words about late ticks
+IDENTITY_REMEDY: Final = "stop one, or give it another component_id in [autopilot]"
+DUPLICATE_TOLD_S: Final = 10.0  # between two words about a module with our identity
 LATE_TOLD: Final = 10  # fewer are not worth a word
 PILOT_SWITCH_HZ: Final = 10.0
 LOSS_S: Final = 2.0  # over which the loss on the link is measured
@@ -395,6 +397,7 @@ class Onboard:
         self._engaged_s = now_s
         self._met: dict[tuple[int, Source], float] = {}  # when each station was heard last
         self._refused_s = float("-inf")
+        self._duplicate_told_s = float("-inf")
         self._strain_told_s = float("-inf")
         self._late_told = 0
         self._reboots = 0
@@ -477,6 +480,9 @@ class Onboard:
         if route is not self._autopilot and not isinstance(message, _FROM_ANYWHERE):
             return  # nobody else's measurements are flown with
         if isinstance(message, Heartbeat):
+            if received.source == self._setup.own:
+                self._meet_duplicate(message, self._clock(now_s))
+                return
             self._meet(route, received.source, now_s)
         if isinstance(message, RcChannels):
             if received.source == session.autopilot:
@@ -515,6 +521,22 @@ class Onboard:
             for chunk in self.texts.chunks(SEVERITY_INFO, autopilot.mode_name(self._mode)):
                 self._spend(self._say(chunk, route))
 
+    def _meet_duplicate(self, message: Heartbeat, now_s: float) -> None:
+        """Another module with our identity: which of the two may be engaged (`presence`)."""
+        presence = self.session.presence
+        if not presence.hear(message, now_s):
+            return
+        own = self._setup.own
+        who = f"another module is system {own.system}, component {own.component}, too"
+        if self._engage and (presence.duplicate_is_engaged or not self._active):
+            both = " and engaged" if presence.duplicate_is_engaged else ""
+            self.tell(SEVERITY_ERROR, f"disengaged: {who}{both}")
+            self._disengage()
+            self._tell_engagement(self._mode)
+        elif not 0.0 <= now_s - self._duplicate_told_s < DUPLICATE_TOLD_S:
+            self._duplicate_told_s = now_s
+            self.tell(SEVERITY_WARNING, f"{who}: {IDENTITY_REMEDY}")
+
     def _already_known(self, source: Source) -> None:
         """A bridge on the autopilot's own link speaks to it without us."""
         if self.forwarding is not None and source in _believed(
@@ -531,7 +553,7 @@ class Onboard:
             self._say_all(server.handle(source, message, now_s, flying=self._active), route)
             return
         engages = message.param_id == "OP_ENGAGE" and message.param_value >= 0.5
-        refusal = self._forbidden(source) or (self._held_back() if engages else "")
+        refusal = self._forbidden(source) or (self._held_back(now_s) if engages else "")
         if engages and message.param_value == ENGAGED and not self._engage:
             refusal = refusal or "2 is what a module shows that has engaged: set 1"
         if message.param_id == "OP_RC_CHAN" and message.param_value in setup.surface_channels:
@@ -584,12 +606,14 @@ class Onboard:
             return ""
         return f"system {source.system} is not among autopilot.operators of the airframe file"
 
-    def _held_back(self) -> str:
+    def _held_back(self, now_s: float) -> str:
         """Why nobody can engage now; "" if it can be tried."""
         if self._mode == RELEASED:
             return "it has let go just now: try again"
         if self._mode == FAILED:
             return "it has failed: start it again"
+        if not self._active and not self.session.presence.is_alone(now_s):
+            return f"another module has our identity: {IDENTITY_REMEDY}"
         return self.engagement.held_back()
 
     def _obey(
@@ -598,7 +622,7 @@ class Onboard:
         commands = self.commands
         if not commands.is_for_us(source, message):
             return
-        held_back = self._held_back() if message.command == ENGAGE else ""
+        held_back = self._held_back(now_s) if message.command == ENGAGE else ""
         answer = commands.handle(
             source, message, now_s, forbidden=self._forbidden(source), held_back=held_back
         )
@@ -619,7 +643,7 @@ class Onboard:
         )
         if wish == RELEASE and was_low and not self._engage:
             return  # a switch that stays low says nothing new
-        if wish == ENGAGE and (held_back := self._held_back()):
+        if wish == ENGAGE and (held_back := self._held_back(now_s)):
             self.tell(SEVERITY_WARNING, f"the pilot's switch cannot engage: {held_back}")
         elif wish != NOTHING:
             self._want(wish, "the pilot's switch")

@@ -1,11 +1,12 @@
-"""Our heartbeat: every mode can be told by it."""
+"""Our heartbeat: every mode can be told by it, and whose it is."""
 
 from __future__ import annotations
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.control import supervisor
-from tgl_soar.link.presence import STATES, Presence
+from tgl_soar.link.messages import Heartbeat
+from tgl_soar.link.presence import _ENGAGED, ALONE_S, STATES, Presence
 
 
 def beat_in(mode: int, start: int = 7) -> tuple[int, int]:
@@ -33,3 +34,26 @@ def test_the_low_byte_is_the_mode_and_the_rest_the_start() -> None:
         for start in (1, 0x5A5A5A, 2**24 - 1):
             assert beat_in(mode, start)[0] == start * 256 + mode
     assert beat_in(4, 0)[0] == beat_in(4, 2**24)[0] == 256 + 4  # never that of none
+
+
+def test_a_duplicate_is_told_from_our_own_echo() -> None:
+    ours, theirs = Presence(7), Presence(8)
+    assert ours.is_alone(0.0)
+    for mode in range(len(STATES)):
+        ours.mode = mode  # an echo may be old: of another mode than ours is now
+        assert not Presence(7).hear(ours.heartbeat(), 1.0)
+        theirs.mode = mode
+        assert ours.hear(theirs.heartbeat(), 1.0)
+        assert ours.duplicate_is_engaged == supervisor.is_flying(mode)
+    assert frozenset(filter(supervisor.is_flying, range(len(STATES)))) == _ENGAGED
+    assert not ours.is_alone(1.0 + ALONE_S)
+    assert ours.is_alone(1.1 + ALONE_S)
+    ours.hear(theirs.heartbeat(), 1.0)
+    ours.rebase()
+    assert ours.is_alone(1.0)
+
+
+def test_a_module_that_tells_no_mode_is_a_duplicate_too() -> None:
+    ours = Presence(7)
+    assert ours.hear(Heartbeat(18, 8, 0, 0, 4), 1.0)
+    assert not ours.duplicate_is_engaged

@@ -1,4 +1,4 @@
-"""Our heartbeat, which tells the module's mode.
+"""Our heartbeat, which tells the module's mode, and whoever else sends one in our name.
 
     custom_mode    bits 0 … 7: the mode; bits 8 … 31: a number drawn at every start
     system_status  what the mode means in MAVLink's own words
@@ -6,6 +6,17 @@
 MAVLink's states are coarse: a station that shows only them tells soaring (ACTIVE) from holding,
 recovering and released (CRITICAL: no normal flight) and from failed (EMERGENCY); the mode says
 which.  It is sent once a second, and at once when the mode changes.
+
+Two modules with one identity both obey the command that engages, and fight for the surfaces.
+A heartbeat in our name with another number of its start is that of a duplicate; one with our own
+is ours, sent back to us by a router, however late and over whatever link.  While a duplicate is
+heard nobody engages.  Of two
+
+    one engaged    that one stays: the other was started later, and cannot engage
+    both engaged   both disengage, and the pilot has control: neither knows which one the
+                   autopilot obeys, and each would wait for the other
+
+A duplicate that no link leads to us is not noticed.
 """
 
 from __future__ import annotations
@@ -25,6 +36,7 @@ from .messages import (
 )
 
 MODE_BITS: Final = 8
+ALONE_S: Final = 5.0  # so long after its last heartbeat a duplicate is gone; four may be lost
 # By the mode, as the supervisor numbers them; a test holds the two together.
 STATES: Final = (
     STATE_BOOT,
@@ -39,12 +51,17 @@ STATES: Final = (
 )
 
 
+_ENGAGED: Final = frozenset((3, 4, 5, 6))  # capturing to recovering
+
+
 class Presence:
-    """What all others know of us."""
+    """What all others know of us, and we of a duplicate."""
 
     def __init__(self, start: int) -> None:
         """`start`: a number that no other start has drawn; its lower 24 bits count."""
         self.mode = 0
+        self.duplicate_is_engaged = False  # as its last heartbeat says
+        self._duplicate_s = float("-inf")  # when it was heard last
         self._start = start % 2**24 or 1
 
     def heartbeat(self) -> Heartbeat:
@@ -56,3 +73,20 @@ class Presence:
             custom_mode=self._start << MODE_BITS | self.mode,
             system_status=STATES[self.mode],
         )
+
+    def hear(self, beat: Heartbeat, now_s: float) -> bool:
+        """A heartbeat in our name; whether it is a duplicate's."""
+        start, mode = beat.custom_mode >> MODE_BITS, beat.custom_mode % 2**MODE_BITS
+        if start == self._start:
+            return False
+        self._duplicate_s = now_s
+        self.duplicate_is_engaged = mode in _ENGAGED
+        return True
+
+    def is_alone(self, now_s: float) -> bool:
+        """Whether no duplicate has been heard of late."""
+        return not now_s - self._duplicate_s <= ALONE_S
+
+    def rebase(self) -> None:
+        """The clock is another one: what was heard by the old one is forgotten."""
+        self._duplicate_s = float("-inf")

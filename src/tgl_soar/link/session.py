@@ -281,6 +281,7 @@ class Session:
     def rebase(self, now_s: float) -> None:
         """The loop's clock was changed to now_s: whatever was timed by the old one begins anew."""
         self._heartbeat_due_s = now_s
+        self.presence.rebase()
         self.sources.rebase()
         self._attitude_from.rebase()
         self._imu_from.rebase()
