@@ -392,6 +392,18 @@ def test_an_airframe_is_blamed_for_its_own_parameters(tmp_path: Path) -> None:
         load_parameters(airframe, a, load_site(s), s)
 
 
+@pytest.mark.parametrize("file", ["a", "s"])
+def test_a_switch_that_moves_a_surface_is_refused_by_its_file(tmp_path: Path, file: str) -> None:
+    a, s = written(tmp_path, AIRFRAME, "a.toml"), written(tmp_path, SITE, "s.toml")
+    airframe, site = load_airframe(a), load_site(s)
+    (airframe if file == "a" else site).parameters["OP_RC_CHAN"] = 4.0
+    told = rf"{file}\.toml: parameters\.OP_RC_CHAN = 4: .* 1 to 18 but none of 1, 2, 4; 0: no"
+    with pytest.raises(ConfigError, match=told):
+        load_parameters(airframe, a, site, s)
+    (airframe if file == "a" else site).parameters["OP_RC_CHAN"] = 5.0
+    assert load_parameters(airframe, a, site, s)["OP_RC_CHAN"] == 5.0
+
+
 # --- files that are none --------------------------------------------------------------------
 
 

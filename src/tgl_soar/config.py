@@ -450,7 +450,9 @@ def load_parameters(
 ) -> ParameterSet:
     """Defaults, then the airframe's values, then the site's.  Errors: `ConfigError`."""
     values = _check_parameters(airframe_path, ParameterSet(), airframe.parameters)
+    _check_switch(airframe_path, values, airframe)
     values = _check_parameters(site_path, values, site.parameters, preset_lines(site, values))
+    _check_switch(site_path, values, airframe)
     for name, line in site.lines.items():
         try:
             values.changed(line_parameters(line))
@@ -467,6 +469,23 @@ def preset_lines(site: Site, values: ParameterSet) -> Presets:
         PresetLine(name, line.x_m, line.z_m, lean if line.lean_deg is None else line.lean_deg)
         for name, line in site.lines.items()
     )
+
+
+def switch_refusal(channel: float, surface_channels: frozenset[int]) -> str:
+    """Why a channel cannot be the pilot's switch; "" if it can."""
+    if channel not in surface_channels:
+        return ""
+    # Plain letters: it is also sent as a STATUSTEXT.
+    taken = ", ".join(map(str, sorted(surface_channels)))
+    return f"this channel moves a surface: 1 to 18 but none of {taken}; 0: no switch"
+
+
+def _check_switch(path: str | Path, values: ParameterSet, airframe: Airframe) -> None:
+    surfaces = airframe.surfaces
+    driven = frozenset(s.channel for s in (surfaces.elevator, surfaces.aileron, surfaces.rudder))
+    if refusal := switch_refusal(values["OP_RC_CHAN"], driven):
+        channel = values["OP_RC_CHAN"]
+        raise ConfigError(f"{path}: parameters.OP_RC_CHAN = {channel:g}: {refusal}")
 
 
 _LINE_KEYS: Final = {"TGL_X": "x_m", "TGL_Z": "z_m", "TGL_LEAN": "lean_deg"}

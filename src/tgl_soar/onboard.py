@@ -35,6 +35,7 @@ from tgl_soar.config import (
     Site,
     Surface,
     preset_lines,
+    switch_refusal,
 )
 from tgl_soar.estimation.health import JUMP, WRONG
 from tgl_soar.flightlog.recorder import NO_RECORDER, LinkReport, Recorder
@@ -45,7 +46,7 @@ from tgl_soar.link.autopilots import routes
 from tgl_soar.link.autopilots.base import Flavour, SurfaceChannel, SurfaceChannels, is_finite
 from tgl_soar.link.codec import Decoder, Encoder
 from tgl_soar.link.commands import ABORT, ENGAGE, NOTHING, RELEASE, CommandServer
-from tgl_soar.link.engagement import Engagement
+from tgl_soar.link.engagement import GONE_S, SILENCE_S, Engagement
 from tgl_soar.link.messages import (
     ID_HIGHRES_IMU,
     ID_RAW_IMU,
@@ -218,11 +219,8 @@ def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Setu
     if parameters["OP_ENGAGE"] != 0.0:  # a restarted module must never engage by itself
         parameters = parameters.changed({"OP_ENGAGE": 0.0})
     driven = frozenset(channel.channel for channel in channels)
-    if parameters["OP_RC_CHAN"] in driven:
-        raise ConfigError(
-            f"parameters.OP_RC_CHAN = {parameters['OP_RC_CHAN']:g}: this channel moves a surface"
-            " ([surfaces] of the airframe file); give the channel of a switch, or 0"
-        )
+    if refusal := switch_refusal(parameters["OP_RC_CHAN"], driven):
+        raise ConfigError(f"parameters.OP_RC_CHAN = {parameters['OP_RC_CHAN']:g}: {refusal}")
     _believed(site.position, Source(link.system_id, link.component_id))
     return Setup(
         Source(link.system_id, link.component_id),
@@ -397,10 +395,12 @@ class Onboard:
         self._engaged_s = now_s
         self._met: dict[tuple[int, Source], float] = {}  # when each station was heard last
         self._refused_s = float("-inf")
+        self._switch_told = False  # that it is silent
         self._duplicate_told_s = float("-inf")
         self._strain_told_s = float("-inf")
         self._late_told = 0
         self._reboots = 0
+        self._want_pilot_switch()
 
     def add_link(self, send: Callable[[bytes], bool], *, stream: bool = False) -> int:
         """One more link; its number.  The first leads to the autopilot."""
@@ -556,8 +556,8 @@ class Onboard:
         refusal = self._forbidden(source) or (self._held_back(now_s) if engages else "")
         if engages and message.param_value == ENGAGED and not self._engage:
             refusal = refusal or "2 is what a module shows that has engaged: set 1"
-        if message.param_id == "OP_RC_CHAN" and message.param_value in setup.surface_channels:
-            refusal = refusal or "this channel moves a surface"
+        if message.param_id == "OP_RC_CHAN":
+            refusal = refusal or switch_refusal(message.param_value, setup.surface_channels)
         if refusal:
             self._say_all(server.refuse(source, message, refusal, now_s))
             return
@@ -614,7 +614,8 @@ class Onboard:
             return "it has failed: start it again"
         if not self._active and not self.session.presence.is_alone(now_s):
             return f"another module has our identity: {IDENTITY_REMEDY}"
-        return self.engagement.held_back()
+        unheard = self.engagement.switch.unheard(now_s, int(self._values["OP_RC_CHAN"]))
+        return self.engagement.held_back() or (unheard and f"the pilot's switch: {unheard}")
 
     def _obey(
         self, route: Route, source: Source, message: CommandLong | CommandInt, now_s: float
@@ -647,6 +648,19 @@ class Onboard:
             self.tell(SEVERITY_WARNING, f"the pilot's switch cannot engage: {held_back}")
         elif wish != NOTHING:
             self._want(wish, "the pilot's switch")
+
+    def _watch_pilot_switch(self, now_s: float) -> None:
+        """One that has fallen silent in flight: told, and after a while the engagement ends."""
+        switch = self.engagement.switch
+        unheard = switch.unheard(now_s, int(self._values["OP_RC_CHAN"])) if self._engage else ""
+        if unheard and switch.silence_s(now_s) > GONE_S:
+            self.tell(SEVERITY_ERROR, f"disengaged: the pilot's switch is silent: {unheard}")
+            self._disengage()
+            self._tell_engagement(self._mode)
+        elif unheard and not self._switch_told:
+            text = f"the pilot's switch is silent, disengaging in {GONE_S - SILENCE_S:g} s"
+            self.tell(SEVERITY_WARNING, f"{text}: {unheard}")
+        self._switch_told = unheard != ""
 
     def _want(self, wish: int, by: str) -> None:
         """Somebody who may has asked for it."""
@@ -910,6 +924,7 @@ class Onboard:
             self._forward(self.forwarding, now_s)
         self._list_parameters(now_s)
         self._show_engaged(now_s)
+        self._watch_pilot_switch(now_s)
         for ack in self.commands.poll(now_s):
             self._say_to(Source(ack.target_system, ack.target_component), ack)
         if self._store is not None:

@@ -29,6 +29,7 @@ from tgl_soar.config import (
     load_airframe,
     load_parameters,
     load_site,
+    switch_refusal,
 )
 from tgl_soar.control.supervisor import MODE_NAMES, REASON_TEXTS
 from tgl_soar.flightlog.declaration import VERSION
@@ -306,6 +307,7 @@ def _run(plan: Plan, life: guard.LifeSign | None = None, became: str = "") -> in
     try:
         signing = signing_from(plan.secret)
         store = _store(plan)
+        setup, restored_words = _restored(plan.setup, store)
         for text in plan.links:
             transports.append(_open(plan, text, signing))  # noqa: PERF401 - closed on error
         if plan.site.mocap is not None:
@@ -324,7 +326,7 @@ def _run(plan: Plan, life: guard.LifeSign | None = None, became: str = "") -> in
     words = [(SEVERITY_ERROR, f"restarted: the flying process {became}")] if became else []
     try:
         return _fly(
-            plan.setup,
+            setup,
             transports,
             stopped.is_set,
             lockstep=plan.lockstep,
@@ -333,7 +335,7 @@ def _run(plan: Plan, life: guard.LifeSign | None = None, became: str = "") -> in
             secret=plan.secret,
             store=store,
             life=life,
-            first_words=words,
+            first_words=[*words, *restored_words],
             recorder=_recorder(plan),
             mocap=mocap,
             wishes=plan.wishes,
@@ -431,7 +433,10 @@ def _text_of(path: str | Path) -> str:
 
 
 def _restored(setup: Setup, store: ParameterStore | None) -> tuple[Setup, list[tuple[int, str]]]:
-    """With the values that were kept, and what is to be said of them."""
+    """With the values that were kept, and what is to be said of them.
+
+    Errors: `ConfigError` for a pilot's switch that has become a surface's channel since.
+    """
     if store is None:
         return setup, []
     found = store.restore()
@@ -439,6 +444,12 @@ def _restored(setup: Setup, store: ParameterStore | None) -> tuple[Setup, list[t
     if found.kept:
         names = ", ".join(found.kept)
         words.append((SEVERITY_NOTICE, f"{len(found.kept)} stored parameters: {names}"))
+    channel = found.values["OP_RC_CHAN"]
+    if refusal := switch_refusal(channel, setup.surface_channels):
+        raise ConfigError(
+            f"{store.path}: OP_RC_CHAN = {channel:g}: {refusal}; set it with `tgl-soar params"
+            " import`, or remove this file"
+        )
     return setup._replace(parameters=found.values), words
 
 
@@ -475,7 +486,6 @@ def _fly(
     began_s = time.monotonic()
     first, *others = transports
     key_file = secret.key_file
-    setup, restored_words = _restored(setup, store)
     onboard = Onboard(
         setup,
         first.send,
@@ -484,7 +494,7 @@ def _fly(
         lockstep=lockstep,
         console=_print,
         store=store,
-        first_words=[*first_words, *restored_words],
+        first_words=first_words,
         signing=signing,
         unsigned_autopilot=secret.unsigned_autopilot,
         keep_key=partial(save_key, key_file) if key_file and secret.allow_setup else None,

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tgl_soar.link.commands import ABORT, ENGAGE, NOTHING, RELEASE, Command, CommandServer
-from tgl_soar.link.engagement import Engagement, PilotSwitch
+from tgl_soar.link.engagement import SILENCE_S, Engagement, PilotSwitch
 from tgl_soar.link.messages import (
     AutopilotVersion,
     CommandAck,
@@ -312,6 +312,22 @@ def test_no_channel_and_no_pulse_is_no_switch() -> None:
         assert take(switch, LOW, 0.0, channel) == NOTHING
     assert take(switch, 0, 0.0) == NOTHING
     assert not switch.is_low
+
+
+def test_a_switch_that_is_not_heard_says_why() -> None:
+    switch = PilotSwitch()
+    assert switch.unheard(0.0, 0) == ""  # there is none
+    assert "no RC_CHANNELS" in switch.unheard(0.0, 8)
+    take(switch, MIDDLE, 0.0)
+    assert switch.unheard(SILENCE_S, 8) == ""
+    assert "no RC_CHANNELS" in switch.unheard(SILENCE_S + 0.1, 8)
+    assert "no RC_CHANNELS" in switch.unheard(0.1, 7)  # another channel was looked at
+    for pulse_us in (GONE, 0):
+        take(switch, pulse_us, 5.0)
+        assert f"no pulses on its channel: {pulse_us} us" in switch.unheard(5.0, 8)
+    few = RcChannels(4, (1500,) * 18)
+    assert switch.take(few, 10.0, 8, ON_US, OFF_US) == NOTHING
+    assert "RC_CHANNELS have 4 channels (OP_RC_CHAN = 8)" in switch.unheard(10.0, 8)
 
 
 @given(st.lists(st.sampled_from((LOW, MIDDLE, HIGH, GONE, 0)), max_size=60))

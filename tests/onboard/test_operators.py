@@ -199,11 +199,91 @@ def test_the_pilot_s_switch_engages_releases_and_holds_back(flight: Flight) -> N
     assert flight.mode_now == READY
     switch(flight, 1900)
     assert flight.mode_now == CAPTURING
-    flight.run(3.0)  # RC_CHANNELS fall silent
+    flight.run(1.5)  # a gap of RC_CHANNELS
     assert flight.mode_now in (CAPTURING, SOARING)
     switch(flight, 1100, 0.1)
     assert flight.mode_now == READY
     assert flight.onboard.parameters.values["OP_ENGAGE"] == 0.0
+
+
+def with_switch(channel: float) -> Flight:
+    """A module that starts with a switch, as from its stored parameters."""
+    values = setup()
+    made = Flight(
+        flown=values._replace(parameters=values.parameters.changed({"OP_RC_CHAN": channel}))
+    )
+    made.run(1.0)
+    return made
+
+
+def test_a_switch_that_was_never_heard_is_asked_for_and_engages_nothing() -> None:
+    flight = with_switch(8.0)
+    assert any(m.param1 == 65.0 for m in flight.said("COMMAND_LONG"))
+    order(flight, ENGAGE)
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(0.2)
+    said = flight.said()
+    assert acks(said) == [(ENGAGE, REJECTED)]
+    assert "the pilot's switch: no RC_CHANNELS are heard (OP_RC_CHAN = 8)" in "".join(texts(said))
+    assert flight.mode_now == READY
+    switch(flight, 1500)
+    order(flight, ENGAGE)
+    flight.run(0.1)
+    assert flight.mode_now == CAPTURING
+
+
+@pytest.mark.parametrize("pulse_us", [0, 65535])
+def test_a_channel_that_is_not_there_engages_nothing(pulse_us: int) -> None:
+    flight = with_switch(8.0)
+    switch(flight, pulse_us)
+    order(flight, ENGAGE)
+    flight.run(0.1)
+    assert flight.mode_now == READY
+    flight.set("OP_RC_CHAN", 9.0)  # of eight
+    switch(flight, 1500)
+    order(flight, ENGAGE)
+    flight.run(0.1)
+    assert flight.mode_now == READY
+    words = "".join(texts(flight.said()))
+    assert f"no pulses on its channel: {pulse_us} us" in words
+    assert "RC_CHANNELS have 8 channels" in words
+
+
+@pytest.mark.parametrize("pulse_us", [None, 0, 65535])
+def test_a_switch_that_falls_silent_is_told_and_ends_the_engagement(pulse_us: int | None) -> None:
+    flight = with_switch(8.0)
+    switch(flight, 1500)
+    order(flight, ENGAGE)
+    flight.run(0.1)
+    flight.said()
+
+    def silent(seconds: float) -> str:
+        if pulse_us is None:
+            flight.run(seconds)
+        else:
+            switch(flight, pulse_us, seconds)
+        return "".join(texts(flight.said()))
+
+    assert "silent" not in silent(0.8)
+    assert "the pilot's switch is silent, disengaging in 2 s" in silent(1.0)
+    assert flight.mode_now in (CAPTURING, SOARING)
+    assert "disengaged: the pilot's switch is silent" in silent(1.5)
+    assert flight.mode_now == READY
+    order(flight, ENGAGE)
+    flight.run(0.1)
+    assert flight.mode_now == READY
+
+
+def test_a_silence_that_ends_in_time_is_told_again_the_next_time() -> None:
+    flight = with_switch(8.0)
+    switch(flight, 1500)
+    order(flight, ENGAGE)
+    for _ in range(3):
+        flight.run(2.0)
+        switch(flight, 1500)
+    words = "".join(texts(flight.said()))
+    assert words.count("disengaging in 2 s") == 3
+    assert flight.mode_now in (CAPTURING, SOARING)
 
 
 def test_a_channel_that_moves_a_surface_is_no_switch() -> None:
@@ -214,7 +294,8 @@ def test_a_channel_that_moves_a_surface_is_no_switch() -> None:
     for channel in (1, 2, 4):
         flight.set("OP_RC_CHAN", channel)
         assert flight.onboard.parameters.values["OP_RC_CHAN"] == 0.0
-    assert "this channel moves a surface" in "".join(texts(flight.said()))
+    words = "".join(texts(flight.said()))
+    assert "this channel moves a surface: 1 to 18 but none of 1, 2, 4; 0: no switch" in words
     flight.set("OP_RC_CHAN", 3)
     assert flight.onboard.parameters.values["OP_RC_CHAN"] == 3.0
 

@@ -14,7 +14,9 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.config import shipped
+from tgl_soar import process
+from tgl_soar.config import load_airframe, load_site, shipped
+from tgl_soar.parameter_store import Identity, state_text
 
 AIRFRAME, SITE = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
 FILE = "eclipson_c-tunnel.params"
@@ -119,6 +121,24 @@ def test_changes_survive_a_kill_and_a_damaged_file(tmp_path: Path) -> None:
     assert third.read("RHO_D") == 0.5  # of the previous copy
     assert third.until(lambda: any("checksum is wrong" in text for text in third.texts))
     assert "checksum is wrong" in third.end(signal.SIGKILL)
+
+
+def test_a_stored_switch_that_moves_a_surface_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The surfaces were moved to other channels since."""
+    airframe = load_airframe(AIRFRAME)
+    channel = airframe.surfaces.rudder.channel
+    site = load_site(SITE)
+    store = tmp_path / FILE
+    identity = Identity(airframe.airframe.name, site.site.name)
+    kept = {"OP_RC_CHAN": float(channel)}
+    store.write_bytes(state_text(identity, kept))
+    end = process.run(AIRFRAME, SITE, "udp:127.0.0.1:0", state=tmp_path, timeout_s=0.1)
+    assert end == process.EXIT_CANNOT_START
+    words = capsys.readouterr().err
+    assert f"{store}: OP_RC_CHAN = {channel}: this channel moves a surface: 1 to 18 but" in words
+    assert "tgl-soar params import" in words
 
 
 def test_without_a_place_to_store_it_flies_on_and_says_so_once(tmp_path: Path) -> None:

@@ -7,8 +7,14 @@ The switch is a channel of the pilot's transmitter, as RC_CHANNELS tells it:
     high   above OP_RC_ON    coming from low, the module engages
 
 Only the way up from a low that was seen engages: a switch that is up when the module starts, or
-when RC_CHANNELS come back after a silence, does not.  Silence itself changes nothing: the
-streams of a radio have gaps, and the autopilot does what it does without its receiver.
+when RC_CHANNELS come back after a silence, does not.
+
+A pilot who has a switch counts on it.  So nobody engages while its channel is not heard: no
+RC_CHANNELS, too few channels in them, or no pulses on it.  In flight such a silence is told after
+`SILENCE_S`, ten messages in a row at the rate that is asked for, and ends the engagement after
+`GONE_S`.  Until then a stream that somebody has turned off comes back: its rate is looked at every
+2 s, and it is asked for again at once.  Not later, for all that time the pilot's own way to end
+the flight does nothing.
 """
 
 from __future__ import annotations
@@ -19,6 +25,7 @@ from .commands import ENGAGE, NOTHING, RELEASE
 from .messages import RcChannels
 
 SILENCE_S: Final = 1.0
+GONE_S: Final = 3.0
 PULSES_US: Final = range(700, 2301)  # anything else is no pulse width
 
 
@@ -27,19 +34,36 @@ class PilotSwitch:
 
     def __init__(self) -> None:
         self._channel = 0
+        self._count = 0  # of the channels that the last RC_CHANNELS had
+        self._pulse_us = 0  # of ours in it
+        self._told_s = float("-inf")  # when that came
         self._low = False  # now
         self._primed = False  # a low was seen, and no silence since
-        self._heard_s = float("-inf")
+        self._heard_s = float("-inf")  # a pulse
 
     @property
     def is_low(self) -> bool:
-        """Whether the pilot holds the module back; a channel that fell silent is believed."""
+        """Whether the pilot held the module back when the channel was heard last."""
         return self._low
 
     def forget(self) -> None:
         """The clock was changed, or there is no switch."""
         self._low = self._primed = False
-        self._heard_s = float("-inf")
+        self._heard_s = self._told_s = float("-inf")
+
+    def silence_s(self, now_s: float) -> float:
+        """For how long its pulses have not been heard."""
+        return now_s - self._heard_s
+
+    def unheard(self, now_s: float, channel: int) -> str:
+        """Why the switch on a channel says nothing now; "" if it does, or if there is none (0)."""
+        if channel == 0 or (channel == self._channel and self.silence_s(now_s) <= SILENCE_S):
+            return ""
+        if channel != self._channel or now_s - self._told_s > SILENCE_S:
+            return f"no RC_CHANNELS are heard (OP_RC_CHAN = {channel})"
+        if channel > self._count:
+            return f"RC_CHANNELS have {self._count} channels (OP_RC_CHAN = {channel})"
+        return f"no pulses on its channel: {self._pulse_us} us (OP_RC_CHAN = {channel})"
 
     def take(
         self, message: RcChannels, now_s: float, channel: int, on_us: float, off_us: float
@@ -48,9 +72,10 @@ class PilotSwitch:
         if channel != self._channel:
             self._channel = channel
             self.forget()
-        if not 1 <= channel <= len(message.channels):
+        self._told_s, self._count = now_s, min(message.chancount, len(message.channels))
+        if not 1 <= channel <= self._count:
             return NOTHING
-        pulse_us = message.channels[channel - 1]
+        self._pulse_us = pulse_us = message.channels[channel - 1]
         if pulse_us not in PULSES_US:
             return NOTHING
         if now_s - self._heard_s > SILENCE_S:
