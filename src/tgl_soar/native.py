@@ -65,6 +65,7 @@ MODULES: Final = (
     "tgl_soar.link.codec",
     "tgl_soar.link.commands",
     "tgl_soar.link.engagement",
+    "tgl_soar.link.file_transfer",
     "tgl_soar.link.hot_frames",
     "tgl_soar.link.inquiry",
     "tgl_soar.link.mode_change",

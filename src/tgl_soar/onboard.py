@@ -41,6 +41,7 @@ from tgl_soar.estimation.health import JUMP, WRONG
 from tgl_soar.flightlog.recorder import NO_RECORDER, LinkReport, Recorder
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.line_changes import Contour, LineChanges, Presets
+from tgl_soar.link import file_transfer
 from tgl_soar.link.autopilots import flavour as autopilot_flavour
 from tgl_soar.link.autopilots import routes
 from tgl_soar.link.autopilots.base import Flavour, SurfaceChannel, SurfaceChannels, is_finite
@@ -59,6 +60,7 @@ from tgl_soar.link.messages import (
     AttitudeQuaternion,
     CommandInt,
     CommandLong,
+    FileTransferProtocol,
     GlobalPositionInt,
     Heartbeat,
     HighresImu,
@@ -474,6 +476,9 @@ class Onboard:
         if isinstance(message, CommandLong | CommandInt):
             self._obey(route, received.source, message, self._clock(now_s))
             return
+        if isinstance(message, FileTransferProtocol):
+            self._refuse_files(route, received.source, message, self._clock(now_s))
+            return
         if isinstance(message, SetupSigning):
             self._take_key(received.source, message, now_s)
             return
@@ -633,6 +638,17 @@ class Onboard:
             self.tell(SEVERITY_WARNING, f"command refused: {answer.reason}")
         if answer.wish != NOTHING:
             self._want(answer.wish, f"system {source.system}")
+
+    def _refuse_files(
+        self, route: Route, source: Source, message: FileTransferProtocol, now_s: float
+    ) -> None:
+        own = self._setup.own
+        for_us = message.target_system in (0, own.system)
+        if not for_us or message.target_component != own.component or source == own:
+            return
+        answer = file_transfer.refused(source, message)
+        if answer is not None and self.commands.may_answer(now_s):
+            self._say(answer, route)
 
     def _take_pilot_switch(self, message: RcChannels, now_s: float) -> None:
         values = self._values

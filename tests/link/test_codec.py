@@ -14,6 +14,7 @@ from tgl_soar.link.messages import (
     AttitudeQuaternion,
     CommandAck,
     CommandLong,
+    FileTransferProtocol,
     GlobalPositionInt,
     Heartbeat,
     HighresImu,
@@ -286,6 +287,10 @@ def test_everything_that_is_said_reads_back_by_pymavlink() -> None:
         (
             ParamRequestRead(1, 1, "SYSID_MYGCS", -1),
             {"param_id": "SYSID_MYGCS", "param_index": -1, "target_component": 1},
+        ),
+        (
+            FileTransferProtocol(255, 190, bytes(range(251))),
+            {"target_system": 255, "target_component": 190, "payload": list(range(251))},
         ),
         (Timesync(5, -7), {"tc1": 5, "ts1": -7}),
         (StatusText(4, "x" * 50, 3, 1), {"text": "x" * 50, "id": 3, "chunk_seq": 1}),

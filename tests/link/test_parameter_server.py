@@ -1,6 +1,7 @@
 """The parameter server as a ground station meets it."""
 
-from math import inf, nan
+from math import inf, isfinite, nan
+from struct import pack, unpack
 
 import pytest
 from hypothesis import given
@@ -20,7 +21,7 @@ from tgl_soar.link.messages import (
     Source,
     StatusText,
 )
-from tgl_soar.link.parameters import VALUES_PER_POLL, VALUES_PER_S, ParameterServer
+from tgl_soar.link.parameters import HASH, VALUES_PER_POLL, VALUES_PER_S, ParameterServer
 from tgl_soar.link.telemetry import StatusTexts
 from tgl_soar.parameters import INDEX, PARAMETERS, ParameterSet
 
@@ -247,3 +248,64 @@ def test_long_texts_have_numbers_of_their_own() -> None:
     first, second = texts.chunks(4, "a" * 60), texts.chunks(4, "b" * 100)
     assert first[0].id != second[0].id
     assert second[-1].text == ""  # a full chunk would not end the text
+
+
+# --- the hash of all -----------------------------------------------------------------------------
+
+
+def hash_of(values: ParameterServer, *, component: int = 191) -> int:
+    assert ask(values, ParamRequestRead(1, component, HASH, -1)) == []
+    (answer,) = collected(values, 0.1)
+    assert (answer.param_id, answer.param_type) == ("_HASH_CHECK", 5)  # UINT32, as its bytes
+    assert (answer.param_count, answer.param_index) == (len(PARAMETERS), 65535)
+    (number,) = unpack("<I", pack("<f", answer.param_value))
+    return int(number)
+
+
+def px4_crc32(data: bytes, crc: int) -> int:
+    """Bit by bit, as crc32part of NuttX does: begins with what it is given, inverts nothing."""
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ (0xEDB88320 if crc & 1 else 0)
+    return crc
+
+
+def test_the_hash_is_that_of_px4_over_names_and_values() -> None:
+    values = server()
+    crc = 0
+    for name, value in sorted((p.name, v) for p, v in values.values):
+        crc = px4_crc32(pack("<f", value), px4_crc32(name.encode(), crc))
+    assert hash_of(values) == crc
+    assert hash_of(values, component=0) == crc
+
+
+def test_the_hash_changes_with_every_value_and_comes_back() -> None:
+    values = server()
+    before = hash_of(values)
+    ask(values, ParamSet(1, 191, "TGL_X", 0.5, REAL32))
+    assert hash_of(values) != before
+    ask(values, ParamSet(1, 191, "TGL_X", ParameterSet()["TGL_X"], REAL32))
+    assert hash_of(values) == before
+
+
+def test_the_hash_arrives_as_it_is_whatever_its_bits() -> None:
+    values = server()
+    numbers = set()
+    for i in range(600):  # two in 256 have an exponent of ones, which is no number
+        values.assign("TGL_X", i * 0.01)
+        number = values._hash_message().param_value
+        assert isfinite(number)
+        numbers.add(number)
+    assert len(numbers) == 600
+
+
+def test_the_hash_is_in_no_list_and_setting_it_sets_nothing() -> None:
+    values = server()
+    ask(values, ParamRequestList(1, 191))
+    assert HASH not in {m.param_id for m in collected(values, 3.0)}
+    before = values.values
+    (answer,) = ask(values, ParamSet(1, 191, HASH, 1.0, 5))
+    assert isinstance(answer, ParamValue)
+    assert answer.param_id == HASH
+    assert values.values is before

@@ -27,14 +27,14 @@ pytestmark = pytest.mark.skipif(PROGRAM is None, reason="MAVProxy is not install
 class MavProxy:
     """The program without a screen: commands in, words out."""
 
-    def __init__(self, folder: Path, port: int) -> None:
+    def __init__(self, folder: Path, port: int, modules: str = "param,cmdlong") -> None:
         assert PROGRAM is not None
         self.folder = folder
         self.words = ""
         self._process = subprocess.Popen(
             [
                 *(sys.executable, PROGRAM, f"--master=udpout:127.0.0.1:{port}", "--no-state"),
-                *("--default-modules=param,cmdlong", "--target-system=1"),
+                *(f"--default-modules={modules}", "--target-system=1"),
                 "--target-component=191",
             ],
             cwd=folder,
@@ -164,3 +164,19 @@ def test_mavproxy_lists_shows_sets_saves_and_loads(flight: tuple[Scene, MavProxy
         station.type("param fetch TGL_SLEW")
         time.sleep(0.5)
     assert station.saved("again.parm") == pytest.approx(saved, abs=1e-6)
+
+
+def test_mavproxy_that_looks_for_files_first_does_not_wait_for_them(tmp_path: Path) -> None:
+    scene = Scene(tmp_path)
+    scene.pilot.engage()
+    station = MavProxy(tmp_path, scene.port, "ftp,param,cmdlong")
+    try:
+        station.wait(f"Received {len(PARAMETERS)} parameters", seconds=40.0)
+        assert "request timed out" not in station.words  # which it says before it gives up
+        assert station.shown("TGL_LEAN") == 15.0
+        since = station.type("param fetch _HASH_CHECK")
+        station.wait("_HASH_CHECK = ", since)
+        scene.assert_flies()
+    finally:
+        station.close()
+        scene.close()

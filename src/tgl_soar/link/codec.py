@@ -24,6 +24,7 @@ from .messages import (
     CommandAck,
     CommandInt,
     CommandLong,
+    FileTransferProtocol,
     Heard,
     Heartbeat,
     ManualControl,
@@ -417,6 +418,10 @@ def _setup_signing(m: Any) -> Heard:
     )
 
 
+def _file_transfer_protocol(m: Any) -> Heard:
+    return FileTransferProtocol(m.target_system, m.target_component, bytes(m.payload))
+
+
 _HEARD: Final[dict[int, Callable[[Any], Heard]]] = {
     dialect.MAVLINK_MSG_ID_HEARTBEAT: _heartbeat,
     dialect.MAVLINK_MSG_ID_VISION_POSITION_ESTIMATE: _vision_position_estimate,
@@ -431,6 +436,7 @@ _HEARD: Final[dict[int, Callable[[Any], Heard]]] = {
     dialect.MAVLINK_MSG_ID_PARAM_SET: _param_set,
     dialect.MAVLINK_MSG_ID_PARAM_VALUE: _param_value,
     dialect.MAVLINK_MSG_ID_SETUP_SIGNING: _setup_signing,
+    dialect.MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL: _file_transfer_protocol,
 }
 
 
@@ -579,6 +585,12 @@ def _pack_param_value(m: Any) -> Any:
     )
 
 
+def _pack_file_transfer_protocol(m: Any) -> Any:
+    return dialect.MAVLink_file_transfer_protocol_message(
+        0, m.target_system, m.target_component, list(m.payload)
+    )
+
+
 def _pack_status_text(m: Any) -> Any:
     return dialect.MAVLink_statustext_message(m.severity, chars(m.text, 50), m.id, m.chunk_seq)
 
@@ -660,6 +672,7 @@ _SAID: Final[dict[type[Said], Callable[[Any], Any]]] = {
     ParamRequestRead: _pack_param_request_read,
     ParamError: _pack_param_error,
     ParamValue: _pack_param_value,
+    FileTransferProtocol: _pack_file_transfer_protocol,
     StatusText: _pack_status_text,
     ManualControl: _pack_manual_control,
     SetActuatorControlTarget: _pack_set_actuator_control_target,

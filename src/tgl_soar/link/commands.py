@@ -154,7 +154,7 @@ class CommandServer:
             self.counters.repeated += 1
             return Answer([_ack(source, number, before.result)])
         flies = number in (ENGAGE, RELEASE, ABORT)
-        if (forbidden or not flies) and not self._may_answer(now_s):
+        if (forbidden or not flies) and not self.may_answer(now_s):
             self.counters.unanswered += 1
             return Answer([])
         if forbidden and (flies or number == COMMAND_SET_MESSAGE_INTERVAL):
@@ -206,14 +206,8 @@ class CommandServer:
                 said.append(_ack(source, number, done.result))
         return said
 
-    def rebase(self) -> None:
-        """The clock was changed: nobody waits any more."""
-        self._done.clear()
-        self._answers = ANSWERS_AT_ONCE
-        self._answered_s = float("-inf")
-
-    def _may_answer(self, now_s: float) -> bool:
-        """Whether a flood leaves room for one more answer."""
+    def may_answer(self, now_s: float) -> bool:
+        """Whether a flood leaves room for one more answer that nothing which flies depends on."""
         if now_s > self._answered_s:
             earned = (now_s - self._answered_s) * ANSWERS_PER_S
             self._answers = min(ANSWERS_AT_ONCE, self._answers + earned)
@@ -222,6 +216,12 @@ class CommandServer:
             return False
         self._answers -= 1.0
         return True
+
+    def rebase(self) -> None:
+        """The clock was changed: nobody waits any more."""
+        self._done.clear()
+        self._answers = ANSWERS_AT_ONCE
+        self._answered_s = float("-inf")
 
     def _asked(self, source: Source, message: Command) -> Answer:
         """Messages by number: nothing that flies depends on them, so anybody may ask for one;

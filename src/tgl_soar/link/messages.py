@@ -62,6 +62,7 @@ FRAME_LOCAL_FRD: Final = 20
 
 # MAV_PARAM_TYPE
 PARAM_TYPE_UINT8: Final = 1
+PARAM_TYPE_UINT32: Final = 5
 PARAM_TYPE_INT32: Final = 6
 PARAM_TYPE_REAL32: Final = 9
 
@@ -345,6 +346,12 @@ class ParamError(NamedTuple):
     error: int
 
 
+class FileTransferProtocol(NamedTuple):
+    target_system: int
+    target_component: int
+    payload: bytes  # 251
+
+
 class Timesync(NamedTuple):
     tc1: int  # 0 in a request
     ts1: int
@@ -422,6 +429,7 @@ Heard: TypeAlias = (
     | ParamSet
     | ParamValue
     | SetupSigning
+    | FileTransferProtocol
     | Timesync
 )
 
@@ -432,6 +440,7 @@ Said: TypeAlias = (
     | ParamRequestRead
     | ParamValue
     | ParamError
+    | FileTransferProtocol
     | Timesync
     | StatusText
     | NamedValueFloat

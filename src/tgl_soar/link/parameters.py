@@ -9,22 +9,30 @@ is always a PARAM_VALUE with the value that stands after it (or is staged: `line
 refused one is followed by a STATUSTEXT with the reason.  Requests for values are remembered as
 a set of indices: asking twice costs nothing, and a flood of requests is answered at
 `VALUES_PER_S` all the same.
+
+A station that keeps the parameters of a vehicle asks for `_HASH_CHECK` before it asks for all of
+them: a number that changes when any of them does, as PX4 answers it.  It is no parameter: it is in
+no list, has no index, and is the one answer that is a whole number, as its four bytes.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from struct import pack, unpack
 from typing import Final
+from zlib import crc32
 
 from tgl_soar.line_changes import LineChanges
 from tgl_soar.parameters import INDEX, PARAMETERS, ParameterError, ParameterSet
 from tgl_soar.types import isfinite
 
+from .hot_frames import float32
 from .messages import (
     PARAM_ERROR_DOES_NOT_EXIST,
     PARAM_ERROR_PERMISSION_DENIED,
     PARAM_ERROR_VALUE_OUT_OF_RANGE,
     PARAM_TYPE_REAL32,
+    PARAM_TYPE_UINT32,
     SEVERITY_WARNING,
     Heard,
     ParamError,
@@ -41,7 +49,12 @@ VALUES_PER_S: Final = 100.0
 VALUES_PER_POLL: Final = 2
 COMPLAINTS_PER_S: Final = 4.0  # refused sets told in words; the values are always answered
 COMPLAINTS_AT_ONCE: Final = 8.0
+HASH: Final = "_HASH_CHECK"
+_HASH_INDEX: Final = 65535  # MAVLink's own word for none
 _PARAM_TYPES_INTEGER: Final = range(1, 9)
+_BY_NAME: Final = tuple(sorted(p.name for p in PARAMETERS))
+_ALL_BITS: Final = 0xFFFF_FFFF
+_EXPONENT: Final = 0x7F80_0000
 
 
 @dataclass(slots=True)
@@ -122,9 +135,24 @@ class ParameterServer:
 
     def value_message(self, index: int) -> ParamValue:
         """The value that stands."""
+        if index == _HASH_INDEX:
+            return self._hash_message()
         name = PARAMETERS[index].name
         value = self.line.shown(self.values, name)
         return ParamValue(name, value, PARAM_TYPE_REAL32, len(PARAMETERS), index)
+
+    def _hash_message(self) -> ParamValue:
+        """CRC-32 of all names and values in the order of the names, as PX4 and QGroundControl
+        count it: from 0, and not inverted at its end."""
+        wire = b"".join(
+            name.encode("ascii") + pack("<f", float32(self.line.shown(self.values, name)))
+            for name in _BY_NAME
+        )
+        number = crc32(wire, _ALL_BITS) ^ _ALL_BITS
+        if number & _EXPONENT == _EXPONENT:
+            number ^= 0x0080_0000  # not a number as a float: it would not arrive as it is
+        (as_float,) = unpack("<f", pack("<I", number))
+        return ParamValue(HASH, as_float, PARAM_TYPE_UINT32, len(PARAMETERS), _HASH_INDEX)
 
     def rebase(self) -> None:
         """The clock was changed: what was timed by the old one is forgotten."""
@@ -142,6 +170,8 @@ class ParameterServer:
 
     def _set(self, source: Source, message: ParamSet, now_s: float, flying: bool) -> list[Said]:
         name = message.param_id
+        if name == HASH:
+            return [self._hash_message()]  # a station that knows them all says so
         if name not in INDEX:
             # Sent to every component, it may be meant for another one.
             if message.target_component == 0:
@@ -169,8 +199,8 @@ class ParameterServer:
     def _read(self, source: Source, message: ParamRequestRead, now_s: float) -> list[Said]:
         index = message.param_index
         if index < 0:
-            index = INDEX.get(message.param_id, -1)
-        if 0 <= index < len(PARAMETERS):
+            index = _HASH_INDEX if message.param_id == HASH else INDEX.get(message.param_id, -1)
+        if 0 <= index < len(PARAMETERS) or (index == _HASH_INDEX and message.param_index < 0):
             self._due.setdefault(index)
             return []
         if message.target_component == 0:
