@@ -49,10 +49,12 @@ from tgl_soar.link.messages import (
     SEVERITY_CRITICAL,
     SEVERITY_ERROR,
     SEVERITY_NOTICE,
+    Heartbeat,
     Source,
 )
 from tgl_soar.link.mode_change import ModeChange
 from tgl_soar.link.natnet.sockets import NatNetError
+from tgl_soar.link.presence import Presence
 from tgl_soar.link.routes import Route
 from tgl_soar.link.signing import Signing
 from tgl_soar.link.telemetry import StatusTexts
@@ -367,10 +369,19 @@ def _give_back(plan: Plan, sign: guard.Sign, became: str) -> None:
         return
     if isinstance(transport, UdpListener) and sign.host:
         transport.peer = (sign.host, sign.port)
-    route = Route(0, setup.own, setup.override, transport.send, signing, stream=False)
+    unsigned = plan.secret.unsigned_autopilot
+    excused = Source(setup.own.system, COMPONENT_AUTOPILOT) if unsigned else None
+    route = Route(
+        0,
+        setup.own,
+        setup.override,
+        transport.send,
+        signing,
+        stream=transport.is_stream,
+        excused=excused,
+    )
     route.own.version1 = route.override.version1 = sign.version1
     frames = [route.override.encode(message) for message in setup.flavour.release()]
-    frames += [route.own.encode(message) for message in ModeChange(setup.flavour).parting()]
     words = StatusTexts().chunks(SEVERITY_CRITICAL, f"surfaces given back: module {became}")
     try:
         for _ in range(RELEASE_FRAMES):
@@ -379,9 +390,34 @@ def _give_back(plan: Plan, sign: guard.Sign, became: str) -> None:
             time.sleep(GIVE_BACK_INTERVAL_S)
         for chunk in words:
             transport.send(route.own.encode(chunk))
+        _leave_mode(setup, route, transport)
         transport.receive(time.monotonic())  # a serial line writes what is left
     finally:
         transport.close()
+
+
+def _leave_mode(setup: Setup, route: Route, transport: Transport) -> None:
+    """Out of the mode that the dead process has entered, unless the pilot has chosen another."""
+    flavour = setup.flavour
+    autopilot = Source(setup.own.system, COMPONENT_AUTOPILOT)
+    change = ModeChange(flavour)
+    change.leave(time.monotonic(), float("-inf"))
+    if change.is_changing:  # this socket may be a new one: who hears nothing from it says nothing
+        transport.send(route.own.encode(Presence(0).heartbeat()))
+    heard_s, obeys, custom_mode = float("-inf"), False, -1
+    while change.is_changing:
+        now_s = time.monotonic()
+        for data in transport.receive(now_s):
+            for source, message in route.decoder.feed(data):
+                if source == autopilot and isinstance(message, Heartbeat):
+                    heard_s, custom_mode = now_s, message.custom_mode
+                    obeys = not flavour.mismatch(message) and flavour.obeys(message)
+        for asked in change.poll(now_s, heard_s, obeys, custom_mode):
+            transport.send(route.own.encode(asked))
+        time.sleep(GIVE_BACK_INTERVAL_S)
+    if change.failed:
+        for chunk in StatusTexts().chunks(SEVERITY_CRITICAL, change.failed):
+            transport.send(route.own.encode(chunk))
 
 
 def _store(plan: Plan) -> ParameterStore | None:

@@ -5,16 +5,24 @@ from __future__ import annotations
 import os
 import signal
 import socket
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import msgspec
 import pytest
 from module_process import AIRFRAME, PATIENCE_S, SITE, Module
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar import process
-from tgl_soar.guard import EXIT_KEEPS_DYING, Child, LifeSign, Release
+from tgl_soar.config import load_airframe, load_site
+from tgl_soar.guard import EXIT_KEEPS_DYING, Child, LifeSign, Release, Sign
+from tgl_soar.link.keys import UNSIGNED
+from tgl_soar.onboard import setup_from
+from tgl_soar.parameters import ParameterSet
 from tgl_soar.process import EXIT_CANNOT_START, EXIT_ERROR, EXIT_OK
+from tgl_soar.realtime import Wishes
 
 
 @pytest.fixture
@@ -176,3 +184,75 @@ def test_the_life_sign_is_what_was_shown_last() -> None:
     assert life.read() == (2, 0, False, False, "", 0)
     life.clear()
     assert life.read().rounds == 0
+
+
+class Pilot:
+    """An autopilot in one thread, on a route that enters a mode, and its pilot."""
+
+    def __init__(self, mode: int) -> None:
+        self.mode, self.asked = mode, list[int]()
+        self.texts: list[str] = []
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.bind(("127.0.0.1", 0))
+        self.socket.settimeout(0.05)
+        self.ended = threading.Event()
+        self.thread = threading.Thread(target=self._run, daemon=True)
+        self.thread.start()
+
+    def _run(self) -> None:
+        codec, address = mavlink.MAVLink(None, 1, 1), None
+        while not self.ended.is_set():
+            try:
+                data, address = self.socket.recvfrom(2048)
+                message = mavlink.MAVLink(None).decode(bytearray(data))
+                if message.get_type() == "COMMAND_LONG" and message.command == 176:
+                    self.asked.append(int(message.param2) << 16)
+                    self.mode = self.asked[-1]
+                elif message.get_type() == "STATUSTEXT":
+                    self.texts.append(message.text)
+            except TimeoutError:
+                if address is not None:
+                    beat = mavlink.MAVLink_heartbeat_message(1, 12, 209, self.mode, 4, 3)
+                    self.socket.sendto(bytes(beat.pack(codec)), address)
+
+    def close(self) -> None:
+        self.ended.set()
+        self.thread.join(2.0)
+        self.socket.close()
+
+
+OFFBOARD, STABILIZED, POSITION = 6 << 16, 7 << 16, 3 << 16
+
+
+@pytest.mark.parametrize(
+    ("mode", "asked"), [(OFFBOARD, [STABILIZED]), (POSITION, [])], ids=["ours", "the pilot's"]
+)
+def test_for_a_dead_process_only_our_own_mode_is_left(mode: int, asked: list[int]) -> None:
+    pilot = Pilot(mode)
+    airframe = load_airframe(AIRFRAME)
+    link = msgspec.structs.replace(airframe.autopilot, firmware="px4", route="attitude")
+    airframe = msgspec.structs.replace(airframe, autopilot=link)
+    site = load_site(SITE)
+    plan = process.Plan(
+        airframe=airframe,
+        airframe_path=AIRFRAME,
+        site=site,
+        site_path=SITE,
+        setup=setup_from(airframe, site, ParameterSet()),
+        links=(f"udpout:127.0.0.1:{pilot.socket.getsockname()[1]}",),
+        lockstep=False,
+        timeout_s=None,
+        state=None,
+        secret=UNSIGNED,
+        log=None,
+        log_bytes=0,
+        wishes=Wishes(),
+    )
+    sign = Sign(rounds=1, timestamp=0, has_surfaces=True, version1=False, host="", port=0)
+    try:
+        process._give_back(plan, sign, "was killed")
+    finally:
+        pilot.close()
+    assert pilot.asked == asked
+    assert not any("does not leave" in text for text in pilot.texts)
+    assert any("surfaces given back" in text for text in pilot.texts)
