@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import random
+import struct
+import tracemalloc
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -140,6 +142,112 @@ def test_data_that_nothing_defines_is_left_out_and_said_to_be(tmp_path: Path) ->
     assert read_log(path).losses == [
         "damaged: 6 messages before the first subscription are left out"
     ]
+
+
+# --- what the fuzzer found --------------------------------------------------------------------
+
+
+def dataflash(tmp_path: Path, *kinds: tuple[int, str, str, bytes]) -> FlightData:
+    """A log with a record of each kind (number, letters, columns, body), all of them ATT's; of
+    `LEVEL` with two, as there is more that is whole than that is damaged."""
+    own = flown._format_record(0x80, 89, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")
+    parts = [own]
+    for number, letters, columns, body in kinds:
+        parts.append(flown._format_record(number, 3 + len(body), "ATT", letters, columns))
+        parts += [b"\xa3\x95" + bytes([number]) + body] * (2 if body is LEVEL else 1)
+    path = tmp_path / "flight.bin"
+    path.write_bytes(b"".join(parts))
+    return read_flight(path)
+
+
+ATT = "TimeUS,Roll,Pitch,Yaw"
+LEVEL = struct.pack("<Qfff", 1_000_000, 0.0, 90.0, 0.0)
+
+
+def test_a_column_without_a_name_makes_no_kind_of_record(tmp_path: Path) -> None:
+    whole = (129, "Qfff", ATT, LEVEL)
+    nameless = (130, "QB", "TimeUS,", bytes(9))
+    flight = dataflash(tmp_path, nameless, whole)
+    assert attitudes(flight) == 2
+    assert flight.lost == ("12 of 325 bytes belong to no whole record: the file is cut off or"
+                           " damaged there",)  # fmt: skip
+
+
+@pytest.mark.parametrize("letters", ["QfZf", "Zfff"])
+def test_an_angle_or_a_time_that_is_called_a_text_is_none(tmp_path: Path, letters: str) -> None:
+    body = bytes(struct.calcsize("<" + "".join(flown._LETTERS[letter] for letter in letters)))
+    flight = dataflash(tmp_path, (129, letters, ATT, body))
+    assert flight.attitude is None
+    assert "the log holds no attitude" in flight.missing
+
+
+def test_a_number_described_anew_does_not_change_what_came_before(tmp_path: Path) -> None:
+    shorter = (129, "QB", "TimeUS,Roll", bytes(9))
+    flight = dataflash(tmp_path, (129, "Qfff", ATT, LEVEL), shorter)
+    assert flight.attitude is not None
+    assert flight.attitude["pitch_rad"] == pytest.approx([np.pi / 2] * 2)
+
+
+def ulog(tmp_path: Path, topics: dict[str, str], rows: list[tuple[int, bytes]]) -> Path:
+    """A log of ours with these topics, and rows of them by number."""
+    parts = [b"ULog\x01\x12\x35\x01" + bytes(8), b"\x19\0I\x10char[8] sys_nametgl_soar"]
+    for name, fields in topics.items():
+        parts.append(flown.ulog_message("F", f"{name}:{fields}".encode()))
+    for number, name in enumerate(topics):
+        parts.append(flown.ulog_message("A", struct.pack("<BH", 0, number) + name.encode()))
+    parts += [flown.ulog_message("D", struct.pack("<H", n) + body) for n, body in rows]
+    path = tmp_path / "flight.ulg"
+    path.write_bytes(b"".join(parts))
+    return path
+
+
+def test_a_topic_of_parameters_without_its_ticks_tells_no_changes(tmp_path: Path) -> None:
+    fields = "uint64_t timestamp;uint16_t index;float value;"
+    log = read_log(ulog(tmp_path, {"parameter": fields}, [(0, bytes(14))]))
+    assert log.changes == []
+    assert len(log.topics["parameter"]["value"]) == 1
+
+
+ARRAYS = "".join(f"uint8_t[65535] {name};" for name in "abcdefgh")
+
+
+@pytest.mark.parametrize(
+    "topics",
+    [
+        {"t": ARRAYS},
+        {"a": "uint8_t[65535] x;", "t": "a[65535] x;"},
+        {"empty": "", "b": "empty[65535] x;", "t": "b[65535] x;"},
+        {"t": "t[9] x;"},
+        {f"t{i}": f"t{i + 1} x;" for i in range(3000)},
+        {"t": "uint8_t[65535] x;nothing y;"},
+    ],
+    ids=["wide", "nested", "of nothing", "of itself", "deep", "unknown at its end"],
+)
+def test_a_short_log_takes_little_memory_whatever_it_says_of_itself(
+    tmp_path: Path, topics: dict[str, str]
+) -> None:
+    small = "uint64_t timestamp;float x;"
+    rows = [(number, bytes(12)) for number in range(len(topics) + 1)]
+    path = ulog(tmp_path, {**topics, "small": small}, rows)
+    read_log(path)  # what is imported once is no part of it
+    tracemalloc.start()
+    log = read_log(path)
+    grown = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert set(log.topics) == {"small"}
+    # A field of pyulog's is a hundred bytes or two in all its tables, and a byte of the file.
+    assert grown < 200_000 + 200 * path.stat().st_size
+    assert any("does not fit its rows" in text for text in log.losses)
+
+
+def test_one_number_is_subscribed_to_once(tmp_path: Path) -> None:
+    """Else each of many subscriptions would be followed for the sake of one row."""
+    path = ulog(tmp_path, {"small": "uint64_t timestamp;float x;"}, [(0, bytes(12))])
+    again = flown.ulog_message("A", struct.pack("<BH", 1, 0) + b"small")
+    path.write_bytes(path.read_bytes() + again * 50 + flown.ulog_message("D", bytes(14)))
+    log = read_log(path)
+    assert [len(topic["x"]) for topic in log.topics.values()] == [2]
+    assert log.losses[0] == "damaged: a subscription to small does not fit its rows"
 
 
 @every_writer

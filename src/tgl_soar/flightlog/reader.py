@@ -20,7 +20,7 @@ fills its end with zeros, a bad card flips bits: whole messages before and after
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .declaration import VERSION
+from .subscriptions import Message, unfounded
 
 Array = NDArray[Any]
 Topic = dict[str, Array]
@@ -42,6 +43,7 @@ _BEGINNINGS: Final = frozenset(b"ALC")  # of the data
 _ALIKE: Final = 4  # so many messages in a row are no accident
 _SEARCHED: Final = 1_000_000  # bytes after damage
 _FORMAT: Final = 1  # the file format's newest version
+_CHANGE: Final = ("tick", "timestamp", "index", "value")  # of our topic `parameter`
 LEAP_S: Final = 60.0  # no row of any topic for so long: the clock leapt, or nothing was logged
 
 
@@ -177,7 +179,28 @@ def _whole_messages(data: bytes) -> tuple[bytes, list[str]]:
         )
         at = begin
     pieces.append(data[begin:at])
-    return _defined_first(b"".join(pieces), losses), losses
+    whole = b"".join(pieces)
+    left_out, damaged = unfounded(whole, _messages(whole))
+    losses += damaged
+    return _defined_first(_without(whole, left_out), losses), losses
+
+
+def _messages(whole: bytes) -> Iterator[Message]:
+    """The messages of a file that holds whole ones only."""
+    at, end = _HEADER, len(whole)
+    while at < end:
+        after = _after(whole, at, end)
+        yield Message(whole[at + 2], at + 3, after)
+        at = after
+
+
+def _without(whole: bytes, bodies: set[int]) -> bytes:
+    """The file without the messages whose bodies begin at these places."""
+    pieces, at = [], 0
+    for body in sorted(bodies):
+        pieces.append(whole[at : body - 3])
+        at = _after(whole, body - 3, len(whole))
+    return b"".join((*pieces, whole[at:]))
 
 
 def _defined_first(whole: bytes, losses: list[str]) -> bytes:
@@ -223,16 +246,14 @@ def _next_message(data: bytes, at: int, end: int) -> int:
 
 def _changes(topics: Mapping[str, Topic], ulog: Any) -> list[Change]:
     """Parameters that changed: of our logs with the tick, of others' without."""
-    ours = topics.get("parameter")
-    if ours is None or "index" not in ours:
+    ours = topics.get("parameter", {})
+    if not ours.keys() >= set(_CHANGE):
         return [
             Change(0, t * 1e-6, name, float(value))
             for t, name, value in ulog.changed_parameters
             if isinstance(value, int | float)  # damage may have made it no number
         ]
-    rows = zip(
-        *(ours[name].tolist() for name in ("tick", "timestamp", "index", "value")), strict=True
-    )
+    rows = zip(*(ours[name].tolist() for name in _CHANGE), strict=True)
     names = list(ulog.initial_parameters)  # the log's own: another version may have others
     return [
         Change(tick, t * 1e-6, names[index], value)

@@ -45,6 +45,7 @@ _IMU: Final = {
     "yaw_rate_frd_radps": "GyrZ",
 }
 _EVENTS: Final = {10: "armed", 11: "disarmed"}
+_TEXTS: Final = frozenset({"Name", "Message"})  # of what is read here, all else numbers
 
 
 class _Kind(NamedTuple):
@@ -54,6 +55,9 @@ class _Kind(NamedTuple):
     columns: tuple[str, ...]
 
 
+_NO_KIND: Final[tuple[_Kind, list[int]]] = (_Kind("", 0, "", ()), [])
+
+
 class Dataflash:
     """The records of a log by kind.  Errors: `LogError` where there is not one."""
 
@@ -61,10 +65,10 @@ class Dataflash:
         self._data = np.frombuffer(data, dtype=np.uint8)
         self._kinds: dict[str, tuple[_Kind, NDArray[np.intp]]] = {}
         self.lost: list[str] = []
-        kinds, places, skipped = _index(data)
-        for number, kind in kinds.items():
-            if kind.columns and places[number]:
-                self._kinds[kind.name] = (kind, np.array(places[number]))
+        found, skipped = _index(data)
+        for kind, places in sorted(found, key=lambda each: len(each[1])):  # of two, the one in use
+            if places:
+                self._kinds[kind.name] = (kind, np.array(places))
         if not self._kinds:
             raise LogError(f"{path}: begins like a DataFlash log and holds not one whole record")
         if skipped:
@@ -82,39 +86,52 @@ class Dataflash:
         layout = _layout(kind)
         rows = self._data[places[:, None] + np.arange(3, kind.length)].view(layout)[:, 0]
         found: dict[str, NDArray[Any]] = {}
-        for column, letter in zip(kind.columns, kind.letters, strict=False):
+        for column, letter in zip(kind.columns, kind.letters, strict=True):
             scale = FORMAT_TO_STRUCT[letter][1]
             found[column] = rows[column] if scale is None else rows[column] * scale
         return found
 
     def timed(self) -> dict[str, dict[str, NDArray[Any]]]:
-        """The kinds that carry a time."""
+        """The kinds that carry a time.
+
+        Of their columns those that are what they are read as: a description that is damaged may
+        call a text a number.
+        """
         every = {name: self.columns(name) for name in self._kinds}
-        return {name: columns for name, columns in every.items() if "TimeUS" in columns}
+        fitting = {
+            name: {key: v for key, v in columns.items() if (v.dtype.kind == "S") == (key in _TEXTS)}
+            for name, columns in every.items()
+        }
+        return {name: columns for name, columns in fitting.items() if "TimeUS" in columns}
 
 
-def _index(data: bytes) -> tuple[dict[int, _Kind], list[list[int]], int]:
-    """The kinds, where the records of each are, and how many bytes belong to none."""
-    kinds = {_FORMAT: _Kind("FMT", _FORMAT_LENGTH, "BBnNZ", ("Type", "Length"))}
-    places: list[list[int]] = [[] for _ in range(256)]
+def _index(data: bytes) -> tuple[list[tuple[_Kind, list[int]]], int]:
+    """The kinds, where the records of each are, and how many bytes belong to none.
+
+    A number that is described anew stands for another kind from there on.
+    """
+    own = _Kind("FMT", _FORMAT_LENGTH, "BBnNZ", ("Type", "Length", "Name", "Format", "Columns"))
+    kinds: dict[int, tuple[_Kind, list[int]]] = {_FORMAT: (own, [])}
+    found = []
     at = skipped = 0
     end = len(data)
     while at + 3 <= end:
-        kind = kinds.get(data[at + 2]) if data[at : at + 2] == MAGIC else None
-        if kind is None or at + kind.length > end:
+        kind, places = kinds.get(data[at + 2], _NO_KIND)
+        if data[at : at + 2] != MAGIC or not kind.length or at + kind.length > end:
             following = data.find(MAGIC, at + 1)
             following = end if following < 0 else following
             skipped += following - at
             at = following
             continue
-        number = data[at + 2]
-        if number == _FORMAT:
+        places.append(at)
+        if kind is own:
+            number = data[at + 3]
             described = _described(data[at + 3 : at + _FORMAT_LENGTH])
-            if described is not None:
-                kinds[data[at + 3]] = described
-        places[number].append(at)
+            if described is not None and described != kinds.get(number, _NO_KIND)[0]:
+                kinds[number] = (described, [])
+                found.append(kinds[number])
         at += kind.length
-    return kinds, places, skipped + (end - at)
+    return found, skipped + (end - at)
 
 
 def _described(body: bytes) -> _Kind | None:
@@ -123,18 +140,18 @@ def _described(body: bytes) -> _Kind | None:
         part.split(b"\0")[0].decode("ascii", "replace")
         for part in (body[2:6], body[6:22], body[22:86])
     )
-    if name == "FMT" or not letters or any(letter not in FORMAT_TO_STRUCT for letter in letters):
+    if body[0] == _FORMAT or any(letter not in FORMAT_TO_STRUCT for letter in letters):
         return None
     names = tuple(columns.split(","))
     kind = _Kind(name, body[1], letters, names)
-    fits = len(names) == len(letters) == len(set(names))
+    fits = len(names) == len(letters) == len(set(names)) and all(names)
     return kind if fits and _layout(kind).itemsize == kind.length - 3 else None
 
 
 def _layout(kind: _Kind) -> np.dtype[Any]:
     """The body of a record as numpy has it."""
     types = []
-    for column, letter in zip(kind.columns, kind.letters, strict=False):
+    for column, letter in zip(kind.columns, kind.letters, strict=True):
         code = FORMAT_TO_STRUCT[letter][0]
         types.append((column, f"S{code[:-1]}" if code.endswith("s") else f"<{code}"))
     return np.dtype(types)

@@ -6,6 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from tgl_soar.flightlog.reader import LogError, read_log
 
 from . import dataflash, tlog
@@ -28,7 +30,11 @@ def read_flight(path: str | Path) -> FlightData:
 
     Errors: `LogError` where nothing could be; ImportError naming the extra that is needed.
     """
-    path = Path(path)
+    with np.errstate(invalid="ignore", over="ignore"):  # damage may have made them any numbers
+        return _read(Path(path))
+
+
+def _read(path: Path) -> FlightData:
     try:
         data = path.read_bytes()
     except OSError as error:
