@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from math import radians
 from pathlib import Path
 
@@ -345,6 +346,42 @@ def test_a_bad_airframe_is_told_key_value_and_what_is_allowed(
     with pytest.raises(ConfigError) as caught:
         load_airframe(path)
     assert str(caught.value) == f"{path}: {message}"
+
+
+LONG = "9" * 5000
+RANGE = "must be a number from -1e+06 to 1e+06"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (f"[site]\nname = 'a'\norigin_down_m = {LONG}", f"site.origin_down_m = {{}}: {RANGE}"),
+        (f"[site]\nname = 'a'\norigin_down_m = 0x{LONG}", f"site.origin_down_m = {{}}: {RANGE}"),
+        (f"site.name = '{LONG}'\n[lines]\na = {{ x_m = -1{'_0' * 5000}, z_m = 1 }}",
+         f"lines.a.x_m = {{}}: {RANGE}"),
+        (f"site.name = 'a'\nheight_m = {LONG}", "height_m: unknown key"),
+    ],
+)  # fmt: skip
+def test_a_number_of_five_thousand_digits_is_told_by_file_and_key(
+    tmp_path: Path, text: str, message: str
+) -> None:
+    path = written(tmp_path, text)
+    with pytest.raises(ConfigError) as caught:
+        load_site(path)
+    told = message.format("a number of more than 1000 digits")
+    assert str(caught.value).startswith(f"{path}: {told}")
+
+
+@pytest.mark.parametrize(("wrong", "shown"), [("3.5", "3.5"), ("-1", "-1"), ("true", "true")])
+def test_a_body_that_is_neither_name_nor_id_is_told_what_it_may_be(
+    tmp_path: Path, wrong: str, shown: str
+) -> None:
+    text = shipped("sites/tunnel_mocap.toml").read_text()
+    path = written(tmp_path, re.sub(r"(?m)^body = .*", f"body = {wrong}", text))
+    with pytest.raises(ConfigError) as caught:
+        load_site(path)
+    told = "must be text in quotes or a whole number from 0 to 2147483647"
+    assert str(caught.value) == f"{path}: mocap.body = {shown}: {told}"
 
 
 @pytest.mark.parametrize(("old", "new", "message"), BAD_SITES)

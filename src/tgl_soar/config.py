@@ -527,14 +527,43 @@ def load_file(path: str | Path, kind: type[_File]) -> _File:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: not UTF-8 text: {error.reason}") from None
-    try:
-        table = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise ConfigError(f"{path}: not TOML: {error}") from None
+    return _converted(text, path, kind)
+
+
+def site_from(text: str, name: str) -> Site:
+    """A site file's text, as a log holds it; name: what errors call it.  Errors: `ConfigError`."""
+    return _converted(text, name, Site)
+
+
+def airframe_from(text: str, name: str) -> Airframe:
+    """An airframe file's text, likewise.  Errors: `ConfigError`."""
+    airframe = _converted(text, name, Airframe)
+    _check_parameters(name, ParameterSet(), airframe.parameters)
+    return airframe
+
+
+def _converted(text: str, path: str | Path, kind: type[_File]) -> _File:
+    table = _table(text, path)
     try:
         return msgspec.convert(table, kind)
     except msgspec.ValidationError as error:
         raise ConfigError(f"{path}: {_plainly(str(error), table, kind)}") from None
+
+
+def _table(text: str, path: str | Path) -> dict[str, Any]:
+    try:
+        try:
+            return tomllib.loads(text)
+        except tomllib.TOMLDecodeError:
+            raise
+        except ValueError:  # a number of more digits than Python reads: no value may be so large
+            return tomllib.loads(_TOO_LONG.sub(_BEYOND_ALL, text))
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise ConfigError(f"{path}: not TOML: {error}") from None
+
+
+_TOO_LONG: Final = re.compile(r"\b\d(?:_?\d){999,}\b")
+_BEYOND_ALL: Final = "9" * 1001  # of no allowed range, so that the usual error names key and range
 
 
 # --- what is wrong, in the file's own words -------------------------------------------------
@@ -630,14 +659,16 @@ def _type_at(keys: _Keys, table: dict[str, Any], kind: type[Struct]) -> inspect.
 
 
 def _chosen(expected: inspect.Type, value: Any) -> inspect.Type:
-    """Of a choice, the struct that the value's tag names, or what is not None."""
+    """Of a choice, the struct that the value's tag names, or what is not None: a choice yet
+    where it is one of plain types."""
     structs = _structs(expected)
     for struct in structs:
         tagged = struct.tag_field is not None and isinstance(value, dict)
         if tagged and value.get(struct.tag_field) == struct.tag:
             return struct
     if isinstance(expected, inspect.UnionType) and len(structs) <= 1:
-        (expected,) = (t for t in expected.types if not isinstance(t, inspect.NoneType))
+        types = [t for t in expected.types if not isinstance(t, inspect.NoneType)]
+        return types[0] if len(types) == 1 else expected
     return expected
 
 
@@ -673,15 +704,22 @@ def _allowed(expected: inspect.Type) -> str:
             return f"an array, each {_allowed(expected.item_type)}"
         case inspect.TupleType():
             return f"an array of {', '.join(map(_allowed, expected.item_types))}"
+        case inspect.UnionType() if not _structs(expected):
+            types = (t for t in expected.types if not isinstance(t, inspect.NoneType))
+            return " or ".join(map(_allowed, types))
         case _:
             return "a table"
 
 
 def _range(number: inspect.FloatType | inspect.IntType) -> str:
-    low = f" from {number.ge:g}" if number.ge is not None else ""
+    form = "d" if isinstance(number, inspect.IntType) else "g"
+    low = f" from {number.ge:{form}}" if number.ge is not None else ""
     if number.gt is not None:
-        low = f" above {number.gt:g} and up"
-    return f"{low} to {number.le:g}" if number.le is not None else low
+        low = f" above {number.gt:{form}} and up"
+    return f"{low} to {number.le:{form}}" if number.le is not None else low
+
+
+_LONGEST_SHOWN: Final = 10**1000
 
 
 def _shown(value: object) -> str:
@@ -695,6 +733,8 @@ def _shown(value: object) -> str:
             return "a table"
         case list():
             return "an array"
+        case int() if abs(value) >= _LONGEST_SHOWN:
+            return "a number of more than 1000 digits"  # Python may refuse to write it out
         case _:
             text = str(value)
     return text if len(text) <= 40 else text[:37] + "..."
