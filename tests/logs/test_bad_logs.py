@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.flightlog.reader import LogError, read_log
 from tgl_soar.logs.clocks import Straightened
@@ -279,6 +280,20 @@ def _whole(writer: str, factory: pytest.TempPathFactory) -> bytes:
     return _BYTES[writer]
 
 
+def test_frames_that_were_recorded_late_do_not_turn_time_back(tmp_path: Path) -> None:
+    """Of an autopilot that tells no clock of its own."""
+    sender, parts = mavlink.MAVLink(None, 1, 1), []
+    for stamp_us in (3_000_000, 1_000_000, 2_900_000, 3_100_000):
+        message = mavlink.MAVLink_attitude_message(0, *(0.0,) * 6)
+        parts.append(stamp_us.to_bytes(8, "big") + bytes(message.pack(sender)))
+    path = tmp_path / "flight.tlog"
+    path.write_bytes(b"".join(parts))
+    attitude = read_flight(path).attitude
+    assert attitude is not None
+    assert len(attitude) == 4
+    assert np.all(np.diff(attitude.time_s) >= 0.0)
+
+
 # --- clocks -----------------------------------------------------------------------------------
 
 
@@ -295,6 +310,13 @@ def test_a_sample_that_came_late_goes_to_its_place() -> None:
     clocks = Straightened({"a": np.array([1.0, 1.1, 1.3, 1.2, 1.4])})
     assert clocks.rows["a"].tolist() == [0, 1, 3, 2, 4]
     assert clocks.lost == []
+
+
+def test_time_begins_with_the_earliest_sample() -> None:
+    """Of two there is no usual pace that time could be continued at."""
+    clocks = Straightened({"a": np.array([100.0, 99.0]), "b": np.array([99.5])})
+    assert clocks.time_s["a"].tolist() == [0.0, 1.0]
+    assert clocks.time_s["b"].tolist() == [0.5]
 
 
 def test_streams_stay_together_over_a_step_back() -> None:

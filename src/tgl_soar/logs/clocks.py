@@ -31,7 +31,7 @@ class Straightened:
             self._take(name, np.asarray(times, dtype=float))
         self._undo_steps_back()
         self._cut_leaps()
-        begins = [times[0] for times in self.time_s.values() if times.size]
+        begins = [times.min() for times in self.time_s.values() if times.size]
         self.start_s = float(min(begins, default=0.0))  # of the flight, log's clock
         for name, times in self.time_s.items():
             order = np.argsort(times, kind="stable")  # what came late goes to its place

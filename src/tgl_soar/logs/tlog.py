@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+from fastcrc.crc16 import mcrf4xx
 from numpy.typing import NDArray
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -135,7 +136,8 @@ class Tlog:
             times = np.full(len(stamps), np.nan)
             times[straight.rows["recorder"]] = straight.time_s["recorder"]
             good = np.isfinite(times)
-            return np.asarray(np.interp(np.arange(len(times)), np.flatnonzero(good), times[good]))
+            spread = np.interp(np.arange(len(times)), np.flatnonzero(good), times[good])
+            return np.asarray(np.maximum.accumulate(spread))  # one may have come late
         times = np.interp(np.arange(len(stamps)), at, np.maximum.accumulate(clock))
         if np.any(np.diff(stamps) < -OUT_OF_ORDER_S) or np.any(np.diff(stamps) > LEAP_S):
             self.lost.append("the recorder's clock leaps: times are the autopilot's")
@@ -144,18 +146,12 @@ class Tlog:
     def _good(self, frames: _Frames) -> NDArray[np.bool_]:
         """Which frames are of a known message and whole."""
         good = np.zeros(len(frames.number), dtype=bool)
-        groups: dict[tuple[int, int], list[int]] = {}
         unknown = 0
-        for i, (number, body) in enumerate(zip(frames.number, frames.checked, strict=True)):
+        for i, number in enumerate(frames.number):
             if number in mavlink.mavlink_map:
-                groups.setdefault((number, len(body)), []).append(i)
+                good[i] = _checksum(number, frames.checked[i]) == frames.checksum[i]
             else:
                 unknown += 1
-        for (number, _), members in groups.items():
-            extra = mavlink.mavlink_map[number].crc_extra
-            sent = np.frombuffer(b"".join([frames.checksum[i] for i in members]), dtype="<u2")
-            bodies = np.frombuffer(b"".join([frames.checked[i] for i in members]), dtype=np.uint8)
-            good[members] = checksums(bodies.reshape(len(members), -1), extra) == sent
         bad = len(good) - unknown - int(good.sum())
         if unknown:
             self.lost.append(f"{unknown} frames of messages that are not known here")
@@ -219,9 +215,13 @@ def _is_right(data: bytes, head: int) -> bool:
     if number not in mavlink.mavlink_map:
         return False
     end = body + data[head + 1]
-    covered = np.frombuffer(data[head + 1 : end], dtype=np.uint8)[np.newaxis]
-    found = int(checksums(covered, mavlink.mavlink_map[number].crc_extra)[0])
-    return found == int.from_bytes(data[end : end + 2], "little")
+    return _checksum(number, data[head + 1 : end]) == data[end : end + 2]
+
+
+def _checksum(number: int, covered: bytes) -> bytes:
+    """Of a frame, from its length on, with the extra byte of its message behind it."""
+    crc: int = mcrf4xx(covered + bytes([mavlink.mavlink_map[number].crc_extra]))
+    return crc.to_bytes(2, "little")
 
 
 def _frame_length(data: bytes, head: int) -> int:
@@ -234,20 +234,6 @@ def _frame_length(data: bytes, head: int) -> int:
 def _begins(data: bytes, head: int) -> bool:
     """Whether a frame may begin at a place, or the file ends before it."""
     return head >= len(data) or data[head] in (V1, V2)
-
-
-def checksums(bodies: NDArray[np.uint8], extra: int) -> NDArray[np.uint16]:
-    """MAVLink's checksum (X.25) of many frames of one length at once.
-
-    bodies: shape (frames, bytes), from the length on; extra: the message's own byte.
-    """
-    crc = np.full(len(bodies), 0xFFFF, dtype=np.uint16)
-    last = np.full(len(bodies), extra, dtype=np.uint8)
-    for column in (*bodies.T, last):
-        mixed = (column ^ (crc & 0xFF)).astype(np.uint16)
-        mixed = (mixed ^ (mixed << 4)) & 0xFF
-        crc = (crc >> 8) ^ (mixed << 8) ^ (mixed << 3) ^ (mixed >> 4)
-    return crc
 
 
 def _decoded(number: int, payloads: list[bytes]) -> dict[str, NDArray[Any]]:
