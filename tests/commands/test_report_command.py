@@ -6,6 +6,7 @@ import shutil
 from pathlib import Path
 
 import flown
+import fuzz_logs
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -108,3 +109,34 @@ def test_the_newest_log_is_the_first_part_of_the_last_flight(tmp_path: Path) -> 
         (day / f"{name}.ulg").touch()
         (day / f"{name}.tlog").touch()
     assert newest_log(tmp_path) == day / "09_00_00_flight002.ulg"
+
+
+@pytest.mark.parametrize("name", ["secret.csv", "{folder}/secret.csv", "../secret.csv"])
+def test_no_path_that_a_log_names_is_opened(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """Else a stranger's log would choose which table of this computer its page shows."""
+    secret = tmp_path / "secret.csv"
+    secret.write_text("x,z,u,w\n0,0,1,SECRET-CELL\n")
+    place = tmp_path / "logs"
+    place.mkdir()
+    monkeypatch.chdir(tmp_path)
+    air = f'[air]\nkind = "grid"\nfile = "{name.format(folder=tmp_path)}"\nwind_mps = 5\n'
+    log = place / "foreign.ulg"
+    log.write_bytes(fuzz_logs.own_log(b'[site]\nname = "$x_{"\n' + air.encode()))
+    result = RUN.invoke(app, ["report", str(log), "-o", str(tmp_path)])
+    text = (tmp_path / "foreign.html").read_text(encoding="utf-8")
+    assert "SECRET" not in text + result.output
+    assert "not opened at its word: name the site file by --site" in text
+    assert "$x_{" in text
+
+
+def test_names_are_drawn_as_they_are_and_not_as_mathematics(tmp_path: Path) -> None:
+    log = tmp_path / "a$b_{$.ulg"
+    site = b'site.name = "$x_{"\nlines."$\\\\frac$" = { x_m = 0.2, z_m = 1.15 }\n'
+    log.write_bytes(fuzz_logs.own_log(site, rb"$a$;$b_{$;c;d;$\nothing{;boot"))
+    result = RUN.invoke(app, ["report", str(log), "-o", str(tmp_path)])
+    assert result.exit_code == 1, result.output  # a dropout is in it
+    assert (tmp_path / "a$b_{$-figures" / "longitudinal.svg").is_file()
+    text = (tmp_path / "a$b_{$.html").read_text(encoding="utf-8")
+    assert r"<!-- $\nothing{ -->" in text  # matplotlib's remark beside what it draws

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable
 from math import radians
 from pathlib import Path
@@ -14,11 +13,14 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from tgl_soar.config import (
     Airframe,
     ConfigError,
+    GridAir,
     Site,
+    airframe_from,
     load_airframe,
     load_parameters,
     load_site,
     preset_lines,
+    site_from,
 )
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.flightlog.reader import LogError
@@ -106,9 +108,10 @@ def write(log: Path, page: Path, named: Named, step: Callable[[str], None]) -> t
 
     flight = read_flight(log)
     step("Legs and spectra")
-    site, place, notes = _of_the_log(flight, "site", named.site, load_site)
-    airframe, _, more = _of_the_log(flight, "airframe", named.airframe, load_airframe)
-    known, unread = _surroundings(site, place, airframe, named)
+    site, notes = _of_the_log(flight, "site", named.site, (load_site, site_from))
+    files = load_airframe, airframe_from
+    airframe, more = _of_the_log(flight, "airframe", named.airframe, files)
+    known, unread = _surroundings(site, airframe, named)
     frame = None if site is None else site.frame()
     if airframe is not None:
         flight = steered(flight, airframe.surfaces)
@@ -119,32 +122,33 @@ def write(log: Path, page: Path, named: Named, step: Callable[[str], None]) -> t
 
 
 _File = TypeVar("_File", Site, Airframe)
+_Files = tuple[Callable[[Path], _File], Callable[[str, str], _File]]  # from a path, from a text
 
 
 def _of_the_log(
-    flight: FlightData, kind: str, path: Path | None, load: Callable[[Path], _File]
-) -> tuple[_File | None, Path, list[str]]:
-    """The named file, or the one that the log holds; where it stood, and what is wrong with it."""
+    flight: FlightData, kind: str, path: Path | None, files: _Files[_File]
+) -> tuple[_File | None, list[str]]:
+    """The named file, or the one that the log holds, and what is wrong with that."""
+    load, parse = files
     if path is not None:
-        return load(path), path.parent, []
+        return load(path), []
     text = flight.files.get(kind, "")
-    stood = Path(flight.facts.get(f"{kind} file", kind))
     if not text:
-        return None, stood.parent, []
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder) / stood.name
-        copy.write_text(text, encoding="utf-8")
-        try:
-            return load(copy), stood.parent, []
-        except ConfigError as error:
-            words = str(error).replace(f"{folder}/", "")
-            return None, stood.parent, [f"the log's own {kind} file is not understood: {words}"]
+        return None, []
+    try:
+        return parse(text, f"{kind} file"), []
+    except ConfigError as error:
+        return None, [f"the log's own {kind} file is not understood: {error}"]
 
 
 def _surroundings(
-    site: Site | None, folder: Path, airframe: Airframe | None, named: Named
+    site: Site | None, airframe: Airframe | None, named: Named
 ) -> tuple[Surroundings, list[str]]:
-    """What is known of place, aircraft and air, and what could not be had of it."""
+    """What is known of place, aircraft and air, and what could not be had of it.
+
+    Of a site that only the log holds no file is opened: a log may be a stranger's, and would
+    choose which file of this computer the page shows.
+    """
     from tgl_soar.report.flight_figures import Surroundings
     from tgl_soar.sim.world import build_field, ground_outline
 
@@ -160,6 +164,13 @@ def _surroundings(
         }
     wind: Any = None
     notes = []
+    folder = Path() if named.site is None else named.site.parent
+    if named.site is None and named.field is None and isinstance(air, GridAir):
+        notes.append(
+            f"the site's air is in a file that the log does not hold, {air.file}, and that is not"
+            " opened at its word: name the site file by --site, or the grid by --field"
+        )
+        air = None
     if named.field is not None and named.field.suffix.lower() == ".toml":
         of_field = load_site(named.field)
         air, folder = of_field.air, named.field.parent
@@ -168,13 +179,7 @@ def _surroundings(
     elif named.field is not None:
         wind, air = _grid(named.field), None
     if air is not None:
-        try:
-            wind = build_field(air, folder)
-        except ConfigError as error:
-            if named.site is not None or named.field is not None:
-                raise
-            notes.append(f"the air of the log's site cannot be read again: {error}")
-            air = None
+        wind = build_field(air, folder)
     return (
         Surroundings(
             site="" if site is None else site.site.name,

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import tempfile
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -32,7 +31,14 @@ from numpy.typing import NDArray
 
 from tgl_soar import __version__
 from tgl_soar.autopilot import AutopilotState, Laws, initial_state, laws_from, step
-from tgl_soar.config import Airframe, Site, load_airframe, load_parameters, load_site
+from tgl_soar.config import (
+    Airframe,
+    Site,
+    airframe_from,
+    load_airframe,
+    load_parameters,
+    site_from,
+)
 from tgl_soar.flightlog.declaration import (
     STREAMS,
     TOPICS,
@@ -331,17 +337,14 @@ def _configuration(
     missing = [name for name in ("airframe", "site") if name not in log.texts]
     if missing:
         raise ReplayError(f"{log.path}: it does not hold the {missing[0]} file")
-    with tempfile.TemporaryDirectory() as folder:
-        paths = {name: Path(folder) / f"{name} in {log.path.name}" for name in ("airframe", "site")}
-        for name, path in paths.items():
-            path.write_text(log.texts[name], encoding="utf-8")
-        site = load_site(paths["site"])
-        logged = load_airframe(paths["airframe"])
-        before = _files_values(logged, paths["airframe"], site, log)
-        if airframe is None:
-            return setup_from(logged, site, before), {}
-        other = load_airframe(airframe)
-        after = _files_values(other, airframe, site, log)
+    names = {name: f"{name} in {log.path.name}" for name in ("airframe", "site")}
+    site = site_from(log.texts["site"], names["site"])
+    logged = airframe_from(log.texts["airframe"], names["airframe"])
+    before = _files_values(logged, names["airframe"], site, log)
+    if airframe is None:
+        return setup_from(logged, site, before), {}
+    other = load_airframe(airframe)
+    after = _files_values(other, airframe, site, log)
     stands = {p.name: new for (p, old), (_, new) in zip(before, after, strict=True) if old != new}
     notes.append(f"of {airframe}: {len(stands)} parameters are others")
     return setup_from(other, site, after), stands

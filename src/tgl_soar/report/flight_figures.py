@@ -22,7 +22,7 @@ from tgl_soar.types import GlidePolar
 
 from .legs import FLYING, Leg, Line
 from .spectra import Spectrum
-from .style import GROUND, LEG_COLOURS
+from .style import GROUND, LEG_COLOURS, plain_number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -549,6 +549,9 @@ def spectra_figure(plt: Any, tracking: Spectrum | None, updraft: Spectrum | None
     )
     for axes, (spectrum, title, unit, colour) in zip(grid[0], drawn, strict=True):
         axes.loglog(spectrum.frequency_hz, spectrum.density, color=colour, lw=1.1)
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_formatter(plain_number)
+            axis.set_minor_formatter("")
         axes.axvline(spectrum.peak_hz, color="0.55", lw=0.8, ls=":")
         axes.annotate(
             f"most per octave at {spectrum.peak_hz:.2g} Hz",

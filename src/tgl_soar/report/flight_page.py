@@ -169,7 +169,7 @@ def write_page(page: Path, analysis: Analysis, progress: Progress) -> list[Path]
     progress("The page")
     numbers = folder / "numbers.json"
     numbers.write_text(json.dumps(_numbers(analysis), indent=1) + "\n", encoding="utf-8")
-    page.write_text(_page(analysis, {name: html for name, _, html in drawn}), encoding="utf-8")
+    page.write_text(page_text(analysis, {name: html for name, _, html in drawn}), encoding="utf-8")
     return [*files, numbers]
 
 
@@ -282,7 +282,7 @@ def _mode_seconds(flight: FlightData) -> dict[str, float]:
 # --- the page -------------------------------------------------------------------------------
 
 
-def _page(analysis: Analysis, figures: dict[str, str]) -> str:
+def page_text(analysis: Analysis, figures: dict[str, str]) -> str:
     flight = analysis.flight
     legs = _legs_table(analysis.legs)
     parts = [

@@ -28,6 +28,7 @@ _LOOK: Final[dict[str, Any]] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "svg.hashsalt": "tgl_soar",
+    "text.parse_math": False,  # names come from logs and files: a $ in one is a $
 }
 
 
@@ -65,3 +66,8 @@ def save(plt: Any, figure: Figure, path: Path) -> None:
     else:
         figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
     plt.close(figure)
+
+
+def plain_number(value: float, _place: object = None) -> str:
+    """A tick of a logarithmic axis: matplotlib's own are mathematics, which is not parsed here."""
+    return f"{value:g}" if 1e-3 < value < 1e4 else f"{value:.0e}".replace("e-0", "e-")
