@@ -56,7 +56,7 @@ from tgl_soar.link.mode_change import ModeChange
 from tgl_soar.link.natnet.sockets import NatNetError
 from tgl_soar.link.presence import Presence
 from tgl_soar.link.routes import Route
-from tgl_soar.link.signing import Signing
+from tgl_soar.link.signing import TICKS_PER_S, Signing
 from tgl_soar.link.telemetry import StatusTexts
 from tgl_soar.link.transport import (
     FORMS,
@@ -361,8 +361,11 @@ def _give_back(plan: Plan, sign: guard.Sign, became: str) -> None:
     """The flying process is dead and its links are closed: let go in its stead."""
     setup = plan.setup
     try:
-        signing = signing_from(plan.secret)
-        signing.timestamp = max(signing.timestamp, sign.timestamp)
+        # Beyond what the dead process may have signed since it showed itself, and within its block
+        # of stamps: its successor begins behind that, and no disk is to be waited for.
+        signing = signing_from(plan.secret, reserve=False)
+        if sign.timestamp:
+            signing.timestamp = sign.timestamp + TICKS_PER_S
         transport = _open(plan, plan.links[0], signing)
     except (LinkError, SigningError) as error:
         _print(f"the guard cannot give the surfaces back: {error}")

@@ -11,20 +11,35 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.link.codec import Decoder, Encoder
 from tgl_soar.link.keys import (
+    RESERVE_S,
     Secret,
     SigningError,
     TimestampFile,
+    keep_timestamp,
     load_key,
     peers_of,
     save_key,
     signing_from,
 )
 from tgl_soar.link.messages import Heartbeat, Source
-from tgl_soar.link.signing import CLOCK_IS_SET_S, EPOCH_S, LATEST, TICKS_PER_S, Signing
+from tgl_soar.link.signing import (
+    CLOCK_IS_SET_S,
+    DISK_S,
+    EPOCH_S,
+    LAST_STAMP,
+    LATEST,
+    MAX_STREAMS,
+    TICKS_PER_S,
+    Signing,
+)
 
 KEY, OTHER_KEY = bytes(range(1, 33)), bytes(range(2, 34))
 WALL_S = EPOCH_S + 1e8
 NOW_TICKS = round(1e8 * TICKS_PER_S)
+
+
+def ticks(time_s: float) -> int:
+    return round(time_s * TICKS_PER_S)
 
 
 def signing(key: bytes | None = KEY) -> Signing:
@@ -78,10 +93,161 @@ def test_a_forged_frame_from_the_future_does_not_shut_the_operator_out() -> None
     assert ours.lets_in(frame(peer()))
 
 
-@pytest.mark.parametrize(("behind_s", "in_time"), [(59.0, True), (61.0, False)])
-def test_a_new_stream_may_be_a_minute_behind(behind_s: float, in_time: bool) -> None:
-    theirs = peer(ticks=NOW_TICKS - round(behind_s * TICKS_PER_S))
+@pytest.mark.parametrize(("behind_s", "in_time"), [(9.0, True), (11.0, False)])
+def test_a_new_stream_may_be_ten_seconds_behind(behind_s: float, in_time: bool) -> None:
+    theirs = peer(ticks=NOW_TICKS - ticks(behind_s))
     assert signing().lets_in(frame(theirs)) == in_time
+
+
+def test_the_link_id_is_part_of_the_stream() -> None:
+    """A station with two radios counts on each of them by itself."""
+    ours = signing()
+    assert ours.lets_in(frame(peer(link=3, ticks=NOW_TICKS + 500)))
+    assert ours.lets_in(frame(peer(link=4, ticks=NOW_TICKS + 400)))
+    assert not ours.lets_in(frame(peer(link=3, ticks=NOW_TICKS + 400)))
+
+
+def test_streams_of_another_key_are_dropped_with_it() -> None:
+    """A station begins anew with a new key, and must not be held to what it signed before."""
+    ours = signing()
+    assert ours.lets_in(frame(peer(ticks=NOW_TICKS + ticks(5.0))))
+    ours.replace_key(OTHER_KEY, 0)
+    assert not ours.lets_in(frame(peer(ticks=NOW_TICKS + ticks(6.0))))
+    assert ours.lets_in(frame(peer(OTHER_KEY, ticks=NOW_TICKS)))
+
+
+def heard_from(ours: Signing, system: int, stamp: int) -> bool:
+    """Whether a heartbeat of a system is let in."""
+    codec = peer(ticks=stamp)
+    codec.srcSystem = system
+    return ours.lets_in(frame(codec))
+
+
+def test_there_is_room_for_so_many_streams_and_no_more() -> None:
+    """To forget one of the last 10 s would make records of it good again."""
+    ours = signing()
+    assert all(heard_from(ours, system, NOW_TICKS) for system in range(1, MAX_STREAMS + 1))
+    assert not heard_from(ours, 200, NOW_TICKS + 1)
+    assert heard_from(ours, 1, NOW_TICKS + 1)  # one that is known goes on
+    ours.advance(30.0)
+    late = NOW_TICKS + ticks(30.0)
+    assert heard_from(ours, 200, late)  # the others are old: what they sent is refused anyway
+    assert not heard_from(ours, 1, NOW_TICKS + 1)
+    assert heard_from(ours, 1, late)
+
+
+# --- what commands ----------------------------------------------------------------------------
+
+
+COMMANDING: dict[str, Any] = {
+    "engage": mavlink.MAVLink_command_long_message(1, 191, 31010, 0, *[0] * 7),
+    "engage, as an integer": mavlink.MAVLink_command_int_message(1, 191, 0, 31010, 0, 0, *[0] * 7),
+    "parameter": mavlink.MAVLink_param_set_message(1, 191, b"OP_ENGAGE", 1.0, 9),
+    "key": mavlink.MAVLink_setup_signing_message(1, 191, [7] * 32, 0),
+}
+
+
+@pytest.fixture(params=COMMANDING)
+def message(request: pytest.FixtureRequest) -> Any:
+    return COMMANDING[request.param]
+
+
+def signed(message: Any, codec: Any) -> bytes:
+    return bytes(message.pack(codec))
+
+
+def test_a_command_must_be_later_than_our_start(message: Any) -> None:
+    """A heartbeat need not: an honest station may be some seconds behind."""
+    ours, theirs = signing(), peer(ticks=NOW_TICKS - ticks(3.0))
+    assert ours.lets_in(frame(theirs))
+    assert not ours.lets_in(signed(message, theirs))
+    theirs.signing.timestamp = NOW_TICKS + 1  # it has heard us, or three seconds have passed
+    assert ours.lets_in(signed(message, theirs))
+
+
+def test_no_record_of_before_a_restart_is_good_after_it(message: Any) -> None:
+    """Whatever the clocks are: of a station ahead of us, of ours, that goes back to 1999."""
+    for ahead_s in (-5.0, 0.0, 0.01, 300.0, 1e6):
+        before, theirs = signing(), peer(ticks=NOW_TICKS + ticks(ahead_s))
+        before.advance(5.0)  # a station that lags began 5 s after us
+        theirs.signing.timestamp += ticks(5.0)
+        heartbeat, command = frame(theirs), signed(message, theirs)
+        assert before.lets_in(heartbeat)
+        assert before.lets_in(command)
+        for wall_s in (WALL_S, WALL_S + 5.0, EPOCH_S - 1e9):
+            after = Signing(KEY, wall_s, 0.0, kept=before.timestamp)
+            assert not after.lets_in(heartbeat)
+            assert not after.lets_in(command)
+            theirs.signing.timestamp = after.next_timestamp() + 1  # it hears us
+            assert after.lets_in(signed(message, theirs))
+
+
+def test_a_command_held_back_on_its_way_is_too_old(message: Any) -> None:
+    """Somebody jams it, records it, and sends it a minute later to a module that flies."""
+    ours, theirs = signing(), peer(ticks=NOW_TICKS + 1)
+    assert ours.lets_in(frame(theirs))
+    held_back = signed(message, theirs)
+    ours.advance(9.0)
+    assert ours.lets_in(held_back)
+    held_back = signed(message, theirs)
+    ours.advance(60.0)
+    assert not ours.lets_in(held_back)
+    assert ours.lets_in(frame(theirs))  # what does not command may come as late as it likes
+
+
+def test_a_slow_clock_shuts_no_operator_out_in_flight(message: Any) -> None:
+    """Another station is 400 s ahead and takes our stamp with it; this one never follows."""
+    ours, theirs = signing(), peer(ticks=NOW_TICKS + 1)
+    assert ours.lets_in(frame(theirs))
+    assert heard_from(ours, 200, NOW_TICKS + ticks(400.0))
+    for now_s in (1.0, 20.0, 100.0):
+        ours.advance(now_s)
+        theirs.signing.timestamp = NOW_TICKS + ticks(now_s)
+        assert ours.lets_in(signed(message, theirs)), now_s
+
+
+def test_a_station_that_only_counts_on_from_ahead_of_us_is_heard(message: Any) -> None:
+    """pymavlink looks at its clock once, and from then on adds one with each frame."""
+    ours, theirs = signing(), peer(ticks=NOW_TICKS + ticks(400.0))
+    for now_s in (0.0, 60.0, 300.0):
+        ours.advance(now_s)
+        assert ours.lets_in(signed(message, theirs)), now_s
+
+
+def test_a_command_waits_until_its_stamp_is_on_the_disk(message: Any, tmp_path: Path) -> None:
+    """From a station that is far ahead; the frame that came too early is not good later."""
+    file = TimestampFile(tmp_path / "key")
+    ours, theirs = signing(), peer(ticks=NOW_TICKS + ticks(300.0))
+    file.reserve(ours)
+    assert file.is_ahead(ours)
+    command = signed(message, theirs)
+    assert not ours.lets_in(command)
+    assert ours.counters.early == 1
+    assert not file.is_ahead(ours)
+    file.reserve(ours)
+    assert not ours.lets_in(command)
+    assert ours.lets_in(signed(message, theirs))
+    assert file.load() >= theirs.signing.timestamp
+
+
+def test_a_disk_that_does_not_answer_shuts_nobody_out_for_long(message: Any) -> None:
+    ours, theirs = signing(), peer(ticks=NOW_TICKS + ticks(20.0))
+    for begun_s in (2.0, 30.0):  # each time anew
+        ours.reserved = NOW_TICKS + ticks(begun_s - 1.0)
+        ours.advance(begun_s)
+        assert not ours.lets_in(signed(message, theirs))
+        ours.advance(begun_s + DISK_S + 0.1)
+        assert ours.lets_in(signed(message, theirs))
+        assert ours.lets_in(frame(theirs))
+        ours.reserved = LAST_STAMP  # it has answered
+        ours.advance(begun_s + 1.0)
+        theirs.signing.timestamp += ticks(20.0)
+
+
+def test_what_does_not_command_waits_for_no_disk() -> None:
+    ours = signing()
+    ours.reserved = NOW_TICKS
+    assert ours.lets_in(frame(peer(ticks=NOW_TICKS + ticks(20.0))))
 
 
 def test_our_timestamp_is_the_latest_of_wall_clock_peers_and_file() -> None:
@@ -147,6 +313,7 @@ def test_a_listener_takes_only_who_signs_for_its_peer() -> None:
     is_peer = peers_of(signing(), Source(1, 1))
     assert is_peer(frame(peer()))
     assert not is_peer(frame(peer(None)))
+    assert not is_peer(frame(peer(ticks=NOW_TICKS - ticks(11.0))))  # a record
     assert not is_peer(b"hello")
     autopilot = mavlink.MAVLink_heartbeat_message(1, 3, 81, 0, 4, 3)
     assert is_peer(bytes(autopilot.pack(mavlink.MAVLink(None, 1, 1))))
@@ -201,3 +368,52 @@ def test_the_timestamp_is_kept_and_garbage_is_no_timestamp(tmp_path: Path) -> No
     assert signing_from(Secret(key)).timestamp >= far
     (tmp_path / "key.timestamp").write_text("many\n")
     assert file.load() == 0
+
+
+def test_stamps_are_reserved_before_they_are_used_and_again_by_whoever_comes(
+    tmp_path: Path,
+) -> None:
+    """Killed at any moment, the next process begins behind all that this one may have used."""
+    key = tmp_path / "key"
+    save_key(key, KEY)
+    latest = 0
+    for _ in range(4):
+        ours = signing_from(Secret(key))
+        assert ours.timestamp > latest
+        assert TimestampFile(key).load() == ours.reserved == ours.timestamp + ticks(RESERVE_S)
+        latest = ours.reserved - 1
+        watchdog = signing_from(Secret(key), reserve=False)  # goes on in the dead one's block
+        assert watchdog.timestamp == ours.reserved == TimestampFile(key).load()
+
+
+def test_an_end_in_order_writes_down_the_very_last_stamp(tmp_path: Path) -> None:
+    key = tmp_path / "key"
+    save_key(key, KEY)
+    ours = signing_from(Secret(key))
+    ours.next_timestamp()
+    complaints: list[str] = []
+    keep_timestamp(ours, key, complaints.append)()
+    assert TimestampFile(key).load() == ours.timestamp
+    assert complaints == []
+
+
+def test_where_no_stamp_can_be_kept_it_is_reported_and_operators_are_heard(tmp_path: Path) -> None:
+    key = tmp_path / "key"
+    save_key(key, KEY)
+    (tmp_path / "key.timestamp").mkdir()
+    ours = signing_from(Secret(key))
+    complaints: list[str] = []
+    ours.reserved = ours.timestamp
+    keep_timestamp(ours, key, complaints.append)()
+    (complaint,) = complaints
+    assert complaint.startswith("the signing timestamp cannot be kept: ")
+    assert ours.reserved == LAST_STAMP
+
+
+def test_a_command_from_a_clock_that_is_years_ahead_is_refused() -> None:
+    """It could not be remembered over a restart, so that its record would be obeyed then."""
+    ours = Signing(KEY, CLOCK_IS_SET_S, 0.0)
+    ahead = peer(ticks=LATEST + 1)
+    command = mavlink.MAVLink_param_set_message(1, 191, b"OP_ENGAGE", 1.0, 9)
+    assert ours.lets_in(frame(ahead))
+    assert not ours.lets_in(bytes(command.pack(ahead)))

@@ -1,7 +1,13 @@
-"""The signing key and the latest timestamp, as files that nobody else may read.
+"""The signing key and the timestamp to begin with, as files that nobody else may read.
 
-A key over the air is taken only where that was allowed, and then kept here.  The timestamp is
-kept by a thread, every few seconds: a disk can be slow, and the loop must not wait for it.
+A key over the air is taken only where that was allowed, and then kept here.
+
+The timestamp that a file holds is always ahead of all that were used or accepted: a block of
+stamps is reserved on the disk before any of it is used, the first at the start, the next ones by
+a thread (a disk can be slow, and the loop must not wait for it).  So whatever ends the process,
+the next one begins behind every stamp of this one, and no record of it is good again.  The price:
+after a kill we sign up to `RESERVE_S` ahead of the clock.  An end in order writes down the very
+last stamp, and costs nothing.
 """
 
 from __future__ import annotations
@@ -11,14 +17,17 @@ import stat
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 
 from .codec import first_frame
 from .messages import Source
-from .signing import KEY_BYTES, Signing, source_of
+from .signing import KEY_BYTES, LAST_STAMP, TICKS_PER_S, Signing, source_of
 
-KEEP_TIMESTAMP_S: Final = 10.0
+RESERVE_S: Final = 4.0  # a disk may take half of it to answer; a write every two seconds
+LOOK_S: Final = 0.25  # between two looks whether to reserve more
+_RESERVE: Final = int(RESERVE_S * TICKS_PER_S)
 
 
 class SigningError(Exception):
@@ -36,16 +45,21 @@ class Secret(NamedTuple):
 UNSIGNED: Final = Secret()
 
 
-def signing_from(secret: Secret) -> Signing:
-    """The key, if one was given, and a timestamp that is not before the last one kept.
+def signing_from(secret: Secret, *, reserve: bool = True) -> Signing:
+    """The key, if one was given, and a timestamp behind all that were used before.
 
-    Errors: `SigningError`.
+    `reserve`: wait for the disk to reserve the next block of stamps.  Errors: `SigningError`.
     """
     path = secret.key_file
     if path is None:
         return Signing(None, 0.0, 0.0)
     key = None if secret.allow_setup and not path.exists() else load_key(path)
-    return Signing(key, time.time(), time.monotonic(), TimestampFile(path).load())
+    file = TimestampFile(path)
+    signing = Signing(key, time.time(), time.monotonic(), file.load())
+    if reserve:
+        with suppress(OSError):  # the thread tries again, and reports it
+            file.reserve(signing)
+    return signing
 
 
 def peers_of(signing: Signing, excused: Source | None) -> Callable[[bytes], bool]:
@@ -70,16 +84,23 @@ def keep_timestamp(
     ended = threading.Event()
 
     def keep() -> None:
-        told = False
+        reported = False
         over = False
         while not over:
-            over = ended.wait(KEEP_TIMESTAMP_S)
+            over = ended.wait(LOOK_S)
             try:
-                file.save(signing.timestamp)
+                if over:
+                    file.save(signing.timestamp)
+                elif not file.is_ahead(signing):
+                    file.reserve(signing)
             except OSError as error:
-                if not told:
-                    told = True
-                    complain(f"the signing timestamp cannot be kept: {error}")
+                signing.reserved = LAST_STAMP  # operators are not to be shut out by a full disk
+                if not reported:
+                    reported = True
+                    complain(
+                        f"the signing timestamp cannot be kept: {error}: after a crash, what was"
+                        " recorded of this flight may be heard again"
+                    )
 
     thread = threading.Thread(target=keep, name="timestamp", daemon=True)
     thread.start()
@@ -121,10 +142,11 @@ def save_key(path: Path, key: bytes) -> None:
 
 
 class TimestampFile:
-    """The latest timestamp, beside the key, so that a restart does not go back."""
+    """A timestamp ahead of all that were used, beside the key: a restart does not go back."""
 
     def __init__(self, key_path: Path) -> None:
         self._path = key_path.with_name(key_path.name + ".timestamp")
+        self._saved = 0
 
     def load(self) -> int:
         """What was kept; 0 if there is nothing usable."""
@@ -136,6 +158,16 @@ class TimestampFile:
     def save(self, timestamp: int) -> None:
         """Replace it in one step.  Errors: OSError."""
         _replace(self._path, f"{timestamp}\n".encode())
+        self._saved = timestamp
+
+    def is_ahead(self, signing: Signing) -> bool:
+        """Whether what it holds is far enough ahead of all that was used."""
+        return self._saved >= min(LAST_STAMP, signing.timestamp + _RESERVE // 2)
+
+    def reserve(self, signing: Signing) -> None:
+        """The next block of stamps; may be used once it is on the disk.  Errors: OSError."""
+        self.save(min(LAST_STAMP, signing.timestamp + _RESERVE))
+        signing.reserved = self._saved
 
 
 def _replace(path: Path, content: bytes) -> None:

@@ -2,13 +2,32 @@
 
     signature = first 6 bytes of SHA-256(key, frame up to and with link id and timestamp)
 
-Timestamps count 10 µs since 2015 and must grow from frame to frame of one stream (link id,
-system, component), so that a frame recorded from the air is worth nothing; a stream not yet
-known must not be more than a minute behind.  Ours never goes back: it is the wall clock, or
-what a peer has signed with, or what was kept in a file before a restart, whichever is latest
-(a companion without a battery for its clock starts in the past).  A timestamp that no working
-clock shows is never taken over: at the end of its 48 bits nothing could be signed any more, and
-far in the future we would hold every station for a replay.
+Timestamps ("stamps") count 10 µs since 2015 and must grow from frame to frame of one stream (link
+id, system, component), so that a frame recorded from the air is worth nothing.  Ours never goes
+back: it is the wall clock, or what a peer has signed with, or what was kept in a file before a
+restart, whichever is latest (a companion without a battery for its clock starts in the past).  A
+timestamp that no working clock shows is never taken over, and commands nothing: at the end of its
+48 bits nothing could be signed any more, and far in the future we would hold every station for a
+replay.
+
+A restart forgets the streams, and must not make old records good again.  One number stands for
+all of them: `reserved`, which a file holds and which lies ahead of every stamp taken so far.  The
+next start begins behind it, so that
+
+    any frame     must be later than what was kept, and than the newest of its stream; one of a
+                  stream not yet known must not be more than 10 s behind us
+    a command     must besides be later than our own stamp was at the start of this process, must
+                  not have been held back for more than 10 s on its way, and is obeyed only once
+                  a stamp beyond its own is on the disk
+
+Honest stations sign by clocks of their own.  One that hears us goes on from our stamp, as MAVLink
+has it (its C library and pymavlink do), and is later than our start at once.  One that does
+not (it signs by its wall clock alone) and is behind us by d commands d later after a start.
+Held back is what lags by more than 10 s behind us *and* behind its own stream's pace: a clock that
+is merely wrong, or another station's that is far ahead, shuts no operator out in flight.
+
+A disk that does not answer shuts no operator out either: what waits for it is obeyed when it is
+late (`DISK_S`), as is everything where the file cannot be written at all, which is reported.
 
 The signature is looked at before the timestamp is believed: otherwise anybody could shut an
 operator out with one forged frame from the far future.
@@ -19,6 +38,7 @@ from __future__ import annotations
 import hashlib
 import hmac
 from dataclasses import dataclass
+from math import inf
 from typing import Final
 
 from .messages import Source
@@ -26,13 +46,19 @@ from .messages import Source
 KEY_BYTES: Final = 32
 TICKS_PER_S: Final = 100_000
 EPOCH_S: Final = 1_420_070_400.0  # 2015-01-01, of the wall clock
-NEW_STREAM_TICKS: Final = 60 * TICKS_PER_S
+LAST_STAMP: Final = 2**48 - 1
+NEW_STREAM_TICKS: Final = 10 * TICKS_PER_S
+DISK_S: Final = 0.5  # so long a command, perhaps to hand over, waits for the disk
 CLOCK_IS_SET_S: Final = 1_767_225_600.0  # 2026-01-01: an earlier wall clock was never set
 # So far may another clock be ahead of one that is set: a clock kept in a file over a winter is
 # late by months.  Of one that was not set nothing is known but the half of 48 bits, until 2059.
 YEAR_TICKS: Final = 366 * 86_400 * TICKS_PER_S
 LATEST: Final = 2**47
 MAX_STREAMS: Final = 64
+# COMMAND_INT, COMMAND_LONG, PARAM_SET, SETUP_SIGNING; and should anybody ever listen to them:
+# SET_MODE, MANUAL_CONTROL, RC_CHANNELS_OVERRIDE.  Not RC_CHANNELS, which the autopilot streams:
+# the pilot's switch must be heard whatever the disk does, and replaying a stream needs its silence.
+COMMANDS: Final = frozenset((75, 76, 23, 256, 11, 69, 70))
 _MARKER_V2: Final = 0xFD
 _SIGNED: Final = 0x01
 _HEADER: Final = 10
@@ -47,8 +73,17 @@ class SigningCounters:
     good: int = 0
     unsigned: int = 0  # refused
     wrong: int = 0  # another key, or none at all
-    replayed: int = 0  # or overtaken by a later one
+    replayed: int = 0  # or overtaken by a later one, or too old
+    early: int = 0  # commands that came before their stamp was reserved on the disk
     excused: int = 0  # unsigned, and let in because its sender may
+
+
+@dataclass(slots=True)
+class _Stream:
+    """What one sender has signed with on one of its links."""
+
+    newest: int
+    heard: int  # our clock then, in ticks
 
 
 class Signing:
@@ -60,10 +95,17 @@ class Signing:
         self.key = key
         self._latest = _latest(wall_s)
         self.kept_is_damaged = not 0 <= kept <= self._latest
-        self.timestamp = 0 if self.kept_is_damaged else kept
+        kept = 0 if self.kept_is_damaged else kept
+        self.timestamp = kept
+        self.reserved = LAST_STAMP  # on the disk: the next start begins behind it
         self._wall_less_now_s = wall_s - now_s
-        self._streams: dict[tuple[int, Source], int] = {}
+        self._clock = 0  # ours in ticks, whatever peers sign with
+        self._kept = kept
+        self._streams: dict[tuple[int, Source], _Stream] = {}
+        self._waits_since_s = inf  # for the disk to reserve what we sign with
+        self._disk_is_late = False
         self.advance(now_s)
+        self._began = self.timestamp
 
     @property
     def is_on(self) -> bool:
@@ -73,7 +115,13 @@ class Signing:
     def advance(self, now_s: float) -> None:
         """Our clock has moved on."""
         wall_s = now_s + self._wall_less_now_s - EPOCH_S
-        self.timestamp = max(self.timestamp, int(wall_s * TICKS_PER_S))
+        self._clock = int(wall_s * TICKS_PER_S)
+        self.timestamp = max(self.timestamp, self._clock)
+        if self.timestamp <= self.reserved:
+            self._waits_since_s = inf
+        elif self._waits_since_s == inf:
+            self._waits_since_s = now_s
+        self._disk_is_late = now_s - self._waits_since_s > DISK_S
 
     def next_timestamp(self) -> int:
         """For a frame of ours: later than all before."""
@@ -92,7 +140,9 @@ class Signing:
 
     def vouches(self, frame: bytes) -> bool:
         """Whether a whole frame would be let in; nothing is remembered."""
-        return self.key is None or (_is_signed(frame) and self._is_ours(frame, self.key))
+        return self.key is None or (
+            _is_signed(frame) and self._is_fresh(frame) and self._is_ours(frame, self.key)
+        )
 
     def lets_in(self, frame: bytes, *, excused: bool = False) -> bool:
         """Whether to believe a whole frame.  `excused`: its sender need not sign."""
@@ -106,13 +156,15 @@ class Signing:
         if not self._is_ours(frame, self.key):
             counters.wrong += 1
             return False
-        stream, timestamp = (frame[-_BLOCK], source_of(frame)), _timestamp(frame)
-        newest = self._streams.get(stream, self.timestamp - NEW_STREAM_TICKS)
-        if timestamp <= newest or (stream not in self._streams and self._is_full):
+        if not self._is_fresh(frame):
             counters.replayed += 1
             return False
-        self._streams[stream] = timestamp
-        self._follow(timestamp)
+        stamp = _timestamp(frame)
+        self._streams[_stream_of(frame)] = _Stream(stamp, self._clock)
+        self._follow(stamp)
+        if stamp > self.reserved and not self._disk_is_late and _number(frame) in COMMANDS:
+            counters.early += 1
+            return False
         counters.good += 1
         return True
 
@@ -120,9 +172,30 @@ class Signing:
         if self.may_begin_with(timestamp):
             self.timestamp = max(self.timestamp, timestamp)
 
-    @property
-    def _is_full(self) -> bool:
-        return len(self._streams) >= MAX_STREAMS
+    def _is_fresh(self, frame: bytes) -> bool:
+        """Whether a signed frame cannot be a record of one that was heard, or held back."""
+        stamp, commands = _timestamp(frame), _number(frame) in COMMANDS
+        if stamp <= self._kept or (commands and stamp <= self._began):
+            return False
+        if commands and not self.may_begin_with(stamp):
+            return False  # it could not be remembered over a restart
+        is_behind = stamp <= self.timestamp - NEW_STREAM_TICKS
+        stream = self._streams.get(_stream_of(frame))
+        if stream is None:
+            return not is_behind and self._has_room()
+        lag = (self._clock - stream.heard) - (stamp - stream.newest)
+        is_held_back = commands and is_behind and lag > NEW_STREAM_TICKS
+        return stamp > stream.newest and not is_held_back
+
+    def _has_room(self) -> bool:
+        """For one more stream.
+
+        Forgotten are only streams all of whose frames would be too old for a new one.
+        """
+        if len(self._streams) >= MAX_STREAMS:
+            oldest = self.timestamp - NEW_STREAM_TICKS
+            self._streams = {n: s for n, s in self._streams.items() if s.newest > oldest}
+        return len(self._streams) < MAX_STREAMS
 
     @staticmethod
     def _is_ours(frame: bytes, key: bytes) -> bool:
@@ -148,6 +221,11 @@ def source_of(frame: bytes) -> Source:
     return Source(frame[at], frame[at + 1])
 
 
+def _stream_of(frame: bytes) -> tuple[int, Source]:
+    """Link id and sender of a signed frame."""
+    return frame[-_BLOCK], source_of(frame)
+
+
 def _signature(frame: bytes, key: bytes) -> bytes:
     """Of all that stands before it."""
     return hashlib.sha256(key + frame).digest()[:_SHARE]
@@ -156,6 +234,11 @@ def _signature(frame: bytes, key: bytes) -> bytes:
 def _is_signed(frame: bytes) -> bool:
     long_enough = len(frame) >= _HEADER + _BLOCK
     return long_enough and frame[0] == _MARKER_V2 and frame[2] & _SIGNED != 0
+
+
+def _number(frame: bytes) -> int:
+    """Of the message in a MAVLink 2 frame."""
+    return int.from_bytes(frame[7:10], "little")
 
 
 def _timestamp(frame: bytes) -> int:
