@@ -53,6 +53,7 @@ MODULES: Final = (
     "tgl_soar.estimation.turning",
     "tgl_soar.estimation.wind",
     "tgl_soar.autopilot",
+    "tgl_soar.flightlog.allowance",
     "tgl_soar.flightlog.recorder",
     "tgl_soar.flightlog.writer",
     "tgl_soar.instruments",

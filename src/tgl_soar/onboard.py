@@ -22,6 +22,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from math import inf, radians
 from typing import Final, NamedTuple
 
@@ -251,6 +252,12 @@ _IMUS: Final = {
 }
 
 
+def _known_systems(setup: Setup) -> frozenset[int]:
+    """Whose frames belong into a log."""
+    believed = _believed(setup.position, setup.own)
+    return frozenset((setup.own.system, *setup.operators, *(s.system for s in believed)))
+
+
 def _believed(position: Position, own: Source) -> frozenset[Source]:
     """Whose VISION_POSITION_ESTIMATE is taken.
 
@@ -417,7 +424,8 @@ class Onboard:
                 self.signing,
                 stream=stream,
                 excused=excused,
-                tap=self._recorder.frame,
+                known=_known_systems(setup),
+                tap=partial(self._recorder.heard, number),
             )
         )
         return number

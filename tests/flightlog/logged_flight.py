@@ -25,7 +25,7 @@ ENGAGED_S, MOVED_S = 0.4, 2.0  # when the operator engages, and when the line is
 class LoggedFlight:
     """The paper's tunnel, from the release on; `run` flies it on."""
 
-    def __init__(self, recorder: FlightRecorder, *, seed: int = 1) -> None:
+    def __init__(self, recorder: FlightRecorder, *, seed: int = 1, **options: Any) -> None:
         airframe, site = load_airframe(AIRFRAME), load_site(SITE)
         values = load_parameters(airframe, AIRFRAME, site, SITE)
         self.world = make_world(airframe, site, seed=seed, turbulence=0.02)
@@ -38,6 +38,7 @@ class LoggedFlight:
             lockstep=True,
             console=self.console.append,
             recorder=recorder,
+            **options,
         )
         self._vehicle = mavlink.MAVLink(None, 1, 1)
         self._station = mavlink.MAVLink(None, 255, 190)

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import sysconfig
 import time
+from collections.abc import Callable
 from math import inf, nan
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,15 +20,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from logged_flight import AIRFRAME, FACTS, LoggedFlight, logs_in, recorded
 from pymavlink import mavutil
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pyulog import ULog
 
 from tgl_soar.autopilot import initial_state, laws_from, step
 from tgl_soar.flightlog import files, writer
+from tgl_soar.flightlog.allowance import Allowance
 from tgl_soar.flightlog.declaration import STREAMS, TOPICS, record_size, unit_of
 from tgl_soar.flightlog.meanings import meaning_of, page
 from tgl_soar.flightlog.reader import FlightLog, LogError, read_log
 from tgl_soar.flightlog.writer import BATCH_TICKS, FLUSH_S, STATE_TICKS, FlightRecorder
 from tgl_soar.geometry import SoaringFrame
+from tgl_soar.link.signing import Signing
 from tgl_soar.parameters import PARAMETERS, ParameterSet
 from tgl_soar.types import NO_ATTITUDE, NO_FIX, AutopilotStatus, Inputs
 
@@ -158,8 +162,6 @@ def test_mavlogdump_prints_the_wire(path: Path) -> None:
 
 
 def test_a_key_on_the_wire_is_not_written_down(tmp_path: Path) -> None:
-    from pymavlink.dialects.v20 import ardupilotmega as mavlink
-
     key = bytes(range(1, 33))
     recorder = FlightRecorder(tmp_path, FACTS, 0.0)
     recorder.start()
@@ -193,7 +195,7 @@ def test_a_number_that_fits_no_float_is_logged_as_infinite(tmp_path: Path) -> No
 def test_what_is_heard_before_the_first_parameters_ends_no_log(tmp_path: Path) -> None:
     recorder = FlightRecorder(tmp_path, FACTS, 0.0)
     recorder.start()
-    recorder.frame(b"heard")
+    recorder.heard(0, b"heard", True)
     recorder.parameters(ParameterSet())
     assert "cut" not in " ".join(recorder.stop())
     assert b"heard" in logs_in(tmp_path, "tlog")[0].read_bytes()
@@ -292,6 +294,139 @@ def test_a_full_disk_takes_neither_the_last_flight_nor_this_one(
     names = [path.name for path in logs_in(tmp_path)]
     assert any("flight001" in name for name in names)
     assert sum("flight002" in name for name in names) > 1  # with all of its parts
+
+
+# --- a flood ----------------------------------------------------------------------------------
+
+FLOOD_HZ = 4000  # of frames, while the module flies
+
+
+def stranger() -> bytes:
+    """The longest frame there is, of a system that nobody knows."""
+    return longest(mavlink.MAVLink(None, 77, 1))
+
+
+def longest(codec: Any) -> bytes:
+    message = mavlink.MAVLink_statustext_message(6, b"x" * 50, 1, 0)
+    filled = mavlink.MAVLink_encapsulated_data_message(1, [7] * 253)
+    return bytes(max((message.pack(codec), filled.pack(codec)), key=len))
+
+
+def wrongly_signed() -> bytes:
+    codec = mavlink.MAVLink(None, 1, 1)
+    codec.signing.secret_key = bytes(range(2, 34))
+    codec.signing.sign_outgoing = True
+    codec.signing.timestamp = 2**47
+    return longest(codec)
+
+
+def unknown() -> bytes:
+    return bytes((0xFD, 255, 0, 0, 0, 1, 1, 0xFF, 0xEE, 0xDD)) + b"a" * 257
+
+
+FLOODS: dict[str, tuple[Callable[[], bytes], bool]] = {
+    "of a stranger": (stranger, False),
+    "signed with another key": (wrongly_signed, True),
+    "unsigned": (stranger, True),
+    "of a number that nobody knows": (unknown, False),
+}
+
+
+@pytest.mark.parametrize("link", [0, 1])
+@pytest.mark.parametrize("flood", FLOODS)
+def test_a_flood_of_what_is_refused_costs_no_earlier_flight(
+    tmp_path: Path, flood: str, link: int
+) -> None:
+    """Four seconds of it leave room in what is not yet taken; the flood alone would be 4 MB."""
+    make, is_signed = FLOODS[flood]
+    day = tmp_path / "2026-01-01"
+    day.mkdir()
+    for number in (1, 2):
+        (day / f"10_00_00_flight{number:03d}.ulg").write_bytes(bytes(1_000_000))
+    recorder = FlightRecorder(tmp_path, FACTS, 0.0, largest_bytes=3_500_000, patient=True)
+    recorder.start()
+    key = bytes(range(1, 33)) if is_signed else None
+    flight = LoggedFlight(recorder, signing=Signing(key, 1.6e9, 0.0), unsigned_autopilot=is_signed)
+    flight.onboard.add_link(lambda _frame: True)
+    frame = make()
+    heard = 0
+    while flight.world.time_s < 4.0:
+        flight.run(0.05)
+        for _ in range(round(0.05 * FLOOD_HZ)):
+            flight.onboard.event(frame, flight.world.time_s, link)
+        heard += round(0.05 * FLOOD_HZ)
+    flight.onboard.stop()
+    said = recorder.stop()
+    assert heard * len(frame) > 4_000_000
+    assert {path.name[-13:-4] for path in logs_in(tmp_path)} >= {"flight001", "flight002"}
+    wire = b"".join(path.read_bytes() for path in logs_in(tmp_path, "tlog"))
+    assert 10 <= wire.count(frame) <= 60  # a sample, from its beginning to its end
+    refused = recorder.refused
+    assert 0 <= refused.taken - wire.count(frame) <= 2  # the operator's own, where they must sign
+    assert refused.taken + refused.left_out <= heard + 2
+    assert flight.console.count("a flood of frames: the .tlog holds only some of them") == 1
+    assert any(f"{refused.left_out} of them refused or of strangers" in words for words in said)
+    last = read_log(logs_in(tmp_path)[-1]).words[-1].text
+    assert last.startswith(f"wire: {recorder.left_out} frames are not in the .tlog so far, ")
+
+
+def test_what_refused_frames_take_in_all_has_an_end(tmp_path: Path) -> None:
+    """However long the flight."""
+    recorder = FlightRecorder(tmp_path, FACTS, 0.0, largest_bytes=10_000_000)
+    frame = stranger()
+    for second in range(3600):
+        recorder.refused.takes(len(frame), second * 1_000_000)
+    taken = recorder.refused.taken
+    assert 0.9 * 100_000 < taken * len(frame) <= 100_000
+
+
+def test_a_frame_finds_room_as_it_is_earned_and_no_more() -> None:
+    room = Allowance(100)  # bytes a second: a thousand at once
+    assert [room.takes(500, 0) for _ in range(3)] == [True, True, False]
+    assert not room.takes(500, 4_900_000)
+    assert room.takes(500, 5_000_000)
+    assert [room.takes(500, 10**9) for _ in range(3)] == [True, True, False]
+    assert not room.takes(500, 0)  # the clock begins anew
+    assert room.takes(500, 5_000_000)
+    assert (room.taken, room.left_out) == (6, 4)
+
+
+def test_what_flies_is_written_down_to_the_last_frame(path: Path) -> None:
+    """The allowances are many times what an honest link brings."""
+    reader = mavutil.mavlink_connection(str(path.with_suffix(".tlog")))
+    at_s: list[float] = []
+    while (message := reader.recv_match(type="ATTITUDE_QUATERNION")) is not None:
+        at_s.append(message.time_boot_ms)
+    reader.close()
+    assert len(set(at_s)) == len(at_s) == 800
+
+
+def test_the_first_minute_of_a_flight_stays_while_it_is_flown(tmp_path: Path) -> None:
+    """Parts 1 to 3 were begun in it; part 4 goes, as do all older flights."""
+    day = tmp_path / "2026-01-01"
+    day.mkdir()
+    for part in ("", "_part2", "_part3", "_part4", "_part5"):
+        (day / f"10_00_00_flight002{part}.ulg").write_bytes(bytes(1000))
+        (day / f"10_00_00_flight002{part}.tlog").write_bytes(bytes(1000))
+    (day / "09_00_00_flight001.ulg").write_bytes(bytes(1000))
+    deleted = files.make_room(tmp_path, 10_000, 1000, 2, 3)
+    assert [(file.flight, file.part) for file in deleted] == [(1, 1), (2, 4)]
+    deleted = files.make_room(tmp_path, 5_000, 1000, 2, 3)  # more than can be had
+    assert [(file.flight, file.part) for file in deleted] == [(2, 4), (2, 5), (2, 5)]
+    assert [file.part for file in files.kept_in(tmp_path)] == [1, 1, 2, 2, 3, 3]
+
+
+def test_a_long_flight_in_little_room_keeps_its_beginning(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of its own parts, those in the middle go."""
+    monkeypatch.setattr(writer, "FIRST_US", 1_000_000)
+    recorded(tmp_path, 6.0, largest_bytes=500_000)
+    parts = [file.part for file in files.kept_in(tmp_path)]
+    assert parts[0] == 1
+    assert len(set(parts)) < max(parts)  # some are gone
+    first = read_log(logs_in(tmp_path)[0])
+    assert first.topics["tick"]["tick"][0] == 1
 
 
 def test_what_was_deleted_is_told(tmp_path: Path) -> None:

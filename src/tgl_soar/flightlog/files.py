@@ -6,7 +6,8 @@
     FOLDER/undated/flight008.ulg                      the computer's clock was not set
 
 Flights are counted through.  What is oldest goes when all of it together is too much, or when
-the disk gets full; then the last flight and the one being flown stay whatever comes of it.
+the disk gets full; then the last flight and the one being flown stay whatever comes of it.  Of the
+one being flown the first parts, of its first minute, always stay.
 Nothing that is not named so is ever touched.
 """
 
@@ -70,11 +71,14 @@ def part_name(stem: Path, part: int, ending: str) -> Path:
     return stem.with_name(f"{stem.name}{number}.{ending}")
 
 
-def make_room(folder: Path, largest_bytes: int, coming_bytes: int, flying: int) -> list[Kept]:
+def make_room(
+    folder: Path, largest_bytes: int, coming_bytes: int, flying: int, first_parts: int = 0
+) -> list[Kept]:
     """Delete the oldest files until so much more fits; those that were deleted.
 
-    `largest_bytes`, of all together, may take any file.  A disk that is nearly full takes none of
-    the flight that is flown, by its number, nor of the one before it; where there is not enough
+    `largest_bytes`, of all together, may take any file but the first parts, so many, of the
+    flight that is flown, by its number.  A disk that is nearly full takes none of
+    the flight that is flown, nor of the one before it; where there is not enough
     to be had for all that is coming, half of that is aimed at, so that a small disk keeps the
     other half of its older flights.  Errors: OSError where a file cannot be deleted.
     """
@@ -89,6 +93,8 @@ def make_room(folder: Path, largest_bytes: int, coming_bytes: int, flying: int) 
     for file in kept:
         if beyond <= 0 and (lacking <= 0 or file.flight >= last):
             break
+        if file.flight == flying and file.part <= first_parts:
+            continue
         file.path.unlink(missing_ok=True)
         deleted.append(file)
         beyond -= file.size

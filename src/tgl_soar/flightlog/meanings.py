@@ -17,6 +17,7 @@ from tgl_soar.autopilot import AutopilotState, Output
 from tgl_soar.control.supervisor import MODE_NAMES, REASON_TEXTS
 from tgl_soar.types import Inputs
 
+from . import allowance
 from .declaration import MEANINGS, SUFFIXES, TOPICS, Field, Topic, frame_of, is_named_tuple, unit_of
 
 _COMMENTED: Final = re.compile(r"\s+(\w+): [^#]+#\s*(.+)")
@@ -30,17 +31,26 @@ _TITLE: Final = """\
 `--state` where it is not given; `--log none`: nowhere):
 
     2026-11-21/14_03_55_flight007.ulg     a ULog: every tick, what it had and what it decided
-    2026-11-21/14_03_55_flight007.tlog    every MAVLink frame that came or went on any link
+    2026-11-21/14_03_55_flight007.tlog    the MAVLink frames that came or went on any link
 
 Day and hour are UTC; where the computer does not know the time the folder is `undated`. Flights
 are counted through. A long flight is cut into parts (`_part2`, …), of which each `.ulg` can be
 read and replayed by itself. When all logs in the folder exceed `--log-max` megabytes, the oldest
 are deleted. When the disk gets full, older flights are deleted too, and no more of them than the
-next part needs, but never the last flight nor the one being flown: rather the log ends. What was
+next part needs, but never the last flight nor the one being flown: rather the log ends. Of the
+flight being flown the first minute always stays, though that be more than `--log-max`. What was
 deleted is told the operator. A thread writes: a slow disk holds up no tick, and what it cannot
 take is dropped and marked. A full or read-only disk is told once, and the flight goes on. Every
 second all is synced to the disk, so that a loss of power costs no more than that. A frame that
 carries a signing key is not written down.
+
+Whoever sends much does not decide how soon older flights go. Of each kind of frame so many bytes a
+second are written down, with ten seconds' worth at once; what is more is counted and left out, of
+which the operator, the ULog and the console are told:
+
+| frames | kB a second | |
+|---|---|---|
+{allowances}
 
 | command | what it does |
 |---|---|
@@ -107,6 +117,19 @@ Frames: *NED* and *FRD* are the autopilot's, *soaring* has x downstream, y to th
 aircraft facing upwind and z up (docs/theory.md). Angles without a frame are named in the text.
 """
 
+_ALLOWANCES: Final = (
+    ("of ours", allowance.OURS, ""),
+    ("on the autopilot's link", allowance.AUTOPILOT, "a serial line at 921600 baud carries 92"),
+    ("on all other links", allowance.STATIONS, ""),
+    (
+        "refused",
+        allowance.REFUSED,
+        "a sample: signed wrongly or not at all, replayed, of a system that is neither the"
+        " vehicle nor among `autopilot.operators` and `position.vision_from`, or of a number that"
+        " is not known; in all a hundredth of `--log-max`",
+    ),
+)
+
 
 @cache
 def _comments() -> dict[str, str]:
@@ -138,9 +161,15 @@ def meaning_of(field: Field) -> str:
 def page() -> str:
     """docs/logs.md."""
     topics = (f"\n## {t.name}\n\n{t.meaning}\n\n{_table(t)}" for t in TOPICS.values())
+    title = _TITLE.replace("{allowances}\n", "".join(map(_allowance_row, _ALLOWANCES)))
     modes = f"\n## Modes\n\n{_numbered(MODE_NAMES)}"
     reasons = f"\n## Reasons of a change of mode\n\n{_numbered(REASON_TEXTS)}"
-    return "".join((_TITLE, *topics, modes, reasons))
+    return "".join((title, *topics, modes, reasons))
+
+
+def _allowance_row(row: tuple[str, int, str]) -> str:
+    frames, bytes_per_s, words = row
+    return f"| {frames} | {bytes_per_s / 1000:g} | {words} |\n"
 
 
 def _table(topic: Topic) -> str:

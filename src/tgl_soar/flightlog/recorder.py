@@ -43,7 +43,13 @@ class Recorder:
         """The next tick begins from this state, whatever the last one left."""
 
     def frame(self, frame: bytes) -> None:
-        """A frame came or went on any link."""
+        """A frame of ours went out on any link."""
+
+    def heard(self, link: int, frame: bytes, wanted: bool) -> None:
+        """A frame came on a link; 0: the autopilot's.
+
+        `wanted`: neither refused nor of a stranger.
+        """
 
     def text(self, severity: int, text: str) -> None:
         """Words for the operator; MAVLink's severity."""

@@ -9,6 +9,9 @@ on without a log.
     ULog     header, formats, what was flown with; parameters; then rows (`declaration`)
     .tlog    for each frame 8 bytes of µs since 1970, big-endian, and the frame
 
+Frames that come are written down only so far as their kind may (`allowance`): a flood of what is
+refused is counted and sampled, and costs no older flight.
+
 What was recorded is handed over every half a second and synced every second, so that a loss of
 power costs no more.  A log is cut into parts, of which each can be read and replayed by itself:
 it begins with all parameters, the state and the inputs as they stand.
@@ -33,7 +36,8 @@ from tgl_soar.autopilot import AutopilotState, Output
 from tgl_soar.parameters import PARAMETERS, ParameterSet
 from tgl_soar.types import Inputs, isfinite
 
-from . import files
+from . import allowance, files
+from .allowance import Allowance
 from .declaration import STREAMS, TOPICS, packer, record_size
 from .recorder import LinkReport, Recorder
 
@@ -49,13 +53,18 @@ STOP_S: Final = 2.0  # so long the end of the process waits for the disk
 STACK_BYTES: Final = 256 * 1024  # memory is locked: a thread's stack of 8 MB would be resident
 LARGEST_BYTES: Final = 1_000_000_000  # of all logs together, unless told otherwise
 _PARTS: Final = 10  # so many parts make up the largest
+_REFUSED: Final = 100  # one part in so many of all logs is the most that refused frames take
+FIRST_US: Final = 60_000_000  # of a flight: never deleted while it is flown
+FLOOD_TICKS: Final = 2048  # between two words in the log about frames that were left out
 _TEXT_CHARS: Final = 8000  # of a file's text in one message
 
 _MAGIC: Final = b"\x55\x4c\x6f\x67\x01\x12\x35\x01"
 _HEAD: Final = struct.Struct("<HB")
 _SETUP_SIGNING: Final = b"\x00\x01\x00"  # it carries a key: never written down
 _STAMP: Final = struct.Struct(">Q").pack
+_STAMP_BYTES: Final = 8
 _now_ns: Final = time.monotonic_ns
+SEVERITY_WARNING: Final = 4  # MAVLink's, and so ULog's
 _LARGEST_INT: Final = 0x7FFFFFFF
 _LARGEST_FLOAT32: Final = 3.4028234e38
 
@@ -204,7 +213,13 @@ class FlightRecorder(Recorder):
 
         `patient`: the loop waits for the disk rather than drop anything; not in an aircraft.
         """
-        self.dropped = 0  # ticks and frames
+        self.dropped = 0  # ticks and frames: there was no room
+        self.ours = Allowance(allowance.OURS)
+        self.autopilot = Allowance(allowance.AUTOPILOT)
+        self.stations = Allowance(allowance.STATIONS)
+        self.refused = Allowance(allowance.REFUSED, largest_bytes // _REFUSED)
+        self._left_out_told = 0
+        self._flood_due = 0  # the tick from which it is told again
         orders: _Orders = queue.SimpleQueue()
         self._on = True
         self._free = _Buffers(buffers, patient)
@@ -274,8 +289,19 @@ class FlightRecorder(Recorder):
             self._drop(1, self._time_us)
 
     def frame(self, frame: bytes) -> None:
-        """A frame came or went on any link; one that carries a key is left out."""
-        if not self._on or (len(frame) > 9 and frame[8] == 1 and frame[7:10] == _SETUP_SIGNING):
+        """A frame of ours went out on any link."""
+        self._keep(frame, self.ours)
+
+    def heard(self, link: int, frame: bytes, wanted: bool) -> None:
+        """A frame came on a link; one that carries a key is left out."""
+        if len(frame) > 9 and frame[8] == 1 and frame[7:10] == _SETUP_SIGNING:
+            return
+        known = self.autopilot if link == 0 else self.stations
+        self._keep(frame, known if wanted else self.refused)
+
+    def _keep(self, frame: bytes, kind: Allowance) -> None:
+        """As far as there is room for its kind."""
+        if not self._on or not kind.takes(_STAMP_BYTES + len(frame), self._time_us):
             return
         self._frames.append((_now_ns(), frame))
         if len(self._frames) >= BATCH_FRAMES:
@@ -317,16 +343,45 @@ class FlightRecorder(Recorder):
             if self._free.plenty:
                 self._rows.hand_over()
                 self._wire_is_due = True
-        return self._disk.said()
+        return [*self._disk.said(), *self._flooded()]
+
+    @property
+    def left_out(self) -> int:
+        """Frames that were not written down, for there were too many of their kind."""
+        kinds = self.ours, self.autopilot, self.stations, self.refused
+        return sum(kind.left_out for kind in kinds)
+
+    def _flooded(self) -> list[str]:
+        """What is to be told of frames that are left out: once; the log is told how many."""
+        left_out = self.left_out
+        if left_out == self._left_out_told or self._ticks < self._flood_due:
+            return []
+        is_first = self._left_out_told == 0
+        self._left_out_told = left_out
+        self._flood_due = self._ticks + FLOOD_TICKS
+        refused = self.refused.left_out
+        self.text(
+            SEVERITY_WARNING,
+            f"wire: {left_out} frames are not in the .tlog so far, {refused} of them refused or"
+            f" of strangers; of these {self.refused.taken} are",
+        )
+        return ["a flood of frames: the .tlog holds only some of them"] if is_first else []
 
     def stop(self) -> list[str]:
         """The flight is over: write the rest, unless the disk takes too long."""
         self._pack_waiting()
         self._pack_frames()
+        self._flood_due = 0
+        self._flooded()
         self._rows.hand_over()
         self._wire.hand_over()
         in_time = self._disk.stop()
         said = self._disk.said()
+        if self.left_out:
+            said.append(
+                f"flight log: {self.left_out} frames of a flood are not in the .tlog,"
+                f" {self.refused.left_out} of them refused or of strangers"
+            )
         if self._on and self._disk.trouble:
             said.append(f"flight log cut: {self._disk.trouble}")
         elif not in_time:
@@ -473,6 +528,8 @@ class _Disk:
         self._said: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._open: dict[str, int] = {}  # descriptors by ending
         self._parts = {"ulg": 0, "tlog": 0}
+        self._begun_us = -1  # the first part
+        self._first_parts = 0  # begun in the flight's first minute
         self._synced_s = -inf
         self._worker: threading.Thread | None = None
 
@@ -524,8 +581,13 @@ class _Disk:
         self._close(ending)
         if self._stem is None:
             self._stem = self._name()
-        if ending == "ulg" and self._parts[ending]:
-            self._make_room()
+        if ending == "ulg":
+            if self._parts[ending]:
+                self._make_room()
+            else:
+                self._begun_us = begins_us
+            if begins_us - self._begun_us < FIRST_US:
+                self._first_parts = self._parts[ending] + 1
         self._parts[ending] += 1
         path = files.part_name(self._stem, self._parts[ending], ending)
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
@@ -546,8 +608,9 @@ class _Disk:
 
     def _make_room(self) -> None:
         """For the next part; whose logs went for it is told."""
+        coming_bytes = self._largest_bytes // _PARTS
         deleted = files.make_room(
-            self._folder, self._largest_bytes, self._largest_bytes // _PARTS, self._flight
+            self._folder, self._largest_bytes, coming_bytes, self._flight, self._first_parts
         )
         if deleted:
             first, last = deleted[0].flight, deleted[-1].flight

@@ -112,12 +112,12 @@ class Decoder:
         *,
         stream: bool,
         accept: Callable[[bytes], bool] | None = None,
-        tap: Callable[[bytes], None] | None = None,
+        tap: Callable[[bytes, bool], None] | None = None,
     ) -> None:
         """`stream`: a frame may go on in the next piece, as on a serial line.
 
-        `accept`: whether a whole, good frame of a message that somebody listens to may be
-        believed.  `tap`: is shown every whole frame, also of messages that nobody listens to.
+        `accept`: whether a whole, good frame may be believed.  `tap`: is shown every whole frame,
+        also of messages that nobody listens to, and whether it was accepted.
         """
         self.counters = DecoderCounters()
         self._tap = tap
@@ -187,8 +187,9 @@ class Decoder:
         counters = self.counters
         counters.frames += 1
         frame = data if length == len(data) else data[at : at + length]
+        is_accepted = self._accept is None or self._accept(frame)
         if self._tap is not None:
-            self._tap(frame)
+            self._tap(frame, is_accepted)
         if version1:
             self.only_v1 = not self._heard_v2
         elif not self._heard_v2:
@@ -197,11 +198,11 @@ class Decoder:
             self._keep(about, known)
         if known.is_watched:
             self._count(sequence)
+        if not is_accepted:
+            counters.refused += 1
+            return True
         fields = known.fields
         if fields is None and known.heard is None:
-            return True
-        if self._accept is not None and not self._accept(frame):
-            counters.refused += 1
             return True
         if fields is None:
             message: Heard | None = self._decoded(frame, known.heard)
@@ -227,7 +228,7 @@ class Decoder:
             return False
         self.counters.unknown += 1
         if self._tap is not None:
-            self._tap(frame)
+            self._tap(frame, False)
         return True
 
     def _count(self, sequence: int) -> None:

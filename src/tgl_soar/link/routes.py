@@ -11,7 +11,7 @@ A link speaks MAVLink 1 as long as nothing but MAVLink 1 has come over it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Final, TypeAlias
 
 from .codec import Decoder, Encoder
@@ -36,15 +36,20 @@ class Route:
         *,
         stream: bool,
         excused: Source | None = None,
-        tap: Callable[[bytes], None] | None = None,
+        known: Collection[int] = (),
+        tap: Callable[[bytes, bool], None] | None = None,
     ) -> None:
         """`stream`: the link may cut frames anywhere.  `excused`: who need not sign here.
 
-        `tap`: is shown every frame that comes.
+        `tap`: is shown every frame that comes, and whether it is wanted: accepted, and of one of
+        the `known` systems.
         """
         self.number = number
         self.send = send
-        self.decoder = Decoder(stream=stream, accept=self._accept, tap=tap)
+        self._known = frozenset(known)
+        self._tap = tap
+        show = None if tap is None else self._show
+        self.decoder = Decoder(stream=stream, accept=self._accept, tap=show)
         self.own = Encoder(own, signing, number)
         self.override = self.own if override == own else Encoder(override, signing, number)
         self._signing = signing
@@ -59,6 +64,11 @@ class Route:
         if signing.key is None:
             return True
         return signing.lets_in(frame, excused=source_of(frame) == self._excused)
+
+    def _show(self, frame: bytes, accepted: bool) -> None:
+        """To whoever keeps a log."""
+        assert self._tap is not None
+        self._tap(frame, accepted and source_of(frame).system in self._known)
 
     def heard(self, source: Source) -> None:
         """Somebody has spoken on this link."""
