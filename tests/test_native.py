@@ -127,14 +127,16 @@ def test_without_native_code_the_source_flies_and_it_is_said(place: Path) -> Non
     assert not place.exists()
 
 
-def made_at(kept: Path, *, python: str = sys.version, source: Path = native.SOURCE) -> Path:
+def made_at(
+    kept: Path, *, python: str = sys.version, source: Path = native.SOURCE, key: str = ""
+) -> Path:
     """A folder as `compile` leaves it, with a library that is none."""
     kept.mkdir(parents=True)
     (kept / f"0123{native.LIBRARY}{native.SUFFIX}").write_bytes(b"\x7fELF and then nothing")
     (kept / "tgl_soar").mkdir()
     (kept / "tgl_soar" / f"autopilot{native.SUFFIX}").write_bytes(b"\x7fELF")
     manifest = {"compiler": "mypyc", "python": python, "source": str(source), "fields": {}}
-    manifest |= {"sums": native.sums(kept)}
+    manifest |= {"sums": native.sums(kept), "key": key or native.source_key()}
     (kept / native.MANIFEST).write_text(json.dumps(manifest), encoding="utf-8")
     kept.chmod(0o755)
     return kept
@@ -187,8 +189,157 @@ def test_code_that_was_cut_off_on_the_disk_is_never_loaded(place: Path) -> None:
 
 def test_what_others_may_write_to_is_not_run(place: Path) -> None:
     made_at(native.folder()).chmod(0o777)
-    assert said(USE) == f"{CANNOT}others may write to {native.folder()}"
-    assert place in native.folder().parents
+    kept = native.folder()
+    assert said(USE) == f"{CANNOT}others may write to {kept}: chmod go-w {kept}"
+    assert place in kept.parents
+
+
+# --- whose it is -------------------------------------------------------------------------------
+
+
+as_root = pytest.mark.skipif(os.getuid() != 0, reason="only root can give files away")
+SOMEBODY: int = 12345  # no user of this computer
+
+
+def test_an_old_folder_under_a_new_name_is_not_taken(place: Path) -> None:
+    made_at(place / "native-0123456789abcdef", key="0" * 64).rename(native.folder())
+    assert not native.is_made()
+    assert said(USE) == f"{CANNOT}it was made of another version of the source: compile it again"
+
+
+@pytest.mark.parametrize("above", [0, 1, 2])
+def test_a_folder_that_others_can_put_another_in_place_of_is_not_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, above: int
+) -> None:
+    """At any height above it; but not where others may add to it and take nothing away (/tmp)."""
+    base = tmp_path / "a" / "b" / "c"
+    monkeypatch.setenv("TGL_SOAR_NATIVE", str(base))
+    made_at(native.folder())
+    assert native.is_made()
+    writable = [base, *base.parents][above]
+    writable.chmod(0o777)
+    assert not native.is_made()
+    assert said(USE) == f"{CANNOT}others may write to {writable}: chmod go-w {writable}"
+    writable.chmod(0o1777)
+    assert native.is_made()
+
+
+@as_root
+@pytest.mark.parametrize("what", ["base", "folder", "inside", "library", "manifest"])
+def test_what_belongs_to_another_user_is_not_run(place: Path, what: str) -> None:
+    kept = made_at(native.folder())
+    library = next(kept.rglob(f"*{native.SUFFIX}"))
+    theirs = {
+        "base": place,
+        "folder": kept,
+        "inside": kept / "tgl_soar",
+        "library": library,
+        "manifest": kept / native.MANIFEST,
+    }[what]
+    os.chown(theirs, SOMEBODY, -1)
+    assert said(USE) == f"{CANNOT}{theirs} belongs to another user (uid {SOMEBODY})"
+
+
+@as_root
+@pytest.mark.parametrize("group", [0, SOMEBODY])
+def test_a_group_may_write_only_if_it_is_its_owner_s_own(place: Path, group: int) -> None:
+    """Ubuntu gives each user a group of their own, and makes folders writable by it."""
+    kept = made_at(native.folder())
+    os.chown(place, 0, group)
+    place.chmod(0o775)
+    assert native.is_made() == (group == 0)
+    assert kept.exists()
+
+
+@pytest.mark.parametrize("what", ["folder", "library"])
+def test_a_link_is_not_followed(place: Path, what: str) -> None:
+    kept = made_at(native.folder())
+    link = kept if what == "folder" else next(kept.rglob(f"*{native.SUFFIX}"))
+    link.rename(place / "elsewhere")
+    link.symlink_to(place / "elsewhere")
+    assert said(USE) == f"{CANNOT}{link} is a symbolic link"
+
+
+def test_a_base_that_is_a_link_to_a_folder_of_ours_will_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "data").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "data")
+    monkeypatch.setenv("TGL_SOAR_NATIVE", str(tmp_path / "link"))
+    made_at(native.folder())
+    assert native.is_made()
+    (tmp_path / "data").chmod(0o777)
+    assert not native.is_made()
+
+
+def test_a_library_that_others_may_write_to_is_not_run(place: Path) -> None:
+    file = next(made_at(native.folder()).rglob(f"*{native.SUFFIX}"))
+    file.chmod(0o666)
+    assert place in file.parents
+    assert said(USE) == f"{CANNOT}others may write to {file}: chmod go-w {file}"
+
+
+def test_what_was_checked_is_what_is_loaded(place: Path) -> None:
+    """Whatever is put in its place between the two: the folder, or a file in it."""
+    kept = made_at(native.folder())
+    whole = {file.name: file.read_bytes() for file in kept.rglob(f"*{native.SUFFIX}")}
+    held = native._held(kept, native.source_key())
+    finder = native._Finder(kept, held)
+    kept.rename(place / "away")
+    for file in made_at(kept).rglob(f"*{native.SUFFIX}"):
+        file.write_bytes(b"theirs")
+    for name, (library, _) in finder._files.items():
+        spec = finder.find_spec(name)
+        assert spec is not None
+        assert spec.origin is not None
+        assert Path(spec.origin).read_bytes() == whole[Path(library).name]
+    held.close()
+
+
+def test_nothing_stays_open_of_what_is_refused(place: Path) -> None:
+    kept = made_at(native.folder())
+    assert place in kept.parents
+    before = len(list(Path("/proc/self/fd").iterdir()))
+    next(kept.rglob(f"*{native.SUFFIX}")).write_bytes(b"damaged")
+    assert not native.is_made()
+    kept.chmod(0o777)
+    assert not native.is_made()
+    assert len(list(Path("/proc/self/fd").iterdir())) == before
+
+
+def test_a_library_says_of_what_source_it_was_made(
+    place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where the manifest of a current one was put beside it."""
+    if shutil.which(os.environ.get("CC", "cc")) is None:
+        pytest.skip("no C compiler")
+    current, kept = native.source_key(), native.folder()
+    monkeypatch.setattr(native, "MODULES", ("tgl_soar.control.pid",))
+    monkeypatch.setattr(native, "source_key", lambda: "old")
+    compiling._compile(tmp_path)
+    compiling._collect(tmp_path, kept)
+    assert place in kept.parents
+    as_old = f"from tgl_soar import native; native.folder = lambda: native.Path({str(kept)!r})\n"
+    as_old += "native.source_key = lambda: 'old'\n"
+    flown = said(as_old + USE + "; from tgl_soar.control import pid; print(pid.__file__)")
+    assert flown.splitlines()[0].startswith("True|native, by mypyc")
+    assert flown.splitlines()[1] == str(kept / "tgl_soar/control" / f"pid{native.SUFFIX}")
+    manifest = kept / native.MANIFEST
+    manifest.write_text(manifest.read_text().replace('"key": "old"', f'"key": "{current}"'))
+    refused = said(USE + "; from tgl_soar.control import pid; print(pid.__file__)").splitlines()
+    words = "its code is of another version of the source: compile it again"
+    assert refused == [CANNOT + words, str(native.SOURCE / "control/pid.py")]
+
+
+def test_nothing_is_compiled_where_it_would_not_be_flown(place: Path) -> None:
+    place.mkdir()
+    place.chmod(0o777)
+    with pytest.raises(compiling.CompileError, match=f"would not be flown: others may .* {place}"):
+        compiling.make(lambda _words: None)
+    assert list(place.iterdir()) == []
+
+
+# --- what cannot be loaded ----------------------------------------------------------------------
 
 
 def test_a_library_that_cannot_be_loaded_grounds_nothing(place: Path) -> None:
@@ -196,7 +347,8 @@ def test_a_library_that_cannot_be_loaded_grounds_nothing(place: Path) -> None:
     assert place in native.folder().parents
     code = USE + "; import tgl_soar.autopilot; print(tgl_soar.autopilot.__file__[-3:])"
     first, second = said(code).splitlines()
-    assert first.startswith(CANNOT)
+    library = native.folder() / f"0123{native.LIBRARY}{native.SUFFIX}"
+    assert first.startswith(f"{CANNOT}{library}: ")
     assert second == ".py"
 
 

@@ -83,9 +83,15 @@ def make(say: Callable[[str], None]) -> None:
     kept = native.folder()
     base = kept.parent
     base.mkdir(parents=True, exist_ok=True)
+    try:
+        with native.trusted(base):
+            pass
+    except PermissionError as error:
+        raise CompileError(f"what is kept in {base} would not be flown: {error}") from None
     with _alone(base), TemporaryDirectory(prefix=_WORK, dir=base) as name:
         work = Path(name)
         made = work / "made" / kept.name
+        made.parent.mkdir(mode=0o700)
         say(f"compiling {len(native.MODULES)} modules: one to five minutes")
         _compile(work)
         _collect(work, made)
@@ -121,6 +127,8 @@ def _compile(work: Path) -> None:
     _make_tuples_direct(work)
     (work / "mypy.ini").write_text(_CONFIG, encoding="utf-8")
     files = [str(native.file_of(name).relative_to(native.SOURCE.parent)) for name in native.MODULES]
+    files.append(f"{native.COMPILED_IN}.py")
+    (work / files[-1]).write_text(f'KEY = "{native.source_key()}"\n', encoding="utf-8")
     shutil.copy(Path(__file__).with_name(IN_C), work)
     (work / "setup.py").write_text(_SETUP.format(files=files, in_c=IN_C), encoding="utf-8")
     with subprocess.Popen(
@@ -168,6 +176,7 @@ def _collect(work: Path, made: Path) -> None:
         "compiler": f"mypyc {version('mypy')}",
         "python": sys.version,
         "source": str(native.SOURCE),
+        "key": native.source_key(),
         "fields": fields,
         "sums": native.sums(made),
     }
