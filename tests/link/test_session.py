@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from tgl_soar.link.autopilots.ardupilot import ArduPilot
 from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels
-from tgl_soar.link.clock import ClockMap, StampOrder
+from tgl_soar.link.clock import ClockMap, StampedStreams
 from tgl_soar.link.messages import (
     AttitudeQuaternion,
     CommandAck,
@@ -451,23 +451,25 @@ def test_the_map_follows_a_vehicle_whose_quartz_runs_slow() -> None:
     assert error < 0.001
 
 
+def order_of(streams: StampedStreams, *stamps_s: float) -> list[bool]:
+    """Whether stamps were taken, where nothing but their order tells."""
+    return [streams.time_of("a", stamp_s, 0.0) is not None for stamp_s in stamps_s]
+
+
 def test_what_stamps_say() -> None:
-    order = StampOrder()
-    new, stale, reboot = StampOrder.NEW, StampOrder.STALE, StampOrder.REBOOT
-    said = {
-        10.0: new, 10.005: new, 9.5: stale, 10.01: new,
-        5.0: stale, 5.005: stale, 5.01: reboot, 5.015: new, 4.9: stale,
-    }  # fmt: skip
-    assert [order.judge(stamp) for stamp in said] == list(said.values())
-    assert order.judge(5.015) == stale
+    streams = StampedStreams(lockstep=True)
+    assert order_of(streams, 10.0, 10.005, 9.5, 10.01) == [True, True, False, True]
+    assert order_of(streams, 5.0, 5.005) == [False, False]
+    assert streams.reboots == 0
+    assert order_of(streams, 5.01, 5.015, 4.9, 5.015) == [True, True, False, False]
+    assert streams.reboots == 1
 
 
 def test_frames_that_were_long_under_way_are_no_reboot() -> None:
     """One now and then, or several whose stamps do not count on: late, whatever their age."""
-    order = StampOrder()
-    assert order.judge(10.0) == StampOrder.NEW
+    streams = StampedStreams(lockstep=True)
+    assert order_of(streams, 10.0) == [True]
     for late, new in ((5.0, 10.005), (5.005, 10.01), (5.01, 10.015)):
-        assert order.judge(late) == StampOrder.STALE
-        assert order.judge(new) == StampOrder.NEW
-    for late in (5.0, 4.0, 3.0, 2.0):
-        assert order.judge(late) == StampOrder.STALE
+        assert order_of(streams, late, new) == [False, True]
+    assert order_of(streams, 5.0, 4.0, 3.0, 2.0) == [False] * 4
+    assert streams.reboots == 0

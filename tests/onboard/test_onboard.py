@@ -17,7 +17,7 @@ from tgl_soar.geometry import SoaringFrame
 from tgl_soar.instruments import FAST, SLOW
 from tgl_soar.link.autopilots.ardupilot import ArduPilot
 from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels
-from tgl_soar.link.clock import REBOOT_STAMPS
+from tgl_soar.link.clock import ROW
 from tgl_soar.link.messages import Source
 from tgl_soar.onboard import RELEASE_FRAMES, Onboard, Setup
 from tgl_soar.parameters import ParameterSet
@@ -509,7 +509,7 @@ def test_in_lockstep_a_simulator_that_begins_anew_finds_the_module_in_standby() 
             flight.set("OP_ENGAGE", 1.0)
     assert flight.mode_now == CAPTURING or flight.mode_now == SOARING
     for i in simulator(flight, 100):
-        if i >= REBOOT_STAMPS - 1:
+        if i >= ROW - 1:
             assert flight.mode_now in (BOOT, STANDBY, READY)
     assert flight.onboard.parameters.values["OP_ENGAGE"] == 0.0
     assert flight.onboard.output is not None

@@ -109,6 +109,7 @@ IMU_NAMES: Final = {
 }
 SILENCE_S: Final = 0.5  # after this another message may give the same quantity
 FAR_M: Final = 100_000.0  # from the home: no place of this flight
+TELL_CLOCK_S: Final = 10.0  # between two words of another clock
 MAX_HEARD: Final = 32  # senders remembered, for the message that nobody answers
 
 _LOCAL_FRAMES: Final = (FRAME_LOCAL_NED, FRAME_LOCAL_FRD)
@@ -123,6 +124,7 @@ class SessionCounters:
     attitudes: int = 0  # taken
     positions: int = 0  # taken
     stale: int = 0  # repeated or out of order
+    other_clock: int = 0  # stamped by another clock than the autopilot's, or while two speak
     not_finite: int = 0
     imus: int = 0  # taken
     airspeeds: int = 0  # taken
@@ -201,6 +203,8 @@ class Session:
         self._lockstep = lockstep
         self._heartbeat_due_s = float("-inf")
         self._stamps = StampedStreams(lockstep=lockstep)
+        self._clock_told_s = float("-inf")
+        self._contested = False
         self._attitude_from, self._imu_from = Exclusive(), Exclusive()
         self._has_pitot = False
         self._vision_from = frozenset(vision_from)
@@ -271,6 +275,7 @@ class Session:
             said.extend(asked)
             if complaint:
                 self.notices.append((SEVERITY_WARNING, complaint))
+        self._tell_contest(now_s)
         if self.streams.notices:
             self._tell_refusals()
         if self.sources.notices:
@@ -589,25 +594,61 @@ class Session:
         quantised: bool = False,
         foreign: bool = False,
     ) -> tuple[float, float] | None:
-        reboots = self._stamps.reboots
-        times = self._stamps.time_of(
+        stamps = self._stamps
+        reboots, suspected, refused = stamps.reboots, stamps.suspected, stamps.refused
+        times = stamps.time_of(
             key, stamp_s, now_s, wrap_s=wrap_s, quantised=quantised, foreign=foreign
         )
-        if self._stamps.reboots != reboots:
+        if stamps.reboots != reboots:
             self._rebooted(now_s)
-        if times is None:
+        if stamps.suspected != suspected:
+            self._tell_other_clock(now_s)
+        if stamps.refused != refused:
+            self.counters.other_clock += 1
+        elif times is None:
             self.counters.stale += 1
         return times
 
+    def _tell_other_clock(self, now_s: float) -> None:
+        """Frames of another clock count on from each other."""
+        if now_s - self._clock_told_s >= TELL_CLOCK_S:
+            self._clock_told_s = now_s
+            apart = _apart(self._stamps.suspect_ahead_s)
+            text = f"stamps of another clock, {apart} the autopilot's: refused"
+            self.notices.append((SEVERITY_WARNING, text))
+
+    def _tell_contest(self, now_s: float) -> None:
+        """Two clocks have begun to speak beside each other, or one of them has fallen silent."""
+        contested = self._stamps.is_contested(now_s)
+        if contested == self._contested:
+            return
+        self._contested = contested
+        name = f"{self.autopilot.system}:{self.autopilot.component}"
+        if contested:
+            apart = _apart(self._stamps.suspect_ahead_s)
+            text = f"two autopilots are {name}, one {apart} the other: neither is flown with"
+            self.notices.append((SEVERITY_ERROR, text))
+        else:
+            text = f"one clock alone speaks as {name} again"
+            self.notices.append((SEVERITY_INFO, text))
+
     def _rebooted(self, now_s: float) -> None:
-        """The vehicle's clock began anew: greet again, ask again."""
+        """The vehicle's clock is another one: greet again, ask again."""
         self.counters.reboots += 1
         self.status = self.status._replace(boots=self.counters.reboots)
         self._heartbeat_due_s = now_s
         self.streams.restart()
         self.round_trip.restart()
         self._inquiry.restart()
-        self.notices.append((SEVERITY_INFO, "autopilot restarted: asking for its streams again"))
+        what, leap_s = "autopilot restarted", self._stamps.leap_s
+        if leap_s > 0.0:
+            what = f"the autopilot's clock is another one, {_apart(leap_s)} the last"
+        self.notices.append((SEVERITY_INFO, f"{what}: asking for its streams again"))
+
+
+def _apart(ahead_s: float) -> str:
+    """How one clock stands to another, in words."""
+    return f"{abs(ahead_s):.1f} s {'ahead of' if ahead_s > 0.0 else 'behind'}"
 
 
 _IMU_KINDS: Final = (RawImu, ScaledImu, HighresImu)
