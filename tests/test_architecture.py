@@ -36,7 +36,7 @@ TABLE: dict[str, set[str]] = {
     "realtime": set(),
     "native": set(),
     "instruments": {"autopilot", "link"},
-    "flightlog": {"autopilot"},
+    "flightlog": {"autopilot", "realtime"},
     "onboard": {
         "instruments",
         "autopilot",
@@ -46,7 +46,7 @@ TABLE: dict[str, set[str]] = {
         "realtime",
         "flightlog",
     },
-    "guard": set(),
+    "guard": {"realtime"},
     "surface_check": {"link"},
     "preflight": {"link"},
     "loop": {"mocap", "onboard", "guard"},

@@ -24,11 +24,12 @@ import signal
 import socket
 import struct
 import sys
-import time
 import traceback
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Final, NamedTuple
+
+from tgl_soar.realtime import clock_s
 
 HANGS_FLYING_S: Final = 0.5  # the loop has not gone round for so long, with the surfaces
 HANGS_S: Final = 10.0  # without them: starting takes its time
@@ -119,7 +120,7 @@ def watch(child: Child, release: Release, say: Callable[[str], None]) -> int:
                     say("the guard gave the surfaces back")
             if code is not None:
                 return code
-            now_s = time.monotonic()
+            now_s = clock_s()
             deaths = [*(t for t in deaths if now_s - t < RESTARTS_S), now_s]
             if len(deaths) > RESTARTS:
                 say(f"it has died {len(deaths)} times within {RESTARTS_S:g} s: giving up")
@@ -163,11 +164,11 @@ def _watch_one(pid: int, life: LifeSign) -> tuple[int | None, str]:
     "" became of a child that ended in order.
     """
     watchdog = _Watchdog()
-    rounds, round_s = 0, time.monotonic()
+    rounds, round_s = 0, clock_s()
     told_s: float | None = None  # when it was asked to end
     while True:
         info = signal.sigtimedwait(_WATCHED, LOOK_S)
-        now_s = time.monotonic()
+        now_s = clock_s()
         if info is not None and info.si_signo in _ENDS:
             told_s = told_s or now_s
             os.kill(pid, signal.SIGTERM)

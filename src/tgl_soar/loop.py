@@ -6,7 +6,6 @@ it and lets go after it.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from math import inf
 from typing import Final
@@ -38,7 +37,7 @@ def run(
     words on the console.  `spin_s`: as `realtime.Waiter` takes it.  `thrifty`:
     no tick is rehearsed.
     """
-    clock = time.monotonic
+    clock = realtime.clock_s
     waiter = realtime.Waiter(clock, spin_s)
     now_s = began_s = clock()
     first, pacer = transports[0], onboard.pacer

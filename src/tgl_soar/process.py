@@ -307,7 +307,7 @@ def _run(plan: Plan, life: guard.LifeSign | None = None, became: str = "") -> in
     transports: list[Transport] = []
     mocap: MocapFeed | None = None
     try:
-        signing = signing_from(plan.secret)
+        signing = signing_from(plan.secret, realtime.clock_s())
         store = _store(plan)
         setup, restored_words = _restored(plan.setup, store)
         for text in plan.links:
@@ -354,7 +354,7 @@ def _run(plan: Plan, life: guard.LifeSign | None = None, became: str = "") -> in
 def _open(plan: Plan, text: str, signing: Signing) -> Transport:
     excused = Source(plan.setup.own.system, COMPONENT_AUTOPILOT)
     trusted = excused if text == plan.links[0] and plan.secret.unsigned_autopilot else None
-    return open_link(text, peers_of(signing, trusted), time.monotonic())
+    return open_link(text, peers_of(signing, trusted), realtime.clock_s())
 
 
 def _give_back(plan: Plan, sign: guard.Sign, became: str) -> None:
@@ -363,7 +363,7 @@ def _give_back(plan: Plan, sign: guard.Sign, became: str) -> None:
     try:
         # Beyond what the dead process may have signed since it showed itself, and within its block
         # of stamps: its successor begins behind that, and no disk is to be waited for.
-        signing = signing_from(plan.secret, reserve=False)
+        signing = signing_from(plan.secret, realtime.clock_s(), reserve=False)
         if sign.timestamp:
             signing.timestamp = sign.timestamp + TICKS_PER_S
         transport = _open(plan, plan.links[0], signing)
@@ -394,7 +394,7 @@ def _give_back(plan: Plan, sign: guard.Sign, became: str) -> None:
         for chunk in words:
             transport.send(route.own.encode(chunk))
         _leave_mode(setup, route, transport)
-        transport.receive(time.monotonic())  # a serial line writes what is left
+        transport.receive(realtime.clock_s())  # a serial line writes what is left
     finally:
         transport.close()
 
@@ -404,12 +404,12 @@ def _leave_mode(setup: Setup, route: Route, transport: Transport) -> None:
     flavour = setup.flavour
     autopilot = Source(setup.own.system, COMPONENT_AUTOPILOT)
     change = ModeChange(flavour)
-    change.leave(time.monotonic(), float("-inf"))
+    change.leave(realtime.clock_s(), float("-inf"))
     if change.is_changing:  # this socket may be a new one: who hears nothing from it says nothing
         transport.send(route.own.encode(Presence(0).heartbeat()))
     heard_s, obeys, custom_mode = float("-inf"), False, -1
     while change.is_changing:
-        now_s = time.monotonic()
+        now_s = realtime.clock_s()
         for data in transport.receive(now_s):
             for source, message in route.decoder.feed(data):
                 if source == autopilot and isinstance(message, Heartbeat):
@@ -457,7 +457,7 @@ def _recorder(plan: Plan) -> FlightRecorder | None:
     return FlightRecorder(
         plan.log,
         Facts(words, texts),
-        0.0 if plan.lockstep else time.monotonic(),
+        0.0 if plan.lockstep else realtime.clock_s(),
         largest_bytes=plan.log_bytes,
         patient=plan.lockstep,
     )
@@ -522,7 +522,7 @@ def _fly(
     mocap: MocapFeed | None = None,
     wishes: realtime.Wishes = realtime.Wishes(),  # noqa: B008
 ) -> int:
-    began_s = time.monotonic()
+    began_s = realtime.clock_s()
     first, *others = transports
     key_file = secret.key_file
     onboard = Onboard(

@@ -1,6 +1,6 @@
 """When the loop ticks, and how the process asks the system to be on time.
 
-The only file that touches scheduling, memory locking, garbage collection and deadlines.
+The only file that touches scheduling, memory locking, garbage collection, deadlines and the clock.
 
     guard            SCHED_FIFO 61: it must be able to stop a flying process that spins
     the loop         SCHED_FIFO 60, memory locked, no garbage collection, on one processor if told
@@ -15,11 +15,21 @@ import gc
 import os
 import select
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from math import inf, nan
 from typing import Final, NamedTuple
+
+# Arrivals are stamped and ticks are paced by the bare quartz.  CLOCK_MONOTONIC is slewed where the
+# time of day is set right over a network, by chrony up to 8 %: every age would change with it, and
+# the autopilot's clock seem to run away.  The kernel's sleeps and time-outs go by CLOCK_MONOTONIC
+# all the same: they are given durations, of a tick at most, and never a time.
+_RAW: Final[int] = getattr(time, "CLOCK_MONOTONIC_RAW", time.CLOCK_MONOTONIC)
+clock_s: Final[Callable[[], float]] = partial(time.clock_gettime, _RAW)
+clock_ns: Final[Callable[[], int]] = partial(time.clock_gettime_ns, _RAW)
 
 LATE_S: Final = 0.002  # a tick that much after it was due is counted as late
 GRACE: Final = 0.5  # of a period: so long a tick waits for its sample

@@ -351,9 +351,9 @@ def test_what_is_no_key_is_refused(tmp_path: Path, content: bytes, why: str) -> 
 
 def test_a_missing_key_file_says_how_to_make_one(tmp_path: Path) -> None:
     with pytest.raises(SigningError, match="urandom"):
-        signing_from(Secret(tmp_path / "none"))
-    assert not signing_from(Secret(tmp_path / "none", allow_setup=True)).is_on
-    assert not signing_from(Secret()).is_on
+        signing_from(Secret(tmp_path / "none"), 0.0)
+    assert not signing_from(Secret(tmp_path / "none", allow_setup=True), 0.0).is_on
+    assert not signing_from(Secret(), 0.0).is_on
 
 
 def test_the_timestamp_is_kept_and_garbage_is_no_timestamp(tmp_path: Path) -> None:
@@ -365,7 +365,7 @@ def test_the_timestamp_is_kept_and_garbage_is_no_timestamp(tmp_path: Path) -> No
     file.save(far)
     assert file.load() == far
     assert (tmp_path / "key.timestamp").stat().st_mode & 0o777 == 0o600
-    assert signing_from(Secret(key)).timestamp >= far
+    assert signing_from(Secret(key), 0.0).timestamp >= far
     (tmp_path / "key.timestamp").write_text("many\n")
     assert file.load() == 0
 
@@ -378,18 +378,18 @@ def test_stamps_are_reserved_before_they_are_used_and_again_by_whoever_comes(
     save_key(key, KEY)
     latest = 0
     for _ in range(4):
-        ours = signing_from(Secret(key))
+        ours = signing_from(Secret(key), 0.0)
         assert ours.timestamp > latest
         assert TimestampFile(key).load() == ours.reserved == ours.timestamp + ticks(RESERVE_S)
         latest = ours.reserved - 1
-        watchdog = signing_from(Secret(key), reserve=False)  # goes on in the dead one's block
+        watchdog = signing_from(Secret(key), 0.0, reserve=False)  # goes on in the dead one's block
         assert watchdog.timestamp == ours.reserved == TimestampFile(key).load()
 
 
 def test_an_end_in_order_writes_down_the_very_last_stamp(tmp_path: Path) -> None:
     key = tmp_path / "key"
     save_key(key, KEY)
-    ours = signing_from(Secret(key))
+    ours = signing_from(Secret(key), 0.0)
     ours.next_timestamp()
     complaints: list[str] = []
     keep_timestamp(ours, key, complaints.append)()
@@ -401,7 +401,7 @@ def test_where_no_stamp_can_be_kept_it_is_reported_and_operators_are_heard(tmp_p
     key = tmp_path / "key"
     save_key(key, KEY)
     (tmp_path / "key.timestamp").mkdir()
-    ours = signing_from(Secret(key))
+    ours = signing_from(Secret(key), 0.0)
     complaints: list[str] = []
     ours.reserved = ours.timestamp
     keep_timestamp(ours, key, complaints.append)()

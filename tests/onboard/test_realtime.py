@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import select
 import subprocess
@@ -9,14 +10,24 @@ import sys
 import time
 from collections.abc import Callable
 from math import inf
+from pathlib import Path
 from random import Random
 from typing import Any
 
 import pytest
 from module_process import arguments
 
+import tgl_soar
 from tgl_soar.process import main
-from tgl_soar.realtime import AWAKE_MAX_S, PRIORITY, Pacer, Waiter, processors
+from tgl_soar.realtime import (
+    AWAKE_MAX_S,
+    PRIORITY,
+    Pacer,
+    Waiter,
+    clock_ns,
+    clock_s,
+    processors,
+)
 
 
 def fifo_is_permitted() -> bool:
@@ -269,3 +280,60 @@ def test_what_cannot_be_asked_for_is_said(
     with pytest.raises(SystemExit):
         main([*arguments("udp:127.0.0.1:1"), option, value])
     assert words in capsys.readouterr().err
+
+
+# --- the clock ----------------------------------------------------------------------------------
+
+SLEWED = {"monotonic", "monotonic_ns", "perf_counter", "perf_counter_ns", "CLOCK_MONOTONIC"}
+FLYING = (
+    *("loop.py", "process.py", "guard.py", "onboard.py", "mocap.py", "instruments.py"),
+    *("link", "flightlog", "estimation", "control"),
+)
+
+
+def clocks_in(text: str) -> set[str]:
+    """The names of `time` that a file uses."""
+    return {
+        node.attr
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.Attribute) and ast.unparse(node.value) == "time"
+    } | {
+        name.name
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.ImportFrom) and node.module == "time"
+        for name in node.names
+    }
+
+
+def test_the_loop_s_clock_is_the_bare_quartz() -> None:
+    before_s, before_ns = (
+        time.clock_gettime(time.CLOCK_MONOTONIC_RAW),
+        time.clock_gettime_ns(time.CLOCK_MONOTONIC_RAW),
+    )
+    now_s, now_ns = clock_s(), clock_ns()
+    assert before_s <= now_s <= time.clock_gettime(time.CLOCK_MONOTONIC_RAW)
+    assert before_ns <= now_ns <= time.clock_gettime_ns(time.CLOCK_MONOTONIC_RAW)
+
+
+@pytest.mark.parametrize("place", FLYING)
+def test_nothing_that_flies_looks_at_a_clock_that_is_slewed(place: str) -> None:
+    root = Path(tgl_soar.__file__).parent / place
+    files = [root] if root.is_file() else sorted(root.rglob("*.py"))
+    assert files
+    assert {file.name: clocks_in(file.read_text()) & SLEWED for file in files} == {
+        file.name: set() for file in files
+    }
+
+
+def test_a_slewed_clock_would_be_found() -> None:
+    assert clocks_in("import time\nnow = time.monotonic()") & SLEWED
+    assert clocks_in("from time import perf_counter") & SLEWED
+
+
+def test_a_wait_is_a_duration_whatever_the_clock_counts_from() -> None:
+    """Kernel and loop have different clocks: what is left is asked for, never a time."""
+    offset_s = 1e6
+    waiter = Waiter(lambda: time.monotonic() - offset_s, 0.0)
+    until_s = time.monotonic() - offset_s + 0.005
+    now_s, _ = waiter.wait([], until_s)
+    assert now_s >= until_s

@@ -47,7 +47,7 @@ class Conversation:
         """Open the link.  Errors: `LinkError`, `SigningError`."""
         own = Source(airframe.autopilot.system_id, airframe.autopilot.component_id)
         self.autopilot = Source(own.system, COMPONENT_AUTOPILOT)
-        signing = signing_from(Secret(signing_key))
+        signing = signing_from(Secret(signing_key), time.monotonic())
         self._transport = open_link(link, peers_of(signing, None), time.monotonic())
         self._route = Route(
             0,

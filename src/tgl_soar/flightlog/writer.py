@@ -34,6 +34,7 @@ from typing import Any, Final, NamedTuple, TypeVar
 
 from tgl_soar.autopilot import AutopilotState, Output
 from tgl_soar.parameters import PARAMETERS, ParameterSet
+from tgl_soar.realtime import clock_ns, clock_s
 from tgl_soar.types import Inputs, isfinite
 
 from . import allowance, files
@@ -63,7 +64,6 @@ _HEAD: Final = struct.Struct("<HB")
 _SETUP_SIGNING: Final = b"\x00\x01\x00"  # it carries a key: never written down
 _STAMP: Final = struct.Struct(">Q").pack
 _STAMP_BYTES: Final = 8
-_now_ns: Final = time.monotonic_ns
 SEVERITY_WARNING: Final = 4  # MAVLink's, and so ULog's
 _LARGEST_INT: Final = 0x7FFFFFFF
 _LARGEST_FLOAT32: Final = 3.4028234e38
@@ -227,7 +227,7 @@ class FlightRecorder(Recorder):
         self._wire = _Spool("tlog", self._free, orders)
         self._disk = _Disk(folder, _preamble(facts), largest_bytes, unix_s, self._free, orders)
         self._part_bytes = largest_bytes // _PARTS
-        self._unix_offset_us = int(unix_s() * 1e6) - time.monotonic_ns() // 1000
+        self._unix_offset_us = int(unix_s() * 1e6) - clock_ns() // 1000
         self._ticks = 0
         self._time_us = _microseconds(now_s)
         self._frames: list[tuple[int, bytes]] = []
@@ -303,7 +303,7 @@ class FlightRecorder(Recorder):
         """As far as there is room for its kind."""
         if not self._on or not kind.takes(_STAMP_BYTES + len(frame), self._time_us):
             return
-        self._frames.append((_now_ns(), frame))
+        self._frames.append((clock_ns(), frame))
         if len(self._frames) >= BATCH_FRAMES:
             self._pack_frames()
 
@@ -337,7 +337,7 @@ class FlightRecorder(Recorder):
         if written >= self._part_bytes and self._free.plenty:
             self._pack_frames()
             self._begin_part()
-        now_s = time.monotonic()
+        now_s = clock_s()
         if now_s - self._flushed_s >= FLUSH_S:
             self._flushed_s = now_s
             if self._free.plenty:
@@ -570,7 +570,7 @@ class _Disk:
         if order.begins_us >= 0:
             self._begin(order.ending, order.begins_us)
         _write_all(self._open[order.ending], memoryview(order.buffer)[: order.length])
-        now_s = time.monotonic()
+        now_s = clock_s()
         if now_s - self._synced_s >= SYNC_S:
             self._synced_s = now_s
             for descriptor in self._open.values():

@@ -45,17 +45,18 @@ class Secret(NamedTuple):
 UNSIGNED: Final = Secret()
 
 
-def signing_from(secret: Secret, *, reserve: bool = True) -> Signing:
+def signing_from(secret: Secret, now_s: float, *, reserve: bool = True) -> Signing:
     """The key, if one was given, and a timestamp behind all that were used before.
 
-    `reserve`: wait for the disk to reserve the next block of stamps.  Errors: `SigningError`.
+    `now_s`: of the clock that advances it.  `reserve`: wait for the disk to reserve the next
+    block of stamps.  Errors: `SigningError`.
     """
     path = secret.key_file
     if path is None:
         return Signing(None, 0.0, 0.0)
     key = None if secret.allow_setup and not path.exists() else load_key(path)
     file = TimestampFile(path)
-    signing = Signing(key, time.time(), time.monotonic(), file.load())
+    signing = Signing(key, time.time(), now_s, file.load())
     if reserve:
         with suppress(OSError):  # the thread tries again, and reports it
             file.reserve(signing)
