@@ -7,10 +7,11 @@ above; an echo was stamped after we asked, so it bounds it from below as well:
 
     asked - stamp <= offset <= arrival - stamp
 
-All bounds are kept as one interval, which opens by `DRIFT` every second, as two quartzes run
-apart, and is cut by whatever comes.  The offset is the middle of it and half its width is how
-wrong it can be.  Where nothing is echoed there is no lower bound: the offset is the upper one,
-which is wrong by the smallest delay on the way, and how much that is is not known.
+Together they are an interval.  The upper bound is the smallest of a window of frames (`ClockMap`),
+so that one wrong stamp is forgotten with the window; the lower one is the largest of all, less
+`DRIFT` for every second since, as two quartzes run apart.  The offset is the middle of it and half
+its width is how wrong it can be.  Where nothing is echoed there is no lower bound: the offset is
+the upper one, which is wrong by the smallest delay on the way, and how much that is is not known.
 
 A stamp that does not fit the interval is odd and is not believed.  Several in a row that fit
 each other, over more than a moment of our own time, are a server that has begun anew with
@@ -20,6 +21,8 @@ another clock: then all that was known is forgotten.
 from __future__ import annotations
 
 from typing import Final
+
+from tgl_soar.link.clock import AHEAD_S, ClockMap
 
 NAN: Final = float("nan")
 INF: Final = float("inf")
@@ -36,32 +39,38 @@ class ServerClock:
     """Maps a server's seconds to ours; times are arguments."""
 
     __slots__ = (
-        "_high_s",
         "_low_s",
         "_odd",
         "_odd_from_s",
         "_odd_s",
         "_updated_s",
+        "_upper",
         "restarts",
     )
 
     def __init__(self) -> None:
         self.restarts = 0
-        self._low_s, self._high_s = -INF, INF
+        self._upper = ClockMap()
+        self._low_s = -INF
         self._updated_s = NAN
         self._odd = 0  # stamps that fit each other and nothing else
         self._odd_s = self._odd_from_s = NAN
 
     def reset(self) -> None:
         """Nothing is known."""
-        self._low_s, self._high_s = -INF, INF
+        self._upper.reset()
+        self._low_s = -INF
         self._updated_s = NAN
         self._forget_odd()
 
     @property
+    def _high_s(self) -> float:
+        return self._upper.offset_s if self.is_known else INF
+
+    @property
     def is_known(self) -> bool:
         """Whether anything has come."""
-        return self._high_s < INF
+        return self._upper.offset_s == self._upper.offset_s
 
     @property
     def offset_s(self) -> float:
@@ -93,22 +102,20 @@ class ServerClock:
             self.restarts += 1
             self._updated_s = arrival_s
         self._forget_odd()
-        self._low_s = max(self._low_s, low_s)
-        self._high_s = min(self._high_s, high_s)
-        if self._low_s > self._high_s:  # they touch within EARLY_S
-            self._low_s = self._high_s = 0.5 * (self._low_s + self._high_s)
+        self._upper.observe(stamp_s, arrival_s)
+        # The two may contradict each other by EARLY_S: then they touch.
+        self._low_s = min(max(self._low_s, low_s), self._high_s)
         return True
 
     def _open(self, now_s: float) -> None:
         elapsed_s = now_s - self._updated_s
         if elapsed_s > 0.0:
             self._low_s -= DRIFT * elapsed_s
-            self._high_s += DRIFT * elapsed_s
         if not elapsed_s <= 0.0:  # NaN: the first time
             self._updated_s = now_s
 
     def _fits(self, low_s: float, high_s: float) -> bool:
-        oldest_s = self._low_s if self._low_s > -INF else self._high_s - LATE_S
+        oldest_s = self._low_s if self._low_s > -INF else self._high_s - AHEAD_S
         return oldest_s - EARLY_S <= high_s <= self._high_s + LATE_S and (
             low_s <= self._high_s + EARLY_S
         )
