@@ -447,6 +447,7 @@ def _look(laws: Laws, state: AutopilotState, inputs: Inputs, dt_s: float) -> _Se
         state.health,
         motion,
         inputs,
+        flying,
         flying and laws.loops == OURS,  # else nothing is known of where surfaces should be
         state.limited.command,
         dt_s,

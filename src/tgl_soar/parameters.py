@@ -252,8 +252,9 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         "AGE_FROZEN", "s", 0.1, 10, 1.0,
-        "A source that repeats the same numbers for longer than this, and does not say that it"
-        " stands still, is as old as their last change.",
+        "A source that repeats the same numbers for longer than this is as old as their last"
+        " change; on the ground it may say that it stands still. An attitude that goes on jumping"
+        " for longer than this is as old as its first jump.",
     ),
     Parameter("AGE_ATT_MAX", "s", 0.02, 1, 0.2, "Attitude older than this: let go."),
     Parameter("AGE_AP_MAX", "s", 1, 10, 3.0, "Autopilot's heartbeat older than this: let go."),

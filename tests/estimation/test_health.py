@@ -51,7 +51,8 @@ DT = 1.0 / 128.0
 def heard_at(fix_s: float, attitude_s: float) -> MotionState:
     """An estimator that has used samples of these times."""
     return initial_motion()._replace(
-        fix=FixHeard(1, fix_s, 0), attitude=AttitudeHeard(1, attitude_s)
+        fix=FixHeard(1, fix_s, 0),
+        attitude=AttitudeHeard(1, attitude_s, NO_ATTITUDE, NO_ATTITUDE, 0),
     )
 
 
@@ -61,7 +62,7 @@ def health(
     motion = heard_at(fix, attitude)._replace(rejected=rejected)
     status = AutopilotStatus(heartbeat, True, True)
     inputs = Inputs(now, NO_FIX, NO_ATTITUDE, status, True)
-    return health_step(LIMITS, initial_health(), motion, inputs, False, NEUTRAL, 0.0)[1]
+    return health_step(LIMITS, initial_health(), motion, inputs, False, False, NEUTRAL, 0.0)[1]
 
 
 def fresh(found: Health) -> tuple[bool, bool, bool]:
@@ -144,7 +145,7 @@ class Watch:
                 inputs = inputs._replace(**{name: change(inputs, self.k)})
             motion = heard_at(now, now)
             self.state, self.health = health_step(
-                LIMITS, self.state, motion, inputs, self.flying, self.command, DT
+                LIMITS, self.state, motion, inputs, self.flying, self.flying, self.command, DT
             )
             self.told |= self.health.faults
         return self
@@ -266,6 +267,67 @@ def test_a_position_that_says_that_it_stands_still_may(velocity: float) -> None:
     assert watch.told == 0
     assert watch.health.position_ok
     assert watch.health.attitude_ok
+
+
+@pytest.mark.parametrize("velocity", [0.0, nan])
+def test_in_flight_nothing_stands_still(velocity: float) -> None:
+    """What says so, with velocities or rates of exactly zero, is frozen like any other."""
+    no_velocity = {
+        "velocity_north_mps": velocity,
+        "velocity_east_mps": velocity,
+        "velocity_down_mps": velocity,
+    }
+    watch = Watch()
+    watch.flying = True
+    watch.run(256, position=position(east_m=0.0, **no_velocity))
+    assert watch.health.faults == h.FROZEN
+    assert not watch.health.position_ok
+    watch.run(256, attitude=attitude(qw=1.0, qx=0.0, qy=0.0, qz=0.0, pitch_rate_frd_radps=0.0))
+    assert watch.health.faults == h.FROZEN << ATTITUDE_SHIFT
+    assert not watch.health.attitude_ok
+
+
+def test_what_stood_still_on_the_ground_may_begin_to_move_in_flight() -> None:
+    still = {"attitude": attitude(qw=1.0, qx=0.0, qy=0.0, qz=0.0, pitch_rate_frd_radps=0.0)}
+    watch = Watch().run(512, **still)
+    watch.flying = True
+    watch.run(127, **still)
+    assert watch.health.attitude_ok
+    watch.run(2, **still)
+    assert not watch.health.attitude_ok
+
+
+def from_side_to_side(every: int) -> Any:
+    """Rolled by 60 degrees in one sample of so many."""
+    q = quaternion_from_euler(radians(60.0), 0.0, 0.0)
+
+    def sample(inputs: Inputs, k: int) -> AttitudeSample:
+        a = inputs.attitude
+        return a._replace(qw=q[0], qx=q[1], qy=q[2], qz=q[3]) if k % every == 0 else a
+
+    return sample
+
+
+@pytest.mark.parametrize("every", [2, 100])  # and 0.8 s
+def test_an_attitude_that_goes_on_jumping_is_as_old_as_its_first_jump(every: int) -> None:
+    watch = Watch().run(every + 120, attitude=from_side_to_side(every))
+    assert watch.told & h.JUMP << ATTITUDE_SHIFT
+    assert watch.health.attitude_ok  # not for a second yet
+    watch.run(150, attitude=from_side_to_side(every))
+    assert not watch.health.attitude_ok
+    first_s = every * DT
+    assert watch.health.attitude_age_s == watch.k * DT - first_s
+    watch.run(128 + 100)
+    assert watch.health.attitude_ok
+
+
+@pytest.mark.parametrize("every", [140, 400])  # 1.1 and 3.1 s
+def test_an_attitude_that_jumps_now_and_then_is_used_between(every: int) -> None:
+    watch = Watch()
+    for _ in range(1000):
+        watch.run(1, attitude=from_side_to_side(every))
+        assert watch.health.attitude_ok
+    assert watch.told & h.JUMP << ATTITUDE_SHIFT
 
 
 def test_motion_capture_that_repeats_itself_is_frozen() -> None:
@@ -483,7 +545,14 @@ def test_no_inputs_raise(data: st.DataObject) -> None:
         )
         command = SurfaceCommand(*draw(anything, anything, anything))
         state, found = health_step(
-            LIMITS, state, initial_motion(), inputs, data.draw(st.booleans()), command, DT
+            LIMITS,
+            state,
+            initial_motion(),
+            inputs,
+            data.draw(st.booleans()),
+            data.draw(st.booleans()),
+            command,
+            DT,
         )
         assert 0 <= found.faults < 1 << len(FAULT_TEXTS)
         assert found.surfaces_answer in (-1, 0, 1)

@@ -538,3 +538,87 @@ def test_outliers_that_do_not_agree_are_never_believed() -> None:
         state, vehicle = motion_step(GAINS, FRAME, state, mid(t, fix))
     assert dist(position(vehicle), straight(t)) < 1e-6
     assert state.rejected == 20
+
+
+# --- attitudes that turn further than an aircraft does -----------------------------------------
+
+
+class Turns:
+    """An aircraft that stands level, and what the estimator makes of the attitudes told of it."""
+
+    def __init__(self) -> None:
+        self.state = initial_motion()
+        self.k = 0
+        self.vehicle = self.tell(0.0)
+
+    def tell(self, roll_deg: float, rate: float = 0.0, later_s: float = DT) -> VehicleState:
+        self.k += 1
+        now = self.state.attitude.refused.time_s if self.state.attitude.refused_in_a_row else nan
+        last = self.state.attitude.time_s if isnan(now) else now
+        stamp = later_s if isnan(last) else last + later_s
+        q = quaternion_from_euler(radians(roll_deg), 0.0, FRAME.wind_from_rad)
+        sample = AttitudeSample(self.k, stamp, *q, rate, 0.0, 0.0)
+        self.state, self.vehicle = motion_step(
+            GAINS, FRAME, self.state, tick(stamp, NO_FIX, sample)
+        )
+        return self.vehicle
+
+
+def test_one_attitude_turned_too_far_changes_nothing() -> None:
+    turns = Turns()
+    assert turns.tell(60.0).roll_rad == 0.0
+    assert turns.state.rejected == 1
+    assert turns.tell(1.0).roll_rad == pytest.approx(radians(1.0))
+    assert turns.state.attitude.refused_in_a_row == 0
+
+
+def test_attitudes_that_agree_are_believed_the_fifth_time() -> None:
+    turns = Turns()
+    assert [turns.tell(60.0).roll_rad for _ in range(4)] == [0.0] * 4
+    assert turns.tell(60.0).roll_rad == pytest.approx(radians(60.0))
+    assert turns.vehicle.roll_rate_radps == 0.0  # nothing flew there
+    assert turns.state.rejected == 4
+
+
+def test_attitudes_that_contradict_each_other_are_never_believed() -> None:
+    turns = Turns()
+    for _ in range(100):
+        assert turns.tell(60.0).roll_rad == 0.0
+        assert turns.tell(-60.0).roll_rad == 0.0
+    assert turns.state.attitude.time_s == pytest.approx(DT)  # as old as the last believed
+
+
+def test_the_same_attitude_again_is_no_second_witness() -> None:
+    turns = Turns()
+    for _ in range(20):
+        turns.tell(60.0, later_s=0.0 if turns.state.attitude.refused_in_a_row else DT)
+    assert turns.vehicle.roll_rad == 0.0
+
+
+@pytest.mark.parametrize(("gap_s", "roll_deg", "used"), [
+    (DT, 36.0, True), (DT, 40.0, False),  # 36.7 and 2.0 degrees
+    (0.1, 75.0, True), (0.1, 80.0, False),  # and 40.1
+    (0.4, 180.0, True),  # after so long anything may be
+])  # fmt: skip
+def test_how_far_it_may_have_turned_grows_with_the_gap(
+    gap_s: float, roll_deg: float, used: bool
+) -> None:
+    after = Turns().tell(roll_deg, later_s=gap_s).roll_rad
+    assert abs(after) == pytest.approx(radians(roll_deg) if used else 0.0)
+
+
+def test_a_rate_that_no_aircraft_has_a_tick_later_is_not_used_until_it_is_said_again() -> None:
+    turns = Turns()
+    assert turns.tell(0.0, 1.7).roll_rate_radps == 1.7  # 1 and 150 times 5 ms
+    turns = Turns()
+    assert turns.tell(0.0, 1.8).roll_rate_radps == 0.0
+    assert turns.tell(0.0, 1.8).roll_rate_radps == 1.8
+    assert turns.tell(0.0, 0.0).roll_rate_radps == 0.0
+
+
+@pytest.mark.parametrize("rate", [70.1, -1e3, 1e300, inf, -inf])
+def test_a_rate_that_no_gyro_measures_is_none_however_often_it_is_said(rate: float) -> None:
+    turns = Turns()
+    for _ in range(10):
+        assert turns.tell(0.0, rate).roll_rate_radps == 0.0
+    assert turns.state.rejected == 0  # its attitude is as good as any

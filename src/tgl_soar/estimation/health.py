@@ -4,16 +4,19 @@ Each stream is watched sample by sample, with the mean interval T and the mean d
 it as first-order averages over AVERAGED samples:
 
     gap         an interval longer than GAP_FACTOR T, and than GAP_MIN_S
-    frozen      the same bits again for longer than a limit, of something that moves: a source
-                that says that it stands still (velocities or rates of exactly zero) may
-    jump        further than JUMP_M + JUMP_MPS dt, or turned by more than JUMP_COSINE
+    frozen      the same bits again for longer than a limit. On the ground a source that says that
+                it stands still (velocities or rates of exactly zero) may; in flight nothing does
+    jump        further than JUMP_M + JUMP_MPS dt, or turned further than an aircraft turns
+                (`turning.is_turn`)
     not finite  a number that is none
     backwards   a stamp earlier than the one before: reordered, or the source's clock was reset
     wrong       position: its changes are not its velocities, averaged over FRAME_S (the frames
                 differ); attitude: a quaternion whose norm is not one
 
 A fault is told for FAULT_S after it was seen last.  What was frozen is as old as its last
-change.
+change.  An attitude that jumps, and jumps again before that fault is over, for longer than the
+limit of a frozen one, is as old as the first of these jumps: one of two sources is wrong, and
+nobody knows which.
 
 Attitude sources disagree where the specific force f of the accelerometers and the attitude do
 not, averaged over TILT_S: with no lasting acceleration f = −g, so that
@@ -41,6 +44,7 @@ from tgl_soar.types import (
 )
 
 from .motion import FUTURE_S, MotionState
+from .turning import is_turn
 
 INFINITE: Final = float("inf")
 HEARTBEAT_FUTURE_S: Final = 1.0  # between two of them
@@ -49,7 +53,6 @@ GAP_FACTOR: Final = 3.5
 GAP_MIN_S: Final = 0.05
 JUMP_M: Final = 1.0
 JUMP_MPS: Final = 30.0
-JUMP_COSINE: Final = 0.95  # of half the angle: 36 degrees
 NORM_ERROR: Final = 0.02
 FRAME_S: Final = 2.0
 FRAME_MPS: Final = 2.0
@@ -127,6 +130,8 @@ class StreamState(NamedTuple):
     gaps: int  # so far
     faults: int  # seen in the last FAULT_S
     fault_s: float  # the last of them, loop's clock
+    jumps_s: float  # the first of the jumps that follow each other within FAULT_S, loop's clock
+    jump_s: float  # the last of them
 
 
 class BandState(NamedTuple):
@@ -179,7 +184,7 @@ _NO_SURFACES: Final = SurfacesState(0, INFINITE, _ANYWHERE, _ANYWHERE, _ANYWHERE
 
 def initial_health() -> HealthState:
     """Nothing has come yet."""
-    stream = StreamState(0, 0, NAN, NAN, 0.0, NAN, NAN, NAN, NAN, NAN, 0, 0, -INFINITE)
+    stream = StreamState(0, 0, NAN, NAN, 0.0, NAN, NAN, NAN, NAN, NAN, 0, 0, -INFINITE, NAN, NAN)
     return HealthState(
         stream,
         stream,
@@ -195,12 +200,14 @@ def health_step(
     motion: MotionState,
     inputs: Inputs,
     flying: bool,
+    commanding: bool,
     command: SurfaceCommand,
     dt_s: float,
 ) -> tuple[HealthState, Health]:
     """Look at what is new, and judge all of it at inputs.time_s.
 
-    flying: the module has the surfaces; command: the last that it gave them; dt_s: since then.
+    flying: the module is in control; commanding: it moves the surfaces itself; command: the last
+    that it gave them; dt_s: since then.
 
     What never came is infinitely old.  So is what lies in the future: the clock has gone back,
     and nobody knows how old it is.  A heartbeat is stamped when it arrives, which may be well
@@ -209,12 +216,15 @@ def health_step(
     now = inputs.time_s
     position, attitude, frame, tilt, surfaces = state
     if inputs.attitude.sequence != attitude.sequence:
-        attitude = _look_at_attitude(attitude, inputs.attitude, now)
+        attitude = _look_at_attitude(attitude, inputs.attitude, now, flying)
     if inputs.position.sequence != position.sequence:
-        position, frame = _look_at_position(position, frame, inputs.position, inputs.attitude, now)
+        stands = not flying and _stands_still(inputs.attitude)
+        position, frame = _look_at_position(
+            position, frame, inputs.position, now, not flying, stands
+        )
     if inputs.imu.sequence > 0 and not inputs.imu.time_s - tilt.time_s < TILT_STEP_S:
         tilt = _look_at_tilt(tilt, inputs)
-    if flying and inputs.surfaces.sequence > 0:
+    if commanding and inputs.surfaces.sequence > 0:
         surfaces = _look_at_surfaces(limits, surfaces, inputs, command, dt_s)
     elif surfaces.sequence != 0:
         surfaces = _NO_SURFACES
@@ -233,6 +243,9 @@ def health_step(
     if attitude.time_s - attitude.changed_s > limits.frozen_s:
         faults |= FROZEN << ATTITUDE_SHIFT
         attitude_age = max(attitude_age, now - attitude.changed_s)
+    lasted = attitude.jump_s - attitude.jumps_s
+    if now - attitude.jump_s < FAULT_S and lasted > limits.frozen_s:  # false for NaN: none
+        attitude_age = max(attitude_age, now - attitude.jumps_s)
     if (
         inputs.imu.sequence > 0
         and now - inputs.imu.time_s <= STALE_S
@@ -282,9 +295,11 @@ def _look_at_position(
     before: StreamState,
     frame: FrameState,
     fix: PositionFix,
-    attitude: AttitudeSample,
     now_s: float,
+    may_rest: bool,
+    rests: bool,
 ) -> tuple[StreamState, FrameState]:
+    """may_rest: the fix may say so by its velocity; rests: where it has none, the attitude does."""
     n, e, d = fix.north_m, fix.east_m, fix.down_m
     vn, ve, vd = fix.velocity_north_mps, fix.velocity_east_mps, fix.velocity_down_mps
     dt = fix.time_s - before.time_s
@@ -309,10 +324,11 @@ def _look_at_position(
         frame = FrameState(off_n, off_e, off_d)
     again = moved_n == 0.0 and moved_e == 0.0 and moved_d == 0.0
     if has_velocity:
-        again = again and vd == before.d and not (vn == 0.0 and ve == 0.0 and vd == 0.0)
+        rests = may_rest and vn == 0.0 and ve == 0.0 and vd == 0.0
+        again = again and vd == before.d
     else:
         vd = 0.0
-        again = again and not _stands_still(attitude)
+    again = again and not rests
     return _sampled(
         before, fix.sequence, fix.source, fix.time_s, now_s, found, again, known, n, e, d, vd
     ), frame
@@ -326,7 +342,9 @@ def _stands_still(sample: AttitudeSample) -> bool:
     )
 
 
-def _look_at_attitude(before: StreamState, sample: AttitudeSample, now_s: float) -> StreamState:
+def _look_at_attitude(
+    before: StreamState, sample: AttitudeSample, now_s: float, flying: bool
+) -> StreamState:
     w, x, y, z = sample.qw, sample.qx, sample.qy, sample.qz
     found = 0
     square = w * w + x * x + y * y + z * z
@@ -335,17 +353,24 @@ def _look_at_attitude(before: StreamState, sample: AttitudeSample, now_s: float)
         found |= NOT_FINITE
     elif not abs(square - 1.0) <= 2.0 * NORM_ERROR:
         found |= WRONG
-    elif abs(w * before.a + x * before.b + y * before.c + z * before.d) < JUMP_COSINE:
+    elif not is_turn(_as_sample(before), sample, sample.time_s - before.time_s):
         found |= JUMP
     again = (
         w == before.a
         and x == before.b
         and y == before.c
         and z == before.d
-        and not _stands_still(sample)
+        and (flying or not _stands_still(sample))
     )
     return _sampled(
         before, sample.sequence, 0, sample.time_s, now_s, found, again, known, w, x, y, z
+    )
+
+
+def _as_sample(before: StreamState) -> AttitudeSample:
+    """The attitude that is remembered of a stream."""
+    return AttitudeSample(
+        before.sequence, before.time_s, before.a, before.b, before.c, before.d, NAN, NAN, NAN
     )
 
 
@@ -387,12 +412,30 @@ def _sampled(
         changed_s = time_s
     if not known:  # the next one is compared with the last that was a number
         a, b, c, d = before.a, before.b, before.c, before.d
-    faults, fault_s = before.faults, before.fault_s
+    faults, fault_s, jumps_s, jump_s = before.faults, before.fault_s, before.jumps_s, before.jump_s
     if found:
         faults = found | (faults if now_s - fault_s < FAULT_S else 0)
         fault_s = now_s
+    if found & JUMP:
+        if not 0.0 <= now_s - jump_s < FAULT_S:  # the first, or the clock has gone back
+            jumps_s = now_s
+        jump_s = now_s
     return StreamState(
-        sequence, source, time_s, interval, jitter, a, b, c, d, changed_s, gaps, faults, fault_s
+        sequence,
+        source,
+        time_s,
+        interval,
+        jitter,
+        a,
+        b,
+        c,
+        d,
+        changed_s,
+        gaps,
+        faults,
+        fault_s,
+        jumps_s,
+        jump_s,
     )
 
 

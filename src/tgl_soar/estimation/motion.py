@@ -31,6 +31,9 @@ slowly: the position slides over, its velocity does not know of it.  Nobody know
 right: what is left of the offset is part of the standard deviation that is told.  What differs by
 more than OFFSET_MAX_M is an outlier like any other.
 
+An attitude turned further than an aircraft can turn since the last used (`turning.is_turn`) is
+refused likewise, until `OUTLIERS_BELIEVED` in a row agree.
+
 A sample that is not finite, is no rotation, comes from the future, or is not later than the
 one before is refused and counted.  Where the one before lies in the future itself the clock has
 gone back: place and velocity are forgotten, and the sample starts afresh.
@@ -44,6 +47,8 @@ from typing import Final, NamedTuple
 from tgl_soar.geometry import SoaringFrame, soaring_from_ned, soaring_vector_from_ned
 from tgl_soar.types import (
     NAN,
+    NO_ATTITUDE,
+    AttitudeSample,
     ImuSample,
     Inputs,
     MotionQuality,
@@ -62,7 +67,16 @@ from .fix_filter import (
     velocity_taken,
 )
 from .inertial_track import Place, Track, new_track, oldest_s, track_at, track_moved
-from .turning import NO_TURNING, PREDICT_MAX_S, Turning, is_rotation, turned_by, turning_to
+from .turning import (
+    NO_TURNING,
+    PREDICT_MAX_S,
+    Turning,
+    is_rotation,
+    is_turn,
+    rates_follow,
+    turned_by,
+    turning_to,
+)
 
 GRAVITY_MPS2: Final = 9.80665  # what it is elsewhere is a bias of the vertical acceleration
 FUTURE_S: Final = 0.05  # a time stamp may be this far ahead of the tick: clock mapping is not exact
@@ -126,6 +140,9 @@ class AttitudeHeard(NamedTuple):
 
     sequence: int  # of the last sample looked at
     time_s: float  # of the last sample used; NaN: none yet
+    used: AttitudeSample  # that sample
+    refused: AttitudeSample  # the last one that was turned too far from it
+    refused_in_a_row: int  # so many that agree with each other
 
 
 class Offset(NamedTuple):
@@ -190,7 +207,7 @@ def initial_motion() -> MotionState:
         switched_s=NAN,
         imu=ImuHeard(0, NAN, NAN, IMU_INTERVAL_S),
         fix=FixHeard(0, NAN, 0),
-        attitude=AttitudeHeard(0, NAN),
+        attitude=AttitudeHeard(0, NAN, NO_ATTITUDE, NO_ATTITUDE, 0),
         offset=_NO_OFFSET,
         innovation=Innovation(NAN, NAN, NAN, NAN),
         outliers=_NO_OUTLIERS,
@@ -363,13 +380,9 @@ def _carried(
 
     sample = inputs.attitude
     if sample.sequence != attitude.sequence:
-        last_s = attitude.time_s
-        if is_rotation(sample) and _is_later(sample.time_s, last_s, now):
-            turning = turning_to(frame, NO_TURNING if last_s > now + FUTURE_S else turning, sample)
-            last_s = sample.time_s
-        else:
+        attitude, turning = _take_attitude(frame, attitude, turning, sample, now)
+        if attitude.used.sequence != sample.sequence:
             rejected += 1
-        attitude = AttitudeHeard(sample.sequence, last_s)
 
     felt = inputs.imu
     if felt.sequence != imu.sequence:
@@ -405,6 +418,36 @@ def _carried(
         rejected,
         state.jump_s,
     )
+
+
+def _take_attitude(
+    frame: SoaringFrame,
+    heard: AttitudeHeard,
+    turning: Turning,
+    sample: AttitudeSample,
+    now_s: float,
+) -> tuple[AttitudeHeard, Turning]:
+    """What was heard, and the attitude, with a new sample taken in or refused."""
+    if not (is_rotation(sample) and _is_later(sample.time_s, heard.time_s, now_s)):
+        return heard._replace(sequence=sample.sequence), turning
+    starts = not heard.time_s <= now_s + FUTURE_S  # the first, or the clock has gone back
+    count, refused = heard.refused_in_a_row, heard.refused
+    interval = sample.time_s - (refused.time_s if count > 0 else heard.time_s)
+    if not starts and not is_turn(heard.used, sample, interval):
+        if interval <= 0.0:  # again, over another link
+            return heard._replace(sequence=sample.sequence), turning
+        count = count + 1 if count > 0 and is_turn(refused, sample, interval) else 1
+        if count < OUTLIERS_BELIEVED:
+            return AttitudeHeard(sample.sequence, heard.time_s, heard.used, sample, count), turning
+        starts = True
+    heard_now = AttitudeHeard(sample.sequence, sample.time_s, sample, NO_ATTITUDE, 0)
+    if starts:
+        return heard_now, turning_to(frame, NO_TURNING, sample)
+    if not rates_follow(heard.used, sample):
+        sample = sample._replace(
+            roll_rate_frd_radps=NAN, pitch_rate_frd_radps=NAN, yaw_rate_frd_radps=NAN
+        )
+    return heard_now, turning_to(frame, turning, sample)
 
 
 def _is_force(sample: ImuSample) -> bool:

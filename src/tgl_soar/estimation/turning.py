@@ -5,11 +5,24 @@
 with the rates of these angles.  Gyros that speak more often than the attitude, or with less
 delay, carry it on from sample to sample; where neither source gives rates they are the
 differences of the angles.
+
+A rate beyond RATE_MAX_RADPS is no measurement, as none is given: no gyro of an autopilot measures
+more than 4000 deg/s.  A sample that is turned from the one before by more than
+
+    TURN_RAD + TURN_RADPS h
+
+after a time h in which none came is not of the same aircraft (`is_turn`): full aileron rolls it at
+3.4 rad/s, and twice as fast is what it may do in an upset.  Nor do its rates change by more than
+
+    RATE_RADPS + RATE_RADPS2 h
+
+on an axis: full aileron makes 67 rad/s² at 8.5 m/s, and twice that at 12 m/s.  Rates that do are
+not used, until those of the next sample agree with them.
 """
 
 from __future__ import annotations
 
-from math import cos, sin, sqrt
+from math import cos, pi, sin, sqrt
 from typing import Final, NamedTuple
 
 from tgl_soar.geometry import (
@@ -19,9 +32,14 @@ from tgl_soar.geometry import (
     quaternion_product,
     wrap_angle,
 )
-from tgl_soar.types import NAN, AttitudeSample, ImuSample, isfinite
+from tgl_soar.types import NAN, AttitudeSample, ImuSample
 
 PREDICT_MAX_S: Final = 0.1  # attitude is carried on no further than this
+RATE_MAX_RADPS: Final = 70.0
+TURN_RAD: Final = 0.64  # 36 degrees: what was lost or is noise between two samples
+TURN_RADPS: Final = 7.0
+RATE_RADPS: Final = 1.0  # noise, and what was lost between two samples
+RATE_RADPS2: Final = 150.0
 DIFFERENCE_MIN_S: Final = 0.002  # over a shorter time the noise of stamps and angles is no rate
 
 
@@ -55,6 +73,42 @@ def _length(sample: AttitudeSample) -> float:
     return sqrt(qw * qw + qx * qx + qy * qy + qz * qz)
 
 
+def is_rate(p_radps: float, q_radps: float, r_radps: float) -> bool:
+    """Whether these may be rates that a gyro has measured; false for NaN."""
+    return (
+        abs(p_radps) <= RATE_MAX_RADPS
+        and abs(q_radps) <= RATE_MAX_RADPS
+        and abs(r_radps) <= RATE_MAX_RADPS
+    )
+
+
+def is_turn(before: AttitudeSample, after: AttitudeSample, interval_s: float) -> bool:
+    """Whether an aircraft may turn from one attitude to the other in a time.
+
+    True where one of the two is not known: NaN.
+    """
+    span = TURN_RAD + TURN_RADPS * abs(interval_s)
+    if not span < pi:
+        return True
+    product = (
+        before.qw * after.qw + before.qx * after.qx + before.qy * after.qy + before.qz * after.qz
+    )
+    return not abs(product) < cos(0.5 * span) * _length(before) * _length(after)
+
+
+def rates_follow(before: AttitudeSample, after: AttitudeSample) -> bool:
+    """Whether the body rates of one sample may be followed by those of the other.
+
+    True where one of the two is not known: NaN.
+    """
+    most = RATE_RADPS + RATE_RADPS2 * abs(after.time_s - before.time_s)
+    return not (
+        abs(after.roll_rate_frd_radps - before.roll_rate_frd_radps) > most
+        or abs(after.pitch_rate_frd_radps - before.pitch_rate_frd_radps) > most
+        or abs(after.yaw_rate_frd_radps - before.yaw_rate_frd_radps) > most
+    )
+
+
 def turning_to(frame: SoaringFrame, turning: Turning, sample: AttitudeSample) -> Turning:
     """The attitude with a sample, later than the last one, taken in."""
     unit = 1.0 / _length(sample)
@@ -75,7 +129,7 @@ def turning_to(frame: SoaringFrame, turning: Turning, sample: AttitudeSample) ->
     before_s, before_roll = turning.before_s, turning.before_roll_rad
     before_pitch, before_heading = turning.before_pitch_rad, turning.before_heading_rad
     roll_rate, pitch_rate, heading_rate = 0.0, 0.0, 0.0
-    told = isfinite(p + q + r)
+    told = is_rate(p, q, r)
     if told:
         roll_rate, pitch_rate, heading_rate = euler_rates(roll, pitch, p, q, r)
     else:
@@ -121,7 +175,7 @@ def turned_by(turning: Turning, sample: ImuSample) -> Turning:
     """The attitude carried on to a later sample of the gyros, if it has rates."""
     p, q, r = sample.roll_rate_frd_radps, sample.pitch_rate_frd_radps, sample.yaw_rate_frd_radps
     h = sample.time_s - turning.time_s
-    if not (isfinite(p + q + r) and 0.0 <= h <= PREDICT_MAX_S):
+    if not (is_rate(p, q, r) and 0.0 <= h <= PREDICT_MAX_S):
         return turning
     _, roll, pitch, heading, roll_rate, pitch_rate, heading_rate, _, s, a, b, c = turning
     p, q, r = euler_rates(roll + h * roll_rate, pitch + h * pitch_rate, p, q, r)

@@ -1,17 +1,18 @@
-"""Positions that come, and cannot be flown with: never lost with the surfaces in hand.
+"""Measurements that come, and cannot be flown with: never lost with the surfaces in hand.
 
 Fixes that come too seldom for the estimate to be confident between them, or that say of
-themselves that they are uncertain by metres, in rough air, without accelerometers, over the
-board: with clearance and fence set as an operator sets them for one line.
+themselves that they are uncertain by metres; positions and attitudes that stand, jump, or are
+wrong for good.  In rough air, without accelerometers, over the board: with clearance and fence set
+as an operator sets them for one line.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from math import nan
+from math import inf, nan, radians
 from random import Random
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 
@@ -28,6 +29,7 @@ from tgl_soar.config import (
 )
 from tgl_soar.control.envelope import Fence, outside
 from tgl_soar.control.supervisor import CAPTURING, HOLDING, RECOVERING, RELEASED, SOARING
+from tgl_soar.geometry import quaternion_from_euler, quaternion_product
 from tgl_soar.parameters import ParameterSet
 from tgl_soar.sim.closed_loop import ClosedLoop
 from tgl_soar.sim.world import build_field, make_world
@@ -86,7 +88,11 @@ class Flown(NamedTuple):
     outside_s: float  # truly outside the fence with the surfaces in hand
 
     def changes(self) -> list[tuple[str, str]]:
-        return [(mode_name(o.mode), reason_text(o.reason)) for o in self.outputs if o.reason]
+        return self.changes_since(0.0)
+
+    def changes_since(self, time_s: float) -> list[tuple[str, str]]:
+        rows = [o for o in self.outputs if o.reason and o.time_s >= time_s]
+        return [(mode_name(o.mode), reason_text(o.reason)) for o in rows]
 
 
 @cache
@@ -98,7 +104,9 @@ def tunnel() -> tuple[Airframe, Site, ParameterSet, WindField]:
     return airframe, site, values, build_field(site.air)
 
 
-def fly(seed: int, spoil: Spoil, turbulence: float = TURBULENCE) -> Flown:
+def fly(
+    seed: int, spoil: Spoil, turbulence: float = TURBULENCE, longest_s: float = LONGEST_S
+) -> Flown:
     """On line b, until it is released, crashes, or the time is over."""
     airframe, site, values, field = tunnel()
     world = make_world(airframe, site, seed=seed, turbulence=turbulence, field=field)
@@ -106,7 +114,7 @@ def fly(seed: int, spoil: Spoil, turbulence: float = TURBULENCE) -> Flown:
     loop.spoil = spoil
     outputs: list[Output] = []
     outside_s = 0.0
-    for _ in range(round(LONGEST_S / DT_S)):
+    for _ in range(round(longest_s / DT_S)):
         truth = world.truth
         output = loop.tick()
         outputs.append(output)
@@ -172,3 +180,106 @@ def test_what_is_confident_again_in_time_is_flown_on_with() -> None:
     assert modes[-3:] == ["holding", "capturing", "soaring"]
     assert not any(o.mode in (RECOVERING, RELEASED) for o in flown.outputs)
     assert any(o.mode == HOLDING for o in flown.outputs)
+
+
+# --- attitude and position that stand, jump, or are wrong --------------------------------------
+
+
+def standing(part: str, **still: float) -> Spoil:
+    """One stream goes on with the sample of the first tick, and says that it stands still."""
+    first: list[Any] = []
+
+    def spoil(inputs: Inputs) -> Inputs:
+        sample = getattr(inputs, part)
+        first.append(sample)
+        again = first[0]._replace(sequence=sample.sequence, time_s=sample.time_s, **still)
+        return inputs._replace(**{part: again})
+
+    return spoil
+
+
+NO_RATES = {
+    "roll_rate_frd_radps": 0.0, "pitch_rate_frd_radps": 0.0, "yaw_rate_frd_radps": 0.0,
+}  # fmt: skip
+NO_VELOCITY = {
+    "velocity_north_mps": 0.0, "velocity_east_mps": 0.0, "velocity_down_mps": 0.0,
+}  # fmt: skip
+
+
+def turned(inputs: Inputs, roll_rad: float, heading_rad: float) -> Inputs:
+    """The attitude turned: about the vertical first, then about the nose."""
+    a = inputs.attitude
+    q = quaternion_product(*quaternion_from_euler(0.0, 0.0, heading_rad), a.qw, a.qx, a.qy, a.qz)
+    q = quaternion_product(*q, *quaternion_from_euler(roll_rad, 0.0, 0.0))
+    return inputs._replace(attitude=a._replace(qw=q[0], qx=q[1], qy=q[2], qz=q[3]))
+
+
+def rolls_from_side_to_side(inputs: Inputs) -> Inputs:
+    side = 1.0 if inputs.attitude.sequence % 2 else -1.0
+    return turned(inputs, side * radians(60.0), 0.0)
+
+
+def every_other_is_rolled(inputs: Inputs) -> Inputs:
+    side = (0.0, 1.0, 0.0, -1.0)[inputs.attitude.sequence % 4]
+    return turned(inputs, side * radians(60.0), 0.0)
+
+
+def points_backwards(inputs: Inputs) -> Inputs:
+    return turned(inputs, 0.0, radians(170.0))
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize(
+    ("spoil", "modes", "reason", "within_s"),
+    [
+        # AGE_FROZEN, and for a position what it may be held and recovered.
+        (lambda: standing("attitude", **NO_RATES), ["released"], "attitude lost", 1.0),
+        (
+            lambda: standing("position", **NO_VELOCITY),
+            *(["holding", "recovering", "released"], "position lost", 4.0),
+        ),
+        # All refused: AGE_ATT_MAX.
+        (lambda: rolls_from_side_to_side, ["released"], "attitude lost", 0.2),
+        # Half of them refused; those that are right may be flown with for AGE_FROZEN.
+        (lambda: every_other_is_rolled, ["released"], "attitude lost", 1.0),
+        # Refused until five agree: then it is so, or the autopilot is sure of it.
+        (lambda: points_backwards, ["released"], "nose does not point upwind", 5 * DT_S),
+    ],
+)
+def test_what_stands_jumps_or_is_wrong_is_handed_over_for(
+    seed: int, spoil: Callable[[], Spoil], modes: list[str], reason: str, within_s: float
+) -> None:
+    flown = fly(seed, spoil())
+    assert not flown.crashed
+    changes = [(o.time_s, mode_name(o.mode)) for o in flown.outputs if o.reason]
+    assert [mode for when, mode in changes if when >= START_S] == modes
+    last = flown.outputs[-1]
+    assert reason_text(last.reason) == reason
+    assert last.time_s - START_S <= within_s + 2 * DT_S  # what was on its way arrives first
+    assert flown.outside_s <= 0.3  # as above
+
+
+@pytest.mark.parametrize("rate", [30.0, -30.0, 69.0, 1e3, 1e30, -1e300, inf, nan])
+@pytest.mark.parametrize("field", list(NO_RATES))
+def test_one_attitude_with_a_huge_rate_hardly_moves_a_surface(field: str, rate: float) -> None:
+    """Rates that no gyro measures, or that an aircraft cannot have a tick later, count as none: for
+    two samples they are the differences of the angles, of 0.1 deg noise each.  That is 0.35 rad/s
+    or some hundredths of travel; and it is gone within a time constant of the filters or two."""
+    wild: dict[str, Any] = {field: rate}
+    spoilt_s: list[float] = []
+
+    def once(inputs: Inputs) -> Inputs:
+        if not spoilt_s:
+            spoilt_s.append(inputs.time_s)
+            return inputs._replace(attitude=inputs.attitude._replace(**wild))
+        return inputs
+
+    (plain, spoilt) = (fly(1, way, 0.01, START_S + 0.5) for way in (lambda i: i, once))
+    assert not spoilt.changes_since(START_S)
+    off = [
+        max(abs(u - v) for u, v in zip(a.command, b.command, strict=True))
+        for a, b in zip(plain.outputs, spoilt.outputs, strict=True)
+        if a.active
+    ]
+    assert max(off) <= 0.1
+    assert sum(u > 0.03 for u in off) <= 6
