@@ -5,14 +5,19 @@ from __future__ import annotations
 import re
 import struct
 from math import inf, nan
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tgl_soar.config import ConfigError, load_airframe, load_parameters, load_site, shipped
+from tgl_soar.control.supervisor import CLEAR_S
+from tgl_soar.line_changes import LineChanges
 from tgl_soar.parameters import (
     INDEX,
     PARAMETERS,
+    RECOVERY_MIN_S,
     Parameter,
     ParameterError,
     ParameterSet,
@@ -180,6 +185,10 @@ BASE = DEFAULTS.changed(
         "PITCH_MAX": 8.0,
         "AGE_POS_HOLD": 0.25,
         "AGE_POS_MAX": 1.5,
+        "REC_PITCH": -4.0,
+        "ALPHA_MAX": 14.0,
+        "TILT_MAX": 60.0,
+        "BANK_MAX": 20.0,
     }
 )
 
@@ -197,6 +206,24 @@ BASE = DEFAULTS.changed(
         ({"PITCH_MAX": -12.0}, "PITCH_MAX = -12", "PITCH_MIN must be below PITCH_MAX"),
         ({"PITCH_TRIM": 9.0}, "PITCH_TRIM = 9", "between PITCH_MIN and PITCH_MAX"),
         ({"PITCH_MIN": 0.0}, "PITCH_MIN = 0", "between PITCH_MIN and PITCH_MAX"),
+        # Recovering must put the nose down, and may.
+        ({"REC_PITCH": 10.0}, "REC_PITCH = 10", "would raise the nose"),
+        ({"REC_PITCH": -1.5}, "REC_PITCH = -1.5", "REC_PITCH = -1.5 deg is above PITCH_TRIM = -2"),
+        ({"PITCH_TRIM": -5.0}, "PITCH_TRIM = -5", "is above PITCH_TRIM = -5 deg"),
+        ({"REC_PITCH": -13.0}, "REC_PITCH = -13", "is below PITCH_MIN = -12 deg"),
+        ({"PITCH_MIN": -3.0}, "PITCH_MIN = -3", "could not put the nose down"),
+        (
+            {"PITCH_MIN": 5.0, "PITCH_TRIM": 6.0},
+            *("PITCH_MIN = 5", "REC_PITCH = -4 deg is below PITCH_MIN = 5 deg"),
+        ),
+        # Nor may what is flown on purpose be what ends the flight.
+        ({"PITCH_TRIM": 7.0, "ALPHA_MAX": 7.0}, "PITCH_TRIM = 7", "must be below ALPHA_MAX = 7"),
+        ({"TILT_MAX": 20.0}, "TILT_MAX = 20", "BANK_MAX = 20 deg must be within TILT_MAX = 20"),
+        ({"PITCH_MIN": -45.0, "TILT_MAX": 45.0}, "PITCH_MIN = -45", "would end the flight"),
+        ({"PITCH_MAX": 30.0, "TILT_MAX": 30.0}, "PITCH_MAX = 30", "would end the flight"),
+        ({"BANK_MAX": 40.0, "TILT_MAX": 35.0}, "BANK_MAX = 40", "would end the flight"),
+        ({"REC_TIME": 0.29}, "REC_TIME = 0.29", "must be 0, to hand over at once, or 0.3 s"),
+        ({"TGL_CAPTURE": 1.5}, "TGL_CAPTURE = 1.5", "must be below CAPTURE_MAX = 1.5 m"),
         ({"AGE_POS_HOLD": 2.0}, "AGE_POS_HOLD = 2", "AGE_POS_HOLD is above AGE_POS_MAX"),
         ({"AGE_POS_MAX": 0.2}, "AGE_POS_MAX = 0.2", "AGE_POS_HOLD is above AGE_POS_MAX"),
     ],
@@ -209,13 +236,56 @@ def test_a_contradiction_blames_what_was_changed(
     assert says in message
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"REC_PITCH": -2.0},
+        {"REC_PITCH": -12.0},
+        {"PITCH_MIN": -4.0},
+        {"PITCH_TRIM": -4.0},
+        {"PITCH_TRIM": 7.9, "ALPHA_MAX": 8.0},
+        {"TILT_MAX": 20.5},
+        {"PITCH_MIN": -45.0},
+        {"REC_TIME": 0.0},
+        {"REC_TIME": RECOVERY_MIN_S},
+        {"TGL_CAPTURE": 1.4},
+    ],
+)
+def test_what_just_leaves_a_way_to_recover_is_accepted(changes: dict[str, float]) -> None:
+    BASE.changed(changes)
+
+
+def test_the_shortest_recovery_is_the_time_that_trouble_must_be_over() -> None:
+    assert RECOVERY_MIN_S == CLEAR_S
+
+
+def test_a_contradiction_with_recovering_is_refused_wherever_it_comes_from(tmp_path: Path) -> None:
+    """At load, as one PARAM_SET in flight, and in a set whose staged move is committed."""
+    text = shipped("airframes/eclipson_c.toml").read_text(encoding="utf-8")
+    path = tmp_path / "airframe.toml"
+    path.write_text(text.replace("PITCH_MIN = -12.0", "PITCH_MIN = -2.0"), encoding="utf-8")
+    site_path = shipped("sites/tunnel.toml")
+    with pytest.raises(ConfigError, match=r"airframe.toml: .*PITCH_MIN = -2: .*REC_PITCH = -4 deg"):
+        load_parameters(load_airframe(path), path, load_site(site_path), site_path)
+
+    lines = LineChanges()
+    with pytest.raises(ParameterError, match=r"REC_PITCH = 10: .*would raise the nose"):
+        lines.set(BASE, "REC_PITCH", 10.0, flying=True)
+
+    staging = lines.set(BASE, "TGL_STAGE", 1.0, flying=True).values
+    lines.set(staging, "TGL_X", 0.1, flying=True)
+    with pytest.raises(ParameterError, match=r"REC_PITCH = 10: .*would raise the nose"):
+        lines.set(staging, "REC_PITCH", 10.0, flying=True)  # at once: it is none that is staged
+    assert lines.set(staging, "TGL_STAGE", 0.0, flying=True).values["TGL_X"] != BASE["TGL_X"]
+
+
 def test_two_that_agree_may_change_together() -> None:
     # Either alone would contradict what stands.
     both = {"TGL_LEAN_MIN": -30.0, "TGL_LEAN": -20.0}
     assert BASE.changed(both)["TGL_LEAN"] == -20.0
     refusal(BASE, {"TGL_LEAN": -20.0})
-    both = {"PITCH_MIN": 9.0, "PITCH_TRIM": 10.0, "PITCH_MAX": 11.0}
-    assert BASE.changed(both)["PITCH_MIN"] == 9.0
+    both = {"PITCH_MIN": -14.0, "PITCH_TRIM": -13.0, "PITCH_MAX": -12.5, "REC_PITCH": -13.5}
+    assert BASE.changed(both)["PITCH_MAX"] == -12.5
 
 
 def test_a_line_may_not_be_horizontal_whatever_the_operator_raises() -> None:

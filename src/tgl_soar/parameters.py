@@ -260,9 +260,13 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     Parameter("AGE_AP_MAX", "s", 1, 10, 3.0, "Autopilot's heartbeat older than this: let go."),
     Parameter(
         "REC_PITCH", "deg", -30, 10, -4.0,
-        "Pitch flown while recovering: that of the best glide, or a little lower.",
+        "Pitch flown while recovering: that of the best glide, or a little lower; from PITCH_MIN to"
+        " PITCH_TRIM.",
     ),
-    Parameter("REC_TIME", "s", 0.0, 10, 2.0, "Longest time of recovering; then let go."),
+    Parameter(
+        "REC_TIME", "s", 0.0, 10, 2.0,
+        "Longest time of recovering; then hand over. 0: at once; else 0.3 or more.",
+    ),
     Parameter("CAPTURE_MAX", "m", 0.1, 10, 1.5, "|e_rho| beyond this while flying: let go."),
     Parameter("TILT_MAX", "deg", 20, 80, 60.0, "Roll or pitch beyond this: let go."),
     # --- telemetry -----------------------------------------------------------------------
@@ -424,6 +428,9 @@ def _check_together(values: ParameterSet, changes: Mapping[str, float]) -> None:
             ("PITCH_TRIM", "PITCH_MIN", "PITCH_MAX"),
             "PITCH_TRIM must lie between PITCH_MIN and PITCH_MAX",
         )
+    contradiction = _recovery_contradiction(values)
+    if contradiction is not None:
+        raise blame(*contradiction)
     if values["OP_RC_OFF"] >= values["OP_RC_ON"]:
         raise blame(("OP_RC_OFF", "OP_RC_ON"), "OP_RC_OFF must be below OP_RC_ON")
     if values["EST_DELAY"] >= values["AGE_POS_HOLD"]:
@@ -440,3 +447,50 @@ def _check_together(values: ParameterSet, changes: Mapping[str, float]) -> None:
             raise blame((name, "SURF_MAX"), f"{name} must lie within SURF_MAX = {travel:g}")
     if values["AGE_POS_HOLD"] > values["AGE_POS_MAX"]:
         raise blame(("AGE_POS_HOLD", "AGE_POS_MAX"), "AGE_POS_HOLD is above AGE_POS_MAX")
+
+
+RECOVERY_MIN_S: Final = 0.3  # so long must trouble be over before recovering may end
+
+
+def _recovery_contradiction(values: ParameterSet) -> tuple[tuple[str, ...], str] | None:
+    """Two parameters that leave no way to recover, or that a law's own limit would end: whom to
+    blame, and why; None where all agree.
+
+    Recovering puts the nose down to REC_PITCH, within the limits of every pitch setpoint, until
+    angle of attack, speed and height are safe again.  In a glide the flight path falls, so that
+    the angle of attack is larger than the pitch: a pitch at or above ALPHA_MAX is a stall.
+    """
+    pitch_min, pitch_trim = values["PITCH_MIN"], values["PITCH_TRIM"]
+    rec, alpha, tilt = values["REC_PITCH"], values["ALPHA_MAX"], values["TILT_MAX"]
+    if rec < pitch_min:
+        return ("REC_PITCH", "PITCH_MIN"), (
+            f"REC_PITCH = {rec:g} deg is below PITCH_MIN = {pitch_min:g} deg:"
+            " recovering could not put the nose down so far"
+        )
+    if rec > pitch_trim:
+        return ("REC_PITCH", "PITCH_TRIM"), (
+            f"REC_PITCH = {rec:g} deg is above PITCH_TRIM = {pitch_trim:g} deg:"
+            " recovering would raise the nose; set REC_PITCH to the best glide's or lower"
+        )
+    if pitch_trim >= alpha:
+        return ("PITCH_TRIM", "ALPHA_MAX"), (
+            f"PITCH_TRIM = {pitch_trim:g} deg must be below ALPHA_MAX = {alpha:g} deg:"
+            " on the line the angle of attack is larger than the pitch, and it would stall"
+        )
+    for name in ("PITCH_MIN", "PITCH_MAX", "BANK_MAX"):
+        if abs(values[name]) >= tilt:
+            return (name, "TILT_MAX"), (
+                f"{name} = {values[name]:g} deg must be within TILT_MAX = {tilt:g} deg:"
+                " flying it would end the flight as an upset"
+            )
+    if 0.0 < values["REC_TIME"] < as_wire_value(RECOVERY_MIN_S):
+        return ("REC_TIME",), (
+            f"must be 0, to hand over at once, or {RECOVERY_MIN_S:g} s and more:"
+            " so long must trouble be over before recovering ends"
+        )
+    if values["TGL_CAPTURE"] >= values["CAPTURE_MAX"]:
+        return ("TGL_CAPTURE", "CAPTURE_MAX"), (
+            f"TGL_CAPTURE = {values['TGL_CAPTURE']:g} m must be below CAPTURE_MAX ="
+            f" {values['CAPTURE_MAX']:g} m, beyond which the flight ends"
+        )
+    return None
