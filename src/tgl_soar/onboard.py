@@ -545,7 +545,7 @@ class Onboard:
             both = " and engaged" if presence.duplicate_is_engaged else ""
             self.tell(SEVERITY_ERROR, f"disengaged: {who}{both}")
             self._disengage()
-            self._tell_engagement(self._mode)
+            self._tell_engagement(self._mode, ended=True)
         elif not 0.0 <= now_s - self._duplicate_told_s < DUPLICATE_TOLD_S:
             self._duplicate_told_s = now_s
             self.tell(SEVERITY_WARNING, f"{who}: {IDENTITY_REMEDY}")
@@ -680,7 +680,7 @@ class Onboard:
         if unheard and switch.silence_s(now_s) > GONE_S:
             self.tell(SEVERITY_ERROR, f"disengaged: the pilot's switch is silent: {unheard}")
             self._disengage()
-            self._tell_engagement(self._mode)
+            self._tell_engagement(self._mode, ended=True)
         elif unheard and not self._switch_told:
             text = f"the pilot's switch is silent, disengaging in {GONE_S - SILENCE_S:g} s"
             self.tell(SEVERITY_WARNING, f"{text}: {unheard}")
@@ -700,12 +700,12 @@ class Onboard:
             self._settings()
             self._console(f"{'engaged' if wish == ENGAGE else 'released'} by {by}")
 
-    def _tell_engagement(self, mode: int) -> None:
-        """Whoever has asked to engage hears how it goes."""
+    def _tell_engagement(self, mode: int, *, ended: bool = False) -> None:
+        """Whoever has asked to engage hears how it goes.  `ended`: by the module itself."""
         for ack in self.commands.engagement(
-            flying=mode in FLYING,
-            settled=mode == SOARING,
-            withdrawn=mode in (BOOT, STANDBY, READY),
+            flying=mode in FLYING and not ended,
+            settled=mode == SOARING and not ended,
+            withdrawn=mode in (BOOT, STANDBY, READY) and not ended,
         ):
             self._say_to(Source(ack.target_system, ack.target_component), ack)
 
@@ -903,7 +903,7 @@ class Onboard:
             change.failed = ""
             if self._engage:
                 self._disengage()
-                self._tell_engagement(self._mode)
+                self._tell_engagement(self._mode, ended=True)
         if self._engage and self._mode == READY and not obeys and not change.is_changing:
             change.enter(time_s, heard_s, session.custom_mode)
         if change.is_entering and self.output is not None:

@@ -28,6 +28,7 @@ class Guided(Flight):
         self.quickens = True  # its heartbeat, where it is asked to
         self.asked: list[tuple[float, ...]] = []
         self.targets: list[Any] = []
+        self.acks: list[int] = []
 
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds / 0.05)):
@@ -35,6 +36,8 @@ class Guided(Flight):
             for message in self.said():
                 if message.get_type() == "SET_ATTITUDE_TARGET":
                     self.targets.append(message)
+                if message.get_type() == "COMMAND_ACK":
+                    self.acks.append(message.result)
                 if message.get_type() != "COMMAND_LONG":
                     continue
                 if self.quickens and (message.command, message.param1) == (511, 0.0):
@@ -100,12 +103,14 @@ def test_a_mode_that_does_not_come_engages_nothing() -> None:
     flight = Guided()
     flight.enters = False
     flight.run(1.2)
-    flight.set("OP_ENGAGE", 1.0)
+    engage = mavlink.MAVLink_command_long_message(1, 191, 31010, 0, 0, 0, 0, 0, 0, 0, 0)
+    flight.hear(engage, station=True)
     flight.run(5.0)
     assert flight.mode_now == READY
     assert flight.onboard.parameters.values["OP_ENGAGE"] == 0.0
     assert any("does not enter GUIDED" in text for text in flight.console)
     assert len(flight.asked) == 3
+    assert flight.acks[-1] == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
 
 
 SLOW_OR_FAST = pytest.mark.parametrize("quickens", [False, True], ids=["1 Hz", "5 Hz"])

@@ -11,7 +11,7 @@ from test_onboard import CAPTURING, READY, Flight, setup, texts
 from tgl_soar.link.presence import ALONE_S
 from tgl_soar.onboard import FLYING, Onboard
 
-ENGAGE, REJECTED = 31010, 1
+ENGAGE, REJECTED, FAILED = 31010, 1, 4
 
 
 class Network(Flight):
@@ -126,9 +126,9 @@ def test_an_engaged_module_stays_when_another_is_started() -> None:
 def test_of_two_that_are_both_engaged_both_disengage() -> None:
     network = Network()
     network.connected = False
-    network.run(1.0)
+    network.run(1.5)
     network.order(ENGAGE)
-    network.run(1.0)
+    network.run(0.2)  # and before they are on their line their heartbeats are due
     assert network.modes == [CAPTURING, CAPTURING]
     network.told(0), network.told(1)
     network.connected = True
@@ -137,6 +137,7 @@ def test_of_two_that_are_both_engaged_both_disengage() -> None:
     for number in (0, 1):
         said = network.told(number)
         assert any("disengaged: another module" in text for text in texts(said))
+        assert results(said)[-1] == (ENGAGE, FAILED)  # not of an operator's own will
         overrides = [m for m in said if m.get_type() == "RC_CHANNELS_OVERRIDE"]
         assert [m.chan2_raw for m in overrides][-1] == 0  # given back
 
