@@ -6,6 +6,8 @@ command line's own libraries never load on board.
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
 from typing import Final
 
@@ -13,7 +15,22 @@ INTERPRETED: Final = "--interpreted"
 
 
 def main() -> None:
-    """Entry point of `tgl-soar`."""
+    """Entry point of `tgl-soar`.
+
+    Where nobody reads on (`tgl-soar … | head`), it ends without a word about it.
+    """
+    try:
+        try:
+            _command()
+        finally:
+            if sys.stdout is not None:  # closed by whoever started it
+                sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for Python's own flush
+        raise SystemExit(128 + signal.SIGPIPE) from None
+
+
+def _command() -> None:
     if sys.argv[1:2] == ["run"]:
         from tgl_soar import native
 

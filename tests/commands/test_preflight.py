@@ -11,7 +11,7 @@ import pytest
 from bench_bridge import AIRFRAME, bridge
 from free_ports import free_port
 
-from tgl_soar.config import load_airframe
+from tgl_soar.config import load_airframe, shipped
 from tgl_soar.link.autopilots import FIRMWARES, flavour
 from tgl_soar.link.autopilots.requirements import MUST, Finding, Needs, compare
 from tgl_soar.link.messages import (
@@ -27,6 +27,7 @@ from tgl_soar.preflight import ASK_S, ASK_TIMES, Preflight
 from tgl_soar.sim.firmware.ardupilot import flight_parameters
 
 PLANE = load_airframe(AIRFRAME)
+SITE = shipped("sites/tunnel.toml")
 CHANNELS = surface_channels(PLANE)
 HALL = Needs(override_system=255, loop_rate_hz=200.0, external_pose=True, gps=False)
 HILL = Needs(override_system=255, loop_rate_hz=200.0, external_pose=False, gps=True)
@@ -213,7 +214,9 @@ def test_of_paparazzi_nothing_can_be_read() -> None:
 
 
 def preflight(link: str, *words: str) -> tuple[int, str]:
-    """The command's exit code, and what it printed."""
+    """The command's exit code, and what it printed; of the shipped files where none is named."""
+    for option, path in (("--airframe", AIRFRAME), ("--site", SITE)):
+        words = words if option in words else (*words, option, str(path))
     ended = subprocess.run(
         [sys.executable, "-m", "tgl_soar.cli", "preflight", "--link", link, *words],
         capture_output=True,

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import typer
+
+from tgl_soar import __version__
 
 from . import (
     align,
@@ -23,13 +27,31 @@ from . import (
     surfaces,
     zeuc,
 )
+from .console import Commands
 
-app = typer.Typer(
+app = Commands(
     help="An autopilot module that soars a slope on a target gradient line, over MAVLink.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"tgl-soar {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def main(
+    version: Annotated[  # its callback prints it
+        bool,
+        typer.Option("--version", help="Print the version.", callback=_version, is_eager=True),
+    ] = False,
+) -> None:
+    """An autopilot module that soars a slope on a target gradient line, over MAVLink."""
 
 
 @app.command(

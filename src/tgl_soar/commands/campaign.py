@@ -16,9 +16,9 @@ from tgl_soar.experiments import campaign
 from tgl_soar.experiments.long_flight import Part, fly_long
 from tgl_soar.experiments.safety_timeline import draw_safety_timeline
 
-from .console import console, errors, fail
+from .console import Commands, console, errors, fail, hint, say
 
-campaign_app = typer.Typer(help="Many flights with faults, and long ones.", no_args_is_help=True)
+campaign_app = Commands(help="Many flights with faults, and long ones.", no_args_is_help=True)
 
 TIMELINE = Path("images") / "safety-timeline.png"
 
@@ -66,14 +66,14 @@ def faults(
     text = json.dumps([outcome._asdict() for outcome in flown], indent=0, ensure_ascii=False)
     (out / "faults.json").write_text(text + "\n", encoding="utf-8")
     _print(outcomes, survivals if dropouts else [])
-    console.print(f"{len(flown)} flights in {took:.0f} s; every one of them in {out}/faults.json")
+    say(f"{len(flown)} flights in {took:.0f} s; every one of them in {out}/faults.json")
     if page is not None:
         command = f"tgl-soar campaign faults --flights {flights} --seed {seed}"
         written = campaign.section(outcomes, survivals if dropouts else [], command)
         page.write_text(
             campaign.with_section(page.read_text(encoding="utf-8"), written), encoding="utf-8"
         )
-        console.print(f"table in {page}")
+        say(f"table in {page}")
         _draw(page.parent / TIMELINE)
     bad = [o for o in outcomes if o.bad_commands or o.error or o.result == campaign.LOST]
     if bad:
@@ -147,7 +147,7 @@ def _draw(path: Path) -> bool:
     try:
         draw_safety_timeline(path)
     except ImportError as error:
-        errors.print(f"no figure: {error}")
+        hint(f"no figure: {error}")
         return False
-    console.print(f"figure in {path}")
+    say(f"figure in {path}")
     return True

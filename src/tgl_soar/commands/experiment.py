@@ -21,7 +21,7 @@ from tgl_soar.experiments.flights import Flyer
 from tgl_soar.experiments.page import IMAGES, page
 from tgl_soar.experiments.result import Result, as_json
 
-from .console import console, errors, fail
+from .console import console, errors, fail, hint, say
 
 COLOURS = {"agrees": "green", "agrees in part": "yellow", "differs": "red"}
 
@@ -94,12 +94,12 @@ def experiment(
         f"{flown} flights, {simulated:.0f} s of flight, in {took:.0f} s; numbers in {out}/"
     )
     if figures is None:
-        errors.print("no figures: they need matplotlib: pip install 'tgl_soar[figures]'")
+        hint("no figures: they need matplotlib: pip install 'tgl_soar[figures]'")
     else:
         console.print(f"figures in {figures}/")
     if docs is not None:
         (docs / "experiments.md").write_text(page(results), encoding="utf-8")
-        console.print(f"page in {docs / 'experiments.md'}")
+        say(f"page in {docs / 'experiments.md'}")
 
 
 def _can_draw() -> bool:

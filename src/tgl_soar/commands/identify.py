@@ -22,7 +22,7 @@ from tgl_soar.estimation.identification import (
 )
 from tgl_soar.flightlog.reader import LogError
 
-from .console import AIRFRAME, console, errors, fail
+from .console import AIRFRAME, console, errors, fail, say
 
 # What an identification writes into [model] of an airframe file, and from what.
 KEYS: Final = {
@@ -161,7 +161,7 @@ def _write(out: Path, airframe: Path, found: Identified) -> None:
         fail(error)
     except OSError as error:
         fail(f"--out {out}: cannot be written: {error.strerror}")
-    console.print(f"airframe file in {out}: compare it with {airframe} before you fly with it")
+    say(f"airframe file in {out}: compare it with {airframe} before you fly with it")
 
 
 def _draw(path: Path, found: Identified, title: str) -> None:
@@ -173,4 +173,4 @@ def _draw(path: Path, found: Identified, title: str) -> None:
         fail(f"no figure: {error}")
     except OSError as error:
         fail(f"no figure: {path}: {error.strerror}")
-    console.print(f"figure in {path}")
+    say(f"figure in {path}")

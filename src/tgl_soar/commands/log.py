@@ -12,9 +12,9 @@ from tgl_soar.flightlog.export import ENDINGS, FORMATS
 from tgl_soar.flightlog.meanings import page
 from tgl_soar.flightlog.reader import FlightLog, LogError, read_log
 
-from .console import console, errors, fail
+from .console import Commands, console, errors, fail
 
-log_app = typer.Typer(help="What a flight log holds, and other formats.", no_args_is_help=True)
+log_app = Commands(help="What a flight log holds, and other formats.", no_args_is_help=True)
 
 
 def read(path: Path) -> FlightLog:

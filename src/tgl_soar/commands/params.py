@@ -32,10 +32,10 @@ from tgl_soar.parameter_files import (
 from tgl_soar.parameter_store import Identity, ParameterStore, state_file, state_folder
 from tgl_soar.parameters import GROUPS, PARAMETERS, ParameterError, ParameterSet
 
-from .console import AIRFRAME, SITE, console, errors, fail
+from .console import Commands, console, errors, fail
 from .params_page import page
 
-params_app = typer.Typer()
+params_app = Commands()
 
 AirframeOption = Annotated[Path, typer.Option("--airframe", help="Airframe file.")]
 SiteOption = Annotated[Path, typer.Option("--site", help="Site file.")]
@@ -156,9 +156,7 @@ def _done(text: str) -> None:
 
 
 @params_app.command("show")
-def show(
-    airframe: AirframeOption = AIRFRAME, site: SiteOption = SITE, state: StateOption = None
-) -> None:
+def show(airframe: AirframeOption, site: SiteOption, state: StateOption = None) -> None:
     """List the values that a flight would begin with, and where each comes from."""
     found = _begin(airframe, site, state)
     table = Table("name", "value", "unit", "from", box=None)
@@ -182,8 +180,9 @@ def diff(
         str, typer.Argument(help="default, files, state, or a .params or .parm file.")
     ] = "files",
     second: Annotated[str, typer.Argument(help="The same.")] = "state",
-    airframe: AirframeOption = AIRFRAME,
-    site: SiteOption = SITE,
+    *,
+    airframe: AirframeOption,
+    site: SiteOption,
     state: StateOption = None,
 ) -> None:
     """List the values that differ; exit code 1 if any do.
@@ -222,8 +221,9 @@ def export(
     form: Annotated[
         FileFormat, typer.Option("--format", help="auto: .parm and .param are MAVProxy's.")
     ] = FileFormat.auto,
-    airframe: AirframeOption = AIRFRAME,
-    site: SiteOption = SITE,
+    *,
+    airframe: AirframeOption,
+    site: SiteOption,
     state: StateOption = None,
 ) -> None:
     """Write the values that a flight would begin with, for a ground station to load."""
@@ -251,8 +251,8 @@ def export(
 @params_app.command("import")
 def import_(
     file: Annotated[Path, typer.Argument(help="A .params or .parm file.")],
-    airframe: AirframeOption = AIRFRAME,
-    site: SiteOption = SITE,
+    airframe: AirframeOption,
+    site: SiteOption,
     state: StateOption = None,
 ) -> None:
     """Store the values of a ground station's file: the next flight begins with them.
@@ -281,9 +281,7 @@ def import_(
 
 
 @params_app.command("reset")
-def reset(
-    airframe: AirframeOption = AIRFRAME, site: SiteOption = SITE, state: StateOption = None
-) -> None:
+def reset(airframe: AirframeOption, site: SiteOption, state: StateOption = None) -> None:
     """Forget the stored values: the next flight begins with the files'."""
     found = _begin(airframe, site, state)
     try:

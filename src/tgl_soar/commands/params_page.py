@@ -81,7 +81,7 @@ out of range by now is passed over by name.
 | `tgl-soar params import my.parm` | stores a file of either; all of it or nothing |
 | `tgl-soar params reset` | forgets what is stored |
 
-Each takes `--airframe`, `--site` and `--state` as `tgl-soar run` does. In files, rows of other
+The last five need `--airframe` and `--site`, as `tgl-soar run`, and take `--state`. Rows of other
 components and unknown names are passed over and told; each bad line is named. A file that a ground
 station saved while the module flew holds `OP_ENGAGE` as 2: `import` passes it over, and a module
 that is not engaged refuses it.

@@ -17,10 +17,10 @@ from tgl_soar.logs.gliding import MeanWind, glides
 from tgl_soar.logs.reading import read_flight
 from tgl_soar.types import GlidePolar, polar_sink, polar_slope
 
-from .console import AIRFRAME, console, errors, fail
+from .console import AIRFRAME, Commands, console, errors, fail, say
 from .identify import WindFromOption, WindOption
 
-polar_app = typer.Typer(help="Glide polars: fit one, or show an airframe's.", no_args_is_help=True)
+polar_app = Commands(help="Glide polars: fit one, or show an airframe's.", no_args_is_help=True)
 
 
 @polar_app.command("fit")
@@ -143,9 +143,7 @@ def logged_glides(files: list[Path], wind: MeanWind) -> tuple[list[float], list[
             found = glides(flight, wind)
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
-        console.print(
-            f"{path}: {len(found)} steady glides, {sum(g.duration_s for g in found):.0f} s in all"
-        )
+        say(f"{path}: {len(found)} steady glides, {sum(g.duration_s for g in found):.0f} s in all")
         speeds += [glide.speed_mps for glide in found]
         sinks += [glide.sink_mps for glide in found]
     return speeds, sinks
@@ -205,4 +203,4 @@ def _draw(
         fail(f"no figure: {error}")
     except OSError as error:
         fail(f"no figure: {out}: {error.strerror}")
-    console.print(f"figure in {out}")
+    say(f"figure in {out}")

@@ -16,14 +16,14 @@ from tgl_soar.link.transport import LinkError
 from tgl_soar.onboard import flavour_of
 from tgl_soar.preflight import Preflight
 
-from .console import AIRFRAME, SITE, console, fail
+from .console import console, fail
 from .conversation import Conversation, KeyOption, LinkOption, TimeoutOption
 
 
 def preflight(
     link: LinkOption,
-    airframe: Annotated[Path, typer.Option(help="Airframe file: firmware and route.")] = AIRFRAME,
-    site: Annotated[Path, typer.Option(help="Site file: where the position comes from.")] = SITE,
+    airframe: Annotated[Path, typer.Option(help="Airframe file: firmware and route.")],
+    site: Annotated[Path, typer.Option(help="Site file: where the position comes from.")],
     show_all: Annotated[
         bool, typer.Option("--all", help="Show also what is as it should be.")
     ] = False,

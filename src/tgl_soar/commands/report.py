@@ -26,7 +26,7 @@ from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.flightlog.reader import LogError
 from tgl_soar.parameters import ParameterSet
 
-from .console import console, errors, fail
+from .console import errors, fail, say
 
 if TYPE_CHECKING:
     from tgl_soar.logs.flight_data import FlightData
@@ -76,7 +76,7 @@ def report(
         fail("stopped", 130)
     for text in lost:
         errors.print(f"lost: {text}", style="yellow", highlight=False, markup=False)
-    console.print(f"page in {page}, figures in {page.parent / f'{page.stem}-figures'}/")
+    say(f"page in {page}, figures in {page.parent / f'{page.stem}-figures'}/")
     if lost:
         fail("what could be read is in the page; what was lost is told there and above", 1)
 

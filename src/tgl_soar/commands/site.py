@@ -18,9 +18,9 @@ from tgl_soar.experiments.scenario import contour_step, search_bounds
 from tgl_soar.sim.world import build_field
 from tgl_soar.types import GlidePolar
 
-from .console import AIRFRAME, SITE, console, fail
+from .console import AIRFRAME, SITE, Commands, console, fail
 
-site_app = typer.Typer(help="Sites: what is to be known of a place.", no_args_is_help=True)
+site_app = Commands(help="Sites: what is to be known of a place.", no_args_is_help=True)
 
 TOLERANCE_M = 0.005  # of a point left out: less than any tracker's noise on a line
 LONGEST_SHARE = 0.05  # a shorter part, of the longest one, is noise of the search

@@ -15,7 +15,7 @@ from tgl_soar.config import ConfigError, load_airframe, load_site
 from tgl_soar.flightlog.files import kept_in
 from tgl_soar.flightlog.reader import LogError
 
-from .console import AIRFRAME, SITE, SITE_MOCAP, console, errors, fail
+from .console import AIRFRAME, SITE, SITE_MOCAP, console, fail, hint, say
 from .report import Named, write
 
 if TYPE_CHECKING:
@@ -48,6 +48,7 @@ class Mocap(StrEnum):
 
 
 def sitl(
+    context: typer.Context,
     airframe: Annotated[Path, typer.Option(help="Airframe file.")] = AIRFRAME,
     site: Annotated[
         Path | None, typer.Option(help="Site file; of the tunnel, with \\[mocap] where needed.")
@@ -127,9 +128,21 @@ def sitl(
         fail(f"--fault: {error}")
     firmware = {Autopilot.PX4: px4, Autopilot.ARDUPILOT: ardupilot}.get(autopilot)
     if autopilot != Autopilot.BUILTIN and firmware is None:
-        errors.print(f"no program of {autopilot}: {OBTAINED[autopilot]}", soft_wrap=True)
-        errors.print("flying the bridge's own Pixhawk instead")
-        autopilot, route, autopilot_parameter = Autopilot.BUILTIN, None, None
+        fail(f"--autopilot {autopilot}: no program of it is named: {OBTAINED[autopilot]}")
+    if autopilot == Autopilot.BUILTIN and route is not None:
+        fail(
+            f"--route {route}: the bridge's own Pixhawk is commanded one way only; name a firmware"
+            " by --autopilot px4 or --autopilot ardupilot, or leave it out"
+        )
+    if mocap_option and mocap == Mocap.NONE and (autopilot == Autopilot.BUILTIN or site):
+        fail(
+            f"--mocap-option {mocap_option[0]}: no motion capture is flown with: add --mocap"
+            " natnet, or leave it out"
+        )
+    for named, of in (("px4", Autopilot.PX4), ("ardupilot", Autopilot.ARDUPILOT)):
+        given = str(context.get_parameter_source(named)).endswith("COMMANDLINE")
+        if given and autopilot != of:  # one of the environment may stand there for other days
+            fail(f"--{named}: is flown with --autopilot {of} only; add it, or leave this out")
     by_poses = autopilot != Autopilot.BUILTIN and site is None
     flown_by = mocap == Mocap.NATNET or by_poses
     mocap_option = mocap_option or []
@@ -187,18 +200,16 @@ def sitl(
         )
     console.print(table)
     simulated = flight.truth["time_s"][-1]
-    console.print(
-        f"{simulated:.0f} s of flight in {flight.wall_s:.0f} s; logs and figure in {out}/"
-    )
+    say(f"{simulated:.0f} s of flight in {flight.wall_s:.0f} s; logs and figure in {out}/")
     log = newest_log(out / "logs")
     try:
         _draw(options, flight, out / "flight.png")
         if report and log is not None:
             page = out / "report.html"
             write(log, page, Named(), lambda _words: None)
-            console.print(f"its report: {page}")
+            say(f"its report: {page}")
     except (ImportError, LogError) as error:
-        errors.print(f"no figure: {error}")
+        hint(f"no figure: {error}")
     if log is not None and not report:
         console.print(f"its report: tgl-soar report {log}", soft_wrap=True, highlight=False)
     if not passed(flight):

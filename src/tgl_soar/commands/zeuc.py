@@ -31,7 +31,7 @@ from tgl_soar.experiments.scenario import (
 )
 from tgl_soar.sim.world import build_field, ground_outline
 
-from .console import AIRFRAME, SITE, console, errors, fail
+from .console import AIRFRAME, SITE, console, fail, hint, say
 
 
 def zeuc(
@@ -138,10 +138,10 @@ def zeuc(
             ground_outline(place.air),
         )
     except (ImportError, ValueError) as error:
-        errors.print(f"no figure: {error}")
+        hint(f"no figure: {error}")
         console.print(f"numbers in {data}")
     else:
-        console.print(f"map in {out}, numbers in {data}")
+        say(f"map in {out}, numbers in {data}")
 
 
 def _crossings(field: Any, polar: Any, target: TargetLine) -> list[dict[str, Any]]:
