@@ -5,9 +5,10 @@
     python tools/fuzz.py list
 
 A target takes any bytes and raises only where something is wrong: an error that a reader
-declares is an answer.  `mavlink` and `messages` go through the whole module in flight, and look
-at the parameters and at who flies afterwards.  Without atheris (pip install 'tgl_soar[fuzz]')
-the bytes are mutations of good examples, drawn by lot.
+declares is an answer.  `mavlink` and `messages` meet a module that soars, in a closed loop with a
+simulated aircraft: it must go on soaring, on its line, with its parameters.  `natnet` meets a
+tracker that knows its server and its body, and must know them again afterwards.  Without atheris
+(pip install 'tgl_soar[fuzz]') the bytes are mutations of good examples, drawn by lot.
 """
 
 from __future__ import annotations
@@ -19,9 +20,15 @@ import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from functools import cache
+from math import inf, isfinite
 from pathlib import Path
 from random import Random
 from typing import Any, Final
+from zlib import crc32
+
+import fuzz_logs
+import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 
 def _watched() -> AbstractContextManager[Any]:
@@ -36,58 +43,141 @@ def _watched() -> AbstractContextManager[Any]:
 
 
 with _watched():
+    from tgl_soar.autopilot import mode_name
     from tgl_soar.config import (
         Airframe,
         ConfigError,
         Site,
         load_airframe,
         load_file,
-        load_parameters,
         load_site,
         shipped,
     )
+    from tgl_soar.experiments.campaign import place
     from tgl_soar.experiments.scenario import Scenario
     from tgl_soar.flightlog.reader import LogError, read_log
-    from tgl_soar.geometry import HallFrame
+    from tgl_soar.geometry import HallFrame, SoaringFrame
     from tgl_soar.link.optitrack import Optitrack, Settings
+    from tgl_soar.logs.flight_data import FlightData
+    from tgl_soar.logs.reading import read_flight
     from tgl_soar.onboard import Onboard, setup_from
     from tgl_soar.parameter_files import ParameterFileError, read_file
     from tgl_soar.parameter_store import Identity, StoreError, read_state, state_text
     from tgl_soar.parameters import ParameterSet
+    from tgl_soar.report.flight_figures import Surroundings
+    from tgl_soar.report.flight_page import analysed, page_text, write_page
+    from tgl_soar.sim.channels import deflection_from_pwm, ordered
     from tgl_soar.sim.hostile import HEARD_NAMES, HostileFrames, hostile_message
+    from tgl_soar.sim.natnet_frames import (
+        CLOCK_HZ,
+        VERSIONS,
+        Body,
+        Scene,
+        encode_frame,
+        encode_models,
+        encode_server_info,
+    )
+    from tgl_soar.sim.world import make_world
+    from tgl_soar.types import PositionFix, SurfaceCommand
 
 AIRFRAME, SITE = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
+HILL: Final = SoaringFrame(0.0, 0.0, 0.0, 0.5)
 IDENTITY: Final = Identity("airframe", "site", 1, 191)
+PER_TICK: Final = 8  # inputs: 1600 a second at the loop's 200 Hz
+ENGAGED_S: Final = 2.0  # held until then
+SETTLED_S: Final = 8.0  # and on the line by then
+# Still air: whatever moves the aircraft off the line by more is what the bytes did.
+ON_LINE_M: Final = 0.10
 
 
 class WrongError(AssertionError):
     """Bytes did what bytes must not do."""
 
 
-def _module() -> Onboard:
-    airframe, site = load_airframe(AIRFRAME), load_site(SITE)
-    values = load_parameters(airframe, AIRFRAME, site, SITE)
-    return Onboard(setup_from(airframe, site, values), lambda _frame: True, 100.0)
-
-
 class Flight:
-    """One module that bytes come to, over and over."""
+    """One module that soars in still air, and that bytes come to, over and over."""
 
     def __init__(self) -> None:
-        self.onboard = _module()
-        self.now_s = 100.0
+        airframe, site, values, field = place()
+        self._world = make_world(airframe, site, seed=1, turbulence=0.0, field=field)
+        self._world.held = True
+        self._surfaces = ordered(airframe.surfaces)
+        self._command = SurfaceCommand(self._world.trim.elevator, 0.0, 0.0)
+        self._vehicle, self._station = mavlink.MAVLink(None, 1, 1), mavlink.MAVLink(None, 255, 190)
+        self._reader = mavlink.MAVLink(None)
+        self._inputs: list[bytes] = []  # since the last tick
+        self._known = 0, 0  # position, attitude that the module has heard
+        self.onboard = Onboard(setup_from(airframe, site, values), self._sent, 0.0, lockstep=True)
+        while self._world.time_s < ENGAGED_S:
+            self._step()
+        engage = mavlink.MAVLink_param_set_message(1, 191, b"OP_ENGAGE", 1.0, 9)
+        self._hear(engage, self._station)
+        while self._world.time_s < SETTLED_S:
+            self._step()
         self.expected: ParameterSet = self.onboard.parameters.values
 
+    @property
+    def mode(self) -> str:
+        """What the module does."""
+        output = self.onboard.output
+        return "nothing" if output is None else mode_name(output.mode)
+
     def take(self, data: bytes) -> None:
-        """Bytes, then a tick."""
-        onboard = self.onboard
-        onboard.event(data, self.now_s)
-        self.now_s += 0.005
-        onboard.periodic(self.now_s)
-        if onboard.parameters.values != self.expected:
+        """Bytes, and behind every eighth a tick; it soars before and after."""
+        self._inputs.append(data)
+        self.onboard.event(data, self._world.time_s)
+        if self.onboard.parameters.values != self.expected:
             raise WrongError(f"parameters were changed by {data!r}")
-        if onboard.has_surfaces or onboard.counters.unsendable:
-            raise WrongError(f"surfaces or messages went wrong by {data!r}")
+        if len(self._inputs) == PER_TICK:
+            self._step()
+            wrong = self._wrong()
+            if wrong:
+                raise WrongError(f"{wrong} by {self._inputs!r}")
+            self._inputs.clear()
+
+    def _wrong(self) -> str:
+        """What of the flight is not as it was."""
+        output = self.onboard.output
+        if self.onboard.counters.unsendable:
+            return "a message could not be sent"
+        if self._world.crashed or self._world.held or self.mode != "soaring":
+            return f"{self.mode} {self._world.crashed}"
+        if output is None or not abs(output.e_rho_m) < ON_LINE_M:
+            return "off the line"
+        return ""
+
+    def _step(self) -> None:
+        """The aircraft flies on, and says what it measures; the module's tick is in that."""
+        world = self._world
+        world.step(self._command)
+        if world.steps % world.step_hz == 1:
+            self._hear(mavlink.MAVLink_heartbeat_message(1, 3, 209, 0, 4, 3), self._vehicle)
+        position, attitude = self._known
+        self._known = world.position.sequence, world.attitude.sequence
+        if world.position.sequence != position:
+            stamp_ms = round(world.position.time_s * 1e3)
+            told = mavlink.MAVLink_local_position_ned_message(stamp_ms, *world.position[2:8])
+            self._hear(told, self._vehicle)
+        if world.attitude.sequence != attitude:
+            stamp_ms = round(world.attitude.time_s * 1e3)
+            told = mavlink.MAVLink_attitude_quaternion_message(stamp_ms, *world.attitude[2:9])
+            self._hear(told, self._vehicle)
+
+    def _hear(self, message: mavlink.MAVLink_message, sender: mavlink.MAVLink) -> None:
+        frame = message.pack(sender)
+        sender.seq = (sender.seq + 1) % 256
+        self.onboard.event(bytes(frame), self._world.time_s)
+
+    def _sent(self, frame: bytes) -> bool:
+        """The autopilot does as it is told."""
+        number = mavlink.MAVLINK_MSG_ID_RC_CHANNELS_OVERRIDE
+        if frame[0] == 0xFD and int.from_bytes(frame[7:10], "little") == number:
+            told = self._reader.decode(bytearray(frame))
+            pulses = [getattr(told, f"chan{surface.channel}_raw") for surface in self._surfaces]
+            pairs = zip(self._surfaces, pulses, strict=True)
+            self._command = SurfaceCommand(*(deflection_from_pwm(*pair) for pair in pairs))
+            self._world.held = 0 in pulses  # given back: somebody catches it
+        return True
 
 
 @cache
@@ -95,13 +185,13 @@ def _flight() -> Flight:
     return Flight()
 
 
-def mavlink(data: bytes) -> None:
-    """Bytes from the link to the autopilot, as they are."""
+def mavlink_bytes(data: bytes) -> None:
+    """Bytes from the link to the autopilot, as they are, while it soars."""
     _flight().take(data)
 
 
 def messages(data: bytes) -> None:
-    """Whole messages of nobody, their numbers drawn from the bytes."""
+    """Whole messages of nobody, their numbers drawn from the bytes, while it soars."""
     random = Random(data)
     frames = HostileFrames(random.getrandbits(32))
     flight = _flight()
@@ -110,21 +200,68 @@ def messages(data: bytes) -> None:
         flight.take(frames.packed(message, random.choice((2, 9, 60, 200)), 1))
 
 
+SERVER: Final = "10.0.0.2", 1510
+
+
+class Hall:
+    """A tracker in flight and its server, that speaks one version."""
+
+    def __init__(self, version: tuple[int, int]) -> None:
+        hall = HallFrame(False, 0.6, 1.0, -2.0, 0.25)
+        settings = Settings(SERVER[0], "aircraft", True, hall, 0.001, 0.02, 25.0, 0.3, 200.0)
+        self.tracker = Optitrack(settings, lockstep=True)
+        self.version = version
+        self.now_s, self._frames = 100.0, 0
+
+    def ready(self) -> None:
+        """Answer what it asks until it knows server and body, as a server does."""
+        info = encode_server_info(self.version, data_port=1511, group="239.0.0.1", multicast=False)
+        answers = {0: info, 4: encode_models(self.version, [self._body()])}
+        for _ in range(4):  # who is there, what is there, and once more behind a restart
+            for asked in self.tracker.poll(self.now_s):
+                if asked[0] in answers:
+                    self.tracker.take(answers[asked[0]], SERVER, self.now_s)
+            if self.tracker.is_ready and self.tracker.info is not None:
+                theirs = self.tracker.info.version == self.version
+                if theirs and self.tracker.info.clock_hz == CLOCK_HZ:
+                    return
+                self.tracker.take(info, SERVER, self.now_s)  # it was told of another
+            self.now_s += 1.1
+        raise WrongError("the tracker does not come to know its server again")
+
+    def frame(self) -> bytes:
+        """What the server sends now."""
+        self._frames += 1
+        ticks = round(self.now_s * CLOCK_HZ)
+        scene = Scene(self._frames, [self._body()], self.now_s, ticks - 30_000, ticks, ticks)
+        return encode_frame(self.version, scene)
+
+    def _body(self) -> Body:
+        sway = 0.001 * (self._frames % 7)  # cameras always have noise
+        return Body("aircraft", 3, (1.0 + sway, 1.5, 0.2), (0.0, 0.0, 0.0, 1.0))
+
+
 @cache
-def _tracker() -> Optitrack:
-    hall = HallFrame(False, 0.6, 1.0, -2.0, 0.25)
-    return Optitrack(Settings("10.0.0.2", "aircraft", True, hall, 0.001, 0.02, 25.0, 0.3, 200.0))
+def _hall(version: tuple[int, int]) -> Hall:
+    return Hall(version)
 
 
 def natnet(data: bytes) -> None:
-    """Datagrams of a tracker, whole ones and their bodies."""
-    tracker = _tracker()
-    for number in (1, 5, 7, 14):
-        tracker.take(data, ("10.0.0.2", 1510), 100.0)
-        framed = number.to_bytes(2, "little") + len(data).to_bytes(2, "little") + data
-        if tracker.take(framed, ("10.0.0.2", 1510), 100.0) is not None:
-            raise WrongError(f"nonsense became a position: {data!r}")
-    tracker.poll(100.0)
+    """Datagrams of a tracker that is ready, whole ones and their bodies."""
+    hall = _hall(VERSIONS[len(data) % len(VERSIONS)])
+    framed = [n.to_bytes(2, "little") + len(data).to_bytes(2, "little") for n in (7, 1, 5, 14)]
+    for nonsense in (data, *(head + data for head in framed)):
+        hall.ready()
+        hall.now_s += 0.01
+        for datagram in (hall.frame(), nonsense):
+            fix = hall.tracker.take(datagram, SERVER, hall.now_s)
+            if fix is not None and not _is_a_measurement(fix, hall.now_s):
+                raise WrongError(f"nonsense became a position: {datagram!r}")
+
+
+def _is_a_measurement(fix: PositionFix, now_s: float) -> bool:
+    numbers = fix.north_m, fix.east_m, fix.down_m, fix.sigma_m
+    return all(map(isfinite, numbers)) and now_s - 0.3 <= fix.time_s <= now_s
 
 
 def _read(data: bytes, read: Callable[[Path], object], *answers: type[Exception]) -> None:
@@ -163,8 +300,6 @@ def state(data: bytes) -> None:
 
 def _summed(data: bytes) -> bytes:
     """A state file with these rows."""
-    from zlib import crc32
-
     empty = state_text(IDENTITY, {})
     text = empty[: empty.rindex(b"# checksum")] if b"# checksum" in empty else b""
     mark = empty[len(text) : -9]
@@ -172,22 +307,81 @@ def _summed(data: bytes) -> bytes:
     return text + mark + f"{crc32(text):08x}\n".encode()
 
 
+def flight_of(path: Path) -> FlightData:
+    """The flight in a log: its times are times, in their order."""
+    flight = read_flight(path)
+    for name, series in flight.series().items():
+        if not np.all(np.isfinite(series.time_s)) or np.any(np.diff(series.time_s) < 0.0):
+            raise WrongError(f"the times of its {name} are none")
+    if not 0.0 <= flight.duration_s < inf:
+        raise WrongError(f"it lasts {flight.duration_s} s")
+    return flight
+
+
 def log(data: bytes) -> None:
-    """Flight logs, with the beginning of one."""
-    begin = b"ULog\x01\x12\x35\x01" + bytes(8)
-    for text in (data, begin + data):
+    """ULogs, ours too, with the beginning of one, as they are and as a flight."""
+    for text in (data, fuzz_logs.ULOG_BEGIN + data):
         _read(text, read_log, LogError)
+        _read(text, flight_of, LogError)
+
+
+def px4(data: bytes) -> None:
+    """PX4's ULog, with the beginning of one, as a flight."""
+    for text in (data, fuzz_logs.ULOG_BEGIN + data):
+        _read(text, flight_of, LogError)
+
+
+def dataflash(data: bytes) -> None:
+    """ArduPilot's log, with the beginning of one, as a flight."""
+    for text in (data, b"\xa3\x95" + data):
+        _read(text, flight_of, LogError)
+
+
+def tlog(data: bytes) -> None:
+    """Telemetry logs: as they are, and as whole frames made of the bytes."""
+    for text in (data, fuzz_logs.recorded(data)):
+        _read(text, flight_of, LogError)
+
+
+def report(data: bytes) -> None:
+    """The page of any log, read by what it begins with; of one in 64 its figures, too."""
+    _read(data, _page, LogError)
+
+
+def _page(path: Path) -> None:
+    flight = flight_of(path)
+    analysis = analysed(flight, Surroundings(site="$site$", airframe="<airframe>"), HILL)
+    if crc32(path.read_bytes()) % 64:
+        page_text(analysis, {})
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        write_page(Path(folder) / "page.html", analysis, lambda _words: None)
 
 
 TARGETS: Final[dict[str, Callable[[bytes], None]]] = {
-    "mavlink": mavlink,
+    "mavlink": mavlink_bytes,
     "messages": messages,
     "natnet": natnet,
     "config": config,
     "parameters": parameters,
     "state": state,
     "log": log,
+    "px4": px4,
+    "dataflash": dataflash,
+    "tlog": tlog,
+    "report": report,
 }
+
+
+LOGS: Final[dict[str, Callable[[], list[bytes]]]] = {
+    "log": lambda: [fuzz_logs.own_log(), fuzz_logs.px4_log()],
+    "px4": lambda: [fuzz_logs.px4_log()],
+    "dataflash": lambda: [fuzz_logs.dataflash_log()],
+    "tlog": lambda: [fuzz_logs.tlog(), Random(1).randbytes(400)],
+    "report": lambda: [
+        fuzz_logs.own_log(), fuzz_logs.px4_log(), fuzz_logs.dataflash_log(), fuzz_logs.tlog()
+    ],
+}  # fmt: skip
 
 
 def examples(target: str) -> list[bytes]:
@@ -196,18 +390,19 @@ def examples(target: str) -> list[bytes]:
         frames = HostileFrames(1)
         return [frames.next() for _ in range(200)]
     if target == "config":
-        return [AIRFRAME.read_bytes(), SITE.read_bytes()] + [
-            path.read_bytes() for path in shipped("scenarios").glob("*.toml")
-        ]
+        scenarios = [path.read_bytes() for path in shipped("scenarios").glob("*.toml")]
+        huge = b"[site]\nname = 'a'\norigin_north_m = " + b"9" * 5000
+        return [AIRFRAME.read_bytes(), SITE.read_bytes(), huge, *scenarios]
     if target in ("parameters", "state"):
         return [
             b"# a comment\n1\t191\tTGL_X\t0.5\t9\nTGL_Z,1.5\n",
             b"1\t191\tOP_ENGAGE\t1\t9\n",
             b"TGL_LEAN 15\nRHO_P=1\n\xff\x00",
         ]
-    if target == "log":
-        return [b"F\x00\x05tick:", b"B\x28\x00" + bytes(40), b"I\x08\x00\x04char[1]x1"]
-    return [bytes(80), b"\x05\x00\x10\x00" + bytes(16)]
+    if target in LOGS:
+        return LOGS[target]()
+    datagrams = [Hall(version).frame() for version in VERSIONS]
+    return [bytes(80), *datagrams, *(datagram[4:] for datagram in datagrams)]
 
 
 def mutated(random: Random, example: bytes) -> bytes:
