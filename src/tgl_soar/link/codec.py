@@ -6,11 +6,16 @@ frame or a marker inside a payload costs no good frame behind it.  The payloads 
 are read and written by `hot_frames`, all others by pymavlink's dialect, and only those of
 messages that somebody here listens to.
 
+The work is linear in the bytes, whoever made them: a place is tried as the beginning of a frame
+twice at most, and a try looks at no more than the longest frame.  `feed` can be told how much
+work a call may do; the rest waits.
+
 Nothing that arrives raises.  Nothing untyped leaves this file.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
@@ -68,6 +73,15 @@ _MOST_LOST: Final = 200  # in a row: a larger gap is a frame that was overtaken
 _LARGEST_V1: Final = 255  # MAVLink 1 has no larger message numbers
 _MOST_KEPT: Final = 256  # of what is known of a message and its sender
 _ZEROS: Final = bytes(255)  # what was cut off a payload
+_next_marker: Final = re.compile(rb"[\xfd\xfe]").search
+
+# What a call of `feed` may do, in tries: to take a piece of bytes as a frame is one.  A message
+# that somebody listens to is decoded, checked for its signature and acted on besides.
+UNLIMITED: Final = 1 << 60
+MESSAGE_TRIES: Final = 8
+# Two bytes of 256 begin a frame: 2 kB of a line's noise hold 16 +- 4 of them.  A datagram with
+# four times as many false ones is no noise: the rest of it is not looked at.
+FALSE_TRIES_MAX: Final = 64
 
 _ONE_BYTE: Final = tuple(checksum(bytes((byte,)), 0) for byte in range(256))  # its checksum
 
@@ -85,6 +99,7 @@ class DecoderCounters:
     unknown: int = 0  # of messages that the dialect lacks: cannot be checked
     refused: int = 0  # not signed as they must be
     undecodable: int = 0  # right checksum, and yet no message
+    given_up: int = 0  # datagrams of which the rest was not looked at
 
 
 @dataclass(slots=True)
@@ -124,6 +139,11 @@ class Decoder:
         self._stream = stream
         self._accept = accept
         self._rest = b""
+        self._waiting = b""  # for the next call: there was too much to do
+        self._false_tries = 0  # of the datagram that waits
+        self.tries = 0  # of the last call
+        self._looked_to = 0  # in this call's bytes: no good frame begins between `at` and here,
+        self._frame_at = -1  # but for the one that begins here
         self._dialect: Any = dialect.MAVLink(None)
         self.only_v1 = False  # frames came, and all of MAVLink 1
         self._heard_v2 = False
@@ -137,14 +157,26 @@ class Decoder:
         self._watched = source
         self._known.clear()
 
-    def feed(self, data: bytes) -> list[Received]:
-        """The messages that end in this piece, in order."""
-        if self._rest:
-            data = self._rest + data
-            self._rest = b""
+    def feed(self, data: bytes, most_tries: int = UNLIMITED) -> list[Received]:
+        """The messages that end in this piece, in order.
+
+        `most_tries`: when so much has been done, and some of the piece is left, that waits for
+        the next call; until nothing waits `data` must be empty.
+        """
+        if self._waiting:
+            data, self._waiting = self._waiting + data, b""
+        else:
+            self._false_tries = 0
+            if self._rest:
+                data, self._rest = self._rest + data, b""
+        self._looked_to, self._frame_at = 0, -1
         received: list[Received] = []
         at, end = 0, len(data)
+        self.tries = 0
         while at < end:
+            if self.tries >= most_tries:
+                self._waiting = data[at:]
+                break
             if data[at] == _MARKER_V2 and end - at >= _SHORTEST_V2 and data[at + 2] == 0:
                 length = _SHORTEST_V2 + data[at + 1]  # nearly always
             else:
@@ -152,17 +184,34 @@ class Decoder:
             if at + length > end and self._stream:
                 self._rest = data[at:]
                 break
+            self.tries += 1
             if 0 < length <= end - at and (
                 self._take(data, at, length, received) or self._is_unknown(data, at, length)
             ):
                 at += length
+            elif most_tries < UNLIMITED and self._is_given_up():
+                self.counters.skipped_bytes += end - at
+                at = end
             else:
                 at = self._skip_to_marker(data, at)
         return received
 
+    @property
+    def is_waiting(self) -> bool:
+        """Whether something of what came is still to be looked at."""
+        return self._waiting != b""
+
+    def _is_given_up(self) -> bool:
+        """One more place of a datagram was no frame: whether to leave the rest unread."""
+        self._false_tries += 1
+        if self._stream or self._false_tries <= FALSE_TRIES_MAX:
+            return False
+        self.counters.given_up += 1
+        return True
+
     def reset(self) -> None:
         """Forget a frame begun: the line was cut."""
-        self._rest = b""
+        self._rest = self._waiting = b""
         self._sequence = -1
         self.only_v1 = self._heard_v2 = False
 
@@ -216,6 +265,7 @@ class Decoder:
             message = _new(known.kind, fields(data[payload_at:to] + _ZEROS, 0))
         counters.messages += 1
         received.append(Received(known.source, message))
+        self.tries += MESSAGE_TRIES
         return True
 
     def _is_unknown(self, data: bytes, at: int, length: int) -> bool:
@@ -224,12 +274,43 @@ class Decoder:
         Its checksum cannot be told: it may be garbage that hides good frames.
         """
         frame = data[at : at + length]
-        if _number(frame) in _KINDS or not _may_be_unknown_frame(data, at, at + length):
+        if _number(frame) in _KINDS or not self._may_be_unknown(data, at, at + length):
             return False
         self.counters.unknown += 1
         if self._tap is not None:
             self._tap(frame, False)
         return True
+
+    def _may_be_unknown(self, data: bytes, at: int, to: int) -> bool:
+        """Whether what stands behind a frame of an unknown number speaks for it.
+
+        It ends where the data end or the next frame begins, and no good frame begins inside it.
+        """
+        if to < len(data) and data[to] not in (_MARKER_V1, _MARKER_V2):
+            return False
+        return not self._begins_between(data, at + 1, to)
+
+    def _begins_between(self, data: bytes, at: int, to: int) -> bool:
+        """Whether a good frame begins from `at` to before `to`; no place is tried twice.
+
+        `at` never goes back within a call of `feed`, so what was looked through before counts.
+        Where there are too many places, one is taken to be good: nothing is lost by that.
+        """
+        if self._frame_at >= at:
+            return self._frame_at < to
+        place, enough = max(at, self._looked_to), self.tries + FALSE_TRIES_MAX
+        while place < to and self.tries < enough:
+            found = _next_marker(data, place, to)
+            if found is None:
+                self._looked_to = to
+                return False
+            place = found.start() + 1
+            self._looked_to = place
+            self.tries += 1
+            if _good_frame(data, place - 1):
+                self._frame_at = place - 1
+                return True
+        return place < to
 
     def _count(self, sequence: int) -> None:
         """A frame of the sender that is watched, and the gap before it."""
@@ -275,8 +356,8 @@ class Decoder:
 
     def _skip_to_marker(self, data: bytes, at: int) -> int:
         """The next place after `at` where a frame may begin."""
-        found = [i for i in (data.find(_MARKER_V2, at + 1), data.find(_MARKER_V1, at + 1)) if i > 0]
-        to = min(found, default=len(data))
+        found = _next_marker(data, at + 1)
+        to = len(data) if found is None else found.start()
         self.counters.skipped_bytes += to - at
         return to
 
@@ -293,12 +374,15 @@ def starts_with_frame(data: bytes) -> bool:
 
 def first_frame(data: bytes) -> bytes:
     """The whole frame of a known message that a datagram begins with; empty if it does not."""
-    if not data:
+    return _good_frame(data, 0)
+
+
+def _good_frame(data: bytes, at: int) -> bytes:
+    """The whole frame of a known message, checksum right, that begins here; empty if none does."""
+    length = _frame_length(data, at) if at < len(data) else 0
+    if length == 0 or at + length > len(data):
         return b""
-    length = _frame_length(data, 0)
-    if length == 0 or length > len(data):
-        return b""
-    frame = data[:length]
+    frame = data[at : at + length]
     kind = _KINDS.get(_number(frame))
     to = length - _CHECKSUM - (_SIGNATURE if frame[0] == _MARKER_V2 and frame[2] else 0)
     good = kind is not None and (
@@ -326,19 +410,6 @@ def _frame_length(data: bytes, at: int) -> int:
             return _HEADER_V1 + _CHECKSUM
         return _HEADER_V1 + data[at + 1] + _CHECKSUM
     return 0
-
-
-def _may_be_unknown_frame(data: bytes, at: int, to: int) -> bool:
-    """Whether what stands behind a frame of an unknown number speaks for it.
-
-    It ends where the data end or the next frame begins, and no good frame begins inside it.
-    """
-    if to < len(data) and data[to] not in (_MARKER_V1, _MARKER_V2):
-        return False
-    return not any(
-        data[i] in (_MARKER_V1, _MARKER_V2) and starts_with_frame(data[i:])
-        for i in range(at + 1, to)
-    )
 
 
 def _number(frame: bytes) -> bytes:
