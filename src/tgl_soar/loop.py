@@ -2,6 +2,10 @@
 
 All that is done between two ticks is here or called from here; `process` opens the links before
 it and lets go after it.
+
+The link to the autopilot goes first, and its tick with it; other links are read in the time that
+is left, each only so far as `link.routes` lets it between two ticks.  What else they bring waits in
+the kernel, wakes nobody, and is dropped there if it is too much.
 """
 
 from __future__ import annotations
@@ -12,7 +16,7 @@ from typing import Final
 
 from tgl_soar import realtime
 from tgl_soar.guard import LifeSign
-from tgl_soar.link.transport import Transport, UdpListener
+from tgl_soar.link.transport import MAX_DATAGRAMS, Transport, UdpListener
 from tgl_soar.mocap import MocapFeed
 from tgl_soar.onboard import Onboard
 
@@ -43,41 +47,26 @@ def run(
     first, pacer = transports[0], onboard.pacer
     pacer.begin(now_s)
     watch = _Watch(began_s)
-    generations = [transport.generation for transport in transports]
+    links = Links(onboard, transports, clock, mocap, life)
     poses = mocap.filenos() if mocap is not None else []
     while not stop():
-        fds = [transport.fileno() for transport in transports]
         rehearsal_s = inf if thrifty else onboard.rehearsal_s
         until_s = min(onboard.wake_s(now_s), rehearsal_s)
-        now_s, ready = waiter.wait([*poses, *fds], until_s, pacer.expected_s)
+        now_s, ready = waiter.wait([*poses, *links.filenos()], until_s, pacer.expected_s)
         if now_s >= rehearsal_s and not ready:
             onboard.rehearse()
             pacer.rehearsed(rehearsal_s, clock())
             continue
         if mocap is not None:
             _take_poses(onboard, mocap, now_s)
-        for link, transport in enumerate(transports):
-            # A stream also writes what waits, and what cannot be waited for is looked at.
-            if fds[link] >= 0 and fds[link] not in ready and not transport.is_stream:
-                continue
-            received = transport.receive(now_s)
-            if transport.generation != generations[link]:
-                generations[link] = transport.generation
-                onboard.relinked(link)
-            for data in received:
-                # In lockstep a pose is sent before the attitude of its step: so it is taken first.
-                if mocap is not None:
-                    _take_poses(onboard, mocap, now_s)
-                onboard.event(data, now_s, link)
-                if onboard.overdue(clock()):  # a flood must not hold up the tick
-                    onboard.periodic(clock())
+        links.read_autopilot(ready, now_s)
         if onboard.due(now_s):
             onboard.periodic(now_s)
             pacer.done(now_s, clock())
         else:
             onboard.idle(now_s)
-        if life is not None:
-            _show_life(life, onboard, first)
+        links.show_life()
+        links.read_others(ready, now_s)
         if watch.is_silent(onboard.session.counters.heartbeats, now_s):
             say(_why_silent(onboard, first))
         if timeout_s is not None and now_s - began_s > timeout_s and not onboard.session.is_heard:
@@ -91,14 +80,90 @@ def _take_poses(onboard: Onboard, mocap: MocapFeed, now_s: float) -> None:
         onboard.pose(data, sender, now_s)
 
 
-def _show_life(life: LifeSign, onboard: Onboard, first: Transport) -> None:
-    """The loop has gone round once more."""
-    life.show(
-        onboard.has_surfaces,
-        version1=onboard.decoder.only_v1,
-        peer=first.peer if isinstance(first, UdpListener) else None,
-        timestamp=onboard.signing.timestamp,
-    )
+class Links:
+    """The links of one flight, read in turn; the first leads to the autopilot."""
+
+    def __init__(
+        self,
+        onboard: Onboard,
+        transports: Sequence[Transport],
+        clock: Callable[[], float],
+        mocap: MocapFeed | None = None,
+        life: LifeSign | None = None,
+    ) -> None:
+        self._onboard = onboard
+        self._clock = clock
+        self._transports = transports
+        self._mocap = mocap
+        self._life = life
+        self._generations = [transport.generation for transport in transports]
+
+    def filenos(self) -> list[int]:
+        """What to wait on: no link that has had its share of this tick."""
+        return [
+            transport.fileno() if link == 0 or self._onboard.has_more_tries(link) else -1
+            for link, transport in enumerate(self._transports)
+        ]
+
+    def read_autopilot(self, ready: Sequence[int], now_s: float) -> None:
+        """All that has come from the autopilot, and the ticks that cannot wait for its end."""
+        onboard, clock = self._onboard, self._clock
+        if not self._may_have_come(0, ready):
+            return
+        transport = self._transports[0]
+        for data in self._received(0, now_s, MAX_DATAGRAMS):
+            # In lockstep a pose is sent before the attitude of its step: so it is taken first.
+            if self._mocap is not None:
+                _take_poses(onboard, self._mocap, now_s)
+            if onboard.event(data, now_s):
+                transport.hold(now_s)
+            if onboard.overdue(clock()):  # a flood must not hold up the tick
+                onboard.periodic(clock())
+                self.show_life()
+
+    def read_others(self, ready: Sequence[int], now_s: float) -> None:
+        """What has come from others, as far as there is time for it."""
+        for link in range(1, len(self._transports)):
+            if self._may_have_come(link, ready) or self._onboard.is_waiting(link):
+                self._read_other(link, now_s)
+
+    def show_life(self) -> None:
+        """The loop has gone round once more."""
+        if self._life is None:
+            return
+        onboard, first = self._onboard, self._transports[0]
+        self._life.show(
+            onboard.has_surfaces,
+            version1=onboard.decoder.only_v1,
+            peer=first.peer if isinstance(first, UdpListener) else None,
+            timestamp=onboard.signing.timestamp,
+        )
+
+    def _may_have_come(self, link: int, ready: Sequence[int]) -> bool:
+        """A stream also writes what waits, and what cannot be waited for is looked at."""
+        transport = self._transports[link]
+        fd = transport.fileno()
+        return fd < 0 or fd in ready or transport.is_stream
+
+    def _read_other(self, link: int, now_s: float) -> None:
+        onboard, transport = self._onboard, self._transports[link]
+        while not onboard.overdue(self._clock()) and onboard.may_read(link):
+            data = b""
+            if not onboard.is_waiting(link):
+                received = self._received(link, now_s, 1)
+                if not received:
+                    return
+                data = received[0]
+            if onboard.event(data, now_s, link):
+                transport.hold(now_s)
+
+    def _received(self, link: int, now_s: float, most: int) -> list[bytes]:
+        transport = self._transports[link]
+        received = transport.receive(now_s, most)
+        if transport.generation != self._generations[link]:
+            self._generations[link] = transport.generation
+            self._onboard.relinked(link)
+        return received
 
 
 class _Watch:

@@ -377,6 +377,7 @@ class Onboard:
         self._autopilot.decoder.watch(self.session.autopilot)
         self._values = setup.parameters
         self._laws = laws_of(setup, setup.parameters)
+        self._laws_stale = False
         self._op_engage = setup.parameters["OP_ENGAGE"]
         self._engage = self._op_engage >= 0.5
         self._telemetry_bytes_per_s = setup.parameters["TEL_BUDGET"]
@@ -450,12 +451,25 @@ class Onboard:
 
     # --- event --------------------------------------------------------------------------------
 
-    def event(self, data: bytes, now_s: float, link: int = 0) -> None:
-        """Bytes have come from a link."""
+    def may_read(self, link: int) -> bool:
+        """Whether another link than the first may be read once more before the next tick."""
+        return self._routes[link].may_read()
+
+    def has_more_tries(self, link: int) -> bool:
+        """Whether a link may be read at all before the next tick."""
+        return self._routes[link].tries_left > 0
+
+    def is_waiting(self, link: int) -> bool:
+        """Whether `event` is to be called once more, with no bytes: there was too much."""
+        return self._routes[link].decoder.is_waiting
+
+    def event(self, data: bytes, now_s: float, link: int = 0) -> bool:
+        """Bytes have come from a link; whether there were messages that were accepted."""
         route = self._routes[link]
         if route is self._autopilot:
             self._piece = data if len(data) <= PIECE_BYTES else b""
-        for received in route.decoder.feed(data):
+        messages = route.take(data)
+        for received in messages:
             route.heard(received.source)
             route.match_version()
             if not route.greeted:
@@ -464,6 +478,7 @@ class Onboard:
                 self._measure(route, received, now_s)
             else:
                 self._take(route, received, now_s)
+        return len(messages) > 0
 
     def pose(self, data: bytes, sender: tuple[str, int], now_s: float) -> None:
         """A datagram has come from a motion-capture server, or from somebody who plays it."""
@@ -719,12 +734,17 @@ class Onboard:
             self.session.set_loop_rate(rate_hz)
             self.pacer.set_rate(rate_hz)
         self._values = values
-        self._recorder.parameters(values)
-        self._laws = laws_of(self._setup, values)
+        self._laws_stale = True
         self._op_engage = values["OP_ENGAGE"]
         self._engage = self._op_engage >= 0.5
         self._telemetry_bytes_per_s = values["TEL_BUDGET"]
         self._want_pilot_switch()
+
+    def _renew_laws(self) -> None:
+        """Before a tick, once for however many parameters were set since the last one."""
+        self._laws_stale = False
+        self._recorder.parameters(self._values)
+        self._laws = laws_of(self._setup, self._values)
         self.counters.laws_changed += 1
 
     def _want_pilot_switch(self) -> None:
@@ -779,9 +799,17 @@ class Onboard:
         self.strain.tick(counters, late, skipped)
         self._slow(now_s)
         self._tell_strain(now_s)
+        self._refill()
+
+    def _refill(self) -> None:
+        for route in self._routes:
+            route.refill()
 
     def idle(self, now_s: float) -> None:
-        """Lockstep before the first attitude: we are here, and all else waits for its clock."""
+        """No tick was due.  Lockstep: nothing can come late, and other links are read on; before
+        the first attitude we are here, and all else waits for its clock."""
+        if self._lockstep:
+            self._refill()
         if self._lockstep and not self._vehicle_clock:
             self._show_presence(now_s)
             if self.mocap is not None:
@@ -843,6 +871,8 @@ class Onboard:
 
     def _tick(self, time_s: float) -> None:
         self.counters.ticks += 1
+        if self._laws_stale:
+            self._renew_laws()
         session, flavour = self.session, self._setup.flavour
         status = session.status
         if self._enters_mode and not self._active and not session.mismatch:

@@ -319,6 +319,17 @@ def test_a_listener_takes_only_who_signs_for_its_peer() -> None:
     assert is_peer(bytes(autopilot.pack(mavlink.MAVLink(None, 1, 1))))
 
 
+def test_a_recorded_frame_takes_no_place() -> None:
+    ours, theirs = signing(), peer()
+    is_peer, recorded = peers_of(ours, None), frame(theirs)
+    assert is_peer(recorded)
+    assert is_peer(recorded)  # to ask remembers nothing
+    assert ours.lets_in(recorded)
+    assert not is_peer(recorded)
+    assert is_peer(frame(theirs))
+    assert not is_peer(frame(peer(ticks=NOW_TICKS - 61 * TICKS_PER_S, link=4)))
+
+
 # --- files ------------------------------------------------------------------------------------
 
 

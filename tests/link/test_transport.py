@@ -14,6 +14,7 @@ from free_ports import free_port
 from tgl_soar.link.transport import (
     MAX_DATAGRAMS,
     PEER_SILENCE_S,
+    STRANGERS,
     LinkError,
     SerialLink,
     TcpLink,
@@ -85,6 +86,52 @@ def test_a_stranger_cannot_take_the_place_of_a_live_peer(
         assert received(listener, 10.1 + PEER_SILENCE_S) == [b"frame of another"]
         assert listener.peer is not None
         assert listener.peer[1] == stranger.getsockname()[1]
+
+
+@pytest.mark.parametrize("kept_up_with", [b"!", b"frame of old"])
+def test_bytes_that_nobody_accepts_hold_no_place(
+    kept_up_with: bytes, listener: UdpListener, peer: socket.socket
+) -> None:
+    """As a replay does it: a frame that took the place, then one byte a second."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as replay:
+        replay.sendto(b"frame of old", address(listener))
+        received(listener, 10.0)
+        for second in range(1, 5):
+            replay.sendto(kept_up_with, address(listener))
+            received(listener, 10.0 + second)
+        peer.sendto(b"frame", address(listener))
+        assert received(listener, 14.0) == [b"frame"]
+    assert listener.peer == peer.getsockname()
+
+
+def test_accepted_frames_hold_the_place(listener: UdpListener, peer: socket.socket) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        for second in range(10):
+            peer.sendto(b"frame", address(listener))
+            assert received(listener, second) == [b"frame"]
+            listener.hold(float(second))
+            stranger.sendto(b"frame of another", address(listener))
+            assert received(listener, second + 0.5) == []
+    assert listener.peer == peer.getsockname()
+
+
+def test_few_may_be_asked_for_and_strangers_do_not_count(
+    listener: UdpListener, peer: socket.socket
+) -> None:
+    peer.sendto(b"frame 0", address(listener))
+    assert received(listener) == [b"frame 0"]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        for _ in range(STRANGERS + 1):
+            stranger.sendto(b"frame of another", address(listener))
+        peer.sendto(b"frame 1", address(listener))
+        peer.sendto(b"frame 2", address(listener))
+        assert [link.receive(0.0, 1) for link in [listener] * 4] == [
+            [],
+            [b"frame 1"],
+            [b"frame 2"],
+            [],
+        ]
+    assert listener.counters.strangers == STRANGERS + 1
 
 
 def test_one_call_does_a_bounded_amount_of_work(listener: UdpListener, peer: socket.socket) -> None:

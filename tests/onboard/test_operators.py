@@ -568,7 +568,10 @@ class BreakingLink:
         self.sent.append(data)
         return True
 
-    def receive(self, now_s: float) -> list[bytes]:
+    def hold(self, now_s: float) -> None:
+        pass
+
+    def receive(self, now_s: float, most: int = 64) -> list[bytes]:  # noqa: ARG002
         self._calls += 1
         stamp = round(now_s * 1e3) & 0xFFFFFFFF
         messages = [

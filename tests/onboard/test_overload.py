@@ -172,7 +172,7 @@ def test_what_has_come_goes_before_a_rehearsal(monkeypatch: pytest.MonkeyPatch) 
     near, far = socket.socketpair()
     link: Any = SimpleNamespace(generation=0, fileno=near.fileno, is_stream=False)
 
-    def receive(_now_s: float) -> list[bytes]:
+    def receive(_now_s: float, _most: int) -> list[bytes]:
         done.append("received")
         return [near.recv(10)]
 
@@ -191,7 +191,7 @@ def test_a_thrifty_loop_rehearses_nothing(thrifty: bool, monkeypatch: pytest.Mon
     monkeypatch.setattr(Onboard, "rehearsal_s", 0.0)
     monkeypatch.setattr(Onboard, "rehearse", lambda _self: rehearsed.append(1))
     silent: Any = SimpleNamespace(generation=0, fileno=lambda: -1, is_stream=False)
-    silent.receive = lambda _now_s: []
+    silent.receive = lambda _now_s, _most: []
     rounds = iter((False, False, True))
     loop.run(flight.onboard, [silent], lambda: next(rounds), print, thrifty=thrifty)
     assert sum(rehearsed) == (0 if thrifty else 2)

@@ -76,7 +76,10 @@ class Conversation:
         now_s = time.monotonic()
         heard: list[object] = []
         for data in self._transport.receive(now_s):
-            for received in route.decoder.feed(data):
+            messages = route.decoder.feed(data)
+            if messages:
+                self._transport.hold(now_s)
+            for received in messages:
                 route.match_version()
                 if received.source == self.autopilot:
                     heard.append(received.message)

@@ -6,6 +6,9 @@ the autopilot routes between its own links, or on a link of its own.  An answer 
 the question came from; what concerns everybody goes out everywhere.  Nothing is passed on from
 one link to another: that is a router's work.
 
+What came over any but the first link is read little by little: of its `TRIES` (as the decoder
+counts work) a link gets so many anew with each tick, whatever it is sent.
+
 A link speaks MAVLink 1 as long as nothing but MAVLink 1 has come over it.
 """
 
@@ -14,11 +17,17 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from typing import Final, TypeAlias
 
-from .codec import Decoder, Encoder
-from .messages import Source
+from .codec import UNLIMITED, Decoder, Encoder
+from .messages import Received, Source
 from .signing import Signing, source_of
 
 MAX_SENDERS: Final = 32  # remembered on each link
+
+# Interpreted, a try takes some 5 us, and so all of a tick's half a millisecond: a tenth of a
+# period of 5 ms.  It is 6 messages of a station in datagrams of their own, 1200 a second: many
+# times what a telemetry radio or a bridge of a tracking system brings.
+TRIES: Final = 100
+READ_TRIES: Final = 8  # to read once from a link: `transport.STRANGERS` datagrams at most
 
 Send: TypeAlias = Callable[[bytes], bool]
 
@@ -49,6 +58,7 @@ class Route:
         self._known = frozenset(known)
         self._tap = tap
         show = None if tap is None else self._show
+        self.tries_left = UNLIMITED if number == 0 else TRIES
         self.decoder = Decoder(stream=stream, accept=self._accept, tap=show)
         self.own = Encoder(own, signing, number)
         self.override = self.own if override == own else Encoder(override, signing, number)
@@ -69,6 +79,26 @@ class Route:
         """To whoever keeps a log."""
         assert self._tap is not None
         self._tap(frame, accepted and source_of(frame).system in self._known)
+
+    def may_read(self) -> bool:
+        """Whether to read once more before the next tick; it is counted."""
+        if self.tries_left <= 0:
+            return False
+        self.tries_left -= READ_TRIES
+        return True
+
+    def take(self, data: bytes) -> list[Received]:
+        """The messages of what came, or of what waits (then `data` is empty), as far as may be."""
+        if self.number == 0:
+            return self.decoder.feed(data)
+        received = self.decoder.feed(data, self.tries_left)
+        self.tries_left -= self.decoder.tries
+        return received
+
+    def refill(self) -> None:
+        """A tick is over.  What was done too much is a debt."""
+        if self.number != 0:
+            self.tries_left = min(TRIES, self.tries_left + TRIES)
 
     def heard(self, source: Source) -> None:
         """Somebody has spoken on this link."""

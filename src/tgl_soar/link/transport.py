@@ -5,9 +5,11 @@
     tcp:HOST:PORT          connect
     serial:/dev/ttyX:BAUD  a serial line (serial:/dev/ttyX alone: 921600)
 
-A UDP listener takes its peer from a datagram only if that is a MAVLink frame with a right
-checksum, and keeps this peer: another may follow when the old one has been silent for
-`PEER_SILENCE_S`.  A serial line or a connection that is lost is tried again once a second.
+A UDP listener takes its peer from a datagram only if that begins with a frame that would be
+accepted: checksum right, and with a key signed, and later than all that was heard before.  The
+peer holds its place by accepted frames alone (`hold`); bytes, refused frames and frames recorded
+earlier hold nothing.  Another may follow when nothing was accepted for `PEER_SILENCE_S`.  A serial
+line or a connection that is lost is tried again once a second.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ PEER_SILENCE_S: Final = 3.0
 RETRY_S: Final = 1.0
 CONNECT_TIMEOUT_S: Final = 3.0
 MAX_DATAGRAMS: Final = 64  # in one call: the tick must not wait for a flood
+STRANGERS: Final = 16  # datagrams looked at for one that is the peer's
 MAX_DATAGRAM_BYTES: Final = 2048
 MAX_READ_BYTES: Final = 16384
 MAX_UNSENT_BYTES: Final = 1024  # of a stream that does not drain: beyond it, dropped, not late
@@ -64,8 +67,12 @@ class Transport(Protocol):
         """To wait on; -1 while there is nothing to wait on."""
         ...
 
-    def receive(self, now_s: float) -> list[bytes]:
-        """What has come: whole datagrams, or whole reads of a stream.  Bounded."""
+    def receive(self, now_s: float, most: int = MAX_DATAGRAMS) -> list[bytes]:
+        """What has come: at most so many whole datagrams, or one whole read of a stream."""
+        ...
+
+    def hold(self, now_s: float) -> None:
+        """A frame of what came was accepted: the far end is who it should be."""
         ...
 
     def send(self, data: bytes) -> bool:
@@ -153,6 +160,9 @@ class _Udp:
     def fileno(self) -> int:
         return self._socket.fileno()
 
+    def hold(self, now_s: float) -> None:
+        pass
+
     def close(self) -> None:
         self._socket.close()
 
@@ -181,7 +191,7 @@ class UdpListener(_Udp):
         family, address = _resolve(text, host, port, socket.SOCK_DGRAM)
         super().__init__(text, family)
         self.peer: tuple[str, int] | None = None
-        self._heard_s = 0.0
+        self._accepted_s = 0.0  # when a frame of the peer was accepted last
         self._is_frame = is_frame
         try:
             self._socket.bind(address)
@@ -189,26 +199,34 @@ class UdpListener(_Udp):
             self._socket.close()
             raise LinkError(_why_not_bound(text, host, port, error)) from None
 
-    def receive(self, now_s: float) -> list[bytes]:
+    def receive(self, now_s: float, most: int = MAX_DATAGRAMS) -> list[bytes]:
         received: list[bytes] = []
-        for _ in range(MAX_DATAGRAMS):
+        for _ in range(min(MAX_DATAGRAMS, STRANGERS * most)):
             datagram = self._next()
             if datagram is None:
                 break
             data, sender = datagram
-            if sender != self.peer:
-                silent = self.peer is None or now_s - self._heard_s > PEER_SILENCE_S
-                if not silent or not self._is_frame(data):
-                    self.counters.strangers += 1
-                    continue
-                self.peer = sender
-                self.generation += 1
-            self._heard_s = now_s
-            self.counters.bytes_in += len(data)
-            received.append(data)
-            if not self._has_more():
+            if sender == self.peer or self._becomes_peer(data, sender, now_s):
+                self.counters.bytes_in += len(data)
+                received.append(data)
+            else:
+                self.counters.strangers += 1
+            if len(received) == most or not self._has_more():
                 break
         return received
+
+    def _becomes_peer(self, data: bytes, sender: tuple[str, int], now_s: float) -> bool:
+        """Whether the place is free, and this is a frame that would be accepted."""
+        is_free = self.peer is None or now_s - self._accepted_s > PEER_SILENCE_S
+        if not is_free or not self._is_frame(data):
+            return False
+        self.peer = sender
+        self.generation += 1
+        self._accepted_s = now_s
+        return True
+
+    def hold(self, now_s: float) -> None:
+        self._accepted_s = now_s
 
     def _next(self) -> tuple[bytes, tuple[str, int]] | None:
         """The next datagram and its sender."""
@@ -253,7 +271,11 @@ class UdpSpeaker(_Udp):
             self._socket.close()
             raise LinkError(f"link {text!r}: no way to {host}: {error.strerror}") from None
 
-    def receive(self, now_s: float) -> list[bytes]:  # noqa: ARG002 - a Transport is given the time
+    def receive(
+        self,
+        now_s: float,  # noqa: ARG002 - a Transport is given the time
+        most: int = MAX_DATAGRAMS,
+    ) -> list[bytes]:
         received: list[bytes] = []
         for _ in range(MAX_DATAGRAMS):
             try:
@@ -264,7 +286,7 @@ class UdpSpeaker(_Udp):
                 break
             self.counters.bytes_in += len(data)
             received.append(data)
-            if not self._has_more():
+            if len(received) == most or not self._has_more():
                 break
         return received
 
@@ -308,7 +330,10 @@ class _Stream:
             self._release()
         self._unsent.clear()
 
-    def receive(self, now_s: float) -> list[bytes]:
+    def hold(self, now_s: float) -> None:
+        pass
+
+    def receive(self, now_s: float, most: int = MAX_DATAGRAMS) -> list[bytes]:  # noqa: ARG002
         if self._fd < 0 and not self._retried(now_s):
             return []
         self._drain(b"")
