@@ -174,6 +174,7 @@ class Counters:
     surface_frames: int = 0
     release_frames: int = 0
     unsent: int = 0  # frames that the link did not take
+    left_out: int = 0  # of these, commands that would have come too late
     unsendable: int = 0  # messages that could not be packed: a mistake of ours
     laws_changed: int = 0
     telemetry_shed: int = 0  # messages that were due while ticks came late
@@ -314,6 +315,8 @@ class Onboard:
         keep_key: Callable[[bytes], None] | None = None,
         recorder: Recorder = NO_RECORDER,
         start: int = 1,
+        send_command: Callable[[bytes], bool] | None = None,
+        clear_for_release: Callable[[], bool] | None = None,
     ) -> None:
         """`stream`: the link may cut frames anywhere.  `console`: where words go locally.
         `store`: keeps changed parameters.  `first_words`: told once the autopilot is heard.
@@ -322,6 +325,8 @@ class Onboard:
         need not sign on its own link.  `keep_key`: keeps a key that came over the air, or raises
         OSError; without it none is taken.  `recorder`: is told all that a log holds.  `start`:
         tells this module from another one that was given the same identity by mistake.
+
+        `send_command`, `clear_for_release`: as `Route` takes them, for the first link.
         """
         self.counters = Counters()
         self.texts = StatusTexts()
@@ -373,7 +378,14 @@ class Onboard:
         self._attitude_stepped = False  # since the last TIMESYNC
         self._timesync_ahead_s = float("nan")  # of its stamp, before an attitude's
         self._routes: list[Route] = []
-        self._autopilot = self._routes[self.add_link(send, stream=stream)]
+        self._autopilot = self._routes[
+            self.add_link(
+                send,
+                stream=stream,
+                send_command=send_command,
+                clear_for_release=clear_for_release,
+            )
+        ]
         self._autopilot.decoder.watch(self.session.autopilot)
         self._values = setup.parameters
         self._laws = laws_of(setup, setup.parameters)
@@ -409,10 +421,19 @@ class Onboard:
         self._duplicate_told_s = float("-inf")
         self._strain_told_s = float("-inf")
         self._late_told = 0
+        self._slow_link_told_s = float("-inf")
+        self._left_out_told = 0
         self._reboots = 0
         self._want_pilot_switch()
 
-    def add_link(self, send: Callable[[bytes], bool], *, stream: bool = False) -> int:
+    def add_link(
+        self,
+        send: Callable[[bytes], bool],
+        *,
+        stream: bool = False,
+        send_command: Callable[[bytes], bool] | None = None,
+        clear_for_release: Callable[[], bool] | None = None,
+    ) -> int:
         """One more link; its number.  The first leads to the autopilot."""
         setup, number = self._setup, len(self._routes)
         excused = self.session.autopilot if number == 0 and self._unsigned_autopilot else None
@@ -427,6 +448,8 @@ class Onboard:
                 excused=excused,
                 known=_known_systems(setup),
                 tap=partial(self._recorder.heard, number),
+                send_command=send_command,
+                clear_for_release=clear_for_release,
             )
         )
         return number
@@ -799,6 +822,7 @@ class Onboard:
         self.strain.tick(counters, late, skipped)
         self._slow(now_s)
         self._tell_strain(now_s)
+        self._tell_slow_link(now_s)
         self._refill()
 
     def _refill(self) -> None:
@@ -896,12 +920,13 @@ class Onboard:
         if output.health.faults & (JUMP | WRONG):  # what else there is, the sources see themselves
             session.sources.doubt(time_s)
         if output.active and _can_be_said(output, self._loops):
-            self._say_surfaces(flavour.commands(output.command, output.setpoints))
+            self._command_surfaces(flavour.commands(output.command, output.setpoints))
             self.counters.surface_frames += 1
             self._releases = 0
         elif self._active and not output.active:
             self._releases = RELEASE_FRAMES
             self._release_due_s = time_s
+            self._clear_for_release()
             if session.status.accepts_surfaces:
                 self._mode_change.leave(time_s, session.status.time_s)
         if self._releases > 0 and time_s >= self._release_due_s:
@@ -940,7 +965,7 @@ class Onboard:
             pitch_rad = self.output.vehicle.pitch_rad
             if isfinite(pitch_rad):
                 level = Setpoints(pitch_rad, 0.0, 0.0)
-                self._say_surfaces(self._setup.flavour.commands(SurfaceCommand(0, 0, 0), level))
+                self._command_surfaces(self._setup.flavour.commands(SurfaceCommand(0, 0, 0), level))
 
     def _mode_changed(self, output: autopilot.Output) -> None:
         self._mode = self.session.presence.mode = output.mode
@@ -1043,6 +1068,18 @@ class Onboard:
             self.tell(SEVERITY_WARNING, f"computer too busy: {late - self._late_told} ticks late")
             self._late_told = late
 
+    def _tell_slow_link(self, now_s: float) -> None:
+        """A line that does not carry the commands is told of, now and then."""
+        left_out = self.counters.left_out - self._left_out_told
+        if now_s < self._slow_link_told_s + STRAIN_TOLD_S or left_out < LATE_TOLD:
+            return
+        self._slow_link_told_s = now_s
+        self._left_out_told = self.counters.left_out
+        self.tell(
+            SEVERITY_WARNING,
+            f"link too slow: {left_out} commands left out; raise its baud rate or lower LOOP_RATE",
+        )
+
     def _list_parameters(self, now_s: float) -> None:
         """Values go out where somebody has asked for any."""
         if not self.parameters.is_busy:
@@ -1101,6 +1138,7 @@ class Onboard:
         """The process ends: give the surfaces back, and say so."""
         parting = self._mode_change.parting(obeys=self.session.status.accepts_surfaces)
         if self._active or self._releases or self._mode_change.is_changing:
+            self._clear_for_release()
             for _ in range(RELEASE_FRAMES):
                 self._release()
                 self._say_all(list(parting), self._autopilot)
@@ -1129,10 +1167,30 @@ class Onboard:
         self._say_surfaces(self._setup.flavour.release())
         self.counters.release_frames += 1
 
+    def _clear_for_release(self) -> None:
+        """What is still on its way is older.  A frame that was cut takes what comes behind it for
+        its own end, up to its length: so the first release goes out several times at once."""
+        if self._autopilot.clear_for_release():
+            for _ in range(RELEASE_FRAMES):
+                self._release()
+
     def _say_surfaces(self, messages: tuple[Said, ...]) -> None:
         route = self._autopilot
         for message in messages:
             self._send_frame(route, route.override, message)
+
+    def _command_surfaces(self, messages: tuple[Said, ...]) -> None:
+        """What a tick asks for, if it goes at once; else the next tick's is newer."""
+        route = self._autopilot
+        for message in messages:
+            frame = _frame_of(message, route.override) if route.greeted else b""
+            if frame is None:
+                self.counters.unsendable += 1
+            elif frame and route.send_command(frame):
+                self._recorder.frame(frame)
+            elif frame:
+                self.counters.unsent += 1
+                self.counters.left_out += 1
 
     def _say_all(self, messages: list[Said], route: Route | None = None) -> None:
         for message in messages:

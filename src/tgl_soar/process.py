@@ -387,6 +387,7 @@ def _give_back(plan: Plan, sign: guard.Sign, became: str) -> None:
     frames = [route.override.encode(message) for message in setup.flavour.release()]
     words = StatusTexts().chunks(SEVERITY_CRITICAL, f"surfaces given back: module {became}")
     try:
+        transport.clear_for_release()
         for _ in range(RELEASE_FRAMES):
             for frame in frames:
                 transport.send(frame)
@@ -539,6 +540,8 @@ def _fly(
         keep_key=partial(save_key, key_file) if key_file and secret.allow_setup else None,
         recorder=recorder or NO_RECORDER,
         start=secrets.randbits(24),
+        send_command=first.send_command,
+        clear_for_release=first.clear_for_release,
     )
     for other in others:
         onboard.add_link(other.send, stream=other.is_stream)

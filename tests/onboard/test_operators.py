@@ -571,6 +571,12 @@ class BreakingLink:
     def hold(self, now_s: float) -> None:
         pass
 
+    def send_command(self, data: bytes) -> bool:
+        return self.send(data)
+
+    def clear_for_release(self) -> bool:
+        return False
+
     def receive(self, now_s: float, most: int = 64) -> list[bytes]:  # noqa: ARG002
         self._calls += 1
         stamp = round(now_s * 1e3) & 0xFFFFFFFF

@@ -53,6 +53,12 @@ class Peer:
         self.sent.append(data)
         return True
 
+    def send_command(self, data: bytes) -> bool:
+        return self.send(data)
+
+    def clear_for_release(self) -> bool:
+        return False
+
     def close(self) -> None:
         pass
 

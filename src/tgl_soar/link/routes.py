@@ -47,14 +47,19 @@ class Route:
         excused: Source | None = None,
         known: Collection[int] = (),
         tap: Callable[[bytes, bool], None] | None = None,
+        send_command: Send | None = None,
+        clear_for_release: Callable[[], bool] | None = None,
     ) -> None:
         """`stream`: the link may cut frames anywhere.  `excused`: who need not sign here.
 
         `tap`: is shown every frame that comes, and whether it is wanted: accepted, and of one of
-        the `known` systems.
+        the `known` systems.  `send_command`, `clear_for_release`: as a transport has them; without
+        them commands are sent as all else is.
         """
         self.number = number
         self.send = send
+        self.send_command = send_command or send
+        self.clear_for_release = clear_for_release or _nothing_waits
         self._known = frozenset(known)
         self._tap = tap
         show = None if tap is None else self._show
@@ -123,3 +128,7 @@ class Route:
     def match_version(self) -> None:
         """Speak as the far end does."""
         self.own.version1 = self.override.version1 = self.decoder.only_v1
+
+
+def _nothing_waits() -> bool:
+    return False

@@ -10,6 +10,13 @@ accepted: checksum right, and with a key signed, and later than all that was hea
 peer holds its place by accepted frames alone (`hold`); bytes, refused frames and frames recorded
 earlier hold nothing.  Another may follow when nothing was accepted for `PEER_SILENCE_S`.  A serial
 line or a connection that is lost is tried again once a second.
+
+A command of the surfaces is worth sending now or not at all.  On a serial line that is slower than
+what is sent, commands would queue up in the kernel, each later than the last, and the release
+behind them.  So one that would begin more than `COMMAND_LATE_S` late is left out: the next one is
+newer, and a line that is always full carries the newest as often as it can.  To throw away what
+waits and send the new one instead would cut the frame that is on the wire, at each tick anew, and
+none would arrive.  `clear_for_release` does so once.
 """
 
 from __future__ import annotations
@@ -19,6 +26,7 @@ import fcntl
 import ipaddress
 import os
 import socket
+import sys
 import termios
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -33,6 +41,12 @@ STRANGERS: Final = 16  # datagrams looked at for one that is the peer's
 MAX_DATAGRAM_BYTES: Final = 2048
 MAX_READ_BYTES: Final = 16384
 MAX_UNSENT_BYTES: Final = 1024  # of a stream that does not drain: beyond it, dropped, not late
+BITS_PER_BYTE: Final = 10  # on a serial line: a start and a stop bit
+# A tick at 200 Hz: what begins later than that comes after a newer command could have.
+COMMAND_LATE_S: Final = 0.005
+# While commands go out, all else that would begin later is dropped, so that it leaves no longer
+# gap between two commands: a tenth of the 0.5 s after which an autopilot acts without them.
+OTHERS_LATE_S: Final = 0.05
 DEFAULT_BAUD: Final = 921_600
 
 _NOTHING: Final = bytes(4)
@@ -51,6 +65,7 @@ class LinkCounters:
     bytes_in: int = 0
     bytes_out: int = 0
     dropped_out: int = 0  # frames that could not be sent
+    left_out: int = 0  # of these, commands that would have come too late
     strangers: int = 0  # datagrams of somebody who is not the peer
     reconnects: int = 0
 
@@ -77,6 +92,14 @@ class Transport(Protocol):
 
     def send(self, data: bytes) -> bool:
         """Send one frame; False if it went nowhere."""
+        ...
+
+    def send_command(self, data: bytes) -> bool:
+        """Send one frame if it goes at once; False if it does not."""
+        ...
+
+    def clear_for_release(self) -> bool:
+        """Throw away what would hold up a release; whether a frame may have been cut."""
         ...
 
     def close(self) -> None:
@@ -166,6 +189,9 @@ class _Udp:
     def close(self) -> None:
         self._socket.close()
 
+    def clear_for_release(self) -> bool:
+        return False
+
     def _has_more(self) -> bool:
         """Whether another datagram waits; to fail to read it would take much longer.
 
@@ -242,6 +268,9 @@ class UdpListener(_Udp):
     def send(self, data: bytes) -> bool:
         return self.peer is not None and self._send_to(data, self.peer)
 
+    def send_command(self, data: bytes) -> bool:
+        return self.send(data)
+
 
 def _why_not_bound(text: str, host: str, port: int, error: OSError) -> str:
     if error.errno == errno.EADDRINUSE:
@@ -298,6 +327,9 @@ class UdpSpeaker(_Udp):
             return False
         self.counters.bytes_out += len(data)
         return True
+
+    def send_command(self, data: bytes) -> bool:
+        return self.send(data)
 
 
 class _Stream:
@@ -356,6 +388,12 @@ class _Stream:
             return False
         return self._drain(data)
 
+    def send_command(self, data: bytes) -> bool:
+        return self.send(data)
+
+    def clear_for_release(self) -> bool:
+        return False
+
     def _drain(self, data: bytes) -> bool:
         """Write what waits and what is new; the rest waits, so that no frame is cut."""
         self._unsent += data
@@ -394,6 +432,7 @@ class SerialLink(_Stream):
         super().__init__(text)
         self._device = device
         self._baud = baud
+        self._commands = False  # commands go out
         try:
             self._open()
         except LinkError:
@@ -418,6 +457,46 @@ class SerialLink(_Stream):
         settings[6][termios.VMIN] = 1
         termios.tcsetattr(fd, termios.TCSANOW, settings)
         self._fd = fd
+
+    def send(self, data: bytes) -> bool:
+        if self._commands and self.backlog_bytes() > self._bytes_in(OTHERS_LATE_S):
+            self.counters.dropped_out += 1
+            return False
+        return super().send(data)
+
+    def send_command(self, data: bytes) -> bool:
+        self._commands = True
+        if self.backlog_bytes() > max(len(data), self._bytes_in(COMMAND_LATE_S)):
+            self.counters.dropped_out += 1
+            self.counters.left_out += 1
+            return False
+        return super().send(data)
+
+    def clear_for_release(self) -> bool:
+        self._commands = False
+        if self._fd < 0 or self.backlog_bytes() <= self._bytes_in(COMMAND_LATE_S):
+            return False
+        self._unsent.clear()
+        try:
+            termios.tcflush(self._fd, termios.TCOFLUSH)
+        except termios.error:
+            return False  # the next read finds the line lost
+        return True
+
+    def backlog_bytes(self) -> int:
+        """What was sent and is not yet on the wire, as the driver counts it."""
+        if self._fd < 0:
+            return 0
+        queued = bytearray(4)
+        try:
+            fcntl.ioctl(self._fd, termios.TIOCOUTQ, queued)
+        except OSError:
+            return len(self._unsent)
+        return len(self._unsent) + int.from_bytes(queued, sys.byteorder)
+
+    def _bytes_in(self, time_s: float) -> float:
+        """What the line carries in a time."""
+        return time_s * self._baud / BITS_PER_BYTE
 
     def _reopen(self, now_s: float) -> bool:  # noqa: ARG002
         if not Path(self._device).exists():
