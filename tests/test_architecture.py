@@ -46,11 +46,12 @@ TABLE: dict[str, set[str]] = {
         "realtime",
         "flightlog",
     },
+    "line_load": {"onboard"},
     "guard": {"realtime"},
     "surface_check": {"link"},
     "preflight": {"link"},
     "loop": {"mocap", "onboard", "guard"},
-    "process": {"loop", "native"},
+    "process": {"line_load", "loop", "native"},
     "air": {"geometry"},
     "score": set(),
     "sim": {"autopilot", "air", "link", "config", "score"},
@@ -76,7 +77,7 @@ FLIES = {
     "types", "geometry", "parameters", "control", "estimation",
     "autopilot", "line_changes", "link", "config", "realtime", "onboard",
     "parameter_files", "parameter_store", "instruments", "process", "loop", "guard",
-    "flightlog", "mocap", "native",
+    "flightlog", "mocap", "native", "line_load",
 }  # fmt: skip
 STAYS_ON_THE_GROUND = {
     "logs",

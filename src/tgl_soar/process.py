@@ -21,7 +21,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from tgl_soar import __version__, guard, loop, native, realtime
+from tgl_soar import __version__, guard, line_load, loop, native, realtime
 from tgl_soar.config import (
     Airframe,
     ConfigError,
@@ -49,6 +49,7 @@ from tgl_soar.link.messages import (
     SEVERITY_CRITICAL,
     SEVERITY_ERROR,
     SEVERITY_NOTICE,
+    SEVERITY_WARNING,
     Heartbeat,
     Source,
 )
@@ -63,6 +64,7 @@ from tgl_soar.link.transport import (
     LinkError,
     Transport,
     UdpListener,
+    baud_of,
     is_open,
     open_link,
 )
@@ -326,6 +328,7 @@ def _run(plan: Plan, life: guard.LifeSign | None = None, became: str = "") -> in
     with _behind(plan.wishes, plan.lockstep):
         end_keeping = keep_timestamp(signing, plan.secret.key_file, _print)
     words = [(SEVERITY_ERROR, f"restarted: the flying process {became}")] if became else []
+    words += _too_slow(plan)
     try:
         return _fly(
             setup,
@@ -355,6 +358,16 @@ def _open(plan: Plan, text: str, signing: Signing) -> Transport:
     excused = Source(plan.setup.own.system, COMPONENT_AUTOPILOT)
     trusted = excused if text == plan.links[0] and plan.secret.unsigned_autopilot else None
     return open_link(text, peers_of(signing, trusted), realtime.clock_s())
+
+
+def _too_slow(plan: Plan) -> list[tuple[int, str]]:
+    """What is to be said of a serial line that does not carry the flight."""
+    baud = baud_of(plan.links[0])
+    if baud is None or plan.lockstep:
+        return []
+    load = line_load.load_of(plan.setup, signed=plan.secret.key_file is not None)
+    refusal = load.refusal(baud)
+    return [(SEVERITY_WARNING, refusal)] if refusal else []
 
 
 def _give_back(plan: Plan, sign: guard.Sign, became: str) -> None:

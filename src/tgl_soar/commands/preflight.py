@@ -10,10 +10,11 @@ import typer
 from rich.table import Table
 
 from tgl_soar.config import ConfigError, load_airframe, load_parameters, load_site
+from tgl_soar.line_load import load_of
 from tgl_soar.link.autopilots.requirements import MUST, Needs, wish
 from tgl_soar.link.keys import SigningError
-from tgl_soar.link.transport import LinkError
-from tgl_soar.onboard import flavour_of
+from tgl_soar.link.transport import LinkError, baud_of
+from tgl_soar.onboard import flavour_of, setup_from
 from tgl_soar.preflight import Preflight
 
 from .console import console, fail
@@ -45,13 +46,16 @@ def preflight(
             gps=place.mocap is None,
         )
         check = Preflight(flavour, needs, plane.autopilot.system_id)
+        baud = baud_of(link)
+        load = load_of(setup_from(plane, place, values), signed=signing_key is not None)
         with Conversation(link, plane, flavour, signing_key) as conversation:
             _read(check, conversation, timeout)
     except (ConfigError, LinkError, SigningError) as error:
         fail(error)
     except KeyboardInterrupt:
         fail("stopped", 130)
-    raise typer.Exit(_told(check, show_all=show_all))
+    too_slow = "" if baud is None else load.refusal(baud)
+    raise typer.Exit(_told(check, too_slow, show_all=show_all))
 
 
 def _read(check: Preflight, conversation: Conversation, timeout_s: float) -> None:
@@ -77,8 +81,8 @@ def _read(check: Preflight, conversation: Conversation, timeout_s: float) -> Non
             return
 
 
-def _told(check: Preflight, *, show_all: bool) -> int:
-    """The table, the way out, and the exit code."""
+def _told(check: Preflight, too_slow: str, *, show_all: bool) -> int:
+    """The table, the way out, and the exit code.  `too_slow`: why the line is, if it is."""
     route, findings, wrong = check.flavour.route, check.findings(), check.wrong()
     refusal = check.refusal()
     console.print(
@@ -99,8 +103,9 @@ def _told(check: Preflight, *, show_all: bool) -> int:
             do = finding.name if finding.ok else wish(finding)
             table.add_row(mark, now, do, finding.requirement.why)
         console.print(table)
-    if refusal:
-        console.print(refusal, style="red", highlight=False, soft_wrap=True)
+    for words in (refusal, too_slow):
+        if words:
+            console.print(words, style="red", highlight=False, soft_wrap=True)
     console.print(
         f"when the module falls silent: {route.after_silence}\n"
         f"the pilot takes over by: {route.takeover}",
@@ -108,8 +113,8 @@ def _told(check: Preflight, *, show_all: bool) -> int:
         soft_wrap=True,
     )
     unfit = [finding for finding in wrong if finding.requirement.level == MUST]
-    if unfit or refusal:
-        console.print("[red]not ready[/red]: change what stands above as MUST, then ask again")
+    if unfit or refusal or too_slow:
+        console.print("[red]not ready[/red]: change what stands above in red, then ask again")
         return 1
     if findings:
         console.print("[green]ready[/green]" + (", though it could be better" if wrong else ""))

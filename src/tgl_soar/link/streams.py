@@ -74,6 +74,10 @@ class StreamRequests:
             self._streams = wanted | self._streams | wanted if urgent else self._streams | wanted
             self._due_s = -inf
 
+    def all_wanted(self) -> list[Stream]:
+        """Every stream that is asked for."""
+        return [stream for stream in self._streams.values() if not stream.given_up]
+
     def wanted(self, message_id: int) -> Stream | None:
         """A stream that was asked for."""
         return self._streams.get(message_id)

@@ -137,6 +137,12 @@ def is_open(text: str) -> bool:
     return not all(ipaddress.ip_address(a.partition("%")[0]).is_loopback for a in found)
 
 
+def baud_of(text: str) -> int | None:
+    """The rate of a serial line of this form; None of another link.  Errors: `LinkError`."""
+    kind, _, rest = text.partition(":")
+    return _device_and_baud(text, rest)[1] if kind == "serial" else None
+
+
 def _host_and_port(text: str, rest: str) -> tuple[str, int]:
     host, separator, port = rest.rpartition(":")
     host = host.removeprefix("[").removesuffix("]")
