@@ -60,7 +60,8 @@ TABLE: dict[str, set[str]] = {
     "experiments": {"sim", "report", "config", "onboard"},
     "replay": {"onboard", "flightlog", "sim"},
     "commands": {"process", "surface_check", "preflight", "experiments", "replay"},
-    "cli": {"commands"},
+    "standard_streams": set(),
+    "cli": {"commands", "standard_streams"},
 }
 
 # The simulated Pixhawk speaks through pymavlink, so that our codec never talks only to itself.
@@ -78,6 +79,7 @@ FLIES = {
     "autopilot", "line_changes", "link", "config", "realtime", "onboard",
     "parameter_files", "parameter_store", "instruments", "process", "loop", "guard",
     "flightlog", "mocap", "native", "line_load",
+    "standard_streams",
 }  # fmt: skip
 STAYS_ON_THE_GROUND = {
     "logs",

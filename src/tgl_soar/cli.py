@@ -11,6 +11,8 @@ import signal
 import sys
 from typing import Final
 
+from tgl_soar import standard_streams
+
 INTERPRETED: Final = "--interpreted"
 
 
@@ -19,6 +21,7 @@ def main() -> None:
 
     Where nobody reads on (`tgl-soar … | head`), it ends without a word about it.
     """
+    standard_streams.reserve()
     try:
         try:
             _command()
