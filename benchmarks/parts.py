@@ -182,6 +182,7 @@ def _times(
             motion,
             inputs,
             True,
+            True,
             state.limited.command,
             TICK_S,
         )

@@ -7,10 +7,15 @@ parent does nothing but watch it:
 
     the child has died, or its loop has stood still    kill it, give the surfaces back, say so
     that was not asked for                             start it again; it never engages by itself
-    SIGTERM, SIGINT, SIGHUP                            pass it on, wait, then as above
+    SIGTERM, SIGINT, SIGHUP, SIGQUIT                   pass it on, wait, then as above
+    SIGTSTP, SIGTTIN, SIGTTOU                          nothing: neither of the two may be stopped
     the parent itself has died                         the kernel ends the child by SIGTERM
 
-What the parent needs to know stands in a page of memory that both share.  Under systemd the
+A terminal sends such signals to both at once; SIGTSTP and its like (^Z, or words on a terminal that
+is somebody else's now) would leave the surfaces commanded, with nobody to release them.
+
+What the parent needs to know stands in a page of memory that both share: the signing key too, so
+that it needs no file when it releases.  Under systemd the
 parent is the service: it tells when the module is up, and feeds the watchdog only while the
 child's loop goes round.
 """
@@ -42,9 +47,11 @@ RESTART_DELAY_S: Final = 0.2
 EXIT_KEEPS_DYING: Final = 4
 
 _PR_SET_PDEATHSIG: Final = 1
-_ENDS: Final = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
-_WATCHED: Final = {signal.SIGCHLD, *_ENDS}
-_PAGE: Final = struct.Struct("<QQ??48sH")
+ENDS: Final = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT)
+STOPS: Final = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)  # are ignored
+_WATCHED: Final = {signal.SIGCHLD, *ENDS}
+_PAGE: Final = struct.Struct("<QQ??48sH32s")
+_NO_KEY: Final = bytes(32)
 _PAGE_BYTES: Final = 4096
 
 
@@ -57,6 +64,7 @@ class Sign(NamedTuple):
     version1: bool  # MAVLink 1 is spoken on the first link
     host: str  # the peer of a link that listens; "": none yet
     port: int
+    key: bytes | None = None  # that it signs with
 
 
 class LifeSign:
@@ -76,19 +84,28 @@ class LifeSign:
         version1: bool = False,
         peer: tuple[str, int] | None = None,
         timestamp: int = 0,
+        key: bytes | None = None,
     ) -> None:
         """The loop has gone round once more."""
         self._rounds += 1
         host, port = peer or ("", 0)
         _PAGE.pack_into(
-            self._page, 0, self._rounds, timestamp, has_surfaces, version1, host.encode(), port
-        )
+            self._page, 0, self._rounds, timestamp, has_surfaces, version1,
+            host.encode(), port, key or _NO_KEY,
+        )  # fmt: skip
 
     def read(self) -> Sign:
         """What was shown last."""
-        rounds, timestamp, surfaces, version1, host, port = _PAGE.unpack_from(self._page, 0)
-        text = host.rstrip(b"\0").decode("ascii", "replace")
-        return Sign(rounds, timestamp, surfaces, version1, text, port)
+        rounds, timestamp, surfaces, version1, host, port, key = _PAGE.unpack_from(self._page, 0)
+        return Sign(
+            rounds=rounds,
+            timestamp=timestamp,
+            has_surfaces=surfaces,
+            version1=version1,
+            host=host.rstrip(b"\0").decode("ascii", "replace"),
+            port=port,
+            key=None if key == _NO_KEY else key,
+        )
 
     def clear(self) -> None:
         """For the next child."""
@@ -106,6 +123,7 @@ def watch(child: Child, release: Release, say: Callable[[str], None]) -> int:
     """
     life = LifeSign()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, _WATCHED)
+    stops = [signal.signal(number, signal.SIG_IGN) for number in STOPS]  # the child's too
     deaths: list[float] = []
     became = ""
     try:
@@ -125,11 +143,13 @@ def watch(child: Child, release: Release, say: Callable[[str], None]) -> int:
             if len(deaths) > RESTARTS:
                 say(f"it has died {len(deaths)} times within {RESTARTS_S:g} s: giving up")
                 return EXIT_KEEPS_DYING
-            ended = signal.sigtimedwait(_ENDS, RESTART_DELAY_S)
+            ended = signal.sigtimedwait(ENDS, RESTART_DELAY_S)
             if ended is not None:
                 return 0
     finally:
         _tell_systemd("STOPPING=1")
+        for number, handler in zip(STOPS, stops, strict=True):
+            signal.signal(number, handler)
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
@@ -169,7 +189,7 @@ def _watch_one(pid: int, life: LifeSign) -> tuple[int | None, str]:
     while True:
         info = signal.sigtimedwait(_WATCHED, LOOK_S)
         now_s = clock_s()
-        if info is not None and info.si_signo in _ENDS:
+        if info is not None and info.si_signo in ENDS:
             told_s = told_s or now_s
             os.kill(pid, signal.SIGTERM)
         gone, status = os.waitpid(pid, os.WNOHANG)

@@ -137,6 +137,7 @@ class Links:
             version1=onboard.decoder.only_v1,
             peer=first.peer if isinstance(first, UdpListener) else None,
             timestamp=onboard.signing.timestamp,
+            key=onboard.signing.key,
         )
 
     def _may_have_come(self, link: int, ready: Sequence[int]) -> bool:

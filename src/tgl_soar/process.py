@@ -266,8 +266,9 @@ def run(
     """Fly until told to stop; the process's exit code.
 
     `link`: one or several, the first to the autopilot.  `guarded`: in a child process, watched.
-    0: stopped by SIGINT or SIGTERM; 2: configuration, key or link cannot be used; 3: no autopilot
-    answered within `timeout_s`, if that was given; 4: guarded, and it keeps dying.
+    0: stopped by SIGINT, SIGTERM, SIGHUP or SIGQUIT; 2: configuration, key or link cannot be
+    used; 3: no autopilot answered within `timeout_s`, if that was given; 4: guarded, and it keeps
+    dying.
     """
     try:
         airframe = load_airframe(airframe_path)
@@ -374,13 +375,13 @@ def _give_back(plan: Plan, sign: guard.Sign, became: str) -> None:
     """The flying process is dead and its links are closed: let go in its stead."""
     setup = plan.setup
     try:
-        # Beyond what the dead process may have signed since it showed itself, and within its block
-        # of stamps: its successor begins behind that, and no disk is to be waited for.
-        signing = signing_from(plan.secret, realtime.clock_s(), reserve=False)
+        # The key as the dead process had it: its file may be gone.  Beyond what it may have signed
+        # since it showed itself, and within its block of stamps: its successor begins behind that.
+        signing = Signing(sign.key, time.time(), realtime.clock_s())
         if sign.timestamp:
             signing.timestamp = sign.timestamp + TICKS_PER_S
         transport = _open(plan, plan.links[0], signing)
-    except (LinkError, SigningError) as error:
+    except LinkError as error:
         _print(f"the guard cannot give the surfaces back: {error}")
         return
     if isinstance(transport, UdpListener) and sign.host:
@@ -397,13 +398,13 @@ def _give_back(plan: Plan, sign: guard.Sign, became: str) -> None:
         excused=excused,
     )
     route.own.version1 = route.override.version1 = sign.version1
-    frames = [route.override.encode(message) for message in setup.flavour.release()]
+    releases = [(route.override, message) for message in setup.flavour.release()]
     words = StatusTexts().chunks(SEVERITY_CRITICAL, f"surfaces given back: module {became}")
     try:
         transport.clear_for_release()
         for _ in range(RELEASE_FRAMES):
-            for frame in frames:
-                transport.send(frame)
+            for encoder, message in releases:  # each anew: signed ones are taken only once
+                transport.send(encoder.encode(message))
             time.sleep(GIVE_BACK_INTERVAL_S)
         for chunk in words:
             transport.send(route.own.encode(chunk))
@@ -507,14 +508,15 @@ def _restored(setup: Setup, store: ParameterStore | None) -> tuple[Setup, list[t
 
 
 def _stop_on_signals(stopped: threading.Event) -> Callable[[], None]:
-    """SIGINT, SIGTERM and a lost terminal set the flag; the way back."""
+    """SIGINT, SIGTERM, SIGQUIT and a lost terminal set the flag, what would stop the process does
+    nothing; the way back."""
     if threading.current_thread() is not threading.main_thread():
         return lambda: None
-    signals = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    before = [signal.signal(number, lambda *_: stopped.set()) for number in signals]
+    before = {number: signal.signal(number, lambda *_: stopped.set()) for number in guard.ENDS}
+    before |= {number: signal.signal(number, signal.SIG_IGN) for number in guard.STOPS}
 
     def restore() -> None:
-        for number, handler in zip(signals, before, strict=True):
+        for number, handler in before.items():
             signal.signal(number, handler)
 
     return restore

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import subprocess
 import sys
+from contextlib import suppress
 from math import isnan
 from pathlib import Path
 
 import pytest
 from bench_bridge import AIRFRAME, PATIENCE_S, bridge
 from free_ports import free_port
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tgl_soar import guard
 from tgl_soar.link.autopilots.ardupilot import ArduPilot
 from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels
 from tgl_soar.link.messages import (
@@ -22,6 +26,7 @@ from tgl_soar.link.messages import (
     RcChannelsOverride,
     ServoOutputRaw,
 )
+from tgl_soar.onboard import RELEASE_FRAMES
 from tgl_soar.surface_check import SIGHTS, STOPS, SurfaceCheck, finding
 
 CHANNELS = SurfaceChannels(
@@ -261,3 +266,60 @@ def test_nobody_answers() -> None:
     )
     assert silent.returncode == 2
     assert "no heartbeat" in silent.stderr
+
+
+class Bare:
+    """A disarmed autopilot in MANUAL, and the command on its link."""
+
+    def __init__(self) -> None:
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.bind(("127.0.0.1", 0))
+        self.socket.settimeout(PATIENCE_S)
+        link = f"udpout:127.0.0.1:{self.socket.getsockname()[1]}"
+        self.command = subprocess.Popen(
+            surfaces(link, AIRFRAME, "--yes", "--hold", "20"),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            # Tests that run in the background of a shell have been told to ignore some.
+            preexec_fn=lambda: [
+                signal.signal(n, signal.SIG_DFL) for n in (*guard.ENDS, *guard.STOPS)
+            ],
+        )
+        self.elevator_us: list[int] = []  # as it was commanded
+        self._codec = mavlink.MAVLink(None, 1, 1)
+
+    def until_commanded(self, least: int) -> None:
+        while len(self.elevator_us) < least:
+            data, sender = self.socket.recvfrom(2048)
+            self._note(data)
+            beat = mavlink.MAVLink_heartbeat_message(1, 3, 81, 0, 3, 3)
+            self.socket.sendto(beat.pack(self._codec), sender)
+
+    def drain(self) -> None:
+        self.socket.setblocking(False)
+        with suppress(BlockingIOError):
+            while True:
+                self._note(self.socket.recv(2048))
+
+    def _note(self, data: bytes) -> None:
+        message = mavlink.MAVLink(None).decode(bytearray(data))
+        if message.get_type() == "RC_CHANNELS_OVERRIDE":
+            self.elevator_us.append(message.chan2_raw)
+
+
+@pytest.mark.parametrize("number", guard.ENDS)
+def test_whatever_ends_it_the_surfaces_are_released(number: signal.Signals) -> None:
+    bare = Bare()
+    with bare.socket, bare.command:
+        bare.until_commanded(3)
+        assert bare.elevator_us[-1] != 0
+        for stop in guard.STOPS:
+            os.kill(bare.command.pid, stop)
+        bare.until_commanded(6)  # it goes on
+        os.kill(bare.command.pid, number)
+        _, words = bare.command.communicate(timeout=PATIENCE_S)
+        bare.drain()
+    assert bare.elevator_us[-RELEASE_FRAMES:] == [0] * RELEASE_FRAMES
+    assert bare.command.returncode == 128 + number
+    assert "the surfaces are given back" in words

@@ -10,6 +10,8 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tgl_soar.link.signing import EPOCH_S
+
 PATIENCE_S = 60.0  # for what happens at once, were the machine not busy with other things
 # What this process may stand still for without its module letting go in the meantime.
 PAUSES = {b"AGE_ATT_MAX": 1.0, b"AGE_AP_MAX": 10.0, b"AGE_POS_MAX": 5.0}
@@ -26,7 +28,7 @@ def arguments(link: str, *more: str) -> list[str]:
 class Module:
     """The process, and a vehicle's end of its link."""
 
-    def __init__(self, *more: str) -> None:
+    def __init__(self, *more: str, signing_key: bytes | None = None) -> None:
         self.vehicle = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.vehicle.bind(("127.0.0.1", 0))
         self.vehicle.settimeout(PATIENCE_S)
@@ -43,10 +45,18 @@ class Module:
         self._beats = 0
         self._mav = mavlink.MAVLink(None, 1, 1)
         self._station = mavlink.MAVLink(None, 255, 190)
+        self._reader = mavlink.MAVLink(None)  # refuses what is not signed with the key
+        for codec in (self._mav, self._station, self._reader):
+            codec.signing.secret_key = signing_key
+            codec.signing.sign_outgoing = signing_key is not None
+            codec.signing.timestamp = round((time.time() - EPOCH_S) * 1e5)
 
     def receive(self) -> Any:
         data, self.address = self.vehicle.recvfrom(2048)
-        return mavlink.MAVLink(None).decode(bytearray(data))
+        message = self._reader.decode(bytearray(data))
+        for codec in (self._mav, self._station):  # who hears a later stamp goes on from it
+            codec.signing.timestamp = max(codec.signing.timestamp, self._reader.signing.timestamp)
+        return message
 
     def send(self, message: Any) -> None:
         assert self.address is not None

@@ -35,11 +35,14 @@ def on_the_bench(sample: Any) -> Any:
     """What its sensors say: it lies still, and they have their noise."""
     noise = 1e-3 * sin(next(_noise))
     if isinstance(sample, PositionFix):
-        at = {"north_m": 0.3 + noise, "east_m": noise, "down_m": -1.5 + noise}
-        still = dict.fromkeys(
-            ("velocity_north_mps", "velocity_east_mps", "velocity_down_mps"), noise
+        return sample._replace(
+            north_m=0.3 + noise,
+            east_m=noise,
+            down_m=-1.5 + noise,
+            velocity_north_mps=noise,
+            velocity_east_mps=noise,
+            velocity_down_mps=noise,
         )
-        return sample._replace(**at, **still)
     if isinstance(sample, AttitudeSample):
         return sample._replace(qw=1.0, qx=noise, qy=noise, qz=noise)
     return sample

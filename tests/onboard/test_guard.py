@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import socket
 import threading
@@ -17,8 +18,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar import process
 from tgl_soar.config import load_airframe, load_site
-from tgl_soar.guard import EXIT_KEEPS_DYING, Child, LifeSign, Release, Sign
-from tgl_soar.link.keys import UNSIGNED
+from tgl_soar.guard import ENDS, EXIT_KEEPS_DYING, STOPS, Child, LifeSign, Release, Sign
+from tgl_soar.link.keys import UNSIGNED, save_key
 from tgl_soar.onboard import setup_from
 from tgl_soar.parameters import ParameterSet
 from tgl_soar.process import EXIT_CANNOT_START, EXIT_ERROR, EXIT_OK
@@ -105,6 +106,48 @@ def test_an_orphan_lets_go_and_ends(module: Module) -> None:
         assert time.monotonic() < end
 
 
+def ignored(pid: int) -> set[int]:
+    """The signals that a process ignores."""
+    status = Path(f"/proc/{pid}/status").read_text()
+    (mask,) = re.findall(r"^SigIgn:\s*([0-9a-f]+)$", status, re.MULTILINE)
+    return {number for number in range(1, 65) if int(mask, 16) >> (number - 1) & 1}
+
+
+def test_neither_process_is_stopped_by_a_terminal(module: Module) -> None:
+    """An orphaned process group is not stopped by default: so it is asked of the kernel."""
+    for pid in (module.process.pid, child_of(module)):
+        assert set(STOPS) <= ignored(pid)
+
+
+@pytest.mark.parametrize("number", ENDS)
+def test_a_signal_to_both_at_once_gives_the_surfaces_back(module: Module, number: int) -> None:
+    """As a terminal sends it: ^C, ^\\, or its end."""
+    module.engage()
+    for pid in (module.process.pid, child_of(module)):
+        os.kill(pid, number)
+    pump_until_released(module)
+    pump_until_said(module, "tgl_soar stopped")
+    assert module.process.wait(PATIENCE_S) == EXIT_OK
+
+
+@pytest.mark.parametrize("spoil", [Path.unlink, lambda path: path.chmod(0o644)])
+def test_the_guard_needs_no_key_file_to_give_the_surfaces_back(
+    spoil: Callable[[Path], None], tmp_path: Path
+) -> None:
+    key, key_file = bytes(range(1, 33)), tmp_path / "key"
+    save_key(key_file, key)
+    module = Module("--signing-key", str(key_file), signing_key=key)
+    try:
+        assert module.receive().get_type() == "HEARTBEAT"
+        module.engage()
+        spoil(key_file)
+        os.kill(child_of(module), signal.SIGKILL)
+        pump_until_released(module)
+        pump_until_said(module, "surfaces given back: module was killed by SIGKILL"[:50])
+    finally:
+        module.close()
+
+
 @pytest.mark.parametrize(
     ("became", "code"), [("", EXIT_CANNOT_START), ("was killed by SIGKILL", EXIT_ERROR)]
 )
@@ -177,11 +220,12 @@ def test_systemd_is_told_of_the_start_of_every_round_and_of_the_end(
 
 def test_the_life_sign_is_what_was_shown_last() -> None:
     life = LifeSign()
-    assert life.read() == (0, 0, False, False, "", 0)
-    life.show(True, version1=True, peer=("192.168.1.17", 14550), timestamp=2**47)
-    assert life.read() == (1, 2**47, True, True, "192.168.1.17", 14550)
+    assert life.read() == (0, 0, False, False, "", 0, None)
+    key = bytes(range(32))
+    life.show(True, version1=True, peer=("192.168.1.17", 14550), timestamp=2**47, key=key)
+    assert life.read() == (1, 2**47, True, True, "192.168.1.17", 14550, key)
     life.show(False)
-    assert life.read() == (2, 0, False, False, "", 0)
+    assert life.read() == (2, 0, False, False, "", 0, None)
     life.clear()
     assert life.read().rounds == 0
 
@@ -248,7 +292,7 @@ def test_for_a_dead_process_only_our_own_mode_is_left(mode: int, asked: list[int
         log_bytes=0,
         wishes=Wishes(),
     )
-    sign = Sign(rounds=1, timestamp=0, has_surfaces=True, version1=False, host="", port=0)
+    sign = Sign(rounds=1, timestamp=0, has_surfaces=True, version1=False, host="", port=0, key=None)
     try:
         process._give_back(plan, sign, "was killed")
     finally:

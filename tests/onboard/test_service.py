@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 
 from tgl_soar.config import shipped
-from tgl_soar.guard import HANGS_S
-from tgl_soar.process import EXIT_CANNOT_START, main
+from tgl_soar.guard import HANGS_S, LOOK_S, PATIENCE_S
+from tgl_soar.onboard import RELEASE_FRAMES
+from tgl_soar.process import EXIT_CANNOT_START, GIVE_BACK_INTERVAL_S, main
 from tgl_soar.realtime import PRIORITY
 
 UNIT = shipped("systemd/tgl-soar.service")
@@ -62,4 +63,12 @@ def test_its_numbers_are_those_of_the_program() -> None:
     assert int(setting("RestartPreventExitStatus")) == EXIT_CANNOT_START
     assert int(setting("LimitRTPRIO")) == PRIORITY + 1  # the guard's
     assert float(setting("WatchdogSec")) > HANGS_S  # a slow start is the guard's to judge
-    assert setting("KillSignal") == "SIGTERM"
+    assert setting("KillSignal") == setting("WatchdogSignal") == "SIGTERM"
+
+
+def test_whoever_is_to_give_the_surfaces_back_lives_long_enough() -> None:
+    """Neither process is killed before both had their time; see systemd.kill(5)."""
+    assert setting("KillMode") == "control-group"
+    releasing_s = RELEASE_FRAMES * GIVE_BACK_INTERVAL_S
+    assert float(setting("TimeoutStopSec")) >= 2 * (PATIENCE_S + LOOK_S + releasing_s)
+    assert setting("OOMPolicy") == "continue"

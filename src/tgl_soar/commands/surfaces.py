@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import select
+import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from math import isfinite
 from pathlib import Path
 from typing import Annotated, Final
@@ -14,6 +16,7 @@ import typer
 from rich.table import Table
 
 from tgl_soar.config import ConfigError, load_airframe
+from tgl_soar.guard import ENDS, STOPS
 from tgl_soar.link.keys import SigningError
 from tgl_soar.link.messages import (
     COMMAND_SET_MESSAGE_INTERVAL,
@@ -60,20 +63,58 @@ def surfaces(
         check = SurfaceCheck(
             surface_channels(plane), flavour, deflection, hold, armed_on_ground=armed_on_ground
         )
-        with Conversation(link, plane, flavour, signing_key) as conversation:
+        with Conversation(link, plane, flavour, signing_key) as conversation, _ended() as ended:
             bench = _Bench(check, conversation)
             bench.wait_for_autopilot(timeout)
             try:
                 wrong = bench.go(_nobody if yes else _asked)
             finally:
+                ended.is_over = True  # nothing may come between
                 for _ in range(RELEASE_FRAMES):
                     for message in flavour.release():
                         conversation.command(message)
     except (ConfigError, LinkError, SigningError, _Refused) as error:
         fail(error)
-    except KeyboardInterrupt:
-        fail("stopped; the surfaces are given back", 130)
+    except _Ended as end:
+        fail("stopped; the surfaces are given back", 128 + end.signal_number)
     raise typer.Exit(_told(check, wrong))
+
+
+class _Ended(Exception):
+    """Somebody has asked the command to end, or its terminal is gone."""
+
+    def __init__(self, signal_number: int) -> None:
+        super().__init__(signal.Signals(signal_number).name)
+        self.signal_number = signal_number
+
+
+class _Signals:
+    """Of those that end the command the first one is raised, once; no other comes between."""
+
+    def __init__(self) -> None:
+        self.is_over = False
+
+    def __call__(self, number: int, _frame: object) -> None:
+        if not self.is_over:
+            self.is_over = True
+            raise _Ended(number)
+
+
+@contextmanager
+def _ended() -> Iterator[_Signals]:
+    """Within, no signal leaves a surface where it is: the command ends in order, or goes on.
+
+    Stopped by ^Z, or because it speaks to a terminal while it is somebody else's turn there, it
+    would hold the last command until the autopilot's time-out.
+    """
+    signals = _Signals()
+    before = {number: signal.signal(number, signals) for number in ENDS}
+    before |= {number: signal.signal(number, signal.SIG_IGN) for number in STOPS}
+    try:
+        yield signals
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 class _Refused(Exception):
@@ -147,7 +188,10 @@ class _Asked:
             console.print(f"  {sight}?  \\[y/n] ", end="", highlight=False)
         if not select.select([sys.stdin], [], [], 0.0)[0]:
             return None
-        line = sys.stdin.readline()
+        try:
+            line = sys.stdin.readline()
+        except OSError:  # in the background of a terminal, or that is gone
+            line = ""
         if not line:
             raise _Refused("nobody answers: give --yes to compare the outputs only")
         answer = line.strip().lower()
