@@ -91,13 +91,16 @@ class Flown:
         """One tick with what the autopilot sends for it; the processor's time for it [µs]."""
         self.now_s += TICK_S
         stamp_ms = round((self.now_s - 1000.0) * 1e3)
+        noise = 1e-6 * (stamp_ms % 7)  # nothing that is measured repeats itself
         x_m, z_m = self._at
         if self._ticks % 200 == 0:
             self._hear(mavlink.MAVLink_heartbeat_message(1, 3, 209, 0, 4, 3), self._vehicle)
         if self._ticks % 4 == 0:
-            message = mavlink.MAVLink_local_position_ned_message(stamp_ms, -x_m, 0, -z_m, 0, 0, 0)
+            message = mavlink.MAVLink_local_position_ned_message(
+                stamp_ms, -x_m, 0, -z_m + noise, 0, 0, 0
+            )
             self._hear(message, self._vehicle)
-        message = mavlink.MAVLink_attitude_quaternion_message(stamp_ms, 1, 0, 0, 0, 0, 0, 0)
+        message = mavlink.MAVLink_attitude_quaternion_message(stamp_ms, 1, noise, 0, 0, 0, 0, 0)
         self._hear(message, self._vehicle)
         self._ticks += 1
         begun = thread_time()

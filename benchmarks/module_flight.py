@@ -52,6 +52,10 @@ class ModuleFlight:
         """A message of the vehicle comes."""
         self.onboard.event(bytes(message.pack(self._vehicle)), self.now_s)
 
+    def _attitude(self, noise: float) -> tuple[float, float, float, float]:
+        qw, qx, qy, qz = self.quaternion
+        return qw, qx + noise, qy, qz
+
     def heartbeat(self) -> mavlink.MAVLink_message:
         """The vehicle's, in the mode that it is in."""
         return mavlink.MAVLink_heartbeat_message(1, 3, 81, self.custom_mode, 4, 3)
@@ -69,12 +73,13 @@ class ModuleFlight:
         self._ticks += 1
         self.now_s += TICK_S
         ms, i = round(self._ticks * TICK_S * 1e3), self._ticks
+        noise = 1e-6 * (ms % 7)  # nothing that is measured repeats itself
         messages = [
             mavlink.MAVLink_raw_imu_message(1000 * ms, i % 10, 0, -1000 + i % 5, *(0,) * 6),
-            mavlink.MAVLink_attitude_quaternion_message(ms, *self.quaternion, 0, 0, 0),
+            mavlink.MAVLink_attitude_quaternion_message(ms, *self._attitude(noise), 0, 0, 0),
         ]
         if i % 4 == 1:
-            at = mavlink.MAVLink_local_position_ned_message(ms, 0.2, 0, -1.15, 0, 0, 0)
+            at = mavlink.MAVLink_local_position_ned_message(ms, 0.2, 0, -1.15 + noise, 0, 0, 0)
             servos = mavlink.MAVLink_servo_output_raw_message(
                 1000 * ms, 0, *self._servos, 0, 0, 0, 0
             )
@@ -88,14 +93,15 @@ class ModuleFlight:
         self._ticks += 1
         self.now_s += TICK_S
         stamp = round(self._ticks * TICK_S * 1e3)
+        noise = 1e-6 * (stamp % 7)  # nothing that is measured repeats itself
         messages = []
         if self.sends_attitude:
             messages.append(
-                mavlink.MAVLink_attitude_quaternion_message(stamp, *self.quaternion, 0, 0, 0)
+                mavlink.MAVLink_attitude_quaternion_message(stamp, *self._attitude(noise), 0, 0, 0)
             )
         if self._ticks % 4 == 1:
             messages.append(
-                mavlink.MAVLink_local_position_ned_message(stamp, 0.2, 0, -1.15, 0, 0, 0)
+                mavlink.MAVLink_local_position_ned_message(stamp, 0.2, 0, -1.15 + noise, 0, 0, 0)
             )
         if self.sends_heartbeat and self._ticks % 200 == 1:
             messages.append(self.heartbeat())

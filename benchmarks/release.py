@@ -152,8 +152,11 @@ class _Process:
         if now >= self._feed_s:
             self._feed_s = now + TICK_S
             stamp = round(now * 1e3)
-            self._say(mavlink.MAVLink_attitude_quaternion_message(stamp, 1, 0, 0, 0, 0, 0, 0))
-            self._say(mavlink.MAVLink_local_position_ned_message(stamp, 0.2, 0, -1.15, 0, 0, 0))
+            noise = 1e-6 * (stamp % 7)  # nothing that is measured repeats itself
+            self._say(mavlink.MAVLink_attitude_quaternion_message(stamp, 1, noise, 0, 0, 0, 0, 0))
+            self._say(
+                mavlink.MAVLink_local_position_ned_message(stamp, 0.2, 0, -1.15 + noise, 0, 0, 0)
+            )
         if now >= self._beat_s:
             self._beat_s = now + 1.0
             self._say(mavlink.MAVLink_heartbeat_message(1, 3, 81, 0, 4, 3))

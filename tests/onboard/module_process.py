@@ -86,8 +86,11 @@ class Module:
         if now >= self._feed_s and self.address is not None:
             self._feed_s = now + 0.004
             stamp = round((now - self._begun) * 1e3)
-            self.send(mavlink.MAVLink_attitude_quaternion_message(stamp, 1, 0, 0, 0, 0, 0, 0))
-            self.send(mavlink.MAVLink_local_position_ned_message(stamp, -0.6, 0, -1.2, 0, 0, 0))
+            noise = 1e-6 * (stamp % 7)  # nothing that is measured repeats itself
+            self.send(mavlink.MAVLink_attitude_quaternion_message(stamp, 1, noise, 0, 0, 0, 0, 0))
+            self.send(
+                mavlink.MAVLink_local_position_ned_message(stamp, -0.6, 0, -1.2 + noise, 0, 0, 0)
+            )
             if round(now - self._begun) > self._beats:
                 self._beats += 1
                 self.send(mavlink.MAVLink_heartbeat_message(1, 3, 81, 0, 4, 3))

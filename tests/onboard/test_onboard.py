@@ -88,17 +88,20 @@ class Flight:
         for _ in range(round(seconds / STEP_S)):
             self.now_s += STEP_S
             stamp_ms = round((self.now_s - self.boot_s) * 1e3)
+            noise = 1e-6 * (stamp_ms % 7)  # nothing that is measured repeats itself
             if self._is_due("heartbeat", self.heartbeat_hz):
                 self.hear(mavlink.MAVLink_heartbeat_message(*self.kind, 81, self.mode, 4, 3))
             if self._is_due("position", self.position_hz):
                 self.hear(
                     mavlink.MAVLink_local_position_ned_message(
-                        stamp_ms, self.north_m, 0, 0, 0, 0, 0
+                        stamp_ms, self.north_m, 0, noise, 0, 0, 0
                     )
                 )
             if self._is_due("attitude", self.attitude_hz):
+                qw, qx, qy, qz = self.quaternion
+                qx += noise
                 self.hear(
-                    mavlink.MAVLink_attitude_quaternion_message(stamp_ms, *self.quaternion, 0, 0, 0)
+                    mavlink.MAVLink_attitude_quaternion_message(stamp_ms, qw, qx, qy, qz, 0, 0, 0)
                 )
             if self.onboard.due(self.now_s):
                 self.onboard.periodic(self.now_s)
@@ -443,11 +446,12 @@ def test_what_is_told_to_the_operator_is_told_on_the_console(flight: Flight) -> 
 def simulator(flight: Flight, steps: int) -> Iterator[int]:
     """Steps of 5 ms as a simulator sends them; what comes back is left in `flight.frames`."""
     for i in range(steps):
+        noise = 1e-6 * (i % 7)  # nothing that is measured repeats itself
         if i % 200 == 0:
             flight.hear(mavlink.MAVLink_heartbeat_message(1, 3, 81, 0, 4, 3))
         if i % 4 == 0:
-            flight.hear(mavlink.MAVLink_local_position_ned_message(i * 5, 0, 0, 0, 0, 0, 0))
-        flight.hear(mavlink.MAVLink_attitude_quaternion_message(i * 5, 1, 0, 0, 0, 0, 0, 0))
+            flight.hear(mavlink.MAVLink_local_position_ned_message(i * 5, 0, 0, noise, 0, 0, 0))
+        flight.hear(mavlink.MAVLink_attitude_quaternion_message(i * 5, 1, noise, 0, 0, 0, 0, 0))
         flight.hear(mavlink.MAVLink_timesync_message(0, 1_000_000_000 + i * 5_000_000))
         yield i
 

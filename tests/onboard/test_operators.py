@@ -580,10 +580,11 @@ class BreakingLink:
     def receive(self, now_s: float, most: int = 64) -> list[bytes]:  # noqa: ARG002
         self._calls += 1
         stamp = round(now_s * 1e3) & 0xFFFFFFFF
+        noise = 1e-6 * (stamp % 7)  # nothing that is measured repeats itself
         messages = [
             mavlink.MAVLink_heartbeat_message(1, 3, 81, 0, 4, 3),
-            mavlink.MAVLink_attitude_quaternion_message(stamp, 1, 0, 0, 0, 0, 0, 0),
-            mavlink.MAVLink_local_position_ned_message(stamp, 0, 0, 0, 0, 0, 0),
+            mavlink.MAVLink_attitude_quaternion_message(stamp, 1, noise, 0, 0, 0, 0, 0),
+            mavlink.MAVLink_local_position_ned_message(stamp, 0, 0, noise, 0, 0, 0),
         ]
         frames = [bytes(m.pack(self._codec)) for m in messages]
         if self._calls == 20:

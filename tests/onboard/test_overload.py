@@ -33,15 +33,16 @@ class BusyFlight(Flight):
         while self.now_s < end_s:
             self.now_s += STEP_S
             stamp_ms = round((self.now_s - self.boot_s) * 1e3)
+            noise = 1e-6 * (stamp_ms % 7)  # nothing that is measured repeats itself
             if self._is_due("heartbeat", 1.0):
                 waiting.append(mavlink.MAVLink_heartbeat_message(1, 3, 81, self.mode, 4, 3))
             if self._is_due("position", 50.0):
                 waiting.append(
-                    mavlink.MAVLink_local_position_ned_message(stamp_ms, 0, 0, 0, 0, 0, 0)
+                    mavlink.MAVLink_local_position_ned_message(stamp_ms, 0, 0, noise, 0, 0, 0)
                 )
             if self._is_due("attitude", 200.0):
                 waiting.append(
-                    mavlink.MAVLink_attitude_quaternion_message(stamp_ms, 1, 0, 0, 0, 0, 0, 0)
+                    mavlink.MAVLink_attitude_quaternion_message(stamp_ms, 1, noise, 0, 0, 0, 0, 0)
                 )
             if self.now_s >= wake_s:
                 wake_s += self.awake_every_s

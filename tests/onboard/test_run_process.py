@@ -66,8 +66,11 @@ def test_it_is_stopped_by_a_signal_and_gives_the_surfaces_back(
     pulses: list[int] = []
     while not kinds or kinds[-1] != "tgl_soar stopped":
         stamp = round((time.monotonic() - begun) * 1e3)
-        module.send(mavlink.MAVLink_attitude_quaternion_message(stamp, 1, 0, 0, 0, 0, 0, 0))
-        module.send(mavlink.MAVLink_local_position_ned_message(stamp, -0.6, 0, -1.2, 0, 0, 0))
+        noise = 1e-6 * (stamp % 7)  # nothing that is measured repeats itself
+        module.send(mavlink.MAVLink_attitude_quaternion_message(stamp, 1, noise, 0, 0, 0, 0, 0))
+        module.send(
+            mavlink.MAVLink_local_position_ned_message(stamp, -0.6, 0, -1.2 + noise, 0, 0, 0)
+        )
         message = module.receive()
         kinds.append(message.get_type())
         if kinds[-1] == "STATUSTEXT":
