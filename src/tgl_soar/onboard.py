@@ -581,6 +581,7 @@ class Onboard:
         who = f"another module is system {own.system}, component {own.component}, too"
         if self._engage and (presence.duplicate_is_engaged or not self._active):
             both = " and engaged" if presence.duplicate_is_engaged else ""
+            self._say(self.session.heartbeat())  # so that it hears of us before we are not engaged
             self.tell(SEVERITY_ERROR, f"disengaged: {who}{both}")
             self._disengage()
             self._tell_engagement(self._mode, ended=True)

@@ -21,8 +21,12 @@ class Network(Flight):
     comes back to itself where the router echoes.
     """
 
-    def __init__(self, *, echoes: bool = False, starts: tuple[int, int] = (11, 22)) -> None:
+    def __init__(
+        self, *, echoes: bool = False, starts: tuple[int, int] = (11, 22), later_s: float = 0.0
+    ) -> None:
+        """`later_s`: so much later the second one is started, and so are its heartbeats."""
         super().__init__()
+        self._second_from_s = self.now_s + later_s
         self.echoes = echoes
         self.connected = True
         self.sent: list[list[bytes]] = [[], []]
@@ -50,7 +54,7 @@ class Network(Flight):
         for _ in range(round(seconds / 0.005)):
             super().run(0.005)
             second = self.modules[1]
-            if second.due(self.now_s):
+            if self.now_s >= self._second_from_s and second.due(self.now_s):
                 second.periodic(self.now_s)
             queue, self._queue = self._queue, []
             for sender, frame in queue:
@@ -123,10 +127,11 @@ def test_an_engaged_module_stays_when_another_is_started() -> None:
     assert len(words) == 1  # not with every heartbeat
 
 
-def test_of_two_that_are_both_engaged_both_disengage() -> None:
-    network = Network()
+@pytest.mark.parametrize("when_s", [1.5, 2.1])
+def test_of_two_that_are_both_engaged_both_disengage(when_s: float) -> None:
+    network = Network(later_s=0.5)
     network.connected = False
-    network.run(1.5)
+    network.run(when_s)  # then the first or the second is heard before the other
     network.order(ENGAGE)
     network.run(0.2)  # and before they are on their line their heartbeats are due
     assert network.modes == [CAPTURING, CAPTURING]

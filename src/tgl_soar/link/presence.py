@@ -13,8 +13,9 @@ is ours, sent back to us by a router, however late and over whatever link.  Whil
 heard nobody engages.  Of two
 
     one engaged    that one stays: the other was started later, and cannot engage
-    both engaged   both disengage, and the pilot has control: neither knows which one the
-                   autopilot obeys, and each would wait for the other
+    both engaged   both disengage, and the pilot has control: neither knows which of them the
+                   operator has meant.  Who hears it first says its own heartbeat once more
+                   before it disengages; where that is lost the other one stays
 
 A duplicate that no link leads to us is not noticed.
 """
