@@ -98,7 +98,9 @@ def flight_figure(
             axes.plot(flown_x_m, flown_z_m, color="white", lw=2.4, zorder=5)
             axes.plot(flown_x_m, flown_z_m, color="0.15", lw=0.9, zorder=6, label="flown path")
             axes.plot(flown_x_m[0], flown_z_m[0], "k^", ms=6, zorder=8, label="start")
-        axes.legend(loc="upper left", framealpha=0.92)
+        left.legend(
+            *axes.get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False
+        )
         _time_histories(right, panels, spans or Spans())
         figure.suptitle(title, fontsize=11)
         save(plt, figure, path)

@@ -21,6 +21,7 @@ from tgl_soar.logs.flight_data import FlightData, ModeChange, Series
 from tgl_soar.types import GlidePolar
 
 from .legs import FLYING, Leg, Line
+from .smooth_map import draw_smooth_map
 from .spectra import Spectrum
 from .style import GROUND, LEG_COLOURS, plain_number
 
@@ -38,6 +39,7 @@ RED: Final = "#D55E00"
 PALE: Final = "#8a949e"
 UPDRAFT_STEPS: Final = (0.05, 0.1, 0.2, 0.25, 0.5, 1.0, 2.0, 5.0)  # between two greys [m/s]
 POINTS: Final = 1400  # of a curve: about one for every other pixel of a page
+BANDS: Final = 240  # parts of the time, each a mean: a line that eyes can follow
 PATH_POINTS: Final = 12_000
 MODE_COLOURS: Final = {
     "boot": "#eef0f2",
@@ -128,7 +130,10 @@ def plane_figure(plt: Any, flight: FlightData, legs: Sequence[Leg], known: Surro
         )
     axes.set(xlim=bounds[:2], ylim=bounds[2:])
     _plane_axes(axes)
-    axes.legend(loc="upper right", framealpha=0.92, edgecolor="none")
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(
+        handles, labels, loc="outside upper center", ncols=min(5, len(labels)), frameon=False
+    )
     return figure
 
 
@@ -186,30 +191,27 @@ def _map(axes: Axes, known: Surroundings, bounds: Bounds) -> Any:
     """Updraft in grey and the contour in black; None where the air is not known."""
     if known.ground:
         axes.fill(*zip(*known.ground, strict=True), color=GROUND, zorder=4, lw=2.0)
-    if known.field is None:
+    field = known.field
+    if field is None:
         return None
-    x, z = np.meshgrid(np.linspace(*bounds[:2], 360), np.linspace(*bounds[2:], 260))
-    _, _, updraft = known.field.wind(x, np.zeros_like(x), z)
-    inside = np.vectorize(known.field.inside, otypes=[bool])(x, 0.0, z)
+    across, up = np.linspace(*bounds[:2], 360), np.linspace(*bounds[2:], 260)
+    x, z = np.meshgrid(across, up)
+    _, _, updraft = field.wind(x, np.zeros_like(x), z)
+    is_inside = np.vectorize(field.inside, otypes=[bool])
+    inside = is_inside(x, 0.0, z)
     if not np.isfinite(updraft[inside]).any():
         return None
     low, high = (float(np.nanpercentile(updraft[inside], q)) for q in (1.0, 99.0))
     updraft = np.where(inside, updraft, np.nan)
-    if known.ground:  # down to where the ground covers it, without a jagged edge
-        updraft = _filled_down(updraft)
     step = next(s for s in UPDRAFT_STEPS if high - low <= 20.0 * s or s == UPDRAFT_STEPS[-1])
     levels = np.arange(np.floor(min(0.0, low) / step), np.ceil(high / step) + 1.0) * step
-    shades = axes.contourf(x, z, updraft, levels=levels, cmap=_greys(), extend="both")
+    shades = draw_smooth_map(
+        axes, across, up, updraft, lambda x, z: is_inside(x, 0.0, z), known.ground,
+        levels=levels, cmap=_greys(), extend="both",
+    )  # fmt: skip
     shades.set_rasterized(True)
     _contour(axes, known, bounds, "ZEUC: updraft = sink")
     return shades
-
-
-def _filled_down(values: Floats) -> Floats:
-    """Each column, lowest row first, with its lowest number below that as well."""
-    rows = np.arange(len(values))[:, None]
-    lowest = np.argmax(np.isfinite(values), axis=0)
-    return np.where(rows < lowest, values[lowest, np.arange(values.shape[1])], values)
 
 
 def _greys() -> Any:
@@ -326,6 +328,7 @@ class Curve:
     label: str | None = None
     colour: str = INK
     width: float = 0.9
+    band: bool = False  # it swings from sample to sample: its mean, and how far it swings
 
 
 @dataclass(frozen=True)
@@ -384,6 +387,9 @@ def history_figure(
 def _curves(axes: Axes, panel: TimePanel, span: Span) -> None:
     for curve in panel.curves:
         part = curve.series.within(*span)
+        if curve.band:
+            _band(axes, curve, part, span)
+            continue
         time, values = thinned(part.time_s, part[curve.column] * curve.scale)
         axes.plot(time, values, color=curve.colour, lw=curve.width, label=curve.label)
     if panel.zero:
@@ -401,6 +407,19 @@ def _curves(axes: Axes, panel: TimePanel, span: Span) -> None:
             handlelength=1.4,
             columnspacing=1.2,
         )
+
+
+def _band(axes: Axes, curve: Curve, part: Series, span: Span) -> None:
+    """The mean in each of `BANDS` parts of the time, and from the lowest to the highest."""
+    values = part[curve.column] * curve.scale
+    known = np.isfinite(values)
+    bins = ((part.time_s[known] - span[0]) / (span[1] - span[0]) * BANDS).astype(int)
+    cuts = np.flatnonzero(np.diff(bins)) + 1
+    groups = [group for group in np.split(values[known], cuts) if len(group)]
+    times = [group.mean() for group in np.split(part.time_s[known], cuts) if len(group)]
+    low, middle, high = ([f(group) for group in groups] for f in (np.min, np.mean, np.max))
+    axes.fill_between(times, low, high, color=curve.colour, alpha=0.22, lw=0)
+    axes.plot(times, middle, color=curve.colour, lw=1.2, label=curve.label)
 
 
 def _mode_band(axes: Axes, flight: FlightData, span: Span) -> None:
@@ -507,11 +526,11 @@ def health_panels(flight: FlightData) -> list[TimePanel]:
         TimePanel(
             "age [ms]",
             [
-                *_curve(ages, "position_age_s", 1000.0, "position", BLUE, width=0.7),
-                *_curve(ages, "attitude_age_s", 1000.0, "attitude", RED, width=0.7),
+                *_curve(ages, "position_age_s", 1000.0, "position", BLUE, band=True),
+                *_curve(ages, "attitude_age_s", 1000.0, "attitude", RED, band=True),
             ],
         ),
-        TimePanel("heartbeat [s]", _curve(ages, "heartbeat_age_s", colour=PALE, width=0.7)),
+        TimePanel("heartbeat [s]", _curve(ages, "heartbeat_age_s", colour=PALE, band=True)),
     ]
 
 
@@ -522,11 +541,12 @@ def _curve(
     label: str | None = None,
     colour: str = INK,
     width: float = 0.9,
+    band: bool = False,
 ) -> list[Curve]:
     """The curve, where there is a number in it."""
     if series is None or column not in series.columns or not np.isfinite(series[column]).any():
         return []
-    return [Curve(series, column, scale, label, colour, width)]
+    return [Curve(series, column, scale, label, colour, width, band)]
 
 
 # --- in frequency ---------------------------------------------------------------------------

@@ -152,7 +152,8 @@ def write_page(page: Path, analysis: Analysis, progress: Progress) -> list[Path]
             (
                 "health",
                 "How old the inputs were",
-                "Age of what each tick was flown with.",
+                "Age of what each tick was flown with: the mean, and shaded from the youngest to"
+                " the oldest. Between two samples an input ages by the time between them.",
                 lambda plt: history_figure(plt, flight, legs, health_panels(flight)),
             ),
         ]

@@ -41,7 +41,10 @@ def replay_figure(
                 time_s, scale * replayed[name], color=LEG_COLOURS[0], lw=1.0, label="replayed"
             )
             panel.set_ylabel(label)
-        np.atleast_1d(axes)[0].legend(loc="upper right", ncols=2, framealpha=0.9)
+        first = np.atleast_1d(axes)[0]
+        figure.legend(
+            *first.get_legend_handles_labels(), loc="outside upper right", ncols=2, frameon=False
+        )
         np.atleast_1d(axes)[-1].set_xlabel("time [s]")
         figure.suptitle(title, fontsize=10)
         save(plt, figure, path)

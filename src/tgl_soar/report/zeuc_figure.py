@@ -14,6 +14,7 @@ from tgl_soar.air.field import WindField
 from tgl_soar.air.zeuc import Bounds, ZeucError, contour, excess_updraft
 from tgl_soar.types import GlidePolar
 
+from .smooth_map import draw_smooth_map
 from .style import GROUND, LEG_COLOURS, drawing, save
 
 Floats = NDArray[np.float64]
@@ -57,7 +58,11 @@ def draw_excess_map(
         limit_mps = max(1.0, round(limit_mps))
     levels = np.linspace(-limit_mps, limit_mps, 2 * round(limit_mps / LEVEL_MPS) + 1)
     axes.set_facecolor("0.93")
-    shades = axes.contourf(xx, zz, values, levels=levels, cmap="PuOr_r", extend="both", alpha=0.85)
+    shades = draw_smooth_map(
+        axes, x, z, values,
+        lambda x, z: np.isfinite(excess_updraft(field, polar, x, z, time_s=time_s)), ground, "0.93",
+        levels=levels, cmap="PuOr_r", extend="both", alpha=0.85,
+    )  # fmt: skip
     axes.grid(False)
     style = {"color": "black", "lw": 1.8, "zorder": 3, **(contour_style or {})}
     label = style.pop("label", "ZEUC: updraft = sink")
@@ -127,5 +132,7 @@ def zeuc_figure(
         axes.plot([], [], "o", ms=7, mfc="0.4", mec="black", label="TGL ∩ ZEUC, stable")
         axes.fill([], [], color="0.93", ec="0.6", lw=0.6, label="outside polar or field")
         axes.set_title(title)
-        axes.legend(loc="lower left", framealpha=0.92)
+        figure.legend(
+            *axes.get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False
+        )
         save(plt, figure, path)
