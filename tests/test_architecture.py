@@ -28,6 +28,7 @@ TABLE: dict[str, set[str]] = {
     "estimation": {"parameters", "geometry"},
     "autopilot": {"control", "estimation"},
     "line_changes": {"parameters"},
+    "line_bounds": {"line_changes", "control"},
     "link": {"line_changes", "geometry"},
     "parameter_files": {"parameters"},
     "parameter_store": {"parameter_files", "line_changes"},
@@ -45,6 +46,7 @@ TABLE: dict[str, set[str]] = {
         "parameter_store",
         "realtime",
         "flightlog",
+        "line_bounds",
     },
     "line_load": {"onboard"},
     "guard": {"realtime"},
@@ -76,7 +78,7 @@ PARTS: dict[tuple[str, str], set[str]] = {
 
 FLIES = {
     "types", "geometry", "parameters", "control", "estimation",
-    "autopilot", "line_changes", "link", "config", "realtime", "onboard",
+    "autopilot", "line_bounds", "line_changes", "link", "config", "realtime", "onboard",
     "parameter_files", "parameter_store", "instruments", "process", "loop", "guard",
     "flightlog", "mocap", "native", "line_load",
     "standard_streams",
@@ -96,7 +98,10 @@ STAYS_ON_THE_GROUND = {
 }
 
 # A law knows no clock, no file and no wire.
-PURE = {"types", "geometry", "parameters", "control", "estimation", "autopilot", "line_changes"}
+PURE = {
+    "types", "geometry", "parameters", "control", "estimation", "autopilot", "line_bounds",
+    "line_changes",
+}  # fmt: skip
 IMPURE = {
     "asyncio", "io", "logging", "multiprocessing", "os", "pathlib", "select", "serial", "signal",
     "socket", "subprocess", "threading", "time",

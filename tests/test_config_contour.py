@@ -15,7 +15,7 @@ from tgl_soar.config import (
     preset_lines,
     shipped,
 )
-from tgl_soar.line_changes import contour_warning
+from tgl_soar.line_bounds import LineBounds
 from tgl_soar.sim.world import build_field
 
 AIRFRAME = shipped("airframes/eclipson_c.toml")
@@ -61,7 +61,7 @@ def test_a_bad_contour_is_named(tmp_path: Path, text: str, told: str) -> None:
 
 @pytest.mark.parametrize("path", SITES, ids=lambda path: path.stem)
 def test_the_shipped_contours_are_where_updraft_equals_sink(path: Path) -> None:
-    """To 2 cm/s, which is what 5 mm beside the contour make; and no line of the site is warned."""
+    """To 2 cm/s, which is what 5 mm beside the contour make; and no line of the site is refused."""
     airframe, site = load_airframe(AIRFRAME), load_site(path)
     assert site.air is not None
     field, polar = build_field(site.air, path.parent), airframe.polar.as_polar()
@@ -72,11 +72,13 @@ def test_the_shipped_contours_are_where_updraft_equals_sink(path: Path) -> None:
     for x, z in inner:
         assert abs(excess_at(field, polar, x, z)) < 0.02
     values = load_parameters(airframe, AIRFRAME, site, path)
-    for line in preset_lines(site, values):
-        assert contour_warning(contour, line.x_m, line.z_m, line.lean_deg) == ""
-    # Rising air is below the contour, so that the same contour the other way round is warned of.
+    presets = preset_lines(site, values)
+    assert LineBounds(contour).preset_faults(values, presets) == []
+    # Rising air is below the contour, so that the same contour the other way round is refused.
     turned = tuple(part[::-1] for part in contour)
-    assert "grows up the line" in contour_warning(turned, line.x_m, line.z_m, line.lean_deg)
+    faults = LineBounds(turned).preset_faults(values, presets)
+    assert len(faults) == len(presets)
+    assert all("grows up the line" in fault for fault in faults)
 
 
 def test_the_command_writes_what_the_loader_reads(tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
-"""Presets, staged moves and the contour's warning, pure and as a ground station meets them."""
+"""Presets, staged moves, crossings with the contour, pure and as a ground station meets them."""
 
 from itertools import pairwise
-from math import nan, radians
+from math import nan, radians, tan
 
 import pytest
 from hypothesis import given
@@ -11,8 +11,7 @@ from tgl_soar.control.target_line import e_rho, eta_from_lean
 from tgl_soar.line_changes import (
     LineChanges,
     PresetLine,
-    contour_crossings,
-    contour_warning,
+    crossings,
     settled,
     with_changes,
 )
@@ -36,7 +35,8 @@ class Station:
 
     def __init__(self, line: LineChanges | None = None) -> None:
         line = line or LineChanges(PRESETS)
-        self.server = ParameterServer(Source(1, 191), ParameterSet(), line=line)
+        wide = ParameterSet().changed({"TGL_STEP_MAX": 10.0})
+        self.server = ParameterServer(Source(1, 191), wide, line=line)
         self.shown: dict[str, float] = {}
         self.words = ""
 
@@ -211,23 +211,12 @@ def test_a_staged_move_ends_a_preset_only_when_it_is_made() -> None:
 # --- the contour ------------------------------------------------------------------------------
 
 
-def test_a_line_that_misses_the_contour_is_flown_with_a_warning() -> None:
-    station = Station(LineChanges(PRESETS, EDGE))
-    assert station.set("TGL_X", 1.0) == ["TGL_X"]
-    assert station.words == ""
-    assert station.set("TGL_X", 100.0) == ["TGL_X"]
-    assert station.line[0] == 100.0
-    assert "does not cross the known contour" in station.words
-    station.set("TGL_Z", 50.0)  # the line passes x = 87 m at the contour's height
-    assert "does not cross" in station.words
-
-
 def test_rising_air_below_is_a_place_to_settle_and_above_it_is_none() -> None:
-    upside_down = (tuple(reversed(EDGE[0])),)
-    assert contour_warning(EDGE, 0.0, 0.0, 15.0) == ""
-    assert "only where excess updraft grows" in contour_warning(upside_down, 0.0, 0.0, 15.0)
-    assert contour_crossings((EDGE[0], *upside_down), 0.0, 0.0, 15.0) == [True, False]
-    assert contour_warning((), 0.0, 0.0, 15.0) == ""
+    upside_down = tuple(reversed(EDGE[0]))
+    found = crossings((EDGE[0], upside_down), 0.0, 0.0, 15.0)
+    assert [crossing.settles for crossing in found] == [True, False]
+    for crossing in found:  # a line that leans upwind by 15 deg, at the height of the edge
+        assert crossing[:2] == pytest.approx((-tan(radians(15.0)), 1.0))
 
 
 @given(
@@ -240,10 +229,12 @@ def test_a_crossing_lies_where_e_rho_changes_sign(
     """Against the control law's own distance; a closed part is crossed as often out as in."""
     eta = eta_from_lean(radians(lean))
     upstream = [e_rho(x, z, eta, *point) >= 0.0 for point in part]
-    found = contour_crossings((tuple(part),), x, z, lean)
+    found = crossings((tuple(part),), x, z, lean)
     assert len(found) == sum(a != b for a, b in pairwise(upstream))
-    closed = contour_crossings(((*part, part[0]),), x, z, lean)
-    assert sum(closed) * 2 == len(closed)
+    closed = crossings(((*part, part[0]),), x, z, lean)
+    assert sum(crossing.settles for crossing in closed) * 2 == len(closed)
+    for crossing in found:
+        assert abs(e_rho(x, z, eta, crossing.x_m, crossing.z_m)) < 1e-9
 
 
 @given(st.data())

@@ -41,7 +41,8 @@ from tgl_soar.config import (
 from tgl_soar.estimation.health import JUMP, WRONG
 from tgl_soar.flightlog.recorder import NO_RECORDER, LinkReport, Recorder
 from tgl_soar.geometry import SoaringFrame
-from tgl_soar.line_changes import Contour, LineChanges, Presets
+from tgl_soar.line_bounds import LineBounds
+from tgl_soar.line_changes import OVERRIDE, Contour, LineChanges, Presets
 from tgl_soar.link import file_transfer
 from tgl_soar.link.autopilots import flavour as autopilot_flavour
 from tgl_soar.link.autopilots import routes
@@ -149,7 +150,7 @@ class Setup(NamedTuple):
     parameters: ParameterSet
     operators: frozenset[int] = OPERATORS  # systems that may set parameters and command
     presets: Presets = ()  # the site's lines, for TGL_PRESET
-    contour: Contour = ()  # of the site, to warn by
+    contour: Contour = ()  # of the site, which a line has to cross
     surface_channels: frozenset[int] = frozenset()  # none of them can be the pilot's switch
     position: Position = Position()  # the site's sources
     imu: int | None = None  # the message that is to carry accelerations; None: the usual one
@@ -330,7 +331,7 @@ class Onboard:
         """
         self.counters = Counters()
         self.texts = StatusTexts()
-        line = LineChanges(setup.presets, setup.contour)
+        line = LineChanges(setup.presets, LineBounds(setup.contour, setup.ground).fault)
         self.parameters = ParameterServer(setup.own, setup.parameters, self.texts, line)
         rate_hz = setup.parameters["LOOP_RATE"]
         home = setup.position.home
@@ -362,8 +363,8 @@ class Onboard:
         self._console = console or _nowhere
         self._store = store
         self._first_words = list(first_words)
-        if warning := line.warning(setup.parameters):
-            self._first_words.append((SEVERITY_WARNING, warning))
+        if fault := line.fault(setup.parameters):
+            self._first_words.append((SEVERITY_WARNING, f"cannot be engaged: {fault}"))
         self.signing = signing or Signing(None, 0.0, 0.0)
         if self.signing.kept_is_damaged:
             self._first_words.append((SEVERITY_WARNING, KEPT_IS_DAMAGED))
@@ -667,7 +668,17 @@ class Onboard:
         if not self._active and not self.session.presence.is_alone(now_s):
             return f"another module has our identity: {IDENTITY_REMEDY}"
         unheard = self.engagement.switch.unheard(now_s, int(self._values["OP_RC_CHAN"]))
-        return self.engagement.held_back() or (unheard and f"the pilot's switch: {unheard}")
+        if unheard:
+            return f"the pilot's switch: {unheard}"
+        return self.engagement.held_back() or self._unfit()
+
+    def _unfit(self) -> str:
+        """Why what stands is not to be flown with; "" once it flies, or by OP_FORCE."""
+        values = self._values
+        if self._engage or values["OP_FORCE"] != 0.0:
+            return ""
+        fault = self.parameters.line.fault(values)
+        return f"{fault}; {OVERRIDE}" if fault else ""
 
     def _obey(
         self, route: Route, source: Source, message: CommandLong | CommandInt, now_s: float
@@ -752,6 +763,9 @@ class Onboard:
 
     def _settings(self) -> None:
         """The parameters have changed: the next tick flies with new laws."""
+        engages = self.parameters.values["OP_ENGAGE"] >= 0.5 and not self._engage
+        if engages and self.parameters.values["OP_FORCE"] != 0.0:  # it acts once
+            self._say_all(self.parameters.assign("OP_FORCE", 0.0))
         values = self.parameters.values
         rate_hz = values["LOOP_RATE"]
         if rate_hz != self._values["LOOP_RATE"]:

@@ -58,6 +58,13 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         " be none that moves a surface.",
         in_flight=False, integer=True,
     ),
+    Parameter(
+        "OP_FORCE", "", 0, 1, 0,
+        "1: the next move of the line, or the next engagement, is not held back by the fence, the"
+        " clearance, the contour, TGL_STEP_MAX or what the autopilot must be set to; with that it"
+        " is 0 again.",
+        integer=True, in_files=False,
+    ),
     Parameter("OP_RC_ON", "us", 1000, 2000, 1700, "The switch is high above this pulse width."),
     Parameter(
         "OP_RC_OFF", "us", 1000, 2000, 1300,
@@ -94,6 +101,13 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter("TGL_ACCEL", "m/s^2", 0.05, 5.0, 0.5, "Acceleration of a moving line."),
     Parameter("TGL_ROT_SLEW", "deg/s", 0.5, 30, 5.0, "Rate of a turning line."),
+    # A decimal point that slipped moves a place of 0.25 m or more by more than 2 m; the lines of
+    # the tunnel are 0.6 m apart, those at its ends 1.2 m. At TGL_SLEW's 0.3 m/s it is 7 s of way.
+    Parameter(
+        "TGL_STEP_MAX", "m", 0.05, 2000, 2.0,
+        "Farthest that the line's point is moved by one change while flying; a farther one is"
+        " refused (OP_FORCE). Twice the distance between neighbouring lines of the site is good.",
+    ),
     Parameter(
         "TGL_CAPTURE", "m", 0.01, 2.0, 0.05,
         "The line is captured when it stands still and the aircraft has been within this"

@@ -35,6 +35,7 @@ from tgl_soar.control.supervisor import MODE_NAMES, REASON_TEXTS
 from tgl_soar.flightlog.declaration import VERSION
 from tgl_soar.flightlog.recorder import NO_RECORDER
 from tgl_soar.flightlog.writer import LARGEST_BYTES, Facts, FlightRecorder
+from tgl_soar.line_bounds import LineBounds, open_sides
 from tgl_soar.link.keys import (
     UNSIGNED,
     Secret,
@@ -507,6 +508,13 @@ def _restored(setup: Setup, store: ParameterStore | None) -> tuple[Setup, list[t
     return setup._replace(parameters=found.values), words
 
 
+def _words_of_place(setup: Setup) -> list[tuple[int, str]]:
+    """What is to be said of the fence and of the site's own lines."""
+    bounds = LineBounds(setup.contour, setup.ground)
+    words = [open_sides(setup.parameters), *bounds.preset_faults(setup.parameters, setup.presets)]
+    return [(SEVERITY_WARNING, text) for text in words if text]
+
+
 def _stop_on_signals(stopped: threading.Event) -> Callable[[], None]:
     """SIGINT, SIGTERM, SIGQUIT and a lost terminal set the flag, what would stop the process does
     nothing; the way back."""
@@ -549,7 +557,7 @@ def _fly(
         lockstep=lockstep,
         console=_print,
         store=store,
-        first_words=first_words,
+        first_words=[*first_words, *_words_of_place(setup)],
         signing=signing,
         unsigned_autopilot=secret.unsigned_autopilot,
         keep_key=partial(save_key, key_file) if key_file and secret.allow_setup else None,

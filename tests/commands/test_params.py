@@ -98,9 +98,9 @@ def test_export_then_import_is_the_identity(
         {"TGL_X": x, "TGL_Z": z, "TGL_LEAN": lean, "RHO_P": gain, "LOOP_RATE": rate}
     )
     first.store.save(values)
-    for word, state in (("export", "first"), ("import", "second")):
+    for words, state in ((["export"], "first"), (["import", "--force"], "second")):
         ran = CliRunner().invoke(
-            app, ["params", word, str(folder / name), *files, str(folder / state)]
+            app, ["params", *words, str(folder / name), *files, str(folder / state)]
         )
         assert ran.exit_code == 0, ran.output
     assert params.beginning(AIRFRAME, SITE, folder / "second").values == values
@@ -109,7 +109,7 @@ def test_export_then_import_is_the_identity(
 def test_a_file_of_mavproxys_loads(command: Command, tmp_path: Path) -> None:
     known = MAVParmDict()
     known.update({p.name: value for p, value in ParameterSet()})
-    known.update({"RHO_P": 0.9, "OP_ENGAGE": 1.0, "SYSID_THISMAV": 1.0})
+    known.update({"RHO_P": 0.9, "OP_ENGAGE": 1.0, "SYSID_THISMAV": 1.0, "TGL_Z": 1.2})
     known.save(str(tmp_path / "saved.parm"))
     told = command("import", "saved.parm")
     assert "OP_ENGAGE: never set from a file: passed over" in told
@@ -126,6 +126,7 @@ def test_a_file_of_mavproxys_loads(command: Command, tmp_path: Path) -> None:
         ("RHO_P 0.5\nRHO_D 99\n", "bad.parm:2: RHO_D = 99: allowed"),
         ("RHO_P 0.5\nTGL_LEAN 2\n", "bad.parm: TGL_LEAN = 2: the line must lean upwind"),
         ("RHO_P 0.5\nTGL_PRESET 9\n", "bad.parm: TGL_PRESET = 9: no such line"),
+        ("RHO_P 0.5\nTGL_Z 17\n", "bad.parm: the line's point is outside the fence (FENCE_Z_MAX"),
     ],
 )
 def test_a_bad_file_changes_nothing(command: Command, tmp_path: Path, text: str, told: str) -> None:

@@ -59,11 +59,11 @@ def test_workers_give_the_same_flights_in_the_order_asked_for(scenario: Scenario
 
 
 def test_a_flight_that_ends_early_says_why(scenario: Scenario) -> None:
-    """Upstream of the foot there is no updraft: nothing holds the aircraft off the floor."""
+    """Upstream of the nozzle's lip is no place to fly."""
     start = msgspec.structs.replace(scenario.start, x_m=-0.9, z_m=0.4)
     crash = fly_job(Job(msgspec.structs.replace(scenario, start=start), 1))
     assert not crash.survived
-    assert "ground" in crash.ended
+    assert crash.ended == "let go: outside the fence"
     assert crash.duration_s < 5.0
     assert crash.legs == ()
 

@@ -165,23 +165,31 @@ def test_none_stores_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 # --- the line over the air --------------------------------------------------------------------
 
 
-def test_a_staged_move_that_leads_nowhere_is_warned_of_when_made_and_at_the_next_start(
+def test_a_line_that_leads_nowhere_is_refused_and_where_it_is_forced_and_stored_not_engaged_on(
     tmp_path: Path,
 ) -> None:
-    def warned(flying: Flying) -> bool:
-        return any("does not cross the known contour" in text for text in flying.texts)
+    def told(flying: Flying, words: str) -> bool:
+        return flying.until(lambda: any(words in text for text in flying.texts))
 
     flying = Flying(tmp_path)
     flying.set("TGL_STAGE", 1)
     flying.set("TGL_X", 400)
-    flying.set("TGL_Z", 3)
     assert flying.read("TGL_X") == 400.0
-    assert not warned(flying)
     flying.set("TGL_STAGE", 0)
-    assert flying.until(lambda: warned(flying))
+    assert told(flying, "staged move dropped: TGL_STAGE = 0: the line's point is outside the fence")
+    assert flying.read("TGL_X") == pytest.approx(0.2)
+    flying.set("OP_FORCE", 1)
+    flying.set("TGL_X", 400)
+    assert flying.read("TGL_X") == 400.0
+    assert flying.read("OP_FORCE") == 0.0
     flying.end(signal.SIGTERM)
     again = Flying(tmp_path)
     assert again.read("TGL_X") == 400.0
-    assert again.read("TGL_STAGE") == 0.0
-    assert again.until(lambda: warned(again))
-    assert "does not cross the known contour" in again.end(signal.SIGKILL)
+    assert told(again, "cannot be engaged: the line's point is outside the fence")
+    again.set("OP_ENGAGE", 1)
+    assert again.values["OP_ENGAGE"] == 0.0
+    assert told(again, "OP_ENGAGE: the line's point is outside the fence (FENCE_X_MAX is 2.25 m);")
+    again.set("OP_FORCE", 1)
+    again.set("OP_ENGAGE", 1)
+    assert again.read("OP_FORCE") == 0.0
+    assert "cannot be engaged: the line's point" in again.end(signal.SIGKILL)

@@ -20,6 +20,7 @@ from tgl_soar.config import (
     load_site,
     preset_lines,
 )
+from tgl_soar.line_bounds import LineBounds
 from tgl_soar.line_changes import Presets, with_changes
 from tgl_soar.parameter_files import (
     Format,
@@ -96,6 +97,7 @@ class Beginning(NamedTuple):
     values: ParameterSet  # with the stored ones too
     kept: Mapping[str, float]
     presets: Presets
+    bounds: LineBounds
     store: ParameterStore
     notes: tuple[str, ...]
 
@@ -132,6 +134,7 @@ def beginning(airframe_path: Path, site_path: Path, state: Path | None) -> Begin
         found.values,
         found.kept,
         presets,
+        LineBounds(site.contour_for(airframe.airframe.name), site.known_ground()),
         store,
         found.notes,
     )
@@ -254,6 +257,9 @@ def import_(
     airframe: AirframeOption,
     site: SiteOption,
     state: StateOption = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Also a line by which no aircraft can be held.")
+    ] = False,
 ) -> None:
     """Store the values of a ground station's file: the next flight begins with them.
 
@@ -268,7 +274,10 @@ def import_(
         fail(error)
     except ParameterError as error:
         fail(f"{file}: {error}")
-    _tell(read.notes)
+    fault = found.bounds.fault(values)
+    if fault and not force and not found.bounds.fault(found.values):
+        fail(f"{file}: {fault}; change it, or take it all the same with --force")
+    _tell((*read.notes, *((fault,) if fault else ())))
     wanted = read.values.get("TGL_PRESET", values["TGL_PRESET"])
     if values["TGL_PRESET"] != wanted:
         _tell((f"{file}: TGL_PRESET = {wanted:g}: the line is elsewhere: TGL_PRESET is 0",))

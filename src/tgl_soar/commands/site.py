@@ -86,7 +86,7 @@ def contour_toml(airframe: Airframe, site: Site, folder: Path, bounds: Bounds) -
     parts = [part for part in parts if _length(part) >= LONGEST_SHARE * longest]
     lines = [
         f"# Where excess updraft is zero, rising air on the left, by `tgl-soar site contour` for a"
-        f"\n# wind of {site.air.wind_mps:g} m/s. A line that does not cross it is warned of.",
+        f"\n# wind of {site.air.wind_mps:g} m/s. A line that does not cross it is refused.",
         "[contour]",
         f"airframe = {json.dumps(airframe.airframe.name)}",
         "parts = [",
