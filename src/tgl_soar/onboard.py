@@ -47,6 +47,7 @@ from tgl_soar.link import file_transfer
 from tgl_soar.link.autopilots import flavour as autopilot_flavour
 from tgl_soar.link.autopilots import routes
 from tgl_soar.link.autopilots.base import Flavour, SurfaceChannel, SurfaceChannels, is_finite
+from tgl_soar.link.autopilots.requirements import Needs
 from tgl_soar.link.codec import Decoder, Encoder
 from tgl_soar.link.commands import ABORT, ENGAGE, NOTHING, RELEASE, CommandServer
 from tgl_soar.link.engagement import GONE_S, SILENCE_S, Engagement
@@ -157,6 +158,7 @@ class Setup(NamedTuple):
     forward: Forward | None = None  # what the autopilot is told of the position
     aerodynamics: Aerodynamics = NO_AERODYNAMICS  # of the airframe, to read the air by
     ground: Ground = NO_GROUND  # of the site, to keep away from
+    needs: Needs | None = None  # what the autopilot's parameters are read for; None: they are not
 
 
 class Rehearsal(NamedTuple):
@@ -217,6 +219,16 @@ def direct_flavour_of(airframe: Airframe) -> Flavour:
     return autopilot_flavour(link.firmware, direct, surface_channels(airframe), link.system_id)
 
 
+def needs_of(airframe: Airframe, site: Site, values: ParameterSet) -> Needs:
+    """What the module asks of the firmware."""
+    return Needs(
+        override_system=airframe.autopilot.override_system_id,
+        loop_rate_hz=values["LOOP_RATE"],
+        external_pose=site.forward is not None,
+        gps=site.mocap is None,
+    )
+
+
 def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Setup:
     """Configuration files' contents as the flying module takes them."""
     link = airframe.autopilot
@@ -227,6 +239,10 @@ def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Setu
     if refusal := switch_refusal(parameters["OP_RC_CHAN"], driven):
         raise ConfigError(f"parameters.OP_RC_CHAN = {parameters['OP_RC_CHAN']:g}: {refusal}")
     _believed(site.position, Source(link.system_id, link.component_id))
+    needs = needs_of(airframe, site, parameters)
+    # Its own local position may as well come from poses that somebody else sends it: only who
+    # counts on latitude and longitude is kept on the ground by what its satellites need.
+    needs = needs._replace(gps=needs.gps and "global_position" in site.position.sources)
     return Setup(
         Source(link.system_id, link.component_id),
         commanding_source(airframe, flavour),
@@ -242,6 +258,7 @@ def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Setu
         site.forward,
         airframe.aerodynamics(),
         site.known_ground(),
+        needs,
     )
 
 
@@ -350,6 +367,7 @@ class Onboard:
             vision_from=_believed(setup.position, setup.own),
             imu=setup.imu,
             start=start,
+            needs=setup.needs,
         )
         self.forwarding = _forwarding(setup.forward)
         self.pacer = realtime.Pacer(rate_hz, now_s)
@@ -677,7 +695,7 @@ class Onboard:
         values = self._values
         if self._engage or values["OP_FORCE"] != 0.0:
             return ""
-        fault = self.parameters.line.fault(values)
+        fault = self.parameters.line.fault(values) or self.session.inquiry.held_back()
         return f"{fault}; {OVERRIDE}" if fault else ""
 
     def _obey(

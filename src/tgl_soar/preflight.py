@@ -14,15 +14,9 @@ from typing import Final
 
 from tgl_soar.link.autopilots.base import Flavour
 from tgl_soar.link.autopilots.requirements import MUST, Finding, Needs, compare
-from tgl_soar.link.messages import (
-    COMPONENT_AUTOPILOT,
-    Heartbeat,
-    ParamRequestRead,
-    ParamValue,
-)
+from tgl_soar.link.inquiry import ParameterReading
+from tgl_soar.link.messages import Heartbeat, ParamRequestRead, ParamValue
 
-ASK_S: Final = 0.8  # before a parameter is asked for again
-ASK_TIMES: Final = 4
 BURST: Final = 4  # requests in one call: radios are slow, and drop what does not fit
 
 
@@ -31,22 +25,23 @@ class Preflight:
 
     def __init__(self, flavour: Flavour, needs: Needs, system_id: int) -> None:
         self.flavour = flavour
-        self.answers: dict[str, float] = {}
         self._needs = needs
-        self._system_id = system_id
         self._rows = flavour.requirements(needs)
         names = [name for row in self._rows for name in row.names] + list(flavour.asked)
-        # How often each was asked for, and when last.
-        self._waiting = {name: (0, float("-inf")) for name in dict.fromkeys(names)}
+        self._reading = ParameterReading(flavour, system_id, names, BURST)
         self._heartbeat: Heartbeat | None = None
+
+    @property
+    def answers(self) -> dict[str, float]:
+        """What has answered so far."""
+        return self._reading.answers
 
     def hear(self, message: object) -> None:
         """Take in one message of the autopilot."""
         if isinstance(message, Heartbeat):
             self._heartbeat = message
-        elif isinstance(message, ParamValue) and message.param_id in self._waiting:
-            del self._waiting[message.param_id]
-            self.answers[message.param_id] = self.flavour.value_of(message)
+        elif isinstance(message, ParamValue):
+            self._reading.heard(message)
 
     @property
     def heard(self) -> bool:
@@ -60,21 +55,11 @@ class Preflight:
 
     def done(self, now_s: float) -> bool:
         """Whether every parameter has answered or never will."""
-        return all(
-            times >= ASK_TIMES and now_s - asked_s >= ASK_S
-            for times, asked_s in self._waiting.values()
-        )
+        return self._reading.done(now_s)
 
     def poll(self, now_s: float) -> list[ParamRequestRead]:
         """The requests that are due."""
-        due = [
-            name
-            for name, (times, asked_s) in self._waiting.items()
-            if times < ASK_TIMES and now_s - asked_s >= ASK_S
-        ][:BURST]
-        for name in due:
-            self._waiting[name] = self._waiting[name][0] + 1, now_s
-        return [ParamRequestRead(self._system_id, COMPONENT_AUTOPILOT, name, -1) for name in due]
+        return self._reading.poll(now_s)
 
     def findings(self) -> list[Finding]:
         """Every row with what the vehicle has."""

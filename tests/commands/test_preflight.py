@@ -14,6 +14,7 @@ from free_ports import free_port
 from tgl_soar.config import load_airframe, shipped
 from tgl_soar.link.autopilots import FIRMWARES, flavour
 from tgl_soar.link.autopilots.requirements import MUST, Finding, Needs, compare
+from tgl_soar.link.inquiry import ASK_S, ASK_TIMES
 from tgl_soar.link.messages import (
     AUTOPILOT_ARDUPILOT,
     AUTOPILOT_PX4,
@@ -23,7 +24,7 @@ from tgl_soar.link.messages import (
     ParamValue,
 )
 from tgl_soar.onboard import surface_channels
-from tgl_soar.preflight import ASK_S, ASK_TIMES, Preflight
+from tgl_soar.preflight import Preflight
 from tgl_soar.sim.firmware.ardupilot import flight_parameters
 
 PLANE = load_airframe(AIRFRAME)

@@ -167,7 +167,7 @@ def test_the_master_system_can_be_changed() -> None:
 
 
 def test_after_the_timeout_the_pilots_sticks_have_the_surfaces_in_the_same_mode() -> None:
-    pixhawk = make()
+    pixhawk = make(parameters={"RC_OVERRIDE_TIME": 3.0})
     pixhawk.pilot_sticks = SurfaceCommand(0.0, -0.25, 0.0)
     master(pixhawk).override(1700)
     run(pixhawk, 3 * STEP_HZ - 1)
@@ -180,7 +180,7 @@ def test_after_the_timeout_the_pilots_sticks_have_the_surfaces_in_the_same_mode(
 
 def test_overrides_time_out_after_three_seconds_exactly() -> None:
     """Without a receiver its own mode takes over."""
-    pixhawk = make()
+    pixhawk = make(parameters={"RC_OVERRIDE_TIME": 3.0})
     run(pixhawk, 10)
     master(pixhawk).override(1700)
     run(pixhawk, 3 * STEP_HZ - 1)
@@ -194,9 +194,9 @@ def test_overrides_time_out_after_three_seconds_exactly() -> None:
 
 def test_the_timeout_follows_its_parameter_and_minus_one_means_never() -> None:
     pixhawk = make()
-    ground(pixhawk).set_parameter("RC_OVERRIDE_TIME", 0.5)
+    ground(pixhawk).set_parameter("RC_OVERRIDE_TIME", 1.0)
     master(pixhawk).override(1700)
-    run(pixhawk, STEP_HZ // 2 - 1)
+    run(pixhawk, STEP_HZ - 1)
     assert pixhawk.mode == MANUAL
     run(pixhawk, 1)
     assert pixhawk.mode == FBWA

@@ -9,12 +9,22 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from tgl_soar.config import ConfigError, load_airframe, load_parameters, load_site
+from tgl_soar.config import (
+    Airframe,
+    ConfigError,
+    Site,
+    load_airframe,
+    load_parameters,
+    load_site,
+    preset_lines,
+)
+from tgl_soar.line_bounds import LineBounds, open_sides
 from tgl_soar.line_load import load_of
-from tgl_soar.link.autopilots.requirements import MUST, Needs, wish
+from tgl_soar.link.autopilots.requirements import MUST, wish
 from tgl_soar.link.keys import SigningError
 from tgl_soar.link.transport import LinkError, baud_of
-from tgl_soar.onboard import flavour_of, setup_from
+from tgl_soar.onboard import flavour_of, needs_of, setup_from
+from tgl_soar.parameters import ParameterSet
 from tgl_soar.preflight import Preflight
 
 from .console import console, fail
@@ -33,19 +43,15 @@ def preflight(
 ) -> None:
     """Read the autopilot's parameters and list what to change before flight; change nothing.
 
+    Of the site, the fence and the lines are looked at.
+
     Exit code 0: all as needed; 1: something must be changed; 2: not possible.
     """
     try:
         plane, place = load_airframe(airframe), load_site(site)
         values = load_parameters(plane, airframe, place, site)
         flavour = flavour_of(plane)
-        needs = Needs(
-            override_system=plane.autopilot.override_system_id,
-            loop_rate_hz=values["LOOP_RATE"],
-            external_pose=place.forward is not None,
-            gps=place.mocap is None,
-        )
-        check = Preflight(flavour, needs, plane.autopilot.system_id)
+        check = Preflight(flavour, needs_of(plane, place, values), plane.autopilot.system_id)
         baud = baud_of(link)
         load = load_of(setup_from(plane, place, values), signed=signing_key is not None)
         with Conversation(link, plane, flavour, signing_key) as conversation:
@@ -55,7 +61,9 @@ def preflight(
     except KeyboardInterrupt:
         fail("stopped", 130)
     too_slow = "" if baud is None else load.refusal(baud)
-    raise typer.Exit(_told(check, too_slow, show_all=show_all))
+    line_is_good = _place_told(plane, place, values)
+    code = _told(check, too_slow, show_all=show_all)
+    raise typer.Exit(code if line_is_good else 1)
 
 
 def _read(check: Preflight, conversation: Conversation, timeout_s: float) -> None:
@@ -79,6 +87,19 @@ def _read(check: Preflight, conversation: Conversation, timeout_s: float) -> Non
             conversation.say(request)
         if check.done(now_s):
             return
+
+
+def _place_told(plane: Airframe, place: Site, values: ParameterSet) -> bool:
+    """What is to be said of the fence and the lines; whether the files' line can be engaged on."""
+    bounds = LineBounds(place.contour_for(plane.airframe.name), place.known_ground())
+    for words in (open_sides(values), *bounds.preset_faults(values, preset_lines(place, values))):
+        if words:
+            console.print(words, style="yellow", highlight=False, markup=False, soft_wrap=True)
+    fault = bounds.fault(values)
+    if fault:
+        text = f"cannot be engaged: {fault}"
+        console.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
+    return not fault
 
 
 def _told(check: Preflight, too_slow: str, *, show_all: bool) -> int:

@@ -35,8 +35,9 @@ from tgl_soar.types import (
 )
 
 from .autopilots.base import Flavour
+from .autopilots.requirements import Needs
 from .clock import MICROSECONDS_WRAP_S, MILLISECONDS_WRAP_S, StampedStreams
-from .inquiry import SenderInquiry
+from .inquiry import SetupInquiry
 from .messages import (
     AUTOPILOT_INVALID,
     COMMAND_SET_MESSAGE_INTERVAL,
@@ -172,13 +173,15 @@ class Session:
         vision_from: Collection[Source] = (),
         imu: int | None = None,
         start: int = 1,
+        needs: Needs | None = None,
     ) -> None:
         """`sources`: whose positions are taken; of the autopilot's alone if not given.
 
         `home`: where latitude and longitude are counted from.  `vision_from`: whose
         VISION_POSITION_ESTIMATE is believed.  `imu`: the message that is to carry
         accelerations; None: the firmware's usual one, 0: none.  `start`: a number of this start
-        of the module, for its heartbeat.
+        of the module, for its heartbeat.  `needs`: what its parameters are read for; None: only
+        for whom it obeys.
         """
         self.counters = SessionCounters()
         self.sources = sources or PositionSources()
@@ -196,7 +199,7 @@ class Session:
         self.presence = Presence(start)
         self.streams = StreamRequests(own.system)
         self.round_trip = RoundTrip()
-        self._inquiry = SenderInquiry(flavour, own.system, override_system)
+        self.inquiry = SetupInquiry(flavour, own.system, override_system, needs)
         self._own = own
         self.autopilot = Source(own.system, COMPONENT_AUTOPILOT)
         self._flavour = flavour
@@ -271,10 +274,9 @@ class Session:
             question = None if self._lockstep else self.round_trip.poll(now_s)
             if question is not None:
                 said.append(question)
-            asked, complaint = self._inquiry.poll(now_s)
+            asked, complaints = self.inquiry.poll(now_s)
             said.extend(asked)
-            if complaint:
-                self.notices.append((SEVERITY_WARNING, complaint))
+            self.notices.extend((SEVERITY_WARNING, complaint) for complaint in complaints)
         self._tell_contest(now_s)
         if self.streams.notices:
             self._tell_refusals()
@@ -292,7 +294,7 @@ class Session:
         self._imu_from.rebase()
         self.streams.restart()
         self.round_trip.restart()
-        self._inquiry.restart()
+        self.inquiry.restart()
         if self.is_heard:
             self.status = self.status._replace(time_s=now_s)
 
@@ -326,7 +328,7 @@ class Session:
         elif isinstance(message, Heartbeat):
             self._take_heartbeat(message, now_s)
         elif isinstance(message, ParamValue):
-            self._inquiry.heard(message)
+            self.inquiry.heard(message)
         elif isinstance(message, CommandAck):
             self._take_ack(message, now_s)
         elif isinstance(message, VisionPositionEstimate):
@@ -639,7 +641,7 @@ class Session:
         self._heartbeat_due_s = now_s
         self.streams.restart()
         self.round_trip.restart()
-        self._inquiry.restart()
+        self.inquiry.restart()
         what, leap_s = "autopilot restarted", self._stamps.leap_s
         if leap_s > 0.0:
             what = f"the autopilot's clock is another one, {_apart(leap_s)} the last"

@@ -136,6 +136,9 @@ class Simulation:
             sensors=Sensors(imu=MEMS_IMU, airspeed=PITOT if options.pitot else None),
         )
         self._home = site.position.home
+        # Where poses are forwarded the autopilot is set up to take them.
+        self._parameters = {"VISO_TYPE": 1.0} if site.forward is not None else {}
+        self._parameters |= dict(options.parameters)
         self.pixhawk = self._autopilot(airframe, options, options.uptime_s)
         # Heard by nobody until its fault acts, it hears all that the other hears.
         self._twins = self.injection.named("autopilot.twin")
@@ -162,7 +165,7 @@ class Simulation:
         return Pixhawk(
             airframe.surfaces,
             options.step_hz,
-            parameters=dict(options.parameters),
+            parameters=self._parameters,
             trim_pitch_rad=self.world.trim_pitch_rad,
             allow_odometry=options.allow_odometry,
             uptime_s=uptime_s,

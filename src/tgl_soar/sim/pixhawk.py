@@ -126,14 +126,18 @@ def _limited(value: float) -> float:
 
 
 class FirmwareParameters:
-    """A few ArduPlane parameters, those that have an effect here; each (value, low, high)."""
+    """A few ArduPlane parameters, those that have an effect here; each (value, low, high).
+
+    They are as the module wants them of an ArduPlane: RC_OVERRIDE_TIME is 0.5 s where the
+    firmware's default is 3 s, which would lose the aircraft, and is engaged with only by force.
+    """
 
     def __init__(self, surfaces: Surfaces, values: dict[str, float] | None = None) -> None:
         self._table: dict[str, tuple[float, float, float]] = {
             "SYSID_THISMAV": (1.0, 1.0, 255.0),
             "SYSID_MYGCS": (255.0, 1.0, 255.0),
             "SCHED_LOOP_RATE": (400.0, 50.0, 400.0),
-            "RC_OVERRIDE_TIME": (3.0, OVERRIDES_NEVER_EXPIRE, 120.0),
+            "RC_OVERRIDE_TIME": (0.5, OVERRIDES_NEVER_EXPIRE, 120.0),
             "VISO_TYPE": (0.0, 0.0, 1.0),
             "VISO_DELAY_MS": (10.0, 0.0, 250.0),
         }
