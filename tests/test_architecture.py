@@ -56,7 +56,7 @@ TABLE: dict[str, set[str]] = {
     "process": {"line_load", "loop", "native"},
     "air": {"geometry"},
     "score": set(),
-    "sim": {"autopilot", "air", "link", "config", "score"},
+    "sim": {"autopilot", "air", "link", "config", "score", "realtime"},
     "logs": {"flightlog", "config", "estimation"},
     "report": {"air", "estimation", "score", "logs"},
     "experiments": {"sim", "report", "config", "onboard"},

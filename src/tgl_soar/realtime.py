@@ -355,6 +355,16 @@ def go_first() -> None:
     _set_priority(PRIORITY + 1)  # without the right to: `prepare` tells it
 
 
+def accompany() -> bool:
+    """For a simulated world beside the loop: after it and before all others; whether it may.
+
+    What is there by now is never looked through for garbage again.
+    """
+    gc.collect()
+    gc.freeze()
+    return _set_priority(PRIORITY - 1)
+
+
 @contextmanager
 def behind(wishes: Wishes) -> Iterator[None]:
     """Threads that are started within come right after the loop, and before all others.

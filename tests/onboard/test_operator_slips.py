@@ -72,7 +72,12 @@ class Flight:
         return -1 if self.onboard.output is None else self.onboard.output.mode
 
     @property
+    def is_active(self) -> bool:
+        return self.onboard.output is not None and self.onboard.output.active
+
+    @property
     def place(self) -> tuple[float, float]:
+        assert self.onboard.output is not None
         vehicle = self.onboard.output.vehicle
         return vehicle.x_m, vehicle.z_m
 
@@ -149,7 +154,7 @@ def test_overrides_that_time_out_too_late_hold_the_engagement_back_until_they_ar
     flight.run(1.0)
     assert flight.set("OP_ENGAGE", 1) == 1.0
     flight.run(0.5)
-    assert flight.onboard.output.active
+    assert flight.is_active
 
 
 def test_an_autopilot_that_is_not_set_up_is_engaged_all_the_same_by_force_which_acts_once() -> None:
@@ -159,7 +164,7 @@ def test_an_autopilot_that_is_not_set_up_is_engaged_all_the_same_by_force_which_
     assert flight.set("OP_ENGAGE", 1) == 1.0
     assert flight.onboard.parameters.values["OP_FORCE"] == 0.0
     flight.run(0.5)
-    assert flight.onboard.output.active
+    assert flight.is_active
     assert flight.set("OP_ENGAGE", 1) == 1.0  # repeated: it flies already
     flight.set("OP_ENGAGE", 0)
     flight.run(2.0)

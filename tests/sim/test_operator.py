@@ -25,6 +25,7 @@ class Module:
         self.line_follows = True
         self.obeys = True
         self.loses = 0  # so many sets are lost on the way
+        self.mode = 4.0
 
     def say(self, message: Any) -> None:
         self.operator.receive(bytes(message.pack(self.codec)))
@@ -33,7 +34,7 @@ class Module:
         """One look at the telemetry, one step of the operator, and the answers."""
         boot_ms = round(time_s * 1e3)
         self.say(self.codec.heartbeat_encode(18, 8, 0, 0, 4))
-        shown = {"soar_x": 0.0, "soar_mode": 4.0}
+        shown = {"soar_x": 0.0, "soar_mode": self.mode}
         if self.line_follows:
             shown |= {
                 "line_x": self.values.get("TGL_X", 0.0),
@@ -138,6 +139,59 @@ def test_a_module_that_lets_go_ends_the_flight() -> None:
     module.say(module.codec.param_value_encode(b"OP_ENGAGE", 0.0, 9, 50, 0))
     with pytest.raises(OperatorError, match=r"let go by itself: .*position lost"):
         run(module, 2.0)
+
+
+def released(module: Module, reason: str, seconds: float, *, ready: bool = True) -> None:
+    """The module disengages, says so a moment later, and is ready again after a second."""
+    begun = module.operator.seen.time_s
+    module.values["OP_ENGAGE"] = 0.0
+    module.say(module.codec.param_value_encode(b"OP_ENGAGE", 0.0, 9, 50, 0))
+    module.mode = 1.0
+    for i in range(1, round(seconds * 20) + 1):
+        if i == 4:
+            module.say(module.codec.statustext_encode(3, f"released: {reason}".encode()))
+        if i == 20 and ready:
+            module.mode = 2.0
+        if not module.operator.done:
+            module.second(begun + i * 0.05)
+
+
+def test_after_a_hiccup_of_the_machine_the_leg_is_flown_again() -> None:
+    operator = Operator([LEG, LEG], 1, 191, again=1)
+    module = Module(operator)
+    run(module, 5.0)  # on the second leg
+    assert len(operator.flown) == 2
+    first = operator.flown[0]
+    engaged = module.sets.count(("OP_ENGAGE", 1.0))
+    released(module, "attitude lost", 10.0)
+    assert operator.done
+    assert operator.hiccups == ["released: attitude lost"]
+    assert module.sets.count(("OP_ENGAGE", 1.0)) == engaged + 1
+    assert operator.flown[0] is first
+    assert len(operator.flown) == 2
+    assert operator.flown[1].ended_s - operator.flown[1].stopped_s >= LEG.stay_s
+
+
+def test_it_engages_anew_only_so_often_and_only_after_a_hiccup() -> None:
+    operator = Operator([LEG] * 9, 1, 191, again=1)
+    module = Module(operator)
+    run(module, 3.0)
+    released(module, "attitude lost", 3.0)
+    with pytest.raises(OperatorError, match=r"let go by itself: .*attitude lost"):
+        released(module, "attitude lost", 3.0)
+    operator = Operator([LEG], 1, 191, again=1)
+    module = Module(operator)
+    run(module, 3.0)
+    with pytest.raises(OperatorError, match=r"let go by itself: .*outside the fence"):
+        released(module, "outside the fence", 3.0)
+
+
+def test_a_module_that_does_not_become_ready_again_is_not_waited_for_for_ever() -> None:
+    operator = Operator([LEG], 1, 191, again=1)
+    module = Module(operator)
+    run(module, 3.0)
+    with pytest.raises(OperatorError, match="not ready again within 60 s"):
+        released(module, "position lost", 62.0, ready=False)
 
 
 def test_a_line_moved_by_another_station_is_noted_and_flown_on() -> None:

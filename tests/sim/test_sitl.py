@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -18,9 +18,12 @@ from typing import Any
 import pytest
 from free_ports import free_port
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from typer.testing import CliRunner
 
+from tgl_soar.commands import app
 from tgl_soar.config import load_airframe, load_site, shipped
-from tgl_soar.sim.sitl import OVERRIDE_TIME_S, SitlError, SitlOptions, fly, passed
+from tgl_soar.sim.operator import Operator
+from tgl_soar.sim.sitl import OVERRIDE_TIME_S, SitlError, SitlOptions, busy_hint, fly, passed
 
 AIRFRAME = shipped("airframes/eclipson_c.toml")
 SITE = shipped("sites/tunnel.toml")
@@ -113,6 +116,57 @@ def test_an_output_folder_that_cannot_be_is_named(tmp_path: Path) -> None:
 def test_an_unknown_leg_is_named(tmp_path: Path) -> None:
     with pytest.raises(SitlError, match=r"no line named 'q'; it has a, b, c"):
         fly(options(tmp_path, legs=("q",)), quietly)
+
+
+# --- by the clock --------------------------------------------------------------------------
+
+
+def bridge_of(out: Path) -> int:
+    """The process id of the bridge that logs there."""
+    for folder in Path("/proc").iterdir():
+        if folder.name.isdecimal():
+            with suppress(OSError):
+                words = (folder / "cmdline").read_bytes().split(b"\0")
+                if b"tgl_soar.sim.bridge" in words and str(out / "truth.csv").encode() in words:
+                    return int(folder.name)
+    raise AssertionError("no bridge")
+
+
+def test_a_flight_by_the_clock_goes_on_after_the_machine_has_stood_still(tmp_path: Path) -> None:
+    """The bridge gets no processor for 0.6 s: the module must disengage, and is engaged anew."""
+    stood: list[int] = []
+
+    def once(operator: Operator) -> None:
+        if not stood and operator.flown and operator.flown[0].stopped_s > 0.0:
+            stood.append(bridge_of(tmp_path))
+            os.kill(stood[0], signal.SIGSTOP)
+            time.sleep(0.6)
+            os.kill(stood[0], signal.SIGCONT)
+
+    anywhere = f"127.0.0.1:{free_port()}"
+    by_clock = {"realtime": True, "gcs": anywhere, "gcs_local": "127.0.0.1:0"}
+    by_clock["companion"] = f"127.0.0.1:{free_port()}"
+    flight = fly(options(tmp_path, legs=("a",), stay_s=8.0, **by_clock), once)
+    assert stood
+    assert any("engaged anew after a hiccup of this machine" in note for note in flight.notes)
+    assert any("too slow for real time" in note for note in flight.notes)
+    assert flight.flown[0].ended_s - flight.flown[0].stopped_s >= 8.0
+
+
+def test_a_port_that_is_taken_is_told_with_the_option_that_there_is(tmp_path: Path) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{taken.getsockname()[1]}"
+        with pytest.raises(SitlError, match="choose another port with --gcs-local"):
+            fly(options(tmp_path, realtime=True, gcs_local=address), quietly)
+    offered = CliRunner().invoke(app, ["sitl", "--help"], env={"COLUMNS": "200"}).output
+    assert "--gcs-local" in offered
+
+
+def test_a_busy_machine_is_told_of() -> None:
+    assert "whose load is 6.0 on 2 processors" in busy_hint(6.0, 2)
+    assert "load" not in busy_hint(0.5, 2)
+    assert "without --realtime" in busy_hint(0.5, 2)
 
 
 # --- the module is killed in flight --------------------------------------------------------

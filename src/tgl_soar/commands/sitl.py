@@ -63,6 +63,13 @@ def sitl(
     realtime: Annotated[
         bool, typer.Option("--realtime", help="By the clock, open to other ground stations.")
     ] = False,
+    gcs_local: Annotated[
+        str,
+        typer.Option(
+            metavar="HOST:PORT",
+            help="In real time: the bridge's own port towards ground stations; port 0: any.",
+        ),
+    ] = "127.0.0.1:18570",
     fault: Annotated[
         list[str] | None,
         typer.Option(
@@ -165,6 +172,7 @@ def sitl(
         route=route,
         autopilot_parameters=tuple(autopilot_parameter or ()),
         kill_s=kill_module,
+        gcs_local=gcs_local,
     )
     try:
         with Live(console=console, refresh_per_second=10, transient=True) as live:
@@ -199,6 +207,8 @@ def sitl(
             f"{score.crossing_m * 100:.1f} cm" if score.crossing_m == score.crossing_m else "–",
         )
     console.print(table)
+    for note in flight.notes:
+        console.print(note, style="yellow", markup=False, highlight=False, soft_wrap=True)
     simulated = flight.truth["time_s"][-1]
     say(f"{simulated:.0f} s of flight in {flight.wall_s:.0f} s; logs and figure in {out}/")
     log = newest_log(out / "logs")

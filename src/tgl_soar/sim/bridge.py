@@ -5,7 +5,9 @@
     companion        127.0.0.1:14540 ◄──►  :14580 ┘
 
 Real time: every step has an absolute deadline, so time does not drift; where the machine falls
-more than a few steps behind, that time is given up and counted, never hurried after.
+more than a few steps behind, that time is given up and counted, never hurried after: the world
+stands still for so long while the clocks run on.  A machine that is too slow is told.  The bridge
+asks for the priority that comes after the module's loop.
 
 Lockstep: after every step the companion gets the attitude, even unasked, what else its streams
 have due, and a TIMESYNC request.
@@ -41,6 +43,7 @@ from typing import Any, Final, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tgl_soar import realtime
 from tgl_soar.config import Airframe, ConfigError, Site, load_airframe, load_site
 from tgl_soar.geometry import ned_from_soaring
 from tgl_soar.types import GlidePolar, polar_sink
@@ -62,6 +65,10 @@ LYING_S: Final = 3.0  # after a crash, before somebody has carried the aircraft 
 GROUND_BARRIER_S: Final = 0.05
 TRUTH_HZ: Final = 5
 BEHIND_STEPS: Final = 5  # so far behind, real time gives up catching up
+TOO_SLOW: Final = "this machine is too slow for real time"
+HICCUP_S: Final = 0.15  # without a step: an attitude older than AGE_ATT_MAX (0.2 s) ends a flight
+SLOW_SHARE: Final = 0.05  # of the time, given up: the aircraft is flown in another time's air
+SLOW_EVERY_S: Final = 10.0  # between two words about it
 BARRIER_OFFSET_NS: Final = 1_000_000_000  # so that no barrier's stamp is zero
 STRANGERS_NAMED: Final = 20  # on the console; the rest of a flood is not
 REPEAT_S: Final = 1.0  # a barrier's request is repeated, should a datagram have been lost
@@ -148,6 +155,7 @@ class Simulation:
             else None
         )
         self.crashes = 0
+        self._passed_over_s = 0.0
         self._options = options
         self._polar = airframe.polar.as_polar()
         self._pilot = SafetyPilot(self.world.trim_pitch_rad, 1.0 / options.step_hz)
@@ -329,9 +337,18 @@ class Simulation:
         if self._log is not None:
             pixhawk = self.pixhawk
             state = (pixhawk.mode, self.flying, pixhawk.reads_override())
-            self._log.add(
-                (*truth_row(self._options.uptime_s + self.world.time_s, self.world), *state)
-            )
+            time_s = self._options.uptime_s + self._passed_over_s + self.world.time_s
+            self._log.add((*truth_row(time_s, self.world), *state))
+
+    def pass_over(self, seconds: float) -> None:
+        """So long no step was made: the autopilot's clock runs on, as a real one does.
+
+        The other way, all it tells would look late to whoever has learnt its clock before.
+        """
+        self._passed_over_s += seconds
+        self.pixhawk.pass_over(seconds)
+        if self._twin is not None:
+            self._twin.pass_over(seconds)
 
 
 def told_truth(world: World, polar: GlidePolar) -> tuple[tuple[bytes, float], ...]:
@@ -437,6 +454,10 @@ class Simulated(Protocol):
         """One step of everything."""
         ...
 
+    def pass_over(self, seconds: float) -> None:
+        """So long no step was made; the clock of an autopilot does not stand still for that."""
+        ...
+
     def take_events(self) -> list[str]:
         """What the console should say, each once."""
         ...
@@ -448,6 +469,35 @@ class Simulated(Protocol):
     def close(self) -> None:
         """It is over."""
         ...
+
+
+class Slowness:
+    """What of real time is given up, and when that is worth a word."""
+
+    def __init__(self, now_s: float) -> None:
+        self.given_up_s = 0.0
+        self._since_s = now_s
+        self._lost_s = self._worst_s = 0.0  # since then
+
+    def lose(self, lost_s: float) -> None:
+        """So much is not caught up with."""
+        self.given_up_s += lost_s
+        self._lost_s += lost_s
+        self._worst_s = max(self._worst_s, lost_s)
+
+    def told(self, now_s: float) -> str:
+        """What is to be said now; "" if nothing is.  A hiccup at once, the rest once in a while."""
+        over_s = now_s - self._since_s
+        if over_s < SLOW_EVERY_S and (self._worst_s < HICCUP_S or over_s < 1.0):
+            return ""
+        lost_s, worst_s = self._lost_s, self._worst_s
+        self._since_s, self._lost_s, self._worst_s = now_s, 0.0, 0.0
+        if worst_s < HICCUP_S and lost_s < SLOW_SHARE * over_s:
+            return ""
+        return (
+            f"{TOO_SLOW}: {lost_s:.2f} s of the last {over_s:.1f} s were given up,"
+            f" {worst_s:.2f} s at once; close other programs, or fly in lockstep"
+        )
 
 
 class Bridge:
@@ -463,7 +513,7 @@ class Bridge:
         self.simulation, self.ports, self.pace = simulation, ports, pace
         self.motive = motive
         self.stopping = False
-        self.given_up_s = 0.0  # wall time that real time did not catch up with
+        self.slowness = Slowness(time.monotonic())
         self.wall_s = 0.0
         self._pixhawk = simulation.pixhawk
         self._down = simulation.injection.wire("down")  # to companions
@@ -510,7 +560,10 @@ class Bridge:
     # --- real time ---------------------------------------------------------------------
 
     def _run_realtime(self) -> None:
+        if not realtime.accompany():
+            self._say("no real-time priority: a busy machine may interrupt the flight")
         deadline = time.monotonic()
+        self.slowness = Slowness(deadline)
         while not self._over():
             deadline = self._keep_pace(deadline)
             self._step()
@@ -532,8 +585,12 @@ class Bridge:
                 self._drain(ports.ground)
                 self._flush()
         if -left > BEHIND_STEPS * self._dt_s:
-            self.given_up_s -= left
+            self.slowness.lose(-left)
+            if not self.pace.lockstep:
+                self.simulation.pass_over(-left)
             deadline -= left
+        if words := self.slowness.told(deadline):
+            self._say(words)
         self._drain(ports.companion)
         self._drain(ports.ground)
         return deadline + self._dt_s
@@ -754,7 +811,7 @@ class Bridge:
         return (
             f"{simulation.world.steps} steps, {simulation.time_s:.3f} s simulated in"
             f" {self.wall_s:.2f} s ({ratio:.1f} x real time); {simulation.summary()};"
-            f" {simulation.crashes} crashes; {self.given_up_s:.2f} s given up"
+            f" {simulation.crashes} crashes; {self.slowness.given_up_s:.2f} s given up"
         )
 
 

@@ -20,6 +20,11 @@ RETRY_S = 0.5
 GIVE_UP_S = 10.0  # without an answer to a set for so long, nobody is there
 LOOK_S = 1.0  # the position is watched for so long before engaging
 LEG_TIMEOUT_S = 40.0  # for a line to come to its target
+WORDS_S = 0.5  # the reason of a release may come after it
+READY_S = 60.0  # a crashed aircraft lies for 3 s and is carried back to the start
+READY = 2.0  # of soar_mode
+# Why a flight by the clock ends where a process was not let run for some tenths of a second.
+HICCUPS = ("attitude lost", "position lost", "autopilot silent")
 
 
 class OperatorError(RuntimeError):
@@ -73,13 +78,18 @@ class Operator:
         own_system: int = 254,
         *,
         when_armed: bool = False,
+        again: int = 0,
     ) -> None:
-        """`when_armed`: it engages nothing before the vehicle is armed."""
+        """`when_armed`: it engages nothing before the vehicle is armed.  `again`: so often it
+        engages anew and repeats the leg where a hiccup of the machine has ended the flight."""
         self.seen = Seen()
+        self.hiccups: list[str] = []  # what was said of each
         self.flown: list[Flown] = []
         self.done = False
         self._legs = legs
         self._when_armed = when_armed
+        self._again = again
+        self._released_s = float("nan")
         self._target = (system, component)
         self._codec = mavlink.MAVLink(None, own_system, mavlink.MAV_COMP_ID_MISSIONPLANNER)
         self._codec.robust_parsing = True
@@ -165,7 +175,9 @@ class Operator:
 
     def _next_stage(self) -> None:
         """Wait for the module, then leg by leg: set, wait for the line to stand, stay."""
-        if self._stage == "wait":
+        if self._stage in ("released", "again"):
+            self._recover()
+        elif self._stage == "wait":
             known = self.seen.module_alive and isfinite(self._shown("soar_x"))
             known = known and (self.seen.armed or not self._when_armed)
             if not (known and isfinite(self._known_since_s)):
@@ -197,10 +209,29 @@ class Operator:
                 else:
                     self._begin_leg(len(self.flown))
         if self._engaged and self.seen.parameters.get("OP_ENGAGE") == 0.0 and not self._to_set:
-            raise OperatorError(f"the module let go by itself: {self._last_words()}")
+            self._engaged, self._engaged_s = False, float("nan")
+            self._stage, self._released_s = "released", self.seen.time_s
+            if self._again <= len(self.hiccups):
+                raise OperatorError(f"the module let go by itself: {self._last_words()}")
+
+    def _recover(self) -> None:
+        """The module has disengaged by itself: see why, and repeat the leg once it is ready."""
+        since_s = self.seen.time_s - self._released_s
+        if self._stage == "released" and since_s >= WORDS_S:
+            texts = reversed(self.seen.texts)
+            reason = next((text for text in texts if text.startswith("released")), "")
+            if not any(hiccup in reason for hiccup in HICCUPS):
+                raise OperatorError(f"the module let go by itself: {self._last_words()}")
+            self.hiccups.append(reason)
+            self._stage = "again"
+        elif self._stage == "again" and self._shown("soar_mode") == READY:
+            self._begin_leg(len(self.flown) - 1)
+        elif since_s > READY_S:
+            raise OperatorError(f"not ready again within {READY_S:g} s: {self._last_words()}")
 
     def _begin_leg(self, number: int) -> None:
         leg = self._legs[number]
+        del self.flown[number:]  # where it is repeated
         self.flown.append(Flown(leg, self.seen.time_s))
         self._to_set = list(leg.parameters.items())
         self._stage = "move"

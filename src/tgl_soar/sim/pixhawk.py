@@ -492,6 +492,10 @@ class Pixhawk:
             link.parameters_to_send.clear()
             link.outbox.clear()
 
+    def pass_over(self, seconds: float) -> None:
+        """The clock runs on for so long, without a step."""
+        self._uptime_s += seconds
+
     def boot(self) -> None:
         """Start anew, without memory: the clock from zero, the mode of the pilot's switch."""
         self.running = True

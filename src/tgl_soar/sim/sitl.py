@@ -8,13 +8,15 @@ Three take part, each with its own socket on the loopback interface:
 
 In lockstep (the default) the bridge waits for both others at every step, so that the flight
 runs as fast as the machine allows and the same seed gives the same flight.  In real time it
-waits for nobody, and other ground stations may take part at 127.0.0.1:14550.
+waits for nobody, and other ground stations may take part at 127.0.0.1:14550; where a busy machine
+has interrupted the flight the operator engages anew, a few times, and says so.
 """
 
 from __future__ import annotations
 
 import csv
 import json
+import os
 import re
 import select
 import signal
@@ -43,13 +45,16 @@ from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.parameters import ParameterSet
 from tgl_soar.score import LegScore, score_leg
 
+from .bridge import TOO_SLOW
 from .firmware.sensors import SOMEWHERE
 from .operator import Flown, Leg, Operator, OperatorError
 from .world import build_field
 
 Floats = NDArray[np.float64]
 LOGS_MB = 500.0  # of all flights in a folder
+START_S = 120.0  # for the first datagram: on a busy machine air and module take their time
 SILENCE_S = 20.0  # without a datagram for so long the bridge is taken for dead
+AGAIN = 3  # engagements anew in real time
 OVERRIDE_TIME_S = 0.5  # as docs and README ask of a real autopilot: 3 s would lose the aircraft
 
 
@@ -85,6 +90,7 @@ class SitlOptions:
     kill_s: float | None = None  # the module is killed so long after its line first stood
     # Real time alone is open to others, on the ports that the firmwares' simulators have.
     gcs: str = "127.0.0.1:14550"
+    gcs_local: str = "127.0.0.1:18570"  # the bridge's own port towards it
     companion: str = "127.0.0.1:14540"
 
 
@@ -99,6 +105,7 @@ class Flight:
     truth: dict[str, Floats]  # columns of the bridge's log
     wall_s: float
     killed_s: float | None = None  # when the module was killed, on the autopilot's clock
+    notes: tuple[str, ...] = ()  # how the machine has interrupted it
 
 
 def plan(site: Site, values: ParameterSet, options: SitlOptions) -> list[Leg]:
@@ -154,6 +161,7 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> Flight:
         airframe.autopilot.system_id,
         airframe.autopilot.component_id,
         when_armed=options.autopilot != "builtin",
+        again=AGAIN if options.realtime and not options.faults and options.kill_s is None else 0,
     )
     processes = _Processes(options.out)
     try:
@@ -164,7 +172,8 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> Flight:
         processes.start("module", _module_command(options, companion, mocap))
         killed_s = _operate(operator, ground_station, processes, progress, options.kill_s)
     except OperatorError as error:
-        raise SitlError(f"{error}\n{processes.last_words()}") from None
+        hint = busy_hint(os.getloadavg()[0], os.cpu_count() or 1) if options.realtime else ""
+        raise SitlError(f"{error}{hint}\n{processes.last_words()}") from None
     finally:
         processes.stop()
         ground_station.close()
@@ -194,7 +203,9 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> Flight:
             )
         )
     wall_s = time.monotonic() - begun
-    flight = Flight(operator.flown, scores, met, lines, truth, wall_s, killed_s)
+    notes = [f"engaged anew after a hiccup of this machine: {w}" for w in operator.hiccups]
+    notes += processes.said("bridge", TOO_SLOW)
+    flight = Flight(operator.flown, scores, met, lines, truth, wall_s, killed_s, tuple(notes))
     _write_summary(options, flight)
     return flight
 
@@ -204,6 +215,15 @@ def passed(flight: Flight) -> bool:
     return all(
         score.settled or flown.by_hand
         for score, flown in zip(flight.scores, flight.flown, strict=True)
+    )
+
+
+def busy_hint(load: float, processors: int) -> str:
+    """What a flight by the clock that failed may have failed of."""
+    busy = f", whose load is {load:.1f} on {processors} processors," if load > processors else ""
+    return (
+        f"\n  this machine{busy} may be too busy for real time: close other programs, or fly in"
+        " lockstep, without --realtime"
     )
 
 
@@ -272,7 +292,8 @@ def _bridge_command(
     if mocap:
         command += ["--mocap", "natnet", "--mocap-local", mocap, *options.mocap_options]
     if options.realtime:
-        command += ["--gcs", options.gcs]
+        command += ["--gcs", options.gcs, "--gcs-local", options.gcs_local]
+        command += ["--companion-local", "127.0.0.1:0"]
     else:
         anywhere = "127.0.0.1:0"
         command += ["--lockstep-gcs", "--gcs-local", anywhere, "--companion-local", anywhere]
@@ -310,9 +331,12 @@ def _operate(
             data, sender = ground_station.recvfrom(65535)
             if bridge in (None, sender) and operator.receive(data):
                 bridge, heard = sender, now
-        if now - heard > SILENCE_S:
+        patience_s = START_S if bridge is None else SILENCE_S
+        if now - heard > patience_s:
+            hint = busy_hint(os.getloadavg()[0], os.cpu_count() or 1)
             raise SitlError(
-                f"nothing heard from the bridge for {SILENCE_S:g} s\n{processes.last_words()}"
+                f"nothing heard from the bridge for {patience_s:g} s{hint}\n"
+                f"{processes.last_words()}"
             )
         processes.check()
         stood_s = operator.flown[0].stopped_s if operator.flown else inf
@@ -369,6 +393,11 @@ class _Processes:
             lines = self._log(name).read_text(errors="replace").splitlines()[-6:]
             words += [f"  {name}: {line}" for line in lines]
         return "\n".join(words)
+
+    def said(self, name: str, words: str) -> list[str]:
+        """The lines of one that hold these words."""
+        lines = self._log(name).read_text(errors="replace").splitlines()
+        return [line for line in lines if words in line]
 
     def stop(self) -> None:
         """Ask all to end, the module first; kill what does not."""

@@ -141,6 +141,9 @@ class FirmwareSimulation:
 
     # --- time ----------------------------------------------------------------------------
 
+    def pass_over(self, seconds: float) -> None:
+        """A firmware in the loop takes its time from our steps, and so do its stamps."""
+
     @property
     def time_s(self) -> float:
         """Simulated time."""
