@@ -66,12 +66,18 @@ class MocapFeed:
         self._sockets.close()
 
 
-def from_server(site: Site, server: str) -> Site:
-    """The site with the poses of another server, HOST or HOST:PORT.  Errors: `ConfigError`."""
+def server_address(option: str, server: str) -> tuple[str, int | None]:
+    """HOST or HOST:PORT.  Errors: `ConfigError`."""
     host, colon, port = server.partition(":")
     if not host or (colon and not (port.isdecimal() and 1 <= int(port) <= 65535)):
-        raise ConfigError(f"--mocap-server {server!r}: write HOST or HOST:PORT")
+        raise ConfigError(f"{option} {server!r}: write HOST or HOST:PORT")
+    return host, int(port) if colon else None
+
+
+def from_server(site: Site, server: str) -> Site:
+    """The site with the poses of another server, HOST or HOST:PORT.  Errors: `ConfigError`."""
+    host, port = server_address("--mocap-server", server)
     if site.mocap is None:
         raise ConfigError(f"--mocap-server: site {site.site.name} has no [mocap] table")
-    command_port = int(port) if colon else site.mocap.command_port
+    command_port = port or site.mocap.command_port
     return replace(site, mocap=replace(site.mocap, server=host, command_port=command_port))

@@ -327,6 +327,34 @@ def test_a_silent_server_is_asked_again() -> None:
     assert hall.fixes[-1][0] > hall.now_s - 0.02
 
 
+def test_the_second_outage_of_a_day_is_told_as_the_first_was_and_so_is_that_it_is_over() -> None:
+    faults = (HallFault("silent", 1.0, 4.0), HallFault("silent", 14.0, 18.0))
+    hall = Hall(MotiveOptions(noise_m=0.0002, faults=faults)).run(20.0)
+    told = [words for words in hall.words if "speaks" not in words]
+    silent, back = "OptiTrack: no frame for 1 s: asking again", "OptiTrack: stream is back after"
+    assert [words == silent for words in told] == [True, False, True, False]
+    assert [words.startswith(back) for words in told] == [False, True, False, True]
+    assert told[1].endswith(" 3.0 s")
+    assert told[3].endswith(" 4.0 s")
+
+
+def test_a_body_that_flickers_is_told_of_once_in_ten_seconds() -> None:
+    """Blind for 0.2 s of each second: two words in ten seconds, whatever comes in between."""
+    faults = tuple(HallFault("untracked", 1.0 + i, 1.2 + i) for i in range(30))
+    hall = Hall(MotiveOptions(noise_m=0.0002, faults=faults)).run(31.0)
+    blind = [words for words in hall.words if "is not tracked" in words]
+    back = [words for words in hall.words if "stream is back after 0.2 s" in words]
+    assert (len(blind), len(back)) == (3, 3)
+
+
+def test_an_outage_that_lasts_is_told_once() -> None:
+    faults = (HallFault("untracked", 1.0, 60.0),)
+    hall = Hall(MotiveOptions(noise_m=0.0002, faults=faults)).run(40.0)
+    assert [words for words in hall.words if "speaks" not in words] == [
+        "OptiTrack: 'aircraft' is not tracked: not used"
+    ]
+
+
 def test_nobody_there_is_told() -> None:
     hall = Hall(MotiveOptions(faults=(HallFault("silent", 0.0, 99.0),))).run(5.0)
     assert hall.words == ["OptiTrack: no answer from 10.0.0.2: does Motive stream?"]

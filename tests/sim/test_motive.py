@@ -234,3 +234,55 @@ def test_align_names_a_mistake(tmp_path: Path, text: str, words: str) -> None:
     run = CliRunner().invoke(app, ["align", str(points)])
     assert run.exit_code == 2
     assert words in run.output
+
+
+# --- what is streamed -------------------------------------------------------------------------
+
+
+def row_of(output: str, name: str) -> list[str]:
+    (row,) = [line for line in output.splitlines() if f" {name} " in line]
+    return [cell.strip() for cell in row.strip("│ ").split("│")]
+
+
+@pytest.mark.parametrize("version", [(3, 0), (4, 1)])
+@pytest.mark.parametrize("multicast", [False, True])
+def test_the_bodies_that_are_streamed_are_listed(version: tuple[int, int], multicast: bool) -> None:
+    """The aircraft is lost at times; how the server streams is found out."""
+    options = MotiveOptions(
+        version=version, multicast=multicast, group=GROUP, data_port=free_port(), noise_m=0.0,
+        faults=(HallFault("untracked", 0.4, 99.0),),
+    )  # fmt: skip
+    with streaming(options, Mocap(server="127.0.0.1", body="aircraft")) as server:
+        where = f"127.0.0.1:{server.port.local[1]}"
+        words = ["mocap", "list", "--server", where, "--seconds", "1.5"]
+        words += ["--interface", "127.0.0.1"]
+        ran = CliRunner().invoke(app, words, env={"COLUMNS": "160"})
+    assert ran.exit_code == 0, ran.output
+    assert f"NatNet {version[0]}.{version[1]}" in ran.output
+    assert ("multicast" if multicast else "unicast") + ": 3 rigid bodies" in ran.output
+    number, _, tracked, rate, age, seen, place = row_of(ran.output, "aircraft")
+    assert number == "1"
+    assert tracked.startswith("no")
+    assert rate.endswith(" Hz")
+    assert age.endswith(" ms")
+    assert seen == "now"
+    assert place == "1.000, 1.500, 2.000 m"
+    assert row_of(ran.output, "other 1")[2] == "yes"
+
+
+def test_the_list_has_a_time_limit_and_says_why() -> None:
+    words = ["mocap", "list", "--server", f"127.0.0.1:{free_port()}", "--timeout", "0.5"]
+    ran = CliRunner().invoke(app, words)
+    assert ran.exit_code == 2
+    assert "no frame in 0.5 s: nobody has answered" in " ".join(ran.output.split())
+    wrong = CliRunner().invoke(app, ["mocap", "list", "--server", "hall:x"])
+    assert "--server 'hall:x': write HOST or HOST:PORT" in " ".join(wrong.output.split())
+    wrong = CliRunner().invoke(
+        app, ["mocap", "list", "--server", "127.0.0.1", "--interface", "eth0", "--timeout", "0.5"]
+    )
+    assert wrong.exit_code == 2
+    assert "--interface 'eth0': must be an IPv4 address" in " ".join(wrong.output.split())
+    without = CliRunner().invoke(
+        app, ["mocap", "list", "--site", str(shipped("sites/tunnel.toml"))]
+    )
+    assert "no [mocap] table; name the server with --server" in " ".join(without.output.split())

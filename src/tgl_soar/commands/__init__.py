@@ -16,6 +16,7 @@ from . import (
     glide,
     identify,
     log,
+    mocap,
     modes,
     params,
     polar,
@@ -72,6 +73,7 @@ app.command("surfaces")(surfaces.surfaces)
 app.command("preflight")(preflight.preflight)
 app.command("zeuc")(zeuc.zeuc)
 app.add_typer(log.log_app, name="log")
+app.add_typer(mocap.mocap_app, name="mocap")
 app.command("compile")(compile.compile_command)
 app.command("modes")(modes.modes)
 app.command("replay")(replay.replay)

@@ -6,7 +6,8 @@ again whenever the stream is silent; the definitions of what is tracked; a sign 
 which a unicast server stops; and echoes, which tell its clock (`natnet.clock`).
 
 A fix is a tracked pose of the site's rigid body, in local NED, at the middle of its exposure.
-What is no measurement is counted and not used, and each kind is told in words once:
+What is no measurement is counted and not used, and each kind is told in words, again only after
+poses have been used in between, which is told too:
 
     foreign       of another server than ours
     truncated, oversized, malformed    cannot be read
@@ -47,7 +48,14 @@ FIRST_ECHOES: Final = 10  # so many soon after each other, to know the clock bef
 FIRST_ECHO_S: Final = 0.05
 SILENCE_S: Final = 1.0
 START_S: Final = 3.0  # a server may be silent for so long at first, before it is told
+REARM_S: Final = 10.0  # between two words of a kind: what flickers must not fill the radio
 UNREADABLE: Final = 50  # frames in a row: the server must have become another one
+
+# Words of these mean that no pose is used: when one is again, that is told.
+OUTAGES: Final = frozenset(
+    ("silent", "nobody", "frameless", "odd", "stale", "absent", "untracked", "finite", "frozen",
+     "jump", "poor")
+)  # fmt: skip
 
 Address = tuple[str, int]
 
@@ -131,7 +139,12 @@ class Optitrack:
         self.notices: list[tuple[int, str]] = []
         self._settings = settings
         self._lockstep = lockstep
-        self._told: set[str] = set()
+        self.age_s = NAN  # of the last frame when it came, from its exposure
+        self._told: dict[str, float] = {}  # when each kind was told last
+        self._out = False  # told that no pose is used, and none was since
+        self._back_s = float("-inf")  # when poses were used again
+        self._last_used_s = NAN  # when the last fix came
+        self._now_s = 0.0
         self._server = settings.server
         self._version = layout.NEWEST
         self._id: int | None = settings.body if isinstance(settings.body, int) else None
@@ -159,6 +172,11 @@ class Optitrack:
         return ned_attitude_from_hall(self._settings.hall, pose.qw, pose.qx, pose.qy, pose.qz)
 
     @property
+    def version(self) -> layout.Version:
+        """Of NatNet, as it is read."""
+        return self._version
+
+    @property
     def is_ready(self) -> bool:
         """Whether frames can be used: the server is known, and which body is ours."""
         return self.info is not None and self._id is not None
@@ -180,6 +198,8 @@ class Optitrack:
     def rebase(self) -> None:
         """The loop's clock is another one from here on."""
         never = float("-inf")
+        self._told.clear()
+        self._back_s, self._last_used_s = never, NAN
         self._connect_due_s = self._models_due_s = self._alive_due_s = self._echo_due_s = never
         self._heard_s = NAN
         self.clock.reset()
@@ -189,6 +209,7 @@ class Optitrack:
 
     def poll(self, now_s: float) -> list[bytes]:
         """What is to be sent to the server now."""
+        self._now_s = now_s
         asked: list[bytes] = []
         if not isfinite(self._heard_s):
             self._heard_s = now_s
@@ -217,6 +238,7 @@ class Optitrack:
 
     def take(self, data: bytes, sender: Address, now_s: float) -> PositionFix | None:
         """Take in one datagram that has come now.  Never raises."""
+        self._now_s = now_s
         counters = self.counters
         if self._server and sender[0] != self._server:
             counters.foreign += 1
@@ -348,6 +370,7 @@ class Optitrack:
         if time_s is None or not self.is_ready:
             counters.unready += time_s is not None
             return None
+        self.age_s = now_s - time_s
         if now_s - time_s > self._settings.max_age_s:
             counters.stale += 1
             age_ms = 1e3 * (now_s - time_s)
@@ -432,6 +455,9 @@ class Optitrack:
             counters.thinned += 1
             return None
         counters.fixes += 1
+        if self._out:
+            self._tell_back()
+        self._last_used_s = now_s
         self._used_s = time_s
         self.pose = body
         self.latency_s = now_s - time_s
@@ -494,8 +520,18 @@ class Optitrack:
             text = "it answers, but no frame comes: see mocap.stream, group and interface"
             self._tell("frameless", SEVERITY_WARNING, text)
 
+    def _tell_back(self) -> None:
+        """Poses are used again, and what goes wrong from now on is news."""
+        gap_s = self._now_s - self._last_used_s
+        words = f"stream is back after {gap_s:.1f} s" if isfinite(gap_s) else "stream is there"
+        self._out, self._back_s = False, self._now_s
+        self.notices.append((SEVERITY_INFO, f"OptiTrack: {words}"))
+
     def _tell(self, kind: str, severity: int, text: str) -> None:
-        """Words for each kind once; the counters go on."""
-        if kind not in self._told:
-            self._told.add(kind)
-            self.notices.append((severity, f"OptiTrack: {text}"))
+        """Words for each kind once in an outage; the counters go on."""
+        told_s = self._told.get(kind)
+        if told_s is not None and not (self._back_s > told_s and self._now_s - told_s >= REARM_S):
+            return
+        self._told[kind] = self._now_s
+        self._out = self._out or kind in OUTAGES
+        self.notices.append((severity, f"OptiTrack: {text}"))

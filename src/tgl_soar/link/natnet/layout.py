@@ -168,6 +168,31 @@ def frame_of(data: bytes, version: Version, wanted: int) -> Frame:
     return Frame(number, body, bodies, *suffix)
 
 
+def bodies_of(data: bytes, version: Version) -> list[RigidBody]:
+    """All rigid bodies of a frame.  Errors: `Malformed`."""
+    offset = HEADER.size + _COUNT.size
+    try:
+        if version >= SIZED:
+            for _ in range(_RIGID_BODIES):
+                offset += _SECTION.size + _SECTION.unpack_from(data, offset)[1]
+            count, size = _SECTION.unpack_from(data, offset)
+            offset += _SECTION.size
+            if count < 0 or size < count * _BODY.size or size > len(data) - offset:
+                raise Malformed(f"{count} rigid bodies in {size} bytes")
+            stride = size // count if count else 0
+        else:
+            walk = _Walk(data, offset)
+            for _ in range(walk.count()):
+                walk.skip_name()
+                walk.skip_all(_POSITION_BYTES)
+            walk.skip_all(_POSITION_BYTES)
+            count, offset, stride = walk.count(), walk.offset, _BODY.size
+        found = [_BODY.unpack_from(data, offset + i * stride) for i in range(count)]
+    except error:
+        raise Malformed("it ends too early") from None
+    return [RigidBody._make(values) for values in found]
+
+
 def _sized_sections(data: bytes, offset: int, wanted: int) -> tuple[int, RigidBody | None, int]:
     body, bodies = None, 0
     for section in range(_SIZED_SECTIONS):
