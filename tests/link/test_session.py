@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from tgl_soar.link.autopilots.ardupilot import ArduPilot
 from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels
+from tgl_soar.link.autopilots.requirements import Needs
 from tgl_soar.link.clock import ClockMap, StampedStreams
 from tgl_soar.link.messages import (
     AttitudeQuaternion,
@@ -296,6 +297,31 @@ def test_newer_firmware_obeys_a_range(system: int, obeyed: bool) -> None:
 
 def test_an_autopilot_that_does_not_answer_is_asked_a_few_times_and_believed() -> None:
     assert complaints({}) == (12, [])
+
+
+def asked_of_mute(needs: Needs) -> tuple[dict[int, int], list[str], str]:
+    """(questions in each second, what is told, what holds back) of an autopilot that answers no
+    question about its parameters."""
+    talk = Session(OWN, ArduPilot(CHANNELS, 1), 200.0, needs=needs)
+    hear(talk, MANUAL, 0.0)
+    questions: dict[int, int] = {}
+    for i in range(6000):
+        now_s = i * 0.01
+        asked = [m for m in talk.poll(now_s) if isinstance(m, ParamRequestRead)]
+        if asked:
+            questions[int(now_s)] = questions.get(int(now_s), 0) + len(asked)
+    told = [text for _, text in talk.notices if "not known how the autopilot is set up" in text]
+    return questions, told, talk.inquiry.held_back()
+
+
+def test_a_mute_autopilot_is_told_of_once_and_holds_nothing_back() -> None:
+    needs = Needs(override_system=255, loop_rate_hz=200.0, external_pose=False, gps=False)
+    questions, told, held_back = asked_of_mute(needs)
+    assert max(questions.values()) <= 20  # 640 bytes a second, beside the streams
+    assert max(questions) < 20  # and then no more
+    (words,) = told
+    assert words.endswith("did not answer (tgl-soar preflight)")
+    assert held_back == ""
 
 
 # --- measurements -----------------------------------------------------------------------------
