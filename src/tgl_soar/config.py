@@ -433,16 +433,42 @@ def shipped(name: str) -> Path:
     return folder / name
 
 
+_AIRFRAMES: Final = "airframes"
+_SITES: Final = "sites"
+
+
+def airframe_file(given: str | Path) -> Path:
+    """The airframe file that an option means: a file or, where there is none, a shipped name."""
+    return _meant(given, _AIRFRAMES)
+
+
+def site_file(given: str | Path) -> Path:
+    """The site file that an option means: a file or, where there is none, a shipped name."""
+    return _meant(given, _SITES)
+
+
+def shipped_names(folder: str) -> tuple[str, ...]:
+    """What may stand for a file of a folder of `config/`."""
+    return tuple(sorted(path.stem for path in shipped(folder).glob("*.toml")))
+
+
+def _meant(given: str | Path, folder: str) -> Path:
+    """A file comes first; what is neither file nor name is left for the loader to refuse."""
+    if str(given) in shipped_names(folder) and not Path(given).is_file():
+        return shipped(folder) / f"{given}.toml"
+    return Path(given)
+
+
 def load_airframe(path: str | Path) -> Airframe:
     """Read an airframe file.  Errors: `ConfigError`."""
-    airframe = load_file(path, Airframe)
+    airframe = load_file(path, Airframe, _AIRFRAMES)
     _check_parameters(path, ParameterSet(), airframe.parameters)
     return airframe
 
 
 def load_site(path: str | Path) -> Site:
     """Read a site file.  Errors: `ConfigError`."""
-    return load_file(path, Site)
+    return load_file(path, Site, _SITES)
 
 
 def load_parameters(
@@ -519,12 +545,18 @@ _OVER_THE_AIR: Final = "not from a file: it is the operator's, over the air; rem
 _TWO_LINES: Final = "TGL_X or TGL_Z beside it put the line elsewhere: give one or the other"
 
 
-def load_file(path: str | Path, kind: type[_File]) -> _File:
-    """Read a TOML file of one kind.  Errors: `ConfigError`."""
+def load_file(path: str | Path, kind: type[_File], folder: str = "") -> _File:
+    """Read a TOML file of one kind.  Errors: `ConfigError`.
+
+    folder: of `config/`, whose names might have been meant where there is no such file.
+    """
     try:
         text = Path(path).read_text(encoding="utf-8")
     except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+        why = error.strerror or str(error)
+        if folder and isinstance(error, FileNotFoundError):
+            why += f"; known by name: {', '.join(shipped_names(folder))}"
+        raise ConfigError(f"{path}: cannot be read: {why}") from None
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: not UTF-8 text: {error.reason}") from None
     return _converted(text, path, kind)

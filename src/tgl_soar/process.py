@@ -26,9 +26,11 @@ from tgl_soar.config import (
     Airframe,
     ConfigError,
     Site,
+    airframe_file,
     load_airframe,
     load_parameters,
     load_site,
+    site_file,
     switch_refusal,
 )
 from tgl_soar.control.supervisor import MODE_NAMES, REASON_TEXTS
@@ -90,8 +92,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
         epilog="Parameters: `tgl-soar params` lists them, docs/parameters.md tells all of them.",
     )
     add = parser.add_argument
-    add("--airframe", type=Path, required=True, help="airframe file, as config/airframes/*.toml")
-    add("--site", type=Path, required=True, help="site file, as config/sites/*.toml")
+    add(
+        "--airframe",
+        type=airframe_file,
+        required=True,
+        metavar="FILE",
+        help="airframe file, or the name of one that is shipped: eclipson_c",
+    )
+    add(
+        "--site",
+        type=site_file,
+        required=True,
+        metavar="FILE",
+        help="site file, or the name of one that is shipped: hill, tunnel",
+    )
     add(
         "--link",
         required=True,

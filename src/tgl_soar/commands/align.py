@@ -25,7 +25,7 @@ from tgl_soar.estimation.alignment import (
 from tgl_soar.link.natnet.sockets import NatNetError
 from tgl_soar.mocap import MocapFeed, from_server
 
-from .console import console, errors, fail
+from .console import SITE_FILE, console, errors, fail
 
 COLUMNS: Final = ("hall_x", "hall_y", "hall_z", "north", "east", "down")
 STILL_M: Final = 0.005  # standard deviation of a body that somebody holds still
@@ -40,7 +40,8 @@ def align(
         typer.Argument(help=f"CSV with columns {', '.join(COLUMNS)}, all in metres."),
     ] = None,
     site: Annotated[
-        Path | None, typer.Option(help="Site file with \\[mocap]: server, body and up axis.")
+        Path | None,
+        typer.Option(help="Site file with \\[mocap]: server, body and up axis.", **SITE_FILE),
     ] = None,
     at: Annotated[
         list[str] | None,

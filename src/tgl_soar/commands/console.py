@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import isfinite
-from typing import Any, NoReturn
+from typing import Any, Final, NoReturn
 
 import typer
 from rich.console import Console
 from typer.core import TyperCommand
 from typer.models import CommandFunctionType
 
-from tgl_soar.config import shipped
+from tgl_soar.config import airframe_file, shipped, site_file
 
 console = Console()
 errors = Console(stderr=True)
@@ -19,6 +19,10 @@ errors = Console(stderr=True)
 AIRFRAME = shipped("airframes/eclipson_c.toml")
 SITE = shipped("sites/tunnel.toml")
 SITE_MOCAP = shipped("sites/tunnel_mocap.toml")
+
+# Of an option that takes such a file, or the name of one that is shipped.
+AIRFRAME_FILE: Final[dict[str, Any]] = {"parser": airframe_file, "metavar": "FILE"}
+SITE_FILE: Final[dict[str, Any]] = {"parser": site_file, "metavar": "FILE"}
 
 
 class FiniteCommand(TyperCommand):

@@ -12,11 +12,11 @@ from tgl_soar.flightlog.declaration import VERSION
 from tgl_soar.flightlog.writer import Facts, FlightRecorder
 from tgl_soar.parameters import ParameterSet
 
-from .console import AIRFRAME, console, fail
+from .console import AIRFRAME, AIRFRAME_FILE, console, fail
 
 
 def glide(
-    airframe: Annotated[Path, typer.Option(help="Airframe file.")] = AIRFRAME,
+    airframe: Annotated[Path, typer.Option(help="Airframe file.", **AIRFRAME_FILE)] = AIRFRAME,
     seed: Annotated[int, typer.Option(help="Of the sensors' noise and errors.", min=0)] = 1,
     turbulence: Annotated[
         float, typer.Option(help="Fraction of the wind.", min=0.0, max=0.2)

@@ -22,7 +22,7 @@ from tgl_soar.estimation.identification import (
 )
 from tgl_soar.flightlog.reader import LogError
 
-from .console import AIRFRAME, console, errors, fail, say
+from .console import AIRFRAME, AIRFRAME_FILE, console, errors, fail, say
 
 # What an identification writes into [model] of an airframe file, and from what.
 KEYS: Final = {
@@ -54,7 +54,8 @@ WindFromOption = Annotated[
 def identify_command(
     log: Annotated[Path, typer.Argument(help="ULog (ours, PX4's), DataFlash .bin or .tlog.")],
     airframe: Annotated[
-        Path, typer.Option(help="Airframe file: mass, size, inertia, servo, surfaces.")
+        Path,
+        typer.Option(help="Airframe file: mass, size, inertia, servo, surfaces.", **AIRFRAME_FILE),
     ] = AIRFRAME,
     wind: WindOption = 0.0,
     wind_from: WindFromOption = 0.0,

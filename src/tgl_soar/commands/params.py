@@ -33,13 +33,13 @@ from tgl_soar.parameter_files import (
 from tgl_soar.parameter_store import Identity, ParameterStore, state_file, state_folder
 from tgl_soar.parameters import GROUPS, PARAMETERS, ParameterError, ParameterSet
 
-from .console import Commands, console, errors, fail
+from .console import AIRFRAME_FILE, SITE_FILE, Commands, console, errors, fail
 from .params_page import page
 
 params_app = Commands()
 
-AirframeOption = Annotated[Path, typer.Option("--airframe", help="Airframe file.")]
-SiteOption = Annotated[Path, typer.Option("--site", help="Site file.")]
+AirframeOption = Annotated[Path, typer.Option("--airframe", help="Airframe file.", **AIRFRAME_FILE)]
+SiteOption = Annotated[Path, typer.Option("--site", help="Site file.", **SITE_FILE)]
 StateOption = Annotated[
     Path | None,
     typer.Option("--state", help="Folder of the stored parameters, as for `tgl-soar run`."),

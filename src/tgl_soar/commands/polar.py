@@ -17,7 +17,7 @@ from tgl_soar.logs.gliding import MeanWind, glides
 from tgl_soar.logs.reading import read_flight
 from tgl_soar.types import GlidePolar, polar_sink, polar_slope
 
-from .console import AIRFRAME, Commands, console, errors, fail, say
+from .console import AIRFRAME, AIRFRAME_FILE, Commands, console, errors, fail, say
 from .identify import WindFromOption, WindOption
 
 polar_app = Commands(help="Glide polars: fit one, or show an airframe's.", no_args_is_help=True)
@@ -36,7 +36,8 @@ def fit(
     wind: WindOption = 0.0,
     wind_from: WindFromOption = 0.0,
     compare: Annotated[
-        Path | None, typer.Option(help="Airframe file whose polar the figure shows beside it.")
+        Path | None,
+        typer.Option(help="Airframe file whose polar the figure shows beside it.", **AIRFRAME_FILE),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Figure to write, PNG or SVG.")] = None,
 ) -> None:
@@ -73,7 +74,7 @@ def fit(
 
 @polar_app.command("show")
 def show(
-    airframe: Annotated[Path, typer.Option(help="Airframe file.")] = AIRFRAME,
+    airframe: Annotated[Path, typer.Option(help="Airframe file.", **AIRFRAME_FILE)] = AIRFRAME,
     out: Annotated[Path | None, typer.Option(help="Figure to write, PNG or SVG.")] = None,
 ) -> None:
     """Show the polar of an airframe file."""

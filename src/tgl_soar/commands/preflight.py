@@ -27,14 +27,18 @@ from tgl_soar.onboard import flavour_of, needs_of, setup_from
 from tgl_soar.parameters import ParameterSet
 from tgl_soar.preflight import Preflight
 
-from .console import console, fail
+from .console import AIRFRAME_FILE, SITE_FILE, console, fail
 from .conversation import Conversation, KeyOption, LinkOption, TimeoutOption
 
 
 def preflight(
     link: LinkOption,
-    airframe: Annotated[Path, typer.Option(help="Airframe file: firmware and route.")],
-    site: Annotated[Path, typer.Option(help="Site file: where the position comes from.")],
+    airframe: Annotated[
+        Path, typer.Option(help="Airframe file: firmware and route.", **AIRFRAME_FILE)
+    ],
+    site: Annotated[
+        Path, typer.Option(help="Site file: where the position comes from.", **SITE_FILE)
+    ],
     show_all: Annotated[
         bool, typer.Option("--all", help="Show also what is as it should be.")
     ] = False,

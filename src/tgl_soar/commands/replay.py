@@ -17,7 +17,7 @@ from tgl_soar.replay.logged import SHOWN, Replay, ReplayError
 from tgl_soar.replay.logged import replay as replay_log
 from tgl_soar.replay.wire import WireReplay, replay_wire, rms
 
-from .console import AIRFRAME, SITE, console, errors, fail
+from .console import AIRFRAME, AIRFRAME_FILE, SITE, SITE_FILE, console, errors, fail
 from .log import read
 
 _MOST = 12  # fields in a table of differences
@@ -34,10 +34,12 @@ def replay(
         typer.Option("--param", metavar="NAME=VALUE", help="With another value; repeatable."),
     ] = None,
     airframe: Annotated[
-        Path | None, typer.Option(help="With the parameters of another airframe file.")
+        Path | None,
+        typer.Option(help="With the parameters of another airframe file.", **AIRFRAME_FILE),
     ] = None,
     site: Annotated[
-        Path | None, typer.Option(help="Site file; for a .tlog alone, which holds none.")
+        Path | None,
+        typer.Option(help="Site file; for a .tlog alone, which holds none.", **SITE_FILE),
     ] = None,
     figure: Annotated[
         Path | None, typer.Option(help="Draw logged and replayed commands (.png, .svg).")

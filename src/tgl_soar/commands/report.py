@@ -26,7 +26,7 @@ from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.flightlog.reader import LogError
 from tgl_soar.parameters import ParameterSet
 
-from .console import errors, fail, say
+from .console import AIRFRAME_FILE, SITE_FILE, errors, fail, say
 
 if TYPE_CHECKING:
     from tgl_soar.logs.flight_data import FlightData
@@ -38,10 +38,14 @@ STEPS = 9  # reading, reckoning, and the parts of the page
 def report(
     log: Annotated[Path, typer.Argument(help="ULog (ours, PX4's), DataFlash .bin or .tlog.")],
     site: Annotated[
-        Path | None, typer.Option(help="Site file; of our logs the one that was flown with.")
+        Path | None,
+        typer.Option(help="Site file; of our logs the one that was flown with.", **SITE_FILE),
     ] = None,
     airframe: Annotated[
-        Path | None, typer.Option(help="Airframe file; of our logs the one that was flown with.")
+        Path | None,
+        typer.Option(
+            help="Airframe file; of our logs the one that was flown with.", **AIRFRAME_FILE
+        ),
     ] = None,
     field: Annotated[
         Path | None,

@@ -18,7 +18,7 @@ from tgl_soar.experiments.scenario import contour_step, search_bounds
 from tgl_soar.sim.world import build_field
 from tgl_soar.types import GlidePolar
 
-from .console import AIRFRAME, SITE, Commands, console, fail
+from .console import AIRFRAME, AIRFRAME_FILE, SITE, SITE_FILE, Commands, console, fail
 
 site_app = Commands(help="Sites: what is to be known of a place.", no_args_is_help=True)
 
@@ -35,8 +35,12 @@ def site_() -> None:
 
 @site_app.command("contour")
 def contour_(
-    site: Annotated[Path, typer.Option(help="Site file with an \\[air] table.")] = SITE,
-    airframe: Annotated[Path, typer.Option(help="Airframe file, for its polar.")] = AIRFRAME,
+    site: Annotated[
+        Path, typer.Option(help="Site file with an \\[air] table.", **SITE_FILE)
+    ] = SITE,
+    airframe: Annotated[
+        Path, typer.Option(help="Airframe file, for its polar.", **AIRFRAME_FILE)
+    ] = AIRFRAME,
     bounds: Annotated[
         str, typer.Option(help="Where to look: x from,x to,z from,z to \\[m]. Of the site's air.")
     ] = "",

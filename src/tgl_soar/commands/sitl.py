@@ -15,7 +15,17 @@ from tgl_soar.config import ConfigError, load_airframe, load_site
 from tgl_soar.flightlog.files import kept_in
 from tgl_soar.flightlog.reader import LogError
 
-from .console import AIRFRAME, SITE, SITE_MOCAP, console, fail, hint, say
+from .console import (
+    AIRFRAME,
+    AIRFRAME_FILE,
+    SITE,
+    SITE_FILE,
+    SITE_MOCAP,
+    console,
+    fail,
+    hint,
+    say,
+)
 from .report import Named, write
 
 if TYPE_CHECKING:
@@ -49,9 +59,10 @@ class Mocap(StrEnum):
 
 def sitl(
     context: typer.Context,
-    airframe: Annotated[Path, typer.Option(help="Airframe file.")] = AIRFRAME,
+    airframe: Annotated[Path, typer.Option(help="Airframe file.", **AIRFRAME_FILE)] = AIRFRAME,
     site: Annotated[
-        Path | None, typer.Option(help="Site file; of the tunnel, with \\[mocap] where needed.")
+        Path | None,
+        typer.Option(help="Site file; of the tunnel, with \\[mocap] where needed.", **SITE_FILE),
     ] = None,
     legs: Annotated[str, typer.Option(help="Names of lines, by commas; all of the site's.")] = "",
     stay: Annotated[float, typer.Option(help="Seconds on each line.", min=2.0, max=600.0)] = 16.0,

@@ -29,7 +29,7 @@ from tgl_soar.link.transport import LinkError
 from tgl_soar.onboard import RELEASE_FRAMES, direct_flavour_of, surface_channels
 from tgl_soar.surface_check import SurfaceCheck
 
-from .console import console, errors, fail
+from .console import AIRFRAME_FILE, console, errors, fail
 from .conversation import Conversation, KeyOption, LinkOption, TimeoutOption
 
 OUTPUT_HZ: Final = 10.0
@@ -37,7 +37,7 @@ OUTPUT_HZ: Final = 10.0
 
 def surfaces(
     link: LinkOption,
-    airframe: Annotated[Path, typer.Option(help="Airframe file.")],
+    airframe: Annotated[Path, typer.Option(help="Airframe file.", **AIRFRAME_FILE)],
     deflection: Annotated[
         float, typer.Option(help="How far, of full travel.", min=0.1, max=1.0)
     ] = 0.5,

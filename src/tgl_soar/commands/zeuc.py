@@ -31,12 +31,12 @@ from tgl_soar.experiments.scenario import (
 )
 from tgl_soar.sim.world import build_field, ground_outline
 
-from .console import AIRFRAME, SITE, console, fail, hint, say
+from .console import AIRFRAME, AIRFRAME_FILE, SITE, SITE_FILE, console, fail, hint, say
 
 
 def zeuc(
-    site: Annotated[Path, typer.Option(help="Site file.")] = SITE,
-    airframe: Annotated[Path, typer.Option(help="Airframe file.")] = AIRFRAME,
+    site: Annotated[Path, typer.Option(help="Site file.", **SITE_FILE)] = SITE,
+    airframe: Annotated[Path, typer.Option(help="Airframe file.", **AIRFRAME_FILE)] = AIRFRAME,
     line: Annotated[
         list[str] | None,
         typer.Option(

@@ -44,7 +44,15 @@ from typing import Any, Final, Protocol
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar import realtime
-from tgl_soar.config import Airframe, ConfigError, Site, load_airframe, load_site
+from tgl_soar.config import (
+    Airframe,
+    ConfigError,
+    Site,
+    airframe_file,
+    load_airframe,
+    load_site,
+    site_file,
+)
 from tgl_soar.geometry import ned_from_soaring
 from tgl_soar.types import GlidePolar, polar_sink
 
@@ -880,8 +888,11 @@ def _parser() -> argparse.ArgumentParser:
         description="A simulated Pixhawk with its aircraft and its air, over MAVLink on UDP.",
     )
     add = parser.add_argument
-    add("--airframe", type=Path, required=True, help="airframe file")
-    add("--site", type=Path, required=True, help="site file with [air] and [start]")
+    add("--airframe", type=airframe_file, required=True, help="airframe file, or a shipped name")
+    add(
+        "--site", type=site_file, required=True,
+        help="site file with [air] and [start], or a shipped name",
+    )  # fmt: skip
     add(
         "--gcs", type=_address, action="append", metavar="HOST:PORT",
         help="where a ground station listens; repeat for more (default 127.0.0.1:14550)",
