@@ -433,6 +433,12 @@ def shipped(name: str) -> Path:
     return folder / name
 
 
+def manual() -> Path:
+    """The folder of the manual's pages: of the source tree, or of the installed package."""
+    installed = Path(__file__).parent / "docs"
+    return installed if installed.is_dir() else Path(__file__).parents[2] / "docs"
+
+
 _AIRFRAMES: Final = "airframes"
 _SITES: Final = "sites"
 

@@ -12,9 +12,11 @@ from . import (
     align,
     campaign,
     compile,
+    docs,
     experiment,
     glide,
     identify,
+    init,
     log,
     mocap,
     modes,
@@ -64,6 +66,8 @@ def run() -> None:
     raise AssertionError("tgl_soar.cli hands this on before it gets here")
 
 
+app.command("init")(init.init)
+app.command("docs")(docs.docs)
 app.command("align")(align.align)
 app.command("report")(report.report)
 app.command("sitl")(sitl.sitl)

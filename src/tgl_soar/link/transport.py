@@ -124,6 +124,17 @@ def open_link(text: str, is_frame: Callable[[bytes], bool], now_s: float = 0.0) 
     raise LinkError(f"link {text!r}: unknown kind {kind!r}; give {FORMS}")
 
 
+def check_link(text: str) -> None:
+    """Whether a string has the form of a link; nothing is opened.  Errors: `LinkError`."""
+    kind, _, rest = text.partition(":")
+    if kind == "serial":
+        _device_and_baud(text, rest)
+    elif kind in ("udp", "udpin", "udpout", "tcp"):
+        _host_and_port(text, rest)
+    else:
+        raise LinkError(f"link {text!r}: unknown kind {kind!r}; give {FORMS}")
+
+
 def is_open(text: str) -> bool:
     """Whether others than this computer can reach a link of this form."""
     kind, _, rest = text.partition(":")
