@@ -2,6 +2,7 @@
 # make test   lint, types and tests
 # make long   the tests that take minutes: an hour's flight of the whole module
 # make bench  timings, as ratios against references of the same run
+# make pictures  the README's pictures, flown and drawn again
 # make cover  the branches of supervisor and envelope that their own tests reach: all of them
 # make mutate whether those tests notice every small change of the two (some twenty minutes)
 #
@@ -17,7 +18,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c const
 export PIP_ROOT_USER_ACTION := ignore
 
 .DEFAULT_GOAL := help
-.PHONY: help run test lint long bench cover mutate clean
+.PHONY: help run test lint long bench pictures cover mutate clean
 
 help:
 	@sed -n 's/^# \(make .*\)/\1/p' Makefile
@@ -38,6 +39,9 @@ long: $(VENV)/.test
 
 bench: $(VENV)/.test
 	$(BIN)/python -m benchmarks $(ARGS)
+
+pictures: $(VENV)/.run
+	$(BIN)/python tools/pictures.py
 
 CONTROL := src/tgl_soar/control
 
