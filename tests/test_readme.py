@@ -77,6 +77,13 @@ def test_every_command_is_proved() -> None:
     assert len(re.findall(r"(?m)^ *```", README)) == 2, "a snippet that no test runs"
 
 
+def test_a_new_command_would_be_seen() -> None:
+    page = (
+        "Say `tgl-soar fly` or `X`:\n\n    make x \\\n        y   # why\n\n1. so\n\n       sudo b\n"
+    )
+    assert commands_in(page) == ["make x y", "sudo b", "tgl-soar fly"]
+
+
 # --- a desk with the programs on its path ------------------------------------------------------
 
 
