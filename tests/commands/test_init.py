@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import os
 import re
 import shlex
 import shutil
@@ -188,6 +189,16 @@ def test_what_no_service_can_read_is_told(tmp_path: Path) -> None:
     assert service_unit.hidden([Path("/tmpfs")]) == []
     if service_unit.hidden([tmp_path]):
         assert f"no service can read {tmp_path}" in begun(tmp_path)
+
+
+def test_the_service_can_read_what_a_careful_user_writes(tmp_path: Path) -> None:
+    before = os.umask(0o077)
+    try:
+        begun(tmp_path / "place")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "place").stat().st_mode & 0o777 == 0o755
+    assert {path.stat().st_mode & 0o777 for path in (tmp_path / "place").iterdir()} == {0o644}
 
 
 # --- all or nothing -------------------------------------------------------------------------

@@ -61,7 +61,7 @@ def init(
         fail(f"{error.filename or folder}: cannot be written: {error.strerror}")
     for path in written:
         console.print(str(path), highlight=False, markup=False, soft_wrap=True)
-    for path in hidden([folder, Path(sys.prefix)]):
+    for path in hidden([folder, Path(sys.prefix), Path(sys.base_prefix)]):
         errors.print(
             f"no service can read {path}: for a service install into /opt, and make the folder"
             " in /etc",
@@ -159,9 +159,11 @@ def place(files: dict[str, str], folder: Path, *, force: bool) -> list[Path]:
         dir=folder.parent if new else folder, prefix=".init-"
     ) as stage:
         made = Path(stage) / "files"
-        made.mkdir(mode=0o755)
+        made.mkdir()
+        made.chmod(0o755)  # whatever the umask: the service's user reads here
         for name, text in files.items():
             (made / name).write_text(text, encoding="utf-8")
+            (made / name).chmod(0o644)
         if new:
             made.rename(folder)
         else:
