@@ -24,7 +24,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from tgl_soar import native
+from tgl_soar.onboard import native
 
 from .page import Group, replace_table, write_json
 from .processes import by_the_source

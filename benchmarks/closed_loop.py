@@ -16,7 +16,7 @@ from typing import Any
 
 from msgspec.structs import asdict
 
-from tgl_soar.config import load_airframe, load_parameters, load_site, shipped
+from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.sim.aircraft import aircraft_model, step
 from tgl_soar.sim.batch import Plan, fly_batch
 from tgl_soar.sim.closed_loop import fly

@@ -21,7 +21,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
-from tgl_soar.config import shipped
+from tgl_soar.config.files import shipped
 
 from . import c_reference
 from .c_reference import PRIORITY, NoCompilerError

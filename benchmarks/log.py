@@ -18,12 +18,12 @@ from time import thread_time
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.config import load_airframe, load_parameters, load_site, shipped
-from tgl_soar.flightlog.reader import read_log
-from tgl_soar.flightlog.recorder import NO_RECORDER, Recorder
-from tgl_soar.flightlog.writer import BATCH_TICKS, Facts, FlightRecorder
-from tgl_soar.onboard import Onboard, setup_from
-from tgl_soar.replay.logged import replay
+from tgl_soar.analysis.logs.reader import read_log
+from tgl_soar.analysis.replay.logged import replay
+from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
+from tgl_soar.onboard.flightlog.recorder import NO_RECORDER, Recorder
+from tgl_soar.onboard.flightlog.writer import BATCH_TICKS, Facts, FlightRecorder
+from tgl_soar.onboard.module import Onboard, setup_from
 from tgl_soar.sim.sensor_messages import scaled_imu
 from tgl_soar.sim.sensors import MEMS_IMU, PITOT, Sensors
 from tgl_soar.sim.world import make_world

@@ -6,9 +6,9 @@ from time import perf_counter
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.config import load_airframe, load_parameters, load_site, shipped
-from tgl_soar.flightlog.recorder import NO_RECORDER, Recorder
-from tgl_soar.onboard import Onboard, setup_from
+from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
+from tgl_soar.onboard.flightlog.recorder import NO_RECORDER, Recorder
+from tgl_soar.onboard.module import Onboard, setup_from
 
 TICK_S = 0.005
 WARM_UP = 400

@@ -11,7 +11,7 @@ from time import perf_counter
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.parameters import PARAMETERS
+from tgl_soar.config.parameters import PARAMETERS
 
 from .module_flight import TICK_S, ModuleFlight
 from .result import Result

@@ -21,9 +21,9 @@ from tgl_soar.control.envelope import elevator_limit, limit_surfaces
 from tgl_soar.estimation.health import health_step
 from tgl_soar.estimation.motion import motion_step
 from tgl_soar.estimation.wind import wind_step
-from tgl_soar.flightlog.writer import Facts, FlightRecorder
 from tgl_soar.link.codec import Decoder, Encoder
 from tgl_soar.link.session import Session
+from tgl_soar.onboard.flightlog.writer import Facts, FlightRecorder
 from tgl_soar.types import Inputs
 
 from .module_flight import TICK_S, ModuleFlight

@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from tgl_soar import native
+from tgl_soar.onboard import native
 
 from .page import read_json
 from .result import Result
@@ -18,7 +18,7 @@ from .result import Result
 
 def start_module(folder: Path, port: int, *, stderr: int) -> subprocess.Popen[bytes]:
     """`tgl-soar run` as it flies: guard, log and stored parameters, to a vehicle on a port."""
-    from tgl_soar.config import shipped  # what flies is not to be imported before native code
+    from tgl_soar.config.files import shipped  # what flies is not to be imported before native code
 
     return subprocess.Popen(
         [

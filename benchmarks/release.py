@@ -19,7 +19,7 @@ from statistics import median
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.config import shipped
+from tgl_soar.config.files import shipped
 
 from .module_flight import TICK_S, ModuleFlight
 from .result import Result

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from time import perf_counter
 
+from tgl_soar.analysis.logs.reader import read_log
 from tgl_soar.autopilot import initial_state, laws_from, step
-from tgl_soar.commands.report import Named, write
-from tgl_soar.config import load_airframe, load_parameters, load_site, shipped
-from tgl_soar.flightlog.reader import read_log
-from tgl_soar.flightlog.writer import Facts, FlightRecorder
+from tgl_soar.cli.report import Named, write
+from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
+from tgl_soar.onboard.flightlog.writer import Facts, FlightRecorder
 from tgl_soar.sim.world import make_world
 from tgl_soar.types import AutopilotStatus, Inputs, SurfaceCommand
 

@@ -10,12 +10,12 @@ import sys
 import time
 from array import array
 
-from tgl_soar import native
+from tgl_soar.onboard import native
 
 
 def wake(count: int, period_ns: int, begin_ns: int) -> array[int]:
     """As the flying process waits for a tick where no sample comes."""
-    from tgl_soar import realtime  # native code, where that was asked for
+    from tgl_soar.onboard import realtime  # native code, where that was asked for
 
     late = array("q", [1]) * count
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as silent:

@@ -68,7 +68,7 @@ TABLE: dict[str, set[str]] = {
 
 # The simulated Pixhawk speaks through pymavlink, so that our codec never talks only to itself.
 # Of the flight log, what writes it flies; what reads it stays on the ground.
-_LOG = "tgl_soar.flightlog"
+_LOG = "tgl_soar.onboard.flightlog"
 PARTS: dict[tuple[str, str], set[str]] = {
     ("sim", "link"): {"tgl_soar.link.autopilots"},
     ("onboard", "flightlog"): {f"{_LOG}.recorder"},
@@ -206,7 +206,7 @@ def test_no_row_leads_back_to_itself() -> None:
         ("control/deep/er.py", "from ...air.hill import HillField"),
         ("control/pid.py", "from tgl_soar import link"),
         ("control/pid.py", "def f():\n    from tgl_soar.link import session"),
-        ("control/pid.py", "if TYPE_CHECKING:\n    from tgl_soar.report import x"),
+        ("control/pid.py", "if TYPE_CHECKING:\n    from tgl_soar.analysis.report import x"),
         ("control/pid.py", "import importlib\nimportlib.import_module('tgl_soar.sim.world')"),
         ("control/pid.py", "import time"),
         ("estimation/motion.py", "from time import monotonic"),
@@ -219,7 +219,7 @@ def test_no_row_leads_back_to_itself() -> None:
         ("types.py", "from .geometry import wrap_angle"),
         ("sim/pixhawk.py", "from tgl_soar.link.codec import Encoder"),
         ("sim/pixhawk.py", "from tgl_soar.link import codec"),
-        ("sim/pixhawk.py", "from tgl_soar.report.style import save"),
+        ("sim/pixhawk.py", "from tgl_soar.analysis.report.style import save"),
         ("unheard_of/x.py", "import math"),
         ("__init__.py", "from .types import Inputs"),
     ],
@@ -243,7 +243,10 @@ def test_a_planted_violation_is_found(tmp_path: Path, file: str, text: str) -> N
         ("onboard.py", "import time\nfrom tgl_soar import autopilot\nfrom .link import codec"),
         ("sim/pixhawk.py", "from tgl_soar.link.autopilots.base import Flavour\nimport time"),
         ("sim/pixhawk.py", "from tgl_soar.link.autopilots import base"),
-        ("cli.py", "import tgl_soar.sim.world, tgl_soar.report.style, tgl_soar.process"),
+        (
+            "cli.py",
+            "import tgl_soar.sim.world, tgl_soar.analysis.report.style, tgl_soar.onboard.process",
+        ),
         ("experiments/result.py", "import tgl_soar\nprint(tgl_soar.__version__)"),
     ],
 )

@@ -43,8 +43,15 @@ def _watched() -> AbstractContextManager[Any]:
 
 
 with _watched():
+    from tgl_soar.analysis.experiments.campaign import place
+    from tgl_soar.analysis.experiments.scenario import Scenario
+    from tgl_soar.analysis.logs.flight_data import FlightData
+    from tgl_soar.analysis.logs.reader import LogError, read_log
+    from tgl_soar.analysis.logs.reading import read_flight
+    from tgl_soar.analysis.report.flight_figures import Surroundings
+    from tgl_soar.analysis.report.flight_page import analysed, page_text, write_page
     from tgl_soar.autopilot import mode_name
-    from tgl_soar.config import (
+    from tgl_soar.config.files import (
         Airframe,
         ConfigError,
         Site,
@@ -53,19 +60,12 @@ with _watched():
         load_site,
         shipped,
     )
-    from tgl_soar.experiments.campaign import place
-    from tgl_soar.experiments.scenario import Scenario
-    from tgl_soar.flightlog.reader import LogError, read_log
+    from tgl_soar.config.parameter_files import ParameterFileError, read_file
+    from tgl_soar.config.parameter_store import Identity, StoreError, read_state, state_text
+    from tgl_soar.config.parameters import ParameterSet
     from tgl_soar.geometry import HallFrame, SoaringFrame
     from tgl_soar.link.optitrack import Optitrack, Settings
-    from tgl_soar.logs.flight_data import FlightData
-    from tgl_soar.logs.reading import read_flight
-    from tgl_soar.onboard import Onboard, setup_from
-    from tgl_soar.parameter_files import ParameterFileError, read_file
-    from tgl_soar.parameter_store import Identity, StoreError, read_state, state_text
-    from tgl_soar.parameters import ParameterSet
-    from tgl_soar.report.flight_figures import Surroundings
-    from tgl_soar.report.flight_page import analysed, page_text, write_page
+    from tgl_soar.onboard.module import Onboard, setup_from
     from tgl_soar.sim.channels import deflection_from_pwm, ordered
     from tgl_soar.sim.hostile import HEARD_NAMES, HostileFrames, hostile_message
     from tgl_soar.sim.natnet_frames import (

@@ -33,7 +33,7 @@ from typing import Any, Final, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.config import load_airframe, load_site, shipped
+from tgl_soar.config.files import load_airframe, load_site, shipped
 from tgl_soar.link.autopilots import flavour
 from tgl_soar.link.codec import Encoder
 from tgl_soar.link.messages import (
@@ -43,7 +43,7 @@ from tgl_soar.link.messages import (
     Heartbeat,
     Source,
 )
-from tgl_soar.onboard import surface_channels
+from tgl_soar.onboard.module import surface_channels
 from tgl_soar.sim.bridge import Options, Simulation
 from tgl_soar.sim.firmware.sensors import Readings
 from tgl_soar.sim.firmware.simulation import FirmwareSimulation, Sticks

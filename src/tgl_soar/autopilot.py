@@ -10,6 +10,7 @@ from __future__ import annotations
 from math import cos, hypot, pi, radians, sin
 from typing import Final, NamedTuple
 
+from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control import supervisor as modes
 from tgl_soar.control.attitude import attitude_step
 from tgl_soar.control.envelope import (
@@ -117,7 +118,6 @@ from tgl_soar.estimation.wind import (
     wind_step,
 )
 from tgl_soar.geometry import SoaringFrame
-from tgl_soar.parameters import ParameterSet
 from tgl_soar.types import (
     NAN,
     NO_AERODYNAMICS,

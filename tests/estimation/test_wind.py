@@ -16,7 +16,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from msgspec.structs import asdict, replace
 
-from tgl_soar.config import ConfigError, load_airframe, shipped
+from tgl_soar.config.files import ConfigError, load_airframe, shipped
 from tgl_soar.estimation.wind import (
     DRAG_ERROR,
     FORCE_NOISE_MPS2,

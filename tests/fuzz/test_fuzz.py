@@ -12,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tgl_soar.parameter_store import read_state
+from tgl_soar.config.parameter_store import read_state
 
 ROOT = Path(__file__).parents[2]
 NAMES = sorted(fuzz.TARGETS)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterSet
 from tgl_soar.link.messages import (
     PARAM_ERROR_DOES_NOT_EXIST,
     PARAM_ERROR_PERMISSION_DENIED,
@@ -23,7 +24,6 @@ from tgl_soar.link.messages import (
 )
 from tgl_soar.link.parameters import HASH, VALUES_PER_POLL, VALUES_PER_S, ParameterServer
 from tgl_soar.link.telemetry import StatusTexts
-from tgl_soar.parameters import INDEX, PARAMETERS, ParameterSet
 
 OWN = Source(1, 191)
 STATION = Source(255, 190)

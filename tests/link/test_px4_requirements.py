@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tgl_soar.config import load_airframe
+from tgl_soar.config.files import load_airframe
 from tgl_soar.link.autopilots import flavour
 from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels
 from tgl_soar.link.autopilots.requirements import MUST, Finding, Needs, compare, wish

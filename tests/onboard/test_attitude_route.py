@@ -10,7 +10,7 @@ from test_onboard import CHANNELS, Flight, setup, texts
 from tgl_soar.geometry import euler_from_quaternion, quaternion_from_euler
 from tgl_soar.link.autopilots import flavour
 from tgl_soar.link.messages import Source
-from tgl_soar.onboard import CAPTURING, FLYING, READY
+from tgl_soar.onboard.module import CAPTURING, FLYING, READY
 
 PLANE, PX4 = (1, 3), (1, 12)
 FBWA, GUIDED = 5, 15

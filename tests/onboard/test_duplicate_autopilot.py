@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.config import load_airframe, load_parameters, load_site, shipped
-from tgl_soar.onboard import Onboard, setup_from
+from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
+from tgl_soar.onboard.module import Onboard, setup_from
 from tgl_soar.sim import bridge
 from tgl_soar.sim.bridge import Options, Simulation
 from tgl_soar.sim.faults import parse_fault

@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from test_onboard import CAPTURING, READY, Flight, setup, texts
 
 from tgl_soar.link.presence import ALONE_S
-from tgl_soar.onboard import FLYING, Onboard
+from tgl_soar.onboard.module import FLYING, Onboard
 
 ENGAGE, REJECTED, FAILED = 31010, 1, 4
 

@@ -16,14 +16,14 @@ import pytest
 from module_process import AIRFRAME, PATIENCE_S, SITE, Module
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar import process
-from tgl_soar.config import load_airframe, load_site
-from tgl_soar.guard import ENDS, EXIT_KEEPS_DYING, STOPS, Child, LifeSign, Release, Sign
+from tgl_soar.config.files import load_airframe, load_site
+from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.link.keys import UNSIGNED, save_key
-from tgl_soar.onboard import setup_from
-from tgl_soar.parameters import ParameterSet
-from tgl_soar.process import EXIT_CANNOT_START, EXIT_ERROR, EXIT_OK
-from tgl_soar.realtime import Wishes
+from tgl_soar.onboard import process
+from tgl_soar.onboard.module import setup_from
+from tgl_soar.onboard.process import EXIT_CANNOT_START, EXIT_ERROR, EXIT_OK
+from tgl_soar.onboard.realtime import Wishes
+from tgl_soar.onboard.watchdog import ENDS, EXIT_KEEPS_DYING, STOPS, Child, LifeSign, Release, Sign
 
 
 @pytest.fixture
@@ -157,8 +157,8 @@ def test_a_link_that_worked_before_is_tried_again(
     def watch(child: Child, _release: Release, _say: Callable[[str], None]) -> int:
         return child(LifeSign(), became)
 
-    monkeypatch.setattr("tgl_soar.guard.watch", watch)
-    monkeypatch.setattr("tgl_soar.realtime.go_first", lambda: None)
+    monkeypatch.setattr("tgl_soar.onboard.watchdog.watch", watch)
+    monkeypatch.setattr("tgl_soar.onboard.realtime.go_first", lambda: None)
     link = "serial:/dev/there_is_none:57600"
     assert process.run(AIRFRAME, SITE, link, guarded=True) == code
     assert "there_is_none" in capsys.readouterr().err

@@ -14,11 +14,11 @@ import pytest
 from module_process import AIRFRAME, SITE, arguments
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar import process
-from tgl_soar.config import load_airframe, load_parameters, load_site
-from tgl_soar.line_load import RATES_BAUD, USED_MAX, LineLoad, load_of
+from tgl_soar.config.files import load_airframe, load_parameters, load_site
 from tgl_soar.link.transport import LinkError, baud_of
-from tgl_soar.onboard import Setup, setup_from
+from tgl_soar.onboard import process
+from tgl_soar.onboard.line_load import RATES_BAUD, USED_MAX, LineLoad, load_of
+from tgl_soar.onboard.module import Setup, setup_from
 
 
 def flown(**changes: float) -> Setup:

@@ -11,16 +11,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar import onboard
+from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control import supervisor
 from tgl_soar.geometry import SoaringFrame
-from tgl_soar.instruments import FAST, SLOW
 from tgl_soar.link.autopilots.ardupilot import ArduPilot
 from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels
 from tgl_soar.link.clock import ROW
 from tgl_soar.link.messages import Source
-from tgl_soar.onboard import RELEASE_FRAMES, Onboard, Setup
-from tgl_soar.parameters import ParameterSet
+from tgl_soar.onboard import module as onboard
+from tgl_soar.onboard.instruments import FAST, SLOW
+from tgl_soar.onboard.module import RELEASE_FRAMES, Onboard, Setup
 
 BOOT, STANDBY, READY, CAPTURING, SOARING, HOLDING, RECOVERING, RELEASED, FAILED = range(9)
 CHANNELS = SurfaceChannels(

@@ -9,12 +9,12 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from test_onboard import CAPTURING, READY, SOARING, Flight, setup, texts
 
-from tgl_soar import process as module
-from tgl_soar import realtime
 from tgl_soar.estimation.health import ATTITUDE_SHIFT, DISARMED, WRONG
-from tgl_soar.instruments import ARRAY
 from tgl_soar.link.signing import EPOCH_S, Signing
-from tgl_soar.onboard import Onboard
+from tgl_soar.onboard import process as module
+from tgl_soar.onboard import realtime
+from tgl_soar.onboard.instruments import ARRAY
+from tgl_soar.onboard.module import Onboard
 
 ENGAGE, RELEASE, ABORT = 31010, 31011, 31012
 ACCEPTED, REJECTED, DENIED, UNSUPPORTED, FAILED, IN_PROGRESS, CANCELLED = 0, 1, 2, 3, 4, 5, 6

@@ -10,11 +10,11 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from test_onboard import CAPTURING, SOARING, STEP_S, Flight, setup
 
-from tgl_soar.guard import LifeSign
 from tgl_soar.link.codec import FALSE_TRIES_MAX, MESSAGE_TRIES
 from tgl_soar.link.routes import READ_TRIES, TRIES
 from tgl_soar.link.transport import LinkCounters
-from tgl_soar.loop import Links
+from tgl_soar.onboard.loop import Links
+from tgl_soar.onboard.watchdog import LifeSign
 
 GOOD = bytes(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3).pack(mavlink.MAVLink(None, 9, 9)))
 CRAFTED = {

@@ -13,9 +13,9 @@ from module_process import arguments
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from test_onboard import CAPTURING, SOARING, STEP_S, Flight, texts
 
-from tgl_soar import loop, process
-from tgl_soar.onboard import PIECE_BYTES, Onboard, Rehearsal
-from tgl_soar.realtime import STRAIN_TICKS, Strain, TickCounters, Wishes
+from tgl_soar.onboard import loop, process
+from tgl_soar.onboard.module import PIECE_BYTES, Onboard, Rehearsal
+from tgl_soar.onboard.realtime import STRAIN_TICKS, Strain, TickCounters, Wishes
 
 
 class BusyFlight(Flight):

@@ -18,8 +18,8 @@ import pytest
 from module_process import arguments
 
 import tgl_soar
-from tgl_soar.process import main
-from tgl_soar.realtime import (
+from tgl_soar.onboard.process import main
+from tgl_soar.onboard.realtime import (
     AWAKE_MAX_S,
     PRIORITY,
     Pacer,

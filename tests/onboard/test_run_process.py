@@ -18,13 +18,13 @@ from free_ports import free_port
 from module_process import SITE, Module, arguments
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.process import EXIT_CANNOT_START, EXIT_NO_AUTOPILOT, EXIT_OK, main
+from tgl_soar.onboard.process import EXIT_CANNOT_START, EXIT_NO_AUTOPILOT, EXIT_OK, main
 
 HEAVY = ("numpy", "scipy", "matplotlib", "rich", "typer", "pymavlink.mavutil", "serial", "pyulog")
 
 
 def test_the_flying_process_loads_nothing_that_does_not_fly() -> None:
-    code = "import sys, tgl_soar.process; print(*sorted(sys.modules))"
+    code = "import sys, tgl_soar.onboard.process; print(*sorted(sys.modules))"
     loaded = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     ).stdout.split()

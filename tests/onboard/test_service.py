@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from tgl_soar.config import shipped
-from tgl_soar.guard import HANGS_S, LOOK_S, PATIENCE_S
-from tgl_soar.onboard import RELEASE_FRAMES
-from tgl_soar.process import EXIT_CANNOT_START, GIVE_BACK_INTERVAL_S, main
-from tgl_soar.realtime import PRIORITY
+from tgl_soar.config.files import shipped
+from tgl_soar.onboard.module import RELEASE_FRAMES
+from tgl_soar.onboard.process import EXIT_CANNOT_START, GIVE_BACK_INTERVAL_S, main
+from tgl_soar.onboard.realtime import PRIORITY
+from tgl_soar.onboard.watchdog import HANGS_S, LOOK_S, PATIENCE_S
 
 UNIT = shipped("systemd/tgl-soar.service")
 TEXT = UNIT.read_text(encoding="utf-8")

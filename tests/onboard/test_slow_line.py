@@ -20,7 +20,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from test_onboard import CAPTURING, SOARING, STEP_S, Flight, setup, texts
 
 from tgl_soar.link.transport import COMMAND_LATE_S, OTHERS_LATE_S, SerialLink, open_link
-from tgl_soar.onboard import RELEASE_FRAMES, Onboard
+from tgl_soar.onboard.module import RELEASE_FRAMES, Onboard
 
 pytestmark = pytest.mark.interpreted  # the driver's counts are put in its place
 FRAME = 30  # bytes of an override

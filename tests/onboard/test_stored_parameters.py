@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar import process
-from tgl_soar.config import load_airframe, load_site, shipped
-from tgl_soar.parameter_store import Identity, state_text
+from tgl_soar.config.files import load_airframe, load_site, shipped
+from tgl_soar.config.parameter_store import Identity, state_text
+from tgl_soar.onboard import process
 
 AIRFRAME, SITE = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
 FILE = "eclipson_c-tunnel.params"

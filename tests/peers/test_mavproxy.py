@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 from peers_scene import BadRadio, Scene
 
-from tgl_soar.parameters import PARAMETERS
+from tgl_soar.config.parameters import PARAMETERS
 
 PROGRAM = shutil.which("mavproxy.py") or shutil.which(
     "mavproxy.py", path=Path(sys.executable).parent

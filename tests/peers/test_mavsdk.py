@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from peers_scene import BadRadio, Scene
 
-from tgl_soar.parameters import PARAMETERS, as_wire_value
+from tgl_soar.config.parameters import PARAMETERS, as_wire_value
 
 CLIENT = Path(__file__).parent / "mavsdk_client.py"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tgl_soar.config import load_airframe, shipped
+from tgl_soar.config.files import load_airframe, shipped
 from tgl_soar.sim.firmware.sensors import Motion, Readings
 from tgl_soar.sim.firmware.simulation import Sticks
 from tgl_soar.sim.sitl import SitlOptions

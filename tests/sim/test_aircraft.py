@@ -14,7 +14,7 @@ import pytest
 from msgspec.structs import asdict
 from numpy.typing import NDArray
 
-from tgl_soar.config import load_airframe, shipped
+from tgl_soar.config.files import load_airframe, shipped
 from tgl_soar.geometry import euler_from_quaternion, quaternion_from_euler
 from tgl_soar.sim import sensors, servos
 from tgl_soar.sim.aircraft import (

@@ -8,7 +8,13 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from tgl_soar.config import line_parameters, load_airframe, load_parameters, load_site, shipped
+from tgl_soar.config.files import (
+    line_parameters,
+    load_airframe,
+    load_parameters,
+    load_site,
+    shipped,
+)
 from tgl_soar.sim.batch import Compile, FlightScore, Plan, fly_batch
 from tgl_soar.sim.closed_loop import Change
 from tgl_soar.sim.compiled import available

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.config import Airframe, Site, load_airframe, load_site, shipped
+from tgl_soar.config.files import Airframe, Site, load_airframe, load_site, shipped
 from tgl_soar.sim.bridge import LOG_COLUMNS, Options, Simulation, main
 from tgl_soar.sim.channels import LEAVE, ordered, pwm_from_deflection
 from tgl_soar.sim.pixhawk import MANUAL

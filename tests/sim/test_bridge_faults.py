@@ -13,8 +13,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from typer.testing import CliRunner
 
-from tgl_soar.commands import app
-from tgl_soar.config import load_airframe, load_site, shipped
+from tgl_soar.cli.app import app
+from tgl_soar.config.files import load_airframe, load_site, shipped
 from tgl_soar.sim.bridge import Options, Simulation, main
 from tgl_soar.sim.faults import CATALOGUE, parse_fault
 from tgl_soar.sim.pixhawk import FBWA, MANUAL

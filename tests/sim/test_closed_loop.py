@@ -10,7 +10,7 @@ import pytest
 
 from tgl_soar.air.field import WindField
 from tgl_soar.air.zeuc import stable_crossing
-from tgl_soar.config import (
+from tgl_soar.config.files import (
     Airframe,
     Site,
     line_parameters,
@@ -19,11 +19,11 @@ from tgl_soar.config import (
     load_site,
     shipped,
 )
+from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.geometry import euler_from_quaternion, quaternion_from_euler
-from tgl_soar.parameters import ParameterSet
-from tgl_soar.score import LegScore, score_leg
 from tgl_soar.sim.closed_loop import Change, ClosedLoop, Trajectory, fly
+from tgl_soar.sim.score import LegScore, score_leg
 from tgl_soar.sim.sensors import AUTOPILOT_POSITION
 from tgl_soar.sim.world import build_field, make_world
 

@@ -16,7 +16,7 @@ from tgl_soar.air.grid import GridField
 from tgl_soar.air.gusts import BlendedField, Gust, GustyField, ScaledField, Schedule
 from tgl_soar.air.hill import HillField
 from tgl_soar.air.jet import SlopeJet
-from tgl_soar.config import (
+from tgl_soar.config.files import (
     Airframe,
     Site,
     line_parameters,
@@ -25,9 +25,9 @@ from tgl_soar.config import (
     load_site,
     shipped,
 )
+from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.envelope import EnvelopeLimits, limit_surfaces
 from tgl_soar.control.supervisor import MODE_NAMES
-from tgl_soar.parameters import ParameterSet
 from tgl_soar.sim.closed_loop import Change, ClosedLoop, Row, Trajectory, fly
 from tgl_soar.sim.compiled import available, compiled
 from tgl_soar.sim.fast_flight import (

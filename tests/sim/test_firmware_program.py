@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from firmware_step import AIRFRAME
 
-from tgl_soar.config import load_site, shipped
+from tgl_soar.config.files import load_site, shipped
 from tgl_soar.sim.firmware import FirmwareError, program
 from tgl_soar.sim.firmware.starts import STARTS
 

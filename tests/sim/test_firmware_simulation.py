@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.config import load_airframe, load_site
+from tgl_soar.config.files import load_airframe, load_site
 from tgl_soar.sim.bridge import Options
 from tgl_soar.sim.faults import parse_faults
 from tgl_soar.sim.firmware.relay import OWN, FirmwareLink, Relay

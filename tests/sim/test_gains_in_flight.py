@@ -10,8 +10,14 @@ import numpy as np
 import pytest
 
 from tgl_soar.autopilot import Output
-from tgl_soar.config import line_parameters, load_airframe, load_parameters, load_site, shipped
-from tgl_soar.parameters import ParameterSet
+from tgl_soar.config.files import (
+    line_parameters,
+    load_airframe,
+    load_parameters,
+    load_site,
+    shipped,
+)
+from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.sim.closed_loop import ClosedLoop
 from tgl_soar.sim.faults import parse_faults
 from tgl_soar.sim.injection import Injection

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.config import load_airframe, shipped
+from tgl_soar.config.files import load_airframe, shipped
 from tgl_soar.sim.channels import NEUTRAL
 from tgl_soar.sim.pixhawk import Pixhawk, Sensed
 from tgl_soar.types import AttitudeSample, PositionFix

@@ -8,7 +8,7 @@ from math import degrees, hypot, isnan
 import pytest
 
 from tgl_soar.air.hill import HillField
-from tgl_soar.config import load_airframe, load_parameters, load_site, shipped
+from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.geometry import euler_from_quaternion, quaternion_from_euler
 from tgl_soar.sim.closed_loop import ClosedLoop, fly
 from tgl_soar.sim.faults import parse_fault

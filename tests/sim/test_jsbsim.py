@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from msgspec.structs import asdict
 
-from tgl_soar.config import load_airframe, shipped
+from tgl_soar.config.files import load_airframe, shipped
 from tgl_soar.geometry import euler_from_quaternion
 from tgl_soar.sim.aircraft import (
     AircraftModel,

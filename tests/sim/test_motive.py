@@ -15,12 +15,12 @@ from natnet.data_frame import DataFrame
 from natnet.nat_net_client import NatNetClient
 from typer.testing import CliRunner
 
-from tgl_soar.commands import app
-from tgl_soar.commands.align import average_pose
-from tgl_soar.config import ConfigError, Mocap, load_site, shipped
-from tgl_soar.estimation.alignment import AlignmentError
+from tgl_soar.analysis.alignment import AlignmentError
+from tgl_soar.cli.align import average_pose
+from tgl_soar.cli.app import app
+from tgl_soar.config.files import ConfigError, Mocap, load_site, shipped
 from tgl_soar.link.natnet.sockets import NatNetError
-from tgl_soar.mocap import MocapFeed, from_server
+from tgl_soar.onboard.mocap import MocapFeed, from_server
 from tgl_soar.sim.bridge import main as bridge_main
 from tgl_soar.sim.motive import HallFault, Motive, MotiveOptions, MotiveServer
 from tgl_soar.types import PositionFix

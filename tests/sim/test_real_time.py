@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from tgl_soar import realtime
-from tgl_soar.config import load_airframe, load_site, shipped
+from tgl_soar.config.files import load_airframe, load_site, shipped
+from tgl_soar.onboard import realtime
 from tgl_soar.sim import bridge
 from tgl_soar.sim.bridge import Bridge, Options, Pace, Simulation, Slowness
 from tgl_soar.sim.ports import Port, Ports

@@ -8,7 +8,7 @@ from statistics import fmean, stdev
 import pytest
 from msgspec.structs import asdict
 
-from tgl_soar.config import load_airframe, shipped
+from tgl_soar.config.files import load_airframe, shipped
 from tgl_soar.geometry import SoaringFrame, euler_from_quaternion, quaternion_from_euler
 from tgl_soar.sim.aircraft import (
     AircraftState,

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tgl_soar.config import load_airframe, shipped
+from tgl_soar.config.files import load_airframe, shipped
 from tgl_soar.sim.servos import (
     ServoParams,
     ServoState,

@@ -20,8 +20,8 @@ from free_ports import free_port
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from typer.testing import CliRunner
 
-from tgl_soar.commands import app
-from tgl_soar.config import load_airframe, load_site, shipped
+from tgl_soar.cli.app import app
+from tgl_soar.config.files import load_airframe, load_site, shipped
 from tgl_soar.sim.operator import Operator
 from tgl_soar.sim.sitl import OVERRIDE_TIME_S, SitlError, SitlOptions, busy_hint, fly, passed
 

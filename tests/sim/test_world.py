@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tgl_soar.air.hill import HillField
-from tgl_soar.config import (
+from tgl_soar.config.files import (
     Airframe,
     ConfigError,
     GridAir,

@@ -18,7 +18,7 @@ import pytest
 
 from tgl_soar.air.field import WindField
 from tgl_soar.autopilot import Output, mode_name, reason_text
-from tgl_soar.config import (
+from tgl_soar.config.files import (
     Airframe,
     Site,
     line_parameters,
@@ -27,10 +27,10 @@ from tgl_soar.config import (
     load_site,
     shipped,
 )
+from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.envelope import Fence, outside
 from tgl_soar.control.supervisor import CAPTURING, HOLDING, RECOVERING, RELEASED, SOARING
 from tgl_soar.geometry import quaternion_from_euler, quaternion_product
-from tgl_soar.parameters import ParameterSet
 from tgl_soar.sim.closed_loop import ClosedLoop
 from tgl_soar.sim.world import build_field, make_world
 from tgl_soar.types import Inputs, PositionFix

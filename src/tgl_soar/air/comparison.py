@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .grid import GridField
-from .jet import JetShape, SlopeJet
+from tgl_soar.air.grid import GridField
+from tgl_soar.air.jet import JetShape, SlopeJet
 
 BELOW_EDGE_M = 0.3  # the soaring region ends so far below the jet's upper edge
 ABOVE_BOARD_M = 0.4

@@ -30,7 +30,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .field import FloatArray
+from tgl_soar.air.field import FloatArray
 
 ComplexArray = NDArray[np.complex128]
 

@@ -17,7 +17,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .field import FloatArray, broadcast
+from tgl_soar.air.field import FloatArray, broadcast
 
 Outside = Literal["nan", "edge", "still"]
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from .field import FloatArray
-from .grid import GridError
+from tgl_soar.air.field import FloatArray
+from tgl_soar.air.grid import GridError
 
 FASTEST_MPS = 75.0  # no soaring wind: a category 5 hurricane begins at 70 m/s
 SLOWEST_MPS = 0.2  # a field without a place faster than this blows nowhere

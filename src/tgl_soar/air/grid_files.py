@@ -23,9 +23,9 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .field import FloatArray
-from .grid import GridError, GridField, GridTable3D, Outside
-from .grid_checks import MOST_NODES, check_mass, check_speeds, even_out
+from tgl_soar.air.field import FloatArray
+from tgl_soar.air.grid import GridError, GridField, GridTable3D, Outside
+from tgl_soar.air.grid_checks import MOST_NODES, check_mass, check_speeds, even_out
 
 ZeroCells = Literal["refuse", "solid", "air"]
 

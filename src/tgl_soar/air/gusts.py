@@ -36,7 +36,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .field import FloatArray, WindField
+from tgl_soar.air.field import FloatArray, WindField
 
 # --- Dryden turbulence -------------------------------------------------------------------
 

@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .field import FloatArray, broadcast
+from tgl_soar.air.field import FloatArray, broadcast
 
 
 class Hill(NamedTuple):

@@ -37,10 +37,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .field import FloatArray, broadcast
-from .freestream import ComplexArray, FreeJetMap, solve_free_jet
-from .grid import GridTable, bake, grid_wind, grid_wind_many
-from .relief import relieve, relieved_velocity
+from tgl_soar.air.field import FloatArray, broadcast
+from tgl_soar.air.freestream import ComplexArray, FreeJetMap, solve_free_jet
+from tgl_soar.air.grid import GridTable, bake, grid_wind, grid_wind_many
+from tgl_soar.air.relief import relieve, relieved_velocity
 
 SPREADING = 11.0  # σ
 SHIFT = 1.0 / sqrt(2.0 * pi)  # m

@@ -36,8 +36,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .field import FloatArray
-from .freestream import ComplexArray, FreeJetMap, slowness
+from tgl_soar.air.field import FloatArray
+from tgl_soar.air.freestream import ComplexArray, FreeJetMap, slowness
 
 MODES = 6
 

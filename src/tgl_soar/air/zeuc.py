@@ -31,9 +31,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tgl_soar.air.field import FloatArray, WindField, broadcast
 from tgl_soar.types import GlidePolar, polar_sink, polar_slope
-
-from .field import FloatArray, WindField, broadcast
 
 Bounds = tuple[float, float, float, float]  # x from, x to, z from, z to [m]
 

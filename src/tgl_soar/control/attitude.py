@@ -9,7 +9,7 @@ on the measured rate alone: a setpoint that steps does not kick the surface.
 
 from __future__ import annotations
 
-from .pid import PidGains, PidState, PidTerms, pid_step
+from tgl_soar.control.pid import PidGains, PidState, PidTerms, pid_step
 
 
 def attitude_step(

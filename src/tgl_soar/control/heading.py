@@ -20,9 +20,8 @@ from __future__ import annotations
 from math import atan
 from typing import NamedTuple
 
+from tgl_soar.control.pid import PidGains, PidState, PidTerms, pid_step
 from tgl_soar.geometry import wrap_angle
-
-from .pid import PidGains, PidState, PidTerms, pid_step
 
 
 class HeadingGains(NamedTuple):

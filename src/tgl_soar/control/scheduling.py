@@ -14,8 +14,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from .pid import PidGains
-from .soaring import SoaringGains
+from tgl_soar.control.pid import PidGains
+from tgl_soar.control.soaring import SoaringGains
 
 UP_PER_S: Final = 2.0
 DOWN_PER_S: Final = 10.0

@@ -19,9 +19,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from tgl_soar.control.pid import PidGains, PidState, PidTerms, pid_reset, pid_step
 from tgl_soar.types import NAN, isfinite
-
-from .pid import PidGains, PidState, PidTerms, pid_reset, pid_step
 
 
 class SoaringGains(NamedTuple):

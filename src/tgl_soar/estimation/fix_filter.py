@@ -28,7 +28,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from .inertial_track import Place
+from tgl_soar.estimation.inertial_track import Place
 
 
 class Covariance(NamedTuple):

@@ -33,6 +33,8 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
+from tgl_soar.estimation.motion import FUTURE_S, MotionState
+from tgl_soar.estimation.turning import is_turn
 from tgl_soar.types import (
     NAN,
     AttitudeSample,
@@ -42,9 +44,6 @@ from tgl_soar.types import (
     SurfaceCommand,
     isfinite,
 )
-
-from .motion import FUTURE_S, MotionState
-from .turning import is_turn
 
 INFINITE: Final = float("inf")
 HEARTBEAT_FUTURE_S: Final = 1.0  # between two of them

@@ -44,6 +44,33 @@ from __future__ import annotations
 from math import cos, exp, sin, sqrt
 from typing import Final, NamedTuple
 
+from tgl_soar.estimation.fix_filter import (
+    Covariance,
+    Errors,
+    Moments,
+    errors_at,
+    position_taken,
+    spread,
+    velocity_taken,
+)
+from tgl_soar.estimation.inertial_track import (
+    Place,
+    Track,
+    new_track,
+    oldest_s,
+    track_at,
+    track_moved,
+)
+from tgl_soar.estimation.turning import (
+    NO_TURNING,
+    PREDICT_MAX_S,
+    Turning,
+    is_rotation,
+    is_turn,
+    rates_follow,
+    turned_by,
+    turning_to,
+)
 from tgl_soar.geometry import SoaringFrame, soaring_from_ned, soaring_vector_from_ned
 from tgl_soar.types import (
     NAN,
@@ -55,27 +82,6 @@ from tgl_soar.types import (
     PositionFix,
     VehicleState,
     isfinite,
-)
-
-from .fix_filter import (
-    Covariance,
-    Errors,
-    Moments,
-    errors_at,
-    position_taken,
-    spread,
-    velocity_taken,
-)
-from .inertial_track import Place, Track, new_track, oldest_s, track_at, track_moved
-from .turning import (
-    NO_TURNING,
-    PREDICT_MAX_S,
-    Turning,
-    is_rotation,
-    is_turn,
-    rates_follow,
-    turned_by,
-    turning_to,
 )
 
 GRAVITY_MPS2: Final = 9.80665  # what it is elsewhere is a bias of the vertical acceleration

@@ -37,7 +37,7 @@ from __future__ import annotations
 from collections.abc import Hashable
 from typing import Final
 
-from .sensor_clock import SensorClock
+from tgl_soar.link.sensor_clock import SensorClock
 
 WINDOW_S: Final = 5.0
 LAG_S: Final = 0.25  # more than a clock is slewed in the window: 0.15 s at 3 %

@@ -23,8 +23,8 @@ from typing import Any, Final, TypeAlias
 from fastcrc.crc16 import mcrf4xx
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from .hot_frames import READERS, WRITERS, Reader, chars, float32, override_body
-from .messages import (
+from tgl_soar.link.hot_frames import READERS, WRITERS, Reader, chars, float32, override_body
+from tgl_soar.link.messages import (
     AutopilotVersion,
     CommandAck,
     CommandInt,
@@ -54,7 +54,7 @@ from .messages import (
     VisionPositionEstimate,
     WindCov,
 )
-from .signing import Signing, signed
+from tgl_soar.link.signing import Signing, signed
 
 # Constants of this module, and so found at once in native code.
 checksum: Final = mcrf4xx

@@ -20,7 +20,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, NamedTuple, Protocol, TypeAlias
 
-from .messages import (
+from tgl_soar.link.messages import (
     CAPABILITY_COMMAND_INT,
     CAPABILITY_MAVLINK2,
     CAPABILITY_PARAM_ENCODE_C_CAST,

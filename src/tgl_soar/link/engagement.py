@@ -21,8 +21,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from .commands import ENGAGE, NOTHING, RELEASE
-from .messages import RcChannels
+from tgl_soar.link.commands import ENGAGE, NOTHING, RELEASE
+from tgl_soar.link.messages import RcChannels
 
 SILENCE_S: Final = 1.0
 GONE_S: Final = 3.0

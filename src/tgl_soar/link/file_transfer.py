@@ -13,7 +13,7 @@ from __future__ import annotations
 from struct import Struct
 from typing import Final
 
-from .messages import FileTransferProtocol, Source
+from tgl_soar.link.messages import FileTransferProtocol, Source
 
 NAK: Final = 129
 FIRST_ANSWER: Final = 128  # this opcode and all above are answers: two servers must not converse

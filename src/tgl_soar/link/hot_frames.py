@@ -20,9 +20,7 @@ from collections.abc import Callable
 from struct import Struct
 from typing import Any, Final, NamedTuple
 
-from tgl_soar.types import isfinite
-
-from .messages import (
+from tgl_soar.link.messages import (
     ID_ATTITUDE_QUATERNION,
     ID_DEBUG_FLOAT_ARRAY,
     ID_GLOBAL_POSITION_INT,
@@ -54,6 +52,7 @@ from .messages import (
     SetAttitudeTarget,
     Timesync,
 )
+from tgl_soar.types import isfinite
 
 
 class Reader(NamedTuple):

@@ -15,9 +15,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
-from .autopilots.base import Flavour
-from .autopilots.requirements import MUST, Finding, Needs, compare, wish
-from .messages import COMPONENT_AUTOPILOT, ParamRequestRead, ParamValue, Said
+from tgl_soar.link.autopilots.base import Flavour
+from tgl_soar.link.autopilots.requirements import MUST, Finding, Needs, compare, wish
+from tgl_soar.link.messages import COMPONENT_AUTOPILOT, ParamRequestRead, ParamValue, Said
 
 ASK_S: Final = 0.8  # before a parameter is asked for again
 ASK_TIMES: Final = 4

@@ -21,9 +21,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from .codec import first_frame
-from .messages import Source
-from .signing import KEY_BYTES, LAST_STAMP, TICKS_PER_S, Signing, source_of
+from tgl_soar.link.codec import first_frame
+from tgl_soar.link.messages import Source
+from tgl_soar.link.signing import KEY_BYTES, LAST_STAMP, TICKS_PER_S, Signing, source_of
 
 RESERVE_S: Final = 4.0  # a disk may take half of it to answer; a write every two seconds
 LOOK_S: Final = 0.25  # between two looks whether to reserve more

@@ -19,8 +19,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from .autopilots.base import Flavour
-from .messages import Said
+from tgl_soar.link.autopilots.base import Flavour
+from tgl_soar.link.messages import Said
 
 # A heartbeat so long after a request was sent after it was heard: a radio's round trip is up to
 # 0.3 s, and a firmware takes a request up within 0.1 s.

@@ -32,13 +32,12 @@ from dataclasses import dataclass, fields
 from typing import Final, NamedTuple, Protocol
 
 from tgl_soar.geometry import HallFrame, ned_attitude_from_hall, ned_from_hall
+from tgl_soar.link.messages import SEVERITY_INFO, SEVERITY_WARNING
+from tgl_soar.link.natnet import layout, track
+from tgl_soar.link.natnet.clock import ServerClock
+from tgl_soar.link.natnet.layout import Frame, Malformed, RigidBody, ServerInfo
+from tgl_soar.link.natnet.track import Track
 from tgl_soar.types import NAN, PositionFix, isfinite
-
-from .messages import SEVERITY_INFO, SEVERITY_WARNING
-from .natnet import layout, track
-from .natnet.clock import ServerClock
-from .natnet.layout import Frame, Malformed, RigidBody, ServerInfo
-from .natnet.track import Track
 
 CONNECT_S: Final = 1.0
 MODELS_S: Final = 0.5

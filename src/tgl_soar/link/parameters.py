@@ -22,12 +22,10 @@ from struct import pack, unpack
 from typing import Final
 from zlib import crc32
 
-from tgl_soar.line_changes import LineChanges
-from tgl_soar.parameters import INDEX, PARAMETERS, ParameterError, ParameterSet
-from tgl_soar.types import isfinite
-
-from .hot_frames import float32
-from .messages import (
+from tgl_soar.config.line_changes import LineChanges
+from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterError, ParameterSet
+from tgl_soar.link.hot_frames import float32
+from tgl_soar.link.messages import (
     PARAM_ERROR_DOES_NOT_EXIST,
     PARAM_ERROR_PERMISSION_DENIED,
     PARAM_ERROR_VALUE_OUT_OF_RANGE,
@@ -43,7 +41,8 @@ from .messages import (
     Said,
     Source,
 )
-from .telemetry import StatusTexts
+from tgl_soar.link.telemetry import StatusTexts
+from tgl_soar.types import isfinite
 
 VALUES_PER_S: Final = 100.0
 VALUES_PER_POLL: Final = 2

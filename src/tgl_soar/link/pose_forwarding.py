@@ -23,9 +23,7 @@ from math import sqrt
 from typing import Final
 
 from tgl_soar.geometry import euler_from_quaternion, rotated
-from tgl_soar.types import NAN, isfinite
-
-from .messages import (
+from tgl_soar.link.messages import (
     ESTIMATOR_VISION,
     FRAME_BODY_FRD,
     FRAME_LOCAL_FRD,
@@ -35,7 +33,8 @@ from .messages import (
     Said,
     VisionPositionEstimate,
 )
-from .sources import EXTERNAL, NAMES, PositionSources, Quaternion
+from tgl_soar.link.sources import EXTERNAL, NAMES, PositionSources, Quaternion
+from tgl_soar.types import NAN, isfinite
 
 STALE_S: Final = 0.1
 UNIT: Final = 0.02  # a quaternion whose norm is further from 1 is no rotation

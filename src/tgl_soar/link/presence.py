@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from .messages import (
+from tgl_soar.link.messages import (
     AUTOPILOT_INVALID,
     MODE_FLAG_CUSTOM_MODE,
     STATE_ACTIVE,

@@ -17,9 +17,9 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from typing import Final, TypeAlias
 
-from .codec import UNLIMITED, Decoder, Encoder
-from .messages import Received, Source
-from .signing import Signing, source_of
+from tgl_soar.link.codec import UNLIMITED, Decoder, Encoder
+from tgl_soar.link.messages import Received, Source
+from tgl_soar.link.signing import Signing, source_of
 
 MAX_SENDERS: Final = 32  # remembered on each link
 

@@ -22,9 +22,8 @@ from math import sqrt
 from struct import Struct
 from typing import Final
 
+from tgl_soar.link.messages import HighresImu, RawImu, ScaledImu, VfrHud
 from tgl_soar.types import NAN, isfinite
-
-from .messages import HighresImu, RawImu, ScaledImu, VfrHud
 
 MILLI_G_MPS2: Final = 9.80665e-3
 FORCE_MAX_MPS2: Final = 400.0  # 40 g

@@ -19,26 +19,11 @@ from math import inf
 from typing import Final
 
 from tgl_soar.geometry import quaternion_from_euler, rotated
-from tgl_soar.types import (
-    NAN,
-    NO_AIRSPEED,
-    NO_ATTITUDE,
-    NO_IMU,
-    NO_SURFACES,
-    AirspeedSample,
-    AttitudeSample,
-    AutopilotStatus,
-    ImuSample,
-    PositionFix,
-    SurfacesSample,
-    isfinite,
-)
-
-from .autopilots.base import Flavour
-from .autopilots.requirements import Needs
-from .clock import MICROSECONDS_WRAP_S, MILLISECONDS_WRAP_S, StampedStreams
-from .inquiry import SetupInquiry
-from .messages import (
+from tgl_soar.link.autopilots.base import Flavour
+from tgl_soar.link.autopilots.requirements import Needs
+from tgl_soar.link.clock import MICROSECONDS_WRAP_S, MILLISECONDS_WRAP_S, StampedStreams
+from tgl_soar.link.inquiry import SetupInquiry
+from tgl_soar.link.messages import (
     AUTOPILOT_INVALID,
     COMMAND_SET_MESSAGE_INTERVAL,
     COMPONENT_AUTOPILOT,
@@ -83,9 +68,9 @@ from .messages import (
     VfrHud,
     VisionPositionEstimate,
 )
-from .presence import Presence
-from .sensing import airspeed_of_hud, airspeed_of_pressure, imu_of, sigma_of
-from .sources import (
+from tgl_soar.link.presence import Presence
+from tgl_soar.link.sensing import airspeed_of_hud, airspeed_of_pressure, imu_of, sigma_of
+from tgl_soar.link.sources import (
     GLOBAL_POSITION,
     LOCAL_POSITION,
     ODOMETRY,
@@ -93,9 +78,23 @@ from .sources import (
     PositionSources,
     Quaternion,
 )
-from .streams import StreamRequests
-from .tangent_plane import Home, TangentPlane
-from .timesync import RoundTrip
+from tgl_soar.link.streams import StreamRequests
+from tgl_soar.link.tangent_plane import Home, TangentPlane
+from tgl_soar.link.timesync import RoundTrip
+from tgl_soar.types import (
+    NAN,
+    NO_AIRSPEED,
+    NO_ATTITUDE,
+    NO_IMU,
+    NO_SURFACES,
+    AirspeedSample,
+    AttitudeSample,
+    AutopilotStatus,
+    ImuSample,
+    PositionFix,
+    SurfacesSample,
+    isfinite,
+)
 
 HEARTBEAT_S: Final = 1.0
 # Of the autopilot, where the module changes its mode: so soon the pilot's own choice is seen.

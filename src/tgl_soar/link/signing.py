@@ -41,7 +41,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import Final
 
-from .messages import Source
+from tgl_soar.link.messages import Source
 
 KEY_BYTES: Final = 32
 TICKS_PER_S: Final = 100_000

@@ -26,9 +26,8 @@ from collections.abc import Sequence
 from math import inf, sqrt
 from typing import Final
 
+from tgl_soar.link.messages import SEVERITY_INFO, SEVERITY_WARNING
 from tgl_soar.types import NAN, NO_FIX, PositionFix, isfinite
-
-from .messages import SEVERITY_INFO, SEVERITY_WARNING
 
 LOCAL_POSITION: Final = 1
 ODOMETRY: Final = 2

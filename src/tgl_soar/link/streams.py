@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import Final
 
-from .messages import (
+from tgl_soar.link.messages import (
     COMMAND_SET_MESSAGE_INTERVAL,
     COMPONENT_AUTOPILOT,
     RESULT_ACCEPTED,

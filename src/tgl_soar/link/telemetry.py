@@ -9,9 +9,8 @@ from collections.abc import Callable
 from math import inf
 from typing import Final
 
+from tgl_soar.link.messages import ID_HEARTBEAT, Said, StatusText
 from tgl_soar.types import NAN
-
-from .messages import ID_HEARTBEAT, Said, StatusText
 
 CHUNK: Final = 50  # characters of one STATUSTEXT
 MAX_CHUNKS: Final = 5

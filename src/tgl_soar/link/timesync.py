@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections import deque
 from typing import Final
 
-from .messages import Timesync
+from tgl_soar.link.messages import Timesync
 
 ASK_S: Final = 1.0
 KEPT: Final = 8  # answers among which the quickest is looked for

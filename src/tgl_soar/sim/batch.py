@@ -23,15 +23,14 @@ import numpy as np
 
 from tgl_soar.air.field import WindField
 from tgl_soar.air.zeuc import stable_crossing
-from tgl_soar.config import Airframe, Site
+from tgl_soar.config.files import Airframe, Site
+from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.target_line import eta_from_lean
-from tgl_soar.parameters import ParameterSet
-from tgl_soar.score import LegScore, score_leg
-
-from .closed_loop import Change, Trajectory, fly
-from .fast_flight import CompiledWorld, Prepared, fly_compiled, prepare
-from .sensors import USUAL_SENSORS, Sensors
-from .world import World, make_world
+from tgl_soar.sim.closed_loop import Change, Trajectory, fly
+from tgl_soar.sim.fast_flight import CompiledWorld, Prepared, fly_compiled, prepare
+from tgl_soar.sim.score import LegScore, score_leg
+from tgl_soar.sim.sensors import USUAL_SENSORS, Sensors
+from tgl_soar.sim.world import World, make_world
 
 Compile = Literal["nothing", "model", "all"]
 

@@ -43,8 +43,7 @@ from typing import Any, Final, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar import realtime
-from tgl_soar.config import (
+from tgl_soar.config.files import (
     Airframe,
     ConfigError,
     Site,
@@ -54,20 +53,20 @@ from tgl_soar.config import (
     site_file,
 )
 from tgl_soar.geometry import ned_from_soaring
+from tgl_soar.onboard import realtime
+from tgl_soar.sim.channels import NEUTRAL
+from tgl_soar.sim.faults import Fault, FaultError, catalogue_text, parse_fault
+from tgl_soar.sim.firmware import FirmwareError
+from tgl_soar.sim.injection import Injection, of_twin
+from tgl_soar.sim.motive import MotiveServer, add_motive_options, motive_server
+from tgl_soar.sim.pilot import SafetyPilot
+from tgl_soar.sim.pixhawk import FBWA, MANUAL, Pixhawk, Sensed
+from tgl_soar.sim.ports import BURST, Address, Peer, Port, PortError, Ports, resolved
+from tgl_soar.sim.routing import LinkId
+from tgl_soar.sim.sensors import MEMS_IMU, PITOT, Sensors, measure_attitude
+from tgl_soar.sim.truth_log import TruthLog
+from tgl_soar.sim.world import World, build_field, make_world
 from tgl_soar.types import GlidePolar, polar_sink
-
-from .channels import NEUTRAL
-from .faults import Fault, FaultError, catalogue_text, parse_fault
-from .firmware import FirmwareError
-from .injection import Injection, of_twin
-from .motive import MotiveServer, add_motive_options, motive_server
-from .pilot import SafetyPilot
-from .pixhawk import FBWA, MANUAL, Pixhawk, Sensed
-from .ports import BURST, Address, Peer, Port, PortError, Ports, resolved
-from .routing import LinkId
-from .sensors import MEMS_IMU, PITOT, Sensors, measure_attitude
-from .truth_log import TruthLog
-from .world import World, build_field, make_world
 
 LYING_S: Final = 3.0  # after a crash, before somebody has carried the aircraft back
 GROUND_BARRIER_S: Final = 0.05
@@ -997,8 +996,8 @@ def _simulation(
     if arguments.autopilot == "builtin":
         return Simulation(airframe, site, options, folder)
     # What a firmware needs is loaded only where there is one.
-    from .firmware.simulation import FirmwareSimulation
-    from .firmware.starts import STARTS
+    from tgl_soar.sim.firmware.simulation import FirmwareSimulation
+    from tgl_soar.sim.firmware.starts import STARTS
 
     if arguments.firmware is None:
         raise ValueError(f"--autopilot {arguments.autopilot}: give its program with --firmware")

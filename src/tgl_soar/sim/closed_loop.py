@@ -15,13 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgl_soar.autopilot import AutopilotState, Output, initial_state, laws_from, reason_text, step
+from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.supervisor import FAILED, RELEASED
 from tgl_soar.control.target_line import e_rho
-from tgl_soar.parameters import ParameterSet
+from tgl_soar.sim.injection import DirectLink, Injection
+from tgl_soar.sim.world import World
 from tgl_soar.types import AutopilotStatus, Inputs, SurfaceCommand
-
-from .injection import DirectLink, Injection
-from .world import World
 
 HELD_S = 0.2  # the aircraft is held until the sensors have spoken and the module has it
 

@@ -35,23 +35,11 @@ from tgl_soar.air.hill import Hill, HillField
 from tgl_soar.air.jet import Jet, SlopeJet
 from tgl_soar.autopilot import Output, initial_state, laws_from, reason_text
 from tgl_soar.autopilot import step as autopilot_step
-from tgl_soar.parameters import ParameterSet
-from tgl_soar.types import (
-    NAN,
-    NO_FIX,
-    AirspeedSample,
-    AttitudeSample,
-    ImuSample,
-    Inputs,
-    PositionFix,
-    SurfaceCommand,
-    SurfacesSample,
-)
-
-from .aircraft import AircraftState
-from .closed_loop import Change, ClosedLoop, Row, Trajectory
-from .compiled import cell, compiled
-from .flight import (
+from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.sim.aircraft import AircraftState
+from tgl_soar.sim.closed_loop import Change, ClosedLoop, Row, Trajectory
+from tgl_soar.sim.compiled import cell, compiled
+from tgl_soar.sim.flight import (
     BOARD,
     CRASHED,
     FLIES,
@@ -79,8 +67,8 @@ from .flight import (
     tick_in_cells,
     world_step_in_cells,
 )
-from .injection import Injection
-from .sensors import (
+from tgl_soar.sim.injection import Injection
+from tgl_soar.sim.sensors import (
     AirspeedParams,
     ImuParams,
     SensorTiming,
@@ -88,7 +76,18 @@ from .sensors import (
     empty_line,
     sensor_timing,
 )
-from .world import World
+from tgl_soar.sim.world import World
+from tgl_soar.types import (
+    NAN,
+    NO_FIX,
+    AirspeedSample,
+    AttitudeSample,
+    ImuSample,
+    Inputs,
+    PositionFix,
+    SurfaceCommand,
+    SurfacesSample,
+)
 
 _FAR_M = 1e6
 _NO_AIR = Air(

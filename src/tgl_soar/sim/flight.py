@@ -25,6 +25,23 @@ from tgl_soar.autopilot import step as autopilot_step
 from tgl_soar.control.supervisor import FAILED, RELEASED
 from tgl_soar.control.target_line import e_rho
 from tgl_soar.geometry import SoaringFrame, euler_from_quaternion
+from tgl_soar.sim.aircraft import AircraftModel, AircraftState, Wind, air_data, place_ahead
+from tgl_soar.sim.aircraft import step as aircraft_step
+from tgl_soar.sim.closed_loop import HELD_S
+from tgl_soar.sim.sensors import (
+    AirspeedParams,
+    AttitudeParams,
+    ImuParams,
+    PositionParams,
+    SensorTiming,
+    Triple,
+    measure_airspeed,
+    measure_attitude,
+    measure_imu,
+    measure_position,
+    samples_delivered,
+)
+from tgl_soar.sim.servos import ServoParams, ServoState, servo_step
 from tgl_soar.types import (
     NAN,
     NO_AIRSPEED,
@@ -41,24 +58,6 @@ from tgl_soar.types import (
     SurfaceCommand,
     SurfacesSample,
 )
-
-from .aircraft import AircraftModel, AircraftState, Wind, air_data, place_ahead
-from .aircraft import step as aircraft_step
-from .closed_loop import HELD_S
-from .sensors import (
-    AirspeedParams,
-    AttitudeParams,
-    ImuParams,
-    PositionParams,
-    SensorTiming,
-    Triple,
-    measure_airspeed,
-    measure_attitude,
-    measure_imu,
-    measure_position,
-    samples_delivered,
-)
-from .servos import ServoParams, ServoState, servo_step
 
 BoolArray = NDArray[np.bool_]
 

@@ -17,15 +17,14 @@ from numpy.typing import ArrayLike
 
 from tgl_soar.air.field import FloatArray, broadcast
 from tgl_soar.autopilot import AutopilotState, Output, initial_state, laws_from, step
-from tgl_soar.config import Airframe, Start
+from tgl_soar.config.files import Airframe, Start
+from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.geometry import SoaringFrame, euler_from_quaternion
-from tgl_soar.parameters import ParameterSet
+from tgl_soar.sim.aircraft import Glide, aircraft_model, glide_at, highest_pitch_glide
+from tgl_soar.sim.sensors import MEMS_IMU, PITOT, Sensors, SurfacesParams
+from tgl_soar.sim.servos import servo_params
+from tgl_soar.sim.world import Truth, World
 from tgl_soar.types import AutopilotStatus, Inputs, SurfaceCommand
-
-from .aircraft import Glide, aircraft_model, glide_at, highest_pitch_glide
-from .sensors import MEMS_IMU, PITOT, Sensors, SurfacesParams
-from .servos import servo_params
-from .world import Truth, World
 
 STEP_S: Final = 1.0 / 200.0
 HEIGHT_M: Final = 500.0

@@ -22,6 +22,7 @@ from typing import Any, Final, Generic, TypeVar
 from tgl_soar.air.field import WindField
 from tgl_soar.air.gusts import Gust, GustyField, ScaledField, Schedule
 from tgl_soar.geometry import quaternion_from_euler, quaternion_product
+from tgl_soar.sim.faults import Fault
 from tgl_soar.types import (
     NAN,
     AirspeedSample,
@@ -33,8 +34,6 @@ from tgl_soar.types import (
     SurfaceCommand,
     SurfacesSample,
 )
-
-from .faults import Fault
 
 Item = TypeVar("Item")
 Sample = TypeVar("Sample", PositionFix, AttitudeSample, ImuSample, AirspeedSample, SurfacesSample)

@@ -21,10 +21,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple
 
-from tgl_soar.config import ConfigError, Site
+from tgl_soar.config.files import ConfigError, Site
 from tgl_soar.geometry import HallFrame, hall_from_ned
-
-from .natnet_frames import (
+from tgl_soar.sim.natnet_frames import (
     CLOCK_HZ,
     CONNECT,
     DISCONNECT,
@@ -44,7 +43,7 @@ from .natnet_frames import (
     encode_server_info,
     message,
 )
-from .ports import Address, Port
+from tgl_soar.sim.ports import Address, Port
 
 CLIENT_SILENCE_S: Final = 5.0  # then a client that is streamed to alone is forgotten
 BEGAN_S: Final = 5000.0  # before the computer: its clock is another one

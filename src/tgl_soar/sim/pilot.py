@@ -19,9 +19,8 @@ from __future__ import annotations
 from math import atan, cos, radians, sin
 from typing import Final
 
+from tgl_soar.sim.pixhawk import PITCH_STICK_RAD, LevelFlight
 from tgl_soar.types import AttitudeSample, SurfaceCommand
-
-from .pixhawk import PITCH_STICK_RAD, LevelFlight
 
 _ETA_RAD: Final = radians(90.0 + 15.0)
 _NORMAL: Final = (-sin(_ETA_RAD), cos(_ETA_RAD))  # upstream

@@ -25,19 +25,9 @@ from typing import Any, Final, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.config import HomePosition, Surfaces
+from tgl_soar.config.files import HomePosition, Surfaces
 from tgl_soar.geometry import euler_from_quaternion
-from tgl_soar.types import (
-    NO_AIRSPEED,
-    NO_IMU,
-    AirspeedSample,
-    AttitudeSample,
-    ImuSample,
-    PositionFix,
-    SurfaceCommand,
-)
-
-from .channels import (
+from tgl_soar.sim.channels import (
     CHANNELS,
     NEUTRAL,
     Overrides,
@@ -47,9 +37,24 @@ from .channels import (
     pwm_from_stick,
     stick_from_pwm,
 )
-from .external_pose import ExternalPose
-from .routing import Frame, LinkId, Router, split_frames
-from .sensor_messages import ShownAirspeed, global_position, highres_imu, raw_imu, scaled_imu
+from tgl_soar.sim.external_pose import ExternalPose
+from tgl_soar.sim.routing import Frame, LinkId, Router, split_frames
+from tgl_soar.sim.sensor_messages import (
+    ShownAirspeed,
+    global_position,
+    highres_imu,
+    raw_imu,
+    scaled_imu,
+)
+from tgl_soar.types import (
+    NO_AIRSPEED,
+    NO_IMU,
+    AirspeedSample,
+    AttitudeSample,
+    ImuSample,
+    PositionFix,
+    SurfaceCommand,
+)
 
 MANUAL: Final = 0
 FBWA: Final = 5

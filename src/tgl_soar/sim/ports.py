@@ -13,7 +13,7 @@ import socket
 from dataclasses import dataclass
 from typing import Final
 
-from .routing import LinkId
+from tgl_soar.sim.routing import LinkId
 
 Address = tuple[str, int]
 

@@ -28,6 +28,14 @@ from tgl_soar.geometry import (
     ned_vector_from_soaring,
     quaternion_product,
 )
+from tgl_soar.sim.aircraft import (
+    AircraftModel,
+    AircraftState,
+    Wind,
+    air_velocity_frd,
+    resting_force_frd,
+    specific_force_frd,
+)
 from tgl_soar.types import (
     NAN,
     NO_AIRSPEED,
@@ -41,15 +49,6 @@ from tgl_soar.types import (
     PositionFix,
     SurfaceCommand,
     SurfacesSample,
-)
-
-from .aircraft import (
-    AircraftModel,
-    AircraftState,
-    Wind,
-    air_velocity_frd,
-    resting_force_frd,
-    specific_force_frd,
 )
 
 Triple = tuple[float, float, float]

@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgl_soar.air.zeuc import Crossing, stable_crossing
-from tgl_soar.config import (
+from tgl_soar.config.files import (
     Position,
     Site,
     line_parameters,
@@ -41,14 +41,13 @@ from tgl_soar.config import (
     load_parameters,
     load_site,
 )
+from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.target_line import eta_from_lean
-from tgl_soar.parameters import ParameterSet
-from tgl_soar.score import LegScore, score_leg
-
-from .bridge import TOO_SLOW
-from .firmware.sensors import SOMEWHERE
-from .operator import Flown, Leg, Operator, OperatorError
-from .world import build_field
+from tgl_soar.sim.bridge import TOO_SLOW
+from tgl_soar.sim.firmware.sensors import SOMEWHERE
+from tgl_soar.sim.operator import Flown, Leg, Operator, OperatorError
+from tgl_soar.sim.score import LegScore, score_leg
+from tgl_soar.sim.world import build_field
 
 Floats = NDArray[np.float64]
 LOGS_MB = 500.0  # of all flights in a folder
@@ -131,7 +130,7 @@ def plan(site: Site, values: ParameterSet, options: SitlOptions) -> list[Leg]:
 def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> Flight:
     """Fly the plan; `progress` is called a few times a second.
 
-    Errors: `SitlError`, `tgl_soar.config.ConfigError`.
+    Errors: `SitlError`, `tgl_soar.config.files.ConfigError`.
     """
     airframe = load_airframe(options.airframe)
     site = load_site(options.site)

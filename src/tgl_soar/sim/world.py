@@ -26,8 +26,30 @@ from tgl_soar.air.grid_files import Layout, read_grid
 from tgl_soar.air.gusts import Turbulence
 from tgl_soar.air.hill import HillField
 from tgl_soar.air.jet import JetShape, SlopeJet
-from tgl_soar.config import Airframe, ConfigError, GridAir, HillAir, JetAir, Site, Start
+from tgl_soar.config.files import Airframe, ConfigError, GridAir, HillAir, JetAir, Site, Start
 from tgl_soar.geometry import SoaringFrame, euler_from_quaternion
+from tgl_soar.sim.aircraft import (
+    AircraftModel,
+    AircraftState,
+    Glide,
+    Wind,
+    air_data,
+    aircraft_model,
+    glide_at,
+    gliding_state,
+    highest_pitch_glide,
+    step,
+)
+from tgl_soar.sim.sensors import (
+    USUAL_SENSORS,
+    AirspeedSensor,
+    AttitudeSensor,
+    ImuSensor,
+    PositionSensor,
+    Sensors,
+    SurfacesSensor,
+)
+from tgl_soar.sim.servos import ServoParams, servo_params, servo_start, servo_step
 from tgl_soar.types import (
     NO_AERODYNAMICS,
     NO_AIRSPEED,
@@ -45,29 +67,6 @@ from tgl_soar.types import (
     SurfaceCommand,
     SurfacesSample,
 )
-
-from .aircraft import (
-    AircraftModel,
-    AircraftState,
-    Glide,
-    Wind,
-    air_data,
-    aircraft_model,
-    glide_at,
-    gliding_state,
-    highest_pitch_glide,
-    step,
-)
-from .sensors import (
-    USUAL_SENSORS,
-    AirspeedSensor,
-    AttitudeSensor,
-    ImuSensor,
-    PositionSensor,
-    Sensors,
-    SurfacesSensor,
-)
-from .servos import ServoParams, servo_params, servo_start, servo_step
 
 Outline = list[tuple[float, float]]
 

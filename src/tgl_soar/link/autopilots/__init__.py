@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Final
 
-from .ardupilot import ArduPilot
-from .base import Flavour, Route, SurfaceChannels
-from .bridge import Bridge
-from .paparazzi import Paparazzi
+from tgl_soar.link.autopilots.ardupilot import ArduPilot
+from tgl_soar.link.autopilots.base import Flavour, Route, SurfaceChannels
+from tgl_soar.link.autopilots.bridge import Bridge
+from tgl_soar.link.autopilots.paparazzi import Paparazzi
+
 from .px4 import Px4
 
 _FIRMWARES: Final[dict[str, type[ArduPilot | Bridge | Paparazzi | Px4]]] = {

@@ -18,6 +18,18 @@ from math import pi
 from typing import ClassVar, Final
 
 from tgl_soar.geometry import quaternion_from_euler
+from tgl_soar.link.autopilots.base import (
+    Route,
+    SensorMessages,
+    SurfaceChannels,
+    Wanted,
+    deflections,
+    firmware_mismatch,
+    pulse_width,
+    set_mode,
+    value_cast,
+)
+from tgl_soar.link.autopilots.requirements import MUST, SHOULD, Answers, Needs, Requirement
 from tgl_soar.link.messages import (
     AUTOPILOT_ARDUPILOT,
     COMPONENT_AUTOPILOT,
@@ -37,19 +49,6 @@ from tgl_soar.link.messages import (
     SetAttitudeTarget,
 )
 from tgl_soar.types import OURS, THEIRS_WITH_RUDDER, Setpoints, SurfaceCommand, isfinite
-
-from .base import (
-    Route,
-    SensorMessages,
-    SurfaceChannels,
-    Wanted,
-    deflections,
-    firmware_mismatch,
-    pulse_width,
-    set_mode,
-    value_cast,
-)
-from .requirements import MUST, SHOULD, Answers, Needs, Requirement
 
 MODE_MANUAL: Final = 0
 MODE_FBWA: Final = 5

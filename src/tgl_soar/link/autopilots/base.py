@@ -11,6 +11,7 @@ import struct
 from collections.abc import Sequence
 from typing import ClassVar, NamedTuple, Protocol
 
+from tgl_soar.link.autopilots.requirements import Answers, Needs, Requirement
 from tgl_soar.link.messages import (
     COMMAND_DO_SET_MODE,
     COMPONENT_AUTOPILOT,
@@ -24,8 +25,6 @@ from tgl_soar.link.messages import (
     Said,
 )
 from tgl_soar.types import NAN, Setpoints, SurfaceCommand, isfinite
-
-from .requirements import Answers, Needs, Requirement
 
 
 class SurfaceChannel(NamedTuple):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from .ardupilot import BY_OVERRIDE, OVERRIDE, POSES, ArduPilot
-from .requirements import Needs, Requirement
+from tgl_soar.link.autopilots.ardupilot import BY_OVERRIDE, OVERRIDE, POSES, ArduPilot
+from tgl_soar.link.autopilots.requirements import Needs, Requirement
 
 
 class Bridge(ArduPilot):

@@ -17,6 +17,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import ClassVar, Final
 
+from tgl_soar.link.autopilots.base import (
+    Route,
+    SensorMessages,
+    SurfaceChannels,
+    Wanted,
+    deflections,
+    firmware_mismatch,
+    set_mode,
+    value_cast,
+)
+from tgl_soar.link.autopilots.requirements import Answers, Needs, Requirement
 from tgl_soar.link.messages import (
     AUTOPILOT_PAPARAZZI,
     COMPONENT_AUTOPILOT,
@@ -32,18 +43,6 @@ from tgl_soar.link.messages import (
     Said,
 )
 from tgl_soar.types import OURS, Setpoints, SurfaceCommand, isfinite
-
-from .base import (
-    Route,
-    SensorMessages,
-    SurfaceChannels,
-    Wanted,
-    deflections,
-    firmware_mismatch,
-    set_mode,
-    value_cast,
-)
-from .requirements import Answers, Needs, Requirement
 
 MIDDLE_US: Final = 1500
 FULL_ROLL_PITCH_US: Final = 1100  # the first that makes 127

@@ -16,6 +16,17 @@ from collections.abc import Mapping, Sequence
 from typing import ClassVar, Final
 
 from tgl_soar.geometry import quaternion_from_euler
+from tgl_soar.link.autopilots.base import (
+    Route,
+    SensorMessages,
+    SurfaceChannels,
+    Wanted,
+    deflections,
+    firmware_mismatch,
+    set_mode,
+    value_bytewise,
+)
+from tgl_soar.link.autopilots.requirements import MUST, SHOULD, Answers, Needs, Requirement
 from tgl_soar.link.messages import (
     AUTOPILOT_PX4,
     COMPONENT_AUTOPILOT,
@@ -35,18 +46,6 @@ from tgl_soar.link.messages import (
     SetAttitudeTarget,
 )
 from tgl_soar.types import OURS, THEIRS, Setpoints, SurfaceCommand, isfinite
-
-from .base import (
-    Route,
-    SensorMessages,
-    SurfaceChannels,
-    Wanted,
-    deflections,
-    firmware_mismatch,
-    set_mode,
-    value_bytewise,
-)
-from .requirements import MUST, SHOULD, Answers, Needs, Requirement
 
 # custom_mode: the main mode in bits 16 to 23, the sub mode above it
 MAIN_MANUAL: Final = 1

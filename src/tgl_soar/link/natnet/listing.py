@@ -7,9 +7,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from tgl_soar.link.natnet.layout import RigidBody
 from tgl_soar.types import NAN
-
-from .layout import RigidBody
 
 
 class Row(NamedTuple):

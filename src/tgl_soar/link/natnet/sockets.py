@@ -9,7 +9,7 @@ from __future__ import annotations
 import socket
 from typing import Final
 
-from .layout import MAX_DATAGRAM_BYTES
+from tgl_soar.link.natnet.layout import MAX_DATAGRAM_BYTES
 
 MAX_DATAGRAMS: Final = 16  # in one call and of one socket: the tick must not wait for a flood
 RECEIVE_BUFFER_BYTES: Final = 1 << 20

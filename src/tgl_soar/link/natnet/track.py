@@ -12,9 +12,8 @@ from __future__ import annotations
 from math import sqrt
 from typing import Final
 
+from tgl_soar.link.natnet.layout import RigidBody
 from tgl_soar.types import isfinite
-
-from .layout import RigidBody
 
 NAN: Final = float("nan")
 

@@ -26,17 +26,16 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.config import Airframe, HomePosition, Site, Surfaces
+from tgl_soar.config.files import Airframe, HomePosition, Site, Surfaces
 from tgl_soar.link.autopilots.ardupilot import FUNCTIONS
 from tgl_soar.sim.channels import NEUTRAL, deflection_from_pwm, ordered, pwm_from_deflection
+from tgl_soar.sim.firmware import FirmwareError, program
+from tgl_soar.sim.firmware.relay import FirmwareLink, Relay
+from tgl_soar.sim.firmware.sensors import SOMEWHERE, Readings
+from tgl_soar.sim.firmware.simulation import Sticks
 from tgl_soar.sim.ports import Address
 from tgl_soar.sim.sensor_messages import geodetic
 from tgl_soar.types import SurfaceCommand
-
-from . import FirmwareError, program
-from .relay import FirmwareLink, Relay
-from .sensors import SOMEWHERE, Readings
-from .simulation import Sticks
 
 MAGIC: Final = 18458
 SERVOS: Final = struct.Struct("<HHI16H")

@@ -25,14 +25,13 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import common as mavlink
 
-from tgl_soar.config import Airframe, Site, Surfaces
+from tgl_soar.config.files import Airframe, Site, Surfaces
 from tgl_soar.sim.channels import NEUTRAL, ordered
+from tgl_soar.sim.firmware import FirmwareError, program
+from tgl_soar.sim.firmware.relay import FirmwareLink, Relay
+from tgl_soar.sim.firmware.sensors import Place, Readings
+from tgl_soar.sim.firmware.simulation import Sticks
 from tgl_soar.types import SurfaceCommand
-
-from . import FirmwareError, program
-from .relay import FirmwareLink, Relay
-from .sensors import Place, Readings
-from .simulation import Sticks
 
 # Ports of instance 0; every instance has its own, so many higher.
 SIMULATOR_PORT: Final = 4560

@@ -19,7 +19,7 @@ from typing import Any, Final, NamedTuple, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.config import Airframe, Site
+from tgl_soar.config.files import Airframe, Site
 from tgl_soar.sim.bridge import (
     LOG_COLUMNS,
     LYING_S,
@@ -29,15 +29,14 @@ from tgl_soar.sim.bridge import (
     truth_row,
 )
 from tgl_soar.sim.channels import NEUTRAL
+from tgl_soar.sim.firmware.relay import Relay
+from tgl_soar.sim.firmware.sensors import FirmwareSensors, Readings, firmware_sensors
 from tgl_soar.sim.injection import Injection
 from tgl_soar.sim.pilot import SafetyPilot
 from tgl_soar.sim.routing import LinkId
 from tgl_soar.sim.truth_log import TruthLog
 from tgl_soar.sim.world import World, build_field, make_world
 from tgl_soar.types import SurfaceCommand
-
-from .relay import Relay
-from .sensors import FirmwareSensors, Readings, firmware_sensors
 
 ASK_S: Final = 1.0  # between two requests to arm, or for a mode
 

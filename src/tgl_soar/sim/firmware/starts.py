@@ -6,11 +6,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final, TypeAlias
 
-from tgl_soar.config import Airframe, Site
-
-from . import ardupilot, px4
-from .relay import Relay
-from .simulation import Physics
+from tgl_soar.config.files import Airframe, Site
+from tgl_soar.sim.firmware import ardupilot, px4
+from tgl_soar.sim.firmware.relay import Relay
+from tgl_soar.sim.firmware.simulation import Physics
 
 # Its program, the folder it runs in, for whom, where, and the parameters that differ.
 Start: TypeAlias = Callable[

@@ -1,0 +1,1 @@
+"""What is done with flights afterwards: logs, replay, reports, experiments, fits."""

@@ -1,0 +1,397 @@
+"""Thousands of flights, each with faults drawn by lot, and what became of every one.
+
+A flight lasts 30 s in turbulence drawn from 0 to 2 %, on line b of the tunnel, with every sensor
+aboard.  Three in four have one fault, of each kind of the catalogue in turn; one in four has two
+of any kind at once.  All act between 5 s and the middle of the flight, so that there is time to
+come back to the line.
+
+At every tick the command is looked at by this module's own arithmetic, not by the envelope's:
+finite, within travel, and no faster than the surface may move.
+
+`soaring`   at the end of the flight it is on the line again
+`flying`    at the end it still has the surfaces and is on its way back to the line
+`released`  it let go by itself, for a reason that it told
+`lost`      the aircraft hit something, or left the air, while the module had the surfaces
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from functools import lru_cache
+from math import isfinite, sqrt
+from multiprocessing import get_all_start_methods, get_context
+from random import Random
+from typing import Final, NamedTuple
+
+from tgl_soar.air.field import WindField
+from tgl_soar.autopilot import Output, mode_name, reason_text
+from tgl_soar.config.files import (
+    Airframe,
+    Site,
+    line_parameters,
+    load_airframe,
+    load_parameters,
+    load_site,
+    shipped,
+)
+from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.sim.closed_loop import ClosedLoop
+from tgl_soar.sim.compiled import available
+from tgl_soar.sim.fast_flight import CompiledLoop, CompiledWorld, prepare
+from tgl_soar.sim.faults import CATALOGUE, Fault, drawn_fault, parse_fault
+from tgl_soar.sim.injection import Injection
+from tgl_soar.sim.sensors import MEMS_IMU, PITOT, READ_BACK, USUAL_SENSORS, Sensors
+from tgl_soar.sim.world import World, build_field, make_world
+from tgl_soar.types import SurfaceCommand
+
+DURATION_S: Final = 30.0
+TURBULENCE: Final = 0.02  # drawn from 0 to this
+TWO_OF: Final = 4  # one flight in so many has two faults
+PAIRS: Final = "two at once"
+WARM_UP_S: Final = 0.05
+CHUNK: Final = 16  # flights handed to a process at a time
+LINE: Final = "b"
+# What an operator sets for this line: nearer to the board, lower or further than this is trouble.
+ENVELOPE: Final = {
+    "CLEAR_MIN": 0.4, "FENCE_Z_MIN": 0.8, "FENCE_Z_MAX": 2.6, "FENCE_Y_MAX": 1.2,
+    "FENCE_X_MIN": -0.4, "FENCE_X_MAX": 2.0,
+}  # fmt: skip
+
+EVERY_SENSOR: Final = "every sensor"
+POSE_ALONE: Final = "position and attitude alone"
+SENSORS: Final = {
+    EVERY_SENSOR: Sensors(imu=MEMS_IMU, airspeed=PITOT, surfaces=READ_BACK),
+    POSE_ALONE: USUAL_SENSORS,
+}
+
+SOARING: Final = "soaring"
+FLYING: Final = "flying"
+RELEASED: Final = "released"
+LOST: Final = "lost"
+RESULTS: Final = (SOARING, FLYING, RELEASED, LOST)
+
+ENDED_MODES: Final = ("released", "failed")
+NOISY: Final = 1e-9  # of a deflection: what rounding may add
+
+
+class Job(NamedTuple):
+    """One flight to be flown."""
+
+    row: str  # of the table
+    seed: int
+    turbulence: float
+    faults: tuple[Fault, ...]
+    aboard: str = EVERY_SENSOR
+
+
+class Outcome(NamedTuple):
+    """What became of it."""
+
+    row: str
+    seed: int
+    faults: str
+    result: str  # SOARING, FLYING, RELEASED or LOST
+    reason: str  # as the module told it, or what was hit
+    ended_s: float
+    bad_commands: int
+    error: str  # an exception's words; "" for none
+
+
+@dataclass(frozen=True)
+class Survival:
+    """Flights that all meet the same fault."""
+
+    fault: str
+    turbulence: float
+    aboard: str
+    flights: int
+    survived: int
+
+    @property
+    def share(self) -> float:
+        """That flew to the end."""
+        return self.survived / self.flights
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """In which the true share lies, at 95 %."""
+        return wilson(self.survived, self.flights)
+
+
+def wilson(successes: int, of: int) -> tuple[float, float]:
+    """Wilson's score interval of a share, at 95 %."""
+    z2 = 1.959964**2
+    share = successes / of
+    centre = (share + z2 / (2 * of)) / (1 + z2 / of)
+    half = sqrt(z2 * (share * (1 - share) / of + z2 / (4 * of * of))) / (1 + z2 / of)
+    return max(0.0, centre - half), min(1.0, centre + half)
+
+
+# --- the jobs ----------------------------------------------------------------------------------
+
+
+def drawn_jobs(flights: int, seed: int) -> list[Job]:
+    """The flights of a campaign."""
+    kinds = list(CATALOGUE.values())
+    jobs = []
+    turn = 0
+    for i in range(flights):
+        random = Random(f"{seed}/{i}")
+        turbulence = round(random.uniform(0.0, TURBULENCE), 4)
+        if i % TWO_OF == TWO_OF - 1:
+            both = tuple(drawn_fault(random.choice(kinds), random) for _ in range(2))
+            jobs.append(Job(PAIRS, seed + i, turbulence, both))
+        else:
+            kind = kinds[turn % len(kinds)]
+            turn += 1
+            jobs.append(Job(kind.name, seed + i, turbulence, (drawn_fault(kind, random),)))
+    return jobs
+
+
+SURVIVALS: Final = tuple(  # fault, turbulence, what is aboard
+    (fault, turbulence, aboard)
+    for fault, turbulence in (
+        ("position.dropout start=12 for=0.5", 0.03),
+        ("position.dropout start=12 for=1.5", 0.01),
+    )
+    for aboard in SENSORS
+)
+
+
+def survival_jobs(flights: int, seed: int) -> list[Job]:
+    """Drop-outs of the lengths that must be survived."""
+    return [
+        Job(_name(text, turbulence, aboard), seed + i, turbulence, (parse_fault(text),), aboard)
+        for text, turbulence, aboard in SURVIVALS
+        for i in range(flights)
+    ]
+
+
+def _name(text: str, turbulence: float, aboard: str) -> str:
+    return f"{text} at {turbulence * 100:g} %, {aboard}"
+
+
+# --- one flight --------------------------------------------------------------------------------
+
+
+class Place(NamedTuple):
+    """Where all fly."""
+
+    airframe: Airframe
+    site: Site
+    values: ParameterSet
+    field: WindField
+
+
+@lru_cache(maxsize=1)
+def place() -> Place:
+    """The tunnel, line b."""
+    airframe_path, site_path = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
+    airframe, site = load_airframe(airframe_path), load_site(site_path)
+    values = load_parameters(airframe, airframe_path, site, site_path)
+    assert site.air is not None
+    values = values.changed({**line_parameters(site.lines[LINE]), **ENVELOPE})
+    return Place(airframe, site, values, build_field(site.air, site_path.parent))
+
+
+def world_of(job: Job, injection: Injection, duration_s: float = DURATION_S) -> World:
+    """The world of a flight, compiled where numba is there."""
+    airframe, site, _, field = place()
+    world = make_world(
+        airframe,
+        site,
+        seed=job.seed,
+        turbulence=max(job.turbulence, 1e-6),  # one compiled kind of air for all
+        field=injection.field(field),
+        sensors=SENSORS[job.aboard],
+    )
+    return CompiledWorld(prepare(world, duration_s), job.seed) if available() else world
+
+
+class CommandCheck:
+    """Looks at every command that is sent; independent of what limits them."""
+
+    def __init__(self, values: ParameterSet, dt_s: float) -> None:
+        self.bad = 0
+        self._travel = values["SURF_MAX"] + NOISY
+        self._most = values["SURF_RATE"] * dt_s + NOISY
+        self._last: SurfaceCommand | None = None
+
+    def look(self, output: Output) -> None:
+        """At one tick."""
+        if not output.active:
+            self._last = None
+            return
+        command, last = output.command, self._last
+        good = all(isfinite(u) and abs(u) <= self._travel for u in command)
+        if good and last is not None:
+            good = all(abs(u - v) <= self._most for u, v in zip(command, last, strict=True))
+        self.bad += not good
+        if all(map(isfinite, command)):
+            self._last = command
+
+
+def fly_job(job: Job, duration_s: float = DURATION_S) -> Outcome:
+    """Fly one; an exception is an outcome too."""
+    injection = Injection(job.faults, job.seed)
+    values = place().values
+    world = world_of(job, injection, duration_s)
+    check = CommandCheck(values, 1.0 / world.step_hz)
+    result, reason, error = "", "", ""
+    loop = (CompiledLoop if available() else ClosedLoop)(world, values, injection)
+    try:
+        for _ in range(round(duration_s * world.step_hz)):
+            output = loop.tick()
+            check.look(output)
+            if mode_name(output.mode) in ENDED_MODES:
+                result, reason = RELEASED, reason_text(output.reason)
+                break
+            if world.crashed:
+                result, reason = LOST, world.crashed.partition(" at x")[0]
+                break
+    except Exception as raised:
+        result, error = LOST, repr(raised)
+    if not result:
+        mode = mode_name(loop.output.mode) if loop.output else ""
+        result = SOARING if mode == "soaring" else FLYING
+        reason = "" if mode == "soaring" else mode
+    return Outcome(
+        job.row,
+        job.seed,
+        "; ".join(str(fault) for fault in job.faults),
+        result,
+        reason,
+        world.time_s,
+        check.bad,
+        error,
+    )
+
+
+def _fly_chunk(jobs: Sequence[Job]) -> list[Outcome]:
+    return [fly_job(job) for job in jobs]
+
+
+def fly_all(
+    jobs: Sequence[Job], workers: int, on_flown: Callable[[int], None] | None = None
+) -> list[Outcome]:
+    """Fly all, in any order, on so many processes (0: in this one); outcomes as the jobs."""
+    told = on_flown or (lambda _flown: None)
+    if workers == 0:
+        return list(_counted((fly_job(job) for job in jobs), told))
+    chunks = [jobs[i : i + CHUNK] for i in range(0, len(jobs), CHUNK)]
+    flown = 0
+    context = None
+    if available() and "fork" in get_all_start_methods():
+        fly_job(jobs[0], WARM_UP_S)  # compiles once, for all processes
+        context = get_context("fork")
+    with ProcessPoolExecutor(workers, context) as processes:
+        futures = [processes.submit(_fly_chunk, chunk) for chunk in chunks]
+        for future in as_completed(futures):
+            flown += len(future.result())
+            told(flown)
+    return [outcome for future in futures for outcome in future.result()]
+
+
+def _counted(outcomes: Iterator[Outcome], told: Callable[[int], None]) -> Iterator[Outcome]:
+    for flown, outcome in enumerate(outcomes, 1):
+        told(flown)
+        yield outcome
+
+
+# --- what became of them -----------------------------------------------------------------------
+
+
+def survivals(outcomes: Sequence[Outcome]) -> list[Survival]:
+    """Of the flights of `survival_jobs`."""
+    found = []
+    for text, turbulence, aboard in SURVIVALS:
+        own = [o for o in outcomes if o.row == _name(text, turbulence, aboard)]
+        survived = sum(o.result in (SOARING, FLYING) for o in own)
+        found.append(Survival(text, turbulence, aboard, len(own), survived))
+    return found
+
+
+class Row(NamedTuple):
+    """The flights of one fault."""
+
+    name: str
+    flights: int
+    results: Counter[str]
+    reasons: Counter[str]  # of those that let go or were lost
+
+
+def rows(outcomes: Sequence[Outcome]) -> list[Row]:
+    """By fault, in the catalogue's order, pairs last."""
+    found = []
+    for name in (*CATALOGUE, PAIRS):
+        own = [o for o in outcomes if o.row == name]
+        if own:
+            found.append(
+                Row(
+                    name,
+                    len(own),
+                    Counter(o.result for o in own),
+                    Counter(o.reason for o in own if o.result in (RELEASED, LOST)),
+                )
+            )
+    return found
+
+
+def table(outcomes: Sequence[Outcome]) -> list[str]:
+    """The rows as a Markdown table."""
+    lines = [
+        "| fault | flights | soaring | flying | released | lost | why |",
+        "|---|--:|--:|--:|--:|--:|---|",
+    ]
+    for row in rows(outcomes):
+        counts = (row.results[result] for result in RESULTS)
+        numbers = " | ".join(str(count) if count else "·" for count in counts)
+        why = ", ".join(f"{reason} ({n})" for reason, n in row.reasons.most_common())
+        name = row.name if row.name == PAIRS else f"`{row.name}`"
+        lines.append(f"| {name} | {row.flights} | {numbers} | {why} |")
+    totals = Counter(o.result for o in outcomes)
+    numbers = " | ".join(str(totals[r]) for r in RESULTS)
+    lines.append(f"| **all** | **{len(outcomes)}** | {numbers} | |")
+    return lines
+
+
+def section(outcomes: Sequence[Outcome], lengths: Sequence[Survival], command: str) -> str:
+    """The generated part of docs/safety.md."""
+    bad = sum(o.bad_commands for o in outcomes)
+    raised = sum(bool(o.error) for o in outcomes)
+    lost = sum(o.result == LOST for o in outcomes)
+    lines = [
+        f"{len(outcomes):,} flights of {DURATION_S:g} s: {bad} commands not finite or outside the"
+        f" envelope, {raised} exceptions, {lost} flights lost while the module had the surfaces."
+        f" Measured by `{command}`.",
+        "",
+        *table(outcomes),
+        "",
+        "Drop-outs that must be survived, on the same line:",
+        "",
+        "| drop-out | turbulence | aboard | flights | survived | 95 % interval |",
+        "|---|--:|---|--:|--:|---|",
+    ]
+    for s in lengths:
+        low, high = s.interval
+        lines.append(
+            f"| `{s.fault}` | {s.turbulence * 100:g} % | {s.aboard} | {s.flights} |"
+            f" {s.share * 100:.1f} % | {low * 100:.1f} to {high * 100:.1f} % |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+BEGIN: Final = "<!-- campaign: begin; written by `tgl-soar campaign faults --docs docs` -->"
+END: Final = "<!-- campaign: end -->"
+
+
+def with_section(page: str, written: str) -> str:
+    """A page with what lies between the marks replaced.  Errors: ValueError without marks."""
+    before, begin, rest = page.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not begin or not end:
+        raise ValueError(f"no marks {BEGIN!r} … {END!r} to write between")
+    return f"{before}{BEGIN}\n\n{written}\n{END}{after}"

@@ -1,0 +1,64 @@
+"""Every experiment by name: the paper's in the order in which it tells them, then our own."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+from tgl_soar.analysis.experiments import (
+    air_speed,
+    changing_air,
+    estimator,
+    hill_positions,
+    identification,
+    line_lean,
+    sensitivity,
+    still_lines,
+    wind_estimate,
+    wind_use,
+)
+from tgl_soar.analysis.experiments.context import Context
+from tgl_soar.analysis.experiments.result import Result
+
+EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
+    "field": hill_positions.run,
+    "static": still_lines.static,
+    "translate": still_lines.translate,
+    "back": still_lines.back,
+    "rotate": still_lines.rotate,
+    "slope": changing_air.slope,
+    "wind": changing_air.wind,
+    "gust": sensitivity.gust,
+    "lean": line_lean.lean,
+    "speed": air_speed.speed,
+    "identification": identification.identification,
+    "estimator": estimator.estimator,
+    "wind_estimate": wind_estimate.wind_estimate,
+    "wind_use": wind_use.wind_use,
+}
+
+TITLES: Final = {
+    "field": "a hill of potential flow, an illustrative polar, three places",
+    "static": "a line that stands still",
+    "translate": "the line moves downstream, a to b to c",
+    "back": "and back upstream",
+    "rotate": "the line turns",
+    "slope": "the board from 23° to 25°, the line translating",
+    "wind": "8.5 to 9.5 m/s, the line still",
+    "gust": "updraft and sink at once after a change of wind",
+    "lean": "lines less perpendicular to the contour, upright, leaning downwind",
+    "speed": "oscillation with fixed gains as airspeed grows",
+    "identification": "a gliding test flight's log, and the model that flew it",
+    "estimator": "what accelerometers are worth to estimate and flight",
+    "wind_estimate": "wind and updraft as read on board, against the air that was there",
+    "wind_use": "what the laws may make of the wind they read",
+}
+
+
+def run(name: str, context: Context) -> Result:
+    """Run one experiment by name.  Errors: KeyError, `ConfigError`, ImportError for figures."""
+    begun = time.monotonic()
+    result = EXPERIMENTS[name](context)
+    return replace(result, seconds=time.monotonic() - begun)

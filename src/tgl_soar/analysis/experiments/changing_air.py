@@ -1,0 +1,384 @@
+"""`slope` and `wind`: the air changes, and the place on the line with it."""
+
+from __future__ import annotations
+
+from math import cos, sin
+from typing import Any, Final, NamedTuple
+
+import msgspec
+import numpy as np
+
+from tgl_soar.air.zeuc import stable_crossing, wind_sensitivity
+from tgl_soar.analysis.experiments.context import Context, drawn_air, drawn_line, with_turbulence
+from tgl_soar.analysis.experiments.flights import Flown
+from tgl_soar.analysis.experiments.result import Claim, Result, Table
+from tgl_soar.analysis.experiments.scenario import Prepared, Scenario, WindSchedule, prepare
+from tgl_soar.analysis.experiments.still_lines import (
+    LEG_COLUMNS,
+    draw,
+    leg_by_line,
+    leg_rows,
+    polar_bias_m,
+    settled_claim,
+    summarise,
+)
+from tgl_soar.control.target_line import TargetLine
+from tgl_soar.estimation.polar import best_glide_speed
+
+AGREE_M: Final = 0.02  # flown against predicted, of means that are known to about a centimetre
+LATE_S: Final = 1e6  # after every change of the air
+
+
+class Shift(NamedTuple):
+    """How far a place moved up its line."""
+
+    line: str
+    flown_m: float
+    predicted_m: float  # of TGL ∩ ZEUC, before and after
+    up_m: float  # of the flown one, vertically
+
+
+def _along(target: TargetLine, x_m: float, z_m: float) -> float:
+    return cos(target.eta_rad) * (x_m - target.x_m) + sin(target.eta_rad) * (z_m - target.z_m)
+
+
+def shift_of(prepared: Prepared, flights: list[Flown], line: str) -> Shift:
+    """From the first leg on a line to the last, means over all flights."""
+    before, after = leg_by_line(flights, line, 0), leg_by_line(flights, line, 1)
+    nan = float("nan")
+    flown = up = nan
+    if before and after:
+        flown = float(np.mean([a.along_m for a in after]) - np.mean([b.along_m for b in before]))
+        up = float(np.mean([a.mean_z_m for a in after]) - np.mean([b.mean_z_m for b in before]))
+    return Shift(line, flown, predicted_shift(prepared, line), up if before else nan)
+
+
+def predicted_shift(prepared: Prepared, line: str) -> float:
+    """Of TGL ∩ ZEUC from the first air to the last, up the line [m]; NaN: there is none."""
+    target, here = prepared.lines[line]
+    there = stable_crossing(prepared.field, prepared.polar, target, LATE_S)
+    if here is None or there is None:
+        return float("nan")
+    return _along(target, there.x_m, there.z_m) - _along(target, here.x_m, here.z_m)
+
+
+def slope(context: Context) -> Result:
+    """The board is raised while the line is at c."""
+    scenario = context.scenario("slope")
+    intensities = (0.01,) if context.quick else (0.0, 0.01)
+    variants = {i: with_turbulence(scenario, i) for i in intensities}
+    flights = context.fly(variants)
+    prepared = prepare(variants[0.01])
+    summaries = {i: summarise(prepare(variants[i]), flights[i]) for i in intensities}
+    shifts = {
+        i: [shift_of(prepare(variants[i]), flights[i], line) for line in ("a", "b", "c")]
+        for i in intensities
+    }
+    rows = tuple(
+        (
+            "calm" if i == 0.0 else f"{100 * i:g} %",
+            s.line,
+            f"{100 * s.predicted_m:+.1f}",
+            f"{100 * s.flown_m:+.1f}",
+            f"{100 * s.up_m:+.1f}",
+        )
+        for i in intensities
+        for s in shifts[i]
+    )
+    legs = tuple(row for i in intensities for row in leg_rows(i, flights[i], summaries[i]))
+    figures = draw(
+        context,
+        "slope",
+        prepared,
+        flights[0.01][0],
+        f"{scenario.title}, turbulence 1 %",
+        later_s=LATE_S,
+        later="ZEUC at 25°",
+    )
+    return Result(
+        "slope",
+        scenario.title,
+        "The line goes a, b, c in front of a board of 23°; at c the board is raised to 25° within"
+        " 10 s; the line goes back b, a. The field is a blend of the fields of both slopes.",
+        (
+            *slope_claims(shifts[0.01], AGREE_M * (2.0 if context.quick else 1.0)),
+            settled_claim(flights[0.01], summaries[0.01], 6),
+        ),
+        "",
+        (
+            Table(
+                "Shift from 23° to 25°, up the line",
+                ("turbulence", "line", "TGL ∩ ZEUC [cm]", "flown [cm]", "flown, vertically [cm]"),
+                rows,
+            ),
+            Table("Legs (the formula of wander is that at 23°)", LEG_COLUMNS, legs),
+        ),
+        {
+            "shifts": {str(i): [s._asdict() for s in shifts[i]] for i in intensities},
+            "legs": {str(i): [s._asdict() for s in summaries[i]] for i in intensities},
+        },
+        figures,
+        ("slope",),
+        tuple(scenario.seeds),
+    )
+
+
+def slope_claims(shifts: list[Shift], agree_m: float = AGREE_M) -> tuple[Claim, ...]:
+    """Contour and aircraft rise, by the same."""
+    contour = ", ".join(f"{100 * s.predicted_m:+.1f} cm at {s.line}" for s in shifts)
+    flown = ", ".join(f"{100 * s.flown_m:+.1f} cm at {s.line}" for s in shifts)
+    worst = max(abs(s.flown_m - s.predicted_m) for s in shifts)
+    return (
+        Claim(
+            "a steeper slope raises the contour", all(s.predicted_m > 0 for s in shifts), contour
+        ),
+        Claim(
+            "the aircraft rises with it",
+            all(s.flown_m > 0.0 for s in shifts) and worst <= agree_m,
+            f"{flown}, within {100 * worst:.1f} cm of the contour's own shift",
+        ),
+    )
+
+
+# --- wind --------------------------------------------------------------------------------------
+
+
+class WindShift(NamedTuple):
+    """What a change of wind did at one place."""
+
+    line: str
+    speed_ratio: float  # local wind before, over best glide's speed
+    margin: float  # sink/u − S′ before
+    margin_half_way: float  # the same at the crossing half-way through the change
+    first_order_m: float  # up the line, from the margin before
+    half_way_m: float  # the same from half-way
+    predicted_m: float  # from the contours before and after
+    flown_m: float
+    polar_error_m: float  # what the aircraft's own glides add to the fitted cubic's prediction
+
+
+def wind(context: Context) -> Result:
+    """The wind grows, the line stands still."""
+    scenario = context.scenario("wind")
+    assert scenario.wind is not None
+    small = WindSchedule(times_s=scenario.wind.times_s, mps=[8.25, 8.75])
+    variants: dict[Any, Scenario] = {}
+    for line in scenario.lines:
+        here = _on_line(scenario, line)
+        calm = with_turbulence(here, 0.0)
+        variants[line, "small"] = msgspec.structs.replace(calm, wind=small)
+        variants[line, "calm"] = calm
+        variants[line, "1 %"] = here
+    if context.quick:
+        variants = {key: v for key, v in variants.items() if key[1] != "1 %"}
+    # The lines are placed once, in 8.5 m/s, and stay where they are in every variant.
+    placed = prepare(scenario).lines
+    variants = {key: _pinned(v, key[0], placed[key[0]].target) for key, v in variants.items()}
+    flights = context.fly(variants)
+    shifts = {
+        key: _wind_shift(prepare(variants[key]), flights[key], key[0], placed[key[0]].target)
+        for key in variants
+    }
+    words = {"small": "8.25 → 8.75, calm", "calm": "8.5 → 9.5, calm", "1 %": "8.5 → 9.5, 1 %"}
+    rows = tuple(
+        (
+            words[kind],
+            s.line,
+            f"{s.speed_ratio:.3f}",
+            f"{s.margin:+.3f}",
+            f"{s.margin_half_way:+.3f}",
+            f"{100 * s.first_order_m:+.1f}",
+            f"{100 * s.half_way_m:+.1f}",
+            f"{100 * s.predicted_m:+.1f}",
+            f"{100 * (s.predicted_m + s.polar_error_m):+.1f}",
+            f"{100 * s.flown_m:+.1f}",
+        )
+        for kind in words
+        for (_, k), s in shifts.items()
+        if k == kind
+    )
+    small_shifts = [shifts[line, "small"] for line in scenario.lines]
+    full_shifts = [shifts[line, "calm"] for line in scenario.lines]
+    figures = _draw_wind(context, scenario, variants, flights)
+    return Result(
+        "wind",
+        scenario.title,
+        "Still lines through four places of the contour, from the slow side of best glide (a, b) to"
+        " best glide (c) and a little beyond (d, as far as this contour goes). The wind rises"
+        " within 10 s; the aircraft's mean place before and after. Once from 8.25 to 8.75 m/s,"
+        " about the wind that the places are named in, and once from 8.5 to 9.5 m/s.",
+        wind_claims(small_shifts, full_shifts),
+        wind_why(full_shifts),
+        (
+            Table(
+                "Shift up the line",
+                (
+                    "wind [m/s]", "line", "u / best glide", "sink/u − S′ before", "half-way",
+                    "shift from the one before [cm]", "from half-way [cm]",
+                    "TGL ∩ ZEUC [cm]", "with the aircraft's own glides [cm]", "flown [cm]",
+                ),
+                rows,
+            ),
+        ),
+        {"shifts": {f"{line}, {words[kind]}": s._asdict() for (line, kind), s in shifts.items()},
+         "best_glide_mps": best_glide_speed(prepare(scenario).polar)},
+        figures,
+        ("wind",),
+        tuple(scenario.seeds),
+    )  # fmt: skip
+
+
+def _on_line(scenario: Scenario, line: str) -> Scenario:
+    changes = [msgspec.structs.replace(c, line=line) for c in scenario.changes]
+    return msgspec.structs.replace(scenario, first_line=line, changes=changes)
+
+
+def _pinned(scenario: Scenario, name: str, target: TargetLine) -> Scenario:
+    spec = msgspec.structs.replace(
+        scenario.lines[name], x_m=target.x_m, z_m=target.z_m, speed_ratio=None
+    )
+    return msgspec.structs.replace(scenario, lines={name: spec})
+
+
+def _wind_shift(
+    prepared: Prepared, flights: list[Flown], line: str, target: TargetLine
+) -> WindShift:
+    here = prepared.lines[line].crossing
+    schedule = prepared.scenario.wind
+    assert here is not None
+    assert schedule is not None
+    half_s = 0.5 * (schedule.times_s[0] + schedule.times_s[-1])
+    there = stable_crossing(prepared.field, prepared.polar, target, half_s)
+    assert there is not None
+    after = stable_crossing(prepared.field, prepared.polar, target, LATE_S)
+    assert after is not None
+    first = wind_sensitivity(prepared.field, prepared.polar, here, target.eta_rad)
+    half = wind_sensitivity(prepared.field, prepared.polar, there, target.eta_rad, time_s=half_s)
+    change = schedule.mps[-1] - schedule.mps[0]
+    # The sensitivity is per m/s of the reference wind, which at that time is another.
+    reference = 0.5 * (schedule.mps[0] + schedule.mps[-1]) / prepared.field.reference_wind_mps
+    flown = shift_of(prepared, flights, line)
+    return WindShift(
+        line,
+        here.wind_mps / best_glide_speed(prepared.polar),
+        first.margin,
+        half.margin,
+        first.along_m_per_mps * change,
+        half.along_m_per_mps * change / reference,
+        flown.predicted_m,
+        flown.flown_m,
+        polar_bias_m(prepared, after) - polar_bias_m(prepared, here),
+    )
+
+
+def wind_claims(small: list[WindShift], full: list[WindShift]) -> tuple[Claim, ...]:
+    """Signs and sizes, to first order and for the whole step."""
+    a, b, c, d = small
+    worst = max(abs(s.flown_m - s.predicted_m) for s in (*small, *full))
+    flown = ", ".join(f"{100 * s.flown_m:+.1f} cm at {s.line}" for s in small)
+    whole = ", ".join(f"{100 * s.flown_m:+.1f} cm at {s.line}" for s in full)
+    return (
+        Claim(
+            "for a small change of wind the aircraft rises on the slow side, stays at best glide"
+            " (within 1 cm), falls beyond",
+            min(a.flown_m, b.flown_m) > 0.01 and abs(c.flown_m) < 0.01 and d.flown_m < 0.0,
+            f"{flown}, from 8.25 to 8.75 m/s",
+        ),
+        Claim(
+            "the same from 8.5 to 9.5 m/s",
+            full[0].flown_m > 0.01
+            and full[1].flown_m > 0.01
+            and abs(full[2].flown_m) < 0.01
+            and full[3].flown_m < -0.01,
+            whole,
+        ),
+        Claim(
+            "the place moves as TGL ∩ ZEUC does",
+            worst <= AGREE_M,
+            f"flown and computed shifts differ by at most {100 * worst:.1f} cm",
+        ),
+        Claim(
+            "wind speed hardly moves the hovering point (near best glide)",
+            max(abs(s.flown_m) for s in full) < 0.15,
+            f"12 % more wind moved it by at most {100 * max(abs(s.flown_m) for s in full):.1f} cm",
+        ),
+    )
+
+
+def wind_why(full: list[WindShift]) -> str:
+    """Why the whole step is not the first order."""
+    before = max(abs(s.first_order_m - s.predicted_m) for s in full)
+    half = max(abs(s.half_way_m - s.predicted_m) for s in full)
+    own = max(abs(s.predicted_m + s.polar_error_m - s.flown_m) for s in full)
+    return (
+        "A step of 1 m/s is no small change: S′ grows with speed, and the aircraft ends up in"
+        " faster air, where sink grows faster and updraft no more than before. sink/u − S′ *before*"
+        f" the step misses the shift of the contour by up to {100 * before:.1f} cm; taken *half-way"
+        f" through* the step it is within {100 * half:.1f} cm, and it gives the sign. So what a"
+        " finite step leaves in place is not the aircraft at best glide but one that is as much"
+        " slower before as it is faster after. With the simulated aircraft's own glides in place of"
+        f" the cubic fitted to them, computed and flown shifts agree within {100 * own:.1f} cm in"
+        " calm air."
+    )
+
+
+def _draw_wind(
+    context: Context,
+    scenario: Scenario,
+    variants: dict[Any, Scenario],
+    flights: dict[Any, list[Flown]],
+) -> tuple[str, ...]:
+    path = context.figure("wind")
+    if path is None:
+        return ()
+    from tgl_soar.analysis.report.flight_figure import Panel, Spans, Trace, flight_figure
+    from tgl_soar.analysis.report.style import LEG_COLOURS
+
+    kind = "calm" if context.quick else "1 %"
+    prepared = prepare(scenario)
+    heights, winds = [], []
+    for line, colour in zip(scenario.lines, LEG_COLOURS, strict=False):
+        several = flights[line, kind]
+        length = min(len(f.path["time_s"]) for f in several)
+        time = several[0].path["time_s"][:length]
+        target = prepared.lines[line].target
+        here = prepared.lines[line].crossing
+        assert here is not None
+        base = _along(target, here.x_m, here.z_m)
+        along = np.mean(
+            [
+                cos(target.eta_rad) * (f.path["x_m"][:length] - target.x_m)
+                + sin(target.eta_rad) * (f.path["z_m"][:length] - target.z_m)
+                for f in several
+            ],
+            axis=0,
+        )
+        later = predicted_shift(prepare(variants[line, kind]), line)
+        show = time > 5.0
+        heights.append(Trace(time[show], 100 * (along - base)[show], line, colour))
+        heights.append(
+            Trace(np.array([40.0, time[-1]]), np.full(2, 100 * later), None, colour, "--", 1.6)
+        )
+        winds.append(
+            Trace(
+                time[show],
+                np.mean([f.path["wind_mps"][:length] for f in several], axis=0)[show],
+                None,
+                colour,
+            )
+        )
+    mean = f"mean of {len(flights['a', kind])} flights" if kind != "calm" else "calm air"
+    flight_figure(
+        path,
+        drawn_air(prepared, LATE_S, "ZEUC at 9.5 m/s"),
+        [drawn_line(line, prepared.lines[line]) for line in scenario.lines],
+        np.empty(0),
+        np.empty(0),
+        [
+            Panel(f"up the line, {mean} [cm]", heights),
+            Panel("local wind [m/s]", winds),
+        ],
+        scenario.title + " (dashed: computed from the contours)",
+        Spans([(30.0, 40.0, "wind rises")]),
+    )
+    return (path.name,)

@@ -1,0 +1,85 @@
+"""What every experiment is given, and how it asks for variants of its scenario."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+
+from tgl_soar.analysis.experiments.flights import Flown, Flyer, Job
+from tgl_soar.analysis.experiments.scenario import (
+    PlacedLine,
+    Prepared,
+    Scenario,
+    load_scenario,
+    search_bounds,
+)
+from tgl_soar.analysis.report.flight_figure import Air
+from tgl_soar.analysis.report.zeuc_figure import DrawnLine
+from tgl_soar.config.files import shipped
+from tgl_soar.sim.world import ground_outline
+
+
+class Context(NamedTuple):
+    """Where flights are flown and figures go."""
+
+    flyer: Flyer
+    figures: Path | None = None  # folder; None: draw none
+    quick: bool = False  # one seed, one intensity: to try an experiment, not to cite it
+
+    def scenario(self, name: str) -> Scenario:
+        """A shipped scenario, with one seed where it is quick.  Errors: `ConfigError`."""
+        scenario = load_scenario(shipped(f"scenarios/{name}.toml"))
+        return (
+            msgspec.structs.replace(scenario, seeds=scenario.seeds[:1]) if self.quick else scenario
+        )
+
+    def fly(self, scenarios: dict[Any, Scenario]) -> dict[Any, list[Flown]]:
+        """Every scenario with each of its seeds, all at once; flights in the order of seeds."""
+        jobs = [Job(scenario, seed) for scenario in scenarios.values() for seed in scenario.seeds]
+        flown = iter(self.flyer.fly(jobs))
+        return {key: [next(flown) for _ in scenario.seeds] for key, scenario in scenarios.items()}
+
+    def figure(self, name: str) -> Path | None:
+        """The path of a figure; None: draw none."""
+        return None if self.figures is None else self.figures / f"{name}.png"
+
+
+def with_turbulence(scenario: Scenario, intensity: float) -> Scenario:
+    """The same in other turbulence; calm air needs one flight only, of the first seed."""
+    assert scenario.turbulence is not None
+    turbulence = msgspec.structs.replace(scenario.turbulence, intensity=intensity)
+    seeds = scenario.seeds[:1] if intensity == 0.0 else scenario.seeds
+    return msgspec.structs.replace(scenario, turbulence=turbulence, seeds=seeds)
+
+
+def turbulence_of(prepared: Prepared) -> tuple[float, float]:
+    """(σ [m/s], τ = L / V [s]) of the Dryden turbulence that a scenario is flown in."""
+    air = prepared.site.air
+    assert air is not None
+    reference = prepared.field.reference_wind_mps
+    return (
+        air.turbulence.intensity * reference,
+        air.turbulence.length_scale_m / reference,
+    )
+
+
+def drawn_line(name: str, line: PlacedLine) -> DrawnLine:
+    """A placed line for a figure."""
+    at = line.crossing
+    return DrawnLine(name, *line.target, [] if at is None else [(at.x_m, at.z_m, at.stable)])
+
+
+def drawn_air(prepared: Prepared, later_s: float | None = None, later: str = "") -> Air:
+    """The air of a scenario for a figure."""
+    air = prepared.site.air
+    assert air is not None
+    return Air(
+        prepared.field,
+        prepared.polar,
+        search_bounds(prepared.site),
+        ground_outline(air),
+        later_s=later_s,
+        later_label=later,
+    )

@@ -1,0 +1,393 @@
+"""`static`, `translate`, `back`, `rotate`: the aircraft settles where line and contour meet."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import degrees, sqrt
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from msgspec.structs import asdict
+
+from tgl_soar.air.zeuc import Crossing
+from tgl_soar.analysis.experiments.context import (
+    Context,
+    drawn_air,
+    drawn_line,
+    turbulence_of,
+    with_turbulence,
+)
+from tgl_soar.analysis.experiments.flights import SETTLE_S, Flown, Leg, pooled_wander, rms
+from tgl_soar.analysis.experiments.result import Claim, Result, Table
+from tgl_soar.analysis.experiments.scenario import Prepared, Scenario, prepare, slide_at
+from tgl_soar.analysis.experiments.wander import dryden_wander
+from tgl_soar.analysis.report.flight_figure import Panel, Spans, Trace, flight_figure
+from tgl_soar.sim.aircraft import aircraft_model, glide_at
+from tgl_soar.types import polar_sink
+
+# The mean of eight flights of a leg is known to about a centimetre at 1 % of turbulence.
+MISS_MOST_M: Final = 0.03
+
+
+class LegSummary(NamedTuple):
+    """One leg of all flights of a scenario."""
+
+    line: str
+    flights: int
+    settling_s: float  # the slowest
+    rms_e_rho_m: float
+    peak_e_rho_m: float  # median over flights
+    miss_m: float  # mean place to TGL ∩ ZEUC, along the line, positive up
+    miss_error_m: float  # standard error of that
+    wander_m: float
+    wander_formula_m: float  # 0 in calm air
+    stalled_share: float  # of the whole flights' time, with the wing beyond the stall
+    mean_x_m: float
+    mean_z_m: float
+
+
+def summarise(prepared: Prepared, flights: list[Flown]) -> list[LegSummary]:
+    """Legs by their order in the flight; those that no flight reached are left out."""
+    sigma, tau = turbulence_of(prepared)
+    stall = prepared.airframe.model["stall_alpha_rad"]
+    stalled = float(np.mean([np.mean(f.path["alpha_rad"] > stall) for f in flights]))
+    count = max((len(flight.legs) for flight in flights), default=0)
+    summaries = []
+    for k in range(count):
+        legs = [flight.legs[k] for flight in flights if len(flight.legs) > k]
+        first = legs[0]
+        line = prepared.lines[first.line]
+        assert line.crossing is not None
+        slide = slide_at(prepared.polar, line.target, line.crossing)
+        wandered = pooled_wander(legs)
+        # A first-order low-pass of rate λ gives an independent value every 2/λ.
+        independent = max(1.0, sum(leg.scored_s for leg in legs) * slide.rate_per_s / 2.0)
+        summaries.append(
+            LegSummary(
+                first.line,
+                len(legs),
+                max(leg.settling_s for leg in legs),
+                rms(leg.rms_e_rho_m for leg in legs),
+                float(np.median([leg.peak_e_rho_m for leg in legs])),
+                float(np.mean([leg.miss_m for leg in legs])),
+                wandered / sqrt(independent),
+                wandered,
+                dryden_wander(slide, sigma, tau) if sigma > 0.0 else 0.0,
+                stalled,
+                float(np.mean([leg.mean_x_m for leg in legs])),
+                float(np.mean([leg.mean_z_m for leg in legs])),
+            )
+        )
+    return summaries
+
+
+LEG_COLUMNS: Final = (
+    "turbulence", "line", "flown to the end", "settled after [s]", "rms e_rho [cm]",
+    "median peak [cm]", "mean to TGL ∩ ZEUC, along [cm]", "wander [cm]", "formula [cm]",
+)  # fmt: skip
+
+
+def leg_rows(
+    intensity: float, flights: list[Flown], summaries: list[LegSummary]
+) -> list[tuple[str, ...]]:
+    """Rows of the table of legs."""
+    survived = sum(flight.survived for flight in flights)
+    return [
+        (
+            "calm" if intensity == 0.0 else f"{100 * intensity:g} %",
+            s.line,
+            f"{survived} of {len(flights)}",
+            f"{s.settling_s:.1f}",
+            f"{100 * s.rms_e_rho_m:.2f}",
+            f"{100 * s.peak_e_rho_m:.1f}",
+            f"{100 * s.miss_m:+.1f} ± {100 * s.miss_error_m:.1f}",
+            f"{100 * s.wander_m:.1f}",
+            f"{100 * s.wander_formula_m:.1f}" if intensity > 0.0 else "–",
+        )
+        for s in summaries
+    ]
+
+
+def settled_claim(
+    flights: list[Flown], summaries: list[LegSummary], legs: int, settle_most_s: float = 5.0
+) -> Claim:
+    """Every flight came to every line and stayed on it."""
+    survived = sum(flight.survived for flight in flights)
+    slowest = max((s.settling_s for s in summaries), default=float("inf"))
+    reached = all(len(flight.legs) == legs for flight in flights)
+    return Claim(
+        "the aircraft is brought to the line and held on it",
+        survived == len(flights) and reached and slowest <= settle_most_s,
+        f"{survived} of {len(flights)} flights to the end, within 5 cm of each line after at most"
+        f" {slowest:.1f} s",
+    )
+
+
+def place_claim(summaries: list[LegSummary], miss_most_m: float = MISS_MOST_M) -> Claim:
+    """It hovers at the crossing."""
+    worst = max(summaries, key=lambda s: abs(s.miss_m), default=None)
+    return Claim(
+        "it settles where the line meets the zero excess updraft contour",
+        worst is not None and abs(worst.miss_m) <= miss_most_m,
+        "no leg was flown"
+        if worst is None
+        else f"mean place at most {100 * abs(worst.miss_m):.1f} ± {100 * worst.miss_error_m:.1f} cm"
+        f" from the crossing, along the line (line {worst.line})",
+    )
+
+
+def wander_note(by_intensity: dict[float, list[LegSummary]]) -> str:
+    """How the wander compares with its formula."""
+    compared = [
+        (s.wander_m / s.wander_formula_m, intensity, s)
+        for intensity, summaries in by_intensity.items()
+        for s in summaries
+        if s.wander_formula_m > 0.0
+    ]
+    if not compared:
+        return ""
+    ratios = [ratio for ratio, _, _ in compared]
+    note = (
+        f"Wander along the line is {min(ratios):.2f} to {max(ratios):.2f} times what the formula of"
+        " [theory.md](theory.md#wander) predicts from the turbulence and the slope of excess"
+        " updraft alone; no gain enters it."
+    )
+    ratio, intensity, worst = max(compared, key=lambda item: item[0])
+    if ratio > 1.15:
+        note += (
+            f" The formula is linear: at {100 * intensity:g} % of turbulence gusts take the wing"
+            f" beyond the stall {100 * worst.stalled_share:.1f} % of the time, wander is"
+            f" {ratio:.2f} times the formula's, and the mean place lies"
+            f" {100 * abs(worst.miss_m):.0f} cm {'below' if worst.miss_m < 0.0 else 'above'} the"
+            " crossing."
+        )
+    return note
+
+
+def polar_bias_m(prepared: Prepared, at: Crossing) -> float:
+    """How far along its line the fitted polar puts a crossing below the aircraft's own [m].
+
+    The polar is a cubic through the model's glides: where it sinks more than they do, the
+    aircraft settles higher, by the difference over the slope of excess updraft.
+    """
+    model = aircraft_model(asdict(prepared.airframe.airframe), prepared.airframe.model)
+    own = glide_at(model, at.wind_mps).sink_mps
+    return (polar_sink(prepared.polar, at.wind_mps) - own) / -at.excess_slope_per_s
+
+
+def bias_note(prepared: Prepared, lines: list[str]) -> str:
+    """The size of that, in words."""
+    placed = [(name, prepared.lines[name].crossing) for name in lines]
+    values = ", ".join(
+        f"{100 * polar_bias_m(prepared, at):+.1f} cm at {name}"
+        for name, at in placed
+        if at is not None
+    )
+    return (
+        "The contour is that of the fitted cubic polar; where the simulated aircraft's own glides"
+        f" differ from the cubic, its place does, by {values}."
+    )
+
+
+def draw(
+    context: Context, name: str, prepared: Prepared, flight: Flown, title: str, **air: Any
+) -> tuple[str, ...]:
+    """Draw one flight; () without figures."""
+    path = context.figure(name)
+    if path is None:
+        return ()
+    names = flown_lines(prepared.scenario)
+    active = np.isfinite(flight.path["pitch_setpoint_rad"])
+    p = {column: values[active] for column, values in flight.path.items()}
+    time = p["time_s"]
+    steps = [leg for leg in flight.legs if leg.predicted is not None]
+    dashes = [
+        Trace(
+            np.array([leg.begin_s, leg.end_s]),
+            np.array([leg.predicted[1]] * 2) if leg.predicted else np.zeros(2),
+            "TGL ∩ ZEUC" if i == 0 else None,
+            "#D55E00",
+            "--",
+            1.4,
+        )
+        for i, leg in enumerate(steps)
+    ]
+    flight_figure(
+        path,
+        drawn_air(prepared, **air),
+        [drawn_line(line, prepared.lines[line]) for line in names],
+        p["x_m"],
+        p["z_m"],
+        [
+            Panel("e_rho [cm]", [Trace(time, 100 * p["e_rho_m"])]),
+            Panel("height z [m]", [Trace(time, p["z_m"], "flown"), *dashes]),
+            Panel(
+                "pitch [°]",
+                [
+                    Trace(time, np.degrees(p["pitch_setpoint_rad"]), "setpoint", "#E69F00"),
+                    Trace(time, np.degrees(p["pitch_rad"]), "pitch"),
+                ],
+            ),
+            Panel(
+                "[m/s]",
+                [
+                    Trace(time, p["wind_mps"], "local wind", "#56B4E9"),
+                    Trace(time, p["airspeed_mps"], "airspeed"),
+                ],
+            ),
+        ],
+        title,
+        Spans([(leg.begin_s, leg.end_s, leg.line) for leg in flight.legs]),
+    )
+    return (path.name,)
+
+
+def flown_lines(scenario: Scenario) -> list[str]:
+    """Names of the lines that are flown, each once, in order."""
+    lines = [scenario.first_line, *(c.line for c in scenario.changes if c.line is not None)]
+    return list(dict.fromkeys(lines))
+
+
+def _fly_at(
+    context: Context, scenario: Scenario, intensities: tuple[float, ...]
+) -> tuple[dict[float, list[Flown]], dict[float, list[LegSummary]]]:
+    variants = {i: with_turbulence(scenario, i) for i in intensities}
+    flights = context.fly(variants)
+    return flights, {i: summarise(prepare(variants[i]), flights[i]) for i in intensities}
+
+
+def _result(
+    context: Context,
+    name: str,
+    flown: str,
+    intensities: tuple[float, ...],
+    judged: float,
+    extra: tuple[Claim, ...] = (),
+) -> tuple[Result, dict[float, list[LegSummary]]]:
+    scenario = context.scenario(name)
+    if context.quick:
+        intensities = (judged,)
+    flights, summaries = _fly_at(context, scenario, intensities)
+    prepared = prepare(with_turbulence(scenario, judged))
+    legs = 1 + sum(change.line is not None for change in scenario.changes)
+    rows = [row for i in intensities for row in leg_rows(i, flights[i], summaries[i])]
+    figures = draw(
+        context,
+        name,
+        prepared,
+        flights[judged][0],
+        f"{scenario.title}, turbulence {100 * judged:g} %",
+    )
+    result = Result(
+        name,
+        scenario.title,
+        flown,
+        (
+            settled_claim(flights[judged], summaries[judged], legs),
+            place_claim(summaries[judged], MISS_MOST_M * (2.0 if context.quick else 1.0)),
+            *extra,
+        ),
+        f"{wander_note(summaries)} {bias_note(prepared, flown_lines(scenario))}",
+        (Table("", LEG_COLUMNS, tuple(rows)),),
+        {
+            "judged_at_turbulence": judged,
+            "lines": {
+                line: {
+                    "x_m": placed.target.x_m,
+                    "z_m": placed.target.z_m,
+                    "lean_deg": degrees(placed.target.eta_rad) - 90.0,
+                    "crossing": placed.crossing and placed.crossing._asdict(),
+                    "rate_per_s": placed.crossing
+                    and slide_at(prepared.polar, placed.target, placed.crossing).rate_per_s,
+                }
+                for line, placed in prepared.lines.items()
+            },
+            "legs": {str(i): [s._asdict() for s in summaries[i]] for i in intensities},
+            "survived": {
+                str(i): [sum(f.survived for f in flights[i]), len(flights[i])] for i in intensities
+            },
+            "ended": [f.ended for i in intensities for f in flights[i] if f.ended],
+        },
+        figures,
+        (name,),
+        tuple(scenario.seeds),
+    )
+    return result, summaries
+
+
+def static(context: Context) -> Result:
+    """A line that stands still at [a]."""
+    result, _ = _result(
+        context,
+        "static",
+        "A line through the contour at 0.90 of best glide's speed stands still; the aircraft is"
+        " let go 0.3 m downstream of the crossing, at rest over the ground, and flown for a"
+        f" minute. The first {SETTLE_S:g} s after the line stands still are not scored. The claims"
+        " are judged at 1 % of turbulence, scale 1.5 m.",
+        (0.0, 0.01, 0.03, 0.05),
+        0.01,
+    )
+    return result
+
+
+def translate(context: Context) -> Result:
+    """The line moves downstream."""
+    result, _ = _result(
+        context,
+        "translate",
+        "The operator moves the line from a to b to c, downstream, as with `PARAM_SET`; it slides"
+        " at 0.3 m/s. Places at 0.90, 0.94 and 0.98 of best glide's speed.",
+        (0.0, 0.01, 0.03),
+        0.01,
+    )
+    return result
+
+
+def back(context: Context) -> Result:
+    """The line moves upstream."""
+    result, _ = _result(
+        context,
+        "back",
+        "The same lines the other way, c to b to a.",
+        (0.0, 0.01, 0.03),
+        0.01,
+    )
+    return result
+
+
+def rotate(context: Context) -> Result:
+    """The line turns."""
+    result, summaries = _result(
+        context,
+        "rotate",
+        "The line turns about a point half a metre below the aircraft, from a lean of 12° to 35°"
+        " upwind and back, at 5°/s.",
+        (0.0, 0.01, 0.03),
+        0.01,
+    )
+    legs = summaries[0.01]
+    if len(legs) < 3:
+        return result
+    there = legs[1].mean_x_m - legs[0].mean_x_m, legs[1].mean_z_m - legs[0].mean_z_m
+    back_again = legs[2].mean_x_m - legs[0].mean_x_m, legs[2].mean_z_m - legs[0].mean_z_m
+    lines = result.numbers["lines"]
+    upright, leaning = lines["upright"]["crossing"], lines["leaning"]["crossing"]
+    claim = Claim(
+        "turning the line moves the aircraft along the contour, and turning it back brings it back",
+        there[0] < 0.0 and abs(complex(*back_again)) < 0.5 * abs(complex(*there)),
+        f"turning moved it by {100 * there[0]:+.1f} cm downstream and {100 * there[1]:+.1f} cm up"
+        f" (crossings: {100 * (leaning['x_m'] - upright['x_m']):+.1f} and"
+        f" {100 * (leaning['z_m'] - upright['z_m']):+.1f} cm), turning back left"
+        f" {100 * abs(complex(*back_again)):.1f} cm",
+    )
+    return replace(result, claims=(*result.claims, claim))
+
+
+def leg_by_line(flights: list[Flown], line: str, which: int) -> list[Leg]:
+    """The n-th leg (from 0) that each flight flew on a line."""
+    found = []
+    for flight in flights:
+        legs = [leg for leg in flight.legs if leg.line == line]
+        if len(legs) > which:
+            found.append(legs[which])
+    return found

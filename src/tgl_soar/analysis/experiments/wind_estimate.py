@@ -1,0 +1,386 @@
+"""`wind_estimate`: wind and updraft as read on board, against the air that was there.
+
+Every flight is flown once; beside it several estimators look on, each with sensors of its own,
+and with an error of the pitch of half a degree, up in odd seeds and down in even ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from math import degrees, hypot, nan, radians
+from random import Random
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgl_soar.air.field import WindField
+from tgl_soar.analysis.experiments.context import Context
+from tgl_soar.analysis.experiments.result import Claim, Result, Table
+from tgl_soar.autopilot import laws_from
+from tgl_soar.config.files import (
+    Airframe,
+    Site,
+    line_parameters,
+    load_airframe,
+    load_parameters,
+    load_site,
+    shipped,
+)
+from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.control.supervisor import is_flying
+from tgl_soar.estimation.wind import (
+    DRAG_ERROR,
+    LIFT_ERROR,
+    initial_wind,
+    wind_step,
+)
+from tgl_soar.sim.closed_loop import ClosedLoop
+from tgl_soar.sim.sensors import AUTOPILOT_ATTITUDE, MEMS_IMU, PITOT, Sensors
+from tgl_soar.sim.world import build_field, make_world
+from tgl_soar.types import (
+    NO_AIRSPEED,
+    NO_ATTITUDE,
+    NO_FIX,
+    NO_IMU,
+    NO_SURFACES,
+    Aerodynamics,
+    AutopilotStatus,
+    Inputs,
+    polar_sink,
+)
+
+TURBULENCE: Final = 0.03
+PITCH_ERROR_RAD: Final = radians(0.5)
+SETTLE_S: Final = 5.0  # until the line is captured; not scored
+FLIGHT_S: Final = 12.0
+SEEDS: Final = tuple(range(1, 33))
+TOUR_S: Final = 12.0  # on each line of the flight that is drawn
+
+PITOT_RMS_MPS: Final = 0.15  # what is asked of the updraft's error
+PLAIN_RATIO: Final = 0.7
+
+Floats = NDArray[np.float64]
+
+
+class Case(NamedTuple):
+    """An estimator that looks on."""
+
+    imu: bool
+    pitot: bool
+    wing_is_wrong: bool = False
+
+
+CASES: Final = {
+    "accelerometers, pitot": Case(True, True),
+    "accelerometers": Case(True, False),
+    "pitot": Case(False, True),
+    "neither": Case(False, False),
+    "accelerometers, pitot; wing wrong": Case(True, True, True),
+    "accelerometers; wing wrong": Case(True, False, True),
+}
+WITH_PITOT, WITHOUT, *_ = CASES
+
+
+class Flight(NamedTuple):
+    """What to fly: lines of the site one after the other, and whom to let look on."""
+
+    lines: tuple[str, ...]
+    seed: int
+    leg_s: float
+    cases: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One flight; arrays are (n,), or (n, 7) in the order of `AirEstimate`."""
+
+    flight: Flight
+    duration_s: float
+    time_s: Floats
+    x_m: Floats
+    truth: Floats  # airspeed, alpha, wind, updraft, excess
+    plain: Floats  # updraft: climb plus the polar's sink at the true airspeed
+    read: dict[str, Floats]
+
+
+class Score(NamedTuple):
+    """Errors of one estimator, rms over all flights, and how they compare with its own sigma."""
+
+    wind_mps: float
+    updraft_mps: float
+    excess_mps: float
+    airspeed_mps: float
+    alpha_deg: float
+    wind_normalised: float  # mean of (error / sigma)²: 1 where sigma is honest
+    updraft_normalised: float
+
+
+def look_on(flight: Flight) -> Seen:
+    """Fly one flight with all its estimators.  Errors: `ConfigError`."""
+    airframe, site, values, field = _place()
+    values = values.changed(line_parameters(site.lines[flight.lines[0]]))
+    sensors = Sensors(
+        attitude=AUTOPILOT_ATTITUDE._replace(bias_rad=0.0), imu=MEMS_IMU, airspeed=PITOT
+    )
+    world = make_world(
+        airframe, site, seed=flight.seed, turbulence=TURBULENCE, field=field, sensors=sensors
+    )
+    loop = ClosedLoop(world, values)
+    wind = laws_from(values, world.frame, world.aerodynamics).wind
+    tilt = PITCH_ERROR_RAD if flight.seed % 2 else -PITCH_ERROR_RAD
+    wrong = wind._replace(aerodynamics=wrong_wing(wind.aerodynamics, flight.seed))
+    params = {name: wrong if CASES[name].wing_is_wrong else wind for name in flight.cases}
+    states = {name: initial_wind() for name in flight.cases}
+    read: dict[str, list[tuple[float, ...]]] = {name: [] for name in flight.cases}
+    rows: list[tuple[float, ...]] = []
+    elevator, leg = nan, 0
+    for n in range(round(flight.leg_s * len(flight.lines) * world.step_hz)):
+        if n >= (leg + 1) * flight.leg_s * world.step_hz:
+            leg += 1
+            loop.change(line_parameters(site.lines[flight.lines[leg]]))
+        truth = world.truth
+        now = world.time_s
+        inputs = Inputs(
+            now,
+            NO_FIX,
+            NO_ATTITUDE,
+            AutopilotStatus(now, True, True),
+            True,
+            world.imu,
+            world.airspeed,
+            NO_SURFACES,
+        )
+        output = loop.tick()
+        vehicle = output.vehicle._replace(pitch_rad=output.vehicle.pitch_rad + tilt)
+        velocity_sigma = output.quality.velocity_sigma_mps
+        for name in flight.cases:
+            case = CASES[name]
+            seen = inputs._replace(
+                imu=inputs.imu if case.imu else NO_IMU,
+                airspeed=inputs.airspeed if case.pitot else NO_AIRSPEED,
+            )
+            states[name], air = wind_step(
+                params[name], states[name], vehicle, seen, velocity_sigma, elevator, True
+            )
+            read[name].append(air[:7])
+        elevator = output.command.elevator if output.active else nan
+        flat = hypot(truth.wind_x_mps - truth.velocity_x_mps, truth.velocity_y_mps)
+        sink = polar_sink(wind.aerodynamics.polar, flat)
+        rows.append(
+            (
+                *(truth.time_s, truth.x_m, truth.airspeed_mps, truth.alpha_rad),
+                *(truth.wind_x_mps, truth.updraft_mps, truth.updraft_mps - sink),
+                output.vehicle.climb_mps + sink,
+            )
+        )
+        if world.crashed or (n > world.step_hz and not is_flying(output.mode)):
+            break
+    table = np.array(rows)
+    return Seen(
+        flight,
+        len(rows) / world.step_hz,
+        table[:, 0],
+        table[:, 1],
+        table[:, 2:7],
+        table[:, 7],
+        {name: np.array(values) for name, values in read.items()},
+    )
+
+
+def wrong_wing(aerodynamics: Aerodynamics, seed: int) -> Aerodynamics:
+    """The wing as somebody has it who knows lift and drag no better than the estimator allows."""
+    gauss = Random(f"{seed}/wing").gauss
+    lift, drag = 1.0 + gauss(0.0, LIFT_ERROR), 1.0 + gauss(0.0, DRAG_ERROR)
+    return aerodynamics._replace(
+        CL0=aerodynamics.CL0 * lift,
+        CL_alpha=aerodynamics.CL_alpha * lift,
+        CD0=aerodynamics.CD0 * drag,
+        CD_lift=aerodynamics.CD_lift * drag / lift**2,
+    )
+
+
+@lru_cache(maxsize=1)
+def _place() -> tuple[Airframe, Site, ParameterSet, WindField]:
+    airframe_path, site_path = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
+    airframe, site = load_airframe(airframe_path), load_site(site_path)
+    values = load_parameters(airframe, airframe_path, site, site_path)
+    assert site.air is not None
+    return airframe, site, values, build_field(site.air)
+
+
+def score(flights: list[Seen], case: str) -> Score:
+    """One estimator over several flights, from when the line was captured."""
+    errors, normalised = [], []
+    for seen in flights:
+        rows = seen.time_s >= SETTLE_S
+        read, truth = seen.read[case][rows], seen.truth[rows]
+        errors.append(read[:, :5] - truth)
+        normalised.append((read[:, 2:4] - truth[:, 2:4]) / read[:, 5:7])
+    speed, alpha, wind, updraft, excess = _rms(np.concatenate(errors)).tolist()
+    n_wind, n_updraft = (_rms(np.concatenate(normalised)) ** 2).tolist()
+    return Score(wind, updraft, excess, speed, degrees(alpha), n_wind, n_updraft)
+
+
+def plain_rms(flights: list[Seen]) -> float:
+    """rms error of the updraft [m/s] that climb and polar alone give."""
+    errors = []
+    for seen in flights:
+        rows = seen.time_s >= SETTLE_S
+        errors.append(seen.plain[rows] - seen.truth[rows, 3])
+    return float(_rms(np.concatenate(errors)))
+
+
+def _rms(values: Floats) -> Floats:
+    """Down the columns; where the polar ends there is no sink, and no error."""
+    return np.asarray(np.sqrt(np.nanmean(values**2, axis=0)))
+
+
+def wind_estimate(context: Context) -> Result:
+    """Three places, many seeds, and one flight across the plane to look at."""
+    places = tuple(_place()[1].lines)
+    seeds = SEEDS[:2] if context.quick else SEEDS
+    jobs = [Flight((p,), s, FLIGHT_S, tuple(CASES)) for p in places for s in seeds]
+    tour = Flight(places, 1, TOUR_S, (WITH_PITOT, WITHOUT))
+    *flights, across = context.flyer.each(look_on, [*jobs, tour])
+    whole = [seen for seen in flights if seen.duration_s > SETTLE_S + 1.0]
+    scores = {case: score(whole, case) for case in CASES}
+    plain = plain_rms(whole)
+    by_place = {
+        place: [seen for seen in whole if seen.flight.lines == (place,)] for place in places
+    }
+    with_pitot, without = scores[WITH_PITOT], scores[WITHOUT]
+    return Result(
+        "wind_estimate",
+        "wind and updraft as read on board",
+        f"{len(jobs)} flights of {FLIGHT_S:g} s at {100 * TURBULENCE:g} % of turbulence on the"
+        f" lines {', '.join(places)} of the tunnel, the first {SETTLE_S:g} s not scored. Beside"
+        " each flight several estimators look on, with other sensors each, the pitch wrong by half"
+        " a degree, up in odd seeds and down in even ones; accelerometers of 0.1 m/s² bias and"
+        " noise, a pitot tube of 1 Pa of bias. In the last two rows the wing is not the one they"
+        f" know: its lift by {100 * LIFT_ERROR:g} %, its drag by {100 * DRAG_ERROR:g} % (standard"
+        " deviations). The plain estimate is the climb plus the polar's sink at the true airspeed,"
+        " which it is told.",
+        (
+            Claim(
+                f"with a pitot tube the updraft is known to {PITOT_RMS_MPS:g} m/s rms",
+                with_pitot.updraft_mps <= PITOT_RMS_MPS,
+                f"{with_pitot.updraft_mps:.3f} m/s",
+            ),
+            Claim(
+                f"without one to {PLAIN_RATIO:g} of the plain estimate's error",
+                without.updraft_mps <= PLAIN_RATIO * plain,
+                f"{without.updraft_mps:.3f} of {plain:.3f} m/s: {without.updraft_mps / plain:.2f}",
+            ),
+            Claim(
+                "the standard deviations are honest: no squared error is over twice its variance"
+                " in the mean, and none less than a third where the wing is wrong too",
+                all(
+                    (1.0 / 3.0 if CASES[case].wing_is_wrong else 0.0) <= n <= 2.0
+                    for case, s in scores.items()
+                    for n in (s.wind_normalised, s.updraft_normalised)
+                ),
+                "wind "
+                + ", ".join(f"{s.wind_normalised:.2f}" for s in scores.values())
+                + "; updraft "
+                + ", ".join(f"{s.updraft_normalised:.2f}" for s in scores.values()),
+            ),
+        ),
+        "Without a pitot tube airspeed follows from the direction of the force and the elevator's"
+        " trim. The updraft suffers less than the airspeed, because what the pitch is wrong by the"
+        " angle of attack is wrong by too. Without accelerometers turbulence is seen only when it"
+        " has moved the aircraft.",
+        (
+            Table(
+                "rms errors",
+                (
+                    "sensors", "wind [m/s]", "updraft [m/s]", "of plain", "excess updraft [m/s]",
+                    "airspeed [m/s]", "angle of attack [°]", "(wind error / σ)²",
+                    "(updraft error / σ)²",
+                ),
+                (
+                    *(_row(case, scores[case], plain) for case in CASES),
+                    ("plain", "", f"{plain:.3f}", "1.00", "", "told", "", "", ""),
+                ),
+            ),
+            Table(
+                "rms error of the updraft by place [m/s]",
+                ("place", "accelerometers, pitot", "accelerometers", "plain"),
+                tuple(
+                    (
+                        place,
+                        f"{score(seen, WITH_PITOT).updraft_mps:.3f}",
+                        f"{score(seen, WITHOUT).updraft_mps:.3f}",
+                        f"{plain_rms(seen):.3f}",
+                    )
+                    for place, seen in by_place.items()
+                ),
+            ),
+        ),
+        {"cases": {case: s._asdict() for case, s in scores.items()}, "plain_mps": plain},
+        _draw(context, across),
+        (),
+        seeds,
+    )  # fmt: skip
+
+
+def _row(case: str, s: Score, plain: float) -> tuple[str, ...]:
+    return (
+        case,
+        f"{s.wind_mps:.3f}",
+        f"{s.updraft_mps:.3f}",
+        f"{s.updraft_mps / plain:.2f}",
+        f"{s.excess_mps:.3f}",
+        f"{s.airspeed_mps:.3f}",
+        f"{s.alpha_deg:.2f}",
+        f"{s.wind_normalised:.2f}",
+        f"{s.updraft_normalised:.2f}",
+    )
+
+
+def _draw(context: Context, across: Seen) -> tuple[str, ...]:
+    path = context.figure("wind_estimate")
+    if path is None:
+        return ()
+    from tgl_soar.analysis.report.curves_figure import CurvePanel, Series, curves_figure
+    from tgl_soar.analysis.report.style import LEG_COLOURS
+
+    keep = slice(200, None, 10)
+    time, x = across.time_s[keep], across.x_m[keep]
+
+    def panel(title: str, label: str, column: int, along: Floats, axis: str) -> CurvePanel:
+        series = [
+            Series(
+                along.tolist(),
+                across.read[case][keep, column].tolist(),
+                case,
+                LEG_COLOURS[i],
+                width=1.0,
+                style="-" if axis.startswith("time") else "",
+                marker="" if axis.startswith("time") else ".",
+            )
+            for i, case in enumerate(across.flight.cases)
+        ]
+        truth = Series(
+            along.tolist(),
+            across.truth[keep, column].tolist(),
+            "truth",
+            "black",
+            width=1.3,
+            style="-" if axis.startswith("time") else "",
+            marker="" if axis.startswith("time") else ".",
+        )
+        return CurvePanel(title, axis, label, [*series[::-1], truth])
+
+    curves_figure(
+        path,
+        [
+            panel("updraft in time", "updraft [m/s]", 3, time, "time [s]"),
+            panel("horizontal wind in time", "wind [m/s]", 2, time, "time [s]"),
+            panel("updraft across the plane", "updraft [m/s]", 3, x, "x, downstream [m]"),
+        ],
+        f"one flight along the lines {', '.join(across.flight.lines)} at"
+        f" {100 * TURBULENCE:g} % of turbulence, the pitch wrong by half a degree",
+    )
+    return (path.name,)

@@ -1,0 +1,102 @@
+"""`wind_use`: what the laws gain, or lose, by using the wind and updraft that are read on board."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from tgl_soar.analysis.experiments.context import Context
+from tgl_soar.analysis.experiments.estimator import (
+    FLIGHT_S,
+    SETTLE_S,
+    Flight,
+    Score,
+    fly_named,
+    paired_ratios,
+    places,
+    score,
+)
+from tgl_soar.analysis.experiments.result import Claim, Result, Table
+from tgl_soar.sim.sensors import MEMS_IMU, PITOT, Sensors
+
+TURBULENCES: Final = (0.01, 0.03, 0.05)
+SEEDS: Final = tuple(range(1, 12))
+SENSORS: Final = Sensors(imu=MEMS_IMU, airspeed=PITOT)
+WORTH: Final = 0.05
+NEITHER: Final = "neither"
+USES: Final[dict[str, tuple[tuple[str, float], ...]]] = {
+    NEITHER: (),
+    "`WIND_FF` 0.3": (("WIND_FF", 0.3),),
+    "`WIND_FF` 0.7": (("WIND_FF", 0.7),),
+    "`WIND_TRIM` 1": (("WIND_TRIM", 1.0),),
+    "`WIND_TRIM` 1, `WIND_TRIM_T` 0.5": (("WIND_TRIM", 1.0), ("WIND_TRIM_T", 0.5)),
+}
+
+
+def wind_use(context: Context) -> Result:
+    """The same air with each use of it, paired with flights that use neither."""
+    lines = places()[:1] if context.quick else places()
+    seeds = SEEDS[:1] if context.quick else SEEDS
+    named = {
+        f"{use}, {turbulence:g}": [
+            Flight(line, seed, SENSORS, turbulence, changes=changes)
+            for line in lines
+            for seed in seeds
+        ]
+        for turbulence in TURBULENCES
+        for use, changes in USES.items()
+    }
+    flown = fly_named(context.flyer, {}, named)
+    rows, scores, best = [], {}, 1.0
+    for turbulence in TURBULENCES:
+        plain = flown[f"{NEITHER}, {turbulence:g}"]
+        for use in USES:
+            name = f"{use}, {turbulence:g}"
+            scores[name] = score(flown[name])
+            ratios = paired_ratios(flown[name], plain)
+            best = min(best, ratios.e_rho)
+            rows.append(_row(turbulence, use, scores[name], ratios.e_rho, ratios.activity))
+    return Result(
+        "wind_use",
+        "what the laws may make of the wind they read",
+        f"Flights of {FLIGHT_S:g} s on the lines {', '.join(lines)} of the tunnel, the first"
+        f" {SETTLE_S:g} s not scored, with accelerometers and a pitot tube. `WIND_TRIM` puts the"
+        " pitch of the steady glide at the local wind's speed in the place of `PITCH_TRIM`,"
+        " `WIND_FF` takes out a share of the incidence that a gust of updraft makes; both are off"
+        " as shipped. Ratios are of flights in the same air with the same noise.",
+        (
+            Claim(
+                f"none of it is worth {100 * WORTH:g} % of rms e_rho, so all of it may stay off",
+                best > 1.0 - WORTH,
+                f"the best is {best:.2f} of neither's",
+            ),
+        ),
+        "",
+        (
+            Table(
+                "flights",
+                (
+                    "turbulence", "used", "flights", "lost", "rms e_rho [mm]", "of neither's",
+                    "activity, of neither's",
+                ),
+                tuple(rows),
+            ),
+        ),
+        {name: each._asdict() for name, each in scores.items()},
+        (),
+        (),
+        seeds,
+    )  # fmt: skip
+
+
+def _row(
+    turbulence: float, use: str, of: Score, e_rho_ratio: float, activity_ratio: float
+) -> tuple[str, ...]:
+    return (
+        f"{100 * turbulence:g} %",
+        use,
+        f"{of.flights}",
+        f"{of.lost}",
+        f"{1e3 * of.e_rho_m:.1f}",
+        f"{e_rho_ratio:.2f}",
+        f"{activity_ratio:.2f}",
+    )

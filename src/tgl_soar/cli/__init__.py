@@ -1,0 +1,1 @@
+"""The command line: `tgl-soar COMMAND`, one file a command."""

@@ -1,0 +1,139 @@
+"""`tgl-soar experiment`: the paper's experiments, each one command."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from tgl_soar.analysis.experiments.catalogue import EXPERIMENTS, TITLES
+from tgl_soar.analysis.experiments.catalogue import run as run_experiment
+from tgl_soar.analysis.experiments.context import Context
+from tgl_soar.analysis.experiments.flights import Flyer
+from tgl_soar.analysis.experiments.page import IMAGES, page
+from tgl_soar.analysis.experiments.result import Result, as_json
+from tgl_soar.cli.console import console, errors, fail, hint, say
+from tgl_soar.config.files import ConfigError
+
+COLOURS = {"agrees": "green", "agrees in part": "yellow", "differs": "red"}
+
+
+def experiment(
+    name: Annotated[str, typer.Argument(help="Its name, `all`, or `list`.")] = "list",
+    out: Annotated[Path, typer.Option(help="Folder for figures and numbers.")] = Path(
+        "out/experiments"
+    ),
+    docs: Annotated[
+        Path | None,
+        typer.Option(help="With `all`: write experiments.md and its figures into this folder."),
+    ] = None,
+    workers: Annotated[
+        int, typer.Option(help="Processes that fly; 0: none but this one.", min=0, max=256)
+    ] = os.cpu_count() or 1,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="One seed of each: to try, not to cite.")
+    ] = False,
+) -> None:
+    """Fly the paper's experiments; print tables and verdicts, write figures and numbers."""
+    if name == "list":
+        table = Table("name", "what", box=None)
+        for known, title in TITLES.items():
+            table.add_row(known, title)
+        console.print(table)
+        return
+    if name != "all" and name not in EXPERIMENTS:
+        fail(f"no experiment named {name!r}; there are {', '.join(EXPERIMENTS)}, and all")
+    if docs is not None and (name != "all" or quick):
+        fail("--docs goes with `all` and without --quick: the page holds every experiment whole")
+
+    names = list(EXPERIMENTS) if name == "all" else [name]
+    figures: Path | None = out if docs is None else docs / IMAGES
+    if not _can_draw():
+        if docs is not None:
+            fail("--docs needs figures, and they need matplotlib: pip install 'tgl_soar[figures]'")
+        figures = None
+    begun = time.monotonic()
+    results: list[Result] = []
+    out.mkdir(parents=True, exist_ok=True)
+    with Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("flights"),
+        TimeElapsedColumn(),
+        console=errors,
+        transient=True,
+    ) as progress:
+        task = progress.add_task(names[0], total=None)
+        with Flyer(
+            workers, lambda flown, wanted: progress.update(task, completed=flown, total=wanted)
+        ) as flyer:
+            for each in names:
+                progress.update(task, description=each)
+                try:
+                    result = run_experiment(each, Context(flyer, figures, quick))
+                except ConfigError as error:
+                    fail(error)
+                results.append(result)
+                text = json.dumps(as_json(result), indent=1, ensure_ascii=False)
+                (out / f"{each}.json").write_text(text + "\n", encoding="utf-8")
+                _print(result)
+            flown, simulated = flyer.flown, flyer.simulated_s
+    if len(results) > 1:
+        _print_summary(results)
+    took = time.monotonic() - begun
+    console.print(
+        f"{flown} flights, {simulated:.0f} s of flight, in {took:.0f} s; numbers in {out}/"
+    )
+    if figures is None:
+        hint("no figures: they need matplotlib: pip install 'tgl_soar[figures]'")
+    else:
+        console.print(f"figures in {figures}/")
+    if docs is not None:
+        (docs / "experiments.md").write_text(page(results), encoding="utf-8")
+        say(f"page in {docs / 'experiments.md'}")
+
+
+def _can_draw() -> bool:
+    from importlib.util import find_spec
+
+    return find_spec("matplotlib") is not None
+
+
+def _print(result: Result) -> None:
+    console.rule(f"[bold]{result.name}[/bold]: {result.title}", align="left")
+    console.print(result.flown, markup=False, highlight=False)
+    for content in result.tables:
+        title = escape(content.title) or None
+        table = Table(*map(escape, content.columns), title=title, title_justify="left")
+        for row in content.rows:
+            table.add_row(*map(escape, row))
+        console.print(table)
+    colour = COLOURS[result.verdict]
+    console.print(f"verdict: [{colour}]{result.verdict}[/{colour}]")
+    for claim in result.claims:
+        mark = "[green]✓[/green]" if claim.holds else "[red]✗[/red]"
+        console.print(f"  {mark} ", end="")
+        console.print(f"{claim.text}: {claim.measured}", markup=False, highlight=False)
+    if result.why:
+        console.print(result.why, markup=False, highlight=False)
+    console.print()
+
+
+def _print_summary(results: list[Result]) -> None:
+    table = Table("experiment", "verdict", "claims", "time")
+    for r in results:
+        table.add_row(
+            r.name,
+            f"[{COLOURS[r.verdict]}]{r.verdict}[/{COLOURS[r.verdict]}]",
+            f"{sum(c.holds for c in r.claims)} of {len(r.claims)}",
+            f"{r.seconds:.0f} s",
+        )
+    console.print(table)

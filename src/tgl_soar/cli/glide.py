@@ -1,0 +1,53 @@
+"""`tgl-soar glide`: a simulated gliding test flight, and its log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tgl_soar.cli.console import AIRFRAME, AIRFRAME_FILE, console, fail
+from tgl_soar.config.files import ConfigError, load_airframe
+from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.onboard.flightlog.declaration import VERSION
+from tgl_soar.onboard.flightlog.writer import Facts, FlightRecorder
+
+
+def glide(
+    airframe: Annotated[Path, typer.Option(help="Airframe file.", **AIRFRAME_FILE)] = AIRFRAME,
+    seed: Annotated[int, typer.Option(help="Of the sensors' noise and errors.", min=0)] = 1,
+    turbulence: Annotated[
+        float, typer.Option(help="Fraction of the wind.", min=0.0, max=0.2)
+    ] = 0.0,
+    pitot: Annotated[bool, typer.Option("--pitot", help="With a pitot tube.")] = False,
+    out: Annotated[Path, typer.Option(help="Folder for the log.")] = Path("out/glide"),
+) -> None:
+    """Glide at ten speeds and throw the elevator eight times, high up in an even wind.
+
+    The log is what `tgl-soar polar fit` and `tgl-soar identify` take.
+    """
+    from tgl_soar.sim.glide_test import WIND_MPS, fly
+
+    try:
+        plane = load_airframe(airframe)
+        texts = {"airframe": airframe.read_text(encoding="utf-8")}
+    except (ConfigError, OSError) as error:
+        fail(error)
+    words = {
+        "sys_name": "tgl_soar",
+        "ver_log": str(VERSION),
+        "flight": f"simulated glide, seed {seed}",
+    }
+    recorder = FlightRecorder(out, Facts(words, texts), 0.0, patient=True)
+    recorder.start()
+    recorder.parameters(ParameterSet())
+    for tick in fly(plane, seed=seed, turbulence=turbulence, pitot=pitot):
+        recorder.tick(tick.inputs, tick.output, tick.state)
+        for text in recorder.poll():
+            console.print(text, highlight=False, soft_wrap=True)
+    for text in recorder.stop():
+        console.print(text, highlight=False, soft_wrap=True)
+    if recorder.path is None:
+        fail(f"--out {out}: no log could be written")
+    console.print(f"the wind was {WIND_MPS:g} m/s from north, the same everywhere")

@@ -1,0 +1,176 @@
+"""`tgl-soar identify`: short period, elevator and servo delay from doublets in a glide."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from math import isfinite, radians
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+from msgspec.structs import asdict
+from rich.progress import Progress, SpinnerColumn, TextColumn
+from rich.table import Table
+
+from tgl_soar.analysis.identification import (
+    IdentificationError,
+    Identified,
+    body_from,
+    identify,
+)
+from tgl_soar.analysis.logs.reader import LogError
+from tgl_soar.cli.console import AIRFRAME, AIRFRAME_FILE, console, errors, fail, say
+from tgl_soar.config.files import ConfigError, load_airframe
+
+# What an identification writes into [model] of an airframe file, and from what.
+KEYS: Final = {
+    "CL_alpha": "CL_alpha",
+    "CL_elevator": "CL_elevator",
+    "Cm0": "Cm0",
+    "Cm_alpha": "Cm_alpha",
+    "Cm_q": "Cm_q",
+    "Cm_elevator": "Cm_elevator",
+    "servo_delay_s": "delay",
+}
+WORDS: Final = {
+    "frequency": "short period, undamped",
+    "damping": "short period, damping",
+    "effectiveness": "pitch acceleration of full elevator",
+    "response": "servo: delay and lag together",
+    "delay": "servo: delay alone",
+}
+EXPLAINED_MIN: Final = 0.8  # of those held out; below, the model is not to be trusted
+
+WindOption = Annotated[
+    float, typer.Option("--wind", help="Horizontal wind in the flight \\[m/s].", min=0.0, max=50.0)
+]
+WindFromOption = Annotated[
+    float, typer.Option(help="Where it came from, degrees from north.", min=-360.0, max=360.0)
+]
+
+
+def identify_command(
+    log: Annotated[Path, typer.Argument(help="ULog (ours, PX4's), DataFlash .bin or .tlog.")],
+    airframe: Annotated[
+        Path,
+        typer.Option(help="Airframe file: mass, size, inertia, servo, surfaces.", **AIRFRAME_FILE),
+    ] = AIRFRAME,
+    wind: WindOption = 0.0,
+    wind_from: WindFromOption = 0.0,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="Write the airframe file with what was identified."),
+    ] = None,
+    figure: Annotated[Path | None, typer.Option(help="Figure to write, PNG or SVG.")] = None,
+) -> None:
+    """Fit the short period, the elevator's effect and the servo's delay to doublets.
+
+    Let the elevator stand, move it to one side and the other, let it stand, wings level, in
+    still air; four times or more. Exit code 1: identified, and not to be trusted.
+    """
+    from tgl_soar.analysis.logs.flight_data import steered
+    from tgl_soar.analysis.logs.gliding import MeanWind, longitudinal
+    from tgl_soar.analysis.logs.reading import read_flight
+
+    if out is not None and out.resolve() == airframe.resolve():
+        fail(f"--out {out}: that is the file that it is compared with; give another name")
+    try:
+        plane = load_airframe(airframe)
+        body = body_from(asdict(plane.airframe), plane.model)
+    except (ConfigError, IdentificationError) as error:
+        fail(error if isinstance(error, ConfigError) else f"{airframe}: {error}")
+    try:
+        flight = steered(read_flight(log), plane.surfaces)
+        for text in flight.lost:
+            errors.print(f"lost: {text}", style="yellow", highlight=False, markup=False)
+        columns = longitudinal(flight, MeanWind(wind, radians(wind_from)))
+        with Progress(
+            SpinnerColumn(), TextColumn("{task.description}"), console=errors, transient=True
+        ) as progress:
+            progress.add_task("fitting the manoeuvres")
+            found = identify(columns, body)
+    except (LogError, ImportError) as error:
+        fail(error)
+    except ValueError as error:
+        fail(f"{log}: {error}")
+    _print(found, plane.model)
+    if out is not None:
+        _write(out, airframe, found)
+    if figure is not None:
+        _draw(figure, found, log.name)
+    if not found.explained >= EXPLAINED_MIN:
+        fail(
+            f"of the manoeuvres held out the model explains {found.explained:.0%}:"
+            " fly more doublets, larger ones, or in calmer air",
+            1,
+        )
+
+
+def with_identified(airframe: Path, found: Identified) -> str:
+    """The text of an airframe file with the identified values, each with its band beside it.
+
+    Errors: `ConfigError` for a key that its [model] lacks.
+    """
+    text = airframe.read_text(encoding="utf-8")
+    head, table, rest = text.partition("\n[model]")
+    body, bracket, tail = rest.partition("\n[")
+    for key, name in KEYS.items():
+        estimate = found[name]
+        half = 0.5 * (estimate.high - estimate.low)
+        line = f"{key} = {estimate.value:.5g}  # identified: ± {half:.2g} at 95 %"
+        body, count = re.subn(rf"(?m)^{key}\s*=.*$", line, body)
+        if count != 1:
+            raise ConfigError(f"{airframe}: model.{key}: missing, so it cannot be replaced")
+    return head + table + body + bracket + tail
+
+
+def _print(found: Identified, model: dict[str, float]) -> None:
+    console.print(
+        f"{len(found.manoeuvres)} manoeuvres fitted, {len(found.held_out)} held out;"
+        f" at {found.airspeed_mps:.2f} m/s"
+    )
+    table = Table("", "identified", "95 % band", "airframe file", box=None)
+    known = {name: model.get(key) for key, name in KEYS.items()}
+    for estimate in (
+        *(found.frequency, found.damping, found.effectiveness, found.response_delay),
+        *found.derivatives,
+    ):
+        before = known.get(estimate.name)
+        table.add_row(
+            WORDS.get(estimate.name, estimate.name),
+            f"{estimate.value:.4g} {estimate.unit}".rstrip(),
+            f"{estimate.low:.4g} … {estimate.high:.4g}",
+            "" if before is None else f"{before:.4g}",
+        )
+    console.print(table)
+    if isfinite(found.explained):
+        console.print(f"the model explains {found.explained:.1%} of what was held out")
+
+
+def _write(out: Path, airframe: Path, found: Identified) -> None:
+    """The new airframe file, once it is known to be one."""
+    try:
+        text = with_identified(airframe, found)
+        with tempfile.TemporaryDirectory() as folder:
+            trial = Path(folder) / out.name
+            trial.write_text(text, encoding="utf-8")
+            load_airframe(trial)
+        out.write_text(text, encoding="utf-8")
+    except ConfigError as error:
+        fail(error)
+    except OSError as error:
+        fail(f"--out {out}: cannot be written: {error.strerror}")
+    say(f"airframe file in {out}: compare it with {airframe} before you fly with it")
+
+
+def _draw(path: Path, found: Identified, title: str) -> None:
+    from tgl_soar.analysis.report.identification_figure import identification_figure
+
+    try:
+        identification_figure(path, found, title)
+    except (ImportError, ValueError) as error:
+        fail(f"no figure: {error}")
+    except OSError as error:
+        fail(f"no figure: {path}: {error.strerror}")
+    say(f"figure in {path}")

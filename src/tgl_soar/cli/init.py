@@ -1,0 +1,171 @@
+"""`tgl-soar init`: a folder with all that a flight begins from, from what is shipped."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shlex
+import sys
+import tempfile
+from pathlib import Path
+from string import Template
+from typing import Annotated, Final
+
+import typer
+
+from tgl_soar.cli.console import console, errors, fail
+from tgl_soar.cli.layouts import foxglove, plotjuggler
+from tgl_soar.cli.service_unit import hidden, unit
+from tgl_soar.config.files import Airframe, ConfigError, load_airframe, shipped, shipped_names
+from tgl_soar.link.commands import ABORT, ENGAGE, RELEASE
+from tgl_soar.link.transport import LinkError, check_link
+
+LINK: Final = "serial:/dev/ttyAMA0:921600"
+_FIRMWARES: Final = ("bridge", "ardupilot", "px4", "paparazzi")
+
+
+def init(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Made if it is not there.")],
+    start: Annotated[
+        str, typer.Option("--from", metavar="NAME", help="Site to begin from: tunnel, hill, …")
+    ] = "tunnel",
+    airframe: Annotated[
+        str, typer.Option(metavar="NAME", help="Airframe to begin from.")
+    ] = "eclipson_c",
+    firmware: Annotated[
+        str, typer.Option(metavar="NAME", help=f"Of the autopilot: {', '.join(_FIRMWARES)}.")
+    ] = "bridge",
+    link: Annotated[str, typer.Option(help="To the autopilot, as for `tgl-soar run`.")] = LINK,
+    force: Annotated[bool, typer.Option("--force", help="Replace files that are there.")] = False,
+) -> None:
+    """Write airframe, site, service, ground station's actions and log layouts into a folder.
+
+    All files are written or none. Exit code 2: a file is there already, or a name is not known.
+    """
+    for option, name, known in (
+        ("--from", start, shipped_names("sites")),
+        ("--airframe", airframe, shipped_names("airframes")),
+        ("--firmware", firmware, _FIRMWARES),
+    ):
+        if name not in known:
+            fail(f"{option} {name}: not known; must be one of {', '.join(known)}")
+    folder = Path(os.path.abspath(folder))  # noqa: PTH100 - a link is not followed
+    try:
+        check_link(link)
+        written = place(contents(folder, start, airframe, firmware, link), folder, force=force)
+    except (LinkError, ConfigError, FileExistsError) as error:
+        fail(error)
+    except OSError as error:
+        fail(f"{error.filename or folder}: cannot be written: {error.strerror}")
+    for path in written:
+        console.print(str(path), highlight=False, markup=False, soft_wrap=True)
+    for path in hidden([folder, Path(sys.prefix), Path(sys.base_prefix)]):
+        errors.print(
+            f"no service can read {path}: for a service install into /opt, and make the folder"
+            " in /etc",
+            style="yellow",
+            highlight=False,
+            markup=False,
+            soft_wrap=True,
+        )
+    console.print(
+        f"what to do next: {folder / 'README.md'}", highlight=False, markup=False, soft_wrap=True
+    )
+
+
+def contents(folder: Path, start: str, airframe: str, firmware: str, link: str) -> dict[str, str]:
+    """The text of every file by its name.  Errors: `ConfigError`."""
+    plane_file, site_file = shipped(f"airframes/{airframe}.toml"), shipped(f"sites/{start}.toml")
+    program = program_of(Path(sys.executable))
+    command = [
+        *program, "run", "--state", "/var/lib/tgl_soar",
+        "--airframe", str(folder / "airframe.toml"), "--site", str(folder / "site.toml"),
+        "--link", link,
+    ]  # fmt: skip
+    words = {
+        "program": shlex.join(program),
+        "airframe": plane_file.name,
+        "site": site_file.name,
+        "link": shlex.quote(link),
+    }
+    return {
+        "airframe.toml": _with_firmware(plane_file.read_text(encoding="utf-8"), firmware),
+        "site.toml": _site(site_file.read_text(encoding="utf-8")),
+        "tgl-soar.service": unit(command, [folder, Path(sys.prefix), Path(sys.base_prefix)]),
+        "qgc_actions.json": qgc_actions(load_airframe(plane_file)),
+        "plotjuggler.xml": plotjuggler(),
+        "foxglove.json": foxglove(),
+        "README.md": Template(_template("README.md")).substitute(words),
+    }
+
+
+def _template(name: str) -> str:
+    return shipped(f"templates/{name}").read_text(encoding="utf-8")
+
+
+def _with_firmware(text: str, firmware: str) -> str:
+    changed, count = re.subn(r'(?m)^firmware = "\w+"', f'firmware = "{firmware}"', text)
+    if count != 1:
+        raise ConfigError("airframe: no line firmware = … in [autopilot] to replace")
+    return changed
+
+
+def _site(text: str) -> str:
+    """With what only a real place needs; a site that takes motion capture has it already."""
+    return text if "\n[mocap]" in text else text + _template("place.toml")
+
+
+def program_of(python: Path) -> list[str]:
+    """How this installation is called, in full; its links are not followed, or a virtual
+    environment would be left."""
+    script = python.with_name("tgl-soar")
+    return [str(script)] if script.is_file() else [str(python), "-m", "tgl_soar.cli"]
+
+
+def qgc_actions(airframe: Airframe) -> str:
+    """QGroundControl's file of MAVLink actions; it refuses a file with any other key."""
+    told = (
+        ("TGL engage", "Take the surfaces and soar on the target line.", ENGAGE),
+        ("TGL release", "Hand the surfaces back to the autopilot.", RELEASE),
+        ("TGL abort", "Hand the surfaces back; nobody engages before a release.", ABORT),
+    )
+    component = airframe.autopilot.component_id
+    actions = [
+        {"label": label, "description": words, "mavCmd": command, "compId": component}
+        for label, words, command in told
+    ]
+    return (
+        json.dumps({"version": 1, "fileType": "MavlinkActions", "actions": actions}, indent=2)
+        + "\n"
+    )
+
+
+def place(files: dict[str, str], folder: Path, *, force: bool) -> list[Path]:
+    """Write all or none; the paths.
+
+    All are complete beside their places before the first is moved there.
+    Errors: FileExistsError naming what is there, where it is not to be replaced; OSError.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise FileExistsError(f"{folder}: is a file: name a folder")
+    taken = [name for name in files if (folder / name).exists()]
+    if taken and not force:
+        raise FileExistsError(f"{folder}: has {', '.join(taken)} already: --force replaces them")
+    new = not folder.exists()
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(
+        dir=folder.parent if new else folder, prefix=".init-"
+    ) as stage:
+        made = Path(stage) / "files"
+        made.mkdir()
+        made.chmod(0o755)  # whatever the umask: the service's user reads here
+        for name, text in files.items():
+            (made / name).write_text(text, encoding="utf-8")
+            (made / name).chmod(0o644)
+        if new:
+            made.rename(folder)
+        else:
+            for name in files:
+                (made / name).replace(folder / name)
+    return [folder / name for name in files]

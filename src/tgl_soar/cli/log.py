@@ -1,0 +1,82 @@
+"""`tgl-soar log`: what a flight log holds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from tgl_soar.analysis.logs.export import ENDINGS, FORMATS
+from tgl_soar.analysis.logs.meanings import page
+from tgl_soar.analysis.logs.reader import FlightLog, LogError, read_log
+from tgl_soar.cli.console import Commands, console, errors, fail
+
+log_app = Commands(help="What a flight log holds, and other formats.", no_args_is_help=True)
+
+
+def read(path: Path) -> FlightLog:
+    """A log, with what is lost of it said; ends the command where nothing can be read."""
+    if path.suffix == ".tlog":
+        fail(f"{path}: a .tlog holds frames, no topics: see `tgl-soar report` or `tgl-soar replay`")
+    try:
+        log = read_log(path)
+    except (LogError, ImportError) as error:
+        fail(error)
+    for loss in log.losses:
+        errors.print(f"{path.name}: {loss}", style="yellow", highlight=False, markup=False)
+    if not any(len(topic["timestamp"]) for topic in log.topics.values()):
+        fail(f"{path}: no row of any topic is in it")
+    return log
+
+
+@log_app.command()
+def fields() -> None:
+    """Print docs/logs.md: every field with its unit and frame."""
+    typer.echo(page(), nl=False)
+
+
+@log_app.command()
+def info(path: Annotated[Path, typer.Argument(metavar="LOG", help="A ULog.")]) -> None:
+    """Say what a log holds, and what of it is lost; exit code 1 if anything is."""
+    log = read(path)
+    for key, value in sorted(log.info.items()):
+        console.print(f"{key}: {value}", highlight=False, markup=False, soft_wrap=True)
+    size = path.stat().st_size
+    console.print(f"{log.duration_s:.1f} s, {size / 1e6:.2f} MB, {len(log.changes)} changes")
+    table = Table("topic", "rows", "rate")
+    for name, topic in log.topics.items():
+        rows = len(topic["timestamp"])
+        rate = f"{rows / log.duration_s:.1f} Hz" if log.duration_s > 0.0 else "–"
+        table.add_row(name, str(rows), rate)
+    console.print(table)
+    for words in log.words:
+        console.print(f"{words.time_s:10.3f} s  {words.text}", highlight=False, markup=False)
+    if log.losses:
+        raise typer.Exit(1)
+
+
+@log_app.command()
+def export(
+    path: Annotated[Path, typer.Argument(metavar="LOG", help="A ULog.")],
+    to: Annotated[str, typer.Option("--to", help="csv, netcdf or mcap.")] = "csv",
+    out: Annotated[
+        Path | None, typer.Option(help="File, or folder for csv; beside the log if not given.")
+    ] = None,
+) -> None:
+    """Write what can be read of a log in another format; exit code 1 if anything is lost."""
+    if to not in FORMATS:
+        fail(f"--to {to}: must be {', '.join(FORMATS)}")
+    log = read(path)
+    target = out or path.with_name(path.stem + ENDINGS[to])
+    try:
+        written = FORMATS[to](log, target)
+    except ImportError as error:
+        fail(error)
+    except OSError as error:
+        fail(f"{target}: cannot be written: {error.strerror or error}")
+    for file in written:
+        console.print(str(file), highlight=False, markup=False, soft_wrap=True)
+    if log.losses:
+        raise typer.Exit(1)

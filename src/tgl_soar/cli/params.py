@@ -1,0 +1,299 @@
+"""`tgl-soar params`: the reference of parameters, and the values that a flight would begin with."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import typer
+from rich.table import Table
+
+from tgl_soar.cli.console import AIRFRAME_FILE, SITE_FILE, Commands, console, errors, fail
+from tgl_soar.cli.params_page import page
+from tgl_soar.config.files import (
+    Airframe,
+    ConfigError,
+    Site,
+    load_airframe,
+    load_parameters,
+    load_site,
+    preset_lines,
+)
+from tgl_soar.config.line_changes import Presets, with_changes
+from tgl_soar.config.parameter_files import (
+    Format,
+    ParameterFileError,
+    format_of,
+    read_file,
+    shortest,
+    written,
+)
+from tgl_soar.config.parameter_store import Identity, ParameterStore, state_file, state_folder
+from tgl_soar.config.parameters import GROUPS, PARAMETERS, ParameterError, ParameterSet
+from tgl_soar.control.line_bounds import LineBounds
+
+params_app = Commands()
+
+AirframeOption = Annotated[Path, typer.Option("--airframe", help="Airframe file.", **AIRFRAME_FILE)]
+SiteOption = Annotated[Path, typer.Option("--site", help="Site file.", **SITE_FILE)]
+StateOption = Annotated[
+    Path | None,
+    typer.Option("--state", help="Folder of the stored parameters, as for `tgl-soar run`."),
+]
+
+
+class FileFormat(StrEnum):
+    """Which ground station's format to write."""
+
+    auto = "auto"
+    qgroundcontrol = "qgroundcontrol"
+    mavproxy = "mavproxy"
+
+
+@params_app.callback(invoke_without_command=True)
+def params(
+    context: typer.Context,
+    markdown: Annotated[
+        bool, typer.Option("--markdown", help="Print the page docs/parameters.md.")
+    ] = False,
+) -> None:
+    """List every parameter, or show, compare and carry values."""
+    if context.invoked_subcommand is not None:
+        return
+    if markdown:
+        print(page(), end="")
+        return
+    for group in GROUPS:
+        table = Table("name", "unit", "from", "to", "default", "in flight", "meaning", box=None)
+        for p in PARAMETERS:
+            if p.name.partition("_")[0] in group.prefixes:
+                table.add_row(
+                    p.name,
+                    p.unit,
+                    f"{p.minimum:g}",
+                    f"{p.maximum:g}",
+                    f"{p.default:g}",
+                    "yes" if p.in_flight else "no",
+                    p.meaning,
+                )
+        console.print(f"\n[bold]{group.title}[/bold]: {group.sentence}")
+        console.print(table)
+
+
+# --- what a flight would begin with -----------------------------------------------------------
+
+
+class Beginning(NamedTuple):
+    """What a flight with these files would begin with, and where each value is from."""
+
+    airframe: Airframe
+    site: Site
+    defaults: ParameterSet
+    files: ParameterSet  # with the airframe's and the site's values
+    values: ParameterSet  # with the stored ones too
+    kept: Mapping[str, float]
+    presets: Presets
+    bounds: LineBounds
+    store: ParameterStore
+    notes: tuple[str, ...]
+
+    def origin(self, name: str) -> str:
+        """Where a value comes from."""
+        if name in self.kept:
+            return "stored"
+        if name in self.site.parameters or self.files[name] != self._of_airframe(name):
+            return "site"
+        return "airframe" if name in self.airframe.parameters else "default"
+
+    def _of_airframe(self, name: str) -> float:
+        return self.defaults.changed(self.airframe.parameters)[name]
+
+
+def beginning(airframe_path: Path, site_path: Path, state: Path | None) -> Beginning:
+    """Errors: `ConfigError`."""
+    airframe, site = load_airframe(airframe_path), load_site(site_path)
+    files = load_parameters(airframe, airframe_path, site, site_path)
+    presets = preset_lines(site, files)
+    folder = state or state_folder(os.environ)
+    if folder is None:
+        raise ConfigError("no folder for stored parameters is known: name one with --state")
+    link = airframe.autopilot
+    identity = Identity(airframe.airframe.name, site.site.name, link.system_id, link.component_id)
+    path = state_file(folder, airframe_path, site_path)
+    store = ParameterStore(path, identity, files, presets)
+    found = store.restore(looking=True)
+    return Beginning(
+        airframe,
+        site,
+        ParameterSet(),
+        files,
+        found.values,
+        found.kept,
+        presets,
+        LineBounds(site.contour_for(airframe.airframe.name), site.known_ground()),
+        store,
+        found.notes,
+    )
+
+
+def _begin(airframe: Path, site: Path, state: Path | None) -> Beginning:
+    try:
+        found = beginning(airframe, site, state)
+    except ConfigError as error:
+        fail(error)
+    _tell(found.notes)
+    return found
+
+
+def _tell(notes: tuple[str, ...]) -> None:
+    for note in notes:
+        errors.print(note, style="yellow", highlight=False, markup=False, soft_wrap=True)
+
+
+def _done(text: str) -> None:
+    errors.print(text, highlight=False, markup=False, soft_wrap=True)
+
+
+@params_app.command("show")
+def show(airframe: AirframeOption, site: SiteOption, state: StateOption = None) -> None:
+    """List the values that a flight would begin with, and where each comes from."""
+    found = _begin(airframe, site, state)
+    table = Table("name", "value", "unit", "from", box=None)
+    for p, value in found.values:
+        origin = found.origin(p.name)
+        style = {"default": "dim", "stored": "bold"}.get(origin, "")
+        table.add_row(p.name, shortest(value), p.unit, origin, style=style)
+    console.print(table)
+    for i, preset in enumerate(found.presets, 1):
+        console.print(
+            f"TGL_PRESET = {i}: line {preset.name}, x {preset.x_m:g} m, z {preset.z_m:g} m, lean"
+            f" {preset.lean_deg:g} deg",
+            highlight=False,
+        )
+    console.print(f"stored in {found.store.path}", highlight=False, soft_wrap=True)
+
+
+@params_app.command("diff")
+def diff(
+    first: Annotated[
+        str, typer.Argument(help="default, files, state, or a .params or .parm file.")
+    ] = "files",
+    second: Annotated[str, typer.Argument(help="The same.")] = "state",
+    *,
+    airframe: AirframeOption,
+    site: SiteOption,
+    state: StateOption = None,
+) -> None:
+    """List the values that differ; exit code 1 if any do.
+
+    default: as declared. files: with the airframe's and the site's. state: with the stored ones,
+    which a flight would begin with. Of a file, the values that it holds.
+    """
+    found = _begin(airframe, site, state)
+    one, other = (_values_of(word, found) for word in (first, second))
+    table = Table("name", first, second, "unit", box=None)
+    for p in PARAMETERS:
+        a, b = one.get(p.name), other.get(p.name)
+        if p.in_files and a is not None and b is not None and a != b:
+            table.add_row(p.name, shortest(a), shortest(b), p.unit)
+    if table.row_count:
+        console.print(table)
+        raise typer.Exit(1)
+    _done("no differences")
+
+
+def _values_of(word: str, found: Beginning) -> dict[str, float]:
+    sets = {"default": found.defaults, "files": found.files, "state": found.values}
+    if word in sets:
+        return {p.name: value for p, value in sets[word]}
+    try:
+        read = read_file(word, component=found.airframe.autopilot.component_id)
+    except ParameterFileError as error:
+        fail(error)
+    _tell(read.notes)
+    return read.values
+
+
+@params_app.command("export")
+def export(
+    file: Annotated[Path, typer.Argument(help="File to write; - for standard output.")],
+    form: Annotated[
+        FileFormat, typer.Option("--format", help="auto: .parm and .param are MAVProxy's.")
+    ] = FileFormat.auto,
+    *,
+    airframe: AirframeOption,
+    site: SiteOption,
+    state: StateOption = None,
+) -> None:
+    """Write the values that a flight would begin with, for a ground station to load."""
+    found = _begin(airframe, site, state)
+    chosen: Format = format_of(file)
+    if form is not FileFormat.auto:
+        chosen = "mavproxy" if form is FileFormat.mavproxy else "qgroundcontrol"
+    link = found.airframe.autopilot
+    text = written(
+        [(p.name, value) for p, value in found.values if p.in_files],
+        chosen,
+        system=link.system_id,
+        component=link.component_id,
+    )
+    if str(file) == "-":
+        print(text, end="")
+        return
+    try:
+        file.write_text(text, encoding="utf-8")
+    except OSError as error:
+        fail(f"{file}: cannot be written: {error.strerror}")
+    _done(f"{file}: written for {chosen}")
+
+
+@params_app.command("import")
+def import_(
+    file: Annotated[Path, typer.Argument(help="A .params or .parm file.")],
+    airframe: AirframeOption,
+    site: SiteOption,
+    state: StateOption = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Also a line by which no aircraft can be held.")
+    ] = False,
+) -> None:
+    """Store the values of a ground station's file: the next flight begins with them.
+
+    What the file does not name stays. All of it is taken or nothing. Not while the module runs:
+    it stores what it flies with.
+    """
+    found = _begin(airframe, site, state)
+    try:
+        read = read_file(file, component=found.airframe.autopilot.component_id)
+        values = with_changes(found.values, read.values, found.presets)
+    except ParameterFileError as error:
+        fail(error)
+    except ParameterError as error:
+        fail(f"{file}: {error}")
+    fault = found.bounds.fault(values)
+    if fault and not force and not found.bounds.fault(found.values):
+        fail(f"{file}: {fault}; change it, or take it all the same with --force")
+    _tell((*read.notes, *((fault,) if fault else ())))
+    wanted = read.values.get("TGL_PRESET", values["TGL_PRESET"])
+    if values["TGL_PRESET"] != wanted:
+        _tell((f"{file}: TGL_PRESET = {wanted:g}: the line is elsewhere: TGL_PRESET is 0",))
+    try:
+        found.store.save(values)
+    except OSError as error:
+        fail(f"{found.store.path}: cannot be written: {error.strerror}")
+    changed = sum(a != b for (_, a), (_, b) in zip(found.values, values, strict=True))
+    _done(f"{len(read.values)} values read, {changed} changed; stored in {found.store.path}")
+
+
+@params_app.command("reset")
+def reset(airframe: AirframeOption, site: SiteOption, state: StateOption = None) -> None:
+    """Forget the stored values: the next flight begins with the files'."""
+    found = _begin(airframe, site, state)
+    try:
+        gone = found.store.forget()
+    except OSError as error:
+        fail(f"{found.store.path}: cannot be removed: {error.strerror}")
+    _done(f"{found.store.path}: {'removed, with its previous copy' if gone else 'there is none'}")

@@ -1,0 +1,145 @@
+"""`tgl-soar preflight`: is the vehicle set up as the module needs it?"""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from tgl_soar.cli.console import AIRFRAME_FILE, SITE_FILE, console, fail
+from tgl_soar.cli.conversation import Conversation, KeyOption, LinkOption, TimeoutOption
+from tgl_soar.config.files import (
+    Airframe,
+    ConfigError,
+    Site,
+    load_airframe,
+    load_parameters,
+    load_site,
+    preset_lines,
+)
+from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.control.line_bounds import LineBounds, open_sides
+from tgl_soar.link.autopilots.requirements import MUST, wish
+from tgl_soar.link.checks.preflight import Preflight
+from tgl_soar.link.keys import SigningError
+from tgl_soar.link.transport import LinkError, baud_of
+from tgl_soar.onboard.line_load import load_of
+from tgl_soar.onboard.module import flavour_of, needs_of, setup_from
+
+
+def preflight(
+    link: LinkOption,
+    airframe: Annotated[
+        Path, typer.Option(help="Airframe file: firmware and route.", **AIRFRAME_FILE)
+    ],
+    site: Annotated[
+        Path, typer.Option(help="Site file: where the position comes from.", **SITE_FILE)
+    ],
+    show_all: Annotated[
+        bool, typer.Option("--all", help="Show also what is as it should be.")
+    ] = False,
+    timeout: TimeoutOption = 10.0,
+    signing_key: KeyOption = None,
+) -> None:
+    """Read the autopilot's parameters and list what to change before flight; change nothing.
+
+    Of the site, the fence and the lines are looked at.
+
+    Exit code 0: all as needed; 1: something must be changed; 2: not possible.
+    """
+    try:
+        plane, place = load_airframe(airframe), load_site(site)
+        values = load_parameters(plane, airframe, place, site)
+        flavour = flavour_of(plane)
+        check = Preflight(flavour, needs_of(plane, place, values), plane.autopilot.system_id)
+        baud = baud_of(link)
+        load = load_of(setup_from(plane, place, values), signed=signing_key is not None)
+        with Conversation(link, plane, flavour, signing_key) as conversation:
+            _read(check, conversation, timeout)
+    except (ConfigError, LinkError, SigningError) as error:
+        fail(error)
+    except KeyboardInterrupt:
+        fail("stopped", 130)
+    too_slow = "" if baud is None else load.refusal(baud)
+    line_is_good = _place_told(plane, place, values)
+    code = _told(check, too_slow, show_all=show_all)
+    raise typer.Exit(code if line_is_good else 1)
+
+
+def _read(check: Preflight, conversation: Conversation, timeout_s: float) -> None:
+    """Until every parameter has answered or will not.  Errors: `LinkError`."""
+    begun_s = time.monotonic()
+    while True:
+        for message in conversation.turn():
+            check.hear(message)
+        now_s = time.monotonic()
+        if not check.heard:
+            if now_s - begun_s > timeout_s:
+                raise LinkError(
+                    f"no heartbeat of autopilot {conversation.autopilot.system}"
+                    f" within {timeout_s:g} s: check the link, its rate, and system_id of the"
+                    " airframe file"
+                )
+            continue
+        if check.mismatch:
+            raise LinkError(check.mismatch)
+        for request in check.poll(now_s):
+            conversation.say(request)
+        if check.done(now_s):
+            return
+
+
+def _place_told(plane: Airframe, place: Site, values: ParameterSet) -> bool:
+    """What is to be said of the fence and the lines; whether the files' line can be engaged on."""
+    bounds = LineBounds(place.contour_for(plane.airframe.name), place.known_ground())
+    for words in (open_sides(values), *bounds.preset_faults(values, preset_lines(place, values))):
+        if words:
+            console.print(words, style="yellow", highlight=False, markup=False, soft_wrap=True)
+    fault = bounds.fault(values)
+    if fault:
+        text = f"cannot be engaged: {fault}"
+        console.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
+    return not fault
+
+
+def _told(check: Preflight, too_slow: str, *, show_all: bool) -> int:
+    """The table, the way out, and the exit code.  `too_slow`: why the line is, if it is."""
+    route, findings, wrong = check.flavour.route, check.findings(), check.wrong()
+    refusal = check.refusal()
+    console.print(
+        f"{check.flavour.name} by {route.message} in {route.mode}:"
+        f" {len(findings)} parameters, {len(findings) - len(wrong)} as needed"
+    )
+    if not findings:
+        console.print("nothing of its set-up can be read over the link: see docs/hardware.md")
+    if findings and not check.answers:
+        console.print("none of them has answered: does the link carry parameters?", style="red")
+    shown = findings if show_all else wrong
+    if shown:
+        table = Table("", "now", "what to do", "why")
+        for finding in shown:
+            must = finding.requirement.level == MUST
+            mark = "ok" if finding.ok else "[red]MUST[/red]" if must else "[yellow]should[/yellow]"
+            now = "no answer" if finding.value is None else f"{finding.value:g}"
+            do = finding.name if finding.ok else wish(finding)
+            table.add_row(mark, now, do, finding.requirement.why)
+        console.print(table)
+    for words in (refusal, too_slow):
+        if words:
+            console.print(words, style="red", highlight=False, soft_wrap=True)
+    console.print(
+        f"when the module falls silent: {route.after_silence}\n"
+        f"the pilot takes over by: {route.takeover}",
+        highlight=False,
+        soft_wrap=True,
+    )
+    unfit = [finding for finding in wrong if finding.requirement.level == MUST]
+    if unfit or refusal or too_slow:
+        console.print("[red]not ready[/red]: change what stands above in red, then ask again")
+        return 1
+    if findings:
+        console.print("[green]ready[/green]" + (", though it could be better" if wrong else ""))
+    return 0

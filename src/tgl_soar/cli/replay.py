@@ -1,0 +1,187 @@
+"""`tgl-soar replay`: a logged flight through the same laws again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from tgl_soar.analysis.logs.reader import LogError
+from tgl_soar.analysis.replay.logged import SHOWN, Replay, ReplayError
+from tgl_soar.analysis.replay.logged import replay as replay_log
+from tgl_soar.analysis.replay.wire import WireReplay, replay_wire, rms
+from tgl_soar.cli.console import AIRFRAME, AIRFRAME_FILE, SITE, SITE_FILE, console, errors, fail
+from tgl_soar.cli.log import read
+from tgl_soar.config.files import ConfigError
+from tgl_soar.config.parameters import ParameterError
+from tgl_soar.onboard.flightlog.declaration import TOPICS, unit_of
+
+_MOST = 12  # fields in a table of differences
+_TOLD_IN = {  # units of what telemetry tells
+    **dict.fromkeys(("e_rho", "soar_x", "soar_z", "line_x", "line_z"), "m"),
+    **dict.fromkeys(("pitch_sp", "line_lean"), "°"),
+}
+
+
+def replay(
+    path: Annotated[Path, typer.Argument(metavar="LOG", help="A .ulg of ours, or a .tlog.")],
+    param: Annotated[
+        list[str] | None,
+        typer.Option("--param", metavar="NAME=VALUE", help="With another value; repeatable."),
+    ] = None,
+    airframe: Annotated[
+        Path | None,
+        typer.Option(help="With the parameters of another airframe file.", **AIRFRAME_FILE),
+    ] = None,
+    site: Annotated[
+        Path | None,
+        typer.Option(help="Site file; for a .tlog alone, which holds none.", **SITE_FILE),
+    ] = None,
+    figure: Annotated[
+        Path | None, typer.Option(help="Draw logged and replayed commands (.png, .svg).")
+    ] = None,
+    workers: Annotated[
+        int, typer.Option(help="Processes at most; 0: as many as processors.", min=0, max=256)
+    ] = 0,
+    compile: Annotated[
+        bool,
+        typer.Option(
+            "--compile",
+            help="Compile the laws first (numba): up to a minute, once for each version. From then"
+            " on long logs are flown with them by themselves.",
+        ),
+    ] = False,
+) -> None:
+    """Fly a log's inputs through the laws again; exit code 1 if commands differ or data is lost.
+
+    A .ulg is compared bit for bit. With --param or --airframe it shows what would have been
+    commanded: the aircraft does not answer to it. A .tlog, of this module or of a ground station,
+    goes through the whole module as far as its frames tell.
+    """
+    changes = _changes(param or [])
+    try:
+        if path.suffix == ".tlog":
+            _from_wire(path, airframe or AIRFRAME, site or SITE, changes)
+            return
+        if site is not None:
+            fail("--site is for a .tlog: a .ulg holds its own site file")
+        log = read(path)
+        result = replay_log(
+            log,
+            changes=changes,
+            airframe=airframe,
+            workers=workers or None,
+            compile=compile or None,
+        )
+    except (LogError, ReplayError, ConfigError, ParameterError, ImportError) as error:
+        fail(error)
+    _say(result.notes)
+    console.print(
+        f"{len(result.time_s)} ticks in {result.took_s:.2f} s, {result.speed:.0f} × real time"
+        + (f"; {result.left_out} left out, the state before them is lost" * bool(result.left_out))
+    )
+    if result.changed:
+        _compare(result)
+        if not result.differences:
+            console.print("no command differs: no tick of this flight was flown with what changed")
+    elif result.differences:
+        _list_differences(result)
+    else:
+        console.print("every command is the same, bit for bit", style="green")
+    if figure is not None:
+        _draw(figure, result, path, changes, airframe)
+    if log.losses or (result.differences and not result.changed):
+        raise typer.Exit(1)
+
+
+def _changes(given: list[str]) -> dict[str, float]:
+    changes = {}
+    for text in given:
+        name, _, value = text.partition("=")
+        try:
+            changes[name.strip().upper()] = float(value)
+        except ValueError:
+            fail(f"--param {text}: must be NAME=VALUE, as RHO_P=0.8")
+    return changes
+
+
+def _say(notes: list[str]) -> None:
+    for note in notes:
+        errors.print(note, style="yellow", highlight=False, markup=False, soft_wrap=True)
+
+
+def _unit(name: str) -> str:
+    return next((unit_of(field) for field in TOPICS["tick"].fields if field.name == name), "")
+
+
+def _list_differences(result: Replay) -> None:
+    table = Table("field", "ticks that differ", "largest", "at")
+    for d in result.differences[:_MOST]:
+        size = f"{d.largest:.3g} {_unit(d.name)}".rstrip()
+        table.add_row(d.name, str(d.ticks), size, f"{d.time_s:.3f} s")
+    console.print(table)
+    if len(result.differences) > _MOST:
+        console.print(f"and {len(result.differences) - _MOST} more fields")
+
+
+def _compare(result: Replay) -> None:
+    """What was commanded beside what would have been."""
+    worst = {d.name: d for d in result.differences}
+    table = Table("rms of", "logged", "replayed", "difference", "largest", "at")
+    for name in SHOWN:
+        if name not in result.logged:
+            continue
+        a, b = (x[name].astype(np.float64) for x in (result.logged, result.replayed))
+        flown = np.isfinite(a) & np.isfinite(b)
+        if name.startswith("command_"):
+            flown &= result.logged["active"]
+        if not flown.any():
+            table.add_row(name, *("–" for _ in range(5)))
+            continue
+        sizes = (float(np.sqrt(np.mean(x[flown] ** 2))) for x in (a, b, a - b))
+        d = worst.get(name)
+        largest = ("0", "–") if d is None else (f"{d.largest:.4g}", f"{d.time_s:.3f} s")
+        table.add_row(f"{name} [{_unit(name)}]", *(f"{x:.4g}" for x in sizes), *largest)
+    console.print(table)
+    console.print("the inputs are the logged ones: the aircraft does not answer to the change")
+
+
+def _draw(
+    figure: Path, result: Replay, path: Path, changes: dict[str, float], airframe: Path | None
+) -> None:
+    from tgl_soar.analysis.report.replay_figure import replay_figure
+
+    how = [f"{name} = {value:g}" for name, value in changes.items()]
+    how += [str(airframe.name)] if airframe is not None else []
+    title = f"{path.name}, replayed" + (f" with {', '.join(how)}" if how else "")
+    try:
+        replay_figure(figure, result.time_s, result.logged, result.replayed, title)
+    except (ImportError, OSError, ValueError) as error:
+        fail(f"no figure: {error}")
+
+
+def _from_wire(path: Path, airframe: Path, site: Path, changes: dict[str, float]) -> None:
+    result: WireReplay = replay_wire(path, airframe, site, changes)
+    _say(result.notes)
+    if not result.outputs:
+        fail(f"{path}: not one tick came of it: no attitude of the airframe's autopilot is in it")
+    ticks, speed = len(result.outputs), result.seconds / max(result.took_s, 1e-9)
+    console.print(f"{ticks} ticks in {result.took_s:.2f} s, {speed:.1f} × the recording's time")
+    table = Table("told by telemetry", "unit", "times", "rms of then less now", "largest")
+    for name, heard in result.compared.items():
+        sizes = [abs(h.told - h.replayed) for h in heard]
+        known = [size for size in sizes if size == size]
+        largest = f"{max(known):.3g}" if known else "–"
+        table.add_row(
+            name,
+            _TOLD_IN.get(name, ""),
+            str(len(heard)),
+            f"{rms(heard):.3g}" if known else "–",
+            largest,
+        )
+    console.print(table)
+    if result.missed or result.losses:
+        raise typer.Exit(1)

@@ -1,0 +1,149 @@
+"""`tgl-soar site`: what the flight needs to know of a place, computed beforehand."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from itertools import pairwise
+from math import hypot, sqrt
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tgl_soar.air.field import WindField
+from tgl_soar.air.zeuc import Bounds, ZeucError, contour, excess_at
+from tgl_soar.analysis.experiments.scenario import contour_step, search_bounds
+from tgl_soar.cli.console import AIRFRAME, AIRFRAME_FILE, SITE, SITE_FILE, Commands, console, fail
+from tgl_soar.config.files import Airframe, ConfigError, Site, load_airframe, load_site
+from tgl_soar.sim.world import build_field
+from tgl_soar.types import GlidePolar
+
+site_app = Commands(help="Sites: what is to be known of a place.", no_args_is_help=True)
+
+TOLERANCE_M = 0.005  # of a point left out: less than any tracker's noise on a line
+LONGEST_SHARE = 0.05  # a shorter part, of the longest one, is noise of the search
+
+Point = tuple[float, float]
+
+
+@site_app.callback()
+def site_() -> None:
+    """Sites: what is to be known of a place."""
+
+
+@site_app.command("contour")
+def contour_(
+    site: Annotated[
+        Path, typer.Option(help="Site file with an \\[air] table.", **SITE_FILE)
+    ] = SITE,
+    airframe: Annotated[
+        Path, typer.Option(help="Airframe file, for its polar.", **AIRFRAME_FILE)
+    ] = AIRFRAME,
+    bounds: Annotated[
+        str, typer.Option(help="Where to look: x from,x to,z from,z to \\[m]. Of the site's air.")
+    ] = "",
+    out: Annotated[Path | None, typer.Option(help="File to write; else it is printed.")] = None,
+) -> None:
+    """Print the site's zero excess updraft contour as the \\[contour] table of its file.
+
+    The module warns when a line is set that does not cross it. Append it to the site file:
+    tgl-soar site contour --site my_site.toml >> my_site.toml
+    """
+    try:
+        loaded, place = load_airframe(airframe), load_site(site)
+        area = _bounds(bounds) if bounds else search_bounds(place)
+        text = contour_toml(loaded, place, site.parent, area)
+    except (ConfigError, ZeucError, ValueError) as error:
+        fail(error)
+    if out is None:
+        print(text, end="")
+    else:
+        try:
+            out.write_text(text, encoding="utf-8")
+        except OSError as error:
+            fail(f"{out}: cannot be written: {error.strerror}")
+        console.print(f"contour in {out}: put it into {site}", highlight=False, soft_wrap=True)
+
+
+def _bounds(text: str) -> Bounds:
+    try:
+        x_from, x_to, z_from, z_to = (float(part) for part in text.split(","))
+    except ValueError:
+        raise ConfigError(f"--bounds {text!r}: needs 4 numbers with commas between them") from None
+    return x_from, x_to, z_from, z_to
+
+
+def contour_toml(airframe: Airframe, site: Site, folder: Path, bounds: Bounds) -> str:
+    """The `[contour]` table of a site file, whose folder its grids are in.
+
+    Errors: `ConfigError`, `ZeucError`, ValueError for bounds that enclose nothing.
+    """
+    if site.air is None:
+        raise ConfigError(f"site {site.site.name}: no [air] table, so there is no wind to map")
+    field = build_field(site.air, folder)
+    polar = airframe.polar.as_polar()
+    found = contour(field, polar, bounds, contour_step(bounds))
+    parts = [[(float(x), float(z)) for x, z in part] for part in found]
+    longest = max(map(_length, parts))
+    parts = [part for part in parts if _length(part) >= LONGEST_SHARE * longest]
+    lines = [
+        f"# Where excess updraft is zero, rising air on the left, by `tgl-soar site contour` for a"
+        f"\n# wind of {site.air.wind_mps:g} m/s. A line that does not cross it is refused.",
+        "[contour]",
+        f"airframe = {json.dumps(airframe.airframe.name)}",
+        "parts = [",
+    ]
+    for part in parts:
+        points = _thinned(_rising_on_the_left(field, polar, part), TOLERANCE_M)
+        lines += ["  [", *_wrapped([f"[{x:.3f}, {z:.3f}]" for x, z in points]), "  ],"]
+    return "\n".join([*lines, "]", ""])
+
+
+def _length(part: Sequence[Point]) -> float:
+    return sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(part))
+
+
+def _rising_on_the_left(field: WindField, polar: GlidePolar, part: list[Point]) -> list[Point]:
+    """The part, in the direction that has positive excess updraft on the left."""
+    votes = 0
+    for (xa, za), (xb, zb) in pairwise(part):
+        length = hypot(xb - xa, zb - za)
+        if length > 0.0:
+            aside = 0.1 * length
+            x = 0.5 * (xa + xb) - aside * (zb - za) / length
+            z = 0.5 * (za + zb) + aside * (xb - xa) / length
+            excess = excess_at(field, polar, x, z)
+            votes += (excess > 0.0) - (excess < 0.0)
+    return part if votes >= 0 else part[::-1]
+
+
+def _thinned(points: list[Point], tolerance_m: float) -> list[Point]:
+    """Fewer points; none left out is farther than that from what is left (Douglas-Peucker)."""
+    keep = {0, len(points) - 1}
+    waiting = [(0, len(points) - 1)]
+    while waiting:
+        low, high = waiting.pop()
+        farthest, distance = low, tolerance_m
+        for i in range(low + 1, high):
+            d = _from_segment(points[i], points[low], points[high])
+            if d > distance:
+                farthest, distance = i, d
+        if farthest != low:
+            keep.add(farthest)
+            waiting += [(low, farthest), (farthest, high)]
+    return [points[i] for i in sorted(keep)]
+
+
+def _from_segment(p: Point, a: Point, b: Point) -> float:
+    dx, dz = b[0] - a[0], b[1] - a[1]
+    squared = dx * dx + dz * dz
+    s = 0.0
+    if squared > 0.0:
+        s = max(0.0, min(1.0, ((p[0] - a[0]) * dx + (p[1] - a[1]) * dz) / squared))
+    x, z = p[0] - a[0] - s * dx, p[1] - a[1] - s * dz
+    return sqrt(x * x + z * z)
+
+
+def _wrapped(items: list[str]) -> list[str]:
+    return ["    " + ", ".join(items[i : i + 6]) + "," for i in range(0, len(items), 6)]

@@ -1,0 +1,231 @@
+"""`tgl-soar surfaces`: move each surface on the ground, and see that it goes the right way."""
+
+from __future__ import annotations
+
+import select
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from math import isfinite
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+from rich.table import Table
+
+from tgl_soar.cli.console import AIRFRAME_FILE, console, errors, fail
+from tgl_soar.cli.conversation import Conversation, KeyOption, LinkOption, TimeoutOption
+from tgl_soar.config.files import ConfigError, load_airframe
+from tgl_soar.link.checks.surfaces import SurfaceCheck
+from tgl_soar.link.keys import SigningError
+from tgl_soar.link.messages import (
+    COMMAND_SET_MESSAGE_INTERVAL,
+    ID_LOCAL_POSITION_NED,
+    ID_SERVO_OUTPUT_RAW,
+    CommandLong,
+    Source,
+)
+from tgl_soar.link.transport import LinkError
+from tgl_soar.onboard.module import RELEASE_FRAMES, direct_flavour_of, surface_channels
+from tgl_soar.onboard.watchdog import ENDS, STOPS
+
+OUTPUT_HZ: Final = 10.0
+
+
+def surfaces(
+    link: LinkOption,
+    airframe: Annotated[Path, typer.Option(help="Airframe file.", **AIRFRAME_FILE)],
+    deflection: Annotated[
+        float, typer.Option(help="How far, of full travel.", min=0.1, max=1.0)
+    ] = 0.5,
+    hold: Annotated[float, typer.Option(help="Seconds at each stop.", min=0.5, max=20.0)] = 1.5,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="Nobody looks: compare the outputs only.")
+    ] = False,
+    armed_on_ground: Annotated[
+        bool,
+        typer.Option("--armed-on-ground", help="It is armed, and somebody holds it on the ground."),
+    ] = False,
+    timeout: TimeoutOption = 10.0,
+    signing_key: KeyOption = None,
+) -> None:
+    """Move elevator, aileron and rudder in turn, say which way each must go, and compare the
+    autopilot's outputs with the airframe file.
+
+    Exit code 0: all as in the file and as it must look; 1: something is not; 2: not possible.
+    """
+    try:
+        plane = load_airframe(airframe)
+        flavour = direct_flavour_of(plane)
+        check = SurfaceCheck(
+            surface_channels(plane), flavour, deflection, hold, armed_on_ground=armed_on_ground
+        )
+        with Conversation(link, plane, flavour, signing_key) as conversation, _ended() as ended:
+            bench = _Bench(check, conversation)
+            bench.wait_for_autopilot(timeout)
+            try:
+                wrong = bench.go(_nobody if yes else _asked)
+            finally:
+                ended.is_over = True  # nothing may come between
+                for _ in range(RELEASE_FRAMES):
+                    for message in flavour.release():
+                        conversation.command(message)
+    except (ConfigError, LinkError, SigningError, _Refused) as error:
+        fail(error)
+    except _Ended as end:
+        fail("stopped; the surfaces are given back", 128 + end.signal_number)
+    raise typer.Exit(_told(check, wrong))
+
+
+class _Ended(Exception):
+    """Somebody has asked the command to end, or its terminal is gone."""
+
+    def __init__(self, signal_number: int) -> None:
+        super().__init__(signal.Signals(signal_number).name)
+        self.signal_number = signal_number
+
+
+class _Signals:
+    """Of those that end the command the first one is raised, once; no other comes between."""
+
+    def __init__(self) -> None:
+        self.is_over = False
+
+    def __call__(self, number: int, _frame: object) -> None:
+        if not self.is_over:
+            self.is_over = True
+            raise _Ended(number)
+
+
+@contextmanager
+def _ended() -> Iterator[_Signals]:
+    """Within, no signal leaves a surface where it is: the command ends in order, or goes on.
+
+    Stopped by ^Z, or because it speaks to a terminal while it is somebody else's turn there, it
+    would hold the last command until the autopilot's time-out.
+    """
+    signals = _Signals()
+    before = {number: signal.signal(number, signals) for number in ENDS}
+    before |= {number: signal.signal(number, signal.SIG_IGN) for number in STOPS}
+    try:
+        yield signals
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+class _Refused(Exception):
+    """Nothing may be moved; the message says why."""
+
+
+class _Bench:
+    """The check, talked through with the autopilot."""
+
+    def __init__(self, check: SurfaceCheck, conversation: Conversation) -> None:
+        self._check = check
+        self._conversation = conversation
+        self._requests = [
+            _rate_request(conversation.autopilot, message_id)
+            for message_id in (ID_SERVO_OUTPUT_RAW, ID_LOCAL_POSITION_NED)
+        ]
+
+    def wait_for_autopilot(self, timeout_s: float) -> None:
+        """Until it has said what it is doing.  Errors: `_Refused`."""
+        end_s = time.monotonic() + timeout_s
+        while refusal := self._check.refusal(time.monotonic()):
+            heard = "no heartbeat" not in refusal
+            if heard or time.monotonic() > end_s:
+                raise _Refused(refusal)
+            self._turn()
+
+    def go(self, look: Callable[[str], bool | None]) -> list[str]:
+        """All stops; what a person said looked wrong.  Errors: `_Refused`."""
+        check, wrong = self._check, []
+        while not check.done:
+            self._turn()
+            now_s = time.monotonic()
+            if refusal := check.refusal(now_s):
+                raise _Refused(f"{refusal}; the surfaces are given back")
+            for message in check.step(now_s):
+                self._conversation.command(message)
+            if not check.held(now_s):
+                continue
+            right = look(check.sight) if check.sight else True
+            if right is None:
+                continue  # not answered yet: hold it there
+            if not right:
+                wrong.append(check.sight)
+            check.move_on()
+        return wrong
+
+    def _turn(self) -> None:
+        for message in self._conversation.turn(self._requests):
+            self._check.hear(message, time.monotonic())
+
+
+def _rate_request(autopilot: Source, message_id: int) -> CommandLong:
+    numbers = (float(message_id), 1e6 / OUTPUT_HZ, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return CommandLong(*autopilot, COMMAND_SET_MESSAGE_INTERVAL, 0, numbers)
+
+
+def _nobody(sight: str) -> bool | None:
+    console.print(f"  {sight}", highlight=False)
+    return True
+
+
+class _Asked:
+    """Asks a person, without keeping the link waiting."""
+
+    def __init__(self) -> None:
+        self._question = ""
+
+    def __call__(self, sight: str) -> bool | None:
+        if sight != self._question:
+            self._question = sight
+            console.print(f"  {sight}?  \\[y/n] ", end="", highlight=False)
+        if not select.select([sys.stdin], [], [], 0.0)[0]:
+            return None
+        try:
+            line = sys.stdin.readline()
+        except OSError:  # in the background of a terminal, or that is gone
+            line = ""
+        if not line:
+            raise _Refused("nobody answers: give --yes to compare the outputs only")
+        answer = line.strip().lower()
+        if answer in ("y", "yes", "n", "no"):
+            self._question = ""
+            return answer.startswith("y")
+        console.print(f"  y or n: {sight}?  ", end="", highlight=False)
+        return None
+
+
+_asked: Final = _Asked()
+
+
+def _told(check: SurfaceCheck, wrong: list[str]) -> int:
+    """The table, what is wrong, and the exit code."""
+    table = Table("surface", "trim", "negative", "positive", "outputs")
+    faults = 0
+    for found in check.findings():
+        faults += len(found.faults)
+        table.add_row(
+            found.surface,
+            *(_pulse(us) for us in (found.trim_us, found.low_us, found.high_us)),
+            "as in the file" if not found.faults else "\n".join(found.faults),
+        )
+    console.print(table)
+    for sight in wrong:
+        errors.print(
+            f"went the wrong way; it must be: {sight}\n  change `reversed` of that surface in the"
+            " airframe file; if the pilot's stick moves it wrongly too, the autopilot's own",
+            style="red",
+            highlight=False,
+            soft_wrap=True,
+        )
+    return 1 if faults or wrong else 0
+
+
+def _pulse(us: float) -> str:
+    return f"{us:.0f} us" if isfinite(us) else "-"

@@ -1,0 +1,1 @@
+"""Airframe and site files, every parameter declared once, their files and store."""

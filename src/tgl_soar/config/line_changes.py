@@ -1,0 +1,231 @@
+"""What setting the line's parameters means: presets, staged moves, what is refused.
+
+    preset   TGL_PRESET = n puts TGL_X, TGL_Z and TGL_LEAN on the site's n-th line as one change.
+             It goes back to 0 as soon as the line stands elsewhere.
+    staging  TGL_STAGE = 1: sets of TGL_X, TGL_Z, TGL_LEAN and TGL_SLEW are checked one by one
+             and held; 0: all of them at once, or none; 2: dropped.  From 2 there is no way to 0
+             but over 1, so that a repeated commit that was refused is refused again.
+    bounds   A line by which no aircraft can be held (`line_bounds`) is refused, and so is one
+             in flight whose point is farther than TGL_STEP_MAX from the one that stands.
+    force    OP_FORCE = 1: the next move is made all the same, and OP_FORCE is 0 again.
+
+TGL_X and TGL_Z typed one after the other pass over a line of both: the fence, a box, never
+refuses it if both lines lie inside, and it is nearer to either than they are to each other.  What
+else refuses it has a way round: the other one first, or both staged.  On the ground, where the
+line that stands is itself no good (a new site), one step towards a better one is only warned of;
+what engages asks again.
+
+Pure: a set of values in, another one out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from itertools import pairwise
+from math import cos, hypot, pi, radians, sin
+from typing import Final, NamedTuple
+
+from tgl_soar.config.parameters import ParameterError, ParameterSet, as_wire_value, checked_value
+
+LINE: Final = ("TGL_X", "TGL_Z", "TGL_LEAN")
+STAGED: Final = (*LINE, "TGL_SLEW")
+BOUNDS: Final = ("FENCE_X_MIN", "FENCE_X_MAX", "FENCE_Z_MIN", "FENCE_Z_MAX", "CLEAR_MIN")
+OVERRIDE: Final = "OP_FORCE 1 overrides once"
+MOVED, STAGING, DROPPED = 0.0, 1.0, 2.0  # of TGL_STAGE
+
+# Lines through (x, z) [m] where excess updraft is zero; rising air is on their left.
+Contour = tuple[tuple[tuple[float, float], ...], ...]
+
+
+class PresetLine(NamedTuple):
+    """A line that the site names."""
+
+    name: str
+    x_m: float
+    z_m: float
+    lean_deg: float
+
+    def parameters(self) -> dict[str, float]:
+        """The parameters that put the line there."""
+        return {"TGL_X": self.x_m, "TGL_Z": self.z_m, "TGL_LEAN": self.lean_deg}
+
+
+Presets = tuple[PresetLine, ...]
+
+
+class Answer(NamedTuple):
+    """What came of one set."""
+
+    values: ParameterSet  # that stand from now on
+    told: tuple[str, ...]  # whose values are to be sent, the one that was set first
+    refusal: str = ""  # why a staged move was not made
+    warning: str = ""
+
+
+def _never(_values: ParameterSet) -> str:
+    """Where nothing is known of the place, every line will do."""
+    return ""
+
+
+class LineChanges:
+    """Knows the site's lines and bounds, and holds what is staged."""
+
+    def __init__(
+        self, presets: Presets = (), fault: Callable[[ParameterSet], str] = _never
+    ) -> None:
+        """`fault`: why no aircraft can be held by a line; "" if it can (`line_bounds`)."""
+        self.staged: dict[str, float] = {}
+        self.fault = fault
+        self._presets = presets
+
+    def set(self, values: ParameterSet, name: str, value: float, *, flying: bool) -> Answer:
+        """What one set makes of the values that stand.
+
+        Errors: `ParameterError`; then nothing has changed, here neither.
+        """
+        if name == "TGL_STAGE":
+            return self._stage(values, checked_value(name, value), flying)
+        if values["TGL_STAGE"] == STAGING:
+            if name in STAGED:
+                self.staged[name] = checked_value(name, value, flying=flying)
+                return Answer(values, (name,))
+            if name == "TGL_PRESET":
+                raise ParameterError(
+                    name, f"{value:g}", "a move is being staged: set TGL_STAGE to 0 or 2 first"
+                )
+        if name == "TGL_PRESET":
+            after = _selected(values, {name: value}, self._presets, flying)
+        else:
+            after = settled(values.changed({name: value}, flying=flying), self._presets)
+        return self._answer(name, values, after, flying)
+
+    def shown(self, values: ParameterSet, name: str) -> float:
+        """The value to answer with: a staged one hides the one that stands."""
+        return self.staged.get(name, values[name])
+
+    def _stage(self, values: ParameterSet, wanted: float, flying: bool) -> Answer:
+        standing, staged = values["TGL_STAGE"], self.staged
+        if wanted == standing:
+            return Answer(values, ("TGL_STAGE",))
+        if wanted == MOVED and standing == DROPPED:
+            raise ParameterError(
+                "TGL_STAGE", "0", "nothing is staged, the last was dropped: set 1 to stage anew"
+            )
+        self.staged = {}
+        after = values.changed({"TGL_STAGE": wanted})
+        if wanted != MOVED:
+            return Answer(after, ("TGL_STAGE", *staged))
+        try:
+            after = settled(after.changed(staged, flying=flying), self._presets)
+            answer = self._answer("TGL_STAGE", values, after, flying)
+        except ParameterError as error:
+            dropped = values.changed({"TGL_STAGE": DROPPED})
+            return Answer(dropped, ("TGL_STAGE", *staged), f"staged move dropped: {error}")
+        return answer._replace(told=tuple(dict.fromkeys((*answer.told, *staged))))
+
+    def _answer(self, name: str, before: ParameterSet, after: ParameterSet, flying: bool) -> Answer:
+        """Errors: `ParameterError` for a line that is refused."""
+        moved = _line(before) != _line(after)
+        bounded = any(before[bound] != after[bound] for bound in BOUNDS)
+        fault = ""
+        if moved or bounded:
+            fault = self.fault(after) or (_step_fault(before, after) if flying and moved else "")
+        if moved and before["OP_FORCE"] != 0.0:
+            after = after.changed({"OP_FORCE": 0.0})
+        elif fault and self._is_refused(before, moved, flying):
+            raise ParameterError(name, f"{after[name]:g}", f"{fault}; {OVERRIDE}")
+        changed = [p.name for (p, old), (_, new) in zip(before, after, strict=True) if old != new]
+        told = (name, *(other for other in changed if other != name))
+        return Answer(after, told, warning=fault)
+
+    def _is_refused(self, before: ParameterSet, moved: bool, flying: bool) -> bool:
+        """Whether a line with a fault is: where it is flown, or where the one before had none.
+
+        A fence or a clearance that shuts the line out is refused only in flight: it ends it.
+        """
+        if moved and flying:
+            return True
+        return (moved or flying) and not self.fault(before)
+
+
+def _step_fault(before: ParameterSet, after: ParameterSet) -> str:
+    step_m = hypot(after["TGL_X"] - before["TGL_X"], after["TGL_Z"] - before["TGL_Z"])
+    if step_m <= after["TGL_STEP_MAX"]:
+        return ""
+    return (
+        f"{step_m:.2f} m from where the line is to be now (TGL_STEP_MAX is"
+        f" {after['TGL_STEP_MAX']:g} m)"
+    )
+
+
+def with_changes(
+    values: ParameterSet, changes: Mapping[str, float], presets: Presets
+) -> ParameterSet:
+    """Values with the changes that a file gives.
+
+    A preset stands for its line where the file places none.  Errors: `ParameterError`.
+    """
+    if "TGL_PRESET" in changes and "TGL_X" not in changes and "TGL_Z" not in changes:
+        return _selected(values, changes, presets, False)
+    return settled(values.changed(changes), presets)
+
+
+def settled(values: ParameterSet, presets: Presets) -> ParameterSet:
+    """Values whose TGL_PRESET is true: 0 where the line is not where that preset has it."""
+    number = int(values["TGL_PRESET"])
+    if number == 0:
+        return values
+    if number <= len(presets):
+        there = presets[number - 1].parameters()
+        if all(values[name] == as_wire_value(value) for name, value in there.items()):
+            return values
+    return values.changed({"TGL_PRESET": 0.0})
+
+
+def _selected(
+    values: ParameterSet, changes: Mapping[str, float], presets: Presets, flying: bool
+) -> ParameterSet:
+    number = int(checked_value("TGL_PRESET", changes["TGL_PRESET"]))
+    if number == 0:
+        return values.changed(changes, flying=flying)
+    if number > len(presets):
+        known = ", ".join(f"{i} {preset.name}" for i, preset in enumerate(presets, 1))
+        reason = f"the site's lines are {known}" if presets else "the site file names no lines"
+        raise ParameterError("TGL_PRESET", number, f"no such line: {reason}")
+    preset = presets[number - 1]
+    try:
+        return values.changed({**changes, **preset.parameters()}, flying=flying)
+    except ParameterError as error:
+        if error.name not in LINE:
+            raise
+        raise ParameterError("TGL_PRESET", number, f"line {preset.name}: {error}") from None
+
+
+def _line(values: ParameterSet) -> tuple[float, float, float]:
+    return values["TGL_X"], values["TGL_Z"], values["TGL_LEAN"]
+
+
+class Crossing(NamedTuple):
+    """Where a line meets the contour."""
+
+    x_m: float
+    z_m: float
+    settles: bool  # excess updraft falls going up the line there
+
+
+def crossings(contour: Contour, x_m: float, z_m: float, lean_deg: float) -> list[Crossing]:
+    """Where the line meets the contour.
+
+    With rising air on its left, a contour that passes from downstream of the line (e_rho < 0)
+    to upstream of it runs across the line with the rising air below.
+    """
+    eta = radians(lean_deg) + 0.5 * pi
+    found = []
+    for part in contour:
+        e_rho = [cos(eta) * (z - z_m) - sin(eta) * (x - x_m) for x, z in part]
+        for (a, b), ((x_a, z_a), (x_b, z_b)) in zip(pairwise(e_rho), pairwise(part), strict=True):
+            if (a < 0.0) != (b < 0.0):
+                way = a / (a - b)  # from one point to the next
+                x, z = x_a + way * (x_b - x_a), z_a + way * (z_b - z_a)
+                found.append(Crossing(x, z, b >= 0.0))
+    return found

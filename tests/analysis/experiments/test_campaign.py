@@ -1,0 +1,163 @@
+"""The campaign: its jobs, its own look at every command, and what it writes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from math import nan
+
+import pytest
+
+from tgl_soar.analysis.experiments import campaign
+from tgl_soar.analysis.experiments.campaign import (
+    BEGIN,
+    END,
+    LOST,
+    PAIRS,
+    RELEASED,
+    SOARING,
+    CommandCheck,
+    Job,
+    Outcome,
+    drawn_jobs,
+    fly_all,
+    fly_job,
+    place,
+    survival_jobs,
+    survivals,
+    wilson,
+    with_section,
+)
+from tgl_soar.autopilot import Output, initial_state, laws_from, step
+from tgl_soar.sim.closed_loop import ClosedLoop
+from tgl_soar.sim.faults import CATALOGUE, parse_fault
+from tgl_soar.types import NO_ATTITUDE, NO_FIX, AutopilotStatus, Inputs, SurfaceCommand
+
+SHORT_S = 8.0
+
+
+@pytest.fixture(autouse=True)
+def plain(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compiling would take longer than these flights."""
+    monkeypatch.setattr(campaign, "available", lambda: False)
+
+
+def job(*faults: str, seed: int = 1) -> Job:
+    return Job("row", seed, 0.01, tuple(parse_fault(text) for text in faults))
+
+
+def test_every_kind_has_its_flights_and_some_have_two_faults() -> None:
+    jobs = drawn_jobs(400, 1)
+    flown = Counter(each.row for each in jobs)
+    assert set(flown) == {*CATALOGUE, PAIRS}
+    assert flown[PAIRS] == 100
+    assert max(flown[name] for name in CATALOGUE) - min(flown[name] for name in CATALOGUE) <= 1
+    assert all(len(each.faults) == (2 if each.row == PAIRS else 1) for each in jobs)
+    assert len({each.seed for each in jobs}) == 400
+
+
+def test_jobs_repeat_with_their_seed() -> None:
+    assert drawn_jobs(40, 5) == drawn_jobs(40, 5)
+    assert drawn_jobs(40, 5) != drawn_jobs(40, 6)
+
+
+def test_a_short_gap_is_survived_a_pilot_is_obeyed() -> None:
+    through = fly_job(job("position.dropout start=4 for=0.3"), SHORT_S)
+    assert through.result in (SOARING, campaign.FLYING)
+    taken = fly_job(job("pilot.takes start=3 for=5"), SHORT_S)
+    assert (taken.result, taken.error, taken.bad_commands) == (RELEASED, "", 0)
+    assert taken.reason
+    assert taken.ended_s == pytest.approx(3.0, abs=0.1)
+
+
+def test_a_flight_is_the_same_wherever_it_is_flown() -> None:
+    jobs = [job("position.loss start=2 for=2 share=0.5")._replace(seed=s) for s in (1, 2)]
+    told: list[int] = []
+    here = fly_all(jobs, 0, told.append)
+    assert told == [1, 2]
+    assert here == [fly_job(each) for each in jobs]
+
+
+def test_an_exception_is_an_outcome_and_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(_loop: object) -> Output:
+        raise ZeroDivisionError("somewhere")
+
+    monkeypatch.setattr(ClosedLoop, "tick", fails)
+    outcome = fly_job(job("pilot.takes"), 0.1)
+    assert (outcome.result, outcome.error) == (LOST, "ZeroDivisionError('somewhere')")
+
+
+def sent(command: SurfaceCommand, active: bool = True) -> Output:
+    """The output of a tick that sends this."""
+    values = place().values
+    state = initial_state()
+    laws = laws_from(values, place().site.frame())
+    inputs = Inputs(0.0, NO_FIX, NO_ATTITUDE, AutopilotStatus(0.0, True, True), False)
+    _, output = step(laws, state, inputs)
+    return output._replace(command=command, active=active)
+
+
+@pytest.mark.parametrize(
+    ("commands", "bad"),
+    [
+        ([(0.0, 0.0, 0.0), (0.1, -0.1, 0.1)], 0),
+        ([(0.0, nan, 0.0)], 1),
+        ([(1.001, 0.0, 0.0)], 1),
+        ([(0.0, 0.0, -1.001)], 1),
+        ([(0.0, 0.0, 0.0), (0.0, 0.0, 0.101)], 1),  # 20 travels a second, 200 ticks
+        ([(0.0, 0.0, 0.0), (nan, 0.0, 0.0), (0.0, 0.0, 0.0)], 1),
+    ],
+)
+def test_every_command_is_looked_at(commands: list[tuple[float, float, float]], bad: int) -> None:
+    check = CommandCheck(place().values, 0.005)
+    for command in commands:
+        check.look(sent(SurfaceCommand(*command)))
+    assert check.bad == bad
+
+
+def test_a_command_that_is_not_sent_is_none() -> None:
+    check = CommandCheck(place().values, 0.005)
+    check.look(sent(SurfaceCommand(1.0, 0.0, 0.0)))
+    check.look(sent(SurfaceCommand(nan, nan, nan), active=False))
+    check.look(sent(SurfaceCommand(-1.0, 0.0, 0.0)))  # engaged anew, from anywhere
+    assert check.bad == 0
+
+
+def test_the_interval_is_wilsons() -> None:
+    # 95 of 100: the textbook's 0.888 to 0.978.
+    assert wilson(95, 100) == pytest.approx((0.8883, 0.9785), abs=1e-3)
+    low, high = wilson(50, 50)
+    assert high == pytest.approx(1.0)
+    assert 0.92 < low < 0.94
+
+
+def test_survivals_are_counted_by_fault_and_air() -> None:
+    jobs = survival_jobs(3, 1)
+    outcomes = [
+        Outcome(each.row, each.seed, "", RELEASED if i == 0 else SOARING, "", 30.0, 0, "")
+        for i, each in enumerate(jobs)
+    ]
+    first, *others = survivals(outcomes)
+    assert (first.turbulence, first.survived, first.flights) == (0.03, 2, 3)
+    assert [(s.turbulence, s.survived) for s in others] == [(0.03, 3), (0.01, 3), (0.01, 3)]
+    assert {s.aboard for s in others} == set(campaign.SENSORS)
+
+
+def test_the_section_is_written_between_its_marks_and_counts_right() -> None:
+    outcomes = [
+        Outcome("link.loss", 1, "", SOARING, "", 30.0, 0, ""),
+        Outcome("link.loss", 2, "", RELEASED, "position lost", 12.0, 0, ""),
+        Outcome(PAIRS, 3, "", LOST, "hit the board", 9.0, 2, ""),
+    ]
+    written = campaign.section(outcomes, [], "the command")
+    assert "2 commands not finite" in written
+    assert "| `link.loss` | 2 | 1 | · | 1 | · | position lost (1) |" in written
+    assert "| two at once | 1 | · | · | · | 1 | hit the board (1) |" in written
+    assert "| **all** | **3** | 1 | 0 | 1 | 1 | |" in written
+    page = f"before\n{BEGIN}\nold\n{END}\nafter\n"
+    new = with_section(page, written)
+    assert "old" not in new
+    assert new.startswith("before\n")
+    assert new.endswith("after\n")
+    assert with_section(new, written) == new
+    with pytest.raises(ValueError, match="no marks"):
+        with_section("nothing", written)

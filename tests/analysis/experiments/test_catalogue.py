@@ -1,0 +1,37 @@
+"""Experiments run whole, one seed each, with their figures."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tgl_soar.analysis.experiments.catalogue import EXPERIMENTS, TITLES, run
+from tgl_soar.analysis.experiments.context import Context
+from tgl_soar.analysis.experiments.flights import Flyer
+from tgl_soar.analysis.experiments.result import as_json
+
+
+def test_every_experiment_has_a_title() -> None:
+    assert list(TITLES) == list(EXPERIMENTS)
+
+
+@pytest.mark.parametrize("name", ["field", "static", "rotate", "gust"])
+def test_an_experiment_tells_and_draws(tmp_path: Path, name: str) -> None:
+    """One seed: means of a leg are known to 3 cm or so, hence the claims are judged more mildly."""
+    told = run(name, Context(Flyer(), tmp_path, quick=True))
+    assert told.name == name
+    assert told.tables
+    assert all(len(row) == len(t.columns) for t in told.tables for row in t.rows)
+    (figure,) = told.figures
+    data = (tmp_path / figure).read_bytes()
+    assert data.startswith(b"\x89PNG")
+    assert 15_000 < len(data) < 150_000
+    assert json.dumps(as_json(told))
+    if name in ("field", "static", "rotate"):
+        assert told.verdict == "agrees", told.claims
+
+
+def test_without_a_folder_nothing_is_drawn() -> None:
+    assert run("field", Context(Flyer())).figures == ()

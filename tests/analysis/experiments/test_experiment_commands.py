@@ -1,0 +1,137 @@
+"""`tgl-soar zeuc`, `polar` and `experiment`, as typed."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from tgl_soar.cli.app import app
+from tgl_soar.config.files import shipped
+
+run = CliRunner(env={"COLUMNS": "120"})
+GLIDES = [(7.0 + 0.4 * i, 1.5 + 0.1 * (7.0 + 0.4 * i - 8.2) ** 2) for i in range(11)]
+
+
+def table(path: Path, header: str = "speed_mps,sink_mps") -> Path:
+    path.write_text(header + "\n" + "\n".join(f"{u},{s}" for u, s in GLIDES) + "\n")
+    return path
+
+
+def test_zeuc_writes_a_map_and_its_numbers(tmp_path: Path) -> None:
+    out = tmp_path / "map.png"
+    done = run.invoke(app, ["zeuc", "--out", str(out)])
+    assert done.exit_code == 0, done.output
+    assert out.stat().st_size > 20_000
+    numbers = json.loads(out.with_suffix(".json").read_text())
+    assert len(numbers["contour_m"][0]) > 50
+    for line in numbers["lines"].values():
+        assert any(c["stable"] for c in line["crossings"])
+    assert numbers["core"]["excess_mps"] > 0.0
+    assert numbers["versions"]["tgl_soar"]
+
+
+def test_zeuc_takes_lines_and_leans(tmp_path: Path) -> None:
+    out = tmp_path / "map.svg"
+    arguments = ["--line", "0.2,1.2,15", "--line", "0.6,1.7,15", "--lean", "25"]
+    done = run.invoke(app, ["zeuc", *arguments, "--out", str(out)])
+    assert done.exit_code == 0, done.output
+    lines = json.loads(out.with_suffix(".json").read_text())["lines"]
+    assert [round(line["lean_deg"]) for line in lines.values()] == [25, 25]
+    assert out.read_text().startswith("<?xml")
+
+
+def test_zeuc_without_a_contour_says_what_would_help(tmp_path: Path) -> None:
+    site = tmp_path / "site.toml"
+    text = shipped("sites/tunnel.toml").read_text()
+    assert "slope_deg = 23.0" in text
+    site.write_text(text.replace("slope_deg = 23.0", "slope_deg = 15.0").replace("8.5", "5.0"))
+    done = run.invoke(app, ["zeuc", "--site", str(site), "--out", str(tmp_path / "no.png")])
+    assert done.exit_code == 2
+    assert "no zero excess updraft contour" in done.stderr
+    assert "choose a wind" in done.stderr or "steepen" in done.stderr
+    assert not (tmp_path / "no.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--line", "1,2"], ["--line", "3 numbers"]),
+        (["--bounds", "1,2,x,4"], ["--bounds", "4 numbers"]),
+        (["--site", "nowhere.toml"], ["nowhere.toml", "cannot be read"]),
+        (["--lean", "95"], ["eta"]),
+    ],
+)
+def test_zeuc_refuses_nonsense(tmp_path: Path, arguments: list[str], words: list[str]) -> None:
+    done = run.invoke(app, ["zeuc", *arguments, "--out", str(tmp_path / "no.png")])
+    assert done.exit_code == 2
+    for word in words:
+        assert word in done.stderr
+
+
+def test_polar_fit_prints_toml_to_paste(tmp_path: Path) -> None:
+    out = tmp_path / "polar.png"
+    done = run.invoke(app, ["polar", "fit", str(table(tmp_path / "g.csv")), "--out", str(out)])
+    assert done.exit_code == 0, done.output
+    pasted = done.stdout[done.stdout.index("[polar]") :].split("figure in")[0]
+    polar = tomllib.loads(pasted)["polar"]
+    # The glides lie on a parabola: 1.5 + 0.1 (u − 8.2)²
+    assert polar["c2"] == pytest.approx(0.1, rel=1e-3)
+    assert abs(polar["c3"]) < 1e-6
+    assert (polar["speed_min_mps"], polar["speed_max_mps"]) == (7.0, 11.0)
+    assert "least sink 1.500 m/s at 8.2" in done.stdout
+    assert out.stat().st_size > 8_000
+
+
+def test_polar_fit_takes_other_columns(tmp_path: Path) -> None:
+    path = table(tmp_path / "g.csv", "V, ws")
+    done = run.invoke(app, ["polar", "fit", str(path), "--speed", "V", "--sink", "ws"])
+    assert done.exit_code == 0, done.output
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("u,s\n8,1.4\n", ["no column 'speed_mps'", "u, s", "--speed"]),
+        ("speed_mps,sink_mps\n8,fast\n", ["line 2", "sink_mps", "'fast'"]),
+        ("speed_mps,sink_mps\n8\n", ["line 2", "sink_mps"]),
+        ("speed_mps,sink_mps\n8,1.4\n9,1.5\n", ["distinct speeds"]),
+        ("speed_mps,sink_mps\n8,-1.4\n", ["positive down"]),
+        ("", ["no column"]),
+    ],
+)
+def test_polar_fit_says_what_is_wrong(tmp_path: Path, text: str, words: list[str]) -> None:
+    path = tmp_path / "g.csv"
+    path.write_text(text)
+    done = run.invoke(app, ["polar", "fit", str(path)])
+    assert done.exit_code == 2
+    assert str(path) in done.stderr.replace("\n", "")
+    for word in words:
+        assert word in done.stderr
+
+
+def test_polar_show_tells_best_glide() -> None:
+    done = run.invoke(app, ["polar", "show"])
+    assert done.exit_code == 0, done.output
+    assert "best glide 1 :" in done.stdout
+    assert "not beyond" in done.stdout
+
+
+def test_experiment_lists_runs_and_refuses(tmp_path: Path) -> None:
+    assert "translate" in run.invoke(app, ["experiment", "list"]).stdout
+    unknown = run.invoke(app, ["experiment", "sideways"])
+    assert unknown.exit_code == 2
+    assert "field" in unknown.stderr
+    half = run.invoke(app, ["experiment", "field", "--docs", str(tmp_path)])
+    assert half.exit_code == 2
+    done = run.invoke(app, ["experiment", "field", "--workers", "0", "--out", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    assert "verdict: agrees" in done.stdout
+    assert "[m/s]" in done.stdout  # not taken for markup
+    assert "[c]" in done.stdout
+    told = json.loads((tmp_path / "field.json").read_text())
+    assert told["verdict"] == "agrees"
+    assert (tmp_path / "field.png").stat().st_size > 20_000

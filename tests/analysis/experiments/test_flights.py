@@ -1,0 +1,83 @@
+"""Flights of scenarios: legs, scores, and the same in one process and in several."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf
+
+import msgspec
+import numpy as np
+import pytest
+
+from tgl_soar.analysis.experiments.flights import Flown, Flyer, Job, fly_job, pooled_wander
+from tgl_soar.analysis.experiments.scenario import Scenario, load_scenario
+from tgl_soar.config.files import shipped
+from tgl_soar.sim.score import settling_time
+
+
+@pytest.fixture(scope="module")
+def scenario() -> Scenario:
+    """Two lines, twelve seconds each."""
+    whole = load_scenario(shipped("scenarios/translate.toml"))
+    first = msgspec.structs.replace(whole.changes[0], time_s=12.0)
+    return msgspec.structs.replace(whole, duration_s=24.0, changes=[first])
+
+
+@pytest.fixture(scope="module")
+def flown(scenario: Scenario) -> Flown:
+    return fly_job(Job(scenario, 3))
+
+
+def test_each_line_is_a_leg_that_ends_with_the_next(flown: Flown) -> None:
+    assert flown.survived
+    a, b = flown.legs
+    assert (a.line, b.line) == ("a", "b")
+    assert a.end_s <= 12.0 < b.begin_s < 16.0
+    assert b.end_s == pytest.approx(24.0, abs=0.01)
+
+
+def test_a_leg_is_scored_on_its_own_line(flown: Flown) -> None:
+    for leg in flown.legs:
+        assert leg.rms_e_rho_m < 0.02  # 1 % of turbulence
+        assert leg.rms_e_rho_m <= leg.peak_e_rho_m < 0.1
+        assert leg.predicted is not None
+        assert abs(leg.miss_m) < 0.15  # a few seconds of a wander of 3 cm
+
+
+def test_workers_give_the_same_flights_in_the_order_asked_for(scenario: Scenario) -> None:
+    short = msgspec.structs.replace(scenario, duration_s=3.0, changes=[])
+    jobs = [Job(short, seed) for seed in (5, 4)]
+    seen: list[tuple[int, int]] = []
+    with Flyer(2, lambda flown, wanted: seen.append((flown, wanted))) as flyer:
+        pooled = flyer.fly(jobs)
+    alone = Flyer().fly(jobs)
+    assert [f.seed for f in pooled] == [5, 4]
+    assert seen[-1] == (2, 2)
+    for a, b in zip(pooled, alone, strict=True):
+        assert np.array_equal(a.path["x_m"], b.path["x_m"])
+    assert not np.array_equal(pooled[0].path["x_m"], pooled[1].path["x_m"])
+
+
+def test_a_flight_that_ends_early_says_why(scenario: Scenario) -> None:
+    """Upstream of the nozzle's lip is no place to fly."""
+    start = msgspec.structs.replace(scenario.start, x_m=-0.9, z_m=0.4)
+    crash = fly_job(Job(msgspec.structs.replace(scenario, start=start), 1))
+    assert not crash.survived
+    assert crash.ended == "let go: outside the fence"
+    assert crash.duration_s < 5.0
+    assert crash.legs == ()
+
+
+def test_settling_ends_with_the_first_quiet_two_seconds() -> None:
+    time = np.arange(0.0, 10.0, 0.01)
+    e = np.where(time < 1.0, 0.2, 0.0)
+    assert settling_time(time, e) == pytest.approx(1.0, abs=0.02)
+    e[500] = 0.06  # a peak after settling is a peak
+    assert settling_time(time, e) == pytest.approx(1.0, abs=0.02)
+    assert settling_time(time, np.full(len(time), 0.2)) == inf
+
+
+def test_pooled_wander_counts_the_spread_of_the_means(flown: Flown) -> None:
+    leg = flown.legs[0]
+    apart = [replace(leg, along_m=0.1, wander_m=0.03), replace(leg, along_m=-0.1, wander_m=0.03)]
+    assert pooled_wander(apart) == pytest.approx((0.03**2 + 0.1**2) ** 0.5)

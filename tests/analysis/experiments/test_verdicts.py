@@ -1,0 +1,147 @@
+"""What an experiment concludes from numbers: the logic, apart from any flight."""
+
+from __future__ import annotations
+
+import json
+from math import radians
+
+import pytest
+
+from tgl_soar.air.hill import HillField
+from tgl_soar.air.zeuc import stable_crossing
+from tgl_soar.analysis.experiments.air_speed import SpeedScore, speed_claims
+from tgl_soar.analysis.experiments.changing_air import Shift, WindShift, slope_claims, wind_claims
+from tgl_soar.analysis.experiments.hill_positions import (
+    POLAR,
+    RADIUS_M,
+    WIND_MPS,
+    claims_of,
+    positions,
+)
+from tgl_soar.analysis.experiments.line_lean import LeanScore, lean_claims, refusal
+from tgl_soar.analysis.experiments.page import page
+from tgl_soar.analysis.experiments.result import Claim, Result, Table, as_json, as_markdown, plain
+from tgl_soar.analysis.experiments.sensitivity import Change, sensitivity_claims
+from tgl_soar.control.target_line import TargetLine, eta_from_lean
+from tgl_soar.types import polar_sink
+
+YES, NO = Claim("it does", True, "1 cm"), Claim("it does not", False, "2 cm")
+
+
+def result(*claims: Claim) -> Result:
+    table = Table("one", ("a", "b [m]"), (("x", "1"),))
+    return Result("name", "title", "flown.", claims, "because.", (table,), {"n": 1.0}, ("f.png",))
+
+
+@pytest.mark.parametrize(
+    ("claims", "verdict"),
+    [((YES, YES), "agrees"), ((YES, NO), "agrees in part"), ((NO, NO), "differs")],
+)
+def test_the_verdict_follows_from_the_claims(claims: tuple[Claim, ...], verdict: str) -> None:
+    assert result(*claims).verdict == verdict
+
+
+def test_a_result_tells_everything_in_json_and_markdown() -> None:
+    told = as_json(result(YES, NO))
+    assert json.loads(json.dumps(told)) == told
+    assert told["versions"]["tgl_soar"]
+    text = as_markdown(result(YES, NO), "images")
+    for words in (
+        "| a | b [m] |",
+        "| x | 1 |",
+        "images/f.png",
+        "agrees in part",
+        "✓",
+        "✗",
+        "because",
+    ):
+        assert words in text
+    whole = page([result(YES, NO)])
+    assert as_markdown(result(YES, NO), "images/experiments") in whole
+    assert "| [`name`](#name) | title | in part: 1 of 2 claims |" in whole
+
+
+def test_json_has_no_numbers_that_are_none() -> None:
+    assert plain({"a": float("nan"), "b": (float("inf"), 1.0)}) == {"a": None, "b": [None, 1.0]}
+
+
+def test_the_hill_has_its_three_places() -> None:
+    """By construction of the parabola: 1.5 + 0.2 · 1² = 1.7 m/s at 8 and at 10 m/s."""
+    places = positions()
+    assert polar_sink(POLAR, 8.0) == pytest.approx(1.7)
+    assert polar_sink(POLAR, 10.0) == pytest.approx(1.7)
+    assert [round(p.updraft_mps, 2) for p in places] == [1.7, 1.53, 1.7]
+    assert all(claim.holds for claim in claims_of(places))
+    a, b, c = places
+    assert not claims_of([a._replace(updraft_mps=1.8), b, c])[0].holds
+    assert not claims_of([c, b, a])[2].holds
+    for place in (b, c):  # their perpendiculars lean downwind; lines that lean upwind do as well
+        assert place.lean_rad < 0.0
+        upwind = TargetLine(place.x_m, place.z_m, eta_from_lean(radians(20.0)))
+        assert stable_crossing(HillField(WIND_MPS, RADIUS_M), POLAR, upwind) is not None
+
+
+def test_slope_needs_contour_and_aircraft_to_rise_alike() -> None:
+    same = [Shift("a", 0.10, 0.10, 0.09), Shift("b", 0.12, 0.11, 0.11)]
+    assert [c.holds for c in slope_claims(same)] == [True, True]
+    apart = [same[0]._replace(flown_m=0.02), same[1]]
+    assert [c.holds for c in slope_claims(apart)] == [True, False]
+
+
+def shift(line: str, flown_m: float, predicted_m: float | None = None) -> WindShift:
+    predicted = flown_m if predicted_m is None else predicted_m
+    return WindShift(line, 1.0, 0.0, 0.0, 0.0, 0.0, predicted, flown_m, 0.0)
+
+
+def test_wind_asks_for_a_rise_a_rest_and_a_fall() -> None:
+    small = [shift("a", 0.06), shift("b", 0.03), shift("c", 0.0), shift("d", -0.01)]
+    large = [shift("a", 0.10), shift("b", 0.05), shift("c", 0.0), shift("d", -0.03)]
+    assert all(claim.holds for claim in wind_claims(small, large))
+    sinking = [*large[:2], shift("c", -0.06), large[3]]
+    assert [claim.holds for claim in wind_claims(small, sinking)] == [True, False, True, True]
+    astray = [shift("a", 0.3, 0.1), *large[1:]]
+    assert [claim.holds for claim in wind_claims(small, astray)] == [True, True, False, False]
+
+
+def gust_change(line: str, wind_mps: float, margin: float, at_once_m: float) -> Change:
+    return Change(line, wind_mps, 1.4, 0.15 + margin, 0.15, at_once_m, 0.0, 0.0, 0.0)
+
+
+def test_gust_tells_the_slopes_from_what_happens_at_once() -> None:
+    quasi = [gust_change("a", 8.5, 0.1, 0.02), gust_change("c", 9.3, 0.0, 0.0)]
+    quasi.append(gust_change("d", 9.6, -0.02, -0.01))
+    assert [c.holds for c in sensitivity_claims(quasi, 9.3)] == [True, True]
+    thrown = [c._replace(at_once_m=0.02) for c in quasi]
+    assert [c.holds for c in sensitivity_claims(thrown, 9.3)] == [True, False]
+
+
+def lean_score(lean_deg: float, rms_m: float, wander_m: float, survived: int = 8) -> LeanScore:
+    return LeanScore(lean_deg, lean_deg - 44.0, 8, survived, rms_m, wander_m, wander_m, 0, 1, 0, "")
+
+
+def test_lean_looks_where_the_least_is() -> None:
+    at_perpendicular = [lean_score(-10, 0.5, 0.5), lean_score(20, 0.02, 0.1)]
+    at_perpendicular.append(lean_score(40, 0.01, 0.05))
+    assert [c.holds for c in lean_claims(at_perpendicular, 44.0)] == [True, True, True]
+    away = [lean_score(-10, 0.02, 0.06), lean_score(20, 0.01, 0.05), lean_score(40, 0.02, 0.06)]
+    assert [c.holds for c in lean_claims(away, 44.0)] == [False, False, False]
+    assert [c.holds for c in lean_claims([lean_score(20, 0.5, 0.5)], 44.0)] == [False]
+
+
+def test_the_module_refuses_flat_lines_and_lines_that_lean_downwind() -> None:
+    assert "60" in refusal(90.0)
+    assert "TGL_LEAN_MIN" in refusal(-10.0)
+    assert refusal(20.0) == ""
+
+
+def speed_score(wind_mps: float, rms_m: float) -> SpeedScore:
+    return SpeedScore("a", wind_mps, 8, 8, rms_m, rms_m, 0.1)
+
+
+def test_speed_asks_both_with_margin_and_without() -> None:
+    falls, grows = (
+        [speed_score(8.3, a), speed_score(9.3, b)] for a, b in ((0.02, 0.01), (0.02, 0.03))
+    )
+    quiet = [score._replace(rms_e_rho_m=0.003) for score in falls]
+    assert [c.holds for c in speed_claims(falls, {1.0: quiet, 2.5: grows})] == [False, True]
+    assert [c.holds for c in speed_claims(grows, {1.0: quiet})] == [True, False]

@@ -1,0 +1,85 @@
+"""The margin to the stall without a pitot tube: where it is known, and what it does."""
+
+from __future__ import annotations
+
+from math import cos, degrees, hypot, inf, isfinite, nan, radians, sin
+
+import pytest
+
+from tgl_soar.autopilot import STALL_DOUBT_MAX_RAD, Output, stall_doubt
+from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
+from tgl_soar.control.envelope import CUT_NOSE_UP, PITCH_PER_SPEED
+from tgl_soar.sim.closed_loop import ClosedLoop
+from tgl_soar.sim.sensors import MEMS_IMU, READ_BACK, USUAL_SENSORS, Sensors
+from tgl_soar.sim.world import build_field, make_world
+from tgl_soar.types import NO_AIR, AirEstimate
+
+REC_PITCH = -8.0  # deg
+FELT = Sensors(imu=MEMS_IMU, surfaces=READ_BACK)
+
+
+def air(wind_sigma_mps: float, updraft_sigma_mps: float, alpha_rad: float = 0.1) -> AirEstimate:
+    return AirEstimate(
+        10.0, alpha_rad, 10.0, 0.5, 0.0, wind_sigma_mps, updraft_sigma_mps, measured=False
+    )
+
+
+def test_in_level_flight_through_the_air_updraft_turns_alpha_and_wind_is_airspeed() -> None:
+    assert stall_doubt(air(0.0, 0.2), 0.1) == pytest.approx(0.02)
+    assert stall_doubt(air(0.3, 0.0), 0.1) == pytest.approx(0.3 * PITCH_PER_SPEED)
+    assert stall_doubt(air(0.3, 0.2), 0.1) == pytest.approx(0.02)  # the larger of the two
+
+
+def test_on_a_steep_path_each_does_some_of_either() -> None:
+    gamma = -0.4
+    across = hypot(cos(gamma) * 0.1, sin(gamma) * 0.2) / 10.0
+    assert stall_doubt(air(0.2, 0.1), 0.1 + gamma) == pytest.approx(across)
+
+
+@pytest.mark.parametrize("unknown", [NO_AIR, air(nan, nan), air(0.1, 0.1, nan)])
+def test_what_is_not_known_is_not_sure(unknown: AirEstimate) -> None:
+    assert not stall_doubt(unknown, 0.0) <= STALL_DOUBT_MAX_RAD
+
+
+def flown(sensors: Sensors, **changes: float) -> tuple[list[Output], list[float]]:
+    """The ticks of a flight of the Eclipson on line b, and the true angle of attack at each."""
+    airframe_path, site_path = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
+    airframe, site = load_airframe(airframe_path), load_site(site_path)
+    assert site.air is not None
+    values = load_parameters(airframe, airframe_path, site, site_path).changed(changes)
+    field = build_field(site.air, site_path.parent)
+    world = make_world(airframe, site, seed=1, turbulence=0.02, field=field, sensors=sensors)
+    loop = ClosedLoop(world, values)
+    outputs, alpha = [], []
+    for _ in range(1600):
+        alpha.append(world.truth.alpha_rad)
+        outputs.append(loop.tick())
+    assert not world.crashed
+    return outputs, alpha
+
+
+def test_with_accelerometers_the_margin_is_known_in_flight_and_right() -> None:
+    outputs, alpha = flown(FELT, ALPHA_MAX=15.0, SPEED_MIN=1.0)
+    assert all(o.margins.stall_rad == inf for o in outputs if not o.active)  # held in a hand
+    flies = [(o, a) for o, a in zip(outputs, alpha, strict=True) if o.active][400:]
+    known = [(15.0 - degrees(o.margins.stall_rad), degrees(a)) for o, a in flies
+             if isfinite(o.margins.stall_rad)]  # fmt: skip
+    assert len(known) > 0.8 * len(flies)
+    rms = (sum((estimate - a) ** 2 for estimate, a in known) / len(known)) ** 0.5
+    assert rms < degrees(STALL_DOUBT_MAX_RAD)
+
+
+def test_with_a_pose_alone_nothing_is_known_and_nothing_limited() -> None:
+    outputs, _ = flown(USUAL_SENSORS, ALPHA_MAX=5.0)
+    assert all(o.margins.stall_rad == inf for o in outputs)
+    assert not any(o.cut & CUT_NOSE_UP for o in outputs)
+
+
+def test_near_the_limit_the_nose_is_kept_from_rising() -> None:
+    outputs, _ = flown(FELT, ALPHA_MAX=10.0, SPEED_MIN=1.0, REC_PITCH=REC_PITCH)
+    near = [o for o in outputs if o.active and o.margins.stall_rad < 0.0]
+    assert near
+    for output in near:
+        highest = max(radians(REC_PITCH), output.vehicle.pitch_rad + output.margins.stall_rad)
+        assert output.setpoints.pitch_rad <= highest
+    assert any(output.cut & CUT_NOSE_UP for output in near)

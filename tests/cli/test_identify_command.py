@@ -1,0 +1,132 @@
+"""From a real flight log to a polar and to an airframe file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from tgl_soar.analysis.experiments.identification import AIRFRAME
+from tgl_soar.cli.app import app
+from tgl_soar.config.files import load_airframe
+from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.onboard.flightlog.writer import Facts, FlightRecorder
+from tgl_soar.sim.glide_test import WIND_MPS, fly
+
+
+@pytest.fixture(scope="module")
+def glide_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The module on board of a gliding test flight."""
+    folder = tmp_path_factory.mktemp("glide")
+    facts = Facts({"sys_name": "tgl_soar", "ver_log": "1", "ver_sw": "0"}, {})
+    recorder = FlightRecorder(folder, facts, 0.0, patient=True)
+    recorder.start()
+    recorder.parameters(ParameterSet())
+    speeds = (9.2, 8.4, 7.9, 8.8, 9.8, 10.6, 11.4)
+    for tick in fly(load_airframe(AIRFRAME), seed=2, speeds_mps=speeds, doublets=5):
+        recorder.tick(tick.inputs, tick.output, tick.state)
+        recorder.poll()
+    recorder.stop()
+    (path,) = folder.rglob("*.ulg")
+    return path
+
+
+def run(*arguments: object) -> tuple[int, str]:
+    result = CliRunner().invoke(app, [str(a) for a in arguments])
+    return result.exit_code, result.output
+
+
+def test_a_polar_from_a_log(glide_log: Path, tmp_path: Path) -> None:
+    figure = tmp_path / "polar.png"
+    code, said = run(
+        "polar", "fit", glide_log, "--wind", WIND_MPS, "--compare", AIRFRAME, "--out", figure
+    )
+    assert code == 0, said
+    assert "steady glides" in said
+    assert "[polar]" in said
+    assert figure.stat().st_size > 10_000
+
+
+def test_an_airframe_file_from_a_log(glide_log: Path, tmp_path: Path) -> None:
+    new, figure = tmp_path / "new.toml", tmp_path / "doublets.svg"
+    code, said = run(
+        "identify", glide_log, "--wind", WIND_MPS, "--airframe", AIRFRAME, "-o", new,
+        "--figure", figure,
+    )  # fmt: skip
+    assert code == 0, said
+    before, after = load_airframe(AIRFRAME).model, load_airframe(new).model
+    assert after["Cm_elevator"] == pytest.approx(before["Cm_elevator"], rel=0.1)
+    assert after["servo_delay_s"] == pytest.approx(0.0, abs=0.005)
+    changed = {key for key in before if before[key] != after[key]}
+    assert {"CL_alpha", "Cm_alpha", "Cm_q", "Cm_elevator"} <= changed
+    assert not changed & {"CD0", "Cl_p", "servo_lag_radps"}
+    assert "identified: ±" in new.read_text(encoding="utf-8")
+    assert figure.read_text(encoding="utf-8").count("<svg") == 1
+
+
+def test_the_file_that_it_is_compared_with_is_not_overwritten(glide_log: Path) -> None:
+    before = AIRFRAME.read_bytes()
+    code, said = run("identify", glide_log, "--airframe", AIRFRAME, "-o", AIRFRAME)
+    assert (code, AIRFRAME.read_bytes()) == (2, before)
+    assert "another name" in said.replace("\n", " ")
+
+
+def test_a_figure_that_cannot_be_written_is_a_plain_error(glide_log: Path) -> None:
+    code, said = run("polar", "fit", glide_log, "--wind", WIND_MPS, "--out", "/proc/none/p.png")
+    assert code == 2
+    assert "no figure: /proc/none/p.png" in said.replace("\n", " ")
+
+
+def test_what_the_airframe_file_lacks_is_not_blamed_on_the_log(
+    glide_log: Path, tmp_path: Path
+) -> None:
+    lacking = tmp_path / "lacking.toml"
+    text = AIRFRAME.read_text(encoding="utf-8")
+    lacking.write_text(text.replace("servo_lag_radps = 54.0", ""), encoding="utf-8")
+    code, said = run("identify", glide_log, "--airframe", lacking)
+    assert code == 2
+    assert str(lacking) in said.replace("\n", "")
+    assert "servo_lag_radps" in said
+
+
+def test_a_simulated_glide_leaves_a_log_that_both_take(tmp_path: Path) -> None:
+    code, said = run("glide", "--out", tmp_path, "--seed", 3)
+    assert code == 0, said
+    (log,) = tmp_path.rglob("*.ulg")
+    code, said = run("polar", "fit", log, "--wind", WIND_MPS)
+    assert code == 0, said
+    blocked = tmp_path / "file"
+    blocked.touch()
+    assert run("glide", "--out", blocked)[0] == 2
+
+
+def test_of_a_log_that_breaks_off_the_glides_are_used_and_the_loss_is_told(
+    glide_log: Path, tmp_path: Path
+) -> None:
+    """Power is lost among the doublets: a polar is still in it, and too few of those."""
+    data = glide_log.read_bytes()
+    cut = tmp_path / "cut.ulg"
+    cut.write_bytes(data[: int(0.72 * len(data))])
+    code, said = run("polar", "fit", cut, "--wind", WIND_MPS)
+    assert code == 0, said
+    assert "lost: cut off" in said
+    assert "[polar]" in said
+    code, said = run("identify", cut, "--wind", WIND_MPS)
+    assert code == 2
+    assert "lost: cut off" in said
+    assert "manoeuvres found, 4 are needed" in said.replace("\n", " ")
+
+
+def test_mistakes_are_said(glide_log: Path, tmp_path: Path) -> None:
+    code, said = run("identify", tmp_path / "none.ulg")
+    assert code == 2
+    assert "none.ulg" in said
+    empty = tmp_path / "empty.ulg"
+    empty.touch()
+    code, said = run("polar", "fit", empty)
+    assert code == 2
+    assert "empty" in said
+    code, said = run("polar", "fit", glide_log)  # without the wind it glided backwards
+    assert code == 2
+    assert str(glide_log) in said.replace("\n", "")

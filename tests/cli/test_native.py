@@ -1,0 +1,535 @@
+"""Native code of what flies: made, checked, taken and left alone."""
+
+from __future__ import annotations
+
+import ast
+import fcntl
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from keyword import iskeyword
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import tgl_soar
+from tgl_soar.cli import compile as compiling
+from tgl_soar.cli.app import app
+from tgl_soar.onboard import native
+from tgl_soar.onboard.process import main
+
+TESTS = Path(__file__).parent
+# The tests of what flies, in this process; those of links and processes are interpreted anyway.
+OF_WHAT_FLIES = (
+    *("control", "estimation", "link", "onboard", "flightlog/test_flight_log.py"),
+    *("test_autopilot.py", "test_geometry.py", "test_links.py", "test_stall_margin.py"),
+)
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where native code is looked for."""
+    monkeypatch.setenv("TGL_SOAR_NATIVE", str(tmp_path / "native"))
+    return tmp_path / "native"
+
+
+def said(code: str) -> str:
+    """What a fresh interpreter prints."""
+    command = [sys.executable, "-c", code]
+    run = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
+    return run.stdout.strip()
+
+
+USE = "from tgl_soar.onboard import native; print(native.use(), native.told(), sep='|')"
+
+
+OF_THE_LINES_IN_C = """
+import gc, sys
+from tgl_soar.onboard import native; native.use()
+from tgl_soar_tuples import make
+from tgl_soar.types import Setpoints as Kind
+whole, pitch = make(Kind, 1.0, 2.0, 3.0), 4.5e-6
+print(whole == Kind(1.0, 2.0, 3.0) and type(whole) is Kind and hash(whole) == hash(tuple(whole)))
+before = sys.getrefcount(pitch), sys.getrefcount(Kind)
+many = [make(Kind, pitch, pitch, pitch) for _ in range(100)]
+del many
+print((sys.getrefcount(pitch), sys.getrefcount(Kind)) == before)
+print(gc.is_tracked(make(Kind, [], [], [])))
+errors = 0
+for wrong in ((), (3,), (list, 1.0)):
+    try: make(*wrong)
+    except TypeError: errors += 1
+print(errors)
+ring = []
+ring.append(make(Kind, ring, ring, ring))
+del ring
+gc.collect()
+print(sum(type(o) is Kind and type(o[0]) is list for o in gc.get_objects()))
+"""
+
+
+# --- the real thing ------------------------------------------------------------------------------
+
+
+@pytest.mark.first
+def test_native_code_does_what_the_source_does(place: Path) -> None:
+    """It is made, flies a flight between processes as the source does, to the last bit (`make`
+    itself sees to that), is taken by `run`, and passes the tests of what flies."""
+    if shutil.which(os.environ.get("CC", "cc")) is None:
+        pytest.skip("no C compiler")
+    words: list[str] = []
+    compiling.make(words.append)
+    assert len(words) == 2
+    assert {path.name for path in place.iterdir()} == {native.folder().name, "native.lock"}
+
+    taken = said(
+        "from tgl_soar.onboard import native; native.use(); import sys, tgl_soar.onboard.process;"
+        "print(*sorted(name for name, module in sys.modules.items()"
+        " if name.startswith('tgl_soar.') and module.__file__.endswith('.so')))"
+    )
+    assert taken.split() == sorted(native.MODULES)
+    for options, ending in (([], ".so"), (["--interpreted"], ".py")):
+        flown = said(
+            "import sys; from tgl_soar.cli.__main__ import main\n"
+            f"sys.argv = ['tgl-soar', 'run', '-h', *{options}]\n"
+            "try: main()\nexcept SystemExit: print(sys.modules['tgl_soar.autopilot'].__file__)"
+        )
+        assert flown.endswith(ending)
+
+    assert said(OF_THE_LINES_IN_C).split() == ["True", "True", "True", "3", "0"]
+
+    run = subprocess.run(
+        [
+            *(sys.executable, "-m", "pytest", "-p", "no:xdist", "-p", "no:randomly", "-q"),
+            *(str(TESTS / name) for name in OF_WHAT_FLIES),
+        ],
+        cwd=TESTS.parent,
+        env={**os.environ, "TGL_SOAR_TEST_NATIVE": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 0, run.stdout[-4000:]
+
+
+# --- where there is none -------------------------------------------------------------------------
+
+
+def test_without_native_code_the_source_flies_and_it_is_said(place: Path) -> None:
+    assert said(USE) == "False|interpreted; `tgl-soar compile` makes it four times as quick"
+    assert not place.exists()
+
+
+def made_at(
+    kept: Path, *, python: str = sys.version, source: Path = native.SOURCE, key: str = ""
+) -> Path:
+    """A folder as `compile` leaves it, with a library that is none."""
+    kept.mkdir(parents=True)
+    (kept / f"0123{native.LIBRARY}{native.SUFFIX}").write_bytes(b"\x7fELF and then nothing")
+    (kept / "tgl_soar").mkdir()
+    (kept / "tgl_soar" / f"autopilot{native.SUFFIX}").write_bytes(b"\x7fELF")
+    manifest = {"compiler": "mypyc", "python": python, "source": str(source), "fields": {}}
+    manifest |= {"sums": native.sums(kept), "key": key or native.source_key()}
+    (kept / native.MANIFEST).write_text(json.dumps(manifest), encoding="utf-8")
+    kept.chmod(0o755)
+    return kept
+
+
+CANNOT = "False|interpreted: what was compiled cannot be used: "
+
+
+def test_native_code_of_another_source_is_not_taken(place: Path) -> None:
+    made_at(place / "native-0123456789abcdef")
+    assert said(USE).startswith("False|interpreted (what was compiled is of another version)")
+
+
+def test_only_what_is_ours_is_removed(place: Path) -> None:
+    kept, old = made_at(native.folder()), made_at(place / "native-0123456789abcdef")
+    (place / "native-photos").mkdir()
+    theirs = [
+        place / "native-photos",
+        made_at(place / "native-1123456789abcdef", python="3.99"),
+        made_at(place / "native-2123456789abcdef", source=place),
+    ]
+    assert native.others() == [old]
+    assert CliRunner().invoke(app, ["compile", "--remove"]).exit_code == 0
+    assert not kept.exists()
+    assert not old.exists()
+    assert all(folder.exists() for folder in theirs)
+
+
+@pytest.mark.parametrize("manifest", ["", "{}", "[1]", '{"fields": {}}'])
+def test_a_damaged_manifest_grounds_nothing(place: Path, manifest: str) -> None:
+    (made_at(native.folder()) / native.MANIFEST).write_text(manifest, encoding="utf-8")
+    assert place in native.folder().parents
+    assert not native.is_made()
+    assert said(USE).startswith(CANNOT)
+
+
+def test_code_that_was_cut_off_on_the_disk_is_never_loaded(place: Path) -> None:
+    """A whole process would die of it."""
+    kept = made_at(native.folder())
+    assert place in kept.parents
+    assert native.is_made()
+    for file in kept.rglob(f"*{native.SUFFIX}"):
+        whole = file.read_bytes()
+        file.write_bytes(whole[:3])
+        assert not native.is_made()
+        assert said(USE) == CANNOT + "it is damaged: compile it again"
+        file.write_bytes(whole)
+    assert native.is_made()
+
+
+def test_what_others_may_write_to_is_not_run(place: Path) -> None:
+    made_at(native.folder()).chmod(0o777)
+    kept = native.folder()
+    assert said(USE) == f"{CANNOT}others may write to {kept}: chmod go-w {kept}"
+    assert place in kept.parents
+
+
+# --- whose it is -------------------------------------------------------------------------------
+
+
+as_root = pytest.mark.skipif(os.getuid() != 0, reason="only root can give files away")
+SOMEBODY: int = 12345  # no user of this computer
+
+
+def test_an_old_folder_under_a_new_name_is_not_taken(place: Path) -> None:
+    made_at(place / "native-0123456789abcdef", key="0" * 64).rename(native.folder())
+    assert not native.is_made()
+    assert said(USE) == f"{CANNOT}it was made of another version of the source: compile it again"
+
+
+@pytest.mark.parametrize("above", [0, 1, 2])
+def test_a_folder_that_others_can_put_another_in_place_of_is_not_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, above: int
+) -> None:
+    """At any height above it; but not where others may add to it and take nothing away (/tmp)."""
+    base = tmp_path / "a" / "b" / "c"
+    monkeypatch.setenv("TGL_SOAR_NATIVE", str(base))
+    made_at(native.folder())
+    assert native.is_made()
+    writable = [base, *base.parents][above]
+    writable.chmod(0o777)
+    assert not native.is_made()
+    assert said(USE) == f"{CANNOT}others may write to {writable}: chmod go-w {writable}"
+    writable.chmod(0o1777)
+    assert native.is_made()
+
+
+@as_root
+@pytest.mark.parametrize("what", ["base", "folder", "inside", "library", "manifest"])
+def test_what_belongs_to_another_user_is_not_run(place: Path, what: str) -> None:
+    kept = made_at(native.folder())
+    library = next(kept.rglob(f"*{native.SUFFIX}"))
+    theirs = {
+        "base": place,
+        "folder": kept,
+        "inside": kept / "tgl_soar",
+        "library": library,
+        "manifest": kept / native.MANIFEST,
+    }[what]
+    os.chown(theirs, SOMEBODY, -1)
+    assert said(USE) == f"{CANNOT}{theirs} belongs to another user (uid {SOMEBODY})"
+
+
+@as_root
+@pytest.mark.parametrize("group", [0, SOMEBODY])
+def test_a_group_may_write_only_if_it_is_its_owner_s_own(place: Path, group: int) -> None:
+    """Ubuntu gives each user a group of their own, and makes folders writable by it."""
+    kept = made_at(native.folder())
+    os.chown(place, 0, group)
+    place.chmod(0o775)
+    assert native.is_made() == (group == 0)
+    assert kept.exists()
+
+
+@pytest.mark.parametrize("what", ["folder", "library"])
+def test_a_link_is_not_followed(place: Path, what: str) -> None:
+    kept = made_at(native.folder())
+    link = kept if what == "folder" else next(kept.rglob(f"*{native.SUFFIX}"))
+    link.rename(place / "elsewhere")
+    link.symlink_to(place / "elsewhere")
+    assert said(USE) == f"{CANNOT}{link} is a symbolic link"
+
+
+def test_a_base_that_is_a_link_to_a_folder_of_ours_will_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "data").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "data")
+    monkeypatch.setenv("TGL_SOAR_NATIVE", str(tmp_path / "link"))
+    made_at(native.folder())
+    assert native.is_made()
+    (tmp_path / "data").chmod(0o777)
+    assert not native.is_made()
+
+
+def test_a_library_that_others_may_write_to_is_not_run(place: Path) -> None:
+    file = next(made_at(native.folder()).rglob(f"*{native.SUFFIX}"))
+    file.chmod(0o666)
+    assert place in file.parents
+    assert said(USE) == f"{CANNOT}others may write to {file}: chmod go-w {file}"
+
+
+def test_what_was_checked_is_what_is_loaded(place: Path) -> None:
+    """Whatever is put in its place between the two: the folder, or a file in it."""
+    kept = made_at(native.folder())
+    whole = {file.name: file.read_bytes() for file in kept.rglob(f"*{native.SUFFIX}")}
+    held = native._held(kept, native.source_key())
+    finder = native._Finder(kept, held)
+    kept.rename(place / "away")
+    for file in made_at(kept).rglob(f"*{native.SUFFIX}"):
+        file.write_bytes(b"theirs")
+    for name, (library, _) in finder._files.items():
+        spec = finder.find_spec(name)
+        assert spec is not None
+        assert spec.origin is not None
+        assert Path(spec.origin).read_bytes() == whole[Path(library).name]
+    held.close()
+
+
+def test_nothing_stays_open_of_what_is_refused(place: Path) -> None:
+    kept = made_at(native.folder())
+    assert place in kept.parents
+    before = len(list(Path("/proc/self/fd").iterdir()))
+    next(kept.rglob(f"*{native.SUFFIX}")).write_bytes(b"damaged")
+    assert not native.is_made()
+    kept.chmod(0o777)
+    assert not native.is_made()
+    assert len(list(Path("/proc/self/fd").iterdir())) == before
+
+
+def test_a_library_says_of_what_source_it_was_made(
+    place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where the manifest of a current one was put beside it."""
+    if shutil.which(os.environ.get("CC", "cc")) is None:
+        pytest.skip("no C compiler")
+    current, kept = native.source_key(), native.folder()
+    monkeypatch.setattr(native, "MODULES", ("tgl_soar.control.pid",))
+    monkeypatch.setattr(native, "source_key", lambda: "old")
+    compiling._compile(tmp_path)
+    compiling._collect(tmp_path, kept)
+    assert place in kept.parents
+    as_old = f"from tgl_soar.onboard import native; native.folder = lambda: native.Path({str(kept)!r})\n"
+    as_old += "native.source_key = lambda: 'old'\n"
+    flown = said(as_old + USE + "; from tgl_soar.control import pid; print(pid.__file__)")
+    assert flown.splitlines()[0].startswith("True|native, by mypyc")
+    assert flown.splitlines()[1] == str(kept / "tgl_soar/control" / f"pid{native.SUFFIX}")
+    manifest = kept / native.MANIFEST
+    manifest.write_text(manifest.read_text().replace('"key": "old"', f'"key": "{current}"'))
+    refused = said(USE + "; from tgl_soar.control import pid; print(pid.__file__)").splitlines()
+    words = "its code is of another version of the source: compile it again"
+    assert refused == [CANNOT + words, str(native.SOURCE / "control/pid.py")]
+
+
+def test_nothing_is_compiled_where_it_would_not_be_flown(place: Path) -> None:
+    place.mkdir()
+    place.chmod(0o777)
+    with pytest.raises(compiling.CompileError, match=f"would not be flown: others may .* {place}"):
+        compiling.make(lambda _words: None)
+    assert list(place.iterdir()) == []
+
+
+# --- what cannot be loaded ----------------------------------------------------------------------
+
+
+def test_a_library_that_cannot_be_loaded_grounds_nothing(place: Path) -> None:
+    made_at(native.folder())
+    assert place in native.folder().parents
+    code = USE + "; import tgl_soar.autopilot; print(tgl_soar.autopilot.__file__[-3:])"
+    first, second = said(code).splitlines()
+    library = native.folder() / f"0123{native.LIBRARY}{native.SUFFIX}"
+    assert first.startswith(f"{CANNOT}{library}: ")
+    assert second == ".py"
+
+
+def test_where_some_of_it_is_imported_already_the_source_flies_on(place: Path) -> None:
+    """Else there would be two of each kind of tuple."""
+    made_at(native.folder())
+    assert place in native.folder().parents
+    assert said("import tgl_soar.types; " + USE) == CANNOT + "tgl_soar.types was imported before it"
+
+
+def test_what_did_not_fly_is_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The module falls back to the source, which flies as the source does."""
+
+    def flown(out: Path, _kept: Path) -> bytes:
+        out.mkdir()
+        (out / "module.log").write_text("tgl_soar: code: interpreted: for a reason\n")
+        return b"the same"
+
+    monkeypatch.setattr(compiling, "_flown", flown)
+    with pytest.raises(compiling.CompileError, match="cannot be loaded here: interpreted: for a"):
+        compiling._check(tmp_path, tmp_path)
+
+
+def test_what_flies_otherwise_is_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def flown(out: Path, _kept: Path) -> bytes:
+        out.mkdir()
+        code = "native, by" if out.name == "native" else "interpreted;"
+        (out / "module.log").write_text(f"tgl_soar: code: {code} …\n", encoding="utf-8")
+        return out.name.encode()
+
+    monkeypatch.setattr(compiling, "_flown", flown)
+    with pytest.raises(compiling.CompileError, match="does not fly as its source"):
+        compiling._check(tmp_path, tmp_path)
+
+
+def test_two_do_not_compile_into_the_same_place(place: Path) -> None:
+    place.mkdir()
+    with (place / "native.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        with pytest.raises(compiling.CompileError, match="somebody else is compiling into"):
+            compiling.make(lambda _words: None)
+
+
+def test_a_compile_that_is_ended_leaves_nothing_behind(place: Path) -> None:
+    place.mkdir()
+    (place / "making-native-left-by-a-kill").mkdir()
+    command = [sys.executable, "-m", "tgl_soar.cli", "compile"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as run:
+        while not (compilers := compilers_in(place)) and run.poll() is None:
+            time.sleep(0.05)
+        run.send_signal(signal.SIGTERM)
+    assert run.returncode == 1
+    assert compilers
+    assert not compilers_in(place)
+    assert [path.name for path in place.iterdir()] == ["native.lock"]
+
+
+def compilers_in(place: Path) -> list[int]:
+    """The processes that work in a folder below."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            if place in (process / "cwd").readlink().parents:
+                found.append(int(process.name))
+    return found
+
+
+def test_an_abbreviated_option_does_not_slip_through(capsys: pytest.CaptureFixture[str]) -> None:
+    """`--interp` would be understood once and overlooked once."""
+    with pytest.raises(SystemExit):
+        main(["--airframe", "a", "--site", "s", "--link", "udp:1", "--interp"])
+    assert "--interp" in capsys.readouterr().err
+
+
+def test_it_is_of_all_that_flies() -> None:
+    """A module that flies is compiled, or changes the name under which native code is kept."""
+    key = {
+        file.relative_to(native.SOURCE).as_posix()
+        for folder in native.FOLDERS
+        for file in (native.SOURCE / folder).glob("*.py")
+    }
+    loaded = said(
+        "import sys, tgl_soar.onboard.process; print(*(m.__file__ for n, m in sys.modules.items()"
+        " if n.split('.')[0] == 'tgl_soar'))"
+    )
+    package = Path(tgl_soar.__file__).parent
+    flies = {Path(file).relative_to(package).as_posix() for file in loaded.split()}
+    assert flies <= key
+    assert {
+        native.file_of(name).relative_to(package).as_posix() for name in native.MODULES
+    } <= flies
+
+
+def test_where_it_cannot_be_kept_it_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("TGL_SOAR_NATIVE", str(tmp_path / "file"))
+    with pytest.raises(OSError, match="file"):
+        compiling.make(lambda _words: None)
+
+
+def test_without_a_compiler_it_is_said_what_is_needed(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CC", str(place / "no-such-compiler"))
+    monkeypatch.setattr(native, "MODULES", ("tgl_soar.control.pid",))
+    with pytest.raises(compiling.CompileError, match=r"apt install gcc python3-dev"):
+        compiling.make(lambda _words: None)
+    assert [path.name for path in place.iterdir()] == ["native.lock"]
+
+
+# --- what mypyc gets wrong, or takes otherwise than Python does ----------------------------------
+
+
+def pitfalls(tree: ast.Module) -> Iterator[str]:
+    """Each was found by the tests of what flies; mypyc 2.4 compiles all of them without a word."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Slice):
+            parts = (node.slice.lower, node.slice.upper)
+            if any(isinstance(p, ast.Call) for part in parts if part for p in ast.walk(part)):
+                yield f"{node.lineno}: a call in a slice may be made twice"
+        elif isinstance(node, ast.Lambda) and node.args.defaults:
+            yield f"{node.lineno}: defaults of a lambda are taken once, for all that it makes"
+        elif isinstance(node, ast.Attribute) and _is_c_keyword(node.attr):
+            yield f"{node.lineno}: {node.attr} is no name in C"
+    for node in tree.body:
+        if (
+            isinstance(node, ast.AnnAssign)
+            and ast.unparse(node.annotation).startswith("Final")
+            and "..." not in ast.unparse(node.annotation)
+            and isinstance(node.value, ast.Tuple)
+            and _is_float(node.value)
+        ):
+            yield f"{node.lineno}: a constant tuple of floats alone counts as not set"
+
+
+def _is_c_keyword(name: str) -> bool:
+    return name in {"_thread", "_Bool", "_Generic"} or (iskeyword(name) and name != "None")
+
+
+def _is_float(value: ast.expr) -> bool:
+    """Whether an element, or each of those that a star puts in, is a float."""
+    if isinstance(value, ast.Starred):
+        return _is_float(value.value)
+    if isinstance(value, ast.BinOp):  # (0.0,) * 3
+        return _is_float(value.left)
+    if isinstance(value, ast.Tuple):
+        return all(map(_is_float, value.elts))
+    if isinstance(value, ast.Constant):
+        return isinstance(value.value, float)
+    return ast.unparse(value).lower() in ("nan", "inf", "float('nan')")
+
+
+def test_no_pitfall_is_in_what_is_compiled() -> None:
+    found = [
+        f"{name}, line {pitfall}"
+        for name in native.MODULES
+        for pitfall in pitfalls(ast.parse(native.file_of(name).read_text(encoding="utf-8")))
+    ]
+    assert found == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "def f(d, w):\n    return d[w(d) :]",
+        "def f(x):\n    return lambda x=x: x",
+        "class C:\n    def f(self):\n        self._thread = 1",
+        "RATES: Final = (1.0, 2.0)",
+        "NO: Final = (NAN, NAN)",
+        "NO: Final[Triple] = (nan, *(0.0,) * 2)",
+    ],
+)
+def test_a_planted_pitfall_is_found(text: str) -> None:
+    assert len(list(pitfalls(ast.parse(text)))) == 1
+
+
+def test_what_only_looks_like_a_pitfall_passes() -> None:
+    text = (
+        "RATES: Final[tuple[float, ...]] = (1.0, 2.0)\nBOTH: Final = (1, 2.0)\n"
+        "def f(d, n):\n    return d[n + 1 :], lambda: n, d[len]"
+    )
+    assert list(pitfalls(ast.parse(text))) == []

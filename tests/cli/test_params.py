@@ -1,0 +1,165 @@
+"""`tgl-soar params show | diff | export | import | reset`, as an operator at a desk uses them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink.mavparm import MAVParmDict
+from typer.testing import CliRunner
+
+from tgl_soar.cli import params
+from tgl_soar.cli.app import app
+from tgl_soar.config.files import shipped
+from tgl_soar.config.parameter_files import read_file, written
+from tgl_soar.config.parameters import PARAMETERS, ParameterSet, as_wire_value
+
+AIRFRAME = shipped("airframes/eclipson_c.toml")
+SITE = shipped("sites/tunnel.toml")
+Command = Callable[..., str]
+
+
+@pytest.fixture
+def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def run(*arguments: str, code: int = 0) -> str:
+        files = ["--airframe", str(AIRFRAME), "--site", str(SITE), "--state", "state"]
+        ran = CliRunner().invoke(app, ["params", *arguments, *files])
+        assert ran.exit_code == code, ran.output
+        return ran.output
+
+    return run
+
+
+def begins(folder: Path) -> ParameterSet:
+    return params.beginning(AIRFRAME, SITE, folder / "state").values
+
+
+def test_without_a_word_all_parameters_are_listed() -> None:
+    listed = CliRunner().invoke(app, ["params"], env={"COLUMNS": "200"}).output
+    for p in PARAMETERS:
+        assert p.name in listed
+
+
+def test_show_tells_where_each_value_is_from(command: Command, tmp_path: Path) -> None:
+    (tmp_path / "mine.parm").write_text("RHO_D 0.5\n")
+    command("import", "mine.parm")
+    rows = {line.split()[0]: line.split() for line in command("show").splitlines() if line}
+    assert rows["RHO_D"] == ["RHO_D", "0.5", "rad", "s/m", "stored"]
+    assert rows["RHO_P"] == ["RHO_P", "0.73", "rad/m", "airframe"]
+    assert rows["TGL_X"] == ["TGL_X", "0.2", "m", "site"]
+    assert rows["TGL_CAPTURE"][-1] == "default"
+
+
+def test_diff_tells_what_differs(command: Command, tmp_path: Path) -> None:
+    assert "no differences" in command("diff")
+    (tmp_path / "mine.parm").write_text("RHO_D 0.5\nTGL_X 0.2\n")
+    command("import", "mine.parm")
+    (row,) = [line for line in command("diff", code=1).splitlines() if "RHO_D" in line]
+    assert row.split() == ["RHO_D", "0.27", "0.5", "rad", "s/m"]
+    assert "TGL_X" not in command("diff", code=1)
+    command("diff", "mine.parm", "state")
+    assert "TGL_Z" in command("diff", "default", "files", code=1)
+    assert "cannot be read" in command("diff", "default", "none.parm", code=2)
+
+
+@pytest.mark.parametrize("name", ["all.params", "all.parm"])
+def test_an_exported_file_imports_as_the_same_values(
+    command: Command, tmp_path: Path, name: str
+) -> None:
+    (tmp_path / "mine.parm").write_text("RHO_D 0.5\nTGL_X -0.123456\nLOOP_RATE 150\n")
+    command("import", "mine.parm")
+    before = begins(tmp_path)
+    command("export", name)
+    command("reset")
+    assert begins(tmp_path) != before
+    command("import", name)
+    assert begins(tmp_path) == before
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.floats(-500, 500), st.floats(-100, 1000), st.floats(5, 45), st.floats(0, 5),
+    st.integers(100, 250), st.sampled_from(["f.params", "f.parm"]),
+)  # fmt: skip
+def test_export_then_import_is_the_identity(
+    tmp_path_factory: pytest.TempPathFactory,
+    x: float, z: float, lean: float, gain: float, rate: int, name: str,
+) -> None:  # fmt: skip
+    """Through the store and both formats, for any valid set."""
+    folder = tmp_path_factory.mktemp("identity")
+    files = ["--airframe", str(AIRFRAME), "--site", str(SITE), "--state"]
+    first = params.beginning(AIRFRAME, SITE, folder / "first")
+    values = first.files.changed(
+        {"TGL_X": x, "TGL_Z": z, "TGL_LEAN": lean, "RHO_P": gain, "LOOP_RATE": rate}
+    )
+    first.store.save(values)
+    for words, state in ((["export"], "first"), (["import", "--force"], "second")):
+        ran = CliRunner().invoke(
+            app, ["params", *words, str(folder / name), *files, str(folder / state)]
+        )
+        assert ran.exit_code == 0, ran.output
+    assert params.beginning(AIRFRAME, SITE, folder / "second").values == values
+
+
+def test_a_file_of_mavproxys_loads(command: Command, tmp_path: Path) -> None:
+    known = MAVParmDict()
+    known.update({p.name: value for p, value in ParameterSet()})
+    known.update({"RHO_P": 0.9, "OP_ENGAGE": 1.0, "SYSID_THISMAV": 1.0, "TGL_Z": 1.2})
+    known.save(str(tmp_path / "saved.parm"))
+    told = command("import", "saved.parm")
+    assert "OP_ENGAGE: never set from a file: passed over" in told
+    assert "SYSID_THISMAV: no such parameter here" in told
+    values = begins(tmp_path)
+    assert values["RHO_P"] == as_wire_value(0.9)
+    assert values["OP_ENGAGE"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("RHO_P 0.5\nRHO_D\n", "bad.parm:2: 'RHO_D': neither"),
+        ("RHO_P 0.5\nRHO_D 99\n", "bad.parm:2: RHO_D = 99: allowed"),
+        ("RHO_P 0.5\nTGL_LEAN 2\n", "bad.parm: TGL_LEAN = 2: the line must lean upwind"),
+        ("RHO_P 0.5\nTGL_PRESET 9\n", "bad.parm: TGL_PRESET = 9: no such line"),
+        ("RHO_P 0.5\nTGL_Z 17\n", "bad.parm: the line's point is outside the fence (FENCE_Z_MAX"),
+    ],
+)
+def test_a_bad_file_changes_nothing(command: Command, tmp_path: Path, text: str, told: str) -> None:
+    (tmp_path / "bad.parm").write_text(text)
+    assert told in command("import", "bad.parm", code=2)
+    assert not (tmp_path / "state").exists()
+
+
+def test_presets_in_files(command: Command, tmp_path: Path) -> None:
+    (tmp_path / "b.parm").write_text("TGL_PRESET 2\n")
+    command("import", "b.parm")
+    values = begins(tmp_path)
+    assert (values["TGL_PRESET"], values["TGL_X"]) == (2.0, as_wire_value(0.6))
+    command("export", "all.params")
+    command("import", "all.params")
+    assert begins(tmp_path) == values
+    (tmp_path / "odd.parm").write_text("TGL_PRESET 2\nTGL_X 0.9\n")
+    assert "TGL_PRESET is 0" in command("import", "odd.parm")
+
+
+def test_looking_changes_nothing_on_a_damaged_store(command: Command, tmp_path: Path) -> None:
+    (tmp_path / "f.parm").write_text("RHO_P 0.5\n")
+    command("import", "f.parm")
+    (kept,) = (tmp_path / "state").iterdir()
+    kept.write_bytes(b"damaged")
+    assert "LOST" in command("show")
+    assert kept.read_bytes() == b"damaged"
+
+
+def test_a_folder_that_takes_nothing_is_named(command: Command, tmp_path: Path) -> None:
+    (tmp_path / "state").write_text("")
+    (tmp_path / "f.params").write_text(written([("RHO_P", 0.5)], "qgroundcontrol"))
+    assert read_file(tmp_path / "f.params").values == {"RHO_P": 0.5}
+    assert "cannot be written" in command("import", "f.params", code=2)
+    assert "cannot be written" in command("export", "state/f.params", code=2)

@@ -1,0 +1,287 @@
+"""What a vehicle's parameters must be, asked of vehicles that are set up well, badly, or deaf."""
+
+from __future__ import annotations
+
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from bench_bridge import AIRFRAME, bridge
+from free_ports import free_port
+
+from tgl_soar.cli.preflight import _place_told
+from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
+from tgl_soar.link.autopilots import FIRMWARES, flavour
+from tgl_soar.link.autopilots.requirements import MUST, Finding, Needs, compare
+from tgl_soar.link.checks.preflight import Preflight
+from tgl_soar.link.inquiry import ASK_S, ASK_TIMES
+from tgl_soar.link.messages import (
+    AUTOPILOT_ARDUPILOT,
+    AUTOPILOT_PX4,
+    MODE_FLAG_CUSTOM_MODE,
+    PARAM_TYPE_INT32,
+    Heartbeat,
+    ParamValue,
+)
+from tgl_soar.onboard.module import surface_channels
+from tgl_soar.sim.firmware.ardupilot import flight_parameters
+
+PLANE = load_airframe(AIRFRAME)
+SITE = shipped("sites/tunnel.toml")
+CHANNELS = surface_channels(PLANE)
+HALL = Needs(override_system=255, loop_rate_hz=200.0, external_pose=True, gps=False)
+HILL = Needs(override_system=255, loop_rate_hz=200.0, external_pose=False, gps=True)
+DEFAULTS = {  # of ArduPlane, where our own flights do not change them
+    "GPS1_TYPE": 1.0,
+    "EK3_SRC1_POSXY": 3.0,
+    "EK3_SRC1_POSZ": 1.0,
+    "EK3_SRC1_YAW": 1.0,
+    "EK3_SRC1_VELXY": 3.0,
+    "EK3_SRC1_VELZ": 3.0,
+    "VISO_TYPE": 0.0,
+    "RCMAP_PITCH": 2.0,
+    "RCMAP_ROLL": 1.0,
+    "RCMAP_YAW": 4.0,
+    "STICK_MIXING": 1.0,
+}
+
+
+def flown(needs: Needs) -> dict[str, float]:
+    """An ArduPlane as our own flights set it up."""
+    return {**DEFAULTS, **flight_parameters(PLANE, gps=needs.gps)}
+
+
+def wrong(route: str, needs: Needs, **changes: float) -> list[Finding]:
+    """What must be changed of an ArduPlane like ours, but for some changes."""
+    rows = flavour("ardupilot", route, CHANNELS, 1).requirements(needs)
+    found = compare(rows, {**flown(needs), **changes})
+    return [finding for finding in found if not finding.ok and finding.requirement.level == MUST]
+
+
+@pytest.mark.parametrize("route", ["override", "attitude"])
+@pytest.mark.parametrize("needs", [HALL, HILL])
+def test_what_we_have_flown_with_is_right(route: str, needs: Needs) -> None:
+    assert wrong(route, needs) == []
+
+
+@pytest.mark.parametrize(
+    ("route", "needs", "name", "value"),
+    [
+        ("override", HALL, "RC_OVERRIDE_TIME", 3.0),
+        ("override", HALL, "RC_OVERRIDE_TIME", -1.0),
+        ("override", HALL, "RC_OVERRIDE_TIME", 0.0),
+        ("override", HALL, "RC_OPTIONS", 2.0),
+        ("override", HALL, "RC2_TRIM", 1520.0),
+        ("override", HALL, "RCMAP_PITCH", 3.0),
+        ("override", HALL, "SERVO1_REVERSED", 1.0),
+        ("attitude", HALL, "SERVO1_REVERSED", 1.0),
+        ("attitude", HALL, "SERVO2_FUNCTION", 0.0),
+        ("attitude", HALL, "EK3_SRC1_YAW", 1.0),
+        ("attitude", HALL, "VISO_TYPE", 0.0),
+        ("attitude", HILL, "EK3_SRC1_POSXY", 6.0),
+        ("attitude", HILL, "GPS1_TYPE", 0.0),
+        ("attitude", HILL, "CRASH_DETECT", 1.0),
+        ("override", HILL, "FS_SHORT_ACTN", 0.0),
+        ("override", HILL, "FS_LONG_ACTN", 1.0),
+    ],
+)
+def test_each_wrong_one_is_found(route: str, needs: Needs, name: str, value: float) -> None:
+    assert [finding.name for finding in wrong(route, needs, **{name: value})] == [name]
+
+
+def test_the_simulated_pixhawk_knows_a_reversed_surface_from_the_airframe_file() -> None:
+    channels = CHANNELS._replace(elevator=CHANNELS.elevator._replace(reversed=True))
+    rows = flavour("bridge", None, channels, 1).requirements(HALL)
+    names = [finding.name for finding in compare(rows, flown(HALL)) if not finding.ok]
+    assert names == []
+
+
+def test_the_attitude_route_asks_nothing_of_overrides() -> None:
+    assert wrong("attitude", HALL, RC_OVERRIDE_TIME=3.0, RC2_TRIM=1520.0) == []
+
+
+def test_a_reversed_surface_is_reversed_there_too() -> None:
+    """Its own modes must move it the right way, and a pulse must pass all the same."""
+    channels = CHANNELS._replace(elevator=CHANNELS.elevator._replace(reversed=True))
+    rows = flavour("ardupilot", "override", channels, 1).requirements(HALL)
+    names = [finding.name for finding in compare(rows, flown(HALL)) if not finding.ok]
+    assert names == ["RC2_REVERSED", "SERVO2_REVERSED"]
+
+
+class Vehicle:
+    """Answers as a firmware does, now and then not at all."""
+
+    def __init__(self, parameters: dict[str, float], *, deaf: int = 0) -> None:
+        self.parameters = parameters
+        self.asked: dict[str, int] = {}
+        self._deaf = deaf  # times before it answers
+
+    def ask(self, check: Preflight) -> float:
+        """Until the check is through; how long that took [s]."""
+        now_s = 5.0
+        while not check.done(now_s):
+            for request in check.poll(now_s):
+                name = request.param_id
+                self.asked[name] = self.asked.get(name, 0) + 1
+                if name in self.parameters and self.asked[name] > self._deaf:
+                    check.hear(ParamValue(name, self.parameters[name], 9, 1, 0))
+            now_s += 0.02
+        return now_s - 5.0
+
+
+def check_of(firmware: str = "ardupilot", needs: Needs = HALL) -> Preflight:
+    return Preflight(flavour(firmware, None, CHANNELS, 1), needs, 1)
+
+
+def test_lost_answers_are_asked_for_again() -> None:
+    vehicle = Vehicle({**flown(HALL), "EK3_SRC1_YAW": 1.0}, deaf=2)
+    check = check_of()
+    vehicle.ask(check)
+    assert [finding.name for finding in check.wrong()] == ["EK3_SRC1_YAW"]
+    assert max(vehicle.asked.values()) == ASK_TIMES  # other releases' names, which it has not
+    assert vehicle.asked["VISO_TYPE"] == 3
+
+
+def test_a_vehicle_that_answers_nothing_is_not_ready() -> None:
+    check = check_of()
+    assert Vehicle({}).ask(check) >= ASK_S * ASK_TIMES
+    assert {"VISO_TYPE", "RC_OVERRIDE_TIME"} <= {finding.name for finding in check.wrong()}
+    assert all(f.value is None for f in check.wrong())
+
+
+def test_must_comes_before_should() -> None:
+    check = check_of()
+    Vehicle({**flown(HALL), "SCHED_LOOP_RATE": 50.0, "EK3_SRC1_YAW": 1.0}).ask(check)
+    assert [finding.name for finding in check.wrong()] == ["EK3_SRC1_YAW", "SCHED_LOOP_RATE"]
+
+
+@pytest.mark.parametrize(
+    ("mine", "high", "refused"), [(255.0, 0.0, False), (250.0, 255.0, False), (250.0, 0.0, True)]
+)
+def test_whose_overrides_it_takes(mine: float, high: float, refused: bool) -> None:
+    check = check_of()
+    parameters = {**flown(HALL), "MAV_GCS_SYSID": mine, "MAV_GCS_SYSID_HI": high}
+    del parameters["SYSID_MYGCS"]
+    Vehicle(parameters).ask(check)
+    assert bool(check.refusal()) is refused
+
+
+def test_whole_numbers_of_px4_are_read_as_their_bytes() -> None:
+    check = check_of("px4")
+    raw = struct.unpack("<f", struct.pack("<i", 11))[0]
+    check.hear(ParamValue("EKF2_EV_CTRL", raw, PARAM_TYPE_INT32, 1, 0))
+    assert check.answers["EKF2_EV_CTRL"] == 11.0
+
+
+def test_another_firmware_is_named() -> None:
+    check = check_of()
+    assert not check.heard
+    check.hear(Heartbeat(1, AUTOPILOT_PX4, MODE_FLAG_CUSTOM_MODE, 0, 3))
+    assert "not an ArduPilot" in check.mismatch
+    check.hear(Heartbeat(1, AUTOPILOT_ARDUPILOT, MODE_FLAG_CUSTOM_MODE, 0, 3))
+    assert check.heard
+    assert check.mismatch == ""
+
+
+@pytest.mark.parametrize("firmware", FIRMWARES)
+def test_names_are_as_long_as_the_protocol_carries(firmware: str) -> None:
+    for needs in (HALL, HILL):
+        rows = flavour(firmware, None, CHANNELS, 1).requirements(needs)
+        assert all(len(name) <= 16 for row in rows for name in row.names)
+
+
+@pytest.mark.parametrize("firmware", ["ardupilot", "px4"])
+def test_the_hardware_page_names_every_parameter(firmware: str) -> None:
+    """Of channels it names one, and the others by their numbers."""
+    page = (Path(__file__).parents[2] / "docs" / "hardware.md").read_text()
+    for route in (None, "attitude", "manual_control" if firmware == "px4" else "override"):
+        for needs in (HALL, HILL):
+            for row in flavour(firmware, route, CHANNELS, 1).requirements(needs):
+                name = row.names[0]
+                channel = name.startswith(("RC1", "RC2", "RC4", "SERVO"))
+                stem = name.rpartition("_")[2] if channel else name
+                assert f"{stem}`" in page, name
+
+
+def test_of_paparazzi_nothing_can_be_read() -> None:
+    check = check_of("paparazzi")
+    assert check.findings() == []
+    assert check.poll(0.0) == []
+    assert check.done(0.0)
+
+
+# --- the command, and the simulated Pixhawk --------------------------------------------------
+
+
+def preflight(link: str, *words: str) -> tuple[int, str]:
+    """The command's exit code, and what it printed; of the shipped files where none is named."""
+    for option, path in (("--airframe", AIRFRAME), ("--site", SITE)):
+        words = words if option in words else (*words, option, str(path))
+    ended = subprocess.run(
+        [sys.executable, "-m", "tgl_soar.cli", "preflight", "--link", link, *words],
+        capture_output=True,
+        text=True,
+        timeout=60.0,
+        check=False,
+        env={"COLUMNS": "160", "PYTHONPATH": ":".join(sys.path)},
+    )
+    return ended.returncode, ended.stdout + ended.stderr
+
+
+def test_a_well_set_up_vehicle_is_ready(tmp_path: Path) -> None:
+    with bridge(tmp_path / "log", "RC_OVERRIDE_TIME=0.5") as link:
+        code, text = preflight(link, "--all", "--timeout", "30")
+    assert code == 0, text
+    assert "ready" in text
+    assert "RC2_TRIM" in text
+
+
+def test_a_badly_set_up_vehicle_is_told_what_to_change(tmp_path: Path) -> None:
+    wrong_ones = ("RC_OVERRIDE_TIME=3", "SYSID_MYGCS=250", "SERVO2_TRIM=1520")
+    with bridge(tmp_path / "log", *wrong_ones, "SCHED_LOOP_RATE=50") as link:
+        code, text = preflight(link, "--timeout", "30")
+    assert code == 1, text
+    for words in (
+        "set RC_OVERRIDE_TIME to at most 0.5",
+        "set SERVO2_TRIM to 1500",
+        "set SCHED_LOOP_RATE to at least 250",
+        "its SYSID_MYGCS is 250",
+        "not ready",
+    ):
+        assert words in text
+    assert "RC2_TRIM" not in text  # right, and so not shown
+
+
+def test_what_is_wrong_with_fence_and_lines_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The fence is never a reason to stay; a line by which nothing can be held is."""
+
+    def told(text: str) -> tuple[bool, str]:
+        path = tmp_path / "site.toml"
+        path.write_text(f'[site]\nname = "field"\n{text}')
+        site = load_site(path)
+        values = load_parameters(PLANE, AIRFRAME, site, path)
+        good = _place_told(PLANE, site, values)
+        return good, " ".join(capsys.readouterr().out.split())
+
+    lines = "[lines]\nup = { x_m = 0, z_m = 40 }\n"
+    assert told(f"{lines}[parameters]\nTGL_Z = 40\n") == (
+        True,
+        "no fence: set FENCE_X_MIN and its like to where the pilot is to have the aircraft",
+    )
+    good, words = told(f"{lines}[parameters]\nTGL_Z = 20\nFENCE_Z_MAX = 30\n")
+    assert good
+    assert "the fence is open: FENCE_X_MIN, FENCE_X_MAX, FENCE_Y_MAX, FENCE_Z_MIN not set" in words
+    assert "line up: the line's point is outside the fence (FENCE_Z_MAX is 30 m)" in words
+    good, words = told("[parameters]\nTGL_Z = 40\nFENCE_Z_MAX = 30\n")
+    assert not good
+    assert "cannot be engaged: the line's point is outside the fence" in words
+
+
+def test_nobody_there() -> None:
+    code, text = preflight(f"udp:127.0.0.1:{free_port()}", "--timeout", "1")
+    assert code == 2
+    assert "no heartbeat of autopilot 1 within 1 s" in text

@@ -1,0 +1,325 @@
+"""The check of the surfaces on the ground: what it refuses, what it finds, how it ends."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+from contextlib import suppress
+from math import isnan
+from pathlib import Path
+
+import pytest
+from bench_bridge import AIRFRAME, PATIENCE_S, bridge
+from free_ports import free_port
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from tgl_soar.link.autopilots.ardupilot import ArduPilot
+from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels
+from tgl_soar.link.checks.surfaces import SIGHTS, STOPS, SurfaceCheck, finding
+from tgl_soar.link.messages import (
+    MODE_FLAG_ARMED,
+    Heartbeat,
+    LocalPositionNed,
+    RcChannelsOverride,
+    ServoOutputRaw,
+)
+from tgl_soar.onboard import watchdog as guard
+from tgl_soar.onboard.module import RELEASE_FRAMES
+
+CHANNELS = SurfaceChannels(
+    SurfaceChannel(2, 1100, 1500, 1900, reversed=True),
+    SurfaceChannel(1, 1000, 1480, 2000),
+    SurfaceChannel(4, 1100, 1500, 1900),
+)
+MANUAL, FBWA = 0, 5
+DISARMED = 1 | 64
+
+
+class Bench:
+    """A check, and an autopilot that drives its servos as it is told, or nearly."""
+
+    def __init__(self, *, armed_on_ground: bool = False) -> None:
+        flavour = ArduPilot(CHANNELS, 1)
+        self.check = SurfaceCheck(CHANNELS, flavour, 0.5, 1.0, armed_on_ground=armed_on_ground)
+        self.now_s = 10.0
+        self.mode, self.base_mode = MANUAL, DISARMED
+        self.outputs = {1: 1, 2: 2, 4: 4}  # which channel each output follows
+        self.offset_us, self.gain = 0, 1.0
+        self.beats = self.reads_back = True
+        self._pulses = {1: 1480, 2: 1500, 4: 1500}
+        self.hear_heartbeat()
+
+    def hear_heartbeat(self) -> None:
+        self.check.hear(Heartbeat(1, 3, self.base_mode, self.mode, 3), self.now_s)
+
+    def run(self) -> list[str]:
+        """To the end, or to a refusal; what a person was to look for."""
+        sights: list[str] = []
+        while not self.check.done:
+            self.now_s += 0.05
+            if self.beats:
+                self.hear_heartbeat()
+            if self.check.refusal(self.now_s):
+                break
+            for message in self.check.step(self.now_s):
+                assert isinstance(message, RcChannelsOverride)
+                self._pulses = {c: message.channels[c - 1] for c in (1, 2, 4)}
+            if self.reads_back:
+                servos = [0] * 16
+                for output, channel in self.outputs.items():
+                    pulse = self._pulses[channel] - 1500
+                    servos[output - 1] = round(1500 + self.gain * pulse + self.offset_us)
+                self.check.hear(ServoOutputRaw(0, 0, tuple(servos)), self.now_s)
+            if self.check.held(self.now_s):
+                sights.append(self.check.sight)
+                self.check.move_on()
+        return sights
+
+    def faults(self) -> dict[str, str]:
+        self.run()
+        return {f.surface: "; ".join(f.faults) for f in self.check.findings()}
+
+
+def test_every_surface_goes_both_ways_and_back_and_all_is_as_in_the_file() -> None:
+    bench = Bench()
+    sights = bench.run()
+    assert sights == [
+        sight
+        for name in ("elevator", "aileron", "rudder")
+        for sight in ("", SIGHTS[name, 1], SIGHTS[name, -1], "")
+    ]
+    elevator, aileron, rudder = bench.check.findings()
+    assert elevator == ("elevator", (), 1500, 1700, 1300)  # reversed
+    assert aileron == ("aileron", (), 1480, 1240, 1740)
+    assert rudder == ("rudder", (), 1500, 1300, 1700)
+
+
+def test_commands_go_out_often_enough_to_be_kept() -> None:
+    bench = Bench()
+    sent = 0
+    for _ in range(100):
+        bench.now_s += 0.01
+        sent += len(bench.check.step(bench.now_s))
+    assert 15 <= sent <= 21
+
+
+@pytest.mark.parametrize(
+    ("change", "surface", "words"),
+    [
+        ({"offset_us": 40}, "aileron", "trim: 1520 us, the file says 1480 us"),
+        ({"gain": 0.6}, "elevator", "travel to +: 1380 us, the file says 1300 us"),
+        ({"gain": -1.0}, "rudder", "moves the other way"),
+        ({"gain": 0.0}, "rudder", "output 4 does not move"),
+        ({"outputs": {1: 1, 2: 1, 4: 4}}, "aileron", "moves output 2 too"),
+        ({"outputs": {1: 1, 2: 1, 4: 4}}, "elevator", "output 2 does not move"),
+        ({"outputs": {1: 1, 4: 4}}, "elevator", "cannot be read back"),
+        ({"reads_back": False}, "aileron", "cannot be read back"),
+    ],
+)
+def test_what_differs_from_the_file_is_named(
+    change: dict[str, object], surface: str, words: str
+) -> None:
+    bench = Bench()
+    for name, value in change.items():
+        setattr(bench, name, value)
+    assert words in bench.faults()[surface]
+
+
+def test_what_was_not_read_back_has_no_numbers() -> None:
+    bench = Bench()
+    bench.reads_back = False
+    bench.run()
+    assert all(isnan(f.trim_us) and isnan(f.high_us) for f in bench.check.findings())
+
+
+def test_a_surface_that_sticks_is_seen_when_it_does_not_come_back() -> None:
+    bench = Bench()
+    bench.run()
+    stops = [s._replace(servos_us=(1500, 1500, 0, 1500)) for s in bench.check.stops]
+    last = stops[3]._replace(servos_us=(1500, 1560, 0, 1500))
+    found = finding("elevator", CHANNELS.elevator, [*stops[:3], last])
+    assert any("does not come back" in fault for fault in found.faults)
+
+
+def test_nothing_is_moved_on_an_armed_aircraft() -> None:
+    bench = Bench()
+    bench.base_mode |= MODE_FLAG_ARMED
+    bench.hear_heartbeat()
+    assert "armed" in bench.check.refusal(bench.now_s)
+    assert bench.run() == []
+
+
+def test_armed_and_held_on_the_ground_by_somebody_it_must_stand_still() -> None:
+    bench = Bench(armed_on_ground=True)
+    bench.base_mode |= MODE_FLAG_ARMED
+    bench.hear_heartbeat()
+    assert "moves at nan" in bench.check.refusal(bench.now_s)  # not known
+    bench.check.hear(LocalPositionNed(0, 0, 0, 0, 2.0, 0.0, 0.5), bench.now_s)
+    assert "moves at 2.1 m/s" in bench.check.refusal(bench.now_s)
+    bench.check.hear(LocalPositionNed(0, 0, 0, 0, 0.1, 0.0, 0.0), bench.now_s)
+    assert len(bench.run()) == 3 * len(STOPS)
+
+
+@pytest.mark.parametrize(
+    ("mode", "base_mode", "beats", "words"),
+    [
+        (FBWA, DISARMED, True, "put it into MANUAL"),
+        (MANUAL, DISARMED | MODE_FLAG_ARMED, True, "armed"),
+        (MANUAL, DISARMED, False, "no heartbeat"),
+    ],
+)
+def test_it_stops_half_way_when_that_changes(
+    mode: int, base_mode: int, beats: bool, words: str
+) -> None:
+    bench = Bench()
+    for _ in range(30):
+        bench.now_s += 0.05
+        bench.hear_heartbeat()
+        bench.check.step(bench.now_s)
+    bench.check.move_on()
+    bench.mode, bench.base_mode, bench.beats = mode, base_mode, beats
+    bench.run()
+    assert words in bench.check.refusal(bench.now_s)
+    assert not bench.check.done
+
+
+# --- the command, on a simulated Pixhawk ------------------------------------------------------
+
+
+def surfaces(link: str, airframe: Path, *more: str) -> list[str]:
+    options = [
+        "--link",
+        link,
+        "--airframe",
+        str(airframe),
+        "--hold",
+        "0.5",
+        "--timeout",
+        "60",
+        *more,
+    ]
+    return [sys.executable, "-m", "tgl_soar.cli", "surfaces", *options]
+
+
+def test_on_the_bench(tmp_path: Path) -> None:
+    with bridge(tmp_path / "bridge.log") as link:
+        good = subprocess.run(
+            surfaces(link, AIRFRAME, "--yes"), capture_output=True, text=True, timeout=PATIENCE_S
+        )
+        assert good.returncode == 0, good.stdout + good.stderr
+        assert good.stdout.count("as in the file") == 3
+        assert all(sight in good.stdout for sight in SIGHTS.values())
+
+        with subprocess.Popen(
+            surfaces(link, AIRFRAME, "--yes", "--hold", "0.5", "--deflection", "0.3"),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            # Tests that run in the background of a shell have been told to ignore it.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        ) as stopped:
+            assert stopped.stdout is not None
+            assert SIGHTS["elevator", 1] in stopped.stdout.readline()  # it is under way
+            os.kill(stopped.pid, signal.SIGINT)
+            _, words = stopped.communicate(timeout=PATIENCE_S)
+        assert stopped.returncode == 130
+        assert "the surfaces are given back" in words
+    log = (tmp_path / "bridge.log").read_text()
+    assert "launched" not in log
+
+
+def test_the_autopilot_turns_a_servo_round_and_a_person_sees_another_go_wrong(
+    tmp_path: Path,
+) -> None:
+    with bridge(tmp_path / "bridge.log", "SERVO4_REVERSED=1") as link:
+        answers = "y\n" * 3 + "n\n" + "y\n" * 2
+        bad = subprocess.run(
+            surfaces(link, AIRFRAME),
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE_S,
+            input=answers,
+        )
+    assert bad.returncode == 1
+    assert "output 4 moves the other" in bad.stdout
+    assert SIGHTS["aileron", -1] in bad.stderr
+
+
+def test_not_in_the_air(tmp_path: Path) -> None:
+    with bridge(tmp_path / "bridge.log", launch="free") as link:
+        refused = subprocess.run(
+            surfaces(link, AIRFRAME, "--yes"), capture_output=True, text=True, timeout=PATIENCE_S
+        )
+    assert refused.returncode == 2
+    assert "armed and may be flying" in " ".join(refused.stderr.split())
+
+
+def test_nobody_answers() -> None:
+    silent = subprocess.run(
+        surfaces(f"udp:127.0.0.1:{free_port()}", AIRFRAME, "--timeout", "1"),
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+    )
+    assert silent.returncode == 2
+    assert "no heartbeat" in silent.stderr
+
+
+class Bare:
+    """A disarmed autopilot in MANUAL, and the command on its link."""
+
+    def __init__(self) -> None:
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.bind(("127.0.0.1", 0))
+        self.socket.settimeout(PATIENCE_S)
+        link = f"udpout:127.0.0.1:{self.socket.getsockname()[1]}"
+        self.command = subprocess.Popen(
+            surfaces(link, AIRFRAME, "--yes", "--hold", "20"),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            # Tests that run in the background of a shell have been told to ignore some.
+            preexec_fn=lambda: [
+                signal.signal(n, signal.SIG_DFL) for n in (*guard.ENDS, *guard.STOPS)
+            ],
+        )
+        self.elevator_us: list[int] = []  # as it was commanded
+        self._codec = mavlink.MAVLink(None, 1, 1)
+
+    def until_commanded(self, least: int) -> None:
+        while len(self.elevator_us) < least:
+            data, sender = self.socket.recvfrom(2048)
+            self._note(data)
+            beat = mavlink.MAVLink_heartbeat_message(1, 3, 81, 0, 3, 3)
+            self.socket.sendto(beat.pack(self._codec), sender)
+
+    def drain(self) -> None:
+        self.socket.setblocking(False)
+        with suppress(BlockingIOError):
+            while True:
+                self._note(self.socket.recv(2048))
+
+    def _note(self, data: bytes) -> None:
+        message = mavlink.MAVLink(None).decode(bytearray(data))
+        if message.get_type() == "RC_CHANNELS_OVERRIDE":
+            self.elevator_us.append(message.chan2_raw)
+
+
+@pytest.mark.parametrize("number", guard.ENDS)
+def test_whatever_ends_it_the_surfaces_are_released(number: signal.Signals) -> None:
+    bare = Bare()
+    with bare.socket, bare.command:
+        bare.until_commanded(3)
+        assert bare.elevator_us[-1] != 0
+        for stop in guard.STOPS:
+            os.kill(bare.command.pid, stop)
+        bare.until_commanded(6)  # it goes on
+        os.kill(bare.command.pid, number)
+        _, words = bare.command.communicate(timeout=PATIENCE_S)
+        bare.drain()
+    assert bare.elevator_us[-RELEASE_FRAMES:] == [0] * RELEASE_FRAMES
+    assert bare.command.returncode == 128 + number
+    assert "the surfaces are given back" in words

@@ -1,0 +1,384 @@
+"""Parameters kept over a restart, whatever happens to the disk."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from zlib import crc32
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tgl_soar.config import parameter_store
+from tgl_soar.config.line_changes import PresetLine
+from tgl_soar.config.parameter_files import read_file
+from tgl_soar.config.parameter_store import (
+    Identity,
+    ParameterStore,
+    StoreError,
+    read_state,
+    restored,
+    state_file,
+    state_folder,
+    state_text,
+    to_keep,
+)
+from tgl_soar.config.parameters import ParameterSet, as_wire_value
+
+WHO = Identity("Glider", "Hill")
+BASE = ParameterSet().changed({"RHO_P": 0.5})
+PRESETS = (PresetLine("a", 1, 2, 15), PresetLine("b", 3, 4, 20))
+
+
+def store(path: Path) -> ParameterStore:
+    return ParameterStore(path, WHO, BASE, PRESETS)
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "state" / "glider-hill.params"
+
+
+def saved(path: Path, *changes: dict[str, float]) -> None:
+    """Each of the changes written in its turn, by one process."""
+    writing = store(path)
+    writing.restore()
+    for change in changes:
+        writing.save(BASE.changed(change))
+
+
+# --- what is kept -----------------------------------------------------------------------------
+
+
+def test_only_what_differs_from_the_files_is_kept() -> None:
+    changed = BASE.changed({"OP_ENGAGE": 1, "TGL_STAGE": 1, "RHO_P": 0.5, "TGL_X": 0.1})
+    assert to_keep(changed, BASE) == {"TGL_X": as_wire_value(0.1)}
+
+
+def test_what_was_saved_is_what_the_next_start_has(path: Path) -> None:
+    saved(path, {"TGL_X": 0.1, "RHO_D": 0.3})
+    got = store(path).restore()
+    assert got.values == BASE.changed({"TGL_X": 0.1, "RHO_D": 0.3})
+    assert got.kept == {"TGL_X": as_wire_value(0.1), "RHO_D": as_wire_value(0.3)}
+    assert (got.notes, got.damaged) == ((), False)
+    # And a ground station reads it too.
+    assert read_file(path).values == got.kept
+
+
+def test_the_first_start_is_a_quiet_one(path: Path) -> None:
+    assert store(path).restore() == (BASE, {}, (), False)
+    assert not path.parent.exists()
+
+
+def test_files_that_changed_meanwhile_show_through(path: Path) -> None:
+    saved(path, {"TGL_X": 0.1})
+    newer = ParameterStore(path, WHO, BASE.changed({"RHO_P": 0.9}), PRESETS)
+    assert newer.restore().values == BASE.changed({"RHO_P": 0.9, "TGL_X": 0.1})
+
+
+def test_a_kept_preset_is_on_its_line_or_none(path: Path) -> None:
+    saved(path, {"TGL_PRESET": 2, "TGL_X": 3, "TGL_Z": 4, "TGL_LEAN": 20})
+    assert store(path).restore().values["TGL_PRESET"] == 2.0
+    moved = ParameterStore(path, WHO, BASE, (PRESETS[0], PresetLine("b", 9, 9, 20)))
+    got = moved.restore()
+    assert (got.values["TGL_PRESET"], got.values["TGL_X"]) == (0.0, 3.0)
+    assert "TGL_PRESET = 0: the line stands where it stood" in got.notes[0]
+
+
+def kept_text(rows: str) -> bytes:
+    """A file with a good checksum and any rows."""
+    good = state_text(WHO, {}).rpartition(b"# checksum: ")[0]
+    text = good + rows.encode()
+    return text + f"# checksum: {crc32(text):08x}\n".encode()
+
+
+def test_what_is_unknown_or_out_of_range_by_now_is_passed_over_by_name(path: Path) -> None:
+    path.parent.mkdir()
+    rows = ("OLD_GAIN\t1", "RHO_P\t99", "OP_ENGAGE\t1", "TGL_STAGE\t1", "TGL_LEAN\t2", "TGL_X\t7")
+    path.write_bytes(kept_text("".join(f"1\t191\t{row}\t9\n" for row in rows)))
+    got = store(path).restore()
+    assert got.values == BASE.changed({"TGL_X": 7})
+    told = "\n".join(got.notes)
+    for words in (
+        "OLD_GAIN: no such parameter",
+        "RHO_P = 99: allowed 0 to 5",
+        "OP_ENGAGE: never set from a file",
+        "TGL_STAGE: never set from a file",
+        "TGL_LEAN = 2: the line must lean upwind",
+    ):
+        assert words in told
+    assert path.exists()  # it is not damaged
+
+
+@given(st.dictionaries(st.sampled_from([p.name for p, _ in BASE if p.in_files]), st.floats(0, 60)))
+def test_any_kept_values_give_a_consistent_start(kept: dict[str, float]) -> None:
+    values, notes = restored(BASE, kept, PRESETS)
+    assert values.changed({}) == values
+    for name, value in kept.items():
+        assert values[name] == as_wire_value(value) or notes
+
+
+# --- damage -----------------------------------------------------------------------------------
+
+
+@settings(max_examples=300)
+@given(st.data())
+def test_any_damage_is_noticed(data: st.DataObject) -> None:
+    """A changed, lost or added byte anywhere; the checksum finds every burst of up to 32 bits."""
+    text = state_text(WHO, to_keep(BASE.changed({"TGL_X": 0.1, "RHO_D": 0.3}), BASE))
+    at = data.draw(st.integers(0, len(text) - 1))
+    other = bytes([data.draw(st.integers(0, 255).filter(lambda b: b != text[at]))])
+    for damaged in (text[:at] + other + text[at + 1 :], text[:at], text + other):
+        with pytest.raises(StoreError):
+            read_state(damaged, WHO, "f")
+
+
+@given(st.binary(max_size=300))
+def test_garbage_is_refused(data: bytes) -> None:
+    with pytest.raises(StoreError):
+        read_state(data, WHO, "f")
+
+
+def test_a_damaged_file_gives_way_to_the_previous_one_with_loud_words(path: Path) -> None:
+    saved(path, {"TGL_X": 1}, {"TGL_X": 2})
+    path.write_bytes(path.read_bytes()[:-20])
+    reader = store(path)
+    got = reader.restore()
+    assert got.values["TGL_X"] == 1.0
+    assert got.damaged
+    assert "checksum is wrong" in got.notes[0]
+    assert f"{path}.previous: used in its place" in got.notes
+    assert path.with_name(path.name + ".damaged").exists()
+    # The next write does not put the damage over the good copy.
+    reader.save(BASE.changed({"TGL_X": 3}))
+    assert store(path).restore().values["TGL_X"] == 3.0
+    assert read_file(f"{path}.previous").values["TGL_X"] == 1.0
+
+
+def test_without_any_good_copy_the_files_values_are_used_and_the_loss_is_told(path: Path) -> None:
+    saved(path, {"TGL_X": 1}, {"TGL_X": 2})
+    for copy in (path, path.with_name(path.name + ".previous")):
+        copy.write_bytes(b"")
+    got = store(path).restore()
+    assert (got.values, got.kept, got.damaged) == (BASE, {}, True)
+    assert "LOST" in got.notes[-1]
+
+
+def test_what_was_kept_for_another_place_is_not_flown(path: Path) -> None:
+    saved(path, {"TGL_X": 1})
+    elsewhere = ParameterStore(path, Identity("Glider", "Other\nhill"), BASE, PRESETS)
+    got = elsewhere.restore()
+    assert got.values == BASE
+    assert "of another name" in got.notes[0]
+
+
+# --- kill -9 ----------------------------------------------------------------------------------
+
+WRITER = """
+import sys
+from pathlib import Path
+from tgl_soar.config.parameter_store import Identity, ParameterStore
+from tgl_soar.config.parameters import ParameterSet
+base = ParameterSet()
+store = ParameterStore(Path(sys.argv[1]), Identity("Glider", "Hill"), base)
+n = int(store.restore().values["TGL_X"])
+while True:
+    n = n + 1 if n < 500 else 1
+    store.save(base.changed({"TGL_X": n, "TGL_Z": n}))
+    print(n, flush=True)
+"""
+
+
+def test_a_kill_at_any_moment_of_writing_leaves_a_good_copy(path: Path) -> None:
+    """Killed in the middle of a write, again and again: what was told as written is there."""
+    for attempt in range(12):
+        running = subprocess.Popen(
+            [sys.executable, "-c", WRITER, str(path)], stdout=subprocess.PIPE, text=True
+        )
+        assert running.stdout is not None
+        running.stdout.readline()  # it writes by now
+        time.sleep(0.0037 * attempt)  # each time at another place of the cycle
+        os.kill(running.pid, signal.SIGKILL)
+        written = [int(line) for line in running.stdout.read().split()] or [0]
+        running.wait()
+        running.stdout.close()
+        got = ParameterStore(path, WHO, ParameterSet()).restore()
+        assert not got.damaged, got.notes
+        now = int(got.values["TGL_X"])
+        assert got.values["TGL_Z"] == now
+        if written[-1]:
+            assert now in (written[-1], written[-1] % 500 + 1)
+
+
+@pytest.mark.parametrize("stop_at", range(1, 10))
+def test_every_step_of_a_write_may_be_the_last(
+    path: Path, stop_at: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The process dies before the n-th call to the disk: the old values or the new ones."""
+
+    class Killed(BaseException):
+        pass
+
+    saved(path, {"TGL_X": 1}, {"TGL_X": 2})
+    calls = 0
+
+    def counted(original: object) -> object:
+        def call(*arguments: object, **names: object) -> object:
+            nonlocal calls
+            calls += 1
+            if calls == stop_at:
+                raise Killed
+            return original(*arguments, **names)  # type: ignore[operator]
+
+        return call
+
+    writing = store(path)
+    writing.restore()
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "open", counted(Path.open))
+        patch.setattr(Path, "replace", counted(Path.replace))
+        patch.setattr(os, "fsync", counted(os.fsync))
+        try:
+            writing.save(BASE.changed({"TGL_X": 3}))
+        except Killed:
+            done = False
+        else:
+            done = True
+    got = store(path).restore()
+    assert not got.damaged
+    assert got.values["TGL_X"] in ((3.0,) if done else (2.0, 3.0))
+    assert done == (stop_at > 7)  # three calls for each of the two files, one for the folder
+
+
+# --- while flying -----------------------------------------------------------------------------
+
+
+def settled(flying: ParameterStore, values: ParameterSet, now_s: float) -> list[str]:
+    """What it says until nothing is being written, without time going on."""
+    said = flying.poll(values, now_s)
+    end = time.monotonic() + 10.0
+    while flying.is_writing:
+        assert time.monotonic() < end
+        time.sleep(0.0005)
+        said += flying.poll(values, now_s)
+    return said
+
+
+def flying_values(i: int) -> ParameterSet:
+    return BASE.changed({"TGL_X": 1 + i})
+
+
+def test_changes_are_written_at_once_and_then_once_a_second(path: Path) -> None:
+    flying = store(path)
+    assert flying.restore().values == BASE
+    flying.start()
+    assert flying.poll(BASE, 0.0) == []
+    for i in range(201):  # two seconds of a slider that is dragged
+        assert settled(flying, flying_values(i), i / 100) == []
+        assert flying.writes == i // 100 + 1
+    assert flying.writes == 3
+    assert flying.stop(flying_values(200)) == []
+    assert store(path).restore().values["TGL_X"] == 201.0
+
+
+def test_the_last_change_is_written_when_the_process_ends(path: Path) -> None:
+    flying = store(path)
+    flying.restore()
+    flying.start()
+    flying.poll(flying_values(1), 0.0)
+    flying.poll(flying_values(2), 0.1)  # within the second: not yet
+    assert flying.stop(flying_values(2)) == []
+    assert store(path).restore().values["TGL_X"] == 3.0
+
+
+def test_engaging_writes_nothing(path: Path) -> None:
+    flying = store(path)
+    flying.restore()
+    flying.start()
+    flying.poll(BASE.changed({"OP_ENGAGE": 1}), 0.0)
+    assert flying.stop(BASE.changed({"OP_ENGAGE": 1})) == []
+    assert flying.writes == 0
+    assert not path.exists()
+
+
+def test_going_back_to_the_files_value_is_kept_too(path: Path) -> None:
+    saved(path, {"TGL_X": 1})
+    flying = store(path)
+    flying.restore()
+    flying.start()
+    flying.poll(BASE, 0.0)
+    flying.stop(BASE)
+    assert store(path).restore().values == BASE
+
+
+def test_a_disk_that_takes_nothing_is_told_once_and_tried_again(path: Path) -> None:
+    path.parent.parent.joinpath("state").write_text("a file where the folder should be")
+    flying = store(path)
+    flying.restore()
+    flying.start()
+    said: list[str] = []
+    for i in range(300):  # a minute of changes, one every 0.2 s
+        said += settled(flying, flying_values(i), 0.2 * i)
+    (told,) = said
+    assert told.startswith("parameters are not kept: ")
+    assert told.endswith("flying on")
+    assert str(path) in told
+    path.parent.unlink()
+    assert settled(flying, flying_values(300), 100.0) == ["parameters are kept again"]
+    assert flying.stop(flying_values(300)) == []
+    assert store(path).restore().values == flying_values(300)
+
+
+def test_a_disk_that_hangs_holds_up_neither_the_loop_nor_the_end(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hanging, release = threading.Event(), threading.Event()
+
+    def hang(_file: int) -> None:
+        hanging.set()
+        release.wait(30.0)
+
+    monkeypatch.setattr(os, "fsync", hang)
+    monkeypatch.setattr(parameter_store, "STOP_S", 0.05)
+    flying = store(path)
+    flying.restore()
+    flying.start()
+    flying.poll(flying_values(0), 0.0)
+    assert hanging.wait(5.0)
+    for i in range(100):
+        assert flying.poll(flying_values(i), 0.5 * i) == []
+    (told,) = flying.stop(flying_values(5))
+    assert "does not answer" in told
+    release.set()
+
+
+def test_a_clock_that_goes_back_does_not_stop_the_writing(path: Path) -> None:
+    """Lockstep: from the computer's clock to the vehicle's."""
+    flying = store(path)
+    flying.restore()
+    flying.start()
+    settled(flying, flying_values(0), 5000.0)
+    settled(flying, flying_values(1), 3.0)
+    assert flying.writes == 2
+    flying.stop(flying_values(1))
+
+
+# --- where ------------------------------------------------------------------------------------
+
+
+def test_the_state_lies_where_a_users_programs_keep_it() -> None:
+    assert state_folder({"HOME": "/h", "XDG_STATE_HOME": "/s"}) == Path("/s/tgl_soar")
+    assert state_folder({"HOME": "/h"}) == Path("/h/.local/state/tgl_soar")
+    assert state_folder({"HOME": "/h", "XDG_STATE_HOME": "relative"}) == Path(
+        "/h/.local/state/tgl_soar"
+    )
+    assert state_folder({}) is None
+    assert state_file(Path("/s"), "x/my_glider.toml", Path("hill.toml")) == Path(
+        "/s/my_glider-hill.params"
+    )

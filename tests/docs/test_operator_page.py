@@ -1,0 +1,57 @@
+"""docs/operator.md: the names and numbers in it are those of the code."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from tgl_soar.config.parameters import INDEX
+from tgl_soar.control.supervisor import MODE_NAMES
+from tgl_soar.estimation.health import DISARMED, FAULT_TEXTS
+from tgl_soar.onboard.instruments import FAST, SLOW
+from tgl_soar.onboard.process import EXIT_CANNOT_START
+from tgl_soar.onboard.watchdog import EXIT_KEEPS_DYING, HANGS_FLYING_S, RESTARTS
+
+PAGE = (Path(__file__).parents[2] / "docs" / "operator.md").read_text(encoding="utf-8")
+OF_OTHERS = {"RC_OVERRIDE_TIME", "RC_CHANNELS"}
+
+
+def test_every_fault_of_a_stream_has_its_row() -> None:
+    rows = re.findall(r"^\| (\d+) \| (.*) \|$", PAGE, re.MULTILINE)
+    assert rows == [(str(1 << i), words) for i, words in enumerate(FAULT_TEXTS)]
+    assert f"`faults` is 0, or {DISARMED} as long as it is disarmed" in PAGE
+    assert 1 << len(FAULT_TEXTS) <= 1 << 24  # a float of 32 bits holds every sum exactly
+
+
+def test_every_number_that_is_told_has_its_row() -> None:
+    table = PAGE.partition("| `NAMED_VALUE_FLOAT` | unit | |")[2].partition("\n\n")[0]
+    first_cells = "".join(row.split("|")[1] for row in table.splitlines() if row)
+    assert sorted(re.findall(r"`(\w+)`", first_cells)) == sorted([*FAST, *SLOW])
+    assert ", ".join(f"{i} {name}" for i, name in enumerate(MODE_NAMES)) in table
+
+
+def test_the_session_shows_the_parameters_that_there_are() -> None:
+    assert not re.findall(r"\d+ parameters", PAGE)  # a count would be stale with the next one
+    session = PAGE.partition("param show TGL_*")[2]
+    listed = re.findall(r"^    (TGL_\w+) +-?\d", session, re.MULTILINE)
+    of_the_line = sorted(name for name in INDEX if name.startswith("TGL_"))
+    assert listed[: len(of_the_line)] == of_the_line
+
+
+def test_the_parameters_that_it_names_exist() -> None:
+    named = set(re.findall(r"`((?:OP|TGL|TEL|CLEAR|FENCE|RC)_[A-Z_]+[A-Z])`", PAGE))
+    assert len(named) > 5
+    assert {name for name in named if name not in INDEX} <= OF_OTHERS
+
+
+def test_what_the_guard_does_is_told_with_its_numbers() -> None:
+    service = PAGE.partition("## As a service")[2].partition("\n## ")[0]
+    assert RESTARTS == 5
+    assert "After five new starts within a minute it gives up" in " ".join(service.split())
+    for words in (
+        f"stands still for {HANGS_FLYING_S:g} s with the surfaces",
+        f"it gives up (exit code {EXIT_KEEPS_DYING})",
+        f"code {EXIT_CANNOT_START} and is not tried again",
+        "config/systemd/tgl-soar.service",
+    ):
+        assert words in " ".join(service.split())

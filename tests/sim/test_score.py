@@ -1,0 +1,64 @@
+"""The score of a leg, on paths whose score is known."""
+
+from __future__ import annotations
+
+from math import inf, isnan, pi, radians
+
+import numpy as np
+import pytest
+
+from tgl_soar.sim.score import TAIL_S, score_leg
+
+TIME = np.arange(0.0, 20.0, 0.01)
+VERTICAL = (0.0, 1.0, 0.5 * pi)
+
+
+def test_a_decaying_approach_settles_when_it_enters_the_band_for_good() -> None:
+    """e = 0.5 exp(-t) is within 5 cm from t = ln 10 on."""
+    x = -0.5 * np.exp(-TIME)  # upstream of a vertical line
+    score = score_leg("a", VERTICAL, (0.0, 1.0), TIME, x, np.ones_like(TIME))
+    assert score.settling_s == pytest.approx(np.log(10.0), abs=0.011)
+    assert score.settled
+    # The capture is not scored: 3 s after the stop 0.5 exp(-3) is left.
+    assert score.peak_e_rho_m == pytest.approx(0.5 * np.exp(-3.0), rel=0.01)
+    assert score.crossing_m == pytest.approx(0.0, abs=1e-4)
+
+
+def test_a_peak_later_on_is_a_peak_and_not_settling() -> None:
+    x = np.where((TIME > 10.0) & (TIME < 10.2), 0.08, 0.0)
+    score = score_leg("a", VERTICAL, None, TIME, x, np.ones_like(TIME))
+    assert score.settling_s == 0.0
+    assert score.settled
+    assert score.peak_e_rho_m == pytest.approx(0.08)
+    assert isnan(score.crossing_m)
+
+
+def test_a_swing_that_never_rests_in_the_band_is_not_settled() -> None:
+    """Through the line and out of the band again every second."""
+    x = 0.12 * np.sin(2.0 * pi * TIME / 2.0)
+    score = score_leg("a", VERTICAL, None, TIME, x, np.ones_like(TIME))
+    assert score.settling_s == inf
+    assert not score.settled
+
+
+def test_a_leg_that_loses_the_line_after_two_good_seconds_is_not_settled() -> None:
+    x = np.where(TIME > 4.0, 0.2, 0.0)
+    score = score_leg("a", VERTICAL, None, TIME, x, np.ones_like(TIME))
+    assert score.settling_s == 0.0
+    assert not score.settled
+
+
+def test_a_position_that_is_not_a_number_is_not_settled() -> None:
+    x = np.where(TIME > 19.9, np.nan, 0.0)
+    assert not score_leg("a", VERTICAL, None, TIME, x, np.ones_like(TIME)).settled
+
+
+def test_e_rho_and_wander_are_scored_apart() -> None:
+    """A swing along a leaning line has no e_rho; its spread is amplitude / √2."""
+    eta = radians(105.0)
+    along = 0.3 * np.sin(2.0 * pi * TIME / 2.0)  # whole periods in the tail
+    x, z = along * np.cos(eta), 1.0 + along * np.sin(eta)
+    score = score_leg("a", (0.0, 1.0, eta), (0.0, 1.0), TIME, x, z)
+    assert score.rms_e_rho_m == pytest.approx(0.0, abs=1e-12)
+    assert score.wander_m == pytest.approx(0.3 / np.sqrt(2.0), rel=0.01)
+    assert TAIL_S % 2.0 == 0.0
