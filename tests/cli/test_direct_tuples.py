@@ -52,9 +52,21 @@ def spread(
     )
 
 
+def by_name(x: float) -> tuple[Inner, Outer]:
+    return Inner(x, high=-x), Outer(
+        name="δ=",
+        inner=Inner(
+            low=(
+                x
+            ),
+            high=max(x, 0.0) + (x == 1.0),
+        ),
+    )
+
+
 def left_as_they_are(x: float) -> tuple[Inner, Inner, Inner, float]:
     pair = (x, x)
-    return Inner(x), Inner(*pair), Inner(low=x, high=x), Plain(x, x).low
+    return Inner(x), Inner(*pair), Inner(high=x, low=x), Plain(x, x).low
 
 
 def nested(x: float) -> Inner:
@@ -94,12 +106,12 @@ def run(source: str, **known: Any) -> dict[str, Any]:
 @pytest.mark.usefixtures("in_python")
 def test_the_same_tuples_are_made_on_the_same_lines() -> None:
     declared = {"some.kinds": kinds_of(KINDS)}
-    assert declared["some.kinds"] == {"Inner": 2, "Outer": 2}
+    assert declared["some.kinds"] == {"Inner": ("low", "high"), "Outer": ("name", "inner")}
     found = direct("some.kinds", KINDS, declared)
-    assert found.count("_direct_make(_direct_") == 6
+    assert found.count("_direct_make(_direct_") == 9
     assert found.count("\n") == KINDS.count("\n")
     before, after = run(KINDS), run(found)
-    for name in ("made", "spread", "left_as_they_are", "nested"):
+    for name in ("made", "spread", "by_name", "left_as_they_are", "nested"):
         assert repr(after[name](0.5)) == repr(before[name](0.5))
         old, new = before[name].__code__, after[name].__code__
         assert new.co_firstlineno == old.co_firstlineno

@@ -1,9 +1,10 @@
 """Named tuples made of their fields at once, in the copy of the source that is compiled.
 
-To a C compiler `Kind(a, b)` is a call of a Python function that counts its arguments and hands
-them on.  Where all fields are given by place there is nothing to count:
+To a C compiler `Kind(a, b=b)` is a call of a Python function that counts its arguments, looks up
+those with a name and hands them on.  Where all fields are given, in their order, there is nothing
+to count or to look up:
 
-    Kind(a, b)   →   cast(Kind, make(Kind, a, b))
+    Kind(a, b=b)   →   cast(Kind, make(Kind, a, b))
 
 is the same tuple in a fifth of the time, by the few lines of C beside this file, and a tick makes
 some forty of them.  Nobody would want to read it, so that the source stays as it is.  Lines keep
@@ -13,11 +14,11 @@ their numbers, for what goes wrong in them.
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
 IN_C: Final = "direct_tuples.c"
-Kinds = Mapping[str, int]  # named tuples, and how many fields each has
+Kinds = Mapping[str, Sequence[str]]  # named tuples, and the fields of each
 
 _IMPORTS: Final = (
     b"; from typing import Any as _direct_Any, Final as _direct_Final, cast as _direct_cast"
@@ -41,7 +42,7 @@ def fields_of(source: str) -> dict[str, dict[str, str]]:
 
 def kinds_of(source: str) -> Kinds:
     """The named tuples that a module declares."""
-    return {name: len(fields) for name, fields in fields_of(source).items()}
+    return {name: tuple(fields) for name, fields in fields_of(source).items()}
 
 
 def direct(module: str, source: str, declared: Mapping[str, Kinds]) -> str:
@@ -51,7 +52,7 @@ def direct(module: str, source: str, declared: Mapping[str, Kinds]) -> str:
     """
     tree = ast.parse(source)
     lines = [line.encode() for line in source.split("\n")]  # the parser counts bytes
-    known: dict[str, int] = {}
+    known: dict[str, Sequence[str]] = {}
     places: dict[str, int] = {}  # the line behind which a kind is known
     for node in tree.body:
         end = node.end_lineno or 0
@@ -61,7 +62,7 @@ def direct(module: str, source: str, declared: Mapping[str, Kinds]) -> str:
             places |= dict.fromkeys(here, end - 1)
         elif isinstance(node, ast.ClassDef) and not lines[end]:
             # It ends with an indented line: what is said of it stands in the empty one below.
-            here = {n: count for n, count in declared[module].items() if n == node.name}
+            here = {n: names for n, names in declared[module].items() if n == node.name}
             places |= dict.fromkeys(here, end)
         else:
             continue
@@ -95,11 +96,18 @@ def _calls(tree: ast.Module, known: Kinds) -> Iterator[ast.Call]:
         if (
             isinstance(node, ast.Call)
             and isinstance(node.func, ast.Name)
-            and known.get(node.func.id) == len(node.args) > 1
-            and not node.keywords
-            and not any(isinstance(argument, ast.Starred) for argument in node.args)
+            and len(fields := known.get(node.func.id, ())) > 1
+            and gives_all_in_order(node, fields)
         ):
             yield node
+
+
+def gives_all_in_order(call: ast.Call, fields: Sequence[str]) -> bool:
+    """Whether a call names every field in the order of its declaration, or gives it by place."""
+    if any(isinstance(argument, ast.Starred) for argument in call.args):
+        return False
+    given = [*fields[: len(call.args)], *(keyword.arg for keyword in call.keywords)]
+    return given == list(fields)
 
 
 def _edits(lines: list[bytes], call: ast.Call) -> Iterator[tuple[int, int, int, bytes]]:
@@ -108,5 +116,8 @@ def _edits(lines: list[bytes], call: ast.Call) -> Iterator[tuple[int, int, int, 
     row, start = call.lineno - 1, call.col_offset
     made = f"_direct_cast({name}, _direct_make(_direct_{name}, ".encode()
     yield row, start, lines[row].index(b"(", start) + 1, made
+    for keyword in call.keywords:  # its value stays where it is
+        row, start = keyword.lineno - 1, keyword.col_offset
+        yield row, start, lines[row].index(b"=", start) + 1, b""
     row, stop = (call.end_lineno or 0) - 1, call.end_col_offset or 0
     yield row, stop - 1, stop, b"))"
