@@ -249,7 +249,10 @@ def test_a_planted_violation_is_found(tmp_path: Path, file: str, text: str) -> N
     ("file", "text"),
     [
         ("control/pid.py", "from math import pi\nfrom ..types import NAN\nfrom .other import x"),
-        ("onboard/module.py", "import time\nfrom tgl_soar import autopilot\nfrom ..link import codec"),
+        (
+            "onboard/module.py",
+            "import time\nfrom tgl_soar import autopilot\nfrom ..link import codec",
+        ),
         ("sim/pixhawk.py", "from tgl_soar.link.autopilots.base import Flavour\nimport time"),
         ("sim/pixhawk.py", "from tgl_soar.link.autopilots import base"),
         (

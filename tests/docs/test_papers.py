@@ -8,7 +8,7 @@ from pathlib import Path
 
 import tgl_soar
 
-ROOT = Path(tgl_soar.__file__).parents[3]
+ROOT = Path(tgl_soar.__file__).parents[2]
 
 
 def text_of(name: str) -> str:

@@ -423,7 +423,7 @@ ENGAGE: Final = "param set OP_ENGAGE 1"
 def mavproxy() -> str:
     """The program, where its package is installed."""
     package = pytest.importorskip("MAVProxy")
-    return str(Path(package.__file__).parents[5] / "bin" / "mavproxy.py")
+    return str(Path(package.__file__).parents[4] / "bin" / "mavproxy.py")
 
 
 @pytest.mark.long

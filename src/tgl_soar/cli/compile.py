@@ -119,10 +119,10 @@ def _alone(base: Path) -> Iterator[None]:
 
 def _compile(work: Path) -> None:
     """mypyc on a copy of what flies: nothing of its work is to lie about beside the source."""
-    for folder in native.FOLDERS:
-        (work / "tgl_soar" / folder).mkdir(parents=True, exist_ok=True)
-        for file in (native.SOURCE / folder).glob("*.py"):
-            shutil.copy(file, work / "tgl_soar" / folder)
+    for file in native.sources():
+        to = work / file.relative_to(native.SOURCE.parent)
+        to.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(file, to)
     _make_tuples_direct(work)
     (work / "mypy.ini").write_text(_CONFIG, encoding="utf-8")
     files = [str(native.file_of(name).relative_to(native.SOURCE.parent)) for name in native.MODULES]

@@ -428,15 +428,15 @@ _File = TypeVar("_File", bound=Struct)
 
 def shipped(name: str) -> Path:
     """A file of `config/`: of the source tree, or of the installed package."""
-    installed = Path(__file__).parent / "_config"
-    folder = installed if installed.is_dir() else Path(__file__).parents[2] / "config"
+    installed = Path(__file__).parents[1] / "_config"
+    folder = installed if installed.is_dir() else Path(__file__).parents[3] / "config"
     return folder / name
 
 
 def manual() -> Path:
     """The folder of the manual's pages: of the source tree, or of the installed package."""
-    installed = Path(__file__).parent / "docs"
-    return installed if installed.is_dir() else Path(__file__).parents[2] / "docs"
+    installed = Path(__file__).parents[1] / "docs"
+    return installed if installed.is_dir() else Path(__file__).parents[3] / "docs"
 
 
 _AIRFRAMES: Final = "airframes"

@@ -38,16 +38,13 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
 
-SOURCE: Final = Path(__file__).parent
+SOURCE: Final = Path(__file__).parents[1]
 MANIFEST: Final = "manifest.json"
 COMPILED_IN: Final = "tgl_soar_source"  # a module that says of what source its library was made
 SUFFIX: Final = EXTENSION_SUFFIXES[0]  # of native code for just this interpreter
 LIBRARY: Final = "__mypyc"  # the end of its name: it holds the code of all modules
-FOLDERS: Final = (
-    *("", "control", "estimation", "flightlog"),
-    *("link", "link/autopilots", "link/natnet"),
-)  # of what flies
-_MADE_BY: Final = ("compile.py", "direct_tuples.py", "direct_tuples.c")  # of the commands
+DOORS: Final = ("config", "control", "estimation", "link", "onboard")  # folders of what flies
+_MADE_BY: Final = ("compile.py", "direct_tuples.py", "direct_tuples.c")  # of the command line
 
 # What every tick goes through.  What reads files, declares or starts things stays as it is.
 MODULES: Final = (
@@ -124,8 +121,7 @@ def base() -> Path:
 def source_key() -> str:
     """The sum of this source and of this interpreter."""
     key = sha256(f"{sys.version} {platform.machine()} {SUFFIX}".encode())
-    files = [file for name in FOLDERS for file in sorted((SOURCE / name).glob("*.py"))]
-    for file in [*files, *(SOURCE / "commands" / name for name in _MADE_BY)]:
+    for file in [*sources(), *(SOURCE / "cli" / name for name in _MADE_BY)]:
         if file.is_file():
             key.update(file.read_bytes())
     return key.hexdigest()
@@ -134,6 +130,12 @@ def source_key() -> str:
 def folder() -> Path:
     """Where native code of just this source, for just this interpreter, is kept."""
     return base() / f"native-{source_key()[:16]}"
+
+
+def sources() -> list[Path]:
+    """Every file of what flies."""
+    behind = (sorted((SOURCE / door).rglob("*.py")) for door in DOORS)
+    return [*sorted(SOURCE.glob("*.py")), *(file for files in behind for file in files)]
 
 
 def others() -> list[Path]:
