@@ -39,7 +39,13 @@ NO_JSBSIM = "jsbsim is not installed: not measured beside it"
 def flights() -> Iterator[Result]:
     """The closed loop: plain, with the model compiled, with the laws compiled too."""
     plain = _plain_speed()
-    yield Result("closed loop, nothing compiled", plain, 1.0, "s/s", REAL_TIME)
+    yield Result(
+        what="closed loop, nothing compiled",
+        value=plain,
+        reference=1.0,
+        unit="s/s",
+        reference_what=REAL_TIME,
+    )
     if not available():
         print(NO_NUMBA)
         return
@@ -50,7 +56,13 @@ def flights() -> Iterator[Result]:
     CompiledWorld(prepared, 1).step(SurfaceCommand(0.0, 0.0, 0.0))
     compile_model_s = perf_counter() - before
     model = _speed(1, lambda: fly(CompiledWorld(prepared, 1), values, [], FLIGHT_S).ended)
-    yield Result("closed loop, the model compiled", model, 1.0, "s/s", REAL_TIME)
+    yield Result(
+        what="closed loop, the model compiled",
+        value=model,
+        reference=1.0,
+        unit="s/s",
+        reference_what=REAL_TIME,
+    )
 
     before = perf_counter()
     fly_compiled(prepared, 1, values, [])
@@ -62,12 +74,30 @@ def flights() -> Iterator[Result]:
         )
 
     everything = _speed(COMPILED_FLIGHTS, fly_many)
-    yield Result("closed loop, all compiled", everything, 1.0, "s/s", REAL_TIME)
+    yield Result(
+        what="closed loop, all compiled",
+        value=everything,
+        reference=1.0,
+        unit="s/s",
+        reference_what=REAL_TIME,
+    )
 
     plain_flight_s = FLIGHT_S / plain
     one_flight = f"a plain flight of {FLIGHT_S:g} s"
-    yield Result("compiling the model", compile_model_s, plain_flight_s, "s", one_flight)
-    yield Result("compiling the rest too", compile_all_s, plain_flight_s, "s", one_flight)
+    yield Result(
+        what="compiling the model",
+        value=compile_model_s,
+        reference=plain_flight_s,
+        unit="s",
+        reference_what=one_flight,
+    )
+    yield Result(
+        what="compiling the rest too",
+        value=compile_all_s,
+        reference=plain_flight_s,
+        unit="s",
+        reference_what=one_flight,
+    )
 
     cores = os.cpu_count() or 1
     before = perf_counter()
@@ -75,11 +105,11 @@ def flights() -> Iterator[Result]:
     elapsed = perf_counter() - before
     assert not any(score.ended for score in scores)
     yield Result(
-        f"batch of {BATCH_FLIGHTS} flights of {FLIGHT_S:g} s with scores, {cores} cores",
-        BATCH_FLIGHTS * FLIGHT_S / elapsed,
-        everything,
-        "s/s",
-        "all compiled on one core",
+        what=f"batch of {BATCH_FLIGHTS} flights of {FLIGHT_S:g} s with scores, {cores} cores",
+        value=BATCH_FLIGHTS * FLIGHT_S / elapsed,
+        reference=everything,
+        unit="s/s",
+        reference_what="all compiled on one core",
     )
 
 
@@ -106,13 +136,31 @@ def beside_jsbsim() -> Iterator[Result]:
             now = step(model, now, surfaces, wind, wind, dt)
         return ""
 
-    yield Result("our aircraft alone, plain", _speed(1, aircraft_alone), theirs, "s/s", what)
-    yield Result("closed loop, nothing compiled", _plain_speed(), theirs, "s/s", what)
+    yield Result(
+        what="our aircraft alone, plain",
+        value=_speed(1, aircraft_alone),
+        reference=theirs,
+        unit="s/s",
+        reference_what=what,
+    )
+    yield Result(
+        what="closed loop, nothing compiled",
+        value=_plain_speed(),
+        reference=theirs,
+        unit="s/s",
+        reference_what=what,
+    )
     if available():
         prepared, values = prepare(world, FLIGHT_S), _plan().values
         fly_compiled(prepared, 1, values, [])
         everything = _speed(1, lambda: fly_compiled(prepared, 1, values, []).ended)
-        yield Result("closed loop, all compiled", everything, theirs, "s/s", what)
+        yield Result(
+            what="closed loop, all compiled",
+            value=everything,
+            reference=theirs,
+            unit="s/s",
+            reference_what=what,
+        )
 
 
 BENCHMARKS = (flights, beside_jsbsim)

@@ -69,7 +69,13 @@ def codec() -> Iterator[Result]:
         lambda: signer.encode(RcChannelsOverride(1, 1, CHANNELS)),
         lambda: mavlink.MAVLink_rc_channels_override_message(1, 1, *CHANNELS).pack(signed),
     )
-    yield Result("the same, signed", ours_ns / 1e3, theirs_ns / 1e3, "µs", "pymavlink")
+    yield Result(
+        what="the same, signed",
+        value=ours_ns / 1e3,
+        reference=theirs_ns / 1e3,
+        unit="µs",
+        reference_what="pymavlink",
+    )
 
 
 BENCHMARKS = (codec,)
@@ -83,7 +89,14 @@ def _compared(
     frame: bytes,
 ) -> Iterator[Result]:
     ours_ns, theirs_ns = _quickest(ours, theirs)
-    yield Result(what, ours_ns / 1e3, theirs_ns / 1e3, "µs", "pymavlink", 1.0 / FASTER)
+    yield Result(
+        what=what,
+        value=ours_ns / 1e3,
+        reference=theirs_ns / 1e3,
+        unit="µs",
+        reference_what="pymavlink",
+        aim=1.0 / FASTER,
+    )
     try:
         program = c_reference.program("codec")
     except NoCompilerError as error:
@@ -94,7 +107,14 @@ def _compared(
         for _ in range(C_ROUNDS)
     ]
     c_ns = min(float(run.stdout) for run in runs)
-    yield Result(what, ours_ns / 1e3, c_ns / 1e3, "µs", "MAVLink's C library", SLOWER)
+    yield Result(
+        what=what,
+        value=ours_ns / 1e3,
+        reference=c_ns / 1e3,
+        unit="µs",
+        reference_what="MAVLink's C library",
+        aim=SLOWER,
+    )
 
 
 def _quickest(*calls: Callable[[], object]) -> list[float]:

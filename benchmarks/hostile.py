@@ -148,11 +148,11 @@ def hostile_tick() -> Result:
     """The 99th percentile of the tick between hostile frames, against quiet."""
     fired = fire(FRAMES)
     return Result(
-        "tick p99 between hostile frames",
-        percentile(fired.fired_us, 0.99),
-        percentile(fired.quiet_us, 0.99),
-        "µs",
-        "between none",
+        what="tick p99 between hostile frames",
+        value=percentile(fired.fired_us, 0.99),
+        reference=percentile(fired.quiet_us, 0.99),
+        unit="µs",
+        reference_what="between none",
     )
 
 

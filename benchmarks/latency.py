@@ -62,19 +62,19 @@ def sensor_to_surface(seconds: int = SECONDS) -> Iterator[Result]:
             yield _delay(name, measured.module_ns, measured.c_ns, IN_C, share_name, share, aim)
         yield _delay(name, measured.module_ns, measured.mavutil_ns, IN_MAVUTIL)
         yield Result(
-            f"answers that miss their third of the period, {name}",
-            sum(ns >= PART_NS for ns in measured.module_ns),
-            sum(ns >= PART_NS for ns in measured.c_ns),
-            f"of {len(measured.c_ns)}",
-            IN_C,
+            what=f"answers that miss their third of the period, {name}",
+            value=sum(ns >= PART_NS for ns in measured.module_ns),
+            reference=sum(ns >= PART_NS for ns in measured.c_ns),
+            unit=f"of {len(measured.c_ns)}",
+            reference_what=IN_C,
         )
         yield Result(
-            f"age of the sample at the surface, {name}, p50",
-            percentile(measured.module_ns, 0.5) / 1e6,
-            AGE_ALLOWED_MS,
-            "ms",
-            ALLOWED,
-            1.0,
+            what=f"age of the sample at the surface, {name}, p50",
+            value=percentile(measured.module_ns, 0.5) / 1e6,
+            reference=AGE_ALLOWED_MS,
+            unit="ms",
+            reference_what=ALLOWED,
+            aim=1.0,
         )
         yield _processor(name, measured, CPU_ALLOWED, ALLOWED, 1.0)
         if is_native() and kind == "udp":
@@ -97,12 +97,12 @@ def _delay(
 ) -> Result:
     """From a sample to the surfaces, beside somebody else."""
     return Result(
-        f"sensor to surface, {name}, {share_name}",
-        percentile(ours_ns, share) / 1e3,
-        percentile(theirs_ns, share) / 1e3,
-        "µs",
-        whose,
-        aim,
+        what=f"sensor to surface, {name}, {share_name}",
+        value=percentile(ours_ns, share) / 1e3,
+        reference=percentile(theirs_ns, share) / 1e3,
+        unit="µs",
+        reference_what=whose,
+        aim=aim,
     )
 
 
@@ -111,7 +111,12 @@ def _processor(
 ) -> Result:
     """What the flying process takes of a core."""
     return Result(
-        f"the flying process, {name}", measured.cpu_percent, beside, "% of a core", whose, aim
+        what=f"the flying process, {name}",
+        value=measured.cpu_percent,
+        reference=beside,
+        unit="% of a core",
+        reference_what=whose,
+        aim=aim,
     )
 
 

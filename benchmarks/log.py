@@ -43,18 +43,25 @@ def log() -> Iterator[Result]:
     with TemporaryDirectory() as folder:
         plain, logged = _fly(Path(folder))
         yield Result(
-            "what the flight log adds to a tick",
-            logged - plain,
-            plain,
-            "µs",
-            "the tick without it",
-            SHARE_ALLOWED,
+            what="what the flight log adds to a tick",
+            value=logged - plain,
+            reference=plain,
+            unit="µs",
+            reference_what="the tick without it",
+            aim=SHARE_ALLOWED,
         )
         path = next(Path(folder).rglob("*.ulg"))
         minutes = (WARM_UP_S + FLOWN_S) / 60.0
         for name, file in (("flight log", path), (".tlog of the wire", path.with_suffix(".tlog"))):
             size = file.stat().st_size / 1e6 / minutes
-            yield Result(f"{name}, a minute at 200 Hz", size, ALLOWED_MB, "MB", ALLOWED, 1.0)
+            yield Result(
+                what=f"{name}, a minute at 200 Hz",
+                value=size,
+                reference=ALLOWED_MB,
+                unit="MB",
+                reference_what=ALLOWED,
+                aim=1.0,
+            )
         flight = read_log(path)
         for workers, compile, how in (
             (1, False, "one process"),
@@ -69,7 +76,14 @@ def log() -> Iterator[Result]:
             asked_us = 1e6 / RATE_HZ / ASKED_SPEED
             what = f"{ASKED_SPEED:g} × real time"
             aim = 1.0 if compile else NO_AIM
-            yield Result(f"replay of a tick, {how}", tick_us, asked_us, "µs", what, aim)
+            yield Result(
+                what=f"replay of a tick, {how}",
+                value=tick_us,
+                reference=asked_us,
+                unit="µs",
+                reference_what=what,
+                aim=aim,
+            )
 
 
 BENCHMARKS = (log,)

@@ -50,12 +50,12 @@ def long_run(seconds: int = 600) -> Iterator[Result]:
     if found is None:
         raise RuntimeError(f"the module did not run: {words}")
     yield Result(
-        f"ticks later than 2 ms, of {found[1]}, {BUSY_CORES} busy cores",
-        int(found[2]),
-        sum(ns > LATE_NS for ns in array("q", in_c.stdout)),
-        "",
-        f"of {count} wake-ups of a C loop at the same time",
-        1.0,
+        what=f"ticks later than 2 ms, of {found[1]}, {BUSY_CORES} busy cores",
+        value=int(found[2]),
+        reference=sum(ns > LATE_NS for ns in array("q", in_c.stdout)),
+        unit="",
+        reference_what=f"of {count} wake-ups of a C loop at the same time",
+        aim=1.0,
     )
 
 

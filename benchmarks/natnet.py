@@ -47,11 +47,27 @@ def natnet() -> Iterator[Result]:
         what = (
             f"a NatNet {version[0]}.{version[1]} frame, {BODIES} bodies, {BODIES * MARKERS} markers"
         )
-        yield Result(what, ours, theirs, "µs", "PyPI's natnet decodes it")
-        yield Result(what, ours, vendors, "µs", "the vendor's sample (natnetsdk) decodes it")
+        yield Result(
+            what=what,
+            value=ours,
+            reference=theirs,
+            unit="µs",
+            reference_what="PyPI's natnet decodes it",
+        )
+        yield Result(
+            what=what,
+            value=ours,
+            reference=vendors,
+            unit="µs",
+            reference_what="the vendor's sample (natnetsdk) decodes it",
+        )
         share = ours * 1e-6 * RATE_HZ
         yield Result(
-            f"{what}, at {RATE_HZ:g} Hz", share * 100, SHARE * 100, "%", "of a core at most"
+            what=f"{what}, at {RATE_HZ:g} Hz",
+            value=share * 100,
+            reference=SHARE * 100,
+            unit="%",
+            reference_what="of a core at most",
         )
 
 
@@ -90,17 +106,31 @@ def _client(version: layout.Version) -> tuple[Optitrack, list[Body]]:
     """A client that knows its server, and whose body is the last of all."""
     bodies = [
         Body(
-            f"body {i}",
-            i,
-            (0.1 * i, 1.0, 2.0),
-            (0.0, 0.0, 0.0, 1.0),
+            name=f"body {i}",
+            id=i,
+            position_m=(0.1 * i, 1.0, 2.0),
+            quaternion=(0.0, 0.0, 0.0, 1.0),
             markers=tuple((0.01 * k, 1.0, 0.1 * i) for k in range(MARKERS)),
         )
         for i in range(1, BODIES + 1)
     ]
-    hall = HallFrame(False, 0.3, 1.0, 2.0, 0.0)
+    hall = HallFrame(
+        z_up=False, yaw_rad=0.3, origin_north_m=1.0, origin_east_m=2.0, origin_down_m=0.0
+    )
     name = bodies[-1].name
-    client = Optitrack(Settings(SERVER[0], name, False, hall, 0.001, 0.02, 25.0, 0.3, 200.0))
+    client = Optitrack(
+        Settings(
+            server=SERVER[0],
+            body=name,
+            unicast=False,
+            hall=hall,
+            noise_m=0.001,
+            max_error_m=0.02,
+            max_speed_mps=25.0,
+            max_age_s=0.3,
+            max_rate_hz=200.0,
+        )
+    )
     info = encode_server_info(version, data_port=1511, group="239.255.42.99", multicast=True)
     for data in (info, encode_models(version, bodies)):
         client.take(data, SERVER, 0.0)

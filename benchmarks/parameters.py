@@ -38,7 +38,11 @@ def listing() -> Result:
         flight.frames.clear()
         assert flight.now_s - begun < 60.0, missing
     return Result(
-        f"listing of {len(PARAMETERS)} parameters", flight.now_s - begun, 2.0, "s", "allowed"
+        what=f"listing of {len(PARAMETERS)} parameters",
+        value=flight.now_s - begun,
+        reference=2.0,
+        unit="s",
+        reference_what="allowed",
     )
 
 
@@ -63,11 +67,11 @@ def confirmed_set() -> Result:
         # The line that is flown moves from the very next tick on.
         assert abs(flight.onboard._laws.target.x_m - value) < 1e-6
     return Result(
-        "a set, to its confirmation",
-        median(times) * 1e6,
-        median(parse) * 1e6,
-        "µs",
-        "pymavlink parses the PARAM_SET",
+        what="a set, to its confirmation",
+        value=median(times) * 1e6,
+        reference=median(parse) * 1e6,
+        unit="µs",
+        reference_what="pymavlink parses the PARAM_SET",
     )
 
 
@@ -93,11 +97,11 @@ def tick_under_flood() -> Result:
     """Median time of a tick with all that is slow, while 2,000 requests a second come in."""
     quiet, flooded = _ticks_under_flood()
     return Result(
-        "tick under 2,000 parameter requests/s, median",
-        median(flooded) * 1e6,
-        median(quiet) * 1e6,
-        "µs",
-        "the same tick when it is quiet",
+        what="tick under 2,000 parameter requests/s, median",
+        value=median(flooded) * 1e6,
+        reference=median(quiet) * 1e6,
+        unit="µs",
+        reference_what="the same tick when it is quiet",
     )
 
 
@@ -105,11 +109,11 @@ def late_tick_under_flood() -> Result:
     """What nine of ten of the same ticks stay below."""
     quiet, flooded = _ticks_under_flood()
     return Result(
-        "tick under 2,000 parameter requests/s, 90 %",
-        quantiles(flooded, n=10)[8] * 1e6,
-        quantiles(quiet, n=10)[8] * 1e6,
-        "µs",
-        "the same tick when it is quiet",
+        what="tick under 2,000 parameter requests/s, 90 %",
+        value=quantiles(flooded, n=10)[8] * 1e6,
+        reference=quantiles(quiet, n=10)[8] * 1e6,
+        unit="µs",
+        reference_what="the same tick when it is quiet",
     )
 
 

@@ -52,22 +52,28 @@ def parts() -> Iterator[Result]:
         again, times = _times(ModuleFlight(_recorder(stack)).engaged(), _recorder(stack))
     for name, share, allowed in (("p50", 0.5, P50_ALLOWED), ("p99", 0.99, P99_ALLOWED)):
         yield Result(
-            f"a tick, all of it, {name}",
-            percentile(whole, share),
-            PERIOD_US * allowed,
-            "µs",
-            f"{100 * allowed:g} % of the period",
-            1.0,
+            what=f"a tick, all of it, {name}",
+            value=percentile(whole, share),
+            reference=PERIOD_US * allowed,
+            unit="µs",
+            reference_what=f"{100 * allowed:g} % of the period",
+            aim=1.0,
         )
     if is_native():
         interpreted = by_the_source("parts")[0]
-        yield Result(interpreted.what, percentile(whole, 0.5), interpreted.value, "µs", INTERPRETED)
+        yield Result(
+            what=interpreted.what,
+            value=percentile(whole, 0.5),
+            reference=interpreted.value,
+            unit="µs",
+            reference_what=INTERPRETED,
+        )
     yield Result(
-        "a tick after 5 ms of sleep, p50",
-        percentile(after_sleep, 0.5),
-        percentile(whole, 0.5),
-        "µs",
-        "one right after the other",
+        what="a tick after 5 ms of sleep, p50",
+        value=percentile(after_sleep, 0.5),
+        reference=percentile(whole, 0.5),
+        unit="µs",
+        reference_what="one right after the other",
     )
     whole_us = percentile(again, 0.5)
     medians = {name: percentile(of_ticks, 0.5) for name, of_ticks in times.items()}
@@ -75,7 +81,13 @@ def parts() -> Iterator[Result]:
     medians["decide and control"] -= sum(medians[name] for name in inside)
     medians[REST] = whole_us - sum(medians.values())
     for name, us in medians.items():
-        yield Result(f"of a tick: {name}", us, whole_us, "µs", "a tick, all of it, beside it")
+        yield Result(
+            what=f"of a tick: {name}",
+            value=us,
+            reference=whole_us,
+            unit="µs",
+            reference_what="a tick, all of it, beside it",
+        )
 
 
 BENCHMARKS = (parts,)
@@ -162,14 +174,14 @@ def _times(
         for received in clock.time("decode", decoder.feed, data):
             clock.time("clocks and sources", session.handle, received, now_s)
         inputs = Inputs(
-            now_s,
-            session.position,
-            session.attitude,
-            session.status,
-            True,
-            session.imu,
-            session.airspeed,
-            session.surfaces,
+            time_s=now_s,
+            position=session.position,
+            attitude=session.attitude,
+            autopilot=session.status,
+            engage=True,
+            imu=session.imu,
+            airspeed=session.airspeed,
+            surfaces=session.surfaces,
         )
         motion, vehicle = clock.time(
             "estimate: motion", motion_step, laws.motion, laws.frame, state.motion, inputs

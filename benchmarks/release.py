@@ -107,11 +107,11 @@ def known_inside() -> Iterator[Result]:
     """One line for each cause."""
     for what, cause in CAUSES:
         yield Result(
-            f"last surface command after: {what}",
-            _last_command_s(cause) * 1e3,
-            ALLOWED_S * 1e3,
-            "ms",
-            "two ticks",
+            what=f"last surface command after: {what}",
+            value=_last_command_s(cause) * 1e3,
+            reference=ALLOWED_S * 1e3,
+            unit="ms",
+            reference_what="two ticks",
         )
 
 
@@ -210,11 +210,11 @@ def whole_process() -> Iterator[Result]:
     """The median of a few, as the machine's scheduling is in it."""
     for what, end in ENDS:
         yield Result(
-            f"surfaces given back after: {what}",
-            median(_given_back_s(end) for _ in range(REPEATS)) * 1e3,
-            ALLOWED_S * 1e3,
-            "ms",
-            "two ticks",
+            what=f"surfaces given back after: {what}",
+            value=median(_given_back_s(end) for _ in range(REPEATS)) * 1e3,
+            reference=ALLOWED_S * 1e3,
+            unit="ms",
+            reference_what="two ticks",
         )
 
 

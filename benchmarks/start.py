@@ -31,15 +31,28 @@ def start() -> Iterator[Result]:
         begun = time.perf_counter()
         subprocess.run([sys.executable, "-c", "pass"], check=True)
         bare.append(time.perf_counter() - begun)
-    yield Result("start to first heartbeat", median(starts), START_ALLOWED_S, "s", ALLOWED, 1.0)
-    yield Result("start to first heartbeat", median(starts), median(bare), "s", "python -c pass")
     yield Result(
-        "resident memory of the flying process, all locked",
-        max(resident),
-        RESIDENT_ALLOWED_MB,
-        "MB",
-        ALLOWED,
-        1.0,
+        what="start to first heartbeat",
+        value=median(starts),
+        reference=START_ALLOWED_S,
+        unit="s",
+        reference_what=ALLOWED,
+        aim=1.0,
+    )
+    yield Result(
+        what="start to first heartbeat",
+        value=median(starts),
+        reference=median(bare),
+        unit="s",
+        reference_what="python -c pass",
+    )
+    yield Result(
+        what="resident memory of the flying process, all locked",
+        value=max(resident),
+        reference=RESIDENT_ALLOWED_MB,
+        unit="MB",
+        reference_what=ALLOWED,
+        aim=1.0,
     )
 
 

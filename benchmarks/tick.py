@@ -30,11 +30,11 @@ def tick() -> Result:
     """Median time of `autopilot.step` while flying, the estimator left out."""
     whole, estimator, parse = _times()
     return Result(
-        "one tick of the laws, without the estimator",
-        whole - estimator,
-        parse,
-        "µs",
-        "pymavlink parses one ATTITUDE_QUATERNION",
+        what="one tick of the laws, without the estimator",
+        value=whole - estimator,
+        reference=parse,
+        unit="µs",
+        reference_what="pymavlink parses one ATTITUDE_QUATERNION",
     )
 
 
@@ -42,7 +42,11 @@ def tick_with_estimator() -> Result:
     """Median time of all of `autopilot.step` while flying."""
     whole, _, parse = _times()
     return Result(
-        "one tick, all of it", whole, parse, "µs", "pymavlink parses one ATTITUDE_QUATERNION"
+        what="one tick, all of it",
+        value=whole,
+        reference=parse,
+        unit="µs",
+        reference_what="pymavlink parses one ATTITUDE_QUATERNION",
     )
 
 
@@ -50,11 +54,11 @@ def tick_with_accelerations() -> Result:
     """The same with accelerometers of 200 Hz: a sample in every tick."""
     whole, _, parse = _times(WITH_IMU)
     return Result(
-        "one tick, all of it, accelerations fused",
-        whole,
-        parse,
-        "µs",
-        "pymavlink parses one ATTITUDE_QUATERNION",
+        what="one tick, all of it, accelerations fused",
+        value=whole,
+        reference=parse,
+        unit="µs",
+        reference_what="pymavlink parses one ATTITUDE_QUATERNION",
     )
 
 
@@ -62,11 +66,11 @@ def estimator_with_accelerations() -> Result:
     """Median time of the estimator's part of that."""
     _, estimator, parse = _times(WITH_IMU)
     return Result(
-        "the estimator, accelerations fused",
-        estimator,
-        parse,
-        "µs",
-        "pymavlink parses one ATTITUDE_QUATERNION",
+        what="the estimator, accelerations fused",
+        value=estimator,
+        reference=parse,
+        unit="µs",
+        reference_what="pymavlink parses one ATTITUDE_QUATERNION",
     )
 
 
@@ -88,14 +92,14 @@ def _times(sensors: Sensors = USUAL_SENSORS) -> tuple[float, float, float]:
     for i in range(WARM_UP + TICKS):
         now = world.time_s
         inputs = Inputs(
-            now,
-            world.position,
-            world.attitude,
-            AutopilotStatus(now, True, True),
-            now >= HELD_S,
-            world.imu,
-            world.airspeed,
-            world.surfaces,
+            time_s=now,
+            position=world.position,
+            attitude=world.attitude,
+            autopilot=AutopilotStatus(time_s=now, accepts_surfaces=True, armed=True),
+            engage=now >= HELD_S,
+            imu=world.imu,
+            airspeed=world.airspeed,
+            surfaces=world.surfaces,
         )
         frame = mavlink.MAVLink_attitude_quaternion_message(i, 1, 0, 0, 0, 0, 0, 0).pack(encoder)
         before = perf_counter()

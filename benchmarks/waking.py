@@ -40,12 +40,12 @@ def wake_ups(seconds: int = SECONDS) -> Iterator[Result]:
             ours, in_c = beside_c(seconds)
             for name, share, aim in SHARES:
                 yield Result(
-                    f"wake-up lateness, {load}, {name}",
-                    percentile(ours, share) / 1e3,
-                    percentile(in_c, share) / 1e3,
-                    "µs",
-                    "a C loop at the same time",
-                    aim,
+                    what=f"wake-up lateness, {load}, {name}",
+                    value=percentile(ours, share) / 1e3,
+                    reference=percentile(in_c, share) / 1e3,
+                    unit="µs",
+                    reference_what="a C loop at the same time",
+                    aim=aim,
                 )
             yield from _cyclictest(seconds, load, ours)
 
@@ -107,11 +107,11 @@ def _cyclictest(seconds: int, load: str, ours: list[int]) -> Iterator[Result]:
     run = subprocess.run(command, capture_output=True, text=True)
     if run.returncode == 0:
         yield Result(
-            f"wake-up lateness, {load}, p99",
-            percentile(ours, 0.99) / 1e3,
-            percentile(histogram(run.stdout), 0.99),
-            "µs",
-            "cyclictest, right after",
+            what=f"wake-up lateness, {load}, p99",
+            value=percentile(ours, 0.99) / 1e3,
+            reference=percentile(histogram(run.stdout), 0.99),
+            unit="µs",
+            reference_what="cyclictest, right after",
         )
 
 

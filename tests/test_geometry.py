@@ -171,7 +171,9 @@ def test_euler_rates_stay_numbers_straight_up() -> None:
 
 def test_a_tracked_body_s_attitude_in_a_hall_that_points_south() -> None:
     """y up, x to the south, so z to the west: a turn to the right is about -y, nose up about -z."""
-    hall = HallFrame(False, pi, 5.0, 6.0, 7.0)
+    hall = HallFrame(
+        z_up=False, yaw_rad=pi, origin_north_m=5.0, origin_east_m=6.0, origin_down_m=7.0
+    )
     half = sqrt(0.5)
     turned = ned_attitude_from_hall(hall, half, 0.0, -half, 0.0)
     assert euler_from_quaternion(*turned) == pytest.approx((0.0, 0.0, pi / 2), abs=1e-12)

@@ -39,7 +39,10 @@ def main() -> int:
     print("model                                wind rms   bias   updraft rms   bias   [% of wind]")
     for name, width, suction in MODELS:
         shape = JetShape(
-            radians(21.3), hypot(2.25, 0.9), jet_width_m=width, wake_speed_ratio=suction
+            slope_rad=radians(21.3),
+            board_length_m=hypot(2.25, 0.9),
+            jet_width_m=width,
+            wake_speed_ratio=suction,
         )
         d = compare_jet(plane, shape)
         print(

@@ -207,8 +207,20 @@ class Hall:
     """A tracker in flight and its server, that speaks one version."""
 
     def __init__(self, version: tuple[int, int]) -> None:
-        hall = HallFrame(False, 0.6, 1.0, -2.0, 0.25)
-        settings = Settings(SERVER[0], "aircraft", True, hall, 0.001, 0.02, 25.0, 0.3, 200.0)
+        hall = HallFrame(
+            z_up=False, yaw_rad=0.6, origin_north_m=1.0, origin_east_m=-2.0, origin_down_m=0.25
+        )
+        settings = Settings(
+            server=SERVER[0],
+            body="aircraft",
+            unicast=True,
+            hall=hall,
+            noise_m=0.001,
+            max_error_m=0.02,
+            max_speed_mps=25.0,
+            max_age_s=0.3,
+            max_rate_hz=200.0,
+        )
         self.tracker = Optitrack(settings, lockstep=True)
         self.version = version
         self.now_s, self._frames = 100.0, 0
@@ -238,7 +250,12 @@ class Hall:
 
     def _body(self) -> Body:
         sway = 0.001 * (self._frames % 7)  # cameras always have noise
-        return Body("aircraft", 3, (1.0 + sway, 1.5, 0.2), (0.0, 0.0, 0.0, 1.0))
+        return Body(
+            name="aircraft",
+            id=3,
+            position_m=(1.0 + sway, 1.5, 0.2),
+            quaternion=(0.0, 0.0, 0.0, 1.0),
+        )
 
 
 @cache

@@ -156,7 +156,13 @@ def _swing(simulation: Any, way: Any, servos: Callable[[], SurfaceCommand]) -> L
                 elif message.get_type() == "ATTITUDE_QUATERNION" and began_s is not None:
                     ages.append(now_s - 1e-3 * message.time_boot_ms)
         if steps % step_hz == 0:
-            beat = Heartbeat(TYPE_ONBOARD_CONTROLLER, AUTOPILOT_INVALID, 0, 0, STATE_ACTIVE)
+            beat = Heartbeat(
+                type=TYPE_ONBOARD_CONTROLLER,
+                autopilot=AUTOPILOT_INVALID,
+                base_mode=0,
+                custom_mode=0,
+                system_status=STATE_ACTIVE,
+            )
             simulation.receive(LINK, own.encode(beat))
             simulation.pixhawk.set_pace(LINK)
             mode = way.route.mode_to_enter

@@ -262,13 +262,13 @@ def laws_from(
     travel = values["SURF_MAX"]
     soaring = SoaringGains(
         PidGains(
-            values["RHO_P"],
-            values["RHO_I"],
-            values["RHO_D"],
-            2.0 * pi * values["RHO_D_FILT"],
-            radians(values["RHO_I_MAX"]),
-            radians(values["PITCH_MIN"]),
-            radians(values["PITCH_MAX"]),
+            kp=values["RHO_P"],
+            ki=values["RHO_I"],
+            kd=values["RHO_D"],
+            rate_filter_radps=2.0 * pi * values["RHO_D_FILT"],
+            integral_max=radians(values["RHO_I_MAX"]),
+            output_min=radians(values["PITCH_MIN"]),
+            output_max=radians(values["PITCH_MAX"]),
         ),
         radians(values["PITCH_SLEW"]),
     )
@@ -281,29 +281,29 @@ def laws_from(
     return Laws(
         frame=frame,
         motion=MotionGains(
-            values["EST_FIX_SD"],
-            values["EST_VEL_SD"],
-            values["EST_ACC_SD"],
-            values["EST_ACC_BIAS_SD"],
-            values["EST_CV_SD"],
-            values["EST_DELAY"],
-            values["EST_GATE"],
-            values["EST_IMU"] != 0.0,
+            fix_sd_m=values["EST_FIX_SD"],
+            velocity_sd_mps=values["EST_VEL_SD"],
+            force_sd_mps2=values["EST_ACC_SD"],
+            bias_sd_mps2=values["EST_ACC_BIAS_SD"],
+            unknown_sd_mps2=values["EST_CV_SD"],
+            fix_delay_s=values["EST_DELAY"],
+            fix_gate_m=values["EST_GATE"],
+            use_imu=values["EST_IMU"] != 0.0,
         ),
         health=HealthLimits(
-            values["AGE_POS_HOLD"],
-            values["AGE_ATT_MAX"],
-            values["AGE_AP_MAX"],
-            values["AGE_FROZEN"],
-            values["SURF_TOL"],
+            position_age_max_s=values["AGE_POS_HOLD"],
+            attitude_age_max_s=values["AGE_ATT_MAX"],
+            heartbeat_age_max_s=values["AGE_AP_MAX"],
+            frozen_s=values["AGE_FROZEN"],
+            surface_error_max=values["SURF_TOL"],
         ),
         guards=Guards(
-            values["TGL_CAPTURE"],
-            values["CAPTURE_MAX"],
-            radians(values["TILT_MAX"]),
-            values["AGE_POS_MAX"],
-            values["EST_SD_MAX"],
-            values["REC_TIME"],
+            capture_distance_m=values["TGL_CAPTURE"],
+            e_rho_max_m=values["CAPTURE_MAX"],
+            tilt_max_rad=radians(values["TILT_MAX"]),
+            position_age_max_s=values["AGE_POS_MAX"],
+            position_sd_max_m=values["EST_SD_MAX"],
+            recover_s=values["REC_TIME"],
         ),
         target=TargetLine(
             values["TGL_X"], values["TGL_Z"], eta_from_lean(radians(values["TGL_LEAN"]))
@@ -316,13 +316,13 @@ def laws_from(
         roll=_surface_gains(values, "AIL", travel),
         heading=HeadingGains(
             PidGains(
-                values["RUD_P"],
-                0.0,
-                values["RUD_D"],
-                2.0 * pi * values["RUD_D_FILT"],
-                0.0,
-                -travel,
-                travel,
+                kp=values["RUD_P"],
+                ki=0.0,
+                kd=values["RUD_D"],
+                rate_filter_radps=2.0 * pi * values["RUD_D_FILT"],
+                integral_max=0.0,
+                output_min=-travel,
+                output_max=travel,
             ),
             values["WPT_X"],
             values["WPT_R_MIN"],
@@ -330,22 +330,22 @@ def laws_from(
         ),
         bank=BankGains(values["BANK_P"], radians(values["BANK_MAX"])),
         envelope=EnvelopeLimits(
-            travel,
-            values["SURF_RATE"],
-            radians(values["ALPHA_MAX"]),
-            values["SPEED_MIN"],
-            values["SINK_MAX"],
-            values["CLEAR_MIN"],
-            radians(values["REC_PITCH"]),
+            deflection_max=travel,
+            rate_max_per_s=values["SURF_RATE"],
+            alpha_max_rad=radians(values["ALPHA_MAX"]),
+            speed_min_mps=values["SPEED_MIN"],
+            sink_max_mps=values["SINK_MAX"],
+            clearance_min_m=values["CLEAR_MIN"],
+            glide_pitch_rad=radians(values["REC_PITCH"]),
         ),
         trim=SurfaceCommand(values["ELE_TRIM"], values["AIL_TRIM"], values["RUD_TRIM"]),
         wind=WindParams(aerodynamics, values["WIND_CHANGE"], radians(values["WIND_ALIGN"])),
         fence=Fence(
-            values["FENCE_X_MIN"],
-            values["FENCE_X_MAX"],
-            values["FENCE_Y_MAX"],
-            values["FENCE_Z_MIN"],
-            values["FENCE_Z_MAX"],
+            x_min_m=values["FENCE_X_MIN"],
+            x_max_m=values["FENCE_X_MAX"],
+            y_max_m=values["FENCE_Y_MAX"],
+            z_min_m=values["FENCE_Z_MIN"],
+            z_max_m=values["FENCE_Z_MAX"],
         ),
         ground=ground,
         pitch_trim=TrimGains(
@@ -360,13 +360,13 @@ def laws_from(
 
 def _surface_gains(values: ParameterSet, prefix: str, travel: float) -> PidGains:
     return PidGains(
-        values[f"{prefix}_P"],
-        values[f"{prefix}_I"],
-        values[f"{prefix}_D"],
-        2.0 * pi * values[f"{prefix}_D_FILT"],
-        travel,  # the integral may take all of the travel
-        -travel,
-        travel,
+        kp=values[f"{prefix}_P"],
+        ki=values[f"{prefix}_I"],
+        kd=values[f"{prefix}_D"],
+        rate_filter_radps=2.0 * pi * values[f"{prefix}_D_FILT"],
+        integral_max=travel,  # the integral may take all of the travel
+        output_min=-travel,
+        output_max=travel,
     )
 
 
@@ -383,30 +383,32 @@ def _imu_gains(
 
 
 _AT_REST: Final = PidState(0.0, 0.0)
-_NO_TERMS: Final = PidTerms(NAN, NAN, NAN, NAN, NAN, 0)
+_NO_TERMS: Final = PidTerms(output=NAN, p=NAN, i=NAN, d=NAN, feedforward=NAN, saturated=0)
 _NEUTRAL: Final = SurfaceCommand(0.0, 0.0, 0.0)
 
 
 def initial_state() -> AutopilotState:
     """Before the first tick."""
     return AutopilotState(
-        NAN,
-        initial_supervisor(),
-        NAN,
-        initial_motion(),
-        LineState(NAN, NAN, NAN, 0.0, False),
-        SoaringState(_AT_REST, 0.0, 0),
-        _AT_REST,
-        _AT_REST,
-        _AT_REST,
-        0.0,
-        Limited(_NEUTRAL, 0, 0, True, 0),
-        initial_wind(),
-        initial_health(),
-        TrimState(NAN, NAN),
-        0.0,
-        0.0,
-        NAN,
+        time_s=NAN,
+        supervisor=initial_supervisor(),
+        off_line_s=NAN,
+        motion=initial_motion(),
+        line=LineState(x_m=NAN, z_m=NAN, eta_rad=NAN, speed_mps=0.0, moving=False),
+        soaring=SoaringState(_AT_REST, 0.0, 0),
+        pitch=_AT_REST,
+        roll=_AT_REST,
+        heading=_AT_REST,
+        heading_setpoint_rad=0.0,
+        limited=Limited(
+            command=_NEUTRAL, elevator_blocked=0, aileron_blocked=0, finite=True, cut=0
+        ),
+        wind=initial_wind(),
+        health=initial_health(),
+        pitch_trim=TrimState(NAN, NAN),
+        gust_pitch_rad=0.0,
+        imu_share=0.0,
+        confident_s=NAN,
     )
 
 
@@ -469,18 +471,18 @@ def _look(laws: Laws, state: AutopilotState, inputs: Inputs, dt_s: float) -> _Se
         laws.pitch_trim, state.pitch_trim, glide, air.updraft_mps, air.airspeed_mps, dt_s
     )
     return _Seen(
-        vehicle,
-        quality,
-        health,
-        air,
-        _margins(laws, inputs, vehicle, health, air, flying),
-        gust,
-        share_step(state.imu_share, quality.inertial, dt_s),
-        motion,
-        watched,
-        wind,
-        trim,
-        motion.fix.time_s if health.position_ok else state.confident_s,
+        vehicle=vehicle,
+        quality=quality,
+        health=health,
+        air=air,
+        margins=_margins(laws, inputs, vehicle, health, air, flying),
+        gust_pitch_rad=gust,
+        imu_share=share_step(state.imu_share, quality.inertial, dt_s),
+        motion=motion,
+        watched=watched,
+        wind=wind,
+        pitch_trim=trim,
+        confident_s=motion.fix.time_s if health.position_ok else state.confident_s,
     )
 
 
@@ -574,7 +576,9 @@ def _watch(
     if modes.is_flying(decision.mode):
         return _fly(laws, _engaged(laws, state, seen), inputs, seen, 0.0, decision.reason)
     distance = e_rho(target.x_m, target.z_m, target.eta_rad, vehicle.x_m, vehicle.z_m)
-    line = LineState(target.x_m, target.z_m, target.eta_rad, 0.0, False)
+    line = LineState(
+        x_m=target.x_m, z_m=target.z_m, eta_rad=target.eta_rad, speed_mps=0.0, moving=False
+    )
     return state, _idle_output(inputs, seen, decision.mode, decision.reason, line, distance, NAN)
 
 
@@ -587,23 +591,23 @@ def _idle(
 ) -> AutopilotState:
     """The state after a tick without the surfaces: only what was seen is new."""
     return AutopilotState(
-        inputs.time_s,
-        supervisor,
-        state.off_line_s,
-        seen.motion,
-        line,
-        state.soaring,
-        state.pitch,
-        state.roll,
-        state.heading,
-        state.heading_setpoint_rad,
-        state.limited,
-        seen.wind,
-        seen.watched,
-        seen.pitch_trim,
-        seen.gust_pitch_rad,
-        seen.imu_share,
-        seen.confident_s,
+        time_s=inputs.time_s,
+        supervisor=supervisor,
+        off_line_s=state.off_line_s,
+        motion=seen.motion,
+        line=line,
+        soaring=state.soaring,
+        pitch=state.pitch,
+        roll=state.roll,
+        heading=state.heading,
+        heading_setpoint_rad=state.heading_setpoint_rad,
+        limited=state.limited,
+        wind=seen.wind,
+        health=seen.watched,
+        pitch_trim=seen.pitch_trim,
+        gust_pitch_rad=seen.gust_pitch_rad,
+        imu_share=seen.imu_share,
+        confident_s=seen.confident_s,
     )
 
 
@@ -618,29 +622,29 @@ def _idle_output(
 ) -> Output:
     """The output of a tick without the surfaces, or in which they are given back."""
     return Output(
-        inputs.time_s,
-        mode,
-        reason,
-        False,
-        _NEUTRAL,
-        NO_SETPOINTS,
-        seen.vehicle,
-        seen.health,
-        line.x_m,
-        line.z_m,
-        line.eta_rad,
-        line.moving,
-        distance_m,
-        rate_mps,
-        _NO_TERMS,
-        _NO_TERMS,
-        _NO_TERMS,
-        _NO_TERMS,
-        seen.air,
-        seen.quality,
-        seen.margins,
-        0,
-        seen.imu_share,
+        time_s=inputs.time_s,
+        mode=mode,
+        reason=reason,
+        active=False,
+        command=_NEUTRAL,
+        setpoints=NO_SETPOINTS,
+        vehicle=seen.vehicle,
+        health=seen.health,
+        line_x_m=line.x_m,
+        line_z_m=line.z_m,
+        line_eta_rad=line.eta_rad,
+        line_moving=line.moving,
+        e_rho_m=distance_m,
+        e_rho_rate_mps=rate_mps,
+        soaring=_NO_TERMS,
+        elevator=_NO_TERMS,
+        aileron=_NO_TERMS,
+        rudder=_NO_TERMS,
+        air=seen.air,
+        quality=seen.quality,
+        margins=seen.margins,
+        cut=0,
+        imu_share=seen.imu_share,
     )
 
 
@@ -657,7 +661,7 @@ def _engaged(laws: Laws, state: AutopilotState, seen: _Seen) -> AutopilotState:
         roll=PidState(0.0, -vehicle.roll_rate_radps),
         heading=PidState(0.0, -vehicle.heading_rate_radps),
         heading_setpoint_rad=heading_setpoint(laws.heading, vehicle.x_m, vehicle.y_m),
-        limited=Limited(trim, 0, 0, True, 0),
+        limited=Limited(command=trim, elevator_blocked=0, aileron_blocked=0, finite=True, cut=0),
     )
 
 
@@ -791,48 +795,48 @@ def _fly(
     if laws.loops != OURS:
         limited = _left_to_firmware(limited, laws.loops, inputs.surfaces)
     state = AutopilotState(
-        inputs.time_s,
-        supervisor,
-        off_line_s,
-        seen.motion,
-        line,
-        soaring,
-        pitch,
-        roll,
-        heading,
-        psi_setpoint,
-        limited,
-        seen.wind,
-        seen.watched,
-        seen.pitch_trim,
-        seen.gust_pitch_rad,
-        seen.imu_share,
-        seen.confident_s,
+        time_s=inputs.time_s,
+        supervisor=supervisor,
+        off_line_s=off_line_s,
+        motion=seen.motion,
+        line=line,
+        soaring=soaring,
+        pitch=pitch,
+        roll=roll,
+        heading=heading,
+        heading_setpoint_rad=psi_setpoint,
+        limited=limited,
+        wind=seen.wind,
+        health=seen.watched,
+        pitch_trim=seen.pitch_trim,
+        gust_pitch_rad=seen.gust_pitch_rad,
+        imu_share=seen.imu_share,
+        confident_s=seen.confident_s,
     )
     return state, Output(
-        inputs.time_s,
-        mode,
-        reason,
-        True,
-        limited.command,
-        Setpoints(pitch_setpoint, roll_setpoint, psi_setpoint),
-        vehicle,
-        seen.health,
-        line.x_m,
-        line.z_m,
-        line.eta_rad,
-        line.moving,
-        distance,
-        rate,
-        soaring_terms,
-        elevator_terms,
-        aileron_terms,
-        rudder_terms,
-        seen.air,
-        seen.quality,
-        margins,
-        limited.cut | cut,
-        seen.imu_share,
+        time_s=inputs.time_s,
+        mode=mode,
+        reason=reason,
+        active=True,
+        command=limited.command,
+        setpoints=Setpoints(pitch_setpoint, roll_setpoint, psi_setpoint),
+        vehicle=vehicle,
+        health=seen.health,
+        line_x_m=line.x_m,
+        line_z_m=line.z_m,
+        line_eta_rad=line.eta_rad,
+        line_moving=line.moving,
+        e_rho_m=distance,
+        e_rho_rate_mps=rate,
+        soaring=soaring_terms,
+        elevator=elevator_terms,
+        aileron=aileron_terms,
+        rudder=rudder_terms,
+        air=seen.air,
+        quality=seen.quality,
+        margins=margins,
+        cut=limited.cut | cut,
+        imu_share=seen.imu_share,
     )
 
 
@@ -847,7 +851,13 @@ def _left_to_firmware(limited: Limited, loops: int, surfaces: SurfacesSample) ->
     elif surfaces.elevator <= -TRAVEL_END:
         blocked = -1
     rudder = limited.command.rudder if loops != THEIRS else NAN
-    return Limited(SurfaceCommand(NAN, NAN, rudder), blocked, 0, limited.finite, limited.cut)
+    return Limited(
+        command=SurfaceCommand(NAN, NAN, rudder),
+        elevator_blocked=blocked,
+        aileron_blocked=0,
+        finite=limited.finite,
+        cut=limited.cut,
+    )
 
 
 def _found(

@@ -96,11 +96,39 @@ class SurfacesSample(NamedTuple):
     rudder: float
 
 
-NO_FIX: Final = PositionFix(0, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
-NO_ATTITUDE: Final = AttitudeSample(0, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
-NO_IMU: Final = ImuSample(0, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
+NO_FIX: Final = PositionFix(
+    sequence=0,
+    time_s=NAN,
+    north_m=NAN,
+    east_m=NAN,
+    down_m=NAN,
+    velocity_north_mps=NAN,
+    velocity_east_mps=NAN,
+    velocity_down_mps=NAN,
+)
+NO_ATTITUDE: Final = AttitudeSample(
+    sequence=0,
+    time_s=NAN,
+    qw=NAN,
+    qx=NAN,
+    qy=NAN,
+    qz=NAN,
+    roll_rate_frd_radps=NAN,
+    pitch_rate_frd_radps=NAN,
+    yaw_rate_frd_radps=NAN,
+)
+NO_IMU: Final = ImuSample(
+    sequence=0,
+    time_s=NAN,
+    force_x_frd_mps2=NAN,
+    force_y_frd_mps2=NAN,
+    force_z_frd_mps2=NAN,
+    roll_rate_frd_radps=NAN,
+    pitch_rate_frd_radps=NAN,
+    yaw_rate_frd_radps=NAN,
+)
 NO_AIRSPEED: Final = AirspeedSample(0, NAN, NAN)
-NO_SURFACES: Final = SurfacesSample(0, NAN, NAN, NAN, NAN)
+NO_SURFACES: Final = SurfacesSample(sequence=0, time_s=NAN, elevator=NAN, aileron=NAN, rudder=NAN)
 
 
 class Inputs(NamedTuple):
@@ -129,7 +157,16 @@ class AirEstimate(NamedTuple):
     measured: bool  # the airspeed comes from a pitot tube
 
 
-NO_AIR: Final = AirEstimate(NAN, NAN, NAN, NAN, NAN, NAN, NAN, False)
+NO_AIR: Final = AirEstimate(
+    airspeed_mps=NAN,
+    alpha_rad=NAN,
+    wind_mps=NAN,
+    updraft_mps=NAN,
+    excess_mps=NAN,
+    wind_sigma_mps=NAN,
+    updraft_sigma_mps=NAN,
+    measured=False,
+)
 
 
 class VehicleState(NamedTuple):
@@ -281,7 +318,7 @@ class Aerodynamics(NamedTuple):
     polar: GlidePolar
 
 
-NO_POLAR: Final = GlidePolar(NAN, NAN, NAN, NAN, NAN, NAN)
+NO_POLAR: Final = GlidePolar(c0=NAN, c1=NAN, c2=NAN, c3=NAN, speed_min_mps=NAN, speed_max_mps=NAN)
 NO_AERODYNAMICS: Final = Aerodynamics(
     *(NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN),
     NO_POLAR,

@@ -30,7 +30,9 @@ def plane() -> GridField:
 
 
 def _shape(width: float, ratio: float = 1.0) -> JetShape:
-    return JetShape(radians(21.3), LENGTH_M, jet_width_m=width, wake_speed_ratio=ratio)
+    return JetShape(
+        slope_rad=radians(21.3), board_length_m=LENGTH_M, jet_width_m=width, wake_speed_ratio=ratio
+    )
 
 
 @pytest.mark.parametrize(("width", "ratio"), [(inf, 1.0), (2.85, 1.0), (inf, 1.15)])

@@ -51,7 +51,7 @@ def test_hill_and_grids_and_turbulence_compile_and_agree() -> None:
         slow_state, slow_gust = dryden_step(params, slow_state, *white)
         fast_state, fast_gust = fast_step(params, fast_state, *white)
         assert fast_gust == pytest.approx(slow_gust, rel=1e-12)
-    gust = Gust(1.0, 2.0, 1.0, 0.0, 0.5)
+    gust = Gust(start_s=1.0, duration_s=2.0, u_mps=1.0, v_mps=0.0, w_mps=0.5)
     assert numba.njit(gust_share)(gust, 1.7) == pytest.approx(gust_share(gust, 1.7))
 
 

@@ -134,7 +134,7 @@ def test_gust_begins_ends_and_peaks_in_time() -> None:
     arrays = field.wind([-25.0], 0.0, [10.0], 11.0)
     assert [part[0] for part in arrays] == pytest.approx(blown)
     with pytest.raises(ValueError, match="duration"):
-        GustyField(HillField(9.0, 20.0), [Gust(0.0, 0.0)])
+        GustyField(HillField(9.0, 20.0), [Gust(start_s=0.0, duration_s=0.0)])
 
 
 def test_schedule_holds_before_and_after_and_is_linear_between() -> None:

@@ -16,7 +16,9 @@ from tgl_soar.air.zeuc import contour, crossings
 from tgl_soar.types import GlidePolar
 
 # Sink 1.34 m/s at 8.55 m/s, best glide at 9.2 m/s: an airframe of glide ratio 6.5.
-POLAR = GlidePolar(5.0068, -0.93464, 0.059155, 0.0, 7.4, 11.0)
+POLAR = GlidePolar(
+    c0=5.0068, c1=-0.93464, c2=0.059155, c3=0.0, speed_min_mps=7.4, speed_max_mps=11.0
+)
 
 
 def _soaring_region(slope_rad: float) -> tuple[FloatArray, FloatArray]:

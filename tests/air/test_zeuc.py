@@ -25,8 +25,12 @@ from tgl_soar.air.zeuc import (
 )
 from tgl_soar.types import GlidePolar, polar_sink, polar_slope
 
-LEVEL = GlidePolar(1.0, 0.0, 0.0, 0.0, 0.5, 40.0)  # sinks 1 m/s at any speed
-POLAR = GlidePolar(5.0068, -0.93464, 0.059155, 0.0, 7.4, 14.0)
+LEVEL = GlidePolar(
+    c0=1.0, c1=0.0, c2=0.0, c3=0.0, speed_min_mps=0.5, speed_max_mps=40.0
+)  # sinks 1 m/s at any speed
+POLAR = GlidePolar(
+    c0=5.0068, c1=-0.93464, c2=0.059155, c3=0.0, speed_min_mps=7.4, speed_max_mps=14.0
+)
 HILL = HillField(9.0, 20.0)
 
 

@@ -27,7 +27,9 @@ metres = st.floats(-20.0, 20.0)
 def test_exact_points_give_the_exact_alignment(
     z_up: bool, yaw: float, north: float, east: float, down: float
 ) -> None:
-    hall = HallFrame(z_up, yaw, north, east, down)
+    hall = HallFrame(
+        z_up=z_up, yaw_rad=yaw, origin_north_m=north, origin_east_m=east, origin_down_m=down
+    )
     found = fit_alignment(pairs(hall), z_up=z_up)
     assert abs(wrap_angle(found.hall.yaw_rad - yaw)) < 1e-9
     assert found.hall[2:] == pytest.approx(hall[2:], abs=1e-8)
@@ -41,7 +43,9 @@ def test_exact_points_give_the_exact_alignment(
 def test_noise_gives_the_uncertainty_that_is_told() -> None:
     """Of many alignments from points with 2 mm of noise, the yaw scatters as is told."""
     gauss = random.Random(3).gauss
-    hall = HallFrame(False, 0.4, 1.0, 2.0, 0.1)
+    hall = HallFrame(
+        z_up=False, yaw_rad=0.4, origin_north_m=1.0, origin_east_m=2.0, origin_down_m=0.1
+    )
     errors, told = [], []
     for _ in range(400):
         noisy = [
@@ -65,10 +69,22 @@ def test_noise_gives_the_uncertainty_that_is_told() -> None:
 )
 def test_points_that_tell_too_little_are_refused(points: list[Point], words: str) -> None:
     with pytest.raises(AlignmentError, match=words):
-        fit_alignment(pairs(HallFrame(False, 0.1, 0.0, 0.0, 0.0), points), z_up=False)
+        fit_alignment(
+            pairs(
+                HallFrame(
+                    z_up=False,
+                    yaw_rad=0.1,
+                    origin_north_m=0.0,
+                    origin_east_m=0.0,
+                    origin_down_m=0.0,
+                ),
+                points,
+            ),
+            z_up=False,
+        )
 
 
-HALL = HallFrame(False, 0.7, 1.0, -1.0, 0.0)
+HALL = HallFrame(z_up=False, yaw_rad=0.7, origin_north_m=1.0, origin_east_m=-1.0, origin_down_m=0.0)
 
 
 @pytest.mark.parametrize(

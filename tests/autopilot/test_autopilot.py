@@ -150,7 +150,16 @@ class Flight:
         self.outputs: list[Output] = []
         self.engage = True
         self.clock = 100.0
-        self.latest = PositionFix(0, nan, nan, nan, nan, nan, nan, nan)
+        self.latest = PositionFix(
+            sequence=0,
+            time_s=nan,
+            north_m=nan,
+            east_m=nan,
+            down_m=nan,
+            velocity_north_mps=nan,
+            velocity_east_mps=nan,
+            velocity_down_mps=nan,
+        )
         self.ticks = 0
         if ready:
             self.engage = False
@@ -167,9 +176,20 @@ class Flight:
             now = self.clock + n * DT
             if n % 4 == 1:
                 self.latest = self.glider.fix(n, now)
-            status = AutopilotStatus(self.clock + (n - n % 200) * DT, True, True)
+            status = AutopilotStatus(
+                time_s=self.clock + (n - n % 200) * DT, accepts_surfaces=True, armed=True
+            )
             attitude = self.glider.attitude(n, now)
-            inputs = spoil(k, Inputs(now, self.latest, attitude, status, self.engage))
+            inputs = spoil(
+                k,
+                Inputs(
+                    time_s=now,
+                    position=self.latest,
+                    attitude=attitude,
+                    autopilot=status,
+                    engage=self.engage,
+                ),
+            )
             self.state, output = step(self.laws, self.state, inputs)
             self.inputs.append(inputs)
             self.outputs.append(output)
@@ -291,15 +311,38 @@ def test_the_operator_lets_go() -> None:
 
 
 def no_position(_: int, inputs: Inputs) -> Inputs:
-    return inputs._replace(position=PositionFix(0, nan, nan, nan, nan, nan, nan, nan))
+    return inputs._replace(
+        position=PositionFix(
+            sequence=0,
+            time_s=nan,
+            north_m=nan,
+            east_m=nan,
+            down_m=nan,
+            velocity_north_mps=nan,
+            velocity_east_mps=nan,
+            velocity_down_mps=nan,
+        )
+    )
 
 
 def no_attitude(_: int, inputs: Inputs) -> Inputs:
-    return inputs._replace(attitude=AttitudeSample(0, nan, nan, nan, nan, nan, nan, nan, nan))
+    return inputs._replace(
+        attitude=AttitudeSample(
+            sequence=0,
+            time_s=nan,
+            qw=nan,
+            qx=nan,
+            qy=nan,
+            qz=nan,
+            roll_rate_frd_radps=nan,
+            pitch_rate_frd_radps=nan,
+            yaw_rate_frd_radps=nan,
+        )
+    )
 
 
 def no_heartbeat(_: int, inputs: Inputs) -> Inputs:
-    return inputs._replace(autopilot=AutopilotStatus(nan, True, True))
+    return inputs._replace(autopilot=AutopilotStatus(time_s=nan, accepts_surfaces=True, armed=True))
 
 
 def mode_taken(_: int, inputs: Inputs) -> Inputs:
@@ -714,11 +757,11 @@ def jump(seconds: float) -> Spoil:
         p, a, s = inputs.position, inputs.attitude, inputs.autopilot
         fresh = p.sequence > 1600 + 10  # what was stamped before keeps its stamp
         return Inputs(
-            inputs.time_s + seconds,
-            p._replace(time_s=p.time_s + seconds) if fresh else p,
-            a._replace(time_s=a.time_s + seconds),
-            s,
-            inputs.engage,
+            time_s=inputs.time_s + seconds,
+            position=p._replace(time_s=p.time_s + seconds) if fresh else p,
+            attitude=a._replace(time_s=a.time_s + seconds),
+            autopilot=s,
+            engage=inputs.engage,
         )
 
     return spoil
@@ -809,11 +852,11 @@ def standing(
     still = ned_vector_from_soaring(frame, 0.0, 0.0, 0.0)
     q = quaternion_from_euler(roll, pitch, frame.wind_from_rad)
     return Inputs(
-        now,
-        PositionFix(k + 3, now, *where, *still),
-        AttitudeSample(k + 3, now, *q, 0.0, 0.0, 0.0),
-        AutopilotStatus(now, True, True),
-        True,
+        time_s=now,
+        position=PositionFix(k + 3, now, *where, *still),
+        attitude=AttitudeSample(k + 3, now, *q, 0.0, 0.0, 0.0),
+        autopilot=AutopilotStatus(time_s=now, accepts_surfaces=True, armed=True),
+        engage=True,
     )
 
 

@@ -39,12 +39,40 @@ def held(n: int) -> Inputs:
     now = n * DT
     fixed = n - n % FIX_TICKS
     return Inputs(
-        now,
-        PositionFix(fixed + 1, fixed * DT, 1.0, 2.0, -3.0, 0.0, 0.0, 0.0),
-        AttitudeSample(n + 1, now, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-        AutopilotStatus(now, True, True),
-        False,
-        ImuSample(n + 1, now, 0.0, 0.0, -GRAVITY_MPS2, 0.0, 0.0, 0.0),
+        time_s=now,
+        position=PositionFix(
+            sequence=fixed + 1,
+            time_s=fixed * DT,
+            north_m=1.0,
+            east_m=2.0,
+            down_m=-3.0,
+            velocity_north_mps=0.0,
+            velocity_east_mps=0.0,
+            velocity_down_mps=0.0,
+        ),
+        attitude=AttitudeSample(
+            sequence=n + 1,
+            time_s=now,
+            qw=1.0,
+            qx=0.0,
+            qy=0.0,
+            qz=0.0,
+            roll_rate_frd_radps=0.0,
+            pitch_rate_frd_radps=0.0,
+            yaw_rate_frd_radps=0.0,
+        ),
+        autopilot=AutopilotStatus(time_s=now, accepts_surfaces=True, armed=True),
+        engage=False,
+        imu=ImuSample(
+            sequence=n + 1,
+            time_s=now,
+            force_x_frd_mps2=0.0,
+            force_y_frd_mps2=0.0,
+            force_z_frd_mps2=-GRAVITY_MPS2,
+            roll_rate_frd_radps=0.0,
+            pitch_rate_frd_radps=0.0,
+            yaw_rate_frd_radps=0.0,
+        ),
     )
 
 

@@ -20,7 +20,14 @@ FELT = Sensors(imu=MEMS_IMU, surfaces=READ_BACK)
 
 def air(wind_sigma_mps: float, updraft_sigma_mps: float, alpha_rad: float = 0.1) -> AirEstimate:
     return AirEstimate(
-        10.0, alpha_rad, 10.0, 0.5, 0.0, wind_sigma_mps, updraft_sigma_mps, measured=False
+        airspeed_mps=10.0,
+        alpha_rad=alpha_rad,
+        wind_mps=10.0,
+        updraft_mps=0.5,
+        excess_mps=0.0,
+        wind_sigma_mps=wind_sigma_mps,
+        updraft_sigma_mps=updraft_sigma_mps,
+        measured=False,
     )
 
 

@@ -14,10 +14,19 @@ from benchmarks.result import Result, percentile
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 ROOT = Path(__file__).parents[2]
-MET = Result("a tick", 70.0, 75.0, "µs", "1.5 % of the period", 1.0)
-MISSED = Result("a wake-up", 30.0, 20.0, "µs", "C", 1.3)
-NONE_LATE = Result("late", 0.0, 0.0, "", "C", 1.0)
-SOME_LATE = Result("late", 2.0, 0.0, "", "C", 1.0)
+MET = Result(
+    what="a tick",
+    value=70.0,
+    reference=75.0,
+    unit="µs",
+    reference_what="1.5 % of the period",
+    aim=1.0,
+)
+MISSED = Result(
+    what="a wake-up", value=30.0, reference=20.0, unit="µs", reference_what="C", aim=1.3
+)
+NONE_LATE = Result(what="late", value=0.0, reference=0.0, unit="", reference_what="C", aim=1.0)
+SOME_LATE = Result(what="late", value=2.0, reference=0.0, unit="", reference_what="C", aim=1.0)
 GROUPS = (Group("On time", [MET, MISSED]), Group("Left out", []))
 
 needs_compiler = pytest.mark.skipif(

@@ -126,7 +126,15 @@ class Vehicle:
                 name = request.param_id
                 self.asked[name] = self.asked.get(name, 0) + 1
                 if name in self.parameters and self.asked[name] > self._deaf:
-                    check.hear(ParamValue(name, self.parameters[name], 9, 1, 0))
+                    check.hear(
+                        ParamValue(
+                            param_id=name,
+                            param_value=self.parameters[name],
+                            param_type=9,
+                            param_count=1,
+                            param_index=0,
+                        )
+                    )
             now_s += 0.02
         return now_s - 5.0
 
@@ -171,16 +179,40 @@ def test_whose_overrides_it_takes(mine: float, high: float, refused: bool) -> No
 def test_whole_numbers_of_px4_are_read_as_their_bytes() -> None:
     check = check_of("px4")
     raw = struct.unpack("<f", struct.pack("<i", 11))[0]
-    check.hear(ParamValue("EKF2_EV_CTRL", raw, PARAM_TYPE_INT32, 1, 0))
+    check.hear(
+        ParamValue(
+            param_id="EKF2_EV_CTRL",
+            param_value=raw,
+            param_type=PARAM_TYPE_INT32,
+            param_count=1,
+            param_index=0,
+        )
+    )
     assert check.answers["EKF2_EV_CTRL"] == 11.0
 
 
 def test_another_firmware_is_named() -> None:
     check = check_of()
     assert not check.heard
-    check.hear(Heartbeat(1, AUTOPILOT_PX4, MODE_FLAG_CUSTOM_MODE, 0, 3))
+    check.hear(
+        Heartbeat(
+            type=1,
+            autopilot=AUTOPILOT_PX4,
+            base_mode=MODE_FLAG_CUSTOM_MODE,
+            custom_mode=0,
+            system_status=3,
+        )
+    )
     assert "not an ArduPilot" in check.mismatch
-    check.hear(Heartbeat(1, AUTOPILOT_ARDUPILOT, MODE_FLAG_CUSTOM_MODE, 0, 3))
+    check.hear(
+        Heartbeat(
+            type=1,
+            autopilot=AUTOPILOT_ARDUPILOT,
+            base_mode=MODE_FLAG_CUSTOM_MODE,
+            custom_mode=0,
+            system_status=3,
+        )
+    )
     assert check.heard
     assert check.mismatch == ""
 

@@ -30,9 +30,9 @@ from tgl_soar.onboard import watchdog as guard
 from tgl_soar.onboard.module import RELEASE_FRAMES
 
 CHANNELS = SurfaceChannels(
-    SurfaceChannel(2, 1100, 1500, 1900, reversed=True),
-    SurfaceChannel(1, 1000, 1480, 2000),
-    SurfaceChannel(4, 1100, 1500, 1900),
+    SurfaceChannel(channel=2, pwm_min=1100, pwm_trim=1500, pwm_max=1900, reversed=True),
+    SurfaceChannel(channel=1, pwm_min=1000, pwm_trim=1480, pwm_max=2000),
+    SurfaceChannel(channel=4, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
 )
 MANUAL, FBWA = 0, 5
 DISARMED = 1 | 64
@@ -53,7 +53,16 @@ class Bench:
         self.hear_heartbeat()
 
     def hear_heartbeat(self) -> None:
-        self.check.hear(Heartbeat(1, 3, self.base_mode, self.mode, 3), self.now_s)
+        self.check.hear(
+            Heartbeat(
+                type=1,
+                autopilot=3,
+                base_mode=self.base_mode,
+                custom_mode=self.mode,
+                system_status=3,
+            ),
+            self.now_s,
+        )
 
     def run(self) -> list[str]:
         """To the end, or to a refusal; what a person was to look for."""
@@ -157,9 +166,13 @@ def test_armed_and_held_on_the_ground_by_somebody_it_must_stand_still() -> None:
     bench.base_mode |= MODE_FLAG_ARMED
     bench.hear_heartbeat()
     assert "moves at nan" in bench.check.refusal(bench.now_s)  # not known
-    bench.check.hear(LocalPositionNed(0, 0, 0, 0, 2.0, 0.0, 0.5), bench.now_s)
+    bench.check.hear(
+        LocalPositionNed(time_boot_ms=0, x=0, y=0, z=0, vx=2.0, vy=0.0, vz=0.5), bench.now_s
+    )
     assert "moves at 2.1 m/s" in bench.check.refusal(bench.now_s)
-    bench.check.hear(LocalPositionNed(0, 0, 0, 0, 0.1, 0.0, 0.0), bench.now_s)
+    bench.check.hear(
+        LocalPositionNed(time_boot_ms=0, x=0, y=0, z=0, vx=0.1, vy=0.0, vz=0.0), bench.now_s
+    )
     assert len(bench.run()) == 3 * len(STOPS)
 
 

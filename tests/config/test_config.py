@@ -98,7 +98,9 @@ def test_a_good_airframe(tmp_path: Path) -> None:
     assert airframe.airframe.mass_kg == 0.7
     assert airframe.surfaces.elevator.reversed
     assert airframe.surfaces.rudder.pwm_trim == 1520
-    assert airframe.polar.as_polar() == GlidePolar(9.0, -2.0, 0.2, -0.005, 7.5, 12.0)
+    assert airframe.polar.as_polar() == GlidePolar(
+        c0=9.0, c1=-2.0, c2=0.2, c3=-0.005, speed_min_mps=7.5, speed_max_mps=12.0
+    )
     assert airframe.model == {"CL0": 0.2}
     assert airframe.autopilot.component_id == 191  # an onboard computer, where nothing is said
 

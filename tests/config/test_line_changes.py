@@ -43,7 +43,16 @@ class Station:
     def set(self, name: str, value: float, *, flying: bool = True) -> list[str]:
         """Names of the values that came in answer."""
         said = self.server.handle(
-            Source(255, 190), ParamSet(1, 191, name, value, REAL32), 0.0, flying=flying
+            Source(255, 190),
+            ParamSet(
+                target_system=1,
+                target_component=191,
+                param_id=name,
+                param_value=value,
+                param_type=REAL32,
+            ),
+            0.0,
+            flying=flying,
         )
         return self._take(said)
 

@@ -10,7 +10,15 @@ from tgl_soar.control.attitude import attitude_step
 from tgl_soar.control.pid import PidGains, PidState
 
 DT = 0.005
-GAINS = PidGains(2.0, 3.0, 0.2, 250.0, 1.0, -1.0, 1.0)
+GAINS = PidGains(
+    kp=2.0,
+    ki=3.0,
+    kd=0.2,
+    rate_filter_radps=250.0,
+    integral_max=1.0,
+    output_min=-1.0,
+    output_max=1.0,
+)
 REST = PidState(0.0, 0.0)
 
 angles = st.floats(-1.5, 1.5)

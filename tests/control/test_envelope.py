@@ -234,7 +234,9 @@ def test_a_mode_that_does_not_fly_puts_nothing_out() -> None:
     limited = envelope.limit_surfaces(
         LIMITS, SurfaceCommand(0.5, 0.5, 0.5), SurfaceCommand(nan, 0.5, 0.5), 0.8, False, DT
     )
-    assert limited == Limited(ZERO, 0, 0, True, CUT_MODE)
+    assert limited == Limited(
+        command=ZERO, elevator_blocked=0, aileron_blocked=0, finite=True, cut=CUT_MODE
+    )
 
 
 def test_every_cut_has_its_word() -> None:
@@ -403,7 +405,7 @@ def test_the_pitch_is_limited_from_where_the_nose_is() -> None:
 
 # --- the place ----------------------------------------------------------------------------------
 
-BOX = Fence(-4.0, 8.0, 2.0, 0.5, 16.0)
+BOX = Fence(x_min_m=-4.0, x_max_m=8.0, y_max_m=2.0, z_min_m=0.5, z_max_m=16.0)
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])

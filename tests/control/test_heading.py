@@ -13,7 +13,20 @@ from tgl_soar.control.pid import PidGains, PidState
 
 DT = 0.005
 REST = PidState(0.0, 0.0)
-GAINS = HeadingGains(PidGains(1.2, 0.0, 0.2, 250.0, 0.0, -1.0, 1.0), -8.0, 3.0, radians(20.0))
+GAINS = HeadingGains(
+    PidGains(
+        kp=1.2,
+        ki=0.0,
+        kd=0.2,
+        rate_filter_radps=250.0,
+        integral_max=0.0,
+        output_min=-1.0,
+        output_max=1.0,
+    ),
+    -8.0,
+    3.0,
+    radians(20.0),
+)
 
 metres = st.floats(-1e3, 1e3)
 

@@ -11,7 +11,15 @@ from hypothesis import strategies as st
 from tgl_soar.control.pid import PidGains, PidState, pid_reset, pid_step
 
 REST = PidState(0.0, 0.0)
-WIDE = PidGains(2.0, 3.0, 0.5, 40.0, 100.0, -100.0, 100.0)
+WIDE = PidGains(
+    kp=2.0,
+    ki=3.0,
+    kd=0.5,
+    rate_filter_radps=40.0,
+    integral_max=100.0,
+    output_min=-100.0,
+    output_max=100.0,
+)
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 moderate = st.floats(-1e3, 1e3)
@@ -23,7 +31,13 @@ def gains(draw: st.DrawFn) -> PidGains:
     low = draw(st.floats(-10.0, 9.0))
     high = draw(st.floats(low, 10.0))
     return PidGains(
-        draw(gain), draw(gain), draw(gain), draw(st.floats(0.1, 700.0)), draw(gain), low, high
+        kp=draw(gain),
+        ki=draw(gain),
+        kd=draw(gain),
+        rate_filter_radps=draw(st.floats(0.1, 700.0)),
+        integral_max=draw(gain),
+        output_min=low,
+        output_max=high,
     )
 
 
@@ -62,7 +76,15 @@ def test_the_law_converges_to_the_continuous_one_in_first_order() -> None:
 
 @given(error=moderate, feedforward=moderate)
 def test_proportional_and_feedforward_are_exact(error: float, feedforward: float) -> None:
-    g = PidGains(1.5, 0.0, 0.0, 10.0, 0.0, -1e9, 1e9)
+    g = PidGains(
+        kp=1.5,
+        ki=0.0,
+        kd=0.0,
+        rate_filter_radps=10.0,
+        integral_max=0.0,
+        output_min=-1e9,
+        output_max=1e9,
+    )
     _, terms = pid_step(g, REST, error, 0.0, feedforward, 0.005, 0)
     assert terms.p == 1.5 * error
     assert terms.output == feedforward + 1.5 * error
@@ -186,7 +208,15 @@ def test_a_blocked_integral_may_always_come_back_and_never_go_on(
     assert state.integral == (held if outward else free.integral)
 
 
-PI = PidGains(2.0, 4.0, 0.0, 10.0, 100.0, -1.0, 1.0)
+PI = PidGains(
+    kp=2.0,
+    ki=4.0,
+    kd=0.0,
+    rate_filter_radps=10.0,
+    integral_max=100.0,
+    output_min=-1.0,
+    output_max=1.0,
+)
 DT = 0.005
 
 

@@ -18,10 +18,29 @@ from tgl_soar.control.scheduling import (
 from tgl_soar.control.soaring import SoaringGains, SoaringState, soaring_step
 
 DT = 0.005
-PLAIN = SoaringGains(PidGains(0.73, 0.24, 0.27, 47.0, 0.14, -0.21, 0.1), 2.1)
+PLAIN = SoaringGains(
+    PidGains(
+        kp=0.73,
+        ki=0.24,
+        kd=0.27,
+        rate_filter_radps=47.0,
+        integral_max=0.14,
+        output_min=-0.21,
+        output_max=0.1,
+    ),
+    2.1,
+)
 TRIM_RAD = -0.026
 IMU = PLAIN._replace(pid=PLAIN.pid._replace(kp=1.8, ki=0.2, kd=0.355, rate_filter_radps=59.0))
-PITCH = PidGains(5.0, 4.2, 0.15, 251.0, 1.0, -1.0, 1.0)
+PITCH = PidGains(
+    kp=5.0,
+    ki=4.2,
+    kd=0.15,
+    rate_filter_radps=251.0,
+    integral_max=1.0,
+    output_min=-1.0,
+    output_max=1.0,
+)
 PITCH_IMU = PITCH._replace(kp=9.2, ki=8.4, kd=0.31)
 
 

@@ -22,7 +22,15 @@ from tgl_soar.control.soaring import (
 
 DT = 0.005
 GAINS = SoaringGains(
-    PidGains(0.6, 0.1, 0.25, 40.0, radians(8.0), radians(-15.0), radians(10.0)),
+    PidGains(
+        kp=0.6,
+        ki=0.1,
+        kd=0.25,
+        rate_filter_radps=40.0,
+        integral_max=radians(8.0),
+        output_min=radians(-15.0),
+        output_max=radians(10.0),
+    ),
     radians(60.0),
 )
 TRIM_RAD = radians(-2.0)

@@ -768,7 +768,16 @@ def test_noise_cannot_make_it_chatter(seed: int, flips: int, wish: bool) -> None
 
 def test_a_state_from_nowhere_stays_where_it_is() -> None:
     """A number that is no mode has no rows: it takes nothing."""
-    state = SupervisorState(77, 0.0, inf, inf, inf, 0, False, -1)
+    state = SupervisorState(
+        mode=77,
+        since_s=0.0,
+        unready_s=inf,
+        trouble_s=inf,
+        clear_s=inf,
+        boots=0,
+        armed=False,
+        conditions=-1,
+    )
     state, decision = supervise(state, 1.0, WELL, 0, True, HOLD_S, RECOVER_S)
     assert decision == Decision(77, s.NOTHING, s.REASON_NONE)
     assert not is_flying(77)

@@ -86,7 +86,7 @@ def test_a_line_that_starts_at_the_aircraft_is_no_error() -> None:
     target = TargetLine(3.0, 1.0, radians(110.0))
     start = line_at(target, 0.3, 1.4)
     assert seen(start, 0.3, 1.4) == 0.0
-    assert start == LineState(0.3, 1.4, target.eta_rad, 0.0, True)
+    assert start == LineState(x_m=0.3, z_m=1.4, eta_rad=target.eta_rad, speed_mps=0.0, moving=True)
 
 
 @pytest.mark.parametrize("distance_m", [0.01, 0.1, 0.5, 3.0])
@@ -139,7 +139,9 @@ def test_a_moving_line_is_gentle_and_arrives(
     x0 = limits.speed_mps * seconds[0]
     eta1 = max(0.3, min(pi - 0.3, eta + limits.turn_rate_radps * seconds[1]))
     target = TargetLine(x0, 1.0, eta1)
-    state = LineState(0.0, 1.0, eta, share * limits.speed_mps, True)
+    state = LineState(
+        x_m=0.0, z_m=1.0, eta_rad=eta, speed_mps=share * limits.speed_mps, moving=True
+    )
     time = 0.0
     for k in range(10_000):
         dt = dts[k % len(dts)]
@@ -200,7 +202,7 @@ def test_a_target_reversed_in_mid_move_gives_no_jump() -> None:
 @given(limits=limits_of_any_kind, eta=inclinations, speed=st.floats(-0.02, 0.02), z=metres)
 def test_no_time_moves_nothing(limits: LineLimits, eta: float, speed: float, z: float) -> None:
     target = TargetLine(1.0, 2.0, radians(100.0))
-    state = LineState(0.0, 1.0, eta, speed, True)
+    state = LineState(x_m=0.0, z_m=1.0, eta_rad=eta, speed_mps=speed, moving=True)
     new = line_step(limits, state, target, 0.3, z, 0.0)
     assert new.speed_mps == speed
     assert new.eta_rad == eta

@@ -43,7 +43,13 @@ from tgl_soar.types import (
 )
 
 # Sums of these are exact in binary, so that a limit is met to the last bit.
-LIMITS = HealthLimits(0.25, 0.125, 3.0, 1.0, 0.25)
+LIMITS = HealthLimits(
+    position_age_max_s=0.25,
+    attitude_age_max_s=0.125,
+    heartbeat_age_max_s=3.0,
+    frozen_s=1.0,
+    surface_error_max=0.25,
+)
 NEUTRAL = SurfaceCommand(0.0, 0.0, 0.0)
 DT = 1.0 / 128.0
 
@@ -52,7 +58,9 @@ def heard_at(fix_s: float, attitude_s: float) -> MotionState:
     """An estimator that has used samples of these times."""
     return initial_motion()._replace(
         fix=FixHeard(1, fix_s, 0),
-        attitude=AttitudeHeard(1, attitude_s, NO_ATTITUDE, NO_ATTITUDE, 0),
+        attitude=AttitudeHeard(
+            sequence=1, time_s=attitude_s, used=NO_ATTITUDE, refused=NO_ATTITUDE, refused_in_a_row=0
+        ),
     )
 
 
@@ -60,8 +68,10 @@ def health(
     now: float, fix: float = nan, attitude: float = nan, heartbeat: float = nan, rejected: int = 0
 ) -> Health:
     motion = heard_at(fix, attitude)._replace(rejected=rejected)
-    status = AutopilotStatus(heartbeat, True, True)
-    inputs = Inputs(now, NO_FIX, NO_ATTITUDE, status, True)
+    status = AutopilotStatus(time_s=heartbeat, accepts_surfaces=True, armed=True)
+    inputs = Inputs(
+        time_s=now, position=NO_FIX, attitude=NO_ATTITUDE, autopilot=status, engage=True
+    )
     return health_step(LIMITS, initial_health(), motion, inputs, False, False, NEUTRAL, 0.0)[1]
 
 
@@ -135,11 +145,20 @@ class Watch:
             now = self.k * DT
             q = quaternion_from_euler(0.0, 0.1 * sin(now), 0.0)
             inputs = Inputs(
-                now,
-                PositionFix(self.k, now, 1.0, 0.5 * now, -2.0, 0.0, 0.5, 0.0),
-                AttitudeSample(self.k, now, *q, 0.0, 0.1 * cos(now), 0.0),
-                AutopilotStatus(now, True, True),
-                True,
+                time_s=now,
+                position=PositionFix(
+                    sequence=self.k,
+                    time_s=now,
+                    north_m=1.0,
+                    east_m=0.5 * now,
+                    down_m=-2.0,
+                    velocity_north_mps=0.0,
+                    velocity_east_mps=0.5,
+                    velocity_down_mps=0.0,
+                ),
+                attitude=AttitudeSample(self.k, now, *q, 0.0, 0.1 * cos(now), 0.0),
+                autopilot=AutopilotStatus(time_s=now, accepts_surfaces=True, armed=True),
+                engage=True,
             )
             for name, change in changes.items():
                 inputs = inputs._replace(**{name: change(inputs, self.k)})
@@ -363,7 +382,16 @@ def imu(tilt_deg: float) -> Any:
 
     def sample(inputs: Inputs, k: int) -> ImuSample:
         t = radians(tilt_deg)
-        return ImuSample(k, inputs.time_s, 9.81 * sin(t), 0.0, -9.81 * cos(t), 0.0, 0.0, 0.0)
+        return ImuSample(
+            sequence=k,
+            time_s=inputs.time_s,
+            force_x_frd_mps2=9.81 * sin(t),
+            force_y_frd_mps2=0.0,
+            force_z_frd_mps2=-9.81 * cos(t),
+            roll_rate_frd_radps=0.0,
+            pitch_rate_frd_radps=0.0,
+            yaw_rate_frd_radps=0.0,
+        )
 
     return sample
 
@@ -374,7 +402,16 @@ def test_attitude_and_accelerometers(tilt_deg: float, agrees: bool) -> None:
     watch = Watch().run(1280, imu=imu(tilt_deg), attitude=level)
     assert (watch.health.faults & h.DISAGREES == 0) == agrees
     # Accelerations that have stopped say nothing.
-    last = ImuSample(watch.k, watch.k * DT, 0.0, 0.0, 9.81, 0.0, 0.0, 0.0)
+    last = ImuSample(
+        sequence=watch.k,
+        time_s=watch.k * DT,
+        force_x_frd_mps2=0.0,
+        force_y_frd_mps2=0.0,
+        force_z_frd_mps2=9.81,
+        roll_rate_frd_radps=0.0,
+        pitch_rate_frd_radps=0.0,
+        yaw_rate_frd_radps=0.0,
+    )
     watch.run(256, imu=lambda _i, _k: last)
     assert watch.health.faults & h.DISAGREES == 0
 
@@ -392,7 +429,16 @@ def test_accelerations_that_are_no_numbers_begin_afresh(bad: float) -> None:
     watch = Watch().run(256, imu=imu(0.0))
 
     def broken(inputs: Inputs, k: int) -> ImuSample:
-        return ImuSample(k, inputs.time_s, bad, 0.0, -9.81, 0.0, 0.0, 0.0)
+        return ImuSample(
+            sequence=k,
+            time_s=inputs.time_s,
+            force_x_frd_mps2=bad,
+            force_y_frd_mps2=0.0,
+            force_z_frd_mps2=-9.81,
+            roll_rate_frd_radps=0.0,
+            pitch_rate_frd_radps=0.0,
+            yaw_rate_frd_radps=0.0,
+        )
 
     watch.run(64, imu=broken).run(640, imu=imu(0.0))
     assert watch.told == 0
@@ -423,7 +469,7 @@ class Servo:
     def __init__(self, watch: Watch, delay: int, every: int, follows: bool = True) -> None:
         self.watch, self.delay, self.every, self.follows = watch, delay, every, follows
         self.history = [NEUTRAL] * (delay + 1)
-        self.sample = SurfacesSample(0, nan, nan, nan, nan)
+        self.sample = SurfacesSample(sequence=0, time_s=nan, elevator=nan, aileron=nan, rudder=nan)
 
     def __call__(self, inputs: Inputs, k: int) -> SurfacesSample:
         self.history.append(self.watch.command)
@@ -465,9 +511,9 @@ def test_the_tolerance_is_met_on_its_boundary(field: str, off: float) -> None:
         watch.flying = True
         watch.run(
             384,
-            surfaces=lambda i, k: SurfacesSample(k, i.time_s, 0.0, 0.0, 0.0)._replace(
-                **cast("Any", {field: off * error})
-            ),
+            surfaces=lambda i, k: SurfacesSample(
+                sequence=k, time_s=i.time_s, elevator=0.0, aileron=0.0, rudder=0.0
+            )._replace(**cast("Any", {field: off * error})),
         )
         return watch.health.surfaces_answer
 
@@ -477,7 +523,9 @@ def test_the_tolerance_is_met_on_its_boundary(field: str, off: float) -> None:
 
 def test_nobody_knows_of_surfaces_on_the_ground_or_in_silence() -> None:
     def against(inputs: Inputs, k: int) -> SurfacesSample:
-        return SurfacesSample(k, inputs.time_s, 1.0, -1.0, 1.0)
+        return SurfacesSample(
+            sequence=k, time_s=inputs.time_s, elevator=1.0, aileron=-1.0, rudder=1.0
+        )
 
     watch = Watch().run(512, surfaces=against)
     assert watch.health.surfaces_answer == -1
@@ -485,7 +533,12 @@ def test_nobody_knows_of_surfaces_on_the_ground_or_in_silence() -> None:
     watch.run(512, surfaces=against)
     assert watch.health.surfaces_answer == 0
     last = watch.k
-    watch.run(200, surfaces=lambda _i, _k: SurfacesSample(last, last * DT, 1.0, -1.0, 1.0))
+    watch.run(
+        200,
+        surfaces=lambda _i, _k: SurfacesSample(
+            sequence=last, time_s=last * DT, elevator=1.0, aileron=-1.0, rudder=1.0
+        ),
+    )
     assert watch.health.surfaces_answer == -1
     watch.flying = False
     watch.run(1, surfaces=against)
@@ -497,7 +550,12 @@ def test_nobody_knows_of_surfaces_on_the_ground_or_in_silence() -> None:
 def test_surfaces_that_are_not_known_are_no_fault() -> None:
     watch = Watch()
     watch.flying = True
-    watch.run(512, surfaces=lambda i, k: SurfacesSample(k, i.time_s, nan, nan, nan))
+    watch.run(
+        512,
+        surfaces=lambda i, k: SurfacesSample(
+            sequence=k, time_s=i.time_s, elevator=nan, aileron=nan, rudder=nan
+        ),
+    )
     assert watch.health.surfaces_answer == 1
     assert watch.told == 0
 
@@ -534,14 +592,16 @@ def test_no_inputs_raise(data: st.DataObject) -> None:
     state = initial_health()
     for _ in range(4):
         inputs = Inputs(
-            data.draw(anything),
-            PositionFix(*draw(numbers, *[anything] * 7)),
-            AttitudeSample(*draw(numbers, *[anything] * 8)),
-            AutopilotStatus(data.draw(anything), True, True),
-            True,
-            ImuSample(*draw(numbers, *[anything] * 7)),
-            AirspeedSample(*draw(numbers, anything, anything)),
-            SurfacesSample(*draw(numbers, *[anything] * 4)),
+            time_s=data.draw(anything),
+            position=PositionFix(*draw(numbers, *[anything] * 7)),
+            attitude=AttitudeSample(*draw(numbers, *[anything] * 8)),
+            autopilot=AutopilotStatus(
+                time_s=data.draw(anything), accepts_surfaces=True, armed=True
+            ),
+            engage=True,
+            imu=ImuSample(*draw(numbers, *[anything] * 7)),
+            airspeed=AirspeedSample(*draw(numbers, anything, anything)),
+            surfaces=SurfacesSample(*draw(numbers, *[anything] * 4)),
         )
         command = SurfaceCommand(*draw(anything, anything, anything))
         state, found = health_step(

@@ -31,11 +31,39 @@ from tgl_soar.geometry import (
 from tgl_soar.types import AttitudeSample, AutopilotStatus, Inputs, PositionFix, VehicleState
 
 FRAME = SoaringFrame(3.0, -4.0, 5.0, radians(240.0))
-GAINS = MotionGains(0.003, 0.05, 0.2, 0.15, 3.0, 0.0, 0.5, True)
+GAINS = MotionGains(
+    fix_sd_m=0.003,
+    velocity_sd_mps=0.05,
+    force_sd_mps2=0.2,
+    bias_sd_mps2=0.15,
+    unknown_sd_mps2=3.0,
+    fix_delay_s=0.0,
+    fix_gate_m=0.5,
+    use_imu=True,
+)
 DT = 0.005
-NO_FIX = PositionFix(0, nan, nan, nan, nan, nan, nan, nan)
-NO_SAMPLE = AttitudeSample(0, nan, nan, nan, nan, nan, nan, nan, nan)
-SILENT = AutopilotStatus(nan, False, False)
+NO_FIX = PositionFix(
+    sequence=0,
+    time_s=nan,
+    north_m=nan,
+    east_m=nan,
+    down_m=nan,
+    velocity_north_mps=nan,
+    velocity_east_mps=nan,
+    velocity_down_mps=nan,
+)
+NO_SAMPLE = AttitudeSample(
+    sequence=0,
+    time_s=nan,
+    qw=nan,
+    qx=nan,
+    qy=nan,
+    qz=nan,
+    roll_rate_frd_radps=nan,
+    pitch_rate_frd_radps=nan,
+    yaw_rate_frd_radps=nan,
+)
+SILENT = AutopilotStatus(time_s=nan, accepts_surfaces=False, armed=False)
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 
 Vector = tuple[float, float, float]
@@ -43,7 +71,7 @@ Path = Callable[[float], Vector]
 
 
 def tick(now: float, fix: PositionFix = NO_FIX, sample: AttitudeSample = NO_SAMPLE) -> Inputs:
-    return Inputs(now, fix, sample, SILENT, False)
+    return Inputs(time_s=now, position=fix, attitude=sample, autopilot=SILENT, engage=False)
 
 
 def fix_at(

@@ -50,11 +50,20 @@ from tgl_soar.types import (
 )
 
 FRAME = SoaringFrame(3.0, -4.0, 5.0, radians(240.0))
-GAINS = MotionGains(0.003, 0.05, 0.2, 0.15, 3.0, 0.0, 0.5, True)
+GAINS = MotionGains(
+    fix_sd_m=0.003,
+    velocity_sd_mps=0.05,
+    force_sd_mps2=0.2,
+    bias_sd_mps2=0.15,
+    unknown_sd_mps2=3.0,
+    fix_delay_s=0.0,
+    fix_gate_m=0.5,
+    use_imu=True,
+)
 DT = 0.005
 FIX_TICKS = 4
 CV_DENSITY = 2.0 * 3.0 * 3.0 * 0.1  # what EST_CV_SD stands for
-SILENT = AutopilotStatus(nan, False, False)
+SILENT = AutopilotStatus(time_s=nan, accepts_surfaces=False, armed=False)
 UPWIND = quaternion_from_euler(0.0, 0.0, FRAME.wind_from_rad)
 
 Vector = tuple[float, float, float]
@@ -89,7 +98,16 @@ def fix_at(k: int, where: Vector, speed: Vector = (nan, nan, nan), source: int =
 def tick(
     now: float, fix: PositionFix, imu: ImuSample = NO_IMU, sample: AttitudeSample = NO_ATTITUDE
 ) -> Inputs:
-    return Inputs(now, fix, sample, SILENT, False, imu, NO_AIRSPEED, NO_SURFACES)
+    return Inputs(
+        time_s=now,
+        position=fix,
+        attitude=sample,
+        autopilot=SILENT,
+        engage=False,
+        imu=imu,
+        airspeed=NO_AIRSPEED,
+        surfaces=NO_SURFACES,
+    )
 
 
 class Tick(NamedTuple):
@@ -555,14 +573,14 @@ def test_whatever_comes_the_estimate_stays_a_number(data: st.DataObject) -> None
                 k % 3,
             ),
             ImuSample(
-                k,
-                data.draw(stamp),
-                numbers[6],
-                numbers[7],
-                numbers[8],
-                numbers[9],
-                numbers[10],
-                numbers[11],
+                sequence=k,
+                time_s=data.draw(stamp),
+                force_x_frd_mps2=numbers[6],
+                force_y_frd_mps2=numbers[7],
+                force_z_frd_mps2=numbers[8],
+                roll_rate_frd_radps=numbers[9],
+                pitch_rate_frd_radps=numbers[10],
+                yaw_rate_frd_radps=numbers[11],
             ),
             AttitudeSample(k + 1, data.draw(stamp), *UPWIND, rates[0], rates[1], rates[2]),
         )

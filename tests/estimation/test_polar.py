@@ -26,7 +26,9 @@ from tgl_soar.sim.aircraft import aircraft_model, glide_at, gliding_state, step
 from tgl_soar.types import GlidePolar, SurfaceCommand, polar_sink
 
 # 1.3 + 0.12 (u − 8.6)² − 0.006 (u − 8.6)³: an aircraft with room between least sink and stall
-TRUE = GlidePolar(13.991536, -3.395280, 0.274800, -0.006000, 7.2, 12.0)
+TRUE = GlidePolar(
+    c0=13.991536, c1=-3.395280, c2=0.274800, c3=-0.006000, speed_min_mps=7.2, speed_max_mps=12.0
+)
 SPEEDS = (7.2, 7.6, 8.1, 8.7, 9.4, 10.1, 11.0, 12.0)
 
 

@@ -69,18 +69,36 @@ NONE = (0.0, 0.0, 0.0)
 def vehicle_of(state: aircraft.AircraftState, time_s: float) -> VehicleState:
     roll, pitch, heading = euler_from_quaternion(state.qw, state.qx, state.qy, state.qz)
     return VehicleState(
-        time_s, state.x_m, state.y_m, state.z_m,
-        state.velocity_x_mps, state.velocity_y_mps, state.velocity_z_mps,
-        roll, pitch, heading,
-        state.roll_rate_frd_radps, state.pitch_rate_frd_radps, state.yaw_rate_frd_radps,
-    )  # fmt: skip
+        time_s=time_s,
+        x_m=state.x_m,
+        y_m=state.y_m,
+        z_m=state.z_m,
+        velocity_x_mps=state.velocity_x_mps,
+        velocity_y_mps=state.velocity_y_mps,
+        climb_mps=state.velocity_z_mps,
+        roll_rad=roll,
+        pitch_rad=pitch,
+        heading_rad=heading,
+        roll_rate_radps=state.roll_rate_frd_radps,
+        pitch_rate_radps=state.pitch_rate_frd_radps,
+        heading_rate_radps=state.yaw_rate_frd_radps,
+    )
 
 
 def inputs_at(
     time_s: float, imu: ImuSample = NO_IMU, airspeed: AirspeedSample = NO_AIRSPEED
 ) -> Inputs:
-    status = AutopilotStatus(time_s, True, True)
-    return Inputs(time_s, NO_FIX, NO_ATTITUDE, status, True, imu, airspeed, NO_SURFACES)
+    status = AutopilotStatus(time_s=time_s, accepts_surfaces=True, armed=True)
+    return Inputs(
+        time_s=time_s,
+        position=NO_FIX,
+        attitude=NO_ATTITUDE,
+        autopilot=status,
+        engage=True,
+        imu=imu,
+        airspeed=airspeed,
+        surfaces=NO_SURFACES,
+    )
 
 
 def imu_of(

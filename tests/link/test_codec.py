@@ -49,9 +49,24 @@ HEARTBEAT = mavlink.MAVLink_heartbeat_message(1, 3, 81, 0, 4, 3)
 SET = mavlink.MAVLink_param_set_message(1, 191, b"TGL_X", 1.5, 9)
 
 KNOWN = [
-    (HEARTBEAT, Heartbeat(1, 3, 81, 0, 4)),
-    (ATTITUDE, AttitudeQuaternion(1234, 0.5, 0.5, -0.5, 0.5, 0.25, -1.0, 2.0)),
-    (POSITION, LocalPositionNed(1235, 1.0, 2.0, -3.0, 0.5, -0.5, 0.125)),
+    (HEARTBEAT, Heartbeat(type=1, autopilot=3, base_mode=81, custom_mode=0, system_status=4)),
+    (
+        ATTITUDE,
+        AttitudeQuaternion(
+            time_boot_ms=1234,
+            q1=0.5,
+            q2=0.5,
+            q3=-0.5,
+            q4=0.5,
+            rollspeed=0.25,
+            pitchspeed=-1.0,
+            yawspeed=2.0,
+        ),
+    ),
+    (
+        POSITION,
+        LocalPositionNed(time_boot_ms=1235, x=1.0, y=2.0, z=-3.0, vx=0.5, vy=-0.5, vz=0.125),
+    ),
     (
         mavlink.MAVLink_odometry_message(
             7_000_000, 20, 12, 1, 2, 3, [1, 0, 0, 0], 4, 5, 6, 7, 8, 9, [0] * 21, [0] * 21
@@ -66,35 +81,64 @@ KNOWN = [
         mavlink.MAVLink_vision_position_estimate_message(
             9_000_000, 1, 2, -3, 0.5, -0.25, 1.5, [0.25] * 21
         ),
-        VisionPositionEstimate(9_000_000, 1.0, 2.0, -3.0, 0.5, -0.25, 1.5, (0.25,) * 21),
+        VisionPositionEstimate(
+            usec=9_000_000,
+            x=1.0,
+            y=2.0,
+            z=-3.0,
+            roll=0.5,
+            pitch=-0.25,
+            yaw=1.5,
+            covariance=(0.25,) * 21,
+        ),
     ),
     (
         mavlink.MAVLink_global_position_int_message(
             5, 519_990_001, -43_770_002, 12_345, 1_000, -120, 34, -5, 9_000
         ),
-        GlobalPositionInt(5, 519_990_001, -43_770_002, 12_345, -120, 34, -5),
+        GlobalPositionInt(
+            time_boot_ms=5, lat=519_990_001, lon=-43_770_002, alt=12_345, vx=-120, vy=34, vz=-5
+        ),
     ),
     (
         mavlink.MAVLink_highres_imu_message(
             77_000_123, 0.5, -0.25, -9.75, 0.125, 1, 2, 3, 4, 5, 1013.25, 0.5, 7, 15.5, 0x43F
         ),
-        HighresImu(77_000_123, 0.5, -0.25, -9.75, 0.125, 1.0, 2.0, 1013.25, 0.5, 15.5, 0x43F),
+        HighresImu(
+            time_usec=77_000_123,
+            xacc=0.5,
+            yacc=-0.25,
+            zacc=-9.75,
+            xgyro=0.125,
+            ygyro=1.0,
+            zgyro=2.0,
+            abs_pressure=1013.25,
+            diff_pressure=0.5,
+            temperature=15.5,
+            fields_updated=0x43F,
+        ),
     ),
     (
         mavlink.MAVLink_scaled_imu_message(5, 10, -20, -1000, 1, 2, 3, 4, 5, 6),
-        ScaledImu(26, 5, 10, -20, -1000, 1, 2, 3),
+        ScaledImu(
+            message_id=26, time_boot_ms=5, xacc=10, yacc=-20, zacc=-1000, xgyro=1, ygyro=2, zgyro=3
+        ),
     ),
     (
         mavlink.MAVLink_scaled_imu2_message(6, 10, -20, -1000, 1, 2, 3, 4, 5, 6),
-        ScaledImu(116, 6, 10, -20, -1000, 1, 2, 3),
+        ScaledImu(
+            message_id=116, time_boot_ms=6, xacc=10, yacc=-20, zacc=-1000, xgyro=1, ygyro=2, zgyro=3
+        ),
     ),
     (
         mavlink.MAVLink_scaled_imu3_message(7, 10, -20, -1000, 1, 2, 3, 4, 5, 6),
-        ScaledImu(129, 7, 10, -20, -1000, 1, 2, 3),
+        ScaledImu(
+            message_id=129, time_boot_ms=7, xacc=10, yacc=-20, zacc=-1000, xgyro=1, ygyro=2, zgyro=3
+        ),
     ),
     (
         mavlink.MAVLink_raw_imu_message(5_000_007, 10, -20, -1000, 1, 2, 3, 4, 5, 6),
-        RawImu(5_000_007, 10, -20, -1000, 1, 2, 3),
+        RawImu(time_usec=5_000_007, xacc=10, yacc=-20, zacc=-1000, xgyro=1, ygyro=2, zgyro=3),
     ),
     (mavlink.MAVLink_vfr_hud_message(8.5, 0.25, 270, 0, 120.5, -0.5), VfrHud(8.5, 120.5)),
     (
@@ -107,18 +151,34 @@ KNOWN = [
     ),
     (
         mavlink.MAVLink_command_long_message(1, 191, 511, 0, 31, 5000, 0, 0, 0, 0, 0),
-        CommandLong(1, 191, 511, 0, (31.0, 5000.0, 0.0, 0.0, 0.0, 0.0, 0.0)),
+        CommandLong(
+            target_system=1,
+            target_component=191,
+            command=511,
+            confirmation=0,
+            params=(31.0, 5000.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        ),
     ),
-    (mavlink.MAVLink_command_ack_message(511, 2, 0, 0, 1, 191), CommandAck(511, 2, 1, 191)),
+    (
+        mavlink.MAVLink_command_ack_message(511, 2, 0, 0, 1, 191),
+        CommandAck(command=511, result=2, target_system=1, target_component=191),
+    ),
     (mavlink.MAVLink_param_request_list_message(1, 191), ParamRequestList(1, 191)),
     (
         mavlink.MAVLink_param_request_read_message(1, 191, b"SIXTEEN_LETTERS_", -1),
         ParamRequestRead(1, 191, "SIXTEEN_LETTERS_", -1),
     ),
-    (SET, ParamSet(1, 191, "TGL_X", 1.5, 9)),
+    (
+        SET,
+        ParamSet(
+            target_system=1, target_component=191, param_id="TGL_X", param_value=1.5, param_type=9
+        ),
+    ),
     (
         mavlink.MAVLink_param_value_message(b"SYSID_MYGCS", 255, 9, 900, 3),
-        ParamValue("SYSID_MYGCS", 255.0, 9, 900, 3),
+        ParamValue(
+            param_id="SYSID_MYGCS", param_value=255.0, param_type=9, param_count=900, param_index=3
+        ),
     ),
     (mavlink.MAVLink_timesync_message(0, -5), Timesync(0, -5)),
 ]
@@ -274,14 +334,32 @@ def parsed(frame: bytes) -> Any:
 def test_everything_that_is_said_reads_back_by_pymavlink() -> None:
     encoder = Encoder(Source(1, 191))
     cases: list[tuple[Said, dict[str, object]]] = [
-        (Heartbeat(18, 8, 0, 0, 4), {"type": 18, "autopilot": 8, "mavlink_version": 3}),
         (
-            CommandLong(1, 1, 511, 0, (31.0, 5000.0, 0.0, 0.0, 0.0, 0.0, 0.0)),
+            Heartbeat(type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4),
+            {"type": 18, "autopilot": 8, "mavlink_version": 3},
+        ),
+        (
+            CommandLong(
+                target_system=1,
+                target_component=1,
+                command=511,
+                confirmation=0,
+                params=(31.0, 5000.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+            ),
             {"command": 511, "param1": 31.0, "param2": 5000.0},
         ),
-        (CommandAck(400, 3, 255, 190), {"command": 400, "result": 3, "target_system": 255}),
         (
-            ParamValue("SIXTEEN_LETTERS_", 0.5, 9, 48, 47),
+            CommandAck(command=400, result=3, target_system=255, target_component=190),
+            {"command": 400, "result": 3, "target_system": 255},
+        ),
+        (
+            ParamValue(
+                param_id="SIXTEEN_LETTERS_",
+                param_value=0.5,
+                param_type=9,
+                param_count=48,
+                param_index=47,
+            ),
             {"param_id": "SIXTEEN_LETTERS_", "param_value": 0.5, "param_index": 47},
         ),
         (

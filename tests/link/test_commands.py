@@ -87,7 +87,15 @@ def test_an_engagement_is_in_progress_until_the_aircraft_is_on_its_line() -> Non
     assert (answer.said, answer.wish) == ([], ENGAGE)  # the entry checks come first
     assert flying(commands) == [IN_PROGRESS]
     assert commands.poll(10.9) == []
-    assert commands.poll(11.0) == [CommandAck(ENGAGE, IN_PROGRESS, 255, 190, 255)]
+    assert commands.poll(11.0) == [
+        CommandAck(
+            command=ENGAGE,
+            result=IN_PROGRESS,
+            target_system=255,
+            target_component=190,
+            progress=255,
+        )
+    ]
     assert commands.poll(11.5) == []
     assert flying(commands) == []  # holding, capturing again: nothing new
     assert flying(commands, settled=True) == [ACCEPTED]

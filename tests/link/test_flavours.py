@@ -10,9 +10,9 @@ from tgl_soar.link.autopilots.bridge import Bridge
 from tgl_soar.link.messages import Heartbeat, RcChannelsOverride
 from tgl_soar.types import NO_SETPOINTS, SurfaceCommand
 
-PLAIN = SurfaceChannel(2, 1100, 1500, 1900)
-CROOKED = SurfaceChannel(1, 1000, 1600, 1900)
-HIGH = SurfaceChannel(12, 1100, 1500, 1900, reversed=True)
+PLAIN = SurfaceChannel(channel=2, pwm_min=1100, pwm_trim=1500, pwm_max=1900)
+CROOKED = SurfaceChannel(channel=1, pwm_min=1000, pwm_trim=1600, pwm_max=1900)
+HIGH = SurfaceChannel(channel=12, pwm_min=1100, pwm_trim=1500, pwm_max=1900, reversed=True)
 FLAVOURS = [ArduPilot, Bridge]
 
 
@@ -71,11 +71,22 @@ def test_a_pulse_never_leaves_the_channel_s_limits(
     deflection: float, limits: tuple[int, int, int], turned: bool
 ) -> None:
     low, trim, high = limits
-    assert low <= pulse_width(SurfaceChannel(1, low, trim, high, turned), deflection) <= high
+    assert (
+        low
+        <= pulse_width(
+            SurfaceChannel(channel=1, pwm_min=low, pwm_trim=trim, pwm_max=high, reversed=turned),
+            deflection,
+        )
+        <= high
+    )
 
 
 def test_surfaces_obey_in_manual_only() -> None:
     pilot = ArduPilot(SurfaceChannels(PLAIN, CROOKED, HIGH), 1)
     for mode in range(26):
-        assert pilot.obeys(Heartbeat(1, 3, 81, mode, 4)) == (mode == 0)
-    assert not pilot.obeys(Heartbeat(1, 3, 80, 0, 4))  # without a custom mode 0 means nothing
+        assert pilot.obeys(
+            Heartbeat(type=1, autopilot=3, base_mode=81, custom_mode=mode, system_status=4)
+        ) == (mode == 0)
+    assert not pilot.obeys(
+        Heartbeat(type=1, autopilot=3, base_mode=80, custom_mode=0, system_status=4)
+    )  # without a custom mode 0 means nothing

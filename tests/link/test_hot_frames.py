@@ -250,7 +250,11 @@ def test_mavlink_1_is_said_as_pymavlink_reads_it(message: Said) -> None:
 
 def test_the_sequence_is_one_whoever_packs() -> None:
     encoder = Encoder(Source(1, 191))
-    said: list[Said] = [Timesync(1, 1), CommandAck(1, 0, 1, 1), Timesync(1, 1)]
+    said: list[Said] = [
+        Timesync(1, 1),
+        CommandAck(command=1, result=0, target_system=1, target_component=1),
+        Timesync(1, 1),
+    ]
     assert [encoder.encode(message)[4] for message in said] == [0, 1, 2]
 
 

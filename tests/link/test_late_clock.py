@@ -13,7 +13,7 @@ from tgl_soar.link.messages import AttitudeQuaternion, Heartbeat, LocalPositionN
 from tgl_soar.link.session import Session
 
 OWN = Source(1, 191)
-SERVO = SurfaceChannel(1, 1100, 1500, 1900)
+SERVO = SurfaceChannel(channel=1, pwm_min=1100, pwm_trim=1500, pwm_max=1900)
 ATTITUDE, POSITION = "attitude", "position"
 
 
@@ -101,13 +101,36 @@ def test_the_session_asks_again_and_says_so() -> None:
     def stretch(now_s: float, uptime_s: float, for_s: float) -> None:
         for i in range(round(for_s * 200)):
             wall_s, stamp = now_s + 0.005 * i, round(1e3 * uptime_s) + 5 * i
-            said = [AttitudeQuaternion(stamp, 1, 0, 0, 0, 0, 0, 0)]
+            said = [
+                AttitudeQuaternion(
+                    time_boot_ms=stamp,
+                    q1=1,
+                    q2=0,
+                    q3=0,
+                    q4=0,
+                    rollspeed=0,
+                    pitchspeed=0,
+                    yawspeed=0,
+                )
+            ]
             if i % 4 == 0:
                 talk.handle(
-                    Received(talk.autopilot, LocalPositionNed(stamp, 0, 0, 0, 0, 0, 0)), wall_s
+                    Received(
+                        talk.autopilot,
+                        LocalPositionNed(time_boot_ms=stamp, x=0, y=0, z=0, vx=0, vy=0, vz=0),
+                    ),
+                    wall_s,
                 )
             if i % 200 == 0:
-                talk.handle(Received(talk.autopilot, Heartbeat(1, 3, 129, 0, 4)), wall_s)
+                talk.handle(
+                    Received(
+                        talk.autopilot,
+                        Heartbeat(
+                            type=1, autopilot=3, base_mode=129, custom_mode=0, system_status=4
+                        ),
+                    ),
+                    wall_s,
+                )
             for message in said:
                 talk.handle(Received(talk.autopilot, message), wall_s)
 

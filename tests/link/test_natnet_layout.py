@@ -39,10 +39,10 @@ from tgl_soar.sim.natnet_frames import (
 TICKS = 10_000_000
 BODIES = tuple(
     Body(
-        name,
-        number,
-        (0.5 * number, 1.25, -0.75),
-        (0.0, 0.6, 0.0, 0.8),
+        name=name,
+        id=number,
+        position_m=(0.5 * number, 1.25, -0.75),
+        quaternion=(0.0, 0.6, 0.0, 0.8),
         error_m=0.0005 * number,
         tracked=number != 2,
         markers=tuple((0.1 * i, 1.0, float(number)) for i in range(3)),

@@ -18,11 +18,23 @@ from tgl_soar.sim.motive import HallFault, Motive, MotiveOptions
 from tgl_soar.sim.natnet_frames import CLOCK_HZ, VERSIONS, encode_server_info
 from tgl_soar.types import PositionFix
 
-HALL = HallFrame(False, 0.6, 1.0, -2.0, 0.25)
+HALL = HallFrame(
+    z_up=False, yaw_rad=0.6, origin_north_m=1.0, origin_east_m=-2.0, origin_down_m=0.25
+)
 SERVER = ("10.0.0.2", 1510)
 OTHER = ("10.0.0.3", 1511)
 CLIENT = ("10.0.0.9", 40000)
-SETTINGS = Settings(SERVER[0], "aircraft", True, HALL, 0.001, 0.02, 25.0, 0.3, 200.0)
+SETTINGS = Settings(
+    server=SERVER[0],
+    body="aircraft",
+    unicast=True,
+    hall=HALL,
+    noise_m=0.001,
+    max_error_m=0.02,
+    max_speed_mps=25.0,
+    max_age_s=0.3,
+    max_rate_hz=200.0,
+)
 SERVER_BEGAN_S = 3600.0  # before our clock
 STEP_S = 0.005
 STILL = (1.0, 0.0, 0.0, 0.0)
@@ -120,7 +132,11 @@ def test_fixes_come_from_every_version(version: layout.Version, multicast: bool)
 @pytest.mark.parametrize("z_up", [False, True])
 @pytest.mark.parametrize("yaw_rad", [0.0, -2.5, pi / 2])
 def test_the_hall_lies_as_the_site_says(z_up: bool, yaw_rad: float) -> None:
-    given = SETTINGS._replace(hall=HallFrame(z_up, yaw_rad, -4.0, 2.0, 0.5))
+    given = SETTINGS._replace(
+        hall=HallFrame(
+            z_up=z_up, yaw_rad=yaw_rad, origin_north_m=-4.0, origin_east_m=2.0, origin_down_m=0.5
+        )
+    )
     hall = Hall(given=given).run(0.5)
     assert hall.fixes
     assert hall.worst_m() < 2e-3
@@ -129,9 +145,22 @@ def test_the_hall_lies_as_the_site_says(z_up: bool, yaw_rad: float) -> None:
 def test_the_axes_of_the_hall_are_ned_as_written() -> None:
     """y up: x, y, z of the hall are north, up, east; z up: north, west, up."""
     for z_up, expected in ((False, (1.0, 3.0, -2.0)), (True, (1.0, -2.0, -3.0))):
-        client = Optitrack(SETTINGS._replace(body=1, hall=HallFrame(z_up, 0.0, 0.0, 0.0, 0.0)))
+        client = Optitrack(
+            SETTINGS._replace(
+                body=1,
+                hall=HallFrame(
+                    z_up=z_up, yaw_rad=0.0, origin_north_m=0.0, origin_east_m=0.0, origin_down_m=0.0
+                ),
+            )
+        )
         options = MotiveOptions(noise_m=0.0)
-        motive = Motive(options, HallFrame(z_up, 0.0, 0.0, 0.0, 0.0), 1)
+        motive = Motive(
+            options,
+            HallFrame(
+                z_up=z_up, yaw_rad=0.0, origin_north_m=0.0, origin_east_m=0.0, origin_down_m=0.0
+            ),
+            1,
+        )
         (request,) = client.poll(0.0)
         motive.receive(request, CLIENT, 0.0, 0.0)
         motive.step(0.0, 0.0, expected, STILL)

@@ -90,7 +90,20 @@ def test_what_is_meant_for_others_is_left_alone(target: tuple[int, int]) -> None
 
 def test_our_own_echo_is_not_answered() -> None:
     served = server()
-    assert ask(served, ParamSet(1, 191, "TGL_X", 1.0, REAL32), source=OWN) == []
+    assert (
+        ask(
+            served,
+            ParamSet(
+                target_system=1,
+                target_component=191,
+                param_id="TGL_X",
+                param_value=1.0,
+                param_type=REAL32,
+            ),
+            source=OWN,
+        )
+        == []
+    )
     assert served.values["TGL_X"] == 0.0
 
 
@@ -99,7 +112,13 @@ def test_reading_by_name_and_by_index() -> None:
     ask(served, ParamRequestRead(1, 191, "TGL_LEAN", -1))
     ask(served, ParamRequestRead(1, 191, "", 0))
     first, second = served.poll(0.0)
-    assert first == ParamValue("TGL_LEAN", 15.0, REAL32, len(PARAMETERS), INDEX["TGL_LEAN"])
+    assert first == ParamValue(
+        param_id="TGL_LEAN",
+        param_value=15.0,
+        param_type=REAL32,
+        param_count=len(PARAMETERS),
+        param_index=INDEX["TGL_LEAN"],
+    )
     assert isinstance(second, ParamValue)
     assert second.param_index == 0
 
@@ -110,12 +129,33 @@ def test_reading_what_is_not_there() -> None:
     assert "index 999" in words(ask(served, ParamRequestRead(1, 191, "", 999)))
     # To all components: it is another one's parameter.
     assert ask(served, ParamRequestRead(1, 0, "ARSPD_FBW_MIN", -1)) == []
-    assert ask(served, ParamSet(1, 0, "ARSPD_FBW_MIN", 1.0, REAL32)) == []
+    assert (
+        ask(
+            served,
+            ParamSet(
+                target_system=1,
+                target_component=0,
+                param_id="ARSPD_FBW_MIN",
+                param_value=1.0,
+                param_type=REAL32,
+            ),
+        )
+        == []
+    )
 
 
 def test_a_set_takes_effect_at_once_and_is_answered_with_the_exact_value() -> None:
     served = server()
-    said = ask(served, ParamSet(1, 191, "TGL_X", 0.1, REAL32))
+    said = ask(
+        served,
+        ParamSet(
+            target_system=1,
+            target_component=191,
+            param_id="TGL_X",
+            param_value=0.1,
+            param_type=REAL32,
+        ),
+    )
     assert len(said) == 1
     assert isinstance(said[0], ParamValue)
     assert said[0].param_value == served.values["TGL_X"] == pytest.approx(0.1, rel=1e-7)
@@ -141,7 +181,12 @@ def test_a_refused_set_is_answered_with_what_stands_and_why(
 ) -> None:
     served = server()
     before = served.values
-    said = ask(served, ParamSet(1, 191, name, value, kind))
+    said = ask(
+        served,
+        ParamSet(
+            target_system=1, target_component=191, param_id=name, param_value=value, param_type=kind
+        ),
+    )
     assert served.values is before
     assert said[0] == served.value_message(INDEX[name])
     assert reason in words(said)
@@ -151,7 +196,21 @@ def test_a_refused_set_is_answered_with_what_stands_and_why(
 
 def test_an_unknown_name_is_told() -> None:
     served = server()
-    assert words(ask(served, ParamSet(1, 191, "NOPE", 1.0, REAL32))) == "NOPE: no such parameter"
+    assert (
+        words(
+            ask(
+                served,
+                ParamSet(
+                    target_system=1,
+                    target_component=191,
+                    param_id="NOPE",
+                    param_value=1.0,
+                    param_type=REAL32,
+                ),
+            )
+        )
+        == "NOPE: no such parameter"
+    )
 
 
 def errors(said: list[Said]) -> list[ParamError]:
@@ -161,37 +220,155 @@ def errors(said: list[Said]) -> list[ParamError]:
 def test_a_refusal_is_told_to_programs_too() -> None:
     """PARAM_ERROR goes to the station that asked, and says which of the three it is."""
     served = server()
-    unknown = ask(served, ParamSet(1, 191, "NOPE", 1.0, REAL32))
-    assert errors(unknown) == [ParamError(255, 190, "NOPE", -1, PARAM_ERROR_DOES_NOT_EXIST)]
+    unknown = ask(
+        served,
+        ParamSet(
+            target_system=1,
+            target_component=191,
+            param_id="NOPE",
+            param_value=1.0,
+            param_type=REAL32,
+        ),
+    )
+    assert errors(unknown) == [
+        ParamError(
+            target_system=255,
+            target_component=190,
+            param_id="NOPE",
+            param_index=-1,
+            error=PARAM_ERROR_DOES_NOT_EXIST,
+        )
+    ]
     by_index = ask(served, ParamRequestRead(1, 191, "", 999))
-    assert errors(by_index) == [ParamError(255, 190, "", 999, PARAM_ERROR_DOES_NOT_EXIST)]
-    bad = ask(served, ParamSet(1, 191, "TGL_LEAN", -30.0, REAL32))
-    assert errors(bad) == [ParamError(255, 190, "TGL_LEAN", -1, PARAM_ERROR_VALUE_OUT_OF_RANGE)]
-    denied = served.refuse(STATION, ParamSet(1, 191, "TGL_X", 1.0, REAL32), "not yours", 0.0)
-    assert errors(denied) == [ParamError(255, 190, "TGL_X", -1, PARAM_ERROR_PERMISSION_DENIED)]
-    assert errors(ask(served, ParamSet(1, 191, "TGL_X", 1.0, REAL32))) == []
+    assert errors(by_index) == [
+        ParamError(
+            target_system=255,
+            target_component=190,
+            param_id="",
+            param_index=999,
+            error=PARAM_ERROR_DOES_NOT_EXIST,
+        )
+    ]
+    bad = ask(
+        served,
+        ParamSet(
+            target_system=1,
+            target_component=191,
+            param_id="TGL_LEAN",
+            param_value=-30.0,
+            param_type=REAL32,
+        ),
+    )
+    assert errors(bad) == [
+        ParamError(
+            target_system=255,
+            target_component=190,
+            param_id="TGL_LEAN",
+            param_index=-1,
+            error=PARAM_ERROR_VALUE_OUT_OF_RANGE,
+        )
+    ]
+    denied = served.refuse(
+        STATION,
+        ParamSet(
+            target_system=1,
+            target_component=191,
+            param_id="TGL_X",
+            param_value=1.0,
+            param_type=REAL32,
+        ),
+        "not yours",
+        0.0,
+    )
+    assert errors(denied) == [
+        ParamError(
+            target_system=255,
+            target_component=190,
+            param_id="TGL_X",
+            param_index=-1,
+            error=PARAM_ERROR_PERMISSION_DENIED,
+        )
+    ]
+    assert (
+        errors(
+            ask(
+                served,
+                ParamSet(
+                    target_system=1,
+                    target_component=191,
+                    param_id="TGL_X",
+                    param_value=1.0,
+                    param_type=REAL32,
+                ),
+            )
+        )
+        == []
+    )
 
 
 def test_a_number_that_was_an_integer_at_the_station_is_taken() -> None:
     served = server()
-    ask(served, ParamSet(1, 191, "OP_ENGAGE", 1.0, UINT8))
+    ask(
+        served,
+        ParamSet(
+            target_system=1,
+            target_component=191,
+            param_id="OP_ENGAGE",
+            param_value=1.0,
+            param_type=UINT8,
+        ),
+    )
     assert served.values["OP_ENGAGE"] == 1.0
 
 
 def test_the_loop_rate_stays_while_flying() -> None:
     served = server()
-    said = ask(served, ParamSet(1, 191, "LOOP_RATE", 100.0, REAL32), flying=True)
+    said = ask(
+        served,
+        ParamSet(
+            target_system=1,
+            target_component=191,
+            param_id="LOOP_RATE",
+            param_value=100.0,
+            param_type=REAL32,
+        ),
+        flying=True,
+    )
     assert "not while flying" in words(said)
     assert served.values["LOOP_RATE"] == 200.0
-    ask(served, ParamSet(1, 191, "LOOP_RATE", 100.0, REAL32))
+    ask(
+        served,
+        ParamSet(
+            target_system=1,
+            target_component=191,
+            param_id="LOOP_RATE",
+            param_value=100.0,
+            param_type=REAL32,
+        ),
+    )
     assert served.values["LOOP_RATE"] == 100.0
 
 
 def test_a_change_by_the_module_itself_is_told() -> None:
     served = server()
-    ask(served, ParamSet(1, 191, "OP_ENGAGE", 1.0, REAL32))
+    ask(
+        served,
+        ParamSet(
+            target_system=1,
+            target_component=191,
+            param_id="OP_ENGAGE",
+            param_value=1.0,
+            param_type=REAL32,
+        ),
+    )
     assert served.assign("OP_ENGAGE", 0.0) == [
-        ParamValue("OP_ENGAGE", 0.0, REAL32, len(PARAMETERS), INDEX["OP_ENGAGE"])
+        ParamValue(
+            param_id="OP_ENGAGE",
+            param_value=0.0,
+            param_type=REAL32,
+            param_count=len(PARAMETERS),
+            param_index=INDEX["OP_ENGAGE"],
+        )
     ]
 
 
@@ -211,7 +388,17 @@ def test_a_flood_of_bad_sets_is_told_in_few_words_but_always_answered() -> None:
     served = server()
     values = texts = 0
     for i in range(1000):
-        said = ask(served, ParamSet(1, 191, "TGL_X", nan, REAL32), now_s=i / 1000)
+        said = ask(
+            served,
+            ParamSet(
+                target_system=1,
+                target_component=191,
+                param_id="TGL_X",
+                param_value=nan,
+                param_type=REAL32,
+            ),
+            now_s=i / 1000,
+        )
         values += sum(isinstance(m, ParamValue) for m in said)
         texts += sum(isinstance(m, StatusText) for m in said)
     assert values == 1000
@@ -283,9 +470,27 @@ def test_the_hash_is_that_of_px4_over_names_and_values() -> None:
 def test_the_hash_changes_with_every_value_and_comes_back() -> None:
     values = server()
     before = hash_of(values)
-    ask(values, ParamSet(1, 191, "TGL_X", 0.5, REAL32))
+    ask(
+        values,
+        ParamSet(
+            target_system=1,
+            target_component=191,
+            param_id="TGL_X",
+            param_value=0.5,
+            param_type=REAL32,
+        ),
+    )
     assert hash_of(values) != before
-    ask(values, ParamSet(1, 191, "TGL_X", ParameterSet()["TGL_X"], REAL32))
+    ask(
+        values,
+        ParamSet(
+            target_system=1,
+            target_component=191,
+            param_id="TGL_X",
+            param_value=ParameterSet()["TGL_X"],
+            param_type=REAL32,
+        ),
+    )
     assert hash_of(values) == before
 
 
@@ -305,7 +510,12 @@ def test_the_hash_is_in_no_list_and_setting_it_sets_nothing() -> None:
     ask(values, ParamRequestList(1, 191))
     assert HASH not in {m.param_id for m in collected(values, 3.0)}
     before = values.values
-    (answer,) = ask(values, ParamSet(1, 191, HASH, 1.0, 5))
+    (answer,) = ask(
+        values,
+        ParamSet(
+            target_system=1, target_component=191, param_id=HASH, param_value=1.0, param_type=5
+        ),
+    )
     assert isinstance(answer, ParamValue)
     assert answer.param_id == HASH
     assert values.values is before

@@ -28,7 +28,18 @@ EAST_NOSE_UP = quaternion_from_euler(0.1, 0.2, pi / 2)
 
 
 def fix(time_s: float, *, sigma_m: float = nan, velocity: float = nan) -> PositionFix:
-    return PositionFix(0, time_s, 1.0, 2.0, -3.0, 0.0, velocity, 0.0, 0, sigma_m)
+    return PositionFix(
+        sequence=0,
+        time_s=time_s,
+        north_m=1.0,
+        east_m=2.0,
+        down_m=-3.0,
+        velocity_north_mps=0.0,
+        velocity_east_mps=velocity,
+        velocity_down_mps=0.0,
+        source=0,
+        sigma_m=sigma_m,
+    )
 
 
 def parsed(message: Said) -> Any:

@@ -55,5 +55,7 @@ def test_a_duplicate_is_told_from_our_own_echo() -> None:
 
 def test_a_module_that_tells_no_mode_is_a_duplicate_too() -> None:
     ours = Presence(7)
-    assert ours.hear(Heartbeat(18, 8, 0, 0, 4), 1.0)
+    assert ours.hear(
+        Heartbeat(type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4), 1.0
+    )
     assert not ours.duplicate_is_engaged

@@ -35,12 +35,12 @@ OWN = Source(1, 191)
 AUTOPILOT = Source(1, 1)
 STATION = Source(255, 190)
 CHANNELS = SurfaceChannels(
-    SurfaceChannel(2, 1100, 1500, 1900),
-    SurfaceChannel(1, 1100, 1500, 1900),
-    SurfaceChannel(4, 1100, 1500, 1900),
+    SurfaceChannel(channel=2, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
+    SurfaceChannel(channel=1, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
+    SurfaceChannel(channel=4, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
 )
-MANUAL = Heartbeat(1, 3, 81 | 128, 0, 4)
-AUTO = Heartbeat(1, 3, 81, 10, 4)
+MANUAL = Heartbeat(type=1, autopilot=3, base_mode=81 | 128, custom_mode=0, system_status=4)
+AUTO = Heartbeat(type=1, autopilot=3, base_mode=81, custom_mode=10, system_status=4)
 
 
 def session(*, lockstep: bool = False) -> Session:
@@ -52,11 +52,20 @@ def hear(session: Session, message: Heard, now_s: float, source: Source = AUTOPI
 
 
 def attitude(time_ms: int, w: float = 1.0) -> AttitudeQuaternion:
-    return AttitudeQuaternion(time_ms, w, 0.0, 0.0, 0.0, 0.1, 0.2, 0.3)
+    return AttitudeQuaternion(
+        time_boot_ms=time_ms,
+        q1=w,
+        q2=0.0,
+        q3=0.0,
+        q4=0.0,
+        rollspeed=0.1,
+        pitchspeed=0.2,
+        yawspeed=0.3,
+    )
 
 
 def position(time_ms: int, x: float = 1.0) -> LocalPositionNed:
-    return LocalPositionNed(time_ms, x, 2.0, -3.0, 0.1, 0.2, 0.3)
+    return LocalPositionNed(time_boot_ms=time_ms, x=x, y=2.0, z=-3.0, vx=0.1, vy=0.2, vz=0.3)
 
 
 def requests(said: list[Said]) -> list[tuple[float, float]]:
@@ -70,7 +79,9 @@ def test_our_heartbeat_comes_once_a_second() -> None:
     talk = session()
     beats = [m for i in range(2001) for m in talk.heartbeat_if_due(i * 0.005)]
     assert len(beats) == 11
-    assert beats[0] == Heartbeat(18, 8, 1, 1 << 8, 1)  # mode boot
+    assert beats[0] == Heartbeat(
+        type=18, autopilot=8, base_mode=1, custom_mode=1 << 8, system_status=1
+    )  # mode boot
 
 
 def test_heartbeats_do_not_catch_up_after_a_pause() -> None:
@@ -81,11 +92,16 @@ def test_heartbeats_do_not_catch_up_after_a_pause() -> None:
 
 def test_only_the_vehicle_s_own_autopilot_is_believed() -> None:
     talk = session()
-    hear(talk, Heartbeat(6, 8, 0, 0, 4), 1.0, STATION)
+    hear(
+        talk,
+        Heartbeat(type=6, autopilot=8, base_mode=0, custom_mode=0, system_status=4),
+        1.0,
+        STATION,
+    )
     hear(talk, MANUAL, 1.0, Source(2, 1))
     hear(talk, MANUAL, 1.0, Source(1, 190))
-    hear(talk, Heartbeat(18, 8, 0, 0, 4), 1.0)
-    hear(talk, Heartbeat(6, 3, 81, 0, 4), 1.0)
+    hear(talk, Heartbeat(type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4), 1.0)
+    hear(talk, Heartbeat(type=6, autopilot=3, base_mode=81, custom_mode=0, system_status=4), 1.0)
     assert not talk.is_heard
     hear(talk, attitude(1), 1.0, Source(2, 1))
     hear(talk, position(1), 1.0, Source(2, 1))
@@ -125,7 +141,11 @@ def asked_over(talk: Session, seconds: float, *, result: int | None, start_s: fl
         made = requests(talk.poll(now))
         count += len(made)
         if made and result is not None:
-            hear(talk, CommandAck(511, result, 1, 191), now)
+            hear(
+                talk,
+                CommandAck(command=511, result=result, target_system=1, target_component=191),
+                now,
+            )
     return count
 
 
@@ -138,12 +158,16 @@ def test_the_streams_are_asked_for_one_at_a_time() -> None:
     hear(talk, MANUAL, 0.0)
     assert requests(talk.poll(0.0)) == [(31.0, 5000.0)]
     assert requests(talk.poll(0.1)) == []
-    hear(talk, CommandAck(511, 0, 1, 191), 0.1)
+    hear(talk, CommandAck(command=511, result=0, target_system=1, target_component=191), 0.1)
     assert requests(talk.poll(0.1)) == [(32.0, 20000.0)]
     assert requests(talk.poll(0.7)) == [(36.0, 20000.0)]  # the second answer is lost
     later = []
     for i in range(3):
-        hear(talk, CommandAck(511, 0, 1, 191), 0.8 + 0.1 * i)
+        hear(
+            talk,
+            CommandAck(command=511, result=0, target_system=1, target_component=191),
+            0.8 + 0.1 * i,
+        )
         later += requests(talk.poll(0.8 + 0.1 * i))
     assert later == [(27.0, 5000.0), (74.0, 50000.0), (1.0, 1000000.0)]
 
@@ -155,12 +179,16 @@ def test_a_stream_that_comes_is_not_asked_for_again() -> None:
     for i in range(4000):
         now = i * 0.005
         made += requests(talk.poll(now))
-        hear(talk, CommandAck(511, 0, 1, 191), now)
+        hear(talk, CommandAck(command=511, result=0, target_system=1, target_component=191), now)
         hear(talk, attitude(i * 5), now)
         if i % 4 == 0:
             hear(talk, position(i * 5), now)
             hear(talk, ServoOutputRaw(i * 5000, 0, (1500,) * 16), now)
-        hear(talk, RawImu(i * 5000, 0, 0, -1000, 0, 0, 0), now)
+        hear(
+            talk,
+            RawImu(time_usec=i * 5000, xacc=0, yacc=0, zacc=-1000, xgyro=0, ygyro=0, zgyro=0),
+            now,
+        )
         if i % 10 == 0:
             hear(talk, VfrHud(9.0, 0.0), now)
         if i % 200 == 0:
@@ -198,7 +226,16 @@ def test_a_denied_rate_is_told_once_with_the_way_out_and_a_lower_one_asked_for()
         asked = requests(talk.poll(now))
         made += asked
         for _, interval in asked:
-            hear(talk, CommandAck(511, 2 if interval < allowed_us else 0, 1, 191), now)
+            hear(
+                talk,
+                CommandAck(
+                    command=511,
+                    result=2 if interval < allowed_us else 0,
+                    target_system=1,
+                    target_component=191,
+                ),
+                now,
+            )
     rates = [round(1e6 / interval) for number, interval in made if number == 31.0]
     assert rates == [200, 160, 125, 100, 80, 50, 40]
     told = [text for _, text in talk.notices if "ATTITUDE" in text]
@@ -217,7 +254,16 @@ def test_an_unsupported_position_leads_to_odometry() -> None:
         asked = requests(talk.poll(now))
         made += asked
         for number, _ in asked:
-            hear(talk, CommandAck(511, 3 if number == 32.0 else 0, 0, 0), now)
+            hear(
+                talk,
+                CommandAck(
+                    command=511,
+                    result=3 if number == 32.0 else 0,
+                    target_system=0,
+                    target_component=0,
+                ),
+                now,
+            )
     assert (331.0, 20000.0) in made
     assert made.count((32.0, 20000.0)) == 1
     assert any("LOCAL_POSITION_NED at 50 Hz unsupported" in text for _, text in talk.notices)
@@ -227,9 +273,11 @@ def test_an_answer_to_somebody_else_is_not_ours() -> None:
     talk = session()
     hear(talk, MANUAL, 0.0)
     talk.poll(0.0)
-    hear(talk, CommandAck(511, 3, 255, 190), 0.1)
-    hear(talk, CommandAck(400, 3, 1, 191), 0.1)
-    hear(talk, CommandAck(511, 3, 1, 191), 0.1, STATION)
+    hear(talk, CommandAck(command=511, result=3, target_system=255, target_component=190), 0.1)
+    hear(talk, CommandAck(command=400, result=3, target_system=1, target_component=191), 0.1)
+    hear(
+        talk, CommandAck(command=511, result=3, target_system=1, target_component=191), 0.1, STATION
+    )
     talk.poll(0.2)
     assert talk.notices == []
 
@@ -268,7 +316,17 @@ def complaints(answers: dict[str, float], *, override_system: int = 255) -> tupl
                 questions += 1
                 assert (m.target_system, m.target_component) == (1, 1)
                 if m.param_id in answers:
-                    hear(talk, ParamValue(m.param_id, answers[m.param_id], 9, 900, 5), i * 0.1)
+                    hear(
+                        talk,
+                        ParamValue(
+                            param_id=m.param_id,
+                            param_value=answers[m.param_id],
+                            param_type=9,
+                            param_count=900,
+                            param_index=5,
+                        ),
+                        i * 0.1,
+                    )
     return questions, [text for _, text in talk.notices if "ignores" in text]
 
 
@@ -394,7 +452,21 @@ def test_odometry_in_body_frd_is_turned_into_ned() -> None:
     )
     for frame, child in ((1, 12), (20, 12), (1, 8)):
         stamp = 1000 + 1000 * talk.position.sequence
-        odometry = Odometry(stamp, frame, child, 1, 2, -3, q, 10.0, 0, 0, 0.1, 0.2, 0.3)
+        odometry = Odometry(
+            time_usec=stamp,
+            frame_id=frame,
+            child_frame_id=child,
+            x=1,
+            y=2,
+            z=-3,
+            q=q,
+            vx=10.0,
+            vy=0,
+            vz=0,
+            rollspeed=0.1,
+            pitchspeed=0.2,
+            yawspeed=0.3,
+        )
         hear(talk, odometry, 1.0 + 1e-6 * stamp)
         fix = talk.position
         assert (fix.north_m, fix.east_m, fix.down_m) == (1, 2, -3)
@@ -410,7 +482,25 @@ def test_odometry_in_body_frd_is_turned_into_ned() -> None:
 def test_odometry_in_local_frames_keeps_its_velocity() -> None:
     talk = session()
     q = (sqrt(0.5), 0.0, 0.0, sqrt(0.5))
-    hear(talk, Odometry(5, 1, 1, 1, 2, -3, q, 4.0, 5.0, 6.0, 0, 0, 0), 1.0)
+    hear(
+        talk,
+        Odometry(
+            time_usec=5,
+            frame_id=1,
+            child_frame_id=1,
+            x=1,
+            y=2,
+            z=-3,
+            q=q,
+            vx=4.0,
+            vy=5.0,
+            vz=6.0,
+            rollspeed=0,
+            pitchspeed=0,
+            yawspeed=0,
+        ),
+        1.0,
+    )
     assert talk.position[5:8] == (4.0, 5.0, 6.0)
 
 
@@ -428,7 +518,21 @@ def test_odometry_in_frames_of_another_kind_is_refused_and_told_once() -> None:
 
 def test_two_position_messages_do_not_mix() -> None:
     talk = session()
-    odometry = Odometry(1_000_000, 1, 12, 7, 8, 9, (nan,) * 4, 0, 0, 0, 0, 0, 0)
+    odometry = Odometry(
+        time_usec=1_000_000,
+        frame_id=1,
+        child_frame_id=12,
+        x=7,
+        y=8,
+        z=9,
+        q=(nan,) * 4,
+        vx=0,
+        vy=0,
+        vz=0,
+        rollspeed=0,
+        pitchspeed=0,
+        yawspeed=0,
+    )
     hear(talk, position(1000), 1.0)
     hear(talk, odometry, 1.1)
     assert talk.position.north_m == 1.0
@@ -441,7 +545,25 @@ def test_two_position_messages_do_not_mix() -> None:
 def test_in_lockstep_an_odometry_that_comes_first_leaves_attitude_to_its_message() -> None:
     """PX4 streams ODOMETRY unasked; the pace of lockstep is ATTITUDE_QUATERNION's alone."""
     talk = session(lockstep=True)
-    hear(talk, Odometry(1_000_000, 1, 12, 7, 8, 9, (1, 0, 0, 0), 0, 0, 0, 0, 0, 0), 1.0)
+    hear(
+        talk,
+        Odometry(
+            time_usec=1_000_000,
+            frame_id=1,
+            child_frame_id=12,
+            x=7,
+            y=8,
+            z=9,
+            q=(1, 0, 0, 0),
+            vx=0,
+            vy=0,
+            vz=0,
+            rollspeed=0,
+            pitchspeed=0,
+            yawspeed=0,
+        ),
+        1.0,
+    )
     hear(talk, attitude(1_004), 1.0)
     assert talk.attitude.sequence == 1
 

@@ -45,9 +45,9 @@ from tgl_soar.types import NO_AIRSPEED, NO_IMU, NO_SURFACES
 
 OWN, AUTOPILOT, STRANGER, BRIDGE = Source(1, 191), Source(1, 1), Source(9, 1), Source(1, 197)
 CHANNELS = SurfaceChannels(
-    SurfaceChannel(2, 1100, 1500, 1900, reversed=True),
-    SurfaceChannel(1, 1100, 1500, 1900),
-    SurfaceChannel(4, 1200, 1510, 1800),
+    SurfaceChannel(channel=2, pwm_min=1100, pwm_trim=1500, pwm_max=1900, reversed=True),
+    SurfaceChannel(channel=1, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
+    SurfaceChannel(channel=4, pwm_min=1200, pwm_trim=1510, pwm_max=1800),
 )
 HOME = Home(51.99, 4.375, 20.0)
 G = 9.80665
@@ -62,7 +62,11 @@ class Px4Like(ArduPilot):
 
 def session(flavour: type[ArduPilot] = ArduPilot, **options: Any) -> Session:
     talk = Session(OWN, flavour(CHANNELS, 1), 200.0, **options)
-    hear(talk, Heartbeat(1, 3, 81 | 128, 0, 4), 0.0)
+    hear(
+        talk,
+        Heartbeat(type=1, autopilot=3, base_mode=81 | 128, custom_mode=0, system_status=4),
+        0.0,
+    )
     return talk
 
 
@@ -89,9 +93,41 @@ def highres(time_us: int, updated: int = ALL_UPDATED, **fields: float) -> Highre
     ("message", "force", "rates"),
     [
         (highres(1_000_000), (0.5, -0.25, -9.75), (0.125, 0.25, -0.5)),
-        (ScaledImu(26, 1000, 100, -20, -1000, 10, -20, 30), (0.1 * G, -0.02 * G, -G), None),
-        (ScaledImu(116, 1000, 100, -20, -1000, 10, -20, 30), (0.1 * G, -0.02 * G, -G), None),
-        (RawImu(1_000_000, 100, -20, -1000, 10, -20, 30), (0.1 * G, -0.02 * G, -G), None),
+        (
+            ScaledImu(
+                message_id=26,
+                time_boot_ms=1000,
+                xacc=100,
+                yacc=-20,
+                zacc=-1000,
+                xgyro=10,
+                ygyro=-20,
+                zgyro=30,
+            ),
+            (0.1 * G, -0.02 * G, -G),
+            None,
+        ),
+        (
+            ScaledImu(
+                message_id=116,
+                time_boot_ms=1000,
+                xacc=100,
+                yacc=-20,
+                zacc=-1000,
+                xgyro=10,
+                ygyro=-20,
+                zgyro=30,
+            ),
+            (0.1 * G, -0.02 * G, -G),
+            None,
+        ),
+        (
+            RawImu(
+                time_usec=1_000_000, xacc=100, yacc=-20, zacc=-1000, xgyro=10, ygyro=-20, zgyro=30
+            ),
+            (0.1 * G, -0.02 * G, -G),
+            None,
+        ),
     ],
 )
 def test_accelerations_and_rates_in_si_units(
@@ -112,8 +148,10 @@ def test_accelerations_and_rates_in_si_units(
         highres(1_000_000)._replace(xacc=nan),
         highres(1_000_000)._replace(zacc=-inf),
         highres(1_000_000)._replace(yacc=1e30),
-        ScaledImu(26, 1000, 0, 0, 0, 0, 0, 0),
-        RawImu(1_000_000, 0, 0, 0, 5, 5, 5),
+        ScaledImu(
+            message_id=26, time_boot_ms=1000, xacc=0, yacc=0, zacc=0, xgyro=0, ygyro=0, zgyro=0
+        ),
+        RawImu(time_usec=1_000_000, xacc=0, yacc=0, zacc=0, xgyro=5, ygyro=5, zgyro=5),
     ],
 )
 def test_what_no_accelerometer_measures_is_counted_and_not_used(message: Any) -> None:
@@ -135,10 +173,40 @@ def test_broken_gyros_leave_the_accelerometers(rate: float) -> None:
 def test_two_inertial_messages_do_not_mix() -> None:
     talk = session()
     for i in range(100):
-        hear(talk, RawImu(i * 5000, 100, 0, -1000, 0, 0, 0), i * 0.005)
-        hear(talk, ScaledImu(116, i * 5, 500, 0, -1000, 0, 0, 0), i * 0.005)
+        hear(
+            talk,
+            RawImu(time_usec=i * 5000, xacc=100, yacc=0, zacc=-1000, xgyro=0, ygyro=0, zgyro=0),
+            i * 0.005,
+        )
+        hear(
+            talk,
+            ScaledImu(
+                message_id=116,
+                time_boot_ms=i * 5,
+                xacc=500,
+                yacc=0,
+                zacc=-1000,
+                xgyro=0,
+                ygyro=0,
+                zgyro=0,
+            ),
+            i * 0.005,
+        )
         assert talk.imu.force_x_frd_mps2 == pytest.approx(0.1 * G)
-    hear(talk, ScaledImu(116, 2000, 500, 0, -1000, 0, 0, 0), 2.0)  # the first has fallen silent
+    hear(
+        talk,
+        ScaledImu(
+            message_id=116,
+            time_boot_ms=2000,
+            xacc=500,
+            yacc=0,
+            zacc=-1000,
+            xgyro=0,
+            ygyro=0,
+            zgyro=0,
+        ),
+        2.0,
+    )  # the first has fallen silent
     assert talk.imu.force_x_frd_mps2 == pytest.approx(0.5 * G)
 
 
@@ -149,7 +217,9 @@ def test_another_message_is_asked_for_where_the_usual_one_is_refused() -> None:
             if isinstance(m, CommandLong):
                 asked.append(m.params[0])
                 refused = m.params[0] == 27.0
-                ack = CommandAck(511, 3 if refused else 0, 1, 191)
+                ack = CommandAck(
+                    command=511, result=3 if refused else 0, target_system=1, target_component=191
+                )
                 hear(talk, ack, i * 0.01)
     assert asked.count(27.0) == 1
     assert 26.0 in asked
@@ -211,7 +281,9 @@ def test_the_differential_pressure_is_a_pitot_s_only_where_the_firmware_means_it
 
 @given(st.floats(-1.0, 1.0), st.booleans())
 def test_outputs_are_read_back_as_they_were_put(value: float, is_reversed: bool) -> None:
-    channel = SurfaceChannel(3, 1000, 1450, 1950, is_reversed)
+    channel = SurfaceChannel(
+        channel=3, pwm_min=1000, pwm_trim=1450, pwm_max=1950, reversed=is_reversed
+    )
     servos = (0, 0, pulse_width(channel, value))
     assert deflection(channel, servos) == pytest.approx(value, abs=0.5 / 450 + 1e-9)
 
@@ -231,15 +303,43 @@ def test_the_surfaces_come_from_the_outputs_of_the_first_port() -> None:
 def test_a_failsafe_and_a_restart_are_in_the_status() -> None:
     talk = session()
     for state, failsafe in ((4, False), (5, True), (6, True), (3, False)):
-        hear(talk, Heartbeat(1, 3, 81 | 128, 0, state), 1.0)
+        hear(
+            talk,
+            Heartbeat(type=1, autopilot=3, base_mode=81 | 128, custom_mode=0, system_status=state),
+            1.0,
+        )
         assert talk.status.failsafe == failsafe
     assert talk.status.boots == 0
     for i in range(10):
-        hear(talk, RawImu(60_000_000 + i * 5000, 0, 0, -1000, 0, 0, 0), 1.0 + i * 0.005)
+        hear(
+            talk,
+            RawImu(
+                time_usec=60_000_000 + i * 5000,
+                xacc=0,
+                yacc=0,
+                zacc=-1000,
+                xgyro=0,
+                ygyro=0,
+                zgyro=0,
+            ),
+            1.0 + i * 0.005,
+        )
     for i in range(5):
-        hear(talk, RawImu(1_000_000 + i * 5000, 0, 0, -1000, 0, 0, 0), 3.0 + i * 0.005)
+        hear(
+            talk,
+            RawImu(
+                time_usec=1_000_000 + i * 5000,
+                xacc=0,
+                yacc=0,
+                zacc=-1000,
+                xgyro=0,
+                ygyro=0,
+                zgyro=0,
+            ),
+            3.0 + i * 0.005,
+        )
     assert talk.status.boots == talk.counters.reboots == 1
-    hear(talk, Heartbeat(1, 3, 81, 0, 4), 4.0)
+    hear(talk, Heartbeat(type=1, autopilot=3, base_mode=81, custom_mode=0, system_status=4), 4.0)
     assert talk.status.boots == 1
 
 
@@ -298,7 +398,13 @@ def test_latitude_and_longitude_become_local_ned_with_all_their_digits() -> None
     talk = hill()
     lat, lon, height = geodetic(HOME, 120.0, -34.0, -5.0)
     place = GlobalPositionInt(
-        1000, round(lat * 1e7), round(lon * 1e7), round(height * 1e3), 150, -20, 5
+        time_boot_ms=1000,
+        lat=round(lat * 1e7),
+        lon=round(lon * 1e7),
+        alt=round(height * 1e3),
+        vx=150,
+        vy=-20,
+        vz=5,
     )
     hear(talk, place, 5.0)
     assert talk.position.source == GLOBAL_POSITION
@@ -311,7 +417,13 @@ def test_latitude_and_longitude_become_local_ned_with_all_their_digits() -> None
 def test_a_place_that_is_not_near_home_is_counted_and_told_once() -> None:
     talk = hill()
     for i, (lat, lon) in enumerate(((0, 0), (2**31 - 1, -(2**31)), (530_000_000, 4_375_000))):
-        hear(talk, GlobalPositionInt(1000 + 20 * i, lat, lon, 0, 0, 0, 0), 5.0 + 0.02 * i)
+        hear(
+            talk,
+            GlobalPositionInt(
+                time_boot_ms=1000 + 20 * i, lat=lat, lon=lon, alt=0, vx=0, vy=0, vz=0
+            ),
+            5.0 + 0.02 * i,
+        )
     assert talk.position.sequence == 0
     assert talk.counters.far == 3
     assert len([text for _, text in talk.notices if "position.home" in text]) == 1
@@ -333,7 +445,16 @@ def vision_session(**options: Any) -> Session:
 def test_a_position_overheard_from_a_bridge_that_is_believed() -> None:
     talk = vision_session()
     covariance = (0.0004, *(0.0,) * 5, 0.0001, *(0.0,) * 4, 0.0009, *(0.0,) * 9)
-    seen = VisionPositionEstimate(77_000_000_000, 1.0, 2.0, -3.0, 0.1, 0.2, 0.3, covariance)
+    seen = VisionPositionEstimate(
+        usec=77_000_000_000,
+        x=1.0,
+        y=2.0,
+        z=-3.0,
+        roll=0.1,
+        pitch=0.2,
+        yaw=0.3,
+        covariance=covariance,
+    )
     for stranger in (STRANGER, AUTOPILOT, OWN):
         hear(talk, seen, 5.0, stranger)
     assert talk.position.sequence == 0
@@ -352,10 +473,16 @@ def test_a_position_overheard_from_a_bridge_that_is_believed() -> None:
 
 def test_its_clock_is_not_the_autopilot_s() -> None:
     talk = vision_session()
-    seen = VisionPositionEstimate(0, 1.0, 2.0, -3.0, 0.0, 0.0, 0.0)
+    seen = VisionPositionEstimate(usec=0, x=1.0, y=2.0, z=-3.0, roll=0.0, pitch=0.0, yaw=0.0)
     for i in range(200):
         now = 10.0 + i * 0.01
-        hear(talk, LocalPositionNed(5000 + i * 10, 1.0, 2.0, -3.0, 0.0, 0.0, 0.0), now + 0.002)
+        hear(
+            talk,
+            LocalPositionNed(
+                time_boot_ms=5000 + i * 10, x=1.0, y=2.0, z=-3.0, vx=0.0, vy=0.0, vz=0.0
+            ),
+            now + 0.002,
+        )
         hear(talk, seen._replace(usec=(5_200 + i * 10) * 1000), now, BRIDGE)
         assert talk.sources.health[VISION].newest_s == pytest.approx(now, abs=1e-3)
     for i in range(5):
@@ -387,7 +514,16 @@ wild_message = st.one_of(
 @given(st.lists(st.tuples(wild_message, st.sampled_from(SENDERS), st.floats(0, 2)), max_size=30))
 @example([(highres(0)._replace(temperature=-1e38), AUTOPILOT, 0.1)])
 @example([(VfrHud(9.0, 1e38), AUTOPILOT, 0.1)])
-@example([(SysStatus(0, 0), AUTOPILOT, 1.404), (RawImu(2**63, 0, 0, 1, 0, 0, 0), AUTOPILOT, 0.333)])
+@example(
+    [
+        (SysStatus(0, 0), AUTOPILOT, 1.404),
+        (
+            RawImu(time_usec=2**63, xacc=0, yacc=0, zacc=1, xgyro=0, ygyro=0, zgyro=0),
+            AUTOPILOT,
+            0.333,
+        ),
+    ]
+)
 def test_whatever_comes_samples_are_finite_and_only_of_whom_is_believed(
     said: list[tuple[Heard, Source, float]],
 ) -> None:
@@ -458,7 +594,9 @@ def test_what_pymavlink_sends_is_what_is_heard(data: st.DataObject) -> None:
 def test_the_nose_of_a_level_aircraft_is_where_its_yaw_says() -> None:
     """A vision bridge with a pitch of 30 degrees: the quaternion's own sine."""
     talk = vision_session()
-    seen = VisionPositionEstimate(1_000_000, 0.0, 0.0, 0.0, 0.0, radians(30.0), 0.0)
+    seen = VisionPositionEstimate(
+        usec=1_000_000, x=0.0, y=0.0, z=0.0, roll=0.0, pitch=radians(30.0), yaw=0.0
+    )
     hear(talk, seen, 1.0, BRIDGE)
     assert talk.sources.turned is not None
     w, x, y, z = talk.sources.turned

@@ -274,7 +274,13 @@ def test_a_damaged_timestamp_does_not_mute_us(kept: int) -> None:
     assert ours.timestamp == now
     assert ours.lets_in(frame(peer(ticks=now)))  # nobody is held for a replay
     encoder = Encoder(Source(1, 191), ours, 0)
-    assert peer(ticks=now).decode(bytearray(encoder.encode(Heartbeat(18, 8, 0, 0, 4))))
+    assert peer(ticks=now).decode(
+        bytearray(
+            encoder.encode(
+                Heartbeat(type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4)
+            )
+        )
+    )
 
 
 def test_a_peer_s_clock_that_is_years_ahead_is_not_taken_over() -> None:
@@ -296,7 +302,9 @@ def test_pymavlink_believes_what_we_sign_and_our_decoder_what_it_signs() -> None
     theirs = peer()
     encoders = [Encoder(Source(1, 191), ours, 0), Encoder(Source(255, 191), ours, 0)]
     for i in range(20):
-        made = encoders[i % 2].encode(Heartbeat(18, 8, 0, 0, 4))
+        made = encoders[i % 2].encode(
+            Heartbeat(type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4)
+        )
         assert theirs.decode(bytearray(made)).get_signed()
     decoder = Decoder(stream=False, accept=ours.lets_in)
     assert len(decoder.feed(frame(theirs) + frame(peer(OTHER_KEY)) + frame(theirs))) == 2
@@ -306,7 +314,14 @@ def test_pymavlink_believes_what_we_sign_and_our_decoder_what_it_signs() -> None
 def test_without_a_key_all_is_let_in_and_nothing_signed() -> None:
     ours = signing(None)
     assert ours.lets_in(frame(peer(None)))
-    assert len(Encoder(Source(1, 191), ours).encode(Heartbeat(18, 8, 0, 0, 4))) == 21
+    assert (
+        len(
+            Encoder(Source(1, 191), ours).encode(
+                Heartbeat(type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4)
+            )
+        )
+        == 21
+    )
 
 
 def test_a_listener_takes_only_who_signs_for_its_peer() -> None:

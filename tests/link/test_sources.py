@@ -27,7 +27,16 @@ from tgl_soar.types import PositionFix
 
 
 def fix(time_s: float, north_m: float = 1.0) -> PositionFix:
-    return PositionFix(0, time_s, north_m, 2.0, -3.0, nan, nan, nan)
+    return PositionFix(
+        sequence=0,
+        time_s=time_s,
+        north_m=north_m,
+        east_m=2.0,
+        down_m=-3.0,
+        velocity_north_mps=nan,
+        velocity_east_mps=nan,
+        velocity_down_mps=nan,
+    )
 
 
 def play(

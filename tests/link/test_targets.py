@@ -25,9 +25,9 @@ from tgl_soar.link.mode_change import ANSWER_S, PATIENCE_S, TRIES, ModeChange
 from tgl_soar.types import NO_SETPOINTS, OURS, THEIRS_WITH_RUDDER, Setpoints, SurfaceCommand
 
 CHANNELS = SurfaceChannels(
-    SurfaceChannel(2, 1100, 1500, 1900),
-    SurfaceChannel(1, 1100, 1500, 1900),
-    SurfaceChannel(4, 1100, 1500, 1900),
+    SurfaceChannel(channel=2, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
+    SurfaceChannel(channel=1, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
+    SurfaceChannel(channel=4, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
 )
 ALL = [(firmware, route.name) for firmware in FIRMWARES for route in routes(firmware)]
 AUTOPILOT = {"ardupilot": 3, "bridge": 3, "px4": 12, "paparazzi": 9}
@@ -58,18 +58,48 @@ def test_whatever_is_asked_for_can_be_sent(firmware: str, route: str) -> None:
 def test_another_firmware_or_vehicle_is_no_match(firmware: str, route: str) -> None:
     pilot = target(firmware, route)
     for autopilot in (0, 3, 8, 9, 12):
-        found = pilot.mismatch(Heartbeat(1, autopilot, 81, 0, 4))
+        found = pilot.mismatch(
+            Heartbeat(type=1, autopilot=autopilot, base_mode=81, custom_mode=0, system_status=4)
+        )
         assert (found == "") == (autopilot == AUTOPILOT[firmware])
-    assert "no fixed wing" in pilot.mismatch(Heartbeat(2, AUTOPILOT[firmware], 81, 0, 4))
+    assert "no fixed wing" in pilot.mismatch(
+        Heartbeat(
+            type=2, autopilot=AUTOPILOT[firmware], base_mode=81, custom_mode=0, system_status=4
+        )
+    )
 
 
 @pytest.mark.parametrize(("firmware", "route"), ALL)
 def test_a_route_that_is_entered_obeys_there(firmware: str, route: str) -> None:
     pilot = target(firmware, route)
     if pilot.route.mode_to_enter is not None:
-        assert pilot.obeys(Heartbeat(1, 3, 81, pilot.route.mode_to_enter, 4))
-        assert not pilot.obeys(Heartbeat(1, 3, 81, pilot.route.mode_to_leave, 4))
-    assert not pilot.obeys(Heartbeat(1, 3, 0, pilot.route.mode_to_enter or 0, 4))
+        assert pilot.obeys(
+            Heartbeat(
+                type=1,
+                autopilot=3,
+                base_mode=81,
+                custom_mode=pilot.route.mode_to_enter,
+                system_status=4,
+            )
+        )
+        assert not pilot.obeys(
+            Heartbeat(
+                type=1,
+                autopilot=3,
+                base_mode=81,
+                custom_mode=pilot.route.mode_to_leave,
+                system_status=4,
+            )
+        )
+    assert not pilot.obeys(
+        Heartbeat(
+            type=1,
+            autopilot=3,
+            base_mode=0,
+            custom_mode=pilot.route.mode_to_enter or 0,
+            system_status=4,
+        )
+    )
 
 
 def test_an_unknown_route_is_named_with_those_that_are() -> None:
@@ -94,7 +124,7 @@ def test_px4_s_attitude_is_level_in_yaw() -> None:
 
 def test_px4_s_stick_is_pushed_to_lower_the_nose() -> None:
     (said,) = target("px4", "manual_control").commands(UP, NO_SETPOINTS)
-    assert said == ManualControl(1, -500, -250, 0, 1000)
+    assert said == ManualControl(target=1, x=-500, y=-250, z=0, r=1000)
 
 
 def test_px4_s_actuators_are_roll_pitch_yaw() -> None:
@@ -119,16 +149,32 @@ def test_paparazzi_s_eight_bits_have_the_sign_and_the_size_that_were_meant(share
 
 def test_paparazzi_obeys_with_manual_input_and_no_stabilisation() -> None:
     pilot = target("paparazzi")
-    assert pilot.obeys(Heartbeat(1, 9, 1 | 64 | 128, 0, 4))
-    assert not pilot.obeys(Heartbeat(1, 9, 1 | 64 | 16, 0, 4))  # AUTO1
-    assert not pilot.obeys(Heartbeat(1, 9, 1 | 4, 0, 4))  # AUTO2
+    assert pilot.obeys(
+        Heartbeat(type=1, autopilot=9, base_mode=1 | 64 | 128, custom_mode=0, system_status=4)
+    )
+    assert not pilot.obeys(
+        Heartbeat(type=1, autopilot=9, base_mode=1 | 64 | 16, custom_mode=0, system_status=4)
+    )  # AUTO1
+    assert not pilot.obeys(
+        Heartbeat(type=1, autopilot=9, base_mode=1 | 4, custom_mode=0, system_status=4)
+    )  # AUTO2
 
 
 @pytest.mark.parametrize(("value", "kind"), [(1, 6), (-7, 6), (255, 1), (2**31, 5), (-5, 2)])
 def test_whole_numbers_sent_as_their_bytes(value: int, kind: int) -> None:
     raw = struct.unpack("<f", struct.pack("<i" if value < 0 else "<I", value))[0]
-    assert value_bytewise(ParamValue("X", raw, kind, 1, 0)) == value
-    assert value_bytewise(ParamValue("X", 2.5, 9, 1, 0)) == 2.5
+    assert (
+        value_bytewise(
+            ParamValue(param_id="X", param_value=raw, param_type=kind, param_count=1, param_index=0)
+        )
+        == value
+    )
+    assert (
+        value_bytewise(
+            ParamValue(param_id="X", param_value=2.5, param_type=9, param_count=1, param_index=0)
+        )
+        == 2.5
+    )
 
 
 # --- into the mode and out of it ---------------------------------------------------------------
@@ -314,7 +360,7 @@ def test_a_mode_that_the_pilot_must_choose_is_never_asked_for() -> None:
 def test_a_requirement_holds_or_says_what_to_set(
     relation: str, wanted: float, good: float, bad: float
 ) -> None:
-    row = Requirement(("NEW", "OLD"), relation, wanted, "because")
+    row = Requirement(names=("NEW", "OLD"), relation=relation, wanted=wanted, why="because")
     (fine,), (wrong,), (silent,) = (
         compare((row,), answers) for answers in ({"OLD": good}, {"NEW": bad}, {"OTHER": 1.0})
     )

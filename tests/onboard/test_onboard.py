@@ -24,20 +24,20 @@ from tgl_soar.onboard.module import RELEASE_FRAMES, Onboard, Setup
 
 BOOT, STANDBY, READY, CAPTURING, SOARING, HOLDING, RECOVERING, RELEASED, FAILED = range(9)
 CHANNELS = SurfaceChannels(
-    SurfaceChannel(2, 1100, 1500, 1900),
-    SurfaceChannel(1, 1100, 1500, 1900),
-    SurfaceChannel(4, 1100, 1500, 1900),
+    SurfaceChannel(channel=2, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
+    SurfaceChannel(channel=1, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
+    SurfaceChannel(channel=4, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
 )
 STEP_S = 0.0005
 
 
 def setup() -> Setup:
     return Setup(
-        Source(1, 191),
-        Source(255, 191),
-        ArduPilot(CHANNELS, 1),
-        SoaringFrame(0.0, 0.0, 0.0, 0.0),
-        ParameterSet(),
+        own=Source(1, 191),
+        override=Source(255, 191),
+        flavour=ArduPilot(CHANNELS, 1),
+        frame=SoaringFrame(0.0, 0.0, 0.0, 0.0),
+        parameters=ParameterSet(),
     )
 
 

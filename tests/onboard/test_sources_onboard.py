@@ -66,7 +66,18 @@ class Bench:
             self.hears(mavlink.MAVLink_local_position_ned_message(ms, 1, 2, -3, 0, 0, 0))
             self.hears(mavlink.MAVLink_attitude_quaternion_message(ms, 1, 0, 0, 0, 0, 0, 0))
             if tracked:
-                fix = PositionFix(0, self.now_s - 0.01, 1.0, 2.0, -3.0, NAN, NAN, NAN, 0, 0.001)
+                fix = PositionFix(
+                    sequence=0,
+                    time_s=self.now_s - 0.01,
+                    north_m=1.0,
+                    east_m=2.0,
+                    down_m=-3.0,
+                    velocity_north_mps=NAN,
+                    velocity_east_mps=NAN,
+                    velocity_down_mps=NAN,
+                    source=0,
+                    sigma_m=0.001,
+                )
                 turned = (1.0, 0.0, 0.0, 0.0)
                 self.onboard.session.sources.take(MOCAP, fix, self.now_s, turned)
             self.onboard.periodic(self.now_s)

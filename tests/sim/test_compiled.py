@@ -62,7 +62,11 @@ FLIGHT_S = 10.0
 AGREE = 1e-6
 # One more of everything, at rates and delays of their own.
 ALL_SENSORS = Sensors(
-    MOTION_CAPTURE, AUTOPILOT_ATTITUDE, MEMS_IMU._replace(delay_s=0.01), PITOT, READ_BACK
+    position=MOTION_CAPTURE,
+    attitude=AUTOPILOT_ATTITUDE,
+    imu=MEMS_IMU._replace(delay_s=0.01),
+    airspeed=PITOT,
+    surfaces=READ_BACK,
 )
 
 
@@ -168,7 +172,9 @@ def test_air_that_changes_in_time_is_the_same_compiled() -> None:
         SlopeJet(8.5, 0.40), SlopeJet(8.5, 0.42), Schedule([1.0, 4.0], [0.0, 1.0])
     )
     rising = ScaledField(blended, Schedule([2.0, 6.0], [1.0, 1.05]))
-    gusty = GustyField(rising, [Gust(3.0, 1.0, 0.3, 0.1, -0.2)])
+    gusty = GustyField(
+        rising, [Gust(start_s=3.0, duration_s=1.0, u_mps=0.3, v_mps=0.1, w_mps=-0.2)]
+    )
     plain, fast = both("tunnel", 3, 0.01, gusty)
     assert_same(plain, fast)
     calm, _ = both("tunnel", 3, 0.01)
@@ -179,7 +185,9 @@ def test_air_that_changes_in_time_is_the_same_compiled() -> None:
 def test_a_flight_that_ends_early_ends_alike() -> None:
     """Thrown into the board by a gust; left behind by a line that moves too fast."""
     field = place("tunnel")[3]
-    gusty = GustyField(field, [Gust(2.0, 0.6, -6.0, 0.0, -3.0)])
+    gusty = GustyField(
+        field, [Gust(start_s=2.0, duration_s=0.6, u_mps=-6.0, v_mps=0.0, w_mps=-3.0)]
+    )
     plain, fast = both("tunnel", 3, 0.0, gusty, ())
     assert plain.ended.startswith("hit the board")
     assert_same(plain, fast)
@@ -191,7 +199,15 @@ def test_a_flight_that_ends_early_ends_alike() -> None:
 
 @needs_numba
 def test_a_command_that_is_not_a_number_is_judged_alike() -> None:
-    limits = EnvelopeLimits(0.8, 4.0, 0.2, 6.0, 5.0, 0.0, -0.05)
+    limits = EnvelopeLimits(
+        deflection_max=0.8,
+        rate_max_per_s=4.0,
+        alpha_max_rad=0.2,
+        speed_min_mps=6.0,
+        sink_max_mps=5.0,
+        clearance_min_m=0.0,
+        glide_pitch_rad=-0.05,
+    )
     last = SurfaceCommand(0.1, -0.2, 0.3)
     for value in (nan, inf, -inf, 0.5, -2.0):
         wanted = SurfaceCommand(value, 0.0, -value)

@@ -62,9 +62,28 @@ def replayed() -> tuple[Line, ...]:
     heard: list[Line] = []
     for step in range(1, round(15.5 * STEP_HZ)):
         time_s = step / STEP_HZ
-        attitude = AttitudeSample(step, time_s, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        place = PositionFix(1 + step // 8, time_s, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        pixhawk.step(Sensed(attitude, place, 8.7, True))
+        attitude = AttitudeSample(
+            sequence=step,
+            time_s=time_s,
+            qw=1.0,
+            qx=0.0,
+            qy=0.0,
+            qz=0.0,
+            roll_rate_frd_radps=0.0,
+            pitch_rate_frd_radps=0.0,
+            yaw_rate_frd_radps=0.0,
+        )
+        place = PositionFix(
+            sequence=1 + step // 8,
+            time_s=time_s,
+            north_m=0.0,
+            east_m=0.0,
+            down_m=0.0,
+            velocity_north_mps=0.0,
+            velocity_east_mps=0.0,
+            velocity_down_mps=0.0,
+        )
+        pixhawk.step(Sensed(attitude=attitude, position=place, airspeed_mps=8.7, flying=True))
         for _, data in pixhawk.take_datagrams():
             for message in listening.parse_buffer(bytearray(data)) or ():
                 fields = message.to_dict()

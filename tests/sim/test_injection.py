@@ -109,7 +109,16 @@ def test_datagrams_keep_their_length_where_bits_are_turned() -> None:
 
 
 def fix(sequence: int) -> PositionFix:
-    return PositionFix(sequence, sequence * DT, 1.0 * sequence, 2.0, -3.0, 0.1, 0.2, 0.3)
+    return PositionFix(
+        sequence=sequence,
+        time_s=sequence * DT,
+        north_m=1.0 * sequence,
+        east_m=2.0,
+        down_m=-3.0,
+        velocity_north_mps=0.1,
+        velocity_east_mps=0.2,
+        velocity_down_mps=0.3,
+    )
 
 
 def level(sequence: int) -> AttitudeSample:
@@ -205,17 +214,25 @@ def status_of(faults: list[str], until_s: float, sends: bool = True) -> Autopilo
     """What the module knows of the autopilot at a time, commanding all the while or not."""
     injection = Injection([parse_fault(text) for text in faults])
     link = DirectLink(injection, SurfaceCommand(0.0, 0.0, 0.0))
-    heard = AutopilotStatus(NAN, False, False)
+    heard = AutopilotStatus(time_s=NAN, accepts_surfaces=False, armed=False)
     for i in range(round(until_s / DT) + 1):
         now = i * DT
-        inputs = Inputs(now, fix(i), level(i), AutopilotStatus(now, True, True), True)
+        inputs = Inputs(
+            time_s=now,
+            position=fix(i),
+            attitude=level(i),
+            autopilot=AutopilotStatus(time_s=now, accepts_surfaces=True, armed=True),
+            engage=True,
+        )
         heard = link.inputs(inputs).autopilot
         link.surfaces(now, SurfaceCommand(0.1, 0.0, 0.0) if sends else None)
     return heard
 
 
 def test_the_autopilot_beats_once_a_second() -> None:
-    assert status_of(["position.loss"], 3.5) == AutopilotStatus(3.0, True, True, False, 0)
+    assert status_of(["position.loss"], 3.5) == AutopilotStatus(
+        time_s=3.0, accepts_surfaces=True, armed=True, failsafe=False, boots=0
+    )
 
 
 def test_a_pilot_who_takes_the_aircraft_is_heard_at_once() -> None:
@@ -248,10 +265,16 @@ def test_a_bad_servo_is_not_seen_in_what_is_read_back() -> None:
     assert link is not None
     inputs = link.inputs(
         Inputs(
-            world.time_s, world.position, world.attitude, AutopilotStatus(1.0, True, True), True,
-            world.imu, world.airspeed, world.surfaces,
+            time_s=world.time_s,
+            position=world.position,
+            attitude=world.attitude,
+            autopilot=AutopilotStatus(time_s=1.0, accepts_surfaces=True, armed=True),
+            engage=True,
+            imu=world.imu,
+            airspeed=world.airspeed,
+            surfaces=world.surfaces,
         )
-    )  # fmt: skip
+    )
     assert inputs.surfaces.elevator == loop.output.command.elevator
 
 

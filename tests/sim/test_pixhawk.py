@@ -86,10 +86,29 @@ def sensed(step: int, *, flying: bool = True, pitch: float = 0.0) -> Sensed:
     time_s = (step - 1) / STEP_HZ
     half = 0.5 * pitch
     return Sensed(
-        AttitudeSample(step, time_s, cos(half), 0.0, sin(half), 0.0, 0.01, 0.02, 0.03),
-        PositionFix(step, time_s, 1.0, 2.0, -3.0, 0.1, 0.2, 0.3),
-        8.5,
-        flying,
+        attitude=AttitudeSample(
+            sequence=step,
+            time_s=time_s,
+            qw=cos(half),
+            qx=0.0,
+            qy=sin(half),
+            qz=0.0,
+            roll_rate_frd_radps=0.01,
+            pitch_rate_frd_radps=0.02,
+            yaw_rate_frd_radps=0.03,
+        ),
+        position=PositionFix(
+            sequence=step,
+            time_s=time_s,
+            north_m=1.0,
+            east_m=2.0,
+            down_m=-3.0,
+            velocity_north_mps=0.1,
+            velocity_east_mps=0.2,
+            velocity_down_mps=0.3,
+        ),
+        airspeed_mps=8.5,
+        flying=flying,
     )
 
 
@@ -783,7 +802,7 @@ def test_before_the_first_sample_no_sensor_stream_goes_out() -> None:
     companion(pixhawk).command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, ATTITUDE_QUATERNION, 5000)
     collect(pixhawk)
     for _ in range(STEP_HZ):
-        pixhawk.step(Sensed(NO_ATTITUDE, NO_FIX, 8.5, True))
+        pixhawk.step(Sensed(attitude=NO_ATTITUDE, position=NO_FIX, airspeed_mps=8.5, flying=True))
     assert {m.get_type() for m in collect(pixhawk)[COMPANION]} == {"HEARTBEAT"}
     companion(pixhawk).command(mavlink.MAV_CMD_REQUEST_MESSAGE, LOCAL_POSITION_NED)
     assert ack(pixhawk) == mavlink.MAV_RESULT_FAILED

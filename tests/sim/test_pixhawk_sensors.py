@@ -60,12 +60,21 @@ class Wire:
 def sensed(step: int, *, pitot: bool = True) -> Sensed:
     time_s = (step - 1) / STEP_HZ
     return Sensed(
-        AttitudeSample(step, time_s, 1.0, 0.0, 0.0, 0.0, *RATES),
-        PositionFix(1 + step // 4, time_s, 12.0, -34.0, -5.0, 0.1, 0.2, 0.3),
-        8.5,
-        True,
-        ImuSample(step, time_s, *FORCE, *RATES),
-        AirspeedSample(1 + step // 4, time_s, 9.0) if pitot else AirspeedSample(0, nan, nan),
+        attitude=AttitudeSample(step, time_s, 1.0, 0.0, 0.0, 0.0, *RATES),
+        position=PositionFix(
+            sequence=1 + step // 4,
+            time_s=time_s,
+            north_m=12.0,
+            east_m=-34.0,
+            down_m=-5.0,
+            velocity_north_mps=0.1,
+            velocity_east_mps=0.2,
+            velocity_down_mps=0.3,
+        ),
+        airspeed_mps=8.5,
+        flying=True,
+        imu=ImuSample(step, time_s, *FORCE, *RATES),
+        pitot=AirspeedSample(1 + step // 4, time_s, 9.0) if pitot else AirspeedSample(0, nan, nan),
     )
 
 

@@ -47,8 +47,17 @@ GLIDE = glide_at(MODEL, 8.55)
 WIND = (8.55, 0.0, 1.35)
 STATE = gliding_state(GLIDE, WIND, 1.0, 2.0, 3.0)
 FRAME = SoaringFrame(10.0, 20.0, -30.0, radians(120.0))
-EXACT_POSITION = PositionParams(100.0, 0.0, 0.0, 0.0, 0.0, True)
-EXACT_ATTITUDE = AttitudeParams(200.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+EXACT_POSITION = PositionParams(
+    rate_hz=100.0, delay_s=0.0, noise_m=0.0, bias_m=0.0, velocity_noise_mps=0.0, gives_velocity=True
+)
+EXACT_ATTITUDE = AttitudeParams(
+    rate_hz=200.0,
+    delay_s=0.0,
+    noise_rad=0.0,
+    bias_rad=0.0,
+    rate_noise_radps=0.0,
+    rate_bias_radps=0.0,
+)
 
 
 # --- when -----------------------------------------------------------------------------------
@@ -195,7 +204,14 @@ def test_errors_add_to_the_truth_axis_by_axis() -> None:
 
 def test_noise_has_the_size_that_it_claims() -> None:
     # 4,000 numbers: their standard deviation is known to 1.1 %; four times that is allowed
-    params = PositionParams(200.0, 0.0, 0.002, 0.0, 0.03, True)
+    params = PositionParams(
+        rate_hz=200.0,
+        delay_s=0.0,
+        noise_m=0.002,
+        bias_m=0.0,
+        velocity_noise_mps=0.03,
+        gives_velocity=True,
+    )
     sensor = PositionSensor(params, FRAME, 200.0, 5)
     fixes = [sensor.step(k, STATE) for k in range(4000)]
     for axis, deviation in (("north_m", 0.002), ("down_m", 0.002), ("velocity_east_mps", 0.03)):

@@ -43,8 +43,17 @@ from tgl_soar.types import (
 )
 
 JET = JetAir(wind_mps=8.5, slope_deg=23.0)
-PERFECT_POSITION = PositionParams(100.0, 0.0, 0.0, 0.0, 0.0, True)
-PERFECT_ATTITUDE = AttitudeParams(200.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+PERFECT_POSITION = PositionParams(
+    rate_hz=100.0, delay_s=0.0, noise_m=0.0, bias_m=0.0, velocity_noise_mps=0.0, gives_velocity=True
+)
+PERFECT_ATTITUDE = AttitudeParams(
+    rate_hz=200.0,
+    delay_s=0.0,
+    noise_rad=0.0,
+    bias_rad=0.0,
+    rate_noise_radps=0.0,
+    rate_bias_radps=0.0,
+)
 
 
 @pytest.fixture(scope="module")
@@ -163,7 +172,7 @@ def test_in_calm_air_at_the_right_place_the_start_is_an_equilibrium(airframe: Ai
 def test_samples_are_in_local_ned(airframe: Airframe) -> None:
     """The frame is moved and turned by 70°: the sensors' answers lead back to the truth."""
     where = site()
-    sensors = Sensors(PERFECT_POSITION, PERFECT_ATTITUDE)
+    sensors = Sensors(position=PERFECT_POSITION, attitude=PERFECT_ATTITUDE)
     world = make_world(airframe, where, sensors=sensors, turbulence=0.03)
     fly(world, 0.5)
     truth, fix, attitude = world.truth, world.position, world.attitude
@@ -289,7 +298,14 @@ def test_a_sensor_more_is_otherwise_the_same_flight(airframe: Airframe) -> None:
 
 
 def test_an_aircraft_that_is_held_feels_its_weight(airframe: Airframe) -> None:
-    exact = ImuParams(200.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    exact = ImuParams(
+        rate_hz=200.0,
+        delay_s=0.0,
+        force_noise_mps2=0.0,
+        force_bias_mps2=0.0,
+        rate_noise_radps=0.0,
+        rate_bias_radps=0.0,
+    )
     world = make_world(airframe, site(), turbulence=0.03, sensors=Sensors(imu=exact))
     world.held = True
     world.step(trimmed(world))

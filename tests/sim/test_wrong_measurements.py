@@ -40,7 +40,7 @@ AROUND_LINE_B = {
     "CLEAR_MIN": 0.4, "FENCE_Z_MIN": 0.8, "FENCE_Z_MAX": 2.6, "FENCE_Y_MAX": 1.2,
     "FENCE_X_MIN": -1.0, "FENCE_X_MAX": 2.2,
 }  # fmt: skip
-FENCE = Fence(-1.0, 2.2, 1.2, 0.8, 2.6)  # the same
+FENCE = Fence(x_min_m=-1.0, x_max_m=2.2, y_max_m=1.2, z_min_m=0.8, z_max_m=2.6)  # the same
 TURBULENCE = 0.05
 START_S = 4.0  # of what goes wrong; on the line since the third second
 LONGEST_S = 20.0  # of a flight; long before that it is released

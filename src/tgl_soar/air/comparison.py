@@ -42,9 +42,9 @@ def compare_jet(plane: GridField, shape: JetShape) -> Difference:
     model_u, _, model_w = SlopeJet(wind, *shape).wind(x[keep], 0.0, z[keep])
     du, dw = (model_u - u) / wind, (model_w - w) / wind
     return Difference(
-        wind,
-        float(np.sqrt((du**2).mean())),
-        float(du.mean()),
-        float(np.sqrt((dw**2).mean())),
-        float(dw.mean()),
+        nozzle_wind_mps=wind,
+        wind_rms=float(np.sqrt((du**2).mean())),
+        wind_bias=float(du.mean()),
+        updraft_rms=float(np.sqrt((dw**2).mean())),
+        updraft_bias=float(dw.mean()),
     )

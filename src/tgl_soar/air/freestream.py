@@ -84,7 +84,14 @@ def solve_free_jet(
     a, above = (float(v) for v in np.exp(found.x))
     _, _, nozzle_speed = _lengths(slope_rad, kappa, nozzle_height_m, a, above)
     return FreeJet(
-        slope_rad, nozzle_height_m, board_length_m, lip_ahead_m, kappa, a, 1.0 + above, nozzle_speed
+        slope_rad=slope_rad,
+        nozzle_height_m=nozzle_height_m,
+        board_length_m=board_length_m,
+        lip_ahead_m=lip_ahead_m,
+        log_wake_speed=kappa,
+        lip=a,
+        tip=1.0 + above,
+        nozzle_speed=nozzle_speed,
     )
 
 

@@ -172,7 +172,15 @@ def bake(x0_m: float, z0_m: float, step_m: float, u: FloatArray, w: FloatArray) 
     """A table of plain floats from node values u, w [m/s] of shape (nx, nz)."""
     nx, nz = u.shape
     values = np.stack([u, w], axis=-1).astype(np.float64).ravel().tolist()
-    return GridTable(float(x0_m), float(step_m), nx, float(z0_m), float(step_m), nz, values)
+    return GridTable(
+        x0_m=float(x0_m),
+        dx_m=float(step_m),
+        nx=nx,
+        z0_m=float(z0_m),
+        dz_m=float(step_m),
+        nz=nz,
+        values=values,
+    )
 
 
 def numpy_table(table: GridTable) -> GridTable:

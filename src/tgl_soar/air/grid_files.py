@@ -168,7 +168,13 @@ def _read_csv(path: Path, layout: Layout) -> _Raw:
         return result.reshape(shape)
 
     v = nodes_of(layout.v) if layout.v else None
-    return _Raw(tuple(axes), nodes_of(layout.u), v, nodes_of(layout.w), np.zeros(shape, dtype=bool))
+    return _Raw(
+        axes=tuple(axes),
+        u=nodes_of(layout.u),
+        v=v,
+        w=nodes_of(layout.w),
+        hole=np.zeros(shape, dtype=bool),
+    )
 
 
 def _read_npz(path: Path, layout: Layout) -> _Raw:
@@ -194,7 +200,9 @@ def _read_npz(path: Path, layout: Layout) -> _Raw:
         return np.asarray(nodes, dtype=np.float64)
 
     v = nodes_of(layout.v) if layout.v else None
-    return _Raw(axes, nodes_of(layout.u), v, nodes_of(layout.w), np.zeros(shape, dtype=bool))
+    return _Raw(
+        axes=axes, u=nodes_of(layout.u), v=v, w=nodes_of(layout.w), hole=np.zeros(shape, dtype=bool)
+    )
 
 
 class _Variable(NamedTuple):
@@ -243,7 +251,9 @@ def _read_netcdf(path: Path, layout: Layout) -> _Raw:
 
     v = nodes_of(layout.v) if layout.v else None
     u = nodes_of(layout.u)
-    return _Raw(tuple(axes), u, v, nodes_of(layout.w), np.zeros(u.shape, dtype=bool))
+    return _Raw(
+        axes=tuple(axes), u=u, v=v, w=nodes_of(layout.w), hole=np.zeros(u.shape, dtype=bool)
+    )
 
 
 def _netcdf_classic(path: Path) -> dict[str, _Variable]:
@@ -344,9 +354,9 @@ def _read_mesh(path: Path, layout: Layout, step_m: float | None) -> _Raw:
     if hole.all():
         raise GridError(f"{path}: no sampled place lies in the mesh; is step_m {step_m} right?")
     if layout.y:
-        return _Raw(tuple(axes[n] for n in number), u, v, w, hole)
+        return _Raw(axes=tuple(axes[n] for n in number), u=u, v=v, w=w, hole=hole)
     flat = (axes[number[0]], axes[number[2]])
-    return _Raw(flat, u[:, 0], v[:, 0], w[:, 0], hole[:, 0])
+    return _Raw(axes=flat, u=u[:, 0], v=v[:, 0], w=w[:, 0], hole=hole[:, 0])
 
 
 _READERS: dict[str, Callable[[Path, Layout], _Raw]] = {

@@ -63,7 +63,7 @@ class DrydenState(NamedTuple):
     w2: float
 
 
-DRYDEN_STILL = DrydenState(0.0, 0.0, 0.0, 0.0, 0.0)
+DRYDEN_STILL = DrydenState(u=0.0, v1=0.0, v2=0.0, w1=0.0, w2=0.0)
 
 
 def dryden_params(
@@ -105,7 +105,7 @@ def dryden_step(
     w = state.w1 + params.gain_trans * white3
     v1 = two_a * v + state.v2 + params.moving_trans * white2
     w1 = two_a * w + state.w2 + params.moving_trans * white3
-    return DrydenState(u, v1, -a2 * v, w1, -a2 * w), (u, v, w)
+    return DrydenState(u=u, v1=v1, v2=-a2 * v, w1=w1, w2=-a2 * w), (u, v, w)
 
 
 def dryden_start(params: DrydenParams, rng: np.random.Generator) -> DrydenState:
@@ -126,11 +126,11 @@ def dryden_start(params: DrydenParams, rng: np.random.Generator) -> DrydenState:
     (v1, v0, ev), (w1, w0, ew) = (factor @ rng.standard_normal(3) for _ in range(2))
     two_a, a2, m = 2.0 * params.a, params.a**2, params.moving_trans
     return DrydenState(
-        float(sigma_u * rng.standard_normal()),
-        float(two_a * v1 - a2 * v0 + m * ev),
-        float(-a2 * v1),
-        float(two_a * w1 - a2 * w0 + m * ew),
-        float(-a2 * w1),
+        u=float(sigma_u * rng.standard_normal()),
+        v1=float(two_a * v1 - a2 * v0 + m * ev),
+        v2=float(-a2 * v1),
+        w1=float(two_a * w1 - a2 * w0 + m * ew),
+        w2=float(-a2 * w1),
     )
 
 

@@ -164,12 +164,12 @@ class SlopeJet:
         wake_speed_ratio: float = 1.0,
     ) -> None:
         shape = JetShape(
-            float(slope_rad),
-            float(board_length_m),
-            float(nozzle_height_m),
-            float(jet_width_m),
-            float(lip_ahead_m),
-            float(wake_speed_ratio),
+            slope_rad=float(slope_rad),
+            board_length_m=float(board_length_m),
+            nozzle_height_m=float(nozzle_height_m),
+            jet_width_m=float(jet_width_m),
+            lip_ahead_m=float(lip_ahead_m),
+            wake_speed_ratio=float(wake_speed_ratio),
         )
         if not 5.0 <= wind_mps <= 15.0:
             raise ValueError(f"jet wind {wind_mps} m/s: must be from 5 to 15 m/s")

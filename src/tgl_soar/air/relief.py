@@ -109,7 +109,13 @@ def relieve(net: FreeJetMap, width_m: float) -> Relief:
     )
     slowing, jump = np.linalg.solve(strengths[:, 1:], -strengths[:, 0])
     potential = fields[0] + slowing * fields[1] + jump * fields[2]
-    return Relief(strip.along, strip.across, potential, float(slowing), float(jump))
+    return Relief(
+        chi_along=strip.along,
+        chi_across=strip.across,
+        potential=potential,
+        slowing=float(slowing),
+        jump=float(jump),
+    )
 
 
 def relieved_velocity(
@@ -168,14 +174,14 @@ def _strip(net: FreeJetMap) -> _Strip:
     beyond = np.maximum(0.0, place.real - lip_x)
     side = np.where(beyond > 0.0, beyond - unit * (along[:, None] - start), 0.0)
     return _Strip(
-        along,
-        across,
-        weight,
-        side,
-        -beyond,
-        int(np.searchsorted(along, lip - 1e-9)),
-        int(np.searchsorted(along, tip - 1e-9)),
-        unit,
+        along=along,
+        across=across,
+        weight=weight,
+        side=side,
+        side_slowing=-beyond,
+        lip=int(np.searchsorted(along, lip - 1e-9)),
+        tip=int(np.searchsorted(along, tip - 1e-9)),
+        flow_per_chi=unit,
     )
 
 

@@ -167,7 +167,16 @@ def crossings(
         gx, gz = excess_gradient(field, polar, x, z, y_m, time_s)
         slope = float(gx * tx + gz * tz)
         slides = tz > polar_slope(polar, u) * tx
-        found.append(Crossing(x, z, u, w, slope, slope < 0.0 and slides))
+        found.append(
+            Crossing(
+                x_m=x,
+                z_m=z,
+                wind_mps=u,
+                updraft_mps=w,
+                excess_slope_per_s=slope,
+                stable=slope < 0.0 and slides,
+            )
+        )
     return found
 
 
@@ -457,4 +466,4 @@ def core(
         if not moved:
             span *= 0.5
     u, _, w = field.wind_at(best_x, y_m, best_z, time_s)
-    return Core(best_x, best_z, u, w, best)
+    return Core(x_m=best_x, z_m=best_z, wind_mps=u, updraft_mps=w, excess_mps=best)

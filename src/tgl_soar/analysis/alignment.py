@@ -84,7 +84,10 @@ def _fit(pairs: Sequence[Pair], z_up: bool) -> Alignment:
         across += hn * se - he * sn
         spread += hn * hn + he * he
     yaw = atan2(across, along)
-    turned = ned_from_hall(HallFrame(z_up, yaw, 0.0, 0.0, 0.0), *_raw(hall_mean, z_up))
+    turned = ned_from_hall(
+        HallFrame(z_up=z_up, yaw_rad=yaw, origin_north_m=0.0, origin_east_m=0.0, origin_down_m=0.0),
+        *_raw(hall_mean, z_up),
+    )
     frame = HallFrame(z_up, yaw, *_less(site_mean, turned))
     residuals = tuple(_less(ned_from_hall(frame, *pair.hall), pair.site) for pair in pairs)
     squares = sum(_length(r) ** 2 for r in residuals)

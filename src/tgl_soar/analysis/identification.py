@@ -212,7 +212,14 @@ def identify(log: LongitudinalLog, body: Body) -> Identified:
 
     def estimate(name: str, value: float, gradient: Floats, unit: str) -> Estimate:
         error = sqrt(max(0.0, float(gradient @ covariance @ gradient)))
-        return Estimate(name, value, error, value - t * error, value + t * error, unit)
+        return Estimate(
+            name=name,
+            value=value,
+            standard_error=error,
+            low=value - t * error,
+            high=value + t * error,
+            unit=unit,
+        )
 
     eye = np.eye(len(NAMES))
     units = ("", "1/rad", "", "", "1/rad", "", "", "s")

@@ -85,7 +85,15 @@ class Conversation:
                     heard.append(received.message)
         if now_s - self._beat_s >= HEARTBEAT_S:
             self._beat_s = now_s
-            self.say(Heartbeat(TYPE_ONBOARD_CONTROLLER, AUTOPILOT_INVALID, 0, 0, STATE_ACTIVE))
+            self.say(
+                Heartbeat(
+                    type=TYPE_ONBOARD_CONTROLLER,
+                    autopilot=AUTOPILOT_INVALID,
+                    base_mode=0,
+                    custom_mode=0,
+                    system_status=STATE_ACTIVE,
+                )
+            )
             for message in every_second:
                 self.say(message)
         return heard

@@ -126,16 +126,16 @@ def beginning(airframe_path: Path, site_path: Path, state: Path | None) -> Begin
     store = ParameterStore(path, identity, files, presets)
     found = store.restore(looking=True)
     return Beginning(
-        airframe,
-        site,
-        ParameterSet(),
-        files,
-        found.values,
-        found.kept,
-        presets,
-        LineBounds(site.contour_for(airframe.airframe.name), site.known_ground()),
-        store,
-        found.notes,
+        airframe=airframe,
+        site=site,
+        defaults=ParameterSet(),
+        files=files,
+        values=found.values,
+        kept=found.kept,
+        presets=presets,
+        bounds=LineBounds(site.contour_for(airframe.airframe.name), site.known_ground()),
+        store=store,
+        notes=found.notes,
     )
 
 

@@ -130,7 +130,12 @@ class Polar(Strict, frozen=True):
     def as_polar(self) -> GlidePolar:
         """The polar that the laws and the contour take."""
         return GlidePolar(
-            self.c0, self.c1, self.c2, self.c3, self.speed_min_mps, self.speed_max_mps
+            c0=self.c0,
+            c1=self.c1,
+            c2=self.c2,
+            c3=self.c3,
+            speed_min_mps=self.speed_min_mps,
+            speed_max_mps=self.speed_max_mps,
         )
 
 

@@ -45,252 +45,417 @@ class ParameterError(ValueError):
 PARAMETERS: Final[tuple[Parameter, ...]] = (
     # --- the operator's switch -----------------------------------------------------------
     Parameter(
-        "OP_ENGAGE", "", 0, 2, 0,
-        "1: take the surfaces and soar; 0: let go. A second after it has engaged the module shows"
-        " 2, which engages nothing when it is set: a file that a ground station has saved in"
-        " flight does not engage when it is loaded. Whenever the module lets go by itself it"
-        " shows 0, so that it never engages again unasked.",
+        name="OP_ENGAGE", unit="", minimum=0, maximum=2, default=0,
+        meaning="1: take the surfaces and soar; 0: let go. A second after it has engaged the"
+                " module shows 2, which engages nothing when it is set: a file that a ground"
+                " station has saved in flight does not engage when it is loaded. Whenever the"
+                " module lets go by itself it shows 0, so that it never engages again unasked.",
         integer=True, in_files=False,
     ),
     Parameter(
-        "OP_RC_CHAN", "", 0, 18, 0,
-        "Channel of the pilot's transmitter whose switch engages and releases; 0: none. It must"
-        " be none that moves a surface.",
+        name="OP_RC_CHAN", unit="", minimum=0, maximum=18, default=0,
+        meaning="Channel of the pilot's transmitter whose switch engages and releases; 0: none. It"
+                " must be none that moves a surface.",
         in_flight=False, integer=True,
     ),
     Parameter(
-        "OP_FORCE", "", 0, 1, 0,
-        "1: the next move of the line, or the next engagement, is not held back by the fence, the"
-        " clearance, the contour, TGL_STEP_MAX or what the autopilot must be set to; with that it"
-        " is 0 again.",
+        name="OP_FORCE", unit="", minimum=0, maximum=1, default=0,
+        meaning="1: the next move of the line, or the next engagement, is not held back by the"
+                " fence, the clearance, the contour, TGL_STEP_MAX or what the autopilot must be set"
+                " to; with that it is 0 again.",
         integer=True, in_files=False,
     ),
-    Parameter("OP_RC_ON", "us", 1000, 2000, 1700, "The switch is high above this pulse width."),
     Parameter(
-        "OP_RC_OFF", "us", 1000, 2000, 1300,
-        "The switch is low below this pulse width: the module lets go and cannot be engaged.",
+        name="OP_RC_ON", unit="us", minimum=1000, maximum=2000, default=1700,
+        meaning="The switch is high above this pulse width.",
+    ),
+    Parameter(
+        name="OP_RC_OFF", unit="us", minimum=1000, maximum=2000, default=1300,
+        meaning="The switch is low below this pulse width: the module lets go and cannot be"
+                " engaged.",
     ),
     # --- the target gradient line --------------------------------------------------------
     Parameter(
-        "TGL_PRESET", "", 0, 99, 0,
-        "Put the line where a line of the site file is: 1 is the first in the file. 0: set by"
-        " hand, and what it goes back to when TGL_X, TGL_Z or TGL_LEAN changes.",
+        name="TGL_PRESET", unit="", minimum=0, maximum=99, default=0,
+        meaning="Put the line where a line of the site file is: 1 is the first in the file. 0: set"
+                " by hand, and what it goes back to when TGL_X, TGL_Z or TGL_LEAN changes.",
         integer=True,
     ),
     Parameter(
-        "TGL_STAGE", "", 0, 2, 0,
-        "1: hold back what TGL_X, TGL_Z, TGL_LEAN and TGL_SLEW are set to; then 0: move the line"
-        " to all of it at once, or 2: drop it.",
+        name="TGL_STAGE", unit="", minimum=0, maximum=2, default=0,
+        meaning="1: hold back what TGL_X, TGL_Z, TGL_LEAN and TGL_SLEW are set to; then 0: move"
+                " the line to all of it at once, or 2: drop it.",
         integer=True, in_files=False,
     ),
-    Parameter("TGL_X", "m", -500, 500, 0.0, "Downstream position of the line's point."),
-    Parameter("TGL_Z", "m", -100, 1000, 0.0, "Height of the line's point."),
     Parameter(
-        "TGL_LEAN", "deg", -60, 60, 15.0,
-        "Lean of the line from the vertical, positive when its upper end leans upwind.",
+        name="TGL_X", unit="m", minimum=-500, maximum=500, default=0.0,
+        meaning="Downstream position of the line's point.",
     ),
     Parameter(
-        "TGL_LEAN_MIN", "deg", -60, 60, 5.0,
-        "Smallest lean accepted. A line that leans downwind responds the wrong way round"
-        " first and cannot be flown well: lower this only if you know why.",
+        name="TGL_Z", unit="m", minimum=-100, maximum=1000, default=0.0,
+        meaning="Height of the line's point.",
     ),
-    Parameter("TGL_LEAN_MAX", "deg", 5, 60, 45.0, "Largest lean accepted."),
     Parameter(
-        "TGL_SLEW", "m/s", 0.02, 1.0, 0.3,
-        "Speed of a moving line, across itself, at the aircraft.",
+        name="TGL_LEAN", unit="deg", minimum=-60, maximum=60, default=15.0,
+        meaning="Lean of the line from the vertical, positive when its upper end leans upwind.",
     ),
-    Parameter("TGL_ACCEL", "m/s^2", 0.05, 5.0, 0.5, "Acceleration of a moving line."),
-    Parameter("TGL_ROT_SLEW", "deg/s", 0.5, 30, 5.0, "Rate of a turning line."),
+    Parameter(
+        name="TGL_LEAN_MIN", unit="deg", minimum=-60, maximum=60, default=5.0,
+        meaning="Smallest lean accepted. A line that leans downwind responds the wrong way round"
+                " first and cannot be flown well: lower this only if you know why.",
+    ),
+    Parameter(
+        name="TGL_LEAN_MAX", unit="deg", minimum=5, maximum=60, default=45.0,
+        meaning="Largest lean accepted.",
+    ),
+    Parameter(
+        name="TGL_SLEW", unit="m/s", minimum=0.02, maximum=1.0, default=0.3,
+        meaning="Speed of a moving line, across itself, at the aircraft.",
+    ),
+    Parameter(
+        name="TGL_ACCEL", unit="m/s^2", minimum=0.05, maximum=5.0, default=0.5,
+        meaning="Acceleration of a moving line.",
+    ),
+    Parameter(
+        name="TGL_ROT_SLEW", unit="deg/s", minimum=0.5, maximum=30, default=5.0,
+        meaning="Rate of a turning line.",
+    ),
     # A decimal point that slipped moves a place of 0.25 m or more by more than 2 m; the lines of
     # the tunnel are 0.6 m apart, those at its ends 1.2 m. At TGL_SLEW's 0.3 m/s it is 7 s of way.
     Parameter(
-        "TGL_STEP_MAX", "m", 0.05, 2000, 2.0,
-        "Farthest that the line's point is moved by one change while flying; a farther one is"
-        " refused (OP_FORCE). Twice the distance between neighbouring lines of the site is good.",
+        name="TGL_STEP_MAX", unit="m", minimum=0.05, maximum=2000, default=2.0,
+        meaning="Farthest that the line's point is moved by one change while flying; a farther one"
+                " is refused (OP_FORCE). Twice the distance between neighbouring lines of the site"
+                " is good.",
     ),
     Parameter(
-        "TGL_CAPTURE", "m", 0.01, 2.0, 0.05,
-        "The line is captured when it stands still and the aircraft has been within this"
-        " distance of it for one second.",
+        name="TGL_CAPTURE", unit="m", minimum=0.01, maximum=2.0, default=0.05,
+        meaning="The line is captured when it stands still and the aircraft has been within this"
+                " distance of it for one second.",
     ),
     # --- e_rho -> pitch setpoint (eq. 15) ------------------------------------------------
-    Parameter("RHO_P", "rad/m", 0, 5, 0.64, "Pitch setpoint for each metre of e_rho."),
-    Parameter("RHO_I", "rad/(m s)", 0, 5, 0.11, "Pitch setpoint for each metre-second of e_rho."),
-    Parameter("RHO_D", "rad s/m", 0, 5, 0.25, "Pitch setpoint for each m/s of e_rho's rate."),
-    Parameter("RHO_D_FILT", "Hz", 0.1, 100, 6.5, "Low-pass of e_rho's rate."),
     Parameter(
-        "RHO_P_IMU", "rad/m", 0, 5, 0.0,
-        "RHO_P while the estimator uses accelerations; 0: as without. Between the two sets of"
-        " gains the law moves over within half a second, back within a tenth. Not used where a"
-        " firmware's own loops hold the attitude.",
+        name="RHO_P", unit="rad/m", minimum=0, maximum=5, default=0.64,
+        meaning="Pitch setpoint for each metre of e_rho.",
     ),
-    Parameter("RHO_I_IMU", "rad/(m s)", 0, 5, 0.0, "RHO_I with accelerations; 0: as without."),
-    Parameter("RHO_D_IMU", "rad s/m", 0, 5, 0.0, "RHO_D with accelerations; 0: as without."),
-    Parameter("RHO_DF_IMU", "Hz", 0, 100, 0.0, "RHO_D_FILT with accelerations; 0: as without."),
-    Parameter("RHO_I_MAX", "deg", 0, 30, 8.0, "Largest share of the integral in the setpoint."),
-    Parameter("PITCH_TRIM", "deg", -30, 30, 0.0, "theta_0: pitch setpoint on the line."),
-    Parameter("PITCH_MIN", "deg", -45, 45, -15.0, "Smallest pitch setpoint."),
-    Parameter("PITCH_MAX", "deg", -45, 45, 12.0, "Largest pitch setpoint."),
-    Parameter("PITCH_SLEW", "deg/s", 1, 1000, 120.0, "Fastest change of the pitch setpoint."),
+    Parameter(
+        name="RHO_I", unit="rad/(m s)", minimum=0, maximum=5, default=0.11,
+        meaning="Pitch setpoint for each metre-second of e_rho.",
+    ),
+    Parameter(
+        name="RHO_D", unit="rad s/m", minimum=0, maximum=5, default=0.25,
+        meaning="Pitch setpoint for each m/s of e_rho's rate.",
+    ),
+    Parameter(
+        name="RHO_D_FILT", unit="Hz", minimum=0.1, maximum=100, default=6.5,
+        meaning="Low-pass of e_rho's rate.",
+    ),
+    Parameter(
+        name="RHO_P_IMU", unit="rad/m", minimum=0, maximum=5, default=0.0,
+        meaning="RHO_P while the estimator uses accelerations; 0: as without. Between the two sets"
+                " of gains the law moves over within half a second, back within a tenth. Not used"
+                " where a firmware's own loops hold the attitude.",
+    ),
+    Parameter(
+        name="RHO_I_IMU", unit="rad/(m s)", minimum=0, maximum=5, default=0.0,
+        meaning="RHO_I with accelerations; 0: as without.",
+    ),
+    Parameter(
+        name="RHO_D_IMU", unit="rad s/m", minimum=0, maximum=5, default=0.0,
+        meaning="RHO_D with accelerations; 0: as without.",
+    ),
+    Parameter(
+        name="RHO_DF_IMU", unit="Hz", minimum=0, maximum=100, default=0.0,
+        meaning="RHO_D_FILT with accelerations; 0: as without.",
+    ),
+    Parameter(
+        name="RHO_I_MAX", unit="deg", minimum=0, maximum=30, default=8.0,
+        meaning="Largest share of the integral in the setpoint.",
+    ),
+    Parameter(
+        name="PITCH_TRIM", unit="deg", minimum=-30, maximum=30, default=0.0,
+        meaning="theta_0: pitch setpoint on the line.",
+    ),
+    Parameter(
+        name="PITCH_MIN", unit="deg", minimum=-45, maximum=45, default=-15.0,
+        meaning="Smallest pitch setpoint.",
+    ),
+    Parameter(
+        name="PITCH_MAX", unit="deg", minimum=-45, maximum=45, default=12.0,
+        meaning="Largest pitch setpoint.",
+    ),
+    Parameter(
+        name="PITCH_SLEW", unit="deg/s", minimum=1, maximum=1000, default=120.0,
+        meaning="Fastest change of the pitch setpoint.",
+    ),
     # --- pitch -> elevator (eq. 16) ------------------------------------------------------
-    Parameter("ELE_P", "1/rad", 0, 20, 2.2, "Elevator for each radian of pitch error."),
-    Parameter("ELE_I", "1/(rad s)", 0, 50, 2.7, "Elevator for each radian-second."),
-    Parameter("ELE_D", "s/rad", 0, 5, 0.19, "Elevator for each rad/s of pitch rate."),
-    Parameter("ELE_P_IMU", "1/rad", 0, 20, 0.0, "ELE_P with accelerations; 0: as without."),
-    Parameter("ELE_I_IMU", "1/(rad s)", 0, 50, 0.0, "ELE_I with accelerations; 0: as without."),
-    Parameter("ELE_D_IMU", "s/rad", 0, 5, 0.0, "ELE_D with accelerations; 0: as without."),
-    Parameter("ELE_D_FILT", "Hz", 0.5, 100, 40.0, "Low-pass of the pitch rate."),
-    Parameter("ELE_TRIM", "", -1, 1, 0.0, "Elevator in trimmed flight on the line."),
+    Parameter(
+        name="ELE_P", unit="1/rad", minimum=0, maximum=20, default=2.2,
+        meaning="Elevator for each radian of pitch error.",
+    ),
+    Parameter(
+        name="ELE_I", unit="1/(rad s)", minimum=0, maximum=50, default=2.7,
+        meaning="Elevator for each radian-second.",
+    ),
+    Parameter(
+        name="ELE_D", unit="s/rad", minimum=0, maximum=5, default=0.19,
+        meaning="Elevator for each rad/s of pitch rate.",
+    ),
+    Parameter(
+        name="ELE_P_IMU", unit="1/rad", minimum=0, maximum=20, default=0.0,
+        meaning="ELE_P with accelerations; 0: as without.",
+    ),
+    Parameter(
+        name="ELE_I_IMU", unit="1/(rad s)", minimum=0, maximum=50, default=0.0,
+        meaning="ELE_I with accelerations; 0: as without.",
+    ),
+    Parameter(
+        name="ELE_D_IMU", unit="s/rad", minimum=0, maximum=5, default=0.0,
+        meaning="ELE_D with accelerations; 0: as without.",
+    ),
+    Parameter(
+        name="ELE_D_FILT", unit="Hz", minimum=0.5, maximum=100, default=40.0,
+        meaning="Low-pass of the pitch rate.",
+    ),
+    Parameter(
+        name="ELE_TRIM", unit="", minimum=-1, maximum=1, default=0.0,
+        meaning="Elevator in trimmed flight on the line.",
+    ),
     # --- roll -> aileron (eq. 17) --------------------------------------------------------
-    Parameter("AIL_P", "1/rad", 0, 20, 1.2, "Aileron for each radian of roll error."),
-    Parameter("AIL_I", "1/(rad s)", 0, 20, 0.5, "Aileron for each radian-second."),
-    Parameter("AIL_D", "s/rad", 0, 5, 0.06, "Aileron for each rad/s of roll rate."),
-    Parameter("AIL_D_FILT", "Hz", 0.5, 100, 40.0, "Low-pass of the roll rate."),
-    Parameter("AIL_TRIM", "", -1, 1, 0.0, "Aileron with wings level."),
+    Parameter(
+        name="AIL_P", unit="1/rad", minimum=0, maximum=20, default=1.2,
+        meaning="Aileron for each radian of roll error.",
+    ),
+    Parameter(
+        name="AIL_I", unit="1/(rad s)", minimum=0, maximum=20, default=0.5,
+        meaning="Aileron for each radian-second.",
+    ),
+    Parameter(
+        name="AIL_D", unit="s/rad", minimum=0, maximum=5, default=0.06,
+        meaning="Aileron for each rad/s of roll rate.",
+    ),
+    Parameter(
+        name="AIL_D_FILT", unit="Hz", minimum=0.5, maximum=100, default=40.0,
+        meaning="Low-pass of the roll rate.",
+    ),
+    Parameter(
+        name="AIL_TRIM", unit="", minimum=-1, maximum=1, default=0.0,
+        meaning="Aileron with wings level.",
+    ),
     # --- heading -> rudder (eq. 18) ------------------------------------------------------
-    Parameter("RUD_P", "1/rad", 0, 20, 1.2, "Rudder for each radian of heading error."),
-    Parameter("RUD_D", "s/rad", 0, 5, 0.2, "Rudder for each rad/s of heading rate."),
-    Parameter("RUD_D_FILT", "Hz", 0.5, 100, 40.0, "Low-pass of the heading rate."),
-    Parameter("RUD_TRIM", "", -1, 1, 0.0, "Rudder in straight flight."),
     Parameter(
-        "WPT_X", "m", -2000, 500, -8.0,
-        "Downstream position of the virtual waypoint: negative is upwind. It must stay upwind"
-        " of the aircraft by WPT_R_MIN.",
+        name="RUD_P", unit="1/rad", minimum=0, maximum=20, default=1.2,
+        meaning="Rudder for each radian of heading error.",
     ),
-    Parameter("WPT_R_MIN", "m", 1, 100, 3.0, "Shortest distance used to the virtual waypoint."),
-    Parameter("PSI_MAX", "deg", 1, 45, 20.0, "Largest heading setpoint to either side."),
     Parameter(
-        "BANK_P", "", 0, 5, 1.0,
-        "Bank asked for with each degree of heading error, where the autopilot's own loops hold"
-        " the attitude and turn by banking.",
+        name="RUD_D", unit="s/rad", minimum=0, maximum=5, default=0.2,
+        meaning="Rudder for each rad/s of heading rate.",
     ),
-    Parameter("BANK_MAX", "deg", 1, 40, 20.0, "Largest bank asked for in this way."),
+    Parameter(
+        name="RUD_D_FILT", unit="Hz", minimum=0.5, maximum=100, default=40.0,
+        meaning="Low-pass of the heading rate.",
+    ),
+    Parameter(
+        name="RUD_TRIM", unit="", minimum=-1, maximum=1, default=0.0,
+        meaning="Rudder in straight flight.",
+    ),
+    Parameter(
+        name="WPT_X", unit="m", minimum=-2000, maximum=500, default=-8.0,
+        meaning="Downstream position of the virtual waypoint: negative is upwind. It must stay"
+                " upwind of the aircraft by WPT_R_MIN.",
+    ),
+    Parameter(
+        name="WPT_R_MIN", unit="m", minimum=1, maximum=100, default=3.0,
+        meaning="Shortest distance used to the virtual waypoint.",
+    ),
+    Parameter(
+        name="PSI_MAX", unit="deg", minimum=1, maximum=45, default=20.0,
+        meaning="Largest heading setpoint to either side.",
+    ),
+    Parameter(
+        name="BANK_P", unit="", minimum=0, maximum=5, default=1.0,
+        meaning="Bank asked for with each degree of heading error, where the autopilot's own loops"
+                " hold the attitude and turn by banking.",
+    ),
+    Parameter(
+        name="BANK_MAX", unit="deg", minimum=1, maximum=40, default=20.0,
+        meaning="Largest bank asked for in this way.",
+    ),
     # --- surfaces ------------------------------------------------------------------------
-    Parameter("SURF_MAX", "", 0.05, 1, 1.0, "Largest deflection commanded, of full travel."),
-    Parameter("SURF_RATE", "1/s", 0.5, 100, 20.0, "Fastest change of a command, in travels."),
     Parameter(
-        "SURF_TOL", "", 0.05, 2, 0.25,
-        "Largest difference between commands and what the autopilot reads back of its outputs;"
-        " beyond it for half a second the surfaces do not answer: let go.",
+        name="SURF_MAX", unit="", minimum=0.05, maximum=1, default=1.0,
+        meaning="Largest deflection commanded, of full travel.",
+    ),
+    Parameter(
+        name="SURF_RATE", unit="1/s", minimum=0.5, maximum=100, default=20.0,
+        meaning="Fastest change of a command, in travels.",
+    ),
+    Parameter(
+        name="SURF_TOL", unit="", minimum=0.05, maximum=2, default=0.25,
+        meaning="Largest difference between commands and what the autopilot reads back of its"
+                " outputs; beyond it for half a second the surfaces do not answer: let go.",
     ),
     # --- the envelope --------------------------------------------------------------------
     Parameter(
-        "ALPHA_MAX", "deg", 3, 45, 14.0,
-        "Largest angle of attack, where it is known: from 3 deg below on the nose is kept from"
-        " rising, 3 deg beyond the module recovers.",
+        name="ALPHA_MAX", unit="deg", minimum=3, maximum=45, default=14.0,
+        meaning="Largest angle of attack, where it is known: from 3 deg below on the nose is kept"
+                " from rising, 3 deg beyond the module recovers.",
     ),
     Parameter(
-        "SPEED_MIN", "m/s", 0, 50, 6.0,
-        "Smallest airspeed, where it is known: from 1 m/s above on the nose is kept from rising,"
-        " 1 m/s below the module recovers.",
+        name="SPEED_MIN", unit="m/s", minimum=0, maximum=50, default=6.0,
+        meaning="Smallest airspeed, where it is known: from 1 m/s above on the nose is kept from"
+                " rising, 1 m/s below the module recovers.",
     ),
-    Parameter("SINK_MAX", "m/s", 0.5, 50, 6.0, "Sinking faster than this: recover."),
     Parameter(
-        "CLEAR_MIN", "m", 0, 50, 0.0,
-        "Smallest distance to the ground of the site file: nearer, recover.",
+        name="SINK_MAX", unit="m/s", minimum=0.5, maximum=50, default=6.0,
+        meaning="Sinking faster than this: recover.",
     ),
-    Parameter("FENCE_X_MIN", "m", -5000, 5000, -5000, "Upstream of this: let go."),
-    Parameter("FENCE_X_MAX", "m", -5000, 5000, 5000, "Downstream of this: let go."),
-    Parameter("FENCE_Y_MAX", "m", 0.5, 5000, 5000, "Further to either side than this: let go."),
-    Parameter("FENCE_Z_MIN", "m", -1000, 5000, -1000, "Below this height: let go."),
-    Parameter("FENCE_Z_MAX", "m", -1000, 5000, 5000, "Above this height: let go."),
+    Parameter(
+        name="CLEAR_MIN", unit="m", minimum=0, maximum=50, default=0.0,
+        meaning="Smallest distance to the ground of the site file: nearer, recover.",
+    ),
+    Parameter(
+        name="FENCE_X_MIN", unit="m", minimum=-5000, maximum=5000, default=-5000,
+        meaning="Upstream of this: let go.",
+    ),
+    Parameter(
+        name="FENCE_X_MAX", unit="m", minimum=-5000, maximum=5000, default=5000,
+        meaning="Downstream of this: let go.",
+    ),
+    Parameter(
+        name="FENCE_Y_MAX", unit="m", minimum=0.5, maximum=5000, default=5000,
+        meaning="Further to either side than this: let go.",
+    ),
+    Parameter(
+        name="FENCE_Z_MIN", unit="m", minimum=-1000, maximum=5000, default=-1000,
+        meaning="Below this height: let go.",
+    ),
+    Parameter(
+        name="FENCE_Z_MAX", unit="m", minimum=-1000, maximum=5000, default=5000,
+        meaning="Above this height: let go.",
+    ),
     # --- estimation ----------------------------------------------------------------------
     Parameter(
-        "EST_FIX_SD", "m", 0.0002, 20, 0.003,
-        "Noise of a position fix on each axis (standard deviation); more where its source says so.",
+        name="EST_FIX_SD", unit="m", minimum=0.0002, maximum=20, default=0.003,
+        meaning="Noise of a position fix on each axis (standard deviation); more where its source"
+                " says so.",
     ),
     Parameter(
-        "EST_VEL_SD", "m/s", 0.002, 20, 0.05, "Noise of the velocity that comes with a fix."
+        name="EST_VEL_SD", unit="m/s", minimum=0.002, maximum=20, default=0.05,
+        meaning="Noise of the velocity that comes with a fix.",
     ),
     Parameter(
-        "EST_IMU", "", 0, 1, 1,
-        "1: carry position and velocity on with the accelerometers, where they are heard.",
+        name="EST_IMU", unit="", minimum=0, maximum=1, default=1,
+        meaning="1: carry position and velocity on with the accelerometers, where they are heard.",
         integer=True,
     ),
     Parameter(
-        "EST_ACC_SD", "m/s^2", 0.01, 20, 0.2,
-        "Noise of one sample of the accelerometers, errors of the attitude included.",
+        name="EST_ACC_SD", unit="m/s^2", minimum=0.01, maximum=20, default=0.2,
+        meaning="Noise of one sample of the accelerometers, errors of the attitude included.",
     ),
     Parameter(
-        "EST_ACC_BIAS_SD", "m/s^2", 0.001, 5, 0.15,
-        "Bias of the accelerations, errors of the attitude included: 1 deg of tilt is 0.17.",
+        name="EST_ACC_BIAS_SD", unit="m/s^2", minimum=0.001, maximum=5, default=0.15,
+        meaning="Bias of the accelerations, errors of the attitude included: 1 deg of tilt is"
+                " 0.17.",
     ),
     Parameter(
-        "EST_CV_SD", "m/s^2", 0.05, 50, 3.0,
-        "Acceleration that the aircraft may have where no accelerometers are heard.",
+        name="EST_CV_SD", unit="m/s^2", minimum=0.05, maximum=50, default=3.0,
+        meaning="Acceleration that the aircraft may have where no accelerometers are heard.",
     ),
     Parameter(
-        "EST_SD_MAX", "m", 0.005, 10, 0.10,
-        "With accelerometers the line is flown on without fixes until the position is less certain"
-        " than this (standard deviation), and not only for AGE_POS_HOLD. In three times this doubt"
-        " no position is flown with, however young.",
+        name="EST_SD_MAX", unit="m", minimum=0.005, maximum=10, default=0.10,
+        meaning="With accelerometers the line is flown on without fixes until the position is less"
+                " certain than this (standard deviation), and not only for AGE_POS_HOLD. In three"
+                " times this doubt no position is flown with, however young.",
     ),
     Parameter(
-        "EST_GATE", "m", 0.05, 100, 0.5,
-        "A fix no farther than this from where the aircraft must be is always believed; one farther"
-        " than this and than chance explains is not, unless several agree.",
+        name="EST_GATE", unit="m", minimum=0.05, maximum=100, default=0.5,
+        meaning="A fix no farther than this from where the aircraft must be is always believed;"
+                " one farther than this and than chance explains is not, unless several agree.",
     ),
     Parameter(
-        "EST_DELAY", "s", 0, 0.5, 0.0,
-        "Delay of the position source that its time stamps do not tell.",
+        name="EST_DELAY", unit="s", minimum=0, maximum=0.5, default=0.0,
+        meaning="Delay of the position source that its time stamps do not tell.",
     ),
     # --- the air at the aircraft -----------------------------------------------------------
     Parameter(
-        "WIND_CHANGE", "m/s/sqrt(s)", 0.05, 10, 0.8,
-        "How fast the wind that the aircraft meets wanders: the root of what its variance grows"
-        " by in half a second. In Dryden turbulence it is sigma / sqrt(L / V).",
+        name="WIND_CHANGE", unit="m/s/sqrt(s)", minimum=0.05, maximum=10, default=0.8,
+        meaning="How fast the wind that the aircraft meets wanders: the root of what its variance"
+                " grows by in half a second. In Dryden turbulence it is sigma / sqrt(L / V).",
     ),
     Parameter(
-        "WIND_ALIGN", "deg", 0, 5, 0.5,
-        "Standard deviation of the pitch's constant error, for the uncertainty of the updraft.",
+        name="WIND_ALIGN", unit="deg", minimum=0, maximum=5, default=0.5,
+        meaning="Standard deviation of the pitch's constant error, for the uncertainty of the"
+                " updraft.",
     ),
     Parameter(
-        "WIND_TRIM", "", 0, 1, 0.0,
-        "Share of theta_0 that is the pitch of the glide at the local wind's speed instead of"
-        " PITCH_TRIM.",
+        name="WIND_TRIM", unit="", minimum=0, maximum=1, default=0.0,
+        meaning="Share of theta_0 that is the pitch of the glide at the local wind's speed instead"
+                " of PITCH_TRIM.",
     ),
-    Parameter("WIND_TRIM_T", "s", 0.1, 60, 2.0, "Time in which theta_0 follows."),
     Parameter(
-        "WIND_FF", "", 0, 1, 0.0,
-        "Share of the incidence that a gust of updraft makes which the pitch setpoint takes out.",
+        name="WIND_TRIM_T", unit="s", minimum=0.1, maximum=60, default=2.0,
+        meaning="Time in which theta_0 follows.",
+    ),
+    Parameter(
+        name="WIND_FF", unit="", minimum=0, maximum=1, default=0.0,
+        meaning="Share of the incidence that a gust of updraft makes which the pitch setpoint"
+                " takes out.",
     ),
     # --- when to let go ------------------------------------------------------------------
-    Parameter("AGE_POS_HOLD", "s", 0.05, 2, 0.25,
-        "Position older than this: hold the pitch; with accelerometers not before the position is"
-        " less certain than EST_SD_MAX.",
+    Parameter(
+        name="AGE_POS_HOLD", unit="s", minimum=0.05, maximum=2, default=0.25,
+        meaning="Position older than this: hold the pitch; with accelerometers not before the"
+                " position is less certain than EST_SD_MAX.",
     ),
     Parameter(
-        "AGE_POS_MAX", "s", 0.1, 5, 2.0,
-        "No confident position for longer than this, whether none comes or those that come leave it"
-        " uncertain: recover, wings level at REC_PITCH, for REC_TIME; then hand over.",
+        name="AGE_POS_MAX", unit="s", minimum=0.1, maximum=5, default=2.0,
+        meaning="No confident position for longer than this, whether none comes or those that come"
+                " leave it uncertain: recover, wings level at REC_PITCH, for REC_TIME; then hand"
+                " over.",
     ),
     Parameter(
-        "AGE_FROZEN", "s", 0.1, 10, 1.0,
-        "A source that repeats the same numbers for longer than this is as old as their last"
-        " change; on the ground it may say that it stands still. An attitude that goes on jumping"
-        " for longer than this is as old as its first jump.",
-    ),
-    Parameter("AGE_ATT_MAX", "s", 0.02, 1, 0.2, "Attitude older than this: let go."),
-    Parameter("AGE_AP_MAX", "s", 1, 10, 3.0, "Autopilot's heartbeat older than this: let go."),
-    Parameter(
-        "REC_PITCH", "deg", -30, 10, -4.0,
-        "Pitch flown while recovering: that of the best glide, or a little lower; from PITCH_MIN to"
-        " PITCH_TRIM.",
+        name="AGE_FROZEN", unit="s", minimum=0.1, maximum=10, default=1.0,
+        meaning="A source that repeats the same numbers for longer than this is as old as their"
+                " last change; on the ground it may say that it stands still. An attitude that goes"
+                " on jumping for longer than this is as old as its first jump.",
     ),
     Parameter(
-        "REC_TIME", "s", 0.0, 10, 2.0,
-        "Longest time of recovering; then hand over. 0: at once; else 0.3 or more.",
+        name="AGE_ATT_MAX", unit="s", minimum=0.02, maximum=1, default=0.2,
+        meaning="Attitude older than this: let go.",
     ),
-    Parameter("CAPTURE_MAX", "m", 0.1, 10, 1.5, "|e_rho| beyond this while flying: let go."),
-    Parameter("TILT_MAX", "deg", 20, 80, 60.0, "Roll or pitch beyond this: let go."),
+    Parameter(
+        name="AGE_AP_MAX", unit="s", minimum=1, maximum=10, default=3.0,
+        meaning="Autopilot's heartbeat older than this: let go.",
+    ),
+    Parameter(
+        name="REC_PITCH", unit="deg", minimum=-30, maximum=10, default=-4.0,
+        meaning="Pitch flown while recovering: that of the best glide, or a little lower; from"
+                " PITCH_MIN to PITCH_TRIM.",
+    ),
+    Parameter(
+        name="REC_TIME", unit="s", minimum=0.0, maximum=10, default=2.0,
+        meaning="Longest time of recovering; then hand over. 0: at once; else 0.3 or more.",
+    ),
+    Parameter(
+        name="CAPTURE_MAX", unit="m", minimum=0.1, maximum=10, default=1.5,
+        meaning="|e_rho| beyond this while flying: let go.",
+    ),
+    Parameter(
+        name="TILT_MAX", unit="deg", minimum=20, maximum=80, default=60.0,
+        meaning="Roll or pitch beyond this: let go.",
+    ),
     # --- telemetry -----------------------------------------------------------------------
     Parameter(
-        "TEL_BUDGET", "B/s", 100, 50000, 2400,
-        "Bytes a second that texts and numbers may use on each link, MAVLink's own included.",
+        name="TEL_BUDGET", unit="B/s", minimum=100, maximum=50000, default=2400,
+        meaning="Bytes a second that texts and numbers may use on each link, MAVLink's own"
+                " included.",
     ),
     # --- the process ---------------------------------------------------------------------
     Parameter(
-        "LOOP_RATE", "Hz", 100, 250, 200, "Rate of the loop.", in_flight=False, integer=True
+        name="LOOP_RATE", unit="Hz", minimum=100, maximum=250, default=200,
+        meaning="Rate of the loop.",
+        in_flight=False, integer=True,
     ),
 )  # fmt: skip
 

@@ -164,7 +164,13 @@ def limit_surfaces(
     it is not finite; neutral unless the mode flies.  A dt_s that is negative or NaN counts as
     zero."""
     if not flying:
-        return Limited(SurfaceCommand(0.0, 0.0, 0.0), 0, 0, True, CUT_MODE)
+        return Limited(
+            command=SurfaceCommand(0.0, 0.0, 0.0),
+            elevator_blocked=0,
+            aileron_blocked=0,
+            finite=True,
+            cut=CUT_MODE,
+        )
     cut = 0
     finite = isfinite(wanted.elevator) and isfinite(wanted.aileron) and isfinite(wanted.rudder)
     if not finite:
@@ -189,13 +195,13 @@ def limit_surfaces(
         ):
             cut |= CUT_RATE
     return Limited(
-        SurfaceCommand(elevator, aileron, rudder),
-        1
+        command=SurfaceCommand(elevator, aileron, rudder),
+        elevator_blocked=1
         if elevator >= elevator_max
         else blocked_side(limits.deflection_max, elevator, wanted.elevator),
-        blocked_side(limits.deflection_max, aileron, wanted.aileron),
-        finite,
-        cut,
+        aileron_blocked=blocked_side(limits.deflection_max, aileron, wanted.aileron),
+        finite=finite,
+        cut=cut,
     )
 
 

@@ -84,7 +84,9 @@ def pid_step(
         output, saturated = output_max, 1
     elif output < output_min:
         output, saturated = output_min, -1
-    return PidState(integral, rate), PidTerms(output, p, integral, d, feedforward, saturated)
+    return PidState(integral, rate), PidTerms(
+        output=output, p=p, i=integral, d=d, feedforward=feedforward, saturated=saturated
+    )
 
 
 def pid_reset(

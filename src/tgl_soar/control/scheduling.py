@@ -35,13 +35,14 @@ def pid_between(plain: PidGains, imu: PidGains, share: float) -> PidGains:
     if share >= 1.0:
         return imu
     return PidGains(
-        plain.kp + share * (imu.kp - plain.kp),
-        plain.ki + share * (imu.ki - plain.ki),
-        plain.kd + share * (imu.kd - plain.kd),
-        plain.rate_filter_radps + share * (imu.rate_filter_radps - plain.rate_filter_radps),
-        plain.integral_max,
-        plain.output_min,
-        plain.output_max,
+        kp=plain.kp + share * (imu.kp - plain.kp),
+        ki=plain.ki + share * (imu.ki - plain.ki),
+        kd=plain.kd + share * (imu.kd - plain.kd),
+        rate_filter_radps=plain.rate_filter_radps
+        + share * (imu.rate_filter_radps - plain.rate_filter_radps),
+        integral_max=plain.integral_max,
+        output_min=plain.output_min,
+        output_max=plain.output_max,
     )
 
 

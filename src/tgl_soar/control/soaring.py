@@ -106,7 +106,9 @@ def holding_step(
     integral = state.pid.integral
     pitch = trim_pitch_rad + integral
     pitch = max(gains.pid.output_min, min(gains.pid.output_max, pitch))
-    terms = PidTerms(pitch, 0.0, integral, 0.0, trim_pitch_rad, 0)
+    terms = PidTerms(
+        output=pitch, p=0.0, i=integral, d=0.0, feedforward=trim_pitch_rad, saturated=0
+    )
     return _slewed(gains, PidState(integral, 0.0), state.pitch_setpoint_rad, pitch, dt_s), terms
 
 
@@ -116,7 +118,7 @@ def gliding_step(
     """One step while recovering: towards a given pitch, with what the integral has learnt kept."""
     integral = state.pid.integral
     pitch = max(gains.pid.output_min, min(gains.pid.output_max, pitch_rad))
-    terms = PidTerms(pitch, 0.0, 0.0, 0.0, pitch, 0)
+    terms = PidTerms(output=pitch, p=0.0, i=0.0, d=0.0, feedforward=pitch, saturated=0)
     return _slewed(gains, PidState(integral, 0.0), state.pitch_setpoint_rad, pitch, dt_s), terms
 
 

@@ -366,7 +366,16 @@ class Decision(NamedTuple):
 
 def initial_supervisor() -> SupervisorState:
     """Before the first tick."""
-    return SupervisorState(BOOT, INFINITE, INFINITE, INFINITE, INFINITE, 0, False, -1)
+    return SupervisorState(
+        mode=BOOT,
+        since_s=INFINITE,
+        unready_s=INFINITE,
+        trouble_s=INFINITE,
+        clear_s=INFINITE,
+        boots=0,
+        armed=False,
+        conditions=-1,
+    )
 
 
 def supervise(
@@ -419,7 +428,14 @@ def supervise(
         since_s = time_s if time_s == time_s else INFINITE
         conditions = -1  # the new mode's rows were not tried yet
     return SupervisorState(
-        decision.mode, since_s, unready_s, trouble_s, clear_s, boots, armed, conditions
+        mode=decision.mode,
+        since_s=since_s,
+        unready_s=unready_s,
+        trouble_s=trouble_s,
+        clear_s=clear_s,
+        boots=boots,
+        armed=armed,
+        conditions=conditions,
     ), decision
 
 

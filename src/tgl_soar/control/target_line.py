@@ -65,7 +65,7 @@ def e_rho(x0_m: float, z0_m: float, eta_rad: float, x_m: float, z_m: float) -> f
 
 def line_at(target: TargetLine, x_m: float, z_m: float) -> LineState:
     """A line through (x_m, z_m) at rest, parallel to `target`: where a capture starts."""
-    return LineState(x_m, z_m, target.eta_rad, 0.0, True)
+    return LineState(x_m=x_m, z_m=z_m, eta_rad=target.eta_rad, speed_mps=0.0, moving=True)
 
 
 def line_step(
@@ -107,7 +107,13 @@ def line_step(
     last_move = min(limits.speed_mps, max(abs(speed), change)) * dt_s
     arrives = abs(to_go) <= last_move and abs(speed) <= 2.0 * change
     if arrives and eta == target.eta_rad:
-        return LineState(target.x_m, target.z_m, target.eta_rad, 0.0, dt_s > 0.0)
+        return LineState(
+            x_m=target.x_m, z_m=target.z_m, eta_rad=target.eta_rad, speed_mps=0.0, moving=dt_s > 0.0
+        )
     return LineState(
-        pivot_x - speed * dt_s * sin(eta), pivot_z + speed * dt_s * cos(eta), eta, speed, True
+        x_m=pivot_x - speed * dt_s * sin(eta),
+        z_m=pivot_z + speed * dt_s * cos(eta),
+        eta_rad=eta,
+        speed_mps=speed,
+        moving=True,
     )

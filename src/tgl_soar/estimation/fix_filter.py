@@ -116,17 +116,19 @@ def position_taken(
     g, h, k = pp * weight, pv * weight, pb * weight
     left = variance * weight  # 1 - g, exact where g is nearly 1
     return Errors(
-        start,
-        x + g * rx_m,
-        y + g * ry_m,
-        z + g * rz_m,
-        vx + h * rx_m,
-        vy + h * ry_m,
-        vz + h * rz_m,
-        bx + k * rx_m,
-        by + k * ry_m,
-        bz + k * rz_m,
-        Covariance(left * pp, left * pv, left * pb, vv - h * pv, vb - h * pb, bb - k * pb),
+        time_s=start,
+        x_m=x + g * rx_m,
+        y_m=y + g * ry_m,
+        z_m=z + g * rz_m,
+        velocity_x_mps=vx + h * rx_m,
+        velocity_y_mps=vy + h * ry_m,
+        climb_mps=vz + h * rz_m,
+        bias_x_mps2=bx + k * rx_m,
+        bias_y_mps2=by + k * ry_m,
+        bias_z_mps2=bz + k * rz_m,
+        covariance=Covariance(
+            pp=left * pp, pv=left * pv, pb=left * pb, vv=vv - h * pv, vb=vb - h * pb, bb=bb - k * pb
+        ),
     )
 
 
@@ -139,15 +141,17 @@ def velocity_taken(
     g, h, k = pv * weight, vv * weight, vb * weight
     left = variance * weight
     return Errors(
-        start,
-        x + g * rx_mps,
-        y + g * ry_mps,
-        z + g * rz_mps,
-        vx + h * rx_mps,
-        vy + h * ry_mps,
-        vz + h * rz_mps,
-        bx + k * rx_mps,
-        by + k * ry_mps,
-        bz + k * rz_mps,
-        Covariance(pp - g * pv, left * pv, pb - g * vb, left * vv, left * vb, bb - k * vb),
+        time_s=start,
+        x_m=x + g * rx_mps,
+        y_m=y + g * ry_mps,
+        z_m=z + g * rz_mps,
+        velocity_x_mps=vx + h * rx_mps,
+        velocity_y_mps=vy + h * ry_mps,
+        climb_mps=vz + h * rz_mps,
+        bias_x_mps2=bx + k * rx_mps,
+        bias_y_mps2=by + k * ry_mps,
+        bias_z_mps2=bz + k * rz_mps,
+        covariance=Covariance(
+            pp=pp - g * pv, pv=left * pv, pb=pb - g * vb, vv=left * vv, vb=left * vb, bb=bb - k * vb
+        ),
     )

@@ -178,18 +178,36 @@ class HealthState(NamedTuple):
 
 
 _ANYWHERE: Final = BandState(-1.0, 1.0)
-_NO_SURFACES: Final = SurfacesState(0, INFINITE, _ANYWHERE, _ANYWHERE, _ANYWHERE)
+_NO_SURFACES: Final = SurfacesState(
+    sequence=0, dead_s=INFINITE, elevator=_ANYWHERE, aileron=_ANYWHERE, rudder=_ANYWHERE
+)
 
 
 def initial_health() -> HealthState:
     """Nothing has come yet."""
-    stream = StreamState(0, 0, NAN, NAN, 0.0, NAN, NAN, NAN, NAN, NAN, 0, 0, -INFINITE, NAN, NAN)
+    stream = StreamState(
+        sequence=0,
+        source=0,
+        time_s=NAN,
+        interval_s=NAN,
+        jitter_s=0.0,
+        a=NAN,
+        b=NAN,
+        c=NAN,
+        d=NAN,
+        changed_s=NAN,
+        gaps=0,
+        faults=0,
+        fault_s=-INFINITE,
+        jumps_s=NAN,
+        jump_s=NAN,
+    )
     return HealthState(
-        stream,
-        stream,
-        FrameState(0.0, 0.0, 0.0),
-        TiltState(NAN, 0.0, 0.0, 0.0),
-        _NO_SURFACES,
+        position=stream,
+        attitude=stream,
+        frame=FrameState(0.0, 0.0, 0.0),
+        tilt=TiltState(NAN, 0.0, 0.0, 0.0),
+        surfaces=_NO_SURFACES,
     )
 
 
@@ -266,21 +284,23 @@ def health_step(
         faults |= FAILSAFE
     if not inputs.autopilot.armed:
         faults |= DISARMED
-    return HealthState(position, attitude, frame, tilt, surfaces), Health(
-        position_age,
-        attitude_age,
-        heartbeat_age,
-        position_age <= limits.position_age_max_s,
-        attitude_age <= limits.attitude_age_max_s,
-        heartbeat_age <= limits.heartbeat_age_max_s,
-        motion.rejected,
-        position.interval_s,
-        position.jitter_s,
-        attitude.interval_s,
-        attitude.jitter_s,
-        position.gaps + attitude.gaps,
-        answer,
-        faults,
+    return HealthState(
+        position=position, attitude=attitude, frame=frame, tilt=tilt, surfaces=surfaces
+    ), Health(
+        position_age_s=position_age,
+        attitude_age_s=attitude_age,
+        heartbeat_age_s=heartbeat_age,
+        position_ok=position_age <= limits.position_age_max_s,
+        attitude_ok=attitude_age <= limits.attitude_age_max_s,
+        autopilot_ok=heartbeat_age <= limits.heartbeat_age_max_s,
+        rejected=motion.rejected,
+        position_interval_s=position.interval_s,
+        position_jitter_s=position.jitter_s,
+        attitude_interval_s=attitude.interval_s,
+        attitude_jitter_s=attitude.jitter_s,
+        gaps=position.gaps + attitude.gaps,
+        surfaces_answer=answer,
+        faults=faults,
     )
 
 
@@ -369,7 +389,15 @@ def _look_at_attitude(
 def _as_sample(before: StreamState) -> AttitudeSample:
     """The attitude that is remembered of a stream."""
     return AttitudeSample(
-        before.sequence, before.time_s, before.a, before.b, before.c, before.d, NAN, NAN, NAN
+        sequence=before.sequence,
+        time_s=before.time_s,
+        qw=before.a,
+        qx=before.b,
+        qy=before.c,
+        qz=before.d,
+        roll_rate_frd_radps=NAN,
+        pitch_rate_frd_radps=NAN,
+        yaw_rate_frd_radps=NAN,
     )
 
 
@@ -420,21 +448,21 @@ def _sampled(
             jumps_s = now_s
         jump_s = now_s
     return StreamState(
-        sequence,
-        source,
-        time_s,
-        interval,
-        jitter,
-        a,
-        b,
-        c,
-        d,
-        changed_s,
-        gaps,
-        faults,
-        fault_s,
-        jumps_s,
-        jump_s,
+        sequence=sequence,
+        source=source,
+        time_s=time_s,
+        interval_s=interval,
+        jitter_s=jitter,
+        a=a,
+        b=b,
+        c=c,
+        d=d,
+        changed_s=changed_s,
+        gaps=gaps,
+        faults=faults,
+        fault_s=fault_s,
+        jumps_s=jumps_s,
+        jump_s=jump_s,
     )
 
 
@@ -476,7 +504,9 @@ def _look_at_surfaces(
             _outside(rudder, seen.rudder),
         )
         dead_s = min(dead_s, inputs.time_s) if off > limits.surface_error_max else INFINITE
-    return SurfacesState(seen.sequence, dead_s, elevator, aileron, rudder)
+    return SurfacesState(
+        sequence=seen.sequence, dead_s=dead_s, elevator=elevator, aileron=aileron, rudder=rudder
+    )
 
 
 def _band(band: BandState, command: float, dt_s: float) -> BandState:

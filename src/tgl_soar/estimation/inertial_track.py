@@ -60,10 +60,30 @@ class Track(NamedTuple):
 
 def new_track(time_s: float) -> Track:
     """A track that begins here and now, at rest in the origin."""
-    node = Node(time_s, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    node = Node(
+        time_s=time_s,
+        x_m=0.0,
+        y_m=0.0,
+        z_m=0.0,
+        velocity_x_mps=0.0,
+        velocity_y_mps=0.0,
+        climb_mps=0.0,
+    )
     two = (node, node)
     four = two + two
-    return Track(time_s, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, four + four)
+    return Track(
+        time_s=time_s,
+        x_m=0.0,
+        y_m=0.0,
+        z_m=0.0,
+        velocity_x_mps=0.0,
+        velocity_y_mps=0.0,
+        climb_mps=0.0,
+        ax_mps2=0.0,
+        ay_mps2=0.0,
+        az_mps2=0.0,
+        nodes=four + four,
+    )
 
 
 def track_moved(
@@ -80,8 +100,30 @@ def track_moved(
     vy += (by + ay_mps2) * half
     vz += (bz + az_mps2) * half
     if time_s - nodes[-1].time_s >= NODE_S:
-        nodes = nodes[1:] + (Node(time_s, x, y, z, vx, vy, vz),)  # noqa: RUF005 - as numba has it
-    return Track(time_s, x, y, z, vx, vy, vz, ax_mps2, ay_mps2, az_mps2, nodes)
+        nodes = nodes[1:] + (  # noqa: RUF005
+            Node(
+                time_s=time_s,
+                x_m=x,
+                y_m=y,
+                z_m=z,
+                velocity_x_mps=vx,
+                velocity_y_mps=vy,
+                climb_mps=vz,
+            ),
+        )  # numba takes no starred tuple here
+    return Track(
+        time_s=time_s,
+        x_m=x,
+        y_m=y,
+        z_m=z,
+        velocity_x_mps=vx,
+        velocity_y_mps=vy,
+        climb_mps=vz,
+        ax_mps2=ax_mps2,
+        ay_mps2=ay_mps2,
+        az_mps2=az_mps2,
+        nodes=nodes,
+    )
 
 
 def track_at(track: Track, time_s: float) -> Place:
@@ -98,7 +140,9 @@ def track_at(track: Track, time_s: float) -> Place:
             vy + ay * h,
             vz + az * h,
         )
-    later = Node(start, x, y, z, vx, vy, vz)
+    later = Node(
+        time_s=start, x_m=x, y_m=y, z_m=z, velocity_x_mps=vx, velocity_y_mps=vy, climb_mps=vz
+    )
     for i in range(NODES - 1, -1, -1):
         if nodes[i].time_s <= time_s:
             return _between(nodes[i], later, time_s)

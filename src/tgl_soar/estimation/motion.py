@@ -197,7 +197,7 @@ class MotionState(NamedTuple):
 
 
 _NO_OFFSET: Final = Offset(0.0, 0.0, 0.0)
-_NO_OUTLIERS: Final = Outliers(0, NAN, NAN, NAN, NAN)
+_NO_OUTLIERS: Final = Outliers(in_a_row=0, time_s=NAN, x_m=NAN, y_m=NAN, z_m=NAN)
 
 
 def initial_motion() -> MotionState:
@@ -206,14 +206,16 @@ def initial_motion() -> MotionState:
         track=new_track(NAN),
         errors=Errors(
             *(NAN, NAN, NAN, NAN, NAN, NAN, NAN, 0.0, 0.0, 0.0),
-            Covariance(NAN, NAN, NAN, NAN, NAN, NAN),
+            Covariance(pp=NAN, pv=NAN, pb=NAN, vv=NAN, vb=NAN, bb=NAN),
         ),
         turning=NO_TURNING,
         inertial=False,
         switched_s=NAN,
         imu=ImuHeard(0, NAN, NAN, IMU_INTERVAL_S),
         fix=FixHeard(0, NAN, 0),
-        attitude=AttitudeHeard(0, NAN, NO_ATTITUDE, NO_ATTITUDE, 0),
+        attitude=AttitudeHeard(
+            sequence=0, time_s=NAN, used=NO_ATTITUDE, refused=NO_ATTITUDE, refused_in_a_row=0
+        ),
         offset=_NO_OFFSET,
         innovation=Innovation(NAN, NAN, NAN, NAN),
         outliers=_NO_OUTLIERS,
@@ -248,28 +250,29 @@ def motion_quality(
     sequence, used_s, source = after.fix
     looked_at = sequence != before.fix.sequence
     used = looked_at and used_s == used_s and used_s != before.fix.time_s  # not NaN
+    refused = looked_at and not used
     errors = after.errors
     x, y, z, nis = after.innovation
     ox, oy, oz = after.offset
     return MotionQuality(
-        x,
-        y,
-        z,
-        nis,
-        _root(pp + ox * ox + oy * oy + oz * oz),
-        _root(vv),
-        errors.bias_x_mps2,
-        errors.bias_y_mps2,
-        errors.bias_z_mps2,
-        _root(bb),
-        ox,
-        oy,
-        oz,
-        source,
-        used,
-        looked_at and not used,
-        time_s - after.jump_s < JUMP_S,  # false for NaN
-        after.inertial,
+        innovation_x_m=x,
+        innovation_y_m=y,
+        innovation_z_m=z,
+        nis=nis,
+        position_sigma_m=_root(pp + ox * ox + oy * oy + oz * oz),
+        velocity_sigma_mps=_root(vv),
+        bias_x_mps2=errors.bias_x_mps2,
+        bias_y_mps2=errors.bias_y_mps2,
+        bias_z_mps2=errors.bias_z_mps2,
+        bias_sigma_mps2=_root(bb),
+        offset_x_m=ox,
+        offset_y_m=oy,
+        offset_z_m=oz,
+        source=source,
+        fix_used=used,
+        fix_refused=refused,
+        jumped=time_s - after.jump_s < JUMP_S,  # false for NaN
+        inertial=after.inertial,
     )
 
 
@@ -306,19 +309,19 @@ def _at(state: MotionState, time_s: float) -> VehicleState:
     seen_s, roll, pitch, heading, roll_rate, pitch_rate, heading_rate, _, _, _, _, _ = state.turning
     turn = max(0.0, min(PREDICT_MAX_S, time_s - seen_s))
     return VehicleState(
-        time_s,
-        x + dx,
-        y + dy,
-        z + dz,
-        vx + dvx,
-        vy + dvy,
-        climb + d_climb,
-        roll + roll_rate * turn,
-        pitch + pitch_rate * turn,
-        heading + heading_rate * turn,
-        roll_rate,
-        pitch_rate,
-        heading_rate,
+        time_s=time_s,
+        x_m=x + dx,
+        y_m=y + dy,
+        z_m=z + dz,
+        velocity_x_mps=vx + dvx,
+        velocity_y_mps=vy + dvy,
+        climb_mps=climb + d_climb,
+        roll_rad=roll + roll_rate * turn,
+        pitch_rad=pitch + pitch_rate * turn,
+        heading_rad=heading + heading_rate * turn,
+        roll_rate_radps=roll_rate,
+        pitch_rate_radps=pitch_rate,
+        heading_rate_radps=heading_rate,
     )
 
 
@@ -338,7 +341,19 @@ def _errors_when_switched(state: MotionState, covariance: Moments) -> Errors:
     errors, time_s = state.errors, state.switched_s
     x, y, z, vx, vy, climb = errors_at(errors, time_s, 0.0 if state.inertial else 1.0)
     bx, by, bz = errors.bias_x_mps2, errors.bias_y_mps2, errors.bias_z_mps2
-    return Errors(time_s, x, y, z, vx, vy, climb, bx, by, bz, Covariance(*covariance))
+    return Errors(
+        time_s=time_s,
+        x_m=x,
+        y_m=y,
+        z_m=z,
+        velocity_x_mps=vx,
+        velocity_y_mps=vy,
+        climb_mps=climb,
+        bias_x_mps2=bx,
+        bias_y_mps2=by,
+        bias_z_mps2=bz,
+        covariance=Covariance(*covariance),
+    )
 
 
 def _covariance_at(gains: MotionGains, state: MotionState, time_s: float) -> Moments:
@@ -410,19 +425,19 @@ def _carried(
             errors = _errors_when_switched(state, covariance)
         switched_s = since_s
     return MotionState(
-        track,
-        errors,
-        turning,
-        inertial,
-        switched_s,
-        imu,
-        state.fix,
-        attitude,
-        state.offset,
-        state.innovation,
-        state.outliers,
-        rejected,
-        state.jump_s,
+        track=track,
+        errors=errors,
+        turning=turning,
+        inertial=inertial,
+        switched_s=switched_s,
+        imu=imu,
+        fix=state.fix,
+        attitude=attitude,
+        offset=state.offset,
+        innovation=state.innovation,
+        outliers=state.outliers,
+        rejected=rejected,
+        jump_s=state.jump_s,
     )
 
 
@@ -444,9 +459,21 @@ def _take_attitude(
             return heard._replace(sequence=sample.sequence), turning
         count = count + 1 if count > 0 and is_turn(refused, sample, interval) else 1
         if count < OUTLIERS_BELIEVED:
-            return AttitudeHeard(sample.sequence, heard.time_s, heard.used, sample, count), turning
+            return AttitudeHeard(
+                sequence=sample.sequence,
+                time_s=heard.time_s,
+                used=heard.used,
+                refused=sample,
+                refused_in_a_row=count,
+            ), turning
         starts = True
-    heard_now = AttitudeHeard(sample.sequence, sample.time_s, sample, NO_ATTITUDE, 0)
+    heard_now = AttitudeHeard(
+        sequence=sample.sequence,
+        time_s=sample.time_s,
+        used=sample,
+        refused=NO_ATTITUDE,
+        refused_in_a_row=0,
+    )
     if starts:
         return heard_now, turning_to(frame, NO_TURNING, sample)
     if not rates_follow(heard.used, sample):
@@ -533,16 +560,16 @@ def _measured(gains: MotionGains, frame: SoaringFrame, fix: PositionFix) -> _Mea
     )
     sd = fix.sigma_m if fix.sigma_m > gains.fix_sd_m else gains.fix_sd_m  # false for NaN
     return _Measured(
-        fix.time_s - gains.fix_delay_s,
-        x,
-        y,
-        z,
-        vx,
-        vy,
-        climb,
-        _length(vx, vy, climb) <= VELOCITY_MAX_MPS,  # false for NaN
-        sd * sd,
-        gains.velocity_sd_mps * gains.velocity_sd_mps,
+        time_s=fix.time_s - gains.fix_delay_s,
+        x_m=x,
+        y_m=y,
+        z_m=z,
+        velocity_x_mps=vx,
+        velocity_y_mps=vy,
+        climb_mps=climb,
+        has_velocity=_length(vx, vy, climb) <= VELOCITY_MAX_MPS,  # false for NaN
+        variance_m2=sd * sd,
+        velocity_variance_m2ps2=gains.velocity_sd_mps * gains.velocity_sd_mps,
     )
 
 
@@ -601,7 +628,19 @@ def _take_fix(
         return _take_outlier(gains, doubtful, heard, measured, place, now_s)
 
     _, _, _, _, _, _, _, bx, by, bz, _ = state.errors
-    errors = Errors(time_s, x, y, z, vx, vy, climb, bx, by, bz, Covariance(*covariance))
+    errors = Errors(
+        time_s=time_s,
+        x_m=x,
+        y_m=y,
+        z_m=z,
+        velocity_x_mps=vx,
+        velocity_y_mps=vy,
+        climb_mps=climb,
+        bias_x_mps2=bx,
+        bias_y_mps2=by,
+        bias_z_mps2=bz,
+        covariance=Covariance(*covariance),
+    )
     errors = position_taken(errors, rx, ry, rz, measured.variance_m2)
     if measured.has_velocity:
         variance = measured.velocity_variance_m2ps2
@@ -655,7 +694,9 @@ def _start(
             velocity_x_mps=vx - track_vx,
             velocity_y_mps=vy - track_vy,
             climb_mps=climb - track_climb,
-            covariance=Covariance(measured.variance_m2, 0.0, 0.0, variance, 0.0, bias_variance),
+            covariance=Covariance(
+                pp=measured.variance_m2, pv=0.0, pb=0.0, vv=variance, vb=0.0, bb=bias_variance
+            ),
         ),
         fix=heard,
         offset=_NO_OFFSET,
@@ -680,7 +721,7 @@ def _take_outlier(
     rx, ry, rz, _ = state.innovation
     near = gains.fix_gate_m + AGREE_MPS * (time_s - last_s)
     agrees = count > 0 and _length(rx - x, ry - y, rz - z) <= near
-    outliers = Outliers(count + 1 if agrees else 1, time_s, rx, ry, rz)
+    outliers = Outliers(in_a_row=count + 1 if agrees else 1, time_s=time_s, x_m=rx, y_m=ry, z_m=rz)
     if outliers.in_a_row >= OUTLIERS_BELIEVED:
         return _start(gains, state._replace(jump_s=now_s), heard, measured, place)
     return state._replace(fix=refused, outliers=outliers, rejected=state.rejected + 1)

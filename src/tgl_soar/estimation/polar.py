@@ -122,25 +122,25 @@ def fit_polar(speed_mps: Sequence[float], sink_mps: Sequence[float]) -> PolarFit
     )
     c0, c1, c2, c3 = (float(c) for c in turn @ scaled)
     errors = np.sqrt(np.diag(turn @ covariance @ turn.T))
-    polar = GlidePolar(c0, c1, c2, c3, slowest, fastest)
+    polar = GlidePolar(c0=c0, c1=c1, c2=c2, c3=c3, speed_min_mps=slowest, speed_max_mps=fastest)
     min_speed = _minimum(polar)
     best_speed = best_glide_speed(polar)
     return PolarFit(
-        polar,
-        tuple(float(e) for e in residuals),
-        sqrt(variance),
-        float(np.max(np.abs(residuals))),
-        (float(errors[0]), float(errors[1]), float(errors[2]), float(errors[3])),
-        freedom,
-        distinct,
-        min_speed,
-        polar_sink(polar, min_speed),
-        best_speed,
-        best_speed / polar_sink(polar, best_speed),
-        centre,
-        scale,
-        tuple((float(a), float(b), float(c), float(d)) for a, b, c, d in covariance),
-        tuple(float(c) for c in left_out),
+        polar=polar,
+        residuals_mps=tuple(float(e) for e in residuals),
+        residual_rms_mps=sqrt(variance),
+        residual_max_mps=float(np.max(np.abs(residuals))),
+        standard_errors=(float(errors[0]), float(errors[1]), float(errors[2]), float(errors[3])),
+        degrees_of_freedom=freedom,
+        speeds=distinct,
+        min_sink_speed_mps=min_speed,
+        min_sink_mps=polar_sink(polar, min_speed),
+        best_glide_speed_mps=best_speed,
+        best_glide_ratio=best_speed / polar_sink(polar, best_speed),
+        centre_mps=centre,
+        scale_mps=scale,
+        covariance=tuple((float(a), float(b), float(c), float(d)) for a, b, c, d in covariance),
+        left_out=tuple(float(c) for c in left_out),
     )
 
 

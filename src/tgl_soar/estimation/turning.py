@@ -60,7 +60,20 @@ class Turning(NamedTuple):
     before_heading_rad: float
 
 
-NO_TURNING: Final = Turning(NAN, NAN, NAN, NAN, 0.0, 0.0, 0.0, False, NAN, NAN, NAN, NAN)
+NO_TURNING: Final = Turning(
+    time_s=NAN,
+    roll_rad=NAN,
+    pitch_rad=NAN,
+    heading_rad=NAN,
+    roll_rate_radps=0.0,
+    pitch_rate_radps=0.0,
+    heading_rate_radps=0.0,
+    by_gyros=False,
+    before_s=NAN,
+    before_roll_rad=NAN,
+    before_pitch_rad=NAN,
+    before_heading_rad=NAN,
+)
 
 
 def is_rotation(sample: AttitudeSample) -> bool:
@@ -156,18 +169,18 @@ def turning_to(frame: SoaringFrame, turning: Turning, sample: AttitudeSample) ->
             time_s = turning.time_s
         roll_rate, pitch_rate, heading_rate = gyro_roll, gyro_pitch, gyro_heading
     return Turning(
-        time_s,
-        roll,
-        pitch,
-        heading,
-        roll_rate,
-        pitch_rate,
-        heading_rate,
-        turning.by_gyros and time_s == turning.time_s,
-        before_s,
-        before_roll,
-        before_pitch,
-        before_heading,
+        time_s=time_s,
+        roll_rad=roll,
+        pitch_rad=pitch,
+        heading_rad=heading,
+        roll_rate_radps=roll_rate,
+        pitch_rate_radps=pitch_rate,
+        heading_rate_radps=heading_rate,
+        by_gyros=turning.by_gyros and time_s == turning.time_s,
+        before_s=before_s,
+        before_roll_rad=before_roll,
+        before_pitch_rad=before_pitch,
+        before_heading_rad=before_heading,
     )
 
 
@@ -181,16 +194,16 @@ def turned_by(turning: Turning, sample: ImuSample) -> Turning:
     p, q, r = euler_rates(roll + h * roll_rate, pitch + h * pitch_rate, p, q, r)
     half = 0.5 * h
     return Turning(
-        sample.time_s,
-        roll + half * (roll_rate + p),
-        pitch + half * (pitch_rate + q),
-        heading + half * (heading_rate + r),
-        p,
-        q,
-        r,
-        True,
-        s,
-        a,
-        b,
-        c,
+        time_s=sample.time_s,
+        roll_rad=roll + half * (roll_rate + p),
+        pitch_rad=pitch + half * (pitch_rate + q),
+        heading_rad=heading + half * (heading_rate + r),
+        roll_rate_radps=p,
+        pitch_rate_radps=q,
+        heading_rate_radps=r,
+        by_gyros=True,
+        before_s=s,
+        before_roll_rad=a,
+        before_pitch_rad=b,
+        before_heading_rad=c,
     )

@@ -166,14 +166,30 @@ class WindState(NamedTuple):
 def initial_wind() -> WindState:
     """Nothing is known yet."""
     return WindState(
-        NAN,
-        Belief(NAN, NAN, NAN, NAN, NAN, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-        Averages(0.0, 0.0, 0.0, 0.0),
-        0,
-        NAN,
-        0,
-        NAN,
-        0,
+        time_s=NAN,
+        belief=Belief(
+            wind_mps=NAN,
+            updraft_mps=NAN,
+            p_xx=NAN,
+            p_xz=NAN,
+            p_zz=NAN,
+            normal_x=0.0,
+            normal_z=0.0,
+            axial_x=0.0,
+            axial_z=0.0,
+            pitot_x=0.0,
+            pitot_z=0.0,
+            trim_x=0.0,
+            trim_z=0.0,
+            pitch_x=0.0,
+            pitch_z=0.0,
+        ),
+        average=Averages(0.0, 0.0, 0.0, 0.0),
+        imu_sequence=0,
+        imu_time_s=NAN,
+        airspeed_sequence=0,
+        airspeed_time_s=NAN,
+        refused=0,
     )
 
 
@@ -254,33 +270,43 @@ def wind_step(
         air = _estimate(params, believed, frame, velocity_sigma_mps, measured)
     known = isfinite(air.airspeed_mps)
     return WindState(
-        now if known else NAN,
-        believed,
-        average,
-        imu.sequence,
-        imu_time,
-        pitot.sequence,
-        pitot_time,
-        refused,
+        time_s=now if known else NAN,
+        belief=believed,
+        average=average,
+        imu_sequence=imu.sequence,
+        imu_time_s=imu_time,
+        airspeed_sequence=pitot.sequence,
+        airspeed_time_s=pitot_time,
+        refused=refused,
     ), air
 
 
 def _body(vehicle: VehicleState) -> Body:
     _, _, _, _, velocity_x, velocity_y, climb, roll, pitch, heading, _, _, _ = vehicle
     if not isfinite(roll + pitch + heading):
-        return Body(NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
+        return Body(
+            x_n=NAN,
+            x_e=NAN,
+            x_d=NAN,
+            z_n=NAN,
+            z_e=NAN,
+            z_d=NAN,
+            velocity_x_mps=NAN,
+            velocity_y_mps=NAN,
+            climb_mps=NAN,
+        )
     sr, cr, sp, cp = sin(roll), cos(roll), sin(pitch), cos(pitch)
     sh, ch = sin(heading), cos(heading)
     return Body(
-        ch * cp,
-        sh * cp,
-        -sp,
-        ch * sp * cr + sh * sr,
-        sh * sp * cr - ch * sr,
-        cp * cr,
-        velocity_x,
-        velocity_y,
-        climb,
+        x_n=ch * cp,
+        x_e=sh * cp,
+        x_d=-sp,
+        z_n=ch * sp * cr + sh * sr,
+        z_e=sh * sp * cr - ch * sr,
+        z_d=cp * cr,
+        velocity_x_mps=velocity_x,
+        velocity_y_mps=velocity_y,
+        climb_mps=climb,
     )
 
 
@@ -315,8 +341,22 @@ def _wandered(belief: Belief, variance: float) -> Numbers:
 def _named(numbers: Numbers) -> Belief:
     wind, updraft, p_xx, p_xz, p_zz, n_x, n_z, a_x, a_z, p_x, p_z, t_x, t_z, d_x, d_z = numbers
     return Belief(
-        wind, updraft, p_xx, p_xz, p_zz, n_x, n_z, a_x, a_z, p_x, p_z, t_x, t_z, d_x, d_z
-    )  # fmt: skip
+        wind_mps=wind,
+        updraft_mps=updraft,
+        p_xx=p_xx,
+        p_xz=p_xz,
+        p_zz=p_zz,
+        normal_x=n_x,
+        normal_z=n_z,
+        axial_x=a_x,
+        axial_z=a_z,
+        pitot_x=p_x,
+        pitot_z=p_z,
+        trim_x=t_x,
+        trim_z=t_z,
+        pitch_x=d_x,
+        pitch_z=d_z,
+    )
 
 
 def _averaged(
@@ -567,12 +607,12 @@ def _estimate(
     x2 = belief.p_xx + ground + down * down * delta - 2.0 * down * belief.pitch_x
     z2 = belief.p_zz + ground + flat * flat * delta + 2.0 * flat * belief.pitch_z
     return AirEstimate(
-        speed,
-        alpha,
-        belief.wind_mps,
-        belief.updraft_mps,
-        belief.updraft_mps - polar_sink(polar, flat),
-        sqrt(max(0.0, x2)),
-        sqrt(max(0.0, z2)),
-        measured,
+        airspeed_mps=speed,
+        alpha_rad=alpha,
+        wind_mps=belief.wind_mps,
+        updraft_mps=belief.updraft_mps,
+        excess_mps=belief.updraft_mps - polar_sink(polar, flat),
+        wind_sigma_mps=sqrt(max(0.0, x2)),
+        updraft_sigma_mps=sqrt(max(0.0, z2)),
+        measured=measured,
     )

@@ -425,7 +425,13 @@ def _text(value: Any) -> str:
 
 
 def _heartbeat(m: Any) -> Heard:
-    return Heartbeat(m.type, m.autopilot, m.base_mode, m.custom_mode, m.system_status)
+    return Heartbeat(
+        type=m.type,
+        autopilot=m.autopilot,
+        base_mode=m.base_mode,
+        custom_mode=m.custom_mode,
+        system_status=m.system_status,
+    )
 
 
 def _vision_position_estimate(m: Any) -> Heard:
@@ -443,11 +449,11 @@ def _sys_status(m: Any) -> Heard:
 
 def _command_long(m: Any) -> Heard:
     return CommandLong(
-        m.target_system,
-        m.target_component,
-        m.command,
-        m.confirmation,
-        (m.param1, m.param2, m.param3, m.param4, m.param5, m.param6, m.param7),
+        target_system=m.target_system,
+        target_component=m.target_component,
+        command=m.command,
+        confirmation=m.confirmation,
+        params=(m.param1, m.param2, m.param3, m.param4, m.param5, m.param6, m.param7),
     )
 
 
@@ -463,7 +469,12 @@ def _rc_channels(m: Any) -> Heard:
 
 
 def _command_ack(m: Any) -> Heard:
-    return CommandAck(m.command, m.result, m.target_system, m.target_component)
+    return CommandAck(
+        command=m.command,
+        result=m.result,
+        target_system=m.target_system,
+        target_component=m.target_component,
+    )
 
 
 def _param_request_list(m: Any) -> Heard:
@@ -476,12 +487,22 @@ def _param_request_read(m: Any) -> Heard:
 
 def _param_set(m: Any) -> Heard:
     return ParamSet(
-        m.target_system, m.target_component, _text(m.param_id), m.param_value, m.param_type
+        target_system=m.target_system,
+        target_component=m.target_component,
+        param_id=_text(m.param_id),
+        param_value=m.param_value,
+        param_type=m.param_type,
     )
 
 
 def _param_value(m: Any) -> Heard:
-    return ParamValue(_text(m.param_id), m.param_value, m.param_type, m.param_count, m.param_index)
+    return ParamValue(
+        param_id=_text(m.param_id),
+        param_value=m.param_value,
+        param_type=m.param_type,
+        param_count=m.param_count,
+        param_index=m.param_index,
+    )
 
 
 def _setup_signing(m: Any) -> Heard:

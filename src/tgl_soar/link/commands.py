@@ -270,7 +270,13 @@ class CommandServer:
 
 def _ack(source: Source, command: int, result: int) -> CommandAck:
     progress = UNKNOWN_PROGRESS if result == RESULT_IN_PROGRESS else 0
-    return CommandAck(command, result, source.system, source.component, progress)
+    return CommandAck(
+        command=command,
+        result=result,
+        target_system=source.system,
+        target_component=source.component,
+        progress=progress,
+    )
 
 
 def _whole(value: float) -> int:

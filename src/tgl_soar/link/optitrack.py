@@ -462,7 +462,18 @@ class Optitrack:
         self.latency_s = now_s - time_s
         north, east, down = ned_from_hall(settings.hall, body.x_m, body.y_m, body.z_m)
         sigma_m = max(settings.noise_m, body.error_m)
-        return PositionFix(0, time_s, north, east, down, NAN, NAN, NAN, 0, sigma_m)
+        return PositionFix(
+            sequence=0,
+            time_s=time_s,
+            north_m=north,
+            east_m=east,
+            down_m=down,
+            velocity_north_mps=NAN,
+            velocity_east_mps=NAN,
+            velocity_down_mps=NAN,
+            source=0,
+            sigma_m=sigma_m,
+        )
 
     def _follows(self, body: RigidBody, time_s: float) -> bool:
         """Whether flight can have led from the poses before to this one."""

@@ -138,7 +138,13 @@ class ParameterServer:
             return self._hash_message()
         name = PARAMETERS[index].name
         value = self.line.shown(self.values, name)
-        return ParamValue(name, value, PARAM_TYPE_REAL32, len(PARAMETERS), index)
+        return ParamValue(
+            param_id=name,
+            param_value=value,
+            param_type=PARAM_TYPE_REAL32,
+            param_count=len(PARAMETERS),
+            param_index=index,
+        )
 
     def _hash_message(self) -> ParamValue:
         """CRC-32 of all names and values in the order of the names, as PX4 and QGroundControl
@@ -151,7 +157,13 @@ class ParameterServer:
         if number & _EXPONENT == _EXPONENT:
             number ^= 0x0080_0000  # not a number as a float: it would not arrive as it is
         (as_float,) = unpack("<f", pack("<I", number))
-        return ParamValue(HASH, as_float, PARAM_TYPE_UINT32, len(PARAMETERS), _HASH_INDEX)
+        return ParamValue(
+            param_id=HASH,
+            param_value=as_float,
+            param_type=PARAM_TYPE_UINT32,
+            param_count=len(PARAMETERS),
+            param_index=_HASH_INDEX,
+        )
 
     def rebase(self) -> None:
         """The clock was changed: what was timed by the old one is forgotten."""
@@ -222,7 +234,13 @@ class ParameterServer:
 
 
 def _error(to: Source, name: str, error: int, index: int = -1) -> ParamError:
-    return ParamError(to.system, to.component, name, index, error)
+    return ParamError(
+        target_system=to.system,
+        target_component=to.component,
+        param_id=name,
+        param_index=index,
+        error=error,
+    )
 
 
 def _value_of(message: ParamSet) -> float:

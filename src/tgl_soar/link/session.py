@@ -188,7 +188,7 @@ class Session:
         self.imu = NO_IMU
         self.airspeed = NO_AIRSPEED
         self.surfaces = NO_SURFACES
-        self.status = AutopilotStatus(NAN, False, False)
+        self.status = AutopilotStatus(time_s=NAN, accepts_surfaces=False, armed=False)
         self.custom_mode = -1  # of the autopilot, as its heartbeat tells it
         self.mismatch = ""  # why this is not the autopilot of the airframe file
         self.vehicle_time_s = NAN  # newest stamp of the attitude, vehicle's clock
@@ -368,11 +368,11 @@ class Session:
             if mismatch:
                 self.notices.append((SEVERITY_ERROR, mismatch))
         self.status = AutopilotStatus(
-            now_s,
-            not mismatch and self._flavour.obeys(message),
-            message.base_mode & MODE_FLAG_ARMED != 0,
-            self._flavour.failsafe(message),
-            self.counters.reboots,
+            time_s=now_s,
+            accepts_surfaces=not mismatch and self._flavour.obeys(message),
+            armed=message.base_mode & MODE_FLAG_ARMED != 0,
+            failsafe=self._flavour.failsafe(message),
+            boots=self.counters.reboots,
         )
 
     def _take_ack(self, message: CommandAck, now_s: float) -> None:
@@ -438,7 +438,16 @@ class Session:
         elif self._imu_from.speaks(number, now_s):
             (x, y, z), (p, q, r) = measured
             self.counters.imus += 1
-            self.imu = ImuSample(self.imu.sequence + 1, times[0], x, y, z, p, q, r)
+            self.imu = ImuSample(
+                sequence=self.imu.sequence + 1,
+                time_s=times[0],
+                force_x_frd_mps2=x,
+                force_y_frd_mps2=y,
+                force_z_frd_mps2=z,
+                roll_rate_frd_radps=p,
+                pitch_rate_frd_radps=q,
+                yaw_rate_frd_radps=r,
+            )
 
     def _take_hud(self, m: VfrHud, now_s: float) -> None:
         """It has no stamp.  Without a pitot tube it shows a guess, which is no measurement."""
@@ -464,7 +473,11 @@ class Session:
             self.servos_us = m.servos
             put = self._flavour.deflections(m.servos)
             self.surfaces = SurfacesSample(
-                self.surfaces.sequence + 1, times[0], put.elevator, put.aileron, put.rudder
+                sequence=self.surfaces.sequence + 1,
+                time_s=times[0],
+                elevator=put.elevator,
+                aileron=put.aileron,
+                rudder=put.rudder,
             )
 
     def _take_local_position(self, m: LocalPositionNed, now_s: float) -> None:
@@ -546,7 +559,18 @@ class Session:
     ) -> None:
         """A position on the link, for the choice among all sources."""
         (x, y, z), (u, v, w) = at, velocity
-        fix = PositionFix(0, time_s, x, y, z, u, v, w, source, sigma_m)
+        fix = PositionFix(
+            sequence=0,
+            time_s=time_s,
+            north_m=x,
+            east_m=y,
+            down_m=z,
+            velocity_north_mps=u,
+            velocity_east_mps=v,
+            velocity_down_mps=w,
+            source=source,
+            sigma_m=sigma_m,
+        )
         if self._lockstep:  # the vehicle is at least as far as this, though its attitude be lost
             now_s = time_s if time_s > self.vehicle_time_s else self.vehicle_time_s
         if self.sources.take(source, fix, now_s, turned):
@@ -561,7 +585,17 @@ class Session:
         self.counters.attitudes += 1
         (w, x, y, z), (roll, pitch, yaw) = q, rates
         number = self.attitude.sequence + 1
-        self.attitude = AttitudeSample(number, time_s, w, x, y, z, roll, pitch, yaw)
+        self.attitude = AttitudeSample(
+            sequence=number,
+            time_s=time_s,
+            qw=w,
+            qx=x,
+            qy=y,
+            qz=z,
+            roll_rate_frd_radps=roll,
+            pitch_rate_frd_radps=pitch,
+            yaw_rate_frd_radps=yaw,
+        )
 
     def _loop_time_s(self, now_s: float) -> float:
         """Now, on the loop's clock."""

@@ -170,7 +170,18 @@ class PositionSources:
             self._switch(source, now_s)
         _, time_s, x, y, z, u, v, w, _, sigma_m = measured
         number = self.position.sequence + 1
-        self.position = PositionFix(number, time_s, x, y, z, u, v, w, source, sigma_m)
+        self.position = PositionFix(
+            sequence=number,
+            time_s=time_s,
+            north_m=x,
+            east_m=y,
+            down_m=z,
+            velocity_north_mps=u,
+            velocity_east_mps=v,
+            velocity_down_mps=w,
+            source=source,
+            sigma_m=sigma_m,
+        )
         self.turned = turned
         return True
 

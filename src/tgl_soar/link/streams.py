@@ -151,5 +151,9 @@ class StreamRequests:
         interval_us = float(round(1e6 / stream.rate_hz))
         params = (float(stream.message_id), interval_us, 0.0, 0.0, 0.0, 0.0, 0.0)
         return CommandLong(
-            self._target_system, COMPONENT_AUTOPILOT, COMMAND_SET_MESSAGE_INTERVAL, 0, params
+            target_system=self._target_system,
+            target_component=COMPONENT_AUTOPILOT,
+            command=COMMAND_SET_MESSAGE_INTERVAL,
+            confirmation=0,
+            params=params,
         )

@@ -222,14 +222,14 @@ def nav_controller_output(output: Output) -> NavControllerOutput:
     heading = degrees(output.setpoints.heading_rad)
     whole = round(heading) if isfinite(heading) else 0
     return NavControllerOutput(
-        degrees(output.setpoints.roll_rad),
-        degrees(output.setpoints.pitch_rad),
-        whole,
-        whole,
-        0,
-        output.line_z_m - output.vehicle.z_m,
-        0.0,
-        output.e_rho_m,
+        nav_roll=degrees(output.setpoints.roll_rad),
+        nav_pitch=degrees(output.setpoints.pitch_rad),
+        nav_bearing=whole,
+        target_bearing=whole,
+        wp_dist=0,
+        alt_error=output.line_z_m - output.vehicle.z_m,
+        aspd_error=0.0,
+        xtrack_error=output.e_rho_m,
     )
 
 
@@ -237,12 +237,12 @@ def wind_cov(air: AirEstimate, frame: SoaringFrame, vehicle_time_s: float) -> Wi
     """The wind in local NED; across the site's x axis it is taken as none."""
     north, east, down = ned_vector_from_soaring(frame, air.wind_mps, 0.0, air.updraft_mps)
     return WindCov(
-        _stamp(vehicle_time_s, 1e6),
-        north,
-        east,
-        down,
-        air.wind_sigma_mps,
-        air.updraft_sigma_mps,
+        time_usec=_stamp(vehicle_time_s, 1e6),
+        wind_x=north,
+        wind_y=east,
+        wind_z=down,
+        horiz_accuracy=air.wind_sigma_mps,
+        vert_accuracy=air.updraft_sigma_mps,
     )
 
 

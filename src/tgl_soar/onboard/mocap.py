@@ -30,15 +30,15 @@ class MocapFeed:
         )
         self.client = Optitrack(
             Settings(
-                self._sockets.server,
-                mocap.body,
-                unicast,
-                mocap.hall(),
-                mocap.noise_m,
-                mocap.max_error_m,
-                mocap.max_speed_mps,
-                mocap.max_age_s,
-                mocap.max_rate_hz,
+                server=self._sockets.server,
+                body=mocap.body,
+                unicast=unicast,
+                hall=mocap.hall(),
+                noise_m=mocap.noise_m,
+                max_error_m=mocap.max_error_m,
+                max_speed_mps=mocap.max_speed_mps,
+                max_age_s=mocap.max_age_s,
+                max_rate_hz=mocap.max_rate_hz,
             ),
             lockstep=lockstep,
         )

@@ -245,21 +245,21 @@ def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Setu
     # counts on latitude and longitude is kept on the ground by what its satellites need.
     needs = needs._replace(gps=needs.gps and "global_position" in site.position.sources)
     return Setup(
-        Source(link.system_id, link.component_id),
-        commanding_source(airframe, flavour),
-        flavour,
-        site.frame(),
-        parameters,
-        link.operators,
-        preset_lines(site, parameters),
-        site.contour_for(airframe.airframe.name),
-        driven,
-        site.position,
-        _IMUS[link.imu],
-        site.forward,
-        airframe.aerodynamics(),
-        site.known_ground(),
-        needs,
+        own=Source(link.system_id, link.component_id),
+        override=commanding_source(airframe, flavour),
+        flavour=flavour,
+        frame=site.frame(),
+        parameters=parameters,
+        operators=link.operators,
+        presets=preset_lines(site, parameters),
+        contour=site.contour_for(airframe.airframe.name),
+        surface_channels=driven,
+        position=site.position,
+        imu=_IMUS[link.imu],
+        forward=site.forward,
+        aerodynamics=airframe.aerodynamics(),
+        ground=site.known_ground(),
+        needs=needs,
     )
 
 
@@ -311,7 +311,11 @@ def laws_of(setup: Setup, values: ParameterSet) -> autopilot.Laws:
 
 def _channel(surface: Surface) -> SurfaceChannel:
     return SurfaceChannel(
-        surface.channel, surface.pwm_min, surface.pwm_trim, surface.pwm_max, surface.reversed
+        channel=surface.channel,
+        pwm_min=surface.pwm_min,
+        pwm_trim=surface.pwm_trim,
+        pwm_max=surface.pwm_max,
+        reversed=surface.reversed,
     )
 
 
@@ -937,14 +941,14 @@ class Onboard:
             self._enter_mode(time_s)
             status = status._replace(accepts_surfaces=True)  # it will, once it is asked
         inputs = Inputs(
-            time_s,
-            session.position,
-            session.attitude,
-            status,
-            self._engage and not self._mode_change.is_changing,
-            session.imu,
-            session.airspeed,
-            session.surfaces,
+            time_s=time_s,
+            position=session.position,
+            attitude=session.attitude,
+            autopilot=status,
+            engage=self._engage and not self._mode_change.is_changing,
+            imu=session.imu,
+            airspeed=session.airspeed,
+            surfaces=session.surfaces,
         )
         rehearsal = self._rehearsal
         if rehearsal is None or inputs.position.sequence != rehearsal.inputs.position.sequence:
@@ -1141,15 +1145,15 @@ class Onboard:
         ticks = self.pacer.counters
         self._recorder.link(
             LinkReport(
-                self._loss,
-                self.session.round_trip_s,
-                counters.frames,
-                counters.bad_checksums,
-                self.counters.unsent,
-                ticks.late,
-                ticks.skipped,
-                ticks.over_run,
-                ticks.worst_late_s,
+                loss=self._loss,
+                round_trip_s=self.session.round_trip_s,
+                frames=counters.frames,
+                bad_checksums=counters.bad_checksums,
+                unsent=self.counters.unsent,
+                late=ticks.late,
+                skipped=ticks.skipped,
+                over_run=ticks.over_run,
+                worst_late_s=ticks.worst_late_s,
             )
         )
 

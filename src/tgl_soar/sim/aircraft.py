@@ -382,22 +382,22 @@ def step(
     r += half * (r_dot + r_dot2)
     limit = RATE_LIMIT_RADPS
     return AircraftState(
-        x + half * (vx + vx2),
-        y + half * (vy + vy2),
-        z + half * (vz + vz2),
-        vx + half * (ax + ax2),
-        vy + half * (ay + ay2),
-        vz + half * (az + az2),
-        qw * unit,
-        qx * unit,
-        qy * unit,
-        qz * unit,
-        min(limit, max(-limit, p)),
-        min(limit, max(-limit, q)),
-        min(limit, max(-limit, r)),
-        elevator_end,
-        aileron_end,
-        rudder_end,
+        x_m=x + half * (vx + vx2),
+        y_m=y + half * (vy + vy2),
+        z_m=z + half * (vz + vz2),
+        velocity_x_mps=vx + half * (ax + ax2),
+        velocity_y_mps=vy + half * (ay + ay2),
+        velocity_z_mps=vz + half * (az + az2),
+        qw=qw * unit,
+        qx=qx * unit,
+        qy=qy * unit,
+        qz=qz * unit,
+        roll_rate_frd_radps=min(limit, max(-limit, p)),
+        pitch_rate_frd_radps=min(limit, max(-limit, q)),
+        yaw_rate_frd_radps=min(limit, max(-limit, r)),
+        elevator=elevator_end,
+        aileron=aileron_end,
+        rudder=rudder_end,
     )
 
 
@@ -498,14 +498,14 @@ def steady_glide(model: AircraftModel, alpha_rad: float) -> Glide:
     weight = model.mass_kg * model.gravity_mps2
     speed = sqrt(2.0 * weight / (model.air_density_kgpm3 * model.wing_area_m2 * total))
     return Glide(
-        alpha_rad,
-        alpha_rad - atan2(cd, cl),
-        elevator,
-        speed,
-        speed * cl / total,
-        speed * cd / total,
-        cl,
-        cd,
+        alpha_rad=alpha_rad,
+        pitch_rad=alpha_rad - atan2(cd, cl),
+        elevator=elevator,
+        airspeed_mps=speed,
+        horizontal_mps=speed * cl / total,
+        sink_mps=speed * cd / total,
+        lift_coefficient=cl,
+        drag_coefficient=cd,
     )
 
 
@@ -573,9 +573,10 @@ def gliding_state(
     """A state in that glide, facing straight upwind at a place [m] in a wind (u, v, w) [m/s]."""
     qw, qx, qy, qz = quaternion_from_euler(0.0, glide.pitch_rad, 0.0)
     return AircraftState(
-        x_m, y_m, z_m,
-        wind[0] - glide.horizontal_mps, wind[1], wind[2] - glide.sink_mps,
-        qw, qx, qy, qz,
-        0.0, 0.0, 0.0,
-        glide.elevator, 0.0, 0.0,
+        x_m=x_m, y_m=y_m, z_m=z_m,
+        velocity_x_mps=wind[0] - glide.horizontal_mps, velocity_y_mps=wind[1],
+        velocity_z_mps=wind[2] - glide.sink_mps,
+        qw=qw, qx=qx, qy=qy, qz=qz,
+        roll_rate_frd_radps=0.0, pitch_rate_frd_radps=0.0, yaw_rate_frd_radps=0.0,
+        elevator=glide.elevator, aileron=0.0, rudder=0.0,
     )  # fmt: skip

@@ -331,7 +331,14 @@ class Simulation:
         world.poll_attitude()
         world.poll_position()
         position, airspeed_mps = world.position, world.airspeed_mps
-        return Sensed(world.attitude, position, airspeed_mps, flying, world.imu, world.airspeed)
+        return Sensed(
+            attitude=world.attitude,
+            position=position,
+            airspeed_mps=airspeed_mps,
+            flying=flying,
+            imu=world.imu,
+            pitot=world.airspeed,
+        )
 
     def _tell_truth(self) -> None:
         for name, value in told_truth(self.world, self._polar):

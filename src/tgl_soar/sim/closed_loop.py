@@ -104,14 +104,14 @@ class ClosedLoop:
         now = world.time_s
         engage = self.engage and now >= HELD_S
         inputs = Inputs(
-            now,
-            world.position,
-            world.attitude,
-            AutopilotStatus(now, True, True),
-            engage,
-            world.imu,
-            world.airspeed,
-            world.surfaces,
+            time_s=now,
+            position=world.position,
+            attitude=world.attitude,
+            autopilot=AutopilotStatus(time_s=now, accepts_surfaces=True, armed=True),
+            engage=engage,
+            imu=world.imu,
+            airspeed=world.airspeed,
+            surfaces=world.surfaces,
         )
         if self._link is not None:
             inputs = self._link.inputs(inputs)

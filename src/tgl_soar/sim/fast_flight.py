@@ -91,16 +91,36 @@ from tgl_soar.types import (
 
 _FAR_M = 1e6
 _NO_AIR = Air(
-    HILL,
-    Hill(0.0, 0.0),
-    Jet(GridTable(0.0, 1.0, 2, 0.0, 1.0, 2, np.zeros(8)), 0.0, 0.0),
-    inf,
-    GridTable3D(0.0, 1.0, 2, 0.0, 1.0, 2, 0.0, 1.0, 2, np.zeros(24)),
-    np.zeros((2, 2, 2), dtype=bool),
-    False,
-    nan,
+    kind=HILL,
+    hill=Hill(0.0, 0.0),
+    jet=Jet(
+        GridTable(x0_m=0.0, dx_m=1.0, nx=2, z0_m=0.0, dz_m=1.0, nz=2, values=np.zeros(8)), 0.0, 0.0
+    ),
+    half_width_m=inf,
+    grid=GridTable3D(
+        x0_m=0.0,
+        dx_m=1.0,
+        nx=2,
+        y0_m=0.0,
+        dy_m=1.0,
+        ny=2,
+        z0_m=0.0,
+        dz_m=1.0,
+        nz=2,
+        values=np.zeros(24),
+    ),
+    solid=np.zeros((2, 2, 2), dtype=bool),
+    goes_on=False,
+    lost_mps=nan,
 )
-_NO_IMU_PARAMS = ImuParams(1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+_NO_IMU_PARAMS = ImuParams(
+    rate_hz=1.0,
+    delay_s=0.0,
+    force_noise_mps2=0.0,
+    force_bias_mps2=0.0,
+    rate_noise_radps=0.0,
+    rate_bias_radps=0.0,
+)
 _NO_AIRSPEED_PARAMS = AirspeedParams(1.0, 0.0, 0.0, 0.0)
 
 
@@ -131,33 +151,33 @@ def prepare(world: World, duration_s: float) -> Prepared:
     imu, airspeed, surfaces = world._imu_sensor, world._airspeed_sensor, world._surfaces_sensor
     never = sensor_timing("none", world.step_hz, 0.0, world.step_hz)
     setup = Setup(
-        world.step_hz,
-        world.model,
-        world._servo,
-        world.frame,
-        flat.first,
-        flat.first if flat.second is None else flat.second,
-        inf if world._bounds is None else world._bounds.half_width_m,
-        position.params,
-        position.timing,
-        attitude.params,
-        attitude.timing,
-        imu is not None,
-        _NO_IMU_PARAMS if imu is None else imu.params,
-        never if imu is None else imu.timing,
-        airspeed is not None,
-        _NO_AIRSPEED_PARAMS if airspeed is None else airspeed.params,
-        never if airspeed is None else airspeed.timing,
-        surfaces is not None,
-        never if surfaces is None else surfaces.timing,
+        step_hz=world.step_hz,
+        model=world.model,
+        servo=world._servo,
+        frame=world.frame,
+        first=flat.first,
+        second=flat.first if flat.second is None else flat.second,
+        half_width_m=inf if world._bounds is None else world._bounds.half_width_m,
+        position=position.params,
+        position_timing=position.timing,
+        attitude=attitude.params,
+        attitude_timing=attitude.timing,
+        has_imu=imu is not None,
+        imu=_NO_IMU_PARAMS if imu is None else imu.params,
+        imu_timing=never if imu is None else imu.timing,
+        has_airspeed=airspeed is not None,
+        airspeed=_NO_AIRSPEED_PARAMS if airspeed is None else airspeed.params,
+        airspeed_timing=never if airspeed is None else airspeed.timing,
+        has_surfaces=surfaces is not None,
+        surfaces_timing=never if surfaces is None else surfaces.timing,
     )
     air = world._turbulence
     weather = Weather(
-        flat.weight,
-        flat.factor,
-        flat.gust_mps,
-        air is not None,
-        DrydenParams(1.0, 0.0, 0.0, 0.0) if air is None else air.params,
+        weight=flat.weight,
+        factor=flat.factor,
+        gust_mps=flat.gust_mps,
+        turbulent=air is not None,
+        dryden=DrydenParams(1.0, 0.0, 0.0, 0.0) if air is None else air.params,
     )
     return Prepared(world, setup, weather, ticks)
 
@@ -169,13 +189,13 @@ def fly_compiled(
     world, ticks = prepared.world, prepared.ticks
     parts, start = _draw(prepared, seed)
     flight = Flight(
-        0,
-        FLIES,
-        0,
-        start,
-        SurfaceCommand(world.trim.elevator, 0.0, 0.0),
-        True,
-        initial_state(),
+        steps=0,
+        standing=FLIES,
+        reason=0,
+        world=start,
+        command=SurfaceCommand(world.trim.elevator, 0.0, 0.0),
+        held=True,
+        autopilot=initial_state(),
     )
     rows = np.empty((ticks, len(Row._fields)))
     fly = compiled(fly_ticks)
@@ -321,34 +341,42 @@ def _draw(prepared: Prepared, seed: int) -> tuple[Parts, WorldNow]:
     state = world.state
     calm = world.field.wind_at(state.x_m, state.y_m, state.z_m, 0.0)
     parts = Parts(
-        setup,
-        weather,
-        Noise(
-            white,
-            place[3:].reshape(-1, columns),
-            turn[6:].reshape(-1, 6),
-            force[6:].reshape(-1, 6),
-            pressure[1:],
+        setup=setup,
+        weather=weather,
+        noise=Noise(
+            turbulence=white,
+            position=place[3:].reshape(-1, columns),
+            attitude=turn[6:].reshape(-1, 6),
+            imu=force[6:].reshape(-1, 6),
+            airspeed=pressure[1:],
         ),
-        Biases(
-            _triple(place[:3] * position.bias_m),
-            _triple(turn[:3] * attitude.bias_rad),
-            _triple(turn[3:6] * attitude.rate_bias_radps),
-            _triple(force[:3] * imu.force_bias_mps2),
-            _triple(force[3:6] * imu.rate_bias_radps),
-            float(pressure[0]) * airspeed.pressure_bias_pa,
+        biases=Biases(
+            position_m=_triple(place[:3] * position.bias_m),
+            attitude_rad=_triple(turn[:3] * attitude.bias_rad),
+            rate_radps=_triple(turn[3:6] * attitude.rate_bias_radps),
+            force_mps2=_triple(force[:3] * imu.force_bias_mps2),
+            gyro_radps=_triple(force[3:6] * imu.rate_bias_radps),
+            pressure_pa=float(pressure[0]) * airspeed.pressure_bias_pa,
         ),
-        Instruments(
-            _under_way(setup.position_timing, 7),
-            _under_way(setup.attitude_timing, 8),
-            _under_way(setup.imu_timing, 7),
-            _under_way(setup.airspeed_timing, 2),
-            _under_way(setup.surfaces_timing, 4),
+        instruments=Instruments(
+            fixes=_under_way(setup.position_timing, 7),
+            attitudes=_under_way(setup.attitude_timing, 8),
+            imus=_under_way(setup.imu_timing, 7),
+            airspeeds=_under_way(setup.airspeed_timing, 2),
+            surfaces=_under_way(setup.surfaces_timing, 4),
         ),
     )
     wind = (calm[0] + gust[0], calm[1] + gust[1], calm[2] + gust[2])
     elevator, aileron, rudder = world._servos
-    return parts, WorldNow(state, elevator, aileron, rudder, wind, turbulence, False)
+    return parts, WorldNow(
+        aircraft=state,
+        elevator=elevator,
+        aileron=aileron,
+        rudder=rudder,
+        wind=wind,
+        turbulence=turbulence,
+        crashed=False,
+    )
 
 
 def _under_way(timing: SensorTiming, columns: int) -> FloatArray:
@@ -405,9 +433,19 @@ def _flat(field: WindField, times_s: FloatArray) -> _Flat:
     if isinstance(field, BlendedField):
         weight = np.array([field.weight.at(t) for t in times_s.tolist()])
         return _Flat(
-            as_air(field.first), as_air(field.second), weight, np.ones(count), np.zeros((count, 3))
+            first=as_air(field.first),
+            second=as_air(field.second),
+            weight=weight,
+            factor=np.ones(count),
+            gust_mps=np.zeros((count, 3)),
         )
-    return _Flat(as_air(field), None, np.full(count, -1.0), np.ones(count), np.zeros((count, 3)))
+    return _Flat(
+        first=as_air(field),
+        second=None,
+        weight=np.full(count, -1.0),
+        factor=np.ones(count),
+        gust_mps=np.zeros((count, 3)),
+    )
 
 
 def as_air(field: WindField) -> Air:
@@ -443,8 +481,8 @@ def _at_every_y(field: GridField, table: GridTable) -> GridTable3D:
     z = table.z0_m + np.arange(table.nz) * table.dz_m
     nodes = np.stack(field.wind(x, 0.0, z), axis=-1)
     return GridTable3D(
-        table.x0_m, table.dx_m, table.nx,
-        -_FAR_M, 2.0 * _FAR_M, 2,
-        table.z0_m, table.dz_m, table.nz,
-        np.stack([nodes, nodes], axis=1).ravel(),
+        x0_m=table.x0_m, dx_m=table.dx_m, nx=table.nx,
+        y0_m=-_FAR_M, dy_m=2.0 * _FAR_M, ny=2,
+        z0_m=table.z0_m, dz_m=table.dz_m, nz=table.nz,
+        values=np.stack([nodes, nodes], axis=1).ravel(),
     )  # fmt: skip

@@ -94,23 +94,57 @@ class Fault:
 # --- the catalogue ---------------------------------------------------------------------------
 
 _LONGEST_S: Final = 1e6
-_START: Final = Number("start", "s", 0.0, _LONGEST_S, 10.0, (5.0, 11.0), "when it begins")
+_START: Final = Number(
+    name="start",
+    unit="s",
+    low=0.0,
+    high=_LONGEST_S,
+    default=10.0,
+    drawn=(5.0, 11.0),
+    what="when it begins",
+)
 
 
 def _for(default: float, low: float, high: float) -> Number:
-    return Number("for", "s", 0.0, _LONGEST_S, default, (low, high), "how long it lasts")
+    return Number(
+        name="for",
+        unit="s",
+        low=0.0,
+        high=_LONGEST_S,
+        default=default,
+        drawn=(low, high),
+        what="how long it lasts",
+    )
 
 
 def _share(default: float, low: float, high: float) -> Number:
-    return Number("share", "", 0.0, 1.0, default, (low, high), "of all that passes")
+    return Number(
+        name="share",
+        unit="",
+        low=0.0,
+        high=1.0,
+        default=default,
+        drawn=(low, high),
+        what="of all that passes",
+    )
 
 
 def _by(unit: str, largest: float, default: float, low: float, high: float, what: str) -> Number:
-    return Number("by", unit, -largest, largest, default, (low, high), what)
+    return Number(
+        name="by",
+        unit=unit,
+        low=-largest,
+        high=largest,
+        default=default,
+        drawn=(low, high),
+        what=what,
+    )
 
 
 def _late(default: float, low: float, high: float, what: str) -> Number:
-    return Number("by", "s", 0.0, 10.0, default, (low, high), what)
+    return Number(
+        name="by", unit="s", low=0.0, high=10.0, default=default, drawn=(low, high), what=what
+    )
 
 
 # What passes on a way, and what can become of anything that passes.
@@ -178,12 +212,24 @@ def _errors(of: str, passing: str, unit: str, axes: tuple[str, ...], usual: floa
     lasting = _for(2.0, 0.1, 6.0)
     offsets = tuple(
         Number(
-            axis, unit, -largest, largest, usual if i == 0 else 0.0, (-usual, usual), "added to it"
+            name=axis,
+            unit=unit,
+            low=-largest,
+            high=largest,
+            default=usual if i == 0 else 0.0,
+            drawn=(-usual, usual),
+            what="added to it",
         )
         for i, axis in enumerate(axes)
     )
     sigma = Number(
-        "sigma", unit, 0.0, largest, 0.5 * usual, (0.05 * usual, usual), "standard deviation"
+        name="sigma",
+        unit=unit,
+        low=0.0,
+        high=largest,
+        default=0.5 * usual,
+        drawn=(0.05 * usual, usual),
+        what="standard deviation",
     )
     return [
         Kind(f"{of}.bias", f"{passing} are wrong by as much", (_START, lasting, *offsets)),
@@ -203,7 +249,15 @@ def _servo(surface: str) -> list[Kind]:
             (
                 _START,
                 _SERVO_FOR,
-                Number("rate", "1/s", 0.01, 100.0, 1.0, (0.2, 4.0), "half-throws a second"),
+                Number(
+                    name="rate",
+                    unit="1/s",
+                    low=0.01,
+                    high=100.0,
+                    default=1.0,
+                    drawn=(0.2, 4.0),
+                    what="half-throws a second",
+                ),
             ),
         ),
     ]
@@ -234,10 +288,42 @@ _KINDS: Final[tuple[Kind, ...]] = (
         "a gust of 1 − cos in all of the air",
         (
             _START,
-            Number("for", "s", 0.01, _LONGEST_S, 1.0, (0.3, 3.0), "how long it lasts"),
-            Number("along", "m/s", -30.0, 30.0, 1.0, (-2.0, 2.0), "at most, downstream"),
-            Number("across", "m/s", -30.0, 30.0, 0.0, (-1.0, 1.0), "at most, to the right"),
-            Number("up", "m/s", -30.0, 30.0, 0.0, (-1.0, 1.0), "at most, upwards"),
+            Number(
+                name="for",
+                unit="s",
+                low=0.01,
+                high=_LONGEST_S,
+                default=1.0,
+                drawn=(0.3, 3.0),
+                what="how long it lasts",
+            ),
+            Number(
+                name="along",
+                unit="m/s",
+                low=-30.0,
+                high=30.0,
+                default=1.0,
+                drawn=(-2.0, 2.0),
+                what="at most, downstream",
+            ),
+            Number(
+                name="across",
+                unit="m/s",
+                low=-30.0,
+                high=30.0,
+                default=0.0,
+                drawn=(-1.0, 1.0),
+                what="at most, to the right",
+            ),
+            Number(
+                name="up",
+                unit="m/s",
+                low=-30.0,
+                high=30.0,
+                default=0.0,
+                drawn=(-1.0, 1.0),
+                what="at most, upwards",
+            ),
         ),
     ),
     Kind(
@@ -246,8 +332,24 @@ _KINDS: Final[tuple[Kind, ...]] = (
         (
             _START,
             _for(2.0, 0.2, 6.0),
-            Number("to", "", 0.0, 2.0, 0.5, (0.0, 0.95), "share of the wind"),
-            Number("over", "s", 0.05, 1e3, 1.0, (0.2, 2.0), "time to fall, and to rise"),
+            Number(
+                name="to",
+                unit="",
+                low=0.0,
+                high=2.0,
+                default=0.5,
+                drawn=(0.0, 0.95),
+                what="share of the wind",
+            ),
+            Number(
+                name="over",
+                unit="s",
+                low=0.05,
+                high=1e3,
+                default=1.0,
+                drawn=(0.2, 2.0),
+                what="time to fall, and to rise",
+            ),
         ),
     ),
     Kind(

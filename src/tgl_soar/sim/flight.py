@@ -391,7 +391,18 @@ def arrived_fix(parts: Parts, n: int) -> PositionFix:
         return NO_FIX
     fixes = parts.instruments.fixes
     row = fixes[(sequence - 1) % len(fixes)]
-    return PositionFix(sequence, row[0], row[1], row[2], row[3], row[4], row[5], row[6], 0, NAN)
+    return PositionFix(
+        sequence=sequence,
+        time_s=row[0],
+        north_m=row[1],
+        east_m=row[2],
+        down_m=row[3],
+        velocity_north_mps=row[4],
+        velocity_east_mps=row[5],
+        velocity_down_mps=row[6],
+        source=0,
+        sigma_m=NAN,
+    )
 
 
 def arrived_attitude(parts: Parts, n: int) -> AttitudeSample:
@@ -401,7 +412,17 @@ def arrived_attitude(parts: Parts, n: int) -> AttitudeSample:
         return NO_ATTITUDE
     attitudes = parts.instruments.attitudes
     row = attitudes[(sequence - 1) % len(attitudes)]
-    return AttitudeSample(sequence, row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7])
+    return AttitudeSample(
+        sequence=sequence,
+        time_s=row[0],
+        qw=row[1],
+        qx=row[2],
+        qy=row[3],
+        qz=row[4],
+        roll_rate_frd_radps=row[5],
+        pitch_rate_frd_radps=row[6],
+        yaw_rate_frd_radps=row[7],
+    )
 
 
 def arrived_imu(parts: Parts, n: int) -> ImuSample:
@@ -413,7 +434,16 @@ def arrived_imu(parts: Parts, n: int) -> ImuSample:
         return NO_IMU
     imus = parts.instruments.imus
     row = imus[(sequence - 1) % len(imus)]
-    return ImuSample(sequence, row[0], row[1], row[2], row[3], row[4], row[5], row[6])
+    return ImuSample(
+        sequence=sequence,
+        time_s=row[0],
+        force_x_frd_mps2=row[1],
+        force_y_frd_mps2=row[2],
+        force_z_frd_mps2=row[3],
+        roll_rate_frd_radps=row[4],
+        pitch_rate_frd_radps=row[5],
+        yaw_rate_frd_radps=row[6],
+    )
 
 
 def arrived_airspeed(parts: Parts, n: int) -> AirspeedSample:
@@ -437,7 +467,9 @@ def arrived_surfaces(parts: Parts, n: int) -> SurfacesSample:
         return NO_SURFACES
     surfaces = parts.instruments.surfaces
     row = surfaces[(sequence - 1) % len(surfaces)]
-    return SurfacesSample(sequence, row[0], row[1], row[2], row[3])
+    return SurfacesSample(
+        sequence=sequence, time_s=row[0], elevator=row[1], aileron=row[2], rudder=row[3]
+    )
 
 
 def world_step(
@@ -466,7 +498,15 @@ def world_step(
         crashed = not inside(setup, weather, n, aircraft.x_m, aircraft.y_m, aircraft.z_m)
     wind = wind_at(setup, weather, gust, n, aircraft.x_m, aircraft.y_m, aircraft.z_m)
     sense(parts, aircraft, wind, command, held or crashed, n)
-    return WorldNow(aircraft, elevator, aileron, rudder, wind, turbulence, crashed)
+    return WorldNow(
+        aircraft=aircraft,
+        elevator=elevator,
+        aileron=aileron,
+        rudder=rudder,
+        wind=wind,
+        turbulence=turbulence,
+        crashed=crashed,
+    )
 
 
 REPORT_SIZE: Final = 53
@@ -579,14 +619,16 @@ def fly_ticks(
     while n < until_step and standing == FLIES:
         now = n * dt
         inputs = Inputs(
-            now,
-            arrived_fix(parts, n),
-            arrived_attitude(parts, n),
-            AutopilotStatus(now, True, True, False, 0),
-            now >= HELD_S,
-            arrived_imu(parts, n),
-            arrived_airspeed(parts, n),
-            arrived_surfaces(parts, n),
+            time_s=now,
+            position=arrived_fix(parts, n),
+            attitude=arrived_attitude(parts, n),
+            autopilot=AutopilotStatus(
+                time_s=now, accepts_surfaces=True, armed=True, failsafe=False, boots=0
+            ),
+            engage=now >= HELD_S,
+            imu=arrived_imu(parts, n),
+            airspeed=arrived_airspeed(parts, n),
+            surfaces=arrived_surfaces(parts, n),
         )
         autopilot, output = autopilot_step(laws, autopilot, inputs)
         reason = output.reason
@@ -600,4 +642,12 @@ def fly_ticks(
             standing = CRASHED
         elif output.mode in (RELEASED, FAILED):
             standing = LET_GO
-    return Flight(n, standing, reason, world, command, held, autopilot)
+    return Flight(
+        steps=n,
+        standing=standing,
+        reason=reason,
+        world=world,
+        command=command,
+        held=held,
+        autopilot=autopilot,
+    )

@@ -128,14 +128,14 @@ def fly(
             if now - gliding_s < DOUBLET_EVERY_S:  # on the way to this speed
                 since_s = float("inf")
         inputs = Inputs(
-            now,
-            world.position,
-            world.attitude,
-            AutopilotStatus(now, True, True),
-            False,
-            world.imu,
-            world.airspeed,
-            world.surfaces,
+            time_s=now,
+            position=world.position,
+            attitude=world.attitude,
+            autopilot=AutopilotStatus(time_s=now, accepts_surfaces=True, armed=True),
+            engage=False,
+            imu=world.imu,
+            airspeed=world.airspeed,
+            surfaces=world.surfaces,
         )
         truth = world.truth
         state, output = step(laws, state, inputs)

@@ -261,7 +261,13 @@ class Injection:
                 times = (begin, begin + over, end + 1e-3, end + 1e-3 + over)
                 field = ScaledField(field, Schedule(times, (1.0, fault["to"], fault["to"], 1.0)))
         gusts = [
-            Gust(fault.start_s, fault["for"], fault["along"], fault["across"], fault["up"])
+            Gust(
+                start_s=fault.start_s,
+                duration_s=fault["for"],
+                u_mps=fault["along"],
+                v_mps=fault["across"],
+                w_mps=fault["up"],
+            )
             for fault in self.faults
             if fault.kind.name == "air.gust"
         ]
@@ -335,7 +341,7 @@ class DirectLink:
         self._reboots = reboots
         self._takes = injection.named("pilot.takes")
         self._status: AutopilotStatus | None = None
-        self._heard = AutopilotStatus(NAN, False, False)
+        self._heard = AutopilotStatus(time_s=NAN, accepts_surfaces=False, armed=False)
         self._beaten_s = float("-inf")
         self._command = trim
         self._commanded_s = float("-inf")

@@ -262,7 +262,13 @@ class Motive:
     def _see(self, now_s: float, position_ned_m: Triple, attitude: Quaternion) -> list[Body]:
         """All bodies at an exposure."""
         w, *axis = attitude
-        level = HallFrame(self._hall.z_up, self._hall.yaw_rad, 0.0, 0.0, 0.0)
+        level = HallFrame(
+            z_up=self._hall.z_up,
+            yaw_rad=self._hall.yaw_rad,
+            origin_north_m=0.0,
+            origin_east_m=0.0,
+            origin_down_m=0.0,
+        )
         turned = (*hall_from_ned(level, axis[0], axis[1], axis[2]), w)
         place = self._noisy(hall_from_ned(self._hall, *position_ned_m))
         aircraft, *others = self._named()
@@ -287,9 +293,23 @@ class Motive:
 
     def _named(self) -> list[Body]:
         """The aircraft first; where the others stand."""
-        bodies = [Body(self._name, self._id, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))]
+        bodies = [
+            Body(
+                name=self._name,
+                id=self._id,
+                position_m=(0.0, 0.0, 0.0),
+                quaternion=(0.0, 0.0, 0.0, 1.0),
+            )
+        ]
         for i, place in enumerate(self._stand, 1):
-            bodies.append(Body(f"other {i}", self._id + i, place, (0.0, 0.0, 0.0, 1.0)))
+            bodies.append(
+                Body(
+                    name=f"other {i}",
+                    id=self._id + i,
+                    position_m=place,
+                    quaternion=(0.0, 0.0, 0.0, 1.0),
+                )
+            )
         if self._swapped and len(bodies) > 1:
             aircraft, other = bodies[0], bodies[1]
             bodies[:2] = [aircraft._replace(id=other.id), other._replace(id=aircraft.id)]

@@ -84,10 +84,29 @@ class Sensed(NamedTuple):
 
 
 GROUNDED: Final = Sensed(
-    AttitudeSample(0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-    PositionFix(0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-    0.0,
-    False,
+    attitude=AttitudeSample(
+        sequence=0,
+        time_s=0.0,
+        qw=1.0,
+        qx=0.0,
+        qy=0.0,
+        qz=0.0,
+        roll_rate_frd_radps=0.0,
+        pitch_rate_frd_radps=0.0,
+        yaw_rate_frd_radps=0.0,
+    ),
+    position=PositionFix(
+        sequence=0,
+        time_s=0.0,
+        north_m=0.0,
+        east_m=0.0,
+        down_m=0.0,
+        velocity_north_mps=0.0,
+        velocity_east_mps=0.0,
+        velocity_down_mps=0.0,
+    ),
+    airspeed_mps=0.0,
+    flying=False,
 )
 
 

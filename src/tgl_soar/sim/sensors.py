@@ -165,13 +165,41 @@ class SurfacesParams(NamedTuple):
 
 
 # A motion-capture hall: millimetres, streamed through one network and one computer.
-MOTION_CAPTURE = PositionParams(100.0, 0.015, 0.0005, 0.0, 0.0, False)
+MOTION_CAPTURE = PositionParams(
+    rate_hz=100.0,
+    delay_s=0.015,
+    noise_m=0.0005,
+    bias_m=0.0,
+    velocity_noise_mps=0.0,
+    gives_velocity=False,
+)
 # An autopilot's local position with motion capture as its aid: smoother, slower, later.
-AUTOPILOT_POSITION = PositionParams(50.0, 0.040, 0.002, 0.0, 0.03, True)
+AUTOPILOT_POSITION = PositionParams(
+    rate_hz=50.0,
+    delay_s=0.040,
+    noise_m=0.002,
+    bias_m=0.0,
+    velocity_noise_mps=0.03,
+    gives_velocity=True,
+)
 # An autopilot's attitude estimate: 0.1 degrees of jitter, aligned to 0.3 degrees.
-AUTOPILOT_ATTITUDE = AttitudeParams(200.0, 0.005, 0.0017, 0.005, 0.01, 0.002)
+AUTOPILOT_ATTITUDE = AttitudeParams(
+    rate_hz=200.0,
+    delay_s=0.005,
+    noise_rad=0.0017,
+    bias_rad=0.005,
+    rate_noise_radps=0.01,
+    rate_bias_radps=0.002,
+)
 # Consumer MEMS behind a 100 Hz filter, on an airframe without an engine.
-MEMS_IMU = ImuParams(200.0, 0.0, 0.10, 0.10, 0.01, 0.002)
+MEMS_IMU = ImuParams(
+    rate_hz=200.0,
+    delay_s=0.0,
+    force_noise_mps2=0.10,
+    force_bias_mps2=0.10,
+    rate_noise_radps=0.01,
+    rate_bias_radps=0.002,
+)
 # A differential pressure sensor of 500 Pa: 0.13 m/s of noise at 8.5 m/s.
 PITOT = AirspeedParams(50.0, 0.010, 1.4, 1.0)
 # An autopilot's output channels, read back over the link.
@@ -205,16 +233,16 @@ def measure_position(
         frame, state.velocity_x_mps, state.velocity_y_mps, state.velocity_z_mps
     )
     return PositionFix(
-        sequence,
-        time_s,
-        north + error_m[0],
-        east + error_m[1],
-        down + error_m[2],
-        v_north + velocity_error_mps[0],
-        v_east + velocity_error_mps[1],
-        v_down + velocity_error_mps[2],
-        0,
-        NAN,
+        sequence=sequence,
+        time_s=time_s,
+        north_m=north + error_m[0],
+        east_m=east + error_m[1],
+        down_m=down + error_m[2],
+        velocity_north_mps=v_north + velocity_error_mps[0],
+        velocity_east_mps=v_east + velocity_error_mps[1],
+        velocity_down_mps=v_down + velocity_error_mps[2],
+        source=0,
+        sigma_m=NAN,
     )
 
 
@@ -236,15 +264,15 @@ def measure_attitude(
     )
     unit = 1.0 / sqrt(qw * qw + qx * qx + qy * qy + qz * qz)
     return AttitudeSample(
-        sequence,
-        time_s,
-        qw * unit,
-        qx * unit,
-        qy * unit,
-        qz * unit,
-        state.roll_rate_frd_radps + rate_error_radps[0],
-        state.pitch_rate_frd_radps + rate_error_radps[1],
-        state.yaw_rate_frd_radps + rate_error_radps[2],
+        sequence=sequence,
+        time_s=time_s,
+        qw=qw * unit,
+        qx=qx * unit,
+        qy=qy * unit,
+        qz=qz * unit,
+        roll_rate_frd_radps=state.roll_rate_frd_radps + rate_error_radps[0],
+        pitch_rate_frd_radps=state.pitch_rate_frd_radps + rate_error_radps[1],
+        yaw_rate_frd_radps=state.yaw_rate_frd_radps + rate_error_radps[2],
     )
 
 
@@ -266,14 +294,14 @@ def measure_imu(
     if rests:
         fx, fy, fz = resting_force_frd(model, state)
     return ImuSample(
-        sequence,
-        time_s,
-        fx + force_error_mps2[0],
-        fy + force_error_mps2[1],
-        fz + force_error_mps2[2],
-        state.roll_rate_frd_radps + rate_error_radps[0],
-        state.pitch_rate_frd_radps + rate_error_radps[1],
-        state.yaw_rate_frd_radps + rate_error_radps[2],
+        sequence=sequence,
+        time_s=time_s,
+        force_x_frd_mps2=fx + force_error_mps2[0],
+        force_y_frd_mps2=fy + force_error_mps2[1],
+        force_z_frd_mps2=fz + force_error_mps2[2],
+        roll_rate_frd_radps=state.roll_rate_frd_radps + rate_error_radps[0],
+        pitch_rate_frd_radps=state.pitch_rate_frd_radps + rate_error_radps[1],
+        yaw_rate_frd_radps=state.yaw_rate_frd_radps + rate_error_radps[2],
     )
 
 

@@ -369,7 +369,7 @@ def build_field(air: Air, folder: Path | None = None) -> WindField:
 def ground_outline(air: Air) -> Outline | None:
     """Corners (x, z) [m] of the board or the hill in the vertical plane; None: not known."""
     if isinstance(air, JetAir):
-        shape = JetShape(radians(air.slope_deg))
+        shape = JetShape(slope_rad=radians(air.slope_deg))
         tip = shape.board_length_m * cos(shape.slope_rad)
         return [(0.0, 0.0), (tip, tip * tan(shape.slope_rad)), (tip, 0.0)]
     if isinstance(air, HillAir):
@@ -382,7 +382,10 @@ def _bounds(air: Air) -> Bounds | None:
     outline = ground_outline(air)
     if isinstance(air, JetAir):
         return Bounds(
-            outline or [], "board", 0.0, 0.5 * JetShape(radians(air.slope_deg)).jet_width_m
+            outline or [],
+            "board",
+            0.0,
+            0.5 * JetShape(slope_rad=radians(air.slope_deg)).jet_width_m,
         )
     if isinstance(air, HillAir):
         return Bounds(outline or [], "hill", 0.0, _HILL_HALF_WIDTH_M)

@@ -42,7 +42,9 @@ def plain(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def job(*faults: str, seed: int = 1) -> Job:
-    return Job("row", seed, 0.01, tuple(parse_fault(text) for text in faults))
+    return Job(
+        row="row", seed=seed, turbulence=0.01, faults=tuple(parse_fault(text) for text in faults)
+    )
 
 
 def test_every_kind_has_its_flights_and_some_have_two_faults() -> None:
@@ -91,7 +93,13 @@ def sent(command: SurfaceCommand, active: bool = True) -> Output:
     values = place().values
     state = initial_state()
     laws = laws_from(values, place().site.frame())
-    inputs = Inputs(0.0, NO_FIX, NO_ATTITUDE, AutopilotStatus(0.0, True, True), False)
+    inputs = Inputs(
+        time_s=0.0,
+        position=NO_FIX,
+        attitude=NO_ATTITUDE,
+        autopilot=AutopilotStatus(time_s=0.0, accepts_surfaces=True, armed=True),
+        engage=False,
+    )
     _, output = step(laws, state, inputs)
     return output._replace(command=command, active=active)
 
@@ -133,7 +141,16 @@ def test_the_interval_is_wilsons() -> None:
 def test_survivals_are_counted_by_fault_and_air() -> None:
     jobs = survival_jobs(3, 1)
     outcomes = [
-        Outcome(each.row, each.seed, "", RELEASED if i == 0 else SOARING, "", 30.0, 0, "")
+        Outcome(
+            row=each.row,
+            seed=each.seed,
+            faults="",
+            result=RELEASED if i == 0 else SOARING,
+            reason="",
+            ended_s=30.0,
+            bad_commands=0,
+            error="",
+        )
         for i, each in enumerate(jobs)
     ]
     first, *others = survivals(outcomes)
@@ -144,9 +161,36 @@ def test_survivals_are_counted_by_fault_and_air() -> None:
 
 def test_the_section_is_written_between_its_marks_and_counts_right() -> None:
     outcomes = [
-        Outcome("link.loss", 1, "", SOARING, "", 30.0, 0, ""),
-        Outcome("link.loss", 2, "", RELEASED, "position lost", 12.0, 0, ""),
-        Outcome(PAIRS, 3, "", LOST, "hit the board", 9.0, 2, ""),
+        Outcome(
+            row="link.loss",
+            seed=1,
+            faults="",
+            result=SOARING,
+            reason="",
+            ended_s=30.0,
+            bad_commands=0,
+            error="",
+        ),
+        Outcome(
+            row="link.loss",
+            seed=2,
+            faults="",
+            result=RELEASED,
+            reason="position lost",
+            ended_s=12.0,
+            bad_commands=0,
+            error="",
+        ),
+        Outcome(
+            row=PAIRS,
+            seed=3,
+            faults="",
+            result=LOST,
+            reason="hit the board",
+            ended_s=9.0,
+            bad_commands=2,
+            error="",
+        ),
     ]
     written = campaign.section(outcomes, [], "the command")
     assert "2 commands not finite" in written

@@ -46,7 +46,7 @@ FLIGHT_S = 12.0
 def test_accelerations_are_worth_more_than_a_third_of_e_rho() -> None:
     """0.45 over 96 flights; of one flight the ratio is known to a tenth or so."""
     plain, imu = (
-        score([fly_scored(Flight("b", 2, sensors, duration_s=FLIGHT_S))])
+        score([fly_scored(Flight(line="b", seed=2, sensors=sensors, duration_s=FLIGHT_S))])
         for sensors in (PLAIN, IMU)
     )
     assert plain.lost == imu.lost == 0
@@ -57,7 +57,7 @@ def test_accelerations_are_worth_more_than_a_third_of_e_rho() -> None:
 @pytest.mark.parametrize("name", ASKED)
 def test_place_and_speed_are_known_as_well_as_is_asked(name: str) -> None:
     asked = ASKED[name]
-    seen = watch(Flight("c", 3, asked.sensors, duration_s=FLIGHT_S))
+    seen = watch(Flight(line="c", seed=3, sensors=asked.sensors, duration_s=FLIGHT_S))
     assert not seen.ended
     with_them, without = known([seen], True), known([seen], False)
     assert with_them.position_mm <= asked.position_mm
@@ -66,7 +66,16 @@ def test_place_and_speed_are_known_as_well_as_is_asked(name: str) -> None:
 
 
 def test_gaps_are_flown_through() -> None:
-    seen = watch(Flight("a", 1, IMU, CALM, ONE_GAP_S + GAP_S, heard="with one gap"))
+    seen = watch(
+        Flight(
+            line="a",
+            seed=1,
+            sensors=IMU,
+            turbulence=CALM,
+            duration_s=ONE_GAP_S + GAP_S,
+            heard="with one gap",
+        )
+    )
     assert not seen.ended
     sigma = seen.read[True][:, 6]
     gap = seen.time_s > ONE_GAP_S + 0.1
@@ -75,7 +84,15 @@ def test_gaps_are_flown_through() -> None:
 
 
 def test_the_laboratorys_chain_flies() -> None:
-    flown = fly_scored(Flight("a", 1, Sensors(LAB), duration_s=FLIGHT_S, heard="the laboratory's"))
+    flown = fly_scored(
+        Flight(
+            line="a",
+            seed=1,
+            sensors=Sensors(position=LAB),
+            duration_s=FLIGHT_S,
+            heard="the laboratory's",
+        )
+    )
     assert flown.ended == ""
     assert flown.e_rho_m2 < 0.05**2
 
@@ -94,7 +111,16 @@ def test_differences_are_those_of_so_many_samples_and_late() -> None:
     assert differences.take(NO_FIX, 0.0) == NO_FIX
     for k in range(1, 10):
         t = 0.1 * k
-        fix = PositionFix(k, t, t * t, 2.0 * t, 0.0, nan, nan, nan)
+        fix = PositionFix(
+            sequence=k,
+            time_s=t,
+            north_m=t * t,
+            east_m=2.0 * t,
+            down_m=0.0,
+            velocity_north_mps=nan,
+            velocity_east_mps=nan,
+            velocity_down_mps=nan,
+        )
         sent = differences.take(fix, t + 0.06)
         assert sent.time_s == pytest.approx(t + 0.06)
         assert differences.take(fix, t + 0.08) == sent
@@ -119,7 +145,7 @@ def test_ratios_are_of_pairs_in_the_same_air() -> None:
 
 
 def test_errors_are_lengths_and_held_against_their_sigmas() -> None:
-    flight = Flight("a", 1, IMU)
+    flight = Flight(line="a", seed=1, sensors=IMU)
     truth = np.zeros((10, 6))
     read = np.tile([0.003, 0.0, 0.004, 0.0, 0.1, 0.0, 0.005, 0.1], (10, 1))
     found = known([Seen(flight, 1.0, "", np.zeros(10), truth, {True: read})], True)

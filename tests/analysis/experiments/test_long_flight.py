@@ -39,7 +39,9 @@ def test_an_hour_is_flown_through_and_leaves_memory_as_it_was() -> None:
     "spoilt",
     [
         {"ticks": 1}, {"reboots": 1}, {"lost": 1}, {"ended": "released"}, {"wrapped": False},
-        {"parts": [Part(1.0, 1, 1.0, 0.005, 0.0)]},
+        {"parts": [
+            Part(flown_s=1.0, resident_kib=1, tick_us=1.0, late_s=0.005, largest_e_rho_m=0.0)
+        ]},
     ],
 )  # fmt: skip
 def test_a_flight_that_is_not_well_says_so(spoilt: dict[str, object]) -> None:

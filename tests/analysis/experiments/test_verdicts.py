@@ -90,7 +90,17 @@ def test_slope_needs_contour_and_aircraft_to_rise_alike() -> None:
 
 def shift(line: str, flown_m: float, predicted_m: float | None = None) -> WindShift:
     predicted = flown_m if predicted_m is None else predicted_m
-    return WindShift(line, 1.0, 0.0, 0.0, 0.0, 0.0, predicted, flown_m, 0.0)
+    return WindShift(
+        line=line,
+        speed_ratio=1.0,
+        margin=0.0,
+        margin_half_way=0.0,
+        first_order_m=0.0,
+        half_way_m=0.0,
+        predicted_m=predicted,
+        flown_m=flown_m,
+        polar_error_m=0.0,
+    )
 
 
 def test_wind_asks_for_a_rise_a_rest_and_a_fall() -> None:
@@ -104,7 +114,17 @@ def test_wind_asks_for_a_rise_a_rest_and_a_fall() -> None:
 
 
 def gust_change(line: str, wind_mps: float, margin: float, at_once_m: float) -> Change:
-    return Change(line, wind_mps, 1.4, 0.15 + margin, 0.15, at_once_m, 0.0, 0.0, 0.0)
+    return Change(
+        line=line,
+        wind_mps=wind_mps,
+        sink_mps=1.4,
+        updraft_gain=0.15 + margin,
+        sink_gain=0.15,
+        at_once_m=at_once_m,
+        highest_m=0.0,
+        in_the_end_m=0.0,
+        predicted_m=0.0,
+    )
 
 
 def test_gust_tells_the_slopes_from_what_happens_at_once() -> None:
@@ -116,7 +136,19 @@ def test_gust_tells_the_slopes_from_what_happens_at_once() -> None:
 
 
 def lean_score(lean_deg: float, rms_m: float, wander_m: float, survived: int = 8) -> LeanScore:
-    return LeanScore(lean_deg, lean_deg - 44.0, 8, survived, rms_m, wander_m, wander_m, 0, 1, 0, "")
+    return LeanScore(
+        lean_deg=lean_deg,
+        off_perpendicular_deg=lean_deg - 44.0,
+        flights=8,
+        survived=survived,
+        rms_e_rho_m=rms_m,
+        wander_m=wander_m,
+        wander_formula_m=wander_m,
+        drift_m=0,
+        rate_per_s=1,
+        stalled_share=0,
+        ended="",
+    )
 
 
 def test_lean_looks_where_the_least_is() -> None:
@@ -135,7 +167,15 @@ def test_the_module_refuses_flat_lines_and_lines_that_lean_downwind() -> None:
 
 
 def speed_score(wind_mps: float, rms_m: float) -> SpeedScore:
-    return SpeedScore("a", wind_mps, 8, 8, rms_m, rms_m, 0.1)
+    return SpeedScore(
+        line="a",
+        wind_mps=wind_mps,
+        flights=8,
+        survived=8,
+        rms_e_rho_m=rms_m,
+        peak_e_rho_m=rms_m,
+        rms_pitch_rate_radps=0.1,
+    )
 
 
 def test_speed_asks_both_with_margin_and_without() -> None:

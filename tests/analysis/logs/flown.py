@@ -77,14 +77,14 @@ def flight() -> tuple[Tick, ...]:
         if k == round(LEG_S * world.step_hz):
             values = values.changed(line_parameters(site.lines["b"]), flying=True)
         inputs = Inputs(
-            now,
-            world.position,
-            world.attitude,
-            AutopilotStatus(now, True, True),
-            now >= ENGAGED_S,
-            world.imu,
-            world.airspeed,
-            world.surfaces,
+            time_s=now,
+            position=world.position,
+            attitude=world.attitude,
+            autopilot=AutopilotStatus(time_s=now, accepts_surfaces=True, armed=True),
+            engage=now >= ENGAGED_S,
+            imu=world.imu,
+            airspeed=world.airspeed,
+            surfaces=world.surfaces,
         )
         truth = world.truth
         state, output = step(laws_from(values, world.frame), state, inputs)
@@ -92,7 +92,7 @@ def flight() -> tuple[Tick, ...]:
             command = output.command
             world.held = False
         world.step(command)
-        ticks.append(Tick(inputs, output, state, values, truth))
+        ticks.append(Tick(inputs=inputs, output=output, state=state, values=values, truth=truth))
     return tuple(ticks)
 
 

@@ -18,7 +18,7 @@ from tgl_soar.analysis.report.zeuc_figure import DrawnLine, zeuc_figure
 from tgl_soar.estimation.polar import fit_polar
 from tgl_soar.types import GlidePolar, polar_sink
 
-POLAR = GlidePolar(17.7, -3.6, 0.2, 0.0, 6.8, 11.5)
+POLAR = GlidePolar(c0=17.7, c1=-3.6, c2=0.2, c3=0.0, speed_min_mps=6.8, speed_max_mps=11.5)
 HILL = HillField(8.0, 20.0)
 BOUNDS = (-60.0, 0.0, 1.0, 50.0)
 

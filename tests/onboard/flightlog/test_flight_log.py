@@ -180,7 +180,13 @@ def test_a_number_that_fits_no_float_is_logged_as_infinite(tmp_path: Path) -> No
     recorder.parameters(ParameterSet())
     laws, state = laws_from(ParameterSet(), SoaringFrame(0.0, 0.0, 0.0, 0.0)), initial_state()
     fix = NO_FIX._replace(sequence=2**70, time_s=0.0, north_m=1e300)
-    inputs = Inputs(0.0, fix, NO_ATTITUDE, AutopilotStatus(nan, False, False), False)
+    inputs = Inputs(
+        time_s=0.0,
+        position=fix,
+        attitude=NO_ATTITUDE,
+        autopilot=AutopilotStatus(time_s=nan, accepts_surfaces=False, armed=False),
+        engage=False,
+    )
     state, output = step(laws, state, inputs)
     output = output._replace(e_rho_m=-1e300)
     recorder.tick(inputs, output, state)
@@ -673,7 +679,13 @@ def test_a_clock_that_jumps_is_told(tmp_path: Path) -> None:
     recorder.parameters(ParameterSet())
     laws, state = laws_from(ParameterSet(), SoaringFrame(0.0, 0.0, 0.0, 0.0)), initial_state()
     for time_s in (5.0, 5.005, 0.0, 0.005):
-        inputs = Inputs(time_s, NO_FIX, NO_ATTITUDE, AutopilotStatus(nan, False, False), False)
+        inputs = Inputs(
+            time_s=time_s,
+            position=NO_FIX,
+            attitude=NO_ATTITUDE,
+            autopilot=AutopilotStatus(time_s=nan, accepts_surfaces=False, armed=False),
+            engage=False,
+        )
         state, output = step(laws, state, inputs)
         recorder.tick(inputs, output, state)
     recorder.stop()

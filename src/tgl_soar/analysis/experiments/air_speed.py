@@ -135,13 +135,13 @@ def _score(flights: list[Flown], line: str, wind_mps: float) -> SpeedScore:
         rates.append(float(np.std(np.gradient(flight.path["pitch_rad"][rows], time[rows]))))
     nan = float("nan")
     return SpeedScore(
-        line,
-        wind_mps,
-        len(flights),
-        len(whole),
-        rms(leg.rms_e_rho_m for leg in legs),
-        float(np.mean([leg.peak_e_rho_m for leg in legs])) if legs else nan,
-        rms(rates),
+        line=line,
+        wind_mps=wind_mps,
+        flights=len(flights),
+        survived=len(whole),
+        rms_e_rho_m=rms(leg.rms_e_rho_m for leg in legs),
+        peak_e_rho_m=float(np.mean([leg.peak_e_rho_m for leg in legs])) if legs else nan,
+        rms_pitch_rate_radps=rms(rates),
     )
 
 

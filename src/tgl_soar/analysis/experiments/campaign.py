@@ -143,11 +143,18 @@ def drawn_jobs(flights: int, seed: int) -> list[Job]:
         turbulence = round(random.uniform(0.0, TURBULENCE), 4)
         if i % TWO_OF == TWO_OF - 1:
             both = tuple(drawn_fault(random.choice(kinds), random) for _ in range(2))
-            jobs.append(Job(PAIRS, seed + i, turbulence, both))
+            jobs.append(Job(row=PAIRS, seed=seed + i, turbulence=turbulence, faults=both))
         else:
             kind = kinds[turn % len(kinds)]
             turn += 1
-            jobs.append(Job(kind.name, seed + i, turbulence, (drawn_fault(kind, random),)))
+            jobs.append(
+                Job(
+                    row=kind.name,
+                    seed=seed + i,
+                    turbulence=turbulence,
+                    faults=(drawn_fault(kind, random),),
+                )
+            )
     return jobs
 
 
@@ -164,7 +171,13 @@ SURVIVALS: Final = tuple(  # fault, turbulence, what is aboard
 def survival_jobs(flights: int, seed: int) -> list[Job]:
     """Drop-outs of the lengths that must be survived."""
     return [
-        Job(_name(text, turbulence, aboard), seed + i, turbulence, (parse_fault(text),), aboard)
+        Job(
+            row=_name(text, turbulence, aboard),
+            seed=seed + i,
+            turbulence=turbulence,
+            faults=(parse_fault(text),),
+            aboard=aboard,
+        )
         for text, turbulence, aboard in SURVIVALS
         for i in range(flights)
     ]
@@ -259,14 +272,14 @@ def fly_job(job: Job, duration_s: float = DURATION_S) -> Outcome:
         result = SOARING if mode == "soaring" else FLYING
         reason = "" if mode == "soaring" else mode
     return Outcome(
-        job.row,
-        job.seed,
-        "; ".join(str(fault) for fault in job.faults),
-        result,
-        reason,
-        world.time_s,
-        check.bad,
-        error,
+        row=job.row,
+        seed=job.seed,
+        faults="; ".join(str(fault) for fault in job.faults),
+        result=result,
+        reason=reason,
+        ended_s=world.time_s,
+        bad_commands=check.bad,
+        error=error,
     )
 
 

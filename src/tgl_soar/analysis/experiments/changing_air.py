@@ -259,15 +259,15 @@ def _wind_shift(
     reference = 0.5 * (schedule.mps[0] + schedule.mps[-1]) / prepared.field.reference_wind_mps
     flown = shift_of(prepared, flights, line)
     return WindShift(
-        line,
-        here.wind_mps / best_glide_speed(prepared.polar),
-        first.margin,
-        half.margin,
-        first.along_m_per_mps * change,
-        half.along_m_per_mps * change / reference,
-        flown.predicted_m,
-        flown.flown_m,
-        polar_bias_m(prepared, after) - polar_bias_m(prepared, here),
+        line=line,
+        speed_ratio=here.wind_mps / best_glide_speed(prepared.polar),
+        margin=first.margin,
+        margin_half_way=half.margin,
+        first_order_m=first.along_m_per_mps * change,
+        half_way_m=half.along_m_per_mps * change / reference,
+        predicted_m=flown.predicted_m,
+        flown_m=flown.flown_m,
+        polar_error_m=polar_bias_m(prepared, after) - polar_bias_m(prepared, here),
     )
 
 

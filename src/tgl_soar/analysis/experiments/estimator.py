@@ -80,8 +80,22 @@ PLAIN: Final = USUAL_SENSORS
 IMU: Final = Sensors(imu=MEMS_IMU)
 # A rate must divide the 200 Hz of the simulation: 28.6 Hz stands for 30 Hz.
 SLOW_HZ: Final = 200.0 / 7.0
-LAB: Final = PositionParams(SLOW_HZ, 0.060, 0.001, 0.0, 0.0, False)
-ASKED_IMU: Final = ImuParams(200.0, 0.0, 0.2, 0.05, 0.01, 0.002)
+LAB: Final = PositionParams(
+    rate_hz=SLOW_HZ,
+    delay_s=0.060,
+    noise_m=0.001,
+    bias_m=0.0,
+    velocity_noise_mps=0.0,
+    gives_velocity=False,
+)
+ASKED_IMU: Final = ImuParams(
+    rate_hz=200.0,
+    delay_s=0.0,
+    force_noise_mps2=0.2,
+    force_bias_mps2=0.05,
+    rate_noise_radps=0.01,
+    rate_bias_radps=0.002,
+)
 
 
 class Asked(NamedTuple):
@@ -94,10 +108,34 @@ class Asked(NamedTuple):
 
 ASKED: Final = {
     "100 Hz, 15 ms, 1 mm": Asked(
-        Sensors(PositionParams(100.0, 0.015, 0.001, 0.0, 0.0, False), imu=ASKED_IMU), 3.0, 30.0
+        Sensors(
+            position=PositionParams(
+                rate_hz=100.0,
+                delay_s=0.015,
+                noise_m=0.001,
+                bias_m=0.0,
+                velocity_noise_mps=0.0,
+                gives_velocity=False,
+            ),
+            imu=ASKED_IMU,
+        ),
+        3.0,
+        30.0,
     ),
     "28.6 Hz, 60 ms, 5 mm": Asked(
-        Sensors(PositionParams(SLOW_HZ, 0.060, 0.005, 0.0, 0.0, False), imu=ASKED_IMU), 15.0, 80.0
+        Sensors(
+            position=PositionParams(
+                rate_hz=SLOW_HZ,
+                delay_s=0.060,
+                noise_m=0.005,
+                bias_m=0.0,
+                velocity_noise_mps=0.0,
+                gives_velocity=False,
+            ),
+            imu=ASKED_IMU,
+        ),
+        15.0,
+        80.0,
     ),
 }
 
@@ -185,7 +223,7 @@ def _ticks(flight: Flight) -> Iterator[_Tick]:
         elif flight.heard == "the laboratory's":
             world.position = differences.take(world.position, now)
         heard = world.position
-        status = AutopilotStatus(now, True, True)
+        status = AutopilotStatus(time_s=now, accepts_surfaces=True, armed=True)
         sensors = world.imu, world.airspeed, world.surfaces
         inputs = Inputs(now, heard, world.attitude, status, True, *sensors)
         output = loop.tick()
@@ -417,27 +455,38 @@ def estimator(context: Context) -> Result:
     rough = ROUGH_SEEDS[:1] if context.quick else ROUGH_SEEDS
 
     def all_of(seeds: Sequence[int], sensors: Sensors, **what: Any) -> list[Flight]:
-        return [Flight(place, seed, sensors, **what) for place in lines for seed in seeds]
+        return [
+            Flight(line=place, seed=seed, sensors=sensors, **what)
+            for place in lines
+            for seed in seeds
+        ]
 
     watched = {
         name: all_of(seeds[:WATCHED], asked.sensors, duration_s=WATCHED_S)
         for name, asked in ASKED.items()
     }
-    through = Flight(lines[0], 1, IMU, CALM, WATCHED_S, heard="with one gap")
+    through = Flight(
+        line=lines[0],
+        seed=1,
+        sensors=IMU,
+        turbulence=CALM,
+        duration_s=WATCHED_S,
+        heard="with one gap",
+    )
     spoilt = {
         "accelerations, gaps": all_of(
             seeds, IMU, turbulence=CALM, duration_s=GAPS_S, heard="with gaps"
         ),
         "plain, gaps": all_of(few, PLAIN, turbulence=CALM, duration_s=GAPS_S, heard="with gaps"),
-        "laboratory's chain": all_of(few, Sensors(LAB), heard="the laboratory's"),
+        "laboratory's chain": all_of(few, Sensors(position=LAB), heard="the laboratory's"),
     }
     scored = {
         "plain": all_of(seeds, PLAIN),
         "accelerations": all_of(seeds, IMU),
         "plain, rough": all_of(rough, PLAIN, turbulence=ROUGH),
         "accelerations, rough": all_of(rough, IMU, turbulence=ROUGH),
-        "laboratory's fixes": all_of(few, Sensors(LAB)),
-        "laboratory's fixes, accelerations": all_of(few, Sensors(LAB, imu=MEMS_IMU)),
+        "laboratory's fixes": all_of(few, Sensors(position=LAB)),
+        "laboratory's fixes, accelerations": all_of(few, Sensors(position=LAB, imu=MEMS_IMU)),
         **{
             f"accelerations, position {1e3 * late:g} ms late": all_of(few, _late(late))
             for late in LATENCIES_S
@@ -587,7 +636,7 @@ def estimator(context: Context) -> Result:
 
 
 def _late(delay_s: float) -> Sensors:
-    return Sensors(AUTOPILOT_POSITION._replace(delay_s=delay_s), imu=MEMS_IMU)
+    return Sensors(position=AUTOPILOT_POSITION._replace(delay_s=delay_s), imu=MEMS_IMU)
 
 
 def _each(

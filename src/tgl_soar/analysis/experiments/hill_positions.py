@@ -29,7 +29,12 @@ RADIUS_M: Final = 20.0
 STRONGER: Final = 1.05  # the wind that shows which way each place moves
 LEAST_MPS, CURVATURE, MIDDLE_MPS = 1.5, 0.2, 9.0
 POLAR: Final = GlidePolar(
-    LEAST_MPS + CURVATURE * MIDDLE_MPS**2, -2.0 * CURVATURE * MIDDLE_MPS, CURVATURE, 0.0, 6.8, 11.5
+    c0=LEAST_MPS + CURVATURE * MIDDLE_MPS**2,
+    c1=-2.0 * CURVATURE * MIDDLE_MPS,
+    c2=CURVATURE,
+    c3=0.0,
+    speed_min_mps=6.8,
+    speed_max_mps=11.5,
 )
 BOUNDS: Final[Bounds] = (-60.0, 0.0, 1.0, 50.0)
 
@@ -66,15 +71,15 @@ def positions() -> list[Position]:
         shift = hypot(there.x_m - here.x_m, there.z_m - here.z_m)
         found.append(
             Position(
-                name,
-                here.x_m,
-                here.z_m,
-                here.wind_mps,
-                here.updraft_mps,
-                lean,
-                wind_sensitivity(field, POLAR, here, target.eta_rad),
-                shift if there.z_m > here.z_m else -shift,
-                here.stable,
+                name=name,
+                x_m=here.x_m,
+                z_m=here.z_m,
+                wind_mps=here.wind_mps,
+                updraft_mps=here.updraft_mps,
+                lean_rad=lean,
+                sensitivity=wind_sensitivity(field, POLAR, here, target.eta_rad),
+                shift_m=shift if there.z_m > here.z_m else -shift,
+                stable=here.stable,
             )
         )
     return found

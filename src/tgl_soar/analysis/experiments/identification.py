@@ -125,7 +125,16 @@ def examine(seed: int) -> Examined:
         found = identify(columns, body)
     except ValueError:  # counts as a miss of everything
         missed = (False,) * len(CHECKED_MPS)
-        return Examined(0.0, inf, missed, inf, inf, inf, (False, False, False), nan)
+        return Examined(
+            duration_s=0.0,
+            sink_error=inf,
+            sink_held=missed,
+            period_error=inf,
+            effect_error=inf,
+            delay_error_s=inf,
+            held=(False, False, False),
+            explained=nan,
+        )
     sinks = [
         (polar_sink(polar.polar, u), glide_at(model, u).sink_mps, sink_band(polar, u))
         for u in CHECKED_MPS
@@ -133,18 +142,18 @@ def examine(seed: int) -> Examined:
     period, effect = true_period(model, body, found.airspeed_mps), true_effect(model, body, found)
     delay_s = delay_of(seed)
     return Examined(
-        duration_s,
-        max(abs(seen / true - 1.0) for seen, true, _ in sinks),
-        tuple(low <= true <= high for _, true, (low, high) in sinks),
-        found.frequency.value / period - 1.0,
-        found.effectiveness.value / effect - 1.0,
-        found["delay"].value - delay_s,
-        (
+        duration_s=duration_s,
+        sink_error=max(abs(seen / true - 1.0) for seen, true, _ in sinks),
+        sink_held=tuple(low <= true <= high for _, true, (low, high) in sinks),
+        period_error=found.frequency.value / period - 1.0,
+        effect_error=found.effectiveness.value / effect - 1.0,
+        delay_error_s=found["delay"].value - delay_s,
+        held=(
             found.frequency.low <= period <= found.frequency.high,
             found.effectiveness.low <= effect <= found.effectiveness.high,
             found["delay"].low <= delay_s <= found["delay"].high,
         ),
-        found.explained,
+        explained=found.explained,
     )
 
 

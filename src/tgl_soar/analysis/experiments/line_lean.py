@@ -137,17 +137,19 @@ def score_lean(
         slide = slide_at(prepared.polar, line.target, line.crossing)
         rate, formula = slide.rate_per_s, dryden_wander(slide, sigma, tau)
     return LeanScore(
-        float(lean_deg),
-        lean_deg - across_deg,
-        len(flights),
-        len(whole),
-        rms(leg.rms_e_rho_m for leg in legs),
-        pooled_wander(legs) if legs else nan,
-        formula,
-        float(np.mean([leg.miss_m for leg in legs])) if legs else nan,
-        rate,
-        float(np.mean([np.mean(f.path["alpha_rad"] > stall) for f in whole])) if whole else nan,
-        next((flight.ended.split(" at x")[0] for flight in flights if flight.ended), ""),
+        lean_deg=float(lean_deg),
+        off_perpendicular_deg=lean_deg - across_deg,
+        flights=len(flights),
+        survived=len(whole),
+        rms_e_rho_m=rms(leg.rms_e_rho_m for leg in legs),
+        wander_m=pooled_wander(legs) if legs else nan,
+        wander_formula_m=formula,
+        drift_m=float(np.mean([leg.miss_m for leg in legs])) if legs else nan,
+        rate_per_s=rate,
+        stalled_share=float(np.mean([np.mean(f.path["alpha_rad"] > stall) for f in whole]))
+        if whole
+        else nan,
+        ended=next((flight.ended.split(" at x")[0] for flight in flights if flight.ended), ""),
     )
 
 

@@ -171,11 +171,11 @@ def fly_long(
             break
         if step % part_steps == 0:
             part = Part(
-                world.time_s,
-                resident_kib(),
-                (perf_counter() - began) / part_steps * 1e6,
-                round(now_s - output.time_s - (world.time_s - world.attitude.time_s), 6),
-                largest,
+                flown_s=world.time_s,
+                resident_kib=resident_kib(),
+                tick_us=(perf_counter() - began) / part_steps * 1e6,
+                late_s=round(now_s - output.time_s - (world.time_s - world.attitude.time_s), 6),
+                largest_e_rho_m=largest,
             )
             flight.parts.append(part)
             (on_part or _nowhere)(part)

@@ -25,7 +25,7 @@ SHOWN = (
 def fly_timeline(title: str, text: str) -> Timeline:
     """One flight with one fault, from BEGIN_S to END_S."""
     fault = parse_fault(text)
-    job = Job(title, 1, 0.01, (fault,), POSE_ALONE)
+    job = Job(row=title, seed=1, turbulence=0.01, faults=(fault,), aboard=POSE_ALONE)
     injection = Injection(job.faults, job.seed)
     world = world_of(job, injection, END_S)
     loop = ClosedLoop(world, place().values, injection)

@@ -152,7 +152,12 @@ class PositionSpec(Strict, frozen=True):
         """The same, as the simulation has it."""
         noise = self.velocity_noise_mps
         return PositionParams(
-            self.rate_hz, self.delay_s, self.noise_m, self.bias_m, noise or 0.0, noise is not None
+            rate_hz=self.rate_hz,
+            delay_s=self.delay_s,
+            noise_m=self.noise_m,
+            bias_m=self.bias_m,
+            velocity_noise_mps=noise or 0.0,
+            gives_velocity=noise is not None,
         )
 
 
@@ -167,7 +172,7 @@ class SensorSpec(Strict, frozen=True):
     def as_sensors(self) -> Sensors:
         """The same, as the simulation has it."""
         return Sensors(
-            AUTOPILOT_POSITION if self.position is None else self.position.as_params(),
+            position=AUTOPILOT_POSITION if self.position is None else self.position.as_params(),
             imu=MEMS_IMU if self.imu else None,
             airspeed=PITOT if self.pitot else None,
             surfaces=READ_BACK if self.surfaces else None,
@@ -303,7 +308,16 @@ def _prepare(text: bytes) -> Prepared:
             raise ConfigError(f"changes at {timed.time_s:g} s: {error}") from None
         changes.append(Change(timed.time_s, parameters))
     site = msgspec.structs.replace(site, start=_start(scenario, first))
-    return Prepared(scenario, airframe, site, values, field, polar, lines, changes)
+    return Prepared(
+        scenario=scenario,
+        airframe=airframe,
+        site=site,
+        values=values,
+        field=field,
+        polar=polar,
+        lines=lines,
+        changes=changes,
+    )
 
 
 def _field(scenario: Scenario, site: Site) -> WindField:

@@ -128,15 +128,16 @@ def _change(prepared: Prepared, flights: list[Flown], line: str) -> Change:
     time, moved = _moved(prepared, flights, line)
     soon = (time >= 0.0) & (time < 5.0)
     return Change(
-        line,
-        at.wind_mps,
-        polar_sink(prepared.polar, at.wind_mps),
-        at.updraft_mps / at.wind_mps,
-        polar_slope(prepared.polar, at.wind_mps),
-        float(np.interp(AT_ONCE_S, time, moved)),
-        float(np.max(moved[soon])),
-        float(np.mean(moved[time > time[-1] - 10.0])),
-        cos(target.eta_rad) * (after.x_m - at.x_m) + sin(target.eta_rad) * (after.z_m - at.z_m),
+        line=line,
+        wind_mps=at.wind_mps,
+        sink_mps=polar_sink(prepared.polar, at.wind_mps),
+        updraft_gain=at.updraft_mps / at.wind_mps,
+        sink_gain=polar_slope(prepared.polar, at.wind_mps),
+        at_once_m=float(np.interp(AT_ONCE_S, time, moved)),
+        highest_m=float(np.max(moved[soon])),
+        in_the_end_m=float(np.mean(moved[time > time[-1] - 10.0])),
+        predicted_m=cos(target.eta_rad) * (after.x_m - at.x_m)
+        + sin(target.eta_rad) * (after.z_m - at.z_m),
     )
 
 

@@ -64,18 +64,18 @@ def summarise(prepared: Prepared, flights: list[Flown]) -> list[LegSummary]:
         independent = max(1.0, sum(leg.scored_s for leg in legs) * slide.rate_per_s / 2.0)
         summaries.append(
             LegSummary(
-                first.line,
-                len(legs),
-                max(leg.settling_s for leg in legs),
-                rms(leg.rms_e_rho_m for leg in legs),
-                float(np.median([leg.peak_e_rho_m for leg in legs])),
-                float(np.mean([leg.miss_m for leg in legs])),
-                wandered / sqrt(independent),
-                wandered,
-                dryden_wander(slide, sigma, tau) if sigma > 0.0 else 0.0,
-                stalled,
-                float(np.mean([leg.mean_x_m for leg in legs])),
-                float(np.mean([leg.mean_z_m for leg in legs])),
+                line=first.line,
+                flights=len(legs),
+                settling_s=max(leg.settling_s for leg in legs),
+                rms_e_rho_m=rms(leg.rms_e_rho_m for leg in legs),
+                peak_e_rho_m=float(np.median([leg.peak_e_rho_m for leg in legs])),
+                miss_m=float(np.mean([leg.miss_m for leg in legs])),
+                miss_error_m=wandered / sqrt(independent),
+                wander_m=wandered,
+                wander_formula_m=dryden_wander(slide, sigma, tau) if sigma > 0.0 else 0.0,
+                stalled_share=stalled,
+                mean_x_m=float(np.mean([leg.mean_x_m for leg in legs])),
+                mean_z_m=float(np.mean([leg.mean_z_m for leg in legs])),
             )
         )
     return summaries

@@ -143,14 +143,14 @@ def look_on(flight: Flight) -> Seen:
         truth = world.truth
         now = world.time_s
         inputs = Inputs(
-            now,
-            NO_FIX,
-            NO_ATTITUDE,
-            AutopilotStatus(now, True, True),
-            True,
-            world.imu,
-            world.airspeed,
-            NO_SURFACES,
+            time_s=now,
+            position=NO_FIX,
+            attitude=NO_ATTITUDE,
+            autopilot=AutopilotStatus(time_s=now, accepts_surfaces=True, armed=True),
+            engage=True,
+            imu=world.imu,
+            airspeed=world.airspeed,
+            surfaces=NO_SURFACES,
         )
         output = loop.tick()
         vehicle = output.vehicle._replace(pitch_rad=output.vehicle.pitch_rad + tilt)
@@ -220,7 +220,15 @@ def score(flights: list[Seen], case: str) -> Score:
         normalised.append((read[:, 2:4] - truth[:, 2:4]) / read[:, 5:7])
     speed, alpha, wind, updraft, excess = _rms(np.concatenate(errors)).tolist()
     n_wind, n_updraft = (_rms(np.concatenate(normalised)) ** 2).tolist()
-    return Score(wind, updraft, excess, speed, degrees(alpha), n_wind, n_updraft)
+    return Score(
+        wind_mps=wind,
+        updraft_mps=updraft,
+        excess_mps=excess,
+        airspeed_mps=speed,
+        alpha_deg=degrees(alpha),
+        wind_normalised=n_wind,
+        updraft_normalised=n_updraft,
+    )
 
 
 def plain_rms(flights: list[Seen]) -> float:

@@ -38,7 +38,7 @@ def wind_use(context: Context) -> Result:
     seeds = SEEDS[:1] if context.quick else SEEDS
     named = {
         f"{use}, {turbulence:g}": [
-            Flight(line, seed, SENSORS, turbulence, changes=changes)
+            Flight(line=line, seed=seed, sensors=SENSORS, turbulence=turbulence, changes=changes)
             for line in lines
             for seed in seeds
         ]

@@ -169,7 +169,16 @@ class Tlog:
 
 def _split(data: bytes) -> tuple[_Frames, int]:
     """The frames, and how many bytes belong to none."""
-    frames = _Frames([], [], [], [], [], [], [], [])
+    frames = _Frames(
+        stamp_us=[],
+        system=[],
+        component=[],
+        sequence=[],
+        number=[],
+        checked=[],
+        checksum=[],
+        payload=[],
+    )
     at = skipped = last_us = 0
     end = len(data)
     while at + _STAMP + 8 <= end:

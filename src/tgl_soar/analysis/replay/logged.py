@@ -75,7 +75,7 @@ _BEFORE_ANY: Final[dict[str, Any]] = {
     **Inputs._field_defaults,
     "position": NO_FIX,
     "attitude": NO_ATTITUDE,
-    "autopilot": AutopilotStatus(NAN, False, False),
+    "autopilot": AutopilotStatus(time_s=NAN, accepts_surfaces=False, armed=False),
 }
 
 
@@ -262,7 +262,14 @@ def _prepare(
         if begins or not any(c.state for c in cuts.values()):
             notes.append("no state at the beginning: from a module's first tick on")
             cut(0, state=initial_state())
-    return _Flight(numbers, tick["timestamp"], _columns(log, tick, numbers), cuts, changed, twin)
+    return _Flight(
+        ticks=numbers,
+        stamps=tick["timestamp"],
+        inputs=_columns(log, tick, numbers),
+        cuts=cuts,
+        changed=changed,
+        twin=twin,
+    )
 
 
 def _load(flight: _Flight) -> float:

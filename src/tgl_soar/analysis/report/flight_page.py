@@ -90,13 +90,13 @@ def analysed(flight: FlightData, known: Surroundings, frame: SoaringFrame | None
         missing.append("the line never stood still while the module flew: there is no leg")
     spans = [(leg.begin_s + SETTLE_S, leg.end_s) for leg in legs] or [(0.0, flight.duration_s)]
     return Analysis(
-        flight,
-        legs,
-        spectrum_of(flight.tracking, "e_rho_m", spans),
-        spectrum_of(flight.air, "updraft_mps", [span_of(flight)]),
-        streams_of(flight),
-        known,
-        tuple(missing),
+        flight=flight,
+        legs=legs,
+        tracking=spectrum_of(flight.tracking, "e_rho_m", spans),
+        updraft=spectrum_of(flight.air, "updraft_mps", [span_of(flight)]),
+        streams=streams_of(flight),
+        known=known,
+        missing=tuple(missing),
     )
 
 

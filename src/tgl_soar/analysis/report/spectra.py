@@ -62,7 +62,11 @@ def spectrum_of(
     frequency = frequency[1:]
     rms = float(np.sqrt(np.sum(density) * (frequency[1] - frequency[0])))
     return Spectrum(
-        frequency, density, float(frequency[np.argmax(frequency * density)]), rms, seconds
+        frequency_hz=frequency,
+        density=density,
+        peak_hz=float(frequency[np.argmax(frequency * density)]),
+        rms=rms,
+        seconds=seconds,
     )
 
 

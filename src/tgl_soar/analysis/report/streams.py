@@ -37,14 +37,14 @@ def streams_of(flight: FlightData) -> list[Stream]:
         at = int(np.argmax(steps))
         found.append(
             Stream(
-                name,
-                len(times),
-                len(steps) / float(times[-1] - times[0]),
-                usual,
-                float(np.percentile(steps, 99.0)),
-                float(steps[at]),
-                float(times[at]),
-                int(np.count_nonzero(steps > max(GAP_S, GAP * usual))),
+                name=name,
+                samples=len(times),
+                rate_hz=len(steps) / float(times[-1] - times[0]),
+                usual_s=usual,
+                late_s=float(np.percentile(steps, 99.0)),
+                longest_s=float(steps[at]),
+                longest_at_s=float(times[at]),
+                gaps=int(np.count_nonzero(steps > max(GAP_S, GAP * usual))),
             )
         )
     return sorted(found, key=lambda stream: -stream.rate_hz)

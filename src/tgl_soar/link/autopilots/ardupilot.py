@@ -95,7 +95,14 @@ def _row(
     names: str, relation: str, wanted: float, why: str, level: str = MUST, *, old: bool = True
 ) -> Requirement:
     """`old`: there are releases without it, which need nothing."""
-    return Requirement(tuple(names.split()), relation, wanted, why, level, old)
+    return Requirement(
+        names=tuple(names.split()),
+        relation=relation,
+        wanted=wanted,
+        why=why,
+        level=level,
+        missing_ok=old,
+    )
 
 
 BY_OVERRIDE: Final = (
@@ -281,11 +288,11 @@ class ArduPilot:
     def _attitude(self, rudder: float, setpoints: Setpoints) -> SetAttitudeTarget:
         yaw = max(-1.0, min(1.0, rudder)) * RUDDER_RAD if isfinite(rudder) else 0.0
         return SetAttitudeTarget(
-            0,
-            self._system_id,
-            COMPONENT_AUTOPILOT,
-            IGNORE_RATES | IGNORE_THRUST,
-            quaternion_from_euler(setpoints.roll_rad, setpoints.pitch_rad, yaw),
+            time_boot_ms=0,
+            target_system=self._system_id,
+            target_component=COMPONENT_AUTOPILOT,
+            type_mask=IGNORE_RATES | IGNORE_THRUST,
+            q=quaternion_from_euler(setpoints.roll_rad, setpoints.pitch_rad, yaw),
         )
 
     def _released(self) -> RcChannelsOverride:

@@ -148,7 +148,13 @@ def firmware_mismatch(
 def set_mode(system: int, mode: float, sub_mode: float = 0.0) -> CommandLong:
     """MAV_CMD_DO_SET_MODE; what the numbers mean is the firmware's."""
     params = (float(MODE_FLAG_CUSTOM_MODE), mode, sub_mode, 0.0, 0.0, 0.0, 0.0)
-    return CommandLong(system, COMPONENT_AUTOPILOT, COMMAND_DO_SET_MODE, 0, params)
+    return CommandLong(
+        target_system=system,
+        target_component=COMPONENT_AUTOPILOT,
+        command=COMMAND_DO_SET_MODE,
+        confirmation=0,
+        params=params,
+    )
 
 
 def value_bytewise(message: ParamValue) -> float:

@@ -107,7 +107,14 @@ def _row(
     names: str, relation: str, wanted: float, why: str, level: str = MUST, *, old: bool = True
 ) -> Requirement:
     """`old`: there are releases without it, which need nothing."""
-    return Requirement(tuple(names.split()), relation, wanted, why, level, old)
+    return Requirement(
+        names=tuple(names.split()),
+        relation=relation,
+        wanted=wanted,
+        why=why,
+        level=level,
+        missing_ok=old,
+    )
 
 
 HOVER: Final = (
@@ -209,19 +216,27 @@ class Px4:
         if self.route is ATTITUDE:
             return (
                 SetAttitudeTarget(
-                    0,
-                    self._system_id,
-                    COMPONENT_AUTOPILOT,
-                    IGNORE_RATES | IGNORE_THRUST,
-                    quaternion_from_euler(setpoints.roll_rad, setpoints.pitch_rad, 0.0),
+                    time_boot_ms=0,
+                    target_system=self._system_id,
+                    target_component=COMPONENT_AUTOPILOT,
+                    type_mask=IGNORE_RATES | IGNORE_THRUST,
+                    q=quaternion_from_euler(setpoints.roll_rad, setpoints.pitch_rad, 0.0),
                 ),
             )
         elevator, aileron, rudder = map(_limited, surfaces)
         if self.route is MANUAL_CONTROL:  # its x is the stick pushed forward
             x, y, r = round(-FULL * elevator), round(FULL * aileron), round(FULL * rudder)
-            return (ManualControl(self._system_id, x, y, 0, r),)
+            return (ManualControl(target=self._system_id, x=x, y=y, z=0, r=r),)
         controls = (aileron, elevator, rudder, 0.0, 0.0, 0.0, 0.0, 0.0)
-        return (SetActuatorControlTarget(0, self._system_id, COMPONENT_AUTOPILOT, 0, controls),)
+        return (
+            SetActuatorControlTarget(
+                time_usec=0,
+                target_system=self._system_id,
+                target_component=COMPONENT_AUTOPILOT,
+                group=0,
+                controls=controls,
+            ),
+        )
 
     def release(self) -> tuple[Said, ...]:
         """There is no such message: leaving the mode does it."""

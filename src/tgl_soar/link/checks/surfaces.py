@@ -227,4 +227,6 @@ def finding(surface: str, channel: SurfaceChannel, stops: list[Stop]) -> Finding
     ]
     if others:
         faults.append(f"moves output {', '.join(others)} too: a mixer, or a channel used twice")
-    return Finding(surface, tuple(faults), neutral, negative, positive)
+    return Finding(
+        surface=surface, faults=tuple(faults), trim_us=neutral, low_us=negative, high_us=positive
+    )

@@ -297,13 +297,13 @@ def server_info_of(data: bytes) -> ServerInfo:
     if not 1_000 <= clock_hz <= 10_000_000_000:
         raise Malformed(f"a clock of {clock_hz} Hz")
     return ServerInfo(
-        name.partition(b"\0")[0].decode("utf-8", "replace"),
-        (application[0], application[1], application[2], application[3]),
-        (natnet[0], natnet[1]),
-        clock_hz,
-        port,
-        multicast != 0,
-        ".".join(str(number) for number in numbers[11:15]),
+        name=name.partition(b"\0")[0].decode("utf-8", "replace"),
+        application=(application[0], application[1], application[2], application[3]),
+        version=(natnet[0], natnet[1]),
+        clock_hz=clock_hz,
+        data_port=port,
+        is_multicast=multicast != 0,
+        group=".".join(str(number) for number in numbers[11:15]),
     )
 
 

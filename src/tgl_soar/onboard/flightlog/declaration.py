@@ -291,45 +291,47 @@ def _topics() -> Iterator[Topic]:
     plain = [_field(leaf, exact=True) for leaf in _PLAIN_INPUTS]
     outputs = [_field(leaf, exact=False) for leaf in _OUTPUTS]
     yield Topic(
-        "tick",
-        0,
-        (*_HEAD, *plain, *outputs),
-        "What one tick decided, and why: one row for every tick.",
+        name="tick",
+        number=0,
+        fields=(*_HEAD, *plain, *outputs),
+        meaning="What one tick decided, and why: one row for every tick.",
     )
     number = 1
     for name, kind in STREAMS.items():
         leaves = tuple(leaves_of(kind))
         fields = (*_HEAD, *(_field(leaf, exact=True) for leaf in leaves))
         meaning = "What the ticks from this one on had for input. A row when it has changed."
-        yield Topic(name, number, fields, meaning, leaves, kind)
+        yield Topic(
+            name=name, number=number, fields=fields, meaning=meaning, leaves=leaves, source=kind
+        )
         number += 1
     leaves = tuple(leaves_of(AutopilotState))
     yield Topic(
-        "state",
-        number,
-        (
+        name="state",
+        number=number,
+        fields=(
             *_HEAD,
             Field("afresh", "bool", said="the module began anew, at this state"),
             *(_field(leaf, exact=True) for leaf in leaves),
         ),
-        "What that tick left to the next: a replay begins at any of these rows.",
-        leaves,
-        AutopilotState,
+        meaning="What that tick left to the next: a replay begins at any of these rows.",
+        leaves=leaves,
+        source=AutopilotState,
     )
     yield Topic(
-        "parameter",
-        number + 1,
-        (
+        name="parameter",
+        number=number + 1,
+        fields=(
             *_HEAD,
             Field("index", "uint16_t", said="which, in the order of docs/parameters.md"),
             Field("value", "float", said="as it stands after that tick"),
         ),
-        "A parameter that has changed. ULog's own parameter messages say the same.",
+        meaning="A parameter that has changed. ULog's own parameter messages say the same.",
     )
     yield Topic(
-        "link",
-        number + 2,
-        (
+        name="link",
+        number=number + 2,
+        fields=(
             *_HEAD,
             Field("loss", "float", said="fraction of the autopilot's frames that were lost"),
             Field("round_trip_s", "float", said="to the autopilot and back; NaN: not measured"),
@@ -341,15 +343,15 @@ def _topics() -> Iterator[Topic]:
             Field("over_run", "uint32_t", said="ticks longer than their period so far"),
             Field("worst_late_s", "float", said="the latest tick so far"),
         ),
-        "How the link and the loop's timing did, every two seconds.",
+        meaning="How the link and the loop's timing did, every two seconds.",
     )
     slow = [_field(leaf, exact=False) for leaf in _SLOW_OUTPUTS]
     yield Topic(
-        "slow",
-        number + 3,
-        (*_HEAD, *slow),
-        "What of a tick's decision need not be in every row: a row every eighth tick. A replay"
-        " gives it for all of them.",
+        name="slow",
+        number=number + 3,
+        fields=(*_HEAD, *slow),
+        meaning="What of a tick's decision need not be in every row: a row every eighth tick. A"
+        " replay gives it for all of them.",
     )
 
 

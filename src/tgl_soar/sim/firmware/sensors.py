@@ -103,7 +103,14 @@ def firmware_sensors(step_hz: int, *, pitot: bool = True) -> Sensors:
     """What the world must carry for `FirmwareSensors`: inertial sensors at every step."""
     return Sensors(
         position=GNSS,
-        attitude=AttitudeParams(float(step_hz), 0.0, 0.0, 0.0, 0.0, 0.0),
+        attitude=AttitudeParams(
+            rate_hz=float(step_hz),
+            delay_s=0.0,
+            noise_rad=0.0,
+            bias_rad=0.0,
+            rate_noise_radps=0.0,
+            rate_bias_radps=0.0,
+        ),
         imu=MEMS_IMU._replace(rate_hz=float(step_hz)),
         airspeed=PITOT if pitot else None,
     )
@@ -149,16 +156,16 @@ class FirmwareSensors:
             gps = self._place(world.position)
         imu = world.imu
         return Readings(
-            world.time_s,
-            imu[2:5],
-            imu[5:8],
-            magnetic,
-            measured_pa,
-            height_m if measured_pa is None else height_of_pressure_m(measured_pa),
-            pressure / (GAS_JPKGK * self._density_kgpm3) - ZERO_CELSIUS_K,
-            differential,
-            gps,
-            self._motion(),
+            time_s=world.time_s,
+            force_frd_mps2=imu[2:5],
+            rate_frd_radps=imu[5:8],
+            magnetic_frd_gauss=magnetic,
+            pressure_pa=measured_pa,
+            height_m=height_m if measured_pa is None else height_of_pressure_m(measured_pa),
+            temperature_c=pressure / (GAS_JPKGK * self._density_kgpm3) - ZERO_CELSIUS_K,
+            differential_pressure_pa=differential,
+            gps=gps,
+            motion=self._motion(),
         )
 
     def _motion(self) -> Motion:
