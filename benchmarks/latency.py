@@ -78,9 +78,9 @@ def sensor_to_surface(seconds: int = SECONDS) -> Iterator[Result]:
         )
         yield _processor(name, measured, CPU_ALLOWED, ALLOWED, 1.0)
         if is_native() and kind == "udp":
-            thrifty = measure(kind, seconds, "--thrifty")
-            yield _delay(f"{name}, --thrifty", thrifty.module_ns, thrifty.c_ns, IN_C)
-            yield _processor(f"{name}, --thrifty", thrifty, CPU_ALLOWED, ALLOWED, 1.0)
+            power_saving = measure(kind, seconds, "--power-saving")
+            yield _delay(f"{name}, --power-saving", power_saving.module_ns, power_saving.c_ns, IN_C)
+            yield _processor(f"{name}, --power-saving", power_saving, CPU_ALLOWED, ALLOWED, 1.0)
             source = measure(kind, seconds, "--interpreted")
             yield _delay(name, measured.module_ns, source.module_ns, INTERPRETED)
             yield _processor(name, measured, source.cpu_percent, INTERPRETED)

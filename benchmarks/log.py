@@ -22,7 +22,7 @@ from tgl_soar.analysis.logs.reader import read_log
 from tgl_soar.analysis.replay.logged import replay
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.onboard.flightlog.recorder import NO_RECORDER, Recorder
-from tgl_soar.onboard.flightlog.writer import BATCH_TICKS, Facts, FlightRecorder
+from tgl_soar.onboard.flightlog.writer import BATCH_TICKS, FlightRecorder, LogMetadata
 from tgl_soar.onboard.module import Onboard, setup_from
 from tgl_soar.sim.sensor_messages import scaled_imu
 from tgl_soar.sim.sensors import MEMS_IMU, PITOT, Sensors
@@ -96,7 +96,7 @@ def _fly(folder: Path) -> tuple[float, float]:
     """µs of a tick, without and with a log."""
     files = {"airframe": shipped("airframes/eclipson_c.toml"), "site": shipped("sites/tunnel.toml")}
     texts = {name: path.read_text() for name, path in files.items()}
-    recorder = FlightRecorder(folder, Facts({"sys_name": "tgl_soar"}, texts), 0.0)
+    recorder = FlightRecorder(folder, LogMetadata({"sys_name": "tgl_soar"}, texts), 0.0)
     recorder.start()
     airframe, site = load_airframe(files["airframe"]), load_site(files["site"])
     values = load_parameters(airframe, files["airframe"], site, files["site"])

@@ -23,7 +23,7 @@ from tgl_soar.estimation.motion import motion_step
 from tgl_soar.estimation.wind import wind_step
 from tgl_soar.link.codec import Decoder, Encoder
 from tgl_soar.link.session import Session
-from tgl_soar.onboard.flightlog.writer import Facts, FlightRecorder
+from tgl_soar.onboard.flightlog.writer import FlightRecorder, LogMetadata
 from tgl_soar.types import Inputs
 
 from .module_flight import TICK_S, ModuleFlight
@@ -96,7 +96,7 @@ BENCHMARKS = (parts,)
 def _recorder(stack: ExitStack) -> FlightRecorder:
     """A log in a folder that goes away."""
     folder = stack.enter_context(TemporaryDirectory(prefix="tgl_soar_bench_"))
-    recorder = FlightRecorder(Path(folder), Facts({"sys_name": "tgl_soar"}, {}), 0.0)
+    recorder = FlightRecorder(Path(folder), LogMetadata({"sys_name": "tgl_soar"}, {}), 0.0)
     recorder.start()
     stack.callback(recorder.stop)
     return recorder

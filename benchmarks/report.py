@@ -11,7 +11,7 @@ from tgl_soar.analysis.logs.reader import read_log
 from tgl_soar.autopilot import initial_state, laws_from, step
 from tgl_soar.cli.report import Named, write
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
-from tgl_soar.onboard.flightlog.writer import Facts, FlightRecorder
+from tgl_soar.onboard.flightlog.writer import FlightRecorder, LogMetadata
 from tgl_soar.sim.world import make_world
 from tgl_soar.types import AutopilotStatus, Inputs, SurfaceCommand
 
@@ -32,10 +32,10 @@ def _logged(folder: Path) -> Path:
     command = SurfaceCommand(world.trim.elevator, 0.0, 0.0)
     texts = {"airframe": airframe_file.read_text(), "site": site_file.read_text()}
     words = {"sys_name": "tgl_soar", "ver_log": "1"}
-    recorder = FlightRecorder(folder, Facts(words, texts), 0.0, patient=True)
+    recorder = FlightRecorder(folder, LogMetadata(words, texts), 0.0, patient=True)
     recorder.start()
     recorder.parameters(values)
-    recorder.afresh(state)
+    recorder.reset(state)
     world.held = True
     ticks = []
     for _ in range(round(FLOWN_S * world.step_hz)):

@@ -41,7 +41,7 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {  # of the autopilot, and which field
 }
 STREAMS: Final = frozenset({"SERVO_OUTPUT_RAW", "ATTITUDE_QUATERNION", "LOCAL_POSITION_NED"})
 LEAVE: Final = 65535
-Said = tuple[float, tuple[int, int], Any]
+Outbound = tuple[float, tuple[int, int], Any]
 
 
 def _command(number: int, one: float = 0.0, two: float = 0.0, *, system: int = 1) -> Any:
@@ -70,9 +70,9 @@ def _override(aileron: int, elevator: int, rudder: int) -> Any:
     )
 
 
-def script() -> list[Said]:
+def script() -> list[Outbound]:
     """Who says what and when [s]."""
-    said: list[Said] = []
+    said: list[Outbound] = []
     beat = mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)
     said += [(float(second), COMPANION, beat) for second in range(16)]
     asked: list[Any] = [

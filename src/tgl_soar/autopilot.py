@@ -38,7 +38,7 @@ from tgl_soar.control.heading import (
     heading_step,
 )
 from tgl_soar.control.pid import PidGains, PidState, PidTerms
-from tgl_soar.control.scheduling import pid_between, share_step, soaring_between
+from tgl_soar.control.scheduling import pid_between, soaring_between, weight_step
 from tgl_soar.control.soaring import (
     SoaringGains,
     SoaringState,
@@ -141,13 +141,15 @@ from tgl_soar.types import (
 DT_MAX_S: Final = 0.1  # a longer gap between two ticks is not integrated over
 HEADING_MAX_RAD: Final = 0.5 * pi  # from upwind, to be engaged at all
 LINE_UPRIGHT: Final = 0.1  # sine of a line's inclination, below which it has no upstream side
-STALL_DOUBT_MAX_RAD: Final = 0.035  # 2 degrees: the margin acts from 3 degrees before the limit on
-DOUBT_MAX: Final = 3.0  # times EST_SD_MAX: in more doubt than this no fix is young enough
+STALL_UNCERTAINTY_MAX_RAD: Final = (
+    0.035  # 2 degrees: the margin acts from 3 degrees before the limit on
+)
+UNCERTAINTY_MAX: Final = 3.0  # times EST_SD_MAX: in more doubt than this no fix is young enough
 TRAVEL_END: Final = 0.98  # of travel: a surface read back from here on can go no further
 ON_LINE_S: Final = 1.0  # so long within capture_distance_m before the line counts as captured
 
 
-class Guards(NamedTuple):
+class SupervisorLimits(NamedTuple):
     """When the supervisor considers the aircraft captured, lost or upset."""
 
     capture_distance_m: float
@@ -164,7 +166,7 @@ class Laws(NamedTuple):
     frame: SoaringFrame
     motion: MotionGains
     health: HealthLimits
-    guards: Guards
+    guards: SupervisorLimits
     target: TargetLine
     line: LineLimits
     soaring: SoaringGains
@@ -201,7 +203,7 @@ class AutopilotState(NamedTuple):
     health: HealthState
     pitch_trim: TrimState
     gust_pitch_rad: float  # by which the setpoint meets a gust
-    imu_share: float  # of the gains with accelerations in those flown, 0 … 1
+    imu_weight: float  # of the gains with accelerations in those flown, 0 … 1
     confident_s: float  # of when the last fix is that made the position confident; NaN: none
 
 
@@ -230,7 +232,7 @@ class Output(NamedTuple):
     quality: MotionQuality
     margins: Margins
     cut: int  # what the envelope cut off the command, bits CUT_…
-    imu_share: float  # of the gains with accelerations in those flown, 0 … 1
+    imu_weight: float  # of the gains with accelerations in those flown, 0 … 1
 
 
 def mode_name(mode: int) -> str:
@@ -297,7 +299,7 @@ def laws_from(
             frozen_s=values["AGE_FROZEN"],
             surface_error_max=values["SURF_TOL"],
         ),
-        guards=Guards(
+        guards=SupervisorLimits(
             capture_distance_m=values["TGL_CAPTURE"],
             e_rho_max_m=values["CAPTURE_MAX"],
             tilt_max_rad=radians(values["TILT_MAX"]),
@@ -407,12 +409,12 @@ def initial_state() -> AutopilotState:
         health=initial_health(),
         pitch_trim=TrimState(NAN, NAN),
         gust_pitch_rad=0.0,
-        imu_share=0.0,
+        imu_weight=0.0,
         confident_s=NAN,
     )
 
 
-class _Seen(NamedTuple):
+class _Estimates(NamedTuple):
     """What the estimators make of one tick: what they tell, and what they remember of it."""
 
     vehicle: VehicleState
@@ -421,7 +423,7 @@ class _Seen(NamedTuple):
     air: AirEstimate
     margins: Margins
     gust_pitch_rad: float
-    imu_share: float
+    imu_weight: float
     motion: MotionState
     watched: HealthState
     wind: WindState
@@ -433,13 +435,13 @@ def step(laws: Laws, state: AutopilotState, inputs: Inputs) -> tuple[AutopilotSt
     """One tick, at inputs.time_s.  Never raises on any numbers that inputs may hold."""
     dt = inputs.time_s - state.time_s
     dt = min(DT_MAX_S, dt) if dt > 0.0 else 0.0  # NaN: the first tick
-    seen = _look(laws, state, inputs, dt)
+    estimates = _estimate(laws, state, inputs, dt)
     if modes.is_flying(state.supervisor.mode):
-        return _fly(laws, state, inputs, seen, dt, modes.REASON_NONE)
-    return _watch(laws, state, inputs, seen)
+        return _fly(laws, state, inputs, estimates, dt, modes.REASON_NONE)
+    return _watch(laws, state, inputs, estimates)
 
 
-def _look(laws: Laws, state: AutopilotState, inputs: Inputs, dt_s: float) -> _Seen:
+def _estimate(laws: Laws, state: AutopilotState, inputs: Inputs, dt_s: float) -> _Estimates:
     """Where the aircraft is, how it moves, in which air, and how sure that is."""
     flying = modes.is_flying(state.supervisor.mode)
     motion, vehicle = motion_step(laws.motion, laws.frame, state.motion, inputs)
@@ -454,7 +456,7 @@ def _look(laws: Laws, state: AutopilotState, inputs: Inputs, dt_s: float) -> _Se
         state.limited.command,
         dt_s,
     )
-    health = _as_sure(laws.guards, health, quality)
+    health = _with_uncertainty(laws.guards, health, quality)
     wind, air = wind_step(
         laws.wind,
         state.wind,
@@ -462,7 +464,7 @@ def _look(laws: Laws, state: AutopilotState, inputs: Inputs, dt_s: float) -> _Se
         inputs,
         quality.velocity_sigma_mps,
         _elevator(state, inputs),
-        _is_felt(state.motion, motion, inputs.time_s),
+        _is_imu_valid(state.motion, motion, inputs.time_s),
     )
     glide = NAN
     if laws.pitch_trim.share > 0.0:
@@ -470,14 +472,14 @@ def _look(laws: Laws, state: AutopilotState, inputs: Inputs, dt_s: float) -> _Se
     trim, gust = trim_step(
         laws.pitch_trim, state.pitch_trim, glide, air.updraft_mps, air.airspeed_mps, dt_s
     )
-    return _Seen(
+    return _Estimates(
         vehicle=vehicle,
         quality=quality,
         health=health,
         air=air,
         margins=_margins(laws, inputs, vehicle, health, air, flying),
         gust_pitch_rad=gust,
-        imu_share=share_step(state.imu_share, quality.inertial, dt_s),
+        imu_weight=weight_step(state.imu_weight, quality.inertial, dt_s),
         motion=motion,
         watched=watched,
         wind=wind,
@@ -502,7 +504,7 @@ def _margins(
     ends the flight, in its own words.
     """
     alpha, airspeed = NAN, NAN
-    sure = flying and stall_doubt(air, vehicle.pitch_rad) <= STALL_DOUBT_MAX_RAD
+    sure = flying and stall_uncertainty(air, vehicle.pitch_rad) <= STALL_UNCERTAINTY_MAX_RAD
     if air.measured or sure:
         alpha, airspeed = air.alpha_rad, air.airspeed_mps
     elif not health.faults & AIRSPEED:
@@ -515,7 +517,7 @@ def _margins(
     )
 
 
-def stall_doubt(air: AirEstimate, pitch_rad: float) -> float:
+def stall_uncertainty(air: AirEstimate, pitch_rad: float) -> float:
     """Standard deviation [rad] of the margin to the stall, by that of wind and updraft.
 
     The flight path through the air climbs by gamma = pitch - alpha, wings level: across it the
@@ -528,7 +530,7 @@ def stall_doubt(air: AirEstimate, pitch_rad: float) -> float:
     return max(across, along)
 
 
-def _is_felt(before: MotionState, after: MotionState, time_s: float) -> bool:
+def _is_imu_valid(before: MotionState, after: MotionState, time_s: float) -> bool:
     """Whether the estimator has taken new accelerations in this tick, and they are of now."""
     return (
         after.imu.time_s != before.imu.time_s
@@ -545,14 +547,17 @@ def _elevator(state: AutopilotState, inputs: Inputs) -> float:
     return NAN
 
 
-def _as_sure(guards: Guards, health: Health, quality: MotionQuality) -> Health:
+def _with_uncertainty(guards: SupervisorLimits, health: Health, quality: MotionQuality) -> Health:
     """Health as the estimator's doubt has it, and not the age of the last fix alone.
 
     With accelerations the position is flown with until it is too uncertain; where it has jumped
     it is not, so that the line starts anew at the aircraft and no law sees the step.  A fix that
     says little is young and helps no one: then the position is as uncertain as before.
     """
-    young = health.position_ok and quality.position_sigma_m <= DOUBT_MAX * guards.position_sd_max_m
+    young = (
+        health.position_ok
+        and quality.position_sigma_m <= UNCERTAINTY_MAX * guards.position_sd_max_m
+    )
     carried = (
         quality.inertial
         and quality.position_sigma_m <= guards.position_sd_max_m  # false for NaN
@@ -564,28 +569,30 @@ def _as_sure(guards: Guards, health: Health, quality: MotionQuality) -> Health:
 
 
 def _watch(
-    laws: Laws, state: AutopilotState, inputs: Inputs, seen: _Seen
+    laws: Laws, state: AutopilotState, inputs: Inputs, estimates: _Estimates
 ) -> tuple[AutopilotState, Output]:
     """Without the surfaces: look, and engage if asked and able."""
-    vehicle, target = seen.vehicle, laws.target
-    found = _found(laws, inputs, seen, 0.0, False, False, True, True)
+    vehicle, target = estimates.vehicle, laws.target
+    found = _found(laws, inputs, estimates, 0.0, False, False, True, True)
     if line_valid(laws):  # to be engaged with; in flight nothing looks at it
         found |= LINE_VALID
     supervisor, decision = _decide(laws, state, inputs, found)
-    state = _idle(state, inputs, seen, supervisor, state.line)
+    state = _idle(state, inputs, estimates, supervisor, state.line)
     if modes.is_flying(decision.mode):
-        return _fly(laws, _engaged(laws, state, seen), inputs, seen, 0.0, decision.reason)
+        return _fly(laws, _engaged(laws, state, estimates), inputs, estimates, 0.0, decision.reason)
     distance = e_rho(target.x_m, target.z_m, target.eta_rad, vehicle.x_m, vehicle.z_m)
     line = LineState(
         x_m=target.x_m, z_m=target.z_m, eta_rad=target.eta_rad, speed_mps=0.0, moving=False
     )
-    return state, _idle_output(inputs, seen, decision.mode, decision.reason, line, distance, NAN)
+    return state, _idle_output(
+        inputs, estimates, decision.mode, decision.reason, line, distance, NAN
+    )
 
 
 def _idle(
     state: AutopilotState,
     inputs: Inputs,
-    seen: _Seen,
+    estimates: _Estimates,
     supervisor: SupervisorState,
     line: LineState,
 ) -> AutopilotState:
@@ -594,7 +601,7 @@ def _idle(
         time_s=inputs.time_s,
         supervisor=supervisor,
         off_line_s=state.off_line_s,
-        motion=seen.motion,
+        motion=estimates.motion,
         line=line,
         soaring=state.soaring,
         pitch=state.pitch,
@@ -602,18 +609,18 @@ def _idle(
         heading=state.heading,
         heading_setpoint_rad=state.heading_setpoint_rad,
         limited=state.limited,
-        wind=seen.wind,
-        health=seen.watched,
-        pitch_trim=seen.pitch_trim,
-        gust_pitch_rad=seen.gust_pitch_rad,
-        imu_share=seen.imu_share,
-        confident_s=seen.confident_s,
+        wind=estimates.wind,
+        health=estimates.watched,
+        pitch_trim=estimates.pitch_trim,
+        gust_pitch_rad=estimates.gust_pitch_rad,
+        imu_weight=estimates.imu_weight,
+        confident_s=estimates.confident_s,
     )
 
 
 def _idle_output(
     inputs: Inputs,
-    seen: _Seen,
+    estimates: _Estimates,
     mode: int,
     reason: int,
     line: LineState,
@@ -628,8 +635,8 @@ def _idle_output(
         active=False,
         command=_NEUTRAL,
         setpoints=NO_SETPOINTS,
-        vehicle=seen.vehicle,
-        health=seen.health,
+        vehicle=estimates.vehicle,
+        health=estimates.health,
         line_x_m=line.x_m,
         line_z_m=line.z_m,
         line_eta_rad=line.eta_rad,
@@ -640,22 +647,22 @@ def _idle_output(
         elevator=_NO_TERMS,
         aileron=_NO_TERMS,
         rudder=_NO_TERMS,
-        air=seen.air,
-        quality=seen.quality,
-        margins=seen.margins,
+        air=estimates.air,
+        quality=estimates.quality,
+        margins=estimates.margins,
         cut=0,
-        imu_share=seen.imu_share,
+        imu_weight=estimates.imu_weight,
     )
 
 
-def _engaged(laws: Laws, state: AutopilotState, seen: _Seen) -> AutopilotState:
+def _engaged(laws: Laws, state: AutopilotState, estimates: _Estimates) -> AutopilotState:
     """The state at the moment of taking the surfaces.
 
     The surfaces start at their trims and go from there no faster than the envelope lets them;
     no integral hides an error that the laws must act on at once, such as a bank.
     """
-    state = _line_from_aircraft(laws, state, seen)
-    vehicle, trim = seen.vehicle, laws.trim
+    state = _line_from_aircraft(laws, state, estimates)
+    vehicle, trim = estimates.vehicle, laws.trim
     return state._replace(
         pitch=PidState(0.0, -vehicle.pitch_rate_radps),
         roll=PidState(0.0, -vehicle.roll_rate_radps),
@@ -665,14 +672,16 @@ def _engaged(laws: Laws, state: AutopilotState, seen: _Seen) -> AutopilotState:
     )
 
 
-def _line_from_aircraft(laws: Laws, state: AutopilotState, seen: _Seen) -> AutopilotState:
+def _line_from_aircraft(laws: Laws, state: AutopilotState, estimates: _Estimates) -> AutopilotState:
     """The line starts at the aircraft and slides from there; the pitch goes on from its own."""
-    vehicle = seen.vehicle
+    vehicle = estimates.vehicle
     line = line_at(laws.target, vehicle.x_m, vehicle.z_m)
     rate = e_rho(0.0, 0.0, line.eta_rad, vehicle.velocity_x_mps, vehicle.climb_mps)
     return state._replace(
         line=line,
-        soaring=soaring_reset(laws.soaring, seen.pitch_trim.pitch_rad, rate, vehicle.pitch_rad),
+        soaring=soaring_reset(
+            laws.soaring, estimates.pitch_trim.pitch_rad, rate, vehicle.pitch_rad
+        ),
         off_line_s=vehicle.time_s,
     )
 
@@ -681,12 +690,12 @@ def _fly(
     laws: Laws,
     state: AutopilotState,
     inputs: Inputs,
-    seen: _Seen,
+    estimates: _Estimates,
     dt_s: float,
     engaged_because: int,
 ) -> tuple[AutopilotState, Output]:
     """Capturing, soaring, holding and recovering."""
-    vehicle, margins, line = seen.vehicle, seen.margins, state.line
+    vehicle, margins, line = estimates.vehicle, estimates.margins, state.line
     before = state.supervisor.mode
     if before in (modes.CAPTURING, modes.SOARING):
         line = line_step(laws.line, line, laws.target, vehicle.x_m, vehicle.z_m, dt_s)
@@ -701,14 +710,16 @@ def _fly(
     sane = isfinite(
         line.x_m + line.z_m + state.soaring.pitch_setpoint_rad + state.heading_setpoint_rad
     )
-    found = _found(laws, inputs, seen, distance, on_line, line.moving, state.limited.finite, sane)
+    found = _found(
+        laws, inputs, estimates, distance, on_line, line.moving, state.limited.finite, sane
+    )
     supervisor, decision = _decide(laws, state, inputs, found)
     mode, reason = decision.mode, decision.reason or engaged_because
     if not modes.is_flying(mode):
-        state = _idle(state, inputs, seen, supervisor, line)
-        return state, _idle_output(inputs, seen, mode, reason, line, distance, rate)
+        state = _idle(state, inputs, estimates, supervisor, line)
+        return state, _idle_output(inputs, estimates, mode, reason, line, distance, rate)
 
-    theta_0, soaring = seen.pitch_trim.pitch_rad, state.soaring
+    theta_0, soaring = estimates.pitch_trim.pitch_rad, state.soaring
     psi_setpoint = state.heading_setpoint_rad
     if mode == modes.HOLDING:
         # Without a position: the pitch that held the line, wings level, the heading as it was.
@@ -719,13 +730,13 @@ def _fly(
         )
     else:
         if decision.action == modes.NEW_LINE:
-            state = _line_from_aircraft(laws, state, seen)
+            state = _line_from_aircraft(laws, state, estimates)
             line, distance, rate = state.line, 0.0, rate + line.speed_mps  # at rest now
             soaring, off_line_s = state.soaring, state.off_line_s
         soaring, soaring_terms = soaring_step(
-            soaring_between(laws.soaring, laws.soaring_imu, seen.imu_share),
+            soaring_between(laws.soaring, laws.soaring_imu, estimates.imu_weight),
             soaring,
-            theta_0 + seen.gust_pitch_rad,
+            theta_0 + estimates.gust_pitch_rad,
             distance,
             rate,
             dt_s,
@@ -753,7 +764,7 @@ def _fly(
     elevator_terms = aileron_terms = _NO_TERMS
     if laws.loops == OURS:
         pitch, elevator_terms = attitude_step(
-            pid_between(laws.pitch, laws.pitch_imu, seen.imu_share),
+            pid_between(laws.pitch, laws.pitch_imu, estimates.imu_weight),
             state.pitch,
             pitch_setpoint,
             vehicle.pitch_rad,
@@ -798,7 +809,7 @@ def _fly(
         time_s=inputs.time_s,
         supervisor=supervisor,
         off_line_s=off_line_s,
-        motion=seen.motion,
+        motion=estimates.motion,
         line=line,
         soaring=soaring,
         pitch=pitch,
@@ -806,12 +817,12 @@ def _fly(
         heading=heading,
         heading_setpoint_rad=psi_setpoint,
         limited=limited,
-        wind=seen.wind,
-        health=seen.watched,
-        pitch_trim=seen.pitch_trim,
-        gust_pitch_rad=seen.gust_pitch_rad,
-        imu_share=seen.imu_share,
-        confident_s=seen.confident_s,
+        wind=estimates.wind,
+        health=estimates.watched,
+        pitch_trim=estimates.pitch_trim,
+        gust_pitch_rad=estimates.gust_pitch_rad,
+        imu_weight=estimates.imu_weight,
+        confident_s=estimates.confident_s,
     )
     return state, Output(
         time_s=inputs.time_s,
@@ -821,7 +832,7 @@ def _fly(
         command=limited.command,
         setpoints=Setpoints(pitch_setpoint, roll_setpoint, psi_setpoint),
         vehicle=vehicle,
-        health=seen.health,
+        health=estimates.health,
         line_x_m=line.x_m,
         line_z_m=line.z_m,
         line_eta_rad=line.eta_rad,
@@ -832,11 +843,11 @@ def _fly(
         elevator=elevator_terms,
         aileron=aileron_terms,
         rudder=rudder_terms,
-        air=seen.air,
-        quality=seen.quality,
+        air=estimates.air,
+        quality=estimates.quality,
         margins=margins,
         cut=limited.cut | cut,
-        imu_share=seen.imu_share,
+        imu_weight=estimates.imu_weight,
     )
 
 
@@ -863,7 +874,7 @@ def _left_to_firmware(limited: Limited, loops: int, surfaces: SurfacesSample) ->
 def _found(
     laws: Laws,
     inputs: Inputs,
-    seen: _Seen,
+    estimates: _Estimates,
     distance_m: float,
     on_line: bool,
     line_moving: bool,
@@ -871,7 +882,7 @@ def _found(
     sane: bool,
 ) -> int:
     """What holds now, as the supervisor's bits."""
-    vehicle, health, margins = seen.vehicle, seen.health, seen.margins
+    vehicle, health, margins = estimates.vehicle, estimates.health, estimates.margins
     found = 0
     if inputs.engage:
         found |= ENGAGE
@@ -881,7 +892,7 @@ def _found(
     if health.position_ok:
         found |= POSITION_FRESH
     # Fixes that leave the position uncertain, or come too seldom, do not keep it.
-    unsure_s, unsure_max_s = inputs.time_s - seen.confident_s, laws.guards.position_age_max_s
+    unsure_s, unsure_max_s = inputs.time_s - estimates.confident_s, laws.guards.position_age_max_s
     if age <= unsure_max_s and -FUTURE_S <= unsure_s <= unsure_max_s:  # false for NaN
         found |= POSITION_KEPT
     faults = health.faults

@@ -16,7 +16,7 @@ from tgl_soar.air.grid import (
     numpy_table,
     numpy_table_3d,
 )
-from tgl_soar.air.gusts import DRYDEN_STILL, Gust, dryden_params, dryden_step, gust_share
+from tgl_soar.air.gusts import DRYDEN_STILL, Gust, dryden_params, dryden_step, gust_fraction
 from tgl_soar.air.hill import Hill, hill_wind
 from tgl_soar.air.jet import Jet, jet_wind
 
@@ -52,7 +52,7 @@ def test_hill_and_grids_and_turbulence_compile_and_agree() -> None:
         fast_state, fast_gust = fast_step(params, fast_state, *white)
         assert fast_gust == pytest.approx(slow_gust, rel=1e-12)
     gust = Gust(start_s=1.0, duration_s=2.0, u_mps=1.0, v_mps=0.0, w_mps=0.5)
-    assert numba.njit(gust_share)(gust, 1.7) == pytest.approx(gust_share(gust, 1.7))
+    assert numba.njit(gust_fraction)(gust, 1.7) == pytest.approx(gust_fraction(gust, 1.7))
 
 
 def test_the_jets_query_compiles_with_what_it_calls() -> None:

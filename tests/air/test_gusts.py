@@ -23,7 +23,7 @@ from tgl_soar.air.gusts import (
     dryden_params,
     dryden_start,
     dryden_step,
-    gust_share,
+    gust_fraction,
 )
 from tgl_soar.air.hill import HillField
 
@@ -124,9 +124,9 @@ def test_step_coefficients_are_stable_and_invertible(h: float, intensity: float)
 
 def test_gust_begins_ends_and_peaks_in_time() -> None:
     gust = Gust(start_s=10.0, duration_s=2.0, u_mps=1.0, w_mps=-0.5)
-    assert [gust_share(gust, t) for t in (9.0, 10.0, 12.0, 13.0)] == [0.0] * 4
-    assert gust_share(gust, 11.0) == pytest.approx(1.0)
-    assert gust_share(gust, 10.5) == pytest.approx(0.5)
+    assert [gust_fraction(gust, t) for t in (9.0, 10.0, 12.0, 13.0)] == [0.0] * 4
+    assert gust_fraction(gust, 11.0) == pytest.approx(1.0)
+    assert gust_fraction(gust, 10.5) == pytest.approx(0.5)
     field = GustyField(HillField(9.0, 20.0), [gust, gust])
     calm = HillField(9.0, 20.0).wind_at(-25.0, 0.0, 10.0, 0.0)
     blown = field.wind_at(-25.0, 0.0, 10.0, 11.0)

@@ -11,7 +11,14 @@ from math import nan
 
 import pytest
 
-from tgl_soar.autopilot import DOUBT_MAX, AutopilotState, Output, initial_state, laws_from, step
+from tgl_soar.autopilot import (
+    UNCERTAINTY_MAX,
+    AutopilotState,
+    Output,
+    initial_state,
+    laws_from,
+    step,
+)
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.estimation.health import FROZEN
 from tgl_soar.estimation.motion import (
@@ -98,7 +105,7 @@ def after(count: int) -> AutopilotState:
 @pytest.mark.parametrize(("share", "ok"), [(0.99, True), (1.01, False)])
 def test_a_young_fix_of_too_much_doubt_is_no_position(share: float, ok: bool) -> None:
     inputs = held(0)
-    sigma = share * DOUBT_MAX * VALUES["EST_SD_MAX"]
+    sigma = share * UNCERTAINTY_MAX * VALUES["EST_SD_MAX"]
     doubtful = inputs._replace(position=inputs.position._replace(sigma_m=sigma))
     ((_, output),) = ticks(iter([doubtful]))
     assert output.health.position_age_s == 0.0
@@ -111,9 +118,9 @@ def test_a_position_of_unknown_doubt_is_none() -> None:
     state = after(100)
     errors = state.motion.errors
     unknown = errors._replace(covariance=errors.covariance._replace(pp=nan))
-    spoilt = state._replace(motion=state.motion._replace(errors=unknown))
+    corrupted = state._replace(motion=state.motion._replace(errors=unknown))
     without_fix = held(100)._replace(position=held(99).position)
-    for start, ok in ((state, True), (spoilt, False)):
+    for start, ok in ((state, True), (corrupted, False)):
         ((_, output),) = ticks(iter([without_fix]), state=start)
         assert output.health.position_age_s < VALUES["AGE_POS_HOLD"]
         assert output.health.position_ok == ok

@@ -6,7 +6,7 @@ from math import cos, degrees, hypot, inf, isfinite, nan, radians, sin
 
 import pytest
 
-from tgl_soar.autopilot import STALL_DOUBT_MAX_RAD, Output, stall_doubt
+from tgl_soar.autopilot import STALL_UNCERTAINTY_MAX_RAD, Output, stall_uncertainty
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.control.envelope import CUT_NOSE_UP, PITCH_PER_SPEED
 from tgl_soar.sim.closed_loop import ClosedLoop
@@ -32,20 +32,20 @@ def air(wind_sigma_mps: float, updraft_sigma_mps: float, alpha_rad: float = 0.1)
 
 
 def test_in_level_flight_through_the_air_updraft_turns_alpha_and_wind_is_airspeed() -> None:
-    assert stall_doubt(air(0.0, 0.2), 0.1) == pytest.approx(0.02)
-    assert stall_doubt(air(0.3, 0.0), 0.1) == pytest.approx(0.3 * PITCH_PER_SPEED)
-    assert stall_doubt(air(0.3, 0.2), 0.1) == pytest.approx(0.02)  # the larger of the two
+    assert stall_uncertainty(air(0.0, 0.2), 0.1) == pytest.approx(0.02)
+    assert stall_uncertainty(air(0.3, 0.0), 0.1) == pytest.approx(0.3 * PITCH_PER_SPEED)
+    assert stall_uncertainty(air(0.3, 0.2), 0.1) == pytest.approx(0.02)  # the larger of the two
 
 
 def test_on_a_steep_path_each_does_some_of_either() -> None:
     gamma = -0.4
     across = hypot(cos(gamma) * 0.1, sin(gamma) * 0.2) / 10.0
-    assert stall_doubt(air(0.2, 0.1), 0.1 + gamma) == pytest.approx(across)
+    assert stall_uncertainty(air(0.2, 0.1), 0.1 + gamma) == pytest.approx(across)
 
 
 @pytest.mark.parametrize("unknown", [NO_AIR, air(nan, nan), air(0.1, 0.1, nan)])
 def test_what_is_not_known_is_not_sure(unknown: AirEstimate) -> None:
-    assert not stall_doubt(unknown, 0.0) <= STALL_DOUBT_MAX_RAD
+    assert not stall_uncertainty(unknown, 0.0) <= STALL_UNCERTAINTY_MAX_RAD
 
 
 def flown(sensors: Sensors, **changes: float) -> tuple[list[Output], list[float]]:
@@ -73,7 +73,7 @@ def test_with_accelerometers_the_margin_is_known_in_flight_and_right() -> None:
              if isfinite(o.margins.stall_rad)]  # fmt: skip
     assert len(known) > 0.8 * len(flies)
     rms = (sum((estimate - a) ** 2 for estimate, a in known) / len(known)) ** 0.5
-    assert rms < degrees(STALL_DOUBT_MAX_RAD)
+    assert rms < degrees(STALL_UNCERTAINTY_MAX_RAD)
 
 
 def test_with_a_pose_alone_nothing_is_known_and_nothing_limited() -> None:

@@ -11,7 +11,7 @@ from tgl_soar.analysis.experiments.identification import AIRFRAME
 from tgl_soar.cli.app import app
 from tgl_soar.config.files import load_airframe
 from tgl_soar.config.parameters import ParameterSet
-from tgl_soar.onboard.flightlog.writer import Facts, FlightRecorder
+from tgl_soar.onboard.flightlog.writer import FlightRecorder, LogMetadata
 from tgl_soar.sim.glide_test import WIND_MPS, fly
 
 
@@ -19,7 +19,7 @@ from tgl_soar.sim.glide_test import WIND_MPS, fly
 def glide_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The module on board of a gliding test flight."""
     folder = tmp_path_factory.mktemp("glide")
-    facts = Facts({"sys_name": "tgl_soar", "ver_log": "1", "ver_sw": "0"}, {})
+    facts = LogMetadata({"sys_name": "tgl_soar", "ver_log": "1", "ver_sw": "0"}, {})
     recorder = FlightRecorder(folder, facts, 0.0, patient=True)
     recorder.start()
     recorder.parameters(ParameterSet())

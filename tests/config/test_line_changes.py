@@ -16,7 +16,14 @@ from tgl_soar.config.line_changes import (
 )
 from tgl_soar.config.parameters import ParameterError, ParameterSet, as_wire_value
 from tgl_soar.control.target_line import e_rho, eta_from_lean
-from tgl_soar.link.messages import ParamRequestRead, ParamSet, ParamValue, Said, Source, StatusText
+from tgl_soar.link.messages import (
+    Outbound,
+    ParamRequestRead,
+    ParamSet,
+    ParamValue,
+    Source,
+    StatusText,
+)
 from tgl_soar.link.parameters import ParameterServer
 
 A, B, C = PresetLine("a", 0.2, 1.15, 15), PresetLine("b", 0.6, 1.6, 15), PresetLine("c", 1, 2, 20)
@@ -62,7 +69,7 @@ class Station:
         self._take(self.server.poll(1.0))
         return self.shown[name]
 
-    def _take(self, said: list[Said]) -> list[str]:
+    def _take(self, said: list[Outbound]) -> list[str]:
         values = [m for m in said if isinstance(m, ParamValue)]
         self.shown |= {m.param_id: m.param_value for m in values}
         self.words = "".join(m.text for m in said if isinstance(m, StatusText))

@@ -12,8 +12,8 @@ from tgl_soar.control.scheduling import (
     DOWN_PER_S,
     UP_PER_S,
     pid_between,
-    share_step,
     soaring_between,
+    weight_step,
 )
 from tgl_soar.control.soaring import SoaringGains, SoaringState, soaring_step
 
@@ -46,21 +46,21 @@ PITCH_IMU = PITCH._replace(kp=9.2, ki=8.4, kd=0.31)
 
 @given(st.lists(st.booleans(), max_size=400), st.floats(0.0, 0.1))
 def test_the_share_follows_and_stays_within_its_rates(flags: list[bool], dt: float) -> None:
-    share = 0.0
+    weight = 0.0
     for inertial in flags:
-        after = share_step(share, inertial, dt)
+        after = weight_step(weight, inertial, dt)
         assert 0.0 <= after <= 1.0
-        assert -DOWN_PER_S * dt - 1e-12 <= after - share <= UP_PER_S * dt + 1e-12
-        assert (after >= share) if inertial else (after <= share)
-        share = after
+        assert -DOWN_PER_S * dt - 1e-12 <= after - weight <= UP_PER_S * dt + 1e-12
+        assert (after >= weight) if inertial else (after <= weight)
+        weight = after
 
 
 def test_the_share_arrives_and_leaves_faster_than_it_came() -> None:
-    share, up, down = 0.0, 0, 0
-    while share < 1.0:
-        share, up = share_step(share, True, DT), up + 1
-    while share > 0.0:
-        share, down = share_step(share, False, DT), down + 1
+    weight, up, down = 0.0, 0, 0
+    while weight < 1.0:
+        weight, up = weight_step(weight, True, DT), up + 1
+    while weight > 0.0:
+        weight, down = weight_step(weight, False, DT), down + 1
     assert up * DT == pytest.approx(1.0 / UP_PER_S, abs=2 * DT)
     assert down * DT == pytest.approx(1.0 / DOWN_PER_S, abs=2 * DT)
 
@@ -73,10 +73,10 @@ def test_at_the_ends_the_sets_are_as_they_were_made() -> None:
 
 
 @given(st.floats(0.0, 1.0))
-def test_between_the_ends_every_gain_is_on_the_straight_line(share: float) -> None:
-    between = soaring_between(PLAIN, IMU, share)
+def test_between_the_ends_every_gain_is_on_the_straight_line(weight: float) -> None:
+    between = soaring_between(PLAIN, IMU, weight)
     for plain, imu, now in zip(PLAIN.pid, IMU.pid, between.pid, strict=True):
-        assert now == pytest.approx(plain + share * (imu - plain))
+        assert now == pytest.approx(plain + weight * (imu - plain))
     assert between[1:] == PLAIN[1:]
 
 
@@ -95,13 +95,13 @@ def test_a_switch_in_steady_flight_moves_the_pitch_setpoint_no_faster_than_the_g
     = 1.5 mrad, and by what the integral adds anyhow, 0.24 · 0.02 · 5 ms.  On the line and at rest
     it does not move at all.
     """
-    share = 0.0 if up else 1.0
-    gains = soaring_between(PLAIN, IMU, share)
+    weight = 0.0 if up else 1.0
+    gains = soaring_between(PLAIN, IMU, weight)
     pitch = TRIM_RAD + gains.pid.kp * e + integral + gains.pid.kd * rate
     state = SoaringState(PidState(integral, rate), pitch, 0)
     for _ in range(200):
-        share = share_step(share, up, DT)
-        gains = soaring_between(PLAIN, IMU, share)
+        weight = weight_step(weight, up, DT)
+        gains = soaring_between(PLAIN, IMU, weight)
         after, _ = soaring_step(gains, state, TRIM_RAD, e, rate, DT, 0)
         change = abs(after.pitch_setpoint_rad - state.pitch_setpoint_rad)
         assert change <= 0.05 * (1.07 * abs(e) + 0.085 * abs(rate)) + 0.24 * abs(e) * DT + 1e-12
@@ -113,15 +113,15 @@ def test_a_switch_in_steady_flight_moves_the_elevator_no_faster_than_the_gains(
     integral: float, error: float, up: bool
 ) -> None:
     """Half a degree of pitch error: 0.05 · 4.2 · 0.01 = 2 thousandths of the travel in a tick."""
-    share = 0.0 if up else 1.0
+    weight = 0.0 if up else 1.0
     state = PidState(integral, 0.0)
     _, before = attitude_step(
-        pid_between(PITCH, PITCH_IMU, share), state, error, 0.0, 0.0, 0.0, 0.0, 0
+        pid_between(PITCH, PITCH_IMU, weight), state, error, 0.0, 0.0, 0.0, 0.0, 0
     )
     output = before.output
     for _ in range(200):
-        share = share_step(share, up, DT)
-        gains = pid_between(PITCH, PITCH_IMU, share)
+        weight = weight_step(weight, up, DT)
+        gains = pid_between(PITCH, PITCH_IMU, weight)
         state, terms = attitude_step(gains, state, error, 0.0, 0.0, 0.0, DT, 0)
         assert abs(terms.output - output) <= (0.05 * 4.2 + 8.4 * DT) * abs(error) + 1e-12
         output = terms.output

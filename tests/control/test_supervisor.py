@@ -133,7 +133,7 @@ def test_no_mode_keeps_the_surfaces_without_what_is_vital(mode: int) -> None:
     assert np.all(everything.has(VITAL)[flies])
     assert np.any(flies)
     # And lets go whenever it ends: surfaces and setpoints both.
-    assert np.all(everything.action[~flies] == s.LET_GO)
+    assert np.all(everything.action[~flies] == s.HAND_OVER)
 
 
 @pytest.mark.parametrize("mode", FLYING)
@@ -189,7 +189,7 @@ def test_every_entry_check_refuses_in_its_own_words(mode: int) -> None:
     reasons = set()
     for check in bits_of(s.ENTRY):
         decision = next_mode(mode, (s.ENGAGE | s.ENTRY | s.STREAMS_SEEN) & ~check)
-        assert (decision.mode, decision.action) == (s.RELEASED, s.LET_GO)
+        assert (decision.mode, decision.action) == (s.RELEASED, s.HAND_OVER)
         reasons.add(decision.reason)
     assert len(reasons) == len(bits_of(s.ENTRY))
 
@@ -268,7 +268,7 @@ def test_no_mode_in_control_looks_away_from_the_fence(mode: int) -> None:
 def test_an_operator_who_lets_go_is_heard_in_every_flying_mode() -> None:
     healthy = (1 << s.CONDITIONS) - 1 & ~s.LINE_MOVING & ~s.ENGAGE
     for mode in FLYING:
-        assert next_mode(mode, healthy) == Decision(s.STANDBY, s.LET_GO, s.REASON_OPERATOR)
+        assert next_mode(mode, healthy) == Decision(s.STANDBY, s.HAND_OVER, s.REASON_OPERATOR)
 
 
 def test_a_fault_is_told_even_where_the_operator_lets_go_in_the_same_tick() -> None:
@@ -288,7 +288,7 @@ def test_a_fault_is_told_even_where_the_operator_lets_go_in_the_same_tick() -> N
         lost = 0
         for condition, to, reason in reversed(faults):  # and the worse the fault, the earlier
             lost |= condition
-            assert next_mode(mode, healthy & ~lost) == Decision(to, s.LET_GO, reason)
+            assert next_mode(mode, healthy & ~lost) == Decision(to, s.HAND_OVER, reason)
         # What an operator may well let go for is theirs to say.
         for condition in (s.UPRIGHT, s.POSITION_KEPT, s.NEAR_LINE, s.SURFACES_ANSWER):
             assert next_mode(mode, healthy & ~condition).reason == s.REASON_OPERATOR
@@ -317,24 +317,24 @@ def test_under_standing_conditions_it_comes_to_rest() -> None:
 # --- the table itself -----------------------------------------------------------------------
 
 FAULT_ROWS = [
-    (0, s.FINITE, s.FAILED, s.LET_GO, s.REASON_NOT_FINITE),
-    (0, s.SANE, s.FAILED, s.LET_GO, s.REASON_INSANE),
-    (0, s.ATTITUDE_FRESH, s.RELEASED, s.LET_GO, s.REASON_ATTITUDE_LOST),
-    (0, s.AUTOPILOT_ALIVE, s.RELEASED, s.LET_GO, s.REASON_AUTOPILOT_LOST),
-    (0, s.SAME_BOOT, s.RELEASED, s.LET_GO, s.REASON_REBOOTED),
-    (0, s.NO_FAILSAFE, s.RELEASED, s.LET_GO, s.REASON_FAILSAFE),
-    (0, s.SURFACES_OBEY, s.RELEASED, s.LET_GO, s.REASON_MODE_TAKEN),
-    (0, s.STAYS_ARMED, s.RELEASED, s.LET_GO, s.REASON_DISARMED),
-    (0, s.ENGAGE, s.STANDBY, s.LET_GO, s.REASON_OPERATOR),
-    (0, s.ATTITUDE_AGREES, s.RELEASED, s.LET_GO, s.REASON_ATTITUDE_DISAGREES),
-    (0, s.SURFACES_ANSWER, s.RELEASED, s.LET_GO, s.REASON_SURFACES_DEAD),
-    (0, s.UPRIGHT, s.RELEASED, s.LET_GO, s.REASON_UPSET),
-    (0, s.UPWIND, s.RELEASED, s.LET_GO, s.REASON_DOWNWIND),
+    (0, s.FINITE, s.FAILED, s.HAND_OVER, s.REASON_NOT_FINITE),
+    (0, s.SANE, s.FAILED, s.HAND_OVER, s.REASON_INSANE),
+    (0, s.ATTITUDE_FRESH, s.RELEASED, s.HAND_OVER, s.REASON_ATTITUDE_LOST),
+    (0, s.AUTOPILOT_ALIVE, s.RELEASED, s.HAND_OVER, s.REASON_AUTOPILOT_LOST),
+    (0, s.SAME_BOOT, s.RELEASED, s.HAND_OVER, s.REASON_REBOOTED),
+    (0, s.NO_FAILSAFE, s.RELEASED, s.HAND_OVER, s.REASON_FAILSAFE),
+    (0, s.SURFACES_OBEY, s.RELEASED, s.HAND_OVER, s.REASON_MODE_TAKEN),
+    (0, s.STAYS_ARMED, s.RELEASED, s.HAND_OVER, s.REASON_DISARMED),
+    (0, s.ENGAGE, s.STANDBY, s.HAND_OVER, s.REASON_OPERATOR),
+    (0, s.ATTITUDE_AGREES, s.RELEASED, s.HAND_OVER, s.REASON_ATTITUDE_DISAGREES),
+    (0, s.SURFACES_ANSWER, s.RELEASED, s.HAND_OVER, s.REASON_SURFACES_DEAD),
+    (0, s.UPRIGHT, s.RELEASED, s.HAND_OVER, s.REASON_UPSET),
+    (0, s.UPWIND, s.RELEASED, s.HAND_OVER, s.REASON_DOWNWIND),
 ]
 ON_LINE_ROWS = [
     (s.SETTLED, s.POSITION_FRESH, s.HOLDING, s.HOLD, s.REASON_POSITION_GAP),
-    (0, s.INSIDE_FENCE, s.RELEASED, s.LET_GO, s.REASON_FENCE),
-    (0, s.NEAR_LINE, s.RELEASED, s.LET_GO, s.REASON_OFF_LINE),
+    (0, s.INSIDE_FENCE, s.RELEASED, s.HAND_OVER, s.REASON_FENCE),
+    (0, s.NEAR_LINE, s.RELEASED, s.HAND_OVER, s.REASON_OFF_LINE),
     (s.TROUBLED, s.AIR_SAFE, s.RECOVERING, s.GLIDE, s.REASON_STALL),
     (s.TROUBLED, s.HIGH_ENOUGH, s.RECOVERING, s.GLIDE, s.REASON_LOW),
 ]
@@ -349,7 +349,7 @@ FLYING_ROWS = {
         (s.LINE_MOVING | s.SETTLED, 0, s.CAPTURING, s.NOTHING, s.REASON_LINE_MOVED),
     ],
     s.HOLDING: [
-        (0, s.INSIDE_FENCE, s.RELEASED, s.LET_GO, s.REASON_FENCE),
+        (0, s.INSIDE_FENCE, s.RELEASED, s.HAND_OVER, s.REASON_FENCE),
         (0, s.POSITION_KEPT, s.RECOVERING, s.GLIDE, s.REASON_POSITION_LOST),
         (s.TROUBLED, s.AIR_SAFE, s.RECOVERING, s.GLIDE, s.REASON_STALL),
         (s.TROUBLED, s.HIGH_ENOUGH, s.RECOVERING, s.GLIDE, s.REASON_LOW),
@@ -358,15 +358,15 @@ FLYING_ROWS = {
         (s.TIME_UP, 0, s.RECOVERING, s.GLIDE, s.REASON_POSITION_LOST),
     ],
     s.RECOVERING: [
-        (0, s.INSIDE_FENCE, s.RELEASED, s.LET_GO, s.REASON_FENCE),
+        (0, s.INSIDE_FENCE, s.RELEASED, s.HAND_OVER, s.REASON_FENCE),
         (
             s.POSITION_FRESH | s.CLEARED | s.SETTLED,
             *(0, s.CAPTURING, s.NEW_LINE, s.REASON_RECOVERED),
         ),
-        (s.TIME_UP, s.POSITION_FRESH, s.RELEASED, s.LET_GO, s.REASON_POSITION_LOST),
-        (s.TIME_UP, s.HIGH_ENOUGH, s.RELEASED, s.LET_GO, s.REASON_LOW),
-        (s.TIME_UP, s.AIR_SAFE, s.RELEASED, s.LET_GO, s.REASON_STALL),
-        (s.TIME_UP, 0, s.RELEASED, s.LET_GO, s.REASON_NOT_RECOVERED),
+        (s.TIME_UP, s.POSITION_FRESH, s.RELEASED, s.HAND_OVER, s.REASON_POSITION_LOST),
+        (s.TIME_UP, s.HIGH_ENOUGH, s.RELEASED, s.HAND_OVER, s.REASON_LOW),
+        (s.TIME_UP, s.AIR_SAFE, s.RELEASED, s.HAND_OVER, s.REASON_STALL),
+        (s.TIME_UP, 0, s.RELEASED, s.HAND_OVER, s.REASON_NOT_RECOVERED),
     ],
 }
 

@@ -22,8 +22,8 @@ from tgl_soar.estimation.health import (
 )
 from tgl_soar.estimation.motion import (
     FUTURE_S,
-    AttitudeHeard,
-    FixHeard,
+    LastAttitude,
+    LastFix,
     MotionState,
     initial_motion,
 )
@@ -57,8 +57,8 @@ DT = 1.0 / 128.0
 def heard_at(fix_s: float, attitude_s: float) -> MotionState:
     """An estimator that has used samples of these times."""
     return initial_motion()._replace(
-        fix=FixHeard(1, fix_s, 0),
-        attitude=AttitudeHeard(
+        fix=LastFix(1, fix_s, 0),
+        attitude=LastAttitude(
             sequence=1, time_s=attitude_s, used=NO_ATTITUDE, refused=NO_ATTITUDE, refused_in_a_row=0
         ),
     )

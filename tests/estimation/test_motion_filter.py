@@ -536,8 +536,8 @@ def test_a_bad_acceleration_is_refused_and_counted(bad: dict[str, Any]) -> None:
     for k in range(81):
         sample = accelerations(k, (0.0, 0.0, 0.0))
         state, _ = motion_step(GAINS, FRAME, state, tick(k * DT, fix, sample, level(k)))
-    spoilt = accelerations(81, (100.0, 0.0, 0.0))._replace(**bad)
-    after, v = motion_step(GAINS, FRAME, state, tick(81 * DT, fix, spoilt, level(81)))
+    corrupted = accelerations(81, (100.0, 0.0, 0.0))._replace(**bad)
+    after, v = motion_step(GAINS, FRAME, state, tick(81 * DT, fix, corrupted, level(81)))
     assert after.rejected == state.rejected + 1
     assert after.track == state.track
     assert abs(v.velocity_x_mps) < 1e-9

@@ -284,7 +284,7 @@ def test_it_starts_afresh_after_a_gap_and_after_bad_numbers() -> None:
     later, _ = wind_step(
         PARAMS, state, vehicle_of(glide.state, 5.0), inputs_at(5.0), SURE, 0.0, True
     )
-    assert later.belief.p_xx > 10.0 * state.belief.p_xx
+    assert later.posterior.p_xx > 10.0 * state.posterior.p_xx
     lost, nothing = wind_step(
         PARAMS,
         state,

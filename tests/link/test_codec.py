@@ -21,13 +21,13 @@ from tgl_soar.link.messages import (
     LocalPositionNed,
     NamedValueFloat,
     Odometry,
+    Outbound,
     ParamRequestList,
     ParamRequestRead,
     ParamSet,
     ParamValue,
     RawImu,
     RcChannelsOverride,
-    Said,
     ScaledImu,
     ServoOutputRaw,
     Source,
@@ -333,7 +333,7 @@ def parsed(frame: bytes) -> Any:
 
 def test_everything_that_is_said_reads_back_by_pymavlink() -> None:
     encoder = Encoder(Source(1, 191))
-    cases: list[tuple[Said, dict[str, object]]] = [
+    cases: list[tuple[Outbound, dict[str, object]]] = [
         (
             Heartbeat(type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4),
             {"type": 18, "autopilot": 8, "mavlink_version": 3},

@@ -17,8 +17,8 @@ from tgl_soar.link.messages import (
     CommandLong,
     MessageInterval,
     NamedValueFloat,
+    Outbound,
     RcChannels,
-    Said,
     Source,
 )
 from tgl_soar.link.telemetry import Flow, Telemetry
@@ -40,7 +40,7 @@ def command(
     return CommandLong(*target, number, confirmation, padded[:7])  # type: ignore[arg-type]
 
 
-def results(said: list[Said] | list[CommandAck]) -> list[int]:
+def results(said: list[Outbound] | list[CommandAck]) -> list[int]:
     return [m.result for m in said if isinstance(m, CommandAck)]
 
 

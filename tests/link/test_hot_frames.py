@@ -16,14 +16,14 @@ from tgl_soar.link.messages import (
     CommandAck,
     DebugFloatArray,
     GlobalPositionInt,
-    Heard,
     HighresImu,
+    Inbound,
     LocalPositionNed,
     NamedValueFloat,
     Odometry,
+    Outbound,
     RawImu,
     RcChannelsOverride,
-    Said,
     ScaledImu,
     ServoOutputRaw,
     SetAttitudeTarget,
@@ -35,27 +35,27 @@ from tgl_soar.link.signing import Signing
 KEY = bytes(range(32))
 
 
-def same_names(kind: type[Any]) -> Callable[[Any], Heard]:
+def same_names(kind: type[Any]) -> Callable[[Any], Inbound]:
     """Our fields keep MAVLink's names."""
     return lambda m: kind(*(getattr(m, name) for name in kind._fields))
 
 
-def scaled_imu(m: Any) -> Heard:
+def scaled_imu(m: Any) -> Inbound:
     return ScaledImu(m.get_msgId(), *(getattr(m, name) for name in ScaledImu._fields[1:]))
 
 
-def servo_output_raw(m: Any) -> Heard:
+def servo_output_raw(m: Any) -> Inbound:
     servos = tuple(getattr(m, f"servo{i}_raw") for i in range(1, 17))
     return ServoOutputRaw(m.time_usec, m.port, servos)
 
 
-def odometry(m: Any) -> Heard:
+def odometry(m: Any) -> Inbound:
     values: list[Any] = [getattr(m, name) for name in Odometry._fields]
     return Odometry._make(tuple(v) if isinstance(v, list) else v for v in values)
 
 
 # How pymavlink's message reads as ours.
-THEIRS: dict[int, Callable[[Any], Heard]] = {
+THEIRS: dict[int, Callable[[Any], Inbound]] = {
     mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: same_names(AttitudeQuaternion),
     mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: same_names(LocalPositionNed),
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: same_names(GlobalPositionInt),
@@ -90,7 +90,7 @@ def framed(number: int, payload: bytes, *, v1: bool = False, key: bytes | None =
     return frame
 
 
-def theirs(frame: bytes) -> Heard:
+def theirs(frame: bytes) -> Inbound:
     message = mavlink.MAVLink(None).decode(bytearray(frame))
     return THEIRS[message.get_msgId()](message)
 
@@ -190,7 +190,7 @@ ARRAYS = st.builds(
 WRITTEN = st.one_of(OVERRIDES, TIMESYNCS, NUMBERS, TARGETS, ARRAYS)
 
 
-def by_pymavlink(message: Said) -> Any:
+def by_pymavlink(message: Outbound) -> Any:
     if isinstance(message, Timesync):
         return mavlink.MAVLink_timesync_message(*message)
     if isinstance(message, NamedValueFloat):
@@ -217,7 +217,7 @@ def by_pymavlink(message: Said) -> Any:
     key=st.sampled_from((None, KEY)),
 )
 def test_what_is_said_is_pymavlink_s_byte_for_byte(
-    messages: list[Said], source: Source, key: bytes | None
+    messages: list[Outbound], source: Source, key: bytes | None
 ) -> None:
     mav = mavlink.MAVLink(None, *source)
     mav.signing.secret_key, mav.signing.sign_outgoing = key, key is not None
@@ -231,7 +231,7 @@ def test_what_is_said_is_pymavlink_s_byte_for_byte(
 
 
 @given(message=WRITTEN)
-def test_mavlink_1_is_said_as_pymavlink_reads_it(message: Said) -> None:
+def test_mavlink_1_is_said_as_pymavlink_reads_it(message: Outbound) -> None:
     encoder = Encoder(Source(1, 191), Signing(KEY, 1.6e9, 0.0))
     encoder.version1 = True
     frame = encoder.encode(message)
@@ -250,7 +250,7 @@ def test_mavlink_1_is_said_as_pymavlink_reads_it(message: Said) -> None:
 
 def test_the_sequence_is_one_whoever_packs() -> None:
     encoder = Encoder(Source(1, 191))
-    said: list[Said] = [
+    said: list[Outbound] = [
         Timesync(1, 1),
         CommandAck(command=1, result=0, target_system=1, target_component=1),
         Timesync(1, 1),

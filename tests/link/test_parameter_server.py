@@ -12,13 +12,13 @@ from tgl_soar.link.messages import (
     PARAM_ERROR_DOES_NOT_EXIST,
     PARAM_ERROR_PERMISSION_DENIED,
     PARAM_ERROR_VALUE_OUT_OF_RANGE,
-    Heard,
+    Inbound,
+    Outbound,
     ParamError,
     ParamRequestList,
     ParamRequestRead,
     ParamSet,
     ParamValue,
-    Said,
     Source,
     StatusText,
 )
@@ -36,16 +36,16 @@ def server() -> ParameterServer:
 
 def ask(
     server: ParameterServer,
-    message: Heard,
+    message: Inbound,
     *,
     now_s: float = 0.0,
     flying: bool = False,
     source: Source = STATION,
-) -> list[Said]:
+) -> list[Outbound]:
     return server.handle(source, message, now_s, flying=flying)
 
 
-def words(said: list[Said]) -> str:
+def words(said: list[Outbound]) -> str:
     return "".join(m.text for m in said if isinstance(m, StatusText))
 
 
@@ -213,7 +213,7 @@ def test_an_unknown_name_is_told() -> None:
     )
 
 
-def errors(said: list[Said]) -> list[ParamError]:
+def errors(said: list[Outbound]) -> list[ParamError]:
     return [m for m in said if isinstance(m, ParamError)]
 
 

@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.geometry import quaternion_from_euler
 from tgl_soar.link.codec import Encoder
-from tgl_soar.link.messages import Odometry, Said, Source, VisionPositionEstimate
+from tgl_soar.link.messages import Odometry, Outbound, Source, VisionPositionEstimate
 from tgl_soar.link.pose_forwarding import (
     ODOMETRY,
     STALE_S,
@@ -42,7 +42,7 @@ def fix(time_s: float, *, sigma_m: float = nan, velocity: float = nan) -> Positi
     )
 
 
-def parsed(message: Said) -> Any:
+def parsed(message: Outbound) -> Any:
     (back,) = mavlink.MAVLink(None).parse_buffer(Encoder(Source(1, 191)).encode(message))
     return back
 
@@ -56,7 +56,7 @@ def forwarded(
     delay_s: float = 0.015,
     turned: Quaternion | None = EAST_NOSE_UP,
     sources: PositionSources | None = None,
-) -> list[tuple[float, Said]]:
+) -> list[tuple[float, Outbound]]:
     """What goes out of a module that ticks at 200 Hz and a tracker of a rate and a delay."""
     sources = sources or PositionSources((source,))
     said = []

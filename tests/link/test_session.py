@@ -14,15 +14,15 @@ from tgl_soar.link.messages import (
     AttitudeQuaternion,
     CommandAck,
     CommandLong,
-    Heard,
     Heartbeat,
+    Inbound,
     LocalPositionNed,
     Odometry,
+    Outbound,
     ParamRequestRead,
     ParamValue,
     RawImu,
     Received,
-    Said,
     ServoOutputRaw,
     Source,
     SysStatus,
@@ -47,7 +47,9 @@ def session(*, lockstep: bool = False) -> Session:
     return Session(OWN, ArduPilot(CHANNELS, 1), 200.0, lockstep=lockstep)
 
 
-def hear(session: Session, message: Heard, now_s: float, source: Source = AUTOPILOT) -> list[Said]:
+def hear(
+    session: Session, message: Inbound, now_s: float, source: Source = AUTOPILOT
+) -> list[Outbound]:
     return session.handle(Received(source, message), now_s)
 
 
@@ -68,7 +70,7 @@ def position(time_ms: int, x: float = 1.0) -> LocalPositionNed:
     return LocalPositionNed(time_boot_ms=time_ms, x=x, y=2.0, z=-3.0, vx=0.1, vy=0.2, vz=0.3)
 
 
-def requests(said: list[Said]) -> list[tuple[float, float]]:
+def requests(said: list[Outbound]) -> list[tuple[float, float]]:
     return [(m.params[0], m.params[1]) for m in said if isinstance(m, CommandLong)]
 
 

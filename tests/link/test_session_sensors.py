@@ -25,9 +25,9 @@ from tgl_soar.link.messages import (
     CommandAck,
     CommandLong,
     GlobalPositionInt,
-    Heard,
     Heartbeat,
     HighresImu,
+    Inbound,
     LocalPositionNed,
     RawImu,
     Received,
@@ -70,7 +70,7 @@ def session(flavour: type[ArduPilot] = ArduPilot, **options: Any) -> Session:
     return talk
 
 
-def hear(talk: Session, message: Heard, now_s: float, source: Source = AUTOPILOT) -> None:
+def hear(talk: Session, message: Inbound, now_s: float, source: Source = AUTOPILOT) -> None:
     talk.handle(Received(source, message), now_s)
 
 
@@ -525,7 +525,7 @@ wild_message = st.one_of(
     ]
 )
 def test_whatever_comes_samples_are_finite_and_only_of_whom_is_believed(
-    said: list[tuple[Heard, Source, float]],
+    said: list[tuple[Inbound, Source, float]],
 ) -> None:
     for flavour in (ArduPilot, Px4Like):
         order = (VISION, GLOBAL_POSITION, LOCAL_POSITION)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tgl_soar.config.files import Position
 from tgl_soar.link.sources import (
     DEFAULT_ORDER,
-    DOUBT_S,
+    DISTRUST_S,
     DWELL_S,
     FROZEN_S,
     LOCAL_POSITION,
@@ -219,15 +219,15 @@ def test_a_frozen_source_is_given_while_there_is_no_better_one() -> None:
 def test_what_is_not_sane_is_left_for_what_may_be() -> None:
     sources = PositionSources((LOCAL_POSITION, MOCAP))
     hang(sources, 0.0, 5.0)
-    sources.doubt(5.0)
+    sources.distrust(5.0)
     ((left, chosen),) = hang(sources, 5.0, 15.0)
     assert chosen == MOCAP
     assert left == pytest.approx(5.0, abs=0.02)
-    sources.doubt(left + 0.1)  # an echo of the one before
+    sources.distrust(left + 0.1)  # an echo of the one before
     assert sources.chosen == MOCAP
     ((back, chosen),) = hang(sources, 15.0, 18.0)
     assert chosen == LOCAL_POSITION
-    assert back == pytest.approx(5.0 + DOUBT_S, abs=0.02)
+    assert back == pytest.approx(5.0 + DISTRUST_S, abs=0.02)
 
 
 def test_rate_and_distance_are_known() -> None:

@@ -24,7 +24,7 @@ AIRFRAME, SITE = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.tom
 COMPANION = 1
 BOOTED_S = 1000.0  # our clock when the autopilot's began
 ENGAGED_S = 2.0
-TWIN_S = 6.0  # from then on the duplicate is heard
+DUPLICATE_S = 6.0  # from then on the duplicate is heard
 TOLD = "two autopilots are 1:1"
 
 
@@ -94,17 +94,17 @@ class ClosedLoop:
 def test_a_duplicate_with_a_clock_ahead_is_not_flown_with(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bridge, "TWIN_UPTIME_S", 400.0)
-    monkeypatch.setattr(bridge, "of_twin", on_the_bench)
-    flown = ClosedLoop(seed, f"autopilot.twin start={TWIN_S} for=100")
-    flown.fly(TWIN_S - 0.1)
+    monkeypatch.setattr(bridge, "DUPLICATE_UPTIME_S", 400.0)
+    monkeypatch.setattr(bridge, "of_duplicate", on_the_bench)
+    flown = ClosedLoop(seed, f"autopilot.duplicate start={DUPLICATE_S} for=100")
+    flown.fly(DUPLICATE_S - 0.1)
     assert flown.is_engaged
-    flown.fly(TWIN_S + 10.0)
+    flown.fly(DUPLICATE_S + 10.0)
     world, output = flown.simulation.world, flown.onboard.output
     assert output is not None
     assert not world.crashed
     assert not flown.is_engaged
     assert world.position.down_m < -0.5
     # CONTEST_S, then AGE_ATT_MAX; until then it has flown on as before.
-    assert flown.simulation.time_s < TWIN_S + 2.0
+    assert flown.simulation.time_s < DUPLICATE_S + 2.0
     assert any(TOLD in text for text in flown.texts)

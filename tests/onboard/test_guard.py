@@ -22,8 +22,16 @@ from tgl_soar.link.keys import UNSIGNED, save_key
 from tgl_soar.onboard import process
 from tgl_soar.onboard.module import setup_from
 from tgl_soar.onboard.process import EXIT_CANNOT_START, EXIT_ERROR, EXIT_OK
-from tgl_soar.onboard.realtime import Wishes
-from tgl_soar.onboard.watchdog import ENDS, EXIT_KEEPS_DYING, STOPS, Child, LifeSign, Release, Sign
+from tgl_soar.onboard.realtime import RealtimeOptions
+from tgl_soar.onboard.watchdog import (
+    ENDS,
+    EXIT_KEEPS_DYING,
+    STOPS,
+    Child,
+    ProcessHeartbeat,
+    Release,
+    Sign,
+)
 
 
 @pytest.fixture
@@ -155,7 +163,7 @@ def test_a_link_that_worked_before_is_tried_again(
     became: str, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def watch(child: Child, _release: Release, _say: Callable[[str], None]) -> int:
-        return child(LifeSign(), became)
+        return child(ProcessHeartbeat(), became)
 
     monkeypatch.setattr("tgl_soar.onboard.watchdog.watch", watch)
     monkeypatch.setattr("tgl_soar.onboard.realtime.go_first", lambda: None)
@@ -219,15 +227,15 @@ def test_systemd_is_told_of_the_start_of_every_round_and_of_the_end(
 
 
 def test_the_life_sign_is_what_was_shown_last() -> None:
-    life = LifeSign()
-    assert life.read() == (0, 0, False, False, "", 0, None)
+    heartbeat = ProcessHeartbeat()
+    assert heartbeat.read() == (0, 0, False, False, "", 0, None)
     key = bytes(range(32))
-    life.show(True, version1=True, peer=("192.168.1.17", 14550), timestamp=2**47, key=key)
-    assert life.read() == (1, 2**47, True, True, "192.168.1.17", 14550, key)
-    life.show(False)
-    assert life.read() == (2, 0, False, False, "", 0, None)
-    life.clear()
-    assert life.read().rounds == 0
+    heartbeat.show(True, version1=True, peer=("192.168.1.17", 14550), timestamp=2**47, key=key)
+    assert heartbeat.read() == (1, 2**47, True, True, "192.168.1.17", 14550, key)
+    heartbeat.show(False)
+    assert heartbeat.read() == (2, 0, False, False, "", 0, None)
+    heartbeat.clear()
+    assert heartbeat.read().rounds == 0
 
 
 class Pilot:
@@ -290,7 +298,7 @@ def test_for_a_dead_process_only_our_own_mode_is_left(mode: int, asked: list[int
         secret=UNSIGNED,
         log=None,
         log_bytes=0,
-        wishes=Wishes(),
+        realtime_options=RealtimeOptions(),
     )
     sign = Sign(rounds=1, timestamp=0, has_surfaces=True, version1=False, host="", port=0, key=None)
     try:

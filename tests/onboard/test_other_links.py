@@ -14,7 +14,7 @@ from tgl_soar.link.codec import FALSE_TRIES_MAX, MESSAGE_TRIES
 from tgl_soar.link.routes import READ_TRIES, TRIES
 from tgl_soar.link.transport import LinkCounters
 from tgl_soar.onboard.loop import Links
-from tgl_soar.onboard.watchdog import LifeSign
+from tgl_soar.onboard.watchdog import ProcessHeartbeat
 
 GOOD = bytes(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3).pack(mavlink.MAVLink(None, 9, 9)))
 CRAFTED = {
@@ -182,15 +182,17 @@ def test_only_what_was_accepted_holds_the_place_of_a_peer() -> None:
 
 def test_the_sign_of_life_is_shown_in_the_middle_of_a_flood() -> None:
     """One round, in which as many datagrams come from the autopilot's link as one read brings."""
-    flight, life = Flight(flown=setup()), LifeSign()
+    flight, heartbeat = Flight(flown=setup()), ProcessHeartbeat()
     flight.engaged()
-    rounds = life.read().rounds
+    rounds = heartbeat.read().rounds
     first = Peer(repeat(GOOD))
 
     def clock() -> float:
         flight.now_s += 0.001
         return flight.now_s
 
-    Links(flight.onboard, [first], clock, life=life).read_autopilot([first.fileno()], flight.now_s)
+    Links(flight.onboard, [first], clock, heartbeat=heartbeat).read_autopilot(
+        [first.fileno()], flight.now_s
+    )
     assert first.reads == 1
-    assert life.read().rounds - rounds > 5
+    assert heartbeat.read().rounds - rounds > 5

@@ -14,8 +14,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from test_onboard import CAPTURING, SOARING, STEP_S, Flight, texts
 
 from tgl_soar.onboard import loop, process
-from tgl_soar.onboard.module import PIECE_BYTES, Onboard, Rehearsal
-from tgl_soar.onboard.realtime import STRAIN_TICKS, Strain, TickCounters, Wishes
+from tgl_soar.onboard.module import PIECE_BYTES, Onboard, WarmUp
+from tgl_soar.onboard.realtime import SHEDDING_TICKS, LoadShedding, RealtimeOptions, TickCounters
 
 
 class BusyFlight(Flight):
@@ -57,7 +57,7 @@ def test_late_ticks_cost_the_telemetry_and_never_the_surfaces() -> None:
     flight = BusyFlight()
     flight.engaged().run(1.0)
     flight.said()
-    assert not flight.onboard.strain.no_telemetry
+    assert not flight.onboard.load_shedding.no_telemetry
     flight.awake_every_s = 0.02
     flight.run(0.2)
     words = texts(flight.said())
@@ -72,12 +72,12 @@ def test_late_ticks_cost_the_telemetry_and_never_the_surfaces() -> None:
     assert ticked == pytest.approx(100, abs=2)
     assert flight.onboard.counters.surface_frames - surfaces == ticked
     assert flight.mode_now in (CAPTURING, SOARING)
-    assert flight.onboard.strain.no_log
+    assert flight.onboard.load_shedding.no_log
     assert flight.onboard.counters.telemetry_shed > 0
 
     flight.awake_every_s = 0.0
     flight.run(2.0)
-    assert not flight.onboard.strain.no_telemetry
+    assert not flight.onboard.load_shedding.no_telemetry
     assert "NAMED_VALUE_FLOAT" in {m.get_type() for m in flight.said()}
 
 
@@ -93,17 +93,17 @@ def test_asking_is_answered_however_busy_it_is() -> None:
 
 
 def test_one_late_tick_costs_a_moment_and_many_cost_the_log() -> None:
-    strain, counters = Strain(), TickCounters()
+    load_shedding, counters = LoadShedding(), TickCounters()
     counters.late = 1
-    strain.tick(counters, 0, 0)
-    assert strain.no_telemetry
-    assert not strain.no_log
-    for _ in range(STRAIN_TICKS):
-        strain.tick(counters, 1, 0)
-    assert not strain.no_telemetry
-    for _ in range(STRAIN_TICKS):
-        strain.tick(counters, 0, 0)
-    assert strain.no_log
+    load_shedding.tick(counters, 0, 0)
+    assert load_shedding.no_telemetry
+    assert not load_shedding.no_log
+    for _ in range(SHEDDING_TICKS):
+        load_shedding.tick(counters, 1, 0)
+    assert not load_shedding.no_telemetry
+    for _ in range(SHEDDING_TICKS):
+        load_shedding.tick(counters, 0, 0)
+    assert load_shedding.no_log
 
 
 def test_the_wall_clock_may_jump_as_it_likes(
@@ -120,47 +120,47 @@ def test_the_wall_clock_may_jump_as_it_likes(
 
 def test_a_rehearsed_flight_is_the_same_flight_bit_for_bit() -> None:
     """What is gone through for nothing leaves nothing behind."""
-    plain, rehearsed = Flight(), Flight()
-    assert rehearsed.onboard.rehearsal_s == inf
-    rehearsals = 0
-    for flight in (plain, rehearsed):
+    plain, warmed_up = Flight(), Flight()
+    assert warmed_up.onboard.warm_up_s == inf
+    warm_ups = 0
+    for flight in (plain, warmed_up):
         flight.engaged().run(0.5)
     for _ in range(round(1.0 / STEP_S)):
-        if rehearsed.now_s + STEP_S >= rehearsed.onboard.rehearsal_s:
-            rehearsed.onboard.rehearse()
-            rehearsed.onboard.pacer.rehearsed(rehearsed.now_s, rehearsed.now_s + 1e-4)
-            rehearsals += 1
-        for flight in (plain, rehearsed):
+        if warmed_up.now_s + STEP_S >= warmed_up.onboard.warm_up_s:
+            warmed_up.onboard.warm_up()
+            warmed_up.onboard.pacer.warmed_up(warmed_up.now_s, warmed_up.now_s + 1e-4)
+            warm_ups += 1
+        for flight in (plain, warmed_up):
             flight.run(STEP_S)
-    assert rehearsals == pytest.approx(200, abs=2)  # one for each tick
-    assert repr(plain.onboard.output) == repr(rehearsed.onboard.output)
-    assert plain.frames == rehearsed.frames
+    assert warm_ups == pytest.approx(200, abs=2)  # one for each tick
+    assert repr(plain.onboard.output) == repr(warmed_up.onboard.output)
+    assert plain.frames == warmed_up.frames
 
 
 def test_a_busy_computer_and_a_simulation_rehearse_nothing() -> None:
     flight = Flight()
     flight.engaged().run(0.5)
-    assert flight.onboard.rehearsal_s < inf
-    flight.onboard.strain.value = 1.0
-    assert flight.onboard.rehearsal_s == inf
+    assert flight.onboard.warm_up_s < inf
+    flight.onboard.load_shedding.value = 1.0
+    assert flight.onboard.warm_up_s == inf
     simulated = Flight(lockstep=True)
     simulated.run(1.0)
-    simulated.onboard.rehearse()
-    assert simulated.onboard.rehearsal_s == inf
+    simulated.onboard.warm_up()
+    assert simulated.onboard.warm_up_s == inf
 
 
 def test_a_backlog_is_not_gone_through_again() -> None:
     """A rehearsal is to be done before the sample comes."""
     flight = Flight()
     flight.engaged().run(0.5)
-    rehearsal = flight.onboard._rehearsal
-    assert rehearsal is not None
-    assert 0 < len(rehearsal.piece) <= PIECE_BYTES
+    warm_up_tick = flight.onboard._warm_up
+    assert warm_up_tick is not None
+    assert 0 < len(warm_up_tick.piece) <= PIECE_BYTES
     many = mavlink.MAVLink_vfr_hud_message(9.0, 9.0, 0, 0, 0.0, 0.0).pack(mavlink.MAVLink(None, 7))
     flight.onboard.event(bytes(many) * 400, flight.now_s)
-    flight.onboard._rehearsal = None
+    flight.onboard._warm_up = None
     flight.onboard._tick(flight.now_s)
-    again: Rehearsal | None = flight.onboard._rehearsal
+    again: WarmUp | None = flight.onboard._warm_up
     assert again is not None
     assert again.piece == b""
 
@@ -168,8 +168,8 @@ def test_a_backlog_is_not_gone_through_again() -> None:
 @pytest.mark.interpreted
 def test_what_has_come_goes_before_a_rehearsal(monkeypatch: pytest.MonkeyPatch) -> None:
     done: list[str] = []
-    monkeypatch.setattr(Onboard, "rehearsal_s", 0.0)
-    monkeypatch.setattr(Onboard, "rehearse", lambda _self: done.append("rehearsed"))
+    monkeypatch.setattr(Onboard, "warm_up_s", 0.0)
+    monkeypatch.setattr(Onboard, "warm_up", lambda _self: done.append("warmed_up"))
     near, far = socket.socketpair()
     link: Any = SimpleNamespace(generation=0, fileno=near.fileno, is_stream=False)
 
@@ -182,37 +182,41 @@ def test_what_has_come_goes_before_a_rehearsal(monkeypatch: pytest.MonkeyPatch) 
     with near, far:
         far.send(b"!")
         loop.run(Flight().onboard, [link], lambda: next(rounds), print)
-    assert done == ["received", "rehearsed"]
+    assert done == ["received", "warmed_up"]
 
 
 @pytest.mark.interpreted
-@pytest.mark.parametrize("thrifty", [False, True])
-def test_a_thrifty_loop_rehearses_nothing(thrifty: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    flight, rehearsed = Flight(), [0]
-    monkeypatch.setattr(Onboard, "rehearsal_s", 0.0)
-    monkeypatch.setattr(Onboard, "rehearse", lambda _self: rehearsed.append(1))
+@pytest.mark.parametrize("power_saving", [False, True])
+def test_a_thrifty_loop_rehearses_nothing(
+    power_saving: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flight, warmed_up = Flight(), [0]
+    monkeypatch.setattr(Onboard, "warm_up_s", 0.0)
+    monkeypatch.setattr(Onboard, "warm_up", lambda _self: warmed_up.append(1))
     silent: Any = SimpleNamespace(generation=0, fileno=lambda: -1, is_stream=False)
     silent.receive = lambda _now_s, _most: []
     rounds = iter((False, False, True))
-    loop.run(flight.onboard, [silent], lambda: next(rounds), print, thrifty=thrifty)
-    assert sum(rehearsed) == (0 if thrifty else 2)
+    loop.run(flight.onboard, [silent], lambda: next(rounds), print, power_saving=power_saving)
+    assert sum(warmed_up) == (0 if power_saving else 2)
 
 
 @pytest.mark.parametrize(
-    ("options", "wishes"),
+    ("options", "realtime_options"),
     [
-        ([], Wishes(None, None, False)),
-        (["--thrifty"], Wishes(None, 0.0, True)),
-        (["--thrifty", "--spin", "50"], Wishes(None, 50e-6, True)),
-        (["--spin", "0"], Wishes(None, 0.0, False)),
+        ([], RealtimeOptions(None, None, False)),
+        (["--power-saving"], RealtimeOptions(None, 0.0, True)),
+        (["--power-saving", "--spin", "50"], RealtimeOptions(None, 50e-6, True)),
+        (["--spin", "0"], RealtimeOptions(None, 0.0, False)),
     ],
 )
 def test_what_is_asked_for_is_wished_for(
-    options: list[str], wishes: Wishes, monkeypatch: pytest.MonkeyPatch
+    options: list[str], realtime_options: RealtimeOptions, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    given: list[Wishes] = []
-    monkeypatch.setattr(process, "run", lambda *_, **named: given.append(named["wishes"]))
+    given: list[RealtimeOptions] = []
+    monkeypatch.setattr(process, "run", lambda *_, **named: given.append(named["realtime_options"]))
     process.main([*arguments("udp:127.0.0.1:1"), *options])
     (found,) = given
-    assert found.spin_s == (None if wishes.spin_s is None else pytest.approx(wishes.spin_s))
-    assert found.thrifty == wishes.thrifty
+    assert found.spin_s == (
+        None if realtime_options.spin_s is None else pytest.approx(realtime_options.spin_s)
+    )
+    assert found.power_saving == realtime_options.power_saving

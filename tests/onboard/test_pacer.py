@@ -173,11 +173,11 @@ def rehearsing(
                 pacer.tick(comes_s + 0.6 * interval_s)
             continue
         free_s = -float("inf")
-        if pacer.rehearsal_s < comes_s:
-            begins_s = pacer.rehearsal_s
+        if pacer.warm_up_s < comes_s:
+            begins_s = pacer.warm_up_s
             free_s = begins_s + took_s()
-            pacer.rehearsed(begins_s, free_s)
-            assert pacer.rehearsal_s == float("inf")  # not twice
+            pacer.warmed_up(begins_s, free_s)
+            assert pacer.warm_up_s == float("inf")  # not twice
         now_s = max(comes_s, free_s)
         waited.append(now_s - comes_s)
         after.append(comes_s - pacer.expected_s)
@@ -191,9 +191,9 @@ def rehearsing(
 
 @pytest.mark.parametrize("interval_s", [0.005, 0.00505, 0.0049])
 def test_a_rehearsal_ends_as_its_sample_comes(interval_s: float) -> None:
-    assert Pacer(200.0, 0.0).rehearsal_s == float("inf")  # nothing is expected yet
+    assert Pacer(200.0, 0.0).warm_up_s == float("inf")  # nothing is expected yet
     pacer, waited, after = rehearsing(lambda: 0.0002, interval_s=interval_s)
-    assert pacer.expected_s - pacer.rehearsal_s == pytest.approx(0.0002, abs=5e-6)
+    assert pacer.expected_s - pacer.warm_up_s == pytest.approx(0.0002, abs=5e-6)
     assert max(waited) < 10e-6
     assert max(map(abs, after)) < 10e-6
 
@@ -227,15 +227,15 @@ def test_where_samples_jitter_the_first_of_them_are_waited_for() -> None:
 
 def test_rehearsals_that_do_not_fit_are_left_out_for_some_seconds() -> None:
     pacer, _, _ = rehearsing(lambda: 0.0002)
-    rehearsals = []
+    warm_ups = []
     for i in range(3000, 3000 + 2200):
-        if pacer.rehearsal_s < float("inf"):
-            assert pacer.expected_s - pacer.rehearsal_s <= 0.4 * pacer.period_s + 1e-9
-            rehearsals.append(i)
-            pacer.rehearsed(pacer.rehearsal_s, pacer.rehearsal_s + 0.0021)
+        if pacer.warm_up_s < float("inf"):
+            assert pacer.expected_s - pacer.warm_up_s <= 0.4 * pacer.period_s + 1e-9
+            warm_ups.append(i)
+            pacer.warmed_up(pacer.warm_up_s, pacer.warm_up_s + 0.0021)
         pacer.sample(i * 0.005, i * 0.005, i * 0.005)
         pacer.tick(i * 0.005)
-    assert [i - 3000 for i in rehearsals] == [0, 1, 2, 1002, 1003, 1004, 2004, 2005, 2006]
+    assert [i - 3000 for i in warm_ups] == [0, 1, 2, 1002, 1003, 1004, 2004, 2005, 2006]
 
 
 def test_after_a_gap_or_another_rate_the_next_sample_is_expected_anew() -> None:
@@ -246,4 +246,4 @@ def test_after_a_gap_or_another_rate_the_next_sample_is_expected_anew() -> None:
     assert pacer.expected_s == pytest.approx(sample_s + pacer.period_s, abs=1e-4)
     pacer.set_rate(100.0)
     assert pacer.expected_s == pytest.approx(sample_s + 0.01, abs=1e-3)
-    assert pacer.rehearsal_s == float("inf")
+    assert pacer.warm_up_s == float("inf")

@@ -24,7 +24,7 @@ from tgl_soar.sim.sitl import SitlError, SitlOptions, fly
 AIRFRAME_PATH, SITE_PATH = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
 COMPANION = 1
 
-Heard = list[tuple[float, Frame]]
+Inbound = list[tuple[float, Frame]]
 MakeSimulation = Callable[..., Simulation]
 
 
@@ -47,7 +47,7 @@ def simulation() -> Iterator[MakeSimulation]:
         each.close()
 
 
-def listened(simulation: Simulation, seconds: float, *also: tuple[int, float]) -> Heard:
+def listened(simulation: Simulation, seconds: float, *also: tuple[int, float]) -> Inbound:
     """What a companion hears that has asked for attitude at 200 Hz and position at 50 Hz.
 
     also: further messages and their rates.
@@ -59,7 +59,7 @@ def listened(simulation: Simulation, seconds: float, *also: tuple[int, float]) -
             1, 1, 511, 0, message_id, 1e6 / rate_hz, 0, 0, 0, 0, 0
         )
         simulation.receive(COMPANION, request.pack(asking))
-    heard: Heard = []
+    heard: Inbound = []
     for _ in range(round(seconds * 200)):
         simulation.step()
         for _, data in simulation.take_datagrams():
@@ -67,7 +67,7 @@ def listened(simulation: Simulation, seconds: float, *also: tuple[int, float]) -
     return heard
 
 
-def kinds(heard: Heard, begin_s: float, end_s: float) -> set[str]:
+def kinds(heard: Inbound, begin_s: float, end_s: float) -> set[str]:
     return {frame.message.get_type() for t, frame in heard if begin_s <= t < end_s}
 
 
@@ -105,10 +105,10 @@ def test_lockstep_goes_on_while_the_autopilot_restarts(simulation: MakeSimulatio
     assert rebooted.pixhawk.timesync_answer_ns(COMPANION) == 77
 
 
-def test_a_twin_speaks_with_the_same_identity_and_another_clock(
+def test_a_duplicate_speaks_with_the_same_identity_and_another_clock(
     simulation: MakeSimulation,
 ) -> None:
-    heard = listened(simulation("autopilot.twin start=1 for=0.5"), 2.0)
+    heard = listened(simulation("autopilot.duplicate start=1 for=0.5"), 2.0)
     assert {(f.system, f.component) for _, f in heard} == {(1, 1)}
     attitudes = [
         (t, f.message.time_boot_ms * 1e-3)

@@ -154,9 +154,9 @@ def test_every_sensor_gives_a_compiled_world_the_same_samples() -> None:
     world.held = fast.held = True
     for step in range(200):
         for sensed in ("position", "attitude", "imu", "airspeed", "surfaces"):
-            plain, twin = getattr(world, sensed), getattr(fast, sensed)
-            assert twin.sequence == plain.sequence
-            np.testing.assert_allclose(twin, plain, rtol=0.0, atol=AGREE, err_msg=sensed)
+            plain, kernel = getattr(world, sensed), getattr(fast, sensed)
+            assert kernel.sequence == plain.sequence
+            np.testing.assert_allclose(kernel, plain, rtol=0.0, atol=AGREE, err_msg=sensed)
         if step == 50:
             world.held = fast.held = False
         command = SurfaceCommand(0.1 + 0.001 * step, -0.02, 0.03)
@@ -348,7 +348,7 @@ def test_changes_come_at_the_same_tick() -> None:
 
 
 @needs_numba
-def test_only_functions_of_the_twin_have_one() -> None:
+def test_only_functions_of_the_kernel_have_one() -> None:
     with pytest.raises(KeyError):
         compiled(make_world)
     assert compiled(fly_ticks) is compiled(fly_ticks)

@@ -81,7 +81,7 @@ def test_without_accelerations_the_other_gains_play_no_part() -> None:
     none = values.changed(dict.fromkeys(OF_THE_IMU, 0.0))
     flights = [ticks(ClosedLoop(world(3, 0.03, USUAL_SENSORS), v), 8.0) for v in (values, none)]
     assert flights[0][-1].active
-    assert {output.imu_share for output in flights[0]} == {0.0}
+    assert {output.imu_weight for output in flights[0]} == {0.0}
     commands = [[output.command for output in flight] for flight in flights]
     assert commands[0] == commands[1]
 
@@ -103,7 +103,7 @@ def test_the_outer_gains_with_accelerations_keep_their_margin(factor: float) -> 
     outer = {name: factor * values[name] for name in ("RHO_P_IMU", "RHO_I_IMU", "RHO_D_IMU")}
     loop = ClosedLoop(world(1, 0.0, WITH_IMU), values.changed(outer))
     flight = ticks(loop, 14.0)
-    assert flight[-1].imu_share == 1.0
+    assert flight[-1].imu_weight == 1.0
     assert all(abs(output.e_rho_m) <= 0.01 for output in flight[-4 * HZ :])
 
 
@@ -118,8 +118,8 @@ def test_a_switch_in_steady_flight_is_not_felt() -> None:
     without = ticks(loop, 3.0)
     loop.change({"EST_IMU": 1})
     back = ticks(loop, 0.8)
-    assert (with_imu[-1].imu_share, lost[-1].imu_share) == (1.0, 0.0)
-    assert (without[-1].imu_share, back[-1].imu_share) == (0.0, 1.0)
+    assert (with_imu[-1].imu_weight, lost[-1].imu_weight) == (1.0, 0.0)
+    assert (without[-1].imu_weight, back[-1].imu_weight) == (0.0, 1.0)
 
     for number in (pitch_setpoint_rad, elevator):
         usual = max(largest_change(with_imu, number), largest_change(without, number))
@@ -133,7 +133,7 @@ def test_accelerations_lost_in_flight_are_flown_without(seed: int) -> None:
     faults = parse_faults(["imu.dropout start=5 for=60"])
     loop = ClosedLoop(world(seed, 0.03, WITH_IMU), shipped_values(), Injection(faults, seed))
     flight = ticks(loop, 14.0)
-    share = [output.imu_share for output in flight]
+    share = [output.imu_weight for output in flight]
     assert share[5 * HZ - 1] == 1.0
     assert share[round(5.2 * HZ)] == 0.0  # 50 ms until silence is noticed, 100 ms to go
     assert set(share[round(5.2 * HZ) :]) == {0.0}

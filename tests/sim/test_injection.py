@@ -12,7 +12,7 @@ from tgl_soar.config.files import load_airframe, load_parameters, load_site, shi
 from tgl_soar.geometry import euler_from_quaternion, quaternion_from_euler
 from tgl_soar.sim.closed_loop import ClosedLoop, fly
 from tgl_soar.sim.faults import parse_fault
-from tgl_soar.sim.injection import DirectLink, Injection, Passage
+from tgl_soar.sim.injection import DirectLink, FaultChannel, Injection
 from tgl_soar.sim.sensors import MEMS_IMU, PITOT, READ_BACK, Sensors
 from tgl_soar.sim.world import make_world
 from tgl_soar.types import (
@@ -33,7 +33,7 @@ ALL_SENSORS = Sensors(imu=MEMS_IMU, airspeed=PITOT, surfaces=READ_BACK)
 
 def passed(*faults: str, count: int = 300, seed: str = "1") -> list[tuple[float, int]]:
     """(arrival, item) of items 0, 1, 2 … sent every 10 ms."""
-    passage: Passage[int] = Passage([parse_fault(text) for text in faults], seed)
+    passage: FaultChannel[int] = FaultChannel([parse_fault(text) for text in faults], seed)
     arrivals = []
     for i in range(count + 100):
         now = i * DT

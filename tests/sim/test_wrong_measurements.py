@@ -274,11 +274,11 @@ def test_one_attitude_with_a_huge_rate_hardly_moves_a_surface(field: str, rate: 
             return inputs._replace(attitude=inputs.attitude._replace(**wild))
         return inputs
 
-    (plain, spoilt) = (fly(1, way, 0.01, START_S + 0.5) for way in (lambda i: i, once))
-    assert not spoilt.changes_since(START_S)
+    (plain, corrupted) = (fly(1, way, 0.01, START_S + 0.5) for way in (lambda i: i, once))
+    assert not corrupted.changes_since(START_S)
     off = [
         max(abs(u - v) for u, v in zip(a.command, b.command, strict=True))
-        for a, b in zip(plain.outputs, spoilt.outputs, strict=True)
+        for a, b in zip(plain.outputs, corrupted.outputs, strict=True)
         if a.active
     ]
     assert max(off) <= 0.1

@@ -184,7 +184,7 @@ class Gust(NamedTuple):
     w_mps: float = 0.0
 
 
-def gust_share(gust: Gust, time_s: float) -> float:
+def gust_fraction(gust: Gust, time_s: float) -> float:
     """The share 0 … 1 of its greatest change that the gust has at a time."""
     phase = (time_s - gust.start_s) / gust.duration_s
     if not 0.0 < phase < 1.0:
@@ -329,7 +329,7 @@ class GustyField:
         """Sum of all gusts (u, v, w) [m/s] at a time."""
         u = v = w = 0.0
         for gust in self.gusts:
-            share = gust_share(gust, time_s)
+            share = gust_fraction(gust, time_s)
             u += share * gust.u_mps
             v += share * gust.v_mps
             w += share * gust.w_mps

@@ -19,7 +19,7 @@ from tgl_soar.link.messages import (
     STATE_ACTIVE,
     TYPE_ONBOARD_CONTROLLER,
     Heartbeat,
-    Said,
+    Outbound,
     Source,
 )
 from tgl_soar.link.routes import Route
@@ -65,7 +65,7 @@ class Conversation:
     def __exit__(self, *_error: object) -> None:
         self._transport.close()
 
-    def turn(self, every_second: Sequence[Said] = ()) -> list[object]:
+    def turn(self, every_second: Sequence[Outbound] = ()) -> list[object]:
         """Wait a moment; what the autopilot has said.
 
         Each second a heartbeat goes out, and `every_second` with it.
@@ -98,10 +98,10 @@ class Conversation:
                 self.say(message)
         return heard
 
-    def say(self, message: Said) -> None:
+    def say(self, message: Outbound) -> None:
         """Send a message as the module."""
         self._route.send(self._route.own.encode(message))
 
-    def command(self, message: Said) -> None:
+    def command(self, message: Outbound) -> None:
         """Send a message as whom the autopilot lets move the surfaces."""
         self._route.send(self._route.override.encode(message))

@@ -11,7 +11,7 @@ from tgl_soar.cli.console import AIRFRAME, AIRFRAME_FILE, console, fail
 from tgl_soar.config.files import ConfigError, load_airframe
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.onboard.flightlog.declaration import VERSION
-from tgl_soar.onboard.flightlog.writer import Facts, FlightRecorder
+from tgl_soar.onboard.flightlog.writer import FlightRecorder, LogMetadata
 
 
 def glide(
@@ -39,7 +39,7 @@ def glide(
         "ver_log": str(VERSION),
         "flight": f"simulated glide, seed {seed}",
     }
-    recorder = FlightRecorder(out, Facts(words, texts), 0.0, patient=True)
+    recorder = FlightRecorder(out, LogMetadata(words, texts), 0.0, patient=True)
     recorder.start()
     recorder.parameters(ParameterSet())
     for tick in fly(plane, seed=seed, turbulence=turbulence, pitot=pitot):

@@ -22,7 +22,7 @@ from tgl_soar.types import GlidePolar
 site_app = Commands(help="Sites: what is to be known of a place.", no_args_is_help=True)
 
 TOLERANCE_M = 0.005  # of a point left out: less than any tracker's noise on a line
-LONGEST_SHARE = 0.05  # a shorter part, of the longest one, is noise of the search
+LONGEST_FRACTION = 0.05  # a shorter part, of the longest one, is noise of the search
 
 Point = tuple[float, float]
 
@@ -86,7 +86,7 @@ def contour_toml(airframe: Airframe, site: Site, folder: Path, bounds: Bounds) -
     found = contour(field, polar, bounds, contour_step(bounds))
     parts = [[(float(x), float(z)) for x, z in part] for part in found]
     longest = max(map(_length, parts))
-    parts = [part for part in parts if _length(part) >= LONGEST_SHARE * longest]
+    parts = [part for part in parts if _length(part) >= LONGEST_FRACTION * longest]
     lines = [
         f"# Where excess updraft is zero, rising air on the left, by `tgl-soar site contour` for a"
         f"\n# wind of {site.air.wind_mps:g} m/s. A line that does not cross it is refused.",

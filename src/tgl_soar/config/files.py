@@ -100,7 +100,7 @@ class AutopilotLink(Strict, frozen=True):
     imu: Literal["usual", "raw_imu", "scaled_imu", "highres_imu", "none"] = "usual"
 
 
-class AirframeFacts(Strict, frozen=True):
+class AirframeMetadata(Strict, frozen=True):
     """What can be read off the bench."""
 
     name: str
@@ -142,7 +142,7 @@ class Polar(Strict, frozen=True):
 class Airframe(Strict, frozen=True):
     """One airframe file."""
 
-    airframe: AirframeFacts
+    airframe: AirframeMetadata
     autopilot: AutopilotLink
     surfaces: Surfaces
     polar: Polar

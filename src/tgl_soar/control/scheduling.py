@@ -21,35 +21,35 @@ UP_PER_S: Final = 2.0
 DOWN_PER_S: Final = 10.0
 
 
-def share_step(share: float, inertial: bool, dt_s: float) -> float:
+def weight_step(weight: float, inertial: bool, dt_s: float) -> float:
     """The share s a tick later; inertial: accelerations are in use."""
     if inertial:
-        return min(1.0, share + UP_PER_S * dt_s)
-    return max(0.0, share - DOWN_PER_S * dt_s)
+        return min(1.0, weight + UP_PER_S * dt_s)
+    return max(0.0, weight - DOWN_PER_S * dt_s)
 
 
-def pid_between(plain: PidGains, imu: PidGains, share: float) -> PidGains:
+def pid_between(plain: PidGains, imu: PidGains, weight: float) -> PidGains:
     """The gains at a share; limits are those of both."""
-    if share <= 0.0:
+    if weight <= 0.0:
         return plain
-    if share >= 1.0:
+    if weight >= 1.0:
         return imu
     return PidGains(
-        kp=plain.kp + share * (imu.kp - plain.kp),
-        ki=plain.ki + share * (imu.ki - plain.ki),
-        kd=plain.kd + share * (imu.kd - plain.kd),
+        kp=plain.kp + weight * (imu.kp - plain.kp),
+        ki=plain.ki + weight * (imu.ki - plain.ki),
+        kd=plain.kd + weight * (imu.kd - plain.kd),
         rate_filter_radps=plain.rate_filter_radps
-        + share * (imu.rate_filter_radps - plain.rate_filter_radps),
+        + weight * (imu.rate_filter_radps - plain.rate_filter_radps),
         integral_max=plain.integral_max,
         output_min=plain.output_min,
         output_max=plain.output_max,
     )
 
 
-def soaring_between(plain: SoaringGains, imu: SoaringGains, share: float) -> SoaringGains:
+def soaring_between(plain: SoaringGains, imu: SoaringGains, weight: float) -> SoaringGains:
     """The soaring law's gains at a share; the slew rate is that of both."""
-    if share <= 0.0:
+    if weight <= 0.0:
         return plain
-    if share >= 1.0:
+    if weight >= 1.0:
         return imu
-    return SoaringGains(pid_between(plain.pid, imu.pid, share), plain.slew_radps)
+    return SoaringGains(pid_between(plain.pid, imu.pid, weight), plain.slew_radps)

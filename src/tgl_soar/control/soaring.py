@@ -44,7 +44,7 @@ class TrimGains(NamedTuple):
     trim_pitch_rad: float
     share: float  # of the glide's pitch in it, 0 … 1
     trim_s: float  # time in which theta_0 follows
-    gust_share: float  # of a gust's incidence that is taken out, 0 … 1
+    gust_fraction: float  # of a gust's incidence that is taken out, 0 … 1
 
 
 class TrimState(NamedTuple):
@@ -77,7 +77,7 @@ def trim_step(
     slow = updraft_mps
     if isfinite(state.updraft_mps):
         slow = state.updraft_mps + blend * (updraft_mps - state.updraft_mps)
-    return TrimState(pitch, slow), -gains.gust_share * (updraft_mps - slow) / airspeed_mps
+    return TrimState(pitch, slow), -gains.gust_fraction * (updraft_mps - slow) / airspeed_mps
 
 
 def soaring_step(

@@ -157,7 +157,7 @@ NEW_LINE: Final = 2  # the line starts at the aircraft again
 KEEP_LINE: Final = 3
 HOLD: Final = 4  # pitch, wings level, heading
 GLIDE: Final = 5  # nose down to the best glide, wings level
-LET_GO: Final = 6
+HAND_OVER: Final = 6
 ACTION_TEXTS: Final = (
     "",
     "take the surfaces, start the line at the aircraft",
@@ -271,26 +271,26 @@ _CHECKS: Final = (
 def _refusals(mode: int) -> tuple[Transition, ...]:
     """Asked to engage: every entry check has a row that refuses."""
     return tuple(
-        Transition(mode, ENGAGE, check, RELEASED, LET_GO, reason) for check, reason in _CHECKS
+        Transition(mode, ENGAGE, check, RELEASED, HAND_OVER, reason) for check, reason in _CHECKS
     )
 
 
 def _faults(mode: int) -> tuple[Transition, ...]:
     """What makes every flying mode let go, worst first."""
     return (
-        Transition(mode, 0, FINITE, FAILED, LET_GO, REASON_NOT_FINITE),
-        Transition(mode, 0, SANE, FAILED, LET_GO, REASON_INSANE),
-        Transition(mode, 0, ATTITUDE_FRESH, RELEASED, LET_GO, REASON_ATTITUDE_LOST),
-        Transition(mode, 0, AUTOPILOT_ALIVE, RELEASED, LET_GO, REASON_AUTOPILOT_LOST),
-        Transition(mode, 0, SAME_BOOT, RELEASED, LET_GO, REASON_REBOOTED),
-        Transition(mode, 0, NO_FAILSAFE, RELEASED, LET_GO, REASON_FAILSAFE),
-        Transition(mode, 0, SURFACES_OBEY, RELEASED, LET_GO, REASON_MODE_TAKEN),
-        Transition(mode, 0, STAYS_ARMED, RELEASED, LET_GO, REASON_DISARMED),
-        Transition(mode, 0, ENGAGE, STANDBY, LET_GO, REASON_OPERATOR),
-        Transition(mode, 0, ATTITUDE_AGREES, RELEASED, LET_GO, REASON_ATTITUDE_DISAGREES),
-        Transition(mode, 0, SURFACES_ANSWER, RELEASED, LET_GO, REASON_SURFACES_DEAD),
-        Transition(mode, 0, UPRIGHT, RELEASED, LET_GO, REASON_UPSET),
-        Transition(mode, 0, UPWIND, RELEASED, LET_GO, REASON_DOWNWIND),
+        Transition(mode, 0, FINITE, FAILED, HAND_OVER, REASON_NOT_FINITE),
+        Transition(mode, 0, SANE, FAILED, HAND_OVER, REASON_INSANE),
+        Transition(mode, 0, ATTITUDE_FRESH, RELEASED, HAND_OVER, REASON_ATTITUDE_LOST),
+        Transition(mode, 0, AUTOPILOT_ALIVE, RELEASED, HAND_OVER, REASON_AUTOPILOT_LOST),
+        Transition(mode, 0, SAME_BOOT, RELEASED, HAND_OVER, REASON_REBOOTED),
+        Transition(mode, 0, NO_FAILSAFE, RELEASED, HAND_OVER, REASON_FAILSAFE),
+        Transition(mode, 0, SURFACES_OBEY, RELEASED, HAND_OVER, REASON_MODE_TAKEN),
+        Transition(mode, 0, STAYS_ARMED, RELEASED, HAND_OVER, REASON_DISARMED),
+        Transition(mode, 0, ENGAGE, STANDBY, HAND_OVER, REASON_OPERATOR),
+        Transition(mode, 0, ATTITUDE_AGREES, RELEASED, HAND_OVER, REASON_ATTITUDE_DISAGREES),
+        Transition(mode, 0, SURFACES_ANSWER, RELEASED, HAND_OVER, REASON_SURFACES_DEAD),
+        Transition(mode, 0, UPRIGHT, RELEASED, HAND_OVER, REASON_UPSET),
+        Transition(mode, 0, UPWIND, RELEASED, HAND_OVER, REASON_DOWNWIND),
     )
 
 
@@ -299,8 +299,8 @@ def _on_the_line(mode: int) -> tuple[Transition, ...]:
     return (
         *_faults(mode),
         Transition(mode, SETTLED, POSITION_FRESH, HOLDING, HOLD, REASON_POSITION_GAP),
-        Transition(mode, 0, INSIDE_FENCE, RELEASED, LET_GO, REASON_FENCE),
-        Transition(mode, 0, NEAR_LINE, RELEASED, LET_GO, REASON_OFF_LINE),
+        Transition(mode, 0, INSIDE_FENCE, RELEASED, HAND_OVER, REASON_FENCE),
+        Transition(mode, 0, NEAR_LINE, RELEASED, HAND_OVER, REASON_OFF_LINE),
         Transition(mode, TROUBLED, AIR_SAFE, RECOVERING, GLIDE, REASON_STALL),
         Transition(mode, TROUBLED, HIGH_ENOUGH, RECOVERING, GLIDE, REASON_LOW),
     )
@@ -322,7 +322,7 @@ TRANSITIONS: Final[tuple[Transition, ...]] = (
     *_on_the_line(SOARING),
     Transition(SOARING, LINE_MOVING | SETTLED, 0, CAPTURING, NOTHING, REASON_LINE_MOVED),
     *_faults(HOLDING),
-    Transition(HOLDING, 0, INSIDE_FENCE, RELEASED, LET_GO, REASON_FENCE),
+    Transition(HOLDING, 0, INSIDE_FENCE, RELEASED, HAND_OVER, REASON_FENCE),
     Transition(HOLDING, 0, POSITION_KEPT, RECOVERING, GLIDE, REASON_POSITION_LOST),
     Transition(HOLDING, TROUBLED, AIR_SAFE, RECOVERING, GLIDE, REASON_STALL),
     Transition(HOLDING, TROUBLED, HIGH_ENOUGH, RECOVERING, GLIDE, REASON_LOW),
@@ -330,14 +330,14 @@ TRANSITIONS: Final[tuple[Transition, ...]] = (
     Transition(HOLDING, POSITION_FRESH, 0, CAPTURING, KEEP_LINE, REASON_POSITION_BACK),
     Transition(HOLDING, TIME_UP, 0, RECOVERING, GLIDE, REASON_POSITION_LOST),
     *_faults(RECOVERING),
-    Transition(RECOVERING, 0, INSIDE_FENCE, RELEASED, LET_GO, REASON_FENCE),
+    Transition(RECOVERING, 0, INSIDE_FENCE, RELEASED, HAND_OVER, REASON_FENCE),
     Transition(
         RECOVERING, POSITION_FRESH | CLEARED | SETTLED, 0, CAPTURING, NEW_LINE, REASON_RECOVERED
     ),
-    Transition(RECOVERING, TIME_UP, POSITION_FRESH, RELEASED, LET_GO, REASON_POSITION_LOST),
-    Transition(RECOVERING, TIME_UP, HIGH_ENOUGH, RELEASED, LET_GO, REASON_LOW),
-    Transition(RECOVERING, TIME_UP, AIR_SAFE, RELEASED, LET_GO, REASON_STALL),
-    Transition(RECOVERING, TIME_UP, 0, RELEASED, LET_GO, REASON_NOT_RECOVERED),
+    Transition(RECOVERING, TIME_UP, POSITION_FRESH, RELEASED, HAND_OVER, REASON_POSITION_LOST),
+    Transition(RECOVERING, TIME_UP, HIGH_ENOUGH, RELEASED, HAND_OVER, REASON_LOW),
+    Transition(RECOVERING, TIME_UP, AIR_SAFE, RELEASED, HAND_OVER, REASON_STALL),
+    Transition(RECOVERING, TIME_UP, 0, RELEASED, HAND_OVER, REASON_NOT_RECOVERED),
     Transition(RELEASED, STREAMS_SEEN, ENGAGE, STANDBY, NOTHING, REASON_WITHDRAWN),
     Transition(RELEASED, 0, ENGAGE, BOOT, NOTHING, REASON_WITHDRAWN),
 )

@@ -100,7 +100,7 @@ def track_moved(
     vy += (by + ay_mps2) * half
     vz += (bz + az_mps2) * half
     if time_s - nodes[-1].time_s >= NODE_S:
-        nodes = nodes[1:] + (  # noqa: RUF005
+        nodes = nodes[1:] + (  # noqa: RUF005 - numba takes only this form
             Node(
                 time_s=time_s,
                 x_m=x,
@@ -110,7 +110,7 @@ def track_moved(
                 velocity_y_mps=vy,
                 climb_mps=vz,
             ),
-        )  # numba takes no starred tuple here
+        )
     return Track(
         time_s=time_s,
         x_m=x,

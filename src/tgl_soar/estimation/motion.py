@@ -62,14 +62,14 @@ from tgl_soar.estimation.inertial_track import (
     track_moved,
 )
 from tgl_soar.estimation.turning import (
-    NO_TURNING,
+    NO_ATTITUDE_TRACK,
     PREDICT_MAX_S,
-    Turning,
+    AttitudeTrack,
     is_rotation,
     is_turn,
     rates_follow,
     turned_by,
-    turning_to,
+    turned_to,
 )
 from tgl_soar.geometry import SoaringFrame, soaring_from_ned, soaring_vector_from_ned
 from tgl_soar.types import (
@@ -92,7 +92,7 @@ IMU_STEADY_S: Final = 0.1  # and have done so for this long
 IMU_SILENT_S: Final = 0.08  # until the last is older than this
 IMU_INTERVAL_S: Final = 0.005  # between two accelerations, until it is known
 IMU_INTERVAL_MIN_S: Final = 0.001
-INTERVAL_SHARE: Final = 0.02  # of the newest interval in the known one
+INTERVAL_FRACTION: Final = 0.02  # of the newest interval in the known one
 BIAS_S: Final = 300.0  # in which a bias may become another one: it turns with the aircraft
 ACCELERATION_S: Final = 0.1  # how long an acceleration that nobody tells lasts
 GATE_SIGMAS: Final = 5.0
@@ -124,7 +124,7 @@ class MotionGains(NamedTuple):
     use_imu: bool
 
 
-class ImuHeard(NamedTuple):
+class LastImu(NamedTuple):
     """What came of accelerations."""
 
     sequence: int  # of the last sample looked at
@@ -133,7 +133,7 @@ class ImuHeard(NamedTuple):
     interval_s: float  # between two, on average
 
 
-class FixHeard(NamedTuple):
+class LastFix(NamedTuple):
     """What came of fixes."""
 
     sequence: int  # of the last fix looked at
@@ -141,7 +141,7 @@ class FixHeard(NamedTuple):
     source: int  # of that fix
 
 
-class AttitudeHeard(NamedTuple):
+class LastAttitude(NamedTuple):
     """What came of attitudes."""
 
     sequence: int  # of the last sample looked at
@@ -183,12 +183,12 @@ class MotionState(NamedTuple):
 
     track: Track
     errors: Errors  # at the time of the last fix used, or since
-    turning: Turning
+    turning: AttitudeTrack
     inertial: bool  # the track moves by accelerations
     switched_s: float  # since when it does, or does not; NaN: it never did
-    imu: ImuHeard
-    fix: FixHeard
-    attitude: AttitudeHeard
+    imu: LastImu
+    fix: LastFix
+    attitude: LastAttitude
     offset: Offset
     innovation: Innovation
     outliers: Outliers
@@ -208,12 +208,12 @@ def initial_motion() -> MotionState:
             *(NAN, NAN, NAN, NAN, NAN, NAN, NAN, 0.0, 0.0, 0.0),
             Covariance(pp=NAN, pv=NAN, pb=NAN, vv=NAN, vb=NAN, bb=NAN),
         ),
-        turning=NO_TURNING,
+        turning=NO_ATTITUDE_TRACK,
         inertial=False,
         switched_s=NAN,
-        imu=ImuHeard(0, NAN, NAN, IMU_INTERVAL_S),
-        fix=FixHeard(0, NAN, 0),
-        attitude=AttitudeHeard(
+        imu=LastImu(0, NAN, NAN, IMU_INTERVAL_S),
+        fix=LastFix(0, NAN, 0),
+        attitude=LastAttitude(
             sequence=0, time_s=NAN, used=NO_ATTITUDE, refused=NO_ATTITUDE, refused_in_a_row=0
         ),
         offset=_NO_OFFSET,
@@ -411,7 +411,7 @@ def _carried(
             turning = turned_by(turning, felt)
             imu, track, inertial = _take_imu(gains, imu, turning, track, inertial, felt, now)
         else:
-            imu = ImuHeard(felt.sequence, imu.time_s, imu.since_s, imu.interval_s)
+            imu = LastImu(felt.sequence, imu.time_s, imu.since_s, imu.interval_s)
             rejected += 1
     since_s = track.time_s
     if inertial and not (gains.use_imu and now - since_s <= IMU_SILENT_S):
@@ -443,11 +443,11 @@ def _carried(
 
 def _take_attitude(
     frame: SoaringFrame,
-    heard: AttitudeHeard,
-    turning: Turning,
+    heard: LastAttitude,
+    turning: AttitudeTrack,
     sample: AttitudeSample,
     now_s: float,
-) -> tuple[AttitudeHeard, Turning]:
+) -> tuple[LastAttitude, AttitudeTrack]:
     """What was heard, and the attitude, with a new sample taken in or refused."""
     if not (is_rotation(sample) and _is_later(sample.time_s, heard.time_s, now_s)):
         return heard._replace(sequence=sample.sequence), turning
@@ -459,7 +459,7 @@ def _take_attitude(
             return heard._replace(sequence=sample.sequence), turning
         count = count + 1 if count > 0 and is_turn(refused, sample, interval) else 1
         if count < OUTLIERS_BELIEVED:
-            return AttitudeHeard(
+            return LastAttitude(
                 sequence=sample.sequence,
                 time_s=heard.time_s,
                 used=heard.used,
@@ -467,7 +467,7 @@ def _take_attitude(
                 refused_in_a_row=count,
             ), turning
         starts = True
-    heard_now = AttitudeHeard(
+    heard_now = LastAttitude(
         sequence=sample.sequence,
         time_s=sample.time_s,
         used=sample,
@@ -475,12 +475,12 @@ def _take_attitude(
         refused_in_a_row=0,
     )
     if starts:
-        return heard_now, turning_to(frame, NO_TURNING, sample)
+        return heard_now, turned_to(frame, NO_ATTITUDE_TRACK, sample)
     if not rates_follow(heard.used, sample):
         sample = sample._replace(
             roll_rate_frd_radps=NAN, pitch_rate_frd_radps=NAN, yaw_rate_frd_radps=NAN
         )
-    return heard_now, turning_to(frame, turning, sample)
+    return heard_now, turned_to(frame, turning, sample)
 
 
 def _is_force(sample: ImuSample) -> bool:
@@ -494,23 +494,23 @@ def _is_force(sample: ImuSample) -> bool:
 
 def _take_imu(
     gains: MotionGains,
-    heard: ImuHeard,
-    turning: Turning,
+    heard: LastImu,
+    turning: AttitudeTrack,
     track: Track,
     inertial: bool,
     sample: ImuSample,
     now_s: float,
-) -> tuple[ImuHeard, Track, bool]:
+) -> tuple[LastImu, Track, bool]:
     """What was heard, the track at the sample's time, and whether it moves by accelerations."""
     _, last_s, since_s, average = heard
     time_s = sample.time_s
     turn, interval = time_s - turning.time_s, time_s - last_s
     counts = gains.use_imu and abs(turn) <= PREDICT_MAX_S and now_s - time_s <= IMU_SILENT_S
     if interval <= IMU_GAP_S:  # false for NaN, the first
-        average += INTERVAL_SHARE * (interval - average)
+        average += INTERVAL_FRACTION * (interval - average)
     if not (counts and interval <= IMU_GAP_S):
         since_s = time_s
-    heard = ImuHeard(sample.sequence, time_s, since_s, average)
+    heard = LastImu(sample.sequence, time_s, since_s, average)
     if not counts or not (inertial or time_s - since_s >= IMU_STEADY_S):
         return heard, track, inertial
     ax, ay, az = _acceleration(turning, turn, sample)
@@ -521,7 +521,9 @@ def _take_imu(
     return heard, track._replace(ax_mps2=ax, ay_mps2=ay, az_mps2=az), True
 
 
-def _acceleration(turning: Turning, turn_s: float, sample: ImuSample) -> tuple[float, float, float]:
+def _acceleration(
+    turning: AttitudeTrack, turn_s: float, sample: ImuSample
+) -> tuple[float, float, float]:
     """Acceleration [m/s²] in the soaring frame of the specific force that was felt."""
     fx, fy, fz = sample.force_x_frd_mps2, sample.force_y_frd_mps2, sample.force_z_frd_mps2
     roll = turning.roll_rad + turn_s * turning.roll_rate_radps
@@ -588,10 +590,10 @@ def _take_fix(
         and _is_later(time_s, last_s, now_s)
     )
     if not usable:
-        heard = FixHeard(fix.sequence, used_s, source)
+        heard = LastFix(fix.sequence, used_s, source)
         return state._replace(fix=heard, rejected=state.rejected + 1)
 
-    heard = FixHeard(fix.sequence, time_s, fix.source)
+    heard = LastFix(fix.sequence, time_s, fix.source)
     place = track_at(state.track, time_s)
     if last_s != last_s:  # NaN: the first
         return _start(gains, state, heard, measured, place)
@@ -671,7 +673,7 @@ def _bled(offset_m: float, interval_s: float) -> float:
 
 
 def _start(
-    gains: MotionGains, state: MotionState, heard: FixHeard, measured: _Measured, place: Place
+    gains: MotionGains, state: MotionState, heard: LastFix, measured: _Measured, place: Place
 ) -> MotionState:
     """The aircraft is where the fix says; of the past only the bias is still believed.
 
@@ -707,13 +709,13 @@ def _start(
 def _take_outlier(
     gains: MotionGains,
     state: MotionState,
-    heard: FixHeard,
+    heard: LastFix,
     measured: _Measured,
     place: Place,
     now_s: float,
 ) -> MotionState:
     """Refuse a fix far from the prediction, or go there where enough of them agree."""
-    refused = FixHeard(heard.sequence, state.fix.time_s, state.fix.source)
+    refused = LastFix(heard.sequence, state.fix.time_s, state.fix.source)
     time_s = measured.time_s
     count, last_s, x, y, z = state.outliers
     if count > 0 and time_s <= last_s:  # again, over another link

@@ -43,7 +43,7 @@ RATE_RADPS2: Final = 150.0
 DIFFERENCE_MIN_S: Final = 0.002  # over a shorter time the noise of stamps and angles is no rate
 
 
-class Turning(NamedTuple):
+class AttitudeTrack(NamedTuple):
     """Attitude and its rates; heading from straight upwind, rates those of the angles."""
 
     time_s: float  # the angles'; NaN: none yet
@@ -60,7 +60,7 @@ class Turning(NamedTuple):
     before_heading_rad: float
 
 
-NO_TURNING: Final = Turning(
+NO_ATTITUDE_TRACK: Final = AttitudeTrack(
     time_s=NAN,
     roll_rad=NAN,
     pitch_rad=NAN,
@@ -122,7 +122,7 @@ def rates_follow(before: AttitudeSample, after: AttitudeSample) -> bool:
     )
 
 
-def turning_to(frame: SoaringFrame, turning: Turning, sample: AttitudeSample) -> Turning:
+def turned_to(frame: SoaringFrame, turning: AttitudeTrack, sample: AttitudeSample) -> AttitudeTrack:
     """The attitude with a sample, later than the last one, taken in."""
     unit = 1.0 / _length(sample)
     half = 0.5 * frame.wind_from_rad
@@ -168,7 +168,7 @@ def turning_to(frame: SoaringFrame, turning: Turning, sample: AttitudeSample) ->
             heading += share * heading_rate + rest * gyro_heading
             time_s = turning.time_s
         roll_rate, pitch_rate, heading_rate = gyro_roll, gyro_pitch, gyro_heading
-    return Turning(
+    return AttitudeTrack(
         time_s=time_s,
         roll_rad=roll,
         pitch_rad=pitch,
@@ -184,7 +184,7 @@ def turning_to(frame: SoaringFrame, turning: Turning, sample: AttitudeSample) ->
     )
 
 
-def turned_by(turning: Turning, sample: ImuSample) -> Turning:
+def turned_by(turning: AttitudeTrack, sample: ImuSample) -> AttitudeTrack:
     """The attitude carried on to a later sample of the gyros, if it has rates."""
     p, q, r = sample.roll_rate_frd_radps, sample.pitch_rate_frd_radps, sample.yaw_rate_frd_radps
     h = sample.time_s - turning.time_s
@@ -193,7 +193,7 @@ def turned_by(turning: Turning, sample: ImuSample) -> Turning:
     _, roll, pitch, heading, roll_rate, pitch_rate, heading_rate, _, s, a, b, c = turning
     p, q, r = euler_rates(roll + h * roll_rate, pitch + h * pitch_rate, p, q, r)
     half = 0.5 * h
-    return Turning(
+    return AttitudeTrack(
         time_s=sample.time_s,
         roll_rad=roll + half * (roll_rate + p),
         pitch_rad=pitch + half * (pitch_rate + q),

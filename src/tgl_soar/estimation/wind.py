@@ -95,7 +95,7 @@ class WindParams(NamedTuple):
     alignment_rad: float  # standard deviation of δ
 
 
-class Belief(NamedTuple):
+class WindPosterior(NamedTuple):
     """W, the covariance of what is not known of it, and that with each constant error."""
 
     wind_mps: float  # W_x: horizontal wind, positive downstream
@@ -154,7 +154,7 @@ class WindState(NamedTuple):
     """What the estimator remembers."""
 
     time_s: float  # NaN: nothing is known yet
-    belief: Belief
+    posterior: WindPosterior
     average: Averages
     imu_sequence: int  # of the last sample looked at
     imu_time_s: float  # of the tick that used the last sample; NaN: none yet
@@ -167,7 +167,7 @@ def initial_wind() -> WindState:
     """Nothing is known yet."""
     return WindState(
         time_s=NAN,
-        belief=Belief(
+        posterior=WindPosterior(
             wind_mps=NAN,
             updraft_mps=NAN,
             p_xx=NAN,
@@ -217,11 +217,11 @@ def wind_step(
         + velocity_sigma_mps
     )
     dt = now - state.time_s
-    believed, average = state.belief, state.average
+    believed, average = state.posterior, state.average
     if not 0.0 <= dt < RESTART_S:  # NaN: nothing is known yet
         believed, dt = _first_guess(aero, frame), 0.0
         average = Averages(frame.velocity_x_mps, frame.climb_mps, 0.0, 0.0)
-    belief = _wandered(believed, 2.0 * params.change * params.change * dt)
+    posterior = _propagated(believed, 2.0 * params.change * params.change * dt)
     refused, imu_time, pitot_time = state.refused, state.imu_time_s, state.airspeed_time_s
 
     gravity = aero.gravity_mps2
@@ -239,9 +239,9 @@ def wind_step(
         noise_x, noise_z = UNSTEADY_X_MPS2 * samples, UNSTEADY_Z_MPS2 * samples
         forces = 2
     if usable and forces > 0:
-        belief, taken = _take_forces(
+        posterior, taken = _take_forces(
             aero,
-            belief,
+            posterior,
             frame,
             params.alignment_rad,
             fx,
@@ -253,17 +253,17 @@ def wind_step(
         refused += forces - taken
 
     if usable and dt > 0.0 and isfinite(elevator):
-        belief = _take_trim(aero, belief, frame, vehicle.pitch_rate_radps, elevator, dt)
+        posterior = _take_trim(aero, posterior, frame, vehicle.pitch_rate_radps, elevator, dt)
 
     if usable and pitot.sequence != state.airspeed_sequence and isfinite(pitot.airspeed_mps):
-        before = belief
-        belief = _take_pitot(belief, frame, pitot.airspeed_mps)
-        if belief[P_XX] < before[P_XX]:
+        before = posterior
+        posterior = _take_pitot(posterior, frame, pitot.airspeed_mps)
+        if posterior[P_XX] < before[P_XX]:
             pitot_time = now
         else:
             refused += 1
 
-    believed = _named(belief)
+    believed = _named(posterior)
     air = NO_AIR
     if usable:
         measured = now - pitot_time <= PITOT_AGE_MAX_S
@@ -271,7 +271,7 @@ def wind_step(
     known = isfinite(air.airspeed_mps)
     return WindState(
         time_s=now if known else NAN,
-        belief=believed,
+        posterior=believed,
         average=average,
         imu_sequence=imu.sequence,
         imu_time_s=imu_time,
@@ -317,11 +317,11 @@ def through_air(frame: Body, wind_mps: float, updraft_mps: float) -> tuple[float
     return x_n * north + x_e * east + x_d * down, z_n * north + z_e * east + z_d * down
 
 
-def _first_guess(aero: Aerodynamics, frame: Body) -> Belief:
+def _first_guess(aero: Aerodynamics, frame: Body) -> WindPosterior:
     """The wind in which the aircraft would glide a little faster than its slowest."""
     speed = 1.15 * aero.polar.speed_min_mps
     unknown = FIRST_GUESS_MPS * FIRST_GUESS_MPS
-    return Belief(
+    return WindPosterior(
         frame.velocity_x_mps + speed,
         frame.climb_mps + polar_sink(aero.polar, speed),
         *(unknown, 0.0, unknown),
@@ -329,18 +329,18 @@ def _first_guess(aero: Aerodynamics, frame: Body) -> Belief:
     )
 
 
-def _wandered(belief: Belief, variance: float) -> Numbers:
+def _propagated(posterior: WindPosterior, variance: float) -> Numbers:
     """The wind is another one by now."""
-    wind, updraft, p_xx, p_xz, p_zz, n_x, n_z, a_x, a_z, p_x, p_z, t_x, t_z, d_x, d_z = belief
+    wind, updraft, p_xx, p_xz, p_zz, n_x, n_z, a_x, a_z, p_x, p_z, t_x, t_z, d_x, d_z = posterior
     return (
         wind, updraft, p_xx + variance, p_xz, p_zz + variance,
         n_x, n_z, a_x, a_z, p_x, p_z, t_x, t_z, d_x, d_z,
     )  # fmt: skip
 
 
-def _named(numbers: Numbers) -> Belief:
+def _named(numbers: Numbers) -> WindPosterior:
     wind, updraft, p_xx, p_xz, p_zz, n_x, n_z, a_x, a_z, p_x, p_z, t_x, t_z, d_x, d_z = numbers
-    return Belief(
+    return WindPosterior(
         wind_mps=wind,
         updraft_mps=updraft,
         p_xx=p_xx,
@@ -388,7 +388,7 @@ def _unbiased(average: Averages, frame: Body, imu: ImuSample) -> tuple[float, fl
 
 def _take_forces(
     aero: Aerodynamics,
-    belief: Numbers,
+    posterior: Numbers,
     frame: Body,
     alignment_rad: float,
     force_x_mps2: float,
@@ -398,10 +398,10 @@ def _take_forces(
     elevator: float,
 ) -> tuple[Numbers, int]:
     """Normal and axial force, and how many of them were believed."""
-    u, w = through_air(frame, belief[WIND], belief[UPDRAFT])
+    u, w = through_air(frame, posterior[WIND], posterior[UPDRAFT])
     speed = sqrt(u * u + w * w)
     if not speed > SLOWEST_MPS:
-        return belief, 0
+        return posterior, 0
     cl, cl_alpha, cd, cd_alpha = lift_drag(aero, atan2(w, u), elevator)
     separated = STALL_NOISE_MPS2 * (1.0 - cl_alpha / aero.CL_alpha)
     rough = separated * separated
@@ -417,7 +417,7 @@ def _take_forces(
     h_z = by_u * frame.x_d + by_w * frame.z_d
     error = LIFT_ERROR * aero.gravity_mps2
     normal = _corrected(
-        belief,
+        posterior,
         h_x,
         h_z,
         -force_z_mps2 - kv * across,
@@ -428,7 +428,7 @@ def _take_forces(
         0.0,
         0.0,
     )
-    taken = 1 if normal[P_ZZ] < belief[P_ZZ] else 0
+    taken = 1 if normal[P_ZZ] < posterior[P_ZZ] else 0
 
     along = cl * w - cd * u
     turn = k * (cl_alpha * w - cd_alpha * u) / speed
@@ -437,7 +437,7 @@ def _take_forces(
     h_x = by_u * frame.x_n + by_w * frame.z_n
     h_z = by_u * frame.x_d + by_w * frame.z_d
     # Linear about the same place: what the normal force has moved since is part of the forecast.
-    moved = h_x * (normal[WIND] - belief[WIND]) + h_z * (normal[UPDRAFT] - belief[UPDRAFT])
+    moved = h_x * (normal[WIND] - posterior[WIND]) + h_z * (normal[UPDRAFT] - posterior[UPDRAFT])
     error = DRAG_ERROR * aero.gravity_mps2 / GLIDE_RATIO
     tilted = aero.gravity_mps2 * alignment_rad * alignment_rad
     axial = _corrected(
@@ -457,21 +457,21 @@ def _take_forces(
 
 def _take_trim(
     aero: Aerodynamics,
-    belief: Numbers,
+    posterior: Numbers,
     frame: Body,
     pitch_rate_radps: float,
     elevator: float,
     dt_s: float,
 ) -> Numbers:
-    u, w = through_air(frame, belief[WIND], belief[UPDRAFT])
+    u, w = through_air(frame, posterior[WIND], posterior[UPDRAFT])
     speed2 = u * u + w * w
     if not speed2 > SLOWEST_MPS * SLOWEST_MPS:
-        return belief
+        return posterior
     damping = 0.5 * aero.Cm_q * aero.chord_m * pitch_rate_radps / sqrt(speed2)
     alpha = -(aero.Cm0 + aero.Cm_elevator * elevator + damping) / aero.Cm_alpha
     by_u, by_w = -w / speed2, u / speed2
     return _corrected(
-        belief,
+        posterior,
         by_u * frame.x_n + by_w * frame.z_n,
         by_u * frame.x_d + by_w * frame.z_d,
         alpha - atan2(w, u),
@@ -484,11 +484,11 @@ def _take_trim(
     )
 
 
-def _take_pitot(belief: Numbers, frame: Body, airspeed_mps: float) -> Numbers:
-    u, _ = through_air(frame, belief[WIND], belief[UPDRAFT])
+def _take_pitot(posterior: Numbers, frame: Body, airspeed_mps: float) -> Numbers:
+    u, _ = through_air(frame, posterior[WIND], posterior[UPDRAFT])
     white, bias = PITOT_NOISE_MPS * PITOT_NOISE_MPS, PITOT_BIAS_MPS * PITOT_BIAS_MPS
     return _corrected(
-        belief, frame.x_n, frame.x_d, airspeed_mps - u, white, 0.0, 0.0, bias, 0.0, 0.0
+        posterior, frame.x_n, frame.x_d, airspeed_mps - u, white, 0.0, 0.0, bias, 0.0, 0.0
     )
 
 
@@ -527,7 +527,7 @@ def glide_pitch(aero: Aerodynamics, horizontal_mps: float) -> float:
 
 
 def _corrected(
-    belief: Numbers,
+    posterior: Numbers,
     h_x: float,
     h_z: float,
     innovation: float,
@@ -543,7 +543,7 @@ def _corrected(
     noise: variance of the white noise; normal … trim: that of its own bias in its own
     place, 0 in the others; pitch: covariance of its bias with that of the pitch.
     """
-    wind, updraft, p_xx, p_xz, p_zz, n_x, n_z, a_x, a_z, p_x, p_z, t_x, t_z, d_x, d_z = belief
+    wind, updraft, p_xx, p_xz, p_zz, n_x, n_z, a_x, a_z, p_x, p_z, t_x, t_z, d_x, d_z = posterior
     if axial > 0.0:
         own_x, own_z = a_x, a_z
     elif normal > 0.0:
@@ -558,7 +558,7 @@ def _corrected(
         h_x * to_x + h_z * to_z + h_x * own_x + h_z * own_z + noise + normal + axial + pitot + trim
     )
     if not innovation * innovation <= GATE * GATE * variance:
-        return belief
+        return posterior
     k_x, k_z = to_x / variance, to_z / variance
     r_n = h_x * n_x + h_z * n_z + normal
     r_a = h_x * a_x + h_z * a_z + axial
@@ -585,11 +585,15 @@ def _corrected(
 
 
 def _estimate(
-    params: WindParams, belief: Belief, frame: Body, velocity_sigma_mps: float, measured: bool
+    params: WindParams,
+    posterior: WindPosterior,
+    frame: Body,
+    velocity_sigma_mps: float,
+    measured: bool,
 ) -> AirEstimate:
     """What is believed, if an aircraft can fly so."""
     polar = params.aerodynamics.polar
-    u, w = through_air(frame, belief.wind_mps, belief.updraft_mps)
+    u, w = through_air(frame, posterior.wind_mps, posterior.updraft_mps)
     speed, alpha = sqrt(u * u + w * w), atan2(w, u)
     flies = (
         SLOWEST * polar.speed_min_mps < speed < FASTEST * polar.speed_max_mps
@@ -597,21 +601,21 @@ def _estimate(
     )
     if not flies:
         return NO_AIR
-    down = belief.updraft_mps - frame.climb_mps
-    north, east = belief.wind_mps - frame.velocity_x_mps, frame.velocity_y_mps
+    down = posterior.updraft_mps - frame.climb_mps
+    north, east = posterior.wind_mps - frame.velocity_x_mps, frame.velocity_y_mps
     flat = sqrt(north * north + east * east)
     # The pitch's error turns (u, w) on its way to the wind: by δ flat upward, δ down upwind;
     # the ground velocity's own is the wind's.
     ground = velocity_sigma_mps * velocity_sigma_mps
     delta = params.alignment_rad * params.alignment_rad
-    x2 = belief.p_xx + ground + down * down * delta - 2.0 * down * belief.pitch_x
-    z2 = belief.p_zz + ground + flat * flat * delta + 2.0 * flat * belief.pitch_z
+    x2 = posterior.p_xx + ground + down * down * delta - 2.0 * down * posterior.pitch_x
+    z2 = posterior.p_zz + ground + flat * flat * delta + 2.0 * flat * posterior.pitch_z
     return AirEstimate(
         airspeed_mps=speed,
         alpha_rad=alpha,
-        wind_mps=belief.wind_mps,
-        updraft_mps=belief.updraft_mps,
-        excess_mps=belief.updraft_mps - polar_sink(polar, flat),
+        wind_mps=posterior.wind_mps,
+        updraft_mps=posterior.updraft_mps,
+        excess_mps=posterior.updraft_mps - polar_sink(polar, flat),
         wind_sigma_mps=sqrt(max(0.0, x2)),
         updraft_sigma_mps=sqrt(max(0.0, z2)),
         measured=measured,

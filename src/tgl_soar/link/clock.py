@@ -340,7 +340,7 @@ class StampedStreams:
             ):
                 return ANOTHER
         if not stream.foreign and self._is_new_clock(stream, stamp_s, late_s, now_s):
-            self._begin_anew(stream, late_s)
+            self._reset(stream, late_s)
             return ANOTHER
         return LATE if late_s > LAG_S else FITS
 
@@ -384,7 +384,7 @@ class StampedStreams:
                 stream.restart()
                 return True
             if is_far or (lasts and stream.is_proven):
-                self._begin_anew(stream, late_s)
+                self._reset(stream, late_s)
                 return True
         if lasts and not stream.is_proven and now_s - stream.fitted_s >= SILENT_S:
             stream.restart()  # its first stamp was wrong, or late
@@ -399,7 +399,7 @@ class StampedStreams:
             if not stream.foreign
         )
 
-    def _begin_anew(self, which: Stream, late_s: float) -> None:
+    def _reset(self, which: Stream, late_s: float) -> None:
         """The clock of a stream is another one; the autopilot's other streams have the same."""
         which.restart()
         if not which.foreign:
@@ -426,7 +426,7 @@ class StampedStreams:
             if suspect.row < ROW:
                 return None
             if leap_s < 0.0:
-                self._begin_anew(stream, -leap_s)
+                self._reset(stream, -leap_s)
                 stamp_s = told_s
         stream.take(stamp_s)
         stream.suspect.row = 0

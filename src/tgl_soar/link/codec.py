@@ -30,12 +30,13 @@ from tgl_soar.link.messages import (
     CommandInt,
     CommandLong,
     FileTransferProtocol,
-    Heard,
     Heartbeat,
+    Inbound,
     ManualControl,
     MessageInterval,
     NavControllerOutput,
     Odometry,
+    Outbound,
     ParamError,
     ParamRequestList,
     ParamRequestRead,
@@ -44,7 +45,6 @@ from tgl_soar.link.messages import (
     RcChannels,
     RcChannelsOverride,
     Received,
-    Said,
     SetActuatorControlTarget,
     SetupSigning,
     Source,
@@ -111,11 +111,11 @@ class _Known:
     crc_extra: int
     # Of a hot frame: so many bytes are read, into this, by that.
     needed: int
-    kind: type[Heard] | None
+    kind: type[Inbound] | None
     fields: Callable[[bytes, int], tuple[Any, ...]] | None
     all_fields: Callable[[bytes, int], tuple[Any, ...]] | None
     # Of another one that somebody listens to.
-    heard: Callable[[Any], Heard] | None
+    heard: Callable[[Any], Inbound] | None
     is_kept: bool = False
 
 
@@ -254,7 +254,7 @@ class Decoder:
         if fields is None and known.heard is None:
             return True
         if fields is None:
-            message: Heard | None = self._decoded(frame, known.heard)
+            message: Inbound | None = self._decoded(frame, known.heard)
             if message is None:
                 return True
         elif size > known.needed and known.all_fields is not None:
@@ -345,7 +345,7 @@ class Decoder:
         self._known[about] = known
         self._sources[about[:2]] = known.source
 
-    def _decoded(self, frame: bytes, heard: Callable[[Any], Heard] | None) -> Heard | None:
+    def _decoded(self, frame: bytes, heard: Callable[[Any], Inbound] | None) -> Inbound | None:
         """What pymavlink makes of it."""
         assert heard is not None
         try:
@@ -424,7 +424,7 @@ def _text(value: Any) -> str:
     )
 
 
-def _heartbeat(m: Any) -> Heard:
+def _heartbeat(m: Any) -> Inbound:
     return Heartbeat(
         type=m.type,
         autopilot=m.autopilot,
@@ -434,20 +434,20 @@ def _heartbeat(m: Any) -> Heard:
     )
 
 
-def _vision_position_estimate(m: Any) -> Heard:
+def _vision_position_estimate(m: Any) -> Inbound:
     pose = m.x, m.y, m.z, m.roll, m.pitch, m.yaw
     return VisionPositionEstimate(m.usec, *pose, tuple(m.covariance))
 
 
-def _vfr_hud(m: Any) -> Heard:
+def _vfr_hud(m: Any) -> Inbound:
     return VfrHud(m.airspeed, m.alt)
 
 
-def _sys_status(m: Any) -> Heard:
+def _sys_status(m: Any) -> Inbound:
     return SysStatus(m.onboard_control_sensors_present, m.onboard_control_sensors_health)
 
 
-def _command_long(m: Any) -> Heard:
+def _command_long(m: Any) -> Inbound:
     return CommandLong(
         target_system=m.target_system,
         target_component=m.target_component,
@@ -457,18 +457,18 @@ def _command_long(m: Any) -> Heard:
     )
 
 
-def _command_int(m: Any) -> Heard:
+def _command_int(m: Any) -> Inbound:
     return CommandInt(
         m.target_system, m.target_component, m.command, (m.param1, m.param2, m.param3, m.param4)
     )
 
 
-def _rc_channels(m: Any) -> Heard:
+def _rc_channels(m: Any) -> Inbound:
     channels = tuple(int(getattr(m, f"chan{i}_raw")) for i in range(1, 19))
     return RcChannels(m.chancount, channels)
 
 
-def _command_ack(m: Any) -> Heard:
+def _command_ack(m: Any) -> Inbound:
     return CommandAck(
         command=m.command,
         result=m.result,
@@ -477,15 +477,15 @@ def _command_ack(m: Any) -> Heard:
     )
 
 
-def _param_request_list(m: Any) -> Heard:
+def _param_request_list(m: Any) -> Inbound:
     return ParamRequestList(m.target_system, m.target_component)
 
 
-def _param_request_read(m: Any) -> Heard:
+def _param_request_read(m: Any) -> Inbound:
     return ParamRequestRead(m.target_system, m.target_component, _text(m.param_id), m.param_index)
 
 
-def _param_set(m: Any) -> Heard:
+def _param_set(m: Any) -> Inbound:
     return ParamSet(
         target_system=m.target_system,
         target_component=m.target_component,
@@ -495,7 +495,7 @@ def _param_set(m: Any) -> Heard:
     )
 
 
-def _param_value(m: Any) -> Heard:
+def _param_value(m: Any) -> Inbound:
     return ParamValue(
         param_id=_text(m.param_id),
         param_value=m.param_value,
@@ -505,17 +505,17 @@ def _param_value(m: Any) -> Heard:
     )
 
 
-def _setup_signing(m: Any) -> Heard:
+def _setup_signing(m: Any) -> Inbound:
     return SetupSigning(
         m.target_system, m.target_component, bytes(m.secret_key), m.initial_timestamp
     )
 
 
-def _file_transfer_protocol(m: Any) -> Heard:
+def _file_transfer_protocol(m: Any) -> Inbound:
     return FileTransferProtocol(m.target_system, m.target_component, bytes(m.payload))
 
 
-_HEARD: Final[dict[int, Callable[[Any], Heard]]] = {
+_INBOUND: Final[dict[int, Callable[[Any], Inbound]]] = {
     dialect.MAVLINK_MSG_ID_HEARTBEAT: _heartbeat,
     dialect.MAVLINK_MSG_ID_VISION_POSITION_ESTIMATE: _vision_position_estimate,
     dialect.MAVLINK_MSG_ID_VFR_HUD: _vfr_hud,
@@ -534,14 +534,14 @@ _HEARD: Final[dict[int, Callable[[Any], Heard]]] = {
 
 
 # What is known of a message: what its checksum ends with, and who reads it, if anybody.
-_Kind: TypeAlias = tuple[int, Reader | None, Callable[[Any], Heard] | None]
+_Kind: TypeAlias = tuple[int, Reader | None, Callable[[Any], Inbound] | None]
 
 
 def _kinds() -> dict[bytes, _Kind]:
     """By the number as it stands in a frame of either version."""
     kinds: dict[bytes, _Kind] = {}
     for number, message in dialect.mavlink_map.items():
-        kind = message.crc_extra, READERS.get(number), _HEARD.get(number)
+        kind = message.crc_extra, READERS.get(number), _INBOUND.get(number)
         kinds[number.to_bytes(3, "little")] = kind
         if number <= _LARGEST_V1:
             kinds[bytes((number,))] = kind
@@ -568,7 +568,7 @@ class Encoder:
         self._sequence = 0
         self._dialect: Any = dialect.MAVLink(None, source.system, source.component)
 
-    def encode(self, message: Said) -> bytes:
+    def encode(self, message: Outbound) -> bytes:
         """One frame; empty if MAVLink 1 was asked for and has no such message.
 
         Errors: `struct.error` for a field that does not fit its place: a mistake of ours.
@@ -598,7 +598,9 @@ class Encoder:
         frame = b"\xfd" + body + _ended(checksum(body), _OVERRIDE_EXTRA).to_bytes(2, "little")
         return frame if key is None else signed(frame, key, self._link_id, timestamp)
 
-    def _framed(self, kind: type[Said], message: Said, key: bytes | None, timestamp: int) -> bytes:
+    def _framed(
+        self, kind: type[Outbound], message: Outbound, key: bytes | None, timestamp: int
+    ) -> bytes:
         """Around a payload of ours."""
         number, crc_extra, write = _WRITTEN[kind]
         if self.version1 and number > _LARGEST_V1:
@@ -615,9 +617,9 @@ class Encoder:
         frame = b"\xfd" + body + _ended(checksum(body), crc_extra).to_bytes(2, "little")
         return frame if key is None else signed(frame, key, self._link_id, timestamp)
 
-    def _packed(self, message: Said, key: bytes | None, timestamp: int) -> bytes:
+    def _packed(self, message: Outbound, key: bytes | None, timestamp: int) -> bytes:
         """By pymavlink."""
-        packable = _SAID[type(message)](message)
+        packable = _OUTBOUND[type(message)](message)
         if self.version1 and packable.id > _LARGEST_V1:
             return b""
         mav = self._dialect
@@ -758,7 +760,7 @@ def _pack_vision_position_estimate(m: Any) -> Any:
     return dialect.MAVLink_vision_position_estimate_message(m.usec, *pose, covariance)
 
 
-_SAID: Final[dict[type[Said], Callable[[Any], Any]]] = {
+_OUTBOUND: Final[dict[type[Outbound], Callable[[Any], Any]]] = {
     Heartbeat: _pack_heartbeat,
     CommandLong: _pack_command_long,
     CommandAck: _pack_command_ack,

@@ -45,7 +45,7 @@ from tgl_soar.link.messages import (
     CommandInt,
     CommandLong,
     MessageInterval,
-    Said,
+    Outbound,
     Source,
 )
 
@@ -67,7 +67,7 @@ Command: TypeAlias = CommandLong | CommandInt
 class Answer(NamedTuple):
     """What a command leads to."""
 
-    said: list[Said]  # to the station that sent it
+    said: list[Outbound]  # to the station that sent it
     wish: int = NOTHING  # ENGAGE, RELEASE or ABORT: to be done now
     reason: str = ""  # of a refusal, for the operator
 
@@ -75,7 +75,7 @@ class Answer(NamedTuple):
 class Telemetry(Protocol):
     """What can be asked for by number."""
 
-    def once(self, message_id: int) -> Said | None:
+    def once(self, message_id: int) -> Outbound | None:
         """A message now; None: there is none of this number."""
         ...
 
@@ -171,7 +171,9 @@ class CommandServer:
         self.counters.refused += reason != ""
         self._remember(source, number, _Done(now_s, result, now_s + PROGRESS_S))
         # The first answer to an engagement follows the entry checks, with the next tick.
-        said: list[Said] = [] if result == RESULT_IN_PROGRESS else [_ack(source, number, result)]
+        said: list[Outbound] = (
+            [] if result == RESULT_IN_PROGRESS else [_ack(source, number, result)]
+        )
         return Answer(said, wish, reason)
 
     def engagement(self, *, flying: bool, settled: bool, withdrawn: bool) -> list[CommandAck]:
@@ -227,7 +229,7 @@ class CommandServer:
         """Messages by number: nothing that flies depends on them, so anybody may ask for one;
         how often all stations get it is the operators' to say."""
         number, (one, two) = message.command, message.params[:2]
-        said: list[Said] = []
+        said: list[Outbound] = []
         result = RESULT_ACCEPTED
         if number == COMMAND_REQUEST_AUTOPILOT_CAPABILITIES:
             said.append(self._version)
@@ -244,7 +246,7 @@ class CommandServer:
             result = RESULT_UNSUPPORTED
         return Answer([_ack(source, number, result), *said])
 
-    def _request(self, one: float, two: float, said: list[Said]) -> int:
+    def _request(self, one: float, two: float, said: list[Outbound]) -> int:
         number = _whole(one)
         if number == ID_AUTOPILOT_VERSION:
             said.append(self._version)

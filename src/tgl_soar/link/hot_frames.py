@@ -39,14 +39,14 @@ from tgl_soar.link.messages import (
     AttitudeQuaternion,
     DebugFloatArray,
     GlobalPositionInt,
-    Heard,
     HighresImu,
+    Inbound,
     LocalPositionNed,
     NamedValueFloat,
     Odometry,
+    Outbound,
     RawImu,
     RcChannelsOverride,
-    Said,
     ScaledImu,
     ServoOutputRaw,
     SetAttitudeTarget,
@@ -59,7 +59,7 @@ class Reader(NamedTuple):
     """How a payload becomes a message."""
 
     size: int  # so many bytes are read
-    kind: type[Heard]
+    kind: type[Inbound]
     fields: Callable[[bytes, int], tuple[Any, ...]]  # of a payload that begins at an offset
     # Of a payload of more than `size` bytes; None: the rest is not read.
     all_fields: Callable[[bytes, int], tuple[Any, ...]] | None = None
@@ -113,7 +113,7 @@ def chars(text: str, size: int) -> bytes:
     return text.encode("ascii", "replace")[:size]
 
 
-def _plain(kind: type[Heard], layout: Struct) -> Reader:
+def _plain(kind: type[Inbound], layout: Struct) -> Reader:
     """Of a message whose fields are those of the payload, in its order."""
     return Reader(layout.size, kind, layout.unpack_from)
 
@@ -204,7 +204,7 @@ READERS: Final[dict[int, Reader]] = {
     ID_TIMESYNC: _plain(Timesync, _TIMESYNC),
 }
 
-WRITERS: Final[dict[type[Said], Writer]] = {
+WRITERS: Final[dict[type[Outbound], Writer]] = {
     RcChannelsOverride: Writer(ID_RC_CHANNELS_OVERRIDE, _write_override),
     SetAttitudeTarget: Writer(ID_SET_ATTITUDE_TARGET, _write_attitude_target),
     NamedValueFloat: Writer(ID_NAMED_VALUE_FLOAT, _write_named_value),

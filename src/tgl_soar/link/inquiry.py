@@ -17,7 +17,7 @@ from typing import Final
 
 from tgl_soar.link.autopilots.base import Flavour
 from tgl_soar.link.autopilots.requirements import MUST, Finding, Needs, compare, wish
-from tgl_soar.link.messages import COMPONENT_AUTOPILOT, ParamRequestRead, ParamValue, Said
+from tgl_soar.link.messages import COMPONENT_AUTOPILOT, Outbound, ParamRequestRead, ParamValue
 
 ASK_S: Final = 0.8  # before a parameter is asked for again
 ASK_TIMES: Final = 4
@@ -109,13 +109,13 @@ class SetupInquiry:
         """A parameter of the autopilot."""
         self._reading.heard(message)
 
-    def poll(self, now_s: float) -> tuple[list[Said], list[str]]:
+    def poll(self, now_s: float) -> tuple[list[Outbound], list[str]]:
         """What is to be asked, and what is to be told: each complaint once."""
         if now_s < self._due_s:
             return [], []
         self._due_s = now_s + BURST_S
         reading, told = self._reading, []
-        asked: list[Said] = [*reading.poll(now_s)]
+        asked: list[Outbound] = [*reading.poll(now_s)]
         if self._flavour.asked and reading.done(now_s, self._flavour.asked):
             told += self._once("sender", self._refusal())
         if not asked and self._rows and reading.done(now_s):

@@ -407,7 +407,7 @@ class SetActuatorControlTarget(NamedTuple):
     controls: tuple[float, float, float, float, float, float, float, float]  # -1 … 1
 
 
-Heard: TypeAlias = (
+Inbound: TypeAlias = (
     Heartbeat
     | AttitudeQuaternion
     | LocalPositionNed
@@ -433,7 +433,7 @@ Heard: TypeAlias = (
     | Timesync
 )
 
-Said: TypeAlias = (
+Outbound: TypeAlias = (
     Heartbeat
     | CommandLong
     | CommandAck
@@ -462,4 +462,4 @@ class Received(NamedTuple):
     """A message and its sender."""
 
     source: Source
-    message: Heard
+    message: Inbound

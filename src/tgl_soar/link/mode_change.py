@@ -20,7 +20,7 @@ from __future__ import annotations
 from typing import Final
 
 from tgl_soar.link.autopilots.base import Flavour
-from tgl_soar.link.messages import Said
+from tgl_soar.link.messages import Outbound
 
 # A heartbeat so long after a request was sent after it was heard: a radio's round trip is up to
 # 0.3 s, and a firmware takes a request up within 0.1 s.
@@ -71,7 +71,7 @@ class ModeChange:
         self._entry_asked_s = self._asked_s if self.is_entering else float("-inf")
         self._begin(self._before, now_s, heartbeat_s, to_enter=False)
 
-    def parting(self, *, obeys: bool = True) -> tuple[Said, ...]:
+    def parting(self, *, obeys: bool = True) -> tuple[Outbound, ...]:
         """The same as a last word, for there is no time to wait for a heartbeat.
 
         `obeys`: whether the latest one has shown our mode; any other is the pilot's.
@@ -88,7 +88,7 @@ class ModeChange:
 
     def poll(
         self, now_s: float, heartbeat_s: float, obeys: bool, custom_mode: int
-    ) -> tuple[Said, ...]:
+    ) -> tuple[Outbound, ...]:
         """What is to be sent.
 
         `heartbeat_s`: when the latest heartbeat came; `obeys`, `custom_mode`: what it shows.
@@ -102,7 +102,7 @@ class ModeChange:
             self._give_up("no heartbeat shows it")
         return ()
 
-    def _look(self, now_s: float, obeys: bool, custom_mode: int) -> tuple[Said, ...]:
+    def _look(self, now_s: float, obeys: bool, custom_mode: int) -> tuple[Outbound, ...]:
         """At a new heartbeat."""
         answered = self._looked_s - self._asked_s >= ANSWER_S
         if obeys and self._to_enter:

@@ -285,7 +285,7 @@ class Optitrack:
             self._ask_again()  # it was silent: ids may be others
             return
         if self.info is not None:
-            self._begin_anew("it is another server now, or another version")
+            self._reset("it is another server now, or another version")
         if info.clock_hz != self._clock_hz:
             self._clock_hz, self._first_ticks = info.clock_hz, None
             self.clock.reset()
@@ -500,9 +500,9 @@ class Optitrack:
             self.clock.restarts = 0
             self.info = None
             self._connect_due_s = float("-inf")
-            self._begin_anew("the server has restarted, with another clock")
+            self._reset("the server has restarted, with another clock")
 
-    def _begin_anew(self, why: str) -> None:
+    def _reset(self, why: str) -> None:
         self.counters.restarts += 1
         self.notices.append((SEVERITY_WARNING, f"OptiTrack: {why}"))
         self._forget_body()

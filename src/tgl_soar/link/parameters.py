@@ -32,13 +32,13 @@ from tgl_soar.link.messages import (
     PARAM_TYPE_REAL32,
     PARAM_TYPE_UINT32,
     SEVERITY_WARNING,
-    Heard,
+    Inbound,
+    Outbound,
     ParamError,
     ParamRequestList,
     ParamRequestRead,
     ParamSet,
     ParamValue,
-    Said,
     Source,
 )
 from tgl_soar.link.telemetry import StatusTexts
@@ -85,7 +85,9 @@ class ParameterServer:
         self._complaints = COMPLAINTS_AT_ONCE
         self._complained_s = float("-inf")
 
-    def handle(self, source: Source, message: Heard, now_s: float, *, flying: bool) -> list[Said]:
+    def handle(
+        self, source: Source, message: Inbound, now_s: float, *, flying: bool
+    ) -> list[Outbound]:
         """What is to be said at once in answer; [] if the message is not for us."""
         if source == self._own or not self._is_for_us(message):
             return []
@@ -98,9 +100,9 @@ class ParameterServer:
                 self._due.setdefault(index)
         return []
 
-    def poll(self, now_s: float) -> list[Said]:
+    def poll(self, now_s: float) -> list[Outbound]:
         """Values asked for, a few at a time."""
-        said: list[Said] = []
+        said: list[Outbound] = []
         if not self._due:
             return said
         self._next_s = max(self._next_s, now_s - VALUES_PER_POLL / VALUES_PER_S)
@@ -112,12 +114,14 @@ class ParameterServer:
             self._next_s += 1.0 / VALUES_PER_S
         return said
 
-    def assign(self, name: str, value: float) -> list[Said]:
+    def assign(self, name: str, value: float) -> list[Outbound]:
         """A change made by the module itself; every station hears of it."""
         self.values = self.values.changed({name: value})
         return [self.value_message(INDEX[name])]
 
-    def refuse(self, source: Source, message: ParamSet, reason: str, now_s: float) -> list[Said]:
+    def refuse(
+        self, source: Source, message: ParamSet, reason: str, now_s: float
+    ) -> list[Outbound]:
         """A set that its sender may not make, or not now: what stands, and why."""
         if source == self._own or not self._is_for_us(message) or message.param_id not in INDEX:
             return []
@@ -171,7 +175,7 @@ class ParameterServer:
         self._complained_s = float("-inf")
         self._complaints = COMPLAINTS_AT_ONCE
 
-    def _is_for_us(self, message: Heard) -> bool:
+    def _is_for_us(self, message: Inbound) -> bool:
         if not isinstance(message, ParamSet | ParamRequestRead | ParamRequestList):
             return False
         return message.target_system in (0, self._own.system) and message.target_component in (
@@ -179,7 +183,7 @@ class ParameterServer:
             self._own.component,
         )
 
-    def _set(self, source: Source, message: ParamSet, now_s: float, flying: bool) -> list[Said]:
+    def _set(self, source: Source, message: ParamSet, now_s: float, flying: bool) -> list[Outbound]:
         name = message.param_id
         if name == HASH:
             return [self._hash_message()]  # a station that knows them all says so
@@ -199,7 +203,7 @@ class ParameterServer:
             self.counters.refused += 1
             return [self.value_message(INDEX[name]), *self._complain(str(error), now_s, refused)]
         self.values = answer.values
-        said: list[Said] = [self.value_message(INDEX[told]) for told in answer.told]
+        said: list[Outbound] = [self.value_message(INDEX[told]) for told in answer.told]
         if answer.refusal:
             self.counters.refused += 1
             said += self._complain(answer.refusal, now_s, refused)
@@ -207,7 +211,7 @@ class ParameterServer:
             said += self._complain(answer.warning, now_s)
         return said
 
-    def _read(self, source: Source, message: ParamRequestRead, now_s: float) -> list[Said]:
+    def _read(self, source: Source, message: ParamRequestRead, now_s: float) -> list[Outbound]:
         index = message.param_index
         if index < 0:
             index = _HASH_INDEX if message.param_id == HASH else INDEX.get(message.param_id, -1)
@@ -220,7 +224,7 @@ class ParameterServer:
         error = _error(source, message.param_id, PARAM_ERROR_DOES_NOT_EXIST, message.param_index)
         return self._complain(f"{asked}: no such parameter", now_s, error)
 
-    def _complain(self, text: str, now_s: float, error: ParamError | None = None) -> list[Said]:
+    def _complain(self, text: str, now_s: float, error: ParamError | None = None) -> list[Outbound]:
         """A PARAM_ERROR for programs and words for people, unless too many were said of late."""
         if now_s > self._complained_s:
             earned = (now_s - self._complained_s) * COMPLAINTS_PER_S

@@ -30,7 +30,7 @@ from tgl_soar.link.messages import (
     SEVERITY_WARNING,
     UNKNOWN_COVARIANCE,
     Odometry,
-    Said,
+    Outbound,
     VisionPositionEstimate,
 )
 from tgl_soar.link.sources import EXTERNAL, NAMES, PositionSources, Quaternion
@@ -65,7 +65,7 @@ class PoseForwarding:
         """The loop's clock is another one from here on."""
         self._due_s = float("-inf")
 
-    def poll(self, sources: PositionSources, now_s: float) -> Said | None:
+    def poll(self, sources: PositionSources, now_s: float) -> Outbound | None:
         """The pose of the chosen source, if it is to be forwarded now."""
         fix, turned = sources.position, sources.turned
         if sources.chosen not in EXTERNAL or sources.chosen in self.known:

@@ -51,15 +51,15 @@ from tgl_soar.link.messages import (
     AttitudeQuaternion,
     CommandAck,
     GlobalPositionInt,
-    Heard,
     Heartbeat,
     HighresImu,
+    Inbound,
     LocalPositionNed,
     Odometry,
+    Outbound,
     ParamValue,
     RawImu,
     Received,
-    Said,
     ScaledImu,
     ServoOutputRaw,
     Source,
@@ -265,9 +265,9 @@ class Session:
         self._heartbeat_due_s = (now_s if late else self._heartbeat_due_s) + HEARTBEAT_S
         return [self.heartbeat()]
 
-    def poll(self, now_s: float) -> list[Said]:
+    def poll(self, now_s: float) -> list[Outbound]:
         """What is due: questions to the autopilot, at most one request for a stream."""
-        said: list[Said] = []
+        said: list[Outbound] = []
         if self.is_heard:
             said.extend(self.streams.poll(now_s))
             question = None if self._lockstep else self.round_trip.poll(now_s)
@@ -297,7 +297,7 @@ class Session:
         if self.is_heard:
             self.status = self.status._replace(time_s=now_s)
 
-    def handle(self, received: Received, now_s: float) -> list[Said]:
+    def handle(self, received: Received, now_s: float) -> list[Outbound]:
         """Take in one message; what is to be said at once."""
         source, message = received
         if source not in self.heard and len(self.heard) < MAX_HEARD:
@@ -334,7 +334,7 @@ class Session:
             self._take_vision(source, message, now_s)
         return []
 
-    def _handle_other(self, source: Source, message: Heard, now_s: float) -> list[Said]:
+    def _handle_other(self, source: Source, message: Inbound, now_s: float) -> list[Outbound]:
         """Of somebody who is not the autopilot."""
         if isinstance(message, Timesync):
             return self._timesync(source, message, now_s)
@@ -346,7 +346,7 @@ class Session:
 
     # --- the conversation -------------------------------------------------------------------
 
-    def _timesync(self, source: Source, message: Timesync, now_s: float) -> list[Said]:
+    def _timesync(self, source: Source, message: Timesync, now_s: float) -> list[Outbound]:
         """A request is answered with our time; of answers only the autopilot's are looked at."""
         if message.tc1 != 0:
             if source == self.autopilot:

@@ -10,7 +10,7 @@ health gives the position, all others are only watched:
                 than `DWELL_S` after the last change
 
 Doubtful is what says the same bit for bit for `FROZEN_S`, not that it stands still, while what
-another one says changes; and for `DOUBT_S` what the module has called not sane.  Where nothing
+another one says changes; and for `DISTRUST_S` what the module has called not sane.  Where nothing
 better is heard it is still given: whether to fly with it is not decided here.
 
 Sources of different kinds differ by their biases, and where the site file is wrong by their
@@ -50,14 +50,14 @@ RETURN_S: Final = 2.0
 DWELL_S: Final = 2.0
 FROZEN_S: Final = 0.2  # the same bits for so long
 FROZEN_FIXES: Final = 5  # and so often: a slow source may repeat itself once
-DOUBT_S: Final = 10.0  # after it was found not sane
+DISTRUST_S: Final = 10.0  # after it was found not sane
 PERIODS: Final = 3.0  # of its own that a slow source may be silent for
 LATE_S: Final = 1.0  # an older fix is no measurement of where the aircraft is
 FUTURE_S: Final = 0.05  # the mapping of clocks is not exact
 Quaternion = tuple[float, float, float, float]
 
 APART_M: Final = 1.0  # sources that are further apart do not share a frame
-RATE_SHARE: Final = 0.1  # of a new interval in the mean one
+RATE_FRACTION: Final = 0.1  # of a new interval in the mean one
 
 
 class SourceHealth:
@@ -66,7 +66,7 @@ class SourceHealth:
     __slots__ = (
         "apart_m",
         "changed_s",
-        "doubted_s",
+        "distrusted_s",
         "fixes",
         "future",
         "heard_s",
@@ -93,7 +93,7 @@ class SourceHealth:
         self.changed_s = NAN  # when that became true
         self.repeats = 0  # how often it was said again since
         self.stands = False  # it says so: velocities of exactly zero
-        self.doubted_s = NAN  # when it was found not sane
+        self.distrusted_s = NAN  # when it was found not sane
         self.apart_m = NAN  # from the chosen source, when its last fix came
 
     @property
@@ -114,7 +114,7 @@ class SourceHealth:
     def forget_time(self) -> None:
         """The clock is another one."""
         self.heard_s = self.newest_s = self.steady_s = self.period_s = NAN
-        self.changed_s = self.doubted_s = NAN
+        self.changed_s = self.distrusted_s = NAN
         self.said, self.repeats = (), 0
 
 
@@ -190,12 +190,12 @@ class PositionSources:
         health = self.health.get(source)
         return health is not None and now_s - health.heard_s <= self._patience_s(health)
 
-    def doubt(self, now_s: float) -> None:
+    def distrust(self, now_s: float) -> None:
         """What the chosen source says was found not sane; not yet, where it could be what the
         one before has said."""
         if self.chosen and now_s - self._since_s >= DWELL_S:
             health = self.health[self.chosen]
-            health.doubted_s = health.steady_s = now_s
+            health.distrusted_s = health.steady_s = now_s
 
     def rebase(self) -> None:
         """The loop's clock is another one from here on."""
@@ -223,7 +223,7 @@ class PositionSources:
         if not isfinite(health.period_s):
             health.period_s = interval_s
         elif interval_s < LATE_S:  # a longer one is a gap, and says nothing of the rate
-            health.period_s += RATE_SHARE * (interval_s - health.period_s)
+            health.period_s += RATE_FRACTION * (interval_s - health.period_s)
         health.fixes += 1
         health.heard_s = now_s
         health.newest_s = time_s
@@ -247,8 +247,8 @@ class PositionSources:
         """0: silent, 1: doubtful, 2: in good health."""
         if not self.is_fresh(source, now_s):
             return 0
-        doubted = now_s - self.health[source].doubted_s < DOUBT_S
-        return 1 if doubted or self._is_frozen(source, now_s) else 2
+        distrusted = now_s - self.health[source].distrusted_s < DISTRUST_S
+        return 1 if distrusted or self._is_frozen(source, now_s) else 2
 
     def _is_frozen(self, source: int, now_s: float) -> bool:
         health = self.health[source]

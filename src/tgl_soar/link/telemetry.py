@@ -9,7 +9,7 @@ from collections.abc import Callable
 from math import inf
 from typing import Final
 
-from tgl_soar.link.messages import ID_HEARTBEAT, Said, StatusText
+from tgl_soar.link.messages import ID_HEARTBEAT, Outbound, StatusText
 from tgl_soar.types import NAN
 
 CHUNK: Final = 50  # characters of one STATUSTEXT
@@ -69,7 +69,11 @@ class Flow:
     """Messages of one kind that go out in turns, each at the same rate."""
 
     def __init__(
-        self, message_id: int, items: int, interval_s: float, build: Callable[[int], Said | None]
+        self,
+        message_id: int,
+        items: int,
+        interval_s: float,
+        build: Callable[[int], Outbound | None],
     ) -> None:
         """`build`: the message of a turn, 0 … items - 1.  `interval_s` inf: only when asked."""
         self.message_id = message_id
@@ -86,7 +90,7 @@ class Flow:
             return -1.0
         return min((now_s - self._due_s) * self._items / self.interval_s, 1e9)
 
-    def take(self, now_s: float) -> Said | None:
+    def take(self, now_s: float) -> Outbound | None:
         """The message whose turn it is; the next is due on the grid, unless that is long past."""
         interval_s = self.interval_s / self._items
         behind = now_s - self._due_s > 4.0 * interval_s
@@ -108,7 +112,7 @@ class Telemetry:
         self.budget = Budget()
         self._flows = flows
 
-    def due(self, now_s: float, bytes_per_s: float) -> Said | None:
+    def due(self, now_s: float, bytes_per_s: float) -> Outbound | None:
         """One message, if one is due and may be paid for."""
         if not self.budget.fill(now_s, bytes_per_s):
             return None
@@ -119,7 +123,7 @@ class Telemetry:
                 latest, most = flow, lateness
         return None if latest is None else latest.take(now_s)
 
-    def once(self, message_id: int) -> Said | None:
+    def once(self, message_id: int) -> Outbound | None:
         """A message now."""
         flow = self._flow(message_id)
         return None if flow is None else flow.build(0)

@@ -26,7 +26,7 @@ from tgl_soar.link.messages import (
     DebugFloatArray,
     NamedValueFloat,
     NavControllerOutput,
-    Said,
+    Outbound,
     WindCov,
 )
 from tgl_soar.link.telemetry import Flow
@@ -60,7 +60,7 @@ ARRAY: Final = (
     *("rudder", "rud_p", "rud_d", "rud_saturated"),
     *("age_pos", "age_att", "age_ap", "health"),
     *("airspeed", "alpha", "wind", "updraft", "excess", "wind_sd", "updraft_sd"),
-    *("imu_share", "faults"),
+    *("imu_weight", "faults"),
 )
 ARRAY_NAME: Final = "tgl_soar"
 ARRAY_ID: Final = 191
@@ -102,24 +102,24 @@ class Panel:
             Flow(ID_WIND_COV, 1, float("inf"), self._wind),
         )
 
-    def _fast(self, turn: int) -> Said | None:
+    def _fast(self, turn: int) -> Outbound | None:
         if self._output is None:
             return None
         return named_value(FAST[turn], self._vehicle_time_s, fast_value(self._output, turn))
 
-    def _slow(self, turn: int) -> Said | None:
+    def _slow(self, turn: int) -> Outbound | None:
         if self._output is None:
             return None
         value = slow_value(self._output, self._loss, self._round_trip_s, turn)
         return named_value(SLOW[turn], self._vehicle_time_s, value)
 
-    def _array(self, _turn: int) -> Said | None:
+    def _array(self, _turn: int) -> Outbound | None:
         return None if self._output is None else float_array(self._output, self._vehicle_time_s)
 
-    def _navigation(self, _turn: int) -> Said | None:
+    def _navigation(self, _turn: int) -> Outbound | None:
         return None if self._output is None else nav_controller_output(self._output)
 
-    def _wind(self, _turn: int) -> Said | None:
+    def _wind(self, _turn: int) -> Outbound | None:
         if self._output is None:
             return None
         return wind_cov(self._output.air, self._frame, self._vehicle_time_s)
@@ -211,7 +211,7 @@ def float_array(output: Output, vehicle_time_s: float) -> DebugFloatArray:
         health_bits(output),
         *(air.airspeed_mps, degrees(air.alpha_rad), air.wind_mps, air.updraft_mps),
         *(air.excess_mps, air.wind_sigma_mps, air.updraft_sigma_mps),
-        output.imu_share,
+        output.imu_weight,
         float(health.faults),
     )
     return DebugFloatArray(_stamp(vehicle_time_s, 1e6), ARRAY_NAME, ARRAY_ID, data)

@@ -18,7 +18,7 @@ from tgl_soar.link.transport import MAX_DATAGRAMS, Transport, UdpListener
 from tgl_soar.onboard import realtime
 from tgl_soar.onboard.mocap import MocapFeed
 from tgl_soar.onboard.module import Onboard
-from tgl_soar.onboard.watchdog import LifeSign
+from tgl_soar.onboard.watchdog import ProcessHeartbeat
 
 COMPLAIN_S: Final = 5.0  # between two lines on the console about an autopilot that is not there
 
@@ -30,15 +30,15 @@ def run(
     say: Callable[[str], None],
     *,
     timeout_s: float | None = None,
-    life: LifeSign | None = None,
+    heartbeat: ProcessHeartbeat | None = None,
     mocap: MocapFeed | None = None,
     spin_s: float | None = None,
-    thrifty: bool = False,
+    power_saving: bool = False,
 ) -> bool:
     """Fly until told to stop; False: no autopilot answered within `timeout_s`.
 
     `transports`: the first leads to the autopilot.  `stop` is asked in every round.  `say`: for
-    words on the console.  `spin_s`: as `realtime.Waiter` takes it.  `thrifty`:
+    words on the console.  `spin_s`: as `realtime.Waiter` takes it.  `power_saving`:
     no tick is rehearsed.
     """
     clock = realtime.clock_s
@@ -47,15 +47,15 @@ def run(
     first, pacer = transports[0], onboard.pacer
     pacer.begin(now_s)
     watch = _Watch(began_s)
-    links = Links(onboard, transports, clock, mocap, life)
+    links = Links(onboard, transports, clock, mocap, heartbeat)
     poses = mocap.filenos() if mocap is not None else []
     while not stop():
-        rehearsal_s = inf if thrifty else onboard.rehearsal_s
-        until_s = min(onboard.wake_s(now_s), rehearsal_s)
+        warm_up_s = inf if power_saving else onboard.warm_up_s
+        until_s = min(onboard.wake_s(now_s), warm_up_s)
         now_s, ready = waiter.wait([*poses, *links.filenos()], until_s, pacer.expected_s)
-        if now_s >= rehearsal_s and not ready:
-            onboard.rehearse()
-            pacer.rehearsed(rehearsal_s, clock())
+        if now_s >= warm_up_s and not ready:
+            onboard.warm_up()
+            pacer.warmed_up(warm_up_s, clock())
             continue
         if mocap is not None:
             _take_poses(onboard, mocap, now_s)
@@ -89,13 +89,13 @@ class Links:
         transports: Sequence[Transport],
         clock: Callable[[], float],
         mocap: MocapFeed | None = None,
-        life: LifeSign | None = None,
+        heartbeat: ProcessHeartbeat | None = None,
     ) -> None:
         self._onboard = onboard
         self._clock = clock
         self._transports = transports
         self._mocap = mocap
-        self._life = life
+        self._life = heartbeat
         self._generations = [transport.generation for transport in transports]
 
     def filenos(self) -> list[int]:

@@ -70,13 +70,13 @@ from tgl_soar.link.messages import (
     HighresImu,
     LocalPositionNed,
     Odometry,
+    Outbound,
     ParamRequestList,
     ParamRequestRead,
     ParamSet,
     RawImu,
     RcChannels,
     Received,
-    Said,
     ScaledImu,
     ServoOutputRaw,
     SetupSigning,
@@ -129,10 +129,10 @@ ENGAGED: Final = 2.0  # OP_ENGAGE of a module that has the surfaces
 SHOW_ENGAGED_S: Final = 1.0
 ABSENT_S: Final = 5.0  # a station that was silent for longer may have missed a change
 REFUSALS_S: Final = 0.25  # between two words about commands that were refused
-STRAIN_TOLD_S: Final = 10.0  # between two words about late ticks
+OVERLOAD_REPORT_S: Final = 10.0  # between two words about late ticks
 IDENTITY_REMEDY: Final = "stop one, or give it another component_id in [autopilot]"
 DUPLICATE_TOLD_S: Final = 10.0  # between two words about a module with our identity
-LATE_TOLD: Final = 10  # fewer are not worth a word
+LATE_REPORTED: Final = 10  # fewer are not worth a word
 PILOT_SWITCH_HZ: Final = 10.0
 LOSS_S: Final = 2.0  # over which the loss on the link is measured
 COMPLAIN_S: Final = 5.0  # between two words about keys that were refused
@@ -162,7 +162,7 @@ class Setup(NamedTuple):
     needs: Needs | None = None  # what the autopilot's parameters are read for; None: they are not
 
 
-class Rehearsal(NamedTuple):
+class WarmUp(NamedTuple):
     """What a tick had, to go through it once more."""
 
     state: autopilot.AutopilotState
@@ -376,7 +376,7 @@ class Onboard:
         )
         self.forwarding = _forwarding(setup.forward)
         self.pacer = realtime.Pacer(rate_hz, now_s)
-        self.strain = realtime.Strain()
+        self.load_shedding = realtime.LoadShedding()
         self.output: autopilot.Output | None = None  # of the last tick
 
         self._setup = setup
@@ -419,11 +419,11 @@ class Onboard:
         self._telemetry_bytes_per_s = setup.parameters["TEL_BUDGET"]
         self._state = autopilot.initial_state()
         self._piece = b""  # that came last over the first link
-        self._rehearsal: Rehearsal | None = None
-        self._rehearsing = Decoder(stream=False), Encoder(setup.override)  # nobody else's
+        self._warm_up: WarmUp | None = None
+        self._warming_up = Decoder(stream=False), Encoder(setup.override)  # nobody else's
         self._mode = BOOT
         recorder.parameters(self._values)
-        recorder.afresh(self._state)
+        recorder.reset(self._state)
         self._active = False
         self._mode_change = ModeChange(setup.flavour)
         self._releases = 0
@@ -443,8 +443,8 @@ class Onboard:
         self._refused_s = float("-inf")
         self._switch_told = False  # that it is silent
         self._duplicate_told_s = float("-inf")
-        self._strain_told_s = float("-inf")
-        self._late_told = 0
+        self._overload_reported_s = float("-inf")
+        self._late_reported = 0
         self._slow_link_told_s = float("-inf")
         self._left_out_told = 0
         self._reboots = 0
@@ -830,25 +830,25 @@ class Onboard:
         return now_s + IDLE_S if self._lockstep else self.pacer.wake_s
 
     @property
-    def rehearsal_s(self) -> float:
-        """When to call `rehearse`; inf: not now."""
-        if self._lockstep or self._rehearsal is None or self.strain.no_telemetry:
+    def warm_up_s(self) -> float:
+        """When to call `warm_up`; inf: not now."""
+        if self._lockstep or self._warm_up is None or self.load_shedding.no_telemetry:
             return inf
-        return self.pacer.rehearsal_s
+        return self.pacer.warm_up_s
 
-    def rehearse(self) -> None:
+    def warm_up(self) -> None:
         """A tick once more, for nothing: the next one finds what it needs at hand.
 
         It is the last one with a new position, which has the most to do.  A tick of the laws is a
         function of its arguments; what it gives is thrown away.
         """
-        if self._rehearsal is None:
+        if self._warm_up is None:
             return
-        state, inputs, piece = self._rehearsal
-        decoder, encoder = self._rehearsing
+        state, inputs, piece = self._warm_up
+        decoder, encoder = self._warming_up
         decoder.feed(piece)
         _, output = autopilot.step(self._laws, state, inputs)
-        if output.active and _can_be_said(output, self._loops):
+        if output.active and _is_finite_command(output, self._loops):
             for message in self._setup.flavour.commands(output.command, output.setpoints):
                 _frame_of(message, encoder)
 
@@ -857,9 +857,9 @@ class Onboard:
         counters = self.pacer.counters
         late, skipped = counters.late, counters.skipped
         self._tick(self.pacer.tick(now_s))
-        self.strain.tick(counters, late, skipped)
+        self.load_shedding.tick(counters, late, skipped)
         self._slow(now_s)
-        self._tell_strain(now_s)
+        self._report_overload(now_s)
         self._tell_slow_link(now_s)
         self._refill()
 
@@ -923,7 +923,7 @@ class Onboard:
             route.own.restart()
             route.override.restart()
         self._state = autopilot.initial_state()
-        self._recorder.afresh(self._state)
+        self._recorder.reset(self._state)
         if self._active:
             self._disengage()
         self._mode_change.stop()
@@ -950,14 +950,17 @@ class Onboard:
             airspeed=session.airspeed,
             surfaces=session.surfaces,
         )
-        rehearsal = self._rehearsal
-        if rehearsal is None or inputs.position.sequence != rehearsal.inputs.position.sequence:
-            self._rehearsal = Rehearsal(self._state, inputs, self._piece)
+        warm_up_tick = self._warm_up
+        if (
+            warm_up_tick is None
+            or inputs.position.sequence != warm_up_tick.inputs.position.sequence
+        ):
+            self._warm_up = WarmUp(self._state, inputs, self._piece)
         self._state, output = autopilot.step(self._laws, self._state, inputs)
         self.output = output
         if output.health.faults & (JUMP | WRONG):  # what else there is, the sources see themselves
-            session.sources.doubt(time_s)
-        if output.active and _can_be_said(output, self._loops):
+            session.sources.distrust(time_s)
+        if output.active and _is_finite_command(output, self._loops):
             self._command_surfaces(flavour.commands(output.command, output.setpoints))
             self.counters.surface_frames += 1
             self._releases = 0
@@ -972,7 +975,7 @@ class Onboard:
             self._releases -= 1
             self._release()
         self._active = output.active
-        if self.strain.no_log:
+        if self.load_shedding.no_log:
             self._recorder.leave_out(time_s, self._state)
         else:
             self._recorder.tick(inputs, output, self._state)
@@ -1063,7 +1066,7 @@ class Onboard:
             self._measure_loss(now_s)
             self._panel.look(self.output, session.vehicle_time_s, self._loss, session.round_trip_s)
             message = self.telemetry.due(now_s, self._telemetry_bytes_per_s)
-            if message is not None and self.strain.no_telemetry:
+            if message is not None and self.load_shedding.no_telemetry:
                 self.counters.telemetry_shed += 1
             elif message is not None:
                 self._spend(self._say(message))
@@ -1096,20 +1099,25 @@ class Onboard:
             self._say_all(self.parameters.assign("OP_ENGAGE", ENGAGED))
             self._settings()
 
-    def _tell_strain(self, now_s: float) -> None:
+    def _report_overload(self, now_s: float) -> None:
         """A computer that is too busy is told of, now and then."""
         late = self.pacer.counters.late + self.pacer.counters.skipped
-        if now_s < self._strain_told_s + STRAIN_TOLD_S or not self.strain.no_telemetry:
+        if (
+            now_s < self._overload_reported_s + OVERLOAD_REPORT_S
+            or not self.load_shedding.no_telemetry
+        ):
             return
-        if late - self._late_told >= LATE_TOLD:
-            self._strain_told_s = now_s
-            self.tell(SEVERITY_WARNING, f"computer too busy: {late - self._late_told} ticks late")
-            self._late_told = late
+        if late - self._late_reported >= LATE_REPORTED:
+            self._overload_reported_s = now_s
+            self.tell(
+                SEVERITY_WARNING, f"computer too busy: {late - self._late_reported} ticks late"
+            )
+            self._late_reported = late
 
     def _tell_slow_link(self, now_s: float) -> None:
         """A line that does not carry the commands is told of, now and then."""
         left_out = self.counters.left_out - self._left_out_told
-        if now_s < self._slow_link_told_s + STRAIN_TOLD_S or left_out < LATE_TOLD:
+        if now_s < self._slow_link_told_s + OVERLOAD_REPORT_S or left_out < LATE_REPORTED:
             return
         self._slow_link_told_s = now_s
         self._left_out_told = self.counters.left_out
@@ -1212,12 +1220,12 @@ class Onboard:
             for _ in range(RELEASE_FRAMES):
                 self._release()
 
-    def _say_surfaces(self, messages: tuple[Said, ...]) -> None:
+    def _say_surfaces(self, messages: tuple[Outbound, ...]) -> None:
         route = self._autopilot
         for message in messages:
             self._send_frame(route, route.override, message)
 
-    def _command_surfaces(self, messages: tuple[Said, ...]) -> None:
+    def _command_surfaces(self, messages: tuple[Outbound, ...]) -> None:
         """What a tick asks for, if it goes at once; else the next tick's is newer."""
         route = self._autopilot
         for message in messages:
@@ -1230,24 +1238,24 @@ class Onboard:
                 self.counters.unsent += 1
                 self.counters.left_out += 1
 
-    def _say_all(self, messages: list[Said], route: Route | None = None) -> None:
+    def _say_all(self, messages: list[Outbound], route: Route | None = None) -> None:
         for message in messages:
             self._say(message, route)
 
-    def _say_to(self, source: Source, message: Said) -> None:
+    def _say_to(self, source: Source, message: Outbound) -> None:
         """On the links where somebody was heard."""
         for route in self._routes:
             if route.leads_to(source):
                 self._say(message, route)
 
-    def _say(self, message: Said, only: Route | None = None) -> int:
+    def _say(self, message: Outbound, only: Route | None = None) -> int:
         """On one link, or on all; the bytes that one link carries."""
         size = 0
         for route in self._routes if only is None else (only,):
             size = max(size, self._send_frame(route, route.own, message))
         return size
 
-    def _send_frame(self, route: Route, encoder: Encoder, message: Said) -> int:
+    def _send_frame(self, route: Route, encoder: Encoder, message: Outbound) -> int:
         if not route.greeted:
             return 0
         frame = _frame_of(message, encoder)
@@ -1289,7 +1297,7 @@ def _nowhere(_text: str) -> None:
     """Words that nobody asked for."""
 
 
-def _frame_of(message: Said, encoder: Encoder) -> bytes | None:
+def _frame_of(message: Outbound, encoder: Encoder) -> bytes | None:
     """A message as it goes out; None: a field does not fit its place."""
     try:
         return encoder.encode(message)
@@ -1297,7 +1305,7 @@ def _frame_of(message: Said, encoder: Encoder) -> bytes | None:
         return None
 
 
-def _can_be_said(output: autopilot.Output, loops: int) -> bool:
+def _is_finite_command(output: autopilot.Output, loops: int) -> bool:
     """Whether all that a route says of a tick are numbers."""
     if loops == OURS:
         return is_finite(output.command)

@@ -73,7 +73,7 @@ from tgl_soar.onboard import line_load, loop, native, realtime
 from tgl_soar.onboard import watchdog as guard
 from tgl_soar.onboard.flightlog.declaration import VERSION
 from tgl_soar.onboard.flightlog.recorder import NO_RECORDER
-from tgl_soar.onboard.flightlog.writer import LARGEST_BYTES, Facts, FlightRecorder
+from tgl_soar.onboard.flightlog.writer import LARGEST_BYTES, FlightRecorder, LogMetadata
 from tgl_soar.onboard.mocap import MocapFeed, from_server
 from tgl_soar.onboard.module import RELEASE_FRAMES, Onboard, Setup, setup_from
 
@@ -167,7 +167,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         f" Default: as many as this computer takes to wake, at most {realtime.AWAKE_MAX_S * 1e6:g}",
     )
     add(
-        "--thrifty",
+        "--power-saving",
         action="store_true",
         help="take less of the processor: sleep until it is time (unless --spin says otherwise)"
         " and go through no tick beforehand; surfaces move some tenths of a millisecond later",
@@ -198,8 +198,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         secret=Secret(given.signing_key, given.unsigned_autopilot, given.allow_setup_signing),
         mocap_server=given.mocap_server,
         guarded=not given.no_guard and not given.lockstep,
-        wishes=realtime.Wishes(
-            given.cpu, 0.0 if given.thrifty and given.spin is None else given.spin, given.thrifty
+        realtime_options=realtime.RealtimeOptions(
+            given.cpu,
+            0.0 if given.power_saving and given.spin is None else given.spin,
+            given.power_saving,
         ),
     )
 
@@ -262,7 +264,7 @@ class Plan(NamedTuple):
     secret: Secret
     log: Path | None
     log_bytes: int
-    wishes: realtime.Wishes
+    realtime_options: realtime.RealtimeOptions
 
 
 def run(
@@ -278,7 +280,7 @@ def run(
     guarded: bool = False,
     log: Path | None = None,
     log_bytes: int = LARGEST_BYTES,
-    wishes: realtime.Wishes = realtime.Wishes(),  # noqa: B008
+    realtime_options: realtime.RealtimeOptions = realtime.RealtimeOptions(),  # noqa: B008
 ) -> int:
     """Fly until told to stop; the process's exit code.
 
@@ -314,15 +316,15 @@ def run(
         secret=secret,
         log=log,
         log_bytes=log_bytes,
-        wishes=wishes,
+        realtime_options=realtime_options,
     )
     if guarded:
-        realtime.go_first()
+        realtime.raise_priority()
         return guard.watch(partial(_run, plan), partial(_give_back, plan), _print)
     return _run(plan)
 
 
-def _run(plan: Plan, life: guard.LifeSign | None = None, became: str = "") -> int:
+def _run(plan: Plan, heartbeat: guard.ProcessHeartbeat | None = None, became: str = "") -> int:
     """Open the links and fly.  `became`: what happened to the process that flew before."""
     transports: list[Transport] = []
     mocap: MocapFeed | None = None
@@ -343,7 +345,7 @@ def _run(plan: Plan, life: guard.LifeSign | None = None, became: str = "") -> in
         return EXIT_ERROR if became else EXIT_CANNOT_START
     stopped = threading.Event()
     restore = _stop_on_signals(stopped)
-    with _behind(plan.wishes, plan.lockstep):
+    with _lowered_priority(plan.realtime_options, plan.lockstep):
         end_keeping = keep_timestamp(signing, plan.secret.key_file, _print)
     words = [(SEVERITY_ERROR, f"restarted: the flying process {became}")] if became else []
     words += _too_slow(plan)
@@ -357,11 +359,11 @@ def _run(plan: Plan, life: guard.LifeSign | None = None, became: str = "") -> in
             signing=signing,
             secret=plan.secret,
             store=store,
-            life=life,
+            heartbeat=heartbeat,
             first_words=[*words, *restored_words],
             recorder=_recorder(plan),
             mocap=mocap,
-            wishes=plan.wishes,
+            realtime_options=plan.realtime_options,
         )
     finally:
         end_keeping()
@@ -488,7 +490,7 @@ def _recorder(plan: Plan) -> FlightRecorder | None:
     texts = {"airframe": _text_of(plan.airframe_path), "site": _text_of(plan.site_path)}
     return FlightRecorder(
         plan.log,
-        Facts(words, texts),
+        LogMetadata(words, texts),
         0.0 if plan.lockstep else realtime.clock_s(),
         largest_bytes=plan.log_bytes,
         patient=plan.lockstep,
@@ -556,11 +558,11 @@ def _fly(
     signing: Signing | None = None,
     secret: Secret = UNSIGNED,
     store: ParameterStore | None = None,
-    life: guard.LifeSign | None = None,
+    heartbeat: guard.ProcessHeartbeat | None = None,
     first_words: Sequence[tuple[int, str]] = (),
     recorder: FlightRecorder | None = None,
     mocap: MocapFeed | None = None,
-    wishes: realtime.Wishes = realtime.Wishes(),  # noqa: B008
+    realtime_options: realtime.RealtimeOptions = realtime.RealtimeOptions(),  # noqa: B008
 ) -> int:
     began_s = realtime.clock_s()
     first, *others = transports
@@ -595,31 +597,31 @@ def _fly(
                     f"WARNING: {transport.name} is open to the network and unsigned: whoever"
                     " reaches it can fly this aircraft; give --signing-key, or listen on 127.0.0.1"
                 )
-    for warning in realtime.prepare(wishes, real_time=not lockstep):
+    for warning in realtime.prepare(realtime_options, real_time=not lockstep):
         _print(warning)
-    with _behind(wishes, lockstep):
+    with _lowered_priority(realtime_options, lockstep):
         if store is not None:
             _print(f"parameters changed over the air are stored in {store.path}")
             store.start()
         if recorder is not None:
             recorder.start()
     try:
-        spin_s = 0.0 if lockstep else wishes.spin_s
+        spin_s = 0.0 if lockstep else realtime_options.spin_s
         in_order = loop.run(
             onboard,
             transports,
             stop,
             _print,
             timeout_s=timeout_s,
-            life=life,
+            heartbeat=heartbeat,
             mocap=mocap,
             spin_s=spin_s,
-            thrifty=wishes.thrifty,
+            power_saving=realtime_options.power_saving,
         )
     finally:  # whatever has happened, the pilot gets the surfaces
         onboard.stop()
-        if life is not None:
-            life.show(False)
+        if heartbeat is not None:
+            heartbeat.show(False)
         for text in (recorder or NO_RECORDER).stop():
             _print(text)
     if mocap is not None:
@@ -633,9 +635,11 @@ def _fly(
     return EXIT_OK if in_order else EXIT_NO_AUTOPILOT
 
 
-def _behind(wishes: realtime.Wishes, lockstep: bool) -> AbstractContextManager[None]:
+def _lowered_priority(
+    realtime_options: realtime.RealtimeOptions, lockstep: bool
+) -> AbstractContextManager[None]:
     """For starting threads that must not come before the loop."""
-    return nullcontext() if lockstep else realtime.behind(wishes)
+    return nullcontext() if lockstep else realtime.lower_priority(realtime_options)
 
 
 def _print(text: str) -> None:

@@ -40,8 +40,8 @@ _STREAK_LOSS: Final = 2  # what a sample out of step costs: a fifth may be lost
 _IN_STEP: Final = 0.05  # how far the samples' mean interval may be from the period
 _SMOOTH: Final = 0.05
 
-REHEARSAL_S: Final = 0.0007  # before the sample, until it is known how long one takes
-REHEARSAL_MAX: Final = 0.4  # of a period; what takes longer does not fit
+WARM_UP_S: Final = 0.0007  # before the sample, until it is known how long one takes
+WARM_UP_MAX: Final = 0.4  # of a period; what takes longer does not fit
 _LONGER: Final = 0.2  # what one counts that took longer than thought: most do not
 _SHORTER: Final = 0.01
 _MISFITS_MAX: Final = 3  # one after the other: no rehearsals for
@@ -49,9 +49,9 @@ _REST_TICKS: Final = 1000
 _BEFORE: Final = 0.2  # what a sample counts that came before it was expected
 _AFTER: Final = 0.02  # or after: it may have waited for us
 
-STRAIN_TICKS: Final = 40
-_STRAIN_TELEMETRY: Final = 0.02  # one late tick is 0.025
-_STRAIN_LOG: Final = 0.3
+SHEDDING_TICKS: Final = 40
+_SHED_TELEMETRY: Final = 0.02  # one late tick is 0.025
+_SHED_LOG: Final = 0.3
 
 _MCL_CURRENT: Final = 1
 _MCL_FUTURE: Final = 2
@@ -65,12 +65,12 @@ _SOONER: Final = 0.01
 _IN_VAIN_MAX: Final = 3
 
 
-class Wishes(NamedTuple):
+class RealtimeOptions(NamedTuple):
     """What an operator may ask of the system beyond what is always asked for."""
 
     processor: int | None = None  # the loop runs on this one only
     spin_s: float | None = None  # so long around a tick it does not sleep; None: as it takes
-    thrifty: bool = False  # no tick is rehearsed
+    power_saving: bool = False  # no tick is rehearsed
 
 
 @dataclass(slots=True)
@@ -107,8 +107,8 @@ class Pacer:
         self.locked = False  # the loop follows the attitude stream
         self._sample_s = nan  # arrival of a sample that no tick has seen; NaN: none
         self._sample_time_s = nan
-        self._rehearsed_s = nan  # the deadline that was rehearsed for
-        self._ahead_s = REHEARSAL_S
+        self._warmed_up_s = nan  # the deadline that was rehearsed for
+        self._ahead_s = WARM_UP_S
         self._misfits = 0
         self._resting = 0  # ticks without a rehearsal, as it does not fit
 
@@ -136,7 +136,7 @@ class Pacer:
         return self._expected_s
 
     @property
-    def rehearsal_s(self) -> float:
+    def warm_up_s(self) -> float:
         """When to go through the next tick for nothing; inf: not before this one.
 
         A sleep of 5 ms is enough to lose the tick's code and data from the processor's caches:
@@ -144,17 +144,17 @@ class Pacer:
         sample is expected, it is quick when the sample is there.  It ends as the sample comes, or
         shortly before: to sleep once more in between would cost more than it saves.
         """
-        if not self.locked or self._resting > 0 or self._rehearsed_s == self._deadline_s:
+        if not self.locked or self._resting > 0 or self._warmed_up_s == self._deadline_s:
             return inf
         return self._expected_s - self._ahead_s
 
-    def rehearsed(self, to_begin_s: float, now_s: float) -> None:
+    def warmed_up(self, to_begin_s: float, now_s: float) -> None:
         """It was gone through: next time as early as is mostly needed to be done in time.
 
         `to_begin_s`: when it was to begin.
         """
-        self._rehearsed_s = self._deadline_s
-        took_s, longest_s = now_s - to_begin_s, REHEARSAL_MAX * self.period_s
+        self._warmed_up_s = self._deadline_s
+        took_s, longest_s = now_s - to_begin_s, WARM_UP_MAX * self.period_s
         self._misfits = self._misfits + 1 if took_s > longest_s else 0
         if self._misfits >= _MISFITS_MAX:
             self._misfits, self._resting = 0, _REST_TICKS
@@ -241,11 +241,11 @@ class Pacer:
         return self.locked and self._sample_s >= self._deadline_s - EARLY * self.period_s
 
 
-class Strain:
+class LoadShedding:
     """How hard the loop finds it to be on time, and so what it does without.
 
     A tick that was late or came after skipped ones counts 1, another 0; the strain is their
-    mean over the last `STRAIN_TICKS` or so.  One late tick costs a moment's telemetry; a computer
+    mean over the last `SHEDDING_TICKS` or so.  One late tick costs a moment's telemetry; a computer
     that is late all the time loses its log too.  The tick itself is never left out.
     """
 
@@ -255,17 +255,17 @@ class Strain:
     def tick(self, counters: TickCounters, late_before: int, skipped_before: int) -> None:
         """After a tick: the counters, and what they were before it."""
         hit = counters.late != late_before or counters.skipped != skipped_before
-        self.value += (float(hit) - self.value) / STRAIN_TICKS
+        self.value += (float(hit) - self.value) / SHEDDING_TICKS
 
     @property
     def no_telemetry(self) -> bool:
         """Nothing is told that was not asked for."""
-        return self.value > _STRAIN_TELEMETRY
+        return self.value > _SHED_TELEMETRY
 
     @property
     def no_log(self) -> bool:
         """Nothing is written down either."""
-        return self.value > _STRAIN_LOG
+        return self.value > _SHED_LOG
 
 
 class Waiter:
@@ -318,7 +318,11 @@ class Waiter:
         self.awake_s += weight * (min(AWAKE_MAX_S, late_s) - self.awake_s)
 
 
-def prepare(wishes: Wishes = Wishes(), *, real_time: bool = True) -> list[str]:  # noqa: B008
+def prepare(
+    options: RealtimeOptions = RealtimeOptions(),  # noqa: B008 - it is immutable
+    *,
+    real_time: bool = True,
+) -> list[str]:
     """Make the process ready to be on time; what could not be had is said in words.
 
     To be called by the loop's thread once everything is built: what is there by then is never
@@ -331,11 +335,11 @@ def prepare(wishes: Wishes = Wishes(), *, real_time: bool = True) -> list[str]: 
         return []
     sys.setswitchinterval(SWITCH_S)
     warnings: list[str] = []
-    if wishes.processor is not None:
+    if options.processor is not None:
         try:
-            os.sched_setaffinity(0, {wishes.processor})
+            os.sched_setaffinity(0, {options.processor})
         except (AttributeError, OSError):
-            warnings.append(f"processor {wishes.processor} cannot be had: running on any")
+            warnings.append(f"processor {options.processor} cannot be had: running on any")
     lacking: list[str] = []
     if not _set_priority(PRIORITY):
         lacking.append("real-time priority")
@@ -350,7 +354,7 @@ def prepare(wishes: Wishes = Wishes(), *, real_time: bool = True) -> list[str]: 
     return warnings
 
 
-def go_first() -> None:
+def raise_priority() -> None:
     """For the process that watches the flying one: it must be able to stop it if that spins."""
     _set_priority(PRIORITY + 1)  # without the right to: `prepare` tells it
 
@@ -366,7 +370,7 @@ def accompany() -> bool:
 
 
 @contextmanager
-def behind(wishes: Wishes) -> Iterator[None]:
+def lower_priority(options: RealtimeOptions) -> Iterator[None]:
     """Threads that are started within come right after the loop, and before all others.
 
     They run wherever there is room, also where the loop has a processor for itself.
@@ -378,12 +382,12 @@ def behind(wishes: Wishes) -> Iterator[None]:
         yield
         return
     has_priority = _set_priority(PRIORITY - 1)
-    if wishes.processor is not None:
+    if options.processor is not None:
         os.sched_setaffinity(0, range(os.cpu_count() or 1))
     try:
         yield
     finally:
-        if wishes.processor is not None:
+        if options.processor is not None:
             os.sched_setaffinity(0, mine)
         if has_priority:
             os.sched_setscheduler(0, policy, parameter)

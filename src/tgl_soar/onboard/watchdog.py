@@ -67,7 +67,7 @@ class Sign(NamedTuple):
     key: bytes | None = None  # that it signs with
 
 
-class LifeSign:
+class ProcessHeartbeat:
     """A page of memory that the child writes and the parent reads.
 
     A torn read is possible and harmless: it is looked at again, or belongs to a dead child.
@@ -112,7 +112,9 @@ class LifeSign:
         self._page[: _PAGE.size] = bytes(_PAGE.size)
 
 
-Child = Callable[[LifeSign, str], int]  # (life sign, what became of the one before) -> exit code
+Child = Callable[
+    [ProcessHeartbeat, str], int
+]  # (life sign, what became of the one before) -> exit code
 Release = Callable[[Sign, str], None]  # give the surfaces back, and say why
 
 
@@ -121,17 +123,17 @@ def watch(child: Child, release: Release, say: Callable[[str], None]) -> int:
 
     Returns its exit code, or `EXIT_KEEPS_DYING`.  `release` must not raise.
     """
-    life = LifeSign()
+    heartbeat = ProcessHeartbeat()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, _WATCHED)
     stops = [signal.signal(number, signal.SIG_IGN) for number in STOPS]  # the child's too
     deaths: list[float] = []
     became = ""
     try:
         while True:
-            life.clear()
-            code, became = _watch_one(_start(child, life, became), life)
+            heartbeat.clear()
+            code, became = _watch_one(_start(child, heartbeat, became), heartbeat)
             if became:
-                sign = life.read()
+                sign = heartbeat.read()
                 say(f"the flying process {became}")
                 if sign.has_surfaces:
                     release(sign, became)
@@ -153,7 +155,7 @@ def watch(child: Child, release: Release, say: Callable[[str], None]) -> int:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _start(child: Child, life: LifeSign, became: str) -> int:
+def _start(child: Child, heartbeat: ProcessHeartbeat, became: str) -> int:
     """Fork; the child never comes back from here."""
     parent = os.getpid()
     sys.stdout.flush()
@@ -166,7 +168,7 @@ def _start(child: Child, life: LifeSign, became: str) -> int:
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal.SIGTERM))
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _WATCHED)
         if os.getppid() == parent:  # else it has died just now
-            code = child(life, became)
+            code = child(heartbeat, became)
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else 1
     except BaseException:
@@ -178,7 +180,7 @@ def _start(child: Child, life: LifeSign, became: str) -> int:
         os._exit(code)
 
 
-def _watch_one(pid: int, life: LifeSign) -> tuple[int | None, str]:
+def _watch_one(pid: int, heartbeat: ProcessHeartbeat) -> tuple[int | None, str]:
     """Until this child is gone: its exit code if that is the end of it all, and what became of it.
 
     "" became of a child that ended in order.
@@ -195,7 +197,7 @@ def _watch_one(pid: int, life: LifeSign) -> tuple[int | None, str]:
         gone, status = os.waitpid(pid, os.WNOHANG)
         if gone:
             return _end_of(status, told=told_s is not None)
-        sign = life.read()
+        sign = heartbeat.read()
         if sign.rounds != rounds:
             rounds, round_s = sign.rounds, now_s
             watchdog.feed(now_s)

@@ -143,9 +143,9 @@ class Glide(NamedTuple):
     drag_coefficient: float
 
 
-_FACTS = ("mass_kg", "wing_area_m2", "span_m", "chord_m", "ixx_kgm2", "iyy_kgm2", "izz_kgm2")
+_METADATA = ("mass_kg", "wing_area_m2", "span_m", "chord_m", "ixx_kgm2", "iyy_kgm2", "izz_kgm2")
 _POSITIVE = (
-    *_FACTS,
+    *_METADATA,
     "gravity_mps2",
     "air_density_kgpm3",
     "CL_alpha",
@@ -165,13 +165,13 @@ def aircraft_model(airframe: Mapping[str, object], model: Mapping[str, float]) -
     Keys of `[model]` that begin with `servo_` belong to `tgl_soar.sim.servos`.
     Errors: ValueError naming a key that is missing, unknown, not finite or of a wrong sign.
     """
-    known = [name for name in AircraftModel._fields if name not in _FACTS]
+    known = [name for name in AircraftModel._fields if name not in _METADATA]
     for key in model:
         if key not in known and not key.startswith("servo_"):
             raise ValueError(f"model.{key}: unknown; known are {', '.join(known)}")
     values = []
     for name in AircraftModel._fields:
-        table, where = (airframe, "airframe") if name in _FACTS else (model, "model")
+        table, where = (airframe, "airframe") if name in _METADATA else (model, "model")
         value = table.get(name)
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise ValueError(f"{where}.{name} = {value}: a number is needed")

@@ -57,7 +57,7 @@ from tgl_soar.onboard import realtime
 from tgl_soar.sim.channels import NEUTRAL
 from tgl_soar.sim.faults import Fault, FaultError, catalogue_text, parse_fault
 from tgl_soar.sim.firmware import FirmwareError
-from tgl_soar.sim.injection import Injection, of_twin
+from tgl_soar.sim.injection import Injection, of_duplicate
 from tgl_soar.sim.motive import MotiveServer, add_motive_options, motive_server
 from tgl_soar.sim.pilot import SafetyPilot
 from tgl_soar.sim.pixhawk import FBWA, MANUAL, Pixhawk, Sensed
@@ -80,7 +80,7 @@ BARRIER_OFFSET_NS: Final = 1_000_000_000  # so that no barrier's stamp is zero
 STRANGERS_NAMED: Final = 20  # on the console; the rest of a flood is not
 REPEAT_S: Final = 1.0  # a barrier's request is repeated, should a datagram have been lost
 
-TWIN_UPTIME_S: Final = 3600.0  # since when the other autopilot has been running, and longer
+DUPLICATE_UPTIME_S: Final = 3600.0  # since when the other autopilot has been running, and longer
 TIMESYNC_ID: Final = mavlink.MAVLINK_MSG_ID_TIMESYNC.to_bytes(3, "little")
 
 LOG_COLUMNS: Final = (
@@ -155,10 +155,10 @@ class Simulation:
         self._parameters |= dict(options.parameters)
         self.pixhawk = self._autopilot(airframe, options, options.uptime_s)
         # Heard by nobody until its fault acts, it hears all that the other hears.
-        self._twins = self.injection.named("autopilot.twin")
-        self._twin = (
-            self._autopilot(airframe, options, options.uptime_s + TWIN_UPTIME_S)
-            if self._twins
+        self._duplicates = self.injection.named("autopilot.duplicate")
+        self._duplicate = (
+            self._autopilot(airframe, options, options.uptime_s + DUPLICATE_UPTIME_S)
+            if self._duplicates
             else None
         )
         self.crashes = 0
@@ -192,28 +192,28 @@ class Simulation:
     def add_link(self, link: LinkId, *, ground: bool) -> None:
         """A link to a ground station or to a companion."""
         self.pixhawk.add_link(link, ground=ground)
-        if self._twin is not None and not ground:
-            self._twin.add_link(link, ground=False)
+        if self._duplicate is not None and not ground:
+            self._duplicate.add_link(link, ground=False)
 
     def remove_link(self, link: LinkId) -> None:
         """A link that is gone."""
         self.pixhawk.remove_link(link)
-        if self._twin is not None:
-            self._twin.remove_link(link)
+        if self._duplicate is not None:
+            self._duplicate.remove_link(link)
 
     def receive(self, link: LinkId, data: bytes) -> None:
         """Take one datagram of a link."""
         self.pixhawk.receive(link, data)
-        if self._twin is not None:
-            self._twin.receive(link, data)
+        if self._duplicate is not None:
+            self._duplicate.receive(link, data)
 
     def take_datagrams(self, links: Sequence[LinkId] | None = None) -> list[tuple[LinkId, bytes]]:
         """What goes out on some links, or on all."""
         datagrams = self.pixhawk.take_datagrams(links)
-        if self._twin is not None:
-            of_twin = self._twin.take_datagrams(links)
-            if any(fault.acts(self.time_s) for fault in self._twins):
-                datagrams += of_twin
+        if self._duplicate is not None:
+            of_duplicate = self._duplicate.take_datagrams(links)
+            if any(fault.acts(self.time_s) for fault in self._duplicates):
+                datagrams += of_duplicate
         return datagrams
 
     # --- time ----------------------------------------------------------------------------
@@ -241,11 +241,13 @@ class Simulation:
             self._lying_until = world.steps + round(LYING_S * self._options.step_hz)
             self._events.append(f"lost: {world.crashed}")
         self._sensed = self._sense(self.flying)
-        told = self._spoilt(self._sensed)
+        told = self._corrupted(self._sensed)
         pixhawk.step(self._sensed, told)
-        if self._twin is not None:
-            self._twin.step(
-                told._replace(attitude=of_twin(told.attitude), position=of_twin(told.position))
+        if self._duplicate is not None:
+            self._duplicate.step(
+                told._replace(
+                    attitude=of_duplicate(told.attitude), position=of_duplicate(told.position)
+                )
             )
         if self._options.truth and world.steps % self._truth_every == 0:
             self._tell_truth()
@@ -285,10 +287,12 @@ class Simulation:
                 (pixhawk.shut_down if begins else pixhawk.boot)()
             elif fault.kind.name == "pilot.takes":
                 pixhawk.set_mode(FBWA if begins else MANUAL, "the pilot")
-            elif fault.kind.name == "autopilot.twin" and begins and self._twin is not None:
-                self._twin.announce()
+            elif (
+                fault.kind.name == "autopilot.duplicate" and begins and self._duplicate is not None
+            ):
+                self._duplicate.announce()
 
-    def _spoilt(self, sensed: Sensed) -> Sensed:
+    def _corrupted(self, sensed: Sensed) -> Sensed:
         """What the autopilot tells of what it senses."""
         sample = self.injection.sample
         return sensed._replace(
@@ -341,7 +345,7 @@ class Simulation:
         )
 
     def _tell_truth(self) -> None:
-        for name, value in told_truth(self.world, self._polar):
+        for name, value in reported_truth(self.world, self._polar):
             self.pixhawk.broadcast(
                 mavlink.MAVLink_named_value_float_message(self.pixhawk.boot_ms, name, value),
                 ground_only=True,
@@ -361,11 +365,11 @@ class Simulation:
         """
         self._passed_over_s += seconds
         self.pixhawk.pass_over(seconds)
-        if self._twin is not None:
-            self._twin.pass_over(seconds)
+        if self._duplicate is not None:
+            self._duplicate.pass_over(seconds)
 
 
-def told_truth(world: World, polar: GlidePolar) -> tuple[tuple[bytes, float], ...]:
+def reported_truth(world: World, polar: GlidePolar) -> tuple[tuple[bytes, float], ...]:
     """What ground stations are told of the truth, by name."""
     truth = world.truth
     return (
@@ -642,7 +646,7 @@ class Bridge:
         if links:
             ground = self.ports.peers[links[0]].port.ground
             asked = [p.link for p in self.ports.peers.values() if p.port.ground == ground]
-            self._flush(asked, spoilt=False)
+            self._flush(asked, corrupted=False)
         for link in links:
             self._await(link, stamp)
 
@@ -666,7 +670,7 @@ class Bridge:
             if now - repeated > REPEAT_S:
                 repeated = now
                 self._pixhawk.send(link, mavlink.MAVLink_timesync_message(0, stamp))
-                self._flush([link], spoilt=False)
+                self._flush([link], corrupted=False)
 
     def _let_go(self, peer: Peer) -> None:
         self._waited_for.pop(peer.link, None)
@@ -776,11 +780,11 @@ class Bridge:
         q = measure_attitude(world.frame, state, 1, world.time_s, none, none)
         self.motive.step(world.steps, world.time_s, place, (q.qw, q.qx, q.qy, q.qz))
 
-    def _flush(self, links: Sequence[LinkId] | None = None, *, spoilt: bool = True) -> None:
+    def _flush(self, links: Sequence[LinkId] | None = None, *, corrupted: bool = True) -> None:
         """Send what is due on some links, or on all; companions get it as faults leave it."""
         down, now = self._down, self.simulation.time_s
         for link, data in self.simulation.take_datagrams(links):
-            if down is not None and spoilt and self._is_companion(link):
+            if down is not None and corrupted and self._is_companion(link):
                 down.send(now, (link, data))
             else:
                 self.ports.send(link, data)

@@ -1,7 +1,7 @@
-"""A compiled twin of the laws and the model: the same source, taken by numba as it stands.
+"""A compiled kernel of the laws and the model: the same source, taken by numba as it stands.
 
-A twin function has the byte code of the plain one and a namespace of its own, in which every
-function of the twin's modules is compiled too.  Nothing that flies knows of it: no decorator,
+A kernel has the byte code of the plain one and a namespace of its own, in which every
+function of the kernel's modules is compiled too.  Nothing that flies knows of it: no decorator,
 no copy, no import.  Named tuples are the plain ones, so that a value made in plain Python goes
 in, and what comes out is read as ever.
 
@@ -61,11 +61,11 @@ def available() -> bool:
 
 
 def compiled(function: Plain) -> Plain:
-    """The compiled twin of a function of `MODULES`; it compiles when it is first called.
+    """The compiled kernel of a function of `MODULES`; it compiles when it is first called.
 
     Errors: ImportError without numba; KeyError for a function of another module.
     """
-    return cast(Plain, _twins()[cast(FunctionType, function)])
+    return cast(Plain, _kernels()[cast(FunctionType, function)])
 
 
 def cell(value: object) -> Any:
@@ -94,7 +94,7 @@ def _cell_type() -> Any:
 
 
 @cache
-def _twins() -> dict[FunctionType, Any]:
+def _kernels() -> dict[FunctionType, Any]:
     try:
         from numba import njit
     except ImportError as error:
@@ -104,21 +104,21 @@ def _twins() -> dict[FunctionType, Any]:
     modules = [import_module(name) for name in MODULES]
     _teach_replace(modules)
     spaces = {module: dict(vars(module)) for module in modules}
-    twins: dict[FunctionType, Any] = {}
+    kernels: dict[FunctionType, Any] = {}
     for module, space in spaces.items():
         for name, value in vars(module).items():
             if isinstance(value, FunctionType) and value.__module__ == module.__name__:
-                twin = FunctionType(value.__code__, space, name, value.__defaults__)
-                twins[value] = njit(nogil=True, forceinline=True)(twin)
+                kernel = FunctionType(value.__code__, space, name, value.__defaults__)
+                kernels[value] = njit(nogil=True, forceinline=True)(kernel)
     named = {module: ModuleType(module.__name__) for module in modules}
     for module, space in spaces.items():
         for name, value in vars(module).items():
-            if isinstance(value, FunctionType) and value in twins:
-                space[name] = twins[value]
+            if isinstance(value, FunctionType) and value in kernels:
+                space[name] = kernels[value]
             elif isinstance(value, ModuleType) and value in named:
                 space[name] = named[value]
         vars(named[module]).update(space)
-    return twins
+    return kernels
 
 
 def _teach_replace(modules: list[ModuleType]) -> None:

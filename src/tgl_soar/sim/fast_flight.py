@@ -1,4 +1,4 @@
-"""A flight in a world, flown by the compiled twin of `sim.flight`.
+"""A flight in a world, flown by the compiled kernel of `sim.flight`.
 
 The world is taken apart into named tuples and arrays: its field into what `flight.air_wind`
 knows, its times into columns, its randomness into white numbers from the very streams that its
@@ -44,8 +44,8 @@ from tgl_soar.sim.flight import (
     CRASHED,
     FLIES,
     GRID,
+    HAND_OVER,
     HILL,
-    LET_GO,
     REPORT_SIZE,
     TICK_REPORT_SIZE,
     Air,
@@ -213,7 +213,7 @@ def fly_compiled(
     ended = ""
     if flight.standing == CRASHED:
         ended = world._why_lost(flight.world.aircraft)
-    elif flight.standing == LET_GO:
+    elif flight.standing == HAND_OVER:
         ended = f"let go: {reason_text(flight.reason)}"
     flown = rows[: flight.steps]
     columns = {name: flown[:, i] for i, name in enumerate(Row._fields)}

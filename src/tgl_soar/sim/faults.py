@@ -358,7 +358,7 @@ _KINDS: Final[tuple[Kind, ...]] = (
         (_START, _for(1.5, 0.2, 3.0)),
     ),
     Kind(
-        "autopilot.twin",
+        "autopilot.duplicate",
         "another autopilot with the same system id is heard, elsewhere",
         (_START, _for(2.0, 0.1, 6.0)),
     ),

@@ -63,7 +63,7 @@ BoolArray = NDArray[np.bool_]
 
 FLIES: Final = 0  # how a flight stands
 CRASHED: Final = 1
-LET_GO: Final = 2
+HAND_OVER: Final = 2
 
 
 HILL: Final = 0  # kinds of air
@@ -641,7 +641,7 @@ def fly_ticks(
         if world.crashed:
             standing = CRASHED
         elif output.mode in (RELEASED, FAILED):
-            standing = LET_GO
+            standing = HAND_OVER
     return Flight(
         steps=n,
         standing=standing,

@@ -3,7 +3,7 @@
     world ──samples──► Injection.sample ──► autopilot ──┐ link ┌──► module
     world ◄─surfaces── Injection.surfaces ◄─ autopilot ◄┘      └─── module
 
-`Passage` is the one implementation of late, lost, doubled and overtaken: the same code passes
+`FaultChannel` is the one implementation of late, lost, doubled and overtaken: the same code passes
 samples where all is one process and datagrams where the bridge has real sockets.  `DirectLink`
 stands for the autopilot and its link in the first case; in the second they are there.
 
@@ -43,11 +43,11 @@ BOTH_WAYS: Final = ("delay", "jitter", "reorder", "duplicate", "loss", "corrupt"
 SURFACES: Final = ("elevator", "aileron", "rudder")
 HEARTBEAT_S: Final = 1.0
 OVERRIDE_TIME_S: Final = 0.5  # as the README asks of a real autopilot
-TWIN_M: Final = (3.0, 4.0, 0.0)  # where the twin stands, from the aircraft, NED
-TWIN_TURN_RAD: Final = 1.2  # and how it is turned
+DUPLICATE_M: Final = (3.0, 4.0, 0.0)  # where the duplicate stands, from the aircraft, NED
+DUPLICATE_TURN_RAD: Final = 1.2  # and how it is turned
 
 
-class Passage(Generic[Item]):
+class FaultChannel(Generic[Item]):
     """A way that items take, in order and at once unless a fault acts on them.
 
     corrupt: what becomes of an item whose bits are turned; None: it is refused on arrival.
@@ -86,10 +86,10 @@ class Passage(Generic[Item]):
                 if way == "loss":
                     return
                 if way == "corrupt":
-                    spoilt = self._corrupt(item, random)
-                    if spoilt is None:
+                    corrupted = self._corrupt(item, random)
+                    if corrupted is None:
                         return
-                    item = spoilt
+                    item = corrupted
                 elif way == "duplicate":
                     again.append(fault["by"])
                 else:
@@ -123,11 +123,11 @@ Datagram = tuple[int, bytes]  # the link's number, and what it carries
 def _with_bits_turned(datagram: Datagram, random: Random) -> Datagram:
     """As bad radio and good framing leave it."""
     link, data = datagram
-    spoilt = bytearray(data)
+    corrupted = bytearray(data)
     for _ in range(random.randint(1, 8)):
-        if spoilt:
-            spoilt[random.randrange(len(spoilt))] ^= 1 << random.randrange(8)
-    return link, bytes(spoilt)
+        if corrupted:
+            corrupted[random.randrange(len(corrupted))] ^= 1 << random.randrange(8)
+    return link, bytes(corrupted)
 
 
 class Measured(Generic[Sample]):
@@ -135,9 +135,9 @@ class Measured(Generic[Sample]):
 
     def __init__(self, of: str, faults: Sequence[Fault], seed: int) -> None:
         self._lies = [fault for fault in faults if fault.of == of]
-        self._twins = [fault for fault in faults if fault.way == "twin"]
+        self._duplicates = [fault for fault in faults if fault.way == "duplicate"]
         self._random = Random(f"{seed}/{of} lies")
-        self._passage: Passage[Sample] = Passage(faults, f"{seed}/{of}")
+        self._fault_channel: FaultChannel[Sample] = FaultChannel(faults, f"{seed}/{of}")
         self._frozen: Sample | None = None
         self._seen = 0
         self._arrived = 0
@@ -149,10 +149,10 @@ class Measured(Generic[Sample]):
             self._newest = sample._replace(sequence=0)
         if sample.sequence != self._seen:
             self._seen = sample.sequence
-            self._passage.send(now_s, self._told(now_s, sample))
-            if any(fault.acts(now_s) for fault in self._twins):
-                self._passage.send(now_s, of_twin(sample))
-        for arrived in self._passage.arrived(now_s):
+            self._fault_channel.send(now_s, self._told(now_s, sample))
+            if any(fault.acts(now_s) for fault in self._duplicates):
+                self._fault_channel.send(now_s, of_duplicate(sample))
+        for arrived in self._fault_channel.arrived(now_s):
             self._arrived += 1
             self._newest = arrived._replace(sequence=self._arrived)
         return self._newest
@@ -215,12 +215,12 @@ def _turned(sample: AttitudeSample, by: tuple[float, float, float, float]) -> At
     return sample._replace(qw=qw, qx=qx, qy=qy, qz=qz)
 
 
-def of_twin(sample: Any) -> Any:
-    """What the twin says at the same time."""
+def of_duplicate(sample: Any) -> Any:
+    """What the duplicate says at the same time."""
     if isinstance(sample, PositionFix):
-        return _wrong_by(sample, TWIN_M)
+        return _wrong_by(sample, DUPLICATE_M)
     if isinstance(sample, AttitudeSample):
-        return _turned(sample, quaternion_from_euler(0.0, 0.0, TWIN_TURN_RAD))
+        return _turned(sample, quaternion_from_euler(0.0, 0.0, DUPLICATE_TURN_RAD))
     return sample
 
 
@@ -298,12 +298,12 @@ class Injection:
         ways = (*BOTH_WAYS, silence)
         return [fault for fault in self.faults if fault.of == "link" and fault.way in ways]
 
-    def wire(self, silence: str) -> Passage[Datagram] | None:
+    def wire(self, silence: str) -> FaultChannel[Datagram] | None:
         """The way of datagrams in one direction; None: no fault acts on it."""
         faults = self.of_link(silence)
         if not faults:
             return None
-        return Passage(faults, f"{self._seed}/wire {silence}", _with_bits_turned)
+        return FaultChannel(faults, f"{self._seed}/wire {silence}", _with_bits_turned)
 
     def named(self, name: str) -> list[Fault]:
         """The faults of one name."""
@@ -329,15 +329,15 @@ class DirectLink:
         seed = injection.seed
         reboots = injection.named("autopilot.reboot")
         down = [*injection.of_link("down"), *reboots]
-        twins = injection.named("autopilot.twin")
+        duplicates = injection.named("autopilot.duplicate")
         self._down: dict[str, Measured[Any]] = {
-            of: Measured(f"link {of}", [*down, *twins], seed)
+            of: Measured(f"link {of}", [*down, *duplicates], seed)
             for of in (*MEASURED, "surfaces")
-            if down or twins
+            if down or duplicates
         }
-        self._heartbeats: Passage[AutopilotStatus] = Passage(down, f"{seed}/heartbeats")
+        self._heartbeats: FaultChannel[AutopilotStatus] = FaultChannel(down, f"{seed}/heartbeats")
         up = [*injection.of_link("up"), *reboots]
-        self._up: Passage[SurfaceCommand] = Passage(up, f"{seed}/commands")
+        self._up: FaultChannel[SurfaceCommand] = FaultChannel(up, f"{seed}/commands")
         self._reboots = reboots
         self._takes = injection.named("pilot.takes")
         self._status: AutopilotStatus | None = None

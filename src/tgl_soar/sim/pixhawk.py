@@ -62,7 +62,7 @@ MODE_NAMES: Final = {MANUAL: "MANUAL", FBWA: "FBWA"}
 
 COMPONENT: Final = mavlink.MAV_COMP_ID_AUTOPILOT1
 OVERRIDES_NEVER_EXPIRE: Final = -1.0
-_RATE_SHARE: Final = 0.8  # of SCHED_LOOP_RATE: faster streams are denied
+_RATE_FRACTION: Final = 0.8  # of SCHED_LOOP_RATE: faster streams are denied
 _PARAMETERS_PER_STEP: Final = 2  # of a list, so that it does not delay the sensors
 _DATAGRAM_BYTES: Final = 1200
 _CHANNEL_UNUSED: Final = 65535
@@ -742,7 +742,7 @@ class Pixhawk:
         if interval_s < 0.0:
             link.streams.pop(message_id, None)
             return int(mavlink.MAV_RESULT_ACCEPTED)
-        if interval_s < (1.0 - 1e-6) / (_RATE_SHARE * self.parameters["SCHED_LOOP_RATE"]):
+        if interval_s < (1.0 - 1e-6) / (_RATE_FRACTION * self.parameters["SCHED_LOOP_RATE"]):
             self.counts.streams_denied += 1
             return int(mavlink.MAV_RESULT_DENIED)
         interval_steps = max(1, round(min(interval_s, 3600.0) * self.step_hz))

@@ -73,7 +73,7 @@ def test_gaps_are_flown_through() -> None:
             sensors=IMU,
             turbulence=CALM,
             duration_s=ONE_GAP_S + GAP_S,
-            heard="with one gap",
+            reception="with one gap",
         )
     )
     assert not seen.ended
@@ -90,7 +90,7 @@ def test_the_laboratorys_chain_flies() -> None:
             seed=1,
             sensors=Sensors(position=LAB),
             duration_s=FLIGHT_S,
-            heard="the laboratory's",
+            reception="the laboratory's",
         )
     )
     assert flown.ended == ""

@@ -36,7 +36,7 @@ def test_an_hour_is_flown_through_and_leaves_memory_as_it_was() -> None:
 
 
 @pytest.mark.parametrize(
-    "spoilt",
+    "corrupted",
     [
         {"ticks": 1}, {"reboots": 1}, {"lost": 1}, {"ended": "released"}, {"wrapped": False},
         {"parts": [
@@ -44,10 +44,10 @@ def test_an_hour_is_flown_through_and_leaves_memory_as_it_was() -> None:
         ]},
     ],
 )  # fmt: skip
-def test_a_flight_that_is_not_well_says_so(spoilt: dict[str, object]) -> None:
+def test_a_flight_that_is_not_well_says_so(corrupted: dict[str, object]) -> None:
     well = {"ticks": 2, "expected_ticks": 2, "wrapped": True}
     assert LongFlight(1.0, **well).is_well  # type: ignore[arg-type]
-    assert not LongFlight(1.0, **{**well, **spoilt}).is_well  # type: ignore[arg-type]
+    assert not LongFlight(1.0, **{**well, **corrupted}).is_well  # type: ignore[arg-type]
 
 
 def test_the_command_tells_how_it_went() -> None:

@@ -146,7 +146,7 @@ def lean_score(lean_deg: float, rms_m: float, wander_m: float, survived: int = 8
         wander_formula_m=wander_m,
         drift_m=0,
         rate_per_s=1,
-        stalled_share=0,
+        stalled_fraction=0,
         ended="",
     )
 

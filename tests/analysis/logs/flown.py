@@ -27,7 +27,7 @@ from tgl_soar.config.files import (
 )
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.geometry import euler_from_quaternion
-from tgl_soar.onboard.flightlog.writer import Facts, FlightRecorder
+from tgl_soar.onboard.flightlog.writer import FlightRecorder, LogMetadata
 from tgl_soar.onboard.instruments import FAST, fast_value
 from tgl_soar.sim.world import Truth, make_world
 from tgl_soar.types import AutopilotStatus, Inputs, SurfaceCommand
@@ -101,7 +101,7 @@ def flight() -> tuple[Tick, ...]:
 
 def our_parts(folder: Path, largest_bytes: int = 1_000_000_000) -> list[Path]:
     """The module's own log, in as many parts as its largest size makes of it."""
-    facts = Facts(
+    facts = LogMetadata(
         {"sys_name": "tgl_soar", "ver_log": "1", "ver_sw": "0.1.0", "site_file": str(SITE)},
         {"airframe": AIRFRAME.read_text(), "site": SITE.read_text()},
     )
@@ -113,7 +113,7 @@ def our_parts(folder: Path, largest_bytes: int = 1_000_000_000) -> list[Path]:
             values = tick.values
             recorder.parameters(values)
             if tick.inputs.time_s == 0.0:
-                recorder.afresh(initial_state())
+                recorder.reset(initial_state())
         recorder.tick(tick.inputs, tick.output, tick.state)
         recorder.poll()
     recorder.text(4, "the end")

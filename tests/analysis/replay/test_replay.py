@@ -83,15 +83,15 @@ def test_the_loop_that_is_compiled_replays_the_same(
 ) -> None:
     """Here in plain Python; what numba makes of `step` is tested where simulations use it."""
     monkeypatch.setattr("tgl_soar.analysis.replay.logged.compiled_ticks", plain_ticks)
-    plain, twin = replay(log, workers=1, compile=False), replay(log, compile=True)
-    assert is_the_same(twin)
+    plain, kernel = replay(log, workers=1, compile=False), replay(log, compile=True)
+    assert is_the_same(kernel)
     for name, column in plain.replayed.items():
-        assert column.tobytes() == twin.replayed[name].tobytes(), name
+        assert column.tobytes() == kernel.replayed[name].tobytes(), name
     changed = replay(log, changes={"RHO_P": 0.9}, compile=True)
     assert {"setpoints_pitch_rad", "soaring_p"} <= {d.name for d in changed.differences}
 
 
-def test_where_a_compiled_twin_differs_the_plain_laws_decide(
+def test_where_a_compiled_kernel_differs_the_plain_laws_decide(
     log: FlightLog, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The last bit of a sine, on a machine whose compiler has another."""
@@ -110,7 +110,7 @@ def test_where_a_compiled_twin_differs_the_plain_laws_decide(
 
 
 @pytest.mark.skipif(not available(), reason="numba is not installed")
-def test_a_compiled_twin_is_kept_by_its_source(
+def test_a_compiled_kernel_is_kept_by_its_source(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
@@ -168,9 +168,9 @@ def test_behind_a_gap_the_next_state_is_taken_up(tmp_path: Path) -> None:
     recorder.start()
     flight = LoggedFlight(recorder)
     flight.run(1.0)
-    flight.onboard.strain.value = 1.0
+    flight.onboard.load_shedding.value = 1.0
     flight.run(0.5)
-    flight.onboard.strain.value = 0.0
+    flight.onboard.load_shedding.value = 0.0
     flight.run(1.5)
     recorder.stop()
     result = replay(read_log(logs_in(tmp_path)[0]), workers=1)

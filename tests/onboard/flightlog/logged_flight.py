@@ -8,14 +8,14 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
-from tgl_soar.onboard.flightlog.writer import Facts, FlightRecorder
+from tgl_soar.onboard.flightlog.writer import FlightRecorder, LogMetadata
 from tgl_soar.onboard.module import Onboard, setup_from
 from tgl_soar.sim.world import make_world
 from tgl_soar.types import SurfaceCommand
 
 AIRFRAME = shipped("airframes/eclipson_c.toml")
 SITE = shipped("sites/tunnel.toml")
-FACTS = Facts(
+FACTS = LogMetadata(
     {"sys_name": "tgl_soar", "ver_log": "1", "ver_sw": "0.1.0"},
     {"airframe": AIRFRAME.read_text(), "site": SITE.read_text()},
 )

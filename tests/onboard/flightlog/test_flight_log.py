@@ -707,9 +707,9 @@ def test_ticks_that_a_busy_computer_leaves_out_are_missed_and_marked(tmp_path: P
     recorder.start()
     flight = LoggedFlight(recorder)
     flight.run(1.0)
-    flight.onboard.strain.value = 1.0
+    flight.onboard.load_shedding.value = 1.0
     flight.run(0.5)
-    flight.onboard.strain.value = 0.0
+    flight.onboard.load_shedding.value = 0.0
     flight.run(0.5)
     recorder.stop()
     log = read_log(logs_in(tmp_path)[0])

@@ -141,7 +141,7 @@ ASKED: Final = {
 
 Floats = NDArray[np.float64]
 Flew = TypeVar("Flew", bound=Timed)
-Heard = Literal["all", "with gaps", "with one gap", "the laboratory's"]
+Reception = Literal["all", "with gaps", "with one gap", "the laboratory's"]
 
 
 # --- flights that are scored --------------------------------------------------------------------
@@ -156,7 +156,7 @@ class Flight(NamedTuple):
     turbulence: float = TURBULENCE
     duration_s: float = FLIGHT_S
     scale: float = 1.0  # of the outer loop's gains
-    heard: Heard = "all"
+    reception: Reception = "all"
     changes: tuple[tuple[str, float], ...] = ()  # of parameters
 
 
@@ -215,17 +215,17 @@ def _ticks(flight: Flight) -> Iterator[_Tick]:
     world = _world(flight)
     loop = ClosedLoop(world, _values(flight))
     differences = Differences()
-    heard = world.position
+    reception = world.position
     for _ in range(round(flight.duration_s * world.step_hz)):
         now, truth = world.time_s, world.truth
-        if in_gap(flight.heard, now):
-            world.position = heard
-        elif flight.heard == "the laboratory's":
+        if in_gap(flight.reception, now):
+            world.position = reception
+        elif flight.reception == "the laboratory's":
             world.position = differences.take(world.position, now)
-        heard = world.position
+        reception = world.position
         status = AutopilotStatus(time_s=now, accepts_surfaces=True, armed=True)
         sensors = world.imu, world.airspeed, world.surfaces
-        inputs = Inputs(now, heard, world.attitude, status, True, *sensors)
+        inputs = Inputs(now, reception, world.attitude, status, True, *sensors)
         output = loop.tick()
         ended = world.crashed
         if not ended and output.mode in (RELEASED, FAILED):
@@ -235,12 +235,12 @@ def _ticks(flight: Flight) -> Iterator[_Tick]:
             return
 
 
-def in_gap(heard: Heard, time_s: float) -> bool:
+def in_gap(reception: Reception, time_s: float) -> bool:
     """Whether no fix arrives at this time."""
     since = time_s - GAP_EVERY_S
-    if heard == "with one gap":
+    if reception == "with one gap":
         return ONE_GAP_S <= time_s < ONE_GAP_S + GAP_S
-    return heard == "with gaps" and since >= 0.0 and since % GAP_EVERY_S < GAP_S
+    return reception == "with gaps" and since >= 0.0 and since % GAP_EVERY_S < GAP_S
 
 
 class Differences:
@@ -471,14 +471,16 @@ def estimator(context: Context) -> Result:
         sensors=IMU,
         turbulence=CALM,
         duration_s=WATCHED_S,
-        heard="with one gap",
+        reception="with one gap",
     )
-    spoilt = {
+    corrupted = {
         "accelerations, gaps": all_of(
-            seeds, IMU, turbulence=CALM, duration_s=GAPS_S, heard="with gaps"
+            seeds, IMU, turbulence=CALM, duration_s=GAPS_S, reception="with gaps"
         ),
-        "plain, gaps": all_of(few, PLAIN, turbulence=CALM, duration_s=GAPS_S, heard="with gaps"),
-        "laboratory's chain": all_of(few, Sensors(position=LAB), heard="the laboratory's"),
+        "plain, gaps": all_of(
+            few, PLAIN, turbulence=CALM, duration_s=GAPS_S, reception="with gaps"
+        ),
+        "laboratory's chain": all_of(few, Sensors(position=LAB), reception="the laboratory's"),
     }
     scored = {
         "plain": all_of(seeds, PLAIN),
@@ -495,7 +497,7 @@ def estimator(context: Context) -> Result:
         **{f"accelerations, gains × {k:g}": all_of(few, IMU, scale=k) for k in MARGIN},
     }
     seen = _each(context.flyer, watch, {**watched, "through": [through]})
-    flown = fly_named(context.flyer, spoilt, scored)
+    flown = fly_named(context.flyer, corrupted, scored)
     scores = {name: score(flights) for name, flights in flown.items()}
     air = {
         (flight.line, flight.seed): result
@@ -503,7 +505,7 @@ def estimator(context: Context) -> Result:
     }
     of_plain = {
         name: paired_ratios(flown[name], [air[flight.line, flight.seed] for flight in flights])
-        for name, flights in {**scored, **spoilt}.items()
+        for name, flights in {**scored, **corrupted}.items()
         if flights[0].turbulence == TURBULENCE
     }
     knowledge = {(name, imu): known(seen[name], imu) for name in ASKED for imu in (True, False)}
@@ -601,7 +603,7 @@ def estimator(context: Context) -> Result:
                 ),
                 tuple(
                     _row(name, flights[0].turbulence, scores[name], of_plain.get(name))
-                    for name, flights in {**scored, **spoilt}.items()
+                    for name, flights in {**scored, **corrupted}.items()
                 ),
             ),
             Table(
@@ -653,16 +655,16 @@ def _named(jobs: dict[str, list[Flight]], flown: list[Flew]) -> dict[str, list[F
 
 
 def fly_named(
-    flyer: Flyer, spoilt: dict[str, list[Flight]], scored: dict[str, list[Flight]]
+    flyer: Flyer, corrupted: dict[str, list[Flight]], scored: dict[str, list[Flight]]
 ) -> dict[str, list[Scored]]:
-    """All of them, compiled where that is possible and worth its time; `spoilt` never is."""
+    """All of them, compiled where that is possible and worth its time; `corrupted` never is."""
     simple = [flight for flights in scored.values() for flight in flights]
     if len(simple) < COMPILED_FROM or not available():
-        return _each(flyer, fly_scored, {**spoilt, **scored})
+        return _each(flyer, fly_scored, {**corrupted, **scored})
     # The flyer's processes have been started by now: none is split off from a running compiler.
     with ThreadPoolExecutor(1) as aside:
         first = aside.submit(fly_scored_compiled, simple[0])
-        flown = _each(flyer, fly_scored, spoilt)
+        flown = _each(flyer, fly_scored, corrupted)
         first.result()
     return {**_named(scored, flyer.each(fly_scored_compiled, simple, compiled=True)), **flown}
 

@@ -36,7 +36,7 @@ class LeanScore(NamedTuple):
     wander_formula_m: float
     drift_m: float  # mean place to TGL ∩ ZEUC, along the line
     rate_per_s: float  # λ
-    stalled_share: float  # of the time, with an angle of attack beyond the stall's
+    stalled_fraction: float  # of the time, with an angle of attack beyond the stall's
     ended: str  # why the first that was lost was lost
 
 
@@ -146,7 +146,7 @@ def score_lean(
         wander_formula_m=formula,
         drift_m=float(np.mean([leg.miss_m for leg in legs])) if legs else nan,
         rate_per_s=rate,
-        stalled_share=float(np.mean([np.mean(f.path["alpha_rad"] > stall) for f in whole]))
+        stalled_fraction=float(np.mean([np.mean(f.path["alpha_rad"] > stall) for f in whole]))
         if whole
         else nan,
         ended=next((flight.ended.split(" at x")[0] for flight in flights if flight.ended), ""),
@@ -239,7 +239,7 @@ def _why(
         " with half the outer gains. On a line that leans far upwind the fast effect is most of"
         " e_rho, the loop's gain is higher, and these gains begin to ring: at"
         f" {flat.lean_deg:.0f}° {_cm(flat.rms_e_rho_m, 1)} cm rms, with the wing beyond the stall"
-        f" {100 * flat.stalled_share:.0f} % of the time, and {_cm(abs(flat.drift_m), 0)} cm from"
+        f" {100 * flat.stalled_fraction:.0f} % of the time, and {_cm(abs(flat.drift_m), 0)} cm from"
         f" the crossing; with half the outer gains {_cm(flat_half.rms_e_rho_m, 1)} cm and"
         f" {_cm(abs(flat_half.drift_m), 1)} cm. So lines are to"
         " lean upwind by 10–30°, or further with gains of their own; the perpendicular is not the"

@@ -41,7 +41,7 @@ class LegSummary(NamedTuple):
     miss_error_m: float  # standard error of that
     wander_m: float
     wander_formula_m: float  # 0 in calm air
-    stalled_share: float  # of the whole flights' time, with the wing beyond the stall
+    stalled_fraction: float  # of the whole flights' time, with the wing beyond the stall
     mean_x_m: float
     mean_z_m: float
 
@@ -73,7 +73,7 @@ def summarise(prepared: Prepared, flights: list[Flown]) -> list[LegSummary]:
                 miss_error_m=wandered / sqrt(independent),
                 wander_m=wandered,
                 wander_formula_m=dryden_wander(slide, sigma, tau) if sigma > 0.0 else 0.0,
-                stalled_share=stalled,
+                stalled_fraction=stalled,
                 mean_x_m=float(np.mean([leg.mean_x_m for leg in legs])),
                 mean_z_m=float(np.mean([leg.mean_z_m for leg in legs])),
             )
@@ -156,7 +156,7 @@ def wander_note(by_intensity: dict[float, list[LegSummary]]) -> str:
     if ratio > 1.15:
         note += (
             f" The formula is linear: at {100 * intensity:g} % of turbulence gusts take the wing"
-            f" beyond the stall {100 * worst.stalled_share:.1f} % of the time, wander is"
+            f" beyond the stall {100 * worst.stalled_fraction:.1f} % of the time, wander is"
             f" {ratio:.2f} times the formula's, and the mean place lies"
             f" {100 * abs(worst.miss_m):.0f} cm {'below' if worst.miss_m < 0.0 else 'above'} the"
             " crossing."

@@ -47,7 +47,7 @@ _SPEEDS: Final = {
     "east_mps": "velocity_east_mps",
     "down_mps": "velocity_down_mps",
 }
-_FACTS: Final = {
+_METADATA: Final = {
     "sys_name": "system",
     "ver_sw": "software version",
     "ver_python": "Python",
@@ -88,7 +88,7 @@ def read_module_log(log: FlightLog) -> FlightData:
         modes=changes_of(times, modes),
         events=tuple(sorted([*topics.events(), *_reasons(topics, modes, log)])),
         parameters=topics.parameters(),
-        facts={word: str(log.info[key]) for key, word in _FACTS.items() if key in log.info},
+        facts={word: str(log.info[key]) for key, word in _METADATA.items() if key in log.info},
         files=log.texts,
         streams={name: t for name, t in topics.time_s.items() if name != "parameter"},
         start_s=topics.start_s,

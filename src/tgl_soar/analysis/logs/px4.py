@@ -50,7 +50,7 @@ _IMU: Final = {
     "yaw_rate_frd_radps": "gyro_rad[2]",
 }
 _XYZ: Final = ("xyz[0]", "xyz[1]", "xyz[2]")
-_FACTS: Final = {
+_METADATA: Final = {
     "sys_name": "system",
     "ver_hw": "hardware",
     "ver_sw": "software version",
@@ -81,7 +81,7 @@ def read_px4(log: FlightLog) -> FlightData:
         autopilot_modes=_modes(topics),
         events=tuple(sorted([*topics.events(), *_failsafes(topics)])),
         parameters=topics.parameters(),
-        facts={word: str(log.info[key]) for key, word in _FACTS.items() if key in log.info},
+        facts={word: str(log.info[key]) for key, word in _METADATA.items() if key in log.info},
         streams=topics.time_s,
         lost=topics.lost,
     )

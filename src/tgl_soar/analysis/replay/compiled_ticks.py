@@ -1,4 +1,4 @@
-"""Many ticks of a log through the compiled twin of `autopilot.step`.
+"""Many ticks of a log through the compiled kernel of `autopilot.step`.
 
 What numba makes of the laws is kept in `$XDG_CACHE_HOME/tgl_soar` (or ~/.cache), under a name that
 changes with the source of any module below it: nothing stale is ever flown.  To compile takes
@@ -67,7 +67,7 @@ def plain_ticks(tick: Callable[..., Any] = step) -> Ticks:
 
 @cache
 def folder() -> Path:
-    """Where the twin of just this source is kept.  Errors: RuntimeError without a home folder."""
+    """Where the kernel of just this source is kept.  Errors: RuntimeError without a home folder."""
     base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     source = sha256(f"{sys.version} {version('numba')}".encode())
     for module in (*MODULES, "tgl_soar.onboard.flightlog.declaration", __name__):

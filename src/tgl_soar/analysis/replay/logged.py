@@ -9,7 +9,7 @@ A replay begins at a logged state and takes up the thread at the next one wherev
 missing.  As every state in the log can be a beginning, stretches of a log are replayed side by
 side on all processors; each must end in the very state in which the next one begins.
 
-Long logs are flown by the laws' compiled twin (`compiled_ticks`) where there is one.  It makes
+Long logs are flown by the laws' compiled kernel (`compiled_ticks`) where there is one.  It makes
 the same bits wherever its sines and logarithms are the same; where anything of it is not as it was
 logged, the plain laws have the last word.
 """
@@ -59,12 +59,12 @@ from tgl_soar.onboard.flightlog.declaration import (
     record_size,
     rows_type,
 )
-from tgl_soar.onboard.flightlog.writer import tamed
+from tgl_soar.onboard.flightlog.writer import clamped
 from tgl_soar.onboard.module import Setup, laws_of, setup_from
 from tgl_soar.types import NAN, NO_ATTITUDE, NO_FIX, AutopilotStatus, Inputs
 
 STRETCH: Final = 2000  # ticks: less is not worth another process
-LONG: Final = 20_000  # ticks: for less the compiled twin is not worth loading
+LONG: Final = 20_000  # ticks: for less the compiled kernel is not worth loading
 SHOWN: Final = (
     "setpoints_pitch_rad",
     "command_elevator",
@@ -141,7 +141,7 @@ class _Flight(NamedTuple):
     inputs: list[_Column]  # of `Inputs`, in order
     cuts: dict[int, _Cut]
     changed: bool
-    twin: Ticks | None  # where it is compiled
+    kernel: Ticks | None  # where it is compiled
 
 
 class _Flown(NamedTuple):
@@ -164,7 +164,7 @@ def replay(
 
     `changes`: parameters that stand from the beginning on, whatever the log says of them.
     `airframe`: a file whose parameters take the place of the logged airframe's.  `workers`: as
-    many processes at most.  `compile`: fly the compiled twin; None: where it has been compiled
+    many processes at most.  `compile`: fly the compiled kernel; None: where it has been compiled
     before and the log is long.  Errors: `ReplayError`, `ConfigError`, `ParameterError`;
     ImportError where it is to be compiled without numba.
     """
@@ -176,9 +176,9 @@ def replay(
         notes.append("the surfaces obeyed the logged commands, and are not held against these")
     if compile is None:
         compile = len(tick["tick"]) >= LONG and is_ready()
-    twin = compiled_ticks() if compile else None
+    kernel = compiled_ticks() if compile else None
     began = time.perf_counter()
-    flight = _prepare(log, tick, dict(changes or {}), airframe, changed, notes, twin)
+    flight = _prepare(log, tick, dict(changes or {}), airframe, changed, notes, kernel)
     began += _load(flight)  # to compile is no replay
     flown = _fly_all(flight, workers or os.cpu_count() or 1)
     rows = np.concatenate(
@@ -234,7 +234,7 @@ def _prepare(
     airframe: str | Path | None,
     changed: bool,
     notes: list[str],
-    twin: Ticks | None,
+    kernel: Ticks | None,
 ) -> _Flight:
     version = log.info.get("ver_sw")
     if version != __version__:
@@ -268,18 +268,18 @@ def _prepare(
         inputs=_columns(log, tick, numbers),
         cuts=cuts,
         changed=changed,
-        twin=twin,
+        kernel=kernel,
     )
 
 
 def _load(flight: _Flight) -> float:
-    """Compile the twin, or load what was compiled, and tell the seconds that it took."""
+    """Compile the kernel, or load what was compiled, and tell the seconds that it took."""
     laws = [cut.laws for cut in flight.cuts.values() if cut.laws is not None]
     states = [cut.state for cut in flight.cuts.values() if cut.state is not None]
     began = time.perf_counter()
-    if flight.twin is not None and laws and states:
+    if flight.kernel is not None and laws and states:
         none = np.empty((0, len(INPUT_LEAVES))), np.empty((0, len(OUTPUT_LEAVES)))
-        flight.twin(laws[0], states[0], *none)
+        flight.kernel(laws[0], states[0], *none)
     return time.perf_counter() - began
 
 
@@ -429,7 +429,7 @@ def _fly_all(flight: _Flight, workers: int) -> list[_Flown]:
     """The whole flight, in stretches side by side where that is worth it."""
     global _shared
     edges = _edges(flight, workers)
-    alone = flight.twin is not None or "fork" not in multiprocessing.get_all_start_methods()
+    alone = flight.kernel is not None or "fork" not in multiprocessing.get_all_start_methods()
     if alone or len(edges) == 2:
         return [_fly(flight, 0, len(flight.ticks))]
     _shared = flight
@@ -525,8 +525,8 @@ def _stretch(
     at: int,
 ) -> AutopilotState:
     """Ticks under the same laws, as the writer packs them; the state that they leave."""
-    if flight.twin is not None:
-        return _stretch_compiled(flight, flight.twin, laws, state, begin, end, rows, at)
+    if flight.kernel is not None:
+        return _stretch_compiled(flight, flight.kernel, laws, state, begin, end, rows, at)
     pack, size = packer("tick"), record_size("tick")
     numbers, stamps = flight.ticks[begin:end].tolist(), flight.stamps[begin:end].tolist()
     for number, stamp, inputs in zip(numbers, stamps, _inputs(flight, begin, end), strict=True):
@@ -534,7 +534,7 @@ def _stretch(
         try:
             pack(rows, at, stamp, number, inputs, output)
         except OverflowError:
-            pack(rows, at, stamp, number, tamed(inputs), tamed(output))
+            pack(rows, at, stamp, number, clamped(inputs), clamped(output))
         at += size
     return state
 
@@ -552,7 +552,7 @@ def _inputs(flight: _Flight, begin: int, end: int) -> list[Inputs]:
 
 def _stretch_compiled(
     flight: _Flight,
-    twin: Ticks,
+    kernel: Ticks,
     laws: Laws,
     state: AutopilotState,
     begin: int,
@@ -568,7 +568,7 @@ def _stretch_compiled(
         ]
     )
     taken = np.empty((end - begin, len(OUTPUT_LEAVES)))
-    state = twin(laws, state, given, taken)
+    state = kernel(laws, state, given, taken)
     row = np.frombuffer(rows, np.dtype(rows_type("tick")), end - begin, at)
     row["timestamp"], row["tick"] = flight.stamps[begin:end], flight.ticks[begin:end]
     columns = dict(zip((leaf.name for leaf in INPUT_LEAVES), given.T, strict=True))

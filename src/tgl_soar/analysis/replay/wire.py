@@ -52,7 +52,7 @@ class Frame(NamedTuple):
     data: bytes
 
 
-class Heard(NamedTuple):
+class WireFlight(NamedTuple):
     """A number that the module told, then and now."""
 
     time_s: float
@@ -66,7 +66,7 @@ class WireReplay:
 
     outputs: list[Output]
     inputs: list[Inputs]
-    compared: Mapping[str, list[Heard]]  # by the names of `instruments.FAST`
+    compared: Mapping[str, list[WireFlight]]  # by the names of `instruments.FAST`
     seconds: float  # of the recording
     missed: bool  # then it flew, now it never did
     took_s: float
@@ -184,7 +184,7 @@ def replay_wire(
         lockstep=lockstep,
         recorder=memory,
     )
-    compared: dict[str, list[Heard]] = {name: [] for name in FAST}
+    compared: dict[str, list[WireFlight]] = {name: [] for name in FAST}
     operator = mavlink.MAVLink(None, min(link.operators), 190)
     began = time.perf_counter()
     now_s = 0.0
@@ -212,7 +212,7 @@ def replay_wire(
                     notes.append(f"it flies when first heard: engaged before {now_s:.1f} s")
             if name in compared and output is not None:
                 replayed = fast_value(output, FAST.index(name))
-                compared[name].append(Heard(now_s, message.value, replayed))
+                compared[name].append(WireFlight(now_s, message.value, replayed))
         if onboard.due(now_s):
             onboard.periodic(now_s)
     took = time.perf_counter() - began
@@ -315,7 +315,7 @@ def _set(
     onboard.event(bytes(order.pack(operator)), now_s)
 
 
-def rms(heard: list[Heard]) -> float:
+def rms(heard: list[WireFlight]) -> float:
     """Of the differences between then and now; NaN where there is nothing to compare."""
     squares = [(h.told - h.replayed) ** 2 for h in heard if isfinite(h.told - h.replayed)]
     return float(np.sqrt(np.mean(squares))) if squares else nan

@@ -43,9 +43,9 @@ from tgl_soar.link.messages import (
     STATE_EMERGENCY,
     CommandLong,
     Heartbeat,
+    Outbound,
     ParamValue,
     RcChannelsOverride,
-    Said,
     SetAttitudeTarget,
 )
 from tgl_soar.types import OURS, THEIRS_WITH_RUDDER, Setpoints, SurfaceCommand, isfinite
@@ -191,7 +191,7 @@ class ArduPilot:
         """Whether it is an ArduPlane."""
         return firmware_mismatch(heartbeat, AUTOPILOT_ARDUPILOT, "an ArduPilot")
 
-    def commands(self, surfaces: SurfaceCommand, setpoints: Setpoints) -> tuple[Said, ...]:
+    def commands(self, surfaces: SurfaceCommand, setpoints: Setpoints) -> tuple[Outbound, ...]:
         """One frame: our three channels, the others left to the pilot; or the attitude."""
         if self.route is ATTITUDE:
             return (self._attitude(surfaces.rudder, setpoints),)
@@ -202,7 +202,7 @@ class ArduPilot:
         values[rudder.channel - 1] = pulse_width(rudder, surfaces.rudder)
         return (RcChannelsOverride(self._system_id, COMPONENT_AUTOPILOT, tuple(values)),)
 
-    def release(self) -> tuple[Said, ...]:
+    def release(self) -> tuple[Outbound, ...]:
         """One frame that gives our three channels back and touches no other."""
         return self._release
 

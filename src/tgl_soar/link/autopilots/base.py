@@ -21,8 +21,8 @@ from tgl_soar.link.messages import (
     TYPE_FIXED_WING,
     CommandLong,
     Heartbeat,
+    Outbound,
     ParamValue,
-    Said,
 )
 from tgl_soar.types import NAN, Setpoints, SurfaceCommand, isfinite
 
@@ -93,12 +93,12 @@ class Flavour(Protocol):
         """Why this is not the firmware or the kind of vehicle of the airframe file; or ""."""
         ...
 
-    def commands(self, surfaces: SurfaceCommand, setpoints: Setpoints) -> tuple[Said, ...]:
+    def commands(self, surfaces: SurfaceCommand, setpoints: Setpoints) -> tuple[Outbound, ...]:
         """What a tick asks for.  Of a direct route only the surfaces count, of the others pitch
         and roll of the setpoints, and the rudder where the route has it."""
         ...
 
-    def release(self) -> tuple[Said, ...]:
+    def release(self) -> tuple[Outbound, ...]:
         """What gives the surfaces back; nothing where going silent or changing the mode does."""
         ...
 

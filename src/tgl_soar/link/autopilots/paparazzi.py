@@ -38,9 +38,9 @@ from tgl_soar.link.messages import (
     STATE_EMERGENCY,
     CommandLong,
     Heartbeat,
+    Outbound,
     ParamValue,
     RcChannelsOverride,
-    Said,
 )
 from tgl_soar.types import OURS, Setpoints, SurfaceCommand, isfinite
 
@@ -88,7 +88,7 @@ class Paparazzi:
         """Whether it is a Paparazzi."""
         return firmware_mismatch(heartbeat, AUTOPILOT_PAPARAZZI, "a Paparazzi")
 
-    def commands(self, surfaces: SurfaceCommand, setpoints: Setpoints) -> tuple[Said, ...]:
+    def commands(self, surfaces: SurfaceCommand, setpoints: Setpoints) -> tuple[Outbound, ...]:
         """One frame with all four channels: its outputs' limits and trims are its own."""
         pulses = (
             _pulse(surfaces.aileron, FULL_ROLL_PITCH_US),
@@ -99,7 +99,7 @@ class Paparazzi:
         nothing = (0,) * (_CHANNELS - len(pulses))
         return (RcChannelsOverride(self._system_id, COMPONENT_AUTOPILOT, (*pulses, *nothing)),)
 
-    def release(self) -> tuple[Said, ...]:
+    def release(self) -> tuple[Outbound, ...]:
         """Silence, nothing else."""
         return ()
 

@@ -40,8 +40,8 @@ from tgl_soar.link.messages import (
     CommandLong,
     Heartbeat,
     ManualControl,
+    Outbound,
     ParamValue,
-    Said,
     SetActuatorControlTarget,
     SetAttitudeTarget,
 )
@@ -211,7 +211,7 @@ class Px4:
         """Whether it is a PX4."""
         return firmware_mismatch(heartbeat, AUTOPILOT_PX4, "a PX4")
 
-    def commands(self, surfaces: SurfaceCommand, setpoints: Setpoints) -> tuple[Said, ...]:
+    def commands(self, surfaces: SurfaceCommand, setpoints: Setpoints) -> tuple[Outbound, ...]:
         """One frame."""
         if self.route is ATTITUDE:
             return (
@@ -238,7 +238,7 @@ class Px4:
             ),
         )
 
-    def release(self) -> tuple[Said, ...]:
+    def release(self) -> tuple[Outbound, ...]:
         """There is no such message: leaving the mode does it."""
         return ()
 

@@ -22,7 +22,7 @@ from tgl_soar.link.messages import (
     MODE_FLAG_ARMED,
     Heartbeat,
     LocalPositionNed,
-    Said,
+    Outbound,
     ServoOutputRaw,
 )
 from tgl_soar.types import NO_SETPOINTS, SurfaceCommand
@@ -149,7 +149,7 @@ class SurfaceCheck:
         """Whether the outputs were heard of since the servo has had time to go there."""
         return self._servos_s - self._since_s >= SETTLE_S
 
-    def step(self, now_s: float) -> tuple[Said, ...]:
+    def step(self, now_s: float) -> tuple[Outbound, ...]:
         """What is to be sent now, as the override identity."""
         if self.done:
             return ()

@@ -30,9 +30,9 @@ INF: Final = float("inf")
 DRIFT: Final = 1e-4  # s/s: more than two quartzes drift apart
 LATE_S: Final = 1.0  # a frame that was under way for longer is odd
 EARLY_S: Final = 0.002  # how far two bounds may contradict each other
-ANEW_STAMPS: Final = 3
-ANEW_S: Final = 0.1  # a burst that was held up does not last so long
-ANEW_APART_S: Final = 0.02
+RESET_STAMPS: Final = 3
+RESET_S: Final = 0.1  # a burst that was held up does not last so long
+RESET_APART_S: Final = 0.02
 
 
 class ServerClock:
@@ -96,7 +96,7 @@ class ServerClock:
         self._open(arrival_s)
         high_s = arrival_s - stamp_s
         if self.is_known and not self._fits(low_s, high_s):
-            if not self._begins_anew(high_s, arrival_s):
+            if not self._is_reset(high_s, arrival_s):
                 return False
             self.reset()
             self.restarts += 1
@@ -120,12 +120,12 @@ class ServerClock:
             low_s <= self._high_s + EARLY_S
         )
 
-    def _begins_anew(self, seen_s: float, arrival_s: float) -> bool:
-        if not (self._odd and abs(seen_s - self._odd_s) <= ANEW_APART_S):
+    def _is_reset(self, seen_s: float, arrival_s: float) -> bool:
+        if not (self._odd and abs(seen_s - self._odd_s) <= RESET_APART_S):
             self._odd, self._odd_s, self._odd_from_s = 1, seen_s, arrival_s
             return False
         self._odd += 1
-        return self._odd >= ANEW_STAMPS and arrival_s - self._odd_from_s >= ANEW_S
+        return self._odd >= RESET_STAMPS and arrival_s - self._odd_from_s >= RESET_S
 
     def _forget_odd(self) -> None:
         self._odd = 0

@@ -107,7 +107,7 @@ FRAMES: Final = {
     "Track": "soaring",
     "Node": "soaring",
     "Errors": "soaring",
-    "Turning": "soaring",
+    "AttitudeTrack": "soaring",
     "LineState": "soaring",
     "AirEstimate": "soaring",
 }

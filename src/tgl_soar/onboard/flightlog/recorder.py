@@ -39,7 +39,7 @@ class Recorder:
     def leave_out(self, time_s: float, state: AutopilotState) -> None:
         """A tick is done that there is no time to write down."""
 
-    def afresh(self, state: AutopilotState) -> None:
+    def reset(self, state: AutopilotState) -> None:
         """The next tick begins from this state, whatever the last one left."""
 
     def frame(self, frame: bytes) -> None:

@@ -68,7 +68,7 @@ _LARGEST_INT: Final = 0x7FFFFFFF
 _LARGEST_FLOAT32: Final = 3.4028234e38
 
 
-class Facts(NamedTuple):
+class LogMetadata(NamedTuple):
     """What a log says of its flight before it begins."""
 
     words: Mapping[str, str]  # versions, names, how it was started
@@ -80,13 +80,13 @@ def message(kind: str, body: bytes) -> bytes:
     return _HEAD.pack(len(body), ord(kind)) + body
 
 
-def _preamble(facts: Facts) -> bytes:
+def _preamble(metadata: LogMetadata) -> bytes:
     """What every part begins with, after its header."""
     made = [message("B", bytes(40))]
     made += [message("F", topic.format.encode()) for topic in TOPICS.values()]
-    for key, word in facts.words.items():
+    for key, word in metadata.words.items():
         made.append(message("I", _keyed(key, word.encode()[: BUFFER_BYTES // 2])))
-    for key, text in facts.texts.items():
+    for key, text in metadata.texts.items():
         for at in range(0, max(1, len(text)), _TEXT_CHARS):
             piece = text[at : at + _TEXT_CHARS].encode()
             made.append(message("M", bytes([at > 0]) + _keyed(key, piece)))
@@ -200,7 +200,7 @@ class FlightRecorder(Recorder):
     def __init__(
         self,
         folder: Path,
-        facts: Facts,
+        metadata: LogMetadata,
         now_s: float,
         *,
         largest_bytes: int = LARGEST_BYTES,
@@ -224,7 +224,7 @@ class FlightRecorder(Recorder):
         self._free = _Buffers(buffers, patient)
         self._rows = _Spool("ulg", self._free, orders)
         self._wire = _Spool("tlog", self._free, orders)
-        self._disk = _Disk(folder, _preamble(facts), largest_bytes, unix_s, self._free, orders)
+        self._disk = _Disk(folder, _preamble(metadata), largest_bytes, unix_s, self._free, orders)
         self._part_bytes = largest_bytes // _PARTS
         self._unix_offset_us = int(unix_s() * 1e6) - clock_ns() // 1000
         self._ticks = 0
@@ -278,7 +278,7 @@ class FlightRecorder(Recorder):
         if self._on:
             self._drop(1, self._time_us)
 
-    def afresh(self, state: AutopilotState) -> None:
+    def reset(self, state: AutopilotState) -> None:
         """The next tick begins from this state, whatever the last one left."""
         self._pack_waiting()
         self._state = state
@@ -402,7 +402,7 @@ class FlightRecorder(Recorder):
         try:
             pack(rows.buffer, rows.at, self._time_us, self._ticks, *values)
         except (struct.error, OverflowError):
-            tame = [tamed(value) for value in values]
+            tame = [clamped(value) for value in values]
             try:
                 pack(rows.buffer, rows.at, self._time_us, self._ticks, *tame)
             except struct.error:
@@ -452,9 +452,9 @@ class FlightRecorder(Recorder):
         buffer, begin = self._rows.buffer, at
         try:
             for place, pack, size in _PACKED_STREAMS:
-                pack(buffer, at, time_us, number, tamed(inputs[place]))
+                pack(buffer, at, time_us, number, clamped(inputs[place]))
                 at += size
-            _PACK_TICK(buffer, at, time_us, number, tamed(inputs), tamed(output))
+            _PACK_TICK(buffer, at, time_us, number, clamped(inputs), clamped(output))
         except struct.error:
             self.dropped += 1
             return begin
@@ -653,10 +653,10 @@ def _microseconds(time_s: float) -> int:
     return int(time_s * 1e6) if 0.0 <= time_s < 1e12 else 0
 
 
-def tamed(value: Any) -> Any:
+def clamped(value: Any) -> Any:
     """A value that fits its field: beyond the largest lies infinity."""
     if isinstance(value, tuple):
-        tame = map(tamed, value)
+        tame = map(clamped, value)
         return value._make(tame) if hasattr(value, "_make") else tuple(tame)
     if isinstance(value, float) and isfinite(value) and abs(value) > _LARGEST_FLOAT32:
         return inf if value > 0.0 else -inf

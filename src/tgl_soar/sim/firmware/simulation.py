@@ -25,7 +25,7 @@ from tgl_soar.sim.bridge import (
     LYING_S,
     TRUTH_HZ,
     Options,
-    told_truth,
+    reported_truth,
     truth_row,
 )
 from tgl_soar.sim.channels import NEUTRAL
@@ -180,7 +180,7 @@ class FirmwareSimulation:
         if world.steps % world.step_hz == 0:
             self.pixhawk.greet()
         if self._options.truth and world.steps % self._truth_every == 0:
-            for name, value in told_truth(world, self._polar):
+            for name, value in reported_truth(world, self._polar):
                 self.pixhawk.broadcast(
                     mavlink.MAVLink_named_value_float_message(round(1e3 * self.time_s), name, value)
                 )
