@@ -22,9 +22,9 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.files import load_airframe, load_site, shipped
-from tgl_soar.sim.bridge import Options
 from tgl_soar.sim.firmware import ardupilot
 from tgl_soar.sim.firmware.simulation import FirmwareSimulation
+from tgl_soar.sim.simulation import Options
 
 LINK: Final = 1
 BOOT_S: Final = 60.0

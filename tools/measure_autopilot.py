@@ -44,10 +44,10 @@ from tgl_soar.link.messages import (
     Source,
 )
 from tgl_soar.onboard.module import surface_channels
-from tgl_soar.sim.bridge import Options, Simulation
 from tgl_soar.sim.firmware.sensors import Readings
 from tgl_soar.sim.firmware.simulation import FirmwareSimulation, Sticks
 from tgl_soar.sim.firmware.starts import STARTS
+from tgl_soar.sim.simulation import Options, Simulation
 from tgl_soar.types import NO_SETPOINTS, OURS, SurfaceCommand
 
 LINK: Final = 1

@@ -26,7 +26,7 @@ from tgl_soar.link.messages import (
     RcChannelsOverride,
     ServoOutputRaw,
 )
-from tgl_soar.onboard import watchdog as guard
+from tgl_soar.onboard import watchdog
 from tgl_soar.onboard.module import RELEASE_FRAMES
 
 CHANNELS = SurfaceChannels(
@@ -296,7 +296,7 @@ class Bare:
             text=True,
             # Tests that run in the background of a shell have been told to ignore some.
             preexec_fn=lambda: [
-                signal.signal(n, signal.SIG_DFL) for n in (*guard.ENDS, *guard.STOPS)
+                signal.signal(n, signal.SIG_DFL) for n in (*watchdog.ENDS, *watchdog.STOPS)
             ],
         )
         self.elevator_us: list[int] = []  # as it was commanded
@@ -321,13 +321,13 @@ class Bare:
             self.elevator_us.append(message.chan2_raw)
 
 
-@pytest.mark.parametrize("number", guard.ENDS)
+@pytest.mark.parametrize("number", watchdog.ENDS)
 def test_whatever_ends_it_the_surfaces_are_released(number: signal.Signals) -> None:
     bare = Bare()
     with bare.socket, bare.command:
         bare.until_commanded(3)
         assert bare.elevator_us[-1] != 0
-        for stop in guard.STOPS:
+        for stop in watchdog.STOPS:
             os.kill(bare.command.pid, stop)
         bare.until_commanded(6)  # it goes on
         os.kill(bare.command.pid, number)

@@ -20,11 +20,12 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.files import Airframe, Site, load_airframe, load_site, shipped
-from tgl_soar.sim.bridge import LOG_COLUMNS, Options, Simulation, main
+from tgl_soar.sim.bridge import main
 from tgl_soar.sim.channels import LEAVE, ordered, pwm_from_deflection
 from tgl_soar.sim.pixhawk import MANUAL
 from tgl_soar.sim.ports import MAX_STRANGERS, Port, Ports
 from tgl_soar.sim.routing import split_frames
+from tgl_soar.sim.simulation import LOG_COLUMNS, Options, Simulation
 
 AIRFRAME = shipped("airframes/eclipson_c.toml")
 SITE = shipped("sites/tunnel.toml")

@@ -11,11 +11,11 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.files import load_airframe, load_site
-from tgl_soar.sim.bridge import Options
 from tgl_soar.sim.faults import parse_faults
 from tgl_soar.sim.firmware.relay import OWN, FirmwareLink, Relay
 from tgl_soar.sim.firmware.sensors import Readings
 from tgl_soar.sim.firmware.simulation import FirmwareSimulation, Sticks
+from tgl_soar.sim.simulation import Options
 from tgl_soar.types import SurfaceCommand
 
 CONFIG = Path(__file__).parents[2] / "config"

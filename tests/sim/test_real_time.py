@@ -10,8 +10,9 @@ import pytest
 from tgl_soar.config.files import load_airframe, load_site, shipped
 from tgl_soar.onboard import realtime
 from tgl_soar.sim import bridge
-from tgl_soar.sim.bridge import Bridge, Options, Pace, Simulation, Slowness
+from tgl_soar.sim.bridge import Bridge, Pace, Slowness
 from tgl_soar.sim.ports import Port, Ports
+from tgl_soar.sim.simulation import Options, Simulation
 
 AIRFRAME, SITE = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
 

@@ -69,8 +69,7 @@ from tgl_soar.link.transport import (
     is_open,
     open_link,
 )
-from tgl_soar.onboard import line_load, loop, native, realtime
-from tgl_soar.onboard import watchdog as guard
+from tgl_soar.onboard import line_load, loop, native, realtime, watchdog
 from tgl_soar.onboard.flightlog.declaration import VERSION
 from tgl_soar.onboard.flightlog.recorder import NO_RECORDER
 from tgl_soar.onboard.flightlog.writer import LARGEST_BYTES, FlightRecorder, LogMetadata
@@ -320,11 +319,11 @@ def run(
     )
     if guarded:
         realtime.raise_priority()
-        return guard.watch(partial(_run, plan), partial(_give_back, plan), _print)
+        return watchdog.watch(partial(_run, plan), partial(_give_back, plan), _print)
     return _run(plan)
 
 
-def _run(plan: Plan, heartbeat: guard.ProcessHeartbeat | None = None, became: str = "") -> int:
+def _run(plan: Plan, heartbeat: watchdog.ProcessHeartbeat | None = None, became: str = "") -> int:
     """Open the links and fly.  `became`: what happened to the process that flew before."""
     transports: list[Transport] = []
     mocap: MocapFeed | None = None
@@ -390,7 +389,7 @@ def _too_slow(plan: Plan) -> list[tuple[int, str]]:
     return [(SEVERITY_WARNING, refusal)] if refusal else []
 
 
-def _give_back(plan: Plan, sign: guard.Sign, became: str) -> None:
+def _give_back(plan: Plan, sign: watchdog.Sign, became: str) -> None:
     """The flying process is dead and its links are closed: let go in its stead."""
     setup = plan.setup
     try:
@@ -538,8 +537,8 @@ def _stop_on_signals(stopped: threading.Event) -> Callable[[], None]:
     nothing; the way back."""
     if threading.current_thread() is not threading.main_thread():
         return lambda: None
-    before = {number: signal.signal(number, lambda *_: stopped.set()) for number in guard.ENDS}
-    before |= {number: signal.signal(number, signal.SIG_IGN) for number in guard.STOPS}
+    before = {number: signal.signal(number, lambda *_: stopped.set()) for number in watchdog.ENDS}
+    before |= {number: signal.signal(number, signal.SIG_IGN) for number in watchdog.STOPS}
 
     def restore() -> None:
         for number, handler in before.items():
@@ -558,7 +557,7 @@ def _fly(
     signing: Signing | None = None,
     secret: Secret = UNSIGNED,
     store: ParameterStore | None = None,
-    heartbeat: guard.ProcessHeartbeat | None = None,
+    heartbeat: watchdog.ProcessHeartbeat | None = None,
     first_words: Sequence[tuple[int, str]] = (),
     recorder: FlightRecorder | None = None,
     mocap: MocapFeed | None = None,

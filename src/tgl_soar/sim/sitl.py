@@ -44,6 +44,7 @@ from tgl_soar.config.files import (
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.sim.bridge import TOO_SLOW
+from tgl_soar.sim.child_process import with_parent
 from tgl_soar.sim.firmware.sensors import SOMEWHERE
 from tgl_soar.sim.operator import Flown, Leg, Operator, OperatorError
 from tgl_soar.sim.score import LegScore, score_leg
@@ -55,12 +56,6 @@ START_S = 120.0  # for the first datagram: on a busy machine air and module take
 SILENCE_S = 20.0  # without a datagram for so long the bridge is taken for dead
 AGAIN = 3  # engagements anew in real time
 OVERRIDE_TIME_S = 0.5  # as docs and README ask of a real autopilot: 3 s would lose the aircraft
-
-
-def with_parent(command: list[str], ended_by: int = signal.SIGTERM) -> list[str]:
-    """A command that the kernel ends when its parent dies, however that dies."""
-    bound = f"import ctypes, os, sys; ctypes.CDLL(None).prctl(1, {int(ended_by)});"
-    return [sys.executable, "-c", bound + " os.execv(sys.argv[1], sys.argv[1:])", *command]
 
 
 class SitlError(RuntimeError):

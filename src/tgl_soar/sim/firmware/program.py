@@ -8,8 +8,8 @@ import subprocess
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from tgl_soar.sim.child_process import with_parent
 from tgl_soar.sim.firmware import FirmwareError
-from tgl_soar.sim.sitl import with_parent
 
 
 def require(binary: Path) -> None:

@@ -20,7 +20,13 @@ from typing import Any, Final, NamedTuple, Protocol
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.files import Airframe, Site
-from tgl_soar.sim.bridge import (
+from tgl_soar.sim.channels import NEUTRAL
+from tgl_soar.sim.firmware.relay import Relay
+from tgl_soar.sim.firmware.sensors import FirmwareSensors, Readings, firmware_sensors
+from tgl_soar.sim.injection import Injection
+from tgl_soar.sim.pilot import SafetyPilot
+from tgl_soar.sim.routing import LinkId
+from tgl_soar.sim.simulation import (
     LOG_COLUMNS,
     LYING_S,
     TRUTH_HZ,
@@ -28,12 +34,6 @@ from tgl_soar.sim.bridge import (
     reported_truth,
     truth_row,
 )
-from tgl_soar.sim.channels import NEUTRAL
-from tgl_soar.sim.firmware.relay import Relay
-from tgl_soar.sim.firmware.sensors import FirmwareSensors, Readings, firmware_sensors
-from tgl_soar.sim.injection import Injection
-from tgl_soar.sim.pilot import SafetyPilot
-from tgl_soar.sim.routing import LinkId
 from tgl_soar.sim.truth_log import TruthLog
 from tgl_soar.sim.world import World, build_field, make_world
 from tgl_soar.types import SurfaceCommand

@@ -1,0 +1,335 @@
+"""The simulated world as a bridge steps it: world, Pixhawk, pilot, faults and log, no sockets.
+
+A bridge gives it time and carries its datagrams; here is what stands behind them.  A real firmware
+in the place of the Pixhawk has a simulation of its own (`sim.firmware.simulation`), which shares
+the options, the truth that is reported, and the log.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from tgl_soar.config.files import (
+    Airframe,
+    Site,
+)
+from tgl_soar.sim.channels import NEUTRAL
+from tgl_soar.sim.faults import Fault
+from tgl_soar.sim.injection import Injection, of_duplicate
+from tgl_soar.sim.pilot import SafetyPilot
+from tgl_soar.sim.pixhawk import FBWA, MANUAL, Pixhawk, Sensed
+from tgl_soar.sim.routing import LinkId
+from tgl_soar.sim.sensors import MEMS_IMU, PITOT, Sensors
+from tgl_soar.sim.truth_log import TruthLog
+from tgl_soar.sim.world import World, build_field, make_world
+from tgl_soar.types import GlidePolar, polar_sink
+
+LYING_S: Final = 3.0  # after a crash, before somebody has carried the aircraft back
+TRUTH_HZ: Final = 5
+DUPLICATE_UPTIME_S: Final = 3600.0  # since when the other autopilot has been running, and longer
+LOG_COLUMNS: Final = (
+    "time_s",
+    "x_m",
+    "y_m",
+    "z_m",
+    "velocity_x_mps",
+    "velocity_y_mps",
+    "climb_mps",
+    "roll_rad",
+    "pitch_rad",
+    "heading_rad",
+    "wind_x_mps",
+    "wind_y_mps",
+    "updraft_mps",
+    "airspeed_mps",
+    "alpha_rad",
+    "elevator",
+    "aileron",
+    "rudder",
+    "mode",
+    "flying",
+    "overridden",
+)
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to simulate; times in seconds of simulated time unless it says wall."""
+
+    seed: int = 1
+    turbulence: float | None = None  # fraction of the reference wind; None: the site's
+    step_hz: int = 200
+    pilot: bool = True
+    held: bool = True  # at the start, until the first override
+    armed: bool = True  # when it begins
+    truth: bool = True
+    uptime_s: float = 0.0
+    allow_odometry: bool = False
+    faults: tuple[Fault, ...] = ()
+    pitot: bool = True
+    parameters: tuple[tuple[str, float], ...] = ()
+    record: Path | None = None  # what passed between a firmware and its companion, as .tlog
+    log: Path | None = None
+    log_hz: int = 50
+
+
+class Simulation:
+    """World, Pixhawk, pilot and log, one step at a time; no sockets, no clock."""
+
+    def __init__(self, airframe: Airframe, site: Site, options: Options, folder: Path) -> None:
+        self.injection = Injection(options.faults, options.seed)
+        field = None if site.air is None else self.injection.field(build_field(site.air, folder))
+        self.world: World = make_world(
+            airframe,
+            site,
+            seed=options.seed,
+            turbulence=options.turbulence,
+            step_hz=options.step_hz,
+            folder=folder,
+            field=field,
+            sensors=Sensors(imu=MEMS_IMU, airspeed=PITOT if options.pitot else None),
+        )
+        self._home = site.position.home
+        # Where poses are forwarded the autopilot is set up to take them.
+        self._parameters = {"VISO_TYPE": 1.0} if site.forward is not None else {}
+        self._parameters |= dict(options.parameters)
+        self.pixhawk = self._autopilot(airframe, options, options.uptime_s)
+        # Heard by nobody until its fault acts, it hears all that the other hears.
+        self._duplicates = self.injection.named("autopilot.duplicate")
+        self._duplicate = (
+            self._autopilot(airframe, options, options.uptime_s + DUPLICATE_UPTIME_S)
+            if self._duplicates
+            else None
+        )
+        self.crashes = 0
+        self._passed_over_s = 0.0
+        self._options = options
+        self._polar = airframe.polar.as_polar()
+        self._pilot = SafetyPilot(self.world.trim_pitch_rad, 1.0 / options.step_hz)
+        self._lying_until = -1  # step
+        self._truth_every = options.step_hz // TRUTH_HZ
+        self._log_every = max(1, round(options.step_hz / options.log_hz))
+        self._events: list[str] = []
+        self._sensed = self._sense(False)
+        self._log = TruthLog(options.log, LOG_COLUMNS) if options.log is not None else None
+        self.world.held = options.held
+        self.pixhawk.armed = options.armed
+        self._log_row()
+
+    def _autopilot(self, airframe: Airframe, options: Options, uptime_s: float) -> Pixhawk:
+        return Pixhawk(
+            airframe.surfaces,
+            options.step_hz,
+            parameters=self._parameters,
+            trim_pitch_rad=self.world.trim_pitch_rad,
+            allow_odometry=options.allow_odometry,
+            uptime_s=uptime_s,
+            home=self._home,
+        )
+
+    # --- the links of the autopilot, or of both that say to be it ------------------------
+
+    def add_link(self, link: LinkId, *, ground: bool) -> None:
+        """A link to a ground station or to a companion."""
+        self.pixhawk.add_link(link, ground=ground)
+        if self._duplicate is not None and not ground:
+            self._duplicate.add_link(link, ground=False)
+
+    def remove_link(self, link: LinkId) -> None:
+        """A link that is gone."""
+        self.pixhawk.remove_link(link)
+        if self._duplicate is not None:
+            self._duplicate.remove_link(link)
+
+    def receive(self, link: LinkId, data: bytes) -> None:
+        """Take one datagram of a link."""
+        self.pixhawk.receive(link, data)
+        if self._duplicate is not None:
+            self._duplicate.receive(link, data)
+
+    def take_datagrams(self, links: Sequence[LinkId] | None = None) -> list[tuple[LinkId, bytes]]:
+        """What goes out on some links, or on all."""
+        datagrams = self.pixhawk.take_datagrams(links)
+        if self._duplicate is not None:
+            of_duplicate = self._duplicate.take_datagrams(links)
+            if any(fault.acts(self.time_s) for fault in self._duplicates):
+                datagrams += of_duplicate
+        return datagrams
+
+    # --- time ----------------------------------------------------------------------------
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time."""
+        return self.world.time_s
+
+    @property
+    def flying(self) -> bool:
+        """Neither held nor lying on the ground."""
+        return not self.world.held and not self.world.crashed
+
+    def step(self) -> None:
+        """One step of everything."""
+        world, pixhawk, injection = self.world, self.pixhawk, self.injection
+        self._turn_faults()
+        self._launch_or_carry_back()
+        if self._options.pilot:
+            self._fly_by_hand()
+        world.step(injection.surfaces(self.time_s, pixhawk.surfaces, 1.0 / world.step_hz))
+        if world.crashed and self._lying_until < 0:
+            self.crashes += 1
+            self._lying_until = world.steps + round(LYING_S * self._options.step_hz)
+            self._events.append(f"lost: {world.crashed}")
+        self._sensed = self._sense(self.flying)
+        told = self._corrupted(self._sensed)
+        pixhawk.step(self._sensed, told)
+        if self._duplicate is not None:
+            self._duplicate.step(
+                told._replace(
+                    attitude=of_duplicate(told.attitude), position=of_duplicate(told.position)
+                )
+            )
+        if self._options.truth and world.steps % self._truth_every == 0:
+            self._tell_truth()
+        if world.steps % self._log_every == 0:
+            self._log_row()
+
+    def take_events(self) -> list[str]:
+        """What the console should say, each once."""
+        events = [*self.pixhawk.take_events(), *self._events]
+        self._events = []
+        return events
+
+    @property
+    def booted(self) -> bool:
+        """Whether the autopilot speaks; this one does from the first."""
+        return True
+
+    def summary(self) -> str:
+        """What became of the overrides."""
+        counts = self.pixhawk.counts
+        return (
+            f"overrides: {counts.overrides_accepted} accepted,"
+            f" {counts.overrides_refused} refused, {counts.override_timeouts} timed out"
+        )
+
+    def close(self) -> None:
+        """Finish the log."""
+        if self._log is not None:
+            self._log.close()
+
+    def _turn_faults(self) -> None:
+        """Tell what begins and what is over, and what becomes of the autopilot by it."""
+        pixhawk = self.pixhawk
+        for fault, begins in self.injection.turns(self.time_s):
+            self._events.append(f"fault {'begins' if begins else 'is over'}: {fault}")
+            if fault.kind.name == "autopilot.reboot":
+                (pixhawk.shut_down if begins else pixhawk.boot)()
+            elif fault.kind.name == "pilot.takes":
+                pixhawk.set_mode(FBWA if begins else MANUAL, "the pilot")
+            elif (
+                fault.kind.name == "autopilot.duplicate" and begins and self._duplicate is not None
+            ):
+                self._duplicate.announce()
+
+    def _corrupted(self, sensed: Sensed) -> Sensed:
+        """What the autopilot tells of what it senses."""
+        sample = self.injection.sample
+        return sensed._replace(
+            attitude=sample("attitude", self.time_s, sensed.attitude),
+            position=sample("position", self.time_s, sensed.position),
+            imu=sample("imu", self.time_s, sensed.imu),
+            pitot=sample("airspeed", self.time_s, sensed.pitot),
+        )
+
+    def _launch_or_carry_back(self) -> None:
+        world, pixhawk = self.world, self.pixhawk
+        if 0 <= self._lying_until <= world.steps:
+            self._lying_until = -1
+            world.relaunch()
+            world.held = True
+            pixhawk.restart()
+            self._events.append("carried back and held at the start again")
+        elif world.held and pixhawk.armed and pixhawk.mode == MANUAL and pixhawk.reads_override():
+            world.held = False
+            self._events.append("launched: the surfaces are overridden")
+
+    def _fly_by_hand(self) -> None:
+        pixhawk = self.pixhawk
+        if not self.flying or pixhawk.reads_override() or self._sensed.attitude.sequence == 0:
+            self._pilot.let_go()
+            pixhawk.pilot_sticks = NEUTRAL
+            return
+        truth = self.world.truth
+        pixhawk.pilot_sticks = self._pilot.sticks(
+            (truth.x_m, truth.y_m, truth.z_m),
+            (truth.velocity_x_mps, truth.velocity_y_mps, truth.climb_mps),
+            truth.heading_rad,
+            self._sensed.attitude,
+            pixhawk.mode == MANUAL,
+            pixhawk.surfaces.elevator,
+        )
+
+    def _sense(self, flying: bool) -> Sensed:
+        world = self.world
+        world.poll_attitude()
+        world.poll_position()
+        position, airspeed_mps = world.position, world.airspeed_mps
+        return Sensed(
+            attitude=world.attitude,
+            position=position,
+            airspeed_mps=airspeed_mps,
+            flying=flying,
+            imu=world.imu,
+            pitot=world.airspeed,
+        )
+
+    def _tell_truth(self) -> None:
+        for name, value in reported_truth(self.world, self._polar):
+            self.pixhawk.broadcast(
+                mavlink.MAVLink_named_value_float_message(self.pixhawk.boot_ms, name, value),
+                ground_only=True,
+            )
+
+    def _log_row(self) -> None:
+        if self._log is not None:
+            pixhawk = self.pixhawk
+            state = (pixhawk.mode, self.flying, pixhawk.reads_override())
+            time_s = self._options.uptime_s + self._passed_over_s + self.world.time_s
+            self._log.add((*truth_row(time_s, self.world), *state))
+
+    def pass_over(self, seconds: float) -> None:
+        """So long no step was made: the autopilot's clock runs on, as a real one does.
+
+        The other way, all it tells would look late to whoever has learnt its clock before.
+        """
+        self._passed_over_s += seconds
+        self.pixhawk.pass_over(seconds)
+        if self._duplicate is not None:
+            self._duplicate.pass_over(seconds)
+
+
+def reported_truth(world: World, polar: GlidePolar) -> tuple[tuple[bytes, float], ...]:
+    """What ground stations are told of the truth, by name."""
+    truth = world.truth
+    return (
+        (b"updraft", truth.updraft_mps),
+        (b"sink", polar_sink(polar, truth.wind_x_mps)),
+        (b"true_x", truth.x_m),
+        (b"true_y", truth.y_m),
+        (b"true_z", truth.z_m),
+        (b"airspeed", truth.airspeed_mps),
+    )
+
+
+def truth_row(time_s: float, world: World) -> tuple[float, ...]:
+    """A row of the log at a time on the autopilot's clock, but for the last three columns."""
+    return (time_s, *world.truth[1:])
+
+
+# --- the process ---------------------------------------------------------------------------
