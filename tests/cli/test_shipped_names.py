@@ -82,7 +82,9 @@ def test_run_and_bridge_know_them(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_command_tells_the_names() -> None:
-    told = CliRunner().invoke(app, ["params", "show", "--site", "nowhere"])
+    told = CliRunner().invoke(
+        app, ["params", "show", "--airframe", "eclipson_c", "--site", "nowhere"]
+    )
     assert told.exit_code == 2
     assert "nowhere: cannot be read" in told.output
     assert "known by name: hill, tunnel" in told.output

@@ -94,7 +94,10 @@ def test_preflight_fails_over_it(tmp_path: Path) -> None:
     vehicle.start()
     try:
         ended_as = subprocess.run(
-            [sys.executable, "-m", "tgl_soar.cli", "preflight", "--link", link],
+            [
+                *(sys.executable, "-m", "tgl_soar.cli", "preflight", "--link", link),
+                *("--airframe", "eclipson_c", "--site", "tunnel"),
+            ],
             capture_output=True,
             text=True,
             timeout=60.0,

@@ -12,7 +12,7 @@ import typer
 from msgspec.structs import replace
 from rich.table import Table
 
-from tgl_soar.cli.console import console, errors, fail
+from tgl_soar.cli.console import SITE_FILE, console, errors, fail
 from tgl_soar.config.files import ConfigError, Mocap, load_site
 from tgl_soar.link.natnet import layout
 from tgl_soar.link.natnet.listing import BodyListing, Row
@@ -34,7 +34,8 @@ def mocap() -> None:
 @mocap_app.command("list")
 def list_(
     site: Annotated[
-        Path | None, typer.Option(help="Site file with \\[mocap]: server and interface.")
+        Path | None,
+        typer.Option(help="Site file with \\[mocap]: server and interface.", **SITE_FILE),
     ] = None,
     server: Annotated[
         str, typer.Option(metavar="HOST[:PORT]", help="Or beside a site, instead of its own.")

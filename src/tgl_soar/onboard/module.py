@@ -123,6 +123,7 @@ RECOVERING: Final = 6
 RELEASED: Final = 7
 FAILED: Final = 8
 FLYING: Final = range(CAPTURING, RELEASED)
+LONGEST_FRAME: Final = 293  # bytes of a MAVLink 2 frame with a full payload and a signature
 RELEASE_FRAMES: Final = 5  # a lost frame must not leave the aircraft to the overrides' time-out
 RELEASE_INTERVAL_S: Final = 0.1
 ENGAGED: Final = 2.0  # OP_ENGAGE of a module that has the surfaces
@@ -1209,21 +1210,24 @@ class Onboard:
         """Our heartbeat, before anything else is said on this link."""
         route.greeted = route.send(route.own.encode(self.session.heartbeat()))
 
-    def _release(self) -> None:
-        self._say_surfaces(self._setup.flavour.release())
+    def _release(self) -> int:
+        """Hand the surfaces over once; the bytes of it."""
         self.counters.release_frames += 1
+        return self._say_surfaces(self._setup.flavour.release())
 
     def _clear_for_release(self) -> None:
         """What is still on its way is older.  A frame that was cut takes what comes behind it for
-        its own end, up to its length: so the first release goes out several times at once."""
+        its own end, up to its length: so releases go out at once until even the longest frame has
+        ended, and one more after it."""
         if self._autopilot.clear_for_release():
-            for _ in range(RELEASE_FRAMES):
-                self._release()
+            swallowed = 0
+            while swallowed < LONGEST_FRAME:
+                swallowed += self._release() or LONGEST_FRAME
+            self._release()
 
-    def _say_surfaces(self, messages: tuple[Outbound, ...]) -> None:
+    def _say_surfaces(self, messages: tuple[Outbound, ...]) -> int:
         route = self._autopilot
-        for message in messages:
-            self._send_frame(route, route.override, message)
+        return sum([self._send_frame(route, route.override, message) for message in messages])
 
     def _command_surfaces(self, messages: tuple[Outbound, ...]) -> None:
         """What a tick asks for, if it goes at once; else the next tick's is newer."""
