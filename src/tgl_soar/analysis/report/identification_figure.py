@@ -53,7 +53,7 @@ def _draw(axis: Any, fit: Fit) -> None:
     colour = LEG_COLOURS[1] if fit.fitted else LEG_COLOURS[0]
     axis.plot(t, np.degrees(fit.pitch_rate_radps), color="0.65", lw=1.6)
     axis.plot(t, np.degrees(fit.model_pitch_rate_radps), color=colour, lw=1.2)
-    elevator = axis.duplicate_x()
+    elevator = axis.twinx()
     elevator.step(t, fit.elevator - fit.elevator[0], color="0.1", lw=0.7, where="post")
     elevator.set_ylim(-0.5, 3.0)
     elevator.axis("off")
