@@ -109,6 +109,18 @@ def test_room_is_still_but_for_entrainment_towards_the_jet() -> None:
     assert under == (0.0, 0.0, 0.0)
 
 
+@pytest.mark.parametrize("slope_deg", [21.3, 23.0, 25.0])
+def test_air_without_friction_slips_along_the_board(slope_deg: float) -> None:
+    """Between the surface and the first nodes of the grid, too: no boundary layer of a cell."""
+    field = SlopeJet(9.0, radians(slope_deg))
+    for x in np.arange(0.6, 2.0, 0.037):
+        surface = field.board_height_m(x)
+        u, _, w = field.wind_at(x, 0.0, surface + 1e-3, 0.0)
+        above = field.wind_at(x, 0.0, surface + 0.04, 0.0)
+        assert np.hypot(u, w) == pytest.approx(np.hypot(above[0], above[2]), rel=0.06)
+        assert w / u == pytest.approx(tan(radians(slope_deg)), rel=0.06)
+
+
 def test_outside_is_defined_and_said() -> None:
     field = SlopeJet(9.0, radians(23.0))
     assert field.inside(1.0, 0.0, 1.0)

@@ -35,12 +35,14 @@ from math import cos, inf, isfinite, pi, radians, sin, sqrt, tan
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from tgl_soar.air.field import FloatArray, broadcast
 from tgl_soar.air.freestream import ComplexArray, FreeJetMap, solve_free_jet
 from tgl_soar.air.grid import GridTable, bake, grid_wind, grid_wind_many
 from tgl_soar.air.relief import relieve, relieved_velocity
+
+BoolArray = NDArray[np.bool_]
 
 SPREADING = 11.0  # σ
 SHIFT = 1.0 / sqrt(2.0 * pi)  # m
@@ -95,10 +97,23 @@ def unit_jet(shape: JetShape) -> GridTable:
     lower = _streamline(core, tip, float(x[-1]))
     for edge, inward in ((upper, -1.0), (lower, 1.0)):
         u, w = _mix(u, w, xx, zz, edge, inward)
-    solid = (xx > 0.0) & (xx <= tip.real) & (zz < xx * tan(shape.slope_rad) - 1e-9)
-    solid |= (xx < -ahead) & (zz > height)
-    scale = np.where(solid, 0.0, 1.0 / jet.nozzle_speed)
+    board = (xx > 0.0) & (xx <= tip.real) & (zz < xx * tan(shape.slope_rad) - 1e-9)
+    u, w = _slipping(u, board), _slipping(w, board)
+    scale = np.where((xx < -ahead) & (zz > height), 0.0, 1.0 / jet.nozzle_speed)
     return bake(x_min, 0.0, step, u * scale, w * scale)
+
+
+def _slipping(speed: FloatArray, board: BoolArray) -> FloatArray:
+    """No wind in the board, but at its surface that of the air: without friction it slips along.
+
+    Nodes within the first cell below the surface take the nearest value above it, so that what is
+    interpolated between the two is the flow and no boundary layer as thick as a cell.
+    """
+    from scipy.ndimage import distance_transform_edt
+
+    depth, nearest = distance_transform_edt(board, return_indices=True)
+    first = depth < 2.0  # cells; the diagonal neighbour is 1.4 away
+    return np.where(board, np.where(first, speed[tuple(nearest)], 0.0), speed)
 
 
 def _streamline(core: GridTable, start: complex, x_end_m: float) -> ComplexArray:
