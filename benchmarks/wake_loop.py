@@ -15,11 +15,11 @@ from tgl_soar.onboard import native
 
 def wake(count: int, period_ns: int, begin_ns: int) -> array[int]:
     """As the flying process waits for a tick where no sample comes."""
-    from tgl_soar.onboard import realtime  # native code, where that was asked for
+    from tgl_soar.onboard import pacing, realtime  # native code, where that was asked for
 
     late = array("q", [1]) * count
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as silent:
-        waiting, waiter = (silent.fileno(),), realtime.Waiter(time.monotonic)
+        waiting, waiter = (silent.fileno(),), pacing.Waiter(time.monotonic)
         realtime.prepare()
         due_ns = begin_ns
         for i in range(count):

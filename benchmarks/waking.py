@@ -2,7 +2,7 @@
 
 Both sleep to absolute deadlines 5 ms apart, the one half a period after the other, at the same
 time, under the same policy and with locked memory: whatever the machine does meets both.  The C
-loop is `clock_nanosleep`, as in cyclictest; ours is `realtime.Waiter` on a socket, as it flies.
+loop is `clock_nanosleep`, as in cyclictest; ours is `pacing.Waiter` on a socket, as it flies.
 """
 
 from __future__ import annotations

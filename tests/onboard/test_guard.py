@@ -166,7 +166,7 @@ def test_a_link_that_worked_before_is_tried_again(
         return child(ProcessHeartbeat(), became)
 
     monkeypatch.setattr("tgl_soar.onboard.watchdog.watch", watch)
-    monkeypatch.setattr("tgl_soar.onboard.realtime.go_first", lambda: None)
+    monkeypatch.setattr("tgl_soar.onboard.realtime.raise_priority", lambda: None)
     link = "serial:/dev/there_is_none:57600"
     assert process.run(AIRFRAME, SITE, link, guarded=True) == code
     assert "there_is_none" in capsys.readouterr().err

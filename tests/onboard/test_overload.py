@@ -15,7 +15,8 @@ from test_onboard import CAPTURING, SOARING, STEP_S, Flight, texts
 
 from tgl_soar.onboard import loop, process
 from tgl_soar.onboard.module import PIECE_BYTES, Onboard, WarmUp
-from tgl_soar.onboard.realtime import SHEDDING_TICKS, LoadShedding, RealtimeOptions, TickCounters
+from tgl_soar.onboard.pacing import SHEDDING_TICKS, LoadShedding, TickCounters
+from tgl_soar.onboard.realtime import RealtimeOptions
 
 
 class BusyFlight(Flight):

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from tgl_soar.onboard.realtime import Pacer
+from tgl_soar.onboard.pacing import Pacer
 
 STEP_S = 0.0001  # how finely the simulated process can wake
 

@@ -17,16 +17,9 @@ import pytest
 from module_process import arguments
 
 from tgl_soar.onboard import native
+from tgl_soar.onboard.pacing import AWAKE_MAX_S, Pacer, Waiter
 from tgl_soar.onboard.process import main
-from tgl_soar.onboard.realtime import (
-    AWAKE_MAX_S,
-    PRIORITY,
-    Pacer,
-    Waiter,
-    clock_ns,
-    clock_s,
-    processors,
-)
+from tgl_soar.onboard.realtime import PRIORITY, clock_ns, clock_s, processors
 
 
 def fifo_is_permitted() -> bool:

@@ -15,7 +15,7 @@ from math import inf
 from typing import Final
 
 from tgl_soar.link.transport import MAX_DATAGRAMS, Transport, UdpListener
-from tgl_soar.onboard import realtime
+from tgl_soar.onboard import pacing, realtime
 from tgl_soar.onboard.mocap import MocapFeed
 from tgl_soar.onboard.module import Onboard
 from tgl_soar.onboard.watchdog import ProcessHeartbeat
@@ -38,11 +38,11 @@ def run(
     """Fly until told to stop; False: no autopilot answered within `timeout_s`.
 
     `transports`: the first leads to the autopilot.  `stop` is asked in every round.  `say`: for
-    words on the console.  `spin_s`: as `realtime.Waiter` takes it.  `power_saving`:
+    words on the console.  `spin_s`: as `pacing.Waiter` takes it.  `power_saving`:
     no tick is rehearsed.
     """
     clock = realtime.clock_s
-    waiter = realtime.Waiter(clock, spin_s)
+    waiter = pacing.Waiter(clock, spin_s)
     now_s = began_s = clock()
     first, pacer = transports[0], onboard.pacer
     pacer.begin(now_s)

@@ -8,7 +8,7 @@
 `Onboard` has neither socket nor clock: bytes and time are arguments, frames go out through a
 function.  `process` opens the links, `loop` waits, and calls.
 
-Two ways to keep time.  On an aircraft the loop's clock is this computer's and `realtime.Pacer`
+Two ways to keep time.  On an aircraft the loop's clock is this computer's and `pacing.Pacer`
 says when to tick.  In lockstep the loop's clock is the vehicle's: each new ATTITUDE_QUATERNION
 is exactly one tick at its own time stamp, and as everything is handled in the order in which it
 came, the answer to a TIMESYNC tells the simulator that all before it is done.  Before the first
@@ -97,7 +97,7 @@ from tgl_soar.link.signing import KEY_BYTES, Signing
 from tgl_soar.link.sources import MOCAP, NUMBERS, VISION, PositionSources
 from tgl_soar.link.tangent_plane import Home
 from tgl_soar.link.telemetry import StatusTexts, Telemetry
-from tgl_soar.onboard import instruments, realtime
+from tgl_soar.onboard import instruments, pacing
 from tgl_soar.onboard.flightlog.recorder import NO_RECORDER, LinkReport, Recorder
 from tgl_soar.types import (
     NAN,
@@ -376,8 +376,8 @@ class Onboard:
             needs=setup.needs,
         )
         self.forwarding = _forwarding(setup.forward)
-        self.pacer = realtime.Pacer(rate_hz, now_s)
-        self.load_shedding = realtime.LoadShedding()
+        self.pacer = pacing.Pacer(rate_hz, now_s)
+        self.load_shedding = pacing.LoadShedding()
         self.output: autopilot.Output | None = None  # of the last tick
 
         self._setup = setup

@@ -102,6 +102,7 @@ MODULES: Final = (
     "tgl_soar.link.transport",
     "tgl_soar.onboard.module",
     "tgl_soar.onboard.loop",
+    "tgl_soar.onboard.pacing",
     "tgl_soar.onboard.realtime",
 )
 

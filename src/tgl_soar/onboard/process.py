@@ -69,7 +69,7 @@ from tgl_soar.link.transport import (
     is_open,
     open_link,
 )
-from tgl_soar.onboard import line_load, loop, native, realtime, watchdog
+from tgl_soar.onboard import line_load, loop, native, pacing, realtime, watchdog
 from tgl_soar.onboard.flightlog.declaration import VERSION
 from tgl_soar.onboard.flightlog.recorder import NO_RECORDER
 from tgl_soar.onboard.flightlog.writer import LARGEST_BYTES, FlightRecorder, LogMetadata
@@ -163,7 +163,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         metavar="US",
         help="do not sleep for so many microseconds before a tick is expected and, where its sample"
         " is late, after it; 0 to 2000."
-        f" Default: as many as this computer takes to wake, at most {realtime.AWAKE_MAX_S * 1e6:g}",
+        f" Default: as many as this computer takes to wake, at most {pacing.AWAKE_MAX_S * 1e6:g}",
     )
     add(
         "--power-saving",
