@@ -8,7 +8,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.onboard.flightlog.recorder import NO_RECORDER, Recorder
-from tgl_soar.onboard.module import Onboard, setup_from
+from tgl_soar.onboard.module import Onboard
+from tgl_soar.onboard.setup import setup_from
 
 TICK_S = 0.005
 WARM_UP = 400

@@ -65,7 +65,8 @@ with _watched():
     from tgl_soar.config.parameters import ParameterSet
     from tgl_soar.geometry import HallFrame, SoaringFrame
     from tgl_soar.link.optitrack import Optitrack, Settings
-    from tgl_soar.onboard.module import Onboard, setup_from
+    from tgl_soar.onboard.module import Onboard
+    from tgl_soar.onboard.setup import setup_from
     from tgl_soar.sim.channels import deflection_from_pwm, ordered
     from tgl_soar.sim.hostile import HEARD_NAMES, HostileFrames, hostile_message
     from tgl_soar.sim.natnet_frames import (

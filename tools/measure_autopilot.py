@@ -43,7 +43,7 @@ from tgl_soar.link.messages import (
     Heartbeat,
     Source,
 )
-from tgl_soar.onboard.module import surface_channels
+from tgl_soar.onboard.setup import surface_channels
 from tgl_soar.sim.firmware.sensors import Readings
 from tgl_soar.sim.firmware.simulation import FirmwareSimulation, Sticks
 from tgl_soar.sim.firmware.starts import STARTS

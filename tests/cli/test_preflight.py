@@ -25,7 +25,7 @@ from tgl_soar.link.messages import (
     Heartbeat,
     ParamValue,
 )
-from tgl_soar.onboard.module import surface_channels
+from tgl_soar.onboard.setup import surface_channels
 from tgl_soar.sim.firmware.ardupilot import flight_parameters
 
 PLANE = load_airframe(AIRFRAME)

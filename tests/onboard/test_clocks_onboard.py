@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from test_onboard import CAPTURING, READY, SOARING, STANDBY, Flight, texts
+from test_onboard import Flight, texts
+
+from tgl_soar.control.supervisor import CAPTURING, READY, SOARING, STANDBY
 
 ENGAGED = (CAPTURING, SOARING)
 SOON_S = 5.0  # engagement is possible again

@@ -14,7 +14,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
-from tgl_soar.onboard.module import Onboard, setup_from
+from tgl_soar.onboard.module import Onboard
+from tgl_soar.onboard.setup import setup_from
 from tgl_soar.sim import bridge
 from tgl_soar.sim.faults import parse_fault
 from tgl_soar.sim.simulation import Options, Simulation

@@ -20,9 +20,9 @@ from tgl_soar.config.files import load_airframe, load_site
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.link.keys import UNSIGNED, save_key
 from tgl_soar.onboard import process
-from tgl_soar.onboard.module import setup_from
 from tgl_soar.onboard.process import EXIT_CANNOT_START, EXIT_ERROR, EXIT_OK
 from tgl_soar.onboard.realtime import RealtimeOptions
+from tgl_soar.onboard.setup import setup_from
 from tgl_soar.onboard.watchdog import (
     ENDS,
     EXIT_KEEPS_DYING,

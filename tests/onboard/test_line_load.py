@@ -18,7 +18,7 @@ from tgl_soar.config.files import load_airframe, load_parameters, load_site
 from tgl_soar.link.transport import LinkError, baud_of
 from tgl_soar.onboard import process
 from tgl_soar.onboard.line_load import RATES_BAUD, USED_MAX, LineLoad, load_of
-from tgl_soar.onboard.module import Setup, setup_from
+from tgl_soar.onboard.setup import Setup, setup_from
 
 
 def flown(**changes: float) -> Setup:

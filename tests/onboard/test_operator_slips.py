@@ -9,7 +9,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
-from tgl_soar.onboard.module import Onboard, needs_of, setup_from
+from tgl_soar.onboard.module import Onboard
+from tgl_soar.onboard.setup import needs_of, setup_from
 from tgl_soar.sim.simulation import Options, Simulation
 
 AIRFRAME, SITE = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")

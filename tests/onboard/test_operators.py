@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from test_onboard import CAPTURING, READY, SOARING, Flight, setup, texts
+from test_onboard import Flight, setup, texts
 
+from tgl_soar.control.supervisor import CAPTURING, READY, SOARING
 from tgl_soar.estimation.health import ATTITUDE_SHIFT, DISARMED, WRONG
 from tgl_soar.link.signing import EPOCH_S, Signing
 from tgl_soar.onboard import process as module

@@ -11,8 +11,9 @@ from typing import Any
 import pytest
 from module_process import arguments
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from test_onboard import CAPTURING, SOARING, STEP_S, Flight, texts
+from test_onboard import STEP_S, Flight, texts
 
+from tgl_soar.control.supervisor import CAPTURING, SOARING
 from tgl_soar.onboard import loop, process
 from tgl_soar.onboard.module import PIECE_BYTES, Onboard, WarmUp
 from tgl_soar.onboard.pacing import SHEDDING_TICKS, LoadShedding, TickCounters

@@ -17,8 +17,9 @@ from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from test_onboard import CAPTURING, SOARING, STEP_S, Flight, setup, texts
+from test_onboard import STEP_S, Flight, setup, texts
 
+from tgl_soar.control.supervisor import CAPTURING, SOARING
 from tgl_soar.link.transport import COMMAND_LATE_S, OTHERS_LATE_S, SerialLink, open_link
 from tgl_soar.onboard.module import LONGEST_FRAME, RELEASE_FRAMES, Onboard
 

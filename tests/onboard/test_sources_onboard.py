@@ -11,7 +11,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tgl_soar import autopilot
 from tgl_soar.config.files import ConfigError, load_airframe, load_parameters, load_site, shipped
 from tgl_soar.link.sources import GLOBAL_POSITION, MOCAP, VISION
-from tgl_soar.onboard.module import Onboard, Setup, setup_from
+from tgl_soar.onboard.module import Onboard
+from tgl_soar.onboard.setup import Setup, setup_from
 from tgl_soar.types import NAN, Inputs, PositionFix
 
 AIRFRAME = shipped("airframes/eclipson_c.toml")

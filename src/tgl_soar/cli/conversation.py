@@ -24,7 +24,7 @@ from tgl_soar.link.messages import (
 )
 from tgl_soar.link.routes import Route
 from tgl_soar.link.transport import open_link
-from tgl_soar.onboard.module import commanding_source
+from tgl_soar.onboard.setup import commanding_source
 
 HEARTBEAT_S: Final = 1.0
 LOOK_S: Final = 0.02

@@ -27,7 +27,7 @@ from tgl_soar.link.checks.preflight import Preflight
 from tgl_soar.link.keys import SigningError
 from tgl_soar.link.transport import LinkError, baud_of
 from tgl_soar.onboard.line_load import load_of
-from tgl_soar.onboard.module import flavour_of, needs_of, setup_from
+from tgl_soar.onboard.setup import flavour_of, needs_of, setup_from
 
 
 def preflight(

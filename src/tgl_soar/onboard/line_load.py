@@ -23,7 +23,8 @@ from tgl_soar.link.messages import (
     ID_VISION_POSITION_ESTIMATE,
 )
 from tgl_soar.link.transport import BITS_PER_BYTE
-from tgl_soar.onboard.module import Onboard, Setup
+from tgl_soar.onboard.module import Onboard
+from tgl_soar.onboard.setup import Setup
 from tgl_soar.types import Setpoints, SurfaceCommand
 
 USED_MAX: Final = 0.8  # of what the line carries

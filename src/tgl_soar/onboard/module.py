@@ -23,40 +23,36 @@ import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from math import inf, radians
+from math import inf
 from typing import Final, NamedTuple
 
 from tgl_soar import __version__, autopilot
 from tgl_soar.config.files import (
-    OPERATORS,
-    Airframe,
-    ConfigError,
-    Forward,
-    Position,
-    Site,
-    Surface,
-    preset_lines,
     switch_refusal,
 )
-from tgl_soar.config.line_changes import OVERRIDE, Contour, LineChanges, Presets
+from tgl_soar.config.line_changes import OVERRIDE, LineChanges
 from tgl_soar.config.parameter_store import ParameterStore
-from tgl_soar.config.parameters import INDEX, ParameterSet
+from tgl_soar.config.parameters import INDEX
 from tgl_soar.control.line_bounds import LineBounds
+from tgl_soar.control.supervisor import (
+    BOOT,
+    FAILED,
+    HOLDING,
+    READY,
+    RECOVERING,
+    RELEASED,
+    SOARING,
+    STANDBY,
+    is_flying,
+)
 from tgl_soar.estimation.health import JUMP, WRONG
-from tgl_soar.geometry import SoaringFrame
 from tgl_soar.link import file_transfer
-from tgl_soar.link.autopilots import flavour as autopilot_flavour
-from tgl_soar.link.autopilots import routes
-from tgl_soar.link.autopilots.base import Flavour, SurfaceChannel, SurfaceChannels, is_finite
-from tgl_soar.link.autopilots.requirements import Needs
+from tgl_soar.link.autopilots.base import is_finite
 from tgl_soar.link.codec import Decoder, Encoder
 from tgl_soar.link.commands import ABORT, ENGAGE, NOTHING, RELEASE, CommandServer
 from tgl_soar.link.engagement import GONE_S, SILENCE_S, Engagement
 from tgl_soar.link.messages import (
-    ID_HIGHRES_IMU,
-    ID_RAW_IMU,
     ID_RC_CHANNELS,
-    ID_SCALED_IMU,
     SEVERITY_ERROR,
     SEVERITY_INFO,
     SEVERITY_NOTICE,
@@ -92,37 +88,28 @@ from tgl_soar.link.optitrack import Optitrack
 from tgl_soar.link.parameters import ParameterServer
 from tgl_soar.link.pose_forwarding import PoseForwarding
 from tgl_soar.link.routes import Route
-from tgl_soar.link.session import Session
 from tgl_soar.link.signing import KEY_BYTES, Signing
-from tgl_soar.link.sources import MOCAP, NUMBERS, VISION, PositionSources
-from tgl_soar.link.tangent_plane import Home
+from tgl_soar.link.sources import MOCAP, VISION
 from tgl_soar.link.telemetry import StatusTexts, Telemetry
 from tgl_soar.onboard import instruments, pacing
 from tgl_soar.onboard.flightlog.recorder import NO_RECORDER, LinkReport, Recorder
+from tgl_soar.onboard.setup import (
+    Setup,
+    accepted_bridges,
+    forwarding_of,
+    known_systems,
+    laws_of,
+    session_of,
+)
 from tgl_soar.types import (
-    NAN,
-    NO_AERODYNAMICS,
-    NO_GROUND,
     OURS,
     THEIRS,
-    Aerodynamics,
-    Ground,
     Inputs,
     Setpoints,
     SurfaceCommand,
     isfinite,
 )
 
-BOOT: Final = 0  # modes as the supervisor numbers them; a test holds the two together
-STANDBY: Final = 1
-READY: Final = 2
-CAPTURING: Final = 3
-SOARING: Final = 4
-HOLDING: Final = 5
-RECOVERING: Final = 6
-RELEASED: Final = 7
-FAILED: Final = 8
-FLYING: Final = range(CAPTURING, RELEASED)
 LONGEST_FRAME: Final = 293  # bytes of a MAVLink 2 frame with a full payload and a signature
 RELEASE_FRAMES: Final = 5  # a lost frame must not leave the aircraft to the overrides' time-out
 RELEASE_INTERVAL_S: Final = 0.1
@@ -141,26 +128,6 @@ KEPT_IS_DAMAGED: Final = "the signing timestamp that was kept is damaged: the cl
 MISSED_TICKS: Final = 1.5  # lockstep: so long without an attitude, its tick is missing
 PIECE_BYTES: Final = 512  # more than a tick usually hears is not rehearsed
 IDLE_S: Final = 0.05  # how often to look around while nothing sets the pace
-
-
-class Setup(NamedTuple):
-    """What the module needs to know of an airframe and a site."""
-
-    own: Source
-    override: Source  # the sender of commands that the autopilot obeys
-    flavour: Flavour
-    frame: SoaringFrame
-    parameters: ParameterSet
-    operators: frozenset[int] = OPERATORS  # systems that may set parameters and command
-    presets: Presets = ()  # the site's lines, for TGL_PRESET
-    contour: Contour = ()  # of the site, which a line has to cross
-    surface_channels: frozenset[int] = frozenset()  # none of them can be the pilot's switch
-    position: Position = Position()  # the site's sources
-    imu: int | None = None  # the message that is to carry accelerations; None: the usual one
-    forward: Forward | None = None  # what the autopilot is told of the position
-    aerodynamics: Aerodynamics = NO_AERODYNAMICS  # of the airframe, to read the air by
-    ground: Ground = NO_GROUND  # of the site, to keep away from
-    needs: Needs | None = None  # what the autopilot's parameters are read for; None: they are not
 
 
 class WarmUp(NamedTuple):
@@ -184,140 +151,6 @@ class Counters:
     laws_changed: int = 0
     telemetry_shed: int = 0  # messages that were due while ticks came late
     mode_changes: dict[int, int] = field(default_factory=dict)  # by the new mode
-
-
-def surface_channels(airframe: Airframe) -> SurfaceChannels:
-    """The channels of an airframe's surfaces."""
-    surfaces = airframe.surfaces
-    return SurfaceChannels(
-        _channel(surfaces.elevator), _channel(surfaces.aileron), _channel(surfaces.rudder)
-    )
-
-
-def flavour_of(airframe: Airframe) -> Flavour:
-    """How an airframe's autopilot is commanded.  Errors: `ConfigError` for an unknown route."""
-    link = airframe.autopilot
-    try:
-        channels = surface_channels(airframe)
-        return autopilot_flavour(link.firmware, link.route, channels, link.system_id)
-    except ValueError as error:
-        raise ConfigError(f"autopilot.route = {link.route!r}: {error}") from None
-
-
-def commanding_source(airframe: Airframe, flavour: Flavour) -> Source:
-    """The identity that commands carry: the one that the firmware obeys, else our own."""
-    link = airframe.autopilot
-    system = link.override_system_id if flavour.route.as_operator else link.system_id
-    return Source(system, link.component_id)
-
-
-def direct_flavour_of(airframe: Airframe) -> Flavour:
-    """The firmware by a route that moves surfaces directly, for the bench."""
-    chosen = flavour_of(airframe)
-    if chosen.route.loops == OURS:
-        return chosen
-    link = airframe.autopilot
-    direct = next(r.name for r in routes(link.firmware) if r.loops == OURS)
-    return autopilot_flavour(link.firmware, direct, surface_channels(airframe), link.system_id)
-
-
-def needs_of(airframe: Airframe, site: Site, values: ParameterSet) -> Needs:
-    """What the module asks of the firmware."""
-    return Needs(
-        override_system=airframe.autopilot.override_system_id,
-        loop_rate_hz=values["LOOP_RATE"],
-        external_pose=site.forward is not None,
-        gps=site.mocap is None,
-    )
-
-
-def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Setup:
-    """Configuration files' contents as the flying module takes them."""
-    link = airframe.autopilot
-    channels, flavour = surface_channels(airframe), flavour_of(airframe)
-    if parameters["OP_ENGAGE"] != 0.0:  # a restarted module must never engage by itself
-        parameters = parameters.changed({"OP_ENGAGE": 0.0})
-    driven = frozenset(channel.channel for channel in channels)
-    if refusal := switch_refusal(parameters["OP_RC_CHAN"], driven):
-        raise ConfigError(f"parameters.OP_RC_CHAN = {parameters['OP_RC_CHAN']:g}: {refusal}")
-    _believed(site.position, Source(link.system_id, link.component_id))
-    needs = needs_of(airframe, site, parameters)
-    # Its own local position may as well come from poses that somebody else sends it: only who
-    # counts on latitude and longitude is kept on the ground by what its satellites need.
-    needs = needs._replace(gps=needs.gps and "global_position" in site.position.sources)
-    return Setup(
-        own=Source(link.system_id, link.component_id),
-        override=commanding_source(airframe, flavour),
-        flavour=flavour,
-        frame=site.frame(),
-        parameters=parameters,
-        operators=link.operators,
-        presets=preset_lines(site, parameters),
-        contour=site.contour_for(airframe.airframe.name),
-        surface_channels=driven,
-        position=site.position,
-        imu=_IMUS[link.imu],
-        forward=site.forward,
-        aerodynamics=airframe.aerodynamics(),
-        ground=site.known_ground(),
-        needs=needs,
-    )
-
-
-_IMUS: Final = {
-    "usual": None,
-    "raw_imu": ID_RAW_IMU,
-    "scaled_imu": ID_SCALED_IMU,
-    "highres_imu": ID_HIGHRES_IMU,
-    "none": 0,
-}
-
-
-def _known_systems(setup: Setup) -> frozenset[int]:
-    """Whose frames belong into a log."""
-    believed = _believed(setup.position, setup.own)
-    return frozenset((setup.own.system, *setup.operators, *(s.system for s in believed)))
-
-
-def _believed(position: Position, own: Source) -> frozenset[Source]:
-    """Whose VISION_POSITION_ESTIMATE is taken.
-
-    Errors: `ConfigError` for our own, which an autopilot may send back to us.
-    """
-    believed = frozenset(Source(s.system, s.component) for s in position.vision_from)
-    if own in believed:
-        raise ConfigError(
-            f"position.vision_from = system {own.system}, component {own.component}: that is"
-            " this module itself; name the bridge that measures"
-        )
-    return believed
-
-
-def _forwarding(forward: Forward | None) -> PoseForwarding | None:
-    if forward is None:
-        return None
-    return PoseForwarding(
-        forward.message,
-        forward.rate_hz,
-        sigma_m=NAN if forward.sigma_m is None else forward.sigma_m,
-        sigma_rad=radians(forward.sigma_deg),
-    )
-
-
-def laws_of(setup: Setup, values: ParameterSet) -> autopilot.Laws:
-    """The laws of one tick: here, and in the replay of a log."""
-    loops = setup.flavour.route.loops
-    return autopilot.laws_from(values, setup.frame, setup.aerodynamics, setup.ground, loops)
-
-
-def _channel(surface: Surface) -> SurfaceChannel:
-    return SurfaceChannel(
-        channel=surface.channel,
-        pwm_min=surface.pwm_min,
-        pwm_trim=surface.pwm_trim,
-        pwm_max=surface.pwm_max,
-        reversed=surface.reversed,
-    )
 
 
 class Onboard:
@@ -357,25 +190,8 @@ class Onboard:
         line = LineChanges(setup.presets, LineBounds(setup.contour, setup.ground).fault)
         self.parameters = ParameterServer(setup.own, setup.parameters, self.texts, line)
         rate_hz = setup.parameters["LOOP_RATE"]
-        home = setup.position.home
-        self.session = Session(
-            setup.own,
-            setup.flavour,
-            rate_hz,
-            override_system=setup.override.system,
-            lockstep=lockstep,
-            sources=PositionSources(
-                [NUMBERS[name] for name in setup.position.sources],
-                silence_s=setup.position.silence_s,
-                return_s=setup.position.return_s,
-            ),
-            home=Home(home.latitude_deg, home.longitude_deg, home.altitude_m) if home else None,
-            vision_from=_believed(setup.position, setup.own),
-            imu=setup.imu,
-            start=start,
-            needs=setup.needs,
-        )
-        self.forwarding = _forwarding(setup.forward)
+        self.session = session_of(setup, lockstep=lockstep, start=start)
+        self.forwarding = forwarding_of(setup.forward)
         self.pacer = pacing.Pacer(rate_hz, now_s)
         self.load_shedding = pacing.LoadShedding()
         self.output: autopilot.Output | None = None  # of the last tick
@@ -471,7 +287,7 @@ class Onboard:
                 self.signing,
                 stream=stream,
                 excused=excused,
-                known=_known_systems(setup),
+                known=known_systems(setup),
                 tap=partial(self._recorder.heard, number),
                 send_command=send_command,
                 clear_for_release=clear_for_release,
@@ -616,7 +432,7 @@ class Onboard:
 
     def _already_known(self, source: Source) -> None:
         """A bridge on the autopilot's own link speaks to it without us."""
-        if self.forwarding is not None and source in _believed(
+        if self.forwarding is not None and source in accepted_bridges(
             self._setup.position, self._setup.own
         ):
             self.forwarding.known.add(VISION)
@@ -777,7 +593,7 @@ class Onboard:
     def _tell_engagement(self, mode: int, *, ended: bool = False) -> None:
         """Whoever has asked to engage hears how it goes.  `ended`: by the module itself."""
         for ack in self.commands.engagement(
-            flying=mode in FLYING and not ended,
+            flying=is_flying(mode) and not ended,
             settled=mode == SOARING and not ended,
             withdrawn=mode in (BOOT, STANDBY, READY) and not ended,
         ):

@@ -74,7 +74,8 @@ from tgl_soar.onboard.flightlog.declaration import VERSION
 from tgl_soar.onboard.flightlog.recorder import NO_RECORDER
 from tgl_soar.onboard.flightlog.writer import LARGEST_BYTES, FlightRecorder, LogMetadata
 from tgl_soar.onboard.mocap import MocapFeed, from_server
-from tgl_soar.onboard.module import RELEASE_FRAMES, Onboard, Setup, setup_from
+from tgl_soar.onboard.module import RELEASE_FRAMES, Onboard
+from tgl_soar.onboard.setup import Setup, setup_from
 
 GIVE_BACK_INTERVAL_S: Final = 0.02  # between frames that give the surfaces back for a dead process
 

@@ -60,7 +60,7 @@ from tgl_soar.onboard.flightlog.declaration import (
     rows_type,
 )
 from tgl_soar.onboard.flightlog.writer import clamped
-from tgl_soar.onboard.module import Setup, laws_of, setup_from
+from tgl_soar.onboard.setup import Setup, laws_of, setup_from
 from tgl_soar.types import NAN, NO_ATTITUDE, NO_FIX, AutopilotStatus, Inputs
 
 STRETCH: Final = 2000  # ticks: less is not worth another process

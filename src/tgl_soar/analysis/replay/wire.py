@@ -34,7 +34,8 @@ from tgl_soar.link.clock import ClockMap
 from tgl_soar.link.codec import first_frame
 from tgl_soar.onboard.flightlog.recorder import Recorder
 from tgl_soar.onboard.instruments import FAST, fast_value
-from tgl_soar.onboard.module import Onboard, setup_from
+from tgl_soar.onboard.module import Onboard
+from tgl_soar.onboard.setup import setup_from
 from tgl_soar.types import Inputs
 
 GAP_S: Final = 5.0  # a silence that is passed over
