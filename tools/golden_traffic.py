@@ -2,12 +2,13 @@
 """A conversation with an autopilot, kept as test data: what it accepts, refuses and lets time out.
 
     python tools/golden_traffic.py --firmware .../bin/arduplane \\
-        --out tests/sim/golden/arduplane-4.6.3.jsonl
+        --out tests/sim/vehicle/golden/arduplane-4.6.3.jsonl
 
 A companion (1, 191) and a ground station (255, 190) on one link ask and command an ArduPlane that
 is held over the hill, by the script below.  Each line of the file is one message, with the time
-since the script began [s]; `from` is the sender's identity.  tests/sim/test_golden_traffic.py says
-the same to the simulated Pixhawk and compares what it answers.
+since the script began [s]; `from` is the sender's identity.
+tests/sim/vehicle/test_golden_traffic.py sends the same to the simulated Pixhawk and compares what
+it answers.
 """
 
 from __future__ import annotations

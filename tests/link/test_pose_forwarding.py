@@ -21,7 +21,7 @@ from tgl_soar.link.pose_forwarding import (
     normalised,
 )
 from tgl_soar.link.sources import LOCAL_POSITION, MOCAP, VISION, PositionSources, Quaternion
-from tgl_soar.sim.external_pose import ExternalPose
+from tgl_soar.sim.vehicle.external_pose import ExternalPose
 from tgl_soar.types import PositionFix
 
 EAST_NOSE_UP = quaternion_from_euler(0.1, 0.2, pi / 2)

@@ -22,10 +22,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tgl_soar.config.files import Airframe, Site, load_airframe, load_site, shipped
 from tgl_soar.sim.bridge import main
 from tgl_soar.sim.channels import LEAVE, ordered, pwm_from_deflection
-from tgl_soar.sim.pixhawk import MANUAL
 from tgl_soar.sim.ports import MAX_STRANGERS, Port, Ports
 from tgl_soar.sim.routing import split_frames
 from tgl_soar.sim.simulation import LOG_COLUMNS, Options, Simulation
+from tgl_soar.sim.vehicle.pixhawk import MANUAL
 
 AIRFRAME = shipped("airframes/eclipson_c.toml")
 SITE = shipped("sites/tunnel.toml")

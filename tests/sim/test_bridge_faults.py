@@ -17,10 +17,10 @@ from tgl_soar.cli.app import app
 from tgl_soar.config.files import load_airframe, load_site, shipped
 from tgl_soar.sim.bridge import main
 from tgl_soar.sim.faults import CATALOGUE, parse_fault
-from tgl_soar.sim.pixhawk import FBWA, MANUAL
 from tgl_soar.sim.routing import Frame, split_frames
 from tgl_soar.sim.simulation import Options, Simulation
 from tgl_soar.sim.sitl import SitlError, SitlOptions, fly
+from tgl_soar.sim.vehicle.pixhawk import FBWA, MANUAL
 
 AIRFRAME_PATH, SITE_PATH = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
 COMPANION = 1

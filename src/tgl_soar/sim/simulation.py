@@ -22,10 +22,10 @@ from tgl_soar.sim.channels import NEUTRAL
 from tgl_soar.sim.faults import Fault
 from tgl_soar.sim.injection import Injection, of_duplicate
 from tgl_soar.sim.pilot import SafetyPilot
-from tgl_soar.sim.pixhawk import FBWA, MANUAL, Pixhawk, Sensed
 from tgl_soar.sim.routing import LinkId
 from tgl_soar.sim.sensors import MEMS_IMU, PITOT, Sensors
 from tgl_soar.sim.truth_log import TruthLog
+from tgl_soar.sim.vehicle.pixhawk import FBWA, MANUAL, Pixhawk, Sensed
 from tgl_soar.sim.world import World, build_field, make_world
 from tgl_soar.types import GlidePolar, polar_sink
 

@@ -37,7 +37,6 @@ from tgl_soar.sim.channels import (
     pwm_from_stick,
     stick_from_pwm,
 )
-from tgl_soar.sim.external_pose import ExternalPose
 from tgl_soar.sim.routing import Frame, LinkId, Router, split_frames
 from tgl_soar.sim.sensor_messages import (
     ShownAirspeed,
@@ -46,6 +45,7 @@ from tgl_soar.sim.sensor_messages import (
     raw_imu,
     scaled_imu,
 )
+from tgl_soar.sim.vehicle.external_pose import ExternalPose
 from tgl_soar.types import (
     NO_AIRSPEED,
     NO_IMU,

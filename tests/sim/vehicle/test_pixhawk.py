@@ -13,8 +13,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.files import Surface, Surfaces
 from tgl_soar.sim.channels import deflection_from_pwm, pwm_from_deflection
-from tgl_soar.sim.pixhawk import FBWA, MANUAL, Pixhawk, Sensed
 from tgl_soar.sim.routing import MAX_ROUTES, split_frames
+from tgl_soar.sim.vehicle.pixhawk import FBWA, MANUAL, Pixhawk, Sensed
 from tgl_soar.types import NO_ATTITUDE, NO_FIX, AttitudeSample, PositionFix, SurfaceCommand
 
 STEP_HZ = 200
