@@ -25,7 +25,7 @@ from tgl_soar.sim.channels import LEAVE, ordered, pwm_from_deflection
 from tgl_soar.sim.ports import MAX_STRANGERS, Port, Ports
 from tgl_soar.sim.routing import split_frames
 from tgl_soar.sim.simulation import LOG_COLUMNS, Options, Simulation
-from tgl_soar.sim.vehicle.pixhawk import MANUAL
+from tgl_soar.sim.vehicle.modes import MANUAL
 
 AIRFRAME = shipped("airframes/eclipson_c.toml")
 SITE = shipped("sites/tunnel.toml")
@@ -172,7 +172,7 @@ def test_after_the_timeout_the_pilot_takes_over_and_keeps_it_up(
     for _ in range(3 * 200 + 2):
         simulation.step()
     assert simulation.pixhawk.mode == MANUAL
-    assert not simulation.pixhawk.reads_override()
+    assert not simulation.pixhawk.is_overridden()
     for _ in range(30 * 200):
         simulation.step()
     assert simulation.crashes == 0

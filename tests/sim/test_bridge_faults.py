@@ -20,7 +20,7 @@ from tgl_soar.sim.faults import CATALOGUE, parse_fault
 from tgl_soar.sim.routing import Frame, split_frames
 from tgl_soar.sim.simulation import Options, Simulation
 from tgl_soar.sim.sitl import SitlError, SitlOptions, fly
-from tgl_soar.sim.vehicle.pixhawk import FBWA, MANUAL
+from tgl_soar.sim.vehicle.modes import FBWA, MANUAL
 
 AIRFRAME_PATH, SITE_PATH = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
 COMPANION = 1

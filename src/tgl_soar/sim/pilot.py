@@ -19,7 +19,7 @@ from __future__ import annotations
 from math import atan, cos, radians, sin
 from typing import Final
 
-from tgl_soar.sim.vehicle.pixhawk import PITCH_STICK_RAD, LevelFlight
+from tgl_soar.sim.vehicle.level_flight import PITCH_STICK_RAD, LevelFlight
 from tgl_soar.types import AttitudeSample, SurfaceCommand
 
 _ETA_RAD: Final = radians(90.0 + 15.0)

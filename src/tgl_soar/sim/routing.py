@@ -112,8 +112,8 @@ class Router:
             if not links:
                 del self._routes[identity]
 
-    def heard(self, system: int, component: int) -> tuple[LinkId, ...]:
-        """The links on which an identity was heard."""
+    def routes_to(self, system: int, component: int) -> tuple[LinkId, ...]:
+        """The links on which frames of an identity have arrived."""
         return tuple(self._routes.get((system, component), ()))
 
     def route(

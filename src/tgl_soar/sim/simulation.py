@@ -25,7 +25,9 @@ from tgl_soar.sim.pilot import SafetyPilot
 from tgl_soar.sim.routing import LinkId
 from tgl_soar.sim.sensors import MEMS_IMU, PITOT, Sensors
 from tgl_soar.sim.truth_log import TruthLog
-from tgl_soar.sim.vehicle.pixhawk import FBWA, MANUAL, Pixhawk, Sensed
+from tgl_soar.sim.vehicle.modes import FBWA, MANUAL
+from tgl_soar.sim.vehicle.pixhawk import Pixhawk
+from tgl_soar.sim.vehicle.sensed import Sensed
 from tgl_soar.sim.world import World, build_field, make_world
 from tgl_soar.types import GlidePolar, polar_sink
 
@@ -98,11 +100,11 @@ class Simulation:
         # Where poses are forwarded the autopilot is set up to take them.
         self._parameters = {"VISO_TYPE": 1.0} if site.forward is not None else {}
         self._parameters |= dict(options.parameters)
-        self.pixhawk = self._autopilot(airframe, options, options.uptime_s)
+        self.pixhawk = self._autopilot(airframe, options, options.uptime_s, armed=options.armed)
         # Heard by nobody until its fault acts, it hears all that the other hears.
         self._duplicates = self.injection.named("autopilot.duplicate")
         self._duplicate = (
-            self._autopilot(airframe, options, options.uptime_s + DUPLICATE_UPTIME_S)
+            self._autopilot(airframe, options, options.uptime_s + DUPLICATE_UPTIME_S, armed=True)
             if self._duplicates
             else None
         )
@@ -118,10 +120,11 @@ class Simulation:
         self._sensed = self._sense(False)
         self._log = TruthLog(options.log, LOG_COLUMNS) if options.log is not None else None
         self.world.held = options.held
-        self.pixhawk.armed = options.armed
         self._log_row()
 
-    def _autopilot(self, airframe: Airframe, options: Options, uptime_s: float) -> Pixhawk:
+    def _autopilot(
+        self, airframe: Airframe, options: Options, uptime_s: float, *, armed: bool
+    ) -> Pixhawk:
         return Pixhawk(
             airframe.surfaces,
             options.step_hz,
@@ -130,6 +133,7 @@ class Simulation:
             allow_odometry=options.allow_odometry,
             uptime_s=uptime_s,
             home=self._home,
+            armed=armed,
         )
 
     # --- the links of the autopilot, or of both that say to be it ------------------------
@@ -255,13 +259,13 @@ class Simulation:
             world.held = True
             pixhawk.restart()
             self._events.append("carried back and held at the start again")
-        elif world.held and pixhawk.armed and pixhawk.mode == MANUAL and pixhawk.reads_override():
+        elif world.held and pixhawk.armed and pixhawk.mode == MANUAL and pixhawk.is_overridden():
             world.held = False
             self._events.append("launched: the surfaces are overridden")
 
     def _fly_by_hand(self) -> None:
         pixhawk = self.pixhawk
-        if not self.flying or pixhawk.reads_override() or self._sensed.attitude.sequence == 0:
+        if not self.flying or pixhawk.is_overridden() or self._sensed.attitude.sequence == 0:
             self._pilot.let_go()
             pixhawk.pilot_sticks = NEUTRAL
             return
@@ -299,7 +303,7 @@ class Simulation:
     def _log_row(self) -> None:
         if self._log is not None:
             pixhawk = self.pixhawk
-            state = (pixhawk.mode, self.flying, pixhawk.reads_override())
+            state = (pixhawk.mode, self.flying, pixhawk.is_overridden())
             time_s = self._options.uptime_s + self._passed_over_s + self.world.time_s
             self._log.add((*truth_row(time_s, self.world), *state))
 

@@ -17,7 +17,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.files import load_airframe, shipped
 from tgl_soar.sim.channels import NEUTRAL
-from tgl_soar.sim.vehicle.pixhawk import Pixhawk, Sensed
+from tgl_soar.sim.vehicle.pixhawk import Pixhawk
+from tgl_soar.sim.vehicle.sensed import Sensed
 from tgl_soar.types import AttitudeSample, PositionFix
 
 GOLDEN = Path(__file__).parent / "golden" / "arduplane-4.6.3.jsonl"

@@ -14,7 +14,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tgl_soar.config.files import Surface, Surfaces
 from tgl_soar.sim.channels import deflection_from_pwm, pwm_from_deflection
 from tgl_soar.sim.routing import MAX_ROUTES, split_frames
-from tgl_soar.sim.vehicle.pixhawk import FBWA, MANUAL, Pixhawk, Sensed
+from tgl_soar.sim.vehicle.modes import FBWA, MANUAL
+from tgl_soar.sim.vehicle.pixhawk import Pixhawk
+from tgl_soar.sim.vehicle.sensed import Sensed
 from tgl_soar.types import NO_ATTITUDE, NO_FIX, AttitudeSample, PositionFix, SurfaceCommand
 
 STEP_HZ = 200
@@ -208,7 +210,7 @@ def test_overrides_time_out_after_three_seconds_exactly() -> None:
     run(pixhawk, 1)
     assert pixhawk.mode == FBWA
     assert pixhawk.counts.override_timeouts == 1
-    assert not pixhawk.reads_override()
+    assert not pixhawk.is_overridden()
 
 
 def test_the_timeout_follows_its_parameter_and_minus_one_means_never() -> None:
@@ -246,7 +248,7 @@ def test_channels_are_released_and_left_one_by_one() -> None:
     assert pixhawk.surfaces.rudder == pytest.approx(0.5)
     peer.override(0, 0, 0, 0)
     run(pixhawk, 1)
-    assert not pixhawk.reads_override()
+    assert not pixhawk.is_overridden()
     assert pixhawk.surfaces.elevator == 0.0
     run(pixhawk, 4 * STEP_HZ)
     assert pixhawk.mode == MANUAL  # released is not timed out
@@ -271,8 +273,8 @@ def test_high_channels_have_their_own_release_value() -> None:
     low = [65535] * 8
     peer.say(mavlink.MAVLink_rc_channels_override_message(1, 1, *low, 1600, 1610))
     peer.say(mavlink.MAVLink_rc_channels_override_message(1, 1, *low, 0, 65534))
-    assert pixhawk.overrides.on(9) == 1600
-    assert pixhawk.overrides.on(10) is None
+    assert pixhawk.outputs.overrides.on(9) == 1600
+    assert pixhawk.outputs.overrides.on(10) is None
 
 
 def test_rc_channels_shows_the_overrides() -> None:
@@ -652,7 +654,7 @@ def test_frames_are_sent_on_byte_for_byte_in_both_versions_and_signed() -> None:
 def test_a_link_that_is_gone_is_no_way_to_anyone() -> None:
     pixhawk, station, _, _ = three_links()
     pixhawk.remove_link(COMPANION)
-    assert pixhawk.heard(1, 191) == ()
+    assert pixhawk.links.routes_to(1, 191) == ()
     station.set_parameter("SYSID_MYGCS", 9.0, target=(1, 191))
     assert links_of(pixhawk) == {GROUND, RADIO}  # executed here again, and told to all
 
@@ -663,7 +665,7 @@ def test_a_stranger_with_the_autopilots_name_is_ignored_and_told_of() -> None:
     assert links_of(pixhawk) == set()
     [event] = pixhawk.take_events()
     assert "this autopilot" in event
-    assert pixhawk.heard(1, 1) == ()
+    assert pixhawk.links.routes_to(1, 1) == ()
 
 
 def test_a_flood_of_identities_fills_a_table_and_no_more() -> None:
@@ -671,9 +673,9 @@ def test_a_flood_of_identities_fills_a_table_and_no_more() -> None:
     companion(pixhawk).heartbeat()
     for system in range(2, 250):
         Peer(pixhawk, GROUND, system, 7).heartbeat()
-    known = sum(bool(pixhawk.heard(system, 7)) for system in range(2, 250))
+    known = sum(bool(pixhawk.links.routes_to(system, 7)) for system in range(2, 250))
     assert known == MAX_ROUTES - 1
-    assert pixhawk.heard(1, 191) == (COMPANION,)
+    assert pixhawk.links.routes_to(1, 191) == (COMPANION,)
 
 
 # --- whatever arrives ------------------------------------------------------------------------

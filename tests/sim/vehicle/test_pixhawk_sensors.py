@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.files import HomePosition, Surface, Surfaces
-from tgl_soar.sim.vehicle.pixhawk import Pixhawk, Sensed
+from tgl_soar.sim.vehicle.pixhawk import Pixhawk
+from tgl_soar.sim.vehicle.sensed import Sensed
 from tgl_soar.types import AirspeedSample, AttitudeSample, ImuSample, PositionFix
 
 STEP_HZ = 200
