@@ -16,8 +16,9 @@ from tempfile import TemporaryDirectory
 from time import perf_counter_ns
 from typing import ParamSpec, TypeVar
 
-from tgl_soar.autopilot import initial_state, laws_from, step
+from tgl_soar.autopilot import initial_state, step
 from tgl_soar.control.envelope import elevator_limit, limit_surfaces
+from tgl_soar.control.laws import laws_from
 from tgl_soar.estimation.health import health_step
 from tgl_soar.estimation.motion import motion_step
 from tgl_soar.estimation.wind import wind_step

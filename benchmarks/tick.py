@@ -11,8 +11,9 @@ from time import perf_counter
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.autopilot import AutopilotState, initial_state, laws_from, step
+from tgl_soar.autopilot import AutopilotState, initial_state, step
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
+from tgl_soar.control.laws import laws_from
 from tgl_soar.estimation.motion import motion_step
 from tgl_soar.sim.closed_loop import HELD_S
 from tgl_soar.sim.sensors import MEMS_IMU, USUAL_SENSORS, Sensors

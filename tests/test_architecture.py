@@ -29,7 +29,8 @@ TABLE: dict[str, set[str]] = {
     "config": {"config.line_changes", "geometry"},
     "control": {"config.line_changes", "geometry"},
     "estimation": {"config.parameters", "geometry"},
-    "autopilot": {"control", "estimation"},
+    "control.laws": {"control", "estimation"},  # it holds the parameters of both
+    "autopilot": {"control.laws"},
     "link": {"config", "geometry"},
     "onboard.native": set(),
     "onboard.pacing": set(),
@@ -65,8 +66,8 @@ STAYS_ON_THE_GROUND = DOORS - FLIES
 
 # A law knows no clock, no file and no wire.
 PURE = {
-    "types", "geometry", "config.parameters", "config.line_changes", "control", "estimation",
-    "autopilot",
+    "types", "geometry", "config.parameters", "config.line_changes", "control", "control.laws",
+    "estimation", "autopilot",
 }  # fmt: skip
 IMPURE = {
     "asyncio", "io", "logging", "multiprocessing", "os", "pathlib", "select", "serial", "signal",

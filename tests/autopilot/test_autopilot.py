@@ -22,16 +22,15 @@ from tgl_soar.autopilot import (
     DT_MAX_S,
     ON_LINE_S,
     AutopilotState,
-    Laws,
     Output,
     initial_state,
-    laws_from,
     mode_name,
     reason_text,
     step,
 )
 from tgl_soar.config.parameters import PARAMETERS, ParameterSet
 from tgl_soar.control import supervisor as modes
+from tgl_soar.control.laws import Laws, laws_from
 from tgl_soar.control.target_line import e_rho
 from tgl_soar.geometry import (
     SoaringFrame,

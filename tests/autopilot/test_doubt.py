@@ -16,10 +16,10 @@ from tgl_soar.autopilot import (
     AutopilotState,
     Output,
     initial_state,
-    laws_from,
     step,
 )
 from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.control.laws import laws_from
 from tgl_soar.estimation.health import FROZEN
 from tgl_soar.estimation.motion import (
     GRAVITY_MPS2,

@@ -3,7 +3,7 @@
 The MAVLink parameter server, the TOML loader, the reference page and the tests all read
 `PARAMETERS`.  Values are in the operator's units (degrees, hertz) and are 32-bit floats, as
 they are on the wire, so that what is set is exactly what is read back; the laws' own objects
-in SI units are built from them by `tgl_soar.autopilot.laws_from`.
+in SI units are built from them by `tgl_soar.control.laws.laws_from`.
 
 Names have at most 16 characters and share a prefix by topic.  No firmware has a parameter of
 the same name: an autopilot that has not yet learnt the way to this component would execute a

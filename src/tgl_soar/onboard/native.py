@@ -64,6 +64,7 @@ MODULES: Final = (
     "tgl_soar.estimation.motion",
     "tgl_soar.estimation.turning",
     "tgl_soar.estimation.wind",
+    "tgl_soar.control.laws",
     "tgl_soar.autopilot",
     "tgl_soar.onboard.flightlog.allowance",
     "tgl_soar.onboard.flightlog.recorder",

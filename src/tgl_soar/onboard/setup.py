@@ -9,7 +9,6 @@ from __future__ import annotations
 from math import radians
 from typing import Final, NamedTuple
 
-from tgl_soar import autopilot
 from tgl_soar.config.files import (
     OPERATORS,
     Airframe,
@@ -23,6 +22,7 @@ from tgl_soar.config.files import (
 )
 from tgl_soar.config.line_changes import Contour, Presets
 from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.control.laws import Laws, laws_from
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.link.autopilots import flavour as autopilot_flavour
 from tgl_soar.link.autopilots import routes
@@ -196,10 +196,10 @@ def forwarding_of(forward: Forward | None) -> PoseForwarding | None:
     )
 
 
-def laws_of(setup: Setup, values: ParameterSet) -> autopilot.Laws:
+def laws_of(setup: Setup, values: ParameterSet) -> Laws:
     """The laws of one tick: here, and in the replay of a log."""
     loops = setup.flavour.route.loops
-    return autopilot.laws_from(values, setup.frame, setup.aerodynamics, setup.ground, loops)
+    return laws_from(values, setup.frame, setup.aerodynamics, setup.ground, loops)
 
 
 def _channel(surface: Surface) -> SurfaceChannel:

@@ -14,8 +14,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tgl_soar.autopilot import AutopilotState, Output, initial_state, laws_from, reason_text, step
+from tgl_soar.autopilot import (
+    AutopilotState,
+    Output,
+    initial_state,
+    reason_text,
+    step,
+)
 from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.control.laws import laws_from
 from tgl_soar.control.supervisor import FAILED, RELEASED
 from tgl_soar.control.target_line import e_rho
 from tgl_soar.sim.injection import DirectLink, Injection

@@ -41,6 +41,7 @@ MODULES: Final = (
     "tgl_soar.estimation.motion",
     "tgl_soar.estimation.health",
     "tgl_soar.estimation.wind",
+    "tgl_soar.control.laws",
     "tgl_soar.autopilot",
     "tgl_soar.air.grid",
     "tgl_soar.air.hill",

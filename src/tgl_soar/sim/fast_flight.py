@@ -33,9 +33,10 @@ from tgl_soar.air.gusts import (
 )
 from tgl_soar.air.hill import Hill, HillField
 from tgl_soar.air.jet import Jet, SlopeJet
-from tgl_soar.autopilot import Output, initial_state, laws_from, reason_text
+from tgl_soar.autopilot import Output, initial_state, reason_text
 from tgl_soar.autopilot import step as autopilot_step
 from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.control.laws import laws_from
 from tgl_soar.sim.aircraft import AircraftState
 from tgl_soar.sim.closed_loop import Change, ClosedLoop, Row, Trajectory
 from tgl_soar.sim.compiled import cell, compiled

@@ -20,8 +20,9 @@ from tgl_soar.air.grid import GridTable3D, grid_wind_3d
 from tgl_soar.air.gusts import DrydenParams, DrydenState, dryden_step
 from tgl_soar.air.hill import Hill, hill_wind
 from tgl_soar.air.jet import Jet, jet_wind
-from tgl_soar.autopilot import AutopilotState, Laws, Output
+from tgl_soar.autopilot import AutopilotState, Output
 from tgl_soar.autopilot import step as autopilot_step
+from tgl_soar.control.laws import Laws
 from tgl_soar.control.supervisor import FAILED, RELEASED
 from tgl_soar.control.target_line import e_rho
 from tgl_soar.geometry import SoaringFrame, euler_from_quaternion

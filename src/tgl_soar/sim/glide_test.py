@@ -16,9 +16,15 @@ from msgspec.structs import asdict
 from numpy.typing import ArrayLike
 
 from tgl_soar.air.field import FloatArray, broadcast
-from tgl_soar.autopilot import AutopilotState, Output, initial_state, laws_from, step
+from tgl_soar.autopilot import (
+    AutopilotState,
+    Output,
+    initial_state,
+    step,
+)
 from tgl_soar.config.files import Airframe, Start
 from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.control.laws import laws_from
 from tgl_soar.geometry import SoaringFrame, euler_from_quaternion
 from tgl_soar.sim.aircraft import Glide, aircraft_model, glide_at, highest_pitch_glide
 from tgl_soar.sim.sensors import MEMS_IMU, PITOT, Sensors, SurfacesParams

@@ -27,7 +27,8 @@ from tgl_soar.analysis.experiments.campaign import (
     wilson,
     with_section,
 )
-from tgl_soar.autopilot import Output, initial_state, laws_from, step
+from tgl_soar.autopilot import Output, initial_state, step
+from tgl_soar.control.laws import laws_from
 from tgl_soar.sim.closed_loop import ClosedLoop
 from tgl_soar.sim.faults import CATALOGUE, parse_fault
 from tgl_soar.types import NO_ATTITUDE, NO_FIX, AutopilotStatus, Inputs, SurfaceCommand

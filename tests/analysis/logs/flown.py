@@ -17,7 +17,12 @@ from typing import Any, NamedTuple, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.autopilot import AutopilotState, Output, initial_state, laws_from, step
+from tgl_soar.autopilot import (
+    AutopilotState,
+    Output,
+    initial_state,
+    step,
+)
 from tgl_soar.config.files import (
     line_parameters,
     load_airframe,
@@ -26,6 +31,7 @@ from tgl_soar.config.files import (
     shipped,
 )
 from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.control.laws import laws_from
 from tgl_soar.geometry import euler_from_quaternion
 from tgl_soar.onboard.flightlog.writer import FlightRecorder, LogMetadata
 from tgl_soar.onboard.instruments import FAST, fast_value

@@ -23,9 +23,10 @@ from tgl_soar.analysis.replay import compiled_ticks as compiled_ticks_module
 from tgl_soar.analysis.replay.compiled_ticks import plain_ticks
 from tgl_soar.analysis.replay.logged import Replay, ReplayError, read_by_laws, replay
 from tgl_soar.analysis.replay.wire import read_wire, replay_wire, rms
-from tgl_soar.autopilot import AutopilotState, Laws, initial_state, step
+from tgl_soar.autopilot import AutopilotState, initial_state, step
 from tgl_soar.config.files import ConfigError
 from tgl_soar.config.parameters import INDEX, ParameterError, ParameterSet
+from tgl_soar.control.laws import Laws
 from tgl_soar.onboard.flightlog.declaration import (
     TOPICS,
     flattener,

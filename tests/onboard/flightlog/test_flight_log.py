@@ -25,8 +25,9 @@ from pyulog import ULog
 
 from tgl_soar.analysis.logs.meanings import meaning_of, page
 from tgl_soar.analysis.logs.reader import FlightLog, LogError, read_log
-from tgl_soar.autopilot import initial_state, laws_from, step
+from tgl_soar.autopilot import initial_state, step
 from tgl_soar.config.parameters import PARAMETERS, ParameterSet
+from tgl_soar.control.laws import laws_from
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.link.signing import Signing
 from tgl_soar.onboard.flightlog import files, writer

@@ -23,7 +23,7 @@ from tgl_soar.analysis.experiments.campaign import wilson
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.flights import Flyer, Timed
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
-from tgl_soar.autopilot import Output, laws_from, reason_text
+from tgl_soar.autopilot import Output, reason_text
 from tgl_soar.config.files import (
     Airframe,
     Site,
@@ -35,6 +35,7 @@ from tgl_soar.config.files import (
     shipped,
 )
 from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.control.laws import laws_from
 from tgl_soar.control.supervisor import FAILED, RELEASED
 from tgl_soar.control.target_line import e_rho
 from tgl_soar.estimation.motion import initial_motion, motion_quality, motion_step

@@ -22,7 +22,8 @@ from typing import Any, Final, get_type_hints
 from numpy.typing import NDArray
 
 from tgl_soar import types
-from tgl_soar.autopilot import AutopilotState, Laws, Output, step
+from tgl_soar.autopilot import AutopilotState, Output, step
+from tgl_soar.control.laws import Laws
 from tgl_soar.onboard.flightlog.declaration import is_named_tuple, leaves_of
 from tgl_soar.sim.compiled import MODULES, available, compiled
 

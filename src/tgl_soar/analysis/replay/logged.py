@@ -38,7 +38,7 @@ from tgl_soar.analysis.replay.compiled_ticks import (
     compiled_ticks,
     is_ready,
 )
-from tgl_soar.autopilot import AutopilotState, Laws, initial_state, laws_from, step
+from tgl_soar.autopilot import AutopilotState, initial_state, step
 from tgl_soar.config.files import (
     Airframe,
     Site,
@@ -48,6 +48,7 @@ from tgl_soar.config.files import (
     site_from,
 )
 from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterError, ParameterSet
+from tgl_soar.control.laws import Laws, laws_from
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.onboard.flightlog.declaration import (
     STREAMS,

@@ -1,0 +1,224 @@
+"""The laws' parameters in SI units, from the operator's and what airframe and site know.
+
+An operator sets degrees, hertz and names of sixteen letters (`config.parameters`); a law takes
+radians, rad/s and one tuple of its own.  What lies between stands here and nowhere else.
+"""
+
+from __future__ import annotations
+
+from math import pi, radians
+from typing import NamedTuple
+
+from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.control.envelope import EnvelopeLimits, Fence
+from tgl_soar.control.heading import BankGains, HeadingGains
+from tgl_soar.control.pid import PidGains
+from tgl_soar.control.soaring import SoaringGains, TrimGains
+from tgl_soar.control.target_line import LineLimits, TargetLine, eta_from_lean
+from tgl_soar.estimation.health import HealthLimits
+from tgl_soar.estimation.motion import MotionGains
+from tgl_soar.estimation.wind import WindParams
+from tgl_soar.geometry import SoaringFrame
+from tgl_soar.types import (
+    NO_AERODYNAMICS,
+    NO_GROUND,
+    OURS,
+    Aerodynamics,
+    Ground,
+    SurfaceCommand,
+)
+
+
+class SupervisorLimits(NamedTuple):
+    """When the supervisor considers the aircraft captured, lost or upset."""
+
+    capture_distance_m: float
+    e_rho_max_m: float
+    tilt_max_rad: float
+    position_age_max_s: float  # since the last confident position; holding ends here
+    position_sd_max_m: float  # until then the line is flown, where accelerations are known
+    recover_s: float  # the longest time of it
+
+
+class Laws(NamedTuple):
+    """All parameters of one tick, in SI units."""
+
+    frame: SoaringFrame
+    motion: MotionGains
+    health: HealthLimits
+    guards: SupervisorLimits
+    target: TargetLine
+    line: LineLimits
+    soaring: SoaringGains
+    soaring_imu: SoaringGains  # while accelerations are in use
+    pitch: PidGains
+    pitch_imu: PidGains
+    roll: PidGains
+    heading: HeadingGains
+    bank: BankGains
+    envelope: EnvelopeLimits
+    trim: SurfaceCommand
+    wind: WindParams
+    fence: Fence
+    ground: Ground
+    pitch_trim: TrimGains
+    loops: int  # whose loops move the surfaces: OURS, THEIRS or THEIRS_WITH_RUDDER
+
+
+def laws_from(
+    values: ParameterSet,
+    frame: SoaringFrame,
+    aerodynamics: Aerodynamics = NO_AERODYNAMICS,
+    ground: Ground = NO_GROUND,
+    loops: int = OURS,
+) -> Laws:
+    """The laws' parameters in SI units.
+
+    loops: whose loops move the surfaces, as `types` numbers them.
+    """
+    soaring = _soaring_gains(values)
+    soaring_imu = soaring
+    if loops == OURS:  # a firmware's loops are too slow for what ours allow
+        soaring_imu = soaring._replace(
+            pid=_imu_gains(values, "RHO", soaring.pid, values["RHO_DF_IMU"])
+        )
+    pitch = _surface_gains(values, "ELE")
+    return Laws(
+        frame=frame,
+        motion=_motion_gains(values),
+        health=HealthLimits(
+            position_age_max_s=values["AGE_POS_HOLD"],
+            attitude_age_max_s=values["AGE_ATT_MAX"],
+            heartbeat_age_max_s=values["AGE_AP_MAX"],
+            frozen_s=values["AGE_FROZEN"],
+            surface_error_max=values["SURF_TOL"],
+        ),
+        guards=_supervisor_limits(values),
+        target=TargetLine(
+            values["TGL_X"], values["TGL_Z"], eta_from_lean(radians(values["TGL_LEAN"]))
+        ),
+        line=LineLimits(values["TGL_SLEW"], values["TGL_ACCEL"], radians(values["TGL_ROT_SLEW"])),
+        soaring=soaring,
+        soaring_imu=soaring_imu,
+        pitch=pitch,
+        pitch_imu=_imu_gains(values, "ELE", pitch, 0.0),
+        roll=_surface_gains(values, "AIL"),
+        heading=_heading_gains(values),
+        bank=BankGains(values["BANK_P"], radians(values["BANK_MAX"])),
+        envelope=_envelope_limits(values),
+        trim=SurfaceCommand(values["ELE_TRIM"], values["AIL_TRIM"], values["RUD_TRIM"]),
+        wind=WindParams(aerodynamics, values["WIND_CHANGE"], radians(values["WIND_ALIGN"])),
+        fence=_fence(values),
+        ground=ground,
+        pitch_trim=TrimGains(
+            radians(values["PITCH_TRIM"]),
+            values["WIND_TRIM"],
+            values["WIND_TRIM_T"],
+            values["WIND_FF"],
+        ),
+        loops=loops,
+    )
+
+
+def _motion_gains(values: ParameterSet) -> MotionGains:
+    return MotionGains(
+        fix_sd_m=values["EST_FIX_SD"],
+        velocity_sd_mps=values["EST_VEL_SD"],
+        force_sd_mps2=values["EST_ACC_SD"],
+        bias_sd_mps2=values["EST_ACC_BIAS_SD"],
+        unknown_sd_mps2=values["EST_CV_SD"],
+        fix_delay_s=values["EST_DELAY"],
+        fix_gate_m=values["EST_GATE"],
+        use_imu=values["EST_IMU"] != 0.0,
+    )
+
+
+def _supervisor_limits(values: ParameterSet) -> SupervisorLimits:
+    return SupervisorLimits(
+        capture_distance_m=values["TGL_CAPTURE"],
+        e_rho_max_m=values["CAPTURE_MAX"],
+        tilt_max_rad=radians(values["TILT_MAX"]),
+        position_age_max_s=values["AGE_POS_MAX"],
+        position_sd_max_m=values["EST_SD_MAX"],
+        recover_s=values["REC_TIME"],
+    )
+
+
+def _envelope_limits(values: ParameterSet) -> EnvelopeLimits:
+    return EnvelopeLimits(
+        deflection_max=values["SURF_MAX"],
+        rate_max_per_s=values["SURF_RATE"],
+        alpha_max_rad=radians(values["ALPHA_MAX"]),
+        speed_min_mps=values["SPEED_MIN"],
+        sink_max_mps=values["SINK_MAX"],
+        clearance_min_m=values["CLEAR_MIN"],
+        glide_pitch_rad=radians(values["REC_PITCH"]),
+    )
+
+
+def _fence(values: ParameterSet) -> Fence:
+    return Fence(
+        x_min_m=values["FENCE_X_MIN"],
+        x_max_m=values["FENCE_X_MAX"],
+        y_max_m=values["FENCE_Y_MAX"],
+        z_min_m=values["FENCE_Z_MIN"],
+        z_max_m=values["FENCE_Z_MAX"],
+    )
+
+
+def _soaring_gains(values: ParameterSet) -> SoaringGains:
+    return SoaringGains(
+        PidGains(
+            kp=values["RHO_P"],
+            ki=values["RHO_I"],
+            kd=values["RHO_D"],
+            rate_filter_radps=2.0 * pi * values["RHO_D_FILT"],
+            integral_max=radians(values["RHO_I_MAX"]),
+            output_min=radians(values["PITCH_MIN"]),
+            output_max=radians(values["PITCH_MAX"]),
+        ),
+        radians(values["PITCH_SLEW"]),
+    )
+
+
+def _heading_gains(values: ParameterSet) -> HeadingGains:
+    travel = values["SURF_MAX"]
+    return HeadingGains(
+        PidGains(
+            kp=values["RUD_P"],
+            ki=0.0,
+            kd=values["RUD_D"],
+            rate_filter_radps=2.0 * pi * values["RUD_D_FILT"],
+            integral_max=0.0,
+            output_min=-travel,
+            output_max=travel,
+        ),
+        values["WPT_X"],
+        values["WPT_R_MIN"],
+        radians(values["PSI_MAX"]),
+    )
+
+
+def _surface_gains(values: ParameterSet, prefix: str) -> PidGains:
+    travel = values["SURF_MAX"]
+    return PidGains(
+        kp=values[f"{prefix}_P"],
+        ki=values[f"{prefix}_I"],
+        kd=values[f"{prefix}_D"],
+        rate_filter_radps=2.0 * pi * values[f"{prefix}_D_FILT"],
+        integral_max=travel,  # the integral may take all of the travel
+        output_min=-travel,
+        output_max=travel,
+    )
+
+
+def _imu_gains(
+    values: ParameterSet, prefix: str, plain: PidGains, rate_filter_hz: float
+) -> PidGains:
+    """The gains for flight with accelerations; one that is 0 is as without."""
+    return plain._replace(
+        kp=values[f"{prefix}_P_IMU"] or plain.kp,
+        ki=values[f"{prefix}_I_IMU"] or plain.ki,
+        kd=values[f"{prefix}_D_IMU"] or plain.kd,
+        rate_filter_radps=2.0 * pi * rate_filter_hz or plain.rate_filter_radps,
+    )
