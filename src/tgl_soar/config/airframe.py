@@ -1,0 +1,144 @@
+"""The airframe file: what flies.
+
+Its autopilot, which channel moves which surface and which way, its gains, its glide polar, and the
+coefficients that the simulation needs.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Final, Literal
+
+from msgspec import Meta, field
+
+from tgl_soar.config.strict import Finite, Positive, Strict, SystemId
+from tgl_soar.types import NO_AERODYNAMICS, Aerodynamics, GlidePolar
+
+Pwm = Annotated[int, Meta(ge=800, le=2200)]
+Channel = Annotated[int, Meta(ge=1, le=18)]
+
+
+class Surface(Strict, frozen=True):
+    """How one normalised deflection becomes a channel's pulse width."""
+
+    channel: Channel
+    pwm_min: Pwm = 1100  # at deflection -1 (+1 where reversed)
+    pwm_trim: Pwm = 1500
+    pwm_max: Pwm = 1900
+    reversed: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.pwm_min < self.pwm_trim < self.pwm_max:
+            raise ValueError(
+                f"pwm_min {self.pwm_min} < pwm_trim {self.pwm_trim} < pwm_max {self.pwm_max}"
+                " must hold"
+            )
+
+
+class Surfaces(Strict, frozen=True):
+    """The three surfaces of the aircraft."""
+
+    elevator: Surface
+    aileron: Surface
+    rudder: Surface
+
+    def __post_init__(self) -> None:
+        channels = [s.channel for s in (self.elevator, self.aileron, self.rudder)]
+        if len(set(channels)) != len(channels):
+            raise ValueError(f"two surfaces share a channel: {channels}")
+
+
+# Who is an operator unless the airframe file says otherwise: the ids that ground stations use
+# (MAVSDK's 245, and 255 of QGroundControl, Mission Planner and MAVProxy) with a few beside it.
+OPERATORS: Final = frozenset((245, *range(250, 256)))
+
+
+class AutopilotLink(Strict, frozen=True):
+    """The autopilot that moves the surfaces, and the identities used towards it."""
+
+    firmware: Literal["ardupilot", "px4", "paparazzi", "bridge"]
+    route: str | None = None  # by which it is commanded; None: the firmware's usual one
+    system_id: SystemId = 1
+    component_id: Annotated[int, Meta(ge=2, le=255)] = 191  # 1 is the autopilot itself
+    override_system_id: SystemId = 255  # what the firmware's SYSID_MYGCS names
+    operators: frozenset[SystemId] = OPERATORS  # who may set parameters and command
+    # The message that brings accelerations; "usual" is what the firmware does best.
+    imu: Literal["usual", "raw_imu", "scaled_imu", "highres_imu", "none"] = "usual"
+
+
+class AirframeMetadata(Strict, frozen=True):
+    """What can be read off the bench."""
+
+    name: str
+    mass_kg: Positive
+    wing_area_m2: Positive
+    span_m: Positive
+    chord_m: Positive
+    ixx_kgm2: Positive
+    iyy_kgm2: Positive
+    izz_kgm2: Positive
+
+
+class Polar(Strict, frozen=True):
+    """The glide polar, as in `types.GlidePolar`."""
+
+    c0: Finite
+    c1: Finite
+    c2: Finite
+    c3: Finite
+    speed_min_mps: Positive
+    speed_max_mps: Positive
+
+    def __post_init__(self) -> None:
+        if not self.speed_min_mps < self.speed_max_mps:
+            raise ValueError("speed_min_mps must be below speed_max_mps")
+
+    def as_polar(self) -> GlidePolar:
+        """The polar that the laws and the contour take."""
+        return GlidePolar(
+            c0=self.c0,
+            c1=self.c1,
+            c2=self.c2,
+            c3=self.c3,
+            speed_min_mps=self.speed_min_mps,
+            speed_max_mps=self.speed_max_mps,
+        )
+
+
+class Airframe(Strict, frozen=True):
+    """One airframe file."""
+
+    airframe: AirframeMetadata
+    autopilot: AutopilotLink
+    surfaces: Surfaces
+    polar: Polar
+    parameters: dict[str, float] = field(default_factory=dict)
+    # The simulation's; checked by tgl_soar.sim.aircraft.
+    model: dict[str, Finite] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for key in _POSITIVE:
+            if not self.model.get(key, 1.0) > 0.0:
+                raise ValueError(f"model.{key} = {self.model[key]:g}: must be above 0")
+
+    def aerodynamics(self) -> Aerodynamics:
+        """Lift and drag as the flying module knows them; `NO_AERODYNAMICS` without a model."""
+        model, facts = self.model, self.airframe
+        if not all(key in model for key in _AERODYNAMIC):
+            return NO_AERODYNAMICS
+        known = {**{key: getattr(facts, key) for key in _ON_THE_BENCH}, **model}
+        figures = (known[name] for name in Aerodynamics._fields if name != "polar")
+        return Aerodynamics._make((*figures, self.polar.as_polar()))
+
+
+_ON_THE_BENCH: Final = ("mass_kg", "wing_area_m2", "chord_m")
+_AERODYNAMIC: Final = tuple(
+    name for name in Aerodynamics._fields if name != "polar" and name not in _ON_THE_BENCH
+)
+_POSITIVE: Final = (
+    "gravity_mps2",
+    "air_density_kgpm3",
+    "CL_alpha",
+    "stall_alpha_rad",
+    "stall_width_rad",
+    "CD0",
+)

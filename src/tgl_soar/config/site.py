@@ -1,0 +1,270 @@
+"""The site file: where it flies.
+
+The soaring frame, the sources of position, the lines, what is known of ground and contour, and the
+air that the simulation blows.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import itertools
+from math import radians
+from typing import Annotated, Literal
+
+from msgspec import Meta, field
+
+from tgl_soar.config.line_changes import Contour
+from tgl_soar.config.strict import Finite, Positive, Strict, SystemId
+from tgl_soar.geometry import HallFrame, SoaringFrame
+from tgl_soar.types import GROUND_POINTS, NO_GROUND, Ground
+
+
+class Line(Strict, frozen=True):
+    """A named target gradient line."""
+
+    x_m: Finite
+    z_m: Finite
+    lean_deg: Annotated[float, Meta(ge=-60, le=60)] | None = None  # default: TGL_LEAN
+
+
+class KnownContour(Strict, frozen=True):
+    """Where excess updraft is zero, computed beforehand by `tgl-soar site contour`."""
+
+    airframe: str  # name of the airframe whose polar it was computed with
+    parts: list[list[tuple[Finite, Finite]]]  # x, z [m]; rising air is on the left
+
+    def __post_init__(self) -> None:
+        if any(len(part) < 2 for part in self.parts):
+            raise ValueError("each of parts needs two points or more")
+
+
+class GroundProfile(Strict, frozen=True):
+    """The ground or the board in the vertical plane: what the aircraft keeps away from."""
+
+    profile: Annotated[list[tuple[Finite, Finite]], Meta(min_length=1, max_length=GROUND_POINTS)]
+
+    def __post_init__(self) -> None:
+        if any(a[0] >= b[0] for a, b in itertools.pairwise(self.profile)):
+            raise ValueError("profile must grow in x from point to point")
+
+    def as_ground(self) -> Ground:
+        """As the envelope takes it."""
+        points = [*self.profile, *[self.profile[-1]] * (GROUND_POINTS - len(self.profile))]
+        a, b, c, d, e, f, g, h = (x for x, _ in points)
+        i, j, k, m, n, o, p, q = (z for _, z in points)
+        return Ground(len(self.profile), (a, b, c, d, e, f, g, h), (i, j, k, m, n, o, p, q))
+
+
+class Place(Strict, frozen=True):
+    """Where the soaring frame stands in local NED."""
+
+    name: str
+    origin_north_m: Finite = 0.0
+    origin_east_m: Finite = 0.0
+    origin_down_m: Finite = 0.0
+    wind_from_deg: Annotated[float, Meta(ge=-360, le=360)] = 0.0
+
+
+class Turbulence(Strict, frozen=True):
+    """Dryden turbulence on top of the mean field."""
+
+    intensity: Annotated[float, Meta(ge=0, le=0.5)] = 0.0  # of the reference wind
+    length_scale_m: Positive = 1.5
+
+
+class JetAir(Strict, frozen=True, tag_field="kind", tag="jet"):
+    """A sloped board in an open wind-tunnel jet."""
+
+    wind_mps: Annotated[float, Meta(ge=5, le=15)]
+    slope_deg: Annotated[float, Meta(ge=15, le=35)]
+    turbulence: Turbulence = Turbulence()
+
+
+class HillAir(Strict, frozen=True, tag_field="kind", tag="hill"):
+    """Potential flow over a half-cylinder whose axis lies at the frame's origin."""
+
+    wind_mps: Annotated[float, Meta(ge=1, le=30)]
+    radius_m: Positive
+    turbulence: Turbulence = Turbulence()
+
+
+Sign = Literal[-1, 1]
+
+
+class GridLayout(Strict, frozen=True):
+    """What the columns or variables of a file are called, their signs, origin and units."""
+
+    x: str = "x"
+    z: str = "z"
+    u: str = "u"
+    w: str = "w"
+    y: str | None = None  # None: a two-dimensional field
+    v: str | None = None  # None: no cross wind
+    x_sign: Sign = 1
+    u_sign: Sign = 1
+    y_sign: Sign = 1
+    v_sign: Sign = 1
+    origin_x_m: Finite = 0.0  # where the soaring frame's origin lies in the file's axes
+    origin_y_m: Finite = 0.0
+    origin_z_m: Finite = 0.0
+    metres_per_length: Positive = 1.0
+    mps_per_speed: Positive = 1.0
+
+
+class GridAir(Strict, frozen=True, tag_field="kind", tag="grid"):
+    """A field read from a file, named from the folder of the site file."""
+
+    file: str
+    wind_mps: Positive  # reference wind: turbulence is a fraction of it
+    layout: GridLayout = GridLayout()
+    zero_cells: Literal["refuse", "solid", "air"] = "refuse"  # nodes with exactly no wind
+    mesh_step_m: Positive | None = None  # VTK and OpenFOAM: spacing at which they are sampled
+    turbulence: Turbulence = Turbulence()
+
+
+class Start(Strict, frozen=True):
+    """Where the simulated aircraft is let go, at rest over the ground."""
+
+    x_m: Finite
+    z_m: Finite
+    y_m: Finite = 0.0
+
+
+class HomePosition(Strict, frozen=True):
+    """Where the origin of local NED lies on the earth."""
+
+    latitude_deg: Annotated[float, Meta(ge=-90, le=90)]
+    longitude_deg: Annotated[float, Meta(ge=-180, le=180)]
+    altitude_m: Annotated[float, Meta(ge=-500, le=9000)]  # above mean sea level
+
+
+class Sender(Strict, frozen=True):
+    """A MAVLink system and component."""
+
+    system: SystemId
+    component: SystemId
+
+
+class Position(Strict, frozen=True):
+    """Where the position comes from."""
+
+    # As `link.sources` names them, the most trusted first.
+    sources: list[Literal["local_position", "odometry", "global_position", "vision", "mocap"]] = (
+        field(default_factory=lambda: ["local_position", "odometry"])
+    )
+    silence_s: Annotated[float, Meta(ge=0.02, le=2)] = 0.15  # then another source takes over
+    return_s: Annotated[float, Meta(ge=0, le=60)] = 2.0  # steady for so long before taken back
+    home: HomePosition | None = None  # for global_position
+    # Whose VISION_POSITION_ESTIMATE is accepted.
+    vision_from: list[Sender] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        if not self.sources or len(set(self.sources)) != len(self.sources):
+            raise ValueError("sources: name one or more, each once")
+        if "global_position" in self.sources and self.home is None:
+            raise ValueError(
+                'sources = ["global_position", ...]: needs home = { latitude_deg, longitude_deg,'
+                " altitude_m }, the origin of local NED"
+            )
+        if "vision" in self.sources and not self.vision_from:
+            raise ValueError(
+                'sources = ["vision", ...]: needs vision_from = [{ system, component }], whose'
+                " positions are believed"
+            )
+
+
+class Forward(Strict, frozen=True):
+    """Telling the autopilot the position that a tracker has measured."""
+
+    message: Literal["vision_position_estimate", "odometry"] = "vision_position_estimate"
+    rate_hz: Annotated[float, Meta(ge=5, le=100)] = 40.0  # EKF2 and EKF3 want 30 to 50
+    # Standard deviations; of the position where the source does not tell its own.
+    sigma_m: Annotated[float, Meta(ge=1e-4, le=10)] | None = None
+    sigma_deg: Annotated[float, Meta(ge=0.01, le=45)] = 1.0
+
+
+Port = Annotated[int, Meta(ge=1, le=65535)]
+
+
+class Mocap(Strict, frozen=True):
+    """OptiTrack: where Motive streams, what of it is flown with, and how the hall's axes lie."""
+
+    server: Annotated[str, Meta(min_length=1)]  # address or name, or "discover"
+    # Its name in Motive, or its streaming id.
+    body: Annotated[str, Meta(min_length=1)] | Annotated[int, Meta(ge=0, le=2**31 - 1)]
+    stream: Literal["multicast", "unicast"] = "multicast"  # as Motive's streaming pane says
+    interface: str = ""  # own address on the network of the cameras; "": the system chooses
+    group: str = "239.255.42.99"
+    command_port: Port = 1510
+    data_port: Port = 1511
+    up: Literal["y", "z"] = "y"
+    yaw_deg: Annotated[float, Meta(ge=-360, le=360)] = 0.0  # the hall's x axis, from north to east
+    offset_m: tuple[Finite, Finite, Finite] = (0.0, 0.0, 0.0)  # the hall's origin in local NED
+    noise_m: Annotated[float, Meta(ge=1e-5, le=1)] = 0.001  # standard deviation, at least
+    max_error_m: Annotated[float, Meta(gt=0, le=1)] = 0.02  # mean marker error
+    max_speed_mps: Annotated[float, Meta(ge=1, le=100)] = 25.0  # what is faster is a jump
+    max_age_s: Annotated[float, Meta(ge=0.01, le=1)] = 0.3
+    max_rate_hz: Annotated[float, Meta(ge=10, le=1000)] = 200.0
+
+    def __post_init__(self) -> None:
+        if not _is_address(self.group) or not ipaddress.IPv4Address(self.group).is_multicast:
+            raise ValueError(
+                f"group {self.group!r}: must be a multicast address, 224.0.0.0 to 239.255.255.255"
+            )
+        if self.interface and not _is_address(self.interface):
+            raise ValueError(
+                f"interface {self.interface!r}: must be an IPv4 address of this computer"
+            )
+
+    def hall(self) -> HallFrame:
+        """Where the hall's axes stand in local NED."""
+        return HallFrame(self.up == "z", radians(self.yaw_deg), *self.offset_m)
+
+
+def _is_address(text: str) -> bool:
+    try:
+        ipaddress.IPv4Address(text)
+    except ValueError:
+        return False
+    return True
+
+
+class Site(Strict, frozen=True):
+    """One site file."""
+
+    site: Place
+    position: Position = Position()
+    forward: Forward | None = None  # None: nothing is forwarded to the autopilot
+    mocap: Mocap | None = None
+    lines: dict[str, Line] = field(default_factory=dict)
+    parameters: dict[str, float] = field(default_factory=dict)
+    air: JetAir | HillAir | GridAir | None = None
+    start: Start | None = None
+    contour: KnownContour | None = None
+    ground: GroundProfile | None = None
+
+    def __post_init__(self) -> None:
+        if ("mocap" in self.position.sources) != (self.mocap is not None):
+            raise ValueError(
+                "position.sources names mocap where there is a [mocap] table, and only there"
+            )
+
+    def frame(self) -> SoaringFrame:
+        """The soaring frame of this site."""
+        place = self.site
+        return SoaringFrame(
+            place.origin_north_m,
+            place.origin_east_m,
+            place.origin_down_m,
+            radians(place.wind_from_deg),
+        )
+
+    def known_ground(self) -> Ground:
+        """The ground as the envelope takes it; empty if the file does not give it."""
+        return NO_GROUND if self.ground is None else self.ground.as_ground()
+
+    def contour_for(self, airframe: str) -> Contour:
+        """The contour as `line_changes` takes it; empty if none is known for this airframe."""
+        if self.contour is None or self.contour.airframe != airframe:
+            return ()
+        return tuple(tuple(part) for part in self.contour.parts)
