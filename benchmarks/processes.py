@@ -18,7 +18,7 @@ from .result import Result
 
 def start_module(folder: Path, port: int, *, stderr: int) -> subprocess.Popen[bytes]:
     """`tgl-soar run` as it flies: guard, log and stored parameters, to a vehicle on a port."""
-    from tgl_soar.config.files import shipped  # what flies is not to be imported before native code
+    from tgl_soar.config.files import shipped
 
     return subprocess.Popen(
         [

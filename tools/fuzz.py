@@ -51,18 +51,12 @@ with _watched():
     from tgl_soar.analysis.report.flight_figures import Surroundings
     from tgl_soar.analysis.report.flight_page import analysed, page_text, write_page
     from tgl_soar.autopilot import mode_name
-    from tgl_soar.config.files import (
-        Airframe,
-        ConfigError,
-        Site,
-        load_airframe,
-        load_file,
-        load_site,
-        shipped,
-    )
+    from tgl_soar.config.airframe import Airframe
+    from tgl_soar.config.files import ConfigError, load_airframe, load_file, load_site, shipped
     from tgl_soar.config.parameter_files import ParameterFileError, read_file
     from tgl_soar.config.parameter_store import Identity, StoreError, read_state, state_text
     from tgl_soar.config.parameters import ParameterSet
+    from tgl_soar.config.site import Site
     from tgl_soar.geometry import HallFrame, SoaringFrame
     from tgl_soar.link.optitrack import Optitrack, Settings
     from tgl_soar.onboard.module import Onboard

@@ -8,14 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import (
-    Airframe,
     ConfigError,
-    GridAir,
-    HillAir,
-    JetAir,
-    Site,
-    Strict,
     line_parameters,
     load_airframe,
     load_file,
@@ -24,6 +19,8 @@ from tgl_soar.config.files import (
     shipped,
 )
 from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.config.site import GridAir, HillAir, JetAir, Site
+from tgl_soar.config.strict import Strict
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.types import GlidePolar
 

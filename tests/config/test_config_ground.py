@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tgl_soar.config.files import ConfigError, HillAir, JetAir, load_site, shipped
+from tgl_soar.config.files import ConfigError, load_site, shipped
+from tgl_soar.config.site import HillAir, JetAir
 from tgl_soar.control.envelope import clearance
 from tgl_soar.sim.world import ground_outline
 from tgl_soar.types import NO_GROUND

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tgl_soar.config.files import Position
+from tgl_soar.config.site import Position
 from tgl_soar.link.sources import (
     DEFAULT_ORDER,
     DISTRUST_S,

@@ -19,7 +19,9 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.config.files import Airframe, Site, load_airframe, load_site, shipped
+from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.files import load_airframe, load_site, shipped
+from tgl_soar.config.site import Site
 from tgl_soar.sim.bridge import main
 from tgl_soar.sim.channels import LEAVE, ordered, pwm_from_deflection
 from tgl_soar.sim.ports import MAX_STRANGERS, Port, Ports

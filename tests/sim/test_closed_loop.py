@@ -10,9 +10,8 @@ import pytest
 
 from tgl_soar.air.field import WindField
 from tgl_soar.air.zeuc import stable_crossing
+from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import (
-    Airframe,
-    Site,
     line_parameters,
     load_airframe,
     load_parameters,
@@ -20,6 +19,7 @@ from tgl_soar.config.files import (
     shipped,
 )
 from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.config.site import Site
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.geometry import euler_from_quaternion, quaternion_from_euler
 from tgl_soar.sim.closed_loop import Change, ClosedLoop, Trajectory, fly

@@ -16,9 +16,8 @@ from tgl_soar.air.grid import GridField
 from tgl_soar.air.gusts import BlendedField, Gust, GustyField, ScaledField, Schedule
 from tgl_soar.air.hill import HillField
 from tgl_soar.air.jet import SlopeJet
+from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import (
-    Airframe,
-    Site,
     line_parameters,
     load_airframe,
     load_parameters,
@@ -26,6 +25,7 @@ from tgl_soar.config.files import (
     shipped,
 )
 from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.config.site import Site
 from tgl_soar.control.envelope import EnvelopeLimits, limit_surfaces
 from tgl_soar.control.supervisor import MODE_NAMES
 from tgl_soar.sim.closed_loop import Change, ClosedLoop, Row, Trajectory, fly

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tgl_soar.config.files import HomePosition, load_airframe, load_site
+from tgl_soar.config.files import load_airframe, load_site
+from tgl_soar.config.site import HomePosition
 from tgl_soar.geometry import quaternion_from_euler
 from tgl_soar.sim.aircraft import gliding_state
 from tgl_soar.sim.firmware.sensors import (

@@ -18,7 +18,8 @@ from typer.testing import CliRunner
 from tgl_soar.analysis.alignment import AlignmentError
 from tgl_soar.cli.align import average_pose
 from tgl_soar.cli.app import app
-from tgl_soar.config.files import ConfigError, Mocap, load_site, shipped
+from tgl_soar.config.files import ConfigError, load_site, shipped
+from tgl_soar.config.site import Mocap
 from tgl_soar.link.natnet.sockets import NatNetError
 from tgl_soar.onboard.mocap import MocapFeed, from_server
 from tgl_soar.sim.bridge import main as bridge_main

@@ -10,17 +10,15 @@ import numpy as np
 import pytest
 
 from tgl_soar.air.hill import HillField
-from tgl_soar.config.files import (
-    Airframe,
-    ConfigError,
+from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.files import ConfigError, load_airframe, shipped
+from tgl_soar.config.site import (
     GridAir,
     HillAir,
     JetAir,
     Place,
     Site,
     Start,
-    load_airframe,
-    shipped,
 )
 from tgl_soar.geometry import euler_from_quaternion, soaring_from_ned
 from tgl_soar.sim.sensors import (

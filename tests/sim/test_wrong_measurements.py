@@ -18,9 +18,8 @@ import pytest
 
 from tgl_soar.air.field import WindField
 from tgl_soar.autopilot import Output, mode_name, reason_text
+from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import (
-    Airframe,
-    Site,
     line_parameters,
     load_airframe,
     load_parameters,
@@ -28,6 +27,7 @@ from tgl_soar.config.files import (
     shipped,
 )
 from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.config.site import Site
 from tgl_soar.control.envelope import Fence, outside
 from tgl_soar.control.supervisor import CAPTURING, HOLDING, RECOVERING, RELEASED, SOARING
 from tgl_soar.geometry import quaternion_from_euler, quaternion_product

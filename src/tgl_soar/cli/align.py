@@ -22,7 +22,8 @@ from tgl_soar.analysis.alignment import (
     fit_alignment,
 )
 from tgl_soar.cli.console import SITE_FILE, console, errors, fail
-from tgl_soar.config.files import ConfigError, Mocap, load_site
+from tgl_soar.config.files import ConfigError, load_site
+from tgl_soar.config.site import Mocap
 from tgl_soar.link.natnet.sockets import NatNetError
 from tgl_soar.onboard.mocap import MocapFeed, from_server
 

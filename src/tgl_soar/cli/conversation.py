@@ -10,7 +10,7 @@ from typing import Annotated, Final, Self
 
 import typer
 
-from tgl_soar.config.files import Airframe
+from tgl_soar.config.airframe import Airframe
 from tgl_soar.link.autopilots.base import Flavour
 from tgl_soar.link.keys import Secret, peers_of, signing_from
 from tgl_soar.link.messages import (

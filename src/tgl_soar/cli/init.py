@@ -17,7 +17,8 @@ import typer
 from tgl_soar.cli.console import console, errors, fail
 from tgl_soar.cli.layouts import foxglove, plotjuggler
 from tgl_soar.cli.service_unit import hidden, unit
-from tgl_soar.config.files import Airframe, ConfigError, load_airframe, shipped, shipped_names
+from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.files import ConfigError, load_airframe, shipped, shipped_names
 from tgl_soar.link.commands import ABORT, ENGAGE, RELEASE
 from tgl_soar.link.transport import LinkError, check_link
 

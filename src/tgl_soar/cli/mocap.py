@@ -13,7 +13,8 @@ from msgspec.structs import replace
 from rich.table import Table
 
 from tgl_soar.cli.console import SITE_FILE, console, errors, fail
-from tgl_soar.config.files import ConfigError, Mocap, load_site
+from tgl_soar.config.files import ConfigError, load_site
+from tgl_soar.config.site import Mocap
 from tgl_soar.link.natnet import layout
 from tgl_soar.link.natnet.listing import BodyListing, Row
 from tgl_soar.link.natnet.sockets import NatNetError

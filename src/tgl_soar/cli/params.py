@@ -13,10 +13,9 @@ from rich.table import Table
 
 from tgl_soar.cli.console import AIRFRAME_FILE, SITE_FILE, Commands, console, errors, fail
 from tgl_soar.cli.params_page import page
+from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import (
-    Airframe,
     ConfigError,
-    Site,
     load_airframe,
     load_parameters,
     load_site,
@@ -33,6 +32,7 @@ from tgl_soar.config.parameter_files import (
 )
 from tgl_soar.config.parameter_store import Identity, ParameterStore, state_file, state_folder
 from tgl_soar.config.parameters import GROUPS, PARAMETERS, ParameterError, ParameterSet
+from tgl_soar.config.site import Site
 from tgl_soar.control.line_bounds import LineBounds
 
 params_app = Commands()

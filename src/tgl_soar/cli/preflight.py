@@ -11,16 +11,16 @@ from rich.table import Table
 
 from tgl_soar.cli.console import AIRFRAME_FILE, SITE_FILE, console, fail
 from tgl_soar.cli.conversation import Conversation, KeyOption, LinkOption, TimeoutOption
+from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import (
-    Airframe,
     ConfigError,
-    Site,
     load_airframe,
     load_parameters,
     load_site,
     preset_lines,
 )
 from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.config.site import Site
 from tgl_soar.control.line_bounds import LineBounds, open_sides
 from tgl_soar.link.autopilots.requirements import MUST, wish
 from tgl_soar.link.checks.preflight import Preflight

@@ -12,11 +12,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from tgl_soar.analysis.logs.reader import LogError
 from tgl_soar.cli.console import AIRFRAME_FILE, SITE_FILE, errors, fail, say
+from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import (
-    Airframe,
     ConfigError,
-    GridAir,
-    Site,
     airframe_from,
     load_airframe,
     load_parameters,
@@ -25,6 +23,7 @@ from tgl_soar.config.files import (
     site_from,
 )
 from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.config.site import GridAir, Site
 from tgl_soar.control.target_line import eta_from_lean
 
 if TYPE_CHECKING:

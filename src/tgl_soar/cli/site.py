@@ -15,7 +15,9 @@ from tgl_soar.air.field import WindField
 from tgl_soar.air.zeuc import Bounds, ZeucError, contour, excess_at
 from tgl_soar.analysis.experiments.scenario import contour_step, search_bounds
 from tgl_soar.cli.console import AIRFRAME, AIRFRAME_FILE, SITE, SITE_FILE, Commands, console, fail
-from tgl_soar.config.files import Airframe, ConfigError, Site, load_airframe, load_site
+from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.files import ConfigError, load_airframe, load_site
+from tgl_soar.config.site import Site
 from tgl_soar.sim.world import build_field
 from tgl_soar.types import GlidePolar
 

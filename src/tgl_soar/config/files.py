@@ -19,57 +19,10 @@ from typing import Any, Final, TypeVar
 import msgspec
 from msgspec import Struct, inspect
 
-from tgl_soar.config.airframe import (
-    OPERATORS as OPERATORS,
-)
-from tgl_soar.config.airframe import (
-    Airframe as Airframe,
-)
-from tgl_soar.config.airframe import (
-    Surface as Surface,
-)
-from tgl_soar.config.airframe import (
-    Surfaces as Surfaces,
-)
+from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.line_changes import PresetLine, Presets, with_changes
 from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterError, ParameterSet
-from tgl_soar.config.site import (
-    Forward as Forward,
-)
-from tgl_soar.config.site import (
-    GridAir as GridAir,
-)
-from tgl_soar.config.site import (
-    HillAir as HillAir,
-)
-from tgl_soar.config.site import (
-    HomePosition as HomePosition,
-)
-from tgl_soar.config.site import (
-    JetAir as JetAir,
-)
-from tgl_soar.config.site import (
-    Line as Line,
-)
-from tgl_soar.config.site import (
-    Mocap as Mocap,
-)
-from tgl_soar.config.site import (
-    Place as Place,
-)
-from tgl_soar.config.site import (
-    Position as Position,
-)
-from tgl_soar.config.site import (
-    Site as Site,
-)
-from tgl_soar.config.site import (
-    Start as Start,
-)
-from tgl_soar.config.site import (
-    Turbulence as Turbulence,
-)
-from tgl_soar.config.strict import Strict as Strict
+from tgl_soar.config.site import Line, Site
 
 
 class ConfigError(ValueError):

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from msgspec.structs import replace
 
-from tgl_soar.config.files import ConfigError, Mocap, Site
+from tgl_soar.config.files import ConfigError
+from tgl_soar.config.site import Mocap, Site
 from tgl_soar.link.natnet import layout
 from tgl_soar.link.natnet.sockets import Address, NatNetSockets
 from tgl_soar.link.optitrack import Optitrack, Settings, Stream

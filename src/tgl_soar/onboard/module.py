@@ -27,9 +27,7 @@ from math import inf
 from typing import Final, NamedTuple
 
 from tgl_soar import __version__, autopilot
-from tgl_soar.config.files import (
-    switch_refusal,
-)
+from tgl_soar.config.files import switch_refusal
 from tgl_soar.config.line_changes import OVERRIDE, LineChanges
 from tgl_soar.config.parameter_store import ParameterStore
 from tgl_soar.config.parameters import INDEX

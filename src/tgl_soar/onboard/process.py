@@ -22,10 +22,9 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from tgl_soar import __version__
+from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import (
-    Airframe,
     ConfigError,
-    Site,
     airframe_file,
     load_airframe,
     load_parameters,
@@ -34,6 +33,7 @@ from tgl_soar.config.files import (
     switch_refusal,
 )
 from tgl_soar.config.parameter_store import Identity, ParameterStore, state_file, state_folder
+from tgl_soar.config.site import Site
 from tgl_soar.control.line_bounds import LineBounds, open_sides
 from tgl_soar.control.supervisor import MODE_NAMES, REASON_TEXTS
 from tgl_soar.link.keys import (

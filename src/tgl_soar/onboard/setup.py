@@ -9,19 +9,11 @@ from __future__ import annotations
 from math import radians
 from typing import Final, NamedTuple
 
-from tgl_soar.config.files import (
-    OPERATORS,
-    Airframe,
-    ConfigError,
-    Forward,
-    Position,
-    Site,
-    Surface,
-    preset_lines,
-    switch_refusal,
-)
+from tgl_soar.config.airframe import OPERATORS, Airframe, Surface
+from tgl_soar.config.files import ConfigError, preset_lines, switch_refusal
 from tgl_soar.config.line_changes import Contour, Presets
 from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.config.site import Forward, Position, Site
 from tgl_soar.control.laws import Laws, laws_from
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.link.autopilots import flavour as autopilot_flavour

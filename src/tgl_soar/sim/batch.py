@@ -23,8 +23,9 @@ import numpy as np
 
 from tgl_soar.air.field import WindField
 from tgl_soar.air.zeuc import stable_crossing
-from tgl_soar.config.files import Airframe, Site
+from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.config.site import Site
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.sim.closed_loop import Change, Trajectory, fly
 from tgl_soar.sim.fast_flight import CompiledWorld, Prepared, fly_compiled, prepare

@@ -43,15 +43,9 @@ from typing import Any, Final, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.config.files import (
-    Airframe,
-    ConfigError,
-    Site,
-    airframe_file,
-    load_airframe,
-    load_site,
-    site_file,
-)
+from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.files import ConfigError, airframe_file, load_airframe, load_site, site_file
+from tgl_soar.config.site import Site
 from tgl_soar.geometry import ned_from_soaring
 from tgl_soar.onboard import realtime
 from tgl_soar.sim.faults import Fault, FaultError, catalogue_text, parse_fault

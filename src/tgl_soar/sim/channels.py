@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from tgl_soar.config.files import Surface, Surfaces
+from tgl_soar.config.airframe import Surface, Surfaces
 from tgl_soar.types import SurfaceCommand
 
 CHANNELS: Final = 18

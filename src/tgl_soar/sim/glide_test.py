@@ -22,8 +22,9 @@ from tgl_soar.autopilot import (
     initial_state,
     step,
 )
-from tgl_soar.config.files import Airframe, Start
+from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.config.site import Start
 from tgl_soar.control.laws import laws_from
 from tgl_soar.geometry import SoaringFrame, euler_from_quaternion
 from tgl_soar.sim.aircraft import Glide, aircraft_model, glide_at, highest_pitch_glide

@@ -21,7 +21,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple
 
-from tgl_soar.config.files import ConfigError, Site
+from tgl_soar.config.files import ConfigError
+from tgl_soar.config.site import Site
 from tgl_soar.geometry import HallFrame, hall_from_ned
 from tgl_soar.sim.natnet_frames import (
     CLOCK_HZ,

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.config.files import HomePosition
+from tgl_soar.config.site import HomePosition
 from tgl_soar.types import AirspeedSample, ImuSample, PositionFix
 
 MILLI_G_MPS2: Final = 9.80665e-3

@@ -14,10 +14,8 @@ from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.config.files import (
-    Airframe,
-    Site,
-)
+from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.site import Site
 from tgl_soar.sim.channels import NEUTRAL
 from tgl_soar.sim.faults import Fault
 from tgl_soar.sim.injection import Injection, of_duplicate

@@ -33,15 +33,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgl_soar.air.zeuc import Crossing, stable_crossing
-from tgl_soar.config.files import (
-    Position,
-    Site,
-    line_parameters,
-    load_airframe,
-    load_parameters,
-    load_site,
-)
+from tgl_soar.config.files import line_parameters, load_airframe, load_parameters, load_site
 from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.config.site import Position, Site
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.sim.bridge import TOO_SLOW
 from tgl_soar.sim.child_process import with_parent

@@ -26,7 +26,15 @@ from tgl_soar.air.grid_files import Layout, read_grid
 from tgl_soar.air.gusts import Turbulence
 from tgl_soar.air.hill import HillField
 from tgl_soar.air.jet import JetShape, SlopeJet
-from tgl_soar.config.files import Airframe, ConfigError, GridAir, HillAir, JetAir, Site, Start
+from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.files import ConfigError
+from tgl_soar.config.site import (
+    GridAir,
+    HillAir,
+    JetAir,
+    Site,
+    Start,
+)
 from tgl_soar.geometry import SoaringFrame, euler_from_quaternion
 from tgl_soar.sim.aircraft import (
     AircraftModel,

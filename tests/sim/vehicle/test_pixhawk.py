@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.config.files import Surface, Surfaces
+from tgl_soar.config.airframe import Surface, Surfaces
 from tgl_soar.sim.channels import deflection_from_pwm, pwm_from_deflection
 from tgl_soar.sim.routing import MAX_ROUTES, split_frames
 from tgl_soar.sim.vehicle.modes import FBWA, MANUAL

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.config.files import HomePosition, Surface, Surfaces
+from tgl_soar.config.airframe import Surface, Surfaces
+from tgl_soar.config.site import HomePosition
 from tgl_soar.sim.vehicle.pixhawk import Pixhawk
 from tgl_soar.sim.vehicle.sensed import Sensed
 from tgl_soar.types import AirspeedSample, AttitudeSample, ImuSample, PositionFix

@@ -28,9 +28,8 @@ from typing import Final, NamedTuple
 
 from tgl_soar.air.field import WindField
 from tgl_soar.autopilot import Output, mode_name, reason_text
+from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import (
-    Airframe,
-    Site,
     line_parameters,
     load_airframe,
     load_parameters,
@@ -38,6 +37,7 @@ from tgl_soar.config.files import (
     shipped,
 )
 from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.config.site import Site
 from tgl_soar.sim.closed_loop import ClosedLoop
 from tgl_soar.sim.compiled import available
 from tgl_soar.sim.fast_flight import CompiledLoop, CompiledWorld, prepare

@@ -24,10 +24,8 @@ from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.flights import Flyer, Timed
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.autopilot import Output, reason_text
+from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import (
-    Airframe,
-    Site,
-    Start,
     line_parameters,
     load_airframe,
     load_parameters,
@@ -35,6 +33,7 @@ from tgl_soar.config.files import (
     shipped,
 )
 from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.config.site import Site, Start
 from tgl_soar.control.laws import laws_from
 from tgl_soar.control.supervisor import FAILED, RELEASED
 from tgl_soar.control.target_line import e_rho

@@ -20,7 +20,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.analysis.experiments.campaign import place
 from tgl_soar.autopilot import mode_name
-from tgl_soar.config.files import Surfaces
+from tgl_soar.config.airframe import Surfaces
 from tgl_soar.onboard.module import Onboard
 from tgl_soar.onboard.setup import setup_from
 from tgl_soar.sim.channels import deflection_from_pwm, ordered

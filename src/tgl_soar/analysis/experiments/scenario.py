@@ -35,17 +35,9 @@ from tgl_soar.air.zeuc import (
     stable_crossing,
 )
 from tgl_soar.analysis.experiments.wander import Slide
+from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import (
-    Airframe,
     ConfigError,
-    HillAir,
-    JetAir,
-    Line,
-    Place,
-    Site,
-    Start,
-    Strict,
-    Turbulence,
     line_parameters,
     load_airframe,
     load_file,
@@ -54,6 +46,16 @@ from tgl_soar.config.files import (
     shipped,
 )
 from tgl_soar.config.parameters import ParameterError, ParameterSet
+from tgl_soar.config.site import (
+    HillAir,
+    JetAir,
+    Line,
+    Place,
+    Site,
+    Start,
+    Turbulence,
+)
+from tgl_soar.config.strict import Strict
 from tgl_soar.control.target_line import TargetLine, eta_from_lean
 from tgl_soar.estimation.polar import best_glide_speed
 from tgl_soar.sim.closed_loop import Change

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from tgl_soar.air.field import WindField
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
+from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import (
-    Airframe,
-    Site,
     line_parameters,
     load_airframe,
     load_parameters,
@@ -28,6 +27,7 @@ from tgl_soar.config.files import (
     shipped,
 )
 from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.config.site import Site
 from tgl_soar.control.laws import laws_from
 from tgl_soar.control.supervisor import is_flying
 from tgl_soar.estimation.wind import (

@@ -15,7 +15,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tgl_soar.config.files import Surface, Surfaces
+from tgl_soar.config.airframe import Surface, Surfaces
 from tgl_soar.control.supervisor import MODE_NAMES
 from tgl_soar.geometry import SoaringFrame, soaring_from_ned, soaring_vector_from_ned
 

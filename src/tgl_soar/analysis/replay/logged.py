@@ -39,15 +39,10 @@ from tgl_soar.analysis.replay.compiled_ticks import (
     is_ready,
 )
 from tgl_soar.autopilot import AutopilotState, initial_state, step
-from tgl_soar.config.files import (
-    Airframe,
-    Site,
-    airframe_from,
-    load_airframe,
-    load_parameters,
-    site_from,
-)
+from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.files import airframe_from, load_airframe, load_parameters, site_from
 from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterError, ParameterSet
+from tgl_soar.config.site import Site
 from tgl_soar.control.laws import Laws, laws_from
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.onboard.flightlog.declaration import (

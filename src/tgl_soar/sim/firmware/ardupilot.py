@@ -26,7 +26,8 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.config.files import Airframe, HomePosition, Site, Surfaces
+from tgl_soar.config.airframe import Airframe, Surfaces
+from tgl_soar.config.site import HomePosition, Site
 from tgl_soar.link.autopilots.ardupilot import FUNCTIONS
 from tgl_soar.sim.channels import NEUTRAL, deflection_from_pwm, ordered, pwm_from_deflection
 from tgl_soar.sim.firmware import FirmwareError, program

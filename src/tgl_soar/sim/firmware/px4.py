@@ -25,7 +25,8 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import common as mavlink
 
-from tgl_soar.config.files import Airframe, Site, Surfaces
+from tgl_soar.config.airframe import Airframe, Surfaces
+from tgl_soar.config.site import Site
 from tgl_soar.sim.channels import NEUTRAL, ordered
 from tgl_soar.sim.firmware import FirmwareError, program
 from tgl_soar.sim.firmware.relay import FirmwareLink, Relay

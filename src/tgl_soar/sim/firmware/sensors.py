@@ -21,7 +21,7 @@ from datetime import datetime
 from math import cos, radians, sin
 from typing import Final, NamedTuple
 
-from tgl_soar.config.files import HomePosition
+from tgl_soar.config.site import HomePosition
 from tgl_soar.geometry import ned_from_soaring, ned_vector_from_soaring, rotated
 from tgl_soar.sim.sensor_messages import geodetic
 from tgl_soar.sim.sensors import (

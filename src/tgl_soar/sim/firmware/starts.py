@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final, TypeAlias
 
-from tgl_soar.config.files import Airframe, Site
+from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.site import Site
 from tgl_soar.sim.firmware import ardupilot, px4
 from tgl_soar.sim.firmware.relay import Relay
 from tgl_soar.sim.firmware.simulation import Physics

@@ -7,7 +7,7 @@ from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.config.files import Surfaces
+from tgl_soar.config.airframe import Surfaces
 from tgl_soar.sim.channels import ordered
 
 OVERRIDES_NEVER_EXPIRE: Final = -1.0

@@ -23,7 +23,8 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.config.files import HomePosition, Surfaces
+from tgl_soar.config.airframe import Surfaces
+from tgl_soar.config.site import HomePosition
 from tgl_soar.sim.channels import CHANNELS, NEUTRAL
 from tgl_soar.sim.routing import Frame, LinkId, split_frames
 from tgl_soar.sim.vehicle.commands import take_command

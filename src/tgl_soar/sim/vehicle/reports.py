@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.config.files import HomePosition
+from tgl_soar.config.site import HomePosition
 from tgl_soar.geometry import euler_from_quaternion
 from tgl_soar.sim.channels import CHANNELS
 from tgl_soar.sim.sensor_messages import (

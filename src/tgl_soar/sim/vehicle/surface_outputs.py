@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from tgl_soar.config.files import Surfaces
+from tgl_soar.config.airframe import Surfaces
 from tgl_soar.sim.channels import (
     CHANNELS,
     NEUTRAL,
