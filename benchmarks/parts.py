@@ -185,29 +185,37 @@ def _times(
             surfaces=session.surfaces,
         )
         motion, vehicle = clock.time(
-            "estimate: motion", motion_step, laws.motion, laws.frame, state.motion, inputs
+            "estimate: motion", motion_step, laws.motion, laws.frame, state.memory.motion, inputs
         )
         clock.time(
             "estimate: health",
             health_step,
             laws.health,
-            state.health,
+            state.memory.health,
             motion,
             inputs,
             True,
             True,
-            state.limited.command,
+            state.loops.limited.command,
             TICK_S,
         )
         clock.time(
-            "estimate: wind", wind_step, laws.wind, state.wind, vehicle, inputs, 0.1, 0.0, True
+            "estimate: wind",
+            wind_step,
+            laws.wind,
+            state.memory.wind,
+            vehicle,
+            inputs,
+            0.1,
+            0.0,
+            True,
         )
         state, output = clock.time("decide and control", step, laws, state, inputs)
         clock.time(
             "limit",
             limit_surfaces,
             laws.envelope,
-            state.limited.command,
+            state.loops.limited.command,
             output.command,
             elevator_limit(laws.envelope, laws.trim.elevator, 0.1),
             True,

@@ -104,7 +104,7 @@ def _times(sensors: Sensors = USUAL_SENSORS) -> tuple[float, float, float]:
         )
         frame = mavlink.MAVLink_attitude_quaternion_message(i, 1, 0, 0, 0, 0, 0, 0).pack(encoder)
         before = perf_counter()
-        motion_step(laws.motion, laws.frame, state.motion, inputs)
+        motion_step(laws.motion, laws.frame, state.memory.motion, inputs)
         between = perf_counter()
         state, output = step(laws, state, inputs)
         after = perf_counter()

@@ -30,7 +30,10 @@ TABLE: dict[str, set[str]] = {
     "control": {"config.line_changes", "geometry"},
     "estimation": {"config.parameters", "geometry"},
     "control.laws": {"control", "estimation"},  # it holds the parameters of both
-    "autopilot": {"control.laws"},
+    "control.conditions": {"control.laws"},
+    "control.margins": {"control.laws"},
+    "control.surface_loops": {"control.laws"},
+    "autopilot": {"control.conditions", "control.margins", "control.surface_loops"},
     "link": {"config", "geometry"},
     "onboard.native": set(),
     "onboard.pacing": set(),
@@ -67,6 +70,7 @@ STAYS_ON_THE_GROUND = DOORS - FLIES
 # A law knows no clock, no file and no wire.
 PURE = {
     "types", "geometry", "config.parameters", "config.line_changes", "control", "control.laws",
+    "control.conditions", "control.margins", "control.surface_loops",
     "estimation", "autopilot",
 }  # fmt: skip
 IMPURE = {

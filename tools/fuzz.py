@@ -137,7 +137,7 @@ class Flight:
             return "a message could not be sent"
         if self._world.crashed or self._world.held or self.mode != "soaring":
             return f"{self.mode} {self._world.crashed}"
-        if output is None or not abs(output.e_rho_m) < ON_LINE_M:
+        if output is None or not abs(output.line.e_rho_m) < ON_LINE_M:
             return "off the line"
         return ""
 

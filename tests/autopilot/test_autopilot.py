@@ -259,13 +259,13 @@ def test_it_engages_captures_and_soars() -> None:
 def test_the_line_it_flies_starts_at_the_aircraft_and_ends_on_the_target() -> None:
     flight = Flight().fly(6.0)
     first, last = flight.outputs[0], flight.outputs[-1]
-    assert first.e_rho_m == pytest.approx(0.0, abs=1e-9)
-    assert (first.line_x_m, first.line_z_m) == pytest.approx((0.25, 1.4), abs=1e-3)
+    assert first.line.e_rho_m == pytest.approx(0.0, abs=1e-9)
+    assert (first.line.x_m, first.line.z_m) == pytest.approx((0.25, 1.4), abs=1e-3)
     t = LAWS.target
-    assert (last.line_x_m, last.line_z_m, last.line_eta_rad) == t
-    assert not last.line_moving
+    assert (last.line.x_m, last.line.z_m, last.line.eta_rad) == t
+    assert not last.line.moving
     # At every tick the aircraft is near the line that it flies, not the operator's.
-    assert max(abs(o.e_rho_m) for o in flight.outputs) < 0.1
+    assert max(abs(o.line.e_rho_m) for o in flight.outputs) < 0.1
 
 
 def test_the_operator_moves_the_line_in_flight() -> None:
@@ -276,7 +276,7 @@ def test_the_operator_moves_the_line_in_flight() -> None:
     assert flight.outputs[0].reason == modes.REASON_LINE_MOVED  # at once
     assert abs(flight.distance()) < 0.02
     # 0.3 m/s from rest within 0.6 s is a mild thing: the aircraft follows within a hand.
-    assert max(abs(o.e_rho_m) for o in flight.outputs) < 0.1
+    assert max(abs(o.line.e_rho_m) for o in flight.outputs) < 0.1
     assert_inside(flight.outputs)
 
 
@@ -459,7 +459,7 @@ def test_a_place_believed_after_doubt_is_a_new_line_and_no_step() -> None:
         ("capturing", "position is back"),
     ]
     flown = [o for o in flight.outputs if o.mode in (modes.CAPTURING, modes.SOARING)]
-    assert all(abs(b.e_rho_m - a.e_rho_m) < 0.05 for a, b in pairwise(flown))
+    assert all(abs(b.line.e_rho_m - a.line.e_rho_m) < 0.05 for a, b in pairwise(flown))
 
 
 def test_a_gap_is_held_through_and_flown_on_from() -> None:
@@ -478,7 +478,7 @@ def test_a_gap_is_held_through_and_flown_on_from() -> None:
     expected = LAWS.pitch_trim.trim_pitch_rad + before.soaring.i
     assert held[0].setpoints.pitch_rad == pytest.approx(expected, abs=1e-3)
     back = next(o for o in flight.outputs if o.reason == modes.REASON_POSITION_BACK)
-    assert back.e_rho_m == 0.0  # the line starts at the aircraft again
+    assert back.line.e_rho_m == 0.0  # the line starts at the aircraft again
     assert abs(flight.distance()) < 0.02
     assert_inside(flight.outputs)
 
@@ -488,12 +488,12 @@ def test_a_gap_while_the_line_moves_leaves_nothing_of_its_speed() -> None:
     flight = soaring()
     flight.laws = laws_with(TGL_X=1.0)
     flight.fly(1.5)
-    assert flight.outputs[-1].line_moving
+    assert flight.outputs[-1].line.moving
     flight.fly(0.6, frozen("position", flight)).fly(0.1)
     back = next(o for o in flight.outputs if o.reason == modes.REASON_POSITION_BACK)
     v = back.vehicle
-    across = e_rho(0.0, 0.0, back.line_eta_rad, v.velocity_x_mps, v.climb_mps)
-    assert back.e_rho_rate_mps == pytest.approx(across, abs=1e-12)
+    across = e_rho(0.0, 0.0, back.line.eta_rad, v.velocity_x_mps, v.climb_mps)
+    assert back.line.e_rho_rate_mps == pytest.approx(across, abs=1e-12)
     assert back.soaring.d == pytest.approx(LAWS.soaring.pid.kd * across, abs=1e-12)
 
 
@@ -505,7 +505,7 @@ def test_a_short_gap_leaves_the_line_where_it_is() -> None:
     assert flight.outputs[-1].mode in (modes.CAPTURING, modes.SOARING)
     assert sum(o.reason == modes.REASON_POSITION_BACK for o in flight.outputs) == 6
     t = LAWS.target
-    assert {(o.line_x_m, o.line_z_m, o.line_eta_rad) for o in flight.outputs} == {tuple(t)}
+    assert {(o.line.x_m, o.line.z_m, o.line.eta_rad) for o in flight.outputs} == {tuple(t)}
     assert abs(flight.distance()) < 0.05
     assert_inside(flight.outputs)
 
@@ -591,7 +591,7 @@ def test_a_long_gap_is_recovered_from() -> None:
         ("capturing", "recovered"),
     ]
     back = next(o for o in flight.outputs if o.reason == modes.REASON_RECOVERED)
-    assert back.e_rho_m == 0.0
+    assert back.line.e_rho_m == 0.0
     assert_inside(flight.outputs)
 
 
@@ -621,7 +621,7 @@ def test_one_sample_that_is_no_number_is_flown_through(part: str, field: str, va
     flight = soaring().fly(1.0, spoil)
     assert flight.changes() == []
     assert_inside(flight.outputs)
-    assert max(abs(o.e_rho_m) for o in flight.outputs) < 0.02
+    assert max(abs(o.line.e_rho_m) for o in flight.outputs) < 0.02
 
 
 @pytest.mark.parametrize(
@@ -648,10 +648,11 @@ def test_a_number_beyond_all_bounds_does_no_harm(
 
 def test_a_law_that_has_overflowed_is_caught_behind_it() -> None:
     """No input can leave inf in a filter; were it there all the same: the last limiter holds the
-    surfaces, and the next tick lets go."""
+    surfaces, and the next tick disengages."""
     flight = soaring().fly(8 * DT)
-    rate = flight.state.heading._replace(rate=inf)
-    flight.state = flight.state._replace(heading=rate)
+    loops = flight.state.loops
+    overflowed = loops._replace(heading=loops.heading._replace(rate=inf))
+    flight.state = flight.state._replace(loops=overflowed)
     flight.fly(0.2)
     assert flight.changes() == [("failed", "command not finite")]
     assert_inside(flight.outputs)
@@ -676,7 +677,7 @@ def test_lost_gyros_are_flown_without(field: str) -> None:
 
     flight = soaring().fly(3.0, spoil)
     assert flight.changes() == []
-    assert max(abs(o.e_rho_m) for o in flight.outputs) < 0.02
+    assert max(abs(o.line.e_rho_m) for o in flight.outputs) < 0.02
 
 
 def test_a_hundred_bad_attitudes_are_too_many() -> None:
@@ -731,7 +732,7 @@ def test_one_sample_in_five_lost_costs_nothing() -> None:
     flight = soaring().fly(5.0, lossy)
     assert flight.changes() == []
     # A surface that is told 5 ms later now and then moves the line by less than a centimetre.
-    assert max(abs(o.e_rho_m) for o in flight.outputs) < 0.01
+    assert max(abs(o.line.e_rho_m) for o in flight.outputs) < 0.01
     assert_inside(flight.outputs)
 
 
@@ -835,9 +836,9 @@ def test_two_ticks_of_the_same_time_are_one() -> None:
     flight = soaring()
     state, inputs = flight.state, flight.inputs[-1]
     again, output = step(LAWS, state, inputs)
-    assert output.command == flight.state.limited.command
-    assert again.pitch == state.pitch
-    assert again.roll == state.roll
+    assert output.command == flight.state.loops.limited.command
+    assert again.loops.pitch == state.loops.pitch
+    assert again.loops.roll == state.loops.roll
     assert again.soaring.pid == state.soaring.pid
     assert again.line == state.line
 
@@ -887,8 +888,8 @@ def test_every_loop_runs_once_a_tick() -> None:
     # Roll: from the first tick on, at which dt is nought.
     assert outputs[200].aileron.i == pytest.approx(-0.1 * 1.0 * 200 * DT, rel=1e-9)
     # e_rho: once the line has arrived, so many ticks, so many equal steps.
-    arrived = next(k for k, o in enumerate(outputs) if not o.line_moving)
-    distance = outputs[-1].e_rho_m
+    arrived = next(k for k, o in enumerate(outputs) if not o.line.moving)
+    distance = outputs[-1].line.e_rho_m
     assert distance == pytest.approx(0.2 * cos(radians(15.0)), rel=1e-6)
     n = 600 - arrived
     assert n > 100
@@ -907,7 +908,7 @@ def test_every_loop_runs_once_a_tick() -> None:
 def test_the_line_moves_once_a_tick() -> None:
     outputs = list(stood(laws_with(TGL_X=-1.0, AGE_FROZEN=10.0), 400))
     cruising = outputs[200:300]
-    moved = cruising[0].line_x_m - cruising[-1].line_x_m
+    moved = cruising[0].line.x_m - cruising[-1].line.x_m
     # Sideways at 0.3 m/s: along its normal, of which cos(lean) is along x.
     assert moved == pytest.approx(0.3 * cos(radians(15.0)) * 99 * DT, rel=1e-6)
 
@@ -969,7 +970,7 @@ def test_the_log_holds_what_makes_up_each_output() -> None:
             parts = terms.feedforward + terms.p + terms.i + terms.d
             assert terms.output == pytest.approx(parts, abs=1e-12)
         if o.mode != modes.HOLDING:
-            assert o.soaring.p == pytest.approx(LAWS.soaring.pid.kp * o.e_rho_m)
+            assert o.soaring.p == pytest.approx(LAWS.soaring.pid.kp * o.line.e_rho_m)
         assert o.setpoints.roll_rad == 0.0
 
 
@@ -1003,7 +1004,7 @@ def test_no_inputs_raise_and_no_command_leaves_the_envelope(
 ) -> None:
     """From standby and from the middle of a flight; good parts and bad ones in any mixture."""
     state, last = start
-    command = state.limited.command
+    command = state.loops.limited.command
     was_active, before = modes.is_flying(state.supervisor.mode), state.time_s
     for k, wild in enumerate(ticks, 1):
         good = last._replace(

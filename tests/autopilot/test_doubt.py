@@ -116,9 +116,11 @@ def test_a_young_fix_of_too_much_doubt_is_no_position(share: float, ok: bool) ->
 def test_a_position_of_unknown_doubt_is_none() -> None:
     """No sample leads there: should arithmetic ever, a sigma that is no number is not small."""
     state = after(100)
-    errors = state.motion.errors
+    errors = state.memory.motion.errors
     unknown = errors._replace(covariance=errors.covariance._replace(pp=nan))
-    corrupted = state._replace(motion=state.motion._replace(errors=unknown))
+    corrupted = state._replace(
+        memory=state.memory._replace(motion=state.memory.motion._replace(errors=unknown))
+    )
     without_fix = held(100)._replace(position=held(99).position)
     for start, ok in ((state, True), (corrupted, False)):
         ((_, output),) = ticks(iter([without_fix]), state=start)
@@ -208,7 +210,7 @@ NOW = 100 * DT
 )
 def test_the_wind_is_felt_in_what_the_estimator_has_taken(sample: ImuSample, felt: bool) -> None:
     ((state, _),) = ticks(iter([held(100)._replace(imu=sample)]), state=after(100))
-    assert state.wind.imu_time_s == (NOW if felt else NOW - DT)
+    assert state.memory.wind.imu_time_s == (NOW if felt else NOW - DT)
 
 
 @pytest.mark.parametrize(("share", "felt"), [(0.99, True), (1.01, False)])
@@ -217,11 +219,11 @@ def test_accelerations_of_long_ago_are_not_felt(share: float, felt: bool) -> Non
     deaf = (held(n)._replace(imu=held(99).imu) for n in range(100, 150))
     *_, (state, _) = ticks(deaf, state=after(100))
     ((heard, _),) = ticks(iter([held(150)._replace(imu=late)]), state=state)
-    assert heard.motion.imu.time_s == late.time_s  # taken, and known to be old
-    assert (heard.wind.imu_time_s == 150 * DT) == felt
+    assert heard.memory.motion.imu.time_s == late.time_s  # taken, and known to be old
+    assert (heard.memory.wind.imu_time_s == 150 * DT) == felt
 
 
 def test_after_a_clock_that_went_back_nothing_is_felt_until_there_is_something_new() -> None:
     back = held(20)._replace(imu=held(99).imu)
     ((state, _),) = ticks(iter([back]), state=after(100))
-    assert state.wind.imu_time_s == 99 * DT
+    assert state.memory.wind.imu_time_s == 99 * DT

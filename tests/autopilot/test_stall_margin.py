@@ -6,9 +6,10 @@ from math import cos, degrees, hypot, inf, isfinite, nan, radians, sin
 
 import pytest
 
-from tgl_soar.autopilot import STALL_UNCERTAINTY_MAX_RAD, Output, stall_uncertainty
+from tgl_soar.autopilot import Output
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.control.envelope import CUT_NOSE_UP, PITCH_PER_SPEED
+from tgl_soar.control.margins import STALL_UNCERTAINTY_MAX_RAD, stall_uncertainty
 from tgl_soar.sim.closed_loop import ClosedLoop
 from tgl_soar.sim.sensors import MEMS_IMU, READ_BACK, USUAL_SENSORS, Sensors
 from tgl_soar.sim.world import build_field, make_world

@@ -421,7 +421,7 @@ def test_a_set_line_is_flown_on_the_next_tick(flight: Flight) -> None:
     flight.run(0.01)
     assert flight.onboard.counters.laws_changed == 1  # one tick, however many were set
     assert flight.onboard.output is not None
-    assert flight.onboard.output.line_x_m == 0.25
+    assert flight.onboard.output.line.x_m == 0.25
 
 
 def test_a_refused_set_leaves_the_laws_alone(flight: Flight) -> None:

@@ -119,9 +119,9 @@ def test_every_loop_runs_at_the_rate_it_claims() -> None:
         attitudes += world.attitude.sequence - last[0]
         fixes += world.position.sequence - last[1]
         last = (world.attitude.sequence, world.position.sequence)
-        if output.active and loop.state.pitch.integral != last_integral:
+        if output.active and loop.state.loops.pitch.integral != last_integral:
             integral_steps += 1
-            last_integral = loop.state.pitch.integral
+            last_integral = loop.state.loops.pitch.integral
     assert values["LOOP_RATE"] == world.step_hz == 200
     assert ticks == seconds * 200
     # The delays of the sensors hold back the last few samples.
@@ -170,5 +170,5 @@ def test_one_wrong_fix_does_not_end_the_flight() -> None:
             )
         output = loop.tick()
     assert output.active
-    assert loop.state.motion.rejected == 1
+    assert loop.state.memory.motion.rejected == 1
     assert not world.crashed

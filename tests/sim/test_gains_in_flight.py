@@ -58,7 +58,7 @@ def ticks(loop: ClosedLoop, seconds: float) -> list[Output]:
 
 
 def rms_e_rho_m(outputs: list[Output]) -> float:
-    return float(np.sqrt(np.mean([output.e_rho_m**2 for output in outputs])))
+    return float(np.sqrt(np.mean([output.line.e_rho_m**2 for output in outputs])))
 
 
 def pitch_setpoint_rad(output: Output) -> float:
@@ -104,7 +104,7 @@ def test_the_outer_gains_with_accelerations_keep_their_margin(factor: float) -> 
     loop = ClosedLoop(world(1, 0.0, WITH_IMU), values.changed(outer))
     flight = ticks(loop, 14.0)
     assert flight[-1].imu_weight == 1.0
-    assert all(abs(output.e_rho_m) <= 0.01 for output in flight[-4 * HZ :])
+    assert all(abs(output.line.e_rho_m) <= 0.01 for output in flight[-4 * HZ :])
 
 
 def test_a_switch_in_steady_flight_is_not_felt() -> None:

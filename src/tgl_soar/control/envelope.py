@@ -205,6 +205,11 @@ def limit_surfaces(
     )
 
 
+def unlimited(command: SurfaceCommand) -> Limited:
+    """A command of which nothing was cut."""
+    return Limited(command=command, elevator_blocked=0, aileron_blocked=0, finite=True, cut=0)
+
+
 def limit_one(deflection_max: float, change_max: float, last: float, wanted: float) -> float:
     """One deflection within its travel and, where travel allows, its change from the last."""
     # NaN would pass the limits below, as full deflection or full rate.

@@ -242,6 +242,14 @@ def motion_step(
     return state, _at(state, now)
 
 
+def is_imu_valid(before: MotionState, after: MotionState, time_s: float) -> bool:
+    """Whether the estimator has taken new accelerations in this tick, and they are of now."""
+    return (
+        after.imu.time_s != before.imu.time_s
+        and time_s - after.imu.time_s <= IMU_SILENT_S  # false for NaN
+    )
+
+
 def motion_quality(
     gains: MotionGains, before: MotionState, after: MotionState, time_s: float
 ) -> MotionQuality:

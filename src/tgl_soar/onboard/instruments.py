@@ -138,14 +138,14 @@ def health_bits(output: Output) -> float:
 def fast_value(output: Output, turn: int) -> float:
     """The number of `FAST[turn]`."""
     return (
-        output.e_rho_m,
+        output.line.e_rho_m,
         output.vehicle.x_m,
         output.vehicle.z_m,
         degrees(output.setpoints.pitch_rad),
         float(output.mode),
-        output.line_x_m,
-        output.line_z_m,
-        degrees(output.line_eta_rad) - 90.0,
+        output.line.x_m,
+        output.line.z_m,
+        degrees(output.line.eta_rad) - 90.0,
     )[turn]
 
 
@@ -181,12 +181,12 @@ def float_array(output: Output, vehicle_time_s: float) -> DebugFloatArray:
     air = output.air
     data = (
         float(output.mode),
-        output.e_rho_m,
-        output.e_rho_rate_mps,
-        output.line_x_m,
-        output.line_z_m,
-        degrees(output.line_eta_rad) - 90.0,
-        float(output.line_moving),
+        output.line.e_rho_m,
+        output.line.e_rho_rate_mps,
+        output.line.x_m,
+        output.line.z_m,
+        degrees(output.line.eta_rad) - 90.0,
+        float(output.line.moving),
         vehicle.x_m,
         vehicle.y_m,
         vehicle.z_m,
@@ -227,9 +227,9 @@ def nav_controller_output(output: Output) -> NavControllerOutput:
         nav_bearing=whole,
         target_bearing=whole,
         wp_dist=0,
-        alt_error=output.line_z_m - output.vehicle.z_m,
+        alt_error=output.line.z_m - output.vehicle.z_m,
         aspd_error=0.0,
-        xtrack_error=output.e_rho_m,
+        xtrack_error=output.line.e_rho_m,
     )
 
 

@@ -584,9 +584,9 @@ def write_row(
     air = air_data(aircraft, wind)
     row[0], row[1], row[2], row[3] = now_s, aircraft.x_m, aircraft.y_m, aircraft.z_m
     row[4] = e_rho(
-        output.line_x_m, output.line_z_m, output.line_eta_rad, aircraft.x_m, aircraft.z_m
+        output.line.x_m, output.line.z_m, output.line.eta_rad, aircraft.x_m, aircraft.z_m
     )
-    row[5] = 1.0 if output.line_moving or not output.active else 0.0
+    row[5] = 1.0 if output.line.moving or not output.active else 0.0
     row[6] = target_changes
     row[7], row[8] = pitch, output.setpoints.pitch_rad
     row[9], row[10] = roll, heading

@@ -114,9 +114,9 @@ def test_surfaces_come_from_pulse_widths(flights: dict[str, FlightData]) -> None
 def test_our_log_holds_what_the_laws_did(flights: dict[str, FlightData]) -> None:
     flight = flights["ours"]
     outputs = [tick.output for tick in flown.flight()]
-    assert differs(flight, "tracking", "e_rho_m", [o.e_rho_m for o in outputs]) < 1e-6
+    assert differs(flight, "tracking", "e_rho_m", [o.line.e_rho_m for o in outputs]) < 1e-6
     assert differs(flight, "path", "z_m", [o.vehicle.z_m for o in outputs]) < 1e-6
-    assert differs(flight, "line", "x_m", [o.line_x_m for o in outputs]) < 1e-6
+    assert differs(flight, "line", "x_m", [o.line.x_m for o in outputs]) < 1e-6
     assert [m.name for m in flight.modes][-1] == "soaring"
     assert set(flight.files) == {"airframe", "site"}
     assert any("TGL_X" in event.text for event in flight.events)
@@ -149,8 +149,8 @@ def test_the_wire_tells_line_and_modes(flights: dict[str, FlightData]) -> None:
     assert [m.name for m in flight.autopilot_modes] == ["MANUAL"]
     assert flight.line is not None
     last = flown.flight()[-1].output
-    assert flight.line["x_m"][-1] == pytest.approx(last.line_x_m, abs=1e-3)
-    assert flight.line["eta_rad"][-1] == pytest.approx(last.line_eta_rad, abs=1e-3)
+    assert flight.line["x_m"][-1] == pytest.approx(last.line.x_m, abs=1e-3)
+    assert flight.line["eta_rad"][-1] == pytest.approx(last.line.eta_rad, abs=1e-3)
     assert flight.line["moving"][-1] == 0.0
     assert flight.line["moving"].max() == 1.0
     texts = [event.text for event in flight.events]

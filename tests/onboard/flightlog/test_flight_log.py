@@ -117,7 +117,7 @@ def test_it_holds_what_was_flown(log: FlightLog, tmp_path: Path) -> None:
     assert tick["vehicle_x_m"][-1] == np.float32(output.vehicle.x_m)
     assert tick["soaring_i"][-1] == np.float32(output.soaring.i)
     assert tick["mode"][-1] == output.mode
-    assert tick["line_eta_rad"][-1] == np.float32(output.line_eta_rad)  # from the slow rows
+    assert tick["line_eta_rad"][-1] == np.float32(output.line.eta_rad)  # from the slow rows
     assert len(tick["line_eta_rad"]) == TICKS
     attitude = log.topics["attitude"]
     assert attitude["qw"][-1] == flight.onboard.session.attitude.qw
@@ -189,7 +189,7 @@ def test_a_number_that_fits_no_float_is_logged_as_infinite(tmp_path: Path) -> No
         engage=False,
     )
     state, output = step(laws, state, inputs)
-    output = output._replace(e_rho_m=-1e300)
+    output = output._replace(line=output.line._replace(e_rho_m=-1e300))
     recorder.tick(inputs, output, state)
     recorder.tick(inputs._replace(time_s=0.005), output._replace(mode=1000), state)
     recorder.stop()

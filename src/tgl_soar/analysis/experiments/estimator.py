@@ -175,8 +175,8 @@ def fly_scored(flight: Flight) -> Scored:
     ended = ""
     for now in _ticks(flight):
         truth, out = now.truth, now.output
-        e = e_rho(out.line_x_m, out.line_z_m, out.line_eta_rad, truth.x_m, truth.z_m)
-        moving = float(out.line_moving or not out.active)
+        e = e_rho(out.line.x_m, out.line.z_m, out.line.eta_rad, truth.x_m, truth.z_m)
+        moving = float(out.line.moving or not out.active)
         rows.append((truth.time_s, e, moving, out.command.elevator))
         ended = now.ended
     names = ("time_s", "e_rho_m", "line_moving", "elevator")

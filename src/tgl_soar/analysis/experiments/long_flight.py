@@ -166,7 +166,7 @@ def fly_long(
         if output is None:
             continue
         if output.active:
-            largest = max(largest, abs(output.e_rho_m))
+            largest = max(largest, abs(output.line.e_rho_m))
         if world.crashed or (not world.held and not output.active):
             flight.ended = world.crashed or mode_name(output.mode)
             break

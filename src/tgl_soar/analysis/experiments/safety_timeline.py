@@ -36,7 +36,7 @@ def fly_timeline(title: str, text: str) -> Timeline:
         output = loop.tick()
         if truth.time_s < BEGIN_S:
             continue
-        line = (output.line_x_m, output.line_z_m, output.line_eta_rad)
+        line = (output.line.x_m, output.line.z_m, output.line.eta_rad)
         command = output.command.elevator if output.active else NAN
         distance = e_rho(*line, truth.x_m, truth.z_m) if output.active else NAN
         age = output.health.position_age_s

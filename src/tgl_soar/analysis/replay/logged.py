@@ -50,6 +50,7 @@ from tgl_soar.onboard.flightlog.declaration import (
     TOPICS,
     flattener,
     is_named_tuple,
+    leaves_of,
     packer,
     rebuilt,
     record_size,
@@ -334,7 +335,7 @@ def _states(log: FlightLog, notes: list[str]) -> list[tuple[int, bool, Autopilot
         return []
     if not rows:
         return []
-    states = _tuples(AutopilotState, [rows[leaf.name] for leaf in TOPICS["state"].leaves])
+    states = _tuples(AutopilotState, [rows[leaf.name] for leaf in leaves_of(AutopilotState)])
     return list(zip(rows["tick"].tolist(), rows["afresh"].tolist(), states, strict=True))
 
 

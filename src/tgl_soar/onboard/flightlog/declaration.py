@@ -96,6 +96,25 @@ _SLOW: Final = re.compile(
     r"|quality_\w+|imu_share|(elevator|aileron|rudder)_output"
 )
 
+# Columns that keep their names of this layout, whatever the tuples they come from are called: a
+# field of these, or all that is in it (then "": the name begins with that of what is inside).
+_NAMED: Final = {
+    "AutopilotState.memory": "",
+    "AutopilotState.loops": "",
+    "EstimatorMemory.imu_weight": "imu_share",
+    "Output.imu_weight": "imu_share",
+    "WindState.posterior": "wind_belief",
+    "LineTracking.e_rho_m": "e_rho_m",
+    "LineTracking.e_rho_rate_mps": "e_rho_rate_mps",
+}
+
+# In which order a state's columns stand, by how their names begin; what is not here comes last.
+_STATE_ORDER: Final = (
+    *("time_s", "supervisor_", "off_line_s", "motion_", "line_", "soaring_"),
+    *("pitch_integral", "pitch_rate", "roll_", "heading_integral", "heading_rate"),
+    *("heading_setpoint_rad", "limited_", "wind_"),
+)
+
 FRAMES: Final = {
     "PositionFix": "NED",
     "VehicleState": "soaring",
@@ -137,11 +156,11 @@ MEANINGS: Final = {
     "AirEstimate.updraft_sigma_mps": "standard deviation of the updraft",
     "Output.mode": "by number: Modes, below",
     "Output.reason": "of a change of mode in this tick, by number: below",
-    "Output.line_x_m": "of the line's point, downstream",
-    "Output.line_z_m": "of the line's point, height",
-    "Output.line_eta_rad": "the line's inclination from the downstream axis",
-    "Output.line_moving": "the line is on its way to its target",
-    "Output.e_rho_rate_mps": "how fast e_rho grows, as the law sees it",
+    "LineTracking.x_m": "of the line's point, downstream",
+    "LineTracking.z_m": "of the line's point, height",
+    "LineTracking.eta_rad": "the line's inclination from the downstream axis",
+    "LineTracking.moving": "the line is on its way to its target",
+    "LineTracking.e_rho_rate_mps": "how fast e_rho grows, as the law sees it",
     "VehicleState.x_m": "downstream",
     "VehicleState.y_m": "to the right of an aircraft facing upwind",
     "VehicleState.z_m": "height",
@@ -173,7 +192,7 @@ MEANINGS: Final = {
     "Node.time_s": "of a point that the track has passed",
     "Track.time_s": "up to which accelerations were taken in",
     "Errors.time_s": "at which the track is wrong by this",
-    "Turning.by_gyros": "the rates are those of the gyros",
+    "AttitudeTrack.by_gyros": "the rates are those of the gyros",
     "LineState.moving": "it is on its way to its target",
     "Limited.aileron_blocked": "as the elevator's",
     "Limited.finite": "the last command was a number",
@@ -239,8 +258,9 @@ def leaves_of(kind: type, name: str = "", owner: str = "", place: str = "") -> I
         yield Leaf(name, kind, owner, place)
     elif is_named_tuple(kind):
         for i, (field, hint) in enumerate(get_type_hints(kind).items()):
-            inner = f"{name}_{field}" if name else field
-            yield from leaves_of(hint, inner, f"{kind.__name__}.{field}", f"{place}[{i}]")
+            declared = f"{kind.__name__}.{field}"
+            inner = _NAMED.get(declared, f"{name}_{field}" if name else field)
+            yield from leaves_of(hint, inner, declared, f"{place}[{i}]")
     elif get_origin(kind) is tuple and Ellipsis not in get_args(kind):
         for i, hint in enumerate(get_args(kind)):
             yield from leaves_of(hint, f"{name}_{i}", owner, f"{place}[{i}]")
@@ -287,6 +307,11 @@ _OUTPUTS: Final = tuple(leaf for leaf in _ALL_OUTPUTS if not _SLOW.fullmatch(lea
 _SLOW_OUTPUTS: Final = tuple(leaf for leaf in _ALL_OUTPUTS if _SLOW.fullmatch(leaf.name))
 
 
+def _state_order(leaf: Leaf) -> int:
+    begins = (i for i, begin in enumerate(_STATE_ORDER) if leaf.name.startswith(begin))
+    return next(begins, len(_STATE_ORDER))
+
+
 def _topics() -> Iterator[Topic]:
     plain = [_field(leaf, exact=True) for leaf in _PLAIN_INPUTS]
     outputs = [_field(leaf, exact=False) for leaf in _OUTPUTS]
@@ -305,7 +330,7 @@ def _topics() -> Iterator[Topic]:
             name=name, number=number, fields=fields, meaning=meaning, leaves=leaves, source=kind
         )
         number += 1
-    leaves = tuple(leaves_of(AutopilotState))
+    leaves = tuple(sorted(leaves_of(AutopilotState), key=_state_order))
     yield Topic(
         name="state",
         number=number,

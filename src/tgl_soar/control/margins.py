@@ -1,0 +1,66 @@
+"""How far it is to the stall, the ground and the fence, as far as it is known.
+
+Without a pitot tube alpha and airspeed are worked out from wind, velocity and pitch.  They count
+where the estimator is certain of them, as with accelerometers it is, and in flight: an aircraft
+held in a hand feels the hand.
+"""
+
+from __future__ import annotations
+
+from math import cos, hypot, sin
+from typing import Final
+
+from tgl_soar.control.envelope import (
+    PITCH_PER_SPEED,
+    Margins,
+    clearance,
+    outside,
+    stall_margin,
+)
+from tgl_soar.control.laws import Laws
+from tgl_soar.estimation.health import AIRSPEED
+from tgl_soar.types import NAN, AirEstimate, Health, Inputs, VehicleState, isfinite
+
+# 2 degrees: the margin acts from 3 degrees before the limit on.
+STALL_UNCERTAINTY_MAX_RAD: Final = 0.035
+
+
+def margins_of(
+    laws: Laws,
+    inputs: Inputs,
+    vehicle: VehicleState,
+    health: Health,
+    air: AirEstimate,
+    flying: bool,
+) -> Margins:
+    """The margins of one tick.
+
+    A lost place that nobody can even estimate is not outside: its age ends the flight, with a
+    reason of its own.
+    """
+    alpha, airspeed = NAN, NAN
+    certain = flying and stall_uncertainty(air, vehicle.pitch_rad) <= STALL_UNCERTAINTY_MAX_RAD
+    if air.measured or certain:
+        alpha, airspeed = air.alpha_rad, air.airspeed_mps
+    elif not health.faults & AIRSPEED:
+        airspeed = inputs.airspeed.airspeed_mps
+    unknown = not health.position_ok and not isfinite(vehicle.x_m + vehicle.y_m + vehicle.z_m)
+    return Margins(
+        stall_margin(laws.envelope, alpha, airspeed),
+        clearance(laws.ground, vehicle.x_m, vehicle.z_m),
+        0 if unknown else outside(laws.fence, vehicle.x_m, vehicle.y_m, vehicle.z_m),
+    )
+
+
+def stall_uncertainty(air: AirEstimate, pitch_rad: float) -> float:
+    """Standard deviation [rad] of the margin to the stall, by that of wind and updraft.
+
+    The flight path through the air climbs by gamma = pitch - alpha, wings level: across it the
+    uncertainty turns alpha, along it it changes the airspeed, which counts as a pitch.  NaN: not
+    known.
+    """
+    gamma = pitch_rad - air.alpha_rad
+    c, s = cos(gamma), sin(gamma)
+    across = hypot(c * air.updraft_sigma_mps, s * air.wind_sigma_mps) / air.airspeed_mps
+    along = hypot(c * air.wind_sigma_mps, s * air.updraft_sigma_mps) * PITCH_PER_SPEED
+    return max(across, along)
