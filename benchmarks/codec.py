@@ -13,7 +13,8 @@ from time import perf_counter_ns
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.link.codec import Decoder, Encoder
+from tgl_soar.link.decoder import Decoder
+from tgl_soar.link.encoder import Encoder
 from tgl_soar.link.messages import RcChannelsOverride, Source
 from tgl_soar.link.signing import Signing
 

@@ -22,7 +22,8 @@ from tgl_soar.control.laws import laws_from
 from tgl_soar.estimation.health import health_step
 from tgl_soar.estimation.motion import motion_step
 from tgl_soar.estimation.wind import wind_step
-from tgl_soar.link.codec import Decoder, Encoder
+from tgl_soar.link.decoder import Decoder
+from tgl_soar.link.encoder import Encoder
 from tgl_soar.link.session import Session
 from tgl_soar.onboard.flightlog.writer import FlightRecorder, LogMetadata
 from tgl_soar.types import Inputs

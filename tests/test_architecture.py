@@ -229,12 +229,12 @@ def test_no_row_leads_back_to_itself() -> None:
         ("estimation/motion.py", "import os.path"),
         ("estimation/motion.py", "import threading, math"),
         ("autopilot.py", "import socket"),
-        ("autopilot.py", "from .link import codec"),
+        ("autopilot.py", "from .link import decoder"),
         ("onboard/module.py", "from tgl_soar.air.hill import HillField"),
-        ("link/codec.py", "from tgl_soar.autopilot import step"),
+        ("link/decoder.py", "from tgl_soar.autopilot import step"),
         ("types.py", "from .geometry import wrap_angle"),
-        ("sim/vehicle/pixhawk.py", "from tgl_soar.link.codec import Encoder"),
-        ("sim/vehicle/pixhawk.py", "from tgl_soar.link import codec"),
+        ("sim/vehicle/pixhawk.py", "from tgl_soar.link.encoder import Encoder"),
+        ("sim/vehicle/pixhawk.py", "from tgl_soar.link import decoder"),
         ("sim/vehicle/pixhawk.py", "from tgl_soar.analysis.report.style import save"),
         ("unheard_of/x.py", "import math"),
         ("__init__.py", "from .types import Inputs"),
@@ -244,7 +244,7 @@ def test_a_planted_violation_is_found(tmp_path: Path, file: str, text: str) -> N
     source = tmp_path / PACKAGE
     for folder in ("control", "estimation", "link/autopilots", "sim", "air", "analysis"):
         (source / folder).mkdir(parents=True)
-    (source / "link" / "codec.py").touch()
+    (source / "link" / "decoder.py").touch()
     path = source / file
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, encoding="utf-8")
@@ -258,7 +258,7 @@ def test_a_planted_violation_is_found(tmp_path: Path, file: str, text: str) -> N
         ("control/pid.py", "from math import pi\nfrom ..types import NAN\nfrom .other import x"),
         (
             "onboard/module.py",
-            "import time\nfrom tgl_soar import autopilot\nfrom ..link import codec",
+            "import time\nfrom tgl_soar import autopilot\nfrom ..link import decoder",
         ),
         (
             "sim/vehicle/pixhawk.py",

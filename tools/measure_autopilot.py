@@ -35,7 +35,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.files import load_airframe, load_site, shipped
 from tgl_soar.link.autopilots import flavour
-from tgl_soar.link.codec import Encoder
+from tgl_soar.link.encoder import Encoder
 from tgl_soar.link.messages import (
     AUTOPILOT_INVALID,
     STATE_ACTIVE,

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tgl_soar.link.codec import Decoder
+from tgl_soar.link.decoder import Decoder
 
 ROOT = Path(__file__).parents[2]
 FILES = ["--airframe", ROOT / "config/airframes/eclipson_c.toml"]

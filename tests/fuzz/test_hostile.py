@@ -10,7 +10,7 @@ from itertools import islice
 import pytest
 from benchmarks.hostile import fire
 
-from tgl_soar.link.codec import Decoder
+from tgl_soar.link.decoder import Decoder
 from tgl_soar.sim.hostile import HostileFrames
 
 

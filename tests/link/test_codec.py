@@ -9,7 +9,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.link.codec import Decoder, Encoder, starts_with_frame
+from tgl_soar.link.decoder import Decoder
+from tgl_soar.link.encoder import Encoder
+from tgl_soar.link.frames import starts_with_frame
 from tgl_soar.link.messages import (
     AttitudeQuaternion,
     CommandAck,

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.link import codec
-from tgl_soar.link.codec import FALSE_TRIES_MAX, MESSAGE_TRIES, Decoder
+from tgl_soar.link import decoder, frames
+from tgl_soar.link.decoder import FALSE_TRIES_MAX, MESSAGE_TRIES, Decoder
 
 LONGEST = 280  # bytes of a frame
 GOOD = bytes(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3).pack(mavlink.MAVLink(None, 9, 9)))
@@ -34,7 +34,7 @@ def set_frame(i: int) -> bytes:
 def looked_at(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """The length of everything whose checksum is counted or that is searched for a marker."""
     lengths: list[int] = []
-    count, search = codec.checksum, codec._next_marker
+    count, search = frames.checksum, decoder._next_marker
 
     def counted(data: bytes, initial: int = 0xFFFF) -> int:
         lengths.append(len(data))
@@ -45,8 +45,9 @@ def looked_at(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         lengths.append((min(to, len(data)) if found is None else found.end()) - at)
         return found
 
-    monkeypatch.setattr(codec, "checksum", counted)
-    monkeypatch.setattr(codec, "_next_marker", searched)
+    monkeypatch.setattr(frames, "checksum", counted)
+    monkeypatch.setattr(decoder, "checksum", counted)
+    monkeypatch.setattr(decoder, "_next_marker", searched)
     return lengths
 
 

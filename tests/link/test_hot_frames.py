@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.link.codec import Decoder, Encoder
+from tgl_soar.link.decoder import Decoder
+from tgl_soar.link.encoder import Encoder
 from tgl_soar.link.hot_frames import READERS, WRITERS
 from tgl_soar.link.messages import (
     AttitudeQuaternion,

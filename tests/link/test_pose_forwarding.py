@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.geometry import quaternion_from_euler
-from tgl_soar.link.codec import Encoder
+from tgl_soar.link.encoder import Encoder
 from tgl_soar.link.messages import Odometry, Outbound, Source, VisionPositionEstimate
 from tgl_soar.link.pose_forwarding import (
     ODOMETRY,

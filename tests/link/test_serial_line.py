@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.link.codec import Decoder
+from tgl_soar.link.decoder import Decoder
 from tgl_soar.link.messages import AttitudeQuaternion, Heartbeat
 from tgl_soar.link.transport import RETRY_S, SerialLink, open_link
 

@@ -20,7 +20,7 @@ from tgl_soar.link.autopilots.base import (
     deflection,
     pulse_width,
 )
-from tgl_soar.link.codec import Decoder
+from tgl_soar.link.decoder import Decoder
 from tgl_soar.link.messages import (
     CommandAck,
     CommandLong,

@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.link.codec import Decoder, Encoder
+from tgl_soar.link.decoder import Decoder
+from tgl_soar.link.encoder import Encoder
 from tgl_soar.link.keys import (
     RESERVE_S,
     Secret,

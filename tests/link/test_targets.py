@@ -10,7 +10,7 @@ from tgl_soar.geometry import euler_from_quaternion
 from tgl_soar.link.autopilots import FIRMWARES, flavour, routes
 from tgl_soar.link.autopilots.base import Flavour, SurfaceChannel, SurfaceChannels, value_bytewise
 from tgl_soar.link.autopilots.requirements import Requirement, compare, wish
-from tgl_soar.link.codec import Encoder
+from tgl_soar.link.encoder import Encoder
 from tgl_soar.link.messages import (
     CommandLong,
     Heartbeat,

@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from test_onboard import STEP_S, Flight, setup
 
 from tgl_soar.control.supervisor import CAPTURING, SOARING
-from tgl_soar.link.codec import FALSE_TRIES_MAX, MESSAGE_TRIES
+from tgl_soar.link.decoder import FALSE_TRIES_MAX, MESSAGE_TRIES
 from tgl_soar.link.routes import READ_TRIES, TRIES
 from tgl_soar.link.transport import LinkCounters
 from tgl_soar.onboard.loop import Links

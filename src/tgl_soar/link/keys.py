@@ -21,7 +21,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from tgl_soar.link.codec import first_frame
+from tgl_soar.link.frames import first_frame
 from tgl_soar.link.messages import Source
 from tgl_soar.link.signing import KEY_BYTES, LAST_STAMP, TICKS_PER_S, Signing, source_of
 

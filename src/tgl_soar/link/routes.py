@@ -17,7 +17,8 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from typing import Final, TypeAlias
 
-from tgl_soar.link.codec import UNLIMITED, Decoder, Encoder
+from tgl_soar.link.decoder import UNLIMITED, Decoder
+from tgl_soar.link.encoder import Encoder
 from tgl_soar.link.messages import Received, Source
 from tgl_soar.link.signing import Signing, source_of
 

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from tgl_soar.link.codec import Encoder
+from tgl_soar.link.encoder import Encoder
 from tgl_soar.link.messages import (
     ID_ATTITUDE_QUATERNION,
     ID_HEARTBEAT,

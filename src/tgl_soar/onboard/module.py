@@ -46,8 +46,9 @@ from tgl_soar.control.supervisor import (
 from tgl_soar.estimation.health import JUMP, WRONG
 from tgl_soar.link import file_transfer
 from tgl_soar.link.autopilots.base import is_finite
-from tgl_soar.link.codec import Decoder, Encoder
 from tgl_soar.link.commands import ABORT, ENGAGE, NOTHING, RELEASE, CommandServer
+from tgl_soar.link.decoder import Decoder
+from tgl_soar.link.encoder import Encoder
 from tgl_soar.link.engagement import GONE_S, SILENCE_S, Engagement
 from tgl_soar.link.messages import (
     ID_RC_CHANNELS,

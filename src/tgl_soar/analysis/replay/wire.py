@@ -31,7 +31,7 @@ from tgl_soar.config.files import load_airframe, load_parameters, load_site
 from tgl_soar.config.parameters import INDEX, ParameterError
 from tgl_soar.control.supervisor import is_flying
 from tgl_soar.link.clock import ClockMap
-from tgl_soar.link.codec import first_frame
+from tgl_soar.link.frames import first_frame
 from tgl_soar.onboard.flightlog.recorder import Recorder
 from tgl_soar.onboard.instruments import FAST, fast_value
 from tgl_soar.onboard.module import Onboard

@@ -1,0 +1,145 @@
+"""Messages that pymavlink decodes, as ours: those that are used and not read by `hot_frames`.
+
+Nothing untyped leaves this file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from tgl_soar.link.messages import (
+    CommandAck,
+    CommandInt,
+    CommandLong,
+    FileTransferProtocol,
+    Heartbeat,
+    Inbound,
+    ParamRequestList,
+    ParamRequestRead,
+    ParamSet,
+    ParamValue,
+    RcChannels,
+    SetupSigning,
+    SysStatus,
+    VfrHud,
+    VisionPositionEstimate,
+)
+
+
+def _text(value: Any) -> str:
+    """A char field, which pymavlink gives as text or as bytes."""
+    return (
+        value if isinstance(value, str) else bytes(value).split(b"\0")[0].decode("ascii", "replace")
+    )
+
+
+def _heartbeat(m: Any) -> Inbound:
+    return Heartbeat(
+        type=m.type,
+        autopilot=m.autopilot,
+        base_mode=m.base_mode,
+        custom_mode=m.custom_mode,
+        system_status=m.system_status,
+    )
+
+
+def _vision_position_estimate(m: Any) -> Inbound:
+    pose = m.x, m.y, m.z, m.roll, m.pitch, m.yaw
+    return VisionPositionEstimate(m.usec, *pose, tuple(m.covariance))
+
+
+def _vfr_hud(m: Any) -> Inbound:
+    return VfrHud(m.airspeed, m.alt)
+
+
+def _sys_status(m: Any) -> Inbound:
+    return SysStatus(m.onboard_control_sensors_present, m.onboard_control_sensors_health)
+
+
+def _command_long(m: Any) -> Inbound:
+    return CommandLong(
+        target_system=m.target_system,
+        target_component=m.target_component,
+        command=m.command,
+        confirmation=m.confirmation,
+        params=(m.param1, m.param2, m.param3, m.param4, m.param5, m.param6, m.param7),
+    )
+
+
+def _command_int(m: Any) -> Inbound:
+    return CommandInt(
+        m.target_system, m.target_component, m.command, (m.param1, m.param2, m.param3, m.param4)
+    )
+
+
+def _rc_channels(m: Any) -> Inbound:
+    channels = tuple(int(getattr(m, f"chan{i}_raw")) for i in range(1, 19))
+    return RcChannels(m.chancount, channels)
+
+
+def _command_ack(m: Any) -> Inbound:
+    return CommandAck(
+        command=m.command,
+        result=m.result,
+        target_system=m.target_system,
+        target_component=m.target_component,
+    )
+
+
+def _param_request_list(m: Any) -> Inbound:
+    return ParamRequestList(m.target_system, m.target_component)
+
+
+def _param_request_read(m: Any) -> Inbound:
+    return ParamRequestRead(m.target_system, m.target_component, _text(m.param_id), m.param_index)
+
+
+def _param_set(m: Any) -> Inbound:
+    return ParamSet(
+        target_system=m.target_system,
+        target_component=m.target_component,
+        param_id=_text(m.param_id),
+        param_value=m.param_value,
+        param_type=m.param_type,
+    )
+
+
+def _param_value(m: Any) -> Inbound:
+    return ParamValue(
+        param_id=_text(m.param_id),
+        param_value=m.param_value,
+        param_type=m.param_type,
+        param_count=m.param_count,
+        param_index=m.param_index,
+    )
+
+
+def _setup_signing(m: Any) -> Inbound:
+    return SetupSigning(
+        m.target_system, m.target_component, bytes(m.secret_key), m.initial_timestamp
+    )
+
+
+def _file_transfer_protocol(m: Any) -> Inbound:
+    return FileTransferProtocol(m.target_system, m.target_component, bytes(m.payload))
+
+
+INBOUND: Final[dict[int, Callable[[Any], Inbound]]] = {
+    dialect.MAVLINK_MSG_ID_HEARTBEAT: _heartbeat,
+    dialect.MAVLINK_MSG_ID_VISION_POSITION_ESTIMATE: _vision_position_estimate,
+    dialect.MAVLINK_MSG_ID_VFR_HUD: _vfr_hud,
+    dialect.MAVLINK_MSG_ID_SYS_STATUS: _sys_status,
+    dialect.MAVLINK_MSG_ID_COMMAND_LONG: _command_long,
+    dialect.MAVLINK_MSG_ID_COMMAND_INT: _command_int,
+    dialect.MAVLINK_MSG_ID_COMMAND_ACK: _command_ack,
+    dialect.MAVLINK_MSG_ID_RC_CHANNELS: _rc_channels,
+    dialect.MAVLINK_MSG_ID_PARAM_REQUEST_LIST: _param_request_list,
+    dialect.MAVLINK_MSG_ID_PARAM_REQUEST_READ: _param_request_read,
+    dialect.MAVLINK_MSG_ID_PARAM_SET: _param_set,
+    dialect.MAVLINK_MSG_ID_PARAM_VALUE: _param_value,
+    dialect.MAVLINK_MSG_ID_SETUP_SIGNING: _setup_signing,
+    dialect.MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL: _file_transfer_protocol,
+}
