@@ -24,7 +24,8 @@ from tgl_soar.cli.app import app
 from tgl_soar.cli.layouts import foxglove, plotjuggler
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, manual, shipped_names
 from tgl_soar.link.commands import ABORT, ENGAGE, RELEASE
-from tgl_soar.link.transport import LinkError, check_link
+from tgl_soar.link.transport import check_link
+from tgl_soar.link.transports.base import LinkError
 from tgl_soar.onboard import process
 
 FILES = {

@@ -20,7 +20,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from test_onboard import STEP_S, Flight, setup, texts
 
 from tgl_soar.control.supervisor import CAPTURING, SOARING
-from tgl_soar.link.transport import COMMAND_LATE_S, OTHERS_LATE_S, SerialLink, open_link
+from tgl_soar.link.transport import open_link
+from tgl_soar.link.transports.serial_line import COMMAND_LATE_S, OTHERS_LATE_S, SerialLink
 from tgl_soar.onboard.module import LONGEST_FRAME, RELEASE_FRAMES, Onboard
 
 pytestmark = pytest.mark.interpreted  # the driver's counts are put in its place

@@ -25,7 +25,8 @@ from tgl_soar.control.line_bounds import LineBounds, open_sides
 from tgl_soar.link.autopilots.requirements import MUST, wish
 from tgl_soar.link.checks.preflight import Preflight
 from tgl_soar.link.keys import SigningError
-from tgl_soar.link.transport import LinkError, baud_of
+from tgl_soar.link.transport import baud_of
+from tgl_soar.link.transports.base import LinkError
 from tgl_soar.onboard.line_load import load_of
 from tgl_soar.onboard.setup import flavour_of, needs_of, setup_from
 

@@ -27,7 +27,7 @@ from tgl_soar.link.messages import (
     CommandLong,
     Source,
 )
-from tgl_soar.link.transport import LinkError
+from tgl_soar.link.transports.base import LinkError
 from tgl_soar.onboard.module import RELEASE_FRAMES
 from tgl_soar.onboard.setup import direct_flavour_of, surface_channels
 from tgl_soar.onboard.watchdog import ENDS, STOPS

@@ -22,7 +22,7 @@ from tgl_soar.link.messages import (
     ID_SERVO_OUTPUT_RAW,
     ID_VISION_POSITION_ESTIMATE,
 )
-from tgl_soar.link.transport import BITS_PER_BYTE
+from tgl_soar.link.transports.serial_line import BITS_PER_BYTE
 from tgl_soar.onboard.module import Onboard
 from tgl_soar.onboard.setup import Setup
 from tgl_soar.types import Setpoints, SurfaceCommand

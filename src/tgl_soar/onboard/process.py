@@ -60,15 +60,9 @@ from tgl_soar.link.presence import Presence
 from tgl_soar.link.routes import Route
 from tgl_soar.link.signing import TICKS_PER_S, Signing
 from tgl_soar.link.telemetry import StatusTexts
-from tgl_soar.link.transport import (
-    FORMS,
-    LinkError,
-    Transport,
-    UdpListener,
-    baud_of,
-    is_open,
-    open_link,
-)
+from tgl_soar.link.transport import FORMS, baud_of, is_open, open_link
+from tgl_soar.link.transports.base import LinkError, Transport
+from tgl_soar.link.transports.udp import UdpListener
 from tgl_soar.onboard import line_load, loop, native, pacing, realtime, watchdog
 from tgl_soar.onboard.flightlog.declaration import VERSION
 from tgl_soar.onboard.flightlog.recorder import NO_RECORDER
