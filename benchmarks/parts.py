@@ -24,7 +24,7 @@ from tgl_soar.estimation.motion import motion_step
 from tgl_soar.estimation.wind import wind_step
 from tgl_soar.link.decoder import Decoder
 from tgl_soar.link.encoder import Encoder
-from tgl_soar.link.session import Session
+from tgl_soar.link.session import Session, SessionOptions
 from tgl_soar.onboard.flightlog.writer import FlightRecorder, LogMetadata
 from tgl_soar.types import Inputs
 
@@ -163,7 +163,9 @@ def _times(
     setup = flight.onboard._setup
     flavour, values = setup.flavour, setup.parameters
     decoder, encoder = Decoder(stream=False), Encoder(setup.override)
-    session = Session(setup.own, flavour, values["LOOP_RATE"])
+    session = Session(
+        SessionOptions(own=setup.own, flavour=flavour, loop_rate_hz=values["LOOP_RATE"])
+    )
     laws = laws_from(values, setup.frame, setup.aerodynamics, setup.ground)
     state = initial_state()
     recorder.parameters(values)

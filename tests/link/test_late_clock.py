@@ -10,7 +10,7 @@ from tgl_soar.link.autopilots.ardupilot import ArduPilot
 from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels
 from tgl_soar.link.clock import MILLISECONDS_WRAP_S, STEADY_LATE_S, StampedStreams
 from tgl_soar.link.messages import AttitudeQuaternion, Heartbeat, LocalPositionNed, Received, Source
-from tgl_soar.link.session import Session
+from tgl_soar.link.session import Session, SessionOptions
 
 OWN = Source(1, 191)
 SERVO = SurfaceChannel(channel=1, pwm_min=1100, pwm_trim=1500, pwm_max=1900)
@@ -96,7 +96,11 @@ def test_a_counter_that_wraps_is_no_restart() -> None:
 
 
 def test_the_session_asks_again_and_says_so() -> None:
-    talk = Session(OWN, ArduPilot(SurfaceChannels(SERVO, SERVO, SERVO), 1), 200.0)
+    talk = Session(
+        SessionOptions(
+            own=OWN, flavour=ArduPilot(SurfaceChannels(SERVO, SERVO, SERVO), 1), loop_rate_hz=200.0
+        )
+    )
 
     def stretch(now_s: float, uptime_s: float, for_s: float) -> None:
         for i in range(round(for_s * 200)):

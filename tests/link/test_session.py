@@ -29,7 +29,7 @@ from tgl_soar.link.messages import (
     Timesync,
     VfrHud,
 )
-from tgl_soar.link.session import Session
+from tgl_soar.link.session import Session, SessionOptions
 
 OWN = Source(1, 191)
 AUTOPILOT = Source(1, 1)
@@ -44,7 +44,11 @@ AUTO = Heartbeat(type=1, autopilot=3, base_mode=81, custom_mode=10, system_statu
 
 
 def session(*, lockstep: bool = False) -> Session:
-    return Session(OWN, ArduPilot(CHANNELS, 1), 200.0, lockstep=lockstep)
+    return Session(
+        SessionOptions(
+            own=OWN, flavour=ArduPilot(CHANNELS, 1), loop_rate_hz=200.0, lockstep=lockstep
+        )
+    )
 
 
 def hear(
@@ -109,7 +113,7 @@ def test_only_the_vehicle_s_own_autopilot_is_believed() -> None:
     hear(talk, position(1), 1.0, Source(2, 1))
     assert talk.attitude.sequence == talk.position.sequence == 0
     assert talk.counters.foreign == 2
-    assert set(talk.heard) == {STATION, Source(2, 1), Source(1, 190), AUTOPILOT}
+    assert set(talk.senders) == {STATION, Source(2, 1), Source(1, 190), AUTOPILOT}
     hear(talk, MANUAL, 2.0)
     assert talk.status[:3] == (2.0, True, True)
     hear(talk, AUTO, 3.0)
@@ -120,7 +124,7 @@ def test_senders_are_remembered_in_bounds() -> None:
     talk = session()
     for system in range(2, 256):
         hear(talk, MANUAL, 0.0, Source(system, 1))
-    assert len(talk.heard) == 32
+    assert len(talk.senders) == 32
 
 
 def test_timesync_requests_are_answered_and_answers_are_not() -> None:
@@ -309,7 +313,14 @@ def test_after_a_reboot_all_is_asked_for_again_and_we_greet_at_once() -> None:
 
 def complaints(answers: dict[str, float], *, override_system: int = 255) -> tuple[int, list[str]]:
     """(questions, complaints) of ten seconds with an autopilot that has these parameters."""
-    talk = Session(OWN, ArduPilot(CHANNELS, 1), 200.0, override_system=override_system)
+    talk = Session(
+        SessionOptions(
+            own=OWN,
+            flavour=ArduPilot(CHANNELS, 1),
+            loop_rate_hz=200.0,
+            override_system=override_system,
+        )
+    )
     hear(talk, MANUAL, 0.0)
     questions = 0
     for i in range(100):
@@ -362,7 +373,9 @@ def test_an_autopilot_that_does_not_answer_is_asked_a_few_times_and_believed() -
 def asked_of_mute(needs: Needs) -> tuple[dict[int, int], list[str], str]:
     """(questions in each second, what is told, what holds back) of an autopilot that answers no
     question about its parameters."""
-    talk = Session(OWN, ArduPilot(CHANNELS, 1), 200.0, needs=needs)
+    talk = Session(
+        SessionOptions(own=OWN, flavour=ArduPilot(CHANNELS, 1), loop_rate_hz=200.0, needs=needs)
+    )
     hear(talk, MANUAL, 0.0)
     questions: dict[int, int] = {}
     for i in range(6000):

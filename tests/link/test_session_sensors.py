@@ -38,7 +38,7 @@ from tgl_soar.link.messages import (
     VfrHud,
     VisionPositionEstimate,
 )
-from tgl_soar.link.session import Session
+from tgl_soar.link.session import Session, SessionOptions
 from tgl_soar.link.sources import GLOBAL_POSITION, LOCAL_POSITION, VISION, PositionSources
 from tgl_soar.link.tangent_plane import Home, TangentPlane
 from tgl_soar.types import NO_AIRSPEED, NO_IMU, NO_SURFACES
@@ -61,7 +61,9 @@ class Px4Like(ArduPilot):
 
 
 def session(flavour: type[ArduPilot] = ArduPilot, **options: Any) -> Session:
-    talk = Session(OWN, flavour(CHANNELS, 1), 200.0, **options)
+    talk = Session(
+        SessionOptions(own=OWN, flavour=flavour(CHANNELS, 1), loop_rate_hz=200.0, **options)
+    )
     hear(
         talk,
         Heartbeat(type=1, autopilot=3, base_mode=81 | 128, custom_mode=0, system_status=4),

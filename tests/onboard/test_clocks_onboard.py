@@ -115,7 +115,7 @@ def test_a_duplicate_is_not_flown_with(flight: Flight, ahead_s: float) -> None:
     duplicate(flight, 1.0, ahead_s)
     assert flight.mode_now == STANDBY  # refused while it lasts
     flight.run(SOON_S)
-    assert any("one clock alone" in text for text in texts(flight.said()))
+    assert any("only one autopilot sends" in text for text in texts(flight.said()))
     assert flight.mode_now == READY
     flight.set("OP_ENGAGE", 1.0)
     flight.run(0.1)

@@ -192,7 +192,7 @@ def _why_silent(onboard: Onboard, transport: Transport) -> str:
     wanted = f"no heartbeat of system {system}, component 1 on {transport.name}"
     if onboard.session.is_heard:
         return f"{wanted} for {COMPLAIN_S:g} s: it has stopped, or the link is cut"
-    heard = sorted(onboard.session.heard)
+    heard = sorted(onboard.session.senders)
     if heard:
         names = ", ".join(f"{s.system}:{s.component}" for s in heard)
         return f"{wanted}, only of {names}: check autopilot.system_id in the airframe file"

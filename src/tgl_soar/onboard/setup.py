@@ -22,7 +22,7 @@ from tgl_soar.link.autopilots.base import Flavour, SurfaceChannel, SurfaceChanne
 from tgl_soar.link.autopilots.requirements import Needs
 from tgl_soar.link.messages import ID_HIGHRES_IMU, ID_RAW_IMU, ID_SCALED_IMU, Source
 from tgl_soar.link.pose_forwarding import PoseForwarding
-from tgl_soar.link.session import Session
+from tgl_soar.link.session import Session, SessionOptions
 from tgl_soar.link.sources import NUMBERS, PositionSources
 from tgl_soar.link.tangent_plane import Home
 from tgl_soar.types import NAN, NO_AERODYNAMICS, NO_GROUND, OURS, Aerodynamics, Ground
@@ -158,21 +158,23 @@ def session_of(setup: Setup, *, lockstep: bool, start: int) -> Session:
     """The conversation with the autopilot.  `start`: as `Presence` takes it."""
     position, home = setup.position, setup.position.home
     return Session(
-        setup.own,
-        setup.flavour,
-        setup.parameters["LOOP_RATE"],
-        override_system=setup.override.system,
-        lockstep=lockstep,
-        sources=PositionSources(
-            [NUMBERS[name] for name in position.sources],
-            silence_s=position.silence_s,
-            return_s=position.return_s,
-        ),
-        home=Home(home.latitude_deg, home.longitude_deg, home.altitude_m) if home else None,
-        vision_from=accepted_bridges(position, setup.own),
-        imu=setup.imu,
-        start=start,
-        needs=setup.needs,
+        SessionOptions(
+            own=setup.own,
+            flavour=setup.flavour,
+            loop_rate_hz=setup.parameters["LOOP_RATE"],
+            override_system=setup.override.system,
+            lockstep=lockstep,
+            sources=PositionSources(
+                [NUMBERS[name] for name in position.sources],
+                silence_s=position.silence_s,
+                return_s=position.return_s,
+            ),
+            home=Home(home.latitude_deg, home.longitude_deg, home.altitude_m) if home else None,
+            vision_from=accepted_bridges(position, setup.own),
+            imu=setup.imu,
+            start=start,
+            needs=setup.needs,
+        )
     )
 
 
