@@ -21,7 +21,8 @@ from natnetsdk.NatNetClient import NatNetClient
 
 from tgl_soar.geometry import HallFrame
 from tgl_soar.link.natnet import layout
-from tgl_soar.link.optitrack import Optitrack, Settings
+from tgl_soar.link.natnet.settings import OptitrackSettings
+from tgl_soar.link.optitrack import Optitrack
 from tgl_soar.sim.natnet_frames import (
     CLOCK_HZ,
     Body,
@@ -119,7 +120,7 @@ def _client(version: layout.Version) -> tuple[Optitrack, list[Body]]:
     )
     name = bodies[-1].name
     client = Optitrack(
-        Settings(
+        OptitrackSettings(
             server=SERVER[0],
             body=name,
             unicast=False,

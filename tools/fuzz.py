@@ -58,9 +58,15 @@ with _watched():
     from tgl_soar.config.parameters import ParameterSet
     from tgl_soar.config.site import Site
     from tgl_soar.geometry import HallFrame, SoaringFrame
+<<<<<<< HEAD
     from tgl_soar.link.optitrack import Optitrack, Settings
     from tgl_soar.onboard.module import Onboard
     from tgl_soar.onboard.setup import setup_from
+=======
+    from tgl_soar.link.natnet.settings import OptitrackSettings
+    from tgl_soar.link.optitrack import Optitrack
+    from tgl_soar.onboard.module import Onboard, setup_from
+>>>>>>> 1bd6f81 (Split OptiTrack: the conversation with the server, frame times, poses, notices of outages)
     from tgl_soar.sim.channels import deflection_from_pwm, ordered
     from tgl_soar.sim.hostile import HEARD_NAMES, HostileFrames, hostile_message
     from tgl_soar.sim.natnet_frames import (
@@ -205,7 +211,7 @@ class Hall:
         hall = HallFrame(
             z_up=False, yaw_rad=0.6, origin_north_m=1.0, origin_east_m=-2.0, origin_down_m=0.25
         )
-        settings = Settings(
+        settings = OptitrackSettings(
             server=SERVER[0],
             body="aircraft",
             unicast=True,

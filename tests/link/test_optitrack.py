@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from tgl_soar.geometry import HallFrame
 from tgl_soar.link.natnet import layout
-from tgl_soar.link.optitrack import Optitrack, Settings
+from tgl_soar.link.natnet.settings import OptitrackSettings
+from tgl_soar.link.optitrack import Optitrack
 from tgl_soar.sim.motive import HallFault, Motive, MotiveOptions
 from tgl_soar.sim.natnet_frames import CLOCK_HZ, VERSIONS, encode_server_info
 from tgl_soar.types import PositionFix
@@ -24,7 +25,7 @@ HALL = HallFrame(
 SERVER = ("10.0.0.2", 1510)
 OTHER = ("10.0.0.3", 1511)
 CLIENT = ("10.0.0.9", 40000)
-SETTINGS = Settings(
+SETTINGS = OptitrackSettings(
     server=SERVER[0],
     body="aircraft",
     unicast=True,
@@ -46,7 +47,7 @@ class Hall:
     def __init__(
         self,
         options: MotiveOptions | None = None,
-        given: Settings = SETTINGS,
+        given: OptitrackSettings = SETTINGS,
         *,
         delay_s: float = 0.001,
         drift: float = 0.0,
@@ -250,7 +251,7 @@ def test_a_server_that_counts_anew_is_asked_for_its_bodies() -> None:
     assert hall.client.models["aircraft"] == 2
     assert hall.worst_m() < 2e-3
     assert hall.fixes[-1][0] > hall.now_s - 0.02
-    assert "the last was 10.5 ms old, give or take 0.5" in hall.client.told()
+    assert "the last was 10.5 ms old, give or take 0.5" in hall.client.summary()
 
 
 def test_one_frame_with_another_clock_is_not_believed() -> None:

@@ -10,8 +10,10 @@ from msgspec.structs import replace
 from tgl_soar.config.files import ConfigError
 from tgl_soar.config.site import Mocap, Site
 from tgl_soar.link.natnet import layout
+from tgl_soar.link.natnet.server import MulticastStream
+from tgl_soar.link.natnet.settings import OptitrackSettings
 from tgl_soar.link.natnet.sockets import Address, NatNetSockets
-from tgl_soar.link.optitrack import Optitrack, Settings, Stream
+from tgl_soar.link.optitrack import Optitrack
 
 
 class MocapFeed:
@@ -30,7 +32,7 @@ class MocapFeed:
             port=mocap.data_port,
         )
         self.client = Optitrack(
-            Settings(
+            OptitrackSettings(
                 server=self._sockets.server,
                 body=mocap.body,
                 unicast=unicast,
@@ -56,7 +58,7 @@ class MocapFeed:
         """A request of the client's."""
         self._sockets.send(data)
 
-    def follow(self, stream: Stream) -> None:
+    def follow(self, stream: MulticastStream) -> None:
         """Listen where the server streams."""
         self._sockets.follow(stream.group, stream.port)
 

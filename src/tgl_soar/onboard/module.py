@@ -82,8 +82,7 @@ from tgl_soar.link.messages import (
     VisionPositionEstimate,
 )
 from tgl_soar.link.mode_change import ModeChange
-from tgl_soar.link.optitrack import Link as MocapLink
-from tgl_soar.link.optitrack import Optitrack
+from tgl_soar.link.optitrack import MocapLink, Optitrack
 from tgl_soar.link.parameters import ParameterServer
 from tgl_soar.link.pose_forwarding import PoseForwarding
 from tgl_soar.link.routes import Route
@@ -350,7 +349,7 @@ class Onboard:
         now_s = self._clock(now_s)
         fix = self.mocap.take(data, sender, now_s)
         if fix is not None and (self._vehicle_clock or not self._lockstep):
-            self.session.sources.take(MOCAP, fix, now_s, self.mocap.turned)
+            self.session.sources.take(MOCAP, fix, now_s, self.mocap.attitude)
 
     def _take(self, route: Route, received: Received, now_s: float) -> None:
         """Whatever does not come in a steady stream."""

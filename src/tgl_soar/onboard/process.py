@@ -619,7 +619,7 @@ def _fly(
         for text in (recorder or NO_RECORDER).stop():
             _print(text)
     if mocap is not None:
-        _print(f"OptiTrack: {mocap.client.told()}")
+        _print(f"OptiTrack: {mocap.client.summary()}")
     ticks = onboard.pacer.counters
     if in_order and not lockstep:
         _print(
