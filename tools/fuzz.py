@@ -58,15 +58,10 @@ with _watched():
     from tgl_soar.config.parameters import ParameterSet
     from tgl_soar.config.site import Site
     from tgl_soar.geometry import HallFrame, SoaringFrame
-<<<<<<< HEAD
-    from tgl_soar.link.optitrack import Optitrack, Settings
-    from tgl_soar.onboard.module import Onboard
-    from tgl_soar.onboard.setup import setup_from
-=======
     from tgl_soar.link.natnet.settings import OptitrackSettings
     from tgl_soar.link.optitrack import Optitrack
-    from tgl_soar.onboard.module import Onboard, setup_from
->>>>>>> 1bd6f81 (Split OptiTrack: the conversation with the server, frame times, poses, notices of outages)
+    from tgl_soar.onboard.module import Onboard
+    from tgl_soar.onboard.setup import setup_from
     from tgl_soar.sim.channels import deflection_from_pwm, ordered
     from tgl_soar.sim.hostile import HEARD_NAMES, HostileFrames, hostile_message
     from tgl_soar.sim.natnet_frames import (
