@@ -2,7 +2,7 @@
 
 import sys
 
-from tgl_soar.sim.bridge import main
+from tgl_soar.sim.bridge.process import main
 
 if __name__ == "__main__":
     sys.exit(main())

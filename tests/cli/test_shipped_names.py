@@ -22,7 +22,7 @@ from tgl_soar.config.files import (
     site_file,
 )
 from tgl_soar.onboard import process
-from tgl_soar.sim import bridge
+from tgl_soar.sim.bridge import command_line
 
 
 def test_what_is_shipped_is_known_by_name() -> None:
@@ -73,7 +73,7 @@ def test_every_command_knows_them(command: Any, parameter: Any) -> None:
 
 def test_run_and_bridge_know_them(capsys: pytest.CaptureFixture[str]) -> None:
     given = ["--airframe", "eclipson_c", "--site", "hill"]
-    parsed = bridge._parser().parse_args(given)
+    parsed = command_line.parsed(given)
     assert (parsed.airframe, parsed.site) == (airframe_file("eclipson_c"), site_file("hill"))
     assert process.main([*given, "--link", "no:link", "--no-guard"]) == process.EXIT_CANNOT_START
     told = capsys.readouterr().err

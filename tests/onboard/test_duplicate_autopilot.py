@@ -16,7 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.onboard.module import Onboard
 from tgl_soar.onboard.setup import setup_from
-from tgl_soar.sim import bridge
+from tgl_soar.sim import simulation
 from tgl_soar.sim.faults import parse_fault
 from tgl_soar.sim.simulation import Options, Simulation
 from tgl_soar.types import AttitudeSample, PositionFix
@@ -95,8 +95,8 @@ class ClosedLoop:
 def test_a_duplicate_with_a_clock_ahead_is_not_flown_with(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bridge, "DUPLICATE_UPTIME_S", 400.0)
-    monkeypatch.setattr(bridge, "of_duplicate", on_the_bench)
+    monkeypatch.setattr(simulation, "DUPLICATE_UPTIME_S", 400.0)
+    monkeypatch.setattr(simulation, "of_duplicate", on_the_bench)
     flown = ClosedLoop(seed, f"autopilot.duplicate start={DUPLICATE_S} for=100")
     flown.fly(DUPLICATE_S - 0.1)
     assert flown.is_engaged

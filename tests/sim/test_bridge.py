@@ -22,7 +22,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import load_airframe, load_site, shipped
 from tgl_soar.config.site import Site
-from tgl_soar.sim.bridge import main
+from tgl_soar.sim.bridge.process import main
 from tgl_soar.sim.channels import LEAVE, ordered, pwm_from_deflection
 from tgl_soar.sim.ports import MAX_STRANGERS, Port, Ports
 from tgl_soar.sim.routing import split_frames

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from tgl_soar.cli.app import app
 from tgl_soar.config.files import load_airframe, load_site, shipped
-from tgl_soar.sim.bridge import main
+from tgl_soar.sim.bridge.process import main
 from tgl_soar.sim.faults import CATALOGUE, parse_fault
 from tgl_soar.sim.routing import Frame, split_frames
 from tgl_soar.sim.simulation import Options, Simulation

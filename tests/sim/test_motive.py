@@ -22,7 +22,7 @@ from tgl_soar.config.files import ConfigError, load_site, shipped
 from tgl_soar.config.site import Mocap
 from tgl_soar.link.natnet.sockets import NatNetError
 from tgl_soar.onboard.mocap import MocapFeed, from_server
-from tgl_soar.sim.bridge import main as bridge_main
+from tgl_soar.sim.bridge.process import main as bridge_main
 from tgl_soar.sim.motive import HallFault, Motive, MotiveOptions, MotiveServer
 from tgl_soar.types import PositionFix
 

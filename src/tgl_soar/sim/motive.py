@@ -11,18 +11,14 @@ lockstep, so that nothing depends on the machine; real time otherwise.
 
 from __future__ import annotations
 
-import argparse
 import heapq
 import random
 import socket
 import struct
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple
 
-from tgl_soar.config.files import ConfigError
-from tgl_soar.config.site import Site
 from tgl_soar.geometry import HallFrame, hall_from_ned
 from tgl_soar.sim.natnet_frames import (
     CLOCK_HZ,
@@ -399,87 +395,3 @@ class MotiveServer:
             outgoing = socket.inet_aton("127.0.0.1")
             self._second.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, outgoing)
         return self._second
-
-
-# --- the command line of the bridge -------------------------------------------------------------
-
-
-def add_motive_options(parser: argparse.ArgumentParser) -> None:
-    """What of the stand-in can be chosen."""
-    versions = [f"{major}.{minor}" for major, minor in VERSIONS]
-    add = parser.add_argument_group("motion capture").add_argument
-    add("--mocap", choices=("none", "natnet"), default="none", help="stream poses as Motive does")
-    add(
-        "--mocap-local", default="127.0.0.1:1510", metavar="HOST:PORT",
-        help="own command port of NatNet (default 127.0.0.1:1510; port 0: any)",
-    )  # fmt: skip
-    add("--mocap-version", choices=versions, default="4.1", help="of NatNet (default 4.1)")
-    add("--mocap-rate", type=int, default=100, metavar="HZ", help="(default 100)")
-    add(
-        "--mocap-latency", type=float, default=0.01, metavar="S",
-        help="from exposure to sending (default 0.01)",
-    )  # fmt: skip
-    add("--mocap-jitter", type=float, default=0.0, metavar="S", help="at most so much more")
-    add("--mocap-noise", type=float, default=0.0005, metavar="M", help="(default 0.0005)")
-    add("--mocap-loss", type=float, default=0.0, metavar="SHARE", help="of the frames")
-    add(
-        "--mocap-fault", type=_hall_fault, action="append", default=[], metavar="KIND:FROM:UNTIL",
-        help=f"what goes wrong and when, KIND one of {', '.join(HALL_FAULTS)}; repeat for more",
-    )  # fmt: skip
-
-
-def _hall_fault(text: str) -> HallFault:
-    kind, *times = text.split(":")
-    try:
-        from_s, until_s = (float(number) for number in times)
-    except ValueError:
-        from_s = until_s = 0.0
-    if kind not in HALL_FAULTS or not 0.0 <= from_s < until_s:
-        raise argparse.ArgumentTypeError(
-            f"{text!r}: write KIND:FROM:UNTIL, such as untracked:10:11.5, KIND one of"
-            f" {', '.join(HALL_FAULTS)}"
-        )
-    return HallFault(kind, from_s, until_s)
-
-
-def motive_server(
-    arguments: argparse.Namespace, site: Site, simulated_s: Callable[[], float]
-) -> MotiveServer | None:
-    """The stand-in that the bridge's command line asks for.
-
-    Errors: `ConfigError`, `PortError`, ValueError.
-    """
-    if arguments.mocap == "none":
-        return None
-    if site.mocap is None:
-        raise ConfigError(f"{arguments.site}: --mocap natnet needs a [mocap] table")
-    for name, highest in (("latency", 1.0), ("jitter", 1.0), ("noise", 1.0), ("loss", 1.0)):
-        value = getattr(arguments, f"mocap_{name}")
-        if not 0.0 <= value <= highest:
-            raise ValueError(f"--mocap-{name} {value:g}: a number from 0 to {highest:g}")
-    host, _, port = arguments.mocap_local.rpartition(":")
-    if not host or not port.isdecimal():
-        raise ValueError(f"--mocap-local {arguments.mocap_local!r}: write HOST:PORT")
-    major, minor = arguments.mocap_version.split(".")
-    lockstep = arguments.speed == "lockstep"
-    options = MotiveOptions(
-        version=(int(major), int(minor)),
-        multicast=site.mocap.stream == "multicast",
-        group=site.mocap.group,
-        data_port=site.mocap.data_port,
-        rate_hz=arguments.mocap_rate,
-        latency_s=arguments.mocap_latency,
-        jitter_s=arguments.mocap_jitter,
-        noise_m=arguments.mocap_noise,
-        loss=arguments.mocap_loss,
-        faults=tuple(arguments.mocap_fault),
-        seed=arguments.seed,
-        restarted_clock=not lockstep,  # there every clock is the vehicle's
-    )
-    uptime_s = arguments.uptime
-    return MotiveServer(
-        Motive(options, site.mocap.hall(), site.mocap.body),
-        (host, int(port)),
-        (lambda: uptime_s + simulated_s()) if lockstep else (lambda: BEGAN_S + time.monotonic()),
-        step_hz=arguments.step_rate,
-    )

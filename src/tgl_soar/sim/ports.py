@@ -10,6 +10,7 @@ from __future__ import annotations
 import errno
 import select
 import socket
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -134,3 +135,38 @@ class Ports:
         """Give both ports back."""
         self.ground.socket.close()
         self.companion.socket.close()
+
+
+def open_ports(
+    ground_local: Address,
+    ground_peers: Sequence[Address],
+    companion_local: Address,
+    companion_peer: Address,
+) -> Ports:
+    """Both ports, with those who are known from the first.  Errors: `PortError`."""
+    ground = Port("ground", "--gcs-local", ground_local, ground=True)
+    try:
+        companion = Port("companion", "--companion-local", companion_local, ground=False)
+    except PortError:
+        ground.socket.close()
+        raise
+    ports = Ports(ground, companion)
+    try:
+        _add_peer(ports, companion, "--companion", companion_peer)
+        for address in ground_peers:
+            _add_peer(ports, ground, "--gcs", address)
+    except PortError:
+        ports.close()
+        raise
+    return ports
+
+
+def _add_peer(ports: Ports, port: Port, option: str, address: Address) -> None:
+    host, number = resolved(option, address)
+    if port.local[0].startswith("127.") and not host.startswith("127."):
+        raise PortError(
+            f"{option} {host}:{number} is another machine, and {port.option}"
+            f" {port.local[0]}:{port.local[1]} serves this one only:"
+            f" add {port.option} 0.0.0.0:{port.local[1]}"
+        )
+    ports.add(port, (host, number), configured=True)

@@ -37,7 +37,7 @@ from tgl_soar.config.files import line_parameters, load_airframe, load_parameter
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Position, Site
 from tgl_soar.control.target_line import eta_from_lean
-from tgl_soar.sim.bridge import TOO_SLOW
+from tgl_soar.sim.bridge.slowness import TOO_SLOW
 from tgl_soar.sim.child_process import with_parent
 from tgl_soar.sim.firmware.sensors import SOMEWHERE
 from tgl_soar.sim.operator import Flown, Leg, Operator, OperatorError
