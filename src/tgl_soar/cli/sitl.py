@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -56,118 +57,115 @@ class Mocap(StrEnum):
     NATNET = "natnet"
 
 
+AirframeFile = Annotated[Path, typer.Option(help="Airframe file.", **AIRFRAME_FILE)]
+SiteFile = Annotated[
+    Path | None,
+    typer.Option(help="Site file; of the tunnel, with \\[mocap] where needed.", **SITE_FILE),
+]
+Legs = Annotated[str, typer.Option(help="Names of lines, by commas; all of the site's.")]
+Stay = Annotated[float, typer.Option(help="Seconds on each line.", min=2.0, max=600.0)]
+Seed = Annotated[int, typer.Option(help="Of noise and turbulence.", min=0)]
+Turbulence = Annotated[
+    float | None,
+    typer.Option(help="Fraction of the wind; the site's where not given.", min=0.0, max=0.5),
+]
+Realtime = Annotated[
+    bool, typer.Option("--realtime", help="By the clock, open to other ground stations.")
+]
+GroundLocal = Annotated[
+    str,
+    typer.Option(
+        metavar="HOST:PORT",
+        help="In real time: the bridge's own port towards ground stations; port 0: any.",
+    ),
+]
+Faults = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="What goes wrong, as 'position.dropout start=20 for=1.5'; repeat for more;"
+        " `list` shows all. Of the position: as the autopilot reports it, also with --mocap."
+    ),
+]
+MocapChoice = Annotated[
+    Mocap, typer.Option(help="The position comes from OptiTrack: a stand-in streams NatNet.")
+]
+MocapSettings = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME=VALUE",
+        help="Of the stand-in, as tools/sitl_bridge.py --help lists them: version=4.2,"
+        " loss=0.1, fault=untracked:20:21.5; repeat for more.",
+    ),
+]
+AutopilotChoice = Annotated[
+    Autopilot, typer.Option(help="The bridge's own Pixhawk, or a real firmware.")
+]
+Px4Program = Annotated[
+    Path | None,
+    typer.Option(envvar="TGL_SOAR_PX4", help="PX4's program: …/px4_sitl_default/bin/px4."),
+]
+ArduPlaneProgram = Annotated[
+    Path | None,
+    typer.Option(envvar="TGL_SOAR_ARDUPLANE", help="ArduPlane's program: …/bin/arduplane."),
+]
+Route = Annotated[
+    str | None,
+    typer.Option(help="By which a firmware is commanded, as attitude or manual_control."),
+]
+AutopilotParameters = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME=NUMBER", help="Of the autopilot; repeat for more."),
+]
+KillModule = Annotated[
+    float | None,
+    typer.Option(
+        metavar="SECONDS",
+        help="Kill the module so long after its first line stood, and see what becomes of the"
+        " aircraft.",
+        min=0.0,
+    ),
+]
+Out = Annotated[Path, typer.Option(help="Folder for logs and the figure.")]
+WithReport = Annotated[bool, typer.Option("--report", help="Write the page of the flight as well.")]
+
+
 def sitl(
     context: typer.Context,
-    airframe: Annotated[Path, typer.Option(help="Airframe file.", **AIRFRAME_FILE)] = AIRFRAME,
-    site: Annotated[
-        Path | None,
-        typer.Option(help="Site file; of the tunnel, with \\[mocap] where needed.", **SITE_FILE),
-    ] = None,
-    legs: Annotated[str, typer.Option(help="Names of lines, by commas; all of the site's.")] = "",
-    stay: Annotated[float, typer.Option(help="Seconds on each line.", min=2.0, max=600.0)] = 16.0,
-    seed: Annotated[int, typer.Option(help="Of noise and turbulence.", min=0)] = 1,
-    turbulence: Annotated[
-        float | None,
-        typer.Option(help="Fraction of the wind; the site's where not given.", min=0.0, max=0.5),
-    ] = None,
-    realtime: Annotated[
-        bool, typer.Option("--realtime", help="By the clock, open to other ground stations.")
-    ] = False,
-    gcs_local: Annotated[
-        str,
-        typer.Option(
-            metavar="HOST:PORT",
-            help="In real time: the bridge's own port towards ground stations; port 0: any.",
-        ),
-    ] = "127.0.0.1:18570",
-    fault: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="What goes wrong, as 'position.dropout start=20 for=1.5'; repeat for more;"
-            " `list` shows all. Of the position: as the autopilot tells it, also with --mocap."
-        ),
-    ] = None,
-    mocap: Annotated[
-        Mocap, typer.Option(help="The position comes from OptiTrack: a stand-in streams NatNet.")
-    ] = Mocap.NONE,
-    mocap_option: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME=VALUE",
-            help="Of the stand-in, as tools/sitl_bridge.py --help tells them: version=4.2,"
-            " loss=0.1, fault=untracked:20:21.5; repeat for more.",
-        ),
-    ] = None,
-    autopilot: Annotated[
-        Autopilot, typer.Option(help="The bridge's own Pixhawk, or a real firmware.")
-    ] = Autopilot.BUILTIN,
-    px4: Annotated[
-        Path | None,
-        typer.Option(envvar="TGL_SOAR_PX4", help="PX4's program: …/px4_sitl_default/bin/px4."),
-    ] = None,
-    ardupilot: Annotated[
-        Path | None,
-        typer.Option(envvar="TGL_SOAR_ARDUPLANE", help="ArduPlane's program: …/bin/arduplane."),
-    ] = None,
-    route: Annotated[
-        str | None,
-        typer.Option(help="By which a firmware is commanded, as attitude or manual_control."),
-    ] = None,
-    autopilot_parameter: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=NUMBER", help="Of the autopilot; repeat for more."),
-    ] = None,
-    kill_module: Annotated[
-        float | None,
-        typer.Option(
-            metavar="SECONDS",
-            help="Kill the module so long after its first line stood, and see what becomes of the"
-            " aircraft.",
-            min=0.0,
-        ),
-    ] = None,
-    out: Annotated[Path, typer.Option(help="Folder for logs and the figure.")] = Path("out/sitl"),
-    report: Annotated[
-        bool, typer.Option("--report", help="Write the page of the flight as well.")
-    ] = False,
+    airframe: AirframeFile = AIRFRAME,
+    site: SiteFile = None,
+    legs: Legs = "",
+    stay: Stay = 16.0,
+    seed: Seed = 1,
+    turbulence: Turbulence = None,
+    realtime: Realtime = False,
+    gcs_local: GroundLocal = "127.0.0.1:18570",
+    fault: Faults = None,
+    mocap: MocapChoice = Mocap.NONE,
+    mocap_option: MocapSettings = None,
+    autopilot: AutopilotChoice = Autopilot.BUILTIN,
+    px4: Px4Program = None,
+    ardupilot: ArduPlaneProgram = None,
+    route: Route = None,
+    autopilot_parameter: AutopilotParameters = None,
+    kill_module: KillModule = None,
+    out: Out = Path("out/sitl"),
+    report: WithReport = False,
 ) -> None:
     """Fly the line from a to b to c between real processes; exit code 1 if a leg fails."""
-    from tgl_soar.sim.faults import FaultError, catalogue_text, parse_faults
-    from tgl_soar.sim.sitl import SitlError, SitlOptions, fly, passed
+    from tgl_soar.sim.faults import catalogue_text
+    from tgl_soar.sim.sitl import SitlOptions, passed
 
     faults = tuple(fault or ())
     if "list" in faults:
         console.print(catalogue_text(), markup=False, highlight=False, soft_wrap=True)
         return
-    try:
-        parse_faults(faults)
-    except FaultError as error:
-        fail(f"--fault: {error}")
-    firmware = {Autopilot.PX4: px4, Autopilot.ARDUPILOT: ardupilot}.get(autopilot)
-    if autopilot != Autopilot.BUILTIN and firmware is None:
-        fail(f"--autopilot {autopilot}: no program of it is named: {OBTAINED[autopilot]}")
-    if autopilot == Autopilot.BUILTIN and route is not None:
-        fail(
-            f"--route {route}: the bridge's own Pixhawk is commanded one way only; name a firmware"
-            " by --autopilot px4 or --autopilot ardupilot, or leave it out"
-        )
-    if mocap_option and mocap == Mocap.NONE and (autopilot == Autopilot.BUILTIN or site):
-        fail(
-            f"--mocap-option {mocap_option[0]}: no motion capture is flown with: add --mocap"
-            " natnet, or leave it out"
-        )
-    for named, of in (("px4", Autopilot.PX4), ("ardupilot", Autopilot.ARDUPILOT)):
-        given = str(context.get_parameter_source(named)).endswith("COMMANDLINE")
-        if given and autopilot != of:  # one of the environment may stand there for other days
-            fail(f"--{named}: is flown with --autopilot {of} only; add it, or leave this out")
-    by_poses = autopilot != Autopilot.BUILTIN and site is None
-    flown_by = mocap == Mocap.NATNET or by_poses
-    mocap_option = mocap_option or []
-    if flown_by and autopilot == Autopilot.PX4:
-        mocap_option = ["rate=125", *mocap_option]  # of its 250 steps a second
+    _check_faults(faults)
+    programs = {Autopilot.PX4: px4, Autopilot.ARDUPILOT: ardupilot}
+    _check_autopilot(context, autopilot, programs, route)
+    by_mocap = mocap == Mocap.NATNET or (autopilot != Autopilot.BUILTIN and site is None)
     options = SitlOptions(
         airframe=airframe,
-        site=site or (SITE_MOCAP if flown_by else SITE),
+        site=site or (SITE_MOCAP if by_mocap else SITE),
         out=out,
         legs=tuple(name.strip() for name in legs.split(",") if name.strip()),
         stay_s=stay,
@@ -175,28 +173,82 @@ def sitl(
         turbulence=turbulence,
         realtime=realtime,
         faults=faults,
-        mocap=flown_by,
-        mocap_options=tuple(f"--mocap-{option}" for option in mocap_option),
+        mocap=by_mocap,
+        mocap_options=_mocap_settings(mocap_option or [], autopilot, by_mocap=by_mocap),
         autopilot=autopilot.value,
-        firmware=firmware,
+        firmware=programs.get(autopilot),
         route=route,
         autopilot_parameters=tuple(autopilot_parameter or ()),
         kill_s=kill_module,
         gcs_local=gcs_local,
     )
+    flight = _fly(options)
+    _show(options, flight)
+    _write_pages(options, flight, report=report)
+    if not passed(flight):
+        fail("a leg did not settle", 1)
+
+
+def _check_faults(faults: tuple[str, ...]) -> None:
+    from tgl_soar.sim.faults import FaultError, parse_faults
+
+    try:
+        parse_faults(faults)
+    except FaultError as error:
+        fail(f"--fault: {error}")
+
+
+def _check_autopilot(
+    context: typer.Context,
+    autopilot: Autopilot,
+    programs: Mapping[Autopilot, Path | None],
+    route: str | None,
+) -> None:
+    """Whether what was chosen of a firmware belongs to the one that is flown with."""
+    if autopilot != Autopilot.BUILTIN and programs[autopilot] is None:
+        fail(f"--autopilot {autopilot}: no program of it is named: {OBTAINED[autopilot]}")
+    if autopilot == Autopilot.BUILTIN and route is not None:
+        fail(
+            f"--route {route}: the bridge's own Pixhawk is commanded one way only; name a firmware"
+            " by --autopilot px4 or --autopilot ardupilot, or leave it out"
+        )
+    for of in programs:
+        given = str(context.get_parameter_source(of.value)).endswith("COMMANDLINE")
+        if given and autopilot != of:  # one of the environment may stand there for other days
+            fail(f"--{of}: is flown with --autopilot {of} only; add it, or leave this out")
+
+
+def _mocap_settings(given: list[str], autopilot: Autopilot, *, by_mocap: bool) -> tuple[str, ...]:
+    """The stand-in's, as options of the bridge."""
+    if given and not by_mocap:
+        fail(
+            f"--mocap-option {given[0]}: no motion capture is flown with: add --mocap natnet, or"
+            " leave it out"
+        )
+    if by_mocap and autopilot == Autopilot.PX4:
+        given = ["rate=125", *given]  # of its 250 steps a second
+    return tuple(f"--mocap-{setting}" for setting in given)
+
+
+def _fly(options: SitlOptions) -> Flight:
+    """Fly, with a line of the flight on the console."""
+    from tgl_soar.sim.sitl import SitlError, fly
+
     try:
         with Live(console=console, refresh_per_second=10, transient=True) as live:
 
             def progress(operator: Operator) -> None:
                 live.update(_progress(operator))
 
-            flight = fly(options, progress)
+            return fly(options, progress)
     except (SitlError, ConfigError) as error:
         fail(error)
     except KeyboardInterrupt:
         fail("stopped", 130)
 
-    title = "from the truth of the simulation"
+
+def _show(options: SitlOptions, flight: Flight) -> None:
+    """The scores of the legs, and what disturbed them."""
     table = Table(
         "leg",
         "settled after",
@@ -204,7 +256,7 @@ def sitl(
         "peak e_rho",
         "wander",
         "mean to TGL ∩ ZEUC",
-        title=title,
+        title="from the truth of the simulation",
     )
     for score, flown in zip(flight.scores, flight.flown, strict=True):
         settled = f"{score.settling_s:.1f} s" if score.settled else "[red]not held[/red]"
@@ -220,7 +272,12 @@ def sitl(
     for note in flight.notes:
         console.print(note, style="yellow", markup=False, highlight=False, soft_wrap=True)
     simulated = flight.truth["time_s"][-1]
-    say(f"{simulated:.0f} s of flight in {flight.wall_s:.0f} s; logs and figure in {out}/")
+    say(f"{simulated:.0f} s of flight in {flight.wall_s:.0f} s; logs and figure in {options.out}/")
+
+
+def _write_pages(options: SitlOptions, flight: Flight, *, report: bool) -> None:
+    """The figure, and the report where it is asked for."""
+    out = options.out
     log = newest_log(out / "logs")
     try:
         _draw(options, flight, out / "flight.png")
@@ -232,8 +289,6 @@ def sitl(
         hint(f"no figure: {error}")
     if log is not None and not report:
         console.print(f"its report: tgl-soar report {log}", soft_wrap=True, highlight=False)
-    if not passed(flight):
-        fail("a leg did not settle", 1)
 
 
 def newest_log(folder: Path) -> Path | None:
