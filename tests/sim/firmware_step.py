@@ -7,7 +7,7 @@ from pathlib import Path
 from tgl_soar.config.files import load_airframe, shipped
 from tgl_soar.sim.firmware.sensors import Motion, Readings
 from tgl_soar.sim.firmware.simulation import Sticks
-from tgl_soar.sim.sitl import SitlOptions
+from tgl_soar.sim.sitl_options import SitlOptions
 from tgl_soar.types import SurfaceCommand
 
 AIRFRAME_PATH = shipped("airframes/eclipson_c.toml")

@@ -19,7 +19,8 @@ from tgl_soar.sim.bridge.process import main
 from tgl_soar.sim.faults import CATALOGUE, parse_fault
 from tgl_soar.sim.routing import Frame, split_frames
 from tgl_soar.sim.simulation import Options, Simulation
-from tgl_soar.sim.sitl import SitlError, SitlOptions, fly
+from tgl_soar.sim.sitl import fly
+from tgl_soar.sim.sitl_options import SitlError, SitlOptions
 from tgl_soar.sim.vehicle.modes import FBWA, MANUAL
 
 AIRFRAME_PATH, SITE_PATH = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")

@@ -23,7 +23,9 @@ from typer.testing import CliRunner
 from tgl_soar.cli.app import app
 from tgl_soar.config.files import load_airframe, load_site, shipped
 from tgl_soar.sim.operator import Operator
-from tgl_soar.sim.sitl import OVERRIDE_TIME_S, SitlError, SitlOptions, busy_hint, fly, passed
+from tgl_soar.sim.sitl import busy_hint, fly, passed
+from tgl_soar.sim.sitl_options import SitlError, SitlOptions
+from tgl_soar.sim.sitl_processes import OVERRIDE_TIME_S
 
 AIRFRAME = shipped("airframes/eclipson_c.toml")
 SITE = shipped("sites/tunnel.toml")
@@ -133,7 +135,7 @@ def bridge_of(out: Path) -> int:
 
 
 def test_a_flight_by_the_clock_goes_on_after_the_machine_has_stood_still(tmp_path: Path) -> None:
-    """The bridge gets no processor for 0.6 s: the module must disengage, and is engaged anew."""
+    """The bridge gets no processor for 0.6 s: the module must disengage, and is engaged again."""
     stood: list[int] = []
 
     def once(operator: Operator) -> None:
@@ -148,7 +150,7 @@ def test_a_flight_by_the_clock_goes_on_after_the_machine_has_stood_still(tmp_pat
     by_clock["companion"] = f"127.0.0.1:{free_port()}"
     flight = fly(options(tmp_path, legs=("a",), stay_s=8.0, **by_clock), once)
     assert stood
-    assert any("engaged anew after a hiccup of this machine" in note for note in flight.notes)
+    assert any("engaged again after a hiccup of this machine" in note for note in flight.notes)
     assert any("too slow for real time" in note for note in flight.notes)
     assert flight.flown[0].ended_s - flight.flown[0].stopped_s >= 8.0
 
@@ -163,7 +165,7 @@ def test_a_port_that_is_taken_is_told_with_the_option_that_there_is(tmp_path: Pa
     assert "--gcs-local" in offered
 
 
-def test_a_busy_machine_is_told_of() -> None:
+def test_a_busy_machine_is_named() -> None:
     assert "whose load is 6.0 on 2 processors" in busy_hint(6.0, 2)
     assert "load" not in busy_hint(0.5, 2)
     assert "without --realtime" in busy_hint(0.5, 2)

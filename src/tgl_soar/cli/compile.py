@@ -208,7 +208,8 @@ def _check(base: Path, work: Path) -> None:
 
 def _flown(out: Path, kept: Path) -> bytes:
     """A short flight, and by what the module flew: the truth of the simulation."""
-    from tgl_soar.sim.sitl import SitlError, SitlOptions, fly
+    from tgl_soar.sim.sitl import fly
+    from tgl_soar.sim.sitl_options import SitlError, SitlOptions
 
     before = os.environ.get("TGL_SOAR_NATIVE")
     os.environ["TGL_SOAR_NATIVE"] = str(kept)  # the module's process inherits it

@@ -30,7 +30,8 @@ from tgl_soar.onboard.flightlog.files import kept_in
 
 if TYPE_CHECKING:
     from tgl_soar.sim.operator import Operator
-    from tgl_soar.sim.sitl import Flight, SitlOptions
+    from tgl_soar.sim.sitl import Flight
+    from tgl_soar.sim.sitl_options import SitlOptions
 
 
 class Autopilot(StrEnum):
@@ -153,7 +154,8 @@ def sitl(
 ) -> None:
     """Fly the line from a to b to c between real processes; exit code 1 if a leg fails."""
     from tgl_soar.sim.faults import catalogue_text
-    from tgl_soar.sim.sitl import SitlOptions, passed
+    from tgl_soar.sim.sitl import passed
+    from tgl_soar.sim.sitl_options import SitlOptions
 
     faults = tuple(fault or ())
     if "list" in faults:
@@ -232,7 +234,8 @@ def _mocap_settings(given: list[str], autopilot: Autopilot, *, by_mocap: bool) -
 
 def _fly(options: SitlOptions) -> Flight:
     """Fly, with a line of the flight on the console."""
-    from tgl_soar.sim.sitl import SitlError, fly
+    from tgl_soar.sim.sitl import fly
+    from tgl_soar.sim.sitl_options import SitlError
 
     try:
         with Live(console=console, refresh_per_second=10, transient=True) as live:

@@ -9,7 +9,7 @@ Three take part, each with its own socket on the loopback interface:
 In lockstep (the default) the bridge waits for both others at every step, so that the flight
 runs as fast as the machine allows and the same seed gives the same flight.  In real time it
 waits for nobody, and other ground stations may take part at 127.0.0.1:14550; where a busy machine
-has interrupted the flight the operator engages anew, a few times, and says so.
+has interrupted the flight the operator engages again, a few times, and reports it.
 """
 
 from __future__ import annotations
@@ -17,12 +17,8 @@ from __future__ import annotations
 import csv
 import json
 import os
-import re
 import select
-import signal
 import socket
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
@@ -35,51 +31,26 @@ from numpy.typing import NDArray
 from tgl_soar.air.zeuc import Crossing, stable_crossing
 from tgl_soar.config.files import line_parameters, load_airframe, load_parameters, load_site
 from tgl_soar.config.parameters import ParameterSet
-from tgl_soar.config.site import Position, Site
+from tgl_soar.config.site import Site
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.sim.bridge.slowness import TOO_SLOW
-from tgl_soar.sim.child_process import with_parent
-from tgl_soar.sim.firmware.sensors import SOMEWHERE
 from tgl_soar.sim.operator import Flown, Leg, Operator, OperatorError
 from tgl_soar.sim.score import LegScore, score_leg
+from tgl_soar.sim.sitl_options import SitlError, SitlOptions
+from tgl_soar.sim.sitl_processes import (
+    SitlProcesses,
+    airframe_for,
+    bridge_command,
+    free_address,
+    module_command,
+    site_for,
+)
 from tgl_soar.sim.world import build_field
 
 Floats = NDArray[np.float64]
-LOGS_MB = 500.0  # of all flights in a folder
 START_S = 120.0  # for the first datagram: on a busy machine air and module take their time
 SILENCE_S = 20.0  # without a datagram for so long the bridge is taken for dead
-AGAIN = 3  # engagements anew in real time
-OVERRIDE_TIME_S = 0.5  # as docs and README ask of a real autopilot: 3 s would lose the aircraft
-
-
-class SitlError(RuntimeError):
-    """The flight could not be flown; the message says why and what to do."""
-
-
-@dataclass(frozen=True)
-class SitlOptions:
-    """What to fly."""
-
-    airframe: Path
-    site: Path
-    out: Path
-    legs: tuple[str, ...] = ()  # names of the site's lines; none: all, in order
-    stay_s: float = 16.0
-    seed: int = 1
-    turbulence: float | None = None  # fraction of the reference wind; None: the site's
-    realtime: bool = False
-    faults: tuple[str, ...] = ()  # as they are written (`sim.faults`)
-    mocap: bool = False  # the position comes as NatNet, from a stand-in for Motive
-    mocap_options: tuple[str, ...] = ()  # more of the bridge's, such as --mocap-version=4.2
-    autopilot: str = "builtin"  # or a real firmware, by the bridge's name for it
-    firmware: Path | None = None  # its program
-    route: str | None = None  # by which the module commands it; None: the firmware's usual one
-    autopilot_parameters: tuple[str, ...] = ()  # NAME=NUMBER
-    kill_s: float | None = None  # the module is killed so long after its line first stood
-    # Real time alone is open to others, on the ports that the firmwares' simulators have.
-    gcs: str = "127.0.0.1:14550"
-    gcs_local: str = "127.0.0.1:18570"  # the bridge's own port towards it
-    companion: str = "127.0.0.1:14540"
+AGAIN = 3  # engagements after the first, in real time
 
 
 @dataclass(frozen=True)
@@ -129,6 +100,40 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> Flight:
     legs = plan(site, values, options)
     if options.mocap and site.mocap is None:
         raise SitlError(f"{options.site}: no [mocap] table, as sites/tunnel_mocap.toml has it")
+    truth_file = _prepared(options)
+    if options.autopilot != "builtin":
+        options = replace(options, airframe=airframe_for(options), site=site_for(options, site))
+    begun = time.monotonic()
+    operator = Operator(
+        legs,
+        airframe.autopilot.system_id,
+        airframe.autopilot.component_id,
+        when_armed=options.autopilot != "builtin",
+        again=AGAIN if options.realtime and not options.faults and options.kill_s is None else 0,
+    )
+    processes = SitlProcesses(options.out)
+    killed_s = _fly(options, truth_file, operator, processes, progress)
+    truth = _read_truth(truth_file)
+    lines = [_line(leg) for leg in legs]
+    field, polar = build_field(site.air, options.site.parent), airframe.polar.as_polar()
+    crossings = [stable_crossing(field, polar, line) for line in lines]
+    notes = [f"engaged again after a hiccup of this machine: {w}" for w in operator.hiccups]
+    flight = Flight(
+        flown=operator.flown,
+        scores=_scores(operator.flown, lines, crossings, truth),
+        crossings=crossings,
+        lines=lines,
+        truth=truth,
+        wall_s=time.monotonic() - begun,
+        killed_s=killed_s,
+        notes=(*notes, *processes.lines_with("bridge", TOO_SLOW)),
+    )
+    _write_summary(options, flight)
+    return flight
+
+
+def _prepared(options: SitlOptions) -> Path:
+    """The folder of the flight, and where the truth will be in it.  Errors: `SitlError`."""
     truth_file = options.out / "truth.csv"
     try:
         options.out.mkdir(parents=True, exist_ok=True)
@@ -137,52 +142,56 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> Flight:
         raise SitlError(
             f"--out {options.out}: cannot be written: {error.strerror}; name another folder"
         ) from None
+    return truth_file
 
-    if options.autopilot != "builtin":
-        options = replace(options, airframe=_airframe_for(options), site=_site_for(options, site))
-    begun = time.monotonic()
+
+def _fly(
+    options: SitlOptions,
+    truth_file: Path,
+    operator: Operator,
+    processes: SitlProcesses,
+    progress: Callable[[Operator], None],
+) -> float | None:
+    """Start bridge and module, fly the plan, end both; when the module was killed."""
     ground_station = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     ground_station.bind(("127.0.0.1", 0))
     own_address = f"127.0.0.1:{ground_station.getsockname()[1]}"
-    operator = Operator(
-        legs,
-        airframe.autopilot.system_id,
-        airframe.autopilot.component_id,
-        when_armed=options.autopilot != "builtin",
-        again=AGAIN if options.realtime and not options.faults and options.kill_s is None else 0,
-    )
-    processes = _Processes(options.out)
     try:
-        companion = options.companion if options.realtime else _free_address()
-        mocap = _free_address() if options.mocap else ""
-        bridge_command = _bridge_command(options, truth_file, own_address, companion, mocap)
-        processes.start("bridge", bridge_command)
-        processes.start("module", _module_command(options, companion, mocap))
-        killed_s = _operate(operator, ground_station, processes, progress, options.kill_s)
+        companion = options.companion if options.realtime else free_address()
+        mocap = free_address() if options.mocap else ""
+        processes.start(
+            "bridge", bridge_command(options, truth_file, own_address, companion, mocap)
+        )
+        processes.start("module", module_command(options, companion, mocap))
+        return _operate(operator, ground_station, processes, progress, options.kill_s)
     except OperatorError as error:
         hint = busy_hint(os.getloadavg()[0], os.cpu_count() or 1) if options.realtime else ""
         raise SitlError(f"{error}{hint}\n{processes.last_words()}") from None
     finally:
         processes.stop()
         ground_station.close()
-    truth = _read_truth(truth_file)
-    field = build_field(site.air, options.site.parent)
-    lines = [
-        (
-            leg.parameters["TGL_X"],
-            leg.parameters["TGL_Z"],
-            eta_from_lean(radians(leg.parameters["TGL_LEAN"])),
-        )
-        for leg in legs
-    ]
-    polar = airframe.polar.as_polar()
-    met = [stable_crossing(field, polar, line) for line in lines]
+
+
+def _line(leg: Leg) -> tuple[float, float, float]:
+    """A leg's line: a point of it [m] and its angle eta [rad]."""
+    parameters = leg.parameters
+    eta_rad = eta_from_lean(radians(parameters["TGL_LEAN"]))
+    return parameters["TGL_X"], parameters["TGL_Z"], eta_rad
+
+
+def _scores(
+    flown: list[Flown],
+    lines: list[tuple[float, float, float]],
+    crossings: list[Crossing | None],
+    truth: dict[str, Floats],
+) -> list[LegScore]:
+    """How well each leg was held while its line stood."""
     scores = []
-    for flown, line, crossing in zip(operator.flown, lines, met, strict=True):
-        rows = (truth["time_s"] >= flown.stopped_s) & (truth["time_s"] <= flown.ended_s)
+    for leg, line, crossing in zip(flown, lines, crossings, strict=True):
+        rows = (truth["time_s"] >= leg.stopped_s) & (truth["time_s"] <= leg.ended_s)
         scores.append(
             score_leg(
-                flown.leg.name,
+                leg.leg.name,
                 line,
                 _place(crossing),
                 truth["time_s"][rows],
@@ -190,12 +199,7 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> Flight:
                 truth["z_m"][rows],
             )
         )
-    wall_s = time.monotonic() - begun
-    notes = [f"engaged anew after a hiccup of this machine: {w}" for w in operator.hiccups]
-    notes += processes.said("bridge", TOO_SLOW)
-    flight = Flight(operator.flown, scores, met, lines, truth, wall_s, killed_s, tuple(notes))
-    _write_summary(options, flight)
-    return flight
+    return scores
 
 
 def passed(flight: Flight) -> bool:
@@ -215,95 +219,10 @@ def busy_hint(load: float, processors: int) -> str:
     )
 
 
-def _free_address() -> str:
-    """A UDP port on the loopback interface that nobody has."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"127.0.0.1:{probe.getsockname()[1]}"
-
-
-def _airframe_for(options: SitlOptions) -> Path:
-    """The airframe file as it is flown with a real firmware, in the folder of the flight."""
-    text = options.airframe.read_text()
-    lines = [f'firmware = "{options.autopilot}"']
-    if options.route is not None:
-        lines.append(f'route = "{options.route}"')
-    changed, count = re.subn(r"(?m)^firmware *=.*$", "\n".join(lines), text)
-    if count != 1:
-        raise SitlError(f"{options.airframe}: no line firmware = … in [autopilot] to replace")
-    path = options.out / options.airframe.name
-    path.write_text(changed)
-    return path
-
-
-def _site_for(options: SitlOptions, site: Site) -> Path:
-    """The site file as it is flown with a real firmware, in the folder of the flight.
-
-    Where a tracker measures the position it tells it to the firmware as well.  Where satellites
-    do, the site needs a place on earth: a firmware's local NED begins wherever it was started.
-    """
-    if site.mocap is not None and site.forward is None:
-        added = "[forward]\n"
-    elif site.mocap is None and site.position == Position():
-        place = f"{{ latitude_deg = {SOMEWHERE.latitude_deg}, longitude_deg ="
-        place += f" {SOMEWHERE.longitude_deg}, altitude_m = {SOMEWHERE.altitude_m} }}"
-        added = f'[position]\nsources = ["global_position"]\nhome = {place}\n'
-    else:
-        return options.site
-    path = options.out / options.site.name
-    path.write_text(f"{options.site.read_text()}\n{added}")
-    return path
-
-
-def _bridge_command(
-    options: SitlOptions, truth_file: Path, operator: str, companion: str, mocap: str
-) -> list[str]:
-    command = [
-        *(sys.executable, "-m", "tgl_soar.sim.bridge"),
-        *("--airframe", str(options.airframe), "--site", str(options.site)),
-        *("--companion", companion, "--gcs", operator),
-        *("--seed", str(options.seed), "--log", str(truth_file)),
-        *("--speed", "realtime" if options.realtime else "lockstep"),
-    ]
-    if options.autopilot == "builtin":
-        command += ["--autopilot-parameter", f"RC_OVERRIDE_TIME={OVERRIDE_TIME_S:g}"]
-    else:
-        command += ["--autopilot", options.autopilot, "--firmware", str(options.firmware)]
-        command += ["--firmware-folder", str(options.out / "firmware")]
-        command += ["--record", str(options.out / "companion.tlog")]
-    for setting in options.autopilot_parameters:
-        command += ["--autopilot-parameter", setting]
-    for fault in options.faults:
-        command += ["--fault", fault]
-    if options.turbulence is not None:
-        command += ["--turbulence", str(options.turbulence)]
-    if mocap:
-        command += ["--mocap", "natnet", "--mocap-local", mocap, *options.mocap_options]
-    if options.realtime:
-        command += ["--gcs", options.gcs, "--gcs-local", options.gcs_local]
-        command += ["--companion-local", "127.0.0.1:0"]
-    else:
-        anywhere = "127.0.0.1:0"
-        command += ["--lockstep-gcs", "--gcs-local", anywhere, "--companion-local", anywhere]
-    return command
-
-
-def _module_command(options: SitlOptions, companion: str, mocap: str) -> list[str]:
-    command = [
-        *(sys.executable, "-m", "tgl_soar.cli", "run"),
-        *("--airframe", str(options.airframe), "--site", str(options.site)),
-        *("--link", f"udp:{companion}", "--state", "none"),
-        *("--log", str(options.out / "logs"), "--log-max", f"{LOGS_MB:g}"),
-    ]
-    if mocap:
-        command += ["--mocap-server", mocap]
-    return command if options.realtime else [*command, "--lockstep"]
-
-
 def _operate(
     operator: Operator,
     ground_station: socket.socket,
-    processes: _Processes,
+    processes: SitlProcesses,
     progress: Callable[[Operator], None],
     kill_s: float | None,
 ) -> float | None:
@@ -311,19 +230,19 @@ def _operate(
     module was killed."""
     bridge: tuple[str, int] | None = None
     killed_s: float | None = None
-    heard = shown = time.monotonic()
+    received = shown = time.monotonic()
     while not operator.done:
         ready, _, _ = select.select([ground_station], [], [], 0.2)
         now = time.monotonic()
         if ready:
             data, sender = ground_station.recvfrom(65535)
             if bridge in (None, sender) and operator.receive(data):
-                bridge, heard = sender, now
+                bridge, received = sender, now
         patience_s = START_S if bridge is None else SILENCE_S
-        if now - heard > patience_s:
+        if now - received > patience_s:
             hint = busy_hint(os.getloadavg()[0], os.cpu_count() or 1)
             raise SitlError(
-                f"nothing heard from the bridge for {patience_s:g} s{hint}\n"
+                f"nothing received from the bridge for {patience_s:g} s{hint}\n"
                 f"{processes.last_words()}"
             )
         processes.check()
@@ -343,63 +262,6 @@ def _operate(
             progress(operator)
     progress(operator)
     return killed_s
-
-
-class _Processes:
-    """The processes of a flight, each with its output in a file of its own."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._running: dict[str, subprocess.Popen[bytes]] = {}
-
-    def start(self, name: str, command: list[str]) -> None:
-        with self._log(name).open("wb") as log:
-            self._running[name] = subprocess.Popen(
-                with_parent(command),
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-            )
-
-    def check(self) -> None:
-        """Errors: `SitlError` with its last words if one has ended."""
-        for name, process in self._running.items():
-            code = process.poll()
-            if code is not None:
-                raise SitlError(f"the {name} ended with exit code {code}\n{self.last_words()}")
-
-    def kill(self, name: str) -> None:
-        """By SIGKILL, and expect it no more."""
-        process = self._running.pop(name)
-        process.kill()
-        process.wait()
-
-    def last_words(self) -> str:
-        """The last lines that each has printed."""
-        words = []
-        for name in self._running:
-            lines = self._log(name).read_text(errors="replace").splitlines()[-6:]
-            words += [f"  {name}: {line}" for line in lines]
-        return "\n".join(words)
-
-    def said(self, name: str, words: str) -> list[str]:
-        """The lines of one that hold these words."""
-        lines = self._log(name).read_text(errors="replace").splitlines()
-        return [line for line in lines if words in line]
-
-    def stop(self) -> None:
-        """Ask all to end, the module first; kill what does not."""
-        for process in reversed(self._running.values()):
-            if process.poll() is None:
-                process.send_signal(signal.SIGTERM)
-                try:
-                    process.wait(5.0)
-                except subprocess.TimeoutExpired:
-                    process.kill()
-                    process.wait()
-
-    def _log(self, name: str) -> Path:
-        return self._folder / f"{name}.log"
 
 
 def _read_truth(path: Path) -> dict[str, Floats]:

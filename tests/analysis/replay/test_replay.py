@@ -36,7 +36,8 @@ from tgl_soar.onboard.flightlog.declaration import (
 )
 from tgl_soar.onboard.flightlog.writer import BATCH_TICKS, FlightRecorder
 from tgl_soar.sim.compiled import available
-from tgl_soar.sim.sitl import SitlOptions, fly
+from tgl_soar.sim.sitl import fly
+from tgl_soar.sim.sitl_options import SitlOptions
 from tgl_soar.types import Inputs
 
 TICKS = 799

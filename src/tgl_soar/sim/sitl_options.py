@@ -1,0 +1,36 @@
+"""What of a flight between real processes can be chosen, and how it fails."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+class SitlError(RuntimeError):
+    """The flight could not be flown; the message says why and what to do."""
+
+
+@dataclass(frozen=True)
+class SitlOptions:
+    """What to fly."""
+
+    airframe: Path
+    site: Path
+    out: Path
+    legs: tuple[str, ...] = ()  # names of the site's lines; none: all, in order
+    stay_s: float = 16.0
+    seed: int = 1
+    turbulence: float | None = None  # fraction of the reference wind; None: the site's
+    realtime: bool = False
+    faults: tuple[str, ...] = ()  # as they are written (`sim.faults`)
+    mocap: bool = False  # the position comes as NatNet, from a stand-in for Motive
+    mocap_options: tuple[str, ...] = ()  # more of the bridge's, such as --mocap-version=4.2
+    autopilot: str = "builtin"  # or a real firmware, by the bridge's name for it
+    firmware: Path | None = None  # its program
+    route: str | None = None  # by which the module commands it; None: the firmware's usual one
+    autopilot_parameters: tuple[str, ...] = ()  # NAME=NUMBER
+    kill_s: float | None = None  # the module is killed so long after its line first stood
+    # Real time alone is open to others, on the ports that the firmwares' simulators have.
+    gcs: str = "127.0.0.1:14550"
+    gcs_local: str = "127.0.0.1:18570"  # the bridge's own port towards it
+    companion: str = "127.0.0.1:14540"

@@ -1,0 +1,163 @@
+"""The bridge and the module of a flight: their files, their commands, and their processes."""
+
+from __future__ import annotations
+
+import re
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+from tgl_soar.config.site import Position, Site
+from tgl_soar.sim.child_process import with_parent
+from tgl_soar.sim.firmware.sensors import SOMEWHERE
+from tgl_soar.sim.sitl_options import SitlError, SitlOptions
+
+LOGS_MB = 500.0  # of all flights in a folder
+OVERRIDE_TIME_S = 0.5  # as docs and README ask of a real autopilot: 3 s would lose the aircraft
+
+
+def free_address() -> str:
+    """A UDP port on the loopback interface that nobody has."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"127.0.0.1:{probe.getsockname()[1]}"
+
+
+def airframe_for(options: SitlOptions) -> Path:
+    """The airframe file as it is flown with a real firmware, in the folder of the flight."""
+    text = options.airframe.read_text()
+    lines = [f'firmware = "{options.autopilot}"']
+    if options.route is not None:
+        lines.append(f'route = "{options.route}"')
+    changed, count = re.subn(r"(?m)^firmware *=.*$", "\n".join(lines), text)
+    if count != 1:
+        raise SitlError(f"{options.airframe}: no line firmware = … in [autopilot] to replace")
+    path = options.out / options.airframe.name
+    path.write_text(changed)
+    return path
+
+
+def site_for(options: SitlOptions, site: Site) -> Path:
+    """The site file as it is flown with a real firmware, in the folder of the flight.
+
+    Where a tracker measures the position it is forwarded to the firmware as well.  Where satellites
+    do, the site needs a place on earth: a firmware's local NED begins wherever it was started.
+    """
+    if site.mocap is not None and site.forward is None:
+        added = "[forward]\n"
+    elif site.mocap is None and site.position == Position():
+        place = f"{{ latitude_deg = {SOMEWHERE.latitude_deg}, longitude_deg ="
+        place += f" {SOMEWHERE.longitude_deg}, altitude_m = {SOMEWHERE.altitude_m} }}"
+        added = f'[position]\nsources = ["global_position"]\nhome = {place}\n'
+    else:
+        return options.site
+    path = options.out / options.site.name
+    path.write_text(f"{options.site.read_text()}\n{added}")
+    return path
+
+
+def bridge_command(
+    options: SitlOptions, truth_file: Path, operator: str, companion: str, mocap: str
+) -> list[str]:
+    """The bridge, for a companion and an operator at their addresses; mocap: "" for none."""
+    command = [
+        *(sys.executable, "-m", "tgl_soar.sim.bridge"),
+        *("--airframe", str(options.airframe), "--site", str(options.site)),
+        *("--companion", companion, "--gcs", operator),
+        *("--seed", str(options.seed), "--log", str(truth_file)),
+        *("--speed", "realtime" if options.realtime else "lockstep"),
+    ]
+    if options.autopilot == "builtin":
+        command += ["--autopilot-parameter", f"RC_OVERRIDE_TIME={OVERRIDE_TIME_S:g}"]
+    else:
+        command += ["--autopilot", options.autopilot, "--firmware", str(options.firmware)]
+        command += ["--firmware-folder", str(options.out / "firmware")]
+        command += ["--record", str(options.out / "companion.tlog")]
+    for setting in options.autopilot_parameters:
+        command += ["--autopilot-parameter", setting]
+    for fault in options.faults:
+        command += ["--fault", fault]
+    if options.turbulence is not None:
+        command += ["--turbulence", str(options.turbulence)]
+    if mocap:
+        command += ["--mocap", "natnet", "--mocap-local", mocap, *options.mocap_options]
+    if options.realtime:
+        command += ["--gcs", options.gcs, "--gcs-local", options.gcs_local]
+        command += ["--companion-local", "127.0.0.1:0"]
+    else:
+        anywhere = "127.0.0.1:0"
+        command += ["--lockstep-gcs", "--gcs-local", anywhere, "--companion-local", anywhere]
+    return command
+
+
+def module_command(options: SitlOptions, companion: str, mocap: str) -> list[str]:
+    """What flies, as the companion at an address."""
+    command = [
+        *(sys.executable, "-m", "tgl_soar.cli", "run"),
+        *("--airframe", str(options.airframe), "--site", str(options.site)),
+        *("--link", f"udp:{companion}", "--state", "none"),
+        *("--log", str(options.out / "logs"), "--log-max", f"{LOGS_MB:g}"),
+    ]
+    if mocap:
+        command += ["--mocap-server", mocap]
+    return command if options.realtime else [*command, "--lockstep"]
+
+
+class SitlProcesses:
+    """The processes of a flight, each with its output in a file of its own."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+
+    def start(self, name: str, command: list[str]) -> None:
+        """Start one by a name."""
+        with self._log(name).open("wb") as log:
+            self._running[name] = subprocess.Popen(
+                with_parent(command),
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+            )
+
+    def check(self) -> None:
+        """Errors: `SitlError` with its last words if one has ended."""
+        for name, process in self._running.items():
+            code = process.poll()
+            if code is not None:
+                raise SitlError(f"the {name} ended with exit code {code}\n{self.last_words()}")
+
+    def kill(self, name: str) -> None:
+        """By SIGKILL, and expect it no more."""
+        process = self._running.pop(name)
+        process.kill()
+        process.wait()
+
+    def last_words(self) -> str:
+        """The last lines that each has printed."""
+        words = []
+        for name in self._running:
+            lines = self._log(name).read_text(errors="replace").splitlines()[-6:]
+            words += [f"  {name}: {line}" for line in lines]
+        return "\n".join(words)
+
+    def lines_with(self, name: str, words: str) -> list[str]:
+        """The lines of one that hold these words."""
+        lines = self._log(name).read_text(errors="replace").splitlines()
+        return [line for line in lines if words in line]
+
+    def stop(self) -> None:
+        """Ask all to end, the module first; kill what does not."""
+        for process in reversed(self._running.values()):
+            if process.poll() is None:
+                process.send_signal(signal.SIGTERM)
+                try:
+                    process.wait(5.0)
+                except subprocess.TimeoutExpired:
+                    process.kill()
+                    process.wait()
+
+    def _log(self, name: str) -> Path:
+        return self._folder / f"{name}.log"
