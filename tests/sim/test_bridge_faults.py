@@ -1,4 +1,4 @@
-"""Faults in the bridge: on what the autopilot tells, on datagrams, and on the autopilot."""
+"""Faults in the bridge: on what the autopilot reports, on datagrams, and on the autopilot."""
 
 from __future__ import annotations
 
@@ -223,5 +223,5 @@ def test_lost_datagrams_are_the_same_ones_in_every_lockstep_flight(tmp_path: Pat
 
 
 def test_silence_of_the_autopilot_does_not_stop_the_clock_of_lockstep(tmp_path: Path) -> None:
-    with pytest.raises(SitlError, match="let go by itself"):
+    with pytest.raises(SitlError, match="disengaged by itself"):
         fly(options(tmp_path, faults=("link.down start=4 for=3",)), lambda _operator: None)

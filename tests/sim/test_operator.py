@@ -137,7 +137,7 @@ def test_a_module_that_lets_go_ends_the_flight() -> None:
     run(module, 2.0)
     module.say(module.codec.statustext_encode(3, b"released: position lost"))
     module.say(module.codec.param_value_encode(b"OP_ENGAGE", 0.0, 9, 50, 0))
-    with pytest.raises(OperatorError, match=r"let go by itself: .*position lost"):
+    with pytest.raises(OperatorError, match=r"disengaged by itself: .*position lost"):
         run(module, 2.0)
 
 
@@ -177,12 +177,12 @@ def test_it_engages_anew_only_so_often_and_only_after_a_hiccup() -> None:
     module = Module(operator)
     run(module, 3.0)
     released(module, "attitude lost", 3.0)
-    with pytest.raises(OperatorError, match=r"let go by itself: .*attitude lost"):
+    with pytest.raises(OperatorError, match=r"disengaged by itself: .*attitude lost"):
         released(module, "attitude lost", 3.0)
     operator = Operator([LEG], 1, 191, again=1)
     module = Module(operator)
     run(module, 3.0)
-    with pytest.raises(OperatorError, match=r"let go by itself: .*outside the fence"):
+    with pytest.raises(OperatorError, match=r"disengaged by itself: .*outside the fence"):
         released(module, "outside the fence", 3.0)
 
 

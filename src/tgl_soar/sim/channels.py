@@ -39,7 +39,7 @@ class Overrides:
             self._given_at[i] = step
 
     def expire(self, step: int, steps_allowed: float) -> list[int]:
-        """Let go of overrides not repeated for that many steps; the channels, from 1."""
+        """Release overrides not repeated for that many steps; the channels, from 1."""
         expired = []
         for i, pwm in enumerate(self._pwm):
             if pwm is not None and step - self._given_at[i] >= steps_allowed:
@@ -48,7 +48,7 @@ class Overrides:
         return expired
 
     def clear(self) -> None:
-        """Let go of all."""
+        """Release all."""
         self._pwm = [None] * CHANNELS
 
     def on(self, channel: int) -> int | None:

@@ -3,7 +3,7 @@
     position.dropout start=20 for=1.5
 
 reads: from 20 s on nothing arrives of the position for 1.5 s.  A number that is left out has
-the default that the catalogue names.  `sim.injection` says how each of them acts.
+the default that the catalogue names.  `sim.injection` shows how each of them acts.
 
 The same text stands behind `--fault`, in scenario files and in the table of a campaign.
 """
@@ -359,7 +359,7 @@ _KINDS: Final[tuple[Kind, ...]] = (
     ),
     Kind(
         "autopilot.duplicate",
-        "another autopilot with the same system id is heard, elsewhere",
+        "another autopilot with the same system id sends, elsewhere",
         (_START, _for(2.0, 0.1, 6.0)),
     ),
     Kind("pilot.takes", "the pilot takes the aircraft by the mode", (_START, _for(5.0, 0.5, 6.0))),
@@ -415,7 +415,7 @@ def catalogue_text() -> str:
     """The catalogue for a terminal."""
     lines = [
         "A fault is written NAME start=10 for=1.5, and more numbers where it has them.",
-        "position.* acts on what the autopilot tells; on motion capture: --mocap-option fault=….",
+        "position.* acts on what the autopilot reports; on motion capture: --mocap-option fault=….",
     ]
     for kind in CATALOGUE.values():
         numbers = ", ".join(

@@ -131,7 +131,7 @@ def _with_bits_turned(datagram: Datagram, random: Random) -> Datagram:
 
 
 class Measured(Generic[Sample]):
-    """The samples of one sensor: what they say spoilt, then their way."""
+    """The samples of one sensor: their values corrupted, then their way."""
 
     def __init__(self, of: str, faults: Sequence[Fault], seed: int) -> None:
         self._lies = [fault for fault in faults if fault.of == of]
@@ -149,7 +149,7 @@ class Measured(Generic[Sample]):
             self._newest = sample._replace(sequence=0)
         if sample.sequence != self._seen:
             self._seen = sample.sequence
-            self._fault_channel.send(now_s, self._told(now_s, sample))
+            self._fault_channel.send(now_s, self._reported(now_s, sample))
             if any(fault.acts(now_s) for fault in self._duplicates):
                 self._fault_channel.send(now_s, of_duplicate(sample))
         for arrived in self._fault_channel.arrived(now_s):
@@ -157,7 +157,7 @@ class Measured(Generic[Sample]):
             self._newest = arrived._replace(sequence=self._arrived)
         return self._newest
 
-    def _told(self, now_s: float, sample: Sample) -> Sample:
+    def _reported(self, now_s: float, sample: Sample) -> Sample:
         """The sample with what is wrong with it."""
         freezes = False
         for fault in self._lies:
@@ -181,7 +181,7 @@ class Measured(Generic[Sample]):
 
 
 def _without_numbers(sample: Sample) -> Sample:
-    """As a filter says that has diverged: stamps go on, values are not numbers."""
+    """As of a filter that has diverged: stamps go on, values are not numbers."""
     lies: dict[str, Any] = {
         name: NAN for name in sample._fields if name not in ("sequence", "time_s", "source")
     }
@@ -216,7 +216,7 @@ def _turned(sample: AttitudeSample, by: tuple[float, float, float, float]) -> At
 
 
 def of_duplicate(sample: Any) -> Any:
-    """What the duplicate says at the same time."""
+    """What the duplicate reports at the same time."""
     if isinstance(sample, PositionFix):
         return _wrong_by(sample, DUPLICATE_M)
     if isinstance(sample, AttitudeSample):
@@ -241,7 +241,7 @@ class Injection:
         self._over: set[int] = set()
 
     def turns(self, now_s: float) -> list[tuple[Fault, bool]]:
-        """The faults that begin (True) or are over (False), each told once."""
+        """The faults that begin (True) or are over (False), each reported once."""
         turns = []
         for i, fault in enumerate(self.faults):
             if i not in self._begun and now_s >= fault.start_s:
@@ -278,11 +278,11 @@ class Injection:
         measured = self._measured.get(of)
         return sample if measured is None else measured.take(now_s, sample)
 
-    def surfaces(self, now_s: float, told: SurfaceCommand, dt_s: float) -> SurfaceCommand:
-        """Where the servos go that are told this."""
+    def surfaces(self, now_s: float, commanded: SurfaceCommand, dt_s: float) -> SurfaceCommand:
+        """Where the servos go that are commanded so."""
         if not self._servos:
-            return told
-        going = told
+            return commanded
+        going = commanded
         for fault in self._servos:
             if not fault.acts(now_s):
                 continue
@@ -318,7 +318,7 @@ class Injection:
 class DirectLink:
     """Autopilot and link where module and world are one process.
 
-    The autopilot beats once a second and when its mode changes; it lets go of overrides that
+    The autopilot beats once a second and when its mode changes; it releases overrides that
     were not repeated for `OVERRIDE_TIME_S`, and holds the surfaces at their trims when nobody
     has them.
     """
@@ -349,13 +349,13 @@ class DirectLink:
         self._obeys = True
 
     def inputs(self, inputs: Inputs) -> Inputs:
-        """What the module hears of the world and the autopilot."""
+        """What the module receives of the world and the autopilot."""
         now, injection, down = inputs.time_s, self._injection, self._down
         measured: dict[str, Any] = {}
         for of in (*MEASURED, "surfaces"):
             sample = getattr(inputs, of)
             if of == "surfaces":
-                # Read back is what the servos were told, not where a bad one stands.
+                # Read back is what the servos were commanded, not where a bad one stands.
                 if sample.sequence > 0:
                     elevator, aileron, rudder = self._command
                     sample = sample._replace(elevator=elevator, aileron=aileron, rudder=rudder)
@@ -368,7 +368,7 @@ class DirectLink:
         return inputs._replace(autopilot=self._heard, **measured)
 
     def surfaces(self, now_s: float, command: SurfaceCommand | None) -> SurfaceCommand:
-        """What the servos are told, of a command that the module sends; None: none."""
+        """What the servos are commanded, of a command that the module sends; None: none."""
         if command is not None:
             self._up.send(now_s, command)
         for arrived in self._up.arrived(now_s):

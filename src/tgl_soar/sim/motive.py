@@ -1,7 +1,7 @@
 """A stand-in for OptiTrack's Motive: it sees a simulated hall and streams it as NatNet.
 
 `Motive` is the server without sockets: it answers what clients ask and streams what its cameras
-see, late, noisily and with the faults it is told to have; all that is random comes from one
+see, late, noisily and with the faults of its options; all that is random comes from one
 seed.  `MotiveServer` puts it on the network.
 
 An exposure of step n is sent `latency_s` and some jitter later, at the first step that is not
@@ -74,8 +74,8 @@ class MotiveOptions:
     latency_s: float = 0.010
     jitter_s: float = 0.0  # at most so much more
     noise_m: float = 0.0005  # standard deviation, each axis
-    loss: float = 0.0  # share of the frames
-    untracked: float = 0.0  # share of the poses
+    loss: float = 0.0  # fraction of the frames
+    untracked: float = 0.0  # fraction of the poses
     bodies: int = 3  # the aircraft among them
     markers: int = 4  # of each
     precise_4_0: bool = True

@@ -1,6 +1,6 @@
 """The bytes that Motive sends: NatNet 3.0 to 4.2.
 
-The layout is told in `tgl_soar.link.natnet.layout`.  This is written from the same public
+The layout is described in `tgl_soar.link.natnet.layout`.  This is written from the same public
 sources and apart from it, so that our decoder never talks only to itself.
 """
 
@@ -36,7 +36,7 @@ class Body(NamedTuple):
 
 @dataclass
 class Scene:
-    """All that one frame tells.  Ticks are of the server's clock."""
+    """All that one frame holds.  Ticks are of the server's clock."""
 
     number: int
     bodies: Sequence[Body]

@@ -53,7 +53,7 @@ class Flown:
 
 @dataclass
 class Seen:
-    """The last that telemetry said."""
+    """The last that telemetry reported."""
 
     time_s: float = float("nan")  # the vehicle's
     values: dict[str, float] = field(default_factory=dict)  # NAMED_VALUE_FLOAT by name
@@ -81,9 +81,9 @@ class Operator:
         again: int = 0,
     ) -> None:
         """`when_armed`: it engages nothing before the vehicle is armed.  `again`: so often it
-        engages anew and repeats the leg where a hiccup of the machine has ended the flight."""
+        engages again and repeats the leg where a hiccup of the machine has ended the flight."""
         self.seen = Seen()
-        self.hiccups: list[str] = []  # what was said of each
+        self.hiccups: list[str] = []  # the report of each
         self.flown: list[Flown] = []
         self.done = False
         self._legs = legs
@@ -146,7 +146,7 @@ class Operator:
     # --- what to do -----------------------------------------------------------------------
     def step(self, now_s: float) -> list[bytes]:
         """What to send now; `now_s` only paces heartbeats and repetitions."""
-        if not 0.0 <= now_s - self._heartbeat_s < 1.0:  # simulated time begins anew, at zero
+        if not 0.0 <= now_s - self._heartbeat_s < 1.0:  # simulated time begins again, at zero
             self._heartbeat_s = now_s
             self._pack(
                 self._codec.heartbeat_encode(
@@ -212,7 +212,7 @@ class Operator:
             self._engaged, self._engaged_s = False, float("nan")
             self._stage, self._released_s = "released", self.seen.time_s
             if self._again <= len(self.hiccups):
-                raise OperatorError(f"the module let go by itself: {self._last_words()}")
+                raise OperatorError(f"the module disengaged by itself: {self._last_words()}")
 
     def _recover(self) -> None:
         """The module has disengaged by itself: see why, and repeat the leg once it is ready."""
@@ -221,7 +221,7 @@ class Operator:
             texts = reversed(self.seen.texts)
             reason = next((text for text in texts if text.startswith("released")), "")
             if not any(hiccup in reason for hiccup in HICCUPS):
-                raise OperatorError(f"the module let go by itself: {self._last_words()}")
+                raise OperatorError(f"the module disengaged by itself: {self._last_words()}")
             self.hiccups.append(reason)
             self._stage = "again"
         elif self._stage == "again" and self._shown("soar_mode") == READY:

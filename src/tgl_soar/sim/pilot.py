@@ -2,16 +2,16 @@
 
 An aircraft without a propeller needs someone in the loop at every moment: no mode of a
 firmware holds its place.  Whenever no override stands on a surface, this pilot keeps the
-aircraft where it was when he took over, by the look of it: the nose up when it is upwind of a
+aircraft where it was when they took over, by the look of it: the nose up when it is upwind of a
 line through that place that leans 15° upwind, down when downwind of it, wings level, heading
-upwind.  He is good enough for calm air, not for a score.
+upwind.  They are good enough for calm air, not for a score.
 
     e     = n · (p − p₀)            n upstream normal of the line, m
     θ − θ₀ = 0.5 e + 0.1 ∫e dt + 0.25 de/dt                          rad
     ψ_sp  = −atan(y / 8 m)
     rudder = 1.2 (ψ_sp − ψ)
 
-In FBWA his pitch stick asks for θ; in MANUAL he moves the elevator himself.
+In FBWA their pitch stick asks for θ; in MANUAL they move the elevator themselves.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _PITCH_MOST_RAD: Final = 0.15
 
 
 class SafetyPilot:
-    """Holds the aircraft where he found it."""
+    """Holds the aircraft where they took over."""
 
     def __init__(self, trim_pitch_rad: float, dt_s: float) -> None:
         self._law = LevelFlight(trim_pitch_rad)
@@ -36,7 +36,7 @@ class SafetyPilot:
         self._place: tuple[float, float] | None = None
         self._sum = 0.0
 
-    def let_go(self) -> None:
+    def hand_over(self) -> None:
         """Somebody else flies."""
         self._place = None
 
@@ -49,7 +49,7 @@ class SafetyPilot:
         manual: bool,
         elevator: float,
     ) -> SurfaceCommand:
-        """The sticks for what he sees: place [m] and velocity [m/s] in the soaring frame,
+        """The sticks for what they see: place [m] and velocity [m/s] in the soaring frame,
         attitude in upwind NED, and where the elevator stands now."""
         x, y, z = place
         if self._place is None:

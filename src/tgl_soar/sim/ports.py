@@ -93,7 +93,7 @@ class Ports:
         return peer
 
     def surplus(self) -> Peer | None:
-        """Of too many strangers the one that said least (the oldest of several); forgotten."""
+        """Of too many strangers the one that sent least (the oldest of several); forgotten."""
         strangers = [peer for peer in self.peers.values() if not peer.configured]
         if len(strangers) <= MAX_STRANGERS:
             return None

@@ -1,9 +1,9 @@
 """MAVLink frames in datagrams, and the way from link to link that an ArduPilot gives them.
 
-An autopilot is also a router.  It learns on which link each (system, component) was heard,
+An autopilot is also a router.  It learns on which link each (system, component) sends,
 sends a targeted frame on to the links of its target, a broadcast to every other link, and
 executes what is meant for itself.  One trap was measured on the real firmware and is kept: a
-frame for this vehicle's system but for a component not yet heard of is executed by the
+frame for this vehicle's system but for a component that it does not know yet is executed by the
 autopilot itself.
 
 Frames are sent on byte by byte as they came, so that sequence numbers and signatures stay
@@ -91,7 +91,7 @@ def _decode(codec: mavlink.MAVLink, raw: bytes) -> Frame | None:
 
 
 class Router:
-    """Who was heard on which link."""
+    """Who sends on which link."""
 
     def __init__(self) -> None:
         self.links: list[LinkId] = []

@@ -1,4 +1,4 @@
-"""The simulated Pixhawk's sensors as its firmware tells them: units, steps, stamps, limits.
+"""The simulated Pixhawk's sensors as its firmware reports them: units, steps, stamps, limits.
 
 As in ArduPlane, integers are cut off toward zero as C does; stamps of milliseconds count whole
 ones.  The airspeed that it shows is the equivalent one, read ten times a second; the

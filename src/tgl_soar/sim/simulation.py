@@ -59,7 +59,7 @@ LOG_COLUMNS: Final = (
 
 @dataclass(frozen=True)
 class Options:
-    """How to simulate; times in seconds of simulated time unless it says wall."""
+    """How to simulate; times in seconds of simulated time unless named wall."""
 
     seed: int = 1
     turbulence: float | None = None  # fraction of the reference wind; None: the site's
@@ -99,7 +99,7 @@ class Simulation:
         self._parameters = {"VISO_TYPE": 1.0} if site.forward is not None else {}
         self._parameters |= dict(options.parameters)
         self.pixhawk = self._autopilot(airframe, options, options.uptime_s, armed=options.armed)
-        # Heard by nobody until its fault acts, it hears all that the other hears.
+        # It receives all that the other receives; what it sends goes nowhere until its fault acts.
         self._duplicates = self.injection.named("autopilot.duplicate")
         self._duplicate = (
             self._autopilot(airframe, options, options.uptime_s + DUPLICATE_UPTIME_S, armed=True)
@@ -134,7 +134,7 @@ class Simulation:
             armed=armed,
         )
 
-    # --- the links of the autopilot, or of both that say to be it ------------------------
+    # --- the links of the autopilot, or of both that claim to be it ----------------------
 
     def add_link(self, link: LinkId, *, ground: bool) -> None:
         """A link to a ground station or to a companion."""
@@ -188,21 +188,22 @@ class Simulation:
             self._lying_until = world.steps + round(LYING_S * self._options.step_hz)
             self._events.append(f"lost: {world.crashed}")
         self._sensed = self._sense(self.flying)
-        told = self._corrupted(self._sensed)
-        pixhawk.step(self._sensed, told)
+        reported = self._corrupted(self._sensed)
+        pixhawk.step(self._sensed, reported)
         if self._duplicate is not None:
             self._duplicate.step(
-                told._replace(
-                    attitude=of_duplicate(told.attitude), position=of_duplicate(told.position)
+                reported._replace(
+                    attitude=of_duplicate(reported.attitude),
+                    position=of_duplicate(reported.position),
                 )
             )
         if self._options.truth and world.steps % self._truth_every == 0:
-            self._tell_truth()
+            self._report_truth()
         if world.steps % self._log_every == 0:
             self._log_row()
 
     def take_events(self) -> list[str]:
-        """What the console should say, each once."""
+        """What the console should report, each once."""
         events = [*self.pixhawk.take_events(), *self._events]
         self._events = []
         return events
@@ -226,7 +227,7 @@ class Simulation:
             self._log.close()
 
     def _turn_faults(self) -> None:
-        """Tell what begins and what is over, and what becomes of the autopilot by it."""
+        """Report what begins and what is over, and what becomes of the autopilot by it."""
         pixhawk = self.pixhawk
         for fault, begins in self.injection.turns(self.time_s):
             self._events.append(f"fault {'begins' if begins else 'is over'}: {fault}")
@@ -240,7 +241,7 @@ class Simulation:
                 self._duplicate.announce()
 
     def _corrupted(self, sensed: Sensed) -> Sensed:
-        """What the autopilot tells of what it senses."""
+        """What the autopilot reports of what it senses."""
         sample = self.injection.sample
         return sensed._replace(
             attitude=sample("attitude", self.time_s, sensed.attitude),
@@ -264,7 +265,7 @@ class Simulation:
     def _fly_by_hand(self) -> None:
         pixhawk = self.pixhawk
         if not self.flying or pixhawk.is_overridden() or self._sensed.attitude.sequence == 0:
-            self._pilot.let_go()
+            self._pilot.hand_over()
             pixhawk.pilot_sticks = NEUTRAL
             return
         truth = self.world.truth
@@ -291,7 +292,7 @@ class Simulation:
             pitot=world.airspeed,
         )
 
-    def _tell_truth(self) -> None:
+    def _report_truth(self) -> None:
         for name, value in reported_truth(self.world, self._polar):
             self.pixhawk.broadcast(
                 mavlink.MAVLink_named_value_float_message(self.pixhawk.boot_ms, name, value),
@@ -308,7 +309,7 @@ class Simulation:
     def pass_over(self, seconds: float) -> None:
         """So long no step was made: the autopilot's clock runs on, as a real one does.
 
-        The other way, all it tells would look late to whoever has learnt its clock before.
+        The other way, all it reports would look late to whoever has learnt its clock before.
         """
         self._passed_over_s += seconds
         self.pixhawk.pass_over(seconds)
@@ -317,7 +318,7 @@ class Simulation:
 
 
 def reported_truth(world: World, polar: GlidePolar) -> tuple[tuple[bytes, float], ...]:
-    """What ground stations are told of the truth, by name."""
+    """What is reported of the truth to ground stations, by name."""
     truth = world.truth
     return (
         (b"updraft", truth.updraft_mps),

@@ -1,7 +1,7 @@
 """ArduPlane's simulator interface: our world as the physics behind a real ArduPlane.
 
-Its software in the loop with `--model JSON` sends what the servos are told to a UDP port, here
-one of ours, and stands still until it is told where the aircraft is then:
+Its software in the loop with `--model JSON` sends the servos' commands to a UDP port, here
+one of ours, and stands still until it is sent where the aircraft is then:
 
     ArduPlane → bridge    magic 18458, frame rate, frame count, 16 pulse widths; little-endian
     bridge → ArduPlane    a line of JSON: time, specific force and rates, position, velocity,
@@ -105,7 +105,7 @@ class ArduPlanePhysics:
         )
 
     def exchange(self, readings: Readings, sticks: Sticks) -> SurfaceCommand:
-        """One step: where the aircraft is, then what the servos are told.
+        """One step: where the aircraft is, then the servos' commands.
 
         Errors: `FirmwareError` when it has gone.
         """
@@ -120,7 +120,7 @@ class ArduPlanePhysics:
         self._socket.close()
 
     def _receive(self, timeout_s: float) -> bool:
-        """The next outputs; those that it repeats, as it heard nothing for a while, are old."""
+        """The next outputs; those that it repeats, as it received nothing for a while, are old."""
         until = time.monotonic() + timeout_s
         while (left := until - time.monotonic()) > 0.0:
             if not select.select([self._socket], [], [], left)[0]:
@@ -223,7 +223,7 @@ def flight_parameters(airframe: Airframe, *, gps: bool) -> dict[str, float]:
 BENCH: Final[Mapping[str, float]] = {
     "SCHED_LOOP_RATE": 400,
     "SERIAL2_PROTOCOL": -1,  # what would wait for a client
-    "SR0_EXT_STAT": 2,  # what it tells ground stations unasked
+    "SR0_EXT_STAT": 2,  # what it sends ground stations unasked
     "SR0_POSITION": 4,
     "SR0_EXTRA1": 4,
     "SR0_EXTRA2": 4,
@@ -301,7 +301,7 @@ class ArduPlane(ArduPlanePhysics):
         *,
         by_poses: bool,
     ) -> None:
-        """`folder`: where it keeps its parameters, begun anew.  Errors: `FirmwareError`."""
+        """`folder`: where it keeps its parameters, emptied first.  Errors: `FirmwareError`."""
         program.require(binary)
         super().__init__(surfaces, home, by_poses=by_poses)
         folder.mkdir(parents=True, exist_ok=True)
@@ -337,7 +337,7 @@ class ArduPlane(ArduPlanePhysics):
         )
 
     def close(self) -> None:
-        """End it; while it waits for our next step it hears no request to end."""
+        """End it; while it waits for our next step it takes no request to end."""
         self._process.kill()
         self._process.wait()
         super().close()

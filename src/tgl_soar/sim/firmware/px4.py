@@ -1,7 +1,7 @@
 """PX4's simulator interface: our world as the physics behind a real PX4 in software in the loop.
 
 PX4 (`simulator_mavlink`) is the TCP client: the bridge listens on 4560 + its instance.  At every
-step it is told what its sensors read, and answers once with what its servos are told:
+step it is sent what its sensors read, and answers once with its servos' commands:
 
     bridge → PX4    HIL_SENSOR (id 0) at every step; its time_usec IS PX4's clock: lockstep
                     HIL_GPS as the receiver gives fixes
@@ -43,7 +43,7 @@ PLANE: Final = "1030"  # SYS_AUTOSTART: a fixed wing behind simulator_mavlink, i
 STEP_HZ: Final = 250
 RC_STEPS: Final = 5
 BOOT_S: Final = 30.0
-UTC_US: Final = 1_767_225_600_000_000  # that the simulated GPS tells at time 0: 2026-01-01
+UTC_US: Final = 1_767_225_600_000_000  # that the simulated GPS reports at time 0: 2026-01-01
 UNANSWERED_S: Final = 0.02  # wall: between steps that nothing answers yet
 PATIENCE_S: Final = 10.0  # wall: for the answer to one step
 MODE_ARMED: Final = 128
@@ -129,7 +129,7 @@ class Px4Physics:
         )
 
     def exchange(self, readings: Readings, sticks: Sticks) -> SurfaceCommand:
-        """One step: what the sensors read, then what the servos are told; neutral at first.
+        """One step: what the sensors read, then the servos' commands; neutral at first.
 
         Errors: `FirmwareError` when PX4 has gone or answers no more.
         """
@@ -344,7 +344,7 @@ class Px4(Px4Physics):
     def __init__(
         self, binary: Path, folder: Path, surfaces: Surfaces, parameters: Mapping[str, float]
     ) -> None:
-        """`folder`: where it keeps its parameters, begun anew.  Errors: `FirmwareError`."""
+        """`folder`: where it keeps its parameters, emptied first.  Errors: `FirmwareError`."""
         files = binary.parent.parent / "etc"
         program.require(binary)
         if not (files / "init.d-posix" / "rcS").is_file():

@@ -103,7 +103,7 @@ class Relay:
         self.step_hz = step_hz
         self.armed = False
         self.custom_mode = -1  # of the newest heartbeat; -1: none yet
-        self.ready = False  # it says that it could be armed
+        self.ready = False  # it reports that it could be armed
         self.commands: dict[str, int] = {}  # of a companion to its surfaces, by message
         self.last_command = ""
         self.commanded_step = -1
@@ -152,13 +152,13 @@ class Relay:
         return taken
 
     def send(self, link: LinkId, message: Any) -> None:
-        """Say something on the bridge's own account."""
+        """Send a message on the bridge's own account."""
         if message.get_type() == "TIMESYNC":
             self._asked_ns[link] = message.ts1
         self._out[link].append(bytes(message.pack(self._own)))
 
     def broadcast(self, message: Any) -> None:
-        """Tell all ground stations."""
+        """Send a message to all ground stations."""
         for link, ground in self._links.items():
             if ground:
                 self.send(link, message)
@@ -208,7 +208,7 @@ class Relay:
     # --- towards the firmware -----------------------------------------------------------
 
     def step(self, time_s: float) -> None:
-        """One step is done: collect what the firmware says of it."""
+        """One step is done: collect what the firmware reports of it."""
         self._step += 1
         self._collect()
         wanted_ms = 1e3 * (time_s - LAG_STEPS / self.step_hz) - 0.5
@@ -226,7 +226,7 @@ class Relay:
 
     def greet(self) -> None:
         """A ground station's heartbeat; on the companion's link until a companion has spoken, as
-        PX4 says nothing there before it has heard something."""
+        PX4 sends nothing there before it has received something."""
         beat = bytes(HEARTBEAT.pack(self._own))
         self._ground.send(beat)
         if not any(self._heartbeats[link] for link, ground in self._links.items() if not ground):
@@ -239,7 +239,7 @@ class Relay:
         return self.commanded_step >= 0 and self._step - self.commanded_step <= recent
 
     def take_events(self) -> list[str]:
-        """What the firmware said in words, each once."""
+        """What the firmware reported in words, each once."""
         events, self._events = self._events, []
         return events
 

@@ -92,7 +92,7 @@ class Readings(NamedTuple):
     rate_frd_radps: Triple
     magnetic_frd_gauss: Triple | None
     pressure_pa: float | None
-    height_m: float  # above mean sea level, as the pressure tells it
+    height_m: float  # above mean sea level, by the pressure
     temperature_c: float
     differential_pressure_pa: float | None
     gps: Place | None

@@ -3,11 +3,11 @@
 An aircraft without a propeller cannot take off.  So it is launched in the air, step by step:
 
     boots     time goes on, the aircraft is held at the start, in the wind
-    aligns    until the firmware says that it could be armed
+    aligns    until the firmware reports that it could be armed
     armed     by a ground station's command, in the mode for sticks
-    let go    when a companion commands the surfaces in the mode that obeys it
+    free      when a companion commands the surfaces in the mode that obeys it
 
-While no companion commands them, a pilot flies by his transmitter (`sim.pilot`).  An aircraft
+While no companion commands them, a pilot flies by their transmitter (`sim.pilot`).  An aircraft
 that hits something lies there for 3 s and is then held at the start again.
 """
 
@@ -46,7 +46,7 @@ class Sticks(NamedTuple):
     """The pilot's transmitter."""
 
     deflections: SurfaceCommand  # of the sticks, as they would move the surfaces
-    takes: bool = False  # his mode switch is at the mode in which he takes over
+    takes: bool = False  # their mode switch is at the mode in which they take over
 
 
 class Physics(Protocol):
@@ -58,7 +58,7 @@ class Physics(Protocol):
     obeys: Mapping[str, int]  # command message of a companion: custom_mode that obeys it
 
     def exchange(self, readings: Readings, sticks: Sticks) -> SurfaceCommand:
-        """One step in lockstep: what the servos are told."""
+        """One step in lockstep: the servos' commands."""
         ...
 
     def helped(self, readings: Readings, said: Collection[str], /) -> Any | None:
@@ -189,7 +189,7 @@ class FirmwareSimulation:
             self._log_row()
 
     def take_events(self) -> list[str]:
-        """What the console should say, each once."""
+        """What the console should report, each once."""
         events = [*self.pixhawk.take_events(), *self._events]
         self._events = []
         return events
@@ -200,7 +200,7 @@ class FirmwareSimulation:
         return f"commands: {sent or 'none'}"
 
     def close(self) -> None:
-        """Finish the log, let the firmware go."""
+        """Finish the log, end the firmware."""
         if self._log is not None:
             self._log.close()
         if self._record is not None:
@@ -248,7 +248,7 @@ class FirmwareSimulation:
         world, relay = self.world, self.pixhawk
         obeyed = self._physics.obeys.get(relay.last_command) == relay.custom_mode
         if not self.flying or (relay.is_commanded and obeyed):
-            self._pilot.let_go()
+            self._pilot.hand_over()
             return Sticks(NEUTRAL, self._pilot_takes)
         truth = world.truth
         return Sticks(
