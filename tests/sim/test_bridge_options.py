@@ -1,0 +1,44 @@
+"""The bridge by its options alone: what it opens, and that nothing of it stays open."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from free_ports import free_port
+
+from tgl_soar.config.files import ConfigError, shipped
+from tgl_soar.sim.bridge.bridge import Bridge
+from tgl_soar.sim.bridge.command_line import parsed
+from tgl_soar.sim.bridge.mocap import MocapOptions
+from tgl_soar.sim.bridge.options import BridgeOptions, Pace, PortOptions
+from tgl_soar.sim.motive import MotiveOptions
+from tgl_soar.sim.ports import Port
+from tgl_soar.sim.simulation import Options, Simulation
+
+AIRFRAME, SITE = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
+
+
+def test_a_command_line_without_choices_means_the_defaults() -> None:
+    given = parsed(["--airframe", "eclipson_c", "--site", "tunnel"])
+    assert given == BridgeOptions(AIRFRAME, SITE)
+
+
+def test_where_motion_capture_fails_what_was_opened_before_is_closed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    closed: list[Simulation] = []
+    monkeypatch.setattr(Simulation, "close", lambda simulation: closed.append(simulation))
+    local = ("127.0.0.1", free_port())
+    options = BridgeOptions(
+        AIRFRAME,
+        SITE,
+        simulation=Options(log=tmp_path / "truth.csv"),
+        pace=Pace(duration_s=0.0),
+        ports=PortOptions(ground_local=local, companion_local=("127.0.0.1", 0)),
+        mocap=MocapOptions("127.0.0.1:0", MotiveOptions()),
+    )
+    with pytest.raises(ConfigError, match=r"tunnel\.toml: --mocap natnet needs a \[mocap\] table"):
+        Bridge(options)
+    assert len(closed) == 1
+    Port("ground", "--gcs-local", local, ground=True).socket.close()  # it is free again
