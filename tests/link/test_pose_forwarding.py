@@ -122,7 +122,7 @@ def test_without_an_attitude_nothing_is_forwarded_and_that_is_told_once(
     forwarding = PoseForwarding(VISION_POSITION_ESTIMATE, 50.0)
     assert forwarded(forwarding, 1.0, turned=turned) == []
     assert [text for _, text in forwarding.notices] == [
-        "mocap is not forwarded: it tells no attitude"
+        "mocap is not forwarded: it has no attitude"
     ]
 
 

@@ -465,12 +465,12 @@ def test_a_position_overheard_from_a_bridge_that_is_believed() -> None:
     assert talk.position[:5] == pytest.approx((1, 5.0, 1.0, 2.0, -3.0))
     assert talk.position.source == VISION
     assert talk.position.sigma_m == pytest.approx(0.03)
-    assert talk.sources.turned is not None
-    assert euler_from_quaternion(*talk.sources.turned) == pytest.approx((0.1, 0.2, 0.3))
+    assert talk.sources.attitude is not None
+    assert euler_from_quaternion(*talk.sources.attitude) == pytest.approx((0.1, 0.2, 0.3))
     hear(talk, seen._replace(usec=77_000_010_000, x=nan), 5.01, BRIDGE)
     hear(talk, seen._replace(usec=77_000_020_000, yaw=nan), 5.02, BRIDGE)
     assert talk.position.sequence == 2
-    assert talk.sources.turned is None
+    assert talk.sources.attitude is None
 
 
 def test_its_clock_is_not_the_autopilot_s() -> None:
@@ -600,6 +600,6 @@ def test_the_nose_of_a_level_aircraft_is_where_its_yaw_says() -> None:
         usec=1_000_000, x=0.0, y=0.0, z=0.0, roll=0.0, pitch=radians(30.0), yaw=0.0
     )
     hear(talk, seen, 1.0, BRIDGE)
-    assert talk.sources.turned is not None
-    w, x, y, z = talk.sources.turned
+    assert talk.sources.attitude is not None
+    w, x, y, z = talk.sources.attitude
     assert degrees(asin(2.0 * (w * y - z * x))) == pytest.approx(30.0)

@@ -62,66 +62,66 @@ def frame(codec: Any) -> bytes:
 
 def test_what_a_peer_with_the_key_signs_is_let_in() -> None:
     ours, theirs = signing(), peer()
-    assert all(ours.lets_in(frame(theirs)) for _ in range(10))
+    assert all(ours.accepts(frame(theirs)) for _ in range(10))
     assert ours.counters.good == 10
 
 
 def test_a_replayed_frame_is_not() -> None:
     ours, theirs = signing(), peer()
     first, second = frame(theirs), frame(theirs)
-    assert ours.lets_in(second)
-    assert not ours.lets_in(second)
-    assert not ours.lets_in(first)
+    assert ours.accepts(second)
+    assert not ours.accepts(second)
+    assert not ours.accepts(first)
     assert ours.counters.replayed == 2
-    assert ours.lets_in(frame(theirs))
+    assert ours.accepts(frame(theirs))
 
 
 def test_what_is_unsigned_or_signed_by_others_is_not() -> None:
     ours = signing()
-    assert not ours.lets_in(frame(peer(None)))
-    assert not ours.lets_in(frame(peer(OTHER_KEY)))
+    assert not ours.accepts(frame(peer(None)))
+    assert not ours.accepts(frame(peer(OTHER_KEY)))
     good = frame(peer())
     for at in range(len(good)):
-        assert not ours.lets_in(good[:at] + bytes((good[at] ^ 1,)) + good[at + 1 :]), at
+        assert not ours.accepts(good[:at] + bytes((good[at] ^ 1,)) + good[at + 1 :]), at
     old = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3).pack(peer(None), force_mavlink1=True)
-    assert not ours.lets_in(bytes(old))
-    assert ours.lets_in(good)  # none of all that has spoilt the stream
+    assert not ours.accepts(bytes(old))
+    assert ours.accepts(good)  # none of all that has spoilt the stream
 
 
 def test_a_forged_frame_from_the_future_does_not_shut_the_operator_out() -> None:
     ours = signing()
-    ours.lets_in(frame(peer(OTHER_KEY, ticks=NOW_TICKS + 10**9)))
-    assert ours.lets_in(frame(peer()))
+    ours.accepts(frame(peer(OTHER_KEY, ticks=NOW_TICKS + 10**9)))
+    assert ours.accepts(frame(peer()))
 
 
 @pytest.mark.parametrize(("behind_s", "in_time"), [(9.0, True), (11.0, False)])
 def test_a_new_stream_may_be_ten_seconds_behind(behind_s: float, in_time: bool) -> None:
     theirs = peer(ticks=NOW_TICKS - ticks(behind_s))
-    assert signing().lets_in(frame(theirs)) == in_time
+    assert signing().accepts(frame(theirs)) == in_time
 
 
 def test_the_link_id_is_part_of_the_stream() -> None:
     """A station with two radios counts on each of them by itself."""
     ours = signing()
-    assert ours.lets_in(frame(peer(link=3, ticks=NOW_TICKS + 500)))
-    assert ours.lets_in(frame(peer(link=4, ticks=NOW_TICKS + 400)))
-    assert not ours.lets_in(frame(peer(link=3, ticks=NOW_TICKS + 400)))
+    assert ours.accepts(frame(peer(link=3, ticks=NOW_TICKS + 500)))
+    assert ours.accepts(frame(peer(link=4, ticks=NOW_TICKS + 400)))
+    assert not ours.accepts(frame(peer(link=3, ticks=NOW_TICKS + 400)))
 
 
 def test_streams_of_another_key_are_dropped_with_it() -> None:
     """A station begins anew with a new key, and must not be held to what it signed before."""
     ours = signing()
-    assert ours.lets_in(frame(peer(ticks=NOW_TICKS + ticks(5.0))))
+    assert ours.accepts(frame(peer(ticks=NOW_TICKS + ticks(5.0))))
     ours.replace_key(OTHER_KEY, 0)
-    assert not ours.lets_in(frame(peer(ticks=NOW_TICKS + ticks(6.0))))
-    assert ours.lets_in(frame(peer(OTHER_KEY, ticks=NOW_TICKS)))
+    assert not ours.accepts(frame(peer(ticks=NOW_TICKS + ticks(6.0))))
+    assert ours.accepts(frame(peer(OTHER_KEY, ticks=NOW_TICKS)))
 
 
 def heard_from(ours: Signing, system: int, stamp: int) -> bool:
     """Whether a heartbeat of a system is let in."""
     codec = peer(ticks=stamp)
     codec.srcSystem = system
-    return ours.lets_in(frame(codec))
+    return ours.accepts(frame(codec))
 
 
 def test_there_is_room_for_so_many_streams_and_no_more() -> None:
@@ -160,10 +160,10 @@ def signed(message: Any, codec: Any) -> bytes:
 def test_a_command_must_be_later_than_our_start(message: Any) -> None:
     """A heartbeat need not: an honest station may be some seconds behind."""
     ours, theirs = signing(), peer(ticks=NOW_TICKS - ticks(3.0))
-    assert ours.lets_in(frame(theirs))
-    assert not ours.lets_in(signed(message, theirs))
+    assert ours.accepts(frame(theirs))
+    assert not ours.accepts(signed(message, theirs))
     theirs.signing.timestamp = NOW_TICKS + 1  # it has heard us, or three seconds have passed
-    assert ours.lets_in(signed(message, theirs))
+    assert ours.accepts(signed(message, theirs))
 
 
 def test_no_record_of_before_a_restart_is_good_after_it(message: Any) -> None:
@@ -173,38 +173,38 @@ def test_no_record_of_before_a_restart_is_good_after_it(message: Any) -> None:
         before.advance(5.0)  # a station that lags began 5 s after us
         theirs.signing.timestamp += ticks(5.0)
         heartbeat, command = frame(theirs), signed(message, theirs)
-        assert before.lets_in(heartbeat)
-        assert before.lets_in(command)
+        assert before.accepts(heartbeat)
+        assert before.accepts(command)
         for wall_s in (WALL_S, WALL_S + 5.0, EPOCH_S - 1e9):
             after = Signing(KEY, wall_s, 0.0, kept=before.timestamp)
-            assert not after.lets_in(heartbeat)
-            assert not after.lets_in(command)
+            assert not after.accepts(heartbeat)
+            assert not after.accepts(command)
             theirs.signing.timestamp = after.next_timestamp() + 1  # it hears us
-            assert after.lets_in(signed(message, theirs))
+            assert after.accepts(signed(message, theirs))
 
 
 def test_a_command_held_back_on_its_way_is_too_old(message: Any) -> None:
     """Somebody jams it, records it, and sends it a minute later to a module that flies."""
     ours, theirs = signing(), peer(ticks=NOW_TICKS + 1)
-    assert ours.lets_in(frame(theirs))
+    assert ours.accepts(frame(theirs))
     held_back = signed(message, theirs)
     ours.advance(9.0)
-    assert ours.lets_in(held_back)
+    assert ours.accepts(held_back)
     held_back = signed(message, theirs)
     ours.advance(60.0)
-    assert not ours.lets_in(held_back)
-    assert ours.lets_in(frame(theirs))  # what does not command may come as late as it likes
+    assert not ours.accepts(held_back)
+    assert ours.accepts(frame(theirs))  # what does not command may come as late as it likes
 
 
 def test_a_slow_clock_shuts_no_operator_out_in_flight(message: Any) -> None:
     """Another station is 400 s ahead and takes our stamp with it; this one never follows."""
     ours, theirs = signing(), peer(ticks=NOW_TICKS + 1)
-    assert ours.lets_in(frame(theirs))
+    assert ours.accepts(frame(theirs))
     assert heard_from(ours, 200, NOW_TICKS + ticks(400.0))
     for now_s in (1.0, 20.0, 100.0):
         ours.advance(now_s)
         theirs.signing.timestamp = NOW_TICKS + ticks(now_s)
-        assert ours.lets_in(signed(message, theirs)), now_s
+        assert ours.accepts(signed(message, theirs)), now_s
 
 
 def test_a_station_that_only_counts_on_from_ahead_of_us_is_heard(message: Any) -> None:
@@ -212,7 +212,7 @@ def test_a_station_that_only_counts_on_from_ahead_of_us_is_heard(message: Any) -
     ours, theirs = signing(), peer(ticks=NOW_TICKS + ticks(400.0))
     for now_s in (0.0, 60.0, 300.0):
         ours.advance(now_s)
-        assert ours.lets_in(signed(message, theirs)), now_s
+        assert ours.accepts(signed(message, theirs)), now_s
 
 
 def test_a_command_waits_until_its_stamp_is_on_the_disk(message: Any, tmp_path: Path) -> None:
@@ -222,12 +222,12 @@ def test_a_command_waits_until_its_stamp_is_on_the_disk(message: Any, tmp_path: 
     file.reserve(ours)
     assert file.is_ahead(ours)
     command = signed(message, theirs)
-    assert not ours.lets_in(command)
+    assert not ours.accepts(command)
     assert ours.counters.early == 1
     assert not file.is_ahead(ours)
     file.reserve(ours)
-    assert not ours.lets_in(command)
-    assert ours.lets_in(signed(message, theirs))
+    assert not ours.accepts(command)
+    assert ours.accepts(signed(message, theirs))
     assert file.load() >= theirs.signing.timestamp
 
 
@@ -236,10 +236,10 @@ def test_a_disk_that_does_not_answer_shuts_nobody_out_for_long(message: Any) -> 
     for begun_s in (2.0, 30.0):  # each time anew
         ours.reserved = NOW_TICKS + ticks(begun_s - 1.0)
         ours.advance(begun_s)
-        assert not ours.lets_in(signed(message, theirs))
+        assert not ours.accepts(signed(message, theirs))
         ours.advance(begun_s + DISK_S + 0.1)
-        assert ours.lets_in(signed(message, theirs))
-        assert ours.lets_in(frame(theirs))
+        assert ours.accepts(signed(message, theirs))
+        assert ours.accepts(frame(theirs))
         ours.reserved = LAST_STAMP  # it has answered
         ours.advance(begun_s + 1.0)
         theirs.signing.timestamp += ticks(20.0)
@@ -248,7 +248,7 @@ def test_a_disk_that_does_not_answer_shuts_nobody_out_for_long(message: Any) -> 
 def test_what_does_not_command_waits_for_no_disk() -> None:
     ours = signing()
     ours.reserved = NOW_TICKS
-    assert ours.lets_in(frame(peer(ticks=NOW_TICKS + ticks(20.0))))
+    assert ours.accepts(frame(peer(ticks=NOW_TICKS + ticks(20.0))))
 
 
 def test_our_timestamp_is_the_latest_of_wall_clock_peers_and_file() -> None:
@@ -256,7 +256,7 @@ def test_our_timestamp_is_the_latest_of_wall_clock_peers_and_file() -> None:
     assert ours.timestamp == NOW_TICKS
     ours.advance(2.0)
     assert ours.timestamp == NOW_TICKS + 2 * TICKS_PER_S
-    ours.lets_in(frame(peer(ticks=NOW_TICKS + 10 * TICKS_PER_S)))
+    ours.accepts(frame(peer(ticks=NOW_TICKS + 10 * TICKS_PER_S)))
     assert ours.timestamp == NOW_TICKS + 10 * TICKS_PER_S
     ours.advance(1.0)
     assert ours.next_timestamp() == NOW_TICKS + 10 * TICKS_PER_S + 1
@@ -273,7 +273,7 @@ def test_a_damaged_timestamp_does_not_mute_us(kept: int) -> None:
     assert ours.kept_is_damaged
     now = round((CLOCK_IS_SET_S + 1e7 - EPOCH_S) * TICKS_PER_S)
     assert ours.timestamp == now
-    assert ours.lets_in(frame(peer(ticks=now)))  # nobody is held for a replay
+    assert ours.accepts(frame(peer(ticks=now)))  # nobody is held for a replay
     encoder = Encoder(Source(1, 191), ours, 0)
     assert peer(ticks=now).decode(
         bytearray(
@@ -287,7 +287,7 @@ def test_a_damaged_timestamp_does_not_mute_us(kept: int) -> None:
 def test_a_peer_s_clock_that_is_years_ahead_is_not_taken_over() -> None:
     ours = Signing(KEY, CLOCK_IS_SET_S, 0.0)
     before = ours.timestamp
-    assert ours.lets_in(frame(peer(ticks=2**48 - 5)))  # it knows the key
+    assert ours.accepts(frame(peer(ticks=2**48 - 5)))  # it knows the key
     ours.replace_key(OTHER_KEY, 2**48 - 1)
     assert ours.timestamp == before
 
@@ -307,14 +307,14 @@ def test_pymavlink_believes_what_we_sign_and_our_decoder_what_it_signs() -> None
             Heartbeat(type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4)
         )
         assert theirs.decode(bytearray(made)).get_signed()
-    decoder = Decoder(stream=False, accept=ours.lets_in)
+    decoder = Decoder(stream=False, accept=ours.accepts)
     assert len(decoder.feed(frame(theirs) + frame(peer(OTHER_KEY)) + frame(theirs))) == 2
     assert decoder.counters.refused == 1
 
 
 def test_without_a_key_all_is_let_in_and_nothing_signed() -> None:
     ours = signing(None)
-    assert ours.lets_in(frame(peer(None)))
+    assert ours.accepts(frame(peer(None)))
     assert (
         len(
             Encoder(Source(1, 191), ours).encode(
@@ -340,7 +340,7 @@ def test_a_recorded_frame_takes_no_place() -> None:
     is_peer, recorded = peers_of(ours, None), frame(theirs)
     assert is_peer(recorded)
     assert is_peer(recorded)  # to ask remembers nothing
-    assert ours.lets_in(recorded)
+    assert ours.accepts(recorded)
     assert not is_peer(recorded)
     assert is_peer(frame(theirs))
     assert not is_peer(frame(peer(ticks=NOW_TICKS - 61 * TICKS_PER_S, link=4)))
@@ -442,5 +442,5 @@ def test_a_command_from_a_clock_that_is_years_ahead_is_refused() -> None:
     ours = Signing(KEY, CLOCK_IS_SET_S, 0.0)
     ahead = peer(ticks=LATEST + 1)
     command = mavlink.MAVLink_param_set_message(1, 191, b"OP_ENGAGE", 1.0, 9)
-    assert ours.lets_in(frame(ahead))
-    assert not ours.lets_in(bytes(command.pack(ahead)))
+    assert ours.accepts(frame(ahead))
+    assert not ours.accepts(bytes(command.pack(ahead)))

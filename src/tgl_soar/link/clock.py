@@ -17,16 +17,16 @@ What does not fit the offset is late, or of another clock:
     ahead by `AHEAD_S`         nothing is sent before it is true: another clock, refused
     stamps that go back        long under way, or another clock: refused
 
-Frames of another clock that count on from each other become the clock when nothing has fitted
+Frames of another clock that continue each other become the clock when nothing has fitted
 the one before for `SILENT_S`: at once after a restart, after `LASTS_S` where the jump is small,
-always within a second.  Heard beside the true one they are a duplicate autopilot.  Nobody can
-tell which of the two is flown with, so after `CONTEST_S` neither is, until one is alone again.
+always within a second.  Received beside the true one they are a duplicate autopilot.  It cannot
+be known which of the two is flown with, so after `CONTEST_S` neither is, until one is alone again.
 
-An autopilot that restarts counts from zero again.  Heard again late, its stamps may be above the
+An autopilot that restarts counts from zero again.  Received again late, its stamps may be above the
 last one all the same, and then are late by a constant: after a skip in its stamps, that is a new
-clock too, unless another of its streams still comes in time.  One whose stamps go on without a
+clock too, unless another of its streams still comes in time.  One whose stamps continue without a
 skip is late itself, as after a stall of ours or on a link with a queue.  (For a clock that is not
-the autopilot's, whose other streams nobody hears, it always is.)
+the autopilot's, whose other streams are not received, it always is.)
 
 A stamp that counts milliseconds in 32 bits begins again at zero after 49.7 days, one that counts
 microseconds after 71.6 minutes; and one of whole milliseconds is made finer by `sensor_clock`.
@@ -42,12 +42,12 @@ from tgl_soar.link.sensor_clock import SensorClock
 WINDOW_S: Final = 5.0
 LAG_S: Final = 0.25  # more than a clock is slewed in the window: 0.15 s at 3 %
 AHEAD_S: Final = 0.1  # from here on a wrong age makes the pitch loop oscillate
-SILENT_S: Final = 0.1  # half of AGE_ATT_MAX: a restart is told before the attitude is lost
-ROW: Final = 3  # frames that count on from each other, and none of the clock before between them
+SILENT_S: Final = 0.1  # half of AGE_ATT_MAX: a restart is reported before the attitude is lost
+ROW: Final = 3  # frames that continue each other, and none of the clock before between them
 REBOOT_S: Final = 1.0  # a jump by so much is no link's doing where none of the old frames comes
 LASTS_S: Final = 0.5  # a smaller one must last for so long
 SAME_S: Final = 0.2  # frames of one clock do not come later or earlier than that at once
-GAP_S: Final = 1.0  # after it they do not count on
+GAP_S: Final = 1.0  # after it they do not continue
 CONTEST_S: Final = 1.0  # two clocks beside each other for so long: no burst of old frames
 CALM_S: Final = 2.0  # one of them silent for so long: the other is alone
 HELD_S: Final = 10.0  # no link holds frames for so long and delivers others in time
@@ -57,8 +57,8 @@ SKIP_S: Final = 0.25  # between two stamps: what is only late has none
 STEADY_LATE_S: Final = 0.5  # late by the same for so long
 MILLISECONDS_WRAP_S: Final = 2**32 * 1e-3
 MICROSECONDS_WRAP_S: Final = 2**32 * 1e-6
-NEAR_WRAP_S: Final = 300.0  # further from it a clock that has gone back began anew
-STAMP_MAX_S: Final = 1e10  # 317 years: no clock says so, and a double is finer than 2 us up to here
+NEAR_WRAP_S: Final = 300.0  # further from it a clock that has gone back has restarted
+STAMP_MAX_S: Final = 1e10  # 317 years: no clock reaches it; a double is finer than 2 us below it
 UNIX_S: Final = 1e9  # 2001: later is the time of day, which counts from elsewhere than the boot
 SHARED_S: Final = 0.25  # streams whose offsets are no further apart have one clock
 
@@ -97,34 +97,34 @@ class ClockMap:
 
 
 class Suspect:
-    """Frames of one stream that do not fit its clock, and count on from each other."""
+    """Frames of one stream that do not fit its clock, and continue each other."""
 
-    __slots__ = ("_heard_s", "count", "offset_s", "row", "since_s", "stamp_s")
+    __slots__ = ("_received_s", "count", "offset_s", "row", "since_s", "stamp_s")
 
     def __init__(self) -> None:
         self.count = 0
         self.row = 0  # of these since the last one that fits
-        self.offset_s = self.stamp_s = self.since_s = self._heard_s = NAN
+        self.offset_s = self.stamp_s = self.since_s = self._received_s = NAN
 
-    def goes_on(self, stamp_s: float, seen_s: float, now_s: float) -> bool:
-        """Whether a frame counts on from those before."""
+    def continues(self, stamp_s: float, seen_s: float, now_s: float) -> bool:
+        """Whether a frame continues those before."""
         return (
             stamp_s > self.stamp_s  # NaN: there are none
             and abs(seen_s - self.offset_s) <= SAME_S
-            and now_s - self._heard_s <= GAP_S
+            and now_s - self._received_s <= GAP_S
         )
 
     def take(self, stamp_s: float, seen_s: float, now_s: float) -> None:
-        """One more; what does not count on begins anew."""
-        if not self.goes_on(stamp_s, seen_s, now_s):
+        """One more; what does not continue starts a new count."""
+        if not self.continues(stamp_s, seen_s, now_s):
             self.count, self.row, self.since_s = 0, 0, now_s
         self.count += 1
         self.row += 1
-        self.offset_s, self.stamp_s, self._heard_s = seen_s, stamp_s, now_s
+        self.offset_s, self.stamp_s, self._received_s = seen_s, stamp_s, now_s
 
 
 class Lateness:
-    """Tells a clock that began anew, above the last stamp heard, from samples that are late."""
+    """Distinguishes a restarted clock, above the last stamp received, from late samples."""
 
     __slots__ = (
         "_count", "_late_s", "_since_s", "_stamp_s", "_suspected_s", "timely_s"
@@ -156,7 +156,7 @@ class Lateness:
         return self._suspected_s if lasts else NAN
 
 
-class Stream:
+class StampedStream:
     """What is known of the stamps of one stream."""
 
     __slots__ = (
@@ -182,7 +182,7 @@ class Stream:
         self.newest_s = NAN  # the last stamp that was taken, unwrapped
         self.begun_s = NAN  # when the first one came of this clock
         self.fitted_s = NAN  # when the last one came that fitted
-        self.contested_s = -INF  # until when two clocks speak
+        self.contested_s = -INF  # until when two clocks are received
         self._wrap_s = wrap_s
         self._ahead_s = 0.0  # what the stamps have lost by beginning again at zero
 
@@ -232,7 +232,7 @@ class Stream:
 
 
 FITS: Final = 0
-LATE: Final = 1  # of the clock, and too late to say anything of it
+LATE: Final = 1  # of the clock, and too late to measure it
 REFUSED: Final = 2
 ANOTHER: Final = 3  # the first of another clock, from here on
 
@@ -244,16 +244,16 @@ class StampedStreams:
         """`lockstep`: the loop's clock is the vehicle's, and nothing is mapped."""
         self.reboots = 0
         self.leap_s = 0.0  # by how much the autopilot's clock was ahead of the one before
-        self.suspected = 0  # how often frames of another clock began to count on
+        self.suspected = 0  # how often frames of another clock began to continue each other
         self.suspect_ahead_s = 0.0  # by how much the last such clock is ahead of the known one
-        self.refused = 0  # frames of another clock, or while two speak
-        self._fitted_s = NAN  # when the autopilot's clock was heard last
+        self.refused = 0  # frames of another clock, or while two are received
+        self._fitted_s = NAN  # when the autopilot's clock was received last
         self._contested_s = -INF
         self._lockstep = lockstep
-        self._streams: dict[Hashable, Stream] = {}
+        self._streams: dict[Hashable, StampedStream] = {}
 
     def is_contested(self, now_s: float) -> bool:
-        """Whether two clocks speak as the autopilot, so that neither is taken."""
+        """Whether two clocks stamp as the autopilot, so that neither is used."""
         return now_s < self._contested_s
 
     def time_of(
@@ -275,7 +275,9 @@ class StampedStreams:
             return None
         stream = self._streams.get(key)
         if stream is None:
-            stream = self._streams[key] = Stream(wrap_s, quantised=quantised, foreign=foreign)
+            stream = self._streams[key] = StampedStream(
+                wrap_s, quantised=quantised, foreign=foreign
+            )
         unwrapped_s = stream.unwrapped(stamp_s)
         if self._lockstep:
             return self._in_lockstep(stream, stamp_s, unwrapped_s)
@@ -300,8 +302,8 @@ class StampedStreams:
             return None
         return unwrapped_s + self._offset_s(stream), unwrapped_s
 
-    def _offset_s(self, which: Stream) -> float:
-        """Streams stamped by one clock share what the fastest of them has learnt of it."""
+    def _offset_s(self, which: StampedStream) -> float:
+        """Streams stamped by one clock share the offset of the fastest of them."""
         mine_s = least_s = which.map.offset_s
         if not which.foreign:
             for stream in self._streams.values():
@@ -312,16 +314,16 @@ class StampedStreams:
         return least_s
 
     def _shared_s(self, now_s: float) -> float:
-        """The offset of the autopilot's clock, where it is heard now; NaN: it is not."""
+        """The offset of the autopilot's clock, where it is received now; NaN: it is not."""
         least_s = NAN
         for stream in self._streams.values():
-            heard = now_s - stream.fitted_s <= GAP_S and stream.is_proven
-            if heard and not stream.foreign and stream.newest_s < UNIX_S:
+            is_received = now_s - stream.fitted_s <= GAP_S and stream.is_proven
+            if is_received and not stream.foreign and stream.newest_s < UNIX_S:
                 least_s = stream.map.offset_s if least_s != least_s else least_s
                 least_s = min(least_s, stream.map.offset_s)
         return least_s
 
-    def _judge(self, stream: Stream, stamp_s: float, now_s: float) -> int:
+    def _judge(self, stream: StampedStream, stamp_s: float, now_s: float) -> int:
         """What a stamp is: one of the verdicts above."""
         is_new = stream.map.offset_s != stream.map.offset_s
         if is_new and not stream.foreign and stamp_s < UNIX_S:
@@ -334,8 +336,8 @@ class StampedStreams:
         if stamp_s <= stream.newest_s:
             return REFUSED
         if late_s > LAG_S:
-            goes_on = stream.suspect.goes_on(stamp_s, now_s - stamp_s, now_s)
-            if (goes_on or not stream.is_proven) and (
+            continues = stream.suspect.continues(stamp_s, now_s - stamp_s, now_s)
+            if (continues or not stream.is_proven) and (
                 self._suspected(stream, stamp_s, late_s, now_s) == ANOTHER
             ):
                 return ANOTHER
@@ -344,7 +346,7 @@ class StampedStreams:
             return ANOTHER
         return LATE if late_s > LAG_S else FITS
 
-    def _suspected(self, stream: Stream, stamp_s: float, late_s: float, now_s: float) -> int:
+    def _suspected(self, stream: StampedStream, stamp_s: float, late_s: float, now_s: float) -> int:
         """A frame that does not fit: refused, unless its clock has taken the other's place."""
         suspect = stream.suspect
         suspect.take(stamp_s, now_s - stamp_s, now_s)
@@ -363,13 +365,13 @@ class StampedStreams:
                 self._contested_s = stream.contested_s
         return REFUSED
 
-    def _report(self, stream: Stream, ahead_s: float) -> None:
-        """What does not fit counts on: for whoever tells it, once."""
+    def _report(self, stream: StampedStream, ahead_s: float) -> None:
+        """Count that frames of another clock continue, once."""
         if stream.suspect.count == ROW and not stream.foreign:
             self.suspected += 1
             self.suspect_ahead_s = ahead_s
 
-    def _takes_over(self, stream: Stream, late_s: float, now_s: float) -> bool:
+    def _takes_over(self, stream: StampedStream, late_s: float, now_s: float) -> bool:
         """Whether a suspect has become the clock."""
         suspect = stream.suspect
         if suspect.row < ROW:
@@ -379,7 +381,7 @@ class StampedStreams:
         is_far = abs(late_s) >= REBOOT_S
         if now_s - fitted_s >= SILENT_S:
             if 0.0 < late_s < HELD_S and suspect.since_s <= fitted_s:
-                return False  # heard before as well: a second, slower way
+                return False  # received before as well: a second, slower way
             if -LAG_S <= late_s < 0.0:  # a queue has gone
                 stream.restart()
                 return True
@@ -391,7 +393,9 @@ class StampedStreams:
             return True
         return False
 
-    def _is_new_clock(self, which: Stream, stamp_s: float, late_s: float, now_s: float) -> bool:
+    def _is_new_clock(
+        self, which: StampedStream, stamp_s: float, late_s: float, now_s: float
+    ) -> bool:
         since_s = which.lateness.judge(stamp_s, late_s, now_s)
         return since_s == since_s and not any(
             stream.begun_s < since_s <= stream.lateness.timely_s
@@ -399,7 +403,7 @@ class StampedStreams:
             if not stream.foreign
         )
 
-    def _reset(self, which: Stream, late_s: float) -> None:
+    def _reset(self, which: StampedStream, late_s: float) -> None:
         """The clock of a stream is another one; the autopilot's other streams have the same."""
         which.restart()
         if not which.foreign:
@@ -411,9 +415,9 @@ class StampedStreams:
                     stream.restart()
 
     def _in_lockstep(
-        self, stream: Stream, told_s: float, stamp_s: float
+        self, stream: StampedStream, stamped_s: float, stamp_s: float
     ) -> tuple[float, float] | None:
-        """Stamps are the time, and only their order tells one clock from another."""
+        """Stamps are the time, and only their order distinguishes two clocks."""
         leap_s = stamp_s - stream.newest_s  # NaN: the first one
         if leap_s <= 0.0 and leap_s >= -REBOOT_S:
             return None
@@ -427,7 +431,7 @@ class StampedStreams:
                 return None
             if leap_s < 0.0:
                 self._reset(stream, -leap_s)
-                stamp_s = told_s
+                stamp_s = stamped_s
         stream.take(stamp_s)
         stream.suspect.row = 0
         return stamp_s, stamp_s

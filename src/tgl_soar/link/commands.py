@@ -1,18 +1,18 @@
 """Commands of an operator: engage, release, abort, and what a ground station asks by command.
 
     MAV_CMD_USER_1   engage: take the surfaces and soar
-    MAV_CMD_USER_2   release: let go; also takes an abort back
-    MAV_CMD_USER_3   abort: let go, and stay so until released
+    MAV_CMD_USER_2   release: disengage; also takes an abort back
+    MAV_CMD_USER_3   abort: disengage, and stay so until released
 
 By COMMAND_LONG or COMMAND_INT to (vehicle's system, our component).  The user commands have no
-meaning to any firmware: an autopilot that has not yet learnt the way to this component executes
+meaning to any firmware: an autopilot that does not yet know the way to this component executes
 what is addressed to it, and must not find a command of its own in it.
 
 Engaging takes time: the entry checks are the next tick's, and the line then slides from the
 aircraft to its target.  So its answer is IN_PROGRESS, again once a second, and in the end
 ACCEPTED (the aircraft is on the line), TEMPORARILY_REJECTED (a check refused), FAILED (the module
-let go by itself) or CANCELLED (an operator let go).  A station that repeats a command, because
-the answer was lost, gets the answer again; nothing is done twice.
+disengaged by itself) or CANCELLED (an operator released).  A station that repeats a
+command, because the answer was lost, gets the answer again; nothing is done twice.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ class _Done:
 
     time_s: float
     result: int
-    progress_s: float = 0.0  # when IN_PROGRESS is to be said again
+    progress_s: float = 0.0  # when IN_PROGRESS is to be sent again
     entered: bool = False  # the entry checks have passed
 
 
@@ -126,7 +126,7 @@ class CommandServer:
         self._answered_s = float("-inf")
 
     def is_for_us(self, source: Source, message: Command) -> bool:
-        """Letting go may be told to all components at once; all else names ours."""
+        """A release may be addressed to all components at once; all else names ours."""
         if source == self._own or message.target_system not in (0, self._own.system):
             return False
         to_all = message.target_component == 0 and message.command in (RELEASE, ABORT)
@@ -171,17 +171,17 @@ class CommandServer:
         self.counters.refused += reason != ""
         self._remember(source, number, _Done(now_s, result, now_s + PROGRESS_S))
         # The first answer to an engagement follows the entry checks, with the next tick.
-        said: list[Outbound] = (
+        outbound: list[Outbound] = (
             [] if result == RESULT_IN_PROGRESS else [_ack(source, number, result)]
         )
-        return Answer(said, wish, reason)
+        return Answer(outbound, wish, reason)
 
     def engagement(self, *, flying: bool, settled: bool, withdrawn: bool) -> list[CommandAck]:
-        """The module's mode has changed: what those who asked it to engage are told.
+        """The module's mode has changed: the answers to those who asked it to engage.
 
-        flying: it has the surfaces; settled: and is on its line; withdrawn: an operator let go.
+        flying: it has the surfaces; settled: and is on its line; withdrawn: an operator released.
         """
-        said: list[CommandAck] = []
+        outbound: list[CommandAck] = []
         for (source, number), done in self._done.items():
             if number != ENGAGE or done.result != RESULT_IN_PROGRESS:
                 continue
@@ -193,20 +193,20 @@ class CommandServer:
             elif done.entered:
                 continue
             done.entered = True
-            said.append(_ack(source, number, done.result))
-        return said
+            outbound.append(_ack(source, number, done.result))
+        return outbound
 
     def poll(self, now_s: float) -> list[CommandAck]:
         """IN_PROGRESS, once a second, to those who wait."""
-        said: list[CommandAck] = []
+        outbound: list[CommandAck] = []
         if not self._done:
-            return said
+            return outbound
         for (source, number), done in self._done.items():
             if done.result == RESULT_IN_PROGRESS and now_s >= done.progress_s:
                 done.progress_s = now_s + PROGRESS_S
                 done.time_s = now_s
-                said.append(_ack(source, number, done.result))
-        return said
+                outbound.append(_ack(source, number, done.result))
+        return outbound
 
     def may_answer(self, now_s: float) -> bool:
         """Whether a flood leaves room for one more answer that nothing which flies depends on."""
@@ -227,16 +227,16 @@ class CommandServer:
 
     def _asked(self, source: Source, message: Command) -> Answer:
         """Messages by number: nothing that flies depends on them, so anybody may ask for one;
-        how often all stations get it is the operators' to say."""
+        how often all stations get it is the operators' choice."""
         number, (one, two) = message.command, message.params[:2]
-        said: list[Outbound] = []
+        outbound: list[Outbound] = []
         result = RESULT_ACCEPTED
         if number == COMMAND_REQUEST_AUTOPILOT_CAPABILITIES:
-            said.append(self._version)
+            outbound.append(self._version)
         elif number == COMMAND_REQUEST_MESSAGE:
-            result = self._request(one, two, said)
+            result = self._request(one, two, outbound)
         elif number == COMMAND_GET_MESSAGE_INTERVAL:
-            result = self._request(float(ID_MESSAGE_INTERVAL), one, said)
+            result = self._request(float(ID_MESSAGE_INTERVAL), one, outbound)
         elif number == COMMAND_SET_MESSAGE_INTERVAL:
             whole = _whole(one) >= 0 and two == two
             if not whole or not self._telemetry.set_interval(int(one), two):
@@ -244,23 +244,23 @@ class CommandServer:
         else:
             self.counters.unsupported += 1
             result = RESULT_UNSUPPORTED
-        return Answer([_ack(source, number, result), *said])
+        return Answer([_ack(source, number, result), *outbound])
 
-    def _request(self, one: float, two: float, said: list[Outbound]) -> int:
+    def _request(self, one: float, two: float, outbound: list[Outbound]) -> int:
         number = _whole(one)
         if number == ID_AUTOPILOT_VERSION:
-            said.append(self._version)
+            outbound.append(self._version)
             return RESULT_ACCEPTED
         if number == ID_MESSAGE_INTERVAL:
             about = _whole(two)
             if about < 0:
                 return RESULT_DENIED
-            said.append(MessageInterval(about, self._telemetry.interval_us(about)))
+            outbound.append(MessageInterval(about, self._telemetry.interval_us(about)))
             return RESULT_ACCEPTED
         message = self._telemetry.once(number) if number >= 0 else None
         if message is None:
             return RESULT_DENIED
-        said.append(message)
+        outbound.append(message)
         return RESULT_ACCEPTED
 
     def _remember(self, source: Source, number: int, done: _Done) -> None:

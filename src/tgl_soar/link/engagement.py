@@ -1,20 +1,20 @@
 """What holds an engagement back: an abort that stands, and the pilot's own switch.
 
-The switch is a channel of the pilot's transmitter, as RC_CHANNELS tells it:
+The switch is a channel of the pilot's transmitter, as RC_CHANNELS carries it:
 
-    low    below OP_RC_OFF   the module lets go, and nobody can engage it
+    low    below OP_RC_OFF   the module disengages, and cannot be engaged
     middle                   nothing changes
     high   above OP_RC_ON    coming from low, the module engages
 
-Only the way up from a low that was seen engages: a switch that is up when the module starts, or
+Only the way up from a low that was received engages: a switch that is up when the module starts, or
 when RC_CHANNELS come back after a silence, does not.
 
-A pilot who has a switch counts on it.  So nobody engages while its channel is not heard: no
-RC_CHANNELS, too few channels in them, or no pulses on it.  In flight such a silence is told after
-`SILENCE_S`, ten messages in a row at the rate that is asked for, and ends the engagement after
-`GONE_S`.  Until then a stream that somebody has turned off comes back: its rate is looked at every
-2 s, and it is asked for again at once.  Not later, for all that time the pilot's own way to end
-the flight does nothing.
+A pilot who has a switch counts on it.  So it cannot be engaged while its channel is not received:
+no RC_CHANNELS, too few channels in them, or no pulses on it.  In flight such a silence is reported
+after `SILENCE_S`, ten messages in a row at the rate that is asked for, and ends the engagement
+after `GONE_S`.  Until then a stream that was turned off comes back: its rate is checked every
+2 s, and it is asked for again at once.  Not later, for all that time the pilot's own way to end the
+flight does nothing.
 """
 
 from __future__ import annotations
@@ -36,30 +36,30 @@ class PilotSwitch:
         self._channel = 0
         self._count = 0  # of the channels that the last RC_CHANNELS had
         self._pulse_us = 0  # of ours in it
-        self._told_s = float("-inf")  # when that came
+        self._received_s = float("-inf")  # when that came
         self._low = False  # now
-        self._primed = False  # a low was seen, and no silence since
-        self._heard_s = float("-inf")  # a pulse
+        self._primed = False  # a low was received, and no silence since
+        self._pulse_s = float("-inf")  # a pulse
 
     @property
     def is_low(self) -> bool:
-        """Whether the pilot held the module back when the channel was heard last."""
+        """Whether the pilot held the module back when the channel was received last."""
         return self._low
 
     def forget(self) -> None:
         """The clock was changed, or there is no switch."""
         self._low = self._primed = False
-        self._heard_s = self._told_s = float("-inf")
+        self._pulse_s = self._received_s = float("-inf")
 
     def silence_s(self, now_s: float) -> float:
-        """For how long its pulses have not been heard."""
-        return now_s - self._heard_s
+        """For how long no pulse was received."""
+        return now_s - self._pulse_s
 
     def unheard(self, now_s: float, channel: int) -> str:
-        """Why the switch on a channel says nothing now; "" if it does, or if there is none (0)."""
+        """Why the switch on a channel cannot be read; "" if it can, or if there is none (0)."""
         if channel == 0 or (channel == self._channel and self.silence_s(now_s) <= SILENCE_S):
             return ""
-        if channel != self._channel or now_s - self._told_s > SILENCE_S:
+        if channel != self._channel or now_s - self._received_s > SILENCE_S:
             return f"no RC_CHANNELS are heard (OP_RC_CHAN = {channel})"
         if channel > self._count:
             return f"RC_CHANNELS have {self._count} channels (OP_RC_CHAN = {channel})"
@@ -72,15 +72,15 @@ class PilotSwitch:
         if channel != self._channel:
             self._channel = channel
             self.forget()
-        self._told_s, self._count = now_s, min(message.chancount, len(message.channels))
+        self._received_s, self._count = now_s, min(message.chancount, len(message.channels))
         if not 1 <= channel <= self._count:
             return NOTHING
         self._pulse_us = pulse_us = message.channels[channel - 1]
         if pulse_us not in PULSES_US:
             return NOTHING
-        if now_s - self._heard_s > SILENCE_S:
+        if now_s - self._pulse_s > SILENCE_S:
             self._primed = False
-        self._heard_s = now_s
+        self._pulse_s = now_s
         if pulse_us < off_us:
             self._low = self._primed = True
             return RELEASE
@@ -99,7 +99,7 @@ class Engagement:
         self._aborted_by = ""
 
     def abort(self, by: str) -> None:
-        """Nobody engages until somebody has released."""
+        """No engagement until an operator has released."""
         self._aborted_by = by
 
     def clear(self) -> None:

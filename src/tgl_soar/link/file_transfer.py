@@ -1,4 +1,4 @@
-"""Files over MAVLink: there are none here, and whoever asks hears that at once.
+"""Files over MAVLink: there are none here, and every request is answered so at once.
 
 A station may look for a list of parameters among our files before it asks for the parameters
 themselves, and repeats a request that nobody answers: MAVProxy for ten seconds.  So every request

@@ -1,7 +1,7 @@
 """The frames of every tick, by fixed offsets.
 
-A tick hears an attitude and accelerations, in every fourth a position and the servos' outputs,
-and says one override or attitude, in every fourth a number for the ground.  A simulator in
+A tick receives an attitude and accelerations, in every fourth a position and the servos' outputs,
+and sends one override or attitude, in every fourth a number for the ground.  A simulator in
 lockstep asks the time in between.  These few payloads
 are unpacked and packed here with one `struct` each; all others go through pymavlink's dialect,
 and a test holds both ways equal field by field.
@@ -158,7 +158,7 @@ def _write_attitude_target(m: Any) -> bytes:
     w, x, y, z = m.q
     return _write_attitude(
         m.time_boot_ms & 0xFFFFFFFF, float32(w), float32(x), float32(y), float32(z),
-        0.0, 0.0, 0.0, 0.0,  # rates and thrust: the mask says that they are not meant
+        0.0, 0.0, 0.0, 0.0,  # rates and thrust: the mask excludes them
         m.target_system, m.target_component, m.type_mask,
     )  # fmt: skip
 

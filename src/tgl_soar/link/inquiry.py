@@ -1,13 +1,14 @@
-"""Asking the autopilot whether it will obey us and is set up, before somebody finds out in the air.
+"""Asking the autopilot whether it will obey us and is set up, before that shows in the air.
 
-An ArduPilot ignores overrides of a sender that its parameters do not name, and does not say so; an
-RC_OVERRIDE_TIME of 3 s leaves the surfaces where they were for so long when the module has died.
-What the firmware's file wants as MUST is read when the autopilot is first heard and after it has
-restarted: each parameter a few times, a few in a second, so that the slowest radio bears it.
-Nothing is changed.  A value that is sent for another reason, as when somebody sets it, counts too.
+An ArduPilot ignores overrides of a sender that its parameters do not name, and does not report it;
+an RC_OVERRIDE_TIME of 3 s leaves the surfaces where they were for so long when the module has
+died. What the firmware's file wants as MUST is read when the autopilot first sends and after it
+has restarted: each parameter a few times, a few in a second, so that the slowest radio bears it.
+Nothing is changed.  A value that is sent for another reason, as when a station sets it, counts
+too.
 
-An autopilot that does not answer is believed to be set up: what is known to be wrong holds the
-engagement back, what is not known is told.
+An autopilot that does not answer is assumed to be set up: what is known to be wrong holds the
+engagement back, what is not known is reported.
 """
 
 from __future__ import annotations
@@ -98,7 +99,7 @@ class SetupInquiry:
         names = [*flavour.asked, *(name for row in self._rows for name in row.names)]
         self._reading = ParameterReading(flavour, target_system, names)
         self._due_s = NEVER
-        self._told: dict[str, str] = {}  # by what it is about
+        self._reported: dict[str, str] = {}  # by what it is about
 
     def restart(self) -> None:
         """Ask again."""
@@ -110,24 +111,24 @@ class SetupInquiry:
         self._reading.heard(message)
 
     def poll(self, now_s: float) -> tuple[list[Outbound], list[str]]:
-        """What is to be asked, and what is to be told: each complaint once."""
+        """The requests that are due, and new complaints: each once."""
         if now_s < self._due_s:
             return [], []
         self._due_s = now_s + BURST_S
-        reading, told = self._reading, []
+        reading, notices = self._reading, []
         asked: list[Outbound] = [*reading.poll(now_s)]
         if self._flavour.asked and reading.done(now_s, self._flavour.asked):
-            told += self._once("sender", self._refusal())
+            notices += self._once("sender", self._refusal())
         if not asked and self._rows and reading.done(now_s):
             wrong = self._wrong()
-            told += self._once("wrong", f"cannot be engaged: {_summary(wrong)}" if wrong else "")
-            told += self._once("unknown", self._unknown())
-        return asked, told
+            notices += self._once("wrong", f"cannot be engaged: {_summary(wrong)}" if wrong else "")
+            notices += self._once("unknown", self._unknown())
+        return asked, notices
 
     def held_back(self) -> str:
         """Why the module is not to be engaged, by what is known; "" if nothing is.
 
-        What is wrong is asked for again: somebody may have mended it meanwhile.
+        What is wrong is asked for again: it may have been corrected meanwhile.
         """
         refusal, wrong = self._refusal(), self._wrong()
         self._reading.ask(finding.name for finding in wrong)
@@ -158,7 +159,7 @@ class SetupInquiry:
         )
 
     def _once(self, about: str, text: str) -> list[str]:
-        before, self._told[about] = self._told.get(about, ""), text
+        before, self._reported[about] = self._reported.get(about, ""), text
         return [text] if text and text != before else []
 
 

@@ -35,7 +35,7 @@ class SigningError(Exception):
 
 
 class Secret(NamedTuple):
-    """How links are signed, as the command line says it."""
+    """How links are signed, as the command line gives it."""
 
     key_file: Path | None = None
     unsigned_autopilot: bool = False  # it need not sign on its own link

@@ -1,4 +1,4 @@
-"""The MAVLink messages that this module speaks and hears, as plain named tuples.
+"""The MAVLink messages that this module sends and receives, as plain named tuples.
 
 Fields keep MAVLink's own names and units (milliseconds, pulse widths), so that a row here can
 be held against the specification; they become SI units and frames of ours in `session`.
@@ -89,7 +89,7 @@ ID_SCALED_IMU2: Final = 116
 ID_SCALED_IMU3: Final = 129
 ID_ODOMETRY: Final = 331
 
-# Message numbers of what we say, for those who ask for it
+# Numbers of messages that we send, for stations that ask for them
 ID_HEARTBEAT: Final = 0
 ID_NAV_CONTROLLER_OUTPUT: Final = 62
 ID_AUTOPILOT_VERSION: Final = 148

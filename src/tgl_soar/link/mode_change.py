@@ -6,12 +6,12 @@ chooses modes too, and their word is final:
 
     ask      only right after a heartbeat that shows the mode to be left; never by a timer, which
              would overwrite what the pilot has chosen since the last heartbeat
-    again    only after a heartbeat that can have heard of the last request, and still shows the
+    again    only after a heartbeat that can follow the last request, and still shows the
              same: `TRIES` times in all, for a request may be lost
     stop     at the first heartbeat that shows any other mode
 
 What remains is a choice that crosses a request on its way: the link's latency, once.  Whether
-the mode has changed is believed of the heartbeat alone: an acknowledgement may be lost, and PX4
+the mode has changed is known by the heartbeat alone: an acknowledgement may be lost, and PX4
 acknowledges before it refuses.
 """
 
@@ -22,7 +22,7 @@ from typing import Final
 from tgl_soar.link.autopilots.base import Flavour
 from tgl_soar.link.messages import Outbound
 
-# A heartbeat so long after a request was sent after it was heard: a radio's round trip is up to
+# A heartbeat so long after a request was sent after it was received: a radio's round trip is up to
 # 0.3 s, and a firmware takes a request up within 0.1 s.
 ANSWER_S: Final = 0.5
 TRIES: Final = 3  # one frame in ten lost: none of three arrives once in a thousand times

@@ -46,7 +46,7 @@ from tgl_soar.types import isfinite
 
 VALUES_PER_S: Final = 100.0
 VALUES_PER_POLL: Final = 2
-COMPLAINTS_PER_S: Final = 4.0  # refused sets told in words; the values are always answered
+COMPLAINTS_PER_S: Final = 4.0  # refused sets reported in words; the values are always answered
 COMPLAINTS_AT_ONCE: Final = 8.0
 HASH: Final = "_HASH_CHECK"
 _HASH_INDEX: Final = 65535  # MAVLink's own word for none
@@ -88,7 +88,7 @@ class ParameterServer:
     def handle(
         self, source: Source, message: Inbound, now_s: float, *, flying: bool
     ) -> list[Outbound]:
-        """What is to be said at once in answer; [] if the message is not for us."""
+        """The answers that are to be sent at once; [] if the message is not for us."""
         if source == self._own or not self._is_for_us(message):
             return []
         if isinstance(message, ParamSet):
@@ -102,20 +102,20 @@ class ParameterServer:
 
     def poll(self, now_s: float) -> list[Outbound]:
         """Values asked for, a few at a time."""
-        said: list[Outbound] = []
+        outbound: list[Outbound] = []
         if not self._due:
-            return said
+            return outbound
         self._next_s = max(self._next_s, now_s - VALUES_PER_POLL / VALUES_PER_S)
-        while self._due and self._next_s <= now_s and len(said) < VALUES_PER_POLL:
+        while self._due and self._next_s <= now_s and len(outbound) < VALUES_PER_POLL:
             index = next(iter(self._due))
             del self._due[index]
-            said.append(self.value_message(index))
+            outbound.append(self.value_message(index))
             self.counters.answered += 1
             self._next_s += 1.0 / VALUES_PER_S
-        return said
+        return outbound
 
     def assign(self, name: str, value: float) -> list[Outbound]:
-        """A change made by the module itself; every station hears of it."""
+        """A change made by the module itself; it is sent to every station."""
         self.values = self.values.changed({name: value})
         return [self.value_message(INDEX[name])]
 
@@ -170,7 +170,7 @@ class ParameterServer:
         )
 
     def rebase(self) -> None:
-        """The clock was changed: what was timed by the old one is forgotten."""
+        """The clock was changed: what was timed by the old one is reset."""
         self._next_s = float("-inf")
         self._complained_s = float("-inf")
         self._complaints = COMPLAINTS_AT_ONCE
@@ -186,7 +186,7 @@ class ParameterServer:
     def _set(self, source: Source, message: ParamSet, now_s: float, flying: bool) -> list[Outbound]:
         name = message.param_id
         if name == HASH:
-            return [self._hash_message()]  # a station that knows them all says so
+            return [self._hash_message()]  # a station that knows them all sends this
         if name not in INDEX:
             # Sent to every component, it may be meant for another one.
             if message.target_component == 0:
@@ -203,13 +203,13 @@ class ParameterServer:
             self.counters.refused += 1
             return [self.value_message(INDEX[name]), *self._complain(str(error), now_s, refused)]
         self.values = answer.values
-        said: list[Outbound] = [self.value_message(INDEX[told]) for told in answer.told]
+        outbound: list[Outbound] = [self.value_message(INDEX[told]) for told in answer.told]
         if answer.refusal:
             self.counters.refused += 1
-            said += self._complain(answer.refusal, now_s, refused)
+            outbound += self._complain(answer.refusal, now_s, refused)
         elif answer.warning:
-            said += self._complain(answer.warning, now_s)
-        return said
+            outbound += self._complain(answer.warning, now_s)
+        return outbound
 
     def _read(self, source: Source, message: ParamRequestRead, now_s: float) -> list[Outbound]:
         index = message.param_index
@@ -225,7 +225,7 @@ class ParameterServer:
         return self._complain(f"{asked}: no such parameter", now_s, error)
 
     def _complain(self, text: str, now_s: float, error: ParamError | None = None) -> list[Outbound]:
-        """A PARAM_ERROR for programs and words for people, unless too many were said of late."""
+        """A PARAM_ERROR for programs and words for people, unless too many were sent lately."""
         if now_s > self._complained_s:
             earned = (now_s - self._complained_s) * COMPLAINTS_PER_S
             self._complaints = min(COMPLAINTS_AT_ONCE, self._complaints + earned)

@@ -1,11 +1,11 @@
 """Telling the autopilot the pose that a tracker has measured, so that its own filter has it too.
 
 EKF2 (PX4) and EKF3 (ArduPilot) both take VISION_POSITION_ESTIMATE in local NED, and ODOMETRY
-in LOCAL_FRD with velocities in BODY_FRD; what their parameters must be is told in
+in LOCAL_FRD with velocities in BODY_FRD; what their parameters must be is in
 docs/sensors.md.  Their filters want 30 to 50 poses a second, none of them twice.
 
     time         of the measurement, by the clock in which we answer TIMESYNC: PX4 turns that into
-                 its own by what it has learnt from our answers, ArduPilot by the smallest delay
+                 its own by our answers, ArduPilot by the smallest delay
     attitude     of the tracker, never the autopilot's own back to itself: a tracker that has
                  none has nothing to forward, for a yaw must stand in the message
     covariance   variances on the diagonal; NaN in the first place where nothing is known, so
@@ -50,16 +50,16 @@ class PoseForwarding:
     def __init__(
         self, message: str, rate_hz: float, *, sigma_m: float = NAN, sigma_rad: float = 0.02
     ) -> None:
-        """`sigma_m`: of a source that does not tell its own; NaN: not known."""
+        """`sigma_m`: of a source that does not send its own; NaN: not known."""
         self.sent = 0
-        self.known: set[int] = set()  # sources that the autopilot hears without us
+        self.known: set[int] = set()  # sources that reach the autopilot without us
         self.notices: list[tuple[int, str]] = []
         self._message = message
         self._interval_s = 1.0 / rate_hz
         self._sigma_m, self._sigma_rad = sigma_m, sigma_rad
         self._due_s = float("-inf")
         self._sequence = 0
-        self._told = False
+        self._reported = False
 
     def rebase(self) -> None:
         """The loop's clock is another one from here on."""
@@ -67,7 +67,7 @@ class PoseForwarding:
 
     def poll(self, sources: PositionSources, now_s: float) -> Outbound | None:
         """The pose of the chosen source, if it is to be forwarded now."""
-        fix, turned = sources.position, sources.turned
+        fix, measured = sources.position, sources.attitude
         if sources.chosen not in EXTERNAL or sources.chosen in self.known:
             return None
         if fix.sequence == self._sequence:
@@ -76,9 +76,9 @@ class PoseForwarding:
             return None
         if now_s < self._due_s - EARLY * self._interval_s:
             return None
-        attitude = normalised(turned)
+        attitude = normalised(measured)
         if attitude is None:
-            self._tell(f"{NAMES[sources.chosen]} is not forwarded: it tells no attitude")
+            self._report(f"{NAMES[sources.chosen]} is not forwarded: it has no attitude")
             return None
         # On the grid of the first one, unless there was a pause.
         late = now_s - self._due_s > self._interval_s
@@ -106,8 +106,8 @@ class PoseForwarding:
             ESTIMATOR_VISION,
         )
 
-    def _covariance(self, told_m: float) -> tuple[float, ...]:
-        sigma_m = told_m if isfinite(told_m) and told_m > 0.0 else self._sigma_m
+    def _covariance(self, reported_m: float) -> tuple[float, ...]:
+        sigma_m = reported_m if isfinite(reported_m) and reported_m > 0.0 else self._sigma_m
         if not isfinite(sigma_m):
             return UNKNOWN_COVARIANCE
         place, turn = sigma_m * sigma_m, self._sigma_rad * self._sigma_rad
@@ -116,9 +116,9 @@ class PoseForwarding:
             upper[diagonal] = variance
         return tuple(upper)
 
-    def _tell(self, text: str) -> None:
-        if not self._told:
-            self._told = True
+    def _report(self, text: str) -> None:
+        if not self._reported:
+            self._reported = True
             self.notices.append((SEVERITY_WARNING, text))
 
 

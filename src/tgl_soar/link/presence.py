@@ -1,20 +1,20 @@
-"""Our heartbeat, which tells the module's mode, and whoever else sends one in our name.
+"""Our heartbeat, which carries the module's mode, and duplicates that send one in our name.
 
     custom_mode    bits 0 … 7: the mode; bits 8 … 31: a number drawn at every start
     system_status  what the mode means in MAVLink's own words
 
-MAVLink's states are coarse: a station that shows only them tells soaring (ACTIVE) from holding,
-recovering and released (CRITICAL: no normal flight) and from failed (EMERGENCY); the mode says
-which.  It is sent once a second, and at once when the mode changes.
+MAVLink's states are coarse: a station that shows only them distinguishes soaring (ACTIVE) from
+holding, recovering and released (CRITICAL: no normal flight) and from failed (EMERGENCY); the mode
+is exact.  It is sent once a second, and at once when the mode changes.
 
 Two modules with one identity both obey the command that engages, and fight for the surfaces.
 A heartbeat in our name with another number of its start is that of a duplicate; one with our own
 is ours, sent back to us by a router, however late and over whatever link.  While a duplicate is
-heard nobody engages.  Of two
+received none can be engaged.  Of two
 
     one engaged    that one stays: the other was started later, and cannot engage
     both engaged   both disengage, and the pilot has control: neither knows which of them the
-                   operator has meant.  Who hears it first says its own heartbeat once more
+                   operator has meant.  The first to receive it sends its own heartbeat once more
                    before it disengages; where that is lost the other one stays
 
 A duplicate that no link leads to us is not noticed.
@@ -56,13 +56,13 @@ _ENGAGED: Final = frozenset((3, 4, 5, 6))  # capturing to recovering
 
 
 class Presence:
-    """What all others know of us, and we of a duplicate."""
+    """Our heartbeat, and the last one of a duplicate."""
 
     def __init__(self, start: int) -> None:
         """`start`: a number that no other start has drawn; its lower 24 bits count."""
         self.mode = 0
         self.duplicate_is_engaged = False  # as its last heartbeat says
-        self._duplicate_s = float("-inf")  # when it was heard last
+        self._duplicate_s = float("-inf")  # when it was received last
         self._start = start % 2**24 or 1
 
     def heartbeat(self) -> Heartbeat:
@@ -85,9 +85,9 @@ class Presence:
         return True
 
     def is_alone(self, now_s: float) -> bool:
-        """Whether no duplicate has been heard of late."""
+        """Whether no duplicate was received lately."""
         return not now_s - self._duplicate_s <= ALONE_S
 
     def rebase(self) -> None:
-        """The clock is another one: what was heard by the old one is forgotten."""
+        """The clock is another one: what was received by the old one is discarded."""
         self._duplicate_s = float("-inf")

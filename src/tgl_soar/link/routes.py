@@ -1,15 +1,15 @@
-"""Links side by side: who was heard where, and what was lost on the way.
+"""Links side by side: who sends where, and what was lost on the way.
 
-The first link leads to the autopilot: its measurements are believed there and nowhere else, and
+The first link leads to the autopilot: its measurements are accepted there and nowhere else, and
 the surfaces are commanded there and nowhere else.  A ground station may be on that link too, as
 the autopilot routes between its own links, or on a link of its own.  An answer goes out where
 the question came from; what concerns everybody goes out everywhere.  Nothing is passed on from
 one link to another: that is a router's work.
 
 What came over any but the first link is read little by little: of its `TRIES` (as the decoder
-counts work) a link gets so many anew with each tick, whatever it is sent.
+counts work) a link gets so many again with each tick, whatever it is sent.
 
-A link speaks MAVLink 1 as long as nothing but MAVLink 1 has come over it.
+A link uses MAVLink 1 as long as nothing but MAVLink 1 has come over it.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class Route:
         self.override = self.own if override == own else Encoder(override, signing, number)
         self._signing = signing
         self._excused = excused
-        self._spoke: Source | None = None  # last
+        self._last_sender: Source | None = None  # last
         self.greeted = False  # our heartbeat has gone out
         self.asked = False  # a list of parameters, or some of them
         self._senders: dict[Source, None] = {}
@@ -79,10 +79,10 @@ class Route:
         signing = self._signing
         if signing.key is None:
             return True
-        return signing.lets_in(frame, excused=source_of(frame) == self._excused)
+        return signing.accepts(frame, excused=source_of(frame) == self._excused)
 
     def _show(self, frame: bytes, accepted: bool) -> None:
-        """To whoever keeps a log."""
+        """To the log."""
         assert self._tap is not None
         self._tap(frame, accepted and source_of(frame).system in self._known)
 
@@ -107,27 +107,27 @@ class Route:
             self.tries_left = min(TRIES, self.tries_left + TRIES)
 
     def heard(self, source: Source) -> None:
-        """Somebody has spoken on this link."""
-        if source is self._spoke:
+        """A frame of this sender has come on this link."""
+        if source is self._last_sender:
             return
-        self._spoke = source
+        self._last_sender = source
         if source not in self._senders and len(self._senders) < MAX_SENDERS:
             self._senders[source] = None
 
     def leads_to(self, source: Source) -> bool:
-        """Whether somebody was heard on this link."""
+        """Whether a sender is reached by this link."""
         return source in self._senders
 
     def forget(self) -> None:
-        """Another peer is at the far end, or the same one anew."""
+        """Another peer is at the far end, or the same one again."""
         self.decoder.reset()
         self.greeted = False
         self.asked = False
-        self._spoke = None
+        self._last_sender = None
         self._senders.clear()
 
     def match_version(self) -> None:
-        """Speak as the far end does."""
+        """Use the MAVLink version of the far end."""
         self.own.version1 = self.override.version1 = self.decoder.only_v1
 
 

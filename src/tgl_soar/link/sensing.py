@@ -1,4 +1,4 @@
-"""What the autopilot's sensor messages say, in SI units and FRD.
+"""The autopilot's sensor messages, in SI units and FRD.
 
 | message        | acceleration            | rates             | stamp                |
 |----------------|-------------------------|-------------------|----------------------|
@@ -101,9 +101,9 @@ def _plausible(airspeed_mps: float) -> float | None:
 
 
 def sigma_of(covariance: tuple[float, ...]) -> float:
-    """Standard deviation [m] of the worst axis of a pose's covariance; NaN: not told."""
+    """Standard deviation [m] of the worst axis of a pose's covariance; NaN: not known."""
     if len(covariance) < 12:
         return NAN
     worst = max(covariance[0], covariance[6], covariance[11])  # the diagonal: x, y, z
-    told = isfinite(sum(covariance[i] for i in (0, 6, 11))) and worst > 0.0
-    return sqrt(worst) if told else NAN
+    is_known = isfinite(sum(covariance[i] for i in (0, 6, 11))) and worst > 0.0
+    return sqrt(worst) if is_known else NAN

@@ -1,10 +1,10 @@
 """When a sample was taken, from a stamp that counts whole milliseconds.
 
-A sensor ticks evenly, t_k = a + k p, but its stamp says floor(t_k) in units of q = 1 ms: at
+A sensor ticks evenly, t_k = a + k p, but its stamp is floor(t_k) in units of q = 1 ms: at
 200 Hz a difference of two stamps errs by up to 20 %.  The line through many stamps does not:
 a filter of growing memory (least squares of the last n periods, to N at most),
 
-    r = s + q/2 - (t + k p)                what the middle of the stamp's millisecond says
+    r = s + q/2 - (t + k p)                by the middle of the stamp's millisecond
     t += 2 (2n - 1) / (n (n + 1)) r        k: whole periods since the sample before,
     p += 6 / (n (n + 1)) r                    more than one after a loss
 
@@ -13,7 +13,7 @@ the answer is kept inside [s, s + q], so that a stream which does not tick evenl
 A line begins with a few steps that are alike; several samples in a row that do not fit it begin
 a new one: another rate, or a pause.
 
-What cannot be told: where inside the millisecond an even number of milliseconds between samples
+What cannot be measured: where inside the millisecond an even number of milliseconds between samples
 falls (a constant part of the delay, as any other).
 """
 
@@ -92,7 +92,7 @@ class SensorClock:
         misfit_s = middle_s - expected_s
         if abs(misfit_s) > MISFIT_S:
             self._misfits += 1
-            self._time_s = expected_s  # one that was sent late says nothing of the clock
+            self._time_s = expected_s  # one that was sent late does not measure the clock
             if self._memory < YOUNG or self._misfits >= MISFITS:
                 self._memory = self._alike = 0
                 self._begin(middle_s, step_s)

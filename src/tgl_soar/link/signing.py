@@ -1,4 +1,4 @@
-"""MAVLink 2 signing: who does not know the key is not heard.
+"""MAVLink 2 signing: frames without the key are ignored.
 
     signature = first 6 bytes of SHA-256(key, frame up to and with link id and timestamp)
 
@@ -10,7 +10,7 @@ timestamp that no working clock shows is never taken over, and commands nothing:
 48 bits nothing could be signed any more, and far in the future we would hold every station for a
 replay.
 
-A restart forgets the streams, and must not make old records good again.  One number stands for
+A restart loses the streams, and must not make old records good again.  One number stands for
 all of them: `reserved`, which a file holds and which lies ahead of every stamp taken so far.  The
 next start begins behind it, so that
 
@@ -20,8 +20,8 @@ next start begins behind it, so that
                   not have been held back for more than 10 s on its way, and is obeyed only once
                   a stamp beyond its own is on the disk
 
-Honest stations sign by clocks of their own.  One that hears us goes on from our stamp, as MAVLink
-has it (its C library and pymavlink do), and is later than our start at once.  One that does
+Honest stations sign by clocks of their own.  One that receives us continues from our stamp, as
+MAVLink has it (its C library and pymavlink do), and is later than our start at once.  One that does
 not (it signs by its wall clock alone) and is behind us by d commands d later after a start.
 Held back is what lags by more than 10 s behind us *and* behind its own stream's pace: a clock that
 is merely wrong, or another station's that is far ahead, shuts no operator out in flight.
@@ -29,7 +29,7 @@ is merely wrong, or another station's that is far ahead, shuts no operator out i
 A disk that does not answer shuts no operator out either: what waits for it is obeyed when it is
 late (`DISK_S`), as is everything where the file cannot be written at all, which is reported.
 
-The signature is looked at before the timestamp is believed: otherwise anybody could shut an
+The signature is checked before the timestamp is used: otherwise anybody could shut an
 operator out with one forged frame from the far future.
 """
 
@@ -55,9 +55,9 @@ CLOCK_IS_SET_S: Final = 1_767_225_600.0  # 2026-01-01: an earlier wall clock was
 YEAR_TICKS: Final = 366 * 86_400 * TICKS_PER_S
 LATEST: Final = 2**47
 MAX_STREAMS: Final = 64
-# COMMAND_INT, COMMAND_LONG, PARAM_SET, SETUP_SIGNING; and should anybody ever listen to them:
+# COMMAND_INT, COMMAND_LONG, PARAM_SET, SETUP_SIGNING; and should they ever be used:
 # SET_MODE, MANUAL_CONTROL, RC_CHANNELS_OVERRIDE.  Not RC_CHANNELS, which the autopilot streams:
-# the pilot's switch must be heard whatever the disk does, and replaying a stream needs its silence.
+# the pilot's switch must work whatever the disk does, and replaying a stream needs its silence.
 COMMANDS: Final = frozenset((75, 76, 23, 256, 11, 69, 70))
 _MARKER_V2: Final = 0xFD
 _SIGNED: Final = 0x01
@@ -83,11 +83,11 @@ class _Stream:
     """What one sender has signed with on one of its links."""
 
     newest: int
-    heard: int  # our clock then, in ticks
+    received: int  # our clock then, in ticks
 
 
 class Signing:
-    """One key for all links.  Without a key everything is let in and nothing is signed."""
+    """One key for all links.  Without a key everything is accepted and nothing is signed."""
 
     def __init__(self, key: bytes | None, wall_s: float, now_s: float, kept: int = 0) -> None:
         """`wall_s`: seconds since 1970 at now_s of our clock; `kept`: a timestamp used before."""
@@ -139,13 +139,13 @@ class Signing:
         self._streams.clear()
 
     def vouches(self, frame: bytes) -> bool:
-        """Whether a whole frame would be let in; nothing is remembered."""
+        """Whether a whole frame would be accepted; nothing is remembered."""
         return self.key is None or (
             _is_signed(frame) and self._is_fresh(frame) and self._is_ours(frame, self.key)
         )
 
-    def lets_in(self, frame: bytes, *, excused: bool = False) -> bool:
-        """Whether to believe a whole frame.  `excused`: its sender need not sign."""
+    def accepts(self, frame: bytes, *, excused: bool = False) -> bool:
+        """Whether to accept a whole frame.  `excused`: its sender need not sign."""
         if self.key is None:
             return True
         counters = self.counters
@@ -173,7 +173,7 @@ class Signing:
             self.timestamp = max(self.timestamp, timestamp)
 
     def _is_fresh(self, frame: bytes) -> bool:
-        """Whether a signed frame cannot be a record of one that was heard, or held back."""
+        """Whether a signed frame cannot be a record of an earlier one, or held back."""
         stamp, commands = _timestamp(frame), _number(frame) in COMMANDS
         if stamp <= self._kept or (commands and stamp <= self._began):
             return False
@@ -183,14 +183,14 @@ class Signing:
         stream = self._streams.get(_stream_of(frame))
         if stream is None:
             return not is_behind and self._has_room()
-        lag = (self._clock - stream.heard) - (stamp - stream.newest)
+        lag = (self._clock - stream.received) - (stamp - stream.newest)
         is_held_back = commands and is_behind and lag > NEW_STREAM_TICKS
         return stamp > stream.newest and not is_held_back
 
     def _has_room(self) -> bool:
         """For one more stream.
 
-        Forgotten are only streams all of whose frames would be too old for a new one.
+        Only streams are dropped all of whose frames would be too old for a new one.
         """
         if len(self._streams) >= MAX_STREAMS:
             oldest = self.timestamp - NEW_STREAM_TICKS

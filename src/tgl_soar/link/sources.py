@@ -1,21 +1,21 @@
 """Which of several sources the position is taken from.
 
 A site file names its sources in the order in which they are trusted.  The best that is in good
-health gives the position, all others are only watched:
+health gives the position, all others are only monitored:
 
     left        when nothing usable has come of it for `silence_s`, or for a few of its own
-                periods where that is longer; or while it is doubtful and another one is not
+                periods where that is longer; or while it is suspect and another one is not
     taken       the best of those that are fresh, at its next fix
     taken back  a better one that has been without such a gap for `return_s`, and no earlier
                 than `DWELL_S` after the last change
 
-Doubtful is what says the same bit for bit for `FROZEN_S`, not that it stands still, while what
-another one says changes; and for `DISTRUST_S` what the module has called not sane.  Where nothing
-better is heard it is still given: whether to fly with it is not decided here.
+Suspect is a source that repeats itself bit for bit for `FROZEN_S`, without reporting a standstill,
+while another one changes; and for `DISTRUST_S` one that the module has found not sane.  Where
+nothing better is received it is still used: whether to fly with it is not decided here.
 
 Sources of different kinds differ by their biases, and where the site file is wrong by their
-frames: how far they are apart is watched, and said when one takes over from another.  The step
-between them is the estimator's to swallow; `PositionFix.source` tells it.
+frames: how far they are apart is monitored, and reported when one takes over from another.
+The step between them is the estimator's to absorb; `PositionFix.source` names the source.
 
 Times are on the loop's clock; time is an argument.
 """
@@ -69,14 +69,14 @@ class SourceHealth:
         "distrusted_s",
         "fixes",
         "future",
-        "heard_s",
         "late",
+        "newest",
         "newest_s",
         "not_finite",
         "period_s",
+        "received_s",
         "repeats",
-        "said",
-        "stands",
+        "reports_standstill",
         "steady_s",
     )
 
@@ -85,14 +85,14 @@ class SourceHealth:
         self.not_finite = 0
         self.late = 0  # out of order, or older than a second
         self.future = 0
-        self.heard_s = NAN  # when the last usable one came
+        self.received_s = NAN  # when the last usable one came
         self.newest_s = NAN  # when it was true
         self.steady_s = NAN  # since when they have come without a gap
         self.period_s = NAN  # the mean interval
-        self.said: tuple[float, ...] = ()  # where it was last
+        self.newest: tuple[float, ...] = ()  # where it was last
         self.changed_s = NAN  # when that became true
-        self.repeats = 0  # how often it was said again since
-        self.stands = False  # it says so: velocities of exactly zero
+        self.repeats = 0  # how often it was repeated since
+        self.reports_standstill = False  # velocities of exactly zero
         self.distrusted_s = NAN  # when it was found not sane
         self.apart_m = NAN  # from the chosen source, when its last fix came
 
@@ -108,14 +108,14 @@ class SourceHealth:
 
     @property
     def repeats_itself(self) -> bool:
-        """Whether it says nothing but the same."""
+        """Whether it only repeats itself."""
         return self.repeats >= FROZEN_FIXES and self.newest_s - self.changed_s >= FROZEN_S
 
     def forget_time(self) -> None:
         """The clock is another one."""
-        self.heard_s = self.newest_s = self.steady_s = self.period_s = NAN
+        self.received_s = self.newest_s = self.steady_s = self.period_s = NAN
         self.changed_s = self.distrusted_s = NAN
-        self.said, self.repeats = (), 0
+        self.newest, self.repeats = (), 0
 
 
 class PositionSources:
@@ -130,7 +130,7 @@ class PositionSources:
     ) -> None:
         """`order`: numbers of the sources, the most trusted first."""
         self.position: PositionFix = NO_FIX  # of the chosen source
-        self.turned: Quaternion | None = None  # the attitude that came with it, if any
+        self.attitude: Quaternion | None = None  # the attitude that came with it, if any
         self.chosen = 0  # its number; 0: none yet
         self.switches = 0  # from one to another
         self.unused = 0  # fixes of sources that are not in the order
@@ -140,19 +140,19 @@ class PositionSources:
         self._silence_s = silence_s
         self._return_s = return_s
         self._since_s = NAN  # of the chosen one
-        self._told_apart: set[frozenset[int]] = set()
+        self._reported_apart: set[frozenset[int]] = set()
 
     def take(
         self,
         source: int,
         measured: PositionFix,
         now_s: float,
-        turned: Quaternion | None = None,
+        attitude: Quaternion | None = None,
     ) -> bool:
         """Take in one fix; whether it is the position now.
 
-        Of `measured`, sequence and source are set here.  `turned`: the attitude that a tracker
-        has seen at the same instant, (w, x, y, z) from FRD to local NED.
+        Of `measured`, sequence and source are set here.  `attitude`: what a tracker
+        measured at the same instant, (w, x, y, z) from FRD to local NED.
         """
         health = self.health.get(source)
         if health is None:
@@ -165,7 +165,7 @@ class PositionSources:
         health.apart_m = _distance(measured, self.position) if self.chosen else NAN
         if source != self.chosen:
             if not self._takes_over(source, now_s):
-                self._tell_apart(source, health, now_s)
+                self._report_apart(source, health, now_s)
                 return False
             self._switch(source, now_s)
         _, time_s, x, y, z, u, v, w, _, sigma_m = measured
@@ -182,17 +182,16 @@ class PositionSources:
             source=source,
             sigma_m=sigma_m,
         )
-        self.turned = turned
+        self.attitude = attitude
         return True
 
     def is_fresh(self, source: int, now_s: float) -> bool:
         """Whether usable fixes of a source have been coming until now."""
         health = self.health.get(source)
-        return health is not None and now_s - health.heard_s <= self._patience_s(health)
+        return health is not None and now_s - health.received_s <= self._patience_s(health)
 
     def distrust(self, now_s: float) -> None:
-        """What the chosen source says was found not sane; not yet, where it could be what the
-        one before has said."""
+        """The position was found not sane; ignored where it could still be of the source before."""
         if self.chosen and now_s - self._since_s >= DWELL_S:
             health = self.health[self.chosen]
             health.distrusted_s = health.steady_s = now_s
@@ -217,34 +216,34 @@ class PositionSources:
         return True
 
     def _count(self, health: SourceHealth, time_s: float, now_s: float) -> None:
-        if not now_s - health.heard_s <= self._patience_s(health):  # NaN: the first
+        if not now_s - health.received_s <= self._patience_s(health):  # NaN: the first
             health.steady_s = now_s
         interval_s = time_s - health.newest_s
         if not isfinite(health.period_s):
             health.period_s = interval_s
-        elif interval_s < LATE_S:  # a longer one is a gap, and says nothing of the rate
+        elif interval_s < LATE_S:  # a longer one is a gap, and does not measure the rate
             health.period_s += RATE_FRACTION * (interval_s - health.period_s)
         health.fixes += 1
-        health.heard_s = now_s
+        health.received_s = now_s
         health.newest_s = time_s
 
     def _compare(self, health: SourceHealth, fix: PositionFix, now_s: float) -> None:
-        """With what it said before."""
+        """Compare a fix with the one before."""
         velocity = fix.velocity_north_mps, fix.velocity_east_mps, fix.velocity_down_mps
         u, v, w = velocity
-        said: tuple[float, ...] = fix.north_m, fix.east_m, fix.down_m, u, v, w
+        newest: tuple[float, ...] = fix.north_m, fix.east_m, fix.down_m, u, v, w
         if not isfinite(u + v + w):  # what is not known is not compared
-            said = *said[:3], *[speed for speed in velocity if isfinite(speed)]
-        health.stands = velocity == (0.0, 0.0, 0.0)
-        if said == health.said:
+            newest = *newest[:3], *[speed for speed in velocity if isfinite(speed)]
+        health.reports_standstill = velocity == (0.0, 0.0, 0.0)
+        if newest == health.newest:
             health.repeats += 1
             return
         if health.repeats_itself:
             health.steady_s = now_s
-        health.said, health.changed_s, health.repeats = said, fix.time_s, 0
+        health.newest, health.changed_s, health.repeats = newest, fix.time_s, 0
 
     def _standing(self, source: int, now_s: float) -> int:
-        """0: silent, 1: doubtful, 2: in good health."""
+        """0: silent, 1: suspect, 2: in good health."""
         if not self.is_fresh(source, now_s):
             return 0
         distrusted = now_s - self.health[source].distrusted_s < DISTRUST_S
@@ -254,7 +253,7 @@ class PositionSources:
         health = self.health[source]
         return (
             health.repeats_itself
-            and not health.stands
+            and not health.reports_standstill
             and any(
                 self.is_fresh(other, now_s) and not self.health[other].repeats_itself
                 for other in self._order
@@ -300,12 +299,12 @@ class PositionSources:
             text += f", {apart_m:.2f} m from its last"
         self.notices.append((SEVERITY_INFO if better else SEVERITY_WARNING, text))
 
-    def _tell_apart(self, source: int, health: SourceHealth, now_s: float) -> None:
+    def _report_apart(self, source: int, health: SourceHealth, now_s: float) -> None:
         """Once: two live sources that cannot both be right."""
         pair = frozenset((source, self.chosen))
         live = self.is_fresh(self.chosen, now_s)
-        if live and health.apart_m > APART_M and pair not in self._told_apart:
-            self._told_apart.add(pair)
+        if live and health.apart_m > APART_M and pair not in self._reported_apart:
+            self._reported_apart.add(pair)
             text = f"{NAMES[source]} is {health.apart_m:.1f} m from {NAMES[self.chosen]}"
             self.notices.append((SEVERITY_WARNING, f"{text}: do they share a frame?"))
 

@@ -1,8 +1,8 @@
 """Asking the autopilot for its messages at the rates that the loop needs.
 
-One MAV_CMD_SET_MESSAGE_INTERVAL at a time, for its acknowledgement does not say which message
-it is about.  A stream that does not come, or comes too slowly, is asked for again, ever more
-seldom.  A rate that is refused is told once, with the way out, and a lower one is asked for.
+One MAV_CMD_SET_MESSAGE_INTERVAL at a time, for its acknowledgement does not name the message.
+A stream that does not come, or comes too slowly, is requested again, ever less often.  A rate that
+is refused is reported once, with the way out, and a lower one is requested.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _RESULT_WORDS: Final = {
 
 
 @dataclass(slots=True)
-class Stream:
+class RequestedStream:
     """One message that we want."""
 
     message_id: int
@@ -51,7 +51,7 @@ class Stream:
     wait_s: float = CHECK_S
     measured_hz: float = 0.0
     given_up: bool = False
-    told: bool = False
+    reported: bool = False
 
 
 class StreamRequests:
@@ -59,10 +59,12 @@ class StreamRequests:
 
     def __init__(self, target_system: int) -> None:
         self.requests = 0
-        self.notices: list[tuple[Stream, str, float]] = []  # (stream, result, rate refused)
+        self.notices: list[
+            tuple[RequestedStream, str, float]
+        ] = []  # (stream, result, rate refused)
         self._target_system = target_system
-        self._streams: dict[int, Stream] = {}
-        self._waiting: Stream | None = None
+        self._streams: dict[int, RequestedStream] = {}
+        self._waiting: RequestedStream | None = None
         self._waiting_until_s = 0.0
         self._due_s = -inf  # nothing is to be done before
 
@@ -70,15 +72,15 @@ class StreamRequests:
         """Ask for a message at a rate, from now on; an urgent one before all others."""
         standing = self._streams.get(message_id)
         if standing is None or standing.rate_hz != rate_hz:
-            wanted = {message_id: Stream(message_id, name, rate_hz)}
+            wanted = {message_id: RequestedStream(message_id, name, rate_hz)}
             self._streams = wanted | self._streams | wanted if urgent else self._streams | wanted
             self._due_s = -inf
 
-    def all_wanted(self) -> list[Stream]:
+    def all_wanted(self) -> list[RequestedStream]:
         """Every stream that is asked for."""
         return [stream for stream in self._streams.values() if not stream.given_up]
 
-    def wanted(self, message_id: int) -> Stream | None:
+    def wanted(self, message_id: int) -> RequestedStream | None:
         """A stream that was asked for."""
         return self._streams.get(message_id)
 
@@ -89,7 +91,7 @@ class StreamRequests:
             stream.count += 1
 
     def restart(self) -> None:
-        """The autopilot has forgotten all: ask again for what was wanted."""
+        """The autopilot has restarted: ask again for what was wanted."""
         self._waiting = None
         self._due_s = -inf
         for stream in self._streams.values():
@@ -114,8 +116,8 @@ class StreamRequests:
             stream.due_s = now_s
         else:
             stream.given_up = True
-        if not stream.told or stream.given_up:
-            stream.told = True
+        if not stream.reported or stream.given_up:
+            stream.reported = True
             word = _RESULT_WORDS.get(result, f"answered with result {result}")
             self.notices.append((stream, word, refused_hz))
 
@@ -147,7 +149,7 @@ class StreamRequests:
         self._due_s = next_s
         return []
 
-    def _request(self, stream: Stream) -> CommandLong:
+    def _request(self, stream: RequestedStream) -> CommandLong:
         interval_us = float(round(1e6 / stream.rate_hz))
         params = (float(stream.message_id), interval_us, 0.0, 0.0, 0.0, 0.0, 0.0)
         return CommandLong(

@@ -1,6 +1,6 @@
-"""What the module tells its operator: texts, and numbers for plots, within a budget of bytes.
+"""What the module sends to its operator: texts, and numbers for plots, within a budget of bytes.
 
-Texts are always said; they use up the budget, and the numbers wait.
+Texts are always sent; they use up the budget, and the numbers wait.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class StatusTexts:
         self._id = self._id % 0xFFFF + 1
         pieces = [text[i : i + CHUNK] for i in range(0, min(len(text), CHUNK * MAX_CHUNKS), CHUNK)]
         if len(pieces[-1]) == CHUNK and len(pieces) < MAX_CHUNKS:
-            pieces.append("")  # a full chunk does not say that it is the last one
+            pieces.append("")  # a full chunk does not mark itself as the last one
         return [StatusText(severity, piece, self._id, i) for i, piece in enumerate(pieces)]
 
 
@@ -55,7 +55,7 @@ class Budget:
         return self._left > 0.0
 
     def spend(self, size: int, bytes_per_s: float) -> None:
-        """A frame went out.  What was said beyond the budget is a debt, of `DEBT_S` at most."""
+        """A frame went out.  What was sent beyond the budget is a debt, of `DEBT_S` at most."""
         self.spent_bytes += size
         self._left = max(-DEBT_S * bytes_per_s, self._left - size)
 

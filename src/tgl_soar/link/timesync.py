@@ -4,7 +4,7 @@
     round trip = t1 - t0,    offset = t - (t0 + t1) / 2
 
 The offset is wrong by at most half of what the two ways differ, so the quickest answer of the
-last few tells it best.  Both are kept to be looked at: samples are placed in time by their
+last few measures it best.  Both are kept to be looked at: samples are placed in time by their
 arrival (`clock`), which needs no answers and is right to the smallest delay.
 """
 
@@ -45,7 +45,7 @@ class RoundTrip:
         return Timesync(0, stamp_ns)
 
     def take(self, answer: Timesync, now_s: float) -> None:
-        """An answer; one to somebody else's question, or a second one, says nothing."""
+        """An answer; one to another's question, or a second one, is ignored."""
         if answer.ts1 not in self._waiting:
             return
         self._waiting.remove(answer.ts1)
@@ -56,7 +56,7 @@ class RoundTrip:
         self.offset_s = min(self._kept)[1]
 
     def restart(self) -> None:
-        """A clock began anew: nothing is known."""
+        """A clock was restarted: nothing is known."""
         self.round_trip_s = self.offset_s = NAN
         self._due_s = float("-inf")
         self._waiting.clear()

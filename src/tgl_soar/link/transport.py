@@ -40,7 +40,7 @@ FORMS: Final = "udp:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:/dev/tt
 def open_link(text: str, is_frame: Callable[[bytes], bool], now_s: float = 0.0) -> Transport:
     """Open the link that a string names.
 
-    `is_frame` tells a datagram that begins with a MAVLink frame.  Errors: `LinkError`.
+    `is_frame`: whether a datagram begins with a MAVLink frame.  Errors: `LinkError`.
     """
     kind, _, rest = text.partition(":")
     if kind in ("udp", "udpin"):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from tgl_soar.link.autopilots.ardupilot import ArduPilot
-from tgl_soar.link.autopilots.base import Flavour, Route, SurfaceChannels
+from tgl_soar.link.autopilots.base import CommandRoute, Flavour, SurfaceChannels
 from tgl_soar.link.autopilots.bridge import Bridge
 from tgl_soar.link.autopilots.paparazzi import Paparazzi
 
@@ -17,7 +17,7 @@ _FIRMWARES: Final[dict[str, type[ArduPilot | Bridge | Paparazzi | Px4]]] = {
 FIRMWARES: Final = tuple(_FIRMWARES)
 
 
-def routes(firmware: str) -> tuple[Route, ...]:
+def routes(firmware: str) -> tuple[CommandRoute, ...]:
     """The ways of commanding a firmware, the usual one first."""
     return tuple(_FIRMWARES[firmware].routes.values())
 

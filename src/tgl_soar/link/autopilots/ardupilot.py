@@ -19,7 +19,7 @@ from typing import ClassVar, Final
 
 from tgl_soar.geometry import quaternion_from_euler
 from tgl_soar.link.autopilots.base import (
-    Route,
+    CommandRoute,
     SensorMessages,
     SurfaceChannels,
     Wanted,
@@ -63,7 +63,7 @@ _RELEASE_FIRST: Final = 0
 _LEAVE_LATER: Final = 0
 _RELEASE_LATER: Final = 65534
 
-OVERRIDE: Final = Route(
+OVERRIDE: Final = CommandRoute(
     name="override",
     message="RC_CHANNELS_OVERRIDE",
     mode="MANUAL",
@@ -76,7 +76,7 @@ OVERRIDE: Final = Route(
     takeover="leave MANUAL, or the switch with RCx_OPTION = 46",
     releases=True,
 )
-ATTITUDE: Final = Route(
+ATTITUDE: Final = CommandRoute(
     name="attitude",
     message="SET_ATTITUDE_TARGET",
     mode="GUIDED",
@@ -152,7 +152,9 @@ class ArduPilot:
     """ArduPlane 4.x."""
 
     name: ClassVar[str] = "ardupilot"
-    routes: ClassVar[Mapping[str, Route]] = {route.name: route for route in (OVERRIDE, ATTITUDE)}
+    routes: ClassVar[Mapping[str, CommandRoute]] = {
+        route.name: route for route in (OVERRIDE, ATTITUDE)
+    }
     # SYSID_MYGCS up to 4.6; then a range, of which the upper end 0 stands for the lower.
     asked: ClassVar[tuple[str, ...]] = ("SYSID_MYGCS", "MAV_GCS_SYSID", "MAV_GCS_SYSID_HI")
     # RAW_IMU is stamped in microseconds, SCALED_IMU of the same numbers in milliseconds.  The
@@ -162,7 +164,9 @@ class ArduPilot:
         (ID_RAW_IMU, ID_SCALED_IMU), Wanted(ID_VFR_HUD, "VFR_HUD", 20.0), pitot_in_imu=False
     )
 
-    def __init__(self, channels: SurfaceChannels, system_id: int, route: Route = OVERRIDE) -> None:
+    def __init__(
+        self, channels: SurfaceChannels, system_id: int, route: CommandRoute = OVERRIDE
+    ) -> None:
         self.route = route
         self._channels = channels
         self._system_id = system_id

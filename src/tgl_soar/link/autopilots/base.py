@@ -61,7 +61,7 @@ class SensorMessages(NamedTuple):
     pitot_in_imu: bool  # HIGHRES_IMU.diff_pressure is that of a pitot tube
 
 
-class Route(NamedTuple):
+class CommandRoute(NamedTuple):
     """One way of commanding a firmware, in words and numbers for module and people."""
 
     name: str  # in the airframe file
@@ -74,14 +74,14 @@ class Route(NamedTuple):
     silence_s: float  # after so long without a command the firmware acts alone
     after_silence: str  # what it does then
     takeover: str  # how the pilot takes over
-    releases: bool  # there is a message that gives the surfaces back
+    releases: bool  # there is a message that hands the surfaces over
 
 
 class Flavour(Protocol):
     """One firmware, commanded by one route."""
 
     name: ClassVar[str]
-    route: Route
+    route: CommandRoute
     sensors: ClassVar[SensorMessages]
     asked: ClassVar[tuple[str, ...]]  # parameters that `refusal` looks at
 
@@ -99,15 +99,15 @@ class Flavour(Protocol):
         ...
 
     def release(self) -> tuple[Outbound, ...]:
-        """What gives the surfaces back; nothing where going silent or changing the mode does."""
+        """What hands the surfaces over; nothing where going silent or changing the mode does."""
         ...
 
     def ask_for_mode(self, custom_mode: int) -> CommandLong:
-        """A request for a mode, as its heartbeat tells it."""
+        """A request for a mode, as its heartbeat gives it."""
         ...
 
     def obeys(self, heartbeat: Heartbeat) -> bool:
-        """Whether our commands act in the mode that this heartbeat tells."""
+        """Whether our commands act in the mode of this heartbeat."""
         ...
 
     def deflections(self, servos: Sequence[int]) -> SurfaceCommand:
@@ -115,7 +115,7 @@ class Flavour(Protocol):
         ...
 
     def failsafe(self, heartbeat: Heartbeat) -> bool:
-        """Whether it says of itself that it is in a failsafe."""
+        """Whether it reports a failsafe."""
         ...
 
     def way_to_rate(self, rate_hz: float) -> str:

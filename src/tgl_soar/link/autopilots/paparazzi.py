@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 from typing import ClassVar, Final
 
 from tgl_soar.link.autopilots.base import (
-    Route,
+    CommandRoute,
     SensorMessages,
     SurfaceChannels,
     Wanted,
@@ -50,7 +50,7 @@ FULL_YAW_US: Final = 550
 THROTTLE_US: Final = 950  # no throttle
 _CHANNELS: Final = 18
 
-OVERRIDE: Final = Route(
+OVERRIDE: Final = CommandRoute(
     name="override",
     message="RC_CHANNELS_OVERRIDE",
     mode="MANUAL",
@@ -69,13 +69,15 @@ class Paparazzi:
     """Paparazzi's fixed-wing firmware."""
 
     name: ClassVar[str] = "paparazzi"
-    routes: ClassVar[Mapping[str, Route]] = {OVERRIDE.name: OVERRIDE}
+    routes: ClassVar[Mapping[str, CommandRoute]] = {OVERRIDE.name: OVERRIDE}
     asked: ClassVar[tuple[str, ...]] = ()
     sensors: ClassVar[SensorMessages] = SensorMessages(
         (), Wanted(ID_VFR_HUD, "VFR_HUD", 20.0), pitot_in_imu=False
     )
 
-    def __init__(self, channels: SurfaceChannels, system_id: int, route: Route = OVERRIDE) -> None:
+    def __init__(
+        self, channels: SurfaceChannels, system_id: int, route: CommandRoute = OVERRIDE
+    ) -> None:
         self.route = route
         self._channels = channels
         self._system_id = system_id

@@ -17,7 +17,7 @@ from typing import ClassVar, Final
 
 from tgl_soar.geometry import quaternion_from_euler
 from tgl_soar.link.autopilots.base import (
-    Route,
+    CommandRoute,
     SensorMessages,
     SurfaceChannels,
     Wanted,
@@ -62,7 +62,7 @@ MODE_MANUAL: Final = _custom(MAIN_MANUAL)
 MODE_OFFBOARD: Final = _custom(MAIN_OFFBOARD)
 MODE_STABILIZED: Final = _custom(MAIN_STABILIZED)
 
-ATTITUDE: Final = Route(
+ATTITUDE: Final = CommandRoute(
     name="attitude",
     message="SET_ATTITUDE_TARGET",
     mode="OFFBOARD",
@@ -75,7 +75,7 @@ ATTITUDE: Final = Route(
     takeover="the mode switch",
     releases=False,
 )
-MANUAL_CONTROL: Final = Route(
+MANUAL_CONTROL: Final = CommandRoute(
     name="manual_control",
     message="MANUAL_CONTROL",
     mode="MANUAL",
@@ -88,7 +88,7 @@ MANUAL_CONTROL: Final = Route(
     takeover="none by radio: its mode, arm and kill switches are ignored; a ground station's mode",
     releases=False,
 )
-ACTUATORS: Final = Route(
+ACTUATORS: Final = CommandRoute(
     name="actuators",
     message="SET_ACTUATOR_CONTROL_TARGET",
     mode="OFFBOARD",
@@ -190,7 +190,7 @@ class Px4:
     """PX4, fixed wing."""
 
     name: ClassVar[str] = "px4"
-    routes: ClassVar[Mapping[str, Route]] = {
+    routes: ClassVar[Mapping[str, CommandRoute]] = {
         route.name: route for route in (ATTITUDE, MANUAL_CONTROL, ACTUATORS)
     }
     asked: ClassVar[tuple[str, ...]] = ()
@@ -198,7 +198,9 @@ class Px4:
         (ID_HIGHRES_IMU,), Wanted(ID_VFR_HUD, "VFR_HUD", 20.0), pitot_in_imu=True
     )
 
-    def __init__(self, channels: SurfaceChannels, system_id: int, route: Route = ATTITUDE) -> None:
+    def __init__(
+        self, channels: SurfaceChannels, system_id: int, route: CommandRoute = ATTITUDE
+    ) -> None:
         self.route = route
         self._channels = channels
         self._system_id = system_id

@@ -21,7 +21,7 @@ BURST: Final = 4  # requests in one call: radios are slow, and drop what does no
 
 
 class Preflight:
-    """Reads and compares; `poll` says what to send, `findings` how it came out."""
+    """Reads and compares; `poll` returns what to send, `findings` the result."""
 
     def __init__(self, flavour: Flavour, needs: Needs, system_id: int) -> None:
         self.flavour = flavour

@@ -6,9 +6,9 @@ At each stop the autopilot's outputs (SERVO_OUTPUT_RAW) are read back: does the 
 channel move at all, to the pulse widths of the airframe file, about the file's trim, and do no
 others move with it?  Whether the surface itself goes the right way only a person can see.
 
-No socket and no clock here: messages and time are arguments.  Nothing is moved on an aircraft
-that is armed, unless that was asked for (PX4 drives no surface otherwise) and it stands still;
-and a propeller-less aircraft that stands still may be soaring, so a person must say that it is on
+No socket and no clock here: messages and time are arguments.  Nothing is moved on an aircraft that
+is armed, unless that was asked for (PX4 drives no surface otherwise) and it stands still; and a
+propeller-less aircraft that stands still may be soaring, so a person must confirm that it is on
 the ground.
 """
 
@@ -59,7 +59,7 @@ class Stop(NamedTuple):
 
 
 class Finding(NamedTuple):
-    """What the outputs say of one surface."""
+    """What the outputs show of one surface."""
 
     surface: str
     faults: tuple[str, ...]  # none: as in the airframe file
@@ -69,7 +69,7 @@ class Finding(NamedTuple):
 
 
 class SurfaceCheck:
-    """Where the check stands; `step` says what to send."""
+    """Where the check stands; `step` returns what to send."""
 
     def __init__(
         self,
@@ -80,7 +80,7 @@ class SurfaceCheck:
         *,
         armed_on_ground: bool = False,
     ) -> None:
-        """`deflection`: of full travel, 0 … 1.  `armed_on_ground`: a person says that it is."""
+        """`deflection`: of full travel, 0 … 1.  `armed_on_ground`: a person confirms it."""
         self.stops: list[Stop] = []
         self._channels = channels
         self._flavour = flavour
@@ -146,7 +146,7 @@ class SurfaceCheck:
 
     @property
     def _is_read_back(self) -> bool:
-        """Whether the outputs were heard of since the servo has had time to go there."""
+        """Whether the outputs were received since the servo has had time to go there."""
         return self._servos_s - self._since_s >= SETTLE_S
 
     def step(self, now_s: float) -> tuple[Outbound, ...]:
@@ -177,7 +177,7 @@ class SurfaceCheck:
         self._sent_s = float("-inf")
 
     def findings(self) -> list[Finding]:
-        """What the outputs say of each surface that has been at all stops."""
+        """What the outputs show of each surface that has been at all stops."""
         found = []
         for name, channel in zip(NAMES, self._channels, strict=True):
             stops = [stop for stop in self.stops if stop.surface == name]

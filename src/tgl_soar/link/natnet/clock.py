@@ -8,14 +8,14 @@ above; an echo was stamped after we asked, so it bounds it from below as well:
     asked - stamp <= offset <= arrival - stamp
 
 Together they are an interval.  The upper bound is the smallest of a window of frames (`ClockMap`),
-so that one wrong stamp is forgotten with the window; the lower one is the largest of all, less
+so that one wrong stamp is dropped with the window; the lower one is the largest of all, less
 `DRIFT` for every second since, as two quartzes run apart.  The offset is the middle of it and half
 its width is how wrong it can be.  Where nothing is echoed there is no lower bound: the offset is
 the upper one, which is wrong by the smallest delay on the way, and how much that is is not known.
 
-A stamp that does not fit the interval is odd and is not believed.  Several in a row that fit
-each other, over more than a moment of our own time, are a server that has begun anew with
-another clock: then all that was known is forgotten.
+A stamp that does not fit the interval is odd and is rejected.  Several in a row that fit
+each other, over more than a moment of our own time, are a server that has restarted with
+another clock: then the estimate is reset.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class ServerClock:
         self._upper.reset()
         self._low_s = -INF
         self._updated_s = NAN
-        self._forget_odd()
+        self._reset_odd()
 
     @property
     def _high_s(self) -> float:
@@ -85,11 +85,11 @@ class ServerClock:
         return 0.5 * (self._high_s - self._low_s)
 
     def stamped(self, stamp_s: float, arrival_s: float) -> bool:
-        """A frame was sent at `stamp_s` and has come; whether its stamp can be believed."""
+        """A frame was sent at `stamp_s` and has come; whether its stamp is accepted."""
         return self._take(stamp_s, -INF, arrival_s)
 
     def echoed(self, stamp_s: float, asked_s: float, arrival_s: float) -> bool:
-        """The server had our question at `stamp_s`; whether that can be believed."""
+        """The server had our question at `stamp_s`; whether that is accepted."""
         return arrival_s >= asked_s and self._take(stamp_s, asked_s - stamp_s, arrival_s)
 
     def _take(self, stamp_s: float, low_s: float, arrival_s: float) -> bool:
@@ -101,7 +101,7 @@ class ServerClock:
             self.reset()
             self.restarts += 1
             self._updated_s = arrival_s
-        self._forget_odd()
+        self._reset_odd()
         self._upper.observe(stamp_s, arrival_s)
         # The two may contradict each other by EARLY_S: then they touch.
         self._low_s = min(max(self._low_s, low_s), self._high_s)
@@ -127,6 +127,6 @@ class ServerClock:
         self._odd += 1
         return self._odd >= RESET_STAMPS and arrival_s - self._odd_from_s >= RESET_S
 
-    def _forget_odd(self) -> None:
+    def _reset_odd(self) -> None:
         self._odd = 0
         self._odd_s = self._odd_from_s = NAN

@@ -13,11 +13,11 @@ Every message begins with its number and the length of what follows (u16, u16). 
 
 Of all this a flight needs one body and the ticks.  From 4.1 on sections are stepped over by
 their size; before, they are walked, entry by entry where entries have no fixed length.  What
-does not fit is `Malformed`: no count and no size is believed beyond the bytes that are there,
+does not fit is `Malformed`: no count and no size is accepted beyond the bytes that are there,
 and no more than `MAX_STEPS` entries are walked.
 
 4.0 is disputed: the vendor's Python sample reads the precision time from 4.0 on and says in a
-comment that it came with 4.1; PyPI's `natnet` never reads it.  The length tells: with it 50 or
+comment that it came with 4.1; PyPI's `natnet` never reads it.  The length decides: with it 50 or
 54 bytes follow the sections, without it 42 or 46.
 
 Versions after 4.2 are read as 4.2, as new sections would have sizes to step over; servers are

@@ -15,7 +15,7 @@ class Row(NamedTuple):
     """One body."""
 
     id: int
-    name: str  # "": the server has not told it
+    name: str  # "": the server has not sent it
     tracked: bool  # in the last frame that had it
     tracked_share: float  # of the frames that had it
     rate_hz: float  # of the frames that had it; NaN: one only
@@ -24,7 +24,7 @@ class Row(NamedTuple):
     pose: RigidBody  # the last one
 
 
-class _Seen:
+class _BodyRecord:
     """What is known of one body."""
 
     def __init__(self, now_s: float) -> None:
@@ -38,34 +38,34 @@ class BodyListing:
     """Takes the bodies of each frame."""
 
     def __init__(self) -> None:
-        self._seen: dict[int, _Seen] = {}
+        self._bodies: dict[int, _BodyRecord] = {}
 
     def take(self, bodies: list[RigidBody], age_s: float, now_s: float) -> None:
         """One frame that has come now; how old it was."""
         for body in bodies:
-            seen = self._seen.setdefault(body.id, _Seen(now_s))
-            seen.frames += 1
-            seen.tracked += body.is_tracked
-            seen.last_s, seen.age_s, seen.pose = now_s, age_s, body
+            body_record = self._bodies.setdefault(body.id, _BodyRecord(now_s))
+            body_record.frames += 1
+            body_record.tracked += body.is_tracked
+            body_record.last_s, body_record.age_s, body_record.pose = now_s, age_s, body
 
     def rows(self, models: dict[str, int], now_s: float) -> list[Row]:
         """Every body that was in a frame, by its id, with its name among the definitions."""
         names = {number: name for name, number in models.items()}
         rows = []
-        for number, seen in sorted(self._seen.items()):
-            if seen.pose is None:
+        for number, body_record in sorted(self._bodies.items()):
+            if body_record.pose is None:
                 continue
-            over_s = seen.last_s - seen.first_s
+            over_s = body_record.last_s - body_record.first_s
             rows.append(
                 Row(
                     id=number,
                     name=names.get(number, ""),
-                    tracked=seen.pose.is_tracked,
-                    tracked_share=seen.tracked / seen.frames,
-                    rate_hz=(seen.frames - 1) / over_s if over_s > 0.0 else NAN,
-                    age_s=seen.age_s,
-                    seen_s=now_s - seen.last_s,
-                    pose=seen.pose,
+                    tracked=body_record.pose.is_tracked,
+                    tracked_share=body_record.tracked / body_record.frames,
+                    rate_hz=(body_record.frames - 1) / over_s if over_s > 0.0 else NAN,
+                    age_s=body_record.age_s,
+                    seen_s=now_s - body_record.last_s,
+                    pose=body_record.pose,
                 )
             )
         return rows

@@ -8,7 +8,7 @@ from tgl_soar.link.natnet import track
 from tgl_soar.link.natnet.layout import RigidBody
 from tgl_soar.link.natnet.ledger import OptitrackLedger
 from tgl_soar.link.natnet.settings import OptitrackSettings
-from tgl_soar.link.natnet.track import Track
+from tgl_soar.link.natnet.track import PoseTrack
 from tgl_soar.types import NAN, PositionFix, isfinite
 
 
@@ -20,7 +20,7 @@ class PoseFilter:
         self.latency_s = NAN  # from the exposure to now, of the last fix
         self._settings = settings
         self._counters, self._notices = ledger
-        self._track = Track(settings.max_speed_mps)
+        self._track = PoseTrack(settings.max_speed_mps)
         self._used_s = float("-inf")  # when the last fix was true
 
     @property
@@ -33,7 +33,7 @@ class PoseFilter:
 
     def reset(self) -> None:
         """The next pose is the first."""
-        self._track.forget()
+        self._track.reset()
         self._used_s = float("-inf")
 
     def fix_of(self, body: RigidBody, time_s: float, now_s: float) -> PositionFix | None:

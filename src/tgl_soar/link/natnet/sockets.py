@@ -83,7 +83,7 @@ class NatNetSockets:
         try:
             stream = self._joined(group, port)
         except NatNetError:
-            return  # the silence is told
+            return  # the silence is reported
         self._stream.close()
         self._stream = stream
 

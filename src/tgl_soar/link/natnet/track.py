@@ -3,7 +3,7 @@
     frozen   bit for bit the last pose: cameras always have noise
     jumped   farther from the last than flight leads: another body's id, another origin, a ghost
 
-After a jump nothing is believed until the pose is back near the last good one, or has held its
+After a jump no pose is accepted until the pose is back near the last good one, or has held its
 new place for `SETTLE_S`: then it is where the body is, whatever has happened.
 """
 
@@ -27,7 +27,7 @@ JUMPED: Final = 2
 SETTLING: Final = 3
 
 
-class Track:
+class PoseTrack:
     """One body's poses, one after another; times are those of the poses."""
 
     def __init__(self, max_speed_mps: float) -> None:
@@ -39,7 +39,7 @@ class Track:
         self._good_s = NAN
         self._settling_s = NAN  # since when the new place holds; NaN: there was no jump
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """The next pose is the first."""
         self._last = self._good = None
         self._settling_s = NAN
