@@ -126,7 +126,7 @@ class Vehicle:
                 name = request.param_id
                 self.asked[name] = self.asked.get(name, 0) + 1
                 if name in self.parameters and self.asked[name] > self._deaf:
-                    check.hear(
+                    check.take(
                         ParamValue(
                             param_id=name,
                             param_value=self.parameters[name],
@@ -179,7 +179,7 @@ def test_whose_overrides_it_takes(mine: float, high: float, refused: bool) -> No
 def test_whole_numbers_of_px4_are_read_as_their_bytes() -> None:
     check = check_of("px4")
     raw = struct.unpack("<f", struct.pack("<i", 11))[0]
-    check.hear(
+    check.take(
         ParamValue(
             param_id="EKF2_EV_CTRL",
             param_value=raw,
@@ -193,8 +193,8 @@ def test_whole_numbers_of_px4_are_read_as_their_bytes() -> None:
 
 def test_another_firmware_is_named() -> None:
     check = check_of()
-    assert not check.heard
-    check.hear(
+    assert not check.received
+    check.take(
         Heartbeat(
             type=1,
             autopilot=AUTOPILOT_PX4,
@@ -204,7 +204,7 @@ def test_another_firmware_is_named() -> None:
         )
     )
     assert "not an ArduPilot" in check.mismatch
-    check.hear(
+    check.take(
         Heartbeat(
             type=1,
             autopilot=AUTOPILOT_ARDUPILOT,
@@ -213,7 +213,7 @@ def test_another_firmware_is_named() -> None:
             system_status=3,
         )
     )
-    assert check.heard
+    assert check.received
     assert check.mismatch == ""
 
 

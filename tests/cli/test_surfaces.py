@@ -53,7 +53,7 @@ class Bench:
         self.hear_heartbeat()
 
     def hear_heartbeat(self) -> None:
-        self.check.hear(
+        self.check.take(
             Heartbeat(
                 type=1,
                 autopilot=3,
@@ -81,7 +81,7 @@ class Bench:
                 for output, channel in self.outputs.items():
                     pulse = self._pulses[channel] - 1500
                     servos[output - 1] = round(1500 + self.gain * pulse + self.offset_us)
-                self.check.hear(ServoOutputRaw(0, 0, tuple(servos)), self.now_s)
+                self.check.take(ServoOutputRaw(0, 0, tuple(servos)), self.now_s)
             if self.check.held(self.now_s):
                 sights.append(self.check.sight)
                 self.check.move_on()
@@ -166,11 +166,11 @@ def test_armed_and_held_on_the_ground_by_somebody_it_must_stand_still() -> None:
     bench.base_mode |= MODE_FLAG_ARMED
     bench.hear_heartbeat()
     assert "moves at nan" in bench.check.refusal(bench.now_s)  # not known
-    bench.check.hear(
+    bench.check.take(
         LocalPositionNed(time_boot_ms=0, x=0, y=0, z=0, vx=2.0, vy=0.0, vz=0.5), bench.now_s
     )
     assert "moves at 2.1 m/s" in bench.check.refusal(bench.now_s)
-    bench.check.hear(
+    bench.check.take(
         LocalPositionNed(time_boot_ms=0, x=0, y=0, z=0, vx=0.1, vy=0.0, vz=0.0), bench.now_s
     )
     assert len(bench.run()) == 3 * len(STOPS)

@@ -84,7 +84,7 @@ def test_engaging_must_name_us_and_letting_go_need_not(
 def test_an_engagement_is_in_progress_until_the_aircraft_is_on_its_line() -> None:
     commands = server()
     answer = commands.handle(STATION, command(ENGAGE), 10.0)
-    assert (answer.said, answer.wish) == ([], ENGAGE)  # the entry checks come first
+    assert (answer.outbound, answer.wish) == ([], ENGAGE)  # the entry checks come first
     assert flying(commands) == [IN_PROGRESS]
     assert commands.poll(10.9) == []
     assert commands.poll(11.0) == [
@@ -128,13 +128,17 @@ def test_an_engagement_that_ends_before_its_line_failed_or_was_cancelled(
 def test_what_holds_an_engagement_back_is_told() -> None:
     commands = server()
     answer = commands.handle(STATION, command(ENGAGE), 10.0, held_back="aborted")
-    assert (results(answer.said), answer.wish, answer.reason) == ([REJECTED], NOTHING, "aborted")
+    assert (results(answer.outbound), answer.wish, answer.reason) == (
+        [REJECTED],
+        NOTHING,
+        "aborted",
+    )
 
 
 @pytest.mark.parametrize("number", [ENGAGE, RELEASE, ABORT])
 def test_a_stranger_is_denied(number: int) -> None:
     answer = server().handle(STATION, command(number), 10.0, forbidden="not an operator")
-    assert (results(answer.said), answer.wish) == ([DENIED], NOTHING)
+    assert (results(answer.outbound), answer.wish) == ([DENIED], NOTHING)
     assert answer.reason == "not an operator"
 
 
@@ -145,14 +149,14 @@ def test_a_repeated_command_is_answered_the_same_and_not_done_twice() -> None:
     commands = server()
     assert commands.handle(STATION, command(ENGAGE), 10.0).wish == ENGAGE
     again = commands.handle(STATION, command(ENGAGE, confirmation=1), 11.0)
-    assert (results(again.said), again.wish) == ([IN_PROGRESS], NOTHING)
+    assert (results(again.outbound), again.wish) == ([IN_PROGRESS], NOTHING)
     flying(commands, settled=True)
     assert commands.handle(STATION, command(RELEASE), 12.0).wish == RELEASE
     # This one was on its way for long: it must not engage what was released since.
     late = commands.handle(STATION, command(ENGAGE, confirmation=2), 13.0)
-    assert (results(late.said), late.wish) == ([ACCEPTED], NOTHING)
+    assert (results(late.outbound), late.wish) == ([ACCEPTED], NOTHING)
     released = commands.handle(STATION, command(RELEASE, confirmation=1), 13.0)
-    assert (results(released.said), released.wish) == ([ACCEPTED], NOTHING)
+    assert (results(released.outbound), released.wish) == ([ACCEPTED], NOTHING)
 
 
 def test_a_repetition_whose_first_was_lost_is_done() -> None:
@@ -185,7 +189,7 @@ def test_refused_strangers_crowd_out_no_memory() -> None:
     for system in range(20):
         stranger = Source(system, 7)
         answer = commands.handle(stranger, command(ABORT), 11.0 + system, forbidden="no")
-        assert results(answer.said) == [DENIED]
+        assert results(answer.outbound) == [DENIED]
     late = commands.handle(STATION, command(ENGAGE, confirmation=1), 19.0)
     assert late.wish == NOTHING  # a late repetition must not undo the release
 
@@ -193,8 +197,8 @@ def test_refused_strangers_crowd_out_no_memory() -> None:
 def test_strangers_set_no_rates() -> None:
     commands = server()
     answer = commands.handle(STATION, command(511, 251.0, -1.0), 0.0, forbidden="not an operator")
-    assert (results(answer.said), answer.reason) == ([DENIED], "not an operator")
-    _, interval = commands.handle(STATION, command(510, 251.0), 0.0, forbidden="no").said
+    assert (results(answer.outbound), answer.reason) == ([DENIED], "not an operator")
+    _, interval = commands.handle(STATION, command(510, 251.0), 0.0, forbidden="no").outbound
     assert interval == MessageInterval(251, 200_000)  # reading is free
 
 
@@ -203,8 +207,8 @@ def test_a_flood_is_answered_in_bounds_and_keeps_nobody_from_letting_go() -> Non
     answers = 0
     for i in range(4000):
         now_s = i / 2000
-        answers += len(commands.handle(STATION, command(400), now_s).said)
-        answers += len(commands.handle(OTHER, command(ENGAGE), now_s, forbidden="no").said)
+        answers += len(commands.handle(STATION, command(400), now_s).outbound)
+        answers += len(commands.handle(OTHER, command(ENGAGE), now_s, forbidden="no").outbound)
     assert answers <= 20 + 2 * 20 + 1
     assert commands.handle(STATION, command(RELEASE), 2.0).wish == RELEASE
     assert commands.handle(STATION, command(ABORT), 2.0).wish == ABORT
@@ -216,14 +220,14 @@ def test_a_flood_is_answered_in_bounds_and_keeps_nobody_from_letting_go() -> Non
 
 def test_messages_are_sent_on_request() -> None:
     commands = server()
-    ack, version = commands.handle(STATION, command(512, 148.0), 0.0).said
+    ack, version = commands.handle(STATION, command(512, 148.0), 0.0).outbound
     assert isinstance(version, AutopilotVersion)
     assert version.flight_sw_version == 1 << 24 | 2 << 16 | 3 << 8
-    ack, value = commands.handle(STATION, command(512, 251.0), 0.0).said
+    ack, value = commands.handle(STATION, command(512, 251.0), 0.0).outbound
     assert isinstance(value, NamedValueFloat)
-    ack, interval = commands.handle(STATION, command(512, 244.0, 251.0), 0.0).said
+    ack, interval = commands.handle(STATION, command(512, 244.0, 251.0), 0.0).outbound
     assert interval == MessageInterval(251, 200_000)
-    ack, interval = commands.handle(STATION, command(510, 30.0), 0.0).said
+    ack, interval = commands.handle(STATION, command(510, 30.0), 0.0).outbound
     assert interval == MessageInterval(30, 0)
     assert results([ack]) == [ACCEPTED]
 
@@ -243,16 +247,18 @@ def test_the_rate_of_our_own_telemetry_can_be_set(
     interval_us: float, result: int, then: int
 ) -> None:
     commands = server()
-    assert results(commands.handle(STATION, command(511, 251.0, interval_us), 0.0).said) == [result]
-    _, interval = commands.handle(STATION, command(510, 251.0), 0.0).said
+    assert results(commands.handle(STATION, command(511, 251.0, interval_us), 0.0).outbound) == [
+        result
+    ]
+    _, interval = commands.handle(STATION, command(510, 251.0), 0.0).outbound
     assert interval == MessageInterval(251, then)
 
 
 @pytest.mark.parametrize("params", [(30.0,), (nan,), (-1.0,), (1e9,), (250.5,)])
 def test_what_we_do_not_send_cannot_be_asked_for(params: tuple[float, ...]) -> None:
     commands = server()
-    assert results(commands.handle(STATION, command(512, *params), 0.0).said) == [DENIED]
-    assert results(commands.handle(STATION, command(511, *params, 1e6), 0.0).said) == [DENIED]
+    assert results(commands.handle(STATION, command(512, *params), 0.0).outbound) == [DENIED]
+    assert results(commands.handle(STATION, command(511, *params, 1e6), 0.0).outbound) == [DENIED]
 
 
 @given(
@@ -268,11 +274,11 @@ def test_whatever_is_commanded_gets_one_answer_at_most(
     if whole:
         message = CommandInt(*OWN, number, tuple(params[:4]))  # type: ignore[arg-type]
     answer = server().handle(STATION, message, 0.0)
-    assert len(results(answer.said)) == (number != ENGAGE)
+    assert len(results(answer.outbound)) == (number != ENGAGE)
     if number not in (ENGAGE, RELEASE, ABORT):
         assert answer.wish == NOTHING
     if not 510 <= number <= 520 and answer.wish == NOTHING:
-        assert results(answer.said) == [UNSUPPORTED]
+        assert results(answer.outbound) == [UNSUPPORTED]
 
 
 # --- the pilot's switch -----------------------------------------------------------------------
@@ -324,18 +330,18 @@ def test_no_channel_and_no_pulse_is_no_switch() -> None:
 
 def test_a_switch_that_is_not_heard_says_why() -> None:
     switch = PilotSwitch()
-    assert switch.unheard(0.0, 0) == ""  # there is none
-    assert "no RC_CHANNELS" in switch.unheard(0.0, 8)
+    assert switch.missing(0.0, 0) == ""  # there is none
+    assert "no RC_CHANNELS" in switch.missing(0.0, 8)
     take(switch, MIDDLE, 0.0)
-    assert switch.unheard(SILENCE_S, 8) == ""
-    assert "no RC_CHANNELS" in switch.unheard(SILENCE_S + 0.1, 8)
-    assert "no RC_CHANNELS" in switch.unheard(0.1, 7)  # another channel was looked at
+    assert switch.missing(SILENCE_S, 8) == ""
+    assert "no RC_CHANNELS" in switch.missing(SILENCE_S + 0.1, 8)
+    assert "no RC_CHANNELS" in switch.missing(0.1, 7)  # another channel was looked at
     for pulse_us in (GONE, 0):
         take(switch, pulse_us, 5.0)
-        assert f"no pulses on its channel: {pulse_us} us" in switch.unheard(5.0, 8)
+        assert f"no pulses on its channel: {pulse_us} us" in switch.missing(5.0, 8)
     few = RcChannels(4, (1500,) * 18)
     assert switch.take(few, 10.0, 8, ON_US, OFF_US) == NOTHING
-    assert "RC_CHANNELS have 4 channels (OP_RC_CHAN = 8)" in switch.unheard(10.0, 8)
+    assert "RC_CHANNELS have 4 channels (OP_RC_CHAN = 8)" in switch.missing(10.0, 8)
 
 
 @given(st.lists(st.sampled_from((LOW, MIDDLE, HIGH, GONE, 0)), max_size=60))

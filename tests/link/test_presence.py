@@ -41,21 +41,21 @@ def test_a_duplicate_is_told_from_our_own_echo() -> None:
     assert ours.is_alone(0.0)
     for mode in range(len(STATES)):
         ours.mode = mode  # an echo may be old: of another mode than ours is now
-        assert not Presence(7).hear(ours.heartbeat(), 1.0)
+        assert not Presence(7).take(ours.heartbeat(), 1.0)
         theirs.mode = mode
-        assert ours.hear(theirs.heartbeat(), 1.0)
+        assert ours.take(theirs.heartbeat(), 1.0)
         assert ours.duplicate_is_engaged == supervisor.is_flying(mode)
     assert frozenset(filter(supervisor.is_flying, range(len(STATES)))) == _ENGAGED
     assert not ours.is_alone(1.0 + ALONE_S)
     assert ours.is_alone(1.1 + ALONE_S)
-    ours.hear(theirs.heartbeat(), 1.0)
+    ours.take(theirs.heartbeat(), 1.0)
     ours.rebase()
     assert ours.is_alone(1.0)
 
 
 def test_a_module_that_tells_no_mode_is_a_duplicate_too() -> None:
     ours = Presence(7)
-    assert ours.hear(
+    assert ours.take(
         Heartbeat(type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4), 1.0
     )
     assert not ours.duplicate_is_engaged

@@ -108,7 +108,7 @@ def test_only_the_vehicle_s_own_autopilot_is_believed() -> None:
     hear(talk, MANUAL, 1.0, Source(1, 190))
     hear(talk, Heartbeat(type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4), 1.0)
     hear(talk, Heartbeat(type=6, autopilot=3, base_mode=81, custom_mode=0, system_status=4), 1.0)
-    assert not talk.is_heard
+    assert not talk.has_heartbeat
     hear(talk, attitude(1), 1.0, Source(2, 1))
     hear(talk, position(1), 1.0, Source(2, 1))
     assert talk.attitude.sequence == talk.position.sequence == 0

@@ -499,10 +499,10 @@ def test_with_a_key_only_the_signed_are_heard() -> None:
 def test_with_a_key_an_unsigned_autopilot_is_not_believed_unless_that_was_allowed() -> None:
     flight = signed_flight(unsigned_autopilot=False)
     flight.run(1.0)
-    assert not flight.onboard.session.is_heard
+    assert not flight.onboard.session.has_heartbeat
     sign(flight._vehicle, flight)
     flight.run(1.0)
-    assert flight.onboard.session.is_heard
+    assert flight.onboard.session.has_heartbeat
 
 
 def setup_signing(flight: Flight, key: bytes, ticks: int = 10**13) -> None:

@@ -75,9 +75,9 @@ def _read(check: Preflight, conversation: Conversation, timeout_s: float) -> Non
     begun_s = time.monotonic()
     while True:
         for message in conversation.turn():
-            check.hear(message)
+            check.take(message)
         now_s = time.monotonic()
-        if not check.heard:
+        if not check.received:
             if now_s - begun_s > timeout_s:
                 raise LinkError(
                     f"no heartbeat of autopilot {conversation.autopilot.system}"

@@ -163,7 +163,7 @@ class _Bench:
 
     def _turn(self) -> None:
         for message in self._conversation.turn(self._requests):
-            self._check.hear(message, time.monotonic())
+            self._check.take(message, time.monotonic())
 
 
 def _rate_request(autopilot: Source, message_id: int) -> CommandLong:

@@ -64,10 +64,10 @@ UNKNOWN_PROGRESS: Final = 255
 Command: TypeAlias = CommandLong | CommandInt
 
 
-class Answer(NamedTuple):
+class CommandAnswer(NamedTuple):
     """What a command leads to."""
 
-    said: list[Outbound]  # to the station that sent it
+    outbound: list[Outbound]  # to the station that sent it
     wish: int = NOTHING  # ENGAGE, RELEASE or ABORT: to be done now
     reason: str = ""  # of a refusal, for the operator
 
@@ -140,7 +140,7 @@ class CommandServer:
         *,
         forbidden: str = "",
         held_back: str = "",
-    ) -> Answer:
+    ) -> CommandAnswer:
         """What a command for us leads to.
 
         `forbidden`: why this sender may not command at all; `held_back`: why nobody can engage
@@ -152,15 +152,15 @@ class CommandServer:
         confirmation = message.confirmation if isinstance(message, CommandLong) else 0
         if before is not None and confirmation > 0 and now_s - before.time_s <= REPEAT_S:
             self.counters.repeated += 1
-            return Answer([_ack(source, number, before.result)])
+            return CommandAnswer([_ack(source, number, before.result)])
         flies = number in (ENGAGE, RELEASE, ABORT)
         if (forbidden or not flies) and not self.may_answer(now_s):
             self.counters.unanswered += 1
-            return Answer([])
+            return CommandAnswer([])
         if forbidden and (flies or number == COMMAND_SET_MESSAGE_INTERVAL):
             # Not remembered: strangers must not crowd out what operators have asked for.
             self.counters.refused += 1
-            return Answer([_ack(source, number, RESULT_DENIED)], NOTHING, forbidden)
+            return CommandAnswer([_ack(source, number, RESULT_DENIED)], NOTHING, forbidden)
         if not flies:
             return self._asked(source, message)
         wish, result, reason = number, RESULT_ACCEPTED, ""
@@ -174,7 +174,7 @@ class CommandServer:
         outbound: list[Outbound] = (
             [] if result == RESULT_IN_PROGRESS else [_ack(source, number, result)]
         )
-        return Answer(outbound, wish, reason)
+        return CommandAnswer(outbound, wish, reason)
 
     def engagement(self, *, flying: bool, settled: bool, withdrawn: bool) -> list[CommandAck]:
         """The module's mode has changed: the answers to those who asked it to engage.
@@ -225,7 +225,7 @@ class CommandServer:
         self._answers = ANSWERS_AT_ONCE
         self._answered_s = float("-inf")
 
-    def _asked(self, source: Source, message: Command) -> Answer:
+    def _asked(self, source: Source, message: Command) -> CommandAnswer:
         """Messages by number: nothing that flies depends on them, so anybody may ask for one;
         how often all stations get it is the operators' choice."""
         number, (one, two) = message.command, message.params[:2]
@@ -244,7 +244,7 @@ class CommandServer:
         else:
             self.counters.unsupported += 1
             result = RESULT_UNSUPPORTED
-        return Answer([_ack(source, number, result), *outbound])
+        return CommandAnswer([_ack(source, number, result), *outbound])
 
     def _request(self, one: float, two: float, outbound: list[Outbound]) -> int:
         number = _whole(one)

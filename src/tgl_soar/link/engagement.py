@@ -46,7 +46,7 @@ class PilotSwitch:
         """Whether the pilot held the module back when the channel was received last."""
         return self._low
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """The clock was changed, or there is no switch."""
         self._low = self._primed = False
         self._pulse_s = self._received_s = float("-inf")
@@ -55,7 +55,7 @@ class PilotSwitch:
         """For how long no pulse was received."""
         return now_s - self._pulse_s
 
-    def unheard(self, now_s: float, channel: int) -> str:
+    def missing(self, now_s: float, channel: int) -> str:
         """Why the switch on a channel cannot be read; "" if it can, or if there is none (0)."""
         if channel == 0 or (channel == self._channel and self.silence_s(now_s) <= SILENCE_S):
             return ""
@@ -71,7 +71,7 @@ class PilotSwitch:
         """What the pilot wants by a new state of all channels: ENGAGE, RELEASE or NOTHING."""
         if channel != self._channel:
             self._channel = channel
-            self.forget()
+            self.reset()
         self._received_s, self._count = now_s, min(message.chancount, len(message.channels))
         if not 1 <= channel <= self._count:
             return NOTHING

@@ -52,7 +52,7 @@ class ParameterReading:
         for name in names:
             self._waiting[name] = (0, NEVER)
 
-    def heard(self, message: ParamValue) -> bool:
+    def take(self, message: ParamValue) -> bool:
         """Take in a parameter of the autopilot; whether it is one of these."""
         if message.param_id not in self._names:
             return False
@@ -106,9 +106,9 @@ class SetupInquiry:
         self._reading.restart()
         self._due_s = NEVER
 
-    def heard(self, message: ParamValue) -> None:
+    def take(self, message: ParamValue) -> None:
         """A parameter of the autopilot."""
-        self._reading.heard(message)
+        self._reading.take(message)
 
     def poll(self, now_s: float) -> tuple[list[Outbound], list[str]]:
         """The requests that are due, and new complaints: each once."""

@@ -75,7 +75,7 @@ class Presence:
             system_status=STATES[self.mode],
         )
 
-    def hear(self, beat: Heartbeat, now_s: float) -> bool:
+    def take(self, beat: Heartbeat, now_s: float) -> bool:
         """A heartbeat in our name; whether it is a duplicate's."""
         start, mode = beat.custom_mode >> MODE_BITS, beat.custom_mode % 2**MODE_BITS
         if start == self._start:

@@ -106,7 +106,7 @@ class Route:
         if self.number != 0:
             self.tries_left = min(TRIES, self.tries_left + TRIES)
 
-    def heard(self, source: Source) -> None:
+    def received(self, source: Source) -> None:
         """A frame of this sender has come on this link."""
         if source is self._last_sender:
             return
@@ -118,7 +118,7 @@ class Route:
         """Whether a sender is reached by this link."""
         return source in self._senders
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Another peer is at the far end, or the same one again."""
         self.decoder.reset()
         self.greeted = False

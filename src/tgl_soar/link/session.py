@@ -163,7 +163,7 @@ class Session:
         return self.sources.position
 
     @property
-    def is_heard(self) -> bool:
+    def has_heartbeat(self) -> bool:
         """Whether the autopilot has ever sent a heartbeat."""
         return self.vehicle.is_known
 
@@ -187,7 +187,7 @@ class Session:
     def poll(self, now_s: float) -> list[Outbound]:
         """What is due: questions to the autopilot, at most one request for a stream."""
         outbound: list[Outbound] = []
-        if self.is_heard:
+        if self.has_heartbeat:
             outbound.extend(self.streams.poll(now_s))
             question = None if self._lockstep else self.round_trip.poll(now_s)
             if question is not None:
@@ -250,7 +250,7 @@ class Session:
         elif isinstance(message, Heartbeat):
             self.vehicle.on_heartbeat(message, now_s)
         elif isinstance(message, ParamValue):
-            self.inquiry.heard(message)
+            self.inquiry.take(message)
         elif isinstance(message, CommandAck):
             self._on_ack(message, now_s)
         elif isinstance(message, VisionPositionEstimate):

@@ -84,7 +84,7 @@ class StreamRequests:
         """A stream that was asked for."""
         return self._streams.get(message_id)
 
-    def heard(self, message_id: int) -> None:
+    def received(self, message_id: int) -> None:
         """One message has come."""
         stream = self._streams.get(message_id)
         if stream is not None:

@@ -71,7 +71,11 @@ def run(
         links.read_others(ready, now_s)
         if watch.is_silent(onboard.session.counters.heartbeats, now_s):
             say(_why_silent(onboard, first))
-        if timeout_s is not None and now_s - began_s > timeout_s and not onboard.session.is_heard:
+        if (
+            timeout_s is not None
+            and now_s - began_s > timeout_s
+            and not onboard.session.has_heartbeat
+        ):
             say(f"no autopilot on {first.name} within {timeout_s:g} s: giving up")
             return False
     return True
@@ -190,7 +194,7 @@ def _why_silent(onboard: Onboard, transport: Transport) -> str:
     """What to look at when no autopilot answers."""
     system = onboard.session.autopilot.system
     wanted = f"no heartbeat of system {system}, component 1 on {transport.name}"
-    if onboard.session.is_heard:
+    if onboard.session.has_heartbeat:
         return f"{wanted} for {COMPLAIN_S:g} s: it has stopped, or the link is cut"
     heard = sorted(onboard.session.senders)
     if heard:

@@ -309,7 +309,7 @@ class Onboard:
 
     def relinked(self, link: int = 0) -> None:
         """Somebody else, or the same one anew, is at the far end of a link."""
-        self._routes[link].forget()
+        self._routes[link].reset()
 
     # --- event --------------------------------------------------------------------------------
 
@@ -332,7 +332,7 @@ class Onboard:
             self._piece = data if len(data) <= PIECE_BYTES else b""
         messages = route.take(data)
         for received in messages:
-            route.heard(received.source)
+            route.received(received.source)
             route.match_version()
             if not route.greeted:
                 self._greet(route)
@@ -414,7 +414,7 @@ class Onboard:
     def _meet_duplicate(self, message: Heartbeat, now_s: float) -> None:
         """Another module with our identity: which of the two may be engaged (`presence`)."""
         presence = self.session.presence
-        if not presence.hear(message, now_s):
+        if not presence.take(message, now_s):
             return
         own = self._setup.own
         who = f"another module is system {own.system}, component {own.component}, too"
@@ -505,7 +505,7 @@ class Onboard:
             return "it has failed: start it again"
         if not self._active and not self.session.presence.is_alone(now_s):
             return f"another module has our identity: {IDENTITY_REMEDY}"
-        unheard = self.engagement.switch.unheard(now_s, int(self._values["OP_RC_CHAN"]))
+        unheard = self.engagement.switch.missing(now_s, int(self._values["OP_RC_CHAN"]))
         if unheard:
             return f"the pilot's switch: {unheard}"
         return self.engagement.held_back() or self._unfit()
@@ -528,7 +528,7 @@ class Onboard:
         answer = commands.handle(
             source, message, now_s, forbidden=self._forbidden(source), held_back=held_back
         )
-        self._say_all(answer.said, route)
+        self._say_all(answer.outbound, route)
         if answer.reason and not 0.0 <= now_s - self._refused_s < REFUSALS_S:
             self._refused_s = now_s
             self.tell(SEVERITY_WARNING, f"command refused: {answer.reason}")
@@ -548,7 +548,7 @@ class Onboard:
 
     def _take_pilot_switch(self, message: RcChannels, now_s: float) -> None:
         values = self._values
-        self.session.streams.heard(ID_RC_CHANNELS)
+        self.session.streams.received(ID_RC_CHANNELS)
         switch = self.engagement.switch
         was_low = switch.is_low
         wish = switch.take(
@@ -564,7 +564,7 @@ class Onboard:
     def _watch_pilot_switch(self, now_s: float) -> None:
         """One that has fallen silent in flight: told, and after a while the engagement ends."""
         switch = self.engagement.switch
-        unheard = switch.unheard(now_s, int(self._values["OP_RC_CHAN"])) if self._engage else ""
+        unheard = switch.missing(now_s, int(self._values["OP_RC_CHAN"])) if self._engage else ""
         if unheard and switch.silence_s(now_s) > GONE_S:
             self.tell(SEVERITY_ERROR, f"disengaged: the pilot's switch is silent: {unheard}")
             self._disengage()
@@ -628,7 +628,7 @@ class Onboard:
         if self._values["OP_RC_CHAN"] > 0.0:
             self.session.streams.want(ID_RC_CHANNELS, "RC_CHANNELS", PILOT_SWITCH_HZ, urgent=True)
         else:
-            self.engagement.switch.forget()
+            self.engagement.switch.reset()
 
     # --- periodic -----------------------------------------------------------------------------
 
@@ -732,7 +732,7 @@ class Onboard:
         self.parameters.rebase()
         self.telemetry.rebase()
         self.commands.rebase()
-        self.engagement.switch.forget()
+        self.engagement.switch.reset()
         self._loss_due_s = self._engaged_s = now_s
         for route in self._routes:
             route.own.restart()
@@ -867,7 +867,7 @@ class Onboard:
                 self.tell(SEVERITY_WARNING, text)
         for text in self._recorder.poll():
             self.tell(SEVERITY_WARNING, text)
-        if self._first_words and session.is_heard:
+        if self._first_words and session.has_heartbeat:
             for severity, text in self._first_words:
                 self._say_words(severity, text)
             self._first_words.clear()

@@ -36,15 +36,15 @@ class Preflight:
         """What has answered so far."""
         return self._reading.answers
 
-    def hear(self, message: object) -> None:
+    def take(self, message: object) -> None:
         """Take in one message of the autopilot."""
         if isinstance(message, Heartbeat):
             self._heartbeat = message
         elif isinstance(message, ParamValue):
-            self._reading.heard(message)
+            self._reading.take(message)
 
     @property
-    def heard(self) -> bool:
+    def received(self) -> bool:
         """Whether there is an autopilot."""
         return self._heartbeat is not None
 

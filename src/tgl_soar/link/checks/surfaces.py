@@ -97,7 +97,7 @@ class SurfaceCheck:
         self._since_s = float("nan")  # when this stop began
         self._sent_s = float("-inf")
 
-    def hear(self, message: object, now_s: float) -> None:
+    def take(self, message: object, now_s: float) -> None:
         """Take in one message of the autopilot."""
         if isinstance(message, Heartbeat):
             self._heartbeat, self._heartbeat_s = message, now_s

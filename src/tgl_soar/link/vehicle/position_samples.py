@@ -64,7 +64,7 @@ class PositionSamples:
 
     def on_local_position(self, m: LocalPositionNed, now_s: float) -> None:
         """Offer a position of the autopilot's estimator."""
-        self._streams.heard(ID_LOCAL_POSITION_NED)
+        self._streams.received(ID_LOCAL_POSITION_NED)
         if not (isfinite(m.x) and isfinite(m.y) and isfinite(m.z)):
             self._counters.not_finite += 1
             return
@@ -74,7 +74,7 @@ class PositionSamples:
 
     def on_global_position(self, m: GlobalPositionInt, now_s: float) -> None:
         """Offer a position by latitude and longitude, if there is a home."""
-        self._streams.heard(ID_GLOBAL_POSITION_INT)
+        self._streams.received(ID_GLOBAL_POSITION_INT)
         times = self._times.of_milliseconds(ID_GLOBAL_POSITION_INT, m.time_boot_ms, now_s)
         if times is None or self._plane is None:
             return
@@ -110,7 +110,7 @@ class PositionSamples:
 
         LOCAL_FRD is the hall's frame: NED by agreement.
         """
-        self._streams.heard(ID_ODOMETRY)
+        self._streams.received(ID_ODOMETRY)
         in_body = m.child_frame_id in _BODY_FRAMES
         if m.frame_id not in _LOCAL_FRAMES or not (in_body or m.child_frame_id in _LOCAL_FRAMES):
             if self._counters.wrong_frame == 0:

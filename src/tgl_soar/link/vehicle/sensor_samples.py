@@ -92,7 +92,7 @@ class SensorSamples:
 
     def on_attitude_quaternion(self, m: AttitudeQuaternion, now_s: float) -> None:
         """Use an attitude."""
-        self._streams.heard(ID_ATTITUDE_QUATERNION)
+        self._streams.received(ID_ATTITUDE_QUATERNION)
         if not (isfinite(m.q1) and isfinite(m.q2) and isfinite(m.q3) and isfinite(m.q4)):
             self._counters.not_finite += 1
             return
@@ -121,7 +121,7 @@ class SensorSamples:
         else:
             message_id = ID_HIGHRES_IMU
             times = self._times.of_microseconds(ID_HIGHRES_IMU, m.time_usec, now_s)
-        self._streams.heard(message_id)
+        self._streams.received(message_id)
         if times is None:
             return
         if isinstance(m, HighresImu) and self._flavour.sensors.pitot_in_imu:
@@ -145,7 +145,7 @@ class SensorSamples:
 
     def on_hud(self, m: VfrHud, now_s: float) -> None:
         """Use an airspeed.  It has no stamp; without a pitot tube it is an estimate: not used."""
-        self._streams.heard(ID_VFR_HUD)
+        self._streams.received(ID_VFR_HUD)
         if self._has_pitot:
             measured = airspeed_of_hud(m)
             self._counters.no_measurement += measured is None
@@ -153,13 +153,13 @@ class SensorSamples:
 
     def on_sys_status(self, m: SysStatus) -> None:
         """Whether there is a pitot tube, and in good health."""
-        self._streams.heard(ID_SYS_STATUS)
+        self._streams.received(ID_SYS_STATUS)
         healthy = m.sensors_present & m.sensors_health
         self._has_pitot = healthy & SENSOR_DIFFERENTIAL_PRESSURE != 0
 
     def on_servos(self, m: ServoOutputRaw, now_s: float) -> None:
         """Use the outputs of the first port."""
-        self._streams.heard(ID_SERVO_OUTPUT_RAW)
+        self._streams.received(ID_SERVO_OUTPUT_RAW)
         if m.port != 0:
             return
         times = self._times.of_microseconds(

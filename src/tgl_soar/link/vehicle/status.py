@@ -35,7 +35,7 @@ class VehicleStatus:
         if message.autopilot == AUTOPILOT_INVALID or message.type == TYPE_GCS:
             return
         self._counters.heartbeats += 1
-        self._streams.heard(ID_HEARTBEAT)
+        self._streams.received(ID_HEARTBEAT)
         self.custom_mode = message.custom_mode
         mismatch = self._flavour.mismatch(message)
         if mismatch != self.mismatch:
