@@ -1,6 +1,6 @@
 """The air at the aircraft: airspeed, angle of attack, wind and updraft.
 
-What an accelerometer at the centre of gravity feels is the air's force on the airframe, and
+What an accelerometer at the centre of gravity measures is the air's force on the airframe, and
 that depends on the velocity through the air alone: (u, w) along the body's x and z axes,
 V² = u² + w², alpha = atan2(w, u), k = ρ S / 2m,
 
@@ -14,18 +14,18 @@ rotation from FRD, v the velocity over the ground and W the wind, both in the so
 
     (u, ·, w) = Rᵀ (W_x − v_x,  v_y,  W_z − v_z)          the cross wind is taken as none
 
-A Kalman filter holds W = (W_x, W_z), which wanders: dW² = 2 q² dt.  Each measurement corrects
+A Kalman filter estimates W = (W_x, W_z), a random walk: dW² = 2 q² dt.  Each measurement corrects
 it where there is a new sample, so that every sensor may be missing or late:
 
     without a pitot the two forces alone give u and w, but near the stall the force's direction
     hardly changes with alpha any more, and then the elevator that holds it there tells more;
-    beyond the stall the force is rough, and believed as far as the flow is attached;
+    beyond the stall the force is rough, and weighs as much as the flow is attached;
     without accelerometers the force is that of steady flight, −Rᵀ g, give or take what
     turbulence of a few per cent does (UNSTEADY_…).
 
-Constant errors are not estimated, there is nothing to see them by, but considered (Schmidt's
+Constant errors are not estimated (they cannot be observed) but considered (Schmidt's
 filter): the covariance of what is not known of W with each of them is carried along, so that
-no sensor is believed further than its bias allows, and the standard deviations count them.
+no sensor weighs more than its bias allows, and the standard deviations count them.
 
     b_n   of the normal force      the lift curve
     b_a   of the axial force       the drag, and g δ
@@ -91,7 +91,7 @@ class WindParams(NamedTuple):
     """Parameters of the estimator."""
 
     aerodynamics: Aerodynamics
-    change: float  # q: how fast the wind at the aircraft wanders [m/s per root second]
+    change: float  # q: process noise of the wind at the aircraft [m/s per root second]
     alignment_rad: float  # standard deviation of δ
 
 
@@ -115,16 +115,14 @@ class WindPosterior(NamedTuple):
     pitch_z: float  # covariance of W_z with δ
 
 
-# A belief's numbers in their order.  Every measurement makes them anew; those that are looked at
-# in between are the first five.
-Numbers = tuple[
-    float, float, float, float, float,
-    float, float, float, float, float, float, float, float, float, float,
-]  # fmt: skip
-WIND: Final = 0
-UPDRAFT: Final = 1
-P_XX: Final = 2
-P_ZZ: Final = 4
+# The same numbers while measurements correct them, several times a tick: taken apart into names
+# where they are used.  Plain tuples of floats: native code and numba keep them in registers, while
+# a named tuple would be an object of fifteen others, made again with every measurement.
+WindMean = tuple[float, float]  # W_x, W_z
+WindCovariance = tuple[float, float, float]  # p_xx, p_xz, p_zz
+# With b_n, b_a, b_p, b_t and δ: each of W_x and of W_z.
+WindErrors = tuple[float, float, float, float, float, float, float, float, float, float]
+Numbers = tuple[WindMean, WindCovariance, WindErrors]
 
 
 class Body(NamedTuple):
@@ -200,13 +198,13 @@ def wind_step(
     inputs: Inputs,
     velocity_sigma_mps: float,
     elevator: float,
-    felt: bool,
+    imu_valid: bool,
 ) -> tuple[WindState, AirEstimate]:
     """Take in what is new and give the air at inputs.time_s.
 
     velocity_sigma_mps: of the vehicle's velocity, on each axis.  elevator: its deflection,
-    -1 … 1; NaN: not known.  felt: new accelerations are of now and may be believed; one spike in
-    the averages is believed for BIAS_S.
+    -1 … 1; NaN: not known.  imu_valid: new accelerations are of now and may be used; a spike
+    stays in the averages for BIAS_S.
     """
     aero, imu, pitot = params.aerodynamics, inputs.imu, inputs.airspeed
     now = inputs.time_s
@@ -217,61 +215,55 @@ def wind_step(
         + velocity_sigma_mps
     )
     dt = now - state.time_s
-    believed, average = state.posterior, state.average
+    known, average = state.posterior, state.average
     if not 0.0 <= dt < RESTART_S:  # NaN: nothing is known yet
-        believed, dt = _first_guess(aero, frame), 0.0
+        known, dt = _first_guess(aero, frame), 0.0
         average = Averages(frame.velocity_x_mps, frame.climb_mps, 0.0, 0.0)
-    posterior = _propagated(believed, 2.0 * params.change * params.change * dt)
+    posterior = _propagated(known, 2.0 * params.change * params.change * dt)
     refused, imu_time, pitot_time = state.refused, state.imu_time_s, state.airspeed_time_s
 
     gravity = aero.gravity_mps2
     forces = 0
     fx, fz, noise_x, noise_z = 0.0, 0.0, FORCE_NOISE_MPS2, FORCE_NOISE_MPS2
     if imu.sequence != state.imu_sequence:
-        if felt and isfinite(imu.force_x_frd_mps2) and isfinite(imu.force_z_frd_mps2):
+        if imu_valid and isfinite(imu.force_x_frd_mps2) and isfinite(imu.force_z_frd_mps2):
             average = _averaged(average, frame, imu, gravity, dt)
             fx, fz = _unbiased(average, frame, imu)
             imu_time = now
             forces = 2
     elif dt > 0.0 and not now - imu_time <= FORCE_AGE_MAX_S:
-        fx, fz = -gravity * frame.x_d, -gravity * frame.z_d
-        samples = sqrt(2.0 * UNSTEADY_S / dt)  # that are as good as one
-        noise_x, noise_z = UNSTEADY_X_MPS2 * samples, UNSTEADY_Z_MPS2 * samples
+        fx, fz, noise_x, noise_z = _steady_force(frame, gravity, dt)
         forces = 2
     if usable and forces > 0:
-        posterior, taken = _take_forces(
+        posterior, accepted = _take_forces(
             aero,
             posterior,
             frame,
             params.alignment_rad,
-            fx,
-            fz,
-            noise_x,
-            noise_z,
+            (fx, fz),
+            (noise_x, noise_z),
             elevator if isfinite(elevator) else 0.0,
         )
-        refused += forces - taken
+        refused += forces - accepted
 
     if usable and dt > 0.0 and isfinite(elevator):
         posterior = _take_trim(aero, posterior, frame, vehicle.pitch_rate_radps, elevator, dt)
 
     if usable and pitot.sequence != state.airspeed_sequence and isfinite(pitot.airspeed_mps):
-        before = posterior
-        posterior = _take_pitot(posterior, frame, pitot.airspeed_mps)
-        if posterior[P_XX] < before[P_XX]:
+        posterior, taken = _take_pitot(posterior, frame, pitot.airspeed_mps)
+        if taken:
             pitot_time = now
         else:
             refused += 1
 
-    believed = _named(posterior)
+    known = _named(posterior)
     air = NO_AIR
     if usable:
         measured = now - pitot_time <= PITOT_AGE_MAX_S
-        air = _estimate(params, believed, frame, velocity_sigma_mps, measured)
-    known = isfinite(air.airspeed_mps)
+        air = _estimate(params, known, frame, velocity_sigma_mps, measured)
     return WindState(
-        time_s=now if known else NAN,
-        posterior=believed,
+        time_s=now if isfinite(air.airspeed_mps) else NAN,
+        posterior=known,
         average=average,
         imu_sequence=imu.sequence,
         imu_time_s=imu_time,
@@ -333,13 +325,15 @@ def _propagated(posterior: WindPosterior, variance: float) -> Numbers:
     """The wind is another one by now."""
     wind, updraft, p_xx, p_xz, p_zz, n_x, n_z, a_x, a_z, p_x, p_z, t_x, t_z, d_x, d_z = posterior
     return (
-        wind, updraft, p_xx + variance, p_xz, p_zz + variance,
-        n_x, n_z, a_x, a_z, p_x, p_z, t_x, t_z, d_x, d_z,
-    )  # fmt: skip
+        (wind, updraft),
+        (p_xx + variance, p_xz, p_zz + variance),
+        (n_x, n_z, a_x, a_z, p_x, p_z, t_x, t_z, d_x, d_z),
+    )
 
 
 def _named(numbers: Numbers) -> WindPosterior:
-    wind, updraft, p_xx, p_xz, p_zz, n_x, n_z, a_x, a_z, p_x, p_z, t_x, t_z, d_x, d_z = numbers
+    (wind, updraft), (p_xx, p_xz, p_zz), considered = numbers
+    n_x, n_z, a_x, a_z, p_x, p_z, t_x, t_z, d_x, d_z = considered
     return WindPosterior(
         wind_mps=wind,
         updraft_mps=updraft,
@@ -373,6 +367,19 @@ def _averaged(
     )
 
 
+def _steady_force(
+    frame: Body, gravity_mps2: float, dt_s: float
+) -> tuple[float, float, float, float]:
+    """The specific force of steady flight, x and z, and the noise of taking it for the real one."""
+    samples = sqrt(2.0 * UNSTEADY_S / dt_s)  # that are as good as one
+    return (
+        -gravity_mps2 * frame.x_d,
+        -gravity_mps2 * frame.z_d,
+        UNSTEADY_X_MPS2 * samples,
+        UNSTEADY_Z_MPS2 * samples,
+    )
+
+
 def _unbiased(average: Averages, frame: Body, imu: ImuSample) -> tuple[float, float]:
     """The specific force less what its average leaves when the true acceleration is taken out.
 
@@ -391,14 +398,15 @@ def _take_forces(
     posterior: Numbers,
     frame: Body,
     alignment_rad: float,
-    force_x_mps2: float,
-    force_z_mps2: float,
-    noise_x_mps2: float,
-    noise_z_mps2: float,
+    force_mps2: tuple[float, float],
+    noise_mps2: tuple[float, float],
     elevator: float,
 ) -> tuple[Numbers, int]:
-    """Normal and axial force, and how many of them were believed."""
-    u, w = through_air(frame, posterior[WIND], posterior[UPDRAFT])
+    """Normal and axial force, and how many of them were accepted."""
+    force_x_mps2, force_z_mps2 = force_mps2
+    noise_x_mps2, noise_z_mps2 = noise_mps2
+    (wind, updraft), _, _ = posterior
+    u, w = through_air(frame, wind, updraft)
     speed = sqrt(u * u + w * w)
     if not speed > SLOWEST_MPS:
         return posterior, 0
@@ -416,7 +424,7 @@ def _take_forces(
     h_x = by_u * frame.x_n + by_w * frame.z_n
     h_z = by_u * frame.x_d + by_w * frame.z_d
     error = LIFT_ERROR * aero.gravity_mps2
-    normal = _corrected(
+    normal, normal_taken = _corrected(
         posterior,
         h_x,
         h_z,
@@ -428,7 +436,6 @@ def _take_forces(
         0.0,
         0.0,
     )
-    taken = 1 if normal[P_ZZ] < posterior[P_ZZ] else 0
 
     along = cl * w - cd * u
     turn = k * (cl_alpha * w - cd_alpha * u) / speed
@@ -437,10 +444,11 @@ def _take_forces(
     h_x = by_u * frame.x_n + by_w * frame.z_n
     h_z = by_u * frame.x_d + by_w * frame.z_d
     # Linear about the same place: what the normal force has moved since is part of the forecast.
-    moved = h_x * (normal[WIND] - posterior[WIND]) + h_z * (normal[UPDRAFT] - posterior[UPDRAFT])
+    (wind_now, updraft_now), _, _ = normal
+    moved = h_x * (wind_now - wind) + h_z * (updraft_now - updraft)
     error = DRAG_ERROR * aero.gravity_mps2 / GLIDE_RATIO
     tilted = aero.gravity_mps2 * alignment_rad * alignment_rad
-    axial = _corrected(
+    axial, axial_taken = _corrected(
         normal,
         h_x,
         h_z,
@@ -452,7 +460,7 @@ def _take_forces(
         0.0,
         tilted,
     )
-    return axial, taken + (1 if axial[P_ZZ] < normal[P_ZZ] else 0)
+    return axial, int(normal_taken) + int(axial_taken)
 
 
 def _take_trim(
@@ -463,14 +471,15 @@ def _take_trim(
     elevator: float,
     dt_s: float,
 ) -> Numbers:
-    u, w = through_air(frame, posterior[WIND], posterior[UPDRAFT])
+    (wind, updraft), _, _ = posterior
+    u, w = through_air(frame, wind, updraft)
     speed2 = u * u + w * w
     if not speed2 > SLOWEST_MPS * SLOWEST_MPS:
         return posterior
     damping = 0.5 * aero.Cm_q * aero.chord_m * pitch_rate_radps / sqrt(speed2)
     alpha = -(aero.Cm0 + aero.Cm_elevator * elevator + damping) / aero.Cm_alpha
     by_u, by_w = -w / speed2, u / speed2
-    return _corrected(
+    corrected, _ = _corrected(
         posterior,
         by_u * frame.x_n + by_w * frame.z_n,
         by_u * frame.x_d + by_w * frame.z_d,
@@ -482,10 +491,12 @@ def _take_trim(
         TRIM_ERROR_RAD * TRIM_ERROR_RAD,
         0.0,
     )
+    return corrected
 
 
-def _take_pitot(posterior: Numbers, frame: Body, airspeed_mps: float) -> Numbers:
-    u, _ = through_air(frame, posterior[WIND], posterior[UPDRAFT])
+def _take_pitot(posterior: Numbers, frame: Body, airspeed_mps: float) -> tuple[Numbers, bool]:
+    (wind, updraft), _, _ = posterior
+    u, _ = through_air(frame, wind, updraft)
     white, bias = PITOT_NOISE_MPS * PITOT_NOISE_MPS, PITOT_BIAS_MPS * PITOT_BIAS_MPS
     return _corrected(
         posterior, frame.x_n, frame.x_d, airspeed_mps - u, white, 0.0, 0.0, bias, 0.0, 0.0
@@ -498,13 +509,13 @@ def lift_drag(
     """(C_L, dC_L/dalpha, C_D, dC_D/dalpha) at an angle of attack [rad]."""
     width = aero.stall_width_rad
     beyond = min(30.0, (alpha_rad - aero.stall_alpha_rad) / width)
-    share = exp(beyond)
-    stalled = width * log1p(share)
-    share = share / (1.0 + share)
+    odds = exp(beyond)
+    stalled = width * log1p(odds)
+    separated = odds / (1.0 + odds)
     cl = aero.CL0 + aero.CL_alpha * (alpha_rad - stalled) + aero.CL_elevator * elevator
-    cl_alpha = aero.CL_alpha * (1.0 - share)
+    cl_alpha = aero.CL_alpha * (1.0 - separated)
     cd = aero.CD0 + aero.CD_lift * cl * cl + aero.CD_separated * sin(stalled)
-    cd_alpha = 2.0 * aero.CD_lift * cl * cl_alpha + aero.CD_separated * share * cos(stalled)
+    cd_alpha = 2.0 * aero.CD_lift * cl * cl_alpha + aero.CD_separated * separated * cos(stalled)
     return cl, cl_alpha, cd, cd_alpha
 
 
@@ -537,13 +548,14 @@ def _corrected(
     pitot: float,
     trim: float,
     pitch: float,
-) -> Numbers:
-    """One measurement z = h · W + bias + noise.
+) -> tuple[Numbers, bool]:
+    """One measurement z = h · W + bias + noise; also whether it was accepted.
 
     noise: variance of the white noise; normal … trim: that of its own bias in its own
     place, 0 in the others; pitch: covariance of its bias with that of the pitch.
     """
-    wind, updraft, p_xx, p_xz, p_zz, n_x, n_z, a_x, a_z, p_x, p_z, t_x, t_z, d_x, d_z = posterior
+    (wind, updraft), (p_xx, p_xz, p_zz), considered = posterior
+    n_x, n_z, a_x, a_z, p_x, p_z, t_x, t_z, d_x, d_z = considered
     if axial > 0.0:
         own_x, own_z = a_x, a_z
     elif normal > 0.0:
@@ -558,30 +570,30 @@ def _corrected(
         h_x * to_x + h_z * to_z + h_x * own_x + h_z * own_z + noise + normal + axial + pitot + trim
     )
     if not innovation * innovation <= GATE * GATE * variance:
-        return posterior
+        return posterior, False
     k_x, k_z = to_x / variance, to_z / variance
     r_n = h_x * n_x + h_z * n_z + normal
     r_a = h_x * a_x + h_z * a_z + axial
     r_p = h_x * p_x + h_z * p_z + pitot
     r_t = h_x * t_x + h_z * t_z + trim
     r_d = h_x * d_x + h_z * d_z + pitch
-    return (
-        wind + k_x * innovation,
-        updraft + k_z * innovation,
-        p_xx - k_x * to_x,
-        p_xz - k_x * to_z,
-        p_zz - k_z * to_z,
-        n_x - k_x * r_n,
-        n_z - k_z * r_n,
-        a_x - k_x * r_a,
-        a_z - k_z * r_a,
-        p_x - k_x * r_p,
-        p_z - k_z * r_p,
-        t_x - k_x * r_t,
-        t_z - k_z * r_t,
-        d_x - k_x * r_d,
-        d_z - k_z * r_d,
+    corrected = (
+        (wind + k_x * innovation, updraft + k_z * innovation),
+        (p_xx - k_x * to_x, p_xz - k_x * to_z, p_zz - k_z * to_z),
+        (
+            n_x - k_x * r_n,
+            n_z - k_z * r_n,
+            a_x - k_x * r_a,
+            a_z - k_z * r_a,
+            p_x - k_x * r_p,
+            p_z - k_z * r_p,
+            t_x - k_x * r_t,
+            t_z - k_z * r_t,
+            d_x - k_x * r_d,
+            d_z - k_z * r_d,
+        ),
     )
+    return corrected, True
 
 
 def _estimate(
@@ -591,7 +603,7 @@ def _estimate(
     velocity_sigma_mps: float,
     measured: bool,
 ) -> AirEstimate:
-    """What is believed, if an aircraft can fly so."""
+    """The estimate, if an aircraft can fly so."""
     polar = params.aerodynamics.polar
     u, w = through_air(frame, posterior.wind_mps, posterior.updraft_mps)
     speed, alpha = sqrt(u * u + w * w), atan2(w, u)
