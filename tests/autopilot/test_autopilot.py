@@ -298,7 +298,7 @@ def test_the_operator_lets_go() -> None:
     flight = soaring()
     flight.engage = False
     flight.fly(0.1)
-    assert flight.changes() == [("standby", "operator let go"), ("ready", "can be engaged")]
+    assert flight.changes() == [("standby", "operator disengaged"), ("ready", "can be engaged")]
     assert all(not o.active for o in flight.outputs)
     assert all(o.command == SurfaceCommand(0.0, 0.0, 0.0) for o in flight.outputs)
     flight.engage = True

@@ -168,7 +168,7 @@ def test_what_may_not_change_in_flight_does_not() -> None:
         if p.in_flight:
             assert DEFAULTS.changed(changes, flying=True) == DEFAULTS
         else:
-            assert "not while flying; let go first" in refusal(DEFAULTS, changes, flying=True)
+            assert "not while flying; disengage first" in refusal(DEFAULTS, changes, flying=True)
             assert DEFAULTS.changed(changes) == DEFAULTS
 
 

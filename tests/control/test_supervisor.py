@@ -272,7 +272,7 @@ def test_an_operator_who_lets_go_is_heard_in_every_flying_mode() -> None:
 
 
 def test_a_fault_is_told_even_where_the_operator_lets_go_in_the_same_tick() -> None:
-    # Worst first: the log shall not say "operator let go" of a command that was no number.
+    # Worst first: the log shall not say "operator disengaged" of a command that was no number.
     healthy = (1 << s.CONDITIONS) - 1 & ~s.LINE_MOVING & ~s.ENGAGE
     faults = (
         (s.FINITE, s.FAILED, s.REASON_NOT_FINITE),
@@ -289,7 +289,7 @@ def test_a_fault_is_told_even_where_the_operator_lets_go_in_the_same_tick() -> N
         for condition, to, reason in reversed(faults):  # and the worse the fault, the earlier
             lost |= condition
             assert next_mode(mode, healthy & ~lost) == Decision(to, s.HAND_OVER, reason)
-        # What an operator may well let go for is theirs to say.
+        # What an operator may well disengage for is theirs to say.
         for condition in (s.UPRIGHT, s.POSITION_KEPT, s.NEAR_LINE, s.SURFACES_ANSWER):
             assert next_mode(mode, healthy & ~condition).reason == s.REASON_OPERATOR
 

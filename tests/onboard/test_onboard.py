@@ -271,7 +271,7 @@ def test_letting_go_releases_the_channels_and_is_silent(flight: Flight) -> None:
     flight.run(2.0)
     said = flight.said()
     assert_released(said)
-    assert texts(said)[-2:] == ["standby: operator let go", "ready: can be engaged"]
+    assert texts(said)[-2:] == ["standby: operator disengaged", "ready: can be engaged"]
     flight.run(2.0)
     assert flight.said("RC_CHANNELS_OVERRIDE") == []
 

@@ -65,7 +65,7 @@ def test_engage_and_release_by_command(flight: Flight) -> None:
     said = flight.said()
     assert acks(said) == [(RELEASE, ACCEPTED)]
     assert flight.mode_now == READY
-    assert "standby: operator let go" in texts(said)
+    assert "standby: operator disengaged" in texts(said)
 
 
 def test_an_entry_check_that_refuses_is_a_rejection_with_its_reason(flight: Flight) -> None:

@@ -46,7 +46,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     # --- the operator's switch -----------------------------------------------------------
     Parameter(
         name="OP_ENGAGE", unit="", minimum=0, maximum=2, default=0,
-        meaning="1: take the surfaces and soar; 0: let go. A second after it has engaged the"
+        meaning="1: take the surfaces and soar; 0: disengage. A second after it has engaged the"
                 " module shows 2, which engages nothing when it is set: a file that a ground"
                 " station has saved in flight does not engage when it is loaded. Whenever the"
                 " module lets go by itself it shows 0, so that it never engages again unasked.",
@@ -293,7 +293,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     Parameter(
         name="SURF_TOL", unit="", minimum=0.05, maximum=2, default=0.25,
         meaning="Largest difference between commands and what the autopilot reads back of its"
-                " outputs; beyond it for half a second the surfaces do not answer: let go.",
+                " outputs; beyond it for half a second the surfaces do not answer: disengage.",
     ),
     # --- the envelope --------------------------------------------------------------------
     Parameter(
@@ -316,23 +316,23 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="FENCE_X_MIN", unit="m", minimum=-5000, maximum=5000, default=-5000,
-        meaning="Upstream of this: let go.",
+        meaning="Upstream of this: disengage.",
     ),
     Parameter(
         name="FENCE_X_MAX", unit="m", minimum=-5000, maximum=5000, default=5000,
-        meaning="Downstream of this: let go.",
+        meaning="Downstream of this: disengage.",
     ),
     Parameter(
         name="FENCE_Y_MAX", unit="m", minimum=0.5, maximum=5000, default=5000,
-        meaning="Further to either side than this: let go.",
+        meaning="Further to either side than this: disengage.",
     ),
     Parameter(
         name="FENCE_Z_MIN", unit="m", minimum=-1000, maximum=5000, default=-1000,
-        meaning="Below this height: let go.",
+        meaning="Below this height: disengage.",
     ),
     Parameter(
         name="FENCE_Z_MAX", unit="m", minimum=-1000, maximum=5000, default=5000,
-        meaning="Above this height: let go.",
+        meaning="Above this height: disengage.",
     ),
     # --- estimation ----------------------------------------------------------------------
     Parameter(
@@ -402,7 +402,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         meaning="Share of the incidence that a gust of updraft makes which the pitch setpoint"
                 " takes out.",
     ),
-    # --- when to let go ------------------------------------------------------------------
+    # --- when to disengage ----------------------------------------------------------------
     Parameter(
         name="AGE_POS_HOLD", unit="s", minimum=0.05, maximum=2, default=0.25,
         meaning="Position older than this: hold the pitch; with accelerometers not before the"
@@ -422,11 +422,11 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="AGE_ATT_MAX", unit="s", minimum=0.02, maximum=1, default=0.2,
-        meaning="Attitude older than this: let go.",
+        meaning="Attitude older than this: disengage.",
     ),
     Parameter(
         name="AGE_AP_MAX", unit="s", minimum=1, maximum=10, default=3.0,
-        meaning="Autopilot's heartbeat older than this: let go.",
+        meaning="Autopilot's heartbeat older than this: disengage.",
     ),
     Parameter(
         name="REC_PITCH", unit="deg", minimum=-30, maximum=10, default=-4.0,
@@ -439,11 +439,11 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="CAPTURE_MAX", unit="m", minimum=0.1, maximum=10, default=1.5,
-        meaning="|e_rho| beyond this while flying: let go.",
+        meaning="|e_rho| beyond this while flying: disengage.",
     ),
     Parameter(
         name="TILT_MAX", unit="deg", minimum=20, maximum=80, default=60.0,
-        meaning="Roll or pitch beyond this: let go.",
+        meaning="Roll or pitch beyond this: disengage.",
     ),
     # --- telemetry -----------------------------------------------------------------------
     Parameter(
@@ -573,7 +573,7 @@ def _checked(parameter: Parameter, value: float, flying: bool) -> float:
     if parameter.integer and value != int(value):
         raise ParameterError(parameter.name, f"{value:g}", f"whole numbers only; {allowed}")
     if flying and not parameter.in_flight:
-        raise ParameterError(parameter.name, f"{value:g}", "not while flying; let go first")
+        raise ParameterError(parameter.name, f"{value:g}", "not while flying; disengage first")
     return as_wire_value(value)
 
 

@@ -1,15 +1,15 @@
 """The supervisor: which mode, decided by one table.
 
-    boot        not every stream has been seen yet
+    boot        not every stream has arrived yet
     standby     the module watches, and something that engaging needs is missing
     ready       all of it is there: engaging would be granted now
-    capturing   it has the surfaces; the line it flies slides from the aircraft to its target
+    capturing   in control; the line it flies slides from the aircraft to its target
     soaring     the line stands still and the aircraft is on it
     holding     no confident position for a short, limited time: pitch, wings and heading are held
     recovering  nose down to the best glide, wings level, for a limited time: after a stall, too
                 low, or after too long without a confident position
-    released    it has let go by itself, and stays so until the operator has withdrawn the wish
-    failed      a fault of its own: it has let go, and stays so until it is started again
+    released    it has disengaged by itself, and stays so until the operator has disengaged, too
+    failed      a fault of its own: it has disengaged, and stays so until it is started again
 
 A row reads: from this mode, when all of these hold and none of those, go there, do that, and
 say why.  Rows are tried in order and the first that fits is taken; none fits: stay.  Conditions
@@ -97,14 +97,14 @@ TROUBLED: Final = 1 << 30
 CLEARED: Final = 1 << 31
 CONDITIONS: Final = 32
 CONDITION_TEXTS: Final = (
-    "the operator wants it to fly",
-    "every stream was seen",
+    "operator has engaged it",
+    "every stream has arrived",
     "position fresh",
     "position not lost for long",
     "position sane",
     "attitude fresh",
     "attitude sources agree",
-    "autopilot heard",
+    "heartbeat fresh",
     "autopilot in no failsafe",
     "autopilot obeys surfaces",
     "surfaces answer",
@@ -165,7 +165,7 @@ ACTION_TEXTS: Final = (
     "fly the line on",
     "hold pitch, wings and heading",
     "best glide, wings level",
-    "let go",
+    "hand over",
 )
 
 # Reasons for a change of mode.
@@ -204,7 +204,7 @@ REASON_INSANE: Final = 31
 REASON_TEXTS: Final = (
     "",
     "engaged",
-    "operator let go",
+    "operator disengaged",
     "on the line",
     "line moves",
     "position gap, holding pitch",
@@ -248,7 +248,7 @@ class Transition(NamedTuple):
     reason: int
 
 
-# Every entry check and what is told of it, in the order in which an operator would look.
+# Every entry check and the reason given for it, in the order in which an operator would look.
 _CHECKS: Final = (
     (AUTOPILOT_ALIVE, REASON_AUTOPILOT_LOST),
     (ATTITUDE_FRESH, REASON_ATTITUDE_LOST),
@@ -276,7 +276,7 @@ def _refusals(mode: int) -> tuple[Transition, ...]:
 
 
 def _faults(mode: int) -> tuple[Transition, ...]:
-    """What makes every flying mode let go, worst first."""
+    """What makes every mode in control disengage, worst first."""
     return (
         Transition(mode, 0, FINITE, FAILED, HAND_OVER, REASON_NOT_FINITE),
         Transition(mode, 0, SANE, FAILED, HAND_OVER, REASON_INSANE),
@@ -351,8 +351,8 @@ class SupervisorState(NamedTuple):
     unready_s: float  # since when an entry check fails; inf: none does
     trouble_s: float  # since when the air or the height is not safe; inf: they are
     clear_s: float  # since when both are safe with a margin; inf: they are not
-    boots: int  # of the autopilot, when it was looked at last
-    armed: bool  # the autopilot, when it was looked at last
+    boots: int  # of the autopilot, when it was last looked at
+    armed: bool  # the autopilot, when it was last looked at
     conditions: int  # with which this mode stays as it is; -1: not looked at yet
 
 
@@ -389,8 +389,8 @@ def supervise(
 ) -> tuple[SupervisorState, Decision]:
     """One look at what the tick has found, the bits up to SANE.
 
-    boots, armed: of the autopilot, as it says; hold_s, recover_s: the longest time in holding and
-    in recovering.
+    boots, armed: of the autopilot, as it reports; hold_s, recover_s: the longest time in holding
+    and in recovering.
     """
     # The minima: what began in the future, because the clock has gone back, counts from here.
     since_s = min(state.since_s, time_s)
@@ -418,7 +418,7 @@ def supervise(
     if time_s - clear_s >= CLEAR_S:
         conditions |= CLEARED
 
-    # The table need not be asked twice about the same; a timer that was set back is news.
+    # The same conditions need not be looked up twice, unless a timer was reset.
     as_before = since_s == state.since_s and trouble_s == state.trouble_s
     as_before = as_before and clear_s == state.clear_s and unready_s == state.unready_s
     if as_before and conditions == state.conditions and armed == state.armed:
@@ -452,5 +452,5 @@ def next_mode(mode: int, conditions: int) -> Decision:
 
 
 def is_flying(mode: int) -> bool:
-    """Whether the module has the surfaces in this mode."""
+    """Whether the module is in control in this mode."""
     return CAPTURING <= mode <= RECOVERING
