@@ -263,27 +263,10 @@ def health_step(
     lasted = attitude.jump_s - attitude.jumps_s
     if now - attitude.jump_s < FAULT_S and lasted > limits.frozen_s:  # false for NaN: none
         attitude_age = max(attitude_age, now - attitude.jumps_s)
-    if (
-        inputs.imu.sequence > 0
-        and now - inputs.imu.time_s <= STALE_S
-        and tilt.x * tilt.x + tilt.y * tilt.y + tilt.z * tilt.z > TILT_MAX * TILT_MAX
-    ):
-        faults |= DISAGREES
-    if inputs.airspeed.sequence > 0 and not (
-        now - inputs.airspeed.time_s <= AIRSPEED_STALE_S
-        and 0.0 <= inputs.airspeed.airspeed_mps <= AIRSPEED_MAX_MPS
-    ):
-        faults |= AIRSPEED
-    answer = -1  # nobody knows
+    answer = -1  # not known
     if surfaces.sequence > 0 and now - inputs.surfaces.time_s <= STALE_S:
-        answer = 1
-        if now - surfaces.dead_s > DEAD_S:
-            answer = 0
-            faults |= SURFACES
-    if inputs.autopilot.failsafe:
-        faults |= FAILSAFE
-    if not inputs.autopilot.armed:
-        faults |= DISARMED
+        answer = 0 if now - surfaces.dead_s > DEAD_S else 1
+    faults |= _reported_faults(inputs, tilt, answer)
     return HealthState(
         position=position, attitude=attitude, frame=frame, tilt=tilt, surfaces=surfaces
     ), Health(
@@ -302,6 +285,29 @@ def health_step(
         surfaces_answer=answer,
         faults=faults,
     )
+
+
+def _reported_faults(inputs: Inputs, tilt: TiltState, answer: int) -> int:
+    """What is wrong with accelerations, airspeed, surfaces and the autopilot, as bits."""
+    now, faults = inputs.time_s, 0
+    if (
+        inputs.imu.sequence > 0
+        and now - inputs.imu.time_s <= STALE_S
+        and tilt.x * tilt.x + tilt.y * tilt.y + tilt.z * tilt.z > TILT_MAX * TILT_MAX
+    ):
+        faults |= DISAGREES
+    if inputs.airspeed.sequence > 0 and not (
+        now - inputs.airspeed.time_s <= AIRSPEED_STALE_S
+        and 0.0 <= inputs.airspeed.airspeed_mps <= AIRSPEED_MAX_MPS
+    ):
+        faults |= AIRSPEED
+    if answer == 0:
+        faults |= SURFACES
+    if inputs.autopilot.failsafe:
+        faults |= FAILSAFE
+    if not inputs.autopilot.armed:
+        faults |= DISARMED
+    return faults
 
 
 def _age(now_s: float, then_s: float, future_s: float) -> float:
