@@ -583,21 +583,25 @@ def _measured(gains: MotionGains, frame: SoaringFrame, fix: PositionFix) -> _Mea
     )
 
 
+def _is_usable(state: MotionState, fix: PositionFix, measured: _Measured, now_s: float) -> bool:
+    """Whether a fix is a number, precise enough, and in order."""
+    return (
+        isfinite(measured.x_m)
+        and isfinite(measured.y_m)
+        and isfinite(measured.z_m)
+        and not fix.sigma_m >= SIGMA_MAX_M  # NaN: not reported
+        and measured.time_s >= oldest_s(state.track)
+        and _is_later(measured.time_s, state.errors.time_s, now_s)
+    )
+
+
 def _take_fix(
     gains: MotionGains, frame: SoaringFrame, state: MotionState, fix: PositionFix, now_s: float
 ) -> MotionState:
     measured = _measured(gains, frame, fix)
     time_s, last_s = measured.time_s, state.errors.time_s
     _, used_s, source = state.fix
-    usable = (
-        isfinite(measured.x_m)
-        and isfinite(measured.y_m)
-        and isfinite(measured.z_m)
-        and not fix.sigma_m >= SIGMA_MAX_M  # NaN is not told
-        and time_s >= oldest_s(state.track)
-        and _is_later(time_s, last_s, now_s)
-    )
-    if not usable:
+    if not _is_usable(state, fix, measured, now_s):
         heard = LastFix(fix.sequence, used_s, source)
         return state._replace(fix=heard, rejected=state.rejected + 1)
 
