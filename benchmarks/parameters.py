@@ -65,7 +65,7 @@ def confirmed_set() -> Result:
         assert (answer.get_type(), answer.param_id) == ("PARAM_VALUE", "TGL_X")
         flight.tick()
         # The line that is flown moves from the very next tick on.
-        assert abs(flight.onboard._laws.target.x_m - value) < 1e-6
+        assert abs(flight.onboard.settings.laws.target.x_m - value) < 1e-6
     return Result(
         what="a set, to its confirmation",
         value=median(times) * 1e6,

@@ -27,7 +27,7 @@ from tgl_soar.link.messages import (
     ServoOutputRaw,
 )
 from tgl_soar.onboard import watchdog
-from tgl_soar.onboard.module import RELEASE_FRAMES
+from tgl_soar.onboard.surfaces import RELEASE_FRAMES
 
 CHANNELS = SurfaceChannels(
     SurfaceChannel(channel=2, pwm_min=1100, pwm_trim=1500, pwm_max=1900, reversed=True),

@@ -27,8 +27,10 @@ from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels
 from tgl_soar.link.clock import ROW
 from tgl_soar.link.messages import Source
 from tgl_soar.onboard.instruments import FAST, SLOW
-from tgl_soar.onboard.module import ABSENT_S, RELEASE_FRAMES, Onboard
+from tgl_soar.onboard.module import Onboard
+from tgl_soar.onboard.operators import ABSENT_S
 from tgl_soar.onboard.setup import Setup
+from tgl_soar.onboard.surfaces import RELEASE_FRAMES
 
 CHANNELS = SurfaceChannels(
     SurfaceChannel(channel=2, pwm_min=1100, pwm_trim=1500, pwm_max=1900),

@@ -197,7 +197,7 @@ def test_a_well_set_up_autopilot_is_read_once_and_changed_never() -> None:
         assert message.get_type() != "PARAM_SET"
         return sent(frame)
 
-    flight.onboard._routes[0].send = tap
+    flight.onboard.outbox.routes[0].send = tap
     flight.run(20.0)
     there = {name for name in names_read() if name in flight.simulation.pixhawk.parameters}
     assert len(there) > 20

@@ -74,7 +74,7 @@ class Linked(Flight):
         self.most_tries = 0
 
     def run(self, seconds: float) -> None:
-        route = self.onboard._routes[1]
+        route = self.onboard.outbox.routes[1]
         for _ in range(round(seconds / STEP_S)):
             super().run(STEP_S)
             ready = [fd for fd in self.links.filenos() if fd >= 0]

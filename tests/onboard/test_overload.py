@@ -15,9 +15,10 @@ from test_onboard import STEP_S, Flight, texts
 
 from tgl_soar.control.supervisor import CAPTURING, SOARING
 from tgl_soar.onboard import loop, process
-from tgl_soar.onboard.module import PIECE_BYTES, Onboard, WarmUp
+from tgl_soar.onboard.module import Onboard
 from tgl_soar.onboard.pacing import SHEDDING_TICKS, LoadShedding, TickCounters
 from tgl_soar.onboard.realtime import RealtimeOptions
+from tgl_soar.onboard.warm_up import PIECE_BYTES, WarmUp
 
 
 class BusyFlight(Flight):
@@ -155,14 +156,14 @@ def test_a_backlog_is_not_gone_through_again() -> None:
     """A rehearsal is to be done before the sample comes."""
     flight = Flight()
     flight.engaged().run(0.5)
-    warm_up_tick = flight.onboard._warm_up
+    warm_up_tick = flight.onboard.warm_ups.kept
     assert warm_up_tick is not None
     assert 0 < len(warm_up_tick.piece) <= PIECE_BYTES
     many = mavlink.MAVLink_vfr_hud_message(9.0, 9.0, 0, 0, 0.0, 0.0).pack(mavlink.MAVLink(None, 7))
     flight.onboard.event(bytes(many) * 400, flight.now_s)
-    flight.onboard._warm_up = None
-    flight.onboard._tick(flight.now_s)
-    again: WarmUp | None = flight.onboard._warm_up
+    flight.onboard.warm_ups.kept = None
+    flight.onboard.tick(flight.now_s)
+    again: WarmUp | None = flight.onboard.warm_ups.kept
     assert again is not None
     assert again.piece == b""
 

@@ -22,7 +22,8 @@ from test_onboard import STEP_S, Flight, setup, texts
 from tgl_soar.control.supervisor import CAPTURING, SOARING
 from tgl_soar.link.transport import open_link
 from tgl_soar.link.transports.serial_line import COMMAND_LATE_S, OTHERS_LATE_S, SerialLink
-from tgl_soar.onboard.module import LONGEST_FRAME, RELEASE_FRAMES, Onboard
+from tgl_soar.onboard.module import Onboard
+from tgl_soar.onboard.surfaces import LONGEST_FRAME, RELEASE_FRAMES
 
 pytestmark = pytest.mark.interpreted  # the driver's counts are put in its place
 FRAME = 30  # bytes of an override
@@ -199,7 +200,7 @@ def test_a_line_that_keeps_up_is_not_cut(wire: Wire) -> None:
 def test_after_a_frame_that_was_cut_the_release_goes_out_often_enough_to_be_read() -> None:
     flight = Flight()
     flight.engaged()
-    route = flight.onboard._autopilot
+    route = flight.onboard.outbox.autopilot
     route.clear_for_release = lambda: True
     before = len(flight.frames)
     flight.mode = 10

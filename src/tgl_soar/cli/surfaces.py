@@ -28,8 +28,8 @@ from tgl_soar.link.messages import (
     Source,
 )
 from tgl_soar.link.transports.base import LinkError
-from tgl_soar.onboard.module import RELEASE_FRAMES
 from tgl_soar.onboard.setup import direct_flavour_of, surface_channels
+from tgl_soar.onboard.surfaces import RELEASE_FRAMES
 from tgl_soar.onboard.watchdog import ENDS, STOPS
 
 OUTPUT_HZ: Final = 10.0

@@ -1,7 +1,7 @@
 """The loop of the flying process: wait, take in what has come, tick, show that it goes round.
 
 All that is done between two ticks is here or called from here; `process` opens the links before
-it and lets go after it.
+it and hands the surfaces over after it.
 
 The link to the autopilot goes first, and its tick with it; other links are read in the time that
 is left, each only so far as `link.routes` lets it between two ticks.  What else they bring waits in
@@ -83,7 +83,7 @@ def run(
 
 def _take_poses(onboard: Onboard, mocap: MocapFeed, now_s: float) -> None:
     for data, sender in mocap.receive():
-        onboard.pose(data, sender, now_s)
+        onboard.positions.pose(data, sender, now_s)
 
 
 class Links:
@@ -107,7 +107,7 @@ class Links:
     def filenos(self) -> list[int]:
         """What to wait on: no link that has had its share of this tick."""
         return [
-            transport.fileno() if link == 0 or self._onboard.has_more_tries(link) else -1
+            transport.fileno() if link == 0 or self._onboard.links.has_more_tries(link) else -1
             for link, transport in enumerate(self._transports)
         ]
 
@@ -130,7 +130,7 @@ class Links:
     def read_others(self, ready: Sequence[int], now_s: float) -> None:
         """What has come from others, as far as there is time for it."""
         for link in range(1, len(self._transports)):
-            if self._may_have_come(link, ready) or self._onboard.is_waiting(link):
+            if self._may_have_come(link, ready) or self._onboard.links.is_waiting(link):
                 self._read_other(link, now_s)
 
     def show_life(self) -> None:
@@ -154,9 +154,9 @@ class Links:
 
     def _read_other(self, link: int, now_s: float) -> None:
         onboard, transport = self._onboard, self._transports[link]
-        while not onboard.overdue(self._clock()) and onboard.may_read(link):
+        while not onboard.overdue(self._clock()) and onboard.links.may_read(link):
             data = b""
-            if not onboard.is_waiting(link):
+            if not onboard.links.is_waiting(link):
                 received = self._received(link, now_s, 1)
                 if not received:
                     return

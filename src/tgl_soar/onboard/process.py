@@ -68,8 +68,9 @@ from tgl_soar.onboard.flightlog.declaration import VERSION
 from tgl_soar.onboard.flightlog.recorder import NO_RECORDER
 from tgl_soar.onboard.flightlog.writer import LARGEST_BYTES, FlightRecorder, LogMetadata
 from tgl_soar.onboard.mocap import MocapFeed, from_server
-from tgl_soar.onboard.module import RELEASE_FRAMES, Onboard
+from tgl_soar.onboard.module import Onboard
 from tgl_soar.onboard.setup import Setup, setup_from
+from tgl_soar.onboard.surfaces import RELEASE_FRAMES
 
 GIVE_BACK_INTERVAL_S: Final = 0.02  # between frames that give the surfaces back for a dead process
 
@@ -581,7 +582,7 @@ def _fly(
     for other in others:
         onboard.add_link(other.send, stream=other.is_stream)
     if mocap is not None:
-        onboard.add_mocap(mocap.client, mocap)
+        onboard.positions.add_mocap(mocap.client, mocap)
     names = ", ".join(transport.name for transport in transports)
     _print(f"listening on {names} as {setup.own.system}:{setup.own.component}")
     if not onboard.signing.is_on:

@@ -1,0 +1,206 @@
+"""OP_ENGAGE, the switch that engages and disengages: who may turn it, and what turns it back.
+
+An operator turns it by a parameter or a command (`operators`), the pilot by a channel of their
+transmitter, and the module itself turns it back: when it has released, when the pilot's switch has
+fallen silent, when another module with our identity is engaged.  Whoever has asked to engage is
+told how it goes.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from tgl_soar.config.line_changes import OVERRIDE
+from tgl_soar.control.supervisor import (
+    BOOT,
+    FAILED,
+    READY,
+    RELEASED,
+    SOARING,
+    STANDBY,
+    is_flying,
+)
+from tgl_soar.link.commands import ABORT, ENGAGE, NOTHING, RELEASE, CommandServer
+from tgl_soar.link.engagement import GONE_S, SILENCE_S, Engagement
+from tgl_soar.link.messages import (
+    ID_RC_CHANNELS,
+    SEVERITY_ERROR,
+    SEVERITY_WARNING,
+    Heartbeat,
+    RcChannels,
+    Source,
+)
+from tgl_soar.link.session import Session
+from tgl_soar.onboard.outbound import Outbox
+from tgl_soar.onboard.settings import FlightSettings
+from tgl_soar.onboard.surfaces import SurfaceControl
+
+ENGAGED: Final = 2.0  # OP_ENGAGE of a module that is in control
+SHOW_ENGAGED_S: Final = 1.0
+IDENTITY_REMEDY: Final = "stop one, or give it another component_id in [autopilot]"
+DUPLICATE_REPORT_S: Final = 10.0  # between two words about a module with our identity
+
+
+class EngageSwitch:
+    """Whether the module is to be engaged, by whom, and why not."""
+
+    def __init__(
+        self,
+        own: Source,
+        settings: FlightSettings,
+        session: Session,
+        engagement: Engagement,
+        commands: CommandServer,
+        surfaces: SurfaceControl,
+        outbox: Outbox,
+        now_s: float,
+    ) -> None:
+        self._own = own
+        self._settings = settings
+        self._session = session
+        self._engagement = engagement
+        self._commands = commands
+        self._surfaces = surfaces
+        self._outbox = outbox
+        self._engaged_s = now_s
+        self._silence_reported = False  # of the pilot's switch
+        self._duplicate_reported_s = float("-inf")
+
+    @property
+    def mode(self) -> int:
+        """The module's, as its heartbeat shows it."""
+        return self._session.presence.mode
+
+    def restart(self, now_s: float) -> None:
+        """The clock is another one from here on."""
+        self._engagement.switch.reset()
+        self._engaged_s = now_s
+
+    # --- may it -------------------------------------------------------------------------------
+
+    def refusal(self, now_s: float) -> str:
+        """Why nobody can engage now; "" if it can be tried."""
+        mode = self.mode
+        if mode == RELEASED:
+            return "it has let go just now: try again"
+        if mode == FAILED:
+            return "it has failed: start it again"
+        if not self._surfaces.is_active and not self._session.presence.is_alone(now_s):
+            return f"another module has our identity: {IDENTITY_REMEDY}"
+        unheard = self._pilot_switch_unheard(now_s)
+        if unheard:
+            return f"the pilot's switch: {unheard}"
+        return self._engagement.held_back() or self._unfit()
+
+    def _unfit(self) -> str:
+        """Why what stands is not to be flown with; "" once it flies, or by OP_FORCE."""
+        values = self._settings.values
+        if self._settings.engage or values["OP_FORCE"] != 0.0:
+            return ""
+        fault = self._settings.server.line.fault(values) or self._session.inquiry.held_back()
+        return f"{fault}; {OVERRIDE}" if fault else ""
+
+    # --- turned -------------------------------------------------------------------------------
+
+    def turn(self, wish: int, by: str) -> None:
+        """Somebody who may has asked for it."""
+        if wish == ABORT:
+            self._engagement.abort(by)
+            text = f"aborted by {by}: no engagement until released"
+            self._outbox.tell(SEVERITY_WARNING, text)
+        elif wish == RELEASE:
+            self.released()
+        if wish == ENGAGE and self._settings.engage:
+            self.report_progress()  # it flies already
+        elif self._settings.engage != (wish == ENGAGE):
+            self._settings.assign("OP_ENGAGE", float(wish == ENGAGE))
+            self._outbox.console(f"{'engaged' if wish == ENGAGE else 'released'} by {by}")
+
+    def released(self) -> None:
+        """An operator has released: an abort holds nobody back any more."""
+        self._engagement.clear()
+
+    def turn_back(self) -> None:
+        """The module disengages by itself: the switch goes back, for all to see."""
+        self._settings.assign("OP_ENGAGE", 0.0)
+
+    def end(self, text: str) -> None:
+        """The module disengages for a reason, and whoever has engaged it is told."""
+        self._outbox.tell(SEVERITY_ERROR, text)
+        self.turn_back()
+        self.report_progress(ended=True)
+
+    def mode_change_failed(self, text: str) -> None:
+        """The autopilot does not come into the mode that obeys, or not out of it."""
+        if self._settings.engage:
+            self.end(text)
+        else:
+            self._outbox.tell(SEVERITY_ERROR, text)
+
+    def report_progress(self, *, ended: bool = False) -> None:
+        """Whoever has asked to engage is told how it goes.  `ended`: by the module itself."""
+        mode = self.mode
+        for ack in self._commands.engagement(
+            flying=is_flying(mode) and not ended,
+            settled=mode == SOARING and not ended,
+            withdrawn=mode in (BOOT, STANDBY, READY) and not ended,
+        ):
+            self._outbox.say_to(Source(ack.target_system, ack.target_component), ack)
+
+    def show_engaged(self, now_s: float) -> None:
+        """OP_ENGAGE becomes what a file may hold and yet engage nothing; not before the station
+        that has set 1 could see it confirmed."""
+        if not self._surfaces.is_active or self._settings.op_engage != 1.0:
+            self._engaged_s = now_s
+        elif now_s - self._engaged_s >= SHOW_ENGAGED_S:
+            self._settings.assign("OP_ENGAGE", ENGAGED)
+
+    # --- the pilot's switch -------------------------------------------------------------------
+
+    def take_pilot_switch(self, message: RcChannels, now_s: float) -> None:
+        """The pilot's channels have come."""
+        values = self._settings.values
+        self._session.streams.received(ID_RC_CHANNELS)
+        switch = self._engagement.switch
+        was_low = switch.is_low
+        wish = switch.take(
+            message, now_s, int(values["OP_RC_CHAN"]), values["OP_RC_ON"], values["OP_RC_OFF"]
+        )
+        if wish == RELEASE and was_low and not self._settings.engage:
+            return  # a switch that stays low says nothing new
+        if wish == ENGAGE and (refusal := self.refusal(now_s)):
+            text = f"the pilot's switch cannot engage: {refusal}"
+            self._outbox.tell(SEVERITY_WARNING, text)
+        elif wish != NOTHING:
+            self.turn(wish, "the pilot's switch")
+
+    def watch_pilot_switch(self, now_s: float) -> None:
+        """One that has fallen silent in flight: told, and after a while the engagement ends."""
+        unheard = self._pilot_switch_unheard(now_s) if self._settings.engage else ""
+        if unheard and self._engagement.switch.silence_s(now_s) > GONE_S:
+            self.end(f"disengaged: the pilot's switch is silent: {unheard}")
+        elif unheard and not self._silence_reported:
+            text = f"the pilot's switch is silent, disengaging in {GONE_S - SILENCE_S:g} s"
+            self._outbox.tell(SEVERITY_WARNING, f"{text}: {unheard}")
+        self._silence_reported = unheard != ""
+
+    def _pilot_switch_unheard(self, now_s: float) -> str:
+        channel = int(self._settings.values["OP_RC_CHAN"])
+        return self._engagement.switch.missing(now_s, channel)
+
+    # --- another module -----------------------------------------------------------------------
+
+    def meet_duplicate(self, message: Heartbeat, now_s: float) -> None:
+        """Another module with our identity: which of the two may be engaged (`presence`)."""
+        presence = self._session.presence
+        if not presence.take(message, now_s):
+            return
+        who = f"another module is system {self._own.system}, component {self._own.component}, too"
+        is_active = self._surfaces.is_active
+        if self._settings.engage and (presence.duplicate_is_engaged or not is_active):
+            both = " and engaged" if presence.duplicate_is_engaged else ""
+            self._outbox.say(self._session.heartbeat())  # before we are not engaged any more
+            self.end(f"disengaged: {who}{both}")
+        elif not 0.0 <= now_s - self._duplicate_reported_s < DUPLICATE_REPORT_S:
+            self._duplicate_reported_s = now_s
+            self._outbox.tell(SEVERITY_WARNING, f"{who}: {IDENTITY_REMEDY}")

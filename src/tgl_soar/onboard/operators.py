@@ -1,0 +1,215 @@
+"""What operators ask for over the links: parameters, commands, files, keys; and who may.
+
+Reading is answered where it was asked; a value that is set concerns every station.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from tgl_soar import autopilot
+from tgl_soar.config.files import switch_refusal
+from tgl_soar.config.parameters import INDEX
+from tgl_soar.link import file_transfer
+from tgl_soar.link.commands import ENGAGE, NOTHING, CommandServer
+from tgl_soar.link.messages import (
+    SEVERITY_INFO,
+    SEVERITY_WARNING,
+    CommandInt,
+    CommandLong,
+    FileTransferProtocol,
+    ParamRequestList,
+    ParamRequestRead,
+    ParamSet,
+    Received,
+    SetupSigning,
+    Source,
+)
+from tgl_soar.link.routes import Route
+from tgl_soar.link.signing import KEY_BYTES, Signing
+from tgl_soar.onboard.engage_switch import ENGAGED, EngageSwitch
+from tgl_soar.onboard.outbound import Outbox
+from tgl_soar.onboard.settings import FlightSettings
+from tgl_soar.onboard.setup import Setup
+from tgl_soar.onboard.surfaces import SurfaceControl
+
+ABSENT_S: Final = 5.0  # a station that was silent for longer may have missed a change
+REFUSALS_S: Final = 0.25  # between two words about commands that were refused
+COMPLAIN_S: Final = 5.0  # between two words about keys that were refused
+
+
+class Operators:
+    """Answers them."""
+
+    def __init__(
+        self,
+        setup: Setup,
+        settings: FlightSettings,
+        commands: CommandServer,
+        engage_switch: EngageSwitch,
+        surfaces: SurfaceControl,
+        outbox: Outbox,
+        signing: Signing,
+        keep_key: Callable[[bytes], None] | None,
+    ) -> None:
+        """`keep_key`: keeps a key that came over the air, or raises OSError; None: none is
+        accepted."""
+        self._setup = setup
+        self._settings = settings
+        self._parameters = settings.server
+        self._commands = commands
+        self._engage_switch = engage_switch
+        self._surfaces = surfaces
+        self._outbox = outbox
+        self._signing = signing
+        self._keep_key = keep_key
+        self._keys_refused_s = float("-inf")
+        self._refused_s = float("-inf")
+        self._met: dict[tuple[int, Source], float] = {}  # when each station was heard last
+
+    def take(self, route: Route, received: Received, now_s: float) -> bool:
+        """Whether a message was one of theirs."""
+        source, message = received
+        if isinstance(message, ParamSet):
+            self._set(source, message, now_s)
+        elif isinstance(message, ParamRequestRead | ParamRequestList):
+            route.asked = True
+            is_active = self._surfaces.is_active
+            answer = self._parameters.handle(source, message, now_s, flying=is_active)
+            self._outbox.say_all(answer, route)
+        elif isinstance(message, CommandLong | CommandInt):
+            self._obey(route, source, message, now_s)
+        elif isinstance(message, FileTransferProtocol):
+            self._refuse_files(route, source, message, now_s)
+        else:
+            return False
+        return True
+
+    def meet(self, route: Route, source: Source, now_s: float) -> None:
+        """A station that was away hears whether the module is engaged, and its mode."""
+        if source.system not in self._setup.operators:
+            return
+        before = self._met.get((route.number, source), now_s)
+        self._met[route.number, source] = now_s
+        if now_s - before > ABSENT_S:
+            self._outbox.say(self._parameters.value_message(INDEX["OP_ENGAGE"]), route)
+            mode = autopilot.mode_name(self._engage_switch.mode)
+            self._outbox.say_words(SEVERITY_INFO, mode, route)
+
+    def list_parameters(self, now_s: float) -> None:
+        """Values go out where somebody has asked for any."""
+        if not self._parameters.is_busy:
+            for route in self._outbox.routes:
+                route.asked = False
+            return
+        values = self._parameters.poll(now_s)
+        for route in self._outbox.routes:
+            if route.asked:
+                self._outbox.say_all(values, route)
+                route.asked = self._parameters.is_busy
+
+    def acknowledge(self, now_s: float) -> None:
+        """What is still to be said about commands."""
+        for ack in self._commands.poll(now_s):
+            self._outbox.say_to(Source(ack.target_system, ack.target_component), ack)
+
+    def restart(self) -> None:
+        """The clock was changed: what was timed by the old one is forgotten."""
+        self._parameters.rebase()
+        self._commands.rebase()
+
+    def _forbidden(self, source: Source) -> str:
+        """Why a sender may neither set nor command; "" if it may."""
+        if source.system in self._setup.operators:
+            return ""
+        return f"system {source.system} is not among autopilot.operators of the airframe file"
+
+    # --- parameters and commands --------------------------------------------------------------
+
+    def _set(self, source: Source, message: ParamSet, now_s: float) -> None:
+        server, outbox = self._parameters, self._outbox
+        if refusal := self._set_refusal(source, message, now_s):
+            outbox.say_all(server.refuse(source, message, refusal, now_s))
+            return
+        refused = server.counters.refused
+        said = server.handle(source, message, now_s, flying=self._surfaces.is_active)
+        accepted = bool(said) and server.counters.refused == refused
+        if accepted and message.param_id == "OP_ENGAGE" and message.param_value == 0.0:
+            self._engage_switch.released()
+        if server.values is not self._settings.values:
+            self._settings.changed()
+        outbox.say_all(said)
+
+    def _set_refusal(self, source: Source, message: ParamSet, now_s: float) -> str:
+        """Why a value may not be set by its sender, or not now; "" if it may."""
+        engages = message.param_id == "OP_ENGAGE" and message.param_value >= 0.5
+        refusal = self._forbidden(source)
+        if engages:
+            refusal = refusal or self._engage_switch.refusal(now_s)
+        if engages and message.param_value == ENGAGED and not self._settings.engage:
+            refusal = refusal or "2 is what a module shows that has engaged: set 1"
+        if message.param_id == "OP_RC_CHAN":
+            driven = self._setup.surface_channels
+            refusal = refusal or switch_refusal(message.param_value, driven)
+        return refusal
+
+    def _obey(
+        self, route: Route, source: Source, message: CommandLong | CommandInt, now_s: float
+    ) -> None:
+        commands = self._commands
+        if not commands.is_for_us(source, message):
+            return
+        held_back = self._engage_switch.refusal(now_s) if message.command == ENGAGE else ""
+        answer = commands.handle(
+            source, message, now_s, forbidden=self._forbidden(source), held_back=held_back
+        )
+        self._outbox.say_all(answer.outbound, route)
+        if answer.reason and not 0.0 <= now_s - self._refused_s < REFUSALS_S:
+            self._refused_s = now_s
+            self._outbox.tell(SEVERITY_WARNING, f"command refused: {answer.reason}")
+        if answer.wish != NOTHING:
+            self._engage_switch.turn(answer.wish, f"system {source.system}")
+
+    def _refuse_files(
+        self, route: Route, source: Source, message: FileTransferProtocol, now_s: float
+    ) -> None:
+        own = self._setup.own
+        for_us = message.target_system in (0, own.system)
+        if not for_us or message.target_component != own.component or source == own:
+            return
+        answer = file_transfer.refused(source, message)
+        if answer is not None and self._commands.may_answer(now_s):
+            self._outbox.say(answer, route)
+
+    # --- keys ---------------------------------------------------------------------------------
+
+    def take_key(self, source: Source, message: SetupSigning, now_s: float) -> None:
+        """A key over the air: everybody who listens knows it from then on."""
+        own = self._setup.own
+        if message.target_system != own.system or message.target_component != own.component:
+            return
+        refusal = self._key_refusal(source, message)
+        if not refusal and self._keep_key is not None:
+            try:
+                self._keep_key(message.secret_key)
+            except OSError as error:
+                refusal = f"it cannot be kept: {error.strerror}"
+        if not refusal:
+            self._signing.replace_key(message.secret_key, message.initial_timestamp)
+            self._outbox.tell(SEVERITY_WARNING, f"new signing key from system {source.system}")
+        elif now_s - self._keys_refused_s > COMPLAIN_S:
+            self._keys_refused_s = now_s
+            self._outbox.tell(SEVERITY_WARNING, f"SETUP_SIGNING refused: {refusal}")
+
+    def _key_refusal(self, source: Source, message: SetupSigning) -> str:
+        """Why a key is not accepted; "" if it is."""
+        if self._keep_key is None:
+            return "not over the air (--allow-setup-signing)"
+        if self._surfaces.is_active:
+            return "not while flying"
+        if len(message.secret_key) != KEY_BYTES or not any(message.secret_key):
+            return "signing is not turned off over the air"
+        if not self._signing.may_begin_with(message.initial_timestamp):
+            return "initial_timestamp is years ahead: set the station's clock"
+        return self._forbidden(source)

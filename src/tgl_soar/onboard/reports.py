@@ -1,0 +1,121 @@
+"""What the module reports without being asked: numbers of the tick, its mode, load and trouble."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from tgl_soar import autopilot
+from tgl_soar.config.parameter_store import ParameterStore
+from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.control.supervisor import FAILED, HOLDING, RECOVERING, RELEASED
+from tgl_soar.link.messages import SEVERITY_ERROR, SEVERITY_INFO, SEVERITY_WARNING
+from tgl_soar.link.session import Session
+from tgl_soar.link.signing import Signing
+from tgl_soar.onboard.clocking import Clocking
+from tgl_soar.onboard.counters import Counters
+from tgl_soar.onboard.flightlog.recorder import Recorder
+from tgl_soar.onboard.instruments import Panel
+from tgl_soar.onboard.links import ModuleLinks
+from tgl_soar.onboard.outbound import Outbox
+from tgl_soar.onboard.settings import FlightSettings
+
+LOAD_REPORT_S: Final = 10.0  # between two words about the same
+FEWEST_REPORTED: Final = 10  # late ticks, or commands left out; fewer are not worth a word
+KEPT_IS_DAMAGED: Final = "the signing timestamp that was kept is damaged: the clock is used instead"
+
+
+class Reports:
+    """What was reported, and when."""
+
+    def __init__(
+        self,
+        session: Session,
+        clocking: Clocking,
+        links: ModuleLinks,
+        outbox: Outbox,
+        panel: Panel,
+        recorder: Recorder,
+        store: ParameterStore | None,
+        first_words: Sequence[tuple[int, str]],
+    ) -> None:
+        """`first_words`: severity and text, told once the autopilot is heard."""
+        self._session = session
+        self._clocking = clocking
+        self._links = links
+        self._outbox = outbox
+        self._panel = panel
+        self._recorder = recorder
+        self._store = store
+        self._first_words = list(first_words)
+        self._busy_s = self._slow_line_s = float("-inf")  # when reported last
+        self._late = self._left_out = 0  # up to then
+        for _, text in self._first_words:
+            outbox.console(text)
+
+    def tell_words(self, now_s: float, values: ParameterSet) -> None:
+        """What keeps parameters and the log has to say, and the first words."""
+        if self._store is not None:
+            for text in self._store.poll(values, now_s):
+                self._outbox.tell(SEVERITY_WARNING, text)
+        for text in self._recorder.poll():
+            self._outbox.tell(SEVERITY_WARNING, text)
+        if self._first_words and self._session.has_heartbeat:
+            for severity, text in self._first_words:
+                self._outbox.say_words(severity, text)
+            self._first_words.clear()
+
+    def show(self, output: autopilot.Output, now_s: float, counters: Counters) -> None:
+        """The numbers of a tick, as telemetry."""
+        session, sheds = self._session, self._clocking.load_shedding.no_telemetry
+        self._links.measure_loss(now_s, self._clocking.pacer.counters, counters)
+        loss, round_trip_s = self._links.loss, session.round_trip_s
+        self._panel.look(output, session.vehicle_time_s, loss, round_trip_s)
+        self._outbox.send_telemetry(now_s, sheds=sheds)
+
+    def tell_load(self, now_s: float, left_out: int) -> None:
+        """A computer or a line that does not keep up.  `left_out`: commands, since the start."""
+        ticks = self._clocking.pacer.counters
+        late = ticks.late + ticks.skipped - self._late
+        is_due = not now_s < self._busy_s + LOAD_REPORT_S
+        if is_due and self._clocking.load_shedding.no_telemetry and late >= FEWEST_REPORTED:
+            self._busy_s, self._late = now_s, ticks.late + ticks.skipped
+            self._outbox.tell(SEVERITY_WARNING, f"computer too busy: {late} ticks late")
+        missing = left_out - self._left_out
+        is_due = not now_s < self._slow_line_s + LOAD_REPORT_S
+        if is_due and missing >= FEWEST_REPORTED:
+            self._slow_line_s, self._left_out = now_s, left_out
+            remedy = "raise its baud rate or lower LOOP_RATE"
+            text = f"link too slow: {missing} commands left out; {remedy}"
+            self._outbox.tell(SEVERITY_WARNING, text)
+
+    def stop(self, values: ParameterSet) -> None:
+        """The process ends."""
+        if self._store is not None:
+            for text in self._store.stop(values):
+                self._outbox.console(text)
+
+
+def mode_words(output: autopilot.Output) -> list[tuple[int, str]]:
+    """What is to be said of a tick with another mode: severities and texts."""
+    severity = SEVERITY_INFO
+    if output.mode in (HOLDING, RECOVERING):
+        severity = SEVERITY_WARNING
+    elif output.mode in (RELEASED, FAILED):
+        severity = SEVERITY_ERROR
+    reason, name = autopilot.reason_text(output.reason), autopilot.mode_name(output.mode)
+    words = [(severity, f"{name}: {reason}" if reason else name)]
+    faults = autopilot.fault_text(output.health.faults)
+    if severity != SEVERITY_INFO and faults:
+        words.append((SEVERITY_WARNING, faults))
+    return words
+
+
+def start_faults(settings: FlightSettings, signing: Signing) -> list[tuple[int, str]]:
+    """What stands against the flight from its start: severities and texts."""
+    words: list[tuple[int, str]] = []
+    if fault := settings.server.line.fault(settings.values):
+        words.append((SEVERITY_WARNING, f"cannot be engaged: {fault}"))
+    if signing.kept_is_damaged:
+        words.append((SEVERITY_WARNING, KEPT_IS_DAMAGED))
+    return words
