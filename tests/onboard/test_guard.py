@@ -18,11 +18,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.files import load_airframe, load_site
 from tgl_soar.config.parameters import ParameterSet
-from tgl_soar.link.keys import UNSIGNED, save_key
+from tgl_soar.link.keys import save_key
 from tgl_soar.onboard import process
+from tgl_soar.onboard.command_line import RunOptions
 from tgl_soar.onboard.process import EXIT_CANNOT_START, EXIT_ERROR, EXIT_OK
-from tgl_soar.onboard.realtime import RealtimeOptions
 from tgl_soar.onboard.setup import setup_from
+from tgl_soar.onboard.stand_in import hand_over
 from tgl_soar.onboard.watchdog import (
     ENDS,
     EXIT_KEEPS_DYING,
@@ -168,7 +169,9 @@ def test_a_link_that_worked_before_is_tried_again(
     monkeypatch.setattr("tgl_soar.onboard.watchdog.watch", watch)
     monkeypatch.setattr("tgl_soar.onboard.realtime.raise_priority", lambda: None)
     link = "serial:/dev/there_is_none:57600"
-    assert process.run(AIRFRAME, SITE, link, guarded=True) == code
+    assert (
+        process.run(RunOptions(airframe=AIRFRAME, site=SITE, links=(link,), guarded=True)) == code
+    )
     assert "there_is_none" in capsys.readouterr().err
 
 
@@ -285,24 +288,12 @@ def test_for_a_dead_process_only_our_own_mode_is_left(mode: int, asked: list[int
     link = msgspec.structs.replace(airframe.autopilot, firmware="px4", route="attitude")
     airframe = msgspec.structs.replace(airframe, autopilot=link)
     site = load_site(SITE)
-    plan = process.Plan(
-        airframe=airframe,
-        airframe_path=AIRFRAME,
-        site=site,
-        site_path=SITE,
-        setup=setup_from(airframe, site, ParameterSet()),
-        links=(f"udpout:127.0.0.1:{pilot.socket.getsockname()[1]}",),
-        lockstep=False,
-        timeout_s=None,
-        state=None,
-        secret=UNSIGNED,
-        log=None,
-        log_bytes=0,
-        realtime_options=RealtimeOptions(),
-    )
+    setup = setup_from(airframe, site, ParameterSet())
+    link_to_pilot = f"udpout:127.0.0.1:{pilot.socket.getsockname()[1]}"
+    options = RunOptions(airframe=AIRFRAME, site=SITE, links=(link_to_pilot,))
     sign = Sign(rounds=1, timestamp=0, has_surfaces=True, version1=False, host="", port=0, key=None)
     try:
-        process._give_back(plan, sign, "was killed")
+        hand_over(setup, options, sign, "was killed")
     finally:
         pilot.close()
     assert pilot.asked == asked

@@ -14,6 +14,7 @@ from tgl_soar.estimation.health import ATTITUDE_SHIFT, DISARMED, WRONG
 from tgl_soar.link.signing import EPOCH_S, Signing
 from tgl_soar.onboard import process as module
 from tgl_soar.onboard import realtime
+from tgl_soar.onboard.command_line import RunOptions
 from tgl_soar.onboard.instruments import ARRAY
 from tgl_soar.onboard.module import Onboard
 
@@ -610,7 +611,8 @@ def test_whatever_is_raised_the_pilot_gets_the_surfaces(
     # It would give its priority to this process, and to all that later tests start from it.
     monkeypatch.setattr(realtime, "prepare", lambda *_, **__: [])
     link = BreakingLink()
+    opened = module.Opened(setup=setup(), transports=[link])  # type: ignore[list-item]
     with pytest.raises(RuntimeError, match="nobody has thought of"):
-        module._fly(setup(), [link], lambda: False)  # type: ignore[list-item]
+        module._fly(opened, RunOptions(airframe="", site="", links=()), lambda: False)
     assert [m.chan2_raw for m in link.overrides()][-5:] == [0] * 5
     assert "tgl_soar stopped" in capfd.readouterr().err

@@ -216,7 +216,7 @@ def test_what_is_asked_for_is_wished_for(
     options: list[str], realtime_options: RealtimeOptions, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     given: list[RealtimeOptions] = []
-    monkeypatch.setattr(process, "run", lambda *_, **named: given.append(named["realtime_options"]))
+    monkeypatch.setattr(process, "run", lambda options: given.append(options.realtime))
     process.main([*arguments("udp:127.0.0.1:1"), *options])
     (found,) = given
     assert found.spin_s == (

@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 
 from tgl_soar.config.files import shipped
-from tgl_soar.onboard.process import EXIT_CANNOT_START, GIVE_BACK_INTERVAL_S, main
+from tgl_soar.onboard.process import EXIT_CANNOT_START, main
 from tgl_soar.onboard.realtime import PRIORITY
+from tgl_soar.onboard.stand_in import GIVE_BACK_INTERVAL_S
 from tgl_soar.onboard.surfaces import RELEASE_FRAMES
 from tgl_soar.onboard.watchdog import HANGS_S, LOOK_S, PATIENCE_S
 

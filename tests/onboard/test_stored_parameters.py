@@ -17,6 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tgl_soar.config.files import load_airframe, load_site, shipped
 from tgl_soar.config.parameter_store import Identity, state_text
 from tgl_soar.onboard import process
+from tgl_soar.onboard.command_line import RunOptions
 
 AIRFRAME, SITE = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
 FILE = "eclipson_c-tunnel.params"
@@ -134,7 +135,9 @@ def test_a_stored_switch_that_moves_a_surface_is_refused(
     identity = Identity(airframe.airframe.name, site.site.name)
     kept = {"OP_RC_CHAN": float(channel)}
     store.write_bytes(state_text(identity, kept))
-    end = process.run(AIRFRAME, SITE, "udp:127.0.0.1:0", state=tmp_path, timeout_s=0.1)
+    links = ("udp:127.0.0.1:0",)
+    options = RunOptions(airframe=AIRFRAME, site=SITE, links=links, state=tmp_path, timeout_s=0.1)
+    end = process.run(options)
     assert end == process.EXIT_CANNOT_START
     words = capsys.readouterr().err
     assert f"{store}: OP_RC_CHAN = {channel}: this channel moves a surface: 1 to 18 but" in words

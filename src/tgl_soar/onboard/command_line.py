@@ -1,0 +1,206 @@
+"""The command line of `run`, and what it asks for: one object, handed on to whoever needs it."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from tgl_soar.config.files import airframe_file, site_file
+from tgl_soar.config.parameter_store import state_folder
+from tgl_soar.link.keys import UNSIGNED, Secret
+from tgl_soar.link.transport import FORMS
+from tgl_soar.onboard import pacing, realtime
+from tgl_soar.onboard.flightlog.writer import LARGEST_BYTES
+
+
+class RunOptions(NamedTuple):
+    """What an operator asks of a flight."""
+
+    airframe: str | Path  # the file
+    site: str | Path  # the file
+    links: tuple[str, ...]  # the first leads to the autopilot
+    lockstep: bool = False
+    timeout_s: float | None = None  # give up if no autopilot answers for so long; None: never
+    secret: Secret = UNSIGNED
+    state: Path | None = None  # the folder; None: nothing is stored
+    log: Path | None = None  # the folder; None: no log is kept
+    log_bytes: int = LARGEST_BYTES  # of all logs in it
+    mocap_server: str = ""  # HOST[:PORT] instead of the site file's
+    guarded: bool = False  # in a child process, watched
+    realtime: realtime.RealtimeOptions = realtime.RealtimeOptions()
+
+
+def options_of(arguments: Sequence[str] | None = None) -> RunOptions:
+    """What a command line asks for; ends the process where it cannot be understood."""
+    parser = argparse.ArgumentParser(
+        prog="tgl-soar run",
+        allow_abbrev=False,  # `cli` looks for one of them itself
+        description="Fly: the module beside the autopilot.",
+        epilog="Parameters: `tgl-soar params` lists them, docs/parameters.md tells all of them.",
+    )
+    _add_flight(parser.add_argument)
+    _add_computer(parser.add_argument)
+    given = parser.parse_args(arguments)
+    if given.signing_key is None and (given.unsigned_autopilot or given.allow_setup_signing):
+        parser.error("--unsigned-autopilot and --allow-setup-signing need --signing-key")
+    state = _folder(given.state)
+    sleeps = given.power_saving and given.spin is None
+    return RunOptions(
+        airframe=given.airframe,
+        site=given.site,
+        links=tuple(given.link),
+        lockstep=given.lockstep,
+        timeout_s=given.timeout,
+        secret=Secret(given.signing_key, given.unsigned_autopilot, given.allow_setup_signing),
+        state=state,
+        log=_log_folder(given.log, state),
+        log_bytes=given.log_max,
+        mocap_server=given.mocap_server,
+        guarded=not given.no_guard and not given.lockstep,
+        realtime=realtime.RealtimeOptions(
+            given.cpu, 0.0 if sleeps else given.spin, given.power_saving
+        ),
+    )
+
+
+def _add_flight(add: Callable[..., Any]) -> None:
+    """What is flown, over which links, and what is kept of it."""
+    add(
+        "--airframe",
+        type=airframe_file,
+        required=True,
+        metavar="FILE",
+        help="airframe file, or the name of one that is shipped: eclipson_c",
+    )
+    add(
+        "--site",
+        type=site_file,
+        required=True,
+        metavar="FILE",
+        help="site file, or the name of one that is shipped: hill, tunnel",
+    )
+    add(
+        "--link",
+        required=True,
+        action="append",
+        help=f"{FORMS}; the first leads to the autopilot, repeat it for ground stations",
+    )
+    add("--lockstep", action="store_true", help="tick with the simulator's clock, not our own")
+    add("--timeout", type=float, metavar="S", help="give up if no autopilot answers for so long")
+    add("--signing-key", type=Path, metavar="FILE", help="sign, and refuse what is not signed")
+    add(
+        "--unsigned-autopilot",
+        action="store_true",
+        help="with a key: the autopilot itself need not sign on the first link",
+    )
+    add(
+        "--allow-setup-signing",
+        action="store_true",
+        help="with a key file: take another key from an operator over the air, and keep it there",
+    )
+    add(
+        "--state",
+        metavar="FOLDER",
+        help="where parameters changed over the air are stored; none: nowhere."
+        " Default: tgl_soar in $XDG_STATE_HOME or in ~/.local/state",
+    )
+    add(
+        "--log",
+        metavar="FOLDER",
+        help="where flight logs are kept; none: nowhere. Default: logs in the folder of --state",
+    )
+    add(
+        "--log-max",
+        type=_megabytes,
+        default=LARGEST_BYTES,
+        metavar="MB",
+        help="of all logs in that folder together, 10 at least: the oldest are deleted."
+        f" Default: {LARGEST_BYTES / 1e6:g}",
+    )
+
+
+def _add_computer(add: Callable[..., Any]) -> None:
+    """What is asked of the computer, and of what stands beside it."""
+    add(
+        "--no-guard",
+        action="store_true",
+        help="no second process that gives the surfaces back when this one is killed or hangs"
+        " (in lockstep there is none)",
+    )
+    add(
+        "--cpu",
+        type=_processor,
+        metavar="N",
+        help="fly on this processor alone (best one that is kept free: isolcpus=N)",
+    )
+    add(
+        "--spin",
+        type=_spin,
+        metavar="US",
+        help="do not sleep for so many microseconds before a tick is expected and, where its sample"
+        " is late, after it; 0 to 2000."
+        f" Default: as many as this computer takes to wake, at most {pacing.AWAKE_MAX_S * 1e6:g}",
+    )
+    add(
+        "--power-saving",
+        action="store_true",
+        help="take less of the processor: sleep until it is time (unless --spin says otherwise)"
+        " and go through no tick beforehand; surfaces move some tenths of a millisecond later",
+    )
+    add(
+        "--mocap-server",
+        default="",
+        metavar="HOST[:PORT]",
+        help="OptiTrack's server and command port, instead of [mocap] of the site file",
+    )
+    add(
+        "--interpreted",
+        action="store_true",
+        help="fly the source as it stands, also where `tgl-soar compile` made native code of it",
+    )
+
+
+def _folder(state: str | None) -> Path | None:
+    """Where the state is stored, if anywhere."""
+    if state is None:
+        return state_folder(os.environ)
+    return None if state == "none" else Path(state)
+
+
+def _log_folder(log: str | None, state: Path | None) -> Path | None:
+    """Where flight logs are kept, if anywhere."""
+    if log is None:
+        return None if state is None else state / "logs"
+    return None if log == "none" else Path(log)
+
+
+def _megabytes(text: str) -> int:
+    try:
+        megabytes = float(text)
+    except ValueError:
+        megabytes = 0.0
+    if not 10.0 <= megabytes <= 1e9:
+        raise argparse.ArgumentTypeError(f"{text}: must be a number of megabytes, 10 or more")
+    return int(megabytes * 1e6)
+
+
+def _processor(text: str) -> int:
+    there = realtime.processors()
+    if not text.isascii() or not text.isdigit() or int(text) not in there:
+        names = ", ".join(str(number) for number in sorted(there))
+        raise argparse.ArgumentTypeError(f"{text}: must be a processor of this computer: {names}")
+    return int(text)
+
+
+def _spin(text: str) -> float:
+    try:
+        spin_s = float(text) * 1e-6
+    except ValueError:
+        spin_s = -1.0
+    if not 0.0 <= spin_s <= realtime.SPIN_MAX_S:
+        longest_us = realtime.SPIN_MAX_S * 1e6
+        raise argparse.ArgumentTypeError(f"{text}: must be 0 to {longest_us:g} microseconds")
+    return spin_s

@@ -1,0 +1,106 @@
+"""What the guard does in the stead of a flying process that has died: hand the surfaces over.
+
+It opens the link to the autopilot once more, says what was not said, and leaves the mode that the
+module had entered.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Final
+
+from tgl_soar.link.keys import peers_of
+from tgl_soar.link.messages import COMPONENT_AUTOPILOT, SEVERITY_CRITICAL, Heartbeat, Source
+from tgl_soar.link.mode_change import ModeChange
+from tgl_soar.link.presence import Presence
+from tgl_soar.link.routes import Route
+from tgl_soar.link.signing import TICKS_PER_S, Signing
+from tgl_soar.link.telemetry import StatusTexts
+from tgl_soar.link.transport import open_link
+from tgl_soar.link.transports.base import LinkError, Transport
+from tgl_soar.link.transports.udp import UdpListener
+from tgl_soar.onboard import realtime
+from tgl_soar.onboard.command_line import RunOptions
+from tgl_soar.onboard.console import say
+from tgl_soar.onboard.setup import Setup
+from tgl_soar.onboard.surfaces import RELEASE_FRAMES
+from tgl_soar.onboard.watchdog import Sign
+
+GIVE_BACK_INTERVAL_S: Final = 0.02  # between frames that give the surfaces back for a dead process
+
+
+def open_for(setup: Setup, options: RunOptions, link: str, signing: Signing) -> Transport:
+    """A link of a flight.  Errors: `LinkError`."""
+    autopilot = Source(setup.own.system, COMPONENT_AUTOPILOT)
+    is_first = link == options.links[0]
+    trusted = autopilot if is_first and options.secret.unsigned_autopilot else None
+    return open_link(link, peers_of(signing, trusted), realtime.clock_s())
+
+
+def hand_over(setup: Setup, options: RunOptions, sign: Sign, became: str) -> None:
+    """Hand the surfaces over for a process that is dead, and whose links are closed.
+
+    `sign`: what it showed last; `became`: what happened to it.
+    """
+    try:
+        # The key as the dead process had it: its file may be gone.  Beyond what it may have signed
+        # since it showed itself, and within its block of stamps: its successor begins behind that.
+        signing = Signing(sign.key, time.time(), realtime.clock_s())
+        if sign.timestamp:
+            signing.timestamp = sign.timestamp + TICKS_PER_S
+        transport = open_for(setup, options, options.links[0], signing)
+    except LinkError as error:
+        say(f"the guard cannot give the surfaces back: {error}")
+        return
+    if isinstance(transport, UdpListener) and sign.host:
+        transport.peer = (sign.host, sign.port)
+    unsigned = options.secret.unsigned_autopilot
+    excused = Source(setup.own.system, COMPONENT_AUTOPILOT) if unsigned else None
+    route = Route(
+        0,
+        setup.own,
+        setup.override,
+        transport.send,
+        signing,
+        stream=transport.is_stream,
+        excused=excused,
+    )
+    route.own.version1 = route.override.version1 = sign.version1
+    releases = [(route.override, message) for message in setup.flavour.release()]
+    words = StatusTexts().chunks(SEVERITY_CRITICAL, f"surfaces given back: module {became}")
+    try:
+        transport.clear_for_release()
+        for _ in range(RELEASE_FRAMES):
+            for encoder, message in releases:  # each packed again: signed ones are taken only once
+                transport.send(encoder.encode(message))
+            time.sleep(GIVE_BACK_INTERVAL_S)
+        for chunk in words:
+            transport.send(route.own.encode(chunk))
+        _leave_mode(setup, route, transport)
+        transport.receive(realtime.clock_s())  # a serial line writes what is left
+    finally:
+        transport.close()
+
+
+def _leave_mode(setup: Setup, route: Route, transport: Transport) -> None:
+    """Out of the mode that the dead process has entered, unless the pilot has chosen another."""
+    flavour = setup.flavour
+    autopilot = Source(setup.own.system, COMPONENT_AUTOPILOT)
+    change = ModeChange(flavour)
+    change.leave(realtime.clock_s(), float("-inf"))
+    if change.is_changing:  # this socket may be a new one: a peer answers only whom it has heard
+        transport.send(route.own.encode(Presence(0).heartbeat()))
+    heard_s, obeys, custom_mode = float("-inf"), False, -1
+    while change.is_changing:
+        now_s = realtime.clock_s()
+        for data in transport.receive(now_s):
+            for source, message in route.decoder.feed(data):
+                if source == autopilot and isinstance(message, Heartbeat):
+                    heard_s, custom_mode = now_s, message.custom_mode
+                    obeys = not flavour.mismatch(message) and flavour.obeys(message)
+        for asked in change.poll(now_s, heard_s, obeys, custom_mode):
+            transport.send(route.own.encode(asked))
+        time.sleep(GIVE_BACK_INTERVAL_S)
+    if change.failed:
+        for chunk in StatusTexts().chunks(SEVERITY_CRITICAL, change.failed):
+            transport.send(route.own.encode(chunk))
