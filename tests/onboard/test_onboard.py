@@ -509,7 +509,7 @@ def test_in_lockstep_the_wall_clock_leaves_no_trace() -> None:
     assert traces[0] == traces[1]
 
 
-def test_in_lockstep_a_simulator_that_begins_anew_finds_the_module_in_standby() -> None:
+def test_in_lockstep_a_simulator_that_begins_again_finds_the_module_in_standby() -> None:
     flight = Flight(lockstep=True)
     for i in simulator(flight, 800):
         if i == 300:

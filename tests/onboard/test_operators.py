@@ -497,7 +497,7 @@ def test_with_a_key_only_the_signed_are_heard() -> None:
     assert all(f[2] == 1 for f in flight.frames)  # overrides too
 
 
-def test_with_a_key_an_unsigned_autopilot_is_not_believed_unless_that_was_allowed() -> None:
+def test_with_a_key_an_unsigned_autopilot_is_not_accepted_unless_that_was_allowed() -> None:
     flight = signed_flight(unsigned_autopilot=False)
     flight.run(1.0)
     assert not flight.onboard.session.has_heartbeat

@@ -121,7 +121,7 @@ def test_the_wall_clock_may_jump_as_it_likes(
     assert flight.onboard.pacer.counters.skipped == 0
 
 
-def test_a_rehearsed_flight_is_the_same_flight_bit_for_bit() -> None:
+def test_a_flight_with_warm_ups_is_the_same_flight_bit_for_bit() -> None:
     """What is gone through for nothing leaves nothing behind."""
     plain, warmed_up = Flight(), Flight()
     assert warmed_up.onboard.warm_up_s == inf
@@ -140,7 +140,7 @@ def test_a_rehearsed_flight_is_the_same_flight_bit_for_bit() -> None:
     assert plain.frames == warmed_up.frames
 
 
-def test_a_busy_computer_and_a_simulation_rehearse_nothing() -> None:
+def test_a_busy_computer_and_a_simulation_warm_up_for_nothing() -> None:
     flight = Flight()
     flight.engaged().run(0.5)
     assert flight.onboard.warm_up_s < inf
@@ -153,7 +153,7 @@ def test_a_busy_computer_and_a_simulation_rehearse_nothing() -> None:
 
 
 def test_a_backlog_is_not_gone_through_again() -> None:
-    """A rehearsal is to be done before the sample comes."""
+    """A warm-up is to be done before the sample comes."""
     flight = Flight()
     flight.engaged().run(0.5)
     warm_up_tick = flight.onboard.warm_ups.kept
@@ -169,7 +169,7 @@ def test_a_backlog_is_not_gone_through_again() -> None:
 
 
 @pytest.mark.interpreted
-def test_what_has_come_goes_before_a_rehearsal(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_has_come_goes_before_a_warm_up(monkeypatch: pytest.MonkeyPatch) -> None:
     done: list[str] = []
     monkeypatch.setattr(Onboard, "warm_up_s", 0.0)
     monkeypatch.setattr(Onboard, "warm_up", lambda _self: done.append("warmed_up"))
@@ -190,7 +190,7 @@ def test_what_has_come_goes_before_a_rehearsal(monkeypatch: pytest.MonkeyPatch) 
 
 @pytest.mark.interpreted
 @pytest.mark.parametrize("power_saving", [False, True])
-def test_a_thrifty_loop_rehearses_nothing(
+def test_a_power_saving_loop_does_not_warm_up(
     power_saving: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     flight, warmed_up = Flight(), [0]

@@ -151,7 +151,7 @@ def test_a_new_rate_holds_from_the_next_tick_on() -> None:
     assert count == pytest.approx(100, abs=1)
 
 
-def rehearsing(
+def warming_up(
     took_s: Callable[[], float],
     *,
     interval_s: float = 0.005,
@@ -159,7 +159,7 @@ def rehearsing(
     drift: float = 0.0,
     loss: float = 0.0,
 ) -> tuple[Pacer, list[float], list[float]]:
-    """A pacer that has followed samples, each read once its rehearsal was over; and of the last
+    """A pacer that has followed samples, each read once its warm-up was over; and of the last
     thousand, how long each one waited to be read, and how long after it was expected it came.
 
     `drift`: how much slower the vehicle's clock is than ours.
@@ -190,9 +190,9 @@ def rehearsing(
 
 
 @pytest.mark.parametrize("interval_s", [0.005, 0.00505, 0.0049])
-def test_a_rehearsal_ends_as_its_sample_comes(interval_s: float) -> None:
+def test_a_warm_up_ends_as_its_sample_comes(interval_s: float) -> None:
     assert Pacer(200.0, 0.0).warm_up_s == float("inf")  # nothing is expected yet
-    pacer, waited, after = rehearsing(lambda: 0.0002, interval_s=interval_s)
+    pacer, waited, after = warming_up(lambda: 0.0002, interval_s=interval_s)
     assert pacer.expected_s - pacer.warm_up_s == pytest.approx(0.0002, abs=5e-6)
     assert max(waited) < 10e-6
     assert max(map(abs, after)) < 10e-6
@@ -200,33 +200,33 @@ def test_a_rehearsal_ends_as_its_sample_comes(interval_s: float) -> None:
 
 @pytest.mark.parametrize("drift", [-0.01, -0.001, 0.0005, 0.01])
 def test_the_vehicles_clock_may_go_otherwise_than_ours(drift: float) -> None:
-    _, waited, after = rehearsing(lambda: 0.0002, drift=drift)
+    _, waited, after = warming_up(lambda: 0.0002, drift=drift)
     assert max(waited) < 20e-6
     assert max(map(abs, after)) < 20e-6
 
 
 def test_a_sample_that_is_lost_does_not_move_where_the_next_is_expected() -> None:
     noise = random.Random(4)
-    _, waited, after = rehearsing(lambda: noise.uniform(0.0001, 0.0002), loss=0.15)
+    _, waited, after = warming_up(lambda: noise.uniform(0.0001, 0.0002), loss=0.15)
     assert len(waited) == 1000
     assert max(map(abs, after)) < 50e-6
 
 
-def test_most_rehearsals_are_done_in_time_however_long_each_takes() -> None:
+def test_most_warm_ups_are_done_in_time_however_long_each_takes() -> None:
     noise = random.Random(3)
-    _, waited, after = rehearsing(lambda: noise.uniform(0.0001, 0.0003))
+    _, waited, after = warming_up(lambda: noise.uniform(0.0001, 0.0003))
     assert 0.1 < sum(w > 0.0 for w in waited) / len(waited) < 0.45
     assert max(map(abs, after)) < 50e-6  # it is not later and later itself
 
 
 def test_where_samples_jitter_the_first_of_them_are_waited_for() -> None:
-    _, waited, after = rehearsing(lambda: 0.0001, jitter_s=0.0005)
+    _, waited, after = warming_up(lambda: 0.0001, jitter_s=0.0005)
     assert 0.6 < sum(a > 0.0 for a in after) / len(after) < 0.98
     assert sum(w > 0.0 for w in waited) / len(waited) < 0.4
 
 
-def test_rehearsals_that_do_not_fit_are_left_out_for_some_seconds() -> None:
-    pacer, _, _ = rehearsing(lambda: 0.0002)
+def test_warm_ups_that_do_not_fit_are_left_out_for_some_seconds() -> None:
+    pacer, _, _ = warming_up(lambda: 0.0002)
     warm_ups = []
     for i in range(3000, 3000 + 2200):
         if pacer.warm_up_s < float("inf"):
@@ -238,8 +238,8 @@ def test_rehearsals_that_do_not_fit_are_left_out_for_some_seconds() -> None:
     assert [i - 3000 for i in warm_ups] == [0, 1, 2, 1002, 1003, 1004, 2004, 2005, 2006]
 
 
-def test_after_a_gap_or_another_rate_the_next_sample_is_expected_anew() -> None:
-    pacer, _, _ = rehearsing(lambda: 0.0002)
+def test_after_a_gap_or_another_rate_the_next_sample_is_expected_again() -> None:
+    pacer, _, _ = warming_up(lambda: 0.0002)
     sample_s = pacer.expected_s + 0.9 * pacer.period_s
     pacer.sample(sample_s, 3000 * 0.005, 3000 * 0.005)
     pacer.tick(sample_s)

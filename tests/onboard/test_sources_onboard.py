@@ -116,7 +116,7 @@ def test_a_tick_is_given_all_that_there_is(tmp_path: Path, monkeypatch: pytest.M
     assert last.autopilot[1:] == (True, True, False, 0)
 
 
-def test_a_bridge_on_any_link_is_believed_and_nobody_else(tmp_path: Path) -> None:
+def test_a_bridge_on_any_link_is_accepted_and_nobody_else(tmp_path: Path) -> None:
     bench = Bench(setup_of(tmp_path, VISION_TABLE))
     for of, link in (((9, 1), 1), ((1, 1), 1), ((9, 1), 0)):
         bench.hears(vision(5.0), of=of, link=link)
@@ -127,7 +127,7 @@ def test_a_bridge_on_any_link_is_believed_and_nobody_else(tmp_path: Path) -> Non
     assert bench.onboard.session.position.sequence == 1
 
 
-def test_our_own_positions_are_not_believed(tmp_path: Path) -> None:
+def test_our_own_positions_are_not_accepted(tmp_path: Path) -> None:
     """PX4 sends what it is told on to every link, us among them."""
     with pytest.raises(ConfigError, match="this module itself"):
         setup_of(tmp_path, VISION_TABLE.replace("197", "191"))

@@ -82,7 +82,7 @@ class EngageSwitch:
         """Why nobody can engage now; "" if it can be tried."""
         mode = self.mode
         if mode == RELEASED:
-            return "it has let go just now: try again"
+            return "it has just disengaged: try again"
         if mode == FAILED:
             return "it has failed: start it again"
         if not self._surfaces.is_active and not self._session.presence.is_alone(now_s):

@@ -41,7 +41,7 @@ def run(
 
     `transports`: the first leads to the autopilot.  `stop` is asked in every round.  `say`: for
     words on the console.  `spin_s`: as `pacing.Waiter` takes it.  `power_saving`:
-    no tick is rehearsed.
+    no tick is warmed up for.
     """
     clock = realtime.clock_s
     waiter = pacing.Waiter(clock, spin_s)

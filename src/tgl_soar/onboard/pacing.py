@@ -24,7 +24,7 @@ WARM_UP_S: Final = 0.0007  # before the sample, until it is known how long one t
 WARM_UP_MAX: Final = 0.4  # of a period; what takes longer does not fit
 _LONGER: Final = 0.2  # what one counts that took longer than thought: most do not
 _SHORTER: Final = 0.01
-_MISFITS_MAX: Final = 3  # one after the other: no rehearsals for
+_MISFITS_MAX: Final = 3  # one after the other: no warm-ups for
 _REST_TICKS: Final = 1000
 _BEFORE: Final = 0.2  # what a sample counts that came before it was expected
 _AFTER: Final = 0.02  # or after: it may have waited for us
@@ -73,10 +73,10 @@ class Pacer:
         self.locked = False  # the loop follows the attitude stream
         self._sample_s = nan  # arrival of a sample that no tick has seen; NaN: none
         self._sample_time_s = nan
-        self._warmed_up_s = nan  # the deadline that was rehearsed for
+        self._warmed_up_s = nan  # the deadline that was warmed up for
         self._ahead_s = WARM_UP_S
         self._misfits = 0
-        self._resting = 0  # ticks without a rehearsal, as it does not fit
+        self._resting = 0  # ticks without a warm-up, as it does not fit
 
     def begin(self, now_s: float) -> None:
         """The loop starts now: whatever took its time before is no delay."""
@@ -183,7 +183,7 @@ class Pacer:
     def _expect(self) -> None:
         """The next sample, one interval after this one was to come.
 
-        This one may have come earlier than it was read: what is late counts little, else the loop
+        This one may have come earlier than it was read: what is late counts little, or the loop
         would be later and later itself.  The interval is that of arrivals: the vehicle's clock
         may go otherwise than ours.
         """
@@ -210,7 +210,7 @@ class Pacer:
 class LoadShedding:
     """How hard the loop finds it to be on time, and so what it does without.
 
-    A tick that was late or came after skipped ones counts 1, another 0; the strain is their
+    A tick that was late or came after skipped ones counts 1, another 0; the load is their
     mean over the last `SHEDDING_TICKS` or so.  One late tick costs a moment's telemetry; a computer
     that is late all the time loses its log too.  The tick itself is never left out.
     """

@@ -42,7 +42,7 @@ class RealtimeOptions(NamedTuple):
 
     processor: int | None = None  # the loop runs on this one only
     spin_s: float | None = None  # so long around a tick it does not sleep; None: as it takes
-    power_saving: bool = False  # no tick is rehearsed
+    power_saving: bool = False  # no tick is warmed up for
 
 
 def prepare(

@@ -1,6 +1,6 @@
 """A second process that gives the surfaces back where the flying one cannot.
 
-A process that ends by SIGTERM or by an error lets go by itself (`process`).  One that is killed,
+A process that ends by SIGTERM or by an error hands over by itself (`process`).  One that is killed,
 runs out of memory, crashes in a library or hangs does not: an autopilot then waits for its own
 time-out, and 3 s without a hand on the elevator are too long.  So `run` flies in a child, and the
 parent does nothing but watch it:
