@@ -438,6 +438,7 @@ def test_the_first_minute_of_a_flight_stays_while_it_is_flown(tmp_path: Path) ->
     assert [file.part for file in files.kept_in(tmp_path)] == [1, 1, 2, 2, 3, 3]
 
 
+@pytest.mark.interpreted  # native code holds the constant itself
 def test_a_long_flight_in_little_room_keeps_its_beginning(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
