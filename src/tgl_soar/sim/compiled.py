@@ -10,8 +10,8 @@ they are in the modules.
 
 Compiled functions raise what the plain ones raise (division by zero too) and let other threads
 run meanwhile.  Each is inlined where it is called: otherwise handing over hundreds of numbers
-would cost as much as the arithmetic.  They live in memory: a cache on disk would not see that a
-module further down has changed.
+would cost as much as the arithmetic.  What is called from outside is kept on disk
+(`kernel_cache`).
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ from importlib import import_module
 from importlib.util import find_spec
 from types import FunctionType, ModuleType
 from typing import Any, Final, TypeVar, cast
+
+from tgl_soar.sim.kernel_cache import kept
 
 # Downward, as they import each other.
 MODULES: Final = (
@@ -65,11 +67,12 @@ def available() -> bool:
 
 
 def compiled(function: Plain) -> Plain:
-    """The compiled kernel of a function of `MODULES`; it compiles when it is first called.
+    """The compiled kernel of a function of `MODULES`; it compiles when it is first called,
+    unless it has been compiled before.
 
     Errors: ImportError without numba; KeyError for a function of another module.
     """
-    return cast(Plain, _kernels()[cast(FunctionType, function)])
+    return cast(Plain, _entry(cast(FunctionType, function)))
 
 
 def cell(value: object) -> Any:
@@ -77,24 +80,15 @@ def cell(value: object) -> Any:
 
     Handing a cell over costs as much as handing over a float, whatever lies in it.
     """
-    return _cell_type()(value)
+    from tgl_soar.sim.cells import Cell
+
+    return Cell(value)
 
 
 @cache
-def _cell_type() -> Any:
-    from numba.core import types
-    from numba.experimental import structref
-
-    @structref.register
-    class CellType(types.StructRef):
-        pass
-
-    class Cell(structref.StructRefProxy):
-        def __new__(cls, value: object) -> Any:
-            return structref.StructRefProxy.__new__(cls, value)  # type: ignore[no-untyped-call]
-
-    structref.define_proxy(Cell, CellType, ["value"])  # type: ignore[no-untyped-call]
-    return Cell
+def _entry(function: FunctionType) -> Any:
+    """A kernel that is called from outside."""
+    return kept(_kernels()[function].py_func, (*MODULES, __name__, "tgl_soar.sim.cells"))
 
 
 @cache
