@@ -1,6 +1,8 @@
 # make run    fly the three-leg flight between real processes and draw it
 # make test   lint, types and tests
-# make long   the tests that take minutes: an hour's flight of the whole module
+# make long   the tests that take minutes: whole experiments, an hour's flight of the whole module,
+#             native code made and tested, and every property with more examples
+# make ci     make test, and those of the long ones that fit into a few minutes more
 # make bench  timings, as ratios against references of the same run
 # make pictures  the README's pictures, flown and drawn again
 # make cover  the branches of supervisor and envelope that their own tests reach: all of them
@@ -18,7 +20,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c const
 export PIP_ROOT_USER_ACTION := ignore
 
 .DEFAULT_GOAL := help
-.PHONY: help run test lint long bench pictures cover mutate clean
+.PHONY: help run test lint long ci bench pictures cover mutate clean
 
 help:
 	@sed -n 's/^# \(make .*\)/\1/p' Makefile
@@ -27,7 +29,7 @@ run: $(VENV)/.run
 	$(BIN)/tgl-soar sitl $(ARGS)
 
 test: $(VENV)/.test lint
-	$(BIN)/pytest -n 2 --dist worksteal $(ARGS)
+	$(BIN)/pytest -n 2 --dist loadgroup $(ARGS)
 
 lint: $(VENV)/.test
 	$(BIN)/ruff check .
@@ -36,6 +38,10 @@ lint: $(VENV)/.test
 
 long: $(VENV)/.test
 	$(BIN)/pytest -m long $(ARGS)
+	$(BIN)/pytest -n 2 --dist loadgroup -m hypothesis --hypothesis-profile long
+
+ci: test
+	$(BIN)/pytest -n 2 --dist loadgroup -m "long and ci"
 
 bench: $(VENV)/.test
 	$(BIN)/python -m benchmarks $(ARGS)

@@ -2,6 +2,8 @@
 
 import os
 from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -9,8 +11,13 @@ from wheel import Installed, install
 
 from tgl_soar.onboard import native
 
+# Workers, and the processes that tests start, share what is compiled; a clone keeps it.
+os.environ.setdefault("XDG_CACHE_HOME", str(Path(__file__).parents[1] / ".cache"))
+
 # Time is a benchmark's business: a busy machine must not fail a property.
-settings.register_profile("project", deadline=None)
+# Tests with a number of examples of their own keep it; `make long` gives the others many.
+settings.register_profile("project", deadline=None, max_examples=50)
+settings.register_profile("long", deadline=None, max_examples=1000)
 settings.load_profile("project")
 
 # Set by the test of native code, which has the tests of what flies run once more.
@@ -19,13 +26,48 @@ if NATIVE:
     assert native.use(), native.told()
 
 
+# Tests that one worker takes one after the other, by file.
+ONE_WORKER: dict[str, tuple[str, ...]] = {
+    # They need real time: beside one another they would take it from each other.
+    "real time": (
+        "cli/test_preflight.py", "cli/test_surfaces.py", "docs/test_readme.py",
+        "onboard/test_guard.py", "onboard/test_realtime.py", "onboard/test_run_process.py",
+        "onboard/test_signed_restart.py", "onboard/test_stored_parameters.py",
+        "peers/test_mavproxy.py", "peers/test_mavsdk.py", "sim/test_bridge.py",
+        "sim/test_motive.py", "sim/test_real_time.py", "sim/test_sitl.py",
+    ),
+    # They compile the same kernels, which takes a minute or two each: once is enough.
+    "kernels": ("sim/test_batch.py", "sim/test_compiled.py", "sim/test_kernel_cache.py"),
+    # They read the logs of one flight, which is flown and written once.
+    "one flight": (
+        "analysis/logs/test_bad_logs.py", "analysis/logs/test_reading.py",
+        "analysis/report/test_flight_report.py", "cli/test_bad_logs_commands.py",
+        "cli/test_report_command.py",
+    ),
+}  # fmt: skip
+TESTS = Path(__file__).parent
+
+
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The longest test goes first; native code has no seams for some."""
+    """The longest test goes first, and tests that share something go to one worker; native code
+    has no seams for some."""
     items.sort(key=lambda item: item.get_closest_marker("first") is None)
+    group_of = {TESTS / file: name for name, files in ONE_WORKER.items() for file in files}
+    for item in items:
+        if group := group_of.get(item.path) or (shares(item) and str(item.path)):
+            item.add_marker(pytest.mark.xdist_group(group))
     if NATIVE:
         for item in items:
             if item.get_closest_marker("interpreted"):
                 item.add_marker(pytest.mark.skip(reason="native code has no seam for it"))
+
+
+def shares(item: pytest.Item) -> bool:
+    """Whether a test has something in common with others of its file."""
+    info: Any = getattr(item, "_fixtureinfo", None)
+    found = info.name2fixturedefs.values() if info else ()
+    return any(each[-1].scope == "module" for each in found)
 
 
 @pytest.fixture(scope="session")

@@ -81,7 +81,10 @@ def test_one_percent_turbulence_keeps_e_rho_within_a_centimetre() -> None:
         assert score.rms_e_rho_m <= 0.01
 
 
-@pytest.mark.parametrize("first", range(0, 32, 4))
+@pytest.mark.parametrize(
+    "first",
+    [0, *(pytest.param(k, marks=(pytest.mark.long, pytest.mark.ci)) for k in range(4, 32, 4))],
+)
 def test_three_percent_turbulence_loses_no_flight(first: int) -> None:
     """32 seeds, in groups so that they share the machine's cores."""
     for seed in range(first, first + 4):

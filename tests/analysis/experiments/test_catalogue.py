@@ -17,7 +17,13 @@ def test_every_experiment_has_a_title() -> None:
     assert list(TITLES) == list(EXPERIMENTS)
 
 
-@pytest.mark.parametrize("name", ["field", "static", "rotate", "gust"])
+LONG = (pytest.mark.long, pytest.mark.ci)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["field", "static", *(pytest.param(name, marks=LONG) for name in ("rotate", "gust"))],
+)
 def test_an_experiment_tells_and_draws(tmp_path: Path, name: str) -> None:
     """One seed: means of a leg are known to 3 cm or so, hence the claims are judged more mildly."""
     told = run(name, Context(Flyer(), tmp_path, quick=True))

@@ -66,6 +66,8 @@ def test_the_wrong_wing_is_as_wrong_as_the_estimator_takes_it_to_be() -> None:
     assert drag**0.5 == pytest.approx(DRAG_ERROR, rel=0.2)
 
 
+@pytest.mark.long
+@pytest.mark.ci
 def test_the_experiment_tells_and_draws(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tgl_soar.analysis.experiments.wind_estimate.FLIGHT_S", 7.0)
     monkeypatch.setattr("tgl_soar.analysis.experiments.wind_estimate.TOUR_S", 4.0)
