@@ -24,7 +24,7 @@ from tgl_soar.config.files import (
     load_site,
     shipped,
 )
-from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterSet
 from tgl_soar.config.site import Site
 from tgl_soar.control.envelope import EnvelopeLimits, limit_surfaces
 from tgl_soar.control.supervisor import MODE_NAMES
@@ -188,7 +188,10 @@ def test_a_flight_that_ends_early_ends_alike() -> None:
     gusty = GustyField(
         field, [Gust(start_s=2.0, duration_s=0.6, u_mps=-6.0, v_mps=0.0, w_mps=-3.0)]
     )
-    plain, fast = both("tunnel", 3, 0.0, gusty, ())
+    # The site's fence would end the flight before: here there is none.
+    x, z = PARAMETERS[INDEX["FENCE_X_MIN"]], PARAMETERS[INDEX["FENCE_Z_MIN"]]
+    no_fence = Change(0.0, {"FENCE_X_MIN": x.minimum, "FENCE_Z_MIN": z.minimum})
+    plain, fast = both("tunnel", 3, 0.0, gusty, (no_fence,))
     assert plain.ended.startswith("hit the board")
     assert_same(plain, fast)
     let_go = Change(3.0, {"CAPTURE_MAX": 0.1, "TGL_SLEW": 1.0, "TGL_ACCEL": 5.0, "TGL_X": 0.5})
