@@ -336,9 +336,9 @@ def unknown() -> bytes:
 def is_read(onboard: Onboard, link: int) -> bool:
     """Whether the loop would read a link once more in this tick: another than the autopilot's
     has so much of the decoder's work between two ticks, and the rest waits in its socket."""
-    while link > 0 and onboard.is_waiting(link) and onboard.may_read(link):
+    while link > 0 and onboard.links.is_waiting(link) and onboard.links.may_read(link):
         onboard.event(b"", 0.0, link)
-    return link == 0 or onboard.may_read(link)
+    return link == 0 or onboard.links.may_read(link)
 
 
 FLOODS: dict[str, tuple[Callable[[], bytes], bool]] = {
