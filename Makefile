@@ -4,6 +4,7 @@
 #             native code made and tested, and every property with more examples
 # make ci     make test, and those of the long ones that fit into a few minutes more
 # make bench  timings, as ratios against references of the same run
+# make docs   the pages as a site: out/docs/index.html
 # make pictures  the README's pictures, flown and drawn again
 # make cover  the branches of supervisor and envelope that their own tests reach: all of them
 # make mutate whether those tests notice every small change of the two (some twenty minutes)
@@ -20,7 +21,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c const
 export PIP_ROOT_USER_ACTION := ignore
 
 .DEFAULT_GOAL := help
-.PHONY: help run test lint long ci bench pictures cover mutate clean
+.PHONY: help run test lint long ci bench docs pictures cover mutate clean
 
 help:
 	@sed -n 's/^# \(make .*\)/\1/p' Makefile
@@ -45,6 +46,11 @@ ci: test
 
 bench: $(VENV)/.test
 	$(BIN)/python -m benchmarks $(ARGS)
+
+docs: $(VENV)/.made pyproject.toml constraints.txt
+	$(PIP) -e '.[docs]'
+	$(BIN)/sphinx-build -W --keep-going -q . out/docs
+	@echo out/docs/index.html
 
 pictures: $(VENV)/.run
 	$(BIN)/python tools/pictures.py

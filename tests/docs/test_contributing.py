@@ -19,7 +19,7 @@ TASKS = ("A parameter", "A sensor", "A firmware", "An experiment", "A column of 
 
 
 def files_in(text: str) -> set[str]:
-    return set(re.findall(r"\b((?:src|tests|config|docs|tools)/[\w/]*(?:\.\w+)?)", text))
+    return set(re.findall(r"(?<![\w/])((?:src|tests|config|docs|tools)/[\w/]*(?:\.\w+)?)", text))
 
 
 def test_every_file_that_the_page_names_is_there() -> None:
