@@ -7,8 +7,11 @@ import tomllib
 from pathlib import Path
 
 import tgl_soar
+from tgl_soar.cli.app import app
+from tgl_soar.config.parameters import INDEX
 
 ROOT = Path(tgl_soar.__file__).parents[2]
+KINDS = ("Added", "Changed", "Deprecated", "Removed", "Fixed", "Security")  # Keep a Changelog's
 
 
 def text_of(name: str) -> str:
@@ -27,6 +30,19 @@ def test_the_changelog_has_this_version_and_what_is_to_come() -> None:
     headings = re.findall(r"^## (.+)$", text_of("CHANGELOG.md"), flags=re.MULTILINE)
     assert headings[0] == "Unreleased"
     assert headings[1].split()[0] == tgl_soar.__version__
+
+
+def test_what_is_to_come_is_sorted_and_names_what_there_is() -> None:
+    _, _, rest = text_of("CHANGELOG.md").partition("\n## Unreleased\n")
+    text = rest.partition("\n## ")[0]
+    kinds = re.findall(r"(?m)^### (.+)$", text)
+    assert kinds == [kind for kind in KINDS if kind in kinds]
+    assert re.findall(r"(?m)^[^-# \n].*$", text) == [], "one line (or entry) each, under its kind"
+    commands = {c.name for c in app.registered_commands} | {g.name for g in app.registered_groups}
+    assert set(re.findall(r"`tgl-soar (\w+)", text)) <= commands
+    parameters = set(re.findall(r"`([A-Z]+_[A-Z_]*[A-Z])`", text))
+    assert "TGL_STEP_MAX" in parameters
+    assert parameters - {"RC_OVERRIDE_TIME", "MAV_STATE"} <= set(INDEX)
 
 
 def test_types_may_be_used_by_others() -> None:
