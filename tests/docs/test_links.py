@@ -36,3 +36,23 @@ def test_every_relative_link_and_picture_is_there(page: Path) -> None:
         if not target.exists() or (anchor and anchor not in anchors(target)):
             broken.append(link)
     assert not broken, f"{page.relative_to(ROOT)}: {broken}"
+
+
+# Programs and sources of others, by the names that those have.
+OF_OTHERS = {"mavlogdump.py", "modules/datalink/mavlink.c"}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_file_in_the_source_that_a_page_names_is_there(page: Path) -> None:
+    """By its path from the clone, from the package, or (a page) from the manual."""
+    named = set(
+        re.findall(r"`((?:[\w-]+/)*[\w.-]*\w\.(?:py|c|toml|service|jsonl))`", page.read_text())
+    )
+    of_a_place = {"airframe.toml", "site.toml", "tgl-soar.service"}  # made by `tgl-soar init`
+    places = (ROOT, ROOT / "src" / "tgl_soar", ROOT / "docs")
+    missing = [
+        name
+        for name in sorted(named - OF_OTHERS - of_a_place)
+        if not any((place / name).is_file() for place in places)
+    ]
+    assert not missing
