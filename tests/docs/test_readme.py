@@ -545,7 +545,8 @@ def test_it_is_installed_from_a_clone(companion: Companion) -> None:
 def test_it_is_installed_from_a_wheel(tmp_path: Path) -> None:
     companion = Companion(tmp_path)
     # pip copies nothing of what a build does not read; the clone is not written to.
-    for name in ("src", "config", "docs", "pyproject.toml", "README.md", "LICENSE"):
+    papers = [path.name for path in ROOT.glob("*.md")]
+    for name in ("src", "config", "docs", "pyproject.toml", "LICENSE", *papers):
         (tmp_path / name).symlink_to(ROOT / name)
     companion.run(BUILD[0])
     companion.lend(tmp_path / ".venv")
