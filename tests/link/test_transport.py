@@ -11,9 +11,8 @@ from pathlib import Path
 import pytest
 from free_ports import free_port
 
-from tgl_soar.link.natnet.sockets import MAX_DATAGRAMS
 from tgl_soar.link.transport import is_open, open_link
-from tgl_soar.link.transports.base import LinkError, Transport
+from tgl_soar.link.transports.base import MAX_DATAGRAMS, LinkError, Transport
 from tgl_soar.link.transports.serial_line import SerialLink
 from tgl_soar.link.transports.tcp import TcpLink
 from tgl_soar.link.transports.udp import PEER_SILENCE_S, STRANGERS, UdpListener, UdpSpeaker

@@ -18,6 +18,7 @@ from typer.testing import CliRunner
 from tgl_soar.analysis.alignment import AlignmentError
 from tgl_soar.cli.align import average_pose
 from tgl_soar.cli.app import app
+from tgl_soar.cli.console import console
 from tgl_soar.config.files import ConfigError, load_site, shipped
 from tgl_soar.config.site import Mocap
 from tgl_soar.link.natnet.sockets import NatNetError
@@ -247,8 +248,11 @@ def row_of(output: str, name: str) -> list[str]:
 
 @pytest.mark.parametrize("version", [(3, 0), (4, 1)])
 @pytest.mark.parametrize("multicast", [False, True])
-def test_the_bodies_that_are_streamed_are_listed(version: tuple[int, int], multicast: bool) -> None:
+def test_the_bodies_that_are_streamed_are_listed(
+    version: tuple[int, int], multicast: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The aircraft is lost at times; how the server streams is found out."""
+    monkeypatch.setattr(console, "width", 160)  # where there is no terminal it has taken 80
     options = MotiveOptions(
         version=version, multicast=multicast, group=GROUP, data_port=free_port(), noise_m=0.0,
         faults=(HallFault("untracked", 0.4, 99.0),),
@@ -257,7 +261,7 @@ def test_the_bodies_that_are_streamed_are_listed(version: tuple[int, int], multi
         where = f"127.0.0.1:{server.port.local[1]}"
         words = ["mocap", "list", "--server", where, "--seconds", "1.5"]
         words += ["--interface", "127.0.0.1"]
-        ran = CliRunner().invoke(app, words, env={"COLUMNS": "160"})
+        ran = CliRunner().invoke(app, words)
     assert ran.exit_code == 0, ran.output
     assert f"NatNet {version[0]}.{version[1]}" in ran.output
     assert ("multicast" if multicast else "unicast") + ": 3 rigid bodies" in ran.output

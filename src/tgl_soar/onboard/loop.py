@@ -14,8 +14,7 @@ from collections.abc import Callable, Sequence
 from math import inf
 from typing import Final
 
-from tgl_soar.link.natnet.sockets import MAX_DATAGRAMS
-from tgl_soar.link.transports.base import Transport
+from tgl_soar.link.transports.base import MAX_DATAGRAMS, Transport
 from tgl_soar.link.transports.udp import UdpListener
 from tgl_soar.onboard import pacing, realtime
 from tgl_soar.onboard.mocap import MocapFeed
