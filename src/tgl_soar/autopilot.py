@@ -28,6 +28,7 @@ from tgl_soar.control.heading import (
     heading_setpoint,
 )
 from tgl_soar.control.laws import Laws, SupervisorLimits
+from tgl_soar.control.lean_gains import gains_at_lean
 from tgl_soar.control.margins import margins_of
 from tgl_soar.control.pid import PidState, PidTerms
 from tgl_soar.control.scheduling import soaring_between, weight_step
@@ -519,7 +520,11 @@ def _guide(
             line, soaring, off_line_s = state.line, state.soaring, state.off_line_s
             tracking = _tracking(line, vehicle)._replace(e_rho_m=0.0, e_rho_rate_mps=rate)
         soaring, terms = soaring_step(
-            soaring_between(laws.soaring, laws.soaring_imu, memory.imu_weight),
+            gains_at_lean(
+                soaring_between(laws.soaring, laws.soaring_imu, memory.imu_weight),
+                laws.found_at,
+                line.eta_rad,
+            ),
             soaring,
             theta_0 + memory.gust_pitch_rad,
             tracking.e_rho_m,

@@ -47,10 +47,11 @@ from tgl_soar.air.field import WindField
 from tgl_soar.air.gusts import DrydenState, dryden_params, dryden_step
 from tgl_soar.control.attitude import attitude_step
 from tgl_soar.control.laws import Laws
+from tgl_soar.control.lean_gains import gains_at_lean
 from tgl_soar.control.pid import PidState
 from tgl_soar.control.scheduling import pid_between, soaring_between
 from tgl_soar.control.soaring import SoaringState, soaring_step
-from tgl_soar.control.target_line import e_rho
+from tgl_soar.control.target_line import e_rho, eta_from_lean
 from tgl_soar.estimation.fix_filter import (
     Covariance,
     Errors,
@@ -219,7 +220,7 @@ def linear_plant(condition: Condition, gusts: Gusts | None = None) -> Plant:
         )
 
     jacobian = differences(tick, np.zeros(size + 3))
-    eta = 0.5 * pi + condition.lean_rad
+    eta = eta_from_lean(condition.lean_rad)
     c = np.zeros((_TRUTH, size))
     for i in (0, 1):
         c[i, 2 * i] = e_rho(0.0, 0.0, eta, 1.0, 0.0)
@@ -304,7 +305,11 @@ def linear_controller(laws: Laws, condition: Condition, errors: bool = False) ->
         filter_size = 0
     size = line + 2 * fix_line + filter_size + 4
     take, carry = _fix_matrices(laws.motion, timing.period_steps * dt, dt, sensors, inertial)
-    soaring = soaring_between(laws.soaring, laws.soaring_imu, 1.0 if inertial else 0.0)
+    soaring = gains_at_lean(
+        soaring_between(laws.soaring, laws.soaring_imu, 1.0 if inertial else 0.0),
+        laws.found_at,
+        eta_from_lean(condition.lean_rad),
+    )
     pitch_gains = pid_between(laws.pitch, laws.pitch_imu, 1.0 if inertial else 0.0)
     soaring = soaring._replace(
         slew_radps=1e9,  # linear: no limit acts

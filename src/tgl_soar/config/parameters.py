@@ -151,6 +151,17 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         meaning="Low-pass of e_rho's rate.",
     ),
     Parameter(
+        name="RHO_LEAN", unit="deg", minimum=5, maximum=45, default=15.0,
+        meaning="Lean of the line that the gains RHO_… were found on. On another they are changed"
+                " so that the loop crosses over where it did: as they stand they ring on a line"
+                " that leans further.",
+    ),
+    Parameter(
+        name="RHO_SPEED", unit="m/s", minimum=0, maximum=60, default=8.5,
+        meaning="Airspeed that they were found at; below 1: they are flown as they stand on every"
+                " line, as in the paper.",
+    ),
+    Parameter(
         name="RHO_P_IMU", unit="rad/m", minimum=0, maximum=5, default=0.0,
         meaning="RHO_P while the estimator uses accelerations; 0: as without. Between the two sets"
                 " of gains the law moves over within half a second, back within a tenth. Not used"

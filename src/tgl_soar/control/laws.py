@@ -12,6 +12,7 @@ from typing import NamedTuple
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.envelope import EnvelopeLimits, Fence
 from tgl_soar.control.heading import BankGains, HeadingGains
+from tgl_soar.control.lean_gains import FoundAt
 from tgl_soar.control.pid import PidGains
 from tgl_soar.control.soaring import SoaringGains, TrimGains
 from tgl_soar.control.target_line import LineLimits, TargetLine, eta_from_lean
@@ -51,6 +52,7 @@ class Laws(NamedTuple):
     line: LineLimits
     soaring: SoaringGains
     soaring_imu: SoaringGains  # while accelerations are in use
+    found_at: FoundAt  # of both
     pitch: PidGains
     pitch_imu: PidGains
     roll: PidGains
@@ -100,6 +102,7 @@ def laws_from(
         line=LineLimits(values["TGL_SLEW"], values["TGL_ACCEL"], radians(values["TGL_ROT_SLEW"])),
         soaring=soaring,
         soaring_imu=soaring_imu,
+        found_at=FoundAt(eta_from_lean(radians(values["RHO_LEAN"])), values["RHO_SPEED"]),
         pitch=pitch,
         pitch_imu=_imu_gains(values, "ELE", pitch, 0.0),
         roll=_surface_gains(values, "AIL"),
