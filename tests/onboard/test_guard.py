@@ -133,14 +133,25 @@ def test_neither_process_is_stopped_by_a_terminal(module: Module) -> None:
 @pytest.mark.parametrize("number", ENDS)
 def test_a_signal_to_both_at_once_gives_the_surfaces_back(module: Module, number: int) -> None:
     """As a terminal sends it: ^C, ^\\, or its end."""
+    ended = _signalled(module, number)
+    while "stood still" in ended:  # the machine has, for half a second: once more, with another
+        again = Module()
+        try:
+            assert again.receive().get_type() == "HEARTBEAT"
+            ended, module = _signalled(again, number), again
+        finally:
+            again.vehicle.close()
+    assert "tgl_soar stopped" in ended
+    assert module.process.wait(PATIENCE_S) == EXIT_OK
+
+
+def _signalled(module: Module, number: int) -> str:
+    """What is said in the end where both processes get a signal while they have the surfaces."""
     module.engage()
     for pid in (module.process.pid, child_of(module)):
         os.kill(pid, number)
     pump_until_released(module)
-    # A machine that stands still for half a second has the watchdog release before the signal does.
-    said = pump_until_said(module, "tgl_soar stopped", "module stood still for")
-    if "stopped" in said:
-        assert module.process.wait(PATIENCE_S) == EXIT_OK
+    return pump_until_said(module, "tgl_soar stopped", "module stood still for")
 
 
 @pytest.mark.parametrize("spoil", [Path.unlink, lambda path: path.chmod(0o644)])
