@@ -1,25 +1,28 @@
 #!/usr/bin/env python3
-"""Hold the jet model against the public CFD plane of the paper's test section.
+"""Hold the jet model against a CFD plane of the paper's test section.
 
-    python tools/compare_cfd.py PLANE.csv
+    python tools/compare_cfd.py PLANE.csv --slope-deg 21.3 --board 2.42 --foot 5.5 0.5
 
-The plane (slope 21.3 degrees) has columns x, z, v_x, v_z; its x grows upstream, the foot of the
-board lies at (5.5, 0.5) m, the tip at (3.25, 1.40) m, the nozzle's lip near x = 6.
+A plane has columns x, z, v_x, v_z [m, m/s]; its x grows upstream.  Where the board stands in it is
+not in the file: slope, length and foot are those of the plane's own description.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
-from math import hypot, inf, radians
+from collections.abc import Callable
+from math import cos, inf, isfinite, radians, sin
 from pathlib import Path
 
+import numpy as np
+
 from tgl_soar.air.comparison import compare_jet
-from tgl_soar.air.grid import GridError
+from tgl_soar.air.grid import GridError, GridField
 from tgl_soar.air.grid_files import Layout, read_grid
 from tgl_soar.air.jet import JetShape
 
-LAYOUT = Layout(u="v_x", w="v_z", x_sign=-1, origin_x_m=5.5, origin_z_m=0.5)
+BY_THE_BOARD_M = 0.15  # three cells of the public planes, whose boards are made of steps
 MODELS = (
     ("square nozzle (the default)", 2.85, 1.0),
     ("two-dimensional, vented wake", inf, 1.0),
@@ -27,20 +30,58 @@ MODELS = (
 )
 
 
-def main() -> int:
+def parsed() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description="The jet model against a CFD plane.")
     parser.add_argument("plane", type=Path)
-    options = parser.parse_args()
+    add = parser.add_argument
+    add("--slope-deg", type=within(1.0, 60.0), required=True, metavar="DEG", help="1 to 60")
+    add("--board", type=within(0.1, 50.0), required=True, metavar="M", help="its length, 0.1 to 50")
+    add("--foot", type=within(-100.0, 100.0), nargs=2, required=True, metavar=("X", "Z"))
+    return parser.parse_args()
+
+
+def within(least: float, most: float) -> Callable[[str], float]:
+    def value(text: str) -> float:
+        number = float(text)
+        if not (isfinite(number) and least <= number <= most):
+            raise argparse.ArgumentTypeError(f"{text} is not within {least:g} to {most:g}")
+        return number
+
+    return value
+
+
+def stands_there(plane: GridField, slope_rad: float, board_m: float) -> bool:
+    """Whether the plane is solid a little under the board, and air a little over it."""
+    along_m = np.linspace(0.1, 0.9, 9) * board_m
+    x, z = along_m * cos(slope_rad), along_m * sin(slope_rad)
+    over_u, _, over_w = plane.wind(x, 0.0, z + BY_THE_BOARD_M)
+    under_u, _, under_w = plane.wind(x, 0.0, z - BY_THE_BOARD_M)
+    over, under = np.hypot(over_u, over_w), np.hypot(under_u, under_w)
+    return bool(np.all(over > 0.0) and np.all(np.nan_to_num(under) == 0.0))
+
+
+def main() -> int:
+    options = parsed()
+    foot_x_m, foot_z_m = options.foot
+    layout = Layout(u="v_x", w="v_z", x_sign=-1, origin_x_m=foot_x_m, origin_z_m=foot_z_m)
     try:
-        plane = read_grid(options.plane, LAYOUT, reference_wind_mps=8.52, zero_cells="solid")
+        plane = read_grid(options.plane, layout, reference_wind_mps=1.0, zero_cells="solid")
     except GridError as error:
         print(error, file=sys.stderr)
+        return 2
+    slope_rad = radians(options.slope_deg)
+    if not stands_there(plane, slope_rad, options.board):
+        print(
+            f"{options.plane}: no board of {options.board:g} m at {options.slope_deg:g} degrees"
+            f" from {foot_x_m:g}, {foot_z_m:g} m: there is air within it, or none above it",
+            file=sys.stderr,
+        )
         return 2
     print("model                                wind rms   bias   updraft rms   bias   [% of wind]")
     for name, width, suction in MODELS:
         shape = JetShape(
-            slope_rad=radians(21.3),
-            board_length_m=hypot(2.25, 0.9),
+            slope_rad=slope_rad,
+            board_length_m=options.board,
             jet_width_m=width,
             wake_speed_ratio=suction,
         )
