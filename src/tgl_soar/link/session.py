@@ -211,6 +211,7 @@ class Session:
         self.samples.rebase()
         self.streams.restart()
         self.round_trip.restart()
+        self._times.take_queue(0.0, now_s)
         self.inquiry.restart()
         self.vehicle.rebase(now_s)
 
@@ -220,6 +221,7 @@ class Session:
         self._heartbeat_due_s = now_s
         self.streams.restart()
         self.round_trip.restart()
+        self._times.take_queue(0.0, now_s)
         self.inquiry.restart()
 
     def handle(self, received: Received, now_s: float) -> list[Outbound]:
@@ -272,6 +274,7 @@ class Session:
         if message.tc1 != 0:
             if source == self.autopilot:
                 self.round_trip.take(message, now_s)
+                self._times.take_queue(self.round_trip.queue_s, now_s)
             return []
         # In lockstep the answer says only that all before it was done; zero would be a request.
         ours_ns = (message.ts1 or 1) if self._lockstep else int(now_s * 1e9)

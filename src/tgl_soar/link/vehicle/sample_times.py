@@ -1,6 +1,7 @@
 """When a sample was true, on the loop's clock, and what is wrong with the vehicle's clock.
 
-Stamps are mapped by `clock`.  In lockstep the loop's clock is the vehicle's and nothing is mapped.
+Stamps are mapped by `clock`, less what `timesync` finds of a queue there.  In lockstep the loop's
+clock is the vehicle's and nothing is mapped.
 A restart of the autopilot, stamps of another clock, and two autopilots with one identity are
 noticed here, by the stamps alone.
 """
@@ -13,9 +14,11 @@ from typing import Final
 
 from tgl_soar.link.clock import MILLISECONDS_WRAP_S, StampedStreams
 from tgl_soar.link.messages import SEVERITY_ERROR, SEVERITY_INFO, SEVERITY_WARNING, Source
+from tgl_soar.link.timesync import SLACK_S
 from tgl_soar.link.vehicle.ledger import Ledger
 
 CLOCK_NOTICE_S: Final = 10.0  # between two notices of another clock
+QUEUE_NOTICE_S: Final = 10.0  # between two notices of a queue
 
 
 class SampleTimes:
@@ -37,6 +40,19 @@ class SampleTimes:
         self._stamps = StampedStreams(lockstep=lockstep)
         self._noticed_s = -inf  # when another clock was reported last
         self._contested = False
+        self._queue_s = 0.0  # by which samples are older than their arrivals say
+        self._queue_noticed_s = -inf
+
+    def take_queue(self, queue_s: float, now_s: float) -> None:
+        """How long the queue on the link is that no arrival shows; 0: there is none."""
+        self._queue_s = queue_s
+        if queue_s > 0.0 and now_s - self._queue_noticed_s >= QUEUE_NOTICE_S:
+            self._queue_noticed_s = now_s
+            slower_s = queue_s + SLACK_S
+            text = (
+                f"the autopilot answers {slower_s:.2f} s later than before: is its link too slow?"
+            )
+            self._notices.append((SEVERITY_WARNING, text))
 
     def of_milliseconds(
         self, message_id: int, stamp_ms: int, now_s: float
@@ -81,7 +97,9 @@ class SampleTimes:
             self._counters.other_clock += 1
         elif times is None:
             self._counters.stale += 1
-        return times
+        if times is None or foreign or self._queue_s == 0.0:
+            return times
+        return times[0] - self._queue_s, times[1]
 
     def poll(self, now_s: float) -> None:
         """Report that two clocks stamp as one autopilot, or that one of them has ended."""

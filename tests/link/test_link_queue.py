@@ -1,0 +1,131 @@
+"""A queue on the autopilot's link, which arrivals alone cannot tell from another clock."""
+
+from collections.abc import Callable
+from heapq import heapify, heappop, heappush
+from typing import NamedTuple
+
+import pytest
+
+from tgl_soar.link.autopilots.ardupilot import ArduPilot
+from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels
+from tgl_soar.link.messages import (
+    AttitudeQuaternion,
+    Heartbeat,
+    Inbound,
+    Received,
+    Source,
+    Timesync,
+)
+from tgl_soar.link.session import Session, SessionOptions
+from tgl_soar.link.timesync import RECENT_S, SLACK_S, RoundTrip
+
+SERVO = SurfaceChannel(channel=1, pwm_min=1100, pwm_trim=1500, pwm_max=1900)
+RATE_HZ = 100
+QUICK_S = 0.01  # of either way
+BEGINS_S = 20.0
+UPTIME_S, CLOCK_S = 50.0, 1000.0  # of the autopilot and of ours at the beginning
+AGE_MAX_S = 0.2  # AGE_ATT_MAX
+
+
+class Age(NamedTuple):
+    """Of the newest attitude, when it comes."""
+
+    now_s: float
+    true_s: float
+    shown_s: float
+
+
+def ages(
+    queue_s: Callable[[float], float], for_s: float, pace: float = 1.0
+) -> tuple[list[Age], Session]:
+    """Attitudes of an autopilot whose line has a queue, and the answers behind them.
+
+    `pace`: of its clock.
+    """
+    channels = SurfaceChannels(SERVO, SERVO, SERVO)
+    own = Source(1, 191)
+    session = Session(SessionOptions(own=own, flavour=ArduPilot(channels, 1), loop_rate_hz=RATE_HZ))
+    count, found = 0, []
+    coming: list[tuple[float, int, float, Inbound]] = []  # (when it comes, number, when sent, what)
+
+    def sent(at_s: float, message: Inbound) -> None:
+        nonlocal count
+        count += 1
+        heappush(coming, (at_s + QUICK_S + queue_s(at_s), count, at_s, message))
+
+    for i in range(round(for_s * RATE_HZ)):
+        at_s = i / RATE_HZ
+        stamp = round(1e3 * (UPTIME_S + pace * at_s))
+        attitude = AttitudeQuaternion(
+            time_boot_ms=stamp, q1=1, q2=0, q3=0, q4=0, rollspeed=0, pitchspeed=0, yawspeed=0
+        )
+        sent(at_s, attitude)
+        if i % RATE_HZ == 0:
+            sent(
+                at_s, Heartbeat(type=1, autopilot=3, base_mode=129, custom_mode=0, system_status=4)
+            )
+    heapify(coming)
+    while coming and coming[0][0] < for_s:
+        now_s, _, at_s, message = heappop(coming)
+        session.handle(Received(session.autopilot, message), CLOCK_S + now_s)
+        for asked in session.poll(CLOCK_S + now_s):
+            if isinstance(asked, Timesync) and asked.tc1 == 0:
+                there_s = now_s + QUICK_S
+                sent(there_s, Timesync(round(1e9 * (UPTIME_S + pace * there_s)), asked.ts1))
+        if isinstance(message, AttitudeQuaternion):
+            shown_s = CLOCK_S + now_s - session.attitude.time_s
+            found.append(Age(now_s, now_s - at_s, shown_s))
+    return found, session
+
+
+def test_a_queue_that_grows_slowly_is_seen_before_data_are_old() -> None:
+    found, session = ages(lambda at_s: max(0.0, 0.04 * (at_s - BEGINS_S)), 60.0)
+    assert found[-1].true_s > 1.0
+    first = next(age for age in found if age.shown_s > AGE_MAX_S)
+    assert first.true_s < 0.3 + QUICK_S
+    grown_s = 0.04 * RECENT_S + SLACK_S
+    assert max(age.true_s - age.shown_s for age in found) < grown_s + 2 * QUICK_S
+    assert any("later than before" in text for _, text in session.notices)
+
+
+def test_a_queue_that_lasts_is_no_clock() -> None:
+    """It begins at once; what the window has forgotten the round trip knows."""
+    found, _ = ages(lambda at_s: 0.15 if at_s > BEGINS_S else 0.0, 60.0)
+    late = [age for age in found if age.now_s > BEGINS_S + RECENT_S + 1.0]
+    assert min(age.shown_s for age in late) == pytest.approx(0.15 - SLACK_S, abs=QUICK_S)
+
+
+def test_a_queue_that_has_gone_is_forgotten() -> None:
+    found, session = ages(lambda at_s: 0.15 if 20.0 < at_s < 40.0 else 0.0, 60.0)
+    assert session.round_trip.queue_s == 0.0
+    assert max(age.shown_s for age in found if age.now_s > 41.0) < QUICK_S
+
+
+@pytest.mark.parametrize("pace", [0.98, 1.0, 1.02])
+def test_a_clock_of_another_pace_is_no_queue(pace: float) -> None:
+    found, session = ages(lambda _: 0.0, 60.0, pace)
+    assert session.round_trip.queue_s == 0.0
+    assert not session.notices
+    assert max(age.shown_s for age in found) < 0.15  # what 2 % are in the window, and a stamp
+
+
+def test_one_slow_answer_is_no_queue() -> None:
+    """Not even after a silence."""
+    trip = RoundTrip()
+
+    def answered(now_s: float, after_s: float) -> None:
+        asked = trip.poll(now_s)
+        assert asked is not None
+        trip.take(Timesync(1, asked.ts1), now_s + after_s)
+
+    answered(1.0, 0.01)
+    answered(2.0, 0.01)
+    answered(3.0, 0.01)
+    answered(60.0, 0.4)
+    assert trip.queue_s == 0.0
+    answered(61.0, 0.4)
+    assert trip.queue_s == 0.0
+    answered(62.0, 0.4)
+    assert trip.queue_s == pytest.approx(0.4 - 0.01 - SLACK_S)
+    trip.restart()
+    assert trip.queue_s == 0.0
