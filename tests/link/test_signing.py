@@ -117,6 +117,15 @@ def test_streams_of_another_key_are_dropped_with_it() -> None:
     assert ours.accepts(frame(peer(OTHER_KEY, ticks=NOW_TICKS)))
 
 
+def test_the_same_key_once_more_makes_no_record_good_again() -> None:
+    """Stations send a key several times, for it is not acknowledged."""
+    ours = signing()
+    recorded = frame(peer(ticks=NOW_TICKS + ticks(1.0)))
+    assert ours.accepts(recorded)
+    ours.replace_key(KEY, NOW_TICKS)
+    assert not ours.accepts(recorded)
+
+
 def heard_from(ours: Signing, system: int, stamp: int) -> bool:
     """Whether a heartbeat of a system is let in."""
     codec = peer(ticks=stamp)

@@ -133,10 +133,14 @@ class Signing:
         return timestamp <= self._latest
 
     def replace_key(self, key: bytes, timestamp: int) -> None:
-        """Another key, and the timestamp to begin with if it is later than ours."""
+        """Another key, and the timestamp to begin with if it is later than ours.
+
+        The same one once more changes nothing: records of a moment ago stay old.
+        """
+        if key != self.key:
+            self._streams.clear()
         self.key = key
         self._follow(timestamp)
-        self._streams.clear()
 
     def vouches(self, frame: bytes) -> bool:
         """Whether a whole frame would be accepted; nothing is remembered."""
