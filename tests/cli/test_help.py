@@ -85,6 +85,7 @@ def test_what_meets_an_aircraft_takes_no_file_for_granted(words: str) -> None:
     ("--autopilot px4", "name it by --px4"),
     ("--autopilot ardupilot", "name it by --ardupilot"),
     ("--route attitude", "--autopilot px4 or --autopilot ardupilot"),
+    ("--gcs-local 127.0.0.1:0", "add --realtime"),
     ("--px4 /bin/true", "flown with --autopilot px4 only"),
     ("--mocap-option version=4.2", "add --mocap natnet"),
 ])  # fmt: skip

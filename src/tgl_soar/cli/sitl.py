@@ -164,6 +164,8 @@ def sitl(
     _check_faults(faults)
     programs = {Autopilot.PX4: px4, Autopilot.ARDUPILOT: ardupilot}
     _check_autopilot(context, autopilot, programs, route)
+    if not realtime and _is_given(context, "gcs_local"):
+        fail(f"--gcs-local {gcs_local}: ground stations join in real time only; add --realtime")
     by_mocap = mocap == Mocap.NATNET or (autopilot != Autopilot.BUILTIN and site is None)
     options = SitlOptions(
         airframe=airframe,
@@ -215,9 +217,15 @@ def _check_autopilot(
             " by --autopilot px4 or --autopilot ardupilot, or leave it out"
         )
     for of in programs:
-        given = str(context.get_parameter_source(of.value)).endswith("COMMANDLINE")
-        if given and autopilot != of:  # one of the environment may stand there for other days
+        if autopilot != of and _is_given(
+            context, of.value
+        ):  # one of the environment may stand there for other days
             fail(f"--{of}: is flown with --autopilot {of} only; add it, or leave this out")
+
+
+def _is_given(context: typer.Context, option: str) -> bool:
+    """Whether an option stands on the command line."""
+    return str(context.get_parameter_source(option)).endswith("COMMANDLINE")
 
 
 def _mocap_settings(given: list[str], autopilot: Autopilot, *, by_mocap: bool) -> tuple[str, ...]:
