@@ -30,7 +30,7 @@ from tgl_soar.link.messages import (
 from tgl_soar.link.transports.base import LinkError
 from tgl_soar.onboard.setup import direct_flavour_of, surface_channels
 from tgl_soar.onboard.surfaces import RELEASE_FRAMES
-from tgl_soar.onboard.watchdog import ENDS, STOPS
+from tgl_soar.onboard.watchdog import ENDS, IGNORED
 
 OUTPUT_HZ: Final = 10.0
 
@@ -109,7 +109,7 @@ def _ended() -> Iterator[_Signals]:
     """
     signals = _Signals()
     before = {number: signal.signal(number, signals) for number in ENDS}
-    before |= {number: signal.signal(number, signal.SIG_IGN) for number in STOPS}
+    before |= {number: signal.signal(number, signal.SIG_IGN) for number in IGNORED}
     try:
         yield signals
     finally:

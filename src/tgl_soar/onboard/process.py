@@ -250,12 +250,12 @@ def _words_of_place(setup: Setup) -> list[tuple[int, str]]:
 
 
 def _stop_on_signals(stopped: threading.Event) -> Callable[[], None]:
-    """SIGINT, SIGTERM, SIGQUIT and a lost terminal set the flag, what would stop the process does
-    nothing; the way back."""
+    """SIGINT, SIGTERM, SIGQUIT and a lost terminal set the flag; what would stop the process, or
+    end it for no reason of ours, does nothing; the way back."""
     if threading.current_thread() is not threading.main_thread():
         return lambda: None
     before = {number: signal.signal(number, lambda *_: stopped.set()) for number in watchdog.ENDS}
-    before |= {number: signal.signal(number, signal.SIG_IGN) for number in watchdog.STOPS}
+    before |= {number: signal.signal(number, signal.SIG_IGN) for number in watchdog.IGNORED}
 
     def restore() -> None:
         for number, handler in before.items():

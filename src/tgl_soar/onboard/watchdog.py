@@ -9,6 +9,7 @@ parent does nothing but watch it:
     that was not asked for                             start it again; it never engages by itself
     SIGTERM, SIGINT, SIGHUP, SIGQUIT                   pass it on, wait, then as above
     SIGTSTP, SIGTTIN, SIGTTOU                          nothing: neither of the two may be stopped
+    SIGUSR1, SIGALRM and their like                    nothing: they mean nothing here
     the parent itself has died                         the kernel ends the child by SIGTERM
 
 A terminal sends such signals to both at once; SIGTSTP and its like (^Z, or words on a terminal that
@@ -48,7 +49,12 @@ EXIT_KEEPS_DYING: Final = 4
 
 _PR_SET_PDEATHSIG: Final = 1
 ENDS: Final = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT)
-STOPS: Final = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)  # are ignored
+STOPS: Final = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)
+STRAYS: Final = (
+    signal.SIGUSR1, signal.SIGUSR2, signal.SIGALRM, signal.SIGVTALRM, signal.SIGPROF,
+    signal.SIGIO, signal.SIGPWR,
+)  # fmt: skip
+IGNORED: Final = (*STOPS, *STRAYS)
 _WATCHED: Final = {signal.SIGCHLD, *ENDS}
 _PAGE: Final = struct.Struct("<QQ??48sH32s")
 _NO_KEY: Final = bytes(32)
@@ -125,7 +131,7 @@ def watch(child: Child, release: Release, say: Callable[[str], None]) -> int:
     """
     heartbeat = ProcessHeartbeat()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, _WATCHED)
-    stops = [signal.signal(number, signal.SIG_IGN) for number in STOPS]  # the child's too
+    ignored = [signal.signal(number, signal.SIG_IGN) for number in IGNORED]  # the child's too
     deaths: list[float] = []
     became = ""
     try:
@@ -150,7 +156,7 @@ def watch(child: Child, release: Release, say: Callable[[str], None]) -> int:
                 return 0
     finally:
         _tell_systemd("STOPPING=1")
-        for number, handler in zip(STOPS, stops, strict=True):
+        for number, handler in zip(IGNORED, ignored, strict=True):
             signal.signal(number, handler)
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
