@@ -9,6 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
+from tgl_soar.onboard.engage_switch import FORCE_S
 from tgl_soar.onboard.module import Onboard
 from tgl_soar.onboard.setup import needs_of, setup_from
 from tgl_soar.sim.simulation import Options, Simulation
@@ -169,6 +170,18 @@ def test_an_autopilot_that_is_not_set_up_is_engaged_all_the_same_by_force_which_
     assert flight.set("OP_ENGAGE", 1) == 1.0  # repeated: it flies already
     flight.set("OP_ENGAGE", 0)
     flight.run(2.0)
+    assert flight.set("OP_ENGAGE", 1) == 0.0
+
+
+def test_a_force_that_nothing_has_used_is_over_before_the_next_flight() -> None:
+    flight = Flight(RC_OVERRIDE_TIME=3.0)
+    flight.run(8.0)
+    flight.set("OP_FORCE", 1)
+    flight.run(FORCE_S - 1.0)
+    assert flight.onboard.parameters.values["OP_FORCE"] == 1.0
+    flight.run(2.0)
+    assert flight.onboard.parameters.values["OP_FORCE"] == 0.0
+    assert any(text.startswith("OP_FORCE is 0 again") for text in flight.words)
     assert flight.set("OP_ENGAGE", 1) == 0.0
 
 

@@ -7,7 +7,8 @@
              but over 1, so that a repeated commit that was refused is refused again.
     bounds   A line by which no aircraft can be held (`line_bounds`) is refused, and so is one
              in flight whose point is farther than TGL_STEP_MAX from the one that stands.
-    force    OP_FORCE = 1: the next move is made all the same, and OP_FORCE is 0 again.
+    force    OP_FORCE = 1: the next move is made all the same, and OP_FORCE is 0 again, as it is
+             where nothing was forced for a while (`onboard.engage_switch`).
 
 TGL_X and TGL_Z typed one after the other pass over a line of both: the fence, a box, never
 refuses it if both lines lie inside, and it is nearer to either than they are to each other.  What

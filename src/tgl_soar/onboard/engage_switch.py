@@ -37,6 +37,7 @@ from tgl_soar.onboard.surfaces import SurfaceControl
 
 ENGAGED: Final = 2.0  # OP_ENGAGE of a module that is in control
 SHOW_ENGAGED_S: Final = 1.0
+FORCE_S: Final = 60.0  # to type or stage what OP_FORCE is meant for; what comes later is not it
 IDENTITY_REMEDY: Final = "stop one, or give it another component_id in [autopilot]"
 DUPLICATE_REPORT_S: Final = 10.0  # between two words about a module with our identity
 
@@ -63,6 +64,7 @@ class EngageSwitch:
         self._surfaces = surfaces
         self._outbox = outbox
         self._engaged_s = now_s
+        self._unforced_s = now_s  # when OP_FORCE was 0 last
         self._silence_reported = False  # of the pilot's switch
         self._duplicate_reported_s = float("-inf")
 
@@ -74,7 +76,7 @@ class EngageSwitch:
     def restart(self, now_s: float) -> None:
         """The clock is another one from here on."""
         self._engagement.switch.reset()
-        self._engaged_s = now_s
+        self._engaged_s = self._unforced_s = now_s
 
     # --- may it -------------------------------------------------------------------------------
 
@@ -154,6 +156,15 @@ class EngageSwitch:
             self._engaged_s = now_s
         elif now_s - self._engaged_s >= SHOW_ENGAGED_S:
             self._settings.assign("OP_ENGAGE", ENGAGED)
+
+    def end_force(self, now_s: float) -> None:
+        """OP_FORCE that nothing has used is over: an engagement hours later is not forced by it."""
+        if self._settings.values["OP_FORCE"] == 0.0:
+            self._unforced_s = now_s
+        elif now_s - self._unforced_s >= FORCE_S:
+            self._settings.assign("OP_FORCE", 0.0)
+            text = f"OP_FORCE is 0 again: nothing was forced within {FORCE_S:g} s"
+            self._outbox.tell(SEVERITY_WARNING, text)
 
     # --- the pilot's switch -------------------------------------------------------------------
 

@@ -347,6 +347,7 @@ class Onboard:
         self.positions.forward(now_s)
         self._operators.list_parameters(now_s)
         self.engage_switch.show_engaged(now_s)
+        self.engage_switch.end_force(now_s)
         self.engage_switch.watch_pilot_switch(now_s)
         self._operators.acknowledge(now_s)
         self._reports.tell_words(now_s, self.settings.values)
