@@ -14,7 +14,7 @@ from free_ports import free_port
 from tgl_soar.link.transport import is_open, open_link
 from tgl_soar.link.transports.base import MAX_DATAGRAMS, LinkError, Transport
 from tgl_soar.link.transports.serial_line import SerialLink
-from tgl_soar.link.transports.tcp import TcpLink
+from tgl_soar.link.transports.tcp import OTHERS_BYTES, TcpLink
 from tgl_soar.link.transports.udp import PEER_SILENCE_S, STRANGERS, UdpListener, UdpSpeaker
 
 LOCAL = "127.0.0.1"
@@ -156,6 +156,29 @@ def test_the_speaker_speaks_first_and_survives_that_nobody_listens(peer: socket.
     peer.sendto(b"to you too", back)
     assert received(link) == [b"to you too"]
     link.close()
+
+
+def test_tcp_queues_no_commands_for_a_peer_that_does_not_read() -> None:
+    with socket.create_server((LOCAL, 0)) as server:
+        server.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1)  # the least that there is
+        link = open_link(f"tcp:{LOCAL}:{server.getsockname()[1]}", is_frame)
+        assert isinstance(link, TcpLink)
+        with server.accept()[0] as peer:
+            commands = [b"command %05d;" % number for number in range(10_000)]
+            sent = [command for command in commands if link.send_command(command)]
+            assert len(sent) < len(commands) // 2  # its buffer is full
+            assert link.counters.left_out == len(commands) - len(sent)
+            assert 0 < link.backlog_bytes() <= 2 * len(commands[0])
+            words = [link.send(bytes(100)) for _ in range(100)]
+            assert False in words
+            assert link.backlog_bytes() <= OTHERS_BYTES + len(bytes(100))
+            peer.settimeout(0.5)
+            read = b""
+            while link.backlog_bytes() > 0 or not read.endswith(bytes(1)):
+                read += peer.recv(100_000)
+                link.receive(0.0)
+            assert link.send_command(b"the newest")  # as soon as it reads again
+        link.close()
 
 
 def test_tcp_connects_and_comes_back() -> None:
