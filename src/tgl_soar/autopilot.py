@@ -44,6 +44,7 @@ from tgl_soar.control.soaring import (
 from tgl_soar.control.supervisor import FINITE, SANE, SupervisorState, initial_supervisor, supervise
 from tgl_soar.control.surface_loops import NO_TERMS, LoopsState, surfaces_step
 from tgl_soar.control.target_line import LineState, e_rho, line_at, line_step
+from tgl_soar.estimation.aerodynamics import glide_pitch
 from tgl_soar.estimation.health import (
     FROZEN,
     STREAM_FAULTS,
@@ -52,14 +53,9 @@ from tgl_soar.estimation.health import (
     health_step,
     initial_health,
 )
-from tgl_soar.estimation.motion import (
-    MotionState,
-    initial_motion,
-    is_imu_valid,
-    motion_quality,
-    motion_step,
-)
-from tgl_soar.estimation.wind import WindState, glide_pitch, initial_wind, wind_step
+from tgl_soar.estimation.motion import is_imu_valid, motion_quality, motion_step
+from tgl_soar.estimation.motion_state import MotionState, initial_motion
+from tgl_soar.estimation.wind import WindState, initial_wind, wind_step
 from tgl_soar.types import (
     NAN,
     NO_SETPOINTS,

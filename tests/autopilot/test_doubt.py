@@ -21,12 +21,8 @@ from tgl_soar.autopilot import (
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.laws import laws_from
 from tgl_soar.estimation.health import FROZEN
-from tgl_soar.estimation.motion import (
-    GRAVITY_MPS2,
-    IMU_SILENT_S,
-    JUMP_S,
-    OUTLIERS_BELIEVED,
-)
+from tgl_soar.estimation.motion import GRAVITY_MPS2, IMU_SILENT_S, JUMP_S
+from tgl_soar.estimation.motion_state import OUTLIERS_ACCEPTED
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.types import AttitudeSample, AutopilotStatus, ImuSample, Inputs, PositionFix
 
@@ -184,7 +180,7 @@ def test_a_position_that_has_jumped_is_none_for_a_while() -> None:
             yield inputs._replace(position=moved)
 
     oks = [output.health.position_ok for _, output in ticks(jumping())]
-    jump = 200 + FIX_TICKS * (OUTLIERS_BELIEVED - 1)
+    jump = 200 + FIX_TICKS * (OUTLIERS_ACCEPTED - 1)
     assert all(oks[:jump])
     assert not any(oks[jump : jump + round(JUMP_S / DT) - 1])
     assert all(oks[jump + round(JUMP_S / DT) + 1 :])

@@ -20,7 +20,7 @@ from tgl_soar.estimation.health import (
     health_step,
     initial_health,
 )
-from tgl_soar.estimation.motion import (
+from tgl_soar.estimation.motion_state import (
     FUTURE_S,
     LastAttitude,
     LastFix,

@@ -12,14 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from tgl_soar.estimation.motion import (
+from tgl_soar.estimation.motion import motion_quality, motion_step
+from tgl_soar.estimation.motion_state import (
     FUTURE_S,
-    OUTLIERS_BELIEVED,
+    OUTLIERS_ACCEPTED,
     MotionGains,
     MotionState,
     initial_motion,
-    motion_quality,
-    motion_step,
 )
 from tgl_soar.estimation.turning import PREDICT_MAX_S
 from tgl_soar.geometry import (
@@ -249,7 +248,7 @@ def test_a_fix_that_doubts_itself_beyond_measure_is_refused(sigma: float) -> Non
 @pytest.mark.parametrize("speed", [26.0, 500.0, 1e200])
 def test_a_place_that_is_believed_does_not_vouch_for_its_velocity(speed: float) -> None:
     state = settled()
-    for k in range(OUTLIERS_BELIEVED):
+    for k in range(OUTLIERS_ACCEPTED):
         t = NOW + 0.02 * k
         fix = off(fix_at(99 + k, t, (1.0, 2.0, 3.0), (speed, 0.0, 0.0)), 6.0)
         state, vehicle = motion_step(GAINS, FRAME, state, mid(t, fix))
@@ -536,7 +535,7 @@ def test_every_twentieth_fix_wrong_costs_nothing() -> None:
 def test_a_place_that_enough_fixes_agree_on_is_believed() -> None:
     """The source has moved its origin: what it says is where the aircraft is, from now on."""
     state = settled()
-    for k in range(OUTLIERS_BELIEVED):
+    for k in range(OUTLIERS_ACCEPTED):
         t = NOW + 0.02 * k
         state, vehicle = motion_step(
             GAINS, FRAME, state, mid(t, off(fix_at(99 + k, t, straight(t), STRAIGHT), 4.0))
@@ -549,12 +548,12 @@ def test_a_place_that_enough_fixes_agree_on_is_believed() -> None:
 def test_one_outlier_that_comes_over_several_links_is_one() -> None:
     """The same message under new numbers does not agree with itself."""
     state = settled()
-    for k in range(2 * OUTLIERS_BELIEVED):
+    for k in range(2 * OUTLIERS_ACCEPTED):
         fix = off(fix_at(99 + k, NOW, straight(NOW), STRAIGHT), 4.0)
         state, vehicle = motion_step(GAINS, FRAME, state, mid(NOW + k * DT, fix))
         assert dist(position(vehicle), straight(NOW + k * DT)) < 1e-6
     assert state.outliers.in_a_row == 1
-    assert state.rejected == 2 * OUTLIERS_BELIEVED
+    assert state.rejected == 2 * OUTLIERS_ACCEPTED
 
 
 def test_outliers_that_do_not_agree_are_never_believed() -> None:

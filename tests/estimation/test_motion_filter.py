@@ -16,16 +16,18 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from tgl_soar.estimation.motion import (
-    BIAS_S,
     GRAVITY_MPS2,
     IMU_SILENT_S,
     IMU_STEADY_S,
-    OUTLIERS_BELIEVED,
+    motion_quality,
+    motion_step,
+)
+from tgl_soar.estimation.motion_state import (
+    BIAS_S,
+    OUTLIERS_ACCEPTED,
     MotionGains,
     MotionState,
     initial_motion,
-    motion_quality,
-    motion_step,
 )
 from tgl_soar.geometry import (
     SoaringFrame,
@@ -490,7 +492,7 @@ def test_a_source_far_from_the_first_is_doubted_like_any_outlier(away: float) ->
         quality = motion_quality(GAINS, before, state, k * DT)
         jumped.append(quality.jumped)
         assert not (quality.fix_used and quality.fix_refused)
-    first = 400 // FIX_TICKS + OUTLIERS_BELIEVED - 1
+    first = 400 // FIX_TICKS + OUTLIERS_ACCEPTED - 1
     assert jumped.index(True) == first
     assert v.x_m == pytest.approx(1.0 + away, abs=0.01)
 

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from msgspec.structs import asdict, replace
 
 from tgl_soar.config.files import ConfigError, load_airframe, shipped
+from tgl_soar.estimation.aerodynamics import glide_pitch, lift_drag
 from tgl_soar.estimation.wind import (
     DRAG_ERROR,
     FORCE_NOISE_MPS2,
@@ -26,9 +27,7 @@ from tgl_soar.estimation.wind import (
     TRIM_ERROR_RAD,
     WindParams,
     WindState,
-    glide_pitch,
     initial_wind,
-    lift_drag,
     wind_step,
 )
 from tgl_soar.geometry import euler_from_quaternion

@@ -59,7 +59,7 @@ from tgl_soar.estimation.fix_filter import (
     spread,
     velocity_taken,
 )
-from tgl_soar.estimation.motion import ACCELERATION_S, BIAS_S, MotionGains
+from tgl_soar.estimation.motion_state import ACCELERATION_S, BIAS_S, MotionGains
 from tgl_soar.geometry import euler_from_quaternion, quaternion_from_euler
 from tgl_soar.sim.aircraft import AircraftModel, AircraftState, Glide, glide_at, gliding_state, step
 from tgl_soar.sim.sensors import Sensors, sensor_timing

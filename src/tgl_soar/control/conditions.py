@@ -35,7 +35,7 @@ from tgl_soar.control.supervisor import (
     UPWIND,
 )
 from tgl_soar.estimation.health import AIRSPEED, DISAGREES, INFINITE, INSANE
-from tgl_soar.estimation.motion import FUTURE_S
+from tgl_soar.estimation.motion_state import FUTURE_S
 from tgl_soar.types import Health, Inputs, VehicleState
 
 HEADING_MAX_RAD: Final = 0.5 * pi  # from upwind, to be engaged at all

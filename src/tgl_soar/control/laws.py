@@ -17,7 +17,7 @@ from tgl_soar.control.pid import PidGains
 from tgl_soar.control.soaring import SoaringGains, TrimGains
 from tgl_soar.control.target_line import LineLimits, TargetLine, eta_from_lean
 from tgl_soar.estimation.health import HealthLimits
-from tgl_soar.estimation.motion import MotionGains
+from tgl_soar.estimation.motion_state import MotionGains
 from tgl_soar.estimation.wind import WindParams
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.types import (

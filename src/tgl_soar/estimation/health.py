@@ -33,7 +33,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from tgl_soar.estimation.motion import FUTURE_S, MotionState
+from tgl_soar.estimation.motion_state import FUTURE_S, MotionState
 from tgl_soar.estimation.turning import is_turn
 from tgl_soar.types import (
     NAN,

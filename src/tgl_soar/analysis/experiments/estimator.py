@@ -37,7 +37,8 @@ from tgl_soar.config.site import Site, Start
 from tgl_soar.control.laws import laws_from
 from tgl_soar.control.supervisor import FAILED, RELEASED
 from tgl_soar.control.target_line import e_rho
-from tgl_soar.estimation.motion import initial_motion, motion_quality, motion_step
+from tgl_soar.estimation.motion import motion_quality, motion_step
+from tgl_soar.estimation.motion_state import initial_motion
 from tgl_soar.sim.closed_loop import ClosedLoop, Trajectory
 from tgl_soar.sim.compiled import available
 from tgl_soar.sim.fast_flight import Prepared, fly_compiled, prepare

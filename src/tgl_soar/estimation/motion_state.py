@@ -1,0 +1,200 @@
+"""What the estimator of motion remembers, and what follows from it for any time.
+
+The state is the inertial track plus its errors.  From which time on accelerations are known or not
+is remembered (`MotionState.switched_s`), so that errors and uncertainty grow on each side of it by
+the model that holds there.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+from tgl_soar.estimation.fix_filter import Covariance, Errors, Moments, errors_at, spread
+from tgl_soar.estimation.inertial_track import Place, Track, new_track
+from tgl_soar.estimation.turning import NO_ATTITUDE_TRACK, AttitudeTrack
+from tgl_soar.types import NAN, NO_ATTITUDE, AttitudeSample
+
+FUTURE_S: Final = 0.05  # a time stamp may be this far ahead of the tick: clock mapping is not exact
+IMU_INTERVAL_S: Final = 0.005  # between two accelerations, until it is known
+IMU_INTERVAL_MIN_S: Final = 0.001
+BIAS_S: Final = 300.0  # in which a bias may become another one: it turns with the aircraft
+ACCELERATION_S: Final = 0.1  # how long an acceleration that nobody measures lasts
+OUTLIERS_ACCEPTED: Final = 5  # of them in a row that agree with each other
+
+
+class MotionGains(NamedTuple):
+    """Parameters of the estimator; standard deviations on each axis."""
+
+    fix_sd_m: float
+    velocity_sd_mps: float  # of a fix that has one
+    force_sd_mps2: float  # of one sample of the accelerometers, errors of the tilt included
+    bias_sd_mps2: float  # of the same, over a flight
+    unknown_sd_mps2: float  # acceleration where nobody measures it
+    fix_delay_s: float  # of the source, beyond what its time stamps say
+    fix_gate_m: float  # innovation below which no fix is an outlier
+    use_imu: bool
+
+
+class LastImu(NamedTuple):
+    """What came of accelerations."""
+
+    sequence: int  # of the last sample looked at
+    time_s: float  # of the last sample used; NaN: none yet
+    since_s: float  # since when they come often enough; NaN: none yet
+    interval_s: float  # between two, on average
+
+
+class LastFix(NamedTuple):
+    """What came of fixes."""
+
+    sequence: int  # of the last fix looked at
+    time_s: float  # of the last fix used; NaN: none yet
+    source: int  # of that fix
+
+
+class LastAttitude(NamedTuple):
+    """What came of attitudes."""
+
+    sequence: int  # of the last sample looked at
+    time_s: float  # of the last sample used; NaN: none yet
+    used: AttitudeSample  # that sample
+    refused: AttitudeSample  # the last one that was turned too far from it
+    refused_in_a_row: int  # so many that agree with each other
+
+
+class Offset(NamedTuple):
+    """Of the source of fixes: how far its origin is off, soaring frame."""
+
+    x_m: float  # what the source says less what is estimated
+    y_m: float
+    z_m: float
+
+
+class Innovation(NamedTuple):
+    """Of the last fix that was compared with the estimate, soaring frame."""
+
+    x_m: float  # measured less predicted; NaN: none yet
+    y_m: float
+    z_m: float
+    nis: float  # their squares over their variance: 3 on average
+
+
+class Outliers(NamedTuple):
+    """Fixes that were far from the prediction and agree with each other."""
+
+    in_a_row: int  # so many
+    time_s: float  # of the last of them
+    x_m: float  # its innovation
+    y_m: float
+    z_m: float
+
+
+class MotionState(NamedTuple):
+    """What the estimator remembers; positions in the soaring frame."""
+
+    track: Track
+    errors: Errors  # at the time of the last fix used, or since
+    turning: AttitudeTrack
+    inertial: bool  # the track moves by accelerations
+    switched_s: float  # since when it does, or does not; NaN: it never did
+    imu: LastImu
+    fix: LastFix
+    attitude: LastAttitude
+    offset: Offset
+    innovation: Innovation
+    outliers: Outliers
+    rejected: int  # samples refused so far
+    jump_s: float  # the tick in which the position last jumped; NaN: never
+
+
+NO_OFFSET: Final = Offset(0.0, 0.0, 0.0)
+NO_OUTLIERS: Final = Outliers(in_a_row=0, time_s=NAN, x_m=NAN, y_m=NAN, z_m=NAN)
+
+
+def initial_motion() -> MotionState:
+    """Nothing is known yet."""
+    return MotionState(
+        track=new_track(NAN),
+        errors=Errors(
+            *(NAN, NAN, NAN, NAN, NAN, NAN, NAN, 0.0, 0.0, 0.0),
+            Covariance(pp=NAN, pv=NAN, pb=NAN, vv=NAN, vb=NAN, bb=NAN),
+        ),
+        turning=NO_ATTITUDE_TRACK,
+        inertial=False,
+        switched_s=NAN,
+        imu=LastImu(0, NAN, NAN, IMU_INTERVAL_S),
+        fix=LastFix(0, NAN, 0),
+        attitude=LastAttitude(
+            sequence=0, time_s=NAN, used=NO_ATTITUDE, refused=NO_ATTITUDE, refused_in_a_row=0
+        ),
+        offset=NO_OFFSET,
+        innovation=Innovation(NAN, NAN, NAN, NAN),
+        outliers=NO_OUTLIERS,
+        rejected=0,
+        jump_s=NAN,
+    )
+
+
+def track_errors_at(state: MotionState, time_s: float) -> Place:
+    """What the track is wrong by at a time."""
+    errors = state.errors
+    before, after = (0.0, 1.0) if state.inertial else (1.0, 0.0)
+    if errors.time_s < state.switched_s:
+        if time_s <= state.switched_s:
+            return errors_at(errors, time_s, before)
+        errors = errors_when_switched(state, errors.covariance)
+    return errors_at(errors, time_s, after)
+
+
+def errors_when_switched(state: MotionState, covariance: Moments) -> Errors:
+    """The same, with a covariance, when the errors last began to grow in another way."""
+    errors, time_s = state.errors, state.switched_s
+    x, y, z, vx, vy, climb = errors_at(errors, time_s, 0.0 if state.inertial else 1.0)
+    bx, by, bz = errors.bias_x_mps2, errors.bias_y_mps2, errors.bias_z_mps2
+    return Errors(
+        time_s=time_s,
+        x_m=x,
+        y_m=y,
+        z_m=z,
+        velocity_x_mps=vx,
+        velocity_y_mps=vy,
+        climb_mps=climb,
+        bias_x_mps2=bx,
+        bias_y_mps2=by,
+        bias_z_mps2=bz,
+        covariance=Covariance(*covariance),
+    )
+
+
+def covariance_at(gains: MotionGains, state: MotionState, time_s: float) -> Moments:
+    """The covariance of these errors."""
+    start_s, switched_s = state.errors.time_s, state.switched_s
+    if not start_s < switched_s:
+        return _spread(gains, state, state.errors.covariance, time_s - start_s, state.inertial)
+    end_s = min(time_s, switched_s)
+    covariance = _spread(gains, state, state.errors.covariance, end_s - start_s, not state.inertial)
+    if time_s <= switched_s:
+        return covariance
+    return _spread(gains, state, covariance, time_s - end_s, state.inertial)
+
+
+def _spread(
+    gains: MotionGains,
+    state: MotionState,
+    covariance: Moments,
+    interval_s: float,
+    inertial: bool,
+) -> Moments:
+    """The covariance after a time with accelerations, or without."""
+    if inertial:
+        interval = max(IMU_INTERVAL_MIN_S, state.imu.interval_s)
+        density = gains.force_sd_mps2 * gains.force_sd_mps2 * interval
+        bias_density = gains.bias_sd_mps2 * gains.bias_sd_mps2 / BIAS_S
+        return spread(covariance, interval_s, 1.0, density, bias_density)
+    density = 2.0 * gains.unknown_sd_mps2 * gains.unknown_sd_mps2 * ACCELERATION_S
+    return spread(covariance, interval_s, 0.0, density, 0.0)
+
+
+def is_later(time_s: float, last_s: float, now_s: float) -> bool:
+    """Not of the future nor of the past, unless what is known is of the future; NaN: the first."""
+    return time_s <= now_s + FUTURE_S and (not time_s <= last_s or last_s > now_s + FUTURE_S)

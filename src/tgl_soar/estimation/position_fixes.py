@@ -1,0 +1,255 @@
+"""Whether a position fix is accepted, and what it makes of the estimate of motion.
+
+A fix whose innovation r is beyond what both the filter's own covariance S and EST_GATE allow,
+
+    |r| > gate    and    |r|² > GATE_SIGMAS² S
+
+is an outlier: swapped markers, a glitch of the autopilot's filter.  It is refused and counted,
+until `OUTLIERS_ACCEPTED` of them in a row agree with each other: then the aircraft is there,
+and the estimate jumps, as it does to the first fix after so long a silence that the position is
+unknown.  For JUMP_S the position is then not to be flown with (`MotionQuality.jumped`), so that
+the law begins again from where the aircraft is and never sees the step.  Where the velocity of a
+fix is as far off, it is left out and the position is used.
+
+Another `PositionFix.source` has another origin, by some centimetres.  The innovation of its first
+fix, as far as the filter's own uncertainty does not explain it, is learnt as the source's offset,
+and removed slowly: the position slides over, and the velocity is not affected.  Which of both
+origins is right is unknown: what is left of the offset is part of the reported standard deviation.
+What differs by more than OFFSET_MAX_M is an outlier like any other.
+"""
+
+from __future__ import annotations
+
+from math import exp, sqrt
+from typing import Final, NamedTuple
+
+from tgl_soar.estimation.fix_filter import (
+    Covariance,
+    Errors,
+    position_taken,
+    velocity_taken,
+)
+from tgl_soar.estimation.inertial_track import Place, oldest_s, track_at
+from tgl_soar.estimation.motion_state import (
+    NO_OFFSET,
+    NO_OUTLIERS,
+    OUTLIERS_ACCEPTED,
+    Innovation,
+    LastFix,
+    MotionGains,
+    MotionState,
+    Offset,
+    Outliers,
+    covariance_at,
+    is_later,
+    track_errors_at,
+)
+from tgl_soar.geometry import SoaringFrame, soaring_from_ned, soaring_vector_from_ned
+from tgl_soar.types import PositionFix, isfinite
+
+GATE_SIGMAS: Final = 5.0
+GATE_MPS: Final = 1.0  # floor of the gate of velocities
+AGREE_MPS: Final = 5.0  # how wrong the estimated velocity may be while outliers are compared
+LOST_M: Final = 0.5  # an estimate as uncertain as this, and 3 σ of a fix, is reset by a fix
+START_MPS: Final = 2.0  # how fast the aircraft may be where a first fix has no velocity
+VELOCITY_MAX_MPS: Final = 25.0  # over the ground; a faster one is none
+SIGMA_MAX_M: Final = 1e3  # a fix as uncertain as this says nothing
+OFFSET_M: Final = 0.3  # how far the origins of two sources may be apart: standard deviation
+OFFSET_MAX_M: Final = 3.0 * OFFSET_M  # farther off a new source is not accepted at once
+OFFSET_SMALL_M: Final = 1e-4  # too small to be removed slowly
+BLEED_S: Final = 5.0  # in which an offset is removed, no faster than
+BLEED_MPS: Final = 0.05
+
+
+class _Measured(NamedTuple):
+    """A fix in the soaring frame."""
+
+    time_s: float
+    x_m: float
+    y_m: float
+    z_m: float
+    velocity_x_mps: float
+    velocity_y_mps: float
+    climb_mps: float
+    has_velocity: bool
+    variance_m2: float
+    velocity_variance_m2ps2: float
+
+
+def _measured(gains: MotionGains, frame: SoaringFrame, fix: PositionFix) -> _Measured:
+    x, y, z = soaring_from_ned(frame, fix.north_m, fix.east_m, fix.down_m)
+    vx, vy, climb = soaring_vector_from_ned(
+        frame, fix.velocity_north_mps, fix.velocity_east_mps, fix.velocity_down_mps
+    )
+    sd = fix.sigma_m if fix.sigma_m > gains.fix_sd_m else gains.fix_sd_m  # false for NaN
+    return _Measured(
+        time_s=fix.time_s - gains.fix_delay_s,
+        x_m=x,
+        y_m=y,
+        z_m=z,
+        velocity_x_mps=vx,
+        velocity_y_mps=vy,
+        climb_mps=climb,
+        has_velocity=_length(vx, vy, climb) <= VELOCITY_MAX_MPS,  # false for NaN
+        variance_m2=sd * sd,
+        velocity_variance_m2ps2=gains.velocity_sd_mps * gains.velocity_sd_mps,
+    )
+
+
+def _is_usable(state: MotionState, fix: PositionFix, measured: _Measured, now_s: float) -> bool:
+    """Whether a fix is a number, precise enough, and in order."""
+    return (
+        isfinite(measured.x_m)
+        and isfinite(measured.y_m)
+        and isfinite(measured.z_m)
+        and not fix.sigma_m >= SIGMA_MAX_M  # NaN: not reported
+        and measured.time_s >= oldest_s(state.track)
+        and is_later(measured.time_s, state.errors.time_s, now_s)
+    )
+
+
+def take_fix(
+    gains: MotionGains, frame: SoaringFrame, state: MotionState, fix: PositionFix, now_s: float
+) -> MotionState:
+    """The estimate with a new fix taken in or refused."""
+    measured = _measured(gains, frame, fix)
+    time_s, last_s = measured.time_s, state.errors.time_s
+    _, used_s, source = state.fix
+    if not _is_usable(state, fix, measured, now_s):
+        latest = LastFix(fix.sequence, used_s, source)
+        return state._replace(fix=latest, rejected=state.rejected + 1)
+
+    latest = LastFix(fix.sequence, time_s, fix.source)
+    place = track_at(state.track, time_s)
+    if last_s != last_s:  # NaN: the first
+        return _start(gains, state, latest, measured, place)
+    covariance = covariance_at(gains, state, time_s)
+    pp, _, _, _, _, _ = covariance
+    if not pp <= LOST_M * LOST_M + 9.0 * measured.variance_m2:
+        return _start(gains, state._replace(jump_s=now_s), latest, measured, place)
+
+    track_x, track_y, track_z, track_vx, track_vy, track_climb = place
+    x, y, z, vx, vy, climb = track_errors_at(state, time_s)
+    scatter = pp + measured.variance_m2
+    same_source = fix.source == source
+    offset = state.offset if same_source else NO_OFFSET
+    ox, oy, oz = offset
+    rx = measured.x_m - ox - track_x - x
+    ry = measured.y_m - oy - track_y - y
+    rz = measured.z_m - oz - track_z - z
+    distance = _length(rx, ry, rz)
+    reach = max(gains.fix_gate_m, GATE_SIGMAS * sqrt(scatter))
+    if same_source and (ox != 0.0 or oy != 0.0 or oz != 0.0):
+        removed = _removed(_length(ox, oy, oz), time_s - last_s)
+        dx, dy, dz = removed * ox, removed * oy, removed * oz
+        offset = Offset(ox - dx, oy - dy, oz - dz)
+        x, y, z = x + dx, y + dy, z + dz
+    elif not same_source and distance <= OFFSET_MAX_M:
+        # The offset takes what of the difference the filter's uncertainty does not explain.
+        weight = OFFSET_M * OFFSET_M / (OFFSET_M * OFFSET_M + scatter)
+        offset = Offset(weight * rx, weight * ry, weight * rz)
+        rx, ry, rz = (1.0 - weight) * rx, (1.0 - weight) * ry, (1.0 - weight) * rz
+        distance *= 1.0 - weight
+    innovation = Innovation(rx, ry, rz, distance * distance / scatter)
+    if distance > reach:
+        compared = state._replace(innovation=innovation)
+        return _take_outlier(gains, compared, latest, measured, place, now_s)
+
+    _, _, _, _, _, _, _, bx, by, bz, _ = state.errors
+    errors = Errors(
+        time_s=time_s,
+        x_m=x,
+        y_m=y,
+        z_m=z,
+        velocity_x_mps=vx,
+        velocity_y_mps=vy,
+        climb_mps=climb,
+        bias_x_mps2=bx,
+        bias_y_mps2=by,
+        bias_z_mps2=bz,
+        covariance=Covariance(*covariance),
+    )
+    errors = position_taken(errors, rx, ry, rz, measured.variance_m2)
+    if measured.has_velocity:
+        variance = measured.velocity_variance_m2ps2
+        rx = measured.velocity_x_mps - track_vx - errors.velocity_x_mps
+        ry = measured.velocity_y_mps - track_vy - errors.velocity_y_mps
+        rz = measured.climb_mps - track_climb - errors.climb_mps
+        reach = max(GATE_MPS, GATE_SIGMAS * sqrt(errors.covariance.vv + variance))
+        if _length(rx, ry, rz) <= reach:
+            errors = velocity_taken(errors, rx, ry, rz, variance)
+    return state._replace(
+        errors=errors,
+        fix=latest,
+        offset=offset,
+        innovation=innovation,
+        outliers=NO_OUTLIERS,
+    )
+
+
+def _length(x: float, y: float, z: float) -> float:
+    return sqrt(x * x + y * y + z * z)
+
+
+def _removed(offset_m: float, interval_s: float) -> float:
+    """The fraction of an offset that is removed in a time."""
+    if offset_m < OFFSET_SMALL_M:
+        return 1.0
+    return min(1.0 - exp(-interval_s / BLEED_S), BLEED_MPS * interval_s / offset_m)
+
+
+def _start(
+    gains: MotionGains, state: MotionState, latest: LastFix, measured: _Measured, place: Place
+) -> MotionState:
+    """The aircraft is where the fix says; of the past only the bias is kept.
+
+    place: the track's at that time.
+    """
+    track_x, track_y, track_z, track_vx, track_vy, track_climb = place
+    vx, vy, climb, variance = 0.0, 0.0, 0.0, START_MPS * START_MPS
+    if measured.has_velocity:
+        vx, vy, climb = measured.velocity_x_mps, measured.velocity_y_mps, measured.climb_mps
+        variance = measured.velocity_variance_m2ps2
+    bias_variance = state.errors.covariance.bb
+    if not bias_variance > 0.0:
+        bias_variance = gains.bias_sd_mps2 * gains.bias_sd_mps2
+    return state._replace(
+        errors=state.errors._replace(
+            time_s=measured.time_s,
+            x_m=measured.x_m - track_x,
+            y_m=measured.y_m - track_y,
+            z_m=measured.z_m - track_z,
+            velocity_x_mps=vx - track_vx,
+            velocity_y_mps=vy - track_vy,
+            climb_mps=climb - track_climb,
+            covariance=Covariance(
+                pp=measured.variance_m2, pv=0.0, pb=0.0, vv=variance, vb=0.0, bb=bias_variance
+            ),
+        ),
+        fix=latest,
+        offset=NO_OFFSET,
+        outliers=NO_OUTLIERS,
+    )
+
+
+def _take_outlier(
+    gains: MotionGains,
+    state: MotionState,
+    latest: LastFix,
+    measured: _Measured,
+    place: Place,
+    now_s: float,
+) -> MotionState:
+    """Refuse a fix far from the prediction, or go there where enough of them agree."""
+    refused = LastFix(latest.sequence, state.fix.time_s, state.fix.source)
+    time_s = measured.time_s
+    count, last_s, x, y, z = state.outliers
+    if count > 0 and time_s <= last_s:  # again, over another link
+        return state._replace(fix=refused, rejected=state.rejected + 1)
+    rx, ry, rz, _ = state.innovation
+    near = gains.fix_gate_m + AGREE_MPS * (time_s - last_s)
+    agrees = count > 0 and _length(rx - x, ry - y, rz - z) <= near
+    outliers = Outliers(in_a_row=count + 1 if agrees else 1, time_s=time_s, x_m=rx, y_m=ry, z_m=rz)
+    if outliers.in_a_row >= OUTLIERS_ACCEPTED:
+        return _start(gains, state._replace(jump_s=now_s), latest, measured, place)
+    return state._replace(fix=refused, outliers=outliers, rejected=state.rejected + 1)
