@@ -22,7 +22,8 @@ from tgl_soar.analysis.logs.reader import read_log
 from tgl_soar.analysis.replay.logged import replay
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.onboard.flightlog.recorder import NO_RECORDER, Recorder
-from tgl_soar.onboard.flightlog.writer import BATCH_TICKS, FlightRecorder, LogMetadata
+from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata
+from tgl_soar.onboard.flightlog.writer import BATCH_TICKS, FlightRecorder
 from tgl_soar.onboard.module import Onboard
 from tgl_soar.onboard.setup import setup_from
 from tgl_soar.sim.sensor_messages import scaled_imu

@@ -25,7 +25,8 @@ from tgl_soar.estimation.wind import wind_step
 from tgl_soar.link.decoder import Decoder
 from tgl_soar.link.encoder import Encoder
 from tgl_soar.link.session import Session, SessionOptions
-from tgl_soar.onboard.flightlog.writer import FlightRecorder, LogMetadata
+from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata
+from tgl_soar.onboard.flightlog.writer import FlightRecorder
 from tgl_soar.types import Inputs
 
 from .module_flight import TICK_S, ModuleFlight

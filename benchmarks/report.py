@@ -12,7 +12,8 @@ from tgl_soar.autopilot import initial_state, step
 from tgl_soar.cli.report import Named, write
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.control.laws import laws_from
-from tgl_soar.onboard.flightlog.writer import FlightRecorder, LogMetadata
+from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata
+from tgl_soar.onboard.flightlog.writer import FlightRecorder
 from tgl_soar.sim.world import make_world
 from tgl_soar.types import AutopilotStatus, Inputs, SurfaceCommand
 

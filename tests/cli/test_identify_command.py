@@ -11,7 +11,8 @@ from tgl_soar.analysis.experiments.identification import AIRFRAME
 from tgl_soar.cli.app import app
 from tgl_soar.config.files import load_airframe
 from tgl_soar.config.parameters import ParameterSet
-from tgl_soar.onboard.flightlog.writer import FlightRecorder, LogMetadata
+from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata
+from tgl_soar.onboard.flightlog.writer import FlightRecorder
 from tgl_soar.sim.glide_test import WIND_MPS, fly
 
 

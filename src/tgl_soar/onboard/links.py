@@ -65,7 +65,7 @@ class ModuleLinks:
             stream=stream,
             excused=excused,
             known=known_systems(setup),
-            tap=partial(self._recorder.heard, number),
+            tap=partial(self._recorder.inbound, number),
             send_command=send_command,
             clear_for_release=clear_for_release,
         )

@@ -104,7 +104,7 @@ class Outbox:
             if frame is None:
                 self._counters.unsendable += 1
             elif frame and route.send_command(frame):
-                self._recorder.frame(frame)
+                self._recorder.outbound(frame)
             elif frame:
                 self._counters.unsent += 1
                 self._counters.left_out += 1
@@ -124,7 +124,7 @@ class Outbox:
         if frame:
             if not route.send(frame):
                 self._counters.unsent += 1
-            self._recorder.frame(frame)
+            self._recorder.outbound(frame)
         return len(frame)
 
 

@@ -51,7 +51,8 @@ from tgl_soar.onboard.command_line import RunOptions, options_of
 from tgl_soar.onboard.console import say
 from tgl_soar.onboard.flightlog.declaration import VERSION
 from tgl_soar.onboard.flightlog.recorder import NO_RECORDER
-from tgl_soar.onboard.flightlog.writer import FlightRecorder, LogMetadata
+from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata
+from tgl_soar.onboard.flightlog.writer import FlightRecorder
 from tgl_soar.onboard.mocap import MocapFeed, from_server
 from tgl_soar.onboard.module import Onboard
 from tgl_soar.onboard.setup import Setup, setup_from

@@ -33,7 +33,8 @@ from tgl_soar.config.files import (
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.laws import laws_from
 from tgl_soar.geometry import euler_from_quaternion
-from tgl_soar.onboard.flightlog.writer import FlightRecorder, LogMetadata
+from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata
+from tgl_soar.onboard.flightlog.writer import FlightRecorder
 from tgl_soar.onboard.instruments import FAST, fast_value
 from tgl_soar.sim.world import Truth, make_world
 from tgl_soar.types import AutopilotStatus, Inputs, SurfaceCommand

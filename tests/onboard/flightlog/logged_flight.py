@@ -8,7 +8,8 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
-from tgl_soar.onboard.flightlog.writer import FlightRecorder, LogMetadata
+from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata
+from tgl_soar.onboard.flightlog.writer import FlightRecorder
 from tgl_soar.onboard.module import Onboard
 from tgl_soar.onboard.setup import setup_from
 from tgl_soar.sim.world import make_world

@@ -30,7 +30,7 @@ from tgl_soar.config.parameters import PARAMETERS, ParameterSet
 from tgl_soar.control.laws import laws_from
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.link.signing import Signing
-from tgl_soar.onboard.flightlog import files, writer
+from tgl_soar.onboard.flightlog import disk, files
 from tgl_soar.onboard.flightlog.allowance import Allowance
 from tgl_soar.onboard.flightlog.declaration import STREAMS, TOPICS, record_size, unit_of
 from tgl_soar.onboard.flightlog.writer import BATCH_TICKS, FLUSH_S, STATE_TICKS, FlightRecorder
@@ -204,7 +204,7 @@ def test_a_number_that_fits_no_float_is_logged_as_infinite(tmp_path: Path) -> No
 def test_what_is_heard_before_the_first_parameters_ends_no_log(tmp_path: Path) -> None:
     recorder = FlightRecorder(tmp_path, FACTS, 0.0)
     recorder.start()
-    recorder.heard(0, b"heard", True)
+    recorder.inbound(0, b"heard", True)
     recorder.parameters(ParameterSet())
     assert "cut" not in " ".join(recorder.stop())
     assert b"heard" in logs_in(tmp_path, "tlog")[0].read_bytes()
@@ -383,13 +383,15 @@ def test_a_flood_of_what_is_refused_costs_no_earlier_flight(
     assert {path.name[-13:-4] for path in logs_in(tmp_path)} >= {"flight001", "flight002"}
     wire = b"".join(path.read_bytes() for path in logs_in(tmp_path, "tlog"))
     assert 10 <= wire.count(frame) <= 60  # a sample, from its beginning to its end
-    refused = recorder.refused
+    refused = recorder.allowance.refused
     assert 0 <= refused.taken - wire.count(frame) <= 2  # the operator's own, where they must sign
     assert refused.taken + refused.left_out <= heard + 2
     assert flight.console.count("a flood of frames: the .tlog holds only some of them") == 1
     assert any(f"{refused.left_out} of them refused or of strangers" in words for words in said)
     last = read_log(logs_in(tmp_path)[-1]).words[-1].text
-    assert last.startswith(f"wire: {recorder.left_out} frames are not in the .tlog so far, ")
+    assert last.startswith(
+        f"wire: {recorder.allowance.left_out} frames are not in the .tlog so far, "
+    )
 
 
 def test_what_refused_frames_take_in_all_has_an_end(tmp_path: Path) -> None:
@@ -397,8 +399,8 @@ def test_what_refused_frames_take_in_all_has_an_end(tmp_path: Path) -> None:
     recorder = FlightRecorder(tmp_path, FACTS, 0.0, largest_bytes=10_000_000)
     frame = stranger()
     for second in range(3600):
-        recorder.refused.takes(len(frame), second * 1_000_000)
-    taken = recorder.refused.taken
+        recorder.allowance.refused.takes(len(frame), second * 1_000_000)
+    taken = recorder.allowance.refused.taken
     assert 0.9 * 100_000 < taken * len(frame) <= 100_000
 
 
@@ -443,7 +445,7 @@ def test_a_long_flight_in_little_room_keeps_its_beginning(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of its own parts, those in the middle go."""
-    monkeypatch.setattr(writer, "FIRST_US", 1_000_000)
+    monkeypatch.setattr(disk, "FIRST_US", 1_000_000)
     recorded(tmp_path, 6.0, largest_bytes=500_000)
     parts = [file.part for file in files.kept_in(tmp_path)]
     assert parts[0] == 1
@@ -520,7 +522,7 @@ def test_a_write_that_fails_is_told_once_and_the_flight_goes_on(
             raise OSError(number, os.strerror(number))
         return os.write(descriptor, data)
 
-    monkeypatch.setattr(writer, "write", write)
+    monkeypatch.setattr(disk, "write", write)
     flight, _ = flown_on(tmp_path)
     (only,) = warnings(flight)
     assert os.strerror(number) in only
@@ -565,7 +567,7 @@ def test_a_disk_that_does_not_answer_holds_up_nothing(
         gate.wait()
         return os.write(descriptor, data)
 
-    monkeypatch.setattr(writer, "write", write)
+    monkeypatch.setattr(disk, "write", write)
     recorder = FlightRecorder(tmp_path, FACTS, 0.0, buffers=4)
     recorder.start()
     flight = LoggedFlight(recorder)

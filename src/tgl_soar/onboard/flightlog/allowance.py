@@ -9,9 +9,7 @@ from __future__ import annotations
 
 from typing import Final
 
-AT_ONCE_S: Final = (
-    10.0  # of what is earned in a second: the list of parameters, a burst after a gap
-)
+AT_ONCE_S: Final = 10.0  # of what is earned in a second: a list of parameters, a burst after a gap
 
 # In bytes a second, frames and their stamps in the .tlog.
 # What we say: overrides at 400 Hz take 26 kB, a pose forwarded at 50 Hz 13 kB, telemetry the rest.
@@ -24,11 +22,13 @@ STATIONS: Final = 20_000
 # a second, a hundredth of what a flight takes.
 REFUSED: Final = 1_000
 
+REFUSED_PART: Final = 100  # one part in so many of all logs is the most that refused frames take
+
 _PER_BYTE: Final = 1_000_000
 
 
 class Allowance:
-    """Room for one kind of frame; time is an argument, and may begin anew."""
+    """Room for one kind of frame; time is an argument, and may begin again."""
 
     def __init__(self, bytes_per_s: int, most_bytes: int = -1) -> None:
         """`most_bytes`: in all; -1: as much as it earns."""
@@ -54,3 +54,36 @@ class Allowance:
             self._most_bytes -= size
         self.taken += 1
         return True
+
+
+class WireAllowance:
+    """The room of every kind of frame."""
+
+    def __init__(self, largest_bytes: int) -> None:
+        """`largest_bytes`: of all logs together."""
+        self.ours = Allowance(OURS)
+        self.autopilot = Allowance(AUTOPILOT)
+        self.stations = Allowance(STATIONS)
+        self.refused = Allowance(REFUSED, largest_bytes // REFUSED_PART)
+
+    @property
+    def left_out(self) -> int:
+        """Frames that were not written down, for there were too many of their kind."""
+        kinds = self.ours, self.autopilot, self.stations, self.refused
+        return sum(kind.left_out for kind in kinds)
+
+    @property
+    def strangers(self) -> str:
+        """How many of those left out were refused ones, in words for the log."""
+        return (
+            f"{self.refused.left_out} of them refused or of strangers; of these"
+            f" {self.refused.taken} are"
+        )
+
+    @property
+    def summary(self) -> str:
+        """Words for the console at the end of a flight."""
+        return (
+            f"flight log: {self.left_out} frames of a flood are not in the .tlog,"
+            f" {self.refused.left_out} of them refused or of strangers"
+        )

@@ -1,4 +1,4 @@
-"""What the module tells whoever keeps a log.
+"""What the module reports to whoever keeps a log.
 
 The module calls these as things happen, always after the surfaces have been sent.  `Recorder`
 itself keeps nothing; `writer.FlightRecorder` writes a log.
@@ -42,10 +42,10 @@ class Recorder:
     def reset(self, state: AutopilotState) -> None:
         """The next tick begins from this state, whatever the last one left."""
 
-    def frame(self, frame: bytes) -> None:
+    def outbound(self, frame: bytes) -> None:
         """A frame of ours went out on any link."""
 
-    def heard(self, link: int, frame: bytes, wanted: bool) -> None:
+    def inbound(self, link: int, frame: bytes, wanted: bool) -> None:
         """A frame came on a link; 0: the autopilot's.
 
         `wanted`: neither refused nor of a stranger.
@@ -58,11 +58,11 @@ class Recorder:
         """How the link did of late."""
 
     def poll(self) -> list[str]:
-        """Time passes; what is to be told the operator."""
+        """Time passes; messages for the operator."""
         return []
 
     def stop(self) -> list[str]:
-        """The flight is over; what is to be said on the console."""
+        """The flight is over; messages for the console."""
         return []
 
 
