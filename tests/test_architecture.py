@@ -181,6 +181,69 @@ def _reached_from(name: str, graph: dict[str, set[str]]) -> set[str]:
     return found
 
 
+# How long something may be in lines, so that it is read in one sitting.
+MODULE_LINES = 600
+CLASS_LINES = 300
+FUNCTION_LINES = 80
+# What is longer, how long it may be, and why.
+LONGER: dict[str, tuple[int, str]] = {
+    "config/parameters.py": (760, "a table: one declaration a parameter, and it grows with them"),
+    "analysis/linear_model.py": (650, "one linear model; its matrices are read beside each other"),
+    "analysis/linear_model.py linear_controller": (112, "the matrices of one controller, by rows"),
+    "sim/flight.py": (654, "one simulated tick, which numba takes as one module"),
+}
+
+
+def lengths(source: Path) -> Iterator[tuple[str, int, int]]:
+    """(name, lines, how many it may have) of every module, class and function."""
+    for file in sorted(source.rglob("*.py")):
+        name, text = str(file.relative_to(source)), file.read_text(encoding="utf-8")
+        yield name, len(text.splitlines()), MODULE_LINES
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+                lines = (node.end_lineno or node.lineno) - node.lineno + 1
+                most = CLASS_LINES if isinstance(node, ast.ClassDef) else FUNCTION_LINES
+                yield f"{name} {node.name}", lines, most
+
+
+def too_long(source: Path, longer: dict[str, tuple[int, str]]) -> list[str]:
+    """What is longer than it may be."""
+    return [
+        f"{name}: {lines} lines, at most {allowed}: divide it"
+        for name, lines, most in lengths(source)
+        if lines > (allowed := longer.get(name, (most, ""))[0])
+    ]
+
+
+def test_everything_is_short_enough_to_read() -> None:
+    assert too_long(SOURCE, LONGER) == []
+
+
+def test_no_exception_outlives_its_reason() -> None:
+    found = {name: (lines, most) for name, lines, most in lengths(SOURCE)}
+    short = [name for name in LONGER if name not in found or found[name][0] <= found[name][1]]
+    assert short == [], "not longer than others any more: take them off the list"
+    assert all(len(reason) > 20 for _, reason in LONGER.values())
+
+
+@pytest.mark.parametrize(
+    ("code", "found"),
+    [
+        ("x = 1\n" * 600, []),
+        ("x = 1\n" * 601, ["a.py"]),
+        ("def f():\n" + "    x = 1\n" * 80, ["a.py f"]),
+        ("async def f():\n" + "    x = 1\n" * 80, ["a.py f"]),
+        ("def f():\n" + "    x = 1\n" * 79, []),
+        ("class C:\n" + "    x = 1\n" * 300, ["a.py C"]),
+        ("class C:\n" + "    x = 1\n" * 299, []),
+        ("class C:\n    def m(self):\n" + "        x = 1\n" * 80, ["a.py m"]),
+    ],
+)
+def test_what_is_too_long_is_found(tmp_path: Path, code: str, found: list[str]) -> None:
+    (tmp_path / "a.py").write_text(code, encoding="utf-8")
+    assert [line.split(":")[0] for line in too_long(tmp_path, {})] == found
+
+
 def test_imports_go_downward_only() -> None:
     assert violations(SOURCE) == []
 

@@ -45,6 +45,9 @@ class ZeucError(ValueError):
     """There is no such contour or crossing; the message says what would make one."""
 
 
+_Key = tuple[int, int, int]  # of an edge of the cells: its node, and the axis along which it goes
+
+
 class Crossing(NamedTuple):
     """Where a line meets the contour."""
 
@@ -242,7 +245,7 @@ def contour(
     # An exact zero on a node would belong to four edges: count it as just above.
     values[values == 0.0] = 1e-300
 
-    points: dict[tuple[int, int, int], tuple[float, float]] = {}
+    points: dict[_Key, tuple[float, float]] = {}
 
     def vertex(i: int, k: int, axis: int) -> bool:
         key = (i, k, axis)
@@ -272,9 +275,31 @@ def contour(
                 points[key] = (x1, s)
         return key in points
 
-    links: dict[tuple[int, int, int], list[tuple[int, int, int]]] = {}
-    above = values > 0.0
-    known = np.isfinite(values)
+    links: dict[_Key, list[_Key]] = {}
+    for i, k in _mixed_cells(values):
+        edges = [(i, k, 0), (i + 1, k, 1), (i, k + 1, 0), (i, k, 1)]  # below, right, above, left
+        cut = [edge for edge in edges if vertex(*edge)]
+        pairs = [(0, 1)] if len(cut) == 2 else []
+        if len(cut) == 4:
+            middle = excess_at(
+                field, polar, float(x[i] + x[i + 1]) / 2, float(z[k] + z[k + 1]) / 2, y_m, time_s
+            )
+            # A saddle: the middle belongs to the corner (i, k) or parts it from its opposite.
+            joined = (middle > 0.0) == bool(values[i, k] > 0.0)
+            pairs = [(0, 1), (2, 3)] if joined else [(0, 3), (1, 2)]
+        for one, other in pairs:
+            links.setdefault(cut[one], []).append(cut[other])
+            links.setdefault(cut[other], []).append(cut[one])
+    if not links:
+        raise ZeucError(_why_no_contour(field, polar, xx, zz, values, y_m, time_s))
+    lines = [np.array([points[key] for key in chain]) for chain in _chains(links)]
+    lines.sort(key=lambda line: -float(np.hypot(*np.diff(line, axis=0).T).sum()))
+    return lines
+
+
+def _mixed_cells(values: FloatArray) -> list[tuple[int, int]]:
+    """The cells whose corners are all defined and not all on one side of zero."""
+    above, known = values > 0.0, np.isfinite(values)
     corners = (slice(None, -1), slice(1, None))
     whole = known[corners[0], corners[0]].copy()
     mixed = np.zeros(whole.shape, dtype=int)
@@ -282,27 +307,7 @@ def contour(
         for b in corners:
             whole &= known[a, b]
             mixed += above[a, b]
-    for i, k in np.argwhere(whole & (mixed > 0) & (mixed < 4)).tolist():
-        edges = [(i, k, 0), (i + 1, k, 1), (i, k + 1, 0), (i, k, 1)]  # below, right, above, left
-        cut = [edge for edge in edges if vertex(*edge)]
-        if len(cut) == 4:
-            middle = excess_at(
-                field, polar, float(x[i] + x[i + 1]) / 2, float(z[k] + z[k + 1]) / 2, y_m, time_s
-            )
-            # A saddle: the middle belongs to the corner (i, k) or parts it from its opposite.
-            joined = (middle > 0.0) == bool(above[i, k])
-            pairs = [(0, 1), (2, 3)] if joined else [(0, 3), (1, 2)]
-            for a_edge, b_edge in pairs:
-                links.setdefault(cut[a_edge], []).append(cut[b_edge])
-                links.setdefault(cut[b_edge], []).append(cut[a_edge])
-        elif len(cut) == 2:
-            links.setdefault(cut[0], []).append(cut[1])
-            links.setdefault(cut[1], []).append(cut[0])
-    if not links:
-        raise ZeucError(_why_no_contour(field, polar, xx, zz, values, y_m, time_s))
-    lines = [np.array([points[key] for key in chain]) for chain in _chains(links)]
-    lines.sort(key=lambda line: -float(np.hypot(*np.diff(line, axis=0).T).sum()))
-    return lines
+    return [(i, k) for i, k in np.argwhere(whole & (mixed > 0) & (mixed < 4)).tolist()]
 
 
 def _axis(name: str, low: float, high: float, step: float) -> FloatArray:
@@ -311,9 +316,6 @@ def _axis(name: str, low: float, high: float, step: float) -> FloatArray:
     if not (isfinite(step) and 0.0 < step <= high - low):
         raise ValueError(f"step {step} m: must be positive and at most the span in {name}")
     return np.linspace(low, high, round((high - low) / step) + 1)
-
-
-_Key = tuple[int, int, int]
 
 
 def _chains(links: dict[_Key, list[_Key]]) -> list[list[_Key]]:

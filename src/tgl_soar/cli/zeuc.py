@@ -29,6 +29,8 @@ from tgl_soar.analysis.experiments.scenario import (
 )
 from tgl_soar.cli.console import AIRFRAME, AIRFRAME_FILE, SITE, SITE_FILE, console, fail, hint, say
 from tgl_soar.config.files import ConfigError, load_airframe, load_parameters, load_site
+from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.config.site import Site
 from tgl_soar.control.target_line import TargetLine, eta_from_lean
 from tgl_soar.sim.world import build_field, ground_outline
 
@@ -61,20 +63,7 @@ def zeuc(
         field = build_field(place.air, site.parent)
         limits = _numbers(bounds, 4, "--bounds") if bounds else search_bounds(place)
         area: Bounds = (limits[0], limits[1], limits[2], limits[3])
-        lines: dict[str, TargetLine] = {}
-        if line:
-            for i, text in enumerate(line, 1):
-                x, z, own = _numbers(text, 3, "--line")
-                lines[str(i)] = TargetLine(x, z, eta_from_lean(radians(own)))
-        else:
-            for name, named in place.lines.items():
-                own = values["TGL_LEAN"] if named.lean_deg is None else named.lean_deg
-                lines[name] = TargetLine(named.x_m, named.z_m, eta_from_lean(radians(own)))
-        if lean is not None:
-            lines = {
-                name: target._replace(eta_rad=eta_from_lean(radians(lean)))
-                for name, target in lines.items()
-            }
+        lines = _lines(line, lean, place, values)
         polar = loaded.polar.as_polar()
         parts = contour(field, polar, area, contour_step(area))
         middle = core(field, polar, area, contour_step(area))
@@ -82,24 +71,7 @@ def zeuc(
     except (ConfigError, ZeucError, ValueError) as error:
         fail(error)
 
-    table = Table(
-        "line", "x [m]", "z [m]", "u [m/s]", "w [m/s]", "dE/ds", "stable", "leans", "wind ↑"
-    )
-    for name, found in met.items():
-        for c in found:
-            table.add_row(name, *_row(c))
-        if not found:
-            table.add_row(name, *"–––––", "[red]meets no contour[/red]")
-    console.print(table)
-    console.print(
-        "dE/ds [1/s]: change of excess updraft going up the line; leans: those that are stable"
-        " there; wind ↑: shift up the line for 1 m/s more wind, to first order"
-    )
-    console.print(
-        f"core at x {middle.x_m:.2f}, z {middle.z_m:.2f} m: excess updraft"
-        f" {middle.excess_mps:.2f} m/s (updraft {middle.updraft_mps:.2f} m/s in a wind of"
-        f" {middle.wind_mps:.2f} m/s)"
-    )
+    _print(met, middle)
     numbers = {
         "site": place.site.name,
         "airframe": loaded.airframe.name,
@@ -141,6 +113,46 @@ def zeuc(
         console.print(f"numbers in {data}")
     else:
         say(f"map in {out}, numbers in {data}")
+
+
+def _lines(
+    given: list[str] | None, lean_deg: float | None, place: Site, values: ParameterSet
+) -> dict[str, TargetLine]:
+    """The lines of the options, or the site's.  Errors: `ConfigError`."""
+    lines: dict[str, TargetLine] = {}
+    if given:
+        for i, text in enumerate(given, 1):
+            x, z, own = _numbers(text, 3, "--line")
+            lines[str(i)] = TargetLine(x, z, eta_from_lean(radians(own)))
+    else:
+        for name, named in place.lines.items():
+            own = values["TGL_LEAN"] if named.lean_deg is None else named.lean_deg
+            lines[name] = TargetLine(named.x_m, named.z_m, eta_from_lean(radians(own)))
+    if lean_deg is None:
+        return lines
+    eta = eta_from_lean(radians(lean_deg))
+    return {name: target._replace(eta_rad=eta) for name, target in lines.items()}
+
+
+def _print(met: dict[str, list[dict[str, Any]]], middle: Core) -> None:
+    table = Table(
+        "line", "x [m]", "z [m]", "u [m/s]", "w [m/s]", "dE/ds", "stable", "leans", "wind ↑"
+    )
+    for name, found in met.items():
+        for c in found:
+            table.add_row(name, *_row(c))
+        if not found:
+            table.add_row(name, *"–––––", "[red]meets no contour[/red]")
+    console.print(table)
+    console.print(
+        "dE/ds [1/s]: change of excess updraft going up the line; leans: those that are stable"
+        " there; wind ↑: shift up the line for 1 m/s more wind, to first order"
+    )
+    console.print(
+        f"core at x {middle.x_m:.2f}, z {middle.z_m:.2f} m: excess updraft"
+        f" {middle.excess_mps:.2f} m/s (updraft {middle.updraft_mps:.2f} m/s in a wind of"
+        f" {middle.wind_mps:.2f} m/s)"
+    )
 
 
 def _crossings(field: Any, polar: Any, target: TargetLine) -> list[dict[str, Any]]:

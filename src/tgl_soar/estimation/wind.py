@@ -1,8 +1,8 @@
 """The air at the aircraft: airspeed, angle of attack, wind and updraft.
 
-What an accelerometer at the centre of gravity measures is the air's force on the airframe, and
-that depends on the velocity through the air alone: (u, w) along the body's x and z axes,
-V² = u² + w², alpha = atan2(w, u), k = ρ S / 2m,
+An accelerometer at the centre of gravity measures the air's force, which depends on the velocity
+through the air alone: (u, w) along the body's x and z axes, V² = u² + w², alpha = atan2(w, u),
+k = ρ S / 2m,
 
     normal   −f_z = k V (C_L u + C_D w)          mostly V² and alpha, by the lift curve
     axial     f_x = k V (C_L w − C_D u)          mostly alpha − atan(C_D / C_L)
@@ -18,14 +18,13 @@ A Kalman filter estimates W = (W_x, W_z), a random walk: dW² = 2 q² dt.  Each 
 it where there is a new sample, so that every sensor may be missing or late:
 
     without a pitot the two forces alone give u and w, but near the stall the force's direction
-    hardly changes with alpha any more, and then the elevator that holds it there tells more;
+    hardly changes with alpha, and the elevator that holds it there is more certain;
     beyond the stall the force is rough, and weighs as much as the flow is attached;
     without accelerometers the force is that of steady flight, −Rᵀ g, give or take what
     turbulence of a few per cent does (UNSTEADY_…).
 
-Constant errors are not estimated (they cannot be observed) but considered (Schmidt's
-filter): the covariance of what is not known of W with each of them is carried along, so that
-no sensor weighs more than its bias allows, and the standard deviations count them.
+Constant errors cannot be observed; they are considered (Schmidt's filter): the covariance of W's
+error with each of them is carried along, so that no sensor weighs more than its bias allows.
 
     b_n   of the normal force      the lift curve
     b_a   of the axial force       the drag, and g δ
@@ -33,12 +32,12 @@ no sensor weighs more than its bias allows, and the standard deviations count th
     b_t   of the trim: where the centre of gravity lies
     δ     of the pitch             the attitude's alignment: Ŵ = v + R(θ + δ) (u, w)
 
-The accelerometers' own bias is taken out beforehand, by the attitude: flight over seconds is
-unaccelerated flight, and there R f + g = dv/dt.  What is left of it is the attitude's own error,
-g δ, along x: the alpha found from the force's direction is too high by about what the pitch is
-too high, and the updraft, which needs their difference, hardly notices.
+The accelerometers' own bias is removed beforehand, by the attitude: over seconds flight is
+unaccelerated, and there R f + g = dv/dt.  What is left is the attitude's error, g δ, along x: alpha
+from the force's direction is as much too high as the pitch, and their difference, which gives the
+updraft, is hardly affected.
 
-Excess updraft is the updraft less the sink of the glide polar at the horizontal airspeed.
+Excess updraft: the updraft less the sink of the glide polar at the horizontal airspeed.
 """
 
 from __future__ import annotations
@@ -59,7 +58,7 @@ from tgl_soar.types import (
     polar_sink,
 )
 
-# What the numbers of an airframe file are good for.
+# How far the numbers of an airframe file are trusted.
 LIFT_ERROR: Final = 0.04  # of the lift at an angle of attack
 DRAG_ERROR: Final = 0.10
 GLIDE_RATIO: Final = 6.0  # drag is weight over this
@@ -81,7 +80,7 @@ BIAS_S: Final = 5.0  # over so long flight is unaccelerated
 FIRST_GUESS_MPS: Final = 4.0
 GATE: Final = 5.0  # standard deviations beyond which a measurement is refused
 RESTART_S: Final = 1.0  # after a gap of this length nothing is known any more
-# Beyond these the model says nothing, and nor do we.
+# Beyond these the model is not valid.
 ALPHA_MAX_RAD: Final = 0.6
 SLOWEST: Final = 0.4  # of the polar's slowest
 FASTEST: Final = 2.0  # of the polar's fastest

@@ -269,7 +269,7 @@ def wind_estimate(context: Context) -> Result:
         " noise, a pitot tube of 1 Pa of bias. In the last two rows the wing is not the one they"
         f" know: its lift by {100 * LIFT_ERROR:g} %, its drag by {100 * DRAG_ERROR:g} % (standard"
         " deviations). The plain estimate is the climb plus the polar's sink at the true airspeed,"
-        " which it is told.",
+        " which it is given.",
         (
             Claim(
                 f"with a pitot tube the updraft is known to {PITOT_RMS_MPS:g} m/s rms",
@@ -299,37 +299,43 @@ def wind_estimate(context: Context) -> Result:
         " trim. The updraft suffers less than the airspeed, because what the pitch is wrong by the"
         " angle of attack is wrong by too. Without accelerometers turbulence is seen only when it"
         " has moved the aircraft.",
-        (
-            Table(
-                "rms errors",
-                (
-                    "sensors", "wind [m/s]", "updraft [m/s]", "of plain", "excess updraft [m/s]",
-                    "airspeed [m/s]", "angle of attack [°]", "(wind error / σ)²",
-                    "(updraft error / σ)²",
-                ),
-                (
-                    *(_row(case, scores[case], plain) for case in CASES),
-                    ("plain", "", f"{plain:.3f}", "1.00", "", "told", "", "", ""),
-                ),
-            ),
-            Table(
-                "rms error of the updraft by place [m/s]",
-                ("place", "accelerometers, pitot", "accelerometers", "plain"),
-                tuple(
-                    (
-                        place,
-                        f"{score(seen, WITH_PITOT).updraft_mps:.3f}",
-                        f"{score(seen, WITHOUT).updraft_mps:.3f}",
-                        f"{plain_rms(seen):.3f}",
-                    )
-                    for place, seen in by_place.items()
-                ),
-            ),
-        ),
+        _tables(scores, by_place, plain),
         {"cases": {case: s._asdict() for case, s in scores.items()}, "plain_mps": plain},
         _draw(context, across),
         (),
         seeds,
+    )
+
+
+def _tables(
+    scores: dict[str, Score], by_place: dict[str, list[Seen]], plain: float
+) -> tuple[Table, ...]:
+    return (
+        Table(
+            "rms errors",
+            (
+                "sensors", "wind [m/s]", "updraft [m/s]", "of plain", "excess updraft [m/s]",
+                "airspeed [m/s]", "angle of attack [°]", "(wind error / σ)²",
+                "(updraft error / σ)²",
+            ),
+            (
+                *(_row(case, scores[case], plain) for case in CASES),
+                ("plain", "", f"{plain:.3f}", "1.00", "", "given", "", "", ""),
+            ),
+        ),
+        Table(
+            "rms error of the updraft by place [m/s]",
+            ("place", "accelerometers, pitot", "accelerometers", "plain"),
+            tuple(
+                (
+                    place,
+                    f"{score(seen, WITH_PITOT).updraft_mps:.3f}",
+                    f"{score(seen, WITHOUT).updraft_mps:.3f}",
+                    f"{plain_rms(seen):.3f}",
+                )
+                for place, seen in by_place.items()
+            ),
+        ),
     )  # fmt: skip
 
 

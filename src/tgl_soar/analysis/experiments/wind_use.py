@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from tgl_soar.analysis.experiments.context import Context
-from tgl_soar.analysis.experiments.estimator import (
+from tgl_soar.analysis.experiments.estimator_flights import (
     FLIGHT_S,
     SETTLE_S,
     Flight,

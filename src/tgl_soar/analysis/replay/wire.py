@@ -143,6 +143,67 @@ class _Memory(Recorder):
         self.outputs.append(output)
 
 
+class _Again:
+    """What was recorded happens to the module again; its own words are compared."""
+
+    def __init__(
+        self, onboard: Onboard, own: tuple[int, int], operator: int, changes: Mapping[str, float]
+    ) -> None:
+        """own: the module's system and component.  changes: parameters that are not set again."""
+        self.now_s = 0.0
+        self.compared: dict[str, list[WireFlight]] = {name: [] for name in FAST}
+        self.was_flying = False  # as the recording has it
+        self.notes: list[str] = []
+        self._onboard = onboard
+        self._own = own
+        self._operator = mavlink.MAVLink(None, operator, 190)
+        self._changes = changes
+        self._asked = False  # to engage
+
+    def take(self, frame: Frame, message: Any, now_s: float) -> None:
+        """One frame, and its message; None: it is none that pymavlink knows."""
+        self.now_s = now_s
+        source = (message.get_srcSystem(), message.get_srcComponent()) if message else (0, 0)
+        kind = message.get_type() if message else ""
+        if source == (self._own[0], 1):
+            self._onboard.event(frame.data, now_s)
+        elif source == self._own and kind == "PARAM_VALUE":
+            self._asked |= message.param_id == "OP_ENGAGE"
+            self._set_again(message.param_id, message.param_value)
+        elif source == self._own and kind == "NAMED_VALUE_FLOAT":
+            self._compare(message.name, message.value)
+
+    def _compare(self, name: str, value: float) -> None:
+        """A number of the telemetry with that of now; `soar_mode` engages too."""
+        output = self._onboard.output
+        if name == "soar_mode" and isfinite(value) and is_flying(int(value)):
+            self.was_flying = True
+            if not self._asked and (output is None or not output.active):  # refused until it can
+                self._set("OP_ENGAGE", 1.0)
+            elif not self._asked:
+                self._asked = True
+                self.notes.append(
+                    f"it flies when first received: engaged before {self.now_s:.1f} s"
+                )
+        if name in self.compared and output is not None:
+            replayed = fast_value(output, FAST.index(name))
+            self.compared[name].append(WireFlight(self.now_s, value, replayed))
+
+    def _set_again(self, name: str, value: float) -> None:
+        """What the recorded module reports as its parameter, this one is set to."""
+        if name in self._changes or name not in INDEX or not isfinite(value):
+            return
+        stands = self._onboard.parameters.values[name]
+        if name == "OP_ENGAGE":  # 2 is shown, 1 is set
+            value, stands = min(value, 1.0), min(stands, 1.0)
+        if value != stands:
+            self._set(name, value)
+
+    def _set(self, name: str, value: float) -> None:
+        order = mavlink.MAVLink_param_set_message(*self._own, name.encode(), value, 9)
+        self._onboard.event(bytes(order.pack(self._operator)), self.now_s)
+
+
 def replay_wire(
     path: str | Path,
     airframe_path: str | Path,
@@ -185,45 +246,26 @@ def replay_wire(
         lockstep=lockstep,
         recorder=memory,
     )
-    compared: dict[str, list[WireFlight]] = {name: [] for name in FAST}
-    operator = mavlink.MAVLink(None, min(link.operators), 190)
     began = time.perf_counter()
-    now_s = 0.0
-    asked = told_flying = False
+    again = _Again(onboard, own, min(link.operators), changes)
     for (frame, message), at_s in zip(decoded, arrivals_s, strict=True):
-        while not lockstep and onboard.wake_s(now_s) < at_s:
-            now_s = onboard.wake_s(now_s)
-            onboard.periodic(now_s)
-        now_s = at_s
-        source = (message.get_srcSystem(), message.get_srcComponent()) if message else (0, 0)
-        kind = message.get_type() if message else ""
-        if source == (own[0], 1):
-            onboard.event(frame.data, now_s)
-        elif source == own and kind == "PARAM_VALUE":
-            asked |= message.param_id == "OP_ENGAGE"
-            _set_again(onboard, operator, own, message, changes, now_s)
-        elif source == own and kind == "NAMED_VALUE_FLOAT":
-            name, output = message.name, onboard.output
-            if name == "soar_mode" and isfinite(message.value) and is_flying(int(message.value)):
-                told_flying = True
-                if not asked and (output is None or not output.active):  # refused until it can
-                    _set(onboard, operator, own, "OP_ENGAGE", 1.0, now_s)
-                elif not asked:
-                    asked = True
-                    notes.append(f"it flies when first heard: engaged before {now_s:.1f} s")
-            if name in compared and output is not None:
-                replayed = fast_value(output, FAST.index(name))
-                compared[name].append(WireFlight(now_s, message.value, replayed))
-        if onboard.due(now_s):
-            onboard.periodic(now_s)
+        while not lockstep and onboard.wake_s(again.now_s) < at_s:
+            again.now_s = onboard.wake_s(again.now_s)
+            onboard.periodic(again.now_s)
+        again.take(frame, message, at_s)
+        if onboard.due(at_s):
+            onboard.periodic(at_s)
     took = time.perf_counter() - began
-    missed = told_flying and not any(output.active for output in memory.outputs)
+    notes += again.notes
+    missed = again.was_flying and not any(output.active for output in memory.outputs)
     if missed:
         notes.append(
             "it flew, and does not in the replay: what it needs to engage is not in the recording,"
             " or its files are others (--airframe, --site)"
         )
-    return WireReplay(memory.outputs, memory.inputs, compared, now_s, missed, took, notes, losses)
+    return WireReplay(
+        memory.outputs, memory.inputs, again.compared, again.now_s, missed, took, notes, losses
+    )
 
 
 def _decoded(frames: list[Frame]) -> Iterator[tuple[Frame, Any]]:
@@ -287,33 +329,6 @@ def _keeps_pace(decoded: list[tuple[Frame, Any]], arrivals_s: list[float], syste
         elif arrival_s - timely_s > _LATE_FOR_S:
             return False
     return bool(abs(told - passed) <= _SAME_PACE * abs(passed))
-
-
-def _set_again(
-    onboard: Onboard,
-    operator: Any,
-    own: tuple[int, int],
-    message: Any,
-    changes: Mapping[str, float],
-    now_s: float,
-) -> None:
-    """What the module said that it had become, it becomes."""
-    name, value = message.param_id, message.param_value
-    if name in changes or name not in INDEX or not isfinite(value):
-        return
-    stands = onboard.parameters.values[name]
-    if name == "OP_ENGAGE":  # 2 is shown, 1 is set
-        value, stands = min(value, 1.0), min(stands, 1.0)
-    if value == stands:
-        return
-    _set(onboard, operator, own, name, value, now_s)
-
-
-def _set(
-    onboard: Onboard, operator: Any, own: tuple[int, int], name: str, value: float, now_s: float
-) -> None:
-    order = mavlink.MAVLink_param_set_message(*own, name.encode(), value, 9)
-    onboard.event(bytes(order.pack(operator)), now_s)
 
 
 def rms(heard: list[WireFlight]) -> float:
