@@ -78,6 +78,12 @@ class EngageSwitch:
         self._engagement.switch.reset()
         self._engaged_s = self._unforced_s = now_s
 
+    def watch(self, now_s: float) -> None:
+        """What is looked at beside the ticks: the switch's own value, its force, the pilot's."""
+        self.show_engaged(now_s)
+        self.end_force(now_s)
+        self.watch_pilot_switch(now_s)
+
     # --- may it -------------------------------------------------------------------------------
 
     def refusal(self, now_s: float) -> str:
