@@ -18,12 +18,14 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.files import load_airframe, load_site
 from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.link.decoder import Decoder
 from tgl_soar.link.keys import save_key
 from tgl_soar.onboard import process
 from tgl_soar.onboard.command_line import RunOptions
 from tgl_soar.onboard.process import EXIT_CANNOT_START, EXIT_ERROR, EXIT_OK
 from tgl_soar.onboard.setup import setup_from
 from tgl_soar.onboard.stand_in import hand_over
+from tgl_soar.onboard.surfaces import RELEASE_FRAMES
 from tgl_soar.onboard.watchdog import (
     ENDS,
     EXIT_KEEPS_DYING,
@@ -317,3 +319,26 @@ def test_for_a_dead_process_only_our_own_mode_is_left(mode: int, asked: list[int
     assert pilot.asked == asked
     assert not any("does not leave" in text for text in pilot.texts)
     assert any("surfaces given back" in text for text in pilot.texts)
+
+
+def test_the_release_for_a_dead_process_outlasts_the_frame_that_it_was_writing() -> None:
+    """On a stream, all that follows a frame that was cut may be taken for its end."""
+    airframe = load_airframe(AIRFRAME)
+    setup = setup_from(airframe, load_site(SITE), ParameterSet())
+    received = Decoder(stream=True)
+    cut = mavlink.MAVLink_odometry_message(
+        0, 1, 12, 1.0, 1.0, 1.0, [1.0, 0.5, 0.5, 0.5], *[1.0] * 6, [1.0] * 21, [1.0] * 21, 1, 3, 100
+    )
+    received.feed(bytes(cut.pack(mavlink.MAVLink(None, 1, 191)))[:20])
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        link = f"tcp:127.0.0.1:{server.getsockname()[1]}"
+        options = RunOptions(airframe=AIRFRAME, site=SITE, links=(link,))
+        sign = Sign(
+            rounds=1, timestamp=0, has_surfaces=True, version1=False, host="", port=0, key=None
+        )
+        hand_over(setup, options, sign, "was killed")
+        with server.accept()[0] as peer:
+            data = peer.recv(100_000)
+    words = data.index(b"surfaces given back")
+    received.feed(data[:words])
+    assert received.counters.frames >= RELEASE_FRAMES

@@ -23,7 +23,7 @@ from tgl_soar.onboard import realtime
 from tgl_soar.onboard.command_line import RunOptions
 from tgl_soar.onboard.console import say
 from tgl_soar.onboard.setup import Setup
-from tgl_soar.onboard.surfaces import RELEASE_FRAMES
+from tgl_soar.onboard.surfaces import RELEASE_FRAMES, outlast_cut_frame
 from tgl_soar.onboard.watchdog import Sign
 
 GIVE_BACK_INTERVAL_S: Final = 0.02  # between frames that give the surfaces back for a dead process
@@ -66,13 +66,21 @@ def hand_over(setup: Setup, options: RunOptions, sign: Sign, became: str) -> Non
         excused=excused,
     )
     route.own.version1 = route.override.version1 = sign.version1
-    releases = [(route.override, message) for message in setup.flavour.release()]
+
+    def release() -> int:
+        """Once; each frame is packed again, for signed ones are accepted only once."""
+        frames = [route.override.encode(message) for message in setup.flavour.release()]
+        for frame in frames:
+            transport.send(frame)
+        return sum(map(len, frames))
+
     words = StatusTexts().chunks(SEVERITY_CRITICAL, f"surfaces given back: module {became}")
     try:
         transport.clear_for_release()
+        if transport.is_stream:  # where the dead process was writing, its last frame was cut
+            outlast_cut_frame(release)
         for _ in range(RELEASE_FRAMES):
-            for encoder, message in releases:  # each packed again: signed ones are taken only once
-                transport.send(encoder.encode(message))
+            release()
             time.sleep(GIVE_BACK_INTERVAL_S)
         for chunk in words:
             transport.send(route.own.encode(chunk))

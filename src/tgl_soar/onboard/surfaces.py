@@ -6,6 +6,7 @@ after the last one (`link.mode_change`).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Final
 
 from tgl_soar.autopilot import Output
@@ -105,14 +106,22 @@ class SurfaceControl:
         return self._outbox.hand_over(self._flavour.release())
 
     def _clear_for_release(self) -> None:
-        """What is still on its way is older.  A frame that was cut takes what comes behind it for
-        its own end, up to its length: so releases go out at once until even the longest frame has
-        ended, and one more after it."""
+        """What is still on its way is older."""
         if self._outbox.autopilot.clear_for_release():
-            swallowed = 0
-            while swallowed < LONGEST_FRAME:
-                swallowed += self._release() or LONGEST_FRAME
-            self._release()
+            outlast_cut_frame(self._release)
+
+
+def outlast_cut_frame(release: Callable[[], int]) -> None:
+    """Release until it is read for certain.
+
+    A frame that was cut takes what comes behind it for its own end, up to its length: so releases
+    go out at once until even the longest frame has ended, and one more after it.  `release`: sends
+    one; the bytes of it, 0 where a route has none.
+    """
+    swallowed = 0
+    while swallowed < LONGEST_FRAME:
+        swallowed += release() or LONGEST_FRAME
+    release()
 
 
 def is_finite_command(output: Output, loops: int) -> bool:
