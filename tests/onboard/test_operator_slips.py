@@ -129,6 +129,21 @@ def test_forced_it_goes_there_and_is_dropped_by_the_fence() -> None:
     assert any(text.startswith("released") for text in flight.words)
 
 
+@pytest.mark.parametrize(("name", "value"), [("FENCE_Z_MIN", 2.6), ("CLEAR_MIN", 2.0)])
+def test_a_bound_that_shuts_the_line_out_is_refused_in_flight_and_passes_by_force(
+    name: str, value: float
+) -> None:
+    """As the refusal says that it does."""
+    flight = soaring()
+    before = flight.onboard.parameters.values[name]
+    assert flight.set(name, value) == before
+    flight.run(0.1)
+    assert flight.texts[-1].endswith("; OP_FORCE 1 overrides once")
+    flight.set("OP_FORCE", 1)
+    assert flight.set(name, value) == pytest.approx(value)
+    assert flight.onboard.parameters.values["OP_FORCE"] == 0.0
+
+
 # --- what the autopilot must be set to --------------------------------------------------------
 
 

@@ -7,8 +7,9 @@
              but over 1, so that a repeated commit that was refused is refused again.
     bounds   A line by which no aircraft can be held (`line_bounds`) is refused, and so is one
              in flight whose point is farther than TGL_STEP_MAX from the one that stands.
-    force    OP_FORCE = 1: the next move is made all the same, and OP_FORCE is 0 again, as it is
-             where nothing was forced for a while (`onboard.engage_switch`).
+    force    OP_FORCE = 1: the next move, or a bound that is refused, passes all the same, and
+             OP_FORCE is 0 again, as it is where nothing was forced for a while
+             (`onboard.engage_switch`).
 
 TGL_X and TGL_Z typed one after the other pass over a line of both: the fence, a box, never
 refuses it if both lines lie inside, and it is nearer to either than they are to each other.  What
@@ -131,9 +132,10 @@ class LineChanges:
         fault = ""
         if moved or bounded:
             fault = self.fault(after) or (_step_fault(before, after) if flying and moved else "")
-        if moved and before["OP_FORCE"] != 0.0:
+        is_refused = fault != "" and self._is_refused(before, moved, flying)
+        if (moved or is_refused) and before["OP_FORCE"] != 0.0:
             after = after.changed({"OP_FORCE": 0.0})
-        elif fault and self._is_refused(before, moved, flying):
+        elif is_refused:
             raise ParameterError(name, f"{after[name]:g}", f"{fault}; {OVERRIDE}")
         changed = [p.name for (p, old), (_, new) in zip(before, after, strict=True) if old != new]
         told = (name, *(other for other in changed if other != name))

@@ -60,9 +60,10 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="OP_FORCE", unit="", minimum=0, maximum=1, default=0,
-        meaning="1: the next move of the line, or the next engagement, is not held back by the"
-                " fence, the clearance, the contour, TGL_STEP_MAX or what the autopilot must be set"
-                " to; with that it is 0 again, and after 60 s without.",
+        meaning="1: the next move of the line, the next fence or clearance that shuts it out, or"
+                " the next engagement, is not held back by the fence, the clearance, the contour,"
+                " TGL_STEP_MAX or what the autopilot must be set to; with that it is 0 again, and"
+                " after 60 s without.",
         integer=True, in_files=False,
     ),
     Parameter(
