@@ -15,14 +15,14 @@ from tgl_soar.config.files import (
     load_site,
     shipped,
 )
-from tgl_soar.sim.batch import Compile, FlightScore, Plan, fly_batch
+from tgl_soar.sim.batch import FlightScore, Plan, fly_batch
 from tgl_soar.sim.closed_loop import Change
 from tgl_soar.sim.compiled import available
 from tgl_soar.sim.sensors import MEMS_IMU, Sensors
 from tgl_soar.sim.world import build_field
 
 COMPILED = pytest.param(
-    "all", marks=pytest.mark.skipif(not available(), reason="numba is not installed")
+    True, marks=pytest.mark.skipif(not available(), reason="numba is not installed")
 )
 
 
@@ -38,8 +38,8 @@ def plan() -> Plan:
     return Plan(airframe, site, values, changes, 10.0, 0.03, field=build_field(site.air))
 
 
-@pytest.mark.parametrize("compile", ["nothing", COMPILED])
-def test_one_worker_and_two_give_the_same_scores(compile: Compile) -> None:
+@pytest.mark.parametrize("compile", [False, COMPILED])
+def test_one_worker_and_two_give_the_same_scores(compile: bool) -> None:
     seeds = list(range(5))
     one = fly_batch(plan(), seeds, workers=1, compile=compile)
     two = fly_batch(plan(), seeds, workers=2, compile=compile)
@@ -47,8 +47,8 @@ def test_one_worker_and_two_give_the_same_scores(compile: Compile) -> None:
     assert [score.seed for score in one] == seeds
 
 
-@pytest.mark.parametrize("compile", ["nothing", COMPILED])
-def test_a_seed_is_a_flight_of_its_own(compile: Compile) -> None:
+@pytest.mark.parametrize("compile", [False, COMPILED])
+def test_a_seed_is_a_flight_of_its_own(compile: bool) -> None:
     """Neither the other seeds nor their order matter, and different seeds differ."""
     forth = fly_batch(plan(), [3, 1, 3], workers=1, compile=compile)
     back = fly_batch(plan(), [1], workers=1, compile=compile)
@@ -63,10 +63,9 @@ def plain() -> list[FlightScore]:
 
 
 @pytest.mark.skipif(not available(), reason="numba is not installed")
-@pytest.mark.parametrize("compile", ["model", "all"])
-def test_compiled_scores_are_the_plain_ones(compile: Compile) -> None:
+def test_compiled_scores_are_the_plain_ones() -> None:
     for ours, theirs in zip(
-        fly_batch(plan(), [1, 2], workers=1, compile=compile), plain(), strict=True
+        fly_batch(plan(), [1, 2], workers=1, compile=True), plain(), strict=True
     ):
         assert (ours.seed, ours.ended, ours.flown_s) == (theirs.seed, theirs.ended, theirs.flown_s)
         for leg, expected in zip(ours.legs, theirs.legs, strict=True):
@@ -79,7 +78,7 @@ def test_accelerations_that_come_and_go_lose_no_flight() -> None:
     """32 seeds in 3 % turbulence: from one set of gains to the other and back, and for good."""
     heard = [Change(t, {"EST_IMU": i % 2}) for i, t in enumerate((4.0, 6.0, 6.4, 6.5, 7.0))]
     shaken = replace(plan(), changes=heard, duration_s=12.0, sensors=Sensors(imu=MEMS_IMU))
-    scores = fly_batch(shaken, range(32), workers=1, compile="all")
+    scores = fly_batch(shaken, range(32), workers=1, compile=True)
     assert [score.ended for score in scores] == [""] * 32
 
 

@@ -2,11 +2,10 @@
 
 One seed is one flight, however it is flown:
 
-    nothing compiled   `closed_loop.fly` in a `World`, in processes
-    the model          `closed_loop.fly` in a `CompiledWorld`, in processes
-    all                `fly_compiled`, in threads: it holds no lock, and compiles only once
+    plain      `closed_loop.fly`, in processes
+    compiled   `fly_compiled`, in threads: it holds no lock, and compiles only once
 
-The second and third need numba (the extra `fast`) and agree with the first to 1e-6.
+The second needs numba (the extra `fast`) and agrees with the first to 1e-6.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from math import radians
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,12 +27,10 @@ from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Site
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.sim.closed_loop import Change, Trajectory, fly
-from tgl_soar.sim.fast_flight import CompiledWorld, Prepared, fly_compiled, prepare
+from tgl_soar.sim.fast_flight import Prepared, fly_compiled, prepare
 from tgl_soar.sim.score import LegScore, score_leg
 from tgl_soar.sim.sensors import USUAL_SENSORS, Sensors
 from tgl_soar.sim.world import World, make_world
-
-Compile = Literal["nothing", "model", "all"]
 
 CHUNKS_PER_WORKER = 4  # so that no worker is left with the last long flights alone
 
@@ -84,14 +81,14 @@ def fly_batch(
     seeds: Sequence[int],
     *,
     workers: int | None = None,
-    compile: Compile = "nothing",
+    compile: bool = False,
 ) -> list[FlightScore]:
     """Fly the plan once with each seed; scores in the order of the seeds.
 
     workers: processes or threads at once; None: one a core.  Neither their number nor the
     other seeds change a score.
-    Errors: `ConfigError`, `ParameterError`; ImportError without numba and
-    `UnknownFieldError` where something is to be compiled.
+    Errors: `ConfigError`, `ParameterError`; ImportError without numba and `UnknownFieldError`
+    where flights are to be compiled.
     """
     count = workers if workers is not None else os.cpu_count() or 1
     if count < 1:
@@ -101,15 +98,15 @@ def fly_batch(
     world = plan.world(seeds[0])
     plan = replace(plan, field=world.field)  # built once
     legs = _legs(plan, world.field)
-    if compile == "all":
+    if compile:
         prepared = prepare(world, plan.duration_s)
-        fly_one = partial(_fly_all_compiled, plan, legs, prepared)
+        fly_one = partial(_fly_one_compiled, plan, legs, prepared)
         if count == 1:
             return [fly_one(seed) for seed in seeds]
         first = fly_one(seeds[0])  # compiles, once for all threads
         with ThreadPoolExecutor(count) as threads:
             return [first, *threads.map(fly_one, seeds[1:])]
-    fly_chunk = partial(_fly_chunk, plan, legs, compile)
+    fly_chunk = partial(_fly_chunk, plan, legs)
     if count == 1:
         return fly_chunk(seeds)
     size = -(-len(seeds) // (CHUNKS_PER_WORKER * count))
@@ -118,22 +115,17 @@ def fly_batch(
         return [score for chunk in processes.map(fly_chunk, chunks) for score in chunk]
 
 
-def _fly_all_compiled(
+def _fly_one_compiled(
     plan: Plan, legs: Sequence[_Leg], prepared: Prepared, seed: int
 ) -> FlightScore:
     return _score(seed, legs, fly_compiled(prepared, seed, plan.values, plan.changes))
 
 
-def _fly_chunk(
-    plan: Plan, legs: Sequence[_Leg], compile: Compile, seeds: Sequence[int]
-) -> list[FlightScore]:
-    prepared = prepare(plan.world(seeds[0]), plan.duration_s) if compile == "model" else None
-    scores = []
-    for seed in seeds:
-        world = CompiledWorld(prepared, seed) if prepared else plan.world(seed)
-        flight = fly(world, plan.values, plan.changes, plan.duration_s)
-        scores.append(_score(seed, legs, flight))
-    return scores
+def _fly_chunk(plan: Plan, legs: Sequence[_Leg], seeds: Sequence[int]) -> list[FlightScore]:
+    return [
+        _score(seed, legs, fly(plan.world(seed), plan.values, plan.changes, plan.duration_s))
+        for seed in seeds
+    ]
 
 
 def _legs(plan: Plan, field: WindField) -> list[_Leg]:
