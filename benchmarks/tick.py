@@ -15,7 +15,7 @@ from tgl_soar.autopilot import AutopilotState, initial_state, step
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.control.laws import laws_from
 from tgl_soar.estimation.motion import motion_step
-from tgl_soar.sim.closed_loop import HELD_S
+from tgl_soar.sim.flight import HELD_S
 from tgl_soar.sim.sensors import MEMS_IMU, USUAL_SENSORS, Sensors
 from tgl_soar.sim.world import make_world
 from tgl_soar.types import AutopilotStatus, Inputs

@@ -19,7 +19,6 @@ from tgl_soar.air.gusts import (
     GustyField,
     ScaledField,
     Schedule,
-    Turbulence,
     dryden_params,
     dryden_start,
     dryden_step,
@@ -64,8 +63,12 @@ def test_covariances_are_drydens_at_any_step(dt_s: float) -> None:
 
 def test_a_long_record_has_the_intensity_and_the_scale() -> None:
     wind, scale, dt = 9.0, 1.5, 0.02
-    air = Turbulence(0.05, scale, wind, dt, seed=3)
-    record = np.array([air.step() for _ in range(60_000)])
+    params, rng = dryden_params(0.05, wind, scale, dt), np.random.default_rng(3)
+    state, turbulence = dryden_start(params, rng), []
+    for white in rng.standard_normal((60_000, 3)).tolist():
+        state, gust = dryden_step(params, state, *white)
+        turbulence.append(gust)
+    record = np.array(turbulence)
     # 1200 s of a correlation time of 1/6 s: 3600 independent pieces, 2 σ of a deviation: 2.4 %.
     assert record.std(axis=0) == pytest.approx(0.45, rel=0.03)
     u = record[:, 0]
@@ -88,18 +91,11 @@ def test_the_first_second_is_like_any_other() -> None:
     assert first.std(axis=0) == pytest.approx(0.27, rel=0.035)  # 3 σ of 4000 draws
 
 
-def test_seeds_repeat_and_differ() -> None:
-    def record(seed: int) -> list[tuple[float, float, float]]:
-        air = Turbulence(0.03, 1.5, 9.0, 0.004, seed)
-        return [air.step() for _ in range(2000)]  # beyond one block of noise
-
-    assert record(7) == record(7)
-    assert record(7) != record(8)
-
-
 def test_no_intensity_is_no_turbulence() -> None:
-    air = Turbulence(0.0, 1.5, 9.0, 0.004, seed=1)
-    assert {air.step() for _ in range(10)} == {(0.0, 0.0, 0.0)}
+    params, rng = dryden_params(0.0, 9.0, 1.5, 0.004), np.random.default_rng(1)
+    state = dryden_start(params, rng)
+    assert state == DRYDEN_STILL
+    assert dryden_step(params, state, 1.0, -2.0, 3.0)[1] == (0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(

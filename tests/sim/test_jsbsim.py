@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from field_step import step_in_field
 from msgspec.structs import asdict
 
 from tgl_soar.config.files import load_airframe, shipped
@@ -24,7 +25,6 @@ from tgl_soar.sim.aircraft import (
     aircraft_model,
     glide_at,
     gliding_state,
-    step_in_field,
 )
 from tgl_soar.types import SurfaceCommand
 

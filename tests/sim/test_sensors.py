@@ -17,20 +17,25 @@ from tgl_soar.sim.aircraft import (
     gliding_state,
     specific_force_frd,
 )
+from tgl_soar.sim.sensing import (
+    FlownSensors,
+    delivered,
+    flown_sensors,
+    line_length,
+    sense_airspeed,
+    sense_attitude,
+    sense_imu,
+    sense_position,
+)
 from tgl_soar.sim.sensors import (
     AUTOPILOT_ATTITUDE,
     AUTOPILOT_POSITION,
     MEMS_IMU,
     MOTION_CAPTURE,
     PITOT,
-    AirspeedSensor,
     AttitudeParams,
-    AttitudeSensor,
-    ImuSensor,
     PositionParams,
-    PositionSensor,
-    delivered,
-    empty_line,
+    Sensors,
     measure_airspeed,
     measure_attitude,
     measure_imu,
@@ -39,6 +44,7 @@ from tgl_soar.sim.sensors import (
     samples_taken,
     sensor_timing,
 )
+from tgl_soar.sim.white import drawn_as_needed
 from tgl_soar.types import NO_FIX
 
 _AIRFRAME = load_airframe(shipped("airframes/eclipson_c.toml"))
@@ -60,6 +66,11 @@ EXACT_ATTITUDE = AttitudeParams(
 )
 
 
+def flown(sensors: Sensors, seed: int = 1, step_rate_hz: float = 200.0) -> FlownSensors:
+    """Sensors in a plain flight."""
+    return flown_sensors(sensors, step_rate_hz, drawn_as_needed(seed))
+
+
 # --- when -----------------------------------------------------------------------------------
 
 
@@ -72,12 +83,13 @@ def test_a_sensor_fires_at_exactly_its_rate_and_arrives_after_its_delay(
     rate_hz: float, step_rate_hz: float, delay_s: float
 ) -> None:
     params = EXACT_POSITION._replace(rate_hz=rate_hz, delay_s=delay_s)
-    sensor = PositionSensor(params, FRAME, step_rate_hz, 1)
+    attitude = EXACT_ATTITUDE._replace(rate_hz=step_rate_hz)
+    sensor = flown(Sensors(position=params, attitude=attitude), 1, step_rate_hz).position
     seconds = 3
     arrivals: list[tuple[int, float]] = []  # (step of arrival, time stamp)
     last = 0
     for step in range(int(seconds * step_rate_hz)):
-        fix = sensor.step(step, STATE)
+        fix = sense_position(sensor, FRAME, STATE, step)
         assert fix.sequence in (last, last + 1)  # none is lost, none overtakes
         if fix.sequence > last:
             arrivals.append((step, fix.time_s))
@@ -120,30 +132,30 @@ def test_bad_timing_is_named(
         sensor_timing("position", rate_hz, delay_s, step_rate_hz)
 
 
-def test_a_skipped_step_is_refused() -> None:
-    # a sensor stepped every other step would silently run at half its rate
-    sensor = PositionSensor(MOTION_CAPTURE, FRAME, 200.0, 1)
-    sensor.step(0, STATE)
+def test_a_skipped_sample_is_refused() -> None:
+    # a sensor that is asked at every other of its steps would silently run at half its rate
+    sensor = flown(Sensors(position=MOTION_CAPTURE), 1).position
+    sense_position(sensor, FRAME, STATE, 0)
     with pytest.raises(ValueError, match="misses steps"):
-        sensor.step(2, STATE)
+        sense_position(sensor, FRAME, STATE, 4)
 
 
 def test_nothing_arrives_before_the_delay() -> None:
     timing = sensor_timing("position", 100.0, 0.04, 200.0)
-    line = empty_line(timing, NO_FIX)
+    line = [NO_FIX] * line_length(timing)
     for step in range(8):
         if step % timing.period_steps == 0:
-            line = (*line[1:], NO_FIX._replace(sequence=step // 2 + 1))
+            line[step // 2 % len(line)] = NO_FIX._replace(sequence=step // 2 + 1)
         assert delivered(timing, line, step).sequence == 0
-    line = (*line[1:], NO_FIX._replace(sequence=5))
+    line[4 % len(line)] = NO_FIX._replace(sequence=5)
     assert delivered(timing, line, 8).sequence == 1
 
 
 def test_a_sample_shows_the_past() -> None:
     level = SoaringFrame(0.0, 0.0, 0.0, 0.0)
-    sensor = PositionSensor(EXACT_POSITION._replace(delay_s=0.03), level, 200.0, 1)
+    sensor = flown(Sensors(position=EXACT_POSITION._replace(delay_s=0.03)), 1).position
     for step in range(100):
-        fix = sensor.step(step, STATE._replace(x_m=0.01 * step))
+        fix = sense_position(sensor, level, STATE._replace(x_m=0.01 * step), step)
         if fix.sequence:
             assert fix.north_m == pytest.approx(-2.0 * fix.time_s)  # 0.01 m in 5 ms
             assert step / 200.0 - fix.time_s in (pytest.approx(0.03), pytest.approx(0.035))
@@ -153,14 +165,14 @@ def test_a_sample_shows_the_past() -> None:
 
 
 def test_position_is_in_local_ned() -> None:
-    fix = PositionSensor(EXACT_POSITION, FRAME, 200.0, 1).step(0, STATE)
+    fix = sense_position(flown(Sensors(position=EXACT_POSITION), 1).position, FRAME, STATE, 0)
     # wind from 120°: downstream is towards 300°, right of an upwind-facing aircraft is 210°
     c, s = cos(radians(300.0)), sin(radians(300.0))
     assert fix.north_m == pytest.approx(10.0 + 1.0 * c + 2.0 * cos(radians(210.0)))
     assert fix.east_m == pytest.approx(20.0 + 1.0 * s + 2.0 * sin(radians(210.0)))
     assert fix.down_m == pytest.approx(-30.0 - 3.0)
     moving = STATE._replace(velocity_x_mps=2.0, velocity_y_mps=0.0, velocity_z_mps=0.5)
-    fix = PositionSensor(EXACT_POSITION, FRAME, 200.0, 1).step(0, moving)
+    fix = sense_position(flown(Sensors(position=EXACT_POSITION), 1).position, FRAME, moving, 0)
     assert fix.velocity_north_mps == pytest.approx(2.0 * c)
     assert fix.velocity_east_mps == pytest.approx(2.0 * s)
     assert fix.velocity_down_mps == pytest.approx(-0.5)
@@ -169,7 +181,7 @@ def test_position_is_in_local_ned() -> None:
 def test_attitude_is_from_frd_to_local_ned() -> None:
     q = quaternion_from_euler(0.1, -0.2, 0.3)
     state = STATE._replace(qw=q[0], qx=q[1], qy=q[2], qz=q[3])
-    sample = AttitudeSensor(EXACT_ATTITUDE, FRAME, 200.0, 1).step(0, state)
+    sample = sense_attitude(flown(Sensors(attitude=EXACT_ATTITUDE), 1).attitude, FRAME, state, 0)
     roll, pitch, yaw = euler_from_quaternion(sample.qw, sample.qx, sample.qy, sample.qz)
     assert roll == pytest.approx(0.1)
     assert pitch == pytest.approx(-0.2)
@@ -177,7 +189,7 @@ def test_attitude_is_from_frd_to_local_ned() -> None:
 
 
 def test_a_source_without_velocity_says_so() -> None:
-    fix = PositionSensor(MOTION_CAPTURE, FRAME, 200.0, 1).step(0, STATE)
+    fix = sense_position(flown(Sensors(position=MOTION_CAPTURE), 1).position, FRAME, STATE, 0)
     assert isnan(fix.velocity_north_mps)
     assert isnan(fix.velocity_down_mps)
 
@@ -212,14 +224,16 @@ def test_noise_has_the_size_that_it_claims() -> None:
         velocity_noise_mps=0.03,
         gives_velocity=True,
     )
-    sensor = PositionSensor(params, FRAME, 200.0, 5)
-    fixes = [sensor.step(k, STATE) for k in range(4000)]
+    sensor = flown(Sensors(position=params), 5).position
+    fixes = [sense_position(sensor, FRAME, STATE, k) for k in range(4000)]
     for axis, deviation in (("north_m", 0.002), ("down_m", 0.002), ("velocity_east_mps", 0.03)):
         values = [getattr(f, axis) for f in fixes]
         assert stdev(values) == pytest.approx(deviation, rel=0.045)
 
-    turns = AttitudeSensor(AUTOPILOT_ATTITUDE._replace(bias_rad=0.0, delay_s=0.0), FRAME, 200.0, 5)
-    samples = [turns.step(k, STATE) for k in range(4000)]
+    turns = flown(
+        Sensors(attitude=AUTOPILOT_ATTITUDE._replace(bias_rad=0.0, delay_s=0.0)), 5
+    ).attitude
+    samples = [sense_attitude(turns, FRAME, STATE, k) for k in range(4000)]
     angles = [euler_from_quaternion(s.qw, s.qx, s.qy, s.qz) for s in samples]
     for axis_number in (0, 1, 2):
         assert stdev(a[axis_number] for a in angles) == pytest.approx(
@@ -231,11 +245,13 @@ def test_noise_has_the_size_that_it_claims() -> None:
 
 def test_bias_stays_for_a_flight_and_differs_between_flights() -> None:
     params = EXACT_POSITION._replace(bias_m=0.5, rate_hz=200.0)
-    exact = PositionSensor(EXACT_POSITION, FRAME, 200.0, 1).step(0, STATE).north_m
+    exact = sense_position(
+        flown(Sensors(position=EXACT_POSITION), 1).position, FRAME, STATE, 0
+    ).north_m
     offsets = []
     for seed in range(200):
-        sensor = PositionSensor(params, FRAME, 200.0, seed)
-        values = {sensor.step(k, STATE).north_m for k in range(3)}
+        sensor = flown(Sensors(position=params), seed).position
+        values = {sense_position(sensor, FRAME, STATE, k).north_m for k in range(3)}
         assert len(values) == 1
         offsets.append(values.pop() - exact)
     # 200 flights: the standard deviation is known to 5 %
@@ -245,19 +261,24 @@ def test_bias_stays_for_a_flight_and_differs_between_flights() -> None:
 
 def test_the_same_seed_is_the_same_flight_and_sensors_do_not_share_noise() -> None:
     def flight(seed: int) -> list[object]:
-        a = PositionSensor(AUTOPILOT_POSITION, FRAME, 200.0, seed)
-        b = AttitudeSensor(AUTOPILOT_ATTITUDE, FRAME, 200.0, seed)
-        return [(a.step(k, STATE), b.step(k, STATE)) for k in range(40)]
+        a = flown(Sensors(position=AUTOPILOT_POSITION), seed).position
+        b = flown(Sensors(attitude=AUTOPILOT_ATTITUDE), seed).attitude
+        return [
+            (sense_position(a, FRAME, STATE, k), sense_attitude(b, FRAME, STATE, k))
+            for k in range(40)
+        ]
 
     assert repr(flight(3)) == repr(flight(3))
     assert repr(flight(3)) != repr(flight(4))
 
-    alone = PositionSensor(AUTOPILOT_POSITION, FRAME, 200.0, 3)
-    together = PositionSensor(AUTOPILOT_POSITION, FRAME, 200.0, 3)
-    imu = ImuSensor(MEMS_IMU, MODEL, 200.0, 3)
+    alone = flown(Sensors(position=AUTOPILOT_POSITION), 3).position
+    together = flown(Sensors(position=AUTOPILOT_POSITION), 3).position
+    imu = flown(Sensors(imu=MEMS_IMU), 3).imu
     for k in range(40):
-        imu.step(k, STATE, WIND)
-        assert repr(alone.step(k, STATE)) == repr(together.step(k, STATE))
+        sense_imu(imu, MODEL, STATE, WIND, False, k)
+        assert repr(sense_position(alone, FRAME, STATE, k)) == repr(
+            sense_position(together, FRAME, STATE, k)
+        )
 
 
 def test_the_imu_feels_what_the_air_does() -> None:
@@ -265,37 +286,44 @@ def test_the_imu_feels_what_the_air_does() -> None:
         force_noise_mps2=0.0, force_bias_mps2=0.0, rate_noise_radps=0.0, rate_bias_radps=0.0
     )
     turning = STATE._replace(roll_rate_frd_radps=0.1, yaw_rate_frd_radps=-0.2)
-    sample = ImuSensor(exact, MODEL, 200.0, 1).step(0, turning, WIND)
+    sample = sense_imu(flown(Sensors(imu=exact), 1).imu, MODEL, turning, WIND, False, 0)
     assert sample[2:5] == specific_force_frd(MODEL, turning, WIND)
     assert sample[5:8] == (0.1, 0.0, -0.2)
 
 
 def test_the_pitot_reads_the_air_along_the_nose() -> None:
     exact = PITOT._replace(pressure_noise_pa=0.0, pressure_bias_pa=0.0, delay_s=0.0)
-    sample = AirspeedSensor(exact, MODEL, 200.0, 1).step(0, STATE, WIND)
+    sample = sense_airspeed(flown(Sensors(airspeed=exact), 1).airspeed, MODEL, STATE, WIND, 0)
     assert sample.airspeed_mps == pytest.approx(GLIDE.airspeed_mps * cos(GLIDE.alpha_rad))
     backwards = (-20.0, 0.0, 0.0)
-    assert AirspeedSensor(exact, MODEL, 200.0, 1).step(0, STATE, backwards).airspeed_mps == 0.0
+    assert (
+        sense_airspeed(
+            flown(Sensors(airspeed=exact), 1).airspeed, MODEL, STATE, backwards, 0
+        ).airspeed_mps
+        == 0.0
+    )
     # 5 Pa too much is 5 / (rho V) = 0.48 m/s too much, to first order
     read = measure_airspeed(MODEL, STATE, WIND, 1, 0.0, 5.0).airspeed_mps
     assert read - sample.airspeed_mps == pytest.approx(
         5.0 / (1.225 * sample.airspeed_mps), rel=0.04
     )
     # noise of 1.4 Pa is 1.4 / (rho V) = 0.13 m/s there; 2,000 samples know it to 1.6 %
-    noisy = AirspeedSensor(exact._replace(pressure_noise_pa=1.4, rate_hz=200.0), MODEL, 200.0, 1)
-    values = [noisy.step(k, STATE, WIND).airspeed_mps for k in range(2000)]
+    noisy = flown(
+        Sensors(airspeed=exact._replace(pressure_noise_pa=1.4, rate_hz=200.0)), 1
+    ).airspeed
+    values = [sense_airspeed(noisy, MODEL, STATE, WIND, k).airspeed_mps for k in range(2000)]
     assert stdev(values) == pytest.approx(1.4 / (1.225 * sample.airspeed_mps), rel=0.07)
 
 
 def test_the_default_sensors_run_at_200_steps_a_second() -> None:
-    assert PositionSensor(MOTION_CAPTURE, FRAME, 200.0, 1).timing.period_steps == 2
-    assert PositionSensor(AUTOPILOT_POSITION, FRAME, 200.0, 1).timing.delay_steps == 8
-    assert AttitudeSensor(AUTOPILOT_ATTITUDE, FRAME, 200.0, 1).timing.period_steps == 1
-    assert ImuSensor(MEMS_IMU, MODEL, 200.0, 1).timing.period_steps == 1
-    assert AirspeedSensor(PITOT, MODEL, 200.0, 1).timing.period_steps == 4
+    assert flown(Sensors(position=MOTION_CAPTURE), 1).position.timing.period_steps == 2
+    assert flown(Sensors(position=AUTOPILOT_POSITION), 1).position.timing.delay_steps == 8
+    assert flown(Sensors(attitude=AUTOPILOT_ATTITUDE), 1).attitude.timing.period_steps == 1
+    assert flown(Sensors(imu=MEMS_IMU), 1).imu.timing.period_steps == 1
+    assert flown(Sensors(airspeed=PITOT), 1).airspeed.timing.period_steps == 4
 
 
 def test_samples_are_plain() -> None:
-    fix = PositionSensor(AUTOPILOT_POSITION, FRAME, 200.0, 1).step(0, STATE)
+    fix = sense_position(flown(Sensors(position=AUTOPILOT_POSITION), 1).position, FRAME, STATE, 0)
     assert all(type(v) is float for v in fix[1:8])
     assert isinstance(STATE, AircraftState)

@@ -134,43 +134,6 @@ def dryden_start(params: DrydenParams, rng: np.random.Generator) -> DrydenState:
     )
 
 
-class Turbulence:
-    """Dryden turbulence stepped at a fixed dt, seeded: the same seed gives the same air.
-
-    intensity is a fraction of the reference wind [m/s]; length scale in metres.  Errors: those
-    of `dryden_params`.
-    """
-
-    BLOCK = 1024  # steps of noise drawn at once: one draw costs as much as hundreds of steps
-
-    def __init__(
-        self,
-        intensity: float,
-        length_scale_m: float,
-        reference_wind_mps: float,
-        dt_s: float,
-        seed: int | Sequence[int] | np.random.SeedSequence,
-    ) -> None:
-        self.params = dryden_params(intensity, reference_wind_mps, length_scale_m, dt_s)
-        self._rng = np.random.default_rng(seed)
-        self.state = dryden_start(self.params, self._rng)
-        self._white: list[float] = []
-        self._next = 0
-
-    def step(self) -> tuple[float, float, float]:
-        """Turbulence (u, v, w) [m/s] of the next time step."""
-        k = self._next
-        if k >= len(self._white):
-            self._white = self._rng.standard_normal(3 * self.BLOCK).tolist()
-            k = 0
-        white = self._white
-        self.state, gust = dryden_step(
-            self.params, self.state, white[k], white[k + 1], white[k + 2]
-        )
-        self._next = k + 3
-        return gust
-
-
 # --- Discrete gusts ----------------------------------------------------------------------
 
 

@@ -43,7 +43,7 @@ a thousandth.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from math import atan2, cos, exp, log1p, sin, sqrt
 from typing import NamedTuple
 
@@ -52,7 +52,6 @@ from tgl_soar.geometry import quaternion_from_euler
 from tgl_soar.types import GlidePolar, SurfaceCommand
 
 Wind = tuple[float, float, float]  # (u, v, w) [m/s], soaring frame
-WindAt = Callable[[float, float, float, float], Wind]  # of x, y, z [m] and time [s]
 
 # No airframe of this size survives a faster turn; the limit keeps a tumbling one finite.
 RATE_LIMIT_RADPS = 100.0
@@ -99,6 +98,31 @@ class AircraftModel(NamedTuple):
     Cn_r: float
     Cn_rudder: float
     Cn_aileron: float
+
+    # What the world asks of any aircraft (`sim.flown_aircraft`):
+
+    def step(
+        self,
+        state: AircraftState,
+        surfaces: SurfaceCommand,
+        wind_here: Wind,
+        wind_ahead: Wind,
+        dt_s: float,
+    ) -> AircraftState:
+        """The aircraft `dt_s` [s] later."""
+        return step(self, state, surfaces, wind_here, wind_ahead, dt_s)
+
+    def specific_force_frd(self, state: AircraftState, wind: Wind) -> tuple[float, float, float]:
+        """What an accelerometer at the centre of gravity feels [m/s², FRD]."""
+        return specific_force_frd(self, state, wind)
+
+    def highest_pitch_glide(self) -> Glide:
+        """The steady glide with the highest pitch."""
+        return highest_pitch_glide(self)
+
+    def glide_at(self, horizontal_mps: float) -> Glide:
+        """The steady glide at a horizontal airspeed [m/s].  Errors: ValueError."""
+        return glide_at(self, horizontal_mps)
 
 
 class AircraftState(NamedTuple):
@@ -401,26 +425,6 @@ def step(
     )
 
 
-def step_in_field(
-    model: AircraftModel,
-    state: AircraftState,
-    surfaces: SurfaceCommand,
-    wind_at: WindAt,
-    time_s: float,
-    dt_s: float,
-) -> AircraftState:
-    """`step` with both winds asked of a field, `wind_at(x, y, z, time) -> (u, v, w)`."""
-    x, y, z = place_ahead(state, dt_s)
-    return step(
-        model,
-        state,
-        surfaces,
-        wind_at(state.x_m, state.y_m, state.z_m, time_s),
-        wind_at(x, y, z, time_s + dt_s),
-        dt_s,
-    )
-
-
 # --- what can be measured on board ----------------------------------------------------------
 
 
@@ -470,9 +474,9 @@ def specific_force_frd(
     return fx, fy, fz
 
 
-def resting_force_frd(model: AircraftModel, state: AircraftState) -> tuple[float, float, float]:
+def resting_force_frd(gravity_mps2: float, state: AircraftState) -> tuple[float, float, float]:
     """What that accelerometer feels while somebody holds the aircraft still [m/s², FRD]."""
-    g, qw, qx, qy, qz = model.gravity_mps2, state.qw, state.qx, state.qy, state.qz
+    g, qw, qx, qy, qz = gravity_mps2, state.qw, state.qx, state.qy, state.qz
     return (
         -2.0 * g * (qx * qz - qw * qy),
         -2.0 * g * (qy * qz + qw * qx),

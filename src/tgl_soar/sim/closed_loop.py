@@ -24,12 +24,11 @@ from tgl_soar.autopilot import (
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.laws import laws_from
 from tgl_soar.control.supervisor import FAILED, RELEASED
-from tgl_soar.control.target_line import e_rho
+from tgl_soar.sim.flight import Row, inputs_at, row_of
 from tgl_soar.sim.injection import DirectLink, Injection
+from tgl_soar.sim.sensing import Samples
 from tgl_soar.sim.world import World
-from tgl_soar.types import AutopilotStatus, Inputs, SurfaceCommand
-
-HELD_S = 0.2  # the aircraft is held until the sensors have spoken and the module has it
+from tgl_soar.types import Inputs, SurfaceCommand
 
 
 class Change(NamedTuple):
@@ -37,34 +36,6 @@ class Change(NamedTuple):
 
     time_s: float
     parameters: dict[str, float]
-
-
-class Row(NamedTuple):
-    """One tick of a flight: the truth, and what the module made of it."""
-
-    time_s: float
-    x_m: float
-    y_m: float
-    z_m: float
-    e_rho_m: float  # true distance from the line that is flown
-    line_moving: float  # 1 or 0
-    target_changes: float  # how many changes of parameters so far
-    pitch_rad: float
-    pitch_setpoint_rad: float
-    roll_rad: float
-    heading_rad: float
-    elevator: float  # commanded
-    airspeed_mps: float
-    alpha_rad: float
-    wind_mps: float
-    updraft_mps: float
-    air_airspeed_mps: float  # from here on what the module takes them to be: types.AirEstimate
-    air_alpha_rad: float
-    air_wind_mps: float
-    air_updraft_mps: float
-    air_excess_mps: float
-    air_wind_sigma_mps: float
-    air_updraft_sigma_mps: float
 
 
 @dataclass(frozen=True)
@@ -109,17 +80,14 @@ class ClosedLoop:
         """One tick of the module and one step of the world."""
         world = self.world
         now = world.time_s
-        engage = self.engage and now >= HELD_S
-        inputs = Inputs(
-            time_s=now,
+        samples = Samples(
             position=world.position,
             attitude=world.attitude,
-            autopilot=AutopilotStatus(time_s=now, accepts_surfaces=True, armed=True),
-            engage=engage,
             imu=world.imu,
             airspeed=world.airspeed,
             surfaces=world.surfaces,
         )
+        inputs = inputs_at(now, samples, self.engage)
         if self._link is not None:
             inputs = self._link.inputs(inputs)
         output = self._decide(inputs)
@@ -127,11 +95,11 @@ class ClosedLoop:
         if output.active:
             self._command = output.command
             world.held = False
-        told = self._command
+        acting = self._command
         if self._link is not None and self._injection is not None:
-            told = self._link.surfaces(now, output.command if output.active else None)
-            told = self._injection.surfaces(now, told, self._dt_s)
-        world.step(told)
+            acting = self._link.surfaces(now, output.command if output.active else None)
+            acting = self._injection.surfaces(now, acting, self._dt_s)
+        world.step(acting)
         return output
 
     def _decide(self, inputs: Inputs) -> Output:
@@ -147,7 +115,7 @@ def fly(
     duration_s: float,
     injection: Injection | None = None,
 ) -> Trajectory:
-    """Fly from the start for duration_s seconds, or until the module lets go or crashes."""
+    """Fly from the start for duration_s seconds, unless the module hands over or it crashes."""
     loop = ClosedLoop(world, values, injection)
     pending = sorted(changes, key=lambda change: change.time_s)
     done = 0
@@ -157,29 +125,9 @@ def fly(
         while done < len(pending) and pending[done].time_s <= world.time_s:
             loop.change(pending[done].parameters)
             done += 1
-        truth = world.truth
+        now, aircraft, wind = world.time_s, world.state, world.wind
         output = loop.tick()
-        rows.append(
-            Row(
-                truth.time_s,
-                truth.x_m,
-                truth.y_m,
-                truth.z_m,
-                e_rho(output.line.x_m, output.line.z_m, output.line.eta_rad, truth.x_m, truth.z_m),
-                float(output.line.moving or not output.active),
-                float(done),
-                truth.pitch_rad,
-                output.setpoints.pitch_rad,
-                truth.roll_rad,
-                truth.heading_rad,
-                output.command.elevator,
-                truth.airspeed_mps,
-                truth.alpha_rad,
-                truth.wind_x_mps,
-                truth.updraft_mps,
-                *output.air[:7],
-            )
-        )
+        rows.append(row_of(now, aircraft, wind, output, done))
         if world.crashed:
             ended = world.crashed
             break

@@ -5,8 +5,9 @@ function of the kernel's modules is compiled too.  Nothing that flies knows of i
 no copy, no import.  Named tuples are the plain ones, so that a value made in plain Python goes
 in, and what comes out is read as ever.
 
-numba knows named tuples but not their `_replace`: it is taught below, for the tuples' fields as
-they are in the modules.
+numba knows named tuples but neither their `_replace` nor their methods: both are taught below,
+for the fields and methods of the modules' tuples.  So a function takes any object that has a
+method where it runs plainly, and the tuples that have it where it is compiled.
 
 Compiled functions raise what the plain ones raise (division by zero too) and let other threads
 run meanwhile.  Each is inlined where it is called: otherwise handing over hundreds of numbers
@@ -59,6 +60,9 @@ MODULES: Final = (
     "tgl_soar.sim.aircraft",
     "tgl_soar.sim.servos",
     "tgl_soar.sim.sensors",
+    "tgl_soar.sim.sensing",
+    "tgl_soar.sim.known_air",
+    "tgl_soar.sim.stepping",
     "tgl_soar.sim.flight",
 )
 
@@ -112,6 +116,7 @@ def _kernels() -> dict[FunctionType, Any]:
             if isinstance(value, FunctionType) and value.__module__ == module.__name__:
                 kernel = FunctionType(value.__code__, space, name, value.__defaults__)
                 kernels[value] = njit(nogil=True, forceinline=True)(kernel)
+    _teach_methods(spaces, njit)
     named = {module: ModuleType(module.__name__) for module in modules}
     for module, space in spaces.items():
         for name, value in vars(module).items():
@@ -123,6 +128,48 @@ def _kernels() -> dict[FunctionType, Any]:
     return kernels
 
 
+def _teach_methods(spaces: dict[ModuleType, dict[str, Any]], njit: Callable[..., Any]) -> None:
+    """Teach numba the methods of the modules' named tuples."""
+    from numba.core import types
+    from numba.extending import overload_method
+
+    methods: dict[str, dict[type, Any]] = {}
+    options = {"nogil": True, "forceinline": True}
+    for module, space in spaces.items():
+        for kind in _named_tuples(module):
+            for name, method in vars(kind).items():
+                if isinstance(method, FunctionType) and not name.startswith("_"):
+                    kernel = FunctionType(method.__code__, space, name, method.__defaults__)
+                    methods.setdefault(name, {})[kind] = njit(**options)(kernel)
+    for name, kernels in methods.items():
+        teach: Any = overload_method(types.BaseNamedTuple, name, jit_options=options)  # type: ignore[call-arg]
+        teach(_method_of(kernels))
+
+
+def _named_tuples(module: ModuleType) -> list[type]:
+    """Those that a module defines."""
+    return [
+        value
+        for value in vars(module).values()
+        if isinstance(value, type)
+        and issubclass(value, tuple)
+        and value.__module__ == module.__name__
+    ]
+
+
+def _method_of(kernels: dict[type, Any]) -> Callable[..., Any]:
+    """The method of one name, of whichever named tuple it is called."""
+
+    # No annotations: numba compares the signature with that of what is returned.
+    def choose(self, *arguments):  # type: ignore[no-untyped-def]  # noqa: ARG001
+        kernel = kernels.get(self.instance_class)
+        if kernel is None:
+            return None
+        return lambda self, *arguments: kernel(self, *arguments)
+
+    return choose
+
+
 def _teach_replace(modules: list[ModuleType]) -> None:
     """Teach numba `_replace` with any of the fields of the modules' named tuples."""
     from numba.core import types
@@ -130,9 +177,8 @@ def _teach_replace(modules: list[ModuleType]) -> None:
 
     fields: set[str] = set()
     for module in modules:
-        for value in vars(module).values():
-            if isinstance(value, type) and issubclass(value, tuple):
-                fields.update(getattr(value, "_fields", ()))
+        for kind in _named_tuples(module):
+            fields.update(getattr(kind, "_fields", ()))
     # numba wants every keyword in the signature: it is written here and not by hand.
     signature = "self, " + ", ".join(f"{field}=None" for field in sorted(fields))
 

@@ -11,16 +11,15 @@ Steps are counted in integers from 0 (the start of the flight): a sensor of 100 
 q ⊗ (1, n/2).  A pitot tube errs in pressure: V = √(max(0, u_b² + 2 n / ρ)), u_b the air's
 speed along the nose.
 
-Samples are in local NED and FRD, as an autopilot reports them.  The functions are pure and
-take their noise as arguments; the classes below them add seeded noise, one stream for each
-sensor, so that a flight with one sensor more is otherwise the same flight.
+Samples are in local NED and FRD, as an autopilot reports them.  The functions that measure
+are pure and take their noise as arguments; `sim.sensing` gives it to them, and delays what they
+measure.
 """
 
 from __future__ import annotations
 
-import random
 from math import ceil, cos, isfinite, sin, sqrt
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 from tgl_soar.geometry import (
     SoaringFrame,
@@ -29,26 +28,18 @@ from tgl_soar.geometry import (
     quaternion_product,
 )
 from tgl_soar.sim.aircraft import (
-    AircraftModel,
     AircraftState,
     Wind,
     air_velocity_frd,
     resting_force_frd,
-    specific_force_frd,
 )
+from tgl_soar.sim.flown_aircraft import FlownAircraft
 from tgl_soar.types import (
     NAN,
-    NO_AIRSPEED,
-    NO_ATTITUDE,
-    NO_FIX,
-    NO_IMU,
-    NO_SURFACES,
     AirspeedSample,
     AttitudeSample,
     ImuSample,
     PositionFix,
-    SurfaceCommand,
-    SurfacesSample,
 )
 
 Triple = tuple[float, float, float]
@@ -96,20 +87,6 @@ def samples_delivered(timing: SensorTiming, step: int) -> int:
     if step < timing.delay_steps:
         return 0
     return (step - timing.delay_steps) // timing.period_steps + 1
-
-
-Sample = TypeVar("Sample", PositionFix, AttitudeSample, ImuSample, AirspeedSample, SurfacesSample)
-
-
-def empty_line(timing: SensorTiming, nothing: Sample) -> tuple[Sample, ...]:
-    """The delay line before the first sample: as long as samples can be under way, plus one."""
-    return (nothing,) * (-(-timing.delay_steps // timing.period_steps) + 1)
-
-
-def delivered(timing: SensorTiming, line: tuple[Sample, ...], step: int) -> Sample:
-    """The newest sample that has arrived by this step; `line` has been given all taken ones."""
-    under_way = samples_taken(timing, step) - samples_delivered(timing, step)
-    return line[len(line) - 1 - under_way]
 
 
 # --- what: pure measurements ----------------------------------------------------------------
@@ -277,7 +254,7 @@ def measure_attitude(
 
 
 def measure_imu(
-    model: AircraftModel,
+    aircraft: FlownAircraft,
     state: AircraftState,
     wind: Wind,
     rests: bool,
@@ -290,9 +267,9 @@ def measure_imu(
 
     rests: it does not fly, something holds it where it is.
     """
-    fx, fy, fz = specific_force_frd(model, state, wind)
+    fx, fy, fz = aircraft.specific_force_frd(state, wind)
     if rests:
-        fx, fy, fz = resting_force_frd(model, state)
+        fx, fy, fz = resting_force_frd(aircraft.gravity_mps2, state)
     return ImuSample(
         sequence=sequence,
         time_s=time_s,
@@ -306,7 +283,7 @@ def measure_imu(
 
 
 def measure_airspeed(
-    model: AircraftModel,
+    aircraft: FlownAircraft,
     state: AircraftState,
     wind: Wind,
     sequence: int,
@@ -315,174 +292,5 @@ def measure_airspeed(
 ) -> AirspeedSample:
     """What a pitot tube along the nose reads in a wind (u, v, w) [m/s]."""
     along, _, _ = air_velocity_frd(state, wind)
-    squared = max(0.0, along) ** 2 + 2.0 * pressure_error_pa / model.air_density_kgpm3
+    squared = max(0.0, along) ** 2 + 2.0 * pressure_error_pa / aircraft.air_density_kgpm3
     return AirspeedSample(sequence, time_s, sqrt(max(0.0, squared)))
-
-
-# --- seeded sensors, for simulations in plain Python ------------------------------------------
-
-
-class _Sensor:
-    """What all sensors share: their timing, their own stream of noise, their step counter."""
-
-    def __init__(
-        self, name: str, rate_hz: float, delay_s: float, step_rate_hz: float, seed: int
-    ) -> None:
-        self.name = name
-        self.timing = sensor_timing(name, rate_hz, delay_s, step_rate_hz)
-        self._gauss = random.Random(f"{seed}/{name}").gauss
-        self._next_step = 0
-
-    def _due(self, step: int) -> bool:
-        """Whether a sample is taken at this step; steps must come one by one."""
-        if step != self._next_step:
-            raise ValueError(
-                f"{self.name} was stepped to {step} where {self._next_step} is next: a sensor"
-                " that misses steps does not run at its rate"
-            )
-        self._next_step = step + 1
-        return step % self.timing.period_steps == 0
-
-    def _sequence(self, step: int) -> int:
-        return step // self.timing.period_steps + 1
-
-    def _time_s(self, step: int) -> float:
-        return step / self.timing.step_rate_hz
-
-    def _triple(self, deviation: float, centre: Triple = (0.0, 0.0, 0.0)) -> Triple:
-        gauss = self._gauss
-        return (
-            gauss(centre[0], deviation),
-            gauss(centre[1], deviation),
-            gauss(centre[2], deviation),
-        )
-
-
-class PositionSensor(_Sensor):
-    """A source of position fixes, local NED."""
-
-    def __init__(
-        self, params: PositionParams, frame: SoaringFrame, step_rate_hz: float, seed: int
-    ) -> None:
-        super().__init__("position", params.rate_hz, params.delay_s, step_rate_hz, seed)
-        self.params = params
-        self._frame = frame
-        self._bias = self._triple(params.bias_m)
-        self._line = empty_line(self.timing, NO_FIX)
-
-    def step(self, step: int, state: AircraftState) -> PositionFix:
-        """The newest fix that has arrived by this step (0, 1, 2 …); sequence 0: none yet."""
-        if self._due(step):
-            params = self.params
-            error = self._triple(params.noise_m, self._bias)
-            velocity_error = (
-                self._triple(params.velocity_noise_mps)
-                if params.gives_velocity
-                else (NAN, NAN, NAN)
-            )
-            fix = measure_position(
-                self._frame, state, self._sequence(step), self._time_s(step), error, velocity_error
-            )
-            self._line = (*self._line[1:], fix)
-        return delivered(self.timing, self._line, step)
-
-
-class AttitudeSensor(_Sensor):
-    """A source of attitude and body rates."""
-
-    def __init__(
-        self, params: AttitudeParams, frame: SoaringFrame, step_rate_hz: float, seed: int
-    ) -> None:
-        super().__init__("attitude", params.rate_hz, params.delay_s, step_rate_hz, seed)
-        self.params = params
-        self._frame = frame
-        self._bias = self._triple(params.bias_rad)
-        self._rate_bias = self._triple(params.rate_bias_radps)
-        self._line = empty_line(self.timing, NO_ATTITUDE)
-
-    def step(self, step: int, state: AircraftState) -> AttitudeSample:
-        """The newest sample that has arrived by this step (0, 1, 2 …); sequence 0: none yet."""
-        if self._due(step):
-            sample = measure_attitude(
-                self._frame,
-                state,
-                self._sequence(step),
-                self._time_s(step),
-                self._triple(self.params.noise_rad, self._bias),
-                self._triple(self.params.rate_noise_radps, self._rate_bias),
-            )
-            self._line = (*self._line[1:], sample)
-        return delivered(self.timing, self._line, step)
-
-
-class ImuSensor(_Sensor):
-    """Accelerometers and gyros."""
-
-    def __init__(
-        self, params: ImuParams, model: AircraftModel, step_rate_hz: float, seed: int
-    ) -> None:
-        super().__init__("imu", params.rate_hz, params.delay_s, step_rate_hz, seed)
-        self.params = params
-        self._model = model
-        self._force_bias = self._triple(params.force_bias_mps2)
-        self._rate_bias = self._triple(params.rate_bias_radps)
-        self._line = empty_line(self.timing, NO_IMU)
-
-    def step(self, step: int, state: AircraftState, wind: Wind, rests: bool = False) -> ImuSample:
-        """The newest sample that has arrived by this step (0, 1, 2 …); sequence 0: none yet."""
-        if self._due(step):
-            sample = measure_imu(
-                self._model,
-                state,
-                wind,
-                rests,
-                self._sequence(step),
-                self._time_s(step),
-                self._triple(self.params.force_noise_mps2, self._force_bias),
-                self._triple(self.params.rate_noise_radps, self._rate_bias),
-            )
-            self._line = (*self._line[1:], sample)
-        return delivered(self.timing, self._line, step)
-
-
-class AirspeedSensor(_Sensor):
-    """A pitot tube."""
-
-    def __init__(
-        self, params: AirspeedParams, model: AircraftModel, step_rate_hz: float, seed: int
-    ) -> None:
-        super().__init__("airspeed", params.rate_hz, params.delay_s, step_rate_hz, seed)
-        self.params = params
-        self._model = model
-        self._bias = self._gauss(0.0, params.pressure_bias_pa)
-        self._line = empty_line(self.timing, NO_AIRSPEED)
-
-    def step(self, step: int, state: AircraftState, wind: Wind) -> AirspeedSample:
-        """The newest sample that has arrived by this step (0, 1, 2 …); sequence 0: none yet."""
-        if self._due(step):
-            sample = measure_airspeed(
-                self._model,
-                state,
-                wind,
-                self._sequence(step),
-                self._time_s(step),
-                self._gauss(self._bias, self.params.pressure_noise_pa),
-            )
-            self._line = (*self._line[1:], sample)
-        return delivered(self.timing, self._line, step)
-
-
-class SurfacesSensor(_Sensor):
-    """The surfaces as the autopilot puts them out."""
-
-    def __init__(self, params: SurfacesParams, step_rate_hz: float, seed: int) -> None:
-        super().__init__("surfaces", params.rate_hz, params.delay_s, step_rate_hz, seed)
-        self.params = params
-        self._line = empty_line(self.timing, NO_SURFACES)
-
-    def step(self, step: int, command: SurfaceCommand) -> SurfacesSample:
-        """The newest sample that has arrived by this step (0, 1, 2 …); sequence 0: none yet."""
-        if self._due(step):
-            sample = SurfacesSample(self._sequence(step), self._time_s(step), *command)
-            self._line = (*self._line[1:], sample)
-        return delivered(self.timing, self._line, step)

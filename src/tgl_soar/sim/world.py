@@ -1,7 +1,8 @@
-"""The world: air, turbulence, aircraft, servos and sensors, stepped together at a fixed dt.
+"""The world as an object: air, turbulence, aircraft, servos and sensors, stepped together.
 
-At step n (time n dt) the sensors see the aircraft as it is at that instant.  `step` takes the
-surface command that acts from step n to n + 1.  The air changes at the same steps:
+Its step is `sim.stepping`'s, which compiled flights share; here it meets a site file, a wind
+field of any kind, and whoever holds the aircraft or puts it back to the start.  The air changes
+at the same steps as the rest:
 
     wind(place, n) = field(place, n dt) + turbulence(n)
 
@@ -14,7 +15,7 @@ An aircraft that touches ground or board, or leaves the air that the field descr
 
 from __future__ import annotations
 
-from math import atan2, cos, isfinite, pi, radians, sin, tan
+from math import atan2, cos, inf, isfinite, pi, radians, sin, tan
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -23,7 +24,7 @@ from msgspec.structs import asdict
 from tgl_soar.air.field import WindField
 from tgl_soar.air.grid import GridError
 from tgl_soar.air.grid_files import Layout, read_grid
-from tgl_soar.air.gusts import Turbulence
+from tgl_soar.air.gusts import DRYDEN_STILL, DrydenParams, DrydenState, dryden_params
 from tgl_soar.air.hill import HillField
 from tgl_soar.air.jet import JetShape, SlopeJet
 from tgl_soar.config.airframe import Airframe
@@ -37,48 +38,41 @@ from tgl_soar.config.site import (
 )
 from tgl_soar.geometry import SoaringFrame, euler_from_quaternion
 from tgl_soar.sim.aircraft import (
-    AircraftModel,
     AircraftState,
     Glide,
     Wind,
     air_data,
     aircraft_model,
-    glide_at,
     gliding_state,
-    highest_pitch_glide,
-    step,
 )
-from tgl_soar.sim.sensors import (
-    USUAL_SENSORS,
-    AirspeedSensor,
-    AttitudeSensor,
-    ImuSensor,
-    PositionSensor,
-    Sensors,
-    SurfacesSensor,
+from tgl_soar.sim.flown_aircraft import FlownAircraft
+from tgl_soar.sim.sensing import NO_SAMPLES, flown_sensors
+from tgl_soar.sim.sensors import USUAL_SENSORS, Sensors
+from tgl_soar.sim.servos import ServoParams, servo_params, servo_start
+from tgl_soar.sim.stepping import (
+    FieldAir,
+    FlownTurbulence,
+    Parts,
+    WorldNow,
+    local_wind,
+    world_begun,
+    world_step,
 )
-from tgl_soar.sim.servos import ServoParams, servo_params, servo_start, servo_step
+from tgl_soar.sim.white import NO_ROWS, Rows, drawn_as_needed, turbulence_as_needed
 from tgl_soar.types import (
     NO_AERODYNAMICS,
-    NO_AIRSPEED,
-    NO_ATTITUDE,
-    NO_FIX,
     NO_GROUND,
-    NO_IMU,
-    NO_SURFACES,
     Aerodynamics,
-    AirspeedSample,
     AttitudeSample,
     Ground,
-    ImuSample,
     PositionFix,
     SurfaceCommand,
-    SurfacesSample,
 )
 
 Outline = list[tuple[float, float]]
 
 _HILL_HALF_WIDTH_M: Final = 500.0
+_STILL: Final = DrydenParams(1.0, 0.0, 0.0, 0.0)
 
 
 class Truth(NamedTuple):
@@ -117,19 +111,19 @@ class World:
     """One aircraft in its air.
 
     field, frame   the wind, and where its soaring frame stands in local NED
-    start          where the aircraft is let go: at rest over the ground, facing upwind, with
+    start          where the aircraft is released: at rest over the ground, facing upwind, with
                    the elevator and the pitch of a steady glide at the local wind's speed, or
                    a lower pitch where the updraft would stall it at rest
     turbulence     Dryden intensity as a fraction of the field's reference wind, and its scale
     step_hz        steps per second; every sensor's rate must divide it
     sensors        what it carries; the autopilot's own position and attitude by default
-    aerodynamics   what the module on board is told of the aircraft; the model is what is true
-    ground         what it is told of the ground; the field and the bounds are what is true
+    aerodynamics   what the module on board knows of the aircraft; the model is what is true
+    ground         what it knows of the ground; the field and the bounds are what is true
     """
 
     def __init__(
         self,
-        model: AircraftModel,
+        model: FlownAircraft,
         servo: ServoParams,
         field: WindField,
         frame: SoaringFrame,
@@ -151,33 +145,9 @@ class World:
         self.field, self.frame, self.start = field, frame, start
         self.aerodynamics = aerodynamics
         self.ground = ground
-        self.position: PositionFix = NO_FIX  # the newest that has arrived
-        self.attitude: AttitudeSample = NO_ATTITUDE
-        self.imu: ImuSample = NO_IMU
-        self.airspeed: AirspeedSample = NO_AIRSPEED
-        self.surfaces: SurfacesSample = NO_SURFACES
-        self.model, self._servo = model, servo
+        self.sensors = sensors
+        self.bounds = bounds
         self._dt_s = 1.0 / step_hz
-        self._bounds = bounds
-        self._turbulence = (
-            Turbulence(turbulence, length_scale_m, field.reference_wind_mps, self._dt_s, [seed, 0])
-            if turbulence > 0.0
-            else None
-        )
-        self._gust: Wind = (0.0, 0.0, 0.0)
-        if self._turbulence is not None:
-            self._gust = self._turbulence.step()
-        imu, airspeed, surfaces = sensors.imu, sensors.airspeed, sensors.surfaces
-        self._position_sensor = PositionSensor(sensors.position, frame, step_hz, seed)
-        self._attitude_sensor = AttitudeSensor(sensors.attitude, frame, step_hz, seed)
-        self._imu_sensor = None if imu is None else ImuSensor(imu, model, step_hz, seed)
-        self._airspeed_sensor = (
-            None if airspeed is None else AirspeedSensor(airspeed, model, step_hz, seed)
-        )
-        self._surfaces_sensor = (
-            None if surfaces is None else SurfacesSensor(surfaces, step_hz, seed)
-        )
-        self._polled_position = self._polled_attitude = 0
         if not field.inside(start.x_m, start.y_m, start.z_m):
             raise ValueError(
                 f"start at x {start.x_m:g}, y {start.y_m:g}, z {start.z_m:g} m:"
@@ -185,11 +155,59 @@ class World:
             )
         calm = field.wind_at(start.x_m, start.y_m, start.z_m, 0.0)
         self.trim = _trim(model, calm[0])
-        unstalled = highest_pitch_glide(model).alpha_rad - atan2(calm[2], calm[0])
+        unstalled = model.highest_pitch_glide().alpha_rad - atan2(calm[2], calm[0])
         self._launch_pitch_rad = min(self.trim.pitch_rad, unstalled)
-        self._command = SurfaceCommand(self.trim.elevator, 0.0, 0.0)
-        self.relaunch()
-        self._sense()
+        blows = turbulence > 0.0
+        dryden, eddies = _STILL, DRYDEN_STILL
+        white: Rows = NO_ROWS
+        if blows:
+            dryden = dryden_params(turbulence, field.reference_wind_mps, length_scale_m, self._dt_s)
+            eddies, white = turbulence_as_needed(dryden, seed)
+        self.parts = Parts(
+            step_hz=step_hz,
+            model=model,
+            servo=servo,
+            frame=frame,
+            air=FieldAir(field, self._dt_s, inf if bounds is None else bounds.half_width_m),
+            turbulence=FlownTurbulence(blows, dryden, white),
+            sensors=flown_sensors(sensors, step_hz, drawn_as_needed(seed)),
+        )
+        self._polled_position = self._polled_attitude = 0
+        self._begin(eddies)
+
+    def _begin(self, eddies: DrydenState) -> None:
+        surface = servo_start(self.parts.servo, self._dt_s, 0.0)
+        now = WorldNow(
+            aircraft=self._launched(),
+            elevator=servo_start(self.parts.servo, self._dt_s, self.trim.elevator),
+            aileron=surface,
+            rudder=surface,
+            turbulence=eddies,
+            gust_mps=(0.0, 0.0, 0.0),
+            wind=(0.0, 0.0, 0.0),
+            crashed=False,
+            samples=NO_SAMPLES,
+        )
+        self._take(world_begun(self.parts, now, SurfaceCommand(self.trim.elevator, 0.0, 0.0)))
+
+    @property
+    def model(self) -> FlownAircraft:
+        """What is true of the aircraft."""
+        return self.parts.model
+
+    @property
+    def state(self) -> AircraftState:
+        """The aircraft as it is."""
+        return self.now.aircraft
+
+    @state.setter
+    def state(self, state: AircraftState) -> None:
+        self._set(self.now._replace(aircraft=state))
+
+    @property
+    def wind(self) -> Wind:
+        """The wind at the aircraft."""
+        return self.now.wind
 
     @property
     def trim_pitch_rad(self) -> float:
@@ -203,47 +221,51 @@ class World:
 
     def relaunch(self) -> None:
         """Put the aircraft back to the start; time and the air go on."""
-        start, trim = self.start, self.trim
-        still = (trim.horizontal_mps, 0.0, trim.sink_mps)  # its glide, seen from the ground
-        glide = trim._replace(pitch_rad=self._launch_pitch_rad)
-        self.state: AircraftState = gliding_state(glide, still, start.x_m, start.y_m, start.z_m)
-        self._servos = [
-            servo_start(self._servo, self._dt_s, deflection)
-            for deflection in (trim.elevator, 0.0, 0.0)
-        ]
+        start, surface = self.start, servo_start(self.parts.servo, self._dt_s, 0.0)
         self.crashed = ""
-        self.wind: Wind = self._wind_at(start.x_m, start.y_m, start.z_m)
+        self._set(
+            self.now._replace(
+                aircraft=self._launched(),
+                elevator=servo_start(self.parts.servo, self._dt_s, self.trim.elevator),
+                aileron=surface,
+                rudder=surface,
+                wind=local_wind(
+                    self.parts, self.now.gust_mps, self.steps, start.x_m, start.y_m, start.z_m
+                ),
+                crashed=False,
+            )
+        )
 
     def step(self, command: SurfaceCommand) -> None:
         """Advance by one step under a surface command."""
-        dt, servo, state = self._dt_s, self._servo, self.state
-        self._command = command
-        servos = self._servos = [
-            servo_step(servo, self._servos[0], command[0], dt),
-            servo_step(servo, self._servos[1], command[1], dt),
-            servo_step(servo, self._servos[2], command[2], dt),
-        ]
-        surfaces = SurfaceCommand(servos[0].deflection, servos[1].deflection, servos[2].deflection)
         self.steps += 1
-        if self._turbulence is not None:
-            self._gust = self._turbulence.step()
-        if self.held or self.crashed:
-            state = state._replace(elevator=surfaces[0], aileron=surfaces[1], rudder=surfaces[2])
-        else:
-            ahead = self._wind_at(
-                state.x_m + state.velocity_x_mps * dt,
-                state.y_m + state.velocity_y_mps * dt,
-                state.z_m + state.velocity_z_mps * dt,
-            )
-            state = step(self.model, state, surfaces, self.wind, ahead, dt)
-            if not self.field.inside(state.x_m, state.y_m, state.z_m) or (
-                self._bounds is not None and abs(state.y_m) > self._bounds.half_width_m
-            ):
-                self.crashed = self._why_lost(state)
-                state = _at_rest(state)
-        self.state = state
-        self.wind = self._wind_at(state.x_m, state.y_m, state.z_m)
-        self._sense()
+        self._take(self._stepped(command))
+        if self.now.crashed and not self.crashed:
+            self.crashed = self.why_lost(self.state)
+
+    def _stepped(self, command: SurfaceCommand) -> WorldNow:
+        return world_step(self.parts, self.now, self.steps, command, self.held)
+
+    def _set(self, now: WorldNow) -> None:
+        """Put the world into another state."""
+        self.now = now
+
+    def _take(self, now: WorldNow) -> None:
+        """Take the state of a new step, and what has arrived in it."""
+        self.now = now
+        (
+            self.position,
+            self.attitude,
+            self.imu,
+            self.airspeed,
+            self.surfaces,
+        ) = now.samples
+
+    def _launched(self) -> AircraftState:
+        start, trim = self.start, self.trim
+        still = (trim.horizontal_mps, 0.0, trim.sink_mps)  # its glide, seen from the ground
+        glide = trim._replace(pitch_rad=self._launch_pitch_rad)
+        return gliding_state(glide, still, start.x_m, start.y_m, start.z_m)
 
     def poll_attitude(self) -> AttitudeSample | None:
         """The newest attitude that has arrived, once; None: none since the last call."""
@@ -271,46 +293,33 @@ class World:
         roll, pitch, heading = euler_from_quaternion(s.qw, s.qx, s.qy, s.qz)
         air = air_data(s, wind)
         return Truth(
-            self.time_s,
-            s.x_m,
-            s.y_m,
-            s.z_m,
-            s.velocity_x_mps,
-            s.velocity_y_mps,
-            s.velocity_z_mps,
-            roll,
-            pitch,
-            heading,
-            *wind,
-            air.airspeed_mps,
-            air.alpha_rad,
-            s.elevator,
-            s.aileron,
-            s.rudder,
+            time_s=self.time_s,
+            x_m=s.x_m,
+            y_m=s.y_m,
+            z_m=s.z_m,
+            velocity_x_mps=s.velocity_x_mps,
+            velocity_y_mps=s.velocity_y_mps,
+            climb_mps=s.velocity_z_mps,
+            roll_rad=roll,
+            pitch_rad=pitch,
+            heading_rad=heading,
+            wind_x_mps=wind[0],
+            wind_y_mps=wind[1],
+            updraft_mps=wind[2],
+            airspeed_mps=air.airspeed_mps,
+            alpha_rad=air.alpha_rad,
+            elevator=s.elevator,
+            aileron=s.aileron,
+            rudder=s.rudder,
         )
 
-    def _wind_at(self, x_m: float, y_m: float, z_m: float) -> Wind:
-        u, v, w = self.field.wind_at(x_m, y_m, z_m, self.steps * self._dt_s)
-        gust = self._gust
-        return u + gust[0], v + gust[1], w + gust[2]
-
-    def _sense(self) -> None:
-        self.position = self._position_sensor.step(self.steps, self.state)
-        self.attitude = self._attitude_sensor.step(self.steps, self.state)
-        if self._imu_sensor is not None:
-            rests = self.held or self.crashed != ""
-            self.imu = self._imu_sensor.step(self.steps, self.state, self.wind, rests)
-        if self._airspeed_sensor is not None:
-            self.airspeed = self._airspeed_sensor.step(self.steps, self.state, self.wind)
-        if self._surfaces_sensor is not None:
-            self.surfaces = self._surfaces_sensor.step(self.steps, self._command)
-
-    def _why_lost(self, state: AircraftState) -> str:
+    def why_lost(self, state: AircraftState) -> str:
+        """What ended the flight of an aircraft that has crashed in this state."""
         x, y, z = state.x_m, state.y_m, state.z_m
         where = f"at x {x:.2f}, y {y:.2f}, z {z:.2f} m"
         if not (isfinite(x) and isfinite(y) and isfinite(z)):
             return "the simulation lost the aircraft: its place is not a number"
-        bounds = self._bounds
+        bounds = self.bounds
         if bounds is not None:
             if abs(y) > bounds.half_width_m:
                 return f"left the air sideways {where}"
@@ -321,21 +330,10 @@ class World:
         return f"left the air that the field describes {where}"
 
 
-def _at_rest(state: AircraftState) -> AircraftState:
-    return state._replace(
-        velocity_x_mps=0.0,
-        velocity_y_mps=0.0,
-        velocity_z_mps=0.0,
-        roll_rate_frd_radps=0.0,
-        pitch_rate_frd_radps=0.0,
-        yaw_rate_frd_radps=0.0,
-    )
-
-
-def _trim(model: AircraftModel, wind_mps: float) -> Glide:
+def _trim(model: FlownAircraft, wind_mps: float) -> Glide:
     """The glide at this horizontal airspeed, or at the slowest that the model flies."""
-    slowest = highest_pitch_glide(model)
-    return slowest if wind_mps <= slowest.horizontal_mps else glide_at(model, wind_mps)
+    slowest = model.highest_pitch_glide()
+    return slowest if wind_mps <= slowest.horizontal_mps else model.glide_at(wind_mps)
 
 
 def _within(outline: Outline, x: float, z: float) -> bool:

@@ -7,7 +7,7 @@ from math import exp, radians, sqrt
 import numpy as np
 import pytest
 
-from tgl_soar.air.gusts import Turbulence
+from tgl_soar.air.gusts import dryden_params, dryden_start, dryden_step
 from tgl_soar.analysis.experiments.wander import Slide, dryden_wander, leverage, wander
 
 SLIDE = Slide(rate_per_s=0.9, polar_slope=0.12, eta_rad=radians(110.0))
@@ -42,8 +42,12 @@ def test_exponential_turbulence_makes_the_wander_of_the_formula() -> None:
 
 def test_dryden_turbulence_makes_the_wander_of_its_own_formula() -> None:
     dt, count, reference, length = 0.02, 150_000, 8.5, 1.5
-    air = Turbulence(0.02, length, reference, dt, 3)
-    gusts = np.array([air.step() for _ in range(count)])
+    params, rng = dryden_params(0.02, reference, length, dt), np.random.default_rng(3)
+    state, met = dryden_start(params, rng), []
+    for white in rng.standard_normal((count, 3)).tolist():
+        state, gust = dryden_step(params, state, *white)
+        met.append(gust)
+    gusts = np.array(met)
     expected = dryden_wander(SLIDE, 0.02 * reference, length / reference)
     assert slid(SLIDE, gusts[:, 0], gusts[:, 2], dt) == pytest.approx(expected, rel=0.06)
 

@@ -1,0 +1,364 @@
+"""The sensors in one flight: when each measures, with which noise, and when that arrives.
+
+A sensor is its figures (`sim.sensors`), the numbers that are random in one flight (`sim.white`;
+one stream for each sensor, so that a flight with one sensor more is otherwise the same flight)
+and its delay line, the only thing that changes.  Plain Python and numba take the same functions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, Protocol, TypeVar
+
+from tgl_soar.geometry import SoaringFrame
+from tgl_soar.sim.aircraft import AircraftState, Wind
+from tgl_soar.sim.flown_aircraft import FlownAircraft
+from tgl_soar.sim.sensors import (
+    AirspeedParams,
+    AttitudeParams,
+    ImuParams,
+    PositionParams,
+    Sensors,
+    SensorTiming,
+    Triple,
+    measure_airspeed,
+    measure_attitude,
+    measure_imu,
+    measure_position,
+    samples_delivered,
+    sensor_timing,
+)
+from tgl_soar.sim.white import Row, Rows, White
+from tgl_soar.types import (
+    NAN,
+    NO_AIRSPEED,
+    NO_ATTITUDE,
+    NO_FIX,
+    NO_IMU,
+    NO_SURFACES,
+    AirspeedSample,
+    AttitudeSample,
+    ImuSample,
+    PositionFix,
+    SurfaceCommand,
+    SurfacesSample,
+)
+
+Sample = TypeVar("Sample", PositionFix, AttitudeSample, ImuSample, AirspeedSample, SurfacesSample)
+
+
+class Line(Protocol[Sample]):
+    """A delay line: sample k lies at place k % its length."""
+
+    def __len__(self) -> int: ...
+    def __getitem__(self, place: int, /) -> Sample: ...
+    def __setitem__(self, place: int, sample: Sample, /) -> None: ...
+
+
+def line_length(timing: SensorTiming) -> int:
+    """As many samples as can be under way, and one."""
+    return -(-timing.delay_steps // timing.period_steps) + 1
+
+
+def delivered(timing: SensorTiming, line: Line[Sample], step: int) -> Sample:
+    """The newest sample that has arrived by this step; `line` has been given all taken ones.
+
+    Before the first one it is what lay in the line's last place from the beginning.
+    """
+    return line[(samples_delivered(timing, step) - 1) % len(line)]
+
+
+class PositionSensor(NamedTuple):
+    """A source of position fixes, local NED."""
+
+    params: PositionParams
+    timing: SensorTiming
+    bias_m: Triple
+    white: Rows  # of every sample: place, velocity
+    line: Line[PositionFix]
+
+
+class AttitudeSensor(NamedTuple):
+    """A source of attitude and body rates."""
+
+    params: AttitudeParams
+    timing: SensorTiming
+    bias_rad: Triple
+    rate_bias_radps: Triple
+    white: Rows  # of every sample: rotation, rates
+    line: Line[AttitudeSample]
+
+
+class ImuSensor(NamedTuple):
+    """Accelerometers and gyros."""
+
+    fitted: bool
+    params: ImuParams
+    timing: SensorTiming
+    force_bias_mps2: Triple
+    rate_bias_radps: Triple
+    white: Rows  # of every sample: force, rates
+    line: Line[ImuSample]
+
+
+class AirspeedSensor(NamedTuple):
+    """A pitot tube."""
+
+    fitted: bool
+    params: AirspeedParams
+    timing: SensorTiming
+    pressure_bias_pa: float
+    white: Rows  # of every sample: pressure
+    line: Line[AirspeedSample]
+
+
+class SurfacesSensor(NamedTuple):
+    """The surfaces as the autopilot puts them out."""
+
+    fitted: bool
+    timing: SensorTiming
+    line: Line[SurfacesSample]
+
+
+class FlownSensors(NamedTuple):
+    """All sensors in one flight."""
+
+    position: PositionSensor
+    attitude: AttitudeSensor
+    imu: ImuSensor
+    airspeed: AirspeedSensor
+    surfaces: SurfacesSensor
+
+
+class Samples(NamedTuple):
+    """The newest samples that have arrived."""
+
+    position: PositionFix
+    attitude: AttitudeSample
+    imu: ImuSample
+    airspeed: AirspeedSample
+    surfaces: SurfacesSample
+
+
+NO_SAMPLES = Samples(
+    position=NO_FIX,
+    attitude=NO_ATTITUDE,
+    imu=NO_IMU,
+    airspeed=NO_AIRSPEED,
+    surfaces=NO_SURFACES,
+)
+# One that is not fitted needs figures, too: numba wants every field.
+_NO_IMU = ImuParams(
+    rate_hz=1.0,
+    delay_s=0.0,
+    force_noise_mps2=0.0,
+    force_bias_mps2=0.0,
+    rate_noise_radps=0.0,
+    rate_bias_radps=0.0,
+)
+_NO_PITOT = AirspeedParams(1.0, 0.0, 0.0, 0.0)
+_NEVER = 1_000_000_000  # steps
+
+
+def flown_sensors(
+    sensors: Sensors,
+    step_rate_hz: float,
+    white: White,
+    line: Callable[[Any, int], Any] = lambda nothing, length: [nothing] * length,
+) -> FlownSensors:
+    """The sensors of one flight: `white` is its randomness, `line` makes the delay lines.
+
+    Errors: ValueError for a rate that does not divide the step rate.
+    """
+
+    def timing(name: str, params: Any) -> SensorTiming:
+        if params is None:
+            return SensorTiming(step_rate_hz, _NEVER, 0)
+        return sensor_timing(name, params.rate_hz, params.delay_s, step_rate_hz)
+
+    def under_way(timing: SensorTiming, nothing: Any) -> Any:
+        return line(nothing, line_length(timing))
+
+    position, attitude = sensors.position, sensors.attitude
+    imu, pitot = sensors.imu or _NO_IMU, sensors.airspeed or _NO_PITOT
+    when = timing("position", position)
+    place, fixes = white("position", when.period_steps, 3, 6 if position.gives_velocity else 3)
+    a_position = PositionSensor(
+        params=position,
+        timing=when,
+        bias_m=scaled(place, 0, position.bias_m),
+        white=fixes,
+        line=under_way(when, NO_FIX),
+    )
+    when = timing("attitude", attitude)
+    turn, attitudes = white("attitude", when.period_steps, 6, 6)
+    an_attitude = AttitudeSensor(
+        params=attitude,
+        timing=when,
+        bias_rad=scaled(turn, 0, attitude.bias_rad),
+        rate_bias_radps=scaled(turn, 3, attitude.rate_bias_radps),
+        white=attitudes,
+        line=under_way(when, NO_ATTITUDE),
+    )
+    when = timing("imu", sensors.imu)
+    force, forces = white("imu", when.period_steps, 6, 6)
+    an_imu = ImuSensor(
+        fitted=sensors.imu is not None,
+        params=imu,
+        timing=when,
+        force_bias_mps2=scaled(force, 0, imu.force_bias_mps2),
+        rate_bias_radps=scaled(force, 3, imu.rate_bias_radps),
+        white=forces,
+        line=under_way(when, NO_IMU),
+    )
+    when = timing("airspeed", sensors.airspeed)
+    pressure, pressures = white("airspeed", when.period_steps, 1, 1)
+    an_airspeed = AirspeedSensor(
+        fitted=sensors.airspeed is not None,
+        params=pitot,
+        timing=when,
+        pressure_bias_pa=pressure[0] * pitot.pressure_bias_pa,
+        white=pressures,
+        line=under_way(when, NO_AIRSPEED),
+    )
+    when = timing("surfaces", sensors.surfaces)
+    surfaces = SurfacesSensor(sensors.surfaces is not None, when, under_way(when, NO_SURFACES))
+    return FlownSensors(
+        position=a_position,
+        attitude=an_attitude,
+        imu=an_imu,
+        airspeed=an_airspeed,
+        surfaces=surfaces,
+    )
+
+
+def scaled(white: Row, first: int, deviation: float) -> Triple:
+    """Three of a row's white numbers, with a standard deviation."""
+    return white[first] * deviation, white[first + 1] * deviation, white[first + 2] * deviation
+
+
+def biased(bias: Triple, error: Triple) -> Triple:
+    """Their sum."""
+    return bias[0] + error[0], bias[1] + error[1], bias[2] + error[2]
+
+
+def sense_position(
+    sensor: PositionSensor, frame: SoaringFrame, state: AircraftState, step: int
+) -> PositionFix:
+    """The newest fix that has arrived by this step (0, 1, 2 …); sequence 0: none yet."""
+    timing, params = sensor.timing, sensor.params
+    if step % timing.period_steps == 0:
+        k = step // timing.period_steps
+        white = sensor.white[k]
+        velocity_error = (NAN, NAN, NAN)
+        if params.gives_velocity:
+            velocity_error = scaled(white, 3, params.velocity_noise_mps)
+        sensor.line[k % len(sensor.line)] = measure_position(
+            frame,
+            state,
+            k + 1,
+            step / timing.step_rate_hz,
+            biased(sensor.bias_m, scaled(white, 0, params.noise_m)),
+            velocity_error,
+        )
+    return delivered(timing, sensor.line, step)
+
+
+def sense_attitude(
+    sensor: AttitudeSensor, frame: SoaringFrame, state: AircraftState, step: int
+) -> AttitudeSample:
+    """The newest attitude that has arrived by this step (0, 1, 2 …); sequence 0: none yet."""
+    timing, params = sensor.timing, sensor.params
+    if step % timing.period_steps == 0:
+        k = step // timing.period_steps
+        white = sensor.white[k]
+        sensor.line[k % len(sensor.line)] = measure_attitude(
+            frame,
+            state,
+            k + 1,
+            step / timing.step_rate_hz,
+            biased(sensor.bias_rad, scaled(white, 0, params.noise_rad)),
+            biased(sensor.rate_bias_radps, scaled(white, 3, params.rate_noise_radps)),
+        )
+    return delivered(timing, sensor.line, step)
+
+
+def sense_imu(
+    sensor: ImuSensor,
+    aircraft: FlownAircraft,
+    state: AircraftState,
+    wind: Wind,
+    rests: bool,
+    step: int,
+) -> ImuSample:
+    """The newest accelerations that have arrived by this step (0, 1, 2 …); sequence 0: none yet."""
+    timing, params = sensor.timing, sensor.params
+    if not sensor.fitted:
+        return NO_IMU
+    if step % timing.period_steps == 0:
+        k = step // timing.period_steps
+        white = sensor.white[k]
+        sensor.line[k % len(sensor.line)] = measure_imu(
+            aircraft,
+            state,
+            wind,
+            rests,
+            k + 1,
+            step / timing.step_rate_hz,
+            biased(sensor.force_bias_mps2, scaled(white, 0, params.force_noise_mps2)),
+            biased(sensor.rate_bias_radps, scaled(white, 3, params.rate_noise_radps)),
+        )
+    return delivered(timing, sensor.line, step)
+
+
+def sense_airspeed(
+    sensor: AirspeedSensor, aircraft: FlownAircraft, state: AircraftState, wind: Wind, step: int
+) -> AirspeedSample:
+    """The newest airspeed that has arrived by this step (0, 1, 2 …); sequence 0: none yet."""
+    timing = sensor.timing
+    if not sensor.fitted:
+        return NO_AIRSPEED
+    if step % timing.period_steps == 0:
+        k = step // timing.period_steps
+        error_pa = sensor.pressure_bias_pa + sensor.white[k][0] * sensor.params.pressure_noise_pa
+        sensor.line[k % len(sensor.line)] = measure_airspeed(
+            aircraft, state, wind, k + 1, step / timing.step_rate_hz, error_pa
+        )
+    return delivered(timing, sensor.line, step)
+
+
+def sense_surfaces(sensor: SurfacesSensor, command: SurfaceCommand, step: int) -> SurfacesSample:
+    """The newest surfaces that were read back by this step (0, 1, 2 …); sequence 0: none yet."""
+    timing = sensor.timing
+    if not sensor.fitted:
+        return NO_SURFACES
+    if step % timing.period_steps == 0:
+        k = step // timing.period_steps
+        sensor.line[k % len(sensor.line)] = SurfacesSample(
+            sequence=k + 1,
+            time_s=step / timing.step_rate_hz,
+            elevator=command.elevator,
+            aileron=command.aileron,
+            rudder=command.rudder,
+        )
+    return delivered(timing, sensor.line, step)
+
+
+def sense(
+    sensors: FlownSensors,
+    frame: SoaringFrame,
+    aircraft: FlownAircraft,
+    state: AircraftState,
+    wind: Wind,
+    command: SurfaceCommand,
+    rests: bool,
+    step: int,
+) -> Samples:
+    """Take the samples that are due at a step; the newest that have arrived."""
+    return Samples(
+        position=sense_position(sensors.position, frame, state, step),
+        attitude=sense_attitude(sensors.attitude, frame, state, step),
+        imu=sense_imu(sensors.imu, aircraft, state, wind, rests, step),
+        airspeed=sense_airspeed(sensors.airspeed, aircraft, state, wind, step),
+        surfaces=sense_surfaces(sensors.surfaces, command, step),
+    )

@@ -1,0 +1,123 @@
+"""White numbers of unit variance: all that is random in a simulated flight.
+
+Each sensor and the turbulence draw from a stream of their own, which follows from the flight's
+seed.  Numbers come in rows, one for each sample or step: plain flights draw a row when they come
+to it, compiled flights have all rows drawn before.  They are the same numbers.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Iterator
+from math import pi
+from typing import Any, Final, Protocol
+
+import numpy as np
+
+from tgl_soar.air.field import FloatArray
+from tgl_soar.air.gusts import DrydenParams, DrydenState, dryden_start
+
+Row = Any  # a tuple of floats, or a row of an array
+
+BLOCK: Final = 1024  # steps of turbulence drawn at once: one draw costs as much as hundreds
+
+
+class Rows(Protocol):
+    """Row k is that of sample or step k."""
+
+    def __getitem__(self, k: int, /) -> Row: ...
+
+
+NO_ROWS: Final[FloatArray] = np.zeros((1, 3))
+
+
+class White(Protocol):
+    """The numbers of one sensor in one flight."""
+
+    def __call__(
+        self, name: str, period_steps: int, once: int, columns: int
+    ) -> tuple[tuple[float, ...], Rows]:
+        """`once` numbers for the whole flight, and rows of so many columns for the samples."""
+
+
+class RowsAsNeeded:
+    """Rows that are drawn one by one."""
+
+    def __init__(self, name: str, draw: Callable[[], float], columns: int) -> None:
+        self._name, self._draw, self._columns = name, draw, columns
+        self._next = 0
+
+    def __getitem__(self, k: int) -> tuple[float, ...]:
+        """Row k.  Errors: ValueError for any but the next."""
+        if k != self._next:
+            raise ValueError(
+                f"{self._name} was asked for sample {k + 1} where {self._next + 1} is next: what"
+                " misses steps does not run at its rate"
+            )
+        self._next = k + 1
+        draw = self._draw
+        return tuple([draw() for _ in range(self._columns)])
+
+
+def drawn_as_needed(seed: int) -> White:
+    """The numbers of a plain flight."""
+
+    def white(
+        name: str,
+        period_steps: int,  # noqa: ARG001
+        once: int,
+        columns: int,
+    ) -> tuple[tuple[float, ...], Rows]:
+        gauss = random.Random(f"{seed}/{name}").gauss
+        draw: Callable[[], float] = lambda: gauss(0.0, 1.0)  # noqa: E731
+        return tuple(draw() for _ in range(once)), RowsAsNeeded(name, draw, columns)
+
+    return white
+
+
+def drawn_before(seed: int, steps: int) -> White:
+    """The numbers of a compiled flight of so many steps."""
+
+    def white(
+        name: str, period_steps: int, once: int, columns: int
+    ) -> tuple[tuple[float, ...], Rows]:
+        count = once + columns * (steps // period_steps + 1)
+        numbers = white_gauss(f"{seed}/{name}", count)
+        return tuple(numbers[:once].tolist()), numbers[once:].reshape(-1, columns)
+
+    return white
+
+
+def turbulence_as_needed(params: DrydenParams, seed: int) -> tuple[DrydenState, Rows]:
+    """The turbulence's state before step 0, and rows of three numbers for all steps."""
+    rng = np.random.default_rng([seed, 0])
+    start = dryden_start(params, rng)
+
+    def numbers() -> Iterator[float]:
+        while True:
+            yield from rng.standard_normal(3 * BLOCK).tolist()
+
+    return start, RowsAsNeeded("the turbulence", numbers().__next__, 3)
+
+
+def turbulence_before(params: DrydenParams, seed: int, steps: int) -> tuple[DrydenState, Rows]:
+    """The same for a compiled flight of so many steps."""
+    rng = np.random.default_rng([seed, 0])
+    start = dryden_start(params, rng)
+    return start, rng.standard_normal(3 * (steps + 1)).reshape(-1, 3)
+
+
+def white_gauss(seed: str, count: int) -> FloatArray:
+    """The first `count` numbers of `random.Random(seed).gauss(0, 1)`, shape (count,).
+
+    The standard library draws pairs by Box and Muller's method from a Mersenne twister, which
+    numpy has too.
+    """
+    _, internal, _ = random.Random(seed).getstate()
+    twister = np.random.RandomState()
+    key = np.array(internal[:-1], dtype=np.uint32)
+    twister.set_state(("MT19937", key, internal[-1], 0, 0.0))
+    uniform = twister.random_sample((-(-count // 2), 2))
+    angle = uniform[:, 0] * (2.0 * pi)
+    radius = np.sqrt(-2.0 * np.log(1.0 - uniform[:, 1]))
+    return np.stack([np.cos(angle) * radius, np.sin(angle) * radius], axis=1).ravel()[:count]
