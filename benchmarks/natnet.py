@@ -25,8 +25,8 @@ from tgl_soar.link.natnet.settings import OptitrackSettings
 from tgl_soar.link.optitrack import Optitrack
 from tgl_soar.sim.natnet_frames import (
     CLOCK_HZ,
-    Body,
     Scene,
+    SimulatedBody,
     encode_frame,
     encode_models,
     encode_server_info,
@@ -103,10 +103,10 @@ def _times(version: layout.Version) -> tuple[float, float, float]:
     return median(ours_us) * 1e6, median(theirs_us) * 1e6, median(vendors_us) * 1e6
 
 
-def _client(version: layout.Version) -> tuple[Optitrack, list[Body]]:
+def _client(version: layout.Version) -> tuple[Optitrack, list[SimulatedBody]]:
     """A client that knows its server, and whose body is the last of all."""
     bodies = [
-        Body(
+        SimulatedBody(
             name=f"body {i}",
             id=i,
             position_m=(0.1 * i, 1.0, 2.0),
@@ -138,7 +138,9 @@ def _client(version: layout.Version) -> tuple[Optitrack, list[Body]]:
     return client, bodies
 
 
-def _frame(version: layout.Version, bodies: list[Body], number: int, now_s: float) -> bytes:
+def _frame(
+    version: layout.Version, bodies: list[SimulatedBody], number: int, now_s: float
+) -> bytes:
     last = bodies[-1]
     moved = last._replace(position_m=(last.position_m[0] + 1e-4 * number, 1.0, 2.0))
     exposed = round((5000.0 + now_s) * CLOCK_HZ)

@@ -181,6 +181,33 @@ def _reached_from(name: str, graph: dict[str, set[str]]) -> set[str]:
     return found
 
 
+# One name for two classes, and why.
+TWICE = {"Cell": "the protocol of the simulation's memory, and the numba type that fulfils it"}
+
+
+def class_names(source: Path) -> dict[str, list[str]]:
+    """Where each class name stands."""
+    found: dict[str, list[str]] = {}
+    for file in sorted(source.rglob("*.py")):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef):
+                where = f"{file.relative_to(source)}:{node.lineno}"
+                found.setdefault(node.name, []).append(where)
+    return found
+
+
+def test_a_class_name_stands_for_one_thing() -> None:
+    found = {name: places for name, places in class_names(SOURCE).items() if len(places) > 1}
+    assert {name: places for name, places in found.items() if name not in TWICE} == {}
+    assert set(TWICE) <= set(found), "stands once: take it off the list"
+
+
+def test_a_class_name_that_stands_twice_is_found(tmp_path: Path) -> None:
+    (tmp_path / "a.py").write_text("class Leg:\n    class Row: ...\n", encoding="utf-8")
+    (tmp_path / "b.py").write_text("class Row: ...\n", encoding="utf-8")
+    assert class_names(tmp_path) == {"Leg": ["a.py:1"], "Row": ["a.py:2", "b.py:1"]}
+
+
 # How long something may be in lines, so that it is read in one sitting.
 MODULE_LINES = 600
 CLASS_LINES = 300

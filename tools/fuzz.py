@@ -67,8 +67,8 @@ with _watched():
     from tgl_soar.sim.natnet_frames import (
         CLOCK_HZ,
         VERSIONS,
-        Body,
         Scene,
+        SimulatedBody,
         encode_frame,
         encode_models,
         encode_server_info,
@@ -244,9 +244,9 @@ class Hall:
         scene = Scene(self._frames, [self._body()], self.now_s, ticks - 30_000, ticks, ticks)
         return encode_frame(self.version, scene)
 
-    def _body(self) -> Body:
+    def _body(self) -> SimulatedBody:
         sway = 0.001 * (self._frames % 7)  # cameras always have noise
-        return Body(
+        return SimulatedBody(
             name="aircraft",
             id=3,
             position_m=(1.0 + sway, 1.5, 0.2),

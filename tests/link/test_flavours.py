@@ -6,14 +6,14 @@ from hypothesis import strategies as st
 
 from tgl_soar.link.autopilots.ardupilot import ArduPilot
 from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels, pulse_width
-from tgl_soar.link.autopilots.bridge import Bridge
+from tgl_soar.link.autopilots.bridge import BridgeAutopilot
 from tgl_soar.link.messages import Heartbeat, RcChannelsOverride
 from tgl_soar.types import NO_SETPOINTS, SurfaceCommand
 
 PLAIN = SurfaceChannel(channel=2, pwm_min=1100, pwm_trim=1500, pwm_max=1900)
 CROOKED = SurfaceChannel(channel=1, pwm_min=1000, pwm_trim=1600, pwm_max=1900)
 HIGH = SurfaceChannel(channel=12, pwm_min=1100, pwm_trim=1500, pwm_max=1900, reversed=True)
-FLAVOURS = [ArduPilot, Bridge]
+FLAVOURS = [ArduPilot, BridgeAutopilot]
 
 
 def override(messages: object) -> RcChannelsOverride:

@@ -26,11 +26,11 @@ from natnet.version import Version
 from natnetsdk.NatNetClient import NatNetClient
 
 from tgl_soar.link.natnet import layout
-from tgl_soar.link.natnet.layout import Frame, Malformed, RigidBody
+from tgl_soar.link.natnet.layout import Malformed, MocapFrame, RigidBody
 from tgl_soar.sim.natnet_frames import (
     VERSIONS,
-    Body,
     Scene,
+    SimulatedBody,
     encode_frame,
     encode_models,
     encode_server_info,
@@ -38,7 +38,7 @@ from tgl_soar.sim.natnet_frames import (
 
 TICKS = 10_000_000
 BODIES = tuple(
-    Body(
+    SimulatedBody(
         name=name,
         id=number,
         position_m=(0.5 * number, 1.25, -0.75),
@@ -241,7 +241,7 @@ def test_both_agree_on_the_server() -> None:
 versions = st.sampled_from(VERSIONS)
 
 
-def read(data: bytes, version: layout.Version) -> Frame | None:
+def read(data: bytes, version: layout.Version) -> MocapFrame | None:
     try:
         return layout.frame_of(data, version, 1)
     except Malformed:

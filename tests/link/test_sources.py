@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tgl_soar.config.site import Position
+from tgl_soar.config.site import PositionSettings
 from tgl_soar.link.sources import (
     DEFAULT_ORDER,
     DISTRUST_S,
@@ -61,11 +61,11 @@ def play(
 
 
 def test_the_site_file_has_a_name_for_every_source() -> None:
-    (names,) = get_args(get_type_hints(Position)["sources"])
+    (names,) = get_args(get_type_hints(PositionSettings)["sources"])
     assert set(get_args(names)) == set(NUMBERS)
-    assert [NUMBERS[name] for name in Position().sources] == list(DEFAULT_ORDER)
-    assert Position().silence_s == SILENCE_S
-    assert Position().return_s == RETURN_S
+    assert [NUMBERS[name] for name in PositionSettings().sources] == list(DEFAULT_ORDER)
+    assert PositionSettings().silence_s == SILENCE_S
+    assert PositionSettings().return_s == RETURN_S
 
 
 def test_the_first_that_comes_is_taken_and_numbered() -> None:

@@ -19,10 +19,10 @@ from tgl_soar.link.transport import baud_of
 from tgl_soar.link.transports.base import LinkError
 from tgl_soar.onboard import process
 from tgl_soar.onboard.line_load import RATES_BAUD, USED_MAX, LineLoad, load_of
-from tgl_soar.onboard.setup import Setup, setup_from
+from tgl_soar.onboard.setup import ModuleSetup, setup_from
 
 
-def flown(**changes: float) -> Setup:
+def flown(**changes: float) -> ModuleSetup:
     plane, place = load_airframe(AIRFRAME), load_site(SITE)
     setup = setup_from(plane, place, load_parameters(plane, AIRFRAME, place, SITE))
     return setup._replace(parameters=setup.parameters.changed(changes))

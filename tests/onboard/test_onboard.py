@@ -29,7 +29,7 @@ from tgl_soar.link.messages import Source
 from tgl_soar.onboard.instruments import FAST, SLOW
 from tgl_soar.onboard.module import Onboard
 from tgl_soar.onboard.operators import ABSENT_S
-from tgl_soar.onboard.setup import Setup
+from tgl_soar.onboard.setup import ModuleSetup
 from tgl_soar.onboard.surfaces import RELEASE_FRAMES
 
 CHANNELS = SurfaceChannels(
@@ -40,8 +40,8 @@ CHANNELS = SurfaceChannels(
 STEP_S = 0.0005
 
 
-def setup() -> Setup:
-    return Setup(
+def setup() -> ModuleSetup:
+    return ModuleSetup(
         own=Source(1, 191),
         override=Source(255, 191),
         flavour=ArduPilot(CHANNELS, 1),
@@ -54,7 +54,7 @@ class Flight:
     """The module, and a vehicle that hangs in the air where it is and says so."""
 
     def __init__(
-        self, *, lockstep: bool = False, now_s: float = 1000.0, flown: Setup | None = None
+        self, *, lockstep: bool = False, now_s: float = 1000.0, flown: ModuleSetup | None = None
     ) -> None:
         self.now_s = now_s
         self.boot_s = now_s  # when the vehicle's clock began

@@ -12,7 +12,7 @@ from tgl_soar import autopilot
 from tgl_soar.config.files import ConfigError, load_airframe, load_parameters, load_site, shipped
 from tgl_soar.link.sources import GLOBAL_POSITION, MOCAP, VISION
 from tgl_soar.onboard.module import Onboard
-from tgl_soar.onboard.setup import Setup, setup_from
+from tgl_soar.onboard.setup import ModuleSetup, setup_from
 from tgl_soar.types import NAN, Inputs, PositionFix
 
 AIRFRAME = shipped("airframes/eclipson_c.toml")
@@ -30,7 +30,7 @@ body = "aircraft"
 FORWARD = "[forward]\nrate_hz = 50.0\n"
 
 
-def setup_of(tmp_path: Path, position: str = "", forward: str = "") -> Setup:
+def setup_of(tmp_path: Path, position: str = "", forward: str = "") -> ModuleSetup:
     site_path = tmp_path / "site.toml"
     site_path.write_text(f'[site]\nname = "test"\n[position]\n{position}\n{forward}')
     airframe, site = load_airframe(AIRFRAME), load_site(site_path)
@@ -40,7 +40,7 @@ def setup_of(tmp_path: Path, position: str = "", forward: str = "") -> Setup:
 class Bench:
     """The module, an autopilot on its first link and a bridge on the second."""
 
-    def __init__(self, setup: Setup) -> None:
+    def __init__(self, setup: ModuleSetup) -> None:
         self.now_s = 100.0
         self.frames: list[bytes] = []
         self.onboard = Onboard(setup, self._send, self.now_s)

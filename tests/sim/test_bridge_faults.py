@@ -17,7 +17,7 @@ from tgl_soar.cli.app import app
 from tgl_soar.config.files import load_airframe, load_site, shipped
 from tgl_soar.sim.bridge.process import main
 from tgl_soar.sim.faults import CATALOGUE, parse_fault
-from tgl_soar.sim.routing import Frame, split_frames
+from tgl_soar.sim.routing import RoutedFrame, split_frames
 from tgl_soar.sim.simulation import Options, Simulation
 from tgl_soar.sim.sitl import fly
 from tgl_soar.sim.sitl_options import SitlError, SitlOptions
@@ -26,7 +26,7 @@ from tgl_soar.sim.vehicle.modes import FBWA, MANUAL
 AIRFRAME_PATH, SITE_PATH = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
 COMPANION = 1
 
-Inbound = list[tuple[float, Frame]]
+Inbound = list[tuple[float, RoutedFrame]]
 MakeSimulation = Callable[..., Simulation]
 
 

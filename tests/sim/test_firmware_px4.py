@@ -15,15 +15,15 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from tgl_soar.sim.firmware import FirmwareError, px4
 from tgl_soar.sim.firmware.px4 import (
-    Px4,
     Px4Physics,
+    Px4Program,
     flight_parameters,
     hil_gps,
     hil_sensor,
     output_parameters,
     rc_channels,
 )
-from tgl_soar.sim.firmware.sensors import Place
+from tgl_soar.sim.firmware.sensors import GpsPlace
 from tgl_soar.sim.firmware.simulation import Sticks
 from tgl_soar.sim.sitl import fly, passed
 from tgl_soar.types import SurfaceCommand
@@ -170,7 +170,7 @@ def test_only_new_readings_are_marked_as_updated() -> None:
 
 
 def test_gps_is_told_in_the_units_of_its_message() -> None:
-    fix = hil_gps(Place(51.99, 4.375, 12.34, (1.5, -2.0, 0.25)), 5_000_000)
+    fix = hil_gps(GpsPlace(51.99, 4.375, 12.34, (1.5, -2.0, 0.25)), 5_000_000)
     assert (fix.lat, fix.lon, fix.alt) == (519900000, 43750000, 12340)
     assert (fix.vn, fix.ve, fix.vd) == (150, -200, 25)
     assert fix.vel == 251
@@ -210,13 +210,13 @@ def test_without_satellites_it_is_told_to_fuse_poses() -> None:
 
 def test_a_program_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(FirmwareError, match="there is no program"):
-        Px4(tmp_path / "px4", tmp_path, AIRFRAME.surfaces, {})
+        Px4Program(tmp_path / "px4", tmp_path, AIRFRAME.surfaces, {})
     alone = tmp_path / "bin" / "px4"
     alone.parent.mkdir()
     alone.write_text("")
     alone.chmod(0o755)
     with pytest.raises(FirmwareError, match="rcS beside it"):
-        Px4(alone, tmp_path, AIRFRAME.surfaces, {})
+        Px4Program(alone, tmp_path, AIRFRAME.surfaces, {})
 
 
 @pytest.mark.skipif(

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.sim.operator import Leg, Operator, OperatorError
+from tgl_soar.sim.operator import Operator, OperatorError, PlannedLeg
 
-LEG = Leg("a", {"TGL_X": 0.25, "TGL_Z": 1.5, "TGL_LEAN": 15.0}, stay_s=2.0)
+LEG = PlannedLeg("a", {"TGL_X": 0.25, "TGL_Z": 1.5, "TGL_LEAN": 15.0}, stay_s=2.0)
 
 
 class Module:

@@ -16,8 +16,8 @@ from tgl_soar.config.site import (
     GridAir,
     HillAir,
     JetAir,
-    Place,
     Site,
+    SiteOrigin,
     Start,
 )
 from tgl_soar.geometry import euler_from_quaternion, soaring_from_ned
@@ -60,7 +60,7 @@ def airframe() -> Airframe:
 
 
 def site(air: Air | None = JET, *, x_m: float = 1.3, z_m: float = 1.55) -> Site:
-    place = Place(
+    place = SiteOrigin(
         name="test", origin_north_m=10.0, origin_east_m=-5.0, origin_down_m=2.0, wind_from_deg=70.0
     )
     return Site(site=place, air=air, start=Start(x_m=x_m, z_m=z_m))

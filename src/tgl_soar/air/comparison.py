@@ -13,7 +13,7 @@ BELOW_EDGE_M = 0.3  # the soaring region ends so far below the jet's upper edge
 ABOVE_BOARD_M = 0.4
 
 
-class Difference(NamedTuple):
+class FieldDifference(NamedTuple):
     """Model less plane over the soaring region, as shares of the nozzle's mean wind."""
 
     nozzle_wind_mps: float
@@ -23,7 +23,7 @@ class Difference(NamedTuple):
     updraft_bias: float
 
 
-def compare_jet(plane: GridField, shape: JetShape) -> Difference:
+def compare_jet(plane: GridField, shape: JetShape) -> FieldDifference:
     """Differences between foot and tip of the board, at equal flow through the nozzle.
 
     plane: its frame has the foot of the board at x = z = 0 and reaches from the nozzle to the
@@ -41,7 +41,7 @@ def compare_jet(plane: GridField, shape: JetShape) -> Difference:
     wind = float(flow) / shape.nozzle_height_m
     model_u, _, model_w = SlopeJet(wind, *shape).wind(x[keep], 0.0, z[keep])
     du, dw = (model_u - u) / wind, (model_w - w) / wind
-    return Difference(
+    return FieldDifference(
         nozzle_wind_mps=wind,
         wind_rms=float(np.sqrt((du**2).mean())),
         wind_bias=float(du.mean()),

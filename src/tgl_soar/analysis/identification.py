@@ -75,7 +75,7 @@ class IdentificationError(ValueError):
     """A log from which nothing can be identified; the message says what would help."""
 
 
-class Body(NamedTuple):
+class KnownAircraft(NamedTuple):
     """What is known of the aircraft beforehand."""
 
     mass_kg: float
@@ -191,7 +191,7 @@ def _is_good(log: LongitudinalLog, rows: slice, moving: slice, base: float) -> b
     )
 
 
-def identify(log: LongitudinalLog, body: Body) -> Identified:
+def identify(log: LongitudinalLog, body: KnownAircraft) -> Identified:
     """Fit the model to the manoeuvres of a log.  Errors: `IdentificationError`."""
     import numpy as np
 
@@ -264,7 +264,7 @@ def identify(log: LongitudinalLog, body: Body) -> Identified:
 
 
 def short_period(
-    cl_alpha: float, cm_alpha: float, cm_q: float, body: Body, airspeed_mps: float
+    cl_alpha: float, cm_alpha: float, cm_q: float, body: KnownAircraft, airspeed_mps: float
 ) -> tuple[float, float]:
     """(undamped natural frequency [rad/s], damping) of α̇ = Z_α α + q, q̇ = M_α α + M_q q."""
     v = airspeed_mps
@@ -280,7 +280,9 @@ def short_period(
     return frequency, -(z_alpha + m_q) / (2.0 * frequency)
 
 
-def _derived(unknowns: Floats, body: Body, speed: float) -> tuple[float, float, float, float]:
+def _derived(
+    unknowns: Floats, body: KnownAircraft, speed: float
+) -> tuple[float, float, float, float]:
     _, cl_alpha, _, _, cm_alpha, cm_q, cm_elevator, delay = (float(u) for u in unknowns)
     moment = 0.5 * body.air_density_kgpm3 * body.wing_area_m2 * body.chord_m / body.iyy_kgm2
     frequency, damping = short_period(cl_alpha, cm_alpha, cm_q, body, speed)
@@ -322,7 +324,7 @@ class _Point(NamedTuple):
 class _Problem:
     """Some manoeuvres, stacked: arrays of shape (steps, manoeuvres), the shorter ones masked."""
 
-    def __init__(self, log: LongitudinalLog, body: Body, rows: Sequence[slice]) -> None:
+    def __init__(self, log: LongitudinalLog, body: KnownAircraft, rows: Sequence[slice]) -> None:
         import numpy as np
 
         self._body = body
@@ -577,13 +579,13 @@ def _smoothed(speed: Floats) -> Floats:
     return np.where(known, mean, np.nan)
 
 
-def body_from(airframe: dict[str, float], model: dict[str, float]) -> Body:
+def body_from(airframe: dict[str, float], model: dict[str, float]) -> KnownAircraft:
     """From an airframe file's tables.  Errors: `IdentificationError` naming what is missing."""
     values = []
-    for name in Body._fields:
+    for name in KnownAircraft._fields:
         table, where = (airframe, "airframe") if name in airframe else (model, "model")
         value = table.get(name)
         if value is None or not isfinite(value) or value <= 0.0:
             raise IdentificationError(f"{where}.{name} = {value}: needed, and positive")
         values.append(float(value))
-    return Body(*values)
+    return KnownAircraft(*values)

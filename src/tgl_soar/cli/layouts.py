@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 from xml.etree import ElementTree as Xml
 
 
-class Panel(NamedTuple):
+class PlotPanel(NamedTuple):
     """One pair of axes over time."""
 
     title: str
@@ -19,16 +19,16 @@ class Panel(NamedTuple):
 
 
 PANELS: Final = (
-    Panel("distance to the line [m]", ("tick/e_rho_m",)),
-    Panel("pitch [rad]", ("tick/setpoints_pitch_rad", "tick/vehicle_pitch_rad")),
-    Panel(
+    PlotPanel("distance to the line [m]", ("tick/e_rho_m",)),
+    PlotPanel("pitch [rad]", ("tick/setpoints_pitch_rad", "tick/vehicle_pitch_rad")),
+    PlotPanel(
         "commands [of full travel]",
         ("tick/command_elevator", "tick/command_aileron", "tick/command_rudder"),
     ),
-    Panel("air [m/s]", ("slow/air_wind_mps", "slow/air_updraft_mps", "slow/air_excess_mps")),
-    Panel("mode, and the reason of its change", ("tick/mode", "tick/reason")),
-    Panel("clearance [m]", ("tick/margins_clearance_m",)),
-    Panel("age of the last fix [s]", ("tick/health_position_age_s",)),
+    PlotPanel("air [m/s]", ("slow/air_wind_mps", "slow/air_updraft_mps", "slow/air_excess_mps")),
+    PlotPanel("mode, and the reason of its change", ("tick/mode", "tick/reason")),
+    PlotPanel("clearance [m]", ("tick/margins_clearance_m",)),
+    PlotPanel("age of the last fix [s]", ("tick/health_position_age_s",)),
 )
 PLACE: Final = ("tick/vehicle_x_m", "tick/vehicle_z_m")  # the path in the vertical plane
 LINE: Final = ("tick/line_x_m", "tick/line_z_m")
@@ -58,7 +58,7 @@ def _tab(tabs: Xml.Element, name: str, areas: list[Xml.Element]) -> None:
     Xml.SubElement(container, "DockSplitter", facts).extend(areas)
 
 
-def _over_time(panel: Panel) -> Xml.Element:
+def _over_time(panel: PlotPanel) -> Xml.Element:
     area = Xml.Element("DockArea", name=panel.title)
     plot = _plot(area, "TimeSeries")
     for colour, curve in zip(_COLOURS, panel.curves, strict=False):
@@ -93,7 +93,7 @@ def foxglove() -> str:
     return json.dumps(layout, indent=2) + "\n"
 
 
-def _foxglove_plot(panel: Panel) -> dict[str, Any]:
+def _foxglove_plot(panel: PlotPanel) -> dict[str, Any]:
     paths = [
         {"value": f"/{curve.replace('/', '.')}", "enabled": True, "timestampMethod": "receiveTime"}
         for curve in panel.curves

@@ -16,7 +16,7 @@ from tgl_soar.cli.console import SITE_FILE, console, errors, fail
 from tgl_soar.config.files import ConfigError, load_site
 from tgl_soar.config.site import Mocap
 from tgl_soar.link.natnet import layout
-from tgl_soar.link.natnet.listing import BodyListing, Row
+from tgl_soar.link.natnet.listing import BodyListing, BodyRow
 from tgl_soar.link.natnet.sockets import NatNetError
 from tgl_soar.onboard.mocap import MocapFeed, from_server, server_address
 
@@ -106,7 +106,7 @@ def _opened(wanted: Mocap) -> MocapFeed:
         return MocapFeed(replace(wanted, stream="unicast"))
 
 
-def listed(feed: MocapFeed, seconds: float, timeout_s: float) -> list[Row]:
+def listed(feed: MocapFeed, seconds: float, timeout_s: float) -> list[BodyRow]:
     """Listen for so long from the first frame on.  Errors: `NatNetError` if none comes."""
     client, listing = feed.client, BodyListing()
     began_s = now_s = time.monotonic()
@@ -135,7 +135,7 @@ def listed(feed: MocapFeed, seconds: float, timeout_s: float) -> list[Row]:
     return listing.rows(client.models, now_s)
 
 
-def _table(rows: list[Row]) -> Table:
+def _table(rows: list[BodyRow]) -> Table:
     table = Table("id", "name", "tracked", "rate", "age", "last seen", "x, y, z in the hall's axes")
     for row in rows:
         tracked = "yes" if row.tracked else "[red]no[/red]"

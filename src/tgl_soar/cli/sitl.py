@@ -30,11 +30,11 @@ from tgl_soar.onboard.flightlog.files import kept_in
 
 if TYPE_CHECKING:
     from tgl_soar.sim.operator import Operator
-    from tgl_soar.sim.sitl import Flight
+    from tgl_soar.sim.sitl import SitlFlight
     from tgl_soar.sim.sitl_options import SitlOptions
 
 
-class Autopilot(StrEnum):
+class SitlAutopilot(StrEnum):
     """Who moves the surfaces: the bridge's own Pixhawk, or a real firmware in its place."""
 
     BUILTIN = "builtin"
@@ -43,15 +43,15 @@ class Autopilot(StrEnum):
 
 
 OBTAINED = {
-    Autopilot.PX4: "build the target px4_sitl_default of PX4's public sources, v1.14 or newer;"
+    SitlAutopilot.PX4: "build the target px4_sitl_default of PX4's public sources, v1.14 or newer;"
     " the program is build/px4_sitl_default/bin/px4 (name it by --px4 or TGL_SOAR_PX4)",
-    Autopilot.ARDUPILOT: "build ArduPlane 4.6 or newer for the board sitl from ArduPilot's public"
-    " sources (./waf configure --board sitl, ./waf plane); the program is"
+    SitlAutopilot.ARDUPILOT: "build ArduPlane 4.6 or newer for the board sitl from ArduPilot's"
+    " public sources (./waf configure --board sitl, ./waf plane); the program is"
     " build/sitl/bin/arduplane (name it by --ardupilot or TGL_SOAR_ARDUPLANE)",
 }
 
 
-class Mocap(StrEnum):
+class SitlMocap(StrEnum):
     """Where the position comes from: the autopilot, or a motion-capture hall."""
 
     NONE = "none"
@@ -88,7 +88,7 @@ Faults = Annotated[
     ),
 ]
 MocapChoice = Annotated[
-    Mocap, typer.Option(help="The position comes from OptiTrack: a stand-in streams NatNet.")
+    SitlMocap, typer.Option(help="The position comes from OptiTrack: a stand-in streams NatNet.")
 ]
 MocapSettings = Annotated[
     list[str] | None,
@@ -99,7 +99,7 @@ MocapSettings = Annotated[
     ),
 ]
 AutopilotChoice = Annotated[
-    Autopilot, typer.Option(help="The bridge's own Pixhawk, or a real firmware.")
+    SitlAutopilot, typer.Option(help="The bridge's own Pixhawk, or a real firmware.")
 ]
 Px4Program = Annotated[
     Path | None,
@@ -141,9 +141,9 @@ def sitl(
     realtime: Realtime = False,
     gcs_local: GroundLocal = "127.0.0.1:18570",
     fault: Faults = None,
-    mocap: MocapChoice = Mocap.NONE,
+    mocap: MocapChoice = SitlMocap.NONE,
     mocap_option: MocapSettings = None,
-    autopilot: AutopilotChoice = Autopilot.BUILTIN,
+    autopilot: AutopilotChoice = SitlAutopilot.BUILTIN,
     px4: Px4Program = None,
     ardupilot: ArduPlaneProgram = None,
     route: Route = None,
@@ -162,11 +162,11 @@ def sitl(
         console.print(catalogue_text(), markup=False, highlight=False, soft_wrap=True)
         return
     _check_faults(faults)
-    programs = {Autopilot.PX4: px4, Autopilot.ARDUPILOT: ardupilot}
+    programs = {SitlAutopilot.PX4: px4, SitlAutopilot.ARDUPILOT: ardupilot}
     _check_autopilot(context, autopilot, programs, route)
     if not realtime and _is_given(context, "gcs_local"):
         fail(f"--gcs-local {gcs_local}: ground stations join in real time only; add --realtime")
-    by_mocap = mocap == Mocap.NATNET or (autopilot != Autopilot.BUILTIN and site is None)
+    by_mocap = mocap == SitlMocap.NATNET or (autopilot != SitlAutopilot.BUILTIN and site is None)
     options = SitlOptions(
         airframe=airframe,
         site=site or (SITE_MOCAP if by_mocap else SITE),
@@ -204,14 +204,14 @@ def _check_faults(faults: tuple[str, ...]) -> None:
 
 def _check_autopilot(
     context: typer.Context,
-    autopilot: Autopilot,
-    programs: Mapping[Autopilot, Path | None],
+    autopilot: SitlAutopilot,
+    programs: Mapping[SitlAutopilot, Path | None],
     route: str | None,
 ) -> None:
     """Whether what was chosen of a firmware belongs to the one that is flown with."""
-    if autopilot != Autopilot.BUILTIN and programs[autopilot] is None:
+    if autopilot != SitlAutopilot.BUILTIN and programs[autopilot] is None:
         fail(f"--autopilot {autopilot}: no program of it is named: {OBTAINED[autopilot]}")
-    if autopilot == Autopilot.BUILTIN and route is not None:
+    if autopilot == SitlAutopilot.BUILTIN and route is not None:
         fail(
             f"--route {route}: the bridge's own Pixhawk is commanded one way only; name a firmware"
             " by --autopilot px4 or --autopilot ardupilot, or leave it out"
@@ -228,19 +228,21 @@ def _is_given(context: typer.Context, option: str) -> bool:
     return str(context.get_parameter_source(option)).endswith("COMMANDLINE")
 
 
-def _mocap_settings(given: list[str], autopilot: Autopilot, *, by_mocap: bool) -> tuple[str, ...]:
+def _mocap_settings(
+    given: list[str], autopilot: SitlAutopilot, *, by_mocap: bool
+) -> tuple[str, ...]:
     """The stand-in's, as options of the bridge."""
     if given and not by_mocap:
         fail(
             f"--mocap-option {given[0]}: no motion capture is flown with: add --mocap natnet, or"
             " leave it out"
         )
-    if by_mocap and autopilot == Autopilot.PX4:
+    if by_mocap and autopilot == SitlAutopilot.PX4:
         given = ["rate=125", *given]  # of its 250 steps a second
     return tuple(f"--mocap-{setting}" for setting in given)
 
 
-def _fly(options: SitlOptions) -> Flight:
+def _fly(options: SitlOptions) -> SitlFlight:
     """Fly, with a line of the flight on the console."""
     from tgl_soar.sim.sitl import fly
     from tgl_soar.sim.sitl_options import SitlError
@@ -258,7 +260,7 @@ def _fly(options: SitlOptions) -> Flight:
         fail("stopped", 130)
 
 
-def _show(options: SitlOptions, flight: Flight) -> None:
+def _show(options: SitlOptions, flight: SitlFlight) -> None:
     """The scores of the legs, and what disturbed them."""
     table = Table(
         "leg",
@@ -286,7 +288,7 @@ def _show(options: SitlOptions, flight: Flight) -> None:
     say(f"{simulated:.0f} s of flight in {flight.wall_s:.0f} s; logs and figure in {options.out}/")
 
 
-def _write_pages(options: SitlOptions, flight: Flight, *, report: bool) -> None:
+def _write_pages(options: SitlOptions, flight: SitlFlight, *, report: bool) -> None:
     """The figure, and the report where it is asked for."""
     out = options.out
     log = newest_log(out / "logs")
@@ -308,11 +310,11 @@ def newest_log(folder: Path) -> Path | None:
     return next((log.path for log in logs if log.flight == logs[-1].flight), None)
 
 
-def _draw(options: SitlOptions, flight: Flight, path: Path) -> None:
+def _draw(options: SitlOptions, flight: SitlFlight, path: Path) -> None:
     """The flight in the vertical plane, as it truly was.  Errors: ImportError."""
     from tgl_soar.analysis.logs.flight_data import FlightData, Series
     from tgl_soar.analysis.report.flight_figures import Surroundings, plane_figure
-    from tgl_soar.analysis.report.legs import Leg
+    from tgl_soar.analysis.report.legs import ReportLeg
     from tgl_soar.analysis.report.style import drawing, save
     from tgl_soar.sim.world import build_field, ground_outline
 
@@ -322,7 +324,7 @@ def _draw(options: SitlOptions, flight: Flight, path: Path) -> None:
     flying = truth["time_s"] <= flight.flown[-1].ended_s
     columns = {name: truth[name][flying] for name in ("x_m", "y_m", "z_m")}
     legs = [
-        Leg(score.name, line, flown.stopped_s, flown.ended_s, score, crossing, float("nan"))
+        ReportLeg(score.name, line, flown.stopped_s, flown.ended_s, score, crossing, float("nan"))
         for flown, line, score, crossing in zip(
             flight.flown, flight.lines, flight.scores, flight.crossings, strict=True
         )

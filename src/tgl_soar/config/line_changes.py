@@ -208,7 +208,7 @@ def _line(values: ParameterSet) -> tuple[float, float, float]:
     return values["TGL_X"], values["TGL_Z"], values["TGL_LEAN"]
 
 
-class Crossing(NamedTuple):
+class ContourCrossing(NamedTuple):
     """Where a line meets the contour."""
 
     x_m: float
@@ -216,7 +216,7 @@ class Crossing(NamedTuple):
     settles: bool  # excess updraft falls going up the line there
 
 
-def crossings(contour: Contour, x_m: float, z_m: float, lean_deg: float) -> list[Crossing]:
+def crossings(contour: Contour, x_m: float, z_m: float, lean_deg: float) -> list[ContourCrossing]:
     """Where the line meets the contour.
 
     With rising air on its left, a contour that passes from downstream of the line (e_rho < 0)
@@ -230,5 +230,5 @@ def crossings(contour: Contour, x_m: float, z_m: float, lean_deg: float) -> list
             if (a < 0.0) != (b < 0.0):
                 way = a / (a - b)  # from one point to the next
                 x, z = x_a + way * (x_b - x_a), z_a + way * (z_b - z_a)
-                found.append(Crossing(x, z, b >= 0.0))
+                found.append(ContourCrossing(x, z, b >= 0.0))
     return found

@@ -55,7 +55,7 @@ class GroundProfile(Strict, frozen=True):
         return Ground(len(self.profile), (a, b, c, d, e, f, g, h), (i, j, k, m, n, o, p, q))
 
 
-class Place(Strict, frozen=True):
+class SiteOrigin(Strict, frozen=True):
     """Where the soaring frame stands in local NED."""
 
     name: str
@@ -65,7 +65,7 @@ class Place(Strict, frozen=True):
     wind_from_deg: Annotated[float, Meta(ge=-360, le=360)] = 0.0
 
 
-class Turbulence(Strict, frozen=True):
+class TurbulenceSettings(Strict, frozen=True):
     """Dryden turbulence on top of the mean field."""
 
     intensity: Annotated[float, Meta(ge=0, le=0.5)] = 0.0  # of the reference wind
@@ -77,7 +77,7 @@ class JetAir(Strict, frozen=True, tag_field="kind", tag="jet"):
 
     wind_mps: Annotated[float, Meta(ge=5, le=15)]
     slope_deg: Annotated[float, Meta(ge=15, le=35)]
-    turbulence: Turbulence = Turbulence()
+    turbulence: TurbulenceSettings = TurbulenceSettings()
 
 
 class HillAir(Strict, frozen=True, tag_field="kind", tag="hill"):
@@ -85,7 +85,7 @@ class HillAir(Strict, frozen=True, tag_field="kind", tag="hill"):
 
     wind_mps: Annotated[float, Meta(ge=1, le=30)]
     radius_m: Positive
-    turbulence: Turbulence = Turbulence()
+    turbulence: TurbulenceSettings = TurbulenceSettings()
 
 
 Sign = Literal[-1, 1]
@@ -119,7 +119,7 @@ class GridAir(Strict, frozen=True, tag_field="kind", tag="grid"):
     layout: GridLayout = GridLayout()
     zero_cells: Literal["refuse", "solid", "air"] = "refuse"  # nodes with exactly no wind
     mesh_step_m: Positive | None = None  # VTK and OpenFOAM: spacing at which they are sampled
-    turbulence: Turbulence = Turbulence()
+    turbulence: TurbulenceSettings = TurbulenceSettings()
 
 
 class Start(Strict, frozen=True):
@@ -145,7 +145,7 @@ class Sender(Strict, frozen=True):
     component: SystemId
 
 
-class Position(Strict, frozen=True):
+class PositionSettings(Strict, frozen=True):
     """Where the position comes from."""
 
     # As `link.sources` names them, the most trusted first.
@@ -232,8 +232,8 @@ def _is_address(text: str) -> bool:
 class Site(Strict, frozen=True):
     """One site file."""
 
-    site: Place
-    position: Position = Position()
+    site: SiteOrigin
+    position: PositionSettings = PositionSettings()
     forward: Forward | None = None  # None: nothing is forwarded to the autopilot
     mocap: Mocap | None = None
     lines: dict[str, Line] = field(default_factory=dict)

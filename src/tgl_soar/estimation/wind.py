@@ -125,7 +125,7 @@ WindErrors = tuple[float, float, float, float, float, float, float, float, float
 Numbers = tuple[WindMean, WindCovariance, WindErrors]
 
 
-class Body(NamedTuple):
+class BodyAxes(NamedTuple):
     """The body's x and z axes in upwind NED (two columns of R), and its velocity."""
 
     x_n: float
@@ -273,10 +273,10 @@ def wind_step(
     ), air
 
 
-def _body(vehicle: VehicleState) -> Body:
+def _body(vehicle: VehicleState) -> BodyAxes:
     _, _, _, _, velocity_x, velocity_y, climb, roll, pitch, heading, _, _, _ = vehicle
     if not isfinite(roll + pitch + heading):
-        return Body(
+        return BodyAxes(
             x_n=NAN,
             x_e=NAN,
             x_d=NAN,
@@ -289,7 +289,7 @@ def _body(vehicle: VehicleState) -> Body:
         )
     sr, cr, sp, cp = sin(roll), cos(roll), sin(pitch), cos(pitch)
     sh, ch = sin(heading), cos(heading)
-    return Body(
+    return BodyAxes(
         x_n=ch * cp,
         x_e=sh * cp,
         x_d=-sp,
@@ -302,14 +302,14 @@ def _body(vehicle: VehicleState) -> Body:
     )
 
 
-def through_air(frame: Body, wind_mps: float, updraft_mps: float) -> tuple[float, float]:
+def through_air(frame: BodyAxes, wind_mps: float, updraft_mps: float) -> tuple[float, float]:
     """(u, w) [m/s]: the velocity through the air along the body's x and z axes."""
     x_n, x_e, x_d, z_n, z_e, z_d, velocity_x, east, climb = frame
     north, down = wind_mps - velocity_x, updraft_mps - climb
     return x_n * north + x_e * east + x_d * down, z_n * north + z_e * east + z_d * down
 
 
-def _first_guess(aero: Aerodynamics, frame: Body) -> WindPosterior:
+def _first_guess(aero: Aerodynamics, frame: BodyAxes) -> WindPosterior:
     """The wind in which the aircraft would glide a little faster than its slowest."""
     speed = 1.15 * aero.polar.speed_min_mps
     unknown = FIRST_GUESS_MPS * FIRST_GUESS_MPS
@@ -354,7 +354,7 @@ def _named(numbers: Numbers) -> WindPosterior:
 
 
 def _averaged(
-    average: Averages, frame: Body, imu: ImuSample, gravity_mps2: float, dt_s: float
+    average: Averages, frame: BodyAxes, imu: ImuSample, gravity_mps2: float, dt_s: float
 ) -> Averages:
     blend = min(1.0, dt_s / BIAS_S)
     force_x = imu.force_x_frd_mps2 + gravity_mps2 * frame.x_d
@@ -368,7 +368,7 @@ def _averaged(
 
 
 def _steady_force(
-    frame: Body, gravity_mps2: float, dt_s: float
+    frame: BodyAxes, gravity_mps2: float, dt_s: float
 ) -> tuple[float, float, float, float]:
     """The specific force of steady flight, x and z, and the noise of taking it for the real one."""
     samples = sqrt(2.0 * UNSTEADY_S / dt_s)  # that are as good as one
@@ -380,7 +380,7 @@ def _steady_force(
     )
 
 
-def _unbiased(average: Averages, frame: Body, imu: ImuSample) -> tuple[float, float]:
+def _unbiased(average: Averages, frame: BodyAxes, imu: ImuSample) -> tuple[float, float]:
     """The specific force less what its average leaves when the true acceleration is taken out.
 
     With one low-pass for both, that of dv/dt is (v − v averaged) / BIAS_S.
@@ -396,7 +396,7 @@ def _unbiased(average: Averages, frame: Body, imu: ImuSample) -> tuple[float, fl
 def _take_forces(
     aero: Aerodynamics,
     posterior: Numbers,
-    frame: Body,
+    frame: BodyAxes,
     alignment_rad: float,
     force_mps2: tuple[float, float],
     noise_mps2: tuple[float, float],
@@ -466,7 +466,7 @@ def _take_forces(
 def _take_trim(
     aero: Aerodynamics,
     posterior: Numbers,
-    frame: Body,
+    frame: BodyAxes,
     pitch_rate_radps: float,
     elevator: float,
     dt_s: float,
@@ -494,7 +494,7 @@ def _take_trim(
     return corrected
 
 
-def _take_pitot(posterior: Numbers, frame: Body, airspeed_mps: float) -> tuple[Numbers, bool]:
+def _take_pitot(posterior: Numbers, frame: BodyAxes, airspeed_mps: float) -> tuple[Numbers, bool]:
     (wind, updraft), _, _ = posterior
     u, _ = through_air(frame, wind, updraft)
     white, bias = PITOT_NOISE_MPS * PITOT_NOISE_MPS, PITOT_BIAS_MPS * PITOT_BIAS_MPS
@@ -565,7 +565,7 @@ def _corrected(
 def _estimate(
     params: WindParams,
     posterior: WindPosterior,
-    frame: Body,
+    frame: BodyAxes,
     velocity_sigma_mps: float,
     measured: bool,
 ) -> AirEstimate:

@@ -72,7 +72,7 @@ class CommandAnswer(NamedTuple):
     reason: str = ""  # of a refusal, for the operator
 
 
-class Telemetry(Protocol):
+class TelemetrySource(Protocol):
     """What can be asked for by number."""
 
     def once(self, message_id: int) -> Outbound | None:
@@ -112,7 +112,9 @@ class _Done:
 class CommandServer:
     """Answers the commands of every station; pure logic, time is an argument."""
 
-    def __init__(self, own: Source, telemetry: Telemetry, version: tuple[int, int, int]) -> None:
+    def __init__(
+        self, own: Source, telemetry: TelemetrySource, version: tuple[int, int, int]
+    ) -> None:
         self.counters = CommandCounters()
         self._own = own
         self._telemetry = telemetry

@@ -24,7 +24,7 @@ from tgl_soar.link.messages import (
 )
 from tgl_soar.link.transports.serial_line import BITS_PER_BYTE
 from tgl_soar.onboard.module import Onboard
-from tgl_soar.onboard.setup import Setup
+from tgl_soar.onboard.setup import ModuleSetup
 from tgl_soar.types import Setpoints, SurfaceCommand
 
 USED_MAX: Final = 0.8  # of what the line carries
@@ -67,7 +67,7 @@ class LineLoad(NamedTuple):
         )
 
 
-def load_of(setup: Setup, *, signed: bool = False) -> LineLoad:
+def load_of(setup: ModuleSetup, *, signed: bool = False) -> LineLoad:
     """What is asked for and what is sent with these settings, at the rates that are wanted.
 
     `signed`: frames both ways carry signatures.

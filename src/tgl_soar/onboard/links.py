@@ -16,7 +16,7 @@ from tgl_soar.onboard.counters import Counters
 from tgl_soar.onboard.flightlog.recorder import LinkReport, Recorder
 from tgl_soar.onboard.outbound import Outbox
 from tgl_soar.onboard.pacing import TickCounters
-from tgl_soar.onboard.setup import Setup, known_systems
+from tgl_soar.onboard.setup import ModuleSetup, known_systems
 
 LOSS_S: Final = 2.0  # over which the loss on the link is measured
 
@@ -26,7 +26,7 @@ class ModuleLinks:
 
     def __init__(
         self,
-        setup: Setup,
+        setup: ModuleSetup,
         session: Session,
         signing: Signing,
         outbox: Outbox,

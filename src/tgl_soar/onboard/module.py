@@ -60,7 +60,7 @@ from tgl_soar.onboard.outbound import Outbox
 from tgl_soar.onboard.positions import OutsidePositions
 from tgl_soar.onboard.reports import Reports, mode_words, start_faults
 from tgl_soar.onboard.settings import FlightSettings
-from tgl_soar.onboard.setup import Setup, session_of
+from tgl_soar.onboard.setup import ModuleSetup, session_of
 from tgl_soar.onboard.surfaces import SurfaceControl
 from tgl_soar.onboard.warm_up import WarmUps
 from tgl_soar.types import NAN, Inputs
@@ -92,7 +92,7 @@ class Onboard:
 
     def __init__(
         self,
-        setup: Setup,
+        setup: ModuleSetup,
         send: Callable[[bytes], bool],
         now_s: float,
         *,

@@ -31,7 +31,7 @@ from tgl_soar.link.signing import KEY_BYTES, Signing
 from tgl_soar.onboard.engage_switch import ENGAGED, EngageSwitch
 from tgl_soar.onboard.outbound import Outbox
 from tgl_soar.onboard.settings import FlightSettings
-from tgl_soar.onboard.setup import Setup
+from tgl_soar.onboard.setup import ModuleSetup
 from tgl_soar.onboard.surfaces import SurfaceControl
 
 ABSENT_S: Final = 5.0  # a station that was silent for longer may have missed a change
@@ -44,7 +44,7 @@ class Operators:
 
     def __init__(
         self,
-        setup: Setup,
+        setup: ModuleSetup,
         settings: FlightSettings,
         commands: CommandServer,
         engage_switch: EngageSwitch,

@@ -8,13 +8,15 @@ from tgl_soar.link.session import Session
 from tgl_soar.link.sources import MOCAP, VISION
 from tgl_soar.onboard.clocking import Clocking
 from tgl_soar.onboard.outbound import Outbox
-from tgl_soar.onboard.setup import Setup, accepted_bridges, forwarding_of
+from tgl_soar.onboard.setup import ModuleSetup, accepted_bridges, forwarding_of
 
 
 class OutsidePositions:
     """A motion-capture hall's, a bridge's; and what the autopilot is told of them."""
 
-    def __init__(self, setup: Setup, session: Session, clocking: Clocking, outbox: Outbox) -> None:
+    def __init__(
+        self, setup: ModuleSetup, session: Session, clocking: Clocking, outbox: Outbox
+    ) -> None:
         self.mocap: Optitrack | None = None
         self._mocap_link: MocapLink | None = None
         self._forwarding = forwarding_of(setup.forward)

@@ -55,7 +55,7 @@ from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata
 from tgl_soar.onboard.flightlog.writer import FlightRecorder
 from tgl_soar.onboard.mocap import MocapFeed, from_server
 from tgl_soar.onboard.module import Onboard
-from tgl_soar.onboard.setup import Setup, setup_from
+from tgl_soar.onboard.setup import ModuleSetup, setup_from
 from tgl_soar.onboard.stand_in import hand_over, open_for
 
 EXIT_OK: Final = 0
@@ -69,19 +69,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return run(options_of(arguments))
 
 
-class Plan(NamedTuple):
+class RunPlan(NamedTuple):
     """All that a flight is started from; nothing is open yet."""
 
     options: RunOptions
     airframe: Airframe
     site: Site
-    setup: Setup
+    setup: ModuleSetup
 
 
 class Opened(NamedTuple):
     """What a flight has open."""
 
-    setup: Setup  # with the parameters that were stored
+    setup: ModuleSetup  # with the parameters that were stored
     transports: Sequence[Transport]  # the first leads to the autopilot
     signing: Signing | None = None
     store: ParameterStore | None = None
@@ -110,14 +110,16 @@ def run(options: RunOptions) -> int:
     if site.contour is not None and not setup.contour:
         say(f"no line is checked: the site's contour is of {site.contour.airframe!r}")
     say(f"code: {native.told()}")
-    plan = Plan(options, airframe, site, setup)
+    plan = RunPlan(options, airframe, site, setup)
     if options.guarded:
         realtime.raise_priority()
         return watchdog.watch(partial(_run, plan), partial(hand_over, setup, options), say)
     return _run(plan)
 
 
-def _run(plan: Plan, heartbeat: watchdog.ProcessHeartbeat | None = None, became: str = "") -> int:
+def _run(
+    plan: RunPlan, heartbeat: watchdog.ProcessHeartbeat | None = None, became: str = ""
+) -> int:
     """Open the links and fly.  `became`: what happened to the process that flew before."""
     options = plan.options
     transports: list[Transport] = []
@@ -164,7 +166,7 @@ def _run(plan: Plan, heartbeat: watchdog.ProcessHeartbeat | None = None, became:
             mocap.close()
 
 
-def _too_slow(plan: Plan) -> list[tuple[int, str]]:
+def _too_slow(plan: RunPlan) -> list[tuple[int, str]]:
     """What is to be said of a serial line that does not carry the flight."""
     baud = baud_of(plan.options.links[0])
     if baud is None or plan.options.lockstep:
@@ -174,7 +176,7 @@ def _too_slow(plan: Plan) -> list[tuple[int, str]]:
     return [(SEVERITY_WARNING, refusal)] if refusal else []
 
 
-def _store(plan: Plan) -> ParameterStore | None:
+def _store(plan: RunPlan) -> ParameterStore | None:
     """What keeps changed parameters, if they are to be kept."""
     if plan.options.state is None:
         say("parameters changed over the air are not stored: no --state")
@@ -185,7 +187,7 @@ def _store(plan: Plan) -> ParameterStore | None:
     return ParameterStore(path, identity, plan.setup.parameters, plan.setup.presets)
 
 
-def _recorder(plan: Plan) -> FlightRecorder | None:
+def _recorder(plan: RunPlan) -> FlightRecorder | None:
     """What keeps the flight's log, if it is to be kept."""
     if plan.options.log is None:
         say("no flight log is kept: no --log")
@@ -222,7 +224,9 @@ def _text_of(path: str | Path) -> str:
         return ""
 
 
-def _restored(setup: Setup, store: ParameterStore | None) -> tuple[Setup, list[tuple[int, str]]]:
+def _restored(
+    setup: ModuleSetup, store: ParameterStore | None
+) -> tuple[ModuleSetup, list[tuple[int, str]]]:
     """With the values that were kept, and what is to be said of them.
 
     Errors: `ConfigError` for a pilot's switch that has become a surface's channel since.
@@ -243,7 +247,7 @@ def _restored(setup: Setup, store: ParameterStore | None) -> tuple[Setup, list[t
     return setup._replace(parameters=found.values), words
 
 
-def _words_of_place(setup: Setup) -> list[tuple[int, str]]:
+def _words_of_place(setup: ModuleSetup) -> list[tuple[int, str]]:
     """What is to be said of the fence and of the site's own lines."""
     bounds = LineBounds(setup.contour, setup.ground)
     words = [open_sides(setup.parameters), *bounds.preset_faults(setup.parameters, setup.presets)]

@@ -18,7 +18,7 @@ from tgl_soar.onboard.counters import Counters
 from tgl_soar.onboard.flightlog.recorder import Recorder
 from tgl_soar.onboard.outbound import Outbox
 from tgl_soar.onboard.pacing import Pacer
-from tgl_soar.onboard.setup import Setup, laws_of
+from tgl_soar.onboard.setup import ModuleSetup, laws_of
 
 PILOT_SWITCH_HZ: Final = 10.0
 
@@ -28,7 +28,7 @@ class FlightSettings:
 
     def __init__(
         self,
-        setup: Setup,
+        setup: ModuleSetup,
         session: Session,
         pacer: Pacer,
         engagement: Engagement,

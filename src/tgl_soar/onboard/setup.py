@@ -13,7 +13,7 @@ from tgl_soar.config.airframe import OPERATORS, Airframe, Surface
 from tgl_soar.config.files import ConfigError, preset_lines, switch_refusal
 from tgl_soar.config.line_changes import Contour, Presets
 from tgl_soar.config.parameters import ParameterSet
-from tgl_soar.config.site import Forward, Position, Site
+from tgl_soar.config.site import Forward, PositionSettings, Site
 from tgl_soar.control.laws import Laws, laws_from
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.link.autopilots import flavour as autopilot_flavour
@@ -36,7 +36,7 @@ _IMUS: Final = {
 }
 
 
-class Setup(NamedTuple):
+class ModuleSetup(NamedTuple):
     """What the module needs to know of an airframe and a site."""
 
     own: Source
@@ -48,7 +48,7 @@ class Setup(NamedTuple):
     presets: Presets = ()  # the site's lines, for TGL_PRESET
     contour: Contour = ()  # of the site, which a line has to cross
     surface_channels: frozenset[int] = frozenset()  # none of them can be the pilot's switch
-    position: Position = Position()  # the site's sources
+    position: PositionSettings = PositionSettings()  # the site's sources
     imu: int | None = None  # the message that is to carry accelerations; None: the usual one
     forward: Forward | None = None  # what the autopilot is told of the position
     aerodynamics: Aerodynamics = NO_AERODYNAMICS  # of the airframe, to read the air by
@@ -101,7 +101,7 @@ def needs_of(airframe: Airframe, site: Site, values: ParameterSet) -> Needs:
     )
 
 
-def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Setup:
+def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> ModuleSetup:
     """Configuration files' contents as the flying module takes them."""
     link = airframe.autopilot
     channels, flavour = surface_channels(airframe), flavour_of(airframe)
@@ -115,7 +115,7 @@ def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Setu
     # Its own local position may also come from poses that somebody else sends to it: only a site
     # that counts on latitude and longitude is kept on the ground by what satellites require.
     needs = needs._replace(gps=needs.gps and "global_position" in site.position.sources)
-    return Setup(
+    return ModuleSetup(
         own=Source(link.system_id, link.component_id),
         override=commanding_source(airframe, flavour),
         flavour=flavour,
@@ -134,13 +134,13 @@ def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Setu
     )
 
 
-def known_systems(setup: Setup) -> frozenset[int]:
+def known_systems(setup: ModuleSetup) -> frozenset[int]:
     """Systems whose frames belong into a log."""
     accepted = accepted_bridges(setup.position, setup.own)
     return frozenset((setup.own.system, *setup.operators, *(s.system for s in accepted)))
 
 
-def accepted_bridges(position: Position, own: Source) -> frozenset[Source]:
+def accepted_bridges(position: PositionSettings, own: Source) -> frozenset[Source]:
     """Sources whose VISION_POSITION_ESTIMATE is accepted.
 
     Errors: `ConfigError` for our own, which an autopilot may send back to us.
@@ -154,7 +154,7 @@ def accepted_bridges(position: Position, own: Source) -> frozenset[Source]:
     return accepted
 
 
-def session_of(setup: Setup, *, lockstep: bool, start: int) -> Session:
+def session_of(setup: ModuleSetup, *, lockstep: bool, start: int) -> Session:
     """The conversation with the autopilot.  `start`: as `Presence` takes it."""
     position, home = setup.position, setup.position.home
     return Session(
@@ -190,7 +190,7 @@ def forwarding_of(forward: Forward | None) -> PoseForwarding | None:
     )
 
 
-def laws_of(setup: Setup, values: ParameterSet) -> Laws:
+def laws_of(setup: ModuleSetup, values: ParameterSet) -> Laws:
     """The laws of one tick: here, and in the replay of a log."""
     loops = setup.flavour.route.loops
     return laws_from(values, setup.frame, setup.aerodynamics, setup.ground, loops)

@@ -22,14 +22,14 @@ from tgl_soar.link.transports.udp import UdpListener
 from tgl_soar.onboard import realtime
 from tgl_soar.onboard.command_line import RunOptions
 from tgl_soar.onboard.console import say
-from tgl_soar.onboard.setup import Setup
+from tgl_soar.onboard.setup import ModuleSetup
 from tgl_soar.onboard.surfaces import RELEASE_FRAMES, outlast_cut_frame
 from tgl_soar.onboard.watchdog import Sign
 
 GIVE_BACK_INTERVAL_S: Final = 0.02  # between frames that give the surfaces back for a dead process
 
 
-def open_for(setup: Setup, options: RunOptions, link: str, signing: Signing) -> Transport:
+def open_for(setup: ModuleSetup, options: RunOptions, link: str, signing: Signing) -> Transport:
     """A link of a flight.  Errors: `LinkError`."""
     autopilot = Source(setup.own.system, COMPONENT_AUTOPILOT)
     is_first = link == options.links[0]
@@ -37,7 +37,7 @@ def open_for(setup: Setup, options: RunOptions, link: str, signing: Signing) -> 
     return open_link(link, peers_of(signing, trusted), realtime.clock_s())
 
 
-def hand_over(setup: Setup, options: RunOptions, sign: Sign, became: str) -> None:
+def hand_over(setup: ModuleSetup, options: RunOptions, sign: Sign, became: str) -> None:
     """Hand the surfaces over for a process that is dead, and whose links are closed.
 
     `sign`: what it showed last; `became`: what happened to it.
@@ -90,7 +90,7 @@ def hand_over(setup: Setup, options: RunOptions, sign: Sign, became: str) -> Non
         transport.close()
 
 
-def _leave_mode(setup: Setup, route: Route, transport: Transport) -> None:
+def _leave_mode(setup: ModuleSetup, route: Route, transport: Transport) -> None:
     """Out of the mode that the dead process has entered, unless the pilot has chosen another."""
     flavour = setup.flavour
     autopilot = Source(setup.own.system, COMPONENT_AUTOPILOT)

@@ -39,7 +39,7 @@ class Number(NamedTuple):
         return f"a number from {self.low:g} to {self.high:g} {self.unit}".rstrip()
 
 
-class Kind(NamedTuple):
+class FaultKind(NamedTuple):
     """One fault of the catalogue."""
 
     name: str  # of what, and what becomes of it
@@ -51,7 +51,7 @@ class Kind(NamedTuple):
 class Fault:
     """One fault of one flight."""
 
-    kind: Kind
+    kind: FaultKind
     values: Mapping[str, float]
 
     def __getitem__(self, number: str) -> float:
@@ -159,34 +159,34 @@ _PASSING: Final = {
 _GAP_S: Final = {"attitude": _for(0.2, 0.02, 1.0), "all": _for(0.2, 0.02, 1.0)}
 
 
-def _ways(of: str, passing: str) -> list[Kind]:
+def _ways(of: str, passing: str) -> list[FaultKind]:
     lasting = _for(3.0, 0.5, 6.0)
     kinds = []
     if of != "link":
         gap = _GAP_S.get(of, _for(1.0, 0.05, 3.0))
-        kinds.append(Kind(f"{of}.dropout", f"no {passing} arrive", (_START, gap)))
+        kinds.append(FaultKind(f"{of}.dropout", f"no {passing} arrive", (_START, gap)))
     kinds += [
-        Kind(
+        FaultKind(
             f"{of}.delay",
             f"{passing} arrive later",
             (_START, lasting, _late(0.1, 0.01, 0.3, "later than they would")),
         ),
-        Kind(
+        FaultKind(
             f"{of}.jitter",
             f"{passing} arrive later, each by another time",
             (_START, lasting, _late(0.05, 0.01, 0.2, "at most")),
         ),
-        Kind(
+        FaultKind(
             f"{of}.reorder",
             f"some {passing} are overtaken by later ones",
             (_START, lasting, _share(0.2, 0.05, 0.5), _late(0.05, 0.01, 0.2, "overtaken by")),
         ),
-        Kind(
+        FaultKind(
             f"{of}.duplicate",
             f"some {passing} arrive twice",
             (_START, lasting, _share(0.3, 0.05, 1.0), _late(0.02, 0.0, 0.1, "the second later")),
         ),
-        Kind(
+        FaultKind(
             f"{of}.loss",
             f"some {passing} never arrive",
             (_START, lasting, _share(0.2, 0.02, 0.6)),
@@ -195,11 +195,13 @@ def _ways(of: str, passing: str) -> list[Kind]:
     return kinds
 
 
-def _lies(of: str, passing: str) -> list[Kind]:
+def _lies(of: str, passing: str) -> list[FaultKind]:
     lasting = _for(2.0, 0.05, 4.0)
     return [
-        Kind(f"{of}.freeze", f"{passing} repeat one value under new stamps", (_START, lasting)),
-        Kind(
+        FaultKind(
+            f"{of}.freeze", f"{passing} repeat one value under new stamps", (_START, lasting)
+        ),
+        FaultKind(
             f"{of}.nan",
             f"some {passing} are not numbers",
             (_START, lasting, _share(0.5, 0.02, 1.0)),
@@ -207,7 +209,9 @@ def _lies(of: str, passing: str) -> list[Kind]:
     ]
 
 
-def _errors(of: str, passing: str, unit: str, axes: tuple[str, ...], usual: float) -> list[Kind]:
+def _errors(
+    of: str, passing: str, unit: str, axes: tuple[str, ...], usual: float
+) -> list[FaultKind]:
     largest = 1e3
     lasting = _for(2.0, 0.1, 6.0)
     offsets = tuple(
@@ -232,18 +236,18 @@ def _errors(of: str, passing: str, unit: str, axes: tuple[str, ...], usual: floa
         what="standard deviation",
     )
     return [
-        Kind(f"{of}.bias", f"{passing} are wrong by as much", (_START, lasting, *offsets)),
-        Kind(f"{of}.noise", f"{passing} are noisy, each axis alike", (_START, lasting, sigma)),
+        FaultKind(f"{of}.bias", f"{passing} are wrong by as much", (_START, lasting, *offsets)),
+        FaultKind(f"{of}.noise", f"{passing} are noisy, each axis alike", (_START, lasting, sigma)),
     ]
 
 
 _SERVO_FOR: Final = _for(2.0, 0.1, 5.0)
 
 
-def _servo(surface: str) -> list[Kind]:
+def _servo(surface: str) -> list[FaultKind]:
     return [
-        Kind(f"{surface}.stuck", f"the {surface} stays where it is", (_START, _SERVO_FOR)),
-        Kind(
+        FaultKind(f"{surface}.stuck", f"the {surface} stays where it is", (_START, _SERVO_FOR)),
+        FaultKind(
             f"{surface}.slow",
             f"the {surface} moves slowly",
             (
@@ -263,7 +267,7 @@ def _servo(surface: str) -> list[Kind]:
     ]
 
 
-_KINDS: Final[tuple[Kind, ...]] = (
+_KINDS: Final[tuple[FaultKind, ...]] = (
     *(kind for of, passing in _PASSING.items() for kind in _ways(of, passing)),
     *(
         kind
@@ -275,15 +279,15 @@ _KINDS: Final[tuple[Kind, ...]] = (
     *_errors("attitude", _PASSING["attitude"], "deg", ("roll", "pitch", "heading"), 8.0),
     *_errors("imu", _PASSING["imu"], "m/s²", ("x", "y", "z"), 2.0),
     *_errors("airspeed", _PASSING["airspeed"], "m/s", ("ahead",), 2.0),
-    Kind(
+    FaultKind(
         "link.corrupt",
         "bits of some datagrams are turned, both ways",
         (_START, _for(3.0, 0.5, 6.0), _share(0.2, 0.02, 0.6)),
     ),
-    Kind("link.down", "nothing of the autopilot arrives", (_START, _for(0.3, 0.02, 4.0))),
-    Kind("link.up", "nothing arrives at the autopilot", (_START, _for(0.3, 0.02, 2.0))),
+    FaultKind("link.down", "nothing of the autopilot arrives", (_START, _for(0.3, 0.02, 4.0))),
+    FaultKind("link.up", "nothing arrives at the autopilot", (_START, _for(0.3, 0.02, 2.0))),
     *(kind for surface in ("elevator", "aileron", "rudder") for kind in _servo(surface)),
-    Kind(
+    FaultKind(
         "air.gust",
         "a gust of 1 − cos in all of the air",
         (
@@ -326,7 +330,7 @@ _KINDS: Final[tuple[Kind, ...]] = (
             ),
         ),
     ),
-    Kind(
+    FaultKind(
         "air.stop",
         "the wind falls to a share of itself, and comes back",
         (
@@ -352,20 +356,22 @@ _KINDS: Final[tuple[Kind, ...]] = (
             ),
         ),
     ),
-    Kind(
+    FaultKind(
         "autopilot.reboot",
         "the autopilot restarts: silent, then without memory",
         (_START, _for(1.5, 0.2, 3.0)),
     ),
-    Kind(
+    FaultKind(
         "autopilot.duplicate",
         "another autopilot with the same system id sends, elsewhere",
         (_START, _for(2.0, 0.1, 6.0)),
     ),
-    Kind("pilot.takes", "the pilot takes the aircraft by the mode", (_START, _for(5.0, 0.5, 6.0))),
+    FaultKind(
+        "pilot.takes", "the pilot takes the aircraft by the mode", (_START, _for(5.0, 0.5, 6.0))
+    ),
 )
 
-CATALOGUE: Final[dict[str, Kind]] = {kind.name: kind for kind in _KINDS}
+CATALOGUE: Final[dict[str, FaultKind]] = {kind.name: kind for kind in _KINDS}
 
 
 # --- faults from text, and by lot --------------------------------------------------------------
@@ -404,7 +410,7 @@ def parse_faults(texts: Iterable[str]) -> tuple[Fault, ...]:
     return tuple(parse_fault(text) for text in texts)
 
 
-def drawn_fault(kind: Kind, random: Random) -> Fault:
+def drawn_fault(kind: FaultKind, random: Random) -> Fault:
     """A fault of a kind, with numbers drawn from where campaigns draw them."""
     return Fault(
         kind, {number.name: round(random.uniform(*number.drawn), 3) for number in kind.numbers}

@@ -30,9 +30,9 @@ from tgl_soar.sim.natnet_frames import (
     MODELS_REQUEST,
     UNRECOGNIZED,
     VERSIONS,
-    Body,
     Quaternion,
     Scene,
+    SimulatedBody,
     Triple,
     Version,
     encode_frame,
@@ -104,7 +104,7 @@ class _Waiting:
     due_s: float
     exposed_s: float  # on the server's clock
     number: int = field(compare=False)
-    bodies: list[Body] = field(compare=False)
+    bodies: list[SimulatedBody] = field(compare=False)
     changed: bool = field(compare=False)
 
 
@@ -123,7 +123,7 @@ class Motive:
         self._out: list[Datagram] = []
         self._number = 0
         self._swapped = False
-        self._frozen: Body | None = None
+        self._frozen: SimulatedBody | None = None
         self._restarts = 0
         self._was_restarting = False
         self._stand = [self._place() for _ in range(max(0, options.bodies - 1))]
@@ -256,7 +256,9 @@ class Motive:
 
     # --- the hall ---------------------------------------------------------------------------
 
-    def _see(self, now_s: float, position_ned_m: Triple, attitude: Quaternion) -> list[Body]:
+    def _see(
+        self, now_s: float, position_ned_m: Triple, attitude: Quaternion
+    ) -> list[SimulatedBody]:
         """All bodies at an exposure."""
         w, *axis = attitude
         level = HallFrame(
@@ -288,10 +290,10 @@ class Motive:
         self._swapped = swapped
         return swapped != before
 
-    def _named(self) -> list[Body]:
+    def _named(self) -> list[SimulatedBody]:
         """The aircraft first; where the others stand."""
         bodies = [
-            Body(
+            SimulatedBody(
                 name=self._name,
                 id=self._id,
                 position_m=(0.0, 0.0, 0.0),
@@ -300,7 +302,7 @@ class Motive:
         ]
         for i, place in enumerate(self._stand, 1):
             bodies.append(
-                Body(
+                SimulatedBody(
                     name=f"other {i}",
                     id=self._id + i,
                     position_m=place,
@@ -312,7 +314,7 @@ class Motive:
             bodies[:2] = [aircraft._replace(id=other.id), other._replace(id=aircraft.id)]
         return [self._formed(body, body.position_m) for body in bodies]
 
-    def _formed(self, body: Body, at: Triple) -> Body:
+    def _formed(self, body: SimulatedBody, at: Triple) -> SimulatedBody:
         """A body at a place, with its markers around it."""
         markers = [
             (at[0] + 0.05 * (i % 3 - 1), at[1] + 0.01 * i, at[2] + 0.05 * (i % 2))

@@ -22,7 +22,7 @@ FRAME, DISCONNECT, KEEP_ALIVE, ECHO_REQUEST, ECHO_RESPONSE, UNRECOGNIZED = 7, 9,
 CLOCK_HZ: Final = 10_000_000  # as Windows counts
 
 
-class Body(NamedTuple):
+class SimulatedBody(NamedTuple):
     """A rigid body, in the hall's axes."""
 
     name: str
@@ -39,14 +39,14 @@ class Scene:
     """All that one frame holds.  Ticks are of the server's clock."""
 
     number: int
-    bodies: Sequence[Body]
+    bodies: Sequence[SimulatedBody]
     time_s: float
     exposed_ticks: int
     received_ticks: int
     sent_ticks: int
     others: Sequence[Triple] = ()  # markers of nothing
-    skeletons: Sequence[tuple[int, Sequence[Body]]] = ()
-    assets: Sequence[tuple[int, Sequence[Body]]] = ()
+    skeletons: Sequence[tuple[int, Sequence[SimulatedBody]]] = ()
+    assets: Sequence[tuple[int, Sequence[SimulatedBody]]] = ()
     plates: Sequence[tuple[int, Sequence[Sequence[float]]]] = ()
     devices: Sequence[tuple[int, Sequence[Sequence[float]]]] = ()
     timecode: tuple[int, int] = (0, 0)
@@ -91,7 +91,7 @@ def encode_frame(version: Version, scene: Scene, *, precise_4_0: bool = True) ->
     return message(FRAME, payload)
 
 
-def encode_models(version: Version, bodies: Sequence[Body]) -> bytes:
+def encode_models(version: Version, bodies: Sequence[SimulatedBody]) -> bytes:
     """The definitions: a marker set, a rigid body and a camera of each kind that there is."""
     models: list[tuple[int, bytes]] = []
     for body in bodies:
@@ -140,12 +140,12 @@ def _counted(entries: Sequence[bytes]) -> bytes:
     return struct.pack("<i", len(entries)) + b"".join(entries)
 
 
-def _pose(body: Body) -> bytes:
+def _pose(body: SimulatedBody) -> bytes:
     pose = (*body.position_m, *body.quaternion)
     return struct.pack("<i7ffh", body.id, *pose, body.error_m, body.tracked)
 
 
-def _asset(number: int, bodies: Sequence[Body]) -> bytes:
+def _asset(number: int, bodies: Sequence[SimulatedBody]) -> bytes:
     markers = [
         struct.pack("<i3ffhf", i, *marker, 0.014, 0, 0.0003)
         for i, marker in enumerate(m for body in bodies for m in body.markers)

@@ -32,7 +32,7 @@ class OperatorError(RuntimeError):
 
 
 @dataclass(frozen=True)
-class Leg:
+class PlannedLeg:
     """One place to fly at: parameters to set, and how long to stay once the line stands."""
 
     name: str
@@ -41,10 +41,10 @@ class Leg:
 
 
 @dataclass
-class Flown:
+class FlownLeg:
     """When a leg happened, in the vehicle's time."""
 
-    leg: Leg
+    leg: PlannedLeg
     asked_s: float
     stopped_s: float = float("nan")  # the line stood still at its target
     ended_s: float = float("nan")
@@ -52,7 +52,7 @@ class Flown:
 
 
 @dataclass
-class Seen:
+class LastTelemetry:
     """The last that telemetry reported."""
 
     time_s: float = float("nan")  # the vehicle's
@@ -72,7 +72,7 @@ class Operator:
 
     def __init__(
         self,
-        legs: list[Leg],
+        legs: list[PlannedLeg],
         system: int,
         component: int,
         own_system: int = 254,
@@ -82,9 +82,9 @@ class Operator:
     ) -> None:
         """`when_armed`: it engages nothing before the vehicle is armed.  `again`: so often it
         engages again and repeats the leg where a hiccup of the machine has ended the flight."""
-        self.seen = Seen()
+        self.seen = LastTelemetry()
         self.hiccups: list[str] = []  # the report of each
-        self.flown: list[Flown] = []
+        self.flown: list[FlownLeg] = []
         self.done = False
         self._legs = legs
         self._when_armed = when_armed
@@ -232,11 +232,11 @@ class Operator:
     def _begin_leg(self, number: int) -> None:
         leg = self._legs[number]
         del self.flown[number:]  # where it is repeated
-        self.flown.append(Flown(leg, self.seen.time_s))
+        self.flown.append(FlownLeg(leg, self.seen.time_s))
         self._to_set = list(leg.parameters.items())
         self._stage = "move"
 
-    def _moved_by_hand(self, flown: Flown) -> bool:
+    def _moved_by_hand(self, flown: FlownLeg) -> bool:
         """Whether the line's parameters are no longer those that this leg set."""
         flown.by_hand = flown.by_hand or any(
             self.seen.parameters.get(name) != as_wire_value(value)
@@ -244,7 +244,7 @@ class Operator:
         )
         return flown.by_hand
 
-    def _line_stands(self, leg: Leg) -> bool:
+    def _line_stands(self, leg: PlannedLeg) -> bool:
         """Whether the line that is flown is the one that was asked for: before it is engaged the
         module shows the target itself."""
         shown = {"TGL_X": "line_x", "TGL_Z": "line_z", "TGL_LEAN": "line_lean"}

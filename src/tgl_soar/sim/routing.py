@@ -35,7 +35,7 @@ _NEVER_FORWARDED: Final = frozenset(
 )
 
 
-class Frame(NamedTuple):
+class RoutedFrame(NamedTuple):
     """One whole frame with a good checksum."""
 
     raw: bytes
@@ -44,12 +44,12 @@ class Frame(NamedTuple):
     component: int
 
 
-def split_frames(codec: mavlink.MAVLink, data: bytes) -> tuple[list[Frame], int]:
+def split_frames(codec: mavlink.MAVLink, data: bytes) -> tuple[list[RoutedFrame], int]:
     """The good frames of one datagram, and how many bytes belonged to none.
 
     A frame never spans two datagrams.  Signatures are carried, not checked.
     """
-    frames: list[Frame] = []
+    frames: list[RoutedFrame] = []
     lost = false_starts = 0
     at, end = 0, len(data)
     while at < end and false_starts < _MOST_FALSE_STARTS:
@@ -82,12 +82,12 @@ def _frame_length(data: bytes, at: int) -> int:
     return 0
 
 
-def _decode(codec: mavlink.MAVLink, raw: bytes) -> Frame | None:
+def _decode(codec: mavlink.MAVLink, raw: bytes) -> RoutedFrame | None:
     try:
         message = codec.decode(bytearray(raw))
     except Exception:  # whatever the bytes provoke in the decoder, they are no message
         return None
-    return Frame(raw, message, message.get_srcSystem(), message.get_srcComponent())
+    return RoutedFrame(raw, message, message.get_srcSystem(), message.get_srcComponent())
 
 
 class Router:
@@ -117,7 +117,7 @@ class Router:
         return tuple(self._routes.get((system, component), ()))
 
     def route(
-        self, link: LinkId, frame: Frame, own_system: int, own_component: int
+        self, link: LinkId, frame: RoutedFrame, own_system: int, own_component: int
     ) -> tuple[list[LinkId], bool]:
         """Where a frame goes: the links to send it on to, and whether it is for us."""
         message = frame.message

@@ -34,7 +34,7 @@ from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Site
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.sim.bridge.slowness import TOO_SLOW
-from tgl_soar.sim.operator import Flown, Leg, Operator, OperatorError
+from tgl_soar.sim.operator import FlownLeg, Operator, OperatorError, PlannedLeg
 from tgl_soar.sim.score import LegScore, score_leg
 from tgl_soar.sim.sitl_options import SitlError, SitlOptions
 from tgl_soar.sim.sitl_processes import (
@@ -54,10 +54,10 @@ AGAIN = 3  # engagements after the first, in real time
 
 
 @dataclass(frozen=True)
-class Flight:
+class SitlFlight:
     """What was flown, and how well."""
 
-    flown: list[Flown]
+    flown: list[FlownLeg]
     scores: list[LegScore]
     crossings: list[Crossing | None]
     lines: list[tuple[float, float, float]]
@@ -67,7 +67,7 @@ class Flight:
     notes: tuple[str, ...] = ()  # how the machine has interrupted it
 
 
-def plan(site: Site, values: ParameterSet, options: SitlOptions) -> list[Leg]:
+def plan(site: Site, values: ParameterSet, options: SitlOptions) -> list[PlannedLeg]:
     """The legs by name, from the site's lines.  Errors: `SitlError`."""
     names = options.legs or tuple(site.lines)
     if not names:
@@ -78,7 +78,7 @@ def plan(site: Site, values: ParameterSet, options: SitlOptions) -> list[Leg]:
             f"{options.site}: no line named {unknown[0]!r}; it has {', '.join(site.lines)}"
         )
     return [
-        Leg(
+        PlannedLeg(
             name,
             {"TGL_LEAN": values["TGL_LEAN"], **line_parameters(site.lines[name])},
             options.stay_s,
@@ -87,7 +87,7 @@ def plan(site: Site, values: ParameterSet, options: SitlOptions) -> list[Leg]:
     ]
 
 
-def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> Flight:
+def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> SitlFlight:
     """Fly the plan; `progress` is called a few times a second.
 
     Errors: `SitlError`, `tgl_soar.config.files.ConfigError`.
@@ -118,7 +118,7 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> Flight:
     field, polar = build_field(site.air, options.site.parent), airframe.polar.as_polar()
     crossings = [stable_crossing(field, polar, line) for line in lines]
     notes = [f"engaged again after a hiccup of this machine: {w}" for w in operator.hiccups]
-    flight = Flight(
+    flight = SitlFlight(
         flown=operator.flown,
         scores=_scores(operator.flown, lines, crossings, truth),
         crossings=crossings,
@@ -172,7 +172,7 @@ def _fly(
         ground_station.close()
 
 
-def _line(leg: Leg) -> tuple[float, float, float]:
+def _line(leg: PlannedLeg) -> tuple[float, float, float]:
     """A leg's line: a point of it [m] and its angle eta [rad]."""
     parameters = leg.parameters
     eta_rad = eta_from_lean(radians(parameters["TGL_LEAN"]))
@@ -180,7 +180,7 @@ def _line(leg: Leg) -> tuple[float, float, float]:
 
 
 def _scores(
-    flown: list[Flown],
+    flown: list[FlownLeg],
     lines: list[tuple[float, float, float]],
     crossings: list[Crossing | None],
     truth: dict[str, Floats],
@@ -202,7 +202,7 @@ def _scores(
     return scores
 
 
-def passed(flight: Flight) -> bool:
+def passed(flight: SitlFlight) -> bool:
     """Whether every leg settled that nobody else has moved."""
     return all(
         score.settled or flown.by_hand
@@ -278,7 +278,7 @@ def _place(crossing: Crossing | None) -> tuple[float, float] | None:
     return None if crossing is None else (crossing.x_m, crossing.z_m)
 
 
-def _write_summary(options: SitlOptions, flight: Flight) -> None:
+def _write_summary(options: SitlOptions, flight: SitlFlight) -> None:
     summary = {
         "seed": options.seed,
         "turbulence": options.turbulence,

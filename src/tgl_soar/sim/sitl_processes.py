@@ -9,7 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tgl_soar.config.site import Position, Site
+from tgl_soar.config.site import PositionSettings, Site
 from tgl_soar.sim.child_process import with_parent
 from tgl_soar.sim.firmware.sensors import SOMEWHERE
 from tgl_soar.sim.sitl_options import SitlError, SitlOptions
@@ -47,7 +47,7 @@ def site_for(options: SitlOptions, site: Site) -> Path:
     """
     if site.mocap is not None and site.forward is None:
         added = "[forward]\n"
-    elif site.mocap is None and site.position == Position():
+    elif site.mocap is None and site.position == PositionSettings():
         place = f"{{ latitude_deg = {SOMEWHERE.latitude_deg}, longitude_deg ="
         place += f" {SOMEWHERE.longitude_deg}, altitude_m = {SOMEWHERE.altitude_m} }}"
         added = f'[position]\nsources = ["global_position"]\nhome = {place}\n'

@@ -16,7 +16,7 @@ from tgl_soar.analysis.experiments.campaign import (
     RELEASED,
     SOARING,
     CommandCheck,
-    Job,
+    FaultJob,
     Outcome,
     drawn_jobs,
     fly_all,
@@ -42,8 +42,8 @@ def plain(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(campaign, "available", lambda: False)
 
 
-def job(*faults: str, seed: int = 1) -> Job:
-    return Job(
+def job(*faults: str, seed: int = 1) -> FaultJob:
+    return FaultJob(
         row="row", seed=seed, turbulence=0.01, faults=tuple(parse_fault(text) for text in faults)
     )
 

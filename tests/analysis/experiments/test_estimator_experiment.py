@@ -23,10 +23,10 @@ from tgl_soar.analysis.experiments.estimator_flights import (
     ONE_GAP_S,
     PLAIN,
     Differences,
-    Flight,
+    EstimatorFlight,
     Known,
     Scored,
-    Seen,
+    WatchedFlight,
     fly_scored,
     in_gap,
     known,
@@ -46,7 +46,7 @@ FLIGHT_S = 12.0
 def test_accelerations_are_worth_more_than_a_third_of_e_rho() -> None:
     """0.45 over 96 flights; of one flight the ratio is known to a tenth or so."""
     plain, imu = (
-        score([fly_scored(Flight(line="b", seed=2, sensors=sensors, duration_s=FLIGHT_S))])
+        score([fly_scored(EstimatorFlight(line="b", seed=2, sensors=sensors, duration_s=FLIGHT_S))])
         for sensors in (PLAIN, IMU)
     )
     assert plain.lost == imu.lost == 0
@@ -57,7 +57,7 @@ def test_accelerations_are_worth_more_than_a_third_of_e_rho() -> None:
 @pytest.mark.parametrize("name", ASKED)
 def test_place_and_speed_are_known_as_well_as_is_asked(name: str) -> None:
     asked = ASKED[name]
-    seen = watch(Flight(line="c", seed=3, sensors=asked.sensors, duration_s=FLIGHT_S))
+    seen = watch(EstimatorFlight(line="c", seed=3, sensors=asked.sensors, duration_s=FLIGHT_S))
     assert not seen.ended
     with_them, without = known([seen], True), known([seen], False)
     assert with_them.position_mm <= asked.position_mm
@@ -67,7 +67,7 @@ def test_place_and_speed_are_known_as_well_as_is_asked(name: str) -> None:
 
 def test_gaps_are_flown_through() -> None:
     seen = watch(
-        Flight(
+        EstimatorFlight(
             line="a",
             seed=1,
             sensors=IMU,
@@ -85,7 +85,7 @@ def test_gaps_are_flown_through() -> None:
 
 def test_the_laboratorys_chain_flies() -> None:
     flown = fly_scored(
-        Flight(
+        EstimatorFlight(
             line="a",
             seed=1,
             sensors=Sensors(position=LAB),
@@ -145,10 +145,10 @@ def test_ratios_are_of_pairs_in_the_same_air() -> None:
 
 
 def test_errors_are_lengths_and_held_against_their_sigmas() -> None:
-    flight = Flight(line="a", seed=1, sensors=IMU)
+    flight = EstimatorFlight(line="a", seed=1, sensors=IMU)
     truth = np.zeros((10, 6))
     read = np.tile([0.003, 0.0, 0.004, 0.0, 0.1, 0.0, 0.005, 0.1], (10, 1))
-    found = known([Seen(flight, 1.0, "", np.zeros(10), truth, {True: read})], True)
+    found = known([WatchedFlight(flight, 1.0, "", np.zeros(10), truth, {True: read})], True)
     assert found == pytest.approx(Known(5.0, 100.0, 1.0 / 3.0, 1.0 / 3.0))
 
 

@@ -9,7 +9,13 @@ import msgspec
 import numpy as np
 import pytest
 
-from tgl_soar.analysis.experiments.flights import Flown, Flyer, Job, fly_job, pooled_wander
+from tgl_soar.analysis.experiments.flights import (
+    FlownScenario,
+    Flyer,
+    ScenarioJob,
+    fly_job,
+    pooled_wander,
+)
 from tgl_soar.analysis.experiments.scenario import Scenario, load_scenario
 from tgl_soar.config.files import shipped
 from tgl_soar.sim.score import settling_time
@@ -24,11 +30,11 @@ def scenario() -> Scenario:
 
 
 @pytest.fixture(scope="module")
-def flown(scenario: Scenario) -> Flown:
-    return fly_job(Job(scenario, 3))
+def flown(scenario: Scenario) -> FlownScenario:
+    return fly_job(ScenarioJob(scenario, 3))
 
 
-def test_each_line_is_a_leg_that_ends_with_the_next(flown: Flown) -> None:
+def test_each_line_is_a_leg_that_ends_with_the_next(flown: FlownScenario) -> None:
     assert flown.survived
     a, b = flown.legs
     assert (a.line, b.line) == ("a", "b")
@@ -36,7 +42,7 @@ def test_each_line_is_a_leg_that_ends_with_the_next(flown: Flown) -> None:
     assert b.end_s == pytest.approx(24.0, abs=0.01)
 
 
-def test_a_leg_is_scored_on_its_own_line(flown: Flown) -> None:
+def test_a_leg_is_scored_on_its_own_line(flown: FlownScenario) -> None:
     for leg in flown.legs:
         assert leg.rms_e_rho_m < 0.02  # 1 % of turbulence
         assert leg.rms_e_rho_m <= leg.peak_e_rho_m < 0.1
@@ -46,7 +52,7 @@ def test_a_leg_is_scored_on_its_own_line(flown: Flown) -> None:
 
 def test_workers_give_the_same_flights_in_the_order_asked_for(scenario: Scenario) -> None:
     short = msgspec.structs.replace(scenario, duration_s=3.0, changes=[])
-    jobs = [Job(short, seed) for seed in (5, 4)]
+    jobs = [ScenarioJob(short, seed) for seed in (5, 4)]
     seen: list[tuple[int, int]] = []
     with Flyer(2, lambda flown, wanted: seen.append((flown, wanted))) as flyer:
         pooled = flyer.fly(jobs)
@@ -61,7 +67,7 @@ def test_workers_give_the_same_flights_in_the_order_asked_for(scenario: Scenario
 def test_a_flight_that_ends_early_says_why(scenario: Scenario) -> None:
     """Upstream of the nozzle's lip is no place to fly."""
     start = msgspec.structs.replace(scenario.start, x_m=-0.9, z_m=0.4)
-    crash = fly_job(Job(msgspec.structs.replace(scenario, start=start), 1))
+    crash = fly_job(ScenarioJob(msgspec.structs.replace(scenario, start=start), 1))
     assert not crash.survived
     assert crash.ended == "let go: outside the fence"
     assert crash.duration_s < 5.0
@@ -77,7 +83,7 @@ def test_settling_ends_with_the_first_quiet_two_seconds() -> None:
     assert settling_time(time, np.full(len(time), 0.2)) == inf
 
 
-def test_pooled_wander_counts_the_spread_of_the_means(flown: Flown) -> None:
+def test_pooled_wander_counts_the_spread_of_the_means(flown: FlownScenario) -> None:
     leg = flown.legs[0]
     apart = [replace(leg, along_m=0.1, wander_m=0.03), replace(leg, along_m=-0.1, wander_m=0.03)]
     assert pooled_wander(apart) == pytest.approx((0.03**2 + 0.1**2) ** 0.5)

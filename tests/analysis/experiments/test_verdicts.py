@@ -21,7 +21,7 @@ from tgl_soar.analysis.experiments.hill_positions import (
 from tgl_soar.analysis.experiments.line_lean import LeanScore, lean_claims, refusal
 from tgl_soar.analysis.experiments.page import page
 from tgl_soar.analysis.experiments.result import Claim, Result, Table, as_json, as_markdown, plain
-from tgl_soar.analysis.experiments.sensitivity import Change, sensitivity_claims
+from tgl_soar.analysis.experiments.sensitivity import WindEffect, sensitivity_claims
 from tgl_soar.control.target_line import TargetLine, eta_from_lean
 from tgl_soar.types import polar_sink
 
@@ -113,8 +113,8 @@ def test_wind_asks_for_a_rise_a_rest_and_a_fall() -> None:
     assert [claim.holds for claim in wind_claims(small, astray)] == [True, True, False, False]
 
 
-def gust_change(line: str, wind_mps: float, margin: float, at_once_m: float) -> Change:
-    return Change(
+def gust_change(line: str, wind_mps: float, margin: float, at_once_m: float) -> WindEffect:
+    return WindEffect(
         line=line,
         wind_mps=wind_mps,
         sink_mps=1.4,

@@ -16,8 +16,8 @@ from tgl_soar.analysis.experiments.wind_estimate import (
     CASES,
     WITH_PITOT,
     WITHOUT,
-    Flight,
-    Seen,
+    ObservedFlight,
+    WindFlight,
     look_on,
     plain_rms,
     score,
@@ -28,9 +28,9 @@ from tgl_soar.types import NO_AERODYNAMICS
 
 
 @lru_cache(maxsize=1)
-def flights() -> tuple[Seen, ...]:
+def flights() -> tuple[ObservedFlight, ...]:
     """The slowest place, near the stall, and the fastest; the pitch wrong up and down."""
-    return tuple(look_on(Flight((p,), s, 9.0, tuple(CASES))) for p in "ac" for s in (1, 2))
+    return tuple(look_on(WindFlight((p,), s, 9.0, tuple(CASES))) for p in "ac" for s in (1, 2))
 
 
 def test_the_updraft_is_known_as_well_as_it_is_said_to_be() -> None:

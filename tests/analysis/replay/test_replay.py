@@ -353,7 +353,7 @@ def test_a_wire_that_begins_in_flight_flies(path: Path, tmp_path: Path) -> None:
     whole = b"".join(f.unix_us.to_bytes(8, "big") + f.data for f in late)
     (tmp_path / "late.tlog").write_bytes(whole)
     result = replay_wire(tmp_path / "late.tlog", AIRFRAME, SITE)
-    assert any("it flies when first heard" in note for note in result.notes)
+    assert any("it flies when first received" in note for note in result.notes)
     assert result.outputs[-1].active
     assert not result.missed
 

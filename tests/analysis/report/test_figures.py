@@ -11,8 +11,8 @@ import pytest
 from PIL import Image
 
 from tgl_soar.air.hill import HillField
-from tgl_soar.analysis.report.curves_figure import CurvePanel, Mark, Note, Series, curves_figure
-from tgl_soar.analysis.report.flight_figure import Air, Panel, Spans, Trace, flight_figure
+from tgl_soar.analysis.report.curves_figure import CurvePanel, DrawnCurve, Mark, Note, curves_figure
+from tgl_soar.analysis.report.flight_figure import HistoryPanel, MapAir, Spans, Trace, flight_figure
 from tgl_soar.analysis.report.polar_figure import polar_figure
 from tgl_soar.analysis.report.zeuc_figure import DrawnLine, zeuc_figure
 from tgl_soar.estimation.polar import fit_polar
@@ -63,11 +63,11 @@ def test_a_flight_is_drawn_beside_its_histories(tmp_path: Path) -> None:
     time = np.linspace(0.0, 10.0, 200)
     flight_figure(
         tmp_path / "flight.png",
-        Air(HILL, POLAR, BOUNDS, None, later_s=5.0),
+        MapAir(HILL, POLAR, BOUNDS, None, later_s=5.0),
         [DrawnLine("a", -30.7, 30.7, 2.0, [])],
         -30.0 + np.sin(time),
         30.0 + np.cos(time),
-        [Panel("z [m]", [Trace(time, 30.0 + np.cos(time), "flown")])],
+        [HistoryPanel("z [m]", [Trace(time, 30.0 + np.cos(time), "flown")])],
         "a flight",
         Spans([(2.0, 8.0, "a")]),
     )
@@ -75,7 +75,7 @@ def test_a_flight_is_drawn_beside_its_histories(tmp_path: Path) -> None:
 
 
 def test_curves_take_logarithms_marks_and_notes(tmp_path: Path) -> None:
-    series = [Series([0.0, 1.0], [0.1, 10.0], "one", "black")]
+    series = [DrawnCurve([0.0, 1.0], [0.1, 10.0], "one", "black")]
     panels = [
         CurvePanel("left", "x [m]", "y [m]", series, [Note(0.5, 1.0, "here")], [Mark(0.2, "mark")]),
         CurvePanel("right", "x [m]", "y [m]", series, y_log=True),

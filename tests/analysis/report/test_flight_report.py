@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from tgl_soar.air.zeuc import stable_crossing
-from tgl_soar.analysis.logs.flight_data import Event, FlightData, ModeChange, Series
+from tgl_soar.analysis.logs.flight_data import Event, FlightData, LoggedMode, Series
 from tgl_soar.analysis.logs.reading import read_flight
 from tgl_soar.analysis.report.flight_figures import (
     Surroundings,
@@ -108,7 +108,7 @@ def standing(moving: list[float], x: list[float], modes: list[str]) -> FlightDat
         "",
     )
     path = Series(time, {"x_m": np.array(x), "y_m": 0 * time, "z_m": np.ones(len(x))}, "")
-    changes = tuple(ModeChange(float(i), name) for i, name in enumerate(modes))
+    changes = tuple(LoggedMode(float(i), name) for i, name in enumerate(modes))
     return FlightData("", "", path=path, line=line, modes=changes)
 
 

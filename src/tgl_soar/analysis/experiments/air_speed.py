@@ -8,9 +8,9 @@ import msgspec
 import numpy as np
 
 from tgl_soar.analysis.experiments.context import Context, with_turbulence
-from tgl_soar.analysis.experiments.flights import Flown, legs_named, rms
+from tgl_soar.analysis.experiments.flights import FlownScenario, legs_named, rms
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
-from tgl_soar.analysis.experiments.scenario import Prepared, Scenario, prepare
+from tgl_soar.analysis.experiments.scenario import PreparedScenario, Scenario, prepare
 from tgl_soar.estimation.polar import best_glide_speed
 
 OUTER: Final = ("RHO_P", "RHO_I", "RHO_D")
@@ -110,7 +110,7 @@ def speed(context: Context) -> Result:
     )  # fmt: skip
 
 
-def _wind(prepared: Prepared, line: str) -> float:
+def _wind(prepared: PreparedScenario, line: str) -> float:
     at = prepared.lines[line].crossing
     assert at is not None
     return at.wind_mps
@@ -120,12 +120,14 @@ def _cm(value_m: float, digits: int) -> str:
     return "lost" if value_m != value_m else f"{100 * value_m:.{digits}f}"
 
 
-def _scaled(scenario: Scenario, base: Prepared, names: tuple[str, ...], factor: float) -> Scenario:
+def _scaled(
+    scenario: Scenario, base: PreparedScenario, names: tuple[str, ...], factor: float
+) -> Scenario:
     scaled = {name: base.values[name] * factor for name in names}
     return msgspec.structs.replace(scenario, parameters={**scenario.parameters, **scaled})
 
 
-def _score(flights: list[Flown], line: str, wind_mps: float) -> SpeedScore:
+def _score(flights: list[FlownScenario], line: str, wind_mps: float) -> SpeedScore:
     whole = [flight for flight in flights if flight.survived]
     legs = legs_named(whole, line)
     rates = []
@@ -212,12 +214,12 @@ def _draw(
     path = context.figure("speed")
     if path is None:
         return ()
-    from tgl_soar.analysis.report.curves_figure import CurvePanel, Series, curves_figure
+    from tgl_soar.analysis.report.curves_figure import CurvePanel, DrawnCurve, curves_figure
     from tgl_soar.analysis.report.style import LEG_COLOURS
 
     winds = [scores[line, "fixed"].wind_mps for line in lines]
     turbulent = [
-        Series(
+        DrawnCurve(
             winds,
             [100 * scores[line, kind].rms_e_rho_m for line in lines],
             label,
@@ -231,7 +233,7 @@ def _draw(
         )
     ]
     calm = [
-        Series(
+        DrawnCurve(
             winds,
             [100 * scores[line, factor].rms_e_rho_m for line in lines],
             f"outer gains × {factor:g}",

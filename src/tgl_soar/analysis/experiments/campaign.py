@@ -77,7 +77,7 @@ ENDED_MODES: Final = ("released", "failed")
 NOISY: Final = 1e-9  # of a deflection: what rounding may add
 
 
-class Job(NamedTuple):
+class FaultJob(NamedTuple):
     """One flight to be flown."""
 
     row: str  # of the table
@@ -133,7 +133,7 @@ def wilson(successes: int, of: int) -> tuple[float, float]:
 # --- the jobs ----------------------------------------------------------------------------------
 
 
-def drawn_jobs(flights: int, seed: int) -> list[Job]:
+def drawn_jobs(flights: int, seed: int) -> list[FaultJob]:
     """The flights of a campaign."""
     kinds = list(CATALOGUE.values())
     jobs = []
@@ -143,12 +143,12 @@ def drawn_jobs(flights: int, seed: int) -> list[Job]:
         turbulence = round(random.uniform(0.0, TURBULENCE), 4)
         if i % TWO_OF == TWO_OF - 1:
             both = tuple(drawn_fault(random.choice(kinds), random) for _ in range(2))
-            jobs.append(Job(row=PAIRS, seed=seed + i, turbulence=turbulence, faults=both))
+            jobs.append(FaultJob(row=PAIRS, seed=seed + i, turbulence=turbulence, faults=both))
         else:
             kind = kinds[turn % len(kinds)]
             turn += 1
             jobs.append(
-                Job(
+                FaultJob(
                     row=kind.name,
                     seed=seed + i,
                     turbulence=turbulence,
@@ -168,10 +168,10 @@ SURVIVALS: Final = tuple(  # fault, turbulence, what is aboard
 )
 
 
-def survival_jobs(flights: int, seed: int) -> list[Job]:
+def survival_jobs(flights: int, seed: int) -> list[FaultJob]:
     """Drop-outs of the lengths that must be survived."""
     return [
-        Job(
+        FaultJob(
             row=_name(text, turbulence, aboard),
             seed=seed + i,
             turbulence=turbulence,
@@ -190,7 +190,7 @@ def _name(text: str, turbulence: float, aboard: str) -> str:
 # --- one flight --------------------------------------------------------------------------------
 
 
-class Place(NamedTuple):
+class CampaignPlace(NamedTuple):
     """Where all fly."""
 
     airframe: Airframe
@@ -200,17 +200,17 @@ class Place(NamedTuple):
 
 
 @lru_cache(maxsize=1)
-def place() -> Place:
+def place() -> CampaignPlace:
     """The tunnel, line b."""
     airframe_path, site_path = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
     airframe, site = load_airframe(airframe_path), load_site(site_path)
     values = load_parameters(airframe, airframe_path, site, site_path)
     assert site.air is not None
     values = values.changed({**line_parameters(site.lines[LINE]), **ENVELOPE})
-    return Place(airframe, site, values, build_field(site.air, site_path.parent))
+    return CampaignPlace(airframe, site, values, build_field(site.air, site_path.parent))
 
 
-def world_of(job: Job, injection: Injection, duration_s: float = DURATION_S) -> World:
+def world_of(job: FaultJob, injection: Injection, duration_s: float = DURATION_S) -> World:
     """The world of a flight, compiled where numba is there."""
     airframe, site, _, field = place()
     world = make_world(
@@ -247,7 +247,7 @@ class CommandCheck:
             self._last = command
 
 
-def fly_job(job: Job, duration_s: float = DURATION_S) -> Outcome:
+def fly_job(job: FaultJob, duration_s: float = DURATION_S) -> Outcome:
     """Fly one; an exception is an outcome too."""
     injection = Injection(job.faults, job.seed)
     values = place().values
@@ -283,12 +283,12 @@ def fly_job(job: Job, duration_s: float = DURATION_S) -> Outcome:
     )
 
 
-def _fly_chunk(jobs: Sequence[Job]) -> list[Outcome]:
+def _fly_chunk(jobs: Sequence[FaultJob]) -> list[Outcome]:
     return [fly_job(job) for job in jobs]
 
 
 def fly_all(
-    jobs: Sequence[Job], workers: int, on_flown: Callable[[int], None] | None = None
+    jobs: Sequence[FaultJob], workers: int, on_flown: Callable[[int], None] | None = None
 ) -> list[Outcome]:
     """Fly all, in any order, on so many processes (0: in this one); outcomes as the jobs."""
     told = on_flown or (lambda _flown: None)
@@ -327,7 +327,7 @@ def survivals(outcomes: Sequence[Outcome]) -> list[Survival]:
     return found
 
 
-class Row(NamedTuple):
+class FaultRow(NamedTuple):
     """The flights of one fault."""
 
     name: str
@@ -336,14 +336,14 @@ class Row(NamedTuple):
     reasons: Counter[str]  # of those that let go or were lost
 
 
-def rows(outcomes: Sequence[Outcome]) -> list[Row]:
+def rows(outcomes: Sequence[Outcome]) -> list[FaultRow]:
     """By fault, in the catalogue's order, pairs last."""
     found = []
     for name in (*CATALOGUE, PAIRS):
         own = [o for o in outcomes if o.row == name]
         if own:
             found.append(
-                Row(
+                FaultRow(
                     name,
                     len(own),
                     Counter(o.result for o in own),

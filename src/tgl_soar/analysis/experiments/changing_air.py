@@ -10,9 +10,9 @@ import numpy as np
 
 from tgl_soar.air.zeuc import stable_crossing, wind_sensitivity
 from tgl_soar.analysis.experiments.context import Context, drawn_air, drawn_line, with_turbulence
-from tgl_soar.analysis.experiments.flights import Flown
+from tgl_soar.analysis.experiments.flights import FlownScenario
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
-from tgl_soar.analysis.experiments.scenario import Prepared, Scenario, WindSchedule, prepare
+from tgl_soar.analysis.experiments.scenario import PreparedScenario, Scenario, WindSchedule, prepare
 from tgl_soar.analysis.experiments.still_lines import (
     LEG_COLUMNS,
     draw,
@@ -42,7 +42,7 @@ def _along(target: TargetLine, x_m: float, z_m: float) -> float:
     return cos(target.eta_rad) * (x_m - target.x_m) + sin(target.eta_rad) * (z_m - target.z_m)
 
 
-def shift_of(prepared: Prepared, flights: list[Flown], line: str) -> Shift:
+def shift_of(prepared: PreparedScenario, flights: list[FlownScenario], line: str) -> Shift:
     """From the first leg on a line to the last, means over all flights."""
     before, after = leg_by_line(flights, line, 0), leg_by_line(flights, line, 1)
     nan = float("nan")
@@ -53,7 +53,7 @@ def shift_of(prepared: Prepared, flights: list[Flown], line: str) -> Shift:
     return Shift(line, flown, predicted_shift(prepared, line), up if before else nan)
 
 
-def predicted_shift(prepared: Prepared, line: str) -> float:
+def predicted_shift(prepared: PreparedScenario, line: str) -> float:
     """Of TGL ∩ ZEUC from the first air to the last, up the line [m]; NaN: there is none."""
     target, here = prepared.lines[line]
     there = stable_crossing(prepared.field, prepared.polar, target, LATE_S)
@@ -241,7 +241,7 @@ def _pinned(scenario: Scenario, name: str, target: TargetLine) -> Scenario:
 
 
 def _wind_shift(
-    prepared: Prepared, flights: list[Flown], line: str, target: TargetLine
+    prepared: PreparedScenario, flights: list[FlownScenario], line: str, target: TargetLine
 ) -> WindShift:
     here = prepared.lines[line].crossing
     schedule = prepared.scenario.wind
@@ -326,12 +326,12 @@ def _draw_wind(
     context: Context,
     scenario: Scenario,
     variants: dict[Any, Scenario],
-    flights: dict[Any, list[Flown]],
+    flights: dict[Any, list[FlownScenario]],
 ) -> tuple[str, ...]:
     path = context.figure("wind")
     if path is None:
         return ()
-    from tgl_soar.analysis.report.flight_figure import Panel, Spans, Trace, flight_figure
+    from tgl_soar.analysis.report.flight_figure import HistoryPanel, Spans, Trace, flight_figure
     from tgl_soar.analysis.report.style import LEG_COLOURS
 
     kind = "calm" if context.quick else "1 %"
@@ -375,8 +375,8 @@ def _draw_wind(
         np.empty(0),
         np.empty(0),
         [
-            Panel(f"up the line, {mean} [cm]", heights),
-            Panel("local wind [m/s]", winds),
+            HistoryPanel(f"up the line, {mean} [cm]", heights),
+            HistoryPanel("local wind [m/s]", winds),
         ],
         scenario.title + " (dashed: computed from the contours)",
         Spans([(30.0, 40.0, "wind rises")]),

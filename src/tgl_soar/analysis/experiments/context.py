@@ -7,15 +7,15 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from tgl_soar.analysis.experiments.flights import Flown, Flyer, Job
+from tgl_soar.analysis.experiments.flights import FlownScenario, Flyer, ScenarioJob
 from tgl_soar.analysis.experiments.scenario import (
     PlacedLine,
-    Prepared,
+    PreparedScenario,
     Scenario,
     load_scenario,
     search_bounds,
 )
-from tgl_soar.analysis.report.flight_figure import Air
+from tgl_soar.analysis.report.flight_figure import MapAir
 from tgl_soar.analysis.report.zeuc_figure import DrawnLine
 from tgl_soar.config.files import shipped
 from tgl_soar.sim.world import ground_outline
@@ -35,9 +35,13 @@ class Context(NamedTuple):
             msgspec.structs.replace(scenario, seeds=scenario.seeds[:1]) if self.quick else scenario
         )
 
-    def fly(self, scenarios: dict[Any, Scenario]) -> dict[Any, list[Flown]]:
+    def fly(self, scenarios: dict[Any, Scenario]) -> dict[Any, list[FlownScenario]]:
         """Every scenario with each of its seeds, all at once; flights in the order of seeds."""
-        jobs = [Job(scenario, seed) for scenario in scenarios.values() for seed in scenario.seeds]
+        jobs = [
+            ScenarioJob(scenario, seed)
+            for scenario in scenarios.values()
+            for seed in scenario.seeds
+        ]
         flown = iter(self.flyer.fly(jobs))
         return {key: [next(flown) for _ in scenario.seeds] for key, scenario in scenarios.items()}
 
@@ -54,7 +58,7 @@ def with_turbulence(scenario: Scenario, intensity: float) -> Scenario:
     return msgspec.structs.replace(scenario, turbulence=turbulence, seeds=seeds)
 
 
-def turbulence_of(prepared: Prepared) -> tuple[float, float]:
+def turbulence_of(prepared: PreparedScenario) -> tuple[float, float]:
     """(σ [m/s], τ = L / V [s]) of the Dryden turbulence that a scenario is flown in."""
     air = prepared.site.air
     assert air is not None
@@ -71,11 +75,11 @@ def drawn_line(name: str, line: PlacedLine) -> DrawnLine:
     return DrawnLine(name, *line.target, [] if at is None else [(at.x_m, at.z_m, at.stable)])
 
 
-def drawn_air(prepared: Prepared, later_s: float | None = None, later: str = "") -> Air:
+def drawn_air(prepared: PreparedScenario, later_s: float | None = None, later: str = "") -> MapAir:
     """The air of a scenario for a figure."""
     air = prepared.site.air
     assert air is not None
-    return Air(
+    return MapAir(
         prepared.field,
         prepared.polar,
         search_bounds(prepared.site),

@@ -19,12 +19,12 @@ from tgl_soar.analysis.experiments.estimator_flights import (
     PLAIN,
     SETTLE_S,
     TURBULENCE,
-    Flight,
+    EstimatorFlight,
+    EstimatorScore,
     Known,
     Ratios,
-    Score,
     Scored,
-    Seen,
+    WatchedFlight,
     fly_each,
     fly_named,
     known,
@@ -57,10 +57,10 @@ class _Plan(NamedTuple):
 
     lines: tuple[str, ...]
     seeds: tuple[int, ...]
-    watched: dict[str, list[Flight]]
-    through: Flight  # a gap that is drawn
-    corrupted: dict[str, list[Flight]]
-    scored: dict[str, list[Flight]]
+    watched: dict[str, list[EstimatorFlight]]
+    through: EstimatorFlight  # a gap that is drawn
+    corrupted: dict[str, list[EstimatorFlight]]
+    scored: dict[str, list[EstimatorFlight]]
 
 
 def _plan(quick: bool) -> _Plan:
@@ -69,14 +69,14 @@ def _plan(quick: bool) -> _Plan:
     few = seeds[:FEW]
     rough = ROUGH_SEEDS[:1] if quick else ROUGH_SEEDS
 
-    def all_of(seeds: Sequence[int], sensors: Sensors, **what: Any) -> list[Flight]:
+    def all_of(seeds: Sequence[int], sensors: Sensors, **what: Any) -> list[EstimatorFlight]:
         return [
-            Flight(line=place, seed=seed, sensors=sensors, **what)
+            EstimatorFlight(line=place, seed=seed, sensors=sensors, **what)
             for place in lines
             for seed in seeds
         ]
 
-    def gaps(seeds: Sequence[int], sensors: Sensors) -> list[Flight]:
+    def gaps(seeds: Sequence[int], sensors: Sensors) -> list[EstimatorFlight]:
         return all_of(seeds, sensors, turbulence=CALM, duration_s=GAPS_S, reception="with gaps")
 
     return _Plan(
@@ -86,7 +86,7 @@ def _plan(quick: bool) -> _Plan:
             name: all_of(seeds[:WATCHED], asked.sensors, duration_s=WATCHED_S)
             for name, asked in ASKED.items()
         },
-        through=Flight(
+        through=EstimatorFlight(
             line=lines[0],
             seed=1,
             sensors=IMU,
@@ -140,14 +140,16 @@ class _Outcome(NamedTuple):
     """What became of the flights; names as in the plan."""
 
     plan: _Plan
-    scores: dict[str, Score]
+    scores: dict[str, EstimatorScore]
     of_plain: dict[str, Ratios]  # against the plain law in the same air
     knowledge: dict[tuple[str, bool], Known]  # fixes, and whether accelerations are used
     survival: _Survival
     latency_cost: float  # rms e_rho of the worst latency over that of none
 
 
-def _outcome(plan: _Plan, seen: dict[str, list[Seen]], flown: dict[str, list[Scored]]) -> _Outcome:
+def _outcome(
+    plan: _Plan, seen: dict[str, list[WatchedFlight]], flown: dict[str, list[Scored]]
+) -> _Outcome:
     flights = {**plan.scored, **plan.corrupted}
     air = {
         (flight.line, flight.seed): result
@@ -313,7 +315,9 @@ def _late(delay_s: float) -> Sensors:
     return Sensors(position=AUTOPILOT_POSITION._replace(delay_s=delay_s), imu=MEMS_IMU)
 
 
-def _row(name: str, turbulence: float, s: Score, of_plain: Ratios | None) -> tuple[str, ...]:
+def _row(
+    name: str, turbulence: float, s: EstimatorScore, of_plain: Ratios | None
+) -> tuple[str, ...]:
     return (
         name,
         f"{100 * turbulence:g} %",
@@ -324,11 +328,11 @@ def _row(name: str, turbulence: float, s: Score, of_plain: Ratios | None) -> tup
     )
 
 
-def _draw(context: Context, through: Seen) -> tuple[str, ...]:
+def _draw(context: Context, through: WatchedFlight) -> tuple[str, ...]:
     path = context.figure("estimator")
     if path is None:
         return ()
-    from tgl_soar.analysis.report.curves_figure import CurvePanel, Mark, Series, curves_figure
+    from tgl_soar.analysis.report.curves_figure import CurvePanel, DrawnCurve, Mark, curves_figure
     from tgl_soar.analysis.report.style import LEG_COLOURS
 
     rows = (through.time_s >= ONE_GAP_S - 0.5) & (through.time_s <= ONE_GAP_S + GAP_S + 0.7)
@@ -343,10 +347,10 @@ def _draw(context: Context, through: Seen) -> tuple[str, ...]:
             "time [s]",
             label,
             [
-                Series(time, (read + band).tolist(), "± 2 σ", colour, "--", width=0.8),
-                Series(time, (read - band).tolist(), None, colour, "--", width=0.8),
-                Series(time, read.tolist(), "estimate", colour),
-                Series(time, (per * through.truth[rows, column]).tolist(), "truth", "black"),
+                DrawnCurve(time, (read + band).tolist(), "± 2 σ", colour, "--", width=0.8),
+                DrawnCurve(time, (read - band).tolist(), None, colour, "--", width=0.8),
+                DrawnCurve(time, read.tolist(), "estimate", colour),
+                DrawnCurve(time, (per * through.truth[rows, column]).tolist(), "truth", "black"),
             ],
             marks=[Mark(ONE_GAP_S, "the last fix"), Mark(ONE_GAP_S + GAP_S, "the next")],
             legend="upper left",

@@ -133,7 +133,7 @@ Reception = Literal["all", "with gaps", "with one gap", "the laboratory's"]
 # --- flights that are scored --------------------------------------------------------------------
 
 
-class Flight(NamedTuple):
+class EstimatorFlight(NamedTuple):
     """What to fly."""
 
     line: str
@@ -155,7 +155,7 @@ class Scored(NamedTuple):
     activity_2ps2: float  # of the elevator's rate of change, full throws a second
 
 
-def fly_scored(flight: Flight) -> Scored:
+def fly_scored(flight: EstimatorFlight) -> Scored:
     """Fly one, plain.  Errors: `ConfigError`."""
     rows: list[tuple[float, ...]] = []
     ended = ""
@@ -170,7 +170,7 @@ def fly_scored(flight: Flight) -> Scored:
     return _scored(Trajectory(columns, ended, len(rows)))
 
 
-def fly_scored_compiled(flight: Flight) -> Scored:
+def fly_scored_compiled(flight: EstimatorFlight) -> Scored:
     """The same where all fixes are received, compiled."""
     prepared = _prepared(flight._replace(seed=1, scale=1.0, changes=()))
     return _scored(fly_compiled(prepared, flight.seed, _values(flight), ()))
@@ -196,7 +196,7 @@ class _Tick(NamedTuple):
     ended: str  # why the flight ended with it; ""
 
 
-def _ticks(flight: Flight) -> Iterator[_Tick]:
+def _ticks(flight: EstimatorFlight) -> Iterator[_Tick]:
     """The flight tick by tick, its fixes corrupted on their way.  Errors: `ConfigError`."""
     world = _world(flight)
     loop = ClosedLoop(world, _values(flight))
@@ -271,7 +271,7 @@ def _airframe() -> Airframe:
     return load_airframe(shipped("airframes/eclipson_c.toml"))
 
 
-def _world(flight: Flight) -> World:
+def _world(flight: EstimatorFlight) -> World:
     site, _, field = _place()
     line = site.lines[flight.line]
     start = Start(x_m=line.x_m + START_M, z_m=line.z_m)
@@ -286,11 +286,11 @@ def _world(flight: Flight) -> World:
 
 
 @lru_cache(maxsize=64)
-def _prepared(flight: Flight) -> Prepared:
+def _prepared(flight: EstimatorFlight) -> Prepared:
     return prepare(_world(flight), flight.duration_s)
 
 
-def _values(flight: Flight) -> ParameterSet:
+def _values(flight: EstimatorFlight) -> ParameterSet:
     """The shipped parameters, of the noise that the fixes have, on the flight's line."""
     site, values, _ = _place()
     loop = ("RHO_P", "RHO_I", "RHO_D", "RHO_P_IMU", "RHO_I_IMU", "RHO_D_IMU")
@@ -304,7 +304,7 @@ def _values(flight: Flight) -> ParameterSet:
     )
 
 
-class Score(NamedTuple):
+class EstimatorScore(NamedTuple):
     """Several flights of one kind, rms over all that was scored."""
 
     flights: int
@@ -313,10 +313,10 @@ class Score(NamedTuple):
     activity_ps: float
 
 
-def score(flown: Sequence[Scored]) -> Score:
+def score(flown: Sequence[Scored]) -> EstimatorScore:
     """What became of them."""
     whole = [each for each in flown if each.e_rho_m2 == each.e_rho_m2]
-    return Score(
+    return EstimatorScore(
         len(flown),
         sum(1 for each in flown if each.ended),
         sqrt(sum(each.e_rho_m2 for each in whole) / len(whole)) if whole else nan,
@@ -370,10 +370,10 @@ def paired_difference(both: int, first: int, second: int, neither: int) -> tuple
 
 
 @dataclass(frozen=True)
-class Seen:
+class WatchedFlight:
     """One flight with two estimators, from when all was settled."""
 
-    flight: Flight
+    flight: EstimatorFlight
     duration_s: float
     ended: str
     time_s: Floats  # (n,)
@@ -381,7 +381,7 @@ class Seen:
     read: dict[bool, Floats]  # (n, 8): the same and two sigmas; with accelerations, without
 
 
-def watch(flight: Flight) -> Seen:
+def watch(flight: EstimatorFlight) -> WatchedFlight:
     """Fly with accelerations; beside it an estimator looks on that has none of them."""
     site, _, _ = _place()
     airframe = _airframe()
@@ -402,7 +402,7 @@ def watch(flight: Flight) -> Seen:
         ended = now.ended
     truth = np.array(truths)
     rows = truth[:, 0] > SETTLE_S
-    return Seen(
+    return WatchedFlight(
         flight,
         float(truth[-1, 0]),
         ended,
@@ -421,7 +421,7 @@ class Known(NamedTuple):
     velocity_normalised: float
 
 
-def known(flights: Sequence[Seen], imu: bool) -> Known:
+def known(flights: Sequence[WatchedFlight], imu: bool) -> Known:
     """One of the two estimators over several flights."""
     error = np.concatenate([seen.read[imu][:, :6] - seen.truth for seen in flights])
     sigma = np.concatenate([seen.read[imu][:, 6:] for seen in flights])
@@ -434,7 +434,7 @@ def known(flights: Sequence[Seen], imu: bool) -> Known:
 
 
 def fly_each(
-    flyer: Flyer, fly: Callable[[Flight], Flew], jobs: dict[str, list[Flight]]
+    flyer: Flyer, fly: Callable[[EstimatorFlight], Flew], jobs: dict[str, list[EstimatorFlight]]
 ) -> dict[str, list[Flew]]:
     """All of them by one function, under the same names."""
     return _named(
@@ -442,13 +442,15 @@ def fly_each(
     )
 
 
-def _named(jobs: dict[str, list[Flight]], flown: list[Flew]) -> dict[str, list[Flew]]:
+def _named(jobs: dict[str, list[EstimatorFlight]], flown: list[Flew]) -> dict[str, list[Flew]]:
     left = iter(flown)
     return {name: [next(left) for _ in flights] for name, flights in jobs.items()}
 
 
 def fly_named(
-    flyer: Flyer, corrupted: dict[str, list[Flight]], scored: dict[str, list[Flight]]
+    flyer: Flyer,
+    corrupted: dict[str, list[EstimatorFlight]],
+    scored: dict[str, list[EstimatorFlight]],
 ) -> dict[str, list[Scored]]:
     """All of them, compiled where that is possible and worth its time; `corrupted` never is."""
     simple = [flight for flights in scored.values() for flight in flights]

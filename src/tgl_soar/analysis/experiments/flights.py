@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgl_soar.air.zeuc import stable_crossing
-from tgl_soar.analysis.experiments.scenario import Prepared, Scenario, prepare
+from tgl_soar.analysis.experiments.scenario import PreparedScenario, Scenario, prepare
 from tgl_soar.control.target_line import TargetLine
 from tgl_soar.sim.closed_loop import Trajectory, fly
 from tgl_soar.sim.faults import parse_faults
@@ -38,7 +38,7 @@ KEEP_EVERY = 4  # of a flight's rows one in so many is kept: 50 a second are eno
 Floats = NDArray[np.float64]
 
 
-class Job(NamedTuple):
+class ScenarioJob(NamedTuple):
     """One flight to be flown."""
 
     scenario: Scenario
@@ -46,7 +46,7 @@ class Job(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Leg:
+class ScoredLeg:
     """One line held still; lengths in metres, over the scored part of the leg."""
 
     line: str
@@ -71,13 +71,13 @@ class Leg:
 
 
 @dataclass(frozen=True)
-class Flown:
+class FlownScenario:
     """One flight."""
 
     seed: int
     ended: str  # why it ended early; ""
     duration_s: float
-    legs: tuple[Leg, ...]  # those that were reached and scored
+    legs: tuple[ScoredLeg, ...]  # those that were reached and scored
     path: dict[str, Floats]  # columns of `closed_loop.Row`, thinned
 
     @property
@@ -86,7 +86,7 @@ class Flown:
         return not self.ended
 
 
-def fly_job(job: Job) -> Flown:
+def fly_job(job: ScenarioJob) -> FlownScenario:
     """Fly one scenario with one seed.  Errors: `ConfigError`."""
     prepared = prepare(job.scenario)
     faults = parse_faults(job.scenario.faults)
@@ -100,7 +100,7 @@ def fly_job(job: Job) -> Flown:
     )
     trajectory = fly(world, prepared.values, prepared.changes, job.scenario.duration_s, injection)
     path = {name: column[::KEEP_EVERY].copy() for name, column in trajectory.columns.items()}
-    return Flown(
+    return FlownScenario(
         job.seed,
         trajectory.ended,
         float(trajectory["time_s"][-1]),
@@ -109,7 +109,7 @@ def fly_job(job: Job) -> Flown:
     )
 
 
-def score_legs(prepared: Prepared, trajectory: Trajectory) -> tuple[Leg, ...]:
+def score_legs(prepared: PreparedScenario, trajectory: Trajectory) -> tuple[ScoredLeg, ...]:
     """The legs of a flight in the order in which they were flown."""
     scenario = prepared.scenario
     ordered = sorted(scenario.changes, key=lambda change: change.time_s)
@@ -131,8 +131,8 @@ def score_legs(prepared: Prepared, trajectory: Trajectory) -> tuple[Leg, ...]:
 
 
 def _score(
-    prepared: Prepared, trajectory: Trajectory, name: str, rows: NDArray[np.intp]
-) -> Leg | None:
+    prepared: PreparedScenario, trajectory: Trajectory, name: str, rows: NDArray[np.intp]
+) -> ScoredLeg | None:
     target = prepared.lines[name].target
     time = trajectory["time_s"][rows]
     x, z = trajectory["x_m"][rows], trajectory["z_m"][rows]
@@ -149,7 +149,7 @@ def _score(
     if crossing is not None:
         predicted = (crossing.x_m, crossing.z_m)
         predicted_along = c * (crossing.x_m - target.x_m) + s * (crossing.z_m - target.z_m)
-    return Leg(
+    return ScoredLeg(
         name,
         target,
         float(time[0]),
@@ -205,7 +205,7 @@ class Flyer:
         if self._pool is not None:
             self._pool.shutdown(wait=True, cancel_futures=True)
 
-    def fly(self, jobs: Iterable[Job]) -> list[Flown]:
+    def fly(self, jobs: Iterable[ScenarioJob]) -> list[FlownScenario]:
         """Fly all, in the order given.  Errors: `ConfigError`."""
         return self.each(fly_job, jobs)
 
@@ -245,7 +245,7 @@ class Flyer:
         return flown
 
 
-def pooled_wander(legs: Sequence[Leg]) -> float:
+def pooled_wander(legs: Sequence[ScoredLeg]) -> float:
     """Standard deviation along the line [m] of several flights of one leg, about their mean.
 
     The mean of one flight follows its own slow wander; taken over all flights it does not.
@@ -261,6 +261,6 @@ def rms(values: Iterable[float]) -> float:
     return float(np.sqrt(np.mean(array**2))) if array.size else float("nan")
 
 
-def legs_named(flights: Sequence[Flown], line: str) -> list[Leg]:
+def legs_named(flights: Sequence[FlownScenario], line: str) -> list[ScoredLeg]:
     """The legs on one line, of all flights that reached it."""
     return [leg for flight in flights for leg in flight.legs if leg.line == line]

@@ -39,7 +39,7 @@ POLAR: Final = GlidePolar(
 BOUNDS: Final[Bounds] = (-60.0, 0.0, 1.0, 50.0)
 
 
-class Position(NamedTuple):
+class HillPosition(NamedTuple):
     """One of the three places."""
 
     name: str
@@ -53,7 +53,7 @@ class Position(NamedTuple):
     stable: bool
 
 
-def positions() -> list[Position]:
+def positions() -> list[HillPosition]:
     """[a], [b] and [c] on the hill."""
     field = HillField(WIND_MPS, RADIUS_M)
     stronger = ScaledField(field, STRONGER)
@@ -70,7 +70,7 @@ def positions() -> list[Position]:
         assert there is not None
         shift = hypot(there.x_m - here.x_m, there.z_m - here.z_m)
         found.append(
-            Position(
+            HillPosition(
                 name=name,
                 x_m=here.x_m,
                 z_m=here.z_m,
@@ -85,7 +85,7 @@ def positions() -> list[Position]:
     return found
 
 
-def claims_of(places: list[Position]) -> tuple[Claim, ...]:
+def claims_of(places: list[HillPosition]) -> tuple[Claim, ...]:
     """What the three places say."""
     a, b, c = places
     return (

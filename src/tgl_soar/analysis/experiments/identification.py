@@ -17,8 +17,8 @@ from msgspec.structs import asdict
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.identification import (
-    Body,
     Identified,
+    KnownAircraft,
     LongitudinalLog,
     body_from,
     identify,
@@ -103,14 +103,14 @@ def fitted(seed: int) -> tuple[PolarFit, tuple[list[float], list[float]], Longit
     return fit_polar(speeds, sinks), (speeds, sinks), columns, flight.duration_s
 
 
-def truth() -> tuple[AircraftModel, Body]:
+def truth() -> tuple[AircraftModel, KnownAircraft]:
     """The model that flies, and what is known of it beforehand."""
     airframe = load_airframe(AIRFRAME)
     facts = asdict(airframe.airframe)
     return aircraft_model(facts, airframe.model), body_from(facts, airframe.model)
 
 
-def true_period(model: AircraftModel, body: Body, airspeed_mps: float) -> float:
+def true_period(model: AircraftModel, body: KnownAircraft, airspeed_mps: float) -> float:
     """The model's own short period [rad/s] in the glide at a speed [m/s]."""
     alpha = glide_at(model, airspeed_mps).alpha_rad
     slope = (lift_drag(model, alpha + 0.01, 0.0)[0] - lift_drag(model, alpha - 0.01, 0.0)[0]) / 0.02
@@ -157,7 +157,7 @@ def examine(seed: int) -> Examined:
     )
 
 
-def true_effect(model: AircraftModel, body: Body, found: Identified) -> float:
+def true_effect(model: AircraftModel, body: KnownAircraft, found: Identified) -> float:
     """Pitch acceleration [rad/s²] of a full elevator at the speed of what was found."""
     pressure = 0.5 * body.air_density_kgpm3 * found.airspeed_mps**2
     return pressure * body.wing_area_m2 * body.chord_m * model.Cm_elevator / body.iyy_kgm2

@@ -10,9 +10,14 @@ import numpy as np
 
 from tgl_soar.air.zeuc import excess_gradient
 from tgl_soar.analysis.experiments.context import Context, turbulence_of
-from tgl_soar.analysis.experiments.flights import Flown, legs_named, pooled_wander, rms
+from tgl_soar.analysis.experiments.flights import FlownScenario, legs_named, pooled_wander, rms
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
-from tgl_soar.analysis.experiments.scenario import Prepared, perpendicular_lean, prepare, slide_at
+from tgl_soar.analysis.experiments.scenario import (
+    PreparedScenario,
+    perpendicular_lean,
+    prepare,
+    slide_at,
+)
 from tgl_soar.analysis.experiments.wander import dryden_wander
 from tgl_soar.config.parameters import ParameterError, ParameterSet
 from tgl_soar.types import polar_slope
@@ -113,7 +118,7 @@ def lean(context: Context) -> Result:
     )  # fmt: skip
 
 
-def _intensity(prepared: Prepared) -> float:
+def _intensity(prepared: PreparedScenario) -> float:
     assert prepared.site.air is not None
     return prepared.site.air.turbulence.intensity
 
@@ -123,7 +128,7 @@ def _cm(value_m: float, digits: int) -> str:
 
 
 def score_lean(
-    prepared: Prepared, flights: list[Flown], lean_deg: float, across_deg: float
+    prepared: PreparedScenario, flights: list[FlownScenario], lean_deg: float, across_deg: float
 ) -> LeanScore:
     """Score one lean over its flights."""
     whole = [flight for flight in flights if flight.survived]
@@ -191,7 +196,7 @@ def _held(scores: list[LeanScore]) -> list[LeanScore]:
     return [s for s in scores if s.survived == s.flights and s.rms_e_rho_m <= HELD_M]
 
 
-def horizontal_line(prepared: Prepared) -> float:
+def horizontal_line(prepared: PreparedScenario) -> float:
     """λ [1/s] that the formula of a line gives for a horizontal one, upper end upwind.
 
     η = 180°: sin η − S′ cos η = S′, ∇E · t = −dE/dx.  Negative: not stable.
@@ -265,7 +270,13 @@ def _draw(
     path = context.figure("lean")
     if path is None:
         return ()
-    from tgl_soar.analysis.report.curves_figure import CurvePanel, Mark, Note, Series, curves_figure
+    from tgl_soar.analysis.report.curves_figure import (
+        CurvePanel,
+        DrawnCurve,
+        Mark,
+        Note,
+        curves_figure,
+    )
     from tgl_soar.analysis.report.style import LEG_COLOURS
 
     marks = [Mark(across_deg, "perpendicular to the contour"), Mark(0.0, "upright")]
@@ -275,9 +286,9 @@ def _draw(
         (half, "half the outer gains", LEG_COLOURS[1], "s"),
     )
 
-    def curve(of: str) -> list[Series]:
+    def curve(of: str) -> list[DrawnCurve]:
         return [
-            Series(
+            DrawnCurve(
                 [s.lean_deg for s in several if s.survived],
                 [100 * getattr(s, of) for s in several if s.survived],
                 word,
@@ -287,7 +298,7 @@ def _draw(
             for several, word, colour, marker in gains
         ]
 
-    formula = Series(
+    formula = DrawnCurve(
         [s.lean_deg for s in scores],
         [100 * s.wander_formula_m for s in scores],
         "formula",

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tgl_soar.analysis.experiments.campaign import POSE_ALONE, Job, place, world_of
+from tgl_soar.analysis.experiments.campaign import POSE_ALONE, FaultJob, place, world_of
 from tgl_soar.analysis.report.timeline_figure import Timeline, draw_timelines
 from tgl_soar.autopilot import mode_name
 from tgl_soar.control.target_line import e_rho
@@ -25,7 +25,7 @@ SHOWN = (
 def fly_timeline(title: str, text: str) -> Timeline:
     """One flight with one fault, from BEGIN_S to END_S."""
     fault = parse_fault(text)
-    job = Job(row=title, seed=1, turbulence=0.01, faults=(fault,), aboard=POSE_ALONE)
+    job = FaultJob(row=title, seed=1, turbulence=0.01, faults=(fault,), aboard=POSE_ALONE)
     injection = Injection(job.faults, job.seed)
     world = world_of(job, injection, END_S)
     loop = ClosedLoop(world, place().values, injection)

@@ -50,10 +50,10 @@ from tgl_soar.config.site import (
     HillAir,
     JetAir,
     Line,
-    Place,
     Site,
+    SiteOrigin,
     Start,
-    Turbulence,
+    TurbulenceSettings,
 )
 from tgl_soar.config.strict import Strict
 from tgl_soar.control.target_line import TargetLine, eta_from_lean
@@ -192,7 +192,7 @@ class Scenario(Strict, frozen=True):
     site: str | None = None
     air: JetAir | HillAir | None = None
     parameters: dict[str, float] = {}  # noqa: RUF012 - msgspec copies it
-    turbulence: Turbulence | None = None
+    turbulence: TurbulenceSettings | None = None
     seeds: tuple[Annotated[int, Meta(ge=0)], ...] = (1,)
     start: StartSpec = StartSpec()
     sensors: SensorSpec = SensorSpec()
@@ -231,7 +231,7 @@ class PlacedLine(NamedTuple):
     crossing: Crossing | None
 
 
-class Prepared(NamedTuple):
+class PreparedScenario(NamedTuple):
     """A scenario ready to be flown."""
 
     scenario: Scenario
@@ -267,13 +267,13 @@ def _beside(path: str | Path, key: str, name: str, folder: Path) -> Path:
     )
 
 
-def prepare(scenario: Scenario) -> Prepared:
+def prepare(scenario: Scenario) -> PreparedScenario:
     """Build the air, place the lines, check every parameter.  Errors: `ConfigError`."""
     return _prepare(msgspec.json.encode(scenario))
 
 
 @lru_cache(maxsize=32)
-def _prepare(text: bytes) -> Prepared:
+def _prepare(text: bytes) -> PreparedScenario:
     scenario = msgspec.json.decode(text, type=Scenario)
     airframe = load_airframe(scenario.airframe)
     polar = airframe.polar.as_polar()
@@ -281,7 +281,7 @@ def _prepare(text: bytes) -> Prepared:
         site = load_site(scenario.site)
         site_path = scenario.site
     else:
-        site = Site(site=Place(name=scenario.title), air=scenario.air)
+        site = Site(site=SiteOrigin(name=scenario.title), air=scenario.air)
         site_path = scenario.title
     if not isinstance(site.air, JetAir | HillAir):
         raise ConfigError(f"site {site.site.name}: a scenario needs the air of a jet or a hill")
@@ -310,7 +310,7 @@ def _prepare(text: bytes) -> Prepared:
             raise ConfigError(f"changes at {timed.time_s:g} s: {error}") from None
         changes.append(Change(timed.time_s, parameters))
     site = msgspec.structs.replace(site, start=_start(scenario, first))
-    return Prepared(
+    return PreparedScenario(
         scenario=scenario,
         airframe=airframe,
         site=site,

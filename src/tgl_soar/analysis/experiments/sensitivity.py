@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from tgl_soar.air.zeuc import stable_crossing
 from tgl_soar.analysis.experiments.context import Context
-from tgl_soar.analysis.experiments.flights import Flown
+from tgl_soar.analysis.experiments.flights import FlownScenario
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
-from tgl_soar.analysis.experiments.scenario import Prepared, prepare
+from tgl_soar.analysis.experiments.scenario import PreparedScenario, prepare
 from tgl_soar.estimation.polar import best_glide_speed
 from tgl_soar.types import polar_sink, polar_slope
 
@@ -28,7 +28,7 @@ AT_ONCE_S: Final = 0.5  # after the step of wind
 STAYS_MPS: Final = 0.005  # per m/s of wind: a slope of 1 : 200
 
 
-class Change(NamedTuple):
+class WindEffect(NamedTuple):
     """What one more m/s of local wind does at a place."""
 
     line: str
@@ -101,7 +101,9 @@ def gust(context: Context) -> Result:
     )  # fmt: skip
 
 
-def _moved(prepared: Prepared, flights: list[Flown], line: str) -> tuple[Floats, Floats]:
+def _moved(
+    prepared: PreparedScenario, flights: list[FlownScenario], line: str
+) -> tuple[Floats, Floats]:
     """(time since the step [s], mean way up the line since before it [m]) of all flights."""
     target = prepared.lines[line].target
     schedule = prepared.scenario.wind
@@ -120,14 +122,14 @@ def _moved(prepared: Prepared, flights: list[Flown], line: str) -> tuple[Floats,
     return time, along - np.mean(along[(time > -10.0) & (time <= 0.0)])
 
 
-def _change(prepared: Prepared, flights: list[Flown], line: str) -> Change:
+def _change(prepared: PreparedScenario, flights: list[FlownScenario], line: str) -> WindEffect:
     target, at = prepared.lines[line]
     assert at is not None
     after = stable_crossing(prepared.field, prepared.polar, target, 1e6)
     assert after is not None
     time, moved = _moved(prepared, flights, line)
     soon = (time >= 0.0) & (time < 5.0)
-    return Change(
+    return WindEffect(
         line=line,
         wind_mps=at.wind_mps,
         sink_mps=polar_sink(prepared.polar, at.wind_mps),
@@ -141,7 +143,7 @@ def _change(prepared: Prepared, flights: list[Flown], line: str) -> Change:
     )
 
 
-def sensitivity_claims(changes: list[Change], best_mps: float) -> tuple[Claim, ...]:
+def sensitivity_claims(changes: list[WindEffect], best_mps: float) -> tuple[Claim, ...]:
     """The paper's explanation by slopes, and what the aircraft does at once."""
     slow = [c for c in changes if c.wind_mps < 0.99 * best_mps]
     at_best = [c for c in changes if abs(c.wind_mps / best_mps - 1.0) <= 0.005]
@@ -167,7 +169,7 @@ def sensitivity_claims(changes: list[Change], best_mps: float) -> tuple[Claim, .
     )
 
 
-def gust_why(changes: list[Change]) -> str:
+def gust_why(changes: list[WindEffect]) -> str:
     """What the aircraft does at once."""
     if all(c.at_once_m > 0.0 for c in changes):
         return (
@@ -185,38 +187,46 @@ def gust_why(changes: list[Change]) -> str:
 
 def _draw(
     context: Context,
-    prepared: Prepared,
-    changes: list[Change],
-    flights: dict[str, list[Flown]],
+    prepared: PreparedScenario,
+    changes: list[WindEffect],
+    flights: dict[str, list[FlownScenario]],
     best_mps: float,
 ) -> tuple[str, ...]:
     path = context.figure("gust")
     if path is None:
         return ()
-    from tgl_soar.analysis.report.curves_figure import CurvePanel, Mark, Note, Series, curves_figure
+    from tgl_soar.analysis.report.curves_figure import (
+        CurvePanel,
+        DrawnCurve,
+        Mark,
+        Note,
+        curves_figure,
+    )
     from tgl_soar.analysis.report.style import LEG_COLOURS
 
     polar = prepared.polar
     speeds = np.linspace(polar.speed_min_mps, min(polar.speed_max_mps, 11.0), 120)
     margin = [polar_sink(polar, u) / u - polar_slope(polar, u) for u in speeds.tolist()]
-    rays = [Series(speeds.tolist(), [polar_sink(polar, u) for u in speeds.tolist()],
+    rays = [DrawnCurve(speeds.tolist(), [polar_sink(polar, u) for u in speeds.tolist()],
                    "sink (glide polar)", "0.2", width=2.2)]  # fmt: skip
     points, histories = [], []
     ends, margin_notes = [], []
     for c, colour in zip(changes, LEG_COLOURS, strict=False):
         reach = np.array([c.wind_mps - 0.7, c.wind_mps + 0.9])
         rays.append(
-            Series(
+            DrawnCurve(
                 reach.tolist(), (c.updraft_gain * reach).tolist(), f"updraft at {c.line}", colour
             )
         )
-        points.append(Series([c.wind_mps], [c.margin], None, colour, "", "o"))
+        points.append(DrawnCurve([c.wind_mps], [c.margin], None, colour, "", "o"))
         margin_notes.append(Note(c.wind_mps, c.margin, c.line, colour))
         time, moved = _moved(prepared, flights[c.line], c.line)
         show = (time > -1.0) & (time < 8.0)
-        histories.append(Series(time[show].tolist(), (100.0 * moved[show]).tolist(), None, colour))
+        histories.append(
+            DrawnCurve(time[show].tolist(), (100.0 * moved[show]).tolist(), None, colour)
+        )
         ends.append(Note(7.9, 100.0 * float(moved[show][-1]), c.line, colour))
-        histories.append(Series([6.5, 8.0], [100.0 * c.predicted_m] * 2, None, colour, "--"))
+        histories.append(DrawnCurve([6.5, 8.0], [100.0 * c.predicted_m] * 2, None, colour, "--"))
     curves_figure(
         path,
         [
@@ -232,8 +242,8 @@ def _draw(
                 "local wind = airspeed u [m/s]",
                 "sink/u − d sink/du",
                 [
-                    Series(speeds.tolist(), margin, None, "0.2"),
-                    Series([speeds[0], speeds[-1]], [0.0, 0.0], None, "0.5", width=0.8),
+                    DrawnCurve(speeds.tolist(), margin, None, "0.2"),
+                    DrawnCurve([speeds[0], speeds[-1]], [0.0, 0.0], None, "0.5", width=0.8),
                     *points,
                 ],
                 notes=margin_notes,

@@ -17,11 +17,17 @@ from tgl_soar.analysis.experiments.context import (
     turbulence_of,
     with_turbulence,
 )
-from tgl_soar.analysis.experiments.flights import SETTLE_S, Flown, Leg, pooled_wander, rms
+from tgl_soar.analysis.experiments.flights import (
+    SETTLE_S,
+    FlownScenario,
+    ScoredLeg,
+    pooled_wander,
+    rms,
+)
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
-from tgl_soar.analysis.experiments.scenario import Prepared, Scenario, prepare, slide_at
+from tgl_soar.analysis.experiments.scenario import PreparedScenario, Scenario, prepare, slide_at
 from tgl_soar.analysis.experiments.wander import dryden_wander
-from tgl_soar.analysis.report.flight_figure import Panel, Spans, Trace, flight_figure
+from tgl_soar.analysis.report.flight_figure import HistoryPanel, Spans, Trace, flight_figure
 from tgl_soar.sim.aircraft import aircraft_model, glide_at
 from tgl_soar.types import polar_sink
 
@@ -46,7 +52,7 @@ class LegSummary(NamedTuple):
     mean_z_m: float
 
 
-def summarise(prepared: Prepared, flights: list[Flown]) -> list[LegSummary]:
+def summarise(prepared: PreparedScenario, flights: list[FlownScenario]) -> list[LegSummary]:
     """Legs by their order in the flight; those that no flight reached are left out."""
     sigma, tau = turbulence_of(prepared)
     stall = prepared.airframe.model["stall_alpha_rad"]
@@ -88,7 +94,7 @@ LEG_COLUMNS: Final = (
 
 
 def leg_rows(
-    intensity: float, flights: list[Flown], summaries: list[LegSummary]
+    intensity: float, flights: list[FlownScenario], summaries: list[LegSummary]
 ) -> list[tuple[str, ...]]:
     """Rows of the table of legs."""
     survived = sum(flight.survived for flight in flights)
@@ -109,7 +115,7 @@ def leg_rows(
 
 
 def settled_claim(
-    flights: list[Flown], summaries: list[LegSummary], legs: int, settle_most_s: float = 5.0
+    flights: list[FlownScenario], summaries: list[LegSummary], legs: int, settle_most_s: float = 5.0
 ) -> Claim:
     """Every flight came to every line and stayed on it."""
     survived = sum(flight.survived for flight in flights)
@@ -164,7 +170,7 @@ def wander_note(by_intensity: dict[float, list[LegSummary]]) -> str:
     return note
 
 
-def polar_bias_m(prepared: Prepared, at: Crossing) -> float:
+def polar_bias_m(prepared: PreparedScenario, at: Crossing) -> float:
     """How far along its line the fitted polar puts a crossing below the aircraft's own [m].
 
     The polar is a cubic through the model's glides: where it sinks more than they do, the
@@ -175,7 +181,7 @@ def polar_bias_m(prepared: Prepared, at: Crossing) -> float:
     return (polar_sink(prepared.polar, at.wind_mps) - own) / -at.excess_slope_per_s
 
 
-def bias_note(prepared: Prepared, lines: list[str]) -> str:
+def bias_note(prepared: PreparedScenario, lines: list[str]) -> str:
     """The size of that, in words."""
     placed = [(name, prepared.lines[name].crossing) for name in lines]
     values = ", ".join(
@@ -190,7 +196,12 @@ def bias_note(prepared: Prepared, lines: list[str]) -> str:
 
 
 def draw(
-    context: Context, name: str, prepared: Prepared, flight: Flown, title: str, **air: Any
+    context: Context,
+    name: str,
+    prepared: PreparedScenario,
+    flight: FlownScenario,
+    title: str,
+    **air: Any,
 ) -> tuple[str, ...]:
     """Draw one flight; () without figures."""
     path = context.figure(name)
@@ -219,16 +230,16 @@ def draw(
         p["x_m"],
         p["z_m"],
         [
-            Panel("e_rho [cm]", [Trace(time, 100 * p["e_rho_m"])]),
-            Panel("height z [m]", [Trace(time, p["z_m"], "flown"), *dashes]),
-            Panel(
+            HistoryPanel("e_rho [cm]", [Trace(time, 100 * p["e_rho_m"])]),
+            HistoryPanel("height z [m]", [Trace(time, p["z_m"], "flown"), *dashes]),
+            HistoryPanel(
                 "pitch [°]",
                 [
                     Trace(time, np.degrees(p["pitch_setpoint_rad"]), "setpoint", "#E69F00"),
                     Trace(time, np.degrees(p["pitch_rad"]), "pitch"),
                 ],
             ),
-            Panel(
+            HistoryPanel(
                 "[m/s]",
                 [
                     Trace(time, p["wind_mps"], "local wind", "#56B4E9"),
@@ -250,7 +261,7 @@ def flown_lines(scenario: Scenario) -> list[str]:
 
 def _fly_at(
     context: Context, scenario: Scenario, intensities: tuple[float, ...]
-) -> tuple[dict[float, list[Flown]], dict[float, list[LegSummary]]]:
+) -> tuple[dict[float, list[FlownScenario]], dict[float, list[LegSummary]]]:
     variants = {i: with_turbulence(scenario, i) for i in intensities}
     flights = context.fly(variants)
     return flights, {i: summarise(prepare(variants[i]), flights[i]) for i in intensities}
@@ -383,7 +394,7 @@ def rotate(context: Context) -> Result:
     return replace(result, claims=(*result.claims, claim))
 
 
-def leg_by_line(flights: list[Flown], line: str, which: int) -> list[Leg]:
+def leg_by_line(flights: list[FlownScenario], line: str, which: int) -> list[ScoredLeg]:
     """The n-th leg (from 0) that each flight flew on a line."""
     found = []
     for flight in flights:

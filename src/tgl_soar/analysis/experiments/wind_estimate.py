@@ -83,7 +83,7 @@ CASES: Final = {
 WITH_PITOT, WITHOUT, *_ = CASES
 
 
-class Flight(NamedTuple):
+class WindFlight(NamedTuple):
     """What to fly: lines of the site one after the other, and whom to let look on."""
 
     lines: tuple[str, ...]
@@ -93,10 +93,10 @@ class Flight(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Seen:
+class ObservedFlight:
     """One flight; arrays are (n,), or (n, 7) in the order of `AirEstimate`."""
 
-    flight: Flight
+    flight: WindFlight
     duration_s: float
     time_s: Floats
     x_m: Floats
@@ -105,7 +105,7 @@ class Seen:
     read: dict[str, Floats]
 
 
-class Score(NamedTuple):
+class WindScore(NamedTuple):
     """Errors of one estimator, rms over all flights, and how they compare with its own sigma."""
 
     wind_mps: float
@@ -117,7 +117,7 @@ class Score(NamedTuple):
     updraft_normalised: float
 
 
-def look_on(flight: Flight) -> Seen:
+def look_on(flight: WindFlight) -> ObservedFlight:
     """Fly one flight with all its estimators.  Errors: `ConfigError`."""
     airframe, site, values, field = _place()
     values = values.changed(line_parameters(site.lines[flight.lines[0]]))
@@ -178,7 +178,7 @@ def look_on(flight: Flight) -> Seen:
         if world.crashed or (n > world.step_hz and not is_flying(output.mode)):
             break
     table = np.array(rows)
-    return Seen(
+    return ObservedFlight(
         flight,
         len(rows) / world.step_hz,
         table[:, 0],
@@ -210,7 +210,7 @@ def _place() -> tuple[Airframe, Site, ParameterSet, WindField]:
     return airframe, site, values, build_field(site.air)
 
 
-def score(flights: list[Seen], case: str) -> Score:
+def score(flights: list[ObservedFlight], case: str) -> WindScore:
     """One estimator over several flights, from when the line was captured."""
     errors, normalised = [], []
     for seen in flights:
@@ -220,7 +220,7 @@ def score(flights: list[Seen], case: str) -> Score:
         normalised.append((read[:, 2:4] - truth[:, 2:4]) / read[:, 5:7])
     speed, alpha, wind, updraft, excess = _rms(np.concatenate(errors)).tolist()
     n_wind, n_updraft = (_rms(np.concatenate(normalised)) ** 2).tolist()
-    return Score(
+    return WindScore(
         wind_mps=wind,
         updraft_mps=updraft,
         excess_mps=excess,
@@ -231,7 +231,7 @@ def score(flights: list[Seen], case: str) -> Score:
     )
 
 
-def plain_rms(flights: list[Seen]) -> float:
+def plain_rms(flights: list[ObservedFlight]) -> float:
     """rms error of the updraft [m/s] that climb and polar alone give."""
     errors = []
     for seen in flights:
@@ -249,8 +249,8 @@ def wind_estimate(context: Context) -> Result:
     """Three places, many seeds, and one flight across the plane to look at."""
     places = tuple(_place()[1].lines)
     seeds = SEEDS[:2] if context.quick else SEEDS
-    jobs = [Flight((p,), s, FLIGHT_S, tuple(CASES)) for p in places for s in seeds]
-    tour = Flight(places, 1, TOUR_S, (WITH_PITOT, WITHOUT))
+    jobs = [WindFlight((p,), s, FLIGHT_S, tuple(CASES)) for p in places for s in seeds]
+    tour = WindFlight(places, 1, TOUR_S, (WITH_PITOT, WITHOUT))
     *flights, across = context.flyer.each(look_on, [*jobs, tour])
     whole = [seen for seen in flights if seen.duration_s > SETTLE_S + 1.0]
     scores = {case: score(whole, case) for case in CASES}
@@ -308,7 +308,7 @@ def wind_estimate(context: Context) -> Result:
 
 
 def _tables(
-    scores: dict[str, Score], by_place: dict[str, list[Seen]], plain: float
+    scores: dict[str, WindScore], by_place: dict[str, list[ObservedFlight]], plain: float
 ) -> tuple[Table, ...]:
     return (
         Table(
@@ -339,7 +339,7 @@ def _tables(
     )  # fmt: skip
 
 
-def _row(case: str, s: Score, plain: float) -> tuple[str, ...]:
+def _row(case: str, s: WindScore, plain: float) -> tuple[str, ...]:
     return (
         case,
         f"{s.wind_mps:.3f}",
@@ -353,11 +353,11 @@ def _row(case: str, s: Score, plain: float) -> tuple[str, ...]:
     )
 
 
-def _draw(context: Context, across: Seen) -> tuple[str, ...]:
+def _draw(context: Context, across: ObservedFlight) -> tuple[str, ...]:
     path = context.figure("wind_estimate")
     if path is None:
         return ()
-    from tgl_soar.analysis.report.curves_figure import CurvePanel, Series, curves_figure
+    from tgl_soar.analysis.report.curves_figure import CurvePanel, DrawnCurve, curves_figure
     from tgl_soar.analysis.report.style import LEG_COLOURS
 
     keep = slice(200, None, 10)
@@ -365,7 +365,7 @@ def _draw(context: Context, across: Seen) -> tuple[str, ...]:
 
     def panel(title: str, label: str, column: int, along: Floats, axis: str) -> CurvePanel:
         series = [
-            Series(
+            DrawnCurve(
                 along.tolist(),
                 across.read[case][keep, column].tolist(),
                 case,
@@ -376,7 +376,7 @@ def _draw(context: Context, across: Seen) -> tuple[str, ...]:
             )
             for i, case in enumerate(across.flight.cases)
         ]
-        truth = Series(
+        truth = DrawnCurve(
             along.tolist(),
             across.truth[keep, column].tolist(),
             "truth",

@@ -8,8 +8,8 @@ from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.estimator_flights import (
     FLIGHT_S,
     SETTLE_S,
-    Flight,
-    Score,
+    EstimatorFlight,
+    EstimatorScore,
     fly_named,
     paired_ratios,
     places,
@@ -38,7 +38,9 @@ def wind_use(context: Context) -> Result:
     seeds = SEEDS[:1] if context.quick else SEEDS
     named = {
         f"{use}, {turbulence:g}": [
-            Flight(line=line, seed=seed, sensors=SENSORS, turbulence=turbulence, changes=changes)
+            EstimatorFlight(
+                line=line, seed=seed, sensors=SENSORS, turbulence=turbulence, changes=changes
+            )
             for line in lines
             for seed in seeds
         ]
@@ -89,7 +91,7 @@ def wind_use(context: Context) -> Result:
 
 
 def _row(
-    turbulence: float, use: str, of: Score, e_rho_ratio: float, activity_ratio: float
+    turbulence: float, use: str, of: EstimatorScore, e_rho_ratio: float, activity_ratio: float
 ) -> tuple[str, ...]:
     return (
         f"{100 * turbulence:g} %",

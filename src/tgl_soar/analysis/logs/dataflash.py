@@ -21,7 +21,7 @@ from tgl_soar.analysis.logs.clocks import Straightened
 from tgl_soar.analysis.logs.flight_data import (
     Event,
     FlightData,
-    ModeChange,
+    LoggedMode,
     Series,
     changes_of,
     parameter_events,
@@ -227,7 +227,7 @@ def _wrapped(attitude: Series | None) -> Series | None:
     return replace(attitude, columns={**attitude.columns, "yaw_rad": yaw})
 
 
-def _modes(kinds: _Kinds, clocks: Straightened) -> tuple[ModeChange, ...]:
+def _modes(kinds: _Kinds, clocks: Straightened) -> tuple[LoggedMode, ...]:
     rows = kinds.get("MODE", {})
     numbers = rows.get("ModeNum", rows.get("Mode"))
     if numbers is None or numbers.dtype.kind not in "iuf":  # damage may have renamed it

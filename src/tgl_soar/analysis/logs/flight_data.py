@@ -105,7 +105,7 @@ class Event(NamedTuple):
     text: str
 
 
-class ModeChange(NamedTuple):
+class LoggedMode(NamedTuple):
     """From here on this mode; "" where nothing is known of it."""
 
     time_s: float
@@ -134,8 +134,8 @@ class FlightData:
     line: Series | None = None
     air: Series | None = None
     ages: Series | None = None
-    modes: tuple[ModeChange, ...] = ()  # of the module that soars
-    autopilot_modes: tuple[ModeChange, ...] = ()  # of the firmware
+    modes: tuple[LoggedMode, ...] = ()  # of the module that soars
+    autopilot_modes: tuple[LoggedMode, ...] = ()  # of the firmware
     events: tuple[Event, ...] = ()
     parameters: Mapping[str, float] = field(default_factory=dict)
     facts: Mapping[str, str] = field(default_factory=dict)  # versions, files, dates: name, words
@@ -255,12 +255,12 @@ def parameter_events(
     return events
 
 
-def changes_of(time_s: Floats, names: Sequence[str]) -> tuple[ModeChange, ...]:
+def changes_of(time_s: Floats, names: Sequence[str]) -> tuple[LoggedMode, ...]:
     """Modes, one name a sample, as the changes between them."""
-    found: list[ModeChange] = []
+    found: list[LoggedMode] = []
     for t, name in zip(time_s.tolist(), names, strict=True):
         if not found or found[-1].name != name:
-            found.append(ModeChange(t, name))
+            found.append(LoggedMode(t, name))
     return tuple(found)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tgl_soar.analysis.logs.flight_data import FlightData, ModeChange, Series
+from tgl_soar.analysis.logs.flight_data import FlightData, LoggedMode, Series
 
 
 def later_parts(path: Path) -> list[Path]:
@@ -62,6 +62,6 @@ def _series(name: str, timed: Sequence[tuple[FlightData, float]]) -> Series:
     return Series(np.maximum.accumulate(time_s), columns, first.source)
 
 
-def _modes(timed: Sequence[tuple[FlightData, float]]) -> tuple[ModeChange, ...]:
+def _modes(timed: Sequence[tuple[FlightData, float]]) -> tuple[LoggedMode, ...]:
     every = [mode._replace(time_s=mode.time_s + s) for p, s in timed for mode in p.modes]
     return tuple(mode for i, mode in enumerate(every) if i == 0 or every[i - 1].name != mode.name)

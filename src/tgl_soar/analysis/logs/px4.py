@@ -11,7 +11,7 @@ from tgl_soar.analysis.logs.flight_data import (
     RATES,
     Event,
     FlightData,
-    ModeChange,
+    LoggedMode,
     Series,
     changes_of,
     euler,
@@ -111,7 +111,7 @@ def _setpoints(topics: Topics) -> Series | None:
     return series(topics.time_s[name], name, pitch_rad=pitch, roll_rad=roll, heading_rad=unknown)
 
 
-def _modes(topics: Topics) -> tuple[ModeChange, ...]:
+def _modes(topics: Topics) -> tuple[LoggedMode, ...]:
     if not topics.has("vehicle_status", "nav_state"):
         return ()
     numbers = topics.column("vehicle_status", "nav_state").astype(int).tolist()

@@ -51,7 +51,7 @@ class LogError(ValueError):
     """A file of which nothing can be read; the message says why."""
 
 
-class Change(NamedTuple):
+class ParameterChange(NamedTuple):
     """A parameter has changed."""
 
     tick: int  # it acts from the tick after this one on; 0 in others' logs
@@ -75,7 +75,7 @@ class FlightLog:
     path: Path
     topics: Mapping[str, Topic]
     parameters: Mapping[str, float]
-    changes: list[Change] = field(default_factory=list)
+    changes: list[ParameterChange] = field(default_factory=list)
     words: list[Words] = field(default_factory=list)
     info: Mapping[str, Any] = field(default_factory=dict)
     texts: Mapping[str, str] = field(default_factory=dict)
@@ -244,19 +244,19 @@ def _next_message(data: bytes, at: int, end: int) -> int:
     return end
 
 
-def _changes(topics: Mapping[str, Topic], ulog: Any) -> list[Change]:
+def _changes(topics: Mapping[str, Topic], ulog: Any) -> list[ParameterChange]:
     """Parameters that changed: of our logs with the tick, of others' without."""
     ours = topics.get("parameter", {})
     if not ours.keys() >= set(_CHANGE):
         return [
-            Change(0, t * 1e-6, name, float(value))
+            ParameterChange(0, t * 1e-6, name, float(value))
             for t, name, value in ulog.changed_parameters
             if isinstance(value, int | float)  # damage may have made it no number
         ]
     rows = zip(*(ours[name].tolist() for name in _CHANGE), strict=True)
     names = list(ulog.initial_parameters)  # the log's own: another version may have others
     return [
-        Change(tick, t * 1e-6, names[index], value)
+        ParameterChange(tick, t * 1e-6, names[index], value)
         for tick, t, index, value in rows
         if index < len(names)
     ]

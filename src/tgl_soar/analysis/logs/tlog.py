@@ -24,7 +24,7 @@ from tgl_soar.analysis.logs.flight_data import (
     RATES,
     Event,
     FlightData,
-    ModeChange,
+    LoggedMode,
     Series,
     changes_of,
     euler,
@@ -53,7 +53,7 @@ _NUMPY: Final = {
 }  # fmt: skip
 
 
-class Kind(NamedTuple):
+class MessageColumns(NamedTuple):
     """All frames of one message, in the order in which they were recorded."""
 
     time_s: Floats  # recorded at
@@ -61,9 +61,9 @@ class Kind(NamedTuple):
     component: NDArray[np.uint8]
     columns: dict[str, NDArray[Any]]
 
-    def of(self, rows: NDArray[Any]) -> Kind:
+    def of(self, rows: NDArray[Any]) -> MessageColumns:
         """Some of them."""
-        return Kind(
+        return MessageColumns(
             self.time_s[rows],
             self.system[rows],
             self.component[rows],
@@ -101,12 +101,14 @@ class Tlog:
         stamps = np.array(frames.stamp_us, dtype=float)[rows] * 1e-6
         senders = np.array([frames.system, frames.component], dtype=np.uint8)[:, rows]
         places: dict[str, NDArray[np.intp]] = {}  # in the order of recording
-        self.kinds: dict[str, Kind] = {}
+        self.kinds: dict[str, MessageColumns] = {}
         for number in np.unique(numbers).tolist():
             name = mavlink.mavlink_map[number].msgname
             places[name] = own = np.flatnonzero(numbers == number)
             columns = _decoded(number, [frames.payload[i] for i in rows[own].tolist()])
-            self.kinds[name] = Kind(stamps[own], senders[0, own], senders[1, own], columns)
+            self.kinds[name] = MessageColumns(
+                stamps[own], senders[0, own], senders[1, own], columns
+            )
         time_s = self._flight_time(stamps, places)
         self.kinds = {
             name: kind._replace(time_s=time_s[places[name]]) for name, kind in self.kinds.items()
@@ -158,7 +160,7 @@ class Tlog:
             self.lost.append(f"{bad} frames with a wrong checksum")
         return good
 
-    def get(self, name: str, system: int, component: int = AUTOPILOT) -> Kind | None:
+    def get(self, name: str, system: int, component: int = AUTOPILOT) -> MessageColumns | None:
         """A message from one sender; None where it never sent it."""
         kind = self.kinds.get(name)
         if kind is None:
@@ -330,7 +332,7 @@ def _vehicle(log: Tlog) -> int:
     return int(np.bincount(every).argmax())
 
 
-def _from(kind: Kind | None, source: str, **columns: str) -> Series | None:
+def _from(kind: MessageColumns | None, source: str, **columns: str) -> Series | None:
     if kind is None:
         return None
     return series(kind.time_s, source, **{k: kind.columns[v] for k, v in columns.items()})
@@ -383,7 +385,7 @@ def _velocity(log: Tlog, system: int) -> Series | None:
     return series(kind.time_s, "GLOBAL_POSITION_INT", **columns)
 
 
-def _turned(log: Tlog, system: int) -> tuple[str, Kind | None]:
+def _turned(log: Tlog, system: int) -> tuple[str, MessageColumns | None]:
     """The message that tells the attitude, or tells it oftener."""
     turned, angles = (log.get(name, system) for name in ("ATTITUDE_QUATERNION", "ATTITUDE"))
     if turned is not None and (angles is None or len(turned.time_s) >= len(angles.time_s)):
@@ -433,7 +435,7 @@ def _outputs(log: Tlog, system: int) -> Series | None:
     return series(kind.time_s, "SERVO_OUTPUT_RAW", **used)
 
 
-def _autopilot_modes(log: Tlog, system: int) -> tuple[ModeChange, ...]:
+def _autopilot_modes(log: Tlog, system: int) -> tuple[LoggedMode, ...]:
     beats = log.get("HEARTBEAT", system)
     if beats is None:
         return ()
@@ -557,7 +559,7 @@ def _told_ages(told: _Told) -> Series | None:
     return _together(told, names)
 
 
-def _told_modes(told: _Told) -> tuple[ModeChange, ...]:
+def _told_modes(told: _Told) -> tuple[LoggedMode, ...]:
     if "soar_mode" not in told:
         return ()
     times, values = told["soar_mode"]

@@ -1,17 +1,15 @@
 """A logged flight through the same laws again.
 
 `replay` gives every tick the inputs that it had, and compares what `autopilot.step` makes of them
-with what was logged, bit for bit: a log is believed because it can be flown again.  With other
+with what was logged, bit for bit: a log can be trusted because it can be flown again.  With other
 parameters, or another airframe's, it shows what would have been commanded instead.  That is an
 open loop: the aircraft does not answer to the other commands.
 
-A replay begins at a logged state and takes up the thread at the next one wherever ticks are
-missing.  As every state in the log can be a beginning, stretches of a log are replayed side by
-side on all processors; each must end in the very state in which the next one begins.
+A replay begins at a logged state, and again at the next one where ticks are missing.  Stretches of
+a log are replayed in parallel on all processors; each must end in the state that the next has.
 
-Long logs are flown by the laws' compiled kernel (`compiled_ticks`) where there is one.  It makes
-the same bits wherever its sines and logarithms are the same; where anything of it is not as it was
-logged, the plain laws have the last word.
+Long logs are flown by the laws' compiled kernel (`compiled_ticks`) where there is one, and where
+anything of that differs from the log, by the plain laws, whose result counts.
 """
 
 from __future__ import annotations
@@ -57,7 +55,7 @@ from tgl_soar.onboard.flightlog.declaration import (
     rows_type,
 )
 from tgl_soar.onboard.flightlog.writer import clamped
-from tgl_soar.onboard.setup import Setup, laws_of, setup_from
+from tgl_soar.onboard.setup import ModuleSetup, laws_of, setup_from
 from tgl_soar.types import NAN, NO_ATTITUDE, NO_FIX, AutopilotStatus, Inputs
 
 STRETCH: Final = 2000  # ticks: less is not worth another process
@@ -85,7 +83,7 @@ class ReplayError(ValueError):
     """A log that cannot be replayed; the message says why."""
 
 
-class Difference(NamedTuple):
+class ReplayDifference(NamedTuple):
     """How one field of the replay differs from the log."""
 
     name: str
@@ -101,7 +99,7 @@ class Replay:
     time_s: Array  # of the ticks that were replayed, shape (n,)
     logged: Mapping[str, Array]  # their columns of the topic `tick`, shape (n,) each
     replayed: Mapping[str, Array]
-    differences: list[Difference]  # the largest first; empty: the same in every bit
+    differences: list[ReplayDifference]  # the largest first; empty: the same in every bit
     left_out: int  # ticks whose state before is not in the log
     took_s: float  # without compiling
     changed: bool  # with other parameters than those of the log
@@ -141,7 +139,7 @@ class _Flight(NamedTuple):
     kernel: Ticks | None  # where it is compiled
 
 
-class _Flown(NamedTuple):
+class _LoggedTicks(NamedTuple):
     """What came of a stretch."""
 
     rows: bytes
@@ -341,7 +339,7 @@ def _states(log: FlightLog, notes: list[str]) -> list[tuple[int, bool, Autopilot
 
 def _configuration(
     log: FlightLog, airframe: str | Path | None, notes: list[str]
-) -> tuple[Setup, dict[str, float]]:
+) -> tuple[ModuleSetup, dict[str, float]]:
     """What the module was set up with, and the parameters that another airframe file changes."""
     missing = [name for name in ("airframe", "site") if name not in log.texts]
     if missing:
@@ -422,7 +420,7 @@ def _parameters(
 _shared: _Flight | None = None  # what forked workers find in their memory
 
 
-def _fly_all(flight: _Flight, workers: int) -> list[_Flown]:
+def _fly_all(flight: _Flight, workers: int) -> list[_LoggedTicks]:
     """The whole flight, in stretches side by side where that is worth it."""
     global _shared
     edges = _edges(flight, workers)
@@ -452,12 +450,12 @@ def _edges(flight: _Flight, workers: int) -> list[int]:
     return sorted(set(edges))
 
 
-def _fly_shared(begin: int, end: int) -> _Flown:
+def _fly_shared(begin: int, end: int) -> _LoggedTicks:
     assert _shared is not None
     return _fly(_shared, begin, end)
 
 
-def _fly(flight: _Flight, begin: int, end: int) -> _Flown:
+def _fly(flight: _Flight, begin: int, end: int) -> _LoggedTicks:
     """From one tick to before another."""
     size = record_size("tick")
     rows = bytearray(size * (end - begin))
@@ -481,7 +479,7 @@ def _fly(flight: _Flight, begin: int, end: int) -> _Flown:
     last = flight.cuts.get(end)
     if last is not None and end < len(flight.ticks):
         _taken_up(flight, end, last, state, torn)
-    return _Flown(bytes(rows), known, torn)
+    return _LoggedTicks(bytes(rows), known, torn)
 
 
 def _taken_up(
@@ -581,7 +579,9 @@ def _stretch_compiled(
     return state
 
 
-def _differences(logged: Mapping[str, Array], replayed: Mapping[str, Array]) -> list[Difference]:
+def _differences(
+    logged: Mapping[str, Array], replayed: Mapping[str, Array]
+) -> list[ReplayDifference]:
     """Fields that are not the same in every bit; any NaN is as good as another."""
     found = []
     for name, a in logged.items():
@@ -596,5 +596,5 @@ def _differences(logged: Mapping[str, Array], replayed: Mapping[str, Array]) -> 
             size = np.where(unlike, np.nan_to_num(np.abs(x - y), nan=np.inf), 0.0)
         worst = int(np.argmax(size))
         at = float(logged["time_s"][worst])
-        found.append(Difference(name, int(unlike.sum()), float(size[worst]), at))
+        found.append(ReplayDifference(name, int(unlike.sum()), float(size[worst]), at))
     return sorted(found, key=lambda d: d.largest, reverse=True)

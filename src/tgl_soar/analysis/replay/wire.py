@@ -46,7 +46,7 @@ _LATE_S: Final = 0.1  # against the earliest, for so long as below: no link, a c
 _LATE_FOR_S: Final = 0.5
 
 
-class Frame(NamedTuple):
+class TlogFrame(NamedTuple):
     """One frame of a `.tlog`."""
 
     unix_us: int
@@ -82,7 +82,7 @@ class WireReplay:
         return np.array(values)
 
 
-def read_wire(path: str | Path) -> tuple[list[Frame], list[str]]:
+def read_wire(path: str | Path) -> tuple[list[TlogFrame], list[str]]:
     """The frames of a `.tlog`, and what of it is none.  Errors: `LogError`."""
     try:
         data = Path(path).read_bytes()
@@ -90,7 +90,7 @@ def read_wire(path: str | Path) -> tuple[list[Frame], list[str]]:
         raise LogError(f"{path}: cannot be read: {error.strerror}") from None
     if not data:
         raise LogError(f"{path}: empty: nothing was recorded")
-    frames: list[Frame] = []
+    frames: list[TlogFrame] = []
     lost = at = right = 0
     while at < len(data):
         length, checked = _length(data, at + _STAMP)
@@ -98,7 +98,7 @@ def read_wire(path: str | Path) -> tuple[list[Frame], list[str]]:
         if length:
             end = at + _STAMP + length
             frames.append(
-                Frame(int.from_bytes(data[at : at + _STAMP], "big"), data[at + _STAMP : end])
+                TlogFrame(int.from_bytes(data[at : at + _STAMP], "big"), data[at + _STAMP : end])
             )
             at = end
         else:
@@ -160,7 +160,7 @@ class _Again:
         self._changes = changes
         self._asked = False  # to engage
 
-    def take(self, frame: Frame, message: Any, now_s: float) -> None:
+    def take(self, frame: TlogFrame, message: Any, now_s: float) -> None:
         """One frame, and its message; None: it is none that pymavlink knows."""
         self.now_s = now_s
         source = (message.get_srcSystem(), message.get_srcComponent()) if message else (0, 0)
@@ -268,7 +268,7 @@ def replay_wire(
     )
 
 
-def _decoded(frames: list[Frame]) -> Iterator[tuple[Frame, Any]]:
+def _decoded(frames: list[TlogFrame]) -> Iterator[tuple[TlogFrame, Any]]:
     """Every frame with its message; None where pymavlink makes nothing of it."""
     decoder = mavlink.MAVLink(None)
     for frame in frames:
@@ -278,7 +278,7 @@ def _decoded(frames: list[Frame]) -> Iterator[tuple[Frame, Any]]:
             yield frame, None
 
 
-def _first_values(decoded: list[tuple[Frame, Any]], own: tuple[int, int]) -> dict[str, float]:
+def _first_values(decoded: list[tuple[TlogFrame, Any]], own: tuple[int, int]) -> dict[str, float]:
     """What the module first said of each of its parameters, unless it was set before."""
     found: dict[str, float] = {}
     was_set: set[str] = set()
@@ -295,7 +295,7 @@ def _first_values(decoded: list[tuple[Frame, Any]], own: tuple[int, int]) -> dic
     return {n: v for n, v in found.items() if n in INDEX and n not in ("OP_ENGAGE", "TGL_STAGE")}
 
 
-def _arrivals(frames: list[Frame]) -> list[float]:
+def _arrivals(frames: list[TlogFrame]) -> list[float]:
     """When each frame was recorded, from the first on, without silences and leaps of the clock."""
     times_s = [0.0]
     for before, after in pairwise(frames):
@@ -304,7 +304,7 @@ def _arrivals(frames: list[Frame]) -> list[float]:
     return times_s
 
 
-def _keeps_pace(decoded: list[tuple[Frame, Any]], arrivals_s: list[float], system: int) -> bool:
+def _keeps_pace(decoded: list[tuple[TlogFrame, Any]], arrivals_s: list[float], system: int) -> bool:
     """Whether the vehicle's clock runs with the recorder's, all the time.
 
     The clock of a simulation that waits for a slow computer stands meanwhile: from then on every

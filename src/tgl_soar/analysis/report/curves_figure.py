@@ -11,7 +11,7 @@ from tgl_soar.analysis.report.style import drawing, save
 
 
 @dataclass(frozen=True)
-class Series:
+class DrawnCurve:
     """One curve or set of points; x and y in the panel's units, of one length."""
 
     x: Sequence[float]
@@ -48,7 +48,7 @@ class CurvePanel:
     title: str
     x_label: str
     y_label: str
-    series: list[Series]
+    series: list[DrawnCurve]
     notes: list[Note] = field(default_factory=list)
     marks: list[Mark] = field(default_factory=list)
     y_from_zero: bool = False

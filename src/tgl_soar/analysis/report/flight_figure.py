@@ -31,7 +31,7 @@ class Trace:
 
 
 @dataclass(frozen=True)
-class Panel:
+class HistoryPanel:
     """One time history."""
 
     label: str  # with its unit
@@ -40,7 +40,7 @@ class Panel:
 
 
 @dataclass(frozen=True)
-class Air:
+class MapAir:
     """The air of the map, at up to two times: the second contour is dashed."""
 
     field: WindField
@@ -61,11 +61,11 @@ class Spans:
 
 def flight_figure(
     path: Path,
-    air: Air,
+    air: MapAir,
     lines: list[DrawnLine],
     flown_x_m: Floats,
     flown_z_m: Floats,
-    panels: list[Panel],
+    panels: list[HistoryPanel],
     title: str,
     spans: Spans | None = None,
 ) -> None:
@@ -105,7 +105,7 @@ def flight_figure(
         save(plt, figure, path)
 
 
-def _later_contour(axes: Any, air: Air) -> None:
+def _later_contour(axes: Any, air: MapAir) -> None:
     assert air.later_s is not None
     width = air.bounds[1] - air.bounds[0]
     label: str | None = air.later_label
@@ -115,7 +115,7 @@ def _later_contour(axes: Any, air: Air) -> None:
             label = None
 
 
-def _time_histories(figure: Any, panels: list[Panel], spans: Spans) -> None:
+def _time_histories(figure: Any, panels: list[HistoryPanel], spans: Spans) -> None:
     rows = figure.subplots(len(panels), 1, sharex=True, squeeze=False)
     for i, (panel, (axes,)) in enumerate(zip(panels, rows, strict=True)):
         for begin, end, word in spans.items:

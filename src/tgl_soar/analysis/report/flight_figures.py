@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from tgl_soar.air.field import WindField
 from tgl_soar.air.zeuc import Bounds, ZeucError, contour
-from tgl_soar.analysis.logs.flight_data import FlightData, ModeChange, Series
-from tgl_soar.analysis.report.legs import FLYING, Leg, Line
+from tgl_soar.analysis.logs.flight_data import FlightData, LoggedMode, Series
+from tgl_soar.analysis.report.legs import FLYING, Line, ReportLeg
 from tgl_soar.analysis.report.smooth_map import draw_smooth_map
 from tgl_soar.analysis.report.spectra import Spectrum
 from tgl_soar.analysis.report.style import GROUND, LEG_COLOURS, plain_number
@@ -81,9 +81,9 @@ def span_of(flight: FlightData) -> Span:
     return max(0.0, flown[0][0] - margin), min(flight.duration_s, flown[-1][1] + margin)
 
 
-def mode_spans(modes: Sequence[ModeChange], end_s: float) -> list[tuple[float, float, str]]:
+def mode_spans(modes: Sequence[LoggedMode], end_s: float) -> list[tuple[float, float, str]]:
     """From when to when each mode lasted."""
-    following = zip(modes, [*modes[1:], ModeChange(end_s, "")], strict=False)
+    following = zip(modes, [*modes[1:], LoggedMode(end_s, "")], strict=False)
     return [(mode.time_s, after.time_s, mode.name) for mode, after in following]
 
 
@@ -105,7 +105,9 @@ def thinned(time_s: Floats, values: Floats, points: int = POINTS) -> tuple[Float
 # --- the vertical plane ---------------------------------------------------------------------
 
 
-def plane_figure(plt: Any, flight: FlightData, legs: Sequence[Leg], known: Surroundings) -> Any:
+def plane_figure(
+    plt: Any, flight: FlightData, legs: Sequence[ReportLeg], known: Surroundings
+) -> Any:
     """Updraft and contour, where the air is known; lines; the path coloured by time."""
     path = flown_path(flight)
     if path is None:
@@ -136,7 +138,9 @@ def plane_figure(plt: Any, flight: FlightData, legs: Sequence[Leg], known: Surro
     return figure
 
 
-def places_figure(plt: Any, flight: FlightData, legs: Sequence[Leg], known: Surroundings) -> Any:
+def places_figure(
+    plt: Any, flight: FlightData, legs: Sequence[ReportLeg], known: Surroundings
+) -> Any:
     """Each leg from near: its line, its place on the contour, and the path held there."""
     path = flown_path(flight)
     if path is None or not legs:
@@ -172,7 +176,7 @@ def flown_path(flight: FlightData) -> Series | None:
     return Series(path.time_s[known], columns, path.source)
 
 
-def _bounds(path: Series, legs: Sequence[Leg]) -> Bounds:
+def _bounds(path: Series, legs: Sequence[ReportLeg]) -> Bounds:
     """The path and the legs' places with some air around, in the shape of the page."""
     places = [leg.place for leg in legs if leg.place is not None]
     x = np.concatenate([path["x_m"], [p[0] for p in places], [leg.line[0] for leg in legs]])
@@ -235,7 +239,7 @@ def _contour(axes: Axes, known: Surroundings, bounds: Bounds, label: str | None)
             label = None
 
 
-def _lines(axes: Axes, legs: Sequence[Leg], bounds: Bounds) -> None:
+def _lines(axes: Axes, legs: Sequence[ReportLeg], bounds: Bounds) -> None:
     """Each line once, however often it was flown; open circles where it meets the contour."""
     reach = 2.0 * hypot(bounds[1] - bounds[0], bounds[3] - bounds[2])
     drawn: dict[Line, None] = {}
@@ -272,7 +276,7 @@ def _coloured_path(axes: Axes, path: Series) -> Any:
     return lines
 
 
-def _place(axes: Axes, held: Series, leg: Leg, known: Surroundings, colour: str) -> None:
+def _place(axes: Axes, held: Series, leg: ReportLeg, known: Surroundings, colour: str) -> None:
     x0, z0, eta = leg.line
     mean = leg.score.mean_x_m, leg.score.mean_z_m
     middle = (
@@ -340,7 +344,7 @@ class TimePanel:
 
 
 def history_figure(
-    plt: Any, flight: FlightData, legs: Sequence[Leg], panels: Sequence[TimePanel]
+    plt: Any, flight: FlightData, legs: Sequence[ReportLeg], panels: Sequence[TimePanel]
 ) -> Any:
     """The panels that have a curve above each other, modes and events on top, on one time axis."""
     panels = [panel for panel in panels if panel.curves]

@@ -33,7 +33,7 @@ from tgl_soar.analysis.report.flight_figures import (
     span_of,
     spectra_figure,
 )
-from tgl_soar.analysis.report.legs import FLYING, Leg, legs_of
+from tgl_soar.analysis.report.legs import FLYING, ReportLeg, legs_of
 from tgl_soar.analysis.report.page_style import STYLE
 from tgl_soar.analysis.report.spectra import SEGMENT_S, Spectrum, spectrum_of
 from tgl_soar.analysis.report.streams import Stream, streams_of
@@ -56,7 +56,7 @@ class Analysis(NamedTuple):
     """What is told of a flight, in numbers."""
 
     flight: FlightData
-    legs: list[Leg]
+    legs: list[ReportLeg]
     tracking: Spectrum | None
     updraft: Spectrum | None
     streams: list[Stream]
@@ -268,7 +268,7 @@ def _number(value: float) -> float | None:
     return value if isfinite(value) else None
 
 
-def _lean(leg: Leg) -> float:
+def _lean(leg: ReportLeg) -> float:
     return degrees(leg.line[2] - 0.5 * pi)
 
 
@@ -355,7 +355,7 @@ def _notes(analysis: Analysis) -> str:
     return parts
 
 
-def _legs_table(legs: Sequence[Leg]) -> str:
+def _legs_table(legs: Sequence[ReportLeg]) -> str:
     if not legs:
         return ""
     rows = []

@@ -26,7 +26,7 @@ FLYING = ("capturing", "soaring", "holding", "recovering")  # modes in which the
 
 
 @dataclass(frozen=True)
-class Leg:
+class ReportLeg:
     """One stand of the line."""
 
     name: str
@@ -47,11 +47,11 @@ def legs_of(
     flight: FlightData,
     named: Mapping[str, Line],
     air: tuple[WindField, GlidePolar] | None,
-) -> list[Leg]:
+) -> list[ReportLeg]:
     """The legs in their order; named: lines of the site, whose names the legs then have."""
     if flight.path is None or flight.line is None:
         return []
-    legs: list[Leg] = []
+    legs: list[ReportLeg] = []
     for begin, end, line in stands(flight):
         part = flight.path.within(begin, end)
         known = np.isfinite(part["x_m"]) & np.isfinite(part["z_m"])
@@ -63,7 +63,7 @@ def legs_of(
         place = None if crossing is None else (crossing.x_m, crossing.z_m)
         score = score_leg(name, line, place, time, x, z)
         sigma = nan if place is None else _distance_sigma(line, place, time, x, z)
-        legs.append(Leg(name, line, float(time[0]), float(time[-1]), score, crossing, sigma))
+        legs.append(ReportLeg(name, line, float(time[0]), float(time[-1]), score, crossing, sigma))
     return legs
 
 

@@ -6,13 +6,13 @@ from typing import Final
 
 from tgl_soar.link.autopilots.ardupilot import ArduPilot
 from tgl_soar.link.autopilots.base import CommandRoute, Flavour, SurfaceChannels
-from tgl_soar.link.autopilots.bridge import Bridge
+from tgl_soar.link.autopilots.bridge import BridgeAutopilot
 from tgl_soar.link.autopilots.paparazzi import Paparazzi
 
 from .px4 import Px4
 
-_FIRMWARES: Final[dict[str, type[ArduPilot | Bridge | Paparazzi | Px4]]] = {
-    kind.name: kind for kind in (ArduPilot, Px4, Paparazzi, Bridge)
+_FIRMWARES: Final[dict[str, type[ArduPilot | BridgeAutopilot | Paparazzi | Px4]]] = {
+    kind.name: kind for kind in (ArduPilot, Px4, Paparazzi, BridgeAutopilot)
 }
 FIRMWARES: Final = tuple(_FIRMWARES)
 

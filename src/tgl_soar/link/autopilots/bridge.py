@@ -8,7 +8,7 @@ from tgl_soar.link.autopilots.ardupilot import BY_OVERRIDE, OVERRIDE, POSES, Ard
 from tgl_soar.link.autopilots.requirements import Needs, Requirement
 
 
-class Bridge(ArduPilot):
+class BridgeAutopilot(ArduPilot):
     """`tools/sitl_bridge.py`."""
 
     name: ClassVar[str] = "bridge"

@@ -58,7 +58,7 @@ class Stop(NamedTuple):
     servos_us: tuple[int, ...]  # all outputs; (): nothing came back
 
 
-class Finding(NamedTuple):
+class SurfaceFinding(NamedTuple):
     """What the outputs show of one surface."""
 
     surface: str
@@ -176,7 +176,7 @@ class SurfaceCheck:
         self._since_s = float("nan")
         self._sent_s = float("-inf")
 
-    def findings(self) -> list[Finding]:
+    def findings(self) -> list[SurfaceFinding]:
         """What the outputs show of each surface that has been at all stops."""
         found = []
         for name, channel in zip(NAMES, self._channels, strict=True):
@@ -190,12 +190,12 @@ class SurfaceCheck:
         return SurfaceCommand(*(deflection if name == surface else 0.0 for name in NAMES))
 
 
-def finding(surface: str, channel: SurfaceChannel, stops: list[Stop]) -> Finding:
+def finding(surface: str, channel: SurfaceChannel, stops: list[Stop]) -> SurfaceFinding:
     """Compare the outputs at neutral, one way, the other way and neutral with the file."""
     output = channel.channel - 1
     if any(len(stop.servos_us) <= output or stop.servos_us[output] == 0 for stop in stops):
         words = f"output {channel.channel} cannot be read back: no SERVO_OUTPUT_RAW, or not driven"
-        return Finding(surface, (words,), *(float("nan"),) * 3)
+        return SurfaceFinding(surface, (words,), *(float("nan"),) * 3)
     neutral, positive, negative, again = (stop.servos_us[output] for stop in stops)
     expected = [stop.expected_us for stop in stops]
     faults: list[str] = []
@@ -227,6 +227,6 @@ def finding(surface: str, channel: SurfaceChannel, stops: list[Stop]) -> Finding
     ]
     if others:
         faults.append(f"moves output {', '.join(others)} too: a mixer, or a channel used twice")
-    return Finding(
+    return SurfaceFinding(
         surface=surface, faults=tuple(faults), trim_us=neutral, low_us=negative, high_us=positive
     )

@@ -9,7 +9,7 @@ from typing import Final
 
 from tgl_soar.link.messages import SEVERITY_INFO, SEVERITY_WARNING
 from tgl_soar.link.natnet.clock import ServerClock
-from tgl_soar.link.natnet.layout import Frame
+from tgl_soar.link.natnet.layout import MocapFrame
 from tgl_soar.link.natnet.ledger import OptitrackLedger
 
 ODD_S: Final = 1.0  # no frame is sent so long after its exposure, no echo answered so late
@@ -59,7 +59,7 @@ class FrameTimes:
         if self.clock.restarts != restarts:
             self.reset()
 
-    def time_of(self, frame: Frame, now_s: float) -> float | None:
+    def time_of(self, frame: MocapFrame, now_s: float) -> float | None:
         """On the loop's clock; None: the frame is not used."""
         counters = self._counters
         sent = frame.sent_ticks or frame.exposed_ticks

@@ -97,7 +97,7 @@ class RigidBody(NamedTuple):
         return self.flags & _TRACKED != 0
 
 
-class Frame(NamedTuple):
+class MocapFrame(NamedTuple):
     """What is wanted of one frame.  Ticks are of the server's clock; 0: not known."""
 
     number: int
@@ -144,7 +144,7 @@ def message_of(data: bytes) -> int:
     return int(number)
 
 
-def frame_of(data: bytes, version: Version, wanted: int) -> Frame:
+def frame_of(data: bytes, version: Version, wanted: int) -> MocapFrame:
     """A frame with the rigid body of the wanted id, if it has it.  Errors: `Malformed`."""
     try:
         (number,) = _COUNT.unpack_from(data, HEADER.size)
@@ -165,7 +165,7 @@ def frame_of(data: bytes, version: Version, wanted: int) -> Frame:
         raise Malformed("it ends too early") from None
     if tail not in (0, _END_MARK_BYTES) and version <= NEWEST:
         raise Malformed(f"{tail} bytes follow its end")
-    return Frame(number, body, bodies, *suffix)
+    return MocapFrame(number, body, bodies, *suffix)
 
 
 def bodies_of(data: bytes, version: Version) -> list[RigidBody]:

@@ -11,7 +11,7 @@ from tgl_soar.link.natnet.layout import RigidBody
 from tgl_soar.types import NAN
 
 
-class Row(NamedTuple):
+class BodyRow(NamedTuple):
     """One body."""
 
     id: int
@@ -48,7 +48,7 @@ class BodyListing:
             body_record.tracked += body.is_tracked
             body_record.last_s, body_record.age_s, body_record.pose = now_s, age_s, body
 
-    def rows(self, models: dict[str, int], now_s: float) -> list[Row]:
+    def rows(self, models: dict[str, int], now_s: float) -> list[BodyRow]:
         """Every body that was in a frame, by its id, with its name among the definitions."""
         names = {number: name for name, number in models.items()}
         rows = []
@@ -57,7 +57,7 @@ class BodyListing:
                 continue
             over_s = body_record.last_s - body_record.first_s
             rows.append(
-                Row(
+                BodyRow(
                     id=number,
                     name=names.get(number, ""),
                     tracked=body_record.pose.is_tracked,

@@ -10,7 +10,7 @@ from tgl_soar.sim.routing import LinkId
 from tgl_soar.sim.world import World
 
 
-class Autopilot(Protocol):
+class SimulatedAutopilot(Protocol):
     """What speaks for the vehicle on its links."""
 
     @property
@@ -47,7 +47,7 @@ class Simulated(Protocol):
     crashes: int
 
     @property
-    def pixhawk(self) -> Autopilot:
+    def pixhawk(self) -> SimulatedAutopilot:
         """What speaks for the vehicle."""
         ...
 

@@ -30,7 +30,7 @@ from tgl_soar.config.site import Site
 from tgl_soar.sim.channels import NEUTRAL, ordered
 from tgl_soar.sim.firmware import FirmwareError, program
 from tgl_soar.sim.firmware.relay import FirmwareLink, Relay
-from tgl_soar.sim.firmware.sensors import Place, Readings
+from tgl_soar.sim.firmware.sensors import GpsPlace, Readings
 from tgl_soar.sim.firmware.simulation import Sticks
 from tgl_soar.types import SurfaceCommand
 
@@ -202,7 +202,7 @@ def hil_sensor(readings: Readings) -> Any:
     )
 
 
-def hil_gps(place: Place, time_us: int) -> Any:
+def hil_gps(place: GpsPlace, time_us: int) -> Any:
     """A fix in three dimensions of a dozen satellites."""
     north, east, down = (_cm(speed) for speed in place.velocity_ned_mps)
     return mavlink.MAVLink_hil_gps_message(
@@ -335,7 +335,7 @@ GAINS: Final[Mapping[str, float]] = {
 }
 
 
-class Px4(Px4Physics):
+class Px4Program(Px4Physics):
     """A PX4 of our own, started with its links relayed.
 
     Ends with the process that made it.
@@ -396,9 +396,9 @@ class Px4(Px4Physics):
 
 def start(
     binary: Path, folder: Path, airframe: Airframe, site: Site, parameters: Mapping[str, float]
-) -> tuple[Px4, Relay]:
+) -> tuple[Px4Program, Relay]:
     """A PX4 set up for an airframe, a site and what differs.  Errors: `FirmwareError`, OSError."""
     by_sticks = airframe.autopilot.route == "manual_control"
     usual = flight_parameters(airframe, gps=site.mocap is None, by_sticks=by_sticks)
-    px4 = Px4(binary, folder, airframe.surfaces, {**usual, **parameters})
+    px4 = Px4Program(binary, folder, airframe.surfaces, {**usual, **parameters})
     return px4, px4.relay(airframe.autopilot.system_id)

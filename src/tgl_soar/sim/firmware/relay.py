@@ -24,7 +24,7 @@ from typing import Any, BinaryIO, Final
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.sim.ports import Address
-from tgl_soar.sim.routing import Frame, LinkId, split_frames
+from tgl_soar.sim.routing import LinkId, RoutedFrame, split_frames
 
 OWN: Final = mavlink.MAV_COMP_ID_UDP_BRIDGE
 LARGEST: Final = 4096
@@ -192,7 +192,7 @@ class Relay:
         """The stamp of the last TIMESYNC answered on a link; 0: none."""
         return self._answered_ns.get(link, 0)
 
-    def _is_passed(self, link: LinkId, ground: bool, frame: Frame) -> bool:
+    def _is_passed(self, link: LinkId, ground: bool, frame: RoutedFrame) -> bool:
         message = frame.message
         kind = message.get_type()
         if kind == "TIMESYNC" and message.tc1 and message.ts1 == self._asked_ns.get(link):

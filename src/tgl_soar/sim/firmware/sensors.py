@@ -66,7 +66,7 @@ GNSS = PositionParams(
 )
 
 
-class Place(NamedTuple):
+class GpsPlace(NamedTuple):
     """Where a GPS fix is, and how fast it moves."""
 
     latitude_deg: float
@@ -95,7 +95,7 @@ class Readings(NamedTuple):
     height_m: float  # above mean sea level, by the pressure
     temperature_c: float
     differential_pressure_pa: float | None
-    gps: Place | None
+    gps: GpsPlace | None
     motion: Motion
 
 
@@ -150,7 +150,7 @@ class FirmwareSensors:
         if world.airspeed.sequence > self._pitot_taken:
             self._pitot_taken = world.airspeed.sequence
             differential = 0.5 * self._density_kgpm3 * world.airspeed.airspeed_mps**2
-        gps: Place | None = None
+        gps: GpsPlace | None = None
         if self._has_gps and world.position.sequence > self._fixes_taken:
             self._fixes_taken = world.position.sequence
             gps = self._place(world.position)
@@ -191,9 +191,9 @@ class FirmwareSensors:
         noise = MAGNETIC_NOISE_GAUSS
         return self._gauss(x, noise), self._gauss(y, noise), self._gauss(z, noise)
 
-    def _place(self, fix: PositionFix) -> Place:
+    def _place(self, fix: PositionFix) -> GpsPlace:
         at = geodetic(self.home, fix.north_m, fix.east_m, fix.down_m)
-        return Place(*at, fix[5:8])
+        return GpsPlace(*at, fix[5:8])
 
 
 def pressure_pa(height_m: float) -> float:

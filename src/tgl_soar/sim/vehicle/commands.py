@@ -7,7 +7,7 @@ from typing import Final, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.sim.routing import Frame
+from tgl_soar.sim.routing import RoutedFrame
 from tgl_soar.sim.vehicle.message_streams import MessageStreams
 from tgl_soar.sim.vehicle.vehicle_links import VehicleLink
 
@@ -31,7 +31,7 @@ class Commanded(Protocol):
         ...
 
 
-def take_command(vehicle: Commanded, link: VehicleLink, frame: Frame) -> None:
+def take_command(vehicle: Commanded, link: VehicleLink, frame: RoutedFrame) -> None:
     """Execute one command and acknowledge it."""
     command = int(frame.message.command)
     result = _execute(vehicle, link, frame, command)
@@ -40,7 +40,7 @@ def take_command(vehicle: Commanded, link: VehicleLink, frame: Frame) -> None:
     )
 
 
-def _execute(vehicle: Commanded, link: VehicleLink, frame: Frame, command: int) -> int:
+def _execute(vehicle: Commanded, link: VehicleLink, frame: RoutedFrame, command: int) -> int:
     """The MAV_RESULT of a command."""
     one, two = float(frame.message.param1), float(frame.message.param2)
     if not (isfinite(one) and isfinite(two)):

@@ -10,9 +10,9 @@ from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.sim.routing import Frame
+from tgl_soar.sim.routing import RoutedFrame
 from tgl_soar.sim.vehicle.firmware_parameters import FirmwareParameters
-from tgl_soar.sim.vehicle.reports import Reports
+from tgl_soar.sim.vehicle.reports import VehicleReports
 from tgl_soar.sim.vehicle.vehicle_clock import VehicleClock
 from tgl_soar.sim.vehicle.vehicle_links import MessageStream, VehicleLink
 
@@ -51,7 +51,7 @@ class MessageStreams:
     """The streams of every link."""
 
     def __init__(
-        self, clock: VehicleClock, parameters: FirmwareParameters, reports: Reports
+        self, clock: VehicleClock, parameters: FirmwareParameters, reports: VehicleReports
     ) -> None:
         self._clock = clock
         self._parameters = parameters
@@ -68,7 +68,7 @@ class MessageStreams:
         every_step = MessageStream(1, self._clock.steps + 1)
         link.streams[mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION] = every_step
 
-    def take_request(self, link: VehicleLink, frame: Frame) -> None:
+    def take_request(self, link: VehicleLink, frame: RoutedFrame) -> None:
         """REQUEST_DATA_STREAM: a group of streams, or all."""
         message = frame.message
         group = int(message.req_stream_id)

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.sim.routing import Frame
+from tgl_soar.sim.routing import RoutedFrame
 from tgl_soar.sim.vehicle.firmware_parameters import FirmwareParameters
 from tgl_soar.sim.vehicle.vehicle_links import VehicleLink, VehicleLinks
 
@@ -26,7 +26,7 @@ class ParameterService:
         self._parameters = parameters
         self._links = links
 
-    def take_set(self, link: VehicleLink, frame: Frame) -> None:
+    def take_set(self, link: VehicleLink, frame: RoutedFrame) -> None:
         """PARAM_SET."""
         name = str(frame.message.param_id)
         if name not in self._parameters:
@@ -38,7 +38,7 @@ class ParameterService:
         else:
             link.post(self._value(name))  # unchanged
 
-    def take_read(self, link: VehicleLink, frame: Frame) -> None:
+    def take_read(self, link: VehicleLink, frame: RoutedFrame) -> None:
         """PARAM_REQUEST_READ, by index or by name."""
         names = self._parameters.names
         index = int(frame.message.param_index)
@@ -48,7 +48,7 @@ class ParameterService:
         elif name in self._parameters:
             link.post(self._value(name))
 
-    def take_list(self, link: VehicleLink, _frame: Frame) -> None:
+    def take_list(self, link: VehicleLink, _frame: RoutedFrame) -> None:
         """PARAM_REQUEST_LIST."""
         link.parameters_to_send = deque(range(len(self._parameters.names)))
 

@@ -26,7 +26,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tgl_soar.config.airframe import Surfaces
 from tgl_soar.config.site import HomePosition
 from tgl_soar.sim.channels import CHANNELS, NEUTRAL
-from tgl_soar.sim.routing import Frame, LinkId, split_frames
+from tgl_soar.sim.routing import LinkId, RoutedFrame, split_frames
 from tgl_soar.sim.vehicle.commands import take_command
 from tgl_soar.sim.vehicle.external_pose import ExternalPose
 from tgl_soar.sim.vehicle.firmware_parameters import FirmwareParameters
@@ -35,7 +35,7 @@ from tgl_soar.sim.vehicle.message_streams import MessageStreams
 from tgl_soar.sim.vehicle.modes import FBWA, MANUAL, MODE_NAMES, FlightStatus
 from tgl_soar.sim.vehicle.onlooker_events import OnlookerEvents
 from tgl_soar.sim.vehicle.parameter_service import ParameterService
-from tgl_soar.sim.vehicle.reports import Reports
+from tgl_soar.sim.vehicle.reports import VehicleReports
 from tgl_soar.sim.vehicle.sensed import GROUNDED, Sensed
 from tgl_soar.sim.vehicle.surface_outputs import SurfaceOutputs
 from tgl_soar.sim.vehicle.vehicle_clock import VehicleClock
@@ -85,7 +85,7 @@ class Pixhawk:
         self.outputs = SurfaceOutputs(
             surfaces, self.parameters, LevelFlight(trim_pitch_rad), step_hz
         )
-        self._reports = Reports(
+        self._reports = VehicleReports(
             self._clock, self._status, self.outputs, home, allow_odometry=allow_odometry
         )
         self.streams = MessageStreams(self._clock, self.parameters, self._reports)
@@ -94,7 +94,7 @@ class Pixhawk:
         self._own_attitude = GROUNDED.attitude  # as its own control has it
         self._events = OnlookerEvents()
         self._decoder = mavlink.MAVLink(None)
-        self._handlers: dict[int, Callable[[VehicleLink, Frame], None]] = {
+        self._handlers: dict[int, Callable[[VehicleLink, RoutedFrame], None]] = {
             mavlink.MAVLINK_MSG_ID_RC_CHANNELS_OVERRIDE: self._take_override,
             mavlink.MAVLINK_MSG_ID_VISION_POSITION_ESTIMATE: self._take_pose,
             mavlink.MAVLINK_MSG_ID_ODOMETRY: self._take_pose,
@@ -305,7 +305,7 @@ class Pixhawk:
 
     # --- what arrives ----------------------------------------------------------------------
 
-    def _take_frame(self, number: LinkId, link: VehicleLink, frame: Frame) -> None:
+    def _take_frame(self, number: LinkId, link: VehicleLink, frame: RoutedFrame) -> None:
         own_system = int(self.parameters["SYSID_THISMAV"])
         if (frame.system, frame.component) == (own_system, COMPONENT):
             self._events.add_once(
@@ -320,7 +320,7 @@ class Pixhawk:
             if handler is not None:
                 handler(link, frame)
 
-    def _take_override(self, _link: VehicleLink, frame: Frame) -> None:
+    def _take_override(self, _link: VehicleLink, frame: RoutedFrame) -> None:
         master = int(self.parameters["SYSID_MYGCS"])
         if frame.system != master:
             self.counts.overrides_refused += 1
@@ -334,26 +334,26 @@ class Pixhawk:
         )
         self.counts.overrides_accepted += 1
 
-    def _take_pose(self, _link: VehicleLink, frame: Frame) -> None:
+    def _take_pose(self, _link: VehicleLink, frame: RoutedFrame) -> None:
         if self.parameters["VISO_TYPE"] == 1.0:
             self.external.take(frame.message, self._clock.time_s)
 
-    def _take_timesync(self, link: VehicleLink, frame: Frame) -> None:
+    def _take_timesync(self, link: VehicleLink, frame: RoutedFrame) -> None:
         if frame.message.tc1 == 0:
             now_ns = self._clock.boot_ns(self._clock.time_s)
             link.post(mavlink.MAVLink_timesync_message(now_ns, frame.message.ts1))
         else:
             link.timesync_answer_ns = int(frame.message.ts1)
 
-    def _take_set_mode(self, _link: VehicleLink, frame: Frame) -> None:
+    def _take_set_mode(self, _link: VehicleLink, frame: RoutedFrame) -> None:
         if frame.message.base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
             self.set_mode(int(frame.message.custom_mode), f"asked by system {frame.system}")
 
-    def _take_command(self, link: VehicleLink, frame: Frame) -> None:
+    def _take_command(self, link: VehicleLink, frame: RoutedFrame) -> None:
         take_command(self, link, frame)
 
 
-def _take_mission_request(link: VehicleLink, frame: Frame) -> None:
+def _take_mission_request(link: VehicleLink, frame: RoutedFrame) -> None:
     """It has no mission; a ground station waits for this answer."""
     mission_type = int(getattr(frame.message, "mission_type", 0))
     link.post(mavlink.MAVLink_mission_count_message(frame.system, frame.component, 0, mission_type))

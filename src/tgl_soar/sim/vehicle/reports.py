@@ -46,7 +46,7 @@ _IMU_STREAMS: Final = frozenset(
 )
 
 
-class Reports:
+class VehicleReports:
     """Builds each message from the latest that is known.
 
     home              where local NED has its origin; None: it has never had a fix

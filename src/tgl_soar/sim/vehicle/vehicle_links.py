@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.sim.routing import Frame, LinkId, Router
+from tgl_soar.sim.routing import LinkId, RoutedFrame, Router
 
 COMPONENT: Final = mavlink.MAV_COMP_ID_AUTOPILOT1
 _DATAGRAM_BYTES: Final = 1200
@@ -98,7 +98,7 @@ class VehicleLinks:
             self._router.add(number)
             link.clear()
 
-    def pass_on(self, number: LinkId, frame: Frame, own_system: int) -> bool:
+    def pass_on(self, number: LinkId, frame: RoutedFrame, own_system: int) -> bool:
         """Queue a frame on the links that it is meant for; whether it is for the autopilot."""
         onward, local = self._router.route(number, frame, own_system, COMPONENT)
         for other in onward:
