@@ -217,7 +217,6 @@ LONGER: dict[str, tuple[int, str]] = {
     "config/parameters.py": (760, "a table: one declaration a parameter, and it grows with them"),
     "analysis/linear_model.py": (650, "one linear model; its matrices are read beside each other"),
     "analysis/linear_model.py linear_controller": (112, "the matrices of one controller, by rows"),
-    "sim/flight.py": (654, "one simulated tick, which numba takes as one module"),
 }
 
 

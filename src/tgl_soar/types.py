@@ -38,7 +38,7 @@ class PositionFix(NamedTuple):
     velocity_east_mps: float
     velocity_down_mps: float
     source: int = 0  # which source gave it: another number is another sensor, with other biases
-    sigma_m: float = NAN  # standard deviation of each axis as the source tells it; NaN: it does not
+    sigma_m: float = NAN  # standard deviation of each axis as reported; NaN: it is not
 
 
 class AttitudeSample(NamedTuple):
@@ -82,12 +82,12 @@ class AutopilotStatus(NamedTuple):
     time_s: float  # when its last heartbeat arrived, loop's clock; NaN: never
     accepts_surfaces: bool  # it is in a mode in which it obeys our surface commands
     armed: bool
-    failsafe: bool = False  # it says itself that it is in a failsafe
-    boots: int = 0  # how often it has restarted since we first heard it
+    failsafe: bool = False  # it reports a failsafe itself
+    boots: int = 0  # how often it has restarted since its first heartbeat
 
 
 class SurfacesSample(NamedTuple):
-    """Where the autopilot says that it puts the surfaces, as read back from its outputs."""
+    """Where the autopilot reports that it puts the surfaces, read back from its outputs."""
 
     sequence: int  # grows by one with every sample; 0: none yet
     time_s: float  # when it was true, loop's clock
@@ -145,7 +145,7 @@ class Inputs(NamedTuple):
 
 
 class AirEstimate(NamedTuple):
-    """What the air does at the aircraft, as far as it can be told on board."""
+    """What the air does at the aircraft, as far as it can be estimated on board."""
 
     airspeed_mps: float  # true; NaN: not known
     alpha_rad: float  # angle of attack of the body's x axis; NaN: not known
@@ -206,7 +206,7 @@ class MotionQuality(NamedTuple):
     source: int  # of the last fix used
     fix_used: bool  # in this tick
     fix_refused: bool
-    jumped: bool  # the position was set anew just now: no flight led there
+    jumped: bool  # the position has just been reset: it has jumped
     inertial: bool  # accelerations are in use
 
 

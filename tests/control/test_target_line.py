@@ -122,7 +122,7 @@ def test_it_arrives_when_kinematics_says(distance_m: float, side: float) -> None
     eta=inclinations,
     share=st.floats(-1.0, 1.0),
     dts=st.lists(st.floats(0.0, 0.1), min_size=1, max_size=6),
-    wander=st.floats(0.0, 0.5),
+    drift_m=st.floats(0.0, 0.5),
 )
 def test_a_moving_line_is_gentle_and_arrives(
     limits: LineLimits,
@@ -130,9 +130,9 @@ def test_a_moving_line_is_gentle_and_arrives(
     eta: float,
     share: float,
     dts: list[float],
-    wander: float,
+    drift_m: float,
 ) -> None:
-    """Any limits, any jitter of the tick, the aircraft wandering: never faster than told, never
+    """Any limits, any jitter of the tick, the aircraft drifting: never faster than told, never
     a harder jerk than told, and exactly on the target in the end."""
     dts = [*dts, 0.1]  # some time must pass
     # As many seconds away as drawn, sliding and turning.
@@ -146,7 +146,7 @@ def test_a_moving_line_is_gentle_and_arrives(
     for k in range(10_000):
         dt = dts[k % len(dts)]
         time += dt
-        x, z = wander * sin(2.0 * time), 1.0 + wander * cos(1.3 * time)
+        x, z = drift_m * sin(2.0 * time), 1.0 + drift_m * cos(1.3 * time)
         before = seen(state, x, z)
         new = line_step(limits, state, target, x, z, dt)
         # The last move ends at rest from at most 2 a dt: nowhere else more than a dt.

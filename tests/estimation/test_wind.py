@@ -210,9 +210,9 @@ def drawn(seed: int, pitot: bool) -> tuple[float, float]:
 def test_the_errors_are_as_large_as_it_says(pitot: bool) -> None:
     """Everything that is wrong is drawn as the estimator supposes, but for two things.
 
-    The wind does not wander, and what is constant is not also rough as near the stall: its doubt
-    of the wind may be too large by that, of the updraft it hardly is.  The mean of squares of
-    DRAWS normal numbers is 1, give or take 3 sqrt(2 / DRAWS).
+    The wind does not change, and what is constant is not also rough as near the stall: its
+    uncertainty of the wind may be too large by that, of the updraft it hardly is.  The mean of
+    squares of DRAWS normal numbers is 1, give or take 3 sqrt(2 / DRAWS).
     """
     draws = [drawn(seed, pitot) for seed in range(DRAWS)]
     wind, updraft = (sum(column) / DRAWS for column in zip(*draws, strict=True))

@@ -157,7 +157,7 @@ def test_broken_late_and_future_fixes_are_counted_and_keep_no_source_alive() -> 
     assert sources.position.source == LOCAL_POSITION
 
 
-def wander(time_s: float, *, speed_mps: float = 0.1) -> PositionFix:
+def moving_fix(time_s: float, *, speed_mps: float = 0.1) -> PositionFix:
     """As an aircraft that hangs in the wind: it moves by millimetres."""
     return fix(time_s, 1e-3 * sin(7.0 * time_s))._replace(
         velocity_north_mps=speed_mps, velocity_east_mps=0.0, velocity_down_mps=0.0
@@ -171,9 +171,9 @@ def hang(
     changes, chosen = [], sources.chosen
     for i in range(round(start_s * 100), round(until_s * 100)):
         now = i * 1e-2
-        told = wander(now) if frozen is None else frozen._replace(time_s=now)
-        for source, said in ((LOCAL_POSITION, told), (MOCAP, wander(now - 0.005))):
-            sources.take(source, said, now)
+        fix = moving_fix(now) if frozen is None else frozen._replace(time_s=now)
+        for source, offered in ((LOCAL_POSITION, fix), (MOCAP, moving_fix(now - 0.005))):
+            sources.take(source, offered, now)
             if sources.chosen != chosen:
                 chosen = sources.chosen
                 changes.append((now, chosen))
@@ -183,7 +183,7 @@ def hang(
 def test_a_frozen_source_is_left_and_taken_back_when_it_has_long_thawed() -> None:
     sources = PositionSources((LOCAL_POSITION, MOCAP))
     hang(sources, 0.0, 5.0)
-    ((left, chosen),) = hang(sources, 5.0, 10.0, frozen=wander(5.0))
+    ((left, chosen),) = hang(sources, 5.0, 10.0, frozen=moving_fix(5.0))
     assert chosen == MOCAP
     assert left == pytest.approx(5.0 + FROZEN_S, abs=0.03)
     assert sources.notices[-1][1].startswith("position from mocap: local_position is frozen")
@@ -194,7 +194,7 @@ def test_a_frozen_source_is_left_and_taken_back_when_it_has_long_thawed() -> Non
 
 def test_who_stands_still_may_say_so_as_often_as_he_likes() -> None:
     sources = PositionSources((LOCAL_POSITION, MOCAP))
-    assert hang(sources, 0.0, 5.0, frozen=wander(0.0, speed_mps=0.0))[1:] == []
+    assert hang(sources, 0.0, 5.0, frozen=moving_fix(0.0, speed_mps=0.0))[1:] == []
     assert sources.chosen == LOCAL_POSITION
 
 
@@ -202,7 +202,7 @@ def test_what_stands_still_for_all_is_not_frozen() -> None:
     """A tracker tells no velocity; the autopilot's own estimate does not change either."""
     sources = PositionSources((MOCAP, LOCAL_POSITION))
     for i in range(1000):
-        stands = wander(0.0, speed_mps=0.0)._replace(time_s=1e-2 * i)
+        stands = moving_fix(0.0, speed_mps=0.0)._replace(time_s=1e-2 * i)
         sources.take(LOCAL_POSITION, stands, 1e-2 * i)
         sources.take(MOCAP, fix(1e-2 * i), 1e-2 * i)
     assert sources.chosen == MOCAP
@@ -241,8 +241,8 @@ def test_rate_and_distance_are_known() -> None:
     assert sources.health[MOCAP].rate_hz == pytest.approx(100.0)
     assert sources.health[LOCAL_POSITION].rate_hz == pytest.approx(50.0)
     assert sources.health[LOCAL_POSITION].apart_m == pytest.approx(2.5)
-    told = [text for _, text in sources.notices if "share a frame" in text]
-    assert told == ["mocap is 2.5 m from local_position: do they share a frame?"]
+    notices = [text for _, text in sources.notices if "share a frame" in text]
+    assert notices == ["mocap is 2.5 m from local_position: do they share a frame?"]
 
 
 def test_a_new_clock_does_not_lock_anything_out() -> None:
@@ -258,11 +258,11 @@ times = st.one_of(st.floats(0, 100), st.floats(), st.sampled_from([nan, inf, -in
 
 @given(st.lists(st.tuples(st.integers(0, 6), times, times, st.floats(0, 1)), max_size=60))
 def test_whatever_comes_positions_are_finite_in_order_and_of_a_named_source(
-    said: list[tuple[int, float, float, float]],
+    samples: list[tuple[int, float, float, float]],
 ) -> None:
     sources = PositionSources((MOCAP, VISION, LOCAL_POSITION))
     now, sequence = 0.0, 0
-    for source, time_s, north_m, step_s in said:
+    for source, time_s, north_m, step_s in samples:
         now += step_s
         if sources.take(source, fix(time_s, north_m), now):
             sequence += 1

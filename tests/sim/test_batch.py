@@ -88,7 +88,7 @@ def test_a_leg_is_what_follows_a_change() -> None:
     assert flight.flown_s == pytest.approx(10.0 - 1.0 / 200.0)
     assert [leg.name for leg in flight.legs] == ["0", "1"]
     (_, z_a, _, _), (_, z_b, _, _) = (
-        (leg.mean_x_m, leg.mean_z_m, leg.wander_m, leg.crossing_m) for leg in flight.legs
+        (leg.mean_x_m, leg.mean_z_m, leg.dispersion_m, leg.crossing_m) for leg in flight.legs
     )
     assert 0.1 < z_b - z_a < 0.5  # line b stands 0.3 m higher
 

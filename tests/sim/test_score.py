@@ -53,12 +53,12 @@ def test_a_position_that_is_not_a_number_is_not_settled() -> None:
     assert not score_leg("a", VERTICAL, None, TIME, x, np.ones_like(TIME)).settled
 
 
-def test_e_rho_and_wander_are_scored_apart() -> None:
+def test_e_rho_and_dispersion_are_scored_apart() -> None:
     """A swing along a leaning line has no e_rho; its spread is amplitude / √2."""
     eta = radians(105.0)
     along = 0.3 * np.sin(2.0 * pi * TIME / 2.0)  # whole periods in the tail
     x, z = along * np.cos(eta), 1.0 + along * np.sin(eta)
     score = score_leg("a", (0.0, 1.0, eta), (0.0, 1.0), TIME, x, z)
     assert score.rms_e_rho_m == pytest.approx(0.0, abs=1e-12)
-    assert score.wander_m == pytest.approx(0.3 / np.sqrt(2.0), rel=0.01)
+    assert score.dispersion_m == pytest.approx(0.3 / np.sqrt(2.0), rel=0.01)
     assert TAIL_S % 2.0 == 0.0

@@ -14,7 +14,7 @@ ABOVE_BOARD_M = 0.4
 
 
 class FieldDifference(NamedTuple):
-    """Model less plane over the soaring region, as shares of the nozzle's mean wind."""
+    """Model less plane over the soaring region, as fractions of the nozzle's mean wind."""
 
     nozzle_wind_mps: float
     wind_rms: float

@@ -1,6 +1,6 @@
 """A wind field on a regular grid, in two or three dimensions.
 
-    wind = Σ share · node over the corners of the cell that holds the place, each share the
+    wind = Σ weight · node over the corners of the cell that holds the place, each weight the
     product over the axes of (1 − s) or s, with s = (x − x_i) / dx along the axis
 
 The samplers are pure functions of plain floats and a named tuple: plain Python runs the
@@ -154,8 +154,8 @@ def grid_wind_3d_many(
     for a in (0, 1):
         for b in (0, 1):
             for c in (0, 1):
-                share = (fx if a else 1.0 - fx) * (fy if b else 1.0 - fy) * (fz if c else 1.0 - fz)
-                wind += share * nodes[i + a, j + b, k + c]
+                weight = (fx if a else 1.0 - fx) * (fy if b else 1.0 - fy) * (fz if c else 1.0 - fz)
+                wind += weight * nodes[i + a, j + b, k + c]
     return wind[..., 0], wind[..., 1], wind[..., 2]
 
 

@@ -114,13 +114,13 @@ def even_out(
         cell = np.clip(np.searchsorted(axis, even, side="right") - 1, 0, len(axis) - 2)
         column = [1] * solid.ndim
         column[n] = count
-        share = ((even - axis[cell]) / steps[cell]).reshape(column)
+        weight = ((even - axis[cell]) / steps[cell]).reshape(column)
         wind = [
-            (1.0 - share) * part.take(cell, axis=n) + share * part.take(cell + 1, axis=n)
+            (1.0 - weight) * part.take(cell, axis=n) + weight * part.take(cell + 1, axis=n)
             for part in wind
         ]
-        solid = (solid.take(cell, axis=n) & (share < 1.0)) | (
-            solid.take(cell + 1, axis=n) & (share > 0.0)
+        solid = (solid.take(cell, axis=n) & (weight < 1.0)) | (
+            solid.take(cell + 1, axis=n) & (weight > 0.0)
         )
         axes[n] = even
     return axes, wind, solid

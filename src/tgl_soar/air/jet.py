@@ -12,11 +12,11 @@ board at x = z = 0, and is turned up by the board (length L, slope β).  Four pa
     springs and n inwards of it, turbulence spreads the step of speed (Görtler; spreading
     σ = 11 of Liepmann and Laufer, NACA TN 1257) as
 
-        share(n) = ½ (1 + erf(σ n / s + m)),      m = 1/√(2π)
+        fraction(n) = ½ (1 + erf(σ n / s + m)),      m = 1/√(2π)
 
-    m follows from momentum: ∫ (share² − step) dn = 0 with the core undisturbed, since
+    m follows from momentum: ∫ (fraction² − step) dn = 0 with the core undisturbed, since
     ∫ f (1 − f) = 1/√(2π) for f = ½ (1 + erf).
-4.  The room: entrainment by that layer, d/ds ∫ (share − step) dn · U = (m/σ) U, draws the air
+4.  The room: entrainment by that layer, d/ds ∫ (fraction − step) dn · U = (m/σ) U, draws the air
     of the room towards the jet; it has no other motion.
 
 Nothing here knows a scale of Reynolds number, so the answer is proportional to the wind: a
@@ -121,9 +121,9 @@ def _streamline(core: GridTable, start: complex, x_end_m: float) -> ComplexArray
     places = [start]
     while places[-1].real < x_end_m:
         here = places[-1]
-        for share in (0.5, 1.0):
+        for fraction in (0.5, 1.0):
             velocity = complex(*grid_wind(core, here.real, here.imag))
-            here = places[-1] + share * core.dx_m * velocity / abs(velocity)
+            here = places[-1] + fraction * core.dx_m * velocity / abs(velocity)
         places.append(here)
     return np.array(places)
 
@@ -149,10 +149,10 @@ def _mix(
     # Level with the springing point or past it; behind the board all is past the tip.
     active = (path[nearest] + offset.real > 0.0) | ((inward > 0.0) & (x > edge[0].real))
     s = np.maximum(path[nearest] + offset.real, 1e-9)
-    share = np.where(active, 0.5 * (1.0 + erf(SPREADING * inside / s + SHIFT)), 1.0)
-    entrained = np.hypot(u, w) * (SHIFT / SPREADING) * (1.0 - share)
+    fraction = np.where(active, 0.5 * (1.0 + erf(SPREADING * inside / s + SHIFT)), 1.0)
+    entrained = np.hypot(u, w) * (SHIFT / SPREADING) * (1.0 - fraction)
     towards = inward * 1j * tangent[nearest] * entrained
-    return share * u + towards.real, share * w + towards.imag
+    return fraction * u + towards.real, fraction * w + towards.imag
 
 
 class SlopeJet:

@@ -267,7 +267,7 @@ def _show(options: SitlOptions, flight: SitlFlight) -> None:
         "settled after",
         "rms e_rho",
         "peak e_rho",
-        "wander",
+        "dispersion",
         "mean to TGL ∩ ZEUC",
         title="from the truth of the simulation",
     )
@@ -278,7 +278,7 @@ def _show(options: SitlOptions, flight: SitlFlight) -> None:
             "moved by hand" if flown.by_hand else settled,
             f"{score.rms_e_rho_m * 100:.2f} cm",
             f"{score.peak_e_rho_m * 100:.1f} cm",
-            f"{score.wander_m * 100:.1f} cm",
+            f"{score.dispersion_m * 100:.1f} cm",
             f"{score.crossing_m * 100:.1f} cm" if score.crossing_m == score.crossing_m else "–",
         )
     console.print(table)

@@ -392,8 +392,9 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     # --- the air at the aircraft -----------------------------------------------------------
     Parameter(
         name="WIND_CHANGE", unit="m/s/sqrt(s)", minimum=0.05, maximum=10, default=0.8,
-        meaning="How fast the wind that the aircraft meets wanders: the root of what its variance"
-                " grows by in half a second. In Dryden turbulence it is sigma / sqrt(L / V).",
+        meaning="How fast the wind at the aircraft changes (process noise): the root of what"
+                " its variance grows by in half a second. In Dryden turbulence"
+                " it is sigma / sqrt(L / V).",
     ),
     Parameter(
         name="WIND_ALIGN", unit="deg", minimum=0, maximum=5, default=0.5,

@@ -17,7 +17,7 @@ against the other).  The axes do not mix and are measured alike, so that one cov
 all three.
 
 Where nobody measured accelerations the track went straight on: then b does not act, and q is
-that of an aircraft whose acceleration nobody tells (a constant-velocity model).
+that of an aircraft whose acceleration nobody measures (a constant-velocity model).
 
 Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and
 Navigation (2001), ch. 5 (filter, NIS, NEES) and 6 (kinematic models); P. S. Maybeck, Stochastic

@@ -13,7 +13,7 @@ it as first-order averages over AVERAGED samples:
     wrong       position: its changes are not its velocities, averaged over FRAME_S (the frames
                 differ); attitude: a quaternion whose norm is not one
 
-A fault is told for FAULT_S after it was seen last.  What was frozen is as old as its last
+A fault is reported for FAULT_S after its last occurrence.  What was frozen is as old as its last
 change.  An attitude that jumps, and jumps again before that fault is over, for longer than the
 limit of a frozen one, is as old as the first of these jumps: one of two sources is wrong, and
 nobody knows which.
@@ -340,10 +340,10 @@ def _look_at_position(
         found |= JUMP
     has_velocity = isfinite(vn) and isfinite(ve) and isfinite(vd)
     if known and has_velocity and same_source and 0.0 < dt < FAULT_S and not found:
-        share = dt / FRAME_S
-        off_n = frame.north_mps + share * (moved_n / dt - vn - frame.north_mps)
-        off_e = frame.east_mps + share * (moved_e / dt - ve - frame.east_mps)
-        off_d = frame.down_mps + share * (moved_d / dt - vd - frame.down_mps)
+        gain = dt / FRAME_S
+        off_n = frame.north_mps + gain * (moved_n / dt - vn - frame.north_mps)
+        off_e = frame.east_mps + gain * (moved_e / dt - ve - frame.east_mps)
+        off_d = frame.down_mps + gain * (moved_d / dt - vd - frame.down_mps)
         if max(abs(off_n), abs(off_e), abs(off_d)) > FRAME_MPS:
             found |= WRONG
         frame = FrameState(off_n, off_e, off_d)
@@ -481,12 +481,12 @@ def _look_at_tilt(tilt: TiltState, inputs: Inputs) -> TiltState:
     z = imu.force_z_frd_mps2 / GRAVITY_MPS2 + 1.0 - 2.0 * (q.qx * q.qx + q.qy * q.qy)
     if not (isfinite(x + y + z) and 0.0 <= dt <= STALE_S):  # the first, or after a silence
         return TiltState(imu.time_s, 0.0, 0.0, 0.0)
-    share = dt / TILT_S
+    gain = dt / TILT_S
     return TiltState(
         imu.time_s,
-        tilt.x + share * (x - tilt.x),
-        tilt.y + share * (y - tilt.y),
-        tilt.z + share * (z - tilt.z),
+        tilt.x + gain * (x - tilt.x),
+        tilt.y + gain * (y - tilt.y),
+        tilt.z + gain * (z - tilt.z),
     )
 
 

@@ -1,4 +1,4 @@
-"""The inertial track: where the accelerometers alone say that the aircraft has gone.
+"""The inertial track: the way of the aircraft by its accelerometers alone.
 
 From sample to sample, acceleration linear in between,
 

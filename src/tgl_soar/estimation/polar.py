@@ -48,7 +48,7 @@ _Band = tuple[tuple[float, float, float, float], ...]
 
 
 class PolarFit(NamedTuple):
-    """A fitted polar, and how far it may be believed."""
+    """A fitted polar, and how certain it is."""
 
     polar: GlidePolar
     residuals_mps: tuple[float, ...]  # measured − fitted sink, in the order of the glides
@@ -185,8 +185,8 @@ def student_t(confidence: float, degrees_of_freedom: int) -> float:
     phi = np.linspace(0.0, 0.5 * np.pi, 100_001)
     density = np.cos(phi) ** (degrees_of_freedom - 1)
     density[-1] = 1.0 if degrees_of_freedom == 1 else 0.0
-    share = np.concatenate(([0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))))
-    angle = np.interp(confidence, share / share[-1], phi)
+    cumulated = np.concatenate(([0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))))
+    angle = np.interp(confidence, cumulated / cumulated[-1], phi)
     return float(np.sqrt(degrees_of_freedom) * np.tan(angle))
 
 

@@ -142,8 +142,8 @@ def turned_to(frame: SoaringFrame, turning: AttitudeTrack, sample: AttitudeSampl
     before_s, before_roll = turning.before_s, turning.before_roll_rad
     before_pitch, before_heading = turning.before_pitch_rad, turning.before_heading_rad
     roll_rate, pitch_rate, heading_rate = 0.0, 0.0, 0.0
-    told = is_rate(p, q, r)
-    if told:
+    has_rates = is_rate(p, q, r)
+    if has_rates:
         roll_rate, pitch_rate, heading_rate = euler_rates(roll, pitch, p, q, r)
     else:
         interval = time_s - before_s
@@ -157,15 +157,19 @@ def turned_to(frame: SoaringFrame, turning: AttitudeTrack, sample: AttitudeSampl
         if not 0.0 < interval < DIFFERENCE_MIN_S:
             before_s, before_roll, before_pitch, before_heading = time_s, roll, pitch, heading
     ahead = turning.time_s - time_s
-    if turning.by_gyros and -PREDICT_MAX_S < ahead <= PREDICT_MAX_S and (ahead >= 0.0 or not told):
+    if (
+        turning.by_gyros
+        and -PREDICT_MAX_S < ahead <= PREDICT_MAX_S
+        and (ahead >= 0.0 or not has_rates)
+    ):
         # The gyros are ahead of the sample, or they alone give rates.
         _, _, _, _, gyro_roll, gyro_pitch, gyro_heading, _, _, _, _, _ = turning
         if ahead >= 0.0:
-            share = 0.5 * ahead if told else 0.0
-            rest = ahead - share
-            roll += share * roll_rate + rest * gyro_roll
-            pitch += share * pitch_rate + rest * gyro_pitch
-            heading += share * heading_rate + rest * gyro_heading
+            by_rates = 0.5 * ahead if has_rates else 0.0
+            rest = ahead - by_rates
+            roll += by_rates * roll_rate + rest * gyro_roll
+            pitch += by_rates * pitch_rate + rest * gyro_pitch
+            heading += by_rates * heading_rate + rest * gyro_heading
             time_s = turning.time_s
         roll_rate, pitch_rate, heading_rate = gyro_roll, gyro_pitch, gyro_heading
     return AttitudeTrack(

@@ -135,9 +135,9 @@ class Telemetry:
             return False
         for flow in self._flows:
             if flow.message_id == message_id:
-                share = flow.default_s / first.default_s if flow is not first else 1.0
+                ratio = flow.default_s / first.default_s if flow is not first else 1.0
                 flow.interval_s = {-1.0: inf, 0.0: flow.default_s}.get(
-                    interval_us, interval_us * 1e-6 * share
+                    interval_us, interval_us * 1e-6 * ratio
                 )
                 flow.rebase()
         return True

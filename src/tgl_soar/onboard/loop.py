@@ -66,7 +66,7 @@ def run(
             pacer.done(now_s, clock())
         else:
             onboard.idle(now_s)
-        links.show_life()
+        links.show_heartbeat()
         links.read_others(ready, now_s)
         if watch.is_silent(onboard.session.counters.heartbeats, now_s):
             say(_why_silent(onboard, first))
@@ -100,7 +100,7 @@ class Links:
         self._clock = clock
         self._transports = transports
         self._mocap = mocap
-        self._life = heartbeat
+        self._process_heartbeat = heartbeat
         self._generations = [transport.generation for transport in transports]
 
     def filenos(self) -> list[int]:
@@ -124,7 +124,7 @@ class Links:
                 transport.hold(now_s)
             if onboard.overdue(clock()):  # a flood must not hold up the tick
                 onboard.periodic(clock())
-                self.show_life()
+                self.show_heartbeat()
 
     def read_others(self, ready: Sequence[int], now_s: float) -> None:
         """What has come from others, as far as there is time for it."""
@@ -132,12 +132,12 @@ class Links:
             if self._may_have_come(link, ready) or self._onboard.links.is_waiting(link):
                 self._read_other(link, now_s)
 
-    def show_life(self) -> None:
+    def show_heartbeat(self) -> None:
         """The loop has gone round once more."""
-        if self._life is None:
+        if self._process_heartbeat is None:
             return
         onboard, first = self._onboard, self._transports[0]
-        self._life.show(
+        self._process_heartbeat.show(
             onboard.has_surfaces,
             version1=onboard.decoder.only_v1,
             peer=first.peer if isinstance(first, UdpListener) else None,

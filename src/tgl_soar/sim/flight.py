@@ -68,7 +68,7 @@ class Flight(NamedTuple):
     autopilot: AutopilotState
 
 
-class Decision(NamedTuple):
+class LoopDecision(NamedTuple):
     """What the closed loop needs of an `Output`."""
 
     mode: int
@@ -171,12 +171,12 @@ def fly_ticks(
     )
 
 
-def decide_in_cells(laws_cell: Cell, state_cell: Cell, inputs: Inputs) -> Decision:
+def decide_in_cells(laws_cell: Cell, state_cell: Cell, inputs: Inputs) -> LoopDecision:
     """The module's tick, compiled, for a caller in plain Python."""
     state: AutopilotState = state_cell.value
     laws: Laws = laws_cell.value
     state, output = autopilot_step(laws, state, inputs)
     state_cell.value = state
-    return Decision(
+    return LoopDecision(
         mode=output.mode, reason=output.reason, active=output.active, command=output.command
     )

@@ -1,6 +1,6 @@
 """What a flight on a line was worth.
 
-e_rho is scored apart from the wander along the line: the law controls the first; the second
+e_rho is scored apart from the dispersion along the line: the law controls the first; the second
 follows from the turbulence and the slope of excess updraft, and no still line changes it.
 """
 
@@ -30,7 +30,7 @@ class LegScore:
     peak_e_rho_m: float  # likewise: later peaks count here, not as settling
     mean_x_m: float  # over the last TAIL_S seconds
     mean_z_m: float
-    wander_m: float  # standard deviation along the line, over the last TAIL_S seconds
+    dispersion_m: float  # standard deviation along the line, over the last TAIL_S seconds
     crossing_m: float  # distance of the mean position from TGL ∩ ZEUC; NaN: none predicted
 
     @property

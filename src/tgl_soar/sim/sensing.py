@@ -47,7 +47,7 @@ from tgl_soar.types import (
 Sample = TypeVar("Sample", PositionFix, AttitudeSample, ImuSample, AirspeedSample, SurfacesSample)
 
 
-class Line(Protocol[Sample]):
+class DelayLine(Protocol[Sample]):
     """A delay line: sample k lies at place k % its length."""
 
     def __len__(self) -> int: ...
@@ -60,7 +60,7 @@ def line_length(timing: SensorTiming) -> int:
     return -(-timing.delay_steps // timing.period_steps) + 1
 
 
-def delivered(timing: SensorTiming, line: Line[Sample], step: int) -> Sample:
+def delivered(timing: SensorTiming, line: DelayLine[Sample], step: int) -> Sample:
     """The newest sample that has arrived by this step; `line` has been given all taken ones.
 
     Before the first one it is what lay in the line's last place from the beginning.
@@ -75,7 +75,7 @@ class PositionSensor(NamedTuple):
     timing: SensorTiming
     bias_m: Triple
     white: Rows  # of every sample: place, velocity
-    line: Line[PositionFix]
+    line: DelayLine[PositionFix]
 
 
 class AttitudeSensor(NamedTuple):
@@ -86,7 +86,7 @@ class AttitudeSensor(NamedTuple):
     bias_rad: Triple
     rate_bias_radps: Triple
     white: Rows  # of every sample: rotation, rates
-    line: Line[AttitudeSample]
+    line: DelayLine[AttitudeSample]
 
 
 class ImuSensor(NamedTuple):
@@ -98,7 +98,7 @@ class ImuSensor(NamedTuple):
     force_bias_mps2: Triple
     rate_bias_radps: Triple
     white: Rows  # of every sample: force, rates
-    line: Line[ImuSample]
+    line: DelayLine[ImuSample]
 
 
 class AirspeedSensor(NamedTuple):
@@ -109,7 +109,7 @@ class AirspeedSensor(NamedTuple):
     timing: SensorTiming
     pressure_bias_pa: float
     white: Rows  # of every sample: pressure
-    line: Line[AirspeedSample]
+    line: DelayLine[AirspeedSample]
 
 
 class SurfacesSensor(NamedTuple):
@@ -117,7 +117,7 @@ class SurfacesSensor(NamedTuple):
 
     fitted: bool
     timing: SensorTiming
-    line: Line[SurfacesSample]
+    line: DelayLine[SurfacesSample]
 
 
 class FlownSensors(NamedTuple):

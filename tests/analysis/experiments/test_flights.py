@@ -14,7 +14,7 @@ from tgl_soar.analysis.experiments.flights import (
     Flyer,
     ScenarioJob,
     fly_job,
-    pooled_wander,
+    pooled_dispersion,
 )
 from tgl_soar.analysis.experiments.scenario import Scenario, load_scenario
 from tgl_soar.config.files import shipped
@@ -47,7 +47,7 @@ def test_a_leg_is_scored_on_its_own_line(flown: FlownScenario) -> None:
         assert leg.rms_e_rho_m < 0.02  # 1 % of turbulence
         assert leg.rms_e_rho_m <= leg.peak_e_rho_m < 0.1
         assert leg.predicted is not None
-        assert abs(leg.miss_m) < 0.15  # a few seconds of a wander of 3 cm
+        assert abs(leg.miss_m) < 0.15  # a few seconds of a dispersion of 3 cm
 
 
 def test_workers_give_the_same_flights_in_the_order_asked_for(scenario: Scenario) -> None:
@@ -83,7 +83,10 @@ def test_settling_ends_with_the_first_quiet_two_seconds() -> None:
     assert settling_time(time, np.full(len(time), 0.2)) == inf
 
 
-def test_pooled_wander_counts_the_spread_of_the_means(flown: FlownScenario) -> None:
+def test_pooled_dispersion_counts_the_spread_of_the_means(flown: FlownScenario) -> None:
     leg = flown.legs[0]
-    apart = [replace(leg, along_m=0.1, wander_m=0.03), replace(leg, along_m=-0.1, wander_m=0.03)]
-    assert pooled_wander(apart) == pytest.approx((0.03**2 + 0.1**2) ** 0.5)
+    apart = [
+        replace(leg, along_m=0.1, dispersion_m=0.03),
+        replace(leg, along_m=-0.1, dispersion_m=0.03),
+    ]
+    assert pooled_dispersion(apart) == pytest.approx((0.03**2 + 0.1**2) ** 0.5)

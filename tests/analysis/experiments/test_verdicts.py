@@ -135,15 +135,15 @@ def test_gust_tells_the_slopes_from_what_happens_at_once() -> None:
     assert [c.holds for c in sensitivity_claims(thrown, 9.3)] == [True, False]
 
 
-def lean_score(lean_deg: float, rms_m: float, wander_m: float, survived: int = 8) -> LeanScore:
+def lean_score(lean_deg: float, rms_m: float, dispersion_m: float, survived: int = 8) -> LeanScore:
     return LeanScore(
         lean_deg=lean_deg,
         off_perpendicular_deg=lean_deg - 44.0,
         flights=8,
         survived=survived,
         rms_e_rho_m=rms_m,
-        wander_m=wander_m,
-        wander_formula_m=wander_m,
+        dispersion_m=dispersion_m,
+        dispersion_formula_m=dispersion_m,
         drift_m=0,
         rate_per_s=1,
         stalled_fraction=0,

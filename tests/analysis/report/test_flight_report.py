@@ -86,7 +86,7 @@ def test_the_legs_are_those_of_the_truth(analysis: Analysis, known: Surroundings
         # The estimator adds its error to the flight's: half a centimetre at this noise.
         assert leg.score.rms_e_rho_m == pytest.approx(truth.rms_e_rho_m, abs=0.005)
         assert leg.score.peak_e_rho_m == pytest.approx(truth.peak_e_rho_m, abs=0.015)
-        assert leg.score.wander_m == pytest.approx(truth.wander_m, abs=0.01)
+        assert leg.score.dispersion_m == pytest.approx(truth.dispersion_m, abs=0.01)
         assert leg.score.mean_x_m == pytest.approx(truth.mean_x_m, abs=0.01)
         assert leg.score.mean_z_m == pytest.approx(truth.mean_z_m, abs=0.01)
         assert leg.score.crossing_m == pytest.approx(truth.crossing_m, abs=0.01)

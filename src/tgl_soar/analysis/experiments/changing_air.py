@@ -111,7 +111,7 @@ def slope(context: Context) -> Result:
                 ("turbulence", "line", "TGL ∩ ZEUC [cm]", "flown [cm]", "flown, vertically [cm]"),
                 rows,
             ),
-            Table("Legs (the formula of wander is that at 23°)", LEG_COLUMNS, legs),
+            Table("Legs (the formula of dispersion is that at 23°)", LEG_COLUMNS, legs),
         ),
         {
             "shifts": {str(i): [s._asdict() for s in shifts[i]] for i in intensities},

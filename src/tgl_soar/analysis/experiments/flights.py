@@ -2,7 +2,7 @@
 
 A leg lasts from when the line stands still until the operator's next line.  The first
 `SETTLE_S` of it are left to settling; the rest is scored.  e_rho, which the law controls, and
-the wander along the line, which it does not, are scored apart.
+the dispersion along the line, which it does not, are scored apart.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class ScoredLeg:
     mean_x_m: float
     mean_z_m: float
     along_m: float  # mean place along the line, up from its point
-    wander_m: float  # standard deviation along the line about that mean
+    dispersion_m: float  # standard deviation along the line about that mean
     predicted: tuple[float, float] | None  # TGL ∩ ZEUC (x, z) in the air at the leg's end
     predicted_along_m: float  # the same, along the line; NaN: none
     scored_s: float  # how long was scored
@@ -245,13 +245,13 @@ class Flyer:
         return flown
 
 
-def pooled_wander(legs: Sequence[ScoredLeg]) -> float:
+def pooled_dispersion(legs: Sequence[ScoredLeg]) -> float:
     """Standard deviation along the line [m] of several flights of one leg, about their mean.
 
-    The mean of one flight follows its own slow wander; taken over all flights it does not.
+    The mean of one flight follows its own slow dispersion; taken over all flights it does not.
     """
     along = np.array([leg.along_m for leg in legs])
-    inside = np.array([leg.wander_m for leg in legs])
+    inside = np.array([leg.dispersion_m for leg in legs])
     return float(np.sqrt(np.mean(inside**2 + (along - along.mean()) ** 2)))
 
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from tgl_soar.air.zeuc import excess_gradient
 from tgl_soar.analysis.experiments.context import Context, turbulence_of
-from tgl_soar.analysis.experiments.flights import FlownScenario, legs_named, pooled_wander, rms
+from tgl_soar.analysis.experiments.dispersion import dryden_dispersion
+from tgl_soar.analysis.experiments.flights import FlownScenario, legs_named, pooled_dispersion, rms
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.experiments.scenario import (
     PreparedScenario,
@@ -18,7 +19,6 @@ from tgl_soar.analysis.experiments.scenario import (
     prepare,
     slide_at,
 )
-from tgl_soar.analysis.experiments.wander import dryden_wander
 from tgl_soar.config.parameters import ParameterError, ParameterSet
 from tgl_soar.types import polar_slope
 
@@ -37,8 +37,8 @@ class LeanScore(NamedTuple):
     flights: int
     survived: int
     rms_e_rho_m: float  # of those that survived; NaN: none
-    wander_m: float
-    wander_formula_m: float
+    dispersion_m: float
+    dispersion_formula_m: float
     drift_m: float  # mean place to TGL ∩ ZEUC, along the line
     rate_per_s: float  # λ
     stalled_fraction: float  # of the time, with an angle of attack beyond the stall's
@@ -89,14 +89,14 @@ def lean(context: Context) -> Result:
                 "",
                 (
                     "lean [°]", "off the perpendicular [°]", "flown to the end", "rms e_rho [cm]",
-                    "wander [cm]", "formula [cm]", "mean to TGL ∩ ZEUC [cm]", "λ [1/s]",
+                    "dispersion [cm]", "formula [cm]", "mean to TGL ∩ ZEUC [cm]", "λ [1/s]",
                     "half the outer gains: flown", "rms e_rho [cm]", "mean to TGL ∩ ZEUC [cm]",
                 ),
                 tuple(
                     (
                         f"{s.lean_deg:+.0f}", f"{s.off_perpendicular_deg:+.0f}",
                         f"{s.survived} of {s.flights}", _cm(s.rms_e_rho_m, 2),
-                        _cm(s.wander_m, 1), _cm(s.wander_formula_m, 1), _cm(s.drift_m, 1),
+                        _cm(s.dispersion_m, 1), _cm(s.dispersion_formula_m, 1), _cm(s.drift_m, 1),
                         f"{s.rate_per_s:.2f}", f"{h.survived} of {h.flights}",
                         _cm(h.rms_e_rho_m, 2), _cm(h.drift_m, 1),
                     )
@@ -140,15 +140,15 @@ def score_lean(
     rate, formula = nan, nan
     if line.crossing is not None:
         slide = slide_at(prepared.polar, line.target, line.crossing)
-        rate, formula = slide.rate_per_s, dryden_wander(slide, sigma, tau)
+        rate, formula = slide.rate_per_s, dryden_dispersion(slide, sigma, tau)
     return LeanScore(
         lean_deg=float(lean_deg),
         off_perpendicular_deg=lean_deg - across_deg,
         flights=len(flights),
         survived=len(whole),
         rms_e_rho_m=rms(leg.rms_e_rho_m for leg in legs),
-        wander_m=pooled_wander(legs) if legs else nan,
-        wander_formula_m=formula,
+        dispersion_m=pooled_dispersion(legs) if legs else nan,
+        dispersion_formula_m=formula,
         drift_m=float(np.mean([leg.miss_m for leg in legs])) if legs else nan,
         rate_per_s=rate,
         stalled_fraction=float(np.mean([np.mean(f.path["alpha_rad"] > stall) for f in whole]))
@@ -159,22 +159,23 @@ def score_lean(
 
 
 def lean_claims(scores: list[LeanScore], across_deg: float) -> tuple[Claim, ...]:
-    """The paper's rule is to stand across the contour; what e_rho and wander say of it."""
+    """The paper's rule is to stand across the contour; what e_rho and dispersion say of it."""
     held = _held(scores)
     if not held:
         return (Claim("a line can be flown", False, "no lean kept every flight on its line"),)
     best_rho = min(held, key=lambda s: s.rms_e_rho_m)
-    best_wander = min(held, key=lambda s: s.wander_m)
+    best_dispersion = min(held, key=lambda s: s.dispersion_m)
     downwind = [s for s in scores if s.lean_deg < 0.0]
     lost = sum(s.flights - s.survived for s in downwind)
     swings = min((s.rms_e_rho_m for s in downwind if s.survived), default=float("inf"))
     return (
         Claim(
             "the less perpendicular to the contour, the more the aircraft drifts along the line",
-            abs(best_wander.off_perpendicular_deg) <= 15.0,
-            f"wander is least, {100 * best_wander.wander_m:.1f} cm, at {best_wander.lean_deg:.0f}°,"
-            f" {abs(best_wander.off_perpendicular_deg):.0f}° from the perpendicular"
-            f" ({across_deg:.0f}°)",
+            abs(best_dispersion.off_perpendicular_deg) <= 15.0,
+            f"dispersion is least, {100 * best_dispersion.dispersion_m:.1f} cm, at"
+            f" {best_dispersion.lean_deg:.0f}°,"
+            f" {abs(best_dispersion.off_perpendicular_deg):.0f}° from"
+            f" the perpendicular ({across_deg:.0f}°)",
         ),
         Claim(
             "the less perpendicular to the contour, the larger the oscillation about the line",
@@ -227,18 +228,21 @@ def _why(
     refused_downwind: str,
 ) -> str:
     held = _held(scores)
-    worst = max((abs(s.wander_m / s.wander_formula_m - 1.0) for s in held), default=float("nan"))
+    worst = max(
+        (abs(s.dispersion_m / s.dispersion_formula_m - 1.0) for s in held), default=float("nan")
+    )
     flat, flat_half = scores[-1], half[-1]
     downwind, downwind_half = scores[0], half[0]
     front = "stable, but" if horizontal_rate > 0.0 else "not stable at all:"
     return (
         "Drift and oscillation do not ask for the same lean. *Along* the line the slope of excess"
         f" updraft counts, which is steepest across the contour ({across_deg:.0f}° here), against"
-        " the height that a lean costs: the wander is flat about its least, and follows its formula"
-        f" within {100 * worst:.0f} % on every line that was held ({_range(held)}). *Across* the"
-        " line it is the attitude that counts. Pitching up raises the aircraft first and drifts it"
-        " back after. On a line that leans upwind both bring it to the same side; on one that leans"
-        " downwind the first is the wrong way round, a zero of the right half plane near"
+        " the height that a lean costs: the dispersion is flat about its least, and follows its"
+        f" formula within {100 * worst:.0f} % on every line that was held ({_range(held)})."
+        " *Across* the line it is the attitude that counts. Pitching up raises the aircraft first"
+        " and drifts it back after. On a line that leans upwind both bring it to the same side; on"
+        " one that leans downwind the first is the wrong way round, a zero of the right half plane"
+        " near"
         f" (g/V) tan η: at {downwind.lean_deg:.0f}° the aircraft swings by"
         f" {_cm(downwind.rms_e_rho_m, 0)} cm rms, and by {_cm(downwind_half.rms_e_rho_m, 0)} cm"
         " with half the outer gains. On a line that leans far upwind the fast effect is most of"
@@ -300,7 +304,7 @@ def _draw(
 
     formula = DrawnCurve(
         [s.lean_deg for s in scores],
-        [100 * s.wander_formula_m for s in scores],
+        [100 * s.dispersion_formula_m for s in scores],
         "formula",
         "0.3",
         "--",
@@ -319,8 +323,8 @@ def _draw(
                 y_log=True, legend="upper right",
             ),
             CurvePanel(
-                "along the line", label, "wander [cm]", [*curve("wander_m"), formula], [], marks,
-                y_log=True, legend="upper right",
+                "along the line", label, "dispersion [cm]", [*curve("dispersion_m"), formula], [],
+                marks, y_log=True, legend="upper right",
             ),
             CurvePanel(
                 "mean place", label, "to TGL ∩ ZEUC, along the line [cm]", curve("drift_m"), [],

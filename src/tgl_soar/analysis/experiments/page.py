@@ -30,8 +30,8 @@ def page(results: Sequence[Result]) -> str:
         " sources are in [theory.md](theory.md).",
         "",
         "Scored apart: **e_rho**, the distance from the line, which the law controls; and"
-        " **wander**, the standard deviation along the line, which follows from turbulence and the"
-        " slope of excess updraft and which no still line changes. The letters a, b, c, d name"
+        " **dispersion**, the standard deviation along the line, which follows from turbulence and"
+        " the slope of excess updraft and which no still line changes. The letters a, b, c, d name"
         " lines or places of their own section and nothing else.",
         "",
         "| experiment | what | verdict |",

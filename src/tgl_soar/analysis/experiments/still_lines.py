@@ -17,16 +17,16 @@ from tgl_soar.analysis.experiments.context import (
     turbulence_of,
     with_turbulence,
 )
+from tgl_soar.analysis.experiments.dispersion import dryden_dispersion
 from tgl_soar.analysis.experiments.flights import (
     SETTLE_S,
     FlownScenario,
     ScoredLeg,
-    pooled_wander,
+    pooled_dispersion,
     rms,
 )
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.experiments.scenario import PreparedScenario, Scenario, prepare, slide_at
-from tgl_soar.analysis.experiments.wander import dryden_wander
 from tgl_soar.analysis.report.flight_figure import HistoryPanel, Spans, Trace, flight_figure
 from tgl_soar.sim.aircraft import aircraft_model, glide_at
 from tgl_soar.types import polar_sink
@@ -45,8 +45,8 @@ class LegSummary(NamedTuple):
     peak_e_rho_m: float  # median over flights
     miss_m: float  # mean place to TGL ∩ ZEUC, along the line, positive up
     miss_error_m: float  # standard error of that
-    wander_m: float
-    wander_formula_m: float  # 0 in calm air
+    dispersion_m: float
+    dispersion_formula_m: float  # 0 in calm air
     stalled_fraction: float  # of the whole flights' time, with the wing beyond the stall
     mean_x_m: float
     mean_z_m: float
@@ -65,7 +65,7 @@ def summarise(prepared: PreparedScenario, flights: list[FlownScenario]) -> list[
         line = prepared.lines[first.line]
         assert line.crossing is not None
         slide = slide_at(prepared.polar, line.target, line.crossing)
-        wandered = pooled_wander(legs)
+        dispersion_m = pooled_dispersion(legs)
         # A first-order low-pass of rate λ gives an independent value every 2/λ.
         independent = max(1.0, sum(leg.scored_s for leg in legs) * slide.rate_per_s / 2.0)
         summaries.append(
@@ -76,9 +76,9 @@ def summarise(prepared: PreparedScenario, flights: list[FlownScenario]) -> list[
                 rms_e_rho_m=rms(leg.rms_e_rho_m for leg in legs),
                 peak_e_rho_m=float(np.median([leg.peak_e_rho_m for leg in legs])),
                 miss_m=float(np.mean([leg.miss_m for leg in legs])),
-                miss_error_m=wandered / sqrt(independent),
-                wander_m=wandered,
-                wander_formula_m=dryden_wander(slide, sigma, tau) if sigma > 0.0 else 0.0,
+                miss_error_m=dispersion_m / sqrt(independent),
+                dispersion_m=dispersion_m,
+                dispersion_formula_m=dryden_dispersion(slide, sigma, tau) if sigma > 0.0 else 0.0,
                 stalled_fraction=stalled,
                 mean_x_m=float(np.mean([leg.mean_x_m for leg in legs])),
                 mean_z_m=float(np.mean([leg.mean_z_m for leg in legs])),
@@ -89,7 +89,7 @@ def summarise(prepared: PreparedScenario, flights: list[FlownScenario]) -> list[
 
 LEG_COLUMNS: Final = (
     "turbulence", "line", "flown to the end", "settled after [s]", "rms e_rho [cm]",
-    "median peak [cm]", "mean to TGL ∩ ZEUC, along [cm]", "wander [cm]", "formula [cm]",
+    "median peak [cm]", "mean to TGL ∩ ZEUC, along [cm]", "dispersion [cm]", "formula [cm]",
 )  # fmt: skip
 
 
@@ -107,8 +107,8 @@ def leg_rows(
             f"{100 * s.rms_e_rho_m:.2f}",
             f"{100 * s.peak_e_rho_m:.1f}",
             f"{100 * s.miss_m:+.1f} ± {100 * s.miss_error_m:.1f}",
-            f"{100 * s.wander_m:.1f}",
-            f"{100 * s.wander_formula_m:.1f}" if intensity > 0.0 else "–",
+            f"{100 * s.dispersion_m:.1f}",
+            f"{100 * s.dispersion_formula_m:.1f}" if intensity > 0.0 else "–",
         )
         for s in summaries
     ]
@@ -142,27 +142,27 @@ def place_claim(summaries: list[LegSummary], miss_most_m: float = MISS_MOST_M) -
     )
 
 
-def wander_note(by_intensity: dict[float, list[LegSummary]]) -> str:
-    """How the wander compares with its formula."""
+def dispersion_note(by_intensity: dict[float, list[LegSummary]]) -> str:
+    """How the dispersion compares with its formula."""
     compared = [
-        (s.wander_m / s.wander_formula_m, intensity, s)
+        (s.dispersion_m / s.dispersion_formula_m, intensity, s)
         for intensity, summaries in by_intensity.items()
         for s in summaries
-        if s.wander_formula_m > 0.0
+        if s.dispersion_formula_m > 0.0
     ]
     if not compared:
         return ""
     ratios = [ratio for ratio, _, _ in compared]
     note = (
-        f"Wander along the line is {min(ratios):.2f} to {max(ratios):.2f} times what the formula of"
-        " [theory.md](theory.md#wander) predicts from the turbulence and the slope of excess"
-        " updraft alone; no gain enters it."
+        f"Dispersion along the line is {min(ratios):.2f} to {max(ratios):.2f} times what the"
+        " formula of [theory.md](theory.md#dispersion) predicts from the turbulence and the slope"
+        " of excess updraft alone; no gain enters it."
     )
     ratio, intensity, worst = max(compared, key=lambda item: item[0])
     if ratio > 1.15:
         note += (
             f" The formula is linear: at {100 * intensity:g} % of turbulence gusts take the wing"
-            f" beyond the stall {100 * worst.stalled_fraction:.1f} % of the time, wander is"
+            f" beyond the stall {100 * worst.stalled_fraction:.1f} % of the time, dispersion is"
             f" {ratio:.2f} times the formula's, and the mean place lies"
             f" {100 * abs(worst.miss_m):.0f} cm {'below' if worst.miss_m < 0.0 else 'above'} the"
             " crossing."
@@ -298,7 +298,7 @@ def _result(
             place_claim(summaries[judged], MISS_MOST_M * (2.0 if context.quick else 1.0)),
             *extra,
         ),
-        f"{wander_note(summaries)} {bias_note(prepared, flown_lines(scenario))}",
+        f"{dispersion_note(summaries)} {bias_note(prepared, flown_lines(scenario))}",
         (Table("", LEG_COLUMNS, tuple(rows)),),
         {
             "judged_at_turbulence": judged,

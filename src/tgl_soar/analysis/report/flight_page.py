@@ -123,7 +123,7 @@ def write_page(page: Path, analysis: Analysis, progress: Progress) -> list[Path]
                 "Held on each line",
                 "Each leg from near. The cross is the mean position over its last"
                 f" {TAIL_S:g} s; the circle, where there is one, the place where line and contour"
-                " meet. Along the line the aircraft wanders with the turbulence: no still line"
+                " meet. Along the line the aircraft drifts with the turbulence: no still line"
                 " prevents that.",
                 lambda plt: places_figure(plt, flight, legs, known),
             ),
@@ -244,7 +244,7 @@ def _numbers(analysis: Analysis) -> dict[str, Any]:
                 "settling_s": _number(leg.score.settling_s),
                 "rms_e_rho_m": leg.score.rms_e_rho_m,
                 "peak_e_rho_m": leg.score.peak_e_rho_m,
-                "wander_m": leg.score.wander_m,
+                "dispersion_m": leg.score.dispersion_m,
                 "mean_m": [leg.score.mean_x_m, leg.score.mean_z_m],
                 "crossing_m": leg.place,
                 "distance_m": _number(leg.score.crossing_m),
@@ -373,20 +373,20 @@ def _legs_table(legs: Sequence[ReportLeg]) -> str:
                 f"{score.settling_s:.1f}" if score.settled else "not held",
                 f"{100 * score.rms_e_rho_m:.2f}",
                 f"{100 * score.peak_e_rho_m:.1f}",
-                f"{100 * score.wander_m:.1f}",
+                f"{100 * score.dispersion_m:.1f}",
                 f"{score.mean_x_m:.3f}, {score.mean_z_m:.3f}",
                 distance,
             )
         )
     head = (
         *("leg", "time [s]", "line x, z [m]", "lean [°]", "settled after [s]"),
-        *("rms e_rho [cm]", "peak e_rho [cm]", "wander [cm]", "mean x, z [m]"),
+        *("rms e_rho [cm]", "peak e_rho [cm]", "dispersion [cm]", "mean x, z [m]"),
         "to TGL ∩ ZEUC [cm]",
     )
     words = (
         "From the path as the aircraft itself has estimated it."
         f" Settled: the first {SETTLED_FOR_S:g} s within {100 * SETTLED_M:g} cm of the line, from"
-        f" its stop on. Rms and peak leave out the first {SETTLE_S:g} s. Wander is the standard"
+        f" its stop on. Rms and peak leave out the first {SETTLE_S:g} s. Dispersion is the standard"
         f" deviation along the line, mean the mean position, both over the last {TAIL_S:g} s. The"
         " distance from the predicted place carries one standard error of that mean, from the"
         " path's own correlation; errors of the position's source, of the field and of the polar"

@@ -35,7 +35,7 @@ class ReportLeg:
     end_s: float
     score: LegScore
     crossing: Crossing | None  # of the line and the contour, where the air is known
-    crossing_sigma_m: float  # standard error of the distance from it: the flight's wander alone
+    crossing_sigma_m: float  # standard error of the distance from it: the flight's dispersion alone
 
     @property
     def place(self) -> tuple[float, float] | None:

@@ -92,7 +92,7 @@ class SurfaceCheck:
         self._servos: tuple[int, ...] = ()
         self._servos_s = float("-inf")
         self._speed_mps = float("nan")
-        self._plan = [(name, share * deflection) for name in NAMES for share in STOPS]
+        self._plan = [(name, fraction * deflection) for name in NAMES for fraction in STOPS]
         self._at = 0
         self._since_s = float("nan")  # when this stop began
         self._sent_s = float("-inf")

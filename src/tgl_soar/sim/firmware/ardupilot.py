@@ -88,9 +88,9 @@ class ArduPlanePhysics:
         """Wait for its first outputs; whether they came."""
         return self._receive(timeout_s)
 
-    def helped(self, readings: Readings, said: Collection[str]) -> Any | None:
+    def helped(self, readings: Readings, texts: Collection[str]) -> Any | None:
         """GPS fixes until its estimator has begun with them and uses poses instead."""
-        if not self._by_poses or any(POSES_USED in text for text in said):
+        if not self._by_poses or any(POSES_USED in text for text in texts):
             return None
         self._helps += 1
         if self._helps % SEED_STEPS:

@@ -116,7 +116,7 @@ class Relay:
         self._asked_ns: dict[LinkId, int] = {}
         self._answered_ns: dict[LinkId, int] = {}
         self._events: list[str] = []
-        self.said: set[str] = set()  # by the firmware, in words
+        self.texts: set[str] = set()  # STATUSTEXT messages of the firmware
         self._greeting = b""  # the firmware's newest heartbeat
         self._step = 0
         self._attitude_ms = self._attitude_before_ms = 0
@@ -285,5 +285,5 @@ class Relay:
                 healthy = message.onboard_control_sensors_health & self._ready_bits
                 self.ready = healthy == self._ready_bits
             elif kind == "STATUSTEXT":
-                self.said.add(message.text)
-                self._events.append(f"it says: {message.text}")
+                self.texts.add(message.text)
+                self._events.append(f"it reports: {message.text}")

@@ -61,8 +61,8 @@ class Physics(Protocol):
         """One step in lockstep: the servos' commands."""
         ...
 
-    def helped(self, readings: Readings, said: Collection[str], /) -> Any | None:
-        """What a ground station sends to help its estimator start; `said`: its words so far."""
+    def helped(self, readings: Readings, texts: Collection[str], /) -> Any | None:
+        """What a ground station sends to help its estimator start; `texts`: its messages so far."""
         ...
 
     def ask_for_mode(self, system: int, custom_mode: int) -> Any:
@@ -174,7 +174,7 @@ class FirmwareSimulation:
             self._events.append(f"lost: {world.crashed}")
         readings = self._sensors.read()
         self._surfaces = self._physics.exchange(readings, self._sticks())
-        help_ = self._physics.helped(readings, self.pixhawk.said)
+        help_ = self._physics.helped(readings, self.pixhawk.texts)
         if help_ is not None:
             self.pixhawk.command(help_)
         self.pixhawk.step(self.time_s)

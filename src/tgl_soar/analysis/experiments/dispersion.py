@@ -1,4 +1,4 @@
-"""How far turbulence makes an aircraft wander along a still line.
+"""How far turbulence disperses an aircraft along a still line.
 
 Held on the line, the aircraft slides along it by (air/zeuc.py, s up along the line)
 
@@ -11,9 +11,9 @@ in, over (sin η − S′ cos η)².  With R = σ² exp(−t / τ) the integral 
 
     σ_s (sin η − S′ cos η) = √[ σ_w² τ_w / (λ (1 + λ τ_w)) + (S′ σ_u)² τ_u / (λ (1 + λ τ_u)) ]
 
-`wander` is that line; τ is an integral time.  In Dryden turbulence u′ has that R with τ = L / V;
+`dispersion` is that line; τ an integral time.  In Dryden turbulence u′ has that R with τ = L / V;
 w′ has R = σ² exp(−t/τ) (1 − t / 2τ), integral time τ / 2, for which the integral is
-σ² τ (1 + 2 λ τ) / (2 (1 + λ τ)²): `dryden_wander`.  The variances of the two differ by λτ/2 of
+σ² τ (1 + 2 λ τ) / (2 (1 + λ τ)²): `dryden_dispersion`.  The variances of the two differ by λτ/2 of
 themselves at most, some 8 % in the tunnel.
 
 No law that keeps the line still can make this smaller: a line has one degree of freedom.
@@ -38,7 +38,7 @@ def leverage(slide: Slide) -> float:
     return sin(slide.eta_rad) - slide.polar_slope * cos(slide.eta_rad)
 
 
-def wander(
+def dispersion(
     slide: Slide, sigma_w_mps: float, tau_w_s: float, sigma_u_mps: float, tau_u_s: float
 ) -> float:
     """Standard deviation along the line [m] in exponentially correlated turbulence.
@@ -52,7 +52,7 @@ def wander(
     return sqrt(updraft + gust) / abs(leverage(slide))
 
 
-def dryden_wander(slide: Slide, sigma_mps: float, tau_s: float) -> float:
+def dryden_dispersion(slide: Slide, sigma_mps: float, tau_s: float) -> float:
     """Standard deviation along the line [m] in Dryden turbulence of σ [m/s] and τ = L / V [s].
 
     Errors: ValueError for a place that is not stable (λ <= 0).
