@@ -171,22 +171,23 @@ def load_file(path: str | Path, kind: type[_File], folder: str = "") -> _File:
         raise ConfigError(f"{path}: cannot be read: {why}") from None
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: not UTF-8 text: {error.reason}") from None
-    return _converted(text, path, kind)
+    return file_from(text, path, kind)
 
 
 def site_from(text: str, name: str) -> Site:
     """A site file's text, as a log holds it; name: what errors call it.  Errors: `ConfigError`."""
-    return _converted(text, name, Site)
+    return file_from(text, name, Site)
 
 
 def airframe_from(text: str, name: str) -> Airframe:
     """An airframe file's text, likewise.  Errors: `ConfigError`."""
-    airframe = _converted(text, name, Airframe)
+    airframe = file_from(text, name, Airframe)
     _check_parameters(name, ParameterSet(), airframe.parameters)
     return airframe
 
 
-def _converted(text: str, path: str | Path, kind: type[_File]) -> _File:
+def file_from(text: str, path: str | Path, kind: type[_File]) -> _File:
+    """A file's text; path: what errors call it.  Errors: `ConfigError`."""
     table = _table(text, path)
     try:
         return msgspec.convert(table, kind)

@@ -16,10 +16,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tgl_soar.analysis.logs import tlog
 from tgl_soar.analysis.logs.clocks import Straightened
 from tgl_soar.analysis.logs.flight_data import FlightData
 from tgl_soar.analysis.logs.reader import LogError, read_log
 from tgl_soar.analysis.logs.reading import read_flight
+from tgl_soar.analysis.logs.tlog import _split
 
 Write = Callable[[Path], Path]
 WRITERS: dict[str, Write] = {
@@ -278,6 +280,47 @@ def _whole(writer: str, factory: pytest.TempPathFactory) -> bytes:
     if writer not in _BYTES:
         _BYTES[writer] = WRITERS[writer](factory.mktemp("whole")).read_bytes()
     return _BYTES[writer]
+
+
+@pytest.mark.parametrize("writer", ["ours", "px4", "dataflash", "tlog"])
+def test_a_log_is_read_from_the_disk_once(
+    tmp_path: Path, writer: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, reads = WRITERS[writer](tmp_path), []
+    read_bytes = Path.read_bytes
+
+    def counted(self: Path) -> bytes:
+        reads.append(self)
+        return read_bytes(self)
+
+    monkeypatch.setattr(Path, "read_bytes", counted)
+    read_flight(path)
+    assert reads == [path]
+
+
+def test_damage_in_a_tlog_is_searched_for_frames_and_not_walked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A hole of zeros in the middle, as a full or bad card leaves it."""
+    whole = _split(WRITERS["tlog"](tmp_path).read_bytes())[0]
+    stamped = [us.to_bytes(8, "big") for us in whole.stamp_us]
+    frames = [
+        time + b"\xfd" + checked + checksum
+        for time, checked, checksum in zip(stamped, whole.checked, whole.checksum, strict=True)
+    ]
+    hole, middle = bytes(1_000_000), len(frames) // 2
+    places: list[int] = []
+    frame_length = tlog._frame_length
+
+    def counted(data: bytes, head: int) -> int:
+        places.append(head)
+        return frame_length(data, head)
+
+    monkeypatch.setattr(tlog, "_frame_length", counted)
+    found, skipped = _split(b"".join((*frames[:middle], hole, *frames[middle:])))
+    assert skipped >= len(hole)
+    assert len(frames) - len(found.number) <= 1  # none is lost but that before the hole
+    assert len(places) < len(frames) + 20
 
 
 def test_frames_that_were_recorded_late_do_not_turn_time_back(tmp_path: Path) -> None:

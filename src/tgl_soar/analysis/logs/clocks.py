@@ -95,5 +95,8 @@ class Straightened:
 def _steps_back(times: Floats) -> list[tuple[int, float]]:
     """Where time steps back, and by how much it must be moved on to go on at its usual pace."""
     steps = np.diff(times)
-    usual = float(np.median(steps)) if steps.size else 0.0
-    return [(int(i) + 1, usual - steps[i]) for i in np.flatnonzero(steps < -OUT_OF_ORDER_S)]
+    back = np.flatnonzero(steps < -OUT_OF_ORDER_S).tolist()
+    if not back:
+        return []
+    usual = float(np.median(steps))
+    return [(i + 1, usual - steps[i]) for i in back]

@@ -98,15 +98,24 @@ class FlightLog:
 
 def read_log(path: str | Path) -> FlightLog:
     """Read a ULog.  Errors: `LogError`; ImportError without pyulog."""
+    path = Path(path)
+    return log_from(bytes_of(path), path)
+
+
+def bytes_of(path: Path) -> bytes:
+    """All of a file.  Errors: `LogError`."""
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def log_from(data: bytes, path: Path) -> FlightLog:
+    """A ULog's bytes; path: what it and its errors call it.  Errors: as `read_log`."""
     try:
         from pyulog import ULog
     except ImportError as error:
         raise ImportError("reading logs needs pyulog: install tgl_soar[logs]") from error
-    path = Path(path)
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise LogError(f"{path}: cannot be read: {error.strerror}") from None
     if not data:
         raise LogError(f"{path}: empty: nothing was logged")
     if len(data) < _HEADER or not data.startswith(_MAGIC):

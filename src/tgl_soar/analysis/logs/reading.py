@@ -13,7 +13,7 @@ from tgl_soar.analysis.logs.dataflash import Dataflash, read_dataflash
 from tgl_soar.analysis.logs.flight_data import FlightData
 from tgl_soar.analysis.logs.module_log import read_module_log
 from tgl_soar.analysis.logs.parts import joined, later_parts
-from tgl_soar.analysis.logs.reader import LogError, read_log
+from tgl_soar.analysis.logs.reader import LogError, bytes_of, log_from, read_log
 from tgl_soar.analysis.logs.tlog import Tlog, read_tlog
 
 from .px4 import read_px4
@@ -30,19 +30,24 @@ def read_flight(path: str | Path) -> FlightData:
 
     Errors: `LogError` where nothing could be; ImportError naming the extra that is needed.
     """
+    path = Path(path)
+    return flight_from(bytes_of(path), path)
+
+
+def flight_from(data: bytes, path: Path) -> FlightData:
+    """The flight in a log's bytes, likewise.
+
+    path: what it and its errors call it, and beside which its later parts stand.
+    """
     with np.errstate(invalid="ignore", over="ignore"):  # damage may have made them any numbers
-        return _read(Path(path))
+        return _read(data, path)
 
 
-def _read(path: Path) -> FlightData:
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise LogError(f"{path}: cannot be read: {error.strerror}") from None
+def _read(data: bytes, path: Path) -> FlightData:
     if not data.strip(b"\0"):
         raise LogError(f"{path}: {'only zeros' if data else 'empty'}: there is no flight in it")
     if data.startswith(ULOG):
-        log = read_log(path)
+        log = log_from(data, path)
         if not log.is_ours:
             return read_px4(log)
         flights, lost = [read_module_log(log)], []

@@ -7,6 +7,7 @@ and column by column, after pymavlink's own description of each message.
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from math import cos, pi, radians
 from pathlib import Path
@@ -39,6 +40,7 @@ from tgl_soar.analysis.logs.reader import LEAP_S, LogError
 Floats = NDArray[np.float64]
 
 V1, V2 = 0xFE, 0xFD
+_BEGIN: Final = re.compile(b"[\xfd\xfe]")  # of a frame
 _STAMP: Final = 8
 _DAY_US: Final = 86_400_000_000
 _SIGNED: Final = 1
@@ -192,8 +194,10 @@ def _split(data: bytes) -> tuple[_Frames, int]:
         if whole and last_us and abs(stamp - last_us) > 4000 * _DAY_US:
             whole = _is_right(data, head)  # a recorder's clock may be set in flight
         if not whole:
-            at += 1
-            skipped += 1
+            begin = _BEGIN.search(data, head + 1)
+            following = end if begin is None else begin.start() - _STAMP
+            skipped += following - at
+            at = following
             continue
         last_us = stamp
         size = data[head + 1]
