@@ -7,7 +7,9 @@ from math import radians
 from pathlib import Path
 
 import pytest
+from msgspec import inspect
 
+from tgl_soar.config import files
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import (
     ConfigError,
@@ -466,11 +468,31 @@ def test_no_utf8(tmp_path: Path) -> None:
         "x =",
         "x = " + 5000 * "[",
         "a = 1\n[a]\nb = 2",
+        f"a = {LONG}a",
+        f"a = -{LONG}_",
     ],
 )
 def test_no_toml(tmp_path: Path, text: str) -> None:
     with pytest.raises(ConfigError, match=r"file\.toml: not TOML: "):
         load_site(written(tmp_path, text))
+
+
+def test_what_a_file_may_hold_is_worked_out_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """For the words of an error; it takes milliseconds."""
+    type_info, kinds = inspect.type_info, []
+
+    def counted(kind: type) -> inspect.Type:
+        kinds.append(kind)
+        return type_info(kind)
+
+    monkeypatch.setattr(inspect, "type_info", counted)
+    files._type_info.cache_clear()
+    for _ in range(3):
+        with pytest.raises(ConfigError, match="unknown key"):
+            load_site(written(tmp_path, "site.name = 'a'\nheight_m = 1"))
+    assert kinds == [Site]
 
 
 @pytest.mark.parametrize("text", ["", "# nothing\n"])

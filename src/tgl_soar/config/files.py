@@ -13,6 +13,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -207,7 +208,7 @@ def _table(text: str, path: str | Path) -> dict[str, Any]:
         raise ConfigError(f"{path}: not TOML: {error}") from None
 
 
-_TOO_LONG: Final = re.compile(r"\b\d(?:_?\d){999,}\b")
+_TOO_LONG: Final = re.compile(r"\b\d(?:_?\d){999,}")  # whatever stands behind it
 _BEYOND_ALL: Final = "9" * 1001  # of no allowed range, so that the usual error names key and range
 
 
@@ -284,7 +285,7 @@ def _replaced(table: Any, keys: _Keys, value: object) -> Any:
 def _type_at(keys: _Keys, table: dict[str, Any], kind: type[Struct]) -> inspect.Type:
     """What msgspec expects at a path, whether or not there is a value."""
     value: Any = table
-    expected = _chosen(inspect.type_info(kind), value)
+    expected = _chosen(_type_info(kind), value)
     for key in keys:
         structs = _structs(expected)
         match expected:
@@ -301,6 +302,12 @@ def _type_at(keys: _Keys, table: dict[str, Any], kind: type[Struct]) -> inspect.
         value = value.get(key) if isinstance(value, dict) else value[key]
         expected = _chosen(expected, value)
     return expected
+
+
+@cache
+def _type_info(kind: type[Struct]) -> inspect.Type:
+    """What msgspec expects of a file: it builds the whole tree at each call, for milliseconds."""
+    return inspect.type_info(kind)
 
 
 def _chosen(expected: inspect.Type, value: Any) -> inspect.Type:
