@@ -243,6 +243,18 @@ def test_a_short_log_takes_little_memory_whatever_it_says_of_itself(
     assert any("does not fit its rows" in text for text in log.losses)
 
 
+def test_memory_that_does_not_suffice_is_not_called_damage(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def hungry(*_: object, **__: object) -> None:
+        raise MemoryError
+
+    path = ulog(tmp_path, {"small": "uint64_t timestamp;float x;"}, [(0, bytes(12))])
+    monkeypatch.setattr("pyulog.ULog", hungry)
+    with pytest.raises(MemoryError):
+        read_log(path)
+
+
 def test_one_number_is_subscribed_to_once(tmp_path: Path) -> None:
     """Else each of many subscriptions would be followed for the sake of one row."""
     path = ulog(tmp_path, {"small": "uint64_t timestamp;float x;"}, [(0, bytes(12))])

@@ -126,6 +126,8 @@ def log_from(data: bytes, path: Path) -> FlightLog:
     try:
         with redirect_stdout(io.StringIO()):  # what it would say is said by `losses`
             ulog = ULog(io.BytesIO(whole), disable_str_exceptions=True)
+    except MemoryError:  # no fault of the file's, or one that must not be taken for an answer
+        raise
     except Exception as error:  # whatever pyulog thinks of these bytes
         raise LogError(f"{path}: cannot be read: {error}") from None
     topics: dict[str, Topic] = {}
