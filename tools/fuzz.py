@@ -14,20 +14,24 @@ tracker that knows its server and its body, and must know them again afterwards.
 from __future__ import annotations
 
 import argparse
+import resource
 import sys
 import tempfile
 import time
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import cache
+from itertools import accumulate
 from math import inf, isfinite
 from pathlib import Path
 from random import Random
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 from zlib import crc32
 
 import fuzz_logs
 import numpy as np
+from fuzz_files import SMALL_FILES, without_words
+from fuzz_mutations import mutated, mutated_parts, parts_of
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 
@@ -45,18 +49,25 @@ def _watched() -> AbstractContextManager[Any]:
 with _watched():
     from tgl_soar.analysis.experiments.campaign import place
     from tgl_soar.analysis.experiments.scenario import Scenario
+    from tgl_soar.analysis.logs.dataflash import MAGIC
     from tgl_soar.analysis.logs.flight_data import FlightData
-    from tgl_soar.analysis.logs.reader import LogError, read_log
-    from tgl_soar.analysis.logs.reading import read_flight
+    from tgl_soar.analysis.logs.reader import LogError
+    from tgl_soar.analysis.logs.reading import flight_from, read_flight
     from tgl_soar.analysis.report.flight_figures import Surroundings
-    from tgl_soar.analysis.report.flight_page import analysed, page_text, write_page
+    from tgl_soar.analysis.report.flight_page import Analysis, analysed, page_text, write_page
     from tgl_soar.autopilot import mode_name
-    from tgl_soar.config.airframe import Airframe
-    from tgl_soar.config.files import ConfigError, load_airframe, load_file, load_site, shipped
-    from tgl_soar.config.parameter_files import ParameterFileError, read_file
+    from tgl_soar.config.files import (
+        ConfigError,
+        airframe_from,
+        file_from,
+        load_airframe,
+        load_site,
+        shipped,
+        site_from,
+    )
+    from tgl_soar.config.parameter_files import ParameterFileError, read_file, read_text
     from tgl_soar.config.parameter_store import Identity, StoreError, read_state, state_text
     from tgl_soar.config.parameters import ParameterSet
-    from tgl_soar.config.site import Site
     from tgl_soar.geometry import HallFrame, SoaringFrame
     from tgl_soar.link.natnet.settings import OptitrackSettings
     from tgl_soar.link.optitrack import Optitrack
@@ -84,6 +95,10 @@ ENGAGED_S: Final = 2.0  # held until then
 SETTLED_S: Final = 8.0  # and on the line by then
 # Still air: whatever moves the aircraft off the line by more is what the bytes did.
 ON_LINE_M: Final = 0.10
+SHORT: Final = 120  # bytes that are also made frames of
+# One input has 12 kB at most.  Of a log 200 bytes are held for each of its bytes, or 2.4 MB; the
+# allocator's own holes and numpy's buffers are a few times that.
+MOST_BYTES: Final = 64 * 2**20
 
 
 class WrongError(AssertionError):
@@ -181,19 +196,21 @@ def _flight() -> Flight:
     return Flight()
 
 
+@cache
+def _nobody() -> HostileFrames:
+    return HostileFrames(1)
+
+
 def mavlink_bytes(data: bytes) -> None:
     """Bytes from the link to the autopilot, as they are, while it soars."""
     _flight().take(data)
 
 
 def messages(data: bytes) -> None:
-    """Whole messages of nobody, their numbers drawn from the bytes, while it soars."""
+    """A whole message of nobody, its numbers drawn from the bytes, while it soars."""
     random = Random(data)
-    frames = HostileFrames(random.getrandbits(32))
-    flight = _flight()
-    for _ in range(1 + len(data) % 4):
-        message = hostile_message(random, random.choice(HEARD_NAMES))
-        flight.take(frames.packed(message, random.choice((2, 9, 60, 200)), 1))
+    message = hostile_message(random, random.choice(HEARD_NAMES))
+    _flight().take(_nobody().packed(message, random.choice((2, 9, 60, 200)), 1))
 
 
 SERVER: Final = "10.0.0.2", 1510
@@ -220,11 +237,12 @@ class Hall:
         self.tracker = Optitrack(settings, lockstep=True)
         self.version = version
         self.now_s, self._frames = 100.0, 0
+        self._models = encode_models(version, [self._body()])
+        self._info = encode_server_info(version, data_port=1511, group="239.0.0.1", multicast=False)
 
     def ready(self) -> None:
         """Answer what it asks until it knows server and body, as a server does."""
-        info = encode_server_info(self.version, data_port=1511, group="239.0.0.1", multicast=False)
-        answers = {0: info, 4: encode_models(self.version, [self._body()])}
+        answers = {0: self._info, 4: self._models}
         for _ in range(4):  # who is there, what is there, and once more behind a restart
             for asked in self.tracker.poll(self.now_s):
                 if asked[0] in answers:
@@ -233,7 +251,7 @@ class Hall:
                 theirs = self.tracker.info.version == self.version
                 if theirs and self.tracker.info.clock_hz == CLOCK_HZ:
                     return
-                self.tracker.take(info, SERVER, self.now_s)  # it was told of another
+                self.tracker.take(self._info, SERVER, self.now_s)  # it was told of another
             self.now_s += 1.1
         raise WrongError("the tracker does not come to know its server again")
 
@@ -260,16 +278,17 @@ def _hall(version: tuple[int, int]) -> Hall:
 
 
 def natnet(data: bytes) -> None:
-    """Datagrams of a tracker that is ready, whole ones and their bodies."""
-    hall = _hall(VERSIONS[len(data) % len(VERSIONS)])
-    framed = [n.to_bytes(2, "little") + len(data).to_bytes(2, "little") for n in (7, 1, 5, 14)]
-    for nonsense in (data, *(head + data for head in framed)):
-        hall.ready()
-        hall.now_s += 0.01
-        for datagram in (hall.frame(), nonsense):
-            fix = hall.tracker.take(datagram, SERVER, hall.now_s)
-            if fix is not None and not _is_a_measurement(fix, hall.now_s):
-                raise WrongError(f"nonsense became a position: {datagram!r}")
+    """Datagrams at a tracker that is ready: as they are, or with the head of a sort of them."""
+    drawn = crc32(data)
+    hall = _hall(VERSIONS[drawn % len(VERSIONS)])
+    kind = (0, 7, 1, 5, 14)[(drawn >> 8) % 5]  # 0: as they are
+    head = kind.to_bytes(2, "little") + len(data).to_bytes(2, "little") if kind else b""
+    hall.ready()
+    hall.now_s += 0.01
+    for datagram in (hall.frame(), head + data):
+        fix = hall.tracker.take(datagram, SERVER, hall.now_s)
+        if fix is not None and not _is_a_measurement(fix, hall.now_s):
+            raise WrongError(f"nonsense became a position: {datagram!r}")
 
 
 def _is_a_measurement(fix: PositionFix, now_s: float) -> bool:
@@ -277,27 +296,50 @@ def _is_a_measurement(fix: PositionFix, now_s: float) -> bool:
     return all(map(isfinite, numbers)) and now_s - 0.3 <= fix.time_s <= now_s
 
 
-def _read(data: bytes, read: Callable[[Path], object], *answers: type[Exception]) -> None:
-    with tempfile.NamedTemporaryFile(suffix=".fuzz") as file:
-        file.write(data)
-        file.flush()
-        try:
-            read(Path(file.name))
-        except answers:
-            return
+def _answered(read: Callable[[], object], *answers: type[Exception]) -> None:
+    """Read something; an error that the reader declares is an answer."""
+    try:
+        read()
+    except answers:
+        return
+
+
+def _is_drawn(data: bytes) -> bool:
+    """Of one input in 64, for what takes long beside the reading itself."""
+    return crc32(data) % 64 == 0
+
+
+def _from_file(data: bytes, read: Callable[[Path], object], *answers: type[Exception]) -> None:
+    """Of one input in 64: from a file as well."""
+    if _is_drawn(data):
+        with tempfile.NamedTemporaryFile(suffix=".fuzz") as file:
+            file.write(data)
+            file.flush()
+            _answered(lambda: read(Path(file.name)), *answers)
+
+
+def _scenario_from(text: str, name: str) -> Scenario:
+    return file_from(text, name, Scenario)
 
 
 def config(data: bytes) -> None:
     """Airframe, site and scenario files."""
-    for kind in (Airframe, Site, Scenario):
-        _read(data, lambda path, kind=kind: load_file(path, kind), ConfigError)  # type: ignore[misc]
-    _read(data, load_airframe, ConfigError)
-    _read(data, load_site, ConfigError)
+    text = data.decode("utf-8", "replace")
+    for read in (airframe_from, site_from, _scenario_from):
+        try:
+            read(text, "fuzz")
+        except ConfigError as error:
+            if "not TOML" in str(error):  # it is none for the others either
+                break
+    for load in (load_airframe, load_site):
+        _from_file(data, load, ConfigError)
 
 
 def parameters(data: bytes) -> None:
     """Parameter files of either format."""
-    _read(data, read_file, ParameterFileError)
+    text = data.decode("utf-8", "replace")
+    _answered(lambda: read_text(text, "fuzz"), ParameterFileError)
+    _from_file(data, read_file, ParameterFileError)
 
 
 def state(data: bytes) -> None:
@@ -320,9 +362,9 @@ def _summed(data: bytes) -> bytes:
     return text + mark + f"{crc32(text):08x}\n".encode()
 
 
-def flight_of(path: Path) -> FlightData:
+def flight_in(data: bytes) -> FlightData:
     """The flight in a log: its times are times, in their order."""
-    flight = read_flight(path)
+    flight = flight_from(data, Path("fuzz.log"))
     for name, series in flight.series().items():
         if not np.all(np.isfinite(series.time_s)) or np.any(np.diff(series.time_s) < 0.0):
             raise WrongError(f"the times of its {name} are none")
@@ -331,44 +373,60 @@ def flight_of(path: Path) -> FlightData:
     return flight
 
 
+def _log(data: bytes, beginning: bytes) -> None:
+    """Bytes as they are, and with the beginning of a log where they have none."""
+    if not data.startswith(beginning):
+        _answered(lambda: flight_in(beginning + data), LogError)
+    _answered(lambda: flight_in(data), LogError)
+    _from_file(data, read_flight, LogError)
+
+
 def log(data: bytes) -> None:
-    """ULogs, ours too, with the beginning of one, as they are and as a flight."""
-    for text in (data, fuzz_logs.ULOG_BEGIN + data):
-        _read(text, read_log, LogError)
-        _read(text, flight_of, LogError)
+    """The module's ULog, with the beginning of one, as a flight."""
+    _log(data, fuzz_logs.ULOG_BEGIN[:8])
 
 
 def px4(data: bytes) -> None:
     """PX4's ULog, with the beginning of one, as a flight."""
-    for text in (data, fuzz_logs.ULOG_BEGIN + data):
-        _read(text, flight_of, LogError)
+    _log(data, fuzz_logs.ULOG_BEGIN[:8])
 
 
 def dataflash(data: bytes) -> None:
     """ArduPilot's log, with the beginning of one, as a flight."""
-    for text in (data, b"\xa3\x95" + data):
-        _read(text, flight_of, LogError)
+    _log(data, MAGIC)
 
 
 def tlog(data: bytes) -> None:
-    """Telemetry logs: as they are, and as whole frames made of the bytes."""
-    for text in (data, fuzz_logs.recorded(data)):
-        _read(text, flight_of, LogError)
+    """Telemetry logs: as they are, and the bytes as whole frames."""
+    _log(data, b"")
+    if len(data) <= SHORT:
+        _answered(lambda: flight_in(fuzz_logs.recorded(data)), LogError)
 
 
 def report(data: bytes) -> None:
-    """The page of any log, read by what it begins with; of one in 64 its figures, too."""
-    _read(data, _page, LogError)
+    """The page of any log, without its figures: no markup of the log's is the page's."""
+    _answered(lambda: _page(data), LogError)
 
 
-def _page(path: Path) -> None:
-    flight = flight_of(path)
-    analysis = analysed(flight, Surroundings(site="$site$", airframe="<airframe>"), HILL)
-    if crc32(path.read_bytes()) % 64:
-        page_text(analysis, {})
-        return
+def _page(data: bytes) -> Analysis:
+    known = Surroundings(site="$site$", airframe=fuzz_logs.MARKUP)
+    analysis = analysed(flight_in(data), known, HILL)
+    if fuzz_logs.MARKUP in page_text(analysis, {}):
+        raise WrongError("the page holds markup of the log's")
+    return analysis
+
+
+def figures(data: bytes) -> None:
+    """The figures of any log and the page with them."""
+    _answered(lambda: _drawn(data), LogError)
+
+
+def _drawn(data: bytes) -> None:
     with tempfile.TemporaryDirectory() as folder:
-        write_page(Path(folder) / "page.html", analysis, lambda _words: None)
+        page = Path(folder) / "page.html"
+        write_page(page, _page(data), lambda _words: None)
+        if fuzz_logs.MARKUP in page.read_text(encoding="utf-8"):
+            raise WrongError("a figure holds markup of the log's")
 
 
 TARGETS: Final[dict[str, Callable[[bytes], None]]] = {
@@ -383,18 +441,19 @@ TARGETS: Final[dict[str, Callable[[bytes], None]]] = {
     "dataflash": dataflash,
     "tlog": tlog,
     "report": report,
+    "figures": figures,
 }
 
 
-LOGS: Final[dict[str, Callable[[], list[bytes]]]] = {
-    "log": lambda: [fuzz_logs.own_log(), fuzz_logs.px4_log()],
-    "px4": lambda: [fuzz_logs.px4_log()],
-    "dataflash": lambda: [fuzz_logs.dataflash_log()],
-    "tlog": lambda: [fuzz_logs.tlog(), Random(1).randbytes(400)],
-    "report": lambda: [
-        fuzz_logs.own_log(), fuzz_logs.px4_log(), fuzz_logs.dataflash_log(), fuzz_logs.tlog()
-    ],
-}  # fmt: skip
+_EVERY_LOG: Final = [*fuzz_logs.OWN, *fuzz_logs.PX4, *fuzz_logs.DATAFLASH, *fuzz_logs.TLOG]
+LOGS: Final = {
+    "log": fuzz_logs.OWN,
+    "px4": fuzz_logs.PX4,
+    "dataflash": fuzz_logs.DATAFLASH,
+    "tlog": fuzz_logs.TLOG,
+    "report": _EVERY_LOG,
+    "figures": _EVERY_LOG,
+}
 
 
 def examples(target: str) -> list[bytes]:
@@ -405,7 +464,8 @@ def examples(target: str) -> list[bytes]:
     if target == "config":
         scenarios = [path.read_bytes() for path in shipped("scenarios").glob("*.toml")]
         huge = b"[site]\nname = 'a'\norigin_north_m = " + b"9" * 5000
-        return [AIRFRAME.read_bytes(), SITE.read_bytes(), huge, *scenarios]
+        whole = [AIRFRAME.read_bytes(), SITE.read_bytes(), huge, *scenarios]
+        return [*whole, *map(without_words, whole), *SMALL_FILES]
     if target in ("parameters", "state"):
         return [
             b"# a comment\n1\t191\tTGL_X\t0.5\t9\nTGL_Z,1.5\n",
@@ -413,37 +473,84 @@ def examples(target: str) -> list[bytes]:
             b"TGL_LEAN 15\nRHO_P=1\n\xff\x00",
         ]
     if target in LOGS:
-        return LOGS[target]()
+        return LOGS[target]
     datagrams = [Hall(version).frame() for version in VERSIONS]
     return [bytes(80), *datagrams, *(datagram[4:] for datagram in datagrams)]
 
 
-def mutated(random: Random, example: bytes) -> bytes:
-    """An example with a few bytes turned, cut or put in."""
-    data = bytearray(example)
-    for _ in range(random.randint(1, 6)):
-        at = random.randrange(len(data) + 1)
-        way = random.randrange(4)
-        if way == 0 and data:
-            data[at % len(data)] = random.choice((0, 1, 0x7F, 0x80, 0xFF, random.randrange(256)))
-        elif way == 1:
-            data[at:at] = random.randbytes(random.randint(1, 8))
-        elif way == 2:
-            del data[at : at + random.randint(1, 16)]
-        else:
-            data[at:at] = data[: random.randrange(len(data) + 1)][:64]
-    return bytes(data)
+def supply(target: str) -> Callable[[Random], bytes]:
+    """What draws an input: a good example with its bytes changed, or its messages.
+
+    Of logs and files short ones are drawn oftener, as they are read in less time.
+    """
+    known = examples(target)
+    if target != "config" and target not in LOGS:
+        return lambda random: mutated(random, random.choice(known))
+    power = -1 if target == "config" else -2
+    weights = list(accumulate(len(example) ** power for example in known))
+    if target == "config":
+        return lambda random: mutated(random, random.choices(known, cum_weights=weights)[0])
+    taken_apart = [(example, *parts_of(example)) for example in known]
+
+    def draw(random: Random) -> bytes:
+        if target == "tlog" and random.getrandbits(2) == 0:
+            return random.randbytes(random.randrange(SHORT))
+        example, parts, seal = random.choices(taken_apart, cum_weights=weights)[0]
+        if random.getrandbits(1):
+            return mutated(random, example)
+        return mutated_parts(random, parts, seal)
+
+    return draw
 
 
-def by_lot(target: str, seconds: float, seed: int) -> int:
-    """Mutations of examples for so long; how many."""
-    random, known = Random(seed), examples(target)
-    take, count = TARGETS[target], 0
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        take(mutated(random, random.choice(known)))
-        count += 1
-    return count
+class Tally(NamedTuple):
+    """What a run by lot was."""
+
+    inputs: int
+    seconds: float  # of this thread's own time
+    slowest_s: float  # of one input, likewise
+    grown_bytes: int  # of address space, from the examples to the end
+
+
+def by_lot(target: str, seconds: float, seed: int, count: int = sys.maxsize) -> Tally:
+    """Mutations of examples for so long, or so many.
+
+    Errors: what the target raises, with a note of the input; MemoryError where the process comes
+    to hold more than `MOST_BYTES` beside what it held after the examples.
+    """
+    random, draw, take = Random(seed), supply(target), TARGETS[target]
+    for example in examples(target):  # what is loaded once is no part of it
+        take(example)
+    held, done, slowest_s = _held_bytes(), 0, 0.0
+    end, begin_s = time.monotonic() + seconds, time.thread_time()
+    with _bound_to(held + MOST_BYTES):
+        while done < count and time.monotonic() < end:
+            data = draw(random)
+            before_s = time.thread_time()
+            try:
+                take(data)
+            except Exception as error:
+                error.add_note(f"input {done} of seed {seed}: {data!r}")
+                raise
+            slowest_s = max(slowest_s, time.thread_time() - before_s)
+            done += 1
+    return Tally(done, time.thread_time() - begin_s, slowest_s, _held_bytes() - held)
+
+
+def _held_bytes() -> int:
+    """The process's address space."""
+    return int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+
+
+@contextmanager
+def _bound_to(most_bytes: int) -> Iterator[None]:
+    """Beyond so much address space a MemoryError."""
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (most_bytes, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)
 
 
 def guided(target: str, seconds: float, atheris: Any) -> None:
@@ -463,6 +570,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--by-lot", action="store_true", help="not guided, even with atheris")
+    parser.add_argument("--count", type=int, default=sys.maxsize, help="by lot: end after so many")
     options = parser.parse_args()
     if options.target == "list":
         for name, target in TARGETS.items():
@@ -473,8 +581,12 @@ def main() -> int:
             raise ImportError
         import atheris
     except ImportError:
-        count = by_lot(options.target, options.seconds, options.seed)
-        print(f"{options.target}: {count} inputs, nothing found")
+        done = by_lot(options.target, options.seconds, options.seed, options.count)
+        print(
+            f"{options.target}: {done.inputs:,} inputs of seed {options.seed}, nothing found;"
+            f" {done.inputs / max(done.seconds, 1e-9):,.0f}/s, the slowest {done.slowest_s:.3f} s,"
+            f" {done.grown_bytes / 2**20:.1f} MiB more memory"
+        )
         return 0
     guided(options.target, options.seconds, atheris)
     return 0
