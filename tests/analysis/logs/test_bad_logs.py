@@ -243,6 +243,18 @@ def test_a_short_log_takes_little_memory_whatever_it_says_of_itself(
     assert any("does not fit its rows" in text for text in log.losses)
 
 
+def test_words_from_before_the_first_sample_make_no_flight_shorter_than_none(
+    tmp_path: Path,
+) -> None:
+    path = ulog(tmp_path, {"tick": "uint64_t timestamp;uint8_t mode;"}, [])
+    row = flown.ulog_message("D", struct.pack("<HQB", 0, 20_000_000, 1))
+    words = flown.ulog_message("L", b"4" + struct.pack("<Q", 1_000_000) + b"armed")
+    path.write_bytes(path.read_bytes() + row + words)
+    flight = read_flight(path)
+    assert [event.time_s for event in flight.events] == [-19.0]
+    assert flight.duration_s == 0.0
+
+
 def test_memory_that_does_not_suffice_is_not_called_damage(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -154,9 +154,9 @@ class FlightData:
 
     @property
     def duration_s(self) -> float:
-        """From the first sample to the last."""
+        """From the first sample to the last; an event before the first is none."""
         ends = [float(s.time_s[-1]) for s in self.series().values()]
-        return max([*ends, *(event.time_s for event in self.events)], default=0.0)
+        return max([0.0, *ends, *(event.time_s for event in self.events)])
 
 
 def series(time_s: ArrayLike, source: str, **columns: ArrayLike) -> Series | None:
