@@ -58,7 +58,7 @@ def mutated_parts(random: Random, parts: list[bytes], seal: Seal) -> bytes:
             parts[at], parts[other] = parts[other], parts[at]
         elif way == 3:
             parts[at] = seal(mutated(random, parts[at]))
-        else:
+        elif parts[at]:
             part = bytearray(parts[at])
             for _ in range(random.randint(1, 4)):
                 part[int(random.random() * len(part))] = _any_byte(random)

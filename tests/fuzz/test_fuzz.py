@@ -10,7 +10,14 @@ from random import Random
 import fuzz
 import fuzz_logs
 import pytest
-from fuzz_mutations import parts_of
+from fuzz_mutations import (
+    Seal,
+    mutated_parts,
+    parts_of,
+    sealed_dataflash,
+    sealed_tlog,
+    sealed_ulog,
+)
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -81,6 +88,13 @@ def test_every_good_log_is_read_whole_and_its_parts_are_in_order(name: str) -> N
         parts, seal = parts_of(example)
         assert b"".join(parts) == example
         assert [seal(part) for part in parts[1:]] == parts[1:]
+
+
+@pytest.mark.parametrize("seal", [sealed_ulog, sealed_dataflash, sealed_tlog])
+def test_messages_of_which_nothing_is_left_can_be_changed(seal: Seal) -> None:
+    random = Random(1)
+    for _ in range(1000):
+        mutated_parts(random, [b"", b"", b"a"], seal)
 
 
 def test_a_sealed_frame_is_whole_whatever_was_changed_in_it() -> None:
