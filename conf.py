@@ -16,7 +16,7 @@ CHAPTERS = {
     "Fly": ("operator", "hardware", "autopilots", "optitrack", "sensors", "safety", "modes"),
     "Look up": ("parameters", "logs"),
     "Understand": ("theory", "experiments", "model", "performance"),
-    "Change": ("architecture", "decisions/index"),
+    "Change": ("architecture", "decisions/index", "mutants"),
 }
 
 project = "tgl_soar"

@@ -1,0 +1,138 @@
+"""The tool that tries mutants: the tests it runs, what it calls noticed, and its page."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from mutant_trials import Mutant, Verdict, described, finished
+from mutants_page import NOT_LOOKED_AT, page_of, reasons_of
+from mutate import all_mutants
+from mutations import Mutation
+from tests_reaching import Imports
+
+ROOT = Path(__file__).parents[2]
+
+LAW = """\
+LIMITS = ("low", "high")
+MOST = 4.0
+
+
+def limited(x: float, most: float = MOST) -> float:
+    return min(x, most) * 3.0
+"""
+# It knows nothing of the factor: one change goes unnoticed.
+TEST_OF_LAW = """\
+import pytest
+from tgl_soar.law import LIMITS, limited
+
+
+def test_it():
+    assert LIMITS == ("low", "high")
+    assert limited(8.0) / limited(1.0) == 4.0 and limited(1.0) > 1.5
+
+
+@pytest.mark.xdist_group("real time")
+def test_of_real_time():
+    assert limited(1.0) == 3.0
+"""
+TEST_OF_ANOTHER = "import tgl_soar.law\n\n\ndef test_it():\n    assert not tgl_soar.law.LIMITS\n"
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A package of one law, with a test that looks and one that always fails."""
+    root = tmp_path_factory.mktemp("project")
+    for name, text in {
+        "src/tgl_soar/__init__.py": "",
+        "src/tgl_soar/law.py": LAW,
+        "tests/test_law.py": TEST_OF_LAW,
+        "tests/test_another.py": TEST_OF_ANOTHER,
+        "pyproject.toml": "[tool.pytest.ini_options]\ntestpaths = ['tests']\n",
+    }.items():
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_text(text, encoding="utf-8")
+    subprocess.run(["git", "init", "-q"], cwd=root, check=True)
+    return root
+
+
+def mutate(project: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """The tool at work on another project."""
+    code = "import sys; from pathlib import Path; from mutate import main; "
+    code += "sys.exit(main(sys.argv[1:], Path.cwd()))"
+    return subprocess.run(
+        [sys.executable, "-c", code, *arguments],
+        cwd=project,
+        env={**os.environ, "PYTHONPATH": str(ROOT / "tools")},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+
+
+def test_what_goes_unnoticed_is_listed(project: Path) -> None:
+    page = project / "page.md"
+    run = mutate(project, "--sample", "9", "--least", "84", "--page", str(page))
+    assert run.stderr == ""
+    assert run.returncode == 1
+    lines = run.stdout.splitlines()
+    # The test that always fails notices nothing; that of real time is not asked.
+    assert "tests/test_another.py::test_it fails in the unchanged source: left out" in lines
+    assert [line for line in lines if line.startswith("src")] == [
+        "src/tgl_soar/law.py:6: 3.0  ->  6.0    [return min(x, most) * 3.0]",
+    ]
+    assert lines[-1].startswith("5 of 6 mutants noticed (83.3 %)")
+    row = "| `src/tgl_soar/law.py:6` | `3.0  ->  6.0` | `return min(x, most) * 3.0` | {} |\n"
+    assert row.format(NOT_LOOKED_AT) in page.read_text()
+    assert "| law.py | 6 | 5 |" in page.read_text()
+    assert (project / "src/tgl_soar/law.py").read_text() == LAW
+
+
+def test_a_process_that_gives_no_answer_has_noticed(tmp_path: Path) -> None:
+    """It hung and was ended, or the mutant took it down."""
+    with subprocess.Popen(["true"], start_new_session=True) as process:
+        process.wait()
+    assert finished(process.pid, tmp_path) == Verdict(True, "")
+    (tmp_path / ".mutant-answer").write_text("")
+    assert finished(process.pid, tmp_path) == Verdict(False, "")
+    (tmp_path / ".mutant-answer").write_text("tests/a.py::b")
+    assert finished(process.pid, tmp_path) == Verdict(True, "tests/a.py::b")
+
+
+def test_tests_of_a_file_come_nearest_first() -> None:
+    imports = Imports(ROOT)
+    tests = [str(path) for path in imports.tests_of(Path("src/tgl_soar/control/supervisor.py"))]
+    assert tests[0] == "tests/control/test_supervisor.py"
+    assert "tests/autopilot/test_autopilot.py" in tests  # the autopilot imports it
+    assert tests.index("tests/autopilot/test_autopilot.py") < tests.index("tests/cli/test_init.py")
+    assert "tests/air/test_hill.py" not in tests  # no way leads there
+    # Through a helper of tests, and through a package's front door.
+    helped = imports.tests_of(Path("src/tgl_soar/onboard/flightlog/writer.py"))
+    assert Path("tests/analysis/replay/test_replay.py") in helped
+
+
+def test_the_places_are_files_and_folders(project: Path) -> None:
+    of_file = all_mutants(project, [Path("src/tgl_soar/law.py")])
+    of_both = all_mutants(project, [Path("src"), Path("tests/test_law.py")])
+    assert {mutant.path.name for mutant in of_file} == {"law.py"}
+    assert {mutant.path.name for mutant in of_both} == {"law.py", "test_law.py"}
+    assert set(of_file) < set(of_both)
+
+
+def test_a_page_counts_by_folder_and_keeps_its_reasons(project: Path) -> None:
+    change = Mutation(line=2, start=0, end=0, text="", words="a | b  ->  a & b")
+    mutants = [Mutant(Path("src/tgl_soar/law.py"), change._replace(line=n)) for n in (1, 2)]
+    verdicts = dict(zip(mutants, (Verdict(True, "t"), Verdict(False, "")), strict=True))
+    page = page_of(verdicts, 77, 5, project, "")
+    assert "tries 2 changes, drawn with seed 5 from all 77" in " ".join(page.split())
+    assert "notice 1 (50.0 %)" in page
+    assert "| law.py | 2 | 1 |" in page
+    key = ("src/tgl_soar/law.py", "`a | b  ->  a & b`", "`MOST = 4.0`")
+    assert reasons_of(page) == {key: NOT_LOOKED_AT}
+    # Somebody writes the reason; the line moves, and the reason goes along.
+    explained = page.replace(NOT_LOOKED_AT, "x \\| y is z").replace("law.py:2`", "law.py:7`")
+    assert reasons_of(page_of(verdicts, 77, 5, project, explained)) == {key: "x | y is z"}
+    assert described(mutants[1], project).endswith("law.py:2: a | b  ->  a & b    [MOST = 4.0]")

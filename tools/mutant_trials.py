@@ -1,0 +1,256 @@
+"""Tries mutants: each in a process and a copy of the project of its own, until a test fails.
+
+The copies are whole, so that processes that tests start fly the mutant too.  A mutant that cannot
+be imported, and one that never ends, count as noticed.  A test that fails in the unchanged copy as
+well notices nothing: it is left out from then on.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from importlib import import_module
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import pytest
+from mutations import Mutation, changed
+from tests_reaching import Imports
+
+BUDGET_S: Final = 30.0  # processor time for a mutant's tests, its processes' included
+PROGRESS: Final = 10  # mutants from one line of progress to the next
+LOOPING_S: Final = 60.0  # processor time beyond it: no test takes as much
+HANGING_S: Final = 900.0  # on the clock, for a mutant that waits forever
+LEFT_OUT: Final = ("real time", "kernels")  # groups of tests/conftest.py
+# Loaded once, before a process is split off for each mutant: what the tests load but for us.
+AHEAD: Final = (
+    *("numpy", "scipy.optimize", "scipy.signal", "scipy.spatial", "hypothesis", "typer.testing"),
+    *("pymavlink.dialects.v20.ardupilotmega", "pymavlink.mavutil", "msgspec", "rich.console"),
+)
+_ANSWER: Final = ".mutant-answer"
+
+
+class Mutant(NamedTuple):
+    """One change of one file (relative to the project)."""
+
+    path: Path
+    change: Mutation
+
+
+class Verdict(NamedTuple):
+    """Whether a test failed with the mutant, and which (none: it hung, or the process died)."""
+
+    noticed: bool
+    by: str
+
+
+# --- in the process of one mutant ----------------------------------------------------------------
+
+
+class _Watch:
+    """Stops at the first failure or when the time is used up, and knows which it was."""
+
+    def __init__(self, budget_s: float, broken: frozenset[str]) -> None:
+        self.failed = ""
+        self.is_over = False
+        self._budget_s = budget_s
+        self._broken = broken
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_collection_modifyitems(
+        self, config: pytest.Config, items: list[pytest.Item]
+    ) -> None:
+        """Tests that may judge a mutant."""
+        kept: list[pytest.Item] = []
+        left_out: list[pytest.Item] = []
+        for item in items:
+            groups = [mark.args[0] for mark in item.iter_markers("xdist_group")]
+            is_out = item.nodeid in self._broken or any(group in LEFT_OUT for group in groups)
+            (left_out if is_out else kept).append(item)
+        items[:] = kept
+        config.hook.pytest_deselected(items=left_out)
+
+    def pytest_runtest_logfinish(self) -> None:
+        """Ends the run once the time is used up."""
+        times = os.times()
+        self.is_over = sum(times[:4]) > self._budget_s
+        if self.is_over and not self.failed:
+            pytest.exit("the mutant's time is used up", returncode=0)
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Remembers the first failure."""
+        if report.failed and not self.failed:
+            self.failed = report.nodeid
+
+    def pytest_collectreport(self, report: pytest.CollectReport) -> None:
+        """A file of tests that cannot be imported is a failure too."""
+        if report.failed and not self.failed:
+            self.failed = report.nodeid
+
+
+def _judge(tests: list[str], budget_s: float, broken: frozenset[str], answer: Path) -> None:
+    """Run tests here, one file after the other, and write down the first that fails."""
+    source = str(Path("src").absolute())
+    sys.path.insert(0, source)
+    os.environ["PYTHONPATH"] = source
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    sys.dont_write_bytecode = False
+    watch = _Watch(budget_s + sum(os.times()[:4]), broken)
+    for test in tests:
+        if test not in broken:
+            options = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:randomly"]
+            code = pytest.main([*options, test], plugins=[watch])
+            known = (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED)
+            if watch.failed or code not in known:
+                answer.write_text(watch.failed or test, encoding="utf-8")
+                return
+            if watch.is_over:
+                break
+    answer.write_text("", encoding="utf-8")
+
+
+def started(
+    folder: Path, tests: list[str], budget_s: float = BUDGET_S, broken: frozenset[str] = frozenset()
+) -> int:
+    """A process of its own that runs tests in a copy of the project; `finished` knows the rest."""
+    (folder / _ANSWER).unlink(missing_ok=True)
+    child = os.fork()
+    if child == 0:
+        try:
+            os.setsid()
+            most_s = int(budget_s + LOOPING_S)
+            resource.setrlimit(resource.RLIMIT_CPU, (most_s, most_s))
+            quiet = os.open(os.devnull, os.O_RDWR)
+            for stream in (0, 1, 2):
+                os.dup2(quiet, stream)
+            os.chdir(folder)
+            _judge(tests, budget_s, broken, folder / _ANSWER)
+        finally:
+            os._exit(0)
+    return child
+
+
+def finished(child: int, folder: Path) -> Verdict:
+    """What a process that has ended found out; what it left running is ended too."""
+    with suppress(ProcessLookupError):
+        os.killpg(child, signal.SIGKILL)
+    try:
+        failed = (folder / _ANSWER).read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return Verdict(True, "")  # it hung, or it died
+    return Verdict(bool(failed), failed)
+
+
+# --- copies of the project ------------------------------------------------------------------------
+
+
+def copied(root: Path, folder: Path) -> Path:
+    """The project's files as they are now, in another folder."""
+    command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    names = subprocess.run(command, cwd=root, check=True, capture_output=True, text=True).stdout
+    for name in filter(None, names.split("\0")):
+        if (root / name).is_file():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(root / name, folder / name)
+    # A changed source must never be taken for the old one, though its time be the same.
+    compiling = [*("-m", "compileall", "-q", "--invalidation-mode", "checked-hash", "src")]
+    subprocess.run([sys.executable, *compiling], cwd=folder, check=True)
+    return folder
+
+
+class Workshop:
+    """Copies of the project in which mutants are tried, as many at a time as there are copies."""
+
+    def __init__(
+        self,
+        root: Path,
+        folders: list[Path],
+        report: Callable[[str], None],
+        budget_s: float = BUDGET_S,
+    ) -> None:
+        for name in AHEAD:
+            with suppress(ImportError):
+                import_module(name)
+        self._root = root
+        self._imports = Imports(root)
+        self._free = folders
+        self._budget_s = budget_s
+        self._report = report
+        self._running: dict[int, tuple[Path, Mutant, float]] = {}  # with the time of its end
+        self._sound: set[str] = set()
+        self._broken: set[str] = set()
+        self.verdicts: dict[Mutant, Verdict] = {}
+
+    def try_all(self, mutants: list[Mutant]) -> None:
+        """Verdicts on all of them; those that nothing notices are reported as they come."""
+        waiting = deque(mutants)
+        try:
+            while waiting or self._running:
+                while waiting and self._free:
+                    self._start(waiting.popleft())
+                if again := self._end(self._next_ended()):
+                    waiting.appendleft(again)
+        finally:  # interrupted, perhaps
+            for child in self._running:
+                os.killpg(child, signal.SIGKILL)
+                os.waitpid(child, 0)
+
+    def _next_ended(self) -> int:
+        """The next process that ends, or that is ended as its time on the clock is over."""
+        while True:
+            for child, (_folder, _mutant, until_s) in self._running.items():
+                if time.monotonic() > until_s:
+                    os.killpg(child, signal.SIGKILL)
+                if os.waitpid(child, os.WNOHANG)[0]:
+                    return child
+            time.sleep(0.02)
+
+    def _start(self, mutant: Mutant) -> None:
+        folder = self._free.pop()
+        source = (self._root / mutant.path).read_text(encoding="utf-8")
+        (folder / mutant.path).write_text(changed(source, mutant.change), encoding="utf-8")
+        tests = [str(path) for path in self._imports.tests_of(mutant.path)]
+        child = started(folder, tests, self._budget_s, frozenset(self._broken))
+        self._running[child] = folder, mutant, time.monotonic() + HANGING_S
+
+    def _end(self, child: int) -> Mutant | None:
+        """Takes the verdict; the mutant, if it is to be tried again."""
+        folder, mutant, _until_s = self._running.pop(child)
+        verdict = finished(child, folder)
+        shutil.copy2(self._root / mutant.path, folder / mutant.path)
+        sound = not verdict.by or self._is_sound(verdict.by, folder)
+        self._free.append(folder)
+        if not sound:
+            return mutant
+        self.verdicts[mutant] = verdict
+        if not verdict.noticed:
+            self._report(described(mutant, self._root))
+        if len(self.verdicts) % PROGRESS == 0:
+            noticed = sum(each.noticed for each in self.verdicts.values())
+            self._report(f"{noticed} of {len(self.verdicts)} so far")
+        return None
+
+    def _is_sound(self, test: str, folder: Path) -> bool:
+        """Whether a test passes in the unchanged copy."""
+        if test not in self._sound | self._broken:
+            child = started(folder, [test])
+            os.waitpid(child, 0)
+            kind = self._broken if finished(child, folder).noticed else self._sound
+            kind.add(test)
+            if kind is self._broken:
+                self._report(f"{test} fails in the unchanged source: left out")
+        return test in self._sound
+
+
+def described(mutant: Mutant, root: Path) -> str:
+    """File, line, change, and the line as it stands."""
+    line = (root / mutant.path).read_text(encoding="utf-8").splitlines()[mutant.change.line - 1]
+    return f"{mutant.path}:{mutant.change.line}: {mutant.change.words}    [{line.strip()}]"

@@ -1,0 +1,79 @@
+"""The page of mutants that no test notices, with the reasons that people have written into it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import Final
+
+from mutant_trials import BUDGET_S, Mutant, Verdict
+
+NOT_LOOKED_AT: Final = "not looked at yet"
+_TEXT: Final = """\
+# Mutants
+
+Whether the tests notice small changes of the source: a comparison turned round, a number doubled, a
+row of a table left out (`tools/mutations.py` lists the kinds). `make mutate` makes this page: it
+tries {tried} changes, drawn with seed {seed} from all {total} that the files can have. The tests
+notice {noticed} ({share:.1f} %).
+
+Tests that need real time or compile kernels take no part, and the others have {budget_s:.0f} s of
+processor time for each change. The reasons in the last table are written by hand, and a new run
+keeps them.
+
+| folder or file | changes | noticed |
+|---|---|---|
+{doors}
+
+## Not noticed
+
+| place | change | line | why |
+|---|---|---|---|
+{rows}
+"""
+
+
+def reasons_of(page: str) -> dict[tuple[str, str, str], str]:
+    """(file, change, line as it stood) → why, of a page."""
+    found = {}
+    for line in page.splitlines():
+        cells = line.replace("\\|", "\0").strip("| ").split(" | ")
+        if line.startswith("| `") and len(cells) == 4:
+            place, change, code, why = (cell.replace("\0", "|") for cell in cells)
+            found[place.strip("`").rpartition(":")[0], change, code] = why
+    return found
+
+
+def page_of(verdicts: dict[Mutant, Verdict], total: int, seed: int, root: Path, before: str) -> str:
+    """The page, with the reasons of the page before for what still goes unnoticed."""
+    reasons = reasons_of(before)
+    tried, noticed = Counter[str](), Counter[str]()
+    rows = []
+    for mutant, verdict in sorted(verdicts.items()):
+        door = mutant.path.parts[min(2, len(mutant.path.parts) - 1)]
+        tried[door] += 1
+        noticed[door] += verdict.noticed
+        if not verdict.noticed:
+            source = (root / mutant.path).read_text(encoding="utf-8").splitlines()
+            code = _quoted(source[mutant.change.line - 1].strip())
+            change = _quoted(mutant.change.words)
+            why = reasons.get((str(mutant.path), change, code), NOT_LOOKED_AT)
+            rows.append(_row(f"`{mutant.path}:{mutant.change.line}`", change, code, why))
+    return _TEXT.format(
+        tried=len(verdicts),
+        seed=seed,
+        total=total,
+        noticed=noticed.total(),
+        share=100.0 * noticed.total() / max(len(verdicts), 1),
+        budget_s=BUDGET_S,
+        doors="\n".join(_row(door, str(tried[door]), str(noticed[door])) for door in sorted(tried)),
+        rows="\n".join(rows),
+    )
+
+
+def _quoted(code: str) -> str:
+    return f"`{code.replace('`', chr(39))}`"
+
+
+def _row(*cells: str) -> str:
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"

@@ -1,0 +1,223 @@
+"""The small changes that a source can have, each as a piece of text in the place of another.
+
+A change is one of these:
+
+- a comparison loosened, tightened or turned round, a condition or a truth turned round;
+- one operation of arithmetic, of bits or of logic exchanged for another, a sign or `not` dropped;
+- a number changed: a float doubled (zero becomes one), an integer raised by one.  Constants,
+  defaults of arguments and of dataclasses' and named tuples' fields are numbers like the rest;
+- `min` for `max`, `any` for `all`, `sin` for `cos`, `floor` for `ceil`, `abs` dropped;
+- a call that is made for what it does left out;
+- outside functions: one row of a tuple, list, set or dictionary left out.
+
+Annotations, decorators, error messages and strings stay as they are.  All else of the source keeps
+its place, so that a line's number means the same in the changed source, up to a table's row.
+"""
+
+from __future__ import annotations
+
+import ast
+import copy
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+
+class Mutation(NamedTuple):
+    """Bytes `start` to `end` of a source become `text`."""
+
+    line: int
+    start: int
+    end: int
+    text: str
+    words: str  # what was and what is, on one line
+
+
+_COMPARES: Final[dict[type[ast.cmpop], tuple[type[ast.cmpop], ...]]] = {
+    ast.Lt: (ast.LtE, ast.GtE),
+    ast.LtE: (ast.Lt, ast.Gt),
+    ast.Gt: (ast.GtE, ast.LtE),
+    ast.GtE: (ast.Gt, ast.Lt),
+    ast.Eq: (ast.NotEq,),
+    ast.NotEq: (ast.Eq,),
+    ast.Is: (ast.IsNot,),
+    ast.IsNot: (ast.Is,),
+    ast.In: (ast.NotIn,),
+    ast.NotIn: (ast.In,),
+}
+_OPERATIONS: Final[dict[type[ast.operator], type[ast.operator]]] = {
+    ast.Add: ast.Sub,
+    ast.Sub: ast.Add,
+    ast.Mult: ast.Div,
+    ast.Div: ast.Mult,
+    ast.FloorDiv: ast.Mult,
+    ast.Mod: ast.Mult,
+    ast.Pow: ast.Mult,
+    ast.BitOr: ast.BitAnd,
+    ast.BitAnd: ast.BitOr,
+    ast.LShift: ast.RShift,
+    ast.RShift: ast.LShift,
+}
+_PAIRS: Final = (("min", "max"), ("any", "all"), ("sin", "cos"), ("floor", "ceil"))
+_OPPOSITES: Final = {**dict(_PAIRS), **{other: name for name, other in _PAIRS}}
+# What a subscript of these holds is a type.
+_GENERIC: Final = frozenset(
+    ("Annotated", "Callable", "Final", "Literal", "dict", "frozenset", "list", "set", "tuple")
+)
+# Names that only tools read.
+_NOT_CODE: Final = frozenset(("__all__", "__slots__", "__match_args__"))
+_WORDS: Final = 100  # characters of a side of a change that are shown
+
+
+def mutations(source: str) -> list[Mutation]:
+    """Every change of a source, in the order of its lines.
+
+    Errors: SyntaxError where it cannot be parsed.
+    """
+    starts = [0]
+    for each in source.encode().splitlines(keepends=True):
+        starts.append(starts[-1] + len(each))
+    found = []
+    for node, new, line, words in _changes(ast.parse(source), in_function=False):
+        start = starts[node.lineno - 1] + node.col_offset
+        end = starts[(node.end_lineno or 0) - 1] + (node.end_col_offset or 0)
+        found.append(Mutation(line=line, start=start, end=end, text=_text(new), words=words))
+    return found
+
+
+def changed(source: str, mutation: Mutation) -> str:
+    """The source with one change made."""
+    whole = source.encode()
+    return (whole[: mutation.start] + mutation.text.encode() + whole[mutation.end :]).decode()
+
+
+_Placed = ast.expr | ast.stmt
+_Change = tuple[_Placed, ast.AST, int, str]
+
+
+def _text(new: ast.AST) -> str:
+    plain = (ast.Constant, ast.Name, ast.Attribute, ast.Call, ast.stmt)
+    displays = (ast.Tuple, ast.List, ast.Set, ast.Dict)  # with brackets of their own
+    text = ast.unparse(new)
+    return text if isinstance(new, (*plain, *displays)) else f"({text})"
+
+
+def _short(node: ast.AST) -> str:
+    text = " ".join(ast.unparse(node).split())
+    return text if len(text) <= _WORDS else text[: _WORDS - 1] + "…"
+
+
+def _changes(node: ast.AST, in_function: bool) -> Iterator[_Change]:
+    """(what stands there, what is put there, line, words) in a node and all below it."""
+    if isinstance(node, _Placed):
+        for new in _replacements(node):
+            yield node, new, node.lineno, f"{_short(node)}  ->  {_short(new)}"
+        if not in_function:
+            for new, row in _shortened(node):
+                yield node, new, row.lineno, f"left out: {_short(row)}"
+    match node:  # a condition of comparisons is turned round by these
+        case ast.If(test=test) | ast.While(test=test) | ast.IfExp(test=test) if (
+            isinstance(test, ast.Name | ast.Attribute | ast.Call)
+            and ast.unparse(test) != "TYPE_CHECKING"
+        ):
+            other = ast.UnaryOp(ast.Not(), test)
+            yield test, other, test.lineno, f"{_short(test)}  ->  {_short(other)}"
+    for child in _code_below(node):
+        inside = in_function or isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+        yield from _changes(child, inside and not _is_default(node, child))
+
+
+def _is_default(node: ast.AST, child: ast.AST) -> bool:
+    """Defaults of arguments are evaluated outside the function."""
+    return isinstance(node, ast.FunctionDef) and child is node.args
+
+
+def _code_below(node: ast.AST) -> Iterator[ast.AST]:
+    """The children that are code: no annotation, decorator, docstring, message or type."""
+    match node:
+        case ast.AnnAssign(value=value):
+            if value is not None:
+                yield value
+        case ast.Assign(targets=[ast.Name(id=name)]) if name in _NOT_CODE:
+            pass
+        case ast.FunctionDef() | ast.AsyncFunctionDef():
+            yield node.args
+            yield from node.body
+        case ast.ClassDef():
+            yield from node.body
+        case ast.arguments():
+            yield from node.defaults
+            yield from (default for default in node.kw_defaults if default is not None)
+        case ast.If(test=ast.Name(id="TYPE_CHECKING")):
+            pass
+        case ast.If(test=ast.Compare(left=ast.Name(id="__name__"))):
+            pass
+        case ast.Subscript(value=ast.Name(id=name)) if name in _GENERIC:
+            pass
+        case ast.JoinedStr() | ast.Raise():
+            pass
+        case _:
+            yield from ast.iter_child_nodes(node)
+
+
+def _replacements(node: _Placed) -> Iterator[ast.AST]:
+    """What a node may be changed to."""
+    match node:
+        case ast.Compare(ops=ops):
+            for i, op in enumerate(ops):
+                for other in _COMPARES[type(op)]:
+                    compare = copy.deepcopy(node)
+                    compare.ops[i] = other()
+                    yield compare
+        case ast.BinOp(op=op) if type(op) in _OPERATIONS:
+            yield ast.BinOp(node.left, _OPERATIONS[type(op)](), node.right)
+        case ast.AugAssign(op=op) if type(op) in _OPERATIONS:
+            yield ast.AugAssign(node.target, _OPERATIONS[type(op)](), node.value)
+        case ast.BoolOp(op=op):
+            yield ast.BoolOp(ast.Or() if isinstance(op, ast.And) else ast.And(), node.values)
+        case ast.UnaryOp(op=ast.Not() | ast.USub(), operand=operand):
+            yield operand
+        case ast.Constant(value=value):
+            yield from (ast.Constant(other) for other in _other_values(value))
+        case ast.Call(func=function):
+            yield from _other_calls(node, function)
+        case ast.Expr(value=ast.Call()):
+            yield ast.Pass()
+
+
+def _other_values(value: object) -> Iterator[bool | int | float]:
+    match value:
+        case bool():
+            yield not value
+        case int():
+            yield value + 1
+        case float():
+            yield 2.0 * value or 1.0
+
+
+def _other_calls(node: ast.Call, function: ast.expr) -> Iterator[ast.AST]:
+    match function:
+        case ast.Name(id=name) if name in _OPPOSITES:
+            yield ast.Call(ast.Name(_OPPOSITES[name]), node.args, node.keywords)
+        case ast.Attribute(value=ast.Name(id="math" | "np") as module, attr=name) if (
+            name in _OPPOSITES
+        ):
+            opposite = ast.Attribute(module, _OPPOSITES[name])
+            yield ast.Call(opposite, node.args, node.keywords)
+        case ast.Name(id="abs"):
+            yield node.args[0]
+
+
+def _shortened(node: _Placed) -> Iterator[tuple[ast.expr, ast.expr]]:
+    """(the table without a row, that row) for each row of a table of two or more."""
+    match node:
+        case ast.Tuple(ctx=ast.Load()) | ast.List(ctx=ast.Load()) | ast.Set():
+            for i, row in enumerate(node.elts):
+                if len(node.elts) > 1:
+                    table = copy.copy(node)
+                    table.elts = node.elts[:i] + node.elts[i + 1 :]
+                    yield table, row
+        case ast.Dict():
+            for i, key in enumerate(node.keys):
+                if len(node.keys) > 1:
+                    keys = node.keys[:i] + node.keys[i + 1 :]
+                    yield ast.Dict(keys, node.values[:i] + node.values[i + 1 :]), key or node
