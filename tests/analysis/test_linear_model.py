@@ -210,8 +210,20 @@ def test_sensitivity_and_open_loop_are_one() -> None:
     assert s * (1.0 + opened) == pytest.approx(np.ones(len(s)))
 
 
-@pytest.mark.parametrize("sensors", SENSORS.values(), ids=SENSORS)
-@pytest.mark.parametrize("turbulence", [0.01, 0.03])
+LONG = (pytest.mark.long, pytest.mark.ci)
+
+
+@pytest.mark.parametrize(
+    ("sensors", "turbulence"),
+    [
+        pytest.param(SENSORS["with accelerometers"], 0.03, id="with accelerometers"),
+        pytest.param(SENSORS["without"], 0.03, id="without", marks=LONG),
+        *(
+            pytest.param(each, 0.01, id=f"{name}, calmer", marks=LONG)
+            for name, each in SENSORS.items()
+        ),
+    ],
+)
 def test_the_predicted_rms_is_the_flown_one(sensors: Sensors, turbulence: float) -> None:
     """Within 10 %: four flights of 65 s at place b, from when the integral has settled (its pole
     is at 0.11 rad/s with accelerations).

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import random
 import struct
-import subprocess
-import sys
+from collections.abc import Callable
 from dataclasses import replace
 from math import inf, nextafter
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -24,6 +23,7 @@ from tgl_soar.analysis.replay.compiled_ticks import plain_ticks
 from tgl_soar.analysis.replay.logged import Replay, ReplayError, read_by_laws, replay
 from tgl_soar.analysis.replay.wire import read_wire, replay_wire, rms
 from tgl_soar.autopilot import AutopilotState, initial_state, step
+from tgl_soar.cli.app import app
 from tgl_soar.config.files import ConfigError
 from tgl_soar.config.parameters import INDEX, ParameterError, ParameterSet
 from tgl_soar.control.laws import Laws
@@ -381,7 +381,9 @@ def test_a_vehicle_s_clock_that_stood_is_not_followed(
     assert flown[-1]
 
 
-def test_a_wire_that_lacks_what_the_flight_needs_is_told(path: Path, tmp_path: Path) -> None:
+def test_a_wire_that_lacks_what_the_flight_needs_is_told(
+    path: Path, tmp_path: Path, tgl_soar: Callable[..., Ran]
+) -> None:
     """Without positions nothing engages."""
     kept = [
         frame
@@ -417,13 +419,30 @@ def test_a_file_that_is_no_wire_is_told(tmp_path: Path) -> None:
 # --- the commands -----------------------------------------------------------------------------
 
 
-def tgl_soar(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "tgl_soar.cli", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+class Ran(NamedTuple):
+    """How a command ended and what it printed."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+@pytest.fixture
+def tgl_soar(capfd: pytest.CaptureFixture[str]) -> Callable[..., Ran]:
+    """The command in this process; what libraries print past Python is captured, too."""
+
+    def run(*arguments: object) -> Ran:
+        with pytest.raises(SystemExit) as ended:
+            app([str(argument) for argument in arguments])
+        code = ended.value.code or 0
+        assert isinstance(code, int)
+        return Ran(code, *capfd.readouterr())
+
+    return run
 
 
 def test_the_command_tells_that_all_is_the_same_and_what_would_differ(
-    path: Path, tmp_path: Path
+    path: Path, tmp_path: Path, tgl_soar: Callable[..., Ran]
 ) -> None:
     run = tgl_soar("replay", path)
     assert run.returncode == 0, run.stderr
@@ -435,7 +454,9 @@ def test_the_command_tells_that_all_is_the_same_and_what_would_differ(
     assert figure.stat().st_size > 10_000
 
 
-def test_what_was_lost_shows_in_the_exit_code(path: Path, tmp_path: Path) -> None:
+def test_what_was_lost_shows_in_the_exit_code(
+    path: Path, tmp_path: Path, tgl_soar: Callable[..., Ran]
+) -> None:
     cut = tmp_path / "cut.ulg"
     cut.write_bytes(path.read_bytes()[:-7])
     assert tgl_soar("log", "info", cut).returncode == 1
@@ -458,7 +479,11 @@ def test_what_was_lost_shows_in_the_exit_code(path: Path, tmp_path: Path) -> Non
     ],
 )
 def test_what_is_wrong_is_told_without_a_traceback(
-    path: Path, tmp_path: Path, arguments: tuple[str, ...], why: str
+    path: Path,
+    tmp_path: Path,
+    arguments: tuple[str, ...],
+    why: str,
+    tgl_soar: Callable[..., Ran],
 ) -> None:
     (tmp_path / "x.ulg").write_bytes(b"no log at all, but long enough")
     (tmp_path / "head.ulg").write_bytes(path.read_bytes()[:16])
