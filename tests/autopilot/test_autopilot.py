@@ -928,6 +928,26 @@ def test_a_turning_aircraft_is_damped_from_the_first_tick() -> None:
     assert v.pitch_rate_radps < 0.0 < v.heading_rate_radps
 
 
+def test_where_the_elevator_cannot_follow_the_outer_loop_waits() -> None:
+    """It integrates e_rho on unless that would pitch further to the side that is blocked."""
+    flight = Flight().fly(1.0)  # captured, off the line
+    laws, state, inputs = flight.laws, flight.state, flight.inputs[-1]
+    later = inputs._replace(time_s=inputs.time_s + DT)
+
+    def integrated(blocked: int) -> float:
+        limited = state.loops.limited._replace(elevator_blocked=blocked)
+        before = state._replace(loops=state.loops._replace(limited=limited))
+        after, output = step(laws, before, later)
+        assert output.active
+        return after.soaring.pid.integral - state.soaring.pid.integral
+
+    free = integrated(0)
+    assert abs(free) > 1e-9
+    side = 1 if free > 0.0 else -1
+    assert integrated(-side) == free
+    assert integrated(side) == 0.0
+
+
 def test_a_long_pause_is_not_integrated_over() -> None:
     laws = laws_with(AIL_P=0.0, AIL_D=0.0, AIL_I=1.0)
     state = ready(laws, roll=0.1)

@@ -29,6 +29,7 @@ from tgl_soar.estimation.motion_state import (
     MotionState,
     initial_motion,
 )
+from tgl_soar.estimation.position_fixes import OFFSET_M
 from tgl_soar.geometry import (
     SoaringFrame,
     ned_from_soaring,
@@ -482,6 +483,27 @@ def test_another_source_is_no_step(imu: bool) -> None:
     assert state.offset.z_m == pytest.approx(0.0, abs=1e-3)
 
 
+def test_of_a_new_source_s_difference_its_origin_has_what_the_filter_is_sure_of() -> None:
+    """The offset's fraction is OFFSET_M² / (OFFSET_M² + S), S the innovation's variance: all but
+    all of it while fixes come, less after a gap in which the estimate may have drifted."""
+    gains = GAINS._replace(unknown_sd_mps2=10.0)
+    fractions = []
+    for k in (400, 440):  # 4 and 44 ticks after the last fix
+        state = initial_motion()
+        for old in range(0, 400, FIX_TICKS):
+            fix = fix_at(old, (1.0, 2.0, 3.0), source=1)
+            state, _ = motion_step(gains, FRAME, state, tick(old * DT, fix))
+        fix = fix_at(k, (1.0, 2.0, 3.2), source=2)
+        state, _ = motion_step(gains, FRAME, state, tick(k * DT, fix))
+        left = state.innovation
+        variance = (left.x_m**2 + left.y_m**2 + left.z_m**2) / left.nis
+        fraction = state.offset.z_m / (state.offset.z_m + left.z_m)
+        assert fraction == pytest.approx(OFFSET_M**2 / (OFFSET_M**2 + variance))
+        fractions.append(fraction)
+    assert fractions[0] > 0.99
+    assert fractions[1] < 0.8
+
+
 @pytest.mark.parametrize("away", [1.2, 2.4, 9.0])
 def test_a_source_far_from_the_first_is_doubted_like_any_outlier(away: float) -> None:
     state, jumped = initial_motion(), []
@@ -497,10 +519,12 @@ def test_a_source_far_from_the_first_is_doubted_like_any_outlier(away: float) ->
     assert v.x_m == pytest.approx(1.0 + away, abs=0.01)
 
 
-def test_a_velocity_that_cannot_be_is_left_out_and_its_place_taken() -> None:
+@pytest.mark.parametrize("wild_mps", [2.0, 50.0])
+def test_a_velocity_that_cannot_be_is_left_out_and_its_place_taken(wild_mps: float) -> None:
+    """Beyond GATE_MPS, with 5 cm/s of noise, off the estimate; and one that no aircraft flies."""
     state = initial_motion()
     for k in range(0, 400, FIX_TICKS):
-        wild = (50.0, 0.0, 0.0) if k == 300 else (0.0, 0.0, 0.0)
+        wild = (wild_mps, 0.0, 0.0) if k == 300 else (0.0, 0.0, 0.0)
         state, v = motion_step(GAINS, FRAME, state, tick(k * DT, fix_at(k, (1.0, 2.0, 3.0), wild)))
         assert abs(v.velocity_x_mps) < 1e-6
         assert state.fix.time_s == k * DT

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import random
 from collections.abc import Iterator
-from math import cos, inf, isfinite, isnan, nan, radians
+from math import atan2, cos, inf, isfinite, isnan, nan, radians, sqrt
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
@@ -19,15 +20,23 @@ from msgspec.structs import asdict, replace
 from tgl_soar.config.files import ConfigError, load_airframe, shipped
 from tgl_soar.estimation.aerodynamics import glide_pitch, lift_drag
 from tgl_soar.estimation.wind import (
+    BIAS_S,
     DRAG_ERROR,
     FORCE_NOISE_MPS2,
+    GLIDE_RATIO,
     LIFT_ERROR,
     PITOT_BIAS_MPS,
     PITOT_NOISE_MPS,
+    STALL_NOISE_MPS2,
     TRIM_ERROR_RAD,
+    Averages,
     WindParams,
     WindState,
+    _body,
+    _take_forces,
+    _unbiased,
     initial_wind,
+    through_air,
     wind_step,
 )
 from tgl_soar.geometry import euler_from_quaternion
@@ -162,6 +171,94 @@ def test_more_sensors_leave_less_unknown() -> None:
     assert ends == sorted(ends)
     # With a pitot most of what is left is the pitch's error times the airspeed.
     assert 1.0 < ends[0][1] / (9.0 * radians(0.5)) < 1.6
+
+
+@pytest.mark.parametrize(("imu", "pitot"), [(False, False), (False, True), (True, True)])
+@pytest.mark.parametrize("climb_mps", [0.0, 1.4])
+def test_the_pitch_s_error_is_counted_as_it_acts(imu: bool, pitot: bool, climb_mps: float) -> None:
+    """What the alignment δ adds to a variance is (dŴ/dδ)² σ_δ², to first order in σ_δ² (there the
+    gains change nothing, as they are the best ones); dŴ/dδ from an attitude that is turned."""
+    glide = Glide(9.0, (8.5, 0.0, climb_mps))
+    truth = vehicle_of(glide.state, 0.0)
+
+    def settled(alignment_rad: float, turned_rad: float) -> AirEstimate:
+        params = PARAMS._replace(alignment_rad=alignment_rad)
+        state, air, speed = initial_wind(), NO_AIR, NO_AIRSPEED
+        for n in range(1, 800):
+            now = n * DT
+            read = truth._replace(time_s=now, pitch_rad=truth.pitch_rad + turned_rad)
+            force = imu_of(glide.state, glide.air, n, now) if imu else NO_IMU
+            if pitot:
+                speed = measure_airspeed(MODEL, glide.state, glide.air, n // 4, now, 0.0)
+            state, air = wind_step(
+                params, state, read, inputs_at(now, force, speed), SURE, glide.elevator, True
+            )
+        return air
+
+    sigma, turn = radians(0.1), radians(0.1)
+    with_it, without = settled(sigma, 0.0), settled(0.0, 0.0)
+    up, down = settled(0.0, turn), settled(0.0, -turn)
+    # Of the wind itself accelerometers' bias, found by the same attitude, takes a part: not here.
+    for name in ("updraft_mps",) if imu else ("wind_mps", "updraft_mps"):
+        slope = (getattr(up, name) - getattr(down, name)) / (2.0 * turn)
+        one, other = (
+            getattr(air, name.replace("_mps", "_sigma_mps")) ** 2 for air in (with_it, without)
+        )
+        assert one - other == pytest.approx((slope * sigma) ** 2, rel=0.2, abs=1e-6), name
+
+
+def test_the_bias_of_a_force_is_not_an_acceleration_that_lasts() -> None:
+    """In an acceleration a for far longer than BIAS_S the averaged velocity is a BIAS_S behind,
+    and the averaged force is a + bias: what is left of the force is a, along the body's axes."""
+    read = vehicle_of(Glide(9.0, (8.5, 0.0, 1.4)).state, 0.0)._replace(roll_rad=0.2)
+    frame = _body(read)
+    up_mps2, downwind_mps2 = 0.3, -0.7
+    behind = Averages(
+        velocity_x_mps=frame.velocity_x_mps - downwind_mps2 * BIAS_S,
+        climb_mps=frame.climb_mps - up_mps2 * BIAS_S,
+        force_x_mps2=0.11,
+        force_z_mps2=-0.23,
+    )
+    force = NO_IMU._replace(force_x_frd_mps2=0.11, force_z_frd_mps2=-0.23)
+    # x of the soaring frame runs downwind and its z upward, the body's axes n upwind and d down.
+    assert _unbiased(behind, frame, force) == pytest.approx(
+        (
+            -frame.x_n * downwind_mps2 - frame.x_d * up_mps2,
+            -frame.z_n * downwind_mps2 - frame.z_d * up_mps2,
+        )
+    )
+
+
+def test_two_forces_taken_one_after_the_other_are_taken_at_once() -> None:
+    """Both are linear about the same place: the same as one update with both of them."""
+    frame = _body(vehicle_of(Glide(9.0, (8.5, 0.0, 1.4)).state, 0.0))
+    elevator, noise = 0.0, 0.05
+    mean, covariance = np.array([8.1, 1.1]), np.array([[1.0, 0.2], [0.2, 0.8]])
+    k = 0.5 * AERO.air_density_kgpm3 * AERO.wing_area_m2 / AERO.mass_kg
+
+    def forces(at: Any) -> Any:
+        """Specific normal force upward and axial one forward."""
+        u, w = through_air(frame, at[0], at[1])
+        speed = sqrt(u * u + w * w)
+        cl, _, cd, _ = lift_drag(AERO, atan2(w, u), elevator)
+        return np.array([k * speed * (cl * u + cd * w), k * speed * (cl * w - cd * u)])
+
+    step_mps = 1e-5
+    slopes = [(forces(mean + d) - forces(mean - d)) / (2 * step_mps) for d in step_mps * np.eye(2)]
+    h = np.column_stack(slopes)
+    _, cl_alpha, _, _ = lift_drag(AERO, atan2(*through_air(frame, *mean)[::-1]), elevator)
+    rough = (STALL_NOISE_MPS2 * (1.0 - cl_alpha / AERO.CL_alpha)) ** 2
+    own = (LIFT_ERROR * AERO.gravity_mps2) ** 2, (DRAG_ERROR * AERO.gravity_mps2 / GLIDE_RATIO) ** 2
+    measured = forces(mean) + np.array([0.6, -0.1])
+    s = h @ covariance @ h.T + np.diag([noise**2 + rough + each for each in own])
+    wanted = mean + covariance @ h.T @ np.linalg.solve(s, measured - forces(mean))
+
+    posterior = (mean[0], mean[1]), (1.0, 0.2, 0.8), (0.0,) * 10
+    (found, _, _), taken = _take_forces(
+        AERO, posterior, frame, 0.0, (measured[1], -measured[0]), (noise, noise), elevator
+    )
+    assert taken == 2
+    assert found == pytest.approx(tuple(wanted), abs=1e-6)
 
 
 VELOCITY_SD_MPS = 0.1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tgl_soar.link.clock import AHEAD_S, WINDOW_S
-from tgl_soar.link.natnet.clock import ServerClock
+from tgl_soar.link.natnet.clock import DRIFT, ServerClock
 
 DELAY_S = 0.001  # on the way, either way
 BEGAN_S = 3600.0  # the server's clock, when ours began
@@ -94,3 +94,16 @@ def test_quartzes_that_run_apart_are_followed(ppm: float) -> None:
         assert abs(server.error_s + ahead_s) <= 2 * DELAY_S
         ahead_s += ppm * 1e-6
     assert server.refused == server.clock.restarts == 0
+
+
+def test_without_echoes_the_bounds_go_apart_as_two_quartzes_may() -> None:
+    """An echo bounds the offset to both sides; what it says is worth less by DRIFT a second."""
+    server = Server(echoes=True)
+    server.run(3.0)
+    known_s = server.clock.uncertainty_s
+    assert known_s <= DELAY_S + DRIFT  # the last echo is half a second old
+    server._echoes = False
+    server.run(20.0)
+    grown_s = server.clock.uncertainty_s - known_s
+    # Half of it, as it is half of the bounds' distance.
+    assert grown_s == pytest.approx(0.5 * DRIFT * 20.0, rel=0.01)
