@@ -1,7 +1,9 @@
 """What every test shares."""
 
+import fcntl
 import os
-from collections.abc import Iterator
+import pickle
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -72,8 +74,23 @@ def shares(item: pytest.Item) -> bool:
 
 @pytest.fixture(scope="session")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
-    """The project's wheel, installed where nothing of the source is."""
-    return install(tmp_path_factory.mktemp("wheel"))
+    """The project's wheel, installed where nothing of the source is; once for all workers."""
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "wheel"
+    return once_for_all(folder, install)
+
+
+def once_for_all(folder: Path, make: Callable[[Path], Installed]) -> Installed:
+    """What one worker makes in a folder while others wait for it."""
+    folder.mkdir(exist_ok=True)
+    made = folder / "made.pickle"
+    with (folder / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not made.exists():
+            made.write_bytes(pickle.dumps(make(folder)))
+        found = pickle.loads(made.read_bytes())
+    assert isinstance(found, Installed)
+    return found
 
 
 @pytest.fixture(autouse=True)
