@@ -273,8 +273,10 @@ def test_whatever_is_commanded_gets_one_answer_at_most(
     message: Command = command(number, *params, confirmation=confirmation)
     if whole:
         message = CommandInt(*OWN, number, tuple(params[:4]))  # type: ignore[arg-type]
-    answer = server().handle(STATION, message, 0.0)
+    ours = server()
+    answer = ours.handle(STATION, message, 0.0)
     assert len(results(answer.outbound)) == (number != ENGAGE)
+    assert ours.counters.unsupported == results(answer.outbound).count(UNSUPPORTED)
     if number not in (ENGAGE, RELEASE, ABORT):
         assert answer.wish == NOTHING
     if not 510 <= number <= 520 and answer.wish == NOTHING:
