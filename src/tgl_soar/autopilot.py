@@ -537,6 +537,7 @@ def _guide(
         estimates.margins.stall_rad,
         vehicle.climb_mps,
         estimates.margins.clearance_m,
+        theta_0 + soaring.pid.integral,
     )
     cut = 0
     if pitch_setpoint < soaring.pitch_setpoint_rad:

@@ -368,39 +368,65 @@ def test_where_it_is_clear_again(margin: float, climb: float, height: float, cle
 
 
 GLIDE = LIMITS.glide_pitch_rad
+HOLDING = -0.125  # what holds the line in fast air, below the best glide's
+DIVE = -0.25
+LEAST = LIMITS.clearance_min_m
 
 
 @pytest.mark.parametrize(
-    ("setpoint", "margin", "climb", "height", "given_"),
+    ("setpoint", "margin", "given_"),
     [
-        (0.1, inf, 0.0, inf, 0.1),
-        (0.1, MARGIN_FULL, 0.0, inf, 0.1),  # far enough from the stall: the law may ask for more
-        (0.125, 0.03125, 0.0, inf, 0.03125),
-        (0.125, 0.0, 0.0, inf, 0.0),
-        (0.125, -0.03125, 0.0, inf, -0.03125),
-        (0.125, -0.125, 0.0, inf, GLIDE),  # but no further down than the glide
-        (-0.25, 0.0, 0.0, inf, -0.25),  # nose-down is never held back by the stall
-        (0.03125, 0.03125, 0.0, inf, 0.03125),
-        # Low: not below the glide.
-        (-0.25, inf, 0.0, 1.0, -0.25),
-        (-0.25, inf, 0.0, nextafter(1.0, -inf), GLIDE),
-        (-0.25, inf, 0.0, -1.0, GLIDE),
-        (GLIDE, inf, 0.0, 0.0, GLIDE),
-        (0.0, inf, 0.0, 0.0, 0.0),
-        (-0.25, -0.125, 0.0, 0.0, GLIDE),
-        # Sinking fast.
-        (-0.25, inf, -4.0, inf, -0.25),
-        (-0.25, inf, nextafter(-4.0, -inf), inf, GLIDE),
+        (0.1, inf, 0.1),
+        (0.1, MARGIN_FULL, 0.1),  # far enough from the stall: the law may ask for more
+        (0.125, 0.03125, 0.03125),
+        (0.125, 0.0, 0.0),
+        (0.125, -0.03125, -0.03125),
+        (0.125, -0.125, GLIDE),  # but no further down than the glide
+        (DIVE, 0.0, DIVE),  # nose-down is never held back by the stall
+        (0.03125, 0.03125, 0.03125),
     ],
 )
-def test_the_pitch_that_may_be_flown(
-    setpoint: float, margin: float, climb: float, height: float, given_: float
+def test_the_pitch_that_may_be_flown_near_the_stall(
+    setpoint: float, margin: float, given_: float
 ) -> None:
-    assert pitch_within(LIMITS, setpoint, 0.0, margin, climb, height) == given_
+    assert pitch_within(LIMITS, setpoint, 0.0, margin, 0.0, inf, 0.0) == given_
+
+
+@pytest.mark.parametrize(
+    ("setpoint", "margin", "climb", "height", "holding", "given_"),
+    [
+        # Near the ground and sinking so that the least clearance is near: not below the glide.
+        (DIVE, inf, -0.5, 1.0, 0.0, DIVE),  # twice the least clearance is not near
+        (DIVE, inf, -0.5, nextafter(1.0, 0.0), 0.0, GLIDE),
+        (DIVE, inf, -0.25, 0.75, 0.0, DIVE),  # a second from the least clearance
+        (DIVE, inf, nextafter(-0.25, -inf), 0.75, 0.0, GLIDE),
+        (DIVE, inf, -0.25, -1.0, 0.0, GLIDE),
+        (GLIDE, inf, -0.25, 0.0, 0.0, GLIDE),
+        (0.0, inf, -0.25, 0.0, 0.0, 0.0),
+        (DIVE, -0.125, -0.25, 0.0, 0.0, GLIDE),
+        # Not sinking: what drifts onto the slope needs a lower nose, and nothing else helps it.
+        (DIVE, inf, 0.0, 0.25, 0.0, DIVE),
+        (DIVE, inf, 1.0, 0.25, 0.0, DIVE),
+        # Where the line is held by a lower pitch than the glide's, it may be flown.
+        (DIVE, inf, -0.5, 0.75, HOLDING, HOLDING),
+        (HOLDING, inf, -0.5, 0.75, HOLDING, HOLDING),
+        (DIVE, inf, -0.5, 0.75, nan, GLIDE),
+        (DIVE, inf, nan, 0.75, 0.0, DIVE),
+        # Sinking fast, wherever.
+        (DIVE, inf, -4.0, inf, 0.0, DIVE),
+        (DIVE, inf, nextafter(-4.0, -inf), inf, 0.0, GLIDE),
+        (DIVE, inf, -4.5, inf, HOLDING, HOLDING),
+    ],
+)
+def test_the_pitch_that_may_be_flown_low(
+    setpoint: float, margin: float, climb: float, height: float, holding: float, given_: float
+) -> None:
+    assert LEAST == 0.5
+    assert pitch_within(LIMITS, setpoint, 0.0, margin, climb, height, holding) == given_
 
 
 def test_the_pitch_is_limited_from_where_the_nose_is() -> None:
-    assert pitch_within(LIMITS, 0.5, 0.25, 0.03125, 0.0, inf) == 0.28125
+    assert pitch_within(LIMITS, 0.5, 0.25, 0.03125, 0.0, inf, 0.0) == 0.28125
 
 
 # --- the place ----------------------------------------------------------------------------------

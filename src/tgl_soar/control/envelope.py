@@ -11,8 +11,11 @@ Against the stall, with the angle of attack alpha and the airspeed V where they 
     elevator <= trim + (travel - trim) margin / MARGIN_FULL     between trim and travel
 
 so that at the limit the elevator stands no further up than its trim.  What is not known does
-not limit.  Low over the ground, or sinking fast, the pitch setpoint is not below that of the
-best glide: there is nothing to be won by diving.
+not limit.  Sinking fast, or so that the least clearance is reached within LOW_AHEAD_S, the pitch
+setpoint is below neither that of the best glide nor the one that holds the line undisturbed,
+whichever is lower: there is nothing to be won by diving.  In fast air, or with a biased attitude,
+the second is the lower one, and an aircraft that could not fly it would drift onto the slope; and
+what drifts there without sinking is brought away from it by a lower nose, and by nothing else.
 
 The place is held against a box (the fence) and against the ground: a few points (x, z) of its
 profile in the soaring frame, extruded along y.  Over a plane the clearance is the distance to
@@ -32,6 +35,8 @@ INFINITE: Final = float("inf")
 PITCH_PER_SPEED: Final = 0.05  # rad for each m/s: a glider that slows down gains alpha so
 MARGIN_FULL: Final = 0.05  # rad; from here on all of the elevator may be used
 STALL_BEYOND: Final = 0.05  # rad (or 1 m/s) beyond the limit: it does not hold, a stall
+LOW_FACTOR: Final = 2.0  # of the least clearance: further up nothing is low
+LOW_AHEAD_S: Final = 1.0  # a change of pitch turns the flight path in about V / g, 0.9 s at 8.5 m/s
 CLEAR_FACTOR: Final = 1.3  # of the least clearance: clear of the ground again
 
 # What was cut.
@@ -47,7 +52,7 @@ CUT_TEXTS: Final = (
     "not finite",
     "mode",
     "nose-up, near the stall",
-    "nose-down, low or sinking",
+    "nose-down, sinking near the ground or fast",
 )
 
 # Where a place is outside.
@@ -131,17 +136,28 @@ def pitch_within(
     margin_rad: float,
     climb_mps: float,
     clearance_m: float,
+    holding_rad: float,
 ) -> float:
     """The pitch setpoint that may be flown.
 
+    holding_rad: the pitch that holds the line undisturbed, as it was learnt; NaN: not known.
     Neither limit goes beyond the best glide: a wrong margin must not push the nose down for good.
     """
-    low = clearance_m < 2.0 * limits.clearance_min_m or climb_mps < -limits.sink_max_mps
-    if low:
-        setpoint_rad = max(setpoint_rad, limits.glide_pitch_rad)
+    if climb_mps < -limits.sink_max_mps or is_low(limits, climb_mps, clearance_m):
+        setpoint_rad = max(setpoint_rad, min(limits.glide_pitch_rad, holding_rad))
     if margin_rad < MARGIN_FULL:
         setpoint_rad = min(setpoint_rad, max(limits.glide_pitch_rad, pitch_rad + margin_rad))
     return setpoint_rad
+
+
+def is_low(limits: EnvelopeLimits, climb_mps: float, clearance_m: float) -> bool:
+    """Whether the aircraft is near the ground and sinks towards it."""
+    least = limits.clearance_min_m
+    return (
+        clearance_m < LOW_FACTOR * least
+        and climb_mps < 0.0
+        and clearance_m + climb_mps * LOW_AHEAD_S < least
+    )
 
 
 def elevator_limit(limits: EnvelopeLimits, trim: float, margin_rad: float) -> float:
