@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import exp, sqrt
+from math import exp, inf, pi, sqrt
 
 import numpy as np
 import pytest
@@ -23,6 +23,9 @@ from tgl_soar.air.gusts import (
     dryden_start,
     dryden_step,
     gust_fraction,
+    roll_gust_params,
+    roll_gust_start,
+    roll_gust_step,
 )
 from tgl_soar.air.hill import HillField
 
@@ -174,3 +177,44 @@ def test_refuses_negative_wind_and_weights_beyond_one() -> None:
         ScaledField(hill, -1.0)
     with pytest.raises(ValueError, match="from 0 to 1"):
         BlendedField(hill, hill, Schedule([0.0], [1.2]))
+
+
+# --- roll gusts ----------------------------------------------------------------------------------
+
+
+def test_the_roll_gust_has_the_spectrum_of_the_specification() -> None:
+    """MIL-F-8785C, 3.7.1.2, one-sided over the spatial frequency: its integral, and its corner."""
+    from scipy.integrate import quad
+
+    intensity, wind, scale, span, dt = 0.03, 8.5, 1.5, 1.1, 0.005
+
+    def spectrum(omega: float) -> float:
+        rolled: float = 0.8 * (pi * scale / (4.0 * span)) ** (1.0 / 3.0)
+        return (intensity * wind) ** 2 / scale * rolled / (1.0 + (4.0 * span * omega / pi) ** 2)
+
+    variance = quad(spectrum, 0.0, inf)[0]
+    params = roll_gust_params(intensity, wind, scale, span, dt)
+    assert params.gain_radps**2 / (1.0 - params.a**2) == pytest.approx(variance, rel=1e-6)
+    corner_radps = pi / (4.0 * span) * wind  # where the spectrum has fallen to a half
+    assert spectrum(corner_radps / wind) == pytest.approx(0.5 * spectrum(0.0))
+    assert params.a == pytest.approx(exp(-corner_radps * dt))
+    assert roll_gust_step(params, 2.0, 0.0) == 2.0 * params.a
+
+
+def test_a_long_record_of_roll_gusts_has_their_size_from_the_start() -> None:
+    params = roll_gust_params(0.03, 8.5, 1.5, 1.1, 0.02)
+    rng = np.random.default_rng(3)
+    radps = [roll_gust_start(params, float(rng.standard_normal()))]
+    for white in rng.standard_normal(60_000).tolist():
+        radps.append(roll_gust_step(params, radps[-1], white))
+    sigma = params.gain_radps / sqrt(1.0 - params.a**2)
+    # 1200 s of a correlation time of 0.165 s: 3600 independent pairs, 2 sigma of a deviation 2.4 %.
+    assert np.std(radps) == pytest.approx(sigma, rel=0.03)
+    first = [roll_gust_start(params, white) for white in rng.standard_normal(2000).tolist()]
+    assert np.std(first) == pytest.approx(sigma, rel=0.05)
+
+
+@pytest.mark.parametrize("span", [0.0, -1.0, inf])
+def test_a_roll_gust_needs_a_span(span: float) -> None:
+    with pytest.raises(ValueError, match="span"):
+        roll_gust_params(0.03, 8.5, 1.5, span, 0.005)

@@ -634,3 +634,19 @@ def test_compiled_sensors_measure_the_same() -> None:
     for n in range(20):
         expected = sensing.delivered(timing, line, n).sequence
         assert fast_delivered(timing, tuple(line), n).sequence == expected
+
+
+def test_a_wing_in_air_that_rolls_as_it_does_is_not_damped() -> None:
+    """p - p_g is what the air meets: at p = p_g the wing stays as it is without either."""
+    still = gliding_state(glide_at(MODEL, 9.0), STILL)
+    rolling = still._replace(roll_rate_frd_radps=0.5)
+
+    def gained(state: AircraftState, roll_gust: float) -> float:
+        after = step(MODEL, state, _hold(state), STILL, STILL, 1e-4, roll_gust, roll_gust)
+        return (after.roll_rate_frd_radps - state.roll_rate_frd_radps) / 1e-4
+
+    damping = gained(rolling, 0.0)
+    assert damping < -5.0  # about 20 / s at this speed
+    assert gained(rolling, 0.5) == pytest.approx(0.0, abs=0.02)
+    assert gained(still, 0.5) == pytest.approx(-damping, rel=0.02)
+    assert gained(still, -0.5) == pytest.approx(damping, rel=0.02)

@@ -7,11 +7,13 @@ import random
 import numpy as np
 import pytest
 
-from tgl_soar.air.gusts import dryden_params
+from tgl_soar.air.gusts import dryden_params, roll_gust_params
 from tgl_soar.sim.white import (
     BLOCK,
     drawn_as_needed,
     drawn_before,
+    roll_gusts_as_needed,
+    roll_gusts_before,
     turbulence_as_needed,
     turbulence_before,
     white_gauss,
@@ -45,6 +47,17 @@ def test_the_turbulences_numbers_are_the_same_drawn_before() -> None:
     assert start_before == start
     for k in range(steps + 1):
         assert tuple(rows_before[k]) == rows[k]
+
+
+def test_the_roll_gusts_numbers_are_the_same_drawn_before_and_their_own() -> None:
+    params, steps = roll_gust_params(0.03, 9.0, 1.5, 1.1, 0.005), BLOCK + 100
+    start, rows = roll_gusts_as_needed(params, 7)
+    start_before, rows_before = roll_gusts_before(params, 7, steps)
+    assert start_before == start
+    first = [rows[k][0] for k in range(steps)]
+    assert [rows_before[k][0] for k in range(steps)] == first
+    turbulence = turbulence_before(PARAMS, 7, steps)[1]
+    assert abs(np.corrcoef(first, [turbulence[k][0] for k in range(steps)])[0, 1]) < 0.1
 
 
 def test_seeds_and_names_differ() -> None:

@@ -124,6 +124,37 @@ def test_turbulence_is_a_fraction_of_the_reference_wind(airframe: Airframe) -> N
     assert deviation == pytest.approx(0.03 * 8.5, rel=0.1)
 
 
+def test_roll_gusts_leave_the_rest_of_the_air_as_it_is(airframe: Airframe) -> None:
+    """A stream of their own: the same u, v, w at the same place, and the aircraft rolls."""
+    (rolled, rolls), (plain, plain_rolls) = (
+        (held_then_free(airframe, roll_gusts=True)),
+        (held_then_free(airframe, roll_gusts=False)),
+    )
+    assert rolled == plain
+    assert max(map(abs, rolls)) > 5.0 * max(map(abs, plain_rolls))
+
+
+def held_then_free(
+    airframe: Airframe, *, roll_gusts: bool
+) -> tuple[list[tuple[float, ...]], list[float]]:
+    """The wind while the aircraft is held, and its roll rates in the second after it is let go."""
+    air = msgspec.structs.replace(
+        JET, turbulence=msgspec.structs.replace(JET.turbulence, roll_gusts=roll_gusts)
+    )
+    world = make_world(airframe, site(air), seed=4, turbulence=0.03)
+    world.held = True
+    winds: list[tuple[float, ...]] = []
+    for _ in range(400):
+        world.step(trimmed(world))
+        winds.append(world.wind)
+    world.held = False
+    rates = []
+    for _ in range(30):
+        world.step(trimmed(world))
+        rates.append(world.state.roll_rate_frd_radps)
+    return winds, rates
+
+
 def test_a_held_aircraft_stays_and_its_sensors_go_on(airframe: Airframe) -> None:
     world = make_world(airframe, site())
     world.held = True

@@ -23,6 +23,19 @@ Inserting R at lags 0 … 3 dt, the moving average has covariances
     γ0 = 1 − a⁴ + 2 h a²,    γ1 = −a ((1 − a²) + (h/2) (1 + a²)),    γ2 = γ3 = 0   (in σ²)
 so g² (1 + c²) = γ0 and g² c = γ1 with |c| < 1: one white number per component and step is
 enough.  The noise is drawn outside, in blocks.
+
+Over a span b the updraft differs from wing to wing, which rolls the aircraft as a rotation of the
+air with the rate p_g would (MIL-F-8785C, 3.7.1.2; Ω in rad/m, one-sided, L_w = L):
+
+    Φ_p(Ω) = σ_w² / L · 0.8 (π L / 4b)^(1/3) / (1 + (4bΩ / π)²)
+
+a first-order process with the variance and the time that follow from it,
+
+    σ_p² = ∫ Φ_p dΩ = 0.8 (π L / 4b)^(1/3) π² σ_w² / (8 b L)        τ_p = 4b / (π V)
+
+independent of u, v and w, and of a random stream of its own.  Its q_g and r_g are the gradients of
+w and v along the path; there are none here: the aircraft meets a gust as a whole, at its centre of
+gravity, as it does the mean wind's gradients.
 """
 
 from __future__ import annotations
@@ -132,6 +145,43 @@ def dryden_start(params: DrydenParams, rng: np.random.Generator) -> DrydenState:
         w1=float(two_a * w1 - a2 * w0 + m * ew),
         w2=float(-a2 * w1),
     )
+
+
+class RollGustParams(NamedTuple):
+    """Coefficients of the roll gust at one time step; made by `roll_gust_params`."""
+
+    a: float  # exp(−dt/τ_p)
+    gain_radps: float  # σ_p √(1 − a²)
+
+
+NO_ROLL_GUST = RollGustParams(0.0, 0.0)
+
+
+def roll_gust_params(
+    intensity: float, reference_wind_mps: float, length_scale_m: float, span_m: float, dt_s: float
+) -> RollGustParams:
+    """Coefficients for a wing of this span in the turbulence that `dryden_params` describes.
+
+    Errors: ValueError for a span that is not positive, and those of `dryden_params`.
+    """
+    dryden_params(intensity, reference_wind_mps, length_scale_m, dt_s)  # the same bounds
+    if not (isfinite(span_m) and span_m > 0.0):
+        raise ValueError(f"turbulence over a span [m] of {span_m}: must be positive")
+    sigma_w = intensity * reference_wind_mps
+    shape = 0.8 * (pi * length_scale_m / (4.0 * span_m)) ** (1.0 / 3.0)
+    sigma = sigma_w * pi * sqrt(shape / (8.0 * span_m * length_scale_m))
+    h = dt_s * pi * reference_wind_mps / (4.0 * span_m)
+    return RollGustParams(exp(-h), sigma * sqrt(-expm1(-2.0 * h)))
+
+
+def roll_gust_step(params: RollGustParams, roll_gust_radps: float, white: float) -> float:
+    """The next roll gust [rad/s] from one number of unit variance."""
+    return params.a * roll_gust_radps + params.gain_radps * white
+
+
+def roll_gust_start(params: RollGustParams, white: float) -> float:
+    """A roll gust [rad/s] drawn from the stationary process with one number of unit variance."""
+    return params.gain_radps / sqrt(1.0 - params.a * params.a) * white
 
 
 # --- Discrete gusts ----------------------------------------------------------------------

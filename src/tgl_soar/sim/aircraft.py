@@ -27,8 +27,10 @@ stream.  Moments:
     M_y = Q S c (C_m0 + C_mα sin α + (c / 2V) C_mq q + C_mδe δe)
     M_z = Q S b (C_nβ sin β + (b / 2V)(C_np p + C_nr r) + C_nδr δr + C_nδa δa)
 
-Sines stand for the angles so that a tumbling aircraft still meets bounded moments.  Not
-modelled: the wind's gradient over the span, downwash lag (its damping is in C_mq), ground
+Sines stand for the angles so that a tumbling aircraft still meets bounded moments.  A
+gust that turns the air with the rate p_g about the body's x axis (`air.gusts`) is what the air
+meets of p: p − p_g stands for p in both.  Not modelled: other gradients of the wind over the
+aircraft, downwash lag (its damping is in C_mq), ground
 effect, Ixz.  Textbook: Etkin and Reid, Dynamics of Flight, chapters 4–6; every number's origin
 stands in the airframe file.
 
@@ -107,10 +109,21 @@ class AircraftModel(NamedTuple):
         surfaces: SurfaceCommand,
         wind_here: Wind,
         wind_ahead: Wind,
+        roll_gust_here_radps: float,
+        roll_gust_ahead_radps: float,
         dt_s: float,
     ) -> AircraftState:
         """The aircraft `dt_s` [s] later."""
-        return step(self, state, surfaces, wind_here, wind_ahead, dt_s)
+        return step(
+            self,
+            state,
+            surfaces,
+            wind_here,
+            wind_ahead,
+            dt_s,
+            roll_gust_here_radps,
+            roll_gust_ahead_radps,
+        )
 
     def specific_force_frd(self, state: AircraftState, wind: Wind) -> tuple[float, float, float]:
         """What an accelerometer at the centre of gravity feels [m/s², FRD]."""
@@ -237,6 +250,7 @@ def _air_loads(
     elevator: float,
     aileron: float,
     rudder: float,
+    roll_gust: float,
 ) -> tuple[float, float, float, float, float, float]:
     """Specific force [m/s²] and angular acceleration [rad/s²] in FRD, from the air alone."""
     (
@@ -277,10 +291,11 @@ def _air_loads(
     fy = side * cos_beta - drag * sin_beta
     fz = -lift * cos_alpha - drag_plane * sin_alpha
 
+    through_air = p - roll_gust
     span_moment = pressure_area * span
     span_damping = 0.5 * half_rho_v * area * span * span  # Q S b · b / 2V
     roll_moment = span_moment * (croll_beta * sin_beta + croll_aileron * aileron) + span_damping * (
-        croll_p * p + croll_r * r
+        croll_p * through_air + croll_r * r
     )
     pitch_moment = (
         pressure_area * chord * (cm0 + cm_alpha * sin_alpha + cm_elevator * elevator)
@@ -288,7 +303,7 @@ def _air_loads(
     )
     yaw_moment = span_moment * (
         cn_beta * sin_beta + cn_rudder * rudder + cn_aileron * aileron
-    ) + span_damping * (cn_p * p + cn_r * r)
+    ) + span_damping * (cn_p * through_air + cn_r * r)
     return (
         fx,
         fy,
@@ -315,6 +330,7 @@ def _accelerations(
     aileron: float,
     rudder: float,
     wind: Wind,
+    roll_gust: float,
 ) -> tuple[float, float, float, float, float, float]:
     """Acceleration over the ground [m/s², soaring] and of the body rates [rad/s², FRD]."""
     # rotation FRD -> upwind NED; dividing by |q|² keeps it orthogonal between two stages
@@ -339,6 +355,7 @@ def _accelerations(
         elevator,
         aileron,
         rudder,
+        roll_gust,
     )
     return (
         -(r11 * fx + r12 * fy + r13 * fz),
@@ -369,20 +386,24 @@ def step(
     wind_here: Wind,
     wind_ahead: Wind,
     dt_s: float,
+    roll_gust_here_radps: float = 0.0,
+    roll_gust_ahead_radps: float = 0.0,
 ) -> AircraftState:
     """The aircraft `dt_s` [s] later, by Heun's method.
 
     `surfaces` are the deflections at the end of the step (what the servos have reached; the
     state holds those at its start).  `wind_here` is the wind (u, v, w) [m/s] at the state's
-    place and time, `wind_ahead` that at `place_ahead`, one step later.
+    place and time, `wind_ahead` that at `place_ahead`, one step later; the roll gusts [rad/s] are
+    those of the same times.
     """
     x, y, z, vx, vy, vz, qw, qx, qy, qz, p, q, r, elevator, aileron, rudder = state
     elevator_end, aileron_end, rudder_end = surfaces
     half = 0.5 * dt_s
 
     ax, ay, az, p_dot, q_dot, r_dot = _accelerations(
-        model, vx, vy, vz, qw, qx, qy, qz, p, q, r, elevator, aileron, rudder, wind_here
-    )
+        model, vx, vy, vz, qw, qx, qy, qz, p, q, r,
+        elevator, aileron, rudder, wind_here, roll_gust_here_radps,
+    )  # fmt: skip
     dqw = -qx * p - qy * q - qz * r  # twice dq/dt
     dqx = qw * p + qy * r - qz * q
     dqy = qw * q + qz * p - qx * r
@@ -393,7 +414,7 @@ def step(
     p2, q2, r2 = p + dt_s * p_dot, q + dt_s * q_dot, r + dt_s * r_dot
     ax2, ay2, az2, p_dot2, q_dot2, r_dot2 = _accelerations(
         model, vx2, vy2, vz2, qw2, qx2, qy2, qz2, p2, q2, r2,
-        elevator_end, aileron_end, rudder_end, wind_ahead,
+        elevator_end, aileron_end, rudder_end, wind_ahead, roll_gust_ahead_radps,
     )  # fmt: skip
     quarter = 0.5 * half
     qw += quarter * (dqw - qx2 * p2 - qy2 * q2 - qz2 * r2)
@@ -470,6 +491,7 @@ def specific_force_frd(
         state.elevator,
         state.aileron,
         state.rudder,
+        0.0,
     )
     return fx, fy, fz
 

@@ -33,7 +33,7 @@ from tgl_soar.sim.injection import Injection
 from tgl_soar.sim.known_air import KnownAir, known_air
 from tgl_soar.sim.sensing import flown_sensors
 from tgl_soar.sim.stepping import Parts, WorldNow, world_begun, world_step_in_cells
-from tgl_soar.sim.white import NO_ROWS, Rows, drawn_before, turbulence_before
+from tgl_soar.sim.white import NO_ROWS, Rows, drawn_before, roll_gusts_before, turbulence_before
 from tgl_soar.sim.world import World
 from tgl_soar.types import Inputs, SurfaceCommand
 
@@ -162,14 +162,16 @@ def _draw(prepared: Prepared, seed: int) -> tuple[Parts, WorldNow]:
     plain = world.parts
     eddies = DRYDEN_STILL
     white: Rows = NO_ROWS
+    roll_gust, rolling = 0.0, white
     if plain.turbulence.blows:
         eddies, white = turbulence_before(plain.turbulence.params, seed, ticks)
+        roll_gust, rolling = roll_gusts_before(plain.turbulence.rolls, seed, ticks)
     parts = plain._replace(
         air=air,
-        turbulence=plain.turbulence._replace(white=white),
+        turbulence=plain.turbulence._replace(white=white, rolling=rolling),
         sensors=flown_sensors(world.sensors, world.step_hz, drawn_before(seed, ticks), _line),
     )
-    start = world.now._replace(turbulence=eddies)
+    start = world.now._replace(turbulence=eddies, roll_gust_radps=roll_gust)
     command = SurfaceCommand(world.trim.elevator, 0.0, 0.0)
     # Not compiled: to hand over and take back a whole world costs ten times its first samples.
     return parts, world_begun(parts, start, command)

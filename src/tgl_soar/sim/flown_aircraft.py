@@ -22,6 +22,10 @@ class FlownAircraft(Protocol):
         """Where it flies."""
 
     @property
+    def span_m(self) -> float:
+        """Of the wing: over it a gust rolls the aircraft."""
+
+    @property
     def air_density_kgpm3(self) -> float:
         """Where it flies."""
 
@@ -31,12 +35,14 @@ class FlownAircraft(Protocol):
         surfaces: SurfaceCommand,
         wind_here: Wind,
         wind_ahead: Wind,
+        roll_gust_here_radps: float,
+        roll_gust_ahead_radps: float,
         dt_s: float,
     ) -> AircraftState:
         """The aircraft `dt_s` [s] later, from the deflections at the end of the step.
 
         `wind_here` is the wind (u, v, w) [m/s] at the state's place and time, `wind_ahead` that
-        at `aircraft.place_ahead`, one step later.
+        at `aircraft.place_ahead`, one step later; the roll gusts are those of the same times.
         """
 
     def specific_force_frd(self, state: AircraftState, wind: Wind) -> tuple[float, float, float]:

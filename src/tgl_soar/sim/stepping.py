@@ -18,7 +18,13 @@ from __future__ import annotations
 from typing import Any, NamedTuple, Protocol
 
 from tgl_soar.air.field import WindField
-from tgl_soar.air.gusts import DrydenParams, DrydenState, dryden_step
+from tgl_soar.air.gusts import (
+    DrydenParams,
+    DrydenState,
+    RollGustParams,
+    dryden_step,
+    roll_gust_step,
+)
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.sim.aircraft import AircraftState, Wind, place_ahead
 from tgl_soar.sim.flown_aircraft import FlownAircraft
@@ -59,6 +65,8 @@ class FlownTurbulence(NamedTuple):
     blows: bool
     params: DrydenParams
     white: Rows  # of every step: three numbers
+    rolls: RollGustParams
+    rolling: Rows  # of every step after the first: one number
 
 
 class Parts(NamedTuple):
@@ -82,6 +90,7 @@ class WorldNow(NamedTuple):
     rudder: ServoState
     turbulence: DrydenState
     gust_mps: Wind  # the turbulence's own
+    roll_gust_radps: float
     wind: Wind  # at the aircraft
     crashed: bool
     samples: Samples  # the newest that have arrived
@@ -126,11 +135,14 @@ def world_step(
     rudder = servo_step(servo, now.rudder, command.rudder, dt)
     surfaces = SurfaceCommand(elevator.deflection, aileron.deflection, rudder.deflection)
     turbulence, gust = now.turbulence, (0.0, 0.0, 0.0)
+    roll_gust = now.roll_gust_radps
     if parts.turbulence.blows:
         white = parts.turbulence.white[n]
         turbulence, gust = dryden_step(
             parts.turbulence.params, turbulence, white[0], white[1], white[2]
         )
+        rolled = parts.turbulence.rolling[n - 1]
+        roll_gust = roll_gust_step(parts.turbulence.rolls, roll_gust, rolled[0])
     aircraft, crashed = now.aircraft, now.crashed
     if held or crashed:
         aircraft = aircraft._replace(
@@ -139,7 +151,9 @@ def world_step(
     else:
         x, y, z = place_ahead(aircraft, dt)
         ahead = local_wind(parts, gust, n, x, y, z)
-        aircraft = parts.model.step(aircraft, surfaces, now.wind, ahead, dt)
+        aircraft = parts.model.step(
+            aircraft, surfaces, now.wind, ahead, now.roll_gust_radps, roll_gust, dt
+        )
         if not parts.air.flyable(n, aircraft.x_m, aircraft.y_m, aircraft.z_m):
             crashed = True
             aircraft = at_rest(aircraft)
@@ -154,6 +168,7 @@ def world_step(
         rudder=rudder,
         turbulence=turbulence,
         gust_mps=gust,
+        roll_gust_radps=roll_gust,
         wind=wind,
         crashed=crashed,
         samples=samples,

@@ -15,7 +15,13 @@ from typing import Any, Final, Protocol
 import numpy as np
 
 from tgl_soar.air.field import FloatArray
-from tgl_soar.air.gusts import DrydenParams, DrydenState, dryden_start
+from tgl_soar.air.gusts import (
+    DrydenParams,
+    DrydenState,
+    RollGustParams,
+    dryden_start,
+    roll_gust_start,
+)
 
 Row = Any  # a tuple of floats, or a row of an array
 
@@ -105,6 +111,25 @@ def turbulence_before(params: DrydenParams, seed: int, steps: int) -> tuple[Dryd
     rng = np.random.default_rng([seed, 0])
     start = dryden_start(params, rng)
     return start, rng.standard_normal(3 * (steps + 1)).reshape(-1, 3)
+
+
+def roll_gusts_as_needed(params: RollGustParams, seed: int) -> tuple[float, Rows]:
+    """The roll gust [rad/s] at step 0, and rows of one number for all steps after it."""
+    rng = np.random.default_rng([seed, 1])
+    start = roll_gust_start(params, float(rng.standard_normal()))
+
+    def numbers() -> Iterator[float]:
+        while True:
+            yield from rng.standard_normal(BLOCK).tolist()
+
+    return start, RowsAsNeeded("the roll gust", numbers().__next__, 1)
+
+
+def roll_gusts_before(params: RollGustParams, seed: int, steps: int) -> tuple[float, Rows]:
+    """The same for a compiled flight of so many steps."""
+    rng = np.random.default_rng([seed, 1])
+    start = roll_gust_start(params, float(rng.standard_normal()))
+    return start, rng.standard_normal(steps + 1).reshape(-1, 1)
 
 
 def white_gauss(seed: str, count: int) -> FloatArray:

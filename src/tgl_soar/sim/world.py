@@ -24,7 +24,14 @@ from msgspec.structs import asdict
 from tgl_soar.air.field import WindField
 from tgl_soar.air.grid import GridError
 from tgl_soar.air.grid_files import Layout, read_grid
-from tgl_soar.air.gusts import DRYDEN_STILL, DrydenParams, DrydenState, dryden_params
+from tgl_soar.air.gusts import (
+    DRYDEN_STILL,
+    NO_ROLL_GUST,
+    DrydenParams,
+    DrydenState,
+    dryden_params,
+    roll_gust_params,
+)
 from tgl_soar.air.hill import HillField
 from tgl_soar.air.jet import JetShape, SlopeJet
 from tgl_soar.config.airframe import Airframe
@@ -58,7 +65,13 @@ from tgl_soar.sim.stepping import (
     world_begun,
     world_step,
 )
-from tgl_soar.sim.white import NO_ROWS, Rows, drawn_as_needed, turbulence_as_needed
+from tgl_soar.sim.white import (
+    NO_ROWS,
+    Rows,
+    drawn_as_needed,
+    roll_gusts_as_needed,
+    turbulence_as_needed,
+)
 from tgl_soar.types import (
     NO_AERODYNAMICS,
     NO_GROUND,
@@ -115,6 +128,7 @@ class World:
                    the elevator and the pitch of a steady glide at the local wind's speed, or
                    a lower pitch where the updraft would stall it at rest
     turbulence     Dryden intensity as a fraction of the field's reference wind, and its scale
+    roll_gusts     whether the turbulence rolls the aircraft too, by its span
     step_hz        steps per second; every sensor's rate must divide it
     sensors        what it carries; the autopilot's own position and attitude by default
     aerodynamics   what the module on board knows of the aircraft; the model is what is true
@@ -132,6 +146,7 @@ class World:
         seed: int = 1,
         turbulence: float = 0.0,
         length_scale_m: float = 1.5,
+        roll_gusts: bool = False,
         step_hz: int = 200,
         bounds: Bounds | None = None,
         sensors: Sensors = USUAL_SENSORS,
@@ -160,22 +175,31 @@ class World:
         blows = turbulence > 0.0
         dryden, eddies = _STILL, DRYDEN_STILL
         white: Rows = NO_ROWS
+        rolls, roll_gust, rolling = NO_ROLL_GUST, 0.0, white
         if blows:
             dryden = dryden_params(turbulence, field.reference_wind_mps, length_scale_m, self._dt_s)
             eddies, white = turbulence_as_needed(dryden, seed)
+            if roll_gusts:
+                wind_mps = field.reference_wind_mps
+                rolls = roll_gust_params(
+                    turbulence, wind_mps, length_scale_m, model.span_m, self._dt_s
+                )
+            roll_gust, rolling = roll_gusts_as_needed(rolls, seed)
         self.parts = Parts(
             step_hz=step_hz,
             model=model,
             servo=servo,
             frame=frame,
             air=FieldAir(field, self._dt_s, inf if bounds is None else bounds.half_width_m),
-            turbulence=FlownTurbulence(blows, dryden, white),
+            turbulence=FlownTurbulence(
+                blows=blows, params=dryden, white=white, rolls=rolls, rolling=rolling
+            ),
             sensors=flown_sensors(sensors, step_hz, drawn_as_needed(seed)),
         )
         self._polled_position = self._polled_attitude = 0
-        self._begin(eddies)
+        self._begin(eddies, roll_gust)
 
-    def _begin(self, eddies: DrydenState) -> None:
+    def _begin(self, eddies: DrydenState, roll_gust_radps: float) -> None:
         surface = servo_start(self.parts.servo, self._dt_s, 0.0)
         now = WorldNow(
             aircraft=self._launched(),
@@ -184,6 +208,7 @@ class World:
             rudder=surface,
             turbulence=eddies,
             gust_mps=(0.0, 0.0, 0.0),
+            roll_gust_radps=roll_gust_radps,
             wind=(0.0, 0.0, 0.0),
             crashed=False,
             samples=NO_SAMPLES,
@@ -429,6 +454,7 @@ def make_world(
             seed=seed,
             turbulence=site.air.turbulence.intensity if turbulence is None else turbulence,
             length_scale_m=site.air.turbulence.length_scale_m,
+            roll_gusts=site.air.turbulence.roll_gusts,
             step_hz=step_hz,
             bounds=_bounds(site.air),
             sensors=sensors,
