@@ -26,6 +26,8 @@ from tgl_soar.control.envelope import (
 from tgl_soar.control.heading import (
     bank_setpoint,
     heading_setpoint,
+    sideways_held,
+    sideways_step,
 )
 from tgl_soar.control.laws import Laws, SupervisorLimits
 from tgl_soar.control.lean_gains import gains_at_lean
@@ -98,6 +100,7 @@ class AutopilotState(NamedTuple):
     line: LineState
     soaring: SoaringState
     heading_setpoint_rad: float
+    sideways: PidState
     loops: LoopsState
 
 
@@ -128,6 +131,7 @@ class Output(NamedTuple):
     elevator: PidTerms
     aileron: PidTerms
     rudder: PidTerms
+    sideways: PidTerms  # of the bank
     air: AirEstimate
     quality: MotionQuality
     margins: Margins
@@ -169,6 +173,8 @@ class _Guidance(NamedTuple):
     off_line_s: float
     soaring: SoaringState
     terms: PidTerms
+    sideways: PidState
+    sideways_terms: PidTerms
     setpoints: Setpoints
     cut: int  # off the pitch setpoint, bits CUT_…
 
@@ -182,6 +188,7 @@ class _Flown(NamedTuple):
     elevator: PidTerms
     aileron: PidTerms
     rudder: PidTerms
+    sideways: PidTerms
     cut: int
 
 
@@ -194,6 +201,7 @@ _NOT_FLOWN: Final = _Flown(
     elevator=NO_TERMS,
     aileron=NO_TERMS,
     rudder=NO_TERMS,
+    sideways=NO_TERMS,
     cut=0,
 )
 
@@ -216,6 +224,7 @@ def initial_state() -> AutopilotState:
         line=LineState(x_m=NAN, z_m=NAN, eta_rad=NAN, speed_mps=0.0, moving=False),
         soaring=SoaringState(_AT_REST, 0.0, 0),
         heading_setpoint_rad=0.0,
+        sideways=_AT_REST,
         loops=LoopsState(_AT_REST, _AT_REST, _AT_REST, unlimited(_NEUTRAL)),
     )
 
@@ -348,6 +357,7 @@ def _idle(
         line=line,
         soaring=state.soaring,
         heading_setpoint_rad=state.heading_setpoint_rad,
+        sideways=state.sideways,
         loops=state.loops,
     )
 
@@ -375,6 +385,7 @@ def _output(
         elevator=flown.elevator,
         aileron=flown.aileron,
         rudder=flown.rudder,
+        sideways=flown.sideways,
         air=estimates.air,
         quality=estimates.quality,
         margins=estimates.margins,
@@ -393,6 +404,7 @@ def _engaged(laws: Laws, state: AutopilotState, estimates: _Estimates) -> Autopi
     vehicle = estimates.vehicle
     return state._replace(
         heading_setpoint_rad=heading_setpoint(laws.heading, vehicle.x_m, vehicle.y_m),
+        sideways=_AT_REST,
         loops=LoopsState(
             PidState(0.0, -vehicle.pitch_rate_radps),
             PidState(0.0, -vehicle.roll_rate_radps),
@@ -459,6 +471,7 @@ def _fly(
         elevator=terms.elevator,
         aileron=terms.aileron,
         rudder=terms.rudder,
+        sideways=guidance.sideways_terms,
         cut=loops.limited.cut | guidance.cut,
     )
     state = AutopilotState(
@@ -469,6 +482,7 @@ def _fly(
         line=guidance.line,
         soaring=guidance.soaring,
         heading_setpoint_rad=guidance.setpoints.heading_rad,
+        sideways=guidance.sideways,
         loops=loops,
     )
     return state, _output(inputs, estimates, mode, reason, guidance.tracking, flown)
@@ -504,6 +518,7 @@ def _guide(
     """From the line, or without it, to the setpoints of the attitude loops."""
     vehicle, memory, soaring = estimates.vehicle, estimates.memory, state.soaring
     theta_0, psi_setpoint = memory.pitch_trim.pitch_rad, state.heading_setpoint_rad
+    sideways, sideways_terms = state.sideways, sideways_held(state.sideways)
     if decision.mode == modes.HOLDING:
         # Without a position: the pitch that held the line, wings level, the heading as it was.
         soaring, terms = holding_step(laws.soaring, soaring, theta_0, dt_s)
@@ -529,6 +544,17 @@ def _guide(
             state.loops.limited.elevator_blocked,
         )
         psi_setpoint = heading_setpoint(laws.heading, vehicle.x_m, vehicle.y_m)
+        if laws.loops != THEIRS:  # that turns by banking
+            airspeed = estimates.air.airspeed_mps
+            sideways, sideways_terms = sideways_step(
+                laws.sideways,
+                state.sideways,
+                psi_setpoint,
+                airspeed if isfinite(airspeed) else laws.found_at.airspeed_mps,
+                vehicle.velocity_y_mps,
+                dt_s,
+                state.loops.limited.aileron_blocked,
+            )
 
     pitch_setpoint = pitch_within(
         laws.envelope,
@@ -544,7 +570,7 @@ def _guide(
         cut = CUT_NOSE_UP
     elif pitch_setpoint > soaring.pitch_setpoint_rad:
         cut = CUT_NOSE_DOWN
-    roll_setpoint = 0.0
+    roll_setpoint = sideways_terms.output
     if laws.loops == THEIRS:
         roll_setpoint = bank_setpoint(laws.bank, psi_setpoint, vehicle.heading_rad)
     return _Guidance(
@@ -553,6 +579,8 @@ def _guide(
         off_line_s=off_line_s,
         soaring=soaring,
         terms=terms,
+        sideways=sideways,
+        sideways_terms=sideways_terms,
         setpoints=Setpoints(pitch_setpoint, roll_setpoint, psi_setpoint),
         cut=cut,
     )
@@ -569,6 +597,7 @@ def _own_conditions(state: AutopilotState, line: LineState) -> int:
     """Whether the last command and what the laws carry on from are numbers."""
     found = FINITE if state.loops.limited.finite else 0
     carried = line.x_m + line.z_m + state.soaring.pitch_setpoint_rad + state.heading_setpoint_rad
+    carried += state.sideways.integral
     return found | SANE if isfinite(carried) else found
 
 

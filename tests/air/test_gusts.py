@@ -189,8 +189,9 @@ def test_the_roll_gust_has_the_spectrum_of_the_specification() -> None:
     intensity, wind, scale, span, dt = 0.03, 8.5, 1.5, 1.1, 0.005
 
     def spectrum(omega: float) -> float:
-        rolled: float = 0.8 * (pi * scale / (4.0 * span)) ** (1.0 / 3.0)
-        return (intensity * wind) ** 2 / scale * rolled / (1.0 + (4.0 * span * omega / pi) ** 2)
+        rolled = 0.8 * (pi * scale / (4.0 * span)) ** (1.0 / 3.0)
+        level = float((intensity * wind) ** 2 / scale * rolled)
+        return level / (1.0 + (4.0 * span * omega / pi) ** 2)
 
     variance = quad(spectrum, 0.0, inf)[0]
     params = roll_gust_params(intensity, wind, scale, span, dt)

@@ -582,7 +582,9 @@ def test_a_long_gap_is_recovered_from() -> None:
     flight.fly(2.4, frozen("position", flight))
     assert flight.outputs[-1].mode == modes.RECOVERING
     assert flight.outputs[-1].setpoints.pitch_rad == LAWS.envelope.glide_pitch_rad
-    assert flight.outputs[-1].setpoints.roll_rad == 0.0
+    level = flight.state.sideways.integral  # as it was learnt
+    assert flight.outputs[-1].setpoints.roll_rad == level
+    assert abs(level) < radians(1.0)
     flight.laws = laws_with(CAPTURE_MAX=10.0)
     flight.fly(1.0)
     assert flight.changes() == [
@@ -985,13 +987,13 @@ def test_the_log_holds_what_makes_up_each_output() -> None:
     flight.fly(0.6, frozen("position", flight)).fly(1.0)
     assert {o.mode for o in flight.outputs} >= {modes.SOARING, modes.HOLDING, modes.CAPTURING}
     for o in flight.outputs:
-        for terms in (o.soaring, o.elevator, o.aileron, o.rudder):
+        for terms in (o.soaring, o.elevator, o.aileron, o.rudder, o.sideways):
             assert terms.saturated == 0
             parts = terms.feedforward + terms.p + terms.i + terms.d
             assert terms.output == pytest.approx(parts, abs=1e-12)
         if o.mode != modes.HOLDING:
             assert o.soaring.p == pytest.approx(LAWS.soaring.pid.kp * o.line.e_rho_m)
-        assert o.setpoints.roll_rad == 0.0
+        assert o.setpoints.roll_rad == o.sideways.output
 
 
 # --- inputs that are anything -----------------------------------------------------------------

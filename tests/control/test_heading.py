@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from math import atan, pi, radians
+from math import atan, pi, radians, sin
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tgl_soar.control.heading import HeadingGains, heading_setpoint, heading_step
+from tgl_soar.control.heading import (
+    HeadingGains,
+    heading_setpoint,
+    heading_step,
+    sideways_held,
+    sideways_step,
+)
 from tgl_soar.control.pid import PidGains, PidState
 
 DT = 0.005
@@ -109,3 +115,38 @@ def test_a_waypoint_downwind_diverges_which_is_why_the_distance_has_a_floor() ->
     assert abs(lateral_path(no_floor, 0.1, 0.0, 5.0)[-1]) > 1.0
     # With the floor it looks 3 m ahead: a tight loop, but one that does not run away.
     assert max(abs(p) for p in lateral_path(downwind, 0.1, 0.0, 20.0)) <= 0.2
+
+
+SIDEWAYS = PidGains(
+    kp=0.0,
+    ki=0.04,
+    kd=0.2,
+    rate_filter_radps=20.0,
+    integral_max=0.0875,
+    output_min=-0.175,
+    output_max=0.175,
+)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_right_of_the_middle_it_banks_left(side: float) -> None:
+    setpoint = heading_setpoint(GAINS, 0.0, side * 0.5)  # y > 0: the nose looks left
+    _, terms = sideways_step(SIDEWAYS, REST, setpoint, 8.5, 0.0, DT, 0)
+    assert terms.output * side < 0.0
+    leading = 8.5 * sin(setpoint)  # it flies as fast to the middle as its nose leads it there
+    _, terms = sideways_step(SIDEWAYS, REST, setpoint, 8.5, leading, DT, 0)
+    assert terms.output == 0.0
+    _, terms = sideways_step(SIDEWAYS, REST, setpoint, 8.5, 0.0, 0.0, 0)
+    assert terms.output == 0.0  # the first tick, in which no time has passed, begins level
+
+
+def test_a_bank_is_learnt_bounded_and_kept_without_a_position() -> None:
+    state = REST
+    for _ in range(20_000):
+        state, terms = sideways_step(SIDEWAYS, state, 0.0, 8.5, 0.1, DT, 0)
+        assert abs(terms.output) <= 0.175
+    assert state.integral == -0.0875
+    assert sideways_held(state).output == -0.0875
+    before = state
+    state, _ = sideways_step(SIDEWAYS, state, 0.0, 8.5, -0.1, DT, 1)  # can roll no further right
+    assert state.integral == before.integral

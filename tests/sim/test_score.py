@@ -7,7 +7,7 @@ from math import inf, isnan, pi, radians
 import numpy as np
 import pytest
 
-from tgl_soar.sim.score import TAIL_S, score_leg
+from tgl_soar.sim.score import SETTLE_S, TAIL_S, score_leg
 
 TIME = np.arange(0.0, 20.0, 0.01)
 VERTICAL = (0.0, 1.0, 0.5 * pi)
@@ -62,3 +62,12 @@ def test_e_rho_and_dispersion_are_scored_apart() -> None:
     assert score.rms_e_rho_m == pytest.approx(0.0, abs=1e-12)
     assert score.dispersion_m == pytest.approx(0.3 / np.sqrt(2.0), rel=0.01)
     assert TAIL_S % 2.0 == 0.0
+
+
+def test_sideways_is_scored_when_e_rho_is_and_only_where_it_is_known() -> None:
+    x, one = np.zeros_like(TIME), np.ones_like(TIME)
+    y = np.where(TIME[0] + SETTLE_S <= TIME, 0.25, 9.0)
+    score = score_leg("a", VERTICAL, None, TIME, x, one, y, -0.5 * one)
+    assert score.rms_y_m == 0.25
+    assert score.rms_bank_rad == 0.5
+    assert np.isnan(score_leg("a", VERTICAL, None, TIME, x, one).rms_y_m)

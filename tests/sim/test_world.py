@@ -126,17 +126,15 @@ def test_turbulence_is_a_fraction_of_the_reference_wind(airframe: Airframe) -> N
 
 def test_roll_gusts_leave_the_rest_of_the_air_as_it_is(airframe: Airframe) -> None:
     """A stream of their own: the same u, v, w at the same place, and the aircraft rolls."""
-    (rolled, rolls), (plain, plain_rolls) = (
-        (held_then_free(airframe, roll_gusts=True)),
-        (held_then_free(airframe, roll_gusts=False)),
-    )
+    rolled, rolls = held_then_free(airframe, roll_gusts=True)
+    plain, plain_rolls = held_then_free(airframe, roll_gusts=False)
     assert rolled == plain
     assert max(map(abs, rolls)) > 5.0 * max(map(abs, plain_rolls))
 
 
 def held_then_free(
     airframe: Airframe, *, roll_gusts: bool
-) -> tuple[list[tuple[float, ...]], list[float]]:
+) -> tuple[list[tuple[float, float, float]], list[float]]:
     """The wind while the aircraft is held, and its roll rates in the second after it is let go."""
     air = msgspec.structs.replace(
         JET, turbulence=msgspec.structs.replace(JET.turbulence, roll_gusts=roll_gusts)

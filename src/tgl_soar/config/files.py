@@ -21,6 +21,7 @@ import msgspec
 from msgspec import Struct, inspect
 
 from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.lateral_gains import lateral_gains
 from tgl_soar.config.line_changes import PresetLine, Presets, with_changes
 from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterError, ParameterSet
 from tgl_soar.config.site import Line, Site
@@ -88,7 +89,8 @@ def load_parameters(
     airframe: Airframe, airframe_path: str | Path, site: Site, site_path: str | Path
 ) -> ParameterSet:
     """Defaults, then the airframe's values, then the site's.  Errors: `ConfigError`."""
-    values = _check_parameters(airframe_path, ParameterSet(), airframe.parameters)
+    given = {**lateral_gains(airframe), **airframe.parameters}
+    values = _check_parameters(airframe_path, ParameterSet(), given)
     _check_switch(airframe_path, values, airframe)
     values = _check_parameters(site_path, values, site.parameters, preset_lines(site, values))
     _check_switch(site_path, values, airframe)

@@ -293,6 +293,22 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         name="BANK_MAX", unit="deg", minimum=1, maximum=40, default=20.0,
         meaning="Largest bank asked for in this way.",
     ),
+    # --- sideways speed -> bank ----------------------------------------------------------
+    Parameter(
+        name="SIDE_P", unit="rad s/m", minimum=0, maximum=1, default=0.15,
+        meaning="Bank for each m/s that the sideways speed differs from the one with which the"
+                " heading setpoint leads to the middle. With SIDE_I also 0 the wings are level, as"
+                " in the paper. Not used where a firmware turns by banking.",
+    ),
+    Parameter(
+        name="SIDE_I", unit="rad/m", minimum=0, maximum=1, default=0.03,
+        meaning="Bank for each metre of that difference: what a roll angle that is wrong by a"
+                " constant would leave of an offset to the side.",
+    ),
+    Parameter(
+        name="SIDE_BANK", unit="deg", minimum=0, maximum=30, default=10.0,
+        meaning="Largest bank asked for in this way; the integral takes half of it at most.",
+    ),
     # --- surfaces ------------------------------------------------------------------------
     Parameter(
         name="SURF_MAX", unit="", minimum=0.05, maximum=1, default=1.0,
@@ -497,6 +513,10 @@ GROUPS: Final[tuple[Group, ...]] = (
         "Heading to rudder", ("RUD", "WPT", "PSI", "BANK"),
         "The nose is held towards a virtual waypoint upwind.",
     ),
+    Group(
+        "Sideways to bank", ("SIDE",),
+        "A little bank holds the middle, against gusts and a roll angle that is wrong.",
+    ),
     Group("Surfaces", ("SURF",), "The last limit of every command."),
     Group(
         "The envelope", ("ALPHA", "SPEED", "SINK", "CLEAR", "FENCE"),
@@ -669,7 +689,7 @@ def _recovery_contradiction(values: ParameterSet) -> tuple[tuple[str, ...], str]
             f"PITCH_TRIM = {pitch_trim:g} deg must be below ALPHA_MAX = {alpha:g} deg:"
             " on the line the angle of attack is larger than the pitch, and it would stall"
         )
-    for name in ("PITCH_MIN", "PITCH_MAX", "BANK_MAX"):
+    for name in ("PITCH_MIN", "PITCH_MAX", "BANK_MAX", "SIDE_BANK"):
         if abs(values[name]) >= tilt:
             return (name, "TILT_MAX"), (
                 f"{name} = {values[name]:g} deg must be within TILT_MAX = {tilt:g} deg:"

@@ -70,7 +70,7 @@ class TurbulenceSettings(Strict, frozen=True):
 
     intensity: Annotated[float, Meta(ge=0, le=0.5)] = 0.0  # of the reference wind
     length_scale_m: Positive = 1.5
-    roll_gusts: bool = False  # it rolls the aircraft too, as MIL-F-8785C has it
+    roll_gusts: bool = True  # it rolls the aircraft too, as MIL-F-8785C has it
 
 
 class JetAir(Strict, frozen=True, tag_field="kind", tag="jet"):

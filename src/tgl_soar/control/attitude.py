@@ -1,8 +1,9 @@
 """Attitude: pitch to elevator (eq. 16) and roll to aileron (eq. 17).
 
     elevator = kp e_theta + ki ∫ e_theta dt + kd de_theta/dt,   e_theta = theta_sp - theta
-    aileron  = kp e_phi   + ki ∫ e_phi dt   + kd de_phi/dt,     e_phi = phi_sp - phi, phi_sp = 0
+    aileron  = kp e_phi   + ki ∫ e_phi dt   + kd de_phi/dt,     e_phi = phi_sp - phi
 
+phi_sp is 0 in the paper; here it is the bank that holds the aircraft in the middle (`heading`).
 Positive elevator pitches up, positive aileron rolls right, both -1 … 1.  The derivative acts
 on the measured rate alone: a setpoint that steps does not kick the surface.
 """

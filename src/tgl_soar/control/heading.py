@@ -9,6 +9,18 @@ distance to the waypoint, which must lie upwind (a waypoint downwind diverges), 
 floor.  The paper writes tan(y/R) - psi, leaves the sign of y open, and its text names an
 integral that its equation lacks; there is none here: the waypoint takes the place of one.
 
+Wings that are level turn the path by sideslip alone, with seconds of lag, and a roll angle that is
+wrong by a degree leaves a third of a metre to the side.  So the bank follows the sideways speed
+(ours; the paper's wings are level):
+
+    v_sp   = V sin psi_sp                       where the nose leads to once it follows its setpoint
+    phi_sp = kv (v_sp - v_y) + ki ∫ (v_sp - v_y) dt,   limited to either side
+
+V is the airspeed, v_y the velocity over the ground to the right: with the cross wind at rest there
+is no sideslip where v_y = v_sp, so that bank and rudder want the same.  At rest v_sp = 0, hence
+y = 0, whatever bank the integral had to learn for it.  The first term goes through the law's
+low-pass and stands as its d, being of y's rate: it begins at zero, wings level.
+
 A firmware that holds the attitude itself and has the rudder coordinate its turns is asked for a
 bank instead (the paper has no such flight):
 
@@ -17,7 +29,7 @@ bank instead (the paper has no such flight):
 
 from __future__ import annotations
 
-from math import atan
+from math import atan, sin
 from typing import NamedTuple
 
 from tgl_soar.control.pid import PidGains, PidState, PidTerms, pid_step
@@ -59,6 +71,29 @@ def heading_step(
     """One step of the rudder law.  trim: deflection in straight flight, -1 … 1."""
     error = wrap_angle(setpoint_rad - heading_rad)
     return pid_step(gains.pid, state, error, -heading_rate_radps, trim, dt_s, 0)
+
+
+def sideways_step(
+    gains: PidGains,
+    state: PidState,
+    setpoint_rad: float,
+    airspeed_mps: float,
+    velocity_y_mps: float,
+    dt_s: float,
+    blocked: int,
+) -> tuple[PidState, PidTerms]:
+    """One step of the bank setpoint [rad] from a heading setpoint and the sideways speed.
+
+    blocked: +1 if the aircraft cannot roll further right now, -1 left, else 0.
+    """
+    error = airspeed_mps * sin(setpoint_rad) - velocity_y_mps
+    return pid_step(gains, state, error, error, 0.0, dt_s, blocked)
+
+
+def sideways_held(state: PidState) -> PidTerms:
+    """The bank without a position: what was learnt to be level."""
+    level = state.integral
+    return PidTerms(output=level, p=0.0, i=level, d=0.0, feedforward=0.0, saturated=0)
 
 
 def bank_setpoint(gains: BankGains, setpoint_rad: float, heading_rad: float) -> float:

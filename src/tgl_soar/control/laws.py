@@ -7,7 +7,7 @@ radians, rad/s and one tuple of its own.  What lies between stands here and nowh
 from __future__ import annotations
 
 from math import pi, radians
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.envelope import EnvelopeLimits, Fence
@@ -28,6 +28,9 @@ from tgl_soar.types import (
     Ground,
     SurfaceCommand,
 )
+
+# Of the sideways speed's error: ten times as fast as that loop is, so that it costs 6 degrees.
+SIDEWAYS_FILTER_RADPS: Final = 20.0
 
 
 class SupervisorLimits(NamedTuple):
@@ -58,6 +61,7 @@ class Laws(NamedTuple):
     roll: PidGains
     heading: HeadingGains
     bank: BankGains
+    sideways: PidGains  # m/s to bank
     envelope: EnvelopeLimits
     trim: SurfaceCommand
     wind: WindParams
@@ -108,6 +112,7 @@ def laws_from(
         roll=_surface_gains(values, "AIL"),
         heading=_heading_gains(values),
         bank=BankGains(values["BANK_P"], radians(values["BANK_MAX"])),
+        sideways=_sideways_gains(values),
         envelope=_envelope_limits(values),
         trim=SurfaceCommand(values["ELE_TRIM"], values["AIL_TRIM"], values["RUD_TRIM"]),
         wind=WindParams(aerodynamics, values["WIND_CHANGE"], radians(values["WIND_ALIGN"])),
@@ -199,6 +204,19 @@ def _heading_gains(values: ParameterSet) -> HeadingGains:
         values["WPT_X"],
         values["WPT_R_MIN"],
         radians(values["PSI_MAX"]),
+    )
+
+
+def _sideways_gains(values: ParameterSet) -> PidGains:
+    bank = radians(values["SIDE_BANK"])
+    return PidGains(
+        kp=0.0,
+        ki=values["SIDE_I"],
+        kd=values["SIDE_P"],
+        rate_filter_radps=SIDEWAYS_FILTER_RADPS,
+        integral_max=0.5 * bank,
+        output_min=-bank,
+        output_max=bank,
     )
 
 

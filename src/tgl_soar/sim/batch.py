@@ -153,7 +153,14 @@ def _score(seed: int, legs: Sequence[_Leg], flight: Trajectory) -> FlightScore:
         rows = still & (changes == i)
         if np.count_nonzero(rows) >= 2:
             scores.append(
-                score_leg(str(i), leg.line, leg.crossing, time_s[rows], x_m[rows], z_m[rows])
+                score_leg(
+                    str(i),
+                    leg.line,
+                    leg.crossing,
+                    *(time_s[rows], x_m[rows], z_m[rows]),
+                    flight["y_m"][rows],
+                    flight["roll_rad"][rows],
+                )
             )
     flown_s = float(time_s[-1]) if flight.ticks else 0.0
     return FlightScore(seed, flight.ended, flown_s, tuple(scores))

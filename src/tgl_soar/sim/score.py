@@ -32,6 +32,8 @@ class LegScore:
     mean_z_m: float
     dispersion_m: float  # standard deviation along the line, over the last TAIL_S seconds
     crossing_m: float  # distance of the mean position from TGL ∩ ZEUC; NaN: none predicted
+    rms_y_m: float = float("nan")  # from the middle, when e_rho is scored; NaN: not given
+    rms_bank_rad: float = float("nan")  # likewise
 
     @property
     def settled(self) -> bool:
@@ -58,11 +60,14 @@ def score_leg(
     time_s: Floats,
     x_m: Floats,
     z_m: Floats,
+    y_m: Floats | None = None,
+    bank_rad: Floats | None = None,
 ) -> LegScore:
     """Score a leg from the true path.
 
     line: (x0 [m], z0 [m], eta [rad]); crossing: the predicted TGL ∩ ZEUC (x, z) [m] or None;
-    time_s, x_m, z_m: shape (n,), from the moment when the line stood still, n >= 2.
+    time_s, x_m, z_m: shape (n,), from the moment when the line stood still, n >= 2; y_m, bank_rad:
+    likewise, where they are known.
     """
     x0, z0, eta = line
     e = cos(eta) * (z_m - z0) - sin(eta) * (x_m - x0)
@@ -82,4 +87,10 @@ def score_leg(
         mean_z,
         float(np.std(along[tail])),
         distance,
+        _rms(y_m, scored),
+        _rms(bank_rad, scored),
     )
+
+
+def _rms(values: Floats | None, scored: NDArray[np.bool_]) -> float:
+    return float("nan") if values is None else float(np.sqrt(np.mean(values[scored] ** 2)))

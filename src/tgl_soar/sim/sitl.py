@@ -197,6 +197,8 @@ def _scores(
                 truth["time_s"][rows],
                 truth["x_m"][rows],
                 truth["z_m"][rows],
+                truth["y_m"][rows],
+                truth["roll_rad"][rows],
             )
         )
     return scores

@@ -146,7 +146,7 @@ class World:
         seed: int = 1,
         turbulence: float = 0.0,
         length_scale_m: float = 1.5,
-        roll_gusts: bool = False,
+        roll_gusts: bool = True,
         step_hz: int = 200,
         bounds: Bounds | None = None,
         sensors: Sensors = USUAL_SENSORS,

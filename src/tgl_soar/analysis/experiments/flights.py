@@ -56,6 +56,8 @@ class ScoredLeg:
     settling_s: float  # from then to the first two seconds within 5 cm of it; inf: never
     rms_e_rho_m: float
     peak_e_rho_m: float
+    rms_y_m: float  # from the middle
+    rms_bank_rad: float
     mean_x_m: float
     mean_z_m: float
     along_m: float  # mean place along the line, up from its point
@@ -157,6 +159,8 @@ def _score(
         settling,
         float(np.sqrt(np.mean(e[scored] ** 2))),
         float(np.max(np.abs(e[scored]))),
+        rms(trajectory["y_m"][rows][scored]),
+        rms(trajectory["roll_rad"][rows][scored]),
         float(np.mean(x[scored])),
         float(np.mean(z[scored])),
         float(np.mean(along[scored])),

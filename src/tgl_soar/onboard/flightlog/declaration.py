@@ -64,6 +64,7 @@ UNITS: Final = {
     "elevator_": "of full travel",
     "aileron_": "of full travel",
     "rudder_": "of full travel",
+    "sideways_": "rad",
     "elevator": "of full travel",
     "aileron": "of full travel",
     "rudder": "of full travel",
@@ -91,7 +92,7 @@ _LEFT_OUT: Final = frozenset({"Output.time_s", "VehicleState.time_s"})
 
 # Of the output, what need not be in every row: a replay gives all of it for every tick.
 _SLOW: Final = re.compile(
-    r"air_\w+|\w+_feedforward|health_(rejected|gaps|heartbeat_age_s|attitude_age_s)"
+    r"air_\w+|sideways_\w+|\w+_feedforward|health_(rejected|gaps|heartbeat_age_s|attitude_age_s)"
     r"|health_\w+_(interval|jitter)_s|setpoints_(roll|heading)_rad|rudder_i|line_eta_rad"
     r"|quality_\w+|imu_share|(elevator|aileron|rudder)_output"
 )
@@ -112,7 +113,7 @@ _NAMED: Final = {
 _STATE_ORDER: Final = (
     *("time_s", "supervisor_", "off_line_s", "motion_", "line_", "soaring_"),
     *("pitch_integral", "pitch_rate", "roll_", "heading_integral", "heading_rate"),
-    *("heading_setpoint_rad", "limited_", "wind_"),
+    *("heading_setpoint_rad", "sideways_", "limited_", "wind_"),
 )
 
 FRAMES: Final = {
