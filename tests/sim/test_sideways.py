@@ -12,6 +12,7 @@ from tgl_soar.config.files import load_airframe, load_parameters, load_site, shi
 from tgl_soar.geometry import quaternion_from_euler, quaternion_product
 from tgl_soar.sim.closed_loop import Trajectory, fly
 from tgl_soar.sim.sensors import MEMS_IMU, READ_BACK, Sensors
+from tgl_soar.sim.stepping import WorldNow
 from tgl_soar.sim.world import World, build_field, make_world
 from tgl_soar.types import AttitudeSample
 
@@ -24,8 +25,8 @@ class Misaligned(World):
 
     roll_error_rad = 0.0
 
-    def _sense(self) -> None:
-        super()._sense()
+    def _take(self, now: WorldNow) -> None:
+        super()._take(now)
         a = self.attitude
         if a.sequence > 0 and a is not self._turned:
             q = quaternion_product(

@@ -141,7 +141,7 @@ def held_then_free(
     )
     world = make_world(airframe, site(air), seed=4, turbulence=0.03)
     world.held = True
-    winds: list[tuple[float, ...]] = []
+    winds = []
     for _ in range(400):
         world.step(trimmed(world))
         winds.append(world.wind)
