@@ -97,7 +97,7 @@ def test_a_duplicate_with_a_clock_ahead_is_not_flown_with(
 ) -> None:
     monkeypatch.setattr(simulation, "DUPLICATE_UPTIME_S", 400.0)
     monkeypatch.setattr(simulation, "of_duplicate", on_the_bench)
-    flown = ClosedLoop(seed, f"autopilot.duplicate start={DUPLICATE_S} for=100")
+    flown = ClosedLoop(seed, f"autopilot.second start={DUPLICATE_S} for=100")
     flown.fly(DUPLICATE_S - 0.1)
     assert flown.is_engaged
     flown.fly(DUPLICATE_S + 10.0)

@@ -110,7 +110,7 @@ def test_lockstep_goes_on_while_the_autopilot_restarts(simulation: MakeSimulatio
 def test_a_duplicate_speaks_with_the_same_identity_and_another_clock(
     simulation: MakeSimulation,
 ) -> None:
-    heard = listened(simulation("autopilot.duplicate start=1 for=0.5"), 2.0)
+    heard = listened(simulation("autopilot.second start=1 for=0.5"), 2.0)
     assert {(f.system, f.component) for _, f in heard} == {(1, 1)}
     attitudes = [
         (t, f.message.time_boot_ms * 1e-3)

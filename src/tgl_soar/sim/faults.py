@@ -362,7 +362,7 @@ _KINDS: Final[tuple[FaultKind, ...]] = (
         (_START, _for(1.5, 0.2, 3.0)),
     ),
     FaultKind(
-        "autopilot.duplicate",
+        "autopilot.second",
         "another autopilot with the same system id sends, elsewhere",
         (_START, _for(2.0, 0.1, 6.0)),
     ),

@@ -43,6 +43,7 @@ BOTH_WAYS: Final = ("delay", "jitter", "reorder", "duplicate", "loss", "corrupt"
 SURFACES: Final = ("elevator", "aileron", "rudder")
 HEARTBEAT_S: Final = 1.0
 OVERRIDE_TIME_S: Final = 0.5  # as the README asks of a real autopilot
+SECOND_AUTOPILOT: Final = "autopilot.second"  # no way of one thing that passes, as `duplicate` is
 DUPLICATE_M: Final = (3.0, 4.0, 0.0)  # where the duplicate stands, from the aircraft, NED
 DUPLICATE_TURN_RAD: Final = 1.2  # and how it is turned
 
@@ -135,7 +136,7 @@ class Measured(Generic[Sample]):
 
     def __init__(self, of: str, faults: Sequence[Fault], seed: int) -> None:
         self._lies = [fault for fault in faults if fault.of == of]
-        self._duplicates = [fault for fault in faults if fault.way == "duplicate"]
+        self._second = [fault for fault in faults if fault.kind.name == SECOND_AUTOPILOT]
         self._random = Random(f"{seed}/{of} lies")
         self._fault_channel: FaultChannel[Sample] = FaultChannel(faults, f"{seed}/{of}")
         self._frozen: Sample | None = None
@@ -150,7 +151,7 @@ class Measured(Generic[Sample]):
         if sample.sequence != self._seen:
             self._seen = sample.sequence
             self._fault_channel.send(now_s, self._reported(now_s, sample))
-            if any(fault.acts(now_s) for fault in self._duplicates):
+            if any(fault.acts(now_s) for fault in self._second):
                 self._fault_channel.send(now_s, of_duplicate(sample))
         for arrived in self._fault_channel.arrived(now_s):
             self._arrived += 1
@@ -329,7 +330,7 @@ class DirectLink:
         seed = injection.seed
         reboots = injection.named("autopilot.reboot")
         down = [*injection.of_link("down"), *reboots]
-        duplicates = injection.named("autopilot.duplicate")
+        duplicates = injection.named(SECOND_AUTOPILOT)
         self._down: dict[str, Measured[Any]] = {
             of: Measured(f"link {of}", [*down, *duplicates], seed)
             for of in (*MEASURED, "surfaces")

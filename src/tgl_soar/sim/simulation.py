@@ -100,7 +100,7 @@ class Simulation:
         self._parameters |= dict(options.parameters)
         self.pixhawk = self._autopilot(airframe, options, options.uptime_s, armed=options.armed)
         # It receives all that the other receives; what it sends goes nowhere until its fault acts.
-        self._duplicates = self.injection.named("autopilot.duplicate")
+        self._duplicates = self.injection.named("autopilot.second")
         self._duplicate = (
             self._autopilot(airframe, options, options.uptime_s + DUPLICATE_UPTIME_S, armed=True)
             if self._duplicates
@@ -236,7 +236,7 @@ class Simulation:
             elif fault.kind.name == "pilot.takes":
                 pixhawk.set_mode(FBWA if begins else MANUAL, "the pilot")
             elif (
-                fault.kind.name == "autopilot.duplicate" and begins and self._duplicate is not None
+                fault.kind.name == "autopilot.second" and begins and self._duplicate is not None
             ):
                 self._duplicate.announce()
 

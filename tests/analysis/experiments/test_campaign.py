@@ -206,3 +206,14 @@ def test_the_section_is_written_between_its_marks_and_counts_right() -> None:
     assert with_section(new, written) == new
     with pytest.raises(ValueError, match="no marks"):
         with_section("nothing", written)
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_no_fault_of_the_catalogue_ends_in_an_exception(name: str) -> None:
+    assert fly_job(job(f"{name} start=1"), 2.5).error == ""
+
+
+@pytest.mark.parametrize("of", ["link", "position", "attitude", "all"])
+def test_what_comes_twice_is_no_second_autopilot(of: str) -> None:
+    """The same frames again do no harm; those of another autopilot stand metres away."""
+    assert fly_job(job(f"{of}.duplicate start=1 for=6"), SHORT_S).result == SOARING
