@@ -30,11 +30,18 @@ from tgl_soar.control.heading import (
     sideways_step,
 )
 from tgl_soar.control.laws import Laws, SupervisorLimits
-from tgl_soar.control.lean_gains import gains_at_lean
 from tgl_soar.control.margins import margins_of
-from tgl_soar.control.pid import PidState, PidTerms
-from tgl_soar.control.scheduling import soaring_between, weight_step
+from tgl_soar.control.pid import PidGains, PidState, PidTerms
+from tgl_soar.control.schedule import (
+    ScheduledGains,
+    pitch_gains,
+    soaring_gains,
+    speed_step,
+    speed_within,
+)
+from tgl_soar.control.scheduling import pid_between, soaring_between, weight_step
 from tgl_soar.control.soaring import (
+    SoaringGains,
     SoaringState,
     TrimState,
     gliding_step,
@@ -87,6 +94,7 @@ class EstimatorMemory(NamedTuple):
     pitch_trim: TrimState
     gust_pitch_rad: float  # by which the setpoint meets a gust
     imu_weight: float  # of the gains with accelerations in those flown, 0 … 1
+    gain_speed_mps: float  # averaged airspeed that the gains are for; NaN: not known yet
     confident_s: float  # of when the last fix is that made the position confident; NaN: none
 
 
@@ -137,6 +145,7 @@ class Output(NamedTuple):
     margins: Margins
     cut: int  # what the envelope cut off the command, bits CUT_…
     imu_weight: float  # of the gains with accelerations in those flown, 0 … 1
+    gains: ScheduledGains  # of pitch, in the modes in control
 
 
 def mode_name(mode: int) -> str:
@@ -175,6 +184,7 @@ class _Guidance(NamedTuple):
     terms: PidTerms
     sideways: PidState
     sideways_terms: PidTerms
+    gains: PidGains
     setpoints: Setpoints
     cut: int  # off the pitch setpoint, bits CUT_…
 
@@ -190,8 +200,12 @@ class _Flown(NamedTuple):
     rudder: PidTerms
     sideways: PidTerms
     cut: int
+    gains: ScheduledGains
 
 
+NO_GAINS: Final = ScheduledGains(
+    airspeed_mps=NAN, rho_p=NAN, rho_i=NAN, rho_d=NAN, ele_p=NAN, ele_i=NAN, ele_d=NAN
+)
 _AT_REST: Final = PidState(0.0, 0.0)
 _NEUTRAL: Final = SurfaceCommand(0.0, 0.0, 0.0)
 _NOT_FLOWN: Final = _Flown(
@@ -203,6 +217,7 @@ _NOT_FLOWN: Final = _Flown(
     rudder=NO_TERMS,
     sideways=NO_TERMS,
     cut=0,
+    gains=NO_GAINS,
 )
 
 
@@ -219,6 +234,7 @@ def initial_state() -> AutopilotState:
             pitch_trim=TrimState(NAN, NAN),
             gust_pitch_rad=0.0,
             imu_weight=0.0,
+            gain_speed_mps=NAN,
             confident_s=NAN,
         ),
         line=LineState(x_m=NAN, z_m=NAN, eta_rad=NAN, speed_mps=0.0, moving=False),
@@ -284,6 +300,7 @@ def _estimate(laws: Laws, state: AutopilotState, inputs: Inputs, dt_s: float) ->
             pitch_trim=trim,
             gust_pitch_rad=gust,
             imu_weight=weight_step(before.imu_weight, quality.inertial, dt_s),
+            gain_speed_mps=speed_step(before.gain_speed_mps, air.airspeed_mps, dt_s),
             confident_s=motion.fix.time_s if health.position_ok else before.confident_s,
         ),
     )
@@ -391,6 +408,7 @@ def _output(
         margins=estimates.margins,
         cut=flown.cut,
         imu_weight=estimates.memory.imu_weight,
+        gains=flown.gains,
     )
 
 
@@ -454,13 +472,19 @@ def _fly(
         return state, _output(inputs, estimates, mode, reason, tracking, _NOT_FLOWN)
 
     guidance = _guide(laws, state, estimates, decision, line, tracking, off_line_s, dt_s)
+    memory = estimates.memory
+    pitch = pitch_gains(
+        pid_between(laws.pitch, laws.pitch_imu, memory.imu_weight),
+        laws.schedule,
+        memory.gain_speed_mps,
+    )
     loops, terms = surfaces_step(
         laws,
+        pitch,
         state.loops,
         vehicle,
         guidance.setpoints,
         estimates.margins.stall_rad,
-        estimates.memory.imu_weight,
         inputs.surfaces,
         dt_s,
     )
@@ -473,6 +497,15 @@ def _fly(
         rudder=terms.rudder,
         sideways=guidance.sideways_terms,
         cut=loops.limited.cut | guidance.cut,
+        gains=ScheduledGains(
+            airspeed_mps=speed_within(laws.schedule, memory.gain_speed_mps),
+            rho_p=guidance.gains.kp,
+            rho_i=guidance.gains.ki,
+            rho_d=guidance.gains.kd,
+            ele_p=pitch.kp,
+            ele_i=pitch.ki,
+            ele_d=pitch.kd,
+        ),
     )
     state = AutopilotState(
         time_s=inputs.time_s,
@@ -519,6 +552,7 @@ def _guide(
     vehicle, memory, soaring = estimates.vehicle, estimates.memory, state.soaring
     theta_0, psi_setpoint = memory.pitch_trim.pitch_rad, state.heading_setpoint_rad
     sideways, sideways_terms = state.sideways, sideways_held(state.sideways)
+    gains = _line_gains(laws, memory, line)
     if decision.mode == modes.HOLDING:
         # Without a position: the pitch that held the line, wings level, the heading as it was.
         soaring, terms = holding_step(laws.soaring, soaring, theta_0, dt_s)
@@ -531,11 +565,7 @@ def _guide(
             line, soaring, off_line_s = state.line, state.soaring, state.off_line_s
             tracking = _tracking(line, vehicle)._replace(e_rho_m=0.0, e_rho_rate_mps=rate)
         soaring, terms = soaring_step(
-            gains_at_lean(
-                soaring_between(laws.soaring, laws.soaring_imu, memory.imu_weight),
-                laws.found_at,
-                line.eta_rad,
-            ),
+            gains,
             soaring,
             theta_0 + memory.gust_pitch_rad,
             tracking.e_rho_m,
@@ -545,16 +575,7 @@ def _guide(
         )
         psi_setpoint = heading_setpoint(laws.heading, vehicle.x_m, vehicle.y_m)
         if laws.loops != THEIRS:  # that turns by banking
-            airspeed = estimates.air.airspeed_mps
-            sideways, sideways_terms = sideways_step(
-                laws.sideways,
-                state.sideways,
-                psi_setpoint,
-                airspeed if isfinite(airspeed) else laws.found_at.airspeed_mps,
-                vehicle.velocity_y_mps,
-                dt_s,
-                state.loops.limited.aileron_blocked,
-            )
+            sideways, sideways_terms = _bank(laws, state, estimates, psi_setpoint, dt_s)
 
     pitch_setpoint = pitch_within(
         laws.envelope,
@@ -581,8 +602,35 @@ def _guide(
         terms=terms,
         sideways=sideways,
         sideways_terms=sideways_terms,
+        gains=gains.pid,
         setpoints=Setpoints(pitch_setpoint, roll_setpoint, psi_setpoint),
         cut=cut,
+    )
+
+
+def _line_gains(laws: Laws, memory: EstimatorMemory, line: LineState) -> SoaringGains:
+    """Of the soaring law: with accelerations or without, at this speed, on this line."""
+    return soaring_gains(
+        soaring_between(laws.soaring, laws.soaring_imu, memory.imu_weight),
+        laws.schedule,
+        memory.imu_weight,
+        memory.gain_speed_mps,
+        line.eta_rad,
+    )
+
+
+def _bank(
+    laws: Laws, state: AutopilotState, estimates: _Estimates, psi_setpoint: float, dt_s: float
+) -> tuple[PidState, PidTerms]:
+    """The bank that leads the aircraft to the middle."""
+    return sideways_step(
+        laws.sideways,
+        state.sideways,
+        psi_setpoint,
+        speed_within(laws.schedule, estimates.air.airspeed_mps),
+        estimates.vehicle.velocity_y_mps,
+        dt_s,
+        state.loops.limited.aileron_blocked,
     )
 
 

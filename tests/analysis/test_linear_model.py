@@ -8,7 +8,7 @@ from math import log10, pi, radians
 
 import numpy as np
 import pytest
-from msgspec.structs import asdict
+from msgspec.structs import asdict, replace
 
 from tgl_soar.air.field import WindField
 from tgl_soar.air.zeuc import stable_crossing
@@ -43,10 +43,10 @@ from tgl_soar.config.files import (
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.laws import Laws, laws_from
 from tgl_soar.control.target_line import eta_from_lean
-from tgl_soar.sim.aircraft import aircraft_model
+from tgl_soar.sim.aircraft import AircraftModel, aircraft_model
 from tgl_soar.sim.closed_loop import fly
 from tgl_soar.sim.sensors import MEMS_IMU, USUAL_SENSORS, Sensors
-from tgl_soar.sim.servos import servo_params
+from tgl_soar.sim.servos import ServoParams, servo_params
 from tgl_soar.sim.world import build_field, make_world
 
 AIRFRAME_PATH, SITE_PATH = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
@@ -139,7 +139,7 @@ def test_the_classical_margins_are_at_least_what_the_disk_promises(
     """And the open loop scaled to its gain margin, or delayed to its delay margin, passes -1."""
     loop = loop_at(hovering(sensors=sensors))
     found = margin(loop, at)
-    assert 0.3 < found.alpha < 1.0
+    assert 0.3 < found.alpha < 1.5
     promised = promised_gain_db(found.alpha)
     assert found.gain_up_db >= promised
     assert found.gain_down_db <= -promised
@@ -191,16 +191,16 @@ def test_without_accelerometers_fixes_come_every_four_ticks_and_cost_margin() ->
 
 
 def test_latency_and_lean_cost_margin_until_the_loop_is_unstable() -> None:
-    """The worst of what was accepted: gains as they stand, with accelerometers, at 40 degrees."""
+    """Gains as they stand, with accelerometers, on a line that leans far."""
     alphas = [disk_margin(loop_at(hovering(delay_s=late))) for late in (0.0, 0.0075, 0.0245)]
     assert alphas[0] > alphas[1] > alphas[2] > 0.0
     as_they_stand = laws({"RHO_SPEED": 0.0})
-    lost = loop_at(hovering(40.0, delay_s=0.0245), as_they_stand)
+    lost = loop_at(hovering(45.0, delay_s=0.04), as_they_stand)
     assert not is_stable(lost)
     assert poles(lost)[0].real > 0.0
     assert [margin(lost, at).alpha for at in BREAKS] == [0.0, 0.0]
     with pytest.raises(ValueError, match="unstable"):
-        activity(as_they_stand, hovering(40.0, delay_s=0.0245), Gusts(0.01, 8.5))
+        activity(as_they_stand, hovering(45.0, delay_s=0.04), Gusts(0.01, 8.5))
 
 
 def test_sensitivity_and_open_loop_are_one() -> None:
@@ -293,12 +293,83 @@ def test_the_gradient_of_the_air_is_that_of_a_known_field() -> None:
     assert field_gradient(Sheared(), 1.0, 2.0) == pytest.approx((0.2, -0.3, 0.5 * pi, 0.1))  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("sensors", SENSORS.values(), ids=SENSORS)
-def test_the_margin_of_the_lean_that_gains_were_found_at_is_kept_on_lines_that_lean_further(
+def scheduled(
+    model: AircraftModel,
+    servo: ServoParams,
+    delay_s: float,
+    speed_mps: float,
+    lean_deg: float,
     sensors: Sensors,
+    effect: float = 1.0,
+) -> Loop:
+    """The loop of an aircraft whose file is right, but for what its elevator does (`effect`)."""
+    plane = replace(
+        AIRFRAME,
+        model={
+            **AIRFRAME.model,
+            "Cm_alpha": model.Cm_alpha,
+            "Cm_q": model.Cm_q,
+            "servo_lag_radps": servo.lag_radps,
+        },
+    )
+    values = load_parameters(plane, AIRFRAME_PATH, SITE, SITE_PATH)
+    condition = Condition(
+        model=model._replace(Cm_elevator=effect * model.Cm_elevator),
+        servo=servo,
+        speed_mps=speed_mps,
+        lean_rad=radians(lean_deg),
+        sensors=sensors,
+        command_delay_s=delay_s,
+    )
+    known = laws_from(values.changed({"CMD_DELAY": delay_s}), SITE.frame())
+    return loop_at(condition, known)
+
+
+@pytest.mark.parametrize("sensors", SENSORS.values(), ids=SENSORS)
+@pytest.mark.parametrize("delay_s", [0.005, 0.0245, 0.04])
+def test_every_speed_lean_and_latency_that_is_accepted_has_a_margin(
+    sensors: Sensors, delay_s: float
 ) -> None:
-    """From 15 to 45 degrees with 7.5 ms; as they stand they lose it: unstable at 45."""
-    kept = [disk_margin(loop_at(hovering(lean, sensors, 0.0075))) for lean in (15.0, 30.0, 45.0)]
-    assert min(kept[1:]) >= 0.95 * kept[0] > 0.4
-    as_they_stand = laws({"RHO_SPEED": 0.0})
-    assert disk_margin(loop_at(hovering(45.0, sensors, 0.0075), as_they_stand)) == 0.0
+    """A disk margin of 0.5 at both breaks: 4.4 dB and 28 degrees at once."""
+    for speed in (7.6, 10.0, 14.0):
+        for lean in (5.0, 15.0, 45.0):
+            loop = scheduled(MODEL, SERVO, delay_s, speed, lean, sensors)
+            assert disk_margin(loop) >= 0.5, f"{speed} m/s, {lean} degrees"
+
+
+@pytest.mark.parametrize("sensors", SENSORS.values(), ids=SENSORS)
+def test_at_the_usual_lean_there_are_6_db_and_45_degrees(sensors: Sensors) -> None:
+    """As MIL-F-9490D asks for, at both breaks."""
+    loop = scheduled(MODEL, SERVO, 0.0075, 8.5, 15.0, sensors)
+    for at in BREAKS:
+        found = margin(loop, at)
+        assert min(found.gain_up_db, -found.gain_down_db) >= 6.0
+        assert found.phase_deg >= 45.0
+
+
+def of_short_period(radps: float) -> AircraftModel:
+    """The shipped aircraft with another short period at 8.5 m/s, its damping 0.75."""
+    force = 0.5 * MODEL.air_density_kgpm3 * 8.5**2 * MODEL.wing_area_m2
+    turning = force * MODEL.chord_m / MODEL.iyy_kgm2
+    lift = force * MODEL.CL_alpha / (MODEL.mass_kg * 8.5)
+    damped = lift - 1.5 * radps
+    return MODEL._replace(
+        Cm_q=damped * 17.0 / (turning * MODEL.chord_m),
+        Cm_alpha=-(radps**2 + damped * lift) / turning,
+    )
+
+
+@pytest.mark.parametrize("sensors", SENSORS.values(), ids=SENSORS)
+def test_other_aircraft_have_margins_with_the_same_gains(sensors: Sensors) -> None:
+    """Short period 6 to 15 rad/s, servo 15 to 80 ms, 5 to 40 ms of latency, drawn; and where the
+    elevator has 30 % more or less effect than the file says, the loop is stable still."""
+    draw = np.random.default_rng(2026)
+    for _ in range(8):
+        model = of_short_period(draw.uniform(6.0, 15.0))
+        servo = SERVO._replace(lag_radps=1.0 / draw.uniform(0.015, 0.08))
+        delay, lean = draw.uniform(0.005, 0.04), draw.uniform(10.0, 30.0)
+        speed = draw.uniform(8.0, 11.0)
+        known = disk_margin(scheduled(model, servo, delay, speed, lean, sensors))
+        assert known >= 0.5, f"{servo.lag_radps}, {delay}, {speed}, {lean}"
+        wrong = 1.0 + draw.choice([-0.3, 0.3])
+        assert disk_margin(scheduled(model, servo, delay, speed, lean, sensors, wrong)) >= 0.25

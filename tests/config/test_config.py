@@ -162,7 +162,8 @@ BAD_AIRFRAMES = [
     (
         "[model]",
         "[modell]",
-        "modell: unknown key; known here: airframe, autopilot, surfaces, polar, parameters, model",
+        "modell: unknown key; known here: airframe, autopilot, surfaces, polar, parameters, model,"
+        " dynamics",
     ),
     (
         "mass_kg = 0.7",

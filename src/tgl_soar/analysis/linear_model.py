@@ -47,8 +47,8 @@ from tgl_soar.air.field import WindField
 from tgl_soar.air.gusts import DrydenState, dryden_params, dryden_step
 from tgl_soar.control.attitude import attitude_step
 from tgl_soar.control.laws import Laws
-from tgl_soar.control.lean_gains import gains_at_lean
 from tgl_soar.control.pid import PidState
+from tgl_soar.control.schedule import pitch_gains, soaring_gains
 from tgl_soar.control.scheduling import pid_between, soaring_between
 from tgl_soar.control.soaring import SoaringState, soaring_step
 from tgl_soar.control.target_line import e_rho, eta_from_lean
@@ -305,17 +305,21 @@ def linear_controller(laws: Laws, condition: Condition, errors: bool = False) ->
         filter_size = 0
     size = line + 2 * fix_line + filter_size + 4
     take, carry = _fix_matrices(laws.motion, timing.period_steps * dt, dt, sensors, inertial)
-    soaring = gains_at_lean(
-        soaring_between(laws.soaring, laws.soaring_imu, 1.0 if inertial else 0.0),
-        laws.found_at,
+    weight = 1.0 if inertial else 0.0
+    airspeed = glide_at(condition.model, condition.speed_mps).airspeed_mps
+    soaring = soaring_gains(
+        soaring_between(laws.soaring, laws.soaring_imu, weight),
+        laws.schedule,
+        weight,
+        airspeed,
         eta_from_lean(condition.lean_rad),
     )
-    pitch_gains = pid_between(laws.pitch, laws.pitch_imu, 1.0 if inertial else 0.0)
+    pitch = pitch_gains(pid_between(laws.pitch, laws.pitch_imu, weight), laws.schedule, airspeed)
     soaring = soaring._replace(
         slew_radps=1e9,  # linear: no limit acts
         pid=soaring.pid._replace(output_min=-1e9, output_max=1e9, integral_max=1e9),
     )
-    pitch_gains = pitch_gains._replace(output_min=-1e9, output_max=1e9, integral_max=1e9)
+    pitch = pitch._replace(output_min=-1e9, output_max=1e9, integral_max=1e9)
     has_velocity = 1.0 if sensors.position.gives_velocity else 0.0
 
     def tick(phase: int, vector: Matrix) -> Matrix:
@@ -366,7 +370,7 @@ def linear_controller(laws: Laws, condition: Condition, errors: bool = False) ->
             0,
         )
         flown, inner_terms = attitude_step(
-            pitch_gains,
+            pitch,
             PidState(float(inner), float(inner_rate)),
             outer_terms.output + float(injected),
             float(pitch_rad),

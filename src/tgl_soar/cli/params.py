@@ -106,10 +106,10 @@ class Beginning(NamedTuple):
             return "stored"
         if name in self.site.parameters or self.files[name] != self._of_airframe(name):
             return "site"
-        return "airframe" if name in self.airframe.parameters else "default"
+        return "airframe" if name in self.airframe.all_parameters() else "default"
 
     def _of_airframe(self, name: str) -> float:
-        return self.defaults.changed(self.airframe.parameters)[name]
+        return self.defaults.changed(self.airframe.all_parameters())[name]
 
 
 def beginning(airframe_path: Path, site_path: Path, state: Path | None) -> Beginning:

@@ -10,6 +10,7 @@ from typing import Annotated, Final, Literal
 
 from msgspec import Meta, field
 
+from tgl_soar.config.dynamics import Dynamics, dynamics_parameters
 from tgl_soar.config.strict import Finite, Positive, Strict, SystemId
 from tgl_soar.types import NO_AERODYNAMICS, Aerodynamics, GlidePolar
 
@@ -114,11 +115,20 @@ class Airframe(Strict, frozen=True):
     parameters: dict[str, float] = field(default_factory=dict)
     # The simulation's; checked by tgl_soar.sim.aircraft.
     model: dict[str, Finite] = field(default_factory=dict)
+    dynamics: Dynamics = field(default_factory=Dynamics)  # in pitch, as measured
 
     def __post_init__(self) -> None:
         for key in _POSITIVE:
             if not self.model.get(key, 1.0) > 0.0:
                 raise ValueError(f"model.{key} = {self.model[key]:g}: must be above 0")
+
+    def all_parameters(self) -> dict[str, float]:
+        """What the file gives: of the airframe in pitch, and `[parameters]`, which come first."""
+        facts = self.airframe
+        bench = {name: getattr(facts, name) for name in (*_ON_THE_BENCH, "iyy_kgm2")}
+        polar, firmware = self.polar.as_polar(), self.autopilot.firmware
+        derived = dynamics_parameters(self.dynamics, bench, self.model, polar, firmware)
+        return {**derived, **self.parameters}
 
     def aerodynamics(self) -> Aerodynamics:
         """Lift and drag as the flying module knows them; `NO_AERODYNAMICS` without a model."""

@@ -76,7 +76,7 @@ def _meant(given: str | Path, folder: str) -> Path:
 def load_airframe(path: str | Path) -> Airframe:
     """Read an airframe file.  Errors: `ConfigError`."""
     airframe = load_file(path, Airframe, _AIRFRAMES)
-    _check_parameters(path, ParameterSet(), airframe.parameters)
+    _check_parameters(path, ParameterSet(), airframe.all_parameters())
     return airframe
 
 
@@ -89,7 +89,7 @@ def load_parameters(
     airframe: Airframe, airframe_path: str | Path, site: Site, site_path: str | Path
 ) -> ParameterSet:
     """Defaults, then the airframe's values, then the site's.  Errors: `ConfigError`."""
-    given = {**lateral_gains(airframe), **airframe.parameters}
+    given = {**lateral_gains(airframe), **airframe.all_parameters()}
     values = _check_parameters(airframe_path, ParameterSet(), given)
     _check_switch(airframe_path, values, airframe)
     values = _check_parameters(site_path, values, site.parameters, preset_lines(site, values))
@@ -185,7 +185,7 @@ def site_from(text: str, name: str) -> Site:
 def airframe_from(text: str, name: str) -> Airframe:
     """An airframe file's text, likewise.  Errors: `ConfigError`."""
     airframe = file_from(text, name, Airframe)
-    _check_parameters(name, ParameterSet(), airframe.parameters)
+    _check_parameters(name, ParameterSet(), airframe.all_parameters())
     return airframe
 
 

@@ -153,14 +153,13 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="RHO_LEAN", unit="deg", minimum=5, maximum=45, default=15.0,
-        meaning="Lean of the line that the gains RHO_… were found on. On another they are changed"
-                " so that the loop crosses over where it did: as they stand they ring on a line"
-                " that leans further.",
+        meaning="Lean of the line that the gains RHO_… and ELE_… were found on. On another they are"
+                " changed so that the loop keeps its margins.",
     ),
     Parameter(
         name="RHO_SPEED", unit="m/s", minimum=0, maximum=60, default=8.5,
-        meaning="Airspeed that they were found at; below 1: they are flown as they stand on every"
-                " line, as in the paper.",
+        meaning="Airspeed that they were found at, for the schedule over speed, lean, airframe and"
+                " latency; below 1: they are flown as they stand, the plain law of the paper.",
     ),
     Parameter(
         name="RHO_P_IMU", unit="rad/m", minimum=0, maximum=5, default=0.0,
@@ -230,8 +229,67 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         meaning="Low-pass of the pitch rate.",
     ),
     Parameter(
+        name="ELE_FREQ", unit="rad/s", minimum=1, maximum=60, default=11.5,
+        meaning="Short period, undamped, of the airframe that the gains were found on, at"
+                " RHO_SPEED.",
+    ),
+    Parameter(
+        name="ELE_DAMP", unit="", minimum=0.1, maximum=2, default=0.75,
+        meaning="Its damping.",
+    ),
+    Parameter(
+        name="ELE_EFFECT", unit="rad/s^2", minimum=1, maximum=500, default=31.0,
+        meaning="Its pitch acceleration for a full deflection of the elevator, at RHO_SPEED.",
+    ),
+    Parameter(
+        name="ELE_LATE", unit="s", minimum=0.001, maximum=0.3, default=0.026,
+        meaning="Its servo's lag and delay, with the command's way to it: 18.5 and 7.5 ms. A later"
+                " elevator is flown with less gain, an earlier one with no more.",
+    ),
+    Parameter(
         name="ELE_TRIM", unit="", minimum=-1, maximum=1, default=0.0,
         meaning="Elevator in trimmed flight on the line.",
+    ),
+    # --- the airframe in pitch -----------------------------------------------------------
+    # Filled in from the airframe file ([dynamics], or what follows from [model] and [polar]).
+    Parameter(
+        name="DYN_SPEED", unit="m/s", minimum=0, maximum=60, default=0.0,
+        meaning="Airspeed at which DYN_FREQ, DYN_DAMP and DYN_EFFECT hold; 0: they are not known,"
+                " and the airframe is taken to be the one that the gains were found on.",
+    ),
+    Parameter(
+        name="DYN_FREQ", unit="rad/s", minimum=0, maximum=60, default=0.0,
+        meaning="Short period of this airframe, undamped (`tgl-soar identify`); 0: not known.",
+    ),
+    Parameter(
+        name="DYN_DAMP", unit="", minimum=0, maximum=2, default=0.0,
+        meaning="Its damping; 0: not known.",
+    ),
+    Parameter(
+        name="DYN_EFFECT", unit="rad/s^2", minimum=0, maximum=500, default=0.0,
+        meaning="Its pitch acceleration for a full deflection of the elevator; 0: not known.",
+    ),
+    Parameter(
+        name="DYN_SERVO", unit="s", minimum=0, maximum=0.3, default=0.0185,
+        meaning="Lag and delay of its elevator servo.",
+    ),
+    Parameter(
+        name="DYN_PATH", unit="s", minimum=0, maximum=5, default=0.0,
+        meaning="Time in which the flight path comes to the pitch, V / (lift per mass and radian),"
+                " at DYN_SPEED: for the check of margins; 0: not known.",
+    ),
+    Parameter(
+        name="DYN_GLIDE", unit="", minimum=0, maximum=80, default=0.0,
+        meaning="Its best glide ratio; 0: not known.",
+    ),
+    Parameter(
+        name="DYN_BEST", unit="m/s", minimum=0, maximum=60, default=0.0,
+        meaning="Airspeed of that; 0: not known.",
+    ),
+    Parameter(
+        name="CMD_DELAY", unit="s", minimum=0, maximum=0.2, default=0.0075,
+        meaning="From a tick to the servo's input: the link, and the autopilot's loop. `tgl-soar"
+                " preflight` measures it where surfaces are read back.",
     ),
     # --- roll -> aileron (eq. 17) --------------------------------------------------------
     Parameter(
@@ -508,6 +566,10 @@ GROUPS: Final[tuple[Group, ...]] = (
         "The outer loop: the distance e_rho to the line becomes a pitch setpoint.",
     ),
     Group("Pitch to elevator", ("ELE",), "The inner loop of pitch."),
+    Group(
+        "The airframe in pitch", ("DYN", "CMD"),
+        "What the gains are fitted to, filled in from the airframe file.",
+    ),
     Group("Roll to aileron", ("AIL",), "Wings level."),
     Group(
         "Heading to rudder", ("RUD", "WPT", "PSI", "BANK"),

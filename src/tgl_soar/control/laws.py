@@ -12,8 +12,8 @@ from typing import Final, NamedTuple
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.envelope import EnvelopeLimits, Fence
 from tgl_soar.control.heading import BankGains, HeadingGains
-from tgl_soar.control.lean_gains import FoundAt
 from tgl_soar.control.pid import PidGains
+from tgl_soar.control.schedule import Dynamics, Schedule, schedule_of
 from tgl_soar.control.soaring import SoaringGains, TrimGains
 from tgl_soar.control.target_line import LineLimits, TargetLine, eta_from_lean
 from tgl_soar.estimation.health import HealthLimits
@@ -55,9 +55,9 @@ class Laws(NamedTuple):
     line: LineLimits
     soaring: SoaringGains
     soaring_imu: SoaringGains  # while accelerations are in use
-    found_at: FoundAt  # of both
     pitch: PidGains
     pitch_imu: PidGains
+    schedule: Schedule  # of these four
     roll: PidGains
     heading: HeadingGains
     bank: BankGains
@@ -106,9 +106,9 @@ def laws_from(
         line=LineLimits(values["TGL_SLEW"], values["TGL_ACCEL"], radians(values["TGL_ROT_SLEW"])),
         soaring=soaring,
         soaring_imu=soaring_imu,
-        found_at=FoundAt(eta_from_lean(radians(values["RHO_LEAN"])), values["RHO_SPEED"]),
         pitch=pitch,
         pitch_imu=_imu_gains(values, "ELE", pitch, 0.0),
+        schedule=_schedule(values),
         roll=_surface_gains(values, "AIL"),
         heading=_heading_gains(values),
         bank=BankGains(values["BANK_P"], radians(values["BANK_MAX"])),
@@ -186,6 +186,34 @@ def _soaring_gains(values: ParameterSet) -> SoaringGains:
             output_max=radians(values["PITCH_MAX"]),
         ),
         radians(values["PITCH_SLEW"]),
+    )
+
+
+def dynamics_of(values: ParameterSet) -> Dynamics:
+    """The airframe that flies, as its parameters have it."""
+    return Dynamics(
+        speed_mps=values["DYN_SPEED"],
+        short_period_radps=values["DYN_FREQ"],
+        damping=values["DYN_DAMP"],
+        effect_radps2=values["DYN_EFFECT"],
+        late_s=values["DYN_SERVO"] + values["CMD_DELAY"],
+        glide_ratio=values["DYN_GLIDE"],
+        best_glide_mps=values["DYN_BEST"],
+    )
+
+
+def _schedule(values: ParameterSet) -> Schedule:
+    found_on = Dynamics(
+        speed_mps=values["RHO_SPEED"],
+        short_period_radps=values["ELE_FREQ"],
+        damping=values["ELE_DAMP"],
+        effect_radps2=values["ELE_EFFECT"],
+        late_s=values["ELE_LATE"],
+        glide_ratio=0.0,
+        best_glide_mps=0.0,
+    )
+    return schedule_of(
+        values["RHO_SPEED"], radians(values["RHO_LEAN"]), found_on, dynamics_of(values)
     )
 
 

@@ -12,8 +12,7 @@ from tgl_soar.control.attitude import attitude_step
 from tgl_soar.control.envelope import Limited, elevator_limit, limit_surfaces
 from tgl_soar.control.heading import heading_step
 from tgl_soar.control.laws import Laws
-from tgl_soar.control.pid import PidState, PidTerms
-from tgl_soar.control.scheduling import pid_between
+from tgl_soar.control.pid import PidGains, PidState, PidTerms
 from tgl_soar.types import (
     NAN,
     OURS,
@@ -47,25 +46,25 @@ class SurfaceTerms(NamedTuple):
 
 def surfaces_step(
     laws: Laws,
+    pitch_gains: PidGains,
     state: LoopsState,
     vehicle: VehicleState,
     setpoints: Setpoints,
     stall_rad: float,
-    imu_weight: float,
     surfaces: SurfacesSample,
     dt_s: float,
 ) -> tuple[LoopsState, SurfaceTerms]:
     """One step.
 
-    stall_rad: the margin of the angle of attack; imu_weight: of the gains with accelerations in
-    those used; surfaces: as they are read back.
+    pitch_gains: as they are scheduled; stall_rad: the margin of the angle of attack; surfaces: as
+    they are read back.
     """
     trim = laws.trim
     pitch, roll = state.pitch, state.roll
     elevator_terms = aileron_terms = NO_TERMS
     if laws.loops == OURS:
         pitch, elevator_terms = attitude_step(
-            pid_between(laws.pitch, laws.pitch_imu, imu_weight),
+            pitch_gains,
             state.pitch,
             setpoints.pitch_rad,
             vehicle.pitch_rad,

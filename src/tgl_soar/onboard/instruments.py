@@ -61,6 +61,15 @@ ARRAY: Final = (
     *("age_pos", "age_att", "age_ap", "health"),
     *("airspeed", "alpha", "wind", "updraft", "excess", "wind_sd", "updraft_sd"),
     *("imu_weight", "faults"),
+    *(
+        "gain_speed",
+        "rho_gain_p",
+        "rho_gain_i",
+        "rho_gain_d",
+        "ele_gain_p",
+        "ele_gain_i",
+        "ele_gain_d",
+    ),
 )
 ARRAY_NAME: Final = "tgl_soar"
 ARRAY_ID: Final = 191
@@ -213,6 +222,7 @@ def float_array(output: Output, vehicle_time_s: float) -> DebugFloatArray:
         *(air.excess_mps, air.wind_sigma_mps, air.updraft_sigma_mps),
         output.imu_weight,
         float(health.faults),
+        *output.gains,
     )
     return DebugFloatArray(_stamp(vehicle_time_s, 1e6), ARRAY_NAME, ARRAY_ID, data)
 

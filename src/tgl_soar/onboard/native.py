@@ -53,7 +53,7 @@ MODULES: Final = (
     "tgl_soar.control.attitude",
     "tgl_soar.control.envelope",
     "tgl_soar.control.heading",
-    "tgl_soar.control.lean_gains",
+    "tgl_soar.control.schedule",
     "tgl_soar.control.pid",
     "tgl_soar.control.scheduling",
     "tgl_soar.control.soaring",

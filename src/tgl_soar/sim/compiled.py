@@ -35,7 +35,7 @@ MODULES: Final = (
     "tgl_soar.control.heading",
     "tgl_soar.control.soaring",
     "tgl_soar.control.scheduling",
-    "tgl_soar.control.lean_gains",
+    "tgl_soar.control.schedule",
     "tgl_soar.control.target_line",
     "tgl_soar.control.supervisor",
     "tgl_soar.control.envelope",

@@ -235,9 +235,7 @@ class Simulation:
                 (pixhawk.shut_down if begins else pixhawk.boot)()
             elif fault.kind.name == "pilot.takes":
                 pixhawk.set_mode(FBWA if begins else MANUAL, "the pilot")
-            elif (
-                fault.kind.name == "autopilot.second" and begins and self._duplicate is not None
-            ):
+            elif fault.kind.name == "autopilot.second" and begins and self._duplicate is not None:
                 self._duplicate.announce()
 
     def _corrupted(self, sensed: Sensed) -> Sensed:

@@ -1,0 +1,115 @@
+"""What the gains' schedule knows of an airframe: from its file, by the textbook.
+
+`[dynamics]` of an airframe file gives what was measured (`tgl-soar identify`); what it leaves out
+follows from `[airframe]` and `[model]`, the glide also from `[polar]`.  With Q = ½ ρ V² at the
+reference speed V, which is that of the best glide unless the file names another:
+
+    L' = Q S C_Lα / (m V)             M' = Q S c C_mα / I          D' = Q S c² C_mq / (2 V I)
+    ω² = -M' - D' L'                  2 ζ ω = L' - D'              effect = Q S c C_mδ / I
+    C_L* = sqrt(C_D0 / C_DL)          V* = sqrt(2 m g / (ρ S C_L*))     E = 1 / (2 sqrt(C_D0 C_DL))
+
+Etkin and Reid, Dynamics of Flight, chapter 6.  What cannot be had is left out: the gains are then
+taken to have been found on this very airframe.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import isfinite, sqrt
+from typing import Final
+
+from tgl_soar.config.strict import Positive, Strict
+from tgl_soar.types import GlidePolar
+
+GRAVITY_MPS2: Final = 9.80665
+# From a tick to the servo's input, where nobody has measured it [s] (docs/autopilots.md).
+USUAL_DELAY_S: Final = {"ardupilot": 0.0245}
+_KEYS: Final = {
+    "speed_mps": "DYN_SPEED",
+    "short_period_radps": "DYN_FREQ",
+    "damping": "DYN_DAMP",
+    "elevator_effect_radps2": "DYN_EFFECT",
+    "servo_s": "DYN_SERVO",
+    "path_s": "DYN_PATH",
+    "glide_ratio": "DYN_GLIDE",
+    "best_glide_mps": "DYN_BEST",
+    "command_delay_s": "CMD_DELAY",
+}
+
+
+class Dynamics(Strict, frozen=True):
+    """`[dynamics]` of an airframe file; None: as the model has it."""
+
+    speed_mps: Positive | None = None  # at which the next four hold
+    short_period_radps: Positive | None = None
+    damping: Positive | None = None
+    elevator_effect_radps2: Positive | None = None
+    path_s: Positive | None = None
+    servo_s: Positive | None = None  # lag and delay together
+    glide_ratio: Positive | None = None
+    best_glide_mps: Positive | None = None
+    command_delay_s: Positive | None = None
+
+
+def dynamics_parameters(
+    given: Dynamics,
+    bench: Mapping[str, float],
+    model: Mapping[str, float],
+    polar: GlidePolar,
+    firmware: str,
+) -> dict[str, float]:
+    """The parameters DYN_… and CMD_DELAY.  `bench`: of `[airframe]`."""
+    found: dict[str, float] = {}
+    if firmware in USUAL_DELAY_S:
+        found["CMD_DELAY"] = USUAL_DELAY_S[firmware]
+    if lag := model.get("servo_lag_radps", 0.0):
+        found["DYN_SERVO"] = 1.0 / lag + model.get("servo_delay_s", 0.0)
+    found.update(_glide(bench, model, polar))
+    speed = given.speed_mps or found["DYN_BEST"]
+    found["DYN_SPEED"] = speed
+    found.update(_short_period(bench, model, speed))
+    for key, name in _KEYS.items():
+        if (value := getattr(given, key)) is not None:
+            found[name] = value
+    return {name: value for name, value in found.items() if isfinite(value)}
+
+
+def _glide(
+    bench: Mapping[str, float], model: Mapping[str, float], polar: GlidePolar
+) -> dict[str, float]:
+    drag, induced = model.get("CD0", 0.0), model.get("CD_lift", 0.0)
+    density = model.get("air_density_kgpm3", 1.225)
+    if drag > 0.0 and induced > 0.0:
+        lift = sqrt(drag / induced)
+        weight = bench["mass_kg"] * model.get("gravity_mps2", GRAVITY_MPS2)
+        best = sqrt(2.0 * weight / (density * bench["wing_area_m2"] * lift))
+        return {"DYN_BEST": best, "DYN_GLIDE": 0.5 / sqrt(drag * induced)}
+    slowest, fastest = polar.speed_min_mps, polar.speed_max_mps
+    speeds = [slowest + (fastest - slowest) * i / 100.0 for i in range(101)]
+    ratio, best = max((u / _sink(polar, u), u) for u in speeds)
+    return {"DYN_BEST": best, "DYN_GLIDE": ratio}
+
+
+def _sink(polar: GlidePolar, u: float) -> float:
+    return max(1e-3, polar.c0 + u * (polar.c1 + u * (polar.c2 + u * polar.c3)))
+
+
+def _short_period(
+    bench: Mapping[str, float], model: Mapping[str, float], speed_mps: float
+) -> dict[str, float]:
+    needed = ("CL_alpha", "Cm_alpha", "Cm_q", "Cm_elevator")
+    if not all(key in model for key in needed):
+        return {}
+    pressure = 0.5 * model.get("air_density_kgpm3", 1.225) * speed_mps * speed_mps
+    force = pressure * bench["wing_area_m2"]
+    chord = bench["chord_m"]
+    turning = force * chord / bench["iyy_kgm2"]
+    lift = force * model["CL_alpha"] / (bench["mass_kg"] * speed_mps)
+    stiff = turning * model["Cm_alpha"]
+    damped = turning * model["Cm_q"] * chord / (2.0 * speed_mps)
+    square = -stiff - damped * lift
+    found = {"DYN_EFFECT": turning * model["Cm_elevator"], "DYN_PATH": 1.0 / lift}
+    if square > 0.0 and lift > damped:
+        found["DYN_FREQ"] = sqrt(square)
+        found["DYN_DAMP"] = (lift - damped) / (2.0 * sqrt(square))
+    return found

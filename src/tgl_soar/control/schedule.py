@@ -1,0 +1,227 @@
+"""The gains of pitch, from those found on one aircraft at one speed, lean and latency.
+
+What was found is kept where it matters to the loop; what changes is the aircraft, its speed V, the
+line's lean and the lateness T of the elevator (servo, command's way, half a tick).  Index 0: as
+found.  No number is tuned to an aircraft; the shape was found on the linear model over short
+periods of 6 to 15 rad/s, servos of 15 to 80 ms, delays of 5 to 40 ms, and is tested over them.
+
+**Pitch to elevator.**  The loop of the pitch rate crosses over at M kd, M the pitch acceleration of
+a full deflection; lateness allows a crossover in proportion to 1 / T.  How stiff the loop can be
+depends on the damping 2 ζ ω that the airframe brings with it:
+
+    f_e = min(1, T_0 / T)         d = ζ ω / (ζ ω)_0, within 0.2 and 1.2
+    M kd = (M kd)_0 f_e           M kp = (M kp)_0 f_e d^1.5        at the speed of the finding
+    kp, kd ~ 1 / V                (M grows with V², the airframe's damping with V)
+
+**Line to pitch.**  With l the lean, the flight path falls by D/L, and pitch moves e_rho by rising
+across it and by drifting back; the drag that comes with lift turns the rise by dD/dL:
+
+    e_rho / theta = -(g cos l + b s) / s²         b = V sin(l - D/L + dD/dL)
+    D/L = (r² + 1/r²) / 2E,  dD/dL = 1 / (r² E),  r = V / V*       E best glide ratio, at V*
+
+On a line that leans by less than D/L - dD/dL, b is negative: pitching up moves e_rho the wrong way
+first, and the gains fall with it.  To the highest order of each frequency the loop has
+
+    w_c = kp b + kd g cos l       its crossover: the loop is w_c / s there
+    h   = kd b                    its gain beyond the crossover, down to which it falls
+    2 ζ = w_c / sqrt((1 + h) kp g cos l)                its damping
+
+What the pitch loop and old fixes leave of bandwidth is f = (t + A) / (t / (f_e d) + A), t its lag
+and A the age of fixes (0 with accelerometers).  With u = b / b_0 held within 0 and 1,
+
+    w_c = w_c0 f (1 + u (sqrt(V / V_0) - 1))
+    kd  = f^0.75 (0.7 + 0.3 u) min(h_0 / b, kd_0 cos l_0 / cos l)    the second also where b <= 0,
+                                                          there by 1 / (1 + 3 kd |b|) less
+    kp  = min((w_c - kd g cos l) / b, w² / (4 ζ² (1 + h) g cos l)),  w = kd g cos l + u (w_c - …)
+
+ζ² going from ζ_0² at u = 1 to 1 at u = 0, where nothing but kd damps.  ki keeps its ratio to kp,
+less by f.  All is continuous in lean and speed; integrals are in the unit of the output whatever
+the gain, so that no command steps.
+"""
+
+from __future__ import annotations
+
+from math import atan, cos, pi, sin, sqrt
+from typing import Final, NamedTuple
+
+from tgl_soar.control.pid import PidGains
+from tgl_soar.control.soaring import SoaringGains
+from tgl_soar.types import isfinite
+
+GRAVITY_MPS2: Final = 9.80665
+SPEED_MIN_MPS: Final = 1.0  # nothing that soars was found to fly slower
+EFFECT_MIN_RADPS2: Final = 1.0  # less moves nothing
+LEAN_MAX_RAD: Final = pi / 3.0  # of a line that can be set
+SPEED_S: Final = 2.0  # over which the airspeed is averaged: slower than the loop (1 rad/s and up)
+# Beyond these fractions of the speed of the finding nothing was tested.
+SLOWEST: Final = 0.6
+FASTEST: Final = 2.5
+DAMPING_MIN: Final = 0.2  # of d; 0.5 is the least that was tested
+DAMPING_MAX: Final = 1.2
+STIFFNESS_POWER: Final = 1.5
+LEAD_POWER: Final = 0.75
+LEAST_LEAD: Final = 0.7
+WRONG_WAY: Final = 3.0
+PITCH_LAG_S: Final = 0.05  # t: the pitch loop's own, kd / kp of it
+FIX_AGE_S: Final = 0.05  # A: 40 ms of delay, and half the time between fixes at 50 Hz
+HOLD_S: Final = 0.0025  # half a tick: a command holds for a whole one
+
+
+class Dynamics(NamedTuple):
+    """What the schedule knows of an airframe in pitch; 0: not known."""
+
+    speed_mps: float  # at which the next three hold
+    short_period_radps: float
+    damping: float
+    effect_radps2: float  # pitch acceleration of a full deflection
+    late_s: float  # servo, and the command's way to it
+    glide_ratio: float
+    best_glide_mps: float
+
+
+class Schedule(NamedTuple):
+    """What is flown where, from `schedule_of`."""
+
+    speed_mps: float  # of the finding; below SPEED_MIN_MPS: gains are flown as they stand
+    lean_rad: float  # of the finding, beyond the glide's own
+    drag: float  # 1 / 2E; 0: unknown
+    best_glide_mps: float
+    stiffness: float  # factor of the pitch loop's kp and ki, at the speed of the finding
+    damping: float  # of its kd
+    bandwidth: float  # f, without accelerometers
+    bandwidth_imu: float
+
+
+class ScheduledGains(NamedTuple):
+    """The gains that a tick flew with; NaN: none."""
+
+    airspeed_mps: float  # that they are for
+    rho_p: float  # rad/m
+    rho_i: float  # rad/(m s)
+    rho_d: float  # rad s/m
+    ele_p: float  # 1/rad
+    ele_i: float  # 1/(rad s)
+    ele_d: float  # s/rad
+
+
+def schedule_of(
+    speed_mps: float, lean_rad: float, found_on: Dynamics, airframe: Dynamics
+) -> Schedule:
+    """The schedule of gains that were found on one airframe, for another one."""
+    late = min(1.0, (found_on.late_s + HOLD_S) / (airframe.late_s + HOLD_S))
+    effect, damped = 1.0, 1.0
+    known = airframe.speed_mps >= SPEED_MIN_MPS and found_on.speed_mps >= SPEED_MIN_MPS
+    if known and airframe.effect_radps2 >= EFFECT_MIN_RADPS2:
+        # Of the found airframe at the speed of this one: M grows with V², the short period with V.
+        ratio = airframe.speed_mps / found_on.speed_mps
+        effect = found_on.effect_radps2 * ratio * ratio / airframe.effect_radps2
+        before = found_on.damping * found_on.short_period_radps * ratio
+        if airframe.damping * airframe.short_period_radps > 0.0:
+            damped = airframe.damping * airframe.short_period_radps / before
+            damped = max(DAMPING_MIN, min(DAMPING_MAX, damped))
+    glides = airframe.glide_ratio >= 1.0 and airframe.best_glide_mps >= SPEED_MIN_MPS
+    return Schedule(
+        speed_mps=speed_mps,
+        lean_rad=lean_rad,
+        drag=0.5 / airframe.glide_ratio if glides else 0.0,
+        best_glide_mps=airframe.best_glide_mps if glides else 1.0,
+        stiffness=effect * late * damped**STIFFNESS_POWER,
+        damping=effect * late,
+        bandwidth=(PITCH_LAG_S + FIX_AGE_S) / (PITCH_LAG_S / (late * damped) + FIX_AGE_S),
+        bandwidth_imu=late * damped,
+    )
+
+
+def speed_step(before_mps: float, airspeed_mps: float, dt_s: float) -> float:
+    """The averaged airspeed a tick later; NaN: not known, then it stays as it is."""
+    if not isfinite(before_mps):
+        return airspeed_mps
+    if not isfinite(airspeed_mps):
+        return before_mps
+    return before_mps + dt_s / (SPEED_S + dt_s) * (airspeed_mps - before_mps)
+
+
+def speed_within(schedule: Schedule, airspeed_mps: float) -> float:
+    """The airspeed that gains are for: that of the finding where it is not known."""
+    if not isfinite(airspeed_mps):
+        return schedule.speed_mps
+    return max(SLOWEST * schedule.speed_mps, min(FASTEST * schedule.speed_mps, airspeed_mps))
+
+
+def pitch_gains(gains: PidGains, schedule: Schedule, airspeed_mps: float) -> PidGains:
+    """The pitch loop's gains at an airspeed."""
+    if not schedule.speed_mps >= SPEED_MIN_MPS:
+        return gains
+    slower = schedule.speed_mps / speed_within(schedule, airspeed_mps)
+    stiffness = schedule.stiffness * slower
+    return PidGains(
+        kp=gains.kp * stiffness,
+        ki=gains.ki * stiffness,
+        kd=gains.kd * schedule.damping * slower,
+        rate_filter_radps=gains.rate_filter_radps,
+        integral_max=gains.integral_max,
+        output_min=gains.output_min,
+        output_max=gains.output_max,
+    )
+
+
+def soaring_gains(
+    gains: SoaringGains, schedule: Schedule, imu_weight: float, airspeed_mps: float, eta_rad: float
+) -> SoaringGains:
+    """The soaring law's gains at an airspeed, for a line of this inclination.
+
+    imu_weight: of the gains with accelerations in `gains`, 0 … 1.
+    """
+    if not schedule.speed_mps >= SPEED_MIN_MPS:
+        return gains
+    pid = gains.pid
+    speed = speed_within(schedule, airspeed_mps)
+    lean = 0.0  # of NaN, too
+    if eta_rad > 0.5 * pi:
+        lean = min(LEAN_MAX_RAD, eta_rad - 0.5 * pi)
+    drift_found = GRAVITY_MPS2 * cos(schedule.lean_rad)
+    rise_found = schedule.speed_mps * sin(schedule.lean_rad)
+    drift = GRAVITY_MPS2 * cos(lean)
+    rise = speed * sin(lean - lean_of_glide(schedule, speed))
+    u = max(0.0, min(1.0, rise / rise_found))
+    bandwidth = schedule.bandwidth + imu_weight * (schedule.bandwidth_imu - schedule.bandwidth)
+
+    wanted = pid.kp * rise_found + pid.kd * drift_found
+    crossover = wanted * bandwidth * (1.0 + u * (sqrt(speed / schedule.speed_mps) - 1.0))
+    lead = drift_found / drift
+    if rise > 0.0:
+        lead = min(lead, rise_found / rise)
+    kd = pid.kd * lead * bandwidth**LEAD_POWER * (LEAST_LEAD + (1.0 - LEAST_LEAD) * u)
+    if rise < 0.0:
+        kd = kd / (1.0 - WRONG_WAY * kd * rise)
+    beyond = 1.0 + kd * rise  # more than 2/3: kd |b| < 1/3 where b < 0
+    stiff_found = 4.0 * (1.0 + pid.kd * rise_found) * drift_found * pid.kp
+    damping2 = 1.0
+    if stiff_found > 0.0:
+        damping2 = 1.0 + u * (wanted * wanted / stiff_found - 1.0)
+    # Where kd alone crosses over later than wanted, there is nothing left for kp but a trace.
+    left = max(0.05 * crossover, crossover - kd * drift)
+    reached = kd * drift + u * left
+    kp = reached * reached / (4.0 * damping2 * beyond * drift) if damping2 > 0.0 else pid.kp
+    if rise > 0.0:
+        kp = min(kp, left / rise)
+    ki = pid.ki * bandwidth * kp / pid.kp if pid.kp > 0.0 else pid.ki * bandwidth
+    return SoaringGains(
+        PidGains(
+            kp=kp,
+            ki=ki,
+            kd=kd,
+            rate_filter_radps=pid.rate_filter_radps,
+            integral_max=pid.integral_max,
+            output_min=pid.output_min,
+            output_max=pid.output_max,
+        ),
+        gains.slew_radps,
+    )
+
+
+def lean_of_glide(schedule: Schedule, airspeed_mps: float) -> float:
+    """Of a line on which pitch moves e_rho by drifting alone [rad]: D/L - dD/dL."""
+    ratio = airspeed_mps / schedule.best_glide_mps
+    square = ratio * ratio
+    return atan(schedule.drag * (square + 1.0 / square)) - atan(2.0 * schedule.drag / square)

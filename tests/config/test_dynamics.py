@@ -1,0 +1,43 @@
+"""What the schedule knows of an airframe, from its file."""
+
+from __future__ import annotations
+
+import pytest
+from msgspec.structs import replace
+
+from tgl_soar.config.dynamics import Dynamics
+from tgl_soar.config.files import load_airframe, shipped
+
+AIRFRAME = load_airframe(shipped("airframes/eclipson_c.toml"))
+
+
+def test_the_shipped_model_has_the_short_period_that_its_file_states() -> None:
+    """11.5 rad/s, damping 0.75 and 31 rad/s² at 8.5 m/s; best glide 6.4 at 9.2 m/s."""
+    at = replace(AIRFRAME, dynamics=Dynamics(speed_mps=8.5)).all_parameters()
+    assert at["DYN_FREQ"] == pytest.approx(11.5, abs=0.05)
+    assert at["DYN_DAMP"] == pytest.approx(0.75, abs=0.005)
+    assert at["DYN_EFFECT"] == pytest.approx(31.0, abs=0.05)
+    assert at["DYN_SERVO"] == pytest.approx(1.0 / 54.0)
+    assert at["DYN_GLIDE"] == pytest.approx(6.4, abs=0.1)
+    assert at["DYN_BEST"] == pytest.approx(9.2, abs=0.1)
+
+
+def test_what_was_measured_comes_before_what_the_model_says() -> None:
+    measured = Dynamics(short_period_radps=6.6, servo_s=0.03, command_delay_s=0.02)
+    found = replace(AIRFRAME, dynamics=measured).all_parameters()
+    assert (found["DYN_FREQ"], found["DYN_SERVO"], found["CMD_DELAY"]) == (6.6, 0.03, 0.02)
+    by_hand = replace(AIRFRAME, parameters={"DYN_FREQ": 9.0}, dynamics=measured)
+    assert by_hand.all_parameters()["DYN_FREQ"] == 9.0
+
+
+def test_without_a_model_the_polar_tells_the_glide_and_nothing_tells_the_rest() -> None:
+    found = replace(AIRFRAME, model={}).all_parameters()
+    assert found["DYN_BEST"] == pytest.approx(9.2, abs=0.3)
+    assert found["DYN_GLIDE"] == pytest.approx(6.4, abs=0.2)
+    assert not {"DYN_FREQ", "DYN_DAMP", "DYN_EFFECT"} & set(found)
+
+
+def test_overrides_of_arduplane_are_late_by_its_own_table() -> None:
+    autopilot = replace(AIRFRAME.autopilot, firmware="ardupilot")
+    assert replace(AIRFRAME, autopilot=autopilot).all_parameters()["CMD_DELAY"] == 0.0245
+    assert "CMD_DELAY" not in AIRFRAME.all_parameters()
