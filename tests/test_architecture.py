@@ -31,6 +31,8 @@ TABLE: dict[str, set[str]] = {
     "estimation": {"config.parameters", "geometry"},
     "control.laws": {"control", "estimation"},  # it holds the parameters of both
     "control.conditions": {"control.laws"},
+    "control.loop_margin": {"control.laws"},
+    "control.line_bounds": {"control.loop_margin"},
     "control.margins": {"control.laws"},
     "control.surface_loops": {"control.laws"},
     "autopilot": {"control.conditions", "control.margins", "control.surface_loops"},
@@ -43,6 +45,7 @@ TABLE: dict[str, set[str]] = {
     "onboard.flightlog": {"autopilot", "onboard.realtime"},
     "onboard": {
         "autopilot",
+        "control.line_bounds",
         "link",
         "config",
         "onboard.flightlog",
@@ -70,7 +73,8 @@ STAYS_ON_THE_GROUND = DOORS - FLIES
 # A law knows no clock, no file and no wire.
 PURE = {
     "types", "geometry", "config.parameters", "config.line_changes", "control", "control.laws",
-    "control.conditions", "control.margins", "control.surface_loops",
+    "control.conditions", "control.margins", "control.surface_loops", "control.loop_margin",
+    "control.line_bounds",
     "estimation", "autopilot",
 }  # fmt: skip
 IMPURE = {

@@ -2,6 +2,7 @@
 
     fence     the line's point (TGL_X, TGL_Z) lies inside FENCE_X and FENCE_Z
     ground    it is CLEAR_MIN or more from the [ground] of the site
+    margins   the loop has a margin on a line of this lean, with what is known of airframe and link
     contour   the line crosses the site's zero excess updraft contour where excess updraft falls
               going up the line, inside the fence and clear of the ground: there the aircraft
               settles
@@ -28,6 +29,7 @@ from tgl_soar.control.envelope import (
     clearance,
     outside,
 )
+from tgl_soar.control.loop_margin import margin_fault
 from tgl_soar.types import NO_GROUND, Ground
 
 FENCE: Final = ("FENCE_X_MIN", "FENCE_X_MAX", "FENCE_Y_MAX", "FENCE_Z_MIN", "FENCE_Z_MAX")
@@ -51,6 +53,8 @@ class LineBounds:
         x_m, z_m = values["TGL_X"], values["TGL_Z"]
         if words := self._place_fault(values, x_m, z_m):
             return f"the line's point is {words}"
+        if words := margin_fault(values):
+            return words
         if not self._contour:
             return ""
         found = crossings(self._contour, x_m, z_m, values["TGL_LEAN"])

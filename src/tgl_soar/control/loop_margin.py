@@ -1,0 +1,186 @@
+"""The disk margin of the loop that would be flown, from the airframe's parameters alone.
+
+The linear model in short, for the computer on board: what `analysis/linear_model.py` makes of the
+whole simulation by differences, here by the textbook, in the frequency domain.  About a glide at
+the airspeed V whose path falls by g_d, with v the speed along the path, g its angle, t the pitch:
+
+    (s + 2 g sin g_d / V) v + (g cos g_d - D') g + D' t = -D_δ δ        L' = V / path lag
+    -(2 g cos g_d / V) v + (V s + L' + g sin g_d) g - L' t = 0          D' = L' dD/dL
+    M' g + (s² - M_q s - M') t = M δ                                    M_q = L'/V - 2 ζ ω
+    de_rho/dt = v cos(l - g_d) - V sin(l - g_d) g                       M'  = -ω² - M_q L'/V
+
+The elevator answers as exp(-s (delay + half a tick)) / (1 + s servo).  Fixes are old by A and are
+carried on by their velocity: e (1 + s A) exp(-s A), its rate exp(-s A) late; with accelerometers
+neither.  The loop is opened at the elevator and at e_rho, and
+
+    alpha = min 1 / |S - 1/2|,     S = 1 / (1 + L)       0 where 1 + L turns the wrong way round 0
+
+The sum of turns of 1 + L is that of a stable loop: half a turn forward; an unstable one turns back.
+Without lift of the elevator and beyond the stall it is not exact: within 0.1 of the linear model
+from 8.5 m/s on (tests/control/test_loop_margin.py).
+
+Not for the tick: about half a millisecond a loop, six loops a line; what does not change is kept.
+"""
+
+from __future__ import annotations
+
+from cmath import exp, phase
+from functools import lru_cache
+from math import atan, cos, radians, sin
+from typing import Final, NamedTuple
+
+from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.control.laws import Laws, dynamics_of, laws_from
+from tgl_soar.control.pid import PidGains
+from tgl_soar.control.schedule import (
+    FIX_AGE_S,
+    GRAVITY_MPS2,
+    HOLD_S,
+    SPEED_MIN_MPS,
+    Dynamics,
+    pitch_gains,
+    soaring_gains,
+)
+from tgl_soar.control.target_line import eta_from_lean
+from tgl_soar.geometry import SoaringFrame
+
+FLOOR: Final = 0.5  # 4.4 dB and 28 degrees at once: the least that is flown
+# Of the best glide's speed: where it soars in a tunnel and on a hill, 8.5 to 10.6 m/s for 9.25.
+SPEEDS: Final = (0.92, 1.0, 1.15)
+ATTITUDE_AGE_S: Final = 0.005  # without accelerometers' stream; carried on by the rate
+_RADPS: Final = tuple(0.25 * 1.115**i for i in range(60))  # to 150 rad/s
+# The place of the line says nothing of the loop.
+_ANYWHERE: Final = {"TGL_X": 0.0, "TGL_Z": 0.0, "TGL_PRESET": 0.0}
+_HERE: Final = SoaringFrame(0.0, 0.0, 0.0, 0.0)
+
+
+class Flown(NamedTuple):
+    """A loop: airframe, place, and the gains there."""
+
+    airframe: Dynamics
+    path_s: float  # path lag at the speed of `airframe`
+    servo_s: float
+    delay_s: float
+    speed_mps: float
+    lean_rad: float
+    inertial: bool  # accelerations are in use
+    soaring: PidGains
+    pitch: PidGains
+
+
+def margin_fault(values: ParameterSet) -> str:
+    """Why the line of these values cannot be flown with a margin; "" if it can, or if too little is
+    known of the airframe."""
+    return _fault(values.changed(_ANYWHERE))
+
+
+@lru_cache(maxsize=16)
+def _fault(values: ParameterSet) -> str:
+    airframe = dynamics_of(values)
+    if not (is_known(airframe) and values["DYN_PATH"] > 0.0):
+        return ""
+    laws = laws_from(values, _HERE)
+    sets = (False, True) if laws.motion.use_imu and values["RHO_P_IMU"] > 0.0 else (False,)
+    for inertial in sets:
+        for share in SPEEDS:
+            speed = share * airframe.best_glide_mps
+            alpha = disk_margin(flown(laws, values, speed, values["TGL_LEAN"], inertial))
+            if alpha < FLOOR:
+                return (
+                    f"no margin at lean {values['TGL_LEAN']:g} deg and {speed:.1f} m/s,"
+                    f" {1e3 * values['CMD_DELAY']:.3g} ms late, with{'' if inertial else 'out'}"
+                    f" accelerometers: {alpha:.2f} of {FLOOR:g}"
+                )
+    return ""
+
+
+def is_known(airframe: Dynamics) -> bool:
+    """Whether enough is known for a margin."""
+    return min(airframe[:4]) > 0.0 and min(airframe.glide_ratio, airframe.best_glide_mps) >= 1.0
+
+
+def flown(
+    laws: Laws, values: ParameterSet, speed_mps: float, lean_deg: float, inertial: bool
+) -> Flown:
+    """The loop with the gains that the schedule gives there."""
+    weight = 1.0 if inertial else 0.0
+    soaring = laws.soaring_imu if inertial else laws.soaring
+    pitch = laws.pitch_imu if inertial else laws.pitch
+    eta = eta_from_lean(radians(lean_deg))
+    return Flown(
+        airframe=dynamics_of(values),
+        path_s=values["DYN_PATH"],
+        servo_s=values["DYN_SERVO"],
+        delay_s=values["CMD_DELAY"],
+        speed_mps=max(SPEED_MIN_MPS, speed_mps),
+        lean_rad=radians(lean_deg),
+        inertial=inertial,
+        soaring=soaring_gains(soaring, laws.schedule, weight, speed_mps, eta).pid,
+        pitch=pitch_gains(pitch, laws.schedule, speed_mps),
+    )
+
+
+def disk_margin(loop: Flown) -> float:
+    """alpha of the worse break; 0: unstable."""
+    least, turned, before = 2.0, 0.0, complex(1.0)
+    for k, radps in enumerate(_RADPS):
+        at_elevator, at_line = _open_loops(loop, radps)
+        back = 1.0 + at_elevator
+        if k > 0:
+            turned += phase(back / before)
+        before = back
+        for opened in (at_elevator, at_line):
+            least = min(least, 1.0 / max(1e-9, abs(1.0 / (1.0 + opened) - 0.5)))
+    return least if turned > 0.0 else 0.0
+
+
+def _open_loops(loop: Flown, radps: float) -> tuple[complex, complex]:
+    """L at the elevator and at e_rho, negative feedback."""
+    s = 1j * radps
+    rate, pitch = _answer(loop, s)
+    age, late = (0.0, 0.0) if loop.inertial else (FIX_AGE_S, ATTITUDE_AGE_S)
+    surface = exp(-s * (loop.delay_s + HOLD_S)) / (1.0 + s * loop.servo_s)
+    old = exp(-s * age)
+    outer, inner = loop.soaring, loop.pitch
+    setpoint = (
+        rate
+        * old
+        * (
+            (outer.kp + outer.ki / s) * (1.0 + s * age) / s
+            + outer.kd / (1.0 + s / outer.rate_filter_radps)
+        )
+    )
+    error = inner.kp + inner.ki / s
+    attitude = exp(-s * late) * pitch
+    held = surface * (
+        error * (1.0 + s * late) * attitude
+        + inner.kd * s / (1.0 + s / inner.rate_filter_radps) * attitude
+    )
+    line = -surface * error * setpoint
+    return held + line, line / (1.0 + held)
+
+
+def _answer(loop: Flown, s: complex) -> tuple[complex, complex]:
+    """de_rho/dt and pitch, each to a full deflection of the elevator."""
+    known, v = loop.airframe, loop.speed_mps
+    ratio = v / known.speed_mps
+    square = (v / known.best_glide_mps) ** 2
+    falls = atan(0.5 / known.glide_ratio * (square + 1.0 / square))
+    lift = v * ratio / loop.path_s  # L'
+    drag = lift / (known.glide_ratio * square)  # D'
+    period = known.short_period_radps * ratio
+    damped = lift / v - 2.0 * known.damping * period
+    stiff = -period * period - damped * lift / v
+    effect = known.effect_radps2 * ratio * ratio
+    down, along = GRAVITY_MPS2 * sin(falls), GRAVITY_MPS2 * cos(falls)
+    # Rows: along the path, across it, in pitch; columns: v, g, t.
+    a11, a12, a13 = s + 2.0 * down / v, along - drag, drag
+    a21, a22, a23 = -2.0 * along / v, v * s + lift + down, -lift
+    a32, a33 = stiff, s * s - damped * s - stiff
+    minor = a22 * a33 - a23 * a32
+    determinant = a11 * minor - a12 * a21 * a33 + a13 * a21 * a32
+    speed = effect * (a12 * a23 - a13 * a22) / determinant
+    path = effect * (a13 * a21 - a11 * a23) / determinant
+    pitch = effect * (a11 * a22 - a12 * a21) / determinant
+    lean = loop.lean_rad - falls
+    return cos(lean) * speed - v * sin(lean) * path, pitch

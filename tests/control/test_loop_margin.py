@@ -1,0 +1,96 @@
+"""The rule on board against the linear model, and what it refuses."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from math import radians
+
+import pytest
+from msgspec.structs import asdict
+
+from tgl_soar.analysis.linear_model import (
+    Condition,
+    close_loop,
+    disk_margin,
+    linear_controller,
+    linear_plant,
+)
+from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
+from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.control import loop_margin
+from tgl_soar.control.laws import laws_from
+from tgl_soar.control.line_bounds import LineBounds
+from tgl_soar.control.loop_margin import FLOOR, flown, margin_fault
+from tgl_soar.sim.aircraft import aircraft_model
+from tgl_soar.sim.sensors import MEMS_IMU, USUAL_SENSORS, Sensors
+from tgl_soar.sim.servos import servo_params
+
+AIRFRAME_PATH, SITE_PATH = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
+AIRFRAME, SITE = load_airframe(AIRFRAME_PATH), load_site(SITE_PATH)
+MODEL = aircraft_model(asdict(AIRFRAME.airframe), AIRFRAME.model)
+
+
+@lru_cache(maxsize=1)
+def shipped_values() -> ParameterSet:
+    return load_parameters(AIRFRAME, AIRFRAME_PATH, SITE, SITE_PATH)
+
+
+def both(values: ParameterSet, speed: float, lean: float, inertial: bool) -> tuple[float, float]:
+    """The margin by the rule and by the linear model."""
+    laws = laws_from(values, SITE.frame())
+    condition = Condition(
+        model=MODEL,
+        servo=servo_params(AIRFRAME.model),
+        speed_mps=speed,
+        lean_rad=radians(lean),
+        sensors=Sensors(imu=MEMS_IMU) if inertial else USUAL_SENSORS,
+        command_delay_s=values["CMD_DELAY"],
+    )
+    plant = linear_plant(condition)
+    airspeed = plant.trim.airspeed_mps
+    model = disk_margin(close_loop(plant, linear_controller(laws, condition)))
+    return loop_margin.disk_margin(flown(laws, values, airspeed, lean, inertial)), model
+
+
+@pytest.mark.parametrize("inertial", [True, False])
+@pytest.mark.parametrize("delay_s", [0.005, 0.0245, 0.04])
+def test_the_rule_agrees_with_the_linear_model(inertial: bool, delay_s: float) -> None:
+    """Within 0.1, which is what a margin of 0.5 is known to anyway (1 dB of effect)."""
+    values = shipped_values().changed({"CMD_DELAY": delay_s})
+    for speed in (8.5, 12.0, 14.0):
+        for lean in (5.0, 15.0, 45.0):
+            rule, model = both(values, speed, lean, inertial)
+            assert rule == pytest.approx(model, abs=0.1), f"{speed} m/s, {lean} degrees"
+
+
+@pytest.mark.parametrize("inertial", [True, False])
+def test_the_rule_knows_what_is_unstable(inertial: bool) -> None:
+    """The gains as they stand on a line leaning 45 degrees, and on one leaning 5 at 14 m/s."""
+    as_they_stand = shipped_values().changed({"RHO_SPEED": 0.0, "CMD_DELAY": 0.04})
+    for speed, lean in ((8.5, 45.0), (14.0, 5.0), (8.5, 15.0)):
+        rule, model = both(as_they_stand, speed, lean, inertial)
+        assert (rule < FLOOR) == (model < FLOOR)
+        assert rule == pytest.approx(model, abs=0.12)
+
+
+def test_every_lean_of_the_shipped_airframe_is_accepted() -> None:
+    for lean in (5.0, 15.0, 30.0, 45.0):
+        for delay in (0.005, 0.0245, 0.04):
+            values = shipped_values().changed({"TGL_LEAN": lean, "CMD_DELAY": delay})
+            assert margin_fault(values) == ""
+
+
+def test_what_has_no_margin_is_refused_with_the_reason() -> None:
+    """Per lean and latency: gains as they stand fly 15 degrees at once, and not 45."""
+    values = shipped_values().changed({"RHO_SPEED": 0.0})
+    assert margin_fault(values.changed({"TGL_LEAN": 15.0})) == ""
+    words = margin_fault(values.changed({"TGL_LEAN": 45.0}))
+    assert words.startswith("no margin at lean 45 deg and ")
+    assert "7.5 ms late" in words
+    assert LineBounds().fault(values.changed({"TGL_LEAN": 45.0})) == words
+    late = values.changed({"TGL_LEAN": 15.0, "CMD_DELAY": 0.06})
+    assert "60 ms late, without accelerometers" in margin_fault(late)
+
+
+def test_of_an_unknown_airframe_nothing_is_said() -> None:
+    assert margin_fault(ParameterSet().changed({"TGL_LEAN": 45.0, "RHO_SPEED": 0.0})) == ""
