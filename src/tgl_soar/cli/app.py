@@ -17,6 +17,7 @@ from tgl_soar.cli import (
     identify,
     init,
     log,
+    margins,
     mocap,
     modes,
     params,
@@ -72,6 +73,7 @@ app.command("report")(report.report)
 app.command("sitl")(sitl.sitl)
 app.command("glide")(glide.glide)
 app.command("identify")(identify.identify_command)
+app.command("margins")(margins.margins)
 app.command("surfaces")(surfaces.surfaces)
 app.command("preflight")(preflight.preflight)
 app.command("zeuc")(zeuc.zeuc)

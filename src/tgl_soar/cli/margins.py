@@ -1,0 +1,118 @@
+"""`tgl-soar margins`: what the loop of pitch can bear, over speed, lean and latency."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.progress import track
+from rich.table import Table
+
+from tgl_soar.cli.console import (
+    AIRFRAME,
+    AIRFRAME_FILE,
+    SITE,
+    SITE_FILE,
+    console,
+    errors,
+    fail,
+    say,
+)
+from tgl_soar.config.files import ConfigError, load_airframe, load_parameters, load_site
+from tgl_soar.config.parameters import ParameterError
+
+if TYPE_CHECKING:
+    from tgl_soar.analysis.margins import CaseMargins
+
+
+def margins(
+    airframe: Annotated[Path, typer.Option(help="Airframe file.", **AIRFRAME_FILE)] = AIRFRAME,
+    site: Annotated[Path, typer.Option(help="Site file.", **SITE_FILE)] = SITE,
+    speed: Annotated[
+        list[float] | None, typer.Option(help="Airspeed \\[m/s]; several times for several.", min=1)
+    ] = None,
+    lean: Annotated[
+        list[float] | None, typer.Option(help="Lean of the line \\[degrees]; likewise.")
+    ] = None,
+    delay: Annotated[
+        list[float] | None,
+        typer.Option(help="From tick to servo \\[ms]; likewise.", min=0.0, max=200.0),
+    ] = None,
+    turbulence: Annotated[
+        float, typer.Option(help="Intensity, a fraction of the wind.", min=0.0, max=0.2)
+    ] = 0.03,
+    floor: Annotated[float, typer.Option(help="Least disk margin.", min=0.0, max=2.0)] = 0.5,
+    out: Annotated[Path | None, typer.Option(help="Figure to write, PNG or SVG.")] = None,
+) -> None:
+    """Disk, gain, phase and delay margins of the scheduled gains, and what gusts do.
+
+    By the linear model of the airframe, both loop breaks. Exit code 1: a margin is below the floor.
+    """
+    from tgl_soar.analysis import margins as found
+    from tgl_soar.analysis.linear_model import Gusts
+
+    try:
+        plane, place = load_airframe(airframe), load_site(site)
+        values = load_parameters(plane, airframe, place, site)
+        best = values["DYN_BEST"]
+        cases = found.grid(
+            speed or [round(share * best, 1) for share in (0.9, 1.0, 1.3)],
+            lean or [values["TGL_LEAN"]],
+            [ms / 1e3 for ms in delay] if delay else [values["CMD_DELAY"]],
+        )
+        gusts = Gusts(turbulence, best)
+        each = track(
+            found.case_margins(plane, values, cases, gusts),
+            "linearising",
+            total=len(cases),
+            console=errors,
+            transient=True,
+        )
+        rows = list(each)
+    except (ConfigError, ParameterError, ValueError) as error:
+        fail(error)
+    console.print(_table(rows, floor))
+    least = found.worst(rows)
+    case = least.case
+    say(
+        f"worst: {least.alpha:.2f} at {case.speed_mps:g} m/s, lean {case.lean_deg:g} deg,"
+        f" {1e3 * case.delay_s:.3g} ms, with{'' if case.inertial else 'out'} accelerometers"
+    )
+    if out is not None:
+        try:
+            found.margins_figure(out, rows, floor, plane.airframe.name)
+        except (ImportError, ValueError) as error:
+            fail(f"no figure: {error}")
+        except OSError as error:
+            fail(f"no figure: {out}: {error.strerror}")
+        say(f"figure in {out}")
+    if least.alpha < floor:
+        fail(f"a margin below {floor:g}: measure the airframe, or make the link faster", 1)
+
+
+def _table(rows: list[CaseMargins], floor: float) -> Table:
+    from tgl_soar.analysis.margins import least_delay_s, least_gain_db, least_phase_deg
+
+    table = Table(
+        *("sensors", "delay", "lean", "speed", "α elevator", "α e_rho", "gain", "phase"),
+        *("more delay", "e_rho rms", "elevator rms"),
+        box=None,
+    )
+    for row in rows:
+        case = row.case
+        table.add_row(
+            "accelerometers" if case.inertial else "fixes",
+            f"{1e3 * case.delay_s:.3g} ms",
+            f"{case.lean_deg:g}°",
+            f"{case.speed_mps:g} m/s",
+            f"{row.elevator.alpha:.2f}",
+            f"{row.line.alpha:.2f}",
+            f"{least_gain_db(row):.1f} dB",
+            f"{least_phase_deg(row):.0f}°",
+            f"{1e3 * least_delay_s(row):.0f} ms",
+            f"{100.0 * row.e_rho_m:.2f} cm",
+            f"{row.activity:.3f}",
+            style="red" if row.alpha < floor else None,
+        )
+    return table

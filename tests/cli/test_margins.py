@@ -1,0 +1,42 @@
+"""`tgl-soar margins`: its table, its worst case, its exit code."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from tgl_soar.cli.app import app
+
+FEW = ["--speed", "8.5", "--lean", "15", "--delay", "7.5"]
+
+
+def test_the_shipped_airframe_has_margins() -> None:
+    result = CliRunner().invoke(app, ["margins", *FEW], env={"COLUMNS": "200"})
+    assert result.exit_code == 0, result.output
+    assert "worst: 0.69 at 8.5 m/s, lean 15 deg, 7.5 ms" in result.output
+    rows = [line for line in result.output.splitlines() if "8.5 m/s" in line and "dB" in line]
+    assert [row.split()[0] for row in rows] == ["accelerometers", "fixes"]
+
+
+def test_below_the_floor_the_exit_code_says_so_and_names_the_worst() -> None:
+    result = CliRunner().invoke(app, ["margins", *FEW, "--floor", "0.9"])
+    assert result.exit_code == 1
+    assert "worst: " in result.output
+    assert "below 0.9" in result.output
+
+
+def test_a_figure_shows_them(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="figures need matplotlib")
+    out = tmp_path / "margins.svg"
+    result = CliRunner().invoke(app, ["margins", *FEW, "--out", str(out)])
+    assert result.exit_code == 0, result.output
+    text = out.read_text(encoding="utf-8")
+    assert text.count('id="axes_') == 2  # with accelerometers, and without
+
+
+def test_a_lean_that_no_line_may_have_is_an_error() -> None:
+    result = CliRunner().invoke(app, ["margins", "--speed", "8.5", "--lean", "70"])
+    assert result.exit_code == 2
+    assert "TGL_LEAN" in result.output
