@@ -94,7 +94,7 @@ _LEFT_OUT: Final = frozenset({"Output.time_s", "VehicleState.time_s"})
 _SLOW: Final = re.compile(
     r"air_\w+|sideways_\w+|\w+_feedforward|health_(rejected|gaps|heartbeat_age_s|attitude_age_s)"
     r"|health_\w+_(interval|jitter)_s|setpoints_(roll|heading)_rad|rudder_i|line_eta_rad"
-    r"|quality_\w+|imu_share|(elevator|aileron|rudder)_output"
+    r"|quality_\w+|gains_\w+|imu_share|(elevator|aileron|rudder)_output"
 )
 
 # Columns that keep their names of this layout, whatever the tuples they come from are called: a
