@@ -163,6 +163,13 @@ def fault_text(faults: int) -> str:
     return fault_words(faults & STREAM_FAULTS)
 
 
+def entry_lacks(laws: Laws, state: AutopilotState, inputs: Inputs, output: Output) -> int:
+    """The conditions of an entry, as bits, that do not hold after a tick; state: after it."""
+    held = stream_conditions(laws.guards, inputs, output.health, state.memory.confident_s)
+    held |= flight_conditions(laws, output.vehicle, output.margins) | target_conditions(laws)
+    return modes.ENTRY & ~held
+
+
 class _Estimates(NamedTuple):
     """What the estimators make of one tick, and what they remember of it."""
 

@@ -6,9 +6,9 @@ import re
 from pathlib import Path
 
 from tgl_soar.config.parameters import INDEX
-from tgl_soar.control.supervisor import MODE_NAMES
+from tgl_soar.control.supervisor import CONDITION_TEXTS, ENTRY, MODE_NAMES
 from tgl_soar.estimation.health import DISARMED, FAULT_TEXTS
-from tgl_soar.onboard.instruments import FAST, SLOW
+from tgl_soar.onboard.instruments import FAST, HELD_BACK, SLOW
 from tgl_soar.onboard.process import EXIT_CANNOT_START
 from tgl_soar.onboard.watchdog import EXIT_KEEPS_DYING, HANGS_FLYING_S, RESTARTS
 
@@ -17,10 +17,21 @@ OF_OTHERS = {"RC_OVERRIDE_TIME", "RC_CHANNELS"}
 
 
 def test_every_fault_of_a_stream_has_its_row() -> None:
-    rows = re.findall(r"^\| (\d+) \| (.*) \|$", PAGE, re.MULTILINE)
+    table = PAGE.partition("| in `faults` | |")[2].partition("\n\n")[0]
+    rows = re.findall(r"^\| (\d+) \| (.*) \|$", table, re.MULTILINE)
     assert rows == [(str(1 << i), words) for i, words in enumerate(FAULT_TEXTS)]
     assert f"`faults` is 0, or {DISARMED} as long as it is disarmed" in PAGE
     assert 1 << len(FAULT_TEXTS) <= 1 << 24  # a float of 32 bits holds every sum exactly
+
+
+def test_every_entry_check_has_its_row() -> None:
+    table = PAGE.partition("| in `entry` | what does not hold |")[2].partition("\n\n")[0]
+    rows = re.findall(r"^\| (\d+) \| (.*) \|$", table, re.MULTILINE)
+    checks = [(1 << i, text) for i, text in enumerate(CONDITION_TEXTS) if ENTRY >> i & 1]
+    assert rows[0][0] == str(HELD_BACK)
+    assert rows[1:] == [(str(bit), words) for bit, words in checks]
+    assert not ENTRY & HELD_BACK
+    assert ENTRY < 1 << 24  # a float of 32 bits holds every sum exactly
 
 
 def test_every_number_that_is_told_has_its_row() -> None:

@@ -8,11 +8,12 @@
 
 A number that does not exist (a setpoint in standby) is NaN.  `health` says what may be flown
 with, `faults` what ails whom: the bits of `estimation.health.FAULT_TEXTS`, which a float holds
-exactly.
+exactly.  `entry` says what engaging still lacks, by the bits of the supervisor's conditions.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import degrees
 from typing import Final
 
@@ -48,7 +49,7 @@ FAST: Final = (
 )
 SLOW: Final = (
     *("climb", "health", "faults", "age_pos", "age_att", "age_ap", "loss", "rtt_ms"),
-    *("wind", "updraft", "excess", "airspeed"),
+    *("wind", "updraft", "excess", "airspeed", "entry", "stall", "clearance"),
 )
 ARRAY: Final = (
     *("mode", "e_rho", "e_rho_rate", "line_x", "line_z", "line_lean", "line_moving"),
@@ -71,6 +72,7 @@ ARRAY: Final = (
         "ele_gain_d",
     ),
 )
+_ENTRY: Final = SLOW.index("entry")
 ARRAY_NAME: Final = "tgl_soar"
 ARRAY_ID: Final = 191
 
@@ -78,13 +80,17 @@ POSITION_OK: Final = 1  # bits of "health"
 ATTITUDE_OK: Final = 2
 AUTOPILOT_OK: Final = 4
 
+HELD_BACK: Final = 1  # a bit of "entry" that is no condition of the supervisor's: ENGAGE's place
+
 
 class Panel:
     """The newest of everything, and the messages that show it."""
 
-    def __init__(self, frame: SoaringFrame) -> None:
-        """`frame`: the site's, in which the wind blows along x."""
+    def __init__(self, frame: SoaringFrame, entry_lacks: Callable[[], int]) -> None:
+        """`frame`: the site's, in which the wind blows along x.  `entry_lacks`: the bits of what
+        engaging lacks now; it is asked once for each number that is sent."""
         self._frame = frame
+        self._entry_lacks = entry_lacks
         self._output: Output | None = None
         self._vehicle_time_s = NAN
         self._loss = 0.0
@@ -119,7 +125,8 @@ class Panel:
     def _slow(self, turn: int) -> Outbound | None:
         if self._output is None:
             return None
-        value = slow_value(self._output, self._loss, self._round_trip_s, turn)
+        lacks = self._entry_lacks() if turn == _ENTRY else 0
+        value = slow_value(self._output, self._loss, self._round_trip_s, lacks, turn)
         return named_value(SLOW[turn], self._vehicle_time_s, value)
 
     def _array(self, _turn: int) -> Outbound | None:
@@ -158,9 +165,11 @@ def fast_value(output: Output, turn: int) -> float:
     )[turn]
 
 
-def slow_value(output: Output, loss: float, round_trip_s: float, turn: int) -> float:
-    """The number of `SLOW[turn]`."""
-    health = output.health
+def slow_value(
+    output: Output, loss: float, round_trip_s: float, entry_lacks: int, turn: int
+) -> float:
+    """The number of `SLOW[turn]`; a margin that is not known is NaN."""
+    health, margins = output.health, output.margins
     return (
         output.vehicle.climb_mps,
         health_bits(output),
@@ -174,6 +183,9 @@ def slow_value(output: Output, loss: float, round_trip_s: float, turn: int) -> f
         output.air.updraft_mps,
         output.air.excess_mps,
         output.air.airspeed_mps,
+        float(entry_lacks),
+        degrees(margins.stall_rad) if isfinite(margins.stall_rad) else NAN,
+        margins.clearance_m if isfinite(margins.clearance_m) else NAN,
     )[turn]
 
 

@@ -53,7 +53,7 @@ from tgl_soar.onboard.clocking import NO_TICK, RESTART, Clocking
 from tgl_soar.onboard.counters import Counters
 from tgl_soar.onboard.engage_switch import EngageSwitch
 from tgl_soar.onboard.flightlog.recorder import NO_RECORDER, Recorder
-from tgl_soar.onboard.instruments import Panel
+from tgl_soar.onboard.instruments import HELD_BACK, Panel
 from tgl_soar.onboard.links import ModuleLinks
 from tgl_soar.onboard.operators import Operators
 from tgl_soar.onboard.outbound import Outbox
@@ -127,7 +127,9 @@ class Onboard:
         self.pacer, self.load_shedding = self.clocking.pacer, self.clocking.load_shedding
         self.setup, self._recorder = setup, recorder
         self._state = autopilot.initial_state()
-        panel = Panel(setup.frame)
+        self._inputs: Inputs | None = None  # of the last tick
+        self._slow_s = now_s
+        panel = Panel(setup.frame, self._entry_lacks)
         self._telemetry = Telemetry(panel.flows())
         session, counters = self.session, self.counters
         self.outbox = outbox = Outbox(counters, recorder, self._telemetry, console)
@@ -304,7 +306,7 @@ class Onboard:
         )
         self.warm_ups.keep(self._state, inputs)
         self._state, output = autopilot.step(self.settings.laws, self._state, inputs)
-        self.output = output
+        self._inputs, self.output = inputs, output
         if output.health.faults & (JUMP | WRONG):  # what else there is, the sources see themselves
             session.sources.distrust(time_s)
         surfaces.tick(output, time_s, session.status)
@@ -340,6 +342,7 @@ class Onboard:
     def _slow(self, now_s: float) -> None:
         """Whatever may wait until the surfaces have been sent."""
         session, outbox = self.session, self.outbox
+        self._slow_s = now_s
         if self.signing.is_on:
             self.signing.advance(now_s)
         self.links.show_presence(now_s)
@@ -353,6 +356,15 @@ class Onboard:
         outbox.tell_all(session.notices)
         if self.output is not None:
             self._reports.show(self.output, now_s, self.counters)
+
+    def _entry_lacks(self) -> int:
+        """What engaging lacks now, as bits: the supervisor's conditions, and `HELD_BACK`."""
+        inputs, output = self._inputs, self.output
+        if inputs is None or output is None:
+            return 0
+        held_back = HELD_BACK if self.engage_switch.refusal(self._slow_s) else 0
+        lacks = autopilot.entry_lacks(self.settings.laws, self._state, inputs, output)
+        return lacks | held_back
 
     # --- lockstep -----------------------------------------------------------------------------
 
