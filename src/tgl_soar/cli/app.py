@@ -31,6 +31,7 @@ from tgl_soar.cli import (
     zeuc,
 )
 from tgl_soar.cli.console import Commands
+from tgl_soar.cli.page import command as page
 
 app = Commands(
     help="An autopilot module that soars a slope on a target gradient line, over MAVLink.",
@@ -71,6 +72,7 @@ app.command("docs")(docs.docs)
 app.command("align")(align.align)
 app.command("report")(report.report)
 app.command("sitl")(sitl.sitl)
+app.command("page")(page.page)
 app.command("glide")(glide.glide)
 app.command("identify")(identify.identify_command)
 app.command("margins")(margins.margins)

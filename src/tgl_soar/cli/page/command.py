@@ -1,0 +1,182 @@
+"""`tgl-soar page`: the operator's page, on a flight or on a log of one."""
+
+from __future__ import annotations
+
+import ipaddress
+import secrets
+import socket
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+
+from tgl_soar.analysis.logs.reader import LogError
+from tgl_soar.cli.console import AIRFRAME, AIRFRAME_FILE, SITE, SITE_FILE, fail, hint, say
+from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.files import ConfigError, load_airframe, load_parameters, load_site
+from tgl_soar.config.site import Site
+from tgl_soar.link.frames import starts_with_frame
+from tgl_soar.link.keys import SigningError, load_key
+from tgl_soar.link.transport import FORMS, LinkError, open_link
+
+if TYPE_CHECKING:
+    import uvicorn
+    from starlette.types import ASGIApp
+
+    from tgl_soar.cli.page.desk import Desk
+
+EXTRA: Final = "the page needs the extra: pip install 'tgl_soar[page]'"
+SHORTEST_TOKEN: Final = 16
+PORT: Final = 8191
+
+
+def page(
+    link: Annotated[
+        str | None, typer.Option(metavar="LINK", help=f"To the module: {FORMS}.")
+    ] = None,
+    log: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="A log, in the place of a flight.")
+    ] = None,
+    airframe: Annotated[Path, typer.Option(help="Airframe file.", **AIRFRAME_FILE)] = AIRFRAME,
+    site: Annotated[Path, typer.Option(help="Site file.", **SITE_FILE)] = SITE,
+    port: Annotated[int, typer.Option(help="Of the page; 0: any.", min=0, max=65535)] = PORT,
+    host: Annotated[
+        str, typer.Option(help="Address to serve at; another than this computer's own opens it.")
+    ] = "127.0.0.1",
+    token: Annotated[
+        str | None,
+        typer.Option(envvar="TGL_SOAR_PAGE_TOKEN", help="Of the address; a new one otherwise."),
+    ] = None,
+    signing_key: Annotated[
+        Path | None, typer.Option(help="Sign with the key of a file, as `tgl-soar run` does.")
+    ] = None,
+    system: Annotated[
+        int, typer.Option(help="This station's MAVLink system, one of `operators`.", min=1, max=255)
+    ] = 253,
+) -> None:
+    """Open the operator's page: one more ground station, with the line to drag.
+
+    It ends with Ctrl-C. Nothing happens to the flight when it does.
+    """
+    if (link is None) == (log is None):
+        fail(f"give --link (a flight: {FORMS}) or --log (a file), one of them")
+    if token is not None and len(token) < SHORTEST_TOKEN:
+        fail(f"--token has {len(token)} characters: give {SHORTEST_TOKEN} or more, or leave it out")
+    try:
+        import uvicorn
+
+        from tgl_soar.cli.page.server import Access, app_of
+    except ImportError as error:
+        fail(f"{EXTRA} ({error.name} is missing)")
+    try:
+        plane, place = load_airframe(airframe), load_site(site)
+        if log is not None:
+            desk = recorded_desk(plane, airframe, place, site, log)
+        else:
+            key = None if signing_key is None else load_key(signing_key)
+            if system not in plane.autopilot.operators:
+                hint(f"system {system} is none of the airframe file's operators: it only watches")
+            desk = live_desk(plane, airframe, place, site, link or "", key, system)
+        listener = _listener(host, port)
+    except (ConfigError, LinkError, SigningError, LogError, ImportError) as error:
+        fail(error)
+    access = Access(token or secrets.token_urlsafe(SHORTEST_TOKEN), _reachable(host))
+    _announce(listener, access.token, host)
+    try:
+        uvicorn.Server(config_of(app_of(desk, access))).run(sockets=[listener])
+    except KeyboardInterrupt:
+        pass
+    finally:
+        listener.close()
+
+
+def config_of(app: ASGIApp) -> uvicorn.Config:
+    """How it is served: short messages in, nothing about requests on the console."""
+    import uvicorn
+
+    return uvicorn.Config(
+        app,
+        log_level="warning",
+        access_log=False,
+        ws_max_size=4096,
+        ws_per_message_deflate=False,
+        timeout_graceful_shutdown=2,
+    )
+
+
+def live_desk(
+    plane: Airframe,
+    plane_file: Path,
+    place: Site,
+    place_file: Path,
+    link: str,
+    key: bytes | None,
+    system: int,
+) -> Desk:
+    """A desk on a flight, its link open.  Errors: `ConfigError`, `LinkError`."""
+    from tgl_soar.cli.page.desk import Desk
+    from tgl_soar.cli.page.scene import place_of
+    from tgl_soar.cli.page.station import Station
+
+    values = load_parameters(plane, plane_file, place, place_file)
+    own = plane.autopilot
+    station = Station(own.system_id, own.component_id, system, key, time.time())
+    shown = place_of(plane, place, values, place_file.parent)
+    return Desk(shown, station, open_link(link, starts_with_frame, time.monotonic()), None)
+
+
+def recorded_desk(
+    plane: Airframe, plane_file: Path, place: Site, place_file: Path, log: Path
+) -> Desk:
+    """A desk on a log.  Errors: `ConfigError`, `LogError`."""
+    import msgspec
+
+    from tgl_soar.analysis.logs.reading import read_flight
+    from tgl_soar.cli.page.desk import Desk
+    from tgl_soar.cli.page.recording import recording_of
+    from tgl_soar.cli.page.scene import place_of
+
+    values = load_parameters(plane, plane_file, place, place_file)
+    recording = msgspec.json.encode(recording_of(read_flight(log), place))
+    return Desk(place_of(plane, place, values, place_file.parent), None, None, recording)
+
+
+def _listener(host: str, port: int) -> socket.socket:
+    """A socket that listens there.  Errors: `LinkError`."""
+    try:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+        return socket.create_server((host, port), family=family)
+    except OSError as error:
+        raise LinkError(
+            f"--host {host} --port {port}: cannot be served at: {error.strerror};"
+            " another --port (0: any) may be free"
+        ) from None
+
+
+def _announce(listener: socket.socket, token: str, host: str) -> None:
+    """The address, for a browser."""
+    port = listener.getsockname()[1]
+    if not _is_loopback(host):
+        hint(
+            "the page is open to the network: whoever has its address can move the aircraft, and"
+            " whoever listens on the network can read it; without a network you trust, tunnel it"
+            f" (ssh -L {port}:127.0.0.1:{port})"
+        )
+    shown = _reachable(host)
+    shown = f"[{shown}]" if ":" in shown else shown
+    say(f"the operator's page: http://{shown}:{port}/#token={token}")
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def _reachable(host: str) -> str:
+    """The address as another computer has it, where all of this one's are served at."""
+    if host not in ("0.0.0.0", "::"):  # compared, not bound
+        return host
+    return socket.gethostname()

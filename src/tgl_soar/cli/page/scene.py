@@ -1,0 +1,136 @@
+"""The place as a browser draws it: ground, updraft, contour, lines, and what numbers mean.
+
+What is named here is from the files and declarations, and does not change in flight.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from tgl_soar.air.zeuc import ZeucError, contour
+from tgl_soar.cli.page.ghost import Foresight
+from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.files import preset_lines
+from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterSet
+from tgl_soar.config.site import Site
+from tgl_soar.control.supervisor import CONDITION_TEXTS, ENTRY, MODE_NAMES
+from tgl_soar.estimation.health import FAULT_TEXTS
+from tgl_soar.onboard.instruments import HELD_BACK
+from tgl_soar.sim.world import build_field, ground_outline
+
+CELLS: Final = 72  # of the map, along its longer side
+ROOM: Final = 0.08  # of the view, around what is drawn
+EMPTY_M: Final = 5.0  # to each side of the line, where a site gives nothing to see
+HELD_BACK_TEXT: Final = "not held back (abort, switch, line, set-up)"
+
+
+@dataclass(frozen=True)
+class Place:
+    """A site with an airframe: what is drawn of it, and what can be foreseen on it."""
+
+    scene: dict[str, Any]  # as JSON
+    foresight: Foresight
+    values: ParameterSet  # of the files
+
+
+def place_of(airframe: Airframe, site: Site, values: ParameterSet, folder: Path) -> Place:
+    """folder: of the site file.  Errors: `ConfigError` for a field that cannot be read."""
+    presets = preset_lines(site, values)
+    known = site.contour_for(airframe.airframe.name)
+    ground = site.known_ground()
+    polar = airframe.polar.as_polar()
+    field = None if site.air is None else build_field(site.air, folder)
+    view = _view(site, values, known)
+    outline = None if site.air is None else ground_outline(site.air)
+    parts: list[Any] = [list(part) for part in known]
+    updraft = None
+    if field is not None:
+        updraft = _map(field, view)
+        parts = _contour(field, polar, view) or parts
+    scene = {
+        "site": site.site.name,
+        "airframe": airframe.airframe.name,
+        "view": view,
+        "ground": [] if site.ground is None else [list(p) for p in site.ground.profile],
+        "outline": [] if outline is None else [list(p) for p in outline],
+        "contour": parts,
+        "known": [list(part) for part in known],
+        "updraft": updraft,
+        "presets": [{"name": p.name, "x": p.x_m, "z": p.z_m, "lean": p.lean_deg} for p in presets],
+        **meanings(),
+    }
+    air = None if field is None else (field, polar)
+    return Place(scene, Foresight(presets, known, ground, air), values)
+
+
+def meanings() -> dict[str, Any]:
+    """Words for numbers: modes, entry checks, faults, parameters."""
+    checks = [(1 << i, words) for i, words in enumerate(CONDITION_TEXTS) if ENTRY >> i & 1]
+    return {
+        "modes": list(MODE_NAMES),
+        "checks": [[HELD_BACK, HELD_BACK_TEXT], *([bit, words] for bit, words in checks)],
+        "faults": [[1 << i, words] for i, words in enumerate(FAULT_TEXTS)],
+        "parameters": [
+            {
+                "name": p.name,
+                "unit": p.unit,
+                "min": p.minimum,
+                "max": p.maximum,
+                "default": p.default,
+                "meaning": p.meaning,
+                "in_flight": p.in_flight,
+                "integer": p.integer,
+            }
+            for p in PARAMETERS
+        ],
+    }
+
+
+def _view(site: Site, values: ParameterSet, known: Any) -> list[float]:
+    """x from, x to, z from, z to [m]: the fence where there is one, else what there is to see."""
+    points = [(line.x_m, line.z_m) for line in site.lines.values()]
+    points += [point for part in known for point in part]
+    xs, zs = [x for x, _ in points], [z for _, z in points]
+    for names, found in (
+        (("FENCE_X_MIN", "FENCE_X_MAX"), xs),
+        (("FENCE_Z_MIN", "FENCE_Z_MAX"), zs),
+    ):
+        found.extend(values[n] for n in names if values[n] != PARAMETERS[INDEX[n]].default)
+    if site.ground is not None and xs:
+        zs += [z for x, z in site.ground.profile if min(xs) <= x <= max(xs)]
+    if not (xs and zs):
+        x, z = values["TGL_X"], values["TGL_Z"]
+        xs, zs = [x - EMPTY_M, x + EMPTY_M], [z - EMPTY_M, z + EMPTY_M]
+    room = ROOM * max(max(xs) - min(xs), max(zs) - min(zs), 1.0)
+    return [min(xs) - room, max(xs) + room, min(zs) - room, max(zs) + room]
+
+
+def _map(field: Any, view: list[float]) -> dict[str, Any]:
+    """The updraft [cm/s] on a grid, rows from below; null where the field knows none."""
+    step = max(view[1] - view[0], view[3] - view[2]) / CELLS
+    x = np.arange(view[0], view[1] + step, step)
+    z = np.arange(view[2], view[3] + step, step)
+    xx, zz = np.meshgrid(x, z)
+    w = np.broadcast_to(field.wind(xx, 0.0, zz)[2], xx.shape)
+    air = [[field.inside(a, 0.0, b) for a in x.tolist()] for b in z.tolist()]
+    cells = [
+        [round(100.0 * value) if inside and isfinite(value) else None for value, inside in row]
+        for row in (zip(r, a, strict=True) for r, a in zip(w.tolist(), air, strict=True))
+    ]
+    return {"x": float(x[0]), "z": float(z[0]), "step": step, "cells": cells}
+
+
+def _contour(field: Any, polar: Any, view: list[float]) -> list[Any]:
+    """The contour of the model, in as few points as a screen shows."""
+    x_from, x_to, z_from, z_to = view
+    step = max(x_to - x_from, z_to - z_from) / CELLS
+    try:
+        parts = contour(field, polar, (x_from, x_to, z_from, z_to), step)
+    except ZeucError:
+        return []
+    return [np.round(part, 3).tolist() for part in parts]

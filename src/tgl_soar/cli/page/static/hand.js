@@ -1,0 +1,138 @@
+// The line in the hand: dragged by its point, turned by its handle, or moved by keys.  While it is
+// held the server says what would become of it; it goes out when it is let go.
+
+import { known } from "./dom.js";
+
+const LOOKS_MS = 50;
+const KEYS_MS = 350; // after the last key the line is let go
+const DEG = 180 / Math.PI;
+
+export class Hand {
+  constructor(plane, model, ask) {
+    this.plane = plane;
+    this.model = model;
+    this.ask = ask;
+    this.along = false; // the contour
+    this.looked = 0;
+    this.timer = null;
+    this.drag = null;
+    const { svg } = plane;
+    svg.addEventListener("pointerdown", (event) => this.down(event));
+    svg.addEventListener("pointermove", (event) => this.moved(event));
+    svg.addEventListener("pointerup", (event) => this.up(event));
+    svg.addEventListener("pointercancel", () => this.cancel());
+    svg.addEventListener("keydown", (event) => this.pressed(event));
+    svg.addEventListener("blur", () => { if (this.plane.wish && !this.drag) this.send(); });
+  }
+
+  get may() { return this.model.line && !this.model.isRecording && !this.model.heldByOther && this.model.connected; }
+
+  down(event) {
+    const kind = { "point-handle": "move", "line-grip": "move", "lean-handle": "turn" }[event.target.id];
+    if (!kind || !this.may || event.button > 0) return;
+    event.preventDefault();
+    this.plane.svg.focus({ preventScroll: true });
+    this.plane.svg.setPointerCapture(event.pointerId);
+    const place = this.plane.at(event.clientX, event.clientY);
+    const line = { ...(this.plane.wish ?? this.model.line) };
+    this.drag = { kind, id: event.pointerId, from: line, dx: line.x - place.x, dz: line.z - place.z };
+    clearTimeout(this.timer);
+    this.plane.wish = line;
+    this.ask("hold");
+    this.look(true);
+  }
+
+  moved(event) {
+    if (!this.drag || event.pointerId !== this.drag.id) return;
+    const place = this.plane.at(event.clientX, event.clientY);
+    const { wish } = this.plane;
+    if (this.drag.kind === "turn") {
+      const lean = Math.atan2(wish.x - place.x, place.z - wish.z) * DEG;
+      wish.lean = Math.round(Math.max(-60, Math.min(60, lean)) * 10) / 10;
+    } else {
+      wish.x = centimetres(place.x + this.drag.dx);
+      wish.z = centimetres(place.z + this.drag.dz);
+      if (this.along) this.snap(wish);
+    }
+    this.look(false);
+    this.plane.update();
+  }
+
+  up(event) {
+    if (!this.drag || event.pointerId !== this.drag.id) return;
+    this.moved(event);
+    this.drag = null;
+    this.send();
+  }
+
+  pressed(event) {
+    if (event.key === "Escape") { this.cancel(); return; }
+    if (event.key === "Enter" && this.plane.wish) { this.send(); return; }
+    const step = event.shiftKey ? 0.1 : 0.01;
+    const change = {
+      ArrowLeft: { x: -step }, ArrowRight: { x: step }, ArrowUp: { z: step }, ArrowDown: { z: -step },
+      "[": { lean: -1 }, "]": { lean: 1 }, "{": { lean: -5 }, "}": { lean: 5 },
+    }[event.key];
+    if (!change || !this.may || this.drag) return;
+    event.preventDefault();
+    const wish = this.plane.wish ?? { ...this.model.line };
+    this.plane.wish = wish;
+    if (change.lean) wish.lean = Math.round((wish.lean + change.lean) * 10) / 10;
+    if (change.x) wish.x = centimetres(wish.x + change.x);
+    if (change.z) wish.z = centimetres(wish.z + change.z);
+    if (this.along && !change.lean) this.snap(wish);
+    this.look(true);
+    this.plane.update();
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => this.send(), KEYS_MS);
+  }
+
+  // The nearest place of the contour.
+  snap(wish) {
+    let best = null;
+    for (const part of this.model.scene.contour) {
+      for (let i = 1; i < part.length; i++) {
+        const [ax, az] = part[i - 1];
+        const [bx, bz] = part[i];
+        const length = (bx - ax) ** 2 + (bz - az) ** 2;
+        if (!(length > 0)) continue;
+        const t = Math.max(0, Math.min(1, ((wish.x - ax) * (bx - ax) + (wish.z - az) * (bz - az)) / length));
+        const [x, z] = [ax + t * (bx - ax), az + t * (bz - az)];
+        const away = (x - wish.x) ** 2 + (z - wish.z) ** 2;
+        if (!best || away < best.away) best = { x, z, away };
+      }
+    }
+    if (best && known(best.x)) [wish.x, wish.z] = [centimetres(best.x), centimetres(best.z)];
+  }
+
+  look(now) {
+    const time = performance.now();
+    clearTimeout(this.later);
+    if (!now && time - this.looked < LOOKS_MS) {
+      this.later = setTimeout(() => { if (this.plane.wish) this.look(true); }, LOOKS_MS);
+      return;
+    }
+    this.looked = time;
+    this.ask("look", this.plane.wish);
+  }
+
+  send() {
+    clearTimeout(this.timer);
+    clearTimeout(this.later);
+    const { wish } = this.plane;
+    this.plane.wish = null;
+    if (wish && this.may) this.ask("move", { ...wish, at: Date.now() / 1000 });
+    this.plane.update();
+  }
+
+  cancel() {
+    clearTimeout(this.timer);
+    clearTimeout(this.later);
+    if (this.plane.wish) this.ask("drop");
+    this.drag = null;
+    this.plane.wish = null;
+    this.plane.update();
+  }
+}
+
+const centimetres = (value) => Math.round(value * 100) / 100;

@@ -1,0 +1,287 @@
+// The vertical plane to scale: what stands still is drawn when the size or the fence changes, what
+// moves is moved.  x to the right is downstream, z is up; the aircraft faces the wind, to the left.
+
+import { draw, fixed, known, set, words } from "./dom.js";
+
+const RAD = Math.PI / 180;
+const NOSE = "M-17 0C-14 -3.2 -8 -4 0 -3.4L12 -2 18 -10 21 -10 20 .5C14 3 -8 4.2 -17 0Z";
+const WING = "M-6 -1.6C-4 -3.4 4 -3 8 -.6L7 .8C2 .2 -4 .8 -6 -1.6Z";
+
+export class Plane {
+  constructor(svg, model) {
+    this.svg = svg;
+    this.model = model;
+    this.wish = null; // the line in the hand
+    this.still = svg.appendChild(draw("g"));
+    this.moving = svg.appendChild(draw("g"));
+    this.part = {};
+    this.build();
+    this.key = "";
+    new ResizeObserver(() => this.layout()).observe(svg);
+    this.layout();
+  }
+
+  build() {
+    const add = (name, tag, attributes, into = this.moving) => {
+      this.part[name] = into.appendChild(draw(tag, attributes));
+    };
+    for (let i = 0; i < 4; i++) add(`trail${i}`, "path", { class: "trail", opacity: 0.16 + 0.24 * i });
+    add("flown", "line", { class: "flown" });
+    add("set", "line", { class: "set" });
+    add("ghost", "g", { visibility: "hidden" });
+    add("ghostPath", "path", { class: "ghost-path" }, this.part.ghost);
+    add("ghostLine", "line", { class: "ghost-line" }, this.part.ghost);
+    add("ghostRing", "circle", { class: "ghost-place", r: 13 }, this.part.ghost);
+    add("ghostCore", "circle", { class: "ghost-place core", r: 3 }, this.part.ghost);
+    add("handle", "g", { id: "handle" });
+    add("grip", "line", { class: "grip", id: "line-grip" }, this.part.handle);
+    add("leanReach", "circle", { class: "reach", r: 24, id: "lean-handle" }, this.part.handle);
+    add("lean", "circle", { class: "knob lean", r: 8, "pointer-events": "none" }, this.part.handle);
+    add("reach", "circle", { class: "reach", r: 26, id: "point-handle" }, this.part.handle);
+    add("knob", "circle", { class: "knob", r: 10, "pointer-events": "none" }, this.part.handle);
+    add("tag", "text", { class: "tag s" }, this.part.handle);
+    add("craft", "g", { class: "craft" });
+    this.part.craft.append(draw("path", { d: NOSE }), draw("path", { d: WING }));
+  }
+
+  // --- scale ---------------------------------------------------------------------------------
+
+  layout() {
+    const box = this.svg.getBoundingClientRect();
+    if (!box.width || !box.height) return;
+    this.width = box.width;
+    this.height = box.height;
+    const [x0, x1, z0, z1] = this.model.scene.view;
+    this.scale = Math.min(box.width / (x1 - x0), box.height / (z1 - z0));
+    this.x0 = (x0 + x1) / 2 - box.width / 2 / this.scale;
+    this.z1 = (z0 + z1) / 2 + box.height / 2 / this.scale;
+    this.svg.setAttribute("viewBox", `0 0 ${box.width} ${box.height}`);
+    this.key = "";
+    this.update();
+  }
+
+  X(x) { return (x - this.x0) * this.scale; }
+  Z(z) { return (this.z1 - z) * this.scale; }
+  at(px, pz) {
+    const box = this.svg.getBoundingClientRect();
+    return { x: this.x0 + (px - box.left) / this.scale, z: this.z1 - (pz - box.top) / this.scale };
+  }
+
+  points(list) {
+    return list.map(([x, z]) => `${this.X(x).toFixed(1)},${this.Z(z).toFixed(1)}`);
+  }
+
+  path(list) {
+    const points = this.points(list.filter(([x, z]) => known(x) && known(z)));
+    return points.length ? `M${points.join("L")}` : "";
+  }
+
+  // --- what stands still ---------------------------------------------------------------------
+
+  drawStill() {
+    const { scene, parameters: p } = this.model;
+    const names = ["FENCE_X_MIN", "FENCE_X_MAX", "FENCE_Z_MIN", "FENCE_Z_MAX", "CLEAR_MIN"];
+    const key = names.map((name) => p[name]).join();
+    if (this.key === key) return;
+    this.key = key;
+    this.still.replaceChildren();
+    const add = (tag, attributes, text) => this.still.appendChild(draw(tag, attributes, text));
+    if (scene.updraft) this.drawMap(add, scene.updraft);
+    const labels = this.drawGrid(add);
+    this.drawGround(add, scene, p.CLEAR_MIN);
+    for (const label of labels) this.still.append(label);
+    for (const part of scene.contour) add("path", { class: "contour", d: this.path(part) });
+    const inside = scene.contour.flat().filter(([x]) => this.X(x) < this.width - 120);
+    const top = inside.reduce((a, b) => (b[1] > a[1] ? b : a), inside[0]);
+    if (top) this.tag(add, "tag c", top, "updraft = sink", "end");
+    this.drawFence(add, p);
+    for (const preset of scene.presets) {
+      add("line", { class: "preset", ...this.ends(preset) });
+      add("circle", { class: "preset-dot", cx: this.X(preset.x), cy: this.Z(preset.z), r: 3 });
+      this.tag(add, "tag", [preset.x, preset.z], preset.name);
+    }
+  }
+
+  tag(add, name, [x, z], text, anchor = "start") {
+    const aside = anchor === "end" ? -8 : 8;
+    add("text", { class: name, x: this.X(x) + aside, y: this.Z(z) - 6, "text-anchor": anchor }, text);
+  }
+
+  drawMap(add, map) {
+    const rows = map.cells.length;
+    const columns = map.cells[0].length;
+    const canvas = document.createElement("canvas");
+    canvas.width = columns;
+    canvas.height = rows;
+    const context = canvas.getContext("2d");
+    const image = context.createImageData(columns, rows);
+    const colour = getComputedStyle(this.svg).getPropertyValue("--air").split(",").map(Number);
+    // Under the ground's edge the air above it is drawn on: the ground covers it.
+    const cells = map.cells.map((row, j) => row.map((w, i) => w
+      ?? map.cells[j + 1]?.[i] ?? map.cells[j + 2]?.[i] ?? null));
+    const strongest = Math.max(...map.cells.flat().filter((w) => w !== null), 1);
+    cells.forEach((row, j) => row.forEach((w, i) => {
+      const at = 4 * ((rows - 1 - j) * columns + i);
+      image.data.set([...colour, w === null || w < 0 ? 0 : 205 * Math.pow(w / strongest, 1.15)], at);
+    }));
+    context.putImageData(image, 0, 0);
+    const half = map.step / 2;
+    add("image", {
+      x: this.X(map.x - half), y: this.Z(map.z + (rows - 0.5) * map.step),
+      width: columns * map.step * this.scale, height: rows * map.step * this.scale,
+      preserveAspectRatio: "none", href: canvas.toDataURL(),
+    });
+  }
+
+  drawGrid(add) {
+    const steps = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100];
+    const step = steps.find((s) => s * this.scale >= 60) ?? 200;
+    const digits = step < 1 ? 1 : 0;
+    const labels = [];
+    const write = (x, y, text) => labels.push(draw("text", { class: "axis", x, y }, text));
+    for (let x = Math.ceil(this.x0 / step) * step; this.X(x) < this.width; x += step) {
+      add("line", { class: "grid", x1: this.X(x), x2: this.X(x), y1: 0, y2: this.height });
+      write(this.X(x) + 3, this.height - 6, fixed(round0(x), digits));
+    }
+    for (let z = Math.floor(this.z1 / step) * step; this.Z(z) < this.height; z -= step) {
+      add("line", { class: "grid", x1: 0, x2: this.width, y1: this.Z(z), y2: this.Z(z) });
+      write(this.width - 34, this.Z(z) - 3, fixed(round0(z), digits));
+    }
+    write(8, this.height - 22, "wind →  x and height z in metres");
+    return labels;
+  }
+
+  drawGround(add, scene, clearance) {
+    const far = (this.width + this.height) / this.scale;
+    if (scene.outline.length) add("path", { class: "outline", d: `${this.path(scene.outline)}Z` });
+    if (!scene.ground.length) return;
+    const first = scene.ground[0];
+    const last = scene.ground[scene.ground.length - 1];
+    const top = [[first[0] - far, first[1]], ...scene.ground, [last[0] + far, last[1]]];
+    if (clearance > 0) {
+      add("path", { class: "clear", d: this.path(top), "stroke-width": 2 * clearance * this.scale });
+    }
+    const low = this.z1 - far;
+    add("path", { class: "ground", d: `${this.path([...top, [top[top.length - 1][0], low], [top[0][0], low]])}Z` });
+  }
+
+  drawFence(add, p) {
+    const known4 = ["FENCE_X_MIN", "FENCE_X_MAX", "FENCE_Z_MIN", "FENCE_Z_MAX"].every((n) => known(p[n]));
+    if (!known4) return;
+    const x = Math.max(this.X(p.FENCE_X_MIN), -20);
+    const y = Math.max(this.Z(p.FENCE_Z_MAX), -20);
+    const right = Math.min(this.X(p.FENCE_X_MAX), this.width + 20);
+    const low = Math.min(this.Z(p.FENCE_Z_MIN), this.height + 20);
+    add("rect", { class: "fence", x, y, width: Math.max(0, right - x), height: Math.max(0, low - y) });
+    add("text", { class: "tag f", x: right - 36, y: Math.max(14, y - 5) }, "fence");
+  }
+
+  // --- what moves ----------------------------------------------------------------------------
+
+  // The ends of a line through the view.
+  ends({ x, z, lean }) {
+    const reach = (this.width + this.height) / this.scale;
+    const [dx, dz] = [-Math.sin(lean * RAD), Math.cos(lean * RAD)];
+    return {
+      x1: this.X(x - reach * dx), y1: this.Z(z - reach * dz),
+      x2: this.X(x + reach * dx), y2: this.Z(z + reach * dz),
+    };
+  }
+
+  // Where the handle that turns a line is, from its point.
+  leanHandle({ x, z, lean }) {
+    const d = Math.min(110, this.height / 4) / this.scale;
+    return { x: x - d * Math.sin(lean * RAD), z: z + d * Math.cos(lean * RAD) };
+  }
+
+  update() {
+    if (!this.scale) return;
+    this.drawStill();
+    const { now, line, ghost, alive } = this.model;
+    const shown = this.wish ?? line;
+    const flown = { x: now.line_x, z: now.line_z, lean: now.line_lean };
+    this.show("flown", known(flown.x + flown.z + flown.lean) && this.model.flying, () => this.ends(flown));
+    this.show("set", line, () => this.ends(line));
+    this.show("handle", shown && !this.model.isRecording, () => ({}));
+    if (shown) this.drawHandle(shown);
+    this.drawGhost(ghost);
+    this.drawCraft(now, alive);
+    this.drawTrail();
+  }
+
+  show(name, is, attributes) {
+    const element = this.part[name];
+    if (!is) { element.setAttribute("visibility", "hidden"); return; }
+    set(element, { visibility: "visible", ...attributes() });
+  }
+
+  drawHandle(line) {
+    const lean = this.leanHandle(line);
+    const place = { cx: this.X(line.x), cy: this.Z(line.z) };
+    const turn = { cx: this.X(lean.x), cy: this.Z(lean.z) };
+    set(this.part.grip, this.ends(line));
+    set(this.part.knob, place);
+    set(this.part.reach, place);
+    set(this.part.lean, turn);
+    set(this.part.leanReach, turn);
+    set(this.part.tag, { x: place.cx + 14, y: place.cy - 12 });
+    words(this.part.tag, this.wish ? `${fixed(line.x)}, ${fixed(line.z)} m, ${fixed(line.lean, 1)}°` : "");
+    this.svg.classList.toggle("held", this.model.heldByOther);
+  }
+
+  drawGhost(ghost) {
+    // In the own hand the line is where the hand is; the answer of the server follows it.
+    const line = this.wish ?? ghost;
+    this.show("ghost", line && (ghost || this.wish), () => ({}));
+    if (!line) return;
+    set(this.part.ghostLine, this.ends(line));
+    set(this.part.ghost, { class: ghost?.refusal ? "refused" : "" });
+    const place = ghost?.place;
+    for (const name of ["ghostRing", "ghostCore"]) {
+      this.show(name, place, () => ({ cx: this.X(place[0]), cy: this.Z(place[1]) }));
+      if (!place) this.part[name].setAttribute("visibility", "hidden");
+      else this.part[name].setAttribute("visibility", "inherit");
+    }
+    this.part.ghostPath.setAttribute("d", ghost ? this.path(ghost.path) : "");
+  }
+
+  drawCraft(now, alive) {
+    const { soar_x: x, soar_z: z, pitch } = now;
+    this.show("craft", known(x) && known(z), () => ({
+      transform: `translate(${this.X(x).toFixed(1)} ${this.Z(z).toFixed(1)}) rotate(${known(pitch) ? pitch.toFixed(1) : 0})`,
+      class: alive ? "craft" : "craft dead-craft",
+    }));
+  }
+
+  drawTrail() {
+    const { columns, rows } = this.model;
+    const places = rows.map((row) => [row[columns.soar_x], row[columns.soar_z]]);
+    const quarter = Math.ceil(places.length / 4) || 1;
+    for (let i = 0; i < 4; i++) {
+      const part = places.slice(i * quarter, (i + 1) * quarter + 1);
+      this.part[`trail${i}`].setAttribute("d", this.path(part));
+    }
+  }
+}
+
+const round0 = (value) => (Math.abs(value) < 1e-9 ? 0 : value);
+
+// A small side view: the aircraft at its pitch, and the pitch that is asked for.
+export class Attitude {
+  constructor(svg) {
+    this.asked = svg.appendChild(draw("line", { class: "set", x1: -50, x2: -26, y1: 0, y2: 0 }));
+    svg.appendChild(draw("line", { class: "grid", x1: -56, x2: 56, y1: 0, y2: 0 }));
+    this.craft = svg.appendChild(draw("g", { class: "craft" }));
+    this.craft.append(draw("path", { d: NOSE }), draw("path", { d: WING }));
+    this.text = svg.appendChild(draw("text", { class: "axis", x: -57, y: 37 }));
+    this.roll = svg.appendChild(draw("text", { class: "axis", x: 8, y: 37 }));
+  }
+
+  update({ pitch, pitch_sp: asked, roll }) {
+    this.craft.setAttribute("transform", `rotate(${known(pitch) ? pitch : 0}) scale(1.9)`);
+    this.asked.setAttribute("visibility", known(asked) ? "visible" : "hidden");
+    if (known(asked)) this.asked.setAttribute("transform", `rotate(${asked})`);
+    words(this.text, `pitch ${fixed(pitch, 1)}°`);
+    words(this.roll, `roll ${fixed(roll, 1)}°`);
+  }
+}

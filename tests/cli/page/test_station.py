@@ -1,0 +1,166 @@
+"""What the page's ground station makes of telemetry, good and bad."""
+
+from __future__ import annotations
+
+from math import nan
+from typing import Any
+
+from page_flight import Flown
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from tgl_soar.cli.page.station import ROW, Station, number, without_others
+from tgl_soar.link.messages import PARAM_TYPE_REAL32
+from tgl_soar.onboard.instruments import ARRAY, FAST, SLOW
+
+KEY = bytes(range(32))
+
+
+def station(key: bytes | None = None) -> Station:
+    return Station(1, 191, 253, key, 1.8e9)
+
+
+def module(key: bytes | None = None, component: int = 191) -> Any:
+    codec: Any = mavlink.MAVLink(None, 1, component)
+    if key is not None:
+        codec.signing.secret_key, codec.signing.sign_outgoing = key, True
+        codec.signing.timestamp = int((1.8e9 - 1_420_070_400.0) * 1e5)
+    return codec
+
+
+def hear(listener: Station, sender: Any, *messages: Any, now_s: float = 10.0) -> None:
+    for message in messages:
+        listener.receive(bytes(message.pack(sender)), now_s, 1.8e9)
+        sender.seq = (sender.seq + 1) % 256
+
+
+def named(name: str, value: float) -> Any:
+    return mavlink.MAVLink_named_value_float_message(0, name.encode(), value)
+
+
+def beat(start: int, mode: int) -> Any:
+    return mavlink.MAVLink_heartbeat_message(18, 8, 0, start << 8 | mode, 4, 3)
+
+
+def test_it_learns_all_that_the_module_tells_and_every_parameter() -> None:
+    listener, flown = station(), Flown()
+    for slice_ in range(60):
+        for data in flown.run(0.1):
+            listener.receive(without_others(data), slice_ * 0.1, 1.8e9)
+        listener.step(slice_ * 0.1)
+        for frame in listener.take_datagrams():
+            flown.hear(frame)
+    assert set(listener.now) >= {*FAST, *SLOW, *set(ROW[1:]), "roll", "armed"}
+    assert listener.missing == []
+    assert listener.parameters["TGL_Z"] == flown.value("TGL_Z")
+    assert len(listener.now) < len(ARRAY) + len(FAST) + len(SLOW)
+    assert any(text.text.startswith("ready") for text in listener.texts)
+    assert listener.rows[-1][ROW.index("soar_mode")] == 2.0
+
+
+def test_a_lost_parameter_is_asked_for_again() -> None:
+    listener, flown = station(), Flown()
+    lost = "CLEAR_MIN"
+
+    def without_it(data: bytes) -> bytes:
+        return b"" if lost.encode() in data else data
+
+    flown.altered = without_it
+    for slice_ in range(100):
+        for data in flown.run(0.1):
+            listener.receive(data, slice_ * 0.1, 1.8e9)
+        listener.step(slice_ * 0.1)
+        for frame in listener.take_datagrams():
+            flown.hear(frame)
+        if slice_ == 40:
+            assert listener.missing == [lost]
+            flown.altered = bytes
+    assert listener.missing == []
+
+
+def test_a_text_in_pieces_is_one_text_and_markup_is_text() -> None:
+    listener, sender = station(), module()
+    text = "<img src=x onerror=alert(1)>" + "x" * 40
+    pieces = [text[:50], text[50:]]
+    hear(
+        listener,
+        sender,
+        *(mavlink.MAVLink_statustext_message(4, p.encode(), 7, i) for i, p in enumerate(pieces)),
+    )
+    (shown,) = listener.texts
+    assert shown.text == text
+    assert (shown.severity, shown.source, shown.first) == (4, "module", 1)
+
+
+def test_control_characters_and_endless_texts_are_cut() -> None:
+    listener, sender = station(), module()
+    hear(listener, sender, mavlink.MAVLink_statustext_message(4, b"a\x1b[31m\nb", 0, 0))
+    assert listener.texts[-1].text == "a?[31m?b"
+    for i in range(100):
+        hear(listener, sender, mavlink.MAVLink_statustext_message(4, b"y" * 50, 3, i))
+    assert len(listener.texts[-1].text) == 250
+    assert len(listener.texts) == 2
+
+
+def test_numbers_that_are_none_are_not_known() -> None:
+    listener, sender = station(), module()
+    hear(listener, sender, named("e_rho", nan), named("soar_x", float("inf")), named("climb", 1.5))
+    assert number(listener.now["e_rho"]) is None
+    assert number(listener.now["soar_x"]) is None
+    assert number(listener.now["climb"]) == 1.5
+    listener.step(10.0)
+    row = dict(zip(ROW, listener.rows[-1], strict=True))
+    assert (row["e_rho"], row["climb"]) == (None, 1.5)
+
+
+def test_other_names_components_and_systems_are_not_shown() -> None:
+    listener = station()
+    hear(listener, module(), named("no_such", 1.0))
+    hear(listener, module(component=1), named("e_rho", 1.0))
+    hear(listener, mavlink.MAVLink(None, 2, 191), named("e_rho", 1.0))
+    assert listener.now == {}
+
+
+def test_a_module_that_was_started_again_is_asked_for_everything_again() -> None:
+    listener, sender = station(), module()
+    hear(listener, sender, beat(5, 4), named("e_rho", 1.0))
+    value = mavlink.MAVLink_param_value_message(b"TGL_Z", 1.5, PARAM_TYPE_REAL32, 91, 0)
+    hear(listener, sender, value)
+    listener.take_datagrams()
+    hear(listener, sender, beat(6, 1))
+    assert listener.starts == 1
+    assert listener.parameters == {}
+    assert "e_rho" not in listener.now
+    (asked,) = listener.take_datagrams()
+    assert mavlink.MAVLink(None).decode(bytearray(asked)).get_type() == "PARAM_REQUEST_LIST"
+
+
+def test_a_silent_module_leaves_gaps_in_the_strips() -> None:
+    listener, sender = station(), module()
+    hear(listener, sender, named("e_rho", 1.0), now_s=10.0)
+    listener.step(10.1)
+    listener.step(13.0)
+    at = ROW.index("e_rho")
+    assert [row[at] for row in listener.rows] == [1.0, None]
+    assert not listener.is_alive(13.0)
+
+
+def test_with_a_key_it_signs_and_hears_only_what_is_signed() -> None:
+    listener = station(KEY)
+    hear(listener, module(), named("e_rho", 1.0))
+    hear(listener, module(bytes(32)), named("e_rho", 2.0))
+    assert listener.now == {}
+    hear(listener, module(KEY), named("e_rho", 3.0))
+    assert listener.now["e_rho"] == 3.0
+    listener.command(mavlink.MAV_CMD_USER_1, 0)
+    (frame,) = listener.take_datagrams()
+    assert frame[2] & 1  # signed
+
+
+def test_frames_that_no_page_shows_are_left_out_and_garbage_is_not_lost() -> None:
+    sender = module()
+    shown = bytes(named("e_rho", 1.0).pack(sender))
+    other = bytes(mavlink.MAVLink_raw_imu_message(0, 1, 2, 3, 4, 5, 6, 7, 8, 9).pack(sender))
+    assert without_others(other + shown + other) == shown
+    assert without_others(other + b"\x01\x02" + shown) == b"\x01\x02" + shown
+    assert without_others(shown[:5]) == shown[:5]
+    assert without_others(b"") == b""
