@@ -82,7 +82,7 @@ $(VENV)/.made:
 	@touch $@
 
 $(VENV)/.run: $(VENV)/.made pyproject.toml constraints.txt
-	$(PIP) -e '.[figures,logs]'
+	$(PIP) -e '.[figures,logs,page]'
 	@touch $@
 
 $(VENV)/.test: $(VENV)/.run pyproject.toml constraints.txt

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 from rich.live import Live
@@ -80,6 +80,13 @@ GroundLocal = Annotated[
         help="In real time: the bridge's own port towards ground stations; port 0: any.",
     ),
 ]
+WithPage = Annotated[
+    bool,
+    typer.Option(
+        "--page", help="By the clock, with the operator's page, until Ctrl-C: engage there."
+    ),
+]
+PagePort = Annotated[int, typer.Option(help="Of that page; 0: any.", min=0, max=65535)]
 Faults = Annotated[
     list[str] | None,
     typer.Option(
@@ -140,6 +147,8 @@ def sitl(
     turbulence: Turbulence = None,
     realtime: Realtime = False,
     gcs_local: GroundLocal = "127.0.0.1:18570",
+    page: WithPage = False,
+    page_port: PagePort = 8191,
     fault: Faults = None,
     mocap: MocapChoice = SitlMocap.NONE,
     mocap_option: MocapSettings = None,
@@ -175,7 +184,7 @@ def sitl(
         stay_s=stay,
         seed=seed,
         turbulence=turbulence,
-        realtime=realtime,
+        realtime=realtime or page,
         faults=faults,
         mocap=by_mocap,
         mocap_options=_mocap_settings(mocap_option or [], autopilot, by_mocap=by_mocap),
@@ -186,6 +195,8 @@ def sitl(
         kill_s=kill_module,
         gcs_local=gcs_local,
     )
+    if page:
+        _host(options, page_port)
     flight = _fly(options)
     _show(options, flight)
     _write_pages(options, flight, report=report)
@@ -258,6 +269,28 @@ def _fly(options: SitlOptions) -> SitlFlight:
         fail(error)
     except KeyboardInterrupt:
         fail("stopped", 130)
+
+
+def _host(options: SitlOptions, port: int) -> NoReturn:
+    """Fly beside the operator's page until somebody ends it."""
+    from tgl_soar.sim.sitl_options import SitlError
+    from tgl_soar.sim.sitl_page import host
+
+    if options.autopilot != SitlAutopilot.BUILTIN:
+        fail(
+            f"--page --autopilot {options.autopilot}: the page flies with the bridge's own Pixhawk"
+        )
+    try:
+        host(
+            options,
+            port,
+            lambda address: say(f"the operator's page: {address}\nengage there; Ctrl-C ends it"),
+        )
+    except (SitlError, ConfigError) as error:
+        fail(error)
+    except KeyboardInterrupt:
+        say(f"ended; its logs are in {options.out}/logs")
+        raise typer.Exit from None
 
 
 def _show(options: SitlOptions, flight: SitlFlight) -> None:

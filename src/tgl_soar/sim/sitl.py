@@ -43,6 +43,7 @@ from tgl_soar.sim.sitl_processes import (
     bridge_command,
     free_address,
     module_command,
+    prepared,
     site_for,
 )
 from tgl_soar.sim.world import build_field
@@ -100,7 +101,7 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> SitlFligh
     legs = plan(site, values, options)
     if options.mocap and site.mocap is None:
         raise SitlError(f"{options.site}: no [mocap] table, as sites/tunnel_mocap.toml has it")
-    truth_file = _prepared(options)
+    truth_file = prepared(options)
     if options.autopilot != "builtin":
         options = replace(options, airframe=airframe_for(options), site=site_for(options, site))
     begun = time.monotonic()
@@ -130,19 +131,6 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> SitlFligh
     )
     _write_summary(options, flight)
     return flight
-
-
-def _prepared(options: SitlOptions) -> Path:
-    """The folder of the flight, and where the truth will be in it.  Errors: `SitlError`."""
-    truth_file = options.out / "truth.csv"
-    try:
-        options.out.mkdir(parents=True, exist_ok=True)
-        truth_file.unlink(missing_ok=True)
-    except OSError as error:
-        raise SitlError(
-            f"--out {options.out}: cannot be written: {error.strerror}; name another folder"
-        ) from None
-    return truth_file
 
 
 def _fly(

@@ -105,6 +105,28 @@ def module_command(options: SitlOptions, companion: str, mocap: str) -> list[str
     return command if options.realtime else [*command, "--lockstep"]
 
 
+def page_command(options: SitlOptions, station: str, port: int) -> list[str]:
+    """The operator's page, as a ground station at an address."""
+    return [
+        *(sys.executable, "-m", "tgl_soar.cli", "page"),
+        *("--airframe", str(options.airframe), "--site", str(options.site)),
+        *("--link", f"udp:{station}", "--port", str(port)),
+    ]
+
+
+def prepared(options: SitlOptions) -> Path:
+    """The folder of the flight, and where the truth will be in it.  Errors: `SitlError`."""
+    truth_file = options.out / "truth.csv"
+    try:
+        options.out.mkdir(parents=True, exist_ok=True)
+        truth_file.unlink(missing_ok=True)
+    except OSError as error:
+        raise SitlError(
+            f"--out {options.out}: cannot be written: {error.strerror}; name another folder"
+        ) from None
+    return truth_file
+
+
 class SitlProcesses:
     """The processes of a flight, each with its output in a file of its own."""
 
