@@ -99,6 +99,8 @@ def test_a_frame_says_what_has_changed() -> None:
     assert changed(before, now) == {"now": {"b": 2.5, "c": None}, "ghost": None}
     assert changed({}, now) == now
     assert changed(now, now) == {}
+    ghosts = [{"ghost": {"x": 1, "refusal": ""}}, {"ghost": {"x": 2, "refusal": ""}}]
+    assert changed(*ghosts) == ghosts[1]  # a part of it would be none
 
 
 def test_a_page_that_takes_nothing_misses_frames_and_gets_the_whole_when_it_does() -> None:

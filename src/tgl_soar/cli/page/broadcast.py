@@ -16,6 +16,8 @@ import msgspec
 FRAMES_PER_S: Final = 20.0
 STALLED_S: Final = 30.0  # a page that takes nothing for so long is gone
 
+BY_KEY: Final = ("now", "parameters")  # all else is sent whole when it changes
+
 State = dict[str, Any]
 _encode: Final = msgspec.json.Encoder().encode
 
@@ -98,11 +100,11 @@ class Broadcast:
 
 
 def changed(before: State, now: State) -> State:
-    """What of a state is another than before; dictionaries by their own keys."""
+    """What of a state is another than before; of `BY_KEY` what has changed within."""
     change: State = {}
     for name, value in now.items():
         old = before.get(name, change)
-        if isinstance(value, dict) and isinstance(old, dict) and old is not change:
+        if name in BY_KEY and old is not change:
             inner = {k: v for k, v in value.items() if k not in old or old[k] != v}
             gone = [k for k in old if k not in value]
             inner.update(dict.fromkeys(gone))

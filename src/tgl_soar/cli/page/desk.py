@@ -258,7 +258,7 @@ class Desk:
 
     def _whole_of(self, now_s: float) -> Callable[[], dict[str, Any]]:
         def whole() -> dict[str, Any]:
-            lists: dict[str, Any] = {"notices": list(self._notices)[-5:]}
+            lists: dict[str, Any] = {}  # a notice is for whoever sees it come
             if self.station is not None:
                 lists["rows"] = list(self.station.rows)
                 lists["texts"] = [text_json(text) for text in self.station.texts]

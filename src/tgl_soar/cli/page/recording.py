@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi
 from typing import Any, Final
 
@@ -41,6 +42,9 @@ _STEPS: Final = frozenset({"line_x", "line_z", "line_lean"})  # as they stood, n
 
 def recording_of(flight: FlightData, site: Site) -> dict[str, Any]:
     """As JSON: rows with the columns of `ROW`, texts, parameters, and what the log lacks."""
+    told, position = flight.path, flight.position
+    if told is not None and position is not None and len(position) < len(told):
+        flight = replace(flight, position=None)  # the path as the module reported it has more
     flight = on_line(placed(flight, site.frame()))
     duration_s = flight.duration_s
     count = int(min(MOST_ROWS, max(2.0, duration_s * ROWS_PER_S)))

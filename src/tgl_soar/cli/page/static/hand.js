@@ -31,6 +31,7 @@ export class Hand {
     const kind = { "point-handle": "move", "line-grip": "move", "lean-handle": "turn" }[event.target.id];
     if (!kind || !this.may || event.button > 0) return;
     event.preventDefault();
+    this.plane.svg.classList.add("by-pointer");
     this.plane.svg.focus({ preventScroll: true });
     this.plane.svg.setPointerCapture(event.pointerId);
     const place = this.plane.at(event.clientX, event.clientY);
@@ -75,6 +76,7 @@ export class Hand {
     }[event.key];
     if (!change || !this.may || this.drag) return;
     event.preventDefault();
+    this.plane.svg.classList.remove("by-pointer");
     const wish = this.plane.wish ?? { ...this.model.line };
     this.plane.wish = wish;
     if (change.lean) wish.lean = Math.round((wish.lean + change.lean) * 10) / 10;

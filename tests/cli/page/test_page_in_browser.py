@@ -1,0 +1,311 @@
+"""The page in a real browser, on a simulated flight: what an operator does and what they read.
+
+A chromium of the system's is driven by playwright; without either these tests are skipped.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from math import hypot
+from pathlib import Path
+from typing import Any
+
+import pytest
+from page_flight import (
+    AIRFRAME,
+    PATIENCE_S,
+    READY,
+    SITE,
+    SOARING,
+    Flown,
+    Flying,
+    Served,
+    page_on_a_flight,
+)
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from tgl_soar.link.frames import first_frame
+
+pytest.importorskip("starlette", reason="the extra `page` is not installed")
+pytest.importorskip("uvicorn", reason="the extra `page` is not installed")
+playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+if CHROMIUM is None:
+    pytest.skip("no chromium (Debian: apt install chromium)", allow_module_level=True)
+
+pytestmark = pytest.mark.xdist_group("page in a browser")
+A, B, C = (0.20, 1.15), (0.60, 1.60), (1.05, 2.00)
+MARKUP = "<img src=x onerror=page.hacked=1><b>bold"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with playwright.sync_playwright() as driver:
+        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield chromium
+        chromium.close()
+
+
+class Window:
+    """A window with the page, and an operator's hand."""
+
+    def __init__(self, browser: Any, address: str, **options: Any) -> None:
+        self._context = browser.new_context(
+            **{"viewport": {"width": 1300, "height": 850}, **options}
+        )
+        self.page = self._context.new_page()
+        self.errors: list[str] = []
+        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
+        self.page.goto(address)
+
+    def value(self, script: str) -> Any:
+        return self.page.evaluate(f"(() => {{ const m = window.page?.model; return {script}; }})()")
+
+    def until(self, condition: Callable[[], Any]) -> None:
+        ends_s = time.monotonic() + PATIENCE_S
+        while not condition():
+            assert time.monotonic() < ends_s, self.page.inner_text("body")
+            time.sleep(0.05)
+
+    def shows(self, where: str, text: str) -> None:
+        self.until(lambda: text in self.page.inner_text(where))
+
+    def loaded(self) -> Window:
+        self.until(lambda: self.value("m?.line != null && m.now.soar_x != null"))
+        return self
+
+    def at(self, place: tuple[float, float]) -> tuple[float, float]:
+        x, y = self.page.evaluate(
+            "([x, z]) => { const b = page.plane.svg.getBoundingClientRect();"
+            " return [b.left + page.plane.X(x), b.top + page.plane.Z(z)]; }",
+            list(place),
+        )
+        return x, y
+
+    def take(self, place: tuple[float, float], to: tuple[float, float]) -> None:
+        """Drag the line's point, and keep it in the hand."""
+        self.page.mouse.move(*self.at(place))
+        self.page.mouse.down()
+        self.page.mouse.move(*self.at(to), steps=8)
+
+    def close(self) -> None:
+        assert self.errors == []
+        self._context.close()
+
+
+@pytest.fixture
+def flight() -> Iterator[tuple[Flying, Served]]:
+    with page_on_a_flight() as (flying, served):
+        flying.until(lambda flown: flown.mode == READY)
+        yield flying, served
+
+
+def engaged(window: Window, flying: Flying) -> None:
+    window.until(lambda: window.page.is_enabled("#engage"))
+    window.page.click("#engage")
+    flying.until(lambda flown: flown.mode == SOARING)
+
+
+def test_the_line_is_dragged_and_the_aircraft_settles_at_the_ghost(
+    browser: Any, flight: tuple[Flying, Served]
+) -> None:
+    flying, served = flight
+    window = Window(browser, served.address).loaded()
+    window.until(lambda: "all hold" in window.page.inner_text("#checks-count"))
+    engaged(window, flying)
+    window.take(A, C)
+    window.until(lambda: window.value("m.ghost?.place"))
+    window.shows("#ghost-words", "settles at x 1.0")
+    window.until(lambda: window.value("Math.abs(m.ghost.x - 1.05) < 0.02"))
+    ghost = window.value("m.ghost")
+    assert flying.flown.value("TGL_X") == pytest.approx(A[0])  # nothing goes out before
+    window.page.mouse.up()
+    flying.until(lambda flown: abs(flown.value("TGL_X") - ghost["x"]) < 0.02)
+    window.until(lambda: window.value("Math.abs(m.line.x - 1.05) < 0.02"))  # the module's echo
+    began_s = flying.flown.simulation.time_s
+    flying.until(
+        lambda flown: (
+            flown.simulation.time_s > began_s + ghost["settles_s"] + 4.0 and flown.mode == SOARING
+        )
+    )
+    x, z = flying.flown.place
+    assert hypot(x - ghost["place"][0], z - ghost["place"][1]) < 0.15  # as in test_ghost.py
+    window.page.click("#undo")
+    flying.until(lambda flown: flown.value("TGL_X") == pytest.approx(A[0]))
+    window.page.click("#presets button:nth-child(2)")
+    flying.until(lambda flown: flown.value("TGL_X") == pytest.approx(B[0]))
+    window.close()
+
+
+def test_refusals_keys_abort_and_a_reload_while_dragging(
+    browser: Any, flight: tuple[Flying, Served]
+) -> None:
+    flying, served = flight
+    window = Window(browser, served.address).loaded()
+    engaged(window, flying)
+    window.take(A, (1.0, 3.1))
+    window.shows("#ghost-words", "Would be refused: the line's point is outside the fence")
+    window.page.mouse.up()
+    window.shows("#message-list", "outside the fence (FENCE_Z_MAX is 2.85 m)")
+    window.shows("#notices", "refused")
+    assert flying.flown.value("TGL_Z") == pytest.approx(A[1])
+
+    window.page.focus("#plane")
+    window.page.keyboard.press("ArrowRight")
+    window.page.keyboard.press("Shift+ArrowUp")
+    window.page.keyboard.press("Enter")
+    flying.until(lambda flown: flown.value("TGL_X") == pytest.approx(0.21))
+    assert flying.flown.value("TGL_Z") == pytest.approx(1.25)
+    window.until(lambda: window.value("Math.abs(m.line.z - 1.25) < 1e-3"))
+    window.page.keyboard.press("ArrowLeft")
+    window.page.keyboard.press("Escape")
+    window.until(lambda: window.value("m.holder === 0"))
+
+    window.take((0.21, 1.25), B)
+    window.until(lambda: window.value("m.holder === m.you"))
+    window.page.reload()
+    window.loaded()
+    window.until(lambda: window.value("m.holder === 0"))
+    assert flying.flown.value("TGL_X") == pytest.approx(0.21)
+
+    window.page.click("#abort")
+    flying.until(lambda flown: flown.value("OP_ENGAGE") == 0.0)
+    window.shows("#notices", "abort: done")
+    window.shows("#check-list", "missing: not held back")
+    window.close()
+
+
+def test_of_two_windows_one_holds_the_line_and_the_other_sees_it(
+    browser: Any, flight: tuple[Flying, Served]
+) -> None:
+    flying, served = flight
+    anna, bert = (Window(browser, served.address).loaded() for _ in range(2))
+    anna.take(A, B)
+    bert.shows("#holder", "holds the line")
+    bert.until(lambda: bert.value("m.ghost?.place"))  # it sees where that will end
+    bert.page.focus("#plane")
+    bert.page.keyboard.press("ArrowUp")
+    bert.page.keyboard.press("Enter")
+    assert bert.page.is_disabled("#presets button:nth-child(1)")
+    anna.page.keyboard.press("Escape")
+    bert.until(lambda: bert.page.is_enabled("#presets button:nth-child(1)"))
+    assert flying.flown.value("TGL_Z") == pytest.approx(A[1])
+    for window in (anna, bert):
+        window.close()
+
+
+def test_a_bad_link_is_told_and_harms_nothing(browser: Any, flight: tuple[Flying, Served]) -> None:
+    flying, served = flight
+    window = Window(browser, served.address).loaded()
+    module = mavlink.MAVLink(None, 1, 191)
+    nothing = mavlink.MAVLink_named_value_float_message(0, b"e_rho", float("nan")).pack(module)
+    markup = mavlink.MAVLink_statustext_message(2, MARKUP.encode(), 0, 0).pack(module)
+
+    def spoilt(data: bytes) -> bytes:
+        if data[7:10] == b"\xfb\0\0" and b"e_rho" in data:
+            return bytes(nothing)
+        return bytes(markup) if data[7:10] == b"\xfb\0\0" and b"rtt_ms" in data else data
+
+    flying.flown.altered = spoilt
+    window.shows("#message-list", MARKUP)
+    assert window.page.query_selector("#message-list img") is None
+    assert window.value("window.page.hacked") is None
+    window.until(lambda: "distance to the line\n–" in window.page.inner_text("#gauge-list"))
+    flying.flown.altered = bytes
+
+    flying.is_cut = True
+    window.shows("#banner", "No telemetry for")
+    window.until(lambda: window.page.is_disabled("#engage"))
+    window.page.click("#presets button:nth-child(2)")
+    window.shows("#notices", "the module does not answer")
+    flying.is_cut = False
+    window.until(lambda: not window.page.is_visible("#banner"))
+    assert flying.flown.value("TGL_X") == pytest.approx(A[0])
+
+    with flying.lock:
+        flying.flown.restart_module()
+    window.shows("#notices", "started again")
+    window.loaded()
+    window.close()
+
+
+def test_a_wrong_token_and_a_dead_server_are_told(
+    browser: Any, flight: tuple[Flying, Served]
+) -> None:
+    flying, served = flight
+    wrong = Window(browser, served.address[:-1] + "x")
+    wrong.shows("#banner", "wrong token")
+    wrong.close()
+    window = Window(browser, served.address).loaded()
+    engaged(window, flying)
+    served.end()
+    window.shows("#banner", "The flight goes on")
+    now_s = flying.flown.simulation.time_s
+    flying.until(lambda flown: flown.simulation.time_s > now_s + 3.0)
+    assert flying.flown.mode == SOARING
+    window.close()
+
+
+def test_on_a_phone_and_in_the_dark(browser: Any, flight: tuple[Flying, Served]) -> None:
+    flying, served = flight
+    phone = Window(
+        browser,
+        served.address,
+        viewport={"width": 360, "height": 740},
+        color_scheme="dark",
+        has_touch=True,
+    ).loaded()
+    assert phone.value("document.documentElement.scrollWidth <= innerWidth")
+    assert phone.value("document.documentElement.dataset.theme") == "dark"
+    heights = phone.value(
+        "[...document.querySelectorAll('.commands button, .presets button')]"
+        ".map((b) => b.getBoundingClientRect().height)"
+    )
+    assert min(heights) >= 44  # a finger's width
+    back = "getComputedStyle(document.body).backgroundColor"
+    dark = phone.value(back)
+    phone.page.click("#theme")
+    phone.until(lambda: phone.value(back) != dark)
+    engaged(phone, flying)
+    phone.page.tap("#release")
+    flying.until(lambda flown: flown.value("OP_ENGAGE") == 0.0)
+    phone.close()
+
+
+def test_a_recording_is_replayed_with_a_slider(browser: Any, tmp_path: Path) -> None:
+    from tgl_soar.cli.page.command import recorded_desk
+    from tgl_soar.config.files import load_airframe, load_site
+
+    log = tmp_path / "flown.tlog"
+    flown = Flown()
+    with log.open("wb") as file:
+        for slice_ in range(150):
+            stamp_us = 1_800_000_000_000_000 + slice_ * 100_000
+            if slice_ == 60:
+                flown.onboard.settings.assign("OP_ENGAGE", 1.0)
+            for data in flown.run(0.1):
+                while frame := first_frame(data):  # a stamp for each, as stations write it
+                    file.write(stamp_us.to_bytes(8, "big") + frame)
+                    data = data.removeprefix(frame)
+    airframe, site = load_airframe(AIRFRAME), load_site(SITE)
+    served = Served(recorded_desk(airframe, AIRFRAME, site, SITE, log))
+    window = Window(browser, served.address)
+    window.until(lambda: window.value("m?.rows.length > 0"))
+    assert window.page.is_visible("#replay")
+    slide = "(t) => { const s = document.getElementById('slider'); s.value = t;"
+    slide += " s.dispatchEvent(new Event('input')); }"
+    window.page.evaluate(slide, 5.5)
+    window.shows("#mode", "ready")
+    window.page.evaluate(slide, 14.0)
+    window.shows("#mode", "soaring")
+    place = window.value("[m.now.soar_x, m.now.soar_z]")
+    assert place == pytest.approx(flown.place, abs=0.1)
+    assert window.page.is_disabled("#engage")
+    assert window.page.is_disabled("#presets button:nth-child(1)")
+    assert "recording" in window.page.inner_text("#ghost-words")
+    assert json.loads(served.desk.recording)["rows"]
+    window.close()
+    served.end()
