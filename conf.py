@@ -13,7 +13,9 @@ ROOT = Path(__file__).parent
 PAPERS = ("CONTRIBUTING", "CHANGELOG", "SECURITY")
 # In the order in which a newcomer wants them; every page is in one of these, or the build fails.
 CHAPTERS = {
-    "Fly": ("operator", "hardware", "autopilots", "optitrack", "sensors", "safety", "modes"),
+    "Fly": (
+        *("operator", "page", "hardware", "autopilots", "optitrack", "sensors", "safety", "modes"),
+    ),
     "Look up": ("parameters", "logs"),
     "Understand": ("theory", "experiments", "model", "performance"),
     "Change": ("architecture", "decisions/index", "mutants"),
