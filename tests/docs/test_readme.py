@@ -17,6 +17,7 @@ import signal
 import subprocess
 import sys
 import time
+import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from math import hypot
@@ -305,11 +306,13 @@ def test_every_picture_says_of_which_flight_it_is(picture: pictures.Picture) -> 
 
 def test_every_picture_is_made_by_the_command() -> None:
     shown = set(re.findall(r"\(docs/images/([^)]+)\)", README))
-    assert shown == {picture.name for picture in pictures.PICTURES}
+    of_a_browser = {"page.png"}  # taken by hand of `make run ARGS="--page"`
+    assert shown == {picture.name for picture in pictures.PICTURES} | of_a_browser
     assert far_from([(0.0, 0.0), (1.0, 0.5)], [(0.0, 0.0), (2.0, 0.0)]) == 0.5
 
 
 # --- move it by hand ---------------------------------------------------------------------------
+
 
 GROUND: Final = "127.0.0.1:14550"
 
@@ -347,17 +350,32 @@ def test_the_snippet_moves_the_line(desk: Desk) -> None:
 ELSEWHERE = """
 import sys
 from functools import partial
-from tgl_soar.sim import sitl
+from tgl_soar.sim import sitl, sitl_options, sitl_page
 gcs, companion = sys.argv[1:3]
-command = sitl._bridge_command
-sitl._bridge_command = lambda *given: [
+command = sitl.bridge_command
+sitl.bridge_command = sitl_page.bridge_command = lambda *given: [
     *command(*given), "--gcs-local", "127.0.0.1:0", "--companion-local", "127.0.0.1:0"
 ]
-sitl.SitlOptions = partial(sitl.SitlOptions, gcs=gcs, companion=companion)
+sitl_options.SitlOptions = partial(sitl_options.SitlOptions, gcs=gcs, companion=companion)
 sys.argv[1:] = sys.argv[3:]
 from tgl_soar.cli.__main__ import main
 main()
 """
+
+
+@proves('make run ARGS="--page"')
+def test_the_page_is_served_beside_a_flight(desk: Desk) -> None:
+    pytest.importorskip("uvicorn", reason="the extra `page` is not installed")
+    for name in ("Makefile", "pyproject.toml", "constraints.txt"):
+        (desk.folder / name).symlink_to(ROOT / name)
+    ports = f"127.0.0.1:{free_port()} 127.0.0.1:{free_port()}"  # other flights may have the usual
+    desk.program("tgl-soar", f'exec python -c {shlex.quote(ELSEWHERE)} {ports} "$@"')
+    with desk.terminal("flight") as terminal:
+        terminal.type('make run ARGS="--page --page-port 0"')
+        terminal.wait("engage there; Ctrl-C ends it")
+        (address,) = re.findall(r"http://127\.0\.0\.1:\d+/", terminal.words)
+        with urllib.request.urlopen(address, timeout=PATIENCE_S) as page:
+            assert b"tgl_soar" in page.read()
 
 
 @pytest.mark.long
