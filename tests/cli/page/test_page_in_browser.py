@@ -303,6 +303,7 @@ def test_a_recording_is_replayed_with_a_slider(browser: Any, tmp_path: Path) -> 
     window.shows("#mode", "soaring")
     place = window.value("[m.now.soar_x, m.now.soar_z]")
     assert place == pytest.approx(flown.place, abs=0.1)
+    assert window.value("m.line.x") == pytest.approx(window.value("m.now.line_x"))
     assert window.page.is_disabled("#engage")
     assert window.page.is_disabled("#presets button:nth-child(1)")
     assert "recording" in window.page.inner_text("#ghost-words")

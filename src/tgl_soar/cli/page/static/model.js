@@ -35,8 +35,10 @@ export class Model {
   }
   get flying() { return ["capturing", "soaring", "holding", "recovering"].includes(this.mode); }
   get line() {
-    const p = this.parameters;
-    const line = { x: p.TGL_X, z: p.TGL_Z, lean: p.TGL_LEAN };
+    const [p, now] = [this.parameters, this.now];
+    const line = this.isRecording // its parameters are those of its beginning
+      ? { x: now.line_x, z: now.line_z, lean: now.line_lean }
+      : { x: p.TGL_X, z: p.TGL_Z, lean: p.TGL_LEAN };
     return Object.values(line).every(Number.isFinite) ? line : null;
   }
   get heldByOther() { return this.holder !== 0 && this.holder !== this.you; }
