@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from msgspec.structs import replace
 
-from tgl_soar.config.dynamics import Dynamics
+from tgl_soar.config.dynamics import MeasuredDynamics
 from tgl_soar.config.files import load_airframe, shipped
 
 AIRFRAME = load_airframe(shipped("airframes/eclipson_c.toml"))
@@ -13,7 +13,7 @@ AIRFRAME = load_airframe(shipped("airframes/eclipson_c.toml"))
 
 def test_the_shipped_model_has_the_short_period_that_its_file_states() -> None:
     """11.5 rad/s, damping 0.75 and 31 rad/s² at 8.5 m/s; best glide 6.4 at 9.2 m/s."""
-    at = replace(AIRFRAME, dynamics=Dynamics(speed_mps=8.5)).all_parameters()
+    at = replace(AIRFRAME, dynamics=MeasuredDynamics(speed_mps=8.5)).all_parameters()
     assert at["DYN_FREQ"] == pytest.approx(11.5, abs=0.05)
     assert at["DYN_DAMP"] == pytest.approx(0.75, abs=0.005)
     assert at["DYN_EFFECT"] == pytest.approx(31.0, abs=0.05)
@@ -23,7 +23,7 @@ def test_the_shipped_model_has_the_short_period_that_its_file_states() -> None:
 
 
 def test_what_was_measured_comes_before_what_the_model_says() -> None:
-    measured = Dynamics(short_period_radps=6.6, servo_s=0.03, command_delay_s=0.02)
+    measured = MeasuredDynamics(short_period_radps=6.6, servo_s=0.03, command_delay_s=0.02)
     found = replace(AIRFRAME, dynamics=measured).all_parameters()
     assert (found["DYN_FREQ"], found["DYN_SERVO"], found["CMD_DELAY"]) == (6.6, 0.03, 0.02)
     by_hand = replace(AIRFRAME, parameters={"DYN_FREQ": 9.0}, dynamics=measured)

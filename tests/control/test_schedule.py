@@ -13,7 +13,7 @@ from tgl_soar.control.schedule import (
     GRAVITY_MPS2,
     SPEED_S,
     Dynamics,
-    Schedule,
+    GainSchedule,
     lean_of_glide,
     pitch_gains,
     schedule_of,
@@ -49,12 +49,12 @@ AS_FOUND = schedule_of(SPEED, LEAN, FOUND_ON, FOUND_ON)
 
 
 def soaring(
-    lean_deg: float, speed: float = SPEED, schedule: Schedule = AS_FOUND, imu: float = 1.0
+    lean_deg: float, speed: float = SPEED, schedule: GainSchedule = AS_FOUND, imu: float = 1.0
 ) -> PidGains:
     return soaring_gains(GAINS, schedule, imu, speed, eta_from_lean(radians(lean_deg))).pid
 
 
-def on(**changes: float) -> Schedule:
+def on(**changes: float) -> GainSchedule:
     return schedule_of(SPEED, LEAN, FOUND_ON, FOUND_ON._replace(**changes))
 
 

@@ -408,7 +408,7 @@ def test_a_flood_of_bad_sets_is_told_in_few_words_but_always_answered() -> None:
 def test_a_lost_answer_is_asked_for_again_by_index() -> None:
     served = server()
     ask(served, ParamRequestList(1, 191))
-    lost = {v.param_index for v in collected(served, 1.0) if v.param_index % 5 == 0}
+    lost = {v.param_index for v in collected(served, 2.0) if v.param_index % 5 == 0}
     for index in sorted(lost):
         ask(served, ParamRequestRead(1, 191, "", index), now_s=2.0)
     again: set[int] = set()

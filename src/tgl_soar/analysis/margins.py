@@ -34,7 +34,7 @@ from tgl_soar.sim.sensors import MEMS_IMU, USUAL_SENSORS, Sensors
 from tgl_soar.sim.servos import servo_params
 
 
-class Case(NamedTuple):
+class MarginCase(NamedTuple):
     """One condition."""
 
     speed_mps: float
@@ -46,7 +46,7 @@ class Case(NamedTuple):
 class CaseMargins(NamedTuple):
     """What one condition leaves."""
 
-    case: Case
+    case: MarginCase
     elevator: Margin
     line: Margin
     e_rho_m: float  # standard deviation in turbulence; NaN: unstable
@@ -59,7 +59,7 @@ class CaseMargins(NamedTuple):
 
 
 def case_margins(
-    airframe: Airframe, values: ParameterSet, cases: Sequence[Case], gusts: Gusts
+    airframe: Airframe, values: ParameterSet, cases: Sequence[MarginCase], gusts: Gusts
 ) -> Iterator[CaseMargins]:
     """The margins of each case, in order.
 
@@ -143,10 +143,10 @@ def margins_figure(path: Path, rows: Sequence[CaseMargins], floor: float, title:
 
 def grid(
     speeds_mps: Sequence[float], leans_deg: Sequence[float], delays_s: Sequence[float]
-) -> list[Case]:
+) -> list[MarginCase]:
     """All of them, with accelerometers first."""
     return [
-        Case(speed, lean, delay, inertial)
+        MarginCase(speed, lean, delay, inertial)
         for inertial in (True, False)
         for delay in delays_s
         for lean in leans_deg

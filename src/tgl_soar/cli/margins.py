@@ -95,23 +95,25 @@ def _table(rows: list[CaseMargins], floor: float) -> Table:
     from tgl_soar.analysis.margins import least_delay_s, least_gain_db, least_phase_deg
 
     table = Table(
-        *("sensors", "delay", "lean", "speed", "α elevator", "α e_rho", "gain", "phase"),
-        *("more delay", "e_rho rms", "elevator rms"),
+        *("sensors", "late\nms", "lean\ndeg", "speed\nm/s", "α\nelev.", "α\nline"),
+        *("gain\ndB", "phase\ndeg", "later\nms", "e_rho\ncm", "elev.\n"),
         box=None,
+        caption="α: disk margins at the elevator and at the line; gain, phase and delay that are"
+        " left; rms in gusts",
     )
     for row in rows:
         case = row.case
         table.add_row(
-            "accelerometers" if case.inertial else "fixes",
-            f"{1e3 * case.delay_s:.3g} ms",
-            f"{case.lean_deg:g}°",
-            f"{case.speed_mps:g} m/s",
+            "imu" if case.inertial else "fixes",
+            f"{1e3 * case.delay_s:.3g}",
+            f"{case.lean_deg:g}",
+            f"{case.speed_mps:g}",
             f"{row.elevator.alpha:.2f}",
             f"{row.line.alpha:.2f}",
-            f"{least_gain_db(row):.1f} dB",
-            f"{least_phase_deg(row):.0f}°",
-            f"{1e3 * least_delay_s(row):.0f} ms",
-            f"{100.0 * row.e_rho_m:.2f} cm",
+            f"{least_gain_db(row):.1f}",
+            f"{least_phase_deg(row):.0f}",
+            f"{1e3 * least_delay_s(row):.0f}",
+            f"{100.0 * row.e_rho_m:.2f}",
             f"{row.activity:.3f}",
             style="red" if row.alpha < floor else None,
         )

@@ -10,7 +10,7 @@ from typing import Annotated, Final, Literal
 
 from msgspec import Meta, field
 
-from tgl_soar.config.dynamics import Dynamics, dynamics_parameters
+from tgl_soar.config.dynamics import MeasuredDynamics, dynamics_parameters
 from tgl_soar.config.strict import Finite, Positive, Strict, SystemId
 from tgl_soar.types import NO_AERODYNAMICS, Aerodynamics, GlidePolar
 
@@ -115,7 +115,7 @@ class Airframe(Strict, frozen=True):
     parameters: dict[str, float] = field(default_factory=dict)
     # The simulation's; checked by tgl_soar.sim.aircraft.
     model: dict[str, Finite] = field(default_factory=dict)
-    dynamics: Dynamics = field(default_factory=Dynamics)  # in pitch, as measured
+    dynamics: MeasuredDynamics = field(default_factory=MeasuredDynamics)  # in pitch, as measured
 
     def __post_init__(self) -> None:
         for key in _POSITIVE:

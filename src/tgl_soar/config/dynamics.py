@@ -37,7 +37,7 @@ _KEYS: Final = {
 }
 
 
-class Dynamics(Strict, frozen=True):
+class MeasuredDynamics(Strict, frozen=True):
     """`[dynamics]` of an airframe file; None: as the model has it."""
 
     speed_mps: Positive | None = None  # at which the next four hold
@@ -52,7 +52,7 @@ class Dynamics(Strict, frozen=True):
 
 
 def dynamics_parameters(
-    given: Dynamics,
+    given: MeasuredDynamics,
     bench: Mapping[str, float],
     model: Mapping[str, float],
     polar: GlidePolar,

@@ -13,7 +13,7 @@ from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.envelope import EnvelopeLimits, Fence
 from tgl_soar.control.heading import BankGains, HeadingGains
 from tgl_soar.control.pid import PidGains
-from tgl_soar.control.schedule import Dynamics, Schedule, schedule_of
+from tgl_soar.control.schedule import Dynamics, GainSchedule, schedule_of
 from tgl_soar.control.soaring import SoaringGains, TrimGains
 from tgl_soar.control.target_line import LineLimits, TargetLine, eta_from_lean
 from tgl_soar.estimation.health import HealthLimits
@@ -57,7 +57,7 @@ class Laws(NamedTuple):
     soaring_imu: SoaringGains  # while accelerations are in use
     pitch: PidGains
     pitch_imu: PidGains
-    schedule: Schedule  # of these four
+    schedule: GainSchedule  # of these four
     roll: PidGains
     heading: HeadingGains
     bank: BankGains
@@ -202,7 +202,7 @@ def dynamics_of(values: ParameterSet) -> Dynamics:
     )
 
 
-def _schedule(values: ParameterSet) -> Schedule:
+def _schedule(values: ParameterSet) -> GainSchedule:
     found_on = Dynamics(
         speed_mps=values["RHO_SPEED"],
         short_period_radps=values["ELE_FREQ"],

@@ -79,7 +79,7 @@ class Dynamics(NamedTuple):
     best_glide_mps: float
 
 
-class Schedule(NamedTuple):
+class GainSchedule(NamedTuple):
     """What is flown where, from `schedule_of`."""
 
     speed_mps: float  # of the finding; below SPEED_MIN_MPS: gains are flown as they stand
@@ -106,7 +106,7 @@ class ScheduledGains(NamedTuple):
 
 def schedule_of(
     speed_mps: float, lean_rad: float, found_on: Dynamics, airframe: Dynamics
-) -> Schedule:
+) -> GainSchedule:
     """The schedule of gains that were found on one airframe, for another one."""
     late = min(1.0, (found_on.late_s + HOLD_S) / (airframe.late_s + HOLD_S))
     effect, damped = 1.0, 1.0
@@ -120,7 +120,7 @@ def schedule_of(
             damped = airframe.damping * airframe.short_period_radps / before
             damped = max(DAMPING_MIN, min(DAMPING_MAX, damped))
     glides = airframe.glide_ratio >= 1.0 and airframe.best_glide_mps >= SPEED_MIN_MPS
-    return Schedule(
+    return GainSchedule(
         speed_mps=speed_mps,
         lean_rad=lean_rad,
         drag=0.5 / airframe.glide_ratio if glides else 0.0,
@@ -141,14 +141,14 @@ def speed_step(before_mps: float, airspeed_mps: float, dt_s: float) -> float:
     return before_mps + dt_s / (SPEED_S + dt_s) * (airspeed_mps - before_mps)
 
 
-def speed_within(schedule: Schedule, airspeed_mps: float) -> float:
+def speed_within(schedule: GainSchedule, airspeed_mps: float) -> float:
     """The airspeed that gains are for: that of the finding where it is not known."""
     if not isfinite(airspeed_mps):
         return schedule.speed_mps
     return max(SLOWEST * schedule.speed_mps, min(FASTEST * schedule.speed_mps, airspeed_mps))
 
 
-def pitch_gains(gains: PidGains, schedule: Schedule, airspeed_mps: float) -> PidGains:
+def pitch_gains(gains: PidGains, schedule: GainSchedule, airspeed_mps: float) -> PidGains:
     """The pitch loop's gains at an airspeed."""
     if not schedule.speed_mps >= SPEED_MIN_MPS:
         return gains
@@ -166,7 +166,11 @@ def pitch_gains(gains: PidGains, schedule: Schedule, airspeed_mps: float) -> Pid
 
 
 def soaring_gains(
-    gains: SoaringGains, schedule: Schedule, imu_weight: float, airspeed_mps: float, eta_rad: float
+    gains: SoaringGains,
+    schedule: GainSchedule,
+    imu_weight: float,
+    airspeed_mps: float,
+    eta_rad: float,
 ) -> SoaringGains:
     """The soaring law's gains at an airspeed, for a line of this inclination.
 
@@ -220,7 +224,7 @@ def soaring_gains(
     )
 
 
-def lean_of_glide(schedule: Schedule, airspeed_mps: float) -> float:
+def lean_of_glide(schedule: GainSchedule, airspeed_mps: float) -> float:
     """Of a line on which pitch moves e_rho by drifting alone [rad]: D/L - dD/dL."""
     ratio = airspeed_mps / schedule.best_glide_mps
     square = ratio * ratio

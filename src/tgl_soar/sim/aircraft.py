@@ -114,16 +114,8 @@ class AircraftModel(NamedTuple):
         dt_s: float,
     ) -> AircraftState:
         """The aircraft `dt_s` [s] later."""
-        return step(
-            self,
-            state,
-            surfaces,
-            wind_here,
-            wind_ahead,
-            dt_s,
-            roll_gust_here_radps,
-            roll_gust_ahead_radps,
-        )
+        here, ahead = roll_gust_here_radps, roll_gust_ahead_radps
+        return step(self, state, surfaces, wind_here, wind_ahead, dt_s, here, ahead)
 
     def specific_force_frd(self, state: AircraftState, wind: Wind) -> tuple[float, float, float]:
         """What an accelerometer at the centre of gravity feels [m/s², FRD]."""

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from page_flight import AIRFRAME, SITE, SOARING, Flown
 
 from tgl_soar.air.zeuc import stable_crossing
-from tgl_soar.cli.page.ghost import Foresight, Line, Start
+from tgl_soar.cli.page.ghost import Foresight, GhostLine, GhostStart
 from tgl_soar.cli.page.scene import Place, place_of
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, preset_lines
 from tgl_soar.config.line_changes import LineChanges
@@ -20,7 +20,7 @@ from tgl_soar.control.line_bounds import LineBounds
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.sim.world import build_field
 
-A, C = Line(0.20, 1.15, 15.0), Line(1.05, 2.00, 15.0)
+A, C = GhostLine(0.20, 1.15, 15.0), GhostLine(1.05, 2.00, 15.0)
 
 
 @cache
@@ -34,7 +34,7 @@ def test_it_settles_where_the_line_crosses_the_contour_of_the_air() -> None:
     assert site.air is not None
     field, polar = build_field(site.air, SITE.parent), airframe.polar.as_polar()
     crossing = stable_crossing(field, polar, (C.x_m, C.z_m, eta_from_lean(radians(C.lean_deg))))
-    ghost = tunnel().foresight.ghost(tunnel().values, C, Start(0.2, 1.2, A), flying=True)
+    ghost = tunnel().foresight.ghost(tunnel().values, C, GhostStart(0.2, 1.2, A), flying=True)
     assert ghost.refusal == ghost.words == ""
     assert crossing is not None
     assert ghost.place == pytest.approx((crossing.x_m, crossing.z_m), abs=0.02)
@@ -53,7 +53,7 @@ def test_the_simulated_aircraft_settles_at_the_ghost() -> None:
     settings.assign("OP_ENGAGE", 1.0)
     flown.run(10.0)
     assert flown.mode == SOARING
-    start = Start(*flown.place, Line(0.6, 1.6, 15.0))
+    start = GhostStart(*flown.place, GhostLine(0.6, 1.6, 15.0))
     ghost = tunnel().foresight.ghost(settings.values, C, start, flying=True)
     settings.assign("TGL_X", C.x_m)
     settings.assign("TGL_Z", C.z_m)
@@ -83,21 +83,21 @@ def test_it_is_refused_exactly_where_the_module_refuses_it(
     except ParameterError:
         refused = True
     refusal, _ = tunnel().foresight.verdict(
-        tunnel().values, Line(x_m, z_m, lean_deg), flying=flying
+        tunnel().values, GhostLine(x_m, z_m, lean_deg), flying=flying
     )
     assert bool(refusal) == refused
 
 
 def test_a_refusal_names_the_bound_and_the_way_out() -> None:
-    refusal, _ = tunnel().foresight.verdict(tunnel().values, Line(1.0, 9.0, 15.0), flying=True)
+    refusal, _ = tunnel().foresight.verdict(tunnel().values, GhostLine(1.0, 9.0, 15.0), flying=True)
     assert refusal == (
         "the line's point is outside the fence (FENCE_Z_MAX is 2.85 m); OP_FORCE 1 overrides once"
     )
 
 
 def test_a_line_off_the_air_has_no_place() -> None:
-    upstream = Line(-3.0, 1.0, 15.0)  # of the nozzle
-    start = Start(0.0, 1.0, A)
+    upstream = GhostLine(-3.0, 1.0, 15.0)  # of the nozzle
+    start = GhostStart(0.0, 1.0, A)
     ghost = tunnel().foresight.ghost(tunnel().values, upstream, start, flying=True)
     assert ghost.place is None
     assert ghost.words == "the aircraft would leave the air that is known"
@@ -107,8 +107,8 @@ def test_without_a_model_the_place_is_the_known_contours() -> None:
     airframe, site = load_airframe(AIRFRAME), load_site(SITE)
     values, contour = tunnel().values, site.contour_for(airframe.airframe.name)
     blind = Foresight(preset_lines(site, values), contour, site.known_ground(), None)
-    ghost = blind.ghost(values, C, Start(0.2, 1.2, A), flying=True)
-    modelled = tunnel().foresight.ghost(values, C, Start(0.2, 1.2, A), flying=True)
+    ghost = blind.ghost(values, C, GhostStart(0.2, 1.2, A), flying=True)
+    modelled = tunnel().foresight.ghost(values, C, GhostStart(0.2, 1.2, A), flying=True)
     assert ghost.settles_s is None
     assert ghost.place is not None
     assert modelled.place is not None
@@ -117,7 +117,7 @@ def test_without_a_model_the_place_is_the_known_contours() -> None:
 
 
 def test_an_aircraft_whose_place_is_not_known_has_no_time() -> None:
-    ghost = tunnel().foresight.ghost(tunnel().values, C, Start(nan, nan, None), flying=False)
+    ghost = tunnel().foresight.ghost(tunnel().values, C, GhostStart(nan, nan, None), flying=False)
     assert ghost.settles_s is None
     assert ghost.place is not None
     assert ghost.path == ()

@@ -16,7 +16,7 @@ from tgl_soar.cli.page.hands import (
     HOLD_S,
     LONGEST,
     PER_S,
-    Allowance,
+    ClientAllowance,
     Holder,
     Move,
     Refused,
@@ -85,11 +85,11 @@ def test_the_line_is_in_one_hand_at_a_time() -> None:
 
 
 def test_a_flood_uses_up_its_allowance_and_a_hand_does_not() -> None:
-    allowance = Allowance()
+    allowance = ClientAllowance()
     flood = [allowance.spend(0.0) for _ in range(int(AT_ONCE) + 1)]
     assert all(flood[:-1])
     assert not flood[-1]
-    hand = Allowance()
+    hand = ClientAllowance()
     assert all(hand.spend(i / (0.9 * PER_S)) for i in range(1000))
 
 

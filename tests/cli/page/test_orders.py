@@ -7,11 +7,11 @@ from collections.abc import Callable
 import pytest
 from page_flight import RELEASED, SOARING, Flown
 
-from tgl_soar.cli.page.ghost import Line
+from tgl_soar.cli.page.ghost import GhostLine
 from tgl_soar.cli.page.orders import ABORT, ENGAGE, RELEASE, WAITING, Done, Orders
 from tgl_soar.cli.page.station import Station, without_others
 
-A, B, C = Line(0.20, 1.15, 15.0), Line(0.60, 1.60, 15.0), Line(1.05, 2.00, 15.0)
+A, B, C = GhostLine(0.20, 1.15, 15.0), GhostLine(0.60, 1.60, 15.0), GhostLine(1.05, 2.00, 15.0)
 SLICE_S = 0.05
 
 
@@ -72,7 +72,7 @@ def test_engage_move_undo_release() -> None:
 
 def test_a_refused_line_leaves_everything_as_it_was() -> None:
     desk = Desk().engaged()
-    desk.orders.move("me", Line(0.6, 9.0, 15.0))
+    desk.orders.move("me", GhostLine(0.6, 9.0, 15.0))
     desk.run(2.0)
     assert not desk.done[-1].ok
     assert "refused" in desk.words[-1]

@@ -18,7 +18,7 @@ from typing import Any, Final
 import msgspec
 
 from tgl_soar.cli.page.broadcast import FRAMES_PER_S, Broadcast, Viewer
-from tgl_soar.cli.page.ghost import Foresight, Ghost, Line, Start
+from tgl_soar.cli.page.ghost import Foresight, Ghost, GhostLine, GhostStart
 from tgl_soar.cli.page.hands import (
     Abort,
     Drop,
@@ -129,11 +129,11 @@ class Desk:
             return
         who = viewer.name
         if isinstance(request, Look):
-            self._look(Line(request.x, request.z, request.lean))
+            self._look(GhostLine(request.x, request.z, request.lean))
         elif isinstance(request, Drop):
             self._let_go(viewer)
         elif isinstance(request, Move):
-            self.orders.move(who, Line(request.x, request.z, request.lean))
+            self.orders.move(who, GhostLine(request.x, request.z, request.lean))
             self._let_go(viewer)
         elif isinstance(request, Preset):
             self._preset(who, request.number)
@@ -166,14 +166,14 @@ class Desk:
         if self._holder.drop(viewer.number):
             self._ghost = None
 
-    def _look(self, wanted: Line) -> None:
+    def _look(self, wanted: GhostLine) -> None:
         assert self.station is not None
         now = self.station.now
         mode = now.get("soar_mode", -1.0)
         flying = isfinite(mode) and is_flying(int(mode))
         nan = float("nan")
-        flown = Line(*(now.get(name, nan) for name in FOUND_LINE))
-        start = Start(
+        flown = GhostLine(*(now.get(name, nan) for name in FOUND_LINE))
+        start = GhostStart(
             now.get("soar_x", nan),
             now.get("soar_z", nan),
             flown if flying and all(map(isfinite, flown)) else None,

@@ -40,7 +40,7 @@ SETTLED_M: Final = 0.1  # from where it comes to rest, for good: then it has set
 PATH_POINTS: Final = 60
 
 
-class Line(NamedTuple):
+class GhostLine(NamedTuple):
     """A line as the operator's parameters give it."""
 
     x_m: float
@@ -51,7 +51,7 @@ class Line(NamedTuple):
 class Ghost(NamedTuple):
     """What becomes of an aircraft if the line is moved there."""
 
-    line: Line
+    line: GhostLine
     refusal: str  # why the module would refuse it; "": it would not
     warning: str
     place: tuple[float, float] | None  # where it settles: x, z [m]
@@ -60,12 +60,12 @@ class Ghost(NamedTuple):
     path: tuple[tuple[float, float], ...]  # to there: x, z [m]
 
 
-class Start(NamedTuple):
+class GhostStart(NamedTuple):
     """Where the aircraft and the line that it flies are now."""
 
     x_m: float
     z_m: float
-    line: Line | None  # None: not engaged, it would start at the aircraft
+    line: GhostLine | None  # None: not engaged, it would start at the aircraft
 
 
 class Foresight:
@@ -83,9 +83,11 @@ class Foresight:
         self._bounds = LineBounds(contour, ground)
         self._air = air
 
-    def ghost(self, values: ParameterSet, wanted: Line, start: Start, *, flying: bool) -> Ghost:
+    def ghost(
+        self, values: ParameterSet, wanted: GhostLine, start: GhostStart, *, flying: bool
+    ) -> Ghost:
         """Of a line that is not set yet."""
-        wanted = Line(*(as_wire_value(value) for value in wanted))
+        wanted = GhostLine(*(as_wire_value(value) for value in wanted))
         refusal, warning = self.verdict(values, wanted, flying=flying)
         place, seconds, words, path = self._settling(values, wanted, start)
         return Ghost(
@@ -98,7 +100,7 @@ class Foresight:
             path=path,
         )
 
-    def verdict(self, values: ParameterSet, wanted: Line, *, flying: bool) -> tuple[str, str]:
+    def verdict(self, values: ParameterSet, wanted: GhostLine, *, flying: bool) -> tuple[str, str]:
         """Why the module would refuse a line, and what it would warn of; "" where it would not."""
         changes = LineChanges(self._presets, self._bounds.fault)
         try:
@@ -113,7 +115,7 @@ class Foresight:
         return refusal.removeprefix("TGL_STAGE = 0: "), answer.warning
 
     def _settling(
-        self, values: ParameterSet, wanted: Line, start: Start
+        self, values: ParameterSet, wanted: GhostLine, start: GhostStart
     ) -> tuple[tuple[float, float] | None, float | None, str, tuple[tuple[float, float], ...]]:
         if not (isfinite(start.x_m) and isfinite(start.z_m)):
             words = "where the aircraft is now is not known"
@@ -130,13 +132,13 @@ class Foresight:
         away = [i for i, p in enumerate(path) if hypot(p[0] - end[0], p[1] - end[1]) > SETTLED_M]
         return end, (away[-1] + 1) * STEP_S if away else 0.0, "", _thin(path)
 
-    def _crossing(self, line: Line) -> tuple[float, float] | None:
+    def _crossing(self, line: GhostLine) -> tuple[float, float] | None:
         """The nearest place of the known contour where an aircraft settles."""
         places = [(c.x_m, c.z_m) for c in crossings(self._contour, *line) if c.settles]
         return min(places, key=lambda p: hypot(p[0] - line.x_m, p[1] - line.z_m), default=None)
 
     def _way(
-        self, values: ParameterSet, wanted: Line, start: Start
+        self, values: ParameterSet, wanted: GhostLine, start: GhostStart
     ) -> tuple[tuple[float, float], ...]:
         """The places at every step, until it rests; NaN at the end: it left the known air."""
         limits = LineLimits(

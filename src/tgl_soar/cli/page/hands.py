@@ -114,7 +114,7 @@ def is_token(given: str, token: str) -> bool:
     return hmac.compare_digest(given.encode("utf-8", "replace"), token.encode())
 
 
-class Allowance:
+class ClientAllowance:
     """So many requests a second, and a few at once."""
 
     def __init__(self) -> None:

@@ -20,8 +20,8 @@ from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.cli.page.ghost import Line
-from tgl_soar.cli.page.station import Answer, Station
+from tgl_soar.cli.page.ghost import GhostLine
+from tgl_soar.cli.page.station import Station, StationAnswer
 from tgl_soar.config.line_changes import LINE
 from tgl_soar.config.parameters import as_wire_value
 from tgl_soar.link.messages import (
@@ -96,7 +96,7 @@ class Orders:
         self._done = done
         self._waiting: deque[_Change] = deque()
         self._commands: dict[int, _Command] = {}
-        self._undo: list[Line] = []
+        self._undo: list[GhostLine] = []
         station.on_answer = self._answered
 
     @property
@@ -109,22 +109,22 @@ class Orders:
         """How many moves can be taken back."""
         return len(self._undo)
 
-    def line(self) -> Line | None:
+    def line(self) -> GhostLine | None:
         """The line as the module commands it; None: not known yet."""
         values = self._station.parameters
         if not all(name in values for name in LINE):
             return None
-        return Line(*(values[name] for name in LINE))
+        return GhostLine(*(values[name] for name in LINE))
 
     # --- asked ----------------------------------------------------------------------------------
 
-    def move(self, who: str, wanted: Line, *, keeps_undo: bool = True) -> None:
+    def move(self, who: str, wanted: GhostLine, *, keeps_undo: bool = True) -> None:
         """Move the line."""
         now = self.line()
         if now is None:
             self._done(Done(who, False, "the module's parameters are not known yet: wait"))
             return
-        wanted = Line(*(as_wire_value(value) for value in wanted))
+        wanted = GhostLine(*(as_wire_value(value) for value in wanted))
         pairs = zip(LINE, now, wanted, strict=True)
         changes = {name: new for name, old, new in pairs if new != old}
         if not changes:
@@ -170,7 +170,7 @@ class Orders:
         else:
             self._waiting.append(change)
 
-    def _remember(self, line: Line) -> None:
+    def _remember(self, line: GhostLine) -> None:
         if not self._undo or self._undo[-1] != line:
             self._undo = [*self._undo[-49:], line]
 
@@ -233,7 +233,7 @@ class Orders:
             self._station.set("TGL_STAGE", 2.0)  # what is staged is not to be moved to later
         self._done(Done(change.who, ok, f"{change.words}: {result}"))
 
-    def _answered(self, answer: Answer) -> None:
+    def _answered(self, answer: StationAnswer) -> None:
         """The module has answered somebody's set or command."""
         if answer.kind == "ack":
             self._acknowledged(answer)
@@ -249,7 +249,7 @@ class Orders:
         elif answer.value != wanted[answer.name]:
             change.stands_since_s.setdefault(answer.name, change.sent_s)
 
-    def _acknowledged(self, answer: Answer) -> None:
+    def _acknowledged(self, answer: StationAnswer) -> None:
         command = self._commands.get(answer.command)
         if command is None:
             return

@@ -30,7 +30,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from tgl_soar.cli.page.desk import Desk
-from tgl_soar.cli.page.hands import Allowance, Hello, Refused, is_token, request_of
+from tgl_soar.cli.page.hands import ClientAllowance, Hello, Refused, is_token, request_of
 
 STATIC: Final = Path(__file__).parent / "static"
 HELLO_S: Final = 5.0  # for the first request of a connection
@@ -150,7 +150,7 @@ async def _live(socket: WebSocket, desk: Desk, access: Access) -> None:
     """One page, from its hello to its end."""
     await socket.accept()
     viewer = None
-    allowance = Allowance()
+    allowance = ClientAllowance()
     try:
         first = await asyncio.wait_for(_text(socket), HELLO_S)
         hello = request_of(first, access.token)

@@ -63,7 +63,7 @@ class Text(NamedTuple):
     text: str
 
 
-class Answer(NamedTuple):
+class StationAnswer(NamedTuple):
     """What the module answered to a parameter that was set, or to a command."""
 
     kind: str  # "value", "error" or "ack"
@@ -101,7 +101,7 @@ class Station:
         self.row_number = 0  # of rows so far
         self.text_number = 0
         self.starts = 0  # of the module, that were noticed
-        self.on_answer: Callable[[Answer], None] = lambda _answer: None
+        self.on_answer: Callable[[StationAnswer], None] = lambda _answer: None
         self._received_s = float("-inf")  # a message of the module
         self._rows_s = float("-inf")
         self._heartbeat_s = float("-inf")
@@ -148,9 +148,11 @@ class Station:
         elif kind == "PARAM_VALUE":
             self._take_value(message.param_id.rstrip("\0"), message.param_value)
         elif kind == "PARAM_ERROR" and self._is_for_us(message):
-            self.on_answer(Answer(kind="error", name=message.param_id.rstrip("\0")))
+            self.on_answer(StationAnswer(kind="error", name=message.param_id.rstrip("\0")))
         elif kind == "COMMAND_ACK" and self._is_for_us(message):
-            self.on_answer(Answer(kind="ack", command=message.command, result=message.result))
+            self.on_answer(
+                StationAnswer(kind="ack", command=message.command, result=message.result)
+            )
         elif kind == "STATUSTEXT":
             self._take_text(message, wall_s, "module")
 
@@ -169,7 +171,7 @@ class Station:
     def _take_value(self, name: str, value: float) -> None:
         if name in INDEX:
             self.parameters[name] = value
-            self.on_answer(Answer(kind="value", name=name, value=value))
+            self.on_answer(StationAnswer(kind="value", name=name, value=value))
 
     def _of_autopilot(self, kind: str, message: Any, wall_s: float) -> None:
         if kind == "ATTITUDE":
