@@ -111,9 +111,18 @@ def test_the_newest_log_is_the_first_part_of_the_last_flight(tmp_path: Path) -> 
     assert newest_log(tmp_path) == day / "09_00_00_flight002.ulg"
 
 
+FOLLOWED = "degree = 1\nx_m = [0.0, 1.0]\nz_m = [0.0, 1.0]"
+OF_A_FILE = {
+    "grid": '[air]\nkind = "grid"\nfile = "{file}"\nwind_mps = 5\n',
+    "polynomial": f'[air]\nkind = "polynomial"\n{FOLLOWED}\n'
+    '[air.of]\nkind = "grid"\nfile = "{file}"\nwind_mps = 5\n',
+}
+
+
+@pytest.mark.parametrize("kind", list(OF_A_FILE))
 @pytest.mark.parametrize("name", ["secret.csv", "{folder}/secret.csv", "../secret.csv"])
 def test_no_path_that_a_log_names_is_opened(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, kind: str
 ) -> None:
     """Else a stranger's log would choose which table of this computer its page shows."""
     secret = tmp_path / "secret.csv"
@@ -121,7 +130,7 @@ def test_no_path_that_a_log_names_is_opened(
     place = tmp_path / "logs"
     place.mkdir()
     monkeypatch.chdir(tmp_path)
-    air = f'[air]\nkind = "grid"\nfile = "{name.format(folder=tmp_path)}"\nwind_mps = 5\n'
+    air = OF_A_FILE[kind].format(file=name.format(folder=tmp_path))
     log = place / "foreign.ulg"
     log.write_bytes(fuzz_logs.own_log(b'[site]\nname = "$x_{"\n' + air.encode()))
     result = RUN.invoke(app, ["report", str(log), "-o", str(tmp_path)])

@@ -21,7 +21,7 @@ from tgl_soar.config.files import (
     shipped,
 )
 from tgl_soar.config.parameters import ParameterSet
-from tgl_soar.config.site import GridAir, HillAir, JetAir, Site
+from tgl_soar.config.site import GridAir, HillAir, JetAir, PolynomialAir, Site
 from tgl_soar.config.strict import Strict
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.types import GlidePolar
@@ -119,11 +119,43 @@ def test_a_site_for_flying_needs_no_air(tmp_path: Path) -> None:
     assert site.lines == {}
 
 
+POLYNOMIAL = """kind = "polynomial"
+of = { kind = "jet", wind_mps = 8.5, slope_deg = 23 }
+degree = 8
+x_m = [-0.5, 2.2]
+z_m = [0.2, 2.8]"""
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (("degree = 8", "degree = 13"), "air.degree = 13: must be a whole number from 1 to 12"),
+        (("degree = 8", ""), "air.degree: missing"),
+        (("2.2]", "-0.5]"), r"air: x_m = \[-0.5, -0.5\]: must be from, to, growing"),
+        (
+            ('"jet"', '"polynomial"'),
+            'air.of.kind = "polynomial": must be "jet" or "hill" or "grid"$',
+        ),
+        (
+            ("slope_deg = 23", "slope_deg = 23, turbulence = { intensity = 0.01 }"),
+            r"air: of.turbulence: the polynomial is of calm air; give it to \[air\]",
+        ),
+    ],
+)
+def test_a_polynomial_air_is_refused_with_the_way_out(
+    tmp_path: Path, change: tuple[str, str], told: str
+) -> None:
+    file = written(tmp_path, f'[site]\nname = "s"\n[air]\n{POLYNOMIAL.replace(*change)}\n')
+    with pytest.raises(ConfigError, match=told):
+        load_site(file)
+
+
 @pytest.mark.parametrize(
     ("air", "kind"),
     [
         ('kind = "hill"\nwind_mps = 8\nradius_m = 30', HillAir),
         ('kind = "grid"\nwind_mps = 8\nfile = "cfd.csv"', GridAir),
+        (POLYNOMIAL, PolynomialAir),
     ],
 )
 def test_other_airs(tmp_path: Path, air: str, kind: type) -> None:
@@ -323,9 +355,9 @@ BAD_SITES = [
     (
         'kind = "jet"',
         'kind = "jett"',
-        'air.kind = "jett": must be "jet" or "hill" or "grid"',
+        'air.kind = "jett": must be "jet" or "hill" or "grid" or "polynomial"',
     ),
-    ('kind = "jet"\n', "", 'air.kind: missing; must be "jet" or "hill" or "grid"'),
+    ('kind = "jet"\n', "", 'air.kind: missing; must be "jet" or "hill" or "grid" or "polynomial"'),
     ("wind_mps = 8.5", "wind_mps = 50", "air.wind_mps = 50: must be a number from 5 to 15"),
     (
         "slope_deg = 23",

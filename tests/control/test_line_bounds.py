@@ -16,7 +16,10 @@ BOX = {"FENCE_X_MIN": -3.0, "FENCE_X_MAX": 3.0, "FENCE_Z_MIN": 0.0, "FENCE_Z_MAX
 # Level at 0 up to x = 0, then a slope of 45 degrees.
 GROUND = Ground(3, (-9.0, 0.0, 9.0, 9.0, 9.0, 9.0, 9.0, 9.0), (0.0, 0.0, 9.0, 9.0, 9.0, 9, 9, 9))
 AIRFRAME = shipped("airframes/eclipson_c.toml")
-SITES = [shipped(f"sites/{name}.toml") for name in ("tunnel", "tunnel_mocap", "hill")]
+SITES = [
+    shipped(f"sites/{name}.toml")
+    for name in ("tunnel", "tunnel_mocap", "tunnel_polynomial", "hill")
+]
 
 
 def values_of(**changes: float) -> ParameterSet:

@@ -9,6 +9,7 @@ field is not `inside`, and what it answers is its value at the nearest place of 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import inf, isfinite
 from typing import Final, NamedTuple
 
@@ -36,8 +37,10 @@ class Polynomial(NamedTuple):
     half_x_m: float
     half_z_m: float
     degree: int
-    u_mps: FloatArray  # coefficients a_ij, for each i from 0 those of j from 0 to degree − i
-    w_mps: FloatArray
+    # Coefficients a_ij, for each i from 0 those of j from 0 to degree − i: a sequence for plain
+    # floats, a numpy array for numba.
+    u_mps: Sequence[float] | FloatArray
+    w_mps: Sequence[float] | FloatArray
 
 
 class Misfit(NamedTuple):
@@ -74,11 +77,36 @@ def coefficient_count(degree: int) -> int:
     return (degree + 1) * (degree + 2) // 2
 
 
+def floor_height_m(
+    floor_x_m: Sequence[float] | FloatArray, floor_z_m: Sequence[float] | FloatArray, x_m: float
+) -> float:
+    """Height [m] of a floor of corners, level beyond its ends; −inf without any."""
+    count = len(floor_x_m)
+    if count == 0:
+        return -inf
+    if x_m <= floor_x_m[0]:
+        return float(floor_z_m[0])
+    for i in range(1, count):
+        if x_m <= floor_x_m[i]:
+            along = (x_m - floor_x_m[i - 1]) / (floor_x_m[i] - floor_x_m[i - 1])
+            return float(floor_z_m[i - 1] + along * (floor_z_m[i] - floor_z_m[i - 1]))
+    return float(floor_z_m[count - 1])
+
+
+def in_box(polynomial: Polynomial, x_m: float, z_m: float) -> bool:
+    """Whether a place lies in the box that the polynomial was fitted to."""
+    return (
+        abs(x_m - polynomial.centre_x_m) <= polynomial.half_x_m
+        and abs(z_m - polynomial.centre_z_m) <= polynomial.half_z_m
+    )
+
+
 class PolynomialField:
     """A steady wind field of two polynomials, above a floor.
 
     polynomial: of u and w; the wind across is zero.  floor: corners (x, z) [m] of the ground from
-    upstream to downstream, level beyond its ends; empty: the box's lower edge.
+    upstream to downstream, level beyond its ends; empty: the box's lower edge.  misfit: how far it
+    is from the field that it was fitted to; None: it was fitted to none.
     """
 
     def __init__(
@@ -87,10 +115,15 @@ class PolynomialField:
         *,
         reference_wind_mps: float,
         floor: Floor = (),
+        misfit: Misfit | None = None,
     ) -> None:
         if not (isfinite(reference_wind_mps) and reference_wind_mps > 0.0):
             raise PolynomialError(f"reference wind {reference_wind_mps} m/s must be positive")
-        self.polynomial, self.floor = polynomial, floor
+        self.polynomial, self.floor, self.misfit = polynomial, floor, misfit
+        self._plain = polynomial._replace(
+            u_mps=np.asarray(polynomial.u_mps).tolist(), w_mps=np.asarray(polynomial.w_mps).tolist()
+        )
+        self._floor_x_m, self._floor_z_m = [x for x, _ in floor], [z for _, z in floor]
         self._reference_mps = float(reference_wind_mps)
 
     @property
@@ -106,8 +139,8 @@ class PolynomialField:
         time_s: float,  # noqa: ARG002 - steady
     ) -> tuple[float, float, float]:
         """Wind (u, v, w) [m/s] at one place."""
-        u, w = polynomial_wind(self.polynomial, x_m, z_m)
-        return float(u), 0.0, float(w)
+        u, w = polynomial_wind(self._plain, x_m, z_m)
+        return u, 0.0, w
 
     def wind(
         self,
@@ -125,10 +158,8 @@ class PolynomialField:
 
     def inside(self, x_m: float, y_m: float, z_m: float) -> bool:  # noqa: ARG002
         """Within the box, and above the floor."""
-        p = self.polynomial
-        if z_m < _floor_height_m(self.floor, x_m):
-            return False
-        return abs(x_m - p.centre_x_m) <= p.half_x_m and abs(z_m - p.centre_z_m) <= p.half_z_m
+        floor_m = floor_height_m(self._floor_x_m, self._floor_z_m, x_m)
+        return in_box(self._plain, x_m, z_m) and z_m >= floor_m
 
 
 def fit_polynomial(
@@ -168,8 +199,13 @@ def fit_polynomial(
         for x in np.linspace(x_from, x_to, 1 + max(1, round((x_to - x_from) / step_m)))
         for z in np.linspace(z_from, z_to, 1 + max(1, round((z_to - z_from) / step_m)))
     ]
+    corners_x, corners_z = [x for x, _ in floor], [z for _, z in floor]
     places = np.array(
-        [(x, z) for x, z in nodes if field.inside(x, 0.0, z) and z >= _floor_height_m(floor, x)]
+        [
+            (x, z)
+            for x, z in nodes
+            if field.inside(x, 0.0, z) and z >= floor_height_m(corners_x, corners_z, x)
+        ]
     ).reshape(-1, 2)
     if len(places) < PLACES_PER_COEFFICIENT * len(empty):
         raise PolynomialError(
@@ -193,14 +229,30 @@ def fit_polynomial(
         u_most_mps=float(left[:, 0].max()),
         w_most_mps=float(left[:, 1].max()),
     )
-    field_of_it = PolynomialField(fitted, reference_wind_mps=field.reference_wind_mps, floor=floor)
+    field_of_it = PolynomialField(
+        fitted, reference_wind_mps=field.reference_wind_mps, floor=floor, misfit=misfit
+    )
     return field_of_it, misfit
 
 
-def _floor_height_m(floor: Floor, x_m: float) -> float:
+def lowest_floor(field: WindField, region: Region, step_m: float = 0.05) -> Floor:
+    """The floor above which a field is `inside` all the way up to its highest such place.
+
+    For a field whose ground nobody gives; in columns and to heights `step_m` [m] apart.
+    Errors: `PolynomialError` where the field is nowhere `inside` the region.
+    """
+    x_from, x_to, z_from, z_to = region
+    heights = np.linspace(z_from, z_to, 1 + max(1, round((z_to - z_from) / step_m))).tolist()
+    floor: list[tuple[float, float]] = []
+    for x in np.linspace(x_from, x_to, 1 + max(1, round((x_to - x_from) / step_m))).tolist():
+        above = [field.inside(x, 0.0, z) for z in reversed(heights)]
+        if any(above):
+            above = above[above.index(True) :]
+            column = above.index(False) if False in above else len(above)
+            floor.append((x, heights[len(above) - column]))
     if not floor:
-        return -inf
-    return float(np.interp(x_m, [x for x, _ in floor], [z for _, z in floor]))
+        raise PolynomialError(f"region {region}: the field is nowhere known there")
+    return tuple(floor)
 
 
 def _powers(polynomial: Polynomial, x: FloatArray, z: FloatArray) -> FloatArray:

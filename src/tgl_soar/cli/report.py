@@ -23,7 +23,7 @@ from tgl_soar.config.files import (
     site_from,
 )
 from tgl_soar.config.parameters import ParameterSet
-from tgl_soar.config.site import GridAir, Site
+from tgl_soar.config.site import GridAir, PolynomialAir, Site
 from tgl_soar.control.target_line import eta_from_lean
 
 if TYPE_CHECKING:
@@ -167,10 +167,11 @@ def _surroundings(
     wind: Any = None
     notes = []
     folder = Path() if named.site is None else named.site.parent
-    if named.site is None and named.field is None and isinstance(air, GridAir):
+    source = air.of if isinstance(air, PolynomialAir) else air
+    if named.site is None and named.field is None and isinstance(source, GridAir):
         notes.append(
-            f"the site's air is in a file that the log does not hold, {air.file}, and that is not"
-            " opened at its word: name the site file by --site, or the grid by --field"
+            f"the site's air is in a file that the log does not hold, {source.file}, and that is"
+            " not opened at its word: name the site file by --site, or the grid by --field"
         )
         air = None
     if named.field is not None and named.field.suffix.lower() == ".toml":

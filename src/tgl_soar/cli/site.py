@@ -14,11 +14,21 @@ import typer
 from tgl_soar.air.field import WindField
 from tgl_soar.air.zeuc import Bounds, ZeucError, contour, excess_at
 from tgl_soar.analysis.experiments.scenario import contour_step, search_bounds
-from tgl_soar.cli.console import AIRFRAME, AIRFRAME_FILE, SITE, SITE_FILE, Commands, console, fail
+from tgl_soar.cli.console import (
+    AIRFRAME,
+    AIRFRAME_FILE,
+    SITE,
+    SITE_FILE,
+    Commands,
+    console,
+    fail,
+    hint,
+    say,
+)
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import ConfigError, load_airframe, load_site
 from tgl_soar.config.site import Site
-from tgl_soar.sim.world import build_field
+from tgl_soar.sim.world import build_field, wind_misfit_text
 from tgl_soar.types import GlidePolar
 
 site_app = Commands(help="Sites: what is to be known of a place.", no_args_is_help=True)
@@ -68,6 +78,23 @@ def contour_(
         console.print(f"contour in {out}: put it into {site}", highlight=False, soft_wrap=True)
 
 
+@site_app.command("misfit")
+def misfit_(
+    site: Annotated[
+        Path, typer.Option(help="Site file with a polynomial \\[air].", **SITE_FILE)
+    ] = SITE,
+) -> None:
+    """Print how far a site's polynomial wind is from the air that it was fitted to."""
+    try:
+        place = load_site(site)
+        text = "" if place.air is None else wind_misfit_text(build_field(place.air, site.parent))
+    except ConfigError as error:
+        fail(error)
+    if not text:
+        fail(f'{site}: air.kind: only the wind of kind = "polynomial" is fitted to another')
+    say(text)
+
+
 def _bounds(text: str) -> Bounds:
     try:
         x_from, x_to, z_from, z_to = (float(part) for part in text.split(","))
@@ -84,6 +111,8 @@ def contour_toml(airframe: Airframe, site: Site, folder: Path, bounds: Bounds) -
     if site.air is None:
         raise ConfigError(f"site {site.site.name}: no [air] table, so there is no wind to map")
     field = build_field(site.air, folder)
+    if text := wind_misfit_text(field):
+        hint(text)
     polar = airframe.polar.as_polar()
     found = contour(field, polar, bounds, contour_step(bounds))
     parts = [[(float(x), float(z)) for x, z in part] for part in found]

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Annotated, Final, Literal
 
 from msgspec import Meta, field
+from msgspec.structs import replace
 
 from tgl_soar.config.dynamics import MeasuredDynamics, dynamics_parameters
 from tgl_soar.config.strict import Finite, Positive, Strict, SystemId
@@ -66,6 +67,14 @@ class AutopilotLink(Strict, frozen=True):
     imu: Literal["usual", "raw_imu", "scaled_imu", "highres_imu", "none"] = "usual"
 
 
+# What the simulation flies: six degrees of freedom, or the paper's point mass.
+ModelKind = Literal["rigid_body", "point_mass"]
+MODEL_KINDS: Final[tuple[ModelKind, ...]] = ("rigid_body", "point_mass")
+
+# As the command line spells them.
+MODEL_OPTIONS: Final[dict[str, ModelKind]] = {kind.replace("_", "-"): kind for kind in MODEL_KINDS}
+
+
 class AirframeMetadata(Strict, frozen=True):
     """What can be read off the bench."""
 
@@ -105,6 +114,11 @@ class Polar(Strict, frozen=True):
         )
 
 
+# `kind` stands among the numbers of [model] in a file; here it has a type of its own, under a name
+# that no key of TOML has by chance.
+MODEL_KIND_FIELD: Final = "kind of [model]"
+
+
 class Airframe(Strict, frozen=True):
     """One airframe file."""
 
@@ -116,6 +130,7 @@ class Airframe(Strict, frozen=True):
     # The simulation's; checked by tgl_soar.sim.aircraft.
     model: dict[str, Finite] = field(default_factory=dict)
     dynamics: MeasuredDynamics = field(default_factory=MeasuredDynamics)  # in pitch, as measured
+    model_kind: ModelKind = field(default="rigid_body", name=MODEL_KIND_FIELD)  # model.kind
 
     def __post_init__(self) -> None:
         for key in _POSITIVE:
@@ -129,6 +144,10 @@ class Airframe(Strict, frozen=True):
         polar, firmware = self.polar.as_polar(), self.autopilot.firmware
         derived = dynamics_parameters(self.dynamics, bench, self.model, polar, firmware)
         return {**derived, **self.parameters}
+
+    def flown_as(self, kind: ModelKind | None) -> Airframe:
+        """The same with another kind of model; None: its own."""
+        return self if kind is None else replace(self, model_kind=kind)
 
     def aerodynamics(self) -> Aerodynamics:
         """Lift and drag as the flying module knows them; `NO_AERODYNAMICS` without a model."""

@@ -20,7 +20,7 @@ from typing import Any, Final, TypeVar
 import msgspec
 from msgspec import Struct, inspect
 
-from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.airframe import MODEL_KIND_FIELD, MODEL_KINDS, Airframe
 from tgl_soar.config.lateral_gains import lateral_gains
 from tgl_soar.config.line_changes import PresetLine, Presets, with_changes
 from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterError, ParameterSet
@@ -192,10 +192,25 @@ def airframe_from(text: str, name: str) -> Airframe:
 def file_from(text: str, path: str | Path, kind: type[_File]) -> _File:
     """A file's text; path: what errors call it.  Errors: `ConfigError`."""
     table = _table(text, path)
+    if issubclass(kind, Airframe):
+        table = _with_model_kind(table, path)
     try:
         return msgspec.convert(table, kind)
     except msgspec.ValidationError as error:
         raise ConfigError(f"{path}: {_plainly(str(error), table, kind)}") from None
+
+
+def _with_model_kind(table: dict[str, Any], path: str | Path) -> dict[str, Any]:
+    """An airframe file's table with `kind` taken out of the numbers of [model]."""
+    model = table.get("model")
+    if not isinstance(model, dict) or "kind" not in model:
+        return table
+    kind = model["kind"]
+    if kind not in MODEL_KINDS:
+        allowed = " or ".join(map(_shown, MODEL_KINDS))
+        raise ConfigError(f"{path}: model.kind = {_shown(kind)}: must be {allowed}")
+    numbers = {key: value for key, value in model.items() if key != "kind"}
+    return {**table, "model": numbers, MODEL_KIND_FIELD: kind}
 
 
 def _table(text: str, path: str | Path) -> dict[str, Any]:
@@ -336,7 +351,8 @@ def _known(expected: inspect.Type) -> str:
     if not isinstance(expected, inspect.StructType):
         return "any"
     tag = (expected.tag_field,) if expected.tag_field else ()
-    return ", ".join((*tag, *(f.encode_name for f in expected.fields)))
+    names = [field.encode_name for field in expected.fields]
+    return ", ".join((*tag, *(n for n in names if n != MODEL_KIND_FIELD)))
 
 
 def _allowed(expected: inspect.Type) -> str:

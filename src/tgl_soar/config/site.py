@@ -123,6 +123,29 @@ class GridAir(Strict, frozen=True, tag_field="kind", tag="grid"):
     turbulence: TurbulenceSettings = TurbulenceSettings()
 
 
+class PolynomialAir(Strict, frozen=True, tag_field="kind", tag="polynomial"):
+    """Wind as a polynomial of position, fitted to another air over a box of the vertical plane."""
+
+    of: JetAir | HillAir | GridAir
+    degree: Annotated[int, Meta(ge=1, le=12)]
+    x_m: tuple[Finite, Finite]  # the box: from, to
+    z_m: tuple[Finite, Finite]
+    step_m: Annotated[float, Meta(ge=0.001, le=1000)] = 0.05  # between the places of the fit
+    turbulence: TurbulenceSettings = TurbulenceSettings()
+
+    def __post_init__(self) -> None:
+        for name, (low, high) in (("x_m", self.x_m), ("z_m", self.z_m)):
+            if not low < high:
+                raise ValueError(f"{name} = [{low:g}, {high:g}]: must be from, to, growing")
+        if self.of.turbulence != TurbulenceSettings():
+            raise ValueError("of.turbulence: the polynomial is of calm air; give it to [air]")
+
+    @property
+    def wind_mps(self) -> float:
+        """The reference wind of the air that is followed."""
+        return self.of.wind_mps
+
+
 class Start(Strict, frozen=True):
     """Where the simulated aircraft is let go, at rest over the ground."""
 
@@ -239,7 +262,7 @@ class Site(Strict, frozen=True):
     mocap: Mocap | None = None
     lines: dict[str, Line] = field(default_factory=dict)
     parameters: dict[str, float] = field(default_factory=dict)
-    air: JetAir | HillAir | GridAir | None = None
+    air: JetAir | HillAir | GridAir | PolynomialAir | None = None
     start: Start | None = None
     contour: KnownContour | None = None
     ground: GroundProfile | None = None

@@ -26,6 +26,13 @@ from tgl_soar.air.grid import (
 from tgl_soar.air.gusts import BlendedField, GustyField, ScaledField
 from tgl_soar.air.hill import Hill, HillField, hill_wind
 from tgl_soar.air.jet import Jet, SlopeJet, jet_wind
+from tgl_soar.air.polynomial import (
+    Polynomial,
+    PolynomialField,
+    floor_height_m,
+    in_box,
+    polynomial_wind,
+)
 from tgl_soar.sim.aircraft import Wind
 
 BoolArray = NDArray[np.bool_]
@@ -33,10 +40,11 @@ BoolArray = NDArray[np.bool_]
 HILL: Final = 0  # kinds of air
 BOARD: Final = 1
 GRID: Final = 2
+POLYNOMIAL: Final = 3
 
 
 class Air(NamedTuple):
-    """One steady field: a hill, a board in a jet, or a grid.  Arrays are numpy's."""
+    """One steady field: a hill, a board in a jet, a grid, or a polynomial.  Arrays are numpy's."""
 
     kind: int
     hill: Hill
@@ -46,6 +54,9 @@ class Air(NamedTuple):
     solid: BoolArray  # (nx, ny, nz)
     goes_on: bool  # beyond the grid the wind is that of its nearest edge
     lost_mps: float  # if not, it is this
+    polynomial: Polynomial
+    floor_x_m: FloatArray  # of the polynomial, as `floor_height_m` takes it
+    floor_z_m: FloatArray
 
 
 class KnownAir(NamedTuple):
@@ -85,6 +96,9 @@ def air_wind(air: Air, x_m: float, y_m: float, z_m: float) -> Wind:
     if air.kind == BOARD:
         u, w = jet_wind(air.jet, x_m, z_m)
         return u, 0.0, w
+    if air.kind == POLYNOMIAL:
+        u, w = polynomial_wind(air.polynomial, x_m, z_m)
+        return u, 0.0, w
     if not air.goes_on and not within_grid(air.grid, x_m, y_m, z_m):
         return air.lost_mps, air.lost_mps, air.lost_mps
     return grid_wind_3d(air.grid, x_m, y_m, z_m)
@@ -103,6 +117,9 @@ def air_inside(air: Air, x_m: float, y_m: float, z_m: float) -> bool:
             and floor <= z_m <= table.z0_m + (table.nz - 1) * table.dz_m
             and abs(y_m) <= air.half_width_m
         )
+    if air.kind == POLYNOMIAL:
+        floor_m = floor_height_m(air.floor_x_m, air.floor_z_m, x_m)
+        return in_box(air.polynomial, x_m, z_m) and z_m >= floor_m
     grid = air.grid
     if not within_grid(grid, x_m, y_m, z_m):
         return False
@@ -149,6 +166,17 @@ _NO_AIR = Air(
     solid=np.zeros((2, 2, 2), dtype=bool),
     goes_on=False,
     lost_mps=nan,
+    polynomial=Polynomial(
+        centre_x_m=0.0,
+        centre_z_m=0.0,
+        half_x_m=1.0,
+        half_z_m=1.0,
+        degree=0,
+        u_mps=np.zeros(1),
+        w_mps=np.zeros(1),
+    ),
+    floor_x_m=np.zeros(0),
+    floor_z_m=np.zeros(0),
 )
 
 
@@ -208,9 +236,19 @@ def as_air(field: WindField) -> Air:
             goes_on=field.outside == "edge",
             lost_mps=0.0 if field.outside == "still" else nan,
         )
+    if isinstance(field, PolynomialField):
+        p = field.polynomial
+        return _NO_AIR._replace(
+            kind=POLYNOMIAL,
+            polynomial=p._replace(
+                u_mps=np.array(p.u_mps, dtype=float), w_mps=np.array(p.w_mps, dtype=float)
+            ),
+            floor_x_m=np.array([x for x, _ in field.floor], dtype=float),
+            floor_z_m=np.array([z for _, z in field.floor], dtype=float),
+        )
     raise UnknownFieldError(
-        f"{type(field).__name__}: compiled flights know SlopeJet, HillField, GridField, and these"
-        " blended, scaled or with gusts, in this order; fly it plain"
+        f"{type(field).__name__}: compiled flights know SlopeJet, HillField, GridField,"
+        " PolynomialField, and these blended, scaled or with gusts, in this order; fly it plain"
     )
 
 

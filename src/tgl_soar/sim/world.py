@@ -34,12 +34,19 @@ from tgl_soar.air.gusts import (
 )
 from tgl_soar.air.hill import HillField
 from tgl_soar.air.jet import JetShape, SlopeJet
+from tgl_soar.air.polynomial import (
+    PolynomialError,
+    PolynomialField,
+    fit_polynomial,
+    lowest_floor,
+)
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import ConfigError
 from tgl_soar.config.site import (
     GridAir,
     HillAir,
     JetAir,
+    PolynomialAir,
     Site,
     Start,
 )
@@ -53,6 +60,7 @@ from tgl_soar.sim.aircraft import (
     gliding_state,
 )
 from tgl_soar.sim.flown_aircraft import FlownAircraft
+from tgl_soar.sim.point_mass import PointMass, point_mass, polar_misfit
 from tgl_soar.sim.sensing import NO_SAMPLES, flown_sensors
 from tgl_soar.sim.sensors import USUAL_SENSORS, Sensors
 from tgl_soar.sim.servos import ServoParams, servo_params, servo_start
@@ -372,7 +380,7 @@ def _within(outline: Outline, x: float, z: float) -> bool:
 
 # --- from a site file ------------------------------------------------------------------------
 
-Air = JetAir | HillAir | GridAir
+Air = JetAir | HillAir | GridAir | PolynomialAir
 
 
 def build_field(air: Air, folder: Path | None = None) -> WindField:
@@ -384,6 +392,8 @@ def build_field(air: Air, folder: Path | None = None) -> WindField:
         return SlopeJet(air.wind_mps, radians(air.slope_deg))
     if isinstance(air, HillAir):
         return HillField(air.wind_mps, air.radius_m)
+    if isinstance(air, PolynomialAir):
+        return _polynomial_field(air, folder)
     path = Path(air.file) if folder is None else folder / air.file
     try:
         return read_grid(
@@ -397,6 +407,36 @@ def build_field(air: Air, folder: Path | None = None) -> WindField:
         raise ConfigError(f"air.file: {error}") from None
 
 
+def _polynomial_field(air: PolynomialAir, folder: Path | None) -> PolynomialField:
+    """The polynomial next to the air that it follows, above that air's ground."""
+    followed = build_field(air.of, folder)
+    region = (*air.x_m, *air.z_m)
+    outline = ground_outline(air.of)
+    try:
+        if outline is None:
+            floor = lowest_floor(followed, region, air.step_m)
+        else:
+            corners = sorted(outline)
+            floor = tuple(
+                (x, max(z for at, z in corners if at == x)) for x in sorted({x for x, _ in corners})
+            )
+        return fit_polynomial(followed, region, air.degree, step_m=air.step_m, floor=floor)[0]
+    except PolynomialError as error:
+        raise ConfigError(f"air: {error}") from None
+
+
+def wind_misfit_text(field: WindField) -> str:
+    """How far a polynomial is from the air that it follows; "" for any other field."""
+    if not isinstance(field, PolynomialField) or field.misfit is None:
+        return ""
+    misfit = field.misfit
+    return (
+        f"wind: a polynomial of degree {field.polynomial.degree}, fitted at {misfit.places} places;"
+        f" off by {misfit.u_rms_mps:.3f} m/s rms along the wind (at most {misfit.u_most_mps:.2f}),"
+        f" {misfit.w_rms_mps:.3f} up (at most {misfit.w_most_mps:.2f})"
+    )
+
+
 def ground_outline(air: Air) -> Outline | None:
     """Corners (x, z) [m] of the board or the hill in the vertical plane; None: not known."""
     if isinstance(air, JetAir):
@@ -406,10 +446,14 @@ def ground_outline(air: Air) -> Outline | None:
     if isinstance(air, HillAir):
         angles = [pi * i / 90 for i in range(91)]
         return [(air.radius_m * cos(a), air.radius_m * sin(a)) for a in angles]
+    if isinstance(air, PolynomialAir):
+        return ground_outline(air.of)
     return None
 
 
 def _bounds(air: Air) -> Bounds | None:
+    if isinstance(air, PolynomialAir):
+        return _bounds(air.of)
     outline = ground_outline(air)
     if isinstance(air, JetAir):
         return Bounds(
@@ -421,6 +465,29 @@ def _bounds(air: Air) -> Bounds | None:
     if isinstance(air, HillAir):
         return Bounds(outline or [], "hill", 0.0, _HILL_HALF_WIDTH_M)
     return None
+
+
+def flown_aircraft(airframe: Airframe) -> FlownAircraft:
+    """What an airframe file's `[model]` flies as, by its `kind`.  Errors: ValueError."""
+    figures = asdict(airframe.airframe)
+    if airframe.model_kind == "point_mass":
+        return point_mass(figures, airframe.model, airframe.polar.as_polar())
+    return aircraft_model(figures, airframe.model)
+
+
+def polar_misfit_text(airframe: Airframe) -> str:
+    """How far a point mass's glides are from the airframe's polar; "" for the rigid body.
+
+    Errors: ValueError.
+    """
+    model = flown_aircraft(airframe)
+    if not isinstance(model, PointMass):
+        return ""
+    misfit = polar_misfit(model, airframe.polar.as_polar())
+    return (
+        f"point mass: its sink is off the airframe's polar by {misfit.rms_mps:.3f} m/s rms"
+        f" (at most {misfit.most_mps:.3f})"
+    )
 
 
 def make_world(
@@ -446,7 +513,7 @@ def make_world(
         raise ConfigError(f"site {site.site.name}: no [start] table, so nowhere to be let go")
     try:
         return World(
-            aircraft_model(asdict(airframe.airframe), airframe.model),
+            flown_aircraft(airframe),
             servo_params(airframe.model),
             field if field is not None else build_field(site.air, folder),
             site.frame(),

@@ -35,7 +35,7 @@ from tgl_soar.air.zeuc import (
     stable_crossing,
 )
 from tgl_soar.analysis.experiments.dispersion import Slide
-from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.airframe import Airframe, ModelKind
 from tgl_soar.config.files import (
     ConfigError,
     line_parameters,
@@ -50,6 +50,7 @@ from tgl_soar.config.site import (
     HillAir,
     JetAir,
     Line,
+    PolynomialAir,
     Site,
     SiteOrigin,
     Start,
@@ -189,8 +190,9 @@ class Scenario(Strict, frozen=True):
     first_line: str
     lines: dict[str, LineSpec]
     airframe: str = "airframes/eclipson_c.toml"  # beside this file, or of those shipped
+    model: ModelKind | None = None  # None: the airframe file's
     site: str | None = None
-    air: JetAir | HillAir | None = None
+    air: JetAir | HillAir | PolynomialAir | None = None
     parameters: dict[str, float] = {}  # noqa: RUF012 - msgspec copies it
     turbulence: TurbulenceSettings | None = None
     seeds: tuple[Annotated[int, Meta(ge=0)], ...] = (1,)
@@ -275,7 +277,7 @@ def prepare(scenario: Scenario) -> PreparedScenario:
 @lru_cache(maxsize=32)
 def _prepare(text: bytes) -> PreparedScenario:
     scenario = msgspec.json.decode(text, type=Scenario)
-    airframe = load_airframe(scenario.airframe)
+    airframe = load_airframe(scenario.airframe).flown_as(scenario.model)
     polar = airframe.polar.as_polar()
     if scenario.site is not None:
         site = load_site(scenario.site)
@@ -283,8 +285,10 @@ def _prepare(text: bytes) -> PreparedScenario:
     else:
         site = Site(site=SiteOrigin(name=scenario.title), air=scenario.air)
         site_path = scenario.title
-    if not isinstance(site.air, JetAir | HillAir):
-        raise ConfigError(f"site {site.site.name}: a scenario needs the air of a jet or a hill")
+    if not isinstance(site.air, JetAir | HillAir | PolynomialAir):
+        raise ConfigError(
+            f"site {site.site.name}: a scenario needs the air of a jet or a hill, or a polynomial"
+        )
     if scenario.turbulence is not None:
         air = msgspec.structs.replace(site.air, turbulence=scenario.turbulence)
         site = msgspec.structs.replace(site, air=air)
@@ -324,8 +328,8 @@ def _prepare(text: bytes) -> PreparedScenario:
 
 def _field(scenario: Scenario, site: Site) -> WindField:
     air = site.air
-    assert isinstance(air, JetAir | HillAir)
-    field = build_field(air)
+    assert isinstance(air, JetAir | HillAir | PolynomialAir)
+    field = build_field(air, None if scenario.site is None else Path(scenario.site).parent)
     if scenario.slope is not None:
         if not isinstance(air, JetAir):
             raise ConfigError("slope: only the board in a jet has a slope that changes")
@@ -353,6 +357,8 @@ def search_bounds(site: Site) -> Bounds:
     if isinstance(site.air, HillAir):
         radius = site.air.radius_m
         return (-4.0 * radius, 0.0, 0.05 * radius, 4.0 * radius)
+    if isinstance(site.air, PolynomialAir):
+        return (*site.air.x_m, *site.air.z_m)
     raise ConfigError(f"site {site.site.name}: name the bounds in which to look for the contour")
 
 
