@@ -7,12 +7,13 @@ from pathlib import Path
 import pytest
 from free_ports import free_port
 
-from tgl_soar.config.files import ConfigError, shipped
+from tgl_soar.config.files import ConfigError, load_airframe, load_site, shipped
 from tgl_soar.sim.bridge.bridge import Bridge
 from tgl_soar.sim.bridge.command_line import parsed
 from tgl_soar.sim.bridge.mocap import MocapOptions
 from tgl_soar.sim.bridge.options import BridgeOptions, Pace, PortOptions
 from tgl_soar.sim.motive import MotiveOptions
+from tgl_soar.sim.point_mass import PointMass
 from tgl_soar.sim.ports import Port
 from tgl_soar.sim.simulation import Options, Simulation
 
@@ -22,6 +23,20 @@ AIRFRAME, SITE = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.tom
 def test_a_command_line_without_choices_means_the_defaults() -> None:
     given = parsed(["--airframe", "eclipson_c", "--site", "tunnel"])
     assert given == BridgeOptions(AIRFRAME, SITE)
+
+
+def test_the_model_is_chosen_by_name(capsys: pytest.CaptureFixture[str]) -> None:
+    files = ["--airframe", "eclipson_c", "--site", "tunnel"]
+    given = parsed([*files, "--model", "point-mass"]).simulation
+    assert given.model == "point_mass"
+    chosen = Simulation(load_airframe(AIRFRAME), load_site(SITE), given, SITE.parent)
+    assert isinstance(chosen.world.model, PointMass)
+    with pytest.raises(SystemExit):
+        parsed([*files, "--model", "glider"])
+    told = capsys.readouterr().err
+    assert "glider" in told
+    assert "rigid-body" in told
+    assert "point-mass" in told
 
 
 def test_where_motion_capture_fails_what_was_opened_before_is_closed(

@@ -15,7 +15,16 @@ from rich.table import Table
 from tgl_soar.analysis.experiments import campaign
 from tgl_soar.analysis.experiments.long_flight import Part, fly_long
 from tgl_soar.analysis.experiments.safety_timeline import draw_safety_timeline
-from tgl_soar.cli.console import Commands, console, errors, fail, hint, say
+from tgl_soar.cli.console import (
+    MODEL_HELP,
+    Commands,
+    FlightModel,
+    console,
+    errors,
+    fail,
+    hint,
+    say,
+)
 
 campaign_app = Commands(help="Many flights with faults, and long ones.", no_args_is_help=True)
 
@@ -29,6 +38,7 @@ def faults(
         int, typer.Option(help="Of each drop-out that must be survived.", min=0, max=100_000)
     ] = 200,
     seed: Annotated[int, typer.Option(help="Of all that is drawn.", min=0)] = 1,
+    model: Annotated[FlightModel | None, typer.Option(help=MODEL_HELP)] = None,
     workers: Annotated[
         int, typer.Option(help="Processes that fly; 0: none but this one.", min=0, max=256)
     ] = os.cpu_count() or 1,
@@ -46,6 +56,11 @@ def faults(
     out.mkdir(parents=True, exist_ok=True)
     jobs = campaign.drawn_jobs(flights, seed)
     lengths = campaign.survival_jobs(dropouts, seed)
+    if model is not None:
+        if page is not None:
+            fail("--docs goes without --model: the table is that of the airframe file's own")
+        jobs = [job._replace(model=model.kind) for job in jobs]
+        lengths = [job._replace(model=model.kind) for job in lengths]
     begun = time.monotonic()
     with Progress(
         TextColumn("{task.description}"),
@@ -95,6 +110,7 @@ def timeline(
 def long(
     hours: Annotated[float, typer.Option(help="Simulated.", min=0.001, max=1000.0)] = 24.0,
     seed: Annotated[int, typer.Option(help="Of noise and turbulence.", min=0)] = 1,
+    model: Annotated[FlightModel | None, typer.Option(help=MODEL_HELP)] = None,
 ) -> None:
     """Fly the whole module for hours across the wrap of the autopilot's clock."""
     shown = Table("flown", "memory", "a tick and its frames", "clock is late", "largest e_rho")
@@ -113,7 +129,8 @@ def long(
                 f"{part.largest_e_rho_m * 100:.1f} cm",
             )
 
-        flight = fly_long(3600.0 * hours, seed=seed, on_part=on_part)
+        kind = None if model is None else model.kind
+        flight = fly_long(3600.0 * hours, seed=seed, on_part=on_part, model=kind)
     console.print(shown)
     console.print(
         f"{flight.ticks:,} ticks of {flight.expected_ticks:,}; {flight.reboots} restarts seen,"

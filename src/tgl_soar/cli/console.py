@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from enum import StrEnum
 from math import isfinite
 from typing import Any, Final, NoReturn
 
@@ -11,6 +12,7 @@ from rich.console import Console
 from typer.core import TyperCommand
 from typer.models import CommandFunctionType
 
+from tgl_soar.config.airframe import MODEL_OPTIONS, ModelKind
 from tgl_soar.config.files import airframe_file, shipped, site_file
 
 console = Console()
@@ -23,6 +25,21 @@ SITE_MOCAP = shipped("sites/tunnel_mocap.toml")
 # Of an option that takes such a file, or the name of one that is shipped.
 AIRFRAME_FILE: Final[dict[str, Any]] = {"parser": airframe_file, "metavar": "FILE"}
 SITE_FILE: Final[dict[str, Any]] = {"parser": site_file, "metavar": "FILE"}
+
+
+class FlightModel(StrEnum):
+    """What the simulation flies, as `config.airframe.MODEL_OPTIONS` has it."""
+
+    RIGID_BODY = "rigid-body"
+    POINT_MASS = "point-mass"
+
+    @property
+    def kind(self) -> ModelKind:
+        """As the airframe file has it."""
+        return MODEL_OPTIONS[self.value]
+
+
+MODEL_HELP: Final = "Six degrees of freedom, or the paper's point mass; the airframe file's."
 
 
 class FiniteCommand(TyperCommand):

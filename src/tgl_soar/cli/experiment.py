@@ -13,13 +13,13 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from tgl_soar.analysis.experiments.catalogue import EXPERIMENTS, TITLES
+from tgl_soar.analysis.experiments.catalogue import EXPERIMENTS, RIGID_BODY_ALONE, TITLES
 from tgl_soar.analysis.experiments.catalogue import run as run_experiment
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.flights import Flyer
 from tgl_soar.analysis.experiments.page import IMAGES, page
 from tgl_soar.analysis.experiments.result import Result, as_json
-from tgl_soar.cli.console import console, errors, fail, hint, say
+from tgl_soar.cli.console import MODEL_HELP, FlightModel, console, errors, fail, hint, say
 from tgl_soar.config.files import ConfigError
 
 COLOURS = {"agrees": "green", "agrees in part": "yellow", "differs": "red"}
@@ -34,6 +34,7 @@ def experiment(
         Path | None,
         typer.Option(help="With `all`: write experiments.md and its figures into this folder."),
     ] = None,
+    model: Annotated[FlightModel | None, typer.Option(help=MODEL_HELP)] = None,
     workers: Annotated[
         int, typer.Option(help="Processes that fly; 0: none but this one.", min=0, max=256)
     ] = os.cpu_count() or 1,
@@ -52,13 +53,16 @@ def experiment(
         fail(f"no experiment named {name!r}; there are {', '.join(EXPERIMENTS)}, and all")
     if docs is not None and (name != "all" or quick):
         fail("--docs goes with `all` and without --quick: the page holds every experiment whole")
+    if docs is not None and model is not None:
+        fail("--docs goes without --model: the page is that of the airframe file's own")
 
-    names = list(EXPERIMENTS) if name == "all" else [name]
+    names = _named(name, model)
     figures: Path | None = out if docs is None else docs / IMAGES
     if not _can_draw():
         if docs is not None:
             fail("--docs needs figures, and they need matplotlib: pip install 'tgl_soar[figures]'")
         figures = None
+    kind = None if model is None else model.kind
     begun = time.monotonic()
     results: list[Result] = []
     out.mkdir(parents=True, exist_ok=True)
@@ -78,7 +82,7 @@ def experiment(
             for each in names:
                 progress.update(task, description=each)
                 try:
-                    result = run_experiment(each, Context(flyer, figures, quick))
+                    result = run_experiment(each, Context(flyer, figures, quick, kind))
                 except ConfigError as error:
                     fail(error)
                 results.append(result)
@@ -99,6 +103,16 @@ def experiment(
     if docs is not None:
         (docs / "experiments.md").write_text(page(results), encoding="utf-8")
         say(f"page in {docs / 'experiments.md'}")
+
+
+def _named(name: str, model: FlightModel | None) -> list[str]:
+    """The experiments that a name means: with `all` those that the model can fly."""
+    if name != "all":
+        return [name]
+    if model != FlightModel.POINT_MASS:
+        return list(EXPERIMENTS)
+    hint(f"not flown: {', '.join(RIGID_BODY_ALONE)} are about the rigid body alone")
+    return [each for each in EXPERIMENTS if each not in RIGID_BODY_ALONE]
 
 
 def _can_draw() -> bool:

@@ -16,16 +16,20 @@ from tgl_soar.autopilot import mode_name
 from tgl_soar.cli.console import (
     AIRFRAME,
     AIRFRAME_FILE,
+    MODEL_HELP,
     SITE,
     SITE_FILE,
     SITE_MOCAP,
+    FlightModel,
     console,
     fail,
     hint,
     say,
 )
 from tgl_soar.cli.report import Named, write
+from tgl_soar.config.airframe import MODEL_OPTIONS
 from tgl_soar.config.files import ConfigError, load_airframe, load_site
+from tgl_soar.config.site import PolynomialAir
 from tgl_soar.onboard.flightlog.files import kept_in
 
 if TYPE_CHECKING:
@@ -63,6 +67,7 @@ SiteFile = Annotated[
     Path | None,
     typer.Option(help="Site file; of the tunnel, with \\[mocap] where needed.", **SITE_FILE),
 ]
+ModelChoice = Annotated[FlightModel | None, typer.Option(help=MODEL_HELP)]
 Legs = Annotated[str, typer.Option(help="Names of lines, by commas; all of the site's.")]
 Stay = Annotated[float, typer.Option(help="Seconds on each line.", min=2.0, max=600.0)]
 Seed = Annotated[int, typer.Option(help="Of noise and turbulence.", min=0)]
@@ -141,6 +146,7 @@ def sitl(
     context: typer.Context,
     airframe: AirframeFile = AIRFRAME,
     site: SiteFile = None,
+    model: ModelChoice = None,
     legs: Legs = "",
     stay: Stay = 16.0,
     seed: Seed = 1,
@@ -182,6 +188,7 @@ def sitl(
         out=out,
         legs=tuple(name.strip() for name in legs.split(",") if name.strip()),
         stay_s=stay,
+        model=None if model is None else model.value,
         seed=seed,
         turbulence=turbulence,
         realtime=realtime or page,
@@ -195,6 +202,7 @@ def sitl(
         kill_s=kill_module,
         gcs_local=gcs_local,
     )
+    _say_what_flies(options)
     if page:
         _host(options, page_port)
     flight = _fly(options)
@@ -202,6 +210,23 @@ def sitl(
     _write_pages(options, flight, report=report)
     if not passed(flight):
         fail("a leg did not settle", 1)
+
+
+def _say_what_flies(options: SitlOptions) -> None:
+    """How far the air and the aircraft are from what they stand for, where either is fitted."""
+    from tgl_soar.sim.world import build_field, polar_misfit_text, wind_misfit_text
+
+    try:
+        airframe, site = load_airframe(options.airframe), load_site(options.site)
+        kind = None if options.model is None else MODEL_OPTIONS[options.model]
+        wind = ""
+        if isinstance(site.air, PolynomialAir):
+            wind = wind_misfit_text(build_field(site.air, options.site.parent))
+        for words in (wind, polar_misfit_text(airframe.flown_as(kind))):
+            if words:
+                say(words)
+    except ValueError as error:  # `ConfigError` too
+        fail(error)
 
 
 def _check_faults(faults: tuple[str, ...]) -> None:

@@ -14,7 +14,7 @@ from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.airframe import Airframe, ModelKind
 from tgl_soar.config.site import Site
 from tgl_soar.sim.channels import NEUTRAL
 from tgl_soar.sim.faults import Fault
@@ -61,6 +61,7 @@ LOG_COLUMNS: Final = (
 class Options:
     """How to simulate; times in seconds of simulated time unless named wall."""
 
+    model: ModelKind | None = None  # None: the airframe file's
     seed: int = 1
     turbulence: float | None = None  # fraction of the reference wind; None: the site's
     step_hz: int = 200
@@ -85,7 +86,7 @@ class Simulation:
         self.injection = Injection(options.faults, options.seed)
         field = None if site.air is None else self.injection.field(build_field(site.air, folder))
         self.world: World = make_world(
-            airframe,
+            airframe.flown_as(options.model),
             site,
             seed=options.seed,
             turbulence=options.turbulence,

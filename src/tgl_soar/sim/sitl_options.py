@@ -19,6 +19,7 @@ class SitlOptions:
     out: Path
     legs: tuple[str, ...] = ()  # names of the site's lines; none: all, in order
     stay_s: float = 16.0
+    model: str | None = None  # as the bridge spells it; None: the airframe file's
     seed: int = 1
     turbulence: float | None = None  # fraction of the reference wind; None: the site's
     realtime: bool = False

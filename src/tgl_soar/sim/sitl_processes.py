@@ -69,6 +69,8 @@ def bridge_command(
         *("--seed", str(options.seed), "--log", str(truth_file)),
         *("--speed", "realtime" if options.realtime else "lockstep"),
     ]
+    if options.model is not None:
+        command += ["--model", options.model]
     if options.autopilot == "builtin":
         command += ["--autopilot-parameter", f"RC_OVERRIDE_TIME={OVERRIDE_TIME_S:g}"]
     else:

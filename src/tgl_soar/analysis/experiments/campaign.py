@@ -28,7 +28,7 @@ from typing import Final, NamedTuple
 
 from tgl_soar.air.field import WindField
 from tgl_soar.autopilot import Output, mode_name, reason_text
-from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.airframe import Airframe, ModelKind
 from tgl_soar.config.files import (
     line_parameters,
     load_airframe,
@@ -85,6 +85,7 @@ class FaultJob(NamedTuple):
     turbulence: float
     faults: tuple[Fault, ...]
     aboard: str = EVERY_SENSOR
+    model: ModelKind | None = None  # None: the airframe file's
 
 
 class Outcome(NamedTuple):
@@ -214,7 +215,7 @@ def world_of(job: FaultJob, injection: Injection, duration_s: float = DURATION_S
     """The world of a flight, compiled where numba is there."""
     airframe, site, _, field = place()
     world = make_world(
-        airframe,
+        airframe.flown_as(job.model),
         site,
         seed=job.seed,
         turbulence=max(job.turbulence, 1e-6),  # one compiled kind of air for all

@@ -21,6 +21,7 @@ from tgl_soar.analysis.experiments import (
 )
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.result import Result
+from tgl_soar.config.files import ConfigError
 
 EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "field": hill_positions.run,
@@ -38,6 +39,10 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "wind_estimate": wind_estimate.wind_estimate,
     "wind_use": wind_use.wind_use,
 }
+
+# The paper's own fly on either model.  The others are about what a point mass lacks:
+# a short period to identify, accelerations and a wing from which the air is estimated.
+RIGID_BODY_ALONE: Final = ("identification", "estimator", "wind_estimate", "wind_use")
 
 TITLES: Final = {
     "field": "a hill of potential flow, an illustrative polar, three places",
@@ -58,7 +63,12 @@ TITLES: Final = {
 
 
 def run(name: str, context: Context) -> Result:
-    """Run one experiment by name.  Errors: KeyError, `ConfigError`, ImportError for figures."""
+    """Run one experiment by name.
+
+    Errors: KeyError, ImportError for figures; `ConfigError`, also for a model that it does not fly.
+    """
+    if context.model == "point_mass" and name in RIGID_BODY_ALONE:
+        raise ConfigError(f"{name}: flies the rigid body alone; leave --model out")
     begun = time.monotonic()
     result = EXPERIMENTS[name](context)
     return replace(result, seconds=time.monotonic() - begun)

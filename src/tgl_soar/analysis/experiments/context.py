@@ -17,6 +17,7 @@ from tgl_soar.analysis.experiments.scenario import (
 )
 from tgl_soar.analysis.report.flight_figure import MapAir
 from tgl_soar.analysis.report.zeuc_figure import DrawnLine
+from tgl_soar.config.airframe import ModelKind
 from tgl_soar.config.files import shipped
 from tgl_soar.sim.world import ground_outline
 
@@ -27,10 +28,13 @@ class Context(NamedTuple):
     flyer: Flyer
     figures: Path | None = None  # folder; None: draw none
     quick: bool = False  # one seed, one intensity: to try an experiment, not to cite it
+    model: ModelKind | None = None  # what flies; None: what the airframe file says
 
     def scenario(self, name: str) -> Scenario:
         """A shipped scenario, with one seed where it is quick.  Errors: `ConfigError`."""
         scenario = load_scenario(shipped(f"scenarios/{name}.toml"))
+        if self.model is not None:
+            scenario = msgspec.structs.replace(scenario, model=self.model)
         return (
             msgspec.structs.replace(scenario, seeds=scenario.seeds[:1]) if self.quick else scenario
         )

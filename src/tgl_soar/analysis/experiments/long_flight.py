@@ -20,7 +20,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.analysis.experiments.campaign import place
 from tgl_soar.autopilot import mode_name
-from tgl_soar.config.airframe import Surfaces
+from tgl_soar.config.airframe import ModelKind, Surfaces
 from tgl_soar.onboard.module import Onboard
 from tgl_soar.onboard.setup import setup_from
 from tgl_soar.sim.channels import deflection_from_pwm, ordered
@@ -113,10 +113,15 @@ class _Wire:
 
 
 def fly_long(
-    duration_s: float, *, seed: int = 1, on_part: Callable[[Part], None] | None = None
+    duration_s: float,
+    *,
+    seed: int = 1,
+    on_part: Callable[[Part], None] | None = None,
+    model: ModelKind | None = None,
 ) -> LongFlight:
-    """Fly for so long [s], half of it before the wrap."""
+    """Fly for so long [s], half of it before the wrap; model: None is the airframe file's."""
     airframe, site, values, air = place()
+    airframe = airframe.flown_as(model)
     world = make_world(airframe, site, seed=seed, turbulence=TURBULENCE, field=air)
     world.held = True
     trim = SurfaceCommand(world.trim.elevator, 0.0, 0.0)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from tgl_soar.config.airframe import MODEL_OPTIONS
 from tgl_soar.config.files import airframe_file, site_file
 from tgl_soar.sim.bridge.mocap import add_mocap_options, mocap_options
 from tgl_soar.sim.bridge.options import BridgeOptions, FirmwareOptions, Pace, PortOptions
@@ -45,6 +46,7 @@ def parsed(words: Sequence[str]) -> BridgeOptions:
 
 def _simulation_options(arguments: argparse.Namespace) -> Options:
     return Options(
+        model=None if arguments.model is None else MODEL_OPTIONS[arguments.model],
         seed=arguments.seed,
         turbulence=arguments.turbulence,
         step_hz=arguments.step_rate,
@@ -119,6 +121,10 @@ def _parser() -> argparse.ArgumentParser:
     add(
         "--site", type=site_file, required=True,
         help="site file with [air] and [start], or a shipped name",
+    )  # fmt: skip
+    add(
+        "--model", choices=tuple(MODEL_OPTIONS),
+        help="six degrees of freedom, or the paper's point mass (default: the airframe file's)",
     )  # fmt: skip
     add(
         "--gcs", type=_address, action="append", metavar="HOST:PORT",

@@ -89,7 +89,7 @@ class FirmwareSimulation:
         self.injection = Injection(options.faults, options.seed)
         field = None if site.air is None else self.injection.field(build_field(site.air, folder))
         self.world: World = make_world(
-            airframe,
+            airframe.flown_as(options.model),
             site,
             seed=options.seed,
             turbulence=options.turbulence,

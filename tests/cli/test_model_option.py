@@ -1,0 +1,118 @@
+"""`--model`: the rigid body or the point mass, wherever something is simulated."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+from typer.testing import CliRunner
+
+from tgl_soar.analysis.experiments import campaign, catalogue, long_flight
+from tgl_soar.analysis.experiments.context import Context
+from tgl_soar.analysis.experiments.flights import Flyer
+from tgl_soar.analysis.experiments.result import Result
+from tgl_soar.analysis.experiments.scenario import prepare
+from tgl_soar.cli import experiment as experiment_command
+from tgl_soar.cli.app import app
+from tgl_soar.cli.console import FlightModel
+from tgl_soar.config.airframe import MODEL_KINDS, MODEL_OPTIONS
+from tgl_soar.config.files import ConfigError
+from tgl_soar.sim import sitl as sitl_flight
+from tgl_soar.sim.bridge.command_line import parsed
+from tgl_soar.sim.injection import Injection
+from tgl_soar.sim.sitl_options import SitlError, SitlOptions
+from tgl_soar.sim.sitl_processes import bridge_command
+from tgl_soar.sim.world import make_world
+
+RUN = CliRunner()
+TITLES = list(catalogue.EXPERIMENTS)
+
+
+def test_the_command_line_s_names_are_the_file_s() -> None:
+    assert [model.kind for model in FlightModel] == list(MODEL_KINDS)
+    assert [model.value for model in FlightModel] == list(MODEL_OPTIONS)
+
+
+@pytest.mark.parametrize(
+    "command", [["sitl"], ["experiment", "static"], ["campaign", "faults"], ["campaign", "long"]]
+)
+def test_another_model_is_refused_with_those_that_there_are(command: list[str]) -> None:
+    refused = RUN.invoke(app, [*command, "--model", "glider"])
+    assert refused.exit_code == 2
+    for name in ("rigid-body", "point-mass"):
+        assert name in refused.output
+
+
+def test_sitl_hands_it_to_the_bridge_and_says_what_is_fitted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flown: list[SitlOptions] = []
+
+    def fly(options: SitlOptions, _progress: object) -> Any:
+        flown.append(options)
+        raise SitlError("enough")
+
+    monkeypatch.setattr(sitl_flight, "fly", fly)
+    words = ["sitl", "--model", "point-mass", "--site", "tunnel_polynomial", "--out", str(tmp_path)]
+    told = RUN.invoke(app, words).output
+    assert "wind: a polynomial of degree 8, fitted at" in told
+    assert "point mass: its sink is off the airframe's polar by 0.011 m/s rms" in told
+    given = bridge_command(flown[0], tmp_path / "truth.csv", "127.0.0.1:1", "127.0.0.1:2", "")
+    assert parsed(given[3:]).simulation.model == "point_mass"
+
+    told = RUN.invoke(app, ["sitl", "--out", str(tmp_path)]).output
+    assert "polynomial" not in told
+    assert "point mass" not in told
+    given = bridge_command(flown[1], tmp_path / "truth.csv", "127.0.0.1:1", "127.0.0.1:2", "")
+    assert "--model" not in given
+
+
+def test_a_scenario_flies_what_it_names() -> None:
+    scenario = Context(Flyer(), model="point_mass").scenario("static")
+    assert prepare(scenario).airframe.model_kind == "point_mass"
+    assert prepare(Context(Flyer()).scenario("static")).airframe.model_kind == "rigid_body"
+    assert msgspec.structs.replace(scenario, model=None) == Context(Flyer()).scenario("static")
+
+
+def test_what_needs_a_rigid_body_is_not_flown_without(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(ConfigError, match="estimator: flies the rigid body alone"):
+        catalogue.run("estimator", Context(Flyer(), model="point_mass"))
+    flown: list[tuple[str, str | None]] = []
+
+    def run(name: str, context: Context) -> Result:
+        flown.append((name, context.model))
+        return Result(name=name, title="", flown="", claims=(), why="", tables=(), numbers={})
+
+    monkeypatch.setattr(experiment_command, "run_experiment", run)
+    words = ["experiment", "all", "--workers", "0", "--out", str(tmp_path)]
+    told = RUN.invoke(app, [*words, "--model", "point-mass"])
+    assert told.exit_code == 0, told.output
+    paper = [name for name in TITLES if name not in catalogue.RIGID_BODY_ALONE]
+    assert flown == [(name, "point_mass") for name in paper]
+    assert "field" in paper
+    assert "lean" in paper
+    flown.clear()
+    RUN.invoke(app, words)
+    assert flown == [(name, None) for name in TITLES]
+
+
+def test_a_campaign_flies_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    (job,) = campaign.drawn_jobs(1, 1)
+    monkeypatch.setattr(campaign, "available", lambda: False)
+    world = campaign.world_of(job._replace(model="point_mass"), Injection((), 1))
+    place = campaign.place()
+    assert world.model == make_world(place.airframe.flown_as("point_mass"), place.site).model
+    assert world.model != campaign.world_of(job, Injection((), 1)).model
+
+
+def test_the_whole_module_flies_it() -> None:
+    flight = long_flight.fly_long(4.0, model="point_mass")
+    assert flight.ended == ""
+    assert flight.ticks == 800
+    # the same seed on the other model is another flight
+    other = long_flight.fly_long(4.0)
+    assert flight.parts[-1].largest_e_rho_m != other.parts[-1].largest_e_rho_m
