@@ -17,7 +17,7 @@ CHAPTERS = {
         "operator", "page", "hardware", "autopilots", "optitrack", "sensors", "safety", "modes",
     ),
     "Look up": ("parameters", "logs"),
-    "Understand": ("theory", "experiments", "model", "performance"),
+    "Understand": ("theory", "experiments", "aims", "model", "performance"),
     "Change": ("architecture", "decisions/index", "mutants"),
 }  # fmt: skip
 

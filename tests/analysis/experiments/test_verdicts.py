@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from math import radians
+from dataclasses import replace
+from math import inf, nan, radians
 
 import pytest
 
@@ -11,6 +12,7 @@ from tgl_soar.air.hill import HillField
 from tgl_soar.air.zeuc import stable_crossing
 from tgl_soar.analysis.experiments.air_speed import SpeedScore, speed_claims
 from tgl_soar.analysis.experiments.changing_air import Shift, WindShift, slope_claims, wind_claims
+from tgl_soar.analysis.experiments.flights import FlownScenario, ScoredLeg
 from tgl_soar.analysis.experiments.hill_positions import (
     POLAR,
     RADIUS_M,
@@ -19,9 +21,23 @@ from tgl_soar.analysis.experiments.hill_positions import (
     positions,
 )
 from tgl_soar.analysis.experiments.line_lean import LeanScore, lean_claims, refusal
-from tgl_soar.analysis.experiments.page import page
-from tgl_soar.analysis.experiments.result import Claim, Result, Table, as_json, as_markdown, plain
+from tgl_soar.analysis.experiments.page import counted, page, pages
+from tgl_soar.analysis.experiments.result import (
+    ChangedThreshold,
+    Claim,
+    Result,
+    Table,
+    as_json,
+    as_markdown,
+    plain,
+)
 from tgl_soar.analysis.experiments.sensitivity import WindEffect, sensitivity_claims
+from tgl_soar.analysis.experiments.still_lines import (
+    MISS_MOST_M,
+    LegSummary,
+    place_claim,
+    settled_claim,
+)
 from tgl_soar.control.target_line import TargetLine, eta_from_lean
 from tgl_soar.types import polar_sink
 
@@ -58,7 +74,37 @@ def test_a_result_tells_everything_in_json_and_markdown() -> None:
         assert words in text
     whole = page([result(YES, NO)])
     assert as_markdown(result(YES, NO), "images/experiments") in whole
-    assert "| [`name`](#name) | title | in part: 1 of 2 claims |" in whole
+    assert "| [`name`](#name) | title | agrees in part: 1 of 2 |" in whole
+
+
+def test_what_is_true_by_construction_is_marked_and_decides_nothing() -> None:
+    given = Claim("an identity", True, "0", by_construction=True)
+    assert result(NO, given).verdict == "differs"
+    assert result(YES, given).verdict == "agrees"
+    assert result(given).verdict == "by construction"
+    assert counted(result(YES, NO, given)) == "agrees in part: 1 of 2, and 1 by construction"
+    assert "- ✓ an identity (true by construction): 0." in as_markdown(result(given), "images")
+
+
+@pytest.mark.parametrize(
+    ("claims", "verdict"), [((YES,), "met"), ((YES, NO), "met in part"), ((NO,), "missed")]
+)
+def test_our_own_aims_stand_on_a_page_of_their_own(claims: tuple[Claim, ...], verdict: str) -> None:
+    ours = replace(result(*claims), name="ours", own=True)
+    assert ours.verdict == verdict
+    written = pages([result(YES), ours])
+    assert list(written) == ["experiments.md", "aims.md"]
+    assert "`name`" in written["experiments.md"]
+    assert "`ours`" not in written["experiments.md"]
+    assert "`ours`" in written["aims.md"]
+    assert "`name`" not in written["aims.md"]
+
+
+def test_a_changed_threshold_is_listed_with_its_reason() -> None:
+    assert "was" not in page([result(YES)]).split("\n\n")[-2]
+    changed = ChangedThreshold("it moves", "15 cm", "5 cm", "as far as it strays")
+    told = page([replace(result(YES), changed=(changed,))])
+    assert "| `name` | it moves | 15 cm | 5 cm | as far as it strays |" in told
 
 
 def test_json_has_no_numbers_that_are_none() -> None:
@@ -86,6 +132,78 @@ def test_slope_needs_contour_and_aircraft_to_rise_alike() -> None:
     assert [c.holds for c in slope_claims(same)] == [True, True]
     apart = [same[0]._replace(flown_m=0.02), same[1]]
     assert [c.holds for c in slope_claims(apart)] == [True, False]
+
+
+def leg(miss_m: float = 0.01, settling_s: float = 1.0) -> LegSummary:
+    return LegSummary(
+        line="a",
+        flights=8,
+        settling_s=settling_s,
+        rms_e_rho_m=0.005,
+        peak_e_rho_m=0.02,
+        rms_y_m=0.1,
+        rms_bank_rad=0.02,
+        miss_m=miss_m,
+        miss_error_m=0.002,
+        dispersion_m=0.03,
+        dispersion_formula_m=0.03,
+        stalled_fraction=0.0,
+        mean_x_m=0.0,
+        mean_z_m=1.0,
+    )
+
+
+@pytest.mark.parametrize(
+    ("misses_m", "holds"),
+    [
+        ((0.01, -0.02), True),
+        ((0.01, MISS_MOST_M + 0.001), False),
+        ((0.01, -MISS_MOST_M - 0.001), False),
+        ((0.01, nan), False),  # the line meets no contour
+        ((), False),
+    ],
+)
+def test_it_hovers_at_the_crossing_on_every_leg(misses_m: tuple[float, ...], holds: bool) -> None:
+    assert place_claim([leg(miss_m=miss) for miss in misses_m]).holds is holds
+
+
+def flight(legs: int, ended: str = "") -> FlownScenario:
+    scored = ScoredLeg(
+        line="a",
+        target=TargetLine(0.0, 1.0, eta_from_lean(0.3)),
+        begin_s=0.0,
+        end_s=20.0,
+        settling_s=1.0,
+        rms_e_rho_m=0.005,
+        peak_e_rho_m=0.02,
+        mean_e_rho_m=0.001,
+        rms_y_m=0.1,
+        rms_bank_rad=0.02,
+        mean_x_m=0.0,
+        mean_z_m=1.0,
+        along_m=0.0,
+        dispersion_m=0.03,
+        predicted=None,
+        predicted_along_m=nan,
+        scored_s=15.0,
+    )
+    return FlownScenario(1, ended, 20.0, (scored,) * legs, {})
+
+
+@pytest.mark.parametrize(
+    ("flights", "settling_s", "holds"),
+    [
+        ([flight(2), flight(2)], 4.9, True),
+        ([flight(2), flight(2)], 5.1, False),  # to the line, too late
+        ([flight(2), flight(2)], inf, False),  # never
+        ([flight(2), flight(1)], 1.0, False),  # a line not reached
+        ([flight(2), flight(2, "hit the board")], 1.0, False),
+    ],
+)
+def test_settled_is_on_every_line_in_time_and_to_the_end(
+    flights: list[FlownScenario], settling_s: float, holds: bool
+) -> None:
+    assert settled_claim(flights, [leg(), leg(settling_s=settling_s)], 2).holds is holds
 
 
 def shift(line: str, flown_m: float, predicted_m: float | None = None) -> WindShift:

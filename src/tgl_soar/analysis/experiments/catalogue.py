@@ -1,4 +1,4 @@
-"""Every experiment by name: the paper's in the order in which it tells them, then our own."""
+"""Every experiment by name: the paper's as it tells them, then our own (`OURS`)."""
 
 from __future__ import annotations
 
@@ -43,6 +43,7 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
 # The paper's own fly on either model.  The others are about what a point mass lacks:
 # a short period to identify, accelerations and a wing from which the air is estimated.
 RIGID_BODY_ALONE: Final = ("identification", "estimator", "wind_estimate", "wind_use")
+OURS: Final = frozenset({"identification", "estimator", "wind_estimate", "wind_use"})
 
 TITLES: Final = {
     "field": "a hill of potential flow, an illustrative polar, three places",
@@ -71,4 +72,4 @@ def run(name: str, context: Context) -> Result:
         raise ConfigError(f"{name}: flies the rigid body alone; leave --model out")
     begun = time.monotonic()
     result = EXPERIMENTS[name](context)
-    return replace(result, seconds=time.monotonic() - begun)
+    return replace(result, own=name in OURS, seconds=time.monotonic() - begun)

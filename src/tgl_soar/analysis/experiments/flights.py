@@ -56,6 +56,7 @@ class ScoredLeg:
     settling_s: float  # from then to the first two seconds within 5 cm of it; inf: never
     rms_e_rho_m: float
     peak_e_rho_m: float
+    mean_e_rho_m: float  # drift from the line; what is left about it is oscillation
     rms_y_m: float  # from the middle
     rms_bank_rad: float
     mean_x_m: float
@@ -159,6 +160,7 @@ def _score(
         settling,
         float(np.sqrt(np.mean(e[scored] ** 2))),
         float(np.max(np.abs(e[scored]))),
+        float(np.mean(e[scored])),
         rms(trajectory["y_m"][rows][scored]),
         rms(trajectory["roll_rad"][rows][scored]),
         float(np.mean(x[scored])),

@@ -1,4 +1,8 @@
-"""docs/experiments.md, written from the results: every number in it was measured by this run."""
+"""docs/experiments.md and docs/aims.md: every number in them was measured by the same run.
+
+The first holds what the paper reports or explains, and nothing else; the second what this
+project asks of itself.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +12,34 @@ from typing import Final
 from tgl_soar.analysis.experiments.result import Result, as_markdown, versions
 
 IMAGES: Final = "images/experiments"
-VERDICTS: Final = {"agrees": "agrees", "agrees in part": "in part", "differs": "differs"}
+PAPER: Final = "experiments.md"
+AIMS: Final = "aims.md"
+
+
+def pages(results: Sequence[Result]) -> dict[str, str]:
+    """Both pages in Markdown, by file name."""
+    return {
+        PAPER: page([r for r in results if not r.own]),
+        AIMS: aims_page([r for r in results if r.own]),
+    }
+
+
+def aims_page(results: Sequence[Result]) -> str:
+    """What this project asks of itself."""
+    head = [
+        "# Aims of our own, flown in simulation",
+        "",
+        "This page is written by `tgl-soar experiment all --docs docs` from what it measured;"
+        " do not edit it by hand. None of it is in the paper: these are aims that this project"
+        " set itself for estimate, control and robustness, and whether they are met. What the"
+        " paper reports or explains stands in [experiments.md](experiments.md), flown by the"
+        " same command with the same aircraft, sensors and air.",
+    ]
+    return _whole(head, results)
 
 
 def page(results: Sequence[Result]) -> str:
-    """The page, in Markdown."""
-    made = versions()
+    """The page of the paper's claims."""
     head = [
         "# The paper's experiments, flown in simulation",
         "",
@@ -32,16 +58,44 @@ def page(results: Sequence[Result]) -> str:
         "Scored apart: **e_rho**, the distance from the line, which the law controls; and"
         " **dispersion**, the standard deviation along the line, which follows from turbulence and"
         " the slope of excess updraft and which no still line changes. The letters a, b, c, d name"
-        " lines or places of their own section and nothing else.",
-        "",
-        "| experiment | what | verdict |",
-        "|---|---|---|",
+        " lines or places of their own section and nothing else. A claim that is an identity of the"
+        " model says so and decides no verdict. Our own aims stand in [aims.md](aims.md).",
     ]
-    head += [
-        f"| [`{r.name}`](#{r.name}) | {r.title} | {VERDICTS[r.verdict]}:"
-        f" {sum(c.holds for c in r.claims)} of {len(r.claims)} claims |"
+    return _whole(head, results)
+
+
+def counted(result: Result) -> str:
+    """A verdict with the claims that it rests on."""
+    judged = result.judged
+    words = f"{result.verdict}: {sum(c.holds for c in judged)} of {len(judged)}"
+    given = len(result.claims) - len(judged)
+    return words if not given else f"{words}, and {given} by construction"
+
+
+def changed_thresholds(results: Sequence[Result]) -> list[str]:
+    """A table of every threshold that is not what it was."""
+    rows = [
+        f"| `{r.name}` | {c.claim} | {c.was} | {c.now} | {c.why} |"
         for r in results
+        for c in r.changed
     ]
+    if not rows:
+        return []
+    return [
+        "",
+        "Thresholds are argued beside the code, before the flights. Those that have been changed:",
+        "",
+        "| experiment | claim | was | is | why |",
+        "|---|---|---|---|---|",
+        *rows,
+    ]
+
+
+def _whole(head: list[str], results: Sequence[Result]) -> str:
+    made = versions()
+    head = [*head, "", "| experiment | what | verdict |", "|---|---|---|"]
+    head += [f"| [`{r.name}`](#{r.name}) | {r.title} | {counted(r)} |" for r in results]
+    head += changed_thresholds(results)
     body = [f'<a id="{r.name}"></a>\n\n{as_markdown(r, IMAGES)}' for r in results]
     foot = (
         f"---\n\nMade with tgl_soar {made['tgl_soar']}, Python {made['python']}, numpy"

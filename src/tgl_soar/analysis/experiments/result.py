@@ -10,16 +10,29 @@ import numpy as np
 
 import tgl_soar
 
-Verdict = Literal["agrees", "agrees in part", "differs"]
+Verdict = Literal[
+    "agrees", "agrees in part", "differs", "by construction", "met", "met in part", "missed"
+]
 
 
 @dataclass(frozen=True)
 class Claim:
-    """One thing that the paper reports or explains, and whether the simulation bears it out."""
+    """One thing that the paper explains or that this project aims at, and whether it holds."""
 
     text: str
     holds: bool
     measured: str
+    by_construction: bool = False  # an identity of model or air: it holds whatever is measured
+
+
+@dataclass(frozen=True)
+class ChangedThreshold:
+    """A number that a claim is judged by, and was judged by differently before."""
+
+    claim: str
+    was: str
+    now: str
+    why: str
 
 
 @dataclass(frozen=True)
@@ -45,15 +58,26 @@ class Result:
     figures: tuple[str, ...] = ()  # file names
     scenarios: tuple[str, ...] = ()
     seeds: tuple[int, ...] = ()
+    changed: tuple[ChangedThreshold, ...] = ()
+    own: bool = False  # holds this project's aims, not claims of the paper
     seconds: float = field(default=0.0, compare=False)  # wall clock
 
     @property
     def verdict(self) -> Verdict:
-        """All claims hold, some, or none."""
-        held = [claim.holds for claim in self.claims]
+        """All claims hold, some, or none; what is true by construction decides nothing."""
+        held = [claim.holds for claim in self.judged]
+        if not held:
+            return "by construction"
         if all(held):
-            return "agrees"
-        return "agrees in part" if any(held) else "differs"
+            return "met" if self.own else "agrees"
+        if any(held):
+            return "met in part" if self.own else "agrees in part"
+        return "missed" if self.own else "differs"
+
+    @property
+    def judged(self) -> tuple[Claim, ...]:
+        """The claims that could have turned out otherwise."""
+        return tuple(claim for claim in self.claims if not claim.by_construction)
 
 
 def versions() -> dict[str, str]:
@@ -73,8 +97,15 @@ def as_json(result: Result) -> dict[str, Any]:
         "title": result.title,
         "flown": result.flown,
         "verdict": result.verdict,
+        "own": result.own,
         "claims": [
-            {"text": c.text, "holds": c.holds, "measured": c.measured} for c in result.claims
+            {
+                "text": c.text,
+                "holds": c.holds,
+                "measured": c.measured,
+                "by_construction": c.by_construction,
+            }
+            for c in result.claims
         ],
         "why": result.why,
         "numbers": plain(result.numbers),
@@ -116,7 +147,9 @@ def as_markdown(result: Result, images: str) -> str:
         lines += [f"![{result.title}]({images}/{figure})", ""]
     lines += [f"**Verdict: {result.verdict}.**", ""]
     for claim in result.claims:
-        lines.append(f"- {'✓' if claim.holds else '✗'} {claim.text}: {claim.measured}.")
+        mark = "✓" if claim.holds else "✗"
+        identity = " (true by construction)" if claim.by_construction else ""
+        lines.append(f"- {mark} {claim.text}{identity}: {claim.measured}.")
     if result.why:
         lines += ["", result.why]
     if result.scenarios:

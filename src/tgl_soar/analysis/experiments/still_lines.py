@@ -31,8 +31,13 @@ from tgl_soar.analysis.report.flight_figure import HistoryPanel, Spans, Trace, f
 from tgl_soar.sim.aircraft import aircraft_model, glide_at
 from tgl_soar.types import polar_sink
 
-# The mean of eight flights of a leg is known to about a centimetre at 1 % of turbulence.
+# Three standard errors of the mean of eight flights of a leg at 1 % of turbulence (0.3 cm each),
+# and the fitted cubic: its residual, 0.02 m/s where it is worst within the places flown, over a
+# slope of excess updraft of 1 /s.
 MISS_MOST_M: Final = 0.03
+SETTLE_MOST_S: Final = (
+    5.0  # ten times 1 / ω_c of the outer loop, which crosses over at about 2 rad/s
+)
 
 
 class LegSummary(NamedTuple):
@@ -43,6 +48,8 @@ class LegSummary(NamedTuple):
     settling_s: float  # the slowest
     rms_e_rho_m: float
     peak_e_rho_m: float  # median over flights
+    rms_y_m: float
+    rms_bank_rad: float
     miss_m: float  # mean place to TGL ∩ ZEUC, along the line, positive up
     miss_error_m: float  # standard error of that
     dispersion_m: float
@@ -75,6 +82,8 @@ def summarise(prepared: PreparedScenario, flights: list[FlownScenario]) -> list[
                 settling_s=max(leg.settling_s for leg in legs),
                 rms_e_rho_m=rms(leg.rms_e_rho_m for leg in legs),
                 peak_e_rho_m=float(np.median([leg.peak_e_rho_m for leg in legs])),
+                rms_y_m=rms(leg.rms_y_m for leg in legs),
+                rms_bank_rad=rms(leg.rms_bank_rad for leg in legs),
                 miss_m=float(np.mean([leg.miss_m for leg in legs])),
                 miss_error_m=dispersion_m / sqrt(independent),
                 dispersion_m=dispersion_m,
@@ -89,7 +98,8 @@ def summarise(prepared: PreparedScenario, flights: list[FlownScenario]) -> list[
 
 LEG_COLUMNS: Final = (
     "turbulence", "line", "flown to the end", "settled after [s]", "rms e_rho [cm]",
-    "median peak [cm]", "mean to TGL ∩ ZEUC, along [cm]", "dispersion [cm]", "formula [cm]",
+    "median peak [cm]", "rms y [cm]", "rms bank [°]", "mean to TGL ∩ ZEUC, along [cm]",
+    "dispersion [cm]", "formula [cm]",
 )  # fmt: skip
 
 
@@ -106,6 +116,8 @@ def leg_rows(
             f"{s.settling_s:.1f}",
             f"{100 * s.rms_e_rho_m:.2f}",
             f"{100 * s.peak_e_rho_m:.1f}",
+            f"{100 * s.rms_y_m:.1f}",
+            f"{degrees(s.rms_bank_rad):.1f}",
             f"{100 * s.miss_m:+.1f} ± {100 * s.miss_error_m:.1f}",
             f"{100 * s.dispersion_m:.1f}",
             f"{100 * s.dispersion_formula_m:.1f}" if intensity > 0.0 else "–",
@@ -115,7 +127,10 @@ def leg_rows(
 
 
 def settled_claim(
-    flights: list[FlownScenario], summaries: list[LegSummary], legs: int, settle_most_s: float = 5.0
+    flights: list[FlownScenario],
+    summaries: list[LegSummary],
+    legs: int,
+    settle_most_s: float = SETTLE_MOST_S,
 ) -> Claim:
     """Every flight came to every line and stayed on it."""
     survived = sum(flight.survived for flight in flights)
@@ -134,7 +149,7 @@ def place_claim(summaries: list[LegSummary], miss_most_m: float = MISS_MOST_M) -
     worst = max(summaries, key=lambda s: abs(s.miss_m), default=None)
     return Claim(
         "it settles where the line meets the zero excess updraft contour",
-        worst is not None and abs(worst.miss_m) <= miss_most_m,
+        bool(summaries) and all(abs(s.miss_m) <= miss_most_m for s in summaries),
         "no leg was flown"
         if worst is None
         else f"mean place at most {100 * abs(worst.miss_m):.1f} ± {100 * worst.miss_error_m:.1f} cm"
