@@ -206,7 +206,7 @@ def test_settled_is_on_every_line_in_time_and_to_the_end(
     assert settled_claim(flights, [leg(), leg(settling_s=settling_s)], 2).holds is holds
 
 
-def shift(line: str, flown_m: float, predicted_m: float | None = None) -> WindShift:
+def shift(line: str, flown_m: float, predicted_m: float | None = None, lost: int = 0) -> WindShift:
     predicted = flown_m if predicted_m is None else predicted_m
     return WindShift(
         line=line,
@@ -218,20 +218,33 @@ def shift(line: str, flown_m: float, predicted_m: float | None = None) -> WindSh
         predicted_m=predicted,
         flown_m=flown_m,
         polar_error_m=0.0,
+        lost=lost,
+        dispersion_m=0.03,
+        error_m=0.004,
     )
 
 
 def test_wind_asks_for_a_rise_a_rest_and_a_fall() -> None:
     small = [shift("a", 0.06), shift("b", 0.03), shift("c", 0.0), shift("d", -0.01)]
-    large = [shift("a", 0.10), shift("b", 0.05), shift("c", 0.0), shift("d", -0.03)]
+    large = [shift("a", 0.06), shift("b", 0.05), shift("c", 0.0), shift("d", -0.03)]
     assert all(claim.holds for claim in wind_claims(small, large))
     sinking = [*large[:2], shift("c", -0.06), large[3]]
     assert [claim.holds for claim in wind_claims(small, sinking)] == [True, False, True, True]
+    unresolved = [*small[:3], shift("d", -0.007)]  # within two standard errors of nothing
+    assert [claim.holds for claim in wind_claims(unresolved, large)] == [False, True, True, True]
+    far = [shift("a", 0.061), *large[1:]]  # more than two standard deviations
+    assert [claim.holds for claim in wind_claims(small, far)] == [True, True, True, False]
+    lost = [shift("a", 0.06, lost=1), *large[1:]]
+    assert [claim.holds for claim in wind_claims(small, lost)] == [True, False, False, False]
+    nowhere = [shift("a", 0.05, nan), *large[1:]]
+    assert [claim.holds for claim in wind_claims(small, nowhere)] == [True, True, False, True]
     astray = [shift("a", 0.3, 0.1), *large[1:]]
     assert [claim.holds for claim in wind_claims(small, astray)] == [True, True, False, False]
 
 
-def gust_change(line: str, wind_mps: float, margin: float, at_once_m: float) -> WindEffect:
+def gust_change(
+    line: str, wind_mps: float, margin: float, at_once_m: float, in_the_end_m: float = 0.0
+) -> WindEffect:
     return WindEffect(
         line=line,
         wind_mps=wind_mps,
@@ -240,17 +253,23 @@ def gust_change(line: str, wind_mps: float, margin: float, at_once_m: float) -> 
         sink_gain=0.15,
         at_once_m=at_once_m,
         highest_m=0.0,
-        in_the_end_m=0.0,
+        in_the_end_m=in_the_end_m,
         predicted_m=0.0,
     )
 
 
 def test_gust_tells_the_slopes_from_what_happens_at_once() -> None:
-    quasi = [gust_change("a", 8.5, 0.1, 0.02), gust_change("c", 9.3, 0.0, 0.0)]
-    quasi.append(gust_change("d", 9.6, -0.02, -0.01))
-    assert [c.holds for c in sensitivity_claims(quasi, 9.3)] == [True, True]
+    quasi = [gust_change("a", 8.5, 0.1, 0.02, 0.03), gust_change("c", 9.3, 0.0, 0.0)]
+    quasi.append(gust_change("d", 9.6, -0.02, -0.01, -0.02))
+    assert [c.holds for c in sensitivity_claims(quasi, 9.3)] == [True, True, True]
+    assert [c.by_construction for c in sensitivity_claims(quasi, 9.3)] == [True, False, False]
     thrown = [c._replace(at_once_m=0.02) for c in quasi]
-    assert [c.holds for c in sensitivity_claims(thrown, 9.3)] == [True, False]
+    assert [c.holds for c in sensitivity_claims(thrown, 9.3)] == [True, True, False]
+    for k, end_m in ((0, -0.01), (1, 0.02), (2, 0.01)):
+        astray = [c._replace(in_the_end_m=end_m) if i == k else c for i, c in enumerate(quasi)]
+        assert [c.holds for c in sensitivity_claims(astray, 9.3)] == [True, False, True]
+    lost = [quasi[0]._replace(lost=1), *quasi[1:]]
+    assert [c.holds for c in sensitivity_claims(lost, 9.3)] == [True, False, True]
 
 
 def lean_score(lean_deg: float, rms_m: float, dispersion_m: float, survived: int = 8) -> LeanScore:
