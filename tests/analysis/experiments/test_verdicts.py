@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from math import inf, nan, radians
+from math import hypot, inf, nan, radians
 
+import numpy as np
 import pytest
 
 from tgl_soar.air.hill import HillField
 from tgl_soar.air.zeuc import stable_crossing
-from tgl_soar.analysis.experiments.air_speed import SpeedScore, speed_claims
+from tgl_soar.analysis.experiments.air_speed import (
+    SpeedScore,
+    growth,
+    rings,
+    score_speed,
+    speed_claims,
+    speed_why,
+)
 from tgl_soar.analysis.experiments.changing_air import Shift, WindShift, slope_claims, wind_claims
 from tgl_soar.analysis.experiments.flights import FlownScenario, ScoredLeg
 from tgl_soar.analysis.experiments.hill_positions import (
@@ -20,7 +28,14 @@ from tgl_soar.analysis.experiments.hill_positions import (
     claims_of,
     positions,
 )
-from tgl_soar.analysis.experiments.line_lean import LeanScore, lean_claims, refusal
+from tgl_soar.analysis.experiments.line_lean import (
+    HELD_M,
+    SCHEDULED,
+    LeanScore,
+    lean_claims,
+    lean_why,
+    refusal,
+)
 from tgl_soar.analysis.experiments.page import counted, page, pages
 from tgl_soar.analysis.experiments.result import (
     ChangedThreshold,
@@ -272,15 +287,22 @@ def test_gust_tells_the_slopes_from_what_happens_at_once() -> None:
     assert [c.holds for c in sensitivity_claims(lost, 9.3)] == [True, False, True]
 
 
-def lean_score(lean_deg: float, rms_m: float, dispersion_m: float, survived: int = 8) -> LeanScore:
+def lean_score(
+    lean_deg: float, oscillation_m: float, from_line_m: float, survived: int = 8
+) -> LeanScore:
+    whole = survived == 8
     return LeanScore(
         lean_deg=lean_deg,
         off_perpendicular_deg=lean_deg - 44.0,
         flights=8,
         survived=survived,
-        rms_e_rho_m=rms_m,
-        dispersion_m=dispersion_m,
-        dispersion_formula_m=dispersion_m,
+        rms_e_rho_m=hypot(oscillation_m, from_line_m) if whole else inf,
+        oscillation_m=oscillation_m if whole else inf,
+        from_line_m=from_line_m if whole else inf,
+        rms_y_m=0.1,
+        rms_bank_rad=0.02,
+        dispersion_m=0.05,
+        dispersion_formula_m=0.05,
         drift_m=0,
         rate_per_s=1,
         stalled_fraction=0,
@@ -288,13 +310,39 @@ def lean_score(lean_deg: float, rms_m: float, dispersion_m: float, survived: int
     )
 
 
-def test_lean_looks_where_the_least_is() -> None:
-    at_perpendicular = [lean_score(-10, 0.5, 0.5), lean_score(20, 0.02, 0.1)]
-    at_perpendicular.append(lean_score(40, 0.01, 0.05))
-    assert [c.holds for c in lean_claims(at_perpendicular, 44.0)] == [True, True, True]
-    away = [lean_score(-10, 0.02, 0.06), lean_score(20, 0.01, 0.05), lean_score(40, 0.02, 0.06)]
-    assert [c.holds for c in lean_claims(away, 44.0)] == [False, False, False]
-    assert [c.holds for c in lean_claims([lean_score(20, 0.5, 0.5)], 44.0)] == [False]
+def told_of_leans(*scores: LeanScore) -> list[bool]:
+    return [c.holds for c in lean_claims(list(scores), 44.0, "so")]
+
+
+def test_lean_asks_for_the_least_at_the_perpendicular_and_more_far_from_it() -> None:
+    downwind = lean_score(-10, 0.5, 0.1)
+    upright, across = lean_score(10, 0.015, 0.002), lean_score(40, 0.010, 0.001)
+    assert told_of_leans(downwind, upright, across) == [True, True, True]
+    # The least is elsewhere; or what is far off is no worse, within two standard errors.
+    assert told_of_leans(downwind, lean_score(10, 0.008, 0.0008), across) == [False, False, True]
+    assert told_of_leans(downwind, lean_score(10, 0.0105, 0.0018), across) == [False, True, True]
+    # Nobody flew near the perpendicular, or it lost a flight.
+    assert told_of_leans(downwind, upright) == [False, False, True]
+    lost = lean_score(40, 0.010, 0.001, survived=7)
+    assert told_of_leans(downwind, upright, lost) == [False, False, True]
+
+
+def test_a_downwind_lean_is_held_or_lost() -> None:
+    across = lean_score(40, 0.010, 0.001)
+    for downwind, fails in (
+        (lean_score(-10, HELD_M + 0.001, 0.0), True),
+        (lean_score(-10, HELD_M - 0.001, 0.0), False),
+        (lean_score(-10, 0.010, 0.0, survived=7), True),
+    ):
+        assert told_of_leans(downwind, across)[2] is fails
+    assert told_of_leans(across)[2] is False
+
+
+def test_leans_that_are_accepted_and_not_held_are_named() -> None:
+    poor, good = lean_score(5, HELD_M + 0.002, 0.0), lean_score(40, 0.01, 0.001)
+    named = lean_why({("with", SCHEDULED): [poor, good]}, 44.0, 0.1, 6.0)
+    assert "not held: 5° (with accelerometers, 3.2 cm)" in named
+    assert "Every lean flown" in lean_why({("with", SCHEDULED): [good]}, 44.0, 0.1, 6.0)
 
 
 def test_the_module_refuses_flat_lines_and_lines_that_lean_downwind() -> None:
@@ -303,22 +351,51 @@ def test_the_module_refuses_flat_lines_and_lines_that_lean_downwind() -> None:
     assert refusal(20.0) == ""
 
 
-def speed_score(wind_mps: float, rms_m: float) -> SpeedScore:
+def speed_score(wind_mps: float, rms_m: float, survived: int = 8) -> SpeedScore:
     return SpeedScore(
         line="a",
         wind_mps=wind_mps,
         flights=8,
-        survived=8,
-        rms_e_rho_m=rms_m,
-        peak_e_rho_m=rms_m,
+        survived=survived,
+        rms_e_rho_m=rms_m if survived == 8 else inf,
+        error=0.05,
+        rms_y_m=0.1,
+        rms_bank_rad=0.02,
         rms_pitch_rate_radps=0.1,
     )
 
 
 def test_speed_asks_both_with_margin_and_without() -> None:
-    falls, grows = (
-        [speed_score(8.3, a), speed_score(9.3, b)] for a, b in ((0.02, 0.01), (0.02, 0.03))
+    falls, grows, same = (
+        [speed_score(8.3, a), speed_score(9.3, b)]
+        for a, b in ((0.02, 0.01), (0.02, 0.03), (0.02, 0.022))
     )
     quiet = [score._replace(rms_e_rho_m=0.003) for score in falls]
-    assert [c.holds for c in speed_claims(falls, {1.0: quiet, 2.5: grows})] == [False, True]
-    assert [c.holds for c in speed_claims(grows, {1.0: quiet})] == [True, False]
+
+    def told(
+        fixed: list[SpeedScore], calm: dict[float, list[SpeedScore]] | None = None
+    ) -> list[bool]:
+        return [c.holds for c in speed_claims({"without": fixed}, calm or {1.0: quiet})]
+
+    assert told(falls, {1.0: quiet, 2.5: grows}) == [False, True]
+    assert told(grows) == [True, False]
+    assert told(same) == [False, False]  # within two standard errors
+    assert told(grows, {2.5: grows, 4.0: falls}) == [True, False]  # of all gains that ring
+
+
+def test_a_lost_flight_counts_at_its_place() -> None:
+    lost = speed_score(7.6, 0.02, survived=7)
+    held = speed_score(9.3, 0.03)
+    assert not growth([lost, held]).shown  # the slowest is the worst, and is not left out
+    assert growth([held, lost]).shown
+    assert not growth([lost, lost]).shown
+    assert rings([lost])
+    middle = [held, lost, held]
+    assert "1 at 7.60 m/s with × 3" in speed_why({"with": middle}, {"with": middle}, {3.0: middle})
+
+
+def test_scores_of_a_place_are_of_all_its_flights() -> None:
+    path = {"time_s": np.arange(0.0, 20.0, 0.02), "pitch_rad": np.zeros(1000)}
+    lasted = replace(flight(1), path=path)
+    assert score_speed([lasted, lasted], "a", 8.0).rms_e_rho_m == pytest.approx(0.005)
+    assert score_speed([lasted, replace(lasted, ended="hit")], "a", 8.0).rms_e_rho_m == inf

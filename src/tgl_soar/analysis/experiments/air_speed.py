@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from math import degrees, inf, isfinite, sqrt
 from typing import Any, Final, NamedTuple
 
 import msgspec
@@ -9,105 +11,161 @@ import numpy as np
 
 from tgl_soar.analysis.experiments.context import Context, with_turbulence
 from tgl_soar.analysis.experiments.flights import FlownScenario, legs_named, rms
-from tgl_soar.analysis.experiments.result import Claim, Result, Table
-from tgl_soar.analysis.experiments.scenario import PreparedScenario, Scenario, prepare
+from tgl_soar.analysis.experiments.result import ChangedThreshold, Claim, Result, Table
+from tgl_soar.analysis.experiments.scenario import (
+    PreparedScenario,
+    Scenario,
+    SensorSpec,
+    prepare,
+)
 from tgl_soar.estimation.polar import best_glide_speed
 
-OUTER: Final = ("RHO_P", "RHO_I", "RHO_D")
-SURFACE: Final = ("ELE_P", "ELE_I", "ELE_D")
-FACTORS: Final = (1.0, 1.6, 2.0, 2.5, 3.0, 4.0)  # of the outer gains, in calm air
-CALM_S: Final = 25.0
+OUTER: Final = ("RHO_P", "RHO_I", "RHO_D", "RHO_P_IMU", "RHO_I_IMU", "RHO_D_IMU")
+FACTORS: Final = (1.0, 2.0, 3.0, 4.0)  # of the outer gains, in calm air
+CALM_S: Final = 20.0
 RINGS_M: Final = 0.01  # rms e_rho in calm air, where noise alone makes a quarter of it
+RESOLVED: Final = 2.0  # standard errors beyond which a ratio is not 1 (95 %)
+SENSORS: Final = {"without": SensorSpec(), "with": SensorSpec(imu=True)}  # accelerometers
+SCHEDULED_MPS: Final = 8.5  # RHO_SPEED as shipped
+FIXED, SCHEDULED = "one set of gains", "scheduled"
+CHANGED: Final = (
+    ChangedThreshold(
+        "oscillation grows downstream",
+        "fastest over slowest place above 1, of flights that lasted, one seed in calm air",
+        f"above 1 by {RESOLVED:g} standard errors, every lost flight counted at its place, eight"
+        " seeds",
+        "the slowest place is the first to be lost, and without it the ratio is another's",
+    ),
+    ChangedThreshold(
+        "places", "0.90 to 1.00 of best glide", "0.825 to 1.05", "the polar ends at 0.820"
+    ),
+)
 
 
 class SpeedScore(NamedTuple):
-    """One place, one set of gains."""
+    """One place, one set of gains; inf where any flight was lost."""
 
     line: str
     wind_mps: float
     flights: int
     survived: int
-    rms_e_rho_m: float
-    peak_e_rho_m: float
+    rms_e_rho_m: float  # over all flights
+    error: float  # standard error of that, relative
+    rms_y_m: float  # of those that lasted; NaN: none, as are the next two
+    rms_bank_rad: float
     rms_pitch_rate_radps: float
 
 
+class Growth(NamedTuple):
+    """Oscillation at the fastest place over that at the slowest, losses counted."""
+
+    ratio: float  # inf: lost at the fastest alone; 0: at the slowest alone; NaN: at both
+    error: float  # standard error
+
+    @property
+    def shown(self) -> bool:
+        """Whether it grows for certain."""
+        return self.ratio - RESOLVED * self.error > 1.0
+
+
 def speed(context: Context) -> Result:
-    """Turbulence with the gains as they are and with surfaces scaled; calm air with more gain."""
+    """Turbulence with one set of gains and with the schedule; calm air with more gain."""
     scenario = context.scenario("speed")
     lines = list(scenario.lines)
     if context.quick:
         lines = [lines[0], lines[-1]]
-    factors = (1.0, 2.5) if context.quick else FACTORS
+    factors = (1.0, 3.0) if context.quick else FACTORS
     base = prepare(scenario)
     winds = {line: _wind(base, line) for line in lines}
-    variants: dict[Any, Scenario] = {}
-    for line in lines:
-        here = msgspec.structs.replace(scenario, first_line=line)
-        scale = (winds[lines[0]] / winds[line]) ** 2
-        variants[line, "fixed"] = here
-        variants[line, "surfaces / V²"] = _scaled(here, base, SURFACE, scale)
-        calm = msgspec.structs.replace(with_turbulence(here, 0.0), duration_s=CALM_S)
-        for factor in factors:
-            variants[line, factor] = _scaled(calm, base, OUTER, factor)
-    flights = context.fly(variants)
-    scores = {key: _score(flights[key], key[0], winds[key[0]]) for key in variants}
+    flights = context.fly(_variants(scenario, base, lines, factors))
+    scores = {key: score_speed(each, key[0], winds[key[0]]) for key, each in flights.items()}
     best = best_glide_speed(base.polar)
-    figures = _draw(context, lines, factors, scores)
-    fixed = [scores[line, "fixed"] for line in lines]
-    calm_scores = {f: [scores[line, f] for line in lines] for f in factors}
-    intensity = base.site.air.turbulence.intensity if base.site.air else 0.0
+
+    def of(kind: Any) -> dict[str, list[SpeedScore]]:
+        return {imu: [scores[line, imu, kind] for line in lines] for imu in SENSORS}
+
+    fixed, scheduled = of(FIXED), of(SCHEDULED)
+    calm = {factor: [scores[line, "without", factor] for line in lines] for factor in factors}
+    assert scenario.turbulence is not None
+    intensity = scenario.turbulence.intensity
     return Result(
         "speed",
         scenario.title,
-        "Still lines from 0.90 to 1.00 of best glide's speed"
-        f" ({best:.2f} m/s), one set of gains. First in {100 * intensity:g} % of turbulence, as the"
-        " gains are and with the elevator's gains scaled by 1/V² from the slowest place on. Then in"
-        " calm air with the outer gains raised together, to see where the loop begins to ring, and"
-        " how much.",
-        speed_claims(fixed, calm_scores),
-        speed_why(fixed, [scores[line, "surfaces / V²"] for line in lines], calm_scores),
+        f"Still lines from {winds[lines[0]] / best:.3f} to {winds[lines[-1]] / best:.3f} of best"
+        f" glide's speed ({best:.2f} m/s) on a hill of 10 m radius, one set of gains as it stands"
+        f" (`RHO_SPEED` 0), and beside it the schedule over speed. In {100 * intensity:g} % of"
+        " turbulence, without accelerometers and with them; and in calm air, without, with the"
+        " outer gains raised together, to see where the loop begins to ring. A place that loses"
+        " one flight has no rms: it counts as worse than any that lost none.",
+        speed_claims(fixed, calm),
+        speed_why(fixed, scheduled, calm),
         (
             Table(
                 f"{100 * intensity:g} % of turbulence",
                 (
-                    "line", "local wind [m/s]", "flown to the end", "rms e_rho [cm]",
-                    "mean peak [cm]", "rms pitch rate [°/s]", "rms e_rho, surfaces / V² [cm]",
+                    "accelerometers", "gains", "line", "u / best glide", "local wind [m/s]",
+                    "flown to the end", "rms e_rho [cm]", "rms y [cm]", "rms bank [°]",
+                    "rms pitch rate [°/s]",
                 ),
                 tuple(
                     (
-                        s.line, f"{s.wind_mps:.2f}", f"{s.survived} of {s.flights}",
-                        _cm(s.rms_e_rho_m, 2), _cm(s.peak_e_rho_m, 1),
-                        f"{np.degrees(s.rms_pitch_rate_radps):.1f}",
-                        _cm(scores[s.line, "surfaces / V²"].rms_e_rho_m, 2),
+                        imu, kind, s.line, f"{s.wind_mps / best:.3f}", f"{s.wind_mps:.2f}",
+                        f"{s.survived} of {s.flights}",
+                        _cm(s.rms_e_rho_m, 2), _cm(s.rms_y_m, 1),
+                        f"{degrees(s.rms_bank_rad):.1f}",
+                        f"{degrees(s.rms_pitch_rate_radps):.1f}",
                     )
-                    for s in fixed
+                    for imu in SENSORS
+                    for kind, several in ((FIXED, fixed[imu]), (SCHEDULED, scheduled[imu]))
+                    for s in several
                 ),
             ),
             Table(
-                "Calm air, outer gains times …: rms e_rho [cm]",
+                "Calm air, without accelerometers, outer gains times …: rms e_rho [cm]",
                 ("line", "local wind [m/s]", *(f"× {f:g}" for f in factors)),
                 tuple(
-                    (
-                        line, f"{winds[line]:.2f}",
-                        *(_cm(scores[line, f].rms_e_rho_m, 2) for f in factors),
-                    )
-                    for line in lines
+                    (line, f"{winds[line]:.2f}", *(_told(calm[f][i]) for f in factors))
+                    for i, line in enumerate(lines)
                 ),
             ),
         ),
         {
             "turbulence": {
-                kind: [scores[line, kind]._asdict() for line in lines]
-                for kind in ("fixed", "surfaces / V²")
+                f"{kind}, accelerometers {imu}": [s._asdict() for s in several[imu]]
+                for kind, several in ((FIXED, fixed), (SCHEDULED, scheduled))
+                for imu in SENSORS
             },
-            "calm": {str(f): [s._asdict() for s in calm_scores[f]] for f in factors},
+            "calm": {str(f): [s._asdict() for s in calm[f]] for f in factors},
             "best_glide_mps": best,
         },
-        figures,
+        _draw(context, fixed, scheduled, calm),
         ("speed",),
         tuple(scenario.seeds),
+        CHANGED,
     )  # fmt: skip
+
+
+def _variants(
+    scenario: Scenario, base: PreparedScenario, lines: list[str], factors: Sequence[float]
+) -> dict[Any, Scenario]:
+    variants: dict[Any, Scenario] = {}
+    for line in lines:
+        here = msgspec.structs.replace(scenario, first_line=line)
+        for imu, sensors in SENSORS.items():
+            fixed = msgspec.structs.replace(here, sensors=sensors)
+            variants[line, imu, FIXED] = fixed
+            variants[line, imu, SCHEDULED] = _with(fixed, {"RHO_SPEED": SCHEDULED_MPS})
+        calm = msgspec.structs.replace(
+            with_turbulence(here, 0.0), duration_s=CALM_S, seeds=scenario.seeds
+        )
+        for factor in factors:
+            raised = {name: base.values[name] * factor for name in OUTER}
+            variants[line, "without", factor] = _with(calm, raised)
+    return variants
+
+
+def _with(scenario: Scenario, values: dict[str, float]) -> Scenario:
+    return msgspec.structs.replace(scenario, parameters={**scenario.parameters, **values})
 
 
 def _wind(prepared: PreparedScenario, line: str) -> float:
@@ -117,99 +175,132 @@ def _wind(prepared: PreparedScenario, line: str) -> float:
 
 
 def _cm(value_m: float, digits: int) -> str:
-    return "lost" if value_m != value_m else f"{100 * value_m:.{digits}f}"
+    return f"{100 * value_m:.{digits}f}" if isfinite(value_m) else "lost"
 
 
-def _scaled(
-    scenario: Scenario, base: PreparedScenario, names: tuple[str, ...], factor: float
-) -> Scenario:
-    scaled = {name: base.values[name] * factor for name in names}
-    return msgspec.structs.replace(scenario, parameters={**scenario.parameters, **scaled})
+def _told(s: SpeedScore) -> str:
+    lost = s.flights - s.survived
+    return f"{lost} of {s.flights} lost" if lost else _cm(s.rms_e_rho_m, 2)
 
 
-def _score(flights: list[FlownScenario], line: str, wind_mps: float) -> SpeedScore:
-    whole = [flight for flight in flights if flight.survived]
+def score_speed(flights: list[FlownScenario], line: str, wind_mps: float) -> SpeedScore:
+    """All flights at one place."""
+    whole = [flight for flight in flights if flight.survived and flight.legs]
     legs = legs_named(whole, line)
     rates = []
-    for flight, leg in zip(whole, legs, strict=False):
+    for flight, leg in zip(whole, legs, strict=True):
         time = flight.path["time_s"]
         rows = time >= leg.end_s - leg.scored_s
         rates.append(float(np.std(np.gradient(flight.path["pitch_rad"][rows], time[rows]))))
-    nan = float("nan")
+    squares = np.array([leg.rms_e_rho_m**2 for leg in legs])
+    all_lasted = len(whole) == len(flights)
+    error = inf
+    if all_lasted and len(squares) > 1:
+        # Half the relative error of the mean square.
+        error = 0.5 * float(np.std(squares, ddof=1) / np.mean(squares)) / sqrt(len(squares))
     return SpeedScore(
         line=line,
         wind_mps=wind_mps,
         flights=len(flights),
         survived=len(whole),
-        rms_e_rho_m=rms(leg.rms_e_rho_m for leg in legs),
-        peak_e_rho_m=float(np.mean([leg.peak_e_rho_m for leg in legs])) if legs else nan,
+        rms_e_rho_m=rms(leg.rms_e_rho_m for leg in legs) if all_lasted else inf,
+        error=error,
+        rms_y_m=rms(leg.rms_y_m for leg in legs),
+        rms_bank_rad=rms(leg.rms_bank_rad for leg in legs),
         rms_pitch_rate_radps=rms(rates),
     )
 
 
-def _grows(scores: list[SpeedScore]) -> float:
-    """rms e_rho at the fastest place that was flown over that at the slowest; NaN: too few."""
-    flown = [s for s in scores if s.survived > 0]
-    if len(flown) < 2:
-        return float("nan")
-    return flown[-1].rms_e_rho_m / flown[0].rms_e_rho_m
+def growth(scores: Sequence[SpeedScore]) -> Growth:
+    """From the slowest place to the fastest; no place is left out for having lost flights."""
+    first, last = scores[0], scores[-1]
+    slow, fast = first.rms_e_rho_m, last.rms_e_rho_m
+    if not isfinite(slow) and not isfinite(fast):
+        return Growth(float("nan"), 0.0)
+    ratio = fast / slow if isfinite(slow) else 0.0
+    if ratio == 0.0 or not isfinite(ratio):
+        return Growth(ratio, 0.0)
+    return Growth(ratio, ratio * sqrt(first.error**2 + last.error**2))
 
 
-def speed_claims(fixed: list[SpeedScore], calm: dict[float, list[SpeedScore]]) -> tuple[Claim, ...]:
+def _words(of: Growth) -> str:
+    if of.ratio != of.ratio:
+        return "flights lost at both ends"
+    if of.ratio == 0.0:
+        return "flights lost at the slowest place"
+    if not isfinite(of.ratio):
+        return "flights lost at the fastest place"
+    return f"{of.ratio:.2f} ± {of.error:.2f}"
+
+
+def rings(scores: Sequence[SpeedScore]) -> bool:
+    """Whether the loop rings somewhere in calm air, or is lost to it."""
+    return any(not s.rms_e_rho_m <= RINGS_M for s in scores)
+
+
+def speed_claims(
+    fixed: dict[str, list[SpeedScore]], calm: dict[float, list[SpeedScore]]
+) -> tuple[Claim, ...]:
     """Larger oscillation downstream: with these gains, and with a loop that rings."""
-    ringing = {
-        factor: _grows(scores)
-        for factor, scores in calm.items()
-        if any(s.rms_e_rho_m > RINGS_M for s in scores)
-    }
-    held = [ratio for ratio in ringing.values() if ratio == ratio]
+    ringing = {factor: growth(scores) for factor, scores in calm.items() if rings(scores)}
     return (
-        Claim(
-            "with fixed gains the oscillation grows downstream, as airspeed grows",
-            _grows(fixed) > 1.0,
-            f"in turbulence, rms e_rho {100 * fixed[0].rms_e_rho_m:.2f} cm at"
-            f" {fixed[0].wind_mps:.2f} m/s and {100 * fixed[-1].rms_e_rho_m:.2f} cm at"
-            f" {fixed[-1].wind_mps:.2f} m/s",
+        *(
+            Claim(
+                "with fixed gains the oscillation grows downstream, as airspeed grows"
+                f" ({imu} accelerometers)",
+                growth(scores).shown,
+                f"in turbulence, fastest over slowest place {_words(growth(scores))}",
+            )
+            for imu, scores in fixed.items()
         ),
         Claim(
-            "the same where the gains are too high and the loop rings",
-            bool(held) and float(np.median(held)) > 1.0,
+            "the same with every gain that is too high, where the loop rings",
+            bool(ringing) and all(of.shown for of in ringing.values()),
             "no gain tried made it ring"
-            if not held
-            else "fastest over slowest place that was not lost: "
-            + ", ".join(f"{ratio:.2f} at × {factor:g}" for factor, ratio in ringing.items()),
+            if not ringing
+            else "fastest over slowest place: "
+            + ", ".join(f"{_words(of)} at × {factor:g}" for factor, of in ringing.items()),
         ),
     )
 
 
+def _trend(of: Growth) -> str:
+    if of.shown:
+        return "grows"
+    return "falls" if of.ratio + RESOLVED * of.error < 1.0 else "shows no trend"
+
+
 def speed_why(
-    fixed: list[SpeedScore], scaled: list[SpeedScore], calm: dict[float, list[SpeedScore]]
+    fixed: dict[str, list[SpeedScore]],
+    scheduled: dict[str, list[SpeedScore]],
+    calm: dict[float, list[SpeedScore]],
 ) -> str:
-    """Which of the two is the paper's."""
-    lost = [f"× {f:g}" for f, scores in calm.items() if scores[0].survived == 0]
+    """What the numbers say, and what is behind it."""
+    trends = "; ".join(
+        f"{imu} accelerometers e_rho {_trend(growth(fixed[imu]))} ({_words(growth(fixed[imu]))}),"
+        f" with the schedule it {_trend(growth(scheduled[imu]))}"
+        f" ({_words(growth(scheduled[imu]))})"
+        for imu in fixed
+    )
+    lost = [
+        f"{s.flights - s.survived} at {s.wind_mps:.2f} m/s with × {factor:g}"
+        for factor, scores in calm.items()
+        for s in scores
+        if s.survived < s.flights
+    ]
     return (
         "Two things grow with airspeed: what a radian of pitch does to the aircraft, which tightens"
-        " the loop, and with it the loop's gain, which uses up its phase margin. With gains that"
-        " leave a margin the first wins: turbulence of one size moves the aircraft less downstream"
-        f" ({_grows(fixed):.2f} times from the slowest to the fastest place). The paper's growth"
-        " appears only where the loop rings already, and there it is modest. Gains near the edge,"
-        " or air that is rougher downstream, would make it larger; which of them the paper had, the"
-        " simulation cannot say. Scaling the elevator's gains by 1/V² changes the trend to"
-        f" {_grows(scaled):.2f}: it does not cure what is the outer loop's."
-        + (
-            f" With {', '.join(lost)} the slowest place is lost altogether: the ringing reaches the"
-            " stall."
-            if lost
-            else ""
-        )
+        " the loop, and with it the loop's gain, which uses up its phase margin. In turbulence,"
+        f" {trends}."
+        + (f" In calm air were lost: {'; '.join(lost)}." if lost else " In calm air none was lost.")
     )
 
 
 def _draw(
     context: Context,
-    lines: list[str],
-    factors: tuple[float, ...],
-    scores: dict[Any, SpeedScore],
+    fixed: dict[str, list[SpeedScore]],
+    scheduled: dict[str, list[SpeedScore]],
+    calm: dict[float, list[SpeedScore]],
 ) -> tuple[str, ...]:
     path = context.figure("speed")
     if path is None:
@@ -217,46 +308,30 @@ def _draw(
     from tgl_soar.analysis.report.curves_figure import CurvePanel, DrawnCurve, curves_figure
     from tgl_soar.analysis.report.style import LEG_COLOURS
 
-    winds = [scores[line, "fixed"].wind_mps for line in lines]
-    turbulent = [
-        DrawnCurve(
-            winds,
-            [100 * scores[line, kind].rms_e_rho_m for line in lines],
+    def curve(scores: list[SpeedScore], label: str, i: int, style: str = "-") -> DrawnCurve:
+        flown = [s for s in scores if isfinite(s.rms_e_rho_m)]
+        return DrawnCurve(
+            [s.wind_mps for s in flown],
+            [100 * s.rms_e_rho_m for s in flown],
             label,
-            colour,
-            style,
-            "o",
-        )
-        for kind, label, colour, style in (
-            ("fixed", "fixed gains", LEG_COLOURS[1], "-"),
-            ("surfaces / V²", "elevator's gains / V²", LEG_COLOURS[0], "--"),
-        )
-    ]
-    calm = [
-        DrawnCurve(
-            winds,
-            [100 * scores[line, factor].rms_e_rho_m for line in lines],
-            f"outer gains × {factor:g}",
             LEG_COLOURS[i % len(LEG_COLOURS)],
+            style,
             marker="os^vDP"[i % 6],
         )
-        for i, factor in enumerate(factors)
+
+    turbulent = [
+        curve(several[imu], f"{kind}, {imu} accelerometers", i, style)
+        for i, imu in enumerate(SENSORS)
+        for kind, several, style in ((FIXED, fixed, "-"), (SCHEDULED, scheduled, "--"))
     ]
+    raised = [curve(calm[f], f"outer gains × {f:g}", i) for i, f in enumerate(calm)]
+    axes = "local wind [m/s]", "rms e_rho [cm], where none was lost"
     curves_figure(
         path,
         [
-            CurvePanel(
-                "in turbulence", "local wind [m/s]", "rms e_rho [cm]", turbulent, y_from_zero=True
-            ),
-            CurvePanel(
-                "in calm air: where the loop rings",
-                "local wind [m/s]",
-                "rms e_rho [cm]",
-                calm,
-                y_log=True,
-                legend="center right",
-            ),
+            CurvePanel("in turbulence", *axes, turbulent, y_from_zero=True),
+            CurvePanel("in calm air: where the loop rings", *axes, raised, y_log=True),
         ],
-        "one set of gains from slow to fast air",
+        "from slow to fast air",
     )
     return (path.name,)

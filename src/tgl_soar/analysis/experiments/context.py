@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import msgspec
 
-from tgl_soar.analysis.experiments.flights import FlownScenario, Flyer, ScenarioJob
+from tgl_soar.analysis.experiments.flights import (
+    FlownScenario,
+    Flyer,
+    ScenarioJob,
+    fly_job_compiled,
+)
 from tgl_soar.analysis.experiments.scenario import (
     PlacedLine,
     PreparedScenario,
@@ -19,7 +24,10 @@ from tgl_soar.analysis.report.flight_figure import MapAir
 from tgl_soar.analysis.report.zeuc_figure import DrawnLine
 from tgl_soar.config.airframe import ModelKind
 from tgl_soar.config.files import shipped
+from tgl_soar.sim.compiled import available
 from tgl_soar.sim.world import ground_outline
+
+COMPILED_FROM: Final = 120  # flights: compiling takes as long as flying fewer of them plainly
 
 
 class Context(NamedTuple):
@@ -46,8 +54,16 @@ class Context(NamedTuple):
             for scenario in scenarios.values()
             for seed in scenario.seeds
         ]
-        flown = iter(self.flyer.fly(jobs))
+        flown = iter(self.fly_jobs(jobs))
         return {key: [next(flown) for _ in scenario.seeds] for key, scenario in scenarios.items()}
+
+    def fly_jobs(self, jobs: list[ScenarioJob]) -> list[FlownScenario]:
+        """In the order given; compiled where numba is installed and many are to be flown."""
+        faulty = any(job.scenario.faults for job in jobs)
+        if len(jobs) < COMPILED_FROM or faulty or not available():
+            return self.flyer.fly(jobs)
+        first = self.flyer.each(fly_job_compiled, jobs[:1], compiled=True)  # the others wait for it
+        return first + self.flyer.each(fly_job_compiled, jobs[1:], compiled=True)
 
     def figure(self, name: str) -> Path | None:
         """The path of a figure; None: draw none."""

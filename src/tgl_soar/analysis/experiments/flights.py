@@ -20,17 +20,21 @@ from math import cos, sin
 from types import TracebackType
 from typing import NamedTuple, Protocol, TypeVar
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from tgl_soar.air.zeuc import stable_crossing
 from tgl_soar.analysis.experiments.scenario import PreparedScenario, Scenario, prepare
+from tgl_soar.config.airframe import Airframe
 from tgl_soar.control.target_line import TargetLine
 from tgl_soar.sim.closed_loop import Trajectory, fly
+from tgl_soar.sim.fast_flight import fly_compiled
+from tgl_soar.sim.fast_flight import prepare as prepare_compiled
 from tgl_soar.sim.faults import parse_faults
 from tgl_soar.sim.injection import Injection
 from tgl_soar.sim.score import settling_time
-from tgl_soar.sim.world import make_world
+from tgl_soar.sim.world import World, make_world
 
 SETTLE_S = 5.0
 KEEP_EVERY = 4  # of a flight's rows one in so many is kept: 50 a second are enough to draw
@@ -43,6 +47,9 @@ class ScenarioJob(NamedTuple):
 
     scenario: Scenario
     seed: int
+    # Figures of the aircraft that is flown, `section.key`, where they are not those of the airframe
+    # file, which is all that the module on board knows.
+    aircraft: tuple[tuple[str, float], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -94,14 +101,47 @@ def fly_job(job: ScenarioJob) -> FlownScenario:
     prepared = prepare(job.scenario)
     faults = parse_faults(job.scenario.faults)
     injection = Injection(faults, job.seed) if faults else None
+    world = _world(job, prepared, injection)
+    trajectory = fly(world, prepared.values, prepared.changes, job.scenario.duration_s, injection)
+    return _flown(job, prepared, trajectory)
+
+
+def fly_job_compiled(job: ScenarioJob) -> FlownScenario:
+    """The same flight, compiled.  Errors: `ConfigError`; ValueError for a scenario with faults."""
+    if job.scenario.faults:
+        raise ValueError(f"{job.scenario.title}: faults are injected into plain flights only")
+    prepared = prepare(job.scenario)
+    world = prepare_compiled(_world(job, prepared, None), job.scenario.duration_s)
+    return _flown(job, prepared, fly_compiled(world, job.seed, prepared.values, prepared.changes))
+
+
+def flown_airframe(airframe: Airframe, figures: Iterable[tuple[str, float]]) -> Airframe:
+    """The aircraft with other figures than its file.  Errors: ValueError for an unknown one."""
+    for name, value in figures:
+        section, _, key = name.partition(".")
+        if section == "model" and key in airframe.model:
+            airframe = msgspec.structs.replace(airframe, model={**airframe.model, key: value})
+        elif section == "airframe" and hasattr(airframe.airframe, key):
+            bench = msgspec.structs.replace(airframe.airframe, **{key: value})
+            airframe = msgspec.structs.replace(airframe, airframe=bench)
+        else:
+            raise ValueError(f"{name}: no figure of [airframe] or [model] of this airframe")
+    return airframe
+
+
+def _world(job: ScenarioJob, prepared: PreparedScenario, injection: Injection | None) -> World:
     world = make_world(
-        prepared.airframe,
+        flown_airframe(prepared.airframe, job.aircraft),
         prepared.site,
         seed=job.seed,
         field=prepared.field if injection is None else injection.field(prepared.field),
         sensors=job.scenario.sensors.as_sensors(),
     )
-    trajectory = fly(world, prepared.values, prepared.changes, job.scenario.duration_s, injection)
+    world.aerodynamics = prepared.airframe.aerodynamics()
+    return world
+
+
+def _flown(job: ScenarioJob, prepared: PreparedScenario, trajectory: Trajectory) -> FlownScenario:
     path = {name: column[::KEEP_EVERY].copy() for name, column in trajectory.columns.items()}
     return FlownScenario(
         job.seed,
