@@ -12,6 +12,13 @@ import pytest
 
 from tgl_soar.analysis.experiments.catalogue import run
 from tgl_soar.analysis.experiments.context import Context
+from tgl_soar.analysis.experiments.estimator import (
+    MARGIN,
+    PLAIN_FASTER,
+    SAME_GAINS,
+    margin_claim,
+    split_words,
+)
 from tgl_soar.analysis.experiments.estimator_flights import (
     ASKED,
     CALM,
@@ -24,10 +31,14 @@ from tgl_soar.analysis.experiments.estimator_flights import (
     PLAIN,
     Differences,
     EstimatorFlight,
+    EstimatorScore,
     Known,
+    Ratios,
     Scored,
     WatchedFlight,
+    _values,
     fly_scored,
+    gains_exchanged,
     in_gap,
     known,
     paired_difference,
@@ -37,7 +48,7 @@ from tgl_soar.analysis.experiments.estimator_flights import (
 )
 from tgl_soar.analysis.experiments.flights import Flyer
 from tgl_soar.analysis.experiments.result import as_json
-from tgl_soar.sim.sensors import Sensors
+from tgl_soar.sim.sensors import AUTOPILOT_POSITION, Sensors
 from tgl_soar.types import NO_FIX, PositionFix
 
 FLIGHT_S = 12.0
@@ -133,8 +144,39 @@ def test_differences_are_those_of_so_many_samples_and_late() -> None:
 
 
 def test_a_flight_that_ends_before_it_is_scored_is_counted_only_as_lost() -> None:
-    flown = [Scored(30.0, "", 4.0, 9.0), Scored(3.0, "hit the board", nan, nan)]
-    assert score(flown) == (2, 1, 2.0, 3.0)
+    flown = [Scored(30.0, "", 4.0, 9.0, 0.25, 0.01), Scored(3.0, "hit the board", nan, nan)]
+    assert score(flown) == (2, 1, 2.0, 3.0, 0.5, 0.1)
+
+
+def test_the_margin_is_shown_by_every_flight_or_not_at_all() -> None:
+    whole = EstimatorScore(24, 0, 0.01, 1.0, 0.1, 0.02)
+    names = [f"{law}, gains × {k:g}" for law in ("plain", "accelerations") for k in MARGIN]
+    scores = dict.fromkeys(names, whole)
+    assert margin_claim(scores).holds
+    for name in names:
+        assert not margin_claim({**scores, name: whole._replace(lost=1)}).holds
+
+
+def test_sensor_and_gains_are_told_apart() -> None:
+    """Each law with the other's gains, in the flights' own parameters."""
+    for imu in (True, False):
+        changes = dict(gains_exchanged(imu))
+        values = _values(
+            EstimatorFlight(line="a", seed=1, sensors=IMU, changes=tuple(changes.items()))
+        )
+        assert values["RHO_P_IMU"] == values["RHO_P"]
+        assert values["ELE_D_IMU"] == values["ELE_D"]
+        assert ("RHO_P_IMU" in changes) is imu
+    ratios = {SAME_GAINS: Ratios(0.9, 0.8), PLAIN_FASTER: Ratios(0.7, 1.4)}
+    words = split_words({**ratios, "accelerations": Ratios(0.45, 1.43)})
+    assert "plain law's gains, 0.90" in words
+    assert "both 0.45" in words
+
+
+def test_nobody_tells_the_estimator_the_noise_of_the_fixes() -> None:
+    noisy = Sensors(position=AUTOPILOT_POSITION._replace(noise_m=0.02))
+    quiet = Sensors(position=AUTOPILOT_POSITION._replace(noise_m=0.0005))
+    assert len({_values(EstimatorFlight("a", 1, s))["EST_FIX_SD"] for s in (noisy, quiet)}) == 1
 
 
 def test_ratios_are_of_pairs_in_the_same_air() -> None:

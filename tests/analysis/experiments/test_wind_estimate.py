@@ -14,10 +14,14 @@ from tgl_soar.analysis.experiments.flights import Flyer
 from tgl_soar.analysis.experiments.result import as_json
 from tgl_soar.analysis.experiments.wind_estimate import (
     CASES,
+    DRAG_WITHIN,
+    LIFT_WITHIN,
     WITH_PITOT,
     WITHOUT,
     ObservedFlight,
     WindFlight,
+    WindScore,
+    honest_claim,
     look_on,
     plain_rms,
     score,
@@ -57,13 +61,29 @@ def test_airspeed_and_angle_of_attack_can_be_protected_by_without_a_pitot() -> N
     assert found.alpha_deg < 1.0
 
 
-def test_the_wrong_wing_is_as_wrong_as_the_estimator_takes_it_to_be() -> None:
+def test_the_wrong_wing_is_not_the_estimators_own_prior() -> None:
+    """Evenly spread, wider than what it allows for, and within what is written down."""
     wing = NO_AERODYNAMICS._replace(CL0=1.0, CL_alpha=1.0, CD0=1.0, CD_lift=1.0)
-    wings = [wrong_wing(wing, seed) for seed in range(200)]
-    lift = sum((w.CL_alpha - 1.0) ** 2 for w in wings) / 200
-    drag = sum((w.CD0 - 1.0) ** 2 for w in wings) / 200
-    assert lift**0.5 == pytest.approx(LIFT_ERROR, rel=0.2)
-    assert drag**0.5 == pytest.approx(DRAG_ERROR, rel=0.2)
+    wings = [wrong_wing(wing, seed) for seed in range(300)]
+    for errors, within, prior in (
+        ([w.CL_alpha - 1.0 for w in wings], LIFT_WITHIN, LIFT_ERROR),
+        ([w.CD0 - 1.0 for w in wings], DRAG_WITHIN, DRAG_ERROR),
+    ):
+        assert 0.95 * within < max(map(abs, errors)) <= within
+        spread = (sum(e * e for e in errors) / len(errors)) ** 0.5
+        assert spread == pytest.approx(within / 3**0.5, rel=0.15)
+        assert spread > prior
+
+
+@pytest.mark.parametrize("of", ["wind_normalised", "updraft_normalised"])
+def test_honest_is_every_case_and_both_ways(of: str) -> None:
+    one = WindScore(0.1, 0.1, 0.1, 0.1, 1.0, 1.0, 1.0)
+    scores = dict.fromkeys(CASES, one)
+    assert honest_claim(scores).holds
+    for case, what in CASES.items():
+        assert not honest_claim({**scores, case: one._replace(**{of: 2.1})}).holds
+        timid = honest_claim({**scores, case: one._replace(**{of: 0.3})})
+        assert timid.holds is not what.wing_is_wrong
 
 
 @pytest.mark.long

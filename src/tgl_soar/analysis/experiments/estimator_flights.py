@@ -153,6 +153,8 @@ class Scored(NamedTuple):
     ended: str
     e_rho_m2: float  # mean of the square
     activity_2ps2: float  # of the elevator's rate of change, full throws a second
+    y_m2: float = nan  # sideways, from the middle
+    bank_rad2: float = nan
 
 
 def fly_scored(flight: EstimatorFlight) -> Scored:
@@ -163,9 +165,9 @@ def fly_scored(flight: EstimatorFlight) -> Scored:
         truth, out = now.truth, now.output
         e = e_rho(out.line.x_m, out.line.z_m, out.line.eta_rad, truth.x_m, truth.z_m)
         moving = float(out.line.moving or not out.active)
-        rows.append((truth.time_s, e, moving, out.command.elevator))
+        rows.append((truth.time_s, e, moving, out.command.elevator, truth.y_m, truth.roll_rad))
         ended = now.ended
-    names = ("time_s", "e_rho_m", "line_moving", "elevator")
+    names = ("time_s", "e_rho_m", "line_moving", "elevator", "y_m", "roll_rad")
     columns = dict(zip(names, np.array(rows).T, strict=True))
     return _scored(Trajectory(columns, ended, len(rows)))
 
@@ -179,12 +181,14 @@ def fly_scored_compiled(flight: EstimatorFlight) -> Scored:
 def _scored(flown: Trajectory) -> Scored:
     time, elevator = flown["time_s"], flown["elevator"]
     rows = (time > SETTLE_S) & (flown["line_moving"] == 0.0)
-    square = rate = nan
+    square = rate = y = bank = nan
     if np.count_nonzero(rows) > 1:
         square = float(np.mean(flown["e_rho_m"][rows] ** 2))
         step = np.diff(elevator[rows]) / np.diff(time[rows])
         rate = float(np.mean(step**2))
-    return Scored(float(time[-1]), flown.ended, square, rate)
+        y = float(np.mean(flown["y_m"][rows] ** 2))
+        bank = float(np.mean(flown["roll_rad"][rows] ** 2))
+    return Scored(float(time[-1]), flown.ended, square, rate, y, bank)
 
 
 class _Tick(NamedTuple):
@@ -291,14 +295,13 @@ def _prepared(flight: EstimatorFlight) -> Prepared:
 
 
 def _values(flight: EstimatorFlight) -> ParameterSet:
-    """The shipped parameters, of the noise that the fixes have, on the flight's line."""
+    """The shipped parameters on the flight's line: nobody told it what noise the fixes have."""
     site, values, _ = _place()
     loop = ("RHO_P", "RHO_I", "RHO_D", "RHO_P_IMU", "RHO_I_IMU", "RHO_D_IMU")
     return values.changed(
         {
             **line_parameters(site.lines[flight.line]),
             **{name: flight.scale * values[name] for name in loop},
-            "EST_FIX_SD": max(flight.sensors.position.noise_m, values["EST_FIX_SD"]),
             **dict(flight.changes),
         }
     )
@@ -311,17 +314,43 @@ class EstimatorScore(NamedTuple):
     lost: int
     e_rho_m: float
     activity_ps: float
+    y_m: float
+    bank_rad: float
 
 
 def score(flown: Sequence[Scored]) -> EstimatorScore:
     """What became of them."""
     whole = [each for each in flown if each.e_rho_m2 == each.e_rho_m2]
+
+    def root(squares: list[float]) -> float:
+        return sqrt(sum(squares) / len(squares)) if squares else nan
+
     return EstimatorScore(
-        len(flown),
-        sum(1 for each in flown if each.ended),
-        sqrt(sum(each.e_rho_m2 for each in whole) / len(whole)) if whole else nan,
-        sqrt(sum(each.activity_2ps2 for each in whole) / len(whole)) if whole else nan,
+        flights=len(flown),
+        lost=sum(1 for each in flown if each.ended),
+        e_rho_m=root([each.e_rho_m2 for each in whole]),
+        activity_ps=root([each.activity_2ps2 for each in whole]),
+        y_m=root([each.y_m2 for each in whole]),
+        bank_rad=root([each.bank_rad2 for each in whole]),
     )
+
+
+# Each gain, and the one that takes its place while accelerations are used.
+_GAINS: Final = (
+    ("RHO_P", "RHO_P_IMU"),
+    ("RHO_I", "RHO_I_IMU"),
+    ("RHO_D", "RHO_D_IMU"),
+    ("RHO_D_FILT", "RHO_DF_IMU"),
+    ("ELE_P", "ELE_P_IMU"),
+    ("ELE_I", "ELE_I_IMU"),
+    ("ELE_D", "ELE_D_IMU"),
+)
+
+
+def gains_exchanged(imu: bool) -> tuple[tuple[str, float], ...]:
+    """Changes that give the law with accelerations (`imu`) the plain gains, or the reverse."""
+    values = _place()[1]
+    return tuple((fast, values[plain]) if imu else (plain, values[fast]) for plain, fast in _GAINS)
 
 
 class Ratios(NamedTuple):

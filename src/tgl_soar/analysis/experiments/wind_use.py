@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import degrees
 from typing import Final
 
 from tgl_soar.analysis.experiments.context import Context
@@ -77,7 +78,9 @@ def wind_use(context: Context) -> Result:
             Table(
                 "flights",
                 (
-                    "turbulence", "used", "flights", "lost", "rms e_rho [mm]", "of neither's",
+                    "turbulence", "used", "flights", "lost", "rms y [cm]", "rms bank [°]",
+                    "rms e_rho [mm]",
+                    "of neither's",
                     "activity, of neither's",
                 ),
                 tuple(rows),
@@ -98,6 +101,8 @@ def _row(
         use,
         f"{of.flights}",
         f"{of.lost}",
+        f"{100 * of.y_m:.1f}",
+        f"{degrees(of.bank_rad):.1f}",
         f"{1e3 * of.e_rho_m:.1f}",
         f"{e_rho_ratio:.2f}",
         f"{activity_ratio:.2f}",
