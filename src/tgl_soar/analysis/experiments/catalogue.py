@@ -14,6 +14,7 @@ from tgl_soar.analysis.experiments import (
     hill_positions,
     identification,
     line_lean,
+    robustness,
     sensitivity,
     still_lines,
     wind_estimate,
@@ -38,12 +39,21 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "estimator": estimator.estimator,
     "wind_estimate": wind_estimate.wind_estimate,
     "wind_use": wind_use.wind_use,
+    "command_delay": robustness.command_delay,
+    "dispersed": robustness.dispersed,
 }
 
-# The paper's own fly on either model.  The others are about what a point mass lacks:
-# a short period to identify, accelerations and a wing from which the air is estimated.
-RIGID_BODY_ALONE: Final = ("identification", "estimator", "wind_estimate", "wind_use")
-OURS: Final = frozenset({"identification", "estimator", "wind_estimate", "wind_use"})
+# Our own aims; the others are the paper's claims, and fly on either model.  These are about what a
+# point mass lacks: a short period, servos, accelerations and a wing from which the air is estimated.
+RIGID_BODY_ALONE: Final = (
+    "identification",
+    "estimator",
+    "wind_estimate",
+    "wind_use",
+    "command_delay",
+    "dispersed",
+)
+OURS: Final = frozenset(RIGID_BODY_ALONE)
 
 TITLES: Final = {
     "field": "a hill of potential flow, an illustrative polar, three places",
@@ -60,6 +70,8 @@ TITLES: Final = {
     "estimator": "what accelerometers are worth to estimate and flight",
     "wind_estimate": "wind and updraft as read on board, against the air that was there",
     "wind_use": "what the laws may make of the wind they read",
+    "command_delay": "who lasts where commands come later than known",
+    "dispersed": "who lasts of aircraft drawn apart from the airframe file",
 }
 
 
