@@ -15,6 +15,7 @@ from tgl_soar.analysis.experiments.flights import (
     ScenarioJob,
     flown_airframe,
     fly_job,
+    fly_job_compiled,
     pooled_dispersion,
 )
 from tgl_soar.analysis.experiments.scenario import Scenario, load_scenario, prepare
@@ -107,3 +108,22 @@ def test_an_aircraft_may_differ_from_its_file_which_the_module_goes_by(scenario:
     assert draggy.survived
     # A quarter more of CD0 is 0.2 m/s more sink, which the contour answers by some 20 cm.
     assert draggy.legs[0].mean_z_m < as_filed.legs[0].mean_z_m - 0.1
+
+
+def test_a_flight_may_start_elsewhere(scenario: Scenario) -> None:
+    short = msgspec.structs.replace(scenario, duration_s=0.1, changes=[])
+    flown = fly_job(ScenarioJob(short, 1, start_xz_m=(0.7, 1.4)))
+    assert flown.path["x_m"][0] == pytest.approx(0.7, abs=0.01)
+    assert flown.path["z_m"][0] == pytest.approx(1.4, abs=0.01)
+
+
+@pytest.mark.long
+def test_a_compiled_job_is_the_plain_flight(scenario: Scenario) -> None:
+    """Rounding apart, which numba's fused sums change."""
+    pytest.importorskip("numba")
+    short = msgspec.structs.replace(scenario, duration_s=11.0, changes=[])
+    job = ScenarioJob(short, 1, (("model.CD0", 0.06),))
+    plain, compiled = fly_job(job), fly_job_compiled(job)
+    assert compiled.ended == plain.ended
+    for name, column in plain.path.items():
+        np.testing.assert_allclose(compiled.path[name], column, atol=1e-6, err_msg=name)

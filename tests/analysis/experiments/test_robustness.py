@@ -16,8 +16,8 @@ from tgl_soar.analysis.experiments.robustness import (
     SHORT_PERIOD_RADPS,
     WITHIN,
     PlaceScore,
-    can_hover,
     drawn_figures,
+    hovers_at,
     score_place,
     survival_claim,
 )
@@ -63,9 +63,13 @@ def test_aircraft_are_drawn_as_far_from_the_file_as_is_said(prepared: PreparedSc
 
 def test_who_cannot_hover_on_a_line_is_not_flown(prepared: PreparedScenario) -> None:
     model = prepared.airframe.model
-    assert can_hover(prepared, (), "a")
-    assert not can_hover(prepared, (("model.CL_alpha", 0.7 * model["CL_alpha"]),), "a")  # stalled
-    assert not can_hover(prepared, (("model.CD0", 3.0 * model["CD0"]),), "a")  # sinks too fast
+    at, filed = hovers_at(prepared, (), "a"), prepared.lines["a"].crossing
+    assert filed is not None
+    assert at == pytest.approx((filed.x_m, filed.z_m), abs=0.02)
+    stalled = ("model.CL_alpha", 0.7 * model["CL_alpha"])
+    sinks_too_fast = ("model.CD0", 3.0 * model["CD0"])
+    assert hovers_at(prepared, (stalled,), "a") is None
+    assert hovers_at(prepared, (sinks_too_fast,), "a") is None
 
 
 def test_places_are_judged_one_by_one() -> None:

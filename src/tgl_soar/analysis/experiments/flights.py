@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from tgl_soar.air.zeuc import stable_crossing
 from tgl_soar.analysis.experiments.scenario import PreparedScenario, Scenario, prepare
 from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.site import Start
 from tgl_soar.control.target_line import TargetLine
 from tgl_soar.sim.closed_loop import Trajectory, fly
 from tgl_soar.sim.fast_flight import fly_compiled
@@ -50,6 +51,7 @@ class ScenarioJob(NamedTuple):
     # Figures of the aircraft that is flown, `section.key`, where they are not those of the airframe
     # file, which is all that the module on board knows.
     aircraft: tuple[tuple[str, float], ...] = ()
+    start_xz_m: tuple[float, float] | None = None  # None: the scenario's
 
 
 @dataclass(frozen=True)
@@ -130,9 +132,13 @@ def flown_airframe(airframe: Airframe, figures: Iterable[tuple[str, float]]) -> 
 
 
 def _world(job: ScenarioJob, prepared: PreparedScenario, injection: Injection | None) -> World:
+    site = prepared.site
+    if job.start_xz_m is not None:
+        x_m, z_m = job.start_xz_m
+        site = msgspec.structs.replace(site, start=Start(x_m=x_m, z_m=z_m))
     world = make_world(
         flown_airframe(prepared.airframe, job.aircraft),
-        prepared.site,
+        site,
         seed=job.seed,
         field=prepared.field if injection is None else injection.field(prepared.field),
         sensors=job.scenario.sensors.as_sensors(),

@@ -47,6 +47,7 @@ WITHIN: Final = 0.30  # of lift, drag, inertia, effectiveness: textbook estimate
 SERVO_S: Final = (0.015, 0.080)
 REFERENCE_MPS: Final = 8.5  # at which the short period is meant
 DAMPING: Final = 0.75  # of it, as the file's
+START_M: Final = 0.3  # downstream of where it hovers by itself, as every scenario starts
 CLEAR_OF_STALL_RAD: Final = 0.035  # two degrees: twice the stall's width
 
 
@@ -218,37 +219,52 @@ def drawn_figures(airframe: Airframe, random: Random) -> tuple[tuple[str, float]
     )
 
 
-def can_hover(prepared: PreparedScenario, figures: Sequence[tuple[str, float]], place: str) -> bool:
-    """Whether a steady glide holds this aircraft on the line: clear of stall, ground and fence."""
+def hovers_at(
+    prepared: PreparedScenario, figures: Sequence[tuple[str, float]], place: str
+) -> tuple[float, float] | None:
+    """Where a steady glide holds this aircraft on the line: x, z [m].
+
+    None: nowhere that is clear of stall, ground and fence.
+    """
     airframe = flown_airframe(prepared.airframe, figures)
     model = aircraft_model(asdict(airframe.airframe), airframe.model)
     try:
         polar = glide_polar(model)
         at = stable_crossing(prepared.field, polar, prepared.lines[place].target)
         if at is None:
-            return False
+            return None
         alpha_rad = glide_at(model, at.wind_mps).alpha_rad
     except ValueError:  # no such glide
-        return False
+        return None
     values = prepared.values
     x, z = at.x_m, at.z_m
     inside = values["FENCE_X_MIN"] < x < values["FENCE_X_MAX"] and z < values["FENCE_Z_MAX"]
     clear = clearance(prepared.site.known_ground(), x, z) > 2.0 * values["CLEAR_MIN"]
-    return inside and clear and alpha_rad < model.stall_alpha_rad - CLEAR_OF_STALL_RAD
+    unstalled = alpha_rad < model.stall_alpha_rad - CLEAR_OF_STALL_RAD
+    return (x, z) if inside and clear and unstalled else None
+
+
+class DrawnAircraft(NamedTuple):
+    """An aircraft that is not its file's, and where it hovers."""
+
+    figures: tuple[tuple[str, float], ...]
+    x_m: float
+    z_m: float
 
 
 def draw_aircraft(
     prepared: PreparedScenario, place: str, count: int
-) -> tuple[list[tuple[tuple[str, float], ...]], int]:
+) -> tuple[list[DrawnAircraft], int]:
     """So many that can hover there, and how many were drawn for them."""
     random = Random(f"dispersed/{place}")
-    found: list[tuple[tuple[str, float], ...]] = []
+    found: list[DrawnAircraft] = []
     drawn = 0
     while len(found) < count:
         figures = drawn_figures(prepared.airframe, random)
         drawn += 1
-        if can_hover(prepared, figures, place):
-            found.append(figures)
+        at = hovers_at(prepared, figures, place)
+        if at is not None:
+            found.append(DrawnAircraft(figures, *at))
         if drawn >= 100 * count:
             raise ValueError(f"place {place}: {len(found)} of {drawn} aircraft can hover there")
     return found, drawn
@@ -265,8 +281,10 @@ def dispersed(context: Context) -> Result:
     }
     jobs = {
         (imu, rough, place): [
-            ScenarioJob(_at(scenario, place, imu, rough), seed, figures)
-            for seed, figures in enumerate(drawn[place][0], start=1)
+            ScenarioJob(
+                _at(scenario, place, imu, rough), seed, one.figures, (one.x_m + START_M, one.z_m)
+            )
+            for seed, one in enumerate(drawn[place][0], start=1)
         ]
         for imu in SENSORS
         for rough in roughnesses
