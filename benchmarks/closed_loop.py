@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import cache
 from time import perf_counter
 from typing import Any
@@ -21,16 +22,18 @@ from tgl_soar.sim.aircraft import aircraft_model, step
 from tgl_soar.sim.batch import Plan, fly_batch
 from tgl_soar.sim.closed_loop import fly
 from tgl_soar.sim.compiled import available
-from tgl_soar.sim.fast_flight import fly_compiled, prepare
+from tgl_soar.sim.fast_flight import Prepared, fly_compiled, prepare
 from tgl_soar.sim.world import build_field
 from tgl_soar.types import SurfaceCommand
 
-from .result import Result
+from .result import ALLOWED, Result
 
 FLIGHT_S = 30.0
 ROUNDS = 3  # the quickest counts: what else the machine does can only slow it down
 COMPILED_FLIGHTS = 50  # in a round
 BATCH_FLIGHTS = 1000
+POINT_MASS_TIMES = 4000.0  # real time, on a core: what is asked of it
+AIRFRAME = "airframes/eclipson_c.toml"
 REAL_TIME = "real time"
 NO_NUMBA = "numba is not installed: nothing is compiled"
 NO_JSBSIM = "jsbsim is not installed: not measured beside it"
@@ -79,6 +82,8 @@ def flights() -> Iterator[Result]:
         reference_what=f"a plain flight of {FLIGHT_S:g} s",
     )
 
+    yield from _point_mass(everything)
+
     cores = os.cpu_count() or 1
     before = perf_counter()
     scores = fly_batch(_plan(), range(BATCH_FLIGHTS), compile=True)
@@ -91,6 +96,58 @@ def flights() -> Iterator[Result]:
         unit="s/s",
         reference_what="all compiled on one core",
     )
+
+
+def _point_mass(rigid_body: float) -> Iterator[Result]:
+    """The point mass in the wind of a polynomial, with as many steps as the rigid body and half.
+
+    A lag is longer than a dozen steps of 10 ms: it needs no more of them, and the laws tick with it.
+    """
+    site_path = shipped("sites/tunnel_polynomial.toml")
+    site = load_site(site_path)
+    assert site.air is not None
+    values = load_parameters(_plan().airframe, shipped(AIRFRAME), site, site_path)
+    for step_hz in (_plan().step_hz, _plan().step_hz // 2):
+        plan = replace(
+            _plan(),
+            airframe=_plan().airframe.flown_as("point_mass"),
+            site=site,
+            values=values,
+            step_hz=step_hz,
+            field=build_field(site.air),
+        )
+        prepared = prepare(plan.world(1), FLIGHT_S)
+        fly_compiled(prepared, 1, values, [])
+
+        def fly_many(prepared: Prepared = prepared) -> str:
+            return "".join(
+                fly_compiled(prepared, seed, values, []).ended for seed in range(COMPILED_FLIGHTS)
+            )
+
+        speed = _speed(COMPILED_FLIGHTS, fly_many)
+        what = f"point mass in a polynomial wind, all compiled, {step_hz} steps a second"
+        yield Result(
+            what=what,
+            value=speed,
+            reference=1.0,
+            unit="s/s",
+            reference_what=REAL_TIME,
+        )
+        yield Result(
+            what=what,
+            value=speed,
+            reference=rigid_body,
+            unit="s/s",
+            reference_what="the rigid body in the jet, 200 steps a second",
+        )
+        yield Result(
+            what=f"a second of it, {step_hz} steps a second",
+            value=1.0 / speed,
+            reference=1.0 / POINT_MASS_TIMES,
+            unit="s",
+            reference_what=ALLOWED,
+            aim=1.0,
+        )
 
 
 def beside_jsbsim() -> Iterator[Result]:
@@ -186,7 +243,7 @@ def _speed(flights: int, run: Callable[[], str]) -> float:
 
 @cache
 def _plan() -> Plan:
-    airframe_path, site_path = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
+    airframe_path, site_path = shipped(AIRFRAME), shipped("sites/tunnel.toml")
     airframe, site = load_airframe(airframe_path), load_site(site_path)
     values = load_parameters(airframe, airframe_path, site, site_path)
     assert site.air is not None
