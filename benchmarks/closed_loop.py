@@ -101,7 +101,7 @@ def flights() -> Iterator[Result]:
 def _point_mass(rigid_body: float) -> Iterator[Result]:
     """The point mass in the wind of a polynomial, with as many steps as the rigid body and half.
 
-    A lag is longer than a dozen steps of 10 ms: it needs no more of them, and the laws tick with it.
+    Its longest lags are a dozen steps of 10 ms and more; the laws tick once a step.
     """
     site_path = shipped("sites/tunnel_polynomial.toml")
     site = load_site(site_path)
