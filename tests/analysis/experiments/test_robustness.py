@@ -22,7 +22,7 @@ from tgl_soar.analysis.experiments.robustness import (
     survival_claim,
 )
 from tgl_soar.analysis.experiments.scenario import PreparedScenario, load_scenario, prepare
-from tgl_soar.config.dynamics import Dynamics, dynamics_parameters
+from tgl_soar.config.dynamics import MeasuredDynamics, dynamics_parameters
 from tgl_soar.config.files import shipped
 
 
@@ -38,7 +38,7 @@ def test_aircraft_are_drawn_as_far_from_the_file_as_is_said(prepared: PreparedSc
     for _ in range(200):
         other = flown_airframe(prepared.airframe, drawn_figures(prepared.airframe, random))
         found = dynamics_parameters(
-            Dynamics(speed_mps=REFERENCE_MPS),
+            MeasuredDynamics(speed_mps=REFERENCE_MPS),
             asdict(other.airframe),
             other.model,
             other.polar.as_polar(),

@@ -43,7 +43,7 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "dispersed": robustness.dispersed,
 }
 
-# Our own aims; the others are the paper's claims, and fly on either model.  These are about what a
+# Our own aims; the others are the paper's claims and fly on either model.  These are about what a
 # point mass lacks: a short period, servos, accelerations and a wing from which the air is estimated.
 RIGID_BODY_ALONE: Final = (
     "identification",
