@@ -43,8 +43,8 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "dispersed": robustness.dispersed,
 }
 
-# Our own aims; the others are the paper's claims and fly on either model.  These are about what a
-# point mass lacks: a short period, servos, accelerations and a wing from which the air is estimated.
+# Our own aims; the others are the paper's claims and fly on either model.  These are about what
+# a point mass lacks: a short period, servos, accelerations, a wing that the air is estimated from.
 RIGID_BODY_ALONE: Final = (
     "identification",
     "estimator",
