@@ -12,6 +12,7 @@ from msgspec import Meta, field
 from msgspec.structs import replace
 
 from tgl_soar.config.dynamics import MeasuredDynamics, dynamics_parameters
+from tgl_soar.config.stall_limit import stall_limit
 from tgl_soar.config.strict import Finite, Positive, Strict, SystemId
 from tgl_soar.types import NO_AERODYNAMICS, Aerodynamics, GlidePolar
 
@@ -138,12 +139,13 @@ class Airframe(Strict, frozen=True):
                 raise ValueError(f"model.{key} = {self.model[key]:g}: must be above 0")
 
     def all_parameters(self) -> dict[str, float]:
-        """What the file gives: of the airframe in pitch, and `[parameters]`, which come first."""
+        """What the file gives: of the airframe in pitch, its stall, and `[parameters]`, which come
+        first."""
         facts = self.airframe
         bench = {name: getattr(facts, name) for name in (*_ON_THE_BENCH, "iyy_kgm2")}
         polar, firmware = self.polar.as_polar(), self.autopilot.firmware
         derived = dynamics_parameters(self.dynamics, bench, self.model, polar, firmware)
-        return {**derived, **self.parameters}
+        return {**stall_limit(self.model), **derived, **self.parameters}
 
     def flown_as(self, kind: ModelKind | None) -> Airframe:
         """The same with another kind of model; None: its own."""

@@ -385,7 +385,8 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     Parameter(
         name="ALPHA_MAX", unit="deg", minimum=3, maximum=45, default=14.0,
         meaning="Largest angle of attack, where it is known: from 3 deg below on the nose is kept"
-                " from rising, 3 deg beyond the module recovers.",
+                " from rising, 3 deg beyond the module recovers. An airframe file that gives the"
+                " stall gives this: stall_alpha_rad plus stall_width_rad.",
     ),
     Parameter(
         name="SPEED_MIN", unit="m/s", minimum=0, maximum=50, default=6.0,
