@@ -219,7 +219,7 @@ FUNCTION_LINES = 80
 # What is longer, how long it may be, and why.
 LONGER: dict[str, tuple[int, str]] = {
     "onboard/module.py Onboard": (312, "the module: init, event, periodic, settings on one page"),
-    "autopilot.py": (680, "one tick, read from its top to its bottom"),
+    "autopilot.py": (700, "one tick, read from its top to its bottom"),
     "config/parameters.py": (800, "a table: one declaration a parameter, and it grows with them"),
     "analysis/linear_model.py": (660, "one linear model; its matrices are read beside each other"),
     "analysis/linear_model.py linear_controller": (116, "the matrices of one controller, by rows"),

@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 
 from tgl_soar.control import supervisor as modes
 from tgl_soar.control.conditions import (
+    excitation_hindrance,
     flight_conditions,
     line_conditions,
     stream_conditions,
@@ -22,6 +23,14 @@ from tgl_soar.control.envelope import (
     Margins,
     pitch_within,
     unlimited,
+)
+from tgl_soar.control.excitation import (
+    IDLE,
+    NOT_SOARING,
+    RUNNING,
+    ExcitationState,
+    at_rest,
+    excitation_step,
 )
 from tgl_soar.control.heading import (
     bank_setpoint,
@@ -52,7 +61,14 @@ from tgl_soar.control.soaring import (
 )
 from tgl_soar.control.supervisor import FINITE, SANE, SupervisorState, initial_supervisor, supervise
 from tgl_soar.control.surface_loops import NO_TERMS, LoopsState, surfaces_step
-from tgl_soar.control.target_line import LineState, e_rho, line_at, line_step
+from tgl_soar.control.target_line import (
+    LineState,
+    LineTracking,
+    e_rho,
+    line_at,
+    line_step,
+    line_tracking,
+)
 from tgl_soar.estimation.aerodynamics import glide_pitch
 from tgl_soar.estimation.health import (
     FROZEN,
@@ -110,17 +126,7 @@ class AutopilotState(NamedTuple):
     heading_setpoint_rad: float
     sideways: PidState
     loops: LoopsState
-
-
-class LineTracking(NamedTuple):
-    """The line that is flown, or else would be, and where the aircraft is from it."""
-
-    x_m: float
-    z_m: float
-    eta_rad: float
-    moving: bool
-    e_rho_m: float  # to the line that is flown
-    e_rho_rate_mps: float
+    excitation: ExcitationState
 
 
 class Output(NamedTuple):
@@ -146,6 +152,7 @@ class Output(NamedTuple):
     cut: int  # what the envelope cut off the command, bits CUT_…
     imu_weight: float  # of the gains with accelerations in those flown, 0 … 1
     gains: ScheduledGains  # of pitch, in the modes in control
+    excitation: ExcitationState
 
 
 def mode_name(mode: int) -> str:
@@ -249,6 +256,7 @@ def initial_state() -> AutopilotState:
         heading_setpoint_rad=0.0,
         sideways=_AT_REST,
         loops=LoopsState(_AT_REST, _AT_REST, _AT_REST, unlimited(_NEUTRAL)),
+        excitation=at_rest(IDLE),
     )
 
 
@@ -351,7 +359,7 @@ def _watch(
     found = _conditions(laws, inputs, estimates) | target_conditions(laws) | FINITE | SANE
     found |= line_conditions(laws.guards, 0.0, False, False)
     supervisor, decision = _decide(laws, state, inputs, found)
-    state = _idle(state, inputs, estimates, supervisor, state.line)
+    state = _idle(laws, state, inputs, estimates, supervisor, state.line)
     if modes.is_flying(decision.mode):
         return _fly(laws, _engaged(laws, state, estimates), inputs, estimates, 0.0, decision.reason)
     tracking = LineTracking(
@@ -362,10 +370,12 @@ def _watch(
         e_rho_m=e_rho(target.x_m, target.z_m, target.eta_rad, vehicle.x_m, vehicle.z_m),
         e_rho_rate_mps=NAN,
     )
-    return state, _output(inputs, estimates, decision.mode, decision.reason, tracking, _NOT_FLOWN)
+    mode, reason = decision.mode, decision.reason
+    return state, _output(state, inputs, estimates, mode, reason, tracking, _NOT_FLOWN)
 
 
 def _idle(
+    laws: Laws,
     state: AutopilotState,
     inputs: Inputs,
     estimates: _Estimates,
@@ -383,10 +393,14 @@ def _idle(
         heading_setpoint_rad=state.heading_setpoint_rad,
         sideways=state.sideways,
         loops=state.loops,
+        excitation=excitation_step(
+            laws.excitation, state.excitation, inputs.time_s, 0.0, NOT_SOARING
+        ),
     )
 
 
 def _output(
+    state: AutopilotState,
     inputs: Inputs,
     estimates: _Estimates,
     mode: int,
@@ -416,6 +430,7 @@ def _output(
         cut=flown.cut,
         imu_weight=estimates.memory.imu_weight,
         gains=flown.gains,
+        excitation=state.excitation,
     )
 
 
@@ -465,7 +480,7 @@ def _fly(
     vehicle, line, off_line_s = estimates.vehicle, state.line, state.off_line_s
     if state.supervisor.mode in (modes.CAPTURING, modes.SOARING):
         line = line_step(laws.line, line, laws.target, vehicle.x_m, vehicle.z_m, dt_s)
-    tracking = _tracking(line, vehicle)
+    tracking = line_tracking(line, vehicle)
     if line.moving or not abs(tracking.e_rho_m) <= laws.guards.capture_distance_m:
         off_line_s = inputs.time_s
     on_line = inputs.time_s - off_line_s >= ON_LINE_S
@@ -475,9 +490,24 @@ def _fly(
     supervisor, decision = _decide(laws, state, inputs, found)
     mode, reason = decision.mode, decision.reason or engaged_because
     if not modes.is_flying(mode):
-        state = _idle(state, inputs, estimates, supervisor, line)
-        return state, _output(inputs, estimates, mode, reason, tracking, _NOT_FLOWN)
+        state = _idle(laws, state, inputs, estimates, supervisor, line)
+        return state, _output(state, inputs, estimates, mode, reason, tracking, _NOT_FLOWN)
 
+    hindrance = excitation_hindrance(
+        laws,
+        state.excitation.standing == RUNNING,
+        mode,
+        tracking,
+        on_line,
+        vehicle,
+        estimates.margins,
+        estimates.health.faults,
+        estimates.memory.imu_weight,
+        state.soaring,
+        state.loops.limited.elevator_blocked,
+    )
+    excitation = excitation_step(laws.excitation, state.excitation, inputs.time_s, dt_s, hindrance)
+    state = state._replace(excitation=excitation)
     guidance = _guide(laws, state, estimates, decision, line, tracking, off_line_s, dt_s)
     memory = estimates.memory
     pitch = pitch_gains(
@@ -524,25 +554,9 @@ def _fly(
         heading_setpoint_rad=guidance.setpoints.heading_rad,
         sideways=guidance.sideways,
         loops=loops,
+        excitation=excitation,
     )
-    return state, _output(inputs, estimates, mode, reason, guidance.tracking, flown)
-
-
-def _tracking(line: LineState, vehicle: VehicleState) -> LineTracking:
-    """The aircraft's distance from a line, and how fast it grows.
-
-    The rate is the distance of the velocity vector from a line through the origin, less the
-    line's own speed.
-    """
-    across = e_rho(0.0, 0.0, line.eta_rad, vehicle.velocity_x_mps, vehicle.climb_mps)
-    return LineTracking(
-        x_m=line.x_m,
-        z_m=line.z_m,
-        eta_rad=line.eta_rad,
-        moving=line.moving,
-        e_rho_m=e_rho(line.x_m, line.z_m, line.eta_rad, vehicle.x_m, vehicle.z_m),
-        e_rho_rate_mps=across - line.speed_mps,
-    )
+    return state, _output(state, inputs, estimates, mode, reason, guidance.tracking, flown)
 
 
 def _guide(
@@ -570,7 +584,7 @@ def _guide(
             rate = tracking.e_rho_rate_mps + line.speed_mps  # the new line is at rest
             state = _line_from_aircraft(laws, state, estimates)
             line, soaring, off_line_s = state.line, state.soaring, state.off_line_s
-            tracking = _tracking(line, vehicle)._replace(e_rho_m=0.0, e_rho_rate_mps=rate)
+            tracking = line_tracking(line, vehicle)._replace(e_rho_m=0.0, e_rho_rate_mps=rate)
         soaring, terms = soaring_step(
             gains,
             soaring,
@@ -584,9 +598,10 @@ def _guide(
         if laws.loops != THEIRS:  # that turns by banking
             sideways, sideways_terms = _bank(laws, state, estimates, psi_setpoint, dt_s)
 
+    wanted_rad = soaring.pitch_setpoint_rad + state.excitation.pitch_rad
     pitch_setpoint = pitch_within(
         laws.envelope,
-        soaring.pitch_setpoint_rad,
+        wanted_rad,
         vehicle.pitch_rad,
         estimates.margins.stall_rad,
         vehicle.climb_mps,
@@ -594,9 +609,9 @@ def _guide(
         theta_0 + soaring.pid.integral,
     )
     cut = 0
-    if pitch_setpoint < soaring.pitch_setpoint_rad:
+    if pitch_setpoint < wanted_rad:
         cut = CUT_NOSE_UP
-    elif pitch_setpoint > soaring.pitch_setpoint_rad:
+    elif pitch_setpoint > wanted_rad:
         cut = CUT_NOSE_DOWN
     roll_setpoint = sideways_terms.output
     if laws.loops == THEIRS:

@@ -67,6 +67,7 @@ class Flight:
         self.attitude_hz, self.position_hz, self.heartbeat_hz = 200.0, 50.0, 1.0
         self.kind = (1, 3)  # MAV_TYPE, MAV_AUTOPILOT
         self.mode = 0
+        self.base_mode = 81  # disarmed
         self.quaternion = [1.0, 0.0, 0.0, 0.0]
         self.north_m = 0.0
         self._sent = 0
@@ -99,7 +100,9 @@ class Flight:
             stamp_ms = round((self.now_s - self.boot_s) * 1e3)
             noise = 1e-6 * (stamp_ms % 7)  # nothing that is measured repeats itself
             if self._is_due("heartbeat", self.heartbeat_hz):
-                self.hear(mavlink.MAVLink_heartbeat_message(*self.kind, 81, self.mode, 4, 3))
+                self.hear(
+                    mavlink.MAVLink_heartbeat_message(*self.kind, self.base_mode, self.mode, 4, 3)
+                )
             if self._is_due("position", self.position_hz):
                 self.hear(
                     mavlink.MAVLink_local_position_ned_message(

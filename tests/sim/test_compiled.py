@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Callable
 from functools import lru_cache
-from math import inf, nan
+from math import inf, nan, radians
 from typing import Literal
 
 import numpy as np
@@ -341,6 +341,16 @@ def test_changes_come_at_the_same_tick() -> None:
     plain, fast = both("tunnel", 2, 0.0, None, changes, 1.0)
     assert plain["target_changes"][-1] == 5.0
     np.testing.assert_array_equal(fast["target_changes"], plain["target_changes"])
+
+
+@needs_numba
+def test_a_multisine_is_the_same_compiled() -> None:
+    changes = (Change(7.0, {"EXC_START": 1.0}), Change(9.5, {"EXC_START": 0.0}))
+    plain, fast = both("tunnel", 3, 0.01, None, changes, 10.0, ALL_SENSORS)
+    runs = (plain["time_s"] > 7.5) & (plain["time_s"] < 9.5)
+    assert np.std(plain["injected_rad"][runs]) > radians(0.2)
+    assert not np.any(plain["injected_rad"][plain["time_s"] > 9.51])
+    assert_same(plain, fast)
 
 
 @needs_numba

@@ -545,6 +545,19 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         meaning="Rate of the loop.",
         in_flight=False, integer=True,
     ),
+    # --- margins measured in flight --------------------------------------------------------
+    Parameter(
+        name="EXC_START", unit="", minimum=0, maximum=1, default=0,
+        meaning="1: add a multisine of six tones, 2.5 to 18.8 rad/s, to the pitch setpoint for"
+                " 23 s, from which `tgl-soar log margins` reads the open loop. Only while soaring"
+                " on a line that stands still; whatever is odd ends it. When it ends the module"
+                " shows 0; 0 ends it at once.",
+        integer=True, in_files=False,
+    ),
+    Parameter(
+        name="EXC_AMP", unit="deg", minimum=0.2, maximum=1.0, default=1.0,
+        meaning="The largest value of that multisine, to either side.",
+    ),
 )  # fmt: skip
 
 
@@ -596,6 +609,10 @@ GROUPS: Final[tuple[Group, ...]] = (
     ),
     Group("Telemetry", ("TEL",), "What the module tells without being asked."),
     Group("The process", ("LOOP",), "How the module runs."),
+    Group(
+        "Margins in flight", ("EXC",),
+        "A known motion of the pitch setpoint, by which a log shows the loop's margins.",
+    ),
 )  # fmt: skip
 
 INDEX: Final[Mapping[str, int]] = {p.name: i for i, p in enumerate(PARAMETERS)}

@@ -8,8 +8,21 @@ from __future__ import annotations
 from math import pi, sin
 from typing import Final
 
-from tgl_soar.control.envelope import Margins, is_air_safe, is_clear, outside
+from tgl_soar.control.envelope import MARGIN_FULL, Margins, is_air_safe, is_clear, outside
+from tgl_soar.control.excitation import (
+    BANKED,
+    FAULTY,
+    GAINS_CHANGE,
+    IDLE,
+    LIMITED,
+    LINE_MOVES,
+    NEAR_STALL,
+    NOT_SOARING,
+    OFF_LINE,
+    TOO_LOW,
+)
 from tgl_soar.control.laws import Laws, SupervisorLimits
+from tgl_soar.control.soaring import SoaringState
 from tgl_soar.control.supervisor import (
     AIR_SAFE,
     AIRSPEED_SANE,
@@ -28,17 +41,28 @@ from tgl_soar.control.supervisor import (
     POSITION_FRESH,
     POSITION_KEPT,
     POSITION_SANE,
+    SOARING,
     STREAMS_SEEN,
     SURFACES_ANSWER,
     SURFACES_OBEY,
     UPRIGHT,
     UPWIND,
 )
+from tgl_soar.control.target_line import LineTracking
 from tgl_soar.estimation.health import AIRSPEED, DISAGREES, INFINITE, INSANE
 from tgl_soar.estimation.motion_state import FUTURE_S
 from tgl_soar.types import Health, Inputs, VehicleState
 
 HEADING_MAX_RAD: Final = 0.5 * pi  # from upwind, to be engaged at all
+# A multisine begins on the line, wings level.  It moves e_rho by A g / w² or less, 3 cm at its
+# slowest tone and 1 deg, and may go on within three times what counts as captured.  At 20 degrees
+# of bank the lift's vertical part, and with it the loop's gain, has lost 6 % = 0.5 dB.
+EXCITED_FARTHEST: Final = 3.0  # times TGL_CAPTURE
+EXCITED_BANK_RAD: Final = 0.35
+BEGIN_BANK_RAD: Final = 0.175
+# It begins where the envelope leaves setpoint and elevator alone. A gust may take some of that, as
+# long as nothing is cut and half of the elevator's travel is left: 1.4 degrees or 0.5 m/s.
+EXCITED_STALL_RAD: Final = 0.5 * MARGIN_FULL
 LINE_UPRIGHT: Final = 0.1  # sine of a line's inclination, below which it has no upstream side
 
 
@@ -126,3 +150,53 @@ def line_valid(laws: Laws) -> bool:
     return sin(target.eta_rad) >= LINE_UPRIGHT and not outside(
         laws.fence, target.x_m, 0.0, target.z_m
     )
+
+
+def excitation_hindrance(
+    laws: Laws,
+    begun: bool,
+    mode: int,
+    tracking: LineTracking,
+    on_line: bool,
+    vehicle: VehicleState,
+    margins: Margins,
+    faults: int,
+    imu_weight: float,
+    soaring: SoaringState,
+    elevator_blocked: int,
+) -> int:
+    """Why no multisine may begin, or one that has begun may not go on; IDLE: nothing is against it.
+
+    elevator_blocked: whether the last command was less than the law wanted.  The first hindrance
+    that is found is told.
+    """
+    limits, added = laws.envelope, laws.excitation.amplitude_rad
+    farthest_m = laws.guards.capture_distance_m
+    bank_max_rad, stall_min_rad = BEGIN_BANK_RAD, MARGIN_FULL + added
+    if begun:
+        farthest_m, bank_max_rad = EXCITED_FARTHEST * farthest_m, EXCITED_BANK_RAD
+        stall_min_rad = EXCITED_STALL_RAD
+    highest_rad, pitch = soaring.pitch_setpoint_rad + added, laws.soaring.pid
+    has_room = pitch.output_min + 2.0 * added <= highest_rad <= pitch.output_max
+    if margins.stall_rad < MARGIN_FULL:  # the envelope's own limit of the setpoint
+        has_room = has_room and highest_rad <= vehicle.pitch_rad + margins.stall_rad
+    if mode != SOARING:
+        return NOT_SOARING
+    if tracking.moving:
+        return LINE_MOVES
+    if not (on_line or begun) or not abs(tracking.e_rho_m) <= farthest_m:
+        return OFF_LINE
+    if not abs(vehicle.roll_rad) <= bank_max_rad:
+        return BANKED
+    if faults != 0:
+        return FAULTY
+    if not margins.stall_rad >= stall_min_rad:
+        return NEAR_STALL
+    is_high = margins.clearance_m >= 2.0 * limits.clearance_min_m
+    if not (is_high and vehicle.climb_mps >= -0.5 * limits.sink_max_mps):
+        return TOO_LOW
+    if 0.0 < imu_weight < 1.0:
+        return GAINS_CHANGE
+    if elevator_blocked != 0 or soaring.slewing != 0 or not has_room:
+        return LIMITED
+    return IDLE

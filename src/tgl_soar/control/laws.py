@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.envelope import EnvelopeLimits, Fence
+from tgl_soar.control.excitation import Excitation
 from tgl_soar.control.heading import BankGains, HeadingGains
 from tgl_soar.control.pid import PidGains
 from tgl_soar.control.schedule import Dynamics, GainSchedule, schedule_of
@@ -69,6 +70,7 @@ class Laws(NamedTuple):
     ground: Ground
     pitch_trim: TrimGains
     loops: int  # whose loops move the surfaces: OURS, THEIRS or THEIRS_WITH_RUDDER
+    excitation: Excitation
 
 
 def laws_from(
@@ -125,6 +127,7 @@ def laws_from(
             values["WIND_FF"],
         ),
         loops=loops,
+        excitation=Excitation(radians(values["EXC_AMP"]), values["EXC_START"] != 0.0),
     )
 
 

@@ -26,6 +26,8 @@ from __future__ import annotations
 from math import cos, pi, sin, sqrt
 from typing import NamedTuple
 
+from tgl_soar.types import VehicleState
+
 
 class TargetLine(NamedTuple):
     """A target gradient line."""
@@ -51,6 +53,17 @@ class LineState(NamedTuple):
     eta_rad: float
     speed_mps: float  # across itself, positive upstream
     moving: bool
+
+
+class LineTracking(NamedTuple):
+    """The line that is flown, or else would be, and where the aircraft is from it."""
+
+    x_m: float
+    z_m: float
+    eta_rad: float
+    moving: bool
+    e_rho_m: float  # to the line that is flown
+    e_rho_rate_mps: float
 
 
 def eta_from_lean(lean_rad: float) -> float:
@@ -116,4 +129,21 @@ def line_step(
         eta_rad=eta,
         speed_mps=speed,
         moving=True,
+    )
+
+
+def line_tracking(line: LineState, vehicle: VehicleState) -> LineTracking:
+    """The aircraft's distance from a line, and how fast it grows.
+
+    The rate is the distance of the velocity vector from a line through the origin, less the
+    line's own speed.
+    """
+    across = e_rho(0.0, 0.0, line.eta_rad, vehicle.velocity_x_mps, vehicle.climb_mps)
+    return LineTracking(
+        x_m=line.x_m,
+        z_m=line.z_m,
+        eta_rad=line.eta_rad,
+        moving=line.moving,
+        e_rho_m=e_rho(line.x_m, line.z_m, line.eta_rad, vehicle.x_m, vehicle.z_m),
+        e_rho_rate_mps=across - line.speed_mps,
     )

@@ -9,6 +9,7 @@
 A number that does not exist (a setpoint in standby) is NaN.  `health` says what may be flown
 with, `faults` what ails whom: the bits of `estimation.health.FAULT_TEXTS`, which a float holds
 exactly.  `entry` says what engaging still lacks, by the bits of the supervisor's conditions.
+exactly.  `exc_state` is how the multisine stands, as `control.excitation` numbers it.
 """
 
 from __future__ import annotations
@@ -71,6 +72,7 @@ ARRAY: Final = (
         "ele_gain_i",
         "ele_gain_d",
     ),
+    *("exc_pitch", "exc_state"),
 )
 _ENTRY: Final = SLOW.index("entry")
 ARRAY_NAME: Final = "tgl_soar"
@@ -235,6 +237,8 @@ def float_array(output: Output, vehicle_time_s: float) -> DebugFloatArray:
         output.imu_weight,
         float(health.faults),
         *output.gains,
+        degrees(output.excitation.pitch_rad),
+        float(output.excitation.standing),
     )
     return DebugFloatArray(_stamp(vehicle_time_s, 1e6), ARRAY_NAME, ARRAY_ID, data)
 

@@ -52,6 +52,7 @@ from tgl_soar.link.telemetry import Telemetry
 from tgl_soar.onboard.clocking import NO_TICK, RESTART, Clocking
 from tgl_soar.onboard.counters import Counters
 from tgl_soar.onboard.engage_switch import EngageSwitch
+from tgl_soar.onboard.excitation_switch import ExcitationSwitch
 from tgl_soar.onboard.flightlog.recorder import NO_RECORDER, Recorder
 from tgl_soar.onboard.instruments import HELD_BACK, Panel
 from tgl_soar.onboard.links import ModuleLinks
@@ -154,6 +155,7 @@ class Onboard:
         self.engage_switch = switch = EngageSwitch(
             setup.own, settings, session, engagement, commands, surfaces, outbox, now_s
         )
+        self._excitation_switch = ExcitationSwitch(settings, outbox)
         self._operators = Operators(
             setup, settings, commands, switch, surfaces, outbox, self.signing, keep_key
         )
@@ -289,8 +291,7 @@ class Onboard:
         """What has been measured becomes what the surfaces do."""
         self.counters.ticks += 1
         self.settings.renew_laws()
-        session, surfaces = self.session, self._surfaces
-        status = session.status
+        session, surfaces, status = self.session, self._surfaces, self.session.status
         if surfaces.enters_mode and not surfaces.is_active and not session.mismatch:
             self._change_mode(time_s)
             status = status._replace(accepts_surfaces=True)  # it will, once it is asked
@@ -316,6 +317,7 @@ class Onboard:
             self._recorder.tick(inputs, output, self._state)
         if output.mode != session.presence.mode:
             self._mode_changed(output)
+        self._excitation_switch.tick(output.excitation)
 
     def _change_mode(self, time_s: float) -> None:
         """Engaged: the autopilot first has to come into the mode that obeys."""

@@ -54,6 +54,7 @@ class Row(NamedTuple):
     air_excess_mps: float
     air_wind_sigma_mps: float
     air_updraft_sigma_mps: float
+    injected_rad: float  # into the pitch setpoint, which has it in it
 
 
 class Flight(NamedTuple):
@@ -127,6 +128,7 @@ def row_of(
         air_excess_mps=estimated.excess_mps,
         air_wind_sigma_mps=estimated.wind_sigma_mps,
         air_updraft_sigma_mps=estimated.updraft_sigma_mps,
+        injected_rad=output.excitation.pitch_rad,
     )
 
 

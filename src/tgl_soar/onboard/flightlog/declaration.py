@@ -82,13 +82,22 @@ _SMALL: Final = {
     "Health.faults": "uint32_t",
     "Margins.outside": "uint8_t",
     "Output.cut": "uint16_t",
+    "ExcitationState.standing": "uint8_t",
 }
 
 # Samples whose numbers, but for their times, the wire brings in single precision.
 _SINGLE: Final = frozenset({"AttitudeSample", "ImuSample"})
 
 # Of the output, what the row says elsewhere.
-_LEFT_OUT: Final = frozenset({"Output.time_s", "VehicleState.time_s"})
+_LEFT_OUT: Final = frozenset(
+    {
+        "Output.time_s",
+        "VehicleState.time_s",
+        "ExcitationState.begun_s",
+        "ExcitationState.amplitude_rad",
+        "ExcitationState.limited_s",
+    }
+)
 
 # Of the output, what need not be in every row: a replay gives all of it for every tick.
 _SLOW: Final = re.compile(
@@ -197,6 +206,7 @@ MEANINGS: Final = {
     "LineState.moving": "it is on its way to its target",
     "Limited.aileron_blocked": "as the elevator's",
     "Limited.finite": "the last command was a number",
+    "ExcitationState.standing": "0 none, 1 it runs, 2 done, 3 … why it ended or did not begin",
 }
 
 
