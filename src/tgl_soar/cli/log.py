@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from cmath import phase
+from math import degrees, isfinite, log10
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
@@ -12,6 +14,9 @@ from tgl_soar.analysis.logs.export import ENDINGS, FORMATS
 from tgl_soar.analysis.logs.meanings import page
 from tgl_soar.analysis.logs.reader import FlightLog, LogError, read_log
 from tgl_soar.cli.console import Commands, console, errors, fail
+
+if TYPE_CHECKING:
+    from tgl_soar.analysis.loop_response import LoopResponse
 
 log_app = Commands(help="What a flight log holds, and other formats.", no_args_is_help=True)
 
@@ -55,6 +60,50 @@ def info(path: Annotated[Path, typer.Argument(metavar="LOG", help="A ULog.")]) -
         console.print(f"{words.time_s:10.3f} s  {words.text}", highlight=False, markup=False)
     if log.losses:
         raise typer.Exit(1)
+
+
+@log_app.command()
+def margins(path: Annotated[Path, typer.Argument(metavar="LOG", help="A ULog of ours.")]) -> None:
+    """Read the open loop from a flight's multisines (EXC_START): gain and phase at each tone, and
+    margins, with their 95 % intervals; exit code 2 where there are none."""
+    from tgl_soar.analysis.logs.reading import read_flight
+    from tgl_soar.analysis.loop_response import loop_responses
+
+    try:
+        flight = read_flight(path)
+    except (LogError, ImportError) as error:
+        fail(error)
+    if flight.excitation is None:
+        fail(f"{path}: no multisine is in it: set EXC_START to 1 while soaring")
+    responses = loop_responses(flight.excitation)
+    if not responses:
+        fail(f"{path}: no multisine of it lasted two whole periods (12 s): nothing can be said")
+    for response in responses:
+        console.print(_tones_of(response))
+        for name, (value, low, high) in response.margins._asdict().items():
+            words = f"{name}: {value:.2f} ({low:.2f} to {high:.2f})"
+            if not isfinite(value):
+                words = f"{name}: no crossing between the first tone and the last"
+            console.print(words, highlight=False, markup=False)
+    for loss in flight.lost:
+        errors.print(f"lost: {loss}", style="yellow", highlight=False, markup=False)
+    if flight.lost:
+        raise typer.Exit(1)
+
+
+def _tones_of(response: LoopResponse) -> Table:
+    """Gain and phase of the open loop at each tone, and the discs that hold them."""
+    from tgl_soar.analysis.loop_response import TONES_RADPS, open_loop_discs
+
+    title = f"broken at the {response.at}, {response.periods} periods of 5 s"
+    table = Table("rad/s", "gain [dB]", "phase [deg]", "within", "coherence", title=title)
+    loop, (_, radius) = response.open_loop, open_loop_discs(response)
+    for i, radps in enumerate(TONES_RADPS.tolist()):
+        gain_db, phase_deg = 20.0 * log10(abs(loop[i])), degrees(phase(loop[i]))
+        within = f"{100.0 * radius[i] / abs(loop[i]):.0f} %" if isfinite(radius[i]) else "unknown"
+        coherence = f"{response.coherence[i]:.2f}"
+        table.add_row(f"{radps:.2f}", f"{gain_db:.1f}", f"{phase_deg:.0f}", within, coherence)
+    return table
 
 
 @log_app.command()

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from tgl_soar.analysis.logs.flight_data import FlightData
     from tgl_soar.analysis.report.flight_figures import Surroundings
 
-STEPS = 9  # reading, reckoning, and the parts of the page
+STEPS = 10  # reading, reckoning, and the parts of the page
 
 
 def report(

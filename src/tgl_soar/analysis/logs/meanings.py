@@ -63,6 +63,7 @@ which the operator, the ULog and the console are told:
 | command | what it does |
 |---|---|
 | `tgl-soar log info LOG` | what a log holds, and what of it is lost |
+| `tgl-soar log margins LOG` | the open loop and its margins, from multisines (`EXC_START`) |
 | `tgl-soar log export LOG --to csv` | a table for each topic; also `netcdf`, `mcap` |
 | `tgl-soar replay LOG` | flies the logged inputs through the laws again, bit for bit |
 | `tgl-soar replay LOG --param RHO_P_IMU=1.2` | what another gain would have commanded |

@@ -22,6 +22,7 @@ from tgl_soar.analysis.logs.flight_data import (
 )
 from tgl_soar.analysis.logs.reader import FlightLog, LogError
 from tgl_soar.analysis.logs.ulog import Topics
+from tgl_soar.control.excitation import RUNNING
 from tgl_soar.control.supervisor import MODE_NAMES, REASON_TEXTS
 
 Floats = NDArray[np.float64]
@@ -46,6 +47,15 @@ _SPEEDS: Final = {
     "north_mps": "velocity_north_mps",
     "east_mps": "velocity_east_mps",
     "down_mps": "velocity_down_mps",
+}
+_EXCITATION: Final = {
+    "standing": "excitation_standing",
+    "injected_rad": "excitation_pitch_rad",
+    "setpoint_rad": "setpoints_pitch_rad",
+    "pitch_rad": "vehicle_pitch_rad",
+    "elevator": "command_elevator",
+    "elevator_p": "elevator_p",
+    "elevator_i": "elevator_i",
 }
 _METADATA: Final = {
     "sys_name": "system",
@@ -94,6 +104,9 @@ def read_module_log(log: FlightLog) -> FlightData:
         start_s=topics.start_s,
         lost=topics.lost,
     )
+    excitation = topics.take(TICK, _EXCITATION)
+    if excitation is not None and (excitation["standing"] == RUNNING).any():
+        parts["excitation"] = excitation
     parts["surfaces"] = _moved(parts["surfaces"], topics)
     flight = replace(flight, **parts)
     return with_missing(flight, ("path", "tracking", "line", "surfaces", "airspeed", "air"))

@@ -21,6 +21,7 @@ import numpy as np
 
 import tgl_soar
 from tgl_soar.analysis.logs.flight_data import FlightData, on_line, placed
+from tgl_soar.analysis.loop_response import TONES_RADPS, LoopResponse, loop_responses
 from tgl_soar.analysis.report.flight_figures import (
     Surroundings,
     health_panels,
@@ -34,6 +35,7 @@ from tgl_soar.analysis.report.flight_figures import (
     spectra_figure,
 )
 from tgl_soar.analysis.report.legs import FLYING, ReportLeg, legs_of
+from tgl_soar.analysis.report.loop_figure import loop_figure, loop_words
 from tgl_soar.analysis.report.page_style import STYLE
 from tgl_soar.analysis.report.spectra import SEGMENT_S, Spectrum, spectrum_of
 from tgl_soar.analysis.report.streams import Stream, streams_of
@@ -59,6 +61,7 @@ class Analysis(NamedTuple):
     legs: list[ReportLeg]
     tracking: Spectrum | None
     updraft: Spectrum | None
+    loops: list[LoopResponse]  # as multisines show it
     streams: list[Stream]
     known: Surroundings
     missing: tuple[str, ...]
@@ -94,6 +97,7 @@ def analysed(flight: FlightData, known: Surroundings, frame: SoaringFrame | None
         legs=legs,
         tracking=spectrum_of(flight.tracking, "e_rho_m", spans),
         updraft=spectrum_of(flight.air, "updraft_mps", [span_of(flight)]),
+        loops=[] if flight.excitation is None else loop_responses(flight.excitation),
         streams=streams_of(flight),
         known=known,
         missing=tuple(missing),
@@ -147,6 +151,12 @@ def write_page(page: Path, analysis: Analysis, progress: Progress) -> list[Path]
                 "In frequency",
                 _spectra_words(analysis),
                 lambda plt: spectra_figure(plt, analysis.tracking, analysis.updraft),
+            ),
+            (
+                "loop",
+                "The open loop",
+                loop_words(analysis.loops),
+                lambda plt: loop_figure(plt, analysis.loops),
             ),
             (
                 "health",
@@ -253,6 +263,7 @@ def _numbers(analysis: Analysis) -> dict[str, Any]:
             for leg in analysis.legs
         ],
         "e_rho_peak_hz": None if analysis.tracking is None else analysis.tracking.peak_hz,
+        "loops": [_loop(loop) for loop in analysis.loops],
         "streams": {
             s.name: {"samples": s.samples, "rate_hz": s.rate_hz, "longest_gap_s": s.longest_s}
             for s in analysis.streams
@@ -261,6 +272,21 @@ def _numbers(analysis: Analysis) -> dict[str, Any]:
         "missing": analysis.missing,
         "lost": flight.lost,
         "tgl_soar": tgl_soar.__version__,
+    }
+
+
+def _loop(loop: LoopResponse) -> dict[str, Any]:
+    return {
+        "at": loop.at,
+        "periods": loop.periods,
+        "tones_radps": TONES_RADPS.tolist(),
+        "gain": np.abs(loop.open_loop).tolist(),
+        "phase_rad": np.angle(loop.open_loop).tolist(),
+        "coherence": loop.coherence.tolist(),
+        "margins": {
+            name: [_number(value) for value in bounded]
+            for name, bounded in loop.margins._asdict().items()
+        },
     }
 
 
@@ -294,6 +320,7 @@ def page_text(analysis: Analysis, figures: dict[str, str]) -> str:
         figures.get("longitudinal", ""),
         figures.get("lateral", ""),
         figures.get("spectra", ""),
+        figures.get("loop", ""),
         _health(analysis, figures.get("health", "")),
         _events(flight),
         _parameters(flight),
