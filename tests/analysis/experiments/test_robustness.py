@@ -47,6 +47,9 @@ def test_aircraft_are_drawn_as_far_from_the_file_as_is_said(prepared: PreparedSc
         assert found["DYN_DAMP"] == pytest.approx(DAMPING, rel=1e-6)
         assert other.model["Cm_q"] < 0.0
         assert other.model["Cm_alpha"] < 0.0
+        filed = prepared.airframe.model
+        trimmed = other.model["Cm0"] / other.model["Cm_alpha"]
+        assert trimmed == pytest.approx(filed["Cm0"] / filed["Cm_alpha"])
         periods.append(found["DYN_FREQ"])
         servos.append(1.0 / other.model["servo_lag_radps"])
         drags.append(other.model["CD0"] / prepared.airframe.model["CD0"] - 1.0)

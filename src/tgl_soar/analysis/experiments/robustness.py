@@ -212,6 +212,8 @@ def drawn_figures(airframe: Airframe, random: Random) -> tuple[tuple[str, float]
         ("model.CL_alpha", lift_slope),
         ("model.CD0", model["CD0"] * drag),
         ("model.CD_lift", model["CD_lift"] * drag),
+        # Trimmed by its pilot: neutral elevator holds the incidence that the file's aircraft has.
+        ("model.Cm0", model["Cm0"] * stiff / turning / model["Cm_alpha"]),
         ("model.Cm_alpha", stiff / turning),
         ("model.Cm_q", damped / turning * 2.0 * REFERENCE_MPS / body.chord_m),
         ("model.Cm_elevator", model["Cm_elevator"] * effect),
