@@ -36,6 +36,7 @@ delay of fixes then only makes them older, and is left out of them.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from math import atan, cos, log10, pi, sin
 from typing import Final, NamedTuple
 
@@ -402,6 +403,9 @@ def linear_controller(laws: Laws, condition: Condition, errors: bool = False) ->
     return _Periodic(a, b, c, d)
 
 
+@lru_cache(
+    maxsize=64
+)  # a minute of ticks, whatever the gains of the loop: its results are read only
 def _fix_matrices(
     gains: MotionGains, interval_s: float, dt_s: float, sensors: Sensors, inertial: bool
 ) -> tuple[Matrix, Matrix]:
@@ -559,13 +563,10 @@ def margin(loop: Loop, at: str) -> Margin:
     )
 
 
-def disk_margin(loop: Loop) -> float:
-    """α of the worse break; 0: unstable."""
-    if not is_stable(loop):
-        return 0.0
-    return min(
-        float(1.0 / np.max(np.abs(sensitivity(loop, at, FREQUENCIES_RADPS) - 0.5))) for at in BREAKS
-    )
+def disk_margin(loop: Loop, radps: Matrix = FREQUENCIES_RADPS) -> float:
+    """α of the worse break, over these frequencies; 0: unstable."""
+    peaks = [np.max(np.abs(sensitivity(loop, at, radps) - 0.5)) for at in BREAKS]
+    return float(1.0 / max(peaks)) if is_stable(loop) else 0.0
 
 
 def promised_gain_db(alpha: float) -> float:

@@ -28,6 +28,7 @@ from tgl_soar.cli import (
     site,
     sitl,
     surfaces,
+    tune,
     zeuc,
 )
 from tgl_soar.cli.console import Commands
@@ -76,6 +77,7 @@ app.command("page")(page.page)
 app.command("glide")(glide.glide)
 app.command("identify")(identify.identify_command)
 app.command("margins")(margins.margins)
+app.command("tune")(tune.tune_command)
 app.command("surfaces")(surfaces.surfaces)
 app.command("preflight")(preflight.preflight)
 app.command("zeuc")(zeuc.zeuc)

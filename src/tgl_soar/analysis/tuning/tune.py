@@ -1,0 +1,388 @@
+"""From an airframe file to gains and their schedule.
+
+    1. anchor   the gains that are flown now, as found on this very airframe (`demands.anchored`)
+    2. search   each set on the linear model (`search`), margins as constraints
+    3. choose   in flight, between the best and those with more margin: by who stays up, then e_rho
+    4. judge    on the linear model and in flight, on aircraft and air that served nothing before,
+                the gains of before beside them
+
+All that is found is kept on disk as it is found (`progress_file`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing import get_all_start_methods, get_context
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+
+from tgl_soar import __version__
+from tgl_soar.analysis.tuning import flights
+from tgl_soar.analysis.tuning.demands import (
+    ANCHORS,
+    FOR_CHOICE,
+    FOR_JUDGING,
+    INTEGRALS,
+    SETS,
+    SOUGHT,
+    Demands,
+    Given,
+    Places,
+    anchored,
+    drawn_place,
+    gains_of,
+    given_by,
+    place_margin,
+    places_of,
+    with_gains,
+)
+from tgl_soar.analysis.tuning.progress_file import ProgressFile
+from tgl_soar.analysis.tuning.search import (
+    FLOOR,
+    Candidate,
+    Search,
+    Values,
+    finalists,
+    read,
+    searched,
+    stored,
+)
+from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterSet
+
+CHUNK = 8  # flights between two savings of progress
+
+
+class Effort(NamedTuple):
+    """How much is sought and flown."""
+
+    generations: int = 40
+    aircraft: int = 6  # drawn, in the search
+    grid: int = 3  # speeds, leans and latencies, each
+    choosing: int = 8  # aircraft flown with each finalist
+    judging: int = 16  # aircraft flown, with the gains of before and of after
+    judging_linear: int = 60  # aircraft on the linear model
+    flight_s: float = flights.DURATION_S
+
+
+QUICK = Effort(
+    generations=2, aircraft=1, grid=1, choosing=0, judging=0, judging_linear=2, flight_s=10.0
+)
+TURBULENCES = (0.03, 0.05)
+
+
+class Task(NamedTuple):
+    """What is to be tuned."""
+
+    airframe: Airframe
+    site_path: Path
+    values: ParameterSet  # of airframe and site, on the line to be flown
+    lean_deg: float  # of the line that gains are sought for
+    seed: int = 1
+    effort: Effort = Effort()
+    floor: float = FLOOR
+    workers: int = 1  # processes; 0: none but this one
+
+
+class Judged(NamedTuple):
+    """Aircraft that served nothing before, on the linear model."""
+
+    aircraft: int
+    unstable: int
+    below_floor: int
+    least_alpha: float
+
+
+class FlownRow(NamedTuple):
+    """Such aircraft in flight."""
+
+    kind: str
+    turbulence: float
+    before: flights.Outcomes
+    after: flights.Outcomes
+
+
+class Tuned(NamedTuple):
+    """What was found."""
+
+    values: ParameterSet
+    parameters: dict[str, float]  # those to be written
+    before: dict[str, Given]  # by set, on the demands of the search
+    after: dict[str, Given]
+    judged_before: dict[str, Judged]
+    judged: dict[str, Judged]
+    flown: list[FlownRow]
+    candidates: dict[str, list[Candidate]]
+
+
+Report = Callable[[str, float], None]  # what is being done, and how much of it, 0 … 1
+
+
+def digest(task: Task) -> str:
+    """Of all that the result depends on."""
+    parts = [
+        __version__,
+        msgspec.json.encode(task.airframe).decode(),
+        task.site_path.read_text(encoding="utf-8"),
+        repr([(p.name, task.values[p.name]) for p in PARAMETERS]),
+        repr((task.lean_deg, task.seed, task.effort, task.floor)),
+    ]
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
+
+
+def tune(task: Task, progress: ProgressFile, report: Report) -> Tuned:
+    """Gains for an airframe.
+
+    Errors: ValueError for an airframe that is not known well enough, `ConfigError`,
+    `ParameterError`, ImportError without `cma`, OSError where progress cannot be written.
+    """
+    start = anchored(task.values, task.lean_deg)
+    demands = Demands(
+        airframe=task.airframe,
+        values=start,
+        aircraft=task.effort.aircraft,
+        seed=task.seed,
+        grid=task.effort.grid,
+    )
+    field = flights.FlyingPlace(task.airframe, task.site_path, demands.ranges, task.effort.flight_s)
+    candidates: dict[str, list[Candidate]] = {}
+    after: dict[str, Given] = {}
+    values = start
+    with _pool(task.workers, demands) as pool:
+        for kind in SETS:
+            candidates[kind] = _candidates(task, start, kind, pool, progress, report)
+        at_work = _AtWork(task=task, field=field, pool=pool, progress=progress, report=report)
+        before = {kind: _before(at_work, kind) for kind in SETS}
+        for kind in SETS:
+            chosen = _chosen(at_work, start, kind, candidates[kind])
+            after[kind] = chosen.given
+            values = with_gains(values, kind, chosen.gains)
+        both = (task.values, values)
+        flown = [
+            _judged_in_flight(at_work, both, kind, turbulence)
+            for kind in SETS
+            for turbulence in TURBULENCES
+            if task.effort.judging
+        ]
+        judged_before, judged = ({k: _judged(at_work, v, k) for k in SETS} for v in both)
+    return Tuned(
+        values=values,
+        parameters=_written(values),
+        before=before,
+        after=after,
+        judged_before=judged_before,
+        judged=judged,
+        flown=flown,
+        candidates=candidates,
+    )
+
+
+# --- the search ----------------------------------------------------------------------------------
+
+
+def _candidates(
+    task: Task,
+    start: ParameterSet,
+    kind: str,
+    pool: _Pool,
+    progress: ProgressFile,
+    report: Report,
+) -> list[Candidate]:
+    def evaluate(points: Sequence[Values]) -> list[Given]:
+        return pool.map(_given_of, [(kind, with_gains(start, kind, gains)) for gains in points])
+
+    def on_generation(name: str, n: int, best: Candidate) -> None:
+        found = best.given
+        words = f"{name}: margin {found.alpha:.2f}, e_rho {100.0 * found.e_rho_m:.2f} cm"
+        report(words, n / max(1, task.effort.generations))
+
+    return searched(kind, search_of(task, start, kind), evaluate, progress, on_generation)
+
+
+def search_of(task: Task, start: ParameterSet, kind: str) -> Search:
+    allowed = [PARAMETERS[INDEX[name]] for name in SOUGHT[kind]]
+    return Search(
+        start=tuple(gains_of(start, kind)),
+        low=tuple(max(p.minimum, 1e-3) for p in allowed),
+        high=tuple(p.maximum for p in allowed),
+        generations=task.effort.generations,
+        seed=task.seed,
+        floor=task.floor,
+    )
+
+
+def _written(values: ParameterSet) -> dict[str, float]:
+    """All that the search changed, and what it is anchored to."""
+    names = [*ANCHORS]
+    for kind in SETS:
+        names += [*SOUGHT[kind], *INTEGRALS[kind]]
+    return {p.name: values[p.name] for p in PARAMETERS if p.name in names}
+
+
+# --- in flight, and judged -----------------------------------------------------------------------
+
+
+class _AtWork(NamedTuple):
+    """What every flight of a task shares."""
+
+    task: Task
+    field: flights.FlyingPlace
+    pool: _Pool
+    progress: ProgressFile
+    report: Report
+
+
+def _chosen(
+    at_work: _AtWork, start: ParameterSet, kind: str, candidates: Sequence[Candidate]
+) -> Candidate:
+    """Of the finalists the one that loses the fewest, and keeps the line best."""
+    task = at_work.task
+    found = finalists(candidates, search_of(task, start, kind))
+    if task.effort.choosing == 0 or len(found) == 1:
+        return found[0]
+
+    def merit(which: int) -> tuple[int, float]:
+        values = with_gains(start, kind, found[which].gains)
+        lost, square = 0, 0.0
+        for turbulence in TURBULENCES:
+            what = f"{kind}: finalist {which + 1} of {len(found)} at {100.0 * turbulence:g} %"
+            flown = _flown(
+                at_work, values, kind, turbulence, FOR_CHOICE, task.effort.choosing, what
+            )
+            lost += flown.of - flown.up
+            square += flown.rms_e_rho_m**2
+        return lost, square
+
+    return found[min(range(len(found)), key=merit)]
+
+
+def _judged_in_flight(
+    at_work: _AtWork, both: tuple[ParameterSet, ParameterSet], kind: str, turbulence: float
+) -> FlownRow:
+    """The gains of before and of after, on the same aircraft in the same air."""
+    count = at_work.task.effort.judging
+    before, after = (
+        _flown(
+            at_work,
+            values,
+            kind,
+            turbulence,
+            FOR_JUDGING,
+            count,
+            f"{kind}: judging {name} at {100.0 * turbulence:g} %",
+        )
+        for name, values in zip(("before", "after"), both, strict=True)
+    )
+    return FlownRow(kind, turbulence, before, after)
+
+
+def _flown(
+    at_work: _AtWork,
+    values: ParameterSet,
+    kind: str,
+    turbulence: float,
+    purpose: int,
+    count: int,
+    what: str,
+) -> flights.Outcomes:
+    task, field, pool, progress, report = at_work
+    flown: list[flights.DrawnFlight] = []
+    for first in range(0, count, CHUNK):
+        attempts = [
+            flights.Attempt(values, kind, (task.seed, purpose, i), turbulence)
+            for i in range(first, min(count, first + CHUNK))
+        ]
+        report(what, first / count)
+        rows = progress.answer(
+            f"{what}, from {first}",
+            lambda attempts=attempts: pool.map(_flight_of, [(field, a) for a in attempts]),  # type: ignore[misc]
+        )
+        flown += [flights.DrawnFlight(*row) for row in rows]
+    return flights.survival(flown)
+
+
+def _before(at_work: _AtWork, kind: str) -> Given:
+    """What the gains that are flown now give, on the demands of the search."""
+    job = (kind, at_work.task.values)
+    (found,) = at_work.progress.answer(
+        f"{kind}: as it is", lambda: [stored(given) for given in at_work.pool.map(_given_of, [job])]
+    )
+    return read(found)
+
+
+def _judged(at_work: _AtWork, values: ParameterSet, kind: str) -> Judged:
+    """Aircraft on the linear model that served nothing before."""
+    task, _, pool, progress, report = at_work
+    count = task.effort.judging_linear
+    gains = ", ".join(f"{values[name]:.9g}" for name in (*SOUGHT[kind], *ANCHORS))
+    report(f"{kind}: margins of {count} more aircraft", 0.0)
+    alphas = progress.answer(
+        f"{kind}: margins of {count} with {gains}",
+        lambda: pool.map(
+            _alpha_of, [(kind, values, (task.seed, FOR_JUDGING, i)) for i in range(count)]
+        ),
+    )
+    return Judged(
+        aircraft=count,
+        unstable=sum(alpha <= 0.0 for alpha in alphas),
+        below_floor=sum(alpha < task.floor for alpha in alphas),
+        least_alpha=min(alphas),
+    )
+
+
+# --- processes -----------------------------------------------------------------------------------
+
+
+class _Pool:
+    """Processes that evaluate; none: this one does."""
+
+    def __init__(self, executor: ProcessPoolExecutor | None) -> None:
+        self._executor = executor
+
+    def map(self, function: Callable[[Any], Any], jobs: Sequence[Any]) -> list[Any]:
+        """In the order of the jobs."""
+        if self._executor is None:
+            return [function(job) for job in jobs]
+        return list(self._executor.map(function, jobs))
+
+
+@contextmanager
+def _pool(workers: int, demands: Demands) -> Iterator[_Pool]:
+    _begin(demands)
+    if workers == 0:
+        yield _Pool(None)
+        return
+    context = get_context("fork") if "fork" in get_all_start_methods() else None
+    with ProcessPoolExecutor(workers, context, _begin, (demands,)) as executor:
+        yield _Pool(executor)
+
+
+_asked: dict[str, Demands] = {}  # of this process
+_places: dict[str, Places] = {}
+
+
+def _begin(demands: Demands) -> None:
+    """What this process is to evaluate."""
+    _asked["demands"] = demands
+    _places.clear()
+
+
+def _given_of(job: tuple[str, ParameterSet]) -> Given:
+    kind, values = job
+    if kind not in _places:
+        _places[kind] = places_of(_asked["demands"], kind)
+    return given_by(_places[kind], values)
+
+
+def _alpha_of(job: tuple[str, ParameterSet, tuple[int, ...]]) -> float:
+    kind, values, seed = job
+    return place_margin(drawn_place(_asked["demands"], kind, seed), values)
+
+
+def _flight_of(job: tuple[flights.FlyingPlace, flights.Attempt]) -> flights.DrawnFlight:
+    return flights.fly_attempt(*job)

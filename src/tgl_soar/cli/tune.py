@@ -1,0 +1,239 @@
+"""`tgl-soar tune`: gains and their schedule for an airframe, with margins on aircraft like it."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from tgl_soar.cli.console import (
+    AIRFRAME,
+    AIRFRAME_FILE,
+    SITE,
+    SITE_FILE,
+    console,
+    errors,
+    fail,
+    hint,
+    say,
+)
+from tgl_soar.config.files import (
+    ConfigError,
+    line_parameters,
+    load_airframe,
+    load_parameters,
+    load_site,
+)
+from tgl_soar.config.parameter_store import write_state
+from tgl_soar.config.parameters import ParameterError
+
+if TYPE_CHECKING:
+    from tgl_soar.analysis.tuning.progress_file import ProgressFile
+    from tgl_soar.analysis.tuning.tune import Task, Tuned
+
+
+def tune_command(
+    airframe: Annotated[
+        Path,
+        typer.Option(help="Airframe file, such as `identify --out` writes.", **AIRFRAME_FILE),
+    ] = AIRFRAME,
+    out: Annotated[
+        Path, typer.Option("--out", "-o", help="Gains, and what they were tuned for, TOML.")
+    ] = Path("tuned.toml"),
+    airframe_out: Annotated[
+        Path | None, typer.Option(help="Write the airframe file with these gains, too.")
+    ] = None,
+    figure: Annotated[
+        Path | None, typer.Option(help="Figure of e_rho against margin and activity, PNG or SVG.")
+    ] = None,
+    site: Annotated[Path, typer.Option(help="Site to fly at.", **SITE_FILE)] = SITE,
+    line: Annotated[
+        str | None, typer.Option(help="Line of the site to fly on; the site's own without.")
+    ] = None,
+    lean: Annotated[
+        float | None,
+        typer.Option(help="Of the line that gains are sought on \\[degrees].", min=5.0, max=45.0),
+    ] = None,
+    floor: Annotated[float, typer.Option(help="Least disk margin.", min=0.1, max=1.0)] = 0.5,
+    seed: Annotated[int, typer.Option(help="Of all that is drawn.", min=0)] = 1,
+    workers: Annotated[
+        int, typer.Option(help="Processes; 0: none but this one.", min=0, max=256)
+    ] = os.cpu_count() or 1,
+    flights: Annotated[
+        int | None, typer.Option(help="Aircraft flown to judge; 0: fly none.", min=0, max=1000)
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="A few steps, no flights: to try the command.")
+    ] = False,
+    restart: Annotated[
+        bool, typer.Option("--restart", help="Forget what an earlier run has found.")
+    ] = False,
+) -> None:
+    """Seek gains on the linear model, choose and judge them in flight, and write them down.
+
+    Killed, it goes on where it was when it is run again. Exit code 1: margins below the floor.
+    """
+    _check_outputs(airframe, out, airframe_out)
+    try:
+        task = _task(airframe, site, line, lean, (quick, flights))
+        task = task._replace(floor=floor, seed=seed, workers=workers)
+        progress = _progress(task, out, restart=restart)
+        tuned = _tuned(task, progress)
+        _write(task, tuned, airframe, line or "", out, airframe_out, figure)
+        progress.delete()
+    except (ConfigError, ParameterError, ImportError) as error:
+        fail(error)
+    except ValueError as error:
+        fail(f"{airframe}: {error}")
+    except OSError as error:
+        fail(f"{error.filename or out}: cannot be written: {error.strerror}")
+    except KeyboardInterrupt:
+        fail("stopped: the same command goes on from here", 130)
+    _print(tuned)
+    least = min(tuned.after.values(), key=lambda given: given.alpha)
+    if least.alpha < floor:
+        fail(
+            f"a margin of {least.alpha:.2f} is left, of {floor:g}: at {least.worst};"
+            " narrow TGL_LEAN_MIN, TGL_LEAN_MAX, or make the link or the servo faster",
+            1,
+        )
+
+
+def _check_outputs(airframe: Path, out: Path, airframe_out: Path | None) -> None:
+    for option, path in (("--out", out), ("--airframe-out", airframe_out)):
+        if path is None:
+            continue
+        if path.resolve() == airframe.resolve():
+            fail(f"{option} {path}: that is the file that is tuned; give another name")
+        if not path.resolve().parent.is_dir():
+            fail(f"{option} {path}: there is no folder {path.parent}")
+    if airframe_out is not None and airframe_out.resolve() == out.resolve():
+        fail(f"--airframe-out {airframe_out}: that is --out; give another name")
+
+
+def _task(
+    airframe: Path,
+    site: Path,
+    line: str | None,
+    lean: float | None,
+    effort: tuple[bool, int | None],
+) -> Task:
+    """What the files and options ask for.  Errors: `ConfigError`, `ParameterError`."""
+    from tgl_soar.analysis.tuning import tune as tuning
+
+    plane, place = load_airframe(airframe), load_site(site)
+    values = load_parameters(plane, airframe, place, site)
+    if line is not None:
+        if line not in place.lines:
+            known = ", ".join(place.lines) or "none"
+            fail(f"--line {line}: no line of {site}; it has {known}")
+        values = values.changed(line_parameters(place.lines[line]))
+    quick, flights = effort
+    asked = tuning.QUICK if quick else tuning.Effort()
+    if flights is not None:
+        asked = asked._replace(judging=flights, choosing=min(flights, asked.choosing))
+    return tuning.Task(
+        airframe=plane,
+        site_path=site,
+        values=values,
+        lean_deg=values["RHO_LEAN"] if lean is None else lean,
+        effort=asked,
+    )
+
+
+def _progress(task: Task, out: Path, *, restart: bool) -> ProgressFile:
+    """What an earlier run has found."""
+    from tgl_soar.analysis.tuning.progress_file import ProgressError, ProgressFile
+    from tgl_soar.analysis.tuning.tune import digest
+
+    kept = out.with_name(out.name + ".progress")
+    if restart:
+        kept.unlink(missing_ok=True)
+    hint(f"progress in {kept}: run it again to go on from there")
+    try:
+        return ProgressFile(kept, digest(task))
+    except ProgressError as error:
+        fail(error)
+
+
+def _tuned(task: Task, found: ProgressFile) -> Tuned:
+    from tgl_soar.analysis.tuning.tune import tune
+
+    with Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TimeElapsedColumn(),
+        console=errors,
+        transient=True,
+    ) as progress:
+        shown = progress.add_task("tuning", total=1.0)
+        return tune(
+            task,
+            found,
+            lambda words, done: progress.update(shown, description=words, completed=done),
+        )
+
+
+def _write(
+    task: Task,
+    tuned: Tuned,
+    airframe: Path,
+    line: str,
+    out: Path,
+    airframe_out: Path | None,
+    figure: Path | None,
+) -> None:
+    """Whole files or none.  Errors: OSError, `ConfigError`."""
+    from tgl_soar.analysis.tuning.result import airframe_with, as_toml, pareto_figure
+
+    if figure is not None:
+        try:
+            pareto_figure(figure, tuned, task.floor, task.airframe.airframe.name)
+        except (ImportError, ValueError) as error:
+            fail(f"no figure: {error}")
+        say(f"figure in {figure}")
+    if airframe_out is not None:
+        text = airframe_with(airframe.read_text(encoding="utf-8"), tuned.parameters)
+        with tempfile.TemporaryDirectory() as folder:  # once it is known to be one
+            trial = Path(folder) / airframe_out.name
+            trial.write_text(text, encoding="utf-8")
+            load_airframe(trial)
+        write_state(airframe_out, text.encode(), None)
+        say(f"airframe file in {airframe_out}: compare it with {airframe} before you fly with it")
+    write_state(out, as_toml(task, tuned, airframe.name, line).encode(), None)
+    say(f"gains in {out}")
+
+
+def _print(tuned: Tuned) -> None:
+    table = Table(
+        *("gains", "", "α", "e_rho rms", "elevator rms", "other aircraft: least α"),
+        *("below floor", "unstable"),
+        box=None,
+    )
+    for kind in tuned.after:
+        for word, given, judged in (
+            ("before", tuned.before[kind], tuned.judged_before[kind]),
+            ("after", tuned.after[kind], tuned.judged[kind]),
+        ):
+            table.add_row(
+                kind,
+                word,
+                f"{given.alpha:.2f}",
+                f"{100.0 * given.e_rho_m:.2f} cm",
+                f"{given.elevator:.3f}",
+                f"{judged.least_alpha:.2f}",
+                f"{judged.below_floor} of {judged.aircraft}",
+                f"{judged.unstable}",
+            )
+    console.print(table)
+    for row in tuned.flown:
+        say(
+            f"{row.kind} at {100.0 * row.turbulence:g} %: up {row.after.up} of {row.after.of},"
+            f" before {row.before.up}; e_rho {100.0 * row.after.rms_e_rho_m:.2f} cm,"
+            f" before {100.0 * row.before.rms_e_rho_m:.2f} cm"
+        )

@@ -1,0 +1,64 @@
+"""Aircraft drawn about an airframe file."""
+
+from __future__ import annotations
+
+from math import degrees
+
+import pytest
+from msgspec.structs import asdict, replace
+
+from tgl_soar.analysis.tuning.aircraft import TICK_S, Ranges, drawn_aircraft
+from tgl_soar.config.files import load_airframe, shipped
+from tgl_soar.sim.aircraft import aircraft_model, glide_at
+
+AIRFRAME = load_airframe(shipped("airframes/eclipson_c.toml"))
+DRAWN = [drawn_aircraft(AIRFRAME, Ranges(), (1, i)) for i in range(40)]
+
+
+def test_the_file_of_each_has_what_was_drawn_for_it() -> None:
+    own = AIRFRAME.all_parameters()
+    ratios = [d.known.all_parameters()["DYN_FREQ"] / own["DYN_FREQ"] for d in DRAWN]
+    low, high = Ranges().short_period
+    # The reference speed is that of the best glide, which goes with drag's own ratio: unchanged.
+    assert low <= min(ratios) < 0.65
+    assert 1.15 < max(ratios) <= high
+    for drawn in DRAWN:
+        known = drawn.known.all_parameters()
+        assert known["DYN_DAMP"] == pytest.approx(own["DYN_DAMP"], rel=0.05)
+        assert 0.015 <= known["DYN_SERVO"] <= 0.080
+        assert 0.005 <= drawn.latency_s <= 0.040
+        assert drawn.latency_s / TICK_S == pytest.approx(round(drawn.latency_s / TICK_S))
+
+
+def test_what_no_file_knows_is_in_the_aircraft_alone() -> None:
+    errors = []
+    for drawn in DRAWN:
+        known = aircraft_model(asdict(drawn.known.airframe), drawn.known.model)
+        errors.append(drawn.true.Cm_elevator / known.Cm_elevator)
+        assert drawn.true._replace(
+            Cm_elevator=known.Cm_elevator, Cm_alpha=known.Cm_alpha, Cm0=known.Cm0
+        ) == pytest.approx(known)
+        assert abs(drawn.true.Cm_alpha - known.Cm_alpha) <= 0.0201 * known.CL_alpha
+        assert 1.1 < degrees(drawn.sensors.attitude.bias_rad) < 1.2
+    assert 0.7 <= min(errors) < 0.8
+    assert 1.2 < max(errors) <= 1.3
+
+
+def test_each_is_trimmed_near_its_best_glide() -> None:
+    """The elevator has room left: it was trimmed on the ground."""
+    for drawn in DRAWN:
+        best = drawn.known.all_parameters()["DYN_BEST"]
+        model = aircraft_model(asdict(drawn.known.airframe), drawn.known.model)
+        speed = max(best, drawn.known.polar.speed_min_mps)
+        assert abs(glide_at(model, speed).elevator) < 0.35
+
+
+def test_a_seed_is_one_aircraft() -> None:
+    assert drawn_aircraft(AIRFRAME, Ranges(), (1, 3)) == DRAWN[3]
+    assert drawn_aircraft(AIRFRAME, Ranges(), (2, 3)).true != DRAWN[3].true
+
+
+def test_a_model_that_is_not_complete_is_named() -> None:
+    model = {name: value for name, value in AIRFRAME.model.items() if name != "Cm_q"}
+    with pytest.raises(ValueError, match=r"model\.Cm_q"):
+        drawn_aircraft(replace(AIRFRAME, model=model), Ranges(), (1, 1))

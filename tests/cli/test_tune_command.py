@@ -1,0 +1,98 @@
+"""`tgl-soar tune`: what it writes, what it refuses, that it goes on where it was."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from tgl_soar.analysis.tuning import tune as tuning
+from tgl_soar.cli.app import app
+from tgl_soar.config.files import load_airframe, shipped
+
+AIRFRAME = shipped("airframes/eclipson_c.toml")
+FEW = ["tune", "--quick", "--workers", "0"]
+
+
+@pytest.fixture(autouse=True)
+def least(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("cma", reason="tuning needs cma")
+    effort = tuning.QUICK._replace(generations=1, aircraft=0, judging_linear=1)
+    monkeypatch.setattr(tuning, "QUICK", effort)
+
+
+def test_gains_an_airframe_file_and_a_figure(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="figures need matplotlib")
+    out, airframe, figure = tmp_path / "t.toml", tmp_path / "a.toml", tmp_path / "p.svg"
+    options = ["--out", str(out), "--airframe-out", str(airframe), "--figure", str(figure)]
+    result = CliRunner().invoke(app, [*FEW, *options], env={"COLUMNS": "200"})
+    assert result.exit_code == 0, result.output
+    table = tomllib.loads(out.read_text(encoding="utf-8"))
+    new = load_airframe(airframe)
+    assert {n: new.parameters[n] for n in table["parameters"]} == table["parameters"]
+    assert figure.exists()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.toml", "p.svg", "t.toml"]
+    assert "accelerometers" in result.output
+
+
+def test_progress_is_gone_on_with_unless_it_is_of_another_task(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "t.toml"
+
+    def killed(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as context:
+        context.setattr(tuning, "_judged", killed)
+        stopped = CliRunner().invoke(app, [*FEW, "--out", str(out)])
+    assert stopped.exit_code == 130
+    assert not out.exists()
+    progress = tmp_path / "t.toml.progress"
+    assert progress.exists()
+    other = CliRunner().invoke(app, [*FEW, "--out", str(out), "--seed", "2"])
+    assert other.exit_code == 2
+    assert f"{progress}: belongs to other files or options" in other.output
+    with monkeypatch.context() as context:
+        context.setattr(tuning, "given_by", lambda *_: pytest.fail("sought again"))
+        again = CliRunner().invoke(app, [*FEW, "--out", str(out)])
+    assert again.exit_code == 0, again.output
+    assert not progress.exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--line", "zz"], "--line zz: no line of "),
+        (["--out", str(AIRFRAME)], "that is the file that is tuned"),
+        (["--out", "no/such/folder/t.toml"], "there is no folder"),
+        (["--airframe-out", "t.toml", "--out", "t.toml"], "that is --out"),
+    ],
+)
+def test_what_cannot_be_is_refused_before_anything_is_sought(
+    options: list[str], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(app, [*FEW, *options])
+    assert result.exit_code == 2
+    assert words in result.output
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_margin_below_the_floor_is_an_exit_code(tmp_path: Path) -> None:
+    out = tmp_path / "t.toml"
+    result = CliRunner().invoke(app, [*FEW, "--out", str(out), "--floor", "1"])
+    assert result.exit_code == 1
+    assert "of 1: at " in result.output
+    assert out.exists()  # with the margins that were reached
+
+
+def test_an_airframe_that_is_not_known_is_named(tmp_path: Path) -> None:
+    text = AIRFRAME.read_text(encoding="utf-8").replace("Cm_q = ", "#")
+    (tmp_path / "a.toml").write_text(text, encoding="utf-8")
+    options = ["--airframe", str(tmp_path / "a.toml"), "--out", str(tmp_path / "t.toml")]
+    result = CliRunner().invoke(app, [*FEW, *options])
+    assert result.exit_code == 2
+    assert "a.toml: DYN_FREQ = 0: not known of this airframe" in result.output
