@@ -16,6 +16,10 @@ from bench_bridge import AIRFRAME, PATIENCE_S, bridge
 from free_ports import free_port
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tgl_soar.cli.surfaces import latency_words
+from tgl_soar.config.files import load_airframe
+from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.control.loop_margin import margin_when_late
 from tgl_soar.link.autopilots.ardupilot import ArduPilot
 from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels
 from tgl_soar.link.checks.surfaces import SIGHTS, STOPS, SurfaceCheck, finding
@@ -113,6 +117,41 @@ def test_commands_go_out_often_enough_to_be_kept() -> None:
         bench.now_s += 0.01
         sent += len(bench.check.step(bench.now_s))
     assert 15 <= sent <= 21
+
+
+@pytest.mark.parametrize("late_s", [0.01, 0.04])
+def test_the_latency_is_that_of_the_least_late_step(late_s: float) -> None:
+    """Outputs at 50 Hz: an output shows a step within 20 ms of the servo having it."""
+    check = SurfaceCheck(CHANNELS, ArduPilot(CHANNELS, 1), 0.5, 1.0)
+    pulses, waiting = {1: 1480, 2: 1500, 4: 1500}, []
+    for n in range(40_000):
+        now_s = 10.0 + 0.001 * n
+        if check.done:
+            break
+        for message in check.step(now_s):
+            assert isinstance(message, RcChannelsOverride)
+            waiting.append((now_s + late_s, {c: message.channels[c - 1] for c in (1, 2, 4)}))
+        while waiting and waiting[0][0] <= now_s:
+            pulses = waiting.pop(0)[1]
+        if n % 20 == 0:
+            servos = tuple(pulses.get(output, 0) for output in range(1, 17))
+            check.take(ServoOutputRaw(0, 0, servos), now_s)
+        if check.held(now_s):
+            check.move_on()
+    assert check.done
+    assert late_s - 1e-6 <= check.latency_s <= late_s + 0.021
+
+
+def test_the_latency_is_compared_with_what_the_schedule_knows() -> None:
+    plane = load_airframe(AIRFRAME)
+    good, bad = latency_words(0.012, plane), latency_words(0.06, plane)
+    assert "12 ms, the way back with it; CMD_DELAY is 7.5 ms" in good
+    assert "set CMD_DELAY" not in good
+    left = margin_when_late(ParameterSet().changed(plane.all_parameters()), 0.06)
+    assert left < 0.5
+    assert f"it would leave a margin of {left:.2f}, of 0.5: " in bad
+    assert "set CMD_DELAY" in bad
+    assert "not measured" in latency_words(float("nan"), plane)
 
 
 @pytest.mark.parametrize(

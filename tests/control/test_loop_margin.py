@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from math import radians
+from math import isnan, radians
 
 import pytest
 from msgspec.structs import asdict
@@ -94,3 +94,15 @@ def test_what_has_no_margin_is_refused_with_the_reason() -> None:
 
 def test_of_an_unknown_airframe_nothing_is_said() -> None:
     assert margin_fault(ParameterSet().changed({"TGL_LEAN": 45.0, "RHO_SPEED": 0.0})) == ""
+
+
+def test_a_delay_that_the_schedule_does_not_know_costs_margin() -> None:
+    """One that it knows is what `margin_fault` looks at; 30 ms more leave less than the floor."""
+    values = shipped_values().changed({"TGL_LEAN": 15.0})
+    known = loop_margin.margin_when_late(values, values["CMD_DELAY"])
+    assert known >= FLOOR
+    late = loop_margin.margin_when_late(values, values["CMD_DELAY"] + 0.03)
+    assert late < FLOOR
+    aware = values.changed({"CMD_DELAY": values["CMD_DELAY"] + 0.03})
+    assert loop_margin.margin_when_late(aware, aware["CMD_DELAY"]) >= FLOOR
+    assert isnan(loop_margin.margin_when_late(ParameterSet(), 0.01))

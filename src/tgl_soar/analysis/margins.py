@@ -2,7 +2,7 @@
 
 For each condition the loop with the scheduled gains is opened at the elevator and at e_rho
 (`linear_model`); turbulence gives the spread of e_rho and of the elevator.  The latency is taken to
-be known to the schedule (CMD_DELAY), as preflight has it.
+be known to the schedule (CMD_DELAY).
 """
 
 from __future__ import annotations

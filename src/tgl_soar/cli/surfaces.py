@@ -17,7 +17,10 @@ from rich.table import Table
 
 from tgl_soar.cli.console import AIRFRAME_FILE, console, errors, fail
 from tgl_soar.cli.conversation import Conversation, KeyOption, LinkOption, TimeoutOption
+from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import ConfigError, load_airframe
+from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.control.loop_margin import FLOOR, margin_when_late
 from tgl_soar.link.checks.surfaces import SurfaceCheck
 from tgl_soar.link.keys import SigningError
 from tgl_soar.link.messages import (
@@ -32,7 +35,8 @@ from tgl_soar.onboard.setup import direct_flavour_of, surface_channels
 from tgl_soar.onboard.surfaces import RELEASE_FRAMES
 from tgl_soar.onboard.watchdog import ENDS, IGNORED
 
-OUTPUT_HZ: Final = 10.0
+OUTPUT_HZ: Final = 50.0  # the outputs: their latency is known to 20 ms and less, by many steps
+SPEED_HZ: Final = 10.0
 
 
 def surfaces(
@@ -77,7 +81,31 @@ def surfaces(
         fail(error)
     except _Ended as end:
         fail("stopped; the surfaces are given back", 128 + end.signal_number)
-    raise typer.Exit(_told(check, wrong))
+    code = _told(check, wrong)
+    console.print(latency_words(check.latency_s, plane), highlight=False, soft_wrap=True)
+    raise typer.Exit(code)
+
+
+def latency_words(latency_s: float, plane: Airframe) -> str:
+    """What the latency of commands is, and what it leaves of the loop's margin."""
+    values = ParameterSet().changed(plane.all_parameters())
+    known_ms = 1e3 * values["CMD_DELAY"]
+    if not isfinite(latency_s):
+        return f"CMD_DELAY {known_ms:.3g} ms: not measured, no output was read back in time"
+    words = (
+        f"from a command to the output read back: {1e3 * latency_s:.0f} ms, the way back with it;"
+        f" CMD_DELAY is {known_ms:.3g} ms"
+    )
+    left = margin_when_late(values, latency_s)
+    if not isfinite(left):
+        return f"{words}; what it leaves of the loop's margin is not known of this airframe"
+    words += f"; were all of it delay of commands, it would leave a margin of {left:.2f}"
+    if left >= FLOOR:
+        return words
+    return (
+        f"{words}, of {FLOOR:g}: make the link faster, or set CMD_DELAY (command_delay_s of"
+        " [dynamics]) to what it is"
+    )
 
 
 class _Ended(Exception):
@@ -128,8 +156,11 @@ class _Bench:
         self._check = check
         self._conversation = conversation
         self._requests = [
-            _rate_request(conversation.autopilot, message_id)
-            for message_id in (ID_SERVO_OUTPUT_RAW, ID_LOCAL_POSITION_NED)
+            _rate_request(conversation.autopilot, message_id, rate_hz)
+            for message_id, rate_hz in (
+                (ID_SERVO_OUTPUT_RAW, OUTPUT_HZ),
+                (ID_LOCAL_POSITION_NED, SPEED_HZ),
+            )
         ]
 
     def wait_for_autopilot(self, timeout_s: float) -> None:
@@ -166,8 +197,8 @@ class _Bench:
             self._check.take(message, time.monotonic())
 
 
-def _rate_request(autopilot: Source, message_id: int) -> CommandLong:
-    numbers = (float(message_id), 1e6 / OUTPUT_HZ, 0.0, 0.0, 0.0, 0.0, 0.0)
+def _rate_request(autopilot: Source, message_id: int, rate_hz: float) -> CommandLong:
+    numbers = (float(message_id), 1e6 / rate_hz, 0.0, 0.0, 0.0, 0.0, 0.0)
     return CommandLong(*autopilot, COMMAND_SET_MESSAGE_INTERVAL, 0, numbers)
 
 

@@ -289,7 +289,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     Parameter(
         name="CMD_DELAY", unit="s", minimum=0, maximum=0.2, default=0.0075,
         meaning="From a tick to the servo's input: the link, and the autopilot's loop. `tgl-soar"
-                " preflight` measures it where surfaces are read back.",
+                " surfaces` measures how much it is at most, where outputs are read back.",
     ),
     # --- roll -> aileron (eq. 17) --------------------------------------------------------
     Parameter(

@@ -43,6 +43,7 @@ from tgl_soar.control.schedule import (
 )
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.geometry import SoaringFrame
+from tgl_soar.types import NAN
 
 FLOOR: Final = 0.5  # 4.4 dB and 28 degrees at once: the least that is flown
 # Of the best glide's speed: where it soars in a tunnel and on a hill, 8.5 to 10.6 m/s for 9.25.
@@ -92,6 +93,26 @@ def _fault(values: ParameterSet) -> str:
                     f" accelerometers: {alpha:.2f} of {FLOOR:g}"
                 )
     return ""
+
+
+def margin_when_late(values: ParameterSet, delay_s: float) -> float:
+    """alpha of the worst speed and set of gains where commands take `delay_s` [s], and the schedule
+    is given CMD_DELAY; NaN: too little is known of the airframe."""
+    values = values.changed(_ANYWHERE)
+    airframe = dynamics_of(values)
+    if not (is_known(airframe) and values["DYN_PATH"] > 0.0):
+        return NAN
+    laws = laws_from(values, _HERE)
+    sets = (False, True) if laws.motion.use_imu and values["RHO_P_IMU"] > 0.0 else (False,)
+    return min(
+        disk_margin(
+            flown(
+                laws, values, fraction * airframe.best_glide_mps, values["TGL_LEAN"], inertial
+            )._replace(delay_s=delay_s)
+        )
+        for inertial in sets
+        for fraction in SPEEDS
+    )
 
 
 def is_known(airframe: Dynamics) -> bool:

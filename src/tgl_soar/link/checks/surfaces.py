@@ -4,7 +4,8 @@
 
 At each stop the autopilot's outputs (SERVO_OUTPUT_RAW) are read back: does the servo of this
 channel move at all, to the pulse widths of the airframe file, about the file's trim, and do no
-others move with it?  Whether the surface itself goes the right way only a person can see.
+others move with it, and how late?  Whether the surface itself goes the right way only a person can
+see.
 
 No socket and no clock here: messages and time are arguments.  Nothing is moved on an aircraft that
 is armed, unless that was asked for (PX4 drives no surface otherwise) and it stands still; and a
@@ -36,6 +37,7 @@ HEARTBEAT_MAX_S: Final = 3.0
 SETTLE_S: Final = 0.2  # from a command to outputs that show it
 READ_BACK_S: Final = 2.0  # so long is waited for them
 FRAME_S: Final = 0.05  # between two commands
+SEEN: Final = 0.5  # of a step: then the output shows it
 
 NAMES: Final = ("elevator", "aileron", "rudder")
 # What a person must see: trailing edges, as seen from behind the aircraft.
@@ -95,6 +97,8 @@ class SurfaceCheck:
         self._plan = [(name, fraction * deflection) for name in NAMES for fraction in STOPS]
         self._at = 0
         self._since_s = float("nan")  # when this stop began
+        self._latencies_s: list[float] = []  # from a stop's first command to outputs that show it
+        self._unseen = False  # the outputs do not show this stop's step yet
         self._sent_s = float("-inf")
 
     def take(self, message: object, now_s: float) -> None:
@@ -103,6 +107,7 @@ class SurfaceCheck:
             self._heartbeat, self._heartbeat_s = message, now_s
         elif isinstance(message, ServoOutputRaw):
             self._servos, self._servos_s = message.servos, now_s
+            self._time_step(now_s)
         elif isinstance(message, LocalPositionNed):
             self._speed_mps = hypot(message.vx, message.vy, message.vz)
 
@@ -155,6 +160,7 @@ class SurfaceCheck:
             return ()
         if self._since_s != self._since_s:
             self._since_s = now_s
+            self._unseen = self._step_us() != (0, 0)
         if now_s - self._sent_s < FRAME_S:
             return ()
         self._sent_s = now_s
@@ -173,8 +179,39 @@ class SurfaceCheck:
             )
         )
         self._at += 1
+        self._unseen = False
         self._since_s = float("nan")
         self._sent_s = float("-inf")
+
+    @property
+    def latency_s(self) -> float:
+        """The least time from a command to an output received that shows it; NaN: none did.
+
+        The way back and the time to the next output are in it: the servo's input has the command
+        no later than this.
+        """
+        return min(self._latencies_s, default=float("nan"))
+
+    def _step_us(self) -> tuple[int, int]:
+        """The pulse widths of this surface before and at this stop; (0, 0): nothing moves."""
+        surface, deflection = self._plan[self._at]
+        channel = self._channels[NAMES.index(surface)]
+        before = self._plan[self._at - 1] if self._at else (surface, 0.0)
+        if before[0] != surface or before[1] == deflection:
+            return 0, 0
+        return pulse_width(channel, before[1]), pulse_width(channel, deflection)
+
+    def _time_step(self, now_s: float) -> None:
+        """Whether the outputs show the step of this stop for the first time."""
+        if not self._unseen or self.done:
+            return
+        before, after = self._step_us()
+        output = self._channels[NAMES.index(self._plan[self._at][0])].channel - 1
+        if output < len(self._servos) and self._servos[output] != 0:
+            moved = (self._servos[output] - before) / (after - before)
+            if moved >= SEEN:
+                self._unseen = False
+                self._latencies_s.append(now_s - self._since_s)
 
     def findings(self) -> list[SurfaceFinding]:
         """What the outputs show of each surface that has been at all stops."""
