@@ -20,7 +20,7 @@ import numpy as np
 from msgspec.structs import asdict, replace
 
 from tgl_soar.config.airframe import Airframe, Polar
-from tgl_soar.config.dynamics import Dynamics
+from tgl_soar.config.dynamics import MeasuredDynamics
 from tgl_soar.sim.aircraft import AircraftModel, aircraft_model, glide_polar_fit
 from tgl_soar.sim.sensors import MEMS_IMU, Sensors
 
@@ -107,7 +107,7 @@ def drawn_aircraft(airframe: Airframe, ranges: Ranges, seed: tuple[int, ...]) ->
         speed_min_mps=fit.polar.speed_min_mps,
         speed_max_mps=fit.polar.speed_max_mps,
     )
-    known = replace(airframe, airframe=bench, model=table, polar=polar, dynamics=Dynamics())
+    known = replace(airframe, airframe=bench, model=table, polar=polar, dynamics=MeasuredDynamics())
     moved = factor.centre_of_gravity
     true = model._replace(
         Cm_alpha=min(0.5 * model.Cm_alpha, model.Cm_alpha + moved * model.CL_alpha),
@@ -122,7 +122,7 @@ def drawn_aircraft(airframe: Airframe, ranges: Ranges, seed: tuple[int, ...]) ->
 
 def _stiffness(nominal: Airframe, changed: Airframe, factor: _Factors) -> dict[str, float]:
     """C_mα and C_mq that give the changed aircraft its short period, damped as the nominal one."""
-    own = replace(nominal, dynamics=Dynamics()).all_parameters()
+    own = replace(nominal, dynamics=MeasuredDynamics()).all_parameters()
     try:
         wanted, damping = own["DYN_FREQ"] * factor.short_period, own["DYN_DAMP"]
     except KeyError:
