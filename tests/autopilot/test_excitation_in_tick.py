@@ -75,7 +75,7 @@ def test_it_is_added_to_the_soaring_laws_setpoint_and_to_nothing_else() -> None:
         assert added == pytest.approx(output.excitation.pitch_rad, abs=1e-12)
         assert output.soaring == without.soaring
         assert output.command[1:] == without.command[1:]
-        gain = laws.pitch_imu.kp + laws.pitch_imu.ki * 0.005
+        gain = output.gains.ele_p + output.gains.ele_i * 0.005
         moved = output.elevator.output - without.elevator.output
         assert moved == pytest.approx(gain * added, abs=1e-9)
 

@@ -47,21 +47,21 @@ def test_without_a_word_all_parameters_are_listed() -> None:
 
 
 def test_show_tells_where_each_value_is_from(command: Command, tmp_path: Path) -> None:
-    (tmp_path / "mine.parm").write_text("RHO_D 0.5\n")
+    (tmp_path / "mine.parm").write_text("RHO_D 0.34\n")
     command("import", "mine.parm")
     rows = {line.split()[0]: line.split() for line in command("show").splitlines() if line}
-    assert rows["RHO_D"] == ["RHO_D", "0.5", "rad", "s/m", "stored"]
-    assert rows["RHO_P"] == ["RHO_P", "0.73", "rad/m", "airframe"]
+    assert rows["RHO_D"] == ["RHO_D", "0.34", "rad", "s/m", "stored"]
+    assert rows["RHO_P"] == ["RHO_P", "0.4", "rad/m", "airframe"]
     assert rows["TGL_X"] == ["TGL_X", "0.2", "m", "site"]
     assert rows["TGL_CAPTURE"][-1] == "default"
 
 
 def test_diff_tells_what_differs(command: Command, tmp_path: Path) -> None:
     assert "no differences" in command("diff")
-    (tmp_path / "mine.parm").write_text("RHO_D 0.5\nTGL_X 0.2\n")
+    (tmp_path / "mine.parm").write_text("RHO_D 0.34\nTGL_X 0.2\n")
     command("import", "mine.parm")
     (row,) = [line for line in command("diff", code=1).splitlines() if "RHO_D" in line]
-    assert row.split() == ["RHO_D", "0.27", "0.5", "rad", "s/m"]
+    assert row.split() == ["RHO_D", "0.33", "0.34", "rad", "s/m"]
     assert "TGL_X" not in command("diff", code=1)
     command("diff", "mine.parm", "state")
     assert "TGL_Z" in command("diff", "default", "files", code=1)
@@ -72,7 +72,7 @@ def test_diff_tells_what_differs(command: Command, tmp_path: Path) -> None:
 def test_an_exported_file_imports_as_the_same_values(
     command: Command, tmp_path: Path, name: str
 ) -> None:
-    (tmp_path / "mine.parm").write_text("RHO_D 0.5\nTGL_X -0.123456\nLOOP_RATE 150\n")
+    (tmp_path / "mine.parm").write_text("RHO_D 0.34\nTGL_X -0.123456\nLOOP_RATE 150\n")
     command("import", "mine.parm")
     before = begins(tmp_path)
     command("export", name)

@@ -289,9 +289,18 @@ def test_a_flight_in_turbulence_and_its_report(desk: Desk) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    "command", ["tgl-soar sitl --mocap natnet", "tgl-soar sitl --site hill --stay 40"]
+    "command",
+    [
+        "tgl-soar sitl --mocap natnet",
+        "tgl-soar sitl --site hill --stay 40",
+        "tgl-soar sitl --model point-mass --site tunnel_polynomial",
+    ],
 )
-@proves("tgl-soar sitl --mocap natnet", "tgl-soar sitl --site hill --stay 40")
+@proves(
+    "tgl-soar sitl --mocap natnet",
+    "tgl-soar sitl --site hill --stay 40",
+    "tgl-soar sitl --model point-mass --site tunnel_polynomial",
+)
 def test_other_flights(desk: Desk, command: str) -> None:
     assert "not held" not in desk.run(command)
 

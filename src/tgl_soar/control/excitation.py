@@ -28,7 +28,7 @@ from typing import Final, NamedTuple
 from tgl_soar.types import NAN
 
 TONES: Final = (8, 12, 20, 28, 40, 60)  # periods in the window
-PHASES_RAD: Final = (4.762, 5.539, 2.515, 2.368, 3.878, 5.403)
+PHASES_RAD: Final[tuple[float, ...]] = (4.762, 5.539, 2.515, 2.368, 3.878, 5.403)
 PERIODS: Final = 4  # of the sum in the window
 PEAK: Final = 2.96  # of the sum of cosines, rounded up
 LEAD_S: Final = 2.0  # the loop settles: ten times the short period's 1 / (zeta omega)

@@ -144,12 +144,19 @@ def test_differences_are_those_of_so_many_samples_and_late() -> None:
 
 
 def test_a_flight_that_ends_before_it_is_scored_is_counted_only_as_lost() -> None:
-    flown = [Scored(30.0, "", 4.0, 9.0, 0.25, 0.01), Scored(3.0, "hit the board", nan, nan)]
+    flown = [
+        Scored(
+            duration_s=30.0, ended="", e_rho_m2=4.0, activity_2ps2=9.0, y_m2=0.25, bank_rad2=0.01
+        ),
+        Scored(duration_s=3.0, ended="hit the board", e_rho_m2=nan, activity_2ps2=nan),
+    ]
     assert score(flown) == (2, 1, 2.0, 3.0, 0.5, 0.1)
 
 
 def test_the_margin_is_shown_by_every_flight_or_not_at_all() -> None:
-    whole = EstimatorScore(24, 0, 0.01, 1.0, 0.1, 0.02)
+    whole = EstimatorScore(
+        flights=24, lost=0, e_rho_m=0.01, activity_ps=1.0, y_m=0.1, bank_rad=0.02
+    )
     names = [f"{law}, gains × {k:g}" for law in ("plain", "accelerations") for k in MARGIN]
     scores = dict.fromkeys(names, whole)
     assert margin_claim(scores).holds
@@ -176,13 +183,29 @@ def test_sensor_and_gains_are_told_apart() -> None:
 def test_nobody_tells_the_estimator_the_noise_of_the_fixes() -> None:
     noisy = Sensors(position=AUTOPILOT_POSITION._replace(noise_m=0.02))
     quiet = Sensors(position=AUTOPILOT_POSITION._replace(noise_m=0.0005))
-    assert len({_values(EstimatorFlight("a", 1, s))["EST_FIX_SD"] for s in (noisy, quiet)}) == 1
+    assert (
+        len(
+            {
+                _values(EstimatorFlight(line="a", seed=1, sensors=s))["EST_FIX_SD"]
+                for s in (noisy, quiet)
+            }
+        )
+        == 1
+    )
 
 
 def test_ratios_are_of_pairs_in_the_same_air() -> None:
-    lost = Scored(3.0, "hit the board", nan, nan)
-    flown = [Scored(30.0, "", 1.0, 8.0), Scored(30.0, "", 8.0, 4.0), lost]
-    others = [Scored(30.0, "", 4.0, 2.0), lost, Scored(30.0, "", 100.0, 100.0)]
+    lost = Scored(duration_s=3.0, ended="hit the board", e_rho_m2=nan, activity_2ps2=nan)
+    flown = [
+        Scored(duration_s=30.0, ended="", e_rho_m2=1.0, activity_2ps2=8.0),
+        Scored(duration_s=30.0, ended="", e_rho_m2=8.0, activity_2ps2=4.0),
+        lost,
+    ]
+    others = [
+        Scored(duration_s=30.0, ended="", e_rho_m2=4.0, activity_2ps2=2.0),
+        lost,
+        Scored(duration_s=30.0, ended="", e_rho_m2=100.0, activity_2ps2=100.0),
+    ]
     assert paired_ratios(flown, others) == (0.5, 2.0)
 
 

@@ -78,7 +78,14 @@ def test_who_cannot_hover_on_a_line_is_not_flown(prepared: PreparedScenario) -> 
 def test_places_are_judged_one_by_one() -> None:
     """A pooled share of 0.95 would pass."""
     good, poor = (
-        PlaceScore(place, 20, survived, 0.01, 0.1, 0.02)
+        PlaceScore(
+            place=place,
+            flights=20,
+            survived=survived,
+            rms_e_rho_m=0.01,
+            rms_y_m=0.1,
+            rms_bank_rad=0.02,
+        )
         for place, survived in (("a", 20), ("b", 18))
     )
     assert survival_claim("they last", [good, poor], 0.9).holds

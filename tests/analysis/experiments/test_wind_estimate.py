@@ -77,7 +77,15 @@ def test_the_wrong_wing_is_not_the_estimators_own_prior() -> None:
 
 @pytest.mark.parametrize("of", ["wind_normalised", "updraft_normalised"])
 def test_honest_is_every_case_and_both_ways(of: str) -> None:
-    one = WindScore(0.1, 0.1, 0.1, 0.1, 1.0, 1.0, 1.0)
+    one = WindScore(
+        wind_mps=0.1,
+        updraft_mps=0.1,
+        excess_mps=0.1,
+        airspeed_mps=0.1,
+        alpha_deg=1.0,
+        wind_normalised=1.0,
+        updraft_normalised=1.0,
+    )
     scores = dict.fromkeys(CASES, one)
     assert honest_claim(scores).holds
     for case, what in CASES.items():

@@ -233,7 +233,7 @@ def test_a_parameter_that_no_law_reads_is_refused(log: FlightLog) -> None:
 
 
 def test_another_gain_shows_what_would_have_been_commanded(log: FlightLog) -> None:
-    result = replay(log, changes={"RHO_P": 0.9})
+    result = replay(log, changes={"RHO_P": 0.9, "RHO_SPEED": 0.0})  # as it stands, unscheduled
     assert result.changed
     found = {d.name for d in result.differences}
     assert {"setpoints_pitch_rad", "command_elevator", "soaring_p"} <= found
@@ -329,7 +329,7 @@ def test_the_wire_replays_as_far_as_it_tells(path: Path, log: FlightLog) -> None
 
 def test_the_wire_replays_with_another_gain(path: Path) -> None:
     wire = path.with_suffix(".tlog")
-    changed = replay_wire(wire, AIRFRAME, SITE, {"RHO_P": 0.9})
+    changed = replay_wire(wire, AIRFRAME, SITE, {"RHO_P": 3.0})
     assert rms(changed.compared["pitch_sp"]) > 2.0 * rms(
         replay_wire(wire, AIRFRAME, SITE).compared["pitch_sp"]
     )

@@ -188,7 +188,14 @@ def _scored(flown: Trajectory) -> Scored:
         rate = float(np.mean(step**2))
         y = float(np.mean(flown["y_m"][rows] ** 2))
         bank = float(np.mean(flown["roll_rad"][rows] ** 2))
-    return Scored(float(time[-1]), flown.ended, square, rate, y, bank)
+    return Scored(
+        duration_s=float(time[-1]),
+        ended=flown.ended,
+        e_rho_m2=square,
+        activity_2ps2=rate,
+        y_m2=y,
+        bank_rad2=bank,
+    )
 
 
 class _Tick(NamedTuple):

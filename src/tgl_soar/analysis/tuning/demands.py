@@ -89,7 +89,7 @@ class Given(NamedTuple):
     worst: str  # where the margin is least
 
 
-class Place(NamedTuple):
+class DemandedPlace(NamedTuple):
     """One condition, with what the schedule knows there."""
 
     plant: Plant
@@ -157,8 +157,8 @@ def gains_of(values: ParameterSet, kind: str) -> list[float]:
 class Places(NamedTuple):
     """Where one set of gains is asked for what."""
 
-    margin: tuple[Place, ...]
-    gusts: tuple[Place, ...]
+    margin: tuple[DemandedPlace, ...]
+    gusts: tuple[DemandedPlace, ...]
     turbulence: Gusts
 
 
@@ -190,7 +190,7 @@ def places_of(demands: Demands, kind: str) -> Places:
     return Places(tuple(margin), tuple(gusts), Gusts(demands.turbulence, best))
 
 
-def drawn_place(demands: Demands, kind: str, seed: tuple[int, ...]) -> Place:
+def drawn_place(demands: Demands, kind: str, seed: tuple[int, ...]) -> DemandedPlace:
     """A drawn aircraft with its own file, at a speed and a lean near the usual ones."""
     drawn = drawn_aircraft(demands.airframe, demands.ranges, seed)
     draw = np.random.default_rng((*seed, 1))
@@ -217,7 +217,7 @@ def _place(
     speed_mps: float,
     lean_deg: float,
     delay_s: float,
-) -> Place:
+) -> DemandedPlace:
     lean_deg = min(values["TGL_LEAN_MAX"], max(values["TGL_LEAN_MIN"], lean_deg))
     condition = Condition(
         model=aircraft_model(asdict(airframe.airframe), airframe.model),
@@ -228,7 +228,7 @@ def _place(
         command_delay_s=delay_s,
     )
     gusts = Gusts(1.0, values["DYN_BEST"])  # of what size does not matter to the margin
-    return Place(
+    return DemandedPlace(
         plant=linear_plant(condition, gusts),
         known={"CMD_DELAY": delay_s, "TGL_LEAN": lean_deg},
         name=f"{speed_mps:.1f} m/s, lean {lean_deg:.0f} deg, {1e3 * delay_s:.3g} ms, {kind}",
@@ -253,11 +253,11 @@ def given_by(places: Places, values: ParameterSet) -> Given:
     return Given(alpha=alpha, e_rho_m=sqrt(squares[0]), elevator=sqrt(squares[1]), worst=worst)
 
 
-def place_margin(place: Place, values: ParameterSet) -> float:
+def place_margin(place: DemandedPlace, values: ParameterSet) -> float:
     """The disk margin of the worse break at a place."""
     controller = linear_controller(_laws(place, values), place.plant.condition)
     return disk_margin(close_loop(place.plant, controller), FREQUENCIES_RADPS)
 
 
-def _laws(place: Place, values: ParameterSet) -> Laws:
+def _laws(place: DemandedPlace, values: ParameterSet) -> Laws:
     return laws_from(values.changed(place.known), _HERE)
