@@ -329,7 +329,7 @@ def test_the_wire_replays_as_far_as_it_tells(path: Path, log: FlightLog) -> None
 
 def test_the_wire_replays_with_another_gain(path: Path) -> None:
     wire = path.with_suffix(".tlog")
-    changed = replay_wire(wire, AIRFRAME, SITE, {"RHO_P": 3.0})
+    changed = replay_wire(wire, AIRFRAME, SITE, {"RHO_P": 0.42})
     assert rms(changed.compared["pitch_sp"]) > 2.0 * rms(
         replay_wire(wire, AIRFRAME, SITE).compared["pitch_sp"]
     )
