@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from pathlib import Path
 
@@ -34,7 +35,7 @@ def test_gains_an_airframe_file_and_a_figure(tmp_path: Path) -> None:
     assert {n: new.parameters[n] for n in table["parameters"]} == table["parameters"]
     assert figure.exists()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.toml", "p.svg", "t.toml"]
-    assert "accelerometers" in result.output
+    assert re.search(r"^ *accelero", result.output, re.M)  # a narrow table cuts the word
 
 
 def test_progress_is_gone_on_with_unless_it_is_of_another_task(
