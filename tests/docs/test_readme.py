@@ -372,6 +372,7 @@ main()
 """
 
 
+@pytest.mark.long
 @proves('make run ARGS="--page"')
 def test_the_page_is_served_beside_a_flight(desk: Desk) -> None:
     pytest.importorskip("uvicorn", reason="the extra `page` is not installed")
