@@ -331,8 +331,7 @@ def test_telemetry_stays_within_its_bytes_on_the_wire(flight: Flight, budget: fl
     flight.run(seconds)
     told = (62, 251, 253, 350)  # NAV_CONTROLLER_OUTPUT, NAMED_VALUE_FLOAT, STATUSTEXT, …ARRAY
     size = sum(len(f) for f in flight.frames[before:] if f[7] | f[8] << 8 | f[9] << 16 in told)
-    # Beyond the budget at most the two largest frames: the array, and a text that will not wait.
-    assert size <= budget * (seconds + 0.2) + 2 * 280
+    assert size <= budget * (seconds + 0.2) + 280
     assert size >= min(budget * seconds * 0.9, 1000 * seconds)
 
 

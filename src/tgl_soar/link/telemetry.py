@@ -55,9 +55,12 @@ class Budget:
         return self._left > 0.0
 
     def spend(self, size: int, bytes_per_s: float) -> None:
-        """A frame went out.  What was sent beyond the budget is a debt, of `DEBT_S` at most."""
+        """A frame went out.  What was sent beyond the budget is a debt, of `DEBT_S` at most.
+
+        One frame that is larger than that is paid for in whole.
+        """
         self.spent_bytes += size
-        self._left = max(-DEBT_S * bytes_per_s, self._left - size)
+        self._left = max(min(-DEBT_S * bytes_per_s, -float(size)), self._left - size)
 
     def rebase(self) -> None:
         """The clock was changed."""
