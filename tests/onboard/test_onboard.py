@@ -2,7 +2,7 @@
 
 import itertools
 import random
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from math import isfinite, nan
 from typing import Any
 
@@ -54,7 +54,12 @@ class Flight:
     """The module, and a vehicle that hangs in the air where it is and says so."""
 
     def __init__(
-        self, *, lockstep: bool = False, now_s: float = 1000.0, flown: ModuleSetup | None = None
+        self,
+        *,
+        lockstep: bool = False,
+        now_s: float = 1000.0,
+        flown: ModuleSetup | None = None,
+        before_first: Callable[[], None] = lambda: None,
     ) -> None:
         self.now_s = now_s
         self.boot_s = now_s  # when the vehicle's clock began
@@ -62,7 +67,12 @@ class Flight:
         self.console: list[str] = []
         self.takes = True
         self.onboard = Onboard(
-            flown or setup(), self._send, now_s, lockstep=lockstep, console=self.console.append
+            flown or setup(),
+            self._send,
+            now_s,
+            lockstep=lockstep,
+            console=self.console.append,
+            before_first=before_first,
         )
         self.attitude_hz, self.position_hz, self.heartbeat_hz = 200.0, 50.0, 1.0
         self.kind = (1, 3)  # MAV_TYPE, MAV_AUTOPILOT

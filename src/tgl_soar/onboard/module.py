@@ -109,16 +109,16 @@ class Onboard:
         start: int = 1,
         send_command: Callable[[bytes], bool] | None = None,
         clear_for_release: Callable[[], bool] | None = None,
+        before_first: Callable[[], None] = lambda: None,
     ) -> None:
         """`stream`: the link may cut frames anywhere.  `console`: where words go locally.
         `store`: keeps changed parameters.  `first_words`: told once the autopilot is heard.
-
         `signing`: without one nothing is signed.  `unsigned_autopilot`: the autopilot itself
         need not sign on its own link.  `keep_key`: keeps a key that came over the air, or raises
         OSError; without it none is accepted.  `recorder`: is told all that a log holds.  `start`:
         tells this module from another one that was given the same identity by mistake.
-
         `send_command`, `clear_for_release`: as `Route` takes them, for the first link.
+        `before_first`: is called before the first frame that takes the surfaces is sent.
         """
         self.counters = Counters()
         self.output: autopilot.Output | None = None  # of the last tick
@@ -148,7 +148,7 @@ class Onboard:
         )
         self.parameters = settings.server
         recorder.reset(self._state)
-        self._surfaces = surfaces = SurfaceControl(setup.flavour, outbox, counters)
+        self._surfaces = surfaces = SurfaceControl(setup.flavour, outbox, counters, before_first)
         self.warm_ups = WarmUps(setup.flavour, setup.override)
         self.positions = OutsidePositions(setup, session, self.clocking, outbox)
         commands = CommandServer(setup.own, self._telemetry, _version())
@@ -170,7 +170,7 @@ class Onboard:
 
     @property
     def has_surfaces(self) -> bool:
-        """Whether surfaces are commanded, or being handed over."""
+        """Whether surfaces are commanded or being handed over, or their mode is being changed."""
         return self._surfaces.in_control
 
     def relinked(self, link: int = 0) -> None:

@@ -276,7 +276,7 @@ def _fly(
     heartbeat: watchdog.ProcessHeartbeat | None = None,
 ) -> int:
     """Until told to stop; whatever ends it gives the surfaces back first."""
-    onboard = _module(opened, options)
+    onboard = _module(opened, options, heartbeat)
     _tell_start(opened, signs=onboard.signing.is_on)
     recorder, mocap = opened.recorder, opened.mocap
     for warning in realtime.prepare(options.realtime, real_time=not options.lockstep):
@@ -316,7 +316,9 @@ def _fly(
     return EXIT_OK if in_order else EXIT_NO_AUTOPILOT
 
 
-def _module(opened: Opened, options: RunOptions) -> Onboard:
+def _module(
+    opened: Opened, options: RunOptions, heartbeat: watchdog.ProcessHeartbeat | None
+) -> Onboard:
     """The module on its links."""
     first, *others = opened.transports
     key_file, secret = options.secret.key_file, options.secret
@@ -336,6 +338,7 @@ def _module(opened: Opened, options: RunOptions) -> Onboard:
         start=secrets.randbits(24),
         send_command=first.send_command,
         clear_for_release=first.clear_for_release,
+        before_first=heartbeat.take_surfaces if heartbeat is not None else lambda: None,
     )
     for other in others:
         onboard.add_link(other.send, stream=other.is_stream)

@@ -25,7 +25,14 @@ RELEASE_INTERVAL_S: Final = 0.1
 class SurfaceControl:
     """Whether surfaces are commanded, and what goes out for it."""
 
-    def __init__(self, flavour: Flavour, outbox: Outbox, counters: Counters) -> None:
+    def __init__(
+        self,
+        flavour: Flavour,
+        outbox: Outbox,
+        counters: Counters,
+        before_first: Callable[[], None] = lambda: None,
+    ) -> None:
+        """`before_first`: is called before the first frame that takes the surfaces is sent."""
         self.mode_change = ModeChange(flavour)
         self.is_active = False  # they are commanded
         self.enters_mode = flavour.route.mode_to_enter is not None
@@ -33,17 +40,20 @@ class SurfaceControl:
         self._loops = flavour.route.loops
         self._outbox = outbox
         self._counters = counters
+        self._before_first = before_first
         self._releases = 0  # still to be sent
         self._release_due_s = 0.0
 
     @property
     def in_control(self) -> bool:
-        """Whether surfaces are commanded, or being handed over."""
-        return self.is_active or self._releases > 0
+        """Whether surfaces are commanded or being handed over, or their mode is being changed."""
+        return self.is_active or self._releases > 0 or self.mode_change.is_changing
 
     def tick(self, output: Output, time_s: float, status: AutopilotStatus) -> None:
         """Command them as a tick has decided, or hand them over."""
         if output.active and is_finite_command(output, self._loops):
+            if not self.is_active:
+                self._before_first()
             self._outbox.command(self._flavour.commands(output.command, output.setpoints))
             self._counters.surface_frames += 1
             self._releases = 0
@@ -77,6 +87,7 @@ class SurfaceControl:
             failed, change.failed = change.failed, ""
             return failed
         if engage and ready and not obeys and not change.is_changing:
+            self._before_first()
             change.enter(time_s, heard_s, session.custom_mode)
         if change.is_entering and isfinite(pitch_rad):
             level = Setpoints(pitch_rad, 0.0, 0.0)
@@ -86,7 +97,7 @@ class SurfaceControl:
     def stop(self, *, obeys: bool) -> None:
         """The process ends: hand them over at once.  `obeys`: the autopilot is in our mode."""
         parting = self.mode_change.parting(obeys=obeys)
-        if self.in_control or self.mode_change.is_changing:
+        if self.in_control:
             self._clear_for_release()
             for _ in range(RELEASE_FRAMES):
                 self._release()

@@ -57,6 +57,7 @@ STRAYS: Final = (
 IGNORED: Final = (*STOPS, *STRAYS)
 _WATCHED: Final = {signal.SIGCHLD, *ENDS}
 _PAGE: Final = struct.Struct("<QQ??48sH32s")
+_HAS_SURFACES: Final = struct.calcsize("<QQ")  # where that stands on the page
 _NO_KEY: Final = bytes(32)
 _PAGE_BYTES: Final = 4096
 
@@ -99,6 +100,10 @@ class ProcessHeartbeat:
             self._page, 0, self._rounds, timestamp, has_surfaces, version1,
             host.encode(), port, key or _NO_KEY,
         )  # fmt: skip
+
+    def take_surfaces(self) -> None:
+        """The next frame will take the surfaces: whoever dies right behind it had them."""
+        self._page[_HAS_SURFACES] = 1
 
     def read(self) -> Sign:
         """What was shown last."""
