@@ -1,0 +1,1 @@
+"""From a digital elevation model to a first site file: ground, flow over it, fence, lines."""
