@@ -26,6 +26,7 @@ from tgl_soar.cli import (
     replay,
     report,
     site,
+    site_init,
     sitl,
     surfaces,
     tune,
@@ -88,6 +89,7 @@ app.command("modes")(modes.modes)
 app.command("replay")(replay.replay)
 app.add_typer(params.params_app, name="params")
 app.add_typer(polar.polar_app, name="polar")
+site.site_app.command("init")(site_init.site_init)
 app.add_typer(site.site_app, name="site")
 app.command("experiment")(experiment.experiment)
 app.add_typer(campaign.campaign_app, name="campaign")

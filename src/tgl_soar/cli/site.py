@@ -103,8 +103,12 @@ def _bounds(text: str) -> Bounds:
     return x_from, x_to, z_from, z_to
 
 
-def contour_toml(airframe: Airframe, site: Site, folder: Path, bounds: Bounds) -> str:
+def contour_toml(
+    airframe: Airframe, site: Site, folder: Path, bounds: Bounds, tolerance_m: float = TOLERANCE_M
+) -> str:
     """The `[contour]` table of a site file, whose folder its grids are in.
+
+    tolerance_m: how far a point that is left out may lie from what is left.
 
     Errors: `ConfigError`, `ZeucError`, ValueError for bounds that enclose nothing.
     """
@@ -126,7 +130,7 @@ def contour_toml(airframe: Airframe, site: Site, folder: Path, bounds: Bounds) -
         "parts = [",
     ]
     for part in parts:
-        points = _thinned(_rising_on_the_left(field, polar, part), TOLERANCE_M)
+        points = _thinned(_rising_on_the_left(field, polar, part), tolerance_m)
         lines += ["  [", *_wrapped([f"[{x:.3f}, {z:.3f}]" for x, z in points]), "  ],"]
     return "\n".join([*lines, "]", ""])
 
