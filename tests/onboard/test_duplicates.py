@@ -114,7 +114,7 @@ def test_an_engaged_module_stays_when_another_is_started() -> None:
     network.connected = False
     network.run(1.0)
     network.set("OP_ENGAGE", 1.0)
-    network.modules[1].engage_switch.turn_back()  # it was not there yet
+    network.modules[1].engage_switch.turn_back(network.now_s)  # it was not there yet
     network.run(1.0)
     assert is_flying(network.modes[0])
     network.told(0)

@@ -9,7 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from test_onboard import Flight, setup, texts
 
-from tgl_soar.control.supervisor import CAPTURING, READY, SOARING
+from tgl_soar.control.supervisor import CAPTURING, READY, SOARING, STANDBY
 from tgl_soar.estimation.health import ATTITUDE_SHIFT, DISARMED, WRONG
 from tgl_soar.link.signing import EPOCH_S, Signing
 from tgl_soar.onboard import process as module
@@ -94,6 +94,23 @@ def test_a_capture_that_an_operator_ends_was_cancelled(flight: Flight) -> None:
     flight.set("OP_ENGAGE", 0.0)
     flight.run(0.1)
     assert acks(flight.said())[-1] == (ENGAGE, CANCELLED)
+
+
+def test_what_asked_for_one_engagement_does_not_ask_for_the_next(flight: Flight) -> None:
+    """A station that has not seen its PARAM_SET confirmed repeats it, a second apart."""
+    flight.engaged().attitude_hz = 0.0
+    flight.run(1.0)
+    assert flight.mode_now == STANDBY
+    flight.attitude_hz = 200.0
+    flight.run(0.5)
+    for _ in range(3):
+        flight.set("OP_ENGAGE", 1.0)
+        flight.run(1.2)
+        assert flight.mode_now == READY
+    assert "try again after 4 s" in "".join(texts(flight.said()))  # of two chunks
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(0.1)
+    assert flight.mode_now == CAPTURING
 
 
 def test_an_abort_stands_against_every_way_to_engage(flight: Flight) -> None:

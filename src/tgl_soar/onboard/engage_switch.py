@@ -37,6 +37,9 @@ from tgl_soar.onboard.surfaces import SurfaceControl
 
 ENGAGED: Final = 2.0  # OP_ENGAGE of a module that is in control
 SHOW_ENGAGED_S: Final = 1.0
+# Stations repeat a PARAM_SET that they have not seen confirmed: MAVProxy and QGroundControl three
+# times, a second apart.  What asked for this engagement must not ask for the next one.
+REPEATS_S: Final = 4.0
 FORCE_S: Final = 60.0  # to type or stage what OP_FORCE is meant for; what comes later is not it
 IDENTITY_REMEDY: Final = "stop one, or give it another component_id in [autopilot]"
 DUPLICATE_REPORT_S: Final = 10.0  # between two words about a module with our identity
@@ -64,6 +67,7 @@ class EngageSwitch:
         self._surfaces = surfaces
         self._outbox = outbox
         self._engaged_s = now_s
+        self._turned_back_s = float("-inf")  # the module has disengaged by itself
         self._unforced_s = now_s  # when OP_FORCE was 0 last
         self._silence_reported = False  # of the pilot's switch
         self._duplicate_reported_s = float("-inf")
@@ -77,6 +81,7 @@ class EngageSwitch:
         """The clock is another one from here on."""
         self._engagement.switch.reset()
         self._engaged_s = self._unforced_s = now_s
+        self._turned_back_s = float("-inf")
 
     def watch(self, now_s: float) -> None:
         """What is looked at beside the ticks: the switch's own value, its force, the pilot's."""
@@ -91,6 +96,8 @@ class EngageSwitch:
         mode = self.mode
         if mode == RELEASED:
             return "it has just disengaged: try again"
+        if not self._settings.engage and 0.0 <= now_s - self._turned_back_s < REPEATS_S:
+            return f"it has disengaged by itself: try again after {REPEATS_S:g} s"
         if mode == FAILED:
             return "it has failed: start it again"
         if not self._surfaces.is_active and not self._session.presence.is_alone(now_s):
@@ -128,20 +135,21 @@ class EngageSwitch:
         """An operator has released: an abort holds nobody back any more."""
         self._engagement.clear()
 
-    def turn_back(self) -> None:
+    def turn_back(self, now_s: float) -> None:
         """The module disengages by itself: the switch goes back, for all to see."""
+        self._turned_back_s = now_s
         self._settings.assign("OP_ENGAGE", 0.0)
 
-    def end(self, text: str) -> None:
+    def end(self, text: str, now_s: float) -> None:
         """The module disengages for a reason, and whoever has engaged it is told."""
         self._outbox.tell(SEVERITY_ERROR, text)
-        self.turn_back()
+        self.turn_back(now_s)
         self.report_progress(ended=True)
 
-    def mode_change_failed(self, text: str) -> None:
+    def mode_change_failed(self, text: str, now_s: float) -> None:
         """The autopilot does not come into the mode that obeys, or not out of it."""
         if self._settings.engage:
-            self.end(text)
+            self.end(text, now_s)
         else:
             self._outbox.tell(SEVERITY_ERROR, text)
 
@@ -195,7 +203,7 @@ class EngageSwitch:
         """One that has fallen silent in flight: told, and after a while the engagement ends."""
         unheard = self._pilot_switch_unheard(now_s) if self._settings.engage else ""
         if unheard and self._engagement.switch.silence_s(now_s) > GONE_S:
-            self.end(f"disengaged: the pilot's switch is silent: {unheard}")
+            self.end(f"disengaged: the pilot's switch is silent: {unheard}", now_s)
         elif unheard and not self._silence_reported:
             text = f"the pilot's switch is silent, disengaging in {GONE_S - SILENCE_S:g} s"
             self._outbox.tell(SEVERITY_WARNING, f"{text}: {unheard}")
@@ -217,7 +225,7 @@ class EngageSwitch:
         if self._settings.engage and (presence.duplicate_is_engaged or not is_active):
             both = " and engaged" if presence.duplicate_is_engaged else ""
             self._outbox.say(self._session.heartbeat())  # before we are not engaged any more
-            self.end(f"disengaged: {who}{both}")
+            self.end(f"disengaged: {who}{both}", now_s)
         elif not 0.0 <= now_s - self._duplicate_reported_s < DUPLICATE_REPORT_S:
             self._duplicate_reported_s = now_s
             self._outbox.tell(SEVERITY_WARNING, f"{who}: {IDENTITY_REMEDY}")

@@ -316,7 +316,7 @@ class Onboard:
         else:
             self._recorder.tick(inputs, output, self._state)
         if output.mode != session.presence.mode:
-            self._mode_changed(output)
+            self._mode_changed(output, time_s)
         self._excitation_switch.tick(output.excitation)
 
     def _change_mode(self, time_s: float) -> None:
@@ -329,14 +329,14 @@ class Onboard:
             pitch_rad=NAN if self.output is None else self.output.vehicle.pitch_rad,
         )
         if failure:
-            self.engage_switch.mode_change_failed(failure)
+            self.engage_switch.mode_change_failed(failure, time_s)
 
-    def _mode_changed(self, output: autopilot.Output) -> None:
+    def _mode_changed(self, output: autopilot.Output, time_s: float) -> None:
         self.session.presence.mode = output.mode
         self.outbox.say(self.session.heartbeat())
         self.counters.count_mode(output.mode)
         if output.mode in (RELEASED, FAILED) and self.settings.engage:
-            self.engage_switch.turn_back()
+            self.engage_switch.turn_back(time_s)
         self.outbox.tell_all(mode_words(output))
         if not (self.settings.engage and output.mode in (STANDBY, READY)):  # else on its way
             self.engage_switch.report_progress()
@@ -389,7 +389,7 @@ class Onboard:
         self._state = autopilot.initial_state()
         self._recorder.reset(self._state)
         if self._surfaces.is_active:
-            self.engage_switch.turn_back()
+            self.settings.assign("OP_ENGAGE", 0.0)
         self._surfaces.restart()
         self.session.presence.mode = BOOT
 
