@@ -16,12 +16,12 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.cli.page.ghost import GhostLine
-from tgl_soar.cli.page.station import Station, StationAnswer
+from tgl_soar.cli.page.station import StationAnswer
 from tgl_soar.config.line_changes import LINE
 from tgl_soar.config.parameters import as_wire_value
 from tgl_soar.link.messages import (
@@ -51,6 +51,19 @@ RESULTS: Final = {
     RESULT_CANCELLED: "disengaged before the line was reached",
 }
 WAITING: Final = 32  # changes of parameters at most
+
+
+class OrderStation(Protocol):
+    """The station that asks: the page's, or MAVProxy."""
+
+    parameters: dict[str, float]  # as the module has echoed them
+    on_answer: Callable[[StationAnswer], None]
+
+    def set(self, name: str, value: float) -> None:
+        """Send one PARAM_SET."""
+
+    def command(self, number: int, confirmation: int) -> None:
+        """Send one COMMAND_LONG without parameters."""
 
 
 class Done:
@@ -90,7 +103,7 @@ class _Command:
 class Orders:
     """Carries them out, one change of parameters after the other."""
 
-    def __init__(self, station: Station, done: Callable[[Done], None]) -> None:
+    def __init__(self, station: OrderStation, done: Callable[[Done], None]) -> None:
         """done: called with what came of each."""
         self._station = station
         self._done = done
