@@ -2,12 +2,14 @@
 
 import struct
 from collections.abc import Callable
+from struct import pack
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.generator.mavcrc import x25crc
 
 from tgl_soar.link.decoder import Decoder
 from tgl_soar.link.encoder import Encoder
@@ -15,6 +17,7 @@ from tgl_soar.link.hot_frames import READERS, WRITERS
 from tgl_soar.link.messages import (
     AttitudeQuaternion,
     CommandAck,
+    ComponentMetadata,
     DebugFloatArray,
     GlobalPositionInt,
     HighresImu,
@@ -109,7 +112,23 @@ def test_every_hot_frame_is_held_against_pymavlink() -> None:
     assert set(THEIRS) == set(READERS)
     assert set(WRITERS) == {
         *(RcChannelsOverride, SetAttitudeTarget, NamedValueFloat, DebugFloatArray, Timesync),
+        ComponentMetadata,  # pymavlink has none
     }
+
+
+def test_what_pymavlink_lacks_is_framed_as_mavlink_defines_it() -> None:
+    """The frame by hand: CRC_EXTRA is the sum of the message's name and fields, as MAVLink's
+    serialization has it."""
+    crc = x25crc()
+    for word in ("COMPONENT_METADATA", "uint32_t", "time_boot_ms", "uint32_t", "file_crc"):
+        crc.accumulate_str(f"{word} ")
+    crc.accumulate_str("char uri ")
+    crc.accumulate([100])
+    extra = crc.crc & 0xFF ^ crc.crc >> 8
+    frame = Encoder(Source(3, 191)).encode(ComponentMetadata(70000, 0xFEDCBA98, "mftp:///a"))
+    payload = pack("<II", 70000, 0xFEDCBA98) + b"mftp:///a"
+    body = bytes((len(payload), 0, 0, 0, 3, 191)) + (397).to_bytes(3, "little") + payload
+    assert frame == b"\xfd" + body + pack("<H", x25crc(body + bytes((extra,))).crc)
 
 
 @settings(max_examples=300)

@@ -190,23 +190,6 @@ def test_a_file_saved_in_flight_does_not_engage_when_it_is_loaded(flight: Flight
     assert any("set 1" in text for text in texts(said))
 
 
-def test_a_request_for_a_file_is_refused_at_once_and_where_it_was_asked(flight: Flight) -> None:
-    station = Station(flight)
-    flight.run(0.1)
-    station.said()
-    flight.said()
-    opens = bytes((7, 0, 0, 4)).ljust(251, b"\0")
-    for component in (191, 1, 0):
-        station.say(mavlink.MAVLink_file_transfer_protocol_message(0, 1, component, list(opens)))
-    (answer,) = [m for m in station.said() if m.get_type() == "FILE_TRANSFER_PROTOCOL"]
-    assert (answer.target_system, answer.target_component) == (255, 190)
-    assert answer.payload[:4] == [8, 0, 0, 129]
-    assert "FILE_TRANSFER_PROTOCOL" not in kinds(flight.said())
-    for _ in range(500):
-        station.say(mavlink.MAVLink_file_transfer_protocol_message(0, 1, 191, list(opens)))
-    assert len(station.said()) <= 20  # a flood is not
-
-
 # --- the pilot's switch -----------------------------------------------------------------------
 
 

@@ -205,7 +205,7 @@ class Pilot:
     def engage(self, *, settle: bool = False) -> None:
         """Until the module has the surfaces, or until the aircraft is on its line."""
         engage = mavlink.MAV_CMD_USER_1
-        self.wait("a position", lambda: self.values.get("soar_x", 0.0) > 0.1)
+        self.wait("a position", lambda: self.values.get("soar_x", 0.0) > 0.1, 60.0)
         time.sleep(0.5)
         self.command(engage)
         self.wait("IN_PROGRESS", lambda: (engage, mavlink.MAV_RESULT_IN_PROGRESS) in self.acks)
@@ -222,12 +222,15 @@ class Pilot:
 class Scene:
     """Bridge and module as processes; ground stations on ports of their own."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *, own_link: bool = False) -> None:
+        """own_link: stations reach the module at `module_port`, too, with no Pixhawk between."""
         self.folder = folder
         self.pilot = Pilot()
         self.port = free_port()  # where stations speak to
         companion = f"{LOCAL}:{free_port()}"
         files = ["--airframe", str(AIRFRAME), "--site", str(SITE)]
+        self.module_port = free_port()
+        links = [companion, *([f"{LOCAL}:{self.module_port}"] if own_link else [])]
         self._processes = [
             self._start(
                 "bridge",
@@ -240,7 +243,10 @@ class Scene:
             ),
             self._start(
                 "module",
-                ["tgl_soar.cli", "run", *files, "--link", f"udp:{companion}", "--lockstep"],
+                [
+                    *("tgl_soar.cli", "run", *files, "--lockstep"),
+                    *(word for link in links for word in ("--link", f"udp:{link}")),
+                ],
             ),
         ]
 

@@ -22,6 +22,7 @@ from typing import Final, NamedTuple, Protocol, TypeAlias
 
 from tgl_soar.link.messages import (
     CAPABILITY_COMMAND_INT,
+    CAPABILITY_FTP,
     CAPABILITY_MAVLINK2,
     CAPABILITY_PARAM_ENCODE_C_CAST,
     COMMAND_GET_MESSAGE_INTERVAL,
@@ -120,7 +121,10 @@ class CommandServer:
         self._telemetry = telemetry
         major, minor, patch = version
         self._version = AutopilotVersion(
-            CAPABILITY_COMMAND_INT | CAPABILITY_MAVLINK2 | CAPABILITY_PARAM_ENCODE_C_CAST,
+            CAPABILITY_COMMAND_INT
+            | CAPABILITY_FTP
+            | CAPABILITY_MAVLINK2
+            | CAPABILITY_PARAM_ENCODE_C_CAST,
             major << 24 | minor << 16 | patch << 8,
         )
         self._done: dict[tuple[Source, int], _Done] = {}

@@ -31,6 +31,10 @@ LARGEST_V1: Final = 255  # MAVLink 1 has no larger message numbers
 CHECKSUM_OF_BYTE: Final = tuple(checksum(bytes((byte,)), 0) for byte in range(256))
 
 
+# Of messages that MAVLink has and pymavlink's dialect has not: COMPONENT_METADATA.
+LATER_EXTRAS: Final = {397: 182}
+
+
 def _crc_extras() -> dict[bytes, int]:
     """By the number as it stands in a frame of either version."""
     messages: dict[int, Any] = dialect.mavlink_map
@@ -38,6 +42,8 @@ def _crc_extras() -> dict[bytes, int]:
     for number, message in messages.items():
         if number <= LARGEST_V1:
             extras[bytes((number,))] = int(message.crc_extra)
+    for number, extra in LATER_EXTRAS.items():
+        extras.setdefault(number.to_bytes(3, "little"), extra)
     return extras
 
 

@@ -4,7 +4,8 @@ A tick receives an attitude and accelerations, in every fourth a position and th
 and sends one override or attitude, in every fourth a number for the ground.  A simulator in
 lockstep asks the time in between.  These few payloads
 are unpacked and packed here with one `struct` each; all others go through pymavlink's dialect,
-and a test holds both ways equal field by field.
+and a test holds both ways equal field by field.  COMPONENT_METADATA stands here because that
+dialect does not have it.
 
 On the wire a payload's fields stand in the order of their size, the largest first, and what was
 added to a message later stands behind them.  MAVLink 2 cuts off trailing zeros, and MAVLink 1
@@ -22,6 +23,7 @@ from typing import Any, Final, NamedTuple
 
 from tgl_soar.link.messages import (
     ID_ATTITUDE_QUATERNION,
+    ID_COMPONENT_METADATA,
     ID_DEBUG_FLOAT_ARRAY,
     ID_GLOBAL_POSITION_INT,
     ID_HIGHRES_IMU,
@@ -37,6 +39,7 @@ from tgl_soar.link.messages import (
     ID_SET_ATTITUDE_TARGET,
     ID_TIMESYNC,
     AttitudeQuaternion,
+    ComponentMetadata,
     DebugFloatArray,
     GlobalPositionInt,
     HighresImu,
@@ -93,6 +96,7 @@ _write_body: Final = Struct("<7B2x8H2B").pack
 _OVERRIDE_BYTES: Final = 18
 _write_later: Final = Struct("<10H").pack
 _write_number: Final = Struct("<If10s").pack
+_write_place: Final = Struct("<II100s").pack
 _write_array: Final = Struct("<QH10s58f").pack
 _write_attitude: Final = Struct("<I4f4f3B").pack
 _FIRST_CHANNELS: Final = 8
@@ -154,6 +158,10 @@ def _write_debug_array(m: Any) -> bytes:
     return _write_array(m.time_usec, m.array_id, chars(m.name, 10), *data)
 
 
+def _write_metadata(m: Any) -> bytes:
+    return _write_place(m.time_boot_ms & 0xFFFFFFFF, m.file_crc, chars(m.uri, 99))
+
+
 def _write_attitude_target(m: Any) -> bytes:
     w, x, y, z = m.q
     return _write_attitude(
@@ -210,4 +218,5 @@ WRITERS: Final[dict[type[Outbound], Writer]] = {
     NamedValueFloat: Writer(ID_NAMED_VALUE_FLOAT, _write_named_value),
     DebugFloatArray: Writer(ID_DEBUG_FLOAT_ARRAY, _write_debug_array),
     Timesync: Writer(ID_TIMESYNC, _write_timesync),
+    ComponentMetadata: Writer(ID_COMPONENT_METADATA, _write_metadata),
 }

@@ -97,9 +97,11 @@ ID_WIND_COV: Final = 231
 ID_MESSAGE_INTERVAL: Final = 244
 ID_NAMED_VALUE_FLOAT: Final = 251
 ID_DEBUG_FLOAT_ARRAY: Final = 350
+ID_COMPONENT_METADATA: Final = 397
 
 # MAV_PROTOCOL_CAPABILITY
 CAPABILITY_COMMAND_INT: Final = 1 << 3
+CAPABILITY_FTP: Final = 1 << 5
 CAPABILITY_MAVLINK2: Final = 1 << 13
 CAPABILITY_PARAM_ENCODE_C_CAST: Final = 1 << 17
 
@@ -285,6 +287,12 @@ class DebugFloatArray(NamedTuple):
     data: tuple[float, ...]  # at most 58
 
 
+class ComponentMetadata(NamedTuple):
+    time_boot_ms: int
+    file_crc: int  # of the general file
+    uri: str  # of it, at most 99 characters
+
+
 class NavControllerOutput(NamedTuple):
     nav_roll: float  # [deg]
     nav_pitch: float  # [deg]
@@ -451,6 +459,7 @@ Outbound: TypeAlias = (
     | AutopilotVersion
     | MessageInterval
     | DebugFloatArray
+    | ComponentMetadata
     | NavControllerOutput
     | WindCov
     | Odometry

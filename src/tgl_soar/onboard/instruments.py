@@ -5,6 +5,7 @@
     NAV_CONTROLLER_OUTPUT only when asked for: several ground stations show it as the autopilot's
                           own, whichever component sends it
     WIND_COV              only when asked for, for the same reason
+    COMPONENT_METADATA    only when asked for: where our parameters are described
 
 A number that does not exist (a setpoint in standby) is NaN.  `health` says what may be flown
 with, `faults` what ails whom: the bits of `estimation.health.FAULT_TEXTS`, which a float holds
@@ -20,11 +21,14 @@ from typing import Final
 
 from tgl_soar.autopilot import Output
 from tgl_soar.geometry import SoaringFrame, ned_vector_from_soaring
+from tgl_soar.link.component_metadata import general_checksum, general_uri
 from tgl_soar.link.messages import (
+    ID_COMPONENT_METADATA,
     ID_DEBUG_FLOAT_ARRAY,
     ID_NAMED_VALUE_FLOAT,
     ID_NAV_CONTROLLER_OUTPUT,
     ID_WIND_COV,
+    ComponentMetadata,
     DebugFloatArray,
     NamedValueFloat,
     NavControllerOutput,
@@ -110,13 +114,14 @@ class Panel:
         self._round_trip_s = round_trip_s
 
     def flows(self) -> tuple[Flow, ...]:
-        """What is told without being asked, and how often; the last two only if asked for."""
+        """What goes out without being requested, and how often; the last three only on request."""
         return (
             Flow(ID_NAMED_VALUE_FLOAT, len(FAST), FAST_S, self._fast),
             Flow(ID_NAMED_VALUE_FLOAT, len(SLOW), SLOW_S, self._slow),
             Flow(ID_DEBUG_FLOAT_ARRAY, 1, ARRAY_S, self._array),
             Flow(ID_NAV_CONTROLLER_OUTPUT, 1, float("inf"), self._navigation),
             Flow(ID_WIND_COV, 1, float("inf"), self._wind),
+            Flow(ID_COMPONENT_METADATA, 1, float("inf"), self._metadata),
         )
 
     def _fast(self, turn: int) -> Outbound | None:
@@ -141,6 +146,10 @@ class Panel:
         if self._output is None:
             return None
         return wind_cov(self._output.air, self._frame, self._vehicle_time_s)
+
+    def _metadata(self, _turn: int) -> Outbound | None:
+        stamp = _stamp(self._vehicle_time_s, 1e3) & 0xFFFFFFFF
+        return ComponentMetadata(stamp, general_checksum(), general_uri())
 
 
 def health_bits(output: Output) -> float:

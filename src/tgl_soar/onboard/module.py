@@ -350,7 +350,7 @@ class Onboard:
         self.links.show_presence(now_s)
         outbox.say_all(session.poll(now_s), outbox.autopilot)
         self.positions.forward(now_s)
-        self._operators.list_parameters(now_s)
+        self._operators.serve(now_s, sheds=self.load_shedding.no_telemetry)
         self.engage_switch.watch(now_s)
         self._operators.acknowledge(now_s)
         self._reports.tell_words(now_s, self.settings.values)

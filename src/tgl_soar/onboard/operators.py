@@ -11,8 +11,9 @@ from typing import Final
 from tgl_soar import autopilot
 from tgl_soar.config.files import switch_refusal
 from tgl_soar.config.parameters import INDEX
-from tgl_soar.link import file_transfer
 from tgl_soar.link.commands import ENGAGE, NOTHING, CommandServer
+from tgl_soar.link.component_metadata import metadata_files
+from tgl_soar.link.file_transfer import FileServer
 from tgl_soar.link.messages import (
     SEVERITY_INFO,
     SEVERITY_WARNING,
@@ -28,6 +29,7 @@ from tgl_soar.link.messages import (
 )
 from tgl_soar.link.routes import Route
 from tgl_soar.link.signing import KEY_BYTES, Signing
+from tgl_soar.link.telemetry import Budget
 from tgl_soar.onboard.engage_switch import ENGAGED, EngageSwitch
 from tgl_soar.onboard.outbound import Outbox
 from tgl_soar.onboard.settings import FlightSettings
@@ -37,6 +39,7 @@ from tgl_soar.onboard.surfaces import SurfaceControl
 ABSENT_S: Final = 5.0  # a station that was silent for longer may have missed a change
 REFUSALS_S: Final = 0.25  # between two words about commands that were refused
 COMPLAIN_S: Final = 5.0  # between two words about keys that were refused
+FILES_FRACTION: Final = 0.5  # of the telemetry's budget: its numbers keep the other half
 
 
 class Operators:
@@ -66,6 +69,8 @@ class Operators:
         self._keep_key = keep_key
         self._keys_refused_s = float("-inf")
         self._refused_s = float("-inf")
+        self._files = FileServer(metadata_files())
+        self._files_budget = Budget()
         self._met: dict[tuple[int, Source], float] = {}  # when each station was heard last
 
     def take(self, route: Route, received: Received, now_s: float) -> bool:
@@ -81,7 +86,7 @@ class Operators:
         elif isinstance(message, CommandLong | CommandInt):
             self._obey(route, source, message, now_s)
         elif isinstance(message, FileTransferProtocol):
-            self._refuse_files(route, source, message, now_s)
+            self._take_file_request(route, source, message, now_s)
         else:
             return False
         return True
@@ -97,7 +102,14 @@ class Operators:
             mode = autopilot.mode_name(self._engage_switch.mode)
             self._outbox.say_words(SEVERITY_INFO, mode, route)
 
-    def list_parameters(self, now_s: float) -> None:
+    def serve(self, now_s: float, *, sheds: bool) -> None:
+        """What was asked for and waits: values, and pieces of files.  `sheds`: there is no time
+        for files."""
+        self._list_parameters(now_s)
+        if self._files.is_reading and not sheds:
+            self._send_file_piece(now_s)
+
+    def _list_parameters(self, now_s: float) -> None:
         """Values go out where somebody has asked for any."""
         if not self._parameters.is_busy:
             for route in self._outbox.routes:
@@ -118,6 +130,8 @@ class Operators:
         """The clock was changed: what was timed by the old one is forgotten."""
         self._parameters.rebase()
         self._commands.rebase()
+        self._files.rebase()
+        self._files_budget.rebase()
 
     def _forbidden(self, source: Source) -> str:
         """Why a sender may neither set nor command; "" if it may."""
@@ -171,16 +185,28 @@ class Operators:
         if answer.wish != NOTHING:
             self._engage_switch.turn(answer.wish, f"system {source.system}")
 
-    def _refuse_files(
+    # --- files --------------------------------------------------------------------------------
+
+    def _take_file_request(
         self, route: Route, source: Source, message: FileTransferProtocol, now_s: float
     ) -> None:
         own = self._setup.own
         for_us = message.target_system in (0, own.system)
         if not for_us or message.target_component != own.component or source == own:
             return
-        answer = file_transfer.refused(source, message)
+        answer = self._files.handle(source, message, route.number, now_s)
         if answer is not None and self._commands.may_answer(now_s):
-            self._outbox.say(answer, route)
+            self._outbox.say_metered(answer, route)
+
+    def _send_file_piece(self, now_s: float) -> None:
+        """One, if the files' part of the budget is not used up."""
+        bytes_per_s = FILES_FRACTION * self._outbox.telemetry_bytes_per_s
+        if not self._files_budget.fill(now_s, bytes_per_s):
+            return
+        piece = self._files.take()
+        if piece is not None:
+            size = self._outbox.say_metered(piece.message, self._outbox.routes[piece.link])
+            self._files_budget.spend(size, bytes_per_s)
 
     # --- keys ---------------------------------------------------------------------------------
 

@@ -83,6 +83,12 @@ class Outbox:
         for chunk in self.texts.chunks(severity, text):
             self._spend(self.say(chunk, only))
 
+    def say_metered(self, message: Outbound, only: Route) -> int:
+        """On one link, at the telemetry's expense; the bytes of it."""
+        size = self.say(message, only)
+        self._spend(size)
+        return size
+
     def send_telemetry(self, now_s: float, *, sheds: bool) -> None:
         """The message that is due, unless there is no time for it."""
         message = self._telemetry.due(now_s, self.telemetry_bytes_per_s)
