@@ -42,9 +42,9 @@ def _command() -> None:
         from tgl_soar.onboard.process import main as run
 
         raise SystemExit(run(sys.argv[2:]))
-    from tgl_soar.cli.app import app
+    from tgl_soar.cli.commands import asked
 
-    app()
+    asked(sys.argv[1:])()
 
 
 if __name__ == "__main__":

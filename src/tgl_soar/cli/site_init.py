@@ -20,7 +20,7 @@ from tgl_soar.analysis.terrain.site_text import (
     site_text,
 )
 from tgl_soar.cli.console import AIRFRAME, AIRFRAME_FILE, fail, hint, say
-from tgl_soar.cli.site import TOLERANCE_M, contour_toml
+from tgl_soar.cli.site import TOLERANCE_M, contour_toml, site_app
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import ConfigError, load_airframe, load_parameters, load_site
 
@@ -29,6 +29,7 @@ MAP: Final = "map.png"
 PLANE: Final = "plane.png"
 
 
+@site_app.command("init")
 def site_init(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Made if it is not there.")],
     dem: Annotated[Path, typer.Option(metavar="FILE", help="Heights: .hgt, .tif, .vrt.")],
