@@ -3,6 +3,7 @@
 import fcntl
 import os
 import pickle
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -13,8 +14,11 @@ from wheel import Installed, install
 
 from tgl_soar.onboard import native
 
-# Workers, and the processes that tests start, share what is compiled; a clone keeps it.
+# Workers, and the processes that tests start, share what is compiled; a clone keeps it.  That
+# goes for byte code too: without it each of a hundred processes compiles the source once more.
 os.environ.setdefault("XDG_CACHE_HOME", str(Path(__file__).parents[1] / ".cache"))
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 # Time is a benchmark's business: a busy machine must not fail a property.
 # Tests with a number of examples of their own keep it; `make long` gives the others many.

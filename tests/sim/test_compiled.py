@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import inf, nan, radians
 from typing import Literal
 
@@ -280,18 +280,19 @@ def grid(depth: int, outside: Literal["nan", "edge", "still"]) -> GridField:
 
 
 @pytest.mark.parametrize(
-    "field",
+    "made",
     [
-        SlopeJet(9.0, 0.40),
-        HillField(7.0, 8.0),
-        grid(0, "nan"),
-        grid(0, "edge"),
-        grid(3, "nan"),
-        grid(3, "still"),
+        partial(SlopeJet, 9.0, 0.40),
+        partial(HillField, 7.0, 8.0),
+        partial(grid, 0, "nan"),
+        partial(grid, 0, "edge"),
+        partial(grid, 3, "nan"),
+        partial(grid, 3, "still"),
     ],
 )
-def test_the_air_as_data_is_the_field_everywhere(field: WindField) -> None:
+def test_the_air_as_data_is_the_field_everywhere(made: Callable[[], WindField]) -> None:
     """Also on edges, in the ground, and outside."""
+    field = made()
     air = as_air(field)
     rng = random.Random(4)
     places = [(rng.uniform(-10, 10), rng.uniform(-3, 3), rng.uniform(-1, 10)) for _ in range(5000)]

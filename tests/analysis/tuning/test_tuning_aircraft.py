@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
+from functools import cache
 from math import degrees
 
 import pytest
 from msgspec.structs import asdict, replace
 
-from tgl_soar.analysis.tuning.aircraft import TICK_S, Ranges, drawn_aircraft
+from tgl_soar.analysis.tuning.aircraft import TICK_S, Drawn, Ranges, drawn_aircraft
 from tgl_soar.config.files import load_airframe, shipped
 from tgl_soar.sim.aircraft import aircraft_model, glide_at
 
 AIRFRAME = load_airframe(shipped("airframes/eclipson_c.toml"))
-DRAWN = [drawn_aircraft(AIRFRAME, Ranges(), (1, i)) for i in range(40)]
+
+
+@cache
+def forty() -> list[Drawn]:
+    return [drawn_aircraft(AIRFRAME, Ranges(), (1, i)) for i in range(40)]
 
 
 def test_the_file_of_each_has_what_was_drawn_for_it() -> None:
     own = AIRFRAME.all_parameters()
-    ratios = [d.known.all_parameters()["DYN_FREQ"] / own["DYN_FREQ"] for d in DRAWN]
+    ratios = [d.known.all_parameters()["DYN_FREQ"] / own["DYN_FREQ"] for d in forty()]
     low, high = Ranges().short_period
     # The reference speed is that of the best glide, which goes with drag's own ratio: unchanged.
     assert low <= min(ratios) < 0.65
     assert 1.15 < max(ratios) <= high
-    for drawn in DRAWN:
+    for drawn in forty():
         known = drawn.known.all_parameters()
         assert known["DYN_DAMP"] == pytest.approx(own["DYN_DAMP"], rel=0.05)
         assert 0.015 <= known["DYN_SERVO"] <= 0.080
@@ -32,7 +37,7 @@ def test_the_file_of_each_has_what_was_drawn_for_it() -> None:
 
 def test_what_no_file_knows_is_in_the_aircraft_alone() -> None:
     errors = []
-    for drawn in DRAWN:
+    for drawn in forty():
         known = aircraft_model(asdict(drawn.known.airframe), drawn.known.model)
         errors.append(drawn.true.Cm_elevator / known.Cm_elevator)
         assert drawn.true._replace(
@@ -46,7 +51,7 @@ def test_what_no_file_knows_is_in_the_aircraft_alone() -> None:
 
 def test_each_is_trimmed_near_its_best_glide() -> None:
     """The elevator has room left: it was trimmed on the ground."""
-    for drawn in DRAWN:
+    for drawn in forty():
         best = drawn.known.all_parameters()["DYN_BEST"]
         model = aircraft_model(asdict(drawn.known.airframe), drawn.known.model)
         speed = max(best, drawn.known.polar.speed_min_mps)
@@ -54,8 +59,8 @@ def test_each_is_trimmed_near_its_best_glide() -> None:
 
 
 def test_a_seed_is_one_aircraft() -> None:
-    assert drawn_aircraft(AIRFRAME, Ranges(), (1, 3)) == DRAWN[3]
-    assert drawn_aircraft(AIRFRAME, Ranges(), (2, 3)).true != DRAWN[3].true
+    assert drawn_aircraft(AIRFRAME, Ranges(), (1, 3)) == forty()[3]
+    assert drawn_aircraft(AIRFRAME, Ranges(), (2, 3)).true != forty()[3].true
 
 
 def test_a_model_that_is_not_complete_is_named() -> None:
