@@ -20,6 +20,9 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 export PIP_ROOT_USER_ACTION := ignore
+# In the order of tests/conftest.py, the longest first; xdist's would begin with what has the most
+# cases.
+WORKERS := -n 2 --dist loadgroup --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
 .PHONY: help run test lint long ci bench docs pictures cover mutate clean
@@ -31,7 +34,7 @@ run: $(VENV)/.run
 	$(BIN)/tgl-soar sitl $(ARGS)
 
 test: $(VENV)/.test lint
-	$(BIN)/pytest -n 2 --dist loadgroup $(ARGS)
+	$(BIN)/pytest $(WORKERS) $(ARGS)
 
 lint: $(VENV)/.test
 	$(BIN)/ruff check .
@@ -40,11 +43,10 @@ lint: $(VENV)/.test
 
 long: $(VENV)/.test
 	$(BIN)/pytest -m long $(ARGS)
-	$(BIN)/pytest -n 2 --dist loadgroup -m hypothesis --hypothesis-profile long
+	$(BIN)/pytest $(WORKERS) -m hypothesis --hypothesis-profile long
 
-# In our own order, the longest first: xdist's would begin with what has the most cases.
 ci: test
-	$(BIN)/pytest -n 2 --dist loadgroup --no-loadscope-reorder -m "long and ci"
+	$(BIN)/pytest $(WORKERS) -m "long and ci"
 
 bench: $(VENV)/.test
 	$(BIN)/python -m benchmarks $(ARGS)

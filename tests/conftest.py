@@ -56,17 +56,31 @@ TESTS = Path(__file__).parent
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The longest test goes first, and tests that share something go to one worker; native code
-    has no seams for some."""
-    items.sort(key=lambda item: item.get_closest_marker("first") is None)
+    """Tests that share something go to one worker, and native code has no seams for some.
+
+    The longest go first: one worker begins with the one group, the other with the next, and the
+    many single tests at the end are divided so that both end together.
+    """
     group_of = {TESTS / file: name for name, files in ONE_WORKER.items() for file in files}
     for item in items:
         if group := group_of.get(item.path) or (shares(item) and str(item.path)):
             item.add_marker(pytest.mark.xdist_group(group))
+    items.sort(key=turn)
     if NATIVE:
         for item in items:
             if item.get_closest_marker("interpreted"):
                 item.add_marker(pytest.mark.skip(reason="native code has no seam for it"))
+
+
+def turn(item: pytest.Item) -> int:
+    """Where in the order of all tests it stands: alike are those whose order does not matter."""
+    if item.get_closest_marker("first"):
+        return 0
+    mark = item.get_closest_marker("xdist_group")
+    if mark is None:
+        return len(ONE_WORKER) + 2
+    groups = list(ONE_WORKER)
+    return 1 + (groups.index(mark.args[0]) if mark.args[0] in groups else len(groups))
 
 
 def shares(item: pytest.Item) -> bool:

@@ -1,10 +1,11 @@
-"""What workers share is made by one of them."""
+"""What tests share is made once: by one of the workers, or for those of one worker."""
 
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import pytest
 from conftest import once_for_all
 from wheel import Installed
 
@@ -20,3 +21,12 @@ def test_it_is_made_once_while_the_others_wait(tmp_path: Path) -> None:
         found = set(workers.map(lambda _: once_for_all(tmp_path / "wheel", make), range(4)))
     assert found == {Installed(tmp_path / "wheel" / "x.whl", tmp_path / "wheel" / "bin")}
     assert made == [tmp_path / "wheel"]
+
+
+@pytest.mark.xdist_group("of one worker")
+def test_groups_are_handed_out_as_groups(request: pytest.FixtureRequest) -> None:
+    """pytest 9.2 with pytest-xdist 3.8 forgets them without a word: tests that need real time run
+    beside one another, and what a file's tests share is made by each worker."""
+    if not request.config.getoption("loadgroup", False):
+        pytest.skip("not with --dist loadgroup")
+    assert request.node.nodeid.endswith("@of one worker")
