@@ -1,0 +1,1 @@
+"""The field of the wind around the aircraft, from what it has flown through."""

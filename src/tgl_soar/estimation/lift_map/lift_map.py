@@ -1,0 +1,271 @@
+"""The lift map: a Kalman filter on the weights of `basis`, and what it says of any place.
+
+A reading every 0.2 s or so holds, at the aircraft's place, of what is known of
+
+    u            m/s  wind                                    = u(x, z)
+    w            m/s  updraft                                 = w(x, z) + b
+    e            m/s  total energy, ż − (V/g) v̇x             = w(x, z) − (1 + p) S(V)
+
+v̇x is the acceleration over the ground, downstream, V the horizontal airspeed, S the polar's sink,
+p its error and b the updraft's bias.  At rest on a line V = u and e = 0: w = S, whatever b is, so
+that hovering calibrates the updraft.  Readings of turbulence are no readings of the field: their
+noise follows the gusts that are met, and is that of few independent samples (R_…).
+
+Two maps run side by side, alike but for how much air may cross the ground: nearly none, or so much
+that the profile says nothing.  Each has the weight of how well it foresaw the readings (Bayes), so
+where the ground is wrong, or the flow leaves it, the streamline is given up: that is the watch on
+its innovation.  What is predicted is their mixture.
+
+Slow change: all winds scale together (q² dt θ θᵀ), and in FORGET_S anything may have become what it
+might have been at first.
+"""
+
+from __future__ import annotations
+
+from math import exp, isfinite, log
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tgl_soar.estimation.lift_map.basis import Box, Floats, FlowBasis
+from tgl_soar.estimation.lift_map.sinking import sink, sink_slope
+from tgl_soar.types import GlidePolar, Ground
+
+STREAMLINE_MPS: Final = 0.8  # through the ground, in a wind of 9 m/s
+LOOSE_MPS: Final = 4.0  # the same where the profile is wrong: as much as all poles make
+LOOSE_FIRST: Final = 0.05  # how likely that is beforehand
+WEIGHT_LEAST: Final = 1e-3  # so that neither map is ever out of reach
+
+SAMPLES_U: Final = 3.0  # readings of 0.2 s for one that is independent, with the field's own misfit
+SAMPLES_W: Final = 4.5
+SD_U_MPS: Final = 0.10  # of a reading in calm air
+SD_W_MPS: Final = 0.08
+SD_E_MPS: Final = 0.05
+GUSTS_S: Final = 3.0  # in which the gusts that are met are averaged
+GUSTS_FIRST: Final = 0.03  # of the wind, until they are
+GATE: Final = 5.0  # standard deviations: what is farther off is pulled in to this
+
+SCALE_PER_ROOT_S: Final = 0.012  # q
+FORGET_S: Final = 400.0
+BETWEEN_M: Final = 0.01  # of H: between the places of a gradient's differences
+
+
+class Reading(NamedTuple):
+    """What the aircraft knows of the air where it is; NaN: not known."""
+
+    x_m: float
+    z_m: float
+    wind_mps: float  # u
+    updraft_mps: float  # w as it is measured
+    airspeed_mps: float  # V, horizontal
+    energy_mps: float  # e
+    since_s: float  # the last reading
+
+
+class Predicted(NamedTuple):
+    """What the map says of some places, arrays of one shape; standard deviations beside it."""
+
+    wind_mps: Floats
+    updraft_mps: Floats
+    excess_mps: Floats  # w − (1 + p) S(u)
+    wind_sd_mps: Floats
+    updraft_sd_mps: Floats
+    excess_sd_mps: Floats
+
+
+class Weights(NamedTuple):
+    """The map's weights as a normal distribution."""
+
+    mean: Floats  # (n,)
+    covariance: Floats  # (n, n)
+
+
+def _updated(
+    mean: Floats, covariance: Floats, rows: Floats, measured: Floats, noise: Floats
+) -> tuple[Weights, float]:
+    """After m measurements (m,) with rows (m, n) and variances (m,); and how well they were
+    foreseen, as the logarithm of their likelihood."""
+    crossed = rows @ covariance
+    spread = crossed @ rows.T + np.diag(noise)
+    root = np.linalg.cholesky(spread)
+    white = np.linalg.inv(root)
+    innovation = measured - rows @ mean
+    foreseen = white @ innovation
+    likelihood = -0.5 * float(foreseen @ foreseen) - float(np.log(np.diag(root)).sum())
+    most = GATE * np.sqrt(np.diag(spread))
+    learned = white @ crossed
+    after = Weights(
+        mean + (white @ np.clip(innovation, -most, most)) @ learned,
+        covariance - learned.T @ learned,
+    )
+    return after, likelihood
+
+
+class LiftMap:
+    """The map of one flight.  It begins with the first reading of the wind."""
+
+    def __init__(
+        self, ground: Ground, box: Box, polar: GlidePolar, first: Reading, *, pitot: bool
+    ) -> None:
+        """first: where the wind is read first; it is to be taken too.
+
+        Errors: ValueError for a box that is not finite, or a wind that is not positive.
+        """
+        x, z, wind_mps = first.x_m, first.z_m, first.wind_mps
+        if not (isfinite(x) and isfinite(z) and isfinite(wind_mps) and wind_mps > 0.0):
+            raise ValueError(
+                f"first reading: wind {wind_mps} m/s at x {x}, z {z} m: the map needs a positive"
+                " wind at a known place"
+            )
+        self.basis = FlowBasis(ground, box)
+        self.polar = polar
+        priors = [self.basis.prior(x, z, wind_mps, pitot, sd) for sd in (STREAMLINE_MPS, LOOSE_MPS)]
+        self.maps = [Weights(prior.mean, prior.covariance) for prior in priors]
+        self._forgotten = [prior.covariance / FORGET_S for prior in priors]
+        self.gusts_mps2 = (GUSTS_FIRST * wind_mps) ** 2  # their variance
+        self.readings = 0
+        self._log_odds = log(LOOSE_FIRST / (1.0 - LOOSE_FIRST))
+
+    @property
+    def loose(self) -> float:
+        """How likely the ground's profile says nothing about the flow, 0 … 1."""
+        return 1.0 / (1.0 + exp(-self._log_odds))
+
+    def take(self, reading: Reading) -> None:
+        """Update by one reading; what is not finite in it is left out."""
+        if not (isfinite(reading.x_m) and isfinite(reading.z_m)):
+            return
+        u, w = self.basis.features(reading.x_m, reading.z_m)
+        rows, values, noise = self._measured(reading, u[0], w[0])
+        if not rows:
+            return
+        matrix, measured, variance = np.array(rows), np.array(values), np.array(noise)
+        likelihood = [0.0, 0.0]
+        for k in range(2):
+            self.maps[k], likelihood[k] = _updated(
+                self.maps[k].mean, self._changed(k, reading.since_s), matrix, measured, variance
+            )
+        limit = log(1.0 / WEIGHT_LEAST)
+        moved = self._log_odds + likelihood[1] - likelihood[0]
+        self._log_odds = max(-limit, min(limit, moved))
+        self._watch_gusts(reading, u[0], w[0])
+        self.readings += 1
+
+    def _measured(
+        self, reading: Reading, u: Floats, w: Floats
+    ) -> tuple[list[Floats], list[float], list[float]]:
+        """Rows, values and variances of what is known in a reading."""
+        basis, gusts = self.basis, self.gusts_mps2
+        rows: list[Floats] = []
+        values: list[float] = []
+        noise: list[float] = []
+        if isfinite(reading.wind_mps):
+            rows.append(u)
+            values.append(reading.wind_mps)
+            noise.append(SAMPLES_U * (gusts + SD_U_MPS**2))
+        if isfinite(reading.updraft_mps):
+            biased = w.copy()
+            biased[basis.updraft_bias] = 1.0
+            rows.append(biased)
+            values.append(reading.updraft_mps)
+            noise.append(SAMPLES_W * (gusts + SD_W_MPS**2))
+        if isfinite(reading.energy_mps) and isfinite(reading.airspeed_mps):
+            falls = float(sink(self.polar, reading.airspeed_mps))
+            scaled = w.copy()
+            scaled[basis.sink_scale] = -falls
+            rows.append(scaled)
+            values.append(reading.energy_mps + falls)
+            noise.append(SAMPLES_W * (gusts + SD_E_MPS**2))
+        return rows, values, noise
+
+    def _changed(self, k: int, since_s: float) -> Floats:
+        """The covariance after some time without a reading."""
+        mean, covariance = self.maps[k]
+        dt = max(0.0, since_s) if isfinite(since_s) else 0.0
+        flow = mean.copy()
+        flow[self.basis.flow :] = 0.0  # a polar and a sensor do not change with the wind
+        grown: Floats = dt * self._forgotten[k]
+        grown += covariance
+        grown += np.outer(SCALE_PER_ROOT_S**2 * dt * flow, flow)
+        return grown
+
+    def _watch_gusts(self, reading: Reading, u: Floats, w: Floats) -> None:
+        """Follow the variance of what the field does not explain."""
+        mean = self.maps[int(self._log_odds > 0.0)].mean
+        off = [reading.wind_mps - float(u @ mean)]
+        off.append(reading.updraft_mps - float(w @ mean) - float(mean[self.basis.updraft_bias]))
+        squares = [value * value for value in off if isfinite(value)]
+        if squares:
+            share = min(1.0, max(0.0, reading.since_s) / GUSTS_S)
+            self.gusts_mps2 += share * (sum(squares) / len(squares) - self.gusts_mps2)
+
+    def at(self, x_m: ArrayLike, z_m: ArrayLike) -> Predicted:
+        """The air at m places: arrays of shape (m,)."""
+        u, w = self.basis.features(x_m, z_m)
+        chances = (1.0 - self.loose, self.loose)
+        moments = [self._moments(weights, u, w) for weights in self.maps]
+        means = [sum(c * m[0][i] for c, m in zip(chances, moments, strict=True)) for i in range(3)]
+        spread = [
+            np.sqrt(
+                sum(
+                    c * (m[1][i] + (m[0][i] - means[i]) ** 2)
+                    for c, m in zip(chances, moments, strict=True)
+                )
+            )
+            for i in range(3)
+        ]
+        return Predicted(
+            wind_mps=np.asarray(means[0]),
+            updraft_mps=np.asarray(means[1]),
+            excess_mps=np.asarray(means[2]),
+            wind_sd_mps=spread[0],
+            updraft_sd_mps=spread[1],
+            excess_sd_mps=spread[2],
+        )
+
+    def _moments(
+        self, weights: Weights, u: Floats, w: Floats
+    ) -> tuple[tuple[Floats, ...], tuple[Floats, ...]]:
+        """Means and variances of u, w and E at some places, by one of the two maps."""
+        mean, covariance = weights
+        wind, updraft = u @ mean, w @ mean
+        scale = 1.0 + mean[self.basis.sink_scale]
+        falls = sink(self.polar, wind)
+        rows = w - (scale * sink_slope(self.polar, wind))[:, None] * u
+        rows[:, self.basis.sink_scale] -= falls
+        variances = tuple(
+            np.einsum("ij,ij->i", row @ covariance, row).clip(0.0) for row in (u, w, rows)
+        )
+        return (wind, updraft, updraft - scale * falls), variances
+
+    def excess_gradient(self, x_m: float, z_m: float) -> tuple[float, float]:
+        """(dE/dx, dE/dz) [1/s] of the mean at one place."""
+        h = BETWEEN_M * self.basis.box.height_m
+        x = np.array([x_m + h, x_m - h, x_m, x_m])
+        z = np.array([z_m, z_m, z_m + h, z_m - h])
+        excess = self.at(x, z).excess_mps
+        return (
+            float(excess[0] - excess[1]) / (2.0 * h),
+            float(excess[2] - excess[3]) / (2.0 * h),
+        )
+
+    def mean(self) -> Floats:
+        """The weights (n,) that are most likely."""
+        return self.maps[int(self._log_odds > 0.0)].mean
+
+    def draws(self, normals: Floats, spread: float = 1.0) -> Floats:
+        """Weights (m, n) drawn from the posterior, of m rows of normal numbers (m, n).
+
+        Each map has as many rows as its weight says; spread widens them about its mean.
+        """
+        rows = len(normals)
+        drawn = np.empty_like(normals)
+        loose = (np.arange(rows) + 0.5) / rows < self.loose
+        for k, chosen in enumerate((~loose, loose)):
+            if chosen.any():
+                mean, covariance = self.maps[k]
+                values, vectors = np.linalg.eigh(covariance)
+                root = vectors * np.sqrt(values.clip(0.0))
+                drawn[chosen] = mean + spread * normals[chosen] @ root.T
+        return drawn
