@@ -9,6 +9,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
@@ -157,7 +158,8 @@ def _signalled(module: Module, number: int) -> str:
     """What is said in the end where both processes get a signal while they have the surfaces."""
     module.engage()
     for pid in (module.process.pid, child_of(module)):
-        os.kill(pid, number)
+        with suppress(ProcessLookupError):  # the first has passed it on, and the second has ended
+            os.kill(pid, number)
     pump_until_released(module)
     return pump_until_said(module, "tgl_soar stopped", "module stood still for")
 
