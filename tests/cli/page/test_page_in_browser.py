@@ -225,10 +225,15 @@ def test_a_bad_link_is_told_and_harms_nothing(browser: Any, flight: tuple[Flying
     window.until(lambda: not window.page.is_visible("#banner"))
     assert flying.flown.value("TGL_X") == pytest.approx(A[0])
 
+    window.take(A, B)
+    window.until(lambda: window.value("m.holder === m.you"))
     with flying.lock:
         flying.flown.restart_module()
     window.shows("#notices", "started again")
+    window.until(lambda: window.value("page.plane.wish === null"))  # out of the hand
+    window.page.mouse.up()
     window.loaded()
+    assert flying.flown.value("TGL_X") == pytest.approx(A[0])
     window.close()
 
 
@@ -272,6 +277,50 @@ def test_on_a_phone_and_in_the_dark(browser: Any, flight: tuple[Flying, Served])
     engaged(phone, flying)
     phone.page.tap("#release")
     flying.until(lambda flown: flown.value("OP_ENGAGE") == 0.0)
+    phone.close()
+
+
+def test_a_finger_drags_the_line_and_scrolls_the_page_beside_it(
+    browser: Any, flight: tuple[Flying, Served]
+) -> None:
+    flying, served = flight
+    phone = Window(
+        browser, served.address, viewport={"width": 360, "height": 740}, has_touch=True
+    ).loaded()
+    finger = phone.page.context.new_cdp_session(phone.page)
+
+    def touch(kind: str, *at: tuple[float, float]) -> None:
+        points = [{"x": x, "y": y} for x, y in at]
+        finger.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    def stroke(start: tuple[float, float], end: tuple[float, float]) -> None:
+        """A finger is put down and moved."""
+        touch("touchStart", start)
+        (x, y), (to_x, to_y) = start, end
+        for i in range(1, 9):
+            touch("touchMove", (x + i / 8 * (to_x - x), y + i / 8 * (to_y - y)))
+
+    stroke(phone.at(A), phone.at(B))
+    phone.until(lambda: phone.value("m.holder === m.you && m.ghost?.place"))
+    phone.until(lambda: phone.value("Math.abs(m.ghost?.z - 1.6) < 0.02"))
+    assert phone.value("scrollY") == 0  # the line has followed the finger, and not the page
+    assert flying.flown.value("TGL_X") == pytest.approx(A[0])
+    touch("touchEnd")
+    flying.until(lambda flown: flown.value("TGL_X") == pytest.approx(B[0], abs=0.02))
+    phone.until(lambda: phone.value("Math.abs(m.line.x - 0.6) < 0.02"))
+
+    # A call that comes in takes the touch away.
+    before = flying.flown.value("TGL_X")
+    line = phone.value("[m.line.x, m.line.z]")
+    stroke(phone.at(line), phone.at(A))
+    phone.until(lambda: phone.value("m.holder === m.you"))
+    touch("touchCancel")
+    phone.until(lambda: phone.value("m.holder === 0 && page.plane.wish === null"))
+    assert flying.flown.value("TGL_X") == before
+    x, y = phone.at(C)
+    stroke((x, y), (x, y - 150.0))
+    touch("touchEnd")
+    phone.until(lambda: phone.value("scrollY > 50"))
     phone.close()
 
 

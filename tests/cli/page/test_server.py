@@ -202,6 +202,21 @@ def test_garbage_and_floods_close_the_page_and_change_nothing(
     watcher.end()
 
 
+@pytest.mark.parametrize("what", ["engage", "abort", "hold"])
+def test_a_token_that_is_wrong_later_ends_the_page_too(
+    served: Served, flying: Flying, what: str
+) -> None:
+    watcher, page = Page(served), Page(served)
+    page.until(lambda page: page.state.get("you"))
+    page.socket.send(json.dumps({"do": what, "token": f"{TOKEN}x"}))
+    assert page.closed() == (1008, "wrong token: open the address that was printed")
+    watcher.until(lambda watcher: watcher.state.get("pages") == 1)
+    assert watcher.state["holder"] == 0
+    assert watcher.notices == []
+    assert flying.flown.value("OP_ENGAGE") == 0.0
+    watcher.end()
+
+
 def test_ten_pages_and_one_that_takes_nothing(served: Served) -> None:
     pages = [Page(served) for _ in range(9)]
     stalled = socket.create_connection(("127.0.0.1", served.port))

@@ -17,6 +17,8 @@ export class Hand {
     this.timer = null;
     this.drag = null;
     const { svg } = plane;
+    // A finger on the line moves it; beside it, it scrolls the page.
+    svg.addEventListener("touchstart", (event) => { if (kindOf(event.target) && this.may) event.preventDefault(); }, { passive: false });
     svg.addEventListener("pointerdown", (event) => this.down(event));
     svg.addEventListener("pointermove", (event) => this.moved(event));
     svg.addEventListener("pointerup", (event) => this.up(event));
@@ -28,7 +30,7 @@ export class Hand {
   get may() { return this.model.line && !this.model.isRecording && !this.model.heldByOther && this.model.connected; }
 
   down(event) {
-    const kind = { "point-handle": "move", "line-grip": "move", "lean-handle": "turn" }[event.target.id];
+    const kind = kindOf(event.target);
     if (!kind || !this.may || event.button > 0) return;
     event.preventDefault();
     this.plane.svg.classList.add("by-pointer");
@@ -136,5 +138,8 @@ export class Hand {
     this.plane.update();
   }
 }
+
+// What is done to the line where it is taken; undefined: it is not taken there.
+const kindOf = (target) => ({ "point-handle": "move", "line-grip": "move", "lean-handle": "turn" })[target.id];
 
 const centimetres = (value) => Math.round(value * 100) / 100;
