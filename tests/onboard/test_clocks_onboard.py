@@ -13,6 +13,7 @@ from tgl_soar.control.supervisor import CAPTURING, READY, SOARING, STANDBY
 
 ENGAGED = (CAPTURING, SOARING)
 SOON_S = 5.0  # engagement is possible again
+LONG = (pytest.mark.long, pytest.mark.ci)
 
 
 @pytest.fixture
@@ -61,12 +62,20 @@ def test_one_stamp_ahead_blocks_no_engagement(ahead_s: float) -> None:
     assert flight.mode_now == READY
 
 
-@pytest.mark.parametrize("over_s", [10.0, 600.0])
+@pytest.mark.parametrize(
+    ("over_s", "of_it_s"),
+    [
+        (10.0, 10.0),
+        (600.0, 10.0),
+        pytest.param(600.0, 60.0, marks=LONG),  # nothing changes after that
+    ],
+)
 @pytest.mark.parametrize("slewed_s", [-0.3, 0.3])
-def test_a_slewed_host_ends_no_flight(flight: Flight, slewed_s: float, over_s: float) -> None:
-    """Of 600 s the first 60: nothing changes after that."""
+def test_a_slewed_host_ends_no_flight(
+    flight: Flight, slewed_s: float, over_s: float, of_it_s: float
+) -> None:
     began_s, slewed = flight.now_s, 0.0
-    while flight.now_s < began_s + min(over_s, 60.0):
+    while flight.now_s < began_s + of_it_s:
         flight.run(0.01)
         flight.boot_s += 0.01 * slewed_s / over_s
         slewed += 0.01
@@ -78,8 +87,18 @@ def test_a_slewed_host_ends_no_flight(flight: Flight, slewed_s: float, over_s: f
     assert output.health.attitude_age_s < 0.01
 
 
-@pytest.mark.parametrize("jump_s", [-1000.0, -300.0, -0.5, 0.5, 300.0])
-@pytest.mark.parametrize("for_s", [1.0, 10.0])
+JUMPS_S = (-1000.0, -300.0, -0.5, 0.5, 300.0)
+
+
+@pytest.mark.parametrize(
+    ("jump_s", "for_s"),
+    [
+        *((jump, 1.0) for jump in JUMPS_S),
+        (-300.0, 10.0),
+        (0.5, 10.0),
+        *(pytest.param(jump, 10.0, marks=LONG) for jump in JUMPS_S if jump not in (-300.0, 0.5)),
+    ],
+)
 def test_a_clock_that_jumps_disengages_and_is_forgotten(
     flight: Flight, jump_s: float, for_s: float
 ) -> None:

@@ -91,7 +91,10 @@ class ClosedLoop:
         return self.onboard.output is not None and self.onboard.output.active
 
 
-@pytest.mark.parametrize("seed", range(1, 9))
+LONG = (pytest.mark.long, pytest.mark.ci)
+
+
+@pytest.mark.parametrize("seed", [1, 2, *(pytest.param(n, marks=LONG) for n in range(3, 9))])
 def test_a_duplicate_with_a_clock_ahead_is_not_flown_with(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -9,7 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
-from tgl_soar.onboard.engage_switch import FORCE_S
+from tgl_soar.onboard import engage_switch
 from tgl_soar.onboard.module import Onboard
 from tgl_soar.onboard.setup import needs_of, setup_from
 from tgl_soar.sim.simulation import Options, Simulation
@@ -93,29 +93,36 @@ def soaring() -> Flight:
     return flight
 
 
-@pytest.mark.parametrize(
-    ("name", "slip", "why"),
-    [
-        ("TGL_Z", 17.0, "outside the fence (FENCE_Z_MAX is 2.85 m)"),
-        ("TGL_X", 400.0, "outside the fence (FENCE_X_MAX is 2.25 m)"),
-        ("TGL_X", -0.6, "outside the fence (FENCE_X_MIN is -0.5 m)"),
-        ("TGL_Z", 0.25, "0.15 m from the ground (CLEAR_MIN is 0.3 m)"),
-    ],
+SLIPS = (
+    ("TGL_Z", 17.0, "outside the fence (FENCE_Z_MAX is 2.85 m)"),
+    ("TGL_X", 400.0, "outside the fence (FENCE_X_MAX is 2.25 m)"),
+    ("TGL_X", -0.6, "outside the fence (FENCE_X_MIN is -0.5 m)"),
+    ("TGL_Z", 0.25, "0.15 m from the ground (CLEAR_MIN is 0.3 m)"),
 )
-def test_a_slip_is_refused_and_the_flight_goes_on_where_it_was(
-    name: str, slip: float, why: str
-) -> None:
+BOUNDS = (("FENCE_Z_MIN", 2.6), ("CLEAR_MIN", 2.0))  # that shut the line out
+
+
+def test_slips_are_refused_and_the_flight_goes_on_where_it_was() -> None:
+    """One after the other in one flight: none leaves anything behind for the next."""
     flight = soaring()
-    before, there = flight.onboard.parameters.values[name], flight.place
-    changes = dict(flight.onboard.counters.mode_changes)
-    assert flight.set(name, slip) == before
+    there, changes = flight.place, dict(flight.onboard.counters.mode_changes)
+    for name, slip, why in SLIPS:
+        before = flight.onboard.parameters.values[name]
+        assert flight.set(name, slip) == before
+        flight.run(0.1)
+        said = f"{name} = {slip:g}: the line's point is {why}; OP_FORCE 1 overrides once"
+        assert flight.texts[-1] == said
+    for name, value in BOUNDS:
+        before = flight.onboard.parameters.values[name]
+        assert flight.set(name, value) == before
+        flight.run(0.1)
+        assert flight.texts[-1].startswith(f"{name} = {value:g}: ")
+        assert flight.texts[-1].endswith("; OP_FORCE 1 overrides once")
     flight.run(8.0)  # its own fence dropped it after six
     assert flight.mode == SOARING
     assert flight.onboard.counters.mode_changes == changes
     # Calm air: it stays where it was to the noise of its fixes.
     assert flight.place == pytest.approx(there, abs=0.1)
-    said = f"{name} = {slip:g}: the line's point is {why}; OP_FORCE 1 overrides once"
-    assert flight.texts[-1] == said
 
 
 def test_forced_it_goes_there_and_is_dropped_by_the_fence() -> None:
@@ -129,19 +136,16 @@ def test_forced_it_goes_there_and_is_dropped_by_the_fence() -> None:
     assert any(text.startswith("released") for text in flight.words)
 
 
-@pytest.mark.parametrize(("name", "value"), [("FENCE_Z_MIN", 2.6), ("CLEAR_MIN", 2.0)])
-def test_a_bound_that_shuts_the_line_out_is_refused_in_flight_and_passes_by_force(
-    name: str, value: float
-) -> None:
-    """As the refusal says that it does."""
+def test_a_bound_that_shuts_the_line_out_passes_by_force() -> None:
+    """As the refusal says that it does; the first pulls the aircraft nowhere within a tick."""
     flight = soaring()
-    before = flight.onboard.parameters.values[name]
-    assert flight.set(name, value) == before
-    flight.run(0.1)
-    assert flight.texts[-1].endswith("; OP_FORCE 1 overrides once")
-    flight.set("OP_FORCE", 1)
-    assert flight.set(name, value) == pytest.approx(value)
-    assert flight.onboard.parameters.values["OP_FORCE"] == 0.0
+    for name, value in BOUNDS:
+        before = flight.onboard.parameters.values[name]
+        flight.set("OP_FORCE", 1)
+        assert flight.set(name, value) == pytest.approx(value)
+        assert flight.onboard.parameters.values["OP_FORCE"] == 0.0
+        flight.set("OP_FORCE", 1)
+        assert flight.set(name, before) == pytest.approx(before)
 
 
 # --- what the autopilot must be set to --------------------------------------------------------
@@ -188,11 +192,15 @@ def test_an_autopilot_that_is_not_set_up_is_engaged_all_the_same_by_force_which_
     assert flight.set("OP_ENGAGE", 1) == 0.0
 
 
-def test_a_force_that_nothing_has_used_is_over_before_the_next_flight() -> None:
+@pytest.mark.interpreted
+def test_a_force_that_nothing_has_used_is_over_before_the_next_flight(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(engage_switch, "FORCE_S", 4.0)
     flight = Flight(RC_OVERRIDE_TIME=3.0)
     flight.run(8.0)
     flight.set("OP_FORCE", 1)
-    flight.run(FORCE_S - 1.0)
+    flight.run(3.0)
     assert flight.onboard.parameters.values["OP_FORCE"] == 1.0
     flight.run(2.0)
     assert flight.onboard.parameters.values["OP_FORCE"] == 0.0

@@ -588,6 +588,7 @@ def _compile(function: Callable[..., Any]) -> Any:
     return _compiled(function, {})
 
 
+@pytest.mark.xdist_group("kernels")
 def test_compiled_it_flies_the_same_flight() -> None:
     pytest.importorskip("numba")
     fast_step, fast_air = _compile(step_in_field), _compile(_smooth_air)
@@ -610,6 +611,7 @@ def test_compiled_it_flies_the_same_flight() -> None:
     assert all(type(v) is float for v in plain)
 
 
+@pytest.mark.xdist_group("kernels")
 def test_compiled_sensors_measure_the_same() -> None:
     pytest.importorskip("numba")
     from tgl_soar.geometry import SoaringFrame

@@ -322,6 +322,7 @@ def test_a_leg_settles_on_either_model(kind: ModelKind) -> None:
     assert np.max(np.abs(flight["roll_rad"])) < radians(30.0) < pi
 
 
+@pytest.mark.xdist_group("kernels")
 @pytest.mark.skipif(not available(), reason="numba is not installed")
 def test_compiled_it_flies_the_same_to_the_bit() -> None:
     """The point mass in a polynomial wind: neither calls a function that rounds otherwise."""
@@ -340,6 +341,7 @@ def test_compiled_it_flies_the_same_to_the_bit() -> None:
         np.testing.assert_array_equal(fast[name], column, err_msg=name)
 
 
+@pytest.mark.xdist_group("kernels")
 @pytest.mark.skipif(not available(), reason="numba is not installed")
 def test_compiled_it_leaves_the_polynomial_s_air_as_plain() -> None:
     """Over the upper edge of the box, or into the board: the same crash at the same step."""
