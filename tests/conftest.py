@@ -19,6 +19,8 @@ from tgl_soar.onboard import native
 os.environ.setdefault("XDG_CACHE_HOME", str(Path(__file__).parents[1] / ".cache"))
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
+# A linear algebra of several threads waits for them in circles, on the other worker's processor.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # Time is a benchmark's business: a busy machine must not fail a property.
 # Tests with a number of examples of their own keep it; `make long` gives the others many.

@@ -43,6 +43,8 @@ def quietly(_operator: object) -> None:
     return None
 
 
+@pytest.mark.long  # in process: test_closed_loop.py; the same legs: docs/test_readme.py
+@pytest.mark.ci
 def test_three_legs_in_calm_air(tmp_path: Path) -> None:
     """The numbers that the issue of the first flight asks for, through every process."""
     flight = fly(options(tmp_path), quietly)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from functools import partial
 from math import nan
 
 import pytest
@@ -72,12 +73,14 @@ def test_a_short_gap_is_survived_a_pilot_is_obeyed() -> None:
     assert taken.ended_s == pytest.approx(3.0, abs=0.1)
 
 
-def test_a_flight_is_the_same_wherever_it_is_flown() -> None:
+def test_a_flight_is_the_same_wherever_it_is_flown(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(campaign, "fly_job", partial(fly_job, duration_s=SHORT_S))
     jobs = [job("position.loss start=2 for=2 share=0.5")._replace(seed=s) for s in (1, 2)]
     told: list[int] = []
     here = fly_all(jobs, 0, told.append)
     assert told == [1, 2]
-    assert here == [fly_job(each) for each in jobs]
+    assert here == [fly_job(each, SHORT_S) for each in jobs]
+    assert here[0] != here[1]
 
 
 def test_an_exception_is_an_outcome_and_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
