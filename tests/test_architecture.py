@@ -31,6 +31,7 @@ TABLE: dict[str, set[str]] = {
     "estimation": {"config.parameters", "geometry"},
     "control.laws": {"control", "estimation"},  # it holds the parameters of both
     "control.conditions": {"control.laws"},
+    "control.search": {"control", "estimation"},
     "control.loop_margin": {"control.laws"},
     "control.line_bounds": {"control.loop_margin"},
     "control.margins": {"control.laws"},
@@ -56,7 +57,7 @@ TABLE: dict[str, set[str]] = {
     },
     "air": {"geometry"},
     "sim": {"autopilot", "air", "link", "config", "onboard.realtime"},
-    "analysis": {"sim", "onboard", "air"},
+    "analysis": {"sim", "onboard", "air", "control.search"},
     "cli": {"analysis", "onboard", "sim"},
 }
 
@@ -74,7 +75,7 @@ STAYS_ON_THE_GROUND = DOORS - FLIES
 PURE = {
     "types", "geometry", "config.parameters", "config.line_changes", "control", "control.laws",
     "control.conditions", "control.margins", "control.surface_loops", "control.loop_margin",
-    "control.line_bounds",
+    "control.line_bounds", "control.search",
     "estimation", "autopilot",
 }  # fmt: skip
 IMPURE = {

@@ -17,7 +17,7 @@ from tgl_soar.air.gusts import DRYDEN_STILL
 from tgl_soar.autopilot import Output, initial_state, reason_text
 from tgl_soar.autopilot import step as autopilot_step
 from tgl_soar.config.parameters import ParameterSet
-from tgl_soar.control.laws import laws_from
+from tgl_soar.control.laws import Laws, laws_from
 from tgl_soar.sim.closed_loop import Change, ClosedLoop, Trajectory
 from tgl_soar.sim.compiled import cell, compiled
 from tgl_soar.sim.flight import (
@@ -64,16 +64,7 @@ def fly_compiled(
 ) -> Trajectory:
     """The flight that `closed_loop.fly` would make in a world of this seed, compiled."""
     world, ticks = prepared.world, prepared.ticks
-    parts, start = _draw(prepared, seed)
-    flight = Flight(
-        steps=0,
-        standing=FLIES,
-        reason=0,
-        world=start,
-        command=SurfaceCommand(world.trim.elevator, 0.0, 0.0),
-        held=True,
-        autopilot=initial_state(),
-    )
+    parts, flight = begun(prepared, seed)
     rows = np.empty((ticks, len(Row._fields)))
     fly = compiled(fly_ticks)
     pending = sorted(changes, key=lambda change: change.time_s)
@@ -87,14 +78,41 @@ def fly_compiled(
         if until > flight.steps:
             laws = laws_from(values, world.frame, world.aerodynamics, world.ground)
             flight = fly(parts, laws, flight, min(until, ticks), done, rows)
-    ended = ""
-    if flight.standing == CRASHED:
-        ended = world.why_lost(flight.world.aircraft)
-    elif flight.standing == HANDED_OVER:
-        ended = f"let go: {reason_text(flight.reason)}"
+    ended = why_ended(world, flight)
     flown = rows[: flight.steps]
     columns = {name: flown[:, i] for i, name in enumerate(Row._fields)}
     return Trajectory(columns, ended, flight.steps)
+
+
+def begun(prepared: Prepared, seed: int) -> tuple[Parts, Flight]:
+    """A flight of this seed before its first tick, and what it happens in, for `fly_on`."""
+    parts, start = _draw(prepared, seed)
+    flight = Flight(
+        steps=0,
+        standing=FLIES,
+        reason=0,
+        world=start,
+        command=SurfaceCommand(prepared.world.trim.elevator, 0.0, 0.0),
+        held=True,
+        autopilot=initial_state(),
+    )
+    return parts, flight
+
+
+def fly_on(
+    parts: Parts, laws: Laws, flight: Flight, until_step: int, changes: int, rows: FloatArray
+) -> Flight:
+    """Fly on to a step with these laws; rows, (ticks, columns of `Row`), are filled."""
+    return compiled(fly_ticks)(parts, laws, flight, until_step, changes, rows)
+
+
+def why_ended(world: World, flight: Flight) -> str:
+    """Why a flight ended early; "" where it has not."""
+    if flight.standing == CRASHED:
+        return world.why_lost(flight.world.aircraft)
+    if flight.standing == HANDED_OVER:
+        return f"let go: {reason_text(flight.reason)}"
+    return ""
 
 
 def _first_step(time_s: float, dt_s: float) -> int:

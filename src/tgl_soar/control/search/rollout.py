@@ -1,0 +1,292 @@
+"""Lines flown ahead, many at once, in fields on a grid.
+
+The aircraft is held to its line, which slides across itself at v (positive upstream) and turns.
+With t = (cos η, sin η) along the line and n = (−sin η, cos η) across it
+
+    n · (ẋ, ż) = v                              →   ẋ = (ż cos η − v) / sin η
+    ż = w − (1 + p) S(V) + (V/g) ẍ,   V = u − ẋ     the energy: speed is height
+
+and with ẍ = (z̈ cos η − v̇) / sin η the climb follows with the lag T = −(V/g) cot η,
+
+    T z̈ = w − (1 + p) S(V) − (V/g) v̇ / sin η − ż
+
+0.2 s at a lean of 15°.  The step is implicit in ż, so that a short lag needs no short step.  A
+line that moves downstream and stops costs V v / g: that is the term in v̇.
+
+A rollout ends early where it leaves the guards: too near the ground, beyond the fence, too slow or
+too fast for the polar.
+"""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from tgl_soar.control.target_line import LineLimits, LineState
+from tgl_soar.estimation.lift_map.basis import Box, Floats, FlowBasis
+from tgl_soar.estimation.lift_map.sinking import sink, sink_slope
+from tgl_soar.types import GlidePolar, Ground
+
+GRAVITY_MPS2: Final = 9.80665
+NODES_ALONG_H: Final = 24  # of the grid: half a pole's depth apart
+NODES_MAX: Final = 60  # along x
+LAG_LEAST_S: Final = 0.02  # of an upright line, which has none
+SLOWEST_MPS: Final = 1.0
+
+
+class Guards(NamedTuple):
+    """What the aircraft keeps within, and how it may be moved."""
+
+    box: Box  # the fence
+    ground: Ground
+    clearance_m: float  # to the ground
+    landing_m: float  # height over the ground that giving up needs
+    speed_min_mps: float  # horizontal airspeed: the stall, with its margin
+    speed_max_mps: float
+    line: LineLimits
+
+
+class Moving(NamedTuple):
+    """The aircraft and its line now."""
+
+    x_m: float
+    z_m: float
+    climb_mps: float
+    line: LineState
+
+
+class Lines(NamedTuple):
+    """Target lines, arrays (n,)."""
+
+    x_m: Floats
+    z_m: Floats
+    eta_rad: Floats
+
+
+class Fields(NamedTuple):
+    """Wind fields on the nodes of one grid: (m, nx · nz) each, and the sink's scale in each."""
+
+    wind_mps: Floats
+    updraft_mps: Floats
+    sink_scale: Floats  # (m,) 1 + p
+
+
+class Rollouts(NamedTuple):
+    """How each line ends in each field: arrays (m, n)."""
+
+    failed_s: Floats  # when a guard was left; inf: never
+    climb_mps: Floats  # at the end
+    x_m: Floats
+    z_m: Floats
+    margin_m: Floats  # least distance to ground, ceiling and fence, beyond the guards
+    speed_margin_mps: Floats  # to the nearer end of the airspeeds, at the end
+
+
+class Grid:
+    """The nodes of a map, and the ground's height above them."""
+
+    def __init__(self, basis: FlowBasis, ground: Ground) -> None:
+        box = basis.box
+        step = box.height_m / NODES_ALONG_H
+        count = min(NODES_MAX, round((box.x_max_m - box.x_min_m) / step) + 1)
+        self.x_m = np.linspace(box.x_min_m, box.x_max_m, max(2, count))
+        self.z_m = np.linspace(box.z_min_m, box.z_max_m, NODES_ALONG_H + 1)
+        self.basis = basis
+        x, z = np.meshgrid(self.x_m, self.z_m, indexing="ij")
+        self.u, self.w = (part.T.copy() for part in basis.features(x.ravel(), z.ravel()))
+        self.floor_m, self.steepness = floor_of(ground, self.x_m, box.z_min_m)
+
+    def fields(self, weights: Floats, factors: Floats) -> Fields:
+        """The fields of m rows of weights, (m, n), the wind times a factor (m,) of each."""
+        scale = factors[:, None]
+        return Fields(
+            wind_mps=(weights @ self.u) * scale,
+            updraft_mps=(weights @ self.w) * scale,
+            sink_scale=1.0 + weights[:, self.basis.sink_scale],
+        )
+
+    def at(self, fields: Fields, x_m: Floats, z_m: Floats) -> tuple[Floats, Floats]:
+        """u and w [m/s] of field i at places (m, n), bilinear; beyond the grid its edge's."""
+        nx, nz = self.x_m.size, self.z_m.size
+        across = (x_m - self.x_m[0]) * ((nx - 1) / (self.x_m[-1] - self.x_m[0]))
+        up = (z_m - self.z_m[0]) * ((nz - 1) / (self.z_m[-1] - self.z_m[0]))
+        across = np.minimum(np.maximum(across, 0.0), nx - 1.000001)
+        up = np.minimum(np.maximum(up, 0.0), nz - 1.000001)
+        i, k = across.astype(np.intp), up.astype(np.intp)
+        a, b = across - i, up - k
+        row = np.arange(len(x_m))[:, None] * (nx * nz)
+        node = row + i * nz + k
+        low_left, low_right = (1.0 - a) * (1.0 - b), a * (1.0 - b)
+        up_left, up_right = (1.0 - a) * b, a * b
+        found = []
+        for field in (fields.wind_mps, fields.updraft_mps):
+            flat = field.ravel()
+            found.append(
+                low_left * flat[node]
+                + up_left * flat[node + 1]
+                + low_right * flat[node + nz]
+                + up_right * flat[node + nz + 1]
+            )
+        return found[0], found[1]
+
+    def clearance(self, x_m: Floats, z_m: Floats) -> Floats:
+        """Distance to the ground [m], by its slope below."""
+        nx = self.x_m.size
+        across = (x_m - self.x_m[0]) * ((nx - 1) / (self.x_m[-1] - self.x_m[0]))
+        across = np.minimum(np.maximum(across, 0.0), nx - 1.000001)
+        i = across.astype(np.intp)
+        a = across - i
+        floor = self.floor_m[i] + a * (self.floor_m[i + 1] - self.floor_m[i])
+        result: Floats = (z_m - floor) * self.steepness[i]
+        return result
+
+
+def floor_of(ground: Ground, x_m: Floats, level_m: float) -> tuple[Floats, Floats]:
+    """Height of the ground [m] and the cosine of its slope, (n,) each; level where unknown."""
+    if ground.points == 0:
+        return np.full(x_m.shape, level_m), np.ones(x_m.shape)
+    x, z = np.array(ground.x_m[: ground.points]), np.array(ground.z_m[: ground.points])
+    floor = np.interp(x_m, x, z)
+    slope = np.gradient(floor, x_m)
+    return floor, 1.0 / np.hypot(1.0, slope)
+
+
+def roll_out(
+    grid: Grid,
+    fields: Fields,
+    polar: GlidePolar,
+    guards: Guards,
+    now: Moving,
+    lines: Lines,
+    horizon_s: float,
+    steps: int,
+) -> Rollouts:
+    """Fly every line in every field for a time, in so many steps."""
+    shape = (len(fields.sink_scale), len(lines.x_m))
+    dt = horizon_s / steps
+    x, z = np.full(shape, now.x_m), np.full(shape, now.z_m)
+    climb = np.full(shape, now.climb_mps)
+    eta = np.full(lines.x_m.shape, now.line.eta_rad)
+    speed = np.full(shape, now.line.speed_mps)
+    scale = fields.sink_scale[:, None]
+    failed = np.full(shape, np.inf)
+    margin = np.full(shape, np.inf)
+    aside = np.full(shape, np.inf)
+    turn = guards.line.turn_rate_radps * dt
+    change = guards.line.acceleration_mps2 * dt
+    flies = np.ones(shape, dtype=bool)
+    for n in range(steps):
+        eta = eta + np.minimum(np.maximum(lines.eta_rad - eta, -turn), turn)
+        sine, cosine = np.sin(eta), np.cos(eta)
+        before = speed
+        speed = _line_speed(guards.line, lines, x, z, speed, change, dt)
+        u, w = grid.at(fields, x, z)
+        vx = (climb * cosine - speed) / sine
+        airspeed = np.maximum(u - vx, SLOWEST_MPS)
+        lag = np.maximum(airspeed * (-cosine / sine / GRAVITY_MPS2), LAG_LEAST_S)
+        pull = airspeed * (speed - before) / (sine * (GRAVITY_MPS2 * dt))
+        goal = w - scale * sink(polar, airspeed) - pull
+        share = dt / lag
+        new = (climb + share * goal) / (1.0 + share)
+        climb = np.where(flies, new, climb)
+        x = np.where(flies, x + dt * (climb * cosine - speed) / sine, x)
+        z = np.where(flies, z + dt * climb, z)
+        clear = grid.clearance(x, z) - guards.clearance_m
+        box = guards.box
+        inside = np.minimum(
+            np.minimum(x - box.x_min_m, box.x_max_m - x),
+            np.minimum(z - box.z_min_m, box.z_max_m - z),
+        )
+        least = np.minimum(clear, inside)
+        aside = np.minimum(airspeed - guards.speed_min_mps, guards.speed_max_mps - airspeed)
+        lost = flies & ((least < 0.0) | (aside < 0.0))
+        failed = np.where(lost, (n + 1) * dt, failed)
+        flies &= ~lost
+        margin = np.minimum(margin, least)
+        if not flies.any():
+            break
+    return Rollouts(
+        failed_s=failed, climb_mps=climb, x_m=x, z_m=z, margin_m=margin, speed_margin_mps=aside
+    )
+
+
+def _line_speed(
+    limits: LineLimits,
+    lines: Lines,
+    x: Floats,
+    z: Floats,
+    speed: Floats,
+    change: float,
+    dt: float,
+) -> Floats:
+    """The line's speed across itself, as `target_line.line_step` moves it."""
+    sine, cosine = np.sin(lines.eta_rad), np.cos(lines.eta_rad)
+    to_go = sine * (x - lines.x_m) - cosine * (z - lines.z_m)  # positive: upstream
+    away = np.abs(to_go)
+    most = np.minimum(limits.speed_mps, np.sqrt(2.0 * limits.acceleration_mps2 * away))
+    wanted = np.copysign(np.minimum(most, away / dt), to_go)
+    result: Floats = speed + np.minimum(np.maximum(wanted - speed, -change), change)
+    return result
+
+
+class Well(NamedTuple):
+    """How firmly a place on a line holds the aircraft in gusts; arrays (n,)."""
+
+    rate_per_s: Floats  # λ, of the way back; negative: it is driven away
+    depth_m2ps: Floats  # ΔV, the lower of the two rims
+    holds_s: Floats  # mean time until gusts carry it over the rim
+
+
+def wells(
+    grid: Grid,
+    fields: Fields,
+    polar: GlidePolar,
+    guards: Guards,
+    lines: Lines,
+    x_m: Floats,
+    z_m: Floats,
+    diffusion_m2ps: float,
+) -> Well:
+    """The wells of places (n,) on lines in the first of the fields.
+
+    Along the line ṡ = E / c, c = sin η − S′ cos η; V(s) = −∫ E / c ds, and white gusts of
+    diffusion D = ½ σ_w² τ / c² carry the aircraft over a rim ΔV high in (2π/λ) e^(ΔV/D) (Kramers);
+    where that is hardly a rim, in the time L²/2D that gusts alone take for the way L to it.
+    A guard is a rim as well: what lies beyond it is lost.
+    """
+    reach, count = 0.5 * guards.box.height_m, 48
+    path = np.linspace(-reach, reach, 2 * count + 1)
+    sine, cosine = np.sin(lines.eta_rad), np.cos(lines.eta_rad)
+    x = x_m[:, None] + path * cosine[:, None]
+    z = z_m[:, None] + path * sine[:, None]
+    first = Fields(fields.wind_mps[:1], fields.updraft_mps[:1], fields.sink_scale[:1])
+    u, w = (part.reshape(x.shape) for part in grid.at(first, x.reshape(1, -1), z.reshape(1, -1)))
+    scale = first.sink_scale[0]
+    leverage = np.maximum(sine[:, None] - scale * sink_slope(polar, u) * cosine[:, None], 0.2)
+    drift = (w - scale * sink(polar, u)) / leverage
+    box = guards.box
+    allowed = (
+        (grid.clearance(x, z) > guards.clearance_m)
+        & (x > box.x_min_m) & (x < box.x_max_m) & (z > box.z_min_m) & (z < box.z_max_m)
+        & (u > guards.speed_min_mps) & (u < guards.speed_max_mps)
+    )  # fmt: skip
+    step = path[1] - path[0]
+    rate = -(drift[:, count + 1] - drift[:, count - 1]) / (2.0 * step)
+    rims, ways = [], []
+    for side in (1, -1):
+        # Going away from the place, the work against the drift, until a guard.
+        out = slice(count, None) if side > 0 else slice(count, None, -1)
+        work = np.cumsum(-side * drift[:, out] * step, axis=1)
+        open_ = np.logical_and.accumulate(allowed[:, out], axis=1)
+        heights = np.where(open_, work, -np.inf)
+        rims.append(heights.max(axis=1))
+        ways.append(heights.argmax(axis=1) * step)
+    depth = np.maximum(np.minimum(*rims), 0.0)
+    diffusion = diffusion_m2ps / leverage[:, count] ** 2
+    with np.errstate(over="ignore", divide="ignore"):
+        spread_s = np.minimum(*ways) ** 2 / (2.0 * diffusion)
+        there_s = np.minimum(2.0 * pi / np.maximum(rate, 1e-3), spread_s)
+        holds = there_s * np.exp(np.minimum(depth / diffusion, 50.0))
+    return Well(rate_per_s=rate, depth_m2ps=depth, holds_s=np.where(rate > 0.0, holds, 0.0))

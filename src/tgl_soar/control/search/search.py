@@ -1,0 +1,139 @@
+"""The search from its first reading to its end: moves the line, claims, gives up.
+
+    looking   the best candidate's line is flown
+    soaring   claimed when the line has stood still for CLAIM_S, the aircraft neither climbs nor
+              sinks, and CLAIM_CHANCE of the likely fields keep it there; withdrawn when not
+    given up  no likely field has a line that soars, or the height that landing needs is near and
+              nothing that will do is found: with the reason, while there is height to land
+
+`search_step` is pure: the time is that between two calls, what the map says comes in as a plan.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+from tgl_soar.control.search.plan import LinePlan
+from tgl_soar.control.search.rollout import Guards
+from tgl_soar.control.target_line import TargetLine
+
+LOOKING: Final = 0
+SOARING: Final = 1
+GIVEN_UP: Final = 2
+
+NO_REASON: Final = 0
+NO_PLACE: Final = 1  # in no likely field
+TOO_LOW: Final = 2
+REASONS: Final = (
+    "",
+    "no line soars in any wind that fits the readings",
+    "height for landing is running out before a place to soar",
+)
+
+CLAIM_S: Final = 6.0
+CLAIM_CLIMB_MPS: Final = 0.05
+CLAIM_CHANCE: Final = 0.8
+KEEP_CHANCE: Final = 0.5  # a claim is withdrawn below
+KEEP_CLIMB_MPS: Final = 0.15
+CLIMB_S: Final = 3.0  # over which the climb is averaged
+HOPELESS: Final = 0.05  # chance of the best line: one of eleven fields is more
+HOPELESS_S: Final = 2.0  # so long before it is believed
+PLAN_EARLY_S: Final = 0.4
+PLAN_S: Final = 1.0
+EARLY_S: Final = 8.0
+REACTION_S: Final = 0.8  # two plans: before the height is needed
+GLIDE_SINK_MPS: Final = 1.4  # what a glider sinks, where it does not climb
+
+
+class SearchState(NamedTuple):
+    """What the search remembers."""
+
+    status: int
+    reason: int
+    target: TargetLine  # where the line is to go
+    time_s: float  # since the start
+    climb_mps: float  # averaged
+    still_s: float  # since the line came to rest
+    hopeless_s: float
+    since_plan_s: float
+
+
+def started(target: TargetLine) -> SearchState:
+    """At the start, on a line."""
+    return SearchState(
+        status=LOOKING,
+        reason=NO_REASON,
+        target=target,
+        time_s=0.0,
+        climb_mps=0.0,
+        still_s=0.0,
+        hopeless_s=0.0,
+        since_plan_s=PLAN_S,
+    )
+
+
+def plan_due(state: SearchState) -> bool:
+    """Whether it is time for a plan."""
+    every = PLAN_EARLY_S if state.time_s < EARLY_S else PLAN_S
+    return state.status != GIVEN_UP and state.since_plan_s >= every - 1e-9
+
+
+def search_step(
+    state: SearchState,
+    guards: Guards,
+    plan: LinePlan | None,
+    climb_mps: float,
+    over_ground_m: float,
+    moving: bool,
+    dt_s: float,
+) -> SearchState:
+    """Go on by dt_s; plan: a new one, or None; over_ground_m: height; moving: the line slides."""
+    if state.status == GIVEN_UP:
+        return state
+    share = min(1.0, dt_s / CLIMB_S)
+    state = state._replace(
+        time_s=state.time_s + dt_s,
+        climb_mps=state.climb_mps + share * (climb_mps - state.climb_mps),
+        still_s=0.0 if moving else state.still_s + dt_s,
+        since_plan_s=state.since_plan_s + dt_s,
+    )
+    if plan is None:
+        return state
+    hopeless = plan.most_chance < HOPELESS
+    state = state._replace(
+        since_plan_s=0.0,
+        hopeless_s=state.hopeless_s + PLAN_EARLY_S if hopeless else 0.0,
+        target=plan.target,
+        still_s=state.still_s if plan.stays else 0.0,
+    )
+    reason = _why_not(state, guards, plan, climb_mps, over_ground_m)
+    if reason != NO_REASON:
+        return state._replace(status=GIVEN_UP, reason=reason)
+    return state._replace(status=SOARING if _soars(state, plan) else LOOKING)
+
+
+def _soars(state: SearchState, plan: LinePlan) -> bool:
+    """Whether the claim may be made, or kept."""
+    if state.status == SOARING:
+        return plan.stay_chance >= KEEP_CHANCE and abs(state.climb_mps) < KEEP_CLIMB_MPS
+    return (
+        state.still_s >= CLAIM_S
+        and plan.stays
+        and abs(state.climb_mps) < CLAIM_CLIMB_MPS
+        and plan.stay_chance >= CLAIM_CHANCE
+    )
+
+
+def _why_not(
+    state: SearchState, guards: Guards, plan: LinePlan, climb_mps: float, over_ground_m: float
+) -> int:
+    """Why the search is over, if it is."""
+    if state.hopeless_s >= HOPELESS_S:
+        return NO_PLACE
+    sinks = max(-climb_mps, 0.0)
+    left_m = over_ground_m - guards.landing_m
+    if plan.chance < KEEP_CHANCE and left_m < REACTION_S * max(sinks, 0.5 * GLIDE_SINK_MPS):
+        return TOO_LOW
+    if left_m < REACTION_S * sinks:
+        return TOO_LOW
+    return NO_REASON

@@ -1,0 +1,118 @@
+"""The search's claims and its end, one condition at a time."""
+
+from __future__ import annotations
+
+import pytest
+from test_rollout import ETA, GUARDS
+
+from tgl_soar.control.search.plan import LinePlan
+from tgl_soar.control.search.search import (
+    GIVEN_UP,
+    LOOKING,
+    NO_PLACE,
+    REASONS,
+    SOARING,
+    TOO_LOW,
+    SearchState,
+    plan_due,
+    search_step,
+    started,
+)
+from tgl_soar.control.target_line import TargetLine
+
+LINE = TargetLine(0.0, 10.0, ETA)
+GOOD = LinePlan(
+    target=LINE,
+    stays=True,
+    worth=1.3,
+    chance=1.0,
+    stay_chance=1.0,
+    most_chance=1.0,
+    lasts_s=30.0,
+    place_x_m=0.0,
+    place_z_m=10.0,
+    margin_m=5.0,
+    holds_s=1e6,
+)
+DT_S = 0.2
+
+
+def after(
+    seconds: float,
+    plan: LinePlan = GOOD,
+    *,
+    state: SearchState | None = None,
+    climb_mps: float = 0.0,
+    over_ground_m: float = 10.0,
+    moving: bool = False,
+) -> SearchState:
+    """The state after some seconds of the same."""
+    state = started(LINE) if state is None else state
+    for _ in range(round(seconds / DT_S)):
+        due = plan if plan_due(state) else None
+        state = search_step(state, GUARDS, due, climb_mps, over_ground_m, moving, DT_S)
+    return state
+
+
+def test_soaring_is_claimed_after_six_still_seconds() -> None:
+    assert after(5.4).status == LOOKING
+    assert after(8.0).status == SOARING
+
+
+@pytest.mark.parametrize(
+    "hindered",
+    [
+        {"climb_mps": -0.08},
+        {"climb_mps": 0.08},
+        {"moving": True},
+        {"plan": GOOD._replace(stay_chance=0.7)},
+        {"plan": GOOD._replace(stays=False)},
+    ],
+)
+def test_it_is_not_claimed_where_it_is_not_so(hindered: dict[str, object]) -> None:
+    assert after(20.0, **hindered).status == LOOKING  # type: ignore[arg-type]
+
+
+def test_a_claim_is_withdrawn() -> None:
+    soaring = after(8.0)
+    assert after(3.0, state=soaring).status == SOARING
+    lost = after(3.0, GOOD._replace(stay_chance=0.4), state=soaring)
+    assert lost.status == LOOKING
+    assert after(8.0, state=soaring, climb_mps=-0.4).status == LOOKING
+
+
+def test_the_best_line_is_flown() -> None:
+    other = GOOD._replace(target=TargetLine(3.0, 10.0, ETA), stays=False)
+    assert after(1.0, other).target == other.target
+
+
+def test_it_gives_up_where_no_field_soars_but_not_at_once() -> None:
+    nowhere = GOOD._replace(chance=0.0, stay_chance=0.0, most_chance=0.0, stays=False)
+    assert after(1.0, nowhere).status == LOOKING
+    given_up = after(4.0, nowhere)
+    assert (given_up.status, given_up.reason) == (GIVEN_UP, NO_PLACE)
+    assert "no line" in REASONS[given_up.reason]
+    # and that is the end of it
+    assert after(9.0, GOOD, state=given_up) == given_up
+    assert not plan_due(given_up)
+
+
+def test_one_hopeless_plan_among_others_is_forgotten() -> None:
+    nowhere = GOOD._replace(chance=0.0, stay_chance=0.0, most_chance=0.0, stays=False)
+    state = after(1.4, nowhere)
+    state = after(0.6, GOOD, state=state)
+    assert after(1.4, nowhere, state=state).status == LOOKING
+
+
+def test_it_gives_up_while_there_is_height_to_land() -> None:
+    """At 1.5 m/s of sink and 0.8 s: 1.2 m above the landing height of 1.5 m."""
+    poor = GOOD._replace(chance=0.3, stay_chance=0.3, most_chance=0.3, stays=False)
+    assert after(1.0, poor, climb_mps=-1.5, over_ground_m=2.8).status == LOOKING
+    low = after(1.0, poor, climb_mps=-1.5, over_ground_m=2.6)
+    assert (low.status, low.reason) == (GIVEN_UP, TOO_LOW)
+    assert low.time_s <= 0.4
+
+
+def test_low_with_a_good_line_it_goes_on_while_it_does_not_sink() -> None:
+    assert after(9.0, over_ground_m=1.9).status == SOARING
+    assert after(1.0, over_ground_m=1.9, climb_mps=-1.0).status == GIVEN_UP

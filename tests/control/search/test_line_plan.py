@@ -1,0 +1,112 @@
+"""The plan: it goes where the fields soar, and counts those that do not."""
+
+from __future__ import annotations
+
+from math import radians
+
+import numpy as np
+import pytest
+from test_rollout import BOX, ETA, GRID, GUARDS, LEVEL, POLAR, at_rest
+
+from tgl_soar.control.search.plan import (
+    DISTANCES,
+    FACTORS,
+    candidates,
+    likely_fields,
+    plan_in,
+    worths,
+)
+from tgl_soar.control.search.rollout import Fields, Rollouts
+from tgl_soar.control.target_line import TargetLine
+from tgl_soar.types import polar_sink
+
+HERE = TargetLine(0.0, 10.0, ETA)
+assert LEVEL.points == 1
+
+
+def lift_at(x_m: float, peak_mps: float, wind_mps: float = 9.0, copies: int = 4) -> Fields:
+    """An updraft of 3 m half-width about a place, that falls upwards."""
+    x, z = np.meshgrid(GRID.x_m, GRID.z_m, indexing="ij")
+    w = peak_mps * np.exp(-0.5 * ((x - x_m) / 3.0) ** 2) - 0.05 * (z - 10.0)
+    rows = np.repeat(w.reshape(1, -1), copies, axis=0)
+    return Fields(np.full_like(rows, wind_mps), rows, np.ones(copies))
+
+
+def test_it_stays_where_it_soars() -> None:
+    plan = plan_in(GRID, lift_at(0.0, 1.6), POLAR, GUARDS, at_rest(), HERE, 0.01)
+    assert plan.stays
+    assert plan.target == HERE
+    assert plan.chance == plan.stay_chance == 1.0
+    assert plan.margin_m > 5.0
+
+
+def test_it_goes_to_the_lift() -> None:
+    plan = plan_in(GRID, lift_at(-4.0, 2.2), POLAR, GUARDS, at_rest(), HERE, 0.01)
+    assert not plan.stays
+    assert -9.0 < plan.target.x_m < -1.0
+    assert plan.chance == 1.0
+    assert plan.stay_chance < 1.0
+    falls = polar_sink(POLAR, 9.0)
+    # Where it ends in the mean field updraft meets sink.
+    w = 2.2 * np.exp(-0.5 * ((plan.place_x_m + 4.0) / 3.0) ** 2) - 0.05 * (plan.place_z_m - 10.0)
+    assert w == pytest.approx(falls, abs=0.15)
+
+
+def test_it_says_where_there_is_nowhere() -> None:
+    plan = plan_in(GRID, lift_at(0.0, -1.0), POLAR, GUARDS, at_rest(), HERE, 0.01)
+    assert plan.most_chance == 0.0
+    assert plan.worth < 0.0
+    assert plan.lasts_s < 8.0
+
+
+def test_the_chance_is_the_share_of_fields() -> None:
+    good, bad = lift_at(0.0, 1.6, copies=3), lift_at(0.0, -2.5, copies=1)
+    both = Fields(*(np.concatenate([a, b]) for a, b in zip(good, bad, strict=True)))
+    plan = plan_in(GRID, both, POLAR, GUARDS, at_rest(), HERE, 0.01)
+    assert plan.stay_chance == 0.75
+
+
+def test_gusts_that_carry_it_out_make_a_place_worth_less() -> None:
+    calm = plan_in(GRID, lift_at(0.0, 1.6), POLAR, GUARDS, at_rest(), HERE, 0.01)
+    rough = plan_in(GRID, lift_at(0.0, 1.6), POLAR, GUARDS, at_rest(), HERE, 100.0)
+    assert rough.worth < calm.worth - 0.5
+
+
+def test_candidates_are_stay_stop_and_both_sides() -> None:
+    lines = candidates(at_rest(), HERE, BOX.height_m, 0.5)
+    assert tuple(column[0] for column in lines) == HERE
+    beside = lines.x_m[2 : 2 + 2 * len(DISTANCES)]
+    assert beside.min() == pytest.approx(-0.7 * BOX.height_m)
+    assert sorted(beside) == pytest.approx(sorted(-beside))
+    leans = {round(float(np.degrees(eta)) - 90.0) for eta in lines.eta_rad}
+    assert leans == {10, 15, 25}
+    moving = at_rest()._replace(line=at_rest().line._replace(speed_mps=0.5))
+    stop = candidates(moving, HERE, BOX.height_m, 0.5).x_m[1]
+    assert stop == pytest.approx(-0.25 * np.sin(ETA))  # v²/2a, upstream
+
+
+def test_worth_has_its_order() -> None:
+    """Soars with room > soars without > sinks late > sinks soon > lost late > lost soon."""
+    out = Rollouts(
+        failed_s=np.array([[np.inf, np.inf, np.inf, np.inf, 9.0, 2.0]]),
+        climb_mps=np.array([[0.0, 0.0, -0.1, -1.0, -1.0, -1.0]]),
+        x_m=np.zeros((1, 6)),
+        z_m=np.array([[10.0, 10.0, 10.0, 5.0, 1.0, 1.0]]),
+        margin_m=np.array([[5.0, 0.1, 5.0, 3.0, -0.1, -0.1]]),
+        speed_margin_mps=np.array([[1.0, 0.1, 1.0, 1.0, 1.0, 1.0]]),
+    )
+    worth = worths(out, 10.0, 20.0, 0.0)[0]
+    assert (np.diff(worth) < 0.0).all()
+    assert worth[1] >= 1.0 > 0.5 >= worth[2] > 0.0 > worth[4]
+
+
+def test_likely_fields_are_the_mean_in_three_winds_and_the_draws() -> None:
+    count = GRID.basis.count
+    mean = np.zeros(count)
+    mean[0] = 9.0
+    draws = np.zeros((2, count))
+    draws[:, 0], draws[1, GRID.basis.sink_scale] = 8.0, 0.1
+    fields = likely_fields(GRID, mean, draws)
+    assert fields.wind_mps[:, 0] == pytest.approx([9.0 * f for f in FACTORS] + [8.0, 8.0])
+    assert fields.sink_scale == pytest.approx([1.0, 1.0, 1.0, 1.0, 1.1])
+    assert radians(15.0) + 0.5 * np.pi == pytest.approx(ETA)

@@ -1,0 +1,154 @@
+"""Rollouts against what the equations say, in fields that can be solved by hand."""
+
+from __future__ import annotations
+
+from math import cos, inf, radians, sin, tan
+
+import numpy as np
+import pytest
+
+from tgl_soar.config.files import load_airframe, shipped
+from tgl_soar.control.search.rollout import (
+    GRAVITY_MPS2,
+    Fields,
+    Grid,
+    Guards,
+    Lines,
+    Moving,
+    Rollouts,
+    roll_out,
+    wells,
+)
+from tgl_soar.control.target_line import LineLimits, LineState, eta_from_lean
+from tgl_soar.estimation.lift_map.basis import Box, FlowBasis
+from tgl_soar.types import GROUND_POINTS, Ground, polar_sink, polar_slope
+
+POLAR = load_airframe(shipped("airframes/eclipson_c.toml")).polar.as_polar()
+BOX = Box(x_min_m=-20.0, x_max_m=20.0, z_min_m=0.0, z_max_m=20.0)
+LEVEL = Ground(1, (0.0,) * GROUND_POINTS, (0.0,) * GROUND_POINTS)
+GUARDS = Guards(
+    box=BOX,
+    ground=LEVEL,
+    clearance_m=1.0,
+    landing_m=1.5,
+    speed_min_mps=7.3,
+    speed_max_mps=13.0,
+    line=LineLimits(0.5, 0.5, radians(5.0)),
+)
+GRID = Grid(FlowBasis(LEVEL, BOX), LEVEL)
+ETA = eta_from_lean(radians(15.0))
+WIND_MPS = 9.0
+
+
+def fields(updraft_at_10_m: float, per_m: float, wind_mps: float = WIND_MPS) -> Fields:
+    """Level wind everywhere, an updraft that changes with height."""
+    _, z = np.meshgrid(GRID.x_m, GRID.z_m, indexing="ij")
+    w = updraft_at_10_m + per_m * (z - 10.0)
+    return Fields(np.full((1, z.size), wind_mps), w.reshape(1, -1), np.ones(1))
+
+
+def at_rest(x_m: float = 0.0, z_m: float = 10.0) -> Moving:
+    line = LineState(x_m=x_m, z_m=z_m, eta_rad=ETA, speed_mps=0.0, moving=False)
+    return Moving(x_m=x_m, z_m=z_m, climb_mps=0.0, line=line)
+
+
+def flown(
+    air: Fields, target_x_m: float = 0.0, horizon_s: float = 30.0, now: Moving | None = None
+) -> Rollouts:
+    lines = Lines(np.array([target_x_m]), np.array([10.0]), np.array([ETA]))
+    return roll_out(
+        GRID, air, POLAR, GUARDS, at_rest() if now is None else now, lines, horizon_s, 200
+    )
+
+
+def test_it_settles_where_updraft_meets_sink() -> None:
+    """w = S(9 m/s) at 11 m, 0.3 /s less for each metre: 1 m up the line, and downstream of it by
+    tan 15° less."""
+    falls = polar_sink(POLAR, WIND_MPS)
+    out = flown(fields(falls + 0.3, -0.3))
+    assert out.z_m[0, 0] == pytest.approx(11.0, abs=0.02)
+    assert out.x_m[0, 0] == pytest.approx(-tan(radians(15.0)), abs=0.02)
+    assert abs(out.climb_mps[0, 0]) < 0.01
+    assert out.failed_s[0, 0] == inf
+    assert out.margin_m[0, 0] == pytest.approx(9.0 - 0.0, abs=0.1)  # 10 m less the clearance
+
+
+def test_its_way_there_is_that_of_the_slide() -> None:
+    """ṡ (sin η − S′ cos η) = E: an e-folding in leverage / 0.3 s along the line (zeuc.py)."""
+    falls = polar_sink(POLAR, WIND_MPS)
+    leverage = 1.0 - polar_slope(POLAR, WIND_MPS) * cos(ETA) / sin(ETA)
+    fold_s = leverage / 0.3
+    out = flown(fields(falls + 0.3, -0.3), horizon_s=fold_s)
+    assert out.z_m[0, 0] == pytest.approx(11.0 - np.exp(-1.0), abs=0.04)
+
+
+def test_without_lift_it_says_when_the_clearance_is_gone() -> None:
+    """9 m at the sink of 9 m/s, and a little sooner where it leans: the airspeed grows."""
+    falls = polar_sink(POLAR, WIND_MPS)
+    out = flown(fields(0.0, 0.0))
+    steady = falls / (1.0 - polar_slope(POLAR, WIND_MPS) * cos(ETA) / sin(ETA))
+    assert out.failed_s[0, 0] == pytest.approx(9.0 / steady, rel=0.06)
+
+
+def test_stopping_a_line_that_moves_downstream_costs_v_dv_over_g() -> None:
+    """The aircraft starts with the line at 0.5 m/s downstream and ends at rest: V v / g of height,
+    0.46 m, beside what it sinks: nothing here, as updraft meets sink everywhere."""
+    falls = polar_sink(POLAR, WIND_MPS)
+    air = fields(falls, 0.0)
+    moving = LineState(x_m=0.0, z_m=10.0, eta_rad=ETA, speed_mps=-0.5, moving=True)
+    now = Moving(x_m=0.0, z_m=10.0, climb_mps=0.0, line=moving)
+    out = flown(air, 0.25 / sin(ETA), 6.0, now)
+    lost = 10.0 - float(out.z_m[0, 0])
+    # In the slower air while it moves it sinks as the polar has it; that changes little here.
+    assert lost == pytest.approx(WIND_MPS * 0.5 / (sin(ETA) * GRAVITY_MPS2), rel=0.25)
+
+
+def test_a_line_arrives_as_the_module_moves_it() -> None:
+    falls = polar_sink(POLAR, WIND_MPS)
+    out = flown(fields(falls, -0.5), 3.0, 30.0)
+    across = sin(ETA) * (out.x_m[0, 0] - 3.0) - cos(ETA) * (out.z_m[0, 0] - 10.0)
+    assert abs(across) < 0.02
+    # 3 m at 0.5 m/s take 7 s: after 4 s it is not there yet.
+    early = flown(fields(falls, -0.5), 3.0, 4.0)
+    assert 1.0 < early.x_m[0, 0] < 2.2
+
+
+@pytest.mark.parametrize("wind_mps", [6.8, 13.5])
+def test_too_slow_and_too_fast_is_lost(wind_mps: float) -> None:
+    assert flown(fields(3.0, -0.3, wind_mps)).failed_s[0, 0] < 1.0
+
+
+def test_the_fence_and_a_hill_in_the_way_are_lost() -> None:
+    assert np.isfinite(flown(fields(8.0, 0.0)).failed_s[0, 0])  # up through the ceiling
+    ramp = Ground(2, (0.0, 10.0, *(10.0,) * 6), (0.0, 20.0, *(20.0,) * 6))
+    grid = Grid(FlowBasis(ramp, BOX), ramp)
+    lines = Lines(np.array([8.0]), np.array([10.0]), np.array([ETA]))
+    falls = polar_sink(POLAR, WIND_MPS)
+    out = roll_out(grid, fields(falls, 0.0), POLAR, GUARDS, at_rest(), lines, 30.0, 100)
+    assert np.isfinite(out.failed_s[0, 0])
+
+
+def test_the_well_is_that_of_a_parabola() -> None:
+    """E = −k (z − 10): λ = k sin η / c, and ΔV up to the guard at 20 m: ½ λ (distance)²."""
+    falls = polar_sink(POLAR, WIND_MPS)
+    air = fields(falls, -0.2)
+    lines = Lines(np.array([0.0]), np.array([10.0]), np.array([ETA]))
+    leverage = sin(ETA) - polar_slope(POLAR, WIND_MPS) * cos(ETA)
+    well = wells(GRID, air, POLAR, GUARDS, lines, np.array([0.0]), np.array([10.0]), 2.0)
+    rate = 0.2 * sin(ETA) / leverage
+    assert well.rate_per_s[0] == pytest.approx(rate, rel=0.02)
+    # Down to the clearance: 9 m of height.
+    assert well.depth_m2ps[0] == pytest.approx(0.5 * rate * (9.0 / sin(ETA)) ** 2, rel=0.06)
+    calm = wells(GRID, air, POLAR, GUARDS, lines, np.array([0.0]), np.array([10.0]), 1e-6)
+    rough = wells(GRID, air, POLAR, GUARDS, lines, np.array([0.0]), np.array([10.0]), 50.0)
+    assert calm.holds_s[0] > well.holds_s[0] > rough.holds_s[0]
+
+
+def test_a_place_that_drives_away_holds_for_no_time() -> None:
+    falls = polar_sink(POLAR, WIND_MPS)
+    lines = Lines(np.array([0.0]), np.array([10.0]), np.array([ETA]))
+    well = wells(
+        GRID, fields(falls, 0.2), POLAR, GUARDS, lines, np.array([0.0]), np.array([10.0]), 0.05
+    )
+    assert well.rate_per_s[0] < 0.0
+    assert well.holds_s[0] == 0.0
