@@ -48,8 +48,8 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         name="OP_ENGAGE", unit="", minimum=0, maximum=2, default=0,
         meaning="1: take the surfaces and soar; 0: disengage. A second after it has engaged the"
                 " module shows 2, which engages nothing when it is set: a file that a ground"
-                " station has saved in flight does not engage when it is loaded. Whenever the"
-                " module lets go by itself it shows 0, so that it never engages again unasked.",
+                " station has saved in flight does not engage when it is loaded. When the module"
+                " disengages by itself it shows 0, so that it never engages again unasked.",
         integer=True, in_files=False,
     ),
     Parameter(
@@ -60,10 +60,9 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="OP_FORCE", unit="", minimum=0, maximum=1, default=0,
-        meaning="1: the next move of the line, the next fence or clearance that shuts it out, or"
-                " the next engagement, is not held back by the fence, the clearance, the contour,"
-                " TGL_STEP_MAX or what the autopilot must be set to; with that it is 0 again, and"
-                " after 60 s without.",
+        meaning="1: overrides one refusal by fence, clearance, contour, TGL_STEP_MAX or the set-up"
+                " of the autopilot, for the next move of the line, change of fence or CLEAR_MIN, or"
+                " engagement. It is 0 again after that, or after 60 s.",
         integer=True, in_files=False,
     ),
     Parameter(
@@ -72,20 +71,20 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="OP_RC_OFF", unit="us", minimum=1000, maximum=2000, default=1300,
-        meaning="The switch is low below this pulse width: the module lets go and cannot be"
+        meaning="The switch is low below this pulse width: the module disengages and cannot be"
                 " engaged.",
     ),
     # --- the target gradient line --------------------------------------------------------
     Parameter(
         name="TGL_PRESET", unit="", minimum=0, maximum=99, default=0,
-        meaning="Put the line where a line of the site file is: 1 is the first in the file. 0: set"
-                " by hand, and what it goes back to when TGL_X, TGL_Z or TGL_LEAN changes.",
+        meaning="Puts the line on a line of the site file: 1 is the first in the file. It goes back"
+                " to 0 (set by hand) when TGL_X, TGL_Z or TGL_LEAN changes.",
         integer=True,
     ),
     Parameter(
         name="TGL_STAGE", unit="", minimum=0, maximum=2, default=0,
-        meaning="1: hold back what TGL_X, TGL_Z, TGL_LEAN and TGL_SLEW are set to; then 0: move"
-                " the line to all of it at once, or 2: drop it.",
+        meaning="Several values as one move. 1: hold back new values of TGL_X, TGL_Z, TGL_LEAN and"
+                " TGL_SLEW; then 0: apply all of them at once, or 2: discard them.",
         integer=True, in_files=False,
     ),
     Parameter(
@@ -102,8 +101,8 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="TGL_LEAN_MIN", unit="deg", minimum=-60, maximum=60, default=5.0,
-        meaning="Smallest lean accepted. A line that leans downwind responds the wrong way round"
-                " first and cannot be flown well: lower this only if you know why.",
+        meaning="Smallest lean accepted. On a line that leans downwind the loop is non-minimum"
+                " phase and cannot be flown well: lower this only if you know why.",
     ),
     Parameter(
         name="TGL_LEAN_MAX", unit="deg", minimum=5, maximum=60, default=45.0,
@@ -111,28 +110,27 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="TGL_SLEW", unit="m/s", minimum=0.02, maximum=1.0, default=0.3,
-        meaning="Speed of a moving line, across itself, at the aircraft.",
+        meaning="Speed at which the line moves, perpendicular to itself, at the aircraft.",
     ),
     Parameter(
         name="TGL_ACCEL", unit="m/s^2", minimum=0.05, maximum=5.0, default=0.5,
-        meaning="Acceleration of a moving line.",
+        meaning="Acceleration with which the line begins and ends a move.",
     ),
     Parameter(
         name="TGL_ROT_SLEW", unit="deg/s", minimum=0.5, maximum=30, default=5.0,
-        meaning="Rate of a turning line.",
+        meaning="Rate at which the line turns to a new lean.",
     ),
     # A decimal point that slipped moves a place of 0.25 m or more by more than 2 m; the lines of
     # the tunnel are 0.6 m apart, those at its ends 1.2 m. At TGL_SLEW's 0.3 m/s it is 7 s of way.
     Parameter(
         name="TGL_STEP_MAX", unit="m", minimum=0.05, maximum=2000, default=2.0,
-        meaning="Farthest that the line's point is moved by one change while flying; a farther one"
-                " is refused (OP_FORCE). Twice the distance between neighbouring lines of the site"
-                " is good.",
+        meaning="Farthest that one change may move the line's point while engaged (OP_FORCE"
+                " overrides). A good value is twice the distance between neighbouring lines.",
     ),
     Parameter(
         name="TGL_CAPTURE", unit="m", minimum=0.01, maximum=2.0, default=0.05,
-        meaning="The line is captured when it stands still and the aircraft has been within this"
-                " distance of it for one second.",
+        meaning="The mode becomes soaring when the line stands still and the aircraft has been"
+                " within this distance of it for one second.",
     ),
     # --- e_rho -> pitch setpoint (eq. 15) ------------------------------------------------
     Parameter(
@@ -149,43 +147,43 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="RHO_D_FILT", unit="Hz", minimum=0.1, maximum=100, default=6.5,
-        meaning="Low-pass of e_rho's rate.",
+        meaning="Cut-off frequency of the low-pass on e_rho's rate.",
     ),
     Parameter(
         name="RHO_LEAN", unit="deg", minimum=5, maximum=45, default=15.0,
-        meaning="Lean of the line that the gains RHO_… and ELE_… were found on. On another they are"
-                " changed so that the loop keeps its margins.",
+        meaning="Lean of the line that the gains RHO_… and ELE_… were found on. On another lean the"
+                " schedule changes them so that the loop keeps its margins.",
     ),
     Parameter(
         name="RHO_SPEED", unit="m/s", minimum=0, maximum=60, default=8.5,
-        meaning="Airspeed that they were found at, for the schedule over speed, lean, airframe and"
-                " latency; below 1: they are flown as they stand, the plain law of the paper.",
+        meaning="Airspeed at which they were found, for the schedule over speed, lean, airframe and"
+                " latency; below 1: no schedule, the gains are flown as they stand.",
     ),
     Parameter(
         name="RHO_P_IMU", unit="rad/m", minimum=0, maximum=5, default=0.0,
-        meaning="RHO_P while the estimator uses accelerations; 0: as without. Between the two sets"
-                " of gains the law moves over within half a second, back within a tenth. Not used"
-                " where a firmware's own loops hold the attitude.",
+        meaning="RHO_P while the estimator uses accelerations; 0: RHO_P. The law changes over to"
+                " this set of gains within half a second, and back within a tenth. Not used where"
+                " a firmware's own loops hold the attitude.",
     ),
     Parameter(
         name="RHO_I_IMU", unit="rad/(m s)", minimum=0, maximum=5, default=0.0,
-        meaning="RHO_I with accelerations; 0: as without.",
+        meaning="RHO_I while the estimator uses accelerations; 0: RHO_I.",
     ),
     Parameter(
         name="RHO_D_IMU", unit="rad s/m", minimum=0, maximum=5, default=0.0,
-        meaning="RHO_D with accelerations; 0: as without.",
+        meaning="RHO_D while the estimator uses accelerations; 0: RHO_D.",
     ),
     Parameter(
         name="RHO_DF_IMU", unit="Hz", minimum=0, maximum=100, default=0.0,
-        meaning="RHO_D_FILT with accelerations; 0: as without.",
+        meaning="RHO_D_FILT while the estimator uses accelerations; 0: RHO_D_FILT.",
     ),
     Parameter(
         name="RHO_I_MAX", unit="deg", minimum=0, maximum=30, default=8.0,
-        meaning="Largest share of the integral in the setpoint.",
+        meaning="Largest part of the pitch setpoint that the integral may make up.",
     ),
     Parameter(
         name="PITCH_TRIM", unit="deg", minimum=-30, maximum=30, default=0.0,
-        meaning="theta_0: pitch setpoint on the line.",
+        meaning="theta_0: pitch setpoint on the line, without any error.",
     ),
     Parameter(
         name="PITCH_MIN", unit="deg", minimum=-45, maximum=45, default=-15.0,
@@ -206,7 +204,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="ELE_I", unit="1/(rad s)", minimum=0, maximum=50, default=2.7,
-        meaning="Elevator for each radian-second.",
+        meaning="Elevator for each radian-second of pitch error.",
     ),
     Parameter(
         name="ELE_D", unit="s/rad", minimum=0, maximum=5, default=0.19,
@@ -214,37 +212,38 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="ELE_P_IMU", unit="1/rad", minimum=0, maximum=20, default=0.0,
-        meaning="ELE_P with accelerations; 0: as without.",
+        meaning="ELE_P while the estimator uses accelerations; 0: ELE_P.",
     ),
     Parameter(
         name="ELE_I_IMU", unit="1/(rad s)", minimum=0, maximum=50, default=0.0,
-        meaning="ELE_I with accelerations; 0: as without.",
+        meaning="ELE_I while the estimator uses accelerations; 0: ELE_I.",
     ),
     Parameter(
         name="ELE_D_IMU", unit="s/rad", minimum=0, maximum=5, default=0.0,
-        meaning="ELE_D with accelerations; 0: as without.",
+        meaning="ELE_D while the estimator uses accelerations; 0: ELE_D.",
     ),
     Parameter(
         name="ELE_D_FILT", unit="Hz", minimum=0.5, maximum=100, default=40.0,
-        meaning="Low-pass of the pitch rate.",
+        meaning="Cut-off frequency of the low-pass on the pitch rate.",
     ),
     Parameter(
         name="ELE_FREQ", unit="rad/s", minimum=1, maximum=60, default=11.5,
-        meaning="Short period, undamped, of the airframe that the gains were found on, at"
-                " RHO_SPEED.",
+        meaning="Undamped short-period frequency, at RHO_SPEED, of the airframe that the gains were"
+                " found on.",
     ),
     Parameter(
         name="ELE_DAMP", unit="", minimum=0.1, maximum=2, default=0.75,
-        meaning="Its damping.",
+        meaning="Damping ratio of that short period.",
     ),
     Parameter(
         name="ELE_EFFECT", unit="rad/s^2", minimum=1, maximum=500, default=31.0,
-        meaning="Its pitch acceleration for a full deflection of the elevator, at RHO_SPEED.",
+        meaning="Pitch acceleration for a full deflection of the elevator, at RHO_SPEED, of the"
+                " airframe that the gains were found on.",
     ),
     Parameter(
         name="ELE_LATE", unit="s", minimum=0.001, maximum=0.3, default=0.026,
-        meaning="Its servo's lag and delay, with the command's way to it: 18.5 and 7.5 ms. A later"
-                " elevator is flown with less gain, an earlier one with no more.",
+        meaning="Time from a tick to the elevator on that airframe: servo 18.5 ms, link 7.5 ms. A"
+                " later elevator is flown with less gain, an earlier one with no more.",
     ),
     Parameter(
         name="ELE_TRIM", unit="", minimum=-1, maximum=1, default=0.0,
@@ -254,42 +253,42 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     # Filled in from the airframe file ([dynamics], or what follows from [model] and [polar]).
     Parameter(
         name="DYN_SPEED", unit="m/s", minimum=0, maximum=60, default=0.0,
-        meaning="Airspeed at which DYN_FREQ, DYN_DAMP and DYN_EFFECT hold; 0: they are not known,"
-                " and the airframe is taken to be the one that the gains were found on.",
+        meaning="Airspeed at which DYN_FREQ, DYN_DAMP and DYN_EFFECT hold; 0: not known, and the"
+                " airframe is taken to be the one that the gains were found on.",
     ),
     Parameter(
         name="DYN_FREQ", unit="rad/s", minimum=0, maximum=60, default=0.0,
-        meaning="Short period of this airframe, undamped (`tgl-soar identify`); 0: not known.",
+        meaning="Undamped short-period frequency of this airframe; 0: not known.",
     ),
     Parameter(
         name="DYN_DAMP", unit="", minimum=0, maximum=2, default=0.0,
-        meaning="Its damping; 0: not known.",
+        meaning="Damping ratio of this airframe's short period; 0: not known.",
     ),
     Parameter(
         name="DYN_EFFECT", unit="rad/s^2", minimum=0, maximum=500, default=0.0,
-        meaning="Its pitch acceleration for a full deflection of the elevator; 0: not known.",
+        meaning="This airframe's pitch acceleration for a full elevator; 0: not known.",
     ),
     Parameter(
         name="DYN_SERVO", unit="s", minimum=0, maximum=0.3, default=0.0185,
-        meaning="Lag and delay of its elevator servo.",
+        meaning="Lag and delay of this airframe's elevator servo.",
     ),
     Parameter(
         name="DYN_PATH", unit="s", minimum=0, maximum=5, default=0.0,
-        meaning="Time in which the flight path comes to the pitch, V / (lift per mass and radian),"
-                " at DYN_SPEED: for the check of margins; 0: not known.",
+        meaning="Time constant with which the flight path follows the pitch, V / (lift per mass and"
+                " radian), at DYN_SPEED: for the check of margins; 0: not known.",
     ),
     Parameter(
         name="DYN_GLIDE", unit="", minimum=0, maximum=80, default=0.0,
-        meaning="Its best glide ratio; 0: not known.",
+        meaning="Best glide ratio of this airframe; 0: not known.",
     ),
     Parameter(
         name="DYN_BEST", unit="m/s", minimum=0, maximum=60, default=0.0,
-        meaning="Airspeed of that; 0: not known.",
+        meaning="Airspeed of the best glide; 0: not known.",
     ),
     Parameter(
         name="CMD_DELAY", unit="s", minimum=0, maximum=0.2, default=0.0075,
-        meaning="From a tick to the servo's input: the link, and the autopilot's loop. `tgl-soar"
-                " surfaces` measures how much it is at most, where outputs are read back.",
+        meaning="Latency from a tick to the servo's input: the link and the autopilot's loop."
+                " `tgl-soar surfaces` measures an upper bound, where outputs are read back.",
     ),
     # --- roll -> aileron (eq. 17) --------------------------------------------------------
     Parameter(
@@ -298,7 +297,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="AIL_I", unit="1/(rad s)", minimum=0, maximum=20, default=0.5,
-        meaning="Aileron for each radian-second.",
+        meaning="Aileron for each radian-second of roll error.",
     ),
     Parameter(
         name="AIL_D", unit="s/rad", minimum=0, maximum=5, default=0.06,
@@ -306,7 +305,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="AIL_D_FILT", unit="Hz", minimum=0.5, maximum=100, default=40.0,
-        meaning="Low-pass of the roll rate.",
+        meaning="Cut-off frequency of the low-pass on the roll rate.",
     ),
     Parameter(
         name="AIL_TRIM", unit="", minimum=-1, maximum=1, default=0.0,
@@ -323,7 +322,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="RUD_D_FILT", unit="Hz", minimum=0.5, maximum=100, default=40.0,
-        meaning="Low-pass of the heading rate.",
+        meaning="Cut-off frequency of the low-pass on the heading rate.",
     ),
     Parameter(
         name="RUD_TRIM", unit="", minimum=-1, maximum=1, default=0.0,
@@ -344,12 +343,12 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="BANK_P", unit="", minimum=0, maximum=5, default=1.0,
-        meaning="Bank asked for with each degree of heading error, where the autopilot's own loops"
-                " hold the attitude and turn by banking.",
+        meaning="Bank setpoint for each degree of heading error, on routes where the autopilot's"
+                " own loops hold the attitude and turn by banking.",
     ),
     Parameter(
         name="BANK_MAX", unit="deg", minimum=1, maximum=40, default=20.0,
-        meaning="Largest bank asked for in this way.",
+        meaning="Largest bank setpoint from BANK_P.",
     ),
     # --- sideways speed -> bank ----------------------------------------------------------
     Parameter(
@@ -360,38 +359,38 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="SIDE_I", unit="rad/m", minimum=0, maximum=1, default=0.03,
-        meaning="Bank for each metre of that difference: what a roll angle that is wrong by a"
-                " constant would leave of an offset to the side.",
+        meaning="Bank for each metre of that difference, integrated: removes the sideways offset"
+                " that a constant error of the roll angle would leave.",
     ),
     Parameter(
         name="SIDE_BANK", unit="deg", minimum=0, maximum=30, default=10.0,
-        meaning="Largest bank asked for in this way; the integral takes half of it at most.",
+        meaning="Largest bank setpoint from SIDE_P and SIDE_I, half of it from the integral.",
     ),
     # --- surfaces ------------------------------------------------------------------------
     Parameter(
         name="SURF_MAX", unit="", minimum=0.05, maximum=1, default=1.0,
-        meaning="Largest deflection commanded, of full travel.",
+        meaning="Largest deflection commanded, as a fraction of full travel.",
     ),
     Parameter(
         name="SURF_RATE", unit="1/s", minimum=0.5, maximum=100, default=20.0,
-        meaning="Fastest change of a command, in travels.",
+        meaning="Fastest change of a command, in full travels a second.",
     ),
     Parameter(
         name="SURF_TOL", unit="", minimum=0.05, maximum=2, default=0.25,
-        meaning="Largest difference between commands and what the autopilot reads back of its"
-                " outputs; beyond it for half a second the surfaces do not answer: disengage.",
+        meaning="Largest difference between the commands and the outputs that the autopilot"
+                " reports; beyond it for half a second the surfaces do not answer: disengage.",
     ),
     # --- the envelope --------------------------------------------------------------------
     Parameter(
         name="ALPHA_MAX", unit="deg", minimum=3, maximum=45, default=14.0,
-        meaning="Largest angle of attack, where it is known: from 3 deg below on the nose is kept"
-                " from rising, 3 deg beyond the module recovers. An airframe file that gives the"
-                " stall gives this: stall_alpha_rad plus stall_width_rad.",
+        meaning="Largest angle of attack, where it is known: from 3 deg below it the nose is kept"
+                " from rising, 3 deg above it the module recovers. Where the airframe file has a"
+                " stall, the default is its stall_alpha_rad plus stall_width_rad.",
     ),
     Parameter(
         name="SPEED_MIN", unit="m/s", minimum=0, maximum=50, default=6.0,
-        meaning="Smallest airspeed, where it is known: from 1 m/s above on the nose is kept from"
-                " rising, 1 m/s below the module recovers.",
+        meaning="Smallest airspeed, where it is known: from 1 m/s above it the nose is kept from"
+                " rising, 1 m/s below it the module recovers.",
     ),
     Parameter(
         name="SINK_MAX", unit="m/s", minimum=0.5, maximum=50, default=6.0,
@@ -424,8 +423,8 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     # --- estimation ----------------------------------------------------------------------
     Parameter(
         name="EST_FIX_SD", unit="m", minimum=0.0002, maximum=20, default=0.003,
-        meaning="Noise of a position fix on each axis (standard deviation); more where its source"
-                " says so.",
+        meaning="Noise of a position fix on each axis (standard deviation); a larger one that the"
+                " source reports replaces it.",
     ),
     Parameter(
         name="EST_VEL_SD", unit="m/s", minimum=0.002, maximum=20, default=0.05,
@@ -433,7 +432,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="EST_IMU", unit="", minimum=0, maximum=1, default=1,
-        meaning="1: carry position and velocity on with the accelerometers, where they are heard.",
+        meaning="1: propagate position and velocity with the accelerometers, where they arrive.",
         integer=True,
     ),
     Parameter(
@@ -447,29 +446,29 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="EST_CV_SD", unit="m/s^2", minimum=0.05, maximum=50, default=3.0,
-        meaning="Acceleration that the aircraft may have where no accelerometers are heard.",
+        meaning="Standard deviation of the acceleration, assumed where accelerometers are missing.",
     ),
     Parameter(
         name="EST_SD_MAX", unit="m", minimum=0.005, maximum=10, default=0.10,
-        meaning="With accelerometers the line is flown on without fixes until the position is less"
-                " certain than this (standard deviation), and not only for AGE_POS_HOLD. In three"
-                " times this doubt no position is flown with, however young.",
+        meaning="With accelerometers the line is flown on without fixes until the position's"
+                " uncertainty (standard deviation) exceeds this, and not only for AGE_POS_HOLD. A"
+                " position less certain than three times this is not used, however recent.",
     ),
     Parameter(
         name="EST_GATE", unit="m", minimum=0.05, maximum=100, default=0.5,
-        meaning="A fix no farther than this from where the aircraft must be is always believed;"
-                " one farther than this and than chance explains is not, unless several agree.",
+        meaning="Innovation gate: a fix no farther than this from the estimate is always accepted;"
+                " one farther than this and than five standard deviations is refused, unless"
+                " several agree.",
     ),
     Parameter(
         name="EST_DELAY", unit="s", minimum=0, maximum=0.5, default=0.0,
-        meaning="Delay of the position source that its time stamps do not tell.",
+        meaning="Delay of the position source that its time stamps do not include.",
     ),
     # --- the air at the aircraft -----------------------------------------------------------
     Parameter(
         name="WIND_CHANGE", unit="m/s/sqrt(s)", minimum=0.05, maximum=10, default=0.8,
-        meaning="How fast the wind at the aircraft changes (process noise): the root of what"
-                " its variance grows by in half a second. In Dryden turbulence"
-                " it is sigma / sqrt(L / V).",
+        meaning="Process noise of the wind at the aircraft: the square root of what its variance"
+                " grows by in half a second. In Dryden turbulence it is sigma / sqrt(L / V).",
     ),
     Parameter(
         name="WIND_ALIGN", unit="deg", minimum=0, maximum=5, default=0.5,
@@ -478,35 +477,35 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="WIND_TRIM", unit="", minimum=0, maximum=1, default=0.0,
-        meaning="Share of theta_0 that is the pitch of the glide at the local wind's speed instead"
-                " of PITCH_TRIM.",
+        meaning="Blend weight of theta_0: 0 is PITCH_TRIM, 1 the pitch of the steady glide at the"
+                " local wind's speed.",
     ),
     Parameter(
         name="WIND_TRIM_T", unit="s", minimum=0.1, maximum=60, default=2.0,
-        meaning="Time in which theta_0 follows.",
+        meaning="Time constant with which theta_0 follows the local wind (WIND_TRIM).",
     ),
     Parameter(
         name="WIND_FF", unit="", minimum=0, maximum=1, default=0.0,
-        meaning="Share of the incidence that a gust of updraft makes which the pitch setpoint"
-                " takes out.",
+        meaning="Feed-forward: fraction of the change of incidence by a gust of updraft that the"
+                " pitch setpoint takes out.",
     ),
     # --- when to disengage ----------------------------------------------------------------
     Parameter(
         name="AGE_POS_HOLD", unit="s", minimum=0.05, maximum=2, default=0.25,
-        meaning="Position older than this: hold the pitch; with accelerometers not before the"
+        meaning="Position older than this: hold the pitch; with accelerometers only when the"
                 " position is less certain than EST_SD_MAX.",
     ),
     Parameter(
         name="AGE_POS_MAX", unit="s", minimum=0.1, maximum=5, default=2.0,
-        meaning="No confident position for longer than this, whether none comes or those that come"
-                " leave it uncertain: recover, wings level at REC_PITCH, for REC_TIME; then hand"
-                " over.",
+        meaning="No confident position for longer than this, because no fixes come or those that"
+                " come leave it uncertain: recover, wings level at REC_PITCH, for REC_TIME; then"
+                " hand over.",
     ),
     Parameter(
         name="AGE_FROZEN", unit="s", minimum=0.1, maximum=10, default=1.0,
-        meaning="A source that repeats the same numbers for longer than this is as old as their"
-                " last change; on the ground it may say that it stands still. An attitude that goes"
-                " on jumping for longer than this is as old as its first jump.",
+        meaning="If a source repeats the same numbers for longer than this, its age counts from"
+                " their last change; on the ground it may report that it stands still. If an"
+                " attitude jumps for longer than this, its age counts from the first jump.",
     ),
     Parameter(
         name="AGE_ATT_MAX", unit="s", minimum=0.02, maximum=1, default=0.2,
@@ -523,7 +522,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="REC_TIME", unit="s", minimum=0.0, maximum=10, default=2.0,
-        meaning="Longest time of recovering; then hand over. 0: at once; else 0.3 or more.",
+        meaning="Longest time of recovering, 0.3 or more; then hand over. 0: hand over at once.",
     ),
     Parameter(
         name="CAPTURE_MAX", unit="m", minimum=0.1, maximum=10, default=1.5,
@@ -536,13 +535,13 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     # --- telemetry -----------------------------------------------------------------------
     Parameter(
         name="TEL_BUDGET", unit="B/s", minimum=100, maximum=50000, default=2400,
-        meaning="Bytes a second that texts and numbers may use on each link, MAVLink's own"
+        meaning="Bytes a second that texts and numbers may use on each link, MAVLink's headers"
                 " included.",
     ),
     # --- the process ---------------------------------------------------------------------
     Parameter(
         name="LOOP_RATE", unit="Hz", minimum=100, maximum=250, default=200,
-        meaning="Rate of the loop.",
+        meaning="Rate of the control loop.",
         in_flight=False, integer=True,
     ),
     # --- margins measured in flight --------------------------------------------------------
@@ -550,13 +549,13 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         name="EXC_START", unit="", minimum=0, maximum=1, default=0,
         meaning="1: add a multisine of six tones, 2.5 to 18.8 rad/s, to the pitch setpoint for"
                 " 23 s, from which `tgl-soar log margins` reads the open loop. Only while soaring"
-                " on a line that stands still; whatever is odd ends it. When it ends the module"
-                " shows 0; 0 ends it at once.",
+                " on a line that stands still; anything unusual ends it. When it has ended the"
+                " module shows 0; setting 0 ends it at once.",
         integer=True, in_files=False,
     ),
     Parameter(
         name="EXC_AMP", unit="deg", minimum=0.2, maximum=1.0, default=1.0,
-        meaning="The largest value of that multisine, to either side.",
+        meaning="Amplitude of that multisine: its largest value to either side.",
     ),
 )  # fmt: skip
 
@@ -570,7 +569,7 @@ class Group(NamedTuple):
 
 
 GROUPS: Final[tuple[Group, ...]] = (
-    Group("The switch", ("OP",), "What the operator does with the module."),
+    Group("Engaging", ("OP",), "The operator's and the pilot's switches."),
     Group(
         "The target gradient line", ("TGL",),
         "Where the aircraft is held, and how fast the line moves there when it is moved.",
@@ -579,19 +578,20 @@ GROUPS: Final[tuple[Group, ...]] = (
         "Line to pitch", ("RHO", "PITCH"),
         "The outer loop: the distance e_rho to the line becomes a pitch setpoint.",
     ),
-    Group("Pitch to elevator", ("ELE",), "The inner loop of pitch."),
+    Group("Pitch to elevator", ("ELE",), "The inner loop, and the airframe it was tuned on."),
     Group(
         "The airframe in pitch", ("DYN", "CMD"),
-        "What the gains are fitted to, filled in from the airframe file.",
+        "The airframe that flies, to which the schedule adapts the gains; filled in from the"
+        " airframe file.",
     ),
-    Group("Roll to aileron", ("AIL",), "Wings level."),
+    Group("Roll to aileron", ("AIL",), "The bank setpoint, or wings level."),
     Group(
         "Heading to rudder", ("RUD", "WPT", "PSI", "BANK"),
         "The nose is held towards a virtual waypoint upwind.",
     ),
     Group(
         "Sideways to bank", ("SIDE",),
-        "A little bank holds the middle, against gusts and a roll angle that is wrong.",
+        "A little bank holds the aircraft at y = 0, against gusts and errors of the roll angle.",
     ),
     Group("Surfaces", ("SURF",), "The last limit of every command."),
     Group(
@@ -604,14 +604,14 @@ GROUPS: Final[tuple[Group, ...]] = (
         "Airspeed, angle of attack, wind and updraft, estimated from all that is measured.",
     ),
     Group(
-        "Letting go", ("AGE", "REC", "CAPTURE", "TILT"),
-        "Beyond these the module gives the surfaces back by itself and says why.",
+        "Disengaging", ("AGE", "REC", "CAPTURE", "TILT"),
+        "Beyond these limits the module holds, recovers or disengages by itself and says why.",
     ),
-    Group("Telemetry", ("TEL",), "What the module tells without being asked."),
+    Group("Telemetry", ("TEL",), "What the module sends to ground stations unasked."),
     Group("The process", ("LOOP",), "How the module runs."),
     Group(
         "Margins in flight", ("EXC",),
-        "A known motion of the pitch setpoint, by which a log shows the loop's margins.",
+        "A known motion of the pitch setpoint, from which a log shows the loop's margins.",
     ),
 )  # fmt: skip
 
