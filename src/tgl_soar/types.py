@@ -30,22 +30,22 @@ class PositionFix(NamedTuple):
     """One position measurement, in local NED."""
 
     sequence: int  # grows by one with every fix of the source; 0: none yet
-    time_s: float  # when it was true (not when it arrived), loop's clock
+    time_s: float  # when it was measured (not when it arrived), loop's clock
     north_m: float
     east_m: float
     down_m: float
     velocity_north_mps: float  # NaN where the source gives no velocity
     velocity_east_mps: float
     velocity_down_mps: float
-    source: int = 0  # which source gave it: another number is another sensor, with other biases
-    sigma_m: float = NAN  # standard deviation of each axis as reported; NaN: it is not
+    source: int = 0  # which sensor it comes from (`link.sources`)
+    sigma_m: float = NAN  # standard deviation of each axis as reported; NaN: not reported
 
 
 class AttitudeSample(NamedTuple):
     """One attitude measurement: the rotation from FRD to local NED, and body rates."""
 
     sequence: int  # grows by one with every sample; 0: none yet
-    time_s: float  # when it was true, loop's clock
+    time_s: float  # when it was measured, loop's clock
     qw: float
     qx: float
     qy: float
@@ -59,7 +59,7 @@ class ImuSample(NamedTuple):
     """One sample of accelerometers and gyros, FRD."""
 
     sequence: int  # grows by one with every sample; 0: none yet
-    time_s: float  # when it was true, loop's clock
+    time_s: float  # when it was measured, loop's clock
     force_x_frd_mps2: float  # specific force: gravity is not in it
     force_y_frd_mps2: float
     force_z_frd_mps2: float
@@ -72,7 +72,7 @@ class AirspeedSample(NamedTuple):
     """One sample of a pitot tube along the nose."""
 
     sequence: int  # grows by one with every sample; 0: none yet
-    time_s: float  # when it was true, loop's clock
+    time_s: float  # when it was measured, loop's clock
     airspeed_mps: float
 
 
@@ -80,7 +80,7 @@ class AutopilotStatus(NamedTuple):
     """What is known of the autopilot that moves the surfaces."""
 
     time_s: float  # when its last heartbeat arrived, loop's clock; NaN: never
-    accepts_surfaces: bool  # it is in a mode in which it obeys our surface commands
+    accepts_surfaces: bool  # it is in a mode in which it obeys the module's surface commands
     armed: bool
     failsafe: bool = False  # it reports a failsafe itself
     boots: int = 0  # how often it has restarted since its first heartbeat
@@ -90,7 +90,7 @@ class SurfacesSample(NamedTuple):
     """Where the autopilot reports that it puts the surfaces, read back from its outputs."""
 
     sequence: int  # grows by one with every sample; 0: none yet
-    time_s: float  # when it was true, loop's clock
+    time_s: float  # when it was measured, loop's clock
     elevator: float  # -1 … 1 of travel, as in SurfaceCommand; NaN: not known
     aileron: float
     rudder: float
@@ -132,7 +132,7 @@ NO_SURFACES: Final = SurfacesSample(sequence=0, time_s=NAN, elevator=NAN, ailero
 
 
 class Inputs(NamedTuple):
-    """All that one tick may know."""
+    """Everything that goes into one tick."""
 
     time_s: float  # the time of this tick, loop's clock, never decreasing
     position: PositionFix
@@ -151,7 +151,7 @@ class AirEstimate(NamedTuple):
     alpha_rad: float  # angle of attack of the body's x axis; NaN: not known
     wind_mps: float  # horizontal, along the soaring frame's x: positive downstream
     updraft_mps: float  # vertical wind, positive up
-    excess_mps: float  # updraft less the sink in still air: what the aircraft would climb with
+    excess_mps: float  # excess updraft: the updraft less the sink in still air
     wind_sigma_mps: float  # standard deviations of the two
     updraft_sigma_mps: float
     measured: bool  # the airspeed comes from a pitot tube
@@ -188,7 +188,7 @@ class VehicleState(NamedTuple):
 
 
 class MotionQuality(NamedTuple):
-    """How sure the estimator is, and what it did with the samples of one tick; soaring frame."""
+    """How certain the estimates are, and how the samples of a tick were used; soaring frame."""
 
     innovation_x_m: float  # of the last fix: measured less predicted; NaN: none compared yet
     innovation_y_m: float
@@ -206,7 +206,7 @@ class MotionQuality(NamedTuple):
     source: int  # of the last fix used
     fix_used: bool  # in this tick
     fix_refused: bool
-    jumped: bool  # the position has just been reset: it has jumped
+    jumped: bool  # the estimated position was reset in this tick
     inertial: bool  # accelerations are in use
 
 
@@ -219,7 +219,7 @@ NO_QUALITY: Final = MotionQuality(
 class Health(NamedTuple):
     """How old the inputs are and whether they may be flown with."""
 
-    position_age_s: float  # since the last fix that was used was true; inf: none
+    position_age_s: float  # age of the last fix that was used; inf: none
     attitude_age_s: float
     heartbeat_age_s: float
     position_ok: bool

@@ -35,107 +35,115 @@ _TITLE: Final = """\
 
 <!-- Made by `tgl-soar log fields > docs/logs.md`; change the declaration instead. -->
 
-`tgl-soar run` leaves two files of each flight in the folder of `--log` (`logs` in that of
-`--state` where it is not given; `--log none`: nowhere):
+This page is for everybody who reads a flight: which files a flight leaves, the commands that read,
+export and replay them, and every field in them. To look at a flight, begin with
+`tgl-soar report LOG`, which makes a page of figures.
 
-    2026-11-21/14_03_55_flight007.ulg     a ULog: every tick, what it had and what it decided
-    2026-11-21/14_03_55_flight007.tlog    the MAVLink frames that came or went on any link
+`tgl-soar run` writes two files for each flight, into the folder of `--log` (default: `logs` in the
+folder of `--state`; `--log none`: no log):
 
-Day and hour are UTC; where the computer does not know the time the folder is `undated`. Flights
-are counted through. A long flight is cut into parts (`_part2`, …), of which each `.ulg` can be
-read and replayed by itself. When all logs in the folder exceed `--log-max` megabytes, the oldest
-are deleted. When the disk gets full, older flights are deleted too, and no more of them than the
-next part needs, but never the last flight nor the one being flown: rather the log ends. Of the
-flight being flown the first minute always stays, though that be more than `--log-max`. What was
-deleted is told the operator. A thread writes: a slow disk holds up no tick, and what it cannot
-take is dropped and marked. A full or read-only disk is told once, and the flight goes on. Every
-second all is synced to the disk, so that a loss of power costs no more than that. A frame that
-carries a signing key is not written down.
+    2026-11-21/14_03_55_flight007.ulg     a ULog: the inputs and decisions of every tick
+    2026-11-21/14_03_55_flight007.tlog    the MAVLink frames received and sent on all links
 
-Whoever sends much does not decide how soon older flights go. Of each kind of frame so many bytes a
-second are written down, with ten seconds' worth at once; what is more is counted and left out, of
-which the operator, the ULog and the console are told:
+Date and time are UTC; where the computer does not know the time the folder is `undated`. The number
+of the flight goes on from day to day.
+
+- **Parts.** A long flight is split into parts (`_part2`, …); each `.ulg` can be read and replayed
+  by itself.
+- **Limits.** When the logs in the folder exceed `--log-max` megabytes, the oldest are deleted. When
+  the disk is full, older flights are deleted as far as the next part needs it, but neither the last
+  flight nor the current one: the log ends instead. The first minute of the current flight is always
+  kept, even beyond `--log-max`. Deletions are reported to the operator.
+- **Failures.** A thread writes, so a slow disk delays no tick; what it cannot take is dropped and
+  marked. A full or read-only disk is reported once, and the flight goes on. The files are synced
+  every second: a loss of power costs no more than that.
+- **Keys.** A frame that contains a signing key is not logged.
+
+The wire is logged up to a rate for each kind of frame, so that nobody can push out older flights by
+sending many frames. Ten seconds' worth may come at once; what exceeds it is counted and left out,
+and reported to the operator, in the ULog and on the console:
 
 | frames | kB a second | |
 |---|---|---|
 {allowances}
 
+## Commands
+
 | command | what it does |
 |---|---|
+| `tgl-soar report LOG` | a page of figures, tables and health |
 | `tgl-soar log info LOG` | what a log holds, and what of it is lost |
 | `tgl-soar log margins LOG` | the open loop and its margins, from multisines (`EXC_START`) |
 | `tgl-soar log export LOG --to csv` | a table for each topic; also `netcdf`, `mcap` |
-| `tgl-soar replay LOG` | flies the logged inputs through the laws again, bit for bit |
-| `tgl-soar replay LOG --param RHO_P_IMU=1.2` | what another gain would have commanded |
+| `tgl-soar replay LOG` | runs the logged inputs through the laws again, bit for bit |
+| `tgl-soar replay LOG --param RHO_P_IMU=0.5` | what another gain would have commanded |
 | `ulog_info LOG`, PlotJuggler | any reader of ULogs |
 | `mavlogdump.py LOG.tlog` | any reader of MAVLink telemetry logs |
 
-What cannot be read of a log, empty, cut off, damaged, of another version or with a clock that
-jumped, is said, and the rest is used. The exit code is 1 where something was lost and 2 where
-nothing could be done; a fit of `polar` or `identify` counts as done, if enough is left for it.
+A log that is empty, cut off, damaged, of another version or with a clock that jumped is used as far
+as it can be read; what is lost is reported. The exit code is 1 if something was lost and 2 if
+nothing could be done; a fit by `polar` or `identify` counts as done if enough is left for it.
 
-The tests open every kind of log with pyulog and `mavlogdump.py`. PlotJuggler, a desktop program, is
-installed by neither `pip install plotjuggler` nor `apt install plotjuggler` (Debian 12), so no test
-opens a log with it. Tried by hand instead: its ULog reader (`ulog_parser.cpp` of April 2026,
-compiled by itself) finds every row of every topic of a flight with the numbers that pyulog finds,
-the parameters and the texts, and reads a log that is cut off up to the cut.
+The tests open every kind of log with pyulog and `mavlogdump.py`. PlotJuggler is a desktop program
+that no test can install; by hand its ULog reader (`ulog_parser.cpp` of April 2026, compiled by
+itself) was found to read the same rows and numbers as pyulog, and a log that is cut off up to the
+cut.
 
-## Another gain
+## Replay with another gain
 
     make run ARGS="--turbulence 0.03"
     tgl-soar replay out/sitl/logs/*/*.ulg
-    tgl-soar replay out/sitl/logs/*/*.ulg --param RHO_P_IMU=1.2 --figure out/replay.png
+    tgl-soar replay out/sitl/logs/*/*.ulg --param RHO_P_IMU=0.5 --figure out/replay.png
 
-The first replay ends with *every command is the same, bit for bit*. The second says what a gain of
-1.2 in place of 1.8 would have commanded while accelerometers are heard:
+The first replay ends with *every command is the same, bit for bit*. The second shows what about
+half of the shipped gain (0.95) would have commanded while accelerometers are in use:
 
     the surfaces obeyed the logged commands, and are not held against these
     ┏━━━━━━━━━━━━━━━━━━━━━━┳━━━━━━━━━┳━━━━━━━━━━┳━━━━━━━━━━━━┳━━━━━━━━━┳━━━━━━━━━━┓
     ┃ rms of               ┃ logged  ┃ replayed ┃ difference ┃ largest ┃ at       ┃
     ┡━━━━━━━━━━━━━━━━━━━━━━╇━━━━━━━━━╇━━━━━━━━━━╇━━━━━━━━━━━━╇━━━━━━━━━╇━━━━━━━━━━┩
-    │ setpoints_pitch_rad  │ 0.03075 │ 0.0265   │ 0.006251   │ 0.02903 │ 21.610 s │
-    │ command_elevator     │ 0.07478 │ 0.2497   │ 0.2639     │ 0.569   │ 55.710 s │
-    │ command_aileron      │ 0.00618 │ 0.00618  │ 0          │ 0       │ –        │
-    │ command_rudder       │ 0.02652 │ 0.02652  │ 0          │ 0       │ –        │
+    │ setpoints_pitch_rad  │ 0.02938 │ 0.02655  │ 0.006312   │ 0.02786 │ 21.930 s │
+    │ command_elevator     │ 0.06615 │ 0.1369   │ 0.1418     │ 0.3462  │ 40.570 s │
+    │ command_aileron      │ 0.0645  │ 0.0645   │ 0          │ 0       │ –        │
+    │ command_rudder       │ 0.03464 │ 0.03464  │ 0          │ 0       │ –        │
     └──────────────────────┴─────────┴──────────┴────────────┴─────────┴──────────┘
     the inputs are the logged ones: the aircraft does not answer to the change
 
 ![Logged and replayed commands](images/replay.png)
 
-*The pitch setpoint shrinks as the gain does. The elevator runs away: the pitch loop's integral goes
-on adding up an error that an aircraft would have answered.*
+*The pitch setpoint shrinks with the gain. The elevator grows: the integral of the pitch loop keeps
+adding up an error that a real aircraft would have answered.*
 
-## How fast
+**Speed.** In plain Python a replay is 30 to 50 times faster than the flight on each processor.
+`tgl-soar replay --compile` compiles the laws with numba, once for each version; from then on logs
+of more than 100 s are replayed over 1000 times faster than they were flown. Where compiled laws
+differ from the log in one bit, the interpreted ones replay it again, and their verdict counts. The
+newest figures are in [performance.md](performance.md).
 
-A replay takes about as long as the laws in plain Python take: 30 to 50 times faster than the
-flight on each processor. `tgl-soar replay --compile` compiles them once for each version, with
-numba; from then on logs of more than 100 s are replayed over 1000 times faster than they were
-flown. It is the same source. Where the compiled laws would differ from the log in one bit, the
-plain ones fly it again, and only they say that it differs.
+## Topics and fields
 
-Writing, replay and report are timed by `make bench ARGS="--only log --only report"`; the newest
-figures stand in [performance.md](performance.md).
-
-## What is in it
-
-The ULog's information messages tell version, files and links, `airframe` and `site` hold the text
-of the configuration files, the parameters stand at the beginning and at each change, and the words
-for the operator are logged messages.
+Beside the topics below, the ULog's information messages hold version, files and links, and
+(`airframe`, `site`) the text of the configuration files. The parameters are logged at the start and
+at each change, and texts for the operator as logged messages.
 
 Frames: *NED* and *FRD* are the autopilot's, *soaring* has x downstream, y to the right of an
-aircraft facing upwind and z up (docs/theory.md). Angles without a frame are named in the text.
+aircraft facing upwind and z up ([theory.md](theory.md#frames-and-signs)).
 """
 
 _ALLOWANCES: Final = (
-    ("of ours", allowance.OURS, ""),
-    ("on the autopilot's link", allowance.AUTOPILOT, "a serial line at 921600 baud carries 92"),
-    ("on all other links", allowance.STATIONS, ""),
+    ("sent by the module", allowance.OURS, ""),
+    (
+        "received on the autopilot's link",
+        allowance.AUTOPILOT,
+        "a serial line at 921600 baud carries 92",
+    ),
+    ("received on all other links", allowance.STATIONS, ""),
     (
         "refused",
         allowance.REFUSED,
-        "a sample: signed wrongly or not at all, replayed, of a system that is neither the"
-        " vehicle nor among `autopilot.operators` and `position.vision_from`, or of a number that"
-        " is not known; in all a hundredth of `--log-max`",
+        "a sample of frames that are signed wrongly or not at all, replayed, from a system that is"
+        " neither the vehicle nor among `autopilot.operators` and `position.vision_from`, or of an"
+        " unknown message number; together at most a hundredth of `--log-max`",
     ),
 )
 
@@ -158,10 +166,10 @@ def _kinds(*kinds: type) -> Iterator[type]:
 
 
 def meaning_of(field: Field) -> str:
-    """What a field means, in words; "" where nobody has said it."""
-    told = field.said or MEANINGS.get(field.owner) or _comments().get(field.owner)
-    if told:
-        return told
+    """What a field means, in words; "" where nothing declares it."""
+    meaning = field.said or MEANINGS.get(field.owner) or _comments().get(field.owner)
+    if meaning:
+        return meaning
     name = field.owner.partition(".")[2]
     suffix = next((suffix for suffix, _ in SUFFIXES if name.endswith(suffix)), "")
     return name.removesuffix(suffix).replace("_", " ") if suffix else ""

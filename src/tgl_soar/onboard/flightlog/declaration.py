@@ -165,7 +165,7 @@ MEANINGS: Final = {
     "SurfacesSample.rudder": "as the elevator",
     "AirEstimate.updraft_sigma_mps": "standard deviation of the updraft",
     "Output.mode": "by number: Modes, below",
-    "Output.reason": "of a change of mode in this tick, by number: below",
+    "Output.reason": "why the mode changed in this tick, by number: Reasons, below",
     "LineTracking.x_m": "of the line's point, downstream",
     "LineTracking.z_m": "of the line's point, height",
     "LineTracking.eta_rad": "the line's inclination from the downstream axis",
@@ -181,11 +181,11 @@ MEANINGS: Final = {
     "VehicleState.pitch_rad": "nose up is positive",
     "VehicleState.pitch_rate_radps": "of the angle above",
     "VehicleState.heading_rate_radps": "of the angle above",
-    "Health.attitude_age_s": "since the last sample that was used was true; inf: none",
+    "Health.attitude_age_s": "age of the last sample that was used; inf: none",
     "Health.heartbeat_age_s": "since the autopilot's last heartbeat; inf: none",
     "Health.position_ok": "it may be flown with",
     "Health.attitude_ok": "it may be flown with",
-    "Health.autopilot_ok": "its heartbeat is heard",
+    "Health.autopilot_ok": "its heartbeat is fresh",
     "Setpoints.pitch_rad": "of the attitude loop; NaN: the module does not fly",
     "Setpoints.roll_rad": "of the attitude loop; NaN: the module does not fly",
     "Setpoints.heading_rad": "of the heading loop, towards the waypoint; NaN: it does not fly",
@@ -196,17 +196,18 @@ MEANINGS: Final = {
     "PidTerms.p": "proportional to the error",
     "PidTerms.i": "the integral",
     "PidTerms.d": "proportional to the error's rate",
-    "PidTerms.feedforward": "without any error",
+    "PidTerms.feedforward": "independent of the error",
     "SupervisorState.mode": "by number: Modes, below",
     "MotionQuality.fix_refused": "a fix was refused in this tick",
-    "Node.time_s": "of a point that the track has passed",
-    "Track.time_s": "up to which accelerations were taken in",
-    "Errors.time_s": "at which the track is wrong by this",
+    "Node.time_s": "time of a point of the track",
+    "Track.time_s": "time up to which accelerations are integrated",
+    "Errors.time_s": "time for which these errors of the track hold",
     "AttitudeTrack.by_gyros": "the rates are those of the gyros",
     "LineState.moving": "it is on its way to its target",
     "Limited.aileron_blocked": "as the elevator's",
-    "Limited.finite": "the last command was a number",
-    "ExcitationState.standing": "0 none, 1 it runs, 2 done, 3 … why it ended or did not begin",
+    "Limited.finite": "the last command was finite",
+    "ExcitationState.standing": "multisine: 0 none, 1 running, 2 done, 3 … why it ended or did not"
+    " begin",
 }
 
 
@@ -336,7 +337,7 @@ def _topics() -> Iterator[Topic]:
     for name, kind in STREAMS.items():
         leaves = tuple(leaves_of(kind))
         fields = (*_HEAD, *(_field(leaf, exact=True) for leaf in leaves))
-        meaning = "What the ticks from this one on had for input. A row when it has changed."
+        meaning = "An input of the ticks from this one on; one row for each new value."
         yield Topic(
             name=name, number=number, fields=fields, meaning=meaning, leaves=leaves, source=kind
         )
@@ -347,10 +348,11 @@ def _topics() -> Iterator[Topic]:
         number=number,
         fields=(
             *_HEAD,
-            Field("afresh", "bool", said="the module began anew, at this state"),
+            Field("afresh", "bool", said="the module was reset to this state"),
             *(_field(leaf, exact=True) for leaf in leaves),
         ),
-        meaning="What that tick left to the next: a replay begins at any of these rows.",
+        meaning="The memory that the tick left to the next; a replay can begin at any of these"
+        " rows.",
         leaves=leaves,
         source=AutopilotState,
     )
@@ -362,7 +364,7 @@ def _topics() -> Iterator[Topic]:
             Field("index", "uint16_t", said="which, in the order of docs/parameters.md"),
             Field("value", "float", said="as it stands after that tick"),
         ),
-        meaning="A parameter that has changed. ULog's own parameter messages say the same.",
+        meaning="A parameter that has changed, as in ULog's own parameter messages.",
     )
     yield Topic(
         name="link",
@@ -379,15 +381,15 @@ def _topics() -> Iterator[Topic]:
             Field("over_run", "uint32_t", said="ticks longer than their period so far"),
             Field("worst_late_s", "float", said="the latest tick so far"),
         ),
-        meaning="How the link and the loop's timing did, every two seconds.",
+        meaning="Counters of the link and of the loop's timing, every two seconds.",
     )
     slow = [_field(leaf, exact=False) for leaf in _SLOW_OUTPUTS]
     yield Topic(
         name="slow",
         number=number + 3,
         fields=(*_HEAD, *slow),
-        meaning="What of a tick's decision need not be in every row: a row every eighth tick. A"
-        " replay gives it for all of them.",
+        meaning="Those outputs of a tick that change slowly: one row every eighth tick. A replay"
+        " gives them for every tick.",
     )
 
 
