@@ -14,8 +14,8 @@ from tgl_soar.config.parameters import INDEX
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
-TASKS = ("A parameter", "A sensor", "A firmware", "An experiment", "A column of the log",
-         "A limit in the supervisor's table")  # fmt: skip
+TASKS = ("A parameter", "A sensor", "A source of position", "A MAVLink message", "A firmware",
+         "An experiment", "A column of the log", "A limit in the supervisor's table")  # fmt: skip
 
 
 def files_in(text: str) -> set[str]:
@@ -33,6 +33,19 @@ def test_each_task_names_source_tests_and_page(task: str) -> None:
     assert found
     files = files_in(re.split(r"(?m)^##", rest)[0])
     assert {"src", "tests", "docs"} <= {name.partition("/")[0] for name in files}
+
+
+@pytest.mark.parametrize("folder", ["link", "onboard"])
+def test_a_folder_that_lists_its_files_lists_what_is_there(folder: str) -> None:
+    place = ROOT / "src" / "tgl_soar" / folder
+    text = ast.get_docstring(ast.parse((place / "__init__.py").read_text(encoding="utf-8"))) or ""
+    rows = re.findall(r"(?m)^  (\w[\w/]*(?:, \w[\w/]*)*)  ", text)
+    rows += re.findall(r";  (\w+/?):", text)
+    listed = [name for row in rows for name in row.split(", ")]
+    assert len(listed) > 15
+    missing = [name for name in listed if not (place / name).is_dir()
+               and not (place / f"{name}.py").is_file()]  # fmt: skip
+    assert not missing, f"moved or renamed: correct {folder}/__init__.py"
 
 
 def test_every_folder_of_tests_has_its_layer() -> None:

@@ -1,1 +1,27 @@
-"""The flying process: the module, what waits for it and watches over it, its log."""
+"""The flying process: the module and its loop, its watchdog, its log.
+
+The module
+  module               init, event, periodic, settings: begin here
+  setup, settings      what it is set up from;  the parameters in force, and what follows from them
+  clocking             the time of a tick: real time, or lockstep with the simulator
+  links, outbound      its links;  frames and texts that go out
+  surfaces             surface commands, their release, and the mode that obeys them
+  positions, mocap     positions from elsewhere than the autopilot;  OptiTrack's sockets
+  operators            what operators ask for, and who may
+  engage_switch        OP_ENGAGE, OP_FORCE and the pilot's switch: what engages and disengages
+  excitation_switch    EXC_START, the multisine
+  instruments          the numbers of the telemetry;  reports: what is sent unasked
+  counters             what the module counts of its own work
+  warm_up              a tick computed in advance and thrown away, to fill the caches
+
+The process
+  process              what surrounds the module: links, stored parameters, log, signals
+  command_line         the options of `tgl-soar run`
+  loop, pacing         wait, take in, tick;  when the next tick is due
+  realtime             priority, locked memory, clock
+  watchdog, stand_in   the parent process;  how it releases the surfaces of a dead child
+  flightlog/           the flight log, from its declaration to the disk
+  line_load            whether a serial line carries the flight
+  native               native code, made by `tgl-soar compile`
+  console, standard_streams    words for the console
+"""
