@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from typer.testing import CliRunner
 from tgl_soar.analysis.experiments import campaign, catalogue, long_flight
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.flights import Flyer
-from tgl_soar.analysis.experiments.result import Result
+from tgl_soar.analysis.experiments.result import Claim, Result
 from tgl_soar.analysis.experiments.scenario import prepare
 from tgl_soar.cli import experiment as experiment_command
 from tgl_soar.cli.app import app
@@ -98,6 +99,37 @@ def test_what_needs_a_rigid_body_is_not_flown_without(
     flown.clear()
     RUN.invoke(app, words)
     assert flown == [(name, None) for name in TITLES]
+
+
+def test_the_page_of_the_paper_is_flown_by_both(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The point mass draws nothing, so that the figures are those of the rigid body."""
+    flown: list[tuple[str, str | None, bool]] = []
+
+    def flies(name: str) -> Callable[[Context], Result]:
+        def fly(context: Context) -> Result:
+            flown.append((name, context.model, context.figures is not None))
+            held = Claim("it is held", context.model == "rigid_body", f"by the {context.model}")
+            return Result(name, name, "", (held,), "", (), {})
+
+        return fly
+
+    monkeypatch.setattr(catalogue, "EXPERIMENTS", {name: flies(name) for name in TITLES})
+    words = ["experiment", "all", "--workers", "0", "--out", str(tmp_path / "out")]
+    told = RUN.invoke(app, [*words, "--docs", str(tmp_path)])
+    assert told.exit_code == 0, told.output
+    expected: list[tuple[str, str | None, bool]] = []
+    for name in TITLES:
+        expected.append((name, "rigid_body", True))
+        if name not in catalogue.RIGID_BODY_ALONE and name != "field":
+            expected.append((name, "point_mass", False))
+    assert flown == expected
+    page = (tmp_path / "experiments.md").read_text()
+    assert "| [`static`](#static) | static | agrees: 1 of 1 | differs: 0 of 1 |" in page
+    assert "| it is held | ✓ by the rigid_body | ✗ by the point_mass |" in page
+    assert "| [`field`](#field) | field | agrees: 1 of 1 | – |" in page
+    assert "point_mass" not in (tmp_path / "aims.md").read_text()
 
 
 def test_a_campaign_flies_it(monkeypatch: pytest.MonkeyPatch) -> None:

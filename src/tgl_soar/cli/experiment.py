@@ -13,9 +13,9 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from tgl_soar.analysis.experiments.catalogue import EXPERIMENTS, RIGID_BODY_ALONE, TITLES
+from tgl_soar.analysis.experiments.catalogue import EXPERIMENTS, RIGID_BODY_ALONE, TITLES, run_both
 from tgl_soar.analysis.experiments.catalogue import run as run_experiment
-from tgl_soar.analysis.experiments.context import Context
+from tgl_soar.analysis.experiments.context import COMPILED_FROM, Context
 from tgl_soar.analysis.experiments.flights import Flyer
 from tgl_soar.analysis.experiments.page import IMAGES, counted, pages
 from tgl_soar.analysis.experiments.result import Result, as_json
@@ -41,7 +41,8 @@ def experiment(
     docs: Annotated[
         Path | None,
         typer.Option(
-            help="With `all`: write experiments.md, aims.md and figures into this folder."
+            help="With `all`: fly both models, write experiments.md, aims.md and figures into"
+            " this folder."
         ),
     ] = None,
     model: Annotated[FlightModel | None, typer.Option(help=MODEL_HELP)] = None,
@@ -54,25 +55,18 @@ def experiment(
 ) -> None:
     """Fly the paper's experiments and our own; print verdicts, write figures and numbers."""
     if name == "list":
-        table = Table("name", "what", box=None)
-        for known, title in TITLES.items():
-            table.add_row(known, title)
-        console.print(table)
+        _print_titles()
         return
-    if name != "all" and name not in EXPERIMENTS:
-        fail(f"no experiment named {name!r}; there are {', '.join(EXPERIMENTS)}, and all")
-    if docs is not None and (name != "all" or quick):
-        fail("--docs goes with `all` and without --quick: the pages hold every experiment whole")
-    if docs is not None and model is not None:
-        fail("--docs goes without --model: the page is that of the airframe file's own")
-
+    _refuse(name, docs, model, quick)
     names = _named(name, model)
     figures: Path | None = out if docs is None else docs / IMAGES
     if not _can_draw():
         if docs is not None:
             fail("--docs needs figures, and they need matplotlib: pip install 'tgl_soar[figures]'")
         figures = None
-    kind = None if model is None else model.kind
+    # With all of them, what is compiled for one experiment serves the next.
+    compiled_from = 2 if name == "all" and not quick else COMPILED_FROM
+    run = run_experiment if docs is None else run_both
     begun = time.monotonic()
     results: list[Result] = []
     out.mkdir(parents=True, exist_ok=True)
@@ -89,16 +83,20 @@ def experiment(
         with Flyer(
             workers, lambda flown, wanted: progress.update(task, completed=flown, total=wanted)
         ) as flyer:
+            kind = None if model is None else model.kind
+            context = Context(flyer, figures, quick, kind, compiled_from)
             for each in names:
                 progress.update(task, description=each)
                 try:
-                    result = run_experiment(each, Context(flyer, figures, quick, kind))
+                    result = run(each, context)
                 except ConfigError as error:
                     fail(error)
                 results.append(result)
                 text = json.dumps(as_json(result), indent=1, ensure_ascii=False)
                 (out / f"{each}.json").write_text(text + "\n", encoding="utf-8")
                 _print(result)
+                if result.point_mass is not None:
+                    _print(result.point_mass)
             flown, simulated = flyer.flown, flyer.simulated_s
     if len(results) > 1:
         _print_summary(results)
@@ -114,6 +112,23 @@ def experiment(
         for name, text in pages(results).items():
             (docs / name).write_text(text, encoding="utf-8")
             say(f"page in {docs / name}")
+
+
+def _print_titles() -> None:
+    table = Table("name", "what", box=None)
+    for known, title in TITLES.items():
+        table.add_row(known, title)
+    console.print(table)
+
+
+def _refuse(name: str, docs: Path | None, model: FlightModel | None, quick: bool) -> None:
+    """End with what is wrong with the arguments, if anything is."""
+    if name != "all" and name not in EXPERIMENTS:
+        fail(f"no experiment named {name!r}; there are {', '.join(EXPERIMENTS)}, and all")
+    if docs is not None and (name != "all" or quick):
+        fail("--docs goes with `all` and without --quick: the pages hold every experiment whole")
+    if docs is not None and model is not None:
+        fail("--docs goes without --model: the page shows both")
 
 
 def _named(name: str, model: FlightModel | None) -> list[str]:

@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from tgl_soar.analysis.experiments.context import Context, with_turbulence
 from tgl_soar.analysis.experiments.flights import (
     FlownScenario,
     Flyer,
@@ -19,6 +20,8 @@ from tgl_soar.analysis.experiments.flights import (
     pooled_dispersion,
 )
 from tgl_soar.analysis.experiments.scenario import Scenario, load_scenario, prepare
+from tgl_soar.analysis.experiments.still_lines import polar_bias_m
+from tgl_soar.config.airframe import ModelKind
 from tgl_soar.config.files import shipped
 from tgl_soar.sim.score import settling_time
 
@@ -115,6 +118,21 @@ def test_a_flight_may_start_elsewhere(scenario: Scenario) -> None:
     flown = fly_job(ScenarioJob(short, 1, start_xz_m=(0.7, 1.4)))
     assert flown.path["x_m"][0] == pytest.approx(0.7, abs=0.01)
     assert flown.path["z_m"][0] == pytest.approx(1.4, abs=0.01)
+
+
+@pytest.mark.parametrize("model", ["rigid_body", "point_mass"])
+def test_an_aircraft_settles_where_its_own_glides_put_it(model: ModelKind) -> None:
+    """Off the fitted cubic's crossing, to opposite sides by the two models; sensors' noise is 2 mm
+    and the mean of 15 s knows its place to less."""
+    still = Context(Flyer(), model=model).scenario("static")
+    calm = with_turbulence(msgspec.structs.replace(still, duration_s=21.0), 0.0)
+    prepared = prepare(calm)
+    at = prepared.lines["a"].crossing
+    assert at is not None
+    expected_m = polar_bias_m(prepared, at)
+    assert (expected_m > 0.0) == (model == "rigid_body")
+    (leg,) = fly_job(ScenarioJob(calm, 1)).legs
+    assert leg.miss_m == pytest.approx(expected_m, abs=0.004)
 
 
 @pytest.mark.long

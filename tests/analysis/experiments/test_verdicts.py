@@ -115,6 +115,42 @@ def test_our_own_aims_stand_on_a_page_of_their_own(claims: tuple[Claim, ...], ve
     assert "`name`" not in written["aims.md"]
 
 
+def on_both(point: Result) -> Result:
+    return replace(result(YES, NO), why="", point_mass=point)
+
+
+def test_both_models_stand_beside_each_other_in_every_table() -> None:
+    point = replace(result(YES, YES), tables=(Table("one", ("a", "b [m]"), (("x", "7"),)),))
+    text = as_markdown(on_both(point), "images")
+    for row in (
+        "| model | a | b [m] |",
+        "| rigid body | x | 1 |",
+        "| point mass | x | 7 |",
+        "| claim | rigid body | point mass |",
+        "| it does | ✓ 1 cm | ✓ 1 cm |",
+        "| it does not | ✗ 2 cm | – |",
+        "**Verdict: rigid body agrees in part, point mass agrees.**",
+        "*Point mass*: because.",
+    ):
+        assert row in text.splitlines()
+    assert "Rigid body*" not in text  # which has nothing to say beside its claims
+    whole = page([on_both(point), replace(result(YES), name="alone")])
+    assert "| [`name`](#name) | title | agrees in part: 1 of 2 | agrees: 2 of 2 |" in whole
+    assert "| [`alone`](#alone) | title | agrees: 1 of 1 | – |" in whole
+    assert as_json(on_both(point))["point_mass"]["verdict"] == "agrees"
+
+
+def test_what_both_models_say_alike_is_said_once() -> None:
+    text = as_markdown(replace(result(YES), point_mass=result(YES)), "images")
+    assert text.count("because.") == 1
+    assert "Point mass*" not in text
+
+
+def test_tables_that_are_not_the_same_are_not_put_together() -> None:
+    with pytest.raises(ValueError, match="zip"):
+        as_markdown(on_both(replace(result(YES), tables=())), "images")
+
+
 def test_a_changed_threshold_is_listed_with_its_reason() -> None:
     assert "was" not in page([result(YES)]).split("\n\n")[-2]
     changed = ChangedThreshold("it moves", "15 cm", "5 cm", "as far as it strays")

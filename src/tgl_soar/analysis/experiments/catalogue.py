@@ -54,9 +54,9 @@ RIGID_BODY_ALONE: Final = (
     "dispersed",
 )
 OURS: Final = frozenset(RIGID_BODY_ALONE)
+NOT_FLOWN: Final = ("field",)  # computed from the air alone
 
 TITLES: Final = {
-    "field": "a hill of potential flow, an illustrative polar, three places",
     "static": "a line that stands still",
     "translate": "the line moves downstream, a to b to c",
     "back": "and back upstream",
@@ -85,3 +85,15 @@ def run(name: str, context: Context) -> Result:
     begun = time.monotonic()
     result = EXPERIMENTS[name](context)
     return replace(result, own=name in OURS, seconds=time.monotonic() - begun)
+
+
+def run_both(name: str, context: Context) -> Result:
+    """Run one experiment, and with it the same on the point mass where that can fly it.
+
+    Figures are those of the first.  Errors: those of `run`.
+    """
+    result = run(name, replace(context, model="rigid_body"))
+    if name in RIGID_BODY_ALONE or name in NOT_FLOWN:
+        return result
+    point = run(name, replace(context, model="point_mass", figures=None))
+    return replace(result, point_mass=point, seconds=result.seconds + point.seconds)

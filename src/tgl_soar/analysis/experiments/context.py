@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import msgspec
 
@@ -30,13 +31,15 @@ from tgl_soar.sim.world import ground_outline
 COMPILED_FROM: Final = 120  # flights: compiling takes as long as flying fewer of them plainly
 
 
-class Context(NamedTuple):
+@dataclass(frozen=True)
+class Context:
     """Where flights are flown and figures go."""
 
     flyer: Flyer
     figures: Path | None = None  # folder; None: draw none
     quick: bool = False  # one seed, one intensity: to try an experiment, not to cite it
     model: ModelKind | None = None  # what flies; None: what the airframe file says
+    compiled_from: int = COMPILED_FROM  # flights at once; fewer where many more are to follow
 
     def scenario(self, name: str) -> Scenario:
         """A shipped scenario, with one seed where it is quick.  Errors: `ConfigError`."""
@@ -60,7 +63,7 @@ class Context(NamedTuple):
     def fly_jobs(self, jobs: list[ScenarioJob]) -> list[FlownScenario]:
         """In the order given; compiled where numba is installed and many are to be flown."""
         faulty = any(job.scenario.faults for job in jobs)
-        if len(jobs) < COMPILED_FROM or faulty or not available():
+        if len(jobs) < self.compiled_from or faulty or not available():
             return self.flyer.fly(jobs)
         first = self.flyer.each(fly_job_compiled, jobs[:1], compiled=True)  # the others wait for it
         return first + self.flyer.each(fly_job_compiled, jobs[1:], compiled=True)

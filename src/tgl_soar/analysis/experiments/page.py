@@ -60,6 +60,12 @@ def page(results: Sequence[Result]) -> str:
         " the slope of excess updraft and which no still line changes. The letters a, b, c, d name"
         " lines or places of their own section and nothing else. A claim that is an identity of the"
         " model says so and decides no verdict. Our own aims stand in [aims.md](aims.md).",
+        "",
+        "Each is flown by two models of one aircraft: the **rigid body** with six degrees of"
+        " freedom, and the **point mass** that the paper simulates, its equations corrected and"
+        " closed ([theory.md](theory.md#the-point-mass)). Where the models differ, what the point"
+        " mass lacks is the reason to look for first: a stall, a short period, and what couples the"
+        " axes. Figures show the rigid body.",
     ]
     return _whole(head, results)
 
@@ -91,10 +97,25 @@ def changed_thresholds(results: Sequence[Result]) -> list[str]:
     ]
 
 
+def _summary(results: Sequence[Result]) -> list[str]:
+    """Every verdict in a table, of both models where both flew."""
+    both = any(r.point_mass is not None for r in results)
+    columns = ["verdict", *(["of the point mass"] if both else [])]
+    lines = [
+        "| experiment | what | " + " | ".join(columns) + " |",
+        "|---" * (2 + len(columns)) + "|",
+    ]
+    for r in results:
+        line = f"| [`{r.name}`](#{r.name}) | {r.title} | {counted(r)} |"
+        if both:
+            line += f" {'–' if r.point_mass is None else counted(r.point_mass)} |"
+        lines.append(line)
+    return lines
+
+
 def _whole(head: list[str], results: Sequence[Result]) -> str:
     made = versions()
-    head = [*head, "", "| experiment | what | verdict |", "|---|---|---|"]
-    head += [f"| [`{r.name}`](#{r.name}) | {r.title} | {counted(r)} |" for r in results]
+    head += ["", *_summary(results)]
     head += changed_thresholds(results)
     body = [f'<a id="{r.name}"></a>\n\n{as_markdown(r, IMAGES)}' for r in results]
     foot = (

@@ -60,6 +60,7 @@ class Result:
     seeds: tuple[int, ...] = ()
     changed: tuple[ChangedThreshold, ...] = ()
     own: bool = False  # holds this project's aims, not claims of the paper
+    point_mass: Result | None = None  # the same flown by the paper's own model
     seconds: float = field(default=0.0, compare=False)  # wall clock
 
     @property
@@ -78,6 +79,29 @@ class Result:
     def judged(self) -> tuple[Claim, ...]:
         """The claims that could have turned out otherwise."""
         return tuple(claim for claim in self.claims if not claim.by_construction)
+
+
+def by_model(result: Result) -> dict[str, Result]:
+    """What each model flew, by the model's name."""
+    point = result.point_mass
+    return {"rigid body": result} if point is None else {"rigid body": result, "point mass": point}
+
+
+def tables_of(result: Result) -> tuple[Table, ...]:
+    """The tables; where both models flew, each row begins with its model.
+
+    Errors: ValueError for models whose tables are not the same.
+    """
+    if result.point_mass is None:
+        return result.tables
+    flown = by_model(result)
+
+    def together(title: str, several: tuple[Table, ...]) -> Table:
+        rows = ((name, *row) for name, one in zip(flown, several, strict=True) for row in one.rows)
+        return Table(title, ("model", *several[0].columns), tuple(rows))
+
+    same = zip(*(each.tables for each in flown.values()), strict=True)
+    return tuple(together(several[0].title, several) for several in same)
 
 
 def versions() -> dict[str, str]:
@@ -109,6 +133,7 @@ def as_json(result: Result) -> dict[str, Any]:
         ],
         "why": result.why,
         "numbers": plain(result.numbers),
+        "point_mass": result.point_mass and as_json(result.point_mass),
         "scenarios": list(result.scenarios),
         "seeds": list(result.seeds),
         "versions": versions(),
@@ -136,24 +161,59 @@ def plain(value: Any) -> Any:
 def as_markdown(result: Result, images: str) -> str:
     """The experiment's section of docs/experiments.md; images: the folder, as the page sees it."""
     lines = [f"## `{result.name}`: {result.title}", "", result.flown, ""]
-    for table in result.tables:
+    for table in tables_of(result):
         if table.title:
             lines += [f"**{table.title}**", ""]
-        lines.append("| " + " | ".join(table.columns) + " |")
-        lines.append("|" + "---|" * len(table.columns))
-        lines += ["| " + " | ".join(row) + " |" for row in table.rows]
+        lines += _table(table)
         lines.append("")
     for figure in result.figures:
         lines += [f"![{result.title}]({images}/{figure})", ""]
-    lines += [f"**Verdict: {result.verdict}.**", ""]
-    for claim in result.claims:
-        mark = "✓" if claim.holds else "✗"
-        identity = " (true by construction)" if claim.by_construction else ""
-        lines.append(f"- {mark} {claim.text}{identity}: {claim.measured}.")
-    if result.why:
-        lines += ["", result.why]
+    lines += _judged(result)
+    lines += _reasons(result)
     if result.scenarios:
         seeds = ", ".join(str(seed) for seed in result.seeds)
         files = ", ".join(f"`config/scenarios/{name}.toml`" for name in result.scenarios)
         lines += ["", f"Scenario: {files}. Seeds: {seeds}."]
     return "\n".join(lines) + "\n"
+
+
+def _table(table: Table) -> list[str]:
+    return [
+        "| " + " | ".join(table.columns) + " |",
+        "|" + "---|" * len(table.columns),
+        *("| " + " | ".join(row) + " |" for row in table.rows),
+    ]
+
+
+def _judged(result: Result) -> list[str]:
+    """Verdict and claims: a list for one model, a table with a column each for both."""
+    flown = by_model(result)
+    if len(flown) == 1:
+        lines = [f"**Verdict: {result.verdict}.**", ""]
+        return lines + [f"- {_mark(c)} {_text(c)}: {c.measured}." for c in result.claims]
+    texts = list(dict.fromkeys(_text(c) for each in flown.values() for c in each.claims))
+    found = [{_text(c): f"{_mark(c)} {c.measured}" for c in each.claims} for each in flown.values()]
+    verdicts = ", ".join(f"{name} {each.verdict}" for name, each in flown.items())
+    rows = tuple((text, *(claims.get(text, "–") for claims in found)) for text in texts)
+    return [f"**Verdict: {verdicts}.**", "", *_table(Table("", ("claim", *flown), rows))]
+
+
+def _mark(claim: Claim) -> str:
+    return "✓" if claim.holds else "✗"
+
+
+def _text(claim: Claim) -> str:
+    return f"{claim.text} (true by construction)" if claim.by_construction else claim.text
+
+
+def _reasons(result: Result) -> list[str]:
+    """What stands beside the claims; once where both models say the same."""
+    reasons = {name: each.why for name, each in by_model(result).items()}
+    if len(set(reasons.values())) == 1:
+        return ["", result.why] if result.why else []
+    return [
+        line
+        for name, why in reasons.items()
+        for line in ("", f"*{name.capitalize()}*: {why}")
+        if why
+    ]

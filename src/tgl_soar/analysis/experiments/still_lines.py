@@ -7,7 +7,6 @@ from math import degrees, sqrt
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from msgspec.structs import asdict
 
 from tgl_soar.air.zeuc import Crossing
 from tgl_soar.analysis.experiments.context import (
@@ -28,7 +27,7 @@ from tgl_soar.analysis.experiments.flights import (
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.experiments.scenario import PreparedScenario, Scenario, prepare, slide_at
 from tgl_soar.analysis.report.flight_figure import HistoryPanel, Spans, Trace, flight_figure
-from tgl_soar.sim.aircraft import aircraft_model, glide_at
+from tgl_soar.sim.world import flown_aircraft
 from tgl_soar.types import polar_sink
 
 # Three standard errors of the mean of eight flights of a leg at 1 % of turbulence (0.3 cm each),
@@ -157,8 +156,8 @@ def place_claim(summaries: list[LegSummary], miss_most_m: float = MISS_MOST_M) -
     )
 
 
-def dispersion_note(by_intensity: dict[float, list[LegSummary]]) -> str:
-    """How the dispersion compares with its formula."""
+def dispersion_note(by_intensity: dict[float, list[LegSummary]], *, stalls: bool = True) -> str:
+    """How the dispersion compares with its formula; stalls: whether the model that flew can."""
     compared = [
         (s.dispersion_m / s.dispersion_formula_m, intensity, s)
         for intensity, summaries in by_intensity.items()
@@ -177,8 +176,9 @@ def dispersion_note(by_intensity: dict[float, list[LegSummary]]) -> str:
     if ratio > 1.15:
         note += (
             f" The formula is linear: at {100 * intensity:g} % of turbulence gusts take the wing"
-            f" beyond the stall {100 * worst.stalled_fraction:.1f} % of the time, dispersion is"
-            f" {ratio:.2f} times the formula's, and the mean place lies"
+            f" beyond the stall's incidence {100 * worst.stalled_fraction:.1f} % of the time"
+            + ("" if stalls else " (at which a point mass loses no lift)")
+            + f", dispersion is {ratio:.2f} times the formula's, and the mean place lies"
             f" {100 * abs(worst.miss_m):.0f} cm {'below' if worst.miss_m < 0.0 else 'above'} the"
             " crossing."
         )
@@ -191,8 +191,7 @@ def polar_bias_m(prepared: PreparedScenario, at: Crossing) -> float:
     The polar is a cubic through the model's glides: where it sinks more than they do, the
     aircraft settles higher, by the difference over the slope of excess updraft.
     """
-    model = aircraft_model(asdict(prepared.airframe.airframe), prepared.airframe.model)
-    own = glide_at(model, at.wind_mps).sink_mps
+    own = flown_aircraft(prepared.airframe).glide_at(at.wind_mps).sink_mps
     return (polar_sink(prepared.polar, at.wind_mps) - own) / -at.excess_slope_per_s
 
 
@@ -295,6 +294,7 @@ def _result(
         intensities = (judged,)
     flights, summaries = _fly_at(context, scenario, intensities)
     prepared = prepare(with_turbulence(scenario, judged))
+    stalls = prepared.airframe.model_kind == "rigid_body"
     legs = 1 + sum(change.line is not None for change in scenario.changes)
     rows = [row for i in intensities for row in leg_rows(i, flights[i], summaries[i])]
     figures = draw(
@@ -313,7 +313,7 @@ def _result(
             place_claim(summaries[judged], MISS_MOST_M * (2.0 if context.quick else 1.0)),
             *extra,
         ),
-        f"{dispersion_note(summaries)} {bias_note(prepared, flown_lines(scenario))}",
+        f"{dispersion_note(summaries, stalls=stalls)} {bias_note(prepared, flown_lines(scenario))}",
         (Table("", LEG_COLUMNS, tuple(rows)),),
         {
             "judged_at_turbulence": judged,
