@@ -7,8 +7,8 @@
 U  m/s  wind far upstream, along +x        R  m  radius of the hill, its axis at x = z = 0
 r  m    distance from the axis             θ  rad  angle from +x (downstream) towards +z (up)
 
-The paper prints the brackets elsewhere and Phi with another sign; the lines above are the
-potential flow that vanishes normal to the hill (V_r = 0 at r = R) and tends to U far away.
+Where the paper's lines can be read in more than one way, these are meant: the potential flow
+that vanishes normal to the hill (V_r = 0 at r = R) and tends to U far away.
 In Cartesian components, with x = r cos θ and z = r sin θ,
 
     u = U (1 − R² (x² − z²) / r⁴)        w = −U · 2 R² x z / r⁴

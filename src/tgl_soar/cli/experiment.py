@@ -46,6 +46,10 @@ def experiment(
         ),
     ] = None,
     model: Annotated[FlightModel | None, typer.Option(help=MODEL_HELP)] = None,
+    field: Annotated[
+        Path | None,
+        typer.Option(help="A site file: `places` flies in its air too, a CFD plane's perhaps."),
+    ] = None,
     workers: Annotated[
         int, typer.Option(help="Processes that fly; 0: none but this one.", min=0, max=256)
     ] = os.cpu_count() or 1,
@@ -84,7 +88,7 @@ def experiment(
             workers, lambda flown, wanted: progress.update(task, completed=flown, total=wanted)
         ) as flyer:
             kind = None if model is None else model.kind
-            context = Context(flyer, figures, quick, kind, compiled_from)
+            context = Context(flyer, figures, quick, kind, field, compiled_from)
             for each in names:
                 progress.update(task, description=each)
                 try:

@@ -9,6 +9,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from tgl_soar.analysis.experiments.context import Context
+from tgl_soar.analysis.experiments.result import Result
+from tgl_soar.cli import experiment as experiment_command
 from tgl_soar.cli.app import app
 from tgl_soar.config.files import shipped
 
@@ -135,3 +138,24 @@ def test_experiment_lists_runs_and_refuses(tmp_path: Path) -> None:
     told = json.loads((tmp_path / "field.json").read_text())
     assert told["verdict"] == "agrees"
     assert (tmp_path / "field.png").stat().st_size > 20_000
+
+
+def test_a_site_file_gives_its_air_to_the_places(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: list[Path | None] = []
+
+    def fly(name: str, context: Context) -> Result:
+        given.append(context.field)
+        return Result(name, "", "", (), "", (), {})
+
+    monkeypatch.setattr(experiment_command, "run_experiment", fly)
+    words = ["experiment", "places", "--workers", "0", "--out", str(tmp_path)]
+    plane = shipped("sites/tunnel_polynomial.toml")
+    assert run.invoke(app, [*words, "--field", str(plane)]).exit_code == 0
+    assert run.invoke(app, words).exit_code == 0
+    assert given == [plane, None]
+    monkeypatch.undo()
+    missing = run.invoke(app, [*words, "--field", str(tmp_path / "none.toml")])
+    assert missing.exit_code == 2
+    assert "none.toml" in missing.stderr.replace("\n", "")

@@ -12,6 +12,7 @@ from PIL import Image
 
 from tgl_soar.air.hill import HillField
 from tgl_soar.analysis.report.curves_figure import CurvePanel, DrawnCurve, Mark, Note, curves_figure
+from tgl_soar.analysis.report.field_figure import DrawnPlace, field_figure, speeds
 from tgl_soar.analysis.report.flight_figure import HistoryPanel, MapAir, Spans, Trace, flight_figure
 from tgl_soar.analysis.report.polar_figure import polar_figure
 from tgl_soar.analysis.report.zeuc_figure import DrawnLine, zeuc_figure
@@ -72,6 +73,17 @@ def test_a_flight_is_drawn_beside_its_histories(tmp_path: Path) -> None:
         Spans([(2.0, 8.0, "a")]),
     )
     assert inked(tmp_path / "flight.png") > 0.2
+
+
+def test_wind_and_updraft_are_drawn_side_by_side_without_their_walls(tmp_path: Path) -> None:
+    x, z = np.array([0.0, -40.0]), np.array([5.0, 30.0])  # in the hill, and in the air
+    u, w = speeds(HILL, x, z, 0.0)
+    assert np.isnan([u[0], w[0]]).all()
+    assert (u[1], w[1]) == pytest.approx(tuple(float(v) for v in HILL.wind(-40.0, 0.0, 30.0)[::2]))
+    places = [DrawnPlace("[a]", -30.7, 30.7), DrawnPlace("[b]", -15.8, 35.9)]
+    ground = [(-20.0, 0.0), (0.0, 20.0), (0.0, 0.0)]
+    field_figure(tmp_path / "field.png", HILL, POLAR, BOUNDS, ground, places, "a hill")
+    assert inked(tmp_path / "field.png") > 0.3
 
 
 def test_curves_take_logarithms_marks_and_notes(tmp_path: Path) -> None:

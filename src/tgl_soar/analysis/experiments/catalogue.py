@@ -14,6 +14,7 @@ from tgl_soar.analysis.experiments import (
     hill_positions,
     identification,
     line_lean,
+    places,
     robustness,
     sensitivity,
     still_lines,
@@ -26,6 +27,7 @@ from tgl_soar.config.files import ConfigError
 
 EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "field": hill_positions.run,
+    "places": places.places,
     "static": still_lines.static,
     "translate": still_lines.translate,
     "back": still_lines.back,
@@ -57,6 +59,8 @@ OURS: Final = frozenset(RIGID_BODY_ALONE)
 NOT_FLOWN: Final = ("field",)  # computed from the air alone
 
 TITLES: Final = {
+    "field": "a hill of potential flow, an illustrative polar, three places",
+    "places": "those places flown: near the stall, at best glide, beyond it",
     "static": "a line that stands still",
     "translate": "the line moves downstream, a to b to c",
     "back": "and back upstream",

@@ -39,6 +39,7 @@ class Context:
     figures: Path | None = None  # folder; None: draw none
     quick: bool = False  # one seed, one intensity: to try an experiment, not to cite it
     model: ModelKind | None = None  # what flies; None: what the airframe file says
+    field: Path | None = None  # a site file whose air is flown in too, by `places`
     compiled_from: int = COMPILED_FROM  # flights at once; fewer where many more are to follow
 
     def scenario(self, name: str) -> Scenario:

@@ -76,6 +76,7 @@ Seconds = Annotated[float, Meta(ge=0, le=3600)]
 Finite = Annotated[float, Meta(ge=-1e6, le=1e6)]
 
 CONTOUR_STEP_M = 0.02
+FENCE = ("FENCE_X_MIN", "FENCE_X_MAX", "FENCE_Z_MIN", "FENCE_Z_MAX")
 
 
 class LineSpec(Strict, frozen=True):
@@ -285,10 +286,8 @@ def _prepare(text: bytes) -> PreparedScenario:
     else:
         site = Site(site=SiteOrigin(name=scenario.title), air=scenario.air)
         site_path = scenario.title
-    if not isinstance(site.air, JetAir | HillAir | PolynomialAir):
-        raise ConfigError(
-            f"site {site.site.name}: a scenario needs the air of a jet or a hill, or a polynomial"
-        )
+    if site.air is None:
+        raise ConfigError(f"site {site.site.name}: a scenario needs an [air] table")
     if scenario.turbulence is not None:
         air = msgspec.structs.replace(site.air, turbulence=scenario.turbulence)
         site = msgspec.structs.replace(site, air=air)
@@ -328,7 +327,7 @@ def _prepare(text: bytes) -> PreparedScenario:
 
 def _field(scenario: Scenario, site: Site) -> WindField:
     air = site.air
-    assert isinstance(air, JetAir | HillAir | PolynomialAir)
+    assert air is not None
     field = build_field(air, None if scenario.site is None else Path(scenario.site).parent)
     if scenario.slope is not None:
         if not isinstance(air, JetAir):
@@ -359,7 +358,13 @@ def search_bounds(site: Site) -> Bounds:
         return (-4.0 * radius, 0.0, 0.05 * radius, 4.0 * radius)
     if isinstance(site.air, PolynomialAir):
         return (*site.air.x_m, *site.air.z_m)
-    raise ConfigError(f"site {site.site.name}: name the bounds in which to look for the contour")
+    if missing := [name for name in FENCE if name not in site.parameters]:
+        raise ConfigError(
+            f"site {site.site.name}: name the bounds in which to look for the contour: a grid's are"
+            f" those of the fence, and [parameters] lacks {', '.join(missing)}"
+        )
+    x_min, x_max, z_min, z_max = (site.parameters[name] for name in FENCE)
+    return x_min, x_max, z_min, z_max
 
 
 def contour_step(bounds: Bounds) -> float:

@@ -267,6 +267,11 @@ def draw(
     return (path.name,)
 
 
+def pooled_or_nan(legs: list[ScoredLeg]) -> float:
+    """Dispersion [m] of several flights of one leg; NaN of none."""
+    return pooled_dispersion(legs) if legs else float("nan")
+
+
 def flown_lines(scenario: Scenario) -> list[str]:
     """Names of the lines that are flown, each once, in order."""
     lines = [scenario.first_line, *(c.line for c in scenario.changes if c.line is not None)]
