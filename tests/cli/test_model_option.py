@@ -10,7 +10,7 @@ import msgspec
 import pytest
 from typer.testing import CliRunner
 
-from tgl_soar.analysis.experiments import campaign, catalogue, long_flight
+from tgl_soar.analysis.experiments import campaign, catalogue, long_flight, staleness
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.flights import Flyer
 from tgl_soar.analysis.experiments.result import Claim, Result
@@ -115,6 +115,7 @@ def test_the_page_of_the_paper_is_flown_by_both(
 
         return fly
 
+    monkeypatch.setattr(experiment_command, "probe", lambda: {"tunnel": (0.25, 1.5)})
     monkeypatch.setattr(catalogue, "EXPERIMENTS", {name: flies(name) for name in TITLES})
     words = ["experiment", "all", "--workers", "0", "--out", str(tmp_path / "out")]
     told = RUN.invoke(app, [*words, "--docs", str(tmp_path)])
@@ -129,6 +130,7 @@ def test_the_page_of_the_paper_is_flown_by_both(
     assert "| [`static`](#static) | static | agrees: 1 of 1 | differs: 0 of 1 |" in page
     assert "| it is held | ✓ by the rigid_body | ✗ by the point_mass |" in page
     assert "| [`field`](#field) | field | agrees: 1 of 1 | – |" in page
+    assert staleness.marked(page) == {"tunnel": (0.25, 1.5)}
     assert "point_mass" not in (tmp_path / "aims.md").read_text()
 
 

@@ -19,6 +19,7 @@ from tgl_soar.analysis.experiments.context import COMPILED_FROM, Context
 from tgl_soar.analysis.experiments.flights import Flyer
 from tgl_soar.analysis.experiments.page import IMAGES, counted, pages
 from tgl_soar.analysis.experiments.result import Result, as_json
+from tgl_soar.analysis.experiments.staleness import probe
 from tgl_soar.cli.console import MODEL_HELP, FlightModel, console, errors, fail, hint, say
 from tgl_soar.config.files import ConfigError
 
@@ -113,9 +114,13 @@ def experiment(
     else:
         console.print(f"figures in {figures}/")
     if docs is not None:
-        for name, text in pages(results).items():
-            (docs / name).write_text(text, encoding="utf-8")
-            say(f"page in {docs / name}")
+        _write_pages(docs, results)
+
+
+def _write_pages(docs: Path, results: list[Result]) -> None:
+    for name, text in pages(results, probe()).items():
+        (docs / name).write_text(text, encoding="utf-8")
+        say(f"page in {docs / name}")
 
 
 def _print_titles() -> None:

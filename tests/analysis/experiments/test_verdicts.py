@@ -87,7 +87,7 @@ def test_a_result_tells_everything_in_json_and_markdown() -> None:
         "because",
     ):
         assert words in text
-    whole = page([result(YES, NO)])
+    whole = page([result(YES, NO)], {})
     assert as_markdown(result(YES, NO), "images/experiments") in whole
     assert "| [`name`](#name) | title | agrees in part: 1 of 2 |" in whole
 
@@ -107,7 +107,7 @@ def test_what_is_true_by_construction_is_marked_and_decides_nothing() -> None:
 def test_our_own_aims_stand_on_a_page_of_their_own(claims: tuple[Claim, ...], verdict: str) -> None:
     ours = replace(result(*claims), name="ours", own=True)
     assert ours.verdict == verdict
-    written = pages([result(YES), ours])
+    written = pages([result(YES), ours], {})
     assert list(written) == ["experiments.md", "aims.md"]
     assert "`name`" in written["experiments.md"]
     assert "`ours`" not in written["experiments.md"]
@@ -134,7 +134,7 @@ def test_both_models_stand_beside_each_other_in_every_table() -> None:
     ):
         assert row in text.splitlines()
     assert "Rigid body*" not in text  # which has nothing to say beside its claims
-    whole = page([on_both(point), replace(result(YES), name="alone")])
+    whole = page([on_both(point), replace(result(YES), name="alone")], {})
     assert "| [`name`](#name) | title | agrees in part: 1 of 2 | agrees: 2 of 2 |" in whole
     assert "| [`alone`](#alone) | title | agrees: 1 of 1 | – |" in whole
     assert as_json(on_both(point))["point_mass"]["verdict"] == "agrees"
@@ -152,9 +152,9 @@ def test_tables_that_are_not_the_same_are_not_put_together() -> None:
 
 
 def test_a_changed_threshold_is_listed_with_its_reason() -> None:
-    assert "was" not in page([result(YES)]).split("\n\n")[-2]
+    assert "was" not in page([result(YES)], {}).split("\n\n")[-2]
     changed = ChangedThreshold("it moves", "15 cm", "5 cm", "as far as it strays")
-    told = page([replace(result(YES), changed=(changed,))])
+    told = page([replace(result(YES), changed=(changed,))], {})
     assert "| `name` | it moves | 15 cm | 5 cm | as far as it strays |" in told
 
 

@@ -10,21 +10,22 @@ from collections.abc import Sequence
 from typing import Final
 
 from tgl_soar.analysis.experiments.result import Result, as_markdown, versions
+from tgl_soar.analysis.experiments.staleness import Ends, mark
 
 IMAGES: Final = "images/experiments"
 PAPER: Final = "experiments.md"
 AIMS: Final = "aims.md"
 
 
-def pages(results: Sequence[Result]) -> dict[str, str]:
-    """Both pages in Markdown, by file name."""
+def pages(results: Sequence[Result], ends: Ends) -> dict[str, str]:
+    """Both pages in Markdown, by file name; ends: of the probes, `staleness.probe()`."""
     return {
-        PAPER: page([r for r in results if not r.own]),
-        AIMS: aims_page([r for r in results if r.own]),
+        PAPER: page([r for r in results if not r.own], ends),
+        AIMS: aims_page([r for r in results if r.own], ends),
     }
 
 
-def aims_page(results: Sequence[Result]) -> str:
+def aims_page(results: Sequence[Result], ends: Ends) -> str:
     """What this project asks of itself."""
     head = [
         "# Aims of our own, flown in simulation",
@@ -35,10 +36,10 @@ def aims_page(results: Sequence[Result]) -> str:
         " paper reports or explains stands in [experiments.md](experiments.md), flown by the"
         " same command with the same aircraft, sensors and air.",
     ]
-    return _whole(head, results)
+    return _whole(head, results, ends)
 
 
-def page(results: Sequence[Result]) -> str:
+def page(results: Sequence[Result], ends: Ends) -> str:
     """The page of the paper's claims."""
     head = [
         "# The paper's experiments, flown in simulation",
@@ -67,7 +68,7 @@ def page(results: Sequence[Result]) -> str:
         " mass lacks is the reason to look for first: a stall, a short period, and what couples the"
         " axes. Figures show the rigid body.",
     ]
-    return _whole(head, results)
+    return _whole(head, results, ends)
 
 
 def counted(result: Result) -> str:
@@ -113,7 +114,7 @@ def _summary(results: Sequence[Result]) -> list[str]:
     return lines
 
 
-def _whole(head: list[str], results: Sequence[Result]) -> str:
+def _whole(head: list[str], results: Sequence[Result], ends: Ends) -> str:
     made = versions()
     head += ["", *_summary(results)]
     head += changed_thresholds(results)
@@ -121,6 +122,6 @@ def _whole(head: list[str], results: Sequence[Result]) -> str:
     foot = (
         f"---\n\nMade with tgl_soar {made['tgl_soar']}, Python {made['python']}, numpy"
         f" {made['numpy']}, {made['machine']}. The same seeds give the same flights on one machine;"
-        " another processor's rounding may change the last digits.\n"
+        f" another processor's rounding may change the last digits.\n\n{mark(ends)}\n"
     )
     return "\n".join(head) + "\n\n" + "\n".join(body) + "\n" + foot

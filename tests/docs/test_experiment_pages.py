@@ -1,0 +1,86 @@
+"""The pages of experiments are of what flies now, and of the experiments that there are."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from tgl_soar.analysis.experiments import staleness
+from tgl_soar.analysis.experiments.catalogue import EXPERIMENTS, OURS
+from tgl_soar.analysis.experiments.flights import ScenarioJob, fly_job
+from tgl_soar.analysis.experiments.page import AIMS, PAPER, page
+from tgl_soar.analysis.experiments.scenario import load_scenario, prepare
+from tgl_soar.config.files import shipped
+
+DOCS = Path(__file__).parents[2] / "docs"
+MAKE = "tgl-soar experiment all --docs docs"
+PAGES = {
+    PAPER: [name for name in EXPERIMENTS if name not in OURS],
+    AIMS: [name for name in EXPERIMENTS if name in OURS],
+}
+
+
+@pytest.fixture(scope="module")
+def now() -> staleness.Ends:
+    return staleness.probe()
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_a_page_is_of_what_flies_or_says_that_it_is_older(name: str, now: staleness.Ends) -> None:
+    """A page that is not flown again after a change of the laws begins with a notice."""
+    text = (DOCS / name).read_text(encoding="utf-8")
+    older = staleness.differences(text, now)
+    listed = re.findall(r"^\| \[`(\w+)`\]", text, flags=re.MULTILINE)
+    if listed != PAGES[name]:
+        older.append(f"it lists {', '.join(listed)}; there are {', '.join(PAGES[name])}")
+    older += wrong_seeds(text)
+    says_so = staleness.OLDER in text
+    assert says_so == bool(older), f"docs/{name}: {older}; {MAKE}, or begin with {staleness.OLDER}"
+    assert not says_so or MAKE in text.partition(staleness.OLDER)[2].partition("\n\n")[0]
+
+
+def wrong_seeds(text: str) -> list[str]:
+    """Scenarios that are flown with other seeds than a page says, or are there no more."""
+    said = re.findall(r"`config/scenarios/(\w+)\.toml`\. Seeds: ([\d, ]+)\.", text)
+    wrong = []
+    for name, seeds in said:
+        path = shipped("scenarios") / f"{name}.toml"
+        if not path.is_file():
+            wrong.append(f"there is no scenario {name}")
+        elif ", ".join(map(str, load_scenario(path).seeds)) != seeds:
+            wrong.append(f"{name} is flown with other seeds than {seeds}")
+    return wrong
+
+
+def test_seeds_are_compared_with_the_scenario() -> None:
+    assert wrong_seeds("Scenario: `config/scenarios/lean.toml`. Seeds: 1, 2.") != []
+    assert wrong_seeds("Scenario: `config/scenarios/lost.toml`. Seeds: 1.") == [
+        "there is no scenario lost"
+    ]
+    seeds = ", ".join(map(str, load_scenario(shipped("scenarios/lean.toml")).seeds))
+    assert wrong_seeds(f"Scenario: `config/scenarios/lean.toml`. Seeds: {seeds}.") == []
+
+
+def test_a_gain_changed_by_a_ten_thousandth_is_noticed(now: staleness.Ends) -> None:
+    """And rounding is not: a page keeps nine digits."""
+    written = page([], now)
+    assert staleness.differences(written, now) == []
+    scenario = staleness.probed(*staleness.PROBES["tunnel"])
+    gain = 1.0001 * prepare(scenario).values["RHO_P"]
+    other = msgspec.structs.replace(scenario, parameters={"RHO_P": gain})
+    flown = fly_job(ScenarioJob(other, 1))
+    end = float(flown.path["x_m"][-1]), float(flown.path["z_m"][-1])
+    (told,) = staleness.differences(written, now | {"tunnel": end})
+    assert told.startswith("tunnel: ends ")
+
+
+def test_a_page_without_probes_or_with_others_is_older(now: staleness.Ends) -> None:
+    assert staleness.differences("# A page\n", now) == ["the page holds no probes"]
+    fewer = {"tunnel": now["tunnel"]}
+    (told,) = staleness.differences(page([], fewer), now)
+    assert told.startswith("the page has the probes tunnel;")
+    nowhere = {name: (float("nan"), z) for name, (_, z) in now.items()}
+    assert len(staleness.differences(page([], now), nowhere)) == len(now)
