@@ -1,0 +1,88 @@
+"""The page of performance is of the benchmarks that there are, and says itself what it misses."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+from benchmarks.__main__ import GROUPS
+from benchmarks.page import BEGIN, END, PACKAGES, Group, markdown
+from benchmarks.result import Result
+
+import tgl_soar
+
+ROOT = Path(__file__).parents[2]
+MAKE = 'make bench ARGS="--page docs/performance.md"'
+MISSED = ", **missed**"
+
+
+class Row(NamedTuple):
+    """One row of a table, as printed."""
+
+    what: str
+    ratio: float
+    aim: str
+
+    @property
+    def is_honest(self) -> bool:
+        """Whether a missed aim says so, and a met one does not."""
+        if not self.aim:
+            return True
+        aim = float(self.aim.removeprefix("≤ ").removesuffix(MISSED))
+        # Three digits are printed of either: what lies within a digit may be on either side.
+        if abs(self.ratio - aim) <= 0.005 * aim:
+            return True
+        return (self.ratio > aim) == self.aim.endswith(MISSED)
+
+
+def rows_of(text: str) -> list[Row]:
+    rows = [line.split(" | ") for line in text.splitlines() if line.startswith("| ")]
+    return [
+        Row(cells[0].removeprefix("| "), float(cells[4]), cells[5].removesuffix("|").strip())
+        for cells in rows
+        if len(cells) == 6 and cells[1] != "measured"
+    ]
+
+
+@pytest.fixture(scope="module")
+def results() -> str:
+    text = (ROOT / "docs/performance.md").read_text(encoding="utf-8")
+    return text.partition(BEGIN)[2].partition(END)[0]
+
+
+def test_every_group_of_benchmarks_is_on_the_page_in_order(results: str) -> None:
+    titles = re.findall(r"^### (.+)$", results, flags=re.MULTILINE)
+    assert titles == [title for title, _ in GROUPS.values()], f"stale: {MAKE}"
+
+
+def test_it_was_measured_with_what_is_pinned(results: str) -> None:
+    pinned = dict(
+        line.split("==")
+        for line in (ROOT / "constraints.txt").read_text(encoding="utf-8").split()
+        if "==" in line
+    )
+    pinned["tgl_soar"] = tgl_soar.__version__
+    for name in PACKAGES:
+        (version,) = re.findall(rf" {name} ([^,;]+?)[,.]?(?:,|\.\n|$)", results.split("###")[0])
+        assert version == pinned[name], f"{name}; stale: {MAKE}"
+
+
+def test_an_aim_that_is_missed_says_so_on_the_page(results: str) -> None:
+    rows = rows_of(results)
+    assert len(rows) > 80
+    assert [row for row in rows if not row.is_honest] == []
+
+
+def test_a_row_is_read_as_it_is_written() -> None:
+    """A page edited by hand, or an aim changed in it, is found out."""
+    missed = Result("a wake-up", 30.0, 20.0, "µs", "C", 1.3)
+    met = missed._replace(value=20.0)
+    written = markdown((Group("On time", [missed, met]),))
+    assert [row.is_honest for row in rows_of(written)] == [True, True]
+    assert [row.is_honest for row in rows_of(written.replace(MISSED, ""))] == [False, True]
+    assert [row.is_honest for row in rows_of(written.replace("≤ 1.3 |", "≤ 0.9 |"))] == [
+        True,
+        False,
+    ]
