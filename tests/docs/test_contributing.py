@@ -50,7 +50,9 @@ def test_a_folder_that_lists_its_files_lists_what_is_there(folder: str) -> None:
 
 def test_every_folder_of_tests_has_its_layer() -> None:
     layers = PAGE.partition("## Tests by layer")[2].partition("\n## ")[0]
-    there = {p.name for p in (ROOT / "tests").iterdir() if p.is_dir() and any(p.glob("**/test_*.py"))}
+    there = {
+        p.name for p in (ROOT / "tests").iterdir() if p.is_dir() and any(p.glob("**/test_*.py"))
+    }
     named = set(re.findall(r"`tests/(\w+)/`", layers))
     assert named == there - {"benchmarks"}  # `make bench` says what it is
 
