@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from math import radians
+from math import isnan, radians
 from pathlib import Path
 
 import numpy as np
@@ -237,10 +237,13 @@ def test_without_noise_a_flight_shows_the_linear_models_loop(
     assert np.max(np.abs(20.0 * np.log10(np.abs(ratio)))) < 1.0
     assert np.max(np.abs(np.degrees(np.angle(ratio)))) < 5.0
     expected = margin(flown[1], BREAKS[at])
-    if at == AT_SETPOINT:  # at the elevator gain and phase cross beyond the last tone
+    if at == AT_SETPOINT:
         assert found.margins.phase_deg.value == pytest.approx(expected.phase_deg, abs=5.0)
         assert found.margins.alpha.value == pytest.approx(expected.alpha, abs=0.05)
         assert found.margins.gain_db.value == pytest.approx(expected.gain_up_db, abs=1.0)
+    else:  # crossed, and least, beyond the last tone: that is not told at all
+        assert expected.at_radps > TONES_RADPS[-1]
+        assert all(isnan(bounded.value) for bounded in found.margins)
 
 
 def test_the_interpolation_between_tones_costs_little(flown: tuple[Path, Loop]) -> None:

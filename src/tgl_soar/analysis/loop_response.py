@@ -212,13 +212,17 @@ def interpolated(open_loop: Complex) -> tuple[Floats, Complex]:
 
 
 def margins_between_tones(sensitivity: Complex) -> tuple[float, float, float]:
-    """Gain margin [dB], phase margin [deg] and disk margin; NaN where nothing crosses."""
+    """Gain margin [dB], phase margin [deg] and disk margin; NaN where nothing crosses, and where
+    the disk margin falls on beyond the tones."""
     _, loop = interpolated(opened(sensitivity))
-    return (
-        _gain_margin_db(loop),
-        _phase_margin_deg(loop),
-        float(1.0 / np.max(np.abs(1.0 / (1.0 + loop) - 0.5))),
-    )
+    return _gain_margin_db(loop), _phase_margin_deg(loop), _disk_margin(loop)
+
+
+def _disk_margin(loop: Complex) -> float:
+    """The least between the tones; at the last or first of them it may be less further on."""
+    distance = np.abs(1.0 / (1.0 + loop) - 0.5)
+    least = int(np.argmax(distance))
+    return float(1.0 / distance[least]) if 0 < least < len(distance) - 1 else float("nan")
 
 
 def _gain_margin_db(loop: Complex) -> float:

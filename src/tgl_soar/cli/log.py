@@ -83,7 +83,7 @@ def margins(path: Annotated[Path, typer.Argument(metavar="LOG", help="A ULog of 
         for name, (value, low, high) in response.margins._asdict().items():
             words = f"{name}: {value:.2f} ({low:.2f} to {high:.2f})"
             if not isfinite(value):
-                words = f"{name}: no crossing between the first tone and the last"
+                words = f"{name}: not between the first tone and the last"
             console.print(words, highlight=False, markup=False)
     for loss in flight.lost:
         errors.print(f"lost: {loss}", style="yellow", highlight=False, markup=False)

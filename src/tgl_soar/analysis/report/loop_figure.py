@@ -37,7 +37,8 @@ def loop_words(loops: Sequence[LoopResponse]) -> str:
             )
             if isfinite(value)
         ]
-        words.append(f"Broken at the {loop.at}, {loop.periods} periods of 5 s: {', '.join(found)}.")
+        told = ", ".join(found) or "no margin lies between the tones"
+        words.append(f"Broken at the {loop.at}, {loop.periods} periods of 5 s: {told}.")
     return " ".join(words)
 
 
