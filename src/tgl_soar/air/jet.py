@@ -40,6 +40,7 @@ from numpy.typing import ArrayLike, NDArray
 from tgl_soar.air.field import FloatArray, broadcast
 from tgl_soar.air.freestream import ComplexArray, FreeJetMap, solve_free_jet
 from tgl_soar.air.grid import GridTable, bake, grid_wind, grid_wind_many
+from tgl_soar.air.kept_jets import kept
 from tgl_soar.air.relief import relieve, relieved_velocity
 
 BoolArray = NDArray[np.bool_]
@@ -77,6 +78,10 @@ def jet_wind(jet: Jet, x_m: float, z_m: float) -> tuple[float, float]:
 @lru_cache(maxsize=16)
 def unit_jet(shape: JetShape) -> GridTable:
     """The field of a nozzle wind of 1 m/s on a grid; nodes in board and nozzle roof are still."""
+    return kept(shape, lambda: _unit_jet(shape))
+
+
+def _unit_jet(shape: JetShape) -> GridTable:
     height, ahead = shape.nozzle_height_m, shape.lip_ahead_m
     jet = solve_free_jet(
         shape.slope_rad, height, shape.board_length_m, ahead, shape.wake_speed_ratio
