@@ -117,7 +117,7 @@ class Activity(NamedTuple):
     elevator: float  # commanded
 
 
-class _Periodic(NamedTuple):
+class Periodic(NamedTuple):
     """x' = A_k x + B_k u, y = C_k x + D_k u, k the tick of the period."""
 
     a: list[Matrix]
@@ -285,7 +285,7 @@ def _wind(
 _NOISES: Final = 5  # white: fix's place, fix's velocity, attitude, gyro, specific force
 
 
-def linear_controller(laws: Laws, condition: Condition, errors: bool = False) -> _Periodic:
+def linear_controller(laws: Laws, condition: Condition, errors: bool = False) -> Periodic:
     """Inputs: the truth's four, an injection into the pitch setpoint, noises.  Outputs: elevator
     command, pitch setpoint before the injection.
 
@@ -305,7 +305,7 @@ def linear_controller(laws: Laws, condition: Condition, errors: bool = False) ->
     if inertial and not errors:
         filter_size = 0
     size = line + 2 * fix_line + filter_size + 4
-    take, carry = _fix_matrices(laws.motion, timing.period_steps * dt, dt, sensors, inertial)
+    take, carry = fix_matrices(laws.motion, timing.period_steps * dt, dt, sensors, inertial)
     weight = 1.0 if inertial else 0.0
     airspeed = glide_at(condition.model, condition.speed_mps).airspeed_mps
     soaring = soaring_gains(
@@ -400,13 +400,13 @@ def linear_controller(laws: Laws, condition: Condition, errors: bool = False) ->
         b.append(jacobian[:size, size:])
         c.append(jacobian[size:, :size])
         d.append(jacobian[size:, size:])
-    return _Periodic(a, b, c, d)
+    return Periodic(a, b, c, d)
 
 
 @lru_cache(
     maxsize=64
 )  # a minute of ticks, whatever the gains of the loop: its results are read only
-def _fix_matrices(
+def fix_matrices(
     gains: MotionGains, interval_s: float, dt_s: float, sensors: Sensors, inertial: bool
 ) -> tuple[Matrix, Matrix]:
     """The filter at rest: what a fix's innovations (place, velocity before it) add to the errors,
@@ -453,10 +453,11 @@ class Loop(NamedTuple):
     white numbers, noises.  Outputs: elevator command, pitch setpoint, e_rho, rate, pitch, rate."""
 
     step_s: float
-    system: _Periodic
+    system: Periodic
+    breaks: tuple[str, ...] = BREAKS  # inputs and outputs of these come first, in this order
 
 
-def close_loop(plant: Plant, controller: _Periodic) -> Loop:
+def close_loop(plant: Plant, controller: Periodic) -> Loop:
     """Plant and controller, connected."""
     n, inputs = len(plant.a), 2 + 2 + _NOISES
     a: list[Matrix] = []
@@ -488,7 +489,7 @@ def close_loop(plant: Plant, controller: _Periodic) -> Loop:
         b.append(into)
         c.append(out)
         d.append(through)
-    return Loop(1.0 / plant.condition.step_hz, _Periodic(a, b, c, d))
+    return Loop(1.0 / plant.condition.step_hz, Periodic(a, b, c, d))
 
 
 def poles(loop: Loop) -> Complex:
@@ -530,19 +531,19 @@ def response(loop: Loop, source: int, out: int, radps: Matrix) -> Complex:
 
 
 def sensitivity(loop: Loop, at: str, radps: Matrix) -> Complex:
-    """S at one of `BREAKS`: what is there, of what is injected there."""
-    i = BREAKS.index(at)
+    """S at one of the loop's breaks: what is there, of what is injected there."""
+    i = loop.breaks.index(at)
     return 1.0 + response(loop, i, i, radps)
 
 
 def open_loop(loop: Loop, at: str, radps: Matrix) -> Complex:
-    """L at one of `BREAKS`, negative feedback: S = 1 / (1 + L)."""
+    """L at one of the loop's breaks, negative feedback: S = 1 / (1 + L)."""
     s = sensitivity(loop, at, radps)
     return (1.0 - s) / s
 
 
 def margin(loop: Loop, at: str) -> Margin:
-    """The margins at one of `BREAKS`."""
+    """The margins at one of the loop's breaks."""
     if not is_stable(loop):
         return Margin(
             alpha=0.0, at_radps=0.0, gain_up_db=0.0, gain_down_db=0.0, phase_deg=0.0, delay_s=0.0
@@ -565,7 +566,7 @@ def margin(loop: Loop, at: str) -> Margin:
 
 def disk_margin(loop: Loop, radps: Matrix = FREQUENCIES_RADPS) -> float:
     """α of the worse break, over these frequencies; 0: unstable."""
-    peaks = [np.max(np.abs(sensitivity(loop, at, radps) - 0.5)) for at in BREAKS]
+    peaks = [np.max(np.abs(sensitivity(loop, at, radps) - 0.5)) for at in loop.breaks]
     return float(1.0 / max(peaks)) if is_stable(loop) else 0.0
 
 

@@ -1,8 +1,9 @@
-"""Margins over speed, lean and latency: what the loop of pitch can bear, on the linear model.
+"""Margins over speed, lean and latency: what the loops can bear, on the linear model.
 
-For each condition the loop with the scheduled gains is opened at the elevator and at e_rho
-(`linear_model`); turbulence gives the spread of e_rho and of the elevator.  The latency is taken to
-be known to the schedule (CMD_DELAY).
+For each condition the loop of pitch with the scheduled gains is opened at the elevator and at e_rho
+(`linear_model`), those of roll and heading at the aileron and at the rudder (`lateral_model`; they
+know no lean); turbulence gives the spread of e_rho and of the elevator.  The latency is taken to be
+known to the schedule (CMD_DELAY).
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import NamedTuple
 
 from msgspec.structs import asdict
 
+from tgl_soar.analysis.lateral_model import lateral_loop
 from tgl_soar.analysis.linear_model import (
     BREAKS,
     Condition,
@@ -49,13 +51,20 @@ class CaseMargins(NamedTuple):
     case: MarginCase
     elevator: Margin
     line: Margin
+    aileron: Margin
+    rudder: Margin
     e_rho_m: float  # standard deviation in turbulence; NaN: unstable
     activity: float  # of the elevator
 
     @property
     def alpha(self) -> float:
-        """The disk margin of the worse break."""
-        return min(self.elevator.alpha, self.line.alpha)
+        """The disk margin of the worst break."""
+        return min(found.alpha for found in self.breaks)
+
+    @property
+    def breaks(self) -> tuple[Margin, ...]:
+        """Elevator, line, aileron, rudder."""
+        return self.elevator, self.line, self.aileron, self.rudder
 
 
 def case_margins(
@@ -67,6 +76,7 @@ def case_margins(
     """
     model = aircraft_model(asdict(airframe.airframe), airframe.model)
     servo = servo_params(airframe.model)
+    lateral: dict[tuple[float, float, bool], tuple[Margin, Margin]] = {}
     for case in cases:
         known = values.changed({"CMD_DELAY": case.delay_s, "TGL_LEAN": case.lean_deg})
         laws = laws_from(known, SoaringFrame(0.0, 0.0, 0.0, 0.0), airframe.aerodynamics())
@@ -84,7 +94,20 @@ def case_margins(
         if min(elevator.alpha, line.alpha) > 0.0:
             found = activity(laws, condition, gusts)
             spread, moved = found.e_rho_m, found.elevator
-        yield CaseMargins(case=case, elevator=elevator, line=line, e_rho_m=spread, activity=moved)
+        upright = (case.speed_mps, case.delay_s, case.inertial)
+        if upright not in lateral:
+            sideways = lateral_loop(laws, condition)
+            lateral[upright] = margin(sideways, "aileron"), margin(sideways, "rudder")
+        aileron, rudder = lateral[upright]
+        yield CaseMargins(
+            case=case,
+            elevator=elevator,
+            line=line,
+            aileron=aileron,
+            rudder=rudder,
+            e_rho_m=spread,
+            activity=moved,
+        )
 
 
 def worst(rows: Sequence[CaseMargins]) -> CaseMargins:
@@ -93,22 +116,22 @@ def worst(rows: Sequence[CaseMargins]) -> CaseMargins:
 
 
 def least_gain_db(row: CaseMargins) -> float:
-    """The gain, up or down, that the loop bears at both breaks."""
+    """The gain, up or down, that the loops bear at every break."""
     return (
-        min(min(found.gain_up_db, -found.gain_down_db) for found in (row.elevator, row.line))
+        min(min(found.gain_up_db, -found.gain_down_db) for found in row.breaks)
         if row.alpha > 0.0
         else 0.0
     )
 
 
 def least_phase_deg(row: CaseMargins) -> float:
-    """The phase that it bears at both."""
-    return min(row.elevator.phase_deg, row.line.phase_deg)
+    """The phase that they bear at every break."""
+    return min(found.phase_deg for found in row.breaks)
 
 
 def least_delay_s(row: CaseMargins) -> float:
-    """The further delay that it bears at both."""
-    return min(row.elevator.delay_s, row.line.delay_s)
+    """The further delay that they bear at every break."""
+    return min(found.delay_s for found in row.breaks)
 
 
 def margins_figure(path: Path, rows: Sequence[CaseMargins], floor: float, title: str) -> None:
@@ -135,7 +158,7 @@ def margins_figure(path: Path, rows: Sequence[CaseMargins], floor: float, title:
         panel.set_ylim(0.0, max(1.0, max(row.alpha for row in rows)))
         panel.set_xlabel("airspeed [m/s]")
         panel.set_title(f"with{'' if inertial else 'out'} accelerometers, {1e3 * delay_s:.3g} ms")
-    axes[0].set_ylabel("disk margin α, the worse break")
+    axes[0].set_ylabel("disk margin α, the worst break")
     axes[-1].legend()
     figure.suptitle(title)
     figure.savefig(path, dpi=150)

@@ -1,4 +1,4 @@
-"""`tgl-soar margins`: what the loop of pitch can bear, over speed, lean and latency."""
+"""`tgl-soar margins`: what the loops can bear, over speed, lean and latency."""
 
 from __future__ import annotations
 
@@ -47,7 +47,8 @@ def margins(
 ) -> None:
     """Disk, gain, phase and delay margins of the scheduled gains, and what gusts do.
 
-    By the linear model of the airframe, both loop breaks. Exit code 1: a margin is below the floor.
+    By the linear model of the airframe, at elevator, line, aileron and rudder. Exit code 1: one is
+    below the floor.
     """
     from tgl_soar.analysis import margins as found
     from tgl_soar.analysis.linear_model import Gusts
@@ -96,10 +97,11 @@ def _table(rows: list[CaseMargins], floor: float) -> Table:
 
     table = Table(
         *("sensors", "late\nms", "lean\ndeg", "speed\nm/s", "α\nelev.", "α\nline"),
+        *("α\nail.", "α\nrud."),
         *("gain\ndB", "phase\ndeg", "later\nms", "e_rho\ncm", "elev.\n"),
         box=None,
-        caption="α: disk margins at the elevator and at the line; gain, phase and delay that are"
-        " left; rms in gusts",
+        caption="α: disk margins at elevator, line, aileron and rudder; the least gain, phase and"
+        " delay that are left; rms in gusts",
     )
     for row in rows:
         case = row.case
@@ -110,6 +112,8 @@ def _table(rows: list[CaseMargins], floor: float) -> Table:
             f"{case.speed_mps:g}",
             f"{row.elevator.alpha:.2f}",
             f"{row.line.alpha:.2f}",
+            f"{row.aileron.alpha:.2f}",
+            f"{row.rudder.alpha:.2f}",
             f"{least_gain_db(row):.1f}",
             f"{least_phase_deg(row):.0f}",
             f"{1e3 * least_delay_s(row):.0f}",

@@ -1,0 +1,100 @@
+"""Roll and heading on the linear model: against the textbook, and against their own poles."""
+
+from __future__ import annotations
+
+from math import degrees
+
+import numpy as np
+import pytest
+from msgspec.structs import asdict
+
+from tgl_soar.analysis.lateral_model import BREAKS, lateral_loop
+from tgl_soar.analysis.linear_model import (
+    Condition,
+    Loop,
+    is_stable,
+    margin,
+    open_loop,
+    poles,
+    promised_gain_db,
+    promised_phase_rad,
+)
+from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
+from tgl_soar.control.laws import laws_from
+from tgl_soar.sim.aircraft import aircraft_model
+from tgl_soar.sim.sensors import MEMS_IMU, USUAL_SENSORS, Sensors
+from tgl_soar.sim.servos import servo_params
+
+AIRFRAME_PATH, SITE_PATH = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
+AIRFRAME, SITE = load_airframe(AIRFRAME_PATH), load_site(SITE_PATH)
+VALUES = load_parameters(AIRFRAME, AIRFRAME_PATH, SITE, SITE_PATH)
+MODEL = aircraft_model(asdict(AIRFRAME.airframe), AIRFRAME.model)
+SENSORS = {"with accelerometers": Sensors(imu=MEMS_IMU), "without": USUAL_SENSORS}
+IDEAL_SPEED_MPS = 8.5
+GAINS = {"aileron": ("AIL_P", "AIL_I", "AIL_D"), "rudder": ("RUD_P", "RUD_D")}
+
+
+def loop_of(
+    changes: dict[str, float] | None = None,
+    sensors: Sensors = SENSORS["with accelerometers"],
+    delay_s: float = 0.0,
+) -> Loop:
+    condition = Condition(
+        model=MODEL,
+        servo=servo_params(AIRFRAME.model),
+        speed_mps=IDEAL_SPEED_MPS,
+        lean_rad=0.26,
+        sensors=sensors,
+        command_delay_s=delay_s,
+    )
+    return lateral_loop(laws_from(VALUES.changed(changes or {}), SITE.frame()), condition)
+
+
+def test_at_the_aileron_the_fast_loop_is_that_of_the_textbook() -> None:
+    """L = effect (kp + ki / s + kd s) / (s (s + damping)) and the servo, from 20 to 40 rad/s: the
+    dutch roll, at 6 rad/s, moves it by (6 / 20)² = 9 % at most.
+
+    The command holds for a tick, 2.5 ms on average; the low-pass of the rate adds a little more.
+    """
+    facts, model = AIRFRAME.airframe, AIRFRAME.model
+    speed = IDEAL_SPEED_MPS
+    force = 0.5 * model["air_density_kgpm3"] * speed**2 * facts.wing_area_m2 * facts.span_m
+    effect = force / facts.ixx_kgm2 * model["Cl_aileron"]
+    damping = -force / facts.ixx_kgm2 * model["Cl_p"] * 0.5 * facts.span_m / speed
+    radps = np.array([20.0, 30.0, 40.0])
+    s = 1j * radps
+    law = VALUES["AIL_P"] + VALUES["AIL_I"] / s + VALUES["AIL_D"] * s
+    lag = model["servo_lag_radps"]
+    expected = effect * law / (s * (s + damping)) * lag / (s + lag)
+    found = open_loop(loop_of(), "aileron", radps)
+    assert np.abs(found) == pytest.approx(np.abs(expected), rel=0.1)
+    late = -np.angle(found / expected) / radps
+    assert np.all((late > 0.0) & (late < 0.010))
+
+
+@pytest.mark.parametrize("sensors", SENSORS.values(), ids=SENSORS)
+@pytest.mark.parametrize("at", BREAKS)
+def test_the_classical_margins_are_at_least_what_the_disk_promises(
+    sensors: Sensors, at: str
+) -> None:
+    found = margin(loop_of(sensors=sensors), at)
+    assert 0.5 < found.alpha < 2.0
+    assert found.gain_up_db >= promised_gain_db(found.alpha)
+    assert found.gain_down_db <= -promised_gain_db(found.alpha)
+    assert found.phase_deg >= degrees(promised_phase_rad(found.alpha))
+
+
+@pytest.mark.parametrize("at", BREAKS)
+def test_the_loop_is_unstable_beyond_its_gain_margin_and_not_before(at: str) -> None:
+    """The law's gains scaled together are the gain of the loop that is opened there."""
+    up = 10.0 ** (margin(loop_of(delay_s=0.04), at).gain_up_db / 20.0)
+    for factor, stable in ((0.97 * up, True), (1.03 * up, False)):
+        changes = {name: factor * VALUES[name] for name in GAINS[at]}
+        assert is_stable(loop_of(changes, delay_s=0.04)) == stable
+
+
+def test_an_aircraft_in_the_middle_comes_back_to_it() -> None:
+    """The slowest pole is the bank's integral, SIDE_S or so; then the way to the waypoint."""
+    slowest = poles(loop_of())[:2]
+    assert np.all(slowest.real < -0.05)
+    assert 1.0 / abs(slowest[0].real) == pytest.approx(VALUES["SIDE_P"] / VALUES["SIDE_I"], rel=0.3)
