@@ -10,9 +10,10 @@ import pytest
 from tgl_soar.air.field import FloatArray
 from tgl_soar.air.freestream import FreeJetMap, solve_free_jet
 from tgl_soar.air.gusts import BlendedField, Schedule
-from tgl_soar.air.jet import SHIFT, SPREADING, SlopeJet
+from tgl_soar.air.jet import SHIFT, SPREADING, JetShape, SlopeJet
 from tgl_soar.air.relief import relieve, relieved_velocity
 from tgl_soar.air.zeuc import contour, crossings
+from tgl_soar.config.files import load_site, shipped
 from tgl_soar.types import GlidePolar
 
 # Sink 1.34 m/s at 8.55 m/s, best glide at 9.2 m/s: an airframe of glide ratio 6.5.
@@ -95,6 +96,35 @@ def test_mixing_edge_has_the_width_of_its_law_and_keeps_momentum() -> None:
     xi = np.linspace(-6.0, 6.0, 4001)
     share = np.array([0.5 * (1.0 + erf(value + SHIFT)) for value in xi])
     assert np.trapezoid(share**2 - (xi > 0.0), xi) == pytest.approx(0.0, abs=2e-3)
+
+
+def test_the_edge_grows_as_fast_as_plane_mixing_layers_have_been_measured_to() -> None:
+    """Momentum thickness ∫ f (1 − f) dn of air that mixes into air at rest grows by 0.035 of the
+    way (Liepmann and Laufer, NACA TN 1257), as laboratories since have it within a tenth."""
+    field = SlopeJet(9.0, radians(15.0), jet_width_m=inf)
+    stations = (0.0, 0.4, 0.8)  # from the lip on, while the edge is nearly level
+    thickness = []
+    for x in stations:
+        z = np.linspace(2.2, 3.8, 1601)
+        u, _, _ = field.wind(x, 0.0, z)
+        core = int(np.argmax(u))
+        part = np.clip(u[core:] / u[core], 0.0, 1.0)
+        thickness.append(float(np.trapezoid(part * (1.0 - part), z[core:])))
+    assert np.diff(thickness) / np.diff(stations) == pytest.approx(0.035, abs=0.0035)
+
+
+def test_the_nozzle_ends_where_the_laboratory_s_does() -> None:
+    """In its public planes the lip stands at x = 6.0 m and the board's foot at 5.5 m, x growing
+    upstream.  Above the roof there is no air; past the lip that of the room is drawn in."""
+    field, lip_x_m = SlopeJet(8.5, radians(23.0)), 5.5 - 6.0
+    cell = field.jet.table.dx_m
+    above = field.shape.nozzle_height_m + 0.1
+    assert field.wind_at(lip_x_m - 2.0 * cell, 0.0, above, 0.0) == (0.0, 0.0, 0.0)
+    assert field.wind_at(lip_x_m + 2.0 * cell, 0.0, above, 0.0)[2] < 0.0
+    assert JetShape(slope_rad=radians(23.0)) == field.shape
+    # The site's fence keeps the aircraft out of the nozzle.
+    site = load_site(shipped("sites/tunnel.toml"))
+    assert site.parameters["FENCE_X_MIN"] == lip_x_m
 
 
 def test_room_is_still_but_for_entrainment_towards_the_jet() -> None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from math import inf, isnan, pi, radians
+from math import inf, isnan, pi, radians, sqrt
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from tgl_soar.sim.score import SETTLE_S, TAIL_S, score_leg
 
@@ -62,6 +63,26 @@ def test_e_rho_and_dispersion_are_scored_apart() -> None:
     assert score.rms_e_rho_m == pytest.approx(0.0, abs=1e-12)
     assert score.dispersion_m == pytest.approx(0.3 / np.sqrt(2.0), rel=0.01)
     assert TAIL_S % 2.0 == 0.0
+
+
+def test_where_a_leg_ended_up_is_known_to_less_than_the_place_is_judged_by() -> None:
+    """At 1 % of turbulence the aircraft disperses by 3 cm along its line and forgets with the rate
+    of its slide, 0.8 1/s; places are judged to 3 cm, so the mean of a tail must be known to 2."""
+    random = np.random.default_rng(3)
+    sigma, rate, step = 0.03, 0.8, 0.05
+    time = np.arange(0.0, 20.0, step)
+    keep = np.exp(-rate * step)
+    errors = []
+    for _ in range(400):
+        noise = random.standard_normal(len(time)) * sigma * sqrt(1.0 - keep**2)
+        along = lfilter([1.0], [1.0, -keep], noise, zi=[keep * sigma * random.standard_normal()])[0]
+        score = score_leg("a", VERTICAL, (0.0, 1.0), time, np.zeros_like(time), 1.0 + along)
+        errors.append(score.mean_z_m - 1.0)
+    assert np.std(errors) < 0.02
+    # And the slide from where the leg began, five time constants of it, is no part of the tail.
+    slide = 1.0 + 0.5 * np.exp(-rate * time)
+    begun = score_leg("a", VERTICAL, (0.0, 1.0), time, np.zeros_like(time), slide)
+    assert begun.crossing_m < 0.001
 
 
 def test_sideways_is_scored_when_e_rho_is_and_only_where_it_is_known() -> None:

@@ -259,6 +259,21 @@ def test_bias_stays_for_a_flight_and_differs_between_flights() -> None:
     assert abs(fmean(offsets)) < 0.5 * 4.0 / sqrt(200.0)
 
 
+def test_a_mems_imu_is_as_wrong_as_such_sensors_stay_after_calibration() -> None:
+    """5 to 20 mg of each axis, by temperature and the board's stress, and 0.05 to 0.5 deg/s."""
+    exact = MEMS_IMU._replace(force_noise_mps2=0.0, rate_noise_radps=0.0)
+    truth = specific_force_frd(MODEL, STATE, WIND)
+    forces, rates = [], []
+    for seed in range(200):
+        imu = flown(Sensors(imu=exact), seed).imu
+        first, later = (sense_imu(imu, MODEL, STATE, WIND, False, k) for k in (0, 1))
+        assert first[2:8] == later[2:8]
+        forces += [a - b for a, b in zip(first[2:5], truth, strict=True)]
+        rates += list(first[5:8])
+    assert 0.005 * 9.81 < stdev(forces) < 0.02 * 9.81
+    assert radians(0.05) < stdev(rates) < radians(0.5)
+
+
 def test_the_same_seed_is_the_same_flight_and_sensors_do_not_share_noise() -> None:
     def flight(seed: int) -> list[object]:
         a = flown(Sensors(position=AUTOPILOT_POSITION), seed).position

@@ -124,6 +124,21 @@ def test_a_leg_is_a_stand_of_the_line_in_flight() -> None:
     ]
 
 
+def test_a_leg_has_the_name_of_the_line_that_it_was_flown_on_and_no_other() -> None:
+    """A parameter is a float of 32 bits, 1e-7 of itself off; whoever moves a line by hand drags it
+    by centimetres, or turns it by a degree, and it is another then."""
+    flight = standing([0.0] * 6, [0.6 + 6e-8] * 6, ["soaring"] * 6)
+    at = (0.6, 1.0, 1.8)
+    for line, name in (
+        (at, "b"),
+        ((0.62, 1.0, 1.8), "1"),
+        ((0.6, 0.98, 1.8), "1"),
+        ((0.6, 1.0, 1.8 + radians(1.0)), "1"),
+    ):
+        (leg,) = legs_of(flight, {"b": line}, None)
+        assert leg.name == name
+
+
 def test_a_line_that_jumps_or_is_not_known_parts_legs() -> None:
     x = [0.0] * 4 + [1.0] * 4 + [float("nan")] * 3 + [1.0] * 4
     found = stands(standing([0.0] * len(x), x, ["soaring"] * len(x)))
@@ -162,6 +177,17 @@ def test_a_swing_stands_in_the_spectrum_with_its_frequency_and_rms() -> None:
     assert spectrum.peak_hz == pytest.approx(0.5)
     assert spectrum.rms == pytest.approx(0.03 / sqrt(2.0), rel=0.02)
     assert spectrum.seconds == pytest.approx(60.0, abs=0.1)
+
+
+def test_the_peak_is_where_most_power_per_octave_is() -> None:
+    """A slow drift has more power in each hertz than a swing that is nearly as large; but an octave
+    at 2 Hz is eight times as wide as one at 0.25 Hz, and the swing is what the loop does."""
+    time = np.arange(0.0, 80.0, 0.02)
+    drift, swing = np.sin(2.0 * pi * 0.25 * time), 0.8 * np.sin(2.0 * pi * 2.0 * time)
+    both = spectrum_of(Series(time, {"e": drift + swing}, ""), "e", [(0.0, 80.0)])
+    assert both is not None
+    assert both.frequency_hz[np.argmax(both.density)] == pytest.approx(0.25)
+    assert both.peak_hz == pytest.approx(2.0)
 
 
 def test_what_lies_between_the_spans_is_not_in_the_spectrum() -> None:
