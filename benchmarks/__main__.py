@@ -39,7 +39,7 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
     "tick": ("The laws", ("tick",)),
     "start": ("The flying process", ("start",)),
     "log": ("The flight log", ("log",)),
-    "release": ("Letting go", ("release",)),
+    "release": ("Disengaging", ("release",)),
     "others": ("What else flies", ("parameters", "hostile", "natnet")),
     "simulation": ("Simulation", ("closed_loop",)),
     "report": ("Reports", ("report",)),

@@ -70,7 +70,7 @@ def _lost_autopilot(flight: ModuleFlight) -> None:
 
 
 CAUSES: tuple[tuple[str, Callable[[ModuleFlight], None]], ...] = (
-    ("operator lets go", _operator),
+    ("operator disengages", _operator),
     ("operator aborts", _abort),
     ("pilot takes another mode", _pilot),
     ("aircraft on its back", _upset),
@@ -202,7 +202,7 @@ def _given_back_s(end: Callable[[_Process], None]) -> float:
 ENDS: tuple[tuple[str, Callable[[_Process], None]], ...] = (
     ("SIGTERM", lambda process: process.running.send_signal(signal.SIGTERM)),
     ("kill -9 of the flying process", lambda process: kill(process.child, signal.SIGKILL)),
-    ("kill -9 of the guard", lambda process: process.running.kill()),
+    ("kill -9 of the watchdog", lambda process: process.running.kill()),
 )
 
 
@@ -210,7 +210,7 @@ def whole_process() -> Iterator[Result]:
     """The median of a few, as the machine's scheduling is in it."""
     for what, end in ENDS:
         yield Result(
-            what=f"surfaces given back after: {what}",
+            what=f"surfaces released after: {what}",
             value=median(_given_back_s(end) for _ in range(REPEATS)) * 1e3,
             reference=ALLOWED_S * 1e3,
             unit="ms",
