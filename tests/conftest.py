@@ -65,7 +65,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """
     group_of = {TESTS / file: name for name, files in ONE_WORKER.items() for file in files}
     for item in items:
-        if group := group_of.get(item.path) or (shares(item) and str(item.path)):
+        group = group_of.get(item.path) or (shares(item) and str(item.path))
+        if group and item.get_closest_marker("xdist_group") is None:
             item.add_marker(pytest.mark.xdist_group(group))
     items.sort(key=turn)
     if NATIVE:

@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from conftest import once_for_all
+from conftest import ONE_WORKER, once_for_all, turn
 from wheel import Installed
 
 
@@ -30,3 +30,11 @@ def test_groups_are_handed_out_as_groups(request: pytest.FixtureRequest) -> None
     if not request.config.getoption("loadgroup", False):
         pytest.skip("not with --dist loadgroup")
     assert request.node.nodeid.endswith("@of one worker")
+
+
+def test_the_long_groups_begin_and_single_tests_end(request: pytest.FixtureRequest) -> None:
+    """With a long group at the end one worker would wait for the other."""
+    assert list(ONE_WORKER)[:2] == ["real time", "kernels"]
+    turns = [turn(item) for item in request.session.items]
+    assert turns == sorted(turns)
+    assert turn(request.node) > len(ONE_WORKER)
