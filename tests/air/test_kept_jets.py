@@ -87,6 +87,10 @@ def test_those_not_used_for_longest_are_deleted(folder: Path) -> None:
         (folder / f"{age}").touch()
         os.utime(folder / f"{age}", (1e9 - age, 1e9 - age))
     kept(SHAPE, Maker())
-    left = {path.name for path in folder.iterdir()}
-    assert len(left) == KEPT
-    assert {"0", f"{KEPT - 2}"} <= left
+    (new,) = {path for path in folder.iterdir() if path.stat().st_size}
+    assert {path.name for path in folder.iterdir()} == {new.name, *map(str, range(KEPT - 1))}
+    os.utime(new, (1.0, 1.0))
+    kept(SHAPE, Maker())  # it is used: now it is the last to go
+    kept(OTHER, Maker())
+    assert new.exists()
+    assert not (folder / f"{KEPT - 2}").exists()

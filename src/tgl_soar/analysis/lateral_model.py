@@ -17,9 +17,9 @@ The place x, by which the waypoint's distance is known, is that of the target li
 from __future__ import annotations
 
 from functools import partial
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from math import cos, tan
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -48,95 +48,58 @@ _TRUTH: Final = 6  # y, vy, roll, heading, and the rates of these two
 _LAWS: Final = 5  # bank setpoint: integral, rate; aileron: integral, rate; rudder: rate
 
 
+class _Layout(NamedTuple):
+    """What all ticks of a loop share."""
+
+    laws: Laws
+    condition: Condition
+    trim: Glide
+    servo: ServoParams
+    inertial: bool
+    late: int  # ticks, of attitude or accelerations
+    fix_late: int  # ticks, of a fix
+    fix_period: int
+    period: int
+    take: Matrix  # what a fix's innovations add to the estimate
+    ends: tuple[int, ...]  # of the parts of the state: see `_tick`
+
+
 def lateral_loop(laws: Laws, condition: Condition) -> Loop:
     """The closed loop; inputs: into the commands, outputs: these commands, in the order of
     `BREAKS`.  Errors: ValueError where the aircraft has no such glide."""
-    trim = glide_at(condition.model, condition.speed_mps)
     dt = 1.0 / condition.step_hz
     servo = condition.servo._replace(delay_s=condition.servo.delay_s + condition.command_delay_s)
-    pending = len(servo_start(servo, dt).pending)
-    surface = 1 + pending  # a deflection, and what is on its way to it
-    plant_size = _BODY + 2 * surface
-
+    surface = 1 + len(servo_start(servo, dt).pending)  # a deflection, and what is on its way to it
     sensors = condition.sensors
     inertial = sensors.imu is not None and laws.motion.use_imu
     source = sensors.imu if sensors.imu is not None and inertial else sensors.attitude
     late = sensor_timing("attitude", source.rate_hz, source.delay_s, condition.step_hz).delay_steps
-    timing = sensor_timing(
+    fixes = sensor_timing(
         "position", sensors.position.rate_hz, sensors.position.delay_s, condition.step_hz
     )
-    period = 1 if inertial else timing.period_steps
-    fix_line = 0 if inertial else timing.delay_steps
-    filtered = 0 if inertial else 2
-    take, _ = fix_matrices(laws.motion, timing.period_steps * dt, dt, sensors, inertial)
-    airspeed = speed_within(laws.schedule, trim.airspeed_mps)
-    sizes = np.cumsum([0, plant_size, _TRUTH * late, 2 * fix_line, filtered, _LAWS])
-    size = int(sizes[-1])
-
-    def tick(phase: int, vector: Matrix) -> Matrix:
-        """States and what is injected to next states and commands."""
-        plant, line, fixes, estimate, law = (vector[begin:end] for begin, end in pairwise(sizes))
-        into_aileron, into_rudder = vector[size:]
-        truth = _measured(trim, plant)
-        samples = [truth, *(line[_TRUTH * i : _TRUTH * (i + 1)] for i in range(late))]
-        seen, age_s = samples[-1], late * dt
-        roll, roll_rate = seen[2] + age_s * seen[4], seen[4]
-        heading, heading_rate = seen[3] + age_s * seen[5], seen[5]
-        if inertial:
-            y, vy = seen[0] + age_s * seen[1], seen[1]
-        else:
-            waiting = [truth[:2], *(fixes[2 * i : 2 * i + 2] for i in range(fix_line))]
-            since = (phase - timing.delay_steps) % period
-            if since == 0:
-                carried = np.array([estimate[0] + period * dt * estimate[1], estimate[1]])
-                estimate = carried + take @ (waiting[-1] - carried)
-            fixes = np.concatenate(waiting)[: 2 * fix_line]
-            y, vy = estimate[0] + (timing.delay_steps + since) * dt * estimate[1], estimate[1]
-
-        bank_i, bank_rate, roll_i, roll_d, heading_d = law.tolist()
-        wanted = heading_setpoint(laws.heading, laws.target.x_m, float(y))
-        bank, bank_terms = sideways_step(
-            laws.sideways, PidState(bank_i, bank_rate), wanted, airspeed, float(vy), dt, 0
-        )
-        rolled, aileron = attitude_step(
-            laws.roll,
-            PidState(roll_i, roll_d),
-            bank_terms.output,
-            float(roll),
-            float(roll_rate),
-            0.0,
-            dt,
-            0,
-        )
-        turned, rudder = heading_step(
-            laws.heading,
-            PidState(0.0, heading_d),
-            wanted,
-            float(heading),
-            float(heading_rate),
-            0.0,
-            dt,
-        )
-        flown = _flown(
-            condition,
-            trim,
-            servo,
-            plant,
-            (aileron.output + into_aileron, rudder.output + into_rudder),
-        )
-        return np.concatenate(
-            [
-                flown,
-                np.concatenate(samples)[: _TRUTH * late],
-                fixes,
-                estimate,
-                [bank.integral, bank.rate, rolled.integral, rolled.rate, turned.rate],
-                [aileron.output, rudder.output],
-            ]
-        )
-
+    take, _ = fix_matrices(laws.motion, fixes.period_steps * dt, dt, sensors, inertial)
+    from_fixes = 0 if inertial else 2
+    sizes = (
+        *(_BODY + 2 * surface, _TRUTH * late),
+        *(from_fixes * fixes.delay_steps, from_fixes, _LAWS),
+    )
+    layout = _Layout(
+        laws=laws,
+        condition=condition,
+        trim=glide_at(condition.model, condition.speed_mps),
+        servo=servo,
+        inertial=inertial,
+        late=late,
+        fix_late=fixes.delay_steps,
+        fix_period=fixes.period_steps,
+        period=1 if inertial else fixes.period_steps,
+        take=take,
+        ends=tuple(accumulate(sizes)),
+    )
+    size = layout.ends[-1]
     jacobians = [
-        differences(partial(tick, phase), np.zeros(size + len(BREAKS))) for phase in range(period)
+        differences(partial(_tick, layout, phase), np.zeros(size + len(BREAKS)))
+        for phase in range(layout.period)
     ]
     return Loop(
         dt,
@@ -150,6 +113,70 @@ def lateral_loop(laws: Laws, condition: Condition) -> Loop:
     )
 
 
+def _tick(layout: _Layout, phase: int, vector: Matrix) -> Matrix:
+    """States and what is injected to next states and commands.
+
+    States: aircraft with its servos, samples on their way, fixes on theirs, the estimate made of
+    fixes, and what the laws remember.
+    """
+    laws, trim = layout.laws, layout.trim
+    dt = 1.0 / layout.condition.step_hz
+    plant, line, fixes, estimate, remembered = (
+        vector[begin:end] for begin, end in pairwise((0, *layout.ends))
+    )
+    truth = _measured(trim, plant)
+    samples = np.concatenate([truth, line])
+    seen, age_s = samples[len(line) :], layout.late * dt
+    y, vy = seen[0] + age_s * seen[1], seen[1]
+    if not layout.inertial:
+        waiting = np.concatenate([truth[:2], fixes])
+        since = (phase - layout.fix_late) % layout.fix_period
+        if since == 0:
+            interval_s = layout.fix_period * dt
+            carried = np.array([estimate[0] + interval_s * estimate[1], estimate[1]])
+            estimate = carried + layout.take @ (waiting[-2:] - carried)
+        fixes = waiting[: len(fixes)]
+        y, vy = estimate[0] + (layout.fix_late + since) * dt * estimate[1], estimate[1]
+
+    bank_i, bank_rate, roll_i, roll_d, heading_d = remembered.tolist()
+    wanted = heading_setpoint(laws.heading, laws.target.x_m, float(y))
+    airspeed = speed_within(laws.schedule, trim.airspeed_mps)
+    bank, bank_terms = sideways_step(
+        laws.sideways, PidState(bank_i, bank_rate), wanted, airspeed, float(vy), dt, 0
+    )
+    rolled, aileron = attitude_step(
+        laws.roll,
+        PidState(roll_i, roll_d),
+        bank_terms.output,
+        float(seen[2] + age_s * seen[4]),
+        float(seen[4]),
+        0.0,
+        dt,
+        0,
+    )
+    turned, rudder = heading_step(
+        laws.heading,
+        PidState(0.0, heading_d),
+        wanted,
+        float(seen[3] + age_s * seen[5]),
+        float(seen[5]),
+        0.0,
+        dt,
+    )
+    injected = vector[layout.ends[-1] :]
+    commands = (aileron.output + float(injected[0]), rudder.output + float(injected[1]))
+    return np.concatenate(
+        [
+            _flown(layout, plant, commands),
+            samples[: len(line)],
+            fixes,
+            estimate,
+            [bank.integral, bank.rate, rolled.integral, rolled.rate, turned.rate],
+            [aileron.output, rudder.output],
+        ]
+    )
+
+
 def _measured(trim: Glide, plant: Matrix) -> Matrix:
     """What sensors see; the rates are those of roll and heading, pitched by the glide."""
     y, vy, roll, heading, p, r = plant[:_BODY]
@@ -157,15 +184,10 @@ def _measured(trim: Glide, plant: Matrix) -> Matrix:
     return np.array([y, vy, roll, heading, p + r * tan(pitch), r / cos(pitch)])
 
 
-def _flown(
-    condition: Condition,
-    trim: Glide,
-    servo: ServoParams,
-    plant: Matrix,
-    commands: tuple[float, float],
-) -> Matrix:
+def _flown(layout: _Layout, plant: Matrix, commands: tuple[float, float]) -> Matrix:
     """Servos and aircraft a tick later."""
-    dt = 1.0 / condition.step_hz
+    trim, servo = layout.trim, layout.servo
+    dt = 1.0 / layout.condition.step_hz
     surface = (len(plant) - _BODY) // 2
     moved = [
         servo_step(servo, ServoState(float(own[0]), tuple(own[1:].tolist())), float(command), dt)
@@ -189,7 +211,7 @@ def _flown(
         rudder=float(plant[_BODY + surface]),
     )
     surfaces = SurfaceCommand(trim.elevator, moved[0].deflection, moved[1].deflection)
-    after = step(condition.model, before, surfaces, wind, wind, dt)
+    after = step(layout.condition.model, before, surfaces, wind, wind, dt)
     roll, _, heading = euler_from_quaternion(after.qw, after.qx, after.qy, after.qz)
     return np.array(
         [
