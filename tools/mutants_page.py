@@ -12,12 +12,13 @@ NOT_LOOKED_AT: Final = "not looked at yet"
 _TEXT: Final = """\
 # Mutants
 
-Whether the tests notice small changes of the source: a comparison turned round, a number doubled, a
-row of a table left out (`tools/mutations.py` lists the kinds). `make mutate` makes this page: it
-tries {tried} changes, drawn with seed {seed} from all {total} that the files can have. The tests
-notice {noticed} ({share:.1f} %).
+This page shows developers how well the tests detect faults. A mutant is a small change of the
+source, such as an inverted comparison, a doubled number or a missing row of a table
+(`tools/mutations.py` lists the kinds). `make mutate` makes this page: it tries {tried} changes,
+drawn with seed {seed} from all {total} that are possible. The tests notice {noticed}
+({share:.1f} %).
 
-Tests that need real time or compile kernels take no part, and the others have {budget_s:.0f} s of
+Tests that need real time or compile kernels are left out; the others have {budget_s:.0f} s of
 processor time for each change. The reasons in the last table are written by hand, and a new run
 keeps them.
 

@@ -51,12 +51,12 @@ def align(
         ),
     ] = None,
     server: Annotated[str, typer.Option(help="HOST or HOST:PORT instead of the site's.")] = "",
-    up: Annotated[str, typer.Option(help="The hall's up axis, y or z; that of the site.")] = "",
+    up: Annotated[str, typer.Option(help="The hall's up axis, y or z. Default: the site's.")] = "",
     seconds: Annotated[
         float, typer.Option(help="How long each point is averaged.", min=0.5, max=60.0)
     ] = 2.0,
     tolerance: Annotated[
-        float, typer.Option(help="Residual that is accepted, rms \\[m].", min=1e-4, max=1.0)
+        float, typer.Option(help="Largest residual accepted, rms \\[m].", min=1e-4, max=1.0)
     ] = TOLERANCE_M,
 ) -> None:
     """Compute yaw and offset between a hall's axes and the site's NED; print them as \\[mocap].

@@ -49,7 +49,7 @@ def faults(
         Path | None, typer.Option(help="Write the table and its figure into safety.md here.")
     ] = None,
 ) -> None:
-    """Fly with faults drawn by lot; exit code 1 if any flight was lost or any command bad."""
+    """Fly with faults drawn at random; exit code 1 if any flight was lost or any command bad."""
     page = docs / "safety.md" if docs is not None else None
     if page is not None and not page.is_file():
         fail(f"--docs {docs}: there is no {page}")

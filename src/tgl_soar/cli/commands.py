@@ -90,5 +90,5 @@ def main(
 
 
 def run() -> None:
-    """Fly: read position and attitude, command the surfaces. `tgl-soar run --help` tells more."""
+    """Fly: read position and attitude, command the surfaces. See `tgl-soar run --help`."""
     raise AssertionError("tgl_soar.cli hands this on before it gets here")

@@ -47,12 +47,16 @@ class CompileError(Exception):
 
 
 def compile_command(
-    again: Annotated[bool, typer.Option("--again", help="Also where it is there already.")] = False,
-    remove: Annotated[bool, typer.Option("--remove", help="Remove it: fly the source.")] = False,
+    again: Annotated[
+        bool, typer.Option("--again", help="Compile again, even if it exists already.")
+    ] = False,
+    remove: Annotated[
+        bool, typer.Option("--remove", help="Remove the native code; the source then flies.")
+    ] = False,
 ) -> None:
-    """Make native code of what flies: a tick takes a quarter of the time. Some minutes, once.
+    """Make native code of what flies: a tick is four times as fast. Takes some minutes, once.
 
-    It is kept beside the package, or in the folder that TGL_SOAR_NATIVE names.
+    It is stored beside the package, or in the folder that TGL_SOAR_NATIVE names.
     """
     before = signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # nothing is left behind
     try:

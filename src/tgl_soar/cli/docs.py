@@ -13,10 +13,11 @@ from tgl_soar.config.files import manual
 
 def docs(
     page: Annotated[
-        str | None, typer.Argument(metavar="PAGE", help="Print this page, as hardware or logs.")
+        str | None,
+        typer.Argument(metavar="PAGE", help="Page to print: hardware, logs, …"),
     ] = None,
 ) -> None:
-    """List the pages of the manual with their places, or print one."""
+    """List the pages of the manual and where they are, or print one."""
     pages = {path.stem: path for path in sorted(manual().glob("*.md"))}
     if page is not None:
         path = pages.get(page.removesuffix(".md"))

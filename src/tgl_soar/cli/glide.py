@@ -24,7 +24,7 @@ def glide(
     pitot: Annotated[bool, typer.Option("--pitot", help="With a pitot tube.")] = False,
     out: Annotated[Path, typer.Option(help="Folder for the log.")] = Path("out/glide"),
 ) -> None:
-    """Glide at ten speeds and throw the elevator eight times, high up in an even wind.
+    """Glide at ten speeds and fly eight elevator doublets, in a simulated uniform wind.
 
     The log is what `tgl-soar polar fit` and `tgl-soar identify` take.
     """

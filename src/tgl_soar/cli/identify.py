@@ -66,8 +66,8 @@ def identify_command(
 ) -> None:
     """Fit the short period, the elevator's effect and the servo's delay to doublets.
 
-    Let the elevator stand, move it to one side and the other, let it stand, wings level, in
-    still air; four times or more. Exit code 1: identified, and not to be trusted.
+    Hold the elevator, move it to one side and the other, hold it again; wings level, in
+    still air; four times or more. Exit code 1: identified, but not reliable.
     """
     from tgl_soar.analysis.logs.flight_data import steered
     from tgl_soar.analysis.logs.gliding import MeanWind, longitudinal

@@ -28,22 +28,22 @@ _FIRMWARES: Final = ("bridge", "ardupilot", "px4", "paparazzi")
 
 
 def init(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Made if it is not there.")],
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Created if it does not exist.")],
     start: Annotated[
-        str, typer.Option("--from", metavar="NAME", help="Site to begin from: tunnel, hill, …")
+        str, typer.Option("--from", metavar="NAME", help="Site to start from: tunnel, hill, …")
     ] = "tunnel",
     airframe: Annotated[
-        str, typer.Option(metavar="NAME", help="Airframe to begin from.")
+        str, typer.Option(metavar="NAME", help="Airframe to start from.")
     ] = "eclipson_c",
     firmware: Annotated[
         str, typer.Option(metavar="NAME", help=f"Of the autopilot: {', '.join(_FIRMWARES)}.")
     ] = "bridge",
     link: Annotated[str, typer.Option(help="To the autopilot, as for `tgl-soar run`.")] = LINK,
-    force: Annotated[bool, typer.Option("--force", help="Replace files that are there.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace existing files.")] = False,
 ) -> None:
     """Write airframe, site, service, ground station's actions and log layouts into a folder.
 
-    All files are written or none. Exit code 2: a file is there already, or a name is not known.
+    All files are written or none. Exit code 2: a file exists already, or a name is unknown.
     """
     for option, name, known in (
         ("--from", start, shipped_names("sites")),

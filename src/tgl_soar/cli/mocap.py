@@ -39,14 +39,12 @@ def list_(
         typer.Option(help="Site file with \\[mocap]: server and interface.", **SITE_FILE),
     ] = None,
     server: Annotated[
-        str, typer.Option(metavar="HOST[:PORT]", help="Or beside a site, instead of its own.")
+        str, typer.Option(metavar="HOST[:PORT]", help="Server; replaces the site's.")
     ] = "",
     interface: Annotated[
         str, typer.Option(help="This computer's address on the cameras' network, if several.")
     ] = "",
-    seconds: Annotated[
-        float, typer.Option(help="How long it is listened to.", min=0.5, max=60.0)
-    ] = 2.0,
+    seconds: Annotated[float, typer.Option(help="How long to listen.", min=0.5, max=60.0)] = 2.0,
     timeout: Annotated[
         float, typer.Option(help="Seconds to wait for the first frame.", min=0.5, max=600.0)
     ] = 10.0,

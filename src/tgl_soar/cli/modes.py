@@ -24,18 +24,20 @@ _HEAD: Final = f"""\
 
 <!-- Made by `{MAKE}`; change the table in `control/supervisor.py` instead. -->
 
-What the module does is decided by one table. In every tick the rows of the mode are tried from top
-to bottom; the first whose conditions all hold, with none of those that block it, is taken, and what
-it tells goes out as a `STATUSTEXT`: the new mode, a colon, and the words of the last column. Where
-none fits the mode stays.
+This page is for operators and developers: every mode of the module, and every change of mode with
+its conditions and its reason. A diagram is in [architecture.md](architecture.md#the-modes).
 
-| number (`soar_mode`) | mode | has the surfaces |
+One table decides. In every tick the rows of the current mode are tried from top to bottom; the
+first is taken for which all conditions under *when* hold and none under *unless*. Its reason is
+sent as a `STATUSTEXT`: the new mode, a colon, and the reason. If no row fits, the mode stays.
+
+| number (`soar_mode`) | mode | commands the surfaces |
 |---|---|---|
 """
 
 _TIMERS: Final = f"""\
 
-What lasts is counted by the supervisor itself:
+The supervisor itself measures how long a condition lasts:
 
 | condition | holds when |
 |---|---|
@@ -49,7 +51,7 @@ What lasts is counted by the supervisor itself:
 
 
 def modes() -> None:
-    """The modes and every way from one to another, as Markdown."""
+    """Print docs/modes.md: the modes and every change from one to another."""
     typer.echo(page(), nl=False)
 
 
@@ -64,9 +66,9 @@ def page() -> str:
         rows = [row for row in TRANSITIONS if row.source == mode]
         text += f"\n## From {name}\n\n"
         if not rows:
-            text += "There is no way out but to start the module again.\n"
+            text += "Only a restart of the module leaves this mode.\n"
             continue
-        text += "| when | unless | to | does | tells |\n|---|---|---|---|---|\n"
+        text += "| when | unless | to | action | reason |\n|---|---|---|---|---|\n"
         for row in rows:
             text += (
                 f"| {_conditions(row.all_of)} | {_conditions(row.none_of)} | {MODE_NAMES[row.to]}"
@@ -74,8 +76,8 @@ def page() -> str:
             )
     return (
         text
-        + _words("What health tells", "`Health.faults`", FAULT_TEXTS)
-        + _words("What the envelope cuts", "`Output.cut`", CUT_TEXTS)
+        + _words("Faults of the streams", "`Health.faults`", FAULT_TEXTS)
+        + _words("Limits of the envelope", "`Output.cut`", CUT_TEXTS)
     )
 
 

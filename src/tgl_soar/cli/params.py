@@ -60,7 +60,7 @@ def params(
         bool, typer.Option("--markdown", help="Print the page docs/parameters.md.")
     ] = False,
 ) -> None:
-    """List every parameter, or show, compare and carry values."""
+    """List every parameter; show, compare, export or import values."""
     if context.invoked_subcommand is not None:
         return
     if markdown:
@@ -257,7 +257,7 @@ def import_(
     site: SiteOption,
     state: StateOption = None,
     force: Annotated[
-        bool, typer.Option("--force", help="Also a line by which no aircraft can be held.")
+        bool, typer.Option("--force", help="Store a line by which no aircraft can be held, too.")
     ] = False,
 ) -> None:
     """Store the values of a ground station's file: the next flight begins with them.
@@ -290,7 +290,7 @@ def import_(
 
 @params_app.command("reset")
 def reset(airframe: AirframeOption, site: SiteOption, state: StateOption = None) -> None:
-    """Forget the stored values: the next flight begins with the files'."""
+    """Delete the stored values: the next flight starts with those of the files."""
     found = _begin(airframe, site, state)
     try:
         gone = found.store.forget()

@@ -40,14 +40,14 @@ def preflight(
         Path, typer.Option(help="Site file: where the position comes from.", **SITE_FILE)
     ],
     show_all: Annotated[
-        bool, typer.Option("--all", help="Show also what is as it should be.")
+        bool, typer.Option("--all", help="Also show what is as it should be.")
     ] = False,
     timeout: TimeoutOption = 10.0,
     signing_key: KeyOption = None,
 ) -> None:
     """Read the autopilot's parameters and list what to change before flight; change nothing.
 
-    Of the site, the fence and the lines are looked at.
+    Of the site file, the fence and the lines are checked.
 
     Exit code 0: all as needed; 1: something must be changed; 2: not possible.
     """

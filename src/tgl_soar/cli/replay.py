@@ -55,11 +55,11 @@ def replay(
         ),
     ] = False,
 ) -> None:
-    """Fly a log's inputs through the laws again; exit code 1 if commands differ or data is lost.
+    """Run a log's inputs through the laws again; exit code 1 if commands differ or data is lost.
 
     A .ulg is compared bit for bit. With --param or --airframe it shows what would have been
     commanded: the aircraft does not answer to it. A .tlog, of this module or of a ground station,
-    goes through the whole module as far as its frames tell.
+    goes through the whole module, as far as its frames suffice.
     """
     changes = _changes(param or [])
     try:

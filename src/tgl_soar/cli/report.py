@@ -37,12 +37,13 @@ def report(
     log: Annotated[Path, typer.Argument(help="ULog (ours, PX4's), DataFlash .bin or .tlog.")],
     site: Annotated[
         Path | None,
-        typer.Option(help="Site file; of our logs the one that was flown with.", **SITE_FILE),
+        typer.Option(help="Site file. Default: that of the module's log.", **SITE_FILE),
     ] = None,
     airframe: Annotated[
         Path | None,
         typer.Option(
-            help="Airframe file; of our logs the one that was flown with.", **AIRFRAME_FILE
+            help="Airframe file. Default: that of the module's log.",
+            **AIRFRAME_FILE,
         ),
     ] = None,
     field: Annotated[
@@ -80,7 +81,7 @@ def report(
         errors.print(f"lost: {text}", style="yellow", highlight=False, markup=False)
     say(f"page in {page}, figures in {page.parent / f'{page.stem}-figures'}/")
     if lost:
-        fail("what could be read is in the page; what was lost is told there and above", 1)
+        fail("what could be read is in the page; what was lost is listed there and above", 1)
 
 
 def page_of(log: Path, out: Path | None) -> Path:

@@ -31,7 +31,7 @@ from tgl_soar.config.site import Site
 from tgl_soar.sim.world import build_field, wind_misfit_text
 from tgl_soar.types import GlidePolar
 
-site_app = Commands(help="Sites: what is to be known of a place.", no_args_is_help=True)
+site_app = Commands(help="A place: its contour, and the fit of its wind.", no_args_is_help=True)
 
 TOLERANCE_M = 0.005  # of a point left out: less than any tracker's noise on a line
 LONGEST_FRACTION = 0.05  # a shorter part, of the longest one, is noise of the search
@@ -41,7 +41,7 @@ Point = tuple[float, float]
 
 @site_app.callback()
 def site_() -> None:
-    """Sites: what is to be known of a place."""
+    """A place: its contour, and the fit of its wind."""
 
 
 @site_app.command("contour")
@@ -59,7 +59,7 @@ def contour_(
 ) -> None:
     """Print the site's zero excess updraft contour as the \\[contour] table of its file.
 
-    The module warns when a line is set that does not cross it. Append it to the site file:
+    The module refuses a line that does not cross it. Append it to the site file:
     tgl-soar site contour --site my_site.toml >> my_site.toml
     """
     try:

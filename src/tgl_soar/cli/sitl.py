@@ -68,15 +68,15 @@ SiteFile = Annotated[
     typer.Option(help="Site file; of the tunnel, with \\[mocap] where needed.", **SITE_FILE),
 ]
 ModelChoice = Annotated[FlightModel | None, typer.Option(help=MODEL_HELP)]
-Legs = Annotated[str, typer.Option(help="Names of lines, by commas; all of the site's.")]
+Legs = Annotated[str, typer.Option(help="Names of lines, with commas; default: all of the site's.")]
 Stay = Annotated[float, typer.Option(help="Seconds on each line.", min=2.0, max=600.0)]
 Seed = Annotated[int, typer.Option(help="Of noise and turbulence.", min=0)]
 Turbulence = Annotated[
     float | None,
-    typer.Option(help="Fraction of the wind; the site's where not given.", min=0.0, max=0.5),
+    typer.Option(help="Fraction of the wind. Default: the site's.", min=0.0, max=0.5),
 ]
 Realtime = Annotated[
-    bool, typer.Option("--realtime", help="By the clock, open to other ground stations.")
+    bool, typer.Option("--realtime", help="Fly in real time, open to other ground stations.")
 ]
 GroundLocal = Annotated[
     str,
@@ -88,7 +88,7 @@ GroundLocal = Annotated[
 WithPage = Annotated[
     bool,
     typer.Option(
-        "--page", help="By the clock, with the operator's page, until Ctrl-C: engage there."
+        "--page", help="Fly in real time with the operator's page, until Ctrl-C; engage there."
     ),
 ]
 PagePort = Annotated[int, typer.Option(help="Of that page; 0: any.", min=0, max=65535)]
@@ -123,7 +123,7 @@ ArduPlaneProgram = Annotated[
 ]
 Route = Annotated[
     str | None,
-    typer.Option(help="By which a firmware is commanded, as attitude or manual_control."),
+    typer.Option(help="How the firmware is commanded: override, attitude or manual_control."),
 ]
 AutopilotParameters = Annotated[
     list[str] | None,
@@ -133,8 +133,7 @@ KillModule = Annotated[
     float | None,
     typer.Option(
         metavar="SECONDS",
-        help="Kill the module so long after its first line stood, and see what becomes of the"
-        " aircraft.",
+        help="Kill the module this long after it settled on line one, and watch the aircraft.",
         min=0.0,
     ),
 ]

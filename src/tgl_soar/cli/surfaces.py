@@ -47,11 +47,12 @@ def surfaces(
     ] = 0.5,
     hold: Annotated[float, typer.Option(help="Seconds at each stop.", min=0.5, max=20.0)] = 1.5,
     yes: Annotated[
-        bool, typer.Option("--yes", help="Nobody looks: compare the outputs only.")
+        bool,
+        typer.Option("--yes", help="Ask nothing: compare the outputs only."),
     ] = False,
     armed_on_ground: Annotated[
         bool,
-        typer.Option("--armed-on-ground", help="It is armed, and somebody holds it on the ground."),
+        typer.Option("--armed-on-ground", help="It is armed, and somebody holds it."),
     ] = False,
     timeout: TimeoutOption = 10.0,
     signing_key: KeyOption = None,
@@ -59,7 +60,7 @@ def surfaces(
     """Move elevator, aileron and rudder in turn, say which way each must go, and compare the
     autopilot's outputs with the airframe file.
 
-    Exit code 0: all as in the file and as it must look; 1: something is not; 2: not possible.
+    Exit code 0: all is as in the file and moves as it must; 1: something does not; 2: not possible.
     """
     try:
         plane = load_airframe(airframe)

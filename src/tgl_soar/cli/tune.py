@@ -43,7 +43,8 @@ def tune_command(
         typer.Option(help="Airframe file, such as `identify --out` writes.", **AIRFRAME_FILE),
     ] = AIRFRAME,
     out: Annotated[
-        Path, typer.Option("--out", "-o", help="Gains, and what they were tuned for, TOML.")
+        Path,
+        typer.Option("--out", "-o", help="Write gains, and their conditions, as TOML."),
     ] = Path("tuned.toml"),
     airframe_out: Annotated[
         Path | None, typer.Option(help="Write the airframe file with these gains, too.")
@@ -71,12 +72,12 @@ def tune_command(
         bool, typer.Option("--quick", help="A few steps, no flights: to try the command.")
     ] = False,
     restart: Annotated[
-        bool, typer.Option("--restart", help="Forget what an earlier run has found.")
+        bool, typer.Option("--restart", help="Discard the progress of an earlier run.")
     ] = False,
 ) -> None:
-    """Seek gains on the linear model, choose and judge them in flight, and write them down.
+    """Search for gains on the linear model, choose and judge them in flight, and write them.
 
-    Killed, it goes on where it was when it is run again. Exit code 1: margins below the floor.
+    If it is killed, it continues when it is run again. Exit code 1: margins below the floor.
     """
     _check_outputs(airframe, out, airframe_out)
     try:

@@ -23,7 +23,7 @@ class RunOptions(NamedTuple):
     site: str | Path  # the file
     links: tuple[str, ...]  # the first leads to the autopilot
     lockstep: bool = False
-    timeout_s: float | None = None  # give up if no autopilot answers for so long; None: never
+    timeout_s: float | None = None  # give up if no autopilot answers in this time; None: never
     secret: Secret = UNSIGNED
     state: Path | None = None  # the folder; None: nothing is stored
     log: Path | None = None  # the folder; None: no log is kept
@@ -39,7 +39,7 @@ def options_of(arguments: Sequence[str] | None = None) -> RunOptions:
         prog="tgl-soar run",
         allow_abbrev=False,  # `cli` looks for one of them itself
         description="Fly: the module beside the autopilot.",
-        epilog="Parameters: `tgl-soar params` lists them, docs/parameters.md tells all of them.",
+        epilog="Parameters: listed by `tgl-soar params` and in docs/parameters.md.",
     )
     _add_flight(parser.add_argument)
     _add_computer(parser.add_argument)
@@ -89,17 +89,22 @@ def _add_flight(add: Callable[..., Any]) -> None:
         help=f"{FORMS}; the first leads to the autopilot, repeat it for ground stations",
     )
     add("--lockstep", action="store_true", help="tick with the simulator's clock, not our own")
-    add("--timeout", type=float, metavar="S", help="give up if no autopilot answers for so long")
+    add(
+        "--timeout",
+        type=float,
+        metavar="S",
+        help="give up if no autopilot answers in this time",
+    )
     add("--signing-key", type=Path, metavar="FILE", help="sign, and refuse what is not signed")
     add(
         "--unsigned-autopilot",
         action="store_true",
-        help="with a key: the autopilot itself need not sign on the first link",
+        help="with a key: accept unsigned frames of the autopilot on the first link",
     )
     add(
         "--allow-setup-signing",
         action="store_true",
-        help="with a key file: take another key from an operator over the air, and keep it there",
+        help="with a key file: accept a new key from an operator over the air, and store it there",
     )
     add(
         "--state",
@@ -127,28 +132,28 @@ def _add_computer(add: Callable[..., Any]) -> None:
     add(
         "--no-guard",
         action="store_true",
-        help="no second process that gives the surfaces back when this one is killed or hangs"
+        help="no watchdog process that releases the surfaces if this one is killed or hangs"
         " (in lockstep there is none)",
     )
     add(
         "--cpu",
         type=_processor,
         metavar="N",
-        help="fly on this processor alone (best one that is kept free: isolcpus=N)",
+        help="fly on this processor only (best with isolcpus=N, which keeps it free)",
     )
     add(
         "--spin",
         type=_spin,
         metavar="US",
-        help="do not sleep for so many microseconds before a tick is expected and, where its sample"
+        help="stay awake for US microseconds before a tick is expected and, if its sample"
         " is late, after it; 0 to 2000."
-        f" Default: as many as this computer takes to wake, at most {pacing.AWAKE_MAX_S * 1e6:g}",
+        f" Default: the time this computer takes to wake, at most {pacing.AWAKE_MAX_S * 1e6:g}",
     )
     add(
         "--power-saving",
         action="store_true",
-        help="take less of the processor: sleep until it is time (unless --spin says otherwise)"
-        " and go through no tick beforehand; surfaces move some tenths of a millisecond later",
+        help="use less processor time: sleep until the tick (unless --spin is given)"
+        " and compute no warm-up tick; surfaces move some tenths of a millisecond later",
     )
     add(
         "--mocap-server",
@@ -159,7 +164,7 @@ def _add_computer(add: Callable[..., Any]) -> None:
     add(
         "--interpreted",
         action="store_true",
-        help="fly the source as it stands, also where `tgl-soar compile` made native code of it",
+        help="fly the source, even if `tgl-soar compile` made native code of it",
     )
 
 
