@@ -42,9 +42,10 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
     "release": ("Disengaging", ("release",)),
     "others": ("What else flies", ("parameters", "hostile", "natnet")),
     "simulation": ("Simulation", ("closed_loop",)),
+    "search": ("The search for lift", ("search",)),
     "report": ("Reports", ("report",)),
 }
-INTERPRETED = ("log", "simulation", "report")  # numba and replays take the source
+INTERPRETED = ("log", "simulation", "search", "report")  # numba and replays take the source
 
 
 def _results(modules: tuple[str, ...]) -> Iterator[Result]:

@@ -71,17 +71,19 @@ def test_sitl_hands_it_to_the_bridge_and_says_what_is_fitted(
 
 
 def test_a_scenario_flies_what_it_names() -> None:
-    scenario = Context(Flyer(), model="point_mass").scenario("static")
+    scenario = Context(flyer=Flyer(), model="point_mass").scenario("static")
     assert prepare(scenario).airframe.model_kind == "point_mass"
-    assert prepare(Context(Flyer()).scenario("static")).airframe.model_kind == "rigid_body"
-    assert msgspec.structs.replace(scenario, model=None) == Context(Flyer()).scenario("static")
+    assert prepare(Context(flyer=Flyer()).scenario("static")).airframe.model_kind == "rigid_body"
+    assert msgspec.structs.replace(scenario, model=None) == Context(flyer=Flyer()).scenario(
+        "static"
+    )
 
 
 def test_what_needs_a_rigid_body_is_not_flown_without(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with pytest.raises(ConfigError, match="estimator: flies the rigid body alone"):
-        catalogue.run("estimator", Context(Flyer(), model="point_mass"))
+        catalogue.run("estimator", Context(flyer=Flyer(), model="point_mass"))
     flown: list[tuple[str, str | None]] = []
 
     def run(name: str, context: Context) -> Result:

@@ -34,6 +34,9 @@ COLOURS = {
 }
 
 
+EPISODES = typer.Option(help="Of `search`: places of each kind; default 40.", min=1, max=10_000)
+
+
 def experiment(
     name: Annotated[str, typer.Argument(help="Its name, `all`, or `list`.")] = "list",
     out: Annotated[Path, typer.Option(help="Folder for figures and numbers.")] = Path(
@@ -54,6 +57,7 @@ def experiment(
     workers: Annotated[
         int, typer.Option(help="Processes that fly; 0: none but this one.", min=0, max=256)
     ] = os.cpu_count() or 1,
+    episodes: Annotated[int | None, EPISODES] = None,
     quick: Annotated[
         bool, typer.Option("--quick", help="One seed of each: to try, not to cite.")
     ] = False,
@@ -75,21 +79,21 @@ def experiment(
     begun = time.monotonic()
     results: list[Result] = []
     out.mkdir(parents=True, exist_ok=True)
-    with Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("flights"),
-        TimeElapsedColumn(),
-        console=errors,
-        transient=True,
-    ) as progress:
+    with _progress() as progress:
         task = progress.add_task(names[0], total=None)
         with Flyer(
             workers, lambda flown, wanted: progress.update(task, completed=flown, total=wanted)
         ) as flyer:
             kind = None if model is None else model.kind
-            context = Context(flyer, figures, quick, kind, field, compiled_from)
+            context = Context(
+                flyer=flyer,
+                figures=figures,
+                quick=quick,
+                model=kind,
+                field=field,
+                compiled_from=compiled_from,
+                episodes=episodes,
+            )
             for each in names:
                 progress.update(task, description=each)
                 try:
@@ -138,6 +142,18 @@ def _refuse(name: str, docs: Path | None, model: FlightModel | None, quick: bool
         fail("--docs goes with `all` and without --quick: the pages hold every experiment whole")
     if docs is not None and model is not None:
         fail("--docs goes without --model: the page shows both")
+
+
+def _progress() -> Progress:
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("flights"),
+        TimeElapsedColumn(),
+        console=errors,
+        transient=True,
+    )
 
 
 def _named(name: str, model: FlightModel | None) -> list[str]:

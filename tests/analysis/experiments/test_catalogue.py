@@ -26,7 +26,7 @@ LONG = (pytest.mark.long, pytest.mark.ci)
 )
 def test_an_experiment_tells_and_draws(tmp_path: Path, name: str) -> None:
     """One seed: means of a leg are known to 3 cm or so, hence the claims are judged more mildly."""
-    told = run(name, Context(Flyer(), tmp_path, quick=True))
+    told = run(name, Context(flyer=Flyer(), figures=tmp_path, quick=True))
     assert told.name == name
     assert told.tables
     assert all(len(row) == len(t.columns) for t in told.tables for row in t.rows)
@@ -40,4 +40,4 @@ def test_an_experiment_tells_and_draws(tmp_path: Path, name: str) -> None:
 
 
 def test_without_a_folder_nothing_is_drawn() -> None:
-    assert run("field", Context(Flyer())).figures == ()
+    assert run("field", Context(flyer=Flyer())).figures == ()

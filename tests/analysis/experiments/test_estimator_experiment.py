@@ -249,7 +249,7 @@ def test_the_experiment_reports_and_draws(tmp_path: Path, monkeypatch: pytest.Mo
     for name, value in (("FLIGHT_S", 9.0), ("WATCHED_S", 9.0), ("ONE_GAP_S", 8.0)):
         monkeypatch.setattr(f"{here}.{name}", value)
     monkeypatch.setattr(f"{here}_flights.ONE_GAP_S", 8.0)
-    result = run("estimator", Context(Flyer(), tmp_path, quick=True))
+    result = run("estimator", Context(flyer=Flyer(), figures=tmp_path, quick=True))
     assert all(len(row) == len(t.columns) for t in result.tables for row in t.rows)
     (figure,) = result.figures
     assert (tmp_path / figure).read_bytes().startswith(b"\x89PNG")

@@ -20,7 +20,7 @@ def test_each_use_is_held_against_flights_without_it(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(
         wind_use, "USES", {name: wind_use.USES[name] for name in (wind_use.NEITHER, used)}
     )
-    told = run("wind_use", Context(Flyer(), quick=True))
+    told = run("wind_use", Context(flyer=Flyer(), quick=True))
     (table,) = told.tables
     neither, with_it = table.rows
     assert neither[-2:] == ("1.00", "1.00")

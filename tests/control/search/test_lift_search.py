@@ -88,8 +88,8 @@ def test_the_best_line_is_flown() -> None:
 
 def test_it_gives_up_where_no_field_soars_but_not_at_once() -> None:
     nowhere = GOOD._replace(chance=0.0, stay_chance=0.0, most_chance=0.0, stays=False)
-    assert after(1.0, nowhere).status == LOOKING
-    given_up = after(4.0, nowhere)
+    assert after(1.0, nowhere, climb_mps=-0.5).status == LOOKING
+    given_up = after(4.0, nowhere, climb_mps=-0.5)
     assert (given_up.status, given_up.reason) == (GIVEN_UP, NO_PLACE)
     assert "no line" in REASONS[given_up.reason]
     # and that is the end of it
@@ -99,9 +99,14 @@ def test_it_gives_up_where_no_field_soars_but_not_at_once() -> None:
 
 def test_one_hopeless_plan_among_others_is_forgotten() -> None:
     nowhere = GOOD._replace(chance=0.0, stay_chance=0.0, most_chance=0.0, stays=False)
-    state = after(1.4, nowhere)
-    state = after(0.6, GOOD, state=state)
-    assert after(1.4, nowhere, state=state).status == LOOKING
+    state = after(1.4, nowhere, climb_mps=-0.5)
+    state = after(0.6, GOOD, state=state, climb_mps=-0.5)
+    assert after(1.4, nowhere, state=state, climb_mps=-0.5).status == LOOKING
+
+
+def test_at_rest_it_does_not_give_up_whatever_the_map_says() -> None:
+    nowhere = GOOD._replace(chance=0.0, stay_chance=0.0, most_chance=0.0, stays=False)
+    assert after(20.0, nowhere).status == LOOKING
 
 
 def test_it_gives_up_while_there_is_height_to_land() -> None:

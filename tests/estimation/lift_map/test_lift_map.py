@@ -15,7 +15,7 @@ from tgl_soar.air.hill import HillField
 from tgl_soar.air.jet import SlopeJet
 from tgl_soar.config.files import load_airframe, load_site, shipped
 from tgl_soar.estimation.lift_map.basis import Box, Floats
-from tgl_soar.estimation.lift_map.lift_map import LiftMap, Reading
+from tgl_soar.estimation.lift_map.lift_map import LiftMap, Reading, root_of
 from tgl_soar.estimation.lift_map.sinking import sink
 from tgl_soar.types import GROUND_POINTS, NO_GROUND, Ground
 
@@ -240,6 +240,18 @@ def test_draws_have_the_posterior_s_mean_and_spread() -> None:
     assert float(np.std(drawn @ w[0])) == pytest.approx(said.updraft_sd_mps[0], rel=0.2)
     again = lift.draws(rng.normal(size=(1, lift.basis.count)) * 0.0)
     assert again[0] == pytest.approx(lift.mean())
+
+
+@pytest.mark.parametrize("least", [1e-3, 0.0, -1e-9, -1.0])
+def test_a_covariance_has_a_root_even_where_rounding_made_it_indefinite(least: float) -> None:
+    rng = np.random.default_rng(5)
+    turned, _ = np.linalg.qr(rng.normal(size=(6, 6)))
+    variances = np.array([least, 0.1, 0.2, 0.5, 1.0, 2.0])
+    covariance = turned @ np.diag(variances) @ turned.T
+    root = root_of(covariance)
+    assert np.isfinite(root).all()
+    if least > -0.1:
+        assert root @ root.T == pytest.approx(covariance, abs=1e-4)
 
 
 def test_the_gradient_is_that_of_the_field() -> None:

@@ -16,6 +16,7 @@ from tgl_soar.analysis.experiments import (
     line_lean,
     places,
     robustness,
+    search,
     sensitivity,
     still_lines,
     wind_estimate,
@@ -43,6 +44,7 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "wind_use": wind_use.wind_use,
     "command_delay": robustness.command_delay,
     "dispersed": robustness.dispersed,
+    "search": search.run,
 }
 
 # Our own aims; the others are the paper's claims and fly on either model.  These are about what
@@ -54,6 +56,7 @@ RIGID_BODY_ALONE: Final = (
     "wind_use",
     "command_delay",
     "dispersed",
+    "search",
 )
 OURS: Final = frozenset(RIGID_BODY_ALONE)
 NOT_FLOWN: Final = ("field",)  # computed from the air alone
@@ -76,6 +79,7 @@ TITLES: Final = {
     "wind_use": "what the laws may make of the wind they read",
     "command_delay": "who lasts where commands come later than known",
     "dispersed": "who lasts of aircraft drawn apart from the airframe file",
+    "search": "a place to soar without knowing the wind",
 }
 
 

@@ -41,6 +41,7 @@ class Context:
     model: ModelKind | None = None  # what flies; None: what the airframe file says
     field: Path | None = None  # a site file whose air is flown in too, by `places`
     compiled_from: int = COMPILED_FROM  # flights at once; fewer where many more are to follow
+    episodes: int | None = None  # of a search, of each kind; None: as many as the experiment has
 
     def scenario(self, name: str) -> Scenario:
         """A shipped scenario, with one seed where it is quick.  Errors: `ConfigError`."""

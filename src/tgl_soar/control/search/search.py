@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from tgl_soar.control.search.plan import LinePlan
+from tgl_soar.control.search.plan import LinePlan, horizon_of
 from tgl_soar.control.search.rollout import Guards
 from tgl_soar.control.target_line import TargetLine
 
@@ -35,7 +35,8 @@ CLAIM_CLIMB_MPS: Final = 0.05
 CLAIM_CHANCE: Final = 0.8
 KEEP_CHANCE: Final = 0.5  # a claim is withdrawn below
 KEEP_CLIMB_MPS: Final = 0.15
-CLIMB_S: Final = 3.0  # over which the climb is averaged
+CLIMB_S: Final = 3.0  # over which the climb is averaged, or CLIMB_SHARE of a rollout's horizon:
+CLIMB_SHARE: Final = 0.25  # where the box is larger, so are the gusts, and all is slower
 HOPELESS: Final = 0.05  # chance of the best line: one of eleven fields is more
 HOPELESS_S: Final = 2.0  # so long before it is believed
 PLAN_EARLY_S: Final = 0.4
@@ -78,6 +79,11 @@ def plan_due(state: SearchState) -> bool:
     return state.status != GIVEN_UP and state.since_plan_s >= every - 1e-9
 
 
+def climb_s(height_m: float) -> float:
+    """Over how long the climb is averaged [s] in a box of this height [m]."""
+    return max(CLIMB_S, CLIMB_SHARE * horizon_of(height_m))
+
+
 def search_step(
     state: SearchState,
     guards: Guards,
@@ -90,7 +96,7 @@ def search_step(
     """Go on by dt_s; plan: a new one, or None; over_ground_m: height; moving: the line slides."""
     if state.status == GIVEN_UP:
         return state
-    share = min(1.0, dt_s / CLIMB_S)
+    share = min(1.0, dt_s / climb_s(guards.box.height_m))
     state = state._replace(
         time_s=state.time_s + dt_s,
         climb_mps=state.climb_mps + share * (climb_mps - state.climb_mps),
@@ -99,7 +105,8 @@ def search_step(
     )
     if plan is None:
         return state
-    hopeless = plan.most_chance < HOPELESS
+    # At rest there is nothing to lose: whatever the map says, the aircraft soars.
+    hopeless = plan.most_chance < HOPELESS and abs(state.climb_mps) > CLAIM_CLIMB_MPS
     state = state._replace(
         since_plan_s=0.0,
         hopeless_s=state.hopeless_s + PLAN_EARLY_S if hopeless else 0.0,

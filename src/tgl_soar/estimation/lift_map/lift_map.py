@@ -48,6 +48,8 @@ GATE: Final = 5.0  # standard deviations: what is farther off is pulled in to th
 
 SCALE_PER_ROOT_S: Final = 0.012  # q
 FORGET_S: Final = 400.0
+JITTER: Final = 1e-12  # of the largest variance, added to all of them: what rounding may have taken
+JITTERS: Final = 5  # each a hundred times the last; then the weights are drawn without correlation
 BETWEEN_M: Final = 0.01  # of H: between the places of a gradient's differences
 
 
@@ -100,6 +102,19 @@ def _updated(
         covariance - learned.T @ learned,
     )
     return after, likelihood
+
+
+def root_of(covariance: Floats) -> Floats:
+    """A root (n, n) of a covariance that rounding may have left a little indefinite."""
+    jitter = JITTER * float(np.diag(covariance).max())
+    for _ in range(JITTERS):
+        try:
+            root: Floats = np.linalg.cholesky(covariance + jitter * np.eye(len(covariance)))
+        except np.linalg.LinAlgError:
+            jitter *= 100.0
+        else:
+            return root
+    return np.diag(np.sqrt(np.diag(covariance).clip(0.0)))
 
 
 class LiftMap:
@@ -265,7 +280,5 @@ class LiftMap:
         for k, chosen in enumerate((~loose, loose)):
             if chosen.any():
                 mean, covariance = self.maps[k]
-                values, vectors = np.linalg.eigh(covariance)
-                root = vectors * np.sqrt(values.clip(0.0))
-                drawn[chosen] = mean + spread * normals[chosen] @ root.T
+                drawn[chosen] = mean + spread * normals[chosen] @ root_of(covariance).T
         return drawn
