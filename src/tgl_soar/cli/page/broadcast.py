@@ -34,9 +34,14 @@ class Viewer:
         self._sending: asyncio.Task[None] | None = None
         self._since_s = float("inf")
 
+    @property
+    def is_sending(self) -> bool:
+        """Whether a frame is on its way that the page has not taken yet."""
+        return self._sending is not None and not self._sending.done()
+
     def offer(self, change: str, whole: Callable[[], str], now_s: float) -> bool:
         """The next frame; whether the page is still there."""
-        if self._sending is not None and not self._sending.done():
+        if self.is_sending:
             self._needs_whole = True
             self.dropped += 1
             return now_s - self._since_s < STALLED_S

@@ -81,10 +81,7 @@ class Desk:
             self.turn(now_s)
             if now_s >= frame_s:
                 frame_s = max(frame_s + 1.0 / FRAMES_PER_S, now_s)
-                for viewer in self.pages.show(
-                    self._state(now_s), self._news(), self._whole_of(now_s), now_s
-                ):
-                    self.leave(viewer)
+                self.show(now_s)
             await asyncio.sleep(READ_S)
 
     def turn(self, now_s: float) -> None:
@@ -104,6 +101,13 @@ class Desk:
         self.orders.step(now_s)
         self._flush()
 
+    def show(self, now_s: float) -> None:
+        """A frame to all pages."""
+        for viewer in self.pages.show(
+            self._state(now_s), self._news(), self._whole_of(now_s), now_s
+        ):
+            self.leave(viewer)
+
     def close(self) -> None:
         """The server ends."""
         if self.link is not None:
@@ -117,9 +121,8 @@ class Desk:
 
     # --- what pages ask -------------------------------------------------------------------------
 
-    def take(self, viewer: Viewer, request: Request) -> None:
+    def take(self, viewer: Viewer, request: Request, now_s: float) -> None:
         """A request, whose token was right."""
-        now_s = time.monotonic()
         if self.orders is None or self.station is None:
             self._notice(Done(viewer.name, False, "this is a recording: nothing can be changed"))
             return

@@ -162,9 +162,10 @@ async def _live(socket: WebSocket, desk: Desk, access: Access) -> None:
         await socket.send_json({"you": viewer.number})
         while True:
             text = await _text(socket)
-            if not allowance.spend(time.monotonic()):
+            now_s = time.monotonic()
+            if not allowance.spend(now_s):
                 raise Refused("too many requests: open the page again")
-            desk.take(viewer, request_of(text, access.token))
+            desk.take(viewer, request_of(text, access.token), now_s)
     except Refused as refused:
         with suppress(RuntimeError, WebSocketDisconnect):
             await socket.close(CLOSED_REFUSED, str(refused)[:120])
