@@ -109,11 +109,11 @@ def root_of(covariance: Floats) -> Floats:
     jitter = JITTER * float(np.diag(covariance).max())
     for _ in range(JITTERS):
         try:
-            root: Floats = np.linalg.cholesky(covariance + jitter * np.eye(len(covariance)))
+            root = np.linalg.cholesky(covariance + jitter * np.eye(len(covariance)))
         except np.linalg.LinAlgError:
             jitter *= 100.0
         else:
-            return root
+            return np.asarray(root, dtype=np.float64)
     return np.diag(np.sqrt(np.diag(covariance).clip(0.0)))
 
 
