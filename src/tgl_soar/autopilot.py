@@ -13,6 +13,8 @@ from tgl_soar.control import supervisor as modes
 from tgl_soar.control.conditions import (
     excitation_hindrance,
     flight_conditions,
+    forecast_conditions,
+    forecast_of,
     line_conditions,
     stream_conditions,
     target_conditions,
@@ -32,6 +34,7 @@ from tgl_soar.control.excitation import (
     at_rest,
     excitation_step,
 )
+from tgl_soar.control.forecast import Forecast, ForecastState, initial_forecast
 from tgl_soar.control.heading import (
     bank_setpoint,
     heading_setpoint,
@@ -127,6 +130,7 @@ class AutopilotState(NamedTuple):
     sideways: PidState
     loops: LoopsState
     excitation: ExcitationState
+    forecast: ForecastState
 
 
 class Output(NamedTuple):
@@ -153,6 +157,7 @@ class Output(NamedTuple):
     imu_weight: float  # of the gains with accelerations in those flown, 0 … 1
     gains: ScheduledGains  # of pitch, in the modes in control
     excitation: ExcitationState
+    forecast: Forecast
 
 
 def mode_name(mode: int) -> str:
@@ -257,6 +262,7 @@ def initial_state() -> AutopilotState:
         sideways=_AT_REST,
         loops=LoopsState(_AT_REST, _AT_REST, _AT_REST, unlimited(_NEUTRAL)),
         excitation=at_rest(IDLE),
+        forecast=initial_forecast(),
     )
 
 
@@ -357,9 +363,9 @@ def _watch(
     """Not in control: look, and engage if asked and able."""
     vehicle, target = estimates.vehicle, laws.target
     found = _conditions(laws, inputs, estimates) | target_conditions(laws) | FINITE | SANE
-    found |= line_conditions(laws.guards, 0.0, False, False)
+    found |= line_conditions(laws.guards, 0.0, False, False) | modes.SETTLES
     supervisor, decision = _decide(laws, state, inputs, found)
-    state = _idle(laws, state, inputs, estimates, supervisor, state.line)
+    state = _idle(laws, state, inputs, estimates, supervisor, state.line, initial_forecast())
     if modes.is_flying(decision.mode):
         return _fly(laws, _engaged(laws, state, estimates), inputs, estimates, 0.0, decision.reason)
     tracking = LineTracking(
@@ -381,6 +387,7 @@ def _idle(
     estimates: _Estimates,
     supervisor: SupervisorState,
     line: LineState,
+    forecast: ForecastState,
 ) -> AutopilotState:
     """The state after a tick without control: the laws' part stays as it was."""
     return AutopilotState(
@@ -396,6 +403,7 @@ def _idle(
         excitation=excitation_step(
             laws.excitation, state.excitation, inputs.time_s, 0.0, NOT_SOARING
         ),
+        forecast=forecast,
     )
 
 
@@ -431,6 +439,7 @@ def _output(
         imu_weight=estimates.memory.imu_weight,
         gains=flown.gains,
         excitation=state.excitation,
+        forecast=state.forecast.foreseen,
     )
 
 
@@ -487,10 +496,13 @@ def _fly(
 
     found = _conditions(laws, inputs, estimates) | _own_conditions(state, line)
     found |= line_conditions(laws.guards, tracking.e_rho_m, on_line, line.moving)
+    mode, air, quality = state.supervisor.mode, estimates.air, estimates.quality
+    forecast = forecast_of(laws, mode, state.forecast, line, vehicle, air, quality)
+    found |= forecast_conditions(laws, forecast.foreseen)
     supervisor, decision = _decide(laws, state, inputs, found)
     mode, reason = decision.mode, decision.reason or engaged_because
     if not modes.is_flying(mode):
-        state = _idle(laws, state, inputs, estimates, supervisor, line)
+        state = _idle(laws, state, inputs, estimates, supervisor, line, forecast)
         return state, _output(state, inputs, estimates, mode, reason, tracking, _NOT_FLOWN)
 
     hindrance = excitation_hindrance(
@@ -555,6 +567,7 @@ def _fly(
         sideways=guidance.sideways,
         loops=loops,
         excitation=excitation,
+        forecast=forecast,
     )
     return state, _output(state, inputs, estimates, mode, reason, guidance.tracking, flown)
 

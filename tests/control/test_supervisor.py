@@ -1,8 +1,8 @@
 """The supervisor's table, walked through in full, and its timers.
 
-A mode's rows name some twenty conditions of the thirty-two; what the others are makes no
+A mode's rows name some twenty conditions of the thirty-three; what the others are makes no
 difference, and that is tested too.  So every set of those that a mode looks at is tried: up to
-two million a mode, evaluated by numpy from the rows alone and compared with `next_mode`.
+eight million a mode, evaluated by numpy from the rows alone and compared with `next_mode`.
 """
 
 from __future__ import annotations
@@ -52,15 +52,16 @@ ALLOWED = {
     s.FAILED: {s.FAILED},
 }  # fmt: skip
 Bits = NDArray[np.int64]
+Small = NDArray[np.int8]
 
 
 class Walk(NamedTuple):
     """Everything that one mode can meet, and what the table makes of it; shape (n,) each."""
 
     conditions: Bits
-    to: Bits
-    action: Bits
-    reason: Bits
+    to: Small
+    action: Small
+    reason: Small
 
     def has(self, bits: int) -> NDArray[np.bool_]:
         held: NDArray[np.bool_] = self.conditions & bits == bits
@@ -86,7 +87,7 @@ def walk(mode: int) -> Walk:
     conditions = np.zeros(1, dtype=np.int64)
     for bit in looked_at(mode):
         conditions = np.concatenate([conditions, conditions | bit])
-    to = np.full(len(conditions), mode)
+    to = np.full(len(conditions), mode, dtype=np.int8)
     action, reason = np.zeros_like(to), np.zeros_like(to)
     for row in reversed([row for row in TRANSITIONS if row.source == mode]):  # the first one wins
         fits = (conditions & row.all_of == row.all_of) & (conditions & row.none_of == 0)
@@ -335,6 +336,7 @@ ON_LINE_ROWS = [
     (s.SETTLED, s.POSITION_FRESH, s.HOLDING, s.HOLD, s.REASON_POSITION_GAP),
     (0, s.INSIDE_FENCE, s.RELEASED, s.HAND_OVER, s.REASON_FENCE),
     (0, s.NEAR_LINE, s.RELEASED, s.HAND_OVER, s.REASON_OFF_LINE),
+    (0, s.SETTLES, s.RELEASED, s.HAND_OVER, s.REASON_NOWHERE),
     (s.TROUBLED, s.AIR_SAFE, s.RECOVERING, s.GLIDE, s.REASON_STALL),
     (s.TROUBLED, s.HIGH_ENOUGH, s.RECOVERING, s.GLIDE, s.REASON_LOW),
 ]
@@ -423,6 +425,13 @@ HEALTHY = s.FOUND & ~s.LINE_MOVING & ~s.ON_LINE | s.SAME_BOOT | s.STAYS_ARMED | 
         (s.SOARING, s.POSITION_FRESH | s.NEAR_LINE, 0, s.HOLDING, s.REASON_POSITION_GAP),
         (s.SOARING, s.NEAR_LINE, 0, s.RELEASED, s.REASON_OFF_LINE),
         (s.SOARING, s.INSIDE_FENCE, 0, s.RELEASED, s.REASON_FENCE),
+        (s.CAPTURING, s.SETTLES, 0, s.RELEASED, s.REASON_NOWHERE),
+        (s.SOARING, s.SETTLES, 0, s.RELEASED, s.REASON_NOWHERE),
+        (s.SOARING, s.SETTLES | s.INSIDE_FENCE, 0, s.RELEASED, s.REASON_FENCE),
+        # Released, and not into a recovering that comes back to the same line.
+        (s.SOARING, s.SETTLES | s.AIR_SAFE, s.TROUBLED, s.RELEASED, s.REASON_NOWHERE),
+        (s.HOLDING, s.SETTLES | s.POSITION_FRESH, 0, s.HOLDING, s.REASON_NONE),
+        (s.RECOVERING, s.SETTLES, 0, s.RECOVERING, s.REASON_NONE),
         (s.SOARING, s.HIGH_ENOUGH, s.TROUBLED, s.RECOVERING, s.REASON_LOW),
         (s.SOARING, s.UPRIGHT, 0, s.RELEASED, s.REASON_UPSET),
         (s.SOARING, s.UPWIND, 0, s.RELEASED, s.REASON_DOWNWIND),

@@ -13,7 +13,13 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from tgl_soar.analysis.experiments.catalogue import EXPERIMENTS, RIGID_BODY_ALONE, TITLES, run_both
+from tgl_soar.analysis.experiments.catalogue import (
+    APART,
+    EXPERIMENTS,
+    RIGID_BODY_ALONE,
+    TITLES,
+    run_both,
+)
 from tgl_soar.analysis.experiments.catalogue import run as run_experiment
 from tgl_soar.analysis.experiments.context import COMPILED_FROM, Context
 from tgl_soar.analysis.experiments.flights import Flyer
@@ -160,8 +166,9 @@ def _named(name: str, model: FlightModel | None) -> list[str]:
     """The experiments that a name means: with `all` those that the model can fly."""
     if name != "all":
         return [name]
+    hint(f"not flown: {', '.join(APART)}, on a page of its own")
     if model != FlightModel.POINT_MASS:
-        return list(EXPERIMENTS)
+        return [each for each in EXPERIMENTS if each not in APART]
     hint(f"not flown: {', '.join(RIGID_BODY_ALONE)} are about the rigid body alone")
     return [each for each in EXPERIMENTS if each not in RIGID_BODY_ALONE]
 

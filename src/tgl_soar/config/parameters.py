@@ -532,6 +532,23 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         name="TILT_MAX", unit="deg", minimum=20, maximum=80, default=60.0,
         meaning="Roll or pitch beyond this: disengage.",
     ),
+    # --- the forecast ----------------------------------------------------------------------
+    Parameter(
+        name="FC_ACT", unit="", minimum=0, maximum=2, default=2,
+        meaning="Where no place to settle is foreseen on the line: 2: disengage, 1: only report it,"
+                " 0: no forecast. It needs an airframe file with [model].",
+        integer=True,
+    ),
+    Parameter(
+        name="FC_CHANCE", unit="", minimum=0.001, maximum=0.5, default=0.05,
+        meaning="Chance of a place to settle below which there is none, on a line that stands"
+                " still.",
+    ),
+    Parameter(
+        name="FC_TIME", unit="s", minimum=0, maximum=20, default=1.0,
+        meaning="Nearer in time than this to CLEAR_MIN or the fence, one chance in two is not"
+                " enough: height to land with. 0: FC_CHANCE alone decides.",
+    ),
     # --- telemetry -----------------------------------------------------------------------
     Parameter(
         name="TEL_BUDGET", unit="B/s", minimum=100, maximum=50000, default=2400,
@@ -606,6 +623,10 @@ GROUPS: Final[tuple[Group, ...]] = (
     Group(
         "Disengaging", ("AGE", "REC", "CAPTURE", "TILT"),
         "Beyond these limits the module holds, recovers or disengages by itself and says why.",
+    ),
+    Group(
+        "The forecast", ("FC",),
+        "Whether the aircraft will settle on its line, foreseen from what it has flown through.",
     ),
     Group("Telemetry", ("TEL",), "What the module sends to ground stations unasked."),
     Group("The process", ("LOOP",), "How the module runs."),

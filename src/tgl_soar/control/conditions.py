@@ -21,6 +21,14 @@ from tgl_soar.control.excitation import (
     OFF_LINE,
     TOO_LOW,
 )
+from tgl_soar.control.forecast import (
+    DISENGAGE,
+    Forecast,
+    ForecastState,
+    forecast_step,
+    initial_forecast,
+    nowhere,
+)
 from tgl_soar.control.laws import Laws, SupervisorLimits
 from tgl_soar.control.soaring import SoaringState
 from tgl_soar.control.supervisor import (
@@ -29,6 +37,7 @@ from tgl_soar.control.supervisor import (
     ATTITUDE_AGREES,
     ATTITUDE_FRESH,
     AUTOPILOT_ALIVE,
+    CAPTURING,
     CLEAR,
     ENGAGE,
     HIGH_ENOUGH,
@@ -41,6 +50,7 @@ from tgl_soar.control.supervisor import (
     POSITION_FRESH,
     POSITION_KEPT,
     POSITION_SANE,
+    SETTLES,
     SOARING,
     STREAMS_SEEN,
     SURFACES_ANSWER,
@@ -48,10 +58,10 @@ from tgl_soar.control.supervisor import (
     UPRIGHT,
     UPWIND,
 )
-from tgl_soar.control.target_line import LineTracking
+from tgl_soar.control.target_line import LineState, LineTracking
 from tgl_soar.estimation.health import AIRSPEED, DISAGREES, INFINITE, INSANE
 from tgl_soar.estimation.motion_state import FUTURE_S
-from tgl_soar.types import Health, Inputs, VehicleState
+from tgl_soar.types import AirEstimate, Health, Inputs, MotionQuality, VehicleState
 
 HEADING_MAX_RAD: Final = 0.5 * pi  # from upwind, to be engaged at all
 # A multisine begins on the line, wings level.  It moves e_rho by A g / w² or less, 3 cm at its
@@ -136,6 +146,41 @@ def line_conditions(
     if on_line:
         found |= ON_LINE
     return found
+
+
+def forecast_of(
+    laws: Laws,
+    mode: int,
+    state: ForecastState,
+    line: LineState,
+    vehicle: VehicleState,
+    air: AirEstimate,
+    quality: MotionQuality,
+) -> ForecastState:
+    """Where the aircraft will stop on the line that is flown; in other modes nothing is foreseen,
+    and what was is of another flight."""
+    if mode != CAPTURING and mode != SOARING:
+        return initial_forecast()
+    return forecast_step(
+        laws.forecast,
+        laws.fence,
+        laws.ground,
+        state,
+        vehicle,
+        air,
+        quality.velocity_sigma_mps,
+        line.eta_rad,
+        line.moving,
+    )
+
+
+def forecast_conditions(laws: Laws, forecast: Forecast) -> int:
+    """Whether a place to settle is foreseen; what is only to be reported ends nothing.
+
+    Who knows where else there is lift asks here first: as long as the line can be slid there in the
+    time that is left, the aircraft settles.
+    """
+    return 0 if laws.forecast.act == DISENGAGE and nowhere(forecast) else SETTLES
 
 
 def target_conditions(laws: Laws) -> int:

@@ -12,6 +12,7 @@ from typing import Final, NamedTuple
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.envelope import EnvelopeLimits, Fence
 from tgl_soar.control.excitation import Excitation
+from tgl_soar.control.forecast import ForecastParams
 from tgl_soar.control.heading import BankGains, HeadingGains
 from tgl_soar.control.pid import PidGains
 from tgl_soar.control.schedule import Dynamics, GainSchedule, schedule_of
@@ -71,6 +72,7 @@ class Laws(NamedTuple):
     pitch_trim: TrimGains
     loops: int  # whose loops move the surfaces: OURS, THEIRS or THEIRS_WITH_RUDDER
     excitation: Excitation
+    forecast: ForecastParams
 
 
 def laws_from(
@@ -128,6 +130,14 @@ def laws_from(
         ),
         loops=loops,
         excitation=Excitation(radians(values["EXC_AMP"]), values["EXC_START"] != 0.0),
+        forecast=ForecastParams(
+            act=int(values["FC_ACT"]),
+            time_s=values["FC_TIME"],
+            chance=values["FC_CHANCE"],
+            clearance_min_m=values["CLEAR_MIN"],
+            speed_min_mps=values["SPEED_MIN"],
+            polar=aerodynamics.polar,
+        ),
     )
 
 

@@ -85,17 +85,18 @@ HIGH_ENOUGH: Final = 1 << 20
 CLEAR: Final = 1 << 21  # both of these, with a margin
 FINITE: Final = 1 << 22
 SANE: Final = 1 << 23
-FOUND: Final = (1 << 24) - 1
+SETTLES: Final = 1 << 24
+FOUND: Final = (1 << 25) - 1
 # Conditions that the supervisor finds itself, by what it remembers.
-SAME_BOOT: Final = 1 << 24
-STAYS_ARMED: Final = 1 << 25
-STILL_READY: Final = 1 << 26
-SETTLED: Final = 1 << 27
-LONG_GAP: Final = 1 << 28
-TIME_UP: Final = 1 << 29
-TROUBLED: Final = 1 << 30
-CLEARED: Final = 1 << 31
-CONDITIONS: Final = 32
+SAME_BOOT: Final = 1 << 25
+STAYS_ARMED: Final = 1 << 26
+STILL_READY: Final = 1 << 27
+SETTLED: Final = 1 << 28
+LONG_GAP: Final = 1 << 29
+TIME_UP: Final = 1 << 30
+TROUBLED: Final = 1 << 31
+CLEARED: Final = 1 << 32
+CONDITIONS: Final = 33
 CONDITION_TEXTS: Final = (
     "operator has engaged it",
     "every stream has arrived",
@@ -121,6 +122,7 @@ CONDITION_TEXTS: Final = (
     "both with a margin",
     "command finite",
     "state sane",
+    "settles, by forecast",
     "autopilot not restarted",
     "not disarmed since",
     "was ready a moment ago",
@@ -201,6 +203,7 @@ REASON_LOW: Final = 28
 REASON_RECOVERED: Final = 29
 REASON_NOT_RECOVERED: Final = 30
 REASON_INSANE: Final = 31
+REASON_NOWHERE: Final = 32
 REASON_TEXTS: Final = (
     "",
     "engaged",
@@ -234,6 +237,7 @@ REASON_TEXTS: Final = (
     "recovered",
     "not recovered in time",
     "impossible state",
+    "no place to settle on this line",
 )
 
 
@@ -301,6 +305,7 @@ def _on_the_line(mode: int) -> tuple[Transition, ...]:
         Transition(mode, SETTLED, POSITION_FRESH, HOLDING, HOLD, REASON_POSITION_GAP),
         Transition(mode, 0, INSIDE_FENCE, RELEASED, HAND_OVER, REASON_FENCE),
         Transition(mode, 0, NEAR_LINE, RELEASED, HAND_OVER, REASON_OFF_LINE),
+        Transition(mode, 0, SETTLES, RELEASED, HAND_OVER, REASON_NOWHERE),
         Transition(mode, TROUBLED, AIR_SAFE, RECOVERING, GLIDE, REASON_STALL),
         Transition(mode, TROUBLED, HIGH_ENOUGH, RECOVERING, GLIDE, REASON_LOW),
     )

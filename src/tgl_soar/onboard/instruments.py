@@ -10,7 +10,9 @@
 A number that does not exist (a setpoint in standby) is NaN.  `health` says what may be flown
 with, `faults` what ails whom: the bits of `estimation.health.FAULT_TEXTS`, which a float holds
 exactly.  `entry` says what engaging still lacks, by the bits of the supervisor's conditions.
-exactly.  `exc_state` is how the multisine stands, as `control.excitation` numbers it.
+`exc_state` is how the multisine stands, as `control.excitation` numbers it.
+`fc_state` is how the forecast stands, as `control.forecast` numbers it: above 1 there is no place
+to settle, and `fc_time` is the time until the limit is reached, at the height `fc_z`.
 """
 
 from __future__ import annotations
@@ -55,6 +57,7 @@ FAST: Final = (
 SLOW: Final = (
     *("climb", "health", "faults", "age_pos", "age_att", "age_ap", "loss", "rtt_ms"),
     *("wind", "updraft", "excess", "airspeed", "entry", "stall", "clearance"),
+    *("fc_state", "fc_chance", "fc_time", "fc_z"),
 )
 ARRAY: Final = (
     *("mode", "e_rho", "e_rho_rate", "line_x", "line_z", "line_lean", "line_moving"),
@@ -180,7 +183,7 @@ def slow_value(
     output: Output, loss: float, round_trip_s: float, entry_lacks: int, turn: int
 ) -> float:
     """The number of `SLOW[turn]`; a margin that is not known is NaN."""
-    health, margins = output.health, output.margins
+    health, margins, foreseen = output.health, output.margins, output.forecast
     return (
         output.vehicle.climb_mps,
         health_bits(output),
@@ -197,6 +200,10 @@ def slow_value(
         float(entry_lacks),
         degrees(margins.stall_rad) if isfinite(margins.stall_rad) else NAN,
         margins.clearance_m if isfinite(margins.clearance_m) else NAN,
+        float(foreseen.standing),
+        foreseen.chance,
+        foreseen.ahead_s if isfinite(foreseen.ahead_s) else NAN,
+        foreseen.z_m,
     )[turn]
 
 

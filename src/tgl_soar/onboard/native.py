@@ -53,6 +53,7 @@ MODULES: Final = (
     "tgl_soar.control.attitude",
     "tgl_soar.control.envelope",
     "tgl_soar.control.excitation",
+    "tgl_soar.control.forecast",
     "tgl_soar.control.heading",
     "tgl_soar.control.schedule",
     "tgl_soar.control.pid",

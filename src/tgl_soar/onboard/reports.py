@@ -8,7 +8,8 @@ from typing import Final
 from tgl_soar import autopilot
 from tgl_soar.config.parameter_store import ParameterStore
 from tgl_soar.config.parameters import ParameterSet
-from tgl_soar.control.supervisor import FAILED, HOLDING, RECOVERING, RELEASED
+from tgl_soar.control.forecast import SETTLES, UNKNOWN, forecast_words
+from tgl_soar.control.supervisor import FAILED, HOLDING, REASON_NOWHERE, RECOVERING, RELEASED
 from tgl_soar.link.messages import SEVERITY_ERROR, SEVERITY_INFO, SEVERITY_WARNING
 from tgl_soar.link.session import Session
 from tgl_soar.link.signing import Signing
@@ -50,6 +51,7 @@ class Reports:
         self._first_words = list(first_words)
         self._busy_s = self._slow_line_s = float("-inf")  # when reported last
         self._late = self._left_out = 0  # up to then
+        self._forecast = ForecastWords()
         for _, text in self._first_words:
             outbox.console(text)
 
@@ -66,7 +68,8 @@ class Reports:
             self._first_words.clear()
 
     def show(self, output: autopilot.Output, now_s: float, counters: Counters) -> None:
-        """The numbers of a tick, as telemetry."""
+        """The numbers of a tick, as telemetry, and what is foreseen where that ends nothing."""
+        self._outbox.tell_all(self._forecast.look(output))
         session, sheds = self._session, self._clocking.load_shedding.no_telemetry
         self._links.measure_loss(now_s, self._clocking.pacer.counters, counters)
         loss, round_trip_s = self._links.loss, session.round_trip_s
@@ -108,7 +111,29 @@ def mode_words(output: autopilot.Output) -> list[tuple[int, str]]:
     faults = autopilot.fault_text(output.health.faults)
     if severity != SEVERITY_INFO and faults:
         words.append((SEVERITY_WARNING, faults))
+    forecast = forecast_words(output.forecast)
+    if output.reason == REASON_NOWHERE and forecast:
+        words.append((SEVERITY_WARNING, forecast))
     return words
+
+
+class ForecastWords:
+    """Reports once that no place to settle is foreseen, where that ends nothing; and its end."""
+
+    def __init__(self) -> None:
+        self._standing = UNKNOWN
+
+    def look(self, output: autopilot.Output) -> list[tuple[int, str]]:
+        """What is to be said after a tick: severities and texts."""
+        standing, before = output.forecast.standing, self._standing
+        self._standing = standing
+        if standing == before or output.reason == REASON_NOWHERE:
+            return []
+        if standing > SETTLES:
+            return [(SEVERITY_WARNING, f"no place to settle: {forecast_words(output.forecast)}")]
+        if before > SETTLES and output.active:
+            return [(SEVERITY_INFO, "a place to settle is foreseen again")]
+        return []
 
 
 def start_faults(settings: FlightSettings, signing: Signing) -> list[tuple[int, str]]:

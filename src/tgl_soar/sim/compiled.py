@@ -40,6 +40,7 @@ MODULES: Final = (
     "tgl_soar.control.supervisor",
     "tgl_soar.control.envelope",
     "tgl_soar.control.excitation",
+    "tgl_soar.control.forecast",
     "tgl_soar.estimation.inertial_track",
     "tgl_soar.estimation.fix_filter",
     "tgl_soar.estimation.turning",

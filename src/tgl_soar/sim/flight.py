@@ -55,6 +55,15 @@ class Row(NamedTuple):
     air_wind_sigma_mps: float
     air_updraft_sigma_mps: float
     injected_rad: float  # into the pitch setpoint, which has it in it
+    mode: float
+    forecast: float  # how it stands, as control.forecast numbers it
+    forecast_x_m: float
+    forecast_z_m: float
+    forecast_sigma_m: float
+    forecast_ahead_s: float
+    forecast_chance: float
+    forecast_excess_mps: float
+    forecast_slope_per_s: float
 
 
 class Flight(NamedTuple):
@@ -100,6 +109,7 @@ def row_of(
     """The row of a tick: the truth before it, and what came of it."""
     roll, pitch, heading = euler_from_quaternion(aircraft.qw, aircraft.qx, aircraft.qy, aircraft.qz)
     met, estimated = air_data(aircraft, wind), output.air
+    foreseen = output.forecast
     # Apart, as numba takes no choice within a call of many keywords.
     line_moving = 1.0 if output.line.moving or not output.active else 0.0
     return Row(
@@ -129,6 +139,15 @@ def row_of(
         air_wind_sigma_mps=estimated.wind_sigma_mps,
         air_updraft_sigma_mps=estimated.updraft_sigma_mps,
         injected_rad=output.excitation.pitch_rad,
+        mode=float(output.mode),
+        forecast=float(foreseen.standing),
+        forecast_x_m=foreseen.x_m,
+        forecast_z_m=foreseen.z_m,
+        forecast_sigma_m=foreseen.sigma_m,
+        forecast_ahead_s=foreseen.ahead_s,
+        forecast_chance=foreseen.chance,
+        forecast_excess_mps=foreseen.excess_mps,
+        forecast_slope_per_s=foreseen.slope_per_s,
     )
 
 

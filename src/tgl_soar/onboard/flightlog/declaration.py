@@ -46,6 +46,7 @@ _CODES: Final = {
 }
 
 SUFFIXES: Final = (
+    ("_per_s", "1/s"),
     ("_mps2", "m/s²"),
     ("_mps", "m/s"),
     ("_radps", "rad/s"),
@@ -83,6 +84,7 @@ _SMALL: Final = {
     "Margins.outside": "uint8_t",
     "Output.cut": "uint16_t",
     "ExcitationState.standing": "uint8_t",
+    "Forecast.standing": "uint8_t",
 }
 
 # Samples whose numbers, but for their times, the wire brings in single precision.
@@ -103,7 +105,7 @@ _LEFT_OUT: Final = frozenset(
 _SLOW: Final = re.compile(
     r"air_\w+|sideways_\w+|\w+_feedforward|health_(rejected|gaps|heartbeat_age_s|attitude_age_s)"
     r"|health_\w+_(interval|jitter)_s|setpoints_(roll|heading)_rad|rudder_i|line_eta_rad"
-    r"|quality_\w+|gains_\w+|imu_share|(elevator|aileron|rudder)_output"
+    r"|quality_\w+|gains_\w+|forecast_\w+|imu_share|(elevator|aileron|rudder)_output"
 )
 
 # Columns that keep their names of this layout, whatever the tuples they come from are called: a
@@ -139,6 +141,8 @@ FRAMES: Final = {
     "AttitudeTrack": "soaring",
     "LineState": "soaring",
     "AirEstimate": "soaring",
+    "ForecastState": "soaring",
+    "Forecast": "soaring",
 }
 
 MEANINGS: Final = {
