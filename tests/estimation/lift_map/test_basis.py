@@ -63,6 +63,14 @@ def test_the_ground_is_a_streamline_beforehand() -> None:
     assert rises[0] > 2.0
 
 
+def test_an_unknown_ground_is_no_streamline() -> None:
+    basis = FlowBasis(NO_GROUND, BOX)
+    assert basis.streamline.x_m.size == 0
+    prior = basis.prior(-10.0, 8.0, 9.0, True, 0.8)
+    _, w = basis.features(-10.0, 0.6)
+    assert np.sqrt(w[0] @ prior.covariance @ w[0]) > 2.0
+
+
 def test_the_first_wind_is_that_of_its_place() -> None:
     basis = FlowBasis(RAMP, BOX)
     prior = basis.prior(-3.0, 8.0, 10.0, True, 0.8)

@@ -13,6 +13,7 @@ from tgl_soar.analysis.experiments import (
     estimator,
     hill_positions,
     identification,
+    lift_map,
     line_lean,
     places,
     robustness,
@@ -44,6 +45,7 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "wind_use": wind_use.wind_use,
     "command_delay": robustness.command_delay,
     "dispersed": robustness.dispersed,
+    "lift_map": lift_map.run,
     "search": search.run,
 }
 
@@ -56,6 +58,7 @@ RIGID_BODY_ALONE: Final = (
     "wind_use",
     "command_delay",
     "dispersed",
+    "lift_map",
     "search",
 )
 OURS: Final = frozenset(RIGID_BODY_ALONE)
@@ -81,6 +84,7 @@ TITLES: Final = {
     "wind_use": "what the laws may make of the wind they read",
     "command_delay": "who lasts where commands come later than known",
     "dispersed": "who lasts of aircraft drawn apart from the airframe file",
+    "lift_map": "how far the lift map can be trusted",
     "search": "a place to soar without knowing the wind",
 }
 

@@ -265,7 +265,8 @@ def _draw(folder: Path, scores: list[Score]) -> list[str]:
     polar = _airframe().polar.as_polar()
     names: list[str] = []
     for kind in KINDS:
-        found = [s for s in of(scores, kind, MAP).values() if s.soared and _moved(s, scores)]
+        found = [s for s in of(scores, kind, MAP).values() if s.soared]
+        found.sort(key=lambda s: not _moved(s, scores))  # one that had to move, if there is one
         if not found:
             continue
         there = place(kind, found[0].seed)

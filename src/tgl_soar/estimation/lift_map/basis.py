@@ -82,6 +82,9 @@ class Streamline(NamedTuple):
     normal_z: Floats
 
 
+NO_STREAMLINE: Final = Streamline(np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0))
+
+
 class FlowBasis:
     """All functions of the map over one ground and one box.
 
@@ -116,7 +119,11 @@ class FlowBasis:
         self._bump_x, self._bump_z = bump_x.ravel(), bump_z.ravel()
         self._bump_width = max(step, float(columns[1] - columns[0]))
         self.bumps = self._bump_x.size
-        self.streamline = _streamline(profile, STREAMLINE_SPACING * depth, height)
+        self.streamline = (
+            _streamline(profile, STREAMLINE_SPACING * depth, height)
+            if ground.points > 0
+            else NO_STREAMLINE
+        )
 
     @property
     def flow(self) -> int:
