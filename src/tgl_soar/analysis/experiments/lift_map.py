@@ -10,7 +10,7 @@ profile that is 20 % too low.  Aimed at are the prototype's error, and a normali
 from __future__ import annotations
 
 from math import sqrt
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -49,7 +49,8 @@ class Ring(NamedTuple):
 def run(context: Context) -> Result:
     """Glide, predict, compare.  Nothing is flown."""
     polar = load_airframe(shipped("airframes/eclipson_c.toml")).polar.as_polar()
-    tables, claims, numbers = [], [], {}
+    tables, claims = [], []
+    numbers: dict[str, Any] = {}
     kinds: tuple[Kind, ...] = ("tunnel", "hill")
     for kind in kinds:
         count = 3 if context.quick else PLACES[kind]
