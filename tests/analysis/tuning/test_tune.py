@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tomllib
-from math import radians
 from pathlib import Path
 
 import pytest
@@ -24,7 +23,6 @@ from tgl_soar.config.files import (
     load_site,
     shipped,
 )
-from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.sim.world import World, make_world
 from tgl_soar.types import SurfaceCommand
 
@@ -129,8 +127,7 @@ def test_other_options_are_another_task() -> None:
 
 # --- in flight -----------------------------------------------------------------------------------
 
-FIELD = flights.FlyingPlace(AIRFRAME, SITE_PATH, Ranges(), duration_s=1.0)
-LINE = (VALUES["TGL_X"], VALUES["TGL_Z"], eta_from_lean(radians(VALUES["TGL_LEAN"])))
+FIELD = flights.FlyingPlace(airframe=AIRFRAME, site_path=SITE_PATH, ranges=Ranges(), duration_s=1.0)
 
 
 def test_a_command_arrives_whole_ticks_later() -> None:
@@ -153,25 +150,30 @@ def test_a_command_arrives_whole_ticks_later() -> None:
 
 @pytest.mark.parametrize("kind", SETS)
 def test_an_aircraft_flies_with_what_its_file_says(kind: str) -> None:
-    _, air = flights._place(SITE_PATH)
-    drawn = flights.soaring_aircraft(FIELD, air, LINE, (1, FOR_JUDGING, 0))
+    drawn, _, _ = flights.soaring_aircraft(FIELD, VALUES, (1, FOR_JUDGING, 0))
     values = flights.values_of(VALUES, drawn, kind)
     assert values["EST_IMU"] == (1.0 if kind == INERTIAL else 0.0)
     assert values["CMD_DELAY"] == pytest.approx(drawn.latency_s)
     assert values["DYN_FREQ"] == pytest.approx(drawn.known.all_parameters()["DYN_FREQ"], rel=1e-6)
     assert values["RHO_P"] == VALUES["RHO_P"]
+    for name in ("PITCH_MIN", "PITCH_MAX", "REC_PITCH"):
+        assert values[name] - values["PITCH_TRIM"] == pytest.approx(
+            VALUES[name] - VALUES["PITCH_TRIM"], abs=1e-5
+        )
 
 
 def test_a_site_where_none_can_soar_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(flights, "REDRAWN_MAX", 2)
-    _, air = flights._place(SITE_PATH)
-    nowhere = (0.0, 400.0, LINE[2])
+    nowhere = VALUES.changed({"TGL_X": 0.0, "TGL_Z": 400.0})
     with pytest.raises(ValueError, match=r"tunnel\.toml: name another --site"):
-        flights.soaring_aircraft(FIELD, air, nowhere, (1, FOR_JUDGING, 0))
+        flights.soaring_aircraft(FIELD, nowhere, (1, FOR_JUDGING, 0))
 
 
 def test_the_lost_count_in_the_mean() -> None:
-    rows = [flights.DrawnFlight(True, 0.01), flights.DrawnFlight(False, 0.5)]
+    rows = [
+        flights.DrawnFlight(up=up, rms_e_rho_m=rms_m, duration_s=1.0, ended="" if up else "too low")
+        for up, rms_m in ((True, 0.01), (False, 0.5))
+    ]
     found = flights.survival(rows)
     assert (found.up, found.of) == (1, 2)
     assert found.rms_e_rho_m == pytest.approx((0.5 * (0.01**2 + 0.5**2)) ** 0.5)

@@ -10,6 +10,7 @@ from typing import Final
 from tgl_soar.analysis.experiments import (
     air_speed,
     changing_air,
+    dispersed,
     estimator,
     hill_positions,
     identification,
@@ -44,7 +45,7 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "wind_estimate": wind_estimate.wind_estimate,
     "wind_use": wind_use.wind_use,
     "command_delay": robustness.command_delay,
-    "dispersed": robustness.dispersed,
+    "dispersed": dispersed.dispersed,
     "lift_map": lift_map.run,
     "search": search.run,
 }
@@ -83,7 +84,7 @@ TITLES: Final = {
     "wind_estimate": "wind and updraft as read on board, against the air that was there",
     "wind_use": "what the laws may make of the wind they read",
     "command_delay": "who lasts where commands come later than known",
-    "dispersed": "who lasts of aircraft drawn apart from the airframe file",
+    "dispersed": "who lasts of aircraft drawn about the airframe file",
     "lift_map": "how far the lift map can be trusted",
     "search": "a place to soar without knowing the wind",
 }

@@ -149,7 +149,12 @@ def tune(task: Task, progress: ProgressFile, report: Report) -> Tuned:
         seed=task.seed,
         grid=task.effort.grid,
     )
-    field = flights.FlyingPlace(task.airframe, task.site_path, demands.ranges, task.effort.flight_s)
+    field = flights.FlyingPlace(
+        airframe=task.airframe,
+        site_path=task.site_path,
+        ranges=demands.ranges,
+        duration_s=task.effort.flight_s,
+    )
     candidates: dict[str, list[Candidate]] = {}
     after: dict[str, Given] = {}
     values = start
