@@ -14,6 +14,7 @@ from tgl_soar.analysis.experiments import (
     estimator,
     hill_positions,
     identification,
+    incidence,
     lift_map,
     line_lean,
     places,
@@ -46,6 +47,7 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "wind_use": wind_use.wind_use,
     "command_delay": robustness.command_delay,
     "dispersed": dispersed.dispersed,
+    "incidence": incidence.incidence,
     "lift_map": lift_map.run,
     "search": search.run,
 }
@@ -59,6 +61,7 @@ RIGID_BODY_ALONE: Final = (
     "wind_use",
     "command_delay",
     "dispersed",
+    "incidence",
     "lift_map",
     "search",
 )
@@ -85,6 +88,7 @@ TITLES: Final = {
     "wind_use": "what the laws may make of the wind they read",
     "command_delay": "who lasts where commands come later than known",
     "dispersed": "who lasts of aircraft drawn about the airframe file",
+    "incidence": "the angle of attack as read on board, by the true one",
     "lift_map": "how far the lift map can be trusted",
     "search": "a place to soar without knowing the wind",
 }
