@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+from math import cos, sin
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -13,7 +15,7 @@ from tgl_soar.config.files import ConfigError, load_airframe, load_parameters, l
 from tgl_soar.link.sources import GLOBAL_POSITION, MOCAP, VISION
 from tgl_soar.onboard.module import Onboard
 from tgl_soar.onboard.setup import ModuleSetup, setup_from
-from tgl_soar.types import NAN, Inputs, PositionFix
+from tgl_soar.types import NAN, NO_FIX, Inputs, PositionFix
 
 AIRFRAME = shipped("airframes/eclipson_c.toml")
 BRIDGE = (1, 197)
@@ -114,6 +116,50 @@ def test_a_tick_is_given_all_that_there_is(tmp_path: Path, monkeypatch: pytest.M
     for sample in (last.position, last.attitude, last.imu, last.airspeed, last.surfaces):
         assert last.time_s - 0.01 < sample.time_s <= last.time_s + 1e-3
     assert last.autopilot[1:] == (True, True, False, 0)
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("asked", [True, False])
+def test_the_tracker_s_attitude_is_flown_with_where_the_site_asks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: bool
+) -> None:
+    table = HALL_TABLE + ("attitude = true\n" if asked else "")
+    bench, seen = Bench(setup_of(tmp_path, table)), []
+    step = autopilot.step
+
+    def spied(laws: Any, state: Any, inputs: Inputs) -> Any:
+        seen.append(inputs.attitude)
+        return step(laws, state, inputs)
+
+    class Client:
+        """Poses of a body that is turned by 0.2 rad, 10 ms late."""
+
+        attitude = (cos(0.1), 0.0, 0.0, sin(0.1))
+        notices: ClassVar[list[tuple[int, str]]] = []
+        stream = None
+
+        def poll(self, _now_s: float) -> list[bytes]:
+            return []
+
+        def follow(self, _stream: object) -> None:
+            raise AssertionError
+
+        def take(self, _data: bytes, _sender: Any, now_s: float) -> PositionFix:
+            return NO_FIX._replace(
+                time_s=now_s - 0.01, north_m=1.0, east_m=2.0, down_m=-3.0, sigma_m=0.001
+            )
+
+    monkeypatch.setattr(autopilot, "step", spied)
+    client: Any = Client()
+    bench.onboard.positions.add_mocap(client, client)
+    for _ in range(500):
+        bench.runs(0.005)
+        bench.onboard.positions.pose(b"", ("", 0), bench.now_s)
+    flown = seen[-1].qz
+    assert flown == pytest.approx(sin(0.1) if asked else 0.0)
+    assert all(a.sequence <= b.sequence for a, b in pairwise(seen))
+    words = b"".join(bench.frames)
+    assert (b"attitude: the tracker's" in words) is asked
 
 
 def test_a_bridge_on_any_link_is_accepted_and_nobody_else(tmp_path: Path) -> None:

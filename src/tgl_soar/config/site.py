@@ -229,6 +229,7 @@ class Mocap(Strict, frozen=True):
     max_speed_mps: Annotated[float, Meta(ge=1, le=100)] = 25.0  # what is faster is a jump
     max_age_s: Annotated[float, Meta(ge=0.01, le=1)] = 0.3
     max_rate_hz: Annotated[float, Meta(ge=10, le=1000)] = 200.0
+    attitude: bool = False  # flown with too, in place of the autopilot's
 
     def __post_init__(self) -> None:
         if not _is_address(self.group) or not ipaddress.IPv4Address(self.group).is_multicast:

@@ -298,7 +298,7 @@ class Onboard:
         inputs = Inputs(
             time_s=time_s,
             position=session.position,
-            attitude=session.attitude,
+            attitude=self.positions.attitude(time_s),
             autopilot=status,
             engage=self.settings.engage and not surfaces.mode_change.is_changing,
             imu=session.imu,
@@ -350,6 +350,7 @@ class Onboard:
         self.links.show_presence(now_s)
         outbox.say_all(session.poll(now_s), outbox.autopilot)
         self.positions.forward(now_s)
+        self.positions.tell()
         self._operators.serve(now_s, sheds=self.load_shedding.no_telemetry)
         self.engage_switch.watch(now_s)
         self._operators.acknowledge(now_s)

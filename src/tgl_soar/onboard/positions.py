@@ -6,9 +6,11 @@ from tgl_soar.link.messages import Source
 from tgl_soar.link.optitrack import MocapLink, Optitrack
 from tgl_soar.link.session import Session
 from tgl_soar.link.sources import MOCAP, VISION
+from tgl_soar.link.tracked_attitude import TrackedAttitude
 from tgl_soar.onboard.clocking import Clocking
 from tgl_soar.onboard.outbound import Outbox
 from tgl_soar.onboard.setup import ModuleSetup, accepted_bridges, forwarding_of
+from tgl_soar.types import AttitudeSample
 
 
 class OutsidePositions:
@@ -19,6 +21,7 @@ class OutsidePositions:
     ) -> None:
         self.mocap: Optitrack | None = None
         self._mocap_link: MocapLink | None = None
+        self.tracked = TrackedAttitude() if setup.tracked_attitude else None
         self._forwarding = forwarding_of(setup.forward)
         self._bridges = accepted_bridges(setup.position, setup.own)
         self._session = session
@@ -37,7 +40,15 @@ class OutsidePositions:
         now_s = clocking.now_s(now_s)
         fix = self.mocap.take(data, sender, now_s)
         if fix is not None and (clocking.by_vehicle or not clocking.lockstep):
-            self._session.sources.take(MOCAP, fix, now_s, self.mocap.attitude)
+            turned = self.mocap.attitude
+            self._session.sources.take(MOCAP, fix, now_s, turned)
+            if self.tracked is not None and turned is not None:
+                self.tracked.take(turned, fix.time_s, self._session.attitude)
+
+    def attitude(self, now_s: float) -> AttitudeSample:
+        """What a tick is given: the autopilot's, or the tracker's where the site asks for it."""
+        reported = self._session.attitude
+        return reported if self.tracked is None else self.tracked.choose(now_s, reported)
 
     def vision(self, source: Source) -> None:
         """A bridge on the autopilot's own link speaks to it without us."""
@@ -56,6 +67,11 @@ class OutsidePositions:
             self._mocap_link.follow(mocap.stream)
         self._outbox.tell_all(mocap.notices)
 
+    def tell(self) -> None:
+        """Whose attitude is used, when that changes."""
+        if self.tracked is not None:
+            self._outbox.tell_all(self.tracked.notices)
+
     def forward(self, now_s: float) -> None:
         """The pose of a tracker, to the autopilot alone."""
         forwarding = self._forwarding
@@ -70,5 +86,7 @@ class OutsidePositions:
         """The clock is another one: what was timed by the old one is forgotten."""
         if self.mocap is not None:
             self.mocap.rebase()
+        if self.tracked is not None:
+            self.tracked.reset()
         if self._forwarding is not None:
             self._forwarding.rebase()

@@ -53,6 +53,7 @@ class ModuleSetup(NamedTuple):
     forward: Forward | None = None  # what the autopilot is told of the position
     aerodynamics: Aerodynamics = NO_AERODYNAMICS  # of the airframe, to read the air by
     ground: Ground = NO_GROUND  # of the site, to keep away from
+    tracked_attitude: bool = False  # the tracker's attitude is flown with
     needs: Needs | None = None  # what the autopilot's parameters are read for; None: they are not
 
 
@@ -130,6 +131,7 @@ def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Modu
         forward=site.forward,
         aerodynamics=airframe.aerodynamics(),
         ground=site.known_ground(),
+        tracked_attitude=site.mocap is not None and site.mocap.attitude,
         needs=needs,
     )
 

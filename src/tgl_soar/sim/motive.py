@@ -17,9 +17,10 @@ import socket
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from math import sqrt
 from typing import Final, NamedTuple
 
-from tgl_soar.geometry import HallFrame, hall_from_ned
+from tgl_soar.geometry import HallFrame, hall_from_ned, quaternion_product
 from tgl_soar.sim.natnet_frames import (
     CLOCK_HZ,
     CONNECT,
@@ -46,6 +47,10 @@ CLIENT_SILENCE_S: Final = 5.0  # then a client that is streamed to alone is forg
 BEGAN_S: Final = 5000.0  # before the computer: its clock is another one
 RESTART_S: Final = 1000.0  # how far the clock of a server that was restarted is from before
 JUMP_M: Final = 1.5
+# Markers on fuselage and tail stand so far from the middle of them: an attitude's noise is that of
+# their places over it. A body is made with the aircraft laid along the hall's axes by hand.
+ARM_M: Final = 0.2
+MADE_RAD: Final = 0.005  # 0.3 degrees, as well as an autopilot is levelled
 LATE_S: Final = 0.6
 BURST: Final = 32
 HALL_FAULTS: Final = (
@@ -118,6 +123,9 @@ class Motive:
         self._name = body if isinstance(body, str) else "aircraft"
         self._id = body if isinstance(body, int) else 1
         self._random = random.Random(f"{options.seed}/motive")
+        self._turns = random.Random(f"{options.seed}/motive/turns")
+        made = MADE_RAD if options.noise_m > 0.0 else 0.0
+        self._made = self._small_turn(made)  # how the body lies in the aircraft
         self._clients: dict[Address, _Client] = {}
         self._waiting: list[_Waiting] = []
         self._out: list[Datagram] = []
@@ -260,6 +268,10 @@ class Motive:
         self, now_s: float, position_ned_m: Triple, attitude: Quaternion
     ) -> list[SimulatedBody]:
         """All bodies at an exposure."""
+        if self.options.noise_m > 0.0:
+            attitude = quaternion_product(*attitude, *self._made)
+            noise = self._small_turn(self.options.noise_m / ARM_M)
+            attitude = quaternion_product(*attitude, *noise)
         w, *axis = attitude
         level = HallFrame(
             z_up=self._hall.z_up,
@@ -325,6 +337,11 @@ class Motive:
     def _place(self) -> Triple:
         uniform = self._random.uniform
         return uniform(-3.0, 3.0), uniform(0.0, 2.0), uniform(-3.0, 3.0)
+
+    def _small_turn(self, sigma_rad: float) -> Quaternion:
+        """A rotation by some angle of this standard deviation about each axis."""
+        x, y, z = (0.5 * self._turns.gauss(0.0, sigma_rad) for _ in range(3))
+        return sqrt(max(0.0, 1.0 - x * x - y * y - z * z)), x, y, z
 
     def _noisy(self, at: Triple) -> Triple:
         gauss, noise_m = self._random.gauss, self.options.noise_m

@@ -1,0 +1,132 @@
+"""A tracker's attitude in place of the autopilot's: when it is taken, refused and left."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from math import cos, nan, pi, radians, sin
+
+import pytest
+
+from tgl_soar.link.sources import Quaternion
+from tgl_soar.link.tracked_attitude import FRESH_S, RETURN_S, TILT_RAD, TrackedAttitude
+from tgl_soar.types import NO_ATTITUDE, AttitudeSample
+
+
+def rolled(rad: float) -> Quaternion:
+    return cos(0.5 * rad), sin(0.5 * rad), 0.0, 0.0
+
+
+def turned(rad: float) -> Quaternion:
+    return cos(0.5 * rad), 0.0, 0.0, sin(0.5 * rad)
+
+
+LEVEL = rolled(0.0)
+
+
+class Flight:
+    """An autopilot's attitudes each 5 ms and poses each 10 ms, 15 ms late."""
+
+    def __init__(self) -> None:
+        self.tracked = TrackedAttitude()
+        self.now_s = 0.0
+        self.given: list[AttitudeSample] = []
+        self.words: list[str] = []
+        self._steps = 0
+
+    def runs(
+        self, seconds: float, pose: Quaternion | None, reported: Quaternion | None = LEVEL
+    ) -> Flight:
+        for _ in range(round(seconds / 0.005)):
+            self._steps += 1
+            self.now_s = 0.005 * self._steps
+            sample = NO_ATTITUDE
+            if reported is not None:
+                sample = AttitudeSample(self._steps, self.now_s - 0.005, *reported, 0.1, 0.2, 0.3)
+            if pose is not None and self._steps % 2 == 0:
+                self.tracked.take(pose, self.now_s - 0.015, sample)
+            self.given.append(self.tracked.choose(self.now_s, sample))
+            self.words += [text for _, text in self.tracked.notices]
+            self.tracked.notices.clear()
+        return self
+
+
+def test_a_steady_tracker_is_taken_with_the_gyros_rates() -> None:
+    flight = Flight().runs(RETURN_S - 0.1, turned(0.5))
+    assert not flight.tracked.is_chosen
+    flight.runs(0.2, turned(0.5))
+    last = flight.given[-1]
+    assert flight.tracked.is_chosen
+    assert last[2:6] == turned(0.5)
+    assert last[6:9] == (0.1, 0.2, 0.3)
+    assert flight.words == ["attitude: the tracker's"]
+
+
+def test_numbers_grow_with_every_sample_and_with_no_other() -> None:
+    """Estimator and health look at a sample once, whichever source it is of."""
+    flight = Flight().runs(3.0, turned(0.5)).runs(1.0, None).runs(3.0, turned(0.5))
+    numbers = [sample.sequence for sample in flight.given]
+    assert all(b - a in (0, 1) for a, b in pairwise(numbers))
+    for a, b in pairwise(flight.given):
+        assert (a.sequence == b.sequence) == (a == b)
+
+
+def test_the_autopilot_s_is_taken_when_the_poses_stop_and_the_tracker_s_again_later() -> None:
+    flight = Flight().runs(3.0, turned(0.5)).runs(FRESH_S + 0.02, None)
+    assert not flight.tracked.is_chosen
+    assert flight.given[-1][2:6] == rolled(0.0)
+    assert "no tracked attitude for 50 ms" in flight.words[-1]
+    flight.runs(RETURN_S - 0.1, turned(0.5))
+    assert not flight.tracked.is_chosen
+    flight.runs(0.2, turned(0.5))
+    assert flight.tracked.is_chosen
+    assert flight.tracked.switches == 1
+
+
+@pytest.mark.parametrize(("rad", "taken"), [(0.9 * TILT_RAD, True), (1.1 * TILT_RAD, False)])
+def test_a_body_that_is_tilted_against_the_autopilot_s_vertical_is_refused(
+    rad: float, taken: bool
+) -> None:
+    flight = Flight().runs(3.0, rolled(rad))
+    assert flight.tracked.is_chosen is taken
+    assert (flight.tracked.refused > 0) is not taken
+
+
+def test_a_marker_mistaken_in_flight_changes_the_source_at_once() -> None:
+    flight = Flight().runs(3.0, turned(0.5)).runs(0.02, rolled(radians(40.0)))
+    assert flight.given[-1][2:6] == rolled(0.0)
+    assert flight.words[-1] == "the tracked attitude is 40 degrees off: not used"
+    flight.runs(5.0, rolled(radians(40.0)))
+    assert len(flight.words) == 2  # once
+
+
+def test_a_heading_may_be_another_by_anything() -> None:
+    """Among steel the autopilot's is the one that is wrong."""
+    assert Flight().runs(3.0, turned(pi)).tracked.is_chosen
+
+
+def test_without_an_autopilot_s_attitude_the_tracker_s_is_taken_at_once_without_rates() -> None:
+    flight = Flight().runs(0.1, rolled(1.0), None)
+    assert flight.tracked.is_chosen
+    assert all(rate != rate for rate in flight.given[-1][6:9])
+
+
+def test_old_poses_are_not_fresher_than_none() -> None:
+    tracked = TrackedAttitude()
+    reported = AttitudeSample(1, 10.0, *rolled(0.0), 0.0, 0.0, 0.0)
+    for i in range(400):
+        now_s = 10.0 + 0.01 * i
+        tracked.take(turned(0.5), now_s - FRESH_S - 0.01, reported)
+        assert tracked.choose(now_s, reported)[2:6] == rolled(0.0)
+
+
+def test_what_is_no_rotation_is_no_agreement() -> None:
+    """The tick refuses it as it does the autopilot's; nothing is divided by its length."""
+    Flight().runs(3.0, (0.0, 0.0, 0.0, 0.0))
+    Flight().runs(3.0, (nan, 0.0, 0.0, 0.0))
+
+
+def test_another_clock_forgets_what_was_timed_by_the_old_one() -> None:
+    flight = Flight().runs(3.0, turned(0.5))
+    flight.tracked.reset()
+    reported = AttitudeSample(9, 0.0, *rolled(0.0), 0.0, 0.0, 0.0)
+    assert flight.tracked.choose(0.0, reported)[2:6] == rolled(0.0)
