@@ -278,7 +278,7 @@ def test_on_the_bench(tmp_path: Path) -> None:
             os.kill(stopped.pid, signal.SIGINT)
             _, words = stopped.communicate(timeout=PATIENCE_S)
         assert stopped.returncode == 130
-        assert "the surfaces are given back" in words
+        assert "the surfaces are released" in words
     log = (tmp_path / "bridge.log").read_text()
     assert "launched" not in log
 
@@ -374,4 +374,4 @@ def test_whatever_ends_it_the_surfaces_are_released(number: signal.Signals) -> N
         bare.drain()
     assert bare.elevator_us[-RELEASE_FRAMES:] == [0] * RELEASE_FRAMES
     assert bare.command.returncode == 128 + number
-    assert "the surfaces are given back" in words
+    assert "the surfaces are released" in words

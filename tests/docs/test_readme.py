@@ -482,7 +482,7 @@ def test_what_dies_is_handed_over_or_times_out(desk: Desk) -> None:
         bridge.wait("launched")
 
         second.type("pkill -9 -P $!")
-        second.wait("the guard gave the surfaces back")
+        second.wait("the watchdog released the surfaces")
         assert "timed out" not in bridge.words
         second.wait("ready: can be engaged", times=2)
         third.type(ENGAGE)
@@ -490,7 +490,7 @@ def test_what_dies_is_handed_over_or_times_out(desk: Desk) -> None:
 
         second.type("kill -9 %1")
         bridge.wait("timed out")
-        assert second.words.count("the guard gave the surfaces back") == 1
+        assert second.words.count("the watchdog released the surfaces") == 1
 
 
 # --- on an aircraft ------------------------------------------------------------------------------

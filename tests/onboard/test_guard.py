@@ -79,7 +79,7 @@ def test_a_killed_process_lets_go_and_its_successor_waits_to_be_asked(module: Mo
     first = child_of(module)
     os.kill(first, signal.SIGKILL)
     pump_until_released(module)
-    pump_until_said(module, "surfaces given back: module was killed by SIGKILL"[:50])
+    pump_until_said(module, "surfaces released: module was killed by SIGKILL"[:50])
     pump_until_said(module, "restarted: the flying process was killed by SIGKIL")
     assert child_of(module) != first
     given_back = len(module.overrides)
@@ -177,7 +177,7 @@ def test_the_guard_needs_no_key_file_to_give_the_surfaces_back(
         spoil(key_file)
         os.kill(child_of(module), signal.SIGKILL)
         pump_until_released(module)
-        pump_until_said(module, "surfaces given back: module was killed by SIGKILL"[:50])
+        pump_until_said(module, "surfaces released: module was killed by SIGKILL"[:50])
     finally:
         module.close()
 
@@ -353,7 +353,7 @@ def test_for_a_dead_process_only_our_own_mode_is_left(mode: int, asked: list[int
         pilot.close()
     assert pilot.asked == asked
     assert not any("does not leave" in text for text in pilot.texts)
-    assert any("surfaces given back" in text for text in pilot.texts)
+    assert any("surfaces released" in text for text in pilot.texts)
 
 
 def test_the_release_for_a_dead_process_outlasts_the_frame_that_it_was_writing() -> None:
@@ -374,6 +374,6 @@ def test_the_release_for_a_dead_process_outlasts_the_frame_that_it_was_writing()
         hand_over(setup, options, sign, "was killed")
         with server.accept()[0] as peer:
             data = peer.recv(100_000)
-    words = data.index(b"surfaces given back")
+    words = data.index(b"surfaces released")
     received.feed(data[:words])
     assert received.counters.frames >= RELEASE_FRAMES

@@ -164,8 +164,8 @@ def test_overrides_that_time_out_too_late_hold_the_engagement_back_until_they_ar
     flight = Flight(RC_OVERRIDE_TIME=3.0)
     flight.run(8.0)
     assert [text for text in flight.words if text.startswith("cannot be engaged")] == [
-        "cannot be engaged: set RC_OVERRIDE_TIME to at most 0.5, it is 3: so long the surfaces"
-        " stand as they were told last when the module has fallen silent"
+        "cannot be engaged: set RC_OVERRIDE_TIME to at most 0.5, it is 3: the surfaces"
+        " keep the last command for so long when the module falls silent"
     ]
     assert flight.set("OP_ENGAGE", 1) == 0.0
     flight.run(0.5)

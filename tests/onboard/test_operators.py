@@ -243,7 +243,8 @@ def test_a_switch_that_was_never_heard_is_asked_for_and_engages_nothing() -> Non
     flight.run(0.2)
     said = flight.said()
     assert acks(said) == [(ENGAGE, REJECTED)]
-    assert "the pilot's switch: no RC_CHANNELS are heard (OP_RC_CHAN = 8)" in "".join(texts(said))
+    words = "the pilot's switch: no RC_CHANNELS are received (OP_RC_CHAN = 8)"
+    assert words in "".join(texts(said))
     assert flight.mode_now == READY
     switch(flight, 1500)
     order(flight, ENGAGE)

@@ -170,7 +170,7 @@ def _from_wire(path: Path, airframe: Path, site: Path, changes: dict[str, float]
         fail(f"{path}: not one tick came of it: no attitude of the airframe's autopilot is in it")
     ticks, speed = len(result.outputs), result.seconds / max(result.took_s, 1e-9)
     console.print(f"{ticks} ticks in {result.took_s:.2f} s, {speed:.1f} × the recording's time")
-    table = Table("told by telemetry", "unit", "times", "rms of then less now", "largest")
+    table = Table("sent as telemetry", "unit", "times", "rms of then less now", "largest")
     for name, heard in result.compared.items():
         sizes = [abs(h.told - h.replayed) for h in heard]
         known = [size for size in sizes if size == size]

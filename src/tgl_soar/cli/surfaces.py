@@ -81,7 +81,7 @@ def surfaces(
     except (ConfigError, LinkError, SigningError, _Refused) as error:
         fail(error)
     except _Ended as end:
-        fail("stopped; the surfaces are given back", 128 + end.signal_number)
+        fail("stopped; the surfaces are released", 128 + end.signal_number)
     code = _told(check, wrong)
     console.print(latency_words(check.latency_s, plane), highlight=False, soft_wrap=True)
     raise typer.Exit(code)
@@ -180,7 +180,7 @@ class _Bench:
             self._turn()
             now_s = time.monotonic()
             if refusal := check.refusal(now_s):
-                raise _Refused(f"{refusal}; the surfaces are given back")
+                raise _Refused(f"{refusal}; the surfaces are released")
             for message in check.step(now_s):
                 self._conversation.command(message)
             if not check.held(now_s):

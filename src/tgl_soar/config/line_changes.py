@@ -111,7 +111,7 @@ class LineChanges:
             return Answer(values, ("TGL_STAGE",))
         if wanted == MOVED and standing == DROPPED:
             raise ParameterError(
-                "TGL_STAGE", "0", "nothing is staged, the last was dropped: set 1 to stage anew"
+                "TGL_STAGE", "0", "nothing is staged, the last was dropped: set 1 to stage again"
             )
         self.staged = {}
         after = values.changed({"TGL_STAGE": wanted})

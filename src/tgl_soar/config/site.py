@@ -193,7 +193,7 @@ class PositionSettings(Strict, frozen=True):
         if "vision" in self.sources and not self.vision_from:
             raise ValueError(
                 'sources = ["vision", ...]: needs vision_from = [{ system, component }], whose'
-                " positions are believed"
+                " positions are accepted"
             )
 
 

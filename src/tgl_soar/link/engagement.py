@@ -60,7 +60,7 @@ class PilotSwitch:
         if channel == 0 or (channel == self._channel and self.silence_s(now_s) <= SILENCE_S):
             return ""
         if channel != self._channel or now_s - self._received_s > SILENCE_S:
-            return f"no RC_CHANNELS are heard (OP_RC_CHAN = {channel})"
+            return f"no RC_CHANNELS are received (OP_RC_CHAN = {channel})"
         if channel > self._count:
             return f"RC_CHANNELS have {self._count} channels (OP_RC_CHAN = {channel})"
         return f"no pulses on its channel: {self._pulse_us} us (OP_RC_CHAN = {channel})"

@@ -100,7 +100,7 @@ def keep_timestamp(
                     reported = True
                     complain(
                         f"the signing timestamp cannot be kept: {error}: after a crash, what was"
-                        " recorded of this flight may be heard again"
+                        " recorded of this flight may be accepted again"
                     )
 
     thread = threading.Thread(target=keep, name="timestamp", daemon=True)

@@ -137,7 +137,7 @@ def _run(
         print(error, file=sys.stderr)
         for transport in transports:
             transport.close()
-        # What has worked before may work again, as a line that was pulled for a moment: the guard
+        # A link that worked before may work again, such as a line pulled for a moment: the watchdog
         # tries again.
         return EXIT_ERROR if became else EXIT_CANNOT_START
     stopped = threading.Event()
@@ -357,7 +357,7 @@ def _tell_start(opened: Opened, *, signs: bool) -> None:
     for transport in opened.transports:
         if is_open(transport.name):
             say(
-                f"WARNING: {transport.name} is open to the network and unsigned: whoever"
+                f"WARNING: {transport.name} is open to the network and unsigned: anybody who"
                 " reaches it can fly this aircraft; give --signing-key, or listen on 127.0.0.1"
             )
 

@@ -3,8 +3,8 @@
 The only file that touches scheduling, memory locking, garbage collection and the clock; `pacing`
 says when to tick.
 
-    guard            SCHED_FIFO 61: it must be able to stop a flying process that spins
-    the loop         SCHED_FIFO 60, memory locked, no garbage collection, on one processor if told
+    watchdog         SCHED_FIFO 61: it must be able to stop a flying process that spins
+    the loop         SCHED_FIFO 60, memory locked, no garbage collection, on one processor if asked
     log, parameters  SCHED_FIFO 59: never before a tick; and not below ordinary processes, as
                      a thread that waits for a processor with Python's lock holds up the loop
 """

@@ -1,4 +1,4 @@
-"""What the guard does in the stead of a flying process that has died: hand the surfaces over.
+"""What the watchdog does instead of a flying process that has died: it releases the surfaces.
 
 It opens the link to the autopilot once more, says what was not said, and leaves the mode that the
 module had entered.
@@ -50,7 +50,7 @@ def hand_over(setup: ModuleSetup, options: RunOptions, sign: Sign, became: str) 
             signing.timestamp = sign.timestamp + TICKS_PER_S
         transport = open_for(setup, options, options.links[0], signing)
     except LinkError as error:
-        say(f"the guard cannot give the surfaces back: {error}")
+        say(f"the watchdog cannot release the surfaces: {error}")
         return
     if isinstance(transport, UdpListener) and sign.host:
         transport.peer = (sign.host, sign.port)
@@ -74,7 +74,7 @@ def hand_over(setup: ModuleSetup, options: RunOptions, sign: Sign, became: str) 
             transport.send(frame)
         return sum(map(len, frames))
 
-    words = StatusTexts().chunks(SEVERITY_CRITICAL, f"surfaces given back: module {became}")
+    words = StatusTexts().chunks(SEVERITY_CRITICAL, f"surfaces released: module {became}")
     try:
         transport.clear_for_release()
         if transport.is_stream:  # where the dead process was writing, its last frame was cut

@@ -1,4 +1,4 @@
-"""A second process that gives the surfaces back where the flying one cannot.
+"""A second process that releases the surfaces when the flying one cannot.
 
 A process that ends by SIGTERM or by an error hands over by itself (`process`).  One that is killed,
 runs out of memory, crashes in a library or hangs does not: an autopilot then waits for its own
@@ -148,7 +148,7 @@ def watch(child: Child, release: Release, say: Callable[[str], None]) -> int:
                 say(f"the flying process {became}")
                 if sign.has_surfaces:
                     release(sign, became)
-                    say("the guard gave the surfaces back")
+                    say("the watchdog released the surfaces")
             if code is not None:
                 return code
             now_s = clock_s()
@@ -217,7 +217,7 @@ def _watch_one(pid: int, heartbeat: ProcessHeartbeat) -> tuple[int | None, str]:
         if hangs or (told_s is not None and now_s - told_s > PATIENCE_S):
             os.kill(pid, signal.SIGKILL)
             os.waitpid(pid, 0)
-            why = f"stood still for {still_s:.1f} s" if hangs else "did not end when it was told to"
+            why = f"stood still for {still_s:.1f} s" if hangs else "did not end when asked to"
             return (0 if told_s is not None else None), f"{why} and was killed"
 
 

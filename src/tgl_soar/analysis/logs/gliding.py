@@ -64,7 +64,7 @@ def through_air(flight: FlightData, wind: MeanWind, time_s: Floats) -> ThroughAi
         horizontal, climb = np.hypot(along, across), on_grid(motion, "climb_mps", time_s)
         source = motion.source
     else:
-        raise ValueError("the log holds no velocity: neither a glide nor its angle can be told")
+        raise ValueError("the log holds no velocity: neither a glide nor its angle can be found")
     airspeed = flight.airspeed
     if airspeed is not None and len(airspeed):
         measured = on_grid(airspeed, "airspeed_mps", time_s)
@@ -89,7 +89,7 @@ def glides(
     """
     attitude = flight.attitude
     if attitude is None:
-        raise ValueError("the log holds no attitude: a steady pitch cannot be told")
+        raise ValueError("the log holds no attitude: a steady pitch cannot be found")
     times = np.arange(float(attitude.time_s[0]), float(attitude.time_s[-1]), GRID_S)
     air = through_air(flight, wind, times)
     pitch, roll = on_grid(attitude, "pitch_rad", times), on_grid(attitude, "roll_rad", times)

@@ -133,7 +133,7 @@ class Tlog:
         steps = np.diff(clock)
         if len(at) < 10 or np.any(steps < -OUT_OF_ORDER_S) or np.any(steps > LEAP_S):
             if len(at) >= 10:
-                self.lost.append("the autopilot's clock began anew: times are the recorder's")
+                self.lost.append("the autopilot's clock was reset: times are the recorder's")
             straight = Straightened({"recorder": stamps})
             self.lost += straight.lost
             times = np.full(len(stamps), np.nan)
@@ -318,7 +318,7 @@ def read_tlog(name: str, log: Tlog) -> FlightData:
     first, changes = _parameters(log)
     events = [*_texts(log), *parameter_events(first, changes)]
     notes = (
-        () if absolute else ("positions are measured from the first fix: no local frame is told",)
+        () if absolute else ("positions are measured from the first fix: no local frame is given",)
     )
     wanted = ("position", "attitude", "airspeed", "setpoints", "tracking", "line", "air")
     flight = replace(flight, events=tuple(sorted(events)), parameters=first, missing=notes)

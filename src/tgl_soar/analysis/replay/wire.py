@@ -232,7 +232,7 @@ def replay_wire(
         notes.append(f"{error}: the values of the files are used")
         values = values.changed(changes)
     lockstep = not _keeps_pace(decoded, arrivals_s, own[0])
-    notes.insert(0, "replayed from the wire: not bit for bit, the module may have heard more")
+    notes.insert(0, "replayed from the wire: not bit for bit, the module may have received more")
     if not told:
         notes.append("it said no parameters: those of the files are used")
     if lockstep:

@@ -108,7 +108,7 @@ def _row(
 BY_OVERRIDE: Final = (
     _row(
         "RC_OVERRIDE_TIME", "at most", 0.5,
-        "so long the surfaces stand as they were told last when the module has fallen silent",
+        "the surfaces keep the last command for so long when the module falls silent",
         old=False,
     ),
     _row("RC_OVERRIDE_TIME", "at least", 0.1, "0 takes no overrides, -1 lets none run out",
@@ -135,8 +135,8 @@ POSES: Final = (
     _row("EK3_SRC1_POSXY", "is", 6, "its estimator takes the poses' place"),
     _row("EK3_SRC1_POSZ", "is", 6, "its estimator takes the poses' height"),
     _row("EK3_SRC1_YAW", "is", 6, "its estimator takes the poses' heading"),
-    _row("EK3_SRC1_VELXY", "is not", 3, "there are no satellites to tell its velocity"),
-    _row("EK3_SRC1_VELZ", "is not", 3, "there are no satellites to tell its climb"),
+    _row("EK3_SRC1_VELXY", "is not", 3, "there are no satellites to measure its velocity"),
+    _row("EK3_SRC1_VELZ", "is not", 3, "there are no satellites to measure its climb"),
     _row(
         "GPS1_TYPE GPS_TYPE", "is", 14,
         "its estimator begins with a fix: a ground station gives it one by GPS_INPUT", SHOULD,

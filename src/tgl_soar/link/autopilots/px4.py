@@ -142,7 +142,7 @@ HOVER: Final = (
 BY_OFFBOARD: Final = (
     _row(
         "COM_OF_LOSS_T", "at most", 1.0,
-        "so long it flies on as it was told last when the module has fallen silent", old=False,
+        "it keeps the last setpoint for so long when the module falls silent", old=False,
     ),
     _row("COM_OF_LOSS_T", "at most", 0.5, "the same, and shorter is safer", SHOULD),
     _row(
@@ -158,13 +158,13 @@ BY_STICKS: Final = (
         for number, why in (
             (0, "MANUAL_CONTROL is ignored: 1, or 6 where it is known"),
             (4, "MANUAL_CONTROL is ignored: 1, or 6 where it is known"),
-            (5, "the module would be ignored wherever a radio is heard"),
-            (7, "the module would be ignored wherever a radio is heard"),
+            (5, "the module would be ignored whenever a radio is received"),
+            (7, "the module would be ignored whenever a radio is received"),
         )
     ),
     _row(
         "COM_RC_LOSS_T", "at most", 0.5,
-        "so long the surfaces stand as they were told last when the module has fallen silent",
+        "the surfaces keep the last command for so long when the module falls silent",
         SHOULD,
     ),
 )  # fmt: skip
