@@ -12,6 +12,7 @@ from tgl_soar.analysis.experiments import (
     changing_air,
     dispersed,
     estimator,
+    forecast,
     hill_positions,
     identification,
     incidence,
@@ -50,6 +51,7 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "incidence": incidence.incidence,
     "lift_map": lift_map.run,
     "search": search.run,
+    "forecast": forecast.run,
 }
 
 # Our own aims; the others are the paper's claims and fly on either model.  These are about what
@@ -64,6 +66,7 @@ RIGID_BODY_ALONE: Final = (
     "incidence",
     "lift_map",
     "search",
+    "forecast",
 )
 OURS: Final = frozenset(RIGID_BODY_ALONE)
 # Their tables stand on pages of their own; `all` leaves them out, for they take longer than it.
@@ -91,6 +94,7 @@ TITLES: Final = {
     "incidence": "the angle of attack as read on board, by the true one",
     "lift_map": "how far the lift map can be trusted",
     "search": "a place to soar without knowing the wind",
+    "forecast": "who is told that a line has no place to settle, and who wrongly",
 }
 
 
