@@ -28,7 +28,7 @@ from tgl_soar.sim.sitl_processes import bridge_command
 from tgl_soar.sim.world import make_world
 
 RUN = CliRunner()
-TITLES = [name for name in catalogue.EXPERIMENTS if name not in catalogue.APART]
+TITLES = list(catalogue.TOGETHER["all"])
 
 
 def test_the_command_line_s_names_are_the_file_s() -> None:
@@ -134,6 +134,10 @@ def test_the_page_of_the_paper_is_flown_by_both(
     assert "| [`field`](#field) | field | agrees: 1 of 1 | – |" in page
     assert staleness.marked(page) == {"tunnel": (0.25, 1.5)}
     assert "point_mass" not in (tmp_path / "aims.md").read_text()
+    for name, there in (("paper", "experiments.md"), ("aims", "aims.md")):  # one page alone
+        (tmp_path / name).mkdir()
+        RUN.invoke(app, ["experiment", name, *words[2:], "--docs", str(tmp_path / name)])
+        assert [path.name for path in (tmp_path / name).glob("*.md")] == [there]
 
 
 def test_a_campaign_flies_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from tgl_soar.analysis.experiments import staleness
-from tgl_soar.analysis.experiments.catalogue import APART, EXPERIMENTS, OURS
+from tgl_soar.analysis.experiments.catalogue import TOGETHER
 from tgl_soar.analysis.experiments.flights import ScenarioJob, fly_job
 from tgl_soar.analysis.experiments.page import AIMS, PAPER, page
 from tgl_soar.analysis.experiments.scenario import load_scenario, prepare
@@ -17,10 +17,7 @@ from tgl_soar.config.files import shipped
 
 DOCS = Path(__file__).parents[2] / "docs"
 MAKE = "tgl-soar experiment all --docs docs"
-PAGES = {
-    PAPER: [name for name in EXPERIMENTS if name not in OURS],
-    AIMS: [name for name in EXPERIMENTS if name in OURS and name not in APART],
-}
+PAGES = {PAPER: list(TOGETHER["paper"]), AIMS: list(TOGETHER["aims"])}
 
 
 @pytest.fixture(scope="module")

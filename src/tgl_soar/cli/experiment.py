@@ -18,6 +18,7 @@ from tgl_soar.analysis.experiments.catalogue import (
     EXPERIMENTS,
     RIGID_BODY_ALONE,
     TITLES,
+    TOGETHER,
     run_both,
 )
 from tgl_soar.analysis.experiments.catalogue import run as run_experiment
@@ -44,15 +45,17 @@ EPISODES = typer.Option(help="Of `search`: places of each kind; default 40.", mi
 
 
 def experiment(
-    name: Annotated[str, typer.Argument(help="Its name, `all`, or `list`.")] = "list",
+    name: Annotated[
+        str, typer.Argument(help="Its name; `paper`, `aims`, `all` of them; or `list`.")
+    ] = "list",
     out: Annotated[Path, typer.Option(help="Folder for figures and numbers.")] = Path(
         "out/experiments"
     ),
     docs: Annotated[
         Path | None,
         typer.Option(
-            help="With `all`: fly both models, write experiments.md, aims.md and figures into"
-            " this folder."
+            help="With `all`, `paper`, `aims`: fly both models, write experiments.md, aims.md and"
+            " figures into this folder."
         ),
     ] = None,
     model: Annotated[FlightModel | None, typer.Option(help=MODEL_HELP)] = None,
@@ -79,8 +82,8 @@ def experiment(
         if docs is not None:
             fail("--docs needs figures, and they need matplotlib: pip install 'tgl_soar[figures]'")
         figures = None
-    # With all of them, what is compiled for one experiment serves the next.
-    compiled_from = 2 if name == "all" and not quick else COMPILED_FROM
+    # Of many, what is compiled for one experiment serves the next.
+    compiled_from = 2 if name in TOGETHER and not quick else COMPILED_FROM
     run = run_experiment if docs is None else run_both
     begun = time.monotonic()
     results: list[Result] = []
@@ -142,10 +145,14 @@ def _print_titles() -> None:
 
 def _refuse(name: str, docs: Path | None, model: FlightModel | None, quick: bool) -> None:
     """End with what is wrong with the arguments, if anything is."""
-    if name != "all" and name not in EXPERIMENTS:
-        fail(f"no experiment named {name!r}; there are {', '.join(EXPERIMENTS)}, and all")
-    if docs is not None and (name != "all" or quick):
-        fail("--docs goes with `all` and without --quick: the pages hold every experiment whole")
+    if name not in TOGETHER and name not in EXPERIMENTS:
+        known = ", ".join((*EXPERIMENTS, *TOGETHER))
+        fail(f"no experiment named {name!r}; there are {known}")
+    if docs is not None and (name not in TOGETHER or quick):
+        names = ", ".join(TOGETHER)
+        fail(
+            f"--docs goes with {names}, without --quick: a page holds all of its experiments whole"
+        )
     if docs is not None and model is not None:
         fail("--docs goes without --model: the page shows both")
 
@@ -163,14 +170,15 @@ def _progress() -> Progress:
 
 
 def _named(name: str, model: FlightModel | None) -> list[str]:
-    """The experiments that a name means: with `all` those that the model can fly."""
-    if name != "all":
+    """The experiments that a name means: of several those that the model can fly."""
+    if name not in TOGETHER:
         return [name]
-    hint(f"not flown: {', '.join(APART)}, on a page of its own")
+    if name != "paper":
+        hint(f"not flown: {', '.join(APART)}, on a page of its own")
     if model != FlightModel.POINT_MASS:
-        return [each for each in EXPERIMENTS if each not in APART]
+        return list(TOGETHER[name])
     hint(f"not flown: {', '.join(RIGID_BODY_ALONE)} are about the rigid body alone")
-    return [each for each in EXPERIMENTS if each not in RIGID_BODY_ALONE]
+    return [each for each in TOGETHER[name] if each not in RIGID_BODY_ALONE]
 
 
 def _can_draw() -> bool:

@@ -69,8 +69,14 @@ RIGID_BODY_ALONE: Final = (
     "forecast",
 )
 OURS: Final = frozenset(RIGID_BODY_ALONE)
-# Their tables stand on pages of their own; `all` leaves them out, for they take longer than it.
+# Its tables stand on a page of its own; `all` leaves it out, for it takes longer than all others.
 APART: Final = ("search",)
+# By the name under which they are flown together: both pages, and either of them.
+TOGETHER: Final = {
+    "all": tuple(name for name in EXPERIMENTS if name not in APART),
+    "paper": tuple(name for name in EXPERIMENTS if name not in OURS),
+    "aims": tuple(name for name in EXPERIMENTS if name in OURS and name not in APART),
+}
 NOT_FLOWN: Final = ("field",)  # computed from the air alone
 
 TITLES: Final = {

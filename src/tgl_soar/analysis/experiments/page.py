@@ -18,11 +18,12 @@ AIMS: Final = "aims.md"
 
 
 def pages(results: Sequence[Result], ends: Ends) -> dict[str, str]:
-    """Both pages in Markdown, by file name; ends: of the probes, `staleness.probe()`."""
-    return {
-        PAPER: page([r for r in results if not r.own], ends),
-        AIMS: aims_page([r for r in results if r.own], ends),
-    }
+    """The pages that have results, in Markdown by file name; ends: of the probes,
+    `staleness.probe()`."""
+    paper = [result for result in results if not result.own]
+    aims = [result for result in results if result.own]
+    written = {PAPER: page(paper, ends)} if paper else {}
+    return written | ({AIMS: aims_page(aims, ends)} if aims else {})
 
 
 def aims_page(results: Sequence[Result], ends: Ends) -> str:
