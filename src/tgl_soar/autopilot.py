@@ -498,7 +498,7 @@ def _fly(
     found |= line_conditions(laws.guards, tracking.e_rho_m, on_line, line.moving)
     mode, air, quality = state.supervisor.mode, estimates.air, estimates.quality
     forecast = forecast_of(laws, mode, state.forecast, line, vehicle, air, quality)
-    found |= forecast_conditions(laws, forecast.foreseen)
+    found |= forecast_conditions(laws, mode, forecast.foreseen)
     supervisor, decision = _decide(laws, state, inputs, found)
     mode, reason = decision.mode, decision.reason or engaged_because
     if not modes.is_flying(mode):

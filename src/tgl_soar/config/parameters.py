@@ -534,9 +534,10 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     # --- the forecast ----------------------------------------------------------------------
     Parameter(
-        name="FC_ACT", unit="", minimum=0, maximum=2, default=2,
-        meaning="Where no place to settle is foreseen on the line: 2: disengage, 1: only report it,"
-                " 0: no forecast. It needs an airframe file with [model].",
+        name="FC_ACT", unit="", minimum=0, maximum=3, default=2,
+        meaning="Where no place to settle is foreseen on the line: 2: disengage, while soaring only"
+                " in the last second; 3: disengage at once; 1: only report it; 0: no forecast. It"
+                " needs [model] in the airframe file.",
         integer=True,
     ),
     Parameter(

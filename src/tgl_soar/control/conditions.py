@@ -23,10 +23,12 @@ from tgl_soar.control.excitation import (
 )
 from tgl_soar.control.forecast import (
     DISENGAGE,
+    DISENGAGE_EARLY,
     Forecast,
     ForecastState,
     forecast_step,
     initial_forecast,
+    is_the_last_moment,
     nowhere,
 )
 from tgl_soar.control.laws import Laws, SupervisorLimits
@@ -174,13 +176,16 @@ def forecast_of(
     )
 
 
-def forecast_conditions(laws: Laws, forecast: Forecast) -> int:
+def forecast_conditions(laws: Laws, mode: int, forecast: Forecast) -> int:
     """Whether a place to settle is foreseen; what is only to be reported ends nothing.
 
     Who knows where else there is lift asks here first: as long as the line can be slid there in the
     time that is left, the aircraft settles.
     """
-    return 0 if laws.forecast.act == DISENGAGE and nowhere(forecast) else SETTLES
+    if laws.forecast.act < DISENGAGE or not nowhere(forecast):
+        return SETTLES
+    at_once = laws.forecast.act == DISENGAGE_EARLY or mode == CAPTURING
+    return 0 if at_once or is_the_last_moment(laws.forecast, forecast) else SETTLES
 
 
 def target_conditions(laws: Laws) -> int:

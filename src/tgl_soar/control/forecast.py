@@ -107,6 +107,11 @@ STOPPED: Final = 3.0  # time constants 1 / λ after which the aircraft counts as
 OFF: Final = 0
 REPORT: Final = 1
 DISENGAGE: Final = 2
+DISENGAGE_EARLY: Final = 3
+# An aircraft that soars has been where it settles: in gusts of 5 % it slides as if the lift had gone,
+# and mostly comes back.  So it is waited for as long as that costs nothing, which is until a change
+# of pitch could not turn the flight path before the limit any more, V / g (`envelope.LOW_AHEAD_S`).
+LAST_MOMENT_S: Final = 1.0
 
 # How it stands.
 UNKNOWN: Final = 0  # not held by a line, or not for WINDOW_S yet, or nothing is known of the air
@@ -128,7 +133,7 @@ FORECAST_TEXTS: Final = (
 class ForecastParams(NamedTuple):
     """What the forecast goes by."""
 
-    act: int  # OFF, REPORT or DISENGAGE
+    act: int  # OFF, REPORT, DISENGAGE or DISENGAGE_EARLY
     time_s: float  # FC_TIME
     chance: float  # FC_CHANCE
     clearance_min_m: float
@@ -318,6 +323,11 @@ def forecast_step(
 def nowhere(forecast: Forecast) -> bool:
     """Whether it is foreseen that there is no place to settle."""
     return forecast.standing > SETTLES
+
+
+def is_the_last_moment(params: ForecastParams, forecast: Forecast) -> bool:
+    """Whether there is most probably no place to settle, and no time left to see."""
+    return forecast.ahead_s <= LAST_MOMENT_S and forecast.chance < params.chance
 
 
 def forecast_words(forecast: Forecast) -> str:
