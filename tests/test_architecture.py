@@ -221,7 +221,6 @@ FUNCTION_LINES = 80
 LONGER: dict[str, tuple[int, str]] = {
     "autopilot.py _fly": (93, "the order of one tick in flight, which is read as one"),
     "analysis/experiments/changing_air.py wind": (82, "one experiment, from flights to claims"),
-    "cli/experiment.py experiment": (82, "one command with its options"),
     "onboard/module.py Onboard": (312, "the module: init, event, periodic, settings on one page"),
     "autopilot.py": (700, "one tick, read from its top to its bottom"),
     "config/parameters.py": (830, "a table: one declaration a parameter, and it grows with them"),
