@@ -14,13 +14,17 @@ from tgl_soar.autopilot import initial_state, step
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.config.site import Start
 from tgl_soar.control import forecast as f
+from tgl_soar.control.conditions import forecast_conditions
 from tgl_soar.control.envelope import clearance
 from tgl_soar.control.laws import laws_from
 from tgl_soar.control.supervisor import (
+    CAPTURING,
     REASON_NOWHERE,
     RELEASED,
+    SETTLES,
     SOARING,
 )
+from tgl_soar.geometry import SoaringFrame
 from tgl_soar.link.messages import SEVERITY_ERROR, SEVERITY_INFO, SEVERITY_WARNING
 from tgl_soar.onboard.reports import ForecastWords, mode_words
 from tgl_soar.sim.closed_loop import Trajectory, fly
@@ -80,9 +84,31 @@ NOWHERE = "let go: no place to settle on this line"
 def test_a_line_without_a_crossing_ends_in_the_pilots_hands_with_height_to_land(
     site: str, x_m: float, z_m: float, wind: float, duration_s: float
 ) -> None:
-    flight, left_m, least_m = flown(site, x_m, z_m, duration_s, wind=wind)
+    flight, left_m, least_m = flown(site, x_m, z_m, duration_s, wind=wind, FC_ACT=f.DISENGAGE_EARLY)
     assert flight.ended == NOWHERE
     assert left_m > least_m
+
+
+@pytest.mark.parametrize(
+    ("act", "mode", "ahead_s", "chance", "disengages"),
+    [
+        (f.DISENGAGE, CAPTURING, 3.0, 0.02, True),
+        (f.DISENGAGE, SOARING, 3.0, 0.02, False),  # it may come back
+        (f.DISENGAGE, SOARING, 0.9, 0.02, True),
+        (f.DISENGAGE, SOARING, 0.9, 0.3, False),  # it may well settle
+        (f.DISENGAGE_EARLY, SOARING, 3.0, 0.02, True),
+        (f.REPORT, CAPTURING, 0.5, 0.02, False),
+    ],
+)
+def test_when_it_disengages(
+    act: int, mode: int, ahead_s: float, chance: float, disengages: bool
+) -> None:
+    airframe, path = load_airframe(AIRFRAME_PATH), shipped("sites/tunnel.toml")
+    values = load_parameters(airframe, AIRFRAME_PATH, load_site(path), path)
+    laws = laws_from(values.changed({"FC_ACT": float(act)}), SoaringFrame(0.0, 0.0, 0.0, 0.0))
+    nowhere = f.NO_FORECAST._replace(standing=f.TOO_LOW, ahead_s=ahead_s, chance=chance)
+    settles = forecast_conditions(laws, mode, nowhere) == SETTLES
+    assert settles is not disengages
 
 
 @pytest.mark.parametrize("start_m", [-0.6, 0.6])

@@ -93,12 +93,11 @@ def experiment(
         with Flyer(
             workers, lambda flown, wanted: progress.update(task, completed=flown, total=wanted)
         ) as flyer:
-            kind = None if model is None else model.kind
             context = Context(
                 flyer=flyer,
                 figures=figures,
                 quick=quick,
-                model=kind,
+                model=None if model is None else model.kind,
                 field=field,
                 compiled_from=compiled_from,
                 episodes=episodes,
@@ -122,12 +121,16 @@ def experiment(
     console.print(
         f"{flown} flights, {simulated:.0f} s of flight, in {took:.0f} s; numbers in {out}/"
     )
+    _print_figures(figures)
+    if docs is not None:
+        _write_pages(docs, results)
+
+
+def _print_figures(figures: Path | None) -> None:
     if figures is None:
         hint("no figures: they need matplotlib: pip install 'tgl_soar[figures]'")
     else:
         console.print(f"figures in {figures}/")
-    if docs is not None:
-        _write_pages(docs, results)
 
 
 def _write_pages(docs: Path, results: list[Result]) -> None:

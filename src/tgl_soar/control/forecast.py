@@ -108,9 +108,10 @@ OFF: Final = 0
 REPORT: Final = 1
 DISENGAGE: Final = 2
 DISENGAGE_EARLY: Final = 3
-# An aircraft that soars has been where it settles: in gusts of 5 % it slides as if the lift had gone,
-# and mostly comes back.  So it is waited for as long as that costs nothing, which is until a change
-# of pitch could not turn the flight path before the limit any more, V / g (`envelope.LOW_AHEAD_S`).
+# An aircraft that soars has been where it settles: in gusts of 5 % it slides as if the lift had
+# gone, and mostly comes back.  So it is waited for as long as that costs nothing, which is until a
+# change of pitch could not turn the flight path before the limit any more, V / g, as in
+# `envelope.LOW_AHEAD_S`.
 LAST_MOMENT_S: Final = 1.0
 
 # How it stands.

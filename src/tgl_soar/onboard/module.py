@@ -350,7 +350,6 @@ class Onboard:
         self.links.show_presence(now_s)
         outbox.say_all(session.poll(now_s), outbox.autopilot)
         self.positions.forward(now_s)
-        self.positions.tell()
         self._operators.serve(now_s, sheds=self.load_shedding.no_telemetry)
         self.engage_switch.watch(now_s)
         self._operators.acknowledge(now_s)

@@ -67,13 +67,10 @@ class OutsidePositions:
             self._mocap_link.follow(mocap.stream)
         self._outbox.tell_all(mocap.notices)
 
-    def tell(self) -> None:
-        """Whose attitude is used, when that changes."""
+    def forward(self, now_s: float) -> None:
+        """The pose of a tracker, to the autopilot alone; and whose attitude is used, if new."""
         if self.tracked is not None:
             self._outbox.tell_all(self.tracked.notices)
-
-    def forward(self, now_s: float) -> None:
-        """The pose of a tracker, to the autopilot alone."""
         forwarding = self._forwarding
         if forwarding is None:
             return

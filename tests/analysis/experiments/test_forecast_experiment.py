@@ -22,7 +22,7 @@ from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.types import Ground
 
 POLAR = load_airframe(shipped("airframes/eclipson_c.toml")).polar.as_polar()
-HILL = e.Place(
+HILL = e.SlidePlace(
     name="hill",
     field=HillField(7.5, 8.0),
     ground=Ground(2, (-8.0, -3.0, *[-3.0] * 6), (0.0, 7.0, *[7.0] * 6)),
@@ -32,7 +32,7 @@ HILL = e.Place(
     duration_s=12.0,
     step_m=0.05,
 )
-START = e.Start(
+START = e.SlideStart(
     x_m=-5.0, z_m=13.0, eta_rad=eta_from_lean(radians(15.0)), wind=1.0, change=1.0, gusts=0.01,
     sink=1.0,
 )  # fmt: skip

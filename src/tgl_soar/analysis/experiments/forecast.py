@@ -57,7 +57,7 @@ UPDRAFT_BIAS_MPS: Final = 0.06
 WIND_BIAS_MPS: Final = 0.15
 
 
-class Place(NamedTuple):
+class SlidePlace(NamedTuple):
     """A place to fly at."""
 
     name: str
@@ -70,7 +70,7 @@ class Place(NamedTuple):
     step_m: float  # of E along a line
 
 
-class Start(NamedTuple):
+class SlideStart(NamedTuple):
     """One flight: where and on which line it begins, in which air."""
 
     x_m: float
@@ -85,21 +85,21 @@ class Start(NamedTuple):
 class Slid(NamedTuple):
     """One flight as it ended."""
 
-    start: Start
+    start: SlideStart
     foreseen: Forecast | None  # when it was told; None: never
     time_s: float  # of that, or of the flight's end
     left_m: float  # above the clearance then
     is_outside: bool  # the fence, untold
 
 
-def places() -> tuple[Place, ...]:
+def places() -> tuple[SlidePlace, ...]:
     """Air and ground of which no threshold of the forecast knows."""
     slope, radius_m = radians(26.0), 14.0
     board = GroundProfile([(-2.0, 0.0), (0.0, 0.0), (2.2, 2.2 * tan(slope))]).as_ground()
     turns = [radians(180.0 - 180.0 * i / 7.0) for i in range(8)]
     hill = GroundProfile([(radius_m * cos(a), radius_m * sin(a)) for a in turns]).as_ground()
     return (
-        Place(
+        SlidePlace(
             name="board at 26°",
             field=SlopeJet(8.5, slope),
             ground=board,
@@ -109,7 +109,7 @@ def places() -> tuple[Place, ...]:
             duration_s=8.0,
             step_m=0.01,
         ),
-        Place(
+        SlidePlace(
             name="hill of 14 m",
             field=HillField(8.0, radius_m),
             ground=hill,
@@ -234,7 +234,7 @@ def sinks(polar: GlidePolar, speed_mps: FloatArray, times: FloatArray | float) -
     return times * (polar.c0 + u * (polar.c1 + u * (polar.c2 + u * polar.c3)))
 
 
-def stops(place: Place, polar: GlidePolar, start: Start, change: float) -> list[float]:
+def stops(place: SlidePlace, polar: GlidePolar, start: SlideStart, change: float) -> list[float]:
     """Where the line has a place to settle, up from the start [m]."""
     reach = 1.2 * (place.fence.z_max_m - place.fence.z_min_m)
     s = np.arange(-reach, reach, place.step_m)
@@ -249,18 +249,20 @@ def stops(place: Place, polar: GlidePolar, start: Start, change: float) -> list[
     return [float(s[i]) for i in falls if _left(place, float(x[i]), float(z[i])) >= 0.0]
 
 
-def _left(place: Place, x_m: float, z_m: float) -> float:
+def _left(place: SlidePlace, x_m: float, z_m: float) -> float:
     """Height over the clearance [m]; negative outside the fence too."""
     if outside(place.fence, x_m, 0.0, z_m):
         return -1.0
     return clearance(place.ground, x_m, z_m) - place.clearance_min_m
 
 
-def drawn(place: Place, polar: GlidePolar, settles: bool, rng: np.random.Generator) -> Start:
+def drawn(
+    place: SlidePlace, polar: GlidePolar, settles: bool, rng: np.random.Generator
+) -> SlideStart:
     """A start on a line with or without a place to settle."""
     fence = place.fence
     while True:
-        start = Start(
+        start = SlideStart(
             x_m=rng.uniform(fence.x_min_m, fence.x_max_m),
             z_m=rng.uniform(fence.z_min_m, fence.z_max_m),
             eta_rad=eta_from_lean(radians(rng.choice(LEANS_DEG))),
@@ -296,7 +298,7 @@ def drawn(place: Place, polar: GlidePolar, settles: bool, rng: np.random.Generat
 
 
 def fly(
-    place: Place, polar: GlidePolar, starts: list[Start], rng: np.random.Generator
+    place: SlidePlace, polar: GlidePolar, starts: list[SlideStart], rng: np.random.Generator
 ) -> list[Slid]:
     """All starts at once, then the forecast of each."""
     rows = slides(place, polar, starts, rng)
@@ -304,7 +306,7 @@ def fly(
 
 
 def slides(
-    place: Place, polar: GlidePolar, starts: list[Start], rng: np.random.Generator
+    place: SlidePlace, polar: GlidePolar, starts: list[SlideStart], rng: np.random.Generator
 ) -> FloatArray:
     """x, z, vx, climb, and wind and updraft as they are estimated; shape (readings, 6, n)."""
     x0, z0, eta, wind, change, gusts, sink = np.array(starts, dtype=np.float64).T
@@ -334,7 +336,11 @@ def slides(
 
 
 def foreseen(
-    place: Place, polar: GlidePolar, start: Start, rows: FloatArray, rng: np.random.Generator
+    place: SlidePlace,
+    polar: GlidePolar,
+    start: SlideStart,
+    rows: FloatArray,
+    rng: np.random.Generator,
 ) -> Slid:
     """The forecast along one slide, until it is told or at a limit."""
     values = {name: PARAMETERS[INDEX[name]].default for name in ("FC_TIME", "FC_CHANCE")}
