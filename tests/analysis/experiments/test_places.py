@@ -19,6 +19,7 @@ from tgl_soar.analysis.experiments.places import (
     ROUGH,
     STRONGER,
     FlownPlace,
+    _row,
     in_its_wind,
     place_claims,
     places_why,
@@ -197,3 +198,10 @@ def test_losses_and_their_reasons_are_told_by_air() -> None:
     assert "a hill: wind grows by +0.20 m/s for each metre up the line at [a]" in told
     assert "lost of 8 at 3 % of turbulence: 2 at [a], 2 at [a2], 2 at [b], 2 at [c]" in told
     assert "Flights ended by: left the air." in told
+
+
+def test_a_table_has_no_number_of_flights_that_were_lost() -> None:
+    assert _row(place("a", -0.07, 0.1))[-2] == "+10.0 ± 1.0"
+    lost = _row(place("a", -0.07, nan, rms_m=inf, lost=8))
+    assert (lost[10], lost[-2]) == ("lost", "lost")
+    assert "nan" not in " ".join(lost)

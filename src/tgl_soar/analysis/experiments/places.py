@@ -277,7 +277,11 @@ def _shifted(s: FlownPlace) -> str:
     lost = f" ({s.shift_lost} of {s.flights} lost)" if s.shift_lost else ""
     if not isfinite(s.shift.flown_m):
         return f"all lost at [{s.line}]"
-    return f"{100 * s.shift.flown_m:+.1f} ± {100 * s.shift_error_m:.1f} cm at [{s.line}]{lost}"
+    return f"{_shift_cm(s)} cm at [{s.line}]{lost}"
+
+
+def _shift_cm(s: FlownPlace) -> str:
+    return f"{100 * s.shift.flown_m:+.1f} ± {100 * s.shift_error_m:.1f}"
 
 
 def places_why(scored: list[FlownPlace]) -> str:
@@ -320,7 +324,7 @@ def _row(s: FlownPlace) -> tuple[str, ...]:
         f"{s.survived[JUDGED]} of {s.flights}", _cm(s.rms_e_rho_m[JUDGED]),
         _cm(s.dispersion_m[JUDGED]), _cm(s.formula_m[JUDGED]),
         f"{s.survived[ROUGH]} of {s.flights}", _cm(s.rms_e_rho_m[ROUGH]),
-        f"{100 * s.shift.flown_m:+.1f} ± {100 * s.shift_error_m:.1f}",
+        _shift_cm(s) if isfinite(s.shift.flown_m) else "lost",
         f"{100 * s.shift.predicted_m:+.1f}" if isfinite(s.shift.predicted_m) else "–",
     )  # fmt: skip
 
