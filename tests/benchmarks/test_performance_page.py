@@ -54,7 +54,11 @@ def results() -> str:
 
 def test_every_group_of_benchmarks_is_on_the_page_in_order(results: str) -> None:
     titles = re.findall(r"^### (.+)$", results, flags=re.MULTILINE)
-    assert titles == [title for title, _ in GROUPS.values()], f"stale: {MAKE}"
+    text = (ROOT / "docs/performance.md").read_text(encoding="utf-8")
+    unmeasured = re.findall(r"^Not measured here yet: (.+)\.$", text, flags=re.MULTILINE)
+    there = [title for title, _ in GROUPS.values()]
+    assert titles == [title for title in there if title not in unmeasured], f"stale: {MAKE}"
+    assert set(unmeasured) <= set(there)
 
 
 def test_it_was_measured_with_what_is_pinned(results: str) -> None:

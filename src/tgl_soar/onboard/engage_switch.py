@@ -137,7 +137,8 @@ class EngageSwitch:
 
     def turn_back(self, now_s: float) -> None:
         """The module disengages by itself: the switch goes back, for all to see."""
-        self._turned_back_s = now_s
+        if is_flying(self.mode):  # a refused entry may be tried again at once
+            self._turned_back_s = now_s
         self._settings.assign("OP_ENGAGE", 0.0)
 
     def end(self, text: str, now_s: float) -> None:

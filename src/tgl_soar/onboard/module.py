@@ -332,11 +332,11 @@ class Onboard:
             self.engage_switch.mode_change_failed(failure, time_s)
 
     def _mode_changed(self, output: autopilot.Output, time_s: float) -> None:
+        if output.mode in (RELEASED, FAILED) and self.settings.engage:
+            self.engage_switch.turn_back(time_s)
         self.session.presence.mode = output.mode
         self.outbox.say(self.session.heartbeat())
         self.counters.count_mode(output.mode)
-        if output.mode in (RELEASED, FAILED) and self.settings.engage:
-            self.engage_switch.turn_back(time_s)
         self.outbox.tell_all(mode_words(output))
         if not (self.settings.engage and output.mode in (STANDBY, READY)):  # else on its way
             self.engage_switch.report_progress()
