@@ -9,12 +9,14 @@ import pytest
 from typer.testing import CliRunner
 
 from tgl_soar.cli.app import app
+from tgl_soar.cli.console import console
 
 FEW = ["--speed", "8.5", "--lean", "15", "--delay", "7.5"]
 
 
-def test_the_shipped_airframe_has_margins() -> None:
-    result = CliRunner().invoke(app, ["margins", *FEW], env={"COLUMNS": "200"})
+def test_the_shipped_airframe_has_margins(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(console, "width", 200)
+    result = CliRunner().invoke(app, ["margins", *FEW])
     assert result.exit_code == 0, result.output
     found = re.search(r"worst: (\S+) at 8.5 m/s, lean 15 deg, 7.5 ms", result.output)
     assert found

@@ -35,6 +35,7 @@ from tgl_soar.config.files import manual
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+OF_MAKE = ("ARGS", "MAKEFLAGS", "MAKEOVERRIDES", "MAKELEVEL")  # of the make that runs these tests
 MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
 HARDWARE = (manual() / "hardware.md").read_text(encoding="utf-8")
 INSTALLING = HARDWARE.partition("\n## Installing\n")[2].partition("\n## ")[0]
@@ -107,7 +108,7 @@ class Desk:
             (self.bin.parent / name).touch()
         # Of a path inside tests the package is found by the folders that this process has.
         self.environment = {
-            **os.environ,
+            **{name: value for name, value in os.environ.items() if name not in OF_MAKE},
             "PATH": f"{self.bin}:{os.environ['PATH']}",
             "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), *filter(None, sys.path)]),
             "PYTHONUNBUFFERED": "1",

@@ -187,9 +187,10 @@ def test_a_flight_that_ends_early_ends_alike() -> None:
     gusty = GustyField(
         field, [Gust(start_s=2.0, duration_s=0.6, u_mps=-6.0, v_mps=0.0, w_mps=-3.0)]
     )
-    # The site's fence would end the flight before: here there is none.
+    # The site's fence and the forecast would end the flight before: here there are none.
     x, z = PARAMETERS[INDEX["FENCE_X_MIN"]], PARAMETERS[INDEX["FENCE_Z_MIN"]]
-    no_fence = Change(0.0, {"FENCE_X_MIN": x.minimum, "FENCE_Z_MIN": z.minimum})
+    gone = {"FENCE_X_MIN": x.minimum, "FENCE_Z_MIN": z.minimum, "FC_ACT": 0.0}
+    no_fence = Change(0.0, gone)
     plain, fast = both("tunnel", 3, 0.0, gusty, (no_fence,))
     assert plain.ended.startswith("hit the board")
     assert_same(plain, fast)

@@ -172,8 +172,8 @@ def test_refusals_keys_abort_and_a_reload_while_dragging(
     assert flying.flown.value("TGL_X") == pytest.approx(0.21)
 
     window.page.click("#abort")
+    window.shows("#notices", "abort: done")  # which goes away again: so it is looked for first
     flying.until(lambda flown: flown.value("OP_ENGAGE") == 0.0)
-    window.shows("#notices", "abort: done")
     window.shows("#check-list", "missing: not held back")
     window.close()
 
