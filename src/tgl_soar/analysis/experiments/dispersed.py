@@ -9,9 +9,9 @@ gains for 11.5 rad/s and 18.5 ms leave a disk margin of 0.05.
 
 A place is where the wind is a fraction of the aircraft's own best glide, as an operator would put
 the line for it: on a line that is put for the shipped aircraft a wing with more lift hovers low,
-where the wind is slower still, and gusts take it down to the floor, whatever the law.  Judged at
-each place; places are never pooled, because the slowest, nearest to the stall, loses first.  On the
-linear model each drawn aircraft is looked at where it hovers, errors included.
+where the wind is slower still, and nearer to the floor.  Judged at each place; places are never
+pooled, because the slowest, nearest to the stall, loses first.  On the linear model each drawn
+aircraft is looked at where it hovers, errors included.
 """
 
 from __future__ import annotations
@@ -221,9 +221,9 @@ def _what(flights: int) -> str:
         f" {1e3 * of.latency_s[1]:g} ms; and what no file knows: the elevator's effect"
         f" × {of.unknown_effect[0]:g} to {of.unknown_effect[1]:g} once more, centre of gravity"
         f" ± {100 * of.centre_of_gravity[1]:g} % of the chord, attitude ± 2°. All evenly drawn. An"
-        " aircraft is drawn again where no law could keep it: its steady glide does not hold it on"
-        " its line, two degrees clear of the stall, or four standard deviations of the dispersion"
-        " along the line at 5 % lead to the ground or out of the fence."
+        " aircraft is drawn again where its place is not one to soar at: its steady glide does not"
+        " hold it on its line, two degrees clear of the stall, or four standard deviations of the"
+        " dispersion along the line at 5 % lead to the ground or out of the fence."
     )
 
 

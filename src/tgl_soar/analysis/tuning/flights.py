@@ -3,8 +3,8 @@
 Each aircraft flies with the parameters that its own file would give and the gains to be judged, on
 one line of a site, in turbulence; without accelerometers it carries them and does not use them
 (EST_IMU = 0).  An aircraft that has no place to soar on the line is drawn again: the steady glide
-would not hold it there, or only stalled, on the ground or outside the fence, whatever the law.  A
-command reaches the servo whole ticks later.
+would not hold it there, or only stalled, on the ground or outside the fence.  A command reaches
+the servo whole ticks later.
 """
 
 from __future__ import annotations
