@@ -100,6 +100,7 @@ def _table(rows: list[CaseMargins], floor: float) -> Table:
         *("α\nail.", "α\nrud."),
         *("gain\ndB", "phase\ndeg", "later\nms", "e_rho\ncm", "elev.\n"),
         box=None,
+        padding=(0, 1, 0, 0),  # 80 columns carry it
         caption="α: disk margins at elevator, line, aileron and rudder; the least gain, phase and"
         " delay that are left; rms in gusts",
     )
