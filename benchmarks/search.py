@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from math import radians
 from statistics import median
 from time import process_time
@@ -37,14 +37,9 @@ def search() -> Iterator[Result]:
         since_s=0.2,
     )
     lift = LiftMap(ground, box, polar, reading, pitot=True)
-    times = []
-    for _ in range(READINGS):
-        begun = process_time()
-        lift.take(reading)
-        times.append(1e3 * (process_time() - begun))
     yield Result(
         what="a reading into the lift map",
-        value=median(times),
+        value=_median_ms(lambda: lift.take(reading), READINGS),
         reference=READING_MS,
         unit="ms",
         reference_what=ALLOWED,
@@ -64,20 +59,29 @@ def search() -> Iterator[Result]:
     line = LineState(x_m=0.6, z_m=1.4, eta_rad=eta, speed_mps=0.0, moving=False)
     now = Moving(x_m=0.6, z_m=1.4, climb_mps=0.0, line=line)
     normals = np.random.default_rng(0).normal(size=(DRAWS, lift.basis.count))
-    times = []
-    for _ in range(PLANS):
-        begun = process_time()
+
+    def plan() -> None:
         fields = likely_fields(grid, lift.mean(), lift.draws(normals, SPREAD))
         plan_in(grid, fields, polar, guards, now, TargetLine(0.6, 1.4, eta), 0.005)
-        times.append(1e3 * (process_time() - begun))
+
     yield Result(
         what="a plan: all lines in all fields",
-        value=median(times),
+        value=_median_ms(plan, PLANS),
         reference=PLAN_MS,
         unit="ms",
         reference_what=ALLOWED,
         aim=1.0,
     )
+
+
+def _median_ms(timed: Callable[[], object], times: int) -> float:
+    """Processor time of a call."""
+    taken = []
+    for _ in range(times):
+        begun = process_time()
+        timed()
+        taken.append(1e3 * (process_time() - begun))
+    return median(taken)
 
 
 BENCHMARKS = (search,)

@@ -17,8 +17,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
-from playwright import sync_api as playwright
-
 PATIENCE_S: Final = 120.0
 ADDRESS: Final = re.compile(r"http://127\.0\.0\.1:\d+/#token=[\w-]+")
 PAGE_COMMAND: Final = "\0page\0"  # among the words of the server's process
@@ -107,6 +105,8 @@ def chromium() -> Iterator[Any]:
     program = shutil.which("chromium") or shutil.which("chromium-browser")
     if program is None:
         raise SystemExit(PROBLEM)
+    from playwright import sync_api as playwright  # a window itself needs none
+
     with playwright.sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=program, args=["--no-sandbox"])
         try:

@@ -55,7 +55,7 @@ from __future__ import annotations
 from math import cos, erf, log, sin, sqrt
 from typing import Final, NamedTuple
 
-from tgl_soar.control.envelope import Fence, clearance
+from tgl_soar.control.envelope import LOW_AHEAD_S, Fence, clearance
 from tgl_soar.types import (
     NAN,
     AirEstimate,
@@ -108,11 +108,6 @@ OFF: Final = 0
 REPORT: Final = 1
 DISENGAGE: Final = 2
 DISENGAGE_EARLY: Final = 3
-# An aircraft that soars has been where it settles: in gusts of 5 % it slides as if the lift had
-# gone, and mostly comes back.  So it is waited for as long as that costs nothing, which is until a
-# change of pitch could not turn the flight path before the limit any more, V / g, as in
-# `envelope.LOW_AHEAD_S`.
-LAST_MOMENT_S: Final = 1.0
 
 # How it stands.
 UNKNOWN: Final = 0  # not held by a line, or not for WINDOW_S yet, or nothing is known of the air
@@ -327,8 +322,13 @@ def nowhere(forecast: Forecast) -> bool:
 
 
 def is_the_last_moment(params: ForecastParams, forecast: Forecast) -> bool:
-    """Whether there is most probably no place to settle, and no time left to see."""
-    return forecast.ahead_s <= LAST_MOMENT_S and forecast.chance < params.chance
+    """Whether there is most probably no place to settle, and no time left to see.
+
+    An aircraft that soars has been where it settles: in gusts of 5 % it slides as if the lift had
+    gone, and mostly comes back.  So it is waited for as long as that costs nothing, which is until
+    a change of pitch could not turn the flight path before the limit any more.
+    """
+    return forecast.ahead_s <= LOW_AHEAD_S and forecast.chance < params.chance
 
 
 def forecast_words(forecast: Forecast) -> str:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import time
 from collections.abc import Callable, Iterator
 from math import hypot
 from pathlib import Path
@@ -25,6 +24,7 @@ from page_flight import (
     Served,
     page_on_a_flight,
 )
+from page_window import PageWindow
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.link.frames import first_frame
@@ -49,26 +49,20 @@ def browser() -> Iterator[Any]:
         chromium.close()
 
 
-class Window:
-    """A window with the page, and an operator's hand."""
+class Window(PageWindow):
+    """One that is kept to its errors."""
 
     def __init__(self, browser: Any, address: str, **options: Any) -> None:
         self._context = browser.new_context(
             **{"viewport": {"width": 1300, "height": 850}, **options}
         )
-        self.page = self._context.new_page()
+        super().__init__(self._context.new_page())
         self.errors: list[str] = []
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
         self.page.goto(address)
 
-    def value(self, script: str) -> Any:
-        return self.page.evaluate(f"(() => {{ const m = window.page?.model; return {script}; }})()")
-
-    def until(self, condition: Callable[[], Any]) -> None:
-        ends_s = time.monotonic() + PATIENCE_S
-        while not condition():
-            assert time.monotonic() < ends_s, self.page.inner_text("body")
-            time.sleep(0.05)
+    def until(self, condition: Callable[[], Any], patience_s: float = PATIENCE_S) -> None:
+        super().until(condition, patience_s)
 
     def shows(self, where: str, text: str) -> None:
         self.until(lambda: text in self.page.inner_text(where))
@@ -76,14 +70,6 @@ class Window:
     def loaded(self) -> Window:
         self.until(lambda: self.value("m?.line != null && m.now.soar_x != null"))
         return self
-
-    def at(self, place: tuple[float, float]) -> tuple[float, float]:
-        x, y = self.page.evaluate(
-            "([x, z]) => { const b = page.plane.svg.getBoundingClientRect();"
-            " return [b.left + page.plane.X(x), b.top + page.plane.Z(z)]; }",
-            list(place),
-        )
-        return x, y
 
     def take(self, place: tuple[float, float], to: tuple[float, float]) -> None:
         """Drag the line's point, and keep it in the hand."""

@@ -39,6 +39,7 @@ from tgl_soar.control.forecast import (
     nowhere,
 )
 from tgl_soar.control.target_line import eta_from_lean
+from tgl_soar.estimation.lift_map.sinking import sink
 from tgl_soar.types import NO_AIR, GlidePolar, Ground, VehicleState
 
 FloatArray = NDArray[np.float64]
@@ -230,8 +231,7 @@ def _false_row(name: str, flights: list[Slid]) -> tuple[str, ...]:
 
 def sinks(polar: GlidePolar, speed_mps: FloatArray, times: FloatArray | float) -> FloatArray:
     """Sink [m/s] at speeds (n,), that of the polar's ends beyond them."""
-    u = np.clip(speed_mps, polar.speed_min_mps, polar.speed_max_mps)
-    return times * (polar.c0 + u * (polar.c1 + u * (polar.c2 + u * polar.c3)))
+    return times * sink(polar, np.clip(speed_mps, polar.speed_min_mps, polar.speed_max_mps))
 
 
 def stops(place: SlidePlace, polar: GlidePolar, start: SlideStart, change: float) -> list[float]:

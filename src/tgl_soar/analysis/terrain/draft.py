@@ -28,6 +28,7 @@ from tgl_soar.analysis.terrain.profile import ReducedProfile, reduced
 from tgl_soar.config.site import GroundProfile
 from tgl_soar.control.envelope import clearance
 from tgl_soar.control.target_line import eta_from_lean
+from tgl_soar.estimation.lift_map.sinking import sink
 from tgl_soar.geometry import SoaringFrame, ned_from_soaring, wrap_angle
 from tgl_soar.types import GlidePolar
 
@@ -130,12 +131,7 @@ def heights_m(
 def best_glide_slope(polar: GlidePolar) -> float:
     """The least sink for each metre forward [-]: of air at rest, the flattest glide."""
     speed = np.linspace(polar.speed_min_mps, polar.speed_max_mps, 201)
-    return float((_sink(polar, speed) / speed).min())
-
-
-def _sink(polar: GlidePolar, speed: FloatArray) -> FloatArray:
-    sink: FloatArray = polar.c0 + speed * (polar.c1 + speed * (polar.c2 + speed * polar.c3))
-    return sink
+    return float((sink(polar, speed) / speed).min())
 
 
 def _wind_from(terrain: LocalTerrain, request: Request) -> float:
@@ -198,7 +194,7 @@ def _fence(
 ) -> Bounds:
     """Where there is lift enough for the least sink, up to the crest and the ceiling."""
     speed = np.linspace(polar.speed_min_mps, polar.speed_max_mps, 201)
-    least = float(_sink(polar, speed).min())
+    least = float(sink(polar, speed).min())
     across = np.linspace(x[0], 0.0, 81)
     up = np.linspace(float(z[x <= 0.0].min()), request.ceiling_m, 61)
     xx, zz = np.meshgrid(across, up, indexing="ij")
