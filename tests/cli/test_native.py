@@ -106,7 +106,7 @@ def test_native_code_does_what_the_source_does(place: Path) -> None:
 
     run = subprocess.run(
         [
-            *(sys.executable, "-m", "pytest", "-p", "no:xdist", "-p", "no:randomly", "-q"),
+            *(sys.executable, "-m", "pytest", "-n", "0", "-p", "no:randomly", "-q"),
             *(str(TESTS / name) for name in OF_WHAT_FLIES),
         ],
         cwd=TESTS.parent,

@@ -70,6 +70,11 @@ def stepped(
     return states
 
 
+def rests(state: ExcitationState, standing: int) -> bool:
+    """NaN equals NaN: in native code a field is not the very object that was put into it."""
+    return repr(state) == repr(at_rest(standing))
+
+
 @lru_cache(maxsize=1)
 def whole() -> np.ndarray:
     """What is added in each tick of a whole run."""
@@ -144,9 +149,9 @@ def test_it_is_a_function_of_time_and_not_of_ticks() -> None:
 def test_it_runs_once_for_each_wish() -> None:
     states = stepped(WHOLE_S + 1.0)
     assert states[0].standing == RUNNING
-    assert states[-1] == at_rest(DONE)
+    assert rests(states[-1], DONE)
     taken_back = excitation_step(NO_WISH, states[-1], 200.0, DT_S, IDLE)
-    assert taken_back == at_rest(IDLE)
+    assert rests(taken_back, IDLE)
     assert excitation_step(WISH, taken_back, 201.0, DT_S, IDLE).standing == RUNNING
 
 
@@ -154,8 +159,8 @@ def test_the_operator_ends_it_in_that_tick() -> None:
     running = stepped(10.0)[-1]
     assert running.standing == RUNNING
     stopped = excitation_step(NO_WISH, running, BEGIN_S + 10.0, DT_S, IDLE)
-    assert stopped == at_rest(WITHDRAWN)
-    assert excitation_step(NO_WISH, stopped, BEGIN_S + 10.1, DT_S, IDLE) == at_rest(IDLE)
+    assert rests(stopped, WITHDRAWN)
+    assert rests(excitation_step(NO_WISH, stopped, BEGIN_S + 10.1, DT_S, IDLE), IDLE)
     # A wish that comes back at once begins anew, from its beginning.
     again = excitation_step(WISH, stopped, BEGIN_S + 10.1, DT_S, IDLE)
     assert (again.standing, again.begun_s) == (RUNNING, BEGIN_S + 10.1)
@@ -167,10 +172,11 @@ def test_the_operator_ends_it_in_that_tick() -> None:
     ids=EXCITATION_TEXTS.__getitem__,
 )
 def test_a_hindrance_refuses_it_and_ends_it_in_that_tick(hindrance: int) -> None:
-    assert stepped(1.0, {0: hindrance})[-1] == at_rest(hindrance)  # and it does not try again
+    assert rests(stepped(1.0, {0: hindrance})[-1], hindrance)  # and it does not try again
     states = stepped(10.0, {1500: hindrance})
     assert states[1499].standing == RUNNING
-    assert states[1500] == states[-1] == at_rest(hindrance)
+    assert rests(states[1500], hindrance)
+    assert rests(states[-1], hindrance)
 
 
 def test_a_limit_ends_it_only_when_it_lasts() -> None:
@@ -180,16 +186,16 @@ def test_a_limit_ends_it_only_when_it_lasts() -> None:
     broken = {k: LIMITED for k in range(1500, 1600) if k % few}
     assert stepped(10.0, broken)[-1].standing == RUNNING
     lasting = stepped(10.0, dict.fromkeys(range(1500, 1502 + few), LIMITED))
-    assert lasting[-1] == at_rest(LIMITED)
+    assert rests(lasting[-1], LIMITED)
 
 
 @pytest.mark.parametrize("now_s", [BEGIN_S - 1.0, nan])
 def test_a_clock_that_goes_back_ends_it(now_s: float) -> None:
-    assert excitation_step(WISH, stepped(5.0)[-1], now_s, DT_S, IDLE) == at_rest(CLOCK)
+    assert rests(excitation_step(WISH, stepped(5.0)[-1], now_s, DT_S, IDLE), CLOCK)
 
 
 def test_a_time_that_is_no_number_ends_it() -> None:
-    assert excitation_step(WISH, stepped(5.0)[-1], inf, DT_S, IDLE) == at_rest(DONE)
+    assert rests(excitation_step(WISH, stepped(5.0)[-1], inf, DT_S, IDLE), DONE)
 
 
 def test_another_amplitude_counts_from_the_next_run_on() -> None:

@@ -95,7 +95,7 @@ def make(say: Callable[[str], None]) -> None:
         work = Path(name)
         made = work / "made" / kept.name
         made.parent.mkdir(mode=0o700)
-        say(f"compiling {len(native.MODULES)} modules: one to five minutes")
+        say(f"compiling {len(native.MODULES)} modules: four minutes on a server")
         _compile(work)
         _collect(work, made)
         say("flying the source and the native code of it: the same flight, to the last bit")

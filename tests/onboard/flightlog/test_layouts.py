@@ -39,6 +39,7 @@ def test_plotjuggler_finds_every_curve_in_a_log(log: Path) -> None:
         assert sum(sizes) == pytest.approx(1.0, abs=1e-4)
 
 
+@pytest.mark.interpreted  # what a column means stands in the source
 def test_foxglove_finds_every_path_in_the_export(log: Path, tmp_path: Path) -> None:
     from mcap.reader import make_reader
 
