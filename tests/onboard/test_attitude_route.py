@@ -170,6 +170,53 @@ def test_a_mode_that_the_pilot_chooses_as_it_disengages_stays(
     assert len(flight.asked) == asked
 
 
+@pytest.mark.parametrize(
+    ("firmware", "chosen"), [("ardupilot", LOITER), ("px4", POSITION)], ids=["ArduPlane", "PX4"]
+)
+def test_a_station_that_repeats_itself_does_not_overwrite_the_pilot_s_choice(
+    firmware: str, chosen: int
+) -> None:
+    """Stations set OP_ENGAGE up to three times more, a second apart, where no answer reaches
+    them: that is the wish of before the pilot's choice."""
+    flight = Guided(firmware)
+    flight.enters = False
+    flight.run(1.6)
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(0.5)
+    assert len(flight.asked) == 1
+    flight.enters, flight.mode = True, chosen
+    for _ in range(3):
+        flight.run(1.0)
+        flight.set("OP_ENGAGE", 1.0)
+    flight.run(3.0)
+    assert flight.mode == chosen
+    assert len(flight.asked) == 1
+    flight.set("OP_ENGAGE", 1.0)  # asked for once more, after a while
+    flight.run(1.0)
+    assert is_flying(flight.mode_now)
+
+
+def test_after_the_pilot_s_takeover_the_mode_of_before_counts_no_more() -> None:
+    flight = Guided()
+    flight.mode = 10  # AUTO, from which the first engagement comes
+    flight.run(1.6)
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(2.0)
+    assert is_flying(flight.mode_now)
+    flight.mode = FBWA  # the pilot takes over,
+    flight.run(5.0)
+    assert flight.mode_now == READY
+    flight.mode = GUIDED  # and later chooses the mode that obeys themselves
+    flight.run(1.0)
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(1.0)
+    assert is_flying(flight.mode_now)
+    flight.set("OP_ENGAGE", 0.0)
+    flight.run(1.0)
+    assert flight.mode == FBWA  # the route's own: AUTO would fly a mission without a propeller
+    assert [mode for _, mode, _ in flight.asked] == [GUIDED, FBWA]
+
+
 def test_acknowledgements_say_nothing_of_the_mode() -> None:
     """PX4 answers twice, the first time always ACCEPTED; on a bad link none comes at all."""
     flight = Guided("px4")

@@ -142,9 +142,13 @@ class EngageSwitch:
         self._settings.assign("OP_ENGAGE", 0.0)
 
     def end(self, text: str, now_s: float) -> None:
-        """The module disengages for a reason, and whoever has engaged it is told."""
+        """The module disengages for a reason, and whoever has engaged it is told.
+
+        Before it flew, too: a station's repeat would ask for a mode that the pilot has refused.
+        """
         self._outbox.tell(SEVERITY_ERROR, text)
         self.turn_back(now_s)
+        self._turned_back_s = now_s
         self.report_progress(ended=True)
 
     def mode_change_failed(self, text: str, now_s: float) -> None:

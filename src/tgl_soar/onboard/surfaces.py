@@ -63,6 +63,8 @@ class SurfaceControl:
             self._clear_for_release()
             if status.accepts_surfaces:
                 self.mode_change.leave(time_s, status.time_s)
+            else:  # the pilot has left it
+                self.mode_change.stop()
         if self._releases > 0 and time_s >= self._release_due_s:
             self._release_due_s = time_s + RELEASE_INTERVAL_S
             self._releases -= 1
