@@ -18,6 +18,7 @@ from tgl_soar.control.conditions import (
     line_conditions,
     stream_conditions,
     target_conditions,
+    with_uncertainty,
 )
 from tgl_soar.control.envelope import (
     CUT_NOSE_DOWN,
@@ -41,7 +42,7 @@ from tgl_soar.control.heading import (
     sideways_held,
     sideways_step,
 )
-from tgl_soar.control.laws import Laws, SupervisorLimits
+from tgl_soar.control.laws import Laws
 from tgl_soar.control.margins import margins_of
 from tgl_soar.control.pid import PidGains, PidState, PidTerms
 from tgl_soar.control.schedule import (
@@ -74,14 +75,13 @@ from tgl_soar.control.target_line import (
 )
 from tgl_soar.estimation.aerodynamics import glide_pitch
 from tgl_soar.estimation.health import (
-    FROZEN,
     STREAM_FAULTS,
     HealthState,
     fault_words,
     health_step,
     initial_health,
 )
-from tgl_soar.estimation.motion import is_imu_valid, motion_quality, motion_step
+from tgl_soar.estimation.motion import is_imu_valid, motion_quality, motion_step, unshifted
 from tgl_soar.estimation.motion_state import MotionState, initial_motion
 from tgl_soar.estimation.wind import WindState, initial_wind, wind_step
 from tgl_soar.types import (
@@ -100,7 +100,6 @@ from tgl_soar.types import (
 )
 
 DT_MAX_S: Final = 0.1  # a longer gap between two ticks is not integrated over
-UNCERTAINTY_MAX: Final = 3.0  # times EST_SD_MAX: more uncertain than this no fix is young enough
 ON_LINE_S: Final = 1.0  # so long within capture_distance_m before the line counts as captured
 
 
@@ -280,7 +279,10 @@ def _estimate(laws: Laws, state: AutopilotState, inputs: Inputs, dt_s: float) ->
     """Where the aircraft is, how it moves, in which air, and how certain that is."""
     before = state.memory
     flying = modes.is_flying(state.supervisor.mode)
-    motion, vehicle = motion_step(laws.motion, laws.frame, before.motion, inputs)
+    known = before.motion
+    if not flying:  # there is no line to be kept
+        known = unshifted(known, inputs.time_s)
+    motion, vehicle = motion_step(laws.motion, laws.frame, known, inputs)
     quality = motion_quality(laws.motion, before.motion, motion, inputs.time_s)
     watched, health = health_step(
         laws.health,
@@ -292,7 +294,7 @@ def _estimate(laws: Laws, state: AutopilotState, inputs: Inputs, dt_s: float) ->
         state.loops.limited.command,
         dt_s,
     )
-    health = _with_uncertainty(laws.guards, health, quality)
+    health = with_uncertainty(laws.guards, health, quality)
     wind, air = wind_step(
         laws.wind,
         before.wind,
@@ -313,7 +315,7 @@ def _estimate(laws: Laws, state: AutopilotState, inputs: Inputs, dt_s: float) ->
         quality=quality,
         health=health,
         air=air,
-        margins=margins_of(laws, inputs, vehicle, health, air, flying),
+        margins=margins_of(laws, inputs, vehicle, health, air, motion.shift, flying),
         memory=EstimatorMemory(
             motion=motion,
             wind=wind,
@@ -334,27 +336,6 @@ def _elevator(state: AutopilotState, inputs: Inputs) -> float:
     if modes.is_flying(state.supervisor.mode):
         return state.loops.limited.command.elevator
     return NAN
-
-
-def _with_uncertainty(guards: SupervisorLimits, health: Health, quality: MotionQuality) -> Health:
-    """Health as the estimator's doubt has it, and not the age of the last fix alone.
-
-    With accelerations the position is flown with until it is too uncertain; where it has jumped
-    it is not, so that the line starts anew at the aircraft and no law sees the step.  A fix that
-    says little is young and helps no one: then the position is as uncertain as before.
-    """
-    young = (
-        health.position_ok
-        and quality.position_sigma_m <= UNCERTAINTY_MAX * guards.position_sd_max_m
-    )
-    carried = (
-        quality.inertial
-        and quality.position_sigma_m <= guards.position_sd_max_m  # false for NaN
-        and health.position_age_s <= guards.position_age_max_s
-        and not health.faults & FROZEN  # the estimator knows no better
-    )
-    sure = (young or carried) and not quality.jumped
-    return health if sure == health.position_ok else health._replace(position_ok=sure)
 
 
 def _watch(

@@ -203,6 +203,9 @@ class MotionQuality(NamedTuple):
     offset_x_m: float  # of the source of position, yet to be bled off
     offset_y_m: float
     offset_z_m: float
+    shift_x_m: float  # by which its frame has moved in this flight, and which is taken off
+    shift_y_m: float
+    shift_z_m: float
     source: int  # of the last fix used
     fix_used: bool  # in this tick
     fix_refused: bool
@@ -211,7 +214,7 @@ class MotionQuality(NamedTuple):
 
 
 NO_QUALITY: Final = MotionQuality(
-    *(NAN, NAN, NAN, NAN, NAN, NAN, 0.0, 0.0, 0.0, NAN, 0.0, 0.0, 0.0, 0),
+    *(NAN, NAN, NAN, NAN, NAN, NAN, 0.0, 0.0, 0.0, NAN, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0),
     *(False, False, False, False),
 )
 

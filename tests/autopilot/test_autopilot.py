@@ -453,13 +453,36 @@ def test_a_place_believed_after_doubt_is_a_new_line_and_no_step() -> None:
         p = inputs.position
         return inputs._replace(position=p._replace(down_m=p.down_m - 1.2))
 
-    flight = soaring().fly(1.0, moved)
+    flight = soaring()
+    flight.laws = laws_with(EST_RESET_MAX=0.0)  # or else the line would move with it
+    flight.fly(1.0, moved)
     assert flight.changes() == [
         ("holding", "position gap, holding pitch"),
         ("capturing", "position is back"),
     ]
     flown = [o for o in flight.outputs if o.mode in (modes.CAPTURING, modes.SOARING)]
     assert all(abs(b.line.e_rho_m - a.line.e_rho_m) < 0.05 for a, b in pairwise(flown))
+
+
+def test_a_reset_moves_the_line_until_the_flight_ends() -> None:
+    """Then there is no line to be kept, and an operator sees what the source says."""
+
+    def moved(_: int, inputs: Inputs) -> Inputs:
+        p = inputs.position
+        return inputs._replace(position=p._replace(down_m=p.down_m - 1.2))
+
+    def ended(k: int, inputs: Inputs) -> Inputs:
+        return moved(k, inputs)._replace(engage=False)
+
+    flight = soaring().fly(1.0, moved)
+    assert flight.changes() == []
+    assert flight.outputs[-1].quality.shift_z_m == pytest.approx(1.2, abs=0.05)
+    flown = len(flight.outputs)
+    flight.fly(0.5, ended)
+    assert flight.outputs[flown].quality.shift_z_m != 0.0  # of the tick that ends it
+    assert all(output.quality.shift_z_m == 0.0 for output in flight.outputs[flown + 1 :])
+    step_m = flight.outputs[flown + 1].vehicle.z_m - flight.outputs[flown].vehicle.z_m
+    assert step_m == pytest.approx(1.2, abs=0.05)
 
 
 def test_a_gap_is_held_through_and_flown_on_from() -> None:

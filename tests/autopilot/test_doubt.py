@@ -12,13 +12,13 @@ from math import nan
 import pytest
 
 from tgl_soar.autopilot import (
-    UNCERTAINTY_MAX,
     AutopilotState,
     Output,
     initial_state,
     step,
 )
 from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.control.conditions import UNCERTAINTY_MAX
 from tgl_soar.control.laws import laws_from
 from tgl_soar.estimation.health import FROZEN
 from tgl_soar.estimation.motion import GRAVITY_MPS2, IMU_SILENT_S, JUMP_S

@@ -57,7 +57,7 @@ DT = 1.0 / 128.0
 def heard_at(fix_s: float, attitude_s: float) -> MotionState:
     """An estimator that has used samples of these times."""
     return initial_motion()._replace(
-        fix=LastFix(1, fix_s, 0),
+        fix=LastFix(sequence=1, time_s=fix_s, source=0, sum=nan, repeated=0),
         attitude=LastAttitude(
             sequence=1, time_s=attitude_s, used=NO_ATTITUDE, refused=NO_ATTITUDE, refused_in_a_row=0
         ),

@@ -38,6 +38,7 @@ GAINS = MotionGains(
     unknown_sd_mps2=3.0,
     fix_delay_s=0.0,
     fix_gate_m=0.5,
+    reset_max_m=0.0,
     use_imu=True,
 )
 DT = 0.005

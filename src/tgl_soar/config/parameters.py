@@ -461,6 +461,13 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
                 " several agree.",
     ),
     Parameter(
+        name="EST_RESET_MAX", unit="m", minimum=0, maximum=100, default=10,
+        meaning="In flight a position that jumps, while its velocity goes on, is a reset of the"
+                " autopilot's estimator or of its origin: the line moves with it, up to this far in"
+                " all, so that the aircraft stays where its lift is. Beyond, or at 0, the line"
+                " stays where it is in the source's frame, and is captured again.",
+    ),
+    Parameter(
         name="EST_DELAY", unit="s", minimum=0, maximum=0.5, default=0.0,
         meaning="Delay of the position source that its time stamps do not include.",
     ),

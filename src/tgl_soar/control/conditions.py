@@ -61,10 +61,11 @@ from tgl_soar.control.supervisor import (
     UPWIND,
 )
 from tgl_soar.control.target_line import LineState, LineTracking
-from tgl_soar.estimation.health import AIRSPEED, DISAGREES, INFINITE, INSANE
+from tgl_soar.estimation.health import AIRSPEED, DISAGREES, FROZEN, INFINITE, INSANE
 from tgl_soar.estimation.motion_state import FUTURE_S
 from tgl_soar.types import AirEstimate, Health, Inputs, MotionQuality, VehicleState
 
+UNCERTAINTY_MAX: Final = 3.0  # times EST_SD_MAX: more uncertain than this no fix is young enough
 HEADING_MAX_RAD: Final = 0.5 * pi  # from upwind, to be engaged at all
 # A multisine begins on the line, wings level.  It moves e_rho by A g / w² or less, 3 cm at its
 # slowest tone and 1 deg, and may go on within three times what counts as captured.  At 20 degrees
@@ -76,6 +77,27 @@ BEGIN_BANK_RAD: Final = 0.175
 # long as nothing is cut and half of the elevator's travel is left: 1.4 degrees or 0.5 m/s.
 EXCITED_STALL_RAD: Final = 0.5 * MARGIN_FULL
 LINE_UPRIGHT: Final = 0.1  # sine of a line's inclination, below which it has no upstream side
+
+
+def with_uncertainty(guards: SupervisorLimits, health: Health, quality: MotionQuality) -> Health:
+    """Health as the estimator's doubt has it, and not the age of the last fix alone.
+
+    With accelerations the position is flown with until it is too uncertain; where it has jumped
+    it is not, so that the line starts anew at the aircraft and no law sees the step.  A fix that
+    says little is young and helps no one: then the position is as uncertain as before.
+    """
+    young = (
+        health.position_ok
+        and quality.position_sigma_m <= UNCERTAINTY_MAX * guards.position_sd_max_m
+    )
+    carried = (
+        quality.inertial
+        and quality.position_sigma_m <= guards.position_sd_max_m  # false for NaN
+        and health.position_age_s <= guards.position_age_max_s
+        and not health.faults & FROZEN  # the estimator knows no better
+    )
+    sure = (young or carried) and not quality.jumped
+    return health if sure == health.position_ok else health._replace(position_ok=sure)
 
 
 def stream_conditions(

@@ -150,6 +150,7 @@ def _motion_gains(values: ParameterSet) -> MotionGains:
         unknown_sd_mps2=values["EST_CV_SD"],
         fix_delay_s=values["EST_DELAY"],
         fix_gate_m=values["EST_GATE"],
+        reset_max_m=values["EST_RESET_MAX"],
         use_imu=values["EST_IMU"] != 0.0,
     )
 

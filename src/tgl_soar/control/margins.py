@@ -31,10 +31,13 @@ def margins_of(
     vehicle: VehicleState,
     health: Health,
     air: AirEstimate,
+    shift: tuple[float, float, float],
     flying: bool,
 ) -> Margins:
     """The margins of one tick.
 
+    shift: what is taken off the source's position [m], soaring frame.  Nobody knows in which of the
+    two frames the ground is right: the nearer one counts, and what is outside in either is outside.
     A lost place that nobody can even estimate is not outside: its age ends the flight, with a
     reason of its own.
     """
@@ -44,11 +47,17 @@ def margins_of(
         alpha, airspeed = air.alpha_rad, air.airspeed_mps
     elif not health.faults & AIRSPEED:
         airspeed = inputs.airspeed.airspeed_mps
-    unknown = not health.position_ok and not isfinite(vehicle.x_m + vehicle.y_m + vehicle.z_m)
+    x, y, z = vehicle.x_m, vehicle.y_m, vehicle.z_m
+    dx, dy, dz = shift
+    near, beyond = clearance(laws.ground, x, z), outside(laws.fence, x, y, z)
+    if dx != 0.0 or dy != 0.0 or dz != 0.0:
+        near = min(near, clearance(laws.ground, x + dx, z + dz))
+        beyond |= outside(laws.fence, x + dx, y + dy, z + dz)
+    unknown = not health.position_ok and not isfinite(x + y + z)
     return Margins(
         stall_margin(laws.envelope, alpha, airspeed),
-        clearance(laws.ground, vehicle.x_m, vehicle.z_m),
-        0 if unknown else outside(laws.fence, vehicle.x_m, vehicle.y_m, vehicle.z_m),
+        near,
+        0 if unknown else beyond,
     )
 
 

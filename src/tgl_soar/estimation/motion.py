@@ -31,6 +31,7 @@ from tgl_soar.estimation.inertial_track import Track, new_track, track_at, track
 from tgl_soar.estimation.motion_state import (
     FUTURE_S,
     NO_OUTLIERS,
+    NO_SHIFT,
     OUTLIERS_ACCEPTED,
     LastAttitude,
     LastImu,
@@ -104,13 +105,14 @@ def motion_quality(
 ) -> MotionQuality:
     """What a tick at time_s did with what was new, and how uncertain the estimate is then."""
     pp, _, _, vv, _, bb = covariance_at(gains, after, time_s)
-    sequence, used_s, source = after.fix
+    sequence, used_s, source, _, _ = after.fix
     looked_at = sequence != before.fix.sequence
     used = looked_at and used_s == used_s and used_s != before.fix.time_s  # not NaN
     refused = looked_at and not used
     errors = after.errors
     x, y, z, nis = after.innovation
     ox, oy, oz = after.offset
+    shift_x, shift_y, shift_z = after.shift
     return MotionQuality(
         innovation_x_m=x,
         innovation_y_m=y,
@@ -125,12 +127,25 @@ def motion_quality(
         offset_x_m=ox,
         offset_y_m=oy,
         offset_z_m=oz,
+        shift_x_m=shift_x,
+        shift_y_m=shift_y,
+        shift_z_m=shift_z,
         source=source,
         fix_used=used,
         fix_refused=refused,
         jumped=time_s - after.jump_s < JUMP_S,  # false for NaN
         inertial=after.inertial,
     )
+
+
+def unshifted(state: MotionState, now_s: float) -> MotionState:
+    """The estimate in the source's own frame again: nothing is flown that would feel the step."""
+    x, y, z = state.shift
+    if x == 0.0 and y == 0.0 and z == 0.0:
+        return state
+    errors = state.errors
+    moved = errors._replace(x_m=errors.x_m + x, y_m=errors.y_m + y, z_m=errors.z_m + z)
+    return state._replace(errors=moved, shift=NO_SHIFT, jump_s=now_s)
 
 
 def _root(variance: float) -> float:
@@ -154,6 +169,7 @@ def _forgotten(state: MotionState, now_s: float) -> MotionState:
         switched_s=NAN,
         imu=state.imu._replace(time_s=NAN, since_s=NAN),
         fix=state.fix._replace(time_s=NAN),
+        shift=NO_SHIFT,
         outliers=NO_OUTLIERS,
         jump_s=NAN,
     )
@@ -228,6 +244,7 @@ def _carried(
         fix=state.fix,
         attitude=attitude,
         offset=state.offset,
+        shift=state.shift,
         innovation=state.innovation,
         outliers=state.outliers,
         rejected=rejected,

@@ -32,6 +32,7 @@ class MotionGains(NamedTuple):
     unknown_sd_mps2: float  # acceleration where nobody measures it
     fix_delay_s: float  # of the source, beyond what its time stamps say
     fix_gate_m: float  # innovation below which no fix is an outlier
+    reset_max_m: float  # so far a source may move its frame, and is followed; 0: not at all
     use_imu: bool
 
 
@@ -50,6 +51,8 @@ class LastFix(NamedTuple):
     sequence: int  # of the last fix looked at
     time_s: float  # of the last fix used; NaN: none yet
     source: int  # of that fix
+    sum: float  # of the numbers of the last one looked at, which tells a repetition
+    repeated: int  # so often have they come again
 
 
 class LastAttitude(NamedTuple):
@@ -70,6 +73,14 @@ class Offset(NamedTuple):
     z_m: float
 
 
+class FrameShift(NamedTuple):
+    """How far a source has moved its own frame in this flight, soaring frame."""
+
+    x_m: float  # what the source says less what it would say, had it not
+    y_m: float
+    z_m: float
+
+
 class Innovation(NamedTuple):
     """Of the last fix that was compared with the estimate, soaring frame."""
 
@@ -84,6 +95,7 @@ class Outliers(NamedTuple):
 
     in_a_row: int  # so many
     time_s: float  # of the last of them
+    gap: bool  # before the first of them nothing new had come for a while
     x_m: float  # its innovation
     y_m: float
     z_m: float
@@ -101,6 +113,7 @@ class MotionState(NamedTuple):
     fix: LastFix
     attitude: LastAttitude
     offset: Offset
+    shift: FrameShift
     innovation: Innovation
     outliers: Outliers
     rejected: int  # samples refused so far
@@ -108,7 +121,8 @@ class MotionState(NamedTuple):
 
 
 NO_OFFSET: Final = Offset(0.0, 0.0, 0.0)
-NO_OUTLIERS: Final = Outliers(in_a_row=0, time_s=NAN, x_m=NAN, y_m=NAN, z_m=NAN)
+NO_SHIFT: Final = FrameShift(0.0, 0.0, 0.0)
+NO_OUTLIERS: Final = Outliers(in_a_row=0, time_s=NAN, gap=False, x_m=NAN, y_m=NAN, z_m=NAN)
 
 
 def initial_motion() -> MotionState:
@@ -123,11 +137,12 @@ def initial_motion() -> MotionState:
         inertial=False,
         switched_s=NAN,
         imu=LastImu(0, NAN, NAN, IMU_INTERVAL_S),
-        fix=LastFix(0, NAN, 0),
+        fix=LastFix(sequence=0, time_s=NAN, source=0, sum=NAN, repeated=0),
         attitude=LastAttitude(
             sequence=0, time_s=NAN, used=NO_ATTITUDE, refused=NO_ATTITUDE, refused_in_a_row=0
         ),
         offset=NO_OFFSET,
+        shift=NO_SHIFT,
         innovation=Innovation(NAN, NAN, NAN, NAN),
         outliers=NO_OUTLIERS,
         rejected=0,

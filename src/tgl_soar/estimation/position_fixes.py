@@ -11,6 +11,12 @@ unknown.  For JUMP_S the position is then not to be flown with (`MotionQuality.j
 the law begins again from where the aircraft is and never sees the step.  Where the velocity of a
 fix is as far off, it is left out and the position is used.
 
+No aircraft jumps.  Where outliers follow fixes at once, agree, and their velocities are the
+estimated one, it is the source that has moved: its filter was reset, or its origin set again.  What
+it says is then moved back by that innovation (`MotionState.shift`), up to EST_RESET_MAX in all: the
+estimate goes on as if nothing had been, and so do line and lift.  In which of the two frames the
+ground is right is unknown: margins to ground and fence are the smaller of both.
+
 Another `PositionFix.source` has another origin, by some centimetres.  The innovation of its first
 fix, as far as the filter's own uncertainty does not explain it, is learnt as the source's offset,
 and removed slowly: the position slides over, and the velocity is not affected.  Which of both
@@ -26,6 +32,7 @@ from typing import Final, NamedTuple
 from tgl_soar.estimation.fix_filter import (
     Covariance,
     Errors,
+    Moments,
     position_taken,
     velocity_taken,
 )
@@ -34,6 +41,7 @@ from tgl_soar.estimation.motion_state import (
     NO_OFFSET,
     NO_OUTLIERS,
     OUTLIERS_ACCEPTED,
+    FrameShift,
     Innovation,
     LastFix,
     MotionGains,
@@ -47,6 +55,7 @@ from tgl_soar.estimation.motion_state import (
 from tgl_soar.geometry import SoaringFrame, soaring_from_ned, soaring_vector_from_ned
 from tgl_soar.types import PositionFix, isfinite
 
+INFINITE: Final = float("inf")
 GATE_SIGMAS: Final = 5.0
 GATE_MPS: Final = 1.0  # floor of the gate of velocities
 AGREE_MPS: Final = 5.0  # how wrong the estimated velocity may be while outliers are compared
@@ -56,13 +65,18 @@ VELOCITY_MAX_MPS: Final = 25.0  # over the ground; a faster one is none
 SIGMA_MAX_M: Final = 1e3  # a fix as uncertain as this says nothing
 OFFSET_M: Final = 0.3  # how far the origins of two sources may be apart: standard deviation
 OFFSET_MAX_M: Final = 3.0 * OFFSET_M  # farther off a new source is not accepted at once
+NO_RESET: Final = FrameShift(INFINITE, INFINITE, INFINITE)
 OFFSET_SMALL_M: Final = 1e-4  # too small to be removed slowly
 BLEED_S: Final = 5.0  # in which an offset is removed, no faster than
 BLEED_MPS: Final = 0.05
+REPEATED: Final = 3  # the same numbers again and again are no fixes: it may have moved meanwhile
+GAP_S: Final = (
+    0.5  # without a fix it may have moved by EST_GATE, at the 1 m/s of sliding along a line
+)
 
 
 class _Measured(NamedTuple):
-    """A fix in the soaring frame."""
+    """A fix in the soaring frame, as its source would give it, had it not moved."""
 
     time_s: float
     x_m: float
@@ -76,17 +90,20 @@ class _Measured(NamedTuple):
     velocity_variance_m2ps2: float
 
 
-def _measured(gains: MotionGains, frame: SoaringFrame, fix: PositionFix) -> _Measured:
+def _measured(
+    gains: MotionGains, frame: SoaringFrame, shift: FrameShift, fix: PositionFix
+) -> _Measured:
     x, y, z = soaring_from_ned(frame, fix.north_m, fix.east_m, fix.down_m)
+    shift_x, shift_y, shift_z = shift
     vx, vy, climb = soaring_vector_from_ned(
         frame, fix.velocity_north_mps, fix.velocity_east_mps, fix.velocity_down_mps
     )
     sd = fix.sigma_m if fix.sigma_m > gains.fix_sd_m else gains.fix_sd_m  # false for NaN
     return _Measured(
         time_s=fix.time_s - gains.fix_delay_s,
-        x_m=x,
-        y_m=y,
-        z_m=z,
+        x_m=x - shift_x,
+        y_m=y - shift_y,
+        z_m=z - shift_z,
         velocity_x_mps=vx,
         velocity_y_mps=vy,
         climb_mps=climb,
@@ -112,14 +129,21 @@ def take_fix(
     gains: MotionGains, frame: SoaringFrame, state: MotionState, fix: PositionFix, now_s: float
 ) -> MotionState:
     """The estimate with a new fix taken in or refused."""
-    measured = _measured(gains, frame, fix)
+    measured = _measured(gains, frame, state.shift, fix)
     time_s, last_s = measured.time_s, state.errors.time_s
-    _, used_s, source = state.fix
+    source = state.fix.source
     if not _is_usable(state, fix, measured, now_s):
-        latest = LastFix(fix.sequence, used_s, source)
+        latest = state.fix._replace(sequence=fix.sequence)
         return state._replace(fix=latest, rejected=state.rejected + 1)
 
-    latest = LastFix(fix.sequence, time_s, fix.source)
+    total = _sum(fix)
+    latest = LastFix(
+        sequence=fix.sequence,
+        time_s=time_s,
+        source=fix.source,
+        sum=total,
+        repeated=state.fix.repeated + 1 if total == state.fix.sum else 0,
+    )
     place = track_at(state.track, time_s)
     if last_s != last_s:  # NaN: the first
         return _start(gains, state, latest, measured, place)
@@ -151,12 +175,42 @@ def take_fix(
         rx, ry, rz = (1.0 - weight) * rx, (1.0 - weight) * ry, (1.0 - weight) * rz
         distance *= 1.0 - weight
     innovation = Innovation(rx, ry, rz, distance * distance / scatter)
+    shift = state.shift
     if distance > reach:
-        compared = state._replace(innovation=innovation)
-        return _take_outlier(gains, compared, latest, measured, place, now_s)
+        outliers = _outliers(gains, state, innovation, time_s)
+        if outliers.in_a_row < OUTLIERS_ACCEPTED:
+            refused = latest._replace(time_s=state.fix.time_s, source=source)
+            return state._replace(
+                fix=refused,
+                innovation=innovation,
+                outliers=outliers,
+                rejected=state.rejected + 1,
+            )
+        velocity = track_vx + vx, track_vy + vy, track_climb + climb
+        shift = _moved(gains, covariance, measured, velocity, shift, innovation)
+        if outliers.gap or shift == NO_RESET:
+            compared = state._replace(innovation=innovation, jump_s=now_s)
+            return _start(gains, compared, latest, measured, place)
+        rx, ry, rz = 0.0, 0.0, 0.0
 
-    _, _, _, _, _, _, _, bx, by, bz, _ = state.errors
-    errors = Errors(
+    errors = _errors(state.errors, time_s, (x, y, z, vx, vy, climb), covariance)
+    errors = position_taken(errors, rx, ry, rz, measured.variance_m2)
+    if measured.has_velocity:
+        errors = _with_velocity(errors, measured, place)
+    return state._replace(
+        errors=errors,
+        fix=latest,
+        offset=offset,
+        shift=shift,
+        innovation=innovation,
+        outliers=NO_OUTLIERS,
+    )
+
+
+def _errors(before: Errors, time_s: float, at: Place, covariance: Moments) -> Errors:
+    """The errors carried on to a time, where they are `at`."""
+    x, y, z, vx, vy, climb = at
+    return Errors(
         time_s=time_s,
         x_m=x,
         y_m=y,
@@ -164,27 +218,53 @@ def take_fix(
         velocity_x_mps=vx,
         velocity_y_mps=vy,
         climb_mps=climb,
-        bias_x_mps2=bx,
-        bias_y_mps2=by,
-        bias_z_mps2=bz,
+        bias_x_mps2=before.bias_x_mps2,
+        bias_y_mps2=before.bias_y_mps2,
+        bias_z_mps2=before.bias_z_mps2,
         covariance=Covariance(*covariance),
     )
-    errors = position_taken(errors, rx, ry, rz, measured.variance_m2)
+
+
+def _with_velocity(errors: Errors, measured: _Measured, track: Place) -> Errors:
+    """The errors with the velocity of a fix taken in, unless it is too far off."""
+    _, _, _, track_vx, track_vy, track_climb = track
+    variance = measured.velocity_variance_m2ps2
+    rx = measured.velocity_x_mps - track_vx - errors.velocity_x_mps
+    ry = measured.velocity_y_mps - track_vy - errors.velocity_y_mps
+    rz = measured.climb_mps - track_climb - errors.climb_mps
+    if _length(rx, ry, rz) > _velocity_gate(errors.covariance.vv, variance):
+        return errors
+    return velocity_taken(errors, rx, ry, rz, variance)
+
+
+def _velocity_gate(estimated_m2ps2: float, measured_m2ps2: float) -> float:
+    return max(GATE_MPS, GATE_SIGMAS * sqrt(estimated_m2ps2 + measured_m2ps2))
+
+
+def _moved(
+    gains: MotionGains,
+    covariance: Moments,
+    measured: _Measured,
+    velocity: tuple[float, float, float],
+    shift: FrameShift,
+    innovation: Innovation,
+) -> FrameShift:
+    """The shift of a source that was reset; NO_RESET where the aircraft itself may have moved.
+
+    velocity: the estimated one [m/s].  A fix without one does not contradict it.
+    """
+    vx, vy, climb = velocity
+    _, _, _, vv, _, _ = covariance
+    x, y, z = shift.x_m + innovation.x_m, shift.y_m + innovation.y_m, shift.z_m + innovation.z_m
+    if _length(x, y, z) > gains.reset_max_m:
+        return NO_RESET
     if measured.has_velocity:
-        variance = measured.velocity_variance_m2ps2
-        rx = measured.velocity_x_mps - track_vx - errors.velocity_x_mps
-        ry = measured.velocity_y_mps - track_vy - errors.velocity_y_mps
-        rz = measured.climb_mps - track_climb - errors.climb_mps
-        reach = max(GATE_MPS, GATE_SIGMAS * sqrt(errors.covariance.vv + variance))
-        if _length(rx, ry, rz) <= reach:
-            errors = velocity_taken(errors, rx, ry, rz, variance)
-    return state._replace(
-        errors=errors,
-        fix=latest,
-        offset=offset,
-        innovation=innovation,
-        outliers=NO_OUTLIERS,
-    )
+        off = _length(
+            measured.velocity_x_mps - vx, measured.velocity_y_mps - vy, measured.climb_mps - climb
+        )
+        if off > _velocity_gate(vv, measured.velocity_variance_m2ps2):
+            return NO_RESET
+    return FrameShift(x, y, z)
 
 
 def _length(x: float, y: float, z: float) -> float:
@@ -232,24 +312,30 @@ def _start(
     )
 
 
-def _take_outlier(
-    gains: MotionGains,
-    state: MotionState,
-    latest: LastFix,
-    measured: _Measured,
-    place: Place,
-    now_s: float,
-) -> MotionState:
-    """Refuse a fix far from the prediction, or go there where enough of them agree."""
-    refused = LastFix(latest.sequence, state.fix.time_s, state.fix.source)
-    time_s = measured.time_s
-    count, last_s, x, y, z = state.outliers
+def _outliers(
+    gains: MotionGains, state: MotionState, innovation: Innovation, time_s: float
+) -> Outliers:
+    """The outliers that agree with each other, with one more."""
+    count, last_s, gap, x, y, z = state.outliers
     if count > 0 and time_s <= last_s:  # again, over another link
-        return state._replace(fix=refused, rejected=state.rejected + 1)
-    rx, ry, rz, _ = state.innovation
+        return state.outliers
+    rx, ry, rz, _ = innovation
     near = gains.fix_gate_m + AGREE_MPS * (time_s - last_s)
     agrees = count > 0 and _length(rx - x, ry - y, rz - z) <= near
-    outliers = Outliers(in_a_row=count + 1 if agrees else 1, time_s=time_s, x_m=rx, y_m=ry, z_m=rz)
-    if outliers.in_a_row >= OUTLIERS_ACCEPTED:
-        return _start(gains, state._replace(jump_s=now_s), latest, measured, place)
-    return state._replace(fix=refused, outliers=outliers, rejected=state.rejected + 1)
+    return Outliers(
+        in_a_row=count + 1 if agrees else 1,
+        time_s=time_s,
+        gap=gap
+        if agrees
+        else state.fix.repeated >= REPEATED or not time_s - state.fix.time_s <= GAP_S,
+        x_m=rx,
+        y_m=ry,
+        z_m=rz,
+    )
+
+
+def _sum(fix: PositionFix) -> float:
+    """Of what differs from fix to fix, as far as it is known."""
+    total = fix.north_m + fix.east_m + fix.down_m
+    speed = fix.velocity_north_mps + fix.velocity_east_mps + fix.velocity_down_mps
+    return total + speed if isfinite(speed) else total

@@ -51,7 +51,7 @@ class Reports:
         self._first_words = list(first_words)
         self._busy_s = self._slow_line_s = float("-inf")  # when reported last
         self._late = self._left_out = 0  # up to then
-        self._forecast = ForecastWords()
+        self._forecast, self._frame = ForecastWords(), FrameWords()
         for _, text in self._first_words:
             outbox.console(text)
 
@@ -70,6 +70,7 @@ class Reports:
     def show(self, output: autopilot.Output, now_s: float, counters: Counters) -> None:
         """The numbers of a tick, as telemetry, and what is foreseen where that ends nothing."""
         self._outbox.tell_all(self._forecast.look(output))
+        self._outbox.tell_all(self._frame.look(output))
         session, sheds = self._session, self._clocking.load_shedding.no_telemetry
         self._links.measure_loss(now_s, self._clocking.pacer.counters, counters)
         loss, round_trip_s = self._links.loss, session.round_trip_s
@@ -134,6 +135,24 @@ class ForecastWords:
         if before > SETTLES and output.active:
             return [(SEVERITY_INFO, "a place to settle is foreseen again")]
         return []
+
+
+class FrameWords:
+    """Reports that the source of position has moved its frame in flight, and by how much."""
+
+    def __init__(self) -> None:
+        self._shift = (0.0, 0.0, 0.0)
+
+    def look(self, output: autopilot.Output) -> list[tuple[int, str]]:
+        """What is to be said after a tick: severities and texts."""
+        quality, before = output.quality, self._shift
+        self._shift = quality.shift_x_m, quality.shift_y_m, quality.shift_z_m
+        if self._shift == before or not output.active:
+            return []
+        # Rounded before it is shown: no −0.0.
+        x, y, z = (round(a - b, 1) + 0.0 for a, b in zip(self._shift, before, strict=True))
+        moved = f"position was reset by {x:+.1f} {y:+.1f} {z:+.1f} m (x y z)"
+        return [(SEVERITY_WARNING, f"{moved}: the line moves with it")]
 
 
 def start_faults(settings: FlightSettings, signing: Signing) -> list[tuple[int, str]]:
