@@ -27,6 +27,7 @@ from tgl_soar.link.signing import KEY_BYTES, LAST_STAMP, TICKS_PER_S, Signing, s
 
 RESERVE_S: Final = 4.0  # a disk may take half of it to answer; a write every two seconds
 LOOK_S: Final = 0.25  # between two looks whether to reserve more
+DAMAGED: Final = -1  # no stamp of anybody's
 _RESERVE: Final = int(RESERVE_S * TICKS_PER_S)
 
 
@@ -150,11 +151,13 @@ class TimestampFile:
         self._saved = 0
 
     def load(self) -> int:
-        """What was kept; 0 if there is nothing usable."""
+        """What was kept; 0 if nothing was, `DAMAGED` if it cannot be read."""
         try:
-            return min(2**48 - 1, max(0, int(self._path.read_text(encoding="ascii"))))
-        except (OSError, ValueError):
+            return min(LAST_STAMP, int(self._path.read_text(encoding="ascii")))
+        except FileNotFoundError:
             return 0
+        except (OSError, ValueError):
+            return DAMAGED
 
     def save(self, timestamp: int) -> None:
         """Replace it in one step.  Errors: OSError."""
