@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 
 from tgl_soar.control import supervisor as modes
 from tgl_soar.control.conditions import (
+    blind_glide_s,
     excitation_hindrance,
     flight_conditions,
     forecast_conditions,
@@ -36,12 +37,7 @@ from tgl_soar.control.excitation import (
     excitation_step,
 )
 from tgl_soar.control.forecast import Forecast, ForecastState, initial_forecast
-from tgl_soar.control.heading import (
-    bank_setpoint,
-    heading_setpoint,
-    sideways_held,
-    sideways_step,
-)
+from tgl_soar.control.heading import bank_setpoint, heading_setpoint, sideways_held, sideways_step
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.margins import margins_of
 from tgl_soar.control.pid import PidGains, PidState, PidTerms
@@ -343,7 +339,7 @@ def _watch(
 ) -> tuple[AutopilotState, Output]:
     """Not in control: look, and engage if asked and able."""
     vehicle, target = estimates.vehicle, laws.target
-    found = _conditions(laws, inputs, estimates) | target_conditions(laws) | FINITE | SANE
+    found = _conditions(laws, state, inputs, estimates) | target_conditions(laws) | FINITE | SANE
     found |= line_conditions(laws.guards, 0.0, False, False) | modes.SETTLES
     supervisor, decision = _decide(laws, state, inputs, found)
     state = _idle(laws, state, inputs, estimates, supervisor, state.line, initial_forecast())
@@ -475,7 +471,7 @@ def _fly(
         off_line_s = inputs.time_s
     on_line = inputs.time_s - off_line_s >= ON_LINE_S
 
-    found = _conditions(laws, inputs, estimates) | _own_conditions(state, line)
+    found = _conditions(laws, state, inputs, estimates) | _own_conditions(state, line)
     found |= line_conditions(laws.guards, tracking.e_rho_m, on_line, line.moving)
     mode, air, quality = state.supervisor.mode, estimates.air, estimates.quality
     forecast = forecast_of(laws, mode, state.forecast, line, vehicle, air, quality)
@@ -650,11 +646,11 @@ def _bank(
     )
 
 
-def _conditions(laws: Laws, inputs: Inputs, estimates: _Estimates) -> int:
+def _conditions(laws: Laws, state: AutopilotState, inputs: Inputs, now: _Estimates) -> int:
     """What holds now, but for the line and the laws' own numbers."""
-    return stream_conditions(
-        laws.guards, inputs, estimates.health, estimates.memory.confident_s
-    ) | flight_conditions(laws, estimates.vehicle, estimates.margins)
+    found = stream_conditions(laws.guards, inputs, now.health, now.memory.confident_s)
+    blind_s = blind_glide_s(state.supervisor, now.health, inputs.time_s)
+    return found | flight_conditions(laws, now.vehicle, now.margins, blind_s)
 
 
 def _own_conditions(state: AutopilotState, line: LineState) -> int:

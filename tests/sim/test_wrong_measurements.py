@@ -80,6 +80,24 @@ class Seldom:
         return inputs._replace(position=self._fix)
 
 
+class AtRandom:
+    """A fix after 0.5 to 1.9 s, without a velocity, true and as certain as ever."""
+
+    def __init__(self, seed: int) -> None:
+        self._uniform = Random(seed).uniform
+        self._due_s = -1.0
+        self._fix: PositionFix | None = None
+
+    def __call__(self, inputs: Inputs) -> Inputs:
+        fix = inputs.position
+        if self._fix is None or fix.time_s >= self._due_s:
+            self._due_s = fix.time_s + self._uniform(0.5, 1.9)
+            self._fix = fix._replace(
+                velocity_north_mps=nan, velocity_east_mps=nan, velocity_down_mps=nan
+            )
+        return inputs._replace(position=self._fix)
+
+
 class Flown(NamedTuple):
     """What came of a flight."""
 
@@ -165,6 +183,17 @@ def test_uncertain_or_rare_fixes_end_in_the_pilots_hands(
     assert flown.outside_s <= 0.3
 
 
+@pytest.mark.parametrize("seed", [21, 33])
+def test_nobody_glides_blindly_into_the_ground_or_through_the_fence(seed: int) -> None:
+    """Each of these fixes restarts the estimate at rest: it stays where it is while the aircraft
+    glides away from it.  So what a glide sinks in still air counts as height that is gone."""
+    flown = fly(seed, AtRandom(seed))
+    assert not flown.crashed
+    assert [mode for mode, _ in flown.changes()][-2:] == ["recovering", "released"]
+    assert reason_text(flown.outputs[-1].reason) == "too low"
+    assert flown.outside_s == 0.0
+
+
 def test_what_is_confident_again_in_time_is_flown_on_with() -> None:
     """Half a second without a fix is no reason to hand over."""
     last: list[PositionFix] = []
@@ -232,11 +261,11 @@ def points_backwards(inputs: Inputs) -> Inputs:
 @pytest.mark.parametrize(
     ("spoil", "modes", "reason", "within_s"),
     [
-        # AGE_FROZEN, and for a position what it may be held and recovered.
+        # AGE_FROZEN, and for a position what it may be held, and recovered while the height lasts.
         (lambda: standing("attitude", **NO_RATES), ["released"], "attitude lost", 1.0),
         (
             lambda: standing("position", **NO_VELOCITY),
-            *(["holding", "recovering", "released"], "position lost", 4.0),
+            *(["holding", "recovering", "released"], "too low", 4.0),
         ),
         # All refused: AGE_ATT_MAX.
         (lambda: rolls_from_side_to_side, ["released"], "attitude lost", 0.2),

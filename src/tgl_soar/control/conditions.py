@@ -52,6 +52,7 @@ from tgl_soar.control.supervisor import (
     POSITION_FRESH,
     POSITION_KEPT,
     POSITION_SANE,
+    RECOVERING,
     SETTLES,
     SOARING,
     STREAMS_SEEN,
@@ -59,6 +60,7 @@ from tgl_soar.control.supervisor import (
     SURFACES_OBEY,
     UPRIGHT,
     UPWIND,
+    SupervisorState,
 )
 from tgl_soar.control.target_line import LineState, LineTracking
 from tgl_soar.estimation.health import AIRSPEED, DISAGREES, FROZEN, INFINITE, INSANE
@@ -138,8 +140,33 @@ def stream_conditions(
     return found
 
 
-def flight_conditions(laws: Laws, vehicle: VehicleState, margins: Margins) -> int:
-    """What holds of the aircraft in the air: how it is turned, and its margins."""
+def blind_glide_s(supervisor: SupervisorState, health: Health, time_s: float) -> float:
+    """For how long the aircraft has glided down, recovering, since the last fix; 0 where it does
+    not, or where its position is confident."""
+    if supervisor.mode != RECOVERING or health.position_ok:
+        return 0.0
+    return max(0.0, min(health.position_age_s, time_s - supervisor.since_s))
+
+
+def unseen_sink_m(laws: Laws, vehicle: VehicleState, blind_s: float) -> float:
+    """By how much the aircraft may be lower than estimated after such a glide.
+
+    The estimate goes on with the climb that it knew last, or with none.  A glide sinks by speed /
+    glide ratio in still air, and nobody knows of any lift there: what of that the estimate does not
+    have counts as lost.  0 where the airframe's glide is not known.
+    """
+    sink_mps = 2.0 * laws.schedule.drag * laws.schedule.best_glide_mps
+    unseen_mps = sink_mps + vehicle.climb_mps
+    return unseen_mps * blind_s if unseen_mps > 0.0 else 0.0  # false for NaN
+
+
+def flight_conditions(
+    laws: Laws, vehicle: VehicleState, margins: Margins, blind_s: float = 0.0
+) -> int:
+    """What holds of the aircraft in the air: how it is turned, and its margins.
+
+    blind_s: as `blind_glide_s` has it.
+    """
     found = 0
     tilt_max = laws.guards.tilt_max_rad
     if abs(vehicle.roll_rad) <= tilt_max and abs(vehicle.pitch_rad) <= tilt_max:
@@ -151,9 +178,10 @@ def flight_conditions(laws: Laws, vehicle: VehicleState, margins: Margins) -> in
     limits, stall, climb = laws.envelope, margins.stall_rad, vehicle.climb_mps
     if is_air_safe(limits, stall, climb):
         found |= AIR_SAFE
-    if margins.clearance_m >= limits.clearance_min_m:
+    clearance_m = margins.clearance_m - unseen_sink_m(laws, vehicle, blind_s)
+    if clearance_m >= limits.clearance_min_m:
         found |= HIGH_ENOUGH
-    if is_clear(limits, stall, climb, margins.clearance_m):
+    if is_clear(limits, stall, climb, clearance_m):
         found |= CLEAR
     return found
 

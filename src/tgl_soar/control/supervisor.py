@@ -17,7 +17,8 @@ are bits of one number, so that a test can walk through all of them.
 
 Fence and height are judged on the estimate in every mode in control, however uncertain it is:
 where the position is lost the estimate is still the best that is known of the place.  No mode
-without a confident position lasts: holding ends by its own timer, recovering by its own.
+without a confident position lasts: holding ends by its own timer, recovering by its own, and
+before that where a glide in still air may have come down to the least clearance meanwhile.
 
 What must last counts in explicit timers of the state, so that noise cannot make it chatter:
 capturing and soaring are left for each other or for holding only after MINIMUM_S, so is
@@ -336,6 +337,7 @@ TRANSITIONS: Final[tuple[Transition, ...]] = (
     Transition(HOLDING, TIME_UP, 0, RECOVERING, GLIDE, REASON_POSITION_LOST),
     *_faults(RECOVERING),
     Transition(RECOVERING, 0, INSIDE_FENCE, RELEASED, HAND_OVER, REASON_FENCE),
+    Transition(RECOVERING, 0, POSITION_FRESH | HIGH_ENOUGH, RELEASED, HAND_OVER, REASON_LOW),
     Transition(
         RECOVERING, POSITION_FRESH | CLEARED | SETTLED, 0, CAPTURING, NEW_LINE, REASON_RECOVERED
     ),
