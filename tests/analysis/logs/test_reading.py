@@ -64,6 +64,7 @@ def test_every_series_has_its_columns_and_runs_forward(
         assert np.all(np.diff(series.time_s) >= 0.0), name
         assert all(len(values) == len(series) for values in series.columns.values())
     assert {"position", "velocity", "attitude", "setpoints"} <= found.keys()
+    assert writer != "ours" or {"margins", "forecast"} <= found.keys()
 
 
 @pytest.mark.parametrize("writer", WRITERS)

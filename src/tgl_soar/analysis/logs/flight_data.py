@@ -39,6 +39,8 @@ COLUMNS: Final[dict[str, tuple[str, ...]]] = {
     "line": ("x_m", "z_m", "eta_rad", "moving"),  # the line that is flown; moving: 1 or 0
     "air": ("wind_mps", "updraft_mps"),  # as estimated on board
     "ages": ("position_age_s", "attitude_age_s", "heartbeat_age_s"),
+    "margins": ("clearance_m", "stall_rad"),  # to the ground, of the angle of attack
+    "forecast": ("standing", "chance", "ahead_s", "z_m"),  # as `control.forecast` has them
     "excitation": (  # a multisine on the pitch setpoint, at every tick of a flight that had one
         *("standing", "injected_rad", "setpoint_rad", "pitch_rad"),  # setpoint: with it
         *("elevator", "elevator_p", "elevator_i"),  # commanded, and terms of the pitch law
@@ -58,6 +60,8 @@ WORDS: Final[dict[str, str]] = {
     "line": "target gradient line",
     "air": "estimate of wind and updraft",
     "ages": "ages of the inputs",
+    "margins": "margins to ground and stall",
+    "forecast": "forecast of where it settles",
     "excitation": "multisine on the pitch setpoint",
     "path": "path in the soaring frame",
     "motion": "velocity in the soaring frame",
@@ -139,6 +143,8 @@ class FlightData:
     line: Series | None = None
     air: Series | None = None
     ages: Series | None = None
+    margins: Series | None = None
+    forecast: Series | None = None
     excitation: Series | None = None
     modes: tuple[LoggedMode, ...] = ()  # of the module that soars
     autopilot_modes: tuple[LoggedMode, ...] = ()  # of the firmware

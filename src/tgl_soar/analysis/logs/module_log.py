@@ -37,9 +37,12 @@ _OF_THE_TICK: Final = {
     "surfaces": "command_",
     "air": "air_",
     "ages": "health_",
+    "margins": "margins_",
+    "forecast": "forecast_",
     "line": "line_",
     "tracking": "",
 }
+_PARTLY_KNOWN: Final = ("margins", "forecast")  # one column of a row may be, another not
 OLDEST_S: Final = 2.0  # of a sample when it is logged: older, its clock is another
 COMMANDED: Final = TICK  # the source of surfaces that the module itself has moved
 _FLOWN_ONLY: Final = ("surfaces", "setpoints", "tracking")  # of a module that only watches: none
@@ -77,6 +80,8 @@ def read_module_log(log: FlightLog) -> FlightData:
     modes = mode_words(topics.column(TICK, "mode"), _names(log, "modes", MODE_NAMES))
     parts: dict[str, Any] = {
         kind: topics.take(TICK, {name: prefix + name for name in COLUMNS[kind]})
+        if kind not in _PARTLY_KNOWN
+        else topics.rows(TICK, {name: prefix + name for name in COLUMNS[kind]})
         for kind, prefix in _OF_THE_TICK.items()
     }
     active = topics.column(TICK, "active") > 0.0

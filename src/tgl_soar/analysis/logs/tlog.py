@@ -308,6 +308,8 @@ def read_tlog(name: str, log: Tlog) -> FlightData:
         line=_told_line(told),
         air=_told_air(told),
         ages=_told_ages(told),
+        margins=_told_margins(told),
+        forecast=_told_forecast(told),
         modes=_told_modes(told),
         autopilot_modes=_autopilot_modes(log, system),
         streams={kind: rows.time_s for kind, rows in log.kinds.items()},
@@ -560,6 +562,18 @@ def _told_air(told: _Told) -> Series | None:
 
 def _told_ages(told: _Told) -> Series | None:
     names = {"position_age_s": "age_pos", "attitude_age_s": "age_att", "heartbeat_age_s": "age_ap"}
+    return _together(told, names)
+
+
+def _told_margins(told: _Told) -> Series | None:
+    found = _together(told, {"clearance_m": "clearance", "stall_rad": "stall"})
+    if found is None:
+        return None
+    return replace(found, columns={**found.columns, "stall_rad": np.radians(found["stall_rad"])})
+
+
+def _told_forecast(told: _Told) -> Series | None:
+    names = {"standing": "fc_state", "chance": "fc_chance", "ahead_s": "fc_time", "z_m": "fc_z"}
     return _together(told, names)
 
 

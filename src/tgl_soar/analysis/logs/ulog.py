@@ -61,6 +61,13 @@ class Topics:
         parts = {name: values[good] for name, values in found.items()}
         return series(self.time_s[topic][good], topic, **parts)
 
+    def rows(self, topic: str, columns: dict[str, str]) -> Series | None:
+        """Columns of a topic, every row of it; None where it has not all of them."""
+        if not all(self.has(topic, name) for name in columns.values()):
+            return None
+        found = {ours: self.column(topic, theirs) for ours, theirs in columns.items()}
+        return series(self.time_s[topic], topic, **found)
+
     def events(self) -> list[Event]:
         """Texts and changes of parameters."""
         start = self.start_s
