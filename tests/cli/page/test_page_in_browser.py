@@ -223,6 +223,51 @@ def test_a_bad_link_is_told_and_harms_nothing(browser: Any, flight: tuple[Flying
     window.close()
 
 
+def test_what_the_module_foresees_and_measures_is_seen(
+    browser: Any, flight: tuple[Flying, Served]
+) -> None:
+    flying, served = flight
+    window = Window(browser, served.address).loaded()
+    assert window.value("getComputedStyle(page.plane.part.foreseen).visibility") == "hidden"
+    engaged(window, flying)
+    # Where it will stop: a mark on the line that is flown, and a gauge.
+    seen = "(name) => getComputedStyle(page.plane.part[name]).visibility === 'visible'"
+    window.until(lambda: window.page.evaluate(seen, "foreseenRing"))
+    window.shows("#gauge-list", "place to settle\nz 1.")
+    assert not window.page.evaluate(seen, "foreseenCross")
+    # The map of what is measured, in the place of the site's.
+    window.until(lambda: window.value("m.measured?.readings > 10"))
+    picture = "page.plane.under.firstChild?.getAttribute('href')"
+    site = window.value(picture)
+    window.page.select_option("#air", "measured")
+    window.until(lambda: window.value(picture) not in (None, site))
+    window.until(lambda: window.value("page.plane.part.measured.getAttribute('d').length > 20"))
+    window.shows("#air-words", "readings")
+    # Nowhere to settle: the loudest of all gauges, and a cross.
+    module = mavlink.MAVLink(None, 1, 191)
+    told = {b"fc_state": 2.0, b"fc_chance": 0.01, b"fc_time": 1.5, b"fc_z": 0.7}
+    frames = {
+        name: bytes(mavlink.MAVLink_named_value_float_message(0, name, value).pack(module))
+        for name, value in told.items()
+    }
+
+    def sinking(data: bytes) -> bytes:
+        is_named = data[7:10] == b"\xfb\0\0"
+        return frames.get(data[18:-2], data) if is_named else data
+
+    flying.flown.altered = sinking
+    words = "place to settle\nnone: sinks below CLEAR_MIN in 1.5 s"
+    window.until(lambda: window.page.inner_text("#gauge-list").startswith(words))
+    window.until(lambda: window.page.evaluate(seen, "foreseenCross"))
+    words = window.value("page.plane.part.foreseenTag.textContent")
+    assert words == "no place to settle · 1.5 s"
+    assert not window.page.evaluate(seen, "foreseenRing")
+    flying.flown.altered = bytes
+    window.page.click("#release")
+    window.until(lambda: not window.page.evaluate(seen, "foreseen"))
+    window.close()
+
+
 def test_a_wrong_token_and_a_dead_server_are_told(
     browser: Any, flight: tuple[Flying, Served]
 ) -> None:
@@ -339,6 +384,10 @@ def test_a_recording_is_replayed_with_a_slider(browser: Any, tmp_path: Path) -> 
     place = window.value("[m.now.soar_x, m.now.soar_z]")
     assert place == pytest.approx(flown.place, abs=0.1)
     assert window.value("m.line.x") == pytest.approx(window.value("m.now.line_x"))
+    assert window.value("m.measured.readings > 10")
+    gauges = window.page.inner_text("#gauge-list")
+    assert "place to settle\nz 1." in gauges
+    assert "height over the ground\n–" not in gauges
     assert window.page.is_disabled("#engage")
     assert window.page.is_disabled("#presets button:nth-child(1)")
     assert "recording" in window.page.inner_text("#ghost-words")

@@ -4,6 +4,7 @@ station      what telemetry reported, and parameters as the module echoes them
 orders       what is asked of the module, until it is confirmed or refused
 ghost        where a line would settle, when, and why it would be refused
 scene        the place: ground, air, contour, lines, parameters' meanings
+measured_air the air as measured in flight, as a map
 hands        who holds the line, and what browsers may ask
 broadcast    frames for browsers: what has changed, 20 times a second
 server       the page, its files and its socket

@@ -51,6 +51,9 @@ def page(
     signing_key: Annotated[
         Path | None, typer.Option(help="Sign with the key of a file, as `tgl-soar run` does.")
     ] = None,
+    measure: Annotated[
+        bool, typer.Option("--map/--no-map", help="Measure the air from telemetry, and draw it.")
+    ] = True,
     system: Annotated[
         int, typer.Option(help="This station's MAVLink system, one of `operators`.", min=1, max=255)
     ] = 253,
@@ -72,12 +75,12 @@ def page(
     try:
         plane, place = load_airframe(airframe), load_site(site)
         if log is not None:
-            desk = recorded_desk(plane, airframe, place, site, log)
+            desk = recorded_desk(plane, airframe, place, site, log, maps=measure)
         else:
             key = None if signing_key is None else load_key(signing_key)
             if system not in plane.autopilot.operators:
                 hint(f"system {system} is none of the airframe file's operators: it only watches")
-            desk = live_desk(plane, airframe, place, site, link or "", key, system)
+            desk = live_desk(plane, airframe, place, site, link or "", key, system, maps=measure)
         listener = _listener(host, port)
     except (ConfigError, LinkError, SigningError, LogError, ImportError) as error:
         fail(error)
@@ -113,6 +116,8 @@ def live_desk(
     link: str,
     key: bytes | None,
     system: int,
+    *,
+    maps: bool = True,
 ) -> Desk:
     """A desk on a flight, its link open.  Errors: `ConfigError`, `LinkError`."""
     from tgl_soar.cli.page.desk import Desk
@@ -123,11 +128,18 @@ def live_desk(
     own = plane.autopilot
     station = Station(own.system_id, own.component_id, system, key, time.time())
     shown = place_of(plane, place, values, place_file.parent)
-    return Desk(shown, station, open_link(link, starts_with_frame, time.monotonic()), None)
+    opened = open_link(link, starts_with_frame, time.monotonic())
+    return Desk(shown, station, opened, None, maps=maps)
 
 
 def recorded_desk(
-    plane: Airframe, plane_file: Path, place: Site, place_file: Path, log: Path
+    plane: Airframe,
+    plane_file: Path,
+    place: Site,
+    place_file: Path,
+    log: Path,
+    *,
+    maps: bool = True,
 ) -> Desk:
     """A desk on a log.  Errors: `ConfigError`, `LogError`."""
     import msgspec
@@ -138,8 +150,10 @@ def recorded_desk(
     from tgl_soar.cli.page.scene import place_of
 
     values = load_parameters(plane, plane_file, place, place_file)
-    recording = msgspec.json.encode(recording_of(read_flight(log), place))
-    return Desk(place_of(plane, place, values, place_file.parent), None, None, recording)
+    shown = place_of(plane, place, values, place_file.parent)
+    air = shown.measured_air() if maps else None
+    recording = msgspec.json.encode(recording_of(read_flight(log), place, air))
+    return Desk(shown, None, None, recording)
 
 
 def _listener(host: str, port: int) -> socket.socket:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from math import isfinite
 from typing import Any, Final
@@ -33,26 +33,37 @@ from tgl_soar.cli.page.hands import (
     SetParameter,
     Undo,
 )
+from tgl_soar.cli.page.measured_air import AirSample
 from tgl_soar.cli.page.orders import ABORT, ENGAGE, RELEASE, Done, Orders
 from tgl_soar.cli.page.scene import Place
 from tgl_soar.cli.page.station import ROW, Station, Text, number, without_others
 from tgl_soar.config.parameters import INDEX, ParameterError, ParameterSet, checked_value
 from tgl_soar.control.supervisor import is_flying
 from tgl_soar.link.transports.base import Transport
+from tgl_soar.onboard.instruments import ARRAY
 
 READ_S: Final = 0.01
 READS: Final = 20  # datagrams and reads of a stream at once: a flood waits for the next turn
 NOTICES: Final = 50
 FOUND_LINE: Final = ("line_x", "line_z", "line_lean")
+_MODE: Final = ARRAY.index("mode")
+_AIR: Final = tuple(map(ARRAY.index, ("x", "z", "speed_x", "wind", "updraft")))
 
 
 class Desk:
     """One module, one link, and any number of pages."""
 
     def __init__(
-        self, place: Place, station: Station | None, link: Transport | None, recording: bytes | None
+        self,
+        place: Place,
+        station: Station | None,
+        link: Transport | None,
+        recording: bytes | None,
+        *,
+        maps: bool = True,
     ) -> None:
-        """station, link: None, where a recording stands in the place of a flight."""
+        """station, link: None, where a recording stands in the place of a flight.  maps: whether
+        the air is measured from telemetry."""
         self.pages = Broadcast()
         self.station, self.recording = station, recording
         mode = "live" if recording is None else "recording"
@@ -70,6 +81,10 @@ class Desk:
         self._received_wall_s = 0.0
         self._sent_wall_s = 0.0  # the last request's frames
         self.orders = None if station is None else Orders(station, self._notice)
+        self._air = place.measured_air() if maps else None
+        self._air_starts = 0  # of the module, when its map began
+        if station is not None and self._air is not None:
+            station.on_array = self._measure
 
     # --- the loop -------------------------------------------------------------------------------
 
@@ -103,6 +118,8 @@ class Desk:
 
     def show(self, now_s: float) -> None:
         """A frame to all pages."""
+        if self._air is not None:
+            self._air.draw_on()
         for viewer in self.pages.show(
             self._state(now_s), self._news(), self._whole_of(now_s), now_s
         ):
@@ -112,6 +129,18 @@ class Desk:
         """The server ends."""
         if self.link is not None:
             self.link.close()
+
+    def _measure(self, time_s: float, data: Sequence[float]) -> None:
+        """A sample of the air has come."""
+        assert self.station is not None
+        assert self._air is not None
+        if self.station.starts != self._air_starts:
+            self._air_starts = self.station.starts
+            self._air.begin_again()
+        self._air.bound(self.station.parameters)
+        mode = data[_MODE]
+        sample = AirSample._make((time_s, *(data[i] for i in _AIR)))
+        self._air.take(sample, flying=isfinite(mode) and is_flying(int(mode)))
 
     def _flush(self) -> None:
         assert self.station is not None
@@ -241,6 +270,7 @@ class Desk:
             "starts": station.starts,
             "busy": orders.is_busy,
             "undo": orders.undo_count,
+            "measured": None if self._air is None else self._air.drawing,
             "ghost": None if self._ghost is None else ghost_json(self._ghost),
             "received": round(self._received_wall_s, 3),
             "sent": round(self._sent_wall_s, 4),

@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgl_soar.analysis.logs.flight_data import FlightData, Series, on_line, placed
+from tgl_soar.cli.page.measured_air import AirSample, MeasuredAir
 from tgl_soar.cli.page.station import ROW, number
 from tgl_soar.config.site import Site
-from tgl_soar.control.supervisor import MODE_NAMES
+from tgl_soar.control.supervisor import MODE_NAMES, is_flying
+from tgl_soar.onboard.instruments import ARRAY_S
 
 ROWS_PER_S: Final = 10.0
 MOST_ROWS: Final = 20_000  # 33 minutes at that rate; a longer flight in wider steps
@@ -30,18 +32,31 @@ _SOURCES: Final[dict[str, tuple[str, str, float]]] = {
     "wind": ("air", "wind_mps", 1.0),
     "airspeed": ("airspeed", "airspeed_mps", 1.0),
     "climb": ("motion", "climb_mps", 1.0),
+    "velocity_x": ("motion", "velocity_x_mps", 1.0),
     "line_x": ("line", "x_m", 1.0),
     "line_z": ("line", "z_m", 1.0),
     "line_lean": ("line", "eta_rad", _DEGREES),
     "age_pos": ("ages", "position_age_s", 1.0),
     "age_att": ("ages", "attitude_age_s", 1.0),
     "age_ap": ("ages", "heartbeat_age_s", 1.0),
+    "clearance": ("margins", "clearance_m", 1.0),
+    "stall": ("margins", "stall_rad", _DEGREES),
+    "fc_state": ("forecast", "standing", 1.0),
+    "fc_chance": ("forecast", "chance", 1.0),
+    "fc_time": ("forecast", "ahead_s", 1.0),
+    "fc_z": ("forecast", "z_m", 1.0),
 }
-_STEPS: Final = frozenset({"line_x", "line_z", "line_lean"})  # as they stood, not in between
+# As they stood, not in between.
+_STEPS: Final = frozenset(
+    {"line_x", "line_z", "line_lean", "fc_state", "fc_chance", "fc_time", "fc_z"}
+)
 
 
-def recording_of(flight: FlightData, site: Site) -> dict[str, Any]:
-    """As JSON: rows with the columns of `ROW`, texts, parameters, and what the log lacks."""
+def recording_of(flight: FlightData, site: Site, air: MeasuredAir | None = None) -> dict[str, Any]:
+    """As JSON: rows with the columns of `ROW`, texts, parameters, and what the log lacks.
+
+    air: to measure with; it holds the whole flight then.
+    """
     told, position = flight.path, flight.position
     if told is not None and position is not None and len(position) < len(told):
         flight = replace(flight, position=None)  # the path as the module reported it has more
@@ -51,7 +66,10 @@ def recording_of(flight: FlightData, site: Site) -> dict[str, Any]:
     times = np.linspace(0.0, duration_s, count)
     columns = [_column(flight, name, times) for name in ROW[1:]]
     rows = np.column_stack([times, *columns]).tolist()
+    if air is not None:
+        _measure(flight, air, duration_s)
     return {
+        "measured": None if air is None else air.drawing,
         "rows": [[number(value) for value in row] for row in rows],
         "duration_s": duration_s,
         "name": flight.name,
@@ -63,6 +81,18 @@ def recording_of(flight: FlightData, site: Site) -> dict[str, Any]:
         "missing": list(flight.missing),
         "lost": list(flight.lost),
     }
+
+
+def _measure(flight: FlightData, air: MeasuredAir, duration_s: float) -> None:
+    """All samples of the air, as far apart as telemetry's."""
+    times = np.arange(0.0, duration_s, ARRAY_S)
+    names = ("soar_x", "soar_z", "velocity_x", "wind", "updraft")
+    columns = [_value(flight, _SOURCES[name], times) for name in names]
+    modes = _modes(flight, times)
+    air.bound(flight.parameters)
+    for row, mode in zip(np.column_stack([times, *columns]).tolist(), modes.tolist(), strict=True):
+        air.take(AirSample._make(row), flying=mode == mode and is_flying(int(mode)))
+    air.draw_whole()
 
 
 def _column(flight: FlightData, name: str, times: NDArray[np.float64]) -> NDArray[np.float64]:

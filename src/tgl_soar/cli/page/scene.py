@@ -14,14 +14,17 @@ import numpy as np
 
 from tgl_soar.air.zeuc import ZeucError, contour
 from tgl_soar.cli.page.ghost import Foresight
+from tgl_soar.cli.page.measured_air import MeasuredAir
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import preset_lines
 from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterSet
 from tgl_soar.config.site import Site
+from tgl_soar.control.forecast import FORECAST_TEXTS
 from tgl_soar.control.supervisor import CONDITION_TEXTS, ENTRY, MODE_NAMES
 from tgl_soar.estimation.health import FAULT_TEXTS
 from tgl_soar.onboard.instruments import HELD_BACK
 from tgl_soar.sim.world import build_field, ground_outline
+from tgl_soar.types import GlidePolar, Ground
 
 CELLS: Final = 72  # of the map, along its longer side
 ROOM: Final = 0.08  # of the view, around what is drawn
@@ -36,6 +39,12 @@ class Place:
     scene: dict[str, Any]  # as JSON
     foresight: Foresight
     values: ParameterSet  # of the files
+    ground: Ground
+    polar: GlidePolar
+
+    def measured_air(self) -> MeasuredAir:
+        """Where nothing was measured yet."""
+        return MeasuredAir(self.ground, self.polar, self.scene["view"])
 
 
 def place_of(airframe: Airframe, site: Site, values: ParameterSet, folder: Path) -> Place:
@@ -65,7 +74,13 @@ def place_of(airframe: Airframe, site: Site, values: ParameterSet, folder: Path)
         **meanings(),
     }
     air = None if field is None else (field, polar)
-    return Place(scene, Foresight(presets, known, ground, air), values)
+    return Place(
+        scene=scene,
+        foresight=Foresight(presets, known, ground, air),
+        values=values,
+        ground=ground,
+        polar=polar,
+    )
 
 
 def meanings() -> dict[str, Any]:
@@ -74,6 +89,7 @@ def meanings() -> dict[str, Any]:
     return {
         "modes": list(MODE_NAMES),
         "checks": [[HELD_BACK, HELD_BACK_TEXT], *([bit, words] for bit, words in checks)],
+        "forecasts": list(FORECAST_TEXTS),
         "faults": [[1 << i, words] for i, words in enumerate(FAULT_TEXTS)],
         "parameters": [
             {

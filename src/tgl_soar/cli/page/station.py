@@ -8,7 +8,7 @@ not known.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import degrees, isfinite
 from typing import Any, Final, NamedTuple
 
@@ -32,6 +32,7 @@ ROW: Final = (
     *("t", "soar_x", "soar_z", "e_rho", "pitch", "pitch_sp", "elevator", "updraft", "excess"),
     *("airspeed", "soar_mode", "line_x", "line_z", "line_lean", "roll", "climb", "wind"),
     *("age_pos", "age_att", "age_ap", "clearance", "stall"),
+    *("fc_state", "fc_chance", "fc_time", "fc_z"),
 )
 # Of DEBUG_FLOAT_ARRAY, what no NAMED_VALUE_FLOAT says; "imu_weight" and the rest are for plots.
 _OF_ARRAY: Final = {
@@ -102,6 +103,8 @@ class Station:
         self.text_number = 0
         self.starts = 0  # of the module, that were noticed
         self.on_answer: Callable[[StationAnswer], None] = lambda _answer: None
+        # The vehicle's time [s], and the numbers of `ARRAY` at it.
+        self.on_array: Callable[[float, Sequence[float]], None] = lambda _time_s, _data: None
         self._received_s = float("-inf")  # a message of the module
         self._rows_s = float("-inf")
         self._heartbeat_s = float("-inf")
@@ -142,6 +145,7 @@ class Station:
         elif kind == "DEBUG_FLOAT_ARRAY" and message.name.rstrip("\0") == ARRAY_NAME:
             for name, i in _OF_ARRAY.items():
                 self.now[name] = message.data[i]
+            self.on_array(message.time_usec * 1e-6, message.data)
         elif kind == "HEARTBEAT":
             self._take_start(message.custom_mode >> 8, now_s)
             self.now["soar_mode"] = float(message.custom_mode & 0xFF)

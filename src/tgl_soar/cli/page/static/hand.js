@@ -91,10 +91,11 @@ export class Hand {
     this.timer = setTimeout(() => this.send(), KEYS_MS);
   }
 
-  // The nearest place of the contour.
+  // The nearest place of the contour: of the site's, or of the measured one where there is no other.
   snap(wish) {
     let best = null;
-    for (const part of this.model.scene.contour) {
+    const { scene, measured } = this.model;
+    for (const part of scene.contour.length ? scene.contour : measured?.contour ?? []) {
       for (let i = 1; i < part.length; i++) {
         const [ax, az] = part[i - 1];
         const [bx, bz] = part[i];

@@ -4,7 +4,7 @@ import { $, level, make, words } from "./dom.js";
 import { Hand } from "./hand.js";
 import { Live } from "./live.js";
 import { Model } from "./model.js";
-import { Messages, ghostWords, lineWords, updateChecks, updateGauges, updateHead } from "./panels.js";
+import { Messages, airWords, ghostWords, lineWords, updateChecks, updateGauges, updateHead } from "./panels.js";
 import { Parameters } from "./parameters.js";
 import { Attitude, Plane } from "./plane.js";
 import { Replay } from "./replay.js";
@@ -73,6 +73,9 @@ async function begin() {
   document.title = `${scene.site} – tgl_soar`;
   const plane = new Plane($("plane"), model);
   $("theme").addEventListener("click", () => { turn(); plane.layout(); });
+  $("air").value = plane.air;
+  $("air").disabled = !scene.updraft; // a choice only where there are two
+  $("air").addEventListener("change", (event) => { plane.air = event.target.value; plane.update(); airWords(model, plane); });
   const attitude = new Attitude($("attitude"));
   const strips = new Strips($("strip-list"), model);
   const messages = new Messages($("message-list"), model);
@@ -98,6 +101,7 @@ async function begin() {
     messages.update();
     parameters.update();
     lineWords(model);
+    airWords(model, plane);
     ghostWords(model, plane.wish);
     notices(model);
     const number = model.parameters.TGL_PRESET;
@@ -122,6 +126,7 @@ async function begin() {
     const recording = await get("/recording");
     words($("site"), `${recording.name} – ${scene.site}`);
     words($("foot"), [recording.kind, ...recording.missing, ...recording.lost].join(" · "));
+    model.measured = recording.measured;
     const replay = new Replay(recording, model, redraw);
     window.page = { model, plane, hand, replay, measured };
     return;

@@ -13,6 +13,7 @@ export class Model {
     this.texts = [];
     this.notices = [];
     this.ghost = null;
+    this.measured = null; // the air as the module measured it
     this.holder = 0;
     this.holderName = "";
     this.you = -1;
@@ -54,7 +55,7 @@ export class Model {
     }
     merge(this.now, frame.now);
     merge(this.parameters, frame.parameters);
-    for (const [theirs, ours] of [["ghost", "ghost"], ["holder", "holder"],
+    for (const [theirs, ours] of [["ghost", "ghost"], ["measured", "measured"], ["holder", "holder"],
       ["holder_name", "holderName"], ["alive", "alive"], ["silence_s", "silence_s"],
       ["starts", "starts"], ["undo", "undo"], ["busy", "busy"], ["received", "received"],
       ["sent", "sent"], ["pages", "pages"]]) {

@@ -24,12 +24,13 @@ export function updateHead(model) {
 }
 
 // The worst of each kind, in words, and how near it is: 0 far away, 1 at its limit.
-function gauges({ now, parameters: p, alive, silence_s: silence, isRecording }) {
+function gauges({ now, parameters: p, alive, silence_s: silence, isRecording, scene }) {
   const list = [];
   const add = (name, text, near) => list.push({ name, text, near: known(near) ? Math.max(0, Math.min(1.2, near)) : null });
   const height = now.clearance;
   add("height over the ground", fixed(height, 2, "m"), p.CLEAR_MIN > 0 ? p.CLEAR_MIN / height : null);
   add("margin to the stall", fixed(now.stall, 1, "°"), known(now.stall) ? 1 - now.stall / 8 : null);
+  add("place to settle", ...settling(now, p, scene.forecasts));
   add("position age", fixed(now.age_pos, 2, "s"), now.age_pos / p.AGE_POS_HOLD);
   add("attitude age", fixed(now.age_att, 3, "s"), now.age_att / p.AGE_ATT_MAX);
   add("autopilot's heartbeat", fixed(now.age_ap, 1, "s"), now.age_ap / p.AGE_AP_MAX);
@@ -38,6 +39,14 @@ function gauges({ now, parameters: p, alive, silence_s: silence, isRecording }) 
   if (known(now.battery)) add("battery", `${Math.round(now.battery * 100)} %`, 1 - (now.battery - 0.2) / 0.8);
   if (!isRecording && !alive) add("telemetry", known(silence) ? `silent for ${silence.toFixed(0)} s` : "none yet", 1.2);
   return list.sort((a, b) => (b.near ?? -1) - (a.near ?? -1));
+}
+
+// The module's forecast: at its limit where the chance of a place is FC_CHANCE, and there is none.
+function settling({ fc_state: state, fc_chance: chance, fc_time: seconds, fc_z: z }, p, texts) {
+  if (!known(state) || state < 1) return ["–", null];
+  const when = known(seconds) ? ` in ${fixed(seconds, 1)} s` : "";
+  if (state > 1) return [`none: ${texts[state] ?? "not known why"}${when}`, 1.2];
+  return [`z ${fixed(z, 2)} m${when}`, (1 - chance) / (1 - (known(p.FC_CHANCE) ? p.FC_CHANCE : 0))];
 }
 
 export function updateGauges(model) {
@@ -55,7 +64,8 @@ export function updateGauges(model) {
     const how = gauge.near === null ? "none" : gauge.near >= 0.95 ? "bad" : gauge.near >= 0.7 ? "warn" : "good";
     level(row, how);
     words(name, gauge.name);
-    words(value, { bad: `${gauge.text} – at its limit`, warn: `${gauge.text} – close` }[how] ?? gauge.text);
+    const said = gauge.text.startsWith("none") ? {} : { bad: " – at its limit", warn: " – close" };
+    words(value, gauge.text + (said[how] ?? ""));
     bar.firstChild.style.width = `${Math.min(100, 100 * (gauge.near ?? 0))}%`;
   });
 }
@@ -123,6 +133,16 @@ export function ghostWords(model, wish) {
   const when = known(ghost.settles_s) ? ` within ${fixed(ghost.settles_s, 0)} s` : "";
   const more = ghost.words ? ` – ${ghost.words}` : "";
   words(element, `${place}${when}${more}${ghost.warning ? ` – ${ghost.warning}` : ""}`);
+}
+
+// What of the air is drawn, and what the measured map knows.
+export function airWords(model, plane) {
+  const { measured } = model;
+  const at = $("air-words");
+  const readings = measured ? `measured: ${measured.readings} readings` : "measured: nothing yet; it begins when the module is engaged";
+  const ground = measured?.loose > 0.5 ? "; the flow does not follow the site's ground" : "";
+  level(at, ground ? "warn" : "none");
+  words(at, plane.air === "measured" || measured ? readings + ground : "");
 }
 
 export function lineWords(model) {

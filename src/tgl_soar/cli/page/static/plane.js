@@ -12,6 +12,8 @@ export class Plane {
     this.svg = svg;
     this.model = model;
     this.wish = null; // the line in the hand
+    this.air = scenesAir(model); // whose updraft is drawn: "site" or "measured"
+    this.under = svg.appendChild(draw("g"));
     this.still = svg.appendChild(draw("g"));
     this.moving = svg.appendChild(draw("g"));
     this.part = {};
@@ -25,6 +27,8 @@ export class Plane {
     const add = (name, tag, attributes, into = this.moving) => {
       this.part[name] = into.appendChild(draw(tag, attributes));
     };
+    add("measured", "path", { class: "measured" });
+    add("measuredTag", "text", { class: "tag m" });
     for (let i = 0; i < 4; i++) add(`trail${i}`, "path", { class: "trail", opacity: 0.16 + 0.24 * i });
     add("flown", "line", { class: "flown" });
     add("set", "line", { class: "set" });
@@ -40,6 +44,10 @@ export class Plane {
     add("reach", "circle", { class: "reach", r: 26, id: "point-handle" }, this.part.handle);
     add("knob", "circle", { class: "knob", r: 10, "pointer-events": "none" }, this.part.handle);
     add("tag", "text", { class: "tag s" }, this.part.handle);
+    add("foreseen", "g", { visibility: "hidden" });
+    add("foreseenRing", "circle", { class: "settle", r: 11 }, this.part.foreseen);
+    add("foreseenCross", "path", { class: "nowhere", d: "M-9 -9L9 9M-9 9L9 -9" }, this.part.foreseen);
+    add("foreseenTag", "text", { class: "tag" }, this.part.foreseen);
     add("craft", "g", { class: "craft" });
     this.part.craft.append(draw("path", { d: NOSE }), draw("path", { d: WING }));
   }
@@ -57,6 +65,7 @@ export class Plane {
     this.z1 = (z0 + z1) / 2 + box.height / 2 / this.scale;
     this.svg.setAttribute("viewBox", `0 0 ${box.width} ${box.height}`);
     this.key = "";
+    this.drawn = null;
     this.update();
   }
 
@@ -86,7 +95,6 @@ export class Plane {
     this.key = key;
     this.still.replaceChildren();
     const add = (tag, attributes, text) => this.still.appendChild(draw(tag, attributes, text));
-    if (scene.updraft) this.drawMap(add, scene.updraft);
     const labels = this.drawGrid(add);
     this.drawGround(add, scene, p.CLEAR_MIN);
     for (const label of labels) this.still.append(label);
@@ -107,28 +115,45 @@ export class Plane {
     add("text", { class: name, x: this.X(x) + aside, y: this.Z(z) - 6, "text-anchor": anchor }, text);
   }
 
-  drawMap(add, map) {
+  // The updraft, of the site's air or as measured, and the measured contour.
+  drawAir() {
+    const { scene, measured } = this.model;
+    const map = this.air === "measured" ? measured : scene.updraft;
+    if (this.drawn?.measured === measured && this.drawn.map === map) return;
+    this.drawn = { measured, map };
+    this.under.replaceChildren(...(map ? [this.picture(map)] : []));
+    const pieces = (measured?.contour ?? []).map((piece) => this.path(piece));
+    this.part.measured.setAttribute("d", pieces.join(""));
+    const points = (measured?.contour ?? []).flat();
+    const top = points.reduce((a, b) => (b[1] > a[1] ? b : a), points[0]);
+    this.show("measuredTag", top, () => ({ x: this.X(top[0]) + 8, y: this.Z(top[1]) + 4 }));
+    words(this.part.measuredTag, top ? "measured" : "");
+  }
+
+  picture(map) {
     const rows = map.cells.length;
     const columns = map.cells[0].length;
+    const stepZ = map.step_z ?? map.step;
     const canvas = document.createElement("canvas");
     canvas.width = columns;
     canvas.height = rows;
     const context = canvas.getContext("2d");
     const image = context.createImageData(columns, rows);
     const colour = getComputedStyle(this.svg).getPropertyValue("--air").split(",").map(Number);
-    // Under the ground's edge the air above it is drawn on: the ground covers it.
-    const cells = map.cells.map((row, j) => row.map((w, i) => w
+    // Under the ground's edge the air of the site is drawn on from above: the ground covers it.
+    // What was not measured stays empty.
+    const cells = map.readings ? map.cells : map.cells.map((row, j) => row.map((w, i) => w
       ?? map.cells[j + 1]?.[i] ?? map.cells[j + 2]?.[i] ?? null));
     const strongest = Math.max(...map.cells.flat().filter((w) => w !== null), 1);
     cells.forEach((row, j) => row.forEach((w, i) => {
       const at = 4 * ((rows - 1 - j) * columns + i);
-      image.data.set([...colour, w === null || w < 0 ? 0 : 205 * Math.pow(w / strongest, 1.15)], at);
+      const least = map.readings ? 18 : 0; // where nothing rises, but that is known
+      image.data.set([...colour, w === null ? 0 : Math.max(least, w < 0 ? 0 : 205 * Math.pow(w / strongest, 1.15))], at);
     }));
     context.putImageData(image, 0, 0);
-    const half = map.step / 2;
-    add("image", {
-      x: this.X(map.x - half), y: this.Z(map.z + (rows - 0.5) * map.step),
-      width: columns * map.step * this.scale, height: rows * map.step * this.scale,
+    return draw("image", {
+      x: this.X(map.x - map.step / 2), y: this.Z(map.z + (rows - 0.5) * stepZ),
+      width: columns * map.step * this.scale, height: rows * stepZ * this.scale,
       preserveAspectRatio: "none", href: canvas.toDataURL(),
     });
   }
@@ -197,6 +222,7 @@ export class Plane {
   update() {
     if (!this.scale) return;
     this.drawStill();
+    this.drawAir();
     const { now, line, ghost, alive } = this.model;
     const shown = this.wish ?? line;
     const flown = { x: now.line_x, z: now.line_z, lean: now.line_lean };
@@ -205,6 +231,7 @@ export class Plane {
     this.show("handle", shown && !this.model.isRecording, () => ({}));
     if (shown) this.drawHandle(shown);
     this.drawGhost(ghost);
+    this.drawForeseen(now, flown);
     this.drawCraft(now, alive);
     this.drawTrail();
   }
@@ -245,6 +272,22 @@ export class Plane {
     this.part.ghostPath.setAttribute("d", ghost ? this.path(ghost.path) : "");
   }
 
+  // Where the module foresees that the aircraft stops on its line, or passes the limit.
+  drawForeseen(now, flown) {
+    const { fc_state: state, fc_z: z, fc_time: seconds } = now;
+    const x = flown.x - (z - flown.z) * Math.tan(flown.lean * RAD);
+    const is = known(x) && state >= 1 && this.model.flying;
+    this.show("foreseen", is, () => ({ transform: `translate(${this.X(x).toFixed(1)} ${this.Z(z).toFixed(1)})` }));
+    if (!is) return;
+    const settles = state === 1;
+    this.part.foreseenRing.setAttribute("visibility", settles ? "inherit" : "hidden");
+    this.part.foreseenCross.setAttribute("visibility", settles ? "hidden" : "inherit");
+    const text = settles ? (seconds >= 1 ? `stops in ${fixed(seconds, 0)} s` : "")
+      : `no place to settle${known(seconds) ? ` · ${fixed(seconds, 1)} s` : ""}`;
+    set(this.part.foreseenTag, { x: 16, y: 16, class: settles ? "tag n" : "tag bad" });
+    words(this.part.foreseenTag, text);
+  }
+
   drawCraft(now, alive) {
     const { soar_x: x, soar_z: z, pitch } = now;
     this.show("craft", known(x) && known(z), () => ({
@@ -263,6 +306,9 @@ export class Plane {
     }
   }
 }
+
+// What of the air is drawn at first: the site's, where its file has one.
+const scenesAir = (model) => (model.scene.updraft ? "site" : "measured");
 
 const round0 = (value) => (Math.abs(value) < 1e-9 ? 0 : value);
 
