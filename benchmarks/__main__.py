@@ -42,6 +42,7 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
     "release": ("Disengaging", ("release",)),
     "others": ("What else flies", ("parameters", "hostile", "natnet")),
     "simulation": ("Simulation", ("closed_loop",)),
+    "operators_page": ("The operator's page, beside a flight", ("operators_page",)),
     "search": ("The search for lift", ("search",)),
     "report": ("Reports", ("report",)),
 }

@@ -167,6 +167,10 @@ class SitlProcesses:
             words += [f"  {name}: {line}" for line in lines]
         return "\n".join(words)
 
+    def pid(self, name: str) -> int:
+        """Of one by its name."""
+        return self._running[name].pid
+
     def lines_with(self, name: str, words: str) -> list[str]:
         """The lines of one that hold these words."""
         lines = self._log(name).read_text(errors="replace").splitlines()
