@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable, Iterator
-from math import hypot
+from math import hypot, nan
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +38,7 @@ if CHROMIUM is None:
 
 pytestmark = pytest.mark.xdist_group("page in a browser")
 A, B, C = (0.20, 1.15), (0.60, 1.60), (1.05, 2.00)
+NUMBERS = {"NAMED_VALUE_FLOAT", "DEBUG_FLOAT_ARRAY", "ATTITUDE"}
 MARKUP = "<img src=x onerror=page.hacked=1><b>bold"
 
 
@@ -183,6 +184,21 @@ def test_of_two_windows_one_holds_the_line_and_the_other_sees_it(
         window.close()
 
 
+def not_numbers(data: bytes) -> bytes:
+    """A frame of module or autopilot with NaN for each number that has a fraction."""
+    messages = mavlink.MAVLink(None).parse_buffer(bytearray(data)) or []
+    if len(messages) != 1 or messages[0].get_type() not in NUMBERS:
+        return data
+    (message,) = messages
+    for field, wire in zip(message.fieldnames, message.fieldtypes, strict=True):
+        if wire == "float":
+            value = getattr(message, field)
+            many = isinstance(value, list | tuple)
+            setattr(message, field, [nan] * len(value) if many else nan)
+    sender = mavlink.MAVLink(None, message.get_srcSystem(), message.get_srcComponent())
+    return bytes(message.pack(sender))
+
+
 def test_a_bad_link_is_told_and_harms_nothing(browser: Any, flight: tuple[Flying, Served]) -> None:
     flying, served = flight
     window = Window(browser, served.address).loaded()
@@ -195,12 +211,24 @@ def test_a_bad_link_is_told_and_harms_nothing(browser: Any, flight: tuple[Flying
             return bytes(nothing)
         return bytes(markup) if data[7:10] == b"\xfb\0\0" and b"rtt_ms" in data else data
 
+    engaged(window, flying)
     flying.flown.altered = spoilt
     window.shows("#message-list", MARKUP)
     assert window.page.query_selector("#message-list img") is None
     assert window.value("window.page.hacked") is None
     window.until(lambda: "distance to the line\n–" in window.page.inner_text("#gauge-list"))
+    flying.flown.altered = not_numbers
+    every = "['soar_x', 'line_x', 'pitch', 'updraft', 'fc_z', 'clearance', 'stall', 'entry']"
+    window.until(lambda: window.value(f"{every}.every((name) => Number.isNaN(m.now[name]))"))
+    window.shows("#line-words", "no position")
+    window.shows("#checks-count", "not known")
+    window.until(lambda: "place to settle\n–" in window.page.inner_text("#gauge-list"))
+    window.until(lambda: "height over the ground\n–" in window.page.inner_text("#gauge-list"))
     flying.flown.altered = bytes
+    window.until(lambda: window.value("Number.isFinite(m.now.soar_x + m.now.fc_state)"))
+    assert flying.flown.mode == SOARING
+    window.page.click("#release")
+    flying.until(lambda flown: flown.mode != SOARING)
 
     flying.is_cut = True
     window.shows("#banner", "No telemetry for")

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
-from math import nan
+from math import inf, nan
+from random import Random
+from types import SimpleNamespace
 from typing import Any
 
-from page_flight import Flown
+import msgspec
+import pytest
+from page_flight import AIRFRAME, SITE, Flown
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tgl_soar.cli.page.desk import Desk
+from tgl_soar.cli.page.hands import Look
+from tgl_soar.cli.page.scene import place_of
 from tgl_soar.cli.page.station import ROW, Station, number, without_others
+from tgl_soar.config.files import load_airframe, load_parameters, load_site
+from tgl_soar.config.parameters import PARAMETERS
 from tgl_soar.link.messages import PARAM_TYPE_REAL32
-from tgl_soar.onboard.instruments import ARRAY, FAST, SLOW
+from tgl_soar.link.transport import LinkCounters
+from tgl_soar.onboard.instruments import ARRAY, ARRAY_NAME, FAST, SLOW
 
 KEY = bytes(range(32))
 
@@ -164,3 +174,89 @@ def test_frames_that_no_page_shows_are_left_out_and_garbage_is_not_lost() -> Non
     assert without_others(other + b"\x01\x02" + shown) == b"\x01\x02" + shown
     assert without_others(shown[:5]) == shown[:5]
     assert without_others(b"") == b""
+
+
+# --- a hostile link ---------------------------------------------------------------------------
+
+
+class Wire:
+    """A link that gives what was put on it, and loses what is sent."""
+
+    name, is_stream, generation = "hostile", False, 0
+
+    def __init__(self) -> None:
+        self.counters = LinkCounters()
+        self.waiting: list[bytes] = []
+
+    def fileno(self) -> int:
+        return -1
+
+    def receive(self, _now_s: float, _most: int = 0) -> list[bytes]:
+        received, self.waiting = self.waiting, []
+        return received
+
+    def send(self, _data: bytes) -> bool:
+        return True
+
+    send_command = send
+
+    def hold(self, now_s: float) -> None: ...
+
+    def clear_for_release(self) -> bool:
+        return False
+
+    def close(self) -> None: ...
+
+
+NAMES = [p.name.encode() for p in PARAMETERS]
+NUMBERS = (nan, inf, -inf, 0.0, 1e38, -1e38, 1e-42, 4.0, 3.0, 1.3)
+
+
+def hostile_frame(random: Random) -> bytes:
+    """What the page reads, with numbers and letters that nobody means; sometimes broken."""
+    several = [random.choice(NUMBERS) for _ in range(58)]
+    letters = random.randbytes(16)
+    name = random.choice([*FAST, *SLOW]).encode()
+    message: Any = random.choice(
+        [
+            mavlink.MAVLink_named_value_float_message(0, name, several[0]),
+            mavlink.MAVLink_named_value_float_message(0, letters[:10], several[0]),
+            mavlink.MAVLink_debug_float_array_message(
+                random.getrandbits(64), ARRAY_NAME.encode(), 191, several
+            ),
+            mavlink.MAVLink_heartbeat_message(18, 8, 0, random.choice([0x104, 0x2FF, 3]), 4, 3),
+            mavlink.MAVLink_param_value_message(random.choice(NAMES), several[0], 9, 99, 0),
+            mavlink.MAVLink_param_value_message(letters, several[0], 9, 99, 0),
+            mavlink.MAVLink_statustext_message(letters[0], letters, letters[1] % 3, letters[2]),
+            mavlink.MAVLink_command_ack_message(31010 + letters[0] % 3, letters[1], 0, 0, 253, 0),
+            mavlink.MAVLink_attitude_message(0, *several[:6]),
+            mavlink.MAVLink_sys_status_message(0, 0, 0, 0, letters[0] << 8, 0, -1, *[0] * 6),
+        ]
+    )
+    frame = bytearray(message.pack(module(component=random.choice([191, 191, 1, 7]))))
+    if random.random() < 0.2:
+        frame[random.randrange(len(frame))] ^= 1 << random.randrange(8)
+    return bytes(frame) if random.random() < 0.9 else random.randbytes(random.randrange(300))
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("seed", range(3))
+def test_whatever_comes_by_the_link_the_page_is_told_in_json(seed: int) -> None:
+    airframe, site = load_airframe(AIRFRAME), load_site(SITE)
+    place = place_of(airframe, site, load_parameters(airframe, AIRFRAME, site, SITE), SITE.parent)
+    wire, random = Wire(), Random(seed)
+    desk = Desk(place, station(), wire, None)
+    viewer: Any = SimpleNamespace(number=1, name="<b>Anna")
+    for i in range(400):
+        now_s = 100.0 + 0.05 * i
+        wire.waiting = [hostile_frame(random) for _ in range(6)]
+        desk.turn(now_s)
+        if i % 20 == 0:
+            desk.take(viewer, Look(token="", x=0.6, z=1.6, lean=15.0), now_s)
+        desk.show(now_s)
+        frame = msgspec.json.decode(msgspec.json.encode(desk._whole_of(now_s)()))
+        numbers = frame["now"].values()
+        assert all(value is None or isinstance(value, int | float) for value in numbers)
+        assert all(text["text"].isprintable() for text in frame["texts"])
+    assert len(frame["now"]) <= len({*FAST, *SLOW, *ARRAY}) + 5
+    assert set(frame["parameters"]) <= {p.name for p in PARAMETERS}
