@@ -5,9 +5,11 @@ report as the source stands.
 
 --json FILE      where the results are kept, with machine, versions and date
 --page FILE      replace the table in a page, as docs/performance.md
+--readme FILE    with --page: replace the list of missed aims in the README
 --only NAME      some groups only (repeat it)
 --long           also ten minutes of wake-ups beside two busy cores
 --interpreted    what flies as the source stands, too
+--quick          a tenth of the time where seconds count, for a first look: nothing for a page
 """
 
 from __future__ import annotations
@@ -26,7 +28,8 @@ from rich.table import Table
 
 from tgl_soar.onboard import native
 
-from .page import Group, replace_table, write_json
+from .lengths import be_quick
+from .page import Group, replace_missed, replace_table, write_json
 from .processes import by_the_source
 from .result import NO_AIM, Result
 
@@ -71,10 +74,16 @@ def main() -> int:
     )
     parser.add_argument("--json", type=Path, help=argparse.SUPPRESS)
     parser.add_argument("--page", type=Path, help=argparse.SUPPRESS)
+    parser.add_argument("--readme", type=Path, help=argparse.SUPPRESS)
     parser.add_argument("--only", action="append", choices=GROUPS, help=argparse.SUPPRESS)
     parser.add_argument("--long", action="store_true", help=argparse.SUPPRESS)
     parser.add_argument("--interpreted", action="store_true", help=argparse.SUPPRESS)
+    parser.add_argument("--quick", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
+    if options.quick:
+        if options.page:
+            parser.error("--page: with --quick the samples are too few for a page")
+        be_quick()
     is_native = not options.interpreted and _is_native()
     chosen = {name: GROUPS[name] for name in options.only or GROUPS}
     if options.long:
@@ -98,6 +107,8 @@ def main() -> int:
         write_json(options.json, groups)
     if options.page:
         replace_table(options.page, groups)
+        if options.readme:
+            replace_missed(options.readme, options.page.read_text(encoding="utf-8"))
     return int(failed)
 
 

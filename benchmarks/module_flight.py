@@ -11,6 +11,8 @@ from tgl_soar.onboard.flightlog.recorder import NO_RECORDER, Recorder
 from tgl_soar.onboard.module import Onboard
 from tgl_soar.onboard.setup import setup_from
 
+from .hanging import REPORTED
+
 TICK_S = 0.005
 WARM_UP = 400
 
@@ -24,7 +26,7 @@ class ModuleFlight:
             shipped("sites/tunnel.toml"),
         )
         airframe, site = load_airframe(airframe_path), load_site(site_path)
-        values = load_parameters(airframe, airframe_path, site, site_path)
+        values = load_parameters(airframe, airframe_path, site, site_path).changed(REPORTED)
         self.frames: list[bytes] = []
         self.now_s = 100.0
         self.onboard = Onboard(

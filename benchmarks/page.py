@@ -17,6 +17,9 @@ from .result import NO_AIM, Result
 
 BEGIN: Final = "<!-- results: made by `make bench`, do not edit -->"
 END: Final = "<!-- end of results -->"
+MISSED_BEGIN: Final = "<!-- aims that are missed: made by `make bench`, do not edit -->"
+MISSED_END: Final = "<!-- end of missed aims -->"
+MISSED: Final = ", **missed**"
 PACKAGES: Final = ("tgl_soar", "mypy", "pymavlink", "fastcrc", "numba", "jsbsim")
 
 
@@ -104,7 +107,7 @@ def markdown(groups: Sequence[Group]) -> str:
             "|---|---:|---:|---|---:|---|",
         ]
         for r in group.results:
-            aim = "" if r.aim == NO_AIM else f"≤ {r.aim:.3g}{'' if r.is_met else ', **missed**'}"
+            aim = "" if r.aim == NO_AIM else f"≤ {r.aim:.3g}{'' if r.is_met else MISSED}"
             lines.append(
                 f"| {r.what} | {r.value:.3g} {r.unit} | {r.reference:.3g} {r.unit}"
                 f" | {r.reference_what} | {r.ratio:.3g} | {aim} |"
@@ -112,11 +115,36 @@ def markdown(groups: Sequence[Group]) -> str:
     return "\n".join(lines)
 
 
+def missed(page: str) -> str:
+    """The aims that a page's table says are missed, as a paragraph of the README."""
+    rows = [line.strip("| ").split(" | ") for line in page.splitlines() if line.startswith("| ")]
+    aims = [row for row in rows if len(row) == 6 and row[5].startswith("≤")]
+    of_these = [row for row in aims if row[5].endswith(MISSED)]
+    words = [
+        f"{what}: {ratio} × {beside} ({aim.removesuffix(MISSED)})"
+        for what, _measured, _reference, beside, ratio, aim in of_these
+    ]
+    told = (
+        f"{len(of_these)} of the {len(aims)} aims of [the timings](docs/performance.md) are missed"
+    )
+    lines = [f"{told}{':' if words else '.'}", "", *(f"- {each}" for each in words)]
+    return "\n".join(lines).strip()
+
+
 def replace_table(path: Path, groups: Sequence[Group]) -> None:
     """Between the two marks of a page.  Errors: ValueError where it has none."""
+    _replace(path, (BEGIN, END), markdown(groups))
+
+
+def replace_missed(readme: Path, page: str) -> None:
+    """The same in the README, of a page's missed aims."""
+    _replace(readme, (MISSED_BEGIN, MISSED_END), missed(page))
+
+
+def _replace(path: Path, marks: tuple[str, str], made: str) -> None:
     text = path.read_text(encoding="utf-8")
-    before, begin, rest = text.partition(BEGIN)
-    _, end, after = rest.partition(END)
+    before, begin, rest = text.partition(marks[0])
+    _, end, after = rest.partition(marks[1])
     if not begin or not end:
-        raise ValueError(f"{path}: there is no {BEGIN!r} and {END!r} to put the results between")
-    path.write_text(f"{before}{BEGIN}\n\n{markdown(groups)}\n\n{END}{after}", encoding="utf-8")
+        raise ValueError(f"{path}: no {marks[0]!r} and {marks[1]!r} to put the results between")
+    path.write_text(f"{before}{begin}\n\n{made}\n\n{end}{after}", encoding="utf-8")

@@ -6,6 +6,7 @@ Both are timed call by call in turn, so that whatever else the machine does meet
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from statistics import median
 from time import perf_counter
 
@@ -20,9 +21,11 @@ from tgl_soar.sim.sensors import MEMS_IMU, USUAL_SENSORS, Sensors
 from tgl_soar.sim.world import make_world
 from tgl_soar.types import AutopilotStatus, Inputs
 
+from . import caches
+from .lengths import length
 from .result import Result
 
-TICKS = 4000
+TICKS, COLD_TICKS = 4000, 1000
 WARM_UP = 600
 WITH_IMU = Sensors(imu=MEMS_IMU)
 
@@ -75,10 +78,32 @@ def estimator_with_accelerations() -> Result:
     )
 
 
-BENCHMARKS = (tick, tick_with_estimator, tick_with_accelerations, estimator_with_accelerations)
+def tick_with_empty_caches() -> Result:
+    """The same, tick and reference each right after the caches were emptied."""
+    whole, _, parse = _times(WITH_IMU, length(COLD_TICKS), caches.empty)
+    return Result(
+        what="one tick, all of it, accelerations fused, caches empty",
+        value=whole,
+        reference=parse,
+        unit="µs",
+        reference_what="pymavlink parses one ATTITUDE_QUATERNION, caches empty",
+    )
 
 
-def _times(sensors: Sensors = USUAL_SENSORS) -> tuple[float, float, float]:
+BENCHMARKS = (
+    tick,
+    tick_with_estimator,
+    tick_with_accelerations,
+    estimator_with_accelerations,
+    tick_with_empty_caches,
+)
+
+
+def _times(
+    sensors: Sensors = USUAL_SENSORS,
+    ticks: int = TICKS,
+    before_each: Callable[[], None] = lambda: None,
+) -> tuple[float, float, float]:
     """Median µs of a whole tick, of the estimator's part, and of the reference."""
     airframe_path, site_path = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
     airframe, site = load_airframe(airframe_path), load_site(site_path)
@@ -90,7 +115,7 @@ def _times(sensors: Sensors = USUAL_SENSORS) -> tuple[float, float, float]:
     encoder, decoder = mavlink.MAVLink(None, 1, 1), mavlink.MAVLink(None)
     command = None
     whole, estimator, parse = [], [], []
-    for i in range(WARM_UP + TICKS):
+    for i in range(WARM_UP + ticks):
         now = world.time_s
         inputs = Inputs(
             time_s=now,
@@ -103,17 +128,26 @@ def _times(sensors: Sensors = USUAL_SENSORS) -> tuple[float, float, float]:
             surfaces=world.surfaces,
         )
         frame = mavlink.MAVLink_attitude_quaternion_message(i, 1, 0, 0, 0, 0, 0, 0).pack(encoder)
-        before = perf_counter()
+        settled = i >= WARM_UP
+        if settled:
+            before_each()
+        begun = perf_counter()
         motion_step(laws.motion, laws.frame, state.memory.motion, inputs)
-        between = perf_counter()
+        estimator_s = perf_counter() - begun
+        if settled:
+            before_each()
+        begun = perf_counter()
         state, output = step(laws, state, inputs)
-        after = perf_counter()
+        whole_s = perf_counter() - begun
+        if settled:
+            before_each()
+        begun = perf_counter()
         decoder.parse_buffer(frame)
-        parsed = perf_counter()
-        if i >= WARM_UP:
-            estimator.append(between - before)
-            whole.append(after - between)
-            parse.append(parsed - after)
+        parse_s = perf_counter() - begun
+        if settled:
+            estimator.append(estimator_s)
+            whole.append(whole_s)
+            parse.append(parse_s)
         command = output.command
         if output.active:
             world.held = False

@@ -1,8 +1,9 @@
-"""How late the loop wakes, beside a C loop that wakes in the middle between.
+"""How late the loop wakes, beside C loops that wake in between.
 
-Both sleep to absolute deadlines 5 ms apart, the one half a period after the other, at the same
-time, under the same policy and with locked memory: whatever the machine does meets both.  The C
-loop is `clock_nanosleep`, as in cyclictest; ours is `pacing.Waiter` on a socket, as it flies.
+All wait for absolute deadlines 5 ms apart, each a third of a period after the other, at the same
+time, under the same policy and with locked memory: whatever the machine does meets all of them.
+One C loop is `clock_nanosleep`, as in cyclictest; the other sleeps until 200 µs before and waits
+awake for the rest, which is the longest that ours, `pacing.Waiter` on a socket as it flies, may.
 """
 
 from __future__ import annotations
@@ -18,63 +19,69 @@ from contextlib import contextmanager
 
 from . import c_reference
 from .c_reference import PRIORITY, NoCompilerError
+from .lengths import length, may_be_told
 from .processes import is_native
 from .result import Result, percentile
 
 PERIOD_NS = 5_000_000
-SECONDS = 15
+SECONDS = 150  # 30,000 wake-ups
+AWAKE_NS = 200_000  # `pacing.AWAKE_MAX_S`
+ASLEEP, AWAKE = "a C loop that sleeps", "a C loop that waits awake"
 BUSY_CORES = 2
 STARTING_S = 1.5
 SHARES = (("p50", 0.5, float("inf")), ("p99", 0.99, 1.3), ("p99.9", 0.999, 1.5))
 
 
-def wake_ups(seconds: int = SECONDS) -> Iterator[Result]:
+def wake_ups() -> Iterator[Result]:
     """Idle, then with two busy cores."""
     try:
         c_reference.program("wake")
     except NoCompilerError as error:
         print(error)
         return
+    seconds = length(SECONDS)
     for load, cores in (("idle", 0), (f"{BUSY_CORES} busy cores", BUSY_CORES)):
         with busy(cores):
-            ours, in_c = beside_c(seconds)
-            for name, share, aim in SHARES:
-                yield Result(
-                    what=f"wake-up lateness, {load}, {name}",
-                    value=percentile(ours, share) / 1e3,
-                    reference=percentile(in_c, share) / 1e3,
-                    unit="µs",
-                    reference_what="a C loop at the same time",
-                    aim=aim,
-                )
+            ours, asleep, awake = beside_c(seconds)
+            for whose, in_c in ((AWAKE, awake), (ASLEEP, asleep)):
+                for name, share, aim in SHARES:
+                    if may_be_told(share, len(ours)):
+                        yield Result(
+                            what=f"wake-up lateness, {load}, {name}",
+                            value=percentile(ours, share) / 1e3,
+                            reference=percentile(in_c, share) / 1e3,
+                            unit="µs",
+                            reference_what=whose,
+                            aim=aim,
+                        )
             yield from _cyclictest(seconds, load, ours)
 
 
 BENCHMARKS = (wake_ups,)
 
 
-def beside_c(seconds: int) -> tuple[list[int], list[int]]:
-    """Lateness [ns] of every wake-up, of ours and of C's."""
+def beside_c(seconds: int) -> list[list[int]]:
+    """Lateness [ns] of every wake-up: of ours, of C's that sleeps, and of C's that waits awake."""
     count = seconds * 1_000_000_000 // PERIOD_NS
     begin = time.monotonic_ns() + int(STARTING_S * 1e9)
     arguments = [str(count), str(PERIOD_NS)]
     ours = [sys.executable, "-m", "benchmarks.wake_loop", *arguments, str(begin)]
     if is_native():
         ours.append("native")
-    in_c = [
-        c_reference.program("wake"),
-        *arguments,
-        str(begin + PERIOD_NS // 2),
-        str(PRIORITY),
-    ]
-    running = [subprocess.Popen(command, stdout=subprocess.PIPE) for command in (ours, in_c)]
+    commands = [ours]
+    for third, awake_ns in ((1, 0), (2, AWAKE_NS)):
+        at = begin + third * PERIOD_NS // 3
+        commands.append(
+            [c_reference.program("wake"), *arguments, str(at), str(PRIORITY), str(awake_ns)]
+        )
+    running = [subprocess.Popen(command, stdout=subprocess.PIPE) for command in commands]
     lateness = []
     for process in running:
         data = process.communicate()[0]
         if process.returncode != 0:
             raise RuntimeError(f"a loop has failed: {process.args!r}")
         lateness.append(array("q", data).tolist())
-    return lateness[0], lateness[1]
+    return lateness
 
 
 def may_come_first() -> bool:

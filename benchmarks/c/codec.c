@@ -1,5 +1,6 @@
-/* ns a frame in the C library: codec COUNT parses the frame on stdin, codec COUNT pack packs an
- * RC_CHANNELS_OVERRIDE. */
+/* ns a frame in the C library: codec COUNT HEX parses that frame, codec COUNT pack packs an
+ * RC_CHANNELS_OVERRIDE.  For each byte on stdin one batch of COUNT, and its time on a line of
+ * stdout: whoever asks can let it take turns with others. */
 #include "common.h"
 #include "common/mavlink.h"
 
@@ -36,31 +37,48 @@ static void decode(const mavlink_message_t *message)
     kept = to.attitude.q1;
 }
 
+static size_t bytes_of(const char *hex, uint8_t *to)
+{
+    size_t size = 0;
+    for (unsigned byte; size < MAVLINK_MAX_PACKET_LEN && sscanf(hex + 2 * size, "%2x", &byte) == 1;
+         size++) {
+        to[size] = byte;
+    }
+    return size;
+}
+
 int main(int argc, char **argv)
 {
-    if (argc < 2) {
+    if (argc != 3) {
         return 2;
     }
-    long count = atol(argv[1]), parsed = 0;
-    int packs = argc > 2;
+    long count = atol(argv[1]);
+    int packs = strcmp(argv[2], "pack") == 0;
     uint8_t frame[MAVLINK_MAX_PACKET_LEN];
-    ssize_t size = packs ? 0 : read(0, frame, sizeof frame);
+    size_t size = packs ? 0 : bytes_of(argv[2], frame);
     mavlink_message_t message;
     mavlink_status_t status;
-    int64_t begun = now_ns();
-    for (long n = 0; n < count; n++) {
-        for (ssize_t i = 0; i < size; i++) {
-            if (mavlink_parse_char(MAVLINK_COMM_0, frame[i], &message, &status)) {
-                decode(&message);
-                parsed++;
+    while (getchar() != EOF) {
+        long parsed = 0;
+        int64_t begun = now_ns();
+        for (long n = 0; n < count; n++) {
+            for (size_t i = 0; i < size; i++) {
+                if (mavlink_parse_char(MAVLINK_COMM_0, frame[i], &message, &status)) {
+                    decode(&message);
+                    parsed++;
+                }
+            }
+            if (packs) {
+                mavlink_msg_rc_channels_override_pack(255, 191, &message, 1, 1, 1500 + (n & 255),
+                    1501, 1502, 1503, 65535, 65535, 65535, 65535, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0);
+                kept = mavlink_msg_to_send_buffer(frame, &message);
             }
         }
-        if (packs) {
-            mavlink_msg_rc_channels_override_pack(255, 191, &message, 1, 1, 1500 + (n & 255), 1501,
-                1502, 1503, 65535, 65535, 65535, 65535, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0);
-            kept = mavlink_msg_to_send_buffer(frame, &message);
+        printf("%.3f\n", (double)(now_ns() - begun) / count);
+        fflush(stdout);
+        if (!packs && parsed != count) {
+            return 1;
         }
     }
-    printf("%.3f\n", (double)(now_ns() - begun) / count);
-    return !packs && parsed != count;
+    return 0;
 }

@@ -1,14 +1,53 @@
-/* The least that answers an attitude with surfaces: responder LINK PRIORITY.
- * It says who it is once a second of attitudes, and reads whatever else comes. */
+/* The least that answers an attitude with surfaces: responder LINK PRIORITY AWAKE_NS.
+ * It says who it is once, and reads whatever else comes.  So long before and after an attitude is
+ * expected it waits awake, as the module does; 0: it sleeps until something comes. */
 #include "common.h"
 #include "common/mavlink.h"
 
+enum { PERIOD_NS = 5000000, SMOOTH = 16 };
+
+static int is_ready(int fd, int64_t for_ns)
+{
+    struct timespec wait = { for_ns / 1000000000LL, for_ns % 1000000000LL };
+    struct pollfd waiting = { fd, POLLIN, 0 };
+    return ppoll(&waiting, 1, &wait, NULL) > 0;
+}
+
+/* Asleep, then awake around the expected time, then asleep again. */
+static void wait_for(int fd, int64_t expected, int64_t awake)
+{
+    int64_t left = expected - awake - now_ns();
+    if (awake > 0 && left > -2 * awake) {
+        if (left > 0 && is_ready(fd, left)) {
+            return;
+        }
+        while (now_ns() < expected + awake) {
+            if (is_ready(fd, 0)) {
+                return;
+            }
+        }
+    }
+    while (!is_ready(fd, 1000000000LL)) {
+    }
+}
+
+/* When the next one comes, by when this one came. */
+static int64_t next_of(int64_t expected, int64_t arrival)
+{
+    int64_t off = arrival - expected;
+    if (off < -PERIOD_NS / 2 || off > PERIOD_NS / 2) {
+        return arrival + PERIOD_NS;
+    }
+    return expected + off / SMOOTH + PERIOD_NS;
+}
+
 int main(int argc, char **argv)
 {
-    if (argc != 3) {
+    if (argc != 4) {
         return 2;
     }
     int fd = open_link(argv[1]);
+    int64_t awake = atoll(argv[3]), expected = 0;
     be_on_time(atoi(argv[2]));
     uint8_t in[4096], out[MAVLINK_MAX_PACKET_LEN];
     mavlink_message_t message;
@@ -19,10 +58,8 @@ int main(int argc, char **argv)
         return 1;
     }
     for (;;) {
-        struct pollfd waiting = { fd, POLLIN, 0 };
-        if (poll(&waiting, 1, 1000) <= 0) {
-            continue;
-        }
+        wait_for(fd, expected, awake);
+        int64_t arrival = now_ns();
         ssize_t size = read(fd, in, sizeof in);
         if (size <= 0) {
             return 0;
@@ -40,6 +77,7 @@ int main(int argc, char **argv)
             if (write(fd, out, mavlink_msg_to_send_buffer(out, &message)) < 0) {
                 return 1;
             }
+            expected = next_of(expected, arrival);
         }
     }
 }

@@ -1,12 +1,18 @@
 /* A vehicle that asks several modules in turn, and times their answers:
  *
- *     vehicle SECONDS ENGAGE_AFTER PRIORITY LINK...
+ *     vehicle SECONDS ENGAGE_AFTER PRIORITY ARRIVALS LINK...
  *
  * LINK is "udp:PORT" (we listen there) or "pty:NAME" (we make a pseudo-terminal and leave its
  * name in the file NAME).  In every period of 5 ms each module gets, in a part of it that is its
  * own, one piece with accelerations and an attitude, in every fourth a position and the servos'
- * outputs (what it was told) too, and has until the end of its part to answer with surfaces.  To stdout: for every
- * period and module the nanoseconds from the piece to the surfaces, -1 where none came. */
+ * outputs (what it was told) too.  ARRIVALS shifts the pieces of a period, those of all modules
+ * alike: a number of ns moves them by anything up to that to either side; "loop:NS" delays half of
+ * the periods by NS, as a vehicle does that sends in the steps of its main loop.  The stamps stay
+ * regular.
+ *
+ * An answer may take as long as it likes: the next surfaces answer every piece that is still open,
+ * and all of these count from the oldest.  To stdout, module by module: for every period the nanoseconds
+ * from the piece to the surfaces, -1 where none came by the end. */
 #include "common.h"
 #include "common/mavlink.h"
 
@@ -21,6 +27,11 @@ struct module {
     mavlink_message_t rx;
     mavlink_status_t out;
     uint16_t servos[4];
+    long asked;        /* pieces so far, and when the next is due */
+    int64_t due;
+    long open;         /* the oldest piece without an answer; none: as many as were asked */
+    int64_t open_since;
+    int64_t *took;     /* of every piece */
 };
 
 static void listen_to(struct module *m, const char *link)
@@ -136,15 +147,83 @@ static size_t piece(struct module *m, long tick, int engage, uint8_t *to)
     return n + add(m, &msg, 1, 1, to + n);
 }
 
+struct arrivals {
+    int64_t shift;
+    int in_steps;
+};
+
+static struct arrivals arrivals_of(const char *text)
+{
+    if (strncmp(text, "loop:", 5) == 0) {
+        return (struct arrivals) { atoll(text + 5), 1 };
+    }
+    return (struct arrivals) { atoll(text), 0 };
+}
+
+/* By how much a period's pieces are moved: the same for every module and in every run. */
+static int64_t shift_of(struct arrivals a, long tick)
+{
+    uint64_t mixed = (uint64_t)tick + 1; /* splitmix64 */
+    mixed *= 0x9e3779b97f4a7c15ULL;
+    mixed = (mixed ^ (mixed >> 30)) * 0xbf58476d1ce4e5b9ULL;
+    mixed = (mixed ^ (mixed >> 27)) * 0x94d049bb133111ebULL;
+    mixed ^= mixed >> 31;
+    if (a.in_steps) {
+        return mixed & 1 ? a.shift : 0;
+    }
+    return a.shift == 0 ? 0 : (int64_t)(mixed % (2 * a.shift + 1)) - a.shift;
+}
+
+/* The surfaces that have come, if any, answer whatever is open. */
+static void take_answers(struct module *m)
+{
+    int found = has_surfaces(m);
+    int64_t took = now_ns() - m->open_since;
+    for (; found && m->open < m->asked; m->open++) {
+        m->took[m->open] = took;
+    }
+}
+
+static void wait_until(struct module *modules, int count, int64_t due)
+{
+    struct pollfd waiting[MODULES_MAX];
+    for (int64_t left; (left = due - now_ns()) > 0;) {
+        struct timespec wait = { left / 1000000000LL, left % 1000000000LL };
+        for (int i = 0; i < count; i++) {
+            waiting[i] = (struct pollfd) { modules[i].fd, POLLIN, 0 };
+        }
+        if (ppoll(waiting, count, &wait, NULL) > 0) {
+            for (int i = 0; i < count; i++) {
+                if (waiting[i].revents != 0) {
+                    take_answers(&modules[i]);
+                }
+            }
+        }
+    }
+}
+
+static void ask(struct module *m, long engage_at)
+{
+    uint8_t data[1024];
+    int engage = m->asked >= engage_at && m->asked % 400 == engage_at % 400;
+    take_answers(m); /* what came just now is of before */
+    size_t size = piece(m, m->asked + 1, engage, data);
+    if (m->open == m->asked) {
+        m->open_since = now_ns();
+    }
+    m->took[m->asked++] = -1;
+    send_all(m, data, size);
+}
+
 int main(int argc, char **argv)
 {
-    int count = argc - 4;
+    int count = argc - 5;
     if (count < 1 || count > MODULES_MAX) {
         return 2;
     }
     static struct module modules[MODULES_MAX];
     for (int i = 0; i < count; i++) {
-        listen_to(&modules[i], argv[4 + i]);
+        listen_to(&modules[i], argv[5 + i]);
     }
     puts("ready");
     fflush(stdout);
@@ -156,32 +235,38 @@ int main(int argc, char **argv)
         }
     }
     long ticks = 200 * atol(argv[1]), engage_at = 200 * atol(argv[2]);
-    int64_t *took = calloc(ticks * count, sizeof *took);
-    memset(took, 1, ticks * count * sizeof *took);
+    struct arrivals arrivals = arrivals_of(argv[4]);
+    for (int i = 0; i < count; i++) {
+        modules[i].took = malloc(ticks * sizeof *modules[i].took);
+        memset(modules[i].took, 1, ticks * sizeof *modules[i].took);
+    }
     be_on_time(atoi(argv[3]));
-    int64_t due = now_ns() + PERIOD_NS;
-    for (long tick = 0; tick < ticks; tick++) {
+    int64_t begin = now_ns() + 2 * PERIOD_NS;
+    for (int i = 0; i < count; i++) {
+        modules[i].due = begin + i * PERIOD_NS / count + shift_of(arrivals, 0);
+    }
+    for (;;) {
+        struct module *next = NULL;
+        int place = 0;
         for (int i = 0; i < count; i++) {
-            struct module *m = &modules[i];
-            int64_t *answer = &took[tick * count + i], until = due + PERIOD_NS / count;
-            uint8_t data[1024];
-            *answer = -1;
-            sleep_until(due);
-            has_surfaces(m); /* what came unasked */
-            size_t size = piece(m, tick + 1, tick >= engage_at && tick % 400 == engage_at % 400,
-                                data);
-            int64_t asked = now_ns();
-            send_all(m, data, size);
-            for (int64_t left; (left = until - 100000 - now_ns()) > 0;) {
-                struct timespec wait = { 0, left };
-                struct pollfd waiting = { m->fd, POLLIN, 0 };
-                if (ppoll(&waiting, 1, &wait, NULL) > 0 && has_surfaces(m)) {
-                    *answer = now_ns() - asked;
-                    break;
-                }
+            if (modules[i].asked < ticks && (next == NULL || modules[i].due < next->due)) {
+                next = &modules[i];
+                place = i;
             }
-            due = until;
+        }
+        if (next == NULL) {
+            break;
+        }
+        wait_until(modules, count, next->due);
+        ask(next, engage_at);
+        next->due = begin + next->asked * PERIOD_NS + place * PERIOD_NS / count
+            + shift_of(arrivals, next->asked);
+    }
+    wait_until(modules, count, now_ns() + 200000000);
+    for (int i = 0; i < count; i++) {
+        if (fwrite(modules[i].took, sizeof *modules[i].took, ticks, stdout) != (size_t)ticks) {
+            return 1;
         }
     }
-    return fwrite(took, sizeof *took, ticks * count, stdout) != (size_t)(ticks * count);
+    return 0;
 }

@@ -8,14 +8,23 @@ from typing import NamedTuple
 
 import pytest
 from benchmarks.__main__ import GROUPS
-from benchmarks.page import BEGIN, END, PACKAGES, Group, markdown
+from benchmarks.page import (
+    BEGIN,
+    END,
+    MISSED,
+    MISSED_BEGIN,
+    MISSED_END,
+    PACKAGES,
+    Group,
+    markdown,
+    missed,
+)
 from benchmarks.result import Result
 
 import tgl_soar
 
 ROOT = Path(__file__).parents[2]
-MAKE = 'make bench ARGS="--page docs/performance.md"'
-MISSED = ", **missed**"
+MAKE = 'make bench ARGS="--page docs/performance.md --readme README.md"'
 
 
 class Row(NamedTuple):
@@ -90,3 +99,19 @@ def test_a_row_is_read_as_it_is_written() -> None:
         True,
         False,
     ]
+
+
+def test_the_readme_lists_the_missed_aims_of_the_page() -> None:
+    page = (ROOT / "docs/performance.md").read_text(encoding="utf-8")
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    listed = readme.partition(MISSED_BEGIN)[2].partition(MISSED_END)[0].strip()
+    assert listed == missed(page), f"stale: {MAKE}"
+
+
+def test_missed_aims_are_listed_and_counted() -> None:
+    late = Result("a wake-up", 30.0, 20.0, "µs", "C", 1.3)
+    met, aimless = late._replace(value=20.0), late._replace(aim=float("inf"))
+    text = missed(markdown((Group("On time", [late, met, aimless]),)))
+    assert text.startswith("1 of the 2 aims of ")
+    assert text.endswith("- a wake-up: 1.5 × C (≤ 1.3)")
+    assert missed(markdown((Group("On time", [met]),))).endswith("are missed.")
