@@ -51,6 +51,7 @@ class Fired:
     grown_kib: int = 0  # of the process, likewise
     changed: bool = False  # a parameter, or who flies
     still_flying: bool = False
+    refused: int = 0  # frames that were counted and not used
 
 
 class Flown:
@@ -76,6 +77,12 @@ class Flown:
     def flies(self) -> bool:
         """Whether the module has the surfaces."""
         return self.onboard.output is not None and self.onboard.output.active
+
+    @property
+    def refused(self) -> int:
+        """Frames that were counted as cut, unknown, undecodable, or a stranger's."""
+        read, session = self.onboard.decoder.counters, self.onboard.session.counters
+        return read.bad_checksums + read.unknown + read.undecodable + session.foreign
 
     def set_values(self) -> list[float]:
         """Every parameter but the switch, which shows how the flight stands."""
@@ -145,6 +152,7 @@ def fire(frames: int, *, trace: bool = False) -> Fired:
         tracemalloc.stop()
     fired.changed = flown.set_values() != before
     fired.still_flying = flown.flies
+    fired.refused = flown.refused
     return fired
 
 

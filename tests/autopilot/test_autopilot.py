@@ -417,8 +417,19 @@ def banked(_: int, inputs: Inputs) -> Inputs:
     return inputs._replace(attitude=AttitudeSample(a.sequence, a.time_s, *q, 0.0, 0.0, 0.0))
 
 
+def pitched(_: int, inputs: Inputs) -> Inputs:
+    q = quaternion_from_euler(0.0, radians(-26.0), FRAME.wind_from_rad)
+    a = inputs.attitude
+    return inputs._replace(attitude=AttitudeSample(a.sequence, a.time_s, *q, 0.0, 0.0, 0.0))
+
+
 @pytest.mark.parametrize(
-    ("fault", "reason"), [(mode_taken, REFUSALS[3][1]), (banked, REFUSALS[4][1])]
+    ("fault", "reason"),
+    [
+        (mode_taken, REFUSALS[3][1]),
+        (banked, REFUSALS[4][1]),
+        (pitched, REFUSALS[4][1]),
+    ],
 )
 def test_it_lets_go_at_once(fault: Spoil, reason: str) -> None:
     flight = soaring()
@@ -757,6 +768,27 @@ def test_one_sample_in_five_lost_costs_nothing() -> None:
     flight = soaring().fly(5.0, lossy)
     assert flight.changes() == []
     # A surface that is told 5 ms later now and then moves the line by less than a centimetre.
+    assert max(abs(o.line.e_rho_m) for o in flight.outputs) < 0.01
+    assert_inside(flight.outputs)
+
+
+def test_reordered_samples_are_left_out_and_cost_nothing() -> None:
+    """Every tenth tick brings a sample of before under a new number: the newest is flown with."""
+    earlier: list[Inputs] = []
+
+    def reordered(k: int, inputs: Inputs) -> Inputs:
+        earlier.append(inputs)
+        if k % 10 != 9:
+            return inputs
+        old = earlier[k - 6]
+        return inputs._replace(
+            position=old.position._replace(sequence=10**6 + k),
+            attitude=old.attitude._replace(sequence=10**6 + k),
+        )
+
+    flight = soaring().fly(2.0, reordered)
+    assert flight.changes() == []
+    assert flight.outputs[-1].health.rejected >= 40  # a fix may also repeat the one before
     assert max(abs(o.line.e_rho_m) for o in flight.outputs) < 0.01
     assert_inside(flight.outputs)
 

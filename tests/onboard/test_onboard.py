@@ -391,7 +391,10 @@ def test_an_autopilot_that_restarts_in_flight_is_let_go_of_and_waits_to_be_asked
     flight.engaged().said()
     flight.boot_s = flight.now_s
     flight.run(5.0)
-    assert "released: autopilot has restarted" in texts(flight.said())
+    said = flight.said()
+    assert "released: autopilot has restarted" in texts(said)
+    asked = {m.param1 for m in said if m.get_type() == "COMMAND_LONG" and m.command == 511}
+    assert {31.0, 32.0} <= asked  # the streams, attitude and position among them, once more
     assert flight.mode_now == READY
     assert flight.onboard.session.counters.reboots == 1
 

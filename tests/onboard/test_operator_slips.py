@@ -196,6 +196,7 @@ def test_an_autopilot_that_is_not_set_up_is_engaged_all_the_same_by_force_which_
 def test_a_force_that_nothing_has_used_is_over_before_the_next_flight(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    assert engage_switch.FORCE_S == 60.0  # as docs/safety.md says
     monkeypatch.setattr(engage_switch, "FORCE_S", 4.0)
     flight = Flight(RC_OVERRIDE_TIME=3.0)
     flight.run(8.0)
