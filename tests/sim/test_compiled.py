@@ -8,6 +8,7 @@ from functools import lru_cache, partial
 from math import inf, nan, radians
 from typing import Literal
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -25,7 +26,7 @@ from tgl_soar.config.files import (
     shipped,
 )
 from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterSet
-from tgl_soar.config.site import Site
+from tgl_soar.config.site import Site, Tether
 from tgl_soar.control.envelope import EnvelopeLimits, limit_surfaces
 from tgl_soar.control.supervisor import MODE_NAMES
 from tgl_soar.sim.closed_loop import Change, ClosedLoop, Trajectory, fly
@@ -118,6 +119,20 @@ def test_a_compiled_flight_is_the_plain_one(name: str, turbulence: float) -> Non
     assert plain["target_changes"][-1] == 2.0
     assert np.ptp(plain["x_m"]) > 0.02  # it did fly
     assert_same(plain, fast)
+
+
+@needs_numba
+def test_a_taut_tether_is_the_same_compiled() -> None:
+    airframe, site, values, field, changes = place("tunnel")
+    assert site.start is not None
+    tether = Tether(x_m=site.start.x_m, z_m=site.start.z_m - 0.3, length_m=0.35)
+    tied = msgspec.structs.replace(site, tether=tether)
+    world, other = (
+        make_world(airframe, tied, seed=s, turbulence=0.01, field=field) for s in (5, 6)
+    )
+    plain = fly(world, values, changes, 2.0)
+    assert max(np.hypot(plain["x_m"] - tether.x_m, plain["z_m"] - tether.z_m)) > tether.length_m
+    assert_same(plain, fly_compiled(prepare(other, 2.0), 5, values, changes))
 
 
 @needs_numba

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ipaddress
 import itertools
-from math import radians
+from math import dist, radians
 from typing import Annotated, Literal
 
 from msgspec import Meta, field
@@ -154,6 +154,18 @@ class Start(Strict, frozen=True):
     y_m: Finite = 0.0
 
 
+class Tether(Strict, frozen=True):
+    """A line from a fixed point to the simulated aircraft, which pulls while it is taut."""
+
+    x_m: Finite  # the point, soaring frame
+    z_m: Finite
+    length_m: Annotated[float, Meta(gt=0, le=1000)]
+    y_m: Finite = 0.0
+    # A metre of elastic in it: 5 cm for the weight of a small aircraft. A step of 5 ms can follow
+    # up to 1000 N/m with half a kilogram.
+    stiffness_npm: Annotated[float, Meta(ge=1, le=1000)] = 140.0
+
+
 class HomePosition(Strict, frozen=True):
     """Where the origin of local NED lies on the earth."""
 
@@ -265,6 +277,7 @@ class Site(Strict, frozen=True):
     parameters: dict[str, float] = field(default_factory=dict)
     air: JetAir | HillAir | GridAir | PolynomialAir | None = None
     start: Start | None = None
+    tether: Tether | None = None
     contour: KnownContour | None = None
     ground: GroundProfile | None = None
 
@@ -273,6 +286,14 @@ class Site(Strict, frozen=True):
             raise ValueError(
                 "position.sources names mocap where there is a [mocap] table, and only there"
             )
+        start, tether = self.start, self.tether
+        if start is not None and tether is not None:
+            apart_m = dist((start.x_m, start.y_m, start.z_m), (tether.x_m, tether.y_m, tether.z_m))
+            if apart_m > tether.length_m:
+                raise ValueError(
+                    f"tether.length_m = {tether.length_m:g}: must reach [start], {apart_m:.2f} m"
+                    " away from its fixed point"
+                )
 
     def frame(self) -> SoaringFrame:
         """The soaring frame of this site."""

@@ -62,6 +62,7 @@ MODULES: Final = (
     "tgl_soar.air.gusts",
     "tgl_soar.sim.aircraft",
     "tgl_soar.sim.point_mass",
+    "tgl_soar.sim.tether",
     "tgl_soar.sim.servos",
     "tgl_soar.sim.sensors",
     "tgl_soar.sim.sensing",

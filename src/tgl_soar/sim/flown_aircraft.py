@@ -22,6 +22,10 @@ class FlownAircraft(Protocol):
         """Where it flies."""
 
     @property
+    def mass_kg(self) -> float:
+        """What a pull has to move."""
+
+    @property
     def span_m(self) -> float:
         """Of the wing: over it a gust rolls the aircraft."""
 

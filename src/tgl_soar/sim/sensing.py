@@ -28,6 +28,7 @@ from tgl_soar.sim.sensors import (
     samples_delivered,
     sensor_timing,
 )
+from tgl_soar.sim.tether import NO_PULL
 from tgl_soar.sim.white import Row, Rows, White
 from tgl_soar.types import (
     NAN,
@@ -290,6 +291,7 @@ def sense_imu(
     wind: Wind,
     rests: bool,
     step: int,
+    pull_mps2: Triple = NO_PULL,
 ) -> ImuSample:
     """The newest accelerations that have arrived by this step (0, 1, 2 …); sequence 0: none yet."""
     timing, params = sensor.timing, sensor.params
@@ -307,6 +309,7 @@ def sense_imu(
             step / timing.step_rate_hz,
             biased(sensor.force_bias_mps2, scaled(white, 0, params.force_noise_mps2)),
             biased(sensor.rate_bias_radps, scaled(white, 3, params.rate_noise_radps)),
+            pull_mps2,
         )
     return delivered(timing, sensor.line, step)
 
@@ -353,12 +356,16 @@ def sense(
     command: SurfaceCommand,
     rests: bool,
     step: int,
+    pull_mps2: Triple = NO_PULL,
 ) -> Samples:
-    """Take the samples that are due at a step; the newest that have arrived."""
+    """Take the samples that are due at a step; the newest that have arrived.
+
+    `pull_mps2`: what a tether accelerates the aircraft by, soaring frame.
+    """
     return Samples(
         position=sense_position(sensors.position, frame, state, step),
         attitude=sense_attitude(sensors.attitude, frame, state, step),
-        imu=sense_imu(sensors.imu, aircraft, state, wind, rests, step),
+        imu=sense_imu(sensors.imu, aircraft, state, wind, rests, step, pull_mps2),
         airspeed=sense_airspeed(sensors.airspeed, aircraft, state, wind, step),
         surfaces=sense_surfaces(sensors.surfaces, command, step),
     )

@@ -34,6 +34,7 @@ from tgl_soar.sim.aircraft import (
     resting_force_frd,
 )
 from tgl_soar.sim.flown_aircraft import FlownAircraft
+from tgl_soar.sim.tether import NO_PULL, pull_frd
 from tgl_soar.types import (
     NAN,
     AirspeedSample,
@@ -262,12 +263,16 @@ def measure_imu(
     time_s: float,
     force_error_mps2: Triple,
     rate_error_radps: Triple,
+    pull_mps2: Triple = NO_PULL,
 ) -> ImuSample:
     """Specific force and body rates of the state in a wind (u, v, w) [m/s], FRD.
 
-    rests: it does not fly, something holds it where it is.
+    rests: it does not fly, something holds it where it is.  `pull_mps2`: what a tether accelerates
+    the aircraft by, soaring frame.
     """
     fx, fy, fz = aircraft.specific_force_frd(state, wind)
+    tx, ty, tz = pull_frd(state, pull_mps2)
+    fx, fy, fz = fx + tx, fy + ty, fz + tz
     if rests:
         fx, fy, fz = resting_force_frd(aircraft.gravity_mps2, state)
     return ImuSample(

@@ -1,4 +1,4 @@
-"""One step of the world: air, turbulence, servos, aircraft and sensors, in this order.
+"""One step of the world: air, turbulence, servos, aircraft, tether and sensors, in this order.
 
 Plain Python runs these functions as they are (`sim.world`), numba compiles them
 (`sim.fast_flight`): a flight is the same to the last bits of sines and logarithms.  Three things
@@ -30,6 +30,7 @@ from tgl_soar.sim.aircraft import AircraftState, Wind, place_ahead
 from tgl_soar.sim.flown_aircraft import FlownAircraft
 from tgl_soar.sim.sensing import FlownSensors, Samples, sense
 from tgl_soar.sim.servos import ServoParams, ServoState, servo_step
+from tgl_soar.sim.tether import NO_PULL, TetherParams, pulled, tether_pull
 from tgl_soar.sim.white import Rows
 from tgl_soar.types import SurfaceCommand
 
@@ -79,6 +80,7 @@ class Parts(NamedTuple):
     air: FlownAir
     turbulence: FlownTurbulence
     sensors: FlownSensors  # their delay lines are written to at every step
+    tether: TetherParams
 
 
 class WorldNow(NamedTuple):
@@ -118,7 +120,10 @@ def world_begun(parts: Parts, now: WorldNow, command: SurfaceCommand) -> WorldNo
         )
     aircraft = now.aircraft
     wind = local_wind(parts, gust, 0, aircraft.x_m, aircraft.y_m, aircraft.z_m)
-    samples = sense(parts.sensors, parts.frame, parts.model, aircraft, wind, command, False, 0)
+    pull = tether_pull(parts.tether, aircraft)
+    samples = sense(
+        parts.sensors, parts.frame, parts.model, aircraft, wind, command, False, 0, pull
+    )
     return now._replace(turbulence=turbulence, gust_mps=gust, wind=wind, samples=samples)
 
 
@@ -143,7 +148,7 @@ def world_step(
         )
         rolled = parts.turbulence.rolling[n - 1]
         roll_gust = roll_gust_step(parts.turbulence.rolls, roll_gust, rolled[0])
-    aircraft, crashed = now.aircraft, now.crashed
+    aircraft, crashed, pull = now.aircraft, now.crashed, NO_PULL
     if held or crashed:
         aircraft = aircraft._replace(
             elevator=surfaces.elevator, aileron=surfaces.aileron, rudder=surfaces.rudder
@@ -154,12 +159,15 @@ def world_step(
         aircraft = parts.model.step(
             aircraft, surfaces, now.wind, ahead, now.roll_gust_radps, roll_gust, dt
         )
+        if parts.tether.is_there:
+            pull = tether_pull(parts.tether, aircraft)
+            aircraft = pulled(aircraft, pull, dt)
         if not parts.air.flyable(n, aircraft.x_m, aircraft.y_m, aircraft.z_m):
             crashed = True
             aircraft = at_rest(aircraft)
     wind = local_wind(parts, gust, n, aircraft.x_m, aircraft.y_m, aircraft.z_m)
     samples = sense(
-        parts.sensors, parts.frame, parts.model, aircraft, wind, command, held or crashed, n
+        parts.sensors, parts.frame, parts.model, aircraft, wind, command, held or crashed, n, pull
     )
     return WorldNow(
         aircraft=aircraft,

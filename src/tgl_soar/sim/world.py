@@ -49,6 +49,7 @@ from tgl_soar.config.site import (
     PolynomialAir,
     Site,
     Start,
+    Tether,
 )
 from tgl_soar.geometry import SoaringFrame, euler_from_quaternion
 from tgl_soar.sim.aircraft import (
@@ -73,6 +74,7 @@ from tgl_soar.sim.stepping import (
     world_begun,
     world_step,
 )
+from tgl_soar.sim.tether import NO_TETHER, TetherParams, tether_params
 from tgl_soar.sim.white import (
     NO_ROWS,
     Rows,
@@ -160,6 +162,7 @@ class World:
         sensors: Sensors = USUAL_SENSORS,
         aerodynamics: Aerodynamics = NO_AERODYNAMICS,
         ground: Ground = NO_GROUND,
+        tether: TetherParams = NO_TETHER,
     ) -> None:
         self.step_hz = step_hz
         self.steps = 0
@@ -203,6 +206,7 @@ class World:
                 blows=blows, params=dryden, white=white, rolls=rolls, rolling=rolling
             ),
             sensors=flown_sensors(sensors, step_hz, drawn_as_needed(seed)),
+            tether=tether,
         )
         self._polled_position = self._polled_attitude = 0
         self._begin(eddies, roll_gust)
@@ -490,6 +494,13 @@ def polar_misfit_text(airframe: Airframe) -> str:
     )
 
 
+def _tether_of(tether: Tether | None, mass_kg: float) -> TetherParams:
+    if tether is None:
+        return NO_TETHER
+    anchor = tether.x_m, tether.y_m, tether.z_m
+    return tether_params(anchor, tether.length_m, tether.stiffness_npm, mass_kg)
+
+
 def make_world(
     airframe: Airframe,
     site: Site,
@@ -512,8 +523,9 @@ def make_world(
     if site.start is None:
         raise ConfigError(f"site {site.site.name}: no [start] table, so nowhere to be let go")
     try:
+        model = flown_aircraft(airframe)
         return World(
-            flown_aircraft(airframe),
+            model,
             servo_params(airframe.model),
             field if field is not None else build_field(site.air, folder),
             site.frame(),
@@ -527,6 +539,7 @@ def make_world(
             sensors=sensors,
             aerodynamics=airframe.aerodynamics(),
             ground=site.known_ground(),
+            tether=_tether_of(site.tether, model.mass_kg),
         )
     except ValueError as error:
         raise ConfigError(f"{site.site.name}, {airframe.airframe.name}: {error}") from None
