@@ -200,6 +200,19 @@ def test_losses_and_their_reasons_are_told_by_air() -> None:
     assert "Flights ended by: left the air." in told
 
 
+def test_what_the_wind_does_along_the_line_is_the_reason_where_the_losses_say_so() -> None:
+    near, far = PLACES[:2], PLACES[2:]
+    kept = [s._replace(survived={JUDGED: 8, ROUGH: 8}) for s in near]
+    grows = [s._replace(site="before it", wind_slope_per_s=-0.1) for s in kept]
+    assert "All 4 flights that were lost near it" in places_why([*near, *far])
+    assert "All 4 flights that were lost near it" in places_why([*near, *grows])
+    assert "Near it no flight was lost at 3 %" in places_why([*kept, *far])
+    lost = [s._replace(survived={JUDGED: 8, ROUGH: 7}) for s in grows]
+    assert "4 flights were lost where the wind falls going down the line, and 2" in places_why(
+        [*near, *lost]
+    )
+
+
 def test_a_table_has_no_number_of_flights_that_were_lost() -> None:
     assert _row(place("a", -0.07, 0.1))[-2] == "+10.0 ± 1.0"
     lost = _row(place("a", -0.07, nan, rms_m=inf, lost=8))

@@ -301,10 +301,29 @@ def places_why(scored: list[FlownPlace]) -> str:
         + (f" Flights ended by: {', '.join(reasons)}." if reasons else "")
         + " A line that leans upwind is stable at either sign of S′: sin η − S′ cos η is"
         f" {min(s.leverage for s in scored):.2f} to {max(s.leverage for s in scored):.2f} at all of"
-        " these places. But the contour is that of the polar, which ends at the stall. Where the"
-        " wind falls going down the line, an aircraft that a gust puts below [a] is in air that is"
-        " slower than it can fly in, and slides on down; where the wind grows going down, as on the"
-        " hill, it is in faster air and comes back."
+        " these places. But the contour is that of the polar, which ends at the stall."
+        + _lost_near_the_stall([s for s in scored if s.line in SLOW])
+    )
+
+
+def _lost_near_the_stall(slow: list[FlownPlace]) -> str:
+    """Whether flights are lost where the wind falls going down the line, and there alone."""
+    falls, grows = (
+        sum(s.flights - s.survived[ROUGH] for s in slow if (s.wind_slope_per_s > 0.0) == falling)
+        for falling in (True, False)
+    )
+    if not falls and not grows:
+        return f" Near it no flight was lost at {100 * ROUGH:g} % of turbulence."
+    if grows:
+        return (
+            f" Near it {falls} flights were lost where the wind falls going down the line, and"
+            f" {grows} where it grows: what the wind does along the line is not the whole reason."
+        )
+    return (
+        f" All {falls} flights that were lost near it were where the wind falls going down the"
+        " line: there an aircraft that a gust puts below [a] is in air that is slower than it can"
+        " fly in, and slides on down; where the wind grows going down, it is in faster air and"
+        " comes back."
     )
 
 
