@@ -1,0 +1,50 @@
+"""Every experiment, flown whole: its verdict is the one that its page gives.
+
+The flights of all of them take some minutes where nothing else is computed.  A page that says of
+itself that it is older than the laws is not held to anything.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tgl_soar.analysis.experiments import staleness
+from tgl_soar.analysis.experiments.catalogue import TOGETHER, run_both
+from tgl_soar.analysis.experiments.context import Context
+from tgl_soar.analysis.experiments.flights import Flyer
+from tgl_soar.analysis.experiments.page import AIMS, PAPER, counted
+
+DOCS = Path(__file__).parents[3] / "docs"
+AT_ONCE = ("field",)  # nothing is flown
+NAMES = {name: page for page, key in ((PAPER, "paper"), (AIMS, "aims")) for name in TOGETHER[key]}
+
+
+def told(text: str, name: str) -> list[str]:
+    """The verdicts of an experiment in a page's first table: of the aircraft, of the point mass."""
+    (row,) = [line for line in text.splitlines() if line.startswith(f"| [`{name}`](#{name}) | ")]
+    return row.strip("| ").split(" | ")[2:]
+
+
+@pytest.mark.parametrize(
+    "name",
+    [name if name in AT_ONCE else pytest.param(name, marks=pytest.mark.long) for name in NAMES],
+)
+def test_the_verdict_is_the_pages(name: str) -> None:
+    text = (DOCS / NAMES[name]).read_text(encoding="utf-8")
+    if staleness.OLDER in text:
+        pytest.skip(f"docs/{NAMES[name]} says that it is older")
+    flown = run_both(name, Context(flyer=Flyer()))
+    verdicts = [counted(flown)]
+    if NAMES[name] == PAPER:
+        verdicts.append("–" if flown.point_mass is None else counted(flown.point_mass))
+    assert told(text, name) == verdicts
+
+
+def test_a_verdict_is_read_where_it_stands() -> None:
+    text = (
+        "| [`a`](#a) | what | agrees: 2 of 2 | differs: 0 of 2 |\n| [`b`](#b) | x | met: 1 of 1 |"
+    )
+    assert told(text, "a") == ["agrees: 2 of 2", "differs: 0 of 2"]
+    assert told(text, "b") == ["met: 1 of 1"]
