@@ -56,7 +56,8 @@ TABLE: dict[str, set[str]] = {
         "onboard.watchdog",
     },
     "air": {"geometry"},
-    "sim": {"autopilot", "air", "link", "config", "onboard.realtime"},
+    "sim.campaign": {"config"},  # many flights, whatever a flight is
+    "sim": {"autopilot", "air", "link", "config", "onboard.realtime", "sim.campaign"},
     "analysis": {"sim", "onboard", "air", "control.search"},
     "cli": {"analysis", "onboard", "sim"},
 }

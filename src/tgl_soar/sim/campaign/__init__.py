@@ -1,0 +1,1 @@
+"""Many flights: one runner for one process, for all processors of a machine, and for several."""

@@ -1,0 +1,123 @@
+"""Who flies: workers of a dask cluster, on as many machines as there are (extra `cluster`).
+
+A scheduler and workers are started by hand, by a batch system or in a container, each with this
+package in the very same version:
+
+    dask scheduler
+    dask worker tcp://scheduler:8786 --nworkers -1 --nthreads 1
+
+A worker that dies is dask's affair: it gives the shard to another.  A scheduler that restarts has
+forgotten all: what had not come back is handed in again, as soon as one answers.
+"""
+
+from __future__ import annotations
+
+import queue
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, Final
+
+from tgl_soar.sim.campaign.executors import AHEAD, Fly, Results, ShardQueue
+from tgl_soar.sim.campaign.flight_list import Shard
+from tgl_soar.sim.campaign.provenance import source_digest
+
+PATIENCE_S: Final = 300.0  # for a scheduler that is gone: a machine's restart
+ANSWER_S: Final = 10.0  # of one that should be there
+LOOK_S: Final = 1.0  # between two looks at whether it is still there
+MISSING: Final = "--scheduler needs dask: pip install 'tgl_soar[cluster]'"
+
+
+class ClusterError(RuntimeError):
+    """A cluster that cannot be reached, or that runs another program."""
+
+
+class DaskCluster:
+    """The workers of one scheduler."""
+
+    def __init__(self, scheduler: str, *, patience_s: float = PATIENCE_S) -> None:
+        """scheduler: tcp://host:port.  Errors: ImportError without dask; `ClusterError` where
+        nobody answers or no worker is there."""
+        self._scheduler = scheduler
+        self._patience_s = patience_s
+        client = self._client(ANSWER_S)
+        try:
+            self.workers = sum(client.nthreads().values())
+        finally:
+            client.close()
+        if not self.workers:
+            raise ClusterError(f"{scheduler}: no worker is there: dask worker {scheduler}")
+        self.description = f"dask at {scheduler}, {self.workers} workers"
+
+    def fly(self, fly: Fly, shards: Iterable[Shard]) -> Results:
+        """Of `Executor`."""
+        shard_queue = ShardQueue(shards, AHEAD * self.workers)
+        while shard_queue.left:
+            client = self._client(self._patience_s)
+            try:
+                yield from self._until_it_is_gone(client, fly, shard_queue)
+            finally:
+                client.close()
+
+    def _until_it_is_gone(self, client: Any, fly: Fly, shards: ShardQueue) -> Results:
+        """All that is left, or what comes back before the scheduler is gone."""
+        from distributed import KilledWorker
+
+        done: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        flying: dict[str, tuple[Any, Shard]] = {}
+        try:
+            while True:
+                for shard in shards.take():
+                    future = client.submit(_fly_there, fly, shard.jobs, source_digest(), pure=False)
+                    flying[future.key] = future, shard
+                    future.add_done_callback(done.put)
+                if not flying:
+                    return
+                future = _next(done)
+                if future is None:
+                    if client.status != "running":
+                        shards.lost()
+                        return
+                    continue
+                if future.status in ("cancelled", "lost"):  # of a scheduler that is gone
+                    shards.lost()
+                    return
+                _, shard = flying.pop(future.key)
+                try:
+                    results = future.result()
+                except KilledWorker:
+                    shards.died_with(shard)
+                    continue
+                shards.finished(shard)
+                yield shard, results
+        finally:
+            if client.status == "running":
+                client.cancel([future for future, _ in flying.values()])
+
+    def _client(self, patience_s: float) -> Any:
+        try:
+            from distributed import Client
+        except ImportError as error:
+            raise ImportError(MISSING) from error
+        try:
+            return Client(self._scheduler, timeout=patience_s, set_as_default=False)
+        except (OSError, TimeoutError, ValueError) as error:
+            raise ClusterError(
+                f"{self._scheduler}: no scheduler answers: {error or 'in vain'};"
+                " what was flown is kept"
+            ) from None
+
+
+def _next(done: queue.SimpleQueue[Any]) -> Any:
+    try:
+        return done.get(timeout=LOOK_S)
+    except queue.Empty:
+        return None
+
+
+def _fly_there(fly: Callable[[Any], Any], jobs: Sequence[Any], source: str) -> list[Any]:
+    """In a worker."""
+    if source_digest() != source:
+        raise ClusterError(
+            f"a worker has another source ({source_digest()}) than who asks ({source}): install the"
+            " same version on all machines"
+        )
+    return [fly(job) for job in jobs]

@@ -1,0 +1,192 @@
+"""A campaign's folder: its flights as they are flown, then its table and where it comes from.
+
+flights.journal   while it is flown
+rows.parquet      one row a flight
+manifest.json     version, commit, source, parameters, seeds, computers
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from datetime import UTC, datetime
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, Generic, TypeVar
+
+import msgspec
+
+from tgl_soar import __version__
+from tgl_soar.config.parameter_store import write_state
+from tgl_soar.sim.campaign.encoding import digest, result_type
+from tgl_soar.sim.campaign.executors import Executor
+from tgl_soar.sim.campaign.flight_list import Campaign
+from tgl_soar.sim.campaign.journal import Journal, JournalError
+from tgl_soar.sim.campaign.provenance import commit, host_facts, source_digest
+from tgl_soar.sim.campaign.rows import available, write_rows
+from tgl_soar.sim.campaign.run import OnProgress, run, silent
+
+JOURNAL: Final = "flights.journal"
+ROWS: Final = "rows.parquet"
+MANIFEST: Final = "manifest.json"
+
+Job = TypeVar("Job")
+Flown = TypeVar("Flown")
+
+
+class Manifest(msgspec.Struct, forbid_unknown_fields=True):
+    """Where flights come from."""
+
+    name: str
+    version: str
+    commit: str  # "": no working copy
+    source: str  # digest of the program and of the files that it ships
+    flight: str  # the function that flies one
+    flights: int
+    parameters: dict[str, Any]  # all that the jobs depend on
+    parameters_digest: str
+    seeds: list[int]  # least and greatest; []: jobs have none
+    complete: bool = False
+    runs: list[dict[str, Any]] = []  # one or more: when, by whom, on what computer
+
+
+def read_manifest(folder: Path) -> Manifest | None:
+    """None: there is none.  Errors: `JournalError` for a damaged one."""
+    path = folder / MANIFEST
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=Manifest)
+    except FileNotFoundError:
+        return None
+    except (OSError, msgspec.DecodeError) as error:
+        raise JournalError(f"{path}: no manifest of a campaign: {error}") from None
+
+
+class CampaignFolder(Generic[Job, Flown]):
+    """One campaign in one folder; a context manager."""
+
+    def __init__(
+        self,
+        path: Path,
+        campaign: Campaign[Job, Flown],
+        *,
+        resume: bool = False,
+        restart: bool = False,
+    ) -> None:
+        """resume: go on with what is there; restart: delete it.  Neither: begin, unless flights
+        of an unfinished campaign lie there.
+
+        Errors: `JournalError`; TypeError for flights that cannot be kept.
+        """
+        self.path = path
+        self.campaign = campaign
+        self.manifest = _manifest_of(campaign)
+        journal = path / JOURNAL
+        if restart or not resume:
+            self._begin(journal, restart)
+        found = read_manifest(path) if resume else None
+        if found is not None and found.complete and not journal.exists():
+            raise JournalError(f"{path}: complete already: see `tgl-soar campaign report {path}`")
+        if found is not None:
+            self.manifest.runs = found.runs
+        self._kind = result_type(campaign.fly)
+        manifest = self.manifest
+        key = digest((manifest.source, manifest.flight, manifest.parameters_digest))
+        self._journal = Journal(journal, key[:32], len(campaign.jobs), self._kind)
+
+    def __enter__(self) -> CampaignFolder[Job, Flown]:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._journal.close()
+
+    @property
+    def flown(self) -> int:
+        """How many flights are kept."""
+        return self._journal.flown
+
+    def fly(
+        self, executor: Executor, on_progress: OnProgress = silent, *, size: int | None = None
+    ) -> None:
+        """Fly what is missing.  Errors: those of `run`; all that was flown is kept."""
+        before = self._journal.flown
+        self.manifest.runs.append(
+            {
+                "begun": _now(),
+                "by": executor.description,
+                "from": before,
+                **host_facts(),
+            }
+        )
+        self._write_manifest()
+        campaign = self.campaign
+        run(
+            campaign.fly, campaign.jobs, executor, self._journal, on_progress=on_progress, size=size
+        )
+
+    def __iter__(self) -> Iterator[Flown]:
+        """The results in the order of the flights, read from the disk."""
+        return iter(self._journal)
+
+    def finish(self) -> bool:
+        """Write the table and the manifest and delete the journal; without pyarrow there is no
+        table, and the journal stays.  Whether there is a table.  Errors: OSError."""
+        written = available()
+        if written:
+            jobs = self.campaign.jobs
+            pairs = zip(map(jobs.__getitem__, range(len(jobs))), self, strict=True)
+            kept = {"tgl_soar": msgspec.json.encode(_stable(self.manifest)).decode()}
+            kind = type(jobs[0]) if len(jobs) else object
+            write_rows(self.path / ROWS, kind, self._kind, pairs, kept)
+        self.manifest.complete = True
+        self.manifest.runs[-1]["ended"] = _now()
+        self._write_manifest()
+        if written:
+            (self.path / JOURNAL).unlink()
+        return written
+
+    def _begin(self, journal: Path, restart: bool) -> None:
+        manifest = read_manifest(self.path) if not restart else None
+        if journal.exists() and manifest is not None and not manifest.complete:
+            raise JournalError(
+                f"{journal}: flights of a campaign that was not finished: go on with --resume, or"
+                " begin again with --restart"
+            )
+        for name in (JOURNAL, ROWS, MANIFEST):
+            with suppress(FileNotFoundError):
+                (self.path / name).unlink()
+
+    def _write_manifest(self) -> None:
+        path = self.path / MANIFEST
+        try:
+            write_state(path, msgspec.json.format(msgspec.json.encode(self.manifest)), None)
+        except OSError as error:
+            raise JournalError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def _manifest_of(campaign: Campaign[Any, Any]) -> Manifest:
+    jobs, fly, parameters = campaign.jobs, campaign.fly, dict(campaign.parameters)
+    return Manifest(
+        name=campaign.name,
+        version=__version__,
+        commit=commit(),
+        source=source_digest(),
+        flight=f"{fly.__module__}.{fly.__qualname__}",
+        flights=len(jobs),
+        parameters=parameters,
+        parameters_digest=digest((len(jobs), parameters)),
+        seeds=list(campaign.seeds or ()),
+    )
+
+
+def _stable(manifest: Manifest) -> Manifest:
+    """What does not depend on who flew it, nor when."""
+    return msgspec.structs.replace(manifest, runs=[], complete=True)
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")

@@ -1,0 +1,64 @@
+"""Where flights come from: which source flew them, and on what computer."""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+from collections.abc import Iterator
+from functools import cache
+from hashlib import sha256
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, Final
+
+import tgl_soar
+
+_PACKAGE: Final = Path(tgl_soar.__file__).parent
+_CHANGES_FLIGHTS: Final = ("numpy", "scipy", "numba", "llvmlite")  # where rounding comes from
+
+
+@cache
+def source_digest() -> str:
+    """Of the package's whole source and of the files that it ships: flights of one digest may
+    stand side by side."""
+    found = sha256()
+    for path in sorted(_files()):
+        found.update(path.read_bytes())
+    return found.hexdigest()[:16]
+
+
+def _files() -> Iterator[Path]:
+    yield from _PACKAGE.rglob("*.py")
+    for folder in (_PACKAGE / "_config", _PACKAGE.parents[1] / "config"):
+        yield from (path for path in folder.rglob("*") if path.is_file())
+
+
+@cache
+def commit() -> str:
+    """Of the working copy that the package lies in, `+` where something in it is changed; ""."""
+    try:
+        words = ["git", "-C", str(_PACKAGE), "describe", "--always", "--abbrev=40", "--dirty=+"]
+        found = subprocess.run(words, capture_output=True, text=True, timeout=10, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return ""
+    return found.stdout.strip()
+
+
+def host_facts() -> dict[str, Any]:
+    """The computer, and what rounds there."""
+    return {
+        "host": platform.node(),
+        "system": platform.platform(),
+        "machine": platform.machine(),
+        "processors": os.cpu_count() or 1,
+        "python": platform.python_version(),
+        **{name: _version(name) for name in _CHANGES_FLIGHTS},
+    }
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return ""

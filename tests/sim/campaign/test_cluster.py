@@ -1,0 +1,127 @@
+"""A real scheduler and real workers on this machine, each killed while they fly."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from cheap_flights import cheap_jobs, fly_cheaply
+
+from tgl_soar.sim.campaign import cluster
+from tgl_soar.sim.campaign.cluster import ClusterError, DaskCluster
+from tgl_soar.sim.campaign.journal import InMemory
+from tgl_soar.sim.campaign.run import Progress, fly_all, run
+
+pytest.importorskip("distributed")
+
+HERE = Path(__file__).parent
+SCHEDULER = "from distributed.cli.dask_scheduler import main; main()"
+WORKER = "from distributed.cli.dask_worker import main; main()"
+
+
+def free_port() -> int:
+    with socket.socket() as found:
+        found.bind(("127.0.0.1", 0))
+        return int(found.getsockname()[1])
+
+
+class Machines:
+    """A scheduler and workers, each in a group of processes of its own."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.port = free_port()
+        self.address = f"tcp://127.0.0.1:{self.port}"
+        self.running: dict[str, subprocess.Popen[bytes]] = {}
+
+    def start(self, name: str) -> None:
+        common = ["--host", "127.0.0.1", "--no-dashboard"]
+        words = ["-c", SCHEDULER, "--port", str(self.port), *common]
+        if name != "scheduler":
+            words = ["-c", WORKER, self.address, "--nthreads", "1", "--no-nanny", *common]
+            words += ["--local-directory", str(self.folder / name)]
+        path = os.pathsep.join([str(HERE), os.environ.get("PYTHONPATH", "")])
+        self.running[name] = subprocess.Popen(
+            [sys.executable, *words],
+            cwd=self.folder,
+            env={**os.environ, "PYTHONPATH": path},
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+
+    def kill(self, name: str) -> None:
+        os.killpg(self.running[name].pid, signal.SIGKILL)
+        self.running.pop(name).wait()
+
+
+@pytest.fixture
+def machines(tmp_path: Path) -> Iterator[Machines]:
+    made = Machines(tmp_path)
+    try:
+        for name in ("scheduler", "one", "two"):
+            made.start(name)
+        yield made
+    finally:
+        for name in list(made.running):
+            made.kill(name)
+
+
+def joined(machines: Machines, workers: int) -> DaskCluster:
+    """As soon as so many workers are there."""
+    deadline = time.monotonic() + 60.0
+    while True:
+        try:
+            found = DaskCluster(machines.address)
+            if found.workers == workers:
+                return found
+        except ClusterError:
+            pass
+        assert time.monotonic() < deadline
+        time.sleep(0.2)
+
+
+def test_workers_and_scheduler_die_and_the_flights_are_the_same(
+    machines: Machines, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    executor = joined(machines, 2)
+    assert executor.description == f"dask at {machines.address}, 2 workers"
+    jobs = cheap_jobs(120, nap_s=0.02)
+    expected = [fly_cheaply(job) for job in cheap_jobs(120)]
+    events = [(20, "worker"), (60, "scheduler")]
+
+    def on_progress(progress: Progress) -> None:
+        if events and progress.flown >= events[0][0]:
+            _, what = events.pop(0)
+            if what == "worker":
+                machines.kill("one")
+                machines.start("three")
+            else:
+                for name in list(machines.running):
+                    machines.kill(name)
+                for name in ("scheduler", "four", "five"):
+                    machines.start(name)
+
+    kept = InMemory(len(jobs))
+    run(fly_cheaply, jobs, executor, kept, size=5, on_progress=on_progress)
+    assert not events
+    assert kept.flown == 120
+    assert kept.results() == expected
+
+    with pytest.raises(ArithmeticError, match="seed 3"):
+        fly_all(fly_cheaply, [jobs[3]._replace(raises=True)], executor)
+    monkeypatch.setattr(cluster, "source_digest", lambda: "another")
+    with pytest.raises(ClusterError, match=r"a worker has another source .* than who asks"):
+        fly_all(fly_cheaply, jobs[:2], executor)
+
+
+def test_where_nobody_answers_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cluster, "ANSWER_S", 1.0)
+    with pytest.raises(ClusterError, match="no scheduler answers"):
+        DaskCluster(f"tcp://127.0.0.1:{free_port()}")

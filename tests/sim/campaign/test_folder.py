@@ -1,0 +1,179 @@
+"""A campaign's folder: begun, stopped, killed, gone on with, and its table in the end."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from cheap_flights import CheapJob, cheap_campaign, cheap_jobs, fly_cheaply
+
+from tgl_soar.sim.campaign.executors import InLine, LocalProcesses
+from tgl_soar.sim.campaign.flight_list import Campaign
+from tgl_soar.sim.campaign.folder import JOURNAL, ROWS, CampaignFolder, read_manifest
+from tgl_soar.sim.campaign.journal import JournalError
+from tgl_soar.sim.campaign.run import Progress
+
+COUNT = 60
+EXPECTED = [fly_cheaply(job) for job in cheap_jobs(COUNT)]
+
+
+class Stop(Exception):
+    """Somebody stops it."""
+
+
+def stop_after(flights: int) -> object:
+    def on_progress(progress: Progress) -> None:
+        if progress.flown >= flights:
+            raise Stop
+
+    return on_progress
+
+
+def stopped(path: Path, after: int = 20) -> None:
+    with CampaignFolder(path, cheap_campaign(COUNT)) as folder, pytest.raises(Stop):
+        folder.fly(InLine(), stop_after(after), size=5)  # type: ignore[arg-type]
+
+
+def test_what_was_flown_is_kept_and_gone_on_with(tmp_path: Path) -> None:
+    stopped(tmp_path)
+    with CampaignFolder(tmp_path, cheap_campaign(COUNT), resume=True) as folder:
+        assert folder.flown == 20
+        folder.fly(LocalProcesses(2))
+        assert list(folder) == EXPECTED
+    manifest = read_manifest(tmp_path)
+    assert manifest is not None
+    assert [each["from"] for each in manifest.runs] == [0, 20]
+    assert [each["by"] for each in manifest.runs] == ["in line", "2 local processes"]
+    assert (manifest.flights, manifest.seeds) == (COUNT, [0, COUNT])
+
+
+def test_an_unfinished_campaign_is_not_written_over(tmp_path: Path) -> None:
+    stopped(tmp_path)
+    with pytest.raises(JournalError, match=r"not finished: go on with --resume, or begin"):
+        CampaignFolder(tmp_path, cheap_campaign(COUNT))
+    with pytest.raises(JournalError, match="another campaign"):
+        CampaignFolder(tmp_path, cheap_campaign(COUNT + 1), resume=True)
+    with CampaignFolder(tmp_path, cheap_campaign(COUNT), restart=True) as folder:
+        assert folder.flown == 0
+
+
+def test_the_table_holds_every_flight_and_is_the_same_whoever_flew(tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow")
+    tables = []
+    for name, executor, size in (("a", InLine(), 60), ("b", LocalProcesses(3), 4)):
+        with CampaignFolder(tmp_path / name, cheap_campaign(COUNT)) as folder:
+            folder.fly(executor, size=size)
+            assert folder.finish()
+        assert not (tmp_path / name / JOURNAL).exists()
+        tables.append((tmp_path / name / ROWS).read_bytes())
+    assert tables[0] == tables[1]
+    with pytest.raises(JournalError, match="complete already: see `tgl-soar campaign report"):
+        CampaignFolder(tmp_path / "a", cheap_campaign(COUNT), resume=True)
+    CampaignFolder(tmp_path / "a", cheap_campaign(COUNT)).__exit__(None, None, None)  # once more
+
+
+def test_without_pyarrow_the_flights_stay_as_they_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tgl_soar.sim.campaign.folder.available", lambda: False)
+    with CampaignFolder(tmp_path, cheap_campaign(COUNT)) as folder:
+        folder.fly(InLine())
+        assert not folder.finish()
+    with CampaignFolder(tmp_path, cheap_campaign(COUNT), resume=True) as folder:
+        assert list(folder) == EXPECTED
+
+
+def test_a_campaign_of_nothing(tmp_path: Path) -> None:
+    campaign: Campaign[CheapJob, object] = Campaign("none", fly_cheaply, [])
+    with CampaignFolder(tmp_path, campaign) as folder:
+        folder.fly(InLine())
+        folder.finish()
+
+
+# --- real processes -------------------------------------------------------------------------------
+
+
+def started(
+    path: Path, count: int, workers: int = 2, nap_s: float = 0.004
+) -> subprocess.Popen[str]:
+    here = Path(__file__).parent
+    return subprocess.Popen(
+        [sys.executable, "cheap_flights.py", str(path), str(count), str(workers), str(nap_s)],
+        cwd=here,
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def counts(process: subprocess.Popen[str]) -> Iterator[int]:
+    """How many flights it says are kept."""
+    assert process.stdout is not None
+    for line in process.stdout:
+        yield int(line.split()[-1])
+
+
+def killed_until_done(path: Path, count: int, kills: int, draw: random.Random) -> int:
+    """Kill it after a few more flights, or sooner, and start it again; how often it was killed."""
+    killed = 0
+    while True:
+        process = started(path, count)
+        begun = next(told := counts(process))
+        wanted = (
+            begun + draw.randrange(0, max(1, count // (kills + 1))) if killed < kills else count
+        )
+        for flown in told:
+            if flown >= wanted and killed < kills:
+                time.sleep(draw.uniform(0.0, 0.02))  # at any moment of what it does
+                process.kill()
+                killed += 1
+                break
+        process.communicate(timeout=60)
+        if process.returncode == 0:
+            return killed
+
+
+@pytest.mark.parametrize("kills", [2, pytest.param(10, marks=pytest.mark.long)])
+def test_killed_at_random_it_flies_the_same_flights(tmp_path: Path, kills: int) -> None:
+    count = 200 * kills
+    assert killed_until_done(tmp_path, count, kills, random.Random(kills)) == kills
+    with CampaignFolder(tmp_path, cheap_campaign(count), resume=True) as folder:
+        assert folder.flown == count
+        assert list(folder) == [fly_cheaply(job) for job in cheap_jobs(count)]
+
+
+def test_ctrl_c_leaves_what_is_done(tmp_path: Path) -> None:
+    """It comes to all processes at once, as from a terminal."""
+    process = started(tmp_path, 400)
+    assert any(flown >= 20 for flown in counts(process))
+    os.killpg(process.pid, signal.SIGINT)
+    out, _ = process.communicate(timeout=60)
+    assert process.returncode == 130
+    kept = int(out.split()[-1])
+    assert out.splitlines()[-1] == f"stopped {kept}"
+    with CampaignFolder(tmp_path, cheap_campaign(400), resume=True) as folder:
+        assert 20 <= folder.flown == kept < 400
+
+
+def test_no_worker_outlives_a_parent_that_is_killed(tmp_path: Path) -> None:
+    process = started(tmp_path, 1000, nap_s=0.02)
+    assert next(flown for flown in counts(process) if flown) > 0
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+    if not children.exists():
+        process.kill()
+        pytest.skip("no list of children on this system")
+    workers = [int(pid) for pid in children.read_text().split()]
+    assert len(workers) == 2
+    process.kill()
+    process.communicate(timeout=60)  # ends with the last of those that hold its output
+    deadline = time.monotonic() + 30.0
+    while any(Path(f"/proc/{pid}/cwd").exists() for pid in workers):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
