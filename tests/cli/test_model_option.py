@@ -141,7 +141,7 @@ def test_the_page_of_the_paper_is_flown_by_both(
 
 
 def test_a_campaign_flies_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    (job,) = campaign.drawn_jobs(1, 1)
+    (job,) = campaign.FaultJobs(1, 0, 1)
     monkeypatch.setattr(campaign, "available", lambda: False)
     world = campaign.world_of(job._replace(model="point_mass"), Injection((), 1))
     place = campaign.place()

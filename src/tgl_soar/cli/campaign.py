@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
-import os
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from tgl_soar.analysis.experiments import campaign
@@ -25,6 +23,12 @@ from tgl_soar.cli.console import (
     hint,
     say,
 )
+from tgl_soar.cli.flying import ALL, Restart, Resume, Scheduler, Workers, executor_of, flight_bar
+from tgl_soar.sim.campaign.cluster import ClusterError
+from tgl_soar.sim.campaign.executors import Executor, WorkerLost
+from tgl_soar.sim.campaign.folder import JOURNAL, ROWS, CampaignFolder
+from tgl_soar.sim.campaign.journal import JournalError
+from tgl_soar.sim.campaign.rows import MISSING
 
 campaign_app = Commands(help="Many flights with faults, and long ones.", no_args_is_help=True)
 
@@ -33,15 +37,16 @@ TIMELINE = Path("images") / "safety-timeline.png"
 
 @campaign_app.command()
 def faults(
-    flights: Annotated[int, typer.Option(help="To fly.", min=1, max=1_000_000)] = 2000,
+    flights: Annotated[int, typer.Option(help="To fly.", min=1, max=100_000_000)] = 2000,
     dropouts: Annotated[
         int, typer.Option(help="Of each drop-out that must be survived.", min=0, max=100_000)
     ] = 200,
     seed: Annotated[int, typer.Option(help="Of all that is drawn.", min=0)] = 1,
     model: Annotated[FlightModel | None, typer.Option(help=MODEL_HELP)] = None,
-    workers: Annotated[
-        int, typer.Option(help="Processes that fly; 0: none but this one.", min=0, max=256)
-    ] = os.cpu_count() or 1,
+    workers: Workers = ALL,
+    scheduler: Scheduler = None,
+    resume: Resume = False,
+    restart: Restart = False,
     out: Annotated[Path, typer.Option(help="Folder for the outcome of every flight.")] = Path(
         "out/campaign"
     ),
@@ -49,49 +54,53 @@ def faults(
         Path | None, typer.Option(help="Write the table and its figure into safety.md here.")
     ] = None,
 ) -> None:
-    """Fly with faults drawn at random; exit code 1 if any flight was lost or any command bad."""
+    """Fly with faults drawn at random; exit code 1 if any flight was lost or any command bad.
+
+    Every flight is kept as it is flown: if it is stopped or killed, --resume goes on. In the end
+    each is a row of rows.parquet; see `campaign report`.
+    """
     page = docs / "safety.md" if docs is not None else None
     if page is not None and not page.is_file():
         fail(f"--docs {docs}: there is no {page}")
-    out.mkdir(parents=True, exist_ok=True)
-    jobs = campaign.drawn_jobs(flights, seed)
-    lengths = campaign.survival_jobs(dropouts, seed)
-    if model is not None:
-        if page is not None:
-            fail("--docs goes without --model: the table is that of the airframe file's own")
-        jobs = [job._replace(model=model.kind) for job in jobs]
-        lengths = [job._replace(model=model.kind) for job in lengths]
+    if page is not None and model is not None:
+        fail("--docs goes without --model: the table is that of the airframe file's own")
+    kind = None if model is None else model.kind
+    jobs = campaign.FaultJobs(flights, dropouts, seed, kind)
     begun = time.monotonic()
-    with Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("flights"),
-        TimeElapsedColumn(),
-        console=errors,
-        transient=True,
-    ) as progress:
-        task = progress.add_task("campaign", total=len(jobs) + len(lengths))
-        flown = campaign.fly_all(
-            [*jobs, *lengths], workers, lambda count: progress.update(task, completed=count)
-        )
+    try:
+        with CampaignFolder(
+            out, campaign.campaign_of(jobs), resume=resume, restart=restart
+        ) as folder:
+            _fly(folder, executor_of(workers, scheduler))
+            counted = campaign.count(folder)
+            tabulated = folder.finish()
+    except (JournalError, WorkerLost, ClusterError) as error:
+        fail(error)
     took = time.monotonic() - begun
-    outcomes, survivals = flown[: len(jobs)], campaign.survivals(flown[len(jobs) :])
-    text = json.dumps([outcome._asdict() for outcome in flown], indent=0, ensure_ascii=False)
-    (out / "faults.json").write_text(text + "\n", encoding="utf-8")
-    _print(outcomes, survivals if dropouts else [])
-    say(f"{len(flown)} flights in {took:.0f} s; every one of them in {out}/faults.json")
+    _print(counted)
+    where = out / ROWS if tabulated else f"{out / JOURNAL}, no table: {MISSING}"
+    say(f"{len(jobs)} flights in {took:.0f} s; every one of them in {where}")
     if page is not None:
         command = f"tgl-soar campaign faults --flights {flights} --seed {seed}"
-        written = campaign.section(outcomes, survivals if dropouts else [], command)
+        written = campaign.section(counted, command)
         page.write_text(
             campaign.with_section(page.read_text(encoding="utf-8"), written), encoding="utf-8"
         )
         say(f"table in {page}")
         _draw(page.parent / TIMELINE)
-    bad = [o for o in outcomes if o.bad_commands or o.error or o.result == campaign.LOST]
-    if bad:
-        fail(f"{len(bad)} flights were lost, or had bad commands; first: {bad[0]}", 1)
+    if counted.troubles:
+        first = counted.troubles[0]
+        fail(f"{len(counted.troubles)} flights were lost, or had bad commands; first: {first}", 1)
+
+
+def _fly(folder: CampaignFolder[Any, Any], executor: Executor) -> None:
+    """With a bar; ends where it is stopped."""
+    try:
+        with flight_bar(folder.campaign.name) as bar:
+            folder.fly(executor, lambda progress: bar.show(*progress), first_here=True)
+    except KeyboardInterrupt:
+        count = len(folder.campaign.jobs)
+        fail(f"stopped: {folder.flown} of {count} flights are kept; --resume goes on", 130)
 
 
 @campaign_app.command()
@@ -141,14 +150,14 @@ def long(
         fail(f"ended early: {flight.ended}" if flight.ended else "the flight was not well", 1)
 
 
-def _print(outcomes: list[campaign.Outcome], survivals: list[campaign.Survival]) -> None:
+def _print(counted: campaign.Counted) -> None:
     shown = Table("fault", "flights", "soaring", "flying", "released", "lost", "why")
-    for row in campaign.rows(outcomes):
+    for row in counted.rows:
         counts = (row.results[r] for r in campaign.RESULTS)
         why = ", ".join(f"{reason} ({n})" for reason, n in row.reasons.most_common())
         shown.add_row(row.name, str(row.flights), *(str(n) if n else "·" for n in counts), why)
     console.print(shown)
-    for each in survivals:
+    for each in counted.survivals:
         low, high = each.interval
         console.print(
             f"{each.fault} at {each.turbulence * 100:g} %, {each.aboard}:"

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 import time
+from contextlib import closing
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from tgl_soar.analysis.experiments.catalogue import (
@@ -23,12 +22,18 @@ from tgl_soar.analysis.experiments.catalogue import (
 )
 from tgl_soar.analysis.experiments.catalogue import run as run_experiment
 from tgl_soar.analysis.experiments.context import COMPILED_FROM, Context
-from tgl_soar.analysis.experiments.flights import Flyer
+from tgl_soar.analysis.experiments.flights import FlownFolder, Flyer
 from tgl_soar.analysis.experiments.page import IMAGES, counted, pages
 from tgl_soar.analysis.experiments.result import Result, as_json
 from tgl_soar.analysis.experiments.staleness import probe
-from tgl_soar.cli.console import MODEL_HELP, FlightModel, console, errors, fail, hint, say
+from tgl_soar.cli.console import MODEL_HELP, FlightModel, console, fail, hint, say
+from tgl_soar.cli.flying import ALL, Restart, Resume, Scheduler, Workers, executor_of, flight_bar
 from tgl_soar.config.files import ConfigError
+from tgl_soar.sim.campaign.cluster import ClusterError
+from tgl_soar.sim.campaign.executors import WorkerLost
+from tgl_soar.sim.campaign.journal import JournalError
+
+FLIGHTS = "flights"  # of --out
 
 COLOURS = {
     "agrees": "green",
@@ -63,9 +68,10 @@ def experiment(
         Path | None,
         typer.Option(help="A site file: `places` flies in its air too, a CFD plane's perhaps."),
     ] = None,
-    workers: Annotated[
-        int, typer.Option(help="Processes that fly; 0: none but this one.", min=0, max=256)
-    ] = os.cpu_count() or 1,
+    workers: Workers = ALL,
+    scheduler: Scheduler = None,
+    resume: Resume = False,
+    restart: Restart = False,
     episodes: Annotated[int | None, EPISODES] = None,
     quick: Annotated[
         bool, typer.Option("--quick", help="One seed of each: to try, not to cite.")
@@ -88,11 +94,11 @@ def experiment(
     begun = time.monotonic()
     results: list[Result] = []
     out.mkdir(parents=True, exist_ok=True)
-    with _progress() as progress:
-        task = progress.add_task(names[0], total=None)
-        with Flyer(
-            workers, lambda flown, wanted: progress.update(task, completed=flown, total=wanted)
-        ) as flyer:
+    folder = FlownFolder(out / FLIGHTS, resume=resume, restart=restart)
+    executor = executor_of(workers, scheduler)
+    try:
+        with closing(folder), flight_bar(names[0]) as bar:
+            flyer = Flyer(on_flight=lambda p: bar.show(*p), executor=executor, folder=folder)
             context = Context(
                 flyer=flyer,
                 figures=figures,
@@ -103,23 +109,26 @@ def experiment(
                 episodes=episodes,
             )
             for each in names:
-                progress.update(task, description=each)
-                try:
-                    result = run(each, context)
-                except ConfigError as error:
-                    fail(error)
+                bar.title(each)
+                folder.begin(each)
+                result = run(each, context)
                 results.append(result)
                 text = json.dumps(as_json(result), indent=1, ensure_ascii=False)
                 (out / f"{each}.json").write_text(text + "\n", encoding="utf-8")
                 _print(result)
                 if result.point_mass is not None:
                     _print(result.point_mass)
-            flown, simulated = flyer.flown, flyer.simulated_s
+            folder.finish()
+    except (ConfigError, JournalError, WorkerLost, ClusterError) as error:
+        fail(error)
+    except KeyboardInterrupt:
+        fail(f"stopped: what was flown is kept in {out / FLIGHTS}; --resume goes on", 130)
     if len(results) > 1:
         _print_summary(results)
     took = time.monotonic() - begun
     console.print(
-        f"{flown} flights, {simulated:.0f} s of flight, in {took:.0f} s; numbers in {out}/"
+        f"{flyer.flown} flights, {flyer.simulated_s:.0f} s of flight, in {took:.0f} s;"
+        f" numbers in {out}/"
     )
     _print_figures(figures)
     if docs is not None:
@@ -158,18 +167,6 @@ def _refuse(name: str, docs: Path | None, model: FlightModel | None, quick: bool
         )
     if docs is not None and model is not None:
         fail("--docs goes without --model: the page shows both")
-
-
-def _progress() -> Progress:
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("flights"),
-        TimeElapsedColumn(),
-        console=errors,
-        transient=True,
-    )
 
 
 def _named(name: str, model: FlightModel | None) -> list[str]:

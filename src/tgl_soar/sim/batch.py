@@ -2,8 +2,8 @@
 
 One seed is one flight, however it is flown:
 
-    plain      `closed_loop.fly`, in processes
-    compiled   `fly_compiled`, in threads: it holds no lock, and compiles only once
+    plain      `closed_loop.fly`
+    compiled   `fly_compiled`; the first flight compiles for all processes
 
 The second needs numba (the extra `fast`) and agrees with the first to 1e-6.
 """
@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from math import radians
@@ -26,13 +25,13 @@ from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Site
 from tgl_soar.control.target_line import eta_from_lean
+from tgl_soar.sim.campaign.executors import InLine, LocalProcesses
+from tgl_soar.sim.campaign.run import fly_all
 from tgl_soar.sim.closed_loop import Change, Trajectory, fly
 from tgl_soar.sim.fast_flight import Prepared, fly_compiled, prepare
 from tgl_soar.sim.score import LegScore, score_leg
 from tgl_soar.sim.sensors import USUAL_SENSORS, Sensors
 from tgl_soar.sim.world import World, make_world
-
-CHUNKS_PER_WORKER = 4  # so that no worker is left with the last long flights alone
 
 
 @dataclass(frozen=True)
@@ -85,7 +84,7 @@ def fly_batch(
 ) -> list[FlightScore]:
     """Fly the plan once with each seed; scores in the order of the seeds.
 
-    workers: processes or threads at once; None: one a core.  Neither their number nor the
+    workers: processes; 1: this one; None: one a core.  Neither their number nor the
     other seeds change a score.
     Errors: `ConfigError`, `ParameterError`; ImportError without numba and `UnknownFieldError`
     where flights are to be compiled.
@@ -98,34 +97,16 @@ def fly_batch(
     world = plan.world(seeds[0])
     plan = replace(plan, field=world.field)  # built once
     legs = _legs(plan, world.field)
-    if compile:
-        prepared = prepare(world, plan.duration_s)
-        fly_one = partial(_fly_one_compiled, plan, legs, prepared)
-        if count == 1:
-            return [fly_one(seed) for seed in seeds]
-        first = fly_one(seeds[0])  # compiles, once for all threads
-        with ThreadPoolExecutor(count) as threads:
-            return [first, *threads.map(fly_one, seeds[1:])]
-    fly_chunk = partial(_fly_chunk, plan, legs)
-    if count == 1:
-        return fly_chunk(seeds)
-    size = -(-len(seeds) // (CHUNKS_PER_WORKER * count))
-    chunks = [seeds[i : i + size] for i in range(0, len(seeds), size)]
-    with ProcessPoolExecutor(count) as processes:
-        return [score for chunk in processes.map(fly_chunk, chunks) for score in chunk]
+    prepared = prepare(world, plan.duration_s) if compile else None
+    fly_one = partial(_fly_one, plan, legs, prepared)
+    executor = InLine() if count == 1 else LocalProcesses(count)
+    return fly_all(fly_one, seeds, executor, first_here=compile)
 
 
-def _fly_one_compiled(
-    plan: Plan, legs: Sequence[_Leg], prepared: Prepared, seed: int
-) -> FlightScore:
-    return _score(seed, legs, fly_compiled(prepared, seed, plan.values, plan.changes))
-
-
-def _fly_chunk(plan: Plan, legs: Sequence[_Leg], seeds: Sequence[int]) -> list[FlightScore]:
-    return [
-        _score(seed, legs, fly(plan.world(seed), plan.values, plan.changes, plan.duration_s))
-        for seed in seeds
-    ]
+def _fly_one(plan: Plan, legs: Sequence[_Leg], prepared: Prepared | None, seed: int) -> FlightScore:
+    if prepared is not None:
+        return _score(seed, legs, fly_compiled(prepared, seed, plan.values, plan.changes))
+    return _score(seed, legs, fly(plan.world(seed), plan.values, plan.changes, plan.duration_s))
 
 
 def _legs(plan: Plan, field: WindField) -> list[_Leg]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from functools import partial
 from math import nan
 
@@ -18,18 +19,19 @@ from tgl_soar.analysis.experiments.campaign import (
     SOARING,
     CommandCheck,
     FaultJob,
+    FaultJobs,
     Outcome,
-    drawn_jobs,
-    fly_all,
+    campaign_of,
+    count,
     fly_job,
     place,
-    survival_jobs,
-    survivals,
     wilson,
     with_section,
 )
 from tgl_soar.autopilot import Output, initial_state, step
 from tgl_soar.control.laws import laws_from
+from tgl_soar.sim.campaign.executors import InLine, LocalProcesses
+from tgl_soar.sim.campaign.run import fly_all
 from tgl_soar.sim.closed_loop import ClosedLoop
 from tgl_soar.sim.faults import CATALOGUE, parse_fault
 from tgl_soar.types import NO_ATTITUDE, NO_FIX, AutopilotStatus, Inputs, SurfaceCommand
@@ -50,7 +52,7 @@ def job(*faults: str, seed: int = 1) -> FaultJob:
 
 
 def test_every_kind_has_its_flights_and_some_have_two_faults() -> None:
-    jobs = drawn_jobs(400, 1)
+    jobs = FaultJobs(400, 0, 1)
     flown = Counter(each.row for each in jobs)
     assert set(flown) == {*CATALOGUE, PAIRS}
     assert flown[PAIRS] == 100
@@ -60,8 +62,12 @@ def test_every_kind_has_its_flights_and_some_have_two_faults() -> None:
 
 
 def test_jobs_repeat_with_their_seed() -> None:
-    assert drawn_jobs(40, 5) == drawn_jobs(40, 5)
-    assert drawn_jobs(40, 5) != drawn_jobs(40, 6)
+    assert FaultJobs(40, 2, 5)[:] == list(FaultJobs(40, 2, 5))
+    assert FaultJobs(40, 2, 5)[:] != FaultJobs(40, 2, 6)[:]
+    assert FaultJobs(40, 2, 5)[3:5] == [FaultJobs(60, 0, 5)[3], FaultJobs(60, 0, 5)[4]]
+    assert {each.model for each in FaultJobs(3, 1, 5, "point_mass")} == {"point_mass"}
+    with pytest.raises(IndexError):
+        FaultJobs(40, 2, 5)[48]
 
 
 def test_a_short_gap_is_survived_a_pilot_is_obeyed() -> None:
@@ -76,11 +82,18 @@ def test_a_short_gap_is_survived_a_pilot_is_obeyed() -> None:
 def test_a_flight_is_the_same_wherever_it_is_flown(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(campaign, "fly_job", partial(fly_job, duration_s=SHORT_S))
     jobs = [job("position.loss start=2 for=2 share=0.5")._replace(seed=s) for s in (1, 2)]
-    told: list[int] = []
-    here = fly_all(jobs, 0, told.append)
-    assert told == [1, 2]
+    here = fly_all(campaign.fly_fault_job, jobs, InLine())
+    assert here == fly_all(campaign.fly_fault_job, jobs, LocalProcesses(2))
     assert here == [fly_job(each, SHORT_S) for each in jobs]
     assert here[0] != here[1]
+
+
+def test_a_campaign_says_all_that_its_flights_depend_on() -> None:
+    jobs = FaultJobs(20, 2, 7)
+    told = campaign_of(jobs)
+    assert (len(told.jobs), told.seeds) == (28, (7, 26))
+    assert {"flights", "dropouts", "seed", "model", "autopilot"} <= set(told.parameters)
+    assert told.parameters != campaign_of(replace(jobs, seed=8)).parameters
 
 
 def test_an_exception_is_an_outcome_and_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -143,7 +156,7 @@ def test_the_interval_is_wilsons() -> None:
 
 
 def test_survivals_are_counted_by_fault_and_air() -> None:
-    jobs = survival_jobs(3, 1)
+    jobs = FaultJobs(0, 3, 1)
     outcomes = [
         Outcome(
             row=each.row,
@@ -157,7 +170,7 @@ def test_survivals_are_counted_by_fault_and_air() -> None:
         )
         for i, each in enumerate(jobs)
     ]
-    first, *others = survivals(outcomes)
+    first, *others = count(outcomes).survivals
     assert (first.turbulence, first.survived, first.flights) == (0.03, 2, 3)
     assert [(s.turbulence, s.survived) for s in others] == [(0.03, 3), (0.01, 3), (0.01, 3)]
     assert {s.aboard for s in others} == set(campaign.SENSORS)
@@ -196,10 +209,11 @@ def test_the_section_is_written_between_its_marks_and_counts_right() -> None:
             error="",
         ),
     ]
-    written = campaign.section(outcomes, [], "the command")
+    written = campaign.section(count(outcomes), "the command")
     assert "2 commands not finite" in written
     assert "| `link.loss` | 2 | 1 | · | 1 | · | position lost (1) |" in written
     assert "| two at once | 1 | · | · | · | 1 | hit the board (1) |" in written
+    assert count(outcomes).troubles == outcomes[2:]
     assert "| **all** | **3** | 1 | 0 | 1 | 1 | |" in written
     page = f"before\n{BEGIN}\nold\n{END}\nafter\n"
     new = with_section(page, written)

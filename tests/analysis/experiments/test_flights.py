@@ -59,8 +59,7 @@ def test_workers_give_the_same_flights_in_the_order_asked_for(scenario: Scenario
     short = msgspec.structs.replace(scenario, duration_s=3.0, changes=[])
     jobs = [ScenarioJob(short, seed) for seed in (5, 4)]
     seen: list[tuple[int, int]] = []
-    with Flyer(2, lambda flown, wanted: seen.append((flown, wanted))) as flyer:
-        pooled = flyer.fly(jobs)
+    pooled = Flyer(2, lambda told: seen.append((told.flown, told.wanted))).fly(jobs)
     alone = Flyer().fly(jobs)
     assert [f.seed for f in pooled] == [5, 4]
     assert seen[-1] == (2, 2)

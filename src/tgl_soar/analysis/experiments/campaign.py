@@ -17,14 +17,12 @@ finite, within travel, and no faster than the surface may move.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 from math import isfinite, sqrt
-from multiprocessing import get_all_start_methods, get_context
 from random import Random
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, overload
 
 from tgl_soar.air.field import WindField
 from tgl_soar.autopilot import Output, mode_name, reason_text
@@ -38,6 +36,8 @@ from tgl_soar.config.files import (
 )
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Site
+from tgl_soar.sim.campaign.encoding import digest
+from tgl_soar.sim.campaign.flight_list import Campaign
 from tgl_soar.sim.closed_loop import ClosedLoop
 from tgl_soar.sim.compiled import available
 from tgl_soar.sim.fast_flight import CompiledLoop, CompiledWorld, prepare
@@ -51,8 +51,6 @@ DURATION_S: Final = 30.0
 TURBULENCE: Final = 0.02  # drawn from 0 to this
 TWO_OF: Final = 4  # one flight in so many has two faults
 PAIRS: Final = "two at once"
-WARM_UP_S: Final = 0.05
-CHUNK: Final = 16  # flights handed to a process at a time
 LINE: Final = "b"
 # What an operator sets for this line: nearer to the board, lower or further than this is trouble.
 ENVELOPE: Final = {
@@ -134,29 +132,17 @@ def wilson(successes: int, of: int) -> tuple[float, float]:
 # --- the jobs ----------------------------------------------------------------------------------
 
 
-def drawn_jobs(flights: int, seed: int) -> list[FaultJob]:
-    """The flights of a campaign."""
+def drawn_job(i: int, seed: int) -> FaultJob:
+    """Flight `i` of a campaign."""
     kinds = list(CATALOGUE.values())
-    jobs = []
-    turn = 0
-    for i in range(flights):
-        random = Random(f"{seed}/{i}")
-        turbulence = round(random.uniform(0.0, TURBULENCE), 4)
-        if i % TWO_OF == TWO_OF - 1:
-            both = tuple(drawn_fault(random.choice(kinds), random) for _ in range(2))
-            jobs.append(FaultJob(row=PAIRS, seed=seed + i, turbulence=turbulence, faults=both))
-        else:
-            kind = kinds[turn % len(kinds)]
-            turn += 1
-            jobs.append(
-                FaultJob(
-                    row=kind.name,
-                    seed=seed + i,
-                    turbulence=turbulence,
-                    faults=(drawn_fault(kind, random),),
-                )
-            )
-    return jobs
+    random = Random(f"{seed}/{i}")
+    turbulence = round(random.uniform(0.0, TURBULENCE), 4)
+    if i % TWO_OF == TWO_OF - 1:
+        both = tuple(drawn_fault(random.choice(kinds), random) for _ in range(2))
+        return FaultJob(row=PAIRS, seed=seed + i, turbulence=turbulence, faults=both)
+    kind = kinds[(i - i // TWO_OF) % len(kinds)]  # each in turn, the pairs left out
+    fault = drawn_fault(kind, random)
+    return FaultJob(row=kind.name, seed=seed + i, turbulence=turbulence, faults=(fault,))
 
 
 SURVIVALS: Final = tuple(  # fault, turbulence, what is aboard
@@ -169,19 +155,55 @@ SURVIVALS: Final = tuple(  # fault, turbulence, what is aboard
 )
 
 
-def survival_jobs(flights: int, seed: int) -> list[FaultJob]:
-    """Drop-outs of the lengths that must be survived."""
-    return [
-        FaultJob(
-            row=_name(text, turbulence, aboard),
-            seed=seed + i,
-            turbulence=turbulence,
-            faults=(parse_fault(text),),
-            aboard=aboard,
-        )
-        for text, turbulence, aboard in SURVIVALS
-        for i in range(flights)
-    ]
+def survival_job(which: int, i: int, seed: int) -> FaultJob:
+    """Flight `i` with one of the drop-outs that must be survived."""
+    text, turbulence, aboard = SURVIVALS[which]
+    return FaultJob(
+        row=_name(text, turbulence, aboard),
+        seed=seed + i,
+        turbulence=turbulence,
+        faults=(parse_fault(text),),
+        aboard=aboard,
+    )
+
+
+@dataclass(frozen=True)
+class FaultJobs(Sequence[FaultJob]):
+    """All flights of a campaign, each drawn when it is asked for: first those with faults drawn
+    at random, then each drop-out that must be survived."""
+
+    flights: int
+    dropouts: int  # of each
+    seed: int
+    model: ModelKind | None = None  # None: the airframe file's
+
+    def __len__(self) -> int:
+        return self.flights + self.dropouts * len(SURVIVALS)
+
+    @overload
+    def __getitem__(self, i: int) -> FaultJob: ...
+
+    @overload
+    def __getitem__(self, i: slice) -> list[FaultJob]: ...
+
+    def __getitem__(self, i: int | slice) -> FaultJob | list[FaultJob]:
+        if isinstance(i, slice):
+            return [self[each] for each in range(*i.indices(len(self)))]
+        if not 0 <= i < len(self):
+            raise IndexError(i)
+        if i < self.flights:
+            job = drawn_job(i, self.seed)
+        else:
+            job = survival_job(*divmod(i - self.flights, self.dropouts), self.seed)
+        return job._replace(model=self.model)
+
+
+def campaign_of(jobs: FaultJobs) -> Campaign[FaultJob, Outcome]:
+    """The flights for the runner."""
+    values = digest(place().values)
+    parameters = {**asdict(jobs), "duration_s": DURATION_S, "autopilot": values}
+    seeds = (jobs.seed, jobs.seed + max(jobs.flights, jobs.dropouts) - 1)
+    return Campaign("faults", fly_fault_job, jobs, parameters, seeds)
 
 
 def _name(text: str, turbulence: float, aboard: str) -> str:
@@ -284,48 +306,12 @@ def fly_job(job: FaultJob, duration_s: float = DURATION_S) -> Outcome:
     )
 
 
-def _fly_chunk(jobs: Sequence[FaultJob]) -> list[Outcome]:
-    return [fly_job(job) for job in jobs]
-
-
-def fly_all(
-    jobs: Sequence[FaultJob], workers: int, on_flown: Callable[[int], None] | None = None
-) -> list[Outcome]:
-    """Fly all, in any order, on so many processes (0: in this one); outcomes as the jobs."""
-    told = on_flown or (lambda _flown: None)
-    if workers == 0:
-        return list(_counted((fly_job(job) for job in jobs), told))
-    chunks = [jobs[i : i + CHUNK] for i in range(0, len(jobs), CHUNK)]
-    flown = 0
-    context = None
-    if available() and "fork" in get_all_start_methods():
-        fly_job(jobs[0], WARM_UP_S)  # compiles once, for all processes
-        context = get_context("fork")
-    with ProcessPoolExecutor(workers, context) as processes:
-        futures = [processes.submit(_fly_chunk, chunk) for chunk in chunks]
-        for future in as_completed(futures):
-            flown += len(future.result())
-            told(flown)
-    return [outcome for future in futures for outcome in future.result()]
-
-
-def _counted(outcomes: Iterator[Outcome], told: Callable[[int], None]) -> Iterator[Outcome]:
-    for flown, outcome in enumerate(outcomes, 1):
-        told(flown)
-        yield outcome
+def fly_fault_job(job: FaultJob) -> Outcome:
+    """Fly one, as long as all."""
+    return fly_job(job)
 
 
 # --- what became of them -----------------------------------------------------------------------
-
-
-def survivals(outcomes: Sequence[Outcome]) -> list[Survival]:
-    """Of the flights of `survival_jobs`."""
-    found = []
-    for text, turbulence, aboard in SURVIVALS:
-        own = [o for o in outcomes if o.row == _name(text, turbulence, aboard)]
-        survived = sum(o.result in (SOARING, FLYING) for o in own)
-        found.append(Survival(text, turbulence, aboard, len(own), survived))
-    return found
 
 
 class FaultRow(NamedTuple):
@@ -337,59 +323,90 @@ class FaultRow(NamedTuple):
     reasons: Counter[str]  # of those that let go or were lost
 
 
-def rows(outcomes: Sequence[Outcome]) -> list[FaultRow]:
-    """By fault, in the catalogue's order, pairs last."""
-    found = []
-    for name in (*CATALOGUE, PAIRS):
-        own = [o for o in outcomes if o.row == name]
-        if own:
-            found.append(
-                FaultRow(
-                    name,
-                    len(own),
-                    Counter(o.result for o in own),
-                    Counter(o.reason for o in own if o.result in (RELEASED, LOST)),
-                )
-            )
-    return found
+class Counted(NamedTuple):
+    """What became of all flights."""
+
+    rows: list[FaultRow]  # by fault, in the catalogue's order, pairs last
+    survivals: list[Survival]  # of the drop-outs that must be survived
+    results: Counter[str]  # of the rows, as are the next three
+    bad_commands: int
+    raised: int
+    troubles: list[Outcome]  # lost, or with bad commands, or ended by an exception
+
+    @property
+    def flights(self) -> int:
+        """With faults drawn at random."""
+        return self.results.total()
 
 
-def table(outcomes: Sequence[Outcome]) -> list[str]:
+def count(outcomes: Iterable[Outcome]) -> Counted:
+    """One by one: however many there are, they are never in memory together."""
+    results: dict[str, Counter[str]] = {name: Counter() for name in (*CATALOGUE, PAIRS)}
+    reasons: dict[str, Counter[str]] = {name: Counter() for name in results}
+    lengths: dict[str, Counter[bool]] = {_name(*each): Counter() for each in SURVIVALS}
+    bad_commands = raised = 0
+    troubles = []
+    for o in outcomes:
+        if o.row in lengths:
+            lengths[o.row][o.result in (SOARING, FLYING)] += 1
+            continue
+        results[o.row][o.result] += 1
+        if o.result in (RELEASED, LOST):
+            reasons[o.row][o.reason] += 1
+        bad_commands += o.bad_commands
+        raised += bool(o.error)
+        if o.bad_commands or o.error or o.result == LOST:
+            troubles.append(o)
+    return Counted(
+        rows=[
+            FaultRow(name, found.total(), found, reasons[name])
+            for name, found in results.items()
+            if found
+        ],
+        survivals=[
+            Survival(*each, flights=found.total(), survived=found[True])
+            for each in SURVIVALS
+            if (found := lengths[_name(*each)])
+        ],
+        results=sum(results.values(), Counter()),
+        bad_commands=bad_commands,
+        raised=raised,
+        troubles=troubles,
+    )
+
+
+def table(counted: Counted) -> list[str]:
     """The rows as a Markdown table."""
     lines = [
         "| fault | flights | soaring | flying | released | lost | why |",
         "|---|--:|--:|--:|--:|--:|---|",
     ]
-    for row in rows(outcomes):
+    for row in counted.rows:
         counts = (row.results[result] for result in RESULTS)
-        numbers = " | ".join(str(count) if count else "·" for count in counts)
+        numbers = " | ".join(str(n) if n else "·" for n in counts)
         why = ", ".join(f"{reason} ({n})" for reason, n in row.reasons.most_common())
         name = row.name if row.name == PAIRS else f"`{row.name}`"
         lines.append(f"| {name} | {row.flights} | {numbers} | {why} |")
-    totals = Counter(o.result for o in outcomes)
-    numbers = " | ".join(str(totals[r]) for r in RESULTS)
-    lines.append(f"| **all** | **{len(outcomes)}** | {numbers} | |")
+    numbers = " | ".join(str(counted.results[r]) for r in RESULTS)
+    lines.append(f"| **all** | **{counted.flights}** | {numbers} | |")
     return lines
 
 
-def section(outcomes: Sequence[Outcome], lengths: Sequence[Survival], command: str) -> str:
+def section(counted: Counted, command: str) -> str:
     """The generated part of docs/safety.md."""
-    bad = sum(o.bad_commands for o in outcomes)
-    raised = sum(bool(o.error) for o in outcomes)
-    lost = sum(o.result == LOST for o in outcomes)
     lines = [
-        f"{len(outcomes):,} flights of {DURATION_S:g} s: {bad} commands not finite or outside the"
-        f" envelope, {raised} exceptions, {lost} flights lost while the module had the surfaces."
-        f" Measured by `{command}`.",
+        f"{counted.flights:,} flights of {DURATION_S:g} s: {counted.bad_commands} commands not"
+        f" finite or outside the envelope, {counted.raised} exceptions, {counted.results[LOST]}"
+        f" flights lost while the module had the surfaces. Measured by `{command}`.",
         "",
-        *table(outcomes),
+        *table(counted),
         "",
         "Drop-outs that must be survived, on the same line:",
         "",
         "| drop-out | turbulence | aboard | flights | survived | 95 % interval |",
         "|---|--:|---|--:|--:|---|",
     ]
-    for s in lengths:
+    for s in counted.survivals:
         low, high = s.interval
         lines.append(
             f"| `{s.fault}` | {s.turbulence * 100:g} % | {s.aboard} | {s.flights} |"

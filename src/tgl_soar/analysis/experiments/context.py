@@ -67,8 +67,7 @@ class Context:
         faulty = any(job.scenario.faults for job in jobs)
         if len(jobs) < self.compiled_from or faulty or not available():
             return self.flyer.fly(jobs)
-        first = self.flyer.each(fly_job_compiled, jobs[:1], compiled=True)  # the others wait for it
-        return first + self.flyer.each(fly_job_compiled, jobs[1:], compiled=True)
+        return self.flyer.each(fly_job_compiled, jobs, compiled=True)
 
     def figure(self, name: str) -> Path | None:
         """The path of a figure; None: draw none."""

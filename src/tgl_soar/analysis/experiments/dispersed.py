@@ -180,8 +180,7 @@ def dispersed(context: Context) -> Result:
         for case in cases
         for i in range(flown_each)
     ]
-    # The first compiles, and the others find what it has left on the disk.
-    flown = context.flyer.each(_fly, jobs[:1]) + context.flyer.each(_fly, jobs[1:])
+    flown = context.flyer.each(_fly, jobs, compiled=True)
     scores = {
         case: scored(flown[i * flown_each : (i + 1) * flown_each]) for i, case in enumerate(cases)
     }

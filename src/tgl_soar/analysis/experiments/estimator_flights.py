@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
 from math import nan, sqrt
@@ -492,9 +491,5 @@ def fly_named(
     simple = [flight for flights in scored.values() for flight in flights]
     if len(simple) < COMPILED_FROM or not available():
         return fly_each(flyer, fly_scored, {**corrupted, **scored})
-    # The flyer's processes have been started by now: none is split off from a running compiler.
-    with ThreadPoolExecutor(1) as aside:
-        first = aside.submit(fly_scored_compiled, simple[0])
-        flown = fly_each(flyer, fly_scored, corrupted)
-        first.result()
+    flown = fly_each(flyer, fly_scored, corrupted)
     return {**_named(scored, flyer.each(fly_scored_compiled, simple, compiled=True)), **flown}

@@ -8,17 +8,10 @@ the dispersion along the line, which it does not, are scored apart.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import (
-    Executor,
-    Future,
-    ProcessPoolExecutor,
-    ThreadPoolExecutor,
-    as_completed,
-)
 from dataclasses import dataclass
 from math import cos, sin
-from types import TracebackType
-from typing import NamedTuple, Protocol, TypeVar
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import msgspec
 import numpy as np
@@ -29,6 +22,11 @@ from tgl_soar.analysis.experiments.scenario import PreparedScenario, Scenario, p
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.site import Start
 from tgl_soar.control.target_line import TargetLine
+from tgl_soar.sim.campaign.encoding import digest
+from tgl_soar.sim.campaign.executors import Executor, InLine, local
+from tgl_soar.sim.campaign.flight_list import Campaign
+from tgl_soar.sim.campaign.folder import CampaignFolder
+from tgl_soar.sim.campaign.run import Progress, fly_all
 from tgl_soar.sim.closed_loop import Trajectory, fly
 from tgl_soar.sim.fast_flight import fly_compiled
 from tgl_soar.sim.fast_flight import prepare as prepare_compiled
@@ -232,30 +230,33 @@ Wanted = TypeVar("Wanted")
 Lasted = TypeVar("Lasted", bound=Timed)
 
 
+class FlyerProgress(NamedTuple):
+    """How far it is with all that was asked for so far."""
+
+    flown: int
+    wanted: int
+    per_s: float  # flights of the list that is flown
+    left_s: float  # of the list that is flown; inf: not known yet
+
+
 class Flyer:
-    """Flies jobs on all cores it is given, or in this process with `workers` = 0."""
+    """Flies jobs by an executor, and counts; with a folder their flights are kept there."""
 
     def __init__(
-        self, workers: int = 0, on_flight: Callable[[int, int], None] | None = None
+        self,
+        workers: int = 0,
+        on_flight: Callable[[FlyerProgress], None] | None = None,
+        *,
+        executor: Executor | None = None,
+        folder: FlownFolder | None = None,
     ) -> None:
-        """on_flight(flown, wanted) is called as flights begin to be wanted and are flown."""
-        self._workers = workers
-        self._pool = ProcessPoolExecutor(workers) if workers > 0 else None
-        self._on_flight = on_flight or (lambda _flown, _wanted: None)
+        """workers: processes, 0 for this one alone, where no executor is given; on_flight is
+        called as flights begin to be wanted and are flown."""
+        self._executor = executor or local(workers)
+        self._on_flight = on_flight or (lambda _progress: None)
+        self._folder = folder
         self.flown = self.wanted = 0
         self.simulated_s = 0.0
-
-    def __enter__(self) -> Flyer:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if self._pool is not None:
-            self._pool.shutdown(wait=True, cancel_futures=True)
 
     def fly(self, jobs: Iterable[ScenarioJob]) -> list[FlownScenario]:
         """Fly all, in the order given.  Errors: `ConfigError`."""
@@ -270,31 +271,74 @@ class Flyer:
     ) -> list[Lasted]:
         """What a function that flies one flight makes of each job, in the order given.
 
-        compiled: in threads of this process, where it compiles only once and holds no lock.
+        compiled: it compiles.  The first is flown in this process, so that the others find what
+        it has compiled.  Errors: those of the function, `JournalError`, `WorkerLost`.
         """
         queue = list(jobs)
         self.wanted += len(queue)
-        self._on_flight(self.flown, self.wanted)
-        if self._pool is None:
-            return [self._count(fly(job)) for job in queue]
-        if compiled:
-            with ThreadPoolExecutor(self._workers) as threads:
-                return self._all(threads, fly, queue)
-        return self._all(self._pool, fly, queue)
+        before = self.flown
 
-    def _all(
-        self, pool: Executor, fly: Callable[[Wanted], Lasted], queue: list[Wanted]
-    ) -> list[Lasted]:
-        futures: list[Future[Lasted]] = [pool.submit(fly, job) for job in queue]
-        for future in as_completed(futures):
-            self._count(future.result())
-        return [future.result() for future in futures]
+        def on_progress(progress: Progress) -> None:
+            self.flown = before + progress.flown
+            self._on_flight(FlyerProgress(self.flown, self.wanted, *progress[2:]))
 
-    def _count(self, flown: Lasted) -> Lasted:
-        self.flown += 1
-        self.simulated_s += flown.duration_s
-        self._on_flight(self.flown, self.wanted)
+        executor: Executor = self._executor if len(queue) > 1 else InLine()
+        if self._folder is None:
+            flown = fly_all(fly, queue, executor, on_progress=on_progress, first_here=compiled)
+        else:
+            campaign = self._folder.opened(fly, queue)
+            campaign.fly(executor, on_progress, first_here=compiled)
+            flown = list(campaign)
+        self.simulated_s += sum(each.duration_s for each in flown)
         return flown
+
+
+class FlownFolder:
+    """Where the flights of experiments are kept: a campaign's folder for each list of them.
+
+    An experiment that is run again asks for the same lists in the same order, so that it finds
+    its flights again by their number.
+    """
+
+    def __init__(self, path: Path, *, resume: bool = False, restart: bool = False) -> None:
+        self.path = path
+        self._options = {"resume": resume, "restart": restart}
+        self._experiment = ""
+        self._lists = 0
+        self._open: list[CampaignFolder[Any, Any]] = []
+
+    def begin(self, experiment: str) -> None:
+        """The next flights are of this one."""
+        self._experiment, self._lists = experiment, 0
+
+    def opened(
+        self, fly: Callable[[Wanted], Lasted], jobs: list[Wanted]
+    ) -> CampaignFolder[Wanted, Lasted]:
+        """The folder of the next list.  Errors: `JournalError`."""
+        self._lists += 1
+        name = f"{self._lists:02}-{fly.__name__.strip('_')}"
+        seeds = [seed for job in jobs if isinstance(seed := getattr(job, "seed", None), int)]
+        campaign = Campaign(
+            name=f"{self._experiment} {name}",
+            fly=fly,
+            jobs=jobs,
+            parameters={"experiment": self._experiment, "jobs": digest(jobs)},
+            seeds=(min(seeds), max(seeds)) if seeds else None,
+        )
+        folder = CampaignFolder(self.path / self._experiment / name, campaign, **self._options)
+        self._open.append(folder)
+        return folder
+
+    def finish(self) -> bool:
+        """All is done: tables instead of journals.  Whether there are tables.  Errors:
+        `JournalError`."""
+        written = [folder.finish() for folder in self._open]
+        return all(written)
+
+    def close(self) -> None:
+        """What is unfinished stays, to be gone on with."""
+        for folder in self._open:
+            folder.close()
 
 
 def pooled_dispersion(legs: Sequence[ScoredLeg]) -> float:

@@ -109,7 +109,7 @@ def run(context: Context) -> Result:
     jobs = [
         SearchJob(kind, seed) for kind in KINDS for seed in range(PUBLISHED, PUBLISHED + episodes)
     ]
-    flown = context.flyer.each(fly_place, jobs)
+    flown = context.flyer.each(fly_place, jobs, compiled=True)
     scores = [each for searched in flown for each in searched.scores]
     figures = [] if context.figures is None else _draw(context.figures, scores)
     claims = [claim for kind in KINDS for claim in _claims(kind, scores)]

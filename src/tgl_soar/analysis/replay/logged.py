@@ -14,12 +14,11 @@ anything of that differs from the log, by the plain laws, whose result counts.
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from itertools import pairwise, starmap
 from pathlib import Path
 from typing import Any, Final, NamedTuple, get_type_hints
@@ -56,6 +55,8 @@ from tgl_soar.onboard.flightlog.declaration import (
 )
 from tgl_soar.onboard.flightlog.writer import clamped
 from tgl_soar.onboard.setup import ModuleSetup, laws_of, setup_from
+from tgl_soar.sim.campaign.executors import LocalProcesses
+from tgl_soar.sim.campaign.run import fly_all
 from tgl_soar.types import NAN, NO_ATTITUDE, NO_FIX, AutopilotStatus, Inputs
 
 STRETCH: Final = 2000  # ticks: less is not worth another process
@@ -417,22 +418,17 @@ def _parameters(
 
 # --- flying it --------------------------------------------------------------------------------
 
-_shared: _Flight | None = None  # what forked workers find in their memory
-
 
 def _fly_all(flight: _Flight, workers: int) -> list[_LoggedTicks]:
     """The whole flight, in stretches side by side where that is worth it."""
-    global _shared
-    edges = _edges(flight, workers)
-    alone = flight.kernel is not None or "fork" not in multiprocessing.get_all_start_methods()
-    if alone or len(edges) == 2:
+    stretches = list(pairwise(_edges(flight, workers)))
+    if flight.kernel is not None or len(stretches) == 1:
         return [_fly(flight, 0, len(flight.ticks))]
-    _shared = flight
-    try:
-        with multiprocessing.get_context("fork").Pool(len(edges) - 1) as pool:
-            return pool.starmap(_fly_shared, pairwise(edges))
-    finally:
-        _shared = None
+    return fly_all(partial(_fly_stretch, flight), stretches, LocalProcesses(len(stretches)))
+
+
+def _fly_stretch(flight: _Flight, edges: tuple[int, int]) -> _LoggedTicks:
+    return _fly(flight, *edges)
 
 
 def _edges(flight: _Flight, workers: int) -> list[int]:
@@ -448,11 +444,6 @@ def _edges(flight: _Flight, workers: int) -> list[int]:
         if at < len(possible):
             edges.append(int(possible[at]))
     return sorted(set(edges))
-
-
-def _fly_shared(begin: int, end: int) -> _LoggedTicks:
-    assert _shared is not None
-    return _fly(_shared, begin, end)
 
 
 def _fly(flight: _Flight, begin: int, end: int) -> _LoggedTicks:

@@ -12,10 +12,7 @@ All that is found is kept on disk as it is found (`progress_file`).
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
-from multiprocessing import get_all_start_methods, get_context
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -54,6 +51,8 @@ from tgl_soar.analysis.tuning.search import (
 )
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterSet
+from tgl_soar.sim.campaign.executors import Executor, local
+from tgl_soar.sim.campaign.run import fly_all
 
 CHUNK = 8  # flights between two savings of progress
 
@@ -158,23 +157,23 @@ def tune(task: Task, progress: ProgressFile, report: Report) -> Tuned:
     candidates: dict[str, list[Candidate]] = {}
     after: dict[str, Given] = {}
     values = start
-    with _pool(task.workers, demands) as pool:
-        for kind in SETS:
-            candidates[kind] = _candidates(task, start, kind, pool, progress, report)
-        at_work = _AtWork(task=task, field=field, pool=pool, progress=progress, report=report)
-        before = {kind: _before(at_work, kind) for kind in SETS}
-        for kind in SETS:
-            chosen = _chosen(at_work, start, kind, candidates[kind])
-            after[kind] = chosen.given
-            values = with_gains(values, kind, chosen.gains)
-        both = (task.values, values)
-        flown = [
-            _judged_in_flight(at_work, both, kind, turbulence)
-            for kind in SETS
-            for turbulence in TURBULENCES
-            if task.effort.judging
-        ]
-        judged_before, judged = ({k: _judged(at_work, v, k) for k in SETS} for v in both)
+    pool = _Pool(local(task.workers), demands)
+    for kind in SETS:
+        candidates[kind] = _candidates(task, start, kind, pool, progress, report)
+    at_work = _AtWork(task=task, field=field, pool=pool, progress=progress, report=report)
+    before = {kind: _before(at_work, kind) for kind in SETS}
+    for kind in SETS:
+        chosen = _chosen(at_work, start, kind, candidates[kind])
+        after[kind] = chosen.given
+        values = with_gains(values, kind, chosen.gains)
+    both = (task.values, values)
+    flown = [
+        _judged_in_flight(at_work, both, kind, turbulence)
+        for kind in SETS
+        for turbulence in TURBULENCES
+        if task.effort.judging
+    ]
+    judged_before, judged = ({k: _judged(at_work, v, k) for k in SETS} for v in both)
     return Tuned(
         values=values,
         parameters=_written(values),
@@ -198,6 +197,8 @@ def _candidates(
     progress: ProgressFile,
     report: Report,
 ) -> list[Candidate]:
+    _places_of(kind)  # once, for all processes that are split off
+
     def evaluate(points: Sequence[Values]) -> list[Given]:
         return pool.map(_given_of, [(kind, with_gains(start, kind, gains)) for gains in points])
 
@@ -344,27 +345,18 @@ def _judged(at_work: _AtWork, values: ParameterSet, kind: str) -> Judged:
 
 
 class _Pool:
-    """Processes that evaluate; none: this one does."""
+    """Whoever evaluates: this process, or those that are split off from it for each list."""
 
-    def __init__(self, executor: ProcessPoolExecutor | None) -> None:
+    def __init__(self, executor: Executor, demands: Demands) -> None:
         self._executor = executor
+        self._known: set[Callable[[Any], Any]] = set()
+        _begin(demands)
 
     def map(self, function: Callable[[Any], Any], jobs: Sequence[Any]) -> list[Any]:
         """In the order of the jobs."""
-        if self._executor is None:
-            return [function(job) for job in jobs]
-        return list(self._executor.map(function, jobs))
-
-
-@contextmanager
-def _pool(workers: int, demands: Demands) -> Iterator[_Pool]:
-    _begin(demands)
-    if workers == 0:
-        yield _Pool(None)
-        return
-    context = get_context("fork") if "fork" in get_all_start_methods() else None
-    with ProcessPoolExecutor(workers, context, _begin, (demands,)) as executor:
-        yield _Pool(executor)
+        first_here = function not in self._known  # what it compiles and loads is there for all
+        self._known.add(function)
+        return fly_all(function, jobs, self._executor, first_here=first_here)
 
 
 _asked: dict[str, Demands] = {}  # of this process
@@ -379,9 +371,13 @@ def _begin(demands: Demands) -> None:
 
 def _given_of(job: tuple[str, ParameterSet]) -> Given:
     kind, values = job
+    return given_by(_places_of(kind), values)
+
+
+def _places_of(kind: str) -> Places:
     if kind not in _places:
         _places[kind] = places_of(_asked["demands"], kind)
-    return given_by(_places[kind], values)
+    return _places[kind]
 
 
 def _alpha_of(job: tuple[str, ParameterSet, tuple[int, ...]]) -> float:

@@ -33,6 +33,8 @@ class ClusterError(RuntimeError):
 class DaskCluster:
     """The workers of one scheduler."""
 
+    shares_memory = False
+
     def __init__(self, scheduler: str, *, patience_s: float = PATIENCE_S) -> None:
         """scheduler: tcp://host:port.  Errors: ImportError without dask; `ClusterError` where
         nobody answers or no worker is there."""

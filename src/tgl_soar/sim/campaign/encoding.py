@@ -15,6 +15,8 @@ from typing import Any, Final, get_origin, get_type_hints
 import msgspec
 import numpy as np
 
+from tgl_soar.config.parameters import PARAMETERS, ParameterSet
+
 
 def result_type(fly: Callable[..., Any]) -> Any:
     """What a flight gives, by its annotation.  Errors: TypeError without one."""
@@ -47,9 +49,8 @@ def _to_plain(value: Any) -> Any:
         return value.item()
     if isinstance(value, Path):
         return str(value)
-    state = getattr(value, "as_plain", None)  # how our own classes say what they hold
-    if state is not None:
-        return state()
+    if isinstance(value, ParameterSet):
+        return {p.name: value[p.name] for p in PARAMETERS}
     raise TypeError(f"{type(value).__name__} {value!r} is not written to a file of flights")
 
 

@@ -47,6 +47,11 @@ class Executor(Protocol):
         """For a manifest."""
         ...
 
+    @property
+    def shares_memory(self) -> bool:
+        """Whether workers hold what this process has compiled and loaded."""
+        ...
+
     def fly(self, fly: Fly, shards: Iterable[Shard]) -> Results:
         """Every shard once with its results, as they are finished.
 
@@ -61,6 +66,7 @@ class InLine:
 
     workers = 1
     description = "in line"
+    shares_memory = True
 
     def fly(self, fly: Fly, shards: Iterable[Shard]) -> Results:
         """One after the other."""
@@ -73,6 +79,8 @@ class LocalProcesses:
 
     Where the system can fork they hold all that this process has compiled and loaded so far.
     """
+
+    shares_memory = True
 
     def __init__(self, workers: int) -> None:
         """Errors: ValueError for none."""

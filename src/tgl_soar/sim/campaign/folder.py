@@ -102,6 +102,10 @@ class CampaignFolder(Generic[Job, Flown]):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """No more is flown; what is there stays."""
         self._journal.close()
 
     @property
@@ -110,7 +114,12 @@ class CampaignFolder(Generic[Job, Flown]):
         return self._journal.flown
 
     def fly(
-        self, executor: Executor, on_progress: OnProgress = silent, *, size: int | None = None
+        self,
+        executor: Executor,
+        on_progress: OnProgress = silent,
+        *,
+        size: int | None = None,
+        first_here: bool = False,
     ) -> None:
         """Fly what is missing.  Errors: those of `run`; all that was flown is kept."""
         before = self._journal.flown
@@ -125,7 +134,13 @@ class CampaignFolder(Generic[Job, Flown]):
         self._write_manifest()
         campaign = self.campaign
         run(
-            campaign.fly, campaign.jobs, executor, self._journal, on_progress=on_progress, size=size
+            campaign.fly,
+            campaign.jobs,
+            executor,
+            self._journal,
+            on_progress=on_progress,
+            size=size,
+            first_here=first_here,
         )
 
     def __iter__(self) -> Iterator[Flown]:
@@ -134,14 +149,17 @@ class CampaignFolder(Generic[Job, Flown]):
 
     def finish(self) -> bool:
         """Write the table and the manifest and delete the journal; without pyarrow there is no
-        table, and the journal stays.  Whether there is a table.  Errors: OSError."""
+        table, and the journal stays.  Whether there is a table.  Errors: `JournalError`."""
         written = available()
         if written:
             jobs = self.campaign.jobs
             pairs = zip(map(jobs.__getitem__, range(len(jobs))), self, strict=True)
             kept = {"tgl_soar": msgspec.json.encode(_stable(self.manifest)).decode()}
             kind = type(jobs[0]) if len(jobs) else object
-            write_rows(self.path / ROWS, kind, self._kind, pairs, kept)
+            try:
+                write_rows(self.path / ROWS, kind, self._kind, pairs, kept)
+            except OSError as error:
+                raise JournalError(f"{self.path / ROWS}: cannot be written: {error}") from None
         self.manifest.complete = True
         self.manifest.runs[-1]["ended"] = _now()
         self._write_manifest()

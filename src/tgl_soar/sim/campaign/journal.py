@@ -49,11 +49,16 @@ class InMemory:
 
     def __init__(self, count: int) -> None:
         self.flown = 0
-        self._results: list[Any] = [None] * count
+        self._results: list[Any] = [_MISSING] * count
 
     def missing(self) -> list[range]:
-        """All, before the first."""
-        return [range(len(self._results))] if self._results else []
+        """Of `FlightsKept`."""
+        gaps: list[range] = []
+        for number, result in enumerate(self._results):
+            if result is _MISSING:
+                joins = gaps and gaps[-1].stop == number
+                gaps.append(range(gaps.pop().start if joins else number, number + 1))
+        return gaps
 
     def put(self, first: int, results: Sequence[Any]) -> None:
         """Of `FlightsKept`."""
@@ -63,6 +68,9 @@ class InMemory:
     def results(self) -> list[Any]:
         """All of them."""
         return self._results
+
+
+_MISSING: Final = object()
 
 
 class _Record(NamedTuple):

@@ -39,10 +39,13 @@ def run(
     *,
     on_progress: OnProgress = silent,
     size: int | None = None,
+    first_here: bool = False,
     clock: Callable[[], float] = time.monotonic,
 ) -> None:
-    """Fly what `kept` has not yet.  size: flights in a shard; None: by their number.
+    """Fly what `kept` has not yet.
 
+    size: flights in a shard; None: by their number.  first_here: the first of them in this
+    process, so that those which are split off from it find what it has compiled and loaded.
     Errors: what a flight raises, `WorkerLost`, `JournalError`; all that was flown before is kept.
     """
     began, before = clock(), kept.flown
@@ -55,6 +58,13 @@ def run(
 
     tell()
     missing = kept.missing()
+    if first_here and missing and executor.shares_memory:
+        first = missing[0].start
+        kept.put(first, [fly(jobs[first])])
+        tell()
+        missing = kept.missing()
+    if not missing:
+        return
     size = size or shard_size(sum(map(len, missing)), executor.workers)
     with closing(executor.fly(fly, shards(jobs, missing, size))) as flown:
         for shard, results in flown:
@@ -66,9 +76,11 @@ def fly_all(
     fly: Callable[[Job], Flown],
     jobs: Sequence[Job],
     executor: Executor,
+    *,
     on_progress: OnProgress = silent,
+    first_here: bool = False,
 ) -> list[Flown]:
     """All flights in memory, in the order of their jobs.  Errors: those of `run`."""
     kept = InMemory(len(jobs))
-    run(fly, jobs, executor, kept, on_progress=on_progress)
+    run(fly, jobs, executor, kept, on_progress=on_progress, first_here=first_here)
     return kept.results()

@@ -1,0 +1,81 @@
+"""The options of commands that fly many flights, and what they print meanwhile."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from math import isfinite
+from typing import Annotated, Final
+
+import typer
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn
+
+from tgl_soar.cli.console import errors, fail
+from tgl_soar.sim.campaign.cluster import ClusterError, DaskCluster
+from tgl_soar.sim.campaign.executors import Executor, local
+
+ALL: Final = os.cpu_count() or 1
+Workers = Annotated[
+    int, typer.Option(help="Processes that fly; 0: none but this one.", min=0, max=256)
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        metavar="tcp://HOST:PORT", help="Fly on the workers of a dask scheduler (extra `cluster`)."
+    ),
+]
+Resume = Annotated[
+    bool, typer.Option("--resume", help="Go on with the flights that an earlier run has kept.")
+]
+Restart = Annotated[
+    bool, typer.Option("--restart", help="Delete the flights of an earlier run, and begin again.")
+]
+
+
+def executor_of(workers: int, scheduler: str | None) -> Executor:
+    """Whoever is to fly; ends with what is wrong."""
+    if scheduler is None:
+        return local(workers)
+    try:
+        return DaskCluster(scheduler)
+    except (ImportError, ClusterError) as error:
+        fail(error)
+
+
+class FlightBar:
+    """How far it is, with rate and time left."""
+
+    def __init__(self, progress: Progress, task: TaskID) -> None:
+        self._progress, self._task = progress, task
+
+    def title(self, text: str) -> None:
+        """What is flown."""
+        self._progress.update(self._task, description=text)
+
+    def show(self, flown: int, of: int, per_s: float, left_s: float) -> None:
+        """Of flights; left_s: inf where it is not known."""
+        pace = f"{per_s:.3g} a second, {duration(left_s)} left" if isfinite(left_s) else ""
+        self._progress.update(self._task, completed=flown, total=of, pace=pace)
+
+
+@contextmanager
+def flight_bar(title: str) -> Iterator[FlightBar]:
+    """A bar on the terminal while flights are flown."""
+    with Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("flights {task.fields[pace]}"),
+        console=errors,
+        transient=True,
+    ) as progress:
+        yield FlightBar(progress, progress.add_task(title, total=None, pace=""))
+
+
+def duration(seconds: float) -> str:
+    """As somebody says it who waits: 42 s, 3 min, 1 h 20 min."""
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60.0)
+    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"

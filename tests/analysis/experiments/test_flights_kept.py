@@ -1,0 +1,91 @@
+"""What experiments fly is kept, and found again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tgl_soar.analysis.experiments import (
+    dispersed,
+    estimator_flights,
+    flights,
+    identification,
+    search,
+    wind_estimate,
+)
+from tgl_soar.analysis.experiments.dispersed import LinearMargin
+from tgl_soar.analysis.experiments.flights import FlownFolder, Flyer, ScenarioJob
+from tgl_soar.analysis.experiments.scenario import load_scenario
+from tgl_soar.config.files import shipped
+from tgl_soar.sim.campaign.encoding import decoder, digest, result_type
+from tgl_soar.sim.campaign.executors import InLine
+from tgl_soar.sim.campaign.journal import JournalError
+from tgl_soar.sim.campaign.rows import columns_of
+
+
+@pytest.mark.parametrize(
+    "fly",
+    [
+        flights.fly_job,
+        flights.fly_job_compiled,
+        estimator_flights.fly_scored,
+        estimator_flights.fly_scored_compiled,
+        estimator_flights.watch,
+        identification.examine,
+        search.fly_place,
+        wind_estimate.look_on,
+        dispersed.margin_of,
+        dispersed._fly,
+    ],
+)
+def test_what_every_experiment_flies_can_be_kept(fly: Callable[[Any], Any]) -> None:
+    kind: Any = result_type(fly)
+    decoder(kind)
+    assert columns_of(kind)
+
+
+def margin(seed: int) -> LinearMargin:
+    flown.append(seed)
+    return LinearMargin(alpha=0.5 * seed)
+
+
+flown: list[int] = []
+
+
+def fly_twice(folder: FlownFolder) -> list[list[LinearMargin]]:
+    flyer = Flyer(executor=InLine(), folder=folder)
+    folder.begin("one")
+    try:
+        return [flyer.each(margin, seeds) for seeds in ([1, 2], [3])]
+    finally:
+        folder.close()
+
+
+def test_an_experiment_that_is_run_again_finds_its_flights(tmp_path: Path) -> None:
+    flown.clear()
+    first = fly_twice(FlownFolder(tmp_path))
+    assert flown == [1, 2, 3]
+    assert fly_twice(FlownFolder(tmp_path, resume=True)) == first
+    assert flown == [1, 2, 3]
+    with pytest.raises(JournalError, match="--resume, or begin again with --restart"):
+        fly_twice(FlownFolder(tmp_path))
+    assert fly_twice(FlownFolder(tmp_path, restart=True)) == first
+    assert len(flown) == 6
+
+
+def test_other_jobs_are_another_campaign(tmp_path: Path) -> None:
+    fly_twice(FlownFolder(tmp_path))
+    folder = FlownFolder(tmp_path, resume=True)
+    folder.begin("one")
+    with pytest.raises(JournalError, match="another campaign"):
+        Flyer(folder=folder).each(margin, [1, 5])
+
+
+def test_jobs_of_a_scenario_have_a_digest() -> None:
+    scenario = load_scenario(shipped("scenarios/static.toml"))
+    one, other = ScenarioJob(scenario, 1), ScenarioJob(scenario, 2)
+    assert digest(one) == digest(ScenarioJob(load_scenario(shipped("scenarios/static.toml")), 1))
+    assert digest(one) != digest(other)
