@@ -18,7 +18,7 @@ CHAPTERS = {
         "modes",
     ),
     "Look up": ("parameters", "logs"),
-    "Understand": ("theory", "experiments", "aims", "search", "model", "performance"),
+    "Understand": ("theory", "experiments", "aims", "campaigns", "search", "model", "performance"),
     "Change": ("architecture", "decisions/index", "mutants"),
 }  # fmt: skip
 

@@ -10,6 +10,7 @@ import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from tgl_soar.analysis import campaign_report
 from tgl_soar.analysis.experiments import campaign
 from tgl_soar.analysis.experiments.long_flight import Part, fly_long
 from tgl_soar.analysis.experiments.safety_timeline import draw_safety_timeline
@@ -23,7 +24,16 @@ from tgl_soar.cli.console import (
     hint,
     say,
 )
-from tgl_soar.cli.flying import ALL, Restart, Resume, Scheduler, Workers, executor_of, flight_bar
+from tgl_soar.cli.flying import (
+    ALL,
+    Dispersion,
+    Restart,
+    Resume,
+    Scheduler,
+    Workers,
+    executor_of,
+    flight_bar,
+)
 from tgl_soar.sim.campaign.cluster import ClusterError
 from tgl_soar.sim.campaign.executors import Executor, WorkerLost
 from tgl_soar.sim.campaign.folder import JOURNAL, ROWS, CampaignFolder
@@ -43,6 +53,7 @@ def faults(
     ] = 200,
     seed: Annotated[int, typer.Option(help="Of all that is drawn.", min=0)] = 1,
     model: Annotated[FlightModel | None, typer.Option(help=MODEL_HELP)] = None,
+    dispersion: Dispersion = False,
     workers: Workers = ALL,
     scheduler: Scheduler = None,
     resume: Resume = False,
@@ -62,10 +73,12 @@ def faults(
     page = docs / "safety.md" if docs is not None else None
     if page is not None and not page.is_file():
         fail(f"--docs {docs}: there is no {page}")
-    if page is not None and model is not None:
-        fail("--docs goes without --model: the table is that of the airframe file's own")
+    if page is not None and (model is not None or dispersion):
+        fail("--docs goes without --model and --dispersion: the table is the airframe file's own")
+    if dispersion and model == FlightModel.POINT_MASS:
+        fail("--dispersion is of the rigid body: the point mass has no such figures")
     kind = None if model is None else model.kind
-    jobs = campaign.FaultJobs(flights, dropouts, seed, kind)
+    jobs = campaign.FaultJobs(flights, dropouts, seed, kind, dispersion)
     begun = time.monotonic()
     try:
         with CampaignFolder(
@@ -101,6 +114,53 @@ def _fly(folder: CampaignFolder[Any, Any], executor: Executor) -> None:
     except KeyboardInterrupt:
         count = len(folder.campaign.jobs)
         fail(f"stopped: {folder.flown} of {count} flights are kept; --resume goes on", 130)
+
+
+@campaign_app.command("report")
+def report_command(
+    path: Annotated[Path, typer.Argument(help="A campaign's folder, or its rows.parquet.")],
+    by: Annotated[
+        str | None, typer.Option(help="Column whose values make groups; '' for all together.")
+    ] = None,
+    of: Annotated[str | None, typer.Option(help="Column that is counted or averaged.")] = None,
+    figure: Annotated[
+        Path | None, typer.Option(help="Draw it, too (.png, .svg).", dir_okay=False)
+    ] = None,
+) -> None:
+    """Tabulate the flights of any campaign or experiment by any of their columns, and draw them."""
+    from tgl_soar.analysis.report.campaign_figure import campaign_figure
+
+    try:
+        found = campaign_report.report(path, by, of)
+        _print_report(found)
+        if figure is not None:
+            campaign_figure(figure, found)
+            say(f"figure in {figure}")
+    except ImportError as error:
+        fail(MISSING if error.name == "pyarrow" else error)
+    except (OSError, ValueError) as error:
+        fail(error)
+
+
+def _print_report(found: campaign_report.Report) -> None:
+    if found.is_counted:
+        classes = found.classes
+        shown = Table(found.by, "flights", *classes, f"{classes[0]}, 95 % interval")
+        for group in found.groups:
+            low, high = campaign.wilson(group.classes[classes[0]], group.flights)
+            counts = (str(group.classes[name] or "·") for name in classes)
+            between = f"{100 * low:.3g} to {100 * high:.3g} %"
+            shown.add_row(group.name, str(group.flights), *counts, between)
+    else:
+        shown = Table(found.by, "flights", "unknown", "mean", "σ", "5 %", "half", "95 %")
+        for group in found.groups:
+            spread = group.spread()
+            numbers = (spread.mean, spread.deviation, *spread.quantiles)
+            shown.add_row(
+                group.name, str(spread.flights), str(spread.unknown), *(f"{n:.4g}" for n in numbers)
+            )
+    console.print(f"{found.of}, by {found.by or 'nothing'}")
+    console.print(shown)
 
 
 @campaign_app.command()

@@ -27,7 +27,16 @@ from tgl_soar.analysis.experiments.page import IMAGES, counted, pages
 from tgl_soar.analysis.experiments.result import Result, as_json
 from tgl_soar.analysis.experiments.staleness import probe
 from tgl_soar.cli.console import MODEL_HELP, FlightModel, console, fail, hint, say
-from tgl_soar.cli.flying import ALL, Restart, Resume, Scheduler, Workers, executor_of, flight_bar
+from tgl_soar.cli.flying import (
+    ALL,
+    Dispersion,
+    Restart,
+    Resume,
+    Scheduler,
+    Workers,
+    executor_of,
+    flight_bar,
+)
 from tgl_soar.config.files import ConfigError
 from tgl_soar.sim.campaign.cluster import ClusterError
 from tgl_soar.sim.campaign.executors import WorkerLost
@@ -73,6 +82,7 @@ def experiment(
     resume: Resume = False,
     restart: Restart = False,
     episodes: Annotated[int | None, EPISODES] = None,
+    dispersion: Dispersion = False,
     quick: Annotated[
         bool, typer.Option("--quick", help="One seed of each: to try, not to cite.")
     ] = False,
@@ -81,7 +91,7 @@ def experiment(
     if name == "list":
         _print_titles()
         return
-    _refuse(name, docs, model, quick)
+    _refuse(name, docs, model, quick, dispersion)
     names = _named(name, model)
     figures: Path | None = out if docs is None else docs / IMAGES
     if not _can_draw():
@@ -107,17 +117,13 @@ def experiment(
                 field=field,
                 compiled_from=compiled_from,
                 episodes=episodes,
+                dispersion=dispersion,
             )
             for each in names:
                 bar.title(each)
                 folder.begin(each)
-                result = run(each, context)
-                results.append(result)
-                text = json.dumps(as_json(result), indent=1, ensure_ascii=False)
-                (out / f"{each}.json").write_text(text + "\n", encoding="utf-8")
-                _print(result)
-                if result.point_mass is not None:
-                    _print(result.point_mass)
+                results.append(run(each, context))
+                _put_out(each, results[-1], out)
             folder.finish()
     except (ConfigError, JournalError, WorkerLost, ClusterError) as error:
         fail(error)
@@ -133,6 +139,15 @@ def experiment(
     _print_figures(figures)
     if docs is not None:
         _write_pages(docs, results)
+
+
+def _put_out(name: str, result: Result, out: Path) -> None:
+    """Print it, and write its numbers."""
+    text = json.dumps(as_json(result), indent=1, ensure_ascii=False)
+    (out / f"{name}.json").write_text(text + "\n", encoding="utf-8")
+    _print(result)
+    if result.point_mass is not None:
+        _print(result.point_mass)
 
 
 def _print_figures(figures: Path | None) -> None:
@@ -155,7 +170,9 @@ def _print_titles() -> None:
     console.print(table)
 
 
-def _refuse(name: str, docs: Path | None, model: FlightModel | None, quick: bool) -> None:
+def _refuse(
+    name: str, docs: Path | None, model: FlightModel | None, quick: bool, dispersion: bool
+) -> None:
     """End with what is wrong with the arguments, if anything is."""
     if name not in TOGETHER and name not in EXPERIMENTS:
         known = ", ".join((*EXPERIMENTS, *TOGETHER))
@@ -167,6 +184,8 @@ def _refuse(name: str, docs: Path | None, model: FlightModel | None, quick: bool
         )
     if docs is not None and model is not None:
         fail("--docs goes without --model: the page shows both")
+    if dispersion and (name in TOGETHER or docs is not None or model == FlightModel.POINT_MASS):
+        fail("--dispersion goes with one experiment, on the rigid body, without --docs")
 
 
 def _named(name: str, model: FlightModel | None) -> list[str]:

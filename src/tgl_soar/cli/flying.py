@@ -32,6 +32,15 @@ Restart = Annotated[
     bool, typer.Option("--restart", help="Delete the flights of an earlier run, and begin again.")
 ]
 
+Dispersion = Annotated[
+    bool,
+    typer.Option(
+        "--dispersion",
+        help="Let each flight's aircraft differ from the airframe file, and its air from the"
+        " site's.",
+    ),
+]
+
 
 def executor_of(workers: int, scheduler: str | None) -> Executor:
     """Whoever is to fly; ends with what is wrong."""

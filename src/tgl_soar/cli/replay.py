@@ -12,12 +12,15 @@ from rich.table import Table
 from tgl_soar.analysis.logs.reader import LogError
 from tgl_soar.analysis.replay.logged import SHOWN, Replay, ReplayError
 from tgl_soar.analysis.replay.logged import replay as replay_log
+from tgl_soar.analysis.replay.many import ReplayJob, replay_many
 from tgl_soar.analysis.replay.wire import WireReplay, replay_wire, rms
 from tgl_soar.cli.console import AIRFRAME, AIRFRAME_FILE, SITE, SITE_FILE, console, errors, fail
+from tgl_soar.cli.flying import ALL, flight_bar
 from tgl_soar.cli.log import read
 from tgl_soar.config.files import ConfigError
 from tgl_soar.config.parameters import ParameterError
 from tgl_soar.onboard.flightlog.declaration import TOPICS, unit_of
+from tgl_soar.sim.campaign.executors import local
 
 _MOST = 12  # fields in a table of differences
 _TOLD_IN = {  # units of what telemetry tells
@@ -27,7 +30,10 @@ _TOLD_IN = {  # units of what telemetry tells
 
 
 def replay(
-    path: Annotated[Path, typer.Argument(metavar="LOG", help="A .ulg of ours, or a .tlog.")],
+    paths: Annotated[
+        list[Path],
+        typer.Argument(metavar="LOG...", help="A .ulg of ours, or a .tlog; or several .ulg."),
+    ],
     param: Annotated[
         list[str] | None,
         typer.Option("--param", metavar="NAME=VALUE", help="With another value; repeatable."),
@@ -59,9 +65,17 @@ def replay(
 
     A .ulg is compared bit for bit. With --param or --airframe it shows what would have been
     commanded: the aircraft does not answer to it. A .tlog, of this module or of a ground station,
-    goes through the whole module, as far as its frames suffice.
+    goes through the whole module, as far as its frames suffice. Of several .ulg each is a line of a
+    table.
     """
     changes = _changes(param or [])
+    if len(paths) > 1:
+        for option, given in (("--site", site), ("--figure", figure), ("--compile", compile)):
+            if given:
+                fail(f"{option} goes with one log")
+        _replay_all(paths, changes, airframe, workers or ALL)
+        return
+    (path,) = paths
     try:
         if path.suffix == ".tlog":
             _from_wire(path, airframe or AIRFRAME, site or SITE, changes)
@@ -94,6 +108,26 @@ def replay(
     if figure is not None:
         _draw(figure, result, path, changes, airframe)
     if log.losses or (result.differences and not result.changed):
+        raise typer.Exit(1)
+
+
+def _replay_all(
+    paths: list[Path], changes: dict[str, float], airframe: Path | None, workers: int
+) -> None:
+    """A line for each; exit code 1 as for one."""
+    given = tuple(changes.items())
+    jobs = [ReplayJob(path, given, airframe) for path in paths]
+    with flight_bar("logs") as bar:
+        found = replay_many(jobs, local(workers), lambda progress: bar.show(*progress))
+    table = Table("log", "ticks", "left out", "lost", "differs")
+    for log in found:
+        differs = ", ".join(log.differing[:3]) + (" …" if len(log.differing) > 3 else "")
+        counts = (str(log.ticks), str(log.left_out), str(log.losses))
+        table.add_row(str(log.path), *counts, log.error or differs or "nothing")
+    console.print(table)
+    console.print(f"{len(found)} logs, {sum(log.duration_s for log in found):.0f} s of flight")
+    changed = bool(given) or airframe is not None
+    if any(log.error or log.losses or (log.differing and not changed) for log in found):
         raise typer.Exit(1)
 
 

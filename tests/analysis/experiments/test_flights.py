@@ -14,13 +14,13 @@ from tgl_soar.analysis.experiments.flights import (
     FlownScenario,
     Flyer,
     ScenarioJob,
-    flown_airframe,
     fly_job,
     fly_job_compiled,
     pooled_dispersion,
 )
 from tgl_soar.analysis.experiments.scenario import Scenario, load_scenario, prepare
 from tgl_soar.analysis.experiments.still_lines import polar_bias_m
+from tgl_soar.analysis.flown_airframe import flown_airframe
 from tgl_soar.config.airframe import ModelKind
 from tgl_soar.config.files import shipped
 from tgl_soar.sim.score import settling_time

@@ -16,11 +16,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from logged_flight import AIRFRAME, FACTS, SITE, LoggedFlight, logs_in, recorded
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from typer.testing import CliRunner
 
 from tgl_soar.analysis.logs.reader import FlightLog, LogError, read_log
 from tgl_soar.analysis.replay import compiled_ticks as compiled_ticks_module
 from tgl_soar.analysis.replay.compiled_ticks import plain_ticks
 from tgl_soar.analysis.replay.logged import Replay, ReplayError, read_by_laws, replay
+from tgl_soar.analysis.replay.many import ReplayJob, replay_many
 from tgl_soar.analysis.replay.wire import read_wire, replay_wire, rms
 from tgl_soar.autopilot import AutopilotState, initial_state, step
 from tgl_soar.cli.app import app
@@ -35,6 +37,7 @@ from tgl_soar.onboard.flightlog.declaration import (
     record_size,
 )
 from tgl_soar.onboard.flightlog.writer import BATCH_TICKS, FlightRecorder
+from tgl_soar.sim.campaign.executors import InLine, LocalProcesses
 from tgl_soar.sim.compiled import available
 from tgl_soar.sim.sitl import fly
 from tgl_soar.sim.sitl_options import SitlOptions
@@ -497,3 +500,23 @@ def test_what_is_wrong_is_told_without_a_traceback(
     assert why in run.stderr
     assert "synchronously" not in run.stderr  # HDF5's words
     assert "Traceback" not in run.stderr
+
+
+def test_several_logs_are_a_line_each(path: Path, tmp_path: Path) -> None:
+    (damaged := tmp_path / "damaged.ulg").write_bytes(b"no log")
+    jobs = [
+        ReplayJob(path),
+        ReplayJob(damaged),
+        ReplayJob(path, (("RHO_P", 0.9), ("RHO_SPEED", 0.0))),
+    ]
+    for executor in (InLine(), LocalProcesses(2)):
+        same, unread, changed = replay_many(jobs, executor)
+        assert (same.ticks, same.differing, same.error) == (TICKS, (), "")
+        assert str(damaged) in unread.error
+        assert changed.differing
+    run = CliRunner()
+    well = run.invoke(app, ["replay", str(path), str(path), "--workers", "1"])
+    assert well.exit_code == 0, well.output
+    assert run.invoke(app, ["replay", str(path), str(damaged)]).exit_code == 1
+    refused = run.invoke(app, ["replay", str(path), str(path), "--compile"])
+    assert "--compile goes with one log" in refused.stderr

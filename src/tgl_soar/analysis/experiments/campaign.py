@@ -25,6 +25,14 @@ from random import Random
 from typing import Final, NamedTuple, overload
 
 from tgl_soar.air.field import WindField
+from tgl_soar.analysis.experiments.mismatch import (
+    drawn_mismatch,
+    mismatched_field,
+    mismatched_figures,
+    mismatched_sensors,
+    mismatched_site,
+)
+from tgl_soar.analysis.flown_airframe import flown_airframe
 from tgl_soar.autopilot import Output, mode_name, reason_text
 from tgl_soar.config.airframe import Airframe, ModelKind
 from tgl_soar.config.files import (
@@ -84,6 +92,7 @@ class FaultJob(NamedTuple):
     faults: tuple[Fault, ...]
     aboard: str = EVERY_SENSOR
     model: ModelKind | None = None  # None: the airframe file's
+    dispersed: bool = False  # another aircraft than the file's, in other air than the site's
 
 
 class Outcome(NamedTuple):
@@ -176,6 +185,7 @@ class FaultJobs(Sequence[FaultJob]):
     dropouts: int  # of each
     seed: int
     model: ModelKind | None = None  # None: the airframe file's
+    dispersed: bool = False
 
     def __len__(self) -> int:
         return self.flights + self.dropouts * len(SURVIVALS)
@@ -195,7 +205,7 @@ class FaultJobs(Sequence[FaultJob]):
             job = drawn_job(i, self.seed)
         else:
             job = survival_job(*divmod(i - self.flights, self.dropouts), self.seed)
-        return job._replace(model=self.model)
+        return job._replace(model=self.model, dispersed=self.dispersed)
 
 
 def campaign_of(jobs: FaultJobs) -> Campaign[FaultJob, Outcome]:
@@ -236,14 +246,22 @@ def place() -> CampaignPlace:
 def world_of(job: FaultJob, injection: Injection, duration_s: float = DURATION_S) -> World:
     """The world of a flight, compiled where numba is there."""
     airframe, site, _, field = place()
+    airframe, sensors = airframe.flown_as(job.model), SENSORS[job.aboard]
+    known = airframe.aerodynamics()
+    if job.dispersed:
+        drawn = drawn_mismatch(job.seed)
+        airframe = flown_airframe(airframe, mismatched_figures(airframe, drawn))
+        field, site = mismatched_field(field, site, drawn), mismatched_site(site, drawn)
+        sensors = mismatched_sensors(sensors, drawn)
     world = make_world(
-        airframe.flown_as(job.model),
+        airframe,
         site,
         seed=job.seed,
         turbulence=max(job.turbulence, 1e-6),  # one compiled kind of air for all
         field=injection.field(field),
-        sensors=SENSORS[job.aboard],
+        sensors=sensors,
     )
+    world.aerodynamics = known
     return CompiledWorld(prepare(world, duration_s), job.seed) if available() else world
 
 

@@ -79,6 +79,13 @@ TOGETHER: Final = {
 }
 NOT_FLOWN: Final = ("field",)  # computed from the air alone
 
+# They fly scenarios, and may fly them with `--dispersion`; the others draw aircraft or air of their
+# own, or fly none.
+DISPERSED: Final = (
+    "places", "static", "translate", "back", "rotate", "slope", "wind", "gust", "lean", "speed",
+    "incidence",
+)  # fmt: skip
+
 TITLES: Final = {
     "field": "a hill of potential flow, an illustrative polar, three places",
     "places": "those places flown: near the stall, at best glide, beyond it",
@@ -111,6 +118,8 @@ def run(name: str, context: Context) -> Result:
     """
     if context.model == "point_mass" and name in RIGID_BODY_ALONE:
         raise ConfigError(f"{name}: flies the rigid body alone; leave --model out")
+    if context.dispersion and name not in DISPERSED:
+        raise ConfigError(f"{name}: --dispersion goes with {', '.join(DISPERSED)}")
     begun = time.monotonic()
     result = EXPERIMENTS[name](context)
     return replace(result, own=name in OURS, seconds=time.monotonic() - begun)

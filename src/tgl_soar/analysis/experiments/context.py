@@ -41,6 +41,7 @@ class Context:
     model: ModelKind | None = None  # what flies; None: what the airframe file says
     field: Path | None = None  # a site file whose air is flown in too, by `places`
     compiled_from: int = COMPILED_FROM  # flights at once; fewer where many more are to follow
+    dispersion: bool = False  # aircraft and air apart from airframe file and site
     episodes: int | None = None  # of a search, of each kind; None: as many as the experiment has
 
     def scenario(self, name: str) -> Scenario:
@@ -64,6 +65,8 @@ class Context:
 
     def fly_jobs(self, jobs: list[ScenarioJob]) -> list[FlownScenario]:
         """In the order given; compiled where numba is installed and many are to be flown."""
+        if self.dispersion:
+            jobs = [job._replace(dispersed=True) for job in jobs]
         faulty = any(job.scenario.faults for job in jobs)
         if len(jobs) < self.compiled_from or faulty or not available():
             return self.flyer.fly(jobs)

@@ -18,8 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgl_soar.air.zeuc import stable_crossing
+from tgl_soar.analysis.experiments.mismatch import (
+    drawn_mismatch,
+    mismatched_field,
+    mismatched_figures,
+    mismatched_sensors,
+    mismatched_site,
+)
 from tgl_soar.analysis.experiments.scenario import PreparedScenario, Scenario, prepare
-from tgl_soar.config.airframe import Airframe
+from tgl_soar.analysis.flown_airframe import flown_airframe
 from tgl_soar.config.site import Start
 from tgl_soar.control.target_line import TargetLine
 from tgl_soar.sim.campaign.encoding import digest
@@ -50,6 +57,7 @@ class ScenarioJob(NamedTuple):
     # file, which is all that the module on board knows.
     aircraft: tuple[tuple[str, float], ...] = ()
     start_xz_m: tuple[float, float] | None = None  # None: the scenario's
+    dispersed: bool = False  # another aircraft than the file's, in other air than the site's
 
 
 @dataclass(frozen=True)
@@ -115,31 +123,24 @@ def fly_job_compiled(job: ScenarioJob) -> FlownScenario:
     return _flown(job, prepared, fly_compiled(world, job.seed, prepared.values, prepared.changes))
 
 
-def flown_airframe(airframe: Airframe, figures: Iterable[tuple[str, float]]) -> Airframe:
-    """The aircraft with other figures than its file.  Errors: ValueError for an unknown one."""
-    for name, value in figures:
-        section, _, key = name.partition(".")
-        if section == "model" and key in airframe.model:
-            airframe = msgspec.structs.replace(airframe, model={**airframe.model, key: value})
-        elif section == "airframe" and hasattr(airframe.airframe, key):
-            bench = msgspec.structs.replace(airframe.airframe, **{key: value})
-            airframe = msgspec.structs.replace(airframe, airframe=bench)
-        else:
-            raise ValueError(f"{name}: no figure of [airframe] or [model] of this airframe")
-    return airframe
-
-
 def _world(job: ScenarioJob, prepared: PreparedScenario, injection: Injection | None) -> World:
     site = prepared.site
     if job.start_xz_m is not None:
         x_m, z_m = job.start_xz_m
         site = msgspec.structs.replace(site, start=Start(x_m=x_m, z_m=z_m))
+    airframe = flown_airframe(prepared.airframe, job.aircraft)
+    field, sensors = prepared.field, job.scenario.sensors.as_sensors()
+    if job.dispersed:
+        drawn = drawn_mismatch(job.seed)
+        airframe = flown_airframe(airframe, mismatched_figures(airframe, drawn))
+        field, site = mismatched_field(field, site, drawn), mismatched_site(site, drawn)
+        sensors = mismatched_sensors(sensors, drawn)
     world = make_world(
-        flown_airframe(prepared.airframe, job.aircraft),
+        airframe,
         site,
         seed=job.seed,
-        field=prepared.field if injection is None else injection.field(prepared.field),
-        sensors=job.scenario.sensors.as_sensors(),
+        field=field if injection is None else injection.field(field),
+        sensors=sensors,
     )
     world.aerodynamics = prepared.airframe.aerodynamics()
     return world

@@ -14,7 +14,7 @@ from typing import Final, NamedTuple, Protocol
 import numpy as np
 
 from tgl_soar.air.field import FloatArray
-from tgl_soar.analysis.experiments.flights import flown_airframe
+from tgl_soar.analysis.flown_airframe import flown_airframe
 from tgl_soar.analysis.search.places import SearchPlace
 from tgl_soar.autopilot import Output
 from tgl_soar.autopilot import step as autopilot_step

@@ -19,7 +19,7 @@ from functools import cache
 from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
-from typing import Any, Final, Literal, NamedTuple, TypeVar, Union, get_args, get_origin
+from typing import Any, Final, Literal, NamedTuple, Union, get_args, get_origin
 from typing import get_type_hints as hints_of
 
 import msgspec
@@ -88,6 +88,16 @@ def write_rows(
     new.replace(path)
 
 
+def read_columns(path: Path) -> dict[str, str]:
+    """The columns of a file and what they hold, in Arrow's words.
+
+    Errors: ImportError without pyarrow; OSError; ValueError for what is no such file.
+    """
+    import pyarrow.parquet
+
+    return {column.name: str(column.type) for column in pyarrow.parquet.read_schema(path)}
+
+
 def read_rows(path: Path, names: Sequence[str] | None = None) -> Iterator[dict[str, Any]]:
     """The rows of a file, one group in memory at a time; names: of the columns wanted.
 
@@ -103,7 +113,6 @@ def read_rows(path: Path, names: Sequence[str] | None = None) -> Iterator[dict[s
 # --- from types to columns ------------------------------------------------------------------------
 
 _PLAIN: Final = (bool, int, float, str)
-_Value = TypeVar("_Value")
 
 
 def _columns(prefix: str, kind: Any, read: Read) -> Iterator[Column]:

@@ -1,0 +1,172 @@
+"""An aircraft unlike its file in air unlike its site's: what a controller does not know.
+
+Every figure below is drawn evenly about what the module is given, for each flight by its own seed.
+The ranges are what is left after the aircraft has been identified and the site surveyed; where they
+come from stands in docs/theory.md ("What a controller does not know").  `tuning.aircraft` draws
+aircraft too: further apart, each with a file of its own.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from math import degrees, radians, sqrt
+from typing import Final, NamedTuple
+
+import msgspec
+import numpy as np
+
+from tgl_soar.air.field import WindField
+from tgl_soar.air.gusts import BlendedField, ScaledField, Schedule
+from tgl_soar.air.jet import SlopeJet
+from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.site import JetAir, Site
+from tgl_soar.sim.sensors import Sensors
+from tgl_soar.sim.world import build_field
+
+_STREAM: Final = 0xD15  # beside those of sensors and turbulence
+
+Range = tuple[float, float]
+
+
+class MismatchRanges(NamedTuple):
+    """From and to; factors of the file's own unless a unit says otherwise."""
+
+    lift: Range = (0.9, 1.1)
+    drag: Range = (0.9, 1.1)
+    stall_rad: Range = (-0.026, 0.026)  # added to the angle of attack at which it stalls
+    inertia: Range = (0.85, 1.15)
+    pitch_effect: Range = (0.9, 1.1)  # of the elevator
+    turn_effect: Range = (0.8, 1.2)  # of aileron and rudder
+    centre_of_gravity: Range = (-0.02, 0.02)  # in mean chords, aft
+    servo_lag: Range = (0.8, 1.25)  # of its rate constant
+    late_s: Range = (0.0, 0.0049)  # of every command, beyond what is known: less than a tick
+    alignment_rad: Range = (0.0, 0.035)  # of the attitude, each axis up to it
+    position_m: Range = (0.0, 0.01)  # of the origin of positions, each axis up to it
+    force_bias: Range = (0.5, 2.0)  # of the accelerometers' usual one
+    pressure_bias: Range = (0.0, 3.0)  # of the pitot tube's usual one
+    slope_rad: Range = (radians(-1.0), radians(1.0))  # of a board in a jet
+    wind: Range = (0.97, 1.03)
+    length: Range = (0.67, 1.5)  # of the turbulence
+
+
+RANGES: Final = MismatchRanges()
+
+
+class Mismatch(NamedTuple):
+    """One draw: the fields of `MismatchRanges`."""
+
+    lift: float
+    drag: float
+    stall_rad: float
+    inertia: float
+    pitch_effect: float
+    turn_effect: float
+    centre_of_gravity: float
+    servo_lag: float
+    late_s: float
+    alignment_rad: float
+    position_m: float
+    force_bias: float
+    pressure_bias: float
+    slope_rad: float
+    wind: float
+    length: float
+
+
+def drawn_mismatch(seed: int) -> Mismatch:
+    """Of a flight's seed."""
+    draw = np.random.default_rng((seed, _STREAM))
+    return Mismatch(*(float(draw.uniform(low, high)) for low, high in RANGES))
+
+
+def mismatched_figures(airframe: Airframe, drawn: Mismatch) -> tuple[tuple[str, float], ...]:
+    """The figures of the aircraft that flies, `section.key`, where the file has others.
+
+    Its centre of gravity stays ahead of the neutral point.  Errors: KeyError for a [model] that is
+    not complete.
+    """
+    bench, given = airframe.airframe, airframe.model
+    moved = drawn.centre_of_gravity
+    lift_slope, lift_0 = given["CL_alpha"] * drawn.lift, given["CL0"] * drawn.lift
+    stiffness = min(0.5 * given["Cm_alpha"], given["Cm_alpha"] + moved * lift_slope)
+    model = {
+        "CL0": lift_0,
+        "CL_alpha": lift_slope,
+        "CL_elevator": given["CL_elevator"] * drawn.pitch_effect,
+        "stall_alpha_rad": given["stall_alpha_rad"] + drawn.stall_rad,
+        "CD0": given["CD0"] * drawn.drag,
+        "CD_lift": given["CD_lift"] * drawn.drag,
+        "Cm0": given["Cm0"] + moved * lift_0,
+        "Cm_alpha": stiffness,
+        "Cm_elevator": given["Cm_elevator"] * drawn.pitch_effect,
+        "CY_rudder": given["CY_rudder"] * drawn.turn_effect,
+        "Cl_aileron": given["Cl_aileron"] * drawn.turn_effect,
+        "Cn_aileron": given["Cn_aileron"] * drawn.turn_effect,
+        "Cn_rudder": given["Cn_rudder"] * drawn.turn_effect,
+        "servo_lag_radps": given["servo_lag_radps"] * drawn.servo_lag,
+        "servo_delay_s": given["servo_delay_s"] + drawn.late_s,
+    }
+    inertia = {
+        "ixx_kgm2": bench.ixx_kgm2 * drawn.inertia,
+        "iyy_kgm2": bench.iyy_kgm2 * drawn.inertia,
+        "izz_kgm2": bench.izz_kgm2 * drawn.inertia,
+    }
+    return (
+        *((f"model.{key}", value) for key, value in model.items()),
+        *((f"airframe.{key}", value) for key, value in inertia.items()),
+    )
+
+
+def mismatched_sensors(sensors: Sensors, drawn: Mismatch) -> Sensors:
+    """The sensors that it carries.
+
+    A bias here is the standard deviation of one that a flight draws by its seed: that of an even
+    draw up to a bound is the bound over √3.
+    """
+    even = 1.0 / sqrt(3.0)
+    imu, airspeed = sensors.imu, sensors.airspeed
+    return sensors._replace(
+        position=sensors.position._replace(
+            bias_m=max(sensors.position.bias_m, drawn.position_m * even)
+        ),
+        attitude=sensors.attitude._replace(
+            bias_rad=max(sensors.attitude.bias_rad, drawn.alignment_rad * even)
+        ),
+        imu=imu and imu._replace(force_bias_mps2=imu.force_bias_mps2 * drawn.force_bias),
+        airspeed=airspeed
+        and airspeed._replace(pressure_bias_pa=airspeed.pressure_bias_pa * drawn.pressure_bias),
+    )
+
+
+def mismatched_field(field: WindField, site: Site, drawn: Mismatch) -> WindField:
+    """The mean wind that blows: another wind; in a jet another slope of the board, too.
+
+    Between two slopes the fields are blended, so that no jet is computed for a single flight; a
+    place must lie in both, and so clear of the steeper board.
+    """
+    if isinstance(field, SlopeJet) and isinstance(site.air, JetAir):
+        low, high = RANGES.slope_rad
+        weight = (drawn.slope_rad - low) / (high - low)
+        flatter, steeper = (_sloped(site.air, shift) for shift in RANGES.slope_rad)
+        field = BlendedField(flatter, steeper, Schedule([0.0], [weight]))
+    return ScaledField(field, drawn.wind)
+
+
+def mismatched_site(site: Site, drawn: Mismatch) -> Site:
+    """Its turbulence with the length that flies; the module is given none of it."""
+    assert site.air is not None
+    turbulence = msgspec.structs.replace(
+        site.air.turbulence, length_scale_m=site.air.turbulence.length_scale_m * drawn.length
+    )
+    return msgspec.structs.replace(
+        site, air=msgspec.structs.replace(site.air, turbulence=turbulence)
+    )
+
+
+@lru_cache(maxsize=4)
+def _built(wind_mps: float, slope_deg: float) -> WindField:
+    return build_field(JetAir(wind_mps=wind_mps, slope_deg=slope_deg))
+
+
+def _sloped(air: JetAir, shift_rad: float) -> WindField:
+    return _built(air.wind_mps, air.slope_deg + degrees(shift_rad))

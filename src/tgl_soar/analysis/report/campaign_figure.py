@@ -1,0 +1,49 @@
+"""Flights of a campaign in groups: what became of them as shares, or how their numbers spread."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tgl_soar.analysis.report.style import LEG_COLOURS, drawing, save
+
+if TYPE_CHECKING:
+    from tgl_soar.analysis.campaign_report import Report
+
+
+def campaign_figure(path: Path, report: Report) -> None:
+    """Write the figure.  Errors: ImportError naming the extra where matplotlib is missing;
+    OSError."""
+    with drawing() as plt:
+        height = 1.2 + 0.26 * len(report.groups)
+        figure, axes = plt.subplots(figsize=(8.0, height), layout="constrained")
+        if report.is_counted:
+            _draw_shares(axes, report)
+        else:
+            _draw_spreads(axes, report)
+        names = [f"{group.name} ({group.flights:,})" for group in report.groups]
+        axes.set_yticks(range(len(names)), names)
+        axes.set_ylim(len(names) - 0.5, -0.5)
+        axes.grid(visible=False, axis="y")
+        save(plt, figure, path)
+
+
+def _draw_shares(axes: Any, report: Report) -> None:
+    left = [0.0] * len(report.groups)
+    for i, name in enumerate(report.classes):
+        widths = [100.0 * group.classes[name] / group.flights for group in report.groups]
+        colour = LEG_COLOURS[(i + 2) % len(LEG_COLOURS)]
+        hatch = "//" if i >= len(LEG_COLOURS) else None
+        axes.barh(range(len(widths)), widths, left=left, label=name, color=colour, hatch=hatch)
+        left = [a + b for a, b in zip(left, widths, strict=True)]
+    axes.set_xlim(0.0, 100.0)
+    axes.set_xlabel(f"{report.of}: share of the flights [%]")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.6 / len(left) - 0.08), ncols=4)
+
+
+def _draw_spreads(axes: Any, report: Report) -> None:
+    for i, group in enumerate(report.groups):
+        low, middle, high = group.spread().quantiles
+        axes.plot((low, high), (i, i), color=LEG_COLOURS[1], lw=3.0, solid_capstyle="butt")
+        axes.plot(middle, i, "o", color=LEG_COLOURS[0], ms=4.0)
+    axes.set_xlabel(f"{report.of}: from 5 to 95 % of the flights, and half of them")

@@ -1,0 +1,101 @@
+"""Tables of any campaign: counted and averaged right, whatever the columns."""
+
+from __future__ import annotations
+
+from math import nan
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+from typer.testing import CliRunner
+
+from tgl_soar.analysis.campaign_report import Report, ReportError, report
+from tgl_soar.analysis.report.campaign_figure import campaign_figure
+from tgl_soar.cli.app import app
+from tgl_soar.sim.campaign.folder import ROWS
+from tgl_soar.sim.campaign.rows import write_rows
+
+pytest.importorskip("pyarrow")
+
+
+class Seeded(NamedTuple):
+    """A job."""
+
+    seed: int
+
+
+class Came(NamedTuple):
+    """What it came to."""
+
+    row: str
+    result: str
+    up: bool
+    error_m: float
+
+
+FLIGHTS = [
+    Came("wind", "soaring", True, 1.0),
+    Came("wind", "lost", False, nan),
+    Came("gust", "soaring", True, 3.0),
+    Came("wind", "soaring", True, 2.0),
+]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    pairs = ((Seeded(n), flight) for n, flight in enumerate(FLIGHTS))
+    write_rows(tmp_path / ROWS, Seeded, Came, pairs, {})
+    return tmp_path
+
+
+def counts(found: Report) -> dict[str, dict[str, int]]:
+    return {group.name: dict(group.classes) for group in found.groups}
+
+
+def test_classes_are_counted_by_group(folder: Path) -> None:
+    found = report(folder)
+    assert (found.by, found.of) == ("row", "result")
+    assert counts(found) == {"wind": {"soaring": 2, "lost": 1}, "gust": {"soaring": 1}}
+    assert found.classes == ["soaring", "lost"]
+    assert counts(report(folder / ROWS, "result", "up")) == {
+        "soaring": {"yes": 3},
+        "lost": {"no": 1},
+    }
+    assert counts(report(folder, "", "row")) == {"all": {"wind": 3, "gust": 1}}
+
+
+def test_numbers_are_averaged_and_those_unknown_are_counted(folder: Path) -> None:
+    wind, gust = report(folder, "row", "error_m").groups
+    spread = wind.spread()
+    assert (spread.flights, spread.unknown, spread.mean, spread.deviation) == (3, 1, 1.5, 0.5)
+    assert spread.quantiles[1] == 1.5
+    assert gust.spread().quantiles == (3.0, 3.0, 3.0)
+
+
+def test_what_cannot_be_reported_is_said(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(ReportError, match=r"--by wings: no column of .*; it has row, result"):
+        report(folder, "wings")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(ReportError, match=r"no rows\.parquet is there"):
+        report(tmp_path / "empty")
+
+
+@pytest.mark.parametrize("of", ["result", "error_m"])
+def test_it_is_drawn(folder: Path, tmp_path: Path, of: str) -> None:
+    pytest.importorskip("matplotlib")
+    campaign_figure(tmp_path / "a.png", report(folder, "row", of))
+    campaign_figure(tmp_path / "b.png", report(folder, "row", of))
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+def test_the_command_prints_it(folder: Path, tmp_path: Path) -> None:
+    run = CliRunner()
+    done = run.invoke(app, ["campaign", "report", str(folder), "--figure", str(tmp_path / "f.png")])
+    assert done.exit_code == 0, done.output
+    assert "result, by row" in done.stdout
+    assert (tmp_path / "f.png").stat().st_size > 1000
+    averaged = run.invoke(app, ["campaign", "report", str(folder), "--of", "error_m"])
+    assert "1.5" in averaged.stdout
+    refused = run.invoke(app, ["campaign", "report", str(folder), "--of", "wings"])
+    assert refused.exit_code == 2
+    assert "no column" in refused.stderr

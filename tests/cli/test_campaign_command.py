@@ -1,0 +1,99 @@
+"""`tgl-soar campaign faults`: flown, stopped, gone on with, and where its rows are."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from tgl_soar.analysis.experiments import campaign
+from tgl_soar.analysis.experiments.campaign import FaultJob, Outcome
+from tgl_soar.cli.app import app
+from tgl_soar.cli.flying import duration
+from tgl_soar.sim.campaign.folder import JOURNAL, MANIFEST, ROWS
+
+flown: list[int] = []
+stop: dict[str, int] = {}
+
+
+def fly(job: FaultJob) -> Outcome:
+    """It takes no time, and one flight is lost; somebody may press Ctrl-C."""
+    if len(flown) == stop.get("after"):
+        raise KeyboardInterrupt
+    flown.append(job.seed)
+    return Outcome(
+        row=job.row,
+        seed=job.seed,
+        faults="; ".join(map(str, job.faults)),
+        result=campaign.LOST if job.seed == 5 else campaign.SOARING,
+        reason="hit the board" if job.seed == 5 else "",
+        ended_s=30.0,
+        bad_commands=0,
+        error="",
+    )
+
+
+Command = Callable[..., Result]
+
+
+@pytest.fixture
+def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
+    monkeypatch.setattr(campaign, "fly_fault_job", fly)
+    flown.clear()
+    stop.clear()
+
+    def invoke(*options: str) -> Result:
+        words = ["campaign", "faults", "--workers", "0", "--flights", "40", "--dropouts", "2"]
+        return CliRunner().invoke(app, [*words, "--out", str(tmp_path / "out"), *options])
+
+    return invoke
+
+
+def test_stopped_and_gone_on_with_it_flies_every_flight_once(
+    command: Command, tmp_path: Path
+) -> None:
+    stop["after"] = 17
+    stopped = command()
+    assert stopped.exit_code == 130
+    assert "17 of 48 flights are kept; --resume goes on" in stopped.stderr
+    stop.clear()
+    refused = command()
+    assert refused.exit_code == 2
+    assert "--resume" in refused.stderr
+    done = command("--resume")
+    assert done.exit_code == 1  # one was lost
+    assert "48 flights" in done.stdout
+    assert "first: Outcome(row=" in done.stderr
+    assert len(flown) == 48
+    manifest = json.loads((tmp_path / "out" / MANIFEST).read_text())
+    assert (manifest["flights"], manifest["seeds"], manifest["complete"]) == (48, [1, 40], True)
+    assert manifest["parameters"]["flights"] == 40
+    assert [run["from"] for run in manifest["runs"]] == [0, 17]
+
+
+def test_every_flight_is_a_row(command: Command, tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    command()
+    rows = parquet.read_table(tmp_path / "out" / ROWS).to_pylist()
+    assert [row["flight"] for row in rows] == list(range(48))
+    assert [row["seed"] for row in rows[:40]] == list(range(1, 41))
+    assert [row["result"] for row in rows].count("lost") == 1
+    assert {"turbulence", "aboard", "model"} <= set(rows[0])  # of the job
+    assert not (tmp_path / "out" / JOURNAL).exists()
+
+
+def test_a_cluster_that_is_not_there_is_said(command: Command) -> None:
+    pytest.importorskip("distributed")
+    refused = command("--scheduler", "nonsense://nowhere")
+    assert refused.exit_code == 2
+    assert "no scheduler answers" in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"), [(42.3, "42 s"), (89.6, "90 s"), (180.0, "3 min"), (4800.0, "1 h 20 min")]
+)
+def test_time_left_as_somebody_says_it(seconds: float, words: str) -> None:
+    assert duration(seconds) == words
