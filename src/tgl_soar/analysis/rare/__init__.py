@@ -1,0 +1,1 @@
+"""Losses that are rare: their probability by splitting, by plain flights and by theory."""
