@@ -120,6 +120,6 @@ def test_an_implausible_airspeed_is_not_what_keeps_it_from_the_stall() -> None:
         heading_rate_radps=0.0,
     )
     inputs = INPUTS._replace(airspeed=AirspeedSample(1, NOW_S, 5.0))
-    assert margins_of(LAWS, inputs, still, SOUND, NO_AIR, True).stall_rad < 0.0
+    assert margins_of(LAWS, inputs, still, SOUND, NO_AIR, (0.0, 0.0, 0.0), True).stall_rad < 0.0
     faulty = SOUND._replace(faults=h.AIRSPEED)
-    assert margins_of(LAWS, inputs, still, faulty, NO_AIR, True).stall_rad == inf
+    assert margins_of(LAWS, inputs, still, faulty, NO_AIR, (0.0, 0.0, 0.0), True).stall_rad == inf
