@@ -403,6 +403,9 @@ def test_a_compile_that_is_ended_leaves_nothing_behind(place: Path) -> None:
         run.send_signal(signal.SIGTERM)
     assert run.returncode == 1
     assert compilers
+    until_s = time.monotonic() + 10.0
+    while compilers_in(place) and time.monotonic() < until_s:  # killed, and not yet gone
+        time.sleep(0.05)
     assert not compilers_in(place)
     assert [path.name for path in place.iterdir()] == ["native.lock"]
 

@@ -137,8 +137,7 @@ def experiment(
         f" numbers in {out}/"
     )
     _print_figures(figures)
-    if docs is not None:
-        _write_pages(docs, results)
+    _write_pages(docs, results)
 
 
 def _put_out(name: str, result: Result, out: Path) -> None:
@@ -157,7 +156,9 @@ def _print_figures(figures: Path | None) -> None:
         console.print(f"figures in {figures}/")
 
 
-def _write_pages(docs: Path, results: list[Result]) -> None:
+def _write_pages(docs: Path | None, results: list[Result]) -> None:
+    if docs is None:
+        return
     for name, text in pages(results, probe()).items():
         (docs / name).write_text(text, encoding="utf-8")
         say(f"page in {docs / name}")
