@@ -316,7 +316,7 @@ def test_every_picture_says_of_which_flight_it_is(picture: pictures.Picture) -> 
 
 def test_every_picture_is_made_by_the_command() -> None:
     shown = set(re.findall(r"\(docs/images/([^)]+)\)", README))
-    # Taken by hand of `make run ARGS="--page"`; by tools/page_film.py.
+    # By tools/page_pictures.py and tools/page_film.py.
     of_a_browser = {"page.png", "drag.webp"}
     assert shown == {picture.name for picture in pictures.PICTURES} | of_a_browser
     assert far_from([(0.0, 0.0), (1.0, 0.5)], [(0.0, 0.0), (2.0, 0.0)]) == 0.5
