@@ -11,7 +11,7 @@ import asyncio
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from page_flight import AIRFRAME, SITE, TOKEN, Flown
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -24,6 +24,15 @@ from tgl_soar.cli.page.station import Station
 from tgl_soar.config.files import load_airframe, load_parameters, load_site
 from tgl_soar.config.parameters import PARAMETERS
 from tgl_soar.link.transport import LinkCounters
+
+
+class Memory(NamedTuple):
+    """Of the server, after so many hours."""
+
+    hours: float
+    blocks: int
+    resident_kb: int
+
 
 FRAME_S: Final = 1.0 / FRAMES_PER_S
 HOUR_S: Final = 3600.0
