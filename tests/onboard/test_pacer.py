@@ -84,6 +84,22 @@ def test_the_tick_s_time_is_the_sample_s_own() -> None:
     assert all(step == pytest.approx(0.005, abs=1e-9) for step in steps)
 
 
+def test_samples_in_steps_of_half_a_period_each_have_their_tick_at_once() -> None:
+    """As an autopilot sends whose main loop has twice the rate, over a link that adds 0.1 ms."""
+    noise = random.Random(3)
+    samples = [
+        (i / 200 + 0.001 + noise.choice((0.0, 0.0025)) + noise.uniform(0.0, 1e-4), i / 200)
+        for i in range(2000)
+    ]
+    ticks = [when for when, _ in fly(Pacer(200.0, 0.0), 10.0, samples)]
+    assert len(ticks) == pytest.approx(2000, abs=5)
+    waited = [
+        next(when for when in ticks[max(0, i - 20) :] if when >= arrival) - arrival
+        for i, (arrival, _) in enumerate(samples[200:1950], 200)
+    ]
+    assert max(waited) < 2 * STEP_S
+
+
 @pytest.mark.parametrize("loss", [0.05, 0.2])
 def test_lost_samples_cost_no_tick(loss: float) -> None:
     pacer = Pacer(200.0, 0.0)

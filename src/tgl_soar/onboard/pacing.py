@@ -13,7 +13,10 @@ from typing import Final
 
 LATE_S: Final = 0.002  # a tick that much after it was due is counted as late
 GRACE: Final = 0.5  # of a period: so long a tick waits for its sample
-EARLY: Final = 0.5  # of a period: a sample that much early has its tick at once
+# Of a period: a sample that much early has its tick at once.  An autopilot that sends in the steps
+# of a main loop of twice the rate (ArduPlane at 400 Hz) is half a period early after a late one;
+# and a tenth more, for what the link adds.
+EARLY: Final = 0.6
 LOCK_AT: Final = 20  # samples in step before the loop follows them
 _STREAK_MAX: Final = 40
 _STREAK_LOSS: Final = 2  # what a sample out of step costs: a fifth may be lost
