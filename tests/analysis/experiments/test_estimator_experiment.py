@@ -18,6 +18,7 @@ from tgl_soar.analysis.experiments.estimator import (
     SAME_GAINS,
     margin_claim,
     split_words,
+    tracked_claim,
 )
 from tgl_soar.analysis.experiments.estimator_flights import (
     ASKED,
@@ -29,6 +30,7 @@ from tgl_soar.analysis.experiments.estimator_flights import (
     LAB,
     ONE_GAP_S,
     PLAIN,
+    TRACKED_ATTITUDE,
     Differences,
     EstimatorFlight,
     EstimatorScore,
@@ -36,6 +38,7 @@ from tgl_soar.analysis.experiments.estimator_flights import (
     Ratios,
     Scored,
     WatchedFlight,
+    _ticks,
     _values,
     fly_scored,
     gains_exchanged,
@@ -106,6 +109,32 @@ def test_the_laboratorys_chain_flies() -> None:
     )
     assert flown.ended == ""
     assert flown.e_rho_m2 < 0.05**2
+
+
+def test_a_trackers_attitude_is_what_flies_and_is_as_late_as_it_is_given() -> None:
+    late = TRACKED_ATTITUDE._replace(delay_s=0.035)
+    flight = EstimatorFlight(line="b", seed=2, sensors=PLAIN, duration_s=4.0, tracked=late)
+    ages = [tick.inputs.time_s - tick.inputs.attitude.time_s for tick in _ticks(flight)]
+    assert max(ages[100:380]) <= 0.005 + 1e-9  # the autopilot's, until poses have come for 2 s
+    assert 0.035 - 1e-9 <= min(ages[500:]) <= max(ages[500:]) < 0.05
+    unlike = [
+        [tick.inputs.attitude.qy for tick in _ticks(each)][-1]
+        for each in (flight, flight._replace(tracked=None))
+    ]
+    assert unlike[0] != unlike[1]
+
+
+@pytest.mark.parametrize(
+    ("lost", "ratio", "holds"), [(0, 1.19, True), (0, 1.21, False), (1, 1.0, False)]
+)
+def test_a_trackers_attitude_may_cost_a_fifth_and_no_flight(
+    lost: int, ratio: float, holds: bool
+) -> None:
+    name = "OptiTrack's attitude, 15 ms late"
+    flown = EstimatorScore(
+        flights=24, lost=lost, e_rho_m=0.014, activity_ps=1.0, y_m=0.1, bank_rad=0.1
+    )
+    assert tracked_claim({name: flown}, {name: Ratios(ratio, 1.0)}).holds is holds
 
 
 def test_gaps_come_every_so_often() -> None:

@@ -19,6 +19,7 @@ from tgl_soar.analysis.experiments.estimator_flights import (
     ONE_GAP_S,
     PLAIN,
     SETTLE_S,
+    TRACKED_ATTITUDE,
     TURBULENCE,
     EstimatorFlight,
     EstimatorScore,
@@ -37,7 +38,7 @@ from tgl_soar.analysis.experiments.estimator_flights import (
     watch,
 )
 from tgl_soar.analysis.experiments.result import ChangedThreshold, Claim, Result, Table
-from tgl_soar.sim.sensors import AUTOPILOT_POSITION, MEMS_IMU, Sensors
+from tgl_soar.sim.sensors import AUTOPILOT_POSITION, MEMS_IMU, AttitudeParams, Sensors
 
 ROUGH: Final = 0.05
 SEEDS: Final = tuple(range(1, 33))
@@ -53,6 +54,10 @@ GAPS_S: Final = 21.0
 RATIO: Final = 0.6  # of sensor and gains together: less would not be worth another sensor
 ACTIVITY: Final = 1.5  # twice the servo's wear is no trade; the gains may cost half of that
 LATENCY_COST: Final = 1.2  # what 120 ms may take of that gain
+TRACKED_LATE_S: Final = (TRACKED_ATTITUDE.delay_s, 0.035)  # beyond 0.05 s a pose is not used
+# 10 ms more than the autopilot's attitude are 7 degrees of the short period's phase (12 rad/s), of
+# a margin of some 40: what that may cost.
+TRACKED_COST: Final = 1.2
 SAME_GAINS: Final = "accelerations, the plain law's gains"
 PLAIN_FASTER: Final = "plain, the gains of accelerations"
 CHANGED: Final = (
@@ -126,6 +131,13 @@ def _plan(quick: bool) -> _Plan:
             "accelerations, gaps": gaps(seeds, IMU),
             "plain, gaps": gaps(few, PLAIN),
             "laboratory's chain": all_of(few, Sensors(position=LAB), reception="the laboratory's"),
+            **{
+                _tracked_name(late): all_of(few, PLAIN, tracked=_tracked(late))
+                for late in TRACKED_LATE_S
+            },
+            f"accelerations, {_tracked_name(TRACKED_LATE_S[0])}": all_of(
+                few, IMU, tracked=TRACKED_ATTITUDE
+            ),
         },
         scored={
             "plain": all_of(seeds, PLAIN),
@@ -260,6 +272,19 @@ def margin_claim(scores: dict[str, EstimatorScore]) -> Claim:
     )
 
 
+def tracked_claim(scores: dict[str, EstimatorScore], of_plain: dict[str, Ratios]) -> Claim:
+    """A tracker's attitude flies nearly as well as the autopilot's."""
+    name = _tracked_name(TRACKED_LATE_S[0])
+    s, ratio = scores[name], of_plain[name].e_rho
+    return Claim(
+        f"{name}, in place of the autopilot's, costs at most"
+        f" {100 * (TRACKED_COST - 1):.0f} % of rms e_rho",
+        ratio <= TRACKED_COST and s.lost == 0,
+        f"rms e_rho {1e3 * s.e_rho_m:.1f} mm, {ratio:.2f} of the plain law's; {s.lost} of"
+        f" {s.flights} lost",
+    )
+
+
 def _claims(outcome: _Outcome) -> tuple[Claim, ...]:
     plan, scores, of_plain, knowledge, survival, cost = outcome
     plain, imu = scores["plain"], scores["accelerations"]
@@ -320,6 +345,7 @@ def _claims(outcome: _Outcome) -> tuple[Claim, ...]:
             f"{lab.lost} of {lab.flights} lost; rms e_rho {1e3 * lab.e_rho_m:.1f} mm,"
             f" {lab_ratio:.2f} of the plain law's",
         ),
+        tracked_claim(scores, of_plain),
     )
 
 
@@ -356,6 +382,14 @@ def _tables(outcome: _Outcome) -> tuple[Table, ...]:
             ),
         ),
     )  # fmt: skip
+
+
+def _tracked_name(delay_s: float) -> str:
+    return f"OptiTrack's attitude, {1e3 * delay_s:g} ms late"
+
+
+def _tracked(delay_s: float) -> AttitudeParams:
+    return TRACKED_ATTITUDE._replace(delay_s=delay_s)
 
 
 def _late_name(delay_s: float) -> str:

@@ -36,18 +36,24 @@ from tgl_soar.control.supervisor import FAILED, RELEASED
 from tgl_soar.control.target_line import e_rho
 from tgl_soar.estimation.motion import motion_quality, motion_step
 from tgl_soar.estimation.motion_state import initial_motion
+from tgl_soar.link.tracked_attitude import TrackedAttitude
 from tgl_soar.sim.closed_loop import ClosedLoop, Trajectory
 from tgl_soar.sim.compiled import available
 from tgl_soar.sim.fast_flight import Prepared, fly_compiled, prepare
+from tgl_soar.sim.motive import ARM_M, MADE_RAD
+from tgl_soar.sim.sensing import flown_sensors, sense_attitude
 from tgl_soar.sim.sensors import (
     MEMS_IMU,
+    MOTION_CAPTURE,
     USUAL_SENSORS,
+    AttitudeParams,
     ImuParams,
     PositionParams,
     Sensors,
 )
+from tgl_soar.sim.white import drawn_as_needed
 from tgl_soar.sim.world import Truth, World, build_field, make_world
-from tgl_soar.types import NO_FIX, AutopilotStatus, Inputs, PositionFix
+from tgl_soar.types import NO_FIX, AttitudeSample, AutopilotStatus, Inputs, PositionFix
 
 TURBULENCE: Final = 0.03
 CALM: Final = 0.01
@@ -73,6 +79,17 @@ LAB: Final = PositionParams(
     velocity_noise_mps=0.0,
     gives_velocity=False,
 )
+# A body in the cameras' eyes: markers of MOTION_CAPTURE's noise, 0.2 m from their middle; the body
+# made level by hand to 0.3 degrees, as well as an autopilot is levelled. Its rates are not used.
+TRACKED_ATTITUDE: Final = AttitudeParams(
+    rate_hz=MOTION_CAPTURE.rate_hz,
+    delay_s=MOTION_CAPTURE.delay_s,
+    noise_rad=MOTION_CAPTURE.noise_m / ARM_M,
+    bias_rad=MADE_RAD,
+    rate_noise_radps=0.0,
+    rate_bias_radps=0.0,
+)
+_OTHER_NOISE: Final = 10_000  # added to the seed: two attitudes do not share their noise
 ASKED_IMU: Final = ImuParams(
     rate_hz=200.0,
     delay_s=0.0,
@@ -143,6 +160,7 @@ class EstimatorFlight(NamedTuple):
     scale: float = 1.0  # of the outer loop's gains
     reception: Reception = "all"
     changes: tuple[tuple[str, float], ...] = ()  # of parameters
+    tracked: AttitudeParams | None = None  # a tracker's attitude, flown with as `[mocap]` has it
 
 
 class Scored(NamedTuple):
@@ -211,6 +229,7 @@ def _ticks(flight: EstimatorFlight) -> Iterator[_Tick]:
     world = _world(flight)
     loop = ClosedLoop(world, _values(flight))
     differences = Differences()
+    body = None if flight.tracked is None else _TrackedBody(world, flight.tracked, flight.seed)
     reception = world.position
     for _ in range(round(flight.duration_s * world.step_hz)):
         now, truth = world.time_s, world.truth
@@ -219,6 +238,8 @@ def _ticks(flight: EstimatorFlight) -> Iterator[_Tick]:
         elif flight.reception == "the laboratory's":
             world.position = differences.take(world.position, now)
         reception = world.position
+        if body is not None:
+            world.attitude = body.attitude(world)
         status = AutopilotStatus(time_s=now, accepts_surfaces=True, armed=True)
         sensors = world.imu, world.airspeed, world.surfaces
         inputs = Inputs(now, reception, world.attitude, status, True, *sensors)
@@ -260,6 +281,25 @@ class Differences:
             velocity_down_mps=(fix.down_m - first.down_m) / interval,
         )
         return self._sent
+
+
+class _TrackedBody:
+    """A tracker's attitude as the module takes it (`link.tracked_attitude`)."""
+
+    def __init__(self, world: World, params: AttitudeParams, seed: int) -> None:
+        sensors, white = Sensors(attitude=params), drawn_as_needed(seed + _OTHER_NOISE)
+        self._sensor = flown_sensors(sensors, world.step_hz, white).attitude
+        self._tracked = TrackedAttitude()
+        self._taken = 0
+
+    def attitude(self, world: World) -> AttitudeSample:
+        """What this tick is given: the tracker's, or the autopilot's."""
+        reported = world.attitude
+        pose = sense_attitude(self._sensor, world.frame, world.state, world.steps)
+        if pose.sequence > self._taken:
+            self._taken = pose.sequence
+            self._tracked.take((pose.qw, pose.qx, pose.qy, pose.qz), pose.time_s, reported)
+        return self._tracked.choose(world.time_s, reported)
 
 
 @lru_cache(maxsize=1)
