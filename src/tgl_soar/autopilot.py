@@ -37,13 +37,27 @@ from tgl_soar.control.excitation import (
     excitation_step,
 )
 from tgl_soar.control.forecast import Forecast, ForecastState, initial_forecast
-from tgl_soar.control.heading import bank_setpoint, heading_setpoint, sideways_held, sideways_step
+from tgl_soar.control.heading import (
+    bank_setpoint,
+    heading_setpoint,
+    leading_speed,
+    sideways_held,
+    sideways_step,
+)
+from tgl_soar.control.lateral_schedule import (
+    heading_gains,
+    lateral_bandwidth,
+    roll_gains,
+    sideways_gains,
+)
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.margins import margins_of
 from tgl_soar.control.pid import PidGains, PidState, PidTerms
 from tgl_soar.control.schedule import (
     ScheduledGains,
+    age_step,
     pitch_gains,
+    schedule_at_age,
     soaring_gains,
     speed_step,
     speed_within,
@@ -60,7 +74,7 @@ from tgl_soar.control.soaring import (
     trim_step,
 )
 from tgl_soar.control.supervisor import FINITE, SANE, SupervisorState, initial_supervisor, supervise
-from tgl_soar.control.surface_loops import NO_TERMS, LoopsState, surfaces_step
+from tgl_soar.control.surface_loops import NO_TERMS, LoopsState, SurfaceGains, surfaces_step
 from tgl_soar.control.target_line import (
     LineState,
     LineTracking,
@@ -109,6 +123,7 @@ class EstimatorMemory(NamedTuple):
     gust_pitch_rad: float  # by which the setpoint meets a gust
     imu_weight: float  # of the gains with accelerations in those flown, 0 … 1
     gain_speed_mps: float  # averaged airspeed that the gains are for; NaN: not known yet
+    gain_age_s: float  # averaged age of attitudes, likewise
     confident_s: float  # of when the last fix is that made the position confident; NaN: none
 
 
@@ -150,7 +165,7 @@ class Output(NamedTuple):
     margins: Margins
     cut: int  # what the envelope cut off the command, bits CUT_…
     imu_weight: float  # of the gains with accelerations in those flown, 0 … 1
-    gains: ScheduledGains  # of pitch, in the modes in control
+    gains: ScheduledGains  # in the modes in control
     excitation: ExcitationState
     forecast: Forecast
 
@@ -218,7 +233,16 @@ class _Flown(NamedTuple):
 
 
 NO_GAINS: Final = ScheduledGains(
-    airspeed_mps=NAN, rho_p=NAN, rho_i=NAN, rho_d=NAN, ele_p=NAN, ele_i=NAN, ele_d=NAN
+    airspeed_mps=NAN,
+    rho_p=NAN,
+    rho_i=NAN,
+    rho_d=NAN,
+    ele_p=NAN,
+    ele_i=NAN,
+    ele_d=NAN,
+    ail_p=NAN,
+    ail_d=NAN,
+    rud_d=NAN,
 )
 _AT_REST: Final = PidState(0.0, 0.0)
 _NEUTRAL: Final = SurfaceCommand(0.0, 0.0, 0.0)
@@ -249,6 +273,7 @@ def initial_state() -> AutopilotState:
             gust_pitch_rad=0.0,
             imu_weight=0.0,
             gain_speed_mps=NAN,
+            gain_age_s=0.0,
             confident_s=NAN,
         ),
         line=LineState(x_m=NAN, z_m=NAN, eta_rad=NAN, speed_mps=0.0, moving=False),
@@ -320,6 +345,7 @@ def _estimate(laws: Laws, state: AutopilotState, inputs: Inputs, dt_s: float) ->
             gust_pitch_rad=gust,
             imu_weight=weight_step(before.imu_weight, quality.inertial, dt_s),
             gain_speed_mps=speed_step(before.gain_speed_mps, air.airspeed_mps, dt_s),
+            gain_age_s=age_step(before.gain_age_s, health.attitude_age_s, dt_s),
             confident_s=motion.fix.time_s if health.position_ok else before.confident_s,
         ),
     )
@@ -501,12 +527,16 @@ def _fly(
     memory = estimates.memory
     pitch = pitch_gains(
         pid_between(laws.pitch, laws.pitch_imu, memory.imu_weight),
-        laws.schedule,
+        schedule_at_age(laws.schedule, memory.gain_age_s),
         memory.gain_speed_mps,
     )
+    lateral, speed = laws.lateral_schedule, memory.gain_speed_mps
+    bandwidth = lateral_bandwidth(lateral, memory.gain_age_s)
+    roll = roll_gains(laws.roll, lateral, bandwidth, speed)
+    heading = heading_gains(laws.heading, lateral, bandwidth, speed)
     loops, terms = surfaces_step(
         laws,
-        pitch,
+        SurfaceGains(pitch, roll, heading),
         state.loops,
         vehicle,
         guidance.setpoints,
@@ -531,6 +561,9 @@ def _fly(
             ele_p=pitch.kp,
             ele_i=pitch.ki,
             ele_d=pitch.kd,
+            ail_p=roll.kp,
+            ail_d=roll.kd,
+            rud_d=heading.pid.kd,
         ),
     )
     state = AutopilotState(
@@ -624,7 +657,7 @@ def _line_gains(laws: Laws, memory: EstimatorMemory, line: LineState) -> Soaring
     """Of the soaring law: with accelerations or without, at this speed, on this line."""
     return soaring_gains(
         soaring_between(laws.soaring, laws.soaring_imu, memory.imu_weight),
-        laws.schedule,
+        schedule_at_age(laws.schedule, memory.gain_age_s),
         memory.imu_weight,
         memory.gain_speed_mps,
         line.eta_rad,
@@ -635,11 +668,14 @@ def _bank(
     laws: Laws, state: AutopilotState, estimates: _Estimates, psi_setpoint: float, dt_s: float
 ) -> tuple[PidState, PidTerms]:
     """The bank that leads the aircraft to the middle."""
+    speed = speed_within(laws.schedule, estimates.air.airspeed_mps)
+    bandwidth = lateral_bandwidth(laws.lateral_schedule, estimates.memory.gain_age_s)
+    gains = sideways_gains(laws.sideways, laws.lateral_schedule, bandwidth)
     return sideways_step(
-        laws.sideways,
+        gains,
         state.sideways,
         psi_setpoint,
-        speed_within(laws.schedule, estimates.air.airspeed_mps),
+        leading_speed(laws.heading, gains.kd, estimates.vehicle.x_m, speed),
         estimates.vehicle.velocity_y_mps,
         dt_s,
         state.loops.limited.aileron_blocked,

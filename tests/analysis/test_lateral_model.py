@@ -38,16 +38,18 @@ def loop_of(
     changes: dict[str, float] | None = None,
     sensors: Sensors = SENSORS["with accelerometers"],
     delay_s: float = 0.0,
+    speed_mps: float = IDEAL_SPEED_MPS,
 ) -> Loop:
     condition = Condition(
         model=MODEL,
         servo=servo_params(AIRFRAME.model),
-        speed_mps=IDEAL_SPEED_MPS,
+        speed_mps=speed_mps,
         lean_rad=0.26,
         sensors=sensors,
         command_delay_s=delay_s,
     )
-    return lateral_loop(laws_from(VALUES.changed(changes or {}), SITE.frame()), condition)
+    known = VALUES.changed({"CMD_DELAY": delay_s, **(changes or {})})
+    return lateral_loop(laws_from(known, SITE.frame()), condition)
 
 
 def test_at_the_aileron_the_fast_loop_is_that_of_the_textbook() -> None:
@@ -63,7 +65,8 @@ def test_at_the_aileron_the_fast_loop_is_that_of_the_textbook() -> None:
     damping = -force / facts.ixx_kgm2 * model["Cl_p"] * 0.5 * facts.span_m / speed
     radps = np.array([20.0, 30.0, 40.0])
     s = 1j * radps
-    law = VALUES["AIL_P"] + VALUES["AIL_I"] / s + VALUES["AIL_D"] * s
+    slower = VALUES["LAT_SPEED"] / speed
+    law = slower * (VALUES["AIL_P"] + VALUES["AIL_I"] / s + slower * VALUES["AIL_D"] * s)
     lag = model["servo_lag_radps"]
     expected = effect * law / (s * (s + damping)) * lag / (s + lag)
     found = open_loop(loop_of(), "aileron", radps)
@@ -98,3 +101,27 @@ def test_an_aircraft_in_the_middle_comes_back_to_it() -> None:
     slowest = poles(loop_of())[:2]
     assert np.all(slowest.real < -0.05)
     assert 1.0 / abs(slowest[0].real) == pytest.approx(VALUES["SIDE_P"] / VALUES["SIDE_I"], rel=0.3)
+
+
+@pytest.mark.parametrize("sensors", SENSORS.values(), ids=SENSORS)
+@pytest.mark.parametrize("delay_s", [0.005, 0.040])
+@pytest.mark.parametrize("speed_mps", [7.6, 10.0, 14.0])
+def test_from_slow_to_fast_air_on_any_link_there_is_a_margin(
+    sensors: Sensors, delay_s: float, speed_mps: float
+) -> None:
+    """0.5 is the floor.  With gains that stand, 0.29 is left in fast air on the late link."""
+    loop = loop_of(sensors=sensors, delay_s=delay_s, speed_mps=speed_mps)
+    assert min(margin(loop, at).alpha for at in BREAKS) >= 0.5
+    if speed_mps == 14.0 and delay_s == 0.040:
+        stand = loop_of({"LAT_SPEED": 0.0}, sensors, delay_s, speed_mps)
+        assert min(margin(stand, at).alpha for at in BREAKS) < 0.4
+
+
+@pytest.mark.parametrize("sensors", SENSORS.values(), ids=SENSORS)
+def test_old_attitudes_leave_a_margin(sensors: Sensors) -> None:
+    """50 ms old: without the schedule's knowing of it, the delay would take half of the margin."""
+    late = sensors._replace(attitude=sensors.attitude._replace(delay_s=0.05))
+    if sensors.imu is not None:
+        late = late._replace(imu=sensors.imu._replace(delay_s=0.05))
+    loop = loop_of(sensors=late, delay_s=0.0075)
+    assert min(margin(loop, at).alpha for at in BREAKS) >= 0.5

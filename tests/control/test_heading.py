@@ -12,6 +12,7 @@ from tgl_soar.control.heading import (
     HeadingGains,
     heading_setpoint,
     heading_step,
+    leading_speed,
     sideways_held,
     sideways_step,
 )
@@ -150,3 +151,16 @@ def test_a_bank_is_learnt_bounded_and_kept_without_a_position() -> None:
     before = state
     state, _ = sideways_step(SIDEWAYS, state, 0.0, 8.5, -0.1, DT, 1)  # can roll no further right
     assert state.integral == before.integral
+
+
+def test_the_way_to_the_middle_is_no_faster_than_the_banks_loop() -> None:
+    """It takes R / V, the bank's loop 1 / (g kv): in fast air the bank follows less speed."""
+    distance, kv = 6.0, 0.15
+    x_m = GAINS.waypoint_x_m + distance
+    assert leading_speed(GAINS, kv, x_m, 8.0) == 8.0
+    assert leading_speed(GAINS, kv, x_m, 14.0) == pytest.approx(9.80665 * kv * distance)
+    near = GAINS.waypoint_x_m + 0.1 * GAINS.distance_min_m
+    assert leading_speed(GAINS, kv, near, 14.0) == pytest.approx(
+        9.80665 * kv * GAINS.distance_min_m
+    )
+    assert leading_speed(GAINS, 0.0, x_m, 14.0) == 14.0  # no bank follows it

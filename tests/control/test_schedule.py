@@ -10,12 +10,18 @@ from hypothesis import strategies as st
 
 from tgl_soar.control.pid import PidGains
 from tgl_soar.control.schedule import (
+    AGE_DOWN_S,
+    AGE_FOUND_S,
+    AGE_UP_S,
     GRAVITY_MPS2,
+    HOLD_S,
     SPEED_S,
     Dynamics,
     GainSchedule,
+    age_step,
     lean_of_glide,
     pitch_gains,
+    schedule_at_age,
     schedule_of,
     soaring_gains,
     speed_step,
@@ -115,7 +121,7 @@ def test_a_late_elevator_is_flown_with_less_and_an_early_one_with_no_more() -> N
     assert soaring(15.0, schedule=late).kd < 0.7 * soaring(15.0).kd
     # Fixes are old already: there the same delay costs less.
     assert soaring(15.0, schedule=late, imu=0.0).kd > 1.1 * soaring(15.0, schedule=late).kd
-    assert on(late_s=0.0) == AS_FOUND
+    assert on(late_s=0.0)._replace(late_s=AS_FOUND.late_s) == AS_FOUND
 
 
 def test_an_elevator_of_more_effect_is_moved_less() -> None:
@@ -191,3 +197,35 @@ def test_whatever_comes_the_gains_are_finite_and_act_the_right_way(
         assert gain >= 0.0
     assert pid[3:] == PID[3:]
     assert isfinite(speed_within(schedule, inf))
+
+
+def test_old_attitudes_slow_the_loop_as_a_late_elevator_does() -> None:
+    """An age of twice what the elevator is late, and an elevator that is three times as late."""
+    age = AGE_FOUND_S + 2.0 * (FOUND_ON.late_s + HOLD_S)
+    old = schedule_at_age(AS_FOUND, age)
+    late = on(late_s=3.0 * FOUND_ON.late_s + 2.0 * HOLD_S)
+    assert old[4:] == pytest.approx(late[4:])
+    assert old.stiffness == pytest.approx(AS_FOUND.stiffness / 3.0)
+    assert schedule_at_age(AS_FOUND, AGE_FOUND_S) is AS_FOUND
+
+
+def test_an_early_elevator_pays_for_old_attitudes_first() -> None:
+    """No gain was added for it, so that none is lost until both are later than as found."""
+    early = on(late_s=0.006)
+    assert schedule_at_age(early, AGE_FOUND_S + 0.02) == pytest.approx(early)
+    assert schedule_at_age(early, AGE_FOUND_S + 0.04).stiffness < early.stiffness
+
+
+def test_the_age_is_averaged_so_that_a_hiccup_hardly_counts() -> None:
+    age, dt = 0.005, 0.005
+    for tick in range(10):  # 50 ms without an attitude
+        age = age_step(age, 0.005 + tick * dt, dt)
+    assert schedule_at_age(AS_FOUND, age).stiffness > 0.95 * AS_FOUND.stiffness
+    for _ in range(round(3.0 * AGE_UP_S / dt)):
+        age = age_step(age, 0.1, dt)
+    assert age == pytest.approx(0.1, rel=0.06)
+    for _ in range(round(AGE_DOWN_S / dt)):
+        age = age_step(age, 0.0, dt)
+    assert age == pytest.approx(0.0368, abs=0.003)
+    assert age_step(0.02, nan, dt) == 0.02
+    assert age_step(0.02, inf, dt) == 0.02

@@ -32,7 +32,18 @@ from tgl_soar.analysis.linear_model import (
     fix_matrices,
 )
 from tgl_soar.control.attitude import attitude_step
-from tgl_soar.control.heading import heading_setpoint, heading_step, sideways_step
+from tgl_soar.control.heading import (
+    heading_setpoint,
+    heading_step,
+    leading_speed,
+    sideways_step,
+)
+from tgl_soar.control.lateral_schedule import (
+    heading_gains,
+    lateral_bandwidth,
+    roll_gains,
+    sideways_gains,
+)
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.pid import PidState
 from tgl_soar.control.schedule import speed_within
@@ -140,12 +151,23 @@ def _tick(layout: _Layout, phase: int, vector: Matrix) -> Matrix:
 
     bank_i, bank_rate, roll_i, roll_d, heading_d = remembered.tolist()
     wanted = heading_setpoint(laws.heading, laws.target.x_m, float(y))
-    airspeed = speed_within(laws.schedule, trim.airspeed_mps)
+    airspeed = trim.airspeed_mps
+    f = lateral_bandwidth(laws.lateral_schedule, age_s)
+    level = sideways_gains(laws.sideways, laws.lateral_schedule, f)
+    leading = leading_speed(
+        laws.heading, level.kd, laws.target.x_m, speed_within(laws.schedule, airspeed)
+    )
     bank, bank_terms = sideways_step(
-        laws.sideways, PidState(bank_i, bank_rate), wanted, airspeed, float(vy), dt, 0
+        level,
+        PidState(bank_i, bank_rate),
+        wanted,
+        leading,
+        float(vy),
+        dt,
+        0,
     )
     rolled, aileron = attitude_step(
-        laws.roll,
+        roll_gains(laws.roll, laws.lateral_schedule, f, airspeed),
         PidState(roll_i, roll_d),
         bank_terms.output,
         float(seen[2] + age_s * seen[4]),
@@ -155,7 +177,7 @@ def _tick(layout: _Layout, phase: int, vector: Matrix) -> Matrix:
         0,
     )
     turned, rudder = heading_step(
-        laws.heading,
+        heading_gains(laws.heading, laws.lateral_schedule, f, airspeed),
         PidState(0.0, heading_d),
         wanted,
         float(seen[3] + age_s * seen[5]),

@@ -49,7 +49,7 @@ from tgl_soar.air.gusts import DrydenState, dryden_params, dryden_step
 from tgl_soar.control.attitude import attitude_step
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.pid import PidState
-from tgl_soar.control.schedule import pitch_gains, soaring_gains
+from tgl_soar.control.schedule import pitch_gains, schedule_at_age, soaring_gains
 from tgl_soar.control.scheduling import pid_between, soaring_between
 from tgl_soar.control.soaring import SoaringState, soaring_step
 from tgl_soar.control.target_line import e_rho, eta_from_lean
@@ -308,14 +308,15 @@ def linear_controller(laws: Laws, condition: Condition, errors: bool = False) ->
     take, carry = fix_matrices(laws.motion, timing.period_steps * dt, dt, sensors, inertial)
     weight = 1.0 if inertial else 0.0
     airspeed = glide_at(condition.model, condition.speed_mps).airspeed_mps
+    schedule = schedule_at_age(laws.schedule, late * dt)
     soaring = soaring_gains(
         soaring_between(laws.soaring, laws.soaring_imu, weight),
-        laws.schedule,
+        schedule,
         weight,
         airspeed,
         eta_from_lean(condition.lean_rad),
     )
-    pitch = pitch_gains(pid_between(laws.pitch, laws.pitch_imu, weight), laws.schedule, airspeed)
+    pitch = pitch_gains(pid_between(laws.pitch, laws.pitch_imu, weight), schedule, airspeed)
     soaring = soaring._replace(
         slew_radps=1e9,  # linear: no limit acts
         pid=soaring.pid._replace(output_min=-1e9, output_max=1e9, integral_max=1e9),

@@ -86,6 +86,8 @@ def lateral_gains(airframe: Airframe) -> dict[str, float]:
             "RUD_D": rud_d,
             "SIDE_P": side_p,
             "SIDE_I": side_p / SIDE_S,
+            "LAT_SPEED": speed,
+            "LAT_LATE": late_s,
         }
     )
 

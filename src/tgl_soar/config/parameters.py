@@ -311,6 +311,20 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         name="AIL_TRIM", unit="", minimum=-1, maximum=1, default=0.0,
         meaning="Aileron with wings level.",
     ),
+    # --- roll, heading and bank: where their gains were found -----------------------------
+    # Filled in with the gains, where these follow from the airframe file.
+    Parameter(
+        name="LAT_SPEED", unit="m/s", minimum=0, maximum=60, default=8.5,
+        meaning="Airspeed at which AIL_P, AIL_I, AIL_D, RUD_P and RUD_D were found. In faster air"
+                " the surfaces do more, and are moved less; below 1: the gains are flown as they"
+                " stand.",
+    ),
+    Parameter(
+        name="LAT_LATE", unit="s", minimum=0, maximum=0.5, default=0.0,
+        meaning="Time from a tick to the surfaces for which they, SIDE_P and SIDE_I were found:"
+                " later ones (DYN_SERVO + CMD_DELAY) are flown with less gain, earlier ones with"
+                " no more. 0: as late as they are.",
+    ),
     # --- heading -> rudder (eq. 18) ------------------------------------------------------
     Parameter(
         name="RUD_P", unit="1/rad", minimum=0, maximum=20, default=1.2,
@@ -609,7 +623,10 @@ GROUPS: Final[tuple[Group, ...]] = (
         "The airframe that flies, to which the schedule adapts the gains; filled in from the"
         " airframe file.",
     ),
-    Group("Roll to aileron", ("AIL",), "The bank setpoint, or wings level."),
+    Group(
+        "Roll to aileron", ("AIL", "LAT"),
+        "The bank setpoint, or wings level; and where the gains of roll and heading were found.",
+    ),
     Group(
         "Heading to rudder", ("RUD", "WPT", "PSI", "BANK"),
         "The nose is held towards a virtual waypoint upwind.",

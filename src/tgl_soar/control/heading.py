@@ -13,13 +13,15 @@ Wings that are level turn the path by sideslip alone, with seconds of lag, and a
 wrong by a degree leaves a third of a metre to the side.  So the bank follows the sideways speed
 (ours; the paper's wings are level):
 
-    v_sp   = V sin psi_sp                       where the nose leads to once it follows its setpoint
+    v_sp   = min(V, g kv R) sin psi_sp          where the nose leads to once it follows its setpoint
     phi_sp = kv (v_sp - v_y) + ki ∫ (v_sp - v_y) dt,   limited to either side
 
-V is the airspeed, v_y the velocity over the ground to the right: with the cross wind at rest there
-is no sideslip where v_y = v_sp, so that bank and rudder want the same.  At rest v_sp = 0, hence
-y = 0, whatever bank the integral had to learn for it.  The first term goes through the law's
-low-pass and stands as its d, being of y's rate: it begins at zero, wings level.
+V is the airspeed, v_y the velocity over the ground to the right.  The sideways speed follows its
+setpoint in 1 / (g kv) seconds, and the way to the middle takes R / V: in fast air, or with the
+small kv that late surfaces leave, the way is not to be the faster of the two.  With the cross wind
+at rest there is no sideslip where v_y = v_sp, so that bank and rudder want the same.  At rest
+v_sp = 0, hence y = 0, whatever bank the integral had to learn for it.  The first term goes through
+the law's low-pass and stands as its d, being of y's rate: it begins at zero, wings level.
 
 A firmware that holds the attitude itself and has the rudder coordinate its turns is asked for a
 bank instead (the paper has no such flight):
@@ -30,10 +32,12 @@ bank instead (the paper has no such flight):
 from __future__ import annotations
 
 from math import atan, sin
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from tgl_soar.control.pid import PidGains, PidState, PidTerms, pid_step
 from tgl_soar.geometry import wrap_angle
+
+GRAVITY_MPS2: Final = 9.80665
 
 
 class HeadingGains(NamedTuple):
@@ -71,6 +75,19 @@ def heading_step(
     """One step of the rudder law.  trim: deflection in straight flight, -1 … 1."""
     error = wrap_angle(setpoint_rad - heading_rad)
     return pid_step(gains.pid, state, error, -heading_rate_radps, trim, dt_s, 0)
+
+
+def leading_speed(
+    gains: HeadingGains, bank_per_speed: float, x_m: float, airspeed_mps: float
+) -> float:
+    """The airspeed by which a heading counts as sideways speed, from its waypoint.
+
+    bank_per_speed: kv [rad s/m]; 0 limits nothing.
+    """
+    if bank_per_speed <= 0.0:
+        return airspeed_mps
+    distance = max(gains.distance_min_m, x_m - gains.waypoint_x_m)
+    return min(airspeed_mps, GRAVITY_MPS2 * bank_per_speed * distance)
 
 
 def sideways_step(

@@ -14,6 +14,7 @@ from tgl_soar.control.envelope import EnvelopeLimits, Fence
 from tgl_soar.control.excitation import Excitation
 from tgl_soar.control.forecast import ForecastParams
 from tgl_soar.control.heading import BankGains, HeadingGains
+from tgl_soar.control.lateral_schedule import LateralSchedule, lateral_schedule_of
 from tgl_soar.control.pid import PidGains
 from tgl_soar.control.schedule import Dynamics, GainSchedule, schedule_of
 from tgl_soar.control.soaring import SoaringGains, TrimGains
@@ -64,6 +65,7 @@ class Laws(NamedTuple):
     heading: HeadingGains
     bank: BankGains
     sideways: PidGains  # m/s to bank
+    lateral_schedule: LateralSchedule  # of roll and heading, and of the speed that the bank follows
     envelope: EnvelopeLimits
     trim: SurfaceCommand
     wind: WindParams
@@ -93,6 +95,9 @@ def laws_from(
             pid=_imu_gains(values, "RHO", soaring.pid, values["RHO_DF_IMU"])
         )
     pitch = _surface_gains(values, "ELE")
+    lateral = lateral_schedule_of(
+        values["LAT_SPEED"], values["LAT_LATE"], values["DYN_SERVO"] + values["CMD_DELAY"]
+    )
     return Laws(
         frame=frame,
         motion=_motion_gains(values),
@@ -117,6 +122,7 @@ def laws_from(
         heading=_heading_gains(values),
         bank=BankGains(values["BANK_P"], radians(values["BANK_MAX"])),
         sideways=_sideways_gains(values),
+        lateral_schedule=lateral,
         envelope=_envelope_limits(values),
         trim=SurfaceCommand(values["ELE_TRIM"], values["AIL_TRIM"], values["RUD_TRIM"]),
         wind=WindParams(aerodynamics, values["WIND_CHANGE"], radians(values["WIND_ALIGN"])),

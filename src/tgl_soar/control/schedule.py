@@ -34,6 +34,9 @@ and A the age of fixes (0 with accelerometers).  With u = b / b_0 held within 0 
                                                           there by 1 / (1 + 3 kd |b|) less
     kp  = min((w_c - kd g cos l) / b, w² / (4 ζ² (1 + h) g cos l)),  w = kd g cos l + u (w_c - …)
 
+Attitudes that are old by a on average, from AGE_FOUND_S on, delay the loop as the elevator does:
+T + a - AGE_FOUND_S in the place of T.
+
 ζ² going from ζ_0² at u = 1 to 1 at u = 0, where nothing but kd damps.  ki keeps its ratio to kp,
 less by f.  All is continuous in lean and speed; integrals are in the unit of the output whatever
 the gain, so that no command steps.
@@ -65,6 +68,10 @@ WRONG_WAY: Final = 3.0
 PITCH_LAG_S: Final = 0.05  # t: the pitch loop's own, kd / kp of it
 FIX_AGE_S: Final = 0.05  # A: 40 ms of delay, and half the time between fixes at 50 Hz
 HOLD_S: Final = 0.0025  # half a tick: a command holds for a whole one
+# Attitudes no older than this are what gains were found with: 5 ms late, half a tick of 200 Hz.
+AGE_FOUND_S: Final = 0.0075
+AGE_UP_S: Final = 0.3  # over which their age is averaged: one hiccup of 50 ms adds 4 ms
+AGE_DOWN_S: Final = 2.0
 
 
 class Dynamics(NamedTuple):
@@ -83,6 +90,8 @@ class GainSchedule(NamedTuple):
     """What is flown where, from `schedule_of`."""
 
     speed_mps: float  # of the finding; below SPEED_MIN_MPS: gains are flown as they stand
+    late_found_s: float  # T_0, half a tick with it
+    late_s: float  # T, likewise
     lean_rad: float  # of the finding, beyond the glide's own
     drag: float  # 1 / 2E; 0: unknown
     best_glide_mps: float
@@ -102,6 +111,9 @@ class ScheduledGains(NamedTuple):
     ele_p: float  # 1/rad
     ele_i: float  # 1/(rad s)
     ele_d: float  # s/rad
+    ail_p: float  # 1/rad
+    ail_d: float  # s/rad
+    rud_d: float  # s/rad
 
 
 def schedule_of(
@@ -122,6 +134,8 @@ def schedule_of(
     glides = airframe.glide_ratio >= 1.0 and airframe.best_glide_mps >= SPEED_MIN_MPS
     return GainSchedule(
         speed_mps=speed_mps,
+        late_found_s=found_on.late_s + HOLD_S,
+        late_s=airframe.late_s + HOLD_S,
         lean_rad=lean_rad,
         drag=0.5 / airframe.glide_ratio if glides else 0.0,
         best_glide_mps=airframe.best_glide_mps if glides else 1.0,
@@ -129,6 +143,41 @@ def schedule_of(
         damping=effect * late,
         bandwidth=(PITCH_LAG_S + FIX_AGE_S) / (PITCH_LAG_S / (late * damped) + FIX_AGE_S),
         bandwidth_imu=late * damped,
+    )
+
+
+def age_step(before_s: float, age_s: float, dt_s: float) -> float:
+    """The averaged age of attitudes a tick later; NaN or infinite: not known, it stays."""
+    if not (isfinite(age_s) and age_s >= 0.0):
+        return before_s
+    time_s = AGE_UP_S if age_s > before_s else AGE_DOWN_S
+    return before_s + dt_s / (time_s + dt_s) * (age_s - before_s)
+
+
+def slowed(late_found_s: float, late_s: float, age_s: float) -> float:
+    """By what old attitudes slow the loop further: T + age in the place of T, in `f_e`."""
+    older = max(0.0, age_s - AGE_FOUND_S)
+    return max(late_found_s, late_s) / max(late_found_s, late_s + older)
+
+
+def schedule_at_age(schedule: GainSchedule, age_s: float) -> GainSchedule:
+    """The schedule where attitudes are that old on average: they delay the loop as a late elevator
+    does, and are known to."""
+    if age_s <= AGE_FOUND_S or not schedule.speed_mps >= SPEED_MIN_MPS:
+        return schedule
+    slower = slowed(schedule.late_found_s, schedule.late_s, age_s)
+    lag = (PITCH_LAG_S + FIX_AGE_S) / schedule.bandwidth - FIX_AGE_S
+    return GainSchedule(
+        speed_mps=schedule.speed_mps,
+        late_found_s=schedule.late_found_s,
+        late_s=schedule.late_s,
+        lean_rad=schedule.lean_rad,
+        drag=schedule.drag,
+        best_glide_mps=schedule.best_glide_mps,
+        stiffness=schedule.stiffness * slower,
+        damping=schedule.damping * slower,
+        bandwidth=(PITCH_LAG_S + FIX_AGE_S) / (lag / slower + FIX_AGE_S),
+        bandwidth_imu=schedule.bandwidth_imu * slower,
     )
 
 

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 from tgl_soar.control.attitude import attitude_step
 from tgl_soar.control.envelope import Limited, elevator_limit, limit_surfaces
-from tgl_soar.control.heading import heading_step
+from tgl_soar.control.heading import HeadingGains, heading_step
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.pid import PidGains, PidState, PidTerms
 from tgl_soar.types import (
@@ -36,6 +36,14 @@ class LoopsState(NamedTuple):
     limited: Limited
 
 
+class SurfaceGains(NamedTuple):
+    """The gains that the loops fly with, as they are scheduled."""
+
+    pitch: PidGains
+    roll: PidGains
+    heading: HeadingGains
+
+
 class SurfaceTerms(NamedTuple):
     """What each surface's deflection is made of."""
 
@@ -46,7 +54,7 @@ class SurfaceTerms(NamedTuple):
 
 def surfaces_step(
     laws: Laws,
-    pitch_gains: PidGains,
+    gains: SurfaceGains,
     state: LoopsState,
     vehicle: VehicleState,
     setpoints: Setpoints,
@@ -56,15 +64,14 @@ def surfaces_step(
 ) -> tuple[LoopsState, SurfaceTerms]:
     """One step.
 
-    pitch_gains: as they are scheduled; stall_rad: the margin of the angle of attack; surfaces: as
-    they are read back.
+    stall_rad: the margin of the angle of attack; surfaces: as they are read back.
     """
     trim = laws.trim
     pitch, roll = state.pitch, state.roll
     elevator_terms = aileron_terms = NO_TERMS
     if laws.loops == OURS:
         pitch, elevator_terms = attitude_step(
-            pitch_gains,
+            gains.pitch,
             state.pitch,
             setpoints.pitch_rad,
             vehicle.pitch_rad,
@@ -74,7 +81,7 @@ def surfaces_step(
             state.limited.elevator_blocked,
         )
         roll, aileron_terms = attitude_step(
-            laws.roll,
+            gains.roll,
             state.roll,
             setpoints.roll_rad,
             vehicle.roll_rad,
@@ -84,7 +91,7 @@ def surfaces_step(
             state.limited.aileron_blocked,
         )
     heading, rudder_terms = heading_step(
-        laws.heading,
+        gains.heading,
         state.heading,
         setpoints.heading_rad,
         vehicle.heading_rad,

@@ -215,7 +215,7 @@ def named_value(name: str, vehicle_time_s: float, value: float) -> NamedValueFlo
 def float_array(output: Output, vehicle_time_s: float) -> DebugFloatArray:
     """All of `ARRAY`, angles in degrees."""
     vehicle, health, setpoints = output.vehicle, output.health, output.setpoints
-    soaring, command = output.soaring, output.command
+    soaring, command, gains = output.soaring, output.command, output.gains
     elevator, aileron, rudder = output.elevator, output.aileron, output.rudder
     air = output.air
     data = (
@@ -252,7 +252,8 @@ def float_array(output: Output, vehicle_time_s: float) -> DebugFloatArray:
         *(air.excess_mps, air.wind_sigma_mps, air.updraft_sigma_mps),
         output.imu_weight,
         float(health.faults),
-        *output.gains,
+        *(gains.airspeed_mps, gains.rho_p, gains.rho_i, gains.rho_d),
+        *(gains.ele_p, gains.ele_i, gains.ele_d),
         degrees(output.excitation.pitch_rad),
         float(output.excitation.standing),
     )

@@ -55,6 +55,7 @@ MODULES: Final = (
     "tgl_soar.control.excitation",
     "tgl_soar.control.forecast",
     "tgl_soar.control.heading",
+    "tgl_soar.control.lateral_schedule",
     "tgl_soar.control.schedule",
     "tgl_soar.control.pid",
     "tgl_soar.control.scheduling",

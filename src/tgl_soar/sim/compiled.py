@@ -36,6 +36,7 @@ MODULES: Final = (
     "tgl_soar.control.soaring",
     "tgl_soar.control.scheduling",
     "tgl_soar.control.schedule",
+    "tgl_soar.control.lateral_schedule",
     "tgl_soar.control.target_line",
     "tgl_soar.control.supervisor",
     "tgl_soar.control.envelope",
