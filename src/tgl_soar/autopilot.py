@@ -19,7 +19,6 @@ from tgl_soar.control.conditions import (
     line_conditions,
     stream_conditions,
     target_conditions,
-    with_uncertainty,
 )
 from tgl_soar.control.envelope import (
     CUT_NOSE_DOWN,
@@ -28,6 +27,7 @@ from tgl_soar.control.envelope import (
     pitch_within,
     unlimited,
 )
+from tgl_soar.control.estimates import Estimates, EstimatorMemory, estimate, initial_memory
 from tgl_soar.control.excitation import (
     IDLE,
     NOT_SOARING,
@@ -51,27 +51,22 @@ from tgl_soar.control.lateral_schedule import (
     sideways_gains,
 )
 from tgl_soar.control.laws import Laws
-from tgl_soar.control.margins import margins_of
 from tgl_soar.control.pid import PidGains, PidState, PidTerms
 from tgl_soar.control.schedule import (
     ScheduledGains,
-    age_step,
     pitch_gains,
     schedule_at_age,
     soaring_gains,
-    speed_step,
     speed_within,
 )
-from tgl_soar.control.scheduling import pid_between, soaring_between, weight_step
+from tgl_soar.control.scheduling import pid_between, soaring_between
 from tgl_soar.control.soaring import (
     SoaringGains,
     SoaringState,
-    TrimState,
     gliding_step,
     holding_step,
     soaring_reset,
     soaring_step,
-    trim_step,
 )
 from tgl_soar.control.supervisor import FINITE, SANE, SupervisorState, initial_supervisor, supervise
 from tgl_soar.control.surface_loops import NO_TERMS, LoopsState, SurfaceGains, surfaces_step
@@ -83,21 +78,13 @@ from tgl_soar.control.target_line import (
     line_step,
     line_tracking,
 )
-from tgl_soar.estimation.aerodynamics import glide_pitch
 from tgl_soar.estimation.health import (
     STREAM_FAULTS,
-    HealthState,
     fault_words,
-    health_step,
-    initial_health,
 )
-from tgl_soar.estimation.motion import is_imu_valid, motion_quality, motion_step, unshifted
-from tgl_soar.estimation.motion_state import MotionState, initial_motion
-from tgl_soar.estimation.wind import WindState, initial_wind, wind_step
 from tgl_soar.types import (
     NAN,
     NO_SETPOINTS,
-    OURS,
     THEIRS,
     AirEstimate,
     Health,
@@ -111,20 +98,6 @@ from tgl_soar.types import (
 
 DT_MAX_S: Final = 0.1  # a longer gap between two ticks is not integrated over
 ON_LINE_S: Final = 1.0  # so long within capture_distance_m before the line counts as captured
-
-
-class EstimatorMemory(NamedTuple):
-    """What the estimators remember from one tick to the next."""
-
-    motion: MotionState
-    wind: WindState
-    health: HealthState
-    pitch_trim: TrimState
-    gust_pitch_rad: float  # by which the setpoint meets a gust
-    imu_weight: float  # of the gains with accelerations in those flown, 0 … 1
-    gain_speed_mps: float  # averaged airspeed that the gains are for; NaN: not known yet
-    gain_age_s: float  # averaged age of attitudes, likewise
-    confident_s: float  # of when the last fix is that made the position confident; NaN: none
 
 
 class AutopilotState(NamedTuple):
@@ -192,17 +165,6 @@ def entry_lacks(laws: Laws, state: AutopilotState, inputs: Inputs, output: Outpu
     return modes.ENTRY & ~held
 
 
-class _Estimates(NamedTuple):
-    """What the estimators make of one tick, and what they remember of it."""
-
-    vehicle: VehicleState
-    quality: MotionQuality
-    health: Health
-    air: AirEstimate
-    margins: Margins
-    memory: EstimatorMemory
-
-
 class _Guidance(NamedTuple):
     """What the line asks of the attitude loops, and what it leaves to the next tick."""
 
@@ -265,17 +227,7 @@ def initial_state() -> AutopilotState:
         time_s=NAN,
         supervisor=initial_supervisor(),
         off_line_s=NAN,
-        memory=EstimatorMemory(
-            motion=initial_motion(),
-            wind=initial_wind(),
-            health=initial_health(),
-            pitch_trim=TrimState(NAN, NAN),
-            gust_pitch_rad=0.0,
-            imu_weight=0.0,
-            gain_speed_mps=NAN,
-            gain_age_s=0.0,
-            confident_s=NAN,
-        ),
+        memory=initial_memory(),
         line=LineState(x_m=NAN, z_m=NAN, eta_rad=NAN, speed_mps=0.0, moving=False),
         soaring=SoaringState(_AT_REST, 0.0, 0),
         heading_setpoint_rad=0.0,
@@ -290,78 +242,15 @@ def step(laws: Laws, state: AutopilotState, inputs: Inputs) -> tuple[AutopilotSt
     """One tick, at inputs.time_s.  Never raises on any numbers that inputs may hold."""
     dt = inputs.time_s - state.time_s
     dt = min(DT_MAX_S, dt) if dt > 0.0 else 0.0  # NaN: the first tick
-    estimates = _estimate(laws, state, inputs, dt)
-    if modes.is_flying(state.supervisor.mode):
+    flying = modes.is_flying(state.supervisor.mode)
+    estimates = estimate(laws, state.memory, inputs, flying, state.loops.limited.command, dt)
+    if flying:
         return _fly(laws, state, inputs, estimates, dt, modes.REASON_NONE)
     return _watch(laws, state, inputs, estimates)
 
 
-def _estimate(laws: Laws, state: AutopilotState, inputs: Inputs, dt_s: float) -> _Estimates:
-    """Where the aircraft is, how it moves, in which air, and how certain that is."""
-    before = state.memory
-    flying = modes.is_flying(state.supervisor.mode)
-    known = before.motion
-    if not flying:  # there is no line to be kept
-        known = unshifted(known, inputs.time_s)
-    motion, vehicle = motion_step(laws.motion, laws.frame, known, inputs)
-    quality = motion_quality(laws.motion, before.motion, motion, inputs.time_s)
-    watched, health = health_step(
-        laws.health,
-        before.health,
-        motion,
-        inputs,
-        flying,
-        flying and laws.loops == OURS,  # else nothing is known of where surfaces should be
-        state.loops.limited.command,
-        dt_s,
-    )
-    health = with_uncertainty(laws.guards, health, quality)
-    wind, air = wind_step(
-        laws.wind,
-        before.wind,
-        vehicle,
-        inputs,
-        quality.velocity_sigma_mps,
-        _elevator(state, inputs),
-        is_imu_valid(before.motion, motion, inputs.time_s),
-    )
-    glide = NAN
-    if laws.pitch_trim.share > 0.0:
-        glide = glide_pitch(laws.wind.aerodynamics, air.wind_mps - vehicle.velocity_x_mps)
-    trim, gust = trim_step(
-        laws.pitch_trim, before.pitch_trim, glide, air.updraft_mps, air.airspeed_mps, dt_s
-    )
-    return _Estimates(
-        vehicle=vehicle,
-        quality=quality,
-        health=health,
-        air=air,
-        margins=margins_of(laws, inputs, vehicle, health, air, motion.shift, flying),
-        memory=EstimatorMemory(
-            motion=motion,
-            wind=wind,
-            health=watched,
-            pitch_trim=trim,
-            gust_pitch_rad=gust,
-            imu_weight=weight_step(before.imu_weight, quality.inertial, dt_s),
-            gain_speed_mps=speed_step(before.gain_speed_mps, air.airspeed_mps, dt_s),
-            gain_age_s=age_step(before.gain_age_s, health.attitude_age_s, dt_s),
-            confident_s=motion.fix.time_s if health.position_ok else before.confident_s,
-        ),
-    )
-
-
-def _elevator(state: AutopilotState, inputs: Inputs) -> float:
-    """The elevator's deflection as it is read back, else as we command it, else NaN."""
-    if isfinite(inputs.surfaces.elevator):
-        return inputs.surfaces.elevator
-    if modes.is_flying(state.supervisor.mode):
-        return state.loops.limited.command.elevator
-    return NAN
-
-
 def _watch(
-    laws: Laws, state: AutopilotState, inputs: Inputs, estimates: _Estimates
+    laws: Laws, state: AutopilotState, inputs: Inputs, estimates: Estimates
 ) -> tuple[AutopilotState, Output]:
     """Not in control: look, and engage if asked and able."""
     vehicle, target = estimates.vehicle, laws.target
@@ -387,7 +276,7 @@ def _idle(
     laws: Laws,
     state: AutopilotState,
     inputs: Inputs,
-    estimates: _Estimates,
+    estimates: Estimates,
     supervisor: SupervisorState,
     line: LineState,
     forecast: ForecastState,
@@ -413,7 +302,7 @@ def _idle(
 def _output(
     state: AutopilotState,
     inputs: Inputs,
-    estimates: _Estimates,
+    estimates: Estimates,
     mode: int,
     reason: int,
     line: LineTracking,
@@ -446,7 +335,7 @@ def _output(
     )
 
 
-def _engaged(laws: Laws, state: AutopilotState, estimates: _Estimates) -> AutopilotState:
+def _engaged(laws: Laws, state: AutopilotState, estimates: Estimates) -> AutopilotState:
     """The state at the moment of engaging.
 
     The surfaces start at their trims and go from there no faster than the envelope lets them;
@@ -466,7 +355,7 @@ def _engaged(laws: Laws, state: AutopilotState, estimates: _Estimates) -> Autopi
     )
 
 
-def _line_from_aircraft(laws: Laws, state: AutopilotState, estimates: _Estimates) -> AutopilotState:
+def _line_from_aircraft(laws: Laws, state: AutopilotState, estimates: Estimates) -> AutopilotState:
     """The line starts at the aircraft and slides from there; the pitch goes on from its own."""
     vehicle = estimates.vehicle
     line = line_at(laws.target, vehicle.x_m, vehicle.z_m)
@@ -484,7 +373,7 @@ def _fly(
     laws: Laws,
     state: AutopilotState,
     inputs: Inputs,
-    estimates: _Estimates,
+    estimates: Estimates,
     dt_s: float,
     engaged_because: int,
 ) -> tuple[AutopilotState, Output]:
@@ -524,19 +413,10 @@ def _fly(
     excitation = excitation_step(laws.excitation, state.excitation, inputs.time_s, dt_s, hindrance)
     state = state._replace(excitation=excitation)
     guidance = _guide(laws, state, estimates, decision, line, tracking, off_line_s, dt_s)
-    memory = estimates.memory
-    pitch = pitch_gains(
-        pid_between(laws.pitch, laws.pitch_imu, memory.imu_weight),
-        schedule_at_age(laws.schedule, memory.gain_age_s),
-        memory.gain_speed_mps,
-    )
-    lateral, speed = laws.lateral_schedule, memory.gain_speed_mps
-    bandwidth = lateral_bandwidth(lateral, memory.gain_age_s)
-    roll = roll_gains(laws.roll, lateral, bandwidth, speed)
-    heading = heading_gains(laws.heading, lateral, bandwidth, speed)
+    gains = _surface_gains(laws, estimates.memory)
     loops, terms = surfaces_step(
         laws,
-        SurfaceGains(pitch, roll, heading),
+        gains,
         state.loops,
         vehicle,
         guidance.setpoints,
@@ -553,18 +433,7 @@ def _fly(
         rudder=terms.rudder,
         sideways=guidance.sideways_terms,
         cut=loops.limited.cut | guidance.cut,
-        gains=ScheduledGains(
-            airspeed_mps=speed_within(laws.schedule, memory.gain_speed_mps),
-            rho_p=guidance.gains.kp,
-            rho_i=guidance.gains.ki,
-            rho_d=guidance.gains.kd,
-            ele_p=pitch.kp,
-            ele_i=pitch.ki,
-            ele_d=pitch.kd,
-            ail_p=roll.kp,
-            ail_d=roll.kd,
-            rud_d=heading.pid.kd,
-        ),
+        gains=_gains_flown(laws, estimates.memory, guidance.gains, gains),
     )
     state = AutopilotState(
         time_s=inputs.time_s,
@@ -585,7 +454,7 @@ def _fly(
 def _guide(
     laws: Laws,
     state: AutopilotState,
-    estimates: _Estimates,
+    estimates: Estimates,
     decision: modes.Decision,
     line: LineState,
     tracking: LineTracking,
@@ -664,8 +533,43 @@ def _line_gains(laws: Laws, memory: EstimatorMemory, line: LineState) -> Soaring
     )
 
 
+def _surface_gains(laws: Laws, memory: EstimatorMemory) -> SurfaceGains:
+    """Of the surfaces' loops, likewise."""
+    lateral, speed = laws.lateral_schedule, memory.gain_speed_mps
+    bandwidth = lateral_bandwidth(lateral, memory.gain_age_s)
+    pitch = pitch_gains(
+        pid_between(laws.pitch, laws.pitch_imu, memory.imu_weight),
+        schedule_at_age(laws.schedule, memory.gain_age_s),
+        speed,
+    )
+    return SurfaceGains(
+        pitch,
+        roll_gains(laws.roll, lateral, bandwidth, speed),
+        heading_gains(laws.heading, lateral, bandwidth, speed),
+    )
+
+
+def _gains_flown(
+    laws: Laws, memory: EstimatorMemory, line: PidGains, surfaces: SurfaceGains
+) -> ScheduledGains:
+    """What the log has of them."""
+    pitch, roll, heading = surfaces
+    return ScheduledGains(
+        airspeed_mps=speed_within(laws.schedule, memory.gain_speed_mps),
+        rho_p=line.kp,
+        rho_i=line.ki,
+        rho_d=line.kd,
+        ele_p=pitch.kp,
+        ele_i=pitch.ki,
+        ele_d=pitch.kd,
+        ail_p=roll.kp,
+        ail_d=roll.kd,
+        rud_d=heading.pid.kd,
+    )
+
+
 def _bank(
-    laws: Laws, state: AutopilotState, estimates: _Estimates, psi_setpoint: float, dt_s: float
+    laws: Laws, state: AutopilotState, estimates: Estimates, psi_setpoint: float, dt_s: float
 ) -> tuple[PidState, PidTerms]:
     """The bank that leads the aircraft to the middle."""
     speed = speed_within(laws.schedule, estimates.air.airspeed_mps)
@@ -682,7 +586,7 @@ def _bank(
     )
 
 
-def _conditions(laws: Laws, state: AutopilotState, inputs: Inputs, now: _Estimates) -> int:
+def _conditions(laws: Laws, state: AutopilotState, inputs: Inputs, now: Estimates) -> int:
     """What holds now, but for the line and the laws' own numbers."""
     found = stream_conditions(laws.guards, inputs, now.health, now.memory.confident_s)
     blind_s = blind_glide_s(state.supervisor, now.health, inputs.time_s)

@@ -68,7 +68,7 @@ def test_a_gain_changed_by_a_ten_thousandth_is_noticed(now: staleness.Ends) -> N
     scenario = staleness.probed(*staleness.PROBES["tunnel"])
     gain = 1.0001 * prepare(scenario).values["RHO_P"]
     other = msgspec.structs.replace(scenario, parameters={"RHO_P": gain})
-    flown = fly_job(ScenarioJob(other, 1))
+    flown = fly_job(ScenarioJob(scenario=other, seed=1))
     end = float(flown.path["x_m"][-1]), float(flown.path["z_m"][-1])
     (told,) = staleness.differences(written, now | {"tunnel": end})
     assert told.startswith("tunnel: ends ")

@@ -73,6 +73,7 @@ MODULES: Final = (
     "tgl_soar.estimation.wind",
     "tgl_soar.control.laws",
     "tgl_soar.control.margins",
+    "tgl_soar.control.estimates",
     "tgl_soar.control.conditions",
     "tgl_soar.control.surface_loops",
     "tgl_soar.autopilot",

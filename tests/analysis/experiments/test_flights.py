@@ -36,7 +36,7 @@ def scenario() -> Scenario:
 
 @pytest.fixture(scope="module")
 def flown(scenario: Scenario) -> FlownScenario:
-    return fly_job(ScenarioJob(scenario, 3))
+    return fly_job(ScenarioJob(scenario=scenario, seed=3))
 
 
 def test_each_line_is_a_leg_that_ends_with_the_next(flown: FlownScenario) -> None:
@@ -57,7 +57,7 @@ def test_a_leg_is_scored_on_its_own_line(flown: FlownScenario) -> None:
 
 def test_workers_give_the_same_flights_in_the_order_asked_for(scenario: Scenario) -> None:
     short = msgspec.structs.replace(scenario, duration_s=3.0, changes=[])
-    jobs = [ScenarioJob(short, seed) for seed in (5, 4)]
+    jobs = [ScenarioJob(scenario=short, seed=seed) for seed in (5, 4)]
     seen: list[tuple[int, int]] = []
     pooled = Flyer(2, lambda told: seen.append((told.flown, told.wanted))).fly(jobs)
     alone = Flyer().fly(jobs)
@@ -71,7 +71,7 @@ def test_workers_give_the_same_flights_in_the_order_asked_for(scenario: Scenario
 def test_a_flight_that_ends_early_says_why(scenario: Scenario) -> None:
     """Upstream of the nozzle's lip is no place to fly."""
     start = msgspec.structs.replace(scenario.start, x_m=-0.9, z_m=0.4)
-    crash = fly_job(ScenarioJob(msgspec.structs.replace(scenario, start=start), 1))
+    crash = fly_job(ScenarioJob(scenario=msgspec.structs.replace(scenario, start=start), seed=1))
     assert not crash.survived
     assert crash.ended == "let go: outside the fence"
     assert crash.duration_s < 5.0
@@ -105,7 +105,9 @@ def test_an_aircraft_may_differ_from_its_file_which_the_module_goes_by(scenario:
     with pytest.raises(ValueError, match=r"model\.wings"):
         flown_airframe(airframe, (("model.wings", 1.0),))
     short = msgspec.structs.replace(scenario, duration_s=12.0, changes=[])
-    as_filed, draggy = (fly_job(ScenarioJob(short, 1, drawn)) for drawn in ((), figures))
+    as_filed, draggy = (
+        fly_job(ScenarioJob(scenario=short, seed=1, aircraft=drawn)) for drawn in ((), figures)
+    )
     assert as_filed.survived
     assert draggy.survived
     # A quarter more of CD0 is 0.2 m/s more sink, which the contour answers by some 20 cm.
@@ -114,7 +116,7 @@ def test_an_aircraft_may_differ_from_its_file_which_the_module_goes_by(scenario:
 
 def test_a_flight_may_start_elsewhere(scenario: Scenario) -> None:
     short = msgspec.structs.replace(scenario, duration_s=0.1, changes=[])
-    flown = fly_job(ScenarioJob(short, 1, start_xz_m=(0.7, 1.4)))
+    flown = fly_job(ScenarioJob(scenario=short, seed=1, start_xz_m=(0.7, 1.4)))
     assert flown.path["x_m"][0] == pytest.approx(0.7, abs=0.01)
     assert flown.path["z_m"][0] == pytest.approx(1.4, abs=0.01)
 
@@ -130,7 +132,7 @@ def test_an_aircraft_settles_where_its_own_glides_put_it(model: ModelKind) -> No
     assert at is not None
     expected_m = polar_bias_m(prepared, at)
     assert (expected_m > 0.0) == (model == "rigid_body")
-    (leg,) = fly_job(ScenarioJob(calm, 1)).legs
+    (leg,) = fly_job(ScenarioJob(scenario=calm, seed=1)).legs
     assert leg.miss_m == pytest.approx(expected_m, abs=0.004)
 
 
@@ -139,7 +141,7 @@ def test_a_compiled_job_is_the_plain_flight(scenario: Scenario) -> None:
     """Rounding apart, which numba's fused sums change."""
     pytest.importorskip("numba")
     short = msgspec.structs.replace(scenario, duration_s=11.0, changes=[])
-    job = ScenarioJob(short, 1, (("model.CD0", 0.06),))
+    job = ScenarioJob(scenario=short, seed=1, aircraft=(("model.CD0", 0.06),))
     plain, compiled = fly_job(job), fly_job_compiled(job)
     assert compiled.ended == plain.ended
     for name, column in plain.path.items():

@@ -86,6 +86,8 @@ def test_other_jobs_are_another_campaign(tmp_path: Path) -> None:
 
 def test_jobs_of_a_scenario_have_a_digest() -> None:
     scenario = load_scenario(shipped("scenarios/static.toml"))
-    one, other = ScenarioJob(scenario, 1), ScenarioJob(scenario, 2)
-    assert digest(one) == digest(ScenarioJob(load_scenario(shipped("scenarios/static.toml")), 1))
+    one, other = ScenarioJob(scenario=scenario, seed=1), ScenarioJob(scenario=scenario, seed=2)
+    assert digest(one) == digest(
+        ScenarioJob(scenario=load_scenario(shipped("scenarios/static.toml")), seed=1)
+    )
     assert digest(one) != digest(other)

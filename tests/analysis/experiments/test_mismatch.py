@@ -97,7 +97,10 @@ def test_sensors_are_worse_never_better_aligned() -> None:
 
 def test_the_module_is_given_the_file_and_another_aircraft_flies() -> None:
     own, other = (
-        world_of(FaultJob("row", 3, 0.01, (), dispersed=dispersed), Injection((), 3))
+        world_of(
+            FaultJob(row="row", seed=3, turbulence=0.01, faults=(), dispersed=dispersed),
+            Injection((), 3),
+        )
         for dispersed in (False, True)
     )
     assert other.model != own.model
@@ -110,7 +113,7 @@ def test_a_scenario_is_flown_by_another_aircraft() -> None:
     whole = Context(Flyer()).scenario("static")
     short = msgspec.structs.replace(whole, duration_s=2.0, changes=[])
     own, other, again = (
-        fly_job(ScenarioJob(short, 2, dispersed=dispersed)).path["z_m"]
+        fly_job(ScenarioJob(scenario=short, seed=2, dispersed=dispersed)).path["z_m"]
         for dispersed in (False, True, True)
     )
     assert np.array_equal(other, again)

@@ -56,7 +56,7 @@ class Context:
     def fly(self, scenarios: dict[Any, Scenario]) -> dict[Any, list[FlownScenario]]:
         """Every scenario with each of its seeds, all at once; flights in the order of seeds."""
         jobs = [
-            ScenarioJob(scenario, seed)
+            ScenarioJob(scenario=scenario, seed=seed)
             for scenario in scenarios.values()
             for seed in scenario.seeds
         ]

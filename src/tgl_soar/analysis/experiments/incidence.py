@@ -110,9 +110,11 @@ def incidence(context: Context) -> Result:
     jobs = {
         wing: [
             ScenarioJob(
-                msgspec.structs.replace(rough, first_line=place),
-                seed,
-                tuple((f"model.{key}", model[key] * factor) for key, factor in factors.items()),
+                scenario=msgspec.structs.replace(rough, first_line=place),
+                seed=seed,
+                aircraft=tuple(
+                    (f"model.{key}", model[key] * factor) for key, factor in factors.items()
+                ),
             )
             for place in rough.lines
             for seed in rough.seeds

@@ -108,7 +108,8 @@ def command_delay(context: Context) -> Result:
                         here = msgspec.structs.replace(here, parameters=parameters)
                     figures = (("model.servo_delay_s", servo_s + late),)
                     jobs[imu, known, late, place] = [
-                        ScenarioJob(here, seed, figures) for seed in scenario.seeds
+                        ScenarioJob(scenario=here, seed=seed, aircraft=figures)
+                        for seed in scenario.seeds
                     ]
     # Plain: another delay is another delay line, for which all would be compiled once more.
     flown = iter(context.flyer.fly([job for each in jobs.values() for job in each]))

@@ -49,7 +49,7 @@ def probe() -> Ends:
     """Where each probe ends now, x and z [m]."""
     ends: Ends = {}
     for name, (scenario, sensors, model) in PROBES.items():
-        flown = fly_job(ScenarioJob(probed(scenario, sensors, model), 1))
+        flown = fly_job(ScenarioJob(scenario=probed(scenario, sensors, model), seed=1))
         ends[name] = (float(flown.path["x_m"][-1]), float(flown.path["z_m"][-1]))
     return ends
 

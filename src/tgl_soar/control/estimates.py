@@ -1,0 +1,139 @@
+"""What a tick knows before it decides: all estimators, in the order of their needs."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from tgl_soar.control.conditions import with_uncertainty
+from tgl_soar.control.envelope import Margins
+from tgl_soar.control.laws import Laws
+from tgl_soar.control.margins import margins_of
+from tgl_soar.control.schedule import age_step, speed_step
+from tgl_soar.control.scheduling import weight_step
+from tgl_soar.control.soaring import TrimState, trim_step
+from tgl_soar.estimation.aerodynamics import glide_pitch
+from tgl_soar.estimation.health import HealthState, health_step, initial_health
+from tgl_soar.estimation.motion import is_imu_valid, motion_quality, motion_step, unshifted
+from tgl_soar.estimation.motion_state import MotionState, initial_motion
+from tgl_soar.estimation.wind import WindState, initial_wind, wind_step
+from tgl_soar.types import (
+    NAN,
+    OURS,
+    AirEstimate,
+    Health,
+    Inputs,
+    MotionQuality,
+    SurfaceCommand,
+    VehicleState,
+    isfinite,
+)
+
+
+class EstimatorMemory(NamedTuple):
+    """What the estimators remember from one tick to the next."""
+
+    motion: MotionState
+    wind: WindState
+    health: HealthState
+    pitch_trim: TrimState
+    gust_pitch_rad: float  # by which the setpoint meets a gust
+    imu_weight: float  # of the gains with accelerations in those flown, 0 … 1
+    gain_speed_mps: float  # averaged airspeed that the gains are for; NaN: not known yet
+    gain_age_s: float  # averaged age of attitudes, likewise
+    confident_s: float  # of when the last fix is that made the position confident; NaN: none
+
+
+class Estimates(NamedTuple):
+    """What the estimators make of one tick, and what they remember of it."""
+
+    vehicle: VehicleState
+    quality: MotionQuality
+    health: Health
+    air: AirEstimate
+    margins: Margins
+    memory: EstimatorMemory
+
+
+def initial_memory() -> EstimatorMemory:
+    """Before the first tick."""
+    return EstimatorMemory(
+        motion=initial_motion(),
+        wind=initial_wind(),
+        health=initial_health(),
+        pitch_trim=TrimState(NAN, NAN),
+        gust_pitch_rad=0.0,
+        imu_weight=0.0,
+        gain_speed_mps=NAN,
+        gain_age_s=0.0,
+        confident_s=NAN,
+    )
+
+
+def estimate(
+    laws: Laws,
+    before: EstimatorMemory,
+    inputs: Inputs,
+    flying: bool,
+    commanded: SurfaceCommand,
+    dt_s: float,
+) -> Estimates:
+    """Where the aircraft is, how it moves, in which air, and how certain that is.
+
+    flying: the tick begins in control, and `commanded` is what it commanded last.
+    """
+    known = before.motion
+    if not flying:  # there is no line to be kept
+        known = unshifted(known, inputs.time_s)
+    motion, vehicle = motion_step(laws.motion, laws.frame, known, inputs)
+    quality = motion_quality(laws.motion, before.motion, motion, inputs.time_s)
+    watched, health = health_step(
+        laws.health,
+        before.health,
+        motion,
+        inputs,
+        flying,
+        flying and laws.loops == OURS,  # else nothing is known of where surfaces should be
+        commanded,
+        dt_s,
+    )
+    health = with_uncertainty(laws.guards, health, quality)
+    wind, air = wind_step(
+        laws.wind,
+        before.wind,
+        vehicle,
+        inputs,
+        quality.velocity_sigma_mps,
+        _elevator(inputs, flying, commanded),
+        is_imu_valid(before.motion, motion, inputs.time_s),
+    )
+    glide = NAN
+    if laws.pitch_trim.share > 0.0:
+        glide = glide_pitch(laws.wind.aerodynamics, air.wind_mps - vehicle.velocity_x_mps)
+    trim, gust = trim_step(
+        laws.pitch_trim, before.pitch_trim, glide, air.updraft_mps, air.airspeed_mps, dt_s
+    )
+    return Estimates(
+        vehicle=vehicle,
+        quality=quality,
+        health=health,
+        air=air,
+        margins=margins_of(laws, inputs, vehicle, health, air, motion.shift, flying),
+        memory=EstimatorMemory(
+            motion=motion,
+            wind=wind,
+            health=watched,
+            pitch_trim=trim,
+            gust_pitch_rad=gust,
+            imu_weight=weight_step(before.imu_weight, quality.inertial, dt_s),
+            gain_speed_mps=speed_step(before.gain_speed_mps, air.airspeed_mps, dt_s),
+            gain_age_s=age_step(before.gain_age_s, health.attitude_age_s, dt_s),
+            confident_s=motion.fix.time_s if health.position_ok else before.confident_s,
+        ),
+    )
+
+
+def _elevator(inputs: Inputs, flying: bool, commanded: SurfaceCommand) -> float:
+    """The elevator's deflection as it is read back, else as we command it, else NaN."""
+    if isfinite(inputs.surfaces.elevator):
+        return inputs.surfaces.elevator
+    return commanded.elevator if flying else NAN
