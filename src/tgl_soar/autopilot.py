@@ -40,26 +40,17 @@ from tgl_soar.control.forecast import Forecast, ForecastState, initial_forecast
 from tgl_soar.control.heading import (
     bank_setpoint,
     heading_setpoint,
-    leading_speed,
     sideways_held,
-    sideways_step,
-)
-from tgl_soar.control.lateral_schedule import (
-    heading_gains,
-    lateral_bandwidth,
-    roll_gains,
-    sideways_gains,
 )
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.pid import PidGains, PidState, PidTerms
 from tgl_soar.control.schedule import (
+    NO_GAINS,
     ScheduledGains,
-    pitch_gains,
     schedule_at_age,
     soaring_gains,
-    speed_within,
 )
-from tgl_soar.control.scheduling import pid_between, soaring_between
+from tgl_soar.control.scheduling import soaring_between
 from tgl_soar.control.soaring import (
     SoaringGains,
     SoaringState,
@@ -69,7 +60,14 @@ from tgl_soar.control.soaring import (
     soaring_step,
 )
 from tgl_soar.control.supervisor import FINITE, SANE, SupervisorState, initial_supervisor, supervise
-from tgl_soar.control.surface_loops import NO_TERMS, LoopsState, SurfaceGains, surfaces_step
+from tgl_soar.control.surface_loops import (
+    NO_TERMS,
+    LoopsState,
+    bank_step,
+    scheduled_gains,
+    surface_gains,
+    surfaces_step,
+)
 from tgl_soar.control.target_line import (
     LineState,
     LineTracking,
@@ -194,18 +192,6 @@ class _Flown(NamedTuple):
     gains: ScheduledGains
 
 
-NO_GAINS: Final = ScheduledGains(
-    airspeed_mps=NAN,
-    rho_p=NAN,
-    rho_i=NAN,
-    rho_d=NAN,
-    ele_p=NAN,
-    ele_i=NAN,
-    ele_d=NAN,
-    ail_p=NAN,
-    ail_d=NAN,
-    rud_d=NAN,
-)
 _AT_REST: Final = PidState(0.0, 0.0)
 _NEUTRAL: Final = SurfaceCommand(0.0, 0.0, 0.0)
 _NOT_FLOWN: Final = _Flown(
@@ -413,10 +399,11 @@ def _fly(
     excitation = excitation_step(laws.excitation, state.excitation, inputs.time_s, dt_s, hindrance)
     state = state._replace(excitation=excitation)
     guidance = _guide(laws, state, estimates, decision, line, tracking, off_line_s, dt_s)
-    gains = _surface_gains(laws, estimates.memory)
+    memory = estimates.memory
+    flown_with = surface_gains(laws, memory.imu_weight, memory.gain_speed_mps, memory.gain_age_s)
     loops, terms = surfaces_step(
         laws,
-        gains,
+        flown_with,
         state.loops,
         vehicle,
         guidance.setpoints,
@@ -433,7 +420,7 @@ def _fly(
         rudder=terms.rudder,
         sideways=guidance.sideways_terms,
         cut=loops.limited.cut | guidance.cut,
-        gains=_gains_flown(laws, estimates.memory, guidance.gains, gains),
+        gains=scheduled_gains(laws, memory.gain_speed_mps, guidance.gains, flown_with),
     )
     state = AutopilotState(
         time_s=inputs.time_s,
@@ -488,7 +475,16 @@ def _guide(
         )
         psi_setpoint = heading_setpoint(laws.heading, vehicle.x_m, vehicle.y_m)
         if laws.loops != THEIRS:  # that turns by banking
-            sideways, sideways_terms = _bank(laws, state, estimates, psi_setpoint, dt_s)
+            sideways, sideways_terms = bank_step(
+                laws,
+                sideways,
+                vehicle,
+                psi_setpoint,
+                estimates.air.airspeed_mps,
+                memory.gain_age_s,
+                state.loops.limited.aileron_blocked,
+                dt_s,
+            )
 
     wanted_rad = soaring.pitch_setpoint_rad + state.excitation.pitch_rad
     pitch_setpoint = pitch_within(
@@ -530,59 +526,6 @@ def _line_gains(laws: Laws, memory: EstimatorMemory, line: LineState) -> Soaring
         memory.imu_weight,
         memory.gain_speed_mps,
         line.eta_rad,
-    )
-
-
-def _surface_gains(laws: Laws, memory: EstimatorMemory) -> SurfaceGains:
-    """Of the surfaces' loops, likewise."""
-    lateral, speed = laws.lateral_schedule, memory.gain_speed_mps
-    bandwidth = lateral_bandwidth(lateral, memory.gain_age_s)
-    pitch = pitch_gains(
-        pid_between(laws.pitch, laws.pitch_imu, memory.imu_weight),
-        schedule_at_age(laws.schedule, memory.gain_age_s),
-        speed,
-    )
-    return SurfaceGains(
-        pitch,
-        roll_gains(laws.roll, lateral, bandwidth, speed),
-        heading_gains(laws.heading, lateral, bandwidth, speed),
-    )
-
-
-def _gains_flown(
-    laws: Laws, memory: EstimatorMemory, line: PidGains, surfaces: SurfaceGains
-) -> ScheduledGains:
-    """What the log has of them."""
-    pitch, roll, heading = surfaces
-    return ScheduledGains(
-        airspeed_mps=speed_within(laws.schedule, memory.gain_speed_mps),
-        rho_p=line.kp,
-        rho_i=line.ki,
-        rho_d=line.kd,
-        ele_p=pitch.kp,
-        ele_i=pitch.ki,
-        ele_d=pitch.kd,
-        ail_p=roll.kp,
-        ail_d=roll.kd,
-        rud_d=heading.pid.kd,
-    )
-
-
-def _bank(
-    laws: Laws, state: AutopilotState, estimates: Estimates, psi_setpoint: float, dt_s: float
-) -> tuple[PidState, PidTerms]:
-    """The bank that leads the aircraft to the middle."""
-    speed = speed_within(laws.schedule, estimates.air.airspeed_mps)
-    bandwidth = lateral_bandwidth(laws.lateral_schedule, estimates.memory.gain_age_s)
-    gains = sideways_gains(laws.sideways, laws.lateral_schedule, bandwidth)
-    return sideways_step(
-        gains,
-        state.sideways,
-        psi_setpoint,
-        leading_speed(laws.heading, gains.kd, estimates.vehicle.x_m, speed),
-        estimates.vehicle.velocity_y_mps,
-        dt_s,
-        state.loops.limited.aileron_blocked,
     )
 
 

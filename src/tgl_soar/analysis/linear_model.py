@@ -301,9 +301,7 @@ def linear_controller(laws: Laws, condition: Condition, errors: bool = False) ->
     period = timing.period_steps if errors or not inertial else 1
     fix_line = 0 if inertial else timing.delay_steps
     line = late * _TRUTH
-    filter_size = 3 if inertial else 2
-    if inertial and not errors:
-        filter_size = 0
+    filter_size = 2 if not inertial else 3 if errors else 0
     size = line + 2 * fix_line + filter_size + 4
     take, carry = fix_matrices(laws.motion, timing.period_steps * dt, dt, sensors, inertial)
     weight = 1.0 if inertial else 0.0

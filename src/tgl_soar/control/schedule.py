@@ -49,7 +49,7 @@ from typing import Final, NamedTuple
 
 from tgl_soar.control.pid import PidGains
 from tgl_soar.control.soaring import SoaringGains
-from tgl_soar.types import isfinite
+from tgl_soar.types import NAN, isfinite
 
 GRAVITY_MPS2: Final = 9.80665
 SPEED_MIN_MPS: Final = 1.0  # nothing that soars was found to fly slower
@@ -114,6 +114,20 @@ class ScheduledGains(NamedTuple):
     ail_p: float  # 1/rad
     ail_d: float  # s/rad
     rud_d: float  # s/rad
+
+
+NO_GAINS: Final = ScheduledGains(
+    airspeed_mps=NAN,
+    rho_p=NAN,
+    rho_i=NAN,
+    rho_d=NAN,
+    ele_p=NAN,
+    ele_i=NAN,
+    ele_d=NAN,
+    ail_p=NAN,
+    ail_d=NAN,
+    rud_d=NAN,
+)
 
 
 def schedule_of(

@@ -10,9 +10,17 @@ from typing import Final, NamedTuple
 
 from tgl_soar.control.attitude import attitude_step
 from tgl_soar.control.envelope import Limited, elevator_limit, limit_surfaces
-from tgl_soar.control.heading import HeadingGains, heading_step
+from tgl_soar.control.heading import HeadingGains, heading_step, leading_speed, sideways_step
+from tgl_soar.control.lateral_schedule import (
+    heading_gains,
+    lateral_bandwidth,
+    roll_gains,
+    sideways_gains,
+)
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.pid import PidGains, PidState, PidTerms
+from tgl_soar.control.schedule import ScheduledGains, pitch_gains, schedule_at_age, speed_within
+from tgl_soar.control.scheduling import pid_between
 from tgl_soar.types import (
     NAN,
     OURS,
@@ -50,6 +58,65 @@ class SurfaceTerms(NamedTuple):
     elevator: PidTerms
     aileron: PidTerms
     rudder: PidTerms
+
+
+def surface_gains(laws: Laws, imu_weight: float, airspeed_mps: float, age_s: float) -> SurfaceGains:
+    """At an airspeed, with attitudes that old on average.  imu_weight: of the gains with
+    accelerations, 0 … 1."""
+    lateral = laws.lateral_schedule
+    bandwidth = lateral_bandwidth(lateral, age_s)
+    return SurfaceGains(
+        pitch_gains(
+            pid_between(laws.pitch, laws.pitch_imu, imu_weight),
+            schedule_at_age(laws.schedule, age_s),
+            airspeed_mps,
+        ),
+        roll_gains(laws.roll, lateral, bandwidth, airspeed_mps),
+        heading_gains(laws.heading, lateral, bandwidth, airspeed_mps),
+    )
+
+
+def scheduled_gains(
+    laws: Laws, airspeed_mps: float, line: PidGains, surfaces: SurfaceGains
+) -> ScheduledGains:
+    """The gains of all loops, to be shown and logged."""
+    return ScheduledGains(
+        airspeed_mps=speed_within(laws.schedule, airspeed_mps),
+        rho_p=line.kp,
+        rho_i=line.ki,
+        rho_d=line.kd,
+        ele_p=surfaces.pitch.kp,
+        ele_i=surfaces.pitch.ki,
+        ele_d=surfaces.pitch.kd,
+        ail_p=surfaces.roll.kp,
+        ail_d=surfaces.roll.kd,
+        rud_d=surfaces.heading.pid.kd,
+    )
+
+
+def bank_step(
+    laws: Laws,
+    state: PidState,
+    vehicle: VehicleState,
+    heading_setpoint_rad: float,
+    airspeed_mps: float,
+    age_s: float,
+    blocked: int,
+    dt_s: float,
+) -> tuple[PidState, PidTerms]:
+    """The bank that leads the aircraft to the middle; age_s: of attitudes, on average."""
+    bandwidth = lateral_bandwidth(laws.lateral_schedule, age_s)
+    gains = sideways_gains(laws.sideways, laws.lateral_schedule, bandwidth)
+    airspeed = speed_within(laws.schedule, airspeed_mps)
+    return sideways_step(
+        gains,
+        state,
+        heading_setpoint_rad,
+        leading_speed(laws.heading, gains.kd, vehicle.x_m, airspeed),
+        vehicle.velocity_y_mps,
+        dt_s,
+        blocked,
+    )
 
 
 def surfaces_step(
