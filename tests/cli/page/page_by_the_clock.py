@@ -24,7 +24,10 @@ _now_s = HOUR_S
 def _take() -> None:
     """What has come from the input."""
     global _now_s
-    for byte in os.read(0, 64):
+    written = os.read(0, 64)
+    if not written:
+        os._exit(0)  # whoever wrote has gone
+    for byte in written:
         if byte == MEASURE[0]:
             _answer({"blocks": blocks(), "resident_kb": resident_kb()})
             continue
