@@ -281,3 +281,41 @@ def test_an_aircraft_that_hangs_in_the_air_is_flown_on(tmp_path: Path) -> None:
         flight.onboard.periodic(flight.now_s)
     assert flight.onboard.output is not None
     assert flight.onboard.output.active
+
+
+def test_every_latency_stands_beside_c_that_waits_awake_and_c_that_sleeps(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked = []
+
+    def measured(kind: str, seconds: int, *options: str, arrivals: str = "0") -> latency.Measured:
+        asked.append((kind, seconds, options, arrivals))
+        ns = [1_000_000] * (seconds * latency.RATE_HZ)
+        return latency.Measured(
+            module_ns=ns,
+            asleep_ns=ns,
+            awake_ns=ns,
+            mavutil_ns=ns if arrivals == "0" else [],
+            cpu_percent=7.0,
+            awake_cpu_percent=4.0,
+        )
+
+    monkeypatch.setattr(latency, "measure", measured)
+    monkeypatch.setattr(latency, "is_native", lambda: True)
+    rows = list(latency.sensor_to_surface())
+    assert [each[0] for each in asked] == ["udp"] * 6 + ["pty"]
+    assert [each[2] for each in asked].count(("--power-saving",)) == 1
+    assert {each[3] for each in asked} == {"0", "200000", "600000", "loop:2500000"}
+    delays = [row for row in rows if row.what.startswith("sensor to surface")]
+    aims = {(row.what, row.reference_what): row.aim for row in delays}
+    for name in ("UDP", "pseudo-terminal"):
+        for whose in (latency.AWAKE, latency.ASLEEP):
+            assert aims[f"sensor to surface, {name}, p50", whose] == 2.3
+            assert aims[f"sensor to surface, {name}, p99", whose] == 2.5
+            assert aims[f"sensor to surface, {name}, p99.9", whose] == 2.5
+    saving = [row for row in delays if "--power-saving" in row.what]
+    assert {row.reference_what for row in saving} == {latency.ASLEEP}
+    assert [row.aim for row in saving] == [2.3, 2.5]
+    processor = [row for row in rows if row.what == "the flying process, UDP"]
+    assert (processor[0].reference, processor[0].aim) == (8.0, 1.0)
+    assert processor[1].reference == 4.0
