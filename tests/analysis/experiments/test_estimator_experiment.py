@@ -16,7 +16,9 @@ from tgl_soar.analysis.experiments.estimator import (
     MARGIN,
     PLAIN_FASTER,
     SAME_GAINS,
+    least_margins,
     margin_claim,
+    margin_words,
     split_words,
     tracked_claim,
 )
@@ -135,6 +137,18 @@ def test_a_trackers_attitude_may_cost_a_fifth_and_no_flight(
         flights=24, lost=lost, e_rho_m=0.014, activity_ps=1.0, y_m=0.1, bank_rad=0.1
     )
     assert tracked_claim({name: flown}, {name: Ratios(ratio, 1.0)}).holds is holds
+
+
+def test_laws_are_compared_at_equal_margin_and_say_so() -> None:
+    """The two that are shipped have the same; the stiffer gains alone have half of it."""
+    least = least_margins()
+    assert least["accelerations"] == pytest.approx(least["plain"], abs=0.05)
+    assert least[PLAIN_FASTER] < 0.6 * least["plain"]
+    of_plain = {"accelerations": Ratios(0.44, 1.4)}
+    assert margin_words(least, of_plain).endswith("are worth what both are: 0.44.")
+    apart = margin_words({**least, "accelerations": 0.5}, of_plain)
+    assert apart.endswith("at equal margin nothing was flown.")
+    assert "both 0.50" in apart
 
 
 def test_gaps_come_every_so_often() -> None:

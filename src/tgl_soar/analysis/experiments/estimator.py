@@ -31,6 +31,7 @@ from tgl_soar.analysis.experiments.estimator_flights import (
     fly_named,
     gains_exchanged,
     known,
+    margins_with,
     paired_difference,
     paired_ratios,
     places,
@@ -38,6 +39,7 @@ from tgl_soar.analysis.experiments.estimator_flights import (
     watch,
 )
 from tgl_soar.analysis.experiments.result import ChangedThreshold, Claim, Result, Table
+from tgl_soar.analysis.margins import MarginCase
 from tgl_soar.sim.sensors import AUTOPILOT_POSITION, MEMS_IMU, AttitudeParams, Sensors
 
 ROUGH: Final = 0.05
@@ -60,6 +62,8 @@ TRACKED_LATE_S: Final = (TRACKED_ATTITUDE.delay_s, 0.035)  # beyond 0.05 s a pos
 TRACKED_COST: Final = 1.2
 SAME_GAINS: Final = "accelerations, the plain law's gains"
 PLAIN_FASTER: Final = "plain, the gains of accelerations"
+AT: Final = MarginCase(speed_mps=8.5, lean_deg=15.0, delay_s=0.0075, inertial=False)
+EQUAL_MARGIN: Final = 0.05  # of a disk margin, which is shown with two digits
 CHANGED: Final = (
     ChangedThreshold(
         "survivors at 5 %",
@@ -229,7 +233,7 @@ def estimator(context: Context) -> Result:
         " the same air and the same noise, and every ratio is one of such pairs. Elevator activity"
         " is the rms of its rate of change.",
         _claims(outcome),
-        split_words(outcome.of_plain),
+        split_words(outcome.of_plain) + margin_words(least_margins(), outcome.of_plain),
         _tables(outcome),
         {
             "scores": {name: s._asdict() for name, s in outcome.scores.items()},
@@ -258,6 +262,45 @@ def split_words(of_plain: dict[str, Ratios]) -> str:
         )
     )
     return f"What accelerometers are worth, split: {told}."
+
+
+def least_margins() -> dict[str, float]:
+    """The least disk margin of the pitch loops of each law, by the linear model at AT."""
+    laws = {
+        "plain": (False, ()),
+        "accelerations": (True, ()),
+        SAME_GAINS: (True, gains_exchanged(True)),
+        PLAIN_FASTER: (False, gains_exchanged(False)),
+    }
+    least = {}
+    for name, (inertial, changes) in laws.items():
+        (found,) = margins_with(AT._replace(inertial=inertial), changes)
+        least[name] = min(found.elevator.alpha, found.line.alpha)
+    return least
+
+
+def margin_words(least: dict[str, float], of_plain: dict[str, Ratios]) -> str:
+    """Which of the comparisons is one of laws with the same margin."""
+    told = ", ".join(
+        f"{what} {least[name]:.2f}"
+        for what, name in (
+            ("the plain law", "plain"),
+            ("the sensor alone", SAME_GAINS),
+            ("the gains alone", PLAIN_FASTER),
+            ("both", "accelerations"),
+        )
+    )
+    equal = abs(least["accelerations"] - least["plain"]) <= EQUAL_MARGIN
+    return (
+        f" The least disk margin of the pitch loops at {AT.speed_mps:g} m/s, {AT.lean_deg:g}° and"
+        f" {1e3 * AT.delay_s:g} ms, by the linear model: {told}."
+        + (
+            " So at equal margin the accelerometers are worth what both are:"
+            f" {of_plain['accelerations'].e_rho:.2f}."
+            if equal
+            else " None of them has the margin of the plain law: at equal margin nothing was flown."
+        )
+    )
 
 
 def margin_claim(scores: dict[str, EstimatorScore]) -> Claim:

@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 from tgl_soar.air.field import WindField
 from tgl_soar.analysis.experiments.campaign import wilson
 from tgl_soar.analysis.experiments.flights import Flyer, Timed
+from tgl_soar.analysis.linear_model import Gusts
+from tgl_soar.analysis.margins import CaseMargins, MarginCase, case_margins
 from tgl_soar.autopilot import Output, reason_text
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import (
@@ -397,6 +399,14 @@ def gains_exchanged(imu: bool) -> tuple[tuple[str, float], ...]:
     """Changes that give the law with accelerations (`imu`) the plain gains, or the reverse."""
     values = _place()[1]
     return tuple((fast, values[plain]) if imu else (plain, values[fast]) for plain, fast in _GAINS)
+
+
+def margins_with(
+    case: MarginCase, changes: tuple[tuple[str, float], ...]
+) -> tuple[CaseMargins, ...]:
+    """The margins of the shipped aircraft and parameters, some of these changed."""
+    values, gusts = _place()[1].changed(dict(changes)), Gusts(TURBULENCE, case.speed_mps)
+    return tuple(case_margins(_airframe(), values, [case], gusts))
 
 
 class Ratios(NamedTuple):
