@@ -30,12 +30,12 @@ def flown(**changes: float) -> ModuleSetup:
 
 def test_it_is_the_sum_of_what_is_asked_for_and_sent() -> None:
     slow, fast = load_of(flown(LOOP_RATE=100.0)), load_of(flown(LOOP_RATE=200.0))
-    override, attitude = 30, 32 + 12
+    override, attitude, accelerations = 30, 32 + 12, 26 + 12
     assert fast.to_autopilot - slow.to_autopilot == pytest.approx(100 * override)
     quiet = load_of(flown(TEL_BUDGET=400.0))
     talkative = load_of(flown(TEL_BUDGET=2400.0))
     assert talkative.to_autopilot - quiet.to_autopilot == 2000
-    assert fast.to_companion - slow.to_companion >= 100 * attitude
+    assert fast.to_companion - slow.to_companion == pytest.approx(100 * (attitude + accelerations))
     assert fast.to_autopilot == pytest.approx(200 * override + 2400 + 21, abs=30)
 
 

@@ -263,3 +263,11 @@ def test_after_a_gap_or_another_rate_the_next_sample_is_expected_again() -> None
     pacer.set_rate(100.0)
     assert pacer.expected_s == pytest.approx(sample_s + 0.01, abs=1e-3)
     assert pacer.warm_up_s == float("inf")
+
+
+def test_a_tick_that_takes_longer_than_its_period_is_counted() -> None:
+    pacer = Pacer(200.0, 0.0)
+    pacer.done(1.0, 1.0049)
+    assert pacer.counters.over_run == 0
+    pacer.done(2.0, 2.0051)
+    assert pacer.counters.over_run == 1
