@@ -238,6 +238,7 @@ def _times(
             state.loops.limited.command,
             output.command,
             elevator_limit(laws.envelope, laws.trim.elevator, 0.1),
+            1.0,
             True,
             TICK_S,
         )

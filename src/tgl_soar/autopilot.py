@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 from tgl_soar.control import supervisor as modes
+from tgl_soar.control.brake import NO_POINT, BrakeEffect, BrakeState, PointReport
 from tgl_soar.control.conditions import (
     blind_glide_s,
     excitation_hindrance,
@@ -24,6 +25,7 @@ from tgl_soar.control.envelope import (
     CUT_NOSE_DOWN,
     CUT_NOSE_UP,
     Margins,
+    brake_limit,
     pitch_within,
     unlimited,
 )
@@ -44,6 +46,7 @@ from tgl_soar.control.heading import (
 )
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.pid import PidGains, PidState, PidTerms
+from tgl_soar.control.point import point_step
 from tgl_soar.control.schedule import (
     NO_GAINS,
     ScheduledGains,
@@ -112,6 +115,7 @@ class AutopilotState(NamedTuple):
     loops: LoopsState
     excitation: ExcitationState
     forecast: ForecastState
+    brake: BrakeState
 
 
 class Output(NamedTuple):
@@ -139,6 +143,7 @@ class Output(NamedTuple):
     gains: ScheduledGains  # in the modes in control
     excitation: ExcitationState
     forecast: Forecast
+    point: PointReport
 
 
 def mode_name(mode: int) -> str:
@@ -176,6 +181,8 @@ class _Guidance(NamedTuple):
     gains: PidGains
     setpoints: Setpoints
     cut: int  # off the pitch setpoint, bits CUT_…
+    brake: BrakeState
+    braked: BrakeEffect  # of the brake as it is now
 
 
 class _Flown(NamedTuple):
@@ -193,7 +200,7 @@ class _Flown(NamedTuple):
 
 
 _AT_REST: Final = PidState(0.0, 0.0)
-_NEUTRAL: Final = SurfaceCommand(0.0, 0.0, 0.0)
+_NEUTRAL: Final = SurfaceCommand(0.0, 0.0, 0.0, 0.0)
 _NOT_FLOWN: Final = _Flown(
     command=_NEUTRAL,
     setpoints=NO_SETPOINTS,
@@ -221,6 +228,7 @@ def initial_state() -> AutopilotState:
         loops=LoopsState(_AT_REST, _AT_REST, _AT_REST, unlimited(_NEUTRAL)),
         excitation=at_rest(IDLE),
         forecast=initial_forecast(),
+        brake=NO_POINT,
     )
 
 
@@ -229,7 +237,7 @@ def step(laws: Laws, state: AutopilotState, inputs: Inputs) -> tuple[AutopilotSt
     dt = inputs.time_s - state.time_s
     dt = min(DT_MAX_S, dt) if dt > 0.0 else 0.0  # NaN: the first tick
     flying = modes.is_flying(state.supervisor.mode)
-    estimates = estimate(laws, state.memory, inputs, flying, state.loops.limited.command, dt)
+    estimates = estimate(laws, state.memory, inputs, flying, state.loops.limited, dt)
     if flying:
         return _fly(laws, state, inputs, estimates, dt, modes.REASON_NONE)
     return _watch(laws, state, inputs, estimates)
@@ -282,6 +290,7 @@ def _idle(
             laws.excitation, state.excitation, inputs.time_s, 0.0, NOT_SOARING
         ),
         forecast=forecast,
+        brake=NO_POINT,
     )
 
 
@@ -318,6 +327,7 @@ def _output(
         gains=flown.gains,
         excitation=state.excitation,
         forecast=state.forecast.foreseen,
+        point=PointReport(state.brake.standing, state.brake.off_m),
     )
 
 
@@ -399,29 +409,7 @@ def _fly(
     excitation = excitation_step(laws.excitation, state.excitation, inputs.time_s, dt_s, hindrance)
     state = state._replace(excitation=excitation)
     guidance = _guide(laws, state, estimates, decision, line, tracking, off_line_s, dt_s)
-    memory = estimates.memory
-    flown_with = surface_gains(laws, memory.imu_weight, memory.gain_speed_mps, memory.gain_age_s)
-    loops, terms = surfaces_step(
-        laws,
-        flown_with,
-        state.loops,
-        vehicle,
-        guidance.setpoints,
-        estimates.margins.stall_rad,
-        inputs.surfaces,
-        dt_s,
-    )
-    flown = _Flown(
-        command=loops.limited.command,
-        setpoints=guidance.setpoints,
-        soaring=guidance.terms,
-        elevator=terms.elevator,
-        aileron=terms.aileron,
-        rudder=terms.rudder,
-        sideways=guidance.sideways_terms,
-        cut=loops.limited.cut | guidance.cut,
-        gains=scheduled_gains(laws, memory.gain_speed_mps, guidance.gains, flown_with),
-    )
+    loops, flown = _control(laws, state.loops, inputs, estimates, guidance, dt_s)
     state = AutopilotState(
         time_s=inputs.time_s,
         supervisor=supervisor,
@@ -434,8 +422,51 @@ def _fly(
         loops=loops,
         excitation=excitation,
         forecast=forecast,
+        brake=guidance.brake,
     )
     return state, _output(state, inputs, estimates, mode, reason, guidance.tracking, flown)
+
+
+def _control(
+    laws: Laws,
+    before: LoopsState,
+    inputs: Inputs,
+    estimates: Estimates,
+    guidance: _Guidance,
+    dt_s: float,
+) -> tuple[LoopsState, _Flown]:
+    """From the setpoints to the surfaces, and what a log has of the way."""
+    memory = estimates.memory
+    flown_with = surface_gains(laws, memory.imu_weight, memory.gain_speed_mps, memory.gain_age_s)
+    loops, terms = surfaces_step(
+        laws,
+        flown_with,
+        before,
+        estimates.vehicle,
+        guidance.setpoints,
+        guidance.brake.brake,
+        brake_limit(
+            laws.envelope,
+            estimates.margins.stall_rad,
+            estimates.vehicle.climb_mps,
+            estimates.margins.clearance_m,
+        ),
+        guidance.braked,
+        estimates.margins.stall_rad,
+        inputs.surfaces,
+        dt_s,
+    )
+    return loops, _Flown(
+        command=loops.limited.command,
+        setpoints=guidance.setpoints,
+        soaring=guidance.terms,
+        elevator=terms.elevator,
+        aileron=terms.aileron,
+        rudder=terms.rudder,
+        sideways=guidance.sideways_terms,
+        cut=loops.limited.cut | guidance.cut,
+        gains=scheduled_gains(laws, memory.gain_speed_mps, guidance.gains, flown_with),
+    )
 
 
 def _guide(
@@ -453,9 +484,13 @@ def _guide(
     theta_0, psi_setpoint = memory.pitch_trim.pitch_rad, state.heading_setpoint_rad
     sideways, sideways_terms = state.sideways, sideways_held(state.sideways)
     gains = _line_gains(laws, memory, line)
+    limited, speed, faults = state.loops.limited, memory.gain_speed_mps, estimates.health.faults
+    held, effect = point_step(
+        laws, state.brake, limited, decision.mode, line.eta_rad, vehicle, speed, faults, dt_s
+    )
     if decision.mode == modes.HOLDING:
         # Without a position: the pitch that held the line, wings level, the heading as it was.
-        soaring, terms = holding_step(laws.soaring, soaring, theta_0, dt_s)
+        soaring, terms = holding_step(laws.soaring, soaring, theta_0 + effect.pitch_rad, dt_s)
     elif decision.mode == modes.RECOVERING:
         soaring, terms = gliding_step(laws.soaring, soaring, laws.envelope.glide_pitch_rad, dt_s)
     else:
@@ -467,7 +502,7 @@ def _guide(
         soaring, terms = soaring_step(
             gains,
             soaring,
-            theta_0 + memory.gust_pitch_rad,
+            theta_0 + memory.gust_pitch_rad + effect.pitch_rad,
             tracking.e_rho_m,
             tracking.e_rho_rate_mps,
             dt_s,
@@ -487,20 +522,8 @@ def _guide(
             )
 
     wanted_rad = soaring.pitch_setpoint_rad + state.excitation.pitch_rad
-    pitch_setpoint = pitch_within(
-        laws.envelope,
-        wanted_rad,
-        vehicle.pitch_rad,
-        estimates.margins.stall_rad,
-        vehicle.climb_mps,
-        estimates.margins.clearance_m,
-        theta_0 + soaring.pid.integral,
-    )
-    cut = 0
-    if pitch_setpoint < wanted_rad:
-        cut = CUT_NOSE_UP
-    elif pitch_setpoint > wanted_rad:
-        cut = CUT_NOSE_DOWN
+    held_rad = theta_0 + soaring.pid.integral + effect.pitch_rad
+    pitch_setpoint, cut = _pitch_within(laws, estimates, wanted_rad, held_rad)
     roll_setpoint = sideways_terms.output
     if laws.loops == THEIRS:
         roll_setpoint = bank_setpoint(laws.bank, psi_setpoint, vehicle.heading_rad)
@@ -515,7 +538,31 @@ def _guide(
         gains=gains.pid,
         setpoints=Setpoints(pitch_setpoint, roll_setpoint, psi_setpoint),
         cut=cut,
+        brake=held,
+        braked=effect,
     )
+
+
+def _pitch_within(
+    laws: Laws, estimates: Estimates, wanted_rad: float, held_rad: float
+) -> tuple[float, int]:
+    """The pitch setpoint within the envelope, and what was cut off it; held_rad: what the line took."""
+    vehicle, margins = estimates.vehicle, estimates.margins
+    setpoint = pitch_within(
+        laws.envelope,
+        wanted_rad,
+        vehicle.pitch_rad,
+        margins.stall_rad,
+        vehicle.climb_mps,
+        margins.clearance_m,
+        held_rad,
+    )
+    cut = 0
+    if setpoint < wanted_rad:
+        cut = CUT_NOSE_UP
+    elif setpoint > wanted_rad:
+        cut = CUT_NOSE_DOWN
+    return setpoint, cut
 
 
 def _line_gains(laws: Laws, memory: EstimatorMemory, line: LineState) -> SoaringGains:

@@ -11,7 +11,7 @@ Frames (docs/theory.md):
   soaring  x downstream (with the wind), y to the right of an aircraft facing upwind, z up
 Signs: positive pitch is nose up, positive roll is right wing down, positive heading is to the
 right of straight upwind; positive elevator pitches up, positive aileron rolls right, positive
-rudder yaws right, each normalised to -1 … 1 of its travel.
+rudder yaws right, each normalised to -1 … 1 of its travel; a brake goes from 0, retracted, to 1.
 """
 
 from __future__ import annotations
@@ -94,6 +94,7 @@ class SurfacesSample(NamedTuple):
     elevator: float  # -1 … 1 of travel, as in SurfaceCommand; NaN: not known
     aileron: float
     rudder: float
+    brake: float = NAN  # 0 … 1
 
 
 NO_FIX: Final = PositionFix(
@@ -128,7 +129,9 @@ NO_IMU: Final = ImuSample(
     yaw_rate_frd_radps=NAN,
 )
 NO_AIRSPEED: Final = AirspeedSample(0, NAN, NAN)
-NO_SURFACES: Final = SurfacesSample(sequence=0, time_s=NAN, elevator=NAN, aileron=NAN, rudder=NAN)
+NO_SURFACES: Final = SurfacesSample(
+    sequence=0, time_s=NAN, elevator=NAN, aileron=NAN, rudder=NAN, brake=NAN
+)
 
 
 class Inputs(NamedTuple):
@@ -247,11 +250,12 @@ class Setpoints(NamedTuple):
 
 
 class SurfaceCommand(NamedTuple):
-    """Normalised surface deflections, -1 … 1."""
+    """Normalised surface deflections, -1 … 1, and the brake's, 0 … 1."""
 
     elevator: float
     aileron: float
     rudder: float
+    brake: float = 0.0  # what adds drag: both ailerons together, a flap or a spoiler
 
 
 # Whose loops move the surfaces.
@@ -295,10 +299,10 @@ def polar_slope(polar: GlidePolar, speed_mps: float) -> float:
 class Aerodynamics(NamedTuple):
     """What is known of the airframe's lift, drag and trim, for reading the air from what it feels.
 
-    C_L = CL0 + CL_alpha (alpha − s) + CL_elevator elevator
-    C_D = CD0 + CD_lift C_L² + CD_separated sin s
+    C_L = CL0 + CL_alpha (alpha − s) + CL_elevator elevator + CL_brake brake
+    C_D = CD0 + CD_lift C_L² + CD_separated sin s + CD_brake brake
     s = w ln(1 + exp((alpha − stall_alpha) / w))     how far the incidence is beyond the stall
-    C_m = Cm0 + Cm_alpha alpha + Cm_q chord q / 2V + Cm_elevator elevator
+    C_m = Cm0 + Cm_alpha alpha + Cm_q chord q / 2V + Cm_elevator elevator + Cm_brake brake
     """
 
     mass_kg: float
@@ -318,12 +322,17 @@ class Aerodynamics(NamedTuple):
     Cm_alpha: float
     Cm_q: float
     Cm_elevator: float
-    polar: GlidePolar
+    CL_brake: float  # of all of the brake; all three are 0 without one
+    CD_brake: float
+    Cm_brake: float
+    brake_throw: float  # of each aileron's that all of it takes; 0: a surface of its own
+    polar: GlidePolar  # with the brake retracted
 
 
 NO_POLAR: Final = GlidePolar(c0=NAN, c1=NAN, c2=NAN, c3=NAN, speed_min_mps=NAN, speed_max_mps=NAN)
 NO_AERODYNAMICS: Final = Aerodynamics(
     *(NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN),
+    *(0.0, 0.0, 0.0, 0.0),
     NO_POLAR,
 )
 

@@ -28,6 +28,8 @@ from tgl_soar.control.envelope import (
     Fence,
     Limited,
     blocked_side,
+    brake_limit,
+    brake_room,
     clearance,
     cut_words,
     elevator_limit,
@@ -48,6 +50,7 @@ LIMITS = EnvelopeLimits(
     sink_max_mps=4.0,
     clearance_min_m=0.5,
     glide_pitch_rad=-0.0625,
+    brake_throw=0.0,
 )
 DT = 0.005
 MOST = 20.0 * DT
@@ -58,13 +61,13 @@ def limit_surfaces(
     limits: EnvelopeLimits, last: SurfaceCommand, wanted: SurfaceCommand, dt_s: float
 ) -> Limited:
     """In flight, far from the stall."""
-    return envelope.limit_surfaces(limits, last, wanted, limits.deflection_max, True, dt_s)
+    return envelope.limit_surfaces(limits, last, wanted, limits.deflection_max, 1.0, True, dt_s)
 
 
 anything = st.floats(allow_nan=True, allow_infinity=True)
-commands = st.builds(SurfaceCommand, anything, anything, anything)
+commands = st.builds(SurfaceCommand, anything, anything, anything, anything)
 within = st.floats(-0.8, 0.8)
-sent = st.builds(SurfaceCommand, within, within, within)
+sent = st.builds(SurfaceCommand, within, within, within, st.floats(0.0, 1.0))
 
 
 @given(last=commands, wanted=commands, dt=anything)
@@ -72,7 +75,8 @@ def test_nothing_ever_leaves_the_travel(
     last: SurfaceCommand, wanted: SurfaceCommand, dt: float
 ) -> None:
     limited = limit_surfaces(LIMITS, last, wanted, dt)
-    assert all(-0.8 <= u <= 0.8 for u in limited.command)  # false for NaN too
+    assert all(-0.8 <= u <= 0.8 for u in limited.command[:3])  # false for NaN too
+    assert 0.0 <= limited.command.brake <= 1.0
     assert limited.finite == all(map(isfinite, wanted))
 
 
@@ -181,7 +185,7 @@ def test_each_surface_tells_its_own_side() -> None:
 def test_what_was_cut_is_told_and_nothing_else(
     last: SurfaceCommand, wanted: SurfaceCommand, dt: float, up: float
 ) -> None:
-    limited = envelope.limit_surfaces(LIMITS, last, wanted, up, True, dt)
+    limited = envelope.limit_surfaces(LIMITS, last, wanted, up, 1.0, True, dt)
     assert limited.finite == (limited.cut & CUT_NOT_FINITE == 0)
     if limited.command == wanted and wanted.elevator <= up:
         assert limited.cut == 0
@@ -189,10 +193,11 @@ def test_what_was_cut_is_told_and_nothing_else(
         assert limited.cut
     if limited.cut & CUT_NOSE_UP:
         assert wanted.elevator > up or not limited.finite
-    assert bool(limited.cut & CUT_TRAVEL) <= any(abs(u) > 0.8 for u in wanted)
+    beyond = any(abs(u) > 0.8 for u in wanted[:3]) or not 0.0 <= wanted.brake <= 1.0
+    assert bool(limited.cut & CUT_TRAVEL) <= beyond
 
 
-@pytest.mark.parametrize("surface", SurfaceCommand._fields)
+@pytest.mark.parametrize("surface", SurfaceCommand._fields[:3])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_travel_and_rate_are_told_of_each_surface(surface: str, sign: float) -> None:
     def cut(last: float, wanted: float) -> int:
@@ -208,8 +213,8 @@ def test_travel_and_rate_are_told_of_each_surface(surface: str, sign: float) -> 
     assert cut(0.75, 0.84) == CUT_TRAVEL
 
 
-@pytest.mark.parametrize("other", SurfaceCommand._fields)
-@pytest.mark.parametrize("surface", SurfaceCommand._fields)
+@pytest.mark.parametrize("other", SurfaceCommand._fields[:3])
+@pytest.mark.parametrize("surface", SurfaceCommand._fields[:3])
 def test_a_surface_on_its_boundary_is_not_blamed_for_another(surface: str, other: str) -> None:
     """One is too fast and the other as fast as it may be; one too far and the other at its stop."""
     if surface == other:
@@ -232,10 +237,15 @@ def test_a_surface_on_its_boundary_is_not_blamed_for_another(surface: str, other
 
 def test_a_mode_that_does_not_fly_puts_nothing_out() -> None:
     limited = envelope.limit_surfaces(
-        LIMITS, SurfaceCommand(0.5, 0.5, 0.5), SurfaceCommand(nan, 0.5, 0.5), 0.8, False, DT
+        LIMITS, SurfaceCommand(0.5, 0.5, 0.5), SurfaceCommand(nan, 0.5, 0.5), 0.8, 1.0, False, DT
     )
     assert limited == Limited(
-        command=ZERO, elevator_blocked=0, aileron_blocked=0, finite=True, cut=CUT_MODE
+        command=ZERO,
+        elevator_blocked=0,
+        aileron_blocked=0,
+        brake_blocked=0,
+        finite=True,
+        cut=CUT_MODE,
     )
 
 
@@ -274,7 +284,7 @@ def test_at_the_limit_the_elevator_stands_no_further_up_than_its_trim(
     trim = 0.1
     up = elevator_limit(LIMITS, trim, margin)
     assert trim <= up <= 0.8
-    given_ = envelope.limit_surfaces(LIMITS, last, wanted, up, True, dt).command.elevator
+    given_ = envelope.limit_surfaces(LIMITS, last, wanted, up, 1.0, True, dt).command.elevator
     if alpha >= 0.25 or speed <= 6.0:
         assert given_ <= trim
     if margin >= MARGIN_FULL:
@@ -298,14 +308,20 @@ def test_the_elevators_limit_is_met_on_its_boundaries() -> None:
 
 
 def test_the_elevator_that_is_held_down_tells_the_loops_before_it() -> None:
-    limited = envelope.limit_surfaces(LIMITS, ZERO, ZERO._replace(elevator=0.05), 0.02, True, DT)
+    limited = envelope.limit_surfaces(
+        LIMITS, ZERO, ZERO._replace(elevator=0.05), 0.02, 1.0, True, DT
+    )
     assert limited.command.elevator == 0.02
     assert (limited.elevator_blocked, limited.cut) == (1, CUT_NOSE_UP)
     # At the limit without asking for more: it can go no further up either.
-    limited = envelope.limit_surfaces(LIMITS, ZERO, ZERO._replace(elevator=0.02), 0.02, True, DT)
+    limited = envelope.limit_surfaces(
+        LIMITS, ZERO, ZERO._replace(elevator=0.02), 0.02, 1.0, True, DT
+    )
     assert (limited.command.elevator, limited.elevator_blocked, limited.cut) == (0.02, 1, 0)
     # And down it goes as ever.
-    limited = envelope.limit_surfaces(LIMITS, ZERO, ZERO._replace(elevator=-0.05), 0.02, True, DT)
+    limited = envelope.limit_surfaces(
+        LIMITS, ZERO, ZERO._replace(elevator=-0.05), 0.02, 1.0, True, DT
+    )
     assert (limited.command.elevator, limited.elevator_blocked) == (-0.05, 0)
 
 
@@ -523,3 +539,45 @@ def test_where_no_ground_is_known_nothing_is_low() -> None:
 def test_clearance_of_no_place_ends(bad: float) -> None:
     clearance(BOARD, bad, 1.0)  # returns at all
     assert not clearance(BOARD, 2.0, bad) >= 0.0 or bad == inf
+
+
+@given(aileron=st.floats(-0.8, 0.8), brake=st.floats(0.0, 1.0), throw=st.floats(0.05, 1.0))
+def test_two_ailerons_that_brake_leave_roll_all_of_its_travel(
+    aileron: float, brake: float, throw: float
+) -> None:
+    limits = LIMITS._replace(brake_throw=throw)
+    wanted = SurfaceCommand(0.0, aileron, 0.0, brake)
+    given_ = envelope.limit_surfaces(limits, wanted, wanted, 0.8, 1.0, True, DT).command
+    assert given_.aileron == aileron
+    assert abs(given_.aileron) + throw * given_.brake <= 0.8 + 1e-12
+    assert given_.brake == pytest.approx(min(brake, (0.8 - abs(aileron)) / throw))
+    assert brake_room(LIMITS, aileron) == 1.0  # a surface of its own
+
+
+def test_roll_takes_the_brakes_travel_at_once() -> None:
+    limits = LIMITS._replace(brake_throw=0.8, rate_max_per_s=1.0)
+    out = SurfaceCommand(0.0, 0.0, 0.0, 1.0)
+    rolled = envelope.limit_surfaces(
+        limits, out._replace(aileron=0.8), out._replace(aileron=0.8), 0.8, 1.0, True, DT
+    )
+    assert rolled.command.brake == 0.0
+    assert rolled.brake_blocked == 1
+
+
+def test_the_brake_is_retracted_near_the_stall_and_low() -> None:
+    assert brake_limit(LIMITS, inf, 0.0, inf) == 1.0
+    assert brake_limit(LIMITS, 0.5 * MARGIN_FULL, 0.0, inf) == pytest.approx(0.5)
+    assert brake_limit(LIMITS, -0.1, 0.0, inf) == 0.0
+    assert brake_limit(LIMITS, inf, -0.6, 0.9) == 0.0  # at its least clearance within a second
+    assert brake_limit(LIMITS, inf, -4.1, inf) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("wanted", "most", "blocked"), [(0.5, 1.0, 0), (1.2, 1.0, 1), (0.5, 0.3, 1), (-0.1, 1.0, -1)]
+)
+def test_a_brake_says_where_it_can_go_no_further(wanted: float, most: float, blocked: int) -> None:
+    last = ZERO._replace(brake=min(most, max(0.0, wanted)))
+    limited = envelope.limit_surfaces(
+        LIMITS, last, ZERO._replace(brake=wanted), 0.8, most, True, DT
+    )
+    assert limited.brake_blocked == blocked

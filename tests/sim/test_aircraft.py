@@ -128,7 +128,7 @@ def test_a_uniform_wind_only_carries_the_aircraft_along(wind: Wind) -> None:
 def test_left_and_right_are_alike() -> None:
     right = left = gliding_state(glide_at(MODEL, 9.0), STILL)
     for k in range(400):
-        e, a, r = _aerobatics(k * DT_S)
+        e, a, r, _ = _aerobatics(k * DT_S)
         right = step(MODEL, right, SurfaceCommand(e, a, r), (8.0, 1.0, 0.5), (8.0, 1.0, 0.5), DT_S)
         left = step(
             MODEL, left, SurfaceCommand(e, -a, -r), (8.0, -1.0, 0.5), (8.0, -1.0, 0.5), DT_S

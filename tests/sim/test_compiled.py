@@ -225,12 +225,13 @@ def test_a_command_that_is_not_a_number_is_judged_alike() -> None:
         sink_max_mps=5.0,
         clearance_min_m=0.0,
         glide_pitch_rad=-0.05,
+        brake_throw=0.0,
     )
-    last = SurfaceCommand(0.1, -0.2, 0.3)
+    last = SurfaceCommand(0.1, -0.2, 0.3, 0.4)
     for value in (nan, inf, -inf, 0.5, -2.0):
-        wanted = SurfaceCommand(value, 0.0, -value)
-        plain = limit_surfaces(limits, last, wanted, 0.5, True, 0.005)
-        assert compiled(limit_surfaces)(limits, last, wanted, 0.5, True, 0.005) == plain
+        wanted = SurfaceCommand(value, 0.0, -value, value)
+        plain = limit_surfaces(limits, last, wanted, 0.5, 1.0, True, 0.005)
+        assert compiled(limit_surfaces)(limits, last, wanted, 0.5, 1.0, True, 0.005) == plain
 
 
 def flown_with_faults(

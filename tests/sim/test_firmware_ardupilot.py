@@ -92,8 +92,8 @@ def test_a_step_is_one_line_and_one_answer(physics: ArduPlanePhysics) -> None:
     )
     plane.start()
     assert physics.connect(5.0)
-    assert physics.exchange(READINGS, NO_STICKS) == (0.0, 0.0, 0.0)  # outputs not set up yet
-    assert physics.exchange(READINGS, NO_STICKS) == (0.5, -0.5, 1.0)
+    assert physics.exchange(READINGS, NO_STICKS) == (0.0, 0.0, 0.0, 0.0)  # outputs not set up yet
+    assert physics.exchange(READINGS, NO_STICKS) == (0.5, -0.5, 1.0, 0.0)
     plane.join(5.0)
     assert len(plane.lines) == 2
 

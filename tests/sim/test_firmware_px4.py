@@ -116,7 +116,7 @@ def test_time_goes_on_unanswered_until_the_firmware_runs(
 
 def test_what_is_not_a_number_leaves_a_surface_neutral(physics: Px4Physics) -> None:
     connected(physics, controls(c1=float("nan"), c2=0.25))
-    assert physics.exchange(READINGS, NO_STICKS) == (0.25, 0.0, 0.0)
+    assert physics.exchange(READINGS, NO_STICKS) == (0.25, 0.0, 0.0, 0.0)
 
 
 def test_an_end_of_the_firmware_is_told(physics: Px4Physics) -> None:

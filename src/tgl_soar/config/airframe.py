@@ -6,10 +6,10 @@ coefficients that the simulation needs.
 
 from __future__ import annotations
 
-from typing import Annotated, Final, Literal
+from typing import Annotated, Final, Literal, cast
 
 from msgspec import Meta, field
-from msgspec.structs import replace
+from msgspec.structs import force_setattr, replace
 
 from tgl_soar.config.dynamics import MeasuredDynamics, dynamics_parameters
 from tgl_soar.config.stall_limit import stall_limit
@@ -37,17 +37,62 @@ class Surface(Strict, frozen=True):
             )
 
 
+class Mixing(Strict, frozen=True):
+    """How two ailerons are the brake as well; roll has priority over it within their travel."""
+
+    brake_throw: Annotated[float, Meta(ge=0.05, le=1.0)]  # of each aileron's, that all of it takes
+    brake: Literal["up", "down"] = "up"  # the way that both go
+
+
 class Surfaces(Strict, frozen=True):
-    """The three surfaces of the aircraft."""
+    """The surfaces of the aircraft: elevator, rudder, and one aileron channel or two.
+
+    What brakes is both ailerons together, each on a channel of its own, or a flap or a spoiler: its
+    pulse goes from pwm_min, retracted, to pwm_max, all of it.
+    """
 
     elevator: Surface
-    aileron: Surface
     rudder: Surface
+    aileron: Surface = cast(Surface, None)  # the left one where there are two
+    aileron_left: Surface | None = None
+    aileron_right: Surface | None = None
+    flap: Surface | None = None
+    spoiler: Surface | None = None
+    mixing: Mixing | None = None
 
     def __post_init__(self) -> None:
-        channels = [s.channel for s in (self.elevator, self.aileron, self.rudder)]
+        left, right = self.aileron_left, self.aileron_right
+        if (left is None) != (right is None):
+            missing = "aileron_left" if left is None else "aileron_right"
+            raise ValueError(f"{missing} is missing: two ailerons on channels of their own, or one")
+        if (self.aileron is None) == (left is None):
+            raise ValueError("give either aileron, or aileron_left and aileron_right")
+        if (left is None) != (self.mixing is None):
+            raise ValueError("mixing belongs to aileron_left and aileron_right: give all or none")
+        if sum(each is not None for each in (left, self.flap, self.spoiler)) > 1:
+            raise ValueError("one brake only: aileron_left and aileron_right, flap, or spoiler")
+        if left is not None:
+            force_setattr(self, "aileron", left)
+        channels = [surface.channel for surface in self.driven()]
         if len(set(channels)) != len(channels):
             raise ValueError(f"two surfaces share a channel: {channels}")
+
+    @property
+    def brake(self) -> Surface | None:
+        """What brakes beside or as the other half of the aileron; None: nothing does."""
+        return self.aileron_right or self.flap or self.spoiler
+
+    @property
+    def brake_throw(self) -> float:
+        """Of each aileron's, positive upwards; 0: the brake is a surface of its own, or none."""
+        if self.mixing is None:
+            return 0.0
+        return self.mixing.brake_throw if self.mixing.brake == "up" else -self.mixing.brake_throw
+
+    def driven(self) -> tuple[Surface, ...]:
+        """Elevator, aileron and rudder, and what brakes."""
+        three = self.elevator, self.aileron, self.rudder
+        return three if self.brake is None else (*three, self.brake)
 
 
 # Who is an operator unless the airframe file says otherwise: the ids that ground stations use
@@ -156,14 +201,21 @@ class Airframe(Strict, frozen=True):
         model, facts = self.model, self.airframe
         if not all(key in model for key in _AERODYNAMIC):
             return NO_AERODYNAMICS
-        known = {**{key: getattr(facts, key) for key in _ON_THE_BENCH}, **model}
+        bench = {key: getattr(facts, key) for key in _ON_THE_BENCH}
+        known = {**dict.fromkeys(OF_THE_BRAKE, 0.0), **bench, **model}
+        if self.surfaces.brake is None:  # nothing moves it
+            known.update(dict.fromkeys(OF_THE_BRAKE, 0.0))
+        known.update(brake_throw=abs(self.surfaces.brake_throw))
         figures = (known[name] for name in Aerodynamics._fields if name != "polar")
         return Aerodynamics._make((*figures, self.polar.as_polar()))
 
 
 _ON_THE_BENCH: Final = ("mass_kg", "wing_area_m2", "chord_m")
+OF_THE_BRAKE: Final = ("CL_brake", "CD_brake", "Cm_brake")  # 0 where [model] has none
 _AERODYNAMIC: Final = tuple(
-    name for name in Aerodynamics._fields if name != "polar" and name not in _ON_THE_BENCH
+    name
+    for name in Aerodynamics._fields
+    if name not in ("polar", "brake_throw", *_ON_THE_BENCH, *OF_THE_BRAKE)
 )
 _POSITIVE: Final = (
     "gravity_mps2",

@@ -122,8 +122,7 @@ def switch_refusal(channel: float, surface_channels: frozenset[int]) -> str:
 
 
 def _check_switch(path: str | Path, values: ParameterSet, airframe: Airframe) -> None:
-    surfaces = airframe.surfaces
-    driven = frozenset(s.channel for s in (surfaces.elevator, surfaces.aileron, surfaces.rudder))
+    driven = frozenset(surface.channel for surface in airframe.surfaces.driven())
     if refusal := switch_refusal(values["OP_RC_CHAN"], driven):
         channel = values["OP_RC_CHAN"]
         raise ConfigError(f"{path}: parameters.OP_RC_CHAN = {channel:g}: {refusal}")

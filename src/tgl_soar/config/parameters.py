@@ -128,6 +128,18 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
                 " overrides). A good value is twice the distance between neighbouring lines.",
     ),
     Parameter(
+        name="TGL_HOLD", unit="", minimum=0, maximum=1, default=0,
+        meaning="1: hold a point of the line with the brake; 0: the line alone, on which the"
+                " aircraft slides to where updraft equals sink. Only for an airframe with a brake"
+                " (BRK_…) and a route that commands it.",
+        integer=True,
+    ),
+    Parameter(
+        name="TGL_ALONG", unit="m", minimum=-100, maximum=100, default=0.0,
+        meaning="The point to hold: its distance from (TGL_X, TGL_Z) along the line, positive"
+                " towards the upper end. The point that is flown follows at BRK_SPEED.",
+    ),
+    Parameter(
         name="TGL_CAPTURE", unit="m", minimum=0.01, maximum=2.0, default=0.05,
         meaning="The mode becomes soaring when the line stands still and the aircraft has been"
                 " within this distance of it for one second.",
@@ -583,6 +595,30 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         meaning="Rate of the control loop.",
         in_flight=False, integer=True,
     ),
+    # --- the brake, along the line ---------------------------------------------------------
+    # k_s K / (1 + K), the bandwidth of the place, is a third of the lift's answer to incidence,
+    # 6 rad/s, so that servo, transport and the pitch's lag of 0.1 s leave 45 degrees and more.
+    Parameter(
+        name="BRK_P", unit="1/s", minimum=0, maximum=10, default=2.5,
+        meaning="Speed along the line for each metre from the point.",
+    ),
+    Parameter(
+        name="BRK_V", unit="", minimum=0, maximum=5, default=1.2,
+        meaning="Sink that the brake adds for each m/s of speed along the line that is too high.",
+    ),
+    Parameter(
+        name="BRK_I", unit="1/s", minimum=0, maximum=10, default=1.0,
+        meaning="As BRK_V, of the integral of that speed.",
+    ),
+    Parameter(
+        name="BRK_SPEED", unit="m/s", minimum=0.01, maximum=1.0, default=0.15,
+        meaning="Largest speed along the line back to the point, and of the point itself.",
+    ),
+    Parameter(
+        name="BRK_BIAS", unit="", minimum=0, maximum=1, default=0.5,
+        meaning="Fraction of the brake that is out where nothing disturbs, so that it acts both"
+                " ways. It costs that fraction of the sink that all of it adds.",
+    ),
     # --- margins measured in flight --------------------------------------------------------
     Parameter(
         name="EXC_START", unit="", minimum=0, maximum=1, default=0,
@@ -634,6 +670,10 @@ GROUPS: Final[tuple[Group, ...]] = (
     Group(
         "Sideways to bank", ("SIDE",),
         "A little bank holds the aircraft at y = 0, against gusts and errors of the roll angle.",
+    ),
+    Group(
+        "The point on the line", ("BRK",),
+        "The brake holds a point of the line: the second axis, where TGL_HOLD is 1.",
     ),
     Group("Surfaces", ("SURF",), "The last limit of every command."),
     Group(

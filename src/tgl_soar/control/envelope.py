@@ -4,6 +4,12 @@
 
 A command that is not finite never passes: the caller is told and lets go.
 
+A brake stays within 0 and what is left for it.  Where both ailerons are the brake, roll comes
+first: the brake has what the aileron leaves of their throw, at once, whatever its own rate.  Near
+the stall and low and sinking it is retracted, as it takes lift and height:
+
+    brake <= min(1, (deflection_max - |aileron|) / throw) min(1, margin / MARGIN_FULL)
+
 Against the stall, with the angle of attack alpha and the airspeed V where they are known:
 
     margin = min(alpha_max - alpha, (V - V_min) PITCH_PER_SPEED)
@@ -73,6 +79,7 @@ class EnvelopeLimits(NamedTuple):
     sink_max_mps: float
     clearance_min_m: float
     glide_pitch_rad: float
+    brake_throw: float  # of each aileron's that all of the brake takes; 0: a surface of its own
 
 
 class Fence(NamedTuple):
@@ -99,6 +106,7 @@ class Limited(NamedTuple):
     command: SurfaceCommand
     elevator_blocked: int  # +1: can deflect no further up, -1: no further down, else 0
     aileron_blocked: int
+    brake_blocked: int
     finite: bool
     cut: int  # bits CUT_…
 
@@ -173,22 +181,25 @@ def limit_surfaces(
     last: SurfaceCommand,
     wanted: SurfaceCommand,
     elevator_max: float,
+    brake_max: float,
     flying: bool,
     dt_s: float,
 ) -> Limited:
-    """The wanted command within travel, rate and elevator_max; the last one, within travel, where
-    it is not finite; neutral unless the mode flies.  A dt_s that is negative or NaN counts as
-    zero."""
+    """The wanted command within travel, rate, elevator_max and brake_max; the last one, within
+    travel, where it is not finite; neutral unless the mode flies.  A dt_s that is
+    negative or NaN counts as zero."""
     if not flying:
         return Limited(
-            command=SurfaceCommand(0.0, 0.0, 0.0),
+            command=SurfaceCommand(0.0, 0.0, 0.0, 0.0),
             elevator_blocked=0,
             aileron_blocked=0,
+            brake_blocked=0,
             finite=True,
             cut=CUT_MODE,
         )
     cut = 0
     finite = isfinite(wanted.elevator) and isfinite(wanted.aileron) and isfinite(wanted.rudder)
+    finite = finite and isfinite(wanted.brake)
     if not finite:
         wanted = last
         cut = CUT_NOT_FINITE
@@ -200,6 +211,9 @@ def limit_surfaces(
     elevator = limit_one(limits.deflection_max, most, last.elevator, up)
     aileron = limit_one(limits.deflection_max, most, last.aileron, wanted.aileron)
     rudder = limit_one(limits.deflection_max, most, last.rudder, wanted.rudder)
+    brake = limit_one(1.0, most, last.brake, wanted.brake)
+    brake_max = min(brake_max, brake_room(limits, aileron))
+    brake = max(0.0, min(brake_max, brake))
     if elevator != up or aileron != wanted.aileron or rudder != wanted.rudder:
         travel = limits.deflection_max
         if max(abs(up), abs(wanted.aileron), abs(wanted.rudder)) > travel:
@@ -210,12 +224,15 @@ def limit_surfaces(
             or abs(wanted.rudder - last.rudder) > most
         ):
             cut |= CUT_RATE
+    if brake != wanted.brake:
+        cut |= CUT_RATE if abs(wanted.brake - last.brake) > most else CUT_TRAVEL
     return Limited(
-        command=SurfaceCommand(elevator, aileron, rudder),
+        command=SurfaceCommand(elevator, aileron, rudder, brake),
         elevator_blocked=1
         if elevator >= elevator_max
         else blocked_side(limits.deflection_max, elevator, wanted.elevator),
         aileron_blocked=blocked_side(limits.deflection_max, aileron, wanted.aileron),
+        brake_blocked=brake_blocked(brake, wanted.brake, brake_max),
         finite=finite,
         cut=cut,
     )
@@ -223,7 +240,39 @@ def limit_surfaces(
 
 def unlimited(command: SurfaceCommand) -> Limited:
     """A command of which nothing was cut."""
-    return Limited(command=command, elevator_blocked=0, aileron_blocked=0, finite=True, cut=0)
+    return Limited(
+        command=command,
+        elevator_blocked=0,
+        aileron_blocked=0,
+        brake_blocked=0,
+        finite=True,
+        cut=0,
+    )
+
+
+def brake_limit(
+    limits: EnvelopeLimits, margin_rad: float, climb_mps: float, clearance_m: float
+) -> float:
+    """The furthest that the brake may go out, the ailerons apart."""
+    if is_low(limits, climb_mps, clearance_m) or climb_mps < -limits.sink_max_mps:
+        return 0.0
+    return max(0.0, min(1.0, margin_rad / MARGIN_FULL))
+
+
+def brake_room(limits: EnvelopeLimits, aileron: float) -> float:
+    """What an aileron's deflection leaves for the brake, 0 … 1: roll comes first."""
+    if limits.brake_throw <= 0.0:
+        return 1.0
+    return max(0.0, min(1.0, (limits.deflection_max - abs(aileron)) / limits.brake_throw))
+
+
+def brake_blocked(given: float, wanted: float, furthest: float) -> int:
+    """+1 or -1 where the brake can go no further out or in, or not as fast as asked; else 0."""
+    if given < wanted or given >= furthest:
+        return 1
+    if given > wanted or given <= 0.0:
+        return -1
+    return 0
 
 
 def limit_one(deflection_max: float, change_max: float, last: float, wanted: float) -> float:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from tgl_soar.control.conditions import with_uncertainty
-from tgl_soar.control.envelope import Margins
+from tgl_soar.control.envelope import Limited, Margins
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.margins import margins_of
+from tgl_soar.control.point import wind_with_brake
 from tgl_soar.control.schedule import age_step, speed_step
 from tgl_soar.control.scheduling import weight_step
 from tgl_soar.control.soaring import TrimState, trim_step
@@ -74,12 +75,12 @@ def estimate(
     before: EstimatorMemory,
     inputs: Inputs,
     flying: bool,
-    commanded: SurfaceCommand,
+    limited: Limited,
     dt_s: float,
 ) -> Estimates:
     """Where the aircraft is, how it moves, in which air, and how certain that is.
 
-    flying: the tick begins in control, and `commanded` is what it commanded last.
+    flying: the tick begins in control, and `limited` is what it commanded last.
     """
     known = before.motion
     if not flying:  # there is no line to be kept
@@ -93,17 +94,17 @@ def estimate(
         inputs,
         flying,
         flying and laws.loops == OURS,  # else nothing is known of where surfaces should be
-        commanded,
+        limited.command,
         dt_s,
     )
     health = with_uncertainty(laws.guards, health, quality)
     wind, air = wind_step(
-        laws.wind,
+        wind_with_brake(laws, limited, flying, inputs.surfaces),
         before.wind,
         vehicle,
         inputs,
         quality.velocity_sigma_mps,
-        _elevator(inputs, flying, commanded),
+        _elevator(inputs, flying, limited.command),
         is_imu_valid(before.motion, motion, inputs.time_s),
     )
     glide = NAN

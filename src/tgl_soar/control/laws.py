@@ -10,6 +10,7 @@ from math import pi, radians
 from typing import Final, NamedTuple
 
 from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.control.brake import BrakeGains
 from tgl_soar.control.envelope import EnvelopeLimits, Fence
 from tgl_soar.control.excitation import Excitation
 from tgl_soar.control.forecast import ForecastParams
@@ -19,6 +20,7 @@ from tgl_soar.control.pid import PidGains
 from tgl_soar.control.schedule import Dynamics, GainSchedule, schedule_of
 from tgl_soar.control.soaring import SoaringGains, TrimGains
 from tgl_soar.control.target_line import LineLimits, TargetLine, eta_from_lean
+from tgl_soar.estimation.aerodynamics import brake_sink
 from tgl_soar.estimation.health import HealthLimits
 from tgl_soar.estimation.motion_state import MotionGains
 from tgl_soar.estimation.wind import WindParams
@@ -75,6 +77,7 @@ class Laws(NamedTuple):
     loops: int  # whose loops move the surfaces: OURS, THEIRS or THEIRS_WITH_RUDDER
     excitation: Excitation
     forecast: ForecastParams
+    brake: BrakeGains
 
 
 def laws_from(
@@ -123,8 +126,8 @@ def laws_from(
         bank=BankGains(values["BANK_P"], radians(values["BANK_MAX"])),
         sideways=_sideways_gains(values),
         lateral_schedule=lateral,
-        envelope=_envelope_limits(values),
-        trim=SurfaceCommand(values["ELE_TRIM"], values["AIL_TRIM"], values["RUD_TRIM"]),
+        envelope=_envelope_limits(values, aerodynamics.brake_throw),
+        trim=SurfaceCommand(values["ELE_TRIM"], values["AIL_TRIM"], values["RUD_TRIM"], 0.0),
         wind=WindParams(aerodynamics, values["WIND_CHANGE"], radians(values["WIND_ALIGN"])),
         fence=_fence(values),
         ground=ground,
@@ -144,6 +147,7 @@ def laws_from(
             speed_min_mps=values["SPEED_MIN"],
             polar=aerodynamics.polar,
         ),
+        brake=_brake_gains(values, aerodynamics, loops),
     )
 
 
@@ -172,7 +176,7 @@ def _supervisor_limits(values: ParameterSet) -> SupervisorLimits:
     )
 
 
-def _envelope_limits(values: ParameterSet) -> EnvelopeLimits:
+def _envelope_limits(values: ParameterSet, brake_throw: float) -> EnvelopeLimits:
     return EnvelopeLimits(
         deflection_max=values["SURF_MAX"],
         rate_max_per_s=values["SURF_RATE"],
@@ -181,6 +185,28 @@ def _envelope_limits(values: ParameterSet) -> EnvelopeLimits:
         sink_max_mps=values["SINK_MAX"],
         clearance_min_m=values["CLEAR_MIN"],
         glide_pitch_rad=radians(values["REC_PITCH"]),
+        brake_throw=brake_throw,
+    )
+
+
+def _brake_gains(values: ParameterSet, aero: Aerodynamics, loops: int) -> BrakeGains:
+    available = loops == OURS and aero.CD_brake > 0.0
+    incidence = elevator = 0.0
+    if available:
+        incidence = -aero.CL_brake / aero.CL_alpha
+        elevator = -(aero.Cm_brake + aero.Cm_alpha * incidence) / aero.Cm_elevator
+    return BrakeGains(
+        wanted=values["TGL_HOLD"] != 0.0,
+        available=available,
+        along_m=values["TGL_ALONG"],
+        kp_per_s=values["BRK_P"],
+        speed_max_mps=values["BRK_SPEED"],
+        kv=values["BRK_V"],
+        ki_per_s=values["BRK_I"],
+        bias=values["BRK_BIAS"],
+        sink=brake_sink(aero) if available else 0.0,
+        lift_rad=incidence,
+        elevator=elevator,
     )
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 from tgl_soar.control.attitude import attitude_step
+from tgl_soar.control.brake import BrakeEffect
 from tgl_soar.control.envelope import Limited, elevator_limit, limit_surfaces
 from tgl_soar.control.heading import HeadingGains, heading_step, leading_speed, sideways_step
 from tgl_soar.control.lateral_schedule import (
@@ -125,15 +126,21 @@ def surfaces_step(
     state: LoopsState,
     vehicle: VehicleState,
     setpoints: Setpoints,
+    brake: float,
+    brake_max: float,
+    braked: BrakeEffect,
     stall_rad: float,
     surfaces: SurfacesSample,
     dt_s: float,
 ) -> tuple[LoopsState, SurfaceTerms]:
     """One step.
 
+    brake, brake_max: wanted, and the furthest that it may go; braked: what the brake changes now;
     stall_rad: the margin of the angle of attack; surfaces: as they are read back.
     """
     trim = laws.trim
+    if braked.elevator != 0.0:
+        trim = trim._replace(elevator=trim.elevator + braked.elevator)
     pitch, roll = state.pitch, state.roll
     elevator_terms = aileron_terms = NO_TERMS
     if laws.loops == OURS:
@@ -166,14 +173,15 @@ def surfaces_step(
         trim.rudder,
         dt_s,
     )
-    wanted = SurfaceCommand(elevator_terms.output, aileron_terms.output, rudder_terms.output)
+    wanted = SurfaceCommand(elevator_terms.output, aileron_terms.output, rudder_terms.output, brake)
     if laws.loops != OURS:
-        wanted = SurfaceCommand(trim.elevator, trim.aileron, rudder_terms.output)
+        wanted = SurfaceCommand(trim.elevator, trim.aileron, rudder_terms.output, 0.0)
     limited = limit_surfaces(
         laws.envelope,
         state.limited.command,
         wanted,
         elevator_limit(laws.envelope, trim.elevator, stall_rad),
+        brake_max,
         True,
         dt_s,
     )
@@ -195,9 +203,10 @@ def _left_to_firmware(limited: Limited, loops: int, surfaces: SurfacesSample) ->
         blocked = -1
     rudder = limited.command.rudder if loops != THEIRS else NAN
     return Limited(
-        command=SurfaceCommand(NAN, NAN, rudder),
+        command=SurfaceCommand(NAN, NAN, rudder, 0.0),
         elevator_blocked=blocked,
         aileron_blocked=0,
+        brake_blocked=0,
         finite=limited.finite,
         cut=limited.cut,
     )

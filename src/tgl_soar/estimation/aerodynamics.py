@@ -23,6 +23,32 @@ def lift_drag(
     return cl, cl_alpha, cd, cd_alpha
 
 
+def braked(aero: Aerodynamics, brake: float) -> Aerodynamics:
+    """The airframe as it is with its brake at a deflection, 0 … 1.
+
+    Its polar is one of a family: the drag of the brake, at the lift that carries the weight, adds
+    to the sink by the cube of the speed,
+
+        S(u, b) = S(u) + b (rho S CD_brake / 2 m g) u³
+
+    and so it stays a polynomial of third order.  To first order of sink / u.
+    """
+    if brake == 0.0:
+        return aero
+    return aero._replace(
+        CL0=aero.CL0 + aero.CL_brake * brake,
+        CD0=aero.CD0 + aero.CD_brake * brake,
+        Cm0=aero.Cm0 + aero.Cm_brake * brake,
+        polar=aero.polar._replace(c3=aero.polar.c3 + brake_sink(aero) * brake),
+    )
+
+
+def brake_sink(aero: Aerodynamics) -> float:
+    """What all of the brake adds to the sink, of the speed's cube [s²/m²]: dS/db = that u³."""
+    weight = aero.mass_kg * aero.gravity_mps2
+    return 0.5 * aero.air_density_kgpm3 * aero.wing_area_m2 * aero.CD_brake / weight
+
+
 def glide_pitch(aero: Aerodynamics, horizontal_mps: float) -> float:
     """Pitch [rad] of the steady glide at a horizontal airspeed [m/s]; NaN outside the polar.
 

@@ -62,6 +62,8 @@ TILT_STEP_S: Final = 0.02  # accelerations are looked at no more often
 STALE_S: Final = 1.0  # accelerations and what is read back count for so long
 AIRSPEED_STALE_S: Final = 3.0
 DEAD_S: Final = 0.5
+# Sooner than DEAD_S: of two ailerons that are the brake, one that jams is seen in both.
+BRAKE_DEAD_S: Final = 0.3
 SHRINK_PER_S: Final = 1.0
 AIRSPEED_MAX_MPS: Final = 80.0
 GRAVITY_MPS2: Final = 9.81
@@ -79,6 +81,7 @@ AIRSPEED: Final = 1 << 13
 SURFACES: Final = 1 << 14
 FAILSAFE: Final = 1 << 15
 DISARMED: Final = 1 << 16
+BRAKE: Final = 1 << 17
 FAULT_TEXTS: Final = (
     "position has gaps",
     "position frozen",
@@ -97,6 +100,7 @@ FAULT_TEXTS: Final = (
     "surfaces do not follow commands",
     "autopilot in failsafe",
     "autopilot disarmed",
+    "brake does not follow commands",
 )
 STREAM_FAULTS: Final = SURFACES - 1  # of position, attitude, accelerations, airspeed
 # A position with one of these is not engaged with.
@@ -165,6 +169,8 @@ class SurfacesState(NamedTuple):
     elevator: BandState
     aileron: BandState
     rudder: BandState
+    brake: BandState
+    brake_dead_s: float  # as dead_s, of the brake
 
 
 class HealthState(NamedTuple):
@@ -179,7 +185,13 @@ class HealthState(NamedTuple):
 
 _ANYWHERE: Final = BandState(-1.0, 1.0)
 _NO_SURFACES: Final = SurfacesState(
-    sequence=0, dead_s=INFINITE, elevator=_ANYWHERE, aileron=_ANYWHERE, rudder=_ANYWHERE
+    sequence=0,
+    dead_s=INFINITE,
+    elevator=_ANYWHERE,
+    aileron=_ANYWHERE,
+    rudder=_ANYWHERE,
+    brake=_ANYWHERE,
+    brake_dead_s=INFINITE,
 )
 
 
@@ -267,6 +279,8 @@ def health_step(
     if surfaces.sequence > 0 and now - inputs.surfaces.time_s <= STALE_S:
         answer = 0 if now - surfaces.dead_s > DEAD_S else 1
     faults |= _reported_faults(inputs, tilt, answer)
+    if now - surfaces.brake_dead_s > BRAKE_DEAD_S:
+        faults |= BRAKE
     return HealthState(
         position=position, attitude=attitude, frame=frame, tilt=tilt, surfaces=surfaces
     ), Health(
@@ -502,7 +516,8 @@ def _look_at_surfaces(
     elevator = _band(state.elevator, command.elevator, dt_s)
     aileron = _band(state.aileron, command.aileron, dt_s)
     rudder = _band(state.rudder, command.rudder, dt_s)
-    dead_s = state.dead_s
+    brake = _band(state.brake, command.brake, dt_s)
+    dead_s, brake_dead_s = state.dead_s, state.brake_dead_s
     if seen.sequence != state.sequence:
         off = max(
             _outside(elevator, seen.elevator),
@@ -510,8 +525,16 @@ def _look_at_surfaces(
             _outside(rudder, seen.rudder),
         )
         dead_s = min(dead_s, inputs.time_s) if off > limits.surface_error_max else INFINITE
+        brake_off = _outside(brake, seen.brake) > limits.surface_error_max
+        brake_dead_s = min(brake_dead_s, inputs.time_s) if brake_off else INFINITE
     return SurfacesState(
-        sequence=seen.sequence, dead_s=dead_s, elevator=elevator, aileron=aileron, rudder=rudder
+        sequence=seen.sequence,
+        dead_s=dead_s,
+        elevator=elevator,
+        aileron=aileron,
+        rudder=rudder,
+        brake=brake,
+        brake_dead_s=brake_dead_s,
     )
 
 

@@ -13,6 +13,8 @@ exactly.  `entry` says what engaging still lacks, by the bits of the supervisor'
 `exc_state` is how the multisine stands, as `control.excitation` numbers it.
 `fc_state` is how the forecast stands, as `control.forecast` numbers it: above 1 there is no place
 to settle, and `fc_time` is the time until the limit is reached, at the height `fc_z`.
+`pt_state` is how the point on the line stands, as `control.brake` numbers it, `pt_off` the distance
+from it along the line.
 """
 
 from __future__ import annotations
@@ -58,6 +60,7 @@ SLOW: Final = (
     *("climb", "health", "faults", "age_pos", "age_att", "age_ap", "loss", "rtt_ms"),
     *("wind", "updraft", "excess", "airspeed", "entry", "stall", "clearance"),
     *("fc_state", "fc_chance", "fc_time", "fc_z"),
+    *("pt_state", "pt_off", "brake"),
 )
 ARRAY: Final = (
     *("mode", "e_rho", "e_rho_rate", "line_x", "line_z", "line_lean", "line_moving"),
@@ -204,6 +207,9 @@ def slow_value(
         foreseen.chance,
         foreseen.ahead_s if isfinite(foreseen.ahead_s) else NAN,
         foreseen.z_m,
+        float(output.point.standing),
+        output.point.off_m,
+        output.command.brake,
     )[turn]
 
 

@@ -18,7 +18,7 @@ from tgl_soar.control.laws import Laws, laws_from
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.link.autopilots import flavour as autopilot_flavour
 from tgl_soar.link.autopilots import routes
-from tgl_soar.link.autopilots.base import Flavour, SurfaceChannel, SurfaceChannels
+from tgl_soar.link.autopilots.base import BrakeChannel, Flavour, SurfaceChannel, SurfaceChannels
 from tgl_soar.link.autopilots.requirements import Needs
 from tgl_soar.link.messages import ID_HIGHRES_IMU, ID_RAW_IMU, ID_SCALED_IMU, Source
 from tgl_soar.link.pose_forwarding import PoseForwarding
@@ -61,7 +61,12 @@ def surface_channels(airframe: Airframe) -> SurfaceChannels:
     """The channels of an airframe's surfaces."""
     surfaces = airframe.surfaces
     return SurfaceChannels(
-        _channel(surfaces.elevator), _channel(surfaces.aileron), _channel(surfaces.rudder)
+        elevator=_channel(surfaces.elevator),
+        aileron=_channel(surfaces.aileron),
+        rudder=_channel(surfaces.rudder),
+        brake=None
+        if surfaces.brake is None
+        else BrakeChannel(_channel(surfaces.brake), surfaces.brake_throw),
     )
 
 
@@ -108,7 +113,7 @@ def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Modu
     channels, flavour = surface_channels(airframe), flavour_of(airframe)
     if parameters["OP_ENGAGE"] != 0.0:  # a restarted module must never engage by itself
         parameters = parameters.changed({"OP_ENGAGE": 0.0})
-    driven = frozenset(channel.channel for channel in channels)
+    driven = frozenset(channel.channel for channel in channels.driven())
     if refusal := switch_refusal(parameters["OP_RC_CHAN"], driven):
         raise ConfigError(f"parameters.OP_RC_CHAN = {parameters['OP_RC_CHAN']:g}: {refusal}")
     accepted_bridges(site.position, Source(link.system_id, link.component_id))

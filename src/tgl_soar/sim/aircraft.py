@@ -12,8 +12,8 @@ With v_air = (u_b, v_b, w_b), V its length, Q = ½ ρ V², α = atan2(w_b, u_b) 
 β = asin(v_b / V), the force stands in the wind axes: drag against v_air, lift across it in the
 plane of symmetry, side force across both.  Lift and side force do no work.
 
-    C_L = (C_L0 + C_Lα (α − s₊ + s₋)) g(α) + C_Lδe δe
-    C_D = C_D0 + C_DL C_L² + C_Dsep sin(s₊ + s₋) + C_Dβ sin² β
+    C_L = (C_L0 + C_Lb δb + C_Lα (α − s₊ + s₋)) g(α) + C_Lδe δe
+    C_D = C_D0 + C_Db δb + C_DL C_L² + C_Dsep sin(s₊ + s₋) + C_Dβ sin² β
     C_Y = C_Yβ sin β + C_Yδr δr
     s₊  = w ln(1 + exp((α − α₊) / w)),    s₋ = w ln(1 + exp((α₋ − α) / w))
     g   = cos² α (3 − 2 cos α) in front of the wing, 0 behind it
@@ -24,7 +24,7 @@ the stream.  g is 1 − O(α⁴) in flight and takes the lift away as the wing t
 stream.  Moments:
 
     M_x = Q S b (C_lβ sin β + (b / 2V)(C_lp p + C_lr r) + C_lδa δa)
-    M_y = Q S c (C_m0 + C_mα sin α + (c / 2V) C_mq q + C_mδe δe)
+    M_y = Q S c (C_m0 + C_mb δb + C_mα sin α + (c / 2V) C_mq q + C_mδe δe)
     M_z = Q S b (C_nβ sin β + (b / 2V)(C_np p + C_nr r) + C_nδr δr + C_nδa δa)
 
 Sines stand for the angles so that a tumbling aircraft still meets bounded moments.  A
@@ -49,6 +49,7 @@ from collections.abc import Mapping
 from math import atan2, cos, exp, log1p, sin, sqrt
 from typing import NamedTuple
 
+from tgl_soar.config.airframe import OF_THE_BRAKE
 from tgl_soar.estimation.polar import PolarFit, fit_polar
 from tgl_soar.geometry import quaternion_from_euler
 from tgl_soar.types import GlidePolar, SurfaceCommand
@@ -100,6 +101,9 @@ class AircraftModel(NamedTuple):
     Cn_r: float
     Cn_rudder: float
     Cn_aileron: float
+    CL_brake: float  # of all of the brake; all three are 0 without one
+    CD_brake: float
+    Cm_brake: float
 
     # What the world asks of any aircraft (`sim.flown_aircraft`):
 
@@ -149,6 +153,7 @@ class AircraftState(NamedTuple):
     elevator: float  # deflections, -1 … 1
     aileron: float
     rudder: float
+    brake: float = 0.0  # 0 … 1
 
 
 class AirData(NamedTuple):
@@ -201,7 +206,7 @@ def aircraft_model(airframe: Mapping[str, object], model: Mapping[str, float]) -
     values = []
     for name in AircraftModel._fields:
         table, where = (airframe, "airframe") if name in _METADATA else (model, "model")
-        value = table.get(name)
+        value = table.get(name, 0.0) if name in OF_THE_BRAKE else table.get(name)
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise ValueError(f"{where}.{name} = {value}: a number is needed")
         number = float(value)
@@ -212,6 +217,15 @@ def aircraft_model(airframe: Mapping[str, object], model: Mapping[str, float]) -
             raise ValueError(f"{where}.{name} = {value}: must be {sign}")
         values.append(number)
     return AircraftModel(*values)
+
+
+def braked(model: AircraftModel, brake: float) -> AircraftModel:
+    """The aircraft as it is with its brake at a deflection, 0 … 1."""
+    return model._replace(
+        CL0=model.CL0 + model.CL_brake * brake,
+        CD0=model.CD0 + model.CD_brake * brake,
+        Cm0=model.Cm0 + model.Cm_brake * brake,
+    )
 
 
 # --- the air's loads ----------------------------------------------------------------------
@@ -251,7 +265,7 @@ def _air_loads(
         cd0, cd_lift, cd_separated, cd_beta, cy_beta, cy_rudder,
         croll_beta, croll_p, croll_r, croll_aileron,
         cm0, cm_alpha, cm_q, cm_elevator,
-        cn_beta, cn_p, cn_r, cn_rudder, cn_aileron,
+        cn_beta, cn_p, cn_r, cn_rudder, cn_aileron, _, _, _,
     ) = model  # fmt: skip
     plane2 = ub * ub + wb * wb
     speed = sqrt(plane2 + vb * vb)
@@ -388,12 +402,12 @@ def step(
     place and time, `wind_ahead` that at `place_ahead`, one step later; the roll gusts [rad/s] are
     those of the same times.
     """
-    x, y, z, vx, vy, vz, qw, qx, qy, qz, p, q, r, elevator, aileron, rudder = state
-    elevator_end, aileron_end, rudder_end = surfaces
+    x, y, z, vx, vy, vz, qw, qx, qy, qz, p, q, r, elevator, aileron, rudder, brake = state
+    elevator_end, aileron_end, rudder_end, brake_end = surfaces
     half = 0.5 * dt_s
 
     ax, ay, az, p_dot, q_dot, r_dot = _accelerations(
-        model, vx, vy, vz, qw, qx, qy, qz, p, q, r,
+        braked(model, brake), vx, vy, vz, qw, qx, qy, qz, p, q, r,
         elevator, aileron, rudder, wind_here, roll_gust_here_radps,
     )  # fmt: skip
     dqw = -qx * p - qy * q - qz * r  # twice dq/dt
@@ -405,7 +419,7 @@ def step(
     qw2, qx2, qy2, qz2 = qw + half * dqw, qx + half * dqx, qy + half * dqy, qz + half * dqz
     p2, q2, r2 = p + dt_s * p_dot, q + dt_s * q_dot, r + dt_s * r_dot
     ax2, ay2, az2, p_dot2, q_dot2, r_dot2 = _accelerations(
-        model, vx2, vy2, vz2, qw2, qx2, qy2, qz2, p2, q2, r2,
+        braked(model, brake_end), vx2, vy2, vz2, qw2, qx2, qy2, qz2, p2, q2, r2,
         elevator_end, aileron_end, rudder_end, wind_ahead, roll_gust_ahead_radps,
     )  # fmt: skip
     quarter = 0.5 * half
@@ -435,6 +449,7 @@ def step(
         elevator=elevator_end,
         aileron=aileron_end,
         rudder=rudder_end,
+        brake=brake_end,
     )
 
 
@@ -473,7 +488,7 @@ def specific_force_frd(
     """What an accelerometer at the centre of gravity feels [m/s², FRD]: no gravity in it."""
     ub, vb, wb = air_velocity_frd(state, wind)
     fx, fy, fz, _, _, _ = _air_loads(
-        model,
+        braked(model, state.brake),
         ub,
         vb,
         wb,
@@ -596,5 +611,5 @@ def gliding_state(
         velocity_z_mps=wind[2] - glide.sink_mps,
         qw=qw, qx=qx, qy=qy, qz=qz,
         roll_rate_frd_radps=0.0, pitch_rate_frd_radps=0.0, yaw_rate_frd_radps=0.0,
-        elevator=glide.elevator, aileron=0.0, rudder=0.0,
+        elevator=glide.elevator, aileron=0.0, rudder=0.0, brake=0.0,
     )  # fmt: skip

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from tgl_soar.config.airframe import Surface, Surfaces
+from tgl_soar.link.autopilots.mixing import mixed, unmixed
 from tgl_soar.types import SurfaceCommand
 
 CHANNELS: Final = 18
@@ -86,9 +87,33 @@ def pwm_from_deflection(surface: Surface, deflection: float) -> int:
     )
 
 
-def ordered(surfaces: Surfaces) -> tuple[Surface, Surface, Surface]:
-    """The surfaces in the order of `SurfaceCommand`."""
-    return surfaces.elevator, surfaces.aileron, surfaces.rudder
+def ordered(surfaces: Surfaces) -> tuple[Surface, ...]:
+    """The surfaces in the order of `SurfaceCommand`; the brake only where there is one."""
+    return surfaces.driven()
 
 
-NEUTRAL: Final = SurfaceCommand(0.0, 0.0, 0.0)
+def deflections_of(surfaces: Surfaces, command: SurfaceCommand) -> tuple[float, ...]:
+    """What each channel of `ordered` is to do, -1 … 1: two ailerons mixed, a brake over all of its
+    channel."""
+    elevator, aileron, rudder, brake = command
+    if surfaces.brake is None:
+        return elevator, aileron, rudder
+    if surfaces.brake_throw == 0.0:
+        return elevator, aileron, rudder, 2.0 * brake - 1.0
+    left, right = mixed(aileron, brake, surfaces.brake_throw)
+    return elevator, left, rudder, right
+
+
+def command_of(surfaces: Surfaces, deflections: Sequence[float]) -> SurfaceCommand:
+    """The inverse of `deflections_of`: what the surfaces do together."""
+    if surfaces.brake is None:
+        elevator, aileron, rudder = deflections
+        return SurfaceCommand(elevator, aileron, rudder, 0.0)
+    elevator, aileron, rudder, brake = deflections
+    if surfaces.brake_throw == 0.0:
+        return SurfaceCommand(elevator, aileron, rudder, 0.5 * (1.0 + brake))
+    aileron, brake = unmixed(aileron, brake, surfaces.brake_throw)
+    return SurfaceCommand(elevator, aileron, rudder, max(0.0, min(1.0, brake)))
+
+
+NEUTRAL: Final = SurfaceCommand(0.0, 0.0, 0.0, 0.0)

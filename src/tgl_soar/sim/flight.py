@@ -64,6 +64,9 @@ class Row(NamedTuple):
     forecast_chance: float
     forecast_excess_mps: float
     forecast_slope_per_s: float
+    brake: float  # commanded, 0 … 1
+    point: float  # how it stands, as control.brake numbers it
+    point_off_m: float  # along the line, as the law sees it; NaN: no point is held
 
 
 class Flight(NamedTuple):
@@ -148,6 +151,9 @@ def row_of(
         forecast_chance=foreseen.chance,
         forecast_excess_mps=foreseen.excess_mps,
         forecast_slope_per_s=foreseen.slope_per_s,
+        brake=output.command.brake,
+        point=float(output.point.standing),
+        point_off_m=output.point.off_m,
     )
 
 

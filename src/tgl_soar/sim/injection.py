@@ -358,8 +358,7 @@ class DirectLink:
             if of == "surfaces":
                 # Read back is what the servos were commanded, not where a bad one stands.
                 if sample.sequence > 0:
-                    elevator, aileron, rudder = self._command
-                    sample = sample._replace(elevator=elevator, aileron=aileron, rudder=rudder)
+                    sample = sample._replace(**self._command._asdict())
             else:
                 sample = injection.sample(of, now, sample)
             measured[of] = down[of].take(now, sample) if down else sample

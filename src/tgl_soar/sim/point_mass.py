@@ -99,6 +99,9 @@ class PointMass(NamedTuple):
     sin_alpha_neutral: float  # sin α_c with the elevator in the middle
     sin_alpha_elevator: float  # what a half-throw adds
     sin_beta_rudder: float  # sin β_c of a half-throw
+    CL_brake: float  # of all of the brake; all three are 0 without one
+    CD_brake: float
+    sin_alpha_brake: float  # what it adds to sin α_c
     roll_aileron_radpm: float  # k
     pitch_lag_m: float  # ℓ
     roll_lag_m: float
@@ -124,7 +127,8 @@ class PointMass(NamedTuple):
     def specific_force_frd(self, state: AircraftState, wind: Wind) -> tuple[float, float, float]:
         """What an accelerometer feels [m/s², FRD]."""
         ub, vb, wb = air_velocity_frd(state, wind)
-        fx, fy, fz, _, _, _ = _in_the_air(self, ub, vb, wb, state.elevator, state.rudder)
+        own = _braked(self, state.brake)
+        fx, fy, fz, _, _, _ = _in_the_air(own, ub, vb, wb, state.elevator, state.rudder)
         return fx, fy, fz
 
     def highest_pitch_glide(self) -> Glide:
@@ -177,6 +181,15 @@ def _in_the_air(
         min(limit, max(-limit, q)),
         min(limit, max(-limit, r)),
         speed,
+    )
+
+
+def _braked(model: PointMass, brake: float) -> PointMass:
+    """The aircraft as it is with its brake at a deflection, 0 … 1."""
+    return model._replace(
+        CL0=model.CL0 + model.CL_brake * brake,
+        a0=model.a0 + model.CD_brake * brake,
+        sin_alpha_neutral=model.sin_alpha_neutral + model.sin_alpha_brake * brake,
     )
 
 
@@ -237,11 +250,12 @@ def point_mass_step(
     The bank's rate, whose lag is the shortest, is stepped implicitly: no airspeed makes it swing.
     The rates of the state are those at the end of the step.
     """
-    x, y, z, vx, vy, vz, qw, qx, qy, qz, p, _, _, elevator, _, rudder = state
-    elevator_end, aileron_end, rudder_end = surfaces
+    x, y, z, vx, vy, vz, qw, qx, qy, qz, p, _, _, elevator, _, rudder, brake = state
+    elevator_end, aileron_end, rudder_end, brake_end = surfaces
     half = 0.5 * dt_s
 
-    ax, ay, az, q, r, speed = _moved(model, vx, vy, vz, qw, qx, qy, qz, elevator, rudder, wind_here)
+    own = _braked(model, brake)
+    ax, ay, az, q, r, speed = _moved(own, vx, vy, vz, qw, qx, qy, qz, elevator, rudder, wind_here)
     lags = speed * dt_s / model.roll_lag_m
     limit = RATE_LIMIT_RADPS
     turned = speed * model.roll_aileron_radpm * aileron_end + roll_gust_radps
@@ -254,8 +268,9 @@ def point_mass_step(
 
     vx2, vy2, vz2 = vx + dt_s * ax, vy + dt_s * ay, vz + dt_s * az
     qw2, qx2, qy2, qz2 = qw + half * dqw, qx + half * dqx, qy + half * dqy, qz + half * dqz
+    own = _braked(model, brake_end)
     ax2, ay2, az2, q2, r2, _ = _moved(
-        model, vx2, vy2, vz2, qw2, qx2, qy2, qz2, elevator_end, rudder_end, wind_ahead
+        own, vx2, vy2, vz2, qw2, qx2, qy2, qz2, elevator_end, rudder_end, wind_ahead
     )
     quarter = 0.5 * half
     qw += quarter * (dqw - qx2 * p2 - qy2 * q2 - qz2 * r2)
@@ -280,6 +295,7 @@ def point_mass_step(
         elevator=elevator_end,
         aileron=aileron_end,
         rudder=rudder_end,
+        brake=brake_end,
     )
 
 
@@ -394,6 +410,9 @@ def point_mass(
         sin_alpha_neutral=-body.Cm0 / body.Cm_alpha,
         sin_alpha_elevator=-body.Cm_elevator / body.Cm_alpha,
         sin_beta_rudder=-body.Cn_rudder / body.Cn_beta,
+        CL_brake=body.CL_brake,
+        CD_brake=body.CD_brake,
+        sin_alpha_brake=-body.Cm_brake / body.Cm_alpha,
         roll_aileron_radpm=-2.0 * body.Cl_aileron / (body.span_m * body.Cl_p),
         pitch_lag_m=max(
             0.5 * body.chord_m * body.Cm_q / body.Cm_alpha,

@@ -343,6 +343,7 @@ def sense_surfaces(sensor: SurfacesSensor, command: SurfaceCommand, step: int) -
             elevator=command.elevator,
             aileron=command.aileron,
             rudder=command.rudder,
+            brake=command.brake,
         )
     return delivered(timing, sensor.line, step)
 

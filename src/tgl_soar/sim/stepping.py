@@ -90,6 +90,7 @@ class WorldNow(NamedTuple):
     elevator: ServoState
     aileron: ServoState
     rudder: ServoState
+    brake: ServoState
     turbulence: DrydenState
     gust_mps: Wind  # the turbulence's own
     roll_gust_radps: float
@@ -138,7 +139,10 @@ def world_step(
     elevator = servo_step(servo, now.elevator, command.elevator, dt)
     aileron = servo_step(servo, now.aileron, command.aileron, dt)
     rudder = servo_step(servo, now.rudder, command.rudder, dt)
-    surfaces = SurfaceCommand(elevator.deflection, aileron.deflection, rudder.deflection)
+    brake = servo_step(servo, now.brake, command.brake, dt)
+    surfaces = SurfaceCommand(
+        elevator.deflection, aileron.deflection, rudder.deflection, brake.deflection
+    )
     turbulence, gust = now.turbulence, (0.0, 0.0, 0.0)
     roll_gust = now.roll_gust_radps
     if parts.turbulence.blows:
@@ -151,7 +155,10 @@ def world_step(
     aircraft, crashed, pull = now.aircraft, now.crashed, NO_PULL
     if held or crashed:
         aircraft = aircraft._replace(
-            elevator=surfaces.elevator, aileron=surfaces.aileron, rudder=surfaces.rudder
+            elevator=surfaces.elevator,
+            aileron=surfaces.aileron,
+            rudder=surfaces.rudder,
+            brake=surfaces.brake,
         )
     else:
         x, y, z = place_ahead(aircraft, dt)
@@ -174,6 +181,7 @@ def world_step(
         elevator=elevator,
         aileron=aileron,
         rudder=rudder,
+        brake=brake,
         turbulence=turbulence,
         gust_mps=gust,
         roll_gust_radps=roll_gust,

@@ -119,6 +119,7 @@ class Truth(NamedTuple):
     elevator: float  # where the surfaces stand
     aileron: float
     rudder: float
+    brake: float
 
 
 class Bounds(NamedTuple):
@@ -218,6 +219,7 @@ class World:
             elevator=servo_start(self.parts.servo, self._dt_s, self.trim.elevator),
             aileron=surface,
             rudder=surface,
+            brake=surface,
             turbulence=eddies,
             gust_mps=(0.0, 0.0, 0.0),
             roll_gust_radps=roll_gust_radps,
@@ -266,6 +268,7 @@ class World:
                 elevator=servo_start(self.parts.servo, self._dt_s, self.trim.elevator),
                 aileron=surface,
                 rudder=surface,
+                brake=surface,
                 wind=local_wind(
                     self.parts, self.now.gust_mps, self.steps, start.x_m, start.y_m, start.z_m
                 ),
@@ -348,6 +351,7 @@ class World:
             elevator=s.elevator,
             aileron=s.aileron,
             rudder=s.rudder,
+            brake=s.brake,
         )
 
     def why_lost(self, state: AircraftState) -> str:

@@ -25,6 +25,11 @@ def routes(firmware: str) -> tuple[CommandRoute, ...]:
 def flavour(firmware: str, route: str | None, channels: SurfaceChannels, system_id: int) -> Flavour:
     """A firmware by one of its routes; None: the usual one.  Errors: `ValueError`."""
     kind = _FIRMWARES[firmware]
+    if channels.brake is not None and not issubclass(kind, ArduPilot):
+        raise ValueError(
+            f"{firmware} takes no fourth surface by any of its routes, and mixes its outputs"
+            " itself: give one [surfaces.aileron] and neither flap nor spoiler"
+        )
     if route is None:
         return kind(channels, system_id)
     if route not in kind.routes:

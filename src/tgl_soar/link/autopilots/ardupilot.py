@@ -21,8 +21,10 @@ from tgl_soar.geometry import quaternion_from_euler
 from tgl_soar.link.autopilots.base import (
     CommandRoute,
     SensorMessages,
+    SurfaceChannel,
     SurfaceChannels,
     Wanted,
+    brake_pulses,
     deflections,
     firmware_mismatch,
     pulse_width,
@@ -54,6 +56,7 @@ MODE_MANUAL: Final = 0
 MODE_FBWA: Final = 5
 MODE_GUIDED: Final = 15
 CHANNELS: Final = 18
+RCIN: Final = 50  # and the channel: SERVOn_FUNCTION of an output that repeats a channel
 FUNCTIONS: Final = (19, 4, 21)  # SERVOn_FUNCTION of elevator, aileron, rudder
 STICKS: Final = ("RCMAP_PITCH", "RCMAP_ROLL", "RCMAP_YAW")
 RUDDER_RAD: Final = pi / 4.0  # yaw of the quaternion that is full rudder
@@ -196,18 +199,20 @@ class ArduPilot:
         return firmware_mismatch(heartbeat, AUTOPILOT_ARDUPILOT, "an ArduPilot")
 
     def commands(self, surfaces: SurfaceCommand, setpoints: Setpoints) -> tuple[Outbound, ...]:
-        """One frame: our three channels, the others left to the pilot; or the attitude."""
+        """One frame: our channels, the others left to the pilot; or the attitude."""
         if self.route is ATTITUDE:
             return (self._attitude(surfaces.rudder, setpoints),)
-        elevator, aileron, rudder = self._channels
+        elevator, aileron, rudder = self._channels[:3]
         values = self._untouched.copy()
         values[elevator.channel - 1] = pulse_width(elevator, surfaces.elevator)
         values[aileron.channel - 1] = pulse_width(aileron, surfaces.aileron)
         values[rudder.channel - 1] = pulse_width(rudder, surfaces.rudder)
+        for channel, pulse in brake_pulses(self._channels, surfaces):
+            values[channel - 1] = pulse
         return (RcChannelsOverride(self._system_id, COMPONENT_AUTOPILOT, tuple(values)),)
 
     def release(self) -> tuple[Outbound, ...]:
-        """One frame that gives our three channels back and touches no other."""
+        """One frame that gives our channels back and touches no other."""
         return self._release
 
     def ask_for_mode(self, custom_mode: int) -> CommandLong:
@@ -263,7 +268,8 @@ class ArduPilot:
         """A pulse passes from stick to servo unchanged, and its own modes know the direction."""
         rows: list[Requirement] = []
         prefixes = ("SERVO",) if self.route is ATTITUDE else ("RC", "SERVO")
-        for what, surface in zip(self._channels._fields, self._channels, strict=True):
+        names = self._channels._fields
+        for what, surface in zip(names, self._channels.driven(), strict=False):
             why = f"{what} as in the airframe file, so that a pulse passes unchanged"
             for prefix in prefixes:
                 name = f"{prefix}{surface.channel}"
@@ -278,16 +284,31 @@ class ArduPilot:
     def _functions(self) -> tuple[Requirement, ...]:
         """Which output follows which stick."""
         rows: list[Requirement] = []
-        columns = (self._channels._fields, self._channels, FUNCTIONS, STICKS)
+        channels = self._channels
+        columns = (channels._fields[:3], channels.driven()[:3], FUNCTIONS, STICKS)
         for what, surface, function, stick in zip(*columns, strict=True):
             channel = surface.channel
+            if what == "aileron" and len(self._braking()) > 1:
+                continue  # it is one half of the brake
             why = f"the {what} is on channel {channel}"
             rows.append(_row(f"SERVO{channel}_FUNCTION", "is", function, why))
             if self.route is OVERRIDE:
                 rows.append(_row(stick, "is", channel, why))
                 dead = "small deflections would be swallowed"
                 rows.append(_row(f"RC{channel}_DZ", "is", 0, dead, SHOULD))
+        for surface in self._braking() if self.route is OVERRIDE else ():
+            channel = surface.channel
+            why = f"channel {channel} passes through: the module mixes aileron and brake"
+            rows.append(_row(f"SERVO{channel}_FUNCTION", "is", RCIN + channel, why))
         return tuple(rows)
+
+    def _braking(self) -> tuple[SurfaceChannel, ...]:
+        """What brakes, and what is mixed with it."""
+        channels = self._channels
+        if channels.brake is None:
+            return ()
+        surface, throw = channels.brake
+        return (channels.aileron, surface) if throw != 0.0 else (surface,)
 
     def _attitude(self, rudder: float, setpoints: Setpoints) -> SetAttitudeTarget:
         yaw = max(-1.0, min(1.0, rudder)) * RUDDER_RAD if isfinite(rudder) else 0.0
@@ -301,7 +322,7 @@ class ArduPilot:
 
     def _released(self) -> RcChannelsOverride:
         values = self._untouched.copy()
-        for surface in self._channels:
+        for surface in self._channels.driven():
             first = surface.channel <= _FIRST_EIGHT
             values[surface.channel - 1] = _RELEASE_FIRST if first else _RELEASE_LATER
         return RcChannelsOverride(self._system_id, COMPONENT_AUTOPILOT, tuple(values))

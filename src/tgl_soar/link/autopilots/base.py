@@ -11,6 +11,7 @@ import struct
 from collections.abc import Sequence
 from typing import ClassVar, NamedTuple, Protocol
 
+from tgl_soar.link.autopilots.mixing import mixed, unmixed
 from tgl_soar.link.autopilots.requirements import Answers, Needs, Requirement
 from tgl_soar.link.messages import (
     COMMAND_DO_SET_MODE,
@@ -37,12 +38,25 @@ class SurfaceChannel(NamedTuple):
     reversed: bool = False
 
 
+class BrakeChannel(NamedTuple):
+    """What brakes: a surface of its own, or the right one of two ailerons."""
+
+    surface: SurfaceChannel
+    throw: float = 0.0  # `mixing`; 0: a surface of its own
+
+
 class SurfaceChannels(NamedTuple):
-    """The channels of the three surfaces."""
+    """The channels of the three surfaces, and of what brakes."""
 
     elevator: SurfaceChannel
-    aileron: SurfaceChannel
+    aileron: SurfaceChannel  # of two that brake too: the left one
     rudder: SurfaceChannel
+    brake: BrakeChannel | None = None  # None: nothing brakes
+
+    def driven(self) -> tuple[SurfaceChannel, ...]:
+        """All of them."""
+        three = self.elevator, self.aileron, self.rudder
+        return three if self.brake is None else (*three, self.brake.surface)
 
 
 class Wanted(NamedTuple):
@@ -202,8 +216,30 @@ def deflection(channel: SurfaceChannel, servos: Sequence[int]) -> float:
 
 
 def deflections(channels: SurfaceChannels, servos: Sequence[int]) -> SurfaceCommand:
-    """All three."""
-    elevator, aileron, rudder = channels
-    return SurfaceCommand(
-        deflection(elevator, servos), deflection(aileron, servos), deflection(rudder, servos)
-    )
+    """All of them; NaN of the brake where there is none."""
+    elevator, aileron = deflection(channels.elevator, servos), deflection(channels.aileron, servos)
+    rudder, brake = deflection(channels.rudder, servos), NAN
+    if channels.brake is not None:
+        brake = deflection(channels.brake.surface, servos)
+        if channels.brake.throw != 0.0:
+            aileron, brake = unmixed(aileron, brake, channels.brake.throw)
+        else:
+            brake = 0.5 * (1.0 + brake)
+    return SurfaceCommand(elevator, aileron, rudder, brake)
+
+
+def brake_pulses(
+    channels: SurfaceChannels, surfaces: SurfaceCommand
+) -> tuple[tuple[int, int], ...]:
+    """(channel, pulse width [us]) of the brake and of what is mixed with it; nothing without one.
+
+    A brake of its own goes over the whole of its channel: 0 is the one end of its travel.
+    """
+    if channels.brake is None:
+        return ()
+    brake, throw = channels.brake
+    if throw == 0.0:
+        return ((brake.channel, pulse_width(brake, 2.0 * surfaces.brake - 1.0)),)
+    left, right = mixed(surfaces.aileron, surfaces.brake, throw)
+    aileron = channels.aileron
+    return (aileron.channel, pulse_width(aileron, left)), (brake.channel, pulse_width(brake, right))

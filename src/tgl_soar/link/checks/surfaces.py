@@ -169,7 +169,7 @@ class SurfaceCheck:
     def move_on(self) -> None:
         """This stop has been looked at: note what came back, and go to the next."""
         surface, deflection = self._plan[self._at]
-        channel = self._channels[NAMES.index(surface)]
+        channel = self._channels.driven()[NAMES.index(surface)]
         self.stops.append(
             Stop(
                 surface,
@@ -195,7 +195,7 @@ class SurfaceCheck:
     def _step_us(self) -> tuple[int, int]:
         """The pulse widths of this surface before and at this stop; (0, 0): nothing moves."""
         surface, deflection = self._plan[self._at]
-        channel = self._channels[NAMES.index(surface)]
+        channel = self._channels.driven()[NAMES.index(surface)]
         before = self._plan[self._at - 1] if self._at else (surface, 0.0)
         if before[0] != surface or before[1] == deflection:
             return 0, 0
@@ -206,7 +206,7 @@ class SurfaceCheck:
         if not self._unseen or self.done:
             return
         before, after = self._step_us()
-        output = self._channels[NAMES.index(self._plan[self._at][0])].channel - 1
+        output = self._channels.driven()[NAMES.index(self._plan[self._at][0])].channel - 1
         if output < len(self._servos) and self._servos[output] != 0:
             moved = (self._servos[output] - before) / (after - before)
             if moved >= SEEN:
@@ -216,7 +216,7 @@ class SurfaceCheck:
     def findings(self) -> list[SurfaceFinding]:
         """What the outputs show of each surface that has been at all stops."""
         found = []
-        for name, channel in zip(NAMES, self._channels, strict=True):
+        for name, channel in zip(NAMES, self._channels.driven()[:3], strict=True):
             stops = [stop for stop in self.stops if stop.surface == name]
             if len(stops) == len(STOPS):
                 found.append(finding(name, channel, stops))

@@ -174,6 +174,7 @@ class SensorSamples:
                 elevator=deflections.elevator,
                 aileron=deflections.aileron,
                 rudder=deflections.rudder,
+                brake=deflections.brake,
             )
 
     def _set_airspeed(self, airspeed_mps: float | None, time_s: float) -> None:

@@ -140,6 +140,7 @@ FRAMES: Final = {
     "Errors": "soaring",
     "AttitudeTrack": "soaring",
     "LineState": "soaring",
+    "BrakeState": "soaring",
     "AirEstimate": "soaring",
     "ForecastState": "soaring",
     "Forecast": "soaring",
@@ -209,6 +210,11 @@ MEANINGS: Final = {
     "AttitudeTrack.by_gyros": "the rates are those of the gyros",
     "LineState.moving": "it is on its way to its target",
     "Limited.aileron_blocked": "as the elevator's",
+    "Limited.brake_blocked": "as the elevator's",
+    "BrakeState.standing": "as point_standing",
+    "PointReport.standing": "the point on the line: 0 the line alone, 1 held, 2 above the band,"
+    " 3 below, 4 no brake, 5 it does not answer",
+    "BrakeState.z_m": "height of the point that is flown",
     "Limited.finite": "the last command was finite",
     "ExcitationState.standing": "multisine: 0 none, 1 running, 2 done, 3 … why it ended or did not"
     " begin",

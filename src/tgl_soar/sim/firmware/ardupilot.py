@@ -28,8 +28,15 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.airframe import Airframe, Surfaces
 from tgl_soar.config.site import HomePosition, Site
-from tgl_soar.link.autopilots.ardupilot import FUNCTIONS
-from tgl_soar.sim.channels import NEUTRAL, deflection_from_pwm, ordered, pwm_from_deflection
+from tgl_soar.link.autopilots.ardupilot import FUNCTIONS, RCIN
+from tgl_soar.sim.channels import (
+    NEUTRAL,
+    command_of,
+    deflection_from_pwm,
+    deflections_of,
+    ordered,
+    pwm_from_deflection,
+)
 from tgl_soar.sim.firmware import FirmwareError, program
 from tgl_soar.sim.firmware.relay import FirmwareLink, Relay
 from tgl_soar.sim.firmware.sensors import SOMEWHERE, Readings
@@ -76,6 +83,7 @@ class ArduPlanePhysics:
         self._home = SOMEWHERE if home is None else home
         self._by_poses = by_poses
         self._helps = 0
+        self._file = surfaces
         self._surfaces = ordered(surfaces)
         self._remote: Address | None = None
         self._frame = -1
@@ -139,16 +147,16 @@ class ArduPlanePhysics:
         pulses = [self._pulses[surface.channel - 1] for surface in self._surfaces]
         if not all(pulses):
             return NEUTRAL
-        return SurfaceCommand(
-            *(deflection_from_pwm(s, p) for s, p in zip(self._surfaces, pulses, strict=True))
-        )
+        each = [deflection_from_pwm(s, p) for s, p in zip(self._surfaces, pulses, strict=True)]
+        return command_of(self._file, each)
 
     def _transmitter(self, sticks: Sticks) -> list[int]:
         """Pulse widths of the pilot's channels."""
         channels = [1500] * RC_CHANNELS
         channels[THROTTLE_CHANNEL - 1] = 1000
         channels[MODE_CHANNEL - 1] = 1000 if sticks.takes else 1900
-        for surface, stick in zip(self._surfaces, sticks.deflections, strict=True):
+        each = deflections_of(self._file, sticks.deflections)
+        for surface, stick in zip(self._surfaces, each, strict=True):
             if surface.channel <= RC_CHANNELS:
                 channels[surface.channel - 1] = pwm_from_deflection(surface, stick)
         return channels
@@ -196,7 +204,12 @@ def gps_input(home: HomePosition, readings: Readings) -> Any:
 def channel_parameters(surfaces: Surfaces) -> dict[str, float]:
     """Stick and servo of every surface alike, so that an override passes as it was meant."""
     parameters: dict[str, float] = {"SERVO3_FUNCTION": 0}
-    for surface, function in zip(ordered(surfaces), FUNCTIONS, strict=True):
+    functions = list(FUNCTIONS)
+    if surfaces.brake is not None:
+        functions.append(RCIN + surfaces.brake.channel)
+    if surfaces.brake_throw != 0.0:
+        functions[1] = RCIN + surfaces.aileron.channel
+    for surface, function in zip(ordered(surfaces), functions, strict=True):
         for prefix in ("RC", "SERVO"):
             name = f"{prefix}{surface.channel}"
             parameters[f"{name}_MIN"] = surface.pwm_min

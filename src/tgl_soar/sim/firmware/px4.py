@@ -232,7 +232,7 @@ def _microseconds(time_s: float) -> int:
 
 def rc_channels(sticks: Sticks, time_ms: int) -> Any:
     """The transmitter: roll, pitch (pulled is low), throttle (closed), yaw, mode switch."""
-    elevator, aileron, rudder = sticks.deflections
+    elevator, aileron, rudder, _ = sticks.deflections
     pulses = [
         round(1500.0 + 500.0 * max(-1.0, min(1.0, stick))) for stick in (aileron, -elevator, rudder)
     ]

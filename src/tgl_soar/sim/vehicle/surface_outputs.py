@@ -13,7 +13,9 @@ from tgl_soar.sim.channels import (
     CHANNELS,
     NEUTRAL,
     Overrides,
+    command_of,
     deflection_from_pwm,
+    deflections_of,
     ordered,
     pwm_from_deflection,
     pwm_from_stick,
@@ -34,6 +36,7 @@ class SurfaceOutputs:
     ) -> None:
         self.overrides = Overrides()
         self.deflections = NEUTRAL  # what the servos are commanded
+        self._file = surfaces
         self._surfaces = ordered(surfaces)
         self._parameters = parameters
         self._level = level
@@ -76,7 +79,8 @@ class SurfaceOutputs:
         the surfaces themselves.
         """
         sticks = []
-        for surface, stick in zip(self._surfaces, receiver, strict=True):
+        sticks_wanted = deflections_of(self._file, receiver)
+        for surface, stick in zip(self._surfaces, sticks_wanted, strict=True):
             channel = surface.channel
             override = self.overrides.on(channel)
             pwm = pwm_from_deflection(surface, stick) if override is None else override
@@ -91,11 +95,12 @@ class SurfaceOutputs:
             pwm = pwm_from_stick(stick, low, trim, high, reverse)
             self._servo_pwm[surface.channel - 1] = pwm
             deflections.append(deflection_from_pwm(surface, pwm))
-        self.deflections = SurfaceCommand(*deflections)
+        self.deflections = command_of(self._file, deflections)
 
     def _level_flight(self, sticks: list[float], attitude: AttitudeSample) -> list[float]:
         # A stick's sign on the wire follows the airframe file; the law's is ours.
         signs = [-1.0 if s.reversed else 1.0 for s in self._surfaces]
-        asked = SurfaceCommand(*(sign * stick for sign, stick in zip(signs, sticks, strict=True)))
-        law = self._level.step(asked, attitude, 1.0 / self._step_hz)
-        return [sign * deflection for sign, deflection in zip(signs, law, strict=True)]
+        asked = command_of(self._file, [s * stick for s, stick in zip(signs, sticks, strict=True)])
+        law = self._level.step(asked, attitude, 1.0 / self._step_hz)._replace(brake=asked.brake)
+        wanted = deflections_of(self._file, law)
+        return [sign * deflection for sign, deflection in zip(signs, wanted, strict=True)]

@@ -1,0 +1,222 @@
+"""The second axis: the place along the line, held by the brake.
+
+Pitch holds e_rho.  Along the line the aircraft slides to where updraft equals sink, and drifts
+with every gust.  A brake (both ailerons together, a flap, a spoiler) adds drag and so changes the
+sink: S(u) becomes S(u, b), the contour becomes a band, and any point of the band can be held.
+
+    e_s = t · (p - P)                        along the line, up positive; P the point
+    v_sp = v_P - clip(k_s e_s)               the speed along the line that leads back to it
+    σ = σ_0 + D (K (v_s - v_sp) + ∫ K_i (v_s - v_sp) dt)         sink that is added [m/s]
+    b = σ / S_b,   S_b = V³ ρ S C_Db / 2 m g                      within 0 and 1
+    D = sin eta - S′ cos eta                 sink by speed along the line: climbing means drifting
+
+Rising too fast asks for more brake.  σ_0, a share of S_b, is the bias that lets it act both ways.
+S_b is known from the airframe, so the gains hold at every airspeed: with the lift's answer to
+incidence, g C_Lα / (C_L V) = λ, of 6 rad/s for small aircraft, the speed along the line follows as
+a first-order lag of rate λ (1 + K), and the place as one of k_s K / (1 + K).
+
+**Decoupling.**  The brake takes lift and turns the glide down.  Incidence and pitch that give the
+lift back and follow the new glide, and the elevator that trims both, are known beforehand:
+
+    Δα = -b C_Lb / C_Lα       Δθ = Δα - b S_b / V       Δδe = -(b C_mb + C_mα Δα) / C_mδe
+
+so the outer loop sees nothing of it but what the lags leave.
+
+**Limits.**  The point that is flown follows the operator's at limited speed.  The integral stops
+at the end of the brake's travel.  Where the brake stands there for long, the point lies outside
+the band: that is reported, and the aircraft rests at the band's edge, which is stable by the
+line alone.  The point is not moved: it is an order, and the line could only follow the
+contour by leaving it.  Whatever makes the law end, or not begin, fades the brake out.
+"""
+
+from __future__ import annotations
+
+from math import cos, hypot, sin
+from typing import Final, NamedTuple
+
+from tgl_soar.control.pid import PidGains, PidState, pid_step
+from tgl_soar.control.target_line import TargetLine
+from tgl_soar.types import Aerodynamics, VehicleState, isfinite, polar_slope
+
+# In and out of a flight: over 2 s, slower than the short period, the line's loop and its own.
+FADE_PER_S: Final = 0.5
+# The share of the time at an end of its travel is averaged over some time constants of the place,
+# so that gusts do not count.  Four fifths leave it nothing to act with; at a half it acts again.
+OUTSIDE_S: Final = 3.0
+OUTSIDE: Final = 0.8
+INSIDE: Final = 0.5
+BRAKE_MIN_SINK_MPS: Final = 0.02  # that all of it must add: less holds nothing
+
+# How it stands.
+LINE_ONLY: Final = 0
+HOLDS: Final = 1
+ABOVE_BAND: Final = 2  # the point: there the aircraft sinks, with the brake retracted
+BELOW_BAND: Final = 3  # there it rises, with all of the brake
+NO_BRAKE: Final = 4
+DEAD: Final = 5
+POINT_TEXTS: Final = (
+    "the line alone",
+    "held",
+    "above the band: brake retracted",
+    "below the band: all of the brake is out",
+    "no brake by this route: line alone",
+    "brake does not answer: line alone",
+)
+
+
+class BrakeGains(NamedTuple):
+    """Parameters of the law, and what the airframe makes of the brake."""
+
+    wanted: bool
+    available: bool  # there is a brake, and the route commands it
+    along_m: float  # of the point from the target line's own, up along it
+    kp_per_s: float  # k_s
+    speed_max_mps: float  # along the line, of v_sp and of the point that is flown
+    kv: float  # K
+    ki_per_s: float  # K_i
+    bias: float  # of S_b
+    sink: float  # S_b = this V³ [s²/m²]
+    lift_rad: float  # Δα of all of it
+    elevator: float  # Δδe of all of it
+
+
+class BrakeState(NamedTuple):
+    """What the law remembers."""
+
+    standing: int
+    x_m: float  # the point that is flown, soaring frame; NaN: none yet
+    z_m: float
+    off_m: float  # e_s; NaN: no point is held
+    pid: PidState
+    weight: float  # of the law in the command, 0 … 1
+    brake: float  # wanted, 0 … 1
+    ended: float  # share of the time at the end of its travel, less that retracted: -1 … 1
+
+
+class PointReport(NamedTuple):
+    """What is reported of it."""
+
+    standing: int
+    off_m: float  # of the aircraft from the point, up along the line; NaN: no point is held
+
+
+class BrakeEffect(NamedTuple):
+    """What a brake changes, and what undoes it."""
+
+    pitch_rad: float  # to the setpoint
+    elevator: float  # to its trim
+
+
+NO_POINT: Final = BrakeState(
+    standing=LINE_ONLY,
+    x_m=float("nan"),
+    z_m=float("nan"),
+    off_m=float("nan"),
+    pid=PidState(0.0, 0.0),
+    weight=0.0,
+    brake=0.0,
+    ended=0.0,
+)
+
+
+def brake_effect(gains: BrakeGains, brake: float, airspeed_mps: float) -> BrakeEffect:
+    """Of a brake as it is commanded, 0 … 1, at an airspeed [m/s]; nothing without one."""
+    if brake == 0.0 or not gains.available:
+        return BrakeEffect(0.0, 0.0)
+    turned = gains.sink * airspeed_mps * airspeed_mps
+    return BrakeEffect(brake * (gains.lift_rad - turned), brake * gains.elevator)
+
+
+def brake_step(
+    gains: BrakeGains,
+    aerodynamics: Aerodynamics,
+    state: BrakeState,
+    target: TargetLine,
+    eta_rad: float,
+    vehicle: VehicleState,
+    airspeed_mps: float,
+    on_the_line: bool,
+    answers: bool,
+    blocked: int,
+    dt_s: float,
+) -> BrakeState:
+    """One step.
+
+    target: the line as it is wanted; eta_rad: the inclination as it is flown; on_the_line: the
+    module flies a line now; answers: the brake goes where it is commanded; blocked: +1 if it can
+    go no further out, -1 in.
+    """
+    most = gains.sink * airspeed_mps * airspeed_mps * airspeed_mps
+    standing = state.standing
+    if not gains.wanted:
+        standing = LINE_ONLY
+    elif standing == DEAD or (not answers and gains.available):
+        standing = DEAD
+    elif not gains.available or not most >= BRAKE_MIN_SINK_MPS:
+        standing = NO_BRAKE
+    elif standing in (LINE_ONLY, NO_BRAKE):
+        standing = HOLDS
+    fade = FADE_PER_S * dt_s
+    holds = HOLDS <= standing <= BELOW_BAND and on_the_line
+    along_x, along_z = cos(eta_rad), sin(eta_rad)
+    off_now = along_x * vehicle.x_m + along_z * vehicle.z_m
+    if not (holds and isfinite(off_now)):
+        weight = max(0.0, state.weight - fade)
+        # Towards nothing from where it was: no law acts any more.
+        brake = state.brake * weight / state.weight if state.weight > 0.0 else 0.0
+        return NO_POINT._replace(standing=standing, weight=weight, brake=brake)
+
+    x, z, moved_x, moved_z = _point_step(gains, state, target, vehicle, dt_s)
+    off = off_now - along_x * x - along_z * z
+    moves = (along_x * moved_x + along_z * moved_z) / dt_s if dt_s > 0.0 else 0.0
+    back = max(-gains.speed_max_mps, min(gains.speed_max_mps, -gains.kp_per_s * off))
+    wanted = moves + back
+    speed = along_x * vehicle.velocity_x_mps + along_z * vehicle.climb_mps
+    slope = polar_slope(aerodynamics.polar, airspeed_mps)
+    sinks = along_z - slope * along_x if isfinite(slope) else along_z
+    law = PidGains(
+        kp=gains.kv,
+        ki=gains.ki_per_s,
+        kd=0.0,
+        rate_filter_radps=0.0,
+        integral_max=most,
+        output_min=0.0,
+        output_max=most,
+    )
+    pid, terms = pid_step(
+        law, state.pid, sinks * (speed - wanted), 0.0, gains.bias * most, dt_s, blocked
+    )
+    ended = state.ended + (terms.saturated - state.ended) * dt_s / (OUTSIDE_S + dt_s)
+    if ended >= OUTSIDE:
+        standing = BELOW_BAND
+    elif ended <= -OUTSIDE:
+        standing = ABOVE_BAND
+    elif abs(ended) <= INSIDE:
+        standing = HOLDS
+    weight = min(1.0, state.weight + fade)
+    return BrakeState(
+        standing=standing,
+        x_m=x,
+        z_m=z,
+        off_m=off,
+        pid=pid,
+        weight=weight,
+        brake=weight * terms.output / most,
+        ended=ended,
+    )
+
+
+def _point_step(
+    gains: BrakeGains, state: BrakeState, target: TargetLine, vehicle: VehicleState, dt_s: float
+) -> tuple[float, float, float, float]:
+    """The point (x, z) [m] that is flown, and its way in this step: it starts at the aircraft, and
+    follows the operator's at limited speed."""
+    x, z = state.x_m, state.z_m
+    if not isfinite(x + z):
+        x, z = vehicle.x_m, vehicle.z_m
+    to_x = target.x_m + gains.along_m * cos(target.eta_rad) - x
+    to_z = target.z_m + gains.along_m * sin(target.eta_rad) - z
+    distance = hypot(to_x, to_z)
+    most_m = gains.speed_max_mps * dt_s
+    share = most_m / distance if distance > most_m else 1.0
+    return x + share * to_x, z + share * to_z, share * to_x, share * to_z

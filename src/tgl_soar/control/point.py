@@ -1,0 +1,59 @@
+"""The point on the line in one tick: when the brake acts, and what the other axis is told of it."""
+
+from __future__ import annotations
+
+from tgl_soar.control.brake import BrakeEffect, BrakeState, brake_effect, brake_step
+from tgl_soar.control.envelope import Limited
+from tgl_soar.control.laws import Laws
+from tgl_soar.control.schedule import speed_within
+from tgl_soar.control.supervisor import CAPTURING, SOARING
+from tgl_soar.estimation.aerodynamics import braked
+from tgl_soar.estimation.health import BRAKE
+from tgl_soar.estimation.wind import WindParams
+from tgl_soar.types import SurfacesSample, VehicleState, isfinite
+
+
+def point_step(
+    laws: Laws,
+    state: BrakeState,
+    limited: Limited,
+    mode: int,
+    eta_rad: float,
+    vehicle: VehicleState,
+    gain_speed_mps: float,
+    faults: int,
+    dt_s: float,
+) -> tuple[BrakeState, BrakeEffect]:
+    """What the brake is to do, and what it changes as it was commanded last.
+
+    limited: the last command; eta_rad: the line's inclination as it is flown; gain_speed_mps: the
+    airspeed that gains are for; faults: of the streams, as `estimation.health` names them.
+    """
+    airspeed_mps = speed_within(laws.schedule, gain_speed_mps)
+    held = brake_step(
+        laws.brake,
+        laws.wind.aerodynamics,
+        state,
+        laws.target,
+        eta_rad,
+        vehicle,
+        airspeed_mps,
+        mode in (CAPTURING, SOARING),
+        faults & BRAKE == 0,
+        limited.brake_blocked,
+        dt_s,
+    )
+    return held, brake_effect(laws.brake, limited.command.brake, airspeed_mps)
+
+
+def wind_with_brake(
+    laws: Laws, limited: Limited, flying: bool, surfaces: SurfacesSample
+) -> WindParams:
+    """What the air is read with: the airframe with its brake as it is read back, else as it was
+    commanded last."""
+    if not laws.brake.available:
+        return laws.wind
+    out = limited.command.brake if flying else 0.0
+    if isfinite(surfaces.brake):
+        out = surfaces.brake
+    return laws.wind._replace(aerodynamics=braked(laws.wind.aerodynamics, out))
