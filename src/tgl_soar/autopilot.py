@@ -50,12 +50,8 @@ from tgl_soar.control.point import point_step
 from tgl_soar.control.schedule import (
     NO_GAINS,
     ScheduledGains,
-    schedule_at_age,
-    soaring_gains,
 )
-from tgl_soar.control.scheduling import soaring_between
 from tgl_soar.control.soaring import (
-    SoaringGains,
     SoaringState,
     gliding_step,
     holding_step,
@@ -67,6 +63,7 @@ from tgl_soar.control.surface_loops import (
     NO_TERMS,
     LoopsState,
     bank_step,
+    line_gains,
     scheduled_gains,
     surface_gains,
     surfaces_step,
@@ -483,7 +480,9 @@ def _guide(
     vehicle, memory, soaring = estimates.vehicle, estimates.memory, state.soaring
     theta_0, psi_setpoint = memory.pitch_trim.pitch_rad, state.heading_setpoint_rad
     sideways, sideways_terms = state.sideways, sideways_held(state.sideways)
-    gains = _line_gains(laws, memory, line)
+    gains = line_gains(
+        laws, memory.imu_weight, memory.gain_speed_mps, memory.gain_age_s, line.eta_rad
+    )
     limited, speed, faults = state.loops.limited, memory.gain_speed_mps, estimates.health.faults
     held, effect = point_step(
         laws, state.brake, limited, decision.mode, line.eta_rad, vehicle, speed, faults, dt_s
@@ -546,7 +545,7 @@ def _guide(
 def _pitch_within(
     laws: Laws, estimates: Estimates, wanted_rad: float, held_rad: float
 ) -> tuple[float, int]:
-    """The pitch setpoint within the envelope, and what was cut off it; held_rad: what the line took."""
+    """The pitch setpoint within the envelope, and what was cut; held_rad: what the line took."""
     vehicle, margins = estimates.vehicle, estimates.margins
     setpoint = pitch_within(
         laws.envelope,
@@ -563,17 +562,6 @@ def _pitch_within(
     elif setpoint > wanted_rad:
         cut = CUT_NOSE_DOWN
     return setpoint, cut
-
-
-def _line_gains(laws: Laws, memory: EstimatorMemory, line: LineState) -> SoaringGains:
-    """Of the soaring law: with accelerations or without, at this speed, on this line."""
-    return soaring_gains(
-        soaring_between(laws.soaring, laws.soaring_imu, memory.imu_weight),
-        schedule_at_age(laws.schedule, memory.gain_age_s),
-        memory.imu_weight,
-        memory.gain_speed_mps,
-        line.eta_rad,
-    )
 
 
 def _conditions(laws: Laws, state: AutopilotState, inputs: Inputs, now: Estimates) -> int:

@@ -20,8 +20,15 @@ from tgl_soar.control.lateral_schedule import (
 )
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.pid import PidGains, PidState, PidTerms
-from tgl_soar.control.schedule import ScheduledGains, pitch_gains, schedule_at_age, speed_within
-from tgl_soar.control.scheduling import pid_between
+from tgl_soar.control.schedule import (
+    ScheduledGains,
+    pitch_gains,
+    schedule_at_age,
+    soaring_gains,
+    speed_within,
+)
+from tgl_soar.control.scheduling import pid_between, soaring_between
+from tgl_soar.control.soaring import SoaringGains
 from tgl_soar.types import (
     NAN,
     OURS,
@@ -59,6 +66,19 @@ class SurfaceTerms(NamedTuple):
     elevator: PidTerms
     aileron: PidTerms
     rudder: PidTerms
+
+
+def line_gains(
+    laws: Laws, imu_weight: float, airspeed_mps: float, age_s: float, eta_rad: float
+) -> SoaringGains:
+    """Of the soaring law, on a line at eta_rad, likewise."""
+    return soaring_gains(
+        soaring_between(laws.soaring, laws.soaring_imu, imu_weight),
+        schedule_at_age(laws.schedule, age_s),
+        imu_weight,
+        airspeed_mps,
+        eta_rad,
+    )
 
 
 def surface_gains(laws: Laws, imu_weight: float, airspeed_mps: float, age_s: float) -> SurfaceGains:
