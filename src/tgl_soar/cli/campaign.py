@@ -34,6 +34,7 @@ from tgl_soar.cli.flying import (
     executor_of,
     flight_bar,
 )
+from tgl_soar.cli.rare import rare
 from tgl_soar.sim.campaign.cluster import ClusterError
 from tgl_soar.sim.campaign.executors import Executor, WorkerLost
 from tgl_soar.sim.campaign.folder import JOURNAL, ROWS, CampaignFolder
@@ -41,6 +42,7 @@ from tgl_soar.sim.campaign.journal import JournalError
 from tgl_soar.sim.campaign.rows import MISSING
 
 campaign_app = Commands(help="Many flights with faults, and long ones.", no_args_is_help=True)
+campaign_app.command()(rare)
 
 TIMELINE = Path("images") / "safety-timeline.png"
 

@@ -103,7 +103,6 @@ def experiment(
     run = run_experiment if docs is None else run_both
     begun = time.monotonic()
     results: list[Result] = []
-    out.mkdir(parents=True, exist_ok=True)
     folder = FlownFolder(out / FLIGHTS, resume=resume, restart=restart)
     executor = executor_of(workers, scheduler)
     try:
@@ -143,6 +142,7 @@ def experiment(
 def _put_out(name: str, result: Result, out: Path) -> None:
     """Print it, and write its numbers."""
     text = json.dumps(as_json(result), indent=1, ensure_ascii=False)
+    out.mkdir(parents=True, exist_ok=True)
     (out / f"{name}.json").write_text(text + "\n", encoding="utf-8")
     _print(result)
     if result.point_mass is not None:

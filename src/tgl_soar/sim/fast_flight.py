@@ -31,7 +31,7 @@ from tgl_soar.sim.flight import (
 )
 from tgl_soar.sim.injection import Injection
 from tgl_soar.sim.known_air import KnownAir, known_air
-from tgl_soar.sim.sensing import flown_sensors
+from tgl_soar.sim.sensing import FlownSensors, flown_sensors
 from tgl_soar.sim.stepping import Parts, WorldNow, world_begun, world_step_in_cells
 from tgl_soar.sim.white import NO_ROWS, Rows, drawn_before, roll_gusts_before, turbulence_before
 from tgl_soar.sim.world import World
@@ -104,6 +104,33 @@ def fly_on(
 ) -> Flight:
     """Fly on to a step with these laws; rows, (ticks, columns of `Row`), are filled."""
     return compiled(fly_ticks)(parts, laws, flight, until_step, changes, rows)
+
+
+def lines_of(parts: Parts) -> tuple[tuple[Any, ...], ...]:
+    """What lies in the delay lines of a flight's sensors: beside `Flight`, all that goes on."""
+    sensors: tuple[Any, ...] = parts.sensors  # of five types
+    return tuple(tuple(sensor.line) for sensor in sensors)
+
+
+def continued(
+    prepared: Prepared, seed: int, lines: tuple[tuple[Any, ...], ...], noise_seed: int
+) -> Parts:
+    """What a flight of `seed` happens in from some tick on, with the noise of another seed.
+
+    The sensors keep their biases; turbulence goes on from where it is.  With its own seed as that
+    of the noise the flight goes on as if nothing had been.  lines: of `lines_of`, at that tick.
+    """
+    own, _ = _draw(prepared, seed)
+    noise, _ = _draw(prepared, noise_seed) if noise_seed != seed else (own, None)
+    biased: tuple[Any, ...] = own.sensors  # of five types
+    noisy: tuple[Any, ...] = noise.sensors
+    sensors = []
+    for sensor, other, line in zip(biased, noisy, lines, strict=True):
+        for place, sample in enumerate(line):
+            sensor.line[place] = sample
+        white = {"white": other.white} if "white" in other._fields else {}
+        sensors.append(sensor._replace(**white))
+    return own._replace(turbulence=noise.turbulence, sensors=FlownSensors(*sensors))
 
 
 def why_ended(world: World, flight: Flight) -> str:

@@ -1,0 +1,53 @@
+"""The ladder of a splitting run, and how the last seconds of what was lost look."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from tgl_soar.air.field import FloatArray
+from tgl_soar.analysis.rare.soaring import SHOWN
+from tgl_soar.analysis.rare.splitting import Rung
+from tgl_soar.analysis.report.style import LEG_COLOURS, drawing, save
+
+_PANELS: Final = (
+    ("z_m", "height [m]"),
+    ("airspeed_mps", "airspeed [m/s]"),
+    ("e_rho_m", "e_rho [m]"),
+)
+_DRAWN: Final = 40  # losses: more hide one another
+
+
+def rare_figure(
+    path: Path, ladders: Sequence[Sequence[Rung]], causes: Sequence[str], last: Sequence[FloatArray]
+) -> None:
+    """Write the figure; last: rows of `SHOWN` for every loss.
+
+    Errors: ImportError naming the extra where matplotlib is missing; OSError.
+    """
+    with drawing() as plt:
+        figure, axes = plt.subplots(2, 2, figsize=(9.0, 6.0), layout="constrained")
+        ladder_axes, *panels = axes.ravel()
+        for rungs in ladders:
+            share, shares, levels = 1.0, [1.0], [1.0]
+            for rung in rungs:
+                share *= rung.passed / rung.tried
+                shares.append(share if share else float("nan"))
+                levels.append(rung.level)
+            ladder_axes.semilogy(levels, shares, "o-", color=LEG_COLOURS[1], lw=0.8, ms=3.0)
+        ladder_axes.invert_xaxis()
+        ladder_axes.set_xlabel("margin; 0 is lost")
+        ladder_axes.set_ylabel("probability to come so far")
+        colours = dict(zip(dict.fromkeys(causes), LEG_COLOURS * 9, strict=False))
+        for axis, (name, label) in zip(panels, _PANELS, strict=True):
+            for cause, rows in list(zip(causes, last, strict=True))[:_DRAWN]:
+                time = rows[:, SHOWN.index("time_s")]
+                axis.plot(time - time[-1], rows[:, SHOWN.index(name)], color=colours[cause], lw=0.6)
+            axis.set_ylabel(label)
+            axis.set_xlabel("time to the loss [s]")
+        for cause, colour in colours.items():
+            panels[0].plot([], [], color=colour, label=cause)
+        if colours:
+            panels[0].legend(loc="lower left")
+        save(plt, figure, path)

@@ -1,0 +1,196 @@
+"""`tgl-soar campaign rare`: the probability of losses that plain flights never show."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from tgl_soar.analysis.experiments.campaign import EVERY_SENSOR, SENSORS, wilson
+from tgl_soar.analysis.rare.soaring import SHOWN, SoaringCase, SoaringProcess
+from tgl_soar.analysis.rare.splitting import (
+    Ladder,
+    Passage,
+    RareEstimate,
+    climb,
+    estimated,
+    pilot_levels,
+)
+from tgl_soar.cli.console import (
+    AIRFRAME,
+    AIRFRAME_FILE,
+    SITE,
+    SITE_FILE,
+    console,
+    errors,
+    fail,
+    say,
+)
+from tgl_soar.cli.flying import ALL, Scheduler, Workers, executor_of, flight_bar
+from tgl_soar.config.files import (
+    ConfigError,
+    line_parameters,
+    load_airframe,
+    load_parameters,
+    load_site,
+)
+from tgl_soar.config.parameters import ParameterError
+from tgl_soar.sim.campaign.cluster import ClusterError
+from tgl_soar.sim.campaign.executors import Executor, WorkerLost
+from tgl_soar.sim.campaign.run import fly_all
+from tgl_soar.sim.compiled import available
+
+
+def rare(
+    turbulence: Annotated[float, typer.Option(help="Intensity.", min=0.001, max=0.5)] = 0.03,
+    seconds: Annotated[float, typer.Option(help="Of a flight.", min=1.0, max=3600.0)] = 60.0,
+    effort: Annotated[
+        int, typer.Option(help="Trajectories at each level.", min=10, max=1_000_000)
+    ] = 200,
+    ladders: Annotated[int, typer.Option(help="Estimates, each of its own.", min=2, max=1000)] = 5,
+    plain: Annotated[
+        int, typer.Option(help="Plain flights to compare with.", min=0, max=100_000_000)
+    ] = 0,
+    line: Annotated[str | None, typer.Option(help="Line of the site; the site's own.")] = None,
+    airframe: Annotated[Path, typer.Option(help="Airframe.", **AIRFRAME_FILE)] = AIRFRAME,
+    site: Annotated[Path, typer.Option(help="Site to fly at.", **SITE_FILE)] = SITE,
+    seed: Annotated[int, typer.Option(help="Of all that is drawn.", min=0)] = 1,
+    workers: Workers = ALL,
+    scheduler: Scheduler = None,
+    out: Annotated[Path, typer.Option(help="Folder for the ladder and the losses.")] = Path(
+        "out/rare"
+    ),
+) -> None:
+    """Estimate how often a flight is lost by multilevel splitting; rank what it is lost by.
+
+    Beside it: plain flights (--plain), and Kramers' rate of falling out of the well.
+    """
+    if not available():
+        fail("splitting flies compiled: pip install 'tgl_soar[fast]'")
+    executor = executor_of(workers, scheduler)
+    try:
+        process = SoaringProcess(_case(airframe, site, line, turbulence, seconds))
+        with flight_bar("pilot") as bar:
+            levels = pilot_levels(process, effort, seed, executor)
+            climbed = []
+            for i in range(ladders):
+                bar.title("ladders")
+                bar.show(i, ladders, 0.0, float("inf"))
+                climbed.append(climb(process, levels, effort, seed + 1 + i, executor))
+            bar.title("plain flights")
+            lost = _plain(process, plain, seed, executor)
+    except (ConfigError, ParameterError, ClusterError, WorkerLost, ValueError) as error:
+        fail(error)
+    except KeyboardInterrupt:
+        fail("stopped", 130)
+    found = estimated(climbed)
+    _print(process, climbed, found, seconds)
+    if plain:
+        low, high = wilson(len(lost), plain)
+        say(f"plain: {len(lost)} of {plain} lost, {low:.3g} to {high:.3g} at 95 %")
+    _write(out, process, climbed, found, (plain, len(lost)))
+
+
+def _case(
+    airframe: Path, site: Path, line: str | None, turbulence: float, seconds: float
+) -> SoaringCase:
+    plane, place = load_airframe(airframe), load_site(site)
+    values = load_parameters(plane, airframe, place, site)
+    if line is not None:
+        if line not in place.lines:
+            known = ", ".join(place.lines) or "none"
+            fail(f"--line {line}: no line of {site}; it has {known}")
+        values = values.changed(line_parameters(place.lines[line]))
+    return SoaringCase(
+        airframe=plane,
+        site=place,
+        values=values,
+        sensors=SENSORS[EVERY_SENSOR],
+        turbulence=turbulence,
+        duration_s=seconds,
+    )
+
+
+def _plain(process: SoaringProcess, flights: int, seed: int, executor: Executor) -> list[str]:
+    """The causes of those that are lost."""
+    seeds = range(1_000_000 + seed, 1_000_000 + seed + flights)
+    flown = fly_all(partial(_fly_plain, process), seeds, executor)
+    return [cause for cause in flown if cause]
+
+
+def _fly_plain(process: SoaringProcess, seed: int) -> str:
+    return process.passage(process.begun(seed), seed, 0.0).cause
+
+
+def _print(
+    process: SoaringProcess, climbed: Sequence[Ladder], found: RareEstimate, seconds: float
+) -> None:
+    table = Table("margin", "tried", "passed", "share")
+    for rung in range(max(len(ladder.rungs) for ladder in climbed)):
+        there = [ladder.rungs[rung] for ladder in climbed if rung < len(ladder.rungs)]
+        tried, passed = sum(r.tried for r in there), sum(r.passed for r in there)
+        table.add_row(f"{there[0].level:.3f}", str(tried), str(passed), f"{passed / tried:.3f}")
+    console.print(table)
+    each = ", ".join(f"{ladder.probability:.2g}" for ladder in climbed)
+    console.print(f"ladders: {each}", highlight=False)
+    minute = 60.0 / seconds
+    say(
+        f"lost within {seconds:g} s: {found.probability:.3g}, {found.low:.3g} to {found.high:.3g}"
+        f" at 95 %; a minute: {found.probability * minute:.3g};"
+        f" by {found.trajectories} trajectories"
+    )
+    for end, name in zip(process.exits, ("below", "above"), strict=True):
+        rim = "a rim of the air" if end.smooth else "cut off by ground or fence"
+        say(
+            f"Kramers, {name}: {60.0 * end.rate_per_s:.2g} a minute"
+            f" ({end.s_m:+.2f} m along the line, {rim})"
+        )
+    causes = Counter(loss.cause for ladder in climbed for loss in ladder.losses)
+    for cause, count in causes.most_common():
+        say(f"{count:6d}  {cause}")
+
+
+def _write(
+    out: Path,
+    process: SoaringProcess,
+    climbed: Sequence[Ladder],
+    found: RareEstimate,
+    plain: tuple[int, int],
+) -> None:
+    losses = [loss for ladder in climbed for loss in ladder.losses]
+    content: dict[str, Any] = {
+        "turbulence": process.case.turbulence,
+        "seconds": process.case.duration_s,
+        "estimate": found._asdict(),
+        "plain": {"flights": plain[0], "lost": plain[1]},
+        "kramers": [end._asdict() for end in process.exits],
+        "ladders": [[rung._asdict() for rung in ladder.rungs] for ladder in climbed],
+        "last_seconds": {"columns": SHOWN, "losses": [_last(loss) for loss in losses]},
+    }
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "rare.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    except OSError as error:
+        fail(f"{out}: cannot be written: {error.strerror}")
+    _draw(out / "rare.png", climbed, losses)
+    say(f"numbers and the last seconds of every loss in {out}/")
+
+
+def _last(loss: Passage) -> dict[str, Any]:
+    return {"cause": loss.cause, "rows": loss.state.last.round(4).tolist()}
+
+
+def _draw(path: Path, climbed: Sequence[Ladder], losses: Sequence[Passage]) -> None:
+    from tgl_soar.analysis.report.rare_figure import rare_figure
+
+    causes, last = [loss.cause for loss in losses], [loss.state.last for loss in losses]
+    try:
+        rare_figure(path, [ladder.rungs for ladder in climbed], causes, last)
+    except ImportError as error:
+        errors.print(f"no figure: {error}", highlight=False, markup=False)

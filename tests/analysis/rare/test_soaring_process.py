@@ -1,0 +1,114 @@
+"""The closed loop as a process: it parts where it stands, and its margin is what it says."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from math import inf
+
+import numpy as np
+import pytest
+
+pytest.importorskip("numba")
+
+from tgl_soar.analysis.experiments.campaign import EVERY_SENSOR, SENSORS, place
+from tgl_soar.analysis.rare.soaring import NEAREST, SHOWN, PartedFlight, SoaringCase, SoaringProcess
+from tgl_soar.analysis.rare.splitting import Passage
+from tgl_soar.sim import fast_flight
+from tgl_soar.sim.flight import CRASHED, Row
+
+HALF_S = 0.5
+
+
+@pytest.fixture(autouse=True)
+def plain(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compiling would take longer than these flights."""
+    monkeypatch.setattr(fast_flight, "compiled", lambda function: function)
+
+
+@lru_cache(maxsize=1)
+def process() -> SoaringProcess:
+    airframe, site, values, _ = place()
+    sensors = SENSORS[EVERY_SENSOR]
+    return SoaringProcess(
+        SoaringCase(
+            airframe=airframe,
+            site=site,
+            values=values,
+            sensors=sensors,
+            turbulence=0.05,
+            duration_s=2 * HALF_S,
+        )
+    )
+
+
+@lru_cache(maxsize=1)
+def halfway() -> Passage:
+    """Half a second of the flight of seed 1."""
+    ours = process()
+    ours._look = round(HALF_S * ours.prepared.world.step_hz)
+    return one_look(ours.begun(1), 1)
+
+
+def one_look(state: PartedFlight, seed: int) -> Passage:
+    """Whatever the margin is by then."""
+    return process().passage(state._replace(margin=inf), seed, 1e9)
+
+
+def end_of(passage: Passage) -> tuple[float, ...]:
+    here = passage.state.flight.world.aircraft
+    return tuple(here)
+
+
+def test_it_goes_on_as_if_nothing_had_been() -> None:
+    ours = process()
+    parts, flight = fast_flight.begun(ours.prepared, 1)
+    rows = np.empty((ours.prepared.ticks, len(Row._fields)))
+    whole = fast_flight.fly_on(parts, ours.laws, flight, ours.prepared.ticks, 0, rows)
+    on = one_look(halfway().state, 1)
+    assert on.state.flight.steps == whole.steps == ours.prepared.ticks
+    assert tuple(whole.world.aircraft) == end_of(on)
+    assert on.state.last.shape[1] == len(SHOWN)
+    assert np.all(np.diff(on.state.last[:, 0]) > 0.0)
+
+
+def test_with_other_noise_it_goes_another_way_from_the_same_place() -> None:
+    ours, state = process(), halfway().state
+    one, again, other = (end_of(one_look(state, seed)) for seed in (5, 5, 6))
+    assert one == again
+    assert one != other
+    own = fast_flight.continued(ours.prepared, 1, state.lines, 1)
+    changed = fast_flight.continued(ours.prepared, 1, state.lines, 5)
+    assert changed.sensors.attitude.bias_rad == own.sensors.attitude.bias_rad
+    assert list(changed.turbulence.white[0]) != list(own.turbulence.white[0])
+    assert list(changed.sensors.attitude.white[0]) != list(own.sensors.attitude.white[0])
+
+
+def test_the_margin_is_the_least_share_of_what_it_usually_is() -> None:
+    ours = process()
+    x_m, z_m = ours.place
+    alpha_rad = ours._stall_rad - ours._usual[2]  # where it hovers
+
+    def margin(**where: float) -> float:
+        there = {"x_m": x_m, "y_m": 0.0, "z_m": z_m, "alpha_rad": alpha_rad, **where}
+        return ours.margin(np.array([there.get(name, 0.0) for name in Row._fields]))
+
+    assert margin() == pytest.approx(1.0)
+    fence = ours.laws.fence
+    assert 0.0 < margin(z_m=0.5 * (z_m + fence.z_max_m)) < 1.0
+    assert margin(y_m=5.0) == NEAREST  # past the fence, and still flying
+    assert margin(alpha_rad=ours._stall_rad - 0.01) == pytest.approx(0.01 / ours._usual[2])
+
+
+def test_a_flight_that_ends_has_no_margin_left() -> None:
+    ours, state = process(), halfway().state
+    rows = np.zeros((ours.prepared.ticks, len(Row._fields)))
+    crashed = state.flight._replace(standing=CRASHED)
+    assert ours._first_below(-1.0, 0, crashed, rows) == (crashed.steps, 0.0, 0.0)
+
+
+def test_theory_knows_the_ends_of_the_well() -> None:
+    low, high = process().exits
+    assert low.s_m < 0.0 < high.s_m
+    assert low.barrier > 0.0
+    assert high.barrier > 0.0
+    assert 0.0 < low.rate_per_s < 1.0
