@@ -1,0 +1,195 @@
+"""How much the loop along the line bears: the brake's, with the pitch loops closed below it.
+
+The rigid body hovers in an air of a given gradient, linearised by differences of the very functions
+that fly: servo, aircraft, the line's law, pitch, and the brake's feed-forward.  The loop is opened
+at the brake's command.  Measurements are taken as they are; what is late in them counts as delay
+of the commands.
+
+    L(z) = -C_s(z) S_b^-1 P(z)      C_s = D (K + K_i T / (z - 1)) (v_s + k_s e_s)
+    alpha = min 2 |1 + L| / |1 - L|                 the balanced disk margin
+
+(Seiler, Packard and Gahinet, An Introduction to Disk Margins, 2020.)  6 dB and 45 degrees need
+alpha of 0.67 and 0.83.
+"""
+
+from __future__ import annotations
+
+from math import cos, sin
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from tgl_soar.analysis.linear_model import Condition, Matrix, differences
+from tgl_soar.control.attitude import attitude_step
+from tgl_soar.control.brake import brake_effect
+from tgl_soar.control.laws import Laws
+from tgl_soar.control.pid import PidGains, PidState
+from tgl_soar.control.schedule import pitch_gains, soaring_gains
+from tgl_soar.control.scheduling import pid_between, soaring_between
+from tgl_soar.control.soaring import SoaringGains, SoaringState, soaring_step
+from tgl_soar.control.target_line import e_rho, eta_from_lean
+from tgl_soar.geometry import euler_from_quaternion, quaternion_from_euler
+from tgl_soar.sim.aircraft import Glide, Wind, braked, glide_at, gliding_state, step
+from tgl_soar.sim.servos import servo_moved
+from tgl_soar.types import SurfaceCommand, polar_slope
+
+FREQUENCIES_RADPS: Final = np.geomspace(0.05, 200.0, 400)
+_BODY: Final = 8  # x, z, vx, vz, pitch, pitch rate, elevator, brake
+_LAWS: Final = 4  # integral and rate of both laws of pitch
+_UNLIMITED: Final = 1e9
+
+
+class BrakeMargin(NamedTuple):
+    """Of the loop along the line."""
+
+    alpha: float  # disk margin; 0: unstable
+    at_radps: float  # where it is least
+    crossover_radps: float  # the highest at which the loop's gain is 1; 0: nowhere
+    stable: bool  # closed
+
+
+def brake_margin(laws: Laws, condition: Condition) -> BrakeMargin:
+    """The margin about half of the brake.  Errors: ValueError without a glide or a brake."""
+    if not laws.brake.available:
+        raise ValueError("no brake: this airframe has none, or the route does not command it")
+    a, b, c = _opened(laws, condition)
+    dt, gains = 1.0 / condition.step_hz, laws.brake
+    speed = condition.speed_mps
+    eta = eta_from_lean(condition.lean_rad)
+    sinks = sin(eta) - polar_slope(laws.wind.aerodynamics.polar, speed) * cos(eta)
+    by_place, by_speed = gains.kp_per_s, 1.0
+    scale = sinks / (gains.sink * speed**3)
+    law = np.array([[by_place, by_speed]]) @ c
+
+    # The integral is one state more: closed, its poles say whether the loop is stable.
+    n = len(a)
+    whole = np.zeros((n + 1, n + 1))
+    whole[:n, :n] = a + scale * gains.kv * (b @ law)
+    whole[:n, n:] = scale * b
+    whole[n:, :n] = gains.ki_per_s * dt * law
+    whole[n, n] = 1.0
+    stable = bool(np.abs(np.linalg.eigvals(whole)).max() < 1.0 + 1e-9)
+
+    loop = np.empty(len(FREQUENCIES_RADPS), dtype=np.complex128)
+    for i, frequency in enumerate(FREQUENCIES_RADPS):
+        z = np.exp(1j * frequency * dt)
+        answer = (law @ np.linalg.solve(z * np.eye(n) - a, b))[0, 0]
+        loop[i] = -scale * (gains.kv + gains.ki_per_s * dt / (z - 1.0)) * answer
+    ratio = 2.0 * np.abs(1.0 + loop) / np.abs(1.0 - loop)
+    least = int(np.argmin(ratio))
+    above = np.flatnonzero(np.abs(loop) >= 1.0)
+    return BrakeMargin(
+        alpha=float(ratio[least]) if stable else 0.0,
+        at_radps=float(FREQUENCIES_RADPS[least]),
+        crossover_radps=float(FREQUENCIES_RADPS[above[-1]]) if len(above) else 0.0,
+        stable=stable,
+    )
+
+
+def _opened(laws: Laws, condition: Condition) -> tuple[Matrix, Matrix, Matrix]:
+    """(A, B, C) from the brake's command to place and speed along the line, pitch loops closed."""
+    bias = 0.5
+    trim = glide_at(braked(condition.model, bias), condition.speed_mps)
+    dt, eta = 1.0 / condition.step_hz, eta_from_lean(condition.lean_rad)
+    waits = max(1, round(condition.command_delay_s / dt))
+    soaring, pitch = _gains(laws, condition)
+    still = brake_effect(laws.brake, bias, condition.speed_mps)
+
+    def tick(vector: Matrix) -> Matrix:
+        x, z, vx, vz, angle, rate, elevator, brake = (float(v) for v in vector[:_BODY])
+        outer, outer_rate, inner, inner_rate = (float(v) for v in vector[_BODY : _BODY + _LAWS])
+        elevators = list(vector[_BODY + _LAWS : _BODY + _LAWS + waits])
+        brakes = list(vector[_BODY + _LAWS + waits : _BODY + _LAWS + 2 * waits])
+        command = float(vector[-1])
+        effect = brake_effect(laws.brake, bias + command, condition.speed_mps)
+        line, terms = soaring_step(
+            soaring,
+            SoaringState(PidState(outer, outer_rate), 0.0, 0),
+            effect.pitch_rad - still.pitch_rad,
+            e_rho(0.0, 0.0, eta, x, z),
+            e_rho(0.0, 0.0, eta, vx, vz),
+            dt,
+            0,
+        )
+        law, moves = attitude_step(
+            pitch,
+            PidState(inner, inner_rate),
+            terms.output,
+            angle,
+            rate,
+            effect.elevator - still.elevator,
+            dt,
+            0,
+        )
+        servo = condition.servo
+        elevator_next = servo_moved(
+            servo, trim.elevator + elevator, trim.elevator + float(elevators[0]), dt
+        )
+        brake_next = servo_moved(servo, bias + brake, bias + float(brakes[0]), dt)
+        qw, qx, qy, qz = quaternion_from_euler(0.0, trim.pitch_rad + angle, 0.0)
+        before = gliding_state(trim, _wind(condition, trim, 0.0, 0.0), x, 0.0, z)._replace(
+            velocity_x_mps=vx,
+            velocity_z_mps=vz,
+            qw=qw,
+            qx=qx,
+            qy=qy,
+            qz=qz,
+            pitch_rate_frd_radps=rate,
+            elevator=trim.elevator + elevator,
+            brake=bias + brake,
+        )
+        after = step(
+            condition.model,
+            before,
+            SurfaceCommand(elevator_next, 0.0, 0.0, brake_next),
+            _wind(condition, trim, x, z),
+            _wind(condition, trim, x + vx * dt, z + vz * dt),
+            dt,
+        )
+        _, angle_next, _ = euler_from_quaternion(after.qw, after.qx, after.qy, after.qz)
+        return np.array(
+            [
+                *(after.x_m, after.z_m, after.velocity_x_mps, after.velocity_z_mps),
+                *(angle_next - trim.pitch_rad, after.pitch_rate_frd_radps),
+                *(elevator_next - trim.elevator, brake_next - bias),
+                *(line.pid.integral, line.pid.rate, law.integral, law.rate),
+                *elevators[1:],
+                moves.output,
+                *brakes[1:],
+                command,
+            ]
+        )
+
+    size = _BODY + _LAWS + 2 * waits
+    jacobian = differences(tick, np.zeros(size + 1))
+    c = np.zeros((2, size))
+    c[0, :2] = c[1, 2:4] = cos(eta), sin(eta)
+    return jacobian[:, :size], jacobian[:, size:], c
+
+
+def _gains(laws: Laws, condition: Condition) -> tuple[SoaringGains, PidGains]:
+    """Of the line and of pitch, as they are scheduled, without limits."""
+    eta = eta_from_lean(condition.lean_rad)
+    weight = 1.0 if condition.sensors.imu is not None and laws.motion.use_imu else 0.0
+    soaring = soaring_gains(
+        soaring_between(laws.soaring, laws.soaring_imu, weight),
+        laws.schedule,
+        weight,
+        condition.speed_mps,
+        eta,
+    )
+    soaring = soaring._replace(
+        slew_radps=_UNLIMITED,
+        pid=soaring.pid._replace(
+            output_min=-_UNLIMITED, output_max=_UNLIMITED, integral_max=_UNLIMITED
+        ),
+    )
+    pitch = pitch_gains(
+        pid_between(laws.pitch, laws.pitch_imu, weight), laws.schedule, condition.speed_mps
+    )._replace(output_min=-_UNLIMITED, output_max=_UNLIMITED, integral_max=_UNLIMITED)
+    return soaring, pitch
+
+
+def _wind(condition: Condition, trim: Glide, x_m: float, z_m: float) -> Wind:
+    u_x, u_z, w_x, w_z = condition.gradient_per_s
+    return trim.horizontal_mps + u_x * x_m + u_z * z_m, 0.0, trim.sink_mps + w_x * x_m + w_z * z_m
