@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from math import inf
+from math import exp, inf
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("numba")
 
 from tgl_soar.analysis.experiments.campaign import EVERY_SENSOR, SENSORS, place
-from tgl_soar.analysis.rare.soaring import NEAREST, SHOWN, PartedFlight, SoaringCase, SoaringProcess
+from tgl_soar.analysis.rare.soaring import EDGE, SHOWN, PartedFlight, SoaringCase, SoaringProcess
 from tgl_soar.analysis.rare.splitting import Passage
 from tgl_soar.sim import fast_flight
 from tgl_soar.sim.flight import CRASHED, Row
@@ -95,8 +95,9 @@ def test_the_margin_is_the_least_share_of_what_it_usually_is() -> None:
     assert margin() == pytest.approx(1.0)
     fence = ours.laws.fence
     assert 0.0 < margin(z_m=0.5 * (z_m + fence.z_max_m)) < 1.0
-    assert margin(y_m=5.0) == NEAREST  # past the fence, and still flying
-    assert margin(alpha_rad=ours._stall_rad - 0.01) == pytest.approx(0.01 / ours._usual[2])
+    past, further = margin(y_m=5.0), margin(y_m=5.1)
+    assert EDGE * exp(-1.0) > past > further > 0.0  # past the fence, and still flying
+    assert margin(alpha_rad=ours._stall_rad - 0.1) == pytest.approx(0.1 / ours._usual[2])
 
 
 def test_a_flight_that_ends_has_no_margin_left() -> None:

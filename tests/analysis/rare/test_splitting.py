@@ -145,7 +145,7 @@ def test_what_never_happens_has_an_upper_bound() -> None:
 
 
 class Safe:
-    """Nothing ever brings it nearer."""
+    """Nothing ever brings it nearer than it is."""
 
     def begun(self, seed: int) -> float:
         del seed

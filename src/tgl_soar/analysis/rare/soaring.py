@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from math import inf
+from math import exp, inf
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -56,7 +56,7 @@ SHOWN: Final = (
 _COLUMN: Final = {name: n for n, name in enumerate(Row._fields)}
 _KEPT: Final = [_COLUMN[name] for name in SHOWN]
 _LOOKED_AT: Final = ("x_m", "y_m", "z_m", "alpha_rad")
-NEAREST: Final = 1e-6
+EDGE: Final = 0.1  # of a share: from here on the margin falls as an exponential
 SEPARATED: Final = 5.0  # widths of the stall beyond its angle: of the logistic 99 % are over
 STALL: Final = 2  # its place among the distances
 
@@ -187,8 +187,8 @@ class SoaringProcess:
         x_m, y_m, z_m, alpha_rad = (float(row[_COLUMN[name]]) for name in _LOOKED_AT)
         now = self._distances(x_m, y_m, z_m, alpha_rad)
         least = min(distance / usual for distance, usual in zip(now, self._usual, strict=True))
-        # Nothing is lost that still flies: what is beyond a limit is as near as can be.
-        return max(NEAREST, least)
+        # Nothing is lost that still flies: beyond a limit it goes on down, and never to 0.
+        return least if least > EDGE else EDGE * exp((least - EDGE) / EDGE)
 
     def _distances(self, x_m: float, y_m: float, z_m: float, alpha_rad: float) -> Sequence[float]:
         fence, least = self.laws.fence, self.case.values["CLEAR_MIN"]

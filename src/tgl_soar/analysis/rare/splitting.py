@@ -105,10 +105,12 @@ def pilot_levels(process: Process, effort: int, seed: int, executor: Executor) -
     states = _begun(effort, draw)
     while len(levels) < RUNGS_MOST:
         flown = _fly(process, states, -inf, draw, executor, effort)
-        lowest = sorted(each.lowest for each in flown)
-        level = max(LOST, lowest[max(0, round(SHARE * effort) - 1)])
-        if levels and level >= levels[-1]:
-            raise ValueError(f"no trajectory comes below a margin of {level:g}: fly more of them")
+        before = levels[-1] if levels else inf
+        lower = sorted(each.lowest for each in flown if each.lowest < before)
+        if not lower:
+            raise ValueError(f"no trajectory comes below a margin of {before:g}: fly more of them")
+        # One in five, or where fewer go on downwards, all of these.
+        level = max(LOST, lower[min(len(lower), max(1, round(SHARE * effort))) - 1])
         levels.append(level)
         if level <= LOST:
             return tuple(levels)
