@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import cos, inf, isfinite, nan, pi, radians, sin
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tgl_soar.control.pid import PidGains
@@ -169,12 +169,13 @@ def test_an_airspeed_is_averaged_and_kept_where_it_is_not_known() -> None:
 
 
 @given(st.floats(-20.0, 59.0), st.floats(6.0, 20.0), st.floats(0.0, 0.1))
+@example(16.0, 19.0, 0.0625)
 def test_gains_change_by_no_step(lean: float, speed: float, turned: float) -> None:
-    """A tenth of a degree is a tick at 20 deg/s, ten times TGL_ROT_SLEW's usual 5: some 2 %;
-    3.5 % at the steepest, where a line of 11 deg begins to be held with less."""
+    """A tenth of a degree is a tick at 20 deg/s, four times TGL_ROT_SLEW's usual 5: 2 %, in the
+    fastest air 4."""
     before, after = soaring(lean, speed), soaring(lean + turned, speed + 0.1 * turned)
     for one, other in ((before.kp, after.kp), (before.kd, after.kd), (before.ki, after.ki)):
-        assert abs(other - one) <= 0.4 * turned * max(one, other) + 1e-9
+        assert abs(other - one) <= 0.5 * turned * max(one, other) + 1e-9
 
 
 @given(
