@@ -542,7 +542,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="AGE_ATT_MAX", unit="s", minimum=0.02, maximum=1, default=0.2,
-        meaning="Attitude older than this: disengage.",
+        meaning="Attitude older than this: disengage. Younger, its average age lowers the gains.",
     ),
     Parameter(
         name="AGE_AP_MAX", unit="s", minimum=1, maximum=10, default=3.0,
