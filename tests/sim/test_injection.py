@@ -298,3 +298,18 @@ def test_a_gap_in_the_position_is_flown_through_and_one_in_the_attitude_is_not()
 
 def test_the_pilot_has_the_aircraft_when_he_wants_it() -> None:
     assert flown("pilot.takes start=4 for=2").startswith("let go")
+
+
+def test_one_half_of_a_brake_that_stays_halves_the_rest_and_rolls() -> None:
+    injection = Injection([parse_fault("brake.one_side start=1 for=1 roll=0.2")])
+    assert injection.surfaces(0.0, SurfaceCommand(0.1, 0.0, 0.0, 0.4), DT).brake == 0.4
+    for _ in range(3):  # the half that is stuck stays where it was, however long
+        went = injection.surfaces(1.0, SurfaceCommand(0.1, 0.0, 0.0, 1.0), DT)
+        assert went == pytest.approx((0.1, 0.12, 0.0, 0.7))
+    assert injection.surfaces(2.0, SurfaceCommand(0.1, 0.0, 0.0, 1.0), DT)[3] == 1.0
+
+
+def test_a_brake_that_is_stuck_stays() -> None:
+    injection = Injection([parse_fault("brake.stuck start=1 for=1")])
+    injection.surfaces(0.0, SurfaceCommand(0.0, 0.0, 0.0, 0.4), DT)
+    assert injection.surfaces(1.0, SurfaceCommand(0.0, 0.1, 0.0, 1.0), DT) == (0.0, 0.1, 0.0, 0.4)

@@ -194,7 +194,7 @@ def _named(name: str, model: FlightModel | None) -> list[str]:
     if name not in TOGETHER:
         return [name]
     if name != "paper":
-        hint(f"not flown: {', '.join(APART)}, on a page of its own")
+        hint(f"not flown: {', '.join(APART)}, apart from these")
     if model != FlightModel.POINT_MASS:
         return list(TOGETHER[name])
     hint(f"not flown: {', '.join(RIGID_BODY_ALONE)} are about the rigid body alone")

@@ -267,7 +267,31 @@ def _servo(surface: str) -> list[FaultKind]:
     ]
 
 
+_OF_THE_BRAKE: Final = (
+    *_servo("brake"),
+    FaultKind(
+        "brake.one_side",
+        "one half of the brake stays where it is, and the other one goes on",
+        (
+            _START,
+            _SERVO_FOR,
+            # A spoiler of the shipped airframe, with half of its lift at 0.22 of the span from the
+            # middle: 0.22 0.15 / 2 of rolling moment, by 0.0994 of a full aileron.
+            Number(
+                name="roll",
+                unit="",
+                low=-2.0,
+                high=2.0,
+                default=0.17,
+                drawn=(-0.3, 0.3),
+                what="aileron that rolls as much as the whole difference of both halves",
+            ),
+        ),
+    ),
+)
+
 _KINDS: Final[tuple[FaultKind, ...]] = (
+    *_OF_THE_BRAKE,
     *(kind for of, passing in _PASSING.items() for kind in _ways(of, passing)),
     *(
         kind

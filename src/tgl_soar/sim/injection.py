@@ -40,7 +40,7 @@ Sample = TypeVar("Sample", PositionFix, AttitudeSample, ImuSample, AirspeedSampl
 
 MEASURED: Final = ("position", "attitude", "imu", "airspeed")
 BOTH_WAYS: Final = ("delay", "jitter", "reorder", "duplicate", "loss", "corrupt")
-SURFACES: Final = ("elevator", "aileron", "rudder")
+SURFACES: Final = ("elevator", "aileron", "rudder", "brake")
 HEARTBEAT_S: Final = 1.0
 OVERRIDE_TIME_S: Final = 0.5  # as the README asks of a real autopilot
 SECOND_AUTOPILOT: Final = "autopilot.second"  # no way of one thing that passes, as `duplicate` is
@@ -225,6 +225,15 @@ def of_duplicate(sample: Any) -> Any:
     return sample
 
 
+def _one_sided(command: SurfaceCommand, stood: float, roll: float) -> SurfaceCommand:
+    """One half of the brake stands where it stood: half of the rest, and a roll to one side."""
+    apart = command.brake - stood
+    return command._replace(
+        brake=stood + 0.5 * apart,
+        aileron=max(-1.0, min(1.0, command.aileron + roll * apart)),
+    )
+
+
 class Injection:
     """All faults of one flight.  Without any, everything passes as it is."""
 
@@ -287,11 +296,15 @@ class Injection:
         for fault in self._servos:
             if not fault.acts(now_s):
                 continue
+            if fault.way == "one_side":
+                going = _one_sided(going, self._stood.brake, fault["roll"])
+                continue
             stood = getattr(self._stood, fault.of)
             most = fault["rate"] * dt_s if fault.way == "slow" else 0.0
             wanted = getattr(going, fault.of)
             going = going._replace(**{fault.of: max(stood - most, min(stood + most, wanted))})
-        self._stood = going
+        one_sided = any(f.way == "one_side" and f.acts(now_s) for f in self._servos)
+        self._stood = going._replace(brake=self._stood.brake) if one_sided else going
         return going
 
     def of_link(self, silence: str) -> list[Fault]:

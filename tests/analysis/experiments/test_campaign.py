@@ -12,6 +12,7 @@ import pytest
 from tgl_soar.analysis.experiments import campaign
 from tgl_soar.analysis.experiments.campaign import (
     BEGIN,
+    DRAWN,
     END,
     LOST,
     PAIRS,
@@ -33,7 +34,7 @@ from tgl_soar.control.laws import laws_from
 from tgl_soar.sim.campaign.executors import InLine, LocalProcesses
 from tgl_soar.sim.campaign.run import fly_all
 from tgl_soar.sim.closed_loop import ClosedLoop
-from tgl_soar.sim.faults import CATALOGUE, parse_fault
+from tgl_soar.sim.faults import parse_fault
 from tgl_soar.types import NO_ATTITUDE, NO_FIX, AutopilotStatus, Inputs, SurfaceCommand
 
 SHORT_S = 8.0
@@ -54,9 +55,9 @@ def job(*faults: str, seed: int = 1) -> FaultJob:
 def test_every_kind_has_its_flights_and_some_have_two_faults() -> None:
     jobs = FaultJobs(400, 0, 1)
     flown = Counter(each.row for each in jobs)
-    assert set(flown) == {*CATALOGUE, PAIRS}
+    assert set(flown) == {*DRAWN, PAIRS}
     assert flown[PAIRS] == 100
-    assert max(flown[name] for name in CATALOGUE) - min(flown[name] for name in CATALOGUE) <= 1
+    assert max(flown[name] for name in DRAWN) - min(flown[name] for name in DRAWN) <= 1
     assert all(len(each.faults) == (2 if each.row == PAIRS else 1) for each in jobs)
     assert len({each.seed for each in jobs}) == 400
 
@@ -225,7 +226,7 @@ def test_the_section_is_written_between_its_marks_and_counts_right() -> None:
         with_section("nothing", written)
 
 
-@pytest.mark.parametrize("name", CATALOGUE)
+@pytest.mark.parametrize("name", DRAWN)
 def test_no_fault_of_the_catalogue_ends_in_an_exception(name: str) -> None:
     assert fly_job(job(f"{name} start=1"), 2.5).error == ""
 

@@ -59,6 +59,7 @@ DURATION_S: Final = 30.0
 TURBULENCE: Final = 0.02  # drawn from 0 to this
 TWO_OF: Final = 4  # one flight in so many has two faults
 PAIRS: Final = "two at once"
+DRAWN: Final = tuple(n for n in CATALOGUE if not n.startswith("brake."))  # it flies without one
 LINE: Final = "b"
 # What an operator sets for this line: nearer to the board, lower or further than this is trouble.
 ENVELOPE: Final = {
@@ -143,7 +144,7 @@ def wilson(successes: int, of: int) -> tuple[float, float]:
 
 def drawn_job(i: int, seed: int) -> FaultJob:
     """Flight `i` of a campaign."""
-    kinds = list(CATALOGUE.values())
+    kinds = [CATALOGUE[name] for name in DRAWN]
     random = Random(f"{seed}/{i}")
     turbulence = round(random.uniform(0.0, TURBULENCE), 4)
     if i % TWO_OF == TWO_OF - 1:

@@ -14,6 +14,7 @@ from tgl_soar.analysis.experiments import (
     estimator,
     forecast,
     hill_positions,
+    hold_point,
     identification,
     incidence,
     lift_map,
@@ -52,6 +53,7 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "lift_map": lift_map.run,
     "search": search.run,
     "forecast": forecast.run,
+    "point": hold_point.run,
 }
 
 # Our own aims; the others are the paper's claims and fly on either model.  These are about what
@@ -67,10 +69,12 @@ RIGID_BODY_ALONE: Final = (
     "lift_map",
     "search",
     "forecast",
+    "point",
 )
 OURS: Final = frozenset(RIGID_BODY_ALONE)
-# Its tables stand on a page of its own; `all` leaves it out, for it takes longer than all others.
-APART: Final = ("search",)
+# `all` leaves them out: the one takes longer than all others and has a page of its own, the other
+# flies another airframe.
+APART: Final = ("search", "point")
 # By the name under which they are flown together: both pages, and either of them.
 TOGETHER: Final = {
     "all": tuple(name for name in EXPERIMENTS if name not in APART),
@@ -108,6 +112,7 @@ TITLES: Final = {
     "lift_map": "how far the lift map can be trusted",
     "search": "a place to soar without knowing the wind",
     "forecast": "who is told that a line has no place to settle, and who wrongly",
+    "point": "a point of the line held with a brake",
 }
 
 
