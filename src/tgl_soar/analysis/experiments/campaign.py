@@ -360,7 +360,7 @@ class Counted(NamedTuple):
 
 def count(outcomes: Iterable[Outcome]) -> Counted:
     """One by one: however many there are, they are never in memory together."""
-    results: dict[str, Counter[str]] = {name: Counter() for name in (*CATALOGUE, PAIRS)}
+    results: dict[str, Counter[str]] = {name: Counter() for name in (*DRAWN, PAIRS)}
     reasons: dict[str, Counter[str]] = {name: Counter() for name in results}
     lengths: dict[str, Counter[bool]] = {_name(*each): Counter() for each in SURVIVALS}
     bad_commands = raised = 0
