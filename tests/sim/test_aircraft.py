@@ -133,7 +133,7 @@ def test_left_and_right_are_alike() -> None:
         left = step(
             MODEL, left, SurfaceCommand(e, -a, -r), (8.0, -1.0, 0.5), (8.0, -1.0, 0.5), DT_S
         )
-    mirror = (1, -1, 1, 1, -1, 1, 1, -1, 1, -1, -1, 1, -1, 1, -1, -1)
+    mirror = (1, -1, 1, 1, -1, 1, 1, -1, 1, -1, -1, 1, -1, 1, -1, -1, 1)
     assert abs(right.y_m) > 0.1
     assert list(left) == pytest.approx([m * v for m, v in zip(mirror, right, strict=True)])
 
@@ -591,6 +591,7 @@ def _compile(function: Callable[..., Any]) -> Any:
 @pytest.mark.xdist_group("kernels")
 def test_compiled_it_flies_the_same_flight() -> None:
     pytest.importorskip("numba")
+    compiled(servos.servo_step)  # numba learns `_replace` with it
     fast_step, fast_air = _compile(step_in_field), _compile(_smooth_air)
     fast_servo = _compile(servos.servo_step)
     servo = servos.servo_params(AIRFRAME.model)._replace(delay_s=0.013)
