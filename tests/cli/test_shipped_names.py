@@ -51,7 +51,7 @@ def test_who_names_neither_is_told_the_names(tmp_path: Path) -> None:
         ConfigError, match=r"hil.*known by name: hill, tunnel, tunnel_mocap, tunnel_polynomial$"
     ):
         load_site(site_file(tmp_path / "hil"))
-    with pytest.raises(ConfigError, match=r"known by name: eclipson_c$"):
+    with pytest.raises(ConfigError, match=r"known by name: eclipson_c, eclipson_c_spoilers$"):
         load_airframe(airframe_file(tmp_path / "x.toml"))
 
 
