@@ -205,8 +205,7 @@ BAD_AIRFRAMES = [
     (
         "aileron = { channel = 1 }",
         "",
-        "surfaces.aileron: missing; must be a table with channel, pwm_min, pwm_trim, pwm_max,"
-        " reversed",
+        "surfaces: give either aileron, or aileron_left and aileron_right",
     ),
     (
         "mass_kg = 0.7",

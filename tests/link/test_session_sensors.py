@@ -299,7 +299,8 @@ def test_the_surfaces_come_from_the_outputs_of_the_first_port() -> None:
     assert talk.surfaces[:4] == (1, 1.0, -1.0, 1.0)
     assert isnan(talk.surfaces.rudder)  # an output of 0 is not driven
     hear(talk, ServoOutputRaw(1_020_000, 0, (65535, 1, 0, 1655, *(0,) * 12)), 1.02)
-    assert talk.surfaces[2:] == pytest.approx((1.0, 1.0, 0.5))
+    assert talk.surfaces[2:5] == pytest.approx((1.0, 1.0, 0.5))
+    assert isnan(talk.surfaces.brake)  # there is none
 
 
 def test_a_failsafe_and_a_restart_are_in_the_status() -> None:

@@ -95,7 +95,7 @@ def test_every_step_is_answered_with_the_outputs_of_the_airframe_files_channels(
     for i in range(20):
         reading = READINGS._replace(time_s=1.0 + 0.004 * i)
         answer = physics.exchange(reading, NO_STICKS)
-        assert answer == pytest.approx((-0.2, 0.1, 0.3))
+        assert answer == pytest.approx((-0.2, 0.1, 0.3, 0.0))
     assert physics.armed
     assert physics.answers == 20
     stamps = [m.time_usec for m in fake.heard if m.get_type() == "HIL_SENSOR"]

@@ -174,7 +174,7 @@ def test_the_launch_goes_step_by_step(links: FakeLinks) -> None:
     links.say(heartbeat(OBEYS, armed=True))
     assert any("launched: it obeys SET_ATTITUDE_TARGET" in event for event in steps(3))
     assert sim.flying
-    assert physics.sticks[-1].deflections == (0.0, 0.0, 0.0)
+    assert physics.sticks[-1].deflections == (0.0, 0.0, 0.0, 0.0)
     assert "SET_ATTITUDE_TARGET" in sim.summary()
     sim.close()
     assert physics.closed

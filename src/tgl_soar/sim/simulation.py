@@ -51,6 +51,7 @@ LOG_COLUMNS: Final = (
     "elevator",
     "aileron",
     "rudder",
+    "brake",
     "mode",
     "flying",
     "overridden",

@@ -252,7 +252,8 @@ def test_surfaces_that_obeyed_the_logged_commands_do_not_seem_dead(log: FlightLo
     seen = {name: tick[name] for name in ("timestamp", "tick", "time_s")} | {
         "sequence": tick["tick"]
     }
-    seen |= {n: np.roll(tick[f"command_{n}"], 1) for n in ("elevator", "aileron", "rudder")}
+    moved = ("elevator", "aileron", "rudder", "brake")
+    seen |= {name: np.roll(tick[f"command_{name}"], 1) for name in moved}
     result = replay(
         replace(log, topics={**log.topics, "surfaces": seen}), changes={"ELE_TRIM": -1.0}
     )

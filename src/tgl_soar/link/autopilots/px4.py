@@ -225,7 +225,8 @@ class Px4:
                     q=quaternion_from_euler(setpoints.roll_rad, setpoints.pitch_rad, 0.0),
                 ),
             )
-        elevator, aileron, rudder = map(_limited, surfaces)
+        elevator, aileron = _limited(surfaces.elevator), _limited(surfaces.aileron)
+        rudder = _limited(surfaces.rudder)  # the fourth surface, a brake, has no place on any route
         if self.route is MANUAL_CONTROL:  # its x is the stick pushed forward
             x, y, r = round(-FULL * elevator), round(FULL * aileron), round(FULL * rudder)
             return (ManualControl(target=self._system_id, x=x, y=y, z=0, r=r),)
