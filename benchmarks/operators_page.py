@@ -85,7 +85,8 @@ def opened(address: str) -> Any:
     from websockets.sync.client import connect
 
     place = address.split()[0]
-    socket = connect(f"ws://{place}/live", ping_interval=None, close_timeout=0.0, max_queue=4)
+    connection = connect(f"ws://{place}/live", ping_interval=None, close_timeout=0.0, max_queue=4)
+    socket = connection.__enter__()
     ask(socket, address, "hello")
     return socket
 

@@ -44,7 +44,8 @@ class Operator:
     def _open(self) -> None:
         from websockets.sync.client import connect
 
-        self._socket = connect(self._address, ping_interval=None, close_timeout=0.0)
+        opened = connect(self._address, ping_interval=None, close_timeout=0.0)
+        self._socket = opened.__enter__()
         self.opened += 1
         self.ask("hello", name="a day")
 
