@@ -28,6 +28,14 @@ TOKEN = "a-token-for-the-tests"
 PATIENCE_S = 90.0  # for what happens at once, were the machine not busy with other things
 
 
+def frames_of(datagram: bytes) -> Iterator[bytes]:
+    """The unsigned MAVLink 2 frames in it."""
+    while datagram:
+        size = 12 + datagram[1]
+        yield datagram[:size]
+        datagram = datagram[size:]
+
+
 class Flown:
     """Simulation and module, stepped by hand; frames of the ground link come and go as bytes."""
 
@@ -60,7 +68,7 @@ class Flown:
                 if link == COMPANION:
                     self.onboard.event(bytes(data), simulation.time_s)
                 else:
-                    heard.append(self.altered(bytes(data)))
+                    heard.append(b"".join(map(self.altered, frames_of(bytes(data)))))
         return heard
 
     def hear(self, data: bytes) -> None:

@@ -59,6 +59,9 @@ def cheap_campaign(count: int, nap_s: float = 0.0) -> Campaign[CheapJob, CheapRe
 
 def main() -> None:
     """Fly, and print how many flights are kept as it goes on."""
+    signal.signal(
+        signal.SIGINT, signal.default_int_handler
+    )  # ignored where a shell started it as a job
     path, count, workers, nap_s = sys.argv[1:5]
     campaign = cheap_campaign(int(count), float(nap_s))
     with CampaignFolder(Path(path), campaign, resume=True) as folder:
