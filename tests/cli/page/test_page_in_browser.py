@@ -263,6 +263,9 @@ def test_what_the_module_foresees_and_measures_is_seen(
     window.until(lambda: window.page.evaluate(seen, "foreseenRing"))
     window.shows("#gauge-list", "place to settle\nz 1.")
     assert not window.page.evaluate(seen, "foreseenCross")
+    # It lies above the knob of the line, where the aircraft settles there: it takes no pointer.
+    mark = "['foreseenRing', 'foreseenTag'].map((n) => getComputedStyle(page.plane.part[n]))"
+    assert window.value(f"{mark}.map((style) => style.pointerEvents)") == ["none", "none"]
     # The map of what is measured, in the place of the site's.
     window.until(lambda: window.value("m.measured?.readings > 10"))
     picture = "page.plane.under.firstChild?.getAttribute('href')"

@@ -44,7 +44,7 @@ export class Plane {
     add("reach", "circle", { class: "reach", r: 26, id: "point-handle" }, this.part.handle);
     add("knob", "circle", { class: "knob", r: 10, "pointer-events": "none" }, this.part.handle);
     add("tag", "text", { class: "tag s" }, this.part.handle);
-    add("foreseen", "g", { visibility: "hidden" });
+    add("foreseen", "g", { visibility: "hidden", "pointer-events": "none" }); // the knob may be below it
     add("foreseenRing", "circle", { class: "settle", r: 11 }, this.part.foreseen);
     add("foreseenCross", "path", { class: "nowhere", d: "M-9 -9L9 9M-9 9L9 -9" }, this.part.foreseen);
     add("foreseenTag", "text", { class: "tag" }, this.part.foreseen);
