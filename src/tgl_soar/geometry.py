@@ -170,6 +170,23 @@ def rotated(
     )
 
 
+def in_body_axes(
+    qw: float, qx: float, qy: float, qz: float, north: float, east: float, down: float
+) -> tuple[float, float, float]:
+    """Components along body FRD of a vector given in NED, any unit; needs a unit quaternion."""
+    return (
+        (1.0 - 2.0 * (qy * qy + qz * qz)) * north
+        + 2.0 * (qx * qy + qw * qz) * east
+        + 2.0 * (qx * qz - qw * qy) * down,
+        2.0 * (qx * qy - qw * qz) * north
+        + (1.0 - 2.0 * (qx * qx + qz * qz)) * east
+        + 2.0 * (qy * qz + qw * qx) * down,
+        2.0 * (qx * qz + qw * qy) * north
+        + 2.0 * (qy * qz - qw * qx) * east
+        + (1.0 - 2.0 * (qx * qx + qy * qy)) * down,
+    )
+
+
 def ned_attitude_from_hall(
     hall: HallFrame, qw: float, qx: float, qy: float, qz: float
 ) -> tuple[float, float, float, float]:

@@ -51,7 +51,7 @@ from typing import NamedTuple
 
 from tgl_soar.config.airframe import OF_THE_BRAKE
 from tgl_soar.estimation.polar import PolarFit, fit_polar
-from tgl_soar.geometry import quaternion_from_euler
+from tgl_soar.geometry import in_body_axes, quaternion_from_euler
 from tgl_soar.types import GlidePolar, SurfaceCommand
 
 Wind = tuple[float, float, float]  # (u, v, w) [m/s], soaring frame
@@ -458,20 +458,14 @@ def step(
 
 def air_velocity_frd(state: AircraftState, wind: Wind) -> tuple[float, float, float]:
     """Velocity through the air (u_b, v_b, w_b) [m/s, FRD] in a wind (u, v, w) [m/s]."""
-    qw, qx, qy, qz = state.qw, state.qx, state.qy, state.qz
-    north = wind[0] - state.velocity_x_mps
-    east = state.velocity_y_mps - wind[1]
-    down = wind[2] - state.velocity_z_mps
-    return (
-        (1.0 - 2.0 * (qy * qy + qz * qz)) * north
-        + 2.0 * (qx * qy + qw * qz) * east
-        + 2.0 * (qx * qz - qw * qy) * down,
-        2.0 * (qx * qy - qw * qz) * north
-        + (1.0 - 2.0 * (qx * qx + qz * qz)) * east
-        + 2.0 * (qy * qz + qw * qx) * down,
-        2.0 * (qx * qz + qw * qy) * north
-        + 2.0 * (qy * qz - qw * qx) * east
-        + (1.0 - 2.0 * (qx * qx + qy * qy)) * down,
+    return in_body_axes(
+        state.qw,
+        state.qx,
+        state.qy,
+        state.qz,
+        wind[0] - state.velocity_x_mps,  # N' = −x
+        state.velocity_y_mps - wind[1],
+        wind[2] - state.velocity_z_mps,  # D' = −z
     )
 
 

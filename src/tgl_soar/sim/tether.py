@@ -15,6 +15,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import Final, NamedTuple
 
+from tgl_soar.geometry import in_body_axes
 from tgl_soar.sim.aircraft import AircraftState
 
 _DAMPING: Final = 0.5  # of the critical: a braided line, whose fibres rub
@@ -94,16 +95,6 @@ def pull_frd(
     state: AircraftState, pull_mps2: tuple[float, float, float]
 ) -> tuple[float, float, float]:
     """A pull [m/s², soaring frame] along the body's axes, as accelerometers feel it."""
-    qw, qx, qy, qz = state.qw, state.qx, state.qy, state.qz
-    north, east, down = -pull_mps2[0], pull_mps2[1], -pull_mps2[2]
-    return (
-        (1.0 - 2.0 * (qy * qy + qz * qz)) * north
-        + 2.0 * (qx * qy + qw * qz) * east
-        + 2.0 * (qx * qz - qw * qy) * down,
-        2.0 * (qx * qy - qw * qz) * north
-        + (1.0 - 2.0 * (qx * qx + qz * qz)) * east
-        + 2.0 * (qy * qz + qw * qx) * down,
-        2.0 * (qx * qz + qw * qy) * north
-        + 2.0 * (qy * qz - qw * qx) * east
-        + (1.0 - 2.0 * (qx * qx + qy * qy)) * down,
+    return in_body_axes(
+        state.qw, state.qx, state.qy, state.qz, -pull_mps2[0], pull_mps2[1], -pull_mps2[2]
     )
