@@ -221,6 +221,8 @@ def aircraft_model(airframe: Mapping[str, object], model: Mapping[str, float]) -
 
 def braked(model: AircraftModel, brake: float) -> AircraftModel:
     """The aircraft as it is with its brake at a deflection, 0 … 1."""
+    if brake == 0.0:
+        return model
     return model._replace(
         CL0=model.CL0 + model.CL_brake * brake,
         CD0=model.CD0 + model.CD_brake * brake,

@@ -186,6 +186,8 @@ def _in_the_air(
 
 def _braked(model: PointMass, brake: float) -> PointMass:
     """The aircraft as it is with its brake at a deflection, 0 … 1."""
+    if brake == 0.0:
+        return model
     return model._replace(
         CL0=model.CL0 + model.CL_brake * brake,
         a0=model.a0 + model.CD_brake * brake,

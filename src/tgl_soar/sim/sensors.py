@@ -271,8 +271,9 @@ def measure_imu(
     the aircraft by, soaring frame.
     """
     fx, fy, fz = aircraft.specific_force_frd(state, wind)
-    tx, ty, tz = pull_frd(state, pull_mps2)
-    fx, fy, fz = fx + tx, fy + ty, fz + tz
+    if pull_mps2 != NO_PULL:
+        tx, ty, tz = pull_frd(state, pull_mps2)
+        fx, fy, fz = fx + tx, fy + ty, fz + tz
     if rests:
         fx, fy, fz = resting_force_frd(aircraft.gravity_mps2, state)
     return ImuSample(
