@@ -25,14 +25,7 @@ from random import Random
 from typing import Final, NamedTuple, overload
 
 from tgl_soar.air.field import WindField
-from tgl_soar.analysis.experiments.mismatch import (
-    drawn_mismatch,
-    mismatched_field,
-    mismatched_figures,
-    mismatched_sensors,
-    mismatched_site,
-)
-from tgl_soar.analysis.flown_airframe import flown_airframe
+from tgl_soar.analysis.experiments.mismatch import mismatched
 from tgl_soar.autopilot import Output, mode_name, reason_text
 from tgl_soar.config.airframe import Airframe, ModelKind
 from tgl_soar.config.files import (
@@ -250,10 +243,7 @@ def world_of(job: FaultJob, injection: Injection, duration_s: float = DURATION_S
     airframe, sensors = airframe.flown_as(job.model), SENSORS[job.aboard]
     known = airframe.aerodynamics()
     if job.dispersed:
-        drawn = drawn_mismatch(job.seed)
-        airframe = flown_airframe(airframe, mismatched_figures(airframe, drawn))
-        field, site = mismatched_field(field, site, drawn), mismatched_site(site, drawn)
-        sensors = mismatched_sensors(sensors, drawn)
+        airframe, site, field, sensors = mismatched(airframe, site, field, sensors, job.seed)
     world = make_world(
         airframe,
         site,

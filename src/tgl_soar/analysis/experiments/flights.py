@@ -18,13 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgl_soar.air.zeuc import stable_crossing
-from tgl_soar.analysis.experiments.mismatch import (
-    drawn_mismatch,
-    mismatched_field,
-    mismatched_figures,
-    mismatched_sensors,
-    mismatched_site,
-)
+from tgl_soar.analysis.experiments.mismatch import mismatched
 from tgl_soar.analysis.experiments.scenario import PreparedScenario, Scenario, prepare
 from tgl_soar.analysis.flown_airframe import flown_airframe
 from tgl_soar.config.site import Start
@@ -131,10 +125,7 @@ def _world(job: ScenarioJob, prepared: PreparedScenario, injection: Injection | 
     airframe = flown_airframe(prepared.airframe, job.aircraft)
     field, sensors = prepared.field, job.scenario.sensors.as_sensors()
     if job.dispersed:
-        drawn = drawn_mismatch(job.seed)
-        airframe = flown_airframe(airframe, mismatched_figures(airframe, drawn))
-        field, site = mismatched_field(field, site, drawn), mismatched_site(site, drawn)
-        sensors = mismatched_sensors(sensors, drawn)
+        airframe, site, field, sensors = mismatched(airframe, site, field, sensors, job.seed)
     world = make_world(
         airframe,
         site,

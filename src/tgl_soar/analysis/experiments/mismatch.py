@@ -18,6 +18,7 @@ import numpy as np
 from tgl_soar.air.field import WindField
 from tgl_soar.air.gusts import BlendedField, ScaledField, Schedule
 from tgl_soar.air.jet import SlopeJet
+from tgl_soar.analysis.flown_airframe import flown_airframe
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.site import JetAir, Site
 from tgl_soar.sim.sensors import Sensors
@@ -77,6 +78,19 @@ def drawn_mismatch(seed: int) -> Mismatch:
     """Of a flight's seed."""
     draw = np.random.default_rng((seed, _STREAM))
     return Mismatch(*(float(draw.uniform(low, high)) for low, high in RANGES))
+
+
+def mismatched(
+    airframe: Airframe, site: Site, field: WindField, sensors: Sensors, seed: int
+) -> tuple[Airframe, Site, WindField, Sensors]:
+    """What flies in the place of these, as drawn for a seed."""
+    drawn = drawn_mismatch(seed)
+    return (
+        flown_airframe(airframe, mismatched_figures(airframe, drawn)),
+        mismatched_site(site, drawn),
+        mismatched_field(field, site, drawn),
+        mismatched_sensors(sensors, drawn),
+    )
 
 
 def mismatched_figures(airframe: Airframe, drawn: Mismatch) -> tuple[tuple[str, float], ...]:
