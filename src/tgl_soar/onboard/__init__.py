@@ -9,7 +9,7 @@ The module
   positions, mocap     positions from elsewhere than the autopilot;  OptiTrack's sockets
   operators            what operators ask for, and who may
   engage_switch        OP_ENGAGE, OP_FORCE and the pilot's switch: what engages and disengages
-  excitation_switch    EXC_START, the multisine;  point_words: how the point on the line stands
+  excitation_switch    EXC_START, the multisine
   instruments          the numbers of the telemetry;  reports: what is sent unasked
   counters             what the module counts of its own work
   warm_up              a tick computed in advance and thrown away, to fill the caches

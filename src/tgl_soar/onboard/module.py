@@ -58,7 +58,6 @@ from tgl_soar.onboard.instruments import HELD_BACK, Panel
 from tgl_soar.onboard.links import ModuleLinks
 from tgl_soar.onboard.operators import Operators
 from tgl_soar.onboard.outbound import Outbox
-from tgl_soar.onboard.point_words import PointWords
 from tgl_soar.onboard.positions import OutsidePositions
 from tgl_soar.onboard.reports import Reports, mode_words, start_faults
 from tgl_soar.onboard.settings import FlightSettings
@@ -157,7 +156,6 @@ class Onboard:
             setup.own, settings, session, engagement, commands, surfaces, outbox, now_s
         )
         self._excitation_switch = ExcitationSwitch(settings, outbox)
-        self._point_words = PointWords(outbox)
         self._operators = Operators(
             setup, settings, commands, switch, surfaces, outbox, self.signing, keep_key
         )
@@ -320,7 +318,6 @@ class Onboard:
         if output.mode != session.presence.mode:
             self._mode_changed(output, time_s)
         self._excitation_switch.tick(output.excitation)
-        self._point_words.tick(output.point.standing)
 
     def _change_mode(self, time_s: float) -> None:
         """Engaged: the autopilot first has to come into the mode that obeys."""

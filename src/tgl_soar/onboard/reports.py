@@ -8,6 +8,7 @@ from typing import Final
 from tgl_soar import autopilot
 from tgl_soar.config.parameter_store import ParameterStore
 from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.control.brake import HOLDS, LINE_ONLY, POINT_TEXTS
 from tgl_soar.control.forecast import SETTLES, UNKNOWN, forecast_words
 from tgl_soar.control.supervisor import FAILED, HOLDING, REASON_NOWHERE, RECOVERING, RELEASED
 from tgl_soar.link.messages import SEVERITY_ERROR, SEVERITY_INFO, SEVERITY_WARNING
@@ -51,7 +52,7 @@ class Reports:
         self._first_words = list(first_words)
         self._busy_s = self._slow_line_s = float("-inf")  # when reported last
         self._late = self._left_out = 0  # up to then
-        self._forecast, self._frame = ForecastWords(), FrameWords()
+        self._words = (ForecastWords(), FrameWords(), PointWords())
         for _, text in self._first_words:
             outbox.console(text)
 
@@ -68,9 +69,9 @@ class Reports:
             self._first_words.clear()
 
     def show(self, output: autopilot.Output, now_s: float, counters: Counters) -> None:
-        """The numbers of a tick, as telemetry, and what is foreseen where that ends nothing."""
-        self._outbox.tell_all(self._forecast.look(output))
-        self._outbox.tell_all(self._frame.look(output))
+        """The numbers of a tick, as telemetry, and what has changed with it, in words."""
+        for words in self._words:
+            self._outbox.tell_all(words.look(output))
         session, sheds = self._session, self._clocking.load_shedding.no_telemetry
         self._links.measure_loss(now_s, self._clocking.pacer.counters, counters)
         loss, round_trip_s = self._links.loss, session.round_trip_s
@@ -153,6 +154,22 @@ class FrameWords:
         x, y, z = (round(a - b, 1) + 0.0 for a, b in zip(self._shift, before, strict=True))
         moved = f"position was reset by {x:+.1f} {y:+.1f} {z:+.1f} m (x y z)"
         return [(SEVERITY_WARNING, f"{moved}: the line moves with it")]
+
+
+class PointWords:
+    """Reports how the point on the line stands, when that changes."""
+
+    def __init__(self) -> None:
+        self._standing = LINE_ONLY
+
+    def look(self, output: autopilot.Output) -> list[tuple[int, str]]:
+        """What is to be said after a tick: severities and texts."""
+        standing, before = output.point.standing, self._standing
+        self._standing = standing
+        if standing == before:
+            return []
+        severity = SEVERITY_INFO if standing in (LINE_ONLY, HOLDS) else SEVERITY_WARNING
+        return [(severity, f"point: {POINT_TEXTS[standing]}")]
 
 
 def start_faults(settings: FlightSettings, signing: Signing) -> list[tuple[int, str]]:
