@@ -55,7 +55,6 @@ from tgl_soar.estimation.motion_state import (
 from tgl_soar.geometry import SoaringFrame, soaring_from_ned, soaring_vector_from_ned
 from tgl_soar.types import PositionFix, isfinite
 
-INFINITE: Final = float("inf")
 GATE_SIGMAS: Final = 5.0
 GATE_MPS: Final = 1.0  # floor of the gate of velocities
 AGREE_MPS: Final = 5.0  # how wrong the estimated velocity may be while outliers are compared
@@ -65,14 +64,11 @@ VELOCITY_MAX_MPS: Final = 25.0  # over the ground; a faster one is none
 SIGMA_MAX_M: Final = 1e3  # a fix as uncertain as this says nothing
 OFFSET_M: Final = 0.3  # how far the origins of two sources may be apart: standard deviation
 OFFSET_MAX_M: Final = 3.0 * OFFSET_M  # farther off a new source is not accepted at once
-NO_RESET: Final = FrameShift(INFINITE, INFINITE, INFINITE)
 OFFSET_SMALL_M: Final = 1e-4  # too small to be removed slowly
 BLEED_S: Final = 5.0  # in which an offset is removed, no faster than
 BLEED_MPS: Final = 0.05
 REPEATED: Final = 3  # the same numbers again and again are no fixes: it may have moved meanwhile
-GAP_S: Final = (
-    0.5  # without a fix it may have moved by EST_GATE, at the 1 m/s of sliding along a line
-)
+GAP_S: Final = 0.5  # without a fix: it may have moved by EST_GATE at the 1 m/s of a slide
 
 
 class _Measured(NamedTuple):
@@ -186,9 +182,9 @@ def take_fix(
                 outliers=outliers,
                 rejected=state.rejected + 1,
             )
+        shift = FrameShift(shift.x_m + rx, shift.y_m + ry, shift.z_m + rz)
         velocity = track_vx + vx, track_vy + vy, track_climb + climb
-        shift = _moved(gains, covariance, measured, velocity, shift, innovation)
-        if outliers.gap or shift == NO_RESET:
+        if outliers.gap or not _is_reset(gains, covariance, measured, velocity, shift):
             compared = state._replace(innovation=innovation, jump_s=now_s)
             return _start(gains, compared, latest, measured, place)
         rx, ry, rz = 0.0, 0.0, 0.0
@@ -241,30 +237,27 @@ def _velocity_gate(estimated_m2ps2: float, measured_m2ps2: float) -> float:
     return max(GATE_MPS, GATE_SIGMAS * sqrt(estimated_m2ps2 + measured_m2ps2))
 
 
-def _moved(
+def _is_reset(
     gains: MotionGains,
     covariance: Moments,
     measured: _Measured,
     velocity: tuple[float, float, float],
     shift: FrameShift,
-    innovation: Innovation,
-) -> FrameShift:
-    """The shift of a source that was reset; NO_RESET where the aircraft itself may have moved.
+) -> bool:
+    """Whether the source has moved, by `shift` in all; else the aircraft itself may have.
 
     velocity: the estimated one [m/s].  A fix without one does not contradict it.
     """
+    if _length(shift.x_m, shift.y_m, shift.z_m) > gains.reset_max_m:
+        return False
+    if not measured.has_velocity:
+        return True
     vx, vy, climb = velocity
     _, _, _, vv, _, _ = covariance
-    x, y, z = shift.x_m + innovation.x_m, shift.y_m + innovation.y_m, shift.z_m + innovation.z_m
-    if _length(x, y, z) > gains.reset_max_m:
-        return NO_RESET
-    if measured.has_velocity:
-        off = _length(
-            measured.velocity_x_mps - vx, measured.velocity_y_mps - vy, measured.climb_mps - climb
-        )
-        if off > _velocity_gate(vv, measured.velocity_variance_m2ps2):
-            return NO_RESET
-    return FrameShift(x, y, z)
+    off = _length(
+        measured.velocity_x_mps - vx, measured.velocity_y_mps - vy, measured.climb_mps - climb
+    )
+    return off <= _velocity_gate(vv, measured.velocity_variance_m2ps2)
 
 
 def _length(x: float, y: float, z: float) -> float:
@@ -322,12 +315,12 @@ def _outliers(
     rx, ry, rz, _ = innovation
     near = gains.fix_gate_m + AGREE_MPS * (time_s - last_s)
     agrees = count > 0 and _length(rx - x, ry - y, rz - z) <= near
+    if not agrees:
+        gap = state.fix.repeated >= REPEATED or not time_s - state.fix.time_s <= GAP_S
     return Outliers(
         in_a_row=count + 1 if agrees else 1,
         time_s=time_s,
-        gap=gap
-        if agrees
-        else state.fix.repeated >= REPEATED or not time_s - state.fix.time_s <= GAP_S,
+        gap=gap,
         x_m=rx,
         y_m=ry,
         z_m=rz,
