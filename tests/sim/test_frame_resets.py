@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from math import dist, radians
 from typing import NamedTuple
 
 import pytest
-from test_wrong_measurements import turned
+from test_wrong_measurements import SpoiltLoop, turned
 
 from tgl_soar.autopilot import Output, mode_name, reason_text
 from tgl_soar.config.files import (
@@ -22,7 +22,6 @@ from tgl_soar.control.supervisor import CAPTURING, RECOVERING, RELEASED, SOARING
 from tgl_soar.geometry import SoaringFrame, ned_vector_from_soaring
 from tgl_soar.link.messages import SEVERITY_WARNING
 from tgl_soar.onboard.reports import FrameWords
-from tgl_soar.sim.closed_loop import ClosedLoop
 from tgl_soar.sim.world import build_field, make_world
 from tgl_soar.types import Inputs
 
@@ -54,13 +53,8 @@ def fly(spoil: Spoil, **parameters: float) -> Flown:
     values = values.changed({**line_parameters(line), **parameters})
     world = make_world(airframe, site, seed=3, turbulence=TURBULENCE, field=build_field(site.air))
 
-    class Spoilt(ClosedLoop):
-        def _decide(self, inputs: Inputs) -> Output:
-            return super()._decide(
-                spoil(world.frame, inputs) if inputs.time_s > RESET_S else inputs
-            )
-
-    loop = Spoilt(world, values)
+    loop = SpoiltLoop(world, values)
+    loop.spoil, loop.start_s = partial(spoil, world.frame), RESET_S + 0.5 * DT_S
     for _ in range(round(RESET_S / DT_S)):
         output = loop.tick()
     assert output.mode == SOARING

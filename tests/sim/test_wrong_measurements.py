@@ -149,9 +149,10 @@ class SpoiltLoop(ClosedLoop):
     """The closed loop with something between sensors and module."""
 
     spoil: Spoil
+    start_s = START_S
 
     def _decide(self, inputs: Inputs) -> Output:
-        return super()._decide(self.spoil(inputs) if inputs.time_s >= START_S else inputs)
+        return super()._decide(self.spoil(inputs) if inputs.time_s >= self.start_s else inputs)
 
 
 @pytest.mark.parametrize(
