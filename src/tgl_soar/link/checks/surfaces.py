@@ -166,15 +166,19 @@ class SurfaceCheck:
         self._sent_s = now_s
         return self._flavour.commands(self._command(), NO_SETPOINTS)
 
+    @property
+    def _channel(self) -> SurfaceChannel:
+        """The channel of the surface that moves at this stop."""
+        return self._channels.driven()[NAMES.index(self._plan[self._at][0])]
+
     def move_on(self) -> None:
         """This stop has been looked at: note what came back, and go to the next."""
         surface, deflection = self._plan[self._at]
-        channel = self._channels.driven()[NAMES.index(surface)]
         self.stops.append(
             Stop(
                 surface,
                 deflection,
-                pulse_width(channel, deflection),
+                pulse_width(self._channel, deflection),
                 self._servos if self._is_read_back else (),
             )
         )
@@ -195,18 +199,17 @@ class SurfaceCheck:
     def _step_us(self) -> tuple[int, int]:
         """The pulse widths of this surface before and at this stop; (0, 0): nothing moves."""
         surface, deflection = self._plan[self._at]
-        channel = self._channels.driven()[NAMES.index(surface)]
         before = self._plan[self._at - 1] if self._at else (surface, 0.0)
         if before[0] != surface or before[1] == deflection:
             return 0, 0
-        return pulse_width(channel, before[1]), pulse_width(channel, deflection)
+        return pulse_width(self._channel, before[1]), pulse_width(self._channel, deflection)
 
     def _time_step(self, now_s: float) -> None:
         """Whether the outputs show the step of this stop for the first time."""
         if not self._unseen or self.done:
             return
         before, after = self._step_us()
-        output = self._channels.driven()[NAMES.index(self._plan[self._at][0])].channel - 1
+        output = self._channel.channel - 1
         if output < len(self._servos) and self._servos[output] != 0:
             moved = (self._servos[output] - before) / (after - before)
             if moved >= SEEN:
