@@ -73,7 +73,7 @@ with _watched():
     from tgl_soar.link.optitrack import Optitrack
     from tgl_soar.onboard.module import Onboard
     from tgl_soar.onboard.setup import setup_from
-    from tgl_soar.sim.channels import deflection_from_pwm, ordered
+    from tgl_soar.sim.channels import deflection_from_pwm
     from tgl_soar.sim.hostile import HEARD_NAMES, HostileFrames, hostile_message
     from tgl_soar.sim.natnet_frames import (
         CLOCK_HZ,
@@ -112,7 +112,7 @@ class Flight:
         airframe, site, values, field = place()
         self._world = make_world(airframe, site, seed=1, turbulence=0.0, field=field)
         self._world.held = True
-        self._surfaces = ordered(airframe.surfaces)
+        self._surfaces = airframe.surfaces.driven()
         self._command = SurfaceCommand(self._world.trim.elevator, 0.0, 0.0)
         self._vehicle, self._station = mavlink.MAVLink(None, 1, 1), mavlink.MAVLink(None, 255, 190)
         self._reader = mavlink.MAVLink(None)

@@ -23,7 +23,7 @@ from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import load_airframe, load_site, shipped
 from tgl_soar.config.site import Site
 from tgl_soar.sim.bridge.process import main
-from tgl_soar.sim.channels import LEAVE, ordered, pwm_from_deflection
+from tgl_soar.sim.channels import LEAVE, pwm_from_deflection
 from tgl_soar.sim.ports import MAX_STRANGERS, Port, Ports
 from tgl_soar.sim.routing import split_frames
 from tgl_soar.sim.simulation import LOG_COLUMNS, Options, Simulation
@@ -90,7 +90,7 @@ class Companion:
 
     def override(self, elevator: float) -> bytes:
         values = [LEAVE] * 8
-        for surface, deflection in zip(ordered(SURFACES), (elevator, 0.0, 0.0), strict=True):
+        for surface, deflection in zip(SURFACES.driven(), (elevator, 0.0, 0.0), strict=True):
             values[surface.channel - 1] = pwm_from_deflection(surface, deflection)
         return self._pack(self.master, mavlink.MAVLink_rc_channels_override_message(1, 1, *values))
 

@@ -87,14 +87,9 @@ def pwm_from_deflection(surface: Surface, deflection: float) -> int:
     )
 
 
-def ordered(surfaces: Surfaces) -> tuple[Surface, ...]:
-    """The surfaces in the order of `SurfaceCommand`; the brake only where there is one."""
-    return surfaces.driven()
-
-
 def deflections_of(surfaces: Surfaces, command: SurfaceCommand) -> tuple[float, ...]:
-    """What each channel of `ordered` is to do, -1 … 1: two ailerons mixed, a brake over all of its
-    channel."""
+    """What each of the channels that `surfaces` drives is to do, -1 … 1: two ailerons mixed, a
+    brake over all of its channel."""
     elevator, aileron, rudder, brake = command
     if surfaces.brake is None:
         return elevator, aileron, rudder

@@ -23,7 +23,7 @@ from tgl_soar.autopilot import mode_name
 from tgl_soar.config.airframe import ModelKind, Surfaces
 from tgl_soar.onboard.module import Onboard
 from tgl_soar.onboard.setup import setup_from
-from tgl_soar.sim.channels import deflection_from_pwm, ordered
+from tgl_soar.sim.channels import deflection_from_pwm
 from tgl_soar.sim.world import make_world
 from tgl_soar.types import SurfaceCommand
 
@@ -89,7 +89,7 @@ class _Wire:
 
     def __init__(self, surfaces: Surfaces) -> None:
         self.command: SurfaceCommand | None = None
-        self._surfaces = ordered(surfaces)
+        self._surfaces = surfaces.driven()
         self.vehicle, self.station = mavlink.MAVLink(None, 1, 1), mavlink.MAVLink(None, 255, 190)
 
     def take(self, frame: bytes) -> bool:

@@ -34,7 +34,6 @@ from tgl_soar.sim.channels import (
     command_of,
     deflection_from_pwm,
     deflections_of,
-    ordered,
     pwm_from_deflection,
 )
 from tgl_soar.sim.firmware import FirmwareError, program
@@ -84,7 +83,7 @@ class ArduPlanePhysics:
         self._by_poses = by_poses
         self._helps = 0
         self._file = surfaces
-        self._surfaces = ordered(surfaces)
+        self._surfaces = surfaces.driven()
         self._remote: Address | None = None
         self._frame = -1
         self._pulses: tuple[int, ...] = ()
@@ -209,7 +208,7 @@ def channel_parameters(surfaces: Surfaces) -> dict[str, float]:
         functions.append(RCIN + surfaces.brake.channel)
     if surfaces.brake_throw != 0.0:
         functions[1] = RCIN + surfaces.aileron.channel
-    for surface, function in zip(ordered(surfaces), functions, strict=True):
+    for surface, function in zip(surfaces.driven(), functions, strict=True):
         for prefix in ("RC", "SERVO"):
             name = f"{prefix}{surface.channel}"
             parameters[f"{name}_MIN"] = surface.pwm_min

@@ -27,7 +27,7 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from tgl_soar.config.airframe import Airframe, Surfaces
 from tgl_soar.config.site import Site
-from tgl_soar.sim.channels import NEUTRAL, ordered
+from tgl_soar.sim.channels import NEUTRAL
 from tgl_soar.sim.firmware import FirmwareError, program
 from tgl_soar.sim.firmware.relay import FirmwareLink, Relay
 from tgl_soar.sim.firmware.sensors import GpsPlace, Readings
@@ -80,7 +80,7 @@ class Px4Physics:
         self.armed = False
         self._steps = 0
         self.answers = 0
-        self._channels = tuple(surface.channel for surface in ordered(surfaces))
+        self._channels = tuple(surface.channel for surface in surfaces.driven())
         self._codec: Any = mavlink.MAVLink(None, 1, 1)
         self._codec.robust_parsing = True
         self._connection: socket.socket | None = None
@@ -251,7 +251,7 @@ def output_parameters(surfaces: Surfaces) -> dict[str, float]:
     """
     parameters: dict[str, float] = {"CA_AIRFRAME": 1, "CA_ROTOR_COUNT": 0, "CA_SV_CS_COUNT": 3}
     for i, (surface, kind, axis) in enumerate(
-        zip(ordered(surfaces), (3, 15, 4), ("P", "R", "Y"), strict=True)
+        zip(surfaces.driven(), (3, 15, 4), ("P", "R", "Y"), strict=True)
     ):
         parameters[f"CA_SV_CS{i}_TYPE"] = kind  # elevator, single aileron, rudder
         for other in "RPY":

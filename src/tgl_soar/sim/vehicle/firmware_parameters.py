@@ -8,7 +8,6 @@ from typing import Final
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.airframe import Surfaces
-from tgl_soar.sim.channels import ordered
 
 OVERRIDES_NEVER_EXPIRE: Final = -1.0
 
@@ -32,7 +31,7 @@ class FirmwareParameters:
         }
         # The pulse widths of the airframe file are those of the override, so the firmware's
         # calibration of stick and servo are the same and a channel passes through unchanged.
-        for surface in sorted(ordered(surfaces), key=lambda s: s.channel):
+        for surface in sorted(surfaces.driven(), key=lambda s: s.channel):
             for prefix in ("RC", "SERVO"):
                 name = f"{prefix}{surface.channel}"
                 self._table[f"{name}_MIN"] = (float(surface.pwm_min), 800.0, 2200.0)

@@ -16,7 +16,6 @@ from tgl_soar.sim.channels import (
     command_of,
     deflection_from_pwm,
     deflections_of,
-    ordered,
     pwm_from_deflection,
     pwm_from_stick,
     stick_from_pwm,
@@ -37,7 +36,7 @@ class SurfaceOutputs:
         self.overrides = Overrides()
         self.deflections = NEUTRAL  # what the servos are commanded
         self._file = surfaces
-        self._surfaces = ordered(surfaces)
+        self._surfaces = surfaces.driven()
         self._parameters = parameters
         self._level = level
         self._step_hz = step_hz
