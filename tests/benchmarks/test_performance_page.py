@@ -113,5 +113,8 @@ def test_missed_aims_are_listed_and_counted() -> None:
     met, aimless = late._replace(value=20.0), late._replace(aim=float("inf"))
     text = missed(markdown((Group("On time", [late, met, aimless]),)))
     assert text.startswith("1 of the 2 aims of ")
-    assert text.endswith("- a wake-up: 1.5 × C (≤ 1.3)")
+    assert text.endswith("- a wake-up, × C: 1.5 (≤ 1.3)")
+    both = [late._replace(what="a wake-up, p50"), late._replace(what="a wake-up, p99.9", aim=1.2)]
+    text = missed(markdown((Group("On time", both),)))
+    assert text.endswith("- a wake-up, × C: p50 1.5 (≤ 1.3), p99.9 1.5 (≤ 1.2)")
     assert missed(markdown((Group("On time", [met]),))).endswith("are missed.")
