@@ -24,6 +24,7 @@ from tgl_soar.sim.batch import Plan, fly_batch
 from tgl_soar.sim.closed_loop import fly
 from tgl_soar.sim.compiled import available
 from tgl_soar.sim.fast_flight import Prepared, fly_compiled, prepare
+from tgl_soar.sim.sensors import USUAL_SENSORS
 from tgl_soar.sim.world import build_field
 from tgl_soar.types import SurfaceCommand
 
@@ -116,6 +117,10 @@ def _point_mass(rigid_body: float) -> Iterator[Result]:
             values=values,
             step_hz=step_hz,
             field=build_field(site.air),
+            # No sensor samples more often than the simulation steps.
+            sensors=USUAL_SENSORS._replace(
+                attitude=USUAL_SENSORS.attitude._replace(rate_hz=float(step_hz))
+            ),
         )
         prepared = prepare(plan.world(1), FLIGHT_S)
         fly_compiled(prepared, 1, values, [])
