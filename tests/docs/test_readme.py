@@ -177,11 +177,13 @@ class Terminal:
         assert self.process.stdin is not None
         self.process.stdin.close()
         for pid in _session(self.process.pid):
-            os.kill(pid, signal.SIGTERM)
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGTERM)
         with suppress(subprocess.TimeoutExpired):
             self.process.wait(10.0)
         for pid in _session(self.process.pid):
-            os.kill(pid, signal.SIGKILL)
+            with suppress(ProcessLookupError):  # it has just ended by itself
+                os.kill(pid, signal.SIGKILL)
         self.process.wait()
 
 
