@@ -74,6 +74,18 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         meaning="The switch is low below this pulse width: the module disengages and cannot be"
                 " engaged.",
     ),
+    Parameter(
+        name="OP_GCS_LOSS", unit="", minimum=0, maximum=1, default=0,
+        meaning="What happens when no ground station was received for OP_GCS_S. 0: the module says"
+                " so once and stays on its line; 1: it disengages, and the autopilot flies on in"
+                " the mode that it had before. Then it cannot be engaged without a station either.",
+        integer=True,
+    ),
+    Parameter(
+        name="OP_GCS_S", unit="s", minimum=2, maximum=600, default=10,
+        meaning="For how long every ground station may be silent, by its heartbeats, which usually"
+                " come once a second. Longer than the silences of the link in use.",
+    ),
     # --- the target gradient line --------------------------------------------------------
     Parameter(
         name="TGL_PRESET", unit="", minimum=0, maximum=99, default=0,

@@ -10,6 +10,7 @@ The module
   operators            what operators ask for, and who may
   engage_switch        OP_ENGAGE, OP_FORCE and the pilot's switch: what engages and disengages
   excitation_switch    EXC_START, the multisine
+  station_watch        what the silence of every ground station means
   instruments          the numbers of the telemetry;  reports: what is sent unasked
   counters             what the module counts of its own work
   warm_up              a tick computed in advance and thrown away, to fill the caches

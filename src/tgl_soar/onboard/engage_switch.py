@@ -1,9 +1,9 @@
 """OP_ENGAGE, the switch that engages and disengages: who may turn it, and what turns it back.
 
 An operator turns it by a parameter or a command (`operators`), the pilot by a channel of their
-transmitter, and the module itself turns it back: when it has released, when the pilot's switch has
-fallen silent, when another module with our identity is engaged.  Whoever has asked to engage is
-told how it goes.
+transmitter, and the module itself turns it back: when it has released, when the pilot's switch or
+the last ground station has fallen silent, when another module with our identity is engaged.
+Whoever has asked to engage is told how it goes.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from tgl_soar.link.messages import (
 from tgl_soar.link.session import Session
 from tgl_soar.onboard.outbound import Outbox
 from tgl_soar.onboard.settings import FlightSettings
+from tgl_soar.onboard.station_watch import StationWatch
 from tgl_soar.onboard.surfaces import SurfaceControl
 
 ENGAGED: Final = 2.0  # OP_ENGAGE of a module that is in control
@@ -66,6 +67,7 @@ class EngageSwitch:
         self._commands = commands
         self._surfaces = surfaces
         self._outbox = outbox
+        self.stations = StationWatch(settings, outbox)
         self._engaged_s = now_s
         self._turned_back_s = float("-inf")  # the module has disengaged by itself
         self._unforced_s = now_s  # when OP_FORCE was 0 last
@@ -80,14 +82,17 @@ class EngageSwitch:
     def restart(self, now_s: float) -> None:
         """The clock is another one from here on."""
         self._engagement.switch.reset()
+        self.stations.restart()
         self._engaged_s = self._unforced_s = now_s
         self._turned_back_s = float("-inf")
 
     def watch(self, now_s: float) -> None:
-        """What is looked at beside the ticks: the switch's own value, its force, the pilot's."""
+        """What is looked at beside the ticks: its own value and force, pilot, stations."""
         self.show_engaged(now_s)
         self.end_force(now_s)
         self.watch_pilot_switch(now_s)
+        if lost := self.stations.look(now_s):
+            self.end(f"disengaged: {lost}", now_s)
 
     # --- may it -------------------------------------------------------------------------------
 
@@ -105,7 +110,7 @@ class EngageSwitch:
         unheard = self._pilot_switch_unheard(now_s)
         if unheard:
             return f"the pilot's switch: {unheard}"
-        return self._engagement.held_back() or self._unfit()
+        return self._engagement.held_back() or self.stations.refusal(now_s) or self._unfit()
 
     def _unfit(self) -> str:
         """Why what stands is not to be flown with; "" once it flies, or by OP_FORCE."""

@@ -95,6 +95,7 @@ class Operators:
         """A station that was away hears whether the module is engaged, and its mode."""
         if source.system not in self._setup.operators:
             return
+        self._engage_switch.stations.received(now_s)
         before = self._met.get((route.number, source), now_s)
         self._met[route.number, source] = now_s
         if now_s - before > ABSENT_S:
