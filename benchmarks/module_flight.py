@@ -111,7 +111,7 @@ class ModuleFlight:
         for message in messages:
             self.hear(message)
         before = perf_counter()
-        if self.onboard.due(self.now_s):
+        if self.onboard.clocking.due(self.now_s):
             self.onboard.periodic(self.now_s)
         return perf_counter() - before
 

@@ -139,7 +139,7 @@ def _tick(flight: ModuleFlight, data: bytes) -> float:
     onboard = flight.onboard
     begun = perf_counter_ns()
     onboard.event(data, flight.now_s)
-    if onboard.due(flight.now_s):
+    if onboard.clocking.due(flight.now_s):
         onboard.periodic(flight.now_s)
     return (perf_counter_ns() - begun) / 1e3
 

@@ -79,7 +79,7 @@ class ClosedLoop:
             if not engaged and self.simulation.time_s >= ENGAGED_S:
                 engaged = True
                 self.onboard.event(bytes(engage.pack(station)), now_s + 0.001)
-            if self.onboard.due(now_s + 0.004):
+            if self.onboard.clocking.due(now_s + 0.004):
                 self.onboard.periodic(now_s + 0.004)
             else:
                 self.onboard.idle(now_s + 0.004)

@@ -55,7 +55,7 @@ class Network(Flight):
         for _ in range(round(seconds / 0.005)):
             super().run(0.005)
             second = self.modules[1]
-            if self.now_s >= self._second_from_s and second.due(self.now_s):
+            if self.now_s >= self._second_from_s and second.clocking.due(self.now_s):
                 second.periodic(self.now_s)
             queue, self._queue = self._queue, []
             for sender, frame in queue:

@@ -125,7 +125,7 @@ class Flight:
                 self.hear(
                     mavlink.MAVLink_attitude_quaternion_message(stamp_ms, qw, qx, qy, qz, 0, 0, 0)
                 )
-            if self.onboard.due(self.now_s):
+            if self.onboard.clocking.due(self.now_s):
                 self.onboard.periodic(self.now_s)
 
     def _is_due(self, what: str, rate_hz: float) -> bool:
@@ -422,11 +422,11 @@ def test_whatever_arrives_commands_stay_inside_the_channels(
 def test_a_flood_of_sets_cannot_put_off_the_tick(flight: Flight) -> None:
     """`run` asks between two datagrams whether the tick can wait."""
     flight.engaged()
-    assert not flight.onboard.overdue(flight.now_s)
+    assert not flight.onboard.clocking.overdue(flight.now_s)
     flight.now_s += 0.0076  # half a period more than the locked loop waits for its sample
     for i in range(50):
         flight.set("TGL_X", i / 100)
-    assert flight.onboard.overdue(flight.now_s)
+    assert flight.onboard.clocking.overdue(flight.now_s)
 
 
 # --- settings ---------------------------------------------------------------------------------
@@ -482,7 +482,7 @@ def test_in_lockstep_each_new_attitude_is_one_tick_and_nothing_else_is() -> None
         assert flight.onboard.output is not None
         assert flight.onboard.output.time_s == pytest.approx(i * 0.005)
         flight.now_s += 0.5  # the wall clock runs 100 times faster, and does not matter
-        assert not flight.onboard.due(flight.now_s)
+        assert not flight.onboard.clocking.due(flight.now_s)
         flight.onboard.idle(flight.now_s)
     flight.hear(mavlink.MAVLink_attitude_quaternion_message(4995, 1, 0, 0, 0, 0, 0, 0))
     flight.hear(mavlink.MAVLink_attitude_quaternion_message(4990, 1, 0, 0, 0, 0, 0, 0))

@@ -52,7 +52,7 @@ class BusyFlight(Flight):
                 for message in waiting:
                     self.hear(message)
                 waiting.clear()
-                if onboard.due(self.now_s):
+                if onboard.clocking.due(self.now_s):
                     onboard.periodic(self.now_s)
 
 

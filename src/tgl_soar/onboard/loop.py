@@ -52,7 +52,7 @@ def run(
     poses = mocap.filenos() if mocap is not None else []
     while not stop():
         warm_up_s = inf if power_saving else onboard.warm_up_s
-        until_s = min(onboard.wake_s(now_s), warm_up_s)
+        until_s = min(onboard.clocking.wake_s(now_s), warm_up_s)
         now_s, ready = waiter.wait([*poses, *links.filenos()], until_s, pacer.expected_s)
         if now_s >= warm_up_s and not ready:
             onboard.warm_up()
@@ -61,7 +61,7 @@ def run(
         if mocap is not None:
             _take_poses(onboard, mocap, now_s)
         links.read_autopilot(ready, now_s)
-        if onboard.due(now_s):
+        if onboard.clocking.due(now_s):
             onboard.periodic(now_s)
             pacer.done(now_s, clock())
         else:
@@ -122,7 +122,7 @@ class Links:
                 _take_poses(onboard, self._mocap, now_s)
             if onboard.event(data, now_s):
                 transport.hold(now_s)
-            if onboard.overdue(clock()):  # a flood must not hold up the tick
+            if onboard.clocking.overdue(clock()):  # a flood must not hold up the tick
                 onboard.periodic(clock())
                 self.show_heartbeat()
 
@@ -153,7 +153,7 @@ class Links:
 
     def _read_other(self, link: int, now_s: float) -> None:
         onboard, transport = self._onboard, self._transports[link]
-        while not onboard.overdue(self._clock()) and onboard.links.may_read(link):
+        while not onboard.clocking.overdue(self._clock()) and onboard.links.may_read(link):
             data = b""
             if not onboard.links.is_waiting(link):
                 received = self._received(link, now_s, 1)

@@ -246,18 +246,6 @@ class Onboard:
 
     # --- periodic -----------------------------------------------------------------------------
 
-    def due(self, now_s: float) -> bool:
-        """Whether `periodic` is to be called."""
-        return self.clocking.due(now_s)
-
-    def overdue(self, now_s: float) -> bool:
-        """Whether a tick can wait no longer, not even for what has come but was not read yet."""
-        return self.clocking.overdue(now_s)
-
-    def wake_s(self, now_s: float) -> float:
-        """When to look again if nothing arrives."""
-        return self.clocking.wake_s(now_s)
-
     @property
     def warm_up_s(self) -> float:
         """When to call `warm_up`; inf: not now."""

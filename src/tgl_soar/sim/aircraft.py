@@ -30,9 +30,8 @@ stream.  Moments:
 Sines stand for the angles so that a tumbling aircraft still meets bounded moments.  A
 gust that turns the air with the rate p_g about the body's x axis (`air.gusts`) is what the air
 meets of p: p − p_g stands for p in both.  Not modelled: other gradients of the wind over the
-aircraft, downwash lag (its damping is in C_mq), ground
-effect, Ixz.  Textbook: Etkin and Reid, Dynamics of Flight, chapters 4–6; every number's origin
-stands in the airframe file.
+aircraft, downwash lag (its damping is in C_mq), ground effect, Ixz.  Textbook: Etkin and Reid,
+Dynamics of Flight, chapters 4–6; every number's origin stands in the airframe file.
 
 Time stepping is Heun's method.  Its second stage lies at x + v dt, which is known beforehand:
 the wind there is an argument, so a step calls nothing back, takes any wind, and is compiled
@@ -497,16 +496,6 @@ def specific_force_frd(
         0.0,
     )
     return fx, fy, fz
-
-
-def resting_force_frd(gravity_mps2: float, state: AircraftState) -> tuple[float, float, float]:
-    """What that accelerometer feels while somebody holds the aircraft still [m/s², FRD]."""
-    g, qw, qx, qy, qz = gravity_mps2, state.qw, state.qx, state.qy, state.qz
-    return (
-        -2.0 * g * (qx * qz - qw * qy),
-        -2.0 * g * (qy * qz + qw * qx),
-        -g * (1.0 - 2.0 * (qx * qx + qy * qy)),
-    )
 
 
 # --- steady glides --------------------------------------------------------------------------

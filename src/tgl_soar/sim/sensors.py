@@ -31,7 +31,6 @@ from tgl_soar.sim.aircraft import (
     AircraftState,
     Wind,
     air_velocity_frd,
-    resting_force_frd,
 )
 from tgl_soar.sim.flown_aircraft import FlownAircraft
 from tgl_soar.sim.tether import NO_PULL, pull_frd
@@ -251,6 +250,16 @@ def measure_attitude(
         roll_rate_frd_radps=state.roll_rate_frd_radps + rate_error_radps[0],
         pitch_rate_frd_radps=state.pitch_rate_frd_radps + rate_error_radps[1],
         yaw_rate_frd_radps=state.yaw_rate_frd_radps + rate_error_radps[2],
+    )
+
+
+def resting_force_frd(gravity_mps2: float, state: AircraftState) -> tuple[float, float, float]:
+    """What that accelerometer feels while somebody holds the aircraft still [m/s², FRD]."""
+    g, qw, qx, qy, qz = gravity_mps2, state.qw, state.qx, state.qy, state.qz
+    return (
+        -2.0 * g * (qx * qz - qw * qy),
+        -2.0 * g * (qy * qz + qw * qx),
+        -g * (1.0 - 2.0 * (qx * qx + qy * qy)),
     )
 
 

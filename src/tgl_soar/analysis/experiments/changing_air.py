@@ -198,6 +198,30 @@ class WindShift(NamedTuple):
     error_m: float  # standard error of the flown shift; inf: too few flights
 
 
+_WIND_WORDS: Final = {
+    "small, calm": "8.25 → 8.75, calm",
+    "small": "8.25 → 8.75, 1 %",
+    "calm": "8.5 → 9.5, calm",
+    "1 %": "8.5 → 9.5, 1 %",
+}
+
+
+def _wind_row(words: str, s: WindShift) -> tuple[str, ...]:
+    return (
+        words,
+        s.line,
+        f"{s.speed_ratio:.3f}",
+        f"{s.margin:+.3f}",
+        f"{s.margin_half_way:+.3f}",
+        f"{100 * s.first_order_m:+.1f}",
+        f"{100 * s.half_way_m:+.1f}",
+        f"{100 * s.predicted_m:+.1f}",
+        f"{100 * (s.predicted_m + s.polar_error_m):+.1f}",
+        f"{100 * s.flown_m:+.1f} ± {100 * s.error_m:.1f}",
+        f"{s.lost}",
+    )
+
+
 def wind(context: Context) -> Result:
     """The wind grows, the line stands still."""
     scenario = context.scenario("wind")
@@ -221,27 +245,9 @@ def wind(context: Context) -> Result:
         key: _wind_shift(prepare(variants[key]), flights[key], key[0], placed[key[0]].target)
         for key in variants
     }
-    words = {
-        "small, calm": "8.25 → 8.75, calm",
-        "small": "8.25 → 8.75, 1 %",
-        "calm": "8.5 → 9.5, calm",
-        "1 %": "8.5 → 9.5, 1 %",
-    }
     rows = tuple(
-        (
-            words[kind],
-            s.line,
-            f"{s.speed_ratio:.3f}",
-            f"{s.margin:+.3f}",
-            f"{s.margin_half_way:+.3f}",
-            f"{100 * s.first_order_m:+.1f}",
-            f"{100 * s.half_way_m:+.1f}",
-            f"{100 * s.predicted_m:+.1f}",
-            f"{100 * (s.predicted_m + s.polar_error_m):+.1f}",
-            f"{100 * s.flown_m:+.1f} ± {100 * s.error_m:.1f}",
-            f"{s.lost}",
-        )
-        for kind in words
+        _wind_row(words, s)
+        for kind, words in _WIND_WORDS.items()
         for (_, k), s in shifts.items()
         if k == kind
     )
@@ -272,7 +278,7 @@ def wind(context: Context) -> Result:
                 rows,
             ),
         ),
-        {"shifts": {f"{line}, {words[kind]}": s._asdict() for (line, kind), s in shifts.items()},
+        {"shifts": {f"{a}, {_WIND_WORDS[kind]}": s._asdict() for (a, kind), s in shifts.items()},
          "best_glide_mps": best_glide_speed(prepare(scenario).polar)},
         figures,
         ("wind",),

@@ -249,11 +249,11 @@ def replay_wire(
     began = time.perf_counter()
     again = _Again(onboard, own, min(link.operators), changes)
     for (frame, message), at_s in zip(decoded, arrivals_s, strict=True):
-        while not lockstep and onboard.wake_s(again.now_s) < at_s:
-            again.now_s = onboard.wake_s(again.now_s)
+        while not lockstep and onboard.clocking.wake_s(again.now_s) < at_s:
+            again.now_s = onboard.clocking.wake_s(again.now_s)
             onboard.periodic(again.now_s)
         again.take(frame, message, at_s)
-        if onboard.due(at_s):
+        if onboard.clocking.due(at_s):
             onboard.periodic(at_s)
     took = time.perf_counter() - began
     notes += again.notes
