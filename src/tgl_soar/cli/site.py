@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from itertools import pairwise
-from math import hypot, sqrt
+from math import hypot, radians, sqrt
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from tgl_soar.air.field import WindField
+from tgl_soar.air.wind_record import SyntheticWind, synthetic_record, write_wind_record
 from tgl_soar.air.zeuc import Bounds, ZeucError, contour, excess_at
 from tgl_soar.analysis.experiments.scenario import contour_step, search_bounds
 from tgl_soar.cli.console import (
@@ -31,17 +32,19 @@ from tgl_soar.config.site import Site
 from tgl_soar.sim.world import build_field, wind_misfit_text
 from tgl_soar.types import GlidePolar
 
-site_app = Commands(help="A place: its contour, and the fit of its wind.", no_args_is_help=True)
+site_app = Commands(help="A place: its contour, its wind, and the fit of it.", no_args_is_help=True)
 
 TOLERANCE_M = 0.005  # of a point left out: less than any tracker's noise on a line
 LONGEST_FRACTION = 0.05  # a shorter part, of the longest one, is noise of the search
+
+_USUAL = SyntheticWind()
 
 Point = tuple[float, float]
 
 
 @site_app.callback()
 def site_() -> None:
-    """A place: its contour, and the fit of its wind."""
+    """A place: its contour, its wind, and the fit of it."""
 
 
 @site_app.command("contour")
@@ -93,6 +96,41 @@ def misfit_(
     if not text:
         fail(f'{site}: air.kind: only the wind of kind = "polynomial" is fitted to another')
     say(text)
+
+
+@site_app.command("wind")
+def wind_(
+    out: Annotated[Path, typer.Argument(help="CSV file to write.")],
+    hours: Annotated[float, typer.Option(min=0.05, max=24.0, help="How long it is.")] = 1.0,
+    mean: Annotated[
+        float, typer.Option(min=1.0, max=30.0, help="Mean wind \\[m/s].")
+    ] = _USUAL.mean_mps,
+    lulls: Annotated[
+        float, typer.Option(min=0.0, max=60.0, help="Lulls an hour.")
+    ] = _USUAL.lulls_per_hour,
+    veer: Annotated[
+        float, typer.Option(min=0.0, max=60.0, help="Most slow veer, to either side \\[deg].")
+    ] = 20.0,
+    seed: Annotated[int, typer.Option(min=0, help="Another one, another wind.")] = 1,
+) -> None:
+    """Write a synthetic wind record: Kaimal's spectra, lulls and a slow veer.
+
+    Name it in the site file, \\[air] record = "FILE.csv": flights in that air then have this wind.
+    A mast's own record with the same columns does as well.
+    """
+    wind = _USUAL._replace(
+        duration_s=3600.0 * hours, mean_mps=mean, lulls_per_hour=lulls, veer_rad=radians(veer)
+    )
+    record = synthetic_record(wind, seed)
+    try:
+        write_wind_record(out, record)
+    except OSError as error:
+        fail(f"{out}: cannot be written: {error.strerror}")
+    speeds = record.wind_mps.values
+    say(
+        f"{out}: {hours:g} h, {sum(speeds) / len(speeds):.1f} m/s in the mean,"
+        f" from {min(speeds):.1f} to {max(speeds):.1f}"
+    )
 
 
 def _bounds(text: str) -> Bounds:

@@ -86,6 +86,7 @@ class HillAir(Strict, frozen=True, tag_field="kind", tag="hill"):
 
     wind_mps: Annotated[float, Meta(ge=1, le=30)]
     radius_m: Positive
+    record: str | None = None  # a wind record (docs/sites.md) beside the site file; None: steady
     turbulence: TurbulenceSettings = TurbulenceSettings()
 
 
@@ -120,6 +121,7 @@ class GridAir(Strict, frozen=True, tag_field="kind", tag="grid"):
     layout: GridLayout = GridLayout()
     zero_cells: Literal["refuse", "solid", "air"] = "refuse"  # nodes with exactly no wind
     mesh_step_m: Positive | None = None  # VTK and OpenFOAM: spacing at which they are sampled
+    record: str | None = None  # a wind record beside the site file; None: steady
     turbulence: TurbulenceSettings = TurbulenceSettings()
 
 

@@ -33,6 +33,7 @@ from tgl_soar.air.polynomial import (
     in_box,
     polynomial_wind,
 )
+from tgl_soar.air.wind_record import RecordedField
 from tgl_soar.sim.aircraft import Wind
 
 BoolArray = NDArray[np.bool_]
@@ -200,6 +201,13 @@ def known_air(field: WindField, times_s: FloatArray, half_width_m: float = inf) 
         return air._replace(
             factor=air.factor * factor, gust_mps=air.gust_mps * factor[:, np.newaxis]
         )
+    if isinstance(field, RecordedField):
+        air = known_air(field.field, times_s, half_width_m)
+        answers = np.array([field.answer_at(t) for t in times_s.tolist()])
+        factor, along = answers[:, 0], answers[:, 1]
+        added = air.gust_mps * factor[:, np.newaxis]
+        added[:, 1] += along
+        return air._replace(factor=air.factor * factor, gust_mps=added)
     first = second = field
     weight: FloatArray = np.full(count, -1.0)
     if isinstance(field, BlendedField):
@@ -248,7 +256,7 @@ def as_air(field: WindField) -> Air:
         )
     raise UnknownFieldError(
         f"{type(field).__name__}: compiled flights know SlopeJet, HillField, GridField,"
-        " PolynomialField, and these blended, scaled or with gusts, in this order; fly it plain"
+        " PolynomialField, and these blended, scaled, recorded or with gusts; fly it plain"
     )
 
 

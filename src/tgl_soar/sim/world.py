@@ -40,6 +40,7 @@ from tgl_soar.air.polynomial import (
     fit_polynomial,
     lowest_floor,
 )
+from tgl_soar.air.wind_record import RecordedField, WindRecordError, read_wind_record
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import ConfigError
 from tgl_soar.config.site import (
@@ -399,12 +400,12 @@ def build_field(air: Air, folder: Path | None = None) -> WindField:
     if isinstance(air, JetAir):
         return SlopeJet(air.wind_mps, radians(air.slope_deg))
     if isinstance(air, HillAir):
-        return HillField(air.wind_mps, air.radius_m)
+        return _recorded(HillField(air.wind_mps, air.radius_m), air.record, folder)
     if isinstance(air, PolynomialAir):
         return _polynomial_field(air, folder)
     path = Path(air.file) if folder is None else folder / air.file
     try:
-        return read_grid(
+        grid = read_grid(
             path,
             Layout(**asdict(air.layout)),
             reference_wind_mps=air.wind_mps,
@@ -413,6 +414,18 @@ def build_field(air: Air, folder: Path | None = None) -> WindField:
         )
     except (GridError, ImportError) as error:
         raise ConfigError(f"air.file: {error}") from None
+    return _recorded(grid, air.record, folder)
+
+
+def _recorded(field: WindField, record: str | None, folder: Path | None) -> WindField:
+    """A steady field in the wind of a record, where there is one."""
+    if record is None:
+        return field
+    path = Path(record) if folder is None else folder / record
+    try:
+        return RecordedField(field, read_wind_record(path))
+    except WindRecordError as error:
+        raise ConfigError(f"air.record: {error}") from None
 
 
 def _polynomial_field(air: PolynomialAir, folder: Path | None) -> PolynomialField:
