@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from math import cos, isnan, nan, radians, sin, sqrt
+from math import cos, exp, isnan, nan, radians, sin, sqrt
 from statistics import fmean, stdev
 
 import pytest
 from msgspec.structs import asdict
 
 from tgl_soar.config.files import load_airframe, shipped
-from tgl_soar.geometry import SoaringFrame, euler_from_quaternion, quaternion_from_euler
+from tgl_soar.geometry import (
+    SoaringFrame,
+    euler_from_quaternion,
+    ned_from_soaring,
+    quaternion_from_euler,
+)
 from tgl_soar.sim.aircraft import (
     AircraftState,
     aircraft_model,
@@ -30,6 +35,7 @@ from tgl_soar.sim.sensing import (
 from tgl_soar.sim.sensors import (
     AUTOPILOT_ATTITUDE,
     AUTOPILOT_POSITION,
+    DRIFTING_POSITION,
     MEMS_IMU,
     MOTION_CAPTURE,
     PITOT,
@@ -44,7 +50,7 @@ from tgl_soar.sim.sensors import (
     samples_taken,
     sensor_timing,
 )
-from tgl_soar.sim.white import drawn_as_needed
+from tgl_soar.sim.white import drawn_as_needed, drawn_before
 from tgl_soar.types import NO_FIX
 
 _AIRFRAME = load_airframe(shipped("airframes/eclipson_c.toml"))
@@ -212,6 +218,53 @@ def test_errors_add_to_the_truth_axis_by_axis() -> None:
     angles = euler_from_quaternion(sample.qw, sample.qx, sample.qy, sample.qz)
     assert angles == pytest.approx(error, abs=1e-3)
     assert sample[6:9] == pytest.approx(other)
+
+
+DRIFTS = DRIFTING_POSITION._replace(rate_hz=50.0, delay_s=0.0, noise_m=1e-6, drift_s=4.0)
+
+
+def drift(sensors: FlownSensors, steps: int) -> list[tuple[float, float, float]]:
+    """How far the fixes of a still aircraft are from it [m], NED, four steps apart."""
+    here = ned_from_soaring(FRAME, STATE.x_m, STATE.y_m, STATE.z_m)
+    fixes = [sense_position(sensors.position, FRAME, STATE, k) for k in range(0, steps, 4)]
+    return [(f.north_m - here[0], f.east_m - here[1], f.down_m - here[2]) for f in fixes]
+
+
+def test_a_receiver_s_slow_error_is_a_gauss_markov_process() -> None:
+    """50 flights of 20 time constants: the deviation is known to some 3 %, 20 ms apart 0.995 are
+    left of it, a time constant apart 1 / e."""
+    flights = [drift(flown(Sensors(position=DRIFTS), seed), 16_000) for seed in range(1, 51)]
+    for axis, size in ((0, 1.0), (1, 1.0), (2, 2.0)):
+        values = [[place[axis] for place in places] for places in flights]
+        square = fmean(v * v for each in values for v in each)
+        assert square == pytest.approx(size * size, rel=0.15)
+        for apart, left in ((1, exp(-0.02 / 4.0)), (200, exp(-1.0))):
+            products = [a * b for each in values for a, b in zip(each, each[apart:], strict=False)]
+            assert fmean(products) / square == pytest.approx(left, abs=0.1 if apart > 1 else 1e-3)
+    starts = [places[0] for places in flights]
+    assert stdev(s[2] for s in starts) == pytest.approx(2.0, rel=0.3)  # from the first fix on
+
+
+def test_compiled_flights_drift_as_plain_ones() -> None:
+    plain = flown(Sensors(position=DRIFTS), 7)
+    before = flown_sensors(Sensors(position=DRIFTS), 200.0, drawn_before(7, 400))
+    assert drift(plain, 400) == drift(before, 400)
+
+
+def test_a_drift_leaves_noise_and_other_sensors_as_they_were() -> None:
+    still = flown(Sensors(position=DRIFTS._replace(drift_m=0.0, drift_up_m=0.0)), 3)
+    moves = flown(Sensors(position=DRIFTS), 3)
+    a, b = (sense_position(s.position, FRAME, STATE, 0) for s in (still, moves))
+    assert a.velocity_north_mps == b.velocity_north_mps
+    assert abs(a.down_m - b.down_m) > 1e-3
+    assert sense_attitude(still.attitude, FRAME, STATE, 0) == sense_attitude(
+        moves.attitude, FRAME, STATE, 0
+    )
+
+
+def test_a_drift_without_noise_is_refused() -> None:
+    with pytest.raises(ValueError, match="noise_m"):
+        flown(Sensors(position=DRIFTS._replace(noise_m=0.0)), 1)
 
 
 def test_noise_has_the_size_that_it_claims() -> None:

@@ -29,7 +29,7 @@ from tgl_soar.sim.sensors import (
     sensor_timing,
 )
 from tgl_soar.sim.tether import NO_PULL
-from tgl_soar.sim.white import Row, Rows, White
+from tgl_soar.sim.white import Row, Rows, White, with_drift
 from tgl_soar.types import (
     NAN,
     NO_AIRSPEED,
@@ -188,7 +188,7 @@ def flown_sensors(
         params=position,
         timing=when,
         bias_m=scaled(place, 0, position.bias_m),
-        white=fixes,
+        white=_drifting(position, when, fixes, white),
         line=under_way(when, NO_FIX),
     )
     when = timing("attitude", attitude)
@@ -231,6 +231,19 @@ def flown_sensors(
         airspeed=an_airspeed,
         surfaces=surfaces,
     )
+
+
+def _drifting(params: PositionParams, timing: SensorTiming, fixes: Rows, white: White) -> Rows:
+    """The numbers of position fixes with the receiver's slow errors in them."""
+    if params.drift_m == 0.0 and params.drift_up_m == 0.0:
+        return fixes
+    if not params.noise_m > 0.0:
+        raise ValueError("position: drift_m, drift_up_m: a drift needs noise_m above 0")
+    period_s = timing.period_steps / timing.step_rate_hz
+    start, steps = white("position drift", timing.period_steps, 3, 3)
+    horizontal, up = params.drift_m / params.noise_m, params.drift_up_m / params.noise_m
+    sizes = (horizontal, horizontal, up)
+    return with_drift(fixes, steps, start, sizes, period_s / params.drift_s)
 
 
 def scaled(white: Row, first: int, deviation: float) -> Triple:

@@ -101,6 +101,11 @@ class PositionParams(NamedTuple):
     bias_m: float
     velocity_noise_mps: float
     gives_velocity: bool
+    # Slow errors of a receiver of satellites, each axis a Gauss-Markov process of its own: what
+    # orbits, clocks and the air are wrong by.  They are not in the velocity, which is Doppler's.
+    drift_m: float = 0.0  # horizontally, standard deviation; needs noise_m, which it is drawn with
+    drift_up_m: float = 0.0
+    drift_s: float = 300.0  # time constant
 
 
 class AttitudeParams(NamedTuple):
@@ -158,6 +163,18 @@ AUTOPILOT_POSITION = PositionParams(
     bias_m=0.0,
     velocity_noise_mps=0.03,
     gives_velocity=True,
+)
+# A receiver of satellites without corrections, as an autopilot's filter passes it on: good within a
+# minute, off by a metre and two in height over many.
+DRIFTING_POSITION = PositionParams(
+    rate_hz=50.0,
+    delay_s=0.100,
+    noise_m=0.02,
+    bias_m=0.0,
+    velocity_noise_mps=0.05,
+    gives_velocity=True,
+    drift_m=1.0,
+    drift_up_m=2.0,
 )
 # An autopilot's attitude estimate: 0.1 degrees of jitter, aligned to 0.3 degrees.
 AUTOPILOT_ATTITUDE = AttitudeParams(

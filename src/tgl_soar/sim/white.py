@@ -8,8 +8,8 @@ to it, compiled flights have all rows drawn before.  They are the same numbers.
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Iterator
-from math import pi
+from collections.abc import Callable, Iterator, Sequence
+from math import exp, expm1, pi, sqrt
 from typing import Any, Final, Protocol
 
 import numpy as np
@@ -63,6 +63,53 @@ class RowsAsNeeded:
         self._next = k + 1
         draw = self._draw
         return tuple([draw() for _ in range(self._columns)])
+
+
+class DriftingRows:
+    """Rows as needed whose first numbers drift: see `with_drift`."""
+
+    def __init__(
+        self, rows: Rows, steps: Rows, start: Sequence[float], sizes: Sequence[float], share: float
+    ) -> None:
+        self._rows, self._steps, self._sizes = rows, steps, sizes
+        self._drift = list(start)
+        self._keeps, self._adds = _gauss_markov(share)
+
+    def __getitem__(self, k: int) -> tuple[float, ...]:
+        """Row k.  Errors: ValueError for any but the next."""
+        row, step = self._rows[k], self._steps[k]
+        moved = [
+            self._keeps * drift + self._adds * white
+            for drift, white in zip(self._drift, step, strict=True)
+        ]
+        if k > 0:
+            self._drift = moved
+        drifting = len(self._drift)
+        added = [
+            white + size * drift
+            for white, size, drift in zip(row, self._sizes, self._drift, strict=False)
+        ]
+        return (*added, *row[drifting:])
+
+
+def with_drift(
+    rows: Rows, steps: Rows, start: Sequence[float], sizes: Sequence[float], share: float
+) -> Rows:
+    """Rows with a Gauss-Markov process added to each of their first numbers.
+
+    d[0] = start,  d[k] = e^(−share) d[k−1] + √(1 − e^(−2 share)) steps[k],  row + sizes · d: of
+    unit variance from the beginning, where start and steps are white.  share: of the time constant
+    that lies between two rows.
+    """
+    if not isinstance(rows, np.ndarray):
+        return DriftingRows(rows, steps, start, sizes, share)
+    assert isinstance(steps, np.ndarray)
+    one_by_one = DriftingRows(rows.tolist(), steps.tolist(), start, sizes, share)
+    return np.array([one_by_one[k] for k in range(len(rows))])
+
+
+def _gauss_markov(share: float) -> tuple[float, float]:
+    return exp(-share), sqrt(-expm1(-2.0 * share))
 
 
 def drawn_as_needed(seed: int) -> White:

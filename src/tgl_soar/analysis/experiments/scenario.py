@@ -151,6 +151,13 @@ class PositionSpec(Strict, frozen=True):
     noise_m: Annotated[float, Meta(ge=0, le=10)]
     bias_m: Annotated[float, Meta(ge=0, le=10)] = 0.0
     velocity_noise_mps: Annotated[float, Meta(ge=0, le=10)] | None = None
+    drift_m: Annotated[float, Meta(ge=0, le=20)] = 0.0  # a receiver's slow error, horizontally
+    drift_up_m: Annotated[float, Meta(ge=0, le=20)] = 0.0
+    drift_s: Annotated[float, Meta(ge=1, le=36000)] = 300.0
+
+    def __post_init__(self) -> None:
+        if max(self.drift_m, self.drift_up_m) > 0.0 and self.noise_m == 0.0:
+            raise ValueError("drift_m, drift_up_m: a drift needs noise_m above 0")
 
     def as_params(self) -> PositionParams:
         """The same, as the simulation has it."""
@@ -162,6 +169,9 @@ class PositionSpec(Strict, frozen=True):
             bias_m=self.bias_m,
             velocity_noise_mps=noise or 0.0,
             gives_velocity=noise is not None,
+            drift_m=self.drift_m,
+            drift_up_m=self.drift_up_m,
+            drift_s=self.drift_s,
         )
 
 
