@@ -507,13 +507,14 @@ def _guide(
             dt_s,
             state.loops.limited.elevator_blocked,
         )
-        psi_setpoint = heading_setpoint(laws.heading, vehicle.x_m, vehicle.y_m)
+        course = heading_setpoint(laws.heading, vehicle.x_m, vehicle.y_m)
+        psi_setpoint = estimates.veer_rad + course
         if laws.loops != THEIRS:  # that turns by banking
             sideways, sideways_terms = bank_step(
                 laws,
                 sideways,
                 vehicle,
-                psi_setpoint,
+                course,
                 estimates.air.airspeed_mps,
                 memory.gain_age_s,
                 state.loops.limited.aileron_blocked,

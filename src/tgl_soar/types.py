@@ -158,6 +158,7 @@ class AirEstimate(NamedTuple):
     wind_sigma_mps: float  # standard deviations of the two
     updraft_sigma_mps: float
     measured: bool  # the airspeed comes from a pitot tube
+    cross_wind_mps: float  # horizontal, along the soaring frame's y: positive to the right
 
 
 NO_AIR: Final = AirEstimate(
@@ -169,6 +170,7 @@ NO_AIR: Final = AirEstimate(
     wind_sigma_mps=NAN,
     updraft_sigma_mps=NAN,
     measured=False,
+    cross_wind_mps=NAN,
 )
 
 

@@ -21,6 +21,7 @@ FELT = Sensors(imu=MEMS_IMU, surfaces=READ_BACK)
 
 def air(wind_sigma_mps: float, updraft_sigma_mps: float, alpha_rad: float = 0.1) -> AirEstimate:
     return AirEstimate(
+        cross_wind_mps=0.0,
         airspeed_mps=10.0,
         alpha_rad=alpha_rad,
         wind_mps=10.0,

@@ -377,7 +377,17 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="PSI_MAX", unit="deg", minimum=1, maximum=45, default=20.0,
-        meaning="Largest heading setpoint to either side.",
+        meaning="Largest heading setpoint to either side of the wind.",
+    ),
+    Parameter(
+        name="VEER_MAX", unit="deg", minimum=0, maximum=60, default=0,
+        meaning="How far from wind_from_deg of the site the wind may turn, to either side: its"
+                " direction is estimated in flight, and the nose points into it. 0: it is taken to"
+                " blow from there.",
+    ),
+    Parameter(
+        name="VEER_T", unit="s", minimum=1, maximum=120, default=6,
+        meaning="Time constant of that estimate.",
     ),
     Parameter(
         name="BANK_P", unit="", minimum=0, maximum=5, default=1.0,
@@ -676,7 +686,7 @@ GROUPS: Final[tuple[Group, ...]] = (
         "The bank setpoint, or wings level; and where the gains of roll and heading were found.",
     ),
     Group(
-        "Heading to rudder", ("RUD", "WPT", "PSI", "BANK"),
+        "Heading to rudder", ("RUD", "WPT", "PSI", "VEER", "BANK"),
         "The nose is held towards a virtual waypoint upwind.",
     ),
     Group(

@@ -13,6 +13,7 @@ from tgl_soar.control.schedule import age_step, speed_step
 from tgl_soar.control.scheduling import weight_step
 from tgl_soar.control.soaring import TrimState, trim_step
 from tgl_soar.estimation.aerodynamics import glide_pitch
+from tgl_soar.estimation.cross_wind import across_air, cross_wind_step, veer
 from tgl_soar.estimation.health import HealthState, health_step, initial_health
 from tgl_soar.estimation.motion import is_imu_valid, motion_quality, motion_step, unshifted
 from tgl_soar.estimation.motion_state import MotionState, initial_motion
@@ -35,6 +36,7 @@ class EstimatorMemory(NamedTuple):
 
     motion: MotionState
     wind: WindState
+    cross_wind_mps: float  # along the soaring frame's y
     health: HealthState
     pitch_trim: TrimState
     gust_pitch_rad: float  # by which the setpoint meets a gust
@@ -52,6 +54,7 @@ class Estimates(NamedTuple):
     health: Health
     air: AirEstimate
     margins: Margins
+    veer_rad: float  # where the wind comes from: zero along the frame, positive to the right
     memory: EstimatorMemory
 
 
@@ -60,6 +63,7 @@ def initial_memory() -> EstimatorMemory:
     return EstimatorMemory(
         motion=initial_motion(),
         wind=initial_wind(),
+        cross_wind_mps=0.0,
         health=initial_health(),
         pitch_trim=TrimState(NAN, NAN),
         gust_pitch_rad=0.0,
@@ -101,12 +105,17 @@ def estimate(
     wind, air = wind_step(
         wind_with_brake(laws, limited, flying, inputs.surfaces),
         before.wind,
-        vehicle,
+        across_air(vehicle, before.cross_wind_mps),
         inputs,
         quality.velocity_sigma_mps,
         _elevator(inputs, flying, limited.command),
         is_imu_valid(before.motion, motion, inputs.time_s),
     )
+    cross_wind = before.cross_wind_mps if flying else 0.0
+    if laws.cross_wind.veer_max_rad > 0.0:
+        if health.position_ok and flying:
+            cross_wind = cross_wind_step(laws.cross_wind, cross_wind, vehicle, air, dt_s)
+        air = air._replace(cross_wind_mps=cross_wind)
     glide = NAN
     if laws.pitch_trim.share > 0.0:
         glide = glide_pitch(laws.wind.aerodynamics, air.wind_mps - vehicle.velocity_x_mps)
@@ -119,9 +128,11 @@ def estimate(
         health=health,
         air=air,
         margins=margins_of(laws, inputs, vehicle, health, air, motion.shift, flying),
+        veer_rad=veer(laws.cross_wind, cross_wind, air.wind_mps),
         memory=EstimatorMemory(
             motion=motion,
             wind=wind,
+            cross_wind_mps=cross_wind,
             health=watched,
             pitch_trim=trim,
             gust_pitch_rad=gust,

@@ -6,7 +6,11 @@
 psi is measured from straight upwind, positive to the right; y is positive to the right of the
 aircraft that faces upwind: right of the middle it must look left.  R is the along-stream
 distance to the waypoint, which must lie upwind (a waypoint downwind diverges), so R has a
-floor.  The paper writes tan(y/R) - psi, leaves the sign of y open, and its text names an
+floor.  Where the wind's direction psi_w is estimated (`estimation.cross_wind`), psi_sp is counted
+from it: the aircraft stays in the middle, with its nose in the wind, and not where the waypoint
+lies upwind of it.  The line's plane does not turn: it stands across the ridge, which does not.
+
+The paper writes tan(y/R) - psi, leaves the sign of y open, and its text names an
 integral that its equation lacks; there is none here: the waypoint takes the place of one.
 
 Wings that are level turn the path by sideslip alone, with seconds of lag, and a roll angle that is

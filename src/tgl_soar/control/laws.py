@@ -21,6 +21,7 @@ from tgl_soar.control.schedule import Dynamics, GainSchedule, schedule_of
 from tgl_soar.control.soaring import SoaringGains, TrimGains
 from tgl_soar.control.target_line import LineLimits, TargetLine, eta_from_lean
 from tgl_soar.estimation.aerodynamics import brake_sink
+from tgl_soar.estimation.cross_wind import CrossWindParams
 from tgl_soar.estimation.health import HealthLimits
 from tgl_soar.estimation.motion_state import MotionGains
 from tgl_soar.estimation.wind import WindParams
@@ -71,6 +72,7 @@ class Laws(NamedTuple):
     envelope: EnvelopeLimits
     trim: SurfaceCommand
     wind: WindParams
+    cross_wind: CrossWindParams
     fence: Fence
     ground: Ground
     pitch_trim: TrimGains
@@ -129,6 +131,7 @@ def laws_from(
         envelope=_envelope_limits(values, aerodynamics.brake_throw),
         trim=SurfaceCommand(values["ELE_TRIM"], values["AIL_TRIM"], values["RUD_TRIM"], 0.0),
         wind=WindParams(aerodynamics, values["WIND_CHANGE"], radians(values["WIND_ALIGN"])),
+        cross_wind=CrossWindParams(radians(values["VEER_MAX"]), values["VEER_T"]),
         fence=_fence(values),
         ground=ground,
         pitch_trim=TrimGains(

@@ -119,20 +119,23 @@ def bank_step(
     laws: Laws,
     state: PidState,
     vehicle: VehicleState,
-    heading_setpoint_rad: float,
+    course_rad: float,
     airspeed_mps: float,
     age_s: float,
     blocked: int,
     dt_s: float,
 ) -> tuple[PidState, PidTerms]:
-    """The bank that leads the aircraft to the middle; age_s: of attitudes, on average."""
+    """The bank that leads the aircraft to the middle.
+
+    course_rad: the heading setpoint, from the wind.  age_s: of attitudes, on average.
+    """
     bandwidth = lateral_bandwidth(laws.lateral_schedule, age_s)
     gains = sideways_gains(laws.sideways, laws.lateral_schedule, bandwidth)
     airspeed = speed_within(laws.schedule, airspeed_mps)
     return sideways_step(
         gains,
         state,
-        heading_setpoint_rad,
+        course_rad,
         leading_speed(laws.heading, gains.kd, vehicle.x_m, airspeed),
         vehicle.velocity_y_mps,
         dt_s,

@@ -12,7 +12,7 @@ k = ρ S / 2m,
 The wind is what is added to that to give the velocity over the ground: in upwind NED, R the
 rotation from FRD, v the velocity over the ground and W the wind, both in the soaring frame,
 
-    (u, ·, w) = Rᵀ (W_x − v_x,  v_y,  W_z − v_z)          the cross wind is taken as none
+    (u, ·, w) = Rᵀ (W_x − v_x,  v_y,  W_z − v_z)          v_y through the air
 
 A Kalman filter estimates W = (W_x, W_z), a random walk: dW² = 2 q² dt.  Each measurement corrects
 it where there is a new sample, so that every sensor may be missing or late:
@@ -24,7 +24,7 @@ it where there is a new sample, so that every sensor may be missing or late:
     turbulence of a few per cent does (UNSTEADY_…).
 
 Constant errors cannot be observed; they are considered (Schmidt's filter): the covariance of W's
-error with each of them is carried along, so that no sensor weighs more than its bias allows.
+error with each is carried along, so that no sensor weighs more than its bias allows.
 
     b_n   of the normal force      the lift curve
     b_a   of the axial force       the drag, and g δ
@@ -115,9 +115,8 @@ class WindPosterior(NamedTuple):
     pitch_z: float  # covariance of W_z with δ
 
 
-# The same numbers while measurements correct them, several times a tick: taken apart into names
-# where they are used.  Plain tuples of floats: native code and numba keep them in registers, while
-# a named tuple would be an object of fifteen others, made again with every measurement.
+# The same while measurements correct them, several times a tick: plain tuples of floats, which
+# native code and numba keep in registers, where a named tuple would be an object of fifteen others.
 WindMean = tuple[float, float]  # W_x, W_z
 WindCovariance = tuple[float, float, float]  # p_xx, p_xz, p_zz
 # With b_n, b_a, b_p, b_t and δ: each of W_x and of W_z.
@@ -597,4 +596,5 @@ def _estimate(
         wind_sigma_mps=sqrt(max(0.0, x2)),
         updraft_sigma_mps=sqrt(max(0.0, z2)),
         measured=measured,
+        cross_wind_mps=0.0,
     )

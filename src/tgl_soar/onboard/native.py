@@ -72,6 +72,7 @@ MODULES: Final = (
     "tgl_soar.estimation.turning",
     "tgl_soar.estimation.aerodynamics",
     "tgl_soar.estimation.wind",
+    "tgl_soar.estimation.cross_wind",
     "tgl_soar.control.laws",
     "tgl_soar.control.margins",
     "tgl_soar.control.conditions",

@@ -52,6 +52,7 @@ MODULES: Final = (
     "tgl_soar.estimation.health",
     "tgl_soar.estimation.aerodynamics",
     "tgl_soar.estimation.wind",
+    "tgl_soar.estimation.cross_wind",
     "tgl_soar.control.laws",
     "tgl_soar.control.margins",
     "tgl_soar.control.conditions",
