@@ -31,7 +31,7 @@ TABLE: dict[str, set[str]] = {
     "estimation": {"config.parameters", "geometry"},
     "control.laws": {"control", "estimation"},  # it holds the parameters of both
     "control.conditions": {"control.laws"},
-    "control.search": {"control", "estimation"},
+    "control.search": {"control.laws"},
     "control.loop_margin": {"control.laws"},
     "control.line_bounds": {"control.loop_margin"},
     "control.margins": {"control.laws"},
@@ -49,6 +49,7 @@ TABLE: dict[str, set[str]] = {
     "onboard": {
         "autopilot",
         "control.line_bounds",
+        "control.search",
         "link",
         "config",
         "onboard.flightlog",
@@ -60,7 +61,7 @@ TABLE: dict[str, set[str]] = {
     "air": {"geometry"},
     "sim.campaign": {"config"},  # many flights, whatever a flight is
     "sim": {"autopilot", "air", "link", "config", "onboard.realtime", "sim.campaign"},
-    "analysis": {"sim", "onboard", "air", "control.search"},
+    "analysis": {"sim", "onboard", "air"},
     "cli": {"analysis", "onboard", "sim"},
 }
 

@@ -18,6 +18,7 @@ from tgl_soar.control.conditions import (
     forecast_conditions,
     forecast_of,
     line_conditions,
+    search_conditions,
     stream_conditions,
     target_conditions,
 )
@@ -370,9 +371,9 @@ def _fly(
     dt_s: float,
     engaged_because: int,
 ) -> tuple[AutopilotState, Output]:
-    """Capturing, soaring, holding and recovering."""
+    """Capturing, soaring, searching, holding and recovering."""
     vehicle, line, off_line_s = estimates.vehicle, state.line, state.off_line_s
-    if state.supervisor.mode in (modes.CAPTURING, modes.SOARING):
+    if state.supervisor.mode in (modes.CAPTURING, modes.SOARING, modes.SEARCHING):
         line = line_step(laws.line, line, laws.target, vehicle.x_m, vehicle.z_m, dt_s)
     tracking = line_tracking(line, vehicle)
     if line.moving or not abs(tracking.e_rho_m) <= laws.guards.capture_distance_m:
@@ -381,6 +382,7 @@ def _fly(
 
     found = _conditions(laws, state, inputs, estimates) | _own_conditions(state, line)
     found |= line_conditions(laws.guards, tracking.e_rho_m, on_line, line.moving)
+    found |= search_conditions(laws, line.moving)
     mode, air, quality = state.supervisor.mode, estimates.air, estimates.quality
     forecast = forecast_of(laws, mode, state.forecast, line, vehicle, air, quality)
     found |= forecast_conditions(laws, mode, forecast.foreseen)

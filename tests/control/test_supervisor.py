@@ -1,8 +1,8 @@
 """The supervisor's table, walked through in full, and its timers.
 
-A mode's rows name some twenty conditions of the thirty-three; what the others are makes no
+A mode's rows name some twenty conditions of the thirty-five; what the others are makes no
 difference, and that is tested too.  So every set of those that a mode looks at is tried: up to
-eight million a mode, evaluated by numpy from the rows alone and compared with `next_mode`.
+sixteen million a mode, evaluated by numpy from the rows alone and compared with `next_mode`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from tgl_soar.control.supervisor import (
 )
 
 MODES = range(len(s.MODE_NAMES))
-FLYING = (s.CAPTURING, s.SOARING, s.HOLDING, s.RECOVERING)
+FLYING = (s.CAPTURING, s.SOARING, s.HOLDING, s.RECOVERING, s.SEARCHING)
 GROUND = (s.BOOT, s.STANDBY, s.READY)
 # Without these no mode may keep the surfaces for a single look.
 VITAL = (
@@ -38,14 +38,16 @@ VITAL = (
     | s.SAME_BOOT | s.STAYS_ARMED | s.SURFACES_OBEY | s.SURFACES_ANSWER | s.ENGAGE | s.UPRIGHT
     | s.UPWIND
 )  # fmt: skip
+ON_LINE = {
+    s.CAPTURING, s.SOARING, s.SEARCHING, s.HOLDING, s.RECOVERING, s.RELEASED, s.STANDBY, s.FAILED
+}  # fmt: skip
 ALLOWED = {
     s.BOOT: {s.BOOT, s.STANDBY, s.RELEASED},
     s.STANDBY: {s.STANDBY, s.READY, s.RELEASED},
     s.READY: {s.READY, s.STANDBY, s.CAPTURING, s.RELEASED},
-    s.CAPTURING: {
-        s.CAPTURING, s.SOARING, s.HOLDING, s.RECOVERING, s.RELEASED, s.STANDBY, s.FAILED
-    },
-    s.SOARING: {s.SOARING, s.CAPTURING, s.HOLDING, s.RECOVERING, s.RELEASED, s.STANDBY, s.FAILED},
+    s.CAPTURING: ON_LINE,
+    s.SOARING: ON_LINE,
+    s.SEARCHING: ON_LINE,
     s.HOLDING: {s.HOLDING, s.CAPTURING, s.RECOVERING, s.RELEASED, s.STANDBY, s.FAILED},
     s.RECOVERING: {s.RECOVERING, s.CAPTURING, s.RELEASED, s.STANDBY, s.FAILED},
     s.RELEASED: {s.RELEASED, s.STANDBY, s.BOOT},
@@ -130,7 +132,7 @@ def test_it_never_goes_where_it_may_not(mode: int) -> None:
 @pytest.mark.parametrize("mode", FLYING)
 def test_no_mode_keeps_the_surfaces_without_what_is_vital(mode: int) -> None:
     everything = walk(mode)
-    flies = (everything.to >= s.CAPTURING) & (everything.to <= s.RECOVERING)
+    flies = np.isin(everything.to, FLYING)
     assert np.all(everything.has(VITAL)[flies])
     assert np.any(flies)
     # And lets go whenever it ends: surfaces and setpoints both.
@@ -151,10 +153,10 @@ def test_failed_and_only_failed_has_no_way_out() -> None:
             assert np.any(walk(mode).to != mode)
 
 
-@pytest.mark.parametrize("mode", [s.CAPTURING, s.SOARING])
+@pytest.mark.parametrize("mode", [s.CAPTURING, s.SOARING, s.SEARCHING])
 def test_the_line_is_flown_only_near_it_and_inside_the_fence(mode: int) -> None:
     everything = walk(mode)
-    flies = (everything.to == s.CAPTURING) | (everything.to == s.SOARING)
+    flies = np.isin(everything.to, (s.CAPTURING, s.SOARING, s.SEARCHING))
     assert np.all(everything.has(s.NEAR_LINE | s.INSIDE_FENCE)[flies])
     # A stale position is flown on only until the mode has settled; trouble not at all.
     assert not np.any(flies & everything.lacks(s.POSITION_FRESH) & everything.has(s.SETTLED))
@@ -168,7 +170,7 @@ def test_it_takes_the_surfaces_only_from_ready_after_every_entry_check(mode: int
         return
     everything = walk(mode)
     takes = everything.action == s.TAKE
-    assert np.array_equal(takes, (everything.to >= s.CAPTURING) & (everything.to <= s.RECOVERING))
+    assert np.array_equal(takes, np.isin(everything.to, FLYING))
     if mode != s.READY:
         assert not np.any(takes)
         return
@@ -255,10 +257,10 @@ def test_recovering_ends() -> None:
 
 @pytest.mark.parametrize("mode", FLYING)
 def test_no_mode_in_control_looks_away_from_the_fence(mode: int) -> None:
-    """On the estimate, whether the position is fresh or lost: only a capturing or soaring that has
+    """On the estimate, whether the position is fresh or lost: only a mode on the line that has
     just settled into holding leaves the fence to the next tick."""
     everything = walk(mode)
-    flies = (everything.to >= s.CAPTURING) & (everything.to <= s.RECOVERING)
+    flies = np.isin(everything.to, FLYING)
     out = flies & everything.lacks(s.INSIDE_FENCE)
     if mode in (s.HOLDING, s.RECOVERING):
         assert not np.any(out)
@@ -344,11 +346,13 @@ BACK = s.REASON_POSITION_BACK
 FLYING_ROWS = {
     s.CAPTURING: [
         *ON_LINE_ROWS,
+        (s.SEARCH | s.SETTLED, 0, s.SEARCHING, s.NOTHING, s.REASON_SEARCH),
         (s.ON_LINE | s.SETTLED, s.LINE_MOVING, s.SOARING, s.NOTHING, s.REASON_ON_LINE),
     ],
     s.SOARING: [
         *ON_LINE_ROWS,
-        (s.LINE_MOVING | s.SETTLED, 0, s.CAPTURING, s.NOTHING, s.REASON_LINE_MOVED),
+        (s.SEARCH | s.SETTLED, s.PLACE_FOUND, s.SEARCHING, s.NOTHING, s.REASON_SEARCH),
+        (s.LINE_MOVING | s.SETTLED, s.SEARCH, s.CAPTURING, s.NOTHING, s.REASON_LINE_MOVED),
     ],
     s.HOLDING: [
         (0, s.INSIDE_FENCE, s.RELEASED, s.HAND_OVER, s.REASON_FENCE),
@@ -370,6 +374,14 @@ FLYING_ROWS = {
         (s.TIME_UP, s.HIGH_ENOUGH, s.RELEASED, s.HAND_OVER, s.REASON_LOW),
         (s.TIME_UP, s.AIR_SAFE, s.RELEASED, s.HAND_OVER, s.REASON_STALL),
         (s.TIME_UP, 0, s.RELEASED, s.HAND_OVER, s.REASON_NOT_RECOVERED),
+    ],
+    s.SEARCHING: [
+        *((*row[:4], s.REASON_NOT_FOUND) if row[1] == s.SETTLES else row for row in ON_LINE_ROWS),
+        (0, s.SEARCH, s.CAPTURING, s.NOTHING, s.REASON_SEARCH_OVER),
+        (
+            s.PLACE_FOUND | s.ON_LINE | s.SETTLED,
+            *(0, s.SOARING, s.NOTHING, s.REASON_PLACE_FOUND),
+        ),
     ],
 }
 
@@ -406,7 +418,9 @@ def test_every_reason_mode_and_action_has_its_own_words() -> None:
     assert {row.source for row in TRANSITIONS} | {row.to for row in TRANSITIONS} == set(MODES)
 
 
-HEALTHY = s.FOUND & ~s.LINE_MOVING & ~s.ON_LINE | s.SAME_BOOT | s.STAYS_ARMED | s.SETTLED
+WELL = s.FOUND & ~(s.LINE_MOVING | s.ON_LINE | s.SEARCH | s.PLACE_FOUND)
+HEALTHY = WELL | s.SAME_BOOT | s.STAYS_ARMED | s.SETTLED
+SOUGHT = s.SEARCH | s.PLACE_FOUND
 
 
 @pytest.mark.parametrize(
@@ -466,6 +480,21 @@ HEALTHY = s.FOUND & ~s.LINE_MOVING & ~s.ON_LINE | s.SAME_BOOT | s.STAYS_ARMED | 
         (s.RECOVERING, s.POSITION_FRESH | s.HIGH_ENOUGH, 0, s.RELEASED, s.REASON_LOW),
         (s.RECOVERING, s.AIR_SAFE, s.TIME_UP, s.RELEASED, s.REASON_STALL),
         (s.RECOVERING, 0, s.TIME_UP, s.RELEASED, s.REASON_NOT_RECOVERED),
+        (s.CAPTURING, 0, s.SEARCH, s.SEARCHING, s.REASON_SEARCH),
+        (s.CAPTURING, 0, s.SEARCH | s.ON_LINE, s.SEARCHING, s.REASON_SEARCH),
+        (s.SEARCHING, 0, s.SEARCH, s.SEARCHING, s.REASON_NONE),
+        (s.SEARCHING, 0, s.SEARCH | s.LINE_MOVING, s.SEARCHING, s.REASON_NONE),
+        (s.SEARCHING, 0, s.SEARCH | s.ON_LINE, s.SEARCHING, s.REASON_NONE),
+        (s.SEARCHING, 0, SOUGHT, s.SEARCHING, s.REASON_NONE),  # it says so, and is off the line
+        (s.SEARCHING, 0, SOUGHT | s.ON_LINE, s.SOARING, s.REASON_PLACE_FOUND),
+        (s.SEARCHING, 0, 0, s.CAPTURING, s.REASON_SEARCH_OVER),  # the operator takes the line
+        (s.SEARCHING, s.SETTLES, s.SEARCH, s.RELEASED, s.REASON_NOT_FOUND),
+        (s.SEARCHING, s.NEAR_LINE, s.SEARCH, s.RELEASED, s.REASON_OFF_LINE),
+        (s.SEARCHING, s.POSITION_FRESH, s.SEARCH, s.HOLDING, s.REASON_POSITION_GAP),
+        (s.SEARCHING, s.HIGH_ENOUGH, s.SEARCH | s.TROUBLED, s.RECOVERING, s.REASON_LOW),
+        (s.SOARING, 0, SOUGHT, s.SOARING, s.REASON_NONE),
+        (s.SOARING, 0, s.SEARCH, s.SEARCHING, s.REASON_SEARCH),  # the claim is withdrawn
+        (s.SOARING, 0, s.SEARCH | s.LINE_MOVING, s.SEARCHING, s.REASON_SEARCH),
         (s.RELEASED, 0, 0, s.RELEASED, s.REASON_NONE),
         (s.RELEASED, s.ENGAGE, 0, s.STANDBY, s.REASON_WITHDRAWN),
         (s.FAILED, s.ENGAGE, 0, s.FAILED, s.REASON_NONE),
@@ -478,7 +507,6 @@ def test_what_an_operator_sees(mode: int, lost: int, gained: int, after: int, re
 
 # --- timers ----------------------------------------------------------------------------------
 
-WELL = s.FOUND & ~s.LINE_MOVING & ~s.ON_LINE
 DT = 0.005
 HOLD_S = 1.5
 RECOVER_S = 2.0
@@ -768,11 +796,13 @@ def test_noise_cannot_make_it_chatter(seed: int, flips: int, wish: bool) -> None
     flickers &= ~s.ENGAGE
     flown = Flown().look(WELL & ~s.ENGAGE, 0.05)
     steady = WELL if wish else WELL & ~s.ENGAGE
+    more = random.Random(seed + 1)
+    searches = more.choice([0, s.SEARCH, SOUGHT])
     share = dice.choice([0.01, 0.1, 0.5, 0.9])
     noise = 0
     for _ in range(1200):
         if dice.random() < share:
-            noise = dice.getrandbits(24) & flickers
+            noise = dice.getrandbits(24) & flickers | more.getrandbits(27) & searches
         flown.look(steady ^ noise)
     times = [when for when, _, _ in flown.changes]
     most = max(sum(1 for t in times if start <= t < start + 1.0) for start in times)

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from tgl_soar.cli.params_page import page
-from tgl_soar.config.parameters import GROUPS, PARAMETERS
+from tgl_soar.config.parameter_groups import GROUPS
+from tgl_soar.config.parameters import PARAMETERS
 from tgl_soar.onboard.process import main
 
 PAGE = Path(__file__).parents[2] / "docs/parameters.md"

@@ -29,6 +29,7 @@ from tgl_soar.link.messages import Source
 from tgl_soar.onboard.instruments import FAST, SLOW
 from tgl_soar.onboard.module import Onboard
 from tgl_soar.onboard.operators import ABSENT_S
+from tgl_soar.onboard.search_switch import SearchEngine
 from tgl_soar.onboard.setup import ModuleSetup
 from tgl_soar.onboard.surfaces import RELEASE_FRAMES
 
@@ -60,6 +61,7 @@ class Flight:
         now_s: float = 1000.0,
         flown: ModuleSetup | None = None,
         before_first: Callable[[], None] = lambda: None,
+        search: SearchEngine | None = None,
     ) -> None:
         self.now_s = now_s
         self.boot_s = now_s  # when the vehicle's clock began
@@ -73,6 +75,7 @@ class Flight:
             lockstep=lockstep,
             console=self.console.append,
             before_first=before_first,
+            search=search,
         )
         self.attitude_hz, self.position_hz, self.heartbeat_hz = 200.0, 50.0, 1.0
         self.kind = (1, 3)  # MAV_TYPE, MAV_AUTOPILOT

@@ -30,8 +30,9 @@ from tgl_soar.config.parameter_files import (
     shortest,
     written,
 )
+from tgl_soar.config.parameter_groups import GROUPS
 from tgl_soar.config.parameter_store import Identity, ParameterStore, state_file, state_folder
-from tgl_soar.config.parameters import GROUPS, PARAMETERS, ParameterError, ParameterSet
+from tgl_soar.config.parameters import PARAMETERS, ParameterError, ParameterSet
 from tgl_soar.config.site import Site
 from tgl_soar.control.line_bounds import LineBounds
 

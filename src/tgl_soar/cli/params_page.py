@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from tgl_soar.config.parameters import GROUPS, PARAMETERS, Parameter
+from tgl_soar.config.parameter_groups import GROUPS
+from tgl_soar.config.parameters import PARAMETERS, Parameter
 
 _HEAD: Final = """\
 # Parameters

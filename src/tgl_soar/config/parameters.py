@@ -589,10 +589,11 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     # --- the forecast ----------------------------------------------------------------------
     Parameter(
-        name="FC_ACT", unit="", minimum=0, maximum=3, default=2,
+        name="FC_ACT", unit="", minimum=0, maximum=4, default=2,
         meaning="Where no place to settle is foreseen on the line: 2: disengage, while soaring only"
-                " in the last second; 3: disengage at once; 1: only report it; 0: no forecast. It"
-                " needs [model] in the airframe file.",
+                " in the last second; 3: disengage at once; 4: search for a place elsewhere"
+                " (SRCH_START), and disengage where there is none; 1: only report it; 0: no"
+                " forecast. It needs [model] in the airframe file.",
         integer=True,
     ),
     Parameter(
@@ -654,74 +655,18 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         name="EXC_AMP", unit="deg", minimum=0.2, maximum=1.0, default=1.0,
         meaning="Amplitude of that multisine: its largest value to either side.",
     ),
-)  # fmt: skip
-
-
-class Group(NamedTuple):
-    """Parameters that share a topic: every parameter's prefix is in exactly one group."""
-
-    title: str
-    prefixes: tuple[str, ...]  # names up to the first underscore
-    sentence: str
-
-
-GROUPS: Final[tuple[Group, ...]] = (
-    Group("Engaging", ("OP",), "The operator's and the pilot's switches."),
-    Group(
-        "The target gradient line", ("TGL",),
-        "Where the aircraft is held, and how fast the line moves there when it is moved.",
-    ),
-    Group(
-        "Line to pitch", ("RHO", "PITCH"),
-        "The outer loop: the distance e_rho to the line becomes a pitch setpoint.",
-    ),
-    Group("Pitch to elevator", ("ELE",), "The inner loop, and the airframe it was tuned on."),
-    Group(
-        "The airframe in pitch", ("DYN", "CMD"),
-        "The airframe that flies, to which the schedule adapts the gains; filled in from the"
-        " airframe file.",
-    ),
-    Group(
-        "Roll to aileron", ("AIL", "LAT"),
-        "The bank setpoint, or wings level; and where the gains of roll and heading were found.",
-    ),
-    Group(
-        "Heading to rudder", ("RUD", "WPT", "PSI", "VEER", "BANK"),
-        "The nose is held towards a virtual waypoint upwind.",
-    ),
-    Group(
-        "Sideways to bank", ("SIDE",),
-        "A little bank holds the aircraft at y = 0, against gusts and errors of the roll angle.",
-    ),
-    Group(
-        "The point on the line", ("BRK",),
-        "The brake holds a point of the line: the second axis, where TGL_HOLD is 1.",
-    ),
-    Group("Surfaces", ("SURF",), "The last limit of every command."),
-    Group(
-        "The envelope", ("ALPHA", "SPEED", "SINK", "CLEAR", "FENCE"),
-        "Limits of the aircraft and its place, independent of the laws.",
-    ),
-    Group("Estimation", ("EST",), "How position and velocity follow from delayed fixes."),
-    Group(
-        "The air", ("WIND",),
-        "Airspeed, angle of attack, wind and updraft, estimated from all that is measured.",
-    ),
-    Group(
-        "Disengaging", ("AGE", "REC", "CAPTURE", "TILT"),
-        "Beyond these limits the module holds, recovers or disengages by itself and says why.",
-    ),
-    Group(
-        "The forecast", ("FC",),
-        "Whether the aircraft will settle on its line, foreseen from what it has flown through.",
-    ),
-    Group("Telemetry", ("TEL",), "What the module sends to ground stations unasked."),
-    Group("The process", ("LOOP",), "How the module runs."),
-    Group(
-        "Margins in flight", ("EXC",),
-        "A known motion of the pitch setpoint, from which a log shows the loop's margins.",
+    # --- the search for lift ---------------------------------------------------------------
+    Parameter(
+        name="SRCH_START", unit="", minimum=0, maximum=3, default=0,
+        meaning="1: search for a place to soar: while engaged the module moves the line itself, in"
+                " mode searching, and soars where it finds one; 0: the line stays where it is. The"
+                " module shows 2 while it says that it soars, and 3 where it has given up, which"
+                " disengages; then 0. Setting any TGL_ parameter ends a search. It needs a fence on"
+                " every side, [polar] and [model] in the airframe file.",
+        integer=True, in_files=False,
     ),
 )  # fmt: skip
+
 
 INDEX: Final[Mapping[str, int]] = {p.name: i for i, p in enumerate(PARAMETERS)}
 

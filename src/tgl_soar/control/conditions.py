@@ -24,6 +24,7 @@ from tgl_soar.control.excitation import (
 from tgl_soar.control.forecast import (
     DISENGAGE,
     DISENGAGE_EARLY,
+    SEARCH_FIRST,
     Forecast,
     ForecastState,
     forecast_step,
@@ -31,7 +32,7 @@ from tgl_soar.control.forecast import (
     is_the_last_moment,
     nowhere,
 )
-from tgl_soar.control.laws import Laws, SupervisorLimits
+from tgl_soar.control.laws import SEARCH_GIVEN_UP, SEARCH_OFF, SEARCH_SOARS, Laws, SupervisorLimits
 from tgl_soar.control.soaring import SoaringState
 from tgl_soar.control.supervisor import (
     AIR_SAFE,
@@ -49,10 +50,13 @@ from tgl_soar.control.supervisor import (
     NEAR_LINE,
     NO_FAILSAFE,
     ON_LINE,
+    PLACE_FOUND,
     POSITION_FRESH,
     POSITION_KEPT,
     POSITION_SANE,
     RECOVERING,
+    SEARCH,
+    SEARCHING,
     SETTLES,
     SOARING,
     STREAMS_SEEN,
@@ -211,7 +215,7 @@ def forecast_of(
 ) -> ForecastState:
     """Where the aircraft will stop on the line that is flown; in other modes nothing is foreseen,
     and what was is of another flight."""
-    if mode != CAPTURING and mode != SOARING:
+    if mode != CAPTURING and mode != SOARING and mode != SEARCHING:
         return initial_forecast()
     return forecast_step(
         laws.forecast,
@@ -229,13 +233,27 @@ def forecast_of(
 def forecast_conditions(laws: Laws, mode: int, forecast: Forecast) -> int:
     """Whether a place to settle is foreseen; what is only to be reported ends nothing.
 
-    Who knows where else there is lift asks here first: as long as the line can be slid there in the
-    time that is left, the aircraft settles.
+    A search knows where else there may be lift: as long as its line can be slid there in the time
+    that is left it goes on, until it gives up itself.
     """
-    if laws.forecast.act < DISENGAGE or not nowhere(forecast):
+    if mode == SEARCHING and laws.search == SEARCH_GIVEN_UP:
+        return 0
+    act = laws.forecast.act
+    if act < DISENGAGE or not nowhere(forecast):
         return SETTLES
-    at_once = laws.forecast.act == DISENGAGE_EARLY or mode == CAPTURING
+    at_once = act == DISENGAGE_EARLY or (mode == CAPTURING and act != SEARCH_FIRST)
+    at_once = at_once and mode != SEARCHING
     return 0 if at_once or is_the_last_moment(laws.forecast, forecast) else SETTLES
+
+
+def search_conditions(laws: Laws, moving: bool) -> int:
+    """What holds of the search for lift; moving: the line is on its way."""
+    found = 0
+    if laws.search != SEARCH_OFF:
+        found |= SEARCH
+    if laws.search == SEARCH_SOARS and not moving:
+        found |= PLACE_FOUND
+    return found
 
 
 def target_conditions(laws: Laws) -> int:

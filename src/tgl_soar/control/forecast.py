@@ -108,6 +108,7 @@ OFF: Final = 0
 REPORT: Final = 1
 DISENGAGE: Final = 2
 DISENGAGE_EARLY: Final = 3
+SEARCH_FIRST: Final = 4  # for a place elsewhere, and disengage where there is none
 
 # How it stands.
 UNKNOWN: Final = 0  # not held by a line, or not for WINDOW_S yet, or nothing is known of the air
@@ -129,7 +130,7 @@ FORECAST_TEXTS: Final = (
 class ForecastParams(NamedTuple):
     """What the forecast goes by."""
 
-    act: int  # OFF, REPORT, DISENGAGE or DISENGAGE_EARLY
+    act: int  # OFF … SEARCH_FIRST
     time_s: float  # FC_TIME
     chance: float  # FC_CHANCE
     clearance_min_m: float

@@ -35,6 +35,12 @@ from tgl_soar.types import (
     SurfaceCommand,
 )
 
+# How the search for lift stands: SRCH_START.
+SEARCH_OFF: Final = 0
+SEARCH_LOOKS: Final = 1
+SEARCH_SOARS: Final = 2  # it says so
+SEARCH_GIVEN_UP: Final = 3
+
 # Of the sideways speed's error: ten times as fast as that loop is, so that it costs 6 degrees.
 SIDEWAYS_FILTER_RADPS: Final = 20.0
 
@@ -80,6 +86,7 @@ class Laws(NamedTuple):
     excitation: Excitation
     forecast: ForecastParams
     brake: BrakeGains
+    search: int  # SEARCH_…
 
 
 def laws_from(
@@ -151,6 +158,7 @@ def laws_from(
             polar=aerodynamics.polar,
         ),
         brake=_brake_gains(values, aerodynamics, loops),
+        search=int(values["SRCH_START"]),
     )
 
 

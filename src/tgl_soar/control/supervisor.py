@@ -10,6 +10,7 @@
                 low, or after too long without a confident position
     released    it has disengaged by itself, and stays so until the operator has disengaged, too
     failed      a fault of its own: it has disengaged, and stays so until it is started again
+    searching   in control; the search for lift moves the line (`control.search`)
 
 A row reads: from this mode, when all of these hold and none of those, go there, do that, and
 say why.  Rows are tried in order and the first that fits is taken; none fits: stay.  Conditions
@@ -21,9 +22,9 @@ without a confident position lasts: holding ends by its own timer, recovering by
 before that where a glide in still air may have come down to the least clearance meanwhile.
 
 What must last counts in explicit timers of the state, so that noise cannot make it chatter:
-capturing and soaring are left for each other or for holding only after MINIMUM_S, so is
-recovering for capturing, trouble must last TROUBLE_S and its end CLEAR_S, and ready is given up
-only after READY_S without.
+capturing, soaring and searching are left for each other or for holding only after MINIMUM_S (for
+capturing at once where a search is over), so is recovering for capturing, trouble must last
+TROUBLE_S and its end CLEAR_S, and ready is given up only after READY_S without.
 
 A new mode or fault is a new row.
 """
@@ -42,6 +43,7 @@ HOLDING: Final = 5
 RECOVERING: Final = 6
 RELEASED: Final = 7
 FAILED: Final = 8
+SEARCHING: Final = 9
 MODE_NAMES: Final = (
     "boot",
     "standby",
@@ -52,6 +54,7 @@ MODE_NAMES: Final = (
     "recovering",
     "released",
     "failed",
+    "searching",
 )
 
 INFINITE: Final = float("inf")
@@ -87,17 +90,19 @@ CLEAR: Final = 1 << 21  # both of these, with a margin
 FINITE: Final = 1 << 22
 SANE: Final = 1 << 23
 SETTLES: Final = 1 << 24
-FOUND: Final = (1 << 25) - 1
+SEARCH: Final = 1 << 25
+PLACE_FOUND: Final = 1 << 26
+FOUND: Final = (1 << 27) - 1
 # Conditions that the supervisor finds itself, by what it remembers.
-SAME_BOOT: Final = 1 << 25
-STAYS_ARMED: Final = 1 << 26
-STILL_READY: Final = 1 << 27
-SETTLED: Final = 1 << 28
-LONG_GAP: Final = 1 << 29
-TIME_UP: Final = 1 << 30
-TROUBLED: Final = 1 << 31
-CLEARED: Final = 1 << 32
-CONDITIONS: Final = 33
+SAME_BOOT: Final = 1 << 27
+STAYS_ARMED: Final = 1 << 28
+STILL_READY: Final = 1 << 29
+SETTLED: Final = 1 << 30
+LONG_GAP: Final = 1 << 31
+TIME_UP: Final = 1 << 32
+TROUBLED: Final = 1 << 33
+CLEARED: Final = 1 << 34
+CONDITIONS: Final = 35
 CONDITION_TEXTS: Final = (
     "operator has engaged it",
     "every stream has arrived",
@@ -123,7 +128,9 @@ CONDITION_TEXTS: Final = (
     "both with a margin",
     "command finite",
     "state sane",
-    "settles, by forecast",
+    "settles, by forecast or search",
+    "a search is asked for",
+    "the search has found a place",
     "autopilot not restarted",
     "not disarmed since",
     "was ready a moment ago",
@@ -205,6 +212,10 @@ REASON_RECOVERED: Final = 29
 REASON_NOT_RECOVERED: Final = 30
 REASON_INSANE: Final = 31
 REASON_NOWHERE: Final = 32
+REASON_SEARCH: Final = 33
+REASON_PLACE_FOUND: Final = 34
+REASON_SEARCH_OVER: Final = 35
+REASON_NOT_FOUND: Final = 36
 REASON_TEXTS: Final = (
     "",
     "engaged",
@@ -239,6 +250,10 @@ REASON_TEXTS: Final = (
     "not recovered in time",
     "impossible state",
     "no place to settle on this line",
+    "searches for a place to soar",
+    "a place to soar is found",
+    "the search is over",
+    "no place to soar is found",
 )
 
 
@@ -299,14 +314,15 @@ def _faults(mode: int) -> tuple[Transition, ...]:
     )
 
 
-def _on_the_line(mode: int) -> tuple[Transition, ...]:
-    """What capturing and soaring have in common."""
+def _on_the_line(mode: int, nowhere: int = REASON_NOWHERE) -> tuple[Transition, ...]:
+    """What capturing, soaring and searching have in common; nowhere: the reason where it settles
+    nowhere."""
     return (
         *_faults(mode),
         Transition(mode, SETTLED, POSITION_FRESH, HOLDING, HOLD, REASON_POSITION_GAP),
         Transition(mode, 0, INSIDE_FENCE, RELEASED, HAND_OVER, REASON_FENCE),
         Transition(mode, 0, NEAR_LINE, RELEASED, HAND_OVER, REASON_OFF_LINE),
-        Transition(mode, 0, SETTLES, RELEASED, HAND_OVER, REASON_NOWHERE),
+        Transition(mode, 0, SETTLES, RELEASED, HAND_OVER, nowhere),
         Transition(mode, TROUBLED, AIR_SAFE, RECOVERING, GLIDE, REASON_STALL),
         Transition(mode, TROUBLED, HIGH_ENOUGH, RECOVERING, GLIDE, REASON_LOW),
     )
@@ -324,9 +340,11 @@ TRANSITIONS: Final[tuple[Transition, ...]] = (
         for check, reason in _CHECKS
     ),
     *_on_the_line(CAPTURING),
+    Transition(CAPTURING, SEARCH | SETTLED, 0, SEARCHING, NOTHING, REASON_SEARCH),
     Transition(CAPTURING, ON_LINE | SETTLED, LINE_MOVING, SOARING, NOTHING, REASON_ON_LINE),
     *_on_the_line(SOARING),
-    Transition(SOARING, LINE_MOVING | SETTLED, 0, CAPTURING, NOTHING, REASON_LINE_MOVED),
+    Transition(SOARING, SEARCH | SETTLED, PLACE_FOUND, SEARCHING, NOTHING, REASON_SEARCH),
+    Transition(SOARING, LINE_MOVING | SETTLED, SEARCH, CAPTURING, NOTHING, REASON_LINE_MOVED),
     *_faults(HOLDING),
     Transition(HOLDING, 0, INSIDE_FENCE, RELEASED, HAND_OVER, REASON_FENCE),
     Transition(HOLDING, 0, POSITION_KEPT, RECOVERING, GLIDE, REASON_POSITION_LOST),
@@ -347,6 +365,9 @@ TRANSITIONS: Final[tuple[Transition, ...]] = (
     Transition(RECOVERING, TIME_UP, 0, RELEASED, HAND_OVER, REASON_NOT_RECOVERED),
     Transition(RELEASED, STREAMS_SEEN, ENGAGE, STANDBY, NOTHING, REASON_WITHDRAWN),
     Transition(RELEASED, 0, ENGAGE, BOOT, NOTHING, REASON_WITHDRAWN),
+    *_on_the_line(SEARCHING, REASON_NOT_FOUND),
+    Transition(SEARCHING, 0, SEARCH, CAPTURING, NOTHING, REASON_SEARCH_OVER),
+    Transition(SEARCHING, PLACE_FOUND | ON_LINE | SETTLED, 0, SOARING, NOTHING, REASON_PLACE_FOUND),
 )
 
 
@@ -460,4 +481,4 @@ def next_mode(mode: int, conditions: int) -> Decision:
 
 def is_flying(mode: int) -> bool:
     """Whether the module is in control in this mode."""
-    return CAPTURING <= mode <= RECOVERING
+    return CAPTURING <= mode <= RECOVERING or mode == SEARCHING

@@ -49,10 +49,11 @@ STATES: Final = (
     STATE_CRITICAL,  # recovering
     STATE_CRITICAL,  # released
     STATE_EMERGENCY,  # failed
+    STATE_ACTIVE,  # searching
 )
 
 
-_ENGAGED: Final = frozenset((3, 4, 5, 6))  # capturing to recovering
+_ENGAGED: Final = frozenset((3, 4, 5, 6, 9))  # capturing to recovering, and searching
 
 
 class Presence:

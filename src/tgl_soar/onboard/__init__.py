@@ -9,7 +9,8 @@ The module
   positions, mocap     positions from elsewhere than the autopilot;  OptiTrack's sockets
   operators            what operators ask for, and who may
   engage_switch        OP_ENGAGE, OP_FORCE and the pilot's switch: what engages and disengages
-  excitation_switch    EXC_START, the multisine
+  excitation_switch    EXC_START, the multisine;  switches: both that act from tick to tick
+  search_switch        SRCH_START, the search for lift;  search_beside: its process
   station_watch        what the silence of every ground station means
   instruments          the numbers of the telemetry;  reports: what is sent unasked
   counters             what the module counts of its own work

@@ -52,7 +52,6 @@ from tgl_soar.link.telemetry import Telemetry
 from tgl_soar.onboard.clocking import NO_TICK, RESTART, Clocking
 from tgl_soar.onboard.counters import Counters
 from tgl_soar.onboard.engage_switch import EngageSwitch
-from tgl_soar.onboard.excitation_switch import ExcitationSwitch
 from tgl_soar.onboard.flightlog.recorder import NO_RECORDER, Recorder
 from tgl_soar.onboard.instruments import HELD_BACK, Panel
 from tgl_soar.onboard.links import ModuleLinks
@@ -60,9 +59,11 @@ from tgl_soar.onboard.operators import Operators
 from tgl_soar.onboard.outbound import Outbox
 from tgl_soar.onboard.positions import OutsidePositions
 from tgl_soar.onboard.reports import Reports, mode_words, start_faults
+from tgl_soar.onboard.search_switch import SearchEngine
 from tgl_soar.onboard.settings import FlightSettings
 from tgl_soar.onboard.setup import ModuleSetup, session_of
 from tgl_soar.onboard.surfaces import SurfaceControl
+from tgl_soar.onboard.switches import Switches
 from tgl_soar.onboard.warm_up import WarmUps
 from tgl_soar.types import NAN, Inputs
 
@@ -110,6 +111,7 @@ class Onboard:
         send_command: Callable[[bytes], bool] | None = None,
         clear_for_release: Callable[[], bool] | None = None,
         before_first: Callable[[], None] = lambda: None,
+        search: SearchEngine | None = None,
     ) -> None:
         """`stream`: the link may cut frames anywhere.  `console`: where words go locally.
         `store`: keeps changed parameters.  `first_words`: told once the autopilot is heard.
@@ -118,7 +120,8 @@ class Onboard:
         OSError; without it none is accepted.  `recorder`: is told all that a log holds.  `start`:
         tells this module from another one that was given the same identity by mistake.
         `send_command`, `clear_for_release`: as `Route` takes them, for the first link.
-        `before_first`: is called before the first frame that takes the surfaces is sent.
+        `before_first`: is called before the first frame that takes the surfaces is sent.  `search`:
+        looks for lift beside the ticks.
         """
         self.counters = Counters()
         self.output: autopilot.Output | None = None  # of the last tick
@@ -155,9 +158,9 @@ class Onboard:
         self.engage_switch = switch = EngageSwitch(
             setup.own, settings, session, engagement, commands, surfaces, outbox, now_s
         )
-        self._excitation_switch = ExcitationSwitch(settings, outbox)
+        self._switches = switches = Switches(setup, settings, outbox, search)
         self._operators = Operators(
-            setup, settings, commands, switch, surfaces, outbox, self.signing, keep_key
+            setup, settings, commands, switch, switches, surfaces, outbox, self.signing, keep_key
         )
         words = [*first_words, *start_faults(settings, self.signing)]
         self._reports = Reports(
@@ -305,7 +308,7 @@ class Onboard:
             self._recorder.tick(inputs, output, self._state)
         if output.mode != session.presence.mode:
             self._mode_changed(output, time_s)
-        self._excitation_switch.tick(output.excitation)
+        self._switches.tick(output)
 
     def _change_mode(self, time_s: float) -> None:
         """Engaged: the autopilot first has to come into the mode that obeys."""

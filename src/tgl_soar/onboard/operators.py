@@ -35,6 +35,7 @@ from tgl_soar.onboard.outbound import Outbox
 from tgl_soar.onboard.settings import FlightSettings
 from tgl_soar.onboard.setup import ModuleSetup
 from tgl_soar.onboard.surfaces import SurfaceControl
+from tgl_soar.onboard.switches import Switches
 
 ABSENT_S: Final = 5.0  # a station that was silent for longer may have missed a change
 REFUSALS_S: Final = 0.25  # between two words about commands that were refused
@@ -51,6 +52,7 @@ class Operators:
         settings: FlightSettings,
         commands: CommandServer,
         engage_switch: EngageSwitch,
+        switches: Switches,
         surfaces: SurfaceControl,
         outbox: Outbox,
         signing: Signing,
@@ -63,6 +65,7 @@ class Operators:
         self._parameters = settings.server
         self._commands = commands
         self._engage_switch = engage_switch
+        self._switches = switches
         self._surfaces = surfaces
         self._outbox = outbox
         self._signing = signing
@@ -154,6 +157,8 @@ class Operators:
             self._engage_switch.released()
         if server.values is not self._settings.values:
             self._settings.changed()
+        if accepted:
+            self._switches.was_set(message.param_id)
         outbox.say_all(said)
 
     def _set_refusal(self, source: Source, message: ParamSet, now_s: float) -> str:
@@ -167,7 +172,7 @@ class Operators:
         if message.param_id == "OP_RC_CHAN":
             driven = self._setup.surface_channels
             refusal = refusal or switch_refusal(message.param_value, driven)
-        return refusal
+        return refusal or self._switches.refusal(message.param_id, message.param_value)
 
     def _obey(
         self, route: Route, source: Source, message: CommandLong | CommandInt, now_s: float

@@ -55,6 +55,7 @@ from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata
 from tgl_soar.onboard.flightlog.writer import FlightRecorder
 from tgl_soar.onboard.mocap import MocapFeed, from_server
 from tgl_soar.onboard.module import Onboard
+from tgl_soar.onboard.search_beside import SearchBeside, SearchHere
 from tgl_soar.onboard.setup import ModuleSetup, setup_from
 from tgl_soar.onboard.stand_in import hand_over, open_for
 
@@ -87,6 +88,7 @@ class Opened(NamedTuple):
     store: ParameterStore | None = None
     recorder: FlightRecorder | None = None
     mocap: MocapFeed | None = None
+    search: SearchBeside | SearchHere | None = None
     first_words: Sequence[tuple[int, str]] = ()
 
 
@@ -146,6 +148,7 @@ def _run(
         end_keeping = keep_timestamp(signing, options.secret.key_file, say)
     words = [(SEVERITY_ERROR, f"restarted: the flying process {became}")] if became else []
     words += _too_slow(plan)
+    search = _search(options)
     opened = Opened(
         setup=setup,
         transports=transports,
@@ -153,6 +156,7 @@ def _run(
         store=store,
         recorder=_recorder(plan),
         mocap=mocap,
+        search=search,
         first_words=[*words, *restored_words],
     )
     try:
@@ -164,6 +168,20 @@ def _run(
             transport.close()
         if mocap is not None:
             mocap.close()
+        if search is not None:
+            search.close()
+
+
+def _search(options: RunOptions) -> SearchBeside | SearchHere | None:
+    """Who searches for lift where that is asked for."""
+    if options.lockstep:
+        return SearchHere()
+    try:
+        with _lowered_priority(options):
+            return SearchBeside()
+    except OSError as error:
+        say(f"no search for lift: {error.strerror}")
+        return None
 
 
 def _too_slow(plan: RunPlan) -> list[tuple[int, str]]:
@@ -339,6 +357,7 @@ def _module(
         send_command=first.send_command,
         clear_for_release=first.clear_for_release,
         before_first=heartbeat.take_surfaces if heartbeat is not None else lambda: None,
+        search=opened.search,
     )
     for other in others:
         onboard.add_link(other.send, stream=other.is_stream)

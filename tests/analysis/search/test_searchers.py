@@ -7,7 +7,7 @@ from math import radians
 import pytest
 
 from tgl_soar.analysis.experiments.search import MAP
-from tgl_soar.analysis.search.flying import Sighting, fly_episode
+from tgl_soar.analysis.search.flying import fly_episode
 from tgl_soar.analysis.search.places import place
 from tgl_soar.analysis.search.scoring import Score, score
 from tgl_soar.analysis.search.searchers import (
@@ -20,6 +20,7 @@ from tgl_soar.analysis.search.searchers import (
     searcher,
 )
 from tgl_soar.config.files import load_airframe, shipped
+from tgl_soar.control.search.lift_search import Sighting
 from tgl_soar.control.search.rollout import Guards, Moving
 from tgl_soar.control.target_line import LineLimits, LineState, eta_from_lean
 from tgl_soar.estimation.lift_map.basis import Box

@@ -5,19 +5,16 @@ from __future__ import annotations
 import pytest
 from test_rollout import ETA, GUARDS
 
-from tgl_soar.control.search.plan import LinePlan
-from tgl_soar.control.search.search import (
+from tgl_soar.control.search.glimpse import (
     GIVEN_UP,
     LOOKING,
     NO_PLACE,
     REASONS,
     SOARING,
     TOO_LOW,
-    SearchState,
-    plan_due,
-    search_step,
-    started,
 )
+from tgl_soar.control.search.plan import LinePlan
+from tgl_soar.control.search.search import SearchState, plan_due, search_step, started
 from tgl_soar.control.target_line import TargetLine
 
 LINE = TargetLine(0.0, 10.0, ETA)

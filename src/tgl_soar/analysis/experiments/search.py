@@ -23,12 +23,13 @@ import numpy as np
 
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
-from tgl_soar.analysis.search.flying import Episode, Searcher, Sighting, fly_episode
+from tgl_soar.analysis.search.flying import Episode, Searcher, fly_episode
 from tgl_soar.analysis.search.places import PUBLISHED, Kind, SearchPlace, place
 from tgl_soar.analysis.search.scoring import Score, score, share
 from tgl_soar.analysis.search.searchers import SEARCHERS, MapSearch, searcher
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import load_airframe, shipped
+from tgl_soar.control.search.lift_search import Sighting
 
 EPISODES: Final = 40  # of each kind
 QUICK: Final = 2
@@ -90,9 +91,7 @@ def _flown(
 
     def make(sighting: Sighting) -> Searcher:
         made.append(
-            MapSearch(sighting, polar, keep)
-            if name == MAP
-            else searcher(name, there, polar, sighting)
+            MapSearch(polar, keep) if name == MAP else searcher(name, there, polar, sighting)
         )
         return made[0]
 

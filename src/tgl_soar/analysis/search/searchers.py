@@ -15,18 +15,25 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from tgl_soar.air.field import WindField
-from tgl_soar.analysis.search.flying import LineWish, Searcher, Sighting
+from tgl_soar.analysis.search.flying import Searcher
 from tgl_soar.analysis.search.places import SearchPlace
-from tgl_soar.control.search.plan import DRAWS, SPREAD, LinePlan, likely_fields, plan_in
+from tgl_soar.control.search.glimpse import (
+    GIVEN_UP,
+    LOOKING,
+    NO_REASON,
+    SOARING,
+    TOO_LOW,
+    LineWish,
+)
+from tgl_soar.control.search.lift_search import AVERAGING_S, LiftSearch, Sighting
+from tgl_soar.control.search.plan import LinePlan, plan_in
 from tgl_soar.control.search.rollout import Fields, Grid
 from tgl_soar.control.search.search import (
     CLAIM_CLIMB_MPS,
     CLAIM_S,
     KEEP_CLIMB_MPS,
     REACTION_S,
-    REASONS,
-    SOARING,
-    TOO_LOW,
+    SearchState,
     climb_s,
     plan_due,
     search_step,
@@ -34,10 +41,7 @@ from tgl_soar.control.search.search import (
 )
 from tgl_soar.control.target_line import TargetLine, eta_from_lean
 from tgl_soar.estimation.lift_map.basis import FlowBasis
-from tgl_soar.estimation.lift_map.lift_map import LiftMap
-from tgl_soar.types import GlidePolar
-
-AVERAGING_S: Final = 0.2  # of a reading: what is left of gusts has this much behind it
+from tgl_soar.types import NAN, GlidePolar
 
 
 class Snapshot(NamedTuple):
@@ -49,18 +53,11 @@ class Snapshot(NamedTuple):
     excess_mps: np.ndarray
 
 
-class MapSearch:
-    """The search that flies: the lift map, rollouts, guards."""
+class MapSearch(LiftSearch):
+    """The search that flies, timed, and with its map kept for figures."""
 
-    def __init__(self, look: Sighting, polar: GlidePolar, keep: tuple[float, ...] = ()) -> None:
-        self.polar = polar
-        guards = look.guards
-        self.map = LiftMap(guards.ground, guards.box, polar, look.reading, pitot=look.pitot)
-        self.grid = Grid(self.map.basis, guards.ground)
-        self.normals = np.random.default_rng(0).normal(size=(DRAWS, self.map.basis.count))
-        line = look.moving.line
-        self.state = started(TargetLine(line.x_m, line.z_m, line.eta_rad))
-        self.plan: LinePlan | None = None
+    def __init__(self, polar: GlidePolar, keep: tuple[float, ...] = ()) -> None:
+        super().__init__(polar)
         self.plan_ms: list[float] = []
         self.reading_ms: list[float] = []
         self.keep = list(keep)
@@ -68,35 +65,19 @@ class MapSearch:
 
     def look(self, look: Sighting) -> LineWish:
         begun = time.process_time()
-        self.map.take(look.reading)
+        self.listen(look)
         self.reading_ms.append(1e3 * (time.process_time() - begun))
-        plan = None
-        if plan_due(self.state):
-            begun = time.process_time()
-            plan = self.plan = self._plan(look)
-            self.plan_ms.append(1e3 * (time.process_time() - begun))
-        self.state = search_step(
-            self.state,
-            look.guards,
-            plan,
-            look.climb_mps,
-            look.over_ground_m,
-            look.moving.line.moving,
-            look.dt_s,
-        )
+        wish = self.seek(look)
         if self.keep and look.time_s >= self.keep[0]:
             self.keep.pop(0)
             self.snapshots.append(self._snapshot(look.time_s))
-        return LineWish(self.state.target, self.state.status == SOARING, REASONS[self.state.reason])
+        return wish
 
-    def _plan(self, look: Sighting) -> LinePlan:
-        draws = self.map.draws(self.normals, SPREAD)
-        fields = likely_fields(self.grid, self.map.mean(), draws)
-        # White gusts: means over T have the variance 2 σ² τ / T, so D = σ² τ is half of it times T.
-        diffusion = 0.5 * self.map.gusts_mps2 * AVERAGING_S
-        return plan_in(
-            self.grid, fields, self.polar, look.guards, look.moving, self.state.target, diffusion
-        )
+    def planned(self, look: Sighting, state: SearchState) -> LinePlan:
+        begun = time.process_time()
+        plan = super().planned(look, state)
+        self.plan_ms.append(1e3 * (time.process_time() - begun))
+        return plan
 
     def _snapshot(self, time_s: float) -> Snapshot:
         x, z = np.meshgrid(self.grid.x_m, self.grid.z_m, indexing="ij")
@@ -143,7 +124,19 @@ class Oracle:
             look.moving.line.moving,
             look.dt_s,
         )
-        return LineWish(self.state.target, self.state.status == SOARING, REASONS[self.state.reason])
+        return _wish(look, self.state.target, self.state.status, self.state.reason)
+
+
+def _wish(look: Sighting, target: TargetLine, status: int, reason: int) -> LineWish:
+    """Of somebody who foresees no place."""
+    return LineWish(
+        target=target,
+        status=status,
+        reason=reason,
+        place_x_m=NAN,
+        place_z_m=NAN,
+        over_ground_m=look.over_ground_m,
+    )
 
 
 def _true_field(grid: Grid, field: WindField, time_s: float) -> tuple[np.ndarray, np.ndarray]:
@@ -182,7 +175,10 @@ class Baseline:
             self.soaring = self.still >= CLAIM_S and abs(self.climb) < CLAIM_CLIMB_MPS
         left = look.over_ground_m - look.guards.landing_m
         low = left < REACTION_S * max(-look.climb_mps, 0.0)
-        return LineWish(self.target, self.soaring, REASONS[TOO_LOW] if low else "")
+        status = SOARING if self.soaring else LOOKING
+        if low:
+            return _wish(look, self.target, GIVEN_UP, TOO_LOW)
+        return _wish(look, self.target, status, NO_REASON)
 
     def through(self, look: Sighting, aside_m: float) -> TargetLine:
         """The line at a distance downstream of the aircraft."""
@@ -310,7 +306,7 @@ SEARCHERS: Final = (
 def searcher(name: str, place: SearchPlace, polar: GlidePolar, look: Sighting) -> Searcher:
     """Somebody by name, of the first look.  Errors: KeyError."""
     made: dict[str, Callable[[], Searcher]] = {
-        "map and rollouts": lambda: MapSearch(look, polar),
+        "map and rollouts": lambda: MapSearch(polar),
         "line through the start": lambda: StartLine(look),
         "extremum seeking": lambda: ExtremumSeeking(look),
         "AOSoar's walk": lambda: Walk(look, place),

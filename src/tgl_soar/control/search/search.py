@@ -13,22 +13,17 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
+from tgl_soar.control.search.glimpse import (
+    GIVEN_UP,
+    LOOKING,
+    NO_PLACE,
+    NO_REASON,
+    SOARING,
+    TOO_LOW,
+)
 from tgl_soar.control.search.plan import LinePlan, horizon_of
 from tgl_soar.control.search.rollout import Guards
 from tgl_soar.control.target_line import TargetLine
-
-LOOKING: Final = 0
-SOARING: Final = 1
-GIVEN_UP: Final = 2
-
-NO_REASON: Final = 0
-NO_PLACE: Final = 1  # in no likely field
-TOO_LOW: Final = 2
-REASONS: Final = (
-    "",
-    "no line soars in any wind that fits the readings",
-    "height for landing is running out before a place to soar",
-)
 
 CLAIM_S: Final = 6.0
 CLAIM_CLIMB_MPS: Final = 0.05

@@ -1,0 +1,84 @@
+"""What the search is told of a flight, and what it answers: plain numbers, without numpy.
+
+The flying process makes the one and takes the other; the map and its rollouts may be in a process
+of their own, late, or dead.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+from tgl_soar.control.envelope import Fence
+from tgl_soar.control.laws import Laws
+from tgl_soar.control.target_line import LineLimits, LineTracking, TargetLine
+from tgl_soar.types import GlidePolar, Ground, VehicleState
+
+LOOK_S: Final = 0.2  # between two glimpses
+
+LOOKING: Final = 0
+SOARING: Final = 1
+GIVEN_UP: Final = 2
+
+NO_REASON: Final = 0
+NO_PLACE: Final = 1  # in no likely field
+TOO_LOW: Final = 2
+REASONS: Final = (
+    "",
+    "no line soars in any wind that fits the readings",
+    "height for landing is running out before a place to soar",
+)
+
+
+class SearchTask(NamedTuple):
+    """What stays as it is: the place, the polar, and how the line may be moved."""
+
+    fence: Fence
+    ground: Ground
+    polar: GlidePolar
+    clearance_min_m: float
+    line: LineLimits
+
+
+def task_of(laws: Laws) -> SearchTask:
+    """What of the laws a search needs."""
+    return SearchTask(
+        fence=laws.fence,
+        ground=laws.ground,
+        polar=laws.wind.aerodynamics.polar,
+        clearance_min_m=laws.envelope.clearance_min_m,
+        line=laws.line,
+    )
+
+
+class Glimpse(NamedTuple):
+    """What the module knows at one instant, and since the glimpse before it."""
+
+    before: VehicleState
+    now: VehicleState
+    line: LineTracking  # that is flown
+    wind_mps: float  # means since then, as estimated
+    updraft_mps: float
+    pitot: bool
+    seeks: bool  # a line is wanted; else it only listens
+    refused: bool  # the last line that was wished for
+
+
+class LineWish(NamedTuple):
+    """Where the line is to go, and how the search stands."""
+
+    target: TargetLine
+    status: int  # LOOKING, SOARING or GIVEN_UP
+    reason: int  # of giving up
+    place_x_m: float  # where the aircraft is to settle on it; NaN: not known
+    place_z_m: float
+    over_ground_m: float
+
+    @property
+    def soaring(self) -> bool:
+        """Whether it says so."""
+        return self.status == SOARING
+
+    @property
+    def given_up(self) -> str:
+        """The reason; "" where it goes on."""
+        return REASONS[self.reason]

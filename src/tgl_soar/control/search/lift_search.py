@@ -1,0 +1,227 @@
+"""The whole search: a glimpse of the flight goes in, a line comes out.
+
+The map listens to every glimpse; a plan is made, and the line moved, only where one is wanted.
+"""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from tgl_soar.control.search.glimpse import Glimpse, LineWish, SearchTask
+from tgl_soar.control.search.plan import DRAWS, SPREAD, LinePlan, likely_fields, plan_in
+from tgl_soar.control.search.rollout import GRAVITY_MPS2, Grid, Guards, Moving
+from tgl_soar.control.search.search import SearchState, plan_due, search_step, started
+from tgl_soar.control.target_line import LineState, TargetLine, e_rho
+from tgl_soar.estimation.lift_map.basis import Box
+from tgl_soar.estimation.lift_map.lift_map import LiftMap, Reading
+from tgl_soar.types import NAN, GlidePolar, Ground
+
+AVERAGING_S: Final = 0.2  # of a reading: what is left of gusts has this much behind it
+SPEED_MIN_MARGIN: Final = 0.3  # m/s under the polar's slowest: flown through, not held
+SPEED_MAX_MARGIN: Final = 1.0
+LANDING: Final = 1.5  # of CLEAR_MIN: half of it is left when recovering would begin
+
+
+class Sighting(NamedTuple):
+    """A glimpse as the search takes it."""
+
+    time_s: float
+    dt_s: float  # since the last one
+    reading: Reading  # averages since then
+    moving: Moving
+    climb_mps: float
+    over_ground_m: float
+    guards: Guards
+    pitot: bool
+
+
+def guards_of(task: SearchTask) -> Guards:
+    """What rollouts keep within."""
+    fence = task.fence
+    return Guards(
+        box=Box(fence.x_min_m, fence.x_max_m, fence.z_min_m, fence.z_max_m),
+        ground=task.ground,
+        clearance_m=task.clearance_min_m,
+        landing_m=LANDING * task.clearance_min_m,
+        speed_min_mps=task.polar.speed_min_mps - SPEED_MIN_MARGIN,
+        speed_max_mps=task.polar.speed_max_mps + SPEED_MAX_MARGIN,
+        line=task.line,
+    )
+
+
+def sighting_of(guards: Guards, glimpse: Glimpse) -> Sighting | None:
+    """A glimpse with what follows from it; None: the position is not known."""
+    old, new, line = glimpse.before, glimpse.now, glimpse.line
+    dt = new.time_s - old.time_s
+    if not (isfinite(new.x_m + new.z_m + old.x_m + old.z_m + line.x_m) and dt > 0.0):
+        return None
+    airspeed = glimpse.wind_mps - 0.5 * (old.velocity_x_mps + new.velocity_x_mps)
+    climb = (new.z_m - old.z_m) / dt
+    change = (new.velocity_x_mps - old.velocity_x_mps) / dt
+    reading = Reading(
+        x_m=0.5 * (old.x_m + new.x_m),
+        z_m=0.5 * (old.z_m + new.z_m),
+        wind_mps=glimpse.wind_mps,
+        updraft_mps=glimpse.updraft_mps,
+        airspeed_mps=airspeed,
+        energy_mps=climb - airspeed / GRAVITY_MPS2 * change,
+        since_s=dt,
+    )
+    across_mps = e_rho(0.0, 0.0, line.eta_rad, new.velocity_x_mps, new.climb_mps)
+    flown = LineState(
+        x_m=line.x_m,
+        z_m=line.z_m,
+        eta_rad=line.eta_rad,
+        speed_mps=across_mps - line.e_rho_rate_mps if line.moving else 0.0,
+        moving=line.moving,
+    )
+    return Sighting(
+        time_s=new.time_s,
+        dt_s=dt,
+        reading=reading,
+        moving=Moving(new.x_m, new.z_m, new.climb_mps, flown),
+        climb_mps=climb,
+        over_ground_m=new.z_m - floor_at(guards.ground, guards.box, new.x_m),
+        guards=guards,
+        pitot=glimpse.pitot,
+    )
+
+
+def floor_at(ground: Ground, box: Box, x_m: float) -> float:
+    """Height of the ground; the box's floor where it is not known."""
+    n = ground.points
+    if n == 0:
+        return box.z_min_m
+    return float(np.interp(x_m, ground.x_m[:n], ground.z_m[:n]))
+
+
+class LiftSearch:
+    """The search of one flight."""
+
+    def __init__(self, polar: GlidePolar) -> None:
+        self.polar = polar
+        self.state: SearchState | None = None  # None: no line was wanted yet
+        self.plan: LinePlan | None = None  # the last
+        self._map: LiftMap | None = None
+        self._grid: Grid | None = None
+        self._normals = np.zeros((DRAWS, 0))
+
+    @property
+    def map(self) -> LiftMap:
+        """What is known of the air.  Errors: ValueError before a reading of a wind."""
+        if self._map is None:
+            raise ValueError("no wind was read yet")
+        return self._map
+
+    @property
+    def grid(self) -> Grid:
+        """The nodes of the rollouts.  Errors: as `map`."""
+        if self._grid is None:
+            raise ValueError("no wind was read yet")
+        return self._grid
+
+    def listen(self, look: Sighting) -> None:
+        """Take a reading; the first that has a wind begins the map."""
+        reading = look.reading
+        if self._map is None:
+            if not reading.wind_mps > 0.0:
+                return
+            self._map = LiftMap(
+                look.guards.ground, look.guards.box, self.polar, reading, pitot=look.pitot
+            )
+            self._grid = Grid(self._map.basis, look.guards.ground)
+            self._normals = np.random.default_rng(0).normal(size=(DRAWS, self._map.basis.count))
+        try:
+            self._map.take(reading)
+        except np.linalg.LinAlgError:  # what no aircraft measures
+            self._map = self._grid = None
+
+    def rest(self) -> None:
+        """No line is wanted any more; the next search begins anew, with the same map."""
+        self.state = self.plan = None
+
+    def stays(self, look: Sighting) -> None:
+        """The line that it wished for was refused: it is where it is."""
+        line = look.moving.line
+        if self.state is not None:
+            here = TargetLine(line.x_m, line.z_m, line.eta_rad)
+            self.state = self.state._replace(target=here)
+
+    def seek(self, look: Sighting) -> LineWish:
+        """Where the line is to go, after `listen`."""
+        line = look.moving.line
+        if self.state is None:
+            self.state = started(TargetLine(line.x_m, line.z_m, line.eta_rad))
+        plan = None
+        if self._map is not None and plan_due(self.state):
+            plan = self.plan = self.planned(look, self.state)
+        self.state = search_step(
+            self.state,
+            look.guards,
+            plan,
+            look.climb_mps,
+            look.over_ground_m,
+            line.moving,
+            look.dt_s,
+        )
+        place = self.plan
+        return LineWish(
+            target=self.state.target,
+            status=self.state.status,
+            reason=self.state.reason,
+            place_x_m=NAN if place is None else place.place_x_m,
+            place_z_m=NAN if place is None else place.place_z_m,
+            over_ground_m=look.over_ground_m,
+        )
+
+    def planned(self, look: Sighting, state: SearchState) -> LinePlan:
+        """The best line by the map as it is."""
+        draws = self.map.draws(self._normals, SPREAD)
+        fields = likely_fields(self.grid, self.map.mean(), draws)
+        # White gusts: means over T have the variance 2 σ² τ / T, so D = σ² τ is half of it times T.
+        diffusion = 0.5 * self.map.gusts_mps2 * AVERAGING_S
+        return plan_in(
+            self.grid, fields, self.polar, look.guards, look.moving, state.target, diffusion
+        )
+
+
+class Seeker:
+    """The search for a module that sends glimpses: one for all of its flights."""
+
+    def __init__(self) -> None:
+        self._task: SearchTask | None = None
+        self._guards: Guards | None = None
+        self.search: LiftSearch | None = None
+
+    def begin(self, task: SearchTask) -> None:
+        """How the line may be moved has changed, or the place: then the map begins anew."""
+        before, self._task = self._task, task
+        self._guards = guards_of(task)
+        if (
+            before is None
+            or before.fence != task.fence
+            or before.ground != task.ground
+            or before.polar != task.polar
+        ):
+            self.search = None
+
+    def take(self, glimpse: Glimpse | None) -> LineWish | None:
+        """A glimpse, in order; None: the flight is over, and what was measured in it is past."""
+        if glimpse is None or self._guards is None or self._task is None:
+            self.search = None
+            return None
+        look = sighting_of(self._guards, glimpse)
+        if look is None:
+            return None
+        if self.search is None:
+            self.search = LiftSearch(self._task.polar)
+        self.search.listen(look)
+        if glimpse.refused:
+            self.search.stays(look)
+        if not glimpse.seeks:
+            self.search.rest()
+            return None
+        return self.search.seek(look)

@@ -1,0 +1,255 @@
+"""SRCH_START, the switch of the search for lift: what it is told, and what it may do.
+
+The map and its rollouts are beside the tick (`search_beside`).  They are told what the tick knows
+every `LOOK_S`, and what they answer is a line.  It is taken as an operator's: within fence and
+clearance, in the parameters that everybody sees, and it slides at TGL_SLEW.  Two things are not
+asked: the contour of the site, which is of another day's wind, and TGL_STEP_MAX, which guards
+against slips of the hand.  An answer that is late or never comes leaves the line where it is, and
+ends the search.
+
+Where FC_ACT is 4 the module starts a search by itself when no place to settle is foreseen.
+"""
+
+from __future__ import annotations
+
+from math import cos, degrees, isfinite, pi, sin
+from typing import Final, Protocol
+
+from tgl_soar.autopilot import Output
+from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterError, as_wire_value
+from tgl_soar.control.forecast import SEARCH_FIRST, nowhere
+from tgl_soar.control.laws import (
+    SEARCH_GIVEN_UP,
+    SEARCH_LOOKS,
+    SEARCH_OFF,
+    SEARCH_SOARS,
+    Laws,
+)
+from tgl_soar.control.line_bounds import LineBounds
+from tgl_soar.control.search.glimpse import (
+    GIVEN_UP,
+    LOOK_S,
+    REASONS,
+    SOARING,
+    Glimpse,
+    LineWish,
+    SearchTask,
+    task_of,
+)
+from tgl_soar.control.supervisor import HOLDING, RECOVERING
+from tgl_soar.control.target_line import TargetLine, e_rho
+from tgl_soar.link.messages import SEVERITY_ERROR, SEVERITY_INFO, SEVERITY_WARNING
+from tgl_soar.onboard.outbound import Outbox
+from tgl_soar.onboard.settings import FlightSettings
+from tgl_soar.onboard.setup import ModuleSetup
+from tgl_soar.types import NAN, VehicleState
+
+# A plan is due once a second and takes a few hundredths: three of them missed is no search.
+LATE_S: Final = 3.0
+SIDES: Final = ("FENCE_X_MIN", "FENCE_X_MAX", "FENCE_Z_MIN", "FENCE_Z_MAX")
+
+
+class SearchEngine(Protocol):
+    """Who has the map and the rollouts."""
+
+    def begin(self, task: SearchTask) -> None:
+        """Another place, polar or slew than before."""
+
+    def send(self, glimpse: Glimpse | None) -> None:
+        """What the module knows; None: the flight is over.  It never waits."""
+
+    def receive(self) -> LineWish | None:
+        """The newest answer, once; None: there is no new one.  It never waits."""
+
+    @property
+    def failure(self) -> str:
+        """Why there will be none any more; "" while there may be."""
+
+
+class SearchSwitch:
+    """Follows the search from tick to tick."""
+
+    def __init__(
+        self,
+        setup: ModuleSetup,
+        settings: FlightSettings,
+        outbox: Outbox,
+        engine: SearchEngine | None,
+    ) -> None:
+        """`engine`: None: there is no search in this process."""
+        self._settings = settings
+        self._outbox = outbox
+        self._engine = engine
+        self._bounds = LineBounds((), setup.ground)
+        self._laws: Laws | None = None  # that the engine knows
+        self._before: VehicleState | None = None  # at the last glimpse
+        self._wind = self._updraft = 0.0  # sums since then
+        self._count = 0
+        self._was_active = False
+        self._heard_s = NAN  # when it answered last, or was asked first; NaN: nobody seeks
+        self._target: TargetLine | None = None  # the last that was taken
+        self._is_refused = False  # that one
+        self._has_begun = False  # by itself, in this flight
+
+    @property
+    def _standing(self) -> int:
+        return int(self._settings.values["SRCH_START"])
+
+    def refusal(self) -> str:
+        """Why no search can begin; "" if it can."""
+        if self._engine is None:
+            return "there is no search in this process"
+        if self._engine.failure:
+            return self._engine.failure
+        if not isfinite(self._settings.laws.wind.aerodynamics.polar.c0):
+            return "the airframe file has no [polar] and [model] to read the air by"
+        values = self._settings.values
+        open_ = [name for name in SIDES if values[name] == PARAMETERS[INDEX[name]].default]
+        return f"the fence is open: set {', '.join(open_)}" if open_ else ""
+
+    def tick(self, output: Output) -> None:
+        """A tick has gone by, and its command is on its way."""
+        if not output.active:
+            self._landed()
+            return
+        self._was_active = True
+        engine = self._engine
+        if engine is None:
+            return
+        if self._standing == SEARCH_OFF:
+            self._heard_s, self._target = NAN, None
+            self._start_by_forecast(output)
+        self._look(engine, output)
+        if self._standing in (SEARCH_LOOKS, SEARCH_SOARS):
+            self._follow(engine, output)
+
+    def taken_back(self) -> None:
+        """An operator has set a parameter of the line: it is theirs."""
+        if self._standing in (SEARCH_LOOKS, SEARCH_SOARS) and self._was_active:
+            self._end(SEVERITY_INFO, "search ended: the line was set by hand")
+
+    def _landed(self) -> None:
+        """The module is not in control: what was searched in that flight is over."""
+        if not self._was_active:
+            return
+        self._was_active = False
+        self._before, self._laws, self._heard_s, self._target = None, None, NAN, None
+        self._has_begun = False
+        if self._engine is not None:
+            self._engine.send(None)
+        if self._standing != SEARCH_OFF:
+            self._settings.assign("SRCH_START", SEARCH_OFF)
+
+    def _start_by_forecast(self, output: Output) -> None:
+        """FC_ACT 4: a line that holds no place is left for one that does; once in a flight, so
+        that nobody's line is taken away again who took it back."""
+        if (
+            not self._has_begun
+            and self._settings.values["FC_ACT"] == SEARCH_FIRST
+            and nowhere(output.forecast)
+            and not self.refusal()
+        ):
+            self._has_begun = True
+            self._settings.assign("SRCH_START", SEARCH_LOOKS)
+            self._outbox.tell(SEVERITY_WARNING, "no place to settle is foreseen: searching")
+
+    def _look(self, engine: SearchEngine, output: Output) -> None:
+        """A glimpse for the search, where one is due."""
+        if output.mode in (HOLDING, RECOVERING):  # without a place, or thrown about
+            self._before = None
+            return
+        self._wind += output.air.wind_mps
+        self._updraft += output.air.updraft_mps
+        self._count += 1
+        before = self._before
+        if before is not None and 0.0 <= output.time_s - before.time_s < LOOK_S - 1e-6:
+            return
+        if before is not None and not self.refusal():
+            self._tell_task(engine)
+            glimpse = Glimpse(
+                before=before,
+                now=output.vehicle,
+                line=output.line,
+                wind_mps=self._wind / self._count,
+                updraft_mps=self._updraft / self._count,
+                pitot=output.air.measured,
+                seeks=self._standing in (SEARCH_LOOKS, SEARCH_SOARS),
+                refused=self._is_refused,
+            )
+            self._is_refused = False
+            engine.send(glimpse)
+        self._before = output.vehicle
+        self._wind = self._updraft = 0.0
+        self._count = 0
+
+    def _tell_task(self, engine: SearchEngine) -> None:
+        laws = self._settings.laws
+        if laws is not self._laws:
+            if self._laws is None or task_of(laws) != task_of(self._laws):
+                engine.begin(task_of(laws))
+            self._laws = laws
+
+    def _follow(self, engine: SearchEngine, output: Output) -> None:
+        """Take its answer; without one for too long the search is over."""
+        now_s = output.time_s
+        if not self._heard_s <= now_s:  # NaN: it was asked just now
+            self._heard_s = now_s
+        wish = engine.receive()
+        if wish is not None:
+            self._heard_s = now_s
+            self._obey(wish)
+        elif engine.failure:
+            self._end(SEVERITY_ERROR, f"search ended: {engine.failure}")
+        elif now_s - self._heard_s > LATE_S:
+            self._end(SEVERITY_ERROR, f"search ended: no answer for {LATE_S:g} s")
+
+    def _obey(self, wish: LineWish) -> None:
+        settings, standing = self._settings, self._standing
+        if wish.status == GIVEN_UP:
+            height = f"{wish.over_ground_m:.1f} m over the ground"
+            self._outbox.tell(SEVERITY_WARNING, f"search: {REASONS[wish.reason]}; {height}")
+            settings.assign("SRCH_START", SEARCH_GIVEN_UP)
+            return
+        if wish.target != self._target:
+            self._target = wish.target
+            self._move(wish)
+        now = SEARCH_SOARS if wish.status == SOARING else SEARCH_LOOKS
+        if now != standing:
+            settings.assign("SRCH_START", now)
+
+    def _move(self, wish: LineWish) -> None:
+        """The line as the parameters have it; its point where the aircraft is to settle."""
+        target = wish.target
+        lean_deg = as_wire_value(degrees(target.eta_rad - 0.5 * pi))
+        for x_m, z_m in (*_settled_on(target, wish.place_x_m, wish.place_z_m), target[:2]):
+            wanted = {
+                "TGL_X": as_wire_value(x_m),
+                "TGL_Z": as_wire_value(z_m),
+                "TGL_LEAN": lean_deg,
+            }
+            try:
+                changed = self._settings.values.changed(wanted, flying=True)
+            except ParameterError:
+                continue
+            if not self._bounds.fault(changed):
+                for name, value in wanted.items():
+                    if self._settings.values[name] != value:
+                        self._settings.assign(name, value)
+                if self._settings.values["TGL_PRESET"] != 0.0:
+                    self._settings.assign("TGL_PRESET", 0.0)
+                return
+        self._is_refused = True
+
+    def _end(self, severity: int, text: str) -> None:
+        """The line stays where it is."""
+        self._outbox.tell(severity, text)
+        self._settings.assign("SRCH_START", SEARCH_OFF)
+
+
+def _settled_on(target: TargetLine, x_m: float, z_m: float) -> tuple[tuple[float, float], ...]:
+    """The point of the line nearest a place; nothing where that is not known."""
+    if not isfinite(x_m + z_m):
+        return ()
+    across_m = e_rho(target.x_m, target.z_m, target.eta_rad, x_m, z_m)
+    eta = target.eta_rad
+    return ((x_m + across_m * sin(eta), z_m - across_m * cos(eta)),)

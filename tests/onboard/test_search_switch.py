@@ -1,0 +1,387 @@
+"""SRCH_START over the air: what the search is told, what its answers do, and how it ends."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from math import degrees, nan, pi, radians, tan
+
+import pytest
+from test_onboard import Flight, setup, texts
+
+from tgl_soar.config.files import load_airframe, load_site, shipped
+from tgl_soar.control.forecast import TOO_LOW as SINKS
+from tgl_soar.control.laws import laws_from
+from tgl_soar.control.search.glimpse import (
+    GIVEN_UP,
+    LOOK_S,
+    LOOKING,
+    NO_REASON,
+    SOARING,
+    TOO_LOW,
+    Glimpse,
+    LineWish,
+    SearchTask,
+    task_of,
+)
+from tgl_soar.control.supervisor import CAPTURING, SEARCHING, is_flying
+from tgl_soar.control.supervisor import SOARING as SOARS
+from tgl_soar.control.target_line import LineTracking, TargetLine, eta_from_lean
+from tgl_soar.onboard.search_beside import SearchBeside, SearchHere
+from tgl_soar.onboard.search_switch import LATE_S
+from tgl_soar.onboard.setup import ModuleSetup
+from tgl_soar.types import NO_GROUND, VehicleState
+
+FENCE = {"FENCE_X_MIN": -5.0, "FENCE_X_MAX": 5.0, "FENCE_Z_MIN": -5.0, "FENCE_Z_MAX": 5.0}
+ETA = eta_from_lean(radians(15.0))
+AERODYNAMICS = load_airframe(shipped("airframes/eclipson_c.toml")).aerodynamics()
+
+
+class ToldSearch:
+    """A search that answers what a test wants."""
+
+    def __init__(self) -> None:
+        self.tasks: list[SearchTask] = []
+        self.glimpses: list[Glimpse | None] = []
+        self.answer: LineWish | None = None
+        self.failure = ""
+
+    def begin(self, task: SearchTask) -> None:
+        self.tasks.append(task)
+
+    def send(self, glimpse: Glimpse | None) -> None:
+        self.glimpses.append(glimpse)
+
+    def receive(self) -> LineWish | None:
+        return self.answer
+
+    def wishes(self, x_m: float, lean_deg: float = 15.0, status: int = LOOKING) -> None:
+        self.answer = LineWish(
+            target=TargetLine(x_m, 0.0, eta_from_lean(radians(lean_deg))),
+            status=status,
+            reason=NO_REASON,
+            place_x_m=nan,
+            place_z_m=nan,
+            over_ground_m=4.2,
+        )
+
+
+def equipped(**changes: float) -> ModuleSetup:
+    plain = setup()
+    values = plain.parameters.changed({**FENCE, "FC_ACT": 0.0, **changes})
+    return plain._replace(parameters=values, aerodynamics=AERODYNAMICS)
+
+
+def searching(**changes: float) -> tuple[Flight, ToldSearch]:
+    """Engaged with a search that wants the line to stay."""
+    search = ToldSearch()
+    flight = Flight(flown=equipped(**changes), search=search)
+    search.wishes(0.0)
+    flight.run(1.0)
+    flight.set("SRCH_START", 1.0)
+    flight.engaged().run(0.5)
+    assert flight.mode_now == SEARCHING
+    return flight, search
+
+
+def value(flight: Flight, name: str) -> float:
+    return flight.onboard.settings.values[name]
+
+
+def words(flight: Flight) -> list[str]:
+    return [text for text in texts(flight.said()) if "search" in text]
+
+
+def test_the_module_flies_the_line_that_the_search_wants_and_soars_where_it_says_so() -> None:
+    flight, search = searching()
+    assert "searching: searches for a place to soar" in words(flight)
+    search.wishes(0.1, lean_deg=20.0)
+    flight.run(0.1)
+    shown = {m.param_id: m.param_value for m in flight.said("PARAM_VALUE")}
+    assert shown["TGL_X"] == pytest.approx(0.1)
+    assert shown["TGL_LEAN"] == pytest.approx(20.0)
+    assert value(flight, "TGL_X") == pytest.approx(0.1)
+    line = flight.onboard.output.line  # type: ignore[union-attr]
+    assert line.moving
+    assert line.x_m < 0.02  # it slides there, at TGL_SLEW
+    search.wishes(0.0, status=SOARING)
+    flight.run(9.0)
+    assert flight.mode_now == SOARS
+    assert value(flight, "SRCH_START") == 2.0
+    # The claim is withdrawn, and so is the mode.
+    search.wishes(0.0)
+    flight.run(0.3)
+    assert flight.mode_now == SEARCHING
+    assert value(flight, "SRCH_START") == 1.0
+
+
+def test_it_never_soars_while_the_search_does_not_say_so() -> None:
+    flight, _ = searching()
+    flight.run(6.0)  # on its line, at rest: soaring without a search
+    assert flight.mode_now == SEARCHING
+
+
+def test_what_the_search_is_told() -> None:
+    flight, search = searching()
+    assert search.tasks == [task_of(flight.onboard.settings.laws)]
+    before = len(search.glimpses)
+    flight.run(4.0)
+    told = [g for g in search.glimpses[before:] if g is not None]
+    assert len(told) == pytest.approx(4.0 / LOOK_S, abs=1)
+    assert all(g.seeks and not g.refused for g in told)
+    steps = [g.now.time_s - g.before.time_s for g in told]
+    assert steps == pytest.approx([LOOK_S] * len(told), abs=0.006)
+    assert [g.before for g in told[1:]] == [g.now for g in told[:-1]]
+    flight.set("TGL_SLEW", 0.2)  # an operator's: it ends the search, and the task is another one
+    flight.run(0.5)
+    assert search.tasks[-1].line.speed_mps == pytest.approx(0.2)
+    last = search.glimpses[-1]
+    assert last is not None
+    assert not last.seeks
+
+
+@pytest.mark.parametrize("name", ["TGL_X", "TGL_LEAN", "TGL_SLEW"])
+def test_an_operator_takes_the_line_back_at_any_moment(name: str) -> None:
+    flight, search = searching()
+    search.wishes(0.3)
+    flight.run(0.05)
+    wanted = {"TGL_X": -0.2, "TGL_LEAN": 12.0, "TGL_SLEW": 0.25}[name]
+    flight.set(name, wanted)
+    search.wishes(-0.4)
+    flight.run(0.1)
+    assert value(flight, "SRCH_START") == 0.0
+    assert value(flight, name) == pytest.approx(wanted)
+    assert "search ended: the line was set by hand" in words(flight)
+    flight.run(1.0)
+    assert flight.mode_now == CAPTURING
+    assert value(flight, "TGL_X") != pytest.approx(-0.4)
+
+
+def test_the_operators_0_ends_it() -> None:
+    flight, search = searching()
+    flight.set("SRCH_START", 0.0)
+    search.wishes(0.4)
+    flight.run(0.1)
+    assert flight.mode_now == CAPTURING
+    assert value(flight, "TGL_X") == pytest.approx(0.0, abs=0.01)
+
+
+def test_given_up_it_hands_over_with_the_reason_and_the_height() -> None:
+    flight, search = searching()
+    assert search.answer is not None
+    search.answer = search.answer._replace(status=GIVEN_UP, reason=TOO_LOW)
+    flight.run(0.1)
+    said = texts(flight.said())
+    whole = "".join(said)  # a long text comes in pieces
+    assert "height for landing is running out" in whole
+    assert "4.2 m over the ground" in whole
+    assert "released: no place to soar is found" in said
+    flight.run(0.5)
+    assert value(flight, "SRCH_START") == value(flight, "OP_ENGAGE") == 0.0
+    assert search.glimpses[-1] is None  # the flight is over
+    assert not is_flying(flight.mode_now)
+
+
+def test_a_line_outside_the_fence_is_not_flown_and_the_search_is_told() -> None:
+    flight, search = searching()
+    x_m = value(flight, "TGL_X")
+    search.wishes(7.0)
+    flight.run(0.1)
+    assert value(flight, "TGL_X") == x_m
+    flight.run(0.3)
+    last = [g for g in search.glimpses if g is not None]
+    assert any(g.refused for g in last)
+    search.wishes(0.0, lean_deg=50.0)  # beyond TGL_LEAN_MAX
+    flight.run(0.1)
+    assert value(flight, "TGL_LEAN") == 15.0
+    assert flight.mode_now == SEARCHING
+
+
+def test_the_point_of_the_line_is_where_the_aircraft_is_to_settle() -> None:
+    """A point beyond the fence is one of a line that is not: another of its points will do."""
+    flight, search = searching()
+    search.wishes(7.0)
+    assert search.answer is not None
+    far = search.answer.target._replace(z_m=-7.0 / tan(radians(15.0)))
+    search.answer = search.answer._replace(target=far, place_x_m=-0.5, place_z_m=2.0)
+    flight.run(0.1)
+    x_m, z_m = value(flight, "TGL_X"), value(flight, "TGL_Z")
+    assert z_m == pytest.approx(2.0, abs=0.02)
+    assert degrees(ETA - 0.5 * pi) == pytest.approx(value(flight, "TGL_LEAN"))
+    assert x_m == pytest.approx(-2.0 * 0.26795, abs=0.02)  # on the line through the origin
+
+
+def test_a_search_that_dies_or_is_late_ends_and_the_line_stays() -> None:
+    flight, search = searching()
+    search.answer, search.failure = None, "its process has died"
+    flight.run(0.1)
+    assert "search ended: its process has died" in words(flight)
+    assert flight.mode_now == CAPTURING
+    flight.set("SRCH_START", 1.0)
+    flight.run(0.1)
+    assert "its process has died" in "".join(texts(flight.said()))
+    assert value(flight, "SRCH_START") == 0.0
+
+    flight, search = searching()
+    search.answer = None
+    flight.run(LATE_S - 0.2)
+    assert flight.mode_now == SEARCHING
+    flight.run(0.4)
+    assert f"search ended: no answer for {LATE_S:g} s" in words(flight)
+    assert flight.mode_now == CAPTURING
+
+
+@pytest.mark.parametrize(
+    ("flown", "search", "why"),
+    [
+        (equipped(), None, "no search in this process"),
+        (equipped(FENCE_Z_MAX=5000.0), ToldSearch(), "FENCE_Z_MAX"),
+        (setup()._replace(parameters=equipped().parameters), ToldSearch(), "[polar]"),
+    ],
+)
+def test_what_cannot_be_searched_is_refused(
+    flown: ModuleSetup, search: ToldSearch | None, why: str
+) -> None:
+    flight = Flight(flown=flown, search=search)
+    flight.run(1.0)
+    flight.said()
+    flight.set("SRCH_START", 1.0)
+    flight.run(0.1)
+    assert value(flight, "SRCH_START") == 0.0
+    assert why in "".join(texts(flight.said()))
+
+
+@pytest.mark.parametrize("number", [2.0, 3.0])
+def test_what_only_the_module_shows_is_not_set(number: float) -> None:
+    flight, _ = searching()
+    flight.said()
+    flight.set("SRCH_START", number)
+    flight.run(0.05)
+    assert value(flight, "SRCH_START") == 1.0
+    assert "set 1 to search" in "".join(texts(flight.said()))
+
+
+def test_where_no_place_is_foreseen_it_searches_by_itself_once() -> None:
+    search = ToldSearch()
+    flight = Flight(flown=equipped(FC_ACT=4.0), search=search)
+    flight.engaged().run(0.5)
+    onboard = flight.onboard
+    output = onboard.output
+    assert output is not None
+    assert value(flight, "SRCH_START") == 0.0
+    lost = output._replace(forecast=output.forecast._replace(standing=SINKS))
+    onboard._switches.tick(lost)
+    assert value(flight, "SRCH_START") == 1.0
+    search.wishes(0.0)
+    flight.run(0.5)
+    assert flight.mode_now == SEARCHING
+    flight.set("TGL_X", 0.1)
+    flight.run(0.1)
+    onboard._switches.tick(lost)
+    assert value(flight, "SRCH_START") == 0.0  # whoever took it back keeps it
+
+
+# --- beside the tick --------------------------------------------------------------------------
+
+
+def glimpse_at(time_s: float, x_m: float, z_m: float, climb_mps: float) -> Glimpse:
+    now = VehicleState(
+        time_s=time_s,
+        x_m=x_m,
+        y_m=0.0,
+        z_m=z_m,
+        velocity_x_mps=0.0,
+        velocity_y_mps=0.0,
+        climb_mps=climb_mps,
+        roll_rad=0.0,
+        pitch_rad=0.0,
+        heading_rad=0.0,
+        roll_rate_radps=0.0,
+        pitch_rate_radps=0.0,
+        heading_rate_radps=0.0,
+    )
+    before = now._replace(time_s=time_s - LOOK_S, z_m=z_m - climb_mps * LOOK_S)
+    line = LineTracking(
+        x_m=x_m, z_m=z_m, eta_rad=ETA, moving=False, e_rho_m=0.0, e_rho_rate_mps=0.0
+    )
+    return Glimpse(
+        before=before,
+        now=now,
+        line=line,
+        wind_mps=8.6,
+        updraft_mps=1.2,
+        pitot=True,
+        seeks=True,
+        refused=False,
+    )
+
+
+def tunnel_task() -> SearchTask:
+    airframe, site = "airframes/eclipson_c.toml", "sites/tunnel.toml"
+    known, place = load_airframe(shipped(airframe)), load_site(shipped(site))
+    values = equipped().parameters.changed(
+        {"FENCE_X_MIN": -0.5, "FENCE_X_MAX": 2.25, "FENCE_Z_MIN": 0.15, "FENCE_Z_MAX": 2.85}
+    )
+    laws = laws_from(values, place.frame(), known.aerodynamics(), place.known_ground())
+    return task_of(laws)
+
+
+def wait_for(search: SearchBeside) -> LineWish | None:
+    until = time.monotonic() + 60.0  # a busy machine starts slowly
+    while time.monotonic() < until and not search.failure:
+        if (answer := search.receive()) is not None:
+            return answer
+        time.sleep(0.01)
+    return None
+
+
+def test_the_process_answers_what_the_same_search_answers_here_and_may_die() -> None:
+    here, beside = SearchHere(), SearchBeside()
+    try:
+        for search in (here, beside):
+            search.begin(tunnel_task())
+        for k in range(4):
+            glimpse = glimpse_at(10.0 + LOOK_S * k, 0.6, 1.5 - 0.02 * k, -0.1)
+            here.send(glimpse)
+            beside.send(glimpse)
+            expected = here.receive()
+            answer = wait_for(beside)
+            assert answer is not None
+            assert expected is not None
+            assert answer.target == pytest.approx(expected.target)
+            assert (answer.status, answer.reason) == (expected.status, expected.reason)
+        os.kill(beside.pid, signal.SIGKILL)
+        assert wait_for(beside) is None
+        assert beside.failure == "its process has died"
+        beside.send(glimpse_at(11.0, 0.6, 1.5, 0.0))  # and that harms nobody
+    finally:
+        beside.close()
+
+
+def test_a_process_that_hangs_keeps_nobody_waiting() -> None:
+    beside = SearchBeside()
+    try:
+        beside.begin(tunnel_task())
+        beside.send(glimpse_at(10.0, 0.6, 1.5, 0.0))
+        assert wait_for(beside) is not None
+        os.kill(beside.pid, signal.SIGSTOP)
+        begun = time.monotonic()
+        for k in range(2000):
+            beside.send(glimpse_at(10.0 + k, 0.6, 1.5, 0.0))
+            beside.receive()
+        assert beside.dropped > 0
+        assert time.monotonic() - begun < 5.0
+    finally:
+        os.kill(beside.pid, signal.SIGKILL)
+        beside.close()
+
+
+def test_ground_that_is_not_known_is_the_fence() -> None:
+    task = tunnel_task()._replace(ground=NO_GROUND)
+    here = SearchHere()
+    here.begin(task)
+    here.send(glimpse_at(10.0, 0.6, 1.5, 0.0))
+    answer = here.receive()
+    assert answer is not None
+    assert answer.over_ground_m == pytest.approx(1.35)
