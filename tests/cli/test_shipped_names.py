@@ -26,7 +26,8 @@ from tgl_soar.sim.bridge import command_line
 
 
 def test_what_is_shipped_is_known_by_name() -> None:
-    assert shipped_names("sites") == ("hill", "tunnel", "tunnel_mocap", "tunnel_polynomial")
+    names = ("hill", "tunnel", "tunnel_mocap", "tunnel_polynomial", "tunnel_search")
+    assert shipped_names("sites") == names
     assert site_file("hill") == shipped("sites/hill.toml")
     assert load_site(site_file("hill")).site.name == "half-cylinder hill of 8 m"
     assert load_airframe(airframe_file("eclipson_c")).airframe.name == "Eclipson Model C"
@@ -48,7 +49,8 @@ def test_nothing_else_is_guessed(given: str, tmp_path: Path, monkeypatch: Any) -
 
 def test_who_names_neither_is_told_the_names(tmp_path: Path) -> None:
     with pytest.raises(
-        ConfigError, match=r"hil.*known by name: hill, tunnel, tunnel_mocap, tunnel_polynomial$"
+        ConfigError,
+        match=r"hil.*by name: hill, tunnel, tunnel_mocap, tunnel_polynomial, tunnel_search$",
     ):
         load_site(site_file(tmp_path / "hil"))
     with pytest.raises(ConfigError, match=r"known by name: eclipson_c, eclipson_c_spoilers$"):

@@ -296,12 +296,14 @@ def test_a_flight_in_turbulence_and_its_report(desk: Desk) -> None:
     [
         "tgl-soar sitl --mocap natnet",
         "tgl-soar sitl --site hill --stay 40",
+        "tgl-soar sitl --search",
         "tgl-soar sitl --model point-mass --site tunnel_polynomial",
     ],
 )
 @proves(
     "tgl-soar sitl --mocap natnet",
     "tgl-soar sitl --site hill --stay 40",
+    "tgl-soar sitl --search",
     "tgl-soar sitl --model point-mass --site tunnel_polynomial",
 )
 def test_other_flights(desk: Desk, command: str) -> None:

@@ -21,9 +21,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from typer.testing import CliRunner
 
 from tgl_soar.cli.app import app
-from tgl_soar.config.files import load_airframe, load_site, shipped
+from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.sim.operator import Operator
-from tgl_soar.sim.sitl import busy_hint, fly, passed
+from tgl_soar.sim.sitl import busy_hint, fly, passed, plan
 from tgl_soar.sim.sitl_options import SitlError, SitlOptions
 from tgl_soar.sim.sitl_processes import OVERRIDE_TIME_S
 
@@ -335,3 +335,30 @@ def test_kill_9_of_the_operator_leaves_no_process_behind(tmp_path: Path) -> None
         while any(Path(f"/proc/{pid}").exists() for pid in pids):
             assert time.monotonic() < end, "bridge or module still runs"
             time.sleep(0.05)
+
+
+@pytest.mark.long
+@pytest.mark.ci
+def test_a_search_finds_a_place_from_where_no_line_holds_and_a_line_follows(tmp_path: Path) -> None:
+    """Upstream of the board: a line through the start has no crossing (docs/search.md)."""
+    changes = {"site": shipped("sites/tunnel_search.toml"), "search": True, "stay_s": 4.0}
+    flight = fly(options(tmp_path, **changes), quietly)
+    assert passed(flight)
+    (score,), (crossing,) = flight.scores, flight.crossings
+    assert crossing is not None
+    assert score.crossing_m <= 0.10
+    start = flight.truth["x_m"][0], flight.truth["z_m"][0]
+    assert start == pytest.approx((-0.35, 1.70), abs=0.02)
+    said = (tmp_path / "module.log").read_text()
+    assert "searching: searches for a place to soar" in said
+    assert "soaring: a place to soar is found" in said
+
+
+def test_who_searches_names_legs_or_none(tmp_path: Path) -> None:
+    airframe, site = load_airframe(AIRFRAME), load_site(SITE)
+    values = load_parameters(airframe, AIRFRAME, site, SITE)
+    alone = plan(site, values, options(tmp_path, search=True))
+    assert [(leg.name, leg.searches) for leg in alone] == [("search", True)]
+    more = plan(site, values, options(tmp_path, search=True, legs=("b",)))
+    assert [leg.name for leg in more] == ["search", "b"]
+    assert "TGL_X" in more[1].parameters

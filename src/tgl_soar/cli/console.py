@@ -21,6 +21,7 @@ errors = Console(stderr=True)
 AIRFRAME = shipped("airframes/eclipson_c.toml")
 SITE = shipped("sites/tunnel.toml")
 SITE_MOCAP = shipped("sites/tunnel_mocap.toml")
+SITE_SEARCH = shipped("sites/tunnel_search.toml")
 
 # Of an option that takes such a file, or the name of one that is shipped.
 AIRFRAME_FILE: Final[dict[str, Any]] = {"parser": airframe_file, "metavar": "FILE"}

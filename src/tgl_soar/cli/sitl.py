@@ -20,6 +20,7 @@ from tgl_soar.cli.console import (
     SITE,
     SITE_FILE,
     SITE_MOCAP,
+    SITE_SEARCH,
     FlightModel,
     console,
     fail,
@@ -129,6 +130,13 @@ AutopilotParameters = Annotated[
     list[str] | None,
     typer.Option(metavar="NAME=NUMBER", help="Of the autopilot; repeat for more."),
 ]
+WithSearch = Annotated[
+    bool,
+    typer.Option(
+        "--search",
+        help="Search for lift first, from where no line holds the aircraft; then --legs, if any.",
+    ),
+]
 KillModule = Annotated[
     float | None,
     typer.Option(
@@ -162,6 +170,7 @@ def sitl(
     ardupilot: ArduPlaneProgram = None,
     route: Route = None,
     autopilot_parameter: AutopilotParameters = None,
+    search: WithSearch = False,
     kill_module: KillModule = None,
     out: Out = Path("out/sitl"),
     report: WithReport = False,
@@ -183,7 +192,7 @@ def sitl(
     by_mocap = mocap == SitlMocap.NATNET or (autopilot != SitlAutopilot.BUILTIN and site is None)
     options = SitlOptions(
         airframe=airframe,
-        site=site or (SITE_MOCAP if by_mocap else SITE),
+        site=site or (SITE_MOCAP if by_mocap else SITE_SEARCH if search else SITE),
         out=out,
         legs=tuple(name.strip() for name in legs.split(",") if name.strip()),
         stay_s=stay,
@@ -198,6 +207,7 @@ def sitl(
         firmware=programs.get(autopilot),
         route=route,
         autopilot_parameters=tuple(autopilot_parameter or ()),
+        search=search,
         kill_s=kill_module,
         gcs_local=gcs_local,
     )

@@ -20,9 +20,12 @@ RETRY_S = 0.5
 GIVE_UP_S = 10.0  # without an answer to a set for so long, nobody is there
 LOOK_S = 1.0  # the position is watched for so long before engaging
 LEG_TIMEOUT_S = 40.0  # for a line to come to its target
+SEARCH_TIMEOUT_S = 120.0  # for a search to find one
 WORDS_S = 0.5  # the reason of a release may come after it
 READY_S = 60.0  # a crashed aircraft lies for 3 s and is carried back to the start
-READY = 2.0  # of soar_mode
+READY, SOARING = 2.0, 4.0  # of soar_mode
+FOUND = 2.0  # of SRCH_START
+LINE = {"TGL_X": "line_x", "TGL_Z": "line_z", "TGL_LEAN": "line_lean"}
 # Why a flight by the clock ends where a process was not let run for some tenths of a second.
 HICCUPS = ("attitude lost", "position lost", "autopilot silent")
 
@@ -38,6 +41,7 @@ class PlannedLeg:
     name: str
     parameters: dict[str, float]
     stay_s: float
+    searches: bool = False  # the module is to find the line itself
 
 
 @dataclass
@@ -49,6 +53,7 @@ class FlownLeg:
     stopped_s: float = float("nan")  # the line stood still at its target
     ended_s: float = float("nan")
     by_hand: bool = False  # another ground station has moved the line meanwhile
+    found: dict[str, float] = field(default_factory=dict)  # the line that a search has found
 
 
 @dataclass
@@ -193,16 +198,17 @@ class Operator:
                 self._engaged_s = self.seen.time_s  # it has been confirmed
             elif self._line_stands(flown.leg) or self._moved_by_hand(flown):
                 flown.stopped_s = self.seen.time_s
+                if flown.leg.searches:
+                    flown.found = {name: self._shown(shown) for name, shown in LINE.items()}
                 self._stage = "stay"
-            elif self.seen.time_s - flown.asked_s > LEG_TIMEOUT_S:
-                raise OperatorError(
-                    f"leg {flown.leg.name}: the line did not come to its target within"
-                    f" {LEG_TIMEOUT_S:g} s; the module says: {self._last_words()}"
-                )
+            else:
+                self._wait_for_line(flown)
         elif self._stage == "stay":
             flown = self.flown[-1]
             self._moved_by_hand(flown)
-            if self.seen.time_s - flown.stopped_s >= flown.leg.stay_s:
+            if flown.leg.searches and not (self._line_stands(flown.leg) or flown.by_hand):
+                self._stage = "move"  # it has found a better one, or its place is gone
+            elif self.seen.time_s - flown.stopped_s >= flown.leg.stay_s:
                 flown.ended_s = self.seen.time_s
                 if len(self.flown) == len(self._legs):
                     self.done = True
@@ -236,8 +242,23 @@ class Operator:
         self._to_set = list(leg.parameters.items())
         self._stage = "move"
 
+    def _wait_for_line(self, flown: FlownLeg) -> None:
+        """Errors: `OperatorError` after too long."""
+        searches = flown.leg.searches
+        limit_s = SEARCH_TIMEOUT_S if searches else LEG_TIMEOUT_S
+        if self.seen.time_s - flown.asked_s <= limit_s:
+            return
+        what = "no place to soar was found" if searches else "the line did not come to its target"
+        raise OperatorError(
+            f"leg {flown.leg.name}: {what} within {limit_s:g} s; the module says:"
+            f" {self._last_words()}"
+        )
+
     def _moved_by_hand(self, flown: FlownLeg) -> bool:
         """Whether the line's parameters are no longer those that this leg set."""
+        if flown.leg.searches:
+            flown.by_hand = self.seen.parameters.get("SRCH_START") == 0.0
+            return flown.by_hand
         flown.by_hand = flown.by_hand or any(
             self.seen.parameters.get(name) != as_wire_value(value)
             for name, value in flown.leg.parameters.items()
@@ -247,10 +268,12 @@ class Operator:
     def _line_stands(self, leg: PlannedLeg) -> bool:
         """Whether the line that is flown is the one that was asked for: before it is engaged the
         module shows the target itself."""
-        shown = {"TGL_X": "line_x", "TGL_Z": "line_z", "TGL_LEAN": "line_lean"}
+        if leg.searches:
+            found = self.seen.parameters.get("SRCH_START") == FOUND
+            return found and self._shown("soar_mode") == SOARING
         return all(
-            isclose(self._shown(shown[name]), value, abs_tol=1e-3)
-            and self.seen.stamps[shown[name]] > self._engaged_s
+            isclose(self._shown(LINE[name]), value, abs_tol=1e-3)
+            and self.seen.stamps[LINE[name]] > self._engaged_s
             for name, value in leg.parameters.items()
         )
 

@@ -20,7 +20,7 @@ import os
 import select
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from math import inf, isfinite, radians
 from pathlib import Path
@@ -51,6 +51,7 @@ from tgl_soar.sim.world import build_field
 Floats = NDArray[np.float64]
 START_S = 120.0  # for the first datagram: on a busy machine air and module take their time
 SILENCE_S = 20.0  # without a datagram for so long the bridge is taken for dead
+SEARCH = "search"  # the name of the leg that looks for lift
 AGAIN = 3  # engagements after the first, in real time
 
 
@@ -70,15 +71,16 @@ class SitlFlight:
 
 def plan(site: Site, values: ParameterSet, options: SitlOptions) -> list[PlannedLeg]:
     """The legs by name, from the site's lines.  Errors: `SitlError`."""
-    names = options.legs or tuple(site.lines)
-    if not names:
+    names = options.legs or (() if options.search else tuple(site.lines))
+    search = PlannedLeg(SEARCH, {"SRCH_START": 1.0}, options.stay_s, searches=True)
+    if not names and not options.search:
         raise SitlError(f"{options.site}: no [lines.NAME] tables, so there is nowhere to fly")
     unknown = [name for name in names if name not in site.lines]
     if unknown:
         raise SitlError(
             f"{options.site}: no line named {unknown[0]!r}; it has {', '.join(site.lines)}"
         )
-    return [
+    return [search] * options.search + [
         PlannedLeg(
             name,
             {"TGL_LEAN": values["TGL_LEAN"], **line_parameters(site.lines[name])},
@@ -115,7 +117,7 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> SitlFligh
     processes = SitlProcesses(options.out)
     killed_s = _fly(options, truth_file, operator, processes, progress)
     truth = _read_truth(truth_file)
-    lines = [_line(leg) for leg in legs]
+    lines = [_line(flown.found or flown.leg.parameters) for flown in operator.flown]
     field, polar = build_field(site.air, options.site.parent), airframe.polar.as_polar()
     crossings = [stable_crossing(field, polar, line) for line in lines]
     notes = [f"engaged again after a hiccup of this machine: {w}" for w in operator.hiccups]
@@ -160,9 +162,8 @@ def _fly(
         ground_station.close()
 
 
-def _line(leg: PlannedLeg) -> tuple[float, float, float]:
+def _line(parameters: Mapping[str, float]) -> tuple[float, float, float]:
     """A leg's line: a point of it [m] and its angle eta [rad]."""
-    parameters = leg.parameters
     eta_rad = eta_from_lean(radians(parameters["TGL_LEAN"]))
     return parameters["TGL_X"], parameters["TGL_Z"], eta_rad
 

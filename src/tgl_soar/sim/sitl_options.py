@@ -30,6 +30,7 @@ class SitlOptions:
     firmware: Path | None = None  # its program
     route: str | None = None  # by which the module commands it; None: the firmware's usual one
     autopilot_parameters: tuple[str, ...] = ()  # NAME=NUMBER
+    search: bool = False  # the first leg is a search for lift, and the only one if none is named
     kill_s: float | None = None  # the module is killed so long after its line first stood
     # Real time alone is open to others, on the ports that the firmwares' simulators have.
     gcs: str = "127.0.0.1:14550"
