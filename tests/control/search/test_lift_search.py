@@ -14,7 +14,16 @@ from tgl_soar.control.search.glimpse import (
     TOO_LOW,
 )
 from tgl_soar.control.search.plan import LinePlan
-from tgl_soar.control.search.search import SearchState, plan_due, search_step, started
+from tgl_soar.control.search.search import (
+    CLAIM_CHANCE,
+    CLAIM_S,
+    KEEP_CHANCE,
+    SearchState,
+    keep_worth,
+    plan_due,
+    search_step,
+    started,
+)
 from tgl_soar.control.target_line import TargetLine
 
 LINE = TargetLine(0.0, 10.0, ETA)
@@ -117,4 +126,20 @@ def test_it_gives_up_while_there_is_height_to_land() -> None:
 
 def test_low_with_a_good_line_it_goes_on_while_it_does_not_sink() -> None:
     assert after(9.0, over_ground_m=1.9).status == SOARING
-    assert after(1.0, over_ground_m=1.9, climb_mps=-1.0).status == GIVEN_UP
+    assert after(0.4, over_ground_m=1.95, climb_mps=-1.0).status == LOOKING
+    assert after(1.0, over_ground_m=1.85, climb_mps=-1.0).status == GIVEN_UP
+    # Where fewer fields soar the dive is not waited for.
+    doubtful = GOOD._replace(chance=0.7)
+    assert after(0.4, doubtful, over_ground_m=1.95, climb_mps=-1.0).status == GIVEN_UP
+
+
+def test_low_and_rising_on_a_poor_line_it_goes_on() -> None:
+    poor = GOOD._replace(chance=0.3, stay_chance=0.3, most_chance=0.3, stays=False)
+    assert after(1.0, poor, climb_mps=0.3, over_ground_m=1.9).status == LOOKING
+    assert after(1.0, poor, climb_mps=0.0, over_ground_m=1.9).status == GIVEN_UP
+
+
+def test_a_line_has_to_be_as_good_as_a_claim_once_it_had_the_time_for_one() -> None:
+    state = after(4.0)
+    assert keep_worth(state) == KEEP_CHANCE
+    assert keep_worth(after(CLAIM_S + 0.4, GOOD._replace(stay_chance=0.7))) == CLAIM_CHANCE

@@ -110,3 +110,15 @@ def test_likely_fields_are_the_mean_in_three_winds_and_the_draws() -> None:
     assert fields.wind_mps[:, 0] == pytest.approx([9.0 * f for f in FACTORS] + [8.0, 8.0])
     assert fields.sink_scale == pytest.approx([1.0, 1.0, 1.0, 1.0, 1.1])
     assert radians(15.0) + 0.5 * np.pi == pytest.approx(ETA)
+
+
+def test_a_line_that_will_do_is_not_left_for_a_better_one() -> None:
+    fields = lift_at(-1.5, 1.8)
+    free = plan_in(GRID, fields, POLAR, GUARDS, at_rest(), HERE, 1e-4)
+    assert not free.stays
+    assert free.stay_chance == 1.0
+    kept = plan_in(GRID, fields, POLAR, GUARDS, at_rest(), HERE, 1e-4, keep_worth=0.5)
+    assert kept.stays
+    assert 0.5 < kept.worth < free.worth
+    better = plan_in(GRID, fields, POLAR, GUARDS, at_rest(), HERE, 1e-4, keep_worth=1.2)
+    assert better == free

@@ -9,6 +9,7 @@ import numpy as np
 
 from tgl_soar.air.field import FloatArray
 from tgl_soar.analysis.search.flying import Episode
+from tgl_soar.control.supervisor import REASON_NOT_FOUND, REASON_TEXTS
 
 END_SHARE = 0.25  # of the flight planned, over which the last climb is averaged
 END_S = 5.0  # so long it neither climbs nor sinks where it has settled
@@ -58,6 +59,10 @@ def score(episode: Episode) -> Score:
     withdrawn = [t for t, claim in episode.claims if not claim and t > last_claim]
     claim_ends = withdrawn[0] if withdrawn else over
     false = bool(stood) and not soared and claim_ends >= over - WITHDRAWN_S
+    # In mode searching the tick's own forecast may be first: that is given up, too.
+    nowhere = REASON_TEXTS[REASON_NOT_FOUND]
+    by_forecast = nowhere in episode.ended
+    given_up = nowhere if by_forecast else episode.given_up
     box = place.box
     x_end, z_end = float(path["x_m"][-1]), float(z[-1])
     room = min(episode.height_left_m, x_end - box.x_min_m, box.x_max_m - x_end, box.z_max_m - z_end)
@@ -70,9 +75,9 @@ def score(episode: Episode) -> Score:
         settled_s=settling_s(time, z) if soared else inf,
         claimed=bool(stood),
         false_claim=false,
-        given_up=episode.given_up,
-        in_time=bool(episode.given_up) and episode.height_left_m >= episode.landing_m,
-        ended=episode.ended,
+        given_up=given_up,
+        in_time=bool(given_up) and episode.height_left_m >= episode.landing_m,
+        ended="" if by_forecast else episode.ended,
         height_left_m=episode.height_left_m,
         height_lost_m=float(z[0] - z.min()),
         room_m=room if soared else nan,

@@ -13,7 +13,13 @@ import numpy as np
 from tgl_soar.control.search.glimpse import Glimpse, LineWish, SearchTask
 from tgl_soar.control.search.plan import DRAWS, SPREAD, LinePlan, likely_fields, plan_in
 from tgl_soar.control.search.rollout import GRAVITY_MPS2, Grid, Guards, Moving
-from tgl_soar.control.search.search import SearchState, plan_due, search_step, started
+from tgl_soar.control.search.search import (
+    SearchState,
+    keep_worth,
+    plan_due,
+    search_step,
+    started,
+)
 from tgl_soar.control.target_line import LineState, TargetLine, e_rho
 from tgl_soar.estimation.lift_map.basis import Box
 from tgl_soar.estimation.lift_map.lift_map import LiftMap, Reading
@@ -184,7 +190,14 @@ class LiftSearch:
         # White gusts: means over T have the variance 2 σ² τ / T, so D = σ² τ is half of it times T.
         diffusion = 0.5 * self.map.gusts_mps2 * AVERAGING_S
         return plan_in(
-            self.grid, fields, self.polar, look.guards, look.moving, state.target, diffusion
+            self.grid,
+            fields,
+            self.polar,
+            look.guards,
+            look.moving,
+            state.target,
+            diffusion,
+            keep_worth(state),
         )
 
 

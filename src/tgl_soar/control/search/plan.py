@@ -11,7 +11,8 @@ The worth of a rollout
     still flies, and sinks                               0 … 0.5, by the time that is left
     leaves a guard                                       −1 … −0.5, by when
 
-and the best mean worth wins, less a small price on moving.  A place whose well would let gusts
+and the best mean worth wins, less a small price on moving, where the present line is not good
+enough.  A place whose well would let gusts
 carry the aircraft out within HOLDS_S is worth less by up to 1.
 """
 
@@ -128,8 +129,12 @@ def plan_in(
     now: Moving,
     target: TargetLine,
     diffusion_m2ps: float,
+    keep_worth: float = float("inf"),
 ) -> LinePlan:
-    """The best line in fields of which the first is the mean."""
+    """The best line in fields of which the first is the mean.
+
+    keep_worth: of the present line, from which on no other one is looked for.
+    """
     height = guards.box.height_m
     horizon = horizon_of(height)
     lines = candidates(now, target, height, guards.line.acceleration_mps2)
@@ -142,8 +147,8 @@ def plan_in(
     price += FAR_PRICE * np.abs(lines.x_m - now.x_m) / height
     price[0] = 0.0
     price += np.where(np.abs(lines.eta_rad - target.eta_rad) > 1e-6, LEAN_PRICE, 0.0)
-    best = int(np.argmax(worth - price))
     chances = soars.mean(axis=0)
+    best = 0 if worth[0] >= keep_worth else int(np.argmax(worth - price))
     return LinePlan(
         target=TargetLine(
             float(lines.x_m[best]), float(lines.z_m[best]), float(lines.eta_rad[best])

@@ -74,6 +74,17 @@ def plan_due(state: SearchState) -> bool:
     return state.status != GIVEN_UP and state.since_plan_s >= every - 1e-9
 
 
+def keep_worth(state: SearchState) -> float:
+    """The worth from which on the present line is kept.
+
+    A line settles the aircraft wherever it has a crossing, and every move costs height and begins
+    with little known: a line that will as likely as not do is given the time to show it.  After
+    that it has to be one that can be claimed.  A line that is sure to soar is worth 1, and more by
+    its margins.
+    """
+    return CLAIM_CHANCE if state.still_s >= CLAIM_S else KEEP_CHANCE
+
+
 def climb_s(height_m: float) -> float:
     """Over how long the climb is averaged [s] in a box of this height [m]."""
     return max(CLIMB_S, CLIMB_SHARE * horizon_of(height_m))
@@ -134,8 +145,10 @@ def _why_not(
         return NO_PLACE
     sinks = max(-climb_mps, 0.0)
     left_m = over_ground_m - guards.landing_m
-    if plan.chance < KEEP_CHANCE and left_m < REACTION_S * max(sinks, 0.5 * GLIDE_SINK_MPS):
+    rises = climb_mps > CLAIM_CLIMB_MPS
+    soon = REACTION_S * max(sinks, 0.5 * GLIDE_SINK_MPS)
+    if plan.chance < KEEP_CHANCE and not rises and left_m < soon:
         return TOO_LOW
-    if left_m < REACTION_S * sinks:
-        return TOO_LOW
-    return NO_REASON
+    # Rollouts know how a dive ends: where nearly all of them soar it is waited for that.
+    reaction_s = PLAN_EARLY_S if plan.chance >= CLAIM_CHANCE else REACTION_S
+    return TOO_LOW if left_m < reaction_s * sinks else NO_REASON
