@@ -29,7 +29,7 @@ from tgl_soar.cli.console import (
 )
 from tgl_soar.cli.report import Named, write
 from tgl_soar.config.airframe import MODEL_OPTIONS
-from tgl_soar.config.files import ConfigError, load_airframe, load_site
+from tgl_soar.config.files import ConfigError, load_airframe, load_parameters, load_site
 from tgl_soar.config.site import PolynomialAir
 from tgl_soar.onboard.flightlog.files import kept_in
 
@@ -361,6 +361,8 @@ def _write_pages(options: SitlOptions, flight: SitlFlight, *, report: bool) -> N
     log = newest_log(out / "logs")
     try:
         _draw(options, flight, out / "flight.png")
+        if options.search and log is not None:
+            _draw_map(options, log, out / "search.png")
         if report and log is not None:
             page = out / "report.html"
             write(log, page, Named(), lambda _words: None)
@@ -405,6 +407,28 @@ def _draw(options: SitlOptions, flight: SitlFlight, path: Path) -> None:
     with drawing() as plt:
         data = FlightData(path.name, "simulation", path=path_flown)
         save(plt, plane_figure(plt, data, legs, surroundings), path)
+
+
+def _draw_map(options: SitlOptions, log: Path, path: Path) -> None:
+    """How the lift map grew under the search.  Errors: ImportError, `LogError`."""
+    from tgl_soar.analysis.logs.reading import read_flight
+    from tgl_soar.analysis.search.flown import glimpses_of, map_figure
+    from tgl_soar.control.search.glimpse import task_of
+    from tgl_soar.onboard.setup import laws_of, setup_from
+    from tgl_soar.sim.world import build_field
+
+    airframe, site = load_airframe(options.airframe), load_site(options.site)
+    assert site.air is not None  # it was flown in
+    values = load_parameters(airframe, options.airframe, site, options.site)
+    flown = read_flight(log)
+    modes = [mode for mode in flown.modes if mode.name in ("capturing", "searching", "soaring")]
+    if not modes:
+        return
+    setup = setup_from(airframe, site, values)
+    glimpses = glimpses_of(flown, modes[0].time_s, flown.duration_s)
+    task = task_of(laws_of(setup, values))
+    if map_figure(path, glimpses, task, site, build_field(site.air, options.site.parent)):
+        say(f"how its map grew: {path}")
 
 
 def _progress(operator: Operator) -> Table:

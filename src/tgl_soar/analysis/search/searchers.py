@@ -68,10 +68,18 @@ class MapSearch(LiftSearch):
         self.listen(look)
         self.reading_ms.append(1e3 * (time.process_time() - begun))
         wish = self.seek(look)
+        self._keep(look)
+        return wish
+
+    def watch(self, look: Sighting) -> None:
+        """Listen alone."""
+        self.listen(look)
+        self._keep(look)
+
+    def _keep(self, look: Sighting) -> None:
         if self.keep and look.time_s >= self.keep[0]:
             self.keep.pop(0)
             self.snapshots.append(self._snapshot(look.time_s))
-        return wish
 
     def planned(self, look: Sighting, state: SearchState) -> LinePlan:
         begun = time.process_time()
