@@ -18,7 +18,9 @@ CHAPTERS = {
         "modes",
     ),
     "Look up": ("parameters", "logs"),
-    "Understand": ("theory", "experiments", "aims", "campaigns", "search", "model", "performance"),
+    "Understand": (
+        "theory", "experiments", "aims", "campaigns", "gym", "search", "model", "performance",
+    ),
     "Change": ("architecture", "decisions/index", "mutants"),
 }  # fmt: skip
 

@@ -74,6 +74,7 @@ MODULES: Final = (
     "tgl_soar.sim.known_air",
     "tgl_soar.sim.stepping",
     "tgl_soar.sim.flight",
+    "tgl_soar.sim.commanded_flight",
 )
 
 Plain = TypeVar("Plain", bound=Callable[..., Any])

@@ -1,0 +1,273 @@
+"""The closed loop as a Gymnasium environment: the one world, the one tick, and others' commands."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+
+gymnasium = pytest.importorskip("gymnasium")
+pytest.importorskip("numba")  # delay lines of prepared flights are its lists
+
+from gymnasium.utils.env_checker import check_env  # noqa: E402
+
+from tgl_soar import gym  # noqa: E402
+from tgl_soar.analysis.experiments.campaign import EVERY_SENSOR, SENSORS  # noqa: E402
+from tgl_soar.autopilot import initial_state  # noqa: E402
+from tgl_soar.autopilot import step as autopilot_step  # noqa: E402
+from tgl_soar.control.envelope import STALL_BEYOND  # noqa: E402
+from tgl_soar.sim.closed_loop import fly  # noqa: E402
+from tgl_soar.sim.commanded_flight import (  # noqa: E402
+    PITCH,
+    SURFACES,
+    OutsideCommand,
+    given_loops,
+    given_pitch,
+)
+from tgl_soar.sim.fast_flight import begun  # noqa: E402
+from tgl_soar.sim.flight import Row, inputs_at  # noqa: E402
+from tgl_soar.sim.stepping import world_step  # noqa: E402
+from tgl_soar.sim.world import make_world  # noqa: E402
+from tgl_soar.types import SurfaceCommand  # noqa: E402
+
+DT_S = 1.0 / 200.0
+
+
+def plain(action: str, **options: Any) -> gym.SoaringEnv:
+    """An environment that nothing is compiled for."""
+    return gym.SoaringEnv(action, **{"compile": False, "seconds": 1.0, **options})
+
+
+def at(seen: Any, name: str) -> float:
+    """One number of an observation."""
+    return float(seen[[each.name for each in gym.OBSERVATION].index(name)])
+
+
+@pytest.mark.parametrize("action", gym.KINDS)
+def test_it_passes_gymnasiums_own_checks(action: str) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # what it warns of is a fault, too
+        check_env(plain(action, seconds=3.0), skip_render_check=True)
+
+
+def test_it_is_made_by_its_names() -> None:
+    for name, kind in gym.IDS.items():
+        env = gymnasium.make(kind, compile=False, seconds=1.0)
+        seen, _ = env.reset(seed=1)
+        assert env.unwrapped.action == name
+        assert seen in env.observation_space
+
+
+def test_several_fly_side_by_side() -> None:
+    envs = gymnasium.make_vec(gym.IDS["pitch"], num_envs=2, compile=False, seconds=1.0)
+    seen, _ = envs.reset(seed=5)
+    again, _ = plain("pitch").reset(seed=5)
+    assert seen.shape == (2, len(gym.OBSERVATION))
+    assert np.array_equal(seen[0], again)
+    assert not np.array_equal(seen[0], seen[1])  # each has a flight of its own
+    _, reward, *_ = envs.step(np.zeros((2, 1), dtype=np.float32))
+    assert reward.shape == (2,)
+
+
+def test_a_line_that_is_never_moved_is_a_flight_by_the_module_alone() -> None:
+    """The same world, the same tick."""
+    env = plain("line", seconds=2.0, period_s=0.5)
+    env.reset(seed=1, options={"flight": 7, "goal": (0.5, 1.5)})  # which a parameter can hold
+    over = False
+    while not over:
+        *_, ended, over, _ = env.step(np.zeros(2, dtype=np.float32))
+        assert not ended
+    place = env._place
+    world = make_world(
+        place.airframe,
+        place.site,
+        seed=7,
+        turbulence=0.02,
+        field=place.field,
+        sensors=SENSORS[EVERY_SENSOR],
+    )
+    flown = fly(world, place.values.changed({"TGL_X": 0.5, "TGL_Z": 1.5}), (), 2.0)
+    names = list(Row._fields)
+    for name in ("x_m", "z_m", "e_rho_m", "elevator", "updraft_mps"):
+        # The white numbers of a prepared flight agree to the last bits of sines and logarithms.
+        assert env._rows[:400, names.index(name)] == pytest.approx(flown[name], abs=1e-9)
+
+
+def test_the_place_is_on_the_contour_and_drawn_anew() -> None:
+    env = plain("line")
+    places = set()
+    for seed in range(4):
+        seen, info = env.reset(seed=seed)
+        places.add(env.goal)
+        air = env._place.field.wind_at(info["goal_x_m"], 0.0, info["goal_z_m"], 0.0)
+        polar = env._place.airframe.polar.as_polar()
+        sink = polar.c0 + air[0] * (polar.c1 + air[0] * (polar.c2 + air[0] * polar.c3))
+        assert air[2] == pytest.approx(sink, abs=1e-4)
+        assert at(seen, "goal_x_m") == pytest.approx(info["goal_x_m"] - info["x_m"], abs=0.05)
+    assert len(places) == 4
+
+
+def test_an_episode_is_its_seed() -> None:
+    def episode(seed: int) -> tuple[Any, ...]:
+        env = plain("surfaces", seconds=0.6)
+        seen, _ = env.reset(seed=seed)
+        found = [seen]
+        for _ in range(5):
+            seen, reward, *_ = env.step(np.full(3, 0.1, dtype=np.float32))
+            found.append(np.append(seen, reward))
+        return tuple(np.concatenate(found))
+
+    assert episode(3) == episode(3)
+    assert episode(3) != episode(4)
+
+
+def test_the_reward_is_time_at_the_place() -> None:
+    env = plain("pitch")
+    _, info = env.reset(seed=1)
+    here = info["x_m"], info["z_m"]
+    env.reset(seed=1, options={"goal": here})
+    _, near, *_ = env.step(np.zeros(1))
+    env.reset(seed=1, options={"goal": (here[0] + 0.5, here[1])})
+    _, half, *_ = env.step(np.zeros(1))
+    env.reset(seed=1, options={"goal": (here[0] + 1.5, here[1])})
+    _, far, *_ = env.step(np.zeros(1))
+    period = gym.PERIODS_S["pitch"]
+    assert near == pytest.approx(period, rel=0.05)  # it moves by centimetres
+    assert half == pytest.approx(0.5 * period, rel=0.1)
+    assert far == 0.0
+
+
+def test_what_the_module_hands_over_ends_the_episode() -> None:
+    """Full throw downwards is a dive: off the line, or upset, within two seconds."""
+    env = plain("surfaces", seconds=5.0)
+    env.reset(seed=1)
+    steps = 0
+    ended = truncated = False
+    info: dict[str, Any] = {}
+    while not (ended or truncated):
+        _, _, ended, truncated, info = env.step(np.array([-1.0, 0.0, 0.0]))
+        steps += 1
+    assert ended
+    assert not truncated
+    assert info["ended"]
+    assert steps * gym.PERIODS_S["surfaces"] < 2.0
+
+
+def test_what_is_not_known_yet_is_nought_and_nothing_leaves_its_range() -> None:
+    env = plain("line")
+    env.reset(seed=1)
+    env._known[:] = np.nan
+    assert not env._observation().any()
+    env._known[:] = 1e9
+    assert env._observation() in env.observation_space
+
+
+def test_commands_go_through_the_modules_limiter() -> None:
+    """From one tick to the next no further than the surfaces may: SURF_RATE."""
+    env = plain("surfaces", period_s=DT_S)
+    seen, _ = env.reset(seed=1)
+    most = env._laws.envelope.rate_max_per_s * DT_S
+    before = at(seen, "elevator")
+    for _ in range(4):
+        seen, *_ = env.step(np.array([1.0, 0.0, 0.0]))
+        assert at(seen, "elevator") - before == pytest.approx(most, rel=1e-5)
+        before = at(seen, "elevator")
+
+
+def ticks(env: gym.SoaringEnv, count: int) -> Any:
+    """(laws, state before, inputs, state after, output) of some tick by the module alone."""
+    env.reset(seed=1)
+    parts, flight = begun(env._prepared, 3)
+    laws = env._laws._replace(target=env._given(np.zeros(env.action_space.shape)).target)
+    state, world, command, held = initial_state(), flight.world, flight.command, True
+    for n in range(count):
+        inputs, before = inputs_at(n * DT_S, world.samples, True), state
+        state, output = autopilot_step(laws, state, inputs)
+        if output.active:
+            command, held = output.command, False
+        world = world_step(parts, world, n + 1, command, held)
+    assert output.active
+    return laws, before, inputs, state, output
+
+
+def test_our_own_pitch_setpoint_given_from_outside_moves_the_surfaces_as_before() -> None:
+    laws, before, inputs, after, output = ticks(plain("pitch"), 180)
+    given = OutsideCommand(
+        PITCH, laws.target, output.setpoints.pitch_rad, SurfaceCommand(0.0, 0.0, 0.0)
+    )
+    loops, setpoints = given_loops(laws, given, before.loops, after.memory, inputs, output, DT_S)
+    assert setpoints == output.setpoints
+    assert loops == after.loops
+
+
+def test_given_surfaces_are_what_the_next_tick_takes_as_commanded() -> None:
+    laws, before, inputs, after, output = ticks(plain("surfaces"), 180)
+    wanted = output.command._replace(aileron=output.command.aileron + 0.01)
+    given = OutsideCommand(SURFACES, laws.target, 0.0, wanted)
+    loops, _ = given_loops(laws, given, before.loops, after.memory, inputs, output, DT_S)
+    assert loops.limited.command == wanted
+    assert loops.pitch == before.loops.pitch  # our loops rest
+
+
+def test_a_given_pitch_stays_within_range_and_off_the_stall() -> None:
+    laws, _, _, _, output = ticks(plain("pitch"), 180)
+    limits = laws.soaring.pid
+    well = output._replace(margins=output.margins._replace(stall_rad=1.0, clearance_m=10.0))
+    assert given_pitch(laws, well, 0.0, 1.0) == limits.output_max
+    assert given_pitch(laws, well, 0.0, -1.0) == limits.output_min
+    stalls = well._replace(margins=well.margins._replace(stall_rad=-STALL_BEYOND))
+    assert given_pitch(laws, stalls, 0.0, limits.output_max) < limits.output_max
+
+
+def test_dispersion_flies_another_aircraft_in_each_episode() -> None:
+    env = plain("line", dispersion=True, seconds=0.5)
+    slopes = set()
+    for seed in (1, 2):
+        env.reset(seed=seed)
+        model: Any = env._prepared.world.model
+        slopes.add(model.CL_alpha)
+    assert len(slopes) == 2
+    assert env._laws.wind.aerodynamics == env._place.airframe.aerodynamics()  # which knows nothing
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"action": "throttle"}, "action 'throttle': one of line, pitch, surfaces"),
+        ({"turbulence": -0.1}, "turbulence -0.1: 0 to 0.5"),
+        ({"seconds": 0.0}, "seconds 0.0: more than 0"),
+        ({"period_s": 0.001}, "period_s 0.001: at least 0.005"),
+        ({"render_mode": "human"}, "render_mode 'human': there is none"),
+    ],
+)
+def test_bad_options_are_refused(options: dict[str, Any], says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        plain(**{"action": "line", **options})
+
+
+@pytest.mark.parametrize("action", [[0.0], [np.nan, 0.0], [0.0, 0.0, 0.0]])
+def test_bad_actions_are_refused(action: list[float]) -> None:
+    env = plain("line")
+    env.reset(seed=1)
+    with pytest.raises(ValueError, match="2 finite numbers"):
+        env.step(action)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("action", gym.KINDS)
+def test_compiled_and_plain_fly_alike(action: str) -> None:
+    """Tolerance: what sines and logarithms of two compilers differ by grows in the loop."""
+    episodes = []
+    for compile in (True, False):
+        env = gym.SoaringEnv(action, compile=compile, seconds=1.5)
+        seen, _ = env.reset(seed=2)
+        found, over = [seen], False
+        while not over:
+            action_now = 0.1 * np.sin(np.arange(gym.SIZES[action]) + len(found))
+            seen, _, ended, truncated, _ = env.step(action_now)
+            found.append(seen)
+            over = ended or truncated
+        episodes.append(np.array(found))
+    assert episodes[0] == pytest.approx(episodes[1], abs=1e-5)
