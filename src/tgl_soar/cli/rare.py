@@ -146,7 +146,9 @@ def _print(
         f" by {found.trajectories} trajectories"
     )
     for end, name in zip(process.exits, ("below", "above"), strict=True):
-        rim = "a rim of the air" if end.smooth else "cut off by ground or fence"
+        rim = (
+            "a rim of the air" if end.smooth else "cut off by ground, fence or the end of the polar"
+        )
         say(
             f"Kramers, {name}: {60.0 * end.rate_per_s:.2g} a minute"
             f" ({end.s_m:+.2f} m along the line, {rim})"

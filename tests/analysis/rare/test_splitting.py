@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import exp, inf, pi, sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.special import erfc
 
-from tgl_soar.analysis.rare.kramers import cliff_rate, smooth_rate
+from tgl_soar.analysis.rare.kramers import cliff_rate, smooth_rate, well_exits
 from tgl_soar.analysis.rare.splitting import (
     Ladder,
     Passage,
@@ -20,7 +20,9 @@ from tgl_soar.analysis.rare.splitting import (
     estimated,
     pilot_levels,
 )
+from tgl_soar.sim.aircraft import Wind
 from tgl_soar.sim.campaign.executors import InLine, LocalProcesses
+from tgl_soar.types import GlidePolar, polar_sink
 
 Floats = NDArray[np.float64]
 STEPS = 400
@@ -160,3 +162,30 @@ def test_a_margin_that_does_not_go_down_is_said() -> None:
     with pytest.raises(ValueError, match="no trajectory comes below a margin of 1"):
         pilot_levels(Safe(), 10, 1, InLine())
     assert inf > pilot_levels(Forgetful(1.0), 50, 1, InLine())[0] >= 0.0
+
+
+class FadingAir:
+    """Updraft that fades upwards, in wind that is slower below: u = 8.5 + z, w = sink(8.5) − z."""
+
+    def __init__(self, polar: GlidePolar) -> None:
+        self.sink_mps = polar_sink(polar, 8.5)
+
+    def wind_at(self, x_m: float, y_m: float, z_m: float, time_s: float) -> Wind:  # noqa: ARG002
+        return 8.5 + z_m, 0.0, self.sink_mps - z_m
+
+    def inside(self, x_m: float, y_m: float, z_m: float) -> bool:  # noqa: ARG002
+        return True
+
+
+def test_a_well_ends_where_the_polar_does() -> None:
+    """0.5 m below, where the wind is 8 m/s: cut off there, and never left at an infinite rate."""
+    polar = GlidePolar(c0=1.3, c1=0.0, c2=0.0, c3=0.0, speed_min_mps=8.0, speed_max_mps=12.0)
+    upright = 0.5 * pi
+    field: Any = FadingAir(polar)
+    low, high = well_exits(field, polar, (0.0, 0.0), upright, (0.4, 0.2), lambda _x, z: z < 1.0)
+    assert low.s_m == pytest.approx(-0.5, abs=0.02)
+    assert not low.smooth
+    # E = −s: ΔV = s² / 2, λ = 1, D = σ² τ / 2.
+    assert low.barrier == pytest.approx(0.125, rel=0.05)
+    assert low.rate_per_s == pytest.approx(cliff_rate(1.0, low.barrier, 0.016), rel=0.01)
+    assert high.s_m == pytest.approx(1.0, abs=0.02)

@@ -6,7 +6,8 @@ Along a still line the aircraft slides as experiments/dispersion.py has it,
 
 an overdamped motion in a potential V(s) = −∫ E / c ds, with the diffusion D that the turbulence's
 integral times make of it.  Out of a well that ends in a smooth rim it falls at Kramers' rate, and
-where the rim is cut off (ground, fence) at the rate of first passage over a cliff:
+where the rim is cut off (ground, fence, the end of the polar) at the rate of first passage over a
+cliff:
 
     smooth   r = √(λ λ_rim) / 2π · exp(−ΔV / D)
     cliff    r = λ √(ΔV / (π D)) · exp(−ΔV / D)
@@ -20,7 +21,7 @@ it: what else an aircraft is lost by is not in these rates.
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import cos, exp, inf, pi, sin, sqrt
+from math import cos, exp, pi, sin, sqrt
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -38,7 +39,7 @@ class WellExit(NamedTuple):
     s_m: float  # along the line from the aircraft's place, up positive
     barrier: float  # ΔV [m²/s]
     rate_per_s: float
-    smooth: bool  # a rim of the air's own; else cut off by ground or fence
+    smooth: bool  # a rim of the air's own; else cut off by ground, fence or the end of the polar
 
 
 def smooth_rate(rate_per_s: float, rim_per_s: float, barrier: float, diffusion: float) -> float:
@@ -91,9 +92,13 @@ def well_exits(
             if not allowed(x, z) or not field.inside(x, 0.0, z):
                 return WellExit(s, barrier, cliff_rate(rate, barrier, diffusion), smooth=False)
             pull = excess(s) / c  # back to the place: against the side
-            if side * pull > 0.0 or not np.isfinite(pull):
+            if not np.isfinite(pull):  # wind slower or faster than the polar knows
+                return WellExit(s, barrier, cliff_rate(rate, barrier, diffusion), smooth=False)
+            if side * pull > 0.0:
                 rim = abs(excess(s + STEP_M) - excess(s - STEP_M)) / (2.0 * STEP_M * abs(c))
-                found = smooth_rate(rate, rim, barrier, diffusion) if np.isfinite(rim) else inf
+                if not np.isfinite(rim):
+                    return WellExit(s, barrier, cliff_rate(rate, barrier, diffusion), smooth=False)
+                found = smooth_rate(rate, rim, barrier, diffusion)
                 return WellExit(s, barrier, found, smooth=True)
             barrier += abs(pull) * STEP_M
 
