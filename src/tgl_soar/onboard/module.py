@@ -238,11 +238,10 @@ class Onboard:
         session, clocking = self.session, self.clocking
         before = session.attitude
         session.handle(received, clocking.now_s(now_s))
-        if session.attitude is before:
-            return
-        if not clocking.lockstep:
+        is_new = session.attitude is not before
+        if is_new and not clocking.lockstep:
             self.pacer.sample(now_s, session.vehicle_time_s, session.attitude.time_s)
-        elif isinstance(received.message, AttitudeQuaternion):
+        elif is_new and isinstance(received.message, AttitudeQuaternion):
             asked = clocking.attitude(session.vehicle_time_s, session.counters.reboots)
             if asked != NO_TICK:
                 self._tick_in_lockstep(restarts=asked == RESTART)
@@ -356,8 +355,7 @@ class Onboard:
         if inputs is None or output is None:
             return 0
         held_back = HELD_BACK if self.engage_switch.refusal(self._slow_s) else 0
-        lacks = autopilot.entry_lacks(self.settings.laws, self._state, inputs, output)
-        return lacks | held_back
+        return held_back | autopilot.entry_lacks(self.settings.laws, self._state, inputs, output)
 
     # --- lockstep -----------------------------------------------------------------------------
 
