@@ -23,11 +23,12 @@ from tgl_soar.sim.commanded_flight import (  # noqa: E402
     PITCH,
     SURFACES,
     OutsideCommand,
+    Standing,
     given_loops,
     given_pitch,
 )
 from tgl_soar.sim.fast_flight import begun  # noqa: E402
-from tgl_soar.sim.flight import Row, inputs_at  # noqa: E402
+from tgl_soar.sim.flight import CRASHED, Row, inputs_at  # noqa: E402
 from tgl_soar.sim.stepping import world_step  # noqa: E402
 from tgl_soar.sim.world import make_world  # noqa: E402
 from tgl_soar.types import SurfaceCommand  # noqa: E402
@@ -140,19 +141,20 @@ def test_the_reward_is_time_at_the_place() -> None:
 
 
 def test_what_the_module_hands_over_ends_the_episode() -> None:
-    """Full throw downwards is a dive: off the line, or upset, within two seconds."""
-    env = plain("surfaces", seconds=5.0)
+    """Full throw downwards is a dive: upset, off the line or too low within two seconds."""
+    time_s, why = dive(compile=False)
+    assert time_s < 2.0
+    assert why.startswith(("let go: ", "hit the board at x "))
+
+
+def test_what_is_hit_is_said_with_its_place() -> None:
+    env = plain("line")
     env.reset(seed=1)
-    steps = 0
-    ended = truncated = False
-    info: dict[str, Any] = {}
-    while not (ended or truncated):
-        _, _, ended, truncated, info = env.step(np.array([-1.0, 0.0, 0.0]))
-        steps += 1
-    assert ended
-    assert not truncated
-    assert info["ended"]
-    assert steps * gym.PERIODS_S["surfaces"] < 2.0
+    inside_the_board = env._rows[env._steps - 1, :4].copy()
+    inside_the_board[1:] = 1.0, 0.0, 0.2  # 23 degrees of slope: the board is 0.42 m high there
+    env._rows[env._steps - 2 : env._steps, :4] = inside_the_board
+    standing = Standing(env._steps, CRASHED, 0, False)
+    assert env._info(standing)["ended"] == "hit the board at x 1.00, y 0.00, z 0.20 m"
 
 
 def test_what_is_not_known_yet_is_nought_and_nothing_leaves_its_range() -> None:
@@ -253,6 +255,21 @@ def test_bad_actions_are_refused(action: list[float]) -> None:
     env.reset(seed=1)
     with pytest.raises(ValueError, match="2 finite numbers"):
         env.step(action)
+
+
+def dive(compile: bool) -> tuple[float, str]:
+    """When and why a flight ends whose elevator is all down."""
+    env = plain("surfaces", seconds=5.0, compile=compile)
+    env.reset(seed=1)
+    ended, info = False, dict[str, Any]()
+    while not ended:
+        *_, ended, _, info = env.step(np.array([-1.0, 0.0, 0.0]))
+    return info["time_s"], info["ended"]
+
+
+@pytest.mark.long
+def test_compiled_and_plain_end_alike() -> None:
+    assert dive(compile=True) == dive(compile=False)
 
 
 @pytest.mark.long

@@ -58,7 +58,7 @@ from tgl_soar.sim.commanded_flight import (
     fly_given_in_cells,
 )
 from tgl_soar.sim.compiled import cell, compiled
-from tgl_soar.sim.fast_flight import Prepared, begun, prepare, why_ended
+from tgl_soar.sim.fast_flight import Prepared, begun, prepare, why_it_stands_so
 from tgl_soar.sim.flight import FLIES, Row
 from tgl_soar.sim.world import build_field, make_world
 from tgl_soar.types import SurfaceCommand
@@ -327,7 +327,12 @@ class SoaringEnv(gymnasium.Env):  # type: ignore[misc]
         x_m, y_m, z_m = (float(number) for number in self._rows[self._steps - 1, _PLACE])
         ended = ""
         if standing.standing != FLIES:
-            ended = why_ended(self._prepared.world, self._flight_cell.value)
+            # A row is of the tick's beginning: what was hit lies a step further.
+            hit = 2.0 * self._rows[self._steps - 1, _PLACE] - self._rows[self._steps - 2, _PLACE]
+            x, y, z = (float(number) for number in hit)
+            world = self._prepared.world
+            there = world.state._replace(x_m=x, y_m=y, z_m=z)
+            ended = why_it_stands_so(world, standing.standing, standing.reason, there)
         return {
             "time_s": self._steps / self._hz,
             "x_m": x_m,

@@ -18,6 +18,7 @@ from tgl_soar.autopilot import Output, initial_state, reason_text
 from tgl_soar.autopilot import step as autopilot_step
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.laws import Laws, laws_from
+from tgl_soar.sim.aircraft import AircraftState
 from tgl_soar.sim.closed_loop import Change, ClosedLoop, Trajectory
 from tgl_soar.sim.compiled import cell, compiled
 from tgl_soar.sim.flight import (
@@ -135,10 +136,15 @@ def continued(
 
 def why_ended(world: World, flight: Flight) -> str:
     """Why a flight ended early; "" where it has not."""
-    if flight.standing == CRASHED:
-        return world.why_lost(flight.world.aircraft)
-    if flight.standing == HANDED_OVER:
-        return f"let go: {reason_text(flight.reason)}"
+    return why_it_stands_so(world, flight.standing, flight.reason, flight.world.aircraft)
+
+
+def why_it_stands_so(world: World, standing: int, reason: int, aircraft: AircraftState) -> str:
+    """The same of one that is known by its standing, the last tick's reason and its place."""
+    if standing == CRASHED:
+        return world.why_lost(aircraft)
+    if standing == HANDED_OVER:
+        return f"let go: {reason_text(reason)}"
     return ""
 
 
