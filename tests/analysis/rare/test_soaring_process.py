@@ -11,7 +11,14 @@ import pytest
 pytest.importorskip("numba")
 
 from tgl_soar.analysis.experiments.campaign import EVERY_SENSOR, SENSORS, place
-from tgl_soar.analysis.rare.soaring import EDGE, SHOWN, PartedFlight, SoaringCase, SoaringProcess
+from tgl_soar.analysis.rare.soaring import (
+    AHEAD_S,
+    EDGE,
+    SHOWN,
+    PartedFlight,
+    SoaringCase,
+    SoaringProcess,
+)
 from tgl_soar.analysis.rare.splitting import Passage
 from tgl_soar.sim import fast_flight
 from tgl_soar.sim.flight import CRASHED, Row
@@ -83,26 +90,46 @@ def test_with_other_noise_it_goes_another_way_from_the_same_place() -> None:
     assert list(changed.sensors.attitude.white[0]) != list(own.sensors.attitude.white[0])
 
 
+def margin(velocity: tuple[float, float, float] = (0.0, 0.0, 0.0), **where: float) -> float:
+    """Where it hovers, but for what is given, and moving so [m/s]."""
+    ours = process()
+    there = {"x_m": ours.place[0], "y_m": 0.0, "z_m": ours.place[1], **where, "time_s": 7.0}
+    before = {**there, "time_s": 6.9}
+    for name, speed in zip(("x_m", "y_m", "z_m"), velocity, strict=True):
+        before[name] = there[name] - 0.1 * speed
+    rows = [np.array([row.get(name, 0.0) for name in Row._fields]) for row in (before, there)]
+    return ours.margin(*rows)
+
+
 def test_the_margin_is_the_least_share_of_what_it_usually_is() -> None:
     ours = process()
-    x_m, z_m = ours.place
-    alpha_rad = ours._stall_rad - ours._usual[2]  # where it hovers
-
-    def margin(**where: float) -> float:
-        there = {"x_m": x_m, "y_m": 0.0, "z_m": z_m, "alpha_rad": alpha_rad, **where}
-        return ours.margin(np.array([there.get(name, 0.0) for name in Row._fields]))
-
-    assert margin() == pytest.approx(1.0)
+    _, z_m = ours.place
     fence = ours.laws.fence
-    assert 0.0 < margin(z_m=0.5 * (z_m + fence.z_max_m)) < 1.0
-    past, further = margin(y_m=5.0), margin(y_m=5.1)
+    assert margin() == pytest.approx(1.0)
+    assert margin(z_m=0.5 * (z_m + fence.z_max_m)) == pytest.approx(0.5)
+    assert margin(y_m=0.8 * fence.y_max_m) == pytest.approx(0.2)
+    past, further = margin(y_m=1.1 * fence.y_max_m), margin(y_m=1.2 * fence.y_max_m)
     assert EDGE * exp(-1.0) > past > further > 0.0  # past the fence, and still flying
-    assert margin(alpha_rad=ours._stall_rad - 0.1) == pytest.approx(0.1 / ours._usual[2])
+
+
+def test_the_margin_looks_ahead() -> None:
+    """An aircraft that sinks is as near to its loss as one that will be there and stands still."""
+    _, z_m = process().place
+    ahead = margin(z_m=z_m - 0.4)
+    assert margin((0.0, 0.0, -0.4 / AHEAD_S)) == pytest.approx(ahead)
+    assert ahead < 1.0
+    assert margin((0.0, 0.0, 0.2 / AHEAD_S), z_m=z_m - 0.2) == pytest.approx(1.0)
+
+
+def test_gusts_of_incidence_are_no_way_to_a_loss() -> None:
+    """At 5 % of turbulence they pass the stall's angle every few seconds: nothing comes of it."""
+    assert margin(alpha_rad=0.5) == margin()
 
 
 def test_a_flight_that_ends_has_no_margin_left() -> None:
     ours, state = process(), halfway().state
     rows = np.zeros((ours.prepared.ticks, len(Row._fields)))
+    rows[:, 0] = np.arange(len(rows)) / ours.prepared.world.step_hz
     crashed = state.flight._replace(standing=CRASHED)
     assert ours._first_below(-1.0, 0, crashed, rows) == (crashed.steps, 0.0, 0.0)
 

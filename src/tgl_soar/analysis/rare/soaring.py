@@ -4,13 +4,16 @@ trouble.
 A state is a flight between two ticks with what lies in the delay lines of its sensors: it may be
 gone on with any number of times, with turbulence and noise of other seeds and its own biases.
 
-Margin: the least of three distances, each as a share of what it is where the aircraft hovers; a
-flight that has ended, by a crash or handed over, has none.
+Margin: the least of six distances as they will be AHEAD_S from now if the aircraft goes on as it
+moves, each as a share of what it is where the aircraft hovers; a flight that has ended, by a crash
+or handed over, has none.
 
     ground   along the normal of the profile, from the clearance at which the module hands over
-    fence    to the nearest side
-    stall    from the angle of attack to that at which all flow is separated: gusts pass the angle
-             at which it begins now and then, and nothing comes of it
+    fence    to each of its five sides
+
+The angle of attack is no part of it.  Gusts pass the stall's angle every few seconds and nothing
+comes of it: as a level it leads nowhere, and where a stall does lose the aircraft it is by the way
+down to the ground or out of the fence.
 """
 
 from __future__ import annotations
@@ -32,7 +35,7 @@ from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Site, Start
 from tgl_soar.control.envelope import clearance
 from tgl_soar.control.laws import Laws, laws_from
-from tgl_soar.sim.aircraft import AircraftModel, glide_at
+from tgl_soar.sim.aircraft import AircraftModel
 from tgl_soar.sim.fast_flight import (
     Prepared,
     begun,
@@ -55,10 +58,10 @@ SHOWN: Final = (
 )  # fmt: skip
 _COLUMN: Final = {name: n for n, name in enumerate(Row._fields)}
 _KEPT: Final = [_COLUMN[name] for name in SHOWN]
-_LOOKED_AT: Final = ("x_m", "y_m", "z_m", "alpha_rad")
+_PLACE: Final = [_COLUMN[name] for name in ("x_m", "y_m", "z_m")]
+FAR_M: Final = 1e3  # where no ground is known
 EDGE: Final = 0.1  # of a share: from here on the margin falls as an exponential
-SEPARATED: Final = 5.0  # widths of the stall beyond its angle: of the logistic 99 % are over
-STALL: Final = 2  # its place among the distances
+AHEAD_S: Final = 0.5  # the time constant of a slide along the line is that or more: 1 / λ
 
 
 class SoaringCase(NamedTuple):
@@ -111,10 +114,8 @@ class SoaringProcess:
         model = world.model
         if not isinstance(model, AircraftModel):
             raise ValueError("the point mass knows no stall: fly the rigid body")
-        self._stall_rad = model.stall_alpha_rad + SEPARATED * model.stall_width_rad
         self.prepared: Prepared = prepare(world, case.duration_s)
-        alpha_rad = glide_at(model, at.wind_mps).alpha_rad
-        self._usual = self._distances(at.x_m, 0.0, at.z_m, alpha_rad)
+        self._usual = self._distances(at.x_m, 0.0, at.z_m)
         if min(self._usual) <= 0.0:
             raise ValueError(f"where it hovers it has no margin: {self._usual}")
         self._look = round(LOOK_S * world.step_hz)
@@ -132,7 +133,7 @@ class SoaringProcess:
             self.place,
             self.laws.target.eta_rad,
             (self.case.turbulence * reference, length_m / reference),
-            lambda x, z: min(self._distances(x, 0.0, z, 0.0)[:STALL]) > 0.0,
+            lambda x, z: min(self._distances(x, 0.0, z)) > 0.0,
         )
 
     def begun(self, seed: int) -> PartedFlight:
@@ -174,7 +175,7 @@ class SoaringProcess:
         """(step, margin, lowest so far) of the first look at or below a level, or of the last."""
         lowest = margin = inf
         for step in range(begin + self._look, flight.steps + 1, self._look):
-            margin = self.margin(rows[step - 1])
+            margin = self.margin(rows[step - self._look], rows[step - 1])
             lowest = min(lowest, margin)
             if margin <= level:
                 return step, margin, lowest
@@ -182,25 +183,26 @@ class SoaringProcess:
             return flight.steps, LOST, LOST
         return flight.steps, margin, lowest
 
-    def margin(self, row: FloatArray) -> float:
-        """Of a flight that still flies, after a tick."""
-        x_m, y_m, z_m, alpha_rad = (float(row[_COLUMN[name]]) for name in _LOOKED_AT)
-        now = self._distances(x_m, y_m, z_m, alpha_rad)
-        least = min(distance / usual for distance, usual in zip(now, self._usual, strict=True))
+    def margin(self, before: FloatArray, row: FloatArray) -> float:
+        """Of a flight that still flies, after a tick; before: the row of an earlier one."""
+        past_s = row[_COLUMN["time_s"]] - before[_COLUMN["time_s"]]
+        ahead = row[_PLACE] + (row[_PLACE] - before[_PLACE]) * (AHEAD_S / past_s)
+        then = self._distances(*(float(number) for number in ahead))
+        least = min(distance / usual for distance, usual in zip(then, self._usual, strict=True))
         # Nothing is lost that still flies: beyond a limit it goes on down, and never to 0.
         return least if least > EDGE else EDGE * exp((least - EDGE) / EDGE)
 
-    def _distances(self, x_m: float, y_m: float, z_m: float, alpha_rad: float) -> Sequence[float]:
+    def _distances(self, x_m: float, y_m: float, z_m: float) -> Sequence[float]:
         fence, least = self.laws.fence, self.case.values["CLEAR_MIN"]
-        sides = (
+        ground = clearance(self.laws.ground, x_m, z_m) - least
+        return (
+            min(ground, FAR_M),
             x_m - fence.x_min_m,
             fence.x_max_m - x_m,
             fence.y_max_m - abs(y_m),
             z_m - fence.z_min_m,
             fence.z_max_m - z_m,
         )
-        ground = clearance(self.laws.ground, x_m, z_m) - least
-        return min(ground, 1e3), min(sides), self._stall_rad - alpha_rad
 
 
 def _started(site: Site, x_m: float, z_m: float) -> Site:
