@@ -1,0 +1,65 @@
+"""What the measurement of campaigns makes of its numbers, and that its machines are apart."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import measure_campaign
+import pytest
+from measure_campaign import Look, Timed, draw, medians, report
+
+
+def rounds() -> list[Timed]:
+    """Two of them: the second a little slower."""
+    rates = {
+        "in line": (1, 50.0),
+        "local, 1 worker": (1, 48.0),
+        "local, 2 workers": (2, 90.0),
+        "dask, 1 worker": (1, 47.0),
+        "dask, 2 workers": (2, 88.2),
+        "dask, 2 machines": (2, 85.5),
+    }
+    return [
+        Timed(name=name, workers=n, flights=1000 * n, seconds=1000 * n / rate / slow, load=load)
+        for slow, load in ((1.0, 0.2), (0.9, 1.1), (1.1, 0.5))
+        for name, (n, rate) in rates.items()
+    ]
+
+
+LOOKS = [
+    Look(flown=1, seconds=0.1, resident_mib=200.0),
+    Look(flown=1001, seconds=11.0, resident_mib=210.0),
+    Look(flown=5001, seconds=50.01, resident_mib=211.0),
+]
+
+
+def test_the_report_says_what_was_measured() -> None:
+    assert medians(rounds())["dask, 2 workers"] == pytest.approx(88.2)
+    page = report(rounds(), LOOKS, 1000)
+    # Beside as many local processes: 88.2 of 90, 85.5 of 90, 47 of 48.
+    assert "| dask, 2 workers | 88.2 | 2,646 | -2.0 % | 0.2 … 1.1 |" in page
+    assert "| dask, 2 machines | 85.5 | 2,565 | -5.0 % |" in page
+    assert "| dask, 1 worker | 47.0 | 1,410 | -2.1 % |" in page
+    assert "| in line | 50.0 | 1,500 |  |" in page
+    assert "1.88 times as fast" in page  # 90 / 48
+    assert "10⁶ flights would take 0.39 h on 16 cores" in page  # 10⁶ / (16 · 45 · 3600)
+    assert "5,001 flights were flown in 50 s: 100.0 a second" in page
+    assert "210.0 MiB after 1,001 of them and 211.0 MiB after the last" in page
+
+
+def test_without_the_long_campaign_nothing_is_said_of_it() -> None:
+    assert "MiB" not in report(rounds(), [], 1000)
+
+
+def test_the_figure_is_drawn(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    draw(tmp_path / "speed.png", rounds(), LOOKS)
+    assert (tmp_path / "speed.png").stat().st_size > 1000
+
+
+@pytest.mark.long
+def test_two_machines_are_two_groups_of_processes(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    with measure_campaign.cluster((1, 1), tmp_path) as machines:
+        assert machines.workers == 2
+        assert {path.name for path in tmp_path.iterdir()} >= {"machine0", "machine1"}
