@@ -135,7 +135,17 @@ def test_an_airframe_with_less_damping_of_its_own_is_flown_with_less_stiffness()
     loop = pitch_gains(PID, soft, SPEED)
     assert loop.kd == pytest.approx(PID.kd)
     assert loop.kp == pytest.approx(PID.kp * (6.6 / 11.5) ** 1.5)
-    assert soaring(15.0, schedule=soft).kp < 0.8 * soaring(15.0).kp
+    assert soaring(15.0, schedule=soft).kp < 0.9 * soaring(15.0).kp
+
+
+def test_the_line_sees_less_of_a_slow_pitch_loop_than_that_loop() -> None:
+    """The airframe of half the period, and an elevator that is twice as late."""
+    soft, late = on(short_period_radps=6.6), on(late_s=2.0 * 0.026 + 0.0025)
+    for schedule in (soft, late):
+        slower = schedule.stiffness
+        assert slower < schedule.bandwidth_imu < schedule.bandwidth < 1.0
+    assert soft.bandwidth_imu == pytest.approx((6.6 / 11.5) ** 0.25)
+    assert late.bandwidth_imu == pytest.approx(0.5**0.85)
 
 
 def test_the_airframe_may_be_known_at_another_speed() -> None:
@@ -206,8 +216,11 @@ def test_old_attitudes_slow_the_loop_as_a_late_elevator_does() -> None:
     age = AGE_FOUND_S + 2.0 * (FOUND_ON.late_s + HOLD_S)
     old = schedule_at_age(AS_FOUND, age)
     late = on(late_s=3.0 * FOUND_ON.late_s + 2.0 * HOLD_S)
-    assert old[4:] == pytest.approx(late[4:])
+    assert old[4:8] == pytest.approx(late[4:8])
     assert old.stiffness == pytest.approx(AS_FOUND.stiffness / 3.0)
+    assert old.bandwidth_imu == pytest.approx(AS_FOUND.bandwidth_imu / 3.0)
+    assert old.bandwidth_imu < late.bandwidth_imu
+    assert old.bandwidth < late.bandwidth
     assert schedule_at_age(AS_FOUND, AGE_FOUND_S) is AS_FOUND
 
 

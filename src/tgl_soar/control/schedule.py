@@ -26,8 +26,15 @@ first, and the gains fall with it.  To the highest order of each frequency the l
     h   = kd b                    its gain beyond the crossover, down to which it falls
     2 ζ = w_c / sqrt((1 + h) kp g cos l)                its damping
 
-What the pitch loop and old fixes leave of bandwidth is f = (t + A) / (t / (f_e d) + A), t its lag
-and A the age of fixes (0 with accelerometers).  With u = b / b_0 held within 0 and 1,
+What the pitch loop and old fixes leave of bandwidth is f = (t + A) / (t / p + A), t its lag and A
+the age of fixes (0 with accelerometers), and
+
+    p = f_e^0.85 d^0.25
+
+of its own.  A pitch loop that is slower by f_e d is so where it crosses over; the line's loop, some
+three times slower, sees less of that: a stiffness lowered for want of damping leaves the crossover
+M kd of the rate where it was, and costs the line next to nothing.  The powers are round numbers at
+which the least margin of drawn aircraft stays above 0.5.  With u = b / b_0 held within 0 and 1,
 
     w_c = w_c0 f (1 + u (sqrt(V / V_0) - 1))
     kd  = f^0.75 (0.7 + 0.3 u) min(h_0 / b, kd_0 cos l_0 / cos l)    the second also where b <= 0,
@@ -35,7 +42,7 @@ and A the age of fixes (0 with accelerometers).  With u = b / b_0 held within 0 
     kp  = min((w_c - kd g cos l) / b, w² / (4 ζ² (1 + h) g cos l)),  w = kd g cos l + u (w_c - …)
 
 Attitudes that are old by a on average, from AGE_FOUND_S on, delay the loop as the elevator does:
-T + a - AGE_FOUND_S in the place of T.
+T + a - AGE_FOUND_S in the place of T, and p by all of it: the velocity is turned by them, too.
 
 ζ² going from ζ_0² at u = 1 to 1 at u = 0, where nothing but kd damps.  ki keeps its ratio to kp,
 less by f.  All is continuous in lean and speed; integrals are in the unit of the output whatever
@@ -62,6 +69,9 @@ FASTEST: Final = 2.5
 DAMPING_MIN: Final = 0.2  # of d; 0.5 is the least that was tested
 DAMPING_MAX: Final = 1.2
 STIFFNESS_POWER: Final = 1.5
+# Of the line's loop: how much of a later elevator, and of less damping, it sees.
+LATE_POWER: Final = 0.85
+DAMPED_POWER: Final = 0.25
 LEAD_POWER: Final = 0.75
 LEAST_LEAD: Final = 0.7
 WRONG_WAY: Final = 3.0
@@ -145,6 +155,7 @@ def schedule_of(
         if airframe.damping * airframe.short_period_radps > 0.0:
             damped = airframe.damping * airframe.short_period_radps / before
             damped = max(DAMPING_MIN, min(DAMPING_MAX, damped))
+    swift = late**LATE_POWER * damped**DAMPED_POWER
     glides = airframe.glide_ratio >= 1.0 and airframe.best_glide_mps >= SPEED_MIN_MPS
     return GainSchedule(
         speed_mps=speed_mps,
@@ -155,8 +166,8 @@ def schedule_of(
         best_glide_mps=airframe.best_glide_mps if glides else 1.0,
         stiffness=effect * late * damped**STIFFNESS_POWER,
         damping=effect * late,
-        bandwidth=(PITCH_LAG_S + FIX_AGE_S) / (PITCH_LAG_S / (late * damped) + FIX_AGE_S),
-        bandwidth_imu=late * damped,
+        bandwidth=(PITCH_LAG_S + FIX_AGE_S) / (PITCH_LAG_S / swift + FIX_AGE_S),
+        bandwidth_imu=swift,
     )
 
 
