@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from functools import lru_cache
-from math import cos, degrees, radians, sin, sqrt
+from math import cos, degrees, nan, radians, sin, sqrt
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -60,6 +60,7 @@ class DrawnFlight(NamedTuple):
     rms_e_rho_m: float  # from SETTLE_S on; of all, where it did not last so long
     duration_s: float
     ended: str  # why; ""
+    rms_y_m: float = nan  # from the middle, likewise
 
 
 class FlyingPlace(NamedTuple):
@@ -130,22 +131,32 @@ def fly_attempt(field: FlyingPlace, attempt: Attempt) -> DrawnFlight:
         sensors=drawn.sensors,
     )
     world.parts = world.parts._replace(model=drawn.true)
-    ticks = round((drawn.latency_s + field.unknown_late_s) / TICK_S)
+    late_s = drawn.latency_s + field.unknown_late_s
     values = values_of(on_line, drawn, attempt.kind)
-    line = line_of(on_line)
+    return fly_late(world, seed, values, late_s, field.duration_s)
+
+
+def fly_late(
+    world: World, seed: int, values: ParameterSet, late_s: float, duration_s: float
+) -> DrawnFlight:
+    """One flight in a world that was made with this seed, every command `late_s` [s] late."""
+    ticks = round(late_s / TICK_S)
+    line = line_of(values)
     if available():
-        late: World = LateCompiledWorld(prepare(world, field.duration_s), seed, ticks)
-        return _flown(CompiledLoop(late, values), line, field.duration_s)
-    return _flown(ClosedLoop(LateWorld(world, ticks), values), line, field.duration_s)
+        late: World = LateCompiledWorld(prepare(world, duration_s), seed, ticks)
+        return _flown(CompiledLoop(late, values), line, duration_s)
+    return _flown(ClosedLoop(LateWorld(world, ticks), values), line, duration_s)
 
 
 def _flown(loop: ClosedLoop, line: tuple[float, float, float], duration_s: float) -> DrawnFlight:
     world = loop.world
     distances: list[float] = []
+    sideways: list[float] = []
     ended = ""
     for _ in range(round(duration_s * world.step_hz)):
         output = loop.tick()
         distances.append(e_rho(line[0], line[1], line[2], world.state.x_m, world.state.z_m))
+        sideways.append(world.state.y_m)
         if world.crashed:
             ended = world.why_lost(world.state)
             break
@@ -153,13 +164,17 @@ def _flown(loop: ClosedLoop, line: tuple[float, float, float], duration_s: float
             ended = reason_text(output.reason)
             break
     settle = round(SETTLE_S * world.step_hz)
-    scored = np.array(distances[settle:] or distances)
     return DrawnFlight(
         up=not ended,
-        rms_e_rho_m=float(np.sqrt(np.mean(scored**2))),
+        rms_e_rho_m=_rms(distances[settle:] or distances),
         duration_s=len(distances) / world.step_hz,
         ended=ended,
+        rms_y_m=_rms(sideways[settle:] or sideways),
     )
+
+
+def _rms(values: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def line_of(values: ParameterSet) -> tuple[float, float, float]:
