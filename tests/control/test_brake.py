@@ -18,6 +18,7 @@ from tgl_soar.control.brake import (
     NO_BRAKE,
     NO_POINT,
     OUTSIDE_S,
+    Around,
     BrakeGains,
     BrakeState,
     brake_effect,
@@ -72,10 +73,22 @@ def steps(
 ) -> BrakeState:
     aero = laws().wind.aerodynamics
     for _ in range(round(seconds / DT)):
-        state = brake_step(
-            of, aero, state, TARGET, ETA, vehicle, SPEED_MPS, on_the_line, answers, 0, DT
-        )
+        now = around(state)._replace(on_the_line=on_the_line, answers=answers)
+        state = brake_step(of, aero, state, TARGET, ETA, vehicle, SPEED_MPS, now, DT)
     return state
+
+
+def around(state: BrakeState) -> Around:
+    """Nothing hinders, and the brake goes where it is wanted."""
+    return Around(
+        on_the_line=True,
+        answers=True,
+        blocked=0,
+        brake=state.brake,
+        aileron=0.0,
+        up_free=True,
+        down_free=True,
+    )
 
 
 def test_it_fades_in_to_its_bias_where_nothing_disturbs_and_out_again() -> None:
@@ -105,7 +118,7 @@ def test_the_sink_it_adds_is_the_laws_whatever_the_speed() -> None:
     added = []
     for speed in (8.0, 11.0):
         state = NO_POINT._replace(weight=1.0, standing=HOLDS, x_m=0.0, z_m=1.0)
-        state = brake_step(of, aero, state, TARGET, ETA, at(0.0, 0.05), speed, True, True, 0, DT)
+        state = brake_step(of, aero, state, TARGET, ETA, at(0.0, 0.05), speed, around(state), DT)
         added.append((state.brake - of.bias) * of.sink * speed**3)
     assert added[0] == pytest.approx(added[1], rel=0.1)  # but for the polar's slope
     assert added[0] == pytest.approx(of.kv * 0.05, rel=0.1)

@@ -43,7 +43,7 @@ GROUPS: Final[tuple[Group, ...]] = (
     ),
     Group(
         "The point on the line", ("BRK",),
-        "The brake holds a point of the line: the second axis, where TGL_HOLD is 1.",
+        "The brake holds a point of the line: the second axis, where TGL_HOLD is 1 or 2.",
     ),
     Group("Surfaces", ("SURF",), "The last limit of every command."),
     Group(

@@ -140,10 +140,12 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
                 " overrides). A good value is twice the distance between neighbouring lines.",
     ),
     Parameter(
-        name="TGL_HOLD", unit="", minimum=0, maximum=1, default=0,
-        meaning="1: hold a point of the line with the brake; 0: the line alone, on which the"
-                " aircraft slides to where updraft equals sink. Only for an airframe with a brake"
-                " (BRK_…) and a route that commands it.",
+        name="TGL_HOLD", unit="", minimum=0, maximum=2, default=0,
+        meaning="1: hold a point of the line with the brake; 2: the same, but where the brake"
+                " stands at an end of its travel for long the point gives way along the line"
+                " until it is in the middle again; 0: the line alone, on which the aircraft"
+                " slides to where updraft equals sink. Only for an airframe with a brake (BRK_…)"
+                " and a route that commands it.",
         integer=True,
     ),
     Parameter(

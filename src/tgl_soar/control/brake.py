@@ -25,8 +25,17 @@ so the outer loop sees nothing of it but what the lags leave.
 **Limits.**  The point that is flown follows the operator's at limited speed.  The integral stops
 at the end of the brake's travel.  Where the brake stands there for long, the point lies outside
 the band: that is reported, and the aircraft rests at the band's edge, which is stable by the
-line alone.  The point is not moved: it is an order, and the line could only follow the
-contour by leaving it.  Whatever makes the law end, or not begin, fades the brake out.
+line alone.  Whatever makes the law end, or not begin, fades the brake out.
+
+**Giving way.**  The point is an order, and stays (TGL_HOLD 1) unless the operator lets it give way
+(2).  Then, once a trial has shown that the brake acts (`control.brake_watch`), the point slides
+along the line, a third as fast as the law moves, until the mean b of the brake is its bias again:
+
+    d/dt (along) = c clip(2 (mean b - bias))         stops at |mean b - bias| <= MIDDLE
+
+Along the line, and not across it: a line that is stable has less lift further up, so that the sign
+is known, and which side of the line has more lift is not.  It stays inside the fence and clear of
+the ground.  It does not go back by itself; the next order of the operator is flown as it is given.
 """
 
 from __future__ import annotations
@@ -34,6 +43,19 @@ from __future__ import annotations
 from math import cos, hypot, sin
 from typing import Final, NamedTuple
 
+from tgl_soar.control.brake_watch import (
+    ACTS,
+    DOES_NOT,
+    NOT_TRIED,
+    NOT_WATCHED,
+    TRIED,
+    EvenState,
+    TrialState,
+    even_step,
+    pulls,
+    trial_step,
+    tried_brake,
+)
 from tgl_soar.control.pid import PidGains, PidState, pid_step
 from tgl_soar.control.target_line import TargetLine
 from tgl_soar.types import Aerodynamics, VehicleState, isfinite, polar_slope
@@ -46,6 +68,9 @@ OUTSIDE_S: Final = 3.0
 OUTSIDE: Final = 0.8
 INSIDE: Final = 0.5
 BRAKE_MIN_SINK_MPS: Final = 0.02  # that all of it must add: less holds nothing
+HELD: Final = 0.05  # further from where it is wanted the brake is held by something else
+GIVE_WAY: Final = 1.0 / 3.0  # of the speed at which the point moves
+MIDDLE: Final = 0.1  # of the travel: as near to its bias a mean of some seconds in gusts stays
 
 # How it stands.
 LINE_ONLY: Final = 0
@@ -54,6 +79,9 @@ ABOVE_BAND: Final = 2  # the point: there the aircraft sinks, with the brake ret
 BELOW_BAND: Final = 3  # there it rises, with all of the brake
 NO_BRAKE: Final = 4
 DEAD: Final = 5
+UNEVEN: Final = 6
+TRIES: Final = 7
+GIVES_WAY: Final = 8
 POINT_TEXTS: Final = (
     "the line alone",
     "held",
@@ -61,6 +89,9 @@ POINT_TEXTS: Final = (
     "below the band: all of the brake is out",
     "no brake by this route: line alone",
     "brake does not answer: line alone",
+    "brake pulls to one side: line alone",
+    "at an end of the brake: trying it",
+    "gives way along the line",
 )
 
 
@@ -68,6 +99,7 @@ class BrakeGains(NamedTuple):
     """Parameters of the law, and what the airframe makes of the brake."""
 
     wanted: bool
+    gives_way: bool  # where the brake stands at an end of its travel for long
     available: bool  # there is a brake, and the route commands it
     along_m: float  # of the point from the target line's own, up along it
     kp_per_s: float  # k_s
@@ -91,6 +123,24 @@ class BrakeState(NamedTuple):
     weight: float  # of the law in the command, 0 … 1
     brake: float  # wanted, 0 … 1
     ended: float  # share of the time at the end of its travel, less that retracted: -1 … 1
+    mean: float  # of the brake that the law asks for
+    given_way_m: float  # by the point, up along the line
+    ordered_x_m: float  # the point as it was ordered last, soaring frame; NaN: none yet
+    ordered_z_m: float
+    even: EvenState
+    trial: TrialState
+
+
+class Around(NamedTuple):
+    """What the law is told beside the place of the aircraft."""
+
+    on_the_line: bool  # the module flies a line now
+    answers: bool  # what is read back goes where it is commanded
+    blocked: int  # +1 if the brake can go no further out, -1 in
+    brake: float  # as it was commanded last
+    aileron: float  # the same
+    up_free: bool  # the point may go further up along the line
+    down_free: bool
 
 
 class PointReport(NamedTuple):
@@ -116,6 +166,12 @@ NO_POINT: Final = BrakeState(
     weight=0.0,
     brake=0.0,
     ended=0.0,
+    mean=0.0,
+    given_way_m=0.0,
+    ordered_x_m=float("nan"),
+    ordered_z_m=float("nan"),
+    even=NOT_WATCHED,
+    trial=NOT_TRIED,
 )
 
 
@@ -135,42 +191,26 @@ def brake_step(
     eta_rad: float,
     vehicle: VehicleState,
     airspeed_mps: float,
-    on_the_line: bool,
-    answers: bool,
-    blocked: int,
+    around: Around,
     dt_s: float,
 ) -> BrakeState:
-    """One step.
-
-    target: the line as it is wanted; eta_rad: the inclination as it is flown; on_the_line: the
-    module flies a line now; answers: the brake goes where it is commanded; blocked: +1 if it can
-    go no further out, -1 in.
-    """
+    """One step.  target: the line as it is wanted; eta_rad: the inclination as it is flown."""
     most = gains.sink * airspeed_mps * airspeed_mps * airspeed_mps
-    standing = state.standing
-    if not gains.wanted:
-        standing = LINE_ONLY
-    elif standing == DEAD or (not answers and gains.available):
-        standing = DEAD
-    elif not gains.available or not most >= BRAKE_MIN_SINK_MPS:
-        standing = NO_BRAKE
-    elif standing in (LINE_ONLY, NO_BRAKE):
-        standing = HOLDS
+    standing = _begun(gains, state, around, most)
     fade = FADE_PER_S * dt_s
-    holds = HOLDS <= standing <= BELOW_BAND and on_the_line
     along_x, along_z = cos(eta_rad), sin(eta_rad)
     off_now = along_x * vehicle.x_m + along_z * vehicle.z_m
-    if not (holds and isfinite(off_now)):
+    if not (acts(standing) and around.on_the_line and isfinite(off_now)):
         weight = max(0.0, state.weight - fade)
         # Towards nothing from where it was: no law acts any more.
         brake = state.brake * weight / state.weight if state.weight > 0.0 else 0.0
         return NO_POINT._replace(standing=standing, weight=weight, brake=brake)
 
+    state = _way_given(gains, state, target, around, dt_s)
     x, z, moved_x, moved_z = _point_step(gains, state, target, vehicle, dt_s)
     off = off_now - along_x * x - along_z * z
     moves = (along_x * moved_x + along_z * moved_z) / dt_s if dt_s > 0.0 else 0.0
     back = max(-gains.speed_max_mps, min(gains.speed_max_mps, -gains.kp_per_s * off))
-    wanted = moves + back
     speed = along_x * vehicle.velocity_x_mps + along_z * vehicle.climb_mps
     slope = polar_slope(aerodynamics.polar, airspeed_mps)
     sinks = along_z - slope * along_x if isfinite(slope) else along_z
@@ -183,39 +223,105 @@ def brake_step(
         output_min=0.0,
         output_max=most,
     )
-    pid, terms = pid_step(
-        law, state.pid, sinks * (speed - wanted), 0.0, gains.bias * most, dt_s, blocked
-    )
-    ended = state.ended + (terms.saturated - state.ended) * dt_s / (OUTSIDE_S + dt_s)
-    if ended >= OUTSIDE:
-        standing = BELOW_BAND
-    elif ended <= -OUTSIDE:
-        standing = ABOVE_BAND
-    elif abs(ended) <= INSIDE:
-        standing = HOLDS
+    error = sinks * (speed - moves - back)
+    pid, terms = pid_step(law, state.pid, error, 0.0, gains.bias * most, dt_s, around.blocked)
+    share = dt_s / (OUTSIDE_S + dt_s)
+    ended = state.ended + (terms.saturated - state.ended) * share
+    asked = terms.output / most
+    mean = state.mean + (asked - state.mean) * share
     weight = min(1.0, state.weight + fade)
+    even, trial = state.even, state.trial
+    if weight == 1.0:
+        even = even_step(even, around.brake, around.aileron, dt_s)
+        held = abs(around.brake - state.brake) > HELD
+        expected = TRIED * most / sinks if sinks > 0.0 else float("nan")
+        trial = trial_step(trial, terms.saturated, ended, held, speed, expected, dt_s)
+    if trial.on:  # meanwhile the law rests
+        pid, ended, mean, asked = state.pid, state.ended, state.mean, tried_brake(trial)
     return BrakeState(
-        standing=standing,
+        standing=_stands(gains, standing, trial, ended, mean, around),
         x_m=x,
         z_m=z,
         off_m=off,
         pid=pid,
         weight=weight,
-        brake=weight * terms.output / most,
+        brake=weight * asked,
         ended=ended,
+        mean=mean,
+        given_way_m=state.given_way_m,
+        ordered_x_m=state.ordered_x_m,
+        ordered_z_m=state.ordered_z_m,
+        even=even,
+        trial=trial,
     )
+
+
+def acts(standing: int) -> bool:
+    """Whether a point is held, or as near to it as the brake can."""
+    return HOLDS <= standing <= BELOW_BAND or standing >= TRIES
+
+
+def _begun(gains: BrakeGains, state: BrakeState, around: Around, most_mps: float) -> int:
+    """How it stands before a step.  What ends it for a fault lasts until the operator asks anew."""
+    if not gains.wanted:
+        return LINE_ONLY
+    if state.standing in (DEAD, UNEVEN):
+        return state.standing
+    if not gains.available:
+        return NO_BRAKE
+    if not around.answers or state.trial.found == DOES_NOT:
+        return DEAD
+    if not most_mps >= BRAKE_MIN_SINK_MPS:
+        return NO_BRAKE
+    if pulls(state.even):
+        return UNEVEN
+    return HOLDS if state.standing in (LINE_ONLY, NO_BRAKE) else state.standing
+
+
+def _stands(
+    gains: BrakeGains, before: int, trial: TrialState, ended: float, mean: float, around: Around
+) -> int:
+    """How a point that is held stands after a step."""
+    if trial.on:
+        return TRIES
+    if gains.gives_way and trial.found == ACTS:
+        goes_on = before == GIVES_WAY and abs(mean - gains.bias) > MIDDLE
+        free = around.up_free if mean > gains.bias else around.down_free
+        if free and (goes_on or abs(ended) >= OUTSIDE):
+            return GIVES_WAY
+    if ended >= OUTSIDE:
+        return BELOW_BAND
+    if ended <= -OUTSIDE:
+        return ABOVE_BAND
+    return HOLDS if abs(ended) <= INSIDE or before >= TRIES else before
+
+
+def _way_given(
+    gains: BrakeGains, state: BrakeState, target: TargetLine, around: Around, dt_s: float
+) -> BrakeState:
+    """How far the point has given way; another order is flown as it is given."""
+    x = target.x_m + gains.along_m * cos(target.eta_rad)
+    z = target.z_m + gains.along_m * sin(target.eta_rad)
+    if x != state.ordered_x_m or z != state.ordered_z_m:  # true for NaN: none yet
+        return state._replace(given_way_m=0.0, ordered_x_m=x, ordered_z_m=z)
+    if state.standing != GIVES_WAY:
+        return state
+    rate = GIVE_WAY * max(-1.0, min(1.0, 2.0 * (state.mean - gains.bias)))
+    if not (around.up_free if rate > 0.0 else around.down_free):
+        return state
+    return state._replace(given_way_m=state.given_way_m + rate * gains.speed_max_mps * dt_s)
 
 
 def _point_step(
     gains: BrakeGains, state: BrakeState, target: TargetLine, vehicle: VehicleState, dt_s: float
 ) -> tuple[float, float, float, float]:
     """The point (x, z) [m] that is flown, and its way in this step: it starts at the aircraft, and
-    follows the operator's at limited speed."""
+    follows the operator's, less what it has given way, at limited speed."""
     x, z = state.x_m, state.z_m
     if not isfinite(x + z):
         x, z = vehicle.x_m, vehicle.z_m
-    to_x = target.x_m + gains.along_m * cos(target.eta_rad) - x
-    to_z = target.z_m + gains.along_m * sin(target.eta_rad) - z
+    to_x = state.ordered_x_m + state.given_way_m * cos(target.eta_rad) - x
+    to_z = state.ordered_z_m + state.given_way_m * sin(target.eta_rad) - z
     distance = hypot(to_x, to_z)
     most_m = gains.speed_max_mps * dt_s
     share = most_m / distance if distance > most_m else 1.0

@@ -208,6 +208,7 @@ def _brake_gains(values: ParameterSet, aero: Aerodynamics, loops: int) -> BrakeG
         elevator = -(aero.Cm_brake + aero.Cm_alpha * incidence) / aero.Cm_elevator
     return BrakeGains(
         wanted=values["TGL_HOLD"] != 0.0,
+        gives_way=values["TGL_HOLD"] == 2.0,
         available=available,
         along_m=values["TGL_ALONG"],
         kp_per_s=values["BRK_P"],

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from tgl_soar.control.brake import BrakeEffect, BrakeState, brake_effect, brake_step
-from tgl_soar.control.envelope import Limited
+from math import cos, sin
+from typing import Final
+
+from tgl_soar.control.brake import Around, BrakeEffect, BrakeState, brake_effect, brake_step
+from tgl_soar.control.envelope import CLEAR_FACTOR, Limited, clearance, outside
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.schedule import speed_within
 from tgl_soar.control.supervisor import CAPTURING, SOARING
@@ -11,6 +14,9 @@ from tgl_soar.estimation.aerodynamics import braked
 from tgl_soar.estimation.health import BRAKE
 from tgl_soar.estimation.wind import WindParams
 from tgl_soar.types import SurfacesSample, VehicleState, isfinite
+
+# A point that gives way stays so far inside the fence: the aircraft drifts about it by centimetres.
+KEPT_INSIDE_M: Final = 0.25
 
 
 def point_step(
@@ -38,12 +44,26 @@ def point_step(
         eta_rad,
         vehicle,
         airspeed_mps,
-        mode in (CAPTURING, SOARING),
-        faults & BRAKE == 0,
-        limited.brake_blocked,
+        Around(
+            on_the_line=mode in (CAPTURING, SOARING),
+            answers=faults & BRAKE == 0,
+            blocked=limited.brake_blocked,
+            brake=limited.command.brake,
+            aileron=limited.command.aileron,
+            up_free=_is_free(laws, state, eta_rad, KEPT_INSIDE_M),
+            down_free=_is_free(laws, state, eta_rad, -KEPT_INSIDE_M),
+        ),
         dt_s,
     )
     return held, brake_effect(laws.brake, limited.command.brake, airspeed_mps)
+
+
+def _is_free(laws: Laws, state: BrakeState, eta_rad: float, further_m: float) -> bool:
+    """Whether the point that is flown may go further along the line; false where there is none."""
+    x, z = state.x_m + further_m * cos(eta_rad), state.z_m + further_m * sin(eta_rad)
+    if outside(laws.fence, x, 0.0, z):
+        return False
+    return clearance(laws.ground, x, z) >= CLEAR_FACTOR * laws.envelope.clearance_min_m
 
 
 def wind_with_brake(

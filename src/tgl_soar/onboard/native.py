@@ -52,6 +52,7 @@ MODULES: Final = (
     "tgl_soar.geometry",
     "tgl_soar.control.attitude",
     "tgl_soar.control.envelope",
+    "tgl_soar.control.brake_watch",
     "tgl_soar.control.brake",
     "tgl_soar.control.excitation",
     "tgl_soar.control.forecast",

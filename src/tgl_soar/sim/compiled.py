@@ -39,6 +39,7 @@ MODULES: Final = (
     "tgl_soar.control.lateral_schedule",
     "tgl_soar.control.target_line",
     "tgl_soar.control.supervisor",
+    "tgl_soar.control.brake_watch",
     "tgl_soar.control.brake",
     "tgl_soar.control.envelope",
     "tgl_soar.control.excitation",

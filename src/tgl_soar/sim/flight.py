@@ -12,6 +12,7 @@ from typing import Final, NamedTuple
 from tgl_soar.air.field import FloatArray
 from tgl_soar.autopilot import AutopilotState, Output
 from tgl_soar.autopilot import step as autopilot_step
+from tgl_soar.control.brake import PointReport
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.supervisor import FAILED, RELEASED
 from tgl_soar.control.target_line import e_rho
@@ -88,6 +89,7 @@ class LoopDecision(NamedTuple):
     reason: int
     active: bool
     command: SurfaceCommand
+    point: PointReport
 
 
 def inputs_at(now_s: float, samples: Samples, engage: bool) -> Inputs:
@@ -205,5 +207,9 @@ def decide_in_cells(laws_cell: Cell, state_cell: Cell, inputs: Inputs) -> LoopDe
     state, output = autopilot_step(laws, state, inputs)
     state_cell.value = state
     return LoopDecision(
-        mode=output.mode, reason=output.reason, active=output.active, command=output.command
+        mode=output.mode,
+        reason=output.reason,
+        active=output.active,
+        command=output.command,
+        point=output.point,
     )

@@ -213,8 +213,19 @@ MEANINGS: Final = {
     "Limited.brake_blocked": "as the elevator's",
     "BrakeState.standing": "as point_standing",
     "PointReport.standing": "the point on the line: 0 the line alone, 1 held, 2 above the band,"
-    " 3 below, 4 no brake, 5 it does not answer",
+    " 3 below, 4 no brake, 5 it does not answer, 6 it pulls to one side, 7 it is tried,"
+    " 8 the point gives way",
     "BrakeState.z_m": "height of the point that is flown",
+    "BrakeState.ordered_z_m": "height of the point as it was ordered last",
+    "EvenState.brake": "mean of some seconds, of the brake as it was commanded",
+    "EvenState.aileron": "the same, of the aileron",
+    "EvenState.brake_2": "mean square of the brake about that mean",
+    "EvenState.both": "mean product of both about their means",
+    "EvenState.aileron_2": "as the brake's, of the aileron",
+    "TrialState.speed_sum_mps": "of the speeds along the line in this half",
+    "TrialState.found": "0 nothing, 1 it acts, 2 it does not",
+    "TrialState.q_sum": "of what the brake did in each, by what it should",
+    "TrialState.q_2_sum": "of its squares",
     "Limited.finite": "the last command was finite",
     "ExcitationState.standing": "multisine: 0 none, 1 running, 2 done, 3 … why it ended or did not"
     " begin",

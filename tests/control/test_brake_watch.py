@@ -1,0 +1,204 @@
+"""Whether the brake does what it is commanded: told by what an aircraft does that slides."""
+
+from __future__ import annotations
+
+from math import cos, radians, sin
+from random import Random
+
+import pytest
+
+from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
+from tgl_soar.control.brake import (
+    ABOVE_BAND,
+    BELOW_BAND,
+    DEAD,
+    GIVES_WAY,
+    HOLDS,
+    MIDDLE,
+    NO_POINT,
+    TRIES,
+    UNEVEN,
+    Around,
+    BrakeGains,
+    BrakeState,
+    acts,
+    brake_step,
+)
+from tgl_soar.control.brake_watch import (
+    HALF_S,
+    MOVED,
+    TRIED,
+    TRIED_FEWEST,
+    TRIED_REST_S,
+    WATCH_S,
+)
+from tgl_soar.control.laws import laws_from
+from tgl_soar.control.target_line import TargetLine
+from tgl_soar.geometry import SoaringFrame
+from tgl_soar.types import VehicleState, polar_slope
+
+PLANE = shipped("airframes/eclipson_c_spoilers.toml")
+SITE = shipped("sites/tunnel.toml")
+AIRFRAME = load_airframe(PLANE)
+AERO = AIRFRAME.aerodynamics()
+LAWS = laws_from(
+    load_parameters(AIRFRAME, PLANE, load_site(SITE), SITE).changed({"TGL_HOLD": 1.0}),
+    SoaringFrame(0.0, 0.0, 0.0, 0.0),
+    AERO,
+)
+ETA = radians(105.0)
+TARGET = TargetLine(0.0, 1.0, ETA)
+DT = 0.005
+SPEED_MPS = 9.0
+LIFT_RADPS = 6.0  # the speed along the line follows as a lag of this
+SLIDE_PER_S = 1.0  # excess updraft along the line, as in the tunnel: a band of 0.34 m
+GUST_MPS, GUST_S = 0.15, 0.3  # of what lifts, some 2 % of the wind
+
+
+class Slide:
+    """An aircraft on the line, as the brake's law sees it: its place, its speed, and its roll loop.
+
+    `effect`: of what the brake is commanded, what it does; `stuck`: where a half or all of it
+    stands that does not move; `roll`: aileron for all of the difference of two halves.
+    """
+
+    def __init__(
+        self, *, effect: float = 1.0, stuck: float = 0.0, roll: float = 0.0, gusts: float = 0.0
+    ) -> None:
+        self.effect, self.stuck, self.roll, self.gusts = effect, stuck, roll, gusts
+        self.along_m = self.speed_mps = self.gust_mps = self.aileron = 0.0
+        self.roll_gust = 0.0
+        self.state: BrakeState = NO_POINT
+        self.standings: list[int] = []
+        self._random = Random(3)
+
+    def fly(
+        self, of: BrakeGains, seconds: float, *, up_free: bool = True, down_free: bool = True
+    ) -> Slide:
+        """It rests at 0 with half of the brake."""
+
+        most = of.sink * SPEED_MPS**3
+        sinks = sin(ETA) - polar_slope(AERO.polar, SPEED_MPS) * cos(ETA)
+        for _ in range(round(seconds / DT)):
+            brake = self.state.brake
+            does = self.effect * brake + (1.0 - self.effect) * self.stuck
+            self.aileron = self.roll_gust - self.roll * (brake - self.stuck)
+            white = self._random.gauss(0.0, 1.0), self._random.gauss(0.0, 1.0)
+            scale = (2.0 * DT / GUST_S) ** 0.5
+            self.gust_mps += -self.gust_mps * DT / GUST_S + self.gusts * GUST_MPS * scale * white[0]
+            self.roll_gust += -self.roll_gust * DT / GUST_S + self.gusts * 0.08 * scale * white[1]
+            lifts = self.gust_mps - SLIDE_PER_S * self.along_m - most * (does - 0.5)
+            self.speed_mps += LIFT_RADPS * (lifts / sinks - self.speed_mps) * DT
+            self.along_m += self.speed_mps * DT
+            around = Around(
+                on_the_line=True,
+                answers=True,
+                blocked=0,
+                brake=brake,
+                aileron=self.aileron,
+                up_free=up_free,
+                down_free=down_free,
+            )
+            self.state = brake_step(
+                of, AERO, self.state, TARGET, ETA, self._vehicle(), SPEED_MPS, around, DT
+            )
+            self.standings.append(self.state.standing)
+        return self
+
+    def _vehicle(self) -> VehicleState:
+        nothing = VehicleState(*[0.0] * 13)
+        return nothing._replace(
+            x_m=TARGET.x_m + self.along_m * cos(ETA),
+            z_m=TARGET.z_m + self.along_m * sin(ETA),
+            velocity_x_mps=self.speed_mps * cos(ETA),
+            climb_mps=self.speed_mps * sin(ETA),
+        )
+
+    def order_of_standings(self) -> list[int]:
+        """Each once, in the order in which they came."""
+        return list(dict.fromkeys(self.standings))
+
+
+def test_in_gusts_a_brake_that_acts_evenly_is_left_alone() -> None:
+    flight = Slide(gusts=1.0).fly(LAWS.brake, 600.0)
+    assert set(flight.standings) == {HOLDS}
+    assert flight.state.even.brake_2 > MOVED**2  # so that it was judged
+
+
+@pytest.mark.parametrize("roll", [0.17, -0.25])
+def test_a_half_that_jams_is_known_by_the_aileron_that_follows_the_brake(roll: float) -> None:
+    """The shipped spoilers need 0.17 of the aileron; gusts move it by 0.08 rms."""
+    flight = Slide(effect=0.5, stuck=0.3, roll=roll, gusts=1.0).fly(LAWS.brake, 4.0 * WATCH_S)
+    assert flight.order_of_standings() == [HOLDS, UNEVEN]
+    assert flight.state.brake == 0.0
+    assert flight.standings.index(UNEVEN) * DT < 2.0 * WATCH_S
+
+
+def test_a_small_pull_is_left_to_the_aileron() -> None:
+    flight = Slide(roll=0.04, gusts=1.0).fly(LAWS.brake, 300.0)
+    assert set(flight.standings) == {HOLDS}
+
+
+@pytest.mark.parametrize(("stuck", "standing"), [(0.1, BELOW_BAND), (0.9, ABOVE_BAND)])
+@pytest.mark.parametrize("gusts", [0.0, 0.5])
+def test_a_brake_that_jams_is_tried_and_given_up(stuck: float, standing: int, gusts: float) -> None:
+    flight = Slide(effect=0.0, stuck=stuck, gusts=gusts).fly(LAWS.brake, 120.0)
+    assert flight.order_of_standings() == [HOLDS, standing, TRIES, DEAD]
+    assert flight.state.brake == 0.0
+
+
+@pytest.mark.parametrize(("along", "standing"), [(0.4, ABOVE_BAND), (-0.4, BELOW_BAND)])
+@pytest.mark.parametrize("gusts", [0.0, 0.5])
+def test_outside_the_band_a_brake_that_acts_is_tried_once_and_goes_on(
+    along: float, standing: int, gusts: float
+) -> None:
+    flight = Slide(gusts=gusts).fly(LAWS.brake._replace(along_m=along), 200.0)
+    assert flight.order_of_standings() == [HOLDS, standing, TRIES]
+    assert flight.state.standing == standing
+    tried_s = flight.standings.count(TRIES) * DT
+    assert 2.0 * HALF_S * TRIED_FEWEST <= tried_s + 0.1 < 80.0  # two trials at most
+    assert 0.0 < flight.state.trial.rest_s < TRIED_REST_S
+
+
+def test_while_it_is_tried_it_moves_by_no_more_than_was_said_and_within_its_travel() -> None:
+    flight = Slide()
+    of = LAWS.brake._replace(along_m=0.4)
+    brakes = []
+    for _ in range(4000):
+        flight.fly(of, DT)
+        if flight.state.standing == TRIES:
+            brakes.append(flight.state.brake)
+    assert (min(brakes), max(brakes)) == pytest.approx((0.0, TRIED))
+
+
+@pytest.mark.parametrize("along", [0.3, -0.3])
+def test_a_point_may_give_way_until_the_brake_is_in_the_middle_again(along: float) -> None:
+    """The band reaches 0.17 m to either side: 0.3 m is outside."""
+    stays = Slide(gusts=0.3).fly(LAWS.brake._replace(along_m=along), 120.0)
+    assert not {GIVES_WAY, HOLDS} & set(stays.standings[-4000:])
+    assert stays.state.given_way_m == 0.0
+    gives = Slide(gusts=0.3).fly(LAWS.brake._replace(along_m=along, gives_way=True), 120.0)
+    assert GIVES_WAY in gives.standings
+    assert gives.state.standing == HOLDS
+    assert abs(gives.state.mean - LAWS.brake.bias) < 2.0 * MIDDLE
+    held_m = along + gives.state.given_way_m
+    assert abs(held_m) < 0.1  # in the band, about its middle
+    assert abs(gives.state.off_m) < 0.05
+    # The next order is flown as it is given.
+    again = gives.fly(LAWS.brake._replace(along_m=0.05, gives_way=True), 10.0)
+    assert again.state.given_way_m == 0.0
+    assert again.along_m == pytest.approx(0.05, abs=0.05)
+
+
+def test_it_gives_way_no_further_than_it_may_and_never_to_a_jammed_brake() -> None:
+    of = LAWS.brake._replace(along_m=0.3, gives_way=True)
+    fenced = Slide().fly(of, 60.0, down_free=False)
+    assert fenced.state.given_way_m == 0.0
+    assert fenced.state.standing == ABOVE_BAND
+    jammed = Slide(effect=0.0, stuck=0.9).fly(of, 60.0)
+    assert GIVES_WAY not in jammed.standings
+    assert jammed.state.standing == DEAD
+
+
+def test_what_acts_is_said_of_every_standing() -> None:
+    assert [n for n in range(9) if acts(n)] == [HOLDS, ABOVE_BAND, BELOW_BAND, TRIES, GIVES_WAY]
