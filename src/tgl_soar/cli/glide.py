@@ -22,6 +22,12 @@ def glide(
         float, typer.Option(help="Fraction of the wind.", min=0.0, max=0.2)
     ] = 0.0,
     pitot: Annotated[bool, typer.Option("--pitot", help="With a pitot tube.")] = False,
+    brake: Annotated[
+        list[float] | None,
+        typer.Option(
+            help="Positions of the brake, 0 to 1, at each of which all speeds are glided."
+        ),
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the log.")] = Path("out/glide"),
 ) -> None:
     """Glide at ten speeds and fly eight elevator doublets, in a simulated uniform wind.
@@ -35,6 +41,11 @@ def glide(
         texts = {"airframe": airframe.read_text(encoding="utf-8")}
     except (ConfigError, OSError) as error:
         fail(error)
+    brakes = tuple(brake or (0.0,))
+    if any(not 0.0 <= b <= 1.0 for b in brakes):
+        fail(f"--brake {' '.join(map(str, brakes))}: each must be from 0 to 1")
+    if max(brakes) > 0.0 and plane.surfaces.brake is None:
+        fail(f"--brake: {airframe} has no brake: [surfaces] flap, spoiler, or two ailerons")
     words = {
         "sys_name": "tgl_soar",
         "ver_log": str(VERSION),
@@ -43,7 +54,7 @@ def glide(
     recorder = FlightRecorder(out, LogMetadata(words, texts), 0.0, patient=True)
     recorder.start()
     recorder.parameters(ParameterSet())
-    for tick in fly(plane, seed=seed, turbulence=turbulence, pitot=pitot):
+    for tick in fly(plane, seed=seed, turbulence=turbulence, pitot=pitot, brakes=brakes):
         recorder.tick(tick.inputs, tick.output, tick.state)
         for text in recorder.poll():
             console.print(text, highlight=False, soft_wrap=True)

@@ -15,8 +15,17 @@ from tgl_soar.analysis.logs.reader import LogError
 from tgl_soar.analysis.logs.reading import read_flight
 from tgl_soar.cli.console import AIRFRAME, AIRFRAME_FILE, Commands, console, errors, fail, say
 from tgl_soar.cli.identify import WindFromOption, WindOption
+from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import ConfigError, load_airframe
-from tgl_soar.estimation.polar import PolarFit, best_glide_speed, fit_polar, sink_band
+from tgl_soar.estimation.polar import (
+    BRAKE_SLACK,
+    PolarFamilyFit,
+    PolarFit,
+    best_glide_speed,
+    fit_polar,
+    fit_polar_family,
+    sink_band,
+)
 from tgl_soar.types import GlidePolar, polar_sink, polar_slope
 
 polar_app = Commands(help="Glide polars: fit one, or show an airframe's.", no_args_is_help=True)
@@ -32,6 +41,9 @@ def fit(
         str, typer.Option(help="Column of horizontal airspeeds \\[m/s].")
     ] = "speed_mps",
     sink: Annotated[str, typer.Option(help="Column of sinks \\[m/s, positive down].")] = "sink_mps",
+    brake: Annotated[
+        str, typer.Option(help="Column of the brake, 0 to 1, where the table has one.")
+    ] = "brake",
     wind: WindOption = 0.0,
     wind_from: WindFromOption = 0.0,
     compare: Annotated[
@@ -43,18 +55,27 @@ def fit(
     """Fit the third-order polar to a table of glides, or to the steady glides that logs hold.
 
     Of a log only still air counts: steady pitch, wings level, no lift; the horizontal wind is
-    given, unless the aircraft has a pitot tube.
+    given, unless the aircraft has a pitot tube. Glides at several positions of a brake give the
+    family of polars: the one without it, and what all of it adds.
     """
     file = files[0]
     try:
-        beside = None if compare is None else load_airframe(compare).polar.as_polar()
+        plane = None if compare is None else load_airframe(compare)
+        beside = None if plane is None else plane.polar.as_polar()
         if file.suffix.lower() == ".csv":
             if len(files) > 1:
                 raise ValueError(f"{files[1]}: one table at a time")
-            speeds, sinks = read_glides(file, speed, sink)
+            speeds, sinks, brakes = read_glides(file, speed, sink, brake)
         else:
-            speeds, sinks = logged_glides(files, MeanWind(wind, radians(wind_from)))
-        fitted = fit_polar(speeds, sinks)
+            speeds, sinks, brakes = logged_glides(files, MeanWind(wind, radians(wind_from)))
+        family = None
+        if max(brakes, default=0.0) - min(brakes, default=0.0) > BRAKE_SLACK:
+            family = fit_polar_family(speeds, sinks, brakes)
+            sinks = [
+                s - family.brake_sink * b * u**3
+                for u, s, b in zip(speeds, sinks, brakes, strict=True)
+            ]
+        fitted = fit_polar(speeds, sinks) if family is None else family.fit
     except (ConfigError, LogError, ImportError) as error:
         fail(error)
     except ValueError as error:
@@ -66,6 +87,8 @@ def fit(
         f" {fitted.residual_rms_mps:.3f} m/s, at most {fitted.residual_max_mps:.3f} m/s"
     )
     _summary(fitted.polar)
+    if family is not None:
+        console.print(brake_words(family, plane), markup=False, highlight=False)
     console.print("\n" + polar_toml(fitted), markup=False, highlight=False)
     if out is not None:
         _draw(out, fitted.polar, file.name, fitted, speeds, sinks, beside)
@@ -96,8 +119,32 @@ def show(
         _draw(out, polar, loaded.airframe.name)
 
 
-def read_glides(path: Path, speed: str, sink: str) -> tuple[list[float], list[float]]:
-    """Two columns of a CSV file with a header.  Errors: ValueError naming file, line, value."""
+def brake_words(family: PolarFamilyFit, plane: Airframe | None) -> str:
+    """What all of the brake adds; as a coefficient of drag where the airframe is known."""
+    k, error = family.brake_sink, family.brake_sink_error
+    words = (
+        f"all of the brake adds {k:.3g} ± {1.96 * error:.1g} (95 %) times the cube of the airspeed:"
+        f" {k * 9.0**3:.3f} m/s at 9 m/s; the sinks above are less what it adds"
+    )
+    if plane is None:
+        return f"{words}. With --compare an airframe file its CD_brake follows"
+    aero = plane.aerodynamics()
+    per_sink = 2.0 * aero.mass_kg * aero.gravity_mps2
+    per_sink /= aero.air_density_kgpm3 * aero.wing_area_m2
+    known = f"{aero.CD_brake:.4g}" if aero.CD_brake > 0.0 else "none"
+    return (
+        f"{words}\nCD_brake = {k * per_sink:.4g} ± {1.96 * error * per_sink:.1g}"
+        f" (the file has {known})"
+    )
+
+
+def read_glides(
+    path: Path, speed: str, sink: str, brake: str = "brake"
+) -> tuple[list[float], list[float], list[float]]:
+    """Columns of a CSV file with a header; the brake's is 0 where there is none.
+
+    Errors: ValueError naming file, line, value.
+    """
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
@@ -113,10 +160,11 @@ def read_glides(path: Path, speed: str, sink: str) -> tuple[list[float], list[fl
                 f"{path}: no column {name!r}; the first line names {', '.join(names) or 'none'}."
                 " Name yours with --speed and --sink"
             )
-    speeds, sinks = [], []
+    wanted = (speed, sink, brake) if brake in names else (speed, sink)
+    speeds, sinks, brakes = [], [], []
     for row in rows:
         pair = []
-        for name in (speed, sink):
+        for name in wanted:
             value = row[name]
             try:
                 pair.append(float(value))
@@ -126,15 +174,18 @@ def read_glides(path: Path, speed: str, sink: str) -> tuple[list[float], list[fl
                 ) from None
         speeds.append(pair[0])
         sinks.append(pair[1])
-    return speeds, sinks
+        brakes.append(pair[2] if len(pair) > 2 else 0.0)
+    return speeds, sinks, brakes
 
 
-def logged_glides(files: list[Path], wind: MeanWind) -> tuple[list[float], list[float]]:
-    """Speeds and sinks of the steady glides in some logs.
+def logged_glides(
+    files: list[Path], wind: MeanWind
+) -> tuple[list[float], list[float], list[float]]:
+    """Speeds, sinks and brakes of the steady glides in some logs.
 
     Errors: `LogError`; ValueError naming a log that holds none.
     """
-    speeds, sinks = [], []
+    speeds, sinks, brakes = [], [], []
     for path in files:
         flight = read_flight(path)
         for text in flight.lost:
@@ -146,7 +197,8 @@ def logged_glides(files: list[Path], wind: MeanWind) -> tuple[list[float], list[
         say(f"{path}: {len(found)} steady glides, {sum(g.duration_s for g in found):.0f} s in all")
         speeds += [glide.speed_mps for glide in found]
         sinks += [glide.sink_mps for glide in found]
-    return speeds, sinks
+        brakes += [glide.brake for glide in found]
+    return speeds, sinks, brakes
 
 
 def polar_toml(fitted: PolarFit) -> str:

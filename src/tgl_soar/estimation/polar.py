@@ -19,6 +19,12 @@ would have, so
 
     sink = − (dh/dt + (V / g) dV/dt)
 
+With a brake the polar is one of a family.  Its drag adds, at the lift that carries the weight,
+
+    sink(u, b) = sink(u) + k b u³            k = ρ S C_Db / 2 m g, b the brake, 0 … 1
+
+so that glides at several positions of it give k beside the cubic, all by one least squares.
+
 A polar is refused rather than guessed: too few speeds, no minimum of sink, sink that is not
 positive. Outside its range it is not a number (`types.polar_sink`).
 """
@@ -27,6 +33,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
+from itertools import pairwise
 from math import hypot, isfinite, nan, sqrt
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -43,6 +50,10 @@ SAME_SPEED_MPS: Final = 0.1
 # The slowest and fastest glide: nearer to each other, the curvature is noise.
 NARROWEST_SPAN: Final = 1.15
 GRAVITY_MPS2: Final = 9.80665
+# Glides are of one position of the brake as long as that stays within a fiftieth; a family needs
+# the sink of a quarter of it, some 0.08 m/s, to be told from noise.
+BRAKE_SLACK: Final = 0.02
+BRAKE_SPAN: Final = 0.25
 
 _Band = tuple[tuple[float, float, float, float], ...]
 
@@ -67,6 +78,14 @@ class PolarFit(NamedTuple):
     left_out: tuple[float, ...]  # fourth order − third: a polynomial in the scaled speed [m/s]
 
 
+class PolarFamilyFit(NamedTuple):
+    """A fitted family of polars."""
+
+    fit: PolarFit  # with the brake retracted; residuals are those of all glides
+    brake_sink: float  # k [s²/m²]
+    brake_sink_error: float  # its standard error
+
+
 class GlideStretch(NamedTuple):
     """One stretch of steady gliding."""
 
@@ -74,6 +93,7 @@ class GlideStretch(NamedTuple):
     speed_mps: float  # horizontal, through the air
     sink_mps: float
     duration_s: float
+    brake: float = 0.0  # 0 … 1
 
 
 def fit_polar(speed_mps: Sequence[float], sink_mps: Sequence[float]) -> PolarFit:
@@ -144,6 +164,46 @@ def fit_polar(speed_mps: Sequence[float], sink_mps: Sequence[float]) -> PolarFit
     )
 
 
+def fit_polar_family(
+    speed_mps: Sequence[float], sink_mps: Sequence[float], brake: Sequence[float]
+) -> PolarFamilyFit:
+    """The family of polars of a table of glides, each with its brake (0 retracted, 1 all of it).
+
+    The shape of the cubic comes from all glides together.  Errors: ValueError, as `fit_polar`; for
+    a brake that is not within 0 … 1, or that hardly moved.
+    """
+    import numpy as np
+
+    speed, sink = _checked(speed_mps, sink_mps)
+    out = np.asarray(brake, dtype=np.float64)
+    if out.shape != speed.shape:
+        raise ValueError(f"polar: {len(speed)} glides and {len(out)} brakes: one each")
+    for row, b in enumerate(out.tolist()):
+        if not -BRAKE_SLACK <= b <= 1.0 + BRAKE_SLACK:
+            raise ValueError(f"polar: glide {row} has brake {b}: must be from 0 to 1")
+    if np.ptp(out) < BRAKE_SPAN:
+        raise ValueError(
+            f"polar: the brake stays within {out.min():.2f} and {out.max():.2f}; glide with it"
+            f" retracted and further out, {BRAKE_SPAN} apart at least"
+        )
+    middle, half = 0.5 * float(speed.max() + speed.min()), 0.5 * float(np.ptp(speed)) or 1.0
+    powers = np.vander((speed - middle) / half, 4, increasing=True)
+    known = np.column_stack([powers, out * speed**3])
+    found, *_ = np.linalg.lstsq(known, sink, rcond=None)
+    k = float(found[4])
+    if k <= 0.0:
+        raise ValueError(
+            f"polar: with the brake out it sinks less ({k:.2g} u³): are its ends exchanged?"
+        )
+    left = sink - known @ found
+    freedom = len(speed) - 5
+    if freedom < 1:
+        raise ValueError(f"polar: {len(speed)} glides are too few for a family: fly six or more")
+    variance = float(left @ left) / freedom * float(np.linalg.pinv(known.T @ known)[4, 4])
+    clean = sink - k * out * speed**3
+    return PolarFamilyFit(fit_polar(speed.tolist(), clean.tolist()), k, sqrt(variance))
+
+
 def sink_standard_error(fit: PolarFit, speed_mps: float) -> float:
     """Standard error of the fitted sink [m/s] at a speed [m/s]; NaN outside the polar's range."""
     if not fit.polar.speed_min_mps <= speed_mps <= fit.polar.speed_max_mps:
@@ -195,6 +255,7 @@ def glides_from_log(
     pitch_rad: Sequence[float],
     speed_mps: Sequence[float],
     climb_mps: Sequence[float],
+    brake: Sequence[float] | None = None,
     *,
     window_s: float = 2.0,
     pitch_spread_rad: float = 0.01,
@@ -207,7 +268,7 @@ def glides_from_log(
     within `pitch_spread_rad` (standard deviation), the speed along the path changes by less
     than `speed_change_mps2` (what it still changes is taken out by the energy height), and climb
     by less than `climb_change_mps2`: a path that curves carries another lift than the weight,
-    and one per cent of lift is one or two of sink.
+    and one per cent of lift is one or two of sink.  With a brake it counts where that stands.
     Errors: ValueError for columns of unequal length, values that are not finite, time that
     does not increase, or no steady window at all.
     """
@@ -218,6 +279,7 @@ def glides_from_log(
         "pitch_rad": pitch_rad,
         "speed_mps": speed_mps,
         "climb_mps": climb_mps,
+        "brake": [0.0] * len(time_s) if brake is None else brake,
     }
     arrays = {name: np.asarray(values, dtype=np.float64) for name, values in columns.items()}
     for name, values in arrays.items():
@@ -227,11 +289,8 @@ def glides_from_log(
         if bad.size:
             raise ValueError(f"log: {name}[{bad[0]}] = {values[bad[0]]}: not finite; leave it out")
     time, pitch = arrays["time_s"], arrays["pitch_rad"]
-    speed, climb = arrays["speed_mps"], arrays["climb_mps"]
-    if time.size < 2 or np.any(np.diff(time) <= 0.0):
-        raise ValueError("log: time_s must increase from row to row, over at least two rows")
-    if not 0.0 < window_s < 1e4:
-        raise ValueError(f"window_s = {window_s}: must be positive")
+    speed, climb, out = arrays["speed_mps"], arrays["climb_mps"], arrays["brake"]
+    _check_windows(time, window_s)
 
     path = np.hypot(speed, climb)
     glides = []
@@ -250,15 +309,17 @@ def glides_from_log(
             np.std(pitch[rows]) > pitch_spread_rad
             or abs(change) > speed_change_mps2
             or abs(curving) > climb_change_mps2
+            or np.ptp(out[rows]) > BRAKE_SLACK
         ):
             continue
         mean_path = float(path[rows].mean())
         glides.append(
             GlideStretch(
-                float(pitch[rows].mean()),
-                float(speed[rows].mean()),
-                float(-climb[rows].mean()) - mean_path * change / GRAVITY_MPS2,
-                span_s,
+                pitch_rad=float(pitch[rows].mean()),
+                speed_mps=float(speed[rows].mean()),
+                sink_mps=float(-climb[rows].mean()) - mean_path * change / GRAVITY_MPS2,
+                duration_s=span_s,
+                brake=float(out[rows].mean()),
             )
         )
     if not glides:
@@ -268,6 +329,14 @@ def glides_from_log(
             f" below {climb_change_mps2} m/s²): hold each pitch longer"
         )
     return tuple(glides)
+
+
+def _check_windows(time: NDArray[np.float64], window_s: float) -> None:
+    """Errors: ValueError for time that does not increase, or no window."""
+    if time.size < 2 or any(b <= a for a, b in pairwise(time.tolist())):
+        raise ValueError("log: time_s must increase from row to row, over at least two rows")
+    if not 0.0 < window_s < 1e4:
+        raise ValueError(f"window_s = {window_s}: must be positive")
 
 
 def _checked(

@@ -27,7 +27,14 @@ from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Start
 from tgl_soar.control.laws import laws_from
 from tgl_soar.geometry import SoaringFrame, euler_from_quaternion
-from tgl_soar.sim.aircraft import Glide, aircraft_model, glide_at, highest_pitch_glide
+from tgl_soar.sim.aircraft import (
+    AircraftModel,
+    Glide,
+    aircraft_model,
+    braked,
+    glide_at,
+    highest_pitch_glide,
+)
 from tgl_soar.sim.sensors import MEMS_IMU, PITOT, Sensors, SurfacesParams
 from tgl_soar.sim.servos import servo_params
 from tgl_soar.sim.world import Truth, World
@@ -99,8 +106,10 @@ def fly(
     doublets: int = DOUBLETS,
     pitot: bool = False,
     imu: bool = True,
+    brakes: tuple[float, ...] = (0.0,),
 ) -> Iterator[GlideTick]:
-    """The flight, tick by tick.  `servo_delay_s`: where it is not that of the airframe file."""
+    """The flight, tick by tick.  `servo_delay_s`: where it is not that of the airframe file;
+    brakes: at each of them every speed is glided, the doublets are flown with the first."""
     model = aircraft_model(asdict(airframe.airframe), airframe.model)
     servo = servo_params(airframe.model)
     if servo_delay_s is not None:
@@ -118,9 +127,8 @@ def fly(
             imu=MEMS_IMU if imu else None, airspeed=PITOT if pitot else None, surfaces=READ_BACK
         ),
     )
-    slowest = highest_pitch_glide(model).horizontal_mps
-    plan = [glide_at(model, max(1.02 * slowest, speed)) for speed in speeds_mps]
-    throwing = glide_at(model, DOUBLET_SPEED_MPS)
+    plan = [(brake, _glide(model, speed, brake)) for brake in brakes for speed in speeds_mps]
+    throwing = brakes[0], glide_at(braked(model, brakes[0]), DOUBLET_SPEED_MPS)
     laws = laws_from(ParameterSet(), world.frame)
     state = initial_state()
     pilot = _Pilot()
@@ -129,9 +137,9 @@ def fly(
     while world.time_s < end_s and not world.crashed:
         now = world.time_s
         if now < gliding_s:
-            glide, since_s = plan[int(now / GLIDE_S)], float("inf")
+            (brake, glide), since_s = plan[int(now / GLIDE_S)], float("inf")
         else:
-            glide, since_s = throwing, (now - gliding_s) % DOUBLET_EVERY_S
+            (brake, glide), since_s = throwing, (now - gliding_s) % DOUBLET_EVERY_S
             if now - gliding_s < DOUBLET_EVERY_S:  # on the way to this speed
                 since_s = float("inf")
         inputs = Inputs(
@@ -147,7 +155,13 @@ def fly(
         truth = world.truth
         state, output = step(laws, state, inputs)
         yield GlideTick(inputs, output, state, truth)
-        world.step(pilot.command(inputs, glide, since_s))
+        world.step(pilot.command(inputs, glide, since_s)._replace(brake=brake))
+
+
+def _glide(model: AircraftModel, speed_mps: float, brake: float) -> Glide:
+    """At a speed, or at the slowest that the aircraft can be held at with this brake."""
+    own = braked(model, brake)
+    return glide_at(own, max(1.02 * highest_pitch_glide(own).horizontal_mps, speed_mps))
 
 
 class _Pilot:

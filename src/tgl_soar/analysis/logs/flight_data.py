@@ -34,6 +34,7 @@ COLUMNS: Final[dict[str, tuple[str, ...]]] = {
     "motion": ("velocity_x_mps", "velocity_y_mps", "climb_mps"),  # soaring frame
     "heading": ("heading_rad",),  # from straight upwind, positive to the right
     "surfaces": ("elevator", "aileron", "rudder"),  # commanded, -1 … 1
+    "brake": ("brake",),  # as it was put, 0 … 1
     "setpoints": ("pitch_rad", "roll_rad", "heading_rad"),
     "tracking": ("e_rho_m",),
     "line": ("x_m", "z_m", "eta_rad", "moving"),  # the line that is flown; moving: 1 or 0
@@ -41,6 +42,9 @@ COLUMNS: Final[dict[str, tuple[str, ...]]] = {
     "ages": ("position_age_s", "attitude_age_s", "heartbeat_age_s"),
     "margins": ("clearance_m", "stall_rad"),  # to the ground, of the angle of attack
     "forecast": ("standing", "chance", "ahead_s", "z_m"),  # as `control.forecast` has them
+    # How a point of the line is held (`control.brake`), how far along the line the aircraft is off
+    # it, and the brake as it is commanded.
+    "point": ("standing", "off_m", "brake"),
     "excitation": (  # a multisine on the pitch setpoint, at every tick of a flight that had one
         *("standing", "injected_rad", "setpoint_rad", "pitch_rad"),  # setpoint: with it
         *("elevator", "elevator_p", "elevator_i"),  # commanded, and terms of the pitch law
@@ -55,6 +59,7 @@ WORDS: Final[dict[str, str]] = {
     "airspeed": "airspeed",
     "imu": "accelerations and rates",
     "surfaces": "surface commands",
+    "brake": "brake",
     "setpoints": "attitude setpoints",
     "tracking": "e_rho",
     "line": "target gradient line",
@@ -62,6 +67,7 @@ WORDS: Final[dict[str, str]] = {
     "ages": "ages of the inputs",
     "margins": "margins to ground and stall",
     "forecast": "forecast of where it settles",
+    "point": "point of the line that is held",
     "excitation": "multisine on the pitch setpoint",
     "path": "path in the soaring frame",
     "motion": "velocity in the soaring frame",
@@ -137,6 +143,7 @@ class FlightData:
     motion: Series | None = None
     heading: Series | None = None
     surfaces: Series | None = None
+    brake: Series | None = None
     outputs: Series | None = None  # pulse widths by channel: "1", "2" … [µs]
     setpoints: Series | None = None
     tracking: Series | None = None
@@ -145,6 +152,7 @@ class FlightData:
     ages: Series | None = None
     margins: Series | None = None
     forecast: Series | None = None
+    point: Series | None = None
     excitation: Series | None = None
     modes: tuple[LoggedMode, ...] = ()  # of the module that soars
     autopilot_modes: tuple[LoggedMode, ...] = ()  # of the firmware
@@ -228,7 +236,19 @@ def steered(flight: FlightData, surfaces: Surfaces) -> FlightData:
         ends = [surface.pwm_min, surface.pwm_trim, surface.pwm_max]
         values = np.interp(pulse, ends, [1.0, 0.0, -1.0] if surface.reversed else [-1.0, 0.0, 1.0])
         columns[name] = np.where(pulse > 0.0, values, np.nan)  # 0: the output is off
-    return replace(flight, surfaces=Series(outputs.time_s, columns, outputs.source))
+    moved = Series(outputs.time_s, columns, outputs.source)
+    return replace(flight, surfaces=moved, brake=_braked(outputs, surfaces))
+
+
+def _braked(outputs: Series, surfaces: Surfaces) -> Series | None:
+    """The brake from its pulse widths; None where none of the channels brakes."""
+    known = surfaces.brake
+    pulse = None if known is None else outputs.columns.get(str(known.channel))
+    if known is None or pulse is None or surfaces.brake_throw != 0.0:
+        return None
+    out = np.interp(pulse, [known.pwm_min, known.pwm_max], [1.0, 0.0] if known.reversed else [0, 1])
+    columns = {"brake": np.where(pulse > 0.0, out, np.nan)}
+    return Series(outputs.time_s, columns, outputs.source)
 
 
 def on_line(flight: FlightData) -> FlightData:

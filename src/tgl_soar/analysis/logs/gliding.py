@@ -16,7 +16,7 @@ import numpy as np
 from tgl_soar.analysis.identification import STEP_S, LongitudinalLog
 from tgl_soar.analysis.logs.flight_data import FlightData, Floats, Series
 from tgl_soar.analysis.logs.module_log import COMMANDED
-from tgl_soar.estimation.polar import GlideStretch, glides_from_log
+from tgl_soar.estimation.polar import BRAKE_SLACK, GlideStretch, glides_from_log
 
 GRID_S: Final = 0.02  # of glides
 GAP_MAX_S: Final = 0.15  # over a longer one nothing is interpolated
@@ -95,6 +95,12 @@ def glides(
     pitch, roll = on_grid(attitude, "pitch_rad", times), on_grid(attitude, "roll_rad", times)
     level = np.abs(roll) <= LEVEL_ROLL_RAD
     good = level & np.isfinite(pitch) & np.isfinite(air.horizontal_mps) & np.isfinite(air.climb_mps)
+    # A log that knows of no brake is one of an aircraft without.
+    brake = np.zeros_like(times) if flight.brake is None else on_grid(flight.brake, "brake", times)
+    if np.isfinite(brake[good]).any():
+        good &= np.isfinite(brake)
+    else:
+        brake = np.zeros_like(times)
     if good.sum() < 2:
         raise ValueError("the log holds no level flight with a velocity and an attitude")
     found = glides_from_log(
@@ -102,6 +108,7 @@ def glides(
         pitch[good].tolist(),
         air.horizontal_mps[good].tolist(),
         air.climb_mps[good].tolist(),
+        brake[good].tolist(),
         window_s=window_s,
         pitch_spread_rad=pitch_spread_rad,
     )
@@ -119,16 +126,21 @@ def _joined(stretches: Sequence[GlideStretch]) -> list[GlideStretch]:
     joined: list[GlideStretch] = []
     for new in stretches:
         last = joined[-1] if joined else None
-        if last is None or abs(new.speed_mps - last.speed_mps) > SAME_GLIDE_MPS:
+        if (
+            last is None
+            or abs(new.speed_mps - last.speed_mps) > SAME_GLIDE_MPS
+            or abs(new.brake - last.brake) > BRAKE_SLACK
+        ):
             joined.append(new)
             continue
         whole_s = last.duration_s + new.duration_s
         share = new.duration_s / whole_s
         joined[-1] = GlideStretch(
-            last.pitch_rad + share * (new.pitch_rad - last.pitch_rad),
-            last.speed_mps + share * (new.speed_mps - last.speed_mps),
-            last.sink_mps + share * (new.sink_mps - last.sink_mps),
-            whole_s,
+            pitch_rad=last.pitch_rad + share * (new.pitch_rad - last.pitch_rad),
+            speed_mps=last.speed_mps + share * (new.speed_mps - last.speed_mps),
+            sink_mps=last.sink_mps + share * (new.sink_mps - last.sink_mps),
+            duration_s=whole_s,
+            brake=last.brake + share * (new.brake - last.brake),
         )
     return joined
 

@@ -60,6 +60,7 @@ _EXCITATION: Final = {
     "elevator_p": "elevator_p",
     "elevator_i": "elevator_i",
 }
+_POINT: Final = {"standing": "point_standing", "off_m": "point_off_m", "brake": "command_brake"}
 _METADATA: Final = {
     "sys_name": "system",
     "ver_sw": "software version",
@@ -112,6 +113,8 @@ def read_module_log(log: FlightLog) -> FlightData:
     excitation = topics.take(TICK, _EXCITATION)
     if excitation is not None and (excitation["standing"] == RUNNING).any():
         parts["excitation"] = excitation
+    parts["point"] = topics.rows(TICK, _POINT)
+    parts["brake"] = _measured(topics, "surfaces", {"brake": "brake"})
     parts["surfaces"] = _moved(parts["surfaces"], topics)
     flight = replace(flight, **parts)
     return with_missing(flight, ("path", "tracking", "line", "surfaces", "airspeed", "air"))

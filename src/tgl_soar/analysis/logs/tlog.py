@@ -310,6 +310,7 @@ def read_tlog(name: str, log: Tlog) -> FlightData:
         ages=_told_ages(told),
         margins=_told_margins(told),
         forecast=_told_forecast(told),
+        point=_together(told, {"standing": "pt_state", "off_m": "pt_off", "brake": "brake"}),
         modes=_told_modes(told),
         autopilot_modes=_autopilot_modes(log, system),
         streams={kind: rows.time_s for kind, rows in log.kinds.items()},

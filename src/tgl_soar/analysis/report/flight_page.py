@@ -37,6 +37,7 @@ from tgl_soar.analysis.report.flight_figures import (
 from tgl_soar.analysis.report.legs import FLYING, ReportLeg, legs_of
 from tgl_soar.analysis.report.loop_figure import loop_figure, loop_words
 from tgl_soar.analysis.report.page_style import STYLE
+from tgl_soar.analysis.report.point_figure import point_figure, point_words
 from tgl_soar.analysis.report.spectra import SEGMENT_S, Spectrum, spectrum_of
 from tgl_soar.analysis.report.streams import Stream, streams_of
 from tgl_soar.analysis.report.style import drawing
@@ -109,64 +110,12 @@ def write_page(page: Path, analysis: Analysis, progress: Progress) -> list[Path]
 
     progress is told what comes next.  Errors: ImportError without matplotlib, OSError.
     """
-    flight, legs, known = analysis.flight, analysis.legs, analysis.known
     folder = page.parent / f"{page.stem}-figures"
     folder.mkdir(parents=True, exist_ok=True)
     drawn: list[tuple[str, str, str]] = []
     files = [page]
     with drawing() as plt:
-        wanted: list[tuple[str, str, str, _Draw]] = [
-            (
-                "plane",
-                "The vertical plane",
-                _plane_words(analysis),
-                lambda plt: plane_figure(plt, flight, legs, known),
-            ),
-            (
-                "places",
-                "Held on each line",
-                "Each leg from near. The cross is the mean position over its last"
-                f" {TAIL_S:g} s; the circle, where there is one, the place where line and contour"
-                " meet. Along the line the aircraft drifts with the turbulence: no still line"
-                " prevents that.",
-                lambda plt: places_figure(plt, flight, legs, known),
-            ),
-            (
-                "longitudinal",
-                "Holding the line",
-                "Distance from the line, pitch and its setpoint, elevator; updraft and wind as they"
-                " are estimated on board, and airspeed. Shaded: the line stands still. Red ticks:"
-                " events.",
-                lambda plt: history_figure(plt, flight, legs, longitudinal_panels(flight)),
-            ),
-            (
-                "lateral",
-                "Wings and heading",
-                "Sideways position, roll, heading from straight upwind and its setpoint, aileron"
-                " and rudder.",
-                lambda plt: history_figure(plt, flight, legs, lateral_panels(flight)),
-            ),
-            (
-                "spectra",
-                "In frequency",
-                _spectra_words(analysis),
-                lambda plt: spectra_figure(plt, analysis.tracking, analysis.updraft),
-            ),
-            (
-                "loop",
-                "The open loop",
-                loop_words(analysis.loops),
-                lambda plt: loop_figure(plt, analysis.loops),
-            ),
-            (
-                "health",
-                "How old the inputs were",
-                "Age of what each tick was flown with: the mean, and shaded from the youngest to"
-                " the oldest. Between two samples an input ages by the time between them.",
-                lambda plt: history_figure(plt, flight, legs, health_panels(flight)),
-            ),
-        ]
-        for name, title, words, draw in wanted:
+        for name, title, words, draw in _wanted(analysis):
             progress(title)
             figure = draw(plt)
             if figure is None:
@@ -181,6 +130,68 @@ def write_page(page: Path, analysis: Analysis, progress: Progress) -> list[Path]
     numbers.write_text(json.dumps(_numbers(analysis), indent=1) + "\n", encoding="utf-8")
     page.write_text(page_text(analysis, {name: html for name, _, html in drawn}), encoding="utf-8")
     return [*files, numbers]
+
+
+def _wanted(analysis: Analysis) -> list[tuple[str, str, str, _Draw]]:
+    """Every figure: its name, title and caption, and what draws it."""
+    flight, legs, known = analysis.flight, analysis.legs, analysis.known
+    return [
+        (
+            "plane",
+            "The vertical plane",
+            _plane_words(analysis),
+            lambda plt: plane_figure(plt, flight, legs, known),
+        ),
+        (
+            "places",
+            "Held on each line",
+            "Each leg from near. The cross is the mean position over its last"
+            f" {TAIL_S:g} s; the circle, where there is one, the place where line and contour"
+            " meet. Along the line the aircraft drifts with the turbulence: no still line"
+            " prevents that.",
+            lambda plt: places_figure(plt, flight, legs, known),
+        ),
+        (
+            "point",
+            "Holding a point of the line",
+            point_words(flight),
+            lambda plt: point_figure(plt, flight),
+        ),
+        (
+            "longitudinal",
+            "Holding the line",
+            "Distance from the line, pitch and its setpoint, elevator; updraft and wind as they"
+            " are estimated on board, and airspeed. Shaded: the line stands still. Red ticks:"
+            " events.",
+            lambda plt: history_figure(plt, flight, legs, longitudinal_panels(flight)),
+        ),
+        (
+            "lateral",
+            "Wings and heading",
+            "Sideways position, roll, heading from straight upwind and its setpoint, aileron"
+            " and rudder.",
+            lambda plt: history_figure(plt, flight, legs, lateral_panels(flight)),
+        ),
+        (
+            "spectra",
+            "In frequency",
+            _spectra_words(analysis),
+            lambda plt: spectra_figure(plt, analysis.tracking, analysis.updraft),
+        ),
+        (
+            "loop",
+            "The open loop",
+            loop_words(analysis.loops),
+            lambda plt: loop_figure(plt, analysis.loops),
+        ),
+        (
+            "health",
+            "How old the inputs were",
+            "Age of what each tick was flown with: the mean, and shaded from the youngest to"
+            " the oldest. Between two samples an input ages by the time between them.",
+            lambda plt: history_figure(plt, flight, legs, health_panels(flight)),
+        ),
+    ]
 
 
 def _saved(plt: Any, figure: Any) -> tuple[str, bytes]:
@@ -317,6 +328,7 @@ def page_text(analysis: Analysis, figures: dict[str, str]) -> str:
         figures.get("plane", ""),
         legs,
         figures.get("places", ""),
+        figures.get("point", ""),
         figures.get("longitudinal", ""),
         figures.get("lateral", ""),
         figures.get("spectra", ""),
