@@ -23,7 +23,7 @@ from tgl_soar.analysis.experiments.catalogue import (
 from tgl_soar.analysis.experiments.catalogue import run as run_experiment
 from tgl_soar.analysis.experiments.context import COMPILED_FROM, Context
 from tgl_soar.analysis.experiments.flights import FlownFolder, Flyer
-from tgl_soar.analysis.experiments.page import IMAGES, counted, pages
+from tgl_soar.analysis.experiments.page import IMAGES, OWN_PAGES, counted, pages, with_result
 from tgl_soar.analysis.experiments.result import Result, as_json
 from tgl_soar.analysis.experiments.staleness import probe
 from tgl_soar.cli.console import MODEL_HELP, FlightModel, console, fail, hint, say
@@ -69,7 +69,7 @@ def experiment(
         Path | None,
         typer.Option(
             help="With `all`, `paper`, `aims`: fly both models, write experiments.md, aims.md and"
-            " figures into this folder."
+            " figures into this folder; with `point`: write its section of point.md."
         ),
     ] = None,
     model: Annotated[FlightModel | None, typer.Option(help=MODEL_HELP)] = None,
@@ -100,7 +100,7 @@ def experiment(
         figures = None
     # Of many, what is compiled for one experiment serves the next.
     compiled_from = 2 if name in TOGETHER and not quick else COMPILED_FROM
-    run = run_experiment if docs is None else run_both
+    run = run_experiment if docs is None or name in OWN_PAGES else run_both
     begun = time.monotonic()
     results: list[Result] = []
     folder = FlownFolder(out / FLIGHTS, resume=resume, restart=restart)
@@ -159,6 +159,12 @@ def _print_figures(figures: Path | None) -> None:
 def _write_pages(docs: Path | None, results: list[Result]) -> None:
     if docs is None:
         return
+    if results[0].name in OWN_PAGES:
+        page = docs / OWN_PAGES[results[0].name]
+        written = with_result(page.read_text(encoding="utf-8"), results[0])
+        page.write_text(written, encoding="utf-8")
+        say(f"section in {page}")
+        return
     for name, text in pages(results, probe()).items():
         (docs / name).write_text(text, encoding="utf-8")
         say(f"page in {docs / name}")
@@ -178,11 +184,13 @@ def _refuse(
     if name not in TOGETHER and name not in EXPERIMENTS:
         known = ", ".join((*EXPERIMENTS, *TOGETHER))
         fail(f"no experiment named {name!r}; there are {known}")
-    if docs is not None and (name not in TOGETHER or quick):
-        names = ", ".join(TOGETHER)
+    if docs is not None and (name not in (*TOGETHER, *OWN_PAGES) or quick):
+        names = ", ".join((*TOGETHER, *OWN_PAGES))
         fail(
             f"--docs goes with {names}, without --quick: a page holds all of its experiments whole"
         )
+    if docs is not None and name in OWN_PAGES and not (docs / OWN_PAGES[name]).is_file():
+        fail(f"--docs {docs}: there is no {docs / OWN_PAGES[name]}")
     if docs is not None and model is not None:
         fail("--docs goes without --model: the page shows both")
     if dispersion and (name in TOGETHER or docs is not None or model == FlightModel.POINT_MASS):

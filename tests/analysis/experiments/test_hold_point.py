@@ -36,6 +36,7 @@ def flight(off_m: float, e_rho_m: float, ended: str = "", held_: bool = True) ->
         "e_rho_m": e_rho_m * sign,
         "point_off_m": off_m * sign if held_ else nan * time,
         "brake": 0.5 + 0.0 * time,
+        "point": (1.0 if held_ else 0.0) + 0.0 * time,
     }
     return FlownScenario(1, ended, 30.0, (), path)
 

@@ -26,6 +26,7 @@ from typing import Final, NamedTuple, overload
 
 from tgl_soar.air.field import WindField
 from tgl_soar.analysis.experiments.mismatch import mismatched
+from tgl_soar.analysis.experiments.page import between
 from tgl_soar.autopilot import Output, mode_name, reason_text
 from tgl_soar.config.airframe import Airframe, ModelKind
 from tgl_soar.config.files import (
@@ -430,8 +431,4 @@ END: Final = "<!-- campaign: end -->"
 
 def with_section(page: str, written: str) -> str:
     """A page with what lies between the marks replaced.  Errors: ValueError without marks."""
-    before, begin, rest = page.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not begin or not end:
-        raise ValueError(f"no marks {BEGIN!r} … {END!r} to write between")
-    return f"{before}{BEGIN}\n\n{written}\n{END}{after}"
+    return between(page, BEGIN, END, written)

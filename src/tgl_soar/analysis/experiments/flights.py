@@ -103,7 +103,7 @@ def fly_job(job: ScenarioJob) -> FlownScenario:
     prepared = prepare(job.scenario)
     faults = parse_faults(job.scenario.faults)
     injection = Injection(faults, job.seed) if faults else None
-    world = _world(job, prepared, injection)
+    world = scenario_world(job, prepared, injection)
     trajectory = fly(world, prepared.values, prepared.changes, job.scenario.duration_s, injection)
     return _flown(job, prepared, trajectory)
 
@@ -113,11 +113,14 @@ def fly_job_compiled(job: ScenarioJob) -> FlownScenario:
     if job.scenario.faults:
         raise ValueError(f"{job.scenario.title}: faults are injected into plain flights only")
     prepared = prepare(job.scenario)
-    world = prepare_compiled(_world(job, prepared, None), job.scenario.duration_s)
+    world = prepare_compiled(scenario_world(job, prepared, None), job.scenario.duration_s)
     return _flown(job, prepared, fly_compiled(world, job.seed, prepared.values, prepared.changes))
 
 
-def _world(job: ScenarioJob, prepared: PreparedScenario, injection: Injection | None) -> World:
+def scenario_world(
+    job: ScenarioJob, prepared: PreparedScenario, injection: Injection | None
+) -> World:
+    """The world of a flight.  Errors: `ConfigError`."""
     site = prepared.site
     if job.start_xz_m is not None:
         x_m, z_m = job.start_xz_m

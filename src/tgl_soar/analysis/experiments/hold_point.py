@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from math import cos, pi, sin
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from tgl_soar.analysis.experiments.brake_faults import (
+    FLIGHTS,
+    SEED,
+    faults_claim,
+    faults_table,
+    faulty_jobs,
+    fly_faulty,
+)
 from tgl_soar.analysis.experiments.context import Context, with_turbulence
-from tgl_soar.analysis.experiments.flights import FlownScenario, ScenarioJob
+from tgl_soar.analysis.experiments.flights import FlownScenario
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.experiments.scenario import (
     PositionSpec,
@@ -23,7 +32,7 @@ from tgl_soar.analysis.experiments.scenario import (
     TimedChange,
     prepare,
 )
-from tgl_soar.control.brake import HOLDS
+from tgl_soar.control.brake import DEAD, HOLDS, UNEVEN
 from tgl_soar.estimation.aerodynamics import brake_sink, braked
 from tgl_soar.types import polar_sink
 
@@ -44,6 +53,7 @@ PATH_SPEED_MPS: Final = 0.02  # an eighth of what the point may move at
 SEARCHED_M: Final = 3.0  # along the line, to either side of its point
 STEP_M: Final = 0.005
 CHANGE_S: Final = 0.25  # between two points of a path
+COMPILED_TOGETHER: Final = 48  # flights: fewer than usual, as those with bad brakes follow
 
 Floats = NDArray[np.float64]
 
@@ -57,6 +67,7 @@ class Held(NamedTuple):
     lasted: int
     brake: float  # mean
     ended: float  # share of the time at an end of its travel
+    given_up: int  # flights whose brake was taken for a bad one
 
 
 def band(prepared: PreparedScenario) -> tuple[float, float, float]:
@@ -114,6 +125,7 @@ def held(flights: Sequence[FlownScenario], eta_rad: float, settle_s: float) -> H
         lasted=sum(flight.survived for flight in flights),
         brake=float(np.mean(np.concatenate(out))) if out else float("nan"),
         ended=float(np.mean(np.concatenate(ends))) if ends else float("nan"),
+        given_up=sum(bool(np.isin(f.path["point"], (DEAD, UNEVEN)).any()) for f in flights),
     )
 
 
@@ -188,26 +200,35 @@ def run(context: Context) -> Result:
         for intensity in INTENSITIES
         for kind, scenario in kinds.items()
     }
-    jobs = [ScenarioJob(scenario=s, seed=seed) for s in scenarios.values() for seed in s.seeds]
-    flown = iter(context.fly_jobs(jobs))
-    flights = {key: [next(flown) for _ in s.seeds] for key, s in scenarios.items()}
-    kept = {key: held(each, eta, SETTLE_S) for key, each in flights.items()}
-
-    calm = with_turbulence(msgspec.structs.replace(kinds["point"], sensors=TRACKED), 0.0)
-    calm = msgspec.structs.replace(calm, duration_s=SETTLE_S + 60.0)
-    (still,) = context.fly_jobs([ScenarioJob(scenario=calm, seed=calm.seeds[0])])
-    rows = still.path["time_s"] >= SETTLE_S
-    peaks = (
-        float(np.abs(still.path["point_off_m"][rows]).max()),
-        float(np.abs(still.path["e_rho_m"][rows]).max()),
+    calm = msgspec.structs.replace(
+        with_turbulence(kinds["point"], 0.0), duration_s=SETTLE_S + 60.0, seeds=base.seeds
     )
-    shapes, drawn = _shapes(context)
+    stills = {
+        "cameras": msgspec.structs.replace(calm, sensors=TRACKED),
+        "the autopilot": calm,
+    }
+    paths = _paths(context)
+    # Together, so that they are compiled: the bad brakes need nearly the same.
+    flights = replace(context, compiled_from=min(COMPILED_TOGETHER, context.compiled_from)).fly(
+        {**scenarios, **stills, **{key: each.scenario for key, each in paths.items()}}
+    )
+    kept = {key: held(flights[key], eta, SETTLE_S) for key in scenarios}
+    peaks = {name: _peaks(flights[name]) for name in stills}
+    shapes = _shapes(paths, flights)
     sink = brake_sink(prepared.airframe.aerodynamics())
     cost = 0.5 * sink * float(np.median(flights["point", INTENSITIES[0]][0].path["wind_mps"])) ** 3
-    claims = [*_claims(kept), *_still_claims(peaks)]
+    bad = context.flyer.each(
+        fly_faulty,
+        faulty_jobs(
+            [kinds["point"], _held_on_the_hill(context)], 8 if context.quick else FLIGHTS, SEED
+        ),
+        compiled=True,
+    )
+    claims = [*_claims(kept), _still_claim(peaks["cameras"]), _taken_claim(kept), faults_claim(bad)]
     figure = context.figure("point")
     if figure is not None:
-        _draw(figure, flights["line", 0.03], flights["point", 0.03], drawn, half, prepared)
+        square_flight = flights["tunnel", "square of 20 cm", 0.0][0]
+        _draw(figure, flights["line", 0.03], flights["point", 0.03], square_flight, half, prepared)
     return Result(
         "point",
         base.title,
@@ -218,12 +239,13 @@ def run(context: Context) -> Result:
         f" where none of it does; half of it costs {cost:.2f} m/s of sink.",
         tuple(claims),
         "",
-        (_table(kept), shapes),
+        (_table(kept), _calm_table(peaks), shapes, faults_table(bad)),
         {
             "band_m": [all_of_it, half, none],
             "bias_sink_mps": cost,
-            "calm_peaks_m": list(peaks),
+            "calm_peaks_m": {name: list(each) for name, each in peaks.items()},
             "held": {f"{kind} {100 * i:g} %": h._asdict() for (kind, i), h in kept.items()},
+            "bad_brakes": [flight._asdict() for flight in bad],
         },
         () if figure is None else (figure.name,),
         ("point", "point_hill"),
@@ -231,37 +253,80 @@ def run(context: Context) -> Result:
     )
 
 
-def _shapes(context: Context) -> tuple[Table, dict[str, FlownScenario]]:
-    """Paths in the vertical plane, calm and at 1 %."""
-    rows, drawn = [], {}
+def _held_on_the_hill(context: Context) -> Scenario:
+    """The middle of the band there."""
+    base = context.scenario("point_hill")
+    return with_point(base, band(prepare(base))[1])
+
+
+def _taken_claim(kept: dict[tuple[str, float], Held]) -> Claim:
+    """Of brakes that are well."""
+    points = [each for (kind, _), each in kept.items() if kind == "point"]
+    taken, flown = sum(each.given_up for each in points), sum(each.flown for each in points)
+    return Claim("no brake that is well is given up", taken == 0, f"{taken} of {flown} flights")
+
+
+class PathFlight(NamedTuple):
+    """A path of the point that is to be flown."""
+
+    scenario: Scenario
+    path: list[tuple[float, float]]
+    along_m: float  # of the point that is held, from the line's
+    settle_s: float
+
+
+def _paths(context: Context) -> dict[tuple[str, str, float], PathFlight]:
+    """Paths in the vertical plane, calm and at 1 %: by place, shape and turbulence."""
+    found = {}
     for place, name, settle_s in (
         ("tunnel", "point", SETTLE_S),
         ("hill", "point_hill", HILL_SETTLE_S),
     ):
         base = context.scenario(name)
+        base = msgspec.structs.replace(base, seeds=base.seeds[:1])
         half = band(prepare(base))[1]
         for shape, make in PATHS.items():
             for intensity in (0.0, 0.01):
                 scenario = with_turbulence(with_point(base, half), intensity)
-                scenario = flying_path(scenario, make(), settle_s)
-                (flight,) = context.fly_jobs(
-                    [ScenarioJob(scenario=scenario, seed=scenario.seeds[0])]
+                found[place, shape, intensity] = PathFlight(
+                    flying_path(scenario, make(), settle_s), make(), half, settle_s
                 )
-                error = path_error(flight, prepare(scenario), make(), half, settle_s)
-                over = flight.path["time_s"] >= settle_s
-                holds = float(np.mean(flight.path["point"][over] == HOLDS)) if np.any(over) else 0.0
-                rows.append(
-                    (
-                        f"{place}, {shape}",
-                        f"{100 * intensity:g}",
-                        f"{1000 * error:.1f}",
-                        f"{100 * holds:.0f}",
-                        flight.ended or "flew to the end",
-                    )
-                )
-                drawn[f"{place}, {shape}, {100 * intensity:g} %"] = flight
+    return found
+
+
+def _shapes(
+    paths: dict[tuple[str, str, float], PathFlight], flights: dict[Any, list[FlownScenario]]
+) -> Table:
+    rows = []
+    for key, (scenario, path, half, settle_s) in paths.items():
+        place, shape, intensity = key
+        (flight,) = flights[key]
+        error = path_error(flight, prepare(scenario), path, half, settle_s)
+        over = flight.path["time_s"] >= settle_s
+        holds = float(np.mean(flight.path["point"][over] == HOLDS)) if np.any(over) else 0.0
+        rows.append(
+            (
+                f"{place}, {shape}",
+                f"{100 * intensity:g}",
+                f"{1000 * error:.1f}",
+                f"{100 * holds:.0f}",
+                flight.ended or "flew to the end",
+            )
+        )
     columns = ("path", "turbulence [%]", "off it, rms [mm]", "within the band [%]", "end")
-    return Table("Paths of the point in the vertical plane", columns, tuple(rows)), drawn
+    return Table("Paths of the point in the vertical plane", columns, tuple(rows))
+
+
+def _peaks(flights: Sequence[FlownScenario]) -> tuple[float, float]:
+    """The farthest that any of them was from its point, along and across [m]."""
+    rows = [flight.path["time_s"] >= SETTLE_S for flight in flights]
+    return (
+        max(
+            float(np.abs(f.path["point_off_m"][r]).max())
+            for f, r in zip(flights, rows, strict=True)
+        ),
+        max(float(np.abs(f.path["e_rho_m"][r]).max()) for f, r in zip(flights, rows, strict=True)),
+    )
 
 
 def _claims(kept: dict[tuple[str, float], Held]) -> list[Claim]:
@@ -292,14 +357,21 @@ def _claims(kept: dict[tuple[str, float], Held]) -> list[Claim]:
     ]
 
 
-def _still_claims(peaks: tuple[float, float]) -> list[Claim]:
-    return [
-        Claim(
-            f"in calm air, tracked by cameras, within {1000 * CALM_M:g} mm on both axes for 60 s",
-            max(peaks) <= CALM_M,
-            f"{1000 * peaks[0]:.1f} mm along, {1000 * peaks[1]:.1f} mm across at most",
-        )
-    ]
+def _still_claim(peaks: tuple[float, float]) -> Claim:
+    return Claim(
+        f"in calm air, tracked by cameras, within {1000 * CALM_M:g} mm on both axes for 60 s",
+        max(peaks) <= CALM_M,
+        f"{1000 * peaks[0]:.1f} mm along, {1000 * peaks[1]:.1f} mm across at most",
+    )
+
+
+def _calm_table(peaks: dict[str, tuple[float, float]]) -> Table:
+    rows = tuple(
+        (name, f"{1000 * along_m:.1f}", f"{1000 * across_m:.1f}")
+        for name, (along_m, across_m) in peaks.items()
+    )
+    columns = ("position by", "along, at most [mm]", "e_rho, at most [mm]")
+    return Table("The point in calm air, 60 s of every seed", columns, rows)
 
 
 def _table(kept: dict[tuple[str, float], Held]) -> Table:
@@ -326,7 +398,7 @@ def _draw(
     path: Path,
     lines: Sequence[FlownScenario],
     points: Sequence[FlownScenario],
-    paths: dict[str, FlownScenario],
+    square_flight: FlownScenario,
     half_m: float,
     prepared: PreparedScenario,
 ) -> None:
@@ -353,7 +425,7 @@ def _draw(
         if flights is points:
             ax.plot(100 * half_m * cos(eta), 100 * half_m * sin(eta), "+", color="black")
         ax.set(xlim=(-30.0, 30.0), ylim=(-50.0, 40.0), aspect="equal", title=words)
-    flight = paths["tunnel, square of 20 cm, 0 %"]
+    flight = square_flight
     over = flight.path["time_s"] >= SETTLE_S
     shift = np.array([half_m * cos(eta), half_m * sin(eta)])
     wanted = 100 * (np.array(square()) + shift)

@@ -15,6 +15,8 @@ from tgl_soar.analysis.experiments.staleness import Ends, mark
 IMAGES: Final = "images/experiments"
 PAPER: Final = "experiments.md"
 AIMS: Final = "aims.md"
+# Experiments whose section stands on a page that is written by hand, between two marks.
+OWN_PAGES: Final = {"point": "point.md"}
 
 
 def pages(results: Sequence[Result], ends: Ends) -> dict[str, str]:
@@ -24,6 +26,23 @@ def pages(results: Sequence[Result], ends: Ends) -> dict[str, str]:
     aims = [result for result in results if result.own]
     written = {PAPER: page(paper, ends)} if paper else {}
     return written | ({AIMS: aims_page(aims, ends)} if aims else {})
+
+
+def with_result(text: str, result: Result) -> str:
+    """A page with an experiment's section between its marks.  Errors: ValueError without them."""
+    name = result.name
+    begin = f"<!-- {name}: begin; written by `tgl-soar experiment {name} --docs docs` -->"
+    section = as_markdown(result, IMAGES).partition("\n")[2]  # the page has a heading of its own
+    return between(text, begin, f"<!-- {name}: end -->", section)
+
+
+def between(text: str, begin: str, end: str, written: str) -> str:
+    """A page with what lies between two marks replaced.  Errors: ValueError without marks."""
+    before, found_begin, rest = text.partition(begin)
+    _, found_end, after = rest.partition(end)
+    if not found_begin or not found_end:
+        raise ValueError(f"no marks {begin!r} … {end!r} to write between")
+    return f"{before}{begin}\n\n{written}\n{end}{after}"
 
 
 def aims_page(results: Sequence[Result], ends: Ends) -> str:
