@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from free_ports import free_port
@@ -39,13 +40,13 @@ def frames_of(datagram: bytes) -> Iterator[bytes]:
 class Flown:
     """Simulation and module, stepped by hand; frames of the ground link come and go as bytes."""
 
-    def __init__(self) -> None:
-        airframe, site = load_airframe(AIRFRAME), load_site(SITE)
+    def __init__(self, plane: Path = AIRFRAME) -> None:
+        airframe, site = load_airframe(plane), load_site(SITE)
         self.simulation = Simulation(airframe, site, Options(), SITE.parent)
         self.simulation.add_link(COMPANION, ground=False)
         self.simulation.add_link(GROUND, ground=True)
         self.simulation.pixhawk.set_pace(COMPANION)
-        self._setup = setup_from(airframe, site, load_parameters(airframe, AIRFRAME, site, SITE))
+        self._setup = setup_from(airframe, site, load_parameters(airframe, plane, site, SITE))
         self.onboard = Onboard(self._setup, self._send, 0.0, lockstep=True, start=1)
         self.altered: Callable[[bytes], bytes] = bytes  # what a bad link makes of a frame
 
@@ -91,8 +92,8 @@ class Flown:
 class Flying:
     """A flight that goes on by itself, in a thread, on a UDP socket."""
 
-    def __init__(self) -> None:
-        self.flown = Flown()
+    def __init__(self, plane: Path = AIRFRAME) -> None:
+        self.flown = Flown(plane)
         self.lock = threading.Lock()
         self.is_cut = False  # the link: nothing comes and nothing goes
         self.heard: list[bytes] = []  # from the ground, since it was looked at
@@ -176,20 +177,20 @@ class Served:
         self._listener.close()
 
 
-def desk_on(port: int, system: int = 253) -> Any:
+def desk_on(port: int, system: int = 253, plane: Path = AIRFRAME) -> Any:
     """A desk that listens on a UDP port."""
     from tgl_soar.cli.page.command import live_desk
 
-    airframe, site = load_airframe(AIRFRAME), load_site(SITE)
+    airframe, site = load_airframe(plane), load_site(SITE)
     link = f"udp:127.0.0.1:{port}"
-    return live_desk(airframe, AIRFRAME, site, SITE, link, None, system)
+    return live_desk(airframe, plane, site, SITE, link, None, system)
 
 
 @contextmanager
-def page_on_a_flight() -> Iterator[tuple[Flying, Served]]:
+def page_on_a_flight(plane: Path = AIRFRAME) -> Iterator[tuple[Flying, Served]]:
     """Both, with the link between them."""
     port = free_port()
-    flying, served = Flying(), Served(desk_on(port))
+    flying, served = Flying(plane), Served(desk_on(port, plane=plane))
     flying.start(port)
     try:
         yield flying, served

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable, Iterator
-from math import hypot, nan
+from math import cos, hypot, nan, radians, sin
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from page_flight import (
 from page_window import PageWindow
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tgl_soar.config.files import shipped
 from tgl_soar.link.frames import first_frame
 
 pytest.importorskip("starlette", reason="the extra `page` is not installed")
@@ -37,6 +38,7 @@ if CHROMIUM is None:
     pytest.skip("no chromium (Debian: apt install chromium)", allow_module_level=True)
 
 pytestmark = pytest.mark.xdist_group("page in a browser")
+SPOILERS = shipped("airframes/eclipson_c_spoilers.toml")
 A, B, C = (0.20, 1.15), (0.60, 1.60), (1.05, 2.00)
 NUMBERS = {"NAMED_VALUE_FLOAT", "DEBUG_FLOAT_ARRAY", "ATTITUDE"}
 MARKUP = "<img src=x onerror=page.hacked=1><b>bold"
@@ -297,6 +299,39 @@ def test_what_the_module_foresees_and_measures_is_seen(
     window.page.click("#release")
     window.until(lambda: not window.page.evaluate(seen, "foreseen"))
     window.close()
+
+
+def test_a_point_is_held_and_dragged_along_the_line(browser: Any) -> None:
+    with page_on_a_flight(SPOILERS) as (flying, served):
+        flying.until(lambda flown: flown.mode == READY)
+        window = Window(browser, served.address).loaded()
+        window.page.click("#presets button:nth-child(2)")
+        flying.until(lambda flown: flown.value("TGL_X") == pytest.approx(B[0]))
+        engaged(window, flying)
+        # The part of the line on which the brake can hold it: 0.33 m, as the experiment has it.
+        assert window.value("page.plane.part.point.getAttribute('visibility')") == "hidden"
+        window.page.click("#hold-point")
+        flying.until(lambda flown: flown.value("TGL_HOLD") == 1.0)
+        along = flying.flown.value("TGL_ALONG")
+        assert -0.4 < along < 0.0  # below where the line alone would settle
+        window.until(lambda: window.value("m.parameters.TGL_HOLD === 1"))
+        window.shows("#point-words", "held")
+        ends = window.value(
+            "['x1', 'y1', 'x2', 'y2'].map((n) => +page.plane.part.pointBand.getAttribute(n))"
+        )
+        width = hypot(ends[2] - ends[0], ends[3] - ends[1]) / window.value("page.plane.scale")
+        assert width == pytest.approx(0.33, abs=0.06)
+        # Dragged, it stays on the line; nothing goes out before it is let go.
+        lean = radians(15.0)
+        place, to = ((B[0] - a * sin(lean), B[1] + a * cos(lean)) for a in (along, along - 0.06))
+        window.take(place, (to[0] + 0.1 * cos(lean), to[1] + 0.1 * sin(lean)))
+        assert flying.flown.value("TGL_ALONG") == along
+        window.page.mouse.up()
+        flying.until(lambda flown: abs(flown.value("TGL_ALONG") - along + 0.06) < 0.016)
+        assert flying.flown.value("TGL_X") == pytest.approx(B[0])
+        window.page.click("#hold-point")
+        flying.until(lambda flown: flown.value("TGL_HOLD") == 0.0)
+        window.close()
 
 
 def test_a_wrong_token_and_a_dead_server_are_told(

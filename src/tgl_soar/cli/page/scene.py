@@ -19,8 +19,10 @@ from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import preset_lines
 from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterSet
 from tgl_soar.config.site import Site
+from tgl_soar.control.brake import POINT_TEXTS
 from tgl_soar.control.forecast import FORECAST_TEXTS
 from tgl_soar.control.supervisor import CONDITION_TEXTS, ENTRY, MODE_NAMES
+from tgl_soar.estimation.aerodynamics import braked
 from tgl_soar.estimation.health import FAULT_TEXTS
 from tgl_soar.onboard.instruments import HELD_BACK
 from tgl_soar.sim.world import build_field, ground_outline
@@ -58,9 +60,13 @@ def place_of(airframe: Airframe, site: Site, values: ParameterSet, folder: Path)
     outline = None if site.air is None else ground_outline(site.air)
     parts: list[Any] = [list(part) for part in known]
     updraft = None
+    band: list[Any] = []  # its other edge: where updraft equals sink with all of the brake
+    has_brake = airframe.surfaces.brake is not None
     if field is not None:
         updraft = _map(field, view)
         parts = _contour(field, polar, view) or parts
+        if has_brake:
+            band = _contour(field, braked(airframe.aerodynamics(), 1.0).polar, view)
     scene = {
         "site": site.site.name,
         "airframe": airframe.airframe.name,
@@ -68,6 +74,8 @@ def place_of(airframe: Airframe, site: Site, values: ParameterSet, folder: Path)
         "ground": [] if site.ground is None else [list(p) for p in site.ground.profile],
         "outline": [] if outline is None else [list(p) for p in outline],
         "contour": parts,
+        "braked": band,
+        "has_brake": has_brake,
         "known": [list(part) for part in known],
         "updraft": updraft,
         "presets": [{"name": p.name, "x": p.x_m, "z": p.z_m, "lean": p.lean_deg} for p in presets],
@@ -90,6 +98,7 @@ def meanings() -> dict[str, Any]:
         "modes": list(MODE_NAMES),
         "checks": [[HELD_BACK, HELD_BACK_TEXT], *([bit, words] for bit, words in checks)],
         "forecasts": list(FORECAST_TEXTS),
+        "points": list(POINT_TEXTS),
         "faults": [[1 << i, words] for i, words in enumerate(FAULT_TEXTS)],
         "parameters": [
             {

@@ -2,6 +2,7 @@
 // held the server says what would become of it; it goes out when it is let go.
 
 import { known } from "./dom.js";
+import { alongOf } from "./plane.js";
 
 const LOOKS_MS = 50;
 const KEYS_MS = 350; // after the last key the line is let go
@@ -37,6 +38,12 @@ export class Hand {
     this.plane.svg.focus({ preventScroll: true });
     this.plane.svg.setPointerCapture(event.pointerId);
     const place = this.plane.at(event.clientX, event.clientY);
+    if (kind === "along") {
+      const along = this.model.parameters.TGL_ALONG;
+      this.drag = { kind, id: event.pointerId, offset: along - alongOf(this.model.line, place) };
+      this.plane.wishAlong = along;
+      return;
+    }
     const line = { ...(this.plane.wish ?? this.model.line) };
     this.drag = { kind, id: event.pointerId, from: line, dx: line.x - place.x, dz: line.z - place.z };
     clearTimeout(this.timer);
@@ -48,6 +55,12 @@ export class Hand {
   moved(event) {
     if (!this.drag || event.pointerId !== this.drag.id) return;
     const place = this.plane.at(event.clientX, event.clientY);
+    if (this.drag.kind === "along") {
+      const along = alongOf(this.model.line, place) + this.drag.offset;
+      this.plane.wishAlong = Math.max(-100, Math.min(100, centimetres(along)));
+      this.plane.update();
+      return;
+    }
     const { wish } = this.plane;
     if (this.drag.kind === "turn") {
       const lean = Math.atan2(wish.x - place.x, place.z - wish.z) * DEG;
@@ -64,8 +77,9 @@ export class Hand {
   up(event) {
     if (!this.drag || event.pointerId !== this.drag.id) return;
     this.moved(event);
+    const { kind } = this.drag;
     this.drag = null;
-    this.send();
+    if (kind === "along") this.sendAlong(); else this.send();
   }
 
   pressed(event) {
@@ -130,17 +144,30 @@ export class Hand {
     this.plane.update();
   }
 
+  // A point that is dragged is a point to be held.
+  sendAlong() {
+    const along = this.plane.wishAlong;
+    this.plane.wishAlong = null;
+    const { TGL_ALONG: before, TGL_HOLD: holds } = this.model.parameters;
+    if (along !== null && along !== before && this.may) {
+      this.ask("set", { name: "TGL_ALONG", value: along });
+      if (!(holds > 0)) this.ask("set", { name: "TGL_HOLD", value: 1 });
+    }
+    this.plane.update();
+  }
+
   cancel() {
     clearTimeout(this.timer);
     clearTimeout(this.later);
     if (this.plane.wish) this.ask("drop");
     this.drag = null;
     this.plane.wish = null;
+    this.plane.wishAlong = null;
     this.plane.update();
   }
 }
 
 // What is done to the line where it is taken; undefined: it is not taken there.
-const kindOf = (target) => ({ "point-handle": "move", "line-grip": "move", "lean-handle": "turn" })[target.id];
+const kindOf = (target) => ({ "point-handle": "move", "line-grip": "move", "lean-handle": "turn", "along-handle": "along" })[target.id];
 
 const centimetres = (value) => Math.round(value * 100) / 100;

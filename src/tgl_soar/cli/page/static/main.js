@@ -4,7 +4,7 @@ import { $, level, make, words } from "./dom.js";
 import { Hand } from "./hand.js";
 import { Live } from "./live.js";
 import { Model } from "./model.js";
-import { Messages, airWords, ghostWords, lineWords, updateChecks, updateGauges, updateHead } from "./panels.js";
+import { Messages, airWords, ghostWords, lineWords, pointWords, updateChecks, updateGauges, updateHead } from "./panels.js";
 import { Parameters } from "./parameters.js";
 import { Attitude, Plane } from "./plane.js";
 import { Replay } from "./replay.js";
@@ -87,6 +87,14 @@ async function begin() {
   for (const id of ["engage", "release", "abort", "undo"]) $(id).addEventListener("click", () => ask(id));
   $("along").addEventListener("change", (event) => { hand.along = event.target.checked; });
 
+  $("point-row").hidden = !scene.has_brake;
+  $("hold-point").addEventListener("change", (event) => {
+    const { checked } = event.target;
+    const along = Math.round(plane.pointToHold() * 100) / 100;
+    if (checked && !model.parameters.TGL_ALONG) ask("set", { name: "TGL_ALONG", value: along });
+    ask("set", { name: "TGL_HOLD", value: checked ? 1 : 0 });
+  });
+
   let waits = false;
   let starts = 0;
   const measured = [];
@@ -101,6 +109,7 @@ async function begin() {
     messages.update();
     parameters.update();
     lineWords(model);
+    pointWords(model);
     airWords(model, plane);
     ghostWords(model, plane.wish);
     notices(model);

@@ -145,6 +145,20 @@ export function airWords(model, plane) {
   words(at, plane.air === "measured" || measured ? readings + ground : "");
 }
 
+// How the point on the line stands: the box shows what the module has confirmed.
+export function pointWords(model) {
+  const { now, parameters: p, scene } = model;
+  const box = $("hold-point");
+  box.checked = p.TGL_HOLD > 0;
+  box.disabled = model.isRecording || !model.connected || !known(p.TGL_HOLD);
+  const at = $("point-words");
+  const stands = scene.points?.[now.pt_state] ?? "";
+  const off = known(now.pt_off) ? `, ${fixed(now.pt_off * 100, 1)} cm off` : "";
+  const brake = known(now.brake) && now.pt_state > 0 ? `, brake ${Math.round(now.brake * 100)} %` : "";
+  level(at, now.pt_state > 1 ? "warn" : "none");
+  words(at, p.TGL_HOLD > 0 && stands ? `${stands}${off}${brake}` : "");
+}
+
 export function lineWords(model) {
   const { line, now } = model;
   const at = known(now.soar_x) && known(now.soar_z) ? `aircraft at x ${fixed(now.soar_x)}, z ${fixed(now.soar_z)} m` : "no position";

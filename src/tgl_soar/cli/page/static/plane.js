@@ -12,6 +12,7 @@ export class Plane {
     this.svg = svg;
     this.model = model;
     this.wish = null; // the line in the hand
+    this.wishAlong = null; // the point in the hand: metres along the line
     this.air = scenesAir(model); // whose updraft is drawn: "site" or "measured"
     this.under = svg.appendChild(draw("g"));
     this.still = svg.appendChild(draw("g"));
@@ -44,6 +45,11 @@ export class Plane {
     add("reach", "circle", { class: "reach", r: 26, id: "point-handle" }, this.part.handle);
     add("knob", "circle", { class: "knob", r: 10, "pointer-events": "none" }, this.part.handle);
     add("tag", "text", { class: "tag s" }, this.part.handle);
+    add("point", "g", { visibility: "hidden", id: "held-point" });
+    add("pointBand", "line", { class: "point-band" }, this.part.point);
+    add("pointReach", "circle", { class: "reach", r: 15, id: "along-handle" }, this.part.point);
+    add("pointMark", "path", { class: "point-mark", "pointer-events": "none" }, this.part.point);
+    add("pointTag", "text", { class: "tag p", "pointer-events": "none" }, this.part.point);
     add("foreseen", "g", { visibility: "hidden", "pointer-events": "none" }); // the knob may be below it
     add("foreseenRing", "circle", { class: "settle", r: 11 }, this.part.foreseen);
     add("foreseenCross", "path", { class: "nowhere", d: "M-9 -9L9 9M-9 9L9 -9" }, this.part.foreseen);
@@ -99,9 +105,13 @@ export class Plane {
     this.drawGround(add, scene, p.CLEAR_MIN);
     for (const label of labels) this.still.append(label);
     for (const part of scene.contour) add("path", { class: "contour", d: this.path(part) });
+    for (const part of scene.braked ?? []) add("path", { class: "contour braked", d: this.path(part) });
     const inside = scene.contour.flat().filter(([x]) => this.X(x) < this.width - 120);
     const top = inside.reduce((a, b) => (b[1] > a[1] ? b : a), inside[0]);
     if (top) this.tag(add, "tag c", top, "updraft = sink", "end");
+    const braked = (scene.braked ?? []).flat().filter(([x]) => this.X(x) < this.width - 160);
+    const low = braked.reduce((a, b) => (b[1] > a[1] ? b : a), braked[0]);
+    if (low) this.tag(add, "tag c", low, "… with all of the brake", "end");
     this.drawFence(add, p);
     for (const preset of scene.presets) {
       add("line", { class: "preset", ...this.ends(preset) });
@@ -230,6 +240,7 @@ export class Plane {
     this.show("set", line, () => this.ends(line));
     this.show("handle", shown && !this.model.isRecording, () => ({}));
     if (shown) this.drawHandle(shown);
+    this.drawPoint(shown);
     this.drawGhost(ghost);
     this.drawForeseen(now, flown);
     this.drawCraft(now, alive);
@@ -254,6 +265,37 @@ export class Plane {
     set(this.part.tag, { x: place.cx + 14, y: place.cy - 12 });
     words(this.part.tag, this.wish ? `${fixed(line.x)}, ${fixed(line.z)} m, ${fixed(line.lean, 1)}°` : "");
     this.svg.classList.toggle("held", this.model.heldByOther);
+  }
+
+  // The point that the brake holds, and the part of the line on which it can: between the contours
+  // without the brake and with all of it.
+  drawPoint(line) {
+    const { scene, parameters: p, now, isRecording } = this.model;
+    const along = this.wishAlong ?? p.TGL_ALONG;
+    const holds = p.TGL_HOLD > 0;
+    const is = scene.has_brake && line && known(along) && !isRecording && (holds || along !== 0 || this.wishAlong !== null);
+    this.show("point", is, () => ({ class: holds || this.wishAlong !== null ? "is-held" : "" }));
+    if (!is) return;
+    const place = ahead(line, along);
+    const [x, z] = [this.X(place.x), this.Z(place.z)];
+    set(this.part.pointReach, { cx: x, cy: z });
+    set(this.part.pointMark, { d: `M${x} ${z - 9}L${x + 9} ${z}L${x} ${z + 9}L${x - 9} ${z}Z` });
+    set(this.part.pointTag, { x: x - 14, y: z + 4, "text-anchor": "end" });
+    const stands = known(now.pt_state) ? scene.points?.[now.pt_state] : "";
+    words(this.part.pointTag, this.wishAlong !== null ? `${fixed(along, 2)} m along the line` : holds ? stands : "");
+    const ends = bandOn(line, scene);
+    this.show("pointBand", ends, () => {
+      const [low, high] = ends.map((end) => ahead(line, end));
+      return { x1: this.X(low.x), y1: this.Z(low.z), x2: this.X(high.x), y2: this.Z(high.z), visibility: "inherit" };
+    });
+  }
+
+  // Where a point is held that nobody has placed: in the middle of the band, else where the aircraft is.
+  pointToHold() {
+    const { line, now, scene } = this.model;
+    const ends = bandOn(line, scene);
+    if (ends) return (ends[0] + ends[1]) / 2;
+    return line && known(now.soar_x + now.soar_z) ? alongOf(line, { x: now.soar_x, z: now.soar_z }) : 0;
   }
 
   drawGhost(ghost) {
@@ -309,6 +351,36 @@ export class Plane {
 
 // What of the air is drawn at first: the site's, where its file has one.
 const scenesAir = (model) => (model.scene.updraft ? "site" : "measured");
+
+// A place so far up along a line.
+const ahead = ({ x, z, lean }, along) => ({ x: x - along * Math.sin(lean * RAD), z: z + along * Math.cos(lean * RAD) });
+
+// How far up along a line a place is, at a right angle.
+export const alongOf = ({ x, z, lean }, place) => (x - place.x) * Math.sin(lean * RAD) + (place.z - z) * Math.cos(lean * RAD);
+
+// From where to where on a line the brake holds a point, along it; null: not known, or nowhere.
+function bandOn(line, scene) {
+  if (!line) return null;
+  const ends = [scene.braked ?? [], scene.contour].map((parts) => highest(line, parts));
+  return ends.every((end) => end !== null) ? ends : null;
+}
+
+// The highest crossing of a line and a contour, along the line: the stable one; null: there is none.
+function highest(line, parts) {
+  const off = ([x, z]) => (x - line.x) * Math.cos(line.lean * RAD) + (z - line.z) * Math.sin(line.lean * RAD);
+  let best = null;
+  for (const part of parts) {
+    for (let i = 1; i < part.length; i++) {
+      const [a, b] = [off(part[i - 1]), off(part[i])];
+      if (a === b || a * b > 0) continue;
+      const t = a / (a - b);
+      const [x, z] = [0, 1].map((k) => part[i - 1][k] + t * (part[i][k] - part[i - 1][k]));
+      const along = alongOf(line, { x, z });
+      if (best === null || along > best) best = along;
+    }
+  }
+  return best;
+}
 
 const round0 = (value) => (Math.abs(value) < 1e-9 ? 0 : value);
 
