@@ -36,6 +36,7 @@ def rare_figure(
                 shares.append(share if share else float("nan"))
                 levels.append(rung.level)
             ladder_axes.semilogy(levels, shares, "o-", color=LEG_COLOURS[1], lw=0.8, ms=3.0)
+        ladder_axes.yaxis.set_major_formatter(lambda share, _: f"{share:g}")
         ladder_axes.invert_xaxis()
         ladder_axes.set_xlabel("margin; 0 is lost")
         ladder_axes.set_ylabel("probability to come so far")
