@@ -105,6 +105,7 @@ def test_the_lost_count() -> None:
     assert found.rms_y_m == pytest.approx(0.1)
 
 
+@pytest.mark.long
 def test_a_slower_servo_is_in_the_aircraft_alone() -> None:
     """Half a second, the aircraft still held: nothing is lost, and it is flown at all."""
     row = ROW._replace(duration_s=0.5, servo_s=0.08, late_s=0.02)
