@@ -64,7 +64,7 @@ def _is_native() -> bool:
     # In another process: here nothing of what flies may be loaded before.
     subprocess.run([sys.executable, "-m", "tgl_soar.cli", "compile"], stdout=sys.stderr)
     is_native = native.use()
-    print(f"what flies: {native.told()}", file=sys.stderr, flush=True)
+    print(f"what flies: {native.words()}", file=sys.stderr, flush=True)
     return is_native
 
 

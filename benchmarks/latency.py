@@ -32,7 +32,7 @@ from tgl_soar.config.files import shipped
 from . import c_reference
 from .c_reference import PRIORITY, NoCompilerError
 from .hanging import site_to_hang_in
-from .lengths import length, may_be_told
+from .lengths import length, may_be_reported
 from .processes import child_of, cpu_s, end, is_native
 from .result import ALLOWED, INTERPRETED, NO_AIM, Result, percentile
 
@@ -123,7 +123,7 @@ def _beside(
 ) -> Iterator[Result]:
     """Every percentile of which there are samples enough."""
     for share_name, share, aim in SHARES:
-        if may_be_told(share, len(ours_ns)):
+        if may_be_reported(share, len(ours_ns)):
             yield _delay(name, ours_ns, theirs_ns, whose, share_name, share, aim)
 
 

@@ -69,9 +69,14 @@ class ModuleFlight:
         Its servos do as they were told.
         """
         for frame in self.frames:
-            told = self._reader.decode(bytearray(frame))
-            if told.get_type() == "RC_CHANNELS_OVERRIDE" and told.chan2_raw:
-                self._servos = (told.chan1_raw, told.chan2_raw, told.chan3_raw, told.chan4_raw)
+            reported = self._reader.decode(bytearray(frame))
+            if reported.get_type() == "RC_CHANNELS_OVERRIDE" and reported.chan2_raw:
+                self._servos = (
+                    reported.chan1_raw,
+                    reported.chan2_raw,
+                    reported.chan3_raw,
+                    reported.chan4_raw,
+                )
         self.frames.clear()
         self._ticks += 1
         self.now_s += TICK_S

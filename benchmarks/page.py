@@ -129,10 +129,10 @@ def missed(page: str) -> str:
         words_of = found.setdefault((PERCENTILE.sub("", what), beside), [])
         words_of.append(f"{which}{ratio} ({aim.removesuffix(MISSED)})")
     words = [f"{what}, × {beside}: {', '.join(each)}" for (what, beside), each in found.items()]
-    told = (
+    reported = (
         f"{len(of_these)} of the {len(aims)} aims of [the timings](docs/performance.md) are missed"
     )
-    lines = [f"{told}{':' if words else '.'}", "", *(f"- {each}" for each in words)]
+    lines = [f"{reported}{':' if words else '.'}", "", *(f"- {each}" for each in words)]
     return "\n".join(lines).strip()
 
 

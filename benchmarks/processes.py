@@ -33,7 +33,7 @@ def start_module(folder: Path, port: int, *, stderr: int) -> subprocess.Popen[by
 
 def is_native() -> bool:
     """Whether this process has taken native code of what flies."""
-    return native.told().startswith("native")
+    return native.words().startswith("native")
 
 
 def by_the_source(group: str) -> list[Result]:

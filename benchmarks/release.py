@@ -64,8 +64,8 @@ def _lost_attitude(flight: ModuleFlight) -> None:
 def _lost_autopilot(flight: ModuleFlight) -> None:
     """Known when its heartbeat is AGE_AP_MAX old."""
     flight.sends_heartbeat = False
-    heard = flight.onboard.session.status.time_s
-    while flight.now_s + TICK_S <= heard + flight.onboard.parameters.values["AGE_AP_MAX"]:
+    received = flight.onboard.session.status.time_s
+    while flight.now_s + TICK_S <= received + flight.onboard.parameters.values["AGE_AP_MAX"]:
         flight.tick()
 
 

@@ -19,7 +19,7 @@ from contextlib import contextmanager
 
 from . import c_reference
 from .c_reference import PRIORITY, NoCompilerError
-from .lengths import length, may_be_told
+from .lengths import length, may_be_reported
 from .processes import is_native
 from .result import Result, percentile
 
@@ -45,7 +45,7 @@ def wake_ups() -> Iterator[Result]:
             ours, asleep, awake = beside_c(seconds)
             for whose, in_c in ((AWAKE, awake), (ASLEEP, asleep)):
                 for name, share, aim in SHARES:
-                    if may_be_told(share, len(ours)):
+                    if may_be_reported(share, len(ours)):
                         yield Result(
                             what=f"wake-up lateness, {load}, {name}",
                             value=percentile(ours, share) / 1e3,

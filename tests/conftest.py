@@ -31,7 +31,7 @@ settings.load_profile("project")
 # Set by the test of native code, which has the tests of what flies run once more.
 NATIVE = "TGL_SOAR_TEST_NATIVE" in os.environ
 if NATIVE:
-    assert native.use(), native.told()
+    assert native.use(), native.words()
 
 
 # Tests that one worker takes one after the other, by file.

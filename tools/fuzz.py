@@ -74,7 +74,7 @@ with _watched():
     from tgl_soar.onboard.module import Onboard
     from tgl_soar.onboard.setup import setup_from
     from tgl_soar.sim.channels import deflection_from_pwm
-    from tgl_soar.sim.hostile import HEARD_NAMES, HostileFrames, hostile_message
+    from tgl_soar.sim.hostile import RECEIVED_NAMES, HostileFrames, hostile_message
     from tgl_soar.sim.natnet_frames import (
         CLOCK_HZ,
         VERSIONS,
@@ -167,12 +167,12 @@ class Flight:
         self._known = world.position.sequence, world.attitude.sequence
         if world.position.sequence != position:
             stamp_ms = round(world.position.time_s * 1e3)
-            told = mavlink.MAVLink_local_position_ned_message(stamp_ms, *world.position[2:8])
-            self._hear(told, self._vehicle)
+            reported = mavlink.MAVLink_local_position_ned_message(stamp_ms, *world.position[2:8])
+            self._hear(reported, self._vehicle)
         if world.attitude.sequence != attitude:
             stamp_ms = round(world.attitude.time_s * 1e3)
-            told = mavlink.MAVLink_attitude_quaternion_message(stamp_ms, *world.attitude[2:9])
-            self._hear(told, self._vehicle)
+            reported = mavlink.MAVLink_attitude_quaternion_message(stamp_ms, *world.attitude[2:9])
+            self._hear(reported, self._vehicle)
 
     def _hear(self, message: mavlink.MAVLink_message, sender: mavlink.MAVLink) -> None:
         frame = message.pack(sender)
@@ -183,8 +183,8 @@ class Flight:
         """The autopilot does as it is told."""
         number = mavlink.MAVLINK_MSG_ID_RC_CHANNELS_OVERRIDE
         if frame[0] == 0xFD and int.from_bytes(frame[7:10], "little") == number:
-            told = self._reader.decode(bytearray(frame))
-            pulses = [getattr(told, f"chan{surface.channel}_raw") for surface in self._surfaces]
+            reported = self._reader.decode(bytearray(frame))
+            pulses = [getattr(reported, f"chan{surface.channel}_raw") for surface in self._surfaces]
             pairs = zip(self._surfaces, pulses, strict=True)
             self._command = SurfaceCommand(*(deflection_from_pwm(*pair) for pair in pairs))
             self._world.held = 0 in pulses  # given back: somebody catches it
@@ -209,7 +209,7 @@ def mavlink_bytes(data: bytes) -> None:
 def messages(data: bytes) -> None:
     """A whole message of nobody, its numbers drawn from the bytes, while it soars."""
     random = Random(data)
-    message = hostile_message(random, random.choice(HEARD_NAMES))
+    message = hostile_message(random, random.choice(RECEIVED_NAMES))
     _flight().take(_nobody().packed(message, random.choice((2, 9, 60, 200)), 1))
 
 

@@ -131,7 +131,7 @@ class Record:
         kept = {n: v for n, v in values.items() if v or n.startswith("target")}
         self.lines.append({"t": time_s, "from": list(who), "name": name, **kept})
 
-    def heard(self, time_s: float, message: Any) -> None:
+    def received(self, time_s: float, message: Any) -> None:
         """Of the autopilot."""
         name = message.get_type()
         if message.get_srcComponent() != 1:
@@ -177,7 +177,7 @@ def record(program: Path, folder: Path) -> Record:
             for _, data in simulation.take_datagrams([LINK]):
                 for message in listening.parse_buffer(bytearray(data)) or ():
                     if begun_s is not None:
-                        kept.heard(now_s - begun_s, message)
+                        kept.received(now_s - begun_s, message)
             if begun_s is None:
                 if now_s > BOOT_S:
                     raise SystemExit(f"not armed within {BOOT_S:g} s")

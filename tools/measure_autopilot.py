@@ -67,7 +67,7 @@ COMMANDED_S: Final = 0.1  # so long after a command the bridge's log still says 
 LOST_S: Final = 0.25  # an output that has not moved by then has not followed
 
 
-class Told:
+class Reported:
     """A firmware's simulator interface, with what the servos were told last."""
 
     def __init__(self, physics: Any) -> None:
@@ -109,11 +109,11 @@ def latency(firmware: str, route: str | None, program: Path | None, folder: Path
         if program is None:
             raise SystemExit(f"{firmware}: give its program with --firmware")
         made, relay = STARTS[firmware](program, folder, plane, site, BENCH[firmware])
-        told = Told(made)
-        simulation = FirmwareSimulation(plane, site, options, path.parent, told, relay)
+        reported = Reported(made)
+        simulation = FirmwareSimulation(plane, site, options, path.parent, reported, relay)
 
         def servos() -> SurfaceCommand:
-            return told.servos
+            return reported.servos
 
     simulation.add_link(LINK, ground=False)
     try:

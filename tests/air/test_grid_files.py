@@ -149,10 +149,10 @@ def test_bad_csv_is_refused_with_the_place_and_a_way_out(
     path = _csv(tmp_path / "bad.csv", change)
     with (
         pytest.warns() if message == "0 rows" else _nothing(),
-        pytest.raises(GridError, match=message) as told,
+        pytest.raises(GridError, match=message) as reported,
     ):
         read_grid(path)
-    assert "bad.csv" in str(told.value)
+    assert "bad.csv" in str(reported.value)
 
 
 class _nothing:

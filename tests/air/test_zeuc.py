@@ -169,16 +169,16 @@ def test_lower_branch_of_a_hill_has_no_stable_line_that_can_be_flown() -> None:
 def test_wind_sensitivity_is_what_the_contour_does(x0: float, answer: str) -> None:
     eta = radians(100.0)
     place = crossings(HILL, POLAR, x0, 30.0, eta, 40.0)[-1]
-    told = wind_sensitivity(HILL, POLAR, place, eta)
+    reported = wind_sensitivity(HILL, POLAR, place, eta)
     heights = [
         crossings(HillField(wind, 20.0), POLAR, place.x_m, place.z_m, eta, 1.0)[-1].z_m
         for wind in (8.995, 9.005)
     ]
     moved = (heights[1] - heights[0]) / sin(eta) / 0.01
-    assert told.along_m_per_mps == pytest.approx(moved, rel=1e-3)  # second order in 0.005 m/s
-    assert told.answer == answer
+    assert reported.along_m_per_mps == pytest.approx(moved, rel=1e-3)  # second order in 0.005 m/s
+    assert reported.answer == answer
     u = place.wind_mps
-    assert told.margin == pytest.approx(polar_sink(POLAR, u) / u - polar_slope(POLAR, u))
+    assert reported.margin == pytest.approx(polar_sink(POLAR, u) / u - polar_slope(POLAR, u))
 
 
 def test_wind_does_not_move_the_place_at_best_glide() -> None:
@@ -189,8 +189,8 @@ def test_wind_does_not_move_the_place_at_best_glide() -> None:
     u = HILL.wind(line[:, 0], 0.0, line[:, 1])[0]
     x, z = line[int(np.argmin(np.abs(u - best)))].tolist()
     place = min(crossings(HILL, POLAR, x, z, eta, 1.0), key=lambda c: abs(c.z_m - z))
-    told = wind_sensitivity(HILL, POLAR, place, eta)
-    assert abs(told.margin) < 0.01
+    reported = wind_sensitivity(HILL, POLAR, place, eta)
+    assert abs(reported.margin) < 0.01
     moved = crossings(HillField(9.1, 20.0), POLAR, x, z, eta, 2.0)[-1].z_m - place.z_m
     assert abs(moved) < 0.02  # of a contour some 30 m high, for 1 % of wind
 
@@ -222,9 +222,9 @@ def test_undefined_outside_the_polar_and_the_field() -> None:
 def test_no_contour_says_why_and_what_would_help(
     field: HillField, polar: GlidePolar, help_: str
 ) -> None:
-    with pytest.raises(ZeucError, match=help_) as told:
+    with pytest.raises(ZeucError, match=help_) as reported:
         contour(field, polar, (-28.0, -20.0, 20.0, 30.0), 0.5)
-    assert "m/s" in str(told.value)
+    assert "m/s" in str(reported.value)
 
 
 @pytest.mark.parametrize("eta", [0.0, pi, -1.0, float("nan")])

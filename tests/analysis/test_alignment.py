@@ -40,13 +40,13 @@ def test_exact_points_give_the_exact_alignment(
         )
 
 
-def test_noise_gives_the_uncertainty_that_is_told() -> None:
+def test_noise_gives_the_uncertainty_that_is_reported() -> None:
     """Of many alignments from points with 2 mm of noise, the yaw scatters as is told."""
     gauss = random.Random(3).gauss
     hall = HallFrame(
         z_up=False, yaw_rad=0.4, origin_north_m=1.0, origin_east_m=2.0, origin_down_m=0.1
     )
-    errors, told = [], []
+    errors, reported = [], []
     for _ in range(400):
         noisy = [
             Pair((h[0] + gauss(0, 0.002), h[1] + gauss(0, 0.002), h[2] + gauss(0, 0.002)), s)
@@ -54,8 +54,8 @@ def test_noise_gives_the_uncertainty_that_is_told() -> None:
         ]
         found = fit_alignment(noisy, z_up=False)
         errors.append((found.hall.yaw_rad - 0.4) ** 2)
-        told.append(found.yaw_sigma_rad**2)
-    assert sum(errors) / sum(told) == pytest.approx(1.0, abs=0.25)
+        reported.append(found.yaw_sigma_rad**2)
+    assert sum(errors) / sum(reported) == pytest.approx(1.0, abs=0.25)
 
 
 @pytest.mark.parametrize(

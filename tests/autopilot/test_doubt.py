@@ -80,11 +80,11 @@ def held(n: int) -> Inputs:
 
 
 def ticks(
-    heard: Iterator[Inputs], values: ParameterSet = VALUES, state: AutopilotState | None = None
+    received: Iterator[Inputs], values: ParameterSet = VALUES, state: AutopilotState | None = None
 ) -> Iterator[tuple[AutopilotState, Output]]:
     laws = laws_from(values, FRAME)
     state = initial_state() if state is None else state
-    for inputs in heard:
+    for inputs in received:
         state, output = step(laws, state, inputs)
         yield state, output
 
@@ -132,9 +132,9 @@ def test_without_fixes_the_position_is_kept_for_as_long_as_it_is_known(
     """With accelerations until it is too uncertain or AGE_POS_MAX old; without, AGE_POS_HOLD."""
     values = VALUES.changed({"EST_SD_MAX": sd_max_m, "EST_IMU": float(imu)})
     last = held(200).position
-    heard = (held(n)._replace(position=last) if n > 200 else held(n) for n in range(700))
+    received = (held(n)._replace(position=last) if n > 200 else held(n) for n in range(700))
     kept = []
-    for n, (_, output) in enumerate(ticks(heard, values)):
+    for n, (_, output) in enumerate(ticks(received, values)):
         sigma, age = output.quality.position_sigma_m, output.health.position_age_s
         assert output.quality.inertial == (imu and n > 25) or n <= 25
         young = age <= 0.25 and sigma <= 3.0 * sd_max_m
@@ -214,9 +214,9 @@ def test_accelerations_of_long_ago_are_not_felt(share: float, felt: bool) -> Non
     late = held(150).imu._replace(time_s=150 * DT - share * IMU_SILENT_S)
     deaf = (held(n)._replace(imu=held(99).imu) for n in range(100, 150))
     *_, (state, _) = ticks(deaf, state=after(100))
-    ((heard, _),) = ticks(iter([held(150)._replace(imu=late)]), state=state)
-    assert heard.memory.motion.imu.time_s == late.time_s  # taken, and known to be old
-    assert (heard.memory.wind.imu_time_s == 150 * DT) == felt
+    ((received, _),) = ticks(iter([held(150)._replace(imu=late)]), state=state)
+    assert received.memory.motion.imu.time_s == late.time_s  # taken, and known to be old
+    assert (received.memory.wind.imu_time_s == 150 * DT) == felt
 
 
 def test_after_a_clock_that_went_back_nothing_is_felt_until_there_is_something_new() -> None:

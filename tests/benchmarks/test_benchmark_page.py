@@ -150,7 +150,7 @@ def test_the_c_loop_never_wakes_before_its_time(awake_ns: int) -> None:
     assert min(late) >= 0
 
 
-def told_to(vehicle: socket.socket, pulses: int) -> None:
+def reported_to(vehicle: socket.socket, pulses: int) -> None:
     message = mavlink.MAVLink_rc_channels_override_message(
         1, 1, *[pulses] * 4, *[65535] * 4, *[0] * 10
     )
@@ -181,7 +181,7 @@ def test_the_vehicle_times_answers_however_late_they_come() -> None:
         assert vehicle.stdout.readline() == b"ready\n"
         for each, port in zip(sockets, ports, strict=True):
             each.connect(("127.0.0.1", port))
-            told_to(each, 1500)
+            reported_to(each, 1500)
         asked = [0, 0]
         while min(asked) < 200:
             ready, _, _ = select.select(sockets, (), (), 10.0)
@@ -191,7 +191,7 @@ def test_the_vehicle_times_answers_however_late_they_come() -> None:
                 i = sockets.index(each)
                 asked[i] += 1
                 if i == 0 or asked[i] % 3 == 0:
-                    told_to(each, 1500 + asked[i])
+                    reported_to(each, 1500 + asked[i])
         took = array("q", vehicle.communicate(timeout=30)[0])
     assert len(took) == 400
     prompt, seldom = took[:200], took[200:]

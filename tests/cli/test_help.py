@@ -42,7 +42,7 @@ def test_h_helps(name: str) -> None:
     assert "--help" in done.output
 
 
-def test_the_version_is_told() -> None:
+def test_the_version_is_reported() -> None:
     done = CliRunner().invoke(app, ["--version"])
     assert (done.exit_code, done.output) == (0, f"tgl-soar {__version__}\n")
 
@@ -81,7 +81,7 @@ def test_what_meets_an_aircraft_takes_no_file_for_granted(words: str) -> None:
     assert "Missing option '--" in done.output
 
 
-@pytest.mark.parametrize(("words", "told"), [
+@pytest.mark.parametrize(("words", "reported"), [
     ("--autopilot px4", "name it by --px4"),
     ("--autopilot ardupilot", "name it by --ardupilot"),
     ("--route attitude", "--autopilot px4 or --autopilot ardupilot"),
@@ -89,11 +89,11 @@ def test_what_meets_an_aircraft_takes_no_file_for_granted(words: str) -> None:
     ("--px4 /bin/true", "flown with --autopilot px4 only"),
     ("--mocap-option version=4.2", "add --mocap natnet"),
 ])  # fmt: skip
-def test_no_option_of_sitl_is_dropped_silently(words: str, told: str) -> None:
+def test_no_option_of_sitl_is_dropped_silently(words: str, reported: str) -> None:
     cleared = {"TGL_SOAR_PX4": "", "TGL_SOAR_ARDUPLANE": ""}
     done = CliRunner().invoke(app, ["sitl", *words.split()], env=cleared)
     assert done.exit_code == 2
-    assert told in done.output
+    assert reported in done.output
 
 
 def test_what_is_said_keeps_its_brackets_and_its_paths(capsys: pytest.CaptureFixture[str]) -> None:

@@ -102,7 +102,7 @@ def test_a_simulated_glide_leaves_a_log_that_both_take(tmp_path: Path) -> None:
     assert run("glide", "--out", blocked)[0] == 2
 
 
-def test_of_a_log_that_breaks_off_the_glides_are_used_and_the_loss_is_told(
+def test_of_a_log_that_breaks_off_the_glides_are_used_and_the_loss_is_reported(
     glide_log: Path, tmp_path: Path
 ) -> None:
     """Power is lost among the doublets: a polar is still in it, and too few of those."""

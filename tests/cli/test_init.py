@@ -86,10 +86,10 @@ def test_params_take_the_folder(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("command", "code", "told"),
+    ("command", "code", "reported"),
     [("run", process.EXIT_NO_AUTOPILOT, "no autopilot"), ("preflight", 2, "no heartbeat")],
 )
-def test_what_flies_takes_the_folder(folder: Path, command: str, code: int, told: str) -> None:
+def test_what_flies_takes_the_folder(folder: Path, command: str, code: int, reported: str) -> None:
     """A link that is there and silent: the files were read, the link was opened and given up."""
     words = ["--airframe", "airframe.toml", "--site", "site.toml", "--timeout", "1"]
     words += ["--link", f"udp:127.0.0.1:{free_port()}"]
@@ -103,7 +103,7 @@ def test_what_flies_takes_the_folder(folder: Path, command: str, code: int, told
         timeout=60,
     )
     assert ended.returncode == code, ended.stderr
-    assert told in ended.stderr
+    assert reported in ended.stderr
 
 
 def test_the_layouts_are_those_of_the_log(folder: Path) -> None:
@@ -182,7 +182,7 @@ def test_in_a_home_the_service_runs_as_whose_it_is(
     assert "DynamicUser=yes\n" in service_unit.unit(["/bin/true"], [tmp_path])
 
 
-def test_what_no_service_can_read_is_told(tmp_path: Path) -> None:
+def test_what_no_service_can_read_is_reported(tmp_path: Path) -> None:
     assert service_unit.hidden([Path("/tmp/x"), Path("/root/x")]) == [
         Path("/tmp/x"),
         Path("/root/x"),
@@ -237,15 +237,15 @@ def test_a_full_disk_leaves_nothing_behind(
         return write(path, text, **options)
 
     monkeypatch.setattr(Path, "write_text", full)
-    told = begun(folder, "--force", code=2)
-    assert "No space left on device" in told
+    reported = begun(folder, "--force", code=2)
+    assert "No space left on device" in reported
     monkeypatch.undo()
     assert tree(tmp_path) == before
     assert folder.exists() == there
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "reported"),
     [
         (("--from", "hil"), "--from hil: not known; must be one of hill, tunnel"),
         (("--airframe", "x"), "--airframe x: not known; must be one of eclipson_c"),
@@ -253,12 +253,14 @@ def test_a_full_disk_leaves_nothing_behind(
         (("--link", "x"), "unknown kind"),
     ],
 )
-def test_what_is_not_known_is_refused(tmp_path: Path, options: tuple[str, ...], told: str) -> None:
-    assert told in begun(tmp_path / "new", *options, code=2)
+def test_what_is_not_known_is_refused(
+    tmp_path: Path, options: tuple[str, ...], reported: str
+) -> None:
+    assert reported in begun(tmp_path / "new", *options, code=2)
     assert not (tmp_path / "new").exists()
 
 
-def test_a_file_in_the_place_of_the_folder_is_told(tmp_path: Path) -> None:
+def test_a_file_in_the_place_of_the_folder_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     assert "is a file: name a folder" in begun(tmp_path / "file", code=2)
 

@@ -57,15 +57,15 @@ def test_sitl_hands_it_to_the_bridge_and_says_what_is_fitted(
 
     monkeypatch.setattr(sitl_flight, "fly", fly)
     words = ["sitl", "--model", "point-mass", "--site", "tunnel_polynomial", "--out", str(tmp_path)]
-    told = RUN.invoke(app, words).output
-    assert "wind: a polynomial of degree 8, fitted at" in told
-    assert "point mass: its sink is off the airframe's polar by 0.011 m/s rms" in told
+    reported = RUN.invoke(app, words).output
+    assert "wind: a polynomial of degree 8, fitted at" in reported
+    assert "point mass: its sink is off the airframe's polar by 0.011 m/s rms" in reported
     given = bridge_command(flown[0], tmp_path / "truth.csv", "127.0.0.1:1", "127.0.0.1:2", "")
     assert parsed(given[3:]).simulation.model == "point_mass"
 
-    told = RUN.invoke(app, ["sitl", "--out", str(tmp_path)]).output
-    assert "polynomial" not in told
-    assert "point mass" not in told
+    reported = RUN.invoke(app, ["sitl", "--out", str(tmp_path)]).output
+    assert "polynomial" not in reported
+    assert "point mass" not in reported
     given = bridge_command(flown[1], tmp_path / "truth.csv", "127.0.0.1:1", "127.0.0.1:2", "")
     assert "--model" not in given
 
@@ -92,8 +92,8 @@ def test_what_needs_a_rigid_body_is_not_flown_without(
 
     monkeypatch.setattr(experiment_command, "run_experiment", run)
     words = ["experiment", "all", "--workers", "0", "--out", str(tmp_path)]
-    told = RUN.invoke(app, [*words, "--model", "point-mass"])
-    assert told.exit_code == 0, told.output
+    reported = RUN.invoke(app, [*words, "--model", "point-mass"])
+    assert reported.exit_code == 0, reported.output
     paper = [name for name in TITLES if name not in catalogue.RIGID_BODY_ALONE]
     assert flown == [(name, "point_mass") for name in paper]
     assert "field" in paper
@@ -120,8 +120,8 @@ def test_the_page_of_the_paper_is_flown_by_both(
     monkeypatch.setattr(experiment_command, "probe", lambda: {"tunnel": (0.25, 1.5)})
     monkeypatch.setattr(catalogue, "EXPERIMENTS", {name: flies(name) for name in TITLES})
     words = ["experiment", "all", "--workers", "0", "--out", str(tmp_path / "out")]
-    told = RUN.invoke(app, [*words, "--docs", str(tmp_path)])
-    assert told.exit_code == 0, told.output
+    reported = RUN.invoke(app, [*words, "--docs", str(tmp_path)])
+    assert reported.exit_code == 0, reported.output
     expected: list[tuple[str, str | None, bool]] = []
     for name in TITLES:
         expected.append((name, "rigid_body", True))

@@ -44,7 +44,7 @@ def said(code: str) -> str:
     return run.stdout.strip()
 
 
-USE = "from tgl_soar.onboard import native; print(native.use(), native.told(), sep='|')"
+USE = "from tgl_soar.onboard import native; print(native.use(), native.words(), sep='|')"
 
 
 OF_THE_LINES_IN_C = """

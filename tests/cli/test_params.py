@@ -112,16 +112,16 @@ def test_a_file_of_mavproxys_loads(command: Command, tmp_path: Path) -> None:
     known.update({p.name: value for p, value in ParameterSet()})
     known.update({"RHO_P": 0.9, "OP_ENGAGE": 1.0, "SYSID_THISMAV": 1.0, "TGL_Z": 1.2})
     known.save(str(tmp_path / "saved.parm"))
-    told = command("import", "saved.parm")
-    assert "OP_ENGAGE: never set from a file: passed over" in told
-    assert "SYSID_THISMAV: no such parameter here" in told
+    reported = command("import", "saved.parm")
+    assert "OP_ENGAGE: never set from a file: passed over" in reported
+    assert "SYSID_THISMAV: no such parameter here" in reported
     values = begins(tmp_path)
     assert values["RHO_P"] == as_wire_value(0.9)
     assert values["OP_ENGAGE"] == 0.0
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "reported"),
     [
         ("RHO_P 0.5\nRHO_D\n", "bad.parm:2: 'RHO_D': neither"),
         ("RHO_P 0.5\nRHO_D 99\n", "bad.parm:2: RHO_D = 99: allowed"),
@@ -130,9 +130,11 @@ def test_a_file_of_mavproxys_loads(command: Command, tmp_path: Path) -> None:
         ("RHO_P 0.5\nTGL_Z 17\n", "bad.parm: the line's point is outside the fence (FENCE_Z_MAX"),
     ],
 )
-def test_a_bad_file_changes_nothing(command: Command, tmp_path: Path, text: str, told: str) -> None:
+def test_a_bad_file_changes_nothing(
+    command: Command, tmp_path: Path, text: str, reported: str
+) -> None:
     (tmp_path / "bad.parm").write_text(text)
-    assert told in command("import", "bad.parm", code=2)
+    assert reported in command("import", "bad.parm", code=2)
     assert not (tmp_path / "state").exists()
 
 

@@ -11,7 +11,7 @@ import pytest
 from bench_bridge import AIRFRAME, bridge
 from free_ports import free_port
 
-from tgl_soar.cli.preflight import _place_told
+from tgl_soar.cli.preflight import _place_reported
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.link.autopilots import FIRMWARES, flavour
 from tgl_soar.link.autopilots.requirements import MUST, Finding, Needs, compare
@@ -286,29 +286,29 @@ def test_a_badly_set_up_vehicle_is_told_what_to_change(tmp_path: Path) -> None:
     assert "RC2_TRIM" not in text  # right, and so not shown
 
 
-def test_what_is_wrong_with_fence_and_lines_is_told(
+def test_what_is_wrong_with_fence_and_lines_is_reported(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The fence is never a reason to stay; a line by which nothing can be held is."""
 
-    def told(text: str) -> tuple[bool, str]:
+    def reported(text: str) -> tuple[bool, str]:
         path = tmp_path / "site.toml"
         path.write_text(f'[site]\nname = "field"\n{text}')
         site = load_site(path)
         values = load_parameters(PLANE, AIRFRAME, site, path)
-        good = _place_told(PLANE, site, values)
+        good = _place_reported(PLANE, site, values)
         return good, " ".join(capsys.readouterr().out.split())
 
     lines = "[lines]\nup = { x_m = 0, z_m = 40 }\n"
-    assert told(f"{lines}[parameters]\nTGL_Z = 40\n") == (
+    assert reported(f"{lines}[parameters]\nTGL_Z = 40\n") == (
         True,
         "no fence: set FENCE_X_MIN and its like to where the pilot is to have the aircraft",
     )
-    good, words = told(f"{lines}[parameters]\nTGL_Z = 20\nFENCE_Z_MAX = 30\n")
+    good, words = reported(f"{lines}[parameters]\nTGL_Z = 20\nFENCE_Z_MAX = 30\n")
     assert good
     assert "the fence is open: FENCE_X_MIN, FENCE_X_MAX, FENCE_Y_MAX, FENCE_Z_MIN not set" in words
     assert "line up: the line's point is outside the fence (FENCE_Z_MAX is 30 m)" in words
-    good, words = told("[parameters]\nTGL_Z = 40\nFENCE_Z_MAX = 30\n")
+    good, words = reported("[parameters]\nTGL_Z = 40\nFENCE_Z_MAX = 30\n")
     assert not good
     assert "cannot be engaged: the line's point is outside the fence" in words
 

@@ -55,7 +55,7 @@ def test_a_grid_is_a_field(folder: Path, tmp_path: Path) -> None:
     assert (tmp_path / "ours.html").is_file()
 
 
-def test_what_was_lost_is_told_and_the_exit_code_tells_it(tmp_path: Path) -> None:
+def test_what_was_lost_is_reported_and_the_exit_code_tells_it(tmp_path: Path) -> None:
     cut = tmp_path / "cut.ulg"
     others = [name for name in flown.PX4 if name != "vehicle_attitude"]
     data = flown.px4_log(tmp_path, leave_out=others).read_bytes()

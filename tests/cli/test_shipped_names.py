@@ -80,15 +80,15 @@ def test_run_and_bridge_know_them(capsys: pytest.CaptureFixture[str]) -> None:
     parsed = command_line.parsed(given)
     assert (parsed.airframe, parsed.site) == (airframe_file("eclipson_c"), site_file("hill"))
     assert process.main([*given, "--link", "no:link", "--no-guard"]) == process.EXIT_CANNOT_START
-    told = capsys.readouterr().err
-    assert "no:link" in told  # the files were read
-    assert "known by name" not in told
+    reported = capsys.readouterr().err
+    assert "no:link" in reported  # the files were read
+    assert "known by name" not in reported
 
 
 def test_a_command_tells_the_names() -> None:
-    told = CliRunner().invoke(
+    reported = CliRunner().invoke(
         app, ["params", "show", "--airframe", "eclipson_c", "--site", "nowhere"]
     )
-    assert told.exit_code == 2
-    assert "nowhere: cannot be read" in told.output
-    assert "known by name: hill, tunnel" in told.output
+    assert reported.exit_code == 2
+    assert "nowhere: cannot be read" in reported.output
+    assert "known by name: hill, tunnel" in reported.output

@@ -42,7 +42,7 @@ def test_a_record_that_is_missing_is_named_with_its_key(tmp_path: Path) -> None:
         build_field(site.air, tmp_path)
 
 
-def test_a_folder_that_is_not_there_is_told(tmp_path: Path) -> None:
+def test_a_folder_that_is_not_there_is_reported(tmp_path: Path) -> None:
     result = CliRunner().invoke(site_app, ["wind", str(tmp_path / "no" / "wind.csv")])
     assert result.exit_code != 0
     assert "cannot be written" in result.output

@@ -127,7 +127,7 @@ z_m = [0.2, 2.8]"""
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "reported"),
     [
         (("degree = 8", "degree = 13"), "air.degree = 13: must be a whole number from 1 to 12"),
         (("degree = 8", ""), "air.degree: missing"),
@@ -143,10 +143,10 @@ z_m = [0.2, 2.8]"""
     ],
 )
 def test_a_polynomial_air_is_refused_with_the_way_out(
-    tmp_path: Path, change: tuple[str, str], told: str
+    tmp_path: Path, change: tuple[str, str], reported: str
 ) -> None:
     file = written(tmp_path, f'[site]\nname = "s"\n[air]\n{POLYNOMIAL.replace(*change)}\n')
-    with pytest.raises(ConfigError, match=told):
+    with pytest.raises(ConfigError, match=reported):
         load_site(file)
 
 
@@ -372,7 +372,7 @@ BAD_SITES = [
 
 
 @pytest.mark.parametrize(("old", "new", "message"), BAD_AIRFRAMES)
-def test_a_bad_airframe_is_told_key_value_and_what_is_allowed(
+def test_a_bad_airframe_is_reported_key_value_and_what_is_allowed(
     tmp_path: Path, old: str, new: str, message: str
 ) -> None:
     path = written(tmp_path, with_change(AIRFRAME, old, new))
@@ -395,14 +395,14 @@ RANGE = "must be a number from -1e+06 to 1e+06"
         (f"site.name = 'a'\nheight_m = {LONG}", "height_m: unknown key"),
     ],
 )  # fmt: skip
-def test_a_number_of_five_thousand_digits_is_told_by_file_and_key(
+def test_a_number_of_five_thousand_digits_is_reported_by_file_and_key(
     tmp_path: Path, text: str, message: str
 ) -> None:
     path = written(tmp_path, text)
     with pytest.raises(ConfigError) as caught:
         load_site(path)
-    told = message.format("a number of more than 1000 digits")
-    assert str(caught.value).startswith(f"{path}: {told}")
+    reported = message.format("a number of more than 1000 digits")
+    assert str(caught.value).startswith(f"{path}: {reported}")
 
 
 @pytest.mark.parametrize(("wrong", "shown"), [("3.5", "3.5"), ("-1", "-1"), ("true", "true")])
@@ -413,12 +413,12 @@ def test_a_body_that_is_neither_name_nor_id_is_told_what_it_may_be(
     path = written(tmp_path, re.sub(r"(?m)^body = .*", f"body = {wrong}", text))
     with pytest.raises(ConfigError) as caught:
         load_site(path)
-    told = "must be text in quotes or a whole number from 0 to 2147483647"
-    assert str(caught.value) == f"{path}: mocap.body = {shown}: {told}"
+    reported = "must be text in quotes or a whole number from 0 to 2147483647"
+    assert str(caught.value) == f"{path}: mocap.body = {shown}: {reported}"
 
 
 @pytest.mark.parametrize(("old", "new", "message"), BAD_SITES)
-def test_a_bad_site_is_told_key_value_and_what_is_allowed(
+def test_a_bad_site_is_reported_key_value_and_what_is_allowed(
     tmp_path: Path, old: str, new: str, message: str
 ) -> None:
     path = written(tmp_path, with_change(SITE, old, new))
@@ -467,8 +467,8 @@ def test_a_switch_that_moves_a_surface_is_refused_by_its_file(tmp_path: Path, fi
     a, s = written(tmp_path, AIRFRAME, "a.toml"), written(tmp_path, SITE, "s.toml")
     airframe, site = load_airframe(a), load_site(s)
     (airframe if file == "a" else site).parameters["OP_RC_CHAN"] = 4.0
-    told = rf"{file}\.toml: parameters\.OP_RC_CHAN = 4: .* 1 to 18 but none of 1, 2, 4; 0: no"
-    with pytest.raises(ConfigError, match=told):
+    reported = rf"{file}\.toml: parameters\.OP_RC_CHAN = 4: .* 1 to 18 but none of 1, 2, 4; 0: no"
+    with pytest.raises(ConfigError, match=reported):
         load_parameters(airframe, a, site, s)
     (airframe if file == "a" else site).parameters["OP_RC_CHAN"] = 5.0
     assert load_parameters(airframe, a, site, s)["OP_RC_CHAN"] == 5.0

@@ -41,7 +41,7 @@ def test_a_contour_is_known_for_the_airframe_it_was_computed_with(tmp_path: Path
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "reported"),
     [
         ("parts = []", "contour.airframe: missing"),
         ('airframe = "a"\nparts = [[[1, 2]]]', "each of parts needs two points"),
@@ -51,12 +51,12 @@ def test_a_contour_is_known_for_the_airframe_it_was_computed_with(tmp_path: Path
         ('airframe = "a"\nparts = []\nwind = 3', "contour.wind: unknown key"),
     ],
 )
-def test_a_bad_contour_is_named(tmp_path: Path, text: str, told: str) -> None:
+def test_a_bad_contour_is_named(tmp_path: Path, text: str, reported: str) -> None:
     path = site_file(tmp_path, f"[contour]\n{text}\n")
     with pytest.raises(ConfigError) as caught:
         load_site(path)
     assert str(caught.value).startswith(f"{path}: ")
-    assert told in str(caught.value)
+    assert reported in str(caught.value)
 
 
 @pytest.mark.parametrize("path", SITES, ids=lambda path: path.stem)
@@ -113,7 +113,7 @@ def test_a_site_may_begin_on_one_of_its_lines(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("parameters", "told"),
+    ("parameters", "reported"),
     [
         ("OP_ENGAGE = 1", "parameters.OP_ENGAGE = 1.0: not from a file"),
         ("OP_ENGAGE = 0", "parameters.OP_ENGAGE = 0.0: not from a file"),
@@ -123,10 +123,10 @@ def test_a_site_may_begin_on_one_of_its_lines(tmp_path: Path) -> None:
         ("TGL_PRESET = 1.5", "whole numbers only"),
     ],
 )
-def test_what_no_file_may_say(tmp_path: Path, parameters: str, told: str) -> None:
+def test_what_no_file_may_say(tmp_path: Path, parameters: str, reported: str) -> None:
     with pytest.raises(ConfigError) as caught:
         loaded(tmp_path, parameters)
-    assert told in str(caught.value)
+    assert reported in str(caught.value)
     assert str(caught.value).startswith(str(tmp_path))
 
 

@@ -190,7 +190,7 @@ def test_a_repeated_commit_is_answered_as_the_first_was() -> None:
     assert station.line[2] == 20.0
 
 
-def test_what_is_dropped_is_told_as_it_stands() -> None:
+def test_what_is_dropped_is_reported_as_it_stands() -> None:
     station = Station()
     station.set("TGL_STAGE", 1)
     station.set("TGL_X", 5.0)
@@ -267,9 +267,9 @@ def test_no_sequence_of_sets_leaves_an_inconsistent_set(data: st.DataObject) -> 
             assert line.staged == staged
             continue
         values = answer.values
-        assert answer.told[0] == name
+        assert answer.reported[0] == name
         changed = {p.name for (p, a), (_, b) in zip(before, values, strict=True) if a != b}
-        assert changed | (staged.keys() ^ line.staged.keys()) <= set(answer.told)
+        assert changed | (staged.keys() ^ line.staged.keys()) <= set(answer.reported)
         assert settled(values, PRESETS) == values
         assert values.changed({}) == values
         assert not line.staged or values["TGL_STAGE"] == 1.0

@@ -115,7 +115,7 @@ def test_comments_other_components_and_what_no_file_sets_are_passed_over_and_tol
 
 
 @pytest.mark.parametrize(
-    ("line", "told"),
+    ("line", "reported"),
     [
         ("TGL_X", "neither `NAME VALUE` nor"),
         ("1 191 TGL_X 0.5", "neither"),
@@ -130,19 +130,19 @@ def test_comments_other_components_and_what_no_file_sets_are_passed_over_and_tol
         ("one\t191\tTGL_X\t1\t9", "'one': system, component and type are whole numbers"),
     ],
 )
-def test_every_bad_line_is_named(line: str, told: str) -> None:
+def test_every_bad_line_is_named(line: str, reported: str) -> None:
     with pytest.raises(ParameterFileError) as caught:
         read_text(f"# first\n{line}\nRHO_P 99\nTGL_Z 1", "dir/f.params")
     first, second = str(caught.value).splitlines()
     assert first.startswith("dir/f.params:2: ")
-    assert told in first
+    assert reported in first
     assert second.startswith("dir/f.params:3: RHO_P = 99: allowed")
     lenient = read_text(f"# first\n{line}\nTGL_Z 1", "f", strict=False)
     assert lenient.values == {"TGL_Z": 1.0}
     assert lenient.notes[0].endswith("passed over")
 
 
-def test_a_file_of_bad_lines_is_told_briefly() -> None:
+def test_a_file_of_bad_lines_is_reported_briefly() -> None:
     with pytest.raises(ParameterFileError) as caught:
         read_text("x\n" * 1000, "f")
     assert len(str(caught.value).splitlines()) == 21

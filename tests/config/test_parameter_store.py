@@ -104,7 +104,7 @@ def test_what_is_unknown_or_out_of_range_by_now_is_passed_over_by_name(path: Pat
     path.write_bytes(kept_text("".join(f"1\t191\t{row}\t9\n" for row in rows)))
     got = store(path).restore()
     assert got.values == BASE.changed({"TGL_X": 7})
-    told = "\n".join(got.notes)
+    reported = "\n".join(got.notes)
     for words in (
         "OLD_GAIN: no such parameter",
         "RHO_P = 99: allowed 0 to 5",
@@ -112,7 +112,7 @@ def test_what_is_unknown_or_out_of_range_by_now_is_passed_over_by_name(path: Pat
         "TGL_STAGE: never set from a file",
         "TGL_LEAN = 2: the line must lean upwind",
     ):
-        assert words in told
+        assert words in reported
     assert path.exists()  # it is not damaged
 
 
@@ -161,7 +161,9 @@ def test_a_damaged_file_gives_way_to_the_previous_one_with_loud_words(path: Path
     assert read_file(f"{path}.previous").values["TGL_X"] == 1.0
 
 
-def test_without_any_good_copy_the_files_values_are_used_and_the_loss_is_told(path: Path) -> None:
+def test_without_any_good_copy_the_files_values_are_used_and_the_loss_is_reported(
+    path: Path,
+) -> None:
     saved(path, {"TGL_X": 1}, {"TGL_X": 2})
     for copy in (path, path.with_name(path.name + ".previous")):
         copy.write_bytes(b"")
@@ -317,7 +319,7 @@ def test_going_back_to_the_files_value_is_kept_too(path: Path) -> None:
     assert store(path).restore().values == BASE
 
 
-def test_a_disk_that_takes_nothing_is_told_once_and_tried_again(path: Path) -> None:
+def test_a_disk_that_takes_nothing_is_reported_once_and_tried_again(path: Path) -> None:
     path.parent.parent.joinpath("state").write_text("a file where the folder should be")
     flying = store(path)
     flying.restore()
@@ -325,10 +327,10 @@ def test_a_disk_that_takes_nothing_is_told_once_and_tried_again(path: Path) -> N
     said: list[str] = []
     for i in range(300):  # a minute of changes, one every 0.2 s
         said += settled(flying, flying_values(i), 0.2 * i)
-    (told,) = said
-    assert told.startswith("parameters are not kept: ")
-    assert told.endswith("flying on")
-    assert str(path) in told
+    (reported,) = said
+    assert reported.startswith("parameters are not kept: ")
+    assert reported.endswith("flying on")
+    assert str(path) in reported
     path.parent.unlink()
     assert settled(flying, flying_values(300), 100.0) == ["parameters are kept again"]
     assert flying.stop(flying_values(300)) == []
@@ -353,8 +355,8 @@ def test_a_disk_that_hangs_holds_up_neither_the_loop_nor_the_end(
     assert hanging.wait(5.0)
     for i in range(100):
         assert flying.poll(flying_values(i), 0.5 * i) == []
-    (told,) = flying.stop(flying_values(5))
-    assert "does not answer" in told
+    (reported,) = flying.stop(flying_values(5))
+    assert "does not answer" in reported
     release.set()
 
 

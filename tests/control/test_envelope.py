@@ -167,7 +167,7 @@ def test_one_surface_with_no_number(bad: float) -> None:
         (nextafter(-0.8, 0), nextafter(-0.8, 0), 0),
     ],
 )
-def test_the_blocked_side_is_told(given_: float, wanted: float, side: int) -> None:
+def test_the_blocked_side_is_reported(given_: float, wanted: float, side: int) -> None:
     assert blocked_side(0.8, given_, wanted) == side
 
 
@@ -182,7 +182,7 @@ def test_each_surface_tells_its_own_side() -> None:
 
 
 @given(last=sent, wanted=commands, dt=st.floats(0.0, 0.02), up=st.floats(-0.8, 0.8))
-def test_what_was_cut_is_told_and_nothing_else(
+def test_what_was_cut_is_reported_and_nothing_else(
     last: SurfaceCommand, wanted: SurfaceCommand, dt: float, up: float
 ) -> None:
     limited = envelope.limit_surfaces(LIMITS, last, wanted, up, 1.0, True, dt)

@@ -70,7 +70,7 @@ class Slide:
     def fly(self, duration_s: float) -> list[tuple[float, float, ForecastState]]:
         """(time, height, state) of every tick, until it would hand over or is at the clearance."""
         rng = np.random.default_rng(self.seed)
-        state, told = initial_forecast(), []
+        state, reported = initial_forecast(), []
         s = speed = 0.0
         keeps = exp(-DT_S * self.wind_mps / self.scale_m)
         sd = self.gusts * self.wind_mps
@@ -97,7 +97,7 @@ class Slide:
                 self.params, self.fence, self.ground, state, vehicle, air, 0.02, self.eta_rad,
                 self.moving,
             )  # fmt: skip
-            told.append((k * DT_S, z, state))
+            reported.append((k * DT_S, z, state))
             if f.nowhere(state.foreseen) or z < CLEAR_M:
                 break
             airspeed = self.wind_mps + gust[0] - vx
@@ -106,7 +106,7 @@ class Slide:
             speed += DT_S * force * f.GRAVITY_MPS2 / (airspeed * cos(self.eta_rad))
             s += DT_S * speed
             gust = keeps * gust + sd * sqrt(1.0 - keeps * keeps) * rng.normal(size=2)
-        return told
+        return reported
 
     def last(self, duration_s: float) -> tuple[float, float, Forecast]:
         """Time, height and forecast in the end."""
@@ -137,7 +137,7 @@ def test_a_line_that_crosses_the_contour_is_foreseen_to_settle_there(
 
 @pytest.mark.parametrize("excess_mps", [-0.45, -0.6, -1.0])
 @pytest.mark.parametrize("gusts", [0.0, 0.01, 0.03])
-def test_a_line_without_a_crossing_is_told_in_time_and_with_height_in_hand(
+def test_a_line_without_a_crossing_is_reported_in_time_and_with_height_in_hand(
     excess_mps: float, gusts: float
 ) -> None:
     """Excess updraft that is the same all the way down: no slope's air, and the hardest to tell, as
@@ -153,7 +153,7 @@ def test_a_line_without_a_crossing_is_told_in_time_and_with_height_in_hand(
         assert z_m > CLEAR_M
 
 
-def test_a_hope_that_fades_on_the_way_is_told_above_the_clearance() -> None:
+def test_a_hope_that_fades_on_the_way_is_reported_above_the_clearance() -> None:
     """Level ground upstream of a slope: excess updraft grows going down, and then no more."""
     for seed in range(8):
         slide = Slide(lambda z: -0.15 - 0.5 * abs(z - 1.0), 1.6, gusts=0.01, seed=seed)

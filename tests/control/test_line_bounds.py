@@ -37,7 +37,7 @@ def station(bounds: LineBounds, presets: Presets = (), **changes: float) -> Stat
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "reported"),
     [
         ({}, ""),
         ({"TGL_X": 3.5}, "the line's point is outside the fence (FENCE_X_MAX is 3 m)"),
@@ -50,10 +50,10 @@ def station(bounds: LineBounds, presets: Presets = (), **changes: float) -> Stat
         ({"TGL_X": 1.0, "TGL_Z": 0.9}, "0.00 m from the ground (CLEAR_MIN is 0 m)"),
     ],
 )
-def test_where_a_line_s_point_may_be(changes: dict[str, float], told: str) -> None:
+def test_where_a_line_s_point_may_be(changes: dict[str, float], reported: str) -> None:
     fault = LineBounds(ground=GROUND).fault(values_of(**changes))
-    assert told in fault
-    assert bool(fault) == bool(told)
+    assert reported in fault
+    assert bool(fault) == bool(reported)
 
 
 def test_a_line_must_cross_the_contour_inside_the_fence_and_clear_of_the_ground() -> None:
@@ -73,7 +73,7 @@ def test_a_line_must_cross_the_contour_inside_the_fence_and_clear_of_the_ground(
     assert both.fault(lower) == ""
 
 
-def test_a_fence_that_is_not_set_is_told() -> None:
+def test_a_fence_that_is_not_set_is_reported() -> None:
     assert "no fence" in open_sides(ParameterSet())
     assert open_sides(values_of()) == "the fence is open: FENCE_Y_MAX not set"
     assert open_sides(values_of(FENCE_Y_MAX=2.0)) == ""
@@ -121,7 +121,7 @@ def test_a_step_is_as_long_as_it_may_be_only_in_flight() -> None:
     assert there.line[0] == -2.0
 
 
-def test_force_acts_once_and_is_told() -> None:
+def test_force_acts_once_and_is_reported() -> None:
     there = station(LineBounds())
     assert there.set("OP_FORCE", 1) == ["OP_FORCE"]
     assert there.set("RHO_P", 0.5) == ["RHO_P"]  # no move: it waits

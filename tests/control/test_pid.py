@@ -169,7 +169,7 @@ def test_limits_hold_for_any_finite_input(
 
 
 @given(g=gains(), error=moderate, error_rate=moderate, feedforward=moderate)
-def test_saturation_is_told_with_its_sign(
+def test_saturation_is_reported_with_its_sign(
     g: PidGains, error: float, error_rate: float, feedforward: float
 ) -> None:
     _, terms = pid_step(g, REST, error, error_rate, feedforward, 0.005, 0)

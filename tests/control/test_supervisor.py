@@ -197,7 +197,9 @@ def test_every_entry_check_refuses_in_its_own_words(mode: int) -> None:
     assert len(reasons) == len(bits_of(s.ENTRY))
 
 
-def test_ready_is_told_when_engaging_would_be_granted_and_given_up_with_what_is_missing() -> None:
+def test_ready_is_reported_when_engaging_would_be_granted_and_given_up_with_what_is_missing() -> (
+    None
+):
     everything = walk(s.STANDBY)
     assert np.array_equal(everything.to == s.READY, everything.has(s.ENTRY))
     everything = walk(s.READY)
@@ -268,13 +270,13 @@ def test_no_mode_in_control_looks_away_from_the_fence(mode: int) -> None:
         assert np.all(everything.to[out] == s.HOLDING)
 
 
-def test_an_operator_who_lets_go_is_heard_in_every_flying_mode() -> None:
+def test_an_operator_who_lets_go_is_received_in_every_flying_mode() -> None:
     healthy = (1 << s.CONDITIONS) - 1 & ~s.LINE_MOVING & ~s.ENGAGE
     for mode in FLYING:
         assert next_mode(mode, healthy) == Decision(s.STANDBY, s.HAND_OVER, s.REASON_OPERATOR)
 
 
-def test_a_fault_is_told_even_where_the_operator_lets_go_in_the_same_tick() -> None:
+def test_a_fault_is_reported_even_where_the_operator_lets_go_in_the_same_tick() -> None:
     # Worst first: the log shall not say "operator disengaged" of a command that was no number.
     healthy = (1 << s.CONDITIONS) - 1 & ~s.LINE_MOVING & ~s.ENGAGE
     faults = (

@@ -70,14 +70,14 @@ def test_a_gain_changed_by_a_ten_thousandth_is_noticed(now: staleness.Ends) -> N
     other = msgspec.structs.replace(scenario, parameters={"RHO_P": gain})
     flown = fly_job(ScenarioJob(scenario=other, seed=1))
     end = float(flown.path["x_m"][-1]), float(flown.path["z_m"][-1])
-    (told,) = staleness.differences(written, now | {"tunnel": end})
-    assert told.startswith("tunnel: ends ")
+    (reported,) = staleness.differences(written, now | {"tunnel": end})
+    assert reported.startswith("tunnel: ends ")
 
 
 def test_a_page_without_probes_or_with_others_is_older(now: staleness.Ends) -> None:
     assert staleness.differences("# A page\n", now) == ["the page holds no probes"]
     fewer = {"tunnel": now["tunnel"]}
-    (told,) = staleness.differences(page([], fewer), now)
-    assert told.startswith("the page has the probes tunnel;")
+    (reported,) = staleness.differences(page([], fewer), now)
+    assert reported.startswith("the page has the probes tunnel;")
     nowhere = {name: (float("nan"), z) for name, (_, z) in now.items()}
     assert len(staleness.differences(page([], now), nowhere)) == len(now)

@@ -34,7 +34,7 @@ def test_every_entry_check_has_its_row() -> None:
     assert ENTRY < 1 << 24  # a float of 32 bits holds every sum exactly
 
 
-def test_every_number_that_is_told_has_its_row() -> None:
+def test_every_number_that_is_reported_has_its_row() -> None:
     table = PAGE.partition("| `NAMED_VALUE_FLOAT` | unit | |")[2].partition("\n\n")[0]
     first_cells = "".join(row.split("|")[1] for row in table.splitlines() if row)
     assert sorted(re.findall(r"`(\w+)`", first_cells)) == sorted([*FAST, *SLOW])
@@ -55,7 +55,7 @@ def test_the_parameters_that_it_names_exist() -> None:
     assert {name for name in named if name not in INDEX} <= OF_OTHERS
 
 
-def test_what_the_guard_does_is_told_with_its_numbers() -> None:
+def test_what_the_guard_does_is_reported_with_its_numbers() -> None:
     service = PAGE.partition("## As a service")[2].partition("\n## ")[0]
     assert RESTARTS == 5
     assert "After five new starts within a minute it gives up" in " ".join(service.split())

@@ -189,10 +189,10 @@ class Terminal:
 
 def _session(leader: int) -> list[int]:
     """The processes of a session that live."""
-    told = subprocess.run(
+    reported = subprocess.run(
         ["ps", "-s", str(leader), "-o", "pid=,stat="], capture_output=True, text=True
     )
-    rows = [row.split() for row in told.stdout.splitlines()]
+    rows = [row.split() for row in reported.stdout.splitlines()]
     return [int(pid) for pid, state in rows if not state.startswith("Z")]
 
 
@@ -433,7 +433,7 @@ def test_a_real_autopilot_flies(desk: Desk, command: str) -> None:
 
 
 @pytest.mark.parametrize("command", FIRMWARES)
-def test_a_real_autopilot_that_is_not_there_is_told(desk: Desk, command: str) -> None:
+def test_a_real_autopilot_that_is_not_there_is_reported(desk: Desk, command: str) -> None:
     assert FIRMWARES[command][0] in desk.run(command, code=2).replace("\n", "")
 
 

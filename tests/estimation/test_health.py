@@ -54,7 +54,7 @@ NEUTRAL = SurfaceCommand(0.0, 0.0, 0.0)
 DT = 1.0 / 128.0
 
 
-def heard_at(fix_s: float, attitude_s: float) -> MotionState:
+def received_at(fix_s: float, attitude_s: float) -> MotionState:
     """An estimator that has used samples of these times."""
     return initial_motion()._replace(
         fix=LastFix(sequence=1, time_s=fix_s, source=0, sum=nan, repeated=0),
@@ -67,7 +67,7 @@ def heard_at(fix_s: float, attitude_s: float) -> MotionState:
 def health(
     now: float, fix: float = nan, attitude: float = nan, heartbeat: float = nan, rejected: int = 0
 ) -> Health:
-    motion = heard_at(fix, attitude)._replace(rejected=rejected)
+    motion = received_at(fix, attitude)._replace(rejected=rejected)
     status = AutopilotStatus(time_s=heartbeat, accepts_surfaces=True, armed=True)
     inputs = Inputs(
         time_s=now, position=NO_FIX, attitude=NO_ATTITUDE, autopilot=status, engage=True
@@ -134,7 +134,7 @@ class Watch:
         self.state: HealthState = initial_health()
         self.k = 0
         self.health: Health = health(0.0)
-        self.told = 0  # every fault so far
+        self.reported = 0  # every fault so far
         self.flying = False
         self.command = NEUTRAL
 
@@ -162,17 +162,17 @@ class Watch:
             )
             for name, change in changes.items():
                 inputs = inputs._replace(**{name: change(inputs, self.k)})
-            motion = heard_at(now, now)
+            motion = received_at(now, now)
             self.state, self.health = health_step(
                 LIMITS, self.state, motion, inputs, self.flying, self.flying, self.command, DT
             )
-            self.told |= self.health.faults
+            self.reported |= self.health.faults
         return self
 
 
 def test_a_good_stream_has_its_rate_and_no_fault() -> None:
     watch = Watch().run(640)
-    assert watch.told == 0
+    assert watch.reported == 0
     assert watch.health.position_interval_s == pytest.approx(DT)
     assert watch.health.attitude_interval_s == pytest.approx(DT)
     assert watch.health.position_jitter_s == pytest.approx(0.0, abs=1e-9)
@@ -219,7 +219,7 @@ def attitude(**numbers: float) -> Any:
         ({"autopilot": lambda i, _: i.autopilot._replace(armed=False)}, h.DISARMED),
     ],
 )
-def test_one_bad_sample_is_told_for_a_second(what: dict[str, Any], fault: int) -> None:
+def test_one_bad_sample_is_reported_for_a_second(what: dict[str, Any], fault: int) -> None:
     watch = Watch().run(256).run(1, **what)
     assert watch.health.faults == fault
     watch.run(100)
@@ -235,14 +235,14 @@ def test_a_quaternion_and_its_negative_are_the_same_attitude() -> None:
         s = (-1.0) ** k
         return q._replace(qw=s * q.qw, qx=s * q.qx, qy=s * q.qy, qz=s * q.qz)
 
-    assert Watch().run(256, attitude=flipped).told == 0
+    assert Watch().run(256, attitude=flipped).reported == 0
 
 
-def test_a_gap_is_told_and_counted() -> None:
+def test_a_gap_is_reported_and_counted() -> None:
     watch = Watch().run(256)
     last = watch.k
     watch.run(20, position=lambda i, _: i.position._replace(sequence=last, time_s=last * DT))
-    assert watch.told == 0  # nothing new has come, so nothing is known of it yet
+    assert watch.reported == 0  # nothing new has come, so nothing is known of it yet
     watch.run(1)
     assert (watch.health.faults, watch.health.gaps) == (h.GAP, 1)
 
@@ -250,7 +250,7 @@ def test_a_gap_is_told_and_counted() -> None:
 def test_another_source_may_be_elsewhere() -> None:
     watch = Watch().run(256)
     watch.run(256, position=lambda i, _: i.position._replace(source=5, north_m=50.0))
-    assert watch.told == 0
+    assert watch.reported == 0
 
 
 def test_a_frozen_position_is_as_old_as_its_last_change() -> None:
@@ -260,7 +260,7 @@ def test_a_frozen_position_is_as_old_as_its_last_change() -> None:
     began = watch.k * DT
     watch.run(128, **still)
     assert watch.health.position_ok
-    assert not watch.told & h.FROZEN
+    assert not watch.reported & h.FROZEN
     watch.run(1, **still)
     assert watch.health.faults & h.FROZEN
     assert watch.health.position_age_s == watch.k * DT - began
@@ -283,7 +283,7 @@ def test_a_position_that_says_that_it_stands_still_may(velocity: float) -> None:
         "attitude": attitude(qw=1.0, qx=0.0, qy=0.0, qz=0.0, pitch_rate_frd_radps=0.0),
     }
     watch = Watch().run(512, **still)
-    assert watch.told == 0
+    assert watch.reported == 0
     assert watch.health.position_ok
     assert watch.health.attitude_ok
 
@@ -330,7 +330,7 @@ def from_side_to_side(every: int) -> Any:
 @pytest.mark.parametrize("every", [2, 100])  # and 0.8 s
 def test_an_attitude_that_goes_on_jumping_is_as_old_as_its_first_jump(every: int) -> None:
     watch = Watch().run(every + 120, attitude=from_side_to_side(every))
-    assert watch.told & h.JUMP << ATTITUDE_SHIFT
+    assert watch.reported & h.JUMP << ATTITUDE_SHIFT
     assert watch.health.attitude_ok  # not for a second yet
     watch.run(150, attitude=from_side_to_side(every))
     assert not watch.health.attitude_ok
@@ -346,7 +346,7 @@ def test_an_attitude_that_jumps_now_and_then_is_used_between(every: int) -> None
     for _ in range(1000):
         watch.run(1, attitude=from_side_to_side(every))
         assert watch.health.attitude_ok
-    assert watch.told & h.JUMP << ATTITUDE_SHIFT
+    assert watch.reported & h.JUMP << ATTITUDE_SHIFT
 
 
 def test_motion_capture_that_repeats_itself_is_frozen() -> None:
@@ -363,7 +363,7 @@ def test_a_frozen_attitude_is_as_old_as_its_last_change() -> None:
     assert not watch.health.attitude_ok
 
 
-def test_positions_and_velocities_in_different_frames_are_told() -> None:
+def test_positions_and_velocities_in_different_frames_are_reported() -> None:
     """The aircraft flies east at 4 m/s and the velocity is told in another frame: north."""
 
     def flies(inputs: Inputs, k: int) -> PositionFix:
@@ -441,7 +441,7 @@ def test_accelerations_that_are_no_numbers_begin_afresh(bad: float) -> None:
         )
 
     watch.run(64, imu=broken).run(640, imu=imu(0.0))
-    assert watch.told == 0
+    assert watch.reported == 0
 
 
 @pytest.mark.parametrize(
@@ -453,7 +453,7 @@ def test_airspeed_makes_sense(airspeed: float, fault: int) -> None:
     assert watch.health.faults == fault
 
 
-def test_an_airspeed_that_stops_is_told() -> None:
+def test_an_airspeed_that_stops_is_reported() -> None:
     watch = Watch().run(10, airspeed=lambda _i, _k: AirspeedSample(1, 0.0, 8.5))
     assert watch.health.faults == 0
     watch.run(400, airspeed=lambda _i, _k: AirspeedSample(1, 0.0, 8.5))
@@ -557,7 +557,7 @@ def test_surfaces_that_are_not_known_are_no_fault() -> None:
         ),
     )
     assert watch.health.surfaces_answer == 1
-    assert watch.told == 0
+    assert watch.reported == 0
 
 
 # --- words --------------------------------------------------------------------------------------

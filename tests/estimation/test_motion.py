@@ -96,7 +96,7 @@ def flight(
     gains: MotionGains = GAINS,
     every: int = 5,
     delay: int = 0,
-    told: bool = True,
+    reported: bool = True,
     ticks: int = 800,
 ) -> Iterator[tuple[float, VehicleState]]:
     """(time, estimate) of a flight: a fix every `every` ticks, arriving `delay` ticks late, with
@@ -105,7 +105,7 @@ def flight(
     for k in range(ticks):
         if (k - delay) % every == 0 and k >= delay:
             true = (k - delay) * DT
-            stamp = true if told else k * DT
+            stamp = true if reported else k * DT
             fix = fix_at(k + 1, stamp, path(true), speed(true) if speed else (nan, nan, nan))
         state, vehicle = motion_step(gains, FRAME, state, tick(k * DT, fix))
         yield k * DT, vehicle
@@ -142,8 +142,8 @@ def test_a_straight_flight_is_tracked_without_bias(delay: int, speed: Path | Non
 def test_a_delay_that_no_stamp_tells_is_taken_off(speed: Path | None) -> None:
     # 16 ticks late and stamped at arrival: uncorrected it is behind by v · 80 ms for good.
     corrected = GAINS._replace(fix_delay_s=16 * DT)
-    *_, (t, blind) = flight(straight, speed, delay=16, told=False)
-    *_, (t, seeing) = flight(straight, speed, corrected, delay=16, told=False)
+    *_, (t, blind) = flight(straight, speed, delay=16, reported=False)
+    *_, (t, seeing) = flight(straight, speed, corrected, delay=16, reported=False)
     lag = dist(STRAIGHT, (0.0, 0.0, 0.0)) * 0.08
     assert dist(position(blind), straight(t)) == pytest.approx(lag, rel=1e-6)
     assert dist(position(seeing), straight(t)) < 1e-9
@@ -258,7 +258,7 @@ def test_a_place_that_is_believed_does_not_vouch_for_its_velocity(speed: float) 
     assert motion_quality(GAINS, state, state, t).velocity_sigma_mps == pytest.approx(2.0)
 
 
-def test_before_the_first_fix_nothing_is_told_as_sure() -> None:
+def test_before_the_first_fix_nothing_is_reported_as_sure() -> None:
     state = initial_motion()
     for inputs in (tick(1.0), tick(1.005, NO_FIX, LAST_SAMPLE)):
         before = state

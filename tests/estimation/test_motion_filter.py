@@ -183,10 +183,12 @@ def flight(
         if then >= 0 and then % FIX_TICKS == 0 and k not in silent:
             at, speed = history[then]
             where = [at[i] + dice.gauss(0.0, noise.fix) for i in range(3)]
-            told = [nan] * 3
+            reported = [nan] * 3
             if noise.speed is not None:
-                told = [speed[i] + dice.gauss(0.0, noise.speed) for i in range(3)]
-            fix = fix_at(then, (where[0], where[1], where[2]), (told[0], told[1], told[2]))
+                reported = [speed[i] + dice.gauss(0.0, noise.speed) for i in range(3)]
+            fix = fix_at(
+                then, (where[0], where[1], where[2]), (reported[0], reported[1], reported[2])
+            )
         before = state
         state, vehicle = motion_step(
             gains, FRAME, state, tick(k * DT, fix, last_imu, last_attitude)
@@ -477,8 +479,8 @@ def test_another_source_is_no_step(imu: bool) -> None:
             assert abs(v.z_m - before) < 3e-4
             assert abs(v.climb_mps) < 0.01
             if k >= 400:
-                told = motion_quality(GAINS, state, state, k * DT).position_sigma_m
-                assert told >= 0.999 * (3.05 - v.z_m) - 1e-4
+                reported = motion_quality(GAINS, state, state, k * DT).position_sigma_m
+                assert reported >= 0.999 * (3.05 - v.z_m) - 1e-4
         before = v.z_m
     assert v.z_m == pytest.approx(3.05, abs=1e-3)
     assert state.offset.z_m == pytest.approx(0.0, abs=1e-3)

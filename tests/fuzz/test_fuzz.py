@@ -29,7 +29,7 @@ from tgl_soar.sim.natnet_frames import VERSIONS
 
 ROOT = Path(__file__).parents[2]
 NAMES = sorted(fuzz.TARGETS)
-TOLD = {  # by the good logs themselves
+REPORTED = {  # by the good logs themselves
     "nothing was written for 40 ms: disk or computer were too slow",
     "the writer dropped 1 records",
 }
@@ -84,7 +84,7 @@ def test_a_tracker_that_is_not_ready_is_found(monkeypatch: pytest.MonkeyPatch) -
 @pytest.mark.parametrize("name", sorted(fuzz.LOGS))
 def test_every_good_log_is_read_whole_and_its_parts_are_in_order(name: str) -> None:
     for example in fuzz.examples(name):
-        assert set(fuzz.flight_in(example).lost) <= TOLD
+        assert set(fuzz.flight_in(example).lost) <= REPORTED
         parts, seal = parts_of(example)
         assert b"".join(parts) == example
         assert [seal(part) for part in parts[1:]] == parts[1:]

@@ -19,8 +19,8 @@ def test_the_supply_repeats_and_every_sort_of_frame_is_in_it() -> None:
     assert frames == list(islice(HostileFrames(1), 4000))
     assert frames != list(islice(HostileFrames(2), 4000))
     decoder = Decoder(stream=False)
-    heard = {type(r.message).__name__ for frame in frames for r in decoder.feed(frame)}
-    assert {"AttitudeQuaternion", "ParamSet", "CommandLong", "Odometry", "SetupSigning"} <= heard
+    received = {type(r.message).__name__ for frame in frames for r in decoder.feed(frame)}
+    assert {"AttitudeQuaternion", "ParamSet", "CommandLong", "Odometry", "SetupSigning"} <= received
     counters = decoder.counters
     assert counters.bad_checksums > 100
     assert counters.skipped_bytes > 1000

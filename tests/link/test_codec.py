@@ -196,7 +196,7 @@ V1 = [
     ("message", "expected", "v1"),
     [(*case, False) for case in KNOWN] + [(*case, True) for case in V1],
 )
-def test_every_message_that_is_heard(message: Any, expected: Any, v1: bool) -> None:
+def test_every_message_that_is_received(message: Any, expected: Any, v1: bool) -> None:
     decoder = Decoder(stream=False)
     received = decoder.feed(packed(message, 7, 9, v1=v1))
     assert [r.message for r in received] == [expected]
@@ -320,10 +320,10 @@ def test_a_cut_off_stream_begins_afresh_after_reset() -> None:
 
 def test_a_false_marker_on_a_stream_holds_nothing_back_for_good() -> None:
     decoder = Decoder(stream=True)
-    heard = len(decoder.feed(bytes((0xFD, 255, 0)) + packed(HEARTBEAT)))
+    inbound = len(decoder.feed(bytes((0xFD, 255, 0)) + packed(HEARTBEAT)))
     for _ in range(20):
-        heard += len(decoder.feed(packed(HEARTBEAT)))
-    assert heard == 21
+        inbound += len(decoder.feed(packed(HEARTBEAT)))
+    assert inbound == 21
 
 
 # --- and back ---------------------------------------------------------------------------------

@@ -123,7 +123,7 @@ def test_of_a_line_nothing_is_left() -> None:
     """Noise before a frame is no reason to lose it: a line has no datagrams to be left."""
     decoder = Decoder(stream=True)
     decoder.feed(b"\xfe\x00" * 500 + GOOD, 10)
-    heard = 0
+    received = 0
     while decoder.is_waiting:
-        heard += len(decoder.feed(b"", 10))
-    assert heard == 1
+        received += len(decoder.feed(b"", 10))
+    assert received == 1

@@ -125,7 +125,7 @@ def test_an_engagement_that_ends_before_its_line_failed_or_was_cancelled(
     assert let_go(commands, withdrawn=withdrawn) == [result]
 
 
-def test_what_holds_an_engagement_back_is_told() -> None:
+def test_what_holds_an_engagement_back_is_reported() -> None:
     commands = server()
     answer = commands.handle(STATION, command(ENGAGE), 10.0, held_back="aborted")
     assert (results(answer.outbound), answer.wish, answer.reason) == (
@@ -330,7 +330,7 @@ def test_no_channel_and_no_pulse_is_no_switch() -> None:
     assert not switch.is_low
 
 
-def test_a_switch_that_is_not_heard_says_why() -> None:
+def test_a_switch_that_is_not_received_says_why() -> None:
     switch = PilotSwitch()
     assert switch.missing(0.0, 0) == ""  # there is none
     assert "no RC_CHANNELS" in switch.missing(0.0, 8)

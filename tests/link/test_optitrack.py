@@ -316,7 +316,7 @@ def test_frames_out_of_order_are_not_used() -> None:
         ("garbage", "malformed"),
     ],
 )
-def test_what_is_no_measurement_is_counted_told_and_not_used(kind: str, counter: str) -> None:
+def test_what_is_no_measurement_is_counted_reported_and_not_used(kind: str, counter: str) -> None:
     options = MotiveOptions(noise_m=0.0002, faults=(HallFault(kind, 1.0, 1.5),))
     hall = Hall(options).run(4.0)
     counters = hall.client.counters
@@ -357,15 +357,17 @@ def test_a_silent_server_is_asked_again() -> None:
     assert hall.fixes[-1][0] > hall.now_s - 0.02
 
 
-def test_the_second_outage_of_a_day_is_told_as_the_first_was_and_so_is_that_it_is_over() -> None:
+def test_the_second_outage_of_a_day_is_reported_as_the_first_was_and_so_is_that_it_is_over() -> (
+    None
+):
     faults = (HallFault("silent", 1.0, 4.0), HallFault("silent", 14.0, 18.0))
     hall = Hall(MotiveOptions(noise_m=0.0002, faults=faults)).run(20.0)
-    told = [words for words in hall.words if "speaks" not in words]
+    reported = [words for words in hall.words if "speaks" not in words]
     silent, back = "OptiTrack: no frame for 1 s: asking again", "OptiTrack: stream is back after"
-    assert [words == silent for words in told] == [True, False, True, False]
-    assert [words.startswith(back) for words in told] == [False, True, False, True]
-    assert told[1].endswith(" 3.0 s")
-    assert told[3].endswith(" 4.0 s")
+    assert [words == silent for words in reported] == [True, False, True, False]
+    assert [words.startswith(back) for words in reported] == [False, True, False, True]
+    assert reported[1].endswith(" 3.0 s")
+    assert reported[3].endswith(" 4.0 s")
 
 
 def test_a_body_that_flickers_is_told_of_once_in_ten_seconds() -> None:
@@ -377,7 +379,7 @@ def test_a_body_that_flickers_is_told_of_once_in_ten_seconds() -> None:
     assert (len(blind), len(back)) == (3, 3)
 
 
-def test_an_outage_that_lasts_is_told_once() -> None:
+def test_an_outage_that_lasts_is_reported_once() -> None:
     faults = (HallFault("untracked", 1.0, 60.0),)
     hall = Hall(MotiveOptions(noise_m=0.0002, faults=faults)).run(40.0)
     assert [words for words in hall.words if "speaks" not in words] == [
@@ -385,12 +387,12 @@ def test_an_outage_that_lasts_is_told_once() -> None:
     ]
 
 
-def test_nobody_there_is_told() -> None:
+def test_nobody_there_is_reported() -> None:
     hall = Hall(MotiveOptions(faults=(HallFault("silent", 0.0, 99.0),))).run(5.0)
     assert hall.words == ["OptiTrack: no answer from 10.0.0.2: does Motive stream?"]
 
 
-def test_a_name_that_is_not_there_is_told_with_those_that_are() -> None:
+def test_a_name_that_is_not_there_is_reported_with_those_that_are() -> None:
     hall = Hall()
     hall.client = Optitrack(SETTINGS._replace(body="Aircraft"))
     hall.run(2.0)
@@ -409,7 +411,7 @@ def test_the_first_that_answers_is_the_server_where_none_is_named() -> None:
 
 
 @pytest.mark.parametrize("version", [(2, 10), (5, 0), (0, 0)])
-def test_a_version_that_cannot_be_read_is_told(version: layout.Version) -> None:
+def test_a_version_that_cannot_be_read_is_reported(version: layout.Version) -> None:
     client = Optitrack(SETTINGS)
     data = encode_server_info(version, data_port=1511, group="239.0.0.1", multicast=False)
     assert client.take(data, SERVER, 0.0) is None

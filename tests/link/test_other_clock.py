@@ -73,48 +73,48 @@ class Autopilot:
 @pytest.mark.parametrize("ahead_s", [0.25, 0.5, 0.99, 400.0, 1e6])
 @pytest.mark.parametrize("key", [ATTITUDE, POSITION, UNUSED])
 def test_one_stamp_ahead_changes_no_age(key: str, ahead_s: float) -> None:
-    heard = Autopilot()
-    heard.run(2.0)
-    heard.begin_to_look()
-    assert heard.hear(key, ahead_s) is None
-    heard.run(3.0)
-    assert heard.oldest_s < 0.005
-    assert heard.refused_s < 0.011
-    assert heard.streams.reboots == 0
+    received = Autopilot()
+    received.run(2.0)
+    received.begin_to_look()
+    assert received.hear(key, ahead_s) is None
+    received.run(3.0)
+    assert received.oldest_s < 0.005
+    assert received.refused_s < 0.011
+    assert received.streams.reboots == 0
 
 
 @pytest.mark.parametrize("ahead_s", [0.25, 0.5, 0.99, 3.0, 400.0])
 @pytest.mark.parametrize("key", [ATTITUDE, POSITION, UNUSED])
 def test_not_even_as_the_very_first(key: str, ahead_s: float) -> None:
-    heard = Autopilot()
-    heard.hear(key, ahead_s)
-    heard.run(SOON_S)
-    assert heard.age_s < 0.005
-    heard.begin_to_look()
-    heard.run(2.0)
-    assert heard.oldest_s < 0.005
-    assert heard.refused_s < 0.011
+    received = Autopilot()
+    received.hear(key, ahead_s)
+    received.run(SOON_S)
+    assert received.age_s < 0.005
+    received.begin_to_look()
+    received.run(2.0)
+    assert received.oldest_s < 0.005
+    assert received.refused_s < 0.011
 
 
 def test_a_stamp_that_is_little_ahead_is_out_of_the_window_soon() -> None:
-    heard = Autopilot()
-    heard.run(2.0)
-    heard.hear(ATTITUDE, 0.9 * AHEAD_S)
-    heard.run(0.1)
-    assert heard.age_s == pytest.approx(0.9 * AHEAD_S, abs=0.005)
-    heard.run(WINDOW_S)
-    assert heard.age_s < 0.005
+    received = Autopilot()
+    received.run(2.0)
+    received.hear(ATTITUDE, 0.9 * AHEAD_S)
+    received.run(0.1)
+    assert received.age_s == pytest.approx(0.9 * AHEAD_S, abs=0.005)
+    received.run(WINDOW_S)
+    assert received.age_s < 0.005
 
 
 def test_a_wrong_stamp_across_the_counter_s_end_moves_no_counter() -> None:
     """The true ones are no round further because one of the end was heard."""
-    heard = Autopilot(50.0)
-    heard.run(1.0)
-    assert heard.streams.time_of(ATTITUDE, MILLISECONDS_WRAP_S - 0.001, heard.now_s) is None
-    heard.begin_to_look()
-    heard.run(1.0)
-    assert heard.refused_s < 0.011
-    assert heard.streams.reboots == 0
+    received = Autopilot(50.0)
+    received.run(1.0)
+    assert received.streams.time_of(ATTITUDE, MILLISECONDS_WRAP_S - 0.001, received.now_s) is None
+    received.begin_to_look()
+    received.run(1.0)
+    assert received.refused_s < 0.011
+    assert received.streams.reboots == 0
 
 
 # --- clocks that run apart --------------------------------------------------------------------
@@ -122,38 +122,38 @@ def test_a_wrong_stamp_across_the_counter_s_end_moves_no_counter() -> None:
 
 @pytest.mark.parametrize("ppm", [-100.0, 100.0])
 def test_quartzes_run_apart_by_a_tenth_of_a_tick_in_the_window(ppm: float) -> None:
-    heard = Autopilot()
-    heard.run(1.0)
-    heard.begin_to_look()
-    heard.run(120.0, drift=ppm * 1e-6)
+    received = Autopilot()
+    received.run(1.0)
+    received.begin_to_look()
+    received.run(120.0, drift=ppm * 1e-6)
     # What they run apart in the window, and the stamps' grain.
-    assert heard.oldest_s <= 100e-6 * WINDOW_S + 1e-3
-    assert heard.refused_s < 0.011
+    assert received.oldest_s <= 100e-6 * WINDOW_S + 1e-3
+    assert received.refused_s < 0.011
 
 
 @pytest.mark.parametrize("over_s", [10.0, 600.0])
 @pytest.mark.parametrize("slewed_s", [-0.3, 0.3])
 def test_a_slewed_clock_is_followed(slewed_s: float, over_s: float) -> None:
-    heard = Autopilot()
-    heard.run(2.0)
-    heard.begin_to_look()
-    heard.run(over_s, drift=-slewed_s / over_s)
-    assert heard.oldest_s < AGE_ATT_MAX_S
-    assert heard.refused_s < 0.011
-    heard.run(WINDOW_S)
-    assert heard.age_s < 0.005
-    assert heard.streams.reboots == 0
+    received = Autopilot()
+    received.run(2.0)
+    received.begin_to_look()
+    received.run(over_s, drift=-slewed_s / over_s)
+    assert received.oldest_s < AGE_ATT_MAX_S
+    assert received.refused_s < 0.011
+    received.run(WINDOW_S)
+    assert received.age_s < 0.005
+    assert received.streams.reboots == 0
 
 
 def test_a_spell_in_which_the_link_is_busy_hides_no_delay() -> None:
     """Every frame 0.2 s late for half the window."""
-    heard = Autopilot()
-    heard.run(3.0)
+    received = Autopilot()
+    received.run(3.0)
     for _ in range(round(0.5 * WINDOW_S * 200)):
-        heard.now_s += 0.005
-        time_s = heard.hear(ATTITUDE, late_s=0.2)
+        received.now_s += 0.005
+        time_s = received.hear(ATTITUDE, late_s=0.2)
         if time_s is not None:
-            assert heard.now_s - time_s == pytest.approx(0.2, abs=0.005)
+            assert received.now_s - time_s == pytest.approx(0.2, abs=0.005)
 
 
 def test_the_window_forgets_by_halves_and_a_silence_forgets_nothing() -> None:
@@ -173,106 +173,106 @@ def test_the_window_forgets_by_halves_and_a_silence_forgets_nothing() -> None:
 @pytest.mark.parametrize("jump_s", [-400.0, -30.0, -1.5, -0.5, -0.3, 0.3, 0.5, 0.99, 5.0, 400.0])
 def test_a_clock_that_jumps_is_another_one_within_a_second(jump_s: float) -> None:
     """And is another one again when it jumps back, however long after."""
-    heard = Autopilot(uptime_s=1000.0)
-    heard.run(3.0)
+    received = Autopilot(uptime_s=1000.0)
+    received.run(3.0)
     for back, for_s in ((0.0, 0.2), (jump_s, 8.0), (0.0, 8.0)):
-        heard.begin_to_look()
-        heard.run(for_s, ahead_s=back)
-        assert heard.age_s < 0.005
-        assert heard.refused_s < 1.0
+        received.begin_to_look()
+        received.run(for_s, ahead_s=back)
+        assert received.age_s < 0.005
+        assert received.refused_s < 1.0
         # Unless it is refused for longer than the laws bear, it is told.
-        assert heard.refused_s < AGE_ATT_MAX_S or heard.streams.reboots > 0
-    assert heard.streams.reboots == 2
-    heard.begin_to_look()
-    heard.run(20.0)
-    assert heard.oldest_s < 0.005
-    assert heard.streams.reboots == 2
+        assert received.refused_s < AGE_ATT_MAX_S or received.streams.reboots > 0
+    assert received.streams.reboots == 2
+    received.begin_to_look()
+    received.run(20.0)
+    assert received.oldest_s < 0.005
+    assert received.streams.reboots == 2
 
 
 @pytest.mark.parametrize("jump_s", [-30.0, -0.5, 0.5, 30.0])
 @pytest.mark.parametrize("for_s", [0.05, 0.3, 0.6, 1.0, 3.0])
 def test_a_clock_that_jumps_for_a_while_blocks_no_longer(jump_s: float, for_s: float) -> None:
-    heard = Autopilot(uptime_s=100.0)
-    heard.run(3.0)
-    heard.run(for_s, ahead_s=jump_s)
-    heard.run(1.0)
-    heard.begin_to_look()
-    heard.run(5.0)
-    assert heard.oldest_s < 0.005
-    assert heard.refused_s < 0.011
+    received = Autopilot(uptime_s=100.0)
+    received.run(3.0)
+    received.run(for_s, ahead_s=jump_s)
+    received.run(1.0)
+    received.begin_to_look()
+    received.run(5.0)
+    assert received.oldest_s < 0.005
+    assert received.refused_s < 0.011
 
 
-def test_a_restart_is_told_before_the_attitude_is_lost() -> None:
-    heard = Autopilot(uptime_s=1000.0)
-    heard.run(3.0)
-    heard.ahead_s = -heard.now_s
-    heard.run(0.9 * AGE_ATT_MAX_S)
-    assert heard.streams.reboots == 1
-    assert heard.age_s < 0.005
+def test_a_restart_is_reported_before_the_attitude_is_lost() -> None:
+    received = Autopilot(uptime_s=1000.0)
+    received.run(3.0)
+    received.ahead_s = -received.now_s
+    received.run(0.9 * AGE_ATT_MAX_S)
+    assert received.streams.reboots == 1
+    assert received.age_s < 0.005
 
 
 # --- two clocks -------------------------------------------------------------------------------
 
 
-def both(heard: Autopilot, for_s: float, ahead_s: float, *, key: str = ATTITUDE) -> int:
+def both(received: Autopilot, for_s: float, ahead_s: float, *, key: str = ATTITUDE) -> int:
     """The true autopilot, and a duplicate; how many of the duplicate's frames were taken."""
     taken = 0
     for _ in range(round(for_s * 200)):
-        heard.run(0.005)
-        taken += heard.hear(key, ahead_s) is not None
+        received.run(0.005)
+        taken += received.hear(key, ahead_s) is not None
     return taken
 
 
 @pytest.mark.parametrize("ahead_s", [-400.0, -20.0, 0.5, 2.0, 400.0, 1e6])
 def test_a_duplicate_is_refused_then_neither_is_taken(ahead_s: float) -> None:
-    heard = Autopilot(uptime_s=1000.0)
-    heard.run(3.0)
-    heard.begin_to_look()
-    assert both(heard, 0.9 * CONTEST_S, ahead_s) == 0
-    assert heard.refused_s < 0.011
-    assert not heard.streams.is_contested(heard.now_s)
-    assert heard.streams.suspected == 1
-    assert heard.streams.suspect_ahead_s == pytest.approx(ahead_s, abs=0.01)
-    assert both(heard, 2.0, ahead_s) == 0
-    assert heard.streams.is_contested(heard.now_s)
-    assert heard.refused_s > AGE_ATT_MAX_S
-    assert heard.streams.reboots == 0
-    heard.run(CALM_S + 0.1)
-    assert not heard.streams.is_contested(heard.now_s)
-    assert heard.age_s < 0.005
-    heard.begin_to_look()
-    heard.run(5.0)
-    assert heard.oldest_s < 0.005
-    assert heard.refused_s < 0.011
+    received = Autopilot(uptime_s=1000.0)
+    received.run(3.0)
+    received.begin_to_look()
+    assert both(received, 0.9 * CONTEST_S, ahead_s) == 0
+    assert received.refused_s < 0.011
+    assert not received.streams.is_contested(received.now_s)
+    assert received.streams.suspected == 1
+    assert received.streams.suspect_ahead_s == pytest.approx(ahead_s, abs=0.01)
+    assert both(received, 2.0, ahead_s) == 0
+    assert received.streams.is_contested(received.now_s)
+    assert received.refused_s > AGE_ATT_MAX_S
+    assert received.streams.reboots == 0
+    received.run(CALM_S + 0.1)
+    assert not received.streams.is_contested(received.now_s)
+    assert received.age_s < 0.005
+    received.begin_to_look()
+    received.run(5.0)
+    assert received.oldest_s < 0.005
+    assert received.refused_s < 0.011
 
 
-def test_a_duplicate_that_was_heard_first_is_not_flown_with_either() -> None:
-    heard = Autopilot(uptime_s=1000.0)
-    heard.hear(ATTITUDE, 400.0)
-    both(heard, 3.0, 400.0)
-    assert heard.streams.is_contested(heard.now_s)
+def test_a_duplicate_that_was_received_first_is_not_flown_with_either() -> None:
+    received = Autopilot(uptime_s=1000.0)
+    received.hear(ATTITUDE, 400.0)
+    both(received, 3.0, 400.0)
+    assert received.streams.is_contested(received.now_s)
 
 
 def test_a_duplicate_that_is_left_alone_is_another_clock() -> None:
-    heard = Autopilot(uptime_s=1000.0)
-    heard.run(3.0)
-    both(heard, 3.0, 400.0)
-    heard.run(1.0, ahead_s=400.0)
-    assert heard.streams.reboots == 1
-    assert heard.age_s < 0.005
-    assert not heard.streams.is_contested(heard.now_s)
+    received = Autopilot(uptime_s=1000.0)
+    received.run(3.0)
+    both(received, 3.0, 400.0)
+    received.run(1.0, ahead_s=400.0)
+    assert received.streams.reboots == 1
+    assert received.age_s < 0.005
+    assert not received.streams.is_contested(received.now_s)
 
 
 @pytest.mark.parametrize("ahead_s", [-400.0, 400.0])
 def test_what_only_a_duplicate_sends_is_not_used(ahead_s: float) -> None:
     """A stream that the true autopilot has not: it cannot be compared with itself."""
-    heard = Autopilot(uptime_s=1000.0)
-    heard.run(3.0)
-    heard.begin_to_look()
-    assert both(heard, 5.0, ahead_s, key=UNUSED) == 0
-    assert heard.refused_s < 0.011
-    assert heard.oldest_s < 0.005
-    assert heard.streams.reboots == 0
+    received = Autopilot(uptime_s=1000.0)
+    received.run(3.0)
+    received.begin_to_look()
+    assert both(received, 5.0, ahead_s, key=UNUSED) == 0
+    assert received.refused_s < 0.011
+    assert received.oldest_s < 0.005
+    assert received.streams.reboots == 0
 
 
 # --- normal weather ---------------------------------------------------------------------------
@@ -280,62 +280,62 @@ def test_what_only_a_duplicate_sends_is_not_used(ahead_s: float) -> None:
 
 def test_a_second_way_that_is_slower_is_no_duplicate() -> None:
     """Every frame twice, once half a second late: then the quick way is gone."""
-    heard = Autopilot()
-    heard.run(3.0)
-    heard.begin_to_look()
+    received = Autopilot()
+    received.run(3.0)
+    received.begin_to_look()
     for _ in range(1000):
-        heard.run(0.005)
-        assert heard.hear(ATTITUDE, late_s=0.5) is None
-    assert heard.refused_s < 0.011
-    assert not heard.streams.is_contested(heard.now_s)
+        received.run(0.005)
+        assert received.hear(ATTITUDE, late_s=0.5) is None
+    assert received.refused_s < 0.011
+    assert not received.streams.is_contested(received.now_s)
     ages = []
     for _ in range(1000):
-        heard.now_s += 0.005
-        time_s = heard.hear(ATTITUDE, late_s=0.5)
+        received.now_s += 0.005
+        time_s = received.hear(ATTITUDE, late_s=0.5)
         if time_s is not None:
-            ages.append(heard.now_s - time_s)
+            ages.append(received.now_s - time_s)
     assert min(ages) == pytest.approx(0.5, abs=0.01)  # and says so
-    assert heard.streams.reboots == 0
+    assert received.streams.reboots == 0
 
 
 def test_old_frames_between_new_ones_are_no_restart() -> None:
-    heard = Autopilot()
-    heard.run(3.0)
+    received = Autopilot()
+    received.run(3.0)
     for late_s in (5.0, 4.99, 4.98, 3.0, 2.0):
-        heard.run(0.005)
-        assert heard.hear(ATTITUDE, late_s=late_s) is None
-    assert heard.streams.reboots == 0
-    assert heard.age_s < 0.005
+        received.run(0.005)
+        assert received.hear(ATTITUDE, late_s=late_s) is None
+    assert received.streams.reboots == 0
+    assert received.age_s < 0.005
 
 
 def test_random_stamps_between_true_ones_contest_nothing() -> None:
-    heard = Autopilot()
-    heard.run(1.0)
-    heard.begin_to_look()
+    received = Autopilot()
+    received.run(1.0)
+    received.begin_to_look()
     for i in range(1000):
-        heard.run(0.005)
-        heard.hear(ATTITUDE, ahead_s=float(i * 7919 % 100_000))
-    assert heard.refused_s < 0.011
-    assert heard.streams.reboots == 0
+        received.run(0.005)
+        received.hear(ATTITUDE, ahead_s=float(i * 7919 % 100_000))
+    assert received.refused_s < 0.011
+    assert received.streams.reboots == 0
 
 
 def test_the_time_of_day_is_a_clock_of_its_own() -> None:
     """ODOMETRY may be stamped with it, and jumps to it are for that stream to judge."""
-    heard = Autopilot()
-    heard.run(1.0)
-    placed = heard.streams.time_of("odometry", 1.7e9, heard.now_s, wrap_s=inf)
+    received = Autopilot()
+    received.run(1.0)
+    placed = received.streams.time_of("odometry", 1.7e9, received.now_s, wrap_s=inf)
     assert placed is not None
-    assert placed[0] == pytest.approx(heard.now_s)
+    assert placed[0] == pytest.approx(received.now_s)
 
 
 def test_a_shorter_counter_is_the_same_clock_some_rounds_behind() -> None:
     """SERVO_OUTPUT_RAW, two hours after the start."""
-    heard = Autopilot(uptime_s=7200.0)
-    heard.run(1.0)
+    received = Autopilot(uptime_s=7200.0)
+    received.run(1.0)
     wrap_s = 2**32 * 1e-6
-    stamp_s = (heard.now_s + heard.ahead_s) % wrap_s
-    assert heard.streams.time_of("servo", stamp_s, heard.now_s, wrap_s=wrap_s) is not None
-    assert heard.streams.time_of("other", 10.0, heard.now_s, wrap_s=wrap_s) is None
+    stamp_s = (received.now_s + received.ahead_s) % wrap_s
+    assert received.streams.time_of("servo", stamp_s, received.now_s, wrap_s=wrap_s) is not None
+    assert received.streams.time_of("other", 10.0, received.now_s, wrap_s=wrap_s) is None
 
 
 # --- in lockstep, where stamps are the time ---------------------------------------------------

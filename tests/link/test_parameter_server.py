@@ -194,7 +194,7 @@ def test_a_refused_set_is_answered_with_what_stands_and_why(
     assert served.counters.refused == 1
 
 
-def test_an_unknown_name_is_told() -> None:
+def test_an_unknown_name_is_reported() -> None:
     served = server()
     assert (
         words(
@@ -349,7 +349,7 @@ def test_the_loop_rate_stays_while_flying() -> None:
     assert served.values["LOOP_RATE"] == 100.0
 
 
-def test_a_change_by_the_module_itself_is_told() -> None:
+def test_a_change_by_the_module_itself_is_reported() -> None:
     served = server()
     ask(
         served,
@@ -384,7 +384,7 @@ def test_a_flood_of_requests_is_answered_at_its_own_pace() -> None:
     assert answered >= 0.95 * VALUES_PER_S
 
 
-def test_a_flood_of_bad_sets_is_told_in_few_words_but_always_answered() -> None:
+def test_a_flood_of_bad_sets_is_reported_in_few_words_but_always_answered() -> None:
     served = server()
     values = texts = 0
     for i in range(1000):

@@ -116,7 +116,7 @@ def test_a_bridge_that_the_autopilot_hears_itself_is_not_repeated() -> None:
 @pytest.mark.parametrize(
     "turned", [None, (nan, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0), (2.0, 0.0, 0.0, 0.0)]
 )
-def test_without_an_attitude_nothing_is_forwarded_and_that_is_told_once(
+def test_without_an_attitude_nothing_is_forwarded_and_that_is_reported_once(
     turned: Quaternion | None,
 ) -> None:
     forwarding = PoseForwarding(VISION_POSITION_ESTIMATE, 50.0)

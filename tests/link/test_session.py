@@ -155,7 +155,7 @@ def asked_over(talk: Session, seconds: float, *, result: int | None, start_s: fl
     return count
 
 
-def test_nothing_is_asked_before_the_autopilot_is_heard() -> None:
+def test_nothing_is_asked_before_the_autopilot_is_received() -> None:
     assert asked_over(session(), 5.0, result=None) == 0
 
 
@@ -222,7 +222,7 @@ def test_a_stream_that_is_too_slow_is_asked_for_again() -> None:
     assert made.count((31.0, 5000.0)) >= 3
 
 
-def test_a_denied_rate_is_told_once_with_the_way_out_and_a_lower_one_asked_for() -> None:
+def test_a_denied_rate_is_reported_once_with_the_way_out_and_a_lower_one_asked_for() -> None:
     talk = session()
     hear(talk, MANUAL, 0.0)
     allowed_us = 25000.0  # ArduPlane at its default loop of 50 Hz allows 40
@@ -244,8 +244,8 @@ def test_a_denied_rate_is_told_once_with_the_way_out_and_a_lower_one_asked_for()
             )
     rates = [round(1e6 / interval) for number, interval in made if number == 31.0]
     assert rates == [200, 160, 125, 100, 80, 50, 40]
-    told = [text for _, text in talk.notices if "ATTITUDE" in text]
-    assert told == [
+    reported = [text for _, text in talk.notices if "ATTITUDE" in text]
+    assert reported == [
         "ATTITUDE_QUATERNION at 200 Hz denied: set SCHED_LOOP_RATE to 250 or more;"
         " asking for 160 Hz"
     ]
@@ -349,9 +349,9 @@ def test_an_autopilot_that_obeys_is_not_complained_about() -> None:
 
 
 def test_an_autopilot_that_would_ignore_us_is_told_of_once_with_the_way_out() -> None:
-    questions, told = complaints({"SYSID_MYGCS": 254.0})
+    questions, reported = complaints({"SYSID_MYGCS": 254.0})
     assert questions == 1 + 2 * 4
-    assert told == [
+    assert reported == [
         "the autopilot ignores our surfaces: its SYSID_MYGCS is 254, our override_system_id 255;"
         " make them the same"
     ]
@@ -383,16 +383,16 @@ def asked_of_mute(needs: Needs) -> tuple[dict[int, int], list[str], str]:
         asked = [m for m in talk.poll(now_s) if isinstance(m, ParamRequestRead)]
         if asked:
             questions[int(now_s)] = questions.get(int(now_s), 0) + len(asked)
-    told = [text for _, text in talk.notices if "not known how the autopilot is set up" in text]
-    return questions, told, talk.inquiry.held_back()
+    reported = [text for _, text in talk.notices if "not known how the autopilot is set up" in text]
+    return questions, reported, talk.inquiry.held_back()
 
 
 def test_a_mute_autopilot_is_told_of_once_and_holds_nothing_back() -> None:
     needs = Needs(override_system=255, loop_rate_hz=200.0, external_pose=False, gps=False)
-    questions, told, held_back = asked_of_mute(needs)
+    questions, reported, held_back = asked_of_mute(needs)
     assert max(questions.values()) <= 20  # 640 bytes a second, beside the streams
     assert max(questions) < 20  # and then no more
-    (words,) = told
+    (words,) = reported
     assert words.endswith("did not answer (tgl-soar preflight)")
     assert held_back == ""
 

@@ -558,7 +558,7 @@ floats32 = st.floats(width=32, allow_nan=False)
 
 
 @given(st.data())
-def test_what_pymavlink_sends_is_what_is_heard(data: st.DataObject) -> None:
+def test_what_pymavlink_sends_is_what_is_received(data: st.DataObject) -> None:
     """Every field that is kept, of every inertial, air and position message."""
     kinds = {
         "HIGHRES_IMU": HighresImu,
@@ -584,14 +584,14 @@ def test_what_pymavlink_sends_is_what_is_heard(data: st.DataObject) -> None:
         values[field] = data.draw(st.lists(one, min_size=many, max_size=many) if many else one)
     frame = kind(**values).pack(mavlink.MAVLink(None, 1, 1))
     (received,) = Decoder(stream=False).feed(bytes(frame))
-    heard = received.message
-    assert isinstance(heard, kinds[name])
-    for field in heard._fields:
+    inbound = received.message
+    assert isinstance(inbound, kinds[name])
+    for field in inbound._fields:
         if field == "message_id":
-            assert getattr(heard, field) == kind.id
+            assert getattr(inbound, field) == kind.id
         else:
             sent = values[field]
-            assert getattr(heard, field) == (tuple(sent) if isinstance(sent, list) else sent)
+            assert getattr(inbound, field) == (tuple(sent) if isinstance(sent, list) else sent)
 
 
 def test_the_nose_of_a_level_aircraft_is_where_its_yaw_says() -> None:

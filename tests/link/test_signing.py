@@ -126,7 +126,7 @@ def test_the_same_key_once_more_makes_no_record_good_again() -> None:
     assert not ours.accepts(recorded)
 
 
-def heard_from(ours: Signing, system: int, stamp: int) -> bool:
+def received_from(ours: Signing, system: int, stamp: int) -> bool:
     """Whether a heartbeat of a system is let in."""
     codec = peer(ticks=stamp)
     codec.srcSystem = system
@@ -136,14 +136,14 @@ def heard_from(ours: Signing, system: int, stamp: int) -> bool:
 def test_there_is_room_for_so_many_streams_and_no_more() -> None:
     """To forget one of the last 10 s would make records of it good again."""
     ours = signing()
-    assert all(heard_from(ours, system, NOW_TICKS) for system in range(1, MAX_STREAMS + 1))
-    assert not heard_from(ours, 200, NOW_TICKS + 1)
-    assert heard_from(ours, 1, NOW_TICKS + 1)  # one that is known goes on
+    assert all(received_from(ours, system, NOW_TICKS) for system in range(1, MAX_STREAMS + 1))
+    assert not received_from(ours, 200, NOW_TICKS + 1)
+    assert received_from(ours, 1, NOW_TICKS + 1)  # one that is known goes on
     ours.advance(30.0)
     late = NOW_TICKS + ticks(30.0)
-    assert heard_from(ours, 200, late)  # the others are old: what they sent is refused anyway
-    assert not heard_from(ours, 1, NOW_TICKS + 1)
-    assert heard_from(ours, 1, late)
+    assert received_from(ours, 200, late)  # the others are old: what they sent is refused anyway
+    assert not received_from(ours, 1, NOW_TICKS + 1)
+    assert received_from(ours, 1, late)
 
 
 # --- what commands ----------------------------------------------------------------------------
@@ -209,14 +209,14 @@ def test_a_slow_clock_shuts_no_operator_out_in_flight(message: Any) -> None:
     """Another station is 400 s ahead and takes our stamp with it; this one never follows."""
     ours, theirs = signing(), peer(ticks=NOW_TICKS + 1)
     assert ours.accepts(frame(theirs))
-    assert heard_from(ours, 200, NOW_TICKS + ticks(400.0))
+    assert received_from(ours, 200, NOW_TICKS + ticks(400.0))
     for now_s in (1.0, 20.0, 100.0):
         ours.advance(now_s)
         theirs.signing.timestamp = NOW_TICKS + ticks(now_s)
         assert ours.accepts(signed(message, theirs)), now_s
 
 
-def test_a_station_that_only_counts_on_from_ahead_of_us_is_heard(message: Any) -> None:
+def test_a_station_that_only_counts_on_from_ahead_of_us_is_received(message: Any) -> None:
     """pymavlink looks at its clock once, and from then on adds one with each frame."""
     ours, theirs = signing(), peer(ticks=NOW_TICKS + ticks(400.0))
     for now_s in (0.0, 60.0, 300.0):
@@ -436,7 +436,9 @@ def test_an_end_in_order_writes_down_the_very_last_stamp(tmp_path: Path) -> None
     assert complaints == []
 
 
-def test_where_no_stamp_can_be_kept_it_is_reported_and_operators_are_heard(tmp_path: Path) -> None:
+def test_where_no_stamp_can_be_kept_it_is_reported_and_operators_are_received(
+    tmp_path: Path,
+) -> None:
     key = tmp_path / "key"
     save_key(key, KEY)
     (tmp_path / "key.timestamp").mkdir()

@@ -195,17 +195,17 @@ class Beats:
     def __init__(self, change: ModeChange, *, mode: int, obeying: int, every_s: float) -> None:
         self.change = change
         self.mode, self.obeying, self.every_s = mode, obeying, every_s
-        self.now_s = self.heard_s = 10.0
+        self.now_s = self.received_s = 10.0
         self.shown = mode
         self.asked: list[tuple[float, float | None]] = []  # when, and for what
 
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds * 100)):
             self.now_s = round(self.now_s + 0.01, 6)
-            if self.now_s - self.heard_s >= self.every_s - 1e-9:
-                self.heard_s, self.shown = self.now_s, self.mode
+            if self.now_s - self.received_s >= self.every_s - 1e-9:
+                self.received_s, self.shown = self.now_s, self.mode
             obeys = self.shown == self.obeying
-            said = self.change.poll(self.now_s, self.heard_s, obeys, self.shown)
+            said = self.change.poll(self.now_s, self.received_s, obeys, self.shown)
             if said:
                 self.asked.append((self.now_s, asked_mode(said)))
 
@@ -219,7 +219,7 @@ def guided(every_s: float = 0.2) -> Beats:
 def test_the_mode_is_asked_for_after_a_heartbeat_and_once() -> None:
     beats = guided()
     beats.run(0.05)
-    beats.change.enter(beats.now_s, beats.heard_s, FBWA)
+    beats.change.enter(beats.now_s, beats.received_s, FBWA)
     beats.run(0.15)
     assert beats.asked == [(10.2, GUIDED)]
     assert beats.change.is_entering
@@ -227,7 +227,7 @@ def test_the_mode_is_asked_for_after_a_heartbeat_and_once() -> None:
     beats.run(3.0)
     assert len(beats.asked) == 1
     assert not beats.change.is_changing
-    beats.change.leave(beats.now_s, beats.heard_s)
+    beats.change.leave(beats.now_s, beats.received_s)
     beats.run(0.2)
     assert [mode for _, mode in beats.asked] == [GUIDED, FBWA]  # where it came from
     beats.mode = FBWA
@@ -286,7 +286,7 @@ def test_an_entry_that_was_withdrawn_is_left_when_it_comes_late() -> None:
     beats = guided()
     beats.change.enter(10.0, 10.0, FBWA)
     beats.run(0.2)
-    beats.change.leave(beats.now_s, beats.heard_s)
+    beats.change.leave(beats.now_s, beats.received_s)
     beats.run(0.2)  # a heartbeat that cannot have heard of the request yet
     beats.mode = GUIDED
     beats.run(0.2)
@@ -318,7 +318,7 @@ def test_the_mode_of_before_is_that_of_this_engagement() -> None:
     beats.mode = LOITER
     beats.run(1.0)
     beats.mode = beats.shown = GUIDED  # chosen by the pilot: nothing was entered
-    beats.change.leave(beats.now_s, beats.heard_s)
+    beats.change.leave(beats.now_s, beats.received_s)
     beats.run(0.2)
     assert beats.asked[-1][1] == FBWA  # the route's own
 

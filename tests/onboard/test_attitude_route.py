@@ -66,9 +66,9 @@ def test_it_enters_flies_and_goes_back(firmware: str, mode: int) -> None:
     flight.set("OP_ENGAGE", 0.0)
     flight.run(0.4)
     assert flight.mode == before
-    told = len(flight.targets)
+    reported = len(flight.targets)
     flight.run(2.0)
-    assert len(flight.targets) == told
+    assert len(flight.targets) == reported
     assert len(flight.asked) == 2  # in and out
 
 

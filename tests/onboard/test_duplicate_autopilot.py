@@ -26,7 +26,7 @@ COMPANION = 1
 BOOTED_S = 1000.0  # our clock when the autopilot's began
 ENGAGED_S = 2.0
 DUPLICATE_S = 6.0  # from then on the duplicate is heard
-TOLD = "two autopilots are 1:1"
+REPORTED = "two autopilots are 1:1"
 
 
 _noise = count()
@@ -111,4 +111,4 @@ def test_a_duplicate_with_a_clock_ahead_is_not_flown_with(
     assert world.position.down_m < -0.5
     # CONTEST_S, then AGE_ATT_MAX; until then it has flown on as before.
     assert flown.simulation.time_s < DUPLICATE_S + 2.0
-    assert any(TOLD in text for text in flown.texts)
+    assert any(REPORTED in text for text in flown.texts)

@@ -71,7 +71,7 @@ class Network(Flight):
     def modes(self) -> list[int]:
         return [m.output.mode if m.output is not None else -1 for m in self.modules]
 
-    def told(self, number: int) -> list[Any]:
+    def reported(self, number: int) -> list[Any]:
         frames, self.sent[number] = self.sent[number], []
         return [mavlink.MAVLink(None).decode(bytearray(f)) for f in frames]
 
@@ -81,7 +81,7 @@ def results(said: list[Any]) -> list[tuple[int, int]]:
 
 
 @pytest.mark.parametrize("echoes", [False, True])
-def test_while_a_duplicate_is_heard_nobody_engages(echoes: bool) -> None:
+def test_while_a_duplicate_is_received_nobody_engages(echoes: bool) -> None:
     network = Network(echoes=echoes)
     network.run(2.0)
     assert network.modes == [READY, READY]
@@ -90,7 +90,7 @@ def test_while_a_duplicate_is_heard_nobody_engages(echoes: bool) -> None:
     network.run(2.0)
     assert network.modes == [READY, READY]
     for number in (0, 1):
-        said = network.told(number)
+        said = network.reported(number)
         assert (ENGAGE, REJECTED) in results(said)
         words = "".join(texts(said))
         assert "another module is system 1, component 191, too" in words
@@ -106,7 +106,7 @@ def test_what_a_router_sends_back_is_no_duplicate() -> None:
     network.order(ENGAGE)
     network.run(5.0)
     assert all(is_flying(mode) for mode in network.modes)
-    assert not any("another module" in text for text in texts(network.told(0)))
+    assert not any("another module" in text for text in texts(network.reported(0)))
 
 
 def test_an_engaged_module_stays_when_another_is_started() -> None:
@@ -117,14 +117,14 @@ def test_an_engaged_module_stays_when_another_is_started() -> None:
     network.modules[1].engage_switch.turn_back(network.now_s)  # it was not there yet
     network.run(1.0)
     assert is_flying(network.modes[0])
-    network.told(0)
+    network.reported(0)
     network.connected = True
     network.run(2.0)
     network.order(ENGAGE)
     network.run(2.0)
     assert is_flying(network.modes[0])
     assert network.modes[1] == READY
-    words = [text for text in texts(network.told(0)) if "another module" in text]
+    words = [text for text in texts(network.reported(0)) if "another module" in text]
     assert len(words) == 1  # not with every heartbeat
 
 
@@ -136,12 +136,12 @@ def test_of_two_that_are_both_engaged_both_disengage(when_s: float) -> None:
     network.order(ENGAGE)
     network.run(0.2)  # and before they are on their line their heartbeats are due
     assert network.modes == [CAPTURING, CAPTURING]
-    network.told(0), network.told(1)
+    network.reported(0), network.reported(1)
     network.connected = True
     network.run(1.1)
     assert network.modes == [READY, READY]
     for number in (0, 1):
-        said = network.told(number)
+        said = network.reported(number)
         assert any("disengaged: another module" in text for text in texts(said))
         assert results(said)[-1] == (ENGAGE, FAILED)  # not of an operator's own will
         overrides = [m for m in said if m.get_type() == "RC_CHANNELS_OVERRIDE"]

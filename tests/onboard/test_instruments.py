@@ -26,22 +26,22 @@ def test_the_array_holds_each_number_under_its_name() -> None:
         heading_rad=0.73,
     )
     output = output._replace(line=line, vehicle=vehicle)
-    told = dict(zip(ARRAY, float_array(output, 1.0).data, strict=True))
-    assert told["mode"] == output.mode
-    assert (told["e_rho"], told["e_rho_rate"]) == (0.11, 0.12)
-    assert (told["line_x"], told["line_z"]) == (1.3, 2.4)
-    assert told["line_lean"] == degrees(1.9) - 90.0
-    assert (told["x"], told["y"], told["z"]) == (5.1, 5.2, 5.3)
-    assert (told["speed_x"], told["speed_y"], told["climb"]) == (0.61, 0.62, 0.63)
+    reported = dict(zip(ARRAY, float_array(output, 1.0).data, strict=True))
+    assert reported["mode"] == output.mode
+    assert (reported["e_rho"], reported["e_rho_rate"]) == (0.11, 0.12)
+    assert (reported["line_x"], reported["line_z"]) == (1.3, 2.4)
+    assert reported["line_lean"] == degrees(1.9) - 90.0
+    assert (reported["x"], reported["y"], reported["z"]) == (5.1, 5.2, 5.3)
+    assert (reported["speed_x"], reported["speed_y"], reported["climb"]) == (0.61, 0.62, 0.63)
     attitude = tuple(map(degrees, (0.71, 0.72, 0.73)))
-    assert (told["roll"], told["pitch"], told["heading"]) == attitude
+    assert (reported["roll"], reported["pitch"], reported["heading"]) == attitude
     setpoints, command, health = output.setpoints, output.command, output.health
-    assert told["pitch_sp"] == degrees(setpoints.pitch_rad)
-    assert told["heading_sp"] == degrees(setpoints.heading_rad) or isnan(setpoints.heading_rad)
-    assert (told["elevator"], told["aileron"], told["rudder"]) == tuple(command)[:3]
-    assert told["ele_p"] == output.elevator.p
-    assert told["rud_d"] == output.rudder.d
+    assert reported["pitch_sp"] == degrees(setpoints.pitch_rad)
+    assert reported["heading_sp"] == degrees(setpoints.heading_rad) or isnan(setpoints.heading_rad)
+    assert (reported["elevator"], reported["aileron"], reported["rudder"]) == tuple(command)[:3]
+    assert reported["ele_p"] == output.elevator.p
+    assert reported["rud_d"] == output.rudder.d
     ages = health.position_age_s, health.attitude_age_s, health.heartbeat_age_s
-    assert (told["age_pos"], told["age_att"], told["age_ap"]) == ages
-    assert told["imu_weight"] == output.imu_weight
-    assert told["faults"] == health.faults
+    assert (reported["age_pos"], reported["age_att"], reported["age_ap"]) == ages
+    assert reported["imu_weight"] == output.imu_weight
+    assert reported["faults"] == health.faults

@@ -212,10 +212,10 @@ def test_the_heartbeat_tells_the_mode_at_once(flight: Flight) -> None:
     flight.run(0.05)
     flight.attitude_hz = 0.0
     flight.run(0.5)
-    told = [(m.custom_mode & 0xFF, m.system_status) for m in flight.said("HEARTBEAT")]
-    assert (CAPTURING, mavlink.MAV_STATE_ACTIVE) in told
-    assert (RELEASED, mavlink.MAV_STATE_CRITICAL) in told
-    assert told[-1] == (flight.mode_now, mavlink.MAV_STATE_STANDBY)
+    reported = [(m.custom_mode & 0xFF, m.system_status) for m in flight.said("HEARTBEAT")]
+    assert (CAPTURING, mavlink.MAV_STATE_ACTIVE) in reported
+    assert (RELEASED, mavlink.MAV_STATE_CRITICAL) in reported
+    assert reported[-1] == (flight.mode_now, mavlink.MAV_STATE_STANDBY)
 
 
 # --- greeting ---------------------------------------------------------------------------------
@@ -568,7 +568,7 @@ def test_a_station_that_was_away_hears_how_it_stands(flight: Flight) -> None:
     assert not [m for m in station_beats(flight, 3.0) if m.get_type() == "PARAM_VALUE"]
 
 
-def test_what_is_wrong_with_a_stream_is_told_with_the_mode(flight: Flight) -> None:
+def test_what_is_wrong_with_a_stream_is_reported_with_the_mode(flight: Flight) -> None:
     flight.engaged().said()
     flight.north_m = 300.0
     flight.run(1.0)

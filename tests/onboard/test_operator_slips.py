@@ -32,7 +32,11 @@ class Flight:
         self.simulation.pixhawk.set_pace(COMPANION)
         values = load_parameters(airframe, AIRFRAME, site, SITE)
         self.onboard = Onboard(
-            setup_from(airframe, site, values), self._send, 0.0, lockstep=True, console=self._told
+            setup_from(airframe, site, values),
+            self._send,
+            0.0,
+            lockstep=True,
+            console=self._reported,
         )
         self.words: list[str] = []  # on the console
         self.texts: list[str] = []  # STATUSTEXT
@@ -48,7 +52,7 @@ class Flight:
         self.simulation.receive(COMPANION, frame)
         return True
 
-    def _told(self, text: str) -> None:
+    def _reported(self, text: str) -> None:
         self.words.append(text)
 
     def run(self, seconds: float) -> None:

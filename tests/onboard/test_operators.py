@@ -235,7 +235,7 @@ def with_switch(channel: float) -> Flight:
     return made
 
 
-def test_a_switch_that_was_never_heard_is_asked_for_and_engages_nothing() -> None:
+def test_a_switch_that_was_never_received_is_asked_for_and_engages_nothing() -> None:
     flight = with_switch(8.0)
     assert any(m.param1 == 65.0 for m in flight.said("COMMAND_LONG"))
     order(flight, ENGAGE)
@@ -270,7 +270,9 @@ def test_a_channel_that_is_not_there_engages_nothing(pulse_us: int) -> None:
 
 
 @pytest.mark.parametrize("pulse_us", [None, 0, 65535])
-def test_a_switch_that_falls_silent_is_told_and_ends_the_engagement(pulse_us: int | None) -> None:
+def test_a_switch_that_falls_silent_is_reported_and_ends_the_engagement(
+    pulse_us: int | None,
+) -> None:
     flight = with_switch(8.0)
     switch(flight, 1500)
     order(flight, ENGAGE)
@@ -294,7 +296,7 @@ def test_a_switch_that_falls_silent_is_told_and_ends_the_engagement(pulse_us: in
     assert flight.mode_now == READY
 
 
-def test_a_silence_that_ends_in_time_is_told_again_the_next_time() -> None:
+def test_a_silence_that_ends_in_time_is_reported_again_the_next_time() -> None:
     flight = with_switch(8.0)
     switch(flight, 1500)
     order(flight, ENGAGE)
@@ -330,8 +332,8 @@ def test_telemetry_stays_within_its_bytes_on_the_wire(flight: Flight, budget: fl
     before = len(flight.frames)
     seconds = 20.0
     flight.run(seconds)
-    told = (62, 251, 253, 350)  # NAV_CONTROLLER_OUTPUT, NAMED_VALUE_FLOAT, STATUSTEXT, …ARRAY
-    size = sum(len(f) for f in flight.frames[before:] if f[7] | f[8] << 8 | f[9] << 16 in told)
+    reported = (62, 251, 253, 350)  # NAV_CONTROLLER_OUTPUT, NAMED_VALUE_FLOAT, STATUSTEXT, …ARRAY
+    size = sum(len(f) for f in flight.frames[before:] if f[7] | f[8] << 8 | f[9] << 16 in reported)
     assert size <= budget * (seconds + 0.2) + 280
     assert size >= min(budget * seconds * 0.9, 1000 * seconds)
 
@@ -351,24 +353,24 @@ def test_all_terms_come_in_one_array(flight: Flight) -> None:
     assert shown["elevator"] == pytest.approx(output.command.elevator, abs=0.05)
 
 
-def test_a_fault_of_a_stream_is_told_by_its_bit(flight: Flight) -> None:
+def test_a_fault_of_a_stream_is_reported_by_its_bit(flight: Flight) -> None:
     flight.engaged().run(1.5)
     assert {m.value for m in flight.said("NAMED_VALUE_FLOAT") if m.name == "faults"} == {DISARMED}
     flight.quaternion = [0.9, 0.0, 0.0, 0.0]  # its norm is not one
     flight.run(1.5)
-    told = [m.value for m in flight.said("NAMED_VALUE_FLOAT") if m.name == "faults"]
-    assert told[-1] == DISARMED | WRONG << ATTITUDE_SHIFT
+    reported = [m.value for m in flight.said("NAMED_VALUE_FLOAT") if m.name == "faults"]
+    assert reported[-1] == DISARMED | WRONG << ATTITUDE_SHIFT
 
 
-def test_lost_frames_are_told_as_a_share(flight: Flight) -> None:
+def test_lost_frames_are_reported_as_a_share(flight: Flight) -> None:
     codec = flight._vehicle
     for i in range(4000):
         flight.run(0.0005)
         if i % 5 == 0:
             codec.seq = (codec.seq + 1) % 256  # a frame that never came
     flight.run(2.0)
-    told = [m.value for m in flight.said("NAMED_VALUE_FLOAT") if m.name == "loss"]
-    assert max(told) > 0.3
+    reported = [m.value for m in flight.said("NAMED_VALUE_FLOAT") if m.name == "loss"]
+    assert max(reported) > 0.3
 
 
 # --- links ------------------------------------------------------------------------------------
@@ -481,7 +483,7 @@ def sign(codec: Any, flight: Flight, key: bytes = KEY) -> None:
     codec.signing.timestamp = flight.onboard.signing.timestamp
 
 
-def test_with_a_key_only_the_signed_are_heard() -> None:
+def test_with_a_key_only_the_signed_are_received() -> None:
     flight = signed_flight(unsigned_autopilot=True)
     flight.run(1.0)
     flight.set("TGL_X", 0.5)
@@ -515,11 +517,11 @@ def test_a_key_over_the_air_is_refused(flight: Flight) -> None:
     setup_signing(flight, KEY)
     setup_signing(flight, KEY)
     assert not flight.onboard.signing.is_on
-    told = [text for text in texts(flight.said()) if "SETUP_SIGNING refused" in text]
-    assert len(told) == 1
+    reported = [text for text in texts(flight.said()) if "SETUP_SIGNING refused" in text]
+    assert len(reported) == 1
 
 
-def test_a_damaged_timestamp_is_told(flight: Flight) -> None:
+def test_a_damaged_timestamp_is_reported(flight: Flight) -> None:
     damaged = Signing(None, EPOCH_S, 0.0, kept=2**48 - 1)
     flight.onboard = Onboard(setup(), flight._send, flight.now_s, signing=damaged)
     flight.run(1.5)

@@ -38,7 +38,7 @@ ETA = eta_from_lean(radians(15.0))
 AERODYNAMICS = load_airframe(shipped("airframes/eclipson_c.toml")).aerodynamics()
 
 
-class ToldSearch:
+class ReportedSearch:
     """A search that answers what a test wants."""
 
     def __init__(self) -> None:
@@ -73,9 +73,9 @@ def equipped(**changes: float) -> ModuleSetup:
     return plain._replace(parameters=values, aerodynamics=AERODYNAMICS)
 
 
-def searching(**changes: float) -> tuple[Flight, ToldSearch]:
+def searching(**changes: float) -> tuple[Flight, ReportedSearch]:
     """Engaged with a search that wants the line to stay."""
-    search = ToldSearch()
+    search = ReportedSearch()
     flight = Flight(flown=equipped(**changes), search=search)
     search.wishes(0.0)
     flight.run(1.0)
@@ -122,17 +122,17 @@ def test_it_never_soars_while_the_search_does_not_say_so() -> None:
     assert flight.mode_now == SEARCHING
 
 
-def test_what_the_search_is_told() -> None:
+def test_what_the_search_is_reported() -> None:
     flight, search = searching()
     assert search.tasks == [task_of(flight.onboard.settings.laws)]
     before = len(search.glimpses)
     flight.run(4.0)
-    told = [g for g in search.glimpses[before:] if g is not None]
-    assert len(told) == pytest.approx(4.0 / LOOK_S, abs=1)
-    assert all(g.seeks and not g.refused for g in told)
-    steps = [g.now.time_s - g.before.time_s for g in told]
-    assert steps == pytest.approx([LOOK_S] * len(told), abs=0.006)
-    assert [g.before for g in told[1:]] == [g.now for g in told[:-1]]
+    reported = [g for g in search.glimpses[before:] if g is not None]
+    assert len(reported) == pytest.approx(4.0 / LOOK_S, abs=1)
+    assert all(g.seeks and not g.refused for g in reported)
+    steps = [g.now.time_s - g.before.time_s for g in reported]
+    assert steps == pytest.approx([LOOK_S] * len(reported), abs=0.006)
+    assert [g.before for g in reported[1:]] == [g.now for g in reported[:-1]]
     flight.set("TGL_SLEW", 0.2)  # an operator's: it ends the search, and the task is another one
     flight.run(0.5)
     assert search.tasks[-1].line.speed_mps == pytest.approx(0.2)
@@ -183,7 +183,7 @@ def test_given_up_it_hands_over_with_the_reason_and_the_height() -> None:
     assert not is_flying(flight.mode_now)
 
 
-def test_a_line_outside_the_fence_is_not_flown_and_the_search_is_told() -> None:
+def test_a_line_outside_the_fence_is_not_flown_and_the_search_is_reported() -> None:
     flight, search = searching()
     x_m = value(flight, "TGL_X")
     search.wishes(7.0)
@@ -236,12 +236,12 @@ def test_a_search_that_dies_or_is_late_ends_and_the_line_stays() -> None:
     ("flown", "search", "why"),
     [
         (equipped(), None, "no search in this process"),
-        (equipped(FENCE_Z_MAX=5000.0), ToldSearch(), "FENCE_Z_MAX"),
-        (setup()._replace(parameters=equipped().parameters), ToldSearch(), "[polar]"),
+        (equipped(FENCE_Z_MAX=5000.0), ReportedSearch(), "FENCE_Z_MAX"),
+        (setup()._replace(parameters=equipped().parameters), ReportedSearch(), "[polar]"),
     ],
 )
 def test_what_cannot_be_searched_is_refused(
-    flown: ModuleSetup, search: ToldSearch | None, why: str
+    flown: ModuleSetup, search: ReportedSearch | None, why: str
 ) -> None:
     flight = Flight(flown=flown, search=search)
     flight.run(1.0)
@@ -263,7 +263,7 @@ def test_what_only_the_module_shows_is_not_set(number: float) -> None:
 
 
 def test_where_no_place_is_foreseen_it_searches_by_itself_once() -> None:
-    search = ToldSearch()
+    search = ReportedSearch()
     flight = Flight(flown=equipped(FC_ACT=4.0), search=search)
     flight.engaged().run(0.5)
     onboard = flight.onboard

@@ -146,7 +146,7 @@ def test_a_line_that_is_too_slow_carries_new_commands_and_the_release_at_once(wi
     assert flight.seconds_until_released() <= wait_s  # and not seconds
 
 
-def test_it_is_told_in_words(wire: Wire) -> None:
+def test_it_is_reported_in_words(wire: Wire) -> None:
     flight = SlowFlight(wire)
     flight.run(1.0)
     flight.set("OP_ENGAGE", 1.0)

@@ -85,7 +85,7 @@ class Bench:
                 self.onboard.session.sources.take(MOCAP, fix, self.now_s, turned)
             self.onboard.periodic(self.now_s)
 
-    def told(self, kind: str) -> list[Any]:
+    def reported(self, kind: str) -> list[Any]:
         decoder = mavlink.MAVLink(None)
         messages = decoder.parse_buffer(b"".join(self.frames)) or []
         return [m for m in messages if m.get_type() == kind]
@@ -184,16 +184,16 @@ def test_a_tracked_pose_is_forwarded_at_its_rate_and_stops_with_the_tracker(
 ) -> None:
     bench = Bench(setup_of(tmp_path, HALL_TABLE, FORWARD))
     bench.runs(2.0)
-    assert bench.told("VISION_POSITION_ESTIMATE") == []  # its own position is not for it
+    assert bench.reported("VISION_POSITION_ESTIMATE") == []  # its own position is not for it
     bench.runs(4.0, tracked=True)
-    poses = bench.told("VISION_POSITION_ESTIMATE")
+    poses = bench.reported("VISION_POSITION_ESTIMATE")
     assert 90 <= len(poses) <= 102  # 50 Hz, once the tracker has been steady for two seconds
     assert (poses[-1].x, poses[-1].y, poses[-1].z) == (1.0, 2.0, -3.0)
     assert poses[-1].covariance[0] == pytest.approx(1e-6)
     # By the clock in which a TIMESYNC is answered.
     assert poses[-1].usec * 1e-6 == pytest.approx(bench.now_s - 0.01, abs=0.03)
     bench.runs(1.0)
-    assert len(bench.told("VISION_POSITION_ESTIMATE")) - len(poses) <= 6
+    assert len(bench.reported("VISION_POSITION_ESTIMATE")) - len(poses) <= 6
 
 
 def test_a_bridge_that_speaks_to_the_autopilot_itself_is_not_repeated(tmp_path: Path) -> None:
@@ -203,7 +203,7 @@ def test_a_bridge_that_speaks_to_the_autopilot_itself_is_not_repeated(tmp_path: 
             bench.runs(0.02)
             bench.hears(vision(bench.now_s), of=BRIDGE, link=link)
         bench.runs(1.0)
-        assert bool(bench.told("VISION_POSITION_ESTIMATE")) == repeated
+        assert bool(bench.reported("VISION_POSITION_ESTIMATE")) == repeated
 
 
 def test_a_hill_needs_no_more_than_its_home(tmp_path: Path) -> None:

@@ -171,7 +171,7 @@ def test_none_stores_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 def test_a_line_that_leads_nowhere_is_refused_and_where_it_is_forced_and_stored_not_engaged_on(
     tmp_path: Path,
 ) -> None:
-    def told(flying: Flying, words: str) -> bool:
+    def reported(flying: Flying, words: str) -> bool:
         return flying.until(lambda: any(words in text for text in flying.texts))
 
     flying = Flying(tmp_path)
@@ -179,7 +179,9 @@ def test_a_line_that_leads_nowhere_is_refused_and_where_it_is_forced_and_stored_
     flying.set("TGL_X", 400)
     assert flying.read("TGL_X") == 400.0
     flying.set("TGL_STAGE", 0)
-    assert told(flying, "staged move dropped: TGL_STAGE = 0: the line's point is outside the fence")
+    assert reported(
+        flying, "staged move dropped: TGL_STAGE = 0: the line's point is outside the fence"
+    )
     assert flying.read("TGL_X") == pytest.approx(0.2)
     flying.set("OP_FORCE", 1)
     flying.set("TGL_X", 400)
@@ -188,10 +190,12 @@ def test_a_line_that_leads_nowhere_is_refused_and_where_it_is_forced_and_stored_
     flying.end(signal.SIGTERM)
     again = Flying(tmp_path)
     assert again.read("TGL_X") == 400.0
-    assert told(again, "cannot be engaged: the line's point is outside the fence")
+    assert reported(again, "cannot be engaged: the line's point is outside the fence")
     again.set("OP_ENGAGE", 1)
     assert again.values["OP_ENGAGE"] == 0.0
-    assert told(again, "OP_ENGAGE: the line's point is outside the fence (FENCE_X_MAX is 2.25 m);")
+    assert reported(
+        again, "OP_ENGAGE: the line's point is outside the fence (FENCE_X_MAX is 2.25 m);"
+    )
     again.set("OP_FORCE", 1)
     again.set("OP_ENGAGE", 1)
     assert again.read("OP_FORCE") == 0.0

@@ -83,9 +83,9 @@ class MavProxy:
         since = self.type(f"param show {name}")
         self.wait(f"{name} ", since, seconds)
         self.wait("\n", self.words.index(f"{name} ", since))
-        told = self.words[self.words.index(f"{name} ", since) + len(name) :]
-        number = re.match(r"\s+(-?[\d.]+(?:e[-+]?\d+)?)", told)  # a prompt may stand behind it
-        assert number is not None, told
+        reported = self.words[self.words.index(f"{name} ", since) + len(name) :]
+        number = re.match(r"\s+(-?[\d.]+(?:e[-+]?\d+)?)", reported)  # a prompt may stand behind it
+        assert number is not None, reported
         return float(number[1])
 
     def set(self, name: str, value: float) -> None:

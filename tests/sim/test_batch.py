@@ -76,8 +76,8 @@ def test_compiled_scores_are_the_plain_ones() -> None:
 @pytest.mark.skipif(not available(), reason="numba is not installed")
 def test_accelerations_that_come_and_go_lose_no_flight() -> None:
     """32 seeds in 3 % turbulence: from one set of gains to the other and back, and for good."""
-    heard = [Change(t, {"EST_IMU": i % 2}) for i, t in enumerate((4.0, 6.0, 6.4, 6.5, 7.0))]
-    shaken = replace(plan(), changes=heard, duration_s=12.0, sensors=Sensors(imu=MEMS_IMU))
+    received = [Change(t, {"EST_IMU": i % 2}) for i, t in enumerate((4.0, 6.0, 6.4, 6.5, 7.0))]
+    shaken = replace(plan(), changes=received, duration_s=12.0, sensors=Sensors(imu=MEMS_IMU))
     scores = fly_batch(shaken, range(32), workers=1, compile=True)
     assert [score.ended for score in scores] == [""] * 32
 

@@ -224,16 +224,16 @@ def test_ground_stations_are_told_the_truth(airframe: Airframe, site: Site) -> N
     simulation = Simulation(airframe, site, Options(), Path())
     simulation.pixhawk.add_link(GROUND, ground=True)
     decoder = mavlink.MAVLink(None)
-    told: dict[str, list[float]] = {}
+    reported: dict[str, list[float]] = {}
     for _ in range(2 * 200):
         simulation.step()
         for _, data in simulation.pixhawk.take_datagrams():
             for frame in split_frames(decoder, data)[0]:
                 if frame.message.get_type() == "NAMED_VALUE_FLOAT":
-                    told.setdefault(frame.message.name, []).append(frame.message.value)
-    assert set(told) == {"updraft", "sink", "true_x", "true_y", "true_z", "airspeed"}
-    assert {len(values) for values in told.values()} == {10}  # 5 Hz
-    assert told["true_x"][0] == pytest.approx(site.start.x_m if site.start else 0.0)
+                    reported.setdefault(frame.message.name, []).append(frame.message.value)
+    assert set(reported) == {"updraft", "sink", "true_x", "true_y", "true_z", "airspeed"}
+    assert {len(values) for values in reported.values()} == {10}  # 5 Hz
+    assert reported["true_x"][0] == pytest.approx(site.start.x_m if site.start else 0.0)
 
 
 # --- the process --------------------------------------------------------------------------------

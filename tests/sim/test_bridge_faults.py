@@ -61,40 +61,40 @@ def listened(simulation: Simulation, seconds: float, *also: tuple[int, float]) -
             1, 1, 511, 0, message_id, 1e6 / rate_hz, 0, 0, 0, 0, 0
         )
         simulation.receive(COMPANION, request.pack(asking))
-    heard: Inbound = []
+    received: Inbound = []
     for _ in range(round(seconds * 200)):
         simulation.step()
         for _, data in simulation.take_datagrams():
-            heard += [(simulation.time_s, frame) for frame in split_frames(decoder, data)[0]]
-    return heard
+            received += [(simulation.time_s, frame) for frame in split_frames(decoder, data)[0]]
+    return received
 
 
-def kinds(heard: Inbound, begin_s: float, end_s: float) -> set[str]:
-    return {frame.message.get_type() for t, frame in heard if begin_s <= t < end_s}
+def kinds(received: Inbound, begin_s: float, end_s: float) -> set[str]:
+    return {frame.message.get_type() for t, frame in received if begin_s <= t < end_s}
 
 
 def test_a_lost_position_is_not_streamed_and_the_attitude_is(simulation: MakeSimulation) -> None:
-    heard = listened(simulation("position.dropout start=1 for=0.5"), 2.0)
-    assert "LOCAL_POSITION_NED" in kinds(heard, 0.5, 1.0)
-    assert kinds(heard, 1.1, 1.5) - {"HEARTBEAT"} == {"ATTITUDE_QUATERNION"}
-    assert "LOCAL_POSITION_NED" in kinds(heard, 1.5, 2.0)
+    received = listened(simulation("position.dropout start=1 for=0.5"), 2.0)
+    assert "LOCAL_POSITION_NED" in kinds(received, 0.5, 1.0)
+    assert kinds(received, 1.1, 1.5) - {"HEARTBEAT"} == {"ATTITUDE_QUATERNION"}
+    assert "LOCAL_POSITION_NED" in kinds(received, 1.5, 2.0)
 
 
 def test_the_autopilot_itself_flies_by_the_true_attitude(simulation: MakeSimulation) -> None:
     flown = simulation("attitude.bias start=0 for=9 roll=40 pitch=0 heading=0")
     flown.world.held = False
     flown.pixhawk.set_mode(FBWA, "test")
-    heard = listened(flown, 2.0)
-    told = [f.message.q2 for _, f in heard if f.message.get_type() == "ATTITUDE_QUATERNION"]
-    assert told[-1] > 0.25  # half of 40 degrees, less what the aircraft banks
+    received = listened(flown, 2.0)
+    reported = [f.message.q2 for _, f in received if f.message.get_type() == "ATTITUDE_QUATERNION"]
+    assert reported[-1] > 0.25  # half of 40 degrees, less what the aircraft banks
     assert abs(flown.world.truth.roll_rad) < 0.1
 
 
 def test_a_reboot_is_silence_then_a_new_clock_without_memory(simulation: MakeSimulation) -> None:
     rebooted = simulation("autopilot.reboot start=1 for=0.5")
-    heard = listened(rebooted, 2.0)
-    assert kinds(heard, 1.01, 1.5) == set()
-    assert kinds(heard, 1.5, 2.1) == {"HEARTBEAT"}  # nobody has asked again
+    received = listened(rebooted, 2.0)
+    assert kinds(received, 1.01, 1.5) == set()
+    assert kinds(received, 1.5, 2.1) == {"HEARTBEAT"}  # nobody has asked again
     assert rebooted.pixhawk.boot_ms == 500
     assert rebooted.pixhawk.mode == MANUAL
 
@@ -110,11 +110,11 @@ def test_lockstep_goes_on_while_the_autopilot_restarts(simulation: MakeSimulatio
 def test_a_duplicate_speaks_with_the_same_identity_and_another_clock(
     simulation: MakeSimulation,
 ) -> None:
-    heard = listened(simulation("autopilot.second start=1 for=0.5"), 2.0)
-    assert {(f.system, f.component) for _, f in heard} == {(1, 1)}
+    received = listened(simulation("autopilot.second start=1 for=0.5"), 2.0)
+    assert {(f.system, f.component) for _, f in received} == {(1, 1)}
     attitudes = [
         (t, f.message.time_boot_ms * 1e-3)
-        for t, f in heard
+        for t, f in received
         if f.message.get_type() == "ATTITUDE_QUATERNION"
     ]
     assert {t for t, stamp in attitudes if stamp > 3600.0} <= {
@@ -127,27 +127,30 @@ RAW_IMU, VFR_HUD = (mavlink.MAVLINK_MSG_ID_RAW_IMU, 200.0), (mavlink.MAVLINK_MSG
 
 
 def test_accelerations_are_lost(simulation: MakeSimulation) -> None:
-    heard = listened(simulation("imu.dropout start=1 for=0.5"), 2.0, RAW_IMU)
-    assert "RAW_IMU" in kinds(heard, 0.5, 1.0)
-    assert kinds(heard, 1.01, 1.49) - {"HEARTBEAT"} == {"ATTITUDE_QUATERNION", "LOCAL_POSITION_NED"}
-    assert "RAW_IMU" in kinds(heard, 1.5, 2.0)
+    received = listened(simulation("imu.dropout start=1 for=0.5"), 2.0, RAW_IMU)
+    assert "RAW_IMU" in kinds(received, 0.5, 1.0)
+    assert kinds(received, 1.01, 1.49) - {"HEARTBEAT"} == {
+        "ATTITUDE_QUATERNION",
+        "LOCAL_POSITION_NED",
+    }
+    assert "RAW_IMU" in kinds(received, 1.5, 2.0)
 
 
 def test_accelerations_that_are_no_numbers_are_integers_of_zero(
     simulation: MakeSimulation,
 ) -> None:
-    heard = listened(simulation("imu.nan start=1 for=0.5 share=1"), 2.0, RAW_IMU)
-    told = [(t, f.message) for t, f in heard if f.message.get_type() == "RAW_IMU"]
-    weightless = [t for t, m in told if (m.xacc, m.yacc, m.zacc) == (0, 0, 0)]
-    assert weightless == [t for t, _ in told if 1.0 <= t < 1.5]
+    received = listened(simulation("imu.nan start=1 for=0.5 share=1"), 2.0, RAW_IMU)
+    reported = [(t, f.message) for t, f in received if f.message.get_type() == "RAW_IMU"]
+    weightless = [t for t, m in reported if (m.xacc, m.yacc, m.zacc) == (0, 0, 0)]
+    assert weightless == [t for t, _ in reported if 1.0 <= t < 1.5]
     assert len(weightless) == pytest.approx(100, abs=2)
 
 
 def test_an_airspeed_that_is_frozen_is_shown(simulation: MakeSimulation) -> None:
-    heard = listened(simulation("airspeed.freeze start=1 for=0.5"), 2.0, VFR_HUD)
-    told = [(t, f.message.airspeed) for t, f in heard if f.message.get_type() == "VFR_HUD"]
-    frozen = [v for t, v in told if 1.11 <= t < 1.5]  # it is read every 0.1 s
-    live = [v for t, v in told if 0.5 <= t < 1.0]
+    received = listened(simulation("airspeed.freeze start=1 for=0.5"), 2.0, VFR_HUD)
+    reported = [(t, f.message.airspeed) for t, f in received if f.message.get_type() == "VFR_HUD"]
+    frozen = [v for t, v in reported if 1.11 <= t < 1.5]  # it is read every 0.1 s
+    live = [v for t, v in reported if 0.5 <= t < 1.0]
     assert max(frozen) - min(frozen) < 1e-3  # what is left is the height's: it shows EAS
     assert max(live) - min(live) > 1e-2
 
@@ -158,9 +161,9 @@ def test_the_pilot_takes_the_mode_and_gives_it_back(simulation: MakeSimulation) 
     assert taken.pixhawk.mode == FBWA
     listened(taken, 0.5)
     assert taken.pixhawk.mode == MANUAL
-    told = taken.take_events()
-    assert any(text.startswith("fault begins: pilot.takes") for text in told)
-    assert any(text.startswith("fault is over: pilot.takes") for text in told)
+    reported = taken.take_events()
+    assert any(text.startswith("fault begins: pilot.takes") for text in reported)
+    assert any(text.startswith("fault is over: pilot.takes") for text in reported)
 
 
 # --- the command line --------------------------------------------------------------------------

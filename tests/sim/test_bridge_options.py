@@ -33,10 +33,10 @@ def test_the_model_is_chosen_by_name(capsys: pytest.CaptureFixture[str]) -> None
     assert isinstance(chosen.world.model, PointMass)
     with pytest.raises(SystemExit):
         parsed([*files, "--model", "glider"])
-    told = capsys.readouterr().err
-    assert "glider" in told
-    assert "rigid-body" in told
-    assert "point-mass" in told
+    reported = capsys.readouterr().err
+    assert "glider" in reported
+    assert "rigid-body" in reported
+    assert "point-mass" in reported
 
 
 def test_where_motion_capture_fails_what_was_opened_before_is_closed(

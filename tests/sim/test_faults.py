@@ -48,7 +48,7 @@ def test_what_is_left_out_has_its_default() -> None:
         ("link.loss share=1.5", "share = '1.5': must be a number from 0 to 1"),
     ],
 )
-def test_a_mistake_is_told_with_what_is_allowed(text: str, says: str) -> None:
+def test_a_mistake_is_reported_with_what_is_allowed(text: str, says: str) -> None:
     with pytest.raises(FaultError) as caught:
         parse_faults([text])
     assert says in str(caught.value)

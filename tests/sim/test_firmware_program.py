@@ -29,12 +29,12 @@ def test_it_runs_beside_its_log_with_its_settings(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("firmware", STARTS)
-def test_one_that_does_not_come_is_told_with_its_log(
+def test_one_that_does_not_come_is_reported_with_its_log(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, firmware: str
 ) -> None:
     monkeypatch.setattr(f"tgl_soar.sim.firmware.{firmware}.BOOT_S", 0.05)
     binary = script(tmp_path / "bin" / "firmware", "exec sleep 60")
     script(tmp_path / "etc" / "init.d-posix" / "rcS", ":")  # that PX4 must have
-    with pytest.raises(FirmwareError, match=r"does not come: see .*\.log") as told:
+    with pytest.raises(FirmwareError, match=r"does not come: see .*\.log") as reported:
         STARTS[firmware](binary, tmp_path / "run", AIRFRAME, SITE, {})
-    assert Path(str(told.value).rpartition(" ")[2]).is_file()
+    assert Path(str(reported.value).rpartition(" ")[2]).is_file()

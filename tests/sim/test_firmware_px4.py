@@ -36,7 +36,7 @@ class FakePx4(threading.Thread):
 
     def __init__(self, port: int, controls: list[float], *, mute: int = 0, ends_after: int = 0):
         super().__init__(daemon=True)
-        self.heard: list[Any] = []
+        self.received: list[Any] = []
         self._controls, self._mute, self._ends_after = controls, mute, ends_after
         self._socket = socket.create_connection(("127.0.0.1", port), timeout=5.0)
 
@@ -53,7 +53,7 @@ class FakePx4(threading.Thread):
                 if not data:
                     return
                 for message in codec.parse_buffer(bytearray(data)) or ():
-                    self.heard.append(message)
+                    self.received.append(message)
                     if message.get_type() != "HIL_SENSOR":
                         continue
                     steps += 1
@@ -98,9 +98,9 @@ def test_every_step_is_answered_with_the_outputs_of_the_airframe_files_channels(
         assert answer == pytest.approx((-0.2, 0.1, 0.3, 0.0))
     assert physics.armed
     assert physics.answers == 20
-    stamps = [m.time_usec for m in fake.heard if m.get_type() == "HIL_SENSOR"]
+    stamps = [m.time_usec for m in fake.received if m.get_type() == "HIL_SENSOR"]
     assert stamps == [1_000_000 + 4_000 * i for i in range(20)]
-    assert sum(m.get_type() == "RC_CHANNELS" for m in fake.heard) == 4
+    assert sum(m.get_type() == "RC_CHANNELS" for m in fake.received) == 4
 
 
 def test_time_goes_on_unanswered_until_the_firmware_runs(
@@ -119,14 +119,14 @@ def test_what_is_not_a_number_leaves_a_surface_neutral(physics: Px4Physics) -> N
     assert physics.exchange(READINGS, NO_STICKS) == (0.25, 0.0, 0.0, 0.0)
 
 
-def test_an_end_of_the_firmware_is_told(physics: Px4Physics) -> None:
+def test_an_end_of_the_firmware_is_reported(physics: Px4Physics) -> None:
     connected(physics, controls(), ends_after=2)
     physics.exchange(READINGS, NO_STICKS)
     with pytest.raises(FirmwareError, match="closed the connection"):
         physics.exchange(READINGS, NO_STICKS)
 
 
-def test_a_firmware_that_hangs_is_told(
+def test_a_firmware_that_hangs_is_reported(
     physics: Px4Physics, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     connected(physics, controls())
@@ -165,11 +165,11 @@ def test_only_new_readings_are_marked_as_updated() -> None:
     assert few & flags["XACC"]
     assert few & flags["ZGYRO"]
     assert few == 0x3F
-    told = hil_sensor(READINGS)
-    assert (told.abs_pressure, told.diff_pressure) == pytest.approx((1012.0, 0.44))  # hPa
+    reported = hil_sensor(READINGS)
+    assert (reported.abs_pressure, reported.diff_pressure) == pytest.approx((1012.0, 0.44))  # hPa
 
 
-def test_gps_is_told_in_the_units_of_its_message() -> None:
+def test_gps_is_reported_in_the_units_of_its_message() -> None:
     fix = hil_gps(GpsPlace(51.99, 4.375, 12.34, (1.5, -2.0, 0.25)), 5_000_000)
     assert (fix.lat, fix.lon, fix.alt) == (519900000, 43750000, 12340)
     assert (fix.vn, fix.ve, fix.vd) == (150, -200, 25)
@@ -179,12 +179,12 @@ def test_gps_is_told_in_the_units_of_its_message() -> None:
 
 def test_the_pilots_sticks_move_as_px4_reads_them() -> None:
     """Pulled back (nose up) is low on the pitch channel; beyond full is full."""
-    told = rc_channels(Sticks(SurfaceCommand(0.5, -0.25, 3.0), takes=True), 0)
-    assert told.chan1_raw == 1375
-    assert told.chan2_raw == 1250
-    assert told.chan3_raw == 1000
-    assert told.chan4_raw == 2000
-    assert told.chan5_raw == 2000
+    reported = rc_channels(Sticks(SurfaceCommand(0.5, -0.25, 3.0), takes=True), 0)
+    assert reported.chan1_raw == 1375
+    assert reported.chan2_raw == 1250
+    assert reported.chan3_raw == 1000
+    assert reported.chan4_raw == 2000
+    assert reported.chan5_raw == 2000
 
 
 def test_surfaces_are_put_on_the_airframe_files_channels() -> None:

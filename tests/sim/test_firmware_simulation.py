@@ -80,7 +80,7 @@ class FakeLinks:
         for message in messages:
             self.ground.sendto(bytes(message.pack(self.codec)), self._relays_ground)
 
-    def heard(self, end: socket.socket) -> list[Any]:
+    def received(self, end: socket.socket) -> list[Any]:
         """What has come, all of it."""
         found: list[Any] = []
         end.setblocking(False)
@@ -155,15 +155,15 @@ def test_the_launch_goes_step_by_step(links: FakeLinks) -> None:
     assert any("has booted" in event for event in steps(3))
     assert sim.booted
     assert steps(STEP_HZ) == []  # not aligned, so nothing is asked
-    links.heard(links.ground)
+    links.received(links.ground)
     links.say(sys_status(ready=True))
     assert "aligned: arming it" in steps(3)
     steps(STEP_HZ)
-    asked = [m for m in links.heard(links.ground) if m.get_type() == "COMMAND_LONG"]
+    asked = [m for m in links.received(links.ground) if m.get_type() == "COMMAND_LONG"]
     assert [(m.command, m.param2) for m in asked] == [(mavlink.MAV_CMD_DO_SET_MODE, MANUAL)]
     links.say(heartbeat(MANUAL, armed=False))
     steps(STEP_HZ + 1)
-    asked = [m for m in links.heard(links.ground) if m.get_type() == "COMMAND_LONG"]
+    asked = [m for m in links.received(links.ground) if m.get_type() == "COMMAND_LONG"]
     assert [(m.command, m.param1) for m in asked] == [(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)]
     links.say(heartbeat(MANUAL, armed=True))
     assert any("held until a companion" in event for event in steps(3))
@@ -222,7 +222,7 @@ def test_frames_pass_as_they_are_and_barriers_go_no_further(links: FakeLinks) ->
     relay.receive(COMPANION, answer + other + target)
     assert relay.timesync_answer_ns(COMPANION) == 5_000
     assert links.companion.recv(4096) == other + target
-    assert links.heard(links.ground) == []
+    assert links.received(links.ground) == []
 
 
 def test_what_passes_the_companions_link_can_be_kept(links: FakeLinks, tmp_path: Path) -> None:
@@ -253,8 +253,8 @@ def test_all_peers_hear_their_side_of_the_firmware(links: FakeLinks) -> None:
 
 def test_the_pace_of_lockstep_is_the_attitude_of_every_step(links: FakeLinks) -> None:
     links.relay.set_pace(GROUND)
-    assert links.heard(links.companion) == []
+    assert links.received(links.companion) == []
     links.relay.set_pace(COMPANION)
-    [asked] = links.heard(links.companion)
+    [asked] = links.received(links.companion)
     assert asked.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
     assert (asked.param1, asked.param2) == (31, 1e6 / STEP_HZ)

@@ -133,22 +133,22 @@ def positions(*faults: str, count: int = 50) -> list[PositionFix]:
 
 
 def test_a_frozen_position_repeats_under_new_stamps() -> None:
-    told = positions("position.freeze start=0.095 for=0.2")
-    assert [f.sequence for f in told] == list(range(1, 50))
-    assert [f.time_s for f in told] == [fix(i).time_s for i in range(1, 50)]
-    assert [f.north_m for f in told[8:30]] == [9.0, *(20 * [10.0]), 30.0]
+    reported = positions("position.freeze start=0.095 for=0.2")
+    assert [f.sequence for f in reported] == list(range(1, 50))
+    assert [f.time_s for f in reported] == [fix(i).time_s for i in range(1, 50)]
+    assert [f.north_m for f in reported[8:30]] == [9.0, *(20 * [10.0]), 30.0]
 
 
 def test_numbers_are_lost_and_stamps_go_on() -> None:
-    told = positions("position.nan start=0.095 for=0.2 share=1")
-    lost = [f for f in told if isnan(f.north_m)]
+    reported = positions("position.nan start=0.095 for=0.2 share=1")
+    lost = [f for f in reported if isnan(f.north_m)]
     assert len(lost) == 20
     assert all(isnan(f.velocity_down_mps) and f.time_s > 0.0 for f in lost)
 
 
 def test_a_bias_is_added_in_the_units_that_it_is_given_in() -> None:
-    [told, *_] = positions("position.bias start=0 for=9 north=0.5 east=-0.25 down=1")
-    assert told[2:5] == (1.5, 1.75, -2.0)
+    [reported, *_] = positions("position.bias start=0 for=9 north=0.5 east=-0.25 down=1")
+    assert reported[2:5] == (1.5, 1.75, -2.0)
     injection = Injection([parse_fault("attitude.bias start=0 for=9 roll=5 pitch=0 heading=0")])
     turned = injection.sample("attitude", 0.01, level(1))
     roll, pitch, _ = euler_from_quaternion(*turned[2:6])
@@ -157,8 +157,8 @@ def test_a_bias_is_added_in_the_units_that_it_is_given_in() -> None:
 
 
 def test_noise_has_the_standard_deviation_asked_for() -> None:
-    told = positions("position.noise start=0 for=99 sigma=0.2", count=2000)
-    errors = [f.east_m - 2.0 for f in told]
+    reported = positions("position.noise start=0 for=99 sigma=0.2", count=2000)
+    errors = [f.east_m - 2.0 for f in reported]
     rms = hypot(*errors) / len(errors) ** 0.5
     assert rms == pytest.approx(0.2, rel=0.06)  # 2,000 draws: 3 σ are 5 %
 
@@ -170,9 +170,9 @@ def test_other_sensors_pass_as_they_are() -> None:
 
 
 def test_a_duplicate_is_an_old_stamp_under_a_new_number() -> None:
-    told = positions("position.duplicate start=0 for=9 share=1 by=0.005")
-    again = [(a, b) for a, b in pairwise(told) if b.time_s <= a.time_s]
-    assert told[-1].sequence > fix(49).sequence
+    reported = positions("position.duplicate start=0 for=9 share=1 by=0.005")
+    again = [(a, b) for a, b in pairwise(reported) if b.time_s <= a.time_s]
+    assert reported[-1].sequence > fix(49).sequence
     assert all(b.sequence > a.sequence for a, b in again)
 
 
@@ -214,7 +214,7 @@ def status_of(faults: list[str], until_s: float, sends: bool = True) -> Autopilo
     """What the module knows of the autopilot at a time, commanding all the while or not."""
     injection = Injection([parse_fault(text) for text in faults])
     link = DirectLink(injection, SurfaceCommand(0.0, 0.0, 0.0))
-    heard = AutopilotStatus(time_s=NAN, accepts_surfaces=False, armed=False)
+    received = AutopilotStatus(time_s=NAN, accepts_surfaces=False, armed=False)
     for i in range(round(until_s / DT) + 1):
         now = i * DT
         inputs = Inputs(
@@ -224,9 +224,9 @@ def status_of(faults: list[str], until_s: float, sends: bool = True) -> Autopilo
             autopilot=AutopilotStatus(time_s=now, accepts_surfaces=True, armed=True),
             engage=True,
         )
-        heard = link.inputs(inputs).autopilot
+        received = link.inputs(inputs).autopilot
         link.surfaces(now, SurfaceCommand(0.1, 0.0, 0.0) if sends else None)
-    return heard
+    return received
 
 
 def test_the_autopilot_beats_once_a_second() -> None:
@@ -235,7 +235,7 @@ def test_the_autopilot_beats_once_a_second() -> None:
     )
 
 
-def test_a_pilot_who_takes_the_aircraft_is_heard_at_once() -> None:
+def test_a_pilot_who_takes_the_aircraft_is_received_at_once() -> None:
     status = status_of(["pilot.takes start=2.5 for=9"], 2.6)
     assert not status.accepts_surfaces
     assert status.time_s == pytest.approx(2.5)

@@ -18,8 +18,8 @@ class Module:
     def __init__(self, operator: Operator) -> None:
         self.operator = operator
         self.codec = mavlink.MAVLink(None, 1, 191)
-        self.heard = mavlink.MAVLink(None)
-        self.heard.robust_parsing = True
+        self.received = mavlink.MAVLink(None)
+        self.received.robust_parsing = True
         self.sets: list[tuple[str, float]] = []
         self.values: dict[str, float] = {}
         self.line_follows = True
@@ -44,7 +44,7 @@ class Module:
         for name, value in shown.items():
             self.say(self.codec.named_value_float_encode(boot_ms, name.encode(), value))
         for data in self.operator.step(time_s):
-            for message in self.heard.parse_buffer(bytearray(data)) or ():
+            for message in self.received.parse_buffer(bytearray(data)) or ():
                 if message.get_type() == "PARAM_SET":
                     self._set(message)
 
@@ -213,8 +213,8 @@ def test_it_answers_the_lockstep_barrier_and_hears_no_other_vehicle() -> None:
     operator.receive(bytes(bridge.timesync_encode(0, 12345).pack(bridge)))
     other = mavlink.MAVLink(None, 2, 191)
     operator.receive(bytes(other.heartbeat_encode(18, 8, 0, 0, 4).pack(other)))
-    heard = mavlink.MAVLink(None)
-    answers = [m for data in operator.step(0.0) for m in heard.parse_buffer(bytearray(data))]
+    received = mavlink.MAVLink(None)
+    answers = [m for data in operator.step(0.0) for m in received.parse_buffer(bytearray(data))]
     assert [m.ts1 for m in answers if m.get_type() == "TIMESYNC"] == [12345]
     assert not operator.seen.module_alive
 

@@ -123,15 +123,15 @@ def test_turbulence_is_that_of_the_site() -> None:
 
 def test_the_misfit_is_printed() -> None:
     assert wind_misfit_text(build_field(JET)) == ""
-    told = CliRunner().invoke(app, ["site", "misfit", "--site", "tunnel_polynomial"])
-    assert told.exit_code == 0, told.output
+    reported = CliRunner().invoke(app, ["site", "misfit", "--site", "tunnel_polynomial"])
+    assert reported.exit_code == 0, reported.output
     assert SITE.air is not None
     field = build_field(SITE.air)
-    assert told.output.strip() == wind_misfit_text(field)
+    assert reported.output.strip() == wind_misfit_text(field)
     assert isinstance(field, PolynomialField)
     assert field.misfit is not None
-    assert f"degree 8, fitted at {field.misfit.places} places" in told.output
-    assert f"{field.misfit.u_rms_mps:.3f} m/s rms along the wind" in told.output
+    assert f"degree 8, fitted at {field.misfit.places} places" in reported.output
+    assert f"{field.misfit.u_rms_mps:.3f} m/s rms along the wind" in reported.output
     other = CliRunner().invoke(app, ["site", "misfit", "--site", "tunnel"])
     assert other.exit_code == 2
     assert 'air.kind: only the wind of kind = "polynomial"' in other.output.replace("\n", " ")

@@ -157,7 +157,7 @@ def test_a_flight_by_the_clock_goes_on_after_the_machine_has_stood_still(tmp_pat
     assert flight.flown[0].ended_s - flight.flown[0].stopped_s >= 8.0
 
 
-def test_a_port_that_is_taken_is_told_with_the_option_that_there_is(tmp_path: Path) -> None:
+def test_a_port_that_is_taken_is_reported_with_the_option_that_there_is(tmp_path: Path) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         address = f"127.0.0.1:{taken.getsockname()[1]}"

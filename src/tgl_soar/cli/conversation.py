@@ -74,7 +74,7 @@ class Conversation:
         fd = self._transport.fileno()
         select.select([fd] if fd >= 0 else [], [], [], LOOK_S)
         now_s = time.monotonic()
-        heard: list[object] = []
+        inbound: list[object] = []
         for data in self._transport.receive(now_s):
             messages = route.decoder.feed(data)
             if messages:
@@ -82,7 +82,7 @@ class Conversation:
             for received in messages:
                 route.match_version()
                 if received.source == self.autopilot:
-                    heard.append(received.message)
+                    inbound.append(received.message)
         if now_s - self._beat_s >= HEARTBEAT_S:
             self._beat_s = now_s
             self.say(
@@ -96,7 +96,7 @@ class Conversation:
             )
             for message in every_second:
                 self.say(message)
-        return heard
+        return inbound
 
     def say(self, message: Outbound) -> None:
         """Send a message as the module."""

@@ -127,7 +127,7 @@ def program_of(python: Path) -> list[str]:
 
 def qgc_actions(airframe: Airframe) -> str:
     """QGroundControl's file of MAVLink actions; it refuses a file with any other key."""
-    told = (
+    reported = (
         ("TGL engage", "Take the surfaces and soar on the target line.", ENGAGE),
         ("TGL release", "Hand the surfaces back to the autopilot.", RELEASE),
         ("TGL abort", "Hand the surfaces back; nobody engages before a release.", ABORT),
@@ -135,7 +135,7 @@ def qgc_actions(airframe: Airframe) -> str:
     component = airframe.autopilot.component_id
     actions = [
         {"label": label, "description": words, "mavCmd": command, "compId": component}
-        for label, words, command in told
+        for label, words, command in reported
     ]
     return (
         json.dumps({"version": 1, "fileType": "MavlinkActions", "actions": actions}, indent=2)

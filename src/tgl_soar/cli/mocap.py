@@ -67,8 +67,8 @@ def list_(
     if info is not None:
         version = f"{info.version[0]}.{info.version[1]}"
         way = "multicast" if info.is_multicast else "unicast"
-        told = f"{info.name}, NatNet {version}, {way}: {len(rows)} rigid bodies"
-        console.print(told, markup=False, highlight=False, soft_wrap=True)
+        reported = f"{info.name}, NatNet {version}, {way}: {len(rows)} rigid bodies"
+        console.print(reported, markup=False, highlight=False, soft_wrap=True)
     if not rows:
         errors.print("frames come, and no rigid body is in them: see Motive's streaming pane")
         raise typer.Exit(1)

@@ -65,8 +65,8 @@ def preflight(
     except KeyboardInterrupt:
         fail("stopped", 130)
     too_slow = "" if baud is None else load.refusal(baud)
-    line_is_good = _place_told(plane, place, values)
-    code = _told(check, too_slow, show_all=show_all)
+    line_is_good = _place_reported(plane, place, values)
+    code = _reported(check, too_slow, show_all=show_all)
     raise typer.Exit(code if line_is_good else 1)
 
 
@@ -93,7 +93,7 @@ def _read(check: Preflight, conversation: Conversation, timeout_s: float) -> Non
             return
 
 
-def _place_told(plane: Airframe, place: Site, values: ParameterSet) -> bool:
+def _place_reported(plane: Airframe, place: Site, values: ParameterSet) -> bool:
     """What is to be said of the fence and the lines; whether the files' line can be engaged on."""
     bounds = LineBounds(place.contour_for(plane.airframe.name), place.known_ground())
     for words in (open_sides(values), *bounds.preset_faults(values, preset_lines(place, values))):
@@ -106,7 +106,7 @@ def _place_told(plane: Airframe, place: Site, values: ParameterSet) -> bool:
     return not fault
 
 
-def _told(check: Preflight, too_slow: str, *, show_all: bool) -> int:
+def _reported(check: Preflight, too_slow: str, *, show_all: bool) -> int:
     """The table, the way out, and the exit code.  `too_slow`: why the line is, if it is."""
     route, findings, wrong = check.flavour.route, check.findings(), check.wrong()
     refusal = check.refusal()

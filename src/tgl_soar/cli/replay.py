@@ -23,7 +23,7 @@ from tgl_soar.onboard.flightlog.declaration import TOPICS, unit_of
 from tgl_soar.sim.campaign.executors import local
 
 _MOST = 12  # fields in a table of differences
-_TOLD_IN = {  # units of what telemetry tells
+_REPORTED_IN = {  # units of what telemetry tells
     **dict.fromkeys(("e_rho", "soar_x", "soar_z", "line_x", "line_z"), "m"),
     **dict.fromkeys(("pitch_sp", "line_lean"), "°"),
 }
@@ -205,15 +205,15 @@ def _from_wire(path: Path, airframe: Path, site: Path, changes: dict[str, float]
     ticks, speed = len(result.outputs), result.seconds / max(result.took_s, 1e-9)
     console.print(f"{ticks} ticks in {result.took_s:.2f} s, {speed:.1f} × the recording's time")
     table = Table("sent as telemetry", "unit", "times", "rms of then less now", "largest")
-    for name, heard in result.compared.items():
-        sizes = [abs(h.told - h.replayed) for h in heard]
+    for name, received in result.compared.items():
+        sizes = [abs(h.reported - h.replayed) for h in received]
         known = [size for size in sizes if size == size]
         largest = f"{max(known):.3g}" if known else "–"
         table.add_row(
             name,
-            _TOLD_IN.get(name, ""),
-            str(len(heard)),
-            f"{rms(heard):.3g}" if known else "–",
+            _REPORTED_IN.get(name, ""),
+            str(len(received)),
+            f"{rms(received):.3g}" if known else "–",
             largest,
         )
     console.print(table)

@@ -82,7 +82,7 @@ def surfaces(
         fail(error)
     except _Ended as end:
         fail("stopped; the surfaces are released", 128 + end.signal_number)
-    code = _told(check, wrong)
+    code = _reported(check, wrong)
     console.print(latency_words(check.latency_s, plane), highlight=False, soft_wrap=True)
     raise typer.Exit(code)
 
@@ -168,8 +168,8 @@ class _Bench:
         """Until it has said what it is doing.  Errors: `_Refused`."""
         end_s = time.monotonic() + timeout_s
         while refusal := self._check.refusal(time.monotonic()):
-            heard = "no heartbeat" not in refusal
-            if heard or time.monotonic() > end_s:
+            received = "no heartbeat" not in refusal
+            if received or time.monotonic() > end_s:
                 raise _Refused(refusal)
             self._turn()
 
@@ -237,7 +237,7 @@ class _Asked:
 _asked: Final = _Asked()
 
 
-def _told(check: SurfaceCheck, wrong: list[str]) -> int:
+def _reported(check: SurfaceCheck, wrong: list[str]) -> int:
     """The table, what is wrong, and the exit code."""
     table = Table("surface", "trim", "negative", "positive", "outputs")
     faults = 0

@@ -59,7 +59,7 @@ class Answer(NamedTuple):
     """What came of one set."""
 
     values: ParameterSet  # that stand from now on
-    told: tuple[str, ...]  # whose values are to be sent, the one that was set first
+    reported: tuple[str, ...]  # whose values are to be sent, the one that was set first
     refusal: str = ""  # why a staged move was not made
     warning: str = ""
 
@@ -123,7 +123,7 @@ class LineChanges:
         except ParameterError as error:
             dropped = values.changed({"TGL_STAGE": DROPPED})
             return Answer(dropped, ("TGL_STAGE", *staged), f"staged move dropped: {error}")
-        return answer._replace(told=tuple(dict.fromkeys((*answer.told, *staged))))
+        return answer._replace(reported=tuple(dict.fromkeys((*answer.reported, *staged))))
 
     def _answer(self, name: str, before: ParameterSet, after: ParameterSet, flying: bool) -> Answer:
         """Errors: `ParameterError` for a line that is refused."""
@@ -138,8 +138,8 @@ class LineChanges:
         elif is_refused:
             raise ParameterError(name, f"{after[name]:g}", f"{fault}; {OVERRIDE}")
         changed = [p.name for (p, old), (_, new) in zip(before, after, strict=True) if old != new]
-        told = (name, *(other for other in changed if other != name))
-        return Answer(after, told, warning=fault)
+        reported = (name, *(other for other in changed if other != name))
+        return Answer(after, reported, warning=fault)
 
     def _is_refused(self, before: ParameterSet, moved: bool, flying: bool) -> bool:
         """Whether a line with a fault is: where it is flown, or where the one before had none.

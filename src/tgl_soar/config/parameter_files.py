@@ -25,7 +25,7 @@ from tgl_soar.config.parameters import (
 Format = Literal["qgroundcontrol", "mavproxy"]
 
 REAL32: Final = 9
-BAD_LINES_TOLD: Final = 20
+BAD_LINES_REPORTED: Final = 20
 LARGEST_BYTES: Final = 1_000_000  # a file of a hundred parameters has five thousand
 _NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _ID: Final = re.compile(r"\d{1,3}", re.ASCII)
@@ -127,9 +127,9 @@ def read_text(text: str, source: str, *, component: int = 191, strict: bool = Tr
     if not strict:
         notes += [f"{line}: passed over" for line in bad]
     elif bad:
-        more = len(bad) - BAD_LINES_TOLD
-        told = bad[:BAD_LINES_TOLD] + ([f"and {more} lines more"] if more > 0 else [])
-        raise ParameterFileError("\n".join(told))
+        more = len(bad) - BAD_LINES_REPORTED
+        reported = bad[:BAD_LINES_REPORTED] + ([f"and {more} lines more"] if more > 0 else [])
+        raise ParameterFileError("\n".join(reported))
     for other, rows in sorted(others.items()):
         notes.append(f"{source}: {rows} rows of component {other}: passed over")
     return ReadFile(values, tuple(notes))

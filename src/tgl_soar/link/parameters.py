@@ -203,7 +203,9 @@ class ParameterServer:
             self.counters.refused += 1
             return [self.value_message(INDEX[name]), *self._complain(str(error), now_s, refused)]
         self.values = answer.values
-        outbound: list[Outbound] = [self.value_message(INDEX[told]) for told in answer.told]
+        outbound: list[Outbound] = [
+            self.value_message(INDEX[reported]) for reported in answer.reported
+        ]
         if answer.refusal:
             self.counters.refused += 1
             outbound += self._complain(answer.refusal, now_s, refused)

@@ -71,8 +71,8 @@ class SensorClock:
             self._follow(middle_s, step_s)
         else:
             self._begin(middle_s, step_s)
-        told_s = self._time_s if self._memory else middle_s
-        answer_s = min(max(told_s, stamp_s), stamp_s + QUANTUM_S)
+        reported_s = self._time_s if self._memory else middle_s
+        answer_s = min(max(reported_s, stamp_s), stamp_s + QUANTUM_S)
         self._answer_s = max(answer_s, self._answer_s + LATER_S)
         return self._answer_s
 

@@ -107,9 +107,9 @@ class EngageSwitch:
             return "it has failed: start it again"
         if not self._surfaces.is_active and not self._session.presence.is_alone(now_s):
             return f"another module has our identity: {IDENTITY_REMEDY}"
-        unheard = self._pilot_switch_unheard(now_s)
-        if unheard:
-            return f"the pilot's switch: {unheard}"
+        silence = self._pilot_switch_silence(now_s)
+        if silence:
+            return f"the pilot's switch: {silence}"
         return self._engagement.held_back() or self.stations.refusal(now_s) or self._unfit()
 
     def _unfit(self) -> str:
@@ -211,15 +211,15 @@ class EngageSwitch:
 
     def watch_pilot_switch(self, now_s: float) -> None:
         """One that has fallen silent in flight: told, and after a while the engagement ends."""
-        unheard = self._pilot_switch_unheard(now_s) if self._settings.engage else ""
-        if unheard and self._engagement.switch.silence_s(now_s) > GONE_S:
-            self.end(f"disengaged: the pilot's switch is silent: {unheard}", now_s)
-        elif unheard and not self._silence_reported:
+        silence = self._pilot_switch_silence(now_s) if self._settings.engage else ""
+        if silence and self._engagement.switch.silence_s(now_s) > GONE_S:
+            self.end(f"disengaged: the pilot's switch is silent: {silence}", now_s)
+        elif silence and not self._silence_reported:
             text = f"the pilot's switch is silent, disengaging in {GONE_S - SILENCE_S:g} s"
-            self._outbox.tell(SEVERITY_WARNING, f"{text}: {unheard}")
-        self._silence_reported = unheard != ""
+            self._outbox.tell(SEVERITY_WARNING, f"{text}: {silence}")
+        self._silence_reported = silence != ""
 
-    def _pilot_switch_unheard(self, now_s: float) -> str:
+    def _pilot_switch_silence(self, now_s: float) -> str:
         channel = int(self._settings.values["OP_RC_CHAN"])
         return self._engagement.switch.missing(now_s, channel)
 

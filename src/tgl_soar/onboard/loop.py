@@ -195,9 +195,9 @@ def _why_silent(onboard: Onboard, transport: Transport) -> str:
     wanted = f"no heartbeat of system {system}, component 1 on {transport.name}"
     if onboard.session.has_heartbeat:
         return f"{wanted} for {COMPLAIN_S:g} s: it has stopped, or the link is cut"
-    heard = sorted(onboard.session.senders)
-    if heard:
-        names = ", ".join(f"{s.system}:{s.component}" for s in heard)
+    others = sorted(onboard.session.senders)
+    if others:
+        names = ", ".join(f"{s.system}:{s.component}" for s in others)
         return f"{wanted}, only of {names}: check autopilot.system_id in the airframe file"
     counters = onboard.decoder.counters
     if transport.counters.bytes_in > 0 and counters.frames == 0:

@@ -157,12 +157,12 @@ MODULES: Final = (
     "tgl_soar.onboard.realtime",
 )
 
-_told = "interpreted"
+_reported = "interpreted"
 
 
-def told() -> str:
+def words() -> str:
     """What flies: native code, or the source and why."""
-    return _told
+    return _reported
 
 
 def base() -> Path:
@@ -356,14 +356,14 @@ def use() -> bool:
 
     Never raises: what cannot be used is told, and the source flies.
     """
-    global _told
+    global _reported
     held = None
     try:
         key = source_key()
         kept = folder()
         if not os.path.lexists(kept):
             stale = " (what was compiled is of another version)" if others() else ""
-            _told = f"interpreted{stale}; `tgl-soar compile` makes it four times as quick"
+            _reported = f"interpreted{stale}; `tgl-soar compile` makes it four times as quick"
             return False
         if early := [name for name in MODULES if name in sys.modules]:
             raise ImportError(f"{early[0]} was imported before it")  # never half of each
@@ -374,12 +374,12 @@ def use() -> bool:
             import_module(library)
         if key != import_module(COMPILED_IN).KEY:
             raise ImportError("its code is of another version of the source: compile it again")
-        _told = f"native, by {held.manifest['compiler']}"
+        _reported = f"native, by {held.manifest['compiler']}"
     except Exception as error:  # it must fly all the same
         sys.meta_path[:] = [f for f in sys.meta_path if not isinstance(f, _Finder)]
         if held is not None:
             held.close()
-        _told = f"interpreted: what was compiled cannot be used: {error}"
+        _reported = f"interpreted: what was compiled cannot be used: {error}"
         return False
     return True
 

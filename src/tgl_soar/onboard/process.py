@@ -111,7 +111,7 @@ def run(options: RunOptions) -> int:
         return EXIT_CANNOT_START
     if site.contour is not None and not setup.contour:
         say(f"no line is checked: the site's contour is of {site.contour.airframe!r}")
-    say(f"code: {native.told()}")
+    say(f"code: {native.words()}")
     plan = RunPlan(options, airframe, site, setup)
     if options.guarded:
         realtime.raise_priority()
@@ -215,7 +215,7 @@ def _recorder(plan: RunPlan) -> FlightRecorder | None:
         "ver_sw": __version__,
         "ver_log": str(VERSION),
         "ver_python": platform.python_version(),
-        "code": native.told(),
+        "code": native.words(),
         "started_utc": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         "airframe_file": str(plan.options.airframe),
         "site_file": str(plan.options.site),

@@ -86,7 +86,7 @@ class SearchSwitch:
         self._wind = self._updraft = 0.0  # sums since then
         self._count = 0
         self._was_active = False
-        self._heard_s = NAN  # when it answered last, or was asked first; NaN: nobody seeks
+        self._received_s = NAN  # when it answered last, or was asked first; NaN: nobody seeks
         self._target: TargetLine | None = None  # the last that was taken
         self._is_refused = False  # that one
         self._has_begun = False  # by itself, in this flight
@@ -117,7 +117,7 @@ class SearchSwitch:
         if engine is None:
             return
         if self._standing == SEARCH_OFF:
-            self._heard_s, self._target = NAN, None
+            self._received_s, self._target = NAN, None
             self._start_by_forecast(output)
         self._look(engine, output)
         if self._standing in (SEARCH_LOOKS, SEARCH_SOARS):
@@ -133,7 +133,7 @@ class SearchSwitch:
         if not self._was_active:
             return
         self._was_active = False
-        self._before, self._laws, self._heard_s, self._target = None, None, NAN, None
+        self._before, self._laws, self._received_s, self._target = None, None, NAN, None
         self._has_begun = False
         if self._engine is not None:
             self._engine.send(None)
@@ -192,15 +192,15 @@ class SearchSwitch:
     def _follow(self, engine: SearchEngine, output: Output) -> None:
         """Take its answer; without one for too long the search is over."""
         now_s = output.time_s
-        if not self._heard_s <= now_s:  # NaN: it was asked just now
-            self._heard_s = now_s
+        if not self._received_s <= now_s:  # NaN: it was asked just now
+            self._received_s = now_s
         wish = engine.receive()
         if wish is not None:
-            self._heard_s = now_s
+            self._received_s = now_s
             self._obey(wish)
         elif engine.failure:
             self._end(SEVERITY_ERROR, f"search ended: {engine.failure}")
-        elif now_s - self._heard_s > LATE_S:
+        elif now_s - self._received_s > LATE_S:
             self._end(SEVERITY_ERROR, f"search ended: no answer for {LATE_S:g} s")
 
     def _obey(self, wish: LineWish) -> None:

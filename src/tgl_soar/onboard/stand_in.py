@@ -98,15 +98,15 @@ def _leave_mode(setup: ModuleSetup, route: Route, transport: Transport) -> None:
     change.leave(realtime.clock_s(), float("-inf"))
     if change.is_changing:  # this socket may be a new one: a peer answers only whom it has heard
         transport.send(route.own.encode(Presence(0).heartbeat()))
-    heard_s, obeys, custom_mode = float("-inf"), False, -1
+    received_s, obeys, custom_mode = float("-inf"), False, -1
     while change.is_changing:
         now_s = realtime.clock_s()
         for data in transport.receive(now_s):
             for source, message in route.decoder.feed(data):
                 if source == autopilot and isinstance(message, Heartbeat):
-                    heard_s, custom_mode = now_s, message.custom_mode
+                    received_s, custom_mode = now_s, message.custom_mode
                     obeys = not flavour.mismatch(message) and flavour.obeys(message)
-        for asked in change.poll(now_s, heard_s, obeys, custom_mode):
+        for asked in change.poll(now_s, received_s, obeys, custom_mode):
             transport.send(route.own.encode(asked))
         time.sleep(GIVE_BACK_INTERVAL_S)
     if change.failed:

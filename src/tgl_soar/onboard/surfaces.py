@@ -80,17 +80,17 @@ class SurfaceControl:
         firmwares enter only where setpoints stream already.
         """
         change = self.mode_change
-        obeys, heard_s = session.status.accepts_surfaces, session.status.time_s
+        obeys, received_s = session.status.accepts_surfaces, session.status.time_s
         if not engage and change.is_entering:
-            change.leave(time_s, heard_s)  # it may have been asked for already
-        asked = change.poll(time_s, heard_s, obeys, session.custom_mode)
+            change.leave(time_s, received_s)  # it may have been asked for already
+        asked = change.poll(time_s, received_s, obeys, session.custom_mode)
         self._outbox.say_all(asked, self._outbox.autopilot)
         if change.failed:
             failed, change.failed = change.failed, ""
             return failed
         if engage and ready and not obeys and not change.is_changing:
             self._before_first()
-            change.enter(time_s, heard_s, session.custom_mode)
+            change.enter(time_s, received_s, session.custom_mode)
         if change.is_entering and isfinite(pitch_rad):
             level = Setpoints(pitch_rad, 0.0, 0.0)
             self._outbox.command(self._flavour.commands(SurfaceCommand(0, 0, 0), level))

@@ -198,35 +198,35 @@ def _watch_one(pid: int, heartbeat: ProcessHeartbeat) -> tuple[int | None, str]:
     """
     watchdog = _Watchdog()
     rounds, round_s = 0, clock_s()
-    told_s: float | None = None  # when it was asked to end
+    reported_s: float | None = None  # when it was asked to end
     while True:
         info = signal.sigtimedwait(_WATCHED, LOOK_S)
         now_s = clock_s()
         if info is not None and info.si_signo in ENDS:
-            told_s = told_s or now_s
+            reported_s = reported_s or now_s
             os.kill(pid, signal.SIGTERM)
         gone, status = os.waitpid(pid, os.WNOHANG)
         if gone:
-            return _end_of(status, told=told_s is not None)
+            return _end_of(status, reported=reported_s is not None)
         sign = heartbeat.read()
         if sign.rounds != rounds:
             rounds, round_s = sign.rounds, now_s
             watchdog.feed(now_s)
         still_s = now_s - round_s
         hangs = still_s > (HANGS_FLYING_S if sign.has_surfaces else HANGS_S)
-        if hangs or (told_s is not None and now_s - told_s > PATIENCE_S):
+        if hangs or (reported_s is not None and now_s - reported_s > PATIENCE_S):
             os.kill(pid, signal.SIGKILL)
             os.waitpid(pid, 0)
             why = f"stood still for {still_s:.1f} s" if hangs else "did not end when asked to"
-            return (0 if told_s is not None else None), f"{why} and was killed"
+            return (0 if reported_s is not None else None), f"{why} and was killed"
 
 
-def _end_of(status: int, *, told: bool) -> tuple[int | None, str]:
+def _end_of(status: int, *, reported: bool) -> tuple[int | None, str]:
     if os.WIFSIGNALED(status):
         name = signal.Signals(os.WTERMSIG(status)).name
-        return (0 if told else None), f"was killed by {name}"
+        return (0 if reported else None), f"was killed by {name}"
     code = os.WEXITSTATUS(status)
-    if code == 1 and not told:  # Python's own, after a traceback
+    if code == 1 and not reported:  # Python's own, after a traceback
         return None, "ended with an error"
     return code, ""
 

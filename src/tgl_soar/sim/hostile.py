@@ -16,7 +16,7 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 # All that the module listens to, and some that it does not.
-HEARD_NAMES: Final = (
+RECEIVED_NAMES: Final = (
     "heartbeat", "attitude_quaternion", "local_position_ned", "odometry", "global_position_int",
     "vision_position_estimate", "highres_imu", "scaled_imu", "raw_imu", "vfr_hud", "sys_status",
     "servo_output_raw", "command_long", "command_int", "rc_channels", "command_ack",
@@ -100,7 +100,7 @@ class HostileFrames:
 
     def _of_nobody(self) -> bytes:
         random = self._random
-        name = random.choice(HEARD_NAMES)
+        name = random.choice(RECEIVED_NAMES)
         system, component = random.choice(_NOBODY), random.choice((0, 1, 190, 191, 255))
         if system == 1 and component in (1, 191):  # that would be the autopilot, or us
             component = 42

@@ -355,7 +355,7 @@ class DirectLink:
         self._reboots = reboots
         self._takes = injection.named("pilot.takes")
         self._status: AutopilotStatus | None = None
-        self._heard = AutopilotStatus(time_s=NAN, accepts_surfaces=False, armed=False)
+        self._received = AutopilotStatus(time_s=NAN, accepts_surfaces=False, armed=False)
         self._beaten_s = float("-inf")
         self._command = trim
         self._commanded_s = float("-inf")
@@ -377,8 +377,8 @@ class DirectLink:
             measured[of] = down[of].take(now, sample) if down else sample
         self._beat(now, inputs.autopilot)
         for status in self._heartbeats.arrived(now):
-            self._heard = status._replace(time_s=now)
-        return inputs._replace(autopilot=self._heard, **measured)
+            self._received = status._replace(time_s=now)
+        return inputs._replace(autopilot=self._received, **measured)
 
     def surfaces(self, now_s: float, command: SurfaceCommand | None) -> SurfaceCommand:
         """What the servos are commanded, of a command that the module sends; None: none."""

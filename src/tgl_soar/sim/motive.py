@@ -92,7 +92,7 @@ class MotiveOptions:
 @dataclass
 class _Client:
     version: Version
-    heard_s: float
+    received_s: float
     models_sent: bool = False
 
 
@@ -154,7 +154,7 @@ class Motive:
         elif client is None or number == DISCONNECT:
             self._clients.pop(sender, None)
         else:
-            client.heard_s = clock_s
+            client.received_s = clock_s
             if number == MODELS_REQUEST:
                 client.models_sent = True
                 self._say(encode_models(client.version, self._named()), sender)
@@ -184,7 +184,7 @@ class Motive:
             self._number = 0
             self._clients.clear()
         self._was_restarting = restarting
-        gone = [a for a, c in self._clients.items() if clock_s - c.heard_s > CLIENT_SILENCE_S]
+        gone = [a for a, c in self._clients.items() if clock_s - c.received_s > CLIENT_SILENCE_S]
         for address in gone:
             del self._clients[address]
         while self._waiting and self._waiting[0].due_s <= now_s + 1e-9:

@@ -57,7 +57,7 @@ def test_flights_are_drawn_by_number_and_seed_alone_and_spread_over_all_kinds() 
             assert abs(fault["roll"]) <= ROLL
 
 
-def flight(kind: str, lost: str = "", told_s: float = nan, over: str = "") -> FaultyFlight:
+def flight(kind: str, lost: str = "", reported_s: float = nan, over: str = "") -> FaultyFlight:
     return FaultyFlight(
         place="tunnel",
         kind=kind,
@@ -66,14 +66,14 @@ def flight(kind: str, lost: str = "", told_s: float = nan, over: str = "") -> Fa
         fault=kind,
         lost=lost,
         handed_over=over,
-        told_s=told_s,
-        standing=UNEVEN if told_s == told_s else HOLDS,
+        reported_s=reported_s,
+        standing=UNEVEN if reported_s == reported_s else HOLDS,
         duration_s=90.0,
     )
 
 
 def test_one_lost_flight_is_one_too_many_and_is_named() -> None:
-    good = [flight(KINDS[0]), flight(KINDS[1], told_s=20.0), flight(KINDS[1], told_s=30.0)]
+    good = [flight(KINDS[0]), flight(KINDS[1], reported_s=20.0), flight(KINDS[1], reported_s=30.0)]
     assert faults_claim(good).holds
     assert faults_claim([*good, flight(KINDS[0], over="off the line")]).holds
     bad = faults_claim([*good, flight(KINDS[0], lost="hit the board")])

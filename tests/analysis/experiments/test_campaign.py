@@ -91,13 +91,13 @@ def test_a_flight_is_the_same_wherever_it_is_flown(monkeypatch: pytest.MonkeyPat
 
 def test_a_campaign_says_all_that_its_flights_depend_on() -> None:
     jobs = FaultJobs(20, 2, 7)
-    told = campaign_of(jobs)
-    assert (len(told.jobs), told.seeds) == (28, (7, 26))
-    assert {"flights", "dropouts", "seed", "model", "autopilot"} <= set(told.parameters)
-    assert told.parameters != campaign_of(replace(jobs, seed=8)).parameters
+    reported = campaign_of(jobs)
+    assert (len(reported.jobs), reported.seeds) == (28, (7, 26))
+    assert {"flights", "dropouts", "seed", "model", "autopilot"} <= set(reported.parameters)
+    assert reported.parameters != campaign_of(replace(jobs, seed=8)).parameters
 
 
-def test_an_exception_is_an_outcome_and_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_exception_is_an_outcome_and_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     def fails(_loop: object) -> Output:
         raise ZeroDivisionError("somewhere")
 

@@ -26,17 +26,17 @@ LONG = (pytest.mark.long, pytest.mark.ci)
 )
 def test_an_experiment_tells_and_draws(tmp_path: Path, name: str) -> None:
     """One seed: means of a leg are known to 3 cm or so, hence the claims are judged more mildly."""
-    told = run(name, Context(flyer=Flyer(), figures=tmp_path, quick=True))
-    assert told.name == name
-    assert told.tables
-    assert all(len(row) == len(t.columns) for t in told.tables for row in t.rows)
-    (figure,) = told.figures
+    reported = run(name, Context(flyer=Flyer(), figures=tmp_path, quick=True))
+    assert reported.name == name
+    assert reported.tables
+    assert all(len(row) == len(t.columns) for t in reported.tables for row in t.rows)
+    (figure,) = reported.figures
     data = (tmp_path / figure).read_bytes()
     assert data.startswith(b"\x89PNG")
     assert 15_000 < len(data) < 150_000
-    assert json.dumps(as_json(told))
+    assert json.dumps(as_json(reported))
     if name in ("field", "static", "rotate"):
-        assert told.verdict == "agrees", told.claims
+        assert reported.verdict == "agrees", reported.claims
 
 
 def test_without_a_folder_nothing_is_drawn() -> None:

@@ -135,8 +135,8 @@ def test_experiment_lists_runs_and_refuses(tmp_path: Path) -> None:
     assert "verdict: agrees" in done.stdout
     assert "[m/s]" in done.stdout  # not taken for markup
     assert "[c]" in done.stdout
-    told = json.loads((tmp_path / "field.json").read_text())
-    assert told["verdict"] == "agrees"
+    reported = json.loads((tmp_path / "field.json").read_text())
+    assert reported["verdict"] == "agrees"
     assert (tmp_path / "field.png").stat().st_size > 20_000
 
 

@@ -59,7 +59,7 @@ def test_workers_give_the_same_flights_in_the_order_asked_for(scenario: Scenario
     short = msgspec.structs.replace(scenario, duration_s=3.0, changes=[])
     jobs = [ScenarioJob(scenario=short, seed=seed) for seed in (5, 4)]
     seen: list[tuple[int, int]] = []
-    pooled = Flyer(2, lambda told: seen.append((told.flown, told.wanted))).fly(jobs)
+    pooled = Flyer(2, lambda reported: seen.append((reported.flown, reported.wanted))).fly(jobs)
     alone = Flyer().fly(jobs)
     assert [f.seed for f in pooled] == [5, 4]
     assert seen[-1] == (2, 2)

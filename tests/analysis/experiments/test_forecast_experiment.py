@@ -69,8 +69,8 @@ def test_late_is_who_reaches_the_clearance_untold_and_could_have_been() -> None:
 
 def test_the_experiment_in_small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(e, "places", lambda: (HILL,))
-    told = run("forecast", Context(Flyer(), quick=True))
-    without, having = told.tables
+    reported = run("forecast", Context(Flyer(), quick=True))
+    without, having = reported.tables
     assert without.rows[0][0] == having.rows[0][0] == "hill"
-    assert told.claims[0].holds
-    assert json.dumps(as_json(told))
+    assert reported.claims[0].holds
+    assert json.dumps(as_json(reported))

@@ -21,7 +21,7 @@ from tgl_soar.config.files import shipped
 LIMIT_DEG = 12.6
 
 
-def test_errors_are_told_for_each_range_of_the_true_angle() -> None:
+def test_errors_are_reported_for_each_range_of_the_true_angle() -> None:
     """A long glide at 6 degrees, a short stall at 17 that is read as 10, or in a quarter not."""
     true = np.array([6.0] * 3 * FEWEST + [17.0] * FEWEST)
     read = np.concatenate([np.full(3 * FEWEST, 6.5), np.full(FEWEST, 10.0)])

@@ -21,7 +21,7 @@ AT_ONCE = ("field",)  # nothing is flown
 NAMES = {name: page for page, key in ((PAPER, "paper"), (AIMS, "aims")) for name in TOGETHER[key]}
 
 
-def told(text: str, name: str) -> list[str]:
+def reported(text: str, name: str) -> list[str]:
     """The verdicts of an experiment in a page's first table: of the aircraft, of the point mass."""
     (row,) = [line for line in text.splitlines() if line.startswith(f"| [`{name}`](#{name}) | ")]
     return row.strip("| ").split(" | ")[2:]
@@ -39,12 +39,12 @@ def test_the_verdict_is_the_pages(name: str) -> None:
     verdicts = [counted(flown)]
     if NAMES[name] == PAPER:
         verdicts.append("–" if flown.point_mass is None else counted(flown.point_mass))
-    assert told(text, name) == verdicts
+    assert reported(text, name) == verdicts
 
 
 def test_a_verdict_is_read_where_it_stands() -> None:
     text = (
         "| [`a`](#a) | what | agrees: 2 of 2 | differs: 0 of 2 |\n| [`b`](#b) | x | met: 1 of 1 |"
     )
-    assert told(text, "a") == ["agrees: 2 of 2", "differs: 0 of 2"]
-    assert told(text, "b") == ["met: 1 of 1"]
+    assert reported(text, "a") == ["agrees: 2 of 2", "differs: 0 of 2"]
+    assert reported(text, "b") == ["met: 1 of 1"]

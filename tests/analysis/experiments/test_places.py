@@ -193,11 +193,11 @@ def test_each_claim_is_judged_by_what_it_says(
     assert [claim.by_construction for claim in claims] == [True, False, False, False]
 
 
-def test_losses_and_their_reasons_are_told_by_air() -> None:
-    told = places_why(PLACES)
-    assert "a hill: wind grows by +0.20 m/s for each metre up the line at [a]" in told
-    assert "lost of 8 at 3 % of turbulence: 2 at [a], 2 at [a2], 2 at [b], 2 at [c]" in told
-    assert "Flights ended by: left the air." in told
+def test_losses_and_their_reasons_are_reported_by_air() -> None:
+    reported = places_why(PLACES)
+    assert "a hill: wind grows by +0.20 m/s for each metre up the line at [a]" in reported
+    assert "lost of 8 at 3 % of turbulence: 2 at [a], 2 at [a2], 2 at [b], 2 at [c]" in reported
+    assert "Flights ended by: left the air." in reported
 
 
 def test_what_the_wind_does_along_the_line_is_the_reason_where_the_losses_say_so() -> None:

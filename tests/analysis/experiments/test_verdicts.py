@@ -73,9 +73,9 @@ def test_the_verdict_follows_from_the_claims(claims: tuple[Claim, ...], verdict:
 
 
 def test_a_result_tells_everything_in_json_and_markdown() -> None:
-    told = as_json(result(YES, NO))
-    assert json.loads(json.dumps(told)) == told
-    assert told["versions"]["tgl_soar"]
+    reported = as_json(result(YES, NO))
+    assert json.loads(json.dumps(reported)) == reported
+    assert reported["versions"]["tgl_soar"]
     text = as_markdown(result(YES, NO), "images")
     for words in (
         "| a | b [m] |",
@@ -154,8 +154,8 @@ def test_tables_that_are_not_the_same_are_not_put_together() -> None:
 def test_a_changed_threshold_is_listed_with_its_reason() -> None:
     assert "was" not in page([result(YES)], {}).split("\n\n")[-2]
     changed = ChangedThreshold("it moves", "15 cm", "5 cm", "as far as it strays")
-    told = page([replace(result(YES), changed=(changed,))], {})
-    assert "| `name` | it moves | 15 cm | 5 cm | as far as it strays |" in told
+    reported = page([replace(result(YES), changed=(changed,))], {})
+    assert "| `name` | it moves | 15 cm | 5 cm | as far as it strays |" in reported
 
 
 def test_json_has_no_numbers_that_are_none() -> None:
@@ -346,21 +346,29 @@ def lean_score(
     )
 
 
-def told_of_leans(*scores: LeanScore) -> list[bool]:
+def reported_of_leans(*scores: LeanScore) -> list[bool]:
     return [c.holds for c in lean_claims(list(scores), 44.0, "so")]
 
 
 def test_lean_asks_for_the_least_at_the_perpendicular_and_more_far_from_it() -> None:
     downwind = lean_score(-10, 0.5, 0.1)
     upright, across = lean_score(10, 0.015, 0.002), lean_score(40, 0.010, 0.001)
-    assert told_of_leans(downwind, upright, across) == [True, True, True]
+    assert reported_of_leans(downwind, upright, across) == [True, True, True]
     # The least is elsewhere; or what is far off is no worse, within two standard errors.
-    assert told_of_leans(downwind, lean_score(10, 0.008, 0.0008), across) == [False, False, True]
-    assert told_of_leans(downwind, lean_score(10, 0.0105, 0.0018), across) == [False, True, True]
+    assert reported_of_leans(downwind, lean_score(10, 0.008, 0.0008), across) == [
+        False,
+        False,
+        True,
+    ]
+    assert reported_of_leans(downwind, lean_score(10, 0.0105, 0.0018), across) == [
+        False,
+        True,
+        True,
+    ]
     # Nobody flew near the perpendicular, or it lost a flight.
-    assert told_of_leans(downwind, upright) == [False, False, True]
+    assert reported_of_leans(downwind, upright) == [False, False, True]
     lost = lean_score(40, 0.010, 0.001, survived=7)
-    assert told_of_leans(downwind, upright, lost) == [False, False, True]
+    assert reported_of_leans(downwind, upright, lost) == [False, False, True]
 
 
 def test_a_downwind_lean_is_held_or_lost() -> None:
@@ -370,8 +378,8 @@ def test_a_downwind_lean_is_held_or_lost() -> None:
         (lean_score(-10, HELD_M - 0.001, 0.0), False),
         (lean_score(-10, 0.010, 0.0, survived=7), True),
     ):
-        assert told_of_leans(downwind, across)[2] is fails
-    assert told_of_leans(across)[2] is False
+        assert reported_of_leans(downwind, across)[2] is fails
+    assert reported_of_leans(across)[2] is False
 
 
 def test_leans_that_are_accepted_and_not_held_are_named() -> None:
@@ -408,15 +416,15 @@ def test_speed_asks_both_with_margin_and_without() -> None:
     )
     quiet = [score._replace(rms_e_rho_m=0.003) for score in falls]
 
-    def told(
+    def reported(
         fixed: list[SpeedScore], calm: dict[float, list[SpeedScore]] | None = None
     ) -> list[bool]:
         return [c.holds for c in speed_claims({"without": fixed}, calm or {1.0: quiet})]
 
-    assert told(falls, {1.0: quiet, 2.5: grows}) == [False, True]
-    assert told(grows) == [True, False]
-    assert told(same) == [False, False]  # within two standard errors
-    assert told(grows, {2.5: grows, 4.0: falls}) == [True, False]  # of all gains that ring
+    assert reported(falls, {1.0: quiet, 2.5: grows}) == [False, True]
+    assert reported(grows) == [True, False]
+    assert reported(same) == [False, False]  # within two standard errors
+    assert reported(grows, {2.5: grows, 4.0: falls}) == [True, False]  # of all gains that ring
 
 
 def test_a_lost_flight_counts_at_its_place() -> None:

@@ -99,8 +99,8 @@ def test_honest_is_every_case_and_both_ways(of: str) -> None:
 def test_the_experiment_tells_and_draws(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tgl_soar.analysis.experiments.wind_estimate.FLIGHT_S", 7.0)
     monkeypatch.setattr("tgl_soar.analysis.experiments.wind_estimate.TOUR_S", 4.0)
-    told = run("wind_estimate", Context(flyer=Flyer(), figures=tmp_path, quick=True))
-    assert all(len(row) == len(t.columns) for t in told.tables for row in t.rows)
-    (figure,) = told.figures
+    reported = run("wind_estimate", Context(flyer=Flyer(), figures=tmp_path, quick=True))
+    assert all(len(row) == len(t.columns) for t in reported.tables for row in t.rows)
+    (figure,) = reported.figures
     assert (tmp_path / figure).read_bytes().startswith(b"\x89PNG")
-    assert json.dumps(as_json(told))
+    assert json.dumps(as_json(reported))

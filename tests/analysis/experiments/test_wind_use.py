@@ -20,13 +20,13 @@ def test_each_use_is_held_against_flights_without_it(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(
         wind_use, "USES", {name: wind_use.USES[name] for name in (wind_use.NEITHER, used)}
     )
-    told = run("wind_use", Context(flyer=Flyer(), quick=True))
-    (table,) = told.tables
+    reported = run("wind_use", Context(flyer=Flyer(), quick=True))
+    (table,) = reported.tables
     neither, with_it = table.rows
     assert neither[-2:] == ("1.00", "1.00")
     assert float(with_it[-2]) > 1.1
     assert float(with_it[-1]) > 1.3
-    (claim,) = told.claims
+    (claim,) = reported.claims
     assert claim.holds
     assert claim.measured.startswith("the best is 1.00")
-    assert json.dumps(as_json(told))
+    assert json.dumps(as_json(reported))

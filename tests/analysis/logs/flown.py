@@ -48,7 +48,7 @@ AT_REST = (0.0, 0.0, -9.81)  # specific force of an aircraft that hovers [m/s²]
 BOOT_S = 20.0  # how long the autopilot had been on by then
 
 
-class Told(Protocol):
+class Reported(Protocol):
     """What the logs of other autopilots tell of a tick."""
 
     @property
@@ -165,7 +165,7 @@ def px4_log(
     leave_out: Sequence[str] = (),
     jump_us: int = 0,
     version: int = 1,
-    ticks: Sequence[Told] = (),
+    ticks: Sequence[Reported] = (),
     moved_every: int = 8,
 ) -> Path:
     """PX4's log; jump_us: the clock is set so much further in the middle of the flight.
@@ -205,7 +205,7 @@ def _layout(fields: str) -> str:
     return found
 
 
-def _px4_rows(k: int, tick: Told, moved_every: int) -> Iterable[tuple[str, tuple[Any, ...]]]:
+def _px4_rows(k: int, tick: Reported, moved_every: int) -> Iterable[tuple[str, tuple[Any, ...]]]:
     fix = tick.inputs.position
     yield "vehicle_attitude", tick.inputs.attitude[2:6]
     if k % 4 == 0 and fix.sequence:
@@ -241,7 +241,7 @@ def dataflash_log(
     folder: Path,
     leave_out: Sequence[str] = (),
     jump_us: int = 0,
-    ticks: Sequence[Told] = (),
+    ticks: Sequence[Reported] = (),
     moved_every: int = 4,
 ) -> Path:
     """ArduPlane's log; jump_us, ticks and moved_every as of PX4's."""
@@ -270,7 +270,9 @@ def _format_record(number: int, length: int, name: str, letters: str, columns: s
     return b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", number, length, *words)
 
 
-def _dataflash_rows(k: int, tick: Told, moved_every: int) -> Iterable[tuple[str, tuple[Any, ...]]]:
+def _dataflash_rows(
+    k: int, tick: Reported, moved_every: int
+) -> Iterable[tuple[str, tuple[Any, ...]]]:
     if k == 0:
         yield "MSG", (b"ArduPlane V4.5.7 (0358a9c2)",)
         yield "PARM", (b"AIRSPEED_CRUISE", 8.5, 8.5)
@@ -297,7 +299,7 @@ def _dataflash_rows(k: int, tick: Told, moved_every: int) -> Iterable[tuple[str,
         yield "RCOU", _pulses(_moved(tick))
 
 
-def _moved(tick: Told) -> SurfaceCommand:
+def _moved(tick: Reported) -> SurfaceCommand:
     """What the surfaces were told: by the pilot, where that is read back, else by the module."""
     seen = tick.inputs.surfaces
     if not seen.sequence:
@@ -305,7 +307,7 @@ def _moved(tick: Told) -> SurfaceCommand:
     return SurfaceCommand(seen.elevator, seen.aileron, seen.rudder)
 
 
-def _force(tick: Told) -> tuple[float, ...]:
+def _force(tick: Reported) -> tuple[float, ...]:
     imu = tick.inputs.imu
     return imu[2:5] if imu.sequence else AT_REST
 
@@ -323,7 +325,7 @@ def tlog(
     folder: Path,
     leave_out: Sequence[str] = (),
     recorder_jump_us: int = 0,
-    ticks: Sequence[Told] = (),
+    ticks: Sequence[Reported] = (),
     moved_every: int = 20,
 ) -> Path:
     """What a ground station records; recorder_jump_us: its clock is set in the middle.
@@ -348,7 +350,7 @@ def tlog(
     return path
 
 
-def _frames(k: int, tick: Told, moved_every: int) -> Iterable[tuple[int, Any]]:
+def _frames(k: int, tick: Reported, moved_every: int) -> Iterable[tuple[int, Any]]:
     ms = round(1e3 * (BOOT_S + tick.inputs.time_s))
     fix, attitude = tick.inputs.position, tick.inputs.attitude
     if k % 200 == 0:

@@ -220,7 +220,7 @@ def test_one_changed_bit_is_found(path: Path, tmp_path: Path) -> None:
     assert 0.0 < only.largest < 1e-15
 
 
-def test_a_state_that_does_not_follow_is_told(log: FlightLog) -> None:
+def test_a_state_that_does_not_follow_is_reported(log: FlightLog) -> None:
     state = dict(log.topics["state"])
     state["line_x_m"] = state["line_x_m"] + np.where(state["tick"] > BATCH_TICKS, 1e-9, 0.0)
     result = replay(replace(log, topics={**log.topics, "state": state}), workers=1)
@@ -280,7 +280,7 @@ def test_another_airframe_brings_its_parameters(log: FlightLog, tmp_path: Path) 
     assert result.replayed["soaring_p"].tobytes() == same.replayed["soaring_p"].tobytes()
 
 
-def test_what_cannot_be_replayed_is_told(log: FlightLog, tmp_path: Path) -> None:
+def test_what_cannot_be_replayed_is_reported(log: FlightLog, tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match="no such parameter"):
         replay(log, changes={"NO_SUCH": 1.0})
     with pytest.raises(ParameterError, match="allowed"):
@@ -298,7 +298,7 @@ def test_what_cannot_be_replayed_is_told(log: FlightLog, tmp_path: Path) -> None
         replay(replace(log, topics={**log.topics, "attitude": attitude}))
 
 
-def test_another_version_is_told_and_replayed(log: FlightLog) -> None:
+def test_another_version_is_reported_and_replayed(log: FlightLog) -> None:
     tick = {k: v for k, v in log.topics["tick"].items() if k != "e_rho_rate_mps"}
     older = replace(log, info={**log.info, "ver_sw": "0.0.9"}, topics={**log.topics, "tick": tick})
     result = replay(older, workers=1)
@@ -385,7 +385,7 @@ def test_a_vehicle_s_clock_that_stood_is_not_followed(
     assert flown[-1]
 
 
-def test_a_wire_that_lacks_what_the_flight_needs_is_told(
+def test_a_wire_that_lacks_what_the_flight_needs_is_reported(
     path: Path, tmp_path: Path, tgl_soar: Callable[..., Ran]
 ) -> None:
     """Without positions nothing engages."""
@@ -409,7 +409,7 @@ def _written(path: Path, data: bytes) -> Path:
     return damaged
 
 
-def test_a_file_that_is_no_wire_is_told(tmp_path: Path) -> None:
+def test_a_file_that_is_no_wire_is_reported(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="cannot be read"):
         read_wire(tmp_path / "missing.tlog")
     (tmp_path / "x.tlog").write_bytes(b"")
@@ -482,7 +482,7 @@ def test_what_was_lost_shows_in_the_exit_code(
         (("log", "export", "{log}", "--to", "xls"), "must be csv, netcdf, mcap"),
     ],
 )
-def test_what_is_wrong_is_told_without_a_traceback(
+def test_what_is_wrong_is_reported_without_a_traceback(
     path: Path,
     tmp_path: Path,
     arguments: tuple[str, ...],

@@ -315,8 +315,8 @@ def test_the_page_needs_nothing_else(tmp_path: Path, analysis: Analysis) -> None
     assert '<html lang="en">' in text
     references = set(re.findall(r'(?:href="|url\()#([^")]+)', text))
     assert references <= set(page.ids)
-    for leg, told in zip(analysis.legs, numbers["legs"], strict=True):
-        assert told["rms_e_rho_m"] == leg.score.rms_e_rho_m
+    for leg, reported in zip(analysis.legs, numbers["legs"], strict=True):
+        assert reported["rms_e_rho_m"] == leg.score.rms_e_rho_m
         assert f"{100 * leg.score.rms_e_rho_m:.2f}" in page.cells
         distance = f"{100 * leg.score.crossing_m:.1f} ± {100 * leg.crossing_sigma_m:.1f}"
         assert distance in page.cells

@@ -61,7 +61,7 @@ class Flown:
     def run(self, seconds: float) -> list[bytes]:
         """What the ground is sent in the meantime."""
         simulation = self.simulation
-        heard: list[bytes] = []
+        received: list[bytes] = []
         for _ in range(round(seconds * simulation.pixhawk.step_hz)):
             simulation.step()
             self.onboard.idle(simulation.time_s)
@@ -69,8 +69,8 @@ class Flown:
                 if link == COMPANION:
                     self.onboard.event(bytes(data), simulation.time_s)
                 else:
-                    heard.append(b"".join(map(self.altered, frames_of(bytes(data)))))
-        return heard
+                    received.append(b"".join(map(self.altered, frames_of(bytes(data)))))
+        return received
 
     def hear(self, data: bytes) -> None:
         """From the ground."""
@@ -96,7 +96,7 @@ class Flying:
         self.flown = Flown(plane)
         self.lock = threading.Lock()
         self.is_cut = False  # the link: nothing comes and nothing goes
-        self.heard: list[bytes] = []  # from the ground, since it was looked at
+        self.received: list[bytes] = []  # from the ground, since it was looked at
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", 0))
         self._socket.setblocking(False)
@@ -131,7 +131,7 @@ class Flying:
             except (BlockingIOError, ConnectionRefusedError):
                 return
             if not self.is_cut:
-                self.heard.append(data)
+                self.received.append(data)
                 self.flown.hear(data)
 
     def until(self, condition: Callable[[Flown], Any], patience_s: float = PATIENCE_S) -> None:

@@ -104,7 +104,7 @@ def test_a_frame_says_what_has_changed() -> None:
 
 
 def test_a_page_that_takes_nothing_misses_frames_and_gets_the_whole_when_it_does() -> None:
-    async def told() -> tuple[list[Any], list[Any], int, list[str]]:
+    async def reported() -> tuple[list[Any], list[Any], int, list[str]]:
         pages = Broadcast()
         quick: list[Any] = []
         slow: list[Any] = []
@@ -131,7 +131,7 @@ def test_a_page_that_takes_nothing_misses_frames_and_gets_the_whole_when_it_does
             await asyncio.sleep(0)
         return quick, slow, stalled.dropped, gone
 
-    quick, slow, dropped, gone = asyncio.run(told())
+    quick, slow, dropped, gone = asyncio.run(reported())
     assert quick[0] == {"whole": True, "now": {"n": 0}}
     assert quick[1:] == [{"now": {"n": i}, "rows": [[i]]} for i in range(1, 5)]
     assert dropped == 2
@@ -141,7 +141,7 @@ def test_a_page_that_takes_nothing_misses_frames_and_gets_the_whole_when_it_does
 
 
 def test_a_page_that_takes_nothing_for_long_is_gone() -> None:
-    async def told() -> list[str]:
+    async def reported() -> list[str]:
         pages = Broadcast()
 
         async def never(_text: str) -> None:
@@ -155,4 +155,4 @@ def test_a_page_that_takes_nothing_for_long_is_gone() -> None:
         pages.remove(viewer)
         return [viewer.name for viewer in gone]
 
-    assert asyncio.run(told()) == ["dead"]
+    assert asyncio.run(reported()) == ["dead"]

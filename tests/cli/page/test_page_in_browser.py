@@ -201,7 +201,9 @@ def not_numbers(data: bytes) -> bytes:
     return bytes(message.pack(sender))
 
 
-def test_a_bad_link_is_told_and_harms_nothing(browser: Any, flight: tuple[Flying, Served]) -> None:
+def test_a_bad_link_is_reported_and_harms_nothing(
+    browser: Any, flight: tuple[Flying, Served]
+) -> None:
     flying, served = flight
     window = Window(browser, served.address).loaded()
     module = mavlink.MAVLink(None, 1, 191)
@@ -278,10 +280,10 @@ def test_what_the_module_foresees_and_measures_is_seen(
     window.shows("#air-words", "readings")
     # Nowhere to settle: the loudest of all gauges, and a cross.
     module = mavlink.MAVLink(None, 1, 191)
-    told = {b"fc_state": 2.0, b"fc_chance": 0.01, b"fc_time": 1.5, b"fc_z": 0.7}
+    reported = {b"fc_state": 2.0, b"fc_chance": 0.01, b"fc_time": 1.5, b"fc_z": 0.7}
     frames = {
         name: bytes(mavlink.MAVLink_named_value_float_message(0, name, value).pack(module))
-        for name, value in told.items()
+        for name, value in reported.items()
     }
 
     def sinking(data: bytes) -> bytes:
@@ -334,7 +336,7 @@ def test_a_point_is_held_and_dragged_along_the_line(browser: Any) -> None:
         window.close()
 
 
-def test_a_wrong_token_and_a_dead_server_are_told(
+def test_a_wrong_token_and_a_dead_server_are_reported(
     browser: Any, flight: tuple[Flying, Served]
 ) -> None:
     flying, served = flight

@@ -118,7 +118,7 @@ def test_the_page_loads_nothing_from_elsewhere_and_is_small(served: Served) -> N
 
 @pytest.mark.parametrize("path", ["/scene", "/recording"])
 @pytest.mark.parametrize("given", ["", "Bearer wrong", f"Bearer {TOKEN}x"])
-def test_without_the_token_nothing_is_told(served: Served, path: str, given: str) -> None:
+def test_without_the_token_nothing_is_reported(served: Served, path: str, given: str) -> None:
     status, text, _ = get(served, path, Authorization=given)
     assert status == 403
     assert b"wrong token" in text

@@ -241,7 +241,7 @@ def hostile_frame(random: Random) -> bytes:
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("seed", range(3))
-def test_whatever_comes_by_the_link_the_page_is_told_in_json(seed: int) -> None:
+def test_whatever_comes_by_the_link_the_page_is_reported_in_json(seed: int) -> None:
     airframe, site = load_airframe(AIRFRAME), load_site(SITE)
     place = place_of(airframe, site, load_parameters(airframe, AIRFRAME, site, SITE), SITE.parent)
     wire, random = Wire(), Random(seed)

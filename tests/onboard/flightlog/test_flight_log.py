@@ -201,13 +201,13 @@ def test_a_number_that_fits_no_float_is_logged_as_infinite(tmp_path: Path) -> No
     assert log.topics["position"]["sequence"][0] == 2**31 - 1
 
 
-def test_what_is_heard_before_the_first_parameters_ends_no_log(tmp_path: Path) -> None:
+def test_what_is_received_before_the_first_parameters_ends_no_log(tmp_path: Path) -> None:
     recorder = FlightRecorder(tmp_path, FACTS, 0.0)
     recorder.start()
-    recorder.inbound(0, b"heard", True)
+    recorder.inbound(0, b"received", True)
     recorder.parameters(ParameterSet())
     assert "cut" not in " ".join(recorder.stop())
-    assert b"heard" in logs_in(tmp_path, "tlog")[0].read_bytes()
+    assert b"received" in logs_in(tmp_path, "tlog")[0].read_bytes()
 
 
 def test_what_was_on_the_wire_goes_to_the_disk_within_a_second(tmp_path: Path) -> None:
@@ -366,7 +366,7 @@ def test_a_flood_of_what_is_refused_costs_no_earlier_flight(
     flight = LoggedFlight(recorder, signing=Signing(key, 1.6e9, 0.0), unsigned_autopilot=is_signed)
     flight.onboard.add_link(lambda _frame: True)
     frame = make()
-    offered, heard = 0, 0
+    offered, received = 0, 0
     while flight.world.time_s < 4.0:
         flight.run(TICK_S)
         flight.onboard.idle(flight.world.time_s)  # in lockstep a round of the loop
@@ -374,18 +374,18 @@ def test_a_flood_of_what_is_refused_costs_no_earlier_flight(
         offered += waiting
         while waiting and is_read(flight.onboard, link):
             waiting -= 1
-            heard += 1
+            received += 1
             flight.onboard.event(frame, flight.world.time_s, link)
     flight.onboard.stop()
     said = recorder.stop()
     assert offered * len(frame) > 4_000_000
-    assert heard * len(frame) > 1_000_000  # several times what the log takes of it
+    assert received * len(frame) > 1_000_000  # several times what the log takes of it
     assert {path.name[-13:-4] for path in logs_in(tmp_path)} >= {"flight001", "flight002"}
     wire = b"".join(path.read_bytes() for path in logs_in(tmp_path, "tlog"))
     assert 10 <= wire.count(frame) <= 60  # a sample, from its beginning to its end
     refused = recorder.allowance.refused
     assert 0 <= refused.taken - wire.count(frame) <= 2  # the operator's own, where they must sign
-    assert refused.taken + refused.left_out <= heard + 2
+    assert refused.taken + refused.left_out <= received + 2
     assert flight.console.count("a flood of frames: the .tlog holds only some of them") == 1
     assert any(f"{refused.left_out} of them refused or of strangers" in words for words in said)
     last = read_log(logs_in(tmp_path)[-1]).words[-1].text
@@ -454,7 +454,7 @@ def test_a_long_flight_in_little_room_keeps_its_beginning(
     assert first.topics["tick"]["tick"][0] == 1
 
 
-def test_what_was_deleted_is_told(tmp_path: Path) -> None:
+def test_what_was_deleted_is_reported(tmp_path: Path) -> None:
     day = tmp_path / "2026-01-01"
     day.mkdir()
     for number in (1, 2, 3):
@@ -501,7 +501,7 @@ def warnings(flight: LoggedFlight) -> list[str]:
 
 
 @pytest.mark.parametrize("folder", ["/dev/null/logs", "/proc/logs"])
-def test_no_folder_is_told_once_and_the_flight_goes_on(folder: str) -> None:
+def test_no_folder_is_reported_once_and_the_flight_goes_on(folder: str) -> None:
     flight, recorder = flown_on(Path(folder))
     (only,) = warnings(flight)
     assert only.startswith("no flight log: ")
@@ -510,7 +510,7 @@ def test_no_folder_is_told_once_and_the_flight_goes_on(folder: str) -> None:
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EROFS, errno.EIO])
-def test_a_write_that_fails_is_told_once_and_the_flight_goes_on(
+def test_a_write_that_fails_is_reported_once_and_the_flight_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
 ) -> None:
     written = 0
@@ -659,7 +659,7 @@ def test_a_damaged_log_gives_what_is_left_and_no_traceback(
     assert len(log.topics.get("tick", {}).get("tick", ())) <= 801
 
 
-def test_zeros_at_the_end_are_told(path: Path, tmp_path: Path) -> None:
+def test_zeros_at_the_end_are_reported(path: Path, tmp_path: Path) -> None:
     """A file system's usual answer to a loss of power."""
     data = path.read_bytes()
     (tmp_path / "zeros.ulg").write_bytes(data + bytes(30_000))
@@ -683,7 +683,7 @@ def test_one_bad_byte_in_the_middle_costs_a_few_rows(path: Path, tmp_path: Path)
     ("data", "why"),
     [(b"", "empty"), (b"MZ" * 100, "not a ULog"), (b"\xfd" * 15, "not a ULog")],
 )
-def test_a_file_that_is_no_log_is_told(tmp_path: Path, data: bytes, why: str) -> None:
+def test_a_file_that_is_no_log_is_reported(tmp_path: Path, data: bytes, why: str) -> None:
     (tmp_path / "x.ulg").write_bytes(data)
     with pytest.raises(LogError, match=why):
         read_log(tmp_path / "x.ulg")
@@ -691,7 +691,7 @@ def test_a_file_that_is_no_log_is_told(tmp_path: Path, data: bytes, why: str) ->
         read_log(tmp_path / "missing.ulg")
 
 
-def test_a_clock_that_jumps_is_told(tmp_path: Path) -> None:
+def test_a_clock_that_jumps_is_reported(tmp_path: Path) -> None:
     """The simulator was restarted: the loop's clock goes back, the ticks count on."""
     recorder = FlightRecorder(tmp_path, FACTS, 0.0, patient=True)
     recorder.start()
@@ -713,7 +713,7 @@ def test_a_clock_that_jumps_is_told(tmp_path: Path) -> None:
     assert log.losses == ["tick: the clock goes back after 5.005 s, 1 times"]
 
 
-def test_another_layout_is_told(path: Path, tmp_path: Path) -> None:
+def test_another_layout_is_reported(path: Path, tmp_path: Path) -> None:
     data = path.read_bytes()
     old, new = b"char[1] ver_log1", b"char[1] ver_log9"
     assert data.count(old) == 1

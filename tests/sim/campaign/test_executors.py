@@ -41,16 +41,16 @@ def test_nothing_to_fly() -> None:
 
 def test_progress_tells_rate_and_time_left() -> None:
     times = iter([0.0, 0.0, 2.0, 4.0])
-    told: list[Progress] = []
+    reported: list[Progress] = []
     kept = InMemory(8)
     jobs = cheap_jobs(8)
     run(
         *(fly_cheaply, jobs, InLine(), kept),
         size=4,
-        on_progress=told.append,
+        on_progress=reported.append,
         clock=lambda: next(times),
     )
-    assert told == [
+    assert reported == [
         Progress(flown=0, of=8, per_s=0.0, left_s=float("inf")),
         Progress(flown=4, of=8, per_s=2.0, left_s=2.0),
         Progress(flown=8, of=8, per_s=2.0, left_s=0.0),

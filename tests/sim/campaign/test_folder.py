@@ -125,11 +125,11 @@ def killed_until_done(path: Path, count: int, kills: int, draw: random.Random) -
     killed = 0
     while True:
         process = started(path, count)
-        begun = next(told := counts(process))
+        begun = next(reported := counts(process))
         wanted = (
             begun + draw.randrange(0, max(1, count // (kills + 1))) if killed < kills else count
         )
-        for flown in told:
+        for flown in reported:
             if flown >= wanted and killed < kills:
                 time.sleep(draw.uniform(0.0, 0.02))  # at any moment of what it does
                 process.kill()

@@ -60,7 +60,7 @@ def replayed() -> tuple[Line, ...]:
     waiting = [line for line in golden() if line.get("from") not in (AUTOPILOT, None)]
     codecs = {who: mavlink.MAVLink(None, *who) for who in ((1, 191), (255, 190))}
     listening = mavlink.MAVLink(None)
-    heard: list[Line] = []
+    received: list[Line] = []
     for step in range(1, round(15.5 * STEP_HZ)):
         time_s = step / STEP_HZ
         attitude = AttitudeSample(
@@ -88,13 +88,13 @@ def replayed() -> tuple[Line, ...]:
         for _, data in pixhawk.take_datagrams():
             for message in listening.parse_buffer(bytearray(data)) or ():
                 fields = message.to_dict()
-                heard.append({"t": time_s, "name": fields.pop("mavpackettype"), **fields})
+                received.append({"t": time_s, "name": fields.pop("mavpackettype"), **fields})
         while waiting and waiting[0]["t"] <= time_s:
             line = waiting.pop(0)
             codec = codecs[tuple(line["from"])]
             pixhawk.receive(LINK, bytes(message_of(line).pack(codec)))
             codec.seq = (codec.seq + 1) % 256
-    return tuple(heard)
+    return tuple(received)
 
 
 def of_firmware(*names: str) -> list[Line]:
@@ -133,8 +133,10 @@ def test_there_are_questions_with_and_without_an_answer() -> None:
 
 def outputs_at(lines: Any, time_s: float) -> tuple[int, ...]:
     """Of aileron, elevator and rudder, as they were told last."""
-    told = [line for line in lines if line["name"] == "SERVO_OUTPUT_RAW" and line["t"] <= time_s]
-    return tuple(told[-1][name] for name in PULSES)
+    reported = [
+        line for line in lines if line["name"] == "SERVO_OUTPUT_RAW" and line["t"] <= time_s
+    ]
+    return tuple(reported[-1][name] for name in PULSES)
 
 
 @pytest.mark.parametrize(
@@ -180,8 +182,8 @@ def test_heartbeats_tell_the_same_modes() -> None:
     def modes(lines: Any) -> list[tuple[int, ...]]:
         beats = [line for line in lines if line["name"] == "HEARTBEAT" and line["type"] == 1]
         names = ("autopilot", "base_mode", "custom_mode", "system_status")
-        told = [tuple(beat[name] for name in names) for beat in beats if beat["t"] > 1.0]
-        return [mode for i, mode in enumerate(told) if i == 0 or mode != told[i - 1]]
+        reported = [tuple(beat[name] for name in names) for beat in beats if beat["t"] > 1.0]
+        return [mode for i, mode in enumerate(reported) if i == 0 or mode != reported[i - 1]]
 
     assert modes(replayed()) == modes(of_firmware("HEARTBEAT"))
     assert len(modes(of_firmware("HEARTBEAT"))) == 3  # MANUAL, FBWA, MANUAL

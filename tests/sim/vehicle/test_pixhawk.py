@@ -299,7 +299,7 @@ def test_deflection_and_pulse_width_are_inverse(deflection: float, reverse: bool
 # --- modes -----------------------------------------------------------------------------------
 
 
-def test_modes_change_by_command_and_are_told_at_once() -> None:
+def test_modes_change_by_command_and_are_reported_at_once() -> None:
     pixhawk = make()
     run(pixhawk, 1)
     peer = ground(pixhawk)
@@ -558,7 +558,7 @@ def test_an_unknown_parameter_meets_silence() -> None:
     assert not collect(pixhawk)[GROUND]
 
 
-def test_a_set_for_an_unheard_component_is_executed_by_the_autopilot() -> None:
+def test_a_set_for_an_silent_component_is_executed_by_the_autopilot() -> None:
     """The measured trap: before the companion has spoken, its mail is opened."""
     pixhawk = make()
     station = ground(pixhawk)

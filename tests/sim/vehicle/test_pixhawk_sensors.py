@@ -51,12 +51,12 @@ class Wire:
         )
 
     def runs(self, steps: int, *, pitot: bool = True) -> list[Any]:
-        heard: list[Any] = []
+        received: list[Any] = []
         for _ in range(steps):
             self.pixhawk.step(sensed(self.pixhawk.steps + 1, pitot=pitot))
             for _, data in self.pixhawk.take_datagrams():
-                heard += self.reader.parse_buffer(data) or []
-        return heard
+                received += self.reader.parse_buffer(data) or []
+        return received
 
 
 def sensed(step: int, *, pitot: bool = True) -> Sensed:
@@ -88,8 +88,8 @@ def test_inertial_messages_come_at_the_rate_asked_for_in_their_own_units() -> No
     wire = Wire(uptime_s=100.0)
     for message_id in (27, 26, 105):
         wire.wants(message_id, 100.0)
-    heard = wire.runs(200)
-    raw, scaled, high = (named(heard, n) for n in ("RAW_IMU", "SCALED_IMU", "HIGHRES_IMU"))
+    received = wire.runs(200)
+    raw, scaled, high = (named(received, n) for n in ("RAW_IMU", "SCALED_IMU", "HIGHRES_IMU"))
     assert len(raw) == len(scaled) == len(high) == 100
     for m in (raw[-1], scaled[-1]):
         # Milli-g and milliradians, cut off toward zero.
@@ -106,9 +106,9 @@ def test_the_attitude_goes_out_last_in_every_step() -> None:
     for message_id in (27, 32, 36, 74):
         wire.wants(message_id, 200.0)
     for _ in range(20):
-        heard = wire.runs(1)
-        assert heard[-1].get_type() == "ATTITUDE_QUATERNION"
-        assert len(named(heard, "RAW_IMU")) == 1
+        received = wire.runs(1)
+        assert received[-1].get_type() == "ATTITUDE_QUATERNION"
+        assert len(named(received, "RAW_IMU")) == 1
 
 
 def test_without_a_sensor_there_is_no_message_and_no_health() -> None:
@@ -124,9 +124,9 @@ def test_the_airspeed_is_equivalent_and_read_ten_times_a_second() -> None:
     wire = Wire()
     wire.wants(1, 1.0)
     wire.wants(74, 50.0)
-    heard = wire.runs(20)
-    assert named(heard, "SYS_STATUS")[-1].onboard_control_sensors_health & 16
-    hud = named(heard, "VFR_HUD")[-1]
+    received = wire.runs(20)
+    assert named(received, "SYS_STATUS")[-1].onboard_control_sensors_health & 16
+    hud = named(received, "VFR_HUD")[-1]
     assert hud.alt == pytest.approx(25.0)
     assert hud.airspeed == pytest.approx(9.0 * sqrt((1 - 2.25577e-5 * 25.0) ** 4.2559), abs=1e-3)
 

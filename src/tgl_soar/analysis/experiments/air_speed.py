@@ -124,7 +124,7 @@ def speed(context: Context) -> Result:
                 "Calm air, without accelerometers, outer gains times …: rms e_rho [cm]",
                 ("line", "local wind [m/s]", *(f"× {f:g}" for f in factors)),
                 tuple(
-                    (line, f"{winds[line]:.2f}", *(_told(calm[f][i]) for f in factors))
+                    (line, f"{winds[line]:.2f}", *(_reported(calm[f][i]) for f in factors))
                     for i, line in enumerate(lines)
                 ),
             ),
@@ -178,7 +178,7 @@ def _cm(value_m: float, digits: int) -> str:
     return f"{100 * value_m:.{digits}f}" if isfinite(value_m) else "lost"
 
 
-def _told(s: SpeedScore) -> str:
+def _reported(s: SpeedScore) -> str:
     lost = s.flights - s.survived
     return f"{lost} of {s.flights} lost" if lost else _cm(s.rms_e_rho_m, 2)
 

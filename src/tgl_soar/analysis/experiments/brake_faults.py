@@ -50,7 +50,7 @@ class FaultyFlight(NamedTuple):
     fault: str
     lost: str  # what was hit while the module had the surfaces; "": nothing
     handed_over: str  # why; "": not at all
-    told_s: float  # from the fault until the point was given up for it; NaN: it was not
+    reported_s: float  # from the fault until the point was given up for it; NaN: it was not
     standing: int  # of the point at the end, as `control.brake` numbers it
     duration_s: float
 
@@ -83,13 +83,13 @@ def fly_faulty(job: ScenarioJob) -> FaultyFlight:
         world = CompiledWorld(prepare_compiled(world, scenario.duration_s), job.seed)
     loop = (CompiledLoop if available() else ClosedLoop)(world, prepared.values, injection)
     lost = handed_over = ""
-    told_s = float("nan")
+    reported_s = float("nan")
     standing = 0
     for _ in range(round(scenario.duration_s * world.step_hz)):
         output = loop.tick()
         standing = output.point.standing
-        if told_s != told_s and standing in (DEAD, UNEVEN):
-            told_s = world.time_s - fault.start_s
+        if reported_s != reported_s and standing in (DEAD, UNEVEN):
+            reported_s = world.time_s - fault.start_s
         if output.mode in (RELEASED, FAILED):
             handed_over = reason_text(output.reason)
             break
@@ -105,7 +105,7 @@ def fly_faulty(job: ScenarioJob) -> FaultyFlight:
         fault=str(fault),
         lost=lost,
         handed_over=handed_over,
-        told_s=told_s,
+        reported_s=reported_s,
         standing=standing,
         duration_s=world.time_s,
     )
@@ -130,7 +130,7 @@ def faults_table(flights: Sequence[FaultyFlight]) -> Table:
             own = [f for f in flights if f.place == place and f.kind == kind]
             if not own:
                 continue
-            told = [f.told_s for f in own if f.told_s == f.told_s]
+            reported = [f.reported_s for f in own if f.reported_s == f.reported_s]
             rows.append(
                 (
                     f"{kind}, {place}",
@@ -138,8 +138,8 @@ def faults_table(flights: Sequence[FaultyFlight]) -> Table:
                     str(sum(not (f.lost or f.handed_over) for f in own)),
                     str(sum(bool(f.handed_over) for f in own)),
                     str(sum(bool(f.lost) for f in own)),
-                    str(len(told)),
-                    f"{median(told):.0f}" if told else "–",
+                    str(len(reported)),
+                    f"{median(reported):.0f}" if reported else "–",
                 )
             )
     columns = (

@@ -252,7 +252,7 @@ def estimator(context: Context) -> Result:
 
 def split_words(of_plain: dict[str, Ratios]) -> str:
     """What of the gain is the sensor's and what the gains' that it allows."""
-    told = "; ".join(
+    reported = "; ".join(
         f"{what} {of_plain[name].e_rho:.2f} of the plain law's rms e_rho, for"
         f" {of_plain[name].activity:.2f} of its elevator activity"
         for what, name in (
@@ -261,7 +261,7 @@ def split_words(of_plain: dict[str, Ratios]) -> str:
             ("both", "accelerations"),
         )
     )
-    return f"What accelerometers are worth, split: {told}."
+    return f"What accelerometers are worth, split: {reported}."
 
 
 def least_margins() -> dict[str, float]:
@@ -281,7 +281,7 @@ def least_margins() -> dict[str, float]:
 
 def margin_words(least: dict[str, float], of_plain: dict[str, Ratios]) -> str:
     """Which of the comparisons is one of laws with the same margin."""
-    told = ", ".join(
+    reported = ", ".join(
         f"{what} {least[name]:.2f}"
         for what, name in (
             ("the plain law", "plain"),
@@ -293,7 +293,7 @@ def margin_words(least: dict[str, float], of_plain: dict[str, Ratios]) -> str:
     equal = abs(least["accelerations"] - least["plain"]) <= EQUAL_MARGIN
     return (
         f" The least disk margin of the pitch loops at {AT.speed_mps:g} m/s, {AT.lean_deg:g}° and"
-        f" {1e3 * AT.delay_s:g} ms, by the linear model: {told}."
+        f" {1e3 * AT.delay_s:g} ms, by the linear model: {reported}."
         + (
             " So at equal margin the accelerometers are worth what both are:"
             f" {of_plain['accelerations'].e_rho:.2f}."

@@ -47,7 +47,7 @@ FloatArray = NDArray[np.float64]
 FLIGHTS: Final = 500  # of each kind at each place
 DT_S: Final = 0.02
 EVERY: Final = 5  # steps between two readings
-TOLD_S: Final = 1.5  # after it could be known
+REPORTED_S: Final = 1.5  # after it could be known
 START_M: Final = 0.7  # from the crossing, at most, along the line
 LEANS_DEG: Final = (10.0, 15.0, 20.0, 25.0)
 GUSTS: Final = (0.01, 0.03, 0.05)
@@ -153,7 +153,7 @@ def run(context: Context) -> Result:
                     "told after [s], median", "90 %", "told within 1.5 s, or 1 s before the limit",
                     "height left over the clearance [m], median",
                 ),
-                tuple(_told_row(name, flights) for name, flights in without.items()),
+                tuple(_reported_row(name, flights) for name, flights in without.items()),
             ),
             Table(
                 "A place to settle",
@@ -175,7 +175,7 @@ def sank(flight: Slid) -> bool:
 
 def late(flight: Slid) -> bool:
     """Whether it reached the clearance untold, later than TOLD_S after it could be known."""
-    return sank(flight) and flight.time_s > WINDOW_S + TOLD_S
+    return sank(flight) and flight.time_s > WINDOW_S + REPORTED_S
 
 
 def claims(without: dict[str, list[Slid]], having: dict[str, list[Slid]]) -> tuple[Claim, ...]:
@@ -185,7 +185,7 @@ def claims(without: dict[str, list[Slid]], having: dict[str, list[Slid]]) -> tup
     shares = [wrong[name] / len(having[name]) for name in having]
     return (
         Claim(
-            f"none is at the clearance untold more than {TOLD_S:g} s after it could be known",
+            f"none is at the clearance untold more than {REPORTED_S:g} s after it could be known",
             not any(lost.values()),
             ", ".join(f"{n} of {len(without[name])}, {name}" for name, n in lost.items()),
         ),
@@ -197,24 +197,24 @@ def claims(without: dict[str, list[Slid]], having: dict[str, list[Slid]]) -> tup
     )
 
 
-def _told_row(name: str, flights: list[Slid]) -> tuple[str, ...]:
-    told = [s for s in flights if s.foreseen is not None]
+def _reported_row(name: str, flights: list[Slid]) -> tuple[str, ...]:
+    reported = [s for s in flights if s.foreseen is not None]
     first, out = sum(sank(s) for s in flights), sum(s.is_outside for s in flights)
-    after = [s.time_s for s in told]
+    after = [s.time_s for s in reported]
     early = sum(
-        s.time_s <= WINDOW_S + TOLD_S or (s.foreseen is not None and s.foreseen.ahead_s < 1.0)
-        for s in told
+        s.time_s <= WINDOW_S + REPORTED_S or (s.foreseen is not None and s.foreseen.ahead_s < 1.0)
+        for s in reported
     )
     return (
         name,
-        f"{len(told)} of {len(flights)}",
+        f"{len(reported)} of {len(flights)}",
         f"{first}, {sum(late(s) for s in flights)} of them late",
         f"{out}",
-        f"{len(flights) - len(told) - first - out}",
+        f"{len(flights) - len(reported) - first - out}",
         f"{np.median(after):.1f}",
         f"{np.percentile(after, 90):.1f}",
         f"{early}",
-        f"{np.median([s.left_m for s in told]):.2f}",
+        f"{np.median([s.left_m for s in reported]):.2f}",
     )
 
 

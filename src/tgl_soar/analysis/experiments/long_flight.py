@@ -98,14 +98,14 @@ class _Wire:
         if frame[0] == 0xFD and number == mavlink.MAVLINK_MSG_ID_RC_CHANNELS_OVERRIDE:
             payload = frame[10 : 10 + frame[1]].ljust(18, b"\0")
             pwm = struct.unpack_from("<8H", payload)
-            told = [pwm[surface.channel - 1] for surface in self._surfaces]
+            reported = [pwm[surface.channel - 1] for surface in self._surfaces]
             self.command = (
                 None
-                if RELEASED in told
+                if RELEASED in reported
                 else SurfaceCommand(
                     *(
                         deflection_from_pwm(surface, value)
-                        for surface, value in zip(self._surfaces, told, strict=True)
+                        for surface, value in zip(self._surfaces, reported, strict=True)
                     )
                 )
             )

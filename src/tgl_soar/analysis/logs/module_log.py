@@ -181,5 +181,5 @@ def _reasons(topics: Topics, modes: list[str], log: FlightLog) -> list[Event]:
 
 def _names(log: FlightLog, key: str, ours: tuple[str, ...]) -> tuple[str, ...]:
     """As the version that wrote the log numbered them."""
-    told = log.info.get(key)
-    return tuple(told.split(";")) if isinstance(told, str) and told else ours
+    reported = log.info.get(key)
+    return tuple(reported.split(";")) if isinstance(reported, str) and reported else ours

@@ -290,7 +290,7 @@ def _losses(frames: _Frames, rows: NDArray[np.intp]) -> dict[str, tuple[int, int
 def read_tlog(name: str, log: Tlog) -> FlightData:
     """A flight that was recorded on the wire."""
     system = _vehicle(log)
-    told = _named_values(log)
+    reported = _named_values(log)
     position, absolute = _position(log, system)
     flight = FlightData(
         name=name,
@@ -301,17 +301,17 @@ def read_tlog(name: str, log: Tlog) -> FlightData:
         airspeed=_from(log.get("VFR_HUD", system), "VFR_HUD", airspeed_mps="airspeed"),
         rates=_rates(log, system),
         imu=_imu(log, system),
-        path=_told_path(told),
+        path=_reported_path(reported),
         outputs=_outputs(log, system),
-        setpoints=_told_setpoints(told),
-        tracking=_told(told, "e_rho", "e_rho_m"),
-        line=_told_line(told),
-        air=_told_air(told),
-        ages=_told_ages(told),
-        margins=_told_margins(told),
-        forecast=_told_forecast(told),
-        point=_together(told, {"standing": "pt_state", "off_m": "pt_off", "brake": "brake"}),
-        modes=_told_modes(told),
+        setpoints=_reported_setpoints(reported),
+        tracking=_reported(reported, "e_rho", "e_rho_m"),
+        line=_reported_line(reported),
+        air=_reported_air(reported),
+        ages=_reported_ages(reported),
+        margins=_reported_margins(reported),
+        forecast=_reported_forecast(reported),
+        point=_together(reported, {"standing": "pt_state", "off_m": "pt_off", "brake": "brake"}),
+        modes=_reported_modes(reported),
         autopilot_modes=_autopilot_modes(log, system),
         streams={kind: rows.time_s for kind, rows in log.kinds.items()},
         loss=log.loss,
@@ -503,46 +503,46 @@ def _named_values(log: Tlog) -> dict[str, tuple[Floats, Floats]]:
     return found
 
 
-_Told = dict[str, tuple[Floats, Floats]]
+_Reported = dict[str, tuple[Floats, Floats]]
 
 
-def _told(told: _Told, name: str, column: str, scale: float = 1.0) -> Series | None:
-    if name not in told:
+def _reported(reported: _Reported, name: str, column: str, scale: float = 1.0) -> Series | None:
+    if name not in reported:
         return None
-    times, values = told[name]
+    times, values = reported[name]
     return series(times, f"NAMED_VALUE_FLOAT {name}", **{column: scale * values})
 
 
-def _together(told: _Told, names: dict[str, str]) -> Series | None:
+def _together(reported: _Reported, names: dict[str, str]) -> Series | None:
     """Numbers that were told in turn as one series, each as it stood at the time."""
-    if not all(name in told for name in names.values()):
+    if not all(name in reported for name in names.values()):
         return None
-    parts = {c: Series(told[n][0], {c: told[n][1]}, n) for c, n in names.items()}
+    parts = {c: Series(reported[n][0], {c: reported[n][1]}, n) for c, n in names.items()}
     times = np.unique(np.concatenate([part.time_s for part in parts.values()]))
     columns = {c: part.last_at(c, times) for c, part in parts.items()}
     return series(times, "NAMED_VALUE_FLOAT", **columns)
 
 
-def _told_setpoints(told: _Told) -> Series | None:
-    pitch = _told(told, "pitch_sp", "pitch_rad", radians(1.0))
+def _reported_setpoints(reported: _Reported) -> Series | None:
+    pitch = _reported(reported, "pitch_sp", "pitch_rad", radians(1.0))
     if pitch is None:
         return None
     unknown = np.full(len(pitch), np.nan)
     return replace(pitch, columns={**pitch.columns, "roll_rad": unknown, "heading_rad": unknown})
 
 
-def _told_path(told: _Told) -> Series | None:
+def _reported_path(reported: _Reported) -> Series | None:
     """x and z alone: the path that the position messages give is better, where a site is known."""
-    found = _together(told, {"x_m": "soar_x", "z_m": "soar_z"})
+    found = _together(reported, {"x_m": "soar_x", "z_m": "soar_z"})
     if found is None:
         return None
     return replace(found, columns={**found.columns, "y_m": np.full(len(found), np.nan)})
 
 
-def _told_line(told: _Told) -> Series | None:
+def _reported_line(reported: _Reported) -> Series | None:
     parts = {}
     for column, name in (("x_m", "line_x"), ("z_m", "line_z"), ("eta_rad", "line_lean")):
-        part = _told(told, name, column)
+        part = _reported(reported, name, column)
         if part is not None:
             parts[column] = part
     if "eta_rad" in parts:
@@ -551,36 +551,36 @@ def _told_line(told: _Told) -> Series | None:
     return line_series(parts, "NAMED_VALUE_FLOAT")
 
 
-def _told_air(told: _Told) -> Series | None:
-    if "updraft" not in told:
+def _reported_air(reported: _Reported) -> Series | None:
+    if "updraft" not in reported:
         return None
-    times, updraft = told["updraft"]
+    times, updraft = reported["updraft"]
     wind = np.full(len(times), np.nan)
-    if "wind" in told:
-        wind = Series(told["wind"][0], {"wind": told["wind"][1]}, "").last_at("wind", times)
+    if "wind" in reported:
+        wind = Series(reported["wind"][0], {"wind": reported["wind"][1]}, "").last_at("wind", times)
     return series(times, "NAMED_VALUE_FLOAT updraft", wind_mps=wind, updraft_mps=updraft)
 
 
-def _told_ages(told: _Told) -> Series | None:
+def _reported_ages(reported: _Reported) -> Series | None:
     names = {"position_age_s": "age_pos", "attitude_age_s": "age_att", "heartbeat_age_s": "age_ap"}
-    return _together(told, names)
+    return _together(reported, names)
 
 
-def _told_margins(told: _Told) -> Series | None:
-    found = _together(told, {"clearance_m": "clearance", "stall_rad": "stall"})
+def _reported_margins(reported: _Reported) -> Series | None:
+    found = _together(reported, {"clearance_m": "clearance", "stall_rad": "stall"})
     if found is None:
         return None
     return replace(found, columns={**found.columns, "stall_rad": np.radians(found["stall_rad"])})
 
 
-def _told_forecast(told: _Told) -> Series | None:
+def _reported_forecast(reported: _Reported) -> Series | None:
     names = {"standing": "fc_state", "chance": "fc_chance", "ahead_s": "fc_time", "z_m": "fc_z"}
-    return _together(told, names)
+    return _together(reported, names)
 
 
-def _told_modes(told: _Told) -> tuple[LoggedMode, ...]:
-    if "soar_mode" not in told:
+def _reported_modes(reported: _Reported) -> tuple[LoggedMode, ...]:
+    if "soar_mode" not in reported:
         return ()
-    times, values = told["soar_mode"]
+    times, values = reported["soar_mode"]
     known = np.isfinite(values)
     return changes_of(times[known], mode_words(values[known]))

@@ -29,8 +29,8 @@ class Topics:
         self.time_s = clocks.time_s
         self.start_s = clocks.start_s
         # How the clock ran back or leapt is told by what straightened it.
-        told = [loss for loss in log.losses if "the clock " not in loss]
-        self.lost = (*told, *clocks.lost)
+        reported = [loss for loss in log.losses if "the clock " not in loss]
+        self.lost = (*reported, *clocks.lost)
         self._rows: dict[str, dict[str, NDArray[Any]]] = {
             name: {key: values[clocks.rows[name]] for key, values in rows.items()}
             for name, rows in timed.items()

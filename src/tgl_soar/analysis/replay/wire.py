@@ -57,7 +57,7 @@ class WireFlight(NamedTuple):
     """A number that the module told, then and now."""
 
     time_s: float
-    told: float
+    reported: float
     replayed: float
 
 
@@ -222,10 +222,10 @@ def replay_wire(
     own = (link.system_id, link.component_id)
     decoded = list(_decoded(frames))
     arrivals_s = _arrivals(frames)
-    told = _first_values(decoded, own)
+    reported = _first_values(decoded, own)
     changes = {**NEVER_DEAD, **(changes or {})}
     try:
-        values = values.changed({**told, **changes})
+        values = values.changed({**reported, **changes})
     except ParameterError as error:
         if error.name in changes:
             raise
@@ -233,7 +233,7 @@ def replay_wire(
         values = values.changed(changes)
     lockstep = not _keeps_pace(decoded, arrivals_s, own[0])
     notes.insert(0, "replayed from the wire: not bit for bit, the module may have received more")
-    if not told:
+    if not reported:
         notes.append("it said no parameters: those of the files are used")
     if lockstep:
         notes.append("the vehicle's clock did not run with the recorder's: a tick each attitude")
@@ -320,7 +320,7 @@ def _keeps_pace(decoded: list[tuple[TlogFrame, Any]], arrivals_s: list[float], s
     if len(stamps) < 2:
         return True
     (ours, theirs), (ours_last, theirs_last) = stamps[0], stamps[-1]
-    passed, told = ours_last - ours, theirs_last - theirs
+    passed, reported = ours_last - ours, theirs_last - theirs
     clocks = ClockMap()
     timely_s = ours
     for arrival_s, stamp_s in stamps:
@@ -328,10 +328,12 @@ def _keeps_pace(decoded: list[tuple[TlogFrame, Any]], arrivals_s: list[float], s
             timely_s = arrival_s
         elif arrival_s - timely_s > _LATE_FOR_S:
             return False
-    return bool(abs(told - passed) <= _SAME_PACE * abs(passed))
+    return bool(abs(reported - passed) <= _SAME_PACE * abs(passed))
 
 
-def rms(heard: list[WireFlight]) -> float:
+def rms(received: list[WireFlight]) -> float:
     """Of the differences between then and now; NaN where there is nothing to compare."""
-    squares = [(h.told - h.replayed) ** 2 for h in heard if isfinite(h.told - h.replayed)]
+    squares = [
+        (h.reported - h.replayed) ** 2 for h in received if isfinite(h.reported - h.replayed)
+    ]
     return float(np.sqrt(np.mean(squares))) if squares else nan

@@ -37,8 +37,8 @@ def loop_words(loops: Sequence[LoopResponse]) -> str:
             )
             if isfinite(value)
         ]
-        told = ", ".join(found) or "no margin lies between the tones"
-        words.append(f"Broken at the {loop.at}, {loop.periods} periods of 5 s: {told}.")
+        reported = ", ".join(found) or "no margin lies between the tones"
+        words.append(f"Broken at the {loop.at}, {loop.periods} periods of 5 s: {reported}.")
     return " ".join(words)
 
 

@@ -57,8 +57,8 @@ def recording_of(flight: FlightData, site: Site, air: MeasuredAir | None = None)
 
     air: to measure with; it holds the whole flight then.
     """
-    told, position = flight.path, flight.position
-    if told is not None and position is not None and len(position) < len(told):
+    reported, position = flight.path, flight.position
+    if reported is not None and position is not None and len(position) < len(reported):
         flight = replace(flight, position=None)  # the path as the module reported it has more
     flight = on_line(placed(flight, site.frame()))
     duration_s = flight.duration_s

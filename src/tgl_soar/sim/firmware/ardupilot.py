@@ -120,7 +120,7 @@ class ArduPlanePhysics:
         self._socket.sendto(state_line(readings, self._transmitter(sticks)), self._remote)
         if not self._receive(PATIENCE_S):
             raise FirmwareError(f"ArduPlane has not answered a step for {PATIENCE_S:g} s")
-        return self._told()
+        return self._reported()
 
     def close(self) -> None:
         """Give the port back."""
@@ -141,7 +141,7 @@ class ArduPlanePhysics:
                 return True
         return False
 
-    def _told(self) -> SurfaceCommand:
+    def _reported(self) -> SurfaceCommand:
         """Outputs are zero until its channels are set up."""
         pulses = [self._pulses[surface.channel - 1] for surface in self._surfaces]
         if not all(pulses):
