@@ -61,6 +61,24 @@ def test_a_file_without_a_model_has_the_defaults(missing: str) -> None:
     assert lateral_gains(replace(AIRFRAME, model=model)) == {}
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *(("Cl_p", value) for value in (0.0, 0.5)),  # of a wing that does not damp its roll
+        *(("Cl_aileron", value) for value in (0.0, -0.1)),
+        *(("Cn_rudder", value) for value in (0.0, -0.1)),
+        *(("servo_lag_radps", value) for value in (0.0, -1.0)),
+        ("servo_delay_s", -0.001),
+    ],
+)
+def test_a_model_that_no_gain_fits_has_the_defaults(name: str, value: float) -> None:
+    assert lateral_gains(changed(**{name: value})) == {}
+
+
+def test_a_servo_without_a_pure_delay_has_gains() -> None:
+    assert lateral_gains(changed(servo_delay_s=0.0))
+
+
 def test_half_the_effect_takes_twice_the_gain_and_a_slow_servo_less() -> None:
     gains = lateral_gains(AIRFRAME)
     weak = lateral_gains(changed(Cl_aileron=0.5 * AIRFRAME.model["Cl_aileron"]))

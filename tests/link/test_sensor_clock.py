@@ -84,6 +84,28 @@ def test_another_rate_and_a_pause_begin_a_new_line() -> None:
     assert error_rms([(t + whole, s + whole) for t, s in soon], clock, 1.0) < 0.1e-3
 
 
+def test_one_frame_that_was_stamped_late_moves_no_line() -> None:
+    samples, clock = stamped(0.0047, 2.0, seed=3), SensorClock()
+    for _, stamp_s in samples[:-3]:
+        clock.recover(stamp_s)
+    period_s = clock.period_s
+    clock.recover(samples[-3][1] + 0.002)
+    assert clock.period_s == period_s
+    clock.recover(samples[-2][1])  # not earlier than the late one
+    true_s, stamp_s = samples[-1]
+    assert clock.recover(stamp_s) == pytest.approx(true_s, abs=0.15e-3)
+
+
+def test_three_in_a_row_do() -> None:
+    samples, clock = stamped(0.0047, 2.0, seed=3), SensorClock()
+    for _, stamp_s in samples[:-3]:
+        clock.recover(stamp_s)
+    for _, stamp_s in samples[-3:]:
+        assert clock.period_s > 0.0
+        clock.recover(stamp_s + 0.002)
+    assert clock.period_s == 0.0
+
+
 @given(st.lists(st.integers(1, 400), min_size=1, max_size=200), st.integers(0, 2**32))
 def test_whatever_comes_times_grow_and_lie_in_their_millisecond(
     steps_ms: list[int], first_ms: int
