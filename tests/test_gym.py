@@ -199,7 +199,8 @@ def test_our_own_pitch_setpoint_given_from_outside_moves_the_surfaces_as_before(
     given = OutsideCommand(
         PITCH, laws.target, output.setpoints.pitch_rad, SurfaceCommand(0.0, 0.0, 0.0)
     )
-    loops, setpoints = given_loops(laws, given, before.loops, after.memory, inputs, output, DT_S)
+    dt_s = inputs.time_s - before.time_s  # DT_S, but for its last digit
+    loops, setpoints = given_loops(laws, given, before.loops, after.memory, inputs, output, dt_s)
     assert setpoints == output.setpoints
     assert loops == after.loops
 

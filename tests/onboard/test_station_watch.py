@@ -63,9 +63,8 @@ def test_without_a_station_it_cannot_be_engaged_then(flight: Flight) -> None:
     flight.set("OP_ENGAGE", 1.0)
     flight.run(0.1)
     assert flight.mode_now == READY
-    assert "no ground station for 3 s, and OP_GCS_LOSS asks for one" in "".join(
-        texts(flight.said())
-    )
+    refusal = "".join(texts(flight.said()))
+    assert "no ground station for 3 s, and OP_GCS_LOSS asks for one" in refusal
     beat(flight, seconds=1.0)
     flight.set("OP_ENGAGE", 1.0)
     flight.run(0.1)
