@@ -1,8 +1,8 @@
 # make run    fly the three-leg flight between real processes and draw it
-# make test   lint, types and tests
+# make test   lint, types and tests: those that are quick
 # make long   the tests that take minutes: whole experiments, an hour's flight of the whole module,
 #             native code made and tested, and every property with more examples
-# make ci     make test, and those of the long ones that fit into a few minutes more
+# make ci     lint, types and all tests but the long ones: what continuous integration runs
 # make bench  timings, as ratios against references of the same run
 # make docs   the pages as a site: out/docs/index.html
 # make pictures  the README's pictures, flown and drawn again
@@ -34,7 +34,7 @@ run: $(VENV)/.run
 	$(BIN)/tgl-soar sitl $(ARGS)
 
 test: $(VENV)/.test lint
-	$(BIN)/pytest $(WORKERS) $(ARGS)
+	$(BIN)/pytest $(WORKERS) -m "not long and not later" $(ARGS)
 
 lint: $(VENV)/.test
 	$(BIN)/ruff check .
@@ -45,8 +45,8 @@ long: $(VENV)/.test
 	$(BIN)/pytest -m long $(ARGS)
 	$(BIN)/pytest $(WORKERS) -m hypothesis --hypothesis-profile long
 
-ci: test
-	$(BIN)/pytest $(WORKERS) -m "long and ci"
+ci: $(VENV)/.test lint
+	$(BIN)/pytest $(WORKERS) $(ARGS)
 
 bench: $(VENV)/.test
 	$(BIN)/python -m benchmarks $(ARGS)

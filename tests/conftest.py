@@ -54,6 +54,17 @@ ONE_WORKER: dict[str, tuple[str, ...]] = {
     ),
 }  # fmt: skip
 TESTS = Path(__file__).parent
+# More than half of the time of all tests: `make test` leaves them to `make ci`.  They need a
+# compiled kernel, the clock on the wall, a browser, another program, or a whole log and its report.
+LATER_GROUPS = ("kernels", "real time", "page in a browser", "one flight")
+LATER_FILES = (
+    "analysis/replay/test_replay.py", "analysis/report/test_flight_report.py",
+    "analysis/test_linear_model.py", "analysis/test_loop_response.py",
+    "cli/page/test_page_for_a_day.py", "cli/page/test_server.py", "cli/test_direct_tuples.py",
+    "cli/test_identify_command.py", "cli/test_native.py", "docs/test_site.py",
+    "fuzz/test_hostile.py", "peers/test_mavproxy_tgl.py", "peers/test_metadata.py",
+    "sim/test_batch.py", "sim/test_closed_loop.py", "sim/test_point_mass.py", "test_gym.py",
+)  # fmt: skip
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -63,11 +74,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     The longest go first: one worker begins with the one group, the other with the next, and the
     many single tests at the end are divided so that both end together.
     """
+    later = {TESTS / file for file in LATER_FILES}
     group_of = {TESTS / file: name for name, files in ONE_WORKER.items() for file in files}
     for item in items:
         group = group_of.get(item.path) or (shares(item) and str(item.path))
         if group and item.get_closest_marker("xdist_group") is None:
             item.add_marker(pytest.mark.xdist_group(group))
+        own = item.get_closest_marker("xdist_group")
+        if item.path in later or (own is not None and own.args[0] in LATER_GROUPS):
+            item.add_marker(pytest.mark.later)
     items.sort(key=turn)
     if NATIVE:
         for item in items:

@@ -210,7 +210,7 @@ def test_sensitivity_and_open_loop_are_one() -> None:
     assert s * (1.0 + opened) == pytest.approx(np.ones(len(s)))
 
 
-LONG = (pytest.mark.long, pytest.mark.ci)
+LONG = pytest.mark.long
 
 
 @pytest.mark.parametrize(

@@ -76,7 +76,6 @@ print(sum(type(o) is Kind and type(o[0]) is list for o in gc.get_objects()))
 
 
 @pytest.mark.long
-@pytest.mark.ci
 @pytest.mark.first
 def test_native_code_does_what_the_source_does(place: Path) -> None:
     """It is made, flies a flight between processes as the source does, to the last bit (`make`

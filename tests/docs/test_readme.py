@@ -576,7 +576,6 @@ def test_it_is_installed_from_a_clone(companion: Companion) -> None:
 
 
 @pytest.mark.long  # the wheel itself is built, installed and read in tests/cli/test_init.py
-@pytest.mark.ci
 @proves(*BUILD, NEEDED, INSTALL_WHEEL)
 def test_it_is_installed_from_a_wheel(tmp_path: Path) -> None:
     companion = Companion(tmp_path)

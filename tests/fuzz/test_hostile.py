@@ -27,7 +27,7 @@ def test_the_supply_repeats_and_every_sort_of_frame_is_in_it() -> None:
     assert {frame[0] for frame in frames if frame} >= {0xFD, 0xFE}
 
 
-LONG = (pytest.mark.long, pytest.mark.ci)
+LONG = pytest.mark.long
 
 
 @pytest.mark.parametrize("frames", [8_000, pytest.param(30_000, marks=LONG)])

@@ -13,7 +13,7 @@ from tgl_soar.control.supervisor import CAPTURING, READY, SOARING, STANDBY
 
 ENGAGED = (CAPTURING, SOARING)
 SOON_S = 5.0  # engagement is possible again
-LONG = (pytest.mark.long, pytest.mark.ci)
+LONG = pytest.mark.long
 
 
 @pytest.fixture

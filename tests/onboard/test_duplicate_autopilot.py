@@ -91,7 +91,7 @@ class ClosedLoop:
         return self.onboard.output is not None and self.onboard.output.active
 
 
-LONG = (pytest.mark.long, pytest.mark.ci)
+LONG = pytest.mark.long
 
 
 @pytest.mark.parametrize("seed", [1, 2, *(pytest.param(n, marks=LONG) for n in range(3, 9))])

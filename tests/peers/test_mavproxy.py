@@ -113,7 +113,7 @@ class MavProxy:
 
 
 # MAVSDK takes the same list over the same bad radio in every run of the tests.
-BAD_RADIO = pytest.param(True, id="bad-radio", marks=(pytest.mark.long, pytest.mark.ci))
+BAD_RADIO = pytest.param(True, id="bad-radio", marks=pytest.mark.long)
 
 
 @pytest.fixture(params=[pytest.param(False, id="good-link"), BAD_RADIO])

@@ -86,7 +86,7 @@ def test_one_percent_turbulence_keeps_e_rho_within_a_centimetre() -> None:
 
 @pytest.mark.parametrize(
     "first",
-    [0, *(pytest.param(k, marks=(pytest.mark.long, pytest.mark.ci)) for k in range(2, 32, 2))],
+    [0, *(pytest.param(k, marks=pytest.mark.long) for k in range(2, 32, 2))],
 )
 def test_three_percent_turbulence_loses_no_flight(first: int) -> None:
     """32 seeds, in groups so that they share the machine's cores."""

@@ -44,7 +44,6 @@ def quietly(_operator: object) -> None:
 
 
 @pytest.mark.long  # in process: test_closed_loop.py; the same legs: docs/test_readme.py
-@pytest.mark.ci
 def test_three_legs_in_calm_air(tmp_path: Path) -> None:
     """The numbers that the issue of the first flight asks for, through every process."""
     flight = fly(options(tmp_path), quietly)
@@ -338,7 +337,6 @@ def test_kill_9_of_the_operator_leaves_no_process_behind(tmp_path: Path) -> None
 
 
 @pytest.mark.long
-@pytest.mark.ci
 def test_a_search_finds_a_place_from_where_no_line_holds_and_a_line_follows(tmp_path: Path) -> None:
     """Upstream of the board: a line through the start has no crossing (docs/search.md)."""
     changes = {"site": shipped("sites/tunnel_search.toml"), "search": True, "stay_s": 4.0}

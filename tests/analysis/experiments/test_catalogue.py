@@ -17,7 +17,7 @@ def test_every_experiment_has_a_title() -> None:
     assert list(TITLES) == list(EXPERIMENTS)
 
 
-LONG = (pytest.mark.long, pytest.mark.ci)
+LONG = pytest.mark.long
 
 
 @pytest.mark.parametrize(

@@ -286,7 +286,6 @@ def test_the_paired_interval_turns_with_the_pair() -> None:
 
 
 @pytest.mark.long
-@pytest.mark.ci
 def test_the_experiment_reports_and_draws(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     here = "tgl_soar.analysis.experiments.estimator"
     for name, value in (("FLIGHT_S", 9.0), ("WATCHED_S", 9.0), ("ONE_GAP_S", 8.0)):

@@ -95,7 +95,6 @@ def test_honest_is_every_case_and_both_ways(of: str) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.ci
 def test_the_experiment_tells_and_draws(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tgl_soar.analysis.experiments.wind_estimate.FLIGHT_S", 7.0)
     monkeypatch.setattr("tgl_soar.analysis.experiments.wind_estimate.TOUR_S", 4.0)
