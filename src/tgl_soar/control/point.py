@@ -60,6 +60,8 @@ def point_step(
 
 def _is_free(laws: Laws, state: BrakeState, eta_rad: float, further_m: float) -> bool:
     """Whether the point that is flown may go further along the line; false where there is none."""
+    if not laws.brake.wanted:
+        return False
     x, z = state.x_m + further_m * cos(eta_rad), state.z_m + further_m * sin(eta_rad)
     if outside(laws.fence, x, 0.0, z):
         return False
