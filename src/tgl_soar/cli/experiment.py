@@ -18,7 +18,7 @@ from tgl_soar.analysis.experiments.catalogue import (
     RIGID_BODY_ALONE,
     TITLES,
     TOGETHER,
-    run_both,
+    run_whole,
 )
 from tgl_soar.analysis.experiments.catalogue import run as run_experiment
 from tgl_soar.analysis.experiments.context import COMPILED_FROM, Context
@@ -68,8 +68,9 @@ def experiment(
     docs: Annotated[
         Path | None,
         typer.Option(
-            help="With `all`, `paper`, `aims`: fly both models, write experiments.md, aims.md and"
-            " figures into this folder; with `point`: write its section of point.md."
+            help="With `all`, `paper`, `aims`: fly both models and dispersed aircraft, write"
+            " experiments.md, aims.md and figures into this folder; with `point`: write its"
+            " section of point.md."
         ),
     ] = None,
     model: Annotated[FlightModel | None, typer.Option(help=MODEL_HELP)] = None,
@@ -100,7 +101,7 @@ def experiment(
         figures = None
     # Of many, what is compiled for one experiment serves the next.
     compiled_from = 2 if name in TOGETHER and not quick else COMPILED_FROM
-    run = run_experiment if docs is None or name in OWN_PAGES else run_both
+    run = run_experiment if docs is None or name in OWN_PAGES else run_whole
     begun = time.monotonic()
     results: list[Result] = []
     folder = FlownFolder(out / FLIGHTS, resume=resume, restart=restart)
@@ -145,8 +146,8 @@ def _put_out(name: str, result: Result, out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     (out / f"{name}.json").write_text(text + "\n", encoding="utf-8")
     _print(result)
-    if result.point_mass is not None:
-        _print(result.point_mass)
+    for also in result.also.values():
+        _print(also)
 
 
 def _print_figures(figures: Path | None) -> None:
@@ -192,7 +193,7 @@ def _refuse(
     if docs is not None and name in OWN_PAGES and not (docs / OWN_PAGES[name]).is_file():
         fail(f"--docs {docs}: there is no {docs / OWN_PAGES[name]}")
     if docs is not None and model is not None:
-        fail("--docs goes without --model: the page shows both")
+        fail("--docs goes without --model: the page shows all of them")
     if dispersion and (name in TOGETHER or docs is not None or model == FlightModel.POINT_MASS):
         fail("--dispersion goes with one experiment, on the rigid body, without --docs")
 

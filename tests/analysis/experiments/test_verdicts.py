@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from math import hypot, inf, nan, radians
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tgl_soar.air.hill import HillField
 from tgl_soar.air.zeuc import stable_crossing
+from tgl_soar.analysis.experiments import catalogue
 from tgl_soar.analysis.experiments.air_speed import (
     SpeedScore,
     growth,
@@ -20,7 +22,8 @@ from tgl_soar.analysis.experiments.air_speed import (
     speed_why,
 )
 from tgl_soar.analysis.experiments.changing_air import Shift, WindShift, slope_claims, wind_claims
-from tgl_soar.analysis.experiments.flights import FlownScenario, ScoredLeg
+from tgl_soar.analysis.experiments.context import Context
+from tgl_soar.analysis.experiments.flights import FlownScenario, Flyer, ScoredLeg
 from tgl_soar.analysis.experiments.hill_positions import (
     POLAR,
     RADIUS_M,
@@ -38,6 +41,8 @@ from tgl_soar.analysis.experiments.line_lean import (
 )
 from tgl_soar.analysis.experiments.page import counted, page, pages
 from tgl_soar.analysis.experiments.result import (
+    DISPERSED_AIRCRAFT,
+    POINT_MASS,
     ChangedThreshold,
     Claim,
     Result,
@@ -116,7 +121,7 @@ def test_our_own_aims_stand_on_a_page_of_their_own(claims: tuple[Claim, ...], ve
 
 
 def on_both(point: Result) -> Result:
-    return replace(result(YES, NO), why="", point_mass=point)
+    return replace(result(YES, NO), why="", also={POINT_MASS: point})
 
 
 def test_both_models_stand_beside_each_other_in_every_table() -> None:
@@ -137,13 +142,47 @@ def test_both_models_stand_beside_each_other_in_every_table() -> None:
     whole = page([on_both(point), replace(result(YES), name="alone")], {})
     assert "| [`name`](#name) | title | agrees in part: 1 of 2 | agrees: 2 of 2 |" in whole
     assert "| [`alone`](#alone) | title | agrees: 1 of 1 | – |" in whole
-    assert as_json(on_both(point))["point_mass"]["verdict"] == "agrees"
+    assert as_json(on_both(point))["also"]["point mass"]["verdict"] == "agrees"
 
 
 def test_what_both_models_say_alike_is_said_once() -> None:
-    text = as_markdown(replace(result(YES), point_mass=result(YES)), "images")
+    text = as_markdown(replace(result(YES), also={POINT_MASS: result(YES)}), "images")
     assert text.count("because.") == 1
     assert "Point mass*" not in text
+
+
+def test_what_dispersion_changes_is_said_in_words() -> None:
+    otherwise = replace(YES, holds=False, measured="9 cm")
+    text = as_markdown(
+        replace(result(YES, NO), also={DISPERSED_AIRCRAFT: result(otherwise, NO)}), ""
+    )
+    assert "**Dispersion changes:** “it does” (✓ → ✗)." in text.splitlines()
+    assert "| it does | ✓ 1 cm | ✗ 9 cm |" in text.splitlines()
+    text = as_markdown(replace(result(NO), also={DISPERSED_AIRCRAFT: result(YES, NO)}), "")
+    assert "Dispersion changes none of these." in text.splitlines()
+    assert "ispersion changes" not in as_markdown(on_both(result(NO)), "")
+
+
+def test_an_experiment_is_flown_by_all_that_can_fly_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[str, str | None, bool, bool]] = []
+
+    def run(name: str, context: Context) -> Result:
+        asked.append((name, context.model, context.dispersion, context.figures is not None))
+        return result(YES)
+
+    monkeypatch.setattr(catalogue, "run", run)
+    context = Context(flyer=Flyer(), figures=Path())
+    assert list(catalogue.run_whole("static", context).also) == [POINT_MASS, DISPERSED_AIRCRAFT]
+    assert list(catalogue.run_whole("incidence", context).also) == [DISPERSED_AIRCRAFT]
+    assert list(catalogue.run_whole("field", context).also) == []
+    assert asked == [
+        ("static", "rigid_body", False, True),
+        ("static", "point_mass", False, False),
+        ("static", "rigid_body", True, False),
+        ("incidence", "rigid_body", False, True),
+        ("incidence", "rigid_body", True, False),
+        ("field", "rigid_body", False, True),
+    ]
 
 
 def test_tables_that_are_not_the_same_are_not_put_together() -> None:

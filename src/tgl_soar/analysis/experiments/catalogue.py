@@ -29,7 +29,7 @@ from tgl_soar.analysis.experiments import (
     wind_use,
 )
 from tgl_soar.analysis.experiments.context import Context
-from tgl_soar.analysis.experiments.result import Result
+from tgl_soar.analysis.experiments.result import DISPERSED_AIRCRAFT, POINT_MASS, Result
 from tgl_soar.config.files import ConfigError
 
 EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
@@ -134,13 +134,18 @@ def run(name: str, context: Context) -> Result:
     return replace(result, own=name in OURS, seconds=time.monotonic() - begun)
 
 
-def run_both(name: str, context: Context) -> Result:
-    """Run one experiment, and with it the same on the point mass where that can fly it.
+def run_whole(name: str, context: Context) -> Result:
+    """Run one experiment, and with it the same on the point mass and on dispersed aircraft, where
+    these can fly it.
 
     Figures are those of the first.  Errors: those of `run`.
     """
     result = run(name, replace(context, model="rigid_body"))
-    if name in RIGID_BODY_ALONE or name in NOT_FLOWN:
-        return result
-    point = run(name, replace(context, model="point_mass", figures=None))
-    return replace(result, point_mass=point, seconds=result.seconds + point.seconds)
+    other = replace(context, figures=None)
+    also: dict[str, Result] = {}
+    if name not in RIGID_BODY_ALONE and name not in NOT_FLOWN:
+        also[POINT_MASS] = run(name, replace(other, model="point_mass"))
+    if name in DISPERSED:
+        also[DISPERSED_AIRCRAFT] = run(name, replace(other, model="rigid_body", dispersion=True))
+    seconds = result.seconds + sum(each.seconds for each in also.values())
+    return replace(result, also=also, seconds=seconds)

@@ -104,7 +104,7 @@ def slope(context: Context) -> Result:
     """The board is raised while the line is at c."""
     scenario = context.scenario("slope")
     intensities = (0.01,) if context.quick else (0.0, 0.01)
-    variants = {i: with_turbulence(scenario, i) for i in intensities}
+    variants = {i: with_turbulence(scenario, i, context.dispersion) for i in intensities}
     flights = context.fly(variants)
     prepared = prepare(variants[0.01])
     summaries = {i: summarise(prepare(variants[i]), flights[i]) for i in intensities}
@@ -230,7 +230,7 @@ def wind(context: Context) -> Result:
     variants: dict[Any, Scenario] = {}
     for line in scenario.lines:
         here = _on_line(scenario, line)
-        calm = with_turbulence(here, 0.0)
+        calm = with_turbulence(here, 0.0, context.dispersion)
         variants[line, "small, calm"] = msgspec.structs.replace(calm, wind=small)
         variants[line, "small"] = msgspec.structs.replace(here, wind=small)
         variants[line, "calm"] = calm

@@ -77,11 +77,14 @@ class Context:
         return None if self.figures is None else self.figures / f"{name}.png"
 
 
-def with_turbulence(scenario: Scenario, intensity: float) -> Scenario:
-    """The same in other turbulence; calm air needs one flight only, of the first seed."""
+def with_turbulence(scenario: Scenario, intensity: float, every_seed: bool = False) -> Scenario:
+    """The same in other turbulence; calm air needs one flight only, of the first seed.
+
+    every_seed: where each has an aircraft of its own, calm air is flown with all of them, too.
+    """
     assert scenario.turbulence is not None
     turbulence = msgspec.structs.replace(scenario.turbulence, intensity=intensity)
-    seeds = scenario.seeds[:1] if intensity == 0.0 else scenario.seeds
+    seeds = scenario.seeds[:1] if intensity == 0.0 and not every_seed else scenario.seeds
     return msgspec.structs.replace(scenario, turbulence=turbulence, seeds=seeds)
 
 

@@ -86,7 +86,11 @@ def page(results: Sequence[Result], ends: Ends) -> str:
         " freedom, and the **point mass** that the paper simulates, its equations corrected and"
         " closed ([theory.md](theory.md#the-point-mass)). Where the models differ, what the point"
         " mass lacks is the reason to look for first: a stall, a short period, and what couples the"
-        " axes. Figures show the rigid body.",
+        " axes. The rigid body flies a third time, **dispersed**: every flight draws an aircraft"
+        " that is not the airframe file's, and air that is not the site's, while the module on"
+        " board is given the files"
+        " ([what a controller does not know](theory.md#what-a-controller-does-not-know))."
+        " Figures show the rigid body of the file.",
     ]
     return _whole(head, results, ends)
 
@@ -97,6 +101,11 @@ def counted(result: Result) -> str:
     words = f"{result.verdict}: {sum(c.holds for c in judged)} of {len(judged)}"
     given = len(result.claims) - len(judged)
     return words if not given else f"{words}, and {given} by construction"
+
+
+def _counted_also(result: Result, name: str) -> str:
+    also = result.also.get(name)
+    return "–" if also is None else counted(also)
 
 
 def changed_thresholds(results: Sequence[Result]) -> list[str]:
@@ -119,18 +128,16 @@ def changed_thresholds(results: Sequence[Result]) -> list[str]:
 
 
 def _summary(results: Sequence[Result]) -> list[str]:
-    """Every verdict in a table, of both models where both flew."""
-    both = any(r.point_mass is not None for r in results)
-    columns = ["verdict", *(["of the point mass"] if both else [])]
+    """Every verdict in a table, a column for each model that flew."""
+    others = list(dict.fromkeys(name for r in results for name in r.also))
+    columns = ["verdict", *(f"of the {name}" for name in others)]
     lines = [
         "| experiment | what | " + " | ".join(columns) + " |",
         "|---" * (2 + len(columns)) + "|",
     ]
     for r in results:
         line = f"| [`{r.name}`](#{r.name}) | {r.title} | {counted(r)} |"
-        if both:
-            line += f" {'–' if r.point_mass is None else counted(r.point_mass)} |"
-        lines.append(line)
+        lines.append(line + "".join(f" {_counted_also(r, name)} |" for name in others))
     return lines
 
 

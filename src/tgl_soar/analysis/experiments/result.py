@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import platform
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 
@@ -13,6 +14,10 @@ import tgl_soar
 Verdict = Literal[
     "agrees", "agrees in part", "differs", "by construction", "met", "met in part", "missed"
 ]
+
+RIGID_BODY: Final = "rigid body"
+POINT_MASS: Final = "point mass"
+DISPERSED_AIRCRAFT: Final = "rigid body, dispersed"
 
 
 @dataclass(frozen=True)
@@ -60,7 +65,8 @@ class Result:
     seeds: tuple[int, ...] = ()
     changed: tuple[ChangedThreshold, ...] = ()
     own: bool = False  # holds this project's aims, not claims of the paper
-    point_mass: Result | None = None  # the same flown by the paper's own model
+    # The same flown otherwise: by what flew it, `POINT_MASS`, `DISPERSED_AIRCRAFT`.
+    also: Mapping[str, Result] = field(default_factory=dict)
     seconds: float = field(default=0.0, compare=False)  # wall clock
 
     @property
@@ -83,18 +89,28 @@ class Result:
 
 def by_model(result: Result) -> dict[str, Result]:
     """What each model flew, by the model's name."""
-    point = result.point_mass
-    return {"rigid body": result} if point is None else {"rigid body": result, "point mass": point}
+    return {RIGID_BODY: result, **result.also}
+
+
+def changed_by_dispersion(result: Result) -> list[tuple[Claim, Claim]]:
+    """Claims that hold of the aircraft of the airframe file and not of dispersed ones, or the
+    other way round: (of the file's, of dispersed)."""
+    dispersed = result.also.get(DISPERSED_AIRCRAFT)
+    if dispersed is None:
+        return []
+    there = {claim.text: claim for claim in dispersed.claims}
+    pairs = [(claim, there[claim.text]) for claim in result.judged if claim.text in there]
+    return [(here, other) for here, other in pairs if here.holds != other.holds]
 
 
 def tables_of(result: Result) -> tuple[Table, ...]:
-    """The tables; where both models flew, each row begins with its model.
+    """The tables; where several models flew, each row begins with its model.
 
     Errors: ValueError for models whose tables are not the same.
     """
-    if result.point_mass is None:
-        return result.tables
     flown = by_model(result)
+    if len(flown) == 1:
+        return result.tables
 
     def together(title: str, several: tuple[Table, ...]) -> Table:
         rows = ((name, *row) for name, one in zip(flown, several, strict=True) for row in one.rows)
@@ -133,7 +149,7 @@ def as_json(result: Result) -> dict[str, Any]:
         ],
         "why": result.why,
         "numbers": plain(result.numbers),
-        "point_mass": result.point_mass and as_json(result.point_mass),
+        "also": {name: as_json(each) for name, each in result.also.items()},
         "scenarios": list(result.scenarios),
         "seeds": list(result.seeds),
         "versions": versions(),
@@ -186,7 +202,7 @@ def _table(table: Table) -> list[str]:
 
 
 def _judged(result: Result) -> list[str]:
-    """Verdict and claims: a list for one model, a table with a column each for both."""
+    """Verdict and claims: a list for one model, a table with a column each for several."""
     flown = by_model(result)
     if len(flown) == 1:
         lines = [f"**Verdict: {result.verdict}.**", ""]
@@ -195,7 +211,23 @@ def _judged(result: Result) -> list[str]:
     found = [{_text(c): f"{_mark(c)} {c.measured}" for c in each.claims} for each in flown.values()]
     verdicts = ", ".join(f"{name} {each.verdict}" for name, each in flown.items())
     rows = tuple((text, *(claims.get(text, "–") for claims in found)) for text in texts)
-    return [f"**Verdict: {verdicts}.**", "", *_table(Table("", ("claim", *flown), rows))]
+    return [
+        f"**Verdict: {verdicts}.**",
+        "",
+        *_table(Table("", ("claim", *flown), rows)),
+        *_dispersed(result),
+    ]
+
+
+def _dispersed(result: Result) -> list[str]:
+    """What dispersion changes, in words; nothing where it was not flown."""
+    if DISPERSED_AIRCRAFT not in result.also:
+        return []
+    changed = changed_by_dispersion(result)
+    if not changed:
+        return ["", "Dispersion changes none of these."]
+    words = "; ".join(f"“{here.text}” ({_mark(here)} → {_mark(there)})" for here, there in changed)
+    return ["", f"**Dispersion changes:** {words}."]
 
 
 def _mark(claim: Claim) -> str:
@@ -207,7 +239,7 @@ def _text(claim: Claim) -> str:
 
 
 def _reasons(result: Result) -> list[str]:
-    """What stands beside the claims; once where both models say the same."""
+    """What stands beside the claims; once where all models say the same."""
     reasons = {name: each.why for name, each in by_model(result).items()}
     if len(set(reasons.values())) == 1:
         return ["", result.why] if result.why else []

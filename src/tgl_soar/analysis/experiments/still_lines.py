@@ -281,7 +281,7 @@ def flown_lines(scenario: Scenario) -> list[str]:
 def _fly_at(
     context: Context, scenario: Scenario, intensities: tuple[float, ...]
 ) -> tuple[dict[float, list[FlownScenario]], dict[float, list[LegSummary]]]:
-    variants = {i: with_turbulence(scenario, i) for i in intensities}
+    variants = {i: with_turbulence(scenario, i, context.dispersion) for i in intensities}
     flights = context.fly(variants)
     return flights, {i: summarise(prepare(variants[i]), flights[i]) for i in intensities}
 
