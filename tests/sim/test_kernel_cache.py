@@ -65,21 +65,43 @@ def test_another_source_has_another_name(tmp_path: Path, monkeypatch: pytest.Mon
     assert source_key(["house.top"]) == keys[-1]
 
 
-@needs_numba
-def test_old_sources_are_deleted_and_the_last_ones_stay(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    base = tmp_path / "tgl_soar/kernels"
-    for age in range(KEPT + 2):
-        (base / f"{age}").mkdir(parents=True)
+def kept_beside(monkeypatch: pytest.MonkeyPatch, cache: Path, sizes: list[int]) -> list[int]:
+    """Which of some old sources stay, the youngest first, when a new one is used."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(cache))
+    base = cache / "tgl_soar/kernels"
+    for age, size in enumerate(sizes):
+        (base / f"{age}/sim").mkdir(parents=True)
+        (base / f"{age}/sim/kernel").write_bytes(bytes(size))
         os.utime(base / f"{age}", (1e9 - age, 1e9 - age))
     kernel_cache.folder.cache_clear()
     try:
         now = kernel_cache.folder(MODULES).name
     finally:
         kernel_cache.folder.cache_clear()
-    assert {path.name for path in base.iterdir()} == {now, *(f"{age}" for age in range(KEPT - 1))}
+    left = {path.name for path in base.iterdir()}
+    assert now in left
+    return sorted(int(name) for name in left - {now})
+
+
+@needs_numba
+def test_the_sources_used_last_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert kept_beside(monkeypatch, tmp_path, [1] * (KEPT + 2)) == [*range(KEPT - 1)]
+
+
+@needs_numba
+def test_they_take_no_more_of_the_disk_than_they_may(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(kernel_cache, "KEPT_BYTES", 300_000)  # folders count, too
+    assert kept_beside(monkeypatch, tmp_path, [100_000, 100_000, 100_000, 1]) == [0, 1]
+
+
+@needs_numba
+def test_what_is_used_stays_whatever_its_size(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(kernel_cache, "KEPT_BYTES", 0)
+    assert kept_beside(monkeypatch, tmp_path, [1]) == []
 
 
 def one_more(number: int) -> int:

@@ -20,7 +20,9 @@ from pathlib import Path
 from typing import Any, Final
 
 _ROOT: Final = Path(__file__).parents[2]  # where the package lies
-KEPT: Final = 4  # sources: somebody goes to and fro between two branches, and runs an older one
+# Whichever is less.  A source's kernels take 5 to 30 MB: several checkouts may run side by side.
+KEPT: Final = 16  # sources
+KEPT_BYTES: Final = 1 << 30
 
 
 def kept(kernel: Callable[..., Any], modules: Sequence[str]) -> Any:
@@ -89,5 +91,8 @@ def _delete_old(base: Path) -> None:
     """Keep what was used last.  A process that still uses another compiles it once more."""
     with suppress(OSError):  # another process deletes them, too
         by_age = sorted(base.iterdir(), key=lambda path: path.stat().st_mtime, reverse=True)
-        for path in by_age[KEPT:]:
-            shutil.rmtree(path, ignore_errors=True)
+        size = 0
+        for place, path in enumerate(by_age):
+            size += sum(file.stat().st_size for file in path.rglob("*"))
+            if place > 0 and (place >= KEPT or size > KEPT_BYTES):  # the newest is used now
+                shutil.rmtree(path, ignore_errors=True)
