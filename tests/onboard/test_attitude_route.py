@@ -275,6 +275,65 @@ def test_the_pilot_s_mode_ends_the_flight_and_is_not_changed() -> None:
     assert len(flight.asked) == asked
 
 
+def flown_into_a_failsafe(flight: Guided) -> None:
+    """Its short failsafe puts FBWA in the place of GUIDED, as ArduPlane's does."""
+    flight.mode = 0  # MANUAL, from which it is engaged
+    flight.run(1.6)
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(2.0)
+    assert is_flying(flight.mode_now)
+    flight.mode, flight.status = FBWA, mavlink.MAV_STATE_CRITICAL
+    flight.run(1.0)
+    assert not is_flying(flight.mode_now)
+
+
+def asked_modes(flight: Guided) -> list[float]:
+    return [mode for _, mode, _ in flight.asked]
+
+
+@SLOW_OR_FAST
+def test_a_mode_that_a_failsafe_gives_back_is_left(quickens: bool) -> None:
+    """ArduPlane restores GUIDED by itself where its radio is back; nobody commands it there."""
+    flight = Guided()
+    flight.quickens = quickens
+    flown_into_a_failsafe(flight)
+    flight.mode, flight.status = GUIDED, mavlink.MAV_STATE_ACTIVE
+    flight.run(2.4)
+    assert flight.mode == FBWA  # and not MANUAL of before: whether a pilot is there is not known
+    assert asked_modes(flight) == [GUIDED, FBWA]
+    assert any("back in GUIDED" in text for text in flight.console)
+    flight.mode = GUIDED  # later somebody chooses it
+    flight.run(3.0)
+    assert asked_modes(flight) == [GUIDED, FBWA]
+
+
+def test_a_mode_that_somebody_chooses_in_a_failsafe_or_after_it_stays() -> None:
+    for others in (
+        [(GUIDED, mavlink.MAV_STATE_CRITICAL)],  # nothing is given back while it lasts
+        [(LOITER, mavlink.MAV_STATE_CRITICAL), (GUIDED, mavlink.MAV_STATE_ACTIVE)],
+        [(FBWA, mavlink.MAV_STATE_ACTIVE), (GUIDED, mavlink.MAV_STATE_ACTIVE)],
+    ):
+        flight = Guided()
+        flown_into_a_failsafe(flight)
+        for mode, status in others:
+            flight.mode, flight.status = mode, status
+            flight.run(1.2)
+        assert flight.mode == GUIDED
+        assert asked_modes(flight) == [GUIDED]
+
+
+def test_a_failsafe_that_keeps_the_mode_is_left_for_one_that_flies_alone() -> None:
+    flight = Guided()
+    flight.mode = 0  # MANUAL, whose sticks nobody may be moving now
+    flight.run(1.6)
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(2.0)
+    flight.status = mavlink.MAV_STATE_CRITICAL
+    flight.run(1.2)
+    assert not is_flying(flight.mode_now)
+    assert flight.mode == FBWA
+
+
 def test_another_firmware_is_never_commanded() -> None:
     flight = Guided()
     flight.kind = PX4

@@ -78,6 +78,7 @@ class Flight:
             search=search,
         )
         self.attitude_hz, self.position_hz, self.heartbeat_hz = 200.0, 50.0, 1.0
+        self.status = mavlink.MAV_STATE_ACTIVE
         self.kind = (1, 3)  # MAV_TYPE, MAV_AUTOPILOT
         self.mode = 0
         self.base_mode = 81  # disarmed
@@ -114,7 +115,9 @@ class Flight:
             noise = 1e-6 * (stamp_ms % 7)  # nothing that is measured repeats itself
             if self._is_due("heartbeat", self.heartbeat_hz):
                 self.hear(
-                    mavlink.MAVLink_heartbeat_message(*self.kind, self.base_mode, self.mode, 4, 3)
+                    mavlink.MAVLink_heartbeat_message(
+                        *self.kind, self.base_mode, self.mode, self.status, 3
+                    )
                 )
             if self._is_due("position", self.position_hz):
                 self.hear(

@@ -10,6 +10,10 @@ chooses modes too, and their word is final:
              same: `TRIES` times in all, for a request may be lost
     stop     at the first heartbeat that shows any other mode
 
+A firmware changes the mode by itself, too, in a failsafe, and ArduPlane gives GUIDED back as soon
+as its short one is over: to nobody, for the module has disengaged.  So a mode that comes back at
+the end of a failsafe, from the one that the failsafe had put in its place, is left as well.
+
 What remains is a choice that crosses a request on its way: the link's latency, once.  Whether
 the mode has changed is known by the heartbeat alone: an acknowledgement may be lost, and PX4
 acknowledges before it refuses.
@@ -43,6 +47,8 @@ class ModeChange:
         self._asked_s = float("-inf")  # last
         self._entry_asked_s = float("-inf")  # of one that was withdrawn
         self._tries = 0
+        self._given_way = False  # a failsafe has put another mode in the place of ours
+        self._in_its_place = -1  # custom_mode of that; -1: no heartbeat looked at yet
 
     @property
     def is_changing(self) -> bool:
@@ -61,10 +67,13 @@ class ModeChange:
             self._before = custom_mode
             self._begin(wanted, now_s, heartbeat_s, to_enter=True)
 
-    def leave(self, now_s: float, heartbeat_s: float) -> None:
-        """Ask for the mode that was before."""
+    def leave(self, now_s: float, heartbeat_s: float, *, failsafe: bool = False) -> None:
+        """Ask for the mode that was before; in a failsafe for the route's own, which flies without
+        a pilot: their radio may be what has failed."""
         if self._flavour.route.mode_to_enter is None:
             return
+        if failsafe:
+            self._before = self._flavour.route.mode_to_leave
         if self.is_entering and self._tries == 0:
             self.stop()  # nothing was asked for yet
             return
@@ -85,6 +94,24 @@ class ModeChange:
         """Ask for nothing any more; the mode of before counts only while ours was entered."""
         self._wanted = -1
         self._before = self._flavour.route.mode_to_leave
+        self._given_way = False
+
+    def give_way(self) -> None:
+        """A failsafe has put another mode in the place of ours, which may come back after it."""
+        self.stop()
+        self._given_way = self._flavour.route.mode_to_enter is not None
+        self._in_its_place = -1
+
+    def comes_back(self, heartbeat_s: float, obeys: bool, custom_mode: int, failsafe: bool) -> bool:
+        """Whether our mode has come back from a failsafe: then it is to be left."""
+        if not self._given_way or heartbeat_s <= self._looked_s:
+            return False
+        self._looked_s = heartbeat_s
+        if self._in_its_place < 0 and not obeys:
+            self._in_its_place = custom_mode
+        # Over without ours, or a mode chosen in it, be it ours: nothing is given back any more.
+        self._given_way = not obeys and failsafe and custom_mode == self._in_its_place
+        return obeys and not failsafe
 
     def poll(
         self, now_s: float, heartbeat_s: float, obeys: bool, custom_mode: int
@@ -134,6 +161,7 @@ class ModeChange:
 
     def _begin(self, wanted: int, now_s: float, heartbeat_s: float, *, to_enter: bool) -> None:
         self.failed = ""
+        self._given_way = False
         self._wanted, self._to_enter = wanted, to_enter
         self._tries, self._asked_s = 0, float("-inf")
         self._looked_s = heartbeat_s

@@ -11,6 +11,7 @@ from typing import Final
 
 from tgl_soar.autopilot import Output
 from tgl_soar.link.autopilots.base import Flavour, is_finite
+from tgl_soar.link.messages import SEVERITY_WARNING
 from tgl_soar.link.mode_change import ModeChange
 from tgl_soar.link.session import Session
 from tgl_soar.onboard.counters import Counters
@@ -62,7 +63,9 @@ class SurfaceControl:
             self._release_due_s = time_s
             self._clear_for_release()
             if status.accepts_surfaces:
-                self.mode_change.leave(time_s, status.time_s)
+                self.mode_change.leave(time_s, status.time_s, failsafe=status.failsafe)
+            elif status.failsafe:
+                self.mode_change.give_way()
             else:  # the pilot has left it
                 self.mode_change.stop()
         if self._releases > 0 and time_s >= self._release_due_s:
@@ -79,8 +82,13 @@ class SurfaceControl:
         Until then it hears what keeps the aircraft as it is (`pitch_rad`, wings level): some
         firmwares enter only where setpoints stream already.
         """
-        change = self.mode_change
-        obeys, received_s = session.status.accepts_surfaces, session.status.time_s
+        change, status = self.mode_change, session.status
+        obeys, received_s = status.accepts_surfaces, status.time_s
+        if change.comes_back(received_s, obeys, session.custom_mode, status.failsafe):
+            mode = self._flavour.route.mode
+            text = f"back in {mode} after the autopilot's failsafe: asking it to leave"
+            self._outbox.tell(SEVERITY_WARNING, text)
+            change.leave(time_s, float("-inf"))  # right after this heartbeat
         if not engage and change.is_entering:
             change.leave(time_s, received_s)  # it may have been asked for already
         asked = change.poll(time_s, received_s, obeys, session.custom_mode)
