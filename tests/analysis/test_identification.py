@@ -20,13 +20,12 @@ from tgl_soar.analysis.identification import (
     HELD_OUT,
     IdentificationError,
     Identified,
-    LongitudinalLog,
     body_from,
     identify,
-    manoeuvres,
     short_period,
 )
 from tgl_soar.analysis.logs.gliding import MeanWind, longitudinal
+from tgl_soar.analysis.manoeuvres import LongitudinalLog, manoeuvres
 from tgl_soar.config.files import load_airframe
 from tgl_soar.sim.glide_test import WIND_MPS, fly
 

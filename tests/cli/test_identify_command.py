@@ -14,6 +14,7 @@ from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata
 from tgl_soar.onboard.flightlog.writer import FlightRecorder
 from tgl_soar.sim.glide_test import WIND_MPS, fly
+from tgl_soar.types import polar_sink
 
 
 @pytest.fixture(scope="module")
@@ -31,6 +32,12 @@ def glide_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     recorder.stop()
     (path,) = folder.rglob("*.ulg")
     return path
+
+
+def trim(model: dict[str, float]) -> float:
+    """The elevator at the lift of a glide at 9 m/s or so."""
+    alpha = (0.77 - model["CL0"]) / model["CL_alpha"]
+    return -(model["Cm0"] + model["Cm_alpha"] * alpha) / model["Cm_elevator"]
 
 
 def run(*arguments: object) -> tuple[int, str]:
@@ -60,8 +67,16 @@ def test_an_airframe_file_from_a_log(glide_log: Path, tmp_path: Path) -> None:
     assert after["Cm_elevator"] == pytest.approx(before["Cm_elevator"], rel=0.1)
     assert after["servo_delay_s"] == pytest.approx(0.0, abs=0.005)
     changed = {key for key in before if before[key] != after[key]}
-    assert {"CL_alpha", "Cm_alpha", "Cm_q", "Cm_elevator"} <= changed
-    assert not changed & {"CD0", "Cl_p", "servo_lag_radps"}
+    assert {"CL0", "CL_alpha", "Cm_alpha", "Cm_q", "Cm_elevator", "CD0", "CD_lift"} <= changed
+    assert not changed & {"CD_separated", "Cl_p", "servo_lag_radps"}
+    assert not set(after) & {"CL_brake", "Cm_brake"}
+    assert after["CD0"] == pytest.approx(before["CD0"], rel=0.06)
+    assert after["CD_lift"] == pytest.approx(before["CD_lift"], rel=0.08)
+    was, fitted = (load_airframe(path).polar.as_polar() for path in (AIRFRAME, new))
+    assert fitted != was
+    assert polar_sink(fitted, 9.4) == pytest.approx(polar_sink(was, 9.4), rel=0.03)
+    # Where the elevator trims: of lift and moment together, that no error of the pitch moves.
+    assert trim(after) == pytest.approx(trim(before), abs=0.02)
     assert "identified: ±" in new.read_text(encoding="utf-8")
     assert figure.read_text(encoding="utf-8").count("<svg") == 1
 

@@ -16,6 +16,7 @@ from msgspec.structs import asdict
 from numpy.typing import NDArray
 
 from tgl_soar.config.files import load_airframe, shipped
+from tgl_soar.estimation.polar import fit_polar
 from tgl_soar.geometry import euler_from_quaternion, quaternion_from_euler
 from tgl_soar.sim import sensing, sensors, servos
 from tgl_soar.sim.aircraft import (
@@ -190,6 +191,18 @@ def test_the_airframe_file_holds_the_fit_of_its_own_model() -> None:
     assert fit.residual_max_mps == pytest.approx(0.032, abs=0.0005)
     assert abs(fit.residuals_mps[0]) == fit.residual_max_mps
     assert fit.residuals_mps[0] > 0.0  # the stall begins there: the model sinks more
+
+
+def test_a_wing_whose_least_sink_is_at_its_slowest_glide_has_a_polar() -> None:
+    """So much drag without lift, and so little by lift, that faster is never less."""
+    steep = MODEL._replace(CD0=0.16, CD_lift=0.02)
+    fit = glide_polar_fit(steep)
+    assert fit.min_sink_speed_mps == fit.polar.speed_min_mps
+    assert fit.min_sink_mps == polar_sink(fit.polar, fit.min_sink_speed_mps)
+    speeds = np.linspace(fit.min_sink_speed_mps, 12.0, 20).tolist()
+    sinks = [glide_at(steep, speed).sink_mps for speed in speeds]
+    with pytest.raises(ValueError, match="add slower glides"):  # of a table nobody knows it
+        fit_polar(speeds, sinks)
 
 
 def test_speeds_without_a_glide_are_refused() -> None:

@@ -3,17 +3,19 @@
 Output error: the model flies each manoeuvre from the commands that were given, and its unknowns
 are those with which it lies closest to what was measured.
 
-    α̇ = q − (ρ S V / 2m) C_L + (g / V) cos(θ − α)         C_L = C_L0 + C_Lα α + C_Lδ δ
-    q̇ = (ρ S c V² / 2I) (C_m0 + C_mα sin α + C_mδ δ + (c / 2V) C_mq q)
+    α̇ = q − (ρ S V / 2m) C_L + (g / V) cos(θ − α)         C_L = C_L0 + C_Lα α + C_Lδ δ + C_Lb b
+    q̇ = (ρ S c V² / 2I) (C_m0 + C_mα sin α + C_mδ δ + C_mb b + (c / 2V) C_mq q)
     θ̇ = q,     δ = servo(command(t − T))                  V as measured: it changes slowly
 
 α  rad    angle of attack          q  rad/s  pitch rate         θ  rad  pitch (wings level)
 V  m/s    true airspeed            δ  –      elevator, −1 … 1    T  s    pure delay
+b  –      brake, 0 … 1, by a servo of the same kind
 ρ  kg/m³  S m²  c m  m kg  I kg m² (pitch): from the airframe file, as are the servo's lag and rate
 
 Measured are q, θ, the angle of attack θ − γ (γ from the velocity through the air: in still air
 that over the ground) and, with accelerometers, C_L.  Each may have a constant error.  Every
-manoeuvre begins at values of its own.
+manoeuvre begins at values of its own.  What the brake does is asked where it stands in different
+places: moved in a manoeuvre, or glided with.
 
 Gauss–Newton, outputs weighted by their residuals.  Residuals are coloured (turbulence, what the
 model leaves out), so the covariance is not (JᵀJ)⁻¹ but (JᵀJ)⁻¹ M (JᵀJ)⁻¹ with M the sum of the
@@ -31,7 +33,17 @@ from dataclasses import dataclass
 from math import isfinite, sqrt
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from tgl_soar.estimation.polar import GRAVITY_MPS2, student_t
+from tgl_soar.analysis.manoeuvres import (
+    AFTER_S,
+    LEAST_STEP,
+    LONGEST_S,
+    QUIET_S,
+    STEP_S,
+    LongitudinalLog,
+    brakings,
+    manoeuvres,
+)
+from tgl_soar.estimation.polar import BRAKE_SPAN, GRAVITY_MPS2, student_t
 
 if TYPE_CHECKING:
     import numpy as np
@@ -39,16 +51,6 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-STEP_S: Final = 0.01  # of the model and of the grid that the log is put on
-BEFORE_S: Final = 0.1  # of a manoeuvre, before the elevator moves
-AFTER_S: Final = 1.2  # and after it has come back
-LEAST_STEP: Final = 0.08  # of the elevator, from one side to the other
-QUIET_S: Final = 0.3  # the elevator stands still for so long before a manoeuvre
-QUIET: Final = 0.02
-LONGEST_S: Final = 1.5
-SHORTEST_S: Final = 0.1
-ROLL_MAX_RAD: Final = 0.35
-ALPHA_MAX_RAD: Final = 0.35
 DELAY_MAX_S: Final = 0.3
 FEWEST: Final = 3  # manoeuvres to fit
 HELD_OUT: Final = 4  # one of so many
@@ -58,15 +60,15 @@ _WEIGHINGS: Final = 3
 _CONVERGED: Final = 1e-7  # of the cost, in one round
 
 NAMES: Final = ("CL0", "CL_alpha", "CL_elevator", "Cm0", "Cm_alpha", "Cm_q", "Cm_elevator", "delay")
+BRAKE_NAMES: Final = ("CL_brake", "Cm_brake")
 _FIRST: Final = (0.3, 4.5, -0.1, 0.05, -0.6, -8.0, 0.25, 0.02)
 _STEPS: Final = (1e-3, 1e-2, 1e-3, 1e-4, 1e-3, 1e-1, 1e-3, 0.5 * STEP_S)
+_BRAKE_STEPS: Final = (1e-3, 1e-3)
 # Starting values of one manoeuvre, and the measurements' constant errors in it.
 _STARTS: Final = ("alpha", "q", "theta")
 _START_STEPS: Final = (1e-3, 1e-2, 1e-3)
 _ERRORS: Final = ("q", "alpha", "lift")
 _ERROR_STEPS: Final = (1e-3, 1e-3, 1e-3)
-
-
 _FIRST_WEIGHTS: Final = (1.0 / 0.01, 1.0 / 0.002, 1.0 / 0.005, 1.0 / 0.02)  # of the outputs
 _DELAY: Final = NAMES.index("delay")
 
@@ -87,21 +89,6 @@ class KnownAircraft(NamedTuple):
     servo_rate_per_s: float
 
 
-@dataclass(frozen=True)
-class LongitudinalLog:
-    """A log on one grid of `STEP_S`, each column of shape (n,), NaN where nothing is known."""
-
-    time_s: Floats
-    elevator: Floats  # commanded, −1 … 1
-    pitch_rad: Floats
-    pitch_rate_radps: Floats
-    roll_rad: Floats
-    airspeed_mps: Floats  # true
-    path_angle_rad: Floats  # of the velocity through the air, positive up
-    lift_force_mps2: Floats | None = None  # specific force across the path, up; None: unknown
-    elevator_step_s: float = STEP_S  # between two samples of the elevator as it was logged
-
-
 class Estimate(NamedTuple):
     """One figure with its band of 95 %."""
 
@@ -117,7 +104,8 @@ class Estimate(NamedTuple):
 class Identified:
     """What the manoeuvres tell."""
 
-    derivatives: tuple[Estimate, ...]  # in the order of `NAMES`
+    derivatives: tuple[Estimate, ...]  # as `NAMES`; of a brake that moved also `BRAKE_NAMES`
+    no_brake: str  # why there is nothing of the brake; "" where there is
     frequency: Estimate  # undamped natural, of the short period [rad/s]
     damping: Estimate
     effectiveness: Estimate  # pitch acceleration of a full deflection [rad/s²]
@@ -129,7 +117,7 @@ class Identified:
     fits: tuple[Fit, ...]  # of every manoeuvre, for a figure
 
     def __getitem__(self, name: str) -> Estimate:
-        return self.derivatives[NAMES.index(name)]
+        return self.derivatives[(*NAMES, *BRAKE_NAMES).index(name)]
 
 
 @dataclass(frozen=True)
@@ -141,54 +129,6 @@ class Fit:
     pitch_rate_radps: Floats
     model_pitch_rate_radps: Floats
     fitted: bool  # False: held out
-
-
-def manoeuvres(log: LongitudinalLog) -> list[slice]:
-    """Where the elevator is moved to both sides out of rest, wings level, all of it measured."""
-    import numpy as np
-
-    command = log.elevator
-    n = len(command)
-    quiet, before, after = (round(s / STEP_S) for s in (QUIET_S, BEFORE_S, AFTER_S))
-    found: list[slice] = []
-    if n <= quiet + after:
-        return found
-    rests = np.lib.stride_tricks.sliding_window_view(command, quiet)[:-1]  # before sample quiet …
-    bases = rests.mean(axis=1)
-    leaves = (np.ptp(rests, axis=1) <= QUIET) & (
-        np.abs(command[quiet:] - bases) > 0.25 * LEAST_STEP
-    )
-    k = 0
-    for start in (np.flatnonzero(leaves) + quiet).tolist():
-        if start < k or start >= n - after:
-            continue
-        k, base = start, float(bases[start - quiet])
-        away = np.flatnonzero(
-            np.abs(command[k : k + round(LONGEST_S / STEP_S)] - base) > 0.25 * LEAST_STEP
-        )
-        end = k + int(away[-1]) + 1
-        rows = slice(max(0, k - before), min(n, end + after))
-        if _is_good(log, rows, slice(k, end), base):
-            found.append(rows)
-        k = end + 1
-    return found
-
-
-def _is_good(log: LongitudinalLog, rows: slice, moving: slice, base: float) -> bool:
-    import numpy as np
-
-    swing = log.elevator[moving] - base
-    columns = (log.elevator, log.pitch_rad, log.pitch_rate_radps, log.airspeed_mps)
-    return bool(
-        len(swing) * STEP_S >= SHORTEST_S
-        and np.max(swing) >= 0.5 * LEAST_STEP
-        and np.min(swing) <= -0.5 * LEAST_STEP
-        and all(np.all(np.isfinite(column[rows])) for column in columns)
-        and np.all(np.isfinite(log.path_angle_rad[rows]))
-        and np.all(log.airspeed_mps[rows] > 1.0)
-        and np.max(np.abs(log.roll_rad[rows])) <= ROLL_MAX_RAD
-        and np.max(np.abs(log.pitch_rad[rows] - log.path_angle_rad[rows])) <= ALPHA_MAX_RAD
-    )
 
 
 def identify(log: LongitudinalLog, body: KnownAircraft) -> Identified:
@@ -205,7 +145,12 @@ def identify(log: LongitudinalLog, body: KnownAircraft) -> Identified:
             f" {LONGEST_S:g} s (a doublet), let it stand for {AFTER_S:g} s, wings level, in still"
             " air"
         )
-    problem = _Problem(log, body, fitted)
+    beside = brakings(log, found)
+    no_brake = _brake_lacks(log, fitted + beside)
+    if not no_brake:
+        held += beside[HELD_OUT - 1 :: HELD_OUT]
+        fitted += [rows for i, rows in enumerate(beside) if i % HELD_OUT != HELD_OUT - 1]
+    problem = _Problem(log, body, fitted, brake=not no_brake)
     unknowns, covariance = problem.solve()
     freedom = max(1, len(fitted) * 3)
     t = student_t(0.95, freedom)
@@ -221,10 +166,11 @@ def identify(log: LongitudinalLog, body: KnownAircraft) -> Identified:
             unit=unit,
         )
 
-    eye = np.eye(len(NAMES))
-    units = ("", "1/rad", "", "", "1/rad", "", "", "s")
+    eye = np.eye(len(unknowns))
+    units = ("", "1/rad", "", "", "1/rad", "", "", "s", "", "")
+    names = (*NAMES, *BRAKE_NAMES)[: len(unknowns)]
     derivatives = tuple(
-        estimate(name, float(unknowns[i]), eye[i], units[i]) for i, name in enumerate(NAMES)
+        estimate(name, float(unknowns[i]), eye[i], units[i]) for i, name in enumerate(names)
     )
     speed = float(np.mean([log.airspeed_mps[rows].mean() for rows in fitted]))
     derived = []
@@ -238,19 +184,20 @@ def identify(log: LongitudinalLog, body: KnownAircraft) -> Identified:
                     - _derived(unknowns - step * row, body, speed)[i]
                 )
                 / (2.0 * step)
-                for row, step in zip(eye, _STEPS, strict=True)
+                for row, step in zip(eye, problem.steps, strict=True)
             ]
         )
         derived.append(estimate(name, _derived(unknowns, body, speed)[i], gradient, unit))
     fits = [*problem.fits(unknowns, fitted=True)]
     explained = float("nan")
     if held:
-        check = _Problem(log, body, held)
+        check = _Problem(log, body, held, brake=not no_brake)
         checked = check.fits(unknowns, fitted=False)
         explained = _explained(checked)
         fits += checked
     return Identified(
         derivatives,
+        no_brake,
         derived[0],
         derived[1],
         derived[2],
@@ -260,6 +207,24 @@ def identify(log: LongitudinalLog, body: KnownAircraft) -> Identified:
         tuple(float(log.time_s[rows.start]) for rows in held),
         explained,
         tuple(sorted(fits, key=lambda fit: float(fit.time_s[0]))),
+    )
+
+
+def _brake_lacks(log: LongitudinalLog, rows: Sequence[slice]) -> str:
+    """What the manoeuvres lack to tell what the brake does; "": nothing."""
+    import numpy as np
+
+    if log.brake is None:
+        return "the log holds no brake"
+    stands = np.concatenate([log.brake[each] for each in rows])
+    if not np.all(np.isfinite(stands)):
+        return "the log does not hold the brake in all manoeuvres"
+    if np.ptp(stands) >= BRAKE_SPAN:
+        return ""
+    return (
+        f"the brake stays within {stands.min():.2f} and {stands.max():.2f}: move it by {BRAKE_SPAN}"
+        f" or more out of rest, and back within {LONGEST_S:g} s, or glide with it further out; what"
+        " is identified is the aircraft with it as it stood"
     )
 
 
@@ -283,7 +248,7 @@ def short_period(
 def _derived(
     unknowns: Floats, body: KnownAircraft, speed: float
 ) -> tuple[float, float, float, float]:
-    _, cl_alpha, _, _, cm_alpha, cm_q, cm_elevator, delay = (float(u) for u in unknowns)
+    _, cl_alpha, _, _, cm_alpha, cm_q, cm_elevator, delay = (float(u) for u in unknowns[:8])
     moment = 0.5 * body.air_density_kgpm3 * body.wing_area_m2 * body.chord_m / body.iyy_kgm2
     frequency, damping = short_period(cl_alpha, cm_alpha, cm_q, body, speed)
     return (
@@ -305,27 +270,33 @@ def _explained(fits: Sequence[Fit]) -> float:
 class _Point(NamedTuple):
     """Where a fit stands."""
 
-    unknowns: Floats  # (8,), as `NAMES`
+    unknowns: Floats  # as `NAMES`, with the brake's also `BRAKE_NAMES`
     starts: Floats  # (3, manoeuvres), as `_STARTS`
     errors: Floats  # (3,), as `_ERRORS`
 
     def moved(self, step: Floats) -> _Point:
         """By a step of the stacked unknowns; the delay stays possible."""
-        shared = len(NAMES) + len(_ERRORS)
-        unknowns = self.unknowns + step[: len(NAMES)]
+        own = len(self.unknowns)
+        shared = own + len(_ERRORS)
+        unknowns = self.unknowns + step[:own]
         unknowns[_DELAY] = min(max(unknowns[_DELAY], 0.0), DELAY_MAX_S)
         return _Point(
             unknowns,
             self.starts + step[shared:].reshape(len(_STARTS), -1),
-            self.errors + step[len(NAMES) : shared],
+            self.errors + step[own:shared],
         )
 
 
 class _Problem:
     """Some manoeuvres, stacked: arrays of shape (steps, manoeuvres), the shorter ones masked."""
 
-    def __init__(self, log: LongitudinalLog, body: KnownAircraft, rows: Sequence[slice]) -> None:
+    def __init__(
+        self, log: LongitudinalLog, body: KnownAircraft, rows: Sequence[slice], *, brake: bool
+    ) -> None:
         import numpy as np
+
+        self._brake = log.brake if brake else None
+        self.steps = (*_STEPS, *_BRAKE_STEPS) if brake else _STEPS
 
         self._body = body
         self._log = log
@@ -351,7 +322,8 @@ class _Problem:
         """(unknowns, their covariance), of those in `NAMES`.  Errors: `IdentificationError`."""
         import numpy as np
 
-        point = _Point(np.array(_FIRST), self._starts(), np.zeros(len(_ERRORS)))
+        first = np.array((*_FIRST, *(0.0 for _ in self.steps[len(_FIRST) :])))
+        point = _Point(first, self._starts(), np.zeros(len(_ERRORS)))
         weights = np.array(_FIRST_WEIGHTS[: len(self._measured)])
         for _ in range(_WEIGHINGS):
             point = self._descend(point, weights)
@@ -367,7 +339,7 @@ class _Problem:
         drift = np.ones(a.shape[1])
         drift[others] = -np.linalg.lstsq(a[:, others], a[:, _DELAY], rcond=None)[0]
         covariance += np.outer(drift, drift) * self._log.elevator_step_s**2 / 12.0
-        return point.unknowns, covariance[: len(NAMES), : len(NAMES)]
+        return point.unknowns, covariance[: len(self.steps), : len(self.steps)]
 
     def _starts(self) -> Floats:
         """Each manoeuvre's first measurements, shape (3, manoeuvres)."""
@@ -415,7 +387,7 @@ class _Problem:
 
         point = _Point(unknowns, self._starts(), np.zeros(len(_ERRORS)))
         weights = np.array(_FIRST_WEIGHTS[: len(self._measured)])
-        point = self._descend(point, weights, len(NAMES))
+        point = self._descend(point, weights, len(unknowns))
         modelled = self._fly(*(part[None] for part in point))[0]
         result = []
         for i, rows in enumerate(self._rows):
@@ -445,17 +417,18 @@ class _Problem:
         unknowns, errors and starts in turn.  Central differences, all flown at once."""
         import numpy as np
 
-        steps = np.array((*_STEPS, *_ERROR_STEPS, *_START_STEPS))
+        own = len(self.steps)
+        steps = np.array((*self.steps, *_ERROR_STEPS, *_START_STEPS))
         sets = 2 * len(steps) + 1
         unknowns, starts, errors = (np.repeat(part[None], sets, axis=0) for part in point)
         for i, step in enumerate(steps):
             for row, change in ((2 * i + 1, step), (2 * i + 2, -step)):
-                if i < len(NAMES):
+                if i < own:
                     unknowns[row, i] += change
-                elif i < len(NAMES) + len(_ERRORS):
-                    errors[row, i - len(NAMES)] += change
+                elif i < own + len(_ERRORS):
+                    errors[row, i - own] += change
                 else:
-                    starts[row, i - len(NAMES) - len(_ERRORS)] += change
+                    starts[row, i - own - len(_ERRORS)] += change
         flown = self._fly(unknowns, starts, errors)
         residuals = np.where(self._counts, self._measured - flown[0], 0.0)
         change = (flown[1::2] - flown[2::2]) / (2.0 * steps[:, None, None, None])
@@ -471,43 +444,51 @@ class _Problem:
         cl0, cl_a, cl_e, cm0, cm_a, cm_q, cm_e, delay = (
             unknowns[:, i, None] for i in range(len(NAMES))
         )
-        elevator = self._elevator(delay[:, 0])  # (sets, steps, manoeuvres)
+        elevator = self._servo(self._log.elevator, delay[:, 0])  # (sets, steps, manoeuvres)
+        braked_l, braked_m = np.zeros_like(elevator), np.zeros_like(elevator)
+        if self._brake is not None:
+            out = self._servo(self._brake, delay[:, 0])
+            braked_l, braked_m = (unknowns[:, i, None, None] * out for i in (-2, -1))
         alpha, q, theta = starts[:, 0], starts[:, 1], starts[:, 2]
-        out = np.empty((len(unknowns), len(self._measured), self._steps, len(self._rows)))
+        flown = np.empty((len(unknowns), len(self._measured), self._steps, len(self._rows)))
 
-        def rates(
-            a: Floats, w: Floats, pitch: Floats, d: Floats, v: Floats
-        ) -> tuple[Floats, Floats]:
-            cl = cl0 + cl_a * a + cl_e * d
+        def rates(a: Floats, w: Floats, pitch: Floats, k: int) -> tuple[Floats, Floats]:
+            d, v = elevator[:, k], self._speed[k]
+            cl = cl0 + cl_a * a + cl_e * d + braked_l[:, k]
             a_dot = w - lift * v * cl + (GRAVITY_MPS2 / v) * np.cos(pitch - a)
-            cm = cm0 + cm_a * np.sin(a) + cm_e * d + (0.5 * body.chord_m / v) * cm_q * w
+            cm = (
+                cm0
+                + cm_a * np.sin(a)
+                + cm_e * d
+                + braked_m[:, k]
+                + (0.5 * body.chord_m / v) * cm_q * w
+            )
             return a_dot, moment * v * v * cm
 
         for k in range(self._steps):
-            d, v = elevator[:, k], self._speed[k]
-            out[:, 0, k] = q + errors[:, 0, None]
-            out[:, 1, k] = theta
-            out[:, 2, k] = alpha + errors[:, 1, None]
+            flown[:, 0, k] = q + errors[:, 0, None]
+            flown[:, 1, k] = theta
+            flown[:, 2, k] = alpha + errors[:, 1, None]
             if self._has_lift:
-                out[:, 3, k] = cl0 + cl_a * alpha + cl_e * d + errors[:, 2, None]
+                flown[:, 3, k] = (
+                    cl0 + cl_a * alpha + cl_e * elevator[:, k] + braked_l[:, k] + errors[:, 2, None]
+                )
             if k + 1 == self._steps:
                 break
-            d2, v2 = elevator[:, k + 1], self._speed[k + 1]
-            a_dot, q_dot = rates(alpha, q, theta, d, v)
+            a_dot, q_dot = rates(alpha, q, theta, k)
             a1, q1, t1 = alpha + STEP_S * a_dot, q + STEP_S * q_dot, theta + STEP_S * q
-            a_dot2, q_dot2 = rates(a1, q1, t1, d2, v2)
+            a_dot2, q_dot2 = rates(a1, q1, t1, k + 1)
             alpha = alpha + 0.5 * STEP_S * (a_dot + a_dot2)
             theta = theta + 0.5 * STEP_S * (q + q1)
             q = q + 0.5 * STEP_S * (q_dot + q_dot2)
-        return out
+        return flown
 
-    def _elevator(self, delay_s: Floats) -> Floats:
-        """Where the servo stands (sets, steps, manoeuvres): lag and rate known, delay not."""
+    def _servo(self, command: Floats, delay_s: Floats) -> Floats:
+        """Where a servo stands (sets, steps, manoeuvres): lag and rate known, delay not."""
         import numpy as np
 
         lag, rate = self._body.servo_lag_radps, self._body.servo_rate_per_s
         warm = round(QUIET_S / STEP_S)  # the servo's own start is forgotten by then
-        command = self._log.elevator
         begins = np.array([r.start for r in self._rows])
         at = begins[None, None, :] + np.arange(-warm, self._steps)[None, :, None]
         # a command counts from the step at which it was given: held, not drawn to the next
@@ -536,7 +517,7 @@ class _Problem:
         import numpy as np
 
         w = weights[:, None, None]
-        shared = len(NAMES) + len(_ERRORS)
+        shared = len(self.steps) + len(_ERRORS)
         several = len(self._rows)
         r = (residuals * w).ravel()
         columns = [(jacobian[i] * w).ravel() for i in range(shared)]

@@ -96,10 +96,13 @@ class GlideStretch(NamedTuple):
     brake: float = 0.0  # 0 … 1
 
 
-def fit_polar(speed_mps: Sequence[float], sink_mps: Sequence[float]) -> PolarFit:
+def fit_polar(
+    speed_mps: Sequence[float], sink_mps: Sequence[float], *, to_the_slowest: bool = False
+) -> PolarFit:
     """The third-order polar of a table of glides: speeds and sinks [m/s], one each per glide.
 
-    Valid from the slowest to the fastest glide.
+    Valid from the slowest to the fastest glide.  to_the_slowest: the slowest is known to be that of
+    the aircraft, so that the least sink may be there.
     Errors: ValueError saying what is wrong with the table and what would help.
     """
     import numpy as np
@@ -143,7 +146,8 @@ def fit_polar(speed_mps: Sequence[float], sink_mps: Sequence[float]) -> PolarFit
     c0, c1, c2, c3 = (float(c) for c in turn @ scaled)
     errors = np.sqrt(np.diag(turn @ covariance @ turn.T))
     polar = GlidePolar(c0=c0, c1=c1, c2=c2, c3=c3, speed_min_mps=slowest, speed_max_mps=fastest)
-    min_speed = _minimum(polar)
+    at_the_end = to_the_slowest and polar_slope(polar, slowest) >= 0.0
+    min_speed = slowest if at_the_end else _minimum(polar)
     best_speed = best_glide_speed(polar)
     return PolarFit(
         polar=polar,

@@ -580,9 +580,9 @@ def glide_polar_fit(model: AircraftModel, speed_max_mps: float = FASTEST_GLIDE_M
     Errors: ValueError for a model without such glides.
     """
     slowest = round(10.2 * highest_pitch_glide(model).horizontal_mps) / 10.0
-    last = 40
-    speeds = [slowest + (speed_max_mps - slowest) * i / last for i in range(last + 1)]
-    return fit_polar(speeds, [glide_at(model, speed).sink_mps for speed in speeds])
+    speeds = [slowest + (speed_max_mps - slowest) * i / 40 for i in range(41)]
+    sinks = [glide_at(model, speed).sink_mps for speed in speeds]
+    return fit_polar(speeds, sinks, to_the_slowest=True)
 
 
 def gliding_state(

@@ -9,6 +9,7 @@ to one side and the other for the doublets.  The module is on board, watches and
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import inf
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -52,6 +53,8 @@ HALF_S: Final = 0.25  # of a doublet, to one side
 THROW: Final = 0.2
 REST_S: Final = 0.4  # before it
 AFTER_S: Final = 1.3
+PULSES: Final = 4  # of the brake, after the doublets, to the last of its positions and back
+PULSE_S: Final = 0.6
 READ_BACK: Final = SurfacesParams(200.0, 0.005)
 
 
@@ -107,9 +110,11 @@ def fly(
     pitot: bool = False,
     imu: bool = True,
     brakes: tuple[float, ...] = (0.0,),
+    pulses: int = PULSES,
 ) -> Iterator[GlideTick]:
     """The flight, tick by tick.  `servo_delay_s`: where it is not that of the airframe file;
-    brakes: at each of them every speed is glided, the doublets are flown with the first."""
+    brakes: at each of them every speed is glided; the doublets are flown with the first, and then,
+    if they are several, the brake is moved to the last and back, `pulses` times."""
     model = aircraft_model(asdict(airframe.airframe), airframe.model)
     servo = servo_params(airframe.model)
     if servo_delay_s is not None:
@@ -133,15 +138,19 @@ def fly(
     state = initial_state()
     pilot = _Pilot()
     gliding_s = len(plan) * GLIDE_S
-    end_s = gliding_s + (DOUBLET_EVERY_S * (doublets + 1) if doublets else 0.0)
+    throws = doublets + (pulses if len(brakes) > 1 else 0)
+    end_s = gliding_s + (DOUBLET_EVERY_S * (throws + 1) if throws else 0.0)
     while world.time_s < end_s and not world.crashed:
         now = world.time_s
         if now < gliding_s:
-            (brake, glide), since_s = plan[int(now / GLIDE_S)], float("inf")
+            (brake, glide), since_s = plan[int(now / GLIDE_S)], inf
         else:
             (brake, glide), since_s = throwing, (now - gliding_s) % DOUBLET_EVERY_S
             if now - gliding_s < DOUBLET_EVERY_S:  # on the way to this speed
-                since_s = float("inf")
+                since_s = inf
+        moves_brake = since_s < inf and now - gliding_s >= DOUBLET_EVERY_S * (doublets + 1)
+        if moves_brake and REST_S <= since_s < REST_S + PULSE_S:
+            brake = brakes[-1]
         inputs = Inputs(
             time_s=now,
             position=world.position,
@@ -155,7 +164,9 @@ def fly(
         truth = world.truth
         state, output = step(laws, state, inputs)
         yield GlideTick(inputs, output, state, truth)
-        world.step(pilot.command(inputs, glide, since_s)._replace(brake=brake))
+        world.step(
+            pilot.command(inputs, glide, since_s, throws=not moves_brake)._replace(brake=brake)
+        )
 
 
 def _glide(model: AircraftModel, speed_mps: float, brake: float) -> Glide:
@@ -172,8 +183,11 @@ class _Pilot:
         self._integral = 0.0
         self._pitch_trim_rad = 0.0
 
-    def command(self, inputs: Inputs, glide: Glide, since_s: float) -> SurfaceCommand:
-        """`since_s`: since the elevator began to stand for a doublet; infinite: there is none."""
+    def command(
+        self, inputs: Inputs, glide: Glide, since_s: float, *, throws: bool
+    ) -> SurfaceCommand:
+        """`since_s`: since the elevator began to stand for a doublet, or, unless it throws, for a
+        move of the brake; infinite: there is none."""
         if inputs.attitude.sequence == 0 or inputs.position.sequence == 0:
             return SurfaceCommand(glide.elevator, 0.0, 0.0)
         roll, pitch, heading = euler_from_quaternion(*inputs.attitude[2:6])
@@ -181,9 +195,9 @@ class _Pilot:
         sides = SurfaceCommand(0.0, -1.2 * roll - 0.06 * p, -0.6 * heading - 0.2 * r)
         if since_s < REST_S + 2.0 * HALF_S + AFTER_S:
             throw = 0.0
-            if REST_S <= since_s < REST_S + HALF_S:
+            if throws and REST_S <= since_s < REST_S + HALF_S:
                 throw = THROW
-            elif REST_S + HALF_S <= since_s < REST_S + 2.0 * HALF_S:
+            elif throws and REST_S + HALF_S <= since_s < REST_S + 2.0 * HALF_S:
                 throw = -THROW
             return sides._replace(elevator=self._standing + throw)
         # Facing north into a wind from there: the wind, and how fast it is gone against.

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tgl_soar.analysis.identification import STEP_S
 from tgl_soar.analysis.logs.flight_data import FlightData, Series, series
 from tgl_soar.analysis.logs.gliding import (
     STILL,
@@ -19,6 +18,7 @@ from tgl_soar.analysis.logs.gliding import (
     on_grid,
     through_air,
 )
+from tgl_soar.analysis.manoeuvres import STEP_S
 
 T = np.arange(0.0, 12.0, 0.02)
 TWO = np.where(T < 6.0, 1.0, 0.0)  # two glides

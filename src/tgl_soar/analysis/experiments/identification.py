@@ -19,13 +19,13 @@ from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.identification import (
     Identified,
     KnownAircraft,
-    LongitudinalLog,
     body_from,
     identify,
     short_period,
 )
 from tgl_soar.analysis.logs.flight_data import FlightData, euler, series
 from tgl_soar.analysis.logs.gliding import MeanWind, glides, longitudinal
+from tgl_soar.analysis.manoeuvres import LongitudinalLog
 from tgl_soar.analysis.report.identification_figure import identification_figure
 from tgl_soar.analysis.report.polar_figure import polar_figure
 from tgl_soar.config.files import load_airframe, shipped
@@ -84,6 +84,7 @@ def logged(ticks: list[GlideTick]) -> FlightData:
             **{f"{rate}_rate_frd_radps": imu[4 + i] for i, rate in enumerate(rates)},
         ),
         surfaces=series(moved[0], "surfaces", elevator=moved[1], aileron=moved[2], rudder=moved[3]),
+        brake=series(moved[0], "surfaces", brake=moved[4]),
     )
 
 

@@ -13,9 +13,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from tgl_soar.analysis.identification import STEP_S, LongitudinalLog
 from tgl_soar.analysis.logs.flight_data import FlightData, Floats, Series
 from tgl_soar.analysis.logs.module_log import COMMANDED
+from tgl_soar.analysis.manoeuvres import STEP_S, LongitudinalLog
 from tgl_soar.estimation.polar import BRAKE_SLACK, GlideStretch, glides_from_log
 
 GRID_S: Final = 0.02  # of glides
@@ -175,6 +175,7 @@ def longitudinal(flight: FlightData, wind: MeanWind = STILL) -> LongitudinalLog:
         path_angle,
         lift,
         step_s,
+        None if flight.brake is None else _held(flight.brake, "brake", times + ahead_s),
     )
 
 
