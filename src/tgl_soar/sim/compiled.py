@@ -13,6 +13,11 @@ Compiled functions raise what the plain ones raise (division by zero too) and le
 run meanwhile.  Each is inlined where it is called: otherwise handing over hundreds of numbers
 would cost as much as the arithmetic.  What is called from outside is kept on disk
 (`kernel_cache`).
+
+numba counts who holds an array or a list, and does so again for all of them wherever a named tuple
+is handed over or a field of it is read: five hundred atomic operations a tick, more than half of
+its time.  Only what is called from outside counts them, once a call, and what hands them to
+functions that numba itself compiles (`COUNTED`).  The others may not make nor return any.
 """
 
 from __future__ import annotations
@@ -78,6 +83,17 @@ MODULES: Final = (
     "tgl_soar.sim.commanded_flight",
 )
 
+# Functions of these names, which write to a list, or a whole row of an array.
+COUNTED: Final = frozenset({"keep_sample", "delivered", "fly_given"})
+# Nothing calls a function inside a kernel from Python: numba makes no wrapper for that, which would
+# take longer than the function wherever it is handed hundreds of numbers.
+_OPTIONS: Final[dict[str, Any]] = {
+    "nogil": True,
+    "forceinline": True,
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+}
+
 Plain = TypeVar("Plain", bound=Callable[..., Any])
 
 
@@ -119,6 +135,7 @@ def _kernels() -> dict[FunctionType, Any]:
         raise ImportError(
             "compiled flights need numba: install tgl_soar[fast], or fly them plain"
         ) from error
+    compiles: Callable[..., Any] = njit  # its annotations leave options out
     modules = [import_module(name) for name in MODULES]
     _teach_replace(modules)
     spaces = {module: dict(vars(module)) for module in modules}
@@ -127,8 +144,8 @@ def _kernels() -> dict[FunctionType, Any]:
         for name, value in vars(module).items():
             if isinstance(value, FunctionType) and value.__module__ == module.__name__:
                 kernel = FunctionType(value.__code__, space, name, value.__defaults__)
-                kernels[value] = njit(nogil=True, forceinline=True)(kernel)
-    _teach_methods(spaces, njit)
+                kernels[value] = compiles(**_OPTIONS, _nrt=name in COUNTED)(kernel)
+    _teach_methods(spaces, compiles)
     named = {module: ModuleType(module.__name__) for module in modules}
     for module, space in spaces.items():
         for name, value in vars(module).items():
@@ -146,15 +163,14 @@ def _teach_methods(spaces: dict[ModuleType, dict[str, Any]], njit: Callable[...,
     from numba.extending import overload_method
 
     methods: dict[str, dict[type, Any]] = {}
-    options = {"nogil": True, "forceinline": True}
     for module, space in spaces.items():
         for kind in _named_tuples(module):
             for name, method in vars(kind).items():
                 if isinstance(method, FunctionType) and not name.startswith("_"):
                     kernel = FunctionType(method.__code__, space, name, method.__defaults__)
-                    methods.setdefault(name, {})[kind] = njit(**options)(kernel)
+                    methods.setdefault(name, {})[kind] = njit(**_OPTIONS, _nrt=False)(kernel)
     for name, kernels in methods.items():
-        teach: Any = overload_method(types.BaseNamedTuple, name, jit_options=options)  # type: ignore[call-arg]
+        teach: Any = overload_method(types.BaseNamedTuple, name, jit_options=_OPTIONS)  # type: ignore[call-arg]
         teach(_method_of(kernels))
 
 

@@ -61,6 +61,11 @@ def line_length(timing: SensorTiming) -> int:
     return -(-timing.delay_steps // timing.period_steps) + 1
 
 
+def keep_sample(line: DelayLine[Sample], k: int, sample: Sample) -> None:
+    """Put sample k (0, 1, 2 …) under way."""
+    line[k % len(line)] = sample
+
+
 def delivered(timing: SensorTiming, line: DelayLine[Sample], step: int) -> Sample:
     """The newest sample that has arrived by this step; `line` has been given all taken ones.
 
@@ -267,7 +272,7 @@ def sense_position(
         velocity_error = (NAN, NAN, NAN)
         if params.gives_velocity:
             velocity_error = scaled(white, 3, params.velocity_noise_mps)
-        sensor.line[k % len(sensor.line)] = measure_position(
+        sample = measure_position(
             frame,
             state,
             k + 1,
@@ -275,6 +280,7 @@ def sense_position(
             biased(sensor.bias_m, scaled(white, 0, params.noise_m)),
             velocity_error,
         )
+        keep_sample(sensor.line, k, sample)
     return delivered(timing, sensor.line, step)
 
 
@@ -286,7 +292,7 @@ def sense_attitude(
     if step % timing.period_steps == 0:
         k = step // timing.period_steps
         white = sensor.white[k]
-        sensor.line[k % len(sensor.line)] = measure_attitude(
+        sample = measure_attitude(
             frame,
             state,
             k + 1,
@@ -294,6 +300,7 @@ def sense_attitude(
             biased(sensor.bias_rad, scaled(white, 0, params.noise_rad)),
             biased(sensor.rate_bias_radps, scaled(white, 3, params.rate_noise_radps)),
         )
+        keep_sample(sensor.line, k, sample)
     return delivered(timing, sensor.line, step)
 
 
@@ -313,7 +320,7 @@ def sense_imu(
     if step % timing.period_steps == 0:
         k = step // timing.period_steps
         white = sensor.white[k]
-        sensor.line[k % len(sensor.line)] = measure_imu(
+        sample = measure_imu(
             aircraft,
             state,
             wind,
@@ -324,6 +331,7 @@ def sense_imu(
             biased(sensor.rate_bias_radps, scaled(white, 3, params.rate_noise_radps)),
             pull_mps2,
         )
+        keep_sample(sensor.line, k, sample)
     return delivered(timing, sensor.line, step)
 
 
@@ -337,9 +345,10 @@ def sense_airspeed(
     if step % timing.period_steps == 0:
         k = step // timing.period_steps
         error_pa = sensor.pressure_bias_pa + sensor.white[k][0] * sensor.params.pressure_noise_pa
-        sensor.line[k % len(sensor.line)] = measure_airspeed(
+        sample = measure_airspeed(
             aircraft, state, wind, k + 1, step / timing.step_rate_hz, error_pa
         )
+        keep_sample(sensor.line, k, sample)
     return delivered(timing, sensor.line, step)
 
 
@@ -350,7 +359,7 @@ def sense_surfaces(sensor: SurfacesSensor, command: SurfaceCommand, step: int) -
         return NO_SURFACES
     if step % timing.period_steps == 0:
         k = step // timing.period_steps
-        sensor.line[k % len(sensor.line)] = SurfacesSample(
+        sample = SurfacesSample(
             sequence=k + 1,
             time_s=step / timing.step_rate_hz,
             elevator=command.elevator,
@@ -358,6 +367,7 @@ def sense_surfaces(sensor: SurfacesSensor, command: SurfaceCommand, step: int) -
             rudder=command.rudder,
             brake=command.brake,
         )
+        keep_sample(sensor.line, k, sample)
     return delivered(timing, sensor.line, step)
 
 
