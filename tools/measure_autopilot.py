@@ -3,6 +3,7 @@
 
     python tools/measure_autopilot.py latency ardupilot override --firmware .../bin/arduplane
     python tools/measure_autopilot.py silence out/sitl
+    python tools/measure_autopilot.py along out/sitl out/other --point -0.12
 
 `latency`: the aircraft is held over the hill, the autopilot runs in lockstep at the pace of the
 clock, and a companion that thinks in no time steps elevator or bank to and fro.
@@ -14,6 +15,9 @@ Both are simulated time, whole steps of the firmware.  What the module itself ta
 docs/performance.md.
 
 `silence`: what became of a flight of `tgl-soar sitl --kill-module`, from its folder.
+
+`along`: how far it drifted along the last line and across it, in the last minute, of flights of
+`tgl-soar sitl` together; about the mean of each, or about a point held by TGL_ALONG.
 """
 
 from __future__ import annotations
@@ -26,7 +30,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from math import degrees, hypot
+from math import cos, degrees, hypot, sin, sqrt
 from pathlib import Path
 from statistics import mean, median
 from typing import Any, Final, NamedTuple
@@ -64,6 +68,8 @@ BENCH: Final = {
 }
 HOLD_S: Final = 0.3  # and as much again at most between two swings
 COMMANDED_S: Final = 0.1  # so long after a command the bridge's log still says so
+MINUTE_S: Final = 60.0
+END: Final = 0.02  # so near an end of the brake's travel it is at it
 LOST_S: Final = 0.25  # an output that has not moved by then has not followed
 
 
@@ -233,6 +239,37 @@ def silence(folder: Path) -> dict[str, float | str]:
     }
 
 
+def along(folders: list[Path], point_m: float | None) -> dict[str, float | str]:
+    """The last `MINUTE_S` of flights, by the truth."""
+    off, across, brake = [], [], []
+    for folder in folders:
+        summary = json.loads((folder / "summary.json").read_text())["legs"][-1]
+        x0, z0, eta = summary["line"]
+        ended_s = summary["stood_s"][1]
+        with (folder / "truth.csv").open(newline="") as file:
+            rows = [{n: float(v) for n, v in row.items()} for row in csv.DictReader(file)]
+        kept = [row for row in rows if ended_s - MINUTE_S <= row["time_s"] <= ended_s]
+        if not all(row["overridden"] for row in kept):
+            raise SystemExit(f"{folder}: the module has not flown the last {MINUTE_S:g} s of it")
+        ways = [
+            (cos(eta) * (row["x_m"] - x0) + sin(eta) * (row["z_m"] - z0),
+             cos(eta) * (row["z_m"] - z0) - sin(eta) * (row["x_m"] - x0))
+            for row in kept
+        ]  # fmt: skip
+        middle = mean(way for way, _ in ways) if point_m is None else point_m
+        off += [way - middle for way, _ in ways]
+        across += [e for _, e in ways]
+        brake += [row["brake"] for row in kept]
+    at_an_end = sum(not END <= b <= 1.0 - END for b in brake) / len(brake)
+    return {
+        "along, rms [cm]": 1e2 * sqrt(mean(way**2 for way in off)),
+        "along, at most [cm]": 1e2 * max(abs(way) for way in off),
+        "e_rho, rms [cm]": 1e2 * sqrt(mean(e**2 for e in across)),
+        "brake, mean": mean(brake),
+        "at an end of it [%]": 1e2 * at_an_end,
+    }
+
+
 def main() -> int:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
@@ -243,9 +280,17 @@ def main() -> int:
     one.add_argument("--firmware", type=Path, metavar="PATH", help="its program")
     other = what.add_parser("silence", help="after the module was killed")
     other.add_argument("folder", type=Path, help="of tgl-soar sitl --kill-module")
+    last = what.add_parser("along", help="drift along the line")
+    last.add_argument("folders", type=Path, nargs="+", help="of tgl-soar sitl")
+    last.add_argument("--point", type=float, metavar="M", help="TGL_ALONG that was held")
     arguments = parser.parse_args()
-    if arguments.what == "silence":
-        for name, value in silence(arguments.folder).items():
+    if arguments.what != "latency":
+        flown = (
+            silence(arguments.folder)
+            if arguments.what == "silence"
+            else along(arguments.folders, arguments.point)
+        )
+        for name, value in flown.items():
             print(f"{name:28} {value:.2f}" if isinstance(value, float) else f"{name:28} {value}")
         return 0
     with tempfile.TemporaryDirectory() as folder:

@@ -459,6 +459,8 @@ def test_one_machine_only_unless_told_otherwise(capsys: pytest.CaptureFixture[st
         (["--duration", "soon"], "'soon': a number"),
         (["--step-rate", "150"], "150"),
         (["--autopilot-parameter", "SYSID_MYGCS"], "NAME=NUMBER"),
+        (["--autopilot-parameter", "SYSID_MYGCS=1@soon"], "NAME=NUMBER@SECONDS"),
+        (["--autopilot-parameter", "SYSID_MYGCS=1@9"], "needs a firmware"),
         (["--autopilot-parameter", "NONSENSE=1"], "no such parameter"),
         (["--airframe", "/nowhere.toml"], "/nowhere.toml: cannot be read"),
         (["--log", "/proc/nowhere/log.csv"], "--log /proc/nowhere/log.csv"),

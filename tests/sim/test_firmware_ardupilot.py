@@ -21,7 +21,7 @@ from tgl_soar.sim.firmware.ardupilot import (
     state_line,
 )
 from tgl_soar.sim.firmware.sensors import SOMEWHERE
-from tgl_soar.sim.firmware.simulation import Sticks
+from tgl_soar.sim.firmware.simulation import NO_PULSES, THROTTLE_LOW, Sticks
 from tgl_soar.sim.sitl import fly, passed
 from tgl_soar.types import SurfaceCommand
 
@@ -127,6 +127,21 @@ def test_sticks_and_mode_switch_are_channels(physics: ArduPlanePhysics) -> None:
         1900,
     ]
     assert second["rc_8"] == 1000
+
+
+def test_a_receiver_without_a_signal_sends_nothing_or_a_closed_throttle(
+    physics: ArduPlanePhysics,
+) -> None:
+    plane = FakeArduPlane(physics.port, [outputs(i, [0] * 8) for i in range(3)])
+    plane.start()
+    physics.connect(5.0)
+    pulled = SurfaceCommand(0.5, -1.0, 0.25)
+    physics.exchange(READINGS, Sticks(pulled, signal=NO_PULSES))
+    physics.exchange(READINGS, Sticks(pulled, signal=THROTTLE_LOW))
+    plane.join(5.0)
+    silent, low = (json.loads(line)["rc"] for line in plane.lines)
+    assert silent == {}
+    assert [low[f"rc_{i}"] for i in range(1, 9)] == [1500, 1500, 900, *[1500] * 4, 1900]
 
 
 def test_silence_is_the_end(physics: ArduPlanePhysics, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,8 +14,13 @@ from tgl_soar.config.files import load_airframe, load_site
 from tgl_soar.sim.faults import parse_faults
 from tgl_soar.sim.firmware.relay import OWN, FirmwareLink, Relay
 from tgl_soar.sim.firmware.sensors import Readings
-from tgl_soar.sim.firmware.simulation import FirmwareSimulation, Sticks
-from tgl_soar.sim.simulation import Options
+from tgl_soar.sim.firmware.simulation import (
+    NO_PULSES,
+    THROTTLE_LOW,
+    FirmwareSimulation,
+    Sticks,
+)
+from tgl_soar.sim.simulation import Options, TimedSetting
 from tgl_soar.types import SurfaceCommand
 
 CONFIG = Path(__file__).parents[2] / "config"
@@ -105,12 +110,14 @@ def links() -> Iterator[FakeLinks]:
     made.close()
 
 
-def simulation(links: FakeLinks, *faults: str) -> tuple[FirmwareSimulation, FakePhysics]:
+def simulation(
+    links: FakeLinks, *faults: str, later: tuple[TimedSetting, ...] = ()
+) -> tuple[FirmwareSimulation, FakePhysics]:
     physics = FakePhysics()
     made = FirmwareSimulation(
         load_airframe(CONFIG / "airframes/eclipson_c.toml"),
         load_site(CONFIG / "sites/tunnel.toml"),
-        Options(faults=parse_faults(faults)),
+        Options(faults=parse_faults(faults), later=later),
         CONFIG / "sites",
         physics,
         links.relay,
@@ -207,6 +214,47 @@ def test_the_pilots_switch_is_a_fault_to_inject(links: FakeLinks) -> None:
     assert len(physics.readings) == STEP_HZ // 2
     assert taken[0] == pytest.approx(0.1, abs=0.008)
     assert taken[-1] == pytest.approx(0.2, abs=0.008)
+    sim.close()
+
+
+def test_the_pilots_transmitter_and_the_stations_can_fall_silent(links: FakeLinks) -> None:
+    sim, physics = simulation(
+        links,
+        "transmitter.silent start=0.1 for=0.1",
+        "transmitter.failsafe start=0.3 for=0.1",
+        "station.silent start=0.1 for=0.1",
+    )
+    seen = []
+    station = bytes(heartbeat(0, armed=False).pack(mavlink.MAVLink(None, 254, 190)))
+    links.received(links.ground)
+    for _ in range(STEP_HZ // 2):
+        sim.step()
+        sim.receive(GROUND, station)
+        seen.append(any(m.get_srcSystem() == 254 for m in links.received(links.ground)))
+    signals = [sticks.signal for sticks in physics.sticks]
+    for after_s, signal in ((0.05, 0), (0.15, NO_PULSES), (0.25, 0), (0.35, THROTTLE_LOW)):
+        assert signals[round(after_s * STEP_HZ)] == signal
+        assert seen[round(after_s * STEP_HZ)] == (signal != NO_PULSES)
+    assert signals[-1] == 0
+    sim.close()
+
+
+def test_a_parameter_of_the_firmware_is_set_in_flight(links: FakeLinks) -> None:
+    sim, _ = simulation(
+        links, later=(TimedSetting("SIM_B", 2.0, 0.2), TimedSetting("SIM_A", 1.0, 0.1))
+    )
+    links.received(links.ground)
+    said = []
+    for step in range(STEP_HZ // 2):
+        sim.step()
+        said += [
+            (message.param_id, message.param_value, step / STEP_HZ)
+            for message in links.received(links.ground)
+            if message.get_type() == "PARAM_SET"
+        ]
+    assert [(name, value) for name, value, _ in said] == [("SIM_A", 1.0), ("SIM_B", 2.0)]
+    assert [at_s for _, _, at_s in said] == pytest.approx([0.1, 0.2], abs=0.01)
+    assert "sets SIM_A = 1" in sim.take_events()
     sim.close()
 
 

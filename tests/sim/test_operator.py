@@ -156,6 +156,28 @@ def released(module: Module, reason: str, seconds: float, *, ready: bool = True)
             module.second(begun + i * 0.05)
 
 
+def test_what_is_set_with_a_leg_and_is_not_its_line_is_not_waited_for() -> None:
+    leg = PlannedLeg("a", {**LEG.parameters, "TGL_HOLD": 1.0}, stay_s=2.0)
+    operator = Operator([leg], 1, 191)
+    module = Module(operator)
+    run(module, 10.0)
+    assert operator.done
+    assert ("TGL_HOLD", 1.0) in module.sets
+
+
+def test_a_release_that_was_to_be_seen_is_watched_and_ends_well() -> None:
+    operator = Operator([LEG], 1, 191, watch_s=3.0)
+    module = Module(operator)
+    run(module, 2.0)
+    released(module, "autopilot in failsafe", 2.0)
+    assert not operator.done
+    before = operator.seen.time_s
+    released(module, "autopilot in failsafe", 2.0)
+    assert operator.done
+    assert operator.flown[0].ended_s <= before
+    assert module.sets.count(("OP_ENGAGE", 1.0)) == 1
+
+
 def test_after_a_hiccup_of_the_machine_the_leg_is_flown_again() -> None:
     operator = Operator([LEG, LEG], 1, 191, again=1)
     module = Module(operator)

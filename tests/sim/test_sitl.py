@@ -360,3 +360,16 @@ def test_who_searches_names_legs_or_none(tmp_path: Path) -> None:
     more = plan(site, values, options(tmp_path, search=True, legs=("b",)))
     assert [leg.name for leg in more] == ["search", "b"]
     assert "TGL_X" in more[1].parameters
+
+
+def test_parameters_of_the_module_are_set_with_each_leg(tmp_path: Path) -> None:
+    airframe, site = load_airframe(AIRFRAME), load_site(SITE)
+    values = load_parameters(airframe, AIRFRAME, site, SITE)
+    held = (("TGL_HOLD", 1.0), ("TGL_ALONG", -0.25))
+    legs = plan(site, values, options(tmp_path, legs=("b", "c"), settings=held))
+    for leg in legs:
+        assert (leg.parameters["TGL_HOLD"], leg.parameters["TGL_ALONG"]) == (1.0, -0.25)
+        assert "TGL_X" in leg.parameters
+    for wrong, says in ((("TGL_HODL", 1.0), "no such parameter"), (("TGL_HOLD", 3.0), "allowed 0")):
+        with pytest.raises(SitlError, match=says):
+            plan(site, values, options(tmp_path, settings=(wrong,)))

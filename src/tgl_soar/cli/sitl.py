@@ -76,6 +76,12 @@ Turbulence = Annotated[
     float | None,
     typer.Option(help="Fraction of the wind. Default: the site's.", min=0.0, max=0.5),
 ]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="NAME=NUMBER", help="A parameter of the module; repeat for more."
+    ),
+]
 Realtime = Annotated[
     bool, typer.Option("--realtime", help="Fly in real time, open to other ground stations.")
 ]
@@ -128,7 +134,10 @@ Route = Annotated[
 ]
 AutopilotParameters = Annotated[
     list[str] | None,
-    typer.Option(metavar="NAME=NUMBER", help="Of the autopilot; repeat for more."),
+    typer.Option(
+        metavar="NAME=NUMBER[@S]",
+        help="Of the autopilot, of a firmware also set in flight; repeat for more.",
+    ),
 ]
 WithSearch = Annotated[
     bool,
@@ -158,6 +167,7 @@ def sitl(
     stay: Stay = 16.0,
     seed: Seed = 1,
     turbulence: Turbulence = None,
+    settings: Settings = None,
     realtime: Realtime = False,
     gcs_local: GroundLocal = "127.0.0.1:18570",
     page: WithPage = False,
@@ -196,6 +206,7 @@ def sitl(
         out=out,
         legs=tuple(name.strip() for name in legs.split(",") if name.strip()),
         stay_s=stay,
+        settings=_numbers(settings or []),
         model=None if model is None else model.value,
         seed=seed,
         turbulence=turbulence,
@@ -236,6 +247,18 @@ def _say_what_flies(options: SitlOptions) -> None:
                 say(words)
     except ValueError as error:  # `ConfigError` too
         fail(error)
+
+
+def _numbers(settings: list[str]) -> tuple[tuple[str, float], ...]:
+    """Names and numbers of NAME=NUMBER."""
+    found = []
+    for text in settings:
+        name, _, number = text.partition("=")
+        try:
+            found.append((name.strip(), float(number)))
+        except ValueError:
+            fail(f"--set {text}: write NAME=NUMBER, such as TGL_HOLD=1")
+    return tuple(found)
 
 
 def _check_faults(faults: tuple[str, ...]) -> None:

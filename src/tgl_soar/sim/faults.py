@@ -290,8 +290,28 @@ _OF_THE_BRAKE: Final = (
     ),
 )
 
+# What a real firmware answers with failsafes of its own.
+_OF_A_FIRMWARE: Final = (
+    FaultKind(
+        "transmitter.silent",
+        "the pilot's receiver has no signal and sends no pulses (a real firmware's)",
+        (_START, _for(3.0, 0.5, 10.0)),
+    ),
+    FaultKind(
+        "transmitter.failsafe",
+        "the pilot's receiver has no signal: sticks centred, throttle low (a real firmware's)",
+        (_START, _for(3.0, 0.5, 10.0)),
+    ),
+    FaultKind(
+        "station.silent",
+        "nothing of any ground station arrives (at a real firmware)",
+        (_START, _for(10.0, 5.0, 30.0)),
+    ),
+)
+
 _KINDS: Final[tuple[FaultKind, ...]] = (
     *_OF_THE_BRAKE,
+    *_OF_A_FIRMWARE,
     *(kind for of, passing in _PASSING.items() for kind in _ways(of, passing)),
     *(
         kind

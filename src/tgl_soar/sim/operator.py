@@ -84,9 +84,11 @@ class Operator:
         *,
         when_armed: bool = False,
         again: int = 0,
+        watch_s: float | None = None,
     ) -> None:
         """`when_armed`: it engages nothing before the vehicle is armed.  `again`: so often it
-        engages again and repeats the leg where a hiccup of the machine has ended the flight."""
+        engages again and repeats the leg where a hiccup of the machine has ended the flight.
+        `watch_s`: where the module disengages by itself it looks on for so long, and is done."""
         self.seen = LastTelemetry()
         self.hiccups: list[str] = []  # the report of each
         self.flown: list[FlownLeg] = []
@@ -94,6 +96,7 @@ class Operator:
         self._legs = legs
         self._when_armed = when_armed
         self._again = again
+        self._watch_s = watch_s
         self._released_s = float("nan")
         self._target = (system, component)
         self._codec = mavlink.MAVLink(None, own_system, mavlink.MAV_COMP_ID_MISSIONPLANNER)
@@ -180,7 +183,9 @@ class Operator:
 
     def _next_stage(self) -> None:
         """Wait for the module, then leg by leg: set, wait for the line to stand, stay."""
-        if self._stage in ("released", "again"):
+        if self._stage == "watch":
+            self._look_on()
+        elif self._stage in ("released", "again"):
             self._recover()
         elif self._stage == "wait":
             known = self.seen.module_alive and isfinite(self._shown("soar_x"))
@@ -217,8 +222,20 @@ class Operator:
         if self._engaged and self.seen.parameters.get("OP_ENGAGE") == 0.0 and not self._to_set:
             self._engaged, self._engaged_s = False, float("nan")
             self._stage, self._released_s = "released", self.seen.time_s
-            if self._again <= len(self.hiccups):
+            if self._watch_s is not None:
+                self._stage = "watch"
+            elif self._again <= len(self.hiccups):
                 raise OperatorError(f"the module disengaged by itself: {self._last_words()}")
+
+    def _look_on(self) -> None:
+        """The module has disengaged by itself, as was to be seen."""
+        assert self._watch_s is not None
+        if self.seen.time_s - self._released_s >= self._watch_s:
+            flown = self.flown[-1]
+            if not isfinite(flown.stopped_s):
+                flown.stopped_s = flown.asked_s
+            flown.ended_s = self._released_s
+            self.done = True
 
     def _recover(self) -> None:
         """The module has disengaged by itself: see why, and repeat the leg once it is ready."""
@@ -275,6 +292,7 @@ class Operator:
             isclose(self._shown(LINE[name]), value, abs_tol=1e-3)
             and self.seen.stamps[LINE[name]] > self._engaged_s
             for name, value in leg.parameters.items()
+            if name in LINE
         )
 
     def _shown(self, name: str) -> float:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -58,6 +58,14 @@ LOG_COLUMNS: Final = (
 )
 
 
+class TimedSetting(NamedTuple):
+    """A parameter of the autopilot that a ground station sets in flight."""
+
+    name: str
+    value: float
+    at_s: float
+
+
 @dataclass(frozen=True)
 class Options:
     """How to simulate; times in seconds of simulated time unless named wall."""
@@ -74,7 +82,8 @@ class Options:
     allow_odometry: bool = False
     faults: tuple[Fault, ...] = ()
     pitot: bool = True
-    parameters: tuple[tuple[str, float], ...] = ()
+    parameters: tuple[tuple[str, float], ...] = ()  # of the autopilot
+    later: tuple[TimedSetting, ...] = ()  # of a firmware: set in flight
     record: Path | None = None  # what passed between a firmware and its companion, as .tlog
     log: Path | None = None
     log_hz: int = 50

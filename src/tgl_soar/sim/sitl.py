@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from tgl_soar.air.zeuc import Crossing, stable_crossing
 from tgl_soar.config.files import line_parameters, load_airframe, load_parameters, load_site
-from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.config.parameters import ParameterError, ParameterSet, checked_value
 from tgl_soar.config.site import Site
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.sim.bridge.slowness import TOO_SLOW
@@ -71,8 +71,12 @@ class SitlFlight:
 
 def plan(site: Site, values: ParameterSet, options: SitlOptions) -> list[PlannedLeg]:
     """The legs by name, from the site's lines.  Errors: `SitlError`."""
+    try:
+        settings = {name: checked_value(name, value) for name, value in options.settings}
+    except ParameterError as error:
+        raise SitlError(str(error)) from None
     names = options.legs or (() if options.search else tuple(site.lines))
-    search = PlannedLeg(SEARCH, {"SRCH_START": 1.0}, options.stay_s, searches=True)
+    search = PlannedLeg(SEARCH, {**settings, "SRCH_START": 1.0}, options.stay_s, searches=True)
     if not names and not options.search:
         raise SitlError(f"{options.site}: no [lines.NAME] tables, so there is nowhere to fly")
     unknown = [name for name in names if name not in site.lines]
@@ -83,7 +87,7 @@ def plan(site: Site, values: ParameterSet, options: SitlOptions) -> list[Planned
     return [search] * options.search + [
         PlannedLeg(
             name,
-            {"TGL_LEAN": values["TGL_LEAN"], **line_parameters(site.lines[name])},
+            {"TGL_LEAN": values["TGL_LEAN"], **line_parameters(site.lines[name]), **settings},
             options.stay_s,
         )
         for name in names
@@ -112,6 +116,7 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> SitlFligh
         airframe.autopilot.system_id,
         airframe.autopilot.component_id,
         when_armed=options.autopilot != "builtin",
+        watch_s=options.watch_s,
         again=AGAIN if options.realtime and not options.faults and options.kill_s is None else 0,
     )
     processes = SitlProcesses(options.out)
@@ -278,9 +283,15 @@ def _write_summary(options: SitlOptions, flight: SitlFlight) -> None:
         "passed": passed(flight),
         "killed_s": flight.killed_s,
         "legs": [
-            {**asdict(score), "predicted": _place(crossing), "by_hand": flown.by_hand}
-            for score, crossing, flown in zip(
-                flight.scores, flight.crossings, flight.flown, strict=True
+            {
+                **asdict(score),
+                "predicted": _place(crossing),
+                "by_hand": flown.by_hand,
+                "line": line,
+                "stood_s": (flown.stopped_s, flown.ended_s),
+            }
+            for score, crossing, flown, line in zip(
+                flight.scores, flight.crossings, flight.flown, flight.lines, strict=True
             )
         ],
     }

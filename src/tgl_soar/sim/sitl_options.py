@@ -19,6 +19,7 @@ class SitlOptions:
     out: Path
     legs: tuple[str, ...] = ()  # names of the site's lines; none: all, in order
     stay_s: float = 16.0
+    settings: tuple[tuple[str, float], ...] = ()  # of the module, set with each leg
     model: str | None = None  # as the bridge spells it; None: the airframe file's
     seed: int = 1
     turbulence: float | None = None  # fraction of the reference wind; None: the site's
@@ -29,9 +30,10 @@ class SitlOptions:
     autopilot: str = "builtin"  # or a real firmware, by the bridge's name for it
     firmware: Path | None = None  # its program
     route: str | None = None  # by which the module commands it; None: the firmware's usual one
-    autopilot_parameters: tuple[str, ...] = ()  # NAME=NUMBER
+    autopilot_parameters: tuple[str, ...] = ()  # NAME=NUMBER, or NAME=NUMBER@SECONDS
     search: bool = False  # the first leg is a search for lift, and the only one if none is named
     kill_s: float | None = None  # the module is killed so long after its line first stood
+    watch_s: float | None = None  # where it disengages by itself, fly on so long and end well
     # Real time alone is open to others, on the ports that the firmwares' simulators have.
     gcs: str = "127.0.0.1:14550"
     gcs_local: str = "127.0.0.1:18570"  # the bridge's own port towards it

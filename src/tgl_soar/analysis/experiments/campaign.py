@@ -53,7 +53,9 @@ DURATION_S: Final = 30.0
 TURBULENCE: Final = 0.02  # drawn from 0 to this
 TWO_OF: Final = 4  # one flight in so many has two faults
 PAIRS: Final = "two at once"
-DRAWN: Final = tuple(n for n in CATALOGUE if not n.startswith("brake."))  # it flies without one
+# It flies without a brake, and without a firmware.
+NOT_DRAWN: Final = ("brake.", "transmitter.", "station.")
+DRAWN: Final = tuple(name for name in CATALOGUE if not name.startswith(NOT_DRAWN))
 LINE: Final = "b"
 # What an operator sets for this line: nearer to the board, lower or further than this is trouble.
 ENVELOPE: Final = {

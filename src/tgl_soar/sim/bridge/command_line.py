@@ -13,13 +13,16 @@ from tgl_soar.sim.bridge.mocap import add_mocap_options, mocap_options
 from tgl_soar.sim.bridge.options import BridgeOptions, FirmwareOptions, Pace, PortOptions
 from tgl_soar.sim.faults import Fault, FaultError, parse_fault
 from tgl_soar.sim.ports import Address
-from tgl_soar.sim.simulation import Options
+from tgl_soar.sim.simulation import Options, TimedSetting
 
 
 def parsed(words: Sequence[str]) -> BridgeOptions:
     """The options of a command line.  Errors: SystemExit, with words on the error stream."""
-    arguments = _parser().parse_args(words)
+    parser = _parser()
+    arguments = parser.parse_args(words)
     builtin = arguments.autopilot == "builtin"
+    if builtin and any(change.at_s > 0.0 for change in arguments.autopilot_parameter):
+        parser.error("--autopilot-parameter NAME=NUMBER@SECONDS needs a firmware: --autopilot")
     return BridgeOptions(
         airframe=arguments.airframe,
         site=arguments.site,
@@ -45,6 +48,7 @@ def parsed(words: Sequence[str]) -> BridgeOptions:
 
 
 def _simulation_options(arguments: argparse.Namespace) -> Options:
+    settings: list[TimedSetting] = arguments.autopilot_parameter
     return Options(
         model=None if arguments.model is None else MODEL_OPTIONS[arguments.model],
         seed=arguments.seed,
@@ -58,7 +62,8 @@ def _simulation_options(arguments: argparse.Namespace) -> Options:
         allow_odometry=arguments.odometry,
         faults=tuple(arguments.fault),
         pitot=not arguments.no_pitot,
-        parameters=tuple(arguments.autopilot_parameter),
+        parameters=tuple((c.name, c.value) for c in settings if c.at_s == 0.0),
+        later=tuple(change for change in settings if change.at_s > 0.0),
         record=arguments.record,
         log=arguments.log,
         log_hz=arguments.log_rate,
@@ -94,13 +99,14 @@ def _whole(low: int, high: int) -> Any:
     return parse
 
 
-def _setting(text: str) -> tuple[str, float]:
-    name, _, value = text.partition("=")
+def _setting(text: str) -> TimedSetting:
+    name, _, rest = text.partition("=")
+    value, _, at = rest.partition("@")
     try:
-        return name.strip(), float(value)
+        return TimedSetting(name.strip(), float(value), float(at or 0.0))
     except ValueError:
         raise argparse.ArgumentTypeError(
-            f"{text!r}: write NAME=NUMBER, such as SYSID_MYGCS=255"
+            f"{text!r}: write NAME=NUMBER, such as SYSID_MYGCS=255, or NAME=NUMBER@SECONDS"
         ) from None
 
 
@@ -176,7 +182,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--no-pitot", action="store_true", help="VFR_HUD then shows a guess, as ArduPlane does")
     add(
         "--autopilot-parameter", type=_setting, action="append", default=[],
-        metavar="NAME=NUMBER", help="a parameter of the autopilot; repeat for more",
+        metavar="NAME=NUMBER[@S]", help="of the autopilot, of a firmware at S seconds; repeatable",
     )  # fmt: skip
     add(
         "--uptime", type=_number(0.0, 1e7), default=0.0, metavar="S",

@@ -39,7 +39,7 @@ from tgl_soar.sim.channels import (
 from tgl_soar.sim.firmware import FirmwareError, program
 from tgl_soar.sim.firmware.relay import FirmwareLink, Relay
 from tgl_soar.sim.firmware.sensors import SOMEWHERE, Readings
-from tgl_soar.sim.firmware.simulation import Sticks
+from tgl_soar.sim.firmware.simulation import NO_PULSES, THROTTLE_LOW, Sticks
 from tgl_soar.sim.ports import Address
 from tgl_soar.sim.sensor_messages import geodetic
 from tgl_soar.types import SurfaceCommand
@@ -60,6 +60,7 @@ MODE_GUIDED: Final = 15
 MODE_CHANNEL: Final = 8
 THROTTLE_CHANNEL: Final = 3
 RC_CHANNELS: Final = 8
+THROTTLE_LOST_US: Final = 900  # below THR_FS_VALUE, 950
 # Before its estimator has aligned a simpler one takes its place, and it could be armed.
 READY: Final = mavlink.MAV_SYS_STATUS_PREARM_CHECK | mavlink.MAV_SYS_STATUS_AHRS
 
@@ -150,8 +151,14 @@ class ArduPlanePhysics:
         return command_of(self._file, each)
 
     def _transmitter(self, sticks: Sticks) -> list[int]:
-        """Pulse widths of the pilot's channels."""
+        """Pulse widths of the pilot's channels; none: the receiver sends none."""
+        if sticks.signal == NO_PULSES:
+            return []
         channels = [1500] * RC_CHANNELS
+        if sticks.signal == THROTTLE_LOW:
+            channels[THROTTLE_CHANNEL - 1] = THROTTLE_LOST_US
+            channels[MODE_CHANNEL - 1] = 1900  # as it was
+            return channels
         channels[THROTTLE_CHANNEL - 1] = 1000
         channels[MODE_CHANNEL - 1] = 1000 if sticks.takes else 1900
         each = deflections_of(self._file, sticks.deflections)

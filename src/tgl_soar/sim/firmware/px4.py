@@ -31,7 +31,7 @@ from tgl_soar.sim.channels import NEUTRAL
 from tgl_soar.sim.firmware import FirmwareError, program
 from tgl_soar.sim.firmware.relay import FirmwareLink, Relay
 from tgl_soar.sim.firmware.sensors import GpsPlace, Readings
-from tgl_soar.sim.firmware.simulation import Sticks
+from tgl_soar.sim.firmware.simulation import RECEIVED, Sticks
 from tgl_soar.types import SurfaceCommand
 
 # Ports of instance 0; every instance has its own, so many higher.
@@ -136,7 +136,9 @@ class Px4Physics:
         messages = [hil_sensor(readings)]
         if readings.gps is not None:
             messages.append(hil_gps(readings.gps, _microseconds(readings.time_s)))
-        if self._steps % RC_STEPS == 0:
+        # A receiver that has no signal sends none: PX4 knows a failsafe by its pulses only where
+        # RC_FAILS_THR is set to them.
+        if self._steps % RC_STEPS == 0 and sticks.signal == RECEIVED:
             messages.append(rc_channels(sticks, round(readings.time_s * 1e3)))
         self._steps += 1
         try:

@@ -107,6 +107,7 @@ class Relay:
         self.commands: dict[str, int] = {}  # of a companion to its surfaces, by message
         self.last_command = ""
         self.commanded_step = -1
+        self.hears_stations = True  # False: what ground stations send does not arrive
         self.record: BinaryIO | None = None  # of the companion's link, both ways, as a .tlog
         self._system = system
         self._ground, self._companion = ground, companion
@@ -203,7 +204,7 @@ class Relay:
         elif kind in COMMANDS and not ground:
             self.commands[kind] = self.commands.get(kind, 0) + 1
             self.last_command, self.commanded_step = kind, self._step
-        return True
+        return self.hears_stations or not ground
 
     # --- towards the firmware -----------------------------------------------------------
 

@@ -42,11 +42,19 @@ from tgl_soar.types import SurfaceCommand
 ASK_S: Final = 1.0  # between two requests to arm, or for a mode
 
 
+# Of the pilot's transmitter at the receiver.
+RECEIVED: Final = 0
+NO_PULSES: Final = 1
+THROTTLE_LOW: Final = 2  # sticks centred: how most receivers say that there is no signal
+SIGNALS: Final = {"transmitter.silent": NO_PULSES, "transmitter.failsafe": THROTTLE_LOW}
+
+
 class Sticks(NamedTuple):
     """The pilot's transmitter."""
 
     deflections: SurfaceCommand  # of the sticks, as they would move the surfaces
     takes: bool = False  # their mode switch is at the mode in which they take over
+    signal: int = RECEIVED
 
 
 class Physics(Protocol):
@@ -110,6 +118,8 @@ class FirmwareSimulation:
         self._polar = airframe.polar.as_polar()
         self._pilot = SafetyPilot(self.world.trim_pitch_rad, 1.0 / physics.step_hz)
         self._pilot_takes = False
+        self._signal = RECEIVED
+        self._later = sorted(options.later, key=lambda change: change.at_s)
         self._surfaces = NEUTRAL
         self._lying_until = -1  # step
         self._truth_every = physics.step_hz // TRUTH_HZ
@@ -166,6 +176,11 @@ class FirmwareSimulation:
             self._events.append(f"fault {'begins' if begins else 'is over'}: {fault}")
             if fault.kind.name == "pilot.takes":
                 self._pilot_takes = begins
+            elif fault.of == "transmitter":
+                self._signal = SIGNALS[fault.kind.name] if begins else RECEIVED
+            elif fault.kind.name == "station.silent":
+                self.pixhawk.hears_stations = not begins
+        self._set_parameters()
         self._launch()
         world.step(self.injection.surfaces(self.time_s, self._surfaces, 1.0 / world.step_hz))
         if world.crashed and self._lying_until < 0:
@@ -208,6 +223,21 @@ class FirmwareSimulation:
         self._physics.close()
         self.pixhawk.close()
 
+    def _set_parameters(self) -> None:
+        """Those of the firmware that are to change by now."""
+        while self._later and self.time_s >= self._later[0].at_s:
+            change = self._later.pop(0)
+            self._events.append(f"sets {change.name} = {change.value:g}")
+            self.pixhawk.command(
+                mavlink.MAVLink_param_set_message(
+                    self._system,
+                    mavlink.MAV_COMP_ID_AUTOPILOT1,
+                    change.name.encode(),
+                    change.value,
+                    mavlink.MAV_PARAM_TYPE_REAL32,
+                )
+            )
+
     def _launch(self) -> None:
         """The next stage of the launch, once it is due."""
         world, relay, physics = self.world, self.pixhawk, self._physics
@@ -249,7 +279,7 @@ class FirmwareSimulation:
         obeyed = self._physics.obeys.get(relay.last_command) == relay.custom_mode
         if not self.flying or (relay.is_commanded and obeyed):
             self._pilot.hand_over()
-            return Sticks(NEUTRAL, self._pilot_takes)
+            return Sticks(NEUTRAL, self._pilot_takes, self._signal)
         truth = world.truth
         return Sticks(
             self._pilot.sticks(
@@ -261,6 +291,7 @@ class FirmwareSimulation:
                 self._surfaces.elevator,
             ),
             self._pilot_takes,
+            self._signal,
         )
 
     def _log_row(self) -> None:

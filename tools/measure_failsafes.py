@@ -1,0 +1,242 @@
+#!/usr/bin/env python3
+"""What a real firmware does by itself, and what becomes of the flight: docs/autopilots.md.
+
+    python tools/measure_failsafes.py ardupilot override --firmware .../bin/arduplane
+    python tools/measure_failsafes.py ardupilot attitude --firmware PATH --only radio --out out/fs
+
+Each trial is a flight over the hill by satellites, in calm air, as `tgl-soar sitl` flies it: the
+module soars leg a, then something fails.  A row says when the module has disengaged and by which
+words, what modes the firmware was in, and how the aircraft is at the end: `WATCH_S` after the
+module has disengaged, or after the failure where it has not.  Times are since the failure.
+
+The simulated pilot flies by the sticks whenever the module does not, as far as their transmitter is
+received.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import re
+import sys
+from dataclasses import dataclass
+from itertools import pairwise
+from math import inf
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from pymavlink import mavutil
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from tgl_soar.config.files import shipped
+from tgl_soar.sim.sitl import fly
+from tgl_soar.sim.sitl_options import SitlError, SitlOptions
+
+FAILS_S: Final = 80.0  # it has aligned after some 25 s, and soars leg a from then on
+WATCH_S: Final = 20.0
+LINE_STANDS_S: Final = 40.0  # some time before it stands
+STATION: Final = 254  # system id of the operator of `tgl-soar sitl`
+AT: Final = f"@{FAILS_S:g}"
+# As preflight asks for.
+GOOD: Final = ("THR_FAILSAFE=1", "FS_SHORT_ACTN=2", "FS_LONG_ACTN=2")
+BATTERY: Final = (
+    "BATT_MONITOR=4",
+    "BATT_LOW_VOLT=10.5",
+    "BATT_LOW_TIMER=2",
+    f"SIM_BATT_VOLTAGE=9{AT}",
+)
+FENCE: Final = ("FENCE_TYPE=1", "FENCE_ALT_MAX=10", f"FENCE_ENABLE=1{AT}")
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One thing that fails."""
+
+    name: str
+    settings: tuple[str, ...]  # of the firmware
+    fault: str = ""  # of the catalogue, without its start
+    watched_s: float = 30.0  # where the module flies on
+    station: bool = False  # the operator is the firmware's own ground station
+
+
+def _radio(words: str, fault: str, *settings: str) -> Trial:
+    return Trial(f"radio: {words}", settings or GOOD, fault)
+
+
+def _gps(words: str, *settings: str) -> Trial:
+    return Trial(f"estimator: {words}", (*GOOD, *settings), watched_s=60.0)
+
+
+def _at(seconds: float) -> str:
+    return f"@{FAILS_S + seconds:g}"
+
+
+ARDUPILOT: Final = (
+    _radio("no pulses for 2 s", "transmitter.silent for=2"),
+    _radio("no pulses for good", "transmitter.silent for=999"),
+    _radio("throttle low for 2 s", "transmitter.failsafe for=2"),
+    _radio("throttle low for good", "transmitter.failsafe for=999"),
+    _radio("throttle low for 2 s, FS_SHORT_ACTN 0", "transmitter.failsafe for=2",
+           "THR_FAILSAFE=1", "FS_SHORT_ACTN=0", "FS_LONG_ACTN=2"),
+    _radio("throttle low for good, FS_SHORT_ACTN 3", "transmitter.failsafe for=999",
+           "THR_FAILSAFE=1", "FS_SHORT_ACTN=3", "FS_LONG_ACTN=2"),
+    _radio("throttle low for good, FS_LONG_ACTN 0", "transmitter.failsafe for=999",
+           "THR_FAILSAFE=1", "FS_SHORT_ACTN=2", "FS_LONG_ACTN=0"),
+    _radio("throttle low for good, THR_FAILSAFE 0", "transmitter.failsafe for=999",
+           "THR_FAILSAFE=0", *GOOD[1:]),
+    _radio("throttle low for good, THR_FAILSAFE 2", "transmitter.failsafe for=999",
+           "THR_FAILSAFE=2", *GOOD[1:]),
+    _radio("no pulses for good, THR_FAILSAFE 0", "transmitter.silent for=999",
+           "THR_FAILSAFE=0", *GOOD[1:]),
+    Trial("station: silent for good, FS_GCS_ENABL 1", (*GOOD, "FS_GCS_ENABL=1"),
+          "station.silent for=999", station=True),
+    Trial("station: silent for good, FS_GCS_ENABL 1, FS_LONG_ACTN 0",
+          (*GOOD[:2], "FS_LONG_ACTN=0", "FS_GCS_ENABL=1"), "station.silent for=999", station=True),
+    Trial("battery: low, BATT_FS_LOW_ACT 0", (*GOOD, *BATTERY, "BATT_FS_LOW_ACT=0")),
+    Trial("battery: low, BATT_FS_LOW_ACT 1 (RTL)", (*GOOD, *BATTERY, "BATT_FS_LOW_ACT=1")),
+    Trial("fence: too high, FENCE_ACTION 0", (*GOOD, *FENCE, "FENCE_ACTION=0")),
+    Trial("fence: too high, FENCE_ACTION 1 (RTL)", (*GOOD, *FENCE, "FENCE_ACTION=1")),
+    Trial("fence: too high, FENCE_ACTION 6 (GUIDED)", (*GOOD, *FENCE, "FENCE_ACTION=6")),
+    _gps("no fix for 2 s", f"SIM_GPS_DISABLE=1{AT}", f"SIM_GPS_DISABLE=0{_at(2)}"),
+    _gps("no fix for 5 s", f"SIM_GPS_DISABLE=1{AT}", f"SIM_GPS_DISABLE=0{_at(5)}"),
+    _gps("no fix for 15 s", f"SIM_GPS_DISABLE=1{AT}", f"SIM_GPS_DISABLE=0{_at(15)}"),
+    _gps("fixes 3 m to the north for 20 s",
+         f"SIM_GPS_GLITCH_X=2.7e-5{AT}", f"SIM_GPS_GLITCH_X=0{_at(20)}"),
+    _gps("fixes 30 m to the north from then on", f"SIM_GPS_GLITCH_X=27e-5{AT}"),
+    _gps("barometer drifts by 2 cm/s for 60 s", f"SIM_BARO_DRIFT=0.02{AT}"),
+    _gps("compass turned by 20° from then on", f"SIM_MAG1_OFS_X=60{AT}"),
+    _gps("its first IMU fails: EKF3 changes lanes", f"SIM_ACC1_BIAS_X=3{AT}"),
+)  # fmt: skip
+TRIALS: Final = {"ardupilot": ARDUPILOT}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one flight; times since the failure."""
+
+    released_s: float  # inf: not
+    words: str  # of the module
+    modes: list[tuple[float, str]]
+    texts: list[str]  # of the firmware
+    lost_s: float  # inf: not
+    rms_e_m: float  # of e_rho, while the module flew on
+    away_m: float  # at most, from where it was when it failed
+
+
+def outcome(folder: Path, line: tuple[float, float, float]) -> Outcome:
+    """Of a flight in a folder; line: x0 [m], z0 [m], eta [rad]."""
+    with (folder / "truth.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    truth = {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+    since = truth["time_s"] - FAILS_S
+    after = since >= 0.0
+    commanded = since[(truth["overridden"] > 0.0) & after]
+    released = float(commanded[-1]) if commanded.size and commanded[-1] < since[-1] - 1.0 else inf
+    down = since[after & (truth["flying"] == 0.0)]
+    x0, z0, eta = line
+    e = np.cos(eta) * (truth["z_m"] - z0) - np.sin(eta) * (truth["x_m"] - x0)
+    flown = after & (since < min(released, down[0] if down.size else inf))
+    begin = int(np.argmax(after))
+    in_air = after & (since < (down[0] if down.size else inf))
+    ways = np.hypot(truth["x_m"] - truth["x_m"][begin], truth["z_m"] - truth["z_m"][begin])[in_air]
+    names = mavutil.mode_mapping_bynumber(mavlink.MAV_TYPE_FIXED_WING) or {}
+    changes = [
+        (float(s), names.get(int(mode), str(int(mode))))
+        for (_, before), (s, mode) in pairwise(
+            zip(since[begin - 1 :], truth["mode"][begin - 1 :], strict=True)
+        )
+        if mode != before
+    ]
+    module = (folder / "module.log").read_text(errors="replace")
+    bridge = (folder / "bridge.log").read_text(errors="replace")
+    words = re.findall(r"released: (.*)", module)
+    return Outcome(
+        released,
+        words[-1] if words else "",
+        changes,
+        re.findall(r"it reports: (.*)", bridge),
+        float(down[0]) if down.size else inf,
+        float(np.sqrt(np.mean(e[flown] ** 2))) if flown.any() else float("nan"),
+        float(ways.max()),
+    )
+
+
+def flown(
+    trial: Trial, firmware: str, route: str, program: Path, folder: Path, seed: int
+) -> Outcome:
+    """Fly a trial.  Errors: `SitlError`."""
+    airframe = shipped("airframes/eclipson_c.toml")
+    if trial.station:
+        text = re.sub(r"(?m)^override_system_id *= *\d+", f"override_system_id = {STATION}",
+                      airframe.read_text())  # fmt: skip
+        folder.mkdir(parents=True, exist_ok=True)
+        airframe = folder / "with_station.toml"
+        airframe.write_text(text)
+    flight = fly(
+        SitlOptions(
+            airframe=airframe,
+            site=shipped("sites/hill.toml"),
+            out=folder,
+            legs=("a",),
+            stay_s=FAILS_S + trial.watched_s - LINE_STANDS_S,
+            seed=seed,
+            settings=(("OP_FORCE", 1.0),),  # with settings that the module refuses, too
+            faults=(f"{trial.fault} start={FAILS_S:g}",) if trial.fault else (),
+            autopilot=firmware,
+            firmware=program,
+            route=route,
+            autopilot_parameters=trial.settings,
+            watch_s=WATCH_S,
+        ),
+        lambda _: None,
+    )
+    return outcome(folder, flight.lines[0])
+
+
+def row(name: str, found: Outcome) -> str:
+    """Of the table."""
+    module = "flies on" if found.released_s == inf else f"{found.released_s:.1f} s: {found.words}"
+    if found.released_s == inf and found.rms_e_m == found.rms_e_m:
+        module += f", e_rho {100 * found.rms_e_m:.1f} cm rms"
+    modes = ", ".join(f"{mode} {s:.1f} s" for s, mode in found.modes) or "no change"
+    end = "flies" if found.lost_s == inf else f"**on the ground after {found.lost_s:.1f} s**"
+    return f"| {name} | {modes} | {module}, {found.away_m:.1f} m away at most | {end} |"
+
+
+def main() -> int:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("autopilot", choices=TRIALS)
+    parser.add_argument("route")
+    parser.add_argument("--firmware", type=Path, metavar="PATH", required=True, help="its program")
+    parser.add_argument("--only", default="", metavar="WORDS", help="trials whose name has these")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--out", type=Path, default=Path("out/failsafes"), help="folder")
+    parser.add_argument("--texts", action="store_true", help="what the firmware says, too")
+    arguments = parser.parse_args()
+    print("| what fails | modes of the firmware | the module | the aircraft |\n|---|---|---|---|")
+    for number, trial in enumerate(TRIALS[arguments.autopilot]):
+        if arguments.only not in trial.name:
+            continue
+        folder = arguments.out / f"{arguments.autopilot}-{arguments.route}-{number}"
+        try:
+            found = flown(
+                trial,
+                arguments.autopilot,
+                arguments.route,
+                arguments.firmware,
+                folder / f"seed{arguments.seed}",
+                arguments.seed,
+            )
+        except SitlError as error:
+            print(f"| {trial.name} | not flown: {str(error).splitlines()[0]} | | |", flush=True)
+            continue
+        print(row(trial.name, found), flush=True)
+        if arguments.texts:
+            print("\n".join(f"    {text}" for text in found.texts), file=sys.stderr, flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
