@@ -486,8 +486,9 @@ def _guide(
         laws, memory.imu_weight, memory.gain_speed_mps, memory.gain_age_s, line.eta_rad
     )
     limited, speed, faults = state.loops.limited, memory.gain_speed_mps, estimates.health.faults
+    felt = memory.imu_weight == 1.0
     held, effect = point_step(
-        laws, state.brake, limited, decision.mode, line.eta_rad, vehicle, speed, faults, dt_s
+        laws, state.brake, limited, decision.mode, line.eta_rad, vehicle, speed, felt, faults, dt_s
     )
     if decision.mode == modes.HOLDING:
         # Without a position: the pitch that held the line, wings level, the heading as it was.

@@ -86,6 +86,7 @@ def around(state: BrakeState) -> Around:
         blocked=0,
         brake=state.brake,
         aileron=0.0,
+        felt=False,
         up_free=True,
         down_free=True,
     )

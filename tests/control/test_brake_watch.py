@@ -96,6 +96,7 @@ class Slide:
                 blocked=0,
                 brake=brake,
                 aileron=self.aileron,
+                felt=False,
                 up_free=up_free,
                 down_free=down_free,
             )

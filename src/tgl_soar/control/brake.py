@@ -28,8 +28,9 @@ the band: that is reported, and the aircraft rests at the band's edge, which is 
 line alone.  Whatever makes the law end, or not begin, fades the brake out.
 
 **Giving way.**  The point is an order, and stays (TGL_HOLD 1) unless the operator lets it give way
-(2).  Then, once a trial has shown that the brake acts (`control.brake_watch`), the point slides
-along the line, a third as fast as the law moves, until the mean b of the brake is its bias again:
+(2).  Then, once a trial has shown that the brake acts (`brake_watch`, `brake_shake`), the point
+slides along the line, a third as fast as the law moves, until the mean b of the brake is its bias
+again:
 
     d/dt (along) = c clip(2 (mean b - bias))         stops at |mean b - bias| <= MIDDLE
 
@@ -43,6 +44,13 @@ from __future__ import annotations
 from math import cos, hypot, sin
 from typing import Final, NamedTuple
 
+from tgl_soar.control.brake_shake import (
+    LIFT_MIN,
+    NOT_SHAKEN,
+    SHAKEN,
+    ShakeState,
+    shake_step,
+)
 from tgl_soar.control.brake_watch import (
     ACTS,
     DOES_NOT,
@@ -129,6 +137,7 @@ class BrakeState(NamedTuple):
     ordered_z_m: float
     even: EvenState
     trial: TrialState
+    shake: ShakeState
 
 
 class Around(NamedTuple):
@@ -139,6 +148,7 @@ class Around(NamedTuple):
     blocked: int  # +1 if the brake can go no further out, -1 in
     brake: float  # as it was commanded last
     aileron: float  # the same
+    felt: bool  # the motion is estimated with accelerations
     up_free: bool  # the point may go further up along the line
     down_free: bool
 
@@ -172,6 +182,7 @@ NO_POINT: Final = BrakeState(
     ordered_z_m=float("nan"),
     even=NOT_WATCHED,
     trial=NOT_TRIED,
+    shake=NOT_SHAKEN,
 )
 
 
@@ -214,15 +225,7 @@ def brake_step(
     speed = along_x * vehicle.velocity_x_mps + along_z * vehicle.climb_mps
     slope = polar_slope(aerodynamics.polar, airspeed_mps)
     sinks = along_z - slope * along_x if isfinite(slope) else along_z
-    law = PidGains(
-        kp=gains.kv,
-        ki=gains.ki_per_s,
-        kd=0.0,
-        rate_filter_radps=0.0,
-        integral_max=most,
-        output_min=0.0,
-        output_max=most,
-    )
+    law = _law(gains, most)
     error = sinks * (speed - moves - back)
     pid, terms = pid_step(law, state.pid, error, 0.0, gains.bias * most, dt_s, around.blocked)
     share = dt_s / (OUTSIDE_S + dt_s)
@@ -230,22 +233,33 @@ def brake_step(
     asked = terms.output / most
     mean = state.mean + (asked - state.mean) * share
     weight = min(1.0, state.weight + fade)
-    even, trial = state.even, state.trial
+    even, trial, shake = state.even, state.trial, state.shake
     if weight == 1.0:
-        even = even_step(even, around.brake, around.aileron, dt_s)
+        # The roll loop does not follow a shake as it follows the law.
+        even = even_step(even, around.brake - shake.shaken, around.aileron, dt_s)
+    if weight == 1.0 and around.felt and abs(aerodynamics.CL_brake) >= LIFT_MIN:
+        lifts = _lift(aerodynamics, airspeed_mps)
+        if shake.on and abs(ended) > INSIDE:  # so far in that it can go both ways
+            asked = max(SHAKEN, min(1.0 - SHAKEN, asked))
+        shake = shake_step(
+            shake, terms.saturated, asked, around.brake, vehicle.climb_mps, lifts, dt_s
+        )
+        trial = NOT_TRIED
+    elif weight == 1.0:
+        shake = NOT_SHAKEN
         held = abs(around.brake - state.brake) > HELD
         expected = TRIED * most / sinks if sinks > 0.0 else float("nan")
         trial = trial_step(trial, terms.saturated, ended, held, speed, expected, dt_s)
     if trial.on:  # meanwhile the law rests
         pid, ended, mean, asked = state.pid, state.ended, state.mean, tried_brake(trial)
     return BrakeState(
-        standing=_stands(gains, standing, trial, ended, mean, around),
+        standing=_stands(gains, standing, trial, shake, ended, mean, around),
         x_m=x,
         z_m=z,
         off_m=off,
         pid=pid,
         weight=weight,
-        brake=weight * asked,
+        brake=weight * (asked + shake.shaken),
         ended=ended,
         mean=mean,
         given_way_m=state.given_way_m,
@@ -253,7 +267,27 @@ def brake_step(
         ordered_z_m=state.ordered_z_m,
         even=even,
         trial=trial,
+        shake=shake,
     )
+
+
+def _law(gains: BrakeGains, most_mps: float) -> PidGains:
+    """From speed along the line to sink, of which all of the brake adds that much."""
+    return PidGains(
+        kp=gains.kv,
+        ki=gains.ki_per_s,
+        kd=0.0,
+        rate_filter_radps=0.0,
+        integral_max=most_mps,
+        output_min=0.0,
+        output_max=most_mps,
+    )
+
+
+def _lift(aerodynamics: Aerodynamics, airspeed_mps: float) -> float:
+    """The acceleration [m/s²], up, that all of the brake makes before incidence follows."""
+    pressure = 0.5 * aerodynamics.air_density_kgpm3 * airspeed_mps * airspeed_mps
+    return pressure * aerodynamics.wing_area_m2 * aerodynamics.CL_brake / aerodynamics.mass_kg
 
 
 def acts(standing: int) -> bool:
@@ -269,7 +303,7 @@ def _begun(gains: BrakeGains, state: BrakeState, around: Around, most_mps: float
         return state.standing
     if not gains.available:
         return NO_BRAKE
-    if not around.answers or state.trial.found == DOES_NOT:
+    if not around.answers or DOES_NOT in (state.trial.found, state.shake.found):
         return DEAD
     if not most_mps >= BRAKE_MIN_SINK_MPS:
         return NO_BRAKE
@@ -279,12 +313,18 @@ def _begun(gains: BrakeGains, state: BrakeState, around: Around, most_mps: float
 
 
 def _stands(
-    gains: BrakeGains, before: int, trial: TrialState, ended: float, mean: float, around: Around
+    gains: BrakeGains,
+    before: int,
+    trial: TrialState,
+    shake: ShakeState,
+    ended: float,
+    mean: float,
+    around: Around,
 ) -> int:
     """How a point that is held stands after a step."""
     if trial.on:
         return TRIES
-    if gains.gives_way and trial.found == ACTS:
+    if gains.gives_way and ACTS in (trial.found, shake.found):
         goes_on = before == GIVES_WAY and abs(mean - gains.bias) > MIDDLE
         free = around.up_free if mean > gains.bias else around.down_free
         if free and (goes_on or abs(ended) >= OUTSIDE):

@@ -12,7 +12,8 @@ each one's own mean is taken off,
 Gusts move both, but not together.  |r| of UNEVEN or more, and of UNEVEN_SIGMAS s, is a brake that
 pulls to one side.
 
-**At all.**  The law asks for an end of the travel for long where the point is outside the band, and
+**At all.**  Where accelerations are known and the brake takes lift, `brake_shake` tells; else this.
+The law asks for an end of the travel for long where the point is outside the band, and
 just so where the brake is jammed.  What it asks for by itself does not tell: a rising aircraft is
 answered by more brake, so that both go together whether it acts or not.  So the law rests for
 some seconds, and the brake moves to and fro by TRIED of its travel, in halves of HALF_S.  With the

@@ -27,13 +27,15 @@ def point_step(
     eta_rad: float,
     vehicle: VehicleState,
     gain_speed_mps: float,
+    felt: bool,
     faults: int,
     dt_s: float,
 ) -> tuple[BrakeState, BrakeEffect]:
     """What the brake is to do, and what it changes as it was commanded last.
 
     limited: the last command; eta_rad: the line's inclination as it is flown; gain_speed_mps: the
-    airspeed that gains are for; faults: of the streams, as `estimation.health` names them.
+    airspeed that gains are for; felt: the motion is estimated with accelerations; faults: of the
+    streams, as `estimation.health` names them.
     """
     airspeed_mps = speed_within(laws.schedule, gain_speed_mps)
     held = brake_step(
@@ -50,12 +52,14 @@ def point_step(
             blocked=limited.brake_blocked,
             brake=limited.command.brake,
             aileron=limited.command.aileron,
+            felt=felt,
             up_free=_is_free(laws, state, eta_rad, KEPT_INSIDE_M),
             down_free=_is_free(laws, state, eta_rad, -KEPT_INSIDE_M),
         ),
         dt_s,
     )
-    return held, brake_effect(laws.brake, limited.command.brake, airspeed_mps)
+    steady = max(0.0, limited.command.brake - state.shake.shaken)
+    return held, brake_effect(laws.brake, steady, airspeed_mps)
 
 
 def _is_free(laws: Laws, state: BrakeState, eta_rad: float, further_m: float) -> bool:

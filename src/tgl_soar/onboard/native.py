@@ -53,6 +53,7 @@ MODULES: Final = (
     "tgl_soar.control.attitude",
     "tgl_soar.control.envelope",
     "tgl_soar.control.brake_watch",
+    "tgl_soar.control.brake_shake",
     "tgl_soar.control.brake",
     "tgl_soar.control.excitation",
     "tgl_soar.control.forecast",

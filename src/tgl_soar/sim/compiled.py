@@ -45,6 +45,7 @@ MODULES: Final = (
     "tgl_soar.control.target_line",
     "tgl_soar.control.supervisor",
     "tgl_soar.control.brake_watch",
+    "tgl_soar.control.brake_shake",
     "tgl_soar.control.brake",
     "tgl_soar.control.envelope",
     "tgl_soar.control.excitation",
