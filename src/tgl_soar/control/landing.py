@@ -1,0 +1,421 @@
+"""Home: the height that a landing needs, the glide there, and the flare.
+
+The landing place is a point (x, y, z) with a bearing beta from straight upwind, positive to the
+right.  Along the approach and across it, to the right,
+
+    a = (−cos beta, sin beta)      r = (sin beta, cos beta)
+
+At an airspeed V in wind u the ground is covered along a at
+
+    v(V) = sqrt(V² − (u sin beta)²) − u cos beta
+
+and a place D ahead is reached with the height to spare
+
+    left(V) = z + V0² / 2g − max(V² / 2g, Vf² / 2g + D S(V) / v(V))      S: the glide polar
+
+with heights over the place and Vf the best glide's speed, at which it flares.  Speed gives its
+height back before that, but must be paid first: that is the other term.  **The escape condition**
+is that some V of the polar has left(V) >= spare, in u + 2 sigma and with no lift on the way: the
+moment before it ends is the last one to break off.
+
+**The approach** is flown at the slowest V that still reaches the place: height that gets short
+becomes speed.  Wind falls towards the ground, and what carries the aircraft beyond the place cannot
+be taken back: u counts as WIND_BELOW of what is met.  Where even the slowest V has height left over
+it weaves, down to FINAL_M: with the nose off the wind by chi it advances by V cos chi − u, which
+may be nothing at all, and turns back so that it stays within WEAVE_M of the approach,
+
+    cos chi = (u + v_d) / V        v_d = D' S / h'     with D', h' as far as to the straight rest
+
+and the straight rest is flown at the best glide's speed, which the flare lives on.
+
+    theta_sp = theta_glide(V_sp) + KP (V − V_sp) + KI ∫ (V − V_sp) dt
+
+Held pitch alone brings V to its place in 3.6 s (2 g alpha / V² of it); KP makes 1.5 s of that, KI a
+wrong theta_glide good in 4 s, damped by 0.8.  **The flare** holds the sink that dies out with the
+height h,
+
+    sink_sp = max(SINK_MPS, h / FLARE_S)
+    theta_sp = theta_glide(V) + KF (sink − sink_sp) / V
+    hence, quasi-steady,  sink = (S + KF sink_sp) / (1 + KF)
+
+**Sideways** the aircraft returns to the approach in CROSS_S, no faster than CROSS_MPS.
+"""
+
+from __future__ import annotations
+
+from math import acos, asin, cos, exp, pi, sin, sqrt
+from typing import Final, NamedTuple
+
+from tgl_soar.types import NAN, AirEstimate, GlidePolar, VehicleState, polar_sink
+
+GRAVITY_MPS2: Final = 9.80665
+INFINITE: Final = float("inf")
+SPEEDS: Final = 9  # of the polar that are tried
+ADVANCE_MPS: Final = 0.5  # over the ground, at least: what advances less arrives nowhere
+WIND_BELOW: Final = 0.8  # of the wind that is met, towards the ground
+SLOW_BY_MPS: Final = 1.0  # above SPEED_MIN: all of the elevator is left
+POLAR_BY_MPS: Final = 0.8  # above the polar's slow end: a gust of 10 %
+FINAL_M: Final = 5.0  # 4 to 5 s at the best glide's sink: to turn straight, and to gain its speed
+WEAVE_RAD: Final = 0.8  # from the wind, at most: cos 46 degrees, 0.3 of the speed
+WEAVE_RADPS: Final = 0.45  # a third of it by SIDE_BANK's 10 degrees, the other by the rudder
+TURNS_BY_MPS: Final = 0.6  # slower than wanted by more than that it does not turn
+WEAVE_MIN_RAD: Final = 0.15  # 1 %: not worth turning for
+WEAVE_M: Final = 3.0  # off the approach, at most
+BACK_MPS: Final = 1.0  # downwind, at most, of one that is beyond the straight rest's beginning
+KP: Final = 0.05  # rad for each m/s
+KI: Final = 0.015  # rad for each m
+INTEGRAL_MAX_RAD: Final = 0.1
+GAIN_MPS2: Final = 1.5  # of the speed's setpoint: 0.15 g, 9 degrees of path
+FLARE_S: Final = 1.0
+FLARE_MIN_M: Final = 0.5
+SINK_MPS: Final = 0.4
+KF: Final = 3.0
+CROSS_S: Final = 2.0
+CROSS_MPS: Final = 3.0
+BEARING_MAX_RAD: Final = pi / 3.0  # from upwind: further off the nose leaves what it may turn to
+AVERAGE_S: Final = 1.0  # of the height left
+DEEP_M: Final = 50.0  # missing, at most: else one wrong reading would rule the average
+TREND_S: Final = 10.0  # of how fast it goes
+ARMED_S: Final = 1.0  # so long must there be height left before its end breaks off
+SHORT_S: Final = 0.5  # so long must it be gone
+STILL_MPS: Final = 0.7  # over the ground, for STILL_S: it lies there
+STILL_S: Final = 1.0
+GROUND_M: Final = 1.0  # over the place, at most
+
+# What is asked of a break-off, and who lands.
+STAY: Final = 0
+BREAK: Final = 1
+SOAR_ON: Final = 2
+BY_MODULE: Final = 0
+
+
+class LandingPlace(NamedTuple):
+    """Where to land, soaring frame."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+    bearing_rad: float  # of the approach, from straight upwind, positive to the right
+    length_m: float  # of the strip about the point; 0: no place is known
+
+
+class LandingParams(NamedTuple):
+    """Parameters of the way home."""
+
+    place: LandingPlace
+    escape_rad: float  # bearing of the way out, as that of the approach
+    away_x_m: float  # upstream of this the slope is left behind
+    spare_m: float  # of height, when it breaks off at the latest
+    asked: int  # STAY, BREAK or SOAR_ON
+    auto: bool  # it breaks off by itself when the height is gone
+    by: int  # who lands: BY_MODULE, or the firmware as the parameter numbers it
+    polar: GlidePolar
+    best_glide_mps: float
+    speed_min_mps: float
+    heading_max_rad: float
+    sigmas: float  # of the wind, against which the way home is reckoned
+    wind_share: float  # of the wind that is met, on the way home
+    glide_pitch_rad: float  # where the airframe's is not known
+
+
+class EscapeState(NamedTuple):
+    """The escape condition, watched."""
+
+    left_m: float  # of height, averaged; NaN: not known
+    rate_mps: float  # at which it changes, averaged
+    missed_s: float  # when there was none left last
+    had_s: float  # when there was some left last
+    armed: bool  # there was some left in this flight
+    still_s: float  # when the aircraft moved last
+
+
+class GlideState(NamedTuple):
+    """What the glide home remembers."""
+
+    speed_mps: float  # its setpoint; NaN: it does not glide
+    integral_rad: float
+    flares: bool
+    weave_rad: float  # heading from the wind, to the right; 0: it flies straight
+    goes_right: bool  # the weave
+
+
+class GlideWish(NamedTuple):
+    """What the glide home asks of the attitude loops."""
+
+    pitch_rad: float
+    heading_rad: float  # from the wind's direction of the frame
+    sideways_mps: float  # over the ground, to the right
+
+
+NO_ESCAPE: Final = EscapeState(
+    left_m=NAN, rate_mps=0.0, missed_s=NAN, had_s=NAN, armed=False, still_s=NAN
+)
+NO_GLIDE: Final = GlideState(
+    speed_mps=NAN, integral_rad=0.0, flares=False, weave_rad=0.0, goes_right=True
+)
+
+
+def along(place: LandingPlace, x_m: float, y_m: float) -> float:
+    """How far ahead [m] the place is, along its bearing; negative behind."""
+    b = place.bearing_rad
+    return cos(b) * (x_m - place.x_m) + sin(b) * (place.y_m - y_m)
+
+
+def across(place: LandingPlace, x_m: float, y_m: float) -> float:
+    """How far [m] to the right of the approach a point lies."""
+    b = place.bearing_rad
+    return sin(b) * (x_m - place.x_m) + cos(b) * (y_m - place.y_m)
+
+
+def ground_speed(speed_mps: float, wind_mps: float, bearing_rad: float) -> float:
+    """v(V) [m/s] along a bearing; NaN where the wind blows the aircraft off it."""
+    side = wind_mps * sin(bearing_rad)
+    square = speed_mps * speed_mps - side * side
+    return sqrt(square) - wind_mps * cos(bearing_rad) if square > 0.0 else NAN
+
+
+def slowest(params: LandingParams) -> float:
+    """The slowest airspeed of an approach [m/s]."""
+    return max(params.polar.speed_min_mps + POLAR_BY_MPS, params.speed_min_mps + SLOW_BY_MPS)
+
+
+def height_left(
+    params: LandingParams,
+    distance_m: float,
+    height_m: float,
+    airspeed_mps: float,
+    speed_mps: float,
+    wind_mps: float,
+) -> float:
+    """left(V) [m]; −inf where the place is not reached at all."""
+    v = ground_speed(speed_mps, wind_mps, params.place.bearing_rad)
+    energy_m = height_m + speed_height(airspeed_mps)
+    if distance_m <= 0.0:
+        return energy_m - speed_height(params.best_glide_mps)
+    if not v >= ADVANCE_MPS:
+        return -INFINITE
+    sinks_m = distance_m * polar_sink(params.polar, speed_mps) / v
+    return energy_m - max(speed_height(speed_mps), speed_height(params.best_glide_mps) + sinks_m)
+
+
+def speed_height(speed_mps: float) -> float:
+    """The height [m] that a speed is worth."""
+    return speed_mps * speed_mps / (2.0 * GRAVITY_MPS2)
+
+
+def escape_height(params: LandingParams, vehicle: VehicleState, air: AirEstimate) -> float:
+    """The height [m] to spare, less what is to be spared, at the best V; NaN: not known."""
+    place = params.place
+    distance = along(place, vehicle.x_m, vehicle.y_m)
+    height = vehicle.z_m - place.z_m
+    wind = params.wind_share * air.wind_mps + params.sigmas * air.wind_sigma_mps
+    if not (place.length_m > 0.0 and distance + height + wind + air.airspeed_mps < INFINITE):
+        return NAN
+    low, high = slowest(params), params.polar.speed_max_mps
+    best = -INFINITE
+    for k in range(SPEEDS):
+        speed = low + (high - low) * k / (SPEEDS - 1)
+        left = height_left(params, distance, height, air.airspeed_mps, speed, wind)
+        best = max(best, left)
+    return max(-DEEP_M, best - params.spare_m) if high > low else NAN
+
+
+def approach_speed(params: LandingParams, vehicle: VehicleState, air: AirEstimate) -> float:
+    """The slowest V [m/s] that reaches the place, or the one that comes nearest to it."""
+    low, high = slowest(params), params.polar.speed_max_mps
+    distance = along(params.place, vehicle.x_m, vehicle.y_m)
+    height = vehicle.z_m - params.place.z_m
+    if not (
+        high > low
+        and params.place.length_m > 0.0
+        and distance + height + air.wind_mps + air.airspeed_mps < INFINITE
+    ):
+        return params.best_glide_mps
+    wind = WIND_BELOW * air.wind_mps
+    best, best_speed, before = -INFINITE, low, -INFINITE
+    step = (high - low) / (SPEEDS - 1)
+    for k in range(SPEEDS):
+        speed = low + step * k
+        left = height_left(params, distance, height, air.airspeed_mps, speed, wind)
+        if left >= 0.0:
+            if k > 0 and before > -INFINITE:
+                speed -= step * left / (left - before)
+            return speed
+        if left > best:
+            best, best_speed = left, speed
+        before = left
+    return best_speed
+
+
+def weave(
+    params: LandingParams,
+    goes_right: bool,
+    speed_mps: float,
+    vehicle: VehicleState,
+    air: AirEstimate,
+) -> float:
+    """The heading from the wind that uses up the height left over at a speed; 0: none is."""
+    place, wind = params.place, air.wind_mps
+    height = vehicle.z_m - place.z_m - FINAL_M
+    final_mps = ground_speed(params.best_glide_mps, WIND_BELOW * wind, place.bearing_rad)
+    final_sink = polar_sink(params.polar, params.best_glide_mps)
+    sink = polar_sink(params.polar, speed_mps)
+    distance = along(place, vehicle.x_m, vehicle.y_m) - FINAL_M * final_mps / final_sink
+    if not (height > 0.0 and sink > 0.0 and distance < INFINITE):
+        return 0.0
+    advance = max(-BACK_MPS, distance * sink / height)
+    cosine = (wind + advance) / speed_mps
+    angle = min(WEAVE_RAD, acos(max(0.0, cosine))) if cosine < 1.0 else 0.0
+    if angle < WEAVE_MIN_RAD:
+        return 0.0
+    return angle if goes_right else -angle
+
+
+def escape_step(
+    params: LandingParams,
+    state: EscapeState,
+    flying: bool,
+    vehicle: VehicleState,
+    air: AirEstimate,
+    dt_s: float,
+) -> EscapeState:
+    """One tick of the watch.  flying: in the air and in control."""
+    now = vehicle.time_s
+    if not flying:
+        return NO_ESCAPE
+    speed2 = vehicle.velocity_x_mps * vehicle.velocity_x_mps
+    speed2 += vehicle.velocity_y_mps * vehicle.velocity_y_mps
+    speed2 += vehicle.climb_mps * vehicle.climb_mps
+    still_s = state.still_s if speed2 < STILL_MPS * STILL_MPS and state.still_s <= now else now
+    left = escape_height(params, vehicle, air)
+    if left != left:
+        return NO_ESCAPE._replace(still_s=still_s, armed=state.armed)
+    if state.left_m != state.left_m:
+        return EscapeState(left, 0.0, now, now, state.armed, still_s)
+    blend = 1.0 - exp(-dt_s / AVERAGE_S)
+    averaged = state.left_m + blend * (left - state.left_m)
+    rate = state.rate_mps
+    if dt_s > 0.0:
+        slow = 1.0 - exp(-dt_s / TREND_S)
+        rate += slow * ((averaged - state.left_m) / dt_s - rate)
+    had_s = now if averaged >= 0.0 else state.had_s
+    missed_s = state.missed_s if averaged >= 0.0 else now
+    armed = state.armed or now - missed_s >= ARMED_S
+    return EscapeState(averaged, rate, missed_s, had_s, armed, still_s)
+
+
+def is_short(state: EscapeState, now_s: float) -> bool:
+    """Whether the last moment to break off has come."""
+    return state.armed and now_s - state.had_s >= SHORT_S  # false for NaN
+
+
+def time_left(state: EscapeState) -> float:
+    """Until the height is gone, as it goes now [s]; inf: it does not; NaN: not known."""
+    if state.left_m != state.left_m:
+        return NAN
+    if state.left_m <= 0.0:
+        return 0.0
+    return state.left_m / -state.rate_mps if state.rate_mps < -1e-3 else INFINITE
+
+
+def is_on_ground(params: LandingParams, state: EscapeState, vehicle: VehicleState) -> bool:
+    """Whether the aircraft lies on the ground: it does not move, and is low where that is known."""
+    low = params.place.length_m <= 0.0 or vehicle.z_m - params.place.z_m <= GROUND_M
+    return low and vehicle.time_s - state.still_s >= STILL_S
+
+
+def glide_step(
+    params: LandingParams,
+    state: GlideState,
+    outward: bool,
+    position_ok: bool,
+    vehicle: VehicleState,
+    air: AirEstimate,
+    clearance_m: float,
+    dt_s: float,
+) -> tuple[GlideState, float]:
+    """One tick of the glide; also the airspeed that its trim is for.
+
+    outward: away from the slope yet, else on the approach.  clearance_m: inf where the ground is
+    not known.
+    """
+    known = position_ok and params.place.length_m > 0.0
+    wanted = approach_speed(params, vehicle, air) if known else params.best_glide_mps
+    low, high = slowest(params), params.polar.speed_max_mps
+    speed = state.speed_mps
+    if speed != speed:
+        speed = air.airspeed_mps if air.airspeed_mps == air.airspeed_mps else wanted
+        speed = max(low, min(high, speed)) if high > low else wanted
+    # How far off the aircraft will be when it has turned into the wind: V ∫ sin psi dt.
+    turning_m = speed * (1.0 - cos(state.weave_rad)) / WEAVE_RADPS
+    off = across(params.place, vehicle.x_m, vehicle.y_m)
+    off += turning_m if state.weave_rad > 0.0 else -turning_m
+    weaves = 0.0
+    goes_right = off < WEAVE_M if state.goes_right else off < -WEAVE_M
+    if known and not outward and vehicle.z_m - params.place.z_m <= FINAL_M:
+        wanted = max(wanted, params.best_glide_mps)
+    elif known and not outward and wanted <= low:
+        weaves = weave(params, goes_right, low, vehicle, air)
+    if not air.airspeed_mps >= low - TURNS_BY_MPS:  # NaN: not known
+        weaves = 0.0
+    turn = WEAVE_RADPS * dt_s
+    weaves = state.weave_rad + max(-turn, min(turn, weaves - state.weave_rad))
+    if outward and air.wind_mps == air.wind_mps:  # out of the lift first
+        wanted = max(wanted, min(high, air.wind_mps + 4.0 * ADVANCE_MPS))
+    most = GAIN_MPS2 * dt_s
+    speed += max(-most, min(most, wanted - speed))
+    error = air.airspeed_mps - speed
+    integral = state.integral_rad
+    flares = position_ok and flare_height(params, vehicle, clearance_m) <= max(
+        FLARE_MIN_M, -vehicle.climb_mps * FLARE_S
+    )
+    if error == error and not flares:
+        integral = max(-INTEGRAL_MAX_RAD, min(INTEGRAL_MAX_RAD, integral + KI * error * dt_s))
+    return GlideState(
+        speed, integral, flares, weaves, goes_right
+    ), air.airspeed_mps if flares else speed
+
+
+def flare_height(params: LandingParams, vehicle: VehicleState, clearance_m: float) -> float:
+    """Over the ground, else over the landing place [m]; inf: not known."""
+    if clearance_m < INFINITE:
+        return clearance_m
+    return vehicle.z_m - params.place.z_m if params.place.length_m > 0.0 else INFINITE
+
+
+def glide_wish(
+    params: LandingParams,
+    state: GlideState,
+    outward: bool,
+    position_ok: bool,
+    trim_pitch_rad: float,
+    vehicle: VehicleState,
+    air: AirEstimate,
+    clearance_m: float,
+) -> GlideWish:
+    """What follows of it.  trim_pitch_rad: theta_glide at that speed; NaN: not known."""
+    pitch = trim_pitch_rad if trim_pitch_rad == trim_pitch_rad else params.glide_pitch_rad
+    pitch += state.integral_rad
+    speed = air.airspeed_mps if air.airspeed_mps > 1.0 else params.best_glide_mps
+    if state.flares:
+        height = flare_height(params, vehicle, clearance_m)
+        sink_wanted = max(SINK_MPS, height / FLARE_S)
+        pitch += KF * (-vehicle.climb_mps - sink_wanted) / speed
+    elif air.airspeed_mps == air.airspeed_mps:
+        pitch += KP * (air.airspeed_mps - state.speed_mps)
+    if not (position_ok and params.place.length_m > 0.0):
+        return GlideWish(pitch, 0.0, 0.0)
+    if state.weave_rad != 0.0:
+        return GlideWish(pitch, state.weave_rad, speed * sin(state.weave_rad))
+    bearing = params.escape_rad if outward else params.place.bearing_rad
+    wind = air.wind_mps if air.wind_mps == air.wind_mps else 0.0
+    forward = ground_speed(speed, wind, bearing)
+    forward = forward if forward >= ADVANCE_MPS else ADVANCE_MPS
+    sideways = forward * sin(bearing)
+    if not outward:
+        back = -across(params.place, vehicle.x_m, vehicle.y_m) / CROSS_S
+        sideways += max(-CROSS_MPS, min(CROSS_MPS, back)) * cos(bearing)
+    drift = air.cross_wind_mps if air.cross_wind_mps == air.cross_wind_mps else 0.0
+    heading = asin(max(-1.0, min(1.0, (sideways - drift) / max(speed, 1.0))))
+    most = params.heading_max_rad
+    return GlideWish(pitch, max(-most, min(most, heading)), sideways)

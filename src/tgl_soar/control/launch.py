@@ -1,0 +1,195 @@
+"""From the hand to the line: what a launch waits for, and when it is given up.
+
+    held      in the hand: attitude is held, nothing is counted yet
+    thrown    pitch for the launch, wings level, nose upwind, until there is speed
+    gliding   on a line that starts at the aircraft with the aircraft's own speed across it, so that
+              no law sees a step, and slides to the target; captured where it has come to rest there
+
+The throw is seen by whichever of two comes first: the estimated velocity, and the push along the
+body's x axis, which needs no position,
+
+    push(t) = ∫ (f_x − g sin pitch) e^(−(t − t') / PUSH_S) dt'
+
+A shaken or carried aircraft is pushed forth and back; one that is let go in its wind (a tunnel) is
+pushed by nothing, and is seen by its velocity alone.
+
+A launch that cannot succeed is given up while there is height to land with: thrown too steeply, no
+speed in time, sinking into the clearance, the line still far where that is near, or flown away
+from: upstream of a slope the wind may be slower than the aircraft can fly, and nobody drifts back.
+"""
+
+from __future__ import annotations
+
+from math import exp, hypot, sin
+from typing import Final, NamedTuple
+
+from tgl_soar.control.target_line import LineLimits
+from tgl_soar.types import ImuSample, VehicleState
+
+GRAVITY_MPS2: Final = 9.80665
+PUSH_S: Final = 0.5  # a throw takes 0.2 to 0.4 s; a stride, forth and back, about as long
+SPEED_S: Final = 0.2  # so long must the speed last: a gust is no speed
+FLIES_BY_MPS: Final = 1.0  # above SPEED_MIN: 0.05 rad of incidence, all of the elevator
+# Without a pitot tube: the air that was read in a hand is wrong, and the wind's estimate follows
+# within about so long.
+UNKNOWN_SPEED_S: Final = 0.6
+GAIN_S: Final = 3.0  # a dive of 10 degrees wins 1.7 m/s in each second
+STEEP_RAD: Final = 0.6  # from the launch's pitch: 34 degrees; thrown so, half of the speed is lost
+AVERAGE_S: Final = 1.0  # of the climb: a throw's own oscillation lasts as long
+AHEAD_S: Final = 3.0  # to flare and land in: what is reached in it need not be given up
+LAST_S: Final = 0.5  # of what it is given up for
+HAND_SHARE: Final = 0.5  # of the clearance in the hand: whoever stands on the slope is low
+LONGEST_S: Final = 60.0  # of the way to the line
+
+# How a launch stands.
+IDLE: Final = 0
+HELD: Final = 1
+THROWN: Final = 2
+GLIDING: Final = 3
+REACHED: Final = 4
+NO_THROW: Final = 5
+STEEP: Final = 6
+SLOW: Final = 7
+LOW: Final = 8
+FAR: Final = 9
+
+
+class LaunchParams(NamedTuple):
+    """Parameters of a launch."""
+
+    wanted: bool
+    throw_mps: float  # faster than that it has been thrown
+    wait_s: float  # for the throw
+    pitch_rad: float  # of the attitude that is held
+    line: LineLimits  # of the line on the way
+
+
+class LaunchState(NamedTuple):
+    """How a launch stands, and what it has seen."""
+
+    standing: int
+    since_s: float  # when it began to stand so
+    push_mps: float
+    slow_s: float  # when there was no speed last
+    climb_mps: float  # averaged
+    near_s: float  # when the line was in reach last
+    high_s: float  # when it was high enough last
+    low_m: float  # the clearance below which it is too low
+
+
+class LaunchView(NamedTuple):
+    """What a launch looks at in a tick."""
+
+    vehicle: VehicleState
+    imu: ImuSample
+    position_ok: bool
+    airspeed_mps: float  # NaN: not known
+    measured: bool  # it comes from a pitot tube
+    speed_min_mps: float
+    clearance_m: float
+    clearance_min_m: float
+    to_go_m: float  # across, from the line that is flown to the target
+    off_m: float  # across, from the aircraft to the line that is flown
+    off_max_m: float  # beyond that no line is captured
+    line_rests: bool  # at the target
+
+
+NO_LAUNCH: Final = LaunchState(
+    standing=IDLE,
+    since_s=0.0,
+    push_mps=0.0,
+    slow_s=0.0,
+    climb_mps=0.0,
+    near_s=0.0,
+    high_s=0.0,
+    low_m=0.0,
+)
+
+
+def launch_step(
+    params: LaunchParams, state: LaunchState, launching: bool, view: LaunchView, dt_s: float
+) -> LaunchState:
+    """One tick.  launching: the mode."""
+    now = view.vehicle.time_s
+    if not launching:
+        return NO_LAUNCH
+    if state.standing == IDLE:
+        return _standing(NO_LAUNCH, HELD, now)
+    if state.standing == HELD:
+        return _held(params, state, view, dt_s)
+    if state.standing != THROWN and state.standing != GLIDING:
+        return state
+    blend = dt_s / (AVERAGE_S + dt_s)
+    climb = state.climb_mps + blend * (view.vehicle.climb_mps - state.climb_mps)
+    high_s = state.high_s if view.clearance_m < state.low_m and climb < 0.0 else now
+    state = state._replace(climb_mps=climb, high_s=high_s)
+    if now - high_s >= LAST_S:
+        return _standing(state, LOW, now)
+    if state.standing == THROWN:
+        return _thrown(state, view)
+    return _gliding(params, state, view)
+
+
+def _held(params: LaunchParams, state: LaunchState, view: LaunchView, dt_s: float) -> LaunchState:
+    vehicle = view.vehicle
+    now, push = vehicle.time_s, state.push_mps
+    forward = view.imu.force_x_frd_mps2 - GRAVITY_MPS2 * sin(vehicle.pitch_rad)
+    if forward == forward:
+        push = push * exp(-dt_s / PUSH_S) + forward * dt_s
+    low = min(view.clearance_min_m, HAND_SHARE * view.clearance_m)
+    state = state._replace(push_mps=push, high_s=now, low_m=low)
+    speed = 0.0
+    if view.position_ok:
+        speed = hypot(hypot(vehicle.velocity_x_mps, vehicle.velocity_y_mps), vehicle.climb_mps)
+    if push >= params.throw_mps or speed >= params.throw_mps:
+        if not abs(vehicle.pitch_rad - params.pitch_rad) <= STEEP_RAD:
+            return _standing(state, STEEP, now)
+        return _standing(state, THROWN, now)
+    if now - state.since_s >= params.wait_s:
+        return _standing(state, NO_THROW, now)
+    return state
+
+
+def _thrown(state: LaunchState, view: LaunchView) -> LaunchState:
+    now, slow_s = view.vehicle.time_s, state.slow_s
+    since_s = now - state.since_s
+    is_known = view.measured or since_s >= UNKNOWN_SPEED_S
+    if not is_known or view.airspeed_mps < view.speed_min_mps + FLIES_BY_MPS:  # false for NaN
+        slow_s = now
+    state = state._replace(slow_s=slow_s)
+    if now - slow_s >= SPEED_S and view.position_ok:
+        return _standing(state, GLIDING, now)
+    return _standing(state, SLOW, now) if since_s >= GAIN_S else state
+
+
+def _gliding(params: LaunchParams, state: LaunchState, view: LaunchView) -> LaunchState:
+    now = view.vehicle.time_s
+    if view.line_rests and view.position_ok:
+        return _standing(state, REACHED, now)
+    late_s = abs(view.to_go_m) / params.line.speed_mps
+    ahead_m = view.clearance_m + AHEAD_S * state.climb_mps
+    sinks = ahead_m < state.low_m and state.climb_mps < 0.0 and late_s > AHEAD_S
+    if not sinks and abs(view.off_m) <= view.off_max_m:  # false for NaN
+        state = state._replace(near_s=now)
+    if now - state.near_s >= LAST_S or now - state.since_s >= LONGEST_S:
+        return _standing(state, FAR, now)
+    return state
+
+
+def _standing(state: LaunchState, standing: int, now_s: float) -> LaunchState:
+    return state._replace(standing=standing, since_s=now_s, slow_s=now_s, near_s=now_s)
+
+
+def is_in_hand(state: LaunchState) -> bool:
+    """Whether somebody holds the aircraft, as far as a launch knows."""
+    return state.standing == HELD
+
+
+def is_aloft(state: LaunchState) -> bool:
+    """Whether it was thrown."""
+    return state.standing >= THROWN and state.standing != NO_THROW
+
+
+def starts_line(state: LaunchState, now_s: float) -> bool:
+    """Whether the line to be flown starts in this tick."""
+    return state.standing == GLIDING and state.since_s == now_s

@@ -1,0 +1,253 @@
+"""Home: the height that is needed, the speed and the weave of the approach, the flare."""
+
+from __future__ import annotations
+
+from math import acos, cos, hypot, inf, isnan, nan, radians, sin, sqrt
+from typing import Any
+
+import pytest
+
+from tgl_soar.control import landing
+from tgl_soar.control.landing import (
+    NO_ESCAPE,
+    NO_GLIDE,
+    EscapeState,
+    GlideState,
+    LandingParams,
+    LandingPlace,
+    across,
+    along,
+    approach_speed,
+    escape_height,
+    escape_step,
+    glide_step,
+    glide_wish,
+    ground_speed,
+    height_left,
+    is_on_ground,
+    is_short,
+    time_left,
+    weave,
+)
+from tgl_soar.types import NO_AIR, AirEstimate, GlidePolar, VehicleState, polar_sink
+
+DT = 0.005
+G = 9.80665
+POLAR = GlidePolar(9.0401556, -2.2628690, 0.20598552, -0.0054332196, 7.6, 12.0)
+PLACE = LandingPlace(-27.0, 0.0, 0.0, 0.0, 20.0)
+PARAMS = LandingParams(
+    place=PLACE,
+    escape_rad=0.0,
+    away_x_m=-12.0,
+    spare_m=1.0,
+    asked=landing.STAY,
+    auto=True,
+    by=landing.BY_MODULE,
+    polar=POLAR,
+    best_glide_mps=9.2,
+    speed_min_mps=6.0,
+    heading_max_rad=radians(20.0),
+    sigmas=2.0,
+    wind_share=1.0,
+    glide_pitch_rad=radians(-4.0),
+)
+SLOWEST = 7.6 + landing.POLAR_BY_MPS
+
+
+def at(time_s: float = 0.0, **changes: Any) -> VehicleState:
+    usual = VehicleState(time_s, -6, 0, 14, 0, 0, -0.5, 0, -0.02, 0, 0, 0, 0)
+    return usual._replace(**changes)
+
+
+def air(**changes: Any) -> AirEstimate:
+    usual = NO_AIR._replace(airspeed_mps=8.5, wind_mps=7.0, wind_sigma_mps=0.2, cross_wind_mps=0.0)
+    return usual._replace(**changes)
+
+
+@pytest.mark.parametrize("bearing_deg", [0.0, 30.0, -50.0])
+def test_along_and_across_are_the_same_place_seen_along_the_bearing(bearing_deg: float) -> None:
+    b = radians(bearing_deg)
+    place = LandingPlace(-20.0, 3.0, 0.0, b, 20.0)
+    for ahead, right in ((10.0, 0.0), (-4.0, 2.0), (0.0, -3.0)):
+        x = place.x_m + ahead * cos(b) + right * sin(b)
+        y = place.y_m - ahead * sin(b) + right * cos(b)
+        assert along(place, x, y) == pytest.approx(ahead)
+        assert across(place, x, y) == pytest.approx(right)
+
+
+def test_ground_speed_is_the_wind_triangle() -> None:
+    assert ground_speed(9.0, 7.0, 0.0) == pytest.approx(2.0)
+    b = radians(40.0)
+    v = ground_speed(9.0, 7.0, b)
+    # Along the bearing over the ground, the air brings the rest: its length is the airspeed.
+    assert hypot(v * cos(b) + 7.0, v * sin(b)) == pytest.approx(9.0)
+    assert isnan(ground_speed(5.0, 9.0, radians(60.0)))
+
+
+def test_the_height_left_is_what_a_flown_glide_leaves() -> None:
+    """Integrated step by step: first the speed is paid for, at once, then it glides, then slows."""
+    speed, wind, distance, height, begins = 11.0, 7.0, 21.0, 14.0, 8.5
+    z = height - (speed**2 - begins**2) / (2 * G)
+    gone = 0.0
+    while gone < distance:
+        gone += (speed - wind) * DT
+        z -= polar_sink(POLAR, speed) * DT
+    z += (speed**2 - PARAMS.best_glide_mps**2) / (2 * G)
+    left = height_left(PARAMS, distance, height, begins, speed, wind)
+    assert left == pytest.approx(z, abs=0.02)
+
+
+def test_the_dive_must_be_paid_before_it_is_given_back() -> None:
+    near = height_left(PARAMS, 0.1, 2.0, 8.5, 12.0, 7.0)
+    assert near == pytest.approx(2.0 + (8.5**2 - 12.0**2) / (2 * G))
+
+
+def test_the_escape_condition_is_the_best_speed_against_two_sigma() -> None:
+    vehicle, now = at(), air()
+    wind = now.wind_mps + 2.0 * now.wind_sigma_mps
+    speeds = [SLOWEST + k * (12.0 - SLOWEST) / 400 for k in range(401)]
+    best = max(height_left(PARAMS, 21.0, 14.0, 8.5, v, wind) for v in speeds)
+    found = escape_height(PARAMS, vehicle, now)
+    assert found == pytest.approx(best - PARAMS.spare_m, abs=0.1)
+    assert found <= best - PARAMS.spare_m
+    surer = escape_height(PARAMS, vehicle, air(wind_sigma_mps=0.0))
+    assert surer > found + 0.5
+    assert escape_height(PARAMS._replace(wind_share=0.8), vehicle, now) > found + 1.0
+
+
+def test_wind_that_no_speed_beats_leaves_nothing_and_what_is_unknown_is_not_known() -> None:
+    assert escape_height(PARAMS, at(), air(wind_mps=12.0)) == -landing.DEEP_M
+    assert isnan(escape_height(PARAMS, at(), air(wind_mps=nan)))
+    nowhere = PARAMS._replace(place=PLACE._replace(length_m=0.0))
+    assert isnan(escape_height(nowhere, at(), air()))
+    blind = PARAMS._replace(polar=GlidePolar(nan, nan, nan, nan, nan, nan))
+    assert isnan(escape_height(blind, at(), air()))
+
+
+def watched(height_m: float, seconds: float, state: EscapeState = NO_ESCAPE, start: float = 0.0,
+            fall_mps: float = 0.0) -> EscapeState:  # fmt: skip
+    steps = round(seconds / DT)
+    for k in range(steps):
+        vehicle = at(start + k * DT, z_m=height_m - fall_mps * k * DT, velocity_x_mps=-2.0)
+        state = escape_step(PARAMS, state, True, vehicle, air(), DT)
+    return state
+
+
+def test_it_is_short_only_after_there_was_height_and_only_when_it_lasts() -> None:
+    low = watched(2.0, 5.0)
+    assert low.left_m < 0.0
+    assert not is_short(low, 5.0)  # launched from below: there never was any
+    high = watched(20.0, 2.0)
+    assert high.armed
+    assert not is_short(high, 2.0)
+    gone = watched(2.0, 0.3, high, 2.0)
+    assert not is_short(gone, 2.3)
+    gone = watched(2.0, 3.0, gone, 2.3)
+    assert is_short(gone, 5.3)
+
+
+def test_the_time_left_is_the_height_by_how_fast_it_goes() -> None:
+    state = watched(25.0, 40.0, fall_mps=0.1)
+    assert state.rate_mps == pytest.approx(-0.1, abs=0.01)
+    assert time_left(state) == pytest.approx(state.left_m / 0.1, rel=0.1)
+    assert time_left(watched(25.0, 5.0)) == inf
+    assert time_left(watched(2.0, 5.0)) == 0.0
+    assert isnan(time_left(NO_ESCAPE))
+
+
+def test_the_approach_is_as_slow_as_still_gets_there() -> None:
+    wind = landing.WIND_BELOW * 7.0
+    assert approach_speed(PARAMS, at(z_m=30.0), air()) == SLOWEST
+    speed = approach_speed(PARAMS, at(z_m=10.0), air())
+    assert SLOWEST < speed < 12.0
+    assert height_left(PARAMS, 21.0, 10.0, 8.5, speed, wind) == pytest.approx(0.0, abs=0.1)
+    assert height_left(PARAMS, 21.0, 10.0, 8.5, speed - 0.3, wind) < 0.0
+    assert approach_speed(PARAMS, at(z_m=nan), air()) == PARAMS.best_glide_mps
+
+
+def test_height_left_over_is_woven_off() -> None:
+    high = at(x_m=-14.0, z_m=14.0)
+    angle = weave(PARAMS, True, SLOWEST, high, air())
+    assert angle > 0.3
+    assert weave(PARAMS, False, SLOWEST, high, air()) == -angle
+    final_m = landing.FINAL_M * (9.2 - landing.WIND_BELOW * 7.0) / polar_sink(POLAR, 9.2)
+    wanted = (13.0 - final_m) * polar_sink(POLAR, SLOWEST) / (14.0 - landing.FINAL_M)
+    assert angle == pytest.approx(
+        min(landing.WEAVE_RAD, acos((7.0 + max(-landing.BACK_MPS, wanted)) / SLOWEST))
+    )
+    assert weave(PARAMS, True, SLOWEST, at(x_m=60.0, z_m=14.0), air()) == 0.0
+    assert weave(PARAMS, True, SLOWEST, at(x_m=-14.0, z_m=4.0), air()) == 0.0
+
+
+def test_it_turns_back_so_that_it_stays_near_the_approach() -> None:
+    state, wish = NO_GLIDE, landing.GlideWish(0.0, 0.0, 0.0)
+    y = worst = 0.0
+    for k in range(round(20.0 / DT)):
+        vehicle = at(k * DT, x_m=-14.0, y_m=y, z_m=14.0)
+        now = air(airspeed_mps=SLOWEST)
+        state, _ = glide_step(PARAMS, state, False, True, vehicle, now, 14.0, DT)
+        wish = glide_wish(PARAMS, state, False, True, -0.02, vehicle, now, 14.0)
+        y += wish.sideways_mps * DT
+        worst = max(worst, abs(y)) if k > 1000 else worst
+    assert 1.0 < worst < landing.WEAVE_M + 0.5
+
+
+def test_a_slow_aircraft_does_not_turn() -> None:
+    state = GlideState(SLOWEST, 0.0, False, 0.5, True)
+    slow = air(airspeed_mps=SLOWEST - 1.0)
+    for k in range(300):
+        vehicle = at(k * DT, x_m=-14.0, z_m=14.0)
+        state, _ = glide_step(PARAMS, state, False, True, vehicle, slow, 14.0, DT)
+    assert state.weave_rad == 0.0
+
+
+def test_speed_is_held_by_pitch() -> None:
+    state = GlideState(9.0, 0.0, False, 0.0, True)
+    for speed, sign in ((10.0, 1.0), (8.0, -1.0)):
+        wish = glide_wish(PARAMS, state, True, True, -0.03, at(), air(airspeed_mps=speed), inf)
+        assert wish.pitch_rad == pytest.approx(-0.03 + sign * landing.KP)
+    state, _ = glide_step(PARAMS, state, True, True, at(), air(airspeed_mps=12.0), 10.0, 0.1)
+    assert state.integral_rad > 0.0
+
+
+def test_the_flare_holds_a_sink_that_dies_out() -> None:
+    falling = at(z_m=1.0, climb_mps=-1.4)
+    state, _ = glide_step(PARAMS, NO_GLIDE, False, True, falling, air(), 1.0, DT)
+    assert state.flares
+    wish = glide_wish(PARAMS, state, False, True, -0.03, falling, air(), 1.0)
+    assert wish.pitch_rad == pytest.approx(-0.03 + landing.KF * (1.4 - 1.0) / 8.5)
+    state, _ = glide_step(PARAMS, NO_GLIDE, False, True, falling, air(), 1.6, DT)
+    assert not state.flares
+    # Without a known ground the height over the place counts.
+    state, _ = glide_step(PARAMS, NO_GLIDE, False, True, falling, air(), inf, DT)
+    assert state.flares
+
+
+def test_it_returns_to_the_approach_and_into_the_bearing() -> None:
+    state = GlideState(9.0, 0.0, False, 0.0, True)
+    right = glide_wish(PARAMS, state, False, True, 0.0, at(y_m=2.0), air(), inf)
+    assert right.sideways_mps == pytest.approx(-2.0 / landing.CROSS_S)
+    assert right.heading_rad == pytest.approx(-sin(1.0 / 8.5), abs=0.01)
+    b = radians(30.0)
+    turned = PARAMS._replace(place=PLACE._replace(y_m=0.0, bearing_rad=b))
+    x, y = -27.0 + 20.0 * cos(b), -20.0 * sin(b)
+    wish = glide_wish(turned, state, False, True, 0.0, at(x_m=x, y_m=y), air(), inf)
+    v = sqrt(8.5**2 - (7.0 * sin(b)) ** 2) - 7.0 * cos(b)
+    assert wish.sideways_mps == pytest.approx(v * sin(b))
+
+
+def test_without_a_position_it_glides_straight_on() -> None:
+    state, speed = glide_step(PARAMS, NO_GLIDE, False, False, at(), air(), inf, DT)
+    wish = glide_wish(PARAMS, state, False, False, -0.03, at(y_m=9.0), air(), inf)
+    assert (wish.heading_rad, wish.sideways_mps) == (0.0, 0.0)
+    assert speed == pytest.approx(8.5, abs=0.1)
+
+
+def test_it_lies_on_the_ground_when_it_has_stood_still_low() -> None:
+    state = NO_ESCAPE
+    for k in range(300):
+        vehicle = at(k * DT, z_m=0.1, climb_mps=0.0)
+        state = escape_step(PARAMS, state, True, vehicle, air(), DT)
+        assert is_on_ground(PARAMS, state, vehicle) == (k * DT >= landing.STILL_S - 1e-9)
+    hovering = at(299 * DT, z_m=5.0, climb_mps=0.0)
+    assert not is_on_ground(PARAMS, state, hovering)

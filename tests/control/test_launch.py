@@ -1,0 +1,160 @@
+"""From the hand to the line: what a launch sees, and what it is given up for."""
+
+from __future__ import annotations
+
+from math import inf, nan, radians, sin
+from typing import Any
+
+import pytest
+
+from tgl_soar.control import launch
+from tgl_soar.control.launch import NO_LAUNCH, LaunchParams, LaunchState, LaunchView, launch_step
+from tgl_soar.control.target_line import LineLimits
+from tgl_soar.types import NO_IMU, VehicleState
+
+DT = 0.005
+PARAMS = LaunchParams(
+    wanted=True, throw_mps=1.5, wait_s=10.0, pitch_rad=0.05, line=LineLimits(0.6, 1.5, 0.1)
+)
+
+
+def view(time_s: float, **changes: Any) -> LaunchView:
+    """Nothing moves; `push`: what the accelerometer feels beyond gravity along x."""
+    push, pitch = changes.pop("push", 0.0), changes.pop("pitch_rad", 0.05)
+    speed, climb = changes.pop("upwind_mps", 0.0), changes.pop("climb_mps", 0.0)
+    vehicle = VehicleState(time_s, 0, 0, 5, -speed, 0, climb, 0, pitch, 0, 0, 0, 0)
+    imu = NO_IMU._replace(force_x_frd_mps2=push + 9.80665 * sin(pitch))
+    usual = LaunchView(
+        vehicle=vehicle,
+        imu=imu,
+        position_ok=True,
+        airspeed_mps=9.0,
+        measured=True,
+        speed_min_mps=6.0,
+        clearance_m=2.0,
+        clearance_min_m=1.0,
+        to_go_m=5.0,
+        off_m=0.0,
+        off_max_m=1.5,
+        line_rests=False,
+    )
+    return usual._replace(**changes)
+
+
+class Launched:
+    """A launch tick by tick."""
+
+    def __init__(self) -> None:
+        self.state: LaunchState = NO_LAUNCH
+        self.now = 50.0
+
+    def look(self, seconds: float = 0.0, **changes: Any) -> Launched:
+        for _ in range(max(1, round(seconds / DT))):
+            self.now += DT
+            self.state = launch_step(PARAMS, self.state, True, view(self.now, **changes), DT)
+        return self
+
+    @property
+    def standing(self) -> int:
+        return self.state.standing
+
+
+def thrown() -> Launched:
+    return Launched().look(1.0).look(0.2, push=15.0)
+
+
+def gliding() -> Launched:
+    return thrown().look(1.0)
+
+
+def test_it_waits_in_the_hand_and_says_when_nobody_throws() -> None:
+    launched = Launched().look()
+    assert launched.standing == launch.HELD
+    assert launched.look(PARAMS.wait_s - 0.1).standing == launch.HELD
+    assert launched.look(0.2).standing == launch.NO_THROW
+    assert not launch.is_aloft(launched.state)
+
+
+@pytest.mark.parametrize("pitch_deg", [-20.0, 0.0, 20.0])
+def test_the_accelerometers_see_a_throw_and_not_the_weight(pitch_deg: float) -> None:
+    held = Launched().look(2.0, pitch_rad=radians(pitch_deg))
+    assert held.standing == launch.HELD
+    assert held.look(0.09, push=15.0, pitch_rad=radians(pitch_deg)).standing == launch.HELD
+    assert held.look(0.05, push=15.0, pitch_rad=radians(pitch_deg)).standing == launch.THROWN
+
+
+def test_shaking_and_carrying_are_no_throw() -> None:
+    launched = Launched().look()
+    for k in range(40):
+        launched.look(0.1, push=12.0 if k % 2 else -12.0)
+    assert launched.standing == launch.HELD
+    assert launched.look(1.0, upwind_mps=1.4).standing == launch.HELD
+
+
+def test_velocity_sees_what_is_only_let_go_and_no_imu_is_needed() -> None:
+    assert Launched().look().look(push=nan, upwind_mps=1.6).standing == launch.THROWN
+    held = Launched().look().look(0.5, push=nan, upwind_mps=1.6, position_ok=False)
+    assert held.standing == launch.HELD
+
+
+@pytest.mark.parametrize(
+    ("pitch", "standing"), [(0.6, launch.THROWN), (0.7, launch.STEEP), (-0.6, launch.STEEP)]
+)
+def test_too_steep_a_throw_is_given_up(pitch: float, standing: int) -> None:
+    assert Launched().look().look(upwind_mps=2.0, pitch_rad=pitch).standing == standing
+
+
+def test_speed_must_last_before_a_line_is_flown() -> None:
+    slow = thrown().look(1.0, airspeed_mps=6.9)
+    assert slow.standing == launch.THROWN
+    slow.look(0.1, airspeed_mps=7.1).look(airspeed_mps=6.9).look(0.15, airspeed_mps=7.1)
+    assert slow.standing == launch.THROWN
+    assert slow.look(0.1, airspeed_mps=7.1).standing == launch.GLIDING
+
+
+def test_without_a_pitot_tube_the_first_moments_count_for_nothing() -> None:
+    assert thrown().look(0.5, measured=False).standing == launch.THROWN
+    assert thrown().look(0.9, measured=False).standing == launch.GLIDING
+    assert thrown().look(0.9, measured=False, airspeed_mps=nan).standing == launch.GLIDING
+
+
+def test_no_speed_in_time_is_given_up() -> None:
+    assert thrown().look(launch.GAIN_S + 0.1, airspeed_mps=6.0).standing == launch.SLOW
+
+
+def test_low_is_below_what_the_hand_had_and_only_while_it_sinks() -> None:
+    assert thrown().look(2.0, clearance_m=0.9, climb_mps=0.1).standing == launch.GLIDING
+    sinking = thrown().look(0.4, clearance_m=0.9, climb_mps=-0.5)
+    assert sinking.standing != launch.LOW
+    assert sinking.look(0.2, clearance_m=0.9, climb_mps=-0.5).standing == launch.LOW
+    # Thrown from 1.2 m, where 1 m is the least: 0.6 m count.
+    low = Launched().look(1.0, clearance_m=1.2).look(0.2, clearance_m=1.2, push=15.0)
+    assert low.look(0.9, clearance_m=0.7, climb_mps=-0.02).standing == launch.GLIDING
+    assert low.look(0.6, clearance_m=0.5, climb_mps=-0.5).standing == launch.LOW
+
+
+def test_a_line_is_out_of_reach_where_the_height_does_not_last() -> None:
+    far = gliding().look(3.0, climb_mps=-0.2)
+    assert far.standing == launch.GLIDING  # 2.0 − 3 s × 0.2 m/s is above the least
+    assert gliding().look(3.0, climb_mps=-0.5).standing == launch.FAR
+    near = gliding().look(3.0, climb_mps=-0.5, to_go_m=1.0)
+    assert near.standing == launch.GLIDING  # it is there first
+    assert gliding().look(3.0, climb_mps=-0.5, clearance_m=inf).standing == launch.GLIDING
+
+
+def test_a_line_that_is_left_behind_is_out_of_reach() -> None:
+    assert gliding().look(0.4, off_m=1.6).standing == launch.GLIDING
+    assert gliding().look(0.6, off_m=1.6).standing == launch.FAR
+    assert gliding().look(0.6, off_m=nan).standing == launch.FAR
+
+
+def test_it_is_captured_where_the_line_rests() -> None:
+    assert gliding().look(line_rests=True, position_ok=False).standing == launch.GLIDING
+    reached = gliding().look(line_rests=True)
+    assert reached.standing == launch.REACHED
+    assert reached.look(5.0, climb_mps=-3.0).standing == launch.REACHED
+
+
+def test_another_mode_forgets_it() -> None:
+    state = launch_step(PARAMS, gliding().state, False, view(60.0), DT)
+    assert state == NO_LAUNCH
