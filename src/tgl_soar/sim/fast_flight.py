@@ -7,8 +7,9 @@ the flight from the very streams that a plain flight draws from, for any seed.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from math import floor, inf
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -45,6 +46,7 @@ class Prepared(NamedTuple):
     world: World  # as it was made; its own seed plays no part
     air: KnownAir
     ticks: int
+    kernel: list[Any]  # that flies in it, found once: numba takes 1 ms to look at all types
 
 
 def prepare(world: World, duration_s: float) -> Prepared:
@@ -57,7 +59,7 @@ def prepare(world: World, duration_s: float) -> Prepared:
     ticks = round(duration_s * world.step_hz)
     times: FloatArray = np.arange(ticks + 1, dtype=np.float64) * (1.0 / world.step_hz)
     half_width_m = inf if world.bounds is None else world.bounds.half_width_m
-    return Prepared(world, known_air(world.field, times, half_width_m), ticks)
+    return Prepared(world, known_air(world.field, times, half_width_m), ticks, [])
 
 
 def fly_compiled(
@@ -67,7 +69,6 @@ def fly_compiled(
     world, ticks = prepared.world, prepared.ticks
     parts, flight = begun(prepared, seed)
     rows = np.empty((ticks, len(Row._fields)))
-    fly = compiled(fly_ticks)
     pending = sorted(changes, key=lambda change: change.time_s)
     dt = 1.0 / world.step_hz
     until_steps = [_first_step(change.time_s, dt) for change in pending]
@@ -78,11 +79,22 @@ def fly_compiled(
             values = values.changed(pending[done - 1].parameters, flying=True)
         if until > flight.steps:
             laws = laws_from(values, world.frame, world.aerodynamics, world.ground)
-            flight = fly(parts, laws, flight, min(until, ticks), done, rows)
+            arguments = parts, laws, flight, min(until, ticks), done, rows
+            if not prepared.kernel:
+                prepared.kernel.append(_kernel_for(arguments))
+            flight = prepared.kernel[0](*arguments)
     ended = why_ended(world, flight)
     flown = rows[: flight.steps]
     columns = {name: flown[:, i] for i, name in enumerate(Row._fields)}
     return Trajectory(columns, ended, flight.steps)
+
+
+def _kernel_for(arguments: tuple[Any, ...]) -> Any:
+    """The kernel of `fly_ticks` for arguments of just these types."""
+    from numba import typeof
+
+    fly, kind_of = cast(Any, compiled(fly_ticks)), cast(Any, typeof)
+    return fly.compile(tuple(kind_of(argument) for argument in arguments))
 
 
 def begun(prepared: Prepared, seed: int) -> tuple[Parts, Flight]:
@@ -209,7 +221,7 @@ class CompiledLoop(ClosedLoop):
 
 def _draw(prepared: Prepared, seed: int) -> tuple[Parts, WorldNow]:
     """All that is random in a flight, and the world at its start in that air."""
-    world, air, ticks = prepared
+    world, air, ticks, _ = prepared
     plain = world.parts
     eddies = DRYDEN_STILL
     white: Rows = NO_ROWS
@@ -228,11 +240,18 @@ def _draw(prepared: Prepared, seed: int) -> tuple[Parts, WorldNow]:
     return parts, world_begun(parts, start, command)
 
 
+@lru_cache(typed=True)
+def _type_of(sample: Any) -> Any:
+    from numba import typeof
+
+    return typeof(sample)  # type: ignore[no-untyped-call]
+
+
 def _line(nothing: Any, length: int) -> Any:
     """A delay line that compiled functions write to."""
-    from numba import typed, typeof
+    from numba import typed
 
-    line = typed.List.empty_list(typeof(nothing))  # type: ignore[no-untyped-call]
+    line = typed.List.empty_list(_type_of(nothing))
     for _ in range(length):
         line.append(nothing)
     return line

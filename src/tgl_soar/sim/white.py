@@ -8,6 +8,7 @@ to it, compiled flights have all rows drawn before.  They are the same numbers.
 from __future__ import annotations
 
 import random
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from math import exp, expm1, pi, sqrt
 from typing import Any, Final, Protocol
@@ -179,6 +180,16 @@ def roll_gusts_before(params: RollGustParams, seed: int, steps: int) -> tuple[fl
     return start, rng.standard_normal(steps + 1).reshape(-1, 1)
 
 
+class _Twister(threading.local):
+    """One Mersenne twister for each thread: to make another takes as long as to draw thousands."""
+
+    def __init__(self) -> None:
+        self.state = np.random.RandomState()
+
+
+_TWISTER: Final = _Twister()
+
+
 def white_gauss(seed: str, count: int) -> FloatArray:
     """The first `count` numbers of `random.Random(seed).gauss(0, 1)`, shape (count,).
 
@@ -186,7 +197,7 @@ def white_gauss(seed: str, count: int) -> FloatArray:
     numpy has too.
     """
     _, internal, _ = random.Random(seed).getstate()
-    twister = np.random.RandomState()
+    twister = _TWISTER.state
     key = np.array(internal[:-1], dtype=np.uint32)
     twister.set_state(("MT19937", key, internal[-1], 0, 0.0))
     uniform = twister.random_sample((-(-count // 2), 2))
