@@ -56,27 +56,27 @@ class ShakeState(NamedTuple):
 
     pressed: float  # share of the time that the law asks for an end of the travel
     rest_s: float  # it is not shaken for as long
-    on: bool
+    on: bool  # it is shaken now
     shaken: float  # of the brake that is wanted, the shake's part
     climb_mps: float  # in the tick before; NaN: none
     time_s: float  # into this block
-    ticks: float
-    sines: float  # of this block: sums of sin φ and cos φ,
-    cosines: float
-    rise: float  # of a,
-    rise_sin: float
-    rise_cos: float
-    brake_sin: float  # and of b
-    brake_cos: float
+    ticks: float  # in this block
+    sines: float  # of this block: sum of sin φ
+    cosines: float  # sum of cos φ
+    rise: float  # sum of a
+    rise_sin: float  # sum of a sin φ
+    rise_cos: float  # sum of a cos φ
+    brake_sin: float  # sum of b sin φ
+    brake_cos: float  # sum of b cos φ
     blocks: float  # that count
-    b_re: float  # Σ B
-    b_im: float
-    y_re: float  # Σ Y
-    y_im: float
+    b_re: float  # Σ B, real
+    b_im: float  # Σ B, imaginary
+    y_re: float  # Σ Y, real
+    y_im: float  # Σ Y, imaginary
     b_2: float  # Σ |B|²
     y_2: float  # Σ |Y|²
-    yb_re: float  # Σ Y B*
-    yb_im: float
+    yb_re: float  # Σ Y B*, real
+    yb_im: float  # Σ Y B*, imaginary
     q: float  # the last that was judged; NaN: none
     sigma: float  # of it
     found: int  # NOTHING, ACTS or DOES_NOT
