@@ -84,7 +84,13 @@ def test_what_we_have_flown_with_is_right(route: str, needs: Needs) -> None:
         ("attitude", HILL, "GPS1_TYPE", 0.0),
         ("attitude", HILL, "CRASH_DETECT", 1.0),
         ("override", HILL, "FS_SHORT_ACTN", 0.0),
+        ("attitude", HILL, "FS_SHORT_ACTN", 3.0),
         ("override", HILL, "FS_LONG_ACTN", 1.0),
+        ("attitude", HILL, "FS_LONG_ACTN", 0.0),
+        ("override", HILL, "THR_FAILSAFE", 2.0),
+        ("override", HILL, "BATT_FS_LOW_ACT", 1.0),
+        ("attitude", HILL, "BATT_FS_CRT_ACT", 2.0),
+        ("override", HILL, "FENCE_ACTION", 6.0),
     ],
 )
 def test_each_wrong_one_is_found(route: str, needs: Needs, name: str, value: float) -> None:

@@ -127,10 +127,19 @@ BY_ATTITUDE: Final = (
 HOVER: Final = (
     _row("CRASH_DETECT", "lacks bit", 0,
          "standing over the ground may be taken for a crash, and would disarm in the air"),
-    _row("FS_SHORT_ACTN", "at least", 2,
-         "a lost radio must not circle without a propeller: 2 glides in FBWA, 3 does nothing"),
-    _row("FS_LONG_ACTN", "is not", 1, "a lost radio must not fly home without a propeller"),
-    _row("FS_LONG_ACTN", "is not", 3, "a lost radio must not end the flight by parachute", SHOULD),
+    _row("FS_SHORT_ACTN", "is", 2,
+         "a lost radio glides in FBWA: 0 and 1 circle and 4 climbs without a propeller, and with 3"
+         " the surfaces stay at their trims"),
+    _row("FS_LONG_ACTN", "is", 2,
+         "a radio that stays lost glides on in FBWA: 0 and 1 fly home without a propeller"),
+    _row("THR_FAILSAFE", "is not", 2,
+         "the receiver's failsafe would put the surfaces to their trims under the module"),
+    _row("THR_FAILSAFE", "is", 1,
+         "a lost radio goes unnoticed, and MANUAL would be left with nobody at the sticks", SHOULD),
+    _row("BATT_FS_LOW_ACT", "is", 0, "a low battery must not fly home without a propeller"),
+    _row("BATT_FS_CRT_ACT", "is", 0, "a low battery must not fly home without a propeller"),
+    _row("FENCE_ACTION", "is", 0,
+         "its own fence must not fly anywhere without a propeller: the module has one"),
     _row("FS_GCS_ENABL", "is", 0, "a ground station that is lost must not end the flight", SHOULD),
 )  # fmt: skip
 POSES: Final = (

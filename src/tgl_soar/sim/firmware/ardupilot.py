@@ -238,7 +238,7 @@ def flight_parameters(airframe: Airframe, *, gps: bool) -> dict[str, float]:
     return {**BENCH, **GAINS, **channel_parameters(airframe.surfaces), **external, **own}
 
 
-# Nothing here takes the aircraft from whoever flies it, but what the test is about.
+# Nothing takes the aircraft from whoever flies it; a lost radio glides, as preflight asks for.
 BENCH: Final[Mapping[str, float]] = {
     "SCHED_LOOP_RATE": 400,
     "SERIAL2_PROTOCOL": -1,  # what would wait for a client
@@ -252,9 +252,10 @@ BENCH: Final[Mapping[str, float]] = {
     "FLTMODE_CH": MODE_CHANNEL,
     **{f"FLTMODE{i}": MODE_FBWA for i in range(1, 6)},
     "FLTMODE6": MODE_MANUAL,
-    "THR_FAILSAFE": 0,
-    "FS_SHORT_ACTN": 3,  # none
-    "FS_LONG_ACTN": 0,
+    "THR_FAILSAFE": 1,
+    "FS_SHORT_ACTN": 2,
+    "FS_LONG_ACTN": 2,
+    "FENCE_ACTION": 0,
     "FS_GCS_ENABL": 0,
     "ARMING_RUDDER": 0,
     "ARMING_CHECK": 6,  # barometer and compass: others judge how fast this computer is
