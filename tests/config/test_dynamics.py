@@ -37,7 +37,10 @@ def test_without_a_model_the_polar_tells_the_glide_and_nothing_tells_the_rest() 
     assert not {"DYN_FREQ", "DYN_DAMP", "DYN_EFFECT"} & set(found)
 
 
-def test_overrides_of_arduplane_are_late_by_its_own_table() -> None:
-    autopilot = replace(AIRFRAME.autopilot, firmware="ardupilot")
-    assert replace(AIRFRAME, autopilot=autopilot).all_parameters()["CMD_DELAY"] == 0.0245
+@pytest.mark.parametrize(
+    ("route", "delay_s"), [(None, 0.0245), ("override", 0.0245), ("attitude", 0.0145)]
+)
+def test_arduplane_is_late_by_its_own_table(route: str | None, delay_s: float) -> None:
+    autopilot = replace(AIRFRAME.autopilot, firmware="ardupilot", route=route)
+    assert replace(AIRFRAME, autopilot=autopilot).all_parameters()["CMD_DELAY"] == delay_s
     assert "CMD_DELAY" not in AIRFRAME.all_parameters()

@@ -188,8 +188,8 @@ class Airframe(Strict, frozen=True):
         first."""
         facts = self.airframe
         bench = {name: getattr(facts, name) for name in (*_ON_THE_BENCH, "iyy_kgm2")}
-        polar, firmware = self.polar.as_polar(), self.autopilot.firmware
-        derived = dynamics_parameters(self.dynamics, bench, self.model, polar, firmware)
+        polar, route = self.polar.as_polar(), (self.autopilot.firmware, self.autopilot.route)
+        derived = dynamics_parameters(self.dynamics, bench, self.model, polar, route)
         return {**stall_limit(self.model), **derived, **self.parameters}
 
     def flown_as(self, kind: ModelKind | None) -> Airframe:

@@ -22,8 +22,13 @@ from tgl_soar.config.strict import Positive, Strict
 from tgl_soar.types import GlidePolar
 
 GRAVITY_MPS2: Final = 9.80665
-# From a tick to the servo's input, where nobody has measured it [s] (docs/autopilots.md).
-USUAL_DELAY_S: Final = {"ardupilot": 0.0245}
+# From a sensor to the servo's input [s] by firmware and route, where nobody has measured it: the
+# medians of docs/autopilots.md.  ArduPlane takes overrides up 50 times a second, attitudes at once.
+USUAL_DELAY_S: Final[Mapping[tuple[str, str | None], float]] = {
+    ("ardupilot", None): 0.0245,
+    ("ardupilot", "override"): 0.0245,
+    ("ardupilot", "attitude"): 0.0145,
+}
 _KEYS: Final = {
     "speed_mps": "DYN_SPEED",
     "short_period_radps": "DYN_FREQ",
@@ -56,12 +61,13 @@ def dynamics_parameters(
     bench: Mapping[str, float],
     model: Mapping[str, float],
     polar: GlidePolar,
-    firmware: str,
+    route: tuple[str, str | None],
 ) -> dict[str, float]:
-    """The parameters DYN_… and CMD_DELAY.  `bench`: of `[airframe]`."""
+    """The parameters DYN_… and CMD_DELAY.  `bench`: of `[airframe]`; `route`: a firmware, and its
+    route where one is named."""
     found: dict[str, float] = {}
-    if firmware in USUAL_DELAY_S:
-        found["CMD_DELAY"] = USUAL_DELAY_S[firmware]
+    if route in USUAL_DELAY_S:
+        found["CMD_DELAY"] = USUAL_DELAY_S[route]
     if lag := model.get("servo_lag_radps", 0.0):
         found["DYN_SERVO"] = 1.0 / lag + model.get("servo_delay_s", 0.0)
     found.update(_glide(bench, model, polar))
