@@ -37,6 +37,7 @@ from typing import Any, Final, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tgl_soar.analysis.report.style import drawing, save
 from tgl_soar.config.files import load_airframe, load_site, shipped
 from tgl_soar.link.autopilots import flavour
 from tgl_soar.link.encoder import Encoder
@@ -239,9 +240,17 @@ def silence(folder: Path) -> dict[str, float | str]:
     }
 
 
-def along(folders: list[Path], point_m: float | None) -> dict[str, float | str]:
-    """The last `MINUTE_S` of flights, by the truth."""
-    off, across, brake = [], [], []
+class Drift(NamedTuple):
+    """The last `MINUTE_S` of flights, by the truth [m]."""
+
+    along: list[float]  # off the mean of each, or off the point
+    across: list[float]  # e_rho
+    brake: list[float]
+
+
+def drift(folders: list[Path], point_m: float | None) -> Drift:
+    """Of the last line of each."""
+    found = Drift([], [], [])
     for folder in folders:
         summary = json.loads((folder / "summary.json").read_text())["legs"][-1]
         x0, z0, eta = summary["line"]
@@ -257,17 +266,38 @@ def along(folders: list[Path], point_m: float | None) -> dict[str, float | str]:
             for row in kept
         ]  # fmt: skip
         middle = mean(way for way, _ in ways) if point_m is None else point_m
-        off += [way - middle for way, _ in ways]
-        across += [e for _, e in ways]
-        brake += [row["brake"] for row in kept]
-    at_an_end = sum(not END <= b <= 1.0 - END for b in brake) / len(brake)
+        found.along.extend(way - middle for way, _ in ways)
+        found.across.extend(e for _, e in ways)
+        found.brake.extend(row["brake"] for row in kept)
+    return found
+
+
+def along(found: Drift) -> dict[str, float | str]:
+    """In numbers."""
+    at_an_end = sum(not END <= b <= 1.0 - END for b in found.brake) / len(found.brake)
     return {
-        "along, rms [cm]": 1e2 * sqrt(mean(way**2 for way in off)),
-        "along, at most [cm]": 1e2 * max(abs(way) for way in off),
-        "e_rho, rms [cm]": 1e2 * sqrt(mean(e**2 for e in across)),
-        "brake, mean": mean(brake),
+        "along, rms [cm]": 1e2 * sqrt(mean(way**2 for way in found.along)),
+        "along, at most [cm]": 1e2 * max(abs(way) for way in found.along),
+        "e_rho, rms [cm]": 1e2 * sqrt(mean(e**2 for e in found.across)),
+        "brake, mean": mean(found.brake),
         "at an end of it [%]": 1e2 * at_an_end,
     }
+
+
+def clouds(path: Path, panels: dict[str, Drift]) -> None:
+    """Positions of flights beside those of others, along and across the line."""
+    with drawing() as plt:
+        figure, axes = plt.subplots(
+            1, len(panels), figsize=(5.0, 5.5), sharex=True, sharey=True, layout="constrained"
+        )
+        for axis, (title, found) in zip(axes, panels.items(), strict=True):
+            ways, across = ([1e2 * v for v in values] for values in found[:2])
+            axis.plot(across, ways, ".", markersize=1.0, alpha=0.3)
+            axis.set_title(f"{title}: {along(found)['along, rms [cm]']:.1f} cm rms along")
+            axis.set_xlabel("e_rho [cm]")
+            axis.set_aspect("equal")
+        axes[0].set_ylabel("along the line [cm]")
+        save(plt, figure, path)
 
 
 def main() -> int:
@@ -283,13 +313,19 @@ def main() -> int:
     last = what.add_parser("along", help="drift along the line")
     last.add_argument("folders", type=Path, nargs="+", help="of tgl-soar sitl")
     last.add_argument("--point", type=float, metavar="M", help="TGL_ALONG that was held")
+    last.add_argument("--beside", type=Path, action="append", help="flights on the line alone")
+    last.add_argument("--picture", type=Path, help="of both: positions along and across")
     arguments = parser.parse_args()
     if arguments.what != "latency":
         flown = (
             silence(arguments.folder)
             if arguments.what == "silence"
-            else along(arguments.folders, arguments.point)
+            else along(drift(arguments.folders, arguments.point))
         )
+        if arguments.what == "along" and arguments.picture is not None:
+            beside = drift(arguments.beside, None)
+            held = drift(arguments.folders, arguments.point)
+            clouds(arguments.picture, {"the line alone": beside, "a point held": held})
         for name, value in flown.items():
             print(f"{name:28} {value:.2f}" if isinstance(value, float) else f"{name:28} {value}")
         return 0
