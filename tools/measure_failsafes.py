@@ -46,7 +46,7 @@ BATTERY: Final = (
     "BATT_LOW_TIMER=2",
     f"SIM_BATT_VOLTAGE=9{AT}",
 )
-FENCE: Final = ("FENCE_TYPE=1", "FENCE_ALT_MAX=10", f"FENCE_ENABLE=1{AT}")
+FENCE: Final = ("FENCE_TYPE=1", "FENCE_ALT_MAX=1", f"FENCE_ENABLE=1{AT}")  # above the start
 
 
 @dataclass(frozen=True)
@@ -104,9 +104,9 @@ ARDUPILOT: Final = (
     _gps("fixes 3 m to the north for 20 s",
          f"SIM_GPS_GLITCH_X=2.7e-5{AT}", f"SIM_GPS_GLITCH_X=0{_at(20)}"),
     _gps("fixes 30 m to the north from then on", f"SIM_GPS_GLITCH_X=27e-5{AT}"),
-    _gps("barometer drifts by 2 cm/s for 60 s", f"SIM_BARO_DRIFT=0.02{AT}"),
-    _gps("compass turned by 20° from then on", f"SIM_MAG1_OFS_X=60{AT}"),
-    _gps("its first IMU fails: EKF3 changes lanes", f"SIM_ACC1_BIAS_X=3{AT}"),
+    _gps("barometer drifts by 2 cm/s from then on", f"SIM_BARO_DRIFT=0.02{AT}"),
+    _gps("first compass off by 60 mG from then on", f"SIM_MAG1_OFS_X=60{AT}"),
+    _gps("first accelerometer off by 3 m/s² from then on", f"SIM_ACC1_BIAS_X=3{AT}"),
 )  # fmt: skip
 TRIALS: Final = {"ardupilot": ARDUPILOT}
 
