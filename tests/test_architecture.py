@@ -38,7 +38,8 @@ TABLE: dict[str, set[str]] = {
     "control.surface_loops": {"control.laws"},
     "control.point": {"control.laws"},
     "control.estimates": {"control.conditions", "control.margins", "control.point"},
-    "autopilot": {"control.estimates", "control.surface_loops"},
+    "control.passage": {"control.estimates", "control.surface_loops"},
+    "autopilot": {"control.passage"},
     "link": {"config", "geometry"},
     "onboard.native": set(),
     "onboard.pacing": set(),
@@ -80,7 +81,7 @@ STAYS_ON_THE_GROUND = DOORS - FLIES
 PURE = {
     "types", "geometry", "config.parameters", "config.line_changes", "control", "control.laws",
     "control.conditions", "control.margins", "control.point", "control.estimates",
-    "control.surface_loops",
+    "control.surface_loops", "control.passage",
     "control.loop_margin", "control.line_bounds", "control.search",
     "estimation", "autopilot",
 }  # fmt: skip
@@ -225,7 +226,7 @@ CLASS_LINES = 300
 FUNCTION_LINES = 80
 # What is longer, how long it may be, and why.
 LONGER: dict[str, tuple[int, str]] = {
-    "config/parameters.py": (900, "a table: one declaration a parameter, and it grows with them"),
+    "config/parameters.py": (960, "a table: one declaration a parameter, and it grows with them"),
     "analysis/linear_model.py": (660, "one linear model; its matrices are read beside each other"),
     "analysis/linear_model.py linear_controller": (116, "the matrices of one controller, by rows"),
 }

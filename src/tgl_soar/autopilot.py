@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
+from tgl_soar.control import passage as way
 from tgl_soar.control import supervisor as modes
 from tgl_soar.control.brake import NO_POINT, BrakeEffect, BrakeState, PointReport
 from tgl_soar.control.conditions import (
@@ -23,11 +24,8 @@ from tgl_soar.control.conditions import (
     target_conditions,
 )
 from tgl_soar.control.envelope import (
-    CUT_NOSE_DOWN,
-    CUT_NOSE_UP,
     Margins,
     brake_limit,
-    pitch_within,
     unlimited,
 )
 from tgl_soar.control.estimates import Estimates, EstimatorMemory, estimate, initial_memory
@@ -40,18 +38,13 @@ from tgl_soar.control.excitation import (
     excitation_step,
 )
 from tgl_soar.control.forecast import Forecast, ForecastState, initial_forecast
-from tgl_soar.control.heading import (
-    bank_setpoint,
-    heading_setpoint,
-    sideways_held,
-)
+from tgl_soar.control.heading import bank_setpoint, heading_setpoint, sideways_held
 from tgl_soar.control.laws import Laws
+from tgl_soar.control.margins import pitch_kept
+from tgl_soar.control.passage import PassageReport, PassageState
 from tgl_soar.control.pid import PidGains, PidState, PidTerms
 from tgl_soar.control.point import point_step
-from tgl_soar.control.schedule import (
-    NO_GAINS,
-    ScheduledGains,
-)
+from tgl_soar.control.schedule import NO_GAINS, ScheduledGains
 from tgl_soar.control.soaring import (
     SoaringState,
     gliding_step,
@@ -77,10 +70,7 @@ from tgl_soar.control.target_line import (
     line_step,
     line_tracking,
 )
-from tgl_soar.estimation.health import (
-    STREAM_FAULTS,
-    fault_words,
-)
+from tgl_soar.estimation.health import STREAM_FAULTS, fault_words
 from tgl_soar.types import (
     NAN,
     NO_SETPOINTS,
@@ -114,6 +104,7 @@ class AutopilotState(NamedTuple):
     excitation: ExcitationState
     forecast: ForecastState
     brake: BrakeState
+    passage: PassageState
 
 
 class Output(NamedTuple):
@@ -142,6 +133,7 @@ class Output(NamedTuple):
     excitation: ExcitationState
     forecast: Forecast
     point: PointReport
+    passage: PassageReport
 
 
 def mode_name(mode: int) -> str:
@@ -163,7 +155,7 @@ def entry_lacks(laws: Laws, state: AutopilotState, inputs: Inputs, output: Outpu
     """The conditions of an entry, as bits, that do not hold after a tick; state: after it."""
     held = stream_conditions(laws.guards, inputs, output.health, state.memory.confident_s)
     held |= flight_conditions(laws, output.vehicle, output.margins) | target_conditions(laws)
-    return modes.ENTRY & ~held
+    return modes.ENTRY & ~(held | way.hand_conditions(laws))
 
 
 class _Guidance(NamedTuple):
@@ -181,6 +173,7 @@ class _Guidance(NamedTuple):
     cut: int  # off the pitch setpoint, bits CUT_…
     brake: BrakeState
     braked: BrakeEffect  # of the brake as it is now
+    passage: PassageState
 
 
 class _Flown(NamedTuple):
@@ -227,6 +220,7 @@ def initial_state() -> AutopilotState:
         excitation=at_rest(IDLE),
         forecast=initial_forecast(),
         brake=NO_POINT,
+        passage=way.NO_PASSAGE,
     )
 
 
@@ -235,7 +229,8 @@ def step(laws: Laws, state: AutopilotState, inputs: Inputs) -> tuple[AutopilotSt
     dt = inputs.time_s - state.time_s
     dt = min(DT_MAX_S, dt) if dt > 0.0 else 0.0  # NaN: the first tick
     flying = modes.is_flying(state.supervisor.mode)
-    estimates = estimate(laws, state.memory, inputs, flying, state.loops.limited, dt)
+    airborne = flying and not way.is_in_hand(state.passage)
+    estimates = estimate(laws, state.memory, inputs, airborne, state.loops.limited, dt)
     if flying:
         return _fly(laws, state, inputs, estimates, dt, modes.REASON_NONE)
     return _watch(laws, state, inputs, estimates)
@@ -248,6 +243,7 @@ def _watch(
     vehicle, target = estimates.vehicle, laws.target
     found = _conditions(laws, state, inputs, estimates) | target_conditions(laws) | FINITE | SANE
     found |= line_conditions(laws.guards, 0.0, False, False) | modes.SETTLES
+    found |= way.hand_conditions(laws) | way.asked_conditions(laws)
     supervisor, decision = _decide(laws, state, inputs, found)
     state = _idle(laws, state, inputs, estimates, supervisor, state.line, initial_forecast())
     if modes.is_flying(decision.mode):
@@ -289,6 +285,7 @@ def _idle(
         ),
         forecast=forecast,
         brake=NO_POINT,
+        passage=way.NO_PASSAGE,
     )
 
 
@@ -326,6 +323,7 @@ def _output(
         excitation=state.excitation,
         forecast=state.forecast.foreseen,
         point=PointReport(state.brake.standing, state.brake.off_m),
+        passage=way.passage_report(state.passage),
     )
 
 
@@ -371,10 +369,13 @@ def _fly(
     dt_s: float,
     engaged_because: int,
 ) -> tuple[AutopilotState, Output]:
-    """Capturing, soaring, searching, holding and recovering."""
+    """All modes in control."""
     vehicle, line, off_line_s = estimates.vehicle, state.line, state.off_line_s
     if state.supervisor.mode in (modes.CAPTURING, modes.SOARING, modes.SEARCHING):
         line = line_step(laws.line, line, laws.target, vehicle.x_m, vehicle.z_m, dt_s)
+    mode = state.supervisor.mode
+    passage = way.passage_step(laws, state.passage, mode, inputs, estimates, line, dt_s)
+    line = way.passage_line(laws, passage, line, vehicle, dt_s)
     tracking = line_tracking(line, vehicle)
     if line.moving or not abs(tracking.e_rho_m) <= laws.guards.capture_distance_m:
         off_line_s = inputs.time_s
@@ -383,7 +384,8 @@ def _fly(
     found = _conditions(laws, state, inputs, estimates) | _own_conditions(state, line)
     found |= line_conditions(laws.guards, tracking.e_rho_m, on_line, line.moving)
     found |= search_conditions(laws, line.moving)
-    mode, air, quality = state.supervisor.mode, estimates.air, estimates.quality
+    found |= way.passage_conditions(laws, mode, passage, estimates)
+    air, quality = estimates.air, estimates.quality
     forecast = forecast_of(laws, mode, state.forecast, line, vehicle, air, quality)
     found |= forecast_conditions(laws, mode, forecast.foreseen)
     supervisor, decision = _decide(laws, state, inputs, found)
@@ -406,7 +408,7 @@ def _fly(
         state.loops.limited.elevator_blocked,
     )
     excitation = excitation_step(laws.excitation, state.excitation, inputs.time_s, dt_s, hindrance)
-    state = state._replace(excitation=excitation)
+    state = state._replace(excitation=excitation, passage=passage)
     guidance = _guide(laws, state, estimates, decision, line, tracking, off_line_s, dt_s)
     loops, flown = _control(laws, state.loops, inputs, estimates, guidance, dt_s)
     state = AutopilotState(
@@ -422,6 +424,7 @@ def _fly(
         excitation=excitation,
         forecast=forecast,
         brake=guidance.brake,
+        passage=guidance.passage,
     )
     return state, _output(state, inputs, estimates, mode, reason, guidance.tracking, flown)
 
@@ -436,6 +439,8 @@ def _control(
 ) -> tuple[LoopsState, _Flown]:
     """From the setpoints to the surfaces, and what a log has of the way."""
     memory = estimates.memory
+    if way.is_in_hand(guidance.passage):
+        before = way.loops_in_hand(before, estimates.vehicle)
     flown_with = surface_gains(laws, memory.imu_weight, memory.gain_speed_mps, memory.gain_age_s)
     loops, terms = surfaces_step(
         laws,
@@ -490,43 +495,42 @@ def _guide(
     held, effect = point_step(
         laws, state.brake, limited, decision.mode, line.eta_rad, vehicle, speed, felt, faults, dt_s
     )
-    if decision.mode == modes.HOLDING:
+    passage = state.passage
+    if way.flies_no_line(decision.mode, passage):
+        mode, blocked = decision.mode, limited.aileron_blocked
+        passage, soaring, terms, sideways, sideways_terms, psi_setpoint = way.passage_guide(
+            laws, passage, mode, estimates, soaring, sideways, blocked, dt_s
+        )
+    elif decision.mode == modes.HOLDING:
         # Without a position: the pitch that held the line, wings level, the heading as it was.
         soaring, terms = holding_step(laws.soaring, soaring, theta_0 + effect.pitch_rad, dt_s)
     elif decision.mode == modes.RECOVERING:
         soaring, terms = gliding_step(laws.soaring, soaring, laws.envelope.glide_pitch_rad, dt_s)
     else:
+        if way.starts_line(passage, vehicle):
+            pitch = soaring.pitch_setpoint_rad
+            soaring = soaring_reset(laws.soaring, theta_0, 0.0, pitch)
         if decision.action == modes.NEW_LINE:
             rate = tracking.e_rho_rate_mps + line.speed_mps  # the new line is at rest
             state = _line_from_aircraft(laws, state, estimates)
             line, soaring, off_line_s = state.line, state.soaring, state.off_line_s
             tracking = line_tracking(line, vehicle)._replace(e_rho_m=0.0, e_rho_rate_mps=rate)
-        soaring, terms = soaring_step(
-            gains,
-            soaring,
-            theta_0 + memory.gust_pitch_rad + effect.pitch_rad,
-            tracking.e_rho_m,
-            tracking.e_rho_rate_mps,
-            dt_s,
-            state.loops.limited.elevator_blocked,
-        )
+        undisturbed = theta_0 + memory.gust_pitch_rad + effect.pitch_rad
+        blocked = limited.elevator_blocked
+        off_m, rate_mps = tracking.e_rho_m, tracking.e_rho_rate_mps
+        soaring, terms = soaring_step(gains, soaring, undisturbed, off_m, rate_mps, dt_s, blocked)
         course = heading_setpoint(laws.heading, vehicle.x_m, vehicle.y_m)
         psi_setpoint = estimates.veer_rad + course
         if laws.loops != THEIRS:  # that turns by banking
+            age_s, blocked = memory.gain_age_s, limited.aileron_blocked
+            airspeed = estimates.air.airspeed_mps
             sideways, sideways_terms = bank_step(
-                laws,
-                sideways,
-                vehicle,
-                course,
-                estimates.air.airspeed_mps,
-                memory.gain_age_s,
-                state.loops.limited.aileron_blocked,
-                dt_s,
+                laws, sideways, vehicle, course, airspeed, age_s, blocked, dt_s
             )
 
     wanted_rad = soaring.pitch_setpoint_rad + state.excitation.pitch_rad
     held_rad = theta_0 + soaring.pid.integral + effect.pitch_rad
-    pitch_setpoint, cut = _pitch_within(laws, estimates, wanted_rad, held_rad)
+    pitch_setpoint, cut = pitch_kept(laws, estimates.margins, vehicle, wanted_rad, held_rad)
     roll_setpoint = sideways_terms.output
     if laws.loops == THEIRS:
         roll_setpoint = bank_setpoint(laws.bank, psi_setpoint, vehicle.heading_rad)
@@ -543,29 +547,8 @@ def _guide(
         cut=cut,
         brake=held,
         braked=effect,
+        passage=passage,
     )
-
-
-def _pitch_within(
-    laws: Laws, estimates: Estimates, wanted_rad: float, held_rad: float
-) -> tuple[float, int]:
-    """The pitch setpoint within the envelope, and what was cut; held_rad: what the line took."""
-    vehicle, margins = estimates.vehicle, estimates.margins
-    setpoint = pitch_within(
-        laws.envelope,
-        wanted_rad,
-        vehicle.pitch_rad,
-        margins.stall_rad,
-        vehicle.climb_mps,
-        margins.clearance_m,
-        held_rad,
-    )
-    cut = 0
-    if setpoint < wanted_rad:
-        cut = CUT_NOSE_UP
-    elif setpoint > wanted_rad:
-        cut = CUT_NOSE_DOWN
-    return setpoint, cut
 
 
 def _conditions(laws: Laws, state: AutopilotState, inputs: Inputs, now: Estimates) -> int:

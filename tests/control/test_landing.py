@@ -12,7 +12,6 @@ from tgl_soar.control.landing import (
     NO_ESCAPE,
     NO_GLIDE,
     EscapeState,
-    GlideState,
     LandingParams,
     LandingPlace,
     across,
@@ -29,12 +28,19 @@ from tgl_soar.control.landing import (
     time_left,
     weave,
 )
-from tgl_soar.types import NO_AIR, AirEstimate, GlidePolar, VehicleState, polar_sink
+from tgl_soar.types import NO_AIR, NO_POLAR, AirEstimate, GlidePolar, VehicleState, polar_sink
 
 DT = 0.005
 G = 9.80665
-POLAR = GlidePolar(9.0401556, -2.2628690, 0.20598552, -0.0054332196, 7.6, 12.0)
-PLACE = LandingPlace(-27.0, 0.0, 0.0, 0.0, 20.0)
+POLAR = GlidePolar(
+    c0=9.0401556,
+    c1=-2.2628690,
+    c2=0.20598552,
+    c3=-0.0054332196,
+    speed_min_mps=7.6,
+    speed_max_mps=12.0,
+)
+PLACE = LandingPlace(x_m=-27.0, y_m=0.0, z_m=0.0, bearing_rad=0.0, length_m=20.0)
 PARAMS = LandingParams(
     place=PLACE,
     escape_rad=0.0,
@@ -55,7 +61,7 @@ SLOWEST = 7.6 + landing.POLAR_BY_MPS
 
 
 def at(time_s: float = 0.0, **changes: Any) -> VehicleState:
-    usual = VehicleState(time_s, -6, 0, 14, 0, 0, -0.5, 0, -0.02, 0, 0, 0, 0)
+    usual = VehicleState(*(time_s, -6, 0, 14, 0, 0, -0.5, 0, -0.02, 0, 0, 0, 0))
     return usual._replace(**changes)
 
 
@@ -67,7 +73,7 @@ def air(**changes: Any) -> AirEstimate:
 @pytest.mark.parametrize("bearing_deg", [0.0, 30.0, -50.0])
 def test_along_and_across_are_the_same_place_seen_along_the_bearing(bearing_deg: float) -> None:
     b = radians(bearing_deg)
-    place = LandingPlace(-20.0, 3.0, 0.0, b, 20.0)
+    place = LandingPlace(x_m=-20.0, y_m=3.0, z_m=0.0, bearing_rad=b, length_m=20.0)
     for ahead, right in ((10.0, 0.0), (-4.0, 2.0), (0.0, -3.0)):
         x = place.x_m + ahead * cos(b) + right * sin(b)
         y = place.y_m - ahead * sin(b) + right * cos(b)
@@ -120,7 +126,7 @@ def test_wind_that_no_speed_beats_leaves_nothing_and_what_is_unknown_is_not_know
     assert isnan(escape_height(PARAMS, at(), air(wind_mps=nan)))
     nowhere = PARAMS._replace(place=PLACE._replace(length_m=0.0))
     assert isnan(escape_height(nowhere, at(), air()))
-    blind = PARAMS._replace(polar=GlidePolar(nan, nan, nan, nan, nan, nan))
+    blind = PARAMS._replace(polar=NO_POLAR)
     assert isnan(escape_height(blind, at(), air()))
 
 
@@ -193,7 +199,7 @@ def test_it_turns_back_so_that_it_stays_near_the_approach() -> None:
 
 
 def test_a_slow_aircraft_does_not_turn() -> None:
-    state = GlideState(SLOWEST, 0.0, False, 0.5, True)
+    state = NO_GLIDE._replace(speed_mps=SLOWEST, weave_rad=0.5)
     slow = air(airspeed_mps=SLOWEST - 1.0)
     for k in range(300):
         vehicle = at(k * DT, x_m=-14.0, z_m=14.0)
@@ -202,7 +208,7 @@ def test_a_slow_aircraft_does_not_turn() -> None:
 
 
 def test_speed_is_held_by_pitch() -> None:
-    state = GlideState(9.0, 0.0, False, 0.0, True)
+    state = NO_GLIDE._replace(speed_mps=9.0)
     for speed, sign in ((10.0, 1.0), (8.0, -1.0)):
         wish = glide_wish(PARAMS, state, True, True, -0.03, at(), air(airspeed_mps=speed), inf)
         assert wish.pitch_rad == pytest.approx(-0.03 + sign * landing.KP)
@@ -224,7 +230,7 @@ def test_the_flare_holds_a_sink_that_dies_out() -> None:
 
 
 def test_it_returns_to_the_approach_and_into_the_bearing() -> None:
-    state = GlideState(9.0, 0.0, False, 0.0, True)
+    state = NO_GLIDE._replace(speed_mps=9.0)
     right = glide_wish(PARAMS, state, False, True, 0.0, at(y_m=2.0), air(), inf)
     assert right.sideways_mps == pytest.approx(-2.0 / landing.CROSS_S)
     assert right.heading_rad == pytest.approx(-sin(1.0 / 8.5), abs=0.01)

@@ -22,7 +22,7 @@ def view(time_s: float, **changes: Any) -> LaunchView:
     """Nothing moves; `push`: what the accelerometer feels beyond gravity along x."""
     push, pitch = changes.pop("push", 0.0), changes.pop("pitch_rad", 0.05)
     speed, climb = changes.pop("upwind_mps", 0.0), changes.pop("climb_mps", 0.0)
-    vehicle = VehicleState(time_s, 0, 0, 5, -speed, 0, climb, 0, pitch, 0, 0, 0, 0)
+    vehicle = VehicleState(*(time_s, 0, 0, 5, -speed, 0, climb, 0, pitch, 0, 0, 0, 0))
     imu = NO_IMU._replace(force_x_frd_mps2=push + 9.80665 * sin(pitch))
     usual = LaunchView(
         vehicle=vehicle,

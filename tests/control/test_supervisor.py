@@ -1,8 +1,8 @@
 """The supervisor's table, walked through in full, and its timers.
 
-A mode's rows name some twenty conditions of the thirty-five; what the others are makes no
+A mode's rows name some twenty conditions of the forty-eight; what the others are makes no
 difference, and that is tested too.  So every set of those that a mode looks at is tried: up to
-sixteen million a mode, evaluated by numpy from the rows alone and compared with `next_mode`.
+thirty-three million a mode, evaluated by numpy from the rows alone and compared with `next_mode`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,10 @@ from tgl_soar.control.supervisor import (
 )
 
 MODES = range(len(s.MODE_NAMES))
-FLYING = (s.CAPTURING, s.SOARING, s.HOLDING, s.RECOVERING, s.SEARCHING)
+FLYING = (
+    s.CAPTURING, s.SOARING, s.HOLDING, s.RECOVERING, s.SEARCHING, s.LAUNCHING, s.BREAKING_OFF,
+    s.LANDING,
+)  # fmt: skip
 GROUND = (s.BOOT, s.STANDBY, s.READY)
 # Without these no mode may keep the surfaces for a single look.
 VITAL = (
@@ -39,39 +42,63 @@ VITAL = (
     | s.UPWIND
 )  # fmt: skip
 ON_LINE = {
-    s.CAPTURING, s.SOARING, s.SEARCHING, s.HOLDING, s.RECOVERING, s.RELEASED, s.STANDBY, s.FAILED
+    s.CAPTURING, s.SOARING, s.SEARCHING, s.HOLDING, s.RECOVERING, s.RELEASED, s.STANDBY, s.FAILED,
+    s.BREAKING_OFF,
 }  # fmt: skip
 ALLOWED = {
     s.BOOT: {s.BOOT, s.STANDBY, s.RELEASED},
     s.STANDBY: {s.STANDBY, s.READY, s.RELEASED},
-    s.READY: {s.READY, s.STANDBY, s.CAPTURING, s.RELEASED},
+    s.READY: {s.READY, s.STANDBY, s.CAPTURING, s.LAUNCHING, s.RELEASED},
     s.CAPTURING: ON_LINE,
     s.SOARING: ON_LINE,
     s.SEARCHING: ON_LINE,
-    s.HOLDING: {s.HOLDING, s.CAPTURING, s.RECOVERING, s.RELEASED, s.STANDBY, s.FAILED},
-    s.RECOVERING: {s.RECOVERING, s.CAPTURING, s.RELEASED, s.STANDBY, s.FAILED},
+    s.HOLDING: {
+        s.HOLDING, s.CAPTURING, s.RECOVERING, s.BREAKING_OFF, s.RELEASED, s.STANDBY, s.FAILED
+    },
+    s.RECOVERING: {
+        s.RECOVERING, s.CAPTURING, s.BREAKING_OFF, s.RELEASED, s.STANDBY, s.FAILED
+    },
+    s.LAUNCHING: {
+        s.LAUNCHING, s.CAPTURING, s.BREAKING_OFF, s.RELEASED, s.STANDBY, s.FAILED
+    },
+    s.BREAKING_OFF: {
+        s.BREAKING_OFF, s.CAPTURING, s.LANDING, s.RELEASED, s.STANDBY, s.FAILED
+    },
+    s.LANDING: {s.LANDING, s.CAPTURING, s.RELEASED, s.STANDBY, s.FAILED},
     s.RELEASED: {s.RELEASED, s.STANDBY, s.BOOT},
     s.FAILED: {s.FAILED},
 }  # fmt: skip
-Bits = NDArray[np.int64]
 Small = NDArray[np.int8]
 
 
 class Walk(NamedTuple):
-    """Everything that one mode can meet, and what the table makes of it; shape (n,) each."""
+    """Everything that one mode can meet, and what the table makes of it; shape (n,) each.
 
-    conditions: Bits
+    Row k holds the k-th set of the conditions that the mode looks at: bit i of k is bits[i].
+    """
+
+    bits: list[int]
+    numbers: NDArray[np.int32]
     to: Small
     action: Small
     reason: Small
 
+    def conditions(self, k: int) -> int:
+        """Those of row k."""
+        return sum(bit for i, bit in enumerate(self.bits) if k >> i & 1)
+
     def has(self, bits: int) -> NDArray[np.bool_]:
-        held: NDArray[np.bool_] = self.conditions & bits == bits
+        if bits & ~sum(self.bits):
+            return np.zeros(len(self.numbers), dtype=bool)
+        held: NDArray[np.bool_] = self.numbers & self._own(bits) == self._own(bits)
         return held
 
     def lacks(self, bits: int) -> NDArray[np.bool_]:
-        missing: NDArray[np.bool_] = self.conditions & bits == 0
+        missing: NDArray[np.bool_] = self.numbers & self._own(bits) == 0
         return missing
+
+    def _own(self, bits: int) -> np.int32:
+        return np.int32(sum(1 << i for i, bit in enumerate(self.bits) if bits & bit))
 
 
 def looked_at(mode: int) -> list[int]:
@@ -86,15 +113,15 @@ def looked_at(mode: int) -> list[int]:
 @cache
 def walk(mode: int) -> Walk:
     """Every set of the conditions that a mode looks at."""
-    conditions = np.zeros(1, dtype=np.int64)
-    for bit in looked_at(mode):
-        conditions = np.concatenate([conditions, conditions | bit])
-    to = np.full(len(conditions), mode, dtype=np.int8)
+    bits = looked_at(mode)
+    numbers = np.arange(1 << len(bits), dtype=np.int32)
+    to = np.full(len(numbers), mode, dtype=np.int8)
     action, reason = np.zeros_like(to), np.zeros_like(to)
+    everything = Walk(bits=bits, numbers=numbers, to=to, action=action, reason=reason)
     for row in reversed([row for row in TRANSITIONS if row.source == mode]):  # the first one wins
-        fits = (conditions & row.all_of == row.all_of) & (conditions & row.none_of == 0)
+        fits = everything.has(row.all_of) & everything.lacks(row.none_of)
         to[fits], action[fits], reason[fits] = row.to, row.action, row.reason
-    return Walk(conditions, to, action, reason)
+    return everything
 
 
 def test_conditions_are_separate_bits_with_words() -> None:
@@ -112,12 +139,12 @@ def test_the_walk_is_the_tables_own_and_complete(mode: int) -> None:
     dice = random.Random(mode)
     mine = sum(looked_at(mode))
     for _ in range(3000):
-        k = dice.randrange(len(everything.conditions))
+        k = dice.randrange(len(everything.numbers))
         others = dice.getrandbits(s.CONDITIONS) & ~mine
         expected = Decision(
             int(everything.to[k]), int(everything.action[k]), int(everything.reason[k])
         )
-        assert next_mode(mode, int(everything.conditions[k]) | others) == expected
+        assert next_mode(mode, everything.conditions(k) | others) == expected
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -162,6 +189,9 @@ def test_the_line_is_flown_only_near_it_and_inside_the_fence(mode: int) -> None:
     assert not np.any(flies & everything.lacks(s.POSITION_FRESH) & everything.has(s.SETTLED))
     for safe in (s.AIR_SAFE, s.HIGH_ENOUGH):
         assert not np.any(flies & everything.lacks(safe) & everything.has(s.TROUBLED))
+    # Whoever wants to break off need not be near a line, nor anywhere else.
+    wants = everything.has(s.BREAK_OFF | VITAL)
+    assert np.all(everything.to[wants] == s.BREAKING_OFF)
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -176,7 +206,9 @@ def test_it_takes_the_surfaces_only_from_ready_after_every_entry_check(mode: int
         return
     asked = everything.has(s.ENGAGE | s.ENTRY)
     assert np.array_equal(takes, asked)
-    assert set(everything.to[takes].tolist()) == {s.CAPTURING}
+    launches = everything.has(s.LAUNCH)[takes]
+    assert np.array_equal(everything.to[takes] == s.LAUNCHING, launches)
+    assert np.array_equal(everything.to[takes] == s.CAPTURING, ~launches)
 
 
 def bits_of(mask: int) -> list[int]:
@@ -257,17 +289,38 @@ def test_recovering_ends() -> None:
     assert np.all(everything.action[back] == s.NEW_LINE)
 
 
-@pytest.mark.parametrize("mode", FLYING)
+@pytest.mark.parametrize("mode", [m for m in FLYING if m not in (s.BREAKING_OFF, s.LANDING)])
 def test_no_mode_in_control_looks_away_from_the_fence(mode: int) -> None:
     """On the estimate, whether the position is fresh or lost: only a mode on the line that has
-    just settled into holding leaves the fence to the next tick."""
+    just settled into holding leaves the fence to the next tick, and who breaks off leaves it."""
     everything = walk(mode)
     flies = np.isin(everything.to, FLYING)
     out = flies & everything.lacks(s.INSIDE_FENCE)
-    if mode in (s.HOLDING, s.RECOVERING):
-        assert not np.any(out)
+    leaves = everything.has(s.BREAK_OFF) & (mode != s.LAUNCHING)
+    if mode in (s.HOLDING, s.RECOVERING, s.LAUNCHING):
+        assert not np.any(out & ~leaves)
     else:
-        assert np.all(everything.to[out] == s.HOLDING)
+        assert np.all(everything.to[out & ~leaves] == s.HOLDING)
+
+
+@pytest.mark.parametrize("mode", [s.BREAKING_OFF, s.LANDING])
+def test_the_way_home_is_given_up_for_the_line_inside_the_fence_alone(mode: int) -> None:
+    everything = walk(mode)
+    back = everything.to == s.CAPTURING
+    wish = everything.has(VITAL | s.SOAR_ON | s.POSITION_FRESH | s.INSIDE_FENCE | s.SETTLED)
+    assert np.array_equal(back, wish)
+    assert np.all(everything.action[back] == s.NEW_LINE)
+
+
+def test_a_launch_that_is_given_up_breaks_off_in_the_air_and_lets_go_in_the_hand() -> None:
+    everything = walk(s.LAUNCHING)
+    thrown = everything.has(VITAL | s.INSIDE_FENCE | s.THROW_AWAITED | s.THROWN)
+    assert set(np.unique(everything.to[thrown]).tolist()) == {
+        s.LAUNCHING, s.CAPTURING, s.BREAKING_OFF
+    }  # fmt: skip
+    held = everything.has(VITAL) & everything.lacks(s.THROWN)
+    for lost in (s.THROW_AWAITED, s.LAUNCH, s.POSITION_KEPT, s.INSIDE_FENCE):
+        assert np.all(everything.to[held & everything.lacks(lost)] == s.RELEASED)
 
 
 def test_an_operator_who_lets_go_is_received_in_every_flying_mode() -> None:
@@ -303,9 +356,9 @@ def test_under_standing_conditions_it_comes_to_rest() -> None:
     """No cycling: from any mode, under any conditions that do not change, a few steps to rest."""
     dice = random.Random(4)
     for mode in MODES:
-        conditions = walk(mode).conditions
+        everything = walk(mode)
         for _ in range(2000):
-            now = int(conditions[dice.randrange(len(conditions))])
+            now = everything.conditions(dice.randrange(len(everything.numbers)))
             now |= dice.getrandbits(s.CONDITIONS) & ~sum(looked_at(mode))
             now |= s.STREAMS_SEEN if now & s.ENTRY == s.ENTRY else 0
             path = [mode]
@@ -336,7 +389,15 @@ FAULT_ROWS = [
     (0, s.UPRIGHT, s.RELEASED, s.HAND_OVER, s.REASON_UPSET),
     (0, s.UPWIND, s.RELEASED, s.HAND_OVER, s.REASON_DOWNWIND),
 ]
+BREAK_ROW = (s.BREAK_OFF, 0, s.BREAKING_OFF, s.NOTHING, s.REASON_BREAK)
+SOAR_ON_ROW = (
+    s.SOAR_ON | s.POSITION_FRESH | s.INSIDE_FENCE | s.SETTLED,
+    *(0, s.CAPTURING, s.NEW_LINE, s.REASON_SOAR_ON),
+)
+LET_GO = (s.RELEASED, s.HAND_OVER)
+GIVEN_UP = (s.BREAKING_OFF, s.NOTHING)
 ON_LINE_ROWS = [
+    BREAK_ROW,
     (s.SETTLED, s.POSITION_FRESH, s.HOLDING, s.HOLD, s.REASON_POSITION_GAP),
     (0, s.INSIDE_FENCE, s.RELEASED, s.HAND_OVER, s.REASON_FENCE),
     (0, s.NEAR_LINE, s.RELEASED, s.HAND_OVER, s.REASON_OFF_LINE),
@@ -357,6 +418,7 @@ FLYING_ROWS = {
         (s.LINE_MOVING | s.SETTLED, s.SEARCH, s.CAPTURING, s.NOTHING, s.REASON_LINE_MOVED),
     ],
     s.HOLDING: [
+        BREAK_ROW,
         (0, s.INSIDE_FENCE, s.RELEASED, s.HAND_OVER, s.REASON_FENCE),
         (0, s.POSITION_KEPT, s.RECOVERING, s.GLIDE, s.REASON_POSITION_LOST),
         (s.TROUBLED, s.AIR_SAFE, s.RECOVERING, s.GLIDE, s.REASON_STALL),
@@ -366,6 +428,7 @@ FLYING_ROWS = {
         (s.TIME_UP, 0, s.RECOVERING, s.GLIDE, s.REASON_POSITION_LOST),
     ],
     s.RECOVERING: [
+        BREAK_ROW,
         (0, s.INSIDE_FENCE, s.RELEASED, s.HAND_OVER, s.REASON_FENCE),
         (0, s.POSITION_FRESH | s.HIGH_ENOUGH, s.RELEASED, s.HAND_OVER, s.REASON_LOW),
         (
@@ -385,6 +448,25 @@ FLYING_ROWS = {
             *(0, s.SOARING, s.NOTHING, s.REASON_PLACE_FOUND),
         ),
     ],
+    s.LAUNCHING: [
+        (0, s.INSIDE_FENCE, *LET_GO, s.REASON_FENCE),
+        (0, s.THROW_AWAITED, *LET_GO, s.REASON_NO_THROW),
+        (0, s.THROWN | s.LAUNCH, *LET_GO, s.REASON_LAUNCH_OFF),
+        (0, s.THROWN | s.POSITION_KEPT, *LET_GO, s.REASON_POSITION_LOST),
+        (s.THROWN | s.BREAK_OFF, 0, *GIVEN_UP, s.REASON_BREAK),
+        (0, s.THROWN_LEVEL, *GIVEN_UP, s.REASON_STEEP),
+        (0, s.SPEED_GAINED, *GIVEN_UP, s.REASON_NO_SPEED),
+        (0, s.LAUNCH_HIGH, *GIVEN_UP, s.REASON_LAUNCH_LOW),
+        (0, s.LINE_IN_REACH, *GIVEN_UP, s.REASON_FAR),
+        (0, s.POSITION_KEPT, *GIVEN_UP, s.REASON_POSITION_LOST),
+        (s.LINE_REACHED, 0, s.CAPTURING, s.KEEP_LINE, s.REASON_LINE_REACHED),
+    ],
+    s.BREAKING_OFF: [
+        SOAR_ON_ROW,
+        (s.AWAY | s.FIRMWARE_LANDS, 0, *LET_GO, s.REASON_FIRMWARE),
+        (s.AWAY | s.SETTLED, 0, s.LANDING, s.NOTHING, s.REASON_AWAY),
+    ],
+    s.LANDING: [SOAR_ON_ROW, (s.ON_GROUND, 0, *LET_GO, s.REASON_LANDED)],
 }
 
 
@@ -415,12 +497,16 @@ def test_every_reason_mode_and_action_has_its_own_words() -> None:
     assert {row.reason for row in TRANSITIONS} == set(reasons) - {s.REASON_NONE}
     assert {row.action for row in TRANSITIONS} == set(range(len(s.ACTION_TEXTS)))
     for mode, name in enumerate(s.MODE_NAMES):
-        assert getattr(s, name.upper()) == mode
+        assert getattr(s, name.upper().replace(" ", "_")) == mode
         assert is_flying(mode) == (mode in FLYING)
     assert {row.source for row in TRANSITIONS} | {row.to for row in TRANSITIONS} == set(MODES)
 
 
-WELL = s.FOUND & ~(s.LINE_MOVING | s.ON_LINE | s.SEARCH | s.PLACE_FOUND)
+ASKED = (
+    s.SEARCH | s.PLACE_FOUND | s.LAUNCH | s.THROWN | s.LINE_REACHED | s.BREAK_OFF | s.SOAR_ON
+    | s.AWAY | s.FIRMWARE_LANDS | s.ON_GROUND
+)  # fmt: skip
+WELL = s.FOUND & ~(s.LINE_MOVING | s.ON_LINE | ASKED)
 HEALTHY = WELL | s.SAME_BOOT | s.STAYS_ARMED | s.SETTLED
 SOUGHT = s.SEARCH | s.PLACE_FOUND
 
@@ -497,6 +583,22 @@ SOUGHT = s.SEARCH | s.PLACE_FOUND
         (s.SOARING, 0, SOUGHT, s.SOARING, s.REASON_NONE),
         (s.SOARING, 0, s.SEARCH, s.SEARCHING, s.REASON_SEARCH),  # the claim is withdrawn
         (s.SOARING, 0, s.SEARCH | s.LINE_MOVING, s.SEARCHING, s.REASON_SEARCH),
+        (s.READY, 0, s.LAUNCH, s.LAUNCHING, s.REASON_LAUNCH),
+        (s.LAUNCHING, 0, s.LAUNCH, s.LAUNCHING, s.REASON_NONE),
+        (s.LAUNCHING, 0, 0, s.RELEASED, s.REASON_LAUNCH_OFF),
+        (s.LAUNCHING, 0, s.LAUNCH | s.BREAK_OFF, s.LAUNCHING, s.REASON_NONE),  # in the hand
+        (s.LAUNCHING, 0, s.THROWN | s.BREAK_OFF, s.BREAKING_OFF, s.REASON_BREAK),
+        (s.LAUNCHING, 0, s.THROWN, s.LAUNCHING, s.REASON_NONE),
+        (s.LAUNCHING, s.LINE_IN_REACH, s.THROWN, s.BREAKING_OFF, s.REASON_FAR),
+        (s.LAUNCHING, 0, s.THROWN | s.LINE_REACHED, s.CAPTURING, s.REASON_LINE_REACHED),
+        (s.SOARING, 0, s.BREAK_OFF, s.BREAKING_OFF, s.REASON_BREAK),
+        (s.BREAKING_OFF, 0, 0, s.BREAKING_OFF, s.REASON_NONE),  # whatever becomes of its cause
+        (s.BREAKING_OFF, 0, s.AWAY, s.LANDING, s.REASON_AWAY),
+        (s.BREAKING_OFF, 0, s.AWAY | s.FIRMWARE_LANDS, s.RELEASED, s.REASON_FIRMWARE),
+        (s.BREAKING_OFF, 0, s.SOAR_ON, s.CAPTURING, s.REASON_SOAR_ON),
+        (s.LANDING, 0, s.SOAR_ON, s.CAPTURING, s.REASON_SOAR_ON),
+        (s.LANDING, s.INSIDE_FENCE, s.SOAR_ON, s.LANDING, s.REASON_NONE),
+        (s.LANDING, 0, s.ON_GROUND, s.RELEASED, s.REASON_LANDED),
         (s.RELEASED, 0, 0, s.RELEASED, s.REASON_NONE),
         (s.RELEASED, s.ENGAGE, 0, s.STANDBY, s.REASON_WITHDRAWN),
         (s.FAILED, s.ENGAGE, 0, s.FAILED, s.REASON_NONE),

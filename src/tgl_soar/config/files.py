@@ -92,7 +92,10 @@ def load_parameters(
     given = {**lateral_gains(airframe), **airframe.all_parameters()}
     values = _check_parameters(airframe_path, ParameterSet(), given)
     _check_switch(airframe_path, values, airframe)
-    values = _check_parameters(site_path, values, site.parameters, preset_lines(site, values))
+    of_site = site.parameters
+    if site.landing is not None:
+        of_site = {**site.landing.parameters(), **of_site}
+    values = _check_parameters(site_path, values, of_site, preset_lines(site, values))
     _check_switch(site_path, values, airframe)
     for name, line in site.lines.items():
         try:

@@ -73,4 +73,12 @@ GROUPS: Final[tuple[Group, ...]] = (
         "The search for lift", ("SRCH",),
         "The module looks for a place to soar without knowing the wind.",
     ),
+    Group(
+        "Launching", ("LNC",),
+        "From the hand to the line.",
+    ),
+    Group(
+        "Breaking off and landing", ("ESC", "LND"),
+        "The way home without a propeller, and the height that it needs.",
+    ),
 )  # fmt: skip

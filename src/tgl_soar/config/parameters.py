@@ -667,6 +667,102 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
                 " every side, [polar] and [model] in the airframe file.",
         integer=True, in_files=False,
     ),
+    # --- from the hand to the line ---------------------------------------------------------
+    Parameter(
+        name="LNC_START", unit="", minimum=0, maximum=1, default=0,
+        meaning="1: the next engagement is a launch from the hand: the module holds the attitude,"
+                " waits for the throw, gains speed and glides to the line, in mode launching."
+                " Airspeed and clearance are not asked of an aircraft in the hand. 0 again once"
+                " it has ended; setting 0 before the throw calls it off.",
+        integer=True, in_files=False,
+    ),
+    Parameter(
+        name="LNC_SPEED", unit="m/s", minimum=0.1, maximum=10, default=1.5,
+        meaning="Faster than that the aircraft has been thrown: by its velocity over the ground,"
+                " or as its accelerometers feel the push. Faster than whoever carries it walks;"
+                " where it is only let go, in a tunnel, 0.3.",
+    ),
+    Parameter(
+        name="LNC_WAIT", unit="s", minimum=1, maximum=600, default=60,
+        meaning="Without a throw for so long a launch is called off.",
+    ),
+    Parameter(
+        name="LNC_PITCH", unit="deg", minimum=-15, maximum=15, default=3.0,
+        meaning="Pitch that is held from the hand until there is speed, and the best glide's"
+                " (REC_PITCH) while the airspeed is known to be less.",
+    ),
+    Parameter(
+        name="LNC_SLEW", unit="m/s", minimum=0.02, maximum=5, default=0.6,
+        meaning="As TGL_SLEW, of the line's way from the aircraft to the target after a throw.",
+    ),
+    Parameter(
+        name="LNC_ACCEL", unit="m/s^2", minimum=0.05, maximum=5, default=1.5,
+        meaning="As TGL_ACCEL, after a throw: with it the speed of the throw becomes height. The"
+                " nose comes up by a tenth of it in radians.",
+    ),
+    # --- home --------------------------------------------------------------------------------
+    Parameter(
+        name="ESC_START", unit="", minimum=0, maximum=2, default=0,
+        meaning="1: break off, away from the slope, and land; 2: soar on, from breaking off or"
+                " landing, and do not break off by itself; 0: neither. It is 0 again after a"
+                " flight.",
+        integer=True, in_files=False,
+    ),
+    Parameter(
+        name="ESC_AUTO", unit="", minimum=0, maximum=1, default=0,
+        meaning="1: break off by itself as soon as the glide to the landing place would leave less"
+                " than ESC_SPARE of height; 0: only say so.",
+        integer=True,
+    ),
+    Parameter(
+        name="ESC_SPARE", unit="m", minimum=0, maximum=50, default=1.0,
+        meaning="Height that is kept in hand for the way to the landing place.",
+    ),
+    Parameter(
+        name="ESC_SIGMA", unit="", minimum=0, maximum=5, default=2.0,
+        meaning="Standard deviations of the estimated wind that are added to it for that way.",
+    ),
+    Parameter(
+        name="ESC_WIND", unit="", minimum=0.3, maximum=1.5, default=1.0,
+        meaning="Wind on that way, by that at the aircraft. A slope makes it stronger where the"
+                " aircraft soars: undisturbed by local, where the site knows both.",
+    ),
+    Parameter(
+        name="ESC_BEAR", unit="deg", minimum=-360, maximum=360, default=0,
+        meaning="Bearing, from north, of the way out from the slope; at most 60 degrees from"
+                " upwind. From the site file's [landing].",
+    ),
+    Parameter(
+        name="ESC_X", unit="m", minimum=-500, maximum=500, default=0,
+        meaning="Upstream of this the slope is left behind, and breaking off becomes landing.",
+    ),
+    Parameter(
+        name="LND_X", unit="m", minimum=-500, maximum=500, default=0,
+        meaning="Downstream position of the point where to touch down.",
+    ),
+    Parameter(
+        name="LND_Y", unit="m", minimum=-500, maximum=500, default=0,
+        meaning="Its position to the right of an aircraft that faces upwind.",
+    ),
+    Parameter(
+        name="LND_Z", unit="m", minimum=-100, maximum=1000, default=0,
+        meaning="Its height.",
+    ),
+    Parameter(
+        name="LND_BEAR", unit="deg", minimum=-360, maximum=360, default=0,
+        meaning="Bearing, from north, of the approach; at most 60 degrees from upwind.",
+    ),
+    Parameter(
+        name="LND_LEN", unit="m", minimum=0, maximum=500, default=0,
+        meaning="Length of the strip about the point; 0: no landing place is known. Then the"
+                " height left is not known either, and a break-off glides straight upwind.",
+    ),
+    Parameter(
+        name="LND_BY", unit="", minimum=0, maximum=2, default=0,
+        meaning="Who lands once the slope is left behind. 0: the module; 1: the autopilot, by the"
+                " landing of its mission; 2: the autopilot, by its return to launch.",
+        integer=True,
+    ),
 )  # fmt: skip
 
 

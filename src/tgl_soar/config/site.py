@@ -9,7 +9,7 @@ from __future__ import annotations
 import ipaddress
 import itertools
 from math import dist, radians
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from msgspec import Meta, field
 
@@ -17,6 +17,8 @@ from tgl_soar.config.line_changes import Contour
 from tgl_soar.config.strict import Finite, Positive, Strict, SystemId
 from tgl_soar.geometry import HallFrame, SoaringFrame
 from tgl_soar.types import GROUND_POINTS, NO_GROUND, Ground
+
+UPWIND_DEG: Final = 60.0  # as `control.landing` limits it
 
 
 class Line(Strict, frozen=True):
@@ -156,6 +158,31 @@ class Start(Strict, frozen=True):
     y_m: Finite = 0.0
 
 
+class LandingStrip(Strict, frozen=True):
+    """Where to land, and how to get away from the slope."""
+
+    x_m: Finite  # where to touch down, soaring frame
+    z_m: Finite
+    bearing_deg: Annotated[float, Meta(ge=-360, le=360)]  # of the approach, from north
+    length_m: Annotated[float, Meta(gt=0, le=500)]  # of the strip about that point
+    away_x_m: Finite  # upstream of this the slope is left behind
+    y_m: Finite = 0.0
+    escape_deg: Annotated[float, Meta(ge=-360, le=360)] | None = None  # None: as the approach
+
+    def parameters(self) -> dict[str, float]:
+        """As the module takes it."""
+        escape = self.bearing_deg if self.escape_deg is None else self.escape_deg
+        return {
+            "LND_X": self.x_m,
+            "LND_Y": self.y_m,
+            "LND_Z": self.z_m,
+            "LND_BEAR": self.bearing_deg,
+            "LND_LEN": self.length_m,
+            "ESC_BEAR": escape,
+            "ESC_X": self.away_x_m,
+        }
+
+
 class Tether(Strict, frozen=True):
     """A line from a fixed point to the simulated aircraft, which pulls while it is taut."""
 
@@ -282,12 +309,15 @@ class Site(Strict, frozen=True):
     tether: Tether | None = None
     contour: KnownContour | None = None
     ground: GroundProfile | None = None
+    landing: LandingStrip | None = None
 
     def __post_init__(self) -> None:
         if ("mocap" in self.position.sources) != (self.mocap is not None):
             raise ValueError(
                 "position.sources names mocap where there is a [mocap] table, and only there"
             )
+        if self.landing is not None:
+            self._check_bearings(self.landing)
         start, tether = self.start, self.tether
         if start is not None and tether is not None:
             apart_m = dist((start.x_m, start.y_m, start.z_m), (tether.x_m, tether.y_m, tether.z_m))
@@ -295,6 +325,19 @@ class Site(Strict, frozen=True):
                 raise ValueError(
                     f"tether.length_m = {tether.length_m:g}: must reach [start], {apart_m:.2f} m"
                     " away from its fixed point"
+                )
+
+    def _check_bearings(self, landing: LandingStrip) -> None:
+        for name in ("bearing_deg", "escape_deg"):
+            bearing = getattr(landing, name)
+            if bearing is None:
+                continue
+            off_deg = (bearing - self.site.wind_from_deg + 180.0) % 360.0 - 180.0
+            if abs(off_deg) > UPWIND_DEG:
+                raise ValueError(
+                    f"landing.{name} = {bearing:g}: {abs(off_deg):g} deg from the wind; it must be"
+                    f" within {UPWIND_DEG:g} deg of wind_from_deg, for nothing else is reached"
+                    " without a propeller"
                 )
 
     def frame(self) -> SoaringFrame:

@@ -123,8 +123,7 @@ class EscapeState(NamedTuple):
 
     left_m: float  # of height, averaged; NaN: not known
     rate_mps: float  # at which it changes, averaged
-    missed_s: float  # when there was none left last
-    had_s: float  # when there was some left last
+    since_s: float  # since when there is some left, or none
     armed: bool  # there was some left in this flight
     still_s: float  # when the aircraft moved last
 
@@ -134,7 +133,7 @@ class GlideState(NamedTuple):
 
     speed_mps: float  # its setpoint; NaN: it does not glide
     integral_rad: float
-    flares: bool
+    flares: bool  # it is near the ground
     weave_rad: float  # heading from the wind, to the right; 0: it flies straight
     goes_right: bool  # the weave
 
@@ -147,9 +146,7 @@ class GlideWish(NamedTuple):
     sideways_mps: float  # over the ground, to the right
 
 
-NO_ESCAPE: Final = EscapeState(
-    left_m=NAN, rate_mps=0.0, missed_s=NAN, had_s=NAN, armed=False, still_s=NAN
-)
+NO_ESCAPE: Final = EscapeState(left_m=NAN, rate_mps=0.0, since_s=NAN, armed=False, still_s=NAN)
 NO_GLIDE: Final = GlideState(
     speed_mps=NAN, integral_rad=0.0, flares=False, weave_rad=0.0, goes_right=True
 )
@@ -291,22 +288,34 @@ def escape_step(
     if left != left:
         return NO_ESCAPE._replace(still_s=still_s, armed=state.armed)
     if state.left_m != state.left_m:
-        return EscapeState(left, 0.0, now, now, state.armed, still_s)
+        return EscapeState(
+            left_m=left,
+            rate_mps=0.0,
+            since_s=now,
+            armed=state.armed,
+            still_s=still_s,
+        )
     blend = 1.0 - exp(-dt_s / AVERAGE_S)
     averaged = state.left_m + blend * (left - state.left_m)
     rate = state.rate_mps
     if dt_s > 0.0:
         slow = 1.0 - exp(-dt_s / TREND_S)
         rate += slow * ((averaged - state.left_m) / dt_s - rate)
-    had_s = now if averaged >= 0.0 else state.had_s
-    missed_s = state.missed_s if averaged >= 0.0 else now
-    armed = state.armed or now - missed_s >= ARMED_S
-    return EscapeState(averaged, rate, missed_s, had_s, armed, still_s)
+    has = averaged >= 0.0
+    since_s = state.since_s if has == (state.left_m >= 0.0) else now
+    armed = state.armed or (has and now - since_s >= ARMED_S)
+    return EscapeState(
+        left_m=averaged,
+        rate_mps=rate,
+        since_s=since_s,
+        armed=armed,
+        still_s=still_s,
+    )
 
 
 def is_short(state: EscapeState, now_s: float) -> bool:
     """Whether the last moment to break off has come."""
-    return state.armed and now_s - state.had_s >= SHORT_S  # false for NaN
+    return state.armed and state.left_m < 0.0 and now_s - state.since_s >= SHORT_S  # false for NaN
 
 
 def time_left(state: EscapeState) -> float:
@@ -371,9 +380,14 @@ def glide_step(
     )
     if error == error and not flares:
         integral = max(-INTEGRAL_MAX_RAD, min(INTEGRAL_MAX_RAD, integral + KI * error * dt_s))
-    return GlideState(
-        speed, integral, flares, weaves, goes_right
-    ), air.airspeed_mps if flares else speed
+    state = GlideState(
+        speed_mps=speed,
+        integral_rad=integral,
+        flares=flares,
+        weave_rad=weaves,
+        goes_right=goes_right,
+    )
+    return state, air.airspeed_mps if flares else speed
 
 
 def flare_height(params: LandingParams, vehicle: VehicleState, clearance_m: float) -> float:

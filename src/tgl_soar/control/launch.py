@@ -67,12 +67,11 @@ class LaunchParams(NamedTuple):
 class LaunchState(NamedTuple):
     """How a launch stands, and what it has seen."""
 
-    standing: int
+    standing: int  # 0 none, 1 held, 2 thrown, 3 gliding, 4 line reached, 5 … why it was given up
     since_s: float  # when it began to stand so
     push_mps: float
-    slow_s: float  # when there was no speed last
+    mark_s: float  # thrown: when there was no speed last; gliding: when the line was in reach last
     climb_mps: float  # averaged
-    near_s: float  # when the line was in reach last
     high_s: float  # when it was high enough last
     low_m: float  # the clearance below which it is too low
 
@@ -98,9 +97,8 @@ NO_LAUNCH: Final = LaunchState(
     standing=IDLE,
     since_s=0.0,
     push_mps=0.0,
-    slow_s=0.0,
+    mark_s=0.0,
     climb_mps=0.0,
-    near_s=0.0,
     high_s=0.0,
     low_m=0.0,
 )
@@ -151,12 +149,12 @@ def _held(params: LaunchParams, state: LaunchState, view: LaunchView, dt_s: floa
 
 
 def _thrown(state: LaunchState, view: LaunchView) -> LaunchState:
-    now, slow_s = view.vehicle.time_s, state.slow_s
+    now, slow_s = view.vehicle.time_s, state.mark_s
     since_s = now - state.since_s
     is_known = view.measured or since_s >= UNKNOWN_SPEED_S
     if not is_known or view.airspeed_mps < view.speed_min_mps + FLIES_BY_MPS:  # false for NaN
         slow_s = now
-    state = state._replace(slow_s=slow_s)
+    state = state._replace(mark_s=slow_s)
     if now - slow_s >= SPEED_S and view.position_ok:
         return _standing(state, GLIDING, now)
     return _standing(state, SLOW, now) if since_s >= GAIN_S else state
@@ -170,14 +168,14 @@ def _gliding(params: LaunchParams, state: LaunchState, view: LaunchView) -> Laun
     ahead_m = view.clearance_m + AHEAD_S * state.climb_mps
     sinks = ahead_m < state.low_m and state.climb_mps < 0.0 and late_s > AHEAD_S
     if not sinks and abs(view.off_m) <= view.off_max_m:  # false for NaN
-        state = state._replace(near_s=now)
-    if now - state.near_s >= LAST_S or now - state.since_s >= LONGEST_S:
+        state = state._replace(mark_s=now)
+    if now - state.mark_s >= LAST_S or now - state.since_s >= LONGEST_S:
         return _standing(state, FAR, now)
     return state
 
 
 def _standing(state: LaunchState, standing: int, now_s: float) -> LaunchState:
-    return state._replace(standing=standing, since_s=now_s, slow_s=now_s, near_s=now_s)
+    return state._replace(standing=standing, since_s=now_s, mark_s=now_s)
 
 
 def is_in_hand(state: LaunchState) -> bool:

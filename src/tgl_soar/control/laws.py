@@ -15,7 +15,9 @@ from tgl_soar.control.envelope import EnvelopeLimits, Fence
 from tgl_soar.control.excitation import Excitation
 from tgl_soar.control.forecast import ForecastParams
 from tgl_soar.control.heading import BankGains, HeadingGains
+from tgl_soar.control.landing import BEARING_MAX_RAD, LandingParams, LandingPlace
 from tgl_soar.control.lateral_schedule import LateralSchedule, lateral_schedule_of
+from tgl_soar.control.launch import LaunchParams
 from tgl_soar.control.pid import PidGains
 from tgl_soar.control.schedule import Dynamics, GainSchedule, schedule_of
 from tgl_soar.control.soaring import SoaringGains, TrimGains
@@ -25,7 +27,7 @@ from tgl_soar.estimation.cross_wind import CrossWindParams
 from tgl_soar.estimation.health import HealthLimits
 from tgl_soar.estimation.motion_state import MotionGains
 from tgl_soar.estimation.wind import WindParams
-from tgl_soar.geometry import SoaringFrame
+from tgl_soar.geometry import SoaringFrame, wrap_angle
 from tgl_soar.types import (
     NO_AERODYNAMICS,
     NO_GROUND,
@@ -87,6 +89,8 @@ class Laws(NamedTuple):
     forecast: ForecastParams
     brake: BrakeGains
     search: int  # SEARCH_…
+    launch: LaunchParams
+    landing: LandingParams
 
 
 def laws_from(
@@ -159,6 +163,49 @@ def laws_from(
         ),
         brake=_brake_gains(values, aerodynamics, loops),
         search=int(values["SRCH_START"]),
+        launch=_launch_params(values),
+        landing=_landing_params(values, frame, aerodynamics),
+    )
+
+
+def _launch_params(values: ParameterSet) -> LaunchParams:
+    return LaunchParams(
+        wanted=values["LNC_START"] != 0.0,
+        throw_mps=values["LNC_SPEED"],
+        wait_s=values["LNC_WAIT"],
+        pitch_rad=radians(values["LNC_PITCH"]),
+        line=LineLimits(values["LNC_SLEW"], values["LNC_ACCEL"], radians(values["TGL_ROT_SLEW"])),
+    )
+
+
+def _landing_params(
+    values: ParameterSet, frame: SoaringFrame, aerodynamics: Aerodynamics
+) -> LandingParams:
+    def from_upwind(name: str) -> float:
+        bearing = wrap_angle(radians(values[name]) - frame.wind_from_rad)
+        return max(-BEARING_MAX_RAD, min(BEARING_MAX_RAD, bearing))
+
+    return LandingParams(
+        place=LandingPlace(
+            x_m=values["LND_X"],
+            y_m=values["LND_Y"],
+            z_m=values["LND_Z"],
+            bearing_rad=from_upwind("LND_BEAR"),
+            length_m=values["LND_LEN"],
+        ),
+        escape_rad=from_upwind("ESC_BEAR"),
+        away_x_m=values["ESC_X"],
+        spare_m=values["ESC_SPARE"],
+        asked=int(values["ESC_START"]),
+        auto=values["ESC_AUTO"] != 0.0,
+        by=int(values["LND_BY"]),
+        polar=aerodynamics.polar,
+        best_glide_mps=values["DYN_BEST"],
+        speed_min_mps=values["SPEED_MIN"],
+        heading_max_rad=radians(values["PSI_MAX"]),
+        sigmas=values["ESC_SIGMA"],
+        wind_share=values["ESC_WIND"],
+        glide_pitch_rad=radians(values["REC_PITCH"]),
     )
 
 

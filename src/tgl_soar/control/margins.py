@@ -11,10 +11,13 @@ from math import cos, hypot, sin
 from typing import Final
 
 from tgl_soar.control.envelope import (
+    CUT_NOSE_DOWN,
+    CUT_NOSE_UP,
     PITCH_PER_SPEED,
     Margins,
     clearance,
     outside,
+    pitch_within,
     stall_margin,
 )
 from tgl_soar.control.laws import Laws
@@ -73,3 +76,24 @@ def stall_uncertainty(air: AirEstimate, pitch_rad: float) -> float:
     across = hypot(c * air.updraft_sigma_mps, s * air.wind_sigma_mps) / air.airspeed_mps
     along = hypot(c * air.wind_sigma_mps, s * air.updraft_sigma_mps) * PITCH_PER_SPEED
     return max(across, along)
+
+
+def pitch_kept(
+    laws: Laws, margins: Margins, vehicle: VehicleState, wanted_rad: float, held_rad: float
+) -> tuple[float, int]:
+    """The pitch setpoint within the envelope, and what was cut; held_rad: what the line took."""
+    setpoint = pitch_within(
+        laws.envelope,
+        wanted_rad,
+        vehicle.pitch_rad,
+        margins.stall_rad,
+        vehicle.climb_mps,
+        margins.clearance_m,
+        held_rad,
+    )
+    cut = 0
+    if setpoint < wanted_rad:
+        cut = CUT_NOSE_UP
+    elif setpoint > wanted_rad:
+        cut = CUT_NOSE_DOWN
+    return setpoint, cut

@@ -11,6 +11,9 @@
     released    it has disengaged by itself, and stays so until the operator has disengaged, too
     failed      a fault of its own: it has disengaged, and stays so until it is started again
     searching   in control; the search for lift moves the line (`control.search`)
+    launching   in control from the hand on: waits for the throw, gains speed, glides to the line
+    breaking off  out into the wind, away from the slope: height for the landing is all that counts
+    landing     a straight glide to the landing place, and the flare (`control.landing`)
 
 A row reads: from this mode, when all of these hold and none of those, go there, do that, and
 say why.  Rows are tried in order and the first that fits is taken; none fits: stay.  Conditions
@@ -19,7 +22,8 @@ are bits of one number, so that a test can walk through all of them.
 Fence and height are judged on the estimate in every mode in control, however uncertain it is:
 where the position is lost the estimate is still the best that is known of the place.  No mode
 without a confident position lasts: holding ends by its own timer, recovering by its own, and
-before that where a glide in still air may have come down to the least clearance meanwhile.
+before that where a glide in still air may have come down to the least clearance meanwhile.  Two
+modes look at neither: breaking off and landing leave the fence and come down on purpose.
 
 What must last counts in explicit timers of the state, so that noise cannot make it chatter:
 capturing, soaring and searching are left for each other or for holding only after MINIMUM_S (for
@@ -44,6 +48,9 @@ RECOVERING: Final = 6
 RELEASED: Final = 7
 FAILED: Final = 8
 SEARCHING: Final = 9
+LAUNCHING: Final = 10
+BREAKING_OFF: Final = 11
+LANDING: Final = 12
 MODE_NAMES: Final = (
     "boot",
     "standby",
@@ -55,6 +62,9 @@ MODE_NAMES: Final = (
     "released",
     "failed",
     "searching",
+    "launching",
+    "breaking off",
+    "landing",
 )
 
 INFINITE: Final = float("inf")
@@ -92,17 +102,30 @@ SANE: Final = 1 << 23
 SETTLES: Final = 1 << 24
 SEARCH: Final = 1 << 25
 PLACE_FOUND: Final = 1 << 26
-FOUND: Final = (1 << 27) - 1
+LAUNCH: Final = 1 << 27
+THROWN: Final = 1 << 28
+LINE_REACHED: Final = 1 << 29
+THROW_AWAITED: Final = 1 << 30
+THROWN_LEVEL: Final = 1 << 31
+SPEED_GAINED: Final = 1 << 32
+LAUNCH_HIGH: Final = 1 << 33
+LINE_IN_REACH: Final = 1 << 34
+BREAK_OFF: Final = 1 << 35
+SOAR_ON: Final = 1 << 36
+AWAY: Final = 1 << 37
+FIRMWARE_LANDS: Final = 1 << 38
+ON_GROUND: Final = 1 << 39
+FOUND: Final = (1 << 40) - 1
 # Conditions that the supervisor finds itself, by what it remembers.
-SAME_BOOT: Final = 1 << 27
-STAYS_ARMED: Final = 1 << 28
-STILL_READY: Final = 1 << 29
-SETTLED: Final = 1 << 30
-LONG_GAP: Final = 1 << 31
-TIME_UP: Final = 1 << 32
-TROUBLED: Final = 1 << 33
-CLEARED: Final = 1 << 34
-CONDITIONS: Final = 35
+SAME_BOOT: Final = 1 << 40
+STAYS_ARMED: Final = 1 << 41
+STILL_READY: Final = 1 << 42
+SETTLED: Final = 1 << 43
+LONG_GAP: Final = 1 << 44
+TIME_UP: Final = 1 << 45
+TROUBLED: Final = 1 << 46
+CLEARED: Final = 1 << 47
+CONDITIONS: Final = 48
 CONDITION_TEXTS: Final = (
     "operator has engaged it",
     "every stream has arrived",
@@ -131,6 +154,19 @@ CONDITION_TEXTS: Final = (
     "settles, by forecast or search",
     "a search is asked for",
     "the search has found a place",
+    "a launch is asked for",
+    "thrown",
+    "the launch has reached its line",
+    "a throw may still come",
+    "thrown level enough",
+    "speed gained in time",
+    "high enough after the throw",
+    "the line can be reached",
+    "to break off",
+    "operator wants to soar on",
+    "away from the slope, or low",
+    "the autopilot is to land it",
+    "on the ground",
     "autopilot not restarted",
     "not disarmed since",
     "was ready a moment ago",
@@ -216,6 +252,19 @@ REASON_SEARCH: Final = 33
 REASON_PLACE_FOUND: Final = 34
 REASON_SEARCH_OVER: Final = 35
 REASON_NOT_FOUND: Final = 36
+REASON_LAUNCH: Final = 37
+REASON_LINE_REACHED: Final = 38
+REASON_LAUNCH_OFF: Final = 39
+REASON_NO_THROW: Final = 40
+REASON_STEEP: Final = 41
+REASON_NO_SPEED: Final = 42
+REASON_LAUNCH_LOW: Final = 43
+REASON_FAR: Final = 44
+REASON_BREAK: Final = 45
+REASON_AWAY: Final = 46
+REASON_FIRMWARE: Final = 47
+REASON_LANDED: Final = 48
+REASON_SOAR_ON: Final = 49
 REASON_TEXTS: Final = (
     "",
     "engaged",
@@ -254,6 +303,19 @@ REASON_TEXTS: Final = (
     "a place to soar is found",
     "the search is over",
     "no place to soar is found",
+    "waits for the throw",
+    "launched, the line is reached",
+    "launch called off",
+    "no throw in time",
+    "launch given up: thrown too steeply",
+    "launch given up: no speed gained",
+    "launch given up: too low",
+    "launch given up: line not reachable",
+    "breaks off",
+    "away from the slope",
+    "the autopilot is to land it",
+    "on the ground",
+    "operator soars on",
 )
 
 
@@ -314,11 +376,17 @@ def _faults(mode: int) -> tuple[Transition, ...]:
     )
 
 
+def _breaks_off(mode: int) -> Transition:
+    """Every mode in the air ends so where the operator, or the height that is left, wants it."""
+    return Transition(mode, BREAK_OFF, 0, BREAKING_OFF, NOTHING, REASON_BREAK)
+
+
 def _on_the_line(mode: int, nowhere: int = REASON_NOWHERE) -> tuple[Transition, ...]:
     """What capturing, soaring and searching have in common; nowhere: the reason where it settles
     nowhere."""
     return (
         *_faults(mode),
+        _breaks_off(mode),
         Transition(mode, SETTLED, POSITION_FRESH, HOLDING, HOLD, REASON_POSITION_GAP),
         Transition(mode, 0, INSIDE_FENCE, RELEASED, HAND_OVER, REASON_FENCE),
         Transition(mode, 0, NEAR_LINE, RELEASED, HAND_OVER, REASON_OFF_LINE),
@@ -328,12 +396,26 @@ def _on_the_line(mode: int, nowhere: int = REASON_NOWHERE) -> tuple[Transition, 
     )
 
 
+def _soars_on(mode: int) -> Transition:
+    """The operator takes it back, where the line can be flown again."""
+    back = SOAR_ON | POSITION_FRESH | INSIDE_FENCE | SETTLED
+    return Transition(mode, back, 0, CAPTURING, NEW_LINE, REASON_SOAR_ON)
+
+
+def _launch(
+    lost: int, reason: int, all_of: int = 0, to: int = BREAKING_OFF, action: int = NOTHING
+) -> Transition:
+    """A launch that cannot go on without what is lost: in the air it breaks off."""
+    return Transition(LAUNCHING, all_of, lost, to, action, reason)
+
+
 TRANSITIONS: Final[tuple[Transition, ...]] = (
     *_refusals(BOOT),
     Transition(BOOT, STREAMS_SEEN, 0, STANDBY, NOTHING, REASON_SEEN),
     *_refusals(STANDBY),
     Transition(STANDBY, ENTRY, 0, READY, NOTHING, REASON_READY),
     *_refusals(READY),
+    Transition(READY, ENGAGE | LAUNCH, 0, LAUNCHING, TAKE, REASON_LAUNCH),
     Transition(READY, ENGAGE, 0, CAPTURING, TAKE, REASON_ENGAGED),
     *(
         Transition(READY, 0, STILL_READY | check, STANDBY, NOTHING, reason)
@@ -346,6 +428,7 @@ TRANSITIONS: Final[tuple[Transition, ...]] = (
     Transition(SOARING, SEARCH | SETTLED, PLACE_FOUND, SEARCHING, NOTHING, REASON_SEARCH),
     Transition(SOARING, LINE_MOVING | SETTLED, SEARCH, CAPTURING, NOTHING, REASON_LINE_MOVED),
     *_faults(HOLDING),
+    _breaks_off(HOLDING),
     Transition(HOLDING, 0, INSIDE_FENCE, RELEASED, HAND_OVER, REASON_FENCE),
     Transition(HOLDING, 0, POSITION_KEPT, RECOVERING, GLIDE, REASON_POSITION_LOST),
     Transition(HOLDING, TROUBLED, AIR_SAFE, RECOVERING, GLIDE, REASON_STALL),
@@ -354,6 +437,7 @@ TRANSITIONS: Final[tuple[Transition, ...]] = (
     Transition(HOLDING, POSITION_FRESH, 0, CAPTURING, KEEP_LINE, REASON_POSITION_BACK),
     Transition(HOLDING, TIME_UP, 0, RECOVERING, GLIDE, REASON_POSITION_LOST),
     *_faults(RECOVERING),
+    _breaks_off(RECOVERING),
     Transition(RECOVERING, 0, INSIDE_FENCE, RELEASED, HAND_OVER, REASON_FENCE),
     Transition(RECOVERING, 0, POSITION_FRESH | HIGH_ENOUGH, RELEASED, HAND_OVER, REASON_LOW),
     Transition(
@@ -368,6 +452,25 @@ TRANSITIONS: Final[tuple[Transition, ...]] = (
     *_on_the_line(SEARCHING, REASON_NOT_FOUND),
     Transition(SEARCHING, 0, SEARCH, CAPTURING, NOTHING, REASON_SEARCH_OVER),
     Transition(SEARCHING, PLACE_FOUND | ON_LINE | SETTLED, 0, SOARING, NOTHING, REASON_PLACE_FOUND),
+    *_faults(LAUNCHING),
+    _launch(INSIDE_FENCE, REASON_FENCE, to=RELEASED, action=HAND_OVER),
+    _launch(THROW_AWAITED, REASON_NO_THROW, to=RELEASED, action=HAND_OVER),
+    _launch(THROWN | LAUNCH, REASON_LAUNCH_OFF, to=RELEASED, action=HAND_OVER),
+    _launch(THROWN | POSITION_KEPT, REASON_POSITION_LOST, to=RELEASED, action=HAND_OVER),
+    Transition(LAUNCHING, THROWN | BREAK_OFF, 0, BREAKING_OFF, NOTHING, REASON_BREAK),
+    _launch(THROWN_LEVEL, REASON_STEEP),
+    _launch(SPEED_GAINED, REASON_NO_SPEED),
+    _launch(LAUNCH_HIGH, REASON_LAUNCH_LOW),
+    _launch(LINE_IN_REACH, REASON_FAR),
+    _launch(POSITION_KEPT, REASON_POSITION_LOST),
+    Transition(LAUNCHING, LINE_REACHED, 0, CAPTURING, KEEP_LINE, REASON_LINE_REACHED),
+    *_faults(BREAKING_OFF),
+    _soars_on(BREAKING_OFF),
+    Transition(BREAKING_OFF, AWAY | FIRMWARE_LANDS, 0, RELEASED, HAND_OVER, REASON_FIRMWARE),
+    Transition(BREAKING_OFF, AWAY | SETTLED, 0, LANDING, NOTHING, REASON_AWAY),
+    *_faults(LANDING),
+    _soars_on(LANDING),
+    Transition(LANDING, ON_GROUND, 0, RELEASED, HAND_OVER, REASON_LANDED),
 )
 
 
@@ -481,4 +584,9 @@ def next_mode(mode: int, conditions: int) -> Decision:
 
 def is_flying(mode: int) -> bool:
     """Whether the module is in control in this mode."""
-    return CAPTURING <= mode <= RECOVERING or mode == SEARCHING
+    return CAPTURING <= mode <= RECOVERING or SEARCHING <= mode <= LANDING
+
+
+def goes_home(mode: int) -> bool:
+    """Whether the module is on its way to the landing place."""
+    return mode in (BREAKING_OFF, LANDING)

@@ -50,10 +50,15 @@ STATES: Final = (
     STATE_CRITICAL,  # released
     STATE_EMERGENCY,  # failed
     STATE_ACTIVE,  # searching
+    STATE_ACTIVE,  # launching
+    STATE_CRITICAL,  # breaking off
+    STATE_CRITICAL,  # landing
 )
 
 
-_ENGAGED: Final = frozenset((3, 4, 5, 6, 9))  # capturing to recovering, and searching
+_ENGAGED: Final = frozenset(
+    (3, 4, 5, 6, 9, 10, 11, 12)
+)  # capturing to recovering; searching to landing
 
 
 class Presence:

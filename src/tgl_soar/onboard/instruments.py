@@ -61,6 +61,7 @@ SLOW: Final = (
     *("wind", "updraft", "excess", "airspeed", "entry", "stall", "clearance"),
     *("fc_state", "fc_chance", "fc_time", "fc_z"),
     *("pt_state", "pt_off", "brake"),
+    *("esc_left", "esc_time"),
 )
 ARRAY: Final = (
     *("mode", "e_rho", "e_rho_rate", "line_x", "line_z", "line_lean", "line_moving"),
@@ -210,6 +211,8 @@ def slow_value(
         float(output.point.standing),
         output.point.off_m,
         output.command.brake,
+        output.passage.height_left_m,
+        output.passage.time_left_s if isfinite(output.passage.time_left_s) else NAN,
     )[turn]
 
 

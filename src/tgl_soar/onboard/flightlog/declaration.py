@@ -85,6 +85,7 @@ _SMALL: Final = {
     "Output.cut": "uint16_t",
     "ExcitationState.standing": "uint8_t",
     "Forecast.standing": "uint8_t",
+    "LaunchState.standing": "uint8_t",
 }
 
 # Samples whose numbers, but for their times, the wire brings in single precision.
@@ -98,6 +99,7 @@ _LEFT_OUT: Final = frozenset(
         "ExcitationState.begun_s",
         "ExcitationState.amplitude_rad",
         "ExcitationState.limited_s",
+        "PassageReport.launch",
     }
 )
 
@@ -105,7 +107,7 @@ _LEFT_OUT: Final = frozenset(
 _SLOW: Final = re.compile(
     r"air_\w+|sideways_\w+|\w+_feedforward|health_(rejected|gaps|heartbeat_age_s|attitude_age_s)"
     r"|health_\w+_(interval|jitter)_s|setpoints_(roll|heading)_rad|rudder_i|line_eta_rad"
-    r"|quality_\w+|gains_\w+|forecast_\w+|imu_share|(elevator|aileron|rudder)_output"
+    r"|quality_\w+|gains_\w+|forecast_\w+|passage_\w+|imu_share|(elevator|aileron|rudder)_output"
 )
 
 # Columns that keep their names of this layout, whatever the tuples they come from are called: a

@@ -1,0 +1,232 @@
+"""From the hand to the line, and home, in one tick: launching, breaking off and landing.
+
+What `control.launch` and `control.landing` need of the laws and of the estimates, and what the
+supervisor and the attitude loops are told of them.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+from tgl_soar.control import landing, launch
+from tgl_soar.control import supervisor as modes
+from tgl_soar.control.estimates import Estimates
+from tgl_soar.control.heading import heading_setpoint, sideways_held
+from tgl_soar.control.landing import (
+    NO_ESCAPE,
+    NO_GLIDE,
+    EscapeState,
+    GlideState,
+    GlideWish,
+    escape_step,
+    glide_step,
+    glide_wish,
+    is_on_ground,
+    is_short,
+    time_left,
+)
+from tgl_soar.control.lateral_schedule import lateral_bandwidth, sideways_gains
+from tgl_soar.control.launch import NO_LAUNCH, LaunchState, LaunchView, is_aloft, launch_step
+from tgl_soar.control.laws import Laws
+from tgl_soar.control.pid import PidState, PidTerms, pid_step
+from tgl_soar.control.soaring import SoaringState, gliding_step
+from tgl_soar.control.surface_loops import LoopsState
+from tgl_soar.control.target_line import LineState, e_rho, line_at, line_step
+from tgl_soar.estimation.aerodynamics import glide_pitch
+from tgl_soar.types import NAN, THEIRS, Inputs, VehicleState
+
+
+class PassageState(NamedTuple):
+    """What these modes remember."""
+
+    launch: LaunchState
+    escape: EscapeState
+    glide: GlideState
+
+
+class PassageReport(NamedTuple):
+    """What is shown of them."""
+
+    launch: int  # 0 none, 1 held, 2 thrown, 3 gliding, 4 line reached, 5 … why it was given up
+    height_left_m: float  # that the glide to the landing place would leave; NaN: not known
+    time_left_s: float  # until it is gone, as it goes now; inf: it does not; NaN: not known
+
+
+NO_PASSAGE: Final = PassageState(launch=NO_LAUNCH, escape=NO_ESCAPE, glide=NO_GLIDE)
+
+
+def passage_step(
+    laws: Laws,
+    state: PassageState,
+    mode: int,
+    inputs: Inputs,
+    estimates: Estimates,
+    line: LineState,
+    dt_s: float,
+) -> PassageState:
+    """One tick in control.  mode: with which it begins; line: as it is flown."""
+    vehicle, target = estimates.vehicle, laws.target
+    launching = mode == modes.LAUNCHING
+    began = state.launch
+    if launching or began.standing != launch.IDLE:
+        off = e_rho(line.x_m, line.z_m, line.eta_rad, vehicle.x_m, vehicle.z_m)
+        to_go = off - e_rho(target.x_m, target.z_m, target.eta_rad, vehicle.x_m, vehicle.z_m)
+        view = LaunchView(
+            vehicle=vehicle,
+            imu=inputs.imu,
+            position_ok=estimates.health.position_ok,
+            airspeed_mps=estimates.air.airspeed_mps,
+            measured=estimates.air.measured,
+            speed_min_mps=laws.envelope.speed_min_mps,
+            clearance_m=estimates.margins.clearance_m,
+            clearance_min_m=laws.envelope.clearance_min_m,
+            to_go_m=to_go,
+            off_m=off,
+            off_max_m=laws.guards.e_rho_max_m,
+            line_rests=not line.moving,
+        )
+        began = launch_step(laws.launch, began, launching, view, dt_s)
+    in_air = not launching or is_aloft(began)
+    escape = escape_step(laws.landing, state.escape, in_air, vehicle, estimates.air, dt_s)
+    glide = state.glide if modes.goes_home(mode) else NO_GLIDE
+    return PassageState(began, escape, glide)
+
+
+def hand_conditions(laws: Laws) -> int:
+    """What need not hold yet of an aircraft that waits to be thrown: the hand carries it."""
+    return modes.AIR_SAFE | modes.HIGH_ENOUGH if laws.launch.wanted else 0
+
+
+def asked_conditions(laws: Laws) -> int:
+    """What the operator has asked for, in any mode."""
+    return modes.LAUNCH if laws.launch.wanted else 0
+
+
+def passage_conditions(laws: Laws, mode: int, state: PassageState, estimates: Estimates) -> int:
+    """What holds of launch, escape and landing in a tick in control."""
+    home, standing, vehicle = laws.landing, state.launch.standing, estimates.vehicle
+    found = asked_conditions(laws)
+    if is_aloft(state.launch):
+        found |= modes.THROWN
+    if standing == launch.REACHED:
+        found |= modes.LINE_REACHED
+    if standing != launch.NO_THROW:
+        found |= modes.THROW_AWAITED
+    if standing != launch.STEEP:
+        found |= modes.THROWN_LEVEL
+    if standing != launch.SLOW:
+        found |= modes.SPEED_GAINED
+    if standing != launch.LOW:
+        found |= modes.LAUNCH_HIGH
+    if standing != launch.FAR:
+        found |= modes.LINE_IN_REACH
+    short = is_short(state.escape, vehicle.time_s)
+    if home.asked == landing.BREAK or (home.asked == landing.STAY and home.auto and short):
+        found |= modes.BREAK_OFF
+    if home.asked == landing.SOAR_ON:
+        found |= modes.SOAR_ON
+    low = landing.flare_height(home, vehicle, estimates.margins.clearance_m)
+    near_m = 2.0 * laws.envelope.clearance_min_m
+    if vehicle.x_m <= home.away_x_m or low <= near_m or not estimates.health.position_ok:
+        found |= modes.AWAY
+    if home.by != landing.BY_MODULE:
+        found |= modes.FIRMWARE_LANDS
+    if mode == modes.LANDING and is_on_ground(home, state.escape, vehicle):
+        found |= modes.ON_GROUND
+    return found
+
+
+def passage_line(
+    laws: Laws, state: PassageState, line: LineState, vehicle: VehicleState, dt_s: float
+) -> LineState:
+    """The line of a launch: from the aircraft, with its speed across it, to the target."""
+    if launch.starts_line(state.launch, vehicle.time_s):
+        begun = line_at(laws.target, vehicle.x_m, vehicle.z_m)
+        across = e_rho(0.0, 0.0, begun.eta_rad, vehicle.velocity_x_mps, vehicle.climb_mps)
+        return begun._replace(speed_mps=across)
+    if state.launch.standing == launch.GLIDING:
+        return line_step(laws.launch.line, line, laws.target, vehicle.x_m, vehicle.z_m, dt_s)
+    return line
+
+
+def starts_line(state: PassageState, vehicle: VehicleState) -> bool:
+    """Whether a launch begins to fly its line in this tick."""
+    return launch.starts_line(state.launch, vehicle.time_s)
+
+
+def is_in_hand(state: PassageState) -> bool:
+    """Whether the aircraft waits to be thrown."""
+    return launch.is_in_hand(state.launch)
+
+
+def flies_no_line(mode: int, state: PassageState) -> bool:
+    """Whether a mode in control flies by attitude or speed alone."""
+    return modes.goes_home(mode) or (
+        mode == modes.LAUNCHING
+        and state.launch.standing != launch.GLIDING
+        and state.launch.standing != launch.REACHED
+    )
+
+
+def passage_guide(
+    laws: Laws,
+    state: PassageState,
+    mode: int,
+    estimates: Estimates,
+    soaring: SoaringState,
+    sideways: PidState,
+    aileron_blocked: int,
+    dt_s: float,
+) -> tuple[PassageState, SoaringState, PidTerms, PidState, PidTerms, float]:
+    """Pitch, bank and heading of these modes without a line."""
+    state, wish = _wish(laws, state, mode, estimates, dt_s)
+    soaring, terms = gliding_step(laws.soaring, soaring, wish.pitch_rad, dt_s)
+    sideways_terms = sideways_held(sideways)
+    if wish.sideways_mps == wish.sideways_mps and laws.loops != THEIRS:
+        age_s = estimates.memory.gain_age_s
+        bandwidth = lateral_bandwidth(laws.lateral_schedule, age_s)
+        gains = sideways_gains(laws.sideways, laws.lateral_schedule, bandwidth)
+        error = wish.sideways_mps - estimates.vehicle.velocity_y_mps
+        sideways, sideways_terms = pid_step(
+            gains, sideways, error, error, 0.0, dt_s, aileron_blocked
+        )
+    return state, soaring, terms, sideways, sideways_terms, wish.heading_rad
+
+
+def _wish(
+    laws: Laws, state: PassageState, mode: int, estimates: Estimates, dt_s: float
+) -> tuple[PassageState, GlideWish]:
+    """Pitch, heading and sideways speed; NaN: wings level."""
+    vehicle, air = estimates.vehicle, estimates.air
+    if mode == modes.LAUNCHING:
+        upwind = heading_setpoint(laws.heading, vehicle.x_m, vehicle.y_m)
+        pitch = laws.launch.pitch_rad
+        if air.airspeed_mps < laws.landing.best_glide_mps:  # false for NaN
+            pitch = min(pitch, laws.envelope.glide_pitch_rad)
+        return state, GlideWish(pitch, upwind, NAN)
+    home = laws.landing
+    outward, sure = mode == modes.BREAKING_OFF, estimates.health.position_ok
+    clearance_m = estimates.margins.clearance_m
+    glide, speed = glide_step(home, state.glide, outward, sure, vehicle, air, clearance_m, dt_s)
+    polar = home.polar
+    trimmed = max(polar.speed_min_mps, min(polar.speed_max_mps, speed))
+    pitch = glide_pitch(laws.wind.aerodynamics, trimmed)
+    wish = glide_wish(home, glide, outward, sure, pitch, vehicle, air, clearance_m)
+    if not sure:
+        wish = wish._replace(sideways_mps=NAN)
+    return state._replace(glide=glide), wish
+
+
+def loops_in_hand(loops: LoopsState, vehicle: VehicleState) -> LoopsState:
+    """The surfaces' loops with nothing learnt: a hand is no disturbance to be trimmed out."""
+    return LoopsState(
+        PidState(0.0, -vehicle.pitch_rate_radps),
+        PidState(0.0, -vehicle.roll_rate_radps),
+        PidState(0.0, -vehicle.heading_rate_radps),
+        loops.limited,
+    )
+
+
+def passage_report(state: PassageState) -> PassageReport:
+    """What is shown of a tick."""
+    return PassageReport(state.launch.standing, state.escape.left_m, time_left(state.escape))

@@ -1,0 +1,89 @@
+"""A world in which somebody holds the aircraft in a hand, and throws it.
+
+Until the throw it stands where the start is, turned as it will be thrown.  The throw speeds it up
+along its own x axis, evenly, from rest to the speed of the throw; then it flies.  What the
+accelerometers feel of the hand is what a hand does: it carries the weight, and pushes.
+"""
+
+from __future__ import annotations
+
+from math import cos, sin
+from typing import Final, NamedTuple
+
+from tgl_soar.geometry import quaternion_from_euler
+from tgl_soar.sim.aircraft import AircraftState
+from tgl_soar.sim.stepping import WorldNow, world_step
+from tgl_soar.sim.world import World
+from tgl_soar.types import SurfaceCommand
+
+PUSH_S: Final = 0.25  # an arm swings through 0.6 m
+
+
+class Throw(NamedTuple):
+    """How the aircraft is thrown; angles from straight upwind and from level."""
+
+    time_s: float  # when the arm begins to swing
+    speed_mps: float  # over the ground; 0: it is let go
+    roll_rad: float
+    pitch_rad: float
+    heading_rad: float
+
+
+class ThrownWorld(World):
+    """A world as it was made, from a hand."""
+
+    def __init__(self, world: World, throw: Throw) -> None:
+        vars(self).update(vars(world))  # in place of `World`'s own: it is made already
+        self.throw = throw
+        self._set(self.now._replace(aircraft=self._in_hand(0.0)))
+
+    @property
+    def is_free(self) -> bool:
+        """Whether it has left the hand."""
+        return self.time_s > self._until_s
+
+    @property
+    def _until_s(self) -> float:
+        return self.throw.time_s + (PUSH_S if self.throw.speed_mps > 0.0 else 0.0)
+
+    def _stepped(self, command: SurfaceCommand) -> WorldNow:
+        """`self.steps` counts this step already."""
+        if self.is_free:
+            return world_step(self.parts, self.now, self.steps, command, held=False)
+        held = self.now._replace(aircraft=self._in_hand(self.time_s))
+        now = world_step(self.parts, held, self.steps, command, held=True)
+        if not self.throw.time_s <= self.time_s or now.samples.imu.sequence == 0:
+            return now
+        imu = now.samples.imu
+        push = self.throw.speed_mps / PUSH_S if self.throw.speed_mps > 0.0 else 0.0
+        felt = imu._replace(force_x_frd_mps2=imu.force_x_frd_mps2 + push)
+        return now._replace(samples=now.samples._replace(imu=felt))
+
+    def _in_hand(self, time_s: float) -> AircraftState:
+        throw = self.throw
+        swung_s = min(PUSH_S, max(0.0, time_s - throw.time_s))
+        speed = throw.speed_mps * swung_s / PUSH_S
+        way = 0.5 * speed * swung_s
+        level = cos(throw.pitch_rad)
+        along = (
+            -level * cos(throw.heading_rad),
+            level * sin(throw.heading_rad),
+            sin(throw.pitch_rad),
+        )
+        qw, qx, qy, qz = quaternion_from_euler(throw.roll_rad, throw.pitch_rad, throw.heading_rad)
+        start = self.start
+        return self.now.aircraft._replace(
+            x_m=start.x_m + way * along[0],
+            y_m=start.y_m + way * along[1],
+            z_m=start.z_m + way * along[2],
+            velocity_x_mps=speed * along[0],
+            velocity_y_mps=speed * along[1],
+            velocity_z_mps=speed * along[2],
+            qw=qw,
+            qx=qx,
+            qy=qy,
+            qz=qz,
+            roll_rate_frd_radps=0.0,
+            pitch_rate_frd_radps=0.0,
+            yaw_rate_frd_radps=0.0,
+        )

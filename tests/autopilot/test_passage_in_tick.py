@@ -1,0 +1,213 @@
+"""Launching, breaking off and landing in the tick, over the shipped hill."""
+
+from __future__ import annotations
+
+from math import isfinite, isnan, nan, radians
+
+import pytest
+
+from tgl_soar.autopilot import Output, initial_state, step
+from tgl_soar.config.files import (
+    airframe_file,
+    load_airframe,
+    load_parameters,
+    load_site,
+    site_file,
+)
+from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.config.site import Start
+from tgl_soar.control.supervisor import (
+    BREAKING_OFF,
+    CAPTURING,
+    HOLDING,
+    LANDING,
+    LAUNCHING,
+    READY,
+    REASON_BREAK,
+    REASON_LANDED,
+    REASON_SOAR_ON,
+    RELEASED,
+    SOARING,
+    STANDBY,
+)
+from tgl_soar.sim.closed_loop import ClosedLoop
+from tgl_soar.sim.flight import inputs_at
+from tgl_soar.sim.throw import Throw, ThrownWorld
+from tgl_soar.sim.world import World, make_world
+
+AIRFRAME, SITE = airframe_file("eclipson_c"), site_file("hill")
+
+
+def values_of(**changes: float) -> ParameterSet:
+    airframe, site = load_airframe(AIRFRAME), load_site(SITE)
+    return load_parameters(airframe, AIRFRAME, site, SITE).changed(changes)
+
+
+def world_of(start: Start | None = None, turbulence: float = 0.02) -> World:
+    site = load_site(SITE)
+    if start is not None:
+        import msgspec
+
+        site = msgspec.structs.replace(site, start=start)
+    return make_world(load_airframe(AIRFRAME), site, seed=7, turbulence=turbulence)
+
+
+class Flown:
+    """A flight that can be stopped, and its modes in order."""
+
+    def __init__(self, world: World, values: ParameterSet) -> None:
+        self.loop = ClosedLoop(world, values)
+        self.modes: list[tuple[int, int]] = []
+
+    def fly(self, seconds: float, until: int = -1) -> Flown:
+        for _ in range(round(seconds * self.loop.world.step_hz)):
+            output = self.loop.tick()
+            if not self.modes or self.modes[-1][0] != output.mode:
+                self.modes.append((output.mode, output.reason))
+            if output.mode in (until, RELEASED) or self.loop.world.crashed:
+                break
+        return self
+
+    @property
+    def output(self) -> Output:
+        assert self.loop.output is not None
+        return self.loop.output
+
+
+def soaring(**changes: float) -> Flown:
+    flown = Flown(world_of(), values_of(**changes)).fly(30.0, SOARING)
+    assert flown.output.mode == SOARING
+    return flown
+
+
+def test_it_breaks_off_by_command_and_touches_down_at_the_place() -> None:
+    flown = soaring()
+    flown.loop.change({"ESC_START": 1.0})
+    flown.fly(90.0)
+    assert [mode for mode, _ in flown.modes[-2:]] == [BREAKING_OFF, LANDING]
+    assert flown.modes[-2][1] == REASON_BREAK
+    world, values = flown.loop.world, flown.loop.values
+    assert "ground" in world.crashed
+    assert abs(world.state.x_m - values["LND_X"]) < 10.0
+    assert abs(world.state.y_m - values["LND_Y"]) < 5.0
+
+
+def test_the_height_left_is_watched_in_every_flight_and_breaks_off_only_where_asked() -> None:
+    for auto, mode in ((0.0, SOARING), (1.0, BREAKING_OFF)):
+        flown = soaring(ESC_AUTO=auto).fly(3.0)
+        had = flown.output.passage.height_left_m
+        assert isfinite(had)
+        # More is to be spared than there is: the last moment has gone by.
+        flown.loop.change({"ESC_SPARE": 1.0 + had + 3.0})
+        flown.fly(4.0, BREAKING_OFF)
+        assert flown.output.mode == mode
+        assert flown.output.passage.height_left_m < 0.0
+        assert flown.output.passage.time_left_s == 0.0
+
+
+def test_without_a_landing_place_nothing_is_known_of_the_height() -> None:
+    flown = soaring(LND_LEN=0.0)
+    assert isnan(flown.output.passage.height_left_m)
+    assert isnan(flown.output.passage.time_left_s)
+
+
+def test_the_operator_soars_on_and_it_stays_so() -> None:
+    flown = soaring(ESC_AUTO=1.0)
+    flown.loop.change({"ESC_START": 1.0})
+    flown.fly(1.0)
+    assert flown.output.mode == BREAKING_OFF
+    flown.loop.change({"ESC_START": 2.0, "ESC_SPARE": 50.0})
+    flown.fly(0.5, CAPTURING)
+    assert flown.modes[-1] == (CAPTURING, REASON_SOAR_ON)
+    assert abs(flown.output.line.e_rho_m) < 0.05  # the line starts at the aircraft
+    flown.fly(3.0)
+    assert flown.output.passage.height_left_m < 0.0
+    assert flown.output.mode in (CAPTURING, SOARING)
+
+
+def test_who_disengages_on_the_way_home_has_it() -> None:
+    flown = soaring()
+    flown.loop.change({"ESC_START": 1.0})
+    flown.fly(1.0)
+    flown.loop.engage = False
+    assert flown.fly(0.1).output.mode in (STANDBY, READY)
+
+
+def test_a_position_that_is_lost_on_the_way_home_is_no_end_of_it() -> None:
+    flown = soaring()
+    flown.loop.change({"ESC_START": 1.0})
+    flown.fly(1.0)
+    laws, state = flown.loop._laws, flown.loop.state
+    world, last = flown.loop.world, flown.loop.world.position
+    output = flown.output
+    for _ in range(400):
+        world.step(output.command)
+        samples = world.now.samples._replace(position=last)
+        state, output = step(laws, state, inputs_at(world.time_s, samples, True))
+        assert output.mode in (BREAKING_OFF, LANDING)
+        assert isfinite(output.command.elevator + output.setpoints.pitch_rad)
+    assert not output.health.position_ok
+    assert abs(output.setpoints.roll_rad) < radians(6.0)
+
+
+def test_the_end_on_the_ground_lets_go() -> None:
+    flown = soaring()
+    flown.loop.change({"ESC_START": 1.0})
+    flown.fly(90.0)
+    world, state, laws = flown.loop.world, flown.loop.state, flown.loop._laws
+    modes = []
+    for _ in range(500):  # it lies where it has touched down, and the sensors go on
+        world.step(flown.output.command)
+        state, output = step(laws, state, inputs_at(world.time_s, world.now.samples, True))
+        modes.append((output.mode, output.reason))
+        if output.mode == RELEASED:
+            break
+    assert modes[-1] == (RELEASED, REASON_LANDED)
+
+
+@pytest.mark.parametrize("pitch_deg", [-20.0, 20.0])
+def test_a_launch_from_the_hand_is_captured_without_a_step(pitch_deg: float) -> None:
+    throw = Throw(
+        time_s=1.5, speed_mps=3.0, roll_rad=0.0, pitch_rad=radians(pitch_deg), heading_rad=0.2
+    )
+    world = ThrownWorld(world_of(Start(x_m=-4.5, z_m=8.4)), throw)
+    flown = Flown(world, values_of(LNC_START=1.0)).fly(1.4)
+    assert flown.output.mode == LAUNCHING
+    assert flown.output.passage.launch == 1
+    # In the hand nothing is learnt, whatever the hand does.
+    assert flown.output.elevator.i == pytest.approx(0.0, abs=1e-3)
+    before, most = flown.output.setpoints.pitch_rad, 0.0
+    for _ in range(200 * 25):
+        output = flown.loop.tick()
+        most = max(most, abs(output.setpoints.pitch_rad - before))
+        before = output.setpoints.pitch_rad
+        if output.mode == SOARING:
+            break
+    assert output.mode == SOARING
+    assert most <= radians(120.0) * 0.005 + 1e-9  # PITCH_SLEW
+
+
+def test_nobody_throws() -> None:
+    never = Throw(time_s=1e9, speed_mps=3.0, roll_rad=0.0, pitch_rad=0.0, heading_rad=0.0)
+    world = ThrownWorld(world_of(Start(x_m=-4.5, z_m=8.4)), never)
+    flown = Flown(world, values_of(LNC_START=1.0, LNC_WAIT=2.0)).fly(3.0)
+    assert [mode for mode, _ in flown.modes[-2:]] == [LAUNCHING, RELEASED]
+
+
+def test_in_the_hand_neither_height_nor_speed_is_asked_for() -> None:
+    low = Start(x_m=-12.0, z_m=0.6)  # below CLEAR_MIN
+    for asked, mode in ((0.0, STANDBY), (1.0, READY)):
+        flown = Flown(world_of(low), values_of(LNC_START=asked))
+        flown.loop.engage = False
+        assert flown.fly(0.5).output.mode == mode
+
+
+def test_the_modes_without_a_search_stay_as_they_were() -> None:
+    """No landing place, no launch: the state of these modes is never begun."""
+    flown = soaring(LND_LEN=0.0)
+    passage = flown.loop.state.passage
+    assert passage.launch.standing == 0
+    assert isnan(passage.glide.speed_mps)
+    assert initial_state().passage.launch == passage.launch
+    assert HOLDING not in [mode for mode, _ in flown.modes]
+    assert nan != passage.escape.left_m
