@@ -14,8 +14,8 @@ PAPERS = ("CONTRIBUTING", "CHANGELOG", "SECURITY")
 # In the order in which a newcomer wants them; every page is in one of these, or the build fails.
 CHAPTERS = {
     "Fly": (
-        "operator", "point", "page", "sites", "hardware", "autopilots", "optitrack", "sensors",
-        "safety", "modes",
+        "operator", "outdoors", "point", "page", "sites", "hardware", "autopilots", "optitrack",
+        "sensors", "safety", "modes",
     ),
     "Look up": ("parameters", "logs"),
     "Understand": (

@@ -48,7 +48,6 @@ PARAMS = LandingParams(
     spare_m=1.0,
     asked=landing.STAY,
     auto=True,
-    by=landing.BY_MODULE,
     polar=POLAR,
     best_glide_mps=9.2,
     speed_min_mps=6.0,

@@ -1,6 +1,6 @@
 """The supervisor's table, walked through in full, and its timers.
 
-A mode's rows name some twenty conditions of the forty-eight; what the others are makes no
+A mode's rows name some twenty conditions of the forty-seven; what the others are makes no
 difference, and that is tested too.  So every set of those that a mode looks at is tried: up to
 thirty-three million a mode, evaluated by numpy from the rows alone and compared with `next_mode`.
 """
@@ -463,7 +463,6 @@ FLYING_ROWS = {
     ],
     s.BREAKING_OFF: [
         SOAR_ON_ROW,
-        (s.AWAY | s.FIRMWARE_LANDS, 0, *LET_GO, s.REASON_FIRMWARE),
         (s.AWAY | s.SETTLED, 0, s.LANDING, s.NOTHING, s.REASON_AWAY),
     ],
     s.LANDING: [SOAR_ON_ROW, (s.ON_GROUND, 0, *LET_GO, s.REASON_LANDED)],
@@ -504,7 +503,7 @@ def test_every_reason_mode_and_action_has_its_own_words() -> None:
 
 ASKED = (
     s.SEARCH | s.PLACE_FOUND | s.LAUNCH | s.THROWN | s.LINE_REACHED | s.BREAK_OFF | s.SOAR_ON
-    | s.AWAY | s.FIRMWARE_LANDS | s.ON_GROUND
+    | s.AWAY | s.ON_GROUND
 )  # fmt: skip
 WELL = s.FOUND & ~(s.LINE_MOVING | s.ON_LINE | ASKED)
 HEALTHY = WELL | s.SAME_BOOT | s.STAYS_ARMED | s.SETTLED
@@ -594,7 +593,6 @@ SOUGHT = s.SEARCH | s.PLACE_FOUND
         (s.SOARING, 0, s.BREAK_OFF, s.BREAKING_OFF, s.REASON_BREAK),
         (s.BREAKING_OFF, 0, 0, s.BREAKING_OFF, s.REASON_NONE),  # whatever becomes of its cause
         (s.BREAKING_OFF, 0, s.AWAY, s.LANDING, s.REASON_AWAY),
-        (s.BREAKING_OFF, 0, s.AWAY | s.FIRMWARE_LANDS, s.RELEASED, s.REASON_FIRMWARE),
         (s.BREAKING_OFF, 0, s.SOAR_ON, s.CAPTURING, s.REASON_SOAR_ON),
         (s.LANDING, 0, s.SOAR_ON, s.CAPTURING, s.REASON_SOAR_ON),
         (s.LANDING, s.INSIDE_FENCE, s.SOAR_ON, s.LANDING, s.REASON_NONE),

@@ -760,7 +760,8 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     Parameter(
         name="LND_BY", unit="", minimum=0, maximum=2, default=0,
         meaning="Who lands once the slope is left behind. 0: the module; 1: the autopilot, by the"
-                " landing of its mission; 2: the autopilot, by its return to launch.",
+                " landing of its mission (DO_LAND_START); 2: the autopilot, by its return to"
+                " launch. The module flies its own approach until a heartbeat shows that mode.",
         integer=True,
     ),
 )  # fmt: skip

@@ -82,11 +82,10 @@ STILL_MPS: Final = 0.7  # over the ground, for STILL_S: it lies there
 STILL_S: Final = 1.0
 GROUND_M: Final = 1.0  # over the place, at most
 
-# What is asked of a break-off, and who lands.
+# What is asked of a break-off.
 STAY: Final = 0
 BREAK: Final = 1
 SOAR_ON: Final = 2
-BY_MODULE: Final = 0
 
 
 class LandingPlace(NamedTuple):
@@ -108,7 +107,6 @@ class LandingParams(NamedTuple):
     spare_m: float  # of height, when it breaks off at the latest
     asked: int  # STAY, BREAK or SOAR_ON
     auto: bool  # it breaks off by itself when the height is gone
-    by: int  # who lands: BY_MODULE, or the firmware as the parameter numbers it
     polar: GlidePolar
     best_glide_mps: float
     speed_min_mps: float

@@ -198,7 +198,6 @@ def _landing_params(
         spare_m=values["ESC_SPARE"],
         asked=int(values["ESC_START"]),
         auto=values["ESC_AUTO"] != 0.0,
-        by=int(values["LND_BY"]),
         polar=aerodynamics.polar,
         best_glide_mps=values["DYN_BEST"],
         speed_min_mps=values["SPEED_MIN"],

@@ -129,8 +129,6 @@ def passage_conditions(laws: Laws, mode: int, state: PassageState, estimates: Es
     near_m = 2.0 * laws.envelope.clearance_min_m
     if vehicle.x_m <= home.away_x_m or low <= near_m or not estimates.health.position_ok:
         found |= modes.AWAY
-    if home.by != landing.BY_MODULE:
-        found |= modes.FIRMWARE_LANDS
     if mode == modes.LANDING and is_on_ground(home, state.escape, vehicle):
         found |= modes.ON_GROUND
     return found

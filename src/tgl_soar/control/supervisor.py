@@ -113,19 +113,18 @@ LINE_IN_REACH: Final = 1 << 34
 BREAK_OFF: Final = 1 << 35
 SOAR_ON: Final = 1 << 36
 AWAY: Final = 1 << 37
-FIRMWARE_LANDS: Final = 1 << 38
-ON_GROUND: Final = 1 << 39
-FOUND: Final = (1 << 40) - 1
+ON_GROUND: Final = 1 << 38
+FOUND: Final = (1 << 39) - 1
 # Conditions that the supervisor finds itself, by what it remembers.
-SAME_BOOT: Final = 1 << 40
-STAYS_ARMED: Final = 1 << 41
-STILL_READY: Final = 1 << 42
-SETTLED: Final = 1 << 43
-LONG_GAP: Final = 1 << 44
-TIME_UP: Final = 1 << 45
-TROUBLED: Final = 1 << 46
-CLEARED: Final = 1 << 47
-CONDITIONS: Final = 48
+SAME_BOOT: Final = 1 << 39
+STAYS_ARMED: Final = 1 << 40
+STILL_READY: Final = 1 << 41
+SETTLED: Final = 1 << 42
+LONG_GAP: Final = 1 << 43
+TIME_UP: Final = 1 << 44
+TROUBLED: Final = 1 << 45
+CLEARED: Final = 1 << 46
+CONDITIONS: Final = 47
 CONDITION_TEXTS: Final = (
     "operator has engaged it",
     "every stream has arrived",
@@ -165,7 +164,6 @@ CONDITION_TEXTS: Final = (
     "to break off",
     "operator wants to soar on",
     "away from the slope, or low",
-    "the autopilot is to land it",
     "on the ground",
     "autopilot not restarted",
     "not disarmed since",
@@ -262,9 +260,8 @@ REASON_LAUNCH_LOW: Final = 43
 REASON_FAR: Final = 44
 REASON_BREAK: Final = 45
 REASON_AWAY: Final = 46
-REASON_FIRMWARE: Final = 47
-REASON_LANDED: Final = 48
-REASON_SOAR_ON: Final = 49
+REASON_LANDED: Final = 47
+REASON_SOAR_ON: Final = 48
 REASON_TEXTS: Final = (
     "",
     "engaged",
@@ -313,7 +310,6 @@ REASON_TEXTS: Final = (
     "launch given up: line not reachable",
     "breaks off",
     "away from the slope",
-    "the autopilot is to land it",
     "on the ground",
     "operator soars on",
 )
@@ -466,7 +462,6 @@ TRANSITIONS: Final[tuple[Transition, ...]] = (
     Transition(LAUNCHING, LINE_REACHED, 0, CAPTURING, KEEP_LINE, REASON_LINE_REACHED),
     *_faults(BREAKING_OFF),
     _soars_on(BREAKING_OFF),
-    Transition(BREAKING_OFF, AWAY | FIRMWARE_LANDS, 0, RELEASED, HAND_OVER, REASON_FIRMWARE),
     Transition(BREAKING_OFF, AWAY | SETTLED, 0, LANDING, NOTHING, REASON_AWAY),
     *_faults(LANDING),
     _soars_on(LANDING),

@@ -158,7 +158,7 @@ class Onboard:
         self.engage_switch = switch = EngageSwitch(
             setup.own, settings, session, engagement, commands, surfaces, outbox, now_s
         )
-        self._switches = switches = Switches(setup, settings, outbox, search)
+        self._switches = switches = Switches(setup, settings, session, outbox, search)
         self._operators = Operators(
             setup, settings, commands, switch, switches, surfaces, outbox, self.signing, keep_key
         )

@@ -1,35 +1,50 @@
-"""Switches that act from tick to tick and go back by themselves: the multisine's, the search's."""
+"""Switches that act from tick to tick and go back by themselves: the multisine's, the search's,
+a launch's and the way home's."""
 
 from __future__ import annotations
 
 from tgl_soar.autopilot import Output
+from tgl_soar.link.session import Session
 from tgl_soar.onboard.excitation_switch import ExcitationSwitch
+from tgl_soar.onboard.firmware_landing import FirmwareLanding
 from tgl_soar.onboard.outbound import Outbox
+from tgl_soar.onboard.passage_switch import PassageSwitch
 from tgl_soar.onboard.search_switch import SearchEngine, SearchSwitch
 from tgl_soar.onboard.settings import FlightSettings
 from tgl_soar.onboard.setup import ModuleSetup
 
 
 class Switches:
-    """Both of them."""
+    """All of them."""
 
     def __init__(
         self,
         setup: ModuleSetup,
         settings: FlightSettings,
+        session: Session,
         outbox: Outbox,
         search: SearchEngine | None,
     ) -> None:
         self._excitation = ExcitationSwitch(settings, outbox)
         self._search = SearchSwitch(setup, settings, outbox, search)
+        self._passage = PassageSwitch(settings, outbox)
+        self._firmware = FirmwareLanding(setup, settings, session, outbox)
+        self._active = False
 
     def tick(self, output: Output) -> None:
         """A tick has gone by, and its command is on its way."""
         self._excitation.tick(output.excitation)
         self._search.tick(output)
+        self._passage.tick(output)
+        self._firmware.tick(output)
+        self._active = output.active
 
     def refusal(self, name: str, value: float) -> str:
         """Why a value may not be set; "" if it may."""
+        if name in ("LNC_START", "ESC_START"):
+            return self._passage.refusal(name, value, active=self._active)
+        if name == "LND_BY":
+            return self._firmware.refusal(value)
         if name != "SRCH_START" or value == 0.0:
             return ""
         if value != 1.0:

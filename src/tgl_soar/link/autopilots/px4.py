@@ -49,6 +49,7 @@ from tgl_soar.types import OURS, THEIRS, Setpoints, SurfaceCommand, isfinite
 
 # custom_mode: the main mode in bits 16 to 23, the sub mode above it
 MAIN_MANUAL: Final = 1
+MAIN_AUTO: Final = 4
 MAIN_OFFBOARD: Final = 6
 MAIN_STABILIZED: Final = 7
 FULL: Final = 1000.0  # of MANUAL_CONTROL
@@ -61,6 +62,8 @@ def _custom(main: int, sub: int = 0) -> int:
 MODE_MANUAL: Final = _custom(MAIN_MANUAL)
 MODE_OFFBOARD: Final = _custom(MAIN_OFFBOARD)
 MODE_STABILIZED: Final = _custom(MAIN_STABILIZED)
+MODE_MISSION: Final = _custom(MAIN_AUTO, 4)
+MODE_RETURN: Final = _custom(MAIN_AUTO, 5)
 
 ATTITUDE: Final = CommandRoute(
     name="attitude",

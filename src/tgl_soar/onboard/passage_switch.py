@@ -1,0 +1,68 @@
+"""LNC_START and ESC_START, the switches of a launch and of the way home.
+
+What the tick makes of them it does by itself; here they go back when what they asked for is over,
+what cannot be done is refused, and the height that is left is told before it is gone.
+"""
+
+from __future__ import annotations
+
+from math import inf, isfinite
+from typing import Final
+
+from tgl_soar.autopilot import Output
+from tgl_soar.control.landing import SOAR_ON, STAY
+from tgl_soar.control.supervisor import LAUNCHING, goes_home, is_flying
+from tgl_soar.link.messages import SEVERITY_NOTICE, SEVERITY_WARNING
+from tgl_soar.onboard.outbound import Outbox
+from tgl_soar.onboard.settings import FlightSettings
+
+# The height left is told as it falls through these, once each until there is clearly more again.
+TOLD_M: Final = (5.0, 2.0, 0.0)
+MORE_M: Final = 2.0
+
+
+class PassageSwitch:
+    """Follows launch and way home from tick to tick."""
+
+    def __init__(self, settings: FlightSettings, outbox: Outbox) -> None:
+        self._settings = settings
+        self._outbox = outbox
+        self._mode = 0
+        self._told_m = inf  # the last height that was told
+
+    def refusal(self, name: str, value: float, *, active: bool) -> str:
+        """Why a value may not be set; "" if it may."""
+        if name == "LNC_START" and value == 1.0 and active:
+            return "it flies already: a launch begins with the engagement"
+        if name == "ESC_START" and value == SOAR_ON and not goes_home(self._mode):
+            return "it does not break off: 2 is for soaring on from there"
+        return ""
+
+    def tick(self, output: Output) -> None:
+        """A tick has gone by, and its command is on its way."""
+        before, self._mode = self._mode, output.mode
+        if output.mode != before and before == LAUNCHING:
+            self._put_back("LNC_START")
+        if not output.active:
+            if is_flying(before):
+                self._put_back("ESC_START")
+            self._told_m = inf
+        elif not goes_home(output.mode):
+            self._tell(output.passage.height_left_m, output.passage.time_left_s)
+
+    def _put_back(self, name: str) -> None:
+        if self._settings.values[name] != STAY:
+            self._settings.assign(name, STAY)
+
+    def _tell(self, left_m: float, time_s: float) -> None:
+        if not isfinite(left_m):
+            return
+        if left_m > self._told_m + MORE_M:
+            self._told_m = min((m for m in TOLD_M if m >= left_m), default=inf)
+        passed = [m for m in TOLD_M if left_m <= m < self._told_m]
+        if not passed:
+            return
+        self._told_m = passed[-1]
+        minutes = f", {int(time_s) // 60}:{int(time_s) % 60:02d} min" if isfinite(time_s) else ""
+        severity = SEVERITY_WARNING if left_m <= TOLD_M[-1] else SEVERITY_NOTICE
+        self._outbox.tell(severity, f"height left for the landing: {left_m:.1f} m{minutes}")
