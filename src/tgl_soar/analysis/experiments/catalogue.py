@@ -19,6 +19,7 @@ from tgl_soar.analysis.experiments import (
     incidence,
     lift_map,
     line_lean,
+    outdoors,
     places,
     robustness,
     search,
@@ -56,6 +57,7 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "search": search.run,
     "forecast": forecast.run,
     "point": hold_point.run,
+    "outdoors": outdoors.run,
 }
 
 # Our own aims; the others are the paper's claims and fly on either model.  These are about what
@@ -73,11 +75,12 @@ RIGID_BODY_ALONE: Final = (
     "search",
     "forecast",
     "point",
+    "outdoors",
 )
 OURS: Final = frozenset(RIGID_BODY_ALONE)
-# `all` leaves them out: the one takes longer than all others and has a page of its own, the other
-# flies another airframe.
-APART: Final = ("search", "point")
+# `all` leaves them out: they have pages of their own; the first takes longer than all others, the
+# second flies another airframe.
+APART: Final = ("search", "point", "outdoors")
 # By the name under which they are flown together: both pages, and either of them.
 TOGETHER: Final = {
     "all": tuple(name for name in EXPERIMENTS if name not in APART),
@@ -117,6 +120,7 @@ TITLES: Final = {
     "search": "a place to soar without knowing the wind",
     "forecast": "who is told that a line has no place to settle, and who wrongly",
     "point": "a point of the line held with a brake",
+    "outdoors": "launches from the hand, and break-offs that end on the ground",
 }
 
 

@@ -1,0 +1,45 @@
+"""`outdoors`: what its flights say, and how they are counted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tgl_soar.analysis.experiments import outdoors
+from tgl_soar.analysis.experiments.context import Context
+from tgl_soar.analysis.experiments.flights import Flyer
+from tgl_soar.analysis.experiments.outdoors import FlownPassage, PassageJob, fly_passage
+
+
+@pytest.fixture(scope="module")
+def landed() -> FlownPassage:
+    return fly_passage(PassageJob(outdoors.LAND, 1))
+
+
+def test_a_break_off_ends_on_the_ground(landed: FlownPassage) -> None:
+    assert [mode for _, mode, _ in landed.modes[-2:]] == ["breaking off", "landing"]
+    assert "ground" in landed.ended
+    assert landed.broke_off
+    assert landed.path[-1][2] < 0.5
+    again = fly_passage(PassageJob(outdoors.LAND, 1))
+    assert (again.along_m, again.sink_mps) == (landed.along_m, landed.sink_mps)
+
+
+def test_what_counts_as_landed(landed: FlownPassage) -> None:
+    good = replace(landed, along_m=9.9, across_m=-4.9, sink_mps=1.4)
+    assert good.landed
+    for bad in (
+        {"along_m": -10.1}, {"across_m": 5.1}, {"sink_mps": 1.6}, {"ended": "flew out at the side"}
+    ):  # fmt: skip
+        assert not replace(good, **bad).landed
+
+
+def test_the_tables_the_claims_and_the_figure(tmp_path: Path) -> None:
+    context = Context(Flyer(), figures=tmp_path, episodes=1)
+    result = outdoors.run(context)
+    assert len(result.claims) == 3
+    assert (tmp_path / "outdoors.png").stat().st_size > 10_000
+    assert [len(table.rows) for table in result.tables] == [3, 4]
+    assert len(result.numbers["flights"]) == 3
