@@ -142,3 +142,11 @@ def test_what_is_no_number_ends_it(climb_mps: float) -> None:
     assert state.on
     state = shake_step(state, 1, 0.5, 0.5, climb_mps, LIFTS_MPS2, DT)
     assert (state.on, state.found, state.shaken) == (False, NOTHING, 0.0)
+
+
+@pytest.mark.parametrize(("lifts_mps2", "dt_s"), [(LIFTS_MPS2, 0.0), (0.0, DT), (nan, DT)])
+def test_a_time_that_stands_still_or_no_air_over_the_brake_leaves_it(
+    lifts_mps2: float, dt_s: float
+) -> None:
+    state = NOT_SHAKEN._replace(on=True, pressed=1.0, climb_mps=0.0)
+    assert shake_step(state, 1, 0.5, 0.5, 0.1, lifts_mps2, dt_s) == state

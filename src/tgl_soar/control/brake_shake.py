@@ -126,6 +126,8 @@ def shake_step(
     saturated: at which end of the brake's travel the law is, -1, 0 or +1; asked: the brake that
     it asks for; brake: as it was commanded last; lifts_mps2: acceleration of all of it, up.
     """
+    if not dt_s * abs(lifts_mps2) > 0.0:  # a repeated or a backward time, or no air over the brake
+        return state
     pressed = state.pressed + (abs(saturated) - state.pressed) * dt_s / (PRESSED_S + dt_s)
     if not state.on:
         rest_s = max(0.0, state.rest_s - dt_s)
