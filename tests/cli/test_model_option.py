@@ -103,16 +103,18 @@ def test_what_needs_a_rigid_body_is_not_flown_without(
     assert flown == [(name, None) for name in TITLES]
 
 
-def test_the_page_of_the_paper_is_flown_by_both(
+def test_the_page_of_the_paper_is_flown_by_both_models_and_dispersed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The point mass draws nothing, so that the figures are those of the rigid body."""
-    flown: list[tuple[str, str | None, bool]] = []
+    """Figures are those of the rigid body that the airframe file describes: nothing else draws."""
+    flown: list[tuple[str, str | None, bool, bool]] = []
 
     def flies(name: str) -> Callable[[Context], Result]:
         def fly(context: Context) -> Result:
-            flown.append((name, context.model, context.figures is not None))
-            held = Claim("it is held", context.model == "rigid_body", f"by the {context.model}")
+            draws = context.figures is not None
+            flown.append((name, context.model, context.dispersion, draws))
+            holds = context.model == "rigid_body" and not context.dispersion
+            held = Claim("it is held", holds, f"by the {context.model}")
             return Result(name, name, "", (held,), "", (), {})
 
         return fly
@@ -122,16 +124,24 @@ def test_the_page_of_the_paper_is_flown_by_both(
     words = ["experiment", "all", "--workers", "0", "--out", str(tmp_path / "out")]
     reported = RUN.invoke(app, [*words, "--docs", str(tmp_path)])
     assert reported.exit_code == 0, reported.output
-    expected: list[tuple[str, str | None, bool]] = []
-    for name in TITLES:
-        expected.append((name, "rigid_body", True))
+    expected: list[tuple[str, str | None, bool, bool]] = []
+    for name in (name for name in TITLES if name not in catalogue.APART):
+        expected.append((name, "rigid_body", False, True))
         if name not in catalogue.RIGID_BODY_ALONE and name != "field":
-            expected.append((name, "point_mass", False))
+            expected.append((name, "point_mass", False, False))
+        if name in catalogue.DISPERSED:
+            expected.append((name, "rigid_body", True, False))
     assert flown == expected
     page = (tmp_path / "experiments.md").read_text()
-    assert "| [`static`](#static) | static | agrees: 1 of 1 | differs: 0 of 1 |" in page
-    assert "| it is held | ✓ by the rigid_body | ✗ by the point_mass |" in page
-    assert "| [`field`](#field) | field | agrees: 1 of 1 | – |" in page
+    assert (
+        "| [`static`](#static) | static | agrees: 1 of 1 | differs: 0 of 1 | differs: 0 of 1 |"
+        in page
+    )
+    assert (
+        "| it is held | ✓ by the rigid_body | ✗ by the point_mass | ✗ by the rigid_body |" in page
+    )
+    assert "**Dispersion changes:** “it is held” (✓ → ✗)." in page
+    assert "| [`field`](#field) | field | agrees: 1 of 1 | – | – |" in page
     assert staleness.marked(page) == {"tunnel": (0.25, 1.5)}
     assert "point_mass" not in (tmp_path / "aims.md").read_text()
     for name, there in (("paper", "experiments.md"), ("aims", "aims.md")):  # one page alone

@@ -10,9 +10,10 @@ sin φ and cos φ and averaged:
     s² = Σ |Y - r B|² / 2 |Σ B|²             its variance, in every direction
     q = |r| cos(arg r + ψ)                   1: it acts; 0: it does not
 
-ψ is the lag of servo, link and lift: where r points, within LAG_RAD.  Sums of B and Y, and not of
-their products, because the law's own part of B is correlated with the gusts in Y, and the shake is
-not.  Where the brake meets an end, or the envelope holds it, B says how much of the shake is left.
+ψ is the lag of servo, link and lift: where r points, within LAG_LEAST_RAD and LAG_MOST_RAD.  Sums
+of B and Y, and not of their products, because the law's own part of B is correlated with the gusts
+in Y, and the shake is not.  Where the brake meets an end, or the envelope holds it, B says how much
+of the shake is left.
 
 The pitch setpoint and the trim of the elevator are not told of the shake: else they would
 move the aircraft at its frequency where the brake does not.
@@ -35,7 +36,8 @@ TICKS_MIN: Final = 32.0  # in a block: eight for each period
 # A servo of 54 rad/s leaves 0.91 of 4 Hz, the lift's fade (6 rad/s) 0.97; it turns by 25 degrees,
 # less 13 of the lift's, and by 1.4 for each ms of the link, of which there are 0 to 40.
 GAIN: Final = 0.88
-LAG_RAD: Final = (0.2, 1.3)
+LAG_LEAST_RAD: Final = 0.2
+LAG_MOST_RAD: Final = 1.3
 LEAST: Final = 0.4  # as of the other trial: half of what the worst known of C_Lb and lag leave
 # A law at an end for a third of the time, or one that swings between both, as with a brake that
 # has jammed in gusts; without gusts, or at 1 %, one that is well does not come to it.
@@ -198,7 +200,7 @@ def _judged(state: ShakeState) -> ShakeState:
     left = state.y_2 - 2.0 * (r_re * state.yb_re + r_im * state.yb_im)
     left += (r_re * r_re + r_im * r_im) * state.b_2
     sigma = max(SIGMA_MIN, sqrt(max(0.0, 0.5 * left / size_2)))
-    lag = max(LAG_RAD[0], min(LAG_RAD[1], atan2(-r_im, r_re)))
+    lag = max(LAG_LEAST_RAD, min(LAG_MOST_RAD, atan2(-r_im, r_re)))
     q = r_re * cos(lag) - r_im * sin(lag)
     state = state._replace(q=q, sigma=sigma)
     if abs(q - LEAST) >= SIGMAS * sigma:
