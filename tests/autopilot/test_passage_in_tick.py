@@ -16,6 +16,7 @@ from tgl_soar.config.files import (
 )
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Start
+from tgl_soar.control.laws import laws_from
 from tgl_soar.control.supervisor import (
     BREAKING_OFF,
     CAPTURING,
@@ -24,7 +25,9 @@ from tgl_soar.control.supervisor import (
     LAUNCHING,
     READY,
     REASON_BREAK,
+    REASON_FENCE,
     REASON_LANDED,
+    REASON_POSITION_LOST,
     REASON_SOAR_ON,
     RELEASED,
     SOARING,
@@ -133,21 +136,101 @@ def test_who_disengages_on_the_way_home_has_it() -> None:
     assert flown.fly(0.1).output.mode in (STANDBY, READY)
 
 
-def test_a_position_that_is_lost_on_the_way_home_is_no_end_of_it() -> None:
-    flown = soaring()
-    flown.loop.change({"ESC_START": 1.0})
-    flown.fly(1.0)
+def blind_ticks(flown: Flown, seconds: float) -> list[Output]:
+    """Flown on with the last fix, as long as the module is in control."""
     laws, state = flown.loop._laws, flown.loop.state
-    world, last = flown.loop.world, flown.loop.world.position
-    output = flown.output
-    for _ in range(400):
+    world, last, output = flown.loop.world, flown.loop.world.position, flown.output
+    outputs = []
+    for _ in range(round(seconds * world.step_hz)):
         world.step(output.command)
         samples = world.now.samples._replace(position=last)
         state, output = step(laws, state, inputs_at(world.time_s, samples, True))
-        assert output.mode in (BREAKING_OFF, LANDING)
+        outputs.append(output)
+        if output.mode == RELEASED:
+            break
+    return outputs
+
+
+def test_a_position_that_is_lost_on_the_way_home_ends_it_as_recovering_would() -> None:
+    flown = soaring()
+    flown.loop.change({"ESC_START": 1.0})
+    flown.fly(1.0)
+    begin_s = flown.loop.world.time_s
+    outputs = blind_ticks(flown, 10.0)
+    for output in outputs[:-1]:
+        assert output.mode == BREAKING_OFF  # a lost position is not away
         assert isfinite(output.command.elevator + output.setpoints.pitch_rad)
-    assert not output.health.position_ok
-    assert abs(output.setpoints.roll_rad) < radians(6.0)
+    assert not outputs[-2].health.position_ok
+    assert abs(outputs[-2].setpoints.roll_rad) < radians(6.0)
+    last, values = outputs[-1], flown.loop.values
+    assert (last.mode, last.reason) == (RELEASED, REASON_POSITION_LOST)
+    blind_s = values["AGE_POS_MAX"] + values["REC_TIME"]
+    assert last.time_s - begin_s == pytest.approx(blind_s, abs=0.2)
+
+
+def test_a_lost_position_does_not_break_off_by_itself() -> None:
+    """What the estimate coasts to is no height that is gone: holding and recovering end it."""
+    flown = soaring(ESC_AUTO=1.0).fly(3.0)
+    had = flown.output.passage.height_left_m
+    assert had > 0.0
+    world, loop = flown.loop.world, flown.loop
+    last = world.position
+    for _ in range(round(0.6 * world.step_hz)):
+        world.step(flown.output.command)
+        samples = world.now.samples._replace(position=last)
+        loop.state, _ = step(loop._laws, loop.state, inputs_at(world.time_s, samples, True))
+    assert loop.state.supervisor.mode == HOLDING
+    loop.change({"ESC_SPARE": 1.0 + had + 3.0})
+    outputs = blind_ticks(flown, 10.0)
+    assert BREAKING_OFF not in [output.mode for output in outputs]
+    assert outputs[-1].mode == RELEASED
+
+
+def test_beyond_the_fence_downstream_the_way_home_lets_go() -> None:
+    flown = soaring()
+    flown.loop.change({"ESC_START": 1.0})
+    flown.fly(0.5)
+    x = flown.output.vehicle.x_m
+    flown.loop.change({"FENCE_X_MIN": x + 1.0, "FENCE_X_MAX": x + 9.0})
+    assert flown.fly(0.1).output.mode == BREAKING_OFF  # upstream it is left on purpose
+    flown.loop.change({"FENCE_X_MIN": x - 9.0, "FENCE_X_MAX": x - 1.0})
+    flown.fly(0.1)
+    assert flown.modes[-1] == (RELEASED, REASON_FENCE)
+
+
+def test_in_a_tunnel_standing_still_over_the_board_is_no_ground() -> None:
+    airframe_path, site_path = airframe_file("eclipson_c"), site_file("tunnel")
+    airframe, site = load_airframe(airframe_path), load_site(site_path)
+    values = load_parameters(airframe, airframe_path, site, site_path)
+    values = values.changed({"ESC_X": 5.0})  # it lands where it soars
+    flown = Flown(make_world(airframe, site, seed=7, turbulence=0.01), values)
+    flown.fly(30.0, SOARING).fly(3.0)
+    assert flown.output.mode == SOARING
+    flown.loop.change({"ESC_START": 1.0})
+    flown.fly(30.0)
+    assert LANDING in [mode for mode, _ in flown.modes]
+    assert REASON_LANDED not in [reason for _, reason in flown.modes]
+
+
+def test_without_a_known_best_glide_it_lands_all_the_same() -> None:
+    flown = soaring(DYN_BEST=0.0)
+    flown.loop.change({"ESC_START": 1.0})
+    for _ in range(200 * 20):
+        output = flown.loop.tick()
+        assert isfinite(output.setpoints.pitch_rad + output.setpoints.heading_rad)
+        if flown.loop.world.crashed:
+            break
+    assert output.mode in (LANDING, BREAKING_OFF)
+
+
+@pytest.mark.parametrize("name", ["LND_BEAR", "ESC_BEAR"])
+def test_a_bearing_that_cannot_be_flown_is_no_place(name: str) -> None:
+    """Not another one in its stead."""
+    world, wind_deg = world_of(), load_site(SITE).site.wind_from_deg
+    for off, known in ((59.9, True), (-60.0, True), (61.0, False), (-90.0, False)):
+        values = values_of(**{name: (wind_deg + off) % 360.0})
+        laws = laws_from(values, world.frame, world.aerodynamics, world.ground)
+        assert (laws.landing.place.length_m > 0.0) == known
 
 
 def test_the_end_on_the_ground_lets_go() -> None:

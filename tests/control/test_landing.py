@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import acos, cos, hypot, inf, isnan, nan, radians, sin, sqrt
+from math import acos, cos, hypot, inf, isfinite, isnan, nan, radians, sin, sqrt
 from typing import Any
 
 import pytest
@@ -134,7 +134,7 @@ def watched(height_m: float, seconds: float, state: EscapeState = NO_ESCAPE, sta
     steps = round(seconds / DT)
     for k in range(steps):
         vehicle = at(start + k * DT, z_m=height_m - fall_mps * k * DT, velocity_x_mps=-2.0)
-        state = escape_step(PARAMS, state, True, vehicle, air(), DT)
+        state = escape_step(PARAMS, state, True, False, True, vehicle, air(), DT)
     return state
 
 
@@ -248,11 +248,59 @@ def test_without_a_position_it_glides_straight_on() -> None:
     assert speed == pytest.approx(8.5, abs=0.1)
 
 
+def stood(
+    seconds: float, state: EscapeState, start_s: float, *, lands: bool = True, sure: bool = True
+) -> EscapeState:
+    """Still and low, tick by tick."""
+    for k in range(round(seconds / DT)):
+        vehicle = at(start_s + k * DT, z_m=0.1, climb_mps=0.0)
+        state = escape_step(PARAMS, state, True, lands, sure, vehicle, air(), DT)
+    return state
+
+
 def test_it_lies_on_the_ground_when_it_has_stood_still_low() -> None:
     state = NO_ESCAPE
     for k in range(300):
         vehicle = at(k * DT, z_m=0.1, climb_mps=0.0)
-        state = escape_step(PARAMS, state, True, vehicle, air(), DT)
-        assert is_on_ground(PARAMS, state, vehicle) == (k * DT >= landing.STILL_S - 1e-9)
+        state = escape_step(PARAMS, state, True, True, True, vehicle, air(), DT)
+        assert is_on_ground(PARAMS, state, vehicle, inf) == (k * DT >= landing.STILL_S - 1e-9)
     hovering = at(299 * DT, z_m=5.0, climb_mps=0.0)
-    assert not is_on_ground(PARAMS, state, hovering)
+    assert not is_on_ground(PARAMS, state, hovering, inf)
+
+
+def test_standing_still_counts_from_the_landing_on_and_only_where_the_height_is_known() -> None:
+    """Who soars stands still all the time, and in a tunnel less than a metre over the board."""
+    soared = stood(5.0, NO_ESCAPE, 0.0, lands=False)
+    now = at(5.0, z_m=0.1, climb_mps=0.0)
+    soared = escape_step(PARAMS, soared, True, True, True, now, air(), DT)
+    assert not is_on_ground(PARAMS, soared, now, 0.1)
+    lain = stood(2.0, soared, 5.0)
+    now = at(7.0, z_m=0.1, climb_mps=0.0)
+    assert is_on_ground(PARAMS, lain, now, 0.1)
+    assert not is_on_ground(PARAMS, lain, now, 0.87)  # the ground counts, not the place
+    nowhere = PARAMS._replace(place=PLACE._replace(length_m=0.0))
+    assert not is_on_ground(nowhere, lain, now, inf)
+    assert is_on_ground(nowhere, lain, now, 0.1)
+    assert not is_on_ground(PARAMS, stood(2.0, soared, 5.0, sure=False), now, 0.1)
+
+
+def test_without_a_position_the_height_left_is_not_known() -> None:
+    low = watched(2.0, 3.0, watched(20.0, 2.0), 2.0)
+    assert is_short(low, 5.0)
+    vehicle = at(5.0, z_m=2.0)
+    blind = escape_step(PARAMS, low, True, False, False, vehicle, air(), DT)
+    assert isnan(blind.left_m)
+    assert blind.armed
+    assert not is_short(blind, 9.0)
+
+
+@pytest.mark.parametrize("best_mps", [0.0, 5.0, 9.2, 30.0])
+def test_the_glide_is_a_number_whatever_the_best_speed_and_the_polar_are(best_mps: float) -> None:
+    for polar in (POLAR, NO_POLAR, POLAR._replace(c0=0.0, c1=0.0, c2=0.0, c3=0.0)):
+        params = PARAMS._replace(best_glide_mps=best_mps, polar=polar)
+        for now in (air(), NO_AIR, air(airspeed_mps=0.0)):
+            for height in (0.2, 14.0):
+                vehicle = at(x_m=-14.0, z_m=height)
+                glide, _ = glide_step(params, NO_GLIDE, False, True, vehicle, now, height, DT)
+                wish = glide_wish(params, glide, False, True, nan, vehicle, now, height)
+                assert isfinite(wish.pitch_rad + wish.heading_rad + wish.sideways_mps)

@@ -308,8 +308,18 @@ def test_the_way_home_is_given_up_for_the_line_inside_the_fence_alone(mode: int)
     everything = walk(mode)
     back = everything.to == s.CAPTURING
     wish = everything.has(VITAL | s.SOAR_ON | s.POSITION_FRESH | s.INSIDE_FENCE | s.SETTLED)
+    wish &= everything.has(s.INSIDE_LEE | s.NOT_BLIND)
     assert np.array_equal(back, wish)
     assert np.all(everything.action[back] == s.NEW_LINE)
+
+
+@pytest.mark.parametrize("mode", [s.BREAKING_OFF, s.LANDING])
+def test_the_way_home_ends_over_the_slope_and_blind(mode: int) -> None:
+    everything = walk(mode)
+    flies = np.isin(everything.to, FLYING)
+    for lost in (s.INSIDE_LEE, s.NOT_BLIND):
+        assert np.any(everything.lacks(lost))
+        assert not np.any(flies & everything.lacks(lost))
 
 
 def test_a_launch_that_is_given_up_breaks_off_in_the_air_and_lets_go_in_the_hand() -> None:
@@ -390,11 +400,15 @@ FAULT_ROWS = [
     (0, s.UPWIND, s.RELEASED, s.HAND_OVER, s.REASON_DOWNWIND),
 ]
 BREAK_ROW = (s.BREAK_OFF, 0, s.BREAKING_OFF, s.NOTHING, s.REASON_BREAK)
-SOAR_ON_ROW = (
-    s.SOAR_ON | s.POSITION_FRESH | s.INSIDE_FENCE | s.SETTLED,
-    *(0, s.CAPTURING, s.NEW_LINE, s.REASON_SOAR_ON),
-)
 LET_GO = (s.RELEASED, s.HAND_OVER)
+HOME_ROWS = [
+    (0, s.INSIDE_LEE, *LET_GO, s.REASON_FENCE),
+    (0, s.NOT_BLIND, *LET_GO, s.REASON_POSITION_LOST),
+    (
+        s.SOAR_ON | s.POSITION_FRESH | s.INSIDE_FENCE | s.SETTLED,
+        *(0, s.CAPTURING, s.NEW_LINE, s.REASON_SOAR_ON),
+    ),
+]
 GIVEN_UP = (s.BREAKING_OFF, s.NOTHING)
 ON_LINE_ROWS = [
     BREAK_ROW,
@@ -462,10 +476,10 @@ FLYING_ROWS = {
         (s.LINE_REACHED, 0, s.CAPTURING, s.KEEP_LINE, s.REASON_LINE_REACHED),
     ],
     s.BREAKING_OFF: [
-        SOAR_ON_ROW,
+        *HOME_ROWS,
         (s.AWAY | s.SETTLED, 0, s.LANDING, s.NOTHING, s.REASON_AWAY),
     ],
-    s.LANDING: [SOAR_ON_ROW, (s.ON_GROUND, 0, *LET_GO, s.REASON_LANDED)],
+    s.LANDING: [*HOME_ROWS, (s.ON_GROUND, 0, *LET_GO, s.REASON_LANDED)],
 }
 
 
@@ -597,6 +611,10 @@ SOUGHT = s.SEARCH | s.PLACE_FOUND
         (s.LANDING, 0, s.SOAR_ON, s.CAPTURING, s.REASON_SOAR_ON),
         (s.LANDING, s.INSIDE_FENCE, s.SOAR_ON, s.LANDING, s.REASON_NONE),
         (s.LANDING, 0, s.ON_GROUND, s.RELEASED, s.REASON_LANDED),
+        (s.LANDING, s.INSIDE_FENCE, 0, s.LANDING, s.REASON_NONE),  # upstream it is left on purpose
+        (s.LANDING, s.INSIDE_LEE, s.SOAR_ON, s.RELEASED, s.REASON_FENCE),
+        (s.BREAKING_OFF, s.POSITION_FRESH | s.POSITION_KEPT, 0, s.BREAKING_OFF, s.REASON_NONE),
+        (s.BREAKING_OFF, s.NOT_BLIND, s.AWAY, s.RELEASED, s.REASON_POSITION_LOST),
         (s.RELEASED, 0, 0, s.RELEASED, s.REASON_NONE),
         (s.RELEASED, s.ENGAGE, 0, s.STANDBY, s.REASON_WITHDRAWN),
         (s.FAILED, s.ENGAGE, 0, s.FAILED, s.REASON_NONE),

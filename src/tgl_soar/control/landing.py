@@ -72,7 +72,8 @@ SINK_MPS: Final = 0.4
 KF: Final = 3.0
 CROSS_S: Final = 2.0
 CROSS_MPS: Final = 3.0
-BEARING_MAX_RAD: Final = pi / 3.0  # from upwind: further off the nose leaves what it may turn to
+# From upwind, and what 32 bits of degrees lose: further off the nose leaves what it may turn to.
+BEARING_MAX_RAD: Final = pi / 3.0 + 1e-4
 AVERAGE_S: Final = 1.0  # of the height left
 DEEP_M: Final = 50.0  # missing, at most: else one wrong reading would rule the average
 TREND_S: Final = 10.0  # of how fast it goes
@@ -80,7 +81,9 @@ ARMED_S: Final = 1.0  # so long must there be height left before its end breaks 
 SHORT_S: Final = 0.5  # so long must it be gone
 STILL_MPS: Final = 0.7  # over the ground, for STILL_S: it lies there
 STILL_S: Final = 1.0
-GROUND_M: Final = 1.0  # over the place, at most
+# Of height, at most: a wing's own and the estimate's error. Standing still is no ground where the
+# wind is as fast as the aircraft, and the flare sinks slowly: from more it is let go in the air.
+GROUND_M: Final = 0.3
 
 # What is asked of a break-off.
 STAY: Final = 0
@@ -123,7 +126,7 @@ class EscapeState(NamedTuple):
     rate_mps: float  # at which it changes, averaged
     since_s: float  # since when there is some left, or none
     armed: bool  # there was some left in this flight
-    still_s: float  # when the aircraft moved last
+    still_s: float  # when the aircraft moved last, or did not land yet
 
 
 class GlideState(NamedTuple):
@@ -255,6 +258,8 @@ def weave(
     final_mps = ground_speed(params.best_glide_mps, WIND_BELOW * wind, place.bearing_rad)
     final_sink = polar_sink(params.polar, params.best_glide_mps)
     sink = polar_sink(params.polar, speed_mps)
+    if not final_sink > 0.0:  # no polar is known there
+        return 0.0
     distance = along(place, vehicle.x_m, vehicle.y_m) - FINAL_M * final_mps / final_sink
     if not (height > 0.0 and sink > 0.0 and distance < INFINITE):
         return 0.0
@@ -270,19 +275,25 @@ def escape_step(
     params: LandingParams,
     state: EscapeState,
     flying: bool,
+    lands: bool,
+    position_ok: bool,
     vehicle: VehicleState,
     air: AirEstimate,
     dt_s: float,
 ) -> EscapeState:
-    """One tick of the watch.  flying: in the air and in control."""
+    """One tick of the watch.  flying: in the air and in control; lands: the mode.
+
+    Without a position the height is not known: what the estimate coasts to must end no flight.
+    """
     now = vehicle.time_s
     if not flying:
         return NO_ESCAPE
     speed2 = vehicle.velocity_x_mps * vehicle.velocity_x_mps
     speed2 += vehicle.velocity_y_mps * vehicle.velocity_y_mps
     speed2 += vehicle.climb_mps * vehicle.climb_mps
-    still_s = state.still_s if speed2 < STILL_MPS * STILL_MPS and state.still_s <= now else now
-    left = escape_height(params, vehicle, air)
+    still = lands and position_ok and speed2 < STILL_MPS * STILL_MPS
+    still_s = state.still_s if still and state.still_s <= now else now
+    left = escape_height(params, vehicle, air) if position_ok else NAN
     if left != left:
         return NO_ESCAPE._replace(still_s=still_s, armed=state.armed)
     if state.left_m != state.left_m:
@@ -325,9 +336,12 @@ def time_left(state: EscapeState) -> float:
     return state.left_m / -state.rate_mps if state.rate_mps < -1e-3 else INFINITE
 
 
-def is_on_ground(params: LandingParams, state: EscapeState, vehicle: VehicleState) -> bool:
-    """Whether the aircraft lies on the ground: it does not move, and is low where that is known."""
-    low = params.place.length_m <= 0.0 or vehicle.z_m - params.place.z_m <= GROUND_M
+def is_on_ground(
+    params: LandingParams, state: EscapeState, vehicle: VehicleState, clearance_m: float
+) -> bool:
+    """Whether the aircraft lies on the ground: it landed, does not move, and has no height; where
+    its height is not known nobody can say."""
+    low = flare_height(params, vehicle, clearance_m) <= GROUND_M  # false for NaN
     return low and vehicle.time_s - state.still_s >= STILL_S
 
 
@@ -408,7 +422,7 @@ def glide_wish(
     """What follows of it.  trim_pitch_rad: theta_glide at that speed; NaN: not known."""
     pitch = trim_pitch_rad if trim_pitch_rad == trim_pitch_rad else params.glide_pitch_rad
     pitch += state.integral_rad
-    speed = air.airspeed_mps if air.airspeed_mps > 1.0 else params.best_glide_mps
+    speed = air.airspeed_mps if air.airspeed_mps > 1.0 else max(1.0, params.best_glide_mps)
     if state.flares:
         height = flare_height(params, vehicle, clearance_m)
         sink_wanted = max(SINK_MPS, height / FLARE_S)

@@ -15,7 +15,12 @@ from tgl_soar.control.envelope import EnvelopeLimits, Fence
 from tgl_soar.control.excitation import Excitation
 from tgl_soar.control.forecast import ForecastParams
 from tgl_soar.control.heading import BankGains, HeadingGains
-from tgl_soar.control.landing import BEARING_MAX_RAD, LandingParams, LandingPlace
+from tgl_soar.control.landing import (
+    BEARING_MAX_RAD,
+    SLOW_BY_MPS,
+    LandingParams,
+    LandingPlace,
+)
 from tgl_soar.control.lateral_schedule import LateralSchedule, lateral_schedule_of
 from tgl_soar.control.launch import LaunchParams
 from tgl_soar.control.pid import PidGains
@@ -182,24 +187,26 @@ def _landing_params(
     values: ParameterSet, frame: SoaringFrame, aerodynamics: Aerodynamics
 ) -> LandingParams:
     def from_upwind(name: str) -> float:
-        bearing = wrap_angle(radians(values[name]) - frame.wind_from_rad)
-        return max(-BEARING_MAX_RAD, min(BEARING_MAX_RAD, bearing))
+        return wrap_angle(radians(values[name]) - frame.wind_from_rad)
 
+    approach_rad, escape_rad = from_upwind("LND_BEAR"), from_upwind("ESC_BEAR")
+    # Another bearing than the one that was given would lead to another place: then none is known.
+    is_known = max(abs(approach_rad), abs(escape_rad)) <= BEARING_MAX_RAD
     return LandingParams(
         place=LandingPlace(
             x_m=values["LND_X"],
             y_m=values["LND_Y"],
             z_m=values["LND_Z"],
-            bearing_rad=from_upwind("LND_BEAR"),
-            length_m=values["LND_LEN"],
+            bearing_rad=approach_rad,
+            length_m=values["LND_LEN"] if is_known else 0.0,
         ),
-        escape_rad=from_upwind("ESC_BEAR"),
+        escape_rad=escape_rad,
         away_x_m=values["ESC_X"],
         spare_m=values["ESC_SPARE"],
         asked=int(values["ESC_START"]),
         auto=values["ESC_AUTO"] != 0.0,
         polar=aerodynamics.polar,
-        best_glide_mps=values["DYN_BEST"],
+        best_glide_mps=values["DYN_BEST"] or values["SPEED_MIN"] + SLOW_BY_MPS,  # 0: not known
         speed_min_mps=values["SPEED_MIN"],
         heading_max_rad=radians(values["PSI_MAX"]),
         sigmas=values["ESC_SIGMA"],

@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 
 from tgl_soar.control import landing, launch
 from tgl_soar.control import supervisor as modes
+from tgl_soar.control.envelope import OUT_DOWNSTREAM
 from tgl_soar.control.estimates import Estimates
 from tgl_soar.control.heading import heading_setpoint, sideways_held
 from tgl_soar.control.landing import (
@@ -33,6 +34,7 @@ from tgl_soar.control.soaring import SoaringState, gliding_step
 from tgl_soar.control.surface_loops import LoopsState
 from tgl_soar.control.target_line import LineState, e_rho, line_at, line_step
 from tgl_soar.estimation.aerodynamics import glide_pitch
+from tgl_soar.estimation.motion_state import FUTURE_S
 from tgl_soar.types import NAN, THEIRS, Inputs, VehicleState
 
 
@@ -86,8 +88,9 @@ def passage_step(
             line_rests=not line.moving,
         )
         began = launch_step(laws.launch, began, launching, view, dt_s)
-    in_air = not launching or is_aloft(began)
-    escape = escape_step(laws.landing, state.escape, in_air, vehicle, estimates.air, dt_s)
+    in_air, lands = not launching or is_aloft(began), mode == modes.LANDING
+    sure, air = estimates.health.position_ok, estimates.air
+    escape = escape_step(laws.landing, state.escape, in_air, lands, sure, vehicle, air, dt_s)
     glide = state.glide if modes.goes_home(mode) else NO_GLIDE
     return PassageState(began, escape, glide)
 
@@ -120,17 +123,25 @@ def passage_conditions(laws: Laws, mode: int, state: PassageState, estimates: Es
         found |= modes.LAUNCH_HIGH
     if standing != launch.FAR:
         found |= modes.LINE_IN_REACH
-    short = is_short(state.escape, vehicle.time_s)
+    sure, clearance_m = estimates.health.position_ok, estimates.margins.clearance_m
+    short = sure and is_short(state.escape, vehicle.time_s)
     if home.asked == landing.BREAK or (home.asked == landing.STAY and home.auto and short):
         found |= modes.BREAK_OFF
     if home.asked == landing.SOAR_ON:
         found |= modes.SOAR_ON
-    low = landing.flare_height(home, vehicle, estimates.margins.clearance_m)
+    low = landing.flare_height(home, vehicle, clearance_m)
     near_m = 2.0 * laws.envelope.clearance_min_m
-    if vehicle.x_m <= home.away_x_m or low <= near_m or not estimates.health.position_ok:
+    if sure and (vehicle.x_m <= home.away_x_m or low <= near_m):
         found |= modes.AWAY
-    if mode == modes.LANDING and is_on_ground(home, state.escape, vehicle):
+    if mode == modes.LANDING and sure and is_on_ground(home, state.escape, vehicle, clearance_m):
         found |= modes.ON_GROUND
+    if not estimates.margins.outside & OUT_DOWNSTREAM:
+        found |= modes.INSIDE_LEE
+    # As POSITION_KEPT, and then for as long as recovering may last.
+    blind_s = vehicle.time_s - estimates.memory.confident_s
+    blind_max_s = laws.guards.position_age_max_s + laws.guards.recover_s
+    if estimates.health.position_age_s <= blind_max_s and -FUTURE_S <= blind_s <= blind_max_s:
+        found |= modes.NOT_BLIND  # false for NaN
     return found
 
 

@@ -23,7 +23,8 @@ Fence and height are judged on the estimate in every mode in control, however un
 where the position is lost the estimate is still the best that is known of the place.  No mode
 without a confident position lasts: holding ends by its own timer, recovering by its own, and
 before that where a glide in still air may have come down to the least clearance meanwhile.  Two
-modes look at neither: breaking off and landing leave the fence and come down on purpose.
+modes leave the fence upstream and come down on purpose, breaking off and landing: they end at its
+downstream side, and where the position stays lost for as long as recovering may last.
 
 What must last counts in explicit timers of the state, so that noise cannot make it chatter:
 capturing, soaring and searching are left for each other or for holding only after MINIMUM_S (for
@@ -114,17 +115,19 @@ BREAK_OFF: Final = 1 << 35
 SOAR_ON: Final = 1 << 36
 AWAY: Final = 1 << 37
 ON_GROUND: Final = 1 << 38
-FOUND: Final = (1 << 39) - 1
+INSIDE_LEE: Final = 1 << 39
+NOT_BLIND: Final = 1 << 40
+FOUND: Final = (1 << 41) - 1
 # Conditions that the supervisor finds itself, by what it remembers.
-SAME_BOOT: Final = 1 << 39
-STAYS_ARMED: Final = 1 << 40
-STILL_READY: Final = 1 << 41
-SETTLED: Final = 1 << 42
-LONG_GAP: Final = 1 << 43
-TIME_UP: Final = 1 << 44
-TROUBLED: Final = 1 << 45
-CLEARED: Final = 1 << 46
-CONDITIONS: Final = 47
+SAME_BOOT: Final = 1 << 41
+STAYS_ARMED: Final = 1 << 42
+STILL_READY: Final = 1 << 43
+SETTLED: Final = 1 << 44
+LONG_GAP: Final = 1 << 45
+TIME_UP: Final = 1 << 46
+TROUBLED: Final = 1 << 47
+CLEARED: Final = 1 << 48
+CONDITIONS: Final = 49
 CONDITION_TEXTS: Final = (
     "operator has engaged it",
     "every stream has arrived",
@@ -165,6 +168,8 @@ CONDITION_TEXTS: Final = (
     "operator wants to soar on",
     "away from the slope, or low",
     "on the ground",
+    "inside the fence downstream",
+    "position not lost for too long on the way home",
     "autopilot not restarted",
     "not disarmed since",
     "was ready a moment ago",
@@ -392,10 +397,15 @@ def _on_the_line(mode: int, nowhere: int = REASON_NOWHERE) -> tuple[Transition, 
     )
 
 
-def _soars_on(mode: int) -> Transition:
-    """The operator takes it back, where the line can be flown again."""
+def _on_the_way_home(mode: int) -> tuple[Transition, ...]:
+    """It ends over the slope or blind; the operator takes it back where the line can be flown."""
     back = SOAR_ON | POSITION_FRESH | INSIDE_FENCE | SETTLED
-    return Transition(mode, back, 0, CAPTURING, NEW_LINE, REASON_SOAR_ON)
+    return (
+        *_faults(mode),
+        Transition(mode, 0, INSIDE_LEE, RELEASED, HAND_OVER, REASON_FENCE),
+        Transition(mode, 0, NOT_BLIND, RELEASED, HAND_OVER, REASON_POSITION_LOST),
+        Transition(mode, back, 0, CAPTURING, NEW_LINE, REASON_SOAR_ON),
+    )
 
 
 def _launch(
@@ -460,11 +470,9 @@ TRANSITIONS: Final[tuple[Transition, ...]] = (
     _launch(LINE_IN_REACH, REASON_FAR),
     _launch(POSITION_KEPT, REASON_POSITION_LOST),
     Transition(LAUNCHING, LINE_REACHED, 0, CAPTURING, KEEP_LINE, REASON_LINE_REACHED),
-    *_faults(BREAKING_OFF),
-    _soars_on(BREAKING_OFF),
+    *_on_the_way_home(BREAKING_OFF),
     Transition(BREAKING_OFF, AWAY | SETTLED, 0, LANDING, NOTHING, REASON_AWAY),
-    *_faults(LANDING),
-    _soars_on(LANDING),
+    *_on_the_way_home(LANDING),
     Transition(LANDING, ON_GROUND, 0, RELEASED, HAND_OVER, REASON_LANDED),
 )
 
