@@ -155,7 +155,9 @@ def entry_lacks(laws: Laws, state: AutopilotState, inputs: Inputs, output: Outpu
     """The conditions of an entry, as bits, that do not hold after a tick; state: after it."""
     held = stream_conditions(laws.guards, inputs, output.health, state.memory.confident_s)
     held |= flight_conditions(laws, output.vehicle, output.margins) | target_conditions(laws)
-    return modes.ENTRY & ~(held | way.hand_conditions(laws))
+    return modes.ENTRY & ~(
+        held | way.hand_conditions(laws, output.vehicle, output.health, output.margins)
+    )
 
 
 class _Guidance(NamedTuple):
@@ -243,7 +245,7 @@ def _watch(
     vehicle, target = estimates.vehicle, laws.target
     found = _conditions(laws, state, inputs, estimates) | target_conditions(laws) | FINITE | SANE
     found |= line_conditions(laws.guards, 0.0, False, False) | modes.SETTLES
-    found |= way.hand_conditions(laws) | way.asked_conditions(laws)
+    found |= way.hand_conditions(laws, estimates.vehicle, estimates.health, estimates.margins)
     supervisor, decision = _decide(laws, state, inputs, found)
     state = _idle(laws, state, inputs, estimates, supervisor, state.line, initial_forecast())
     if modes.is_flying(decision.mode):

@@ -285,6 +285,13 @@ def test_in_the_hand_neither_height_nor_speed_is_asked_for() -> None:
         assert flown.fly(0.5).output.mode == mode
 
 
+def test_what_flies_already_is_not_launched_and_keeps_its_entry_checks() -> None:
+    flown = Flown(world_of(), values_of(LNC_START=1.0, LNC_SPEED=10.0, SPEED_MIN=7.0))
+    assert flown.fly(30.0, SOARING).output.mode == SOARING
+    assert flown.output.margins.clearance_m > 4.0
+    assert LAUNCHING not in [mode for mode, _ in flown.modes]
+
+
 def test_the_modes_without_a_search_stay_as_they_were() -> None:
     """No landing place, no launch: the state of these modes is never begun."""
     flown = soaring(LND_LEN=0.0)

@@ -91,6 +91,23 @@ def test_shaking_and_carrying_are_no_throw() -> None:
     assert launched.look(1.0, upwind_mps=1.4).standing == launch.HELD
 
 
+def test_what_flies_evidently_is_in_no_hand() -> None:
+    high = Launched().look(0.9, clearance_m=4.5)
+    assert high.standing == launch.HELD
+    assert high.look(0.3, clearance_m=4.5).standing == launch.THROWN
+    # LNC_SPEED may be far above what anybody walks.
+    params = PARAMS._replace(throw_mps=10.0)
+    state, standings = NO_LAUNCH, []
+    for k in range(300):
+        state = launch_step(params, state, True, view(50.0 + k * DT, upwind_mps=3.0), DT)
+        standings.append(state.standing)
+    assert standings[190] == launch.HELD
+    assert standings[210] == launch.THROWN
+    # What is not known is no evidence.
+    assert Launched().look(5.0, clearance_m=inf).standing == launch.HELD
+    assert Launched().look(5.0, clearance_m=9.0, position_ok=False).standing == launch.HELD
+
+
 def test_velocity_sees_what_is_only_let_go_and_no_imu_is_needed() -> None:
     assert Launched().look().look(push=nan, upwind_mps=1.6).standing == launch.THROWN
     held = Launched().look().look(0.5, push=nan, upwind_mps=1.6, position_ok=False)

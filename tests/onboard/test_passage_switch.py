@@ -11,6 +11,8 @@ from test_onboard import Flight, texts
 from tgl_soar.autopilot import Output
 from tgl_soar.control.passage import PassageReport
 from tgl_soar.control.supervisor import BREAKING_OFF, LANDING, LAUNCHING, READY, RELEASED, SOARING
+from tgl_soar.link.autopilots.ardupilot import MODE_AUTO
+from tgl_soar.link.autopilots.px4 import MODE_RETURN
 from tgl_soar.link.messages import COMMAND_DO_LAND_START, COMMAND_DO_SET_MODE
 from tgl_soar.link.mode_change import TRIES
 from tgl_soar.onboard.firmware_landing import FirmwareLanding
@@ -84,6 +86,43 @@ def test_the_switches_go_back_by_themselves(flight: Flight) -> None:
     assert (settings.values["LNC_START"], settings.values["ESC_START"]) == (0.0, 1.0)
     switch.tick(output_of(flight, RELEASED))
     assert settings.values["ESC_START"] == 0.0
+    # However a flight ends, no launch is left for the next one.
+    settings.values["LNC_START"] = 1.0
+    switch.tick(output_of(flight, SOARING))
+    assert settings.values["LNC_START"] == 1.0
+    switch.tick(output_of(flight, READY))
+    assert settings.values["LNC_START"] == 0.0
+
+
+def test_what_has_broken_off_asks_for_nothing_any_more(flight: Flight) -> None:
+    """A file that is saved on the way home must not end the next flight when it is loaded."""
+    settings = Settings(ESC_START=1.0)
+    switch = PassageSwitch(settings, Said())  # type: ignore[arg-type]
+    switch.tick(output_of(flight, SOARING, 10.0))
+    switch.tick(output_of(flight, BREAKING_OFF, 10.1))
+    switch.tick(output_of(flight, BREAKING_OFF, 10.9))
+    assert settings.values["ESC_START"] == 1.0
+    switch.tick(output_of(flight, LANDING, 11.1))
+    assert settings.values["ESC_START"] == 0.0
+    settings.values["ESC_START"] = 2.0
+    for k in range(5):
+        switch.tick(output_of(flight, SOARING, 12.0 + k))
+    assert settings.values["ESC_START"] == 2.0  # that stands for the flight
+
+
+def test_a_launch_that_nobody_engages_expires(flight: Flight) -> None:
+    settings, said = Settings(LNC_START=1.0), Said()
+    switch = PassageSwitch(settings, said)  # type: ignore[arg-type]
+    for now in (0.0, 59.0):
+        switch.tick(output_of(flight, READY, now))
+        assert settings.values["LNC_START"] == 1.0
+    switch.tick(output_of(flight, READY, 61.0))
+    assert settings.values["LNC_START"] == 0.0
+    assert said.words == ["LNC_START is 0 again: nothing was engaged within 60 s"]
+    settings.values["LNC_START"] = 1.0
+    for k in range(100):  # in the hand for longer, in control
+        switch.tick(output_of(flight, LAUNCHING, 62.0 + k))
+    assert settings.values["LNC_START"] == 1.0
 
 
 def test_what_makes_no_sense_is_refused(flight: Flight) -> None:
@@ -91,6 +130,14 @@ def test_what_makes_no_sense_is_refused(flight: Flight) -> None:
     assert switch.refusal("LNC_START", 1.0, active=True)
     assert not switch.refusal("LNC_START", 1.0, active=False)
     assert switch.refusal("ESC_START", 2.0, active=True)
+    assert switch.refusal("ESC_START", 1.0, active=False)
+    assert not switch.refusal("ESC_START", 1.0, active=True)
+    assert not switch.refusal("ESC_START", 0.0, active=False)
+    ready = output_of(flight, READY)
+    for clearance, refused in ((1.5, False), (9.0, True)):
+        margins = ready.margins._replace(clearance_m=clearance)
+        switch.tick(ready._replace(margins=margins))
+        assert bool(switch.refusal("LNC_START", 1.0, active=False)) == refused
     switch.tick(output_of(flight, BREAKING_OFF))
     assert not switch.refusal("ESC_START", 2.0, active=True)
 
@@ -98,8 +145,12 @@ def test_what_makes_no_sense_is_refused(flight: Flight) -> None:
 def test_a_break_off_by_command_over_the_air() -> None:
     flown = Flight()
     flown.base_mode |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+    flown.run(1.0)
+    flown.set("ESC_START", 1.0)  # from a file: it must not wait for the flight
+    assert flown.onboard.settings.values["ESC_START"] == 0.0
     flown.engaged().run(4.0)
     flown.set("ESC_START", 1.0)
+    assert flown.onboard.settings.values["ESC_START"] == 1.0
     flown.run(0.1)
     assert flown.mode_now == BREAKING_OFF
     assert "breaking off: breaks off" in texts(flown.said())
@@ -127,12 +178,16 @@ class Firmware:
 
 
 @pytest.mark.parametrize(
-    ("by", "command"), [(1.0, COMMAND_DO_LAND_START), (2.0, COMMAND_DO_SET_MODE)]
+    ("name", "by", "command", "custom_mode"),
+    [
+        ("ardupilot", 1.0, COMMAND_DO_LAND_START, MODE_AUTO),
+        ("px4", 2.0, COMMAND_DO_SET_MODE, MODE_RETURN),
+    ],
 )
 def test_the_firmwares_landing_is_asked_for_and_seen(
-    flight: Flight, by: float, command: int
+    flight: Flight, name: str, by: float, command: int, custom_mode: int
 ) -> None:
-    firmware, said = Firmware("ardupilot"), Said()
+    firmware, said = Firmware(name), Said()
     landing: Any = FirmwareLanding(firmware, Settings(LND_BY=by), firmware, said)  # type: ignore[arg-type]
     landing.tick(output_of(flight, BREAKING_OFF, 1.0))
     assert said.sent == []
@@ -140,7 +195,7 @@ def test_the_firmwares_landing_is_asked_for_and_seen(
     for k in range(100):
         landing.tick(output_of(flight, LANDING, 2.0 + 0.005 * k))
     assert [message.command for message in said.sent] == [command]  # once for each heartbeat
-    firmware.time_s, firmware.custom_mode = 3.0, 10 if by == 1.0 else 11
+    firmware.time_s, firmware.custom_mode = 3.0, custom_mode
     landing.tick(output_of(flight, RELEASED, 3.0))
     assert said.words == ["the autopilot lands"]
 
@@ -162,3 +217,26 @@ def test_a_firmware_whose_landing_is_not_known_is_refused() -> None:
     landing: Any = FirmwareLanding(firmware, Settings(), firmware, Said())  # type: ignore[arg-type]
     assert "bridge" in landing.refusal(1.0)
     assert landing.refusal(0.0) == ""
+    with_mission: Any = FirmwareLanding(Firmware("ardupilot"), Settings(), firmware, Said())  # type: ignore[arg-type]
+    assert with_mission.refusal(1.0) == ""
+    assert "RTL_AUTOLAND" in with_mission.refusal(2.0)
+
+
+def test_a_return_that_does_not_land_is_not_asked_for(flight: Flight) -> None:
+    """Not by a value from a file either."""
+    firmware, said = Firmware("ardupilot"), Said()
+    landing: Any = FirmwareLanding(firmware, Settings(LND_BY=2.0), firmware, said)  # type: ignore[arg-type]
+    for k in range(10):
+        firmware.time_s = float(k + 1)
+        landing.tick(output_of(flight, LANDING, float(k + 1)))
+    assert (said.sent, said.words) == ([], [])
+
+
+def test_an_operator_who_takes_the_landing_back_is_told_of_no_other(flight: Flight) -> None:
+    firmware, said, settings = Firmware("px4"), Said(), Settings(LND_BY=1.0)
+    landing: Any = FirmwareLanding(firmware, settings, firmware, said)  # type: ignore[arg-type]
+    firmware.time_s, firmware.custom_mode = 1.0, MODE_RETURN
+    landing.tick(output_of(flight, LANDING, 1.0))
+    settings.values["LND_BY"] = 0.0
+    landing.tick(output_of(flight, LANDING, 1.1))
+    assert said.words == []

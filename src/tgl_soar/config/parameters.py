@@ -673,7 +673,8 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         meaning="1: the next engagement is a launch from the hand: the module holds the attitude,"
                 " waits for the throw, gains speed and glides to the line, in mode launching."
                 " Airspeed and clearance are not asked of an aircraft in the hand. 0 again once"
-                " it has ended; setting 0 before the throw calls it off.",
+                " it has ended, after any flight, and after 60 s without an engagement; setting 0"
+                " before the throw calls it off.",
         integer=True, in_files=False,
     ),
     Parameter(
@@ -704,8 +705,8 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     Parameter(
         name="ESC_START", unit="", minimum=0, maximum=2, default=0,
         meaning="1: break off, away from the slope, and land; 2: soar on, from breaking off or"
-                " landing, and do not break off by itself; 0: neither. It is 0 again after a"
-                " flight.",
+                " landing, and do not break off by itself; 0: neither. 1 is refused unless in"
+                " control, and is 0 again a second after it has broken off; 2 is after the flight.",
         integer=True, in_files=False,
     ),
     Parameter(
@@ -731,6 +732,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         name="ESC_BEAR", unit="deg", minimum=-360, maximum=360, default=0,
         meaning="Bearing, from north, of the way out from the slope; at most 60 degrees from"
                 " upwind. From the site file's [landing].",
+        in_flight=False,
     ),
     Parameter(
         name="ESC_X", unit="m", minimum=-500, maximum=500, default=0,
@@ -739,29 +741,35 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     Parameter(
         name="LND_X", unit="m", minimum=-500, maximum=500, default=0,
         meaning="Downstream position of the point where to touch down.",
+        in_flight=False,
     ),
     Parameter(
         name="LND_Y", unit="m", minimum=-500, maximum=500, default=0,
         meaning="Its position to the right of an aircraft that faces upwind.",
+        in_flight=False,
     ),
     Parameter(
         name="LND_Z", unit="m", minimum=-100, maximum=1000, default=0,
         meaning="Its height.",
+        in_flight=False,
     ),
     Parameter(
         name="LND_BEAR", unit="deg", minimum=-360, maximum=360, default=0,
         meaning="Bearing, from north, of the approach; at most 60 degrees from upwind.",
+        in_flight=False,
     ),
     Parameter(
         name="LND_LEN", unit="m", minimum=0, maximum=500, default=0,
         meaning="Length of the strip about the point; 0: no landing place is known. Then the"
                 " height left is not known either, and a break-off glides straight upwind.",
+        in_flight=False,
     ),
     Parameter(
         name="LND_BY", unit="", minimum=0, maximum=2, default=0,
         meaning="Who lands once the slope is left behind. 0: the module; 1: the autopilot, by the"
                 " landing of its mission (DO_LAND_START); 2: the autopilot, by its return to"
-                " launch. The module flies its own approach until a heartbeat shows that mode.",
+                " launch, which lands with PX4 alone. The module flies its own approach until a"
+                " heartbeat shows that mode.",
         integer=True,
     ),
 )  # fmt: skip

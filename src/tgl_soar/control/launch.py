@@ -11,7 +11,8 @@ body's x axis, which needs no position,
     push(t) = ∫ (f_x − g sin pitch) e^(−(t − t') / PUSH_S) dt'
 
 A shaken or carried aircraft is pushed forth and back; one that is let go in its wind (a tunnel) is
-pushed by nothing, and is seen by its velocity alone.
+pushed by nothing, and is seen by its velocity alone.  What is too high for a hand, or faster than a
+walker, for EVIDENT_S is in none, however it got there.
 
 A launch that cannot succeed is given up while there is height to land with: thrown too steeply, no
 speed in time, sinking into the clearance, the line still far where that is near, or flown away
@@ -27,6 +28,7 @@ from tgl_soar.control.target_line import LineLimits
 from tgl_soar.types import ImuSample, VehicleState
 
 GRAVITY_MPS2: Final = 9.80665
+INFINITE: Final = float("inf")
 PUSH_S: Final = 0.5  # a throw takes 0.2 to 0.4 s; a stride, forth and back, about as long
 SPEED_S: Final = 0.2  # so long must the speed last: a gust is no speed
 FLIES_BY_MPS: Final = 1.0  # above SPEED_MIN: 0.05 rad of incidence, all of the elevator
@@ -38,6 +40,11 @@ STEEP_RAD: Final = 0.6  # from the launch's pitch: 34 degrees; thrown so, half o
 AVERAGE_S: Final = 1.0  # of the climb: a throw's own oscillation lasts as long
 AHEAD_S: Final = 3.0  # to flare and land in: what is reached in it need not be given up
 LAST_S: Final = 0.5  # of what it is given up for
+# In no hand: a raised arm, on a rock, and the height's own error; or faster than somebody who walks
+# uphill. The airspeed says nothing, for a hand holds it into any wind.
+HAND_M: Final = 4.0
+WALKER_MPS: Final = 2.5
+EVIDENT_S: Final = 1.0  # so long must either last
 HAND_SHARE: Final = 0.5  # of the clearance in the hand: whoever stands on the slope is low
 LONGEST_S: Final = 60.0  # of the way to the line
 
@@ -70,7 +77,9 @@ class LaunchState(NamedTuple):
     standing: int  # 0 none, 1 held, 2 thrown, 3 gliding, 4 line reached, 5 … why it was given up
     since_s: float  # when it began to stand so
     push_mps: float
-    mark_s: float  # thrown: when there was no speed last; gliding: when the line was in reach last
+    # held: when it may have been in a hand last; thrown: when there was no speed last; gliding:
+    # when the line was in reach last.
+    mark_s: float
     climb_mps: float  # averaged
     high_s: float  # when it was high enough last
     low_m: float  # the clearance below which it is too low
@@ -136,10 +145,11 @@ def _held(params: LaunchParams, state: LaunchState, view: LaunchView, dt_s: floa
         push = push * exp(-dt_s / PUSH_S) + forward * dt_s
     low = min(view.clearance_min_m, HAND_SHARE * view.clearance_m)
     state = state._replace(push_mps=push, high_s=now, low_m=low)
-    speed = 0.0
-    if view.position_ok:
-        speed = hypot(hypot(vehicle.velocity_x_mps, vehicle.velocity_y_mps), vehicle.climb_mps)
-    if push >= params.throw_mps or speed >= params.throw_mps:
+    speed = _speed(vehicle) if view.position_ok else 0.0
+    if not is_in_no_hand(vehicle, view.position_ok, view.clearance_m):
+        state = state._replace(mark_s=now)
+    evident = now - state.mark_s >= EVIDENT_S
+    if push >= params.throw_mps or speed >= params.throw_mps or evident:
         if not abs(vehicle.pitch_rad - params.pitch_rad) <= STEEP_RAD:
             return _standing(state, STEEP, now)
         return _standing(state, THROWN, now)
@@ -181,6 +191,16 @@ def _standing(state: LaunchState, standing: int, now_s: float) -> LaunchState:
 def is_in_hand(state: LaunchState) -> bool:
     """Whether somebody holds the aircraft, as far as a launch knows."""
     return state.standing == HELD
+
+
+def is_in_no_hand(vehicle: VehicleState, position_ok: bool, clearance_m: float) -> bool:
+    """Whether the aircraft is evidently in the air.  clearance_m: inf where it is not known."""
+    high = HAND_M < clearance_m < INFINITE
+    return position_ok and (high or _speed(vehicle) > WALKER_MPS)
+
+
+def _speed(vehicle: VehicleState) -> float:
+    return hypot(hypot(vehicle.velocity_x_mps, vehicle.velocity_y_mps), vehicle.climb_mps)
 
 
 def is_aloft(state: LaunchState) -> bool:

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 from tgl_soar.control import landing, launch
 from tgl_soar.control import supervisor as modes
-from tgl_soar.control.envelope import OUT_DOWNSTREAM
+from tgl_soar.control.envelope import OUT_DOWNSTREAM, Margins
 from tgl_soar.control.estimates import Estimates
 from tgl_soar.control.heading import heading_setpoint, sideways_held
 from tgl_soar.control.landing import (
@@ -27,7 +27,14 @@ from tgl_soar.control.landing import (
     time_left,
 )
 from tgl_soar.control.lateral_schedule import lateral_bandwidth, sideways_gains
-from tgl_soar.control.launch import NO_LAUNCH, LaunchState, LaunchView, is_aloft, launch_step
+from tgl_soar.control.launch import (
+    NO_LAUNCH,
+    LaunchState,
+    LaunchView,
+    is_aloft,
+    is_in_no_hand,
+    launch_step,
+)
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.pid import PidState, PidTerms, pid_step
 from tgl_soar.control.soaring import SoaringState, gliding_step
@@ -35,7 +42,7 @@ from tgl_soar.control.surface_loops import LoopsState
 from tgl_soar.control.target_line import LineState, e_rho, line_at, line_step
 from tgl_soar.estimation.aerodynamics import glide_pitch
 from tgl_soar.estimation.motion_state import FUTURE_S
-from tgl_soar.types import NAN, THEIRS, Inputs, VehicleState
+from tgl_soar.types import NAN, THEIRS, Health, Inputs, VehicleState
 
 
 class PassageState(NamedTuple):
@@ -95,20 +102,21 @@ def passage_step(
     return PassageState(began, escape, glide)
 
 
-def hand_conditions(laws: Laws) -> int:
-    """What need not hold yet of an aircraft that waits to be thrown: the hand carries it."""
-    return modes.AIR_SAFE | modes.HIGH_ENOUGH if laws.launch.wanted else 0
+def hand_conditions(laws: Laws, vehicle: VehicleState, health: Health, margins: Margins) -> int:
+    """A launch that is asked for, and what need not hold yet: the hand carries the aircraft.
 
-
-def asked_conditions(laws: Laws) -> int:
-    """What the operator has asked for, in any mode."""
-    return modes.LAUNCH if laws.launch.wanted else 0
+    What flies already is in no hand, and is engaged as ever.
+    """
+    flies = is_in_no_hand(vehicle, health.position_ok, margins.clearance_m)
+    if not laws.launch.wanted or flies:
+        return 0
+    return modes.LAUNCH | modes.AIR_SAFE | modes.HIGH_ENOUGH
 
 
 def passage_conditions(laws: Laws, mode: int, state: PassageState, estimates: Estimates) -> int:
     """What holds of launch, escape and landing in a tick in control."""
     home, standing, vehicle = laws.landing, state.launch.standing, estimates.vehicle
-    found = asked_conditions(laws)
+    found = modes.LAUNCH if laws.launch.wanted else 0
     if is_aloft(state.launch):
         found |= modes.THROWN
     if standing == launch.REACHED:

@@ -6,6 +6,9 @@ for anybody; a firmware that does not take the landing leaves the module to land
 
     ask      right after a heartbeat, `TRIES` times, a request may be lost
     done     a heartbeat shows the mode; an acknowledgement alone says nothing
+
+ArduPlane's return circles over home, with a throttle that we do not have, unless RTL_AUTOLAND says
+otherwise; that is not read.
 """
 
 from __future__ import annotations
@@ -14,7 +17,7 @@ from typing import Final
 
 from tgl_soar.autopilot import Output
 from tgl_soar.control.supervisor import LANDING
-from tgl_soar.link.autopilots.ardupilot import MODE_AUTO, MODE_RTL
+from tgl_soar.link.autopilots.ardupilot import MODE_AUTO
 from tgl_soar.link.autopilots.px4 import MODE_MISSION, MODE_RETURN
 from tgl_soar.link.messages import (
     COMMAND_DO_LAND_START,
@@ -31,10 +34,10 @@ from tgl_soar.onboard.setup import ModuleSetup
 
 BY_MISSION: Final = 1
 BY_RETURN: Final = 2
-# custom_mode in which each firmware lands, by its name: of its mission, and of its return.
+# custom_mode in which each firmware lands, by its name and LND_BY.
 LANDING_MODES: Final = {
-    "ardupilot": (MODE_AUTO, MODE_RTL),
-    "px4": (MODE_MISSION, MODE_RETURN),
+    "ardupilot": {BY_MISSION: MODE_AUTO},
+    "px4": {BY_MISSION: MODE_MISSION, BY_RETURN: MODE_RETURN},
 }
 NO_PARAMS: Final = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -48,20 +51,25 @@ class FirmwareLanding:
         self._setup, self._settings = setup, settings
         self._session, self._outbox = session, outbox
         self._tries = 0
+        self._asked_for = -1  # custom_mode
         self._asked_s = self._looked_s = float("-inf")
 
     def refusal(self, value: float) -> str:
         """Why LND_BY may not be set so; "" if it may."""
-        if value == 0.0 or self._setup.flavour.name in LANDING_MODES:
+        name = self._setup.flavour.name
+        modes = LANDING_MODES.get(name)
+        if value == 0.0 or (modes and value in modes):
             return ""
-        return f"no landing of {self._setup.flavour.name} is known: 0"
+        if modes:
+            return f"the return of {name} does not land, unless RTL_AUTOLAND says so: 0 or 1"
+        return f"no landing of {name} is known: 0"
 
     def tick(self, output: Output) -> None:
         """A tick has gone by."""
         by = int(self._settings.values["LND_BY"])
-        modes = LANDING_MODES.get(self._setup.flavour.name)
-        if output.mode != LANDING or modes is None or by not in (BY_MISSION, BY_RETURN):
-            self._ended(modes, by)
+        modes = LANDING_MODES.get(self._setup.flavour.name, {})
+        if output.mode != LANDING or by not in modes:
+            self._ended()
             return
         heard_s = self._session.status.time_s
         if not heard_s > self._looked_s or self._tries > TRIES:
@@ -76,11 +84,12 @@ class FirmwareLanding:
                 SEVERITY_WARNING, f"the autopilot does not land ({TRIES} times asked): we do"
             )
             return
-        self._outbox.say_all((self._request(by, modes),), self._outbox.autopilot)
+        self._asked_for = modes[by]
+        self._outbox.say_all((self._request(by, modes[by]),), self._outbox.autopilot)
 
-    def _request(self, by: int, modes: tuple[int, int]) -> CommandLong:
+    def _request(self, by: int, custom_mode: int) -> CommandLong:
         if by == BY_RETURN:
-            return self._setup.flavour.ask_for_mode(modes[1])
+            return self._setup.flavour.ask_for_mode(custom_mode)
         return CommandLong(
             target_system=self._session.autopilot.system,
             target_component=COMPONENT_AUTOPILOT,
@@ -89,8 +98,8 @@ class FirmwareLanding:
             params=NO_PARAMS,
         )
 
-    def _ended(self, modes: tuple[int, int] | None, by: int) -> None:
-        if self._tries and modes and self._session.custom_mode == modes[by - 1]:
+    def _ended(self) -> None:
+        if self._tries and self._session.custom_mode == self._asked_for:
             self._outbox.tell(SEVERITY_NOTICE, "the autopilot lands")
         self._tries = 0
         self._asked_s = self._looked_s = float("-inf")

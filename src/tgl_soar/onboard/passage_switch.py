@@ -1,7 +1,8 @@
 """LNC_START and ESC_START, the switches of a launch and of the way home.
 
 What the tick makes of them it does by itself; here they go back when what they asked for is over,
-what cannot be done is refused, and the height that is left is told before it is gone.
+so that no file that a station saves meanwhile asks for it again; what cannot be done is refused,
+and the height that is left is told before it is gone.
 """
 
 from __future__ import annotations
@@ -10,7 +11,8 @@ from math import inf, isfinite
 from typing import Final
 
 from tgl_soar.autopilot import Output
-from tgl_soar.control.landing import SOAR_ON, STAY
+from tgl_soar.control.landing import BREAK, SOAR_ON, STAY
+from tgl_soar.control.launch import is_in_no_hand
 from tgl_soar.control.supervisor import LAUNCHING, goes_home, is_flying
 from tgl_soar.link.messages import SEVERITY_NOTICE, SEVERITY_WARNING
 from tgl_soar.onboard.outbound import Outbox
@@ -19,6 +21,8 @@ from tgl_soar.onboard.settings import FlightSettings
 # The height left is told as it falls through these, once each until there is clearly more again.
 TOLD_M: Final = (5.0, 2.0, 0.0)
 MORE_M: Final = 2.0
+SHOW_BREAK_S: Final = 1.0  # the station that has set it sees it confirmed
+WAIT_S: Final = 60.0  # to engage what LNC_START is set for; what comes later is not it
 
 
 class PassageSwitch:
@@ -29,11 +33,18 @@ class PassageSwitch:
         self._outbox = outbox
         self._mode = 0
         self._told_m = inf  # the last height that was told
+        self._flies = False  # evidently, in control or not
+        self._unasked_s = inf  # when LNC_START was 0, or engaged, last
+        self._here_s = inf  # when ESC_START was not 1 on the way home, last
 
     def refusal(self, name: str, value: float, *, active: bool) -> str:
         """Why a value may not be set; "" if it may."""
         if name == "LNC_START" and value == 1.0 and active:
             return "it flies already: a launch begins with the engagement"
+        if name == "LNC_START" and value == 1.0 and self._flies:
+            return "it is in no hand: too high over the ground, or too fast"
+        if name == "ESC_START" and value == BREAK and not active:
+            return "it is not in control: nothing to break off"
         if name == "ESC_START" and value == SOAR_ON and not goes_home(self._mode):
             return "it does not break off: 2 is for soaring on from there"
         return ""
@@ -41,14 +52,38 @@ class PassageSwitch:
     def tick(self, output: Output) -> None:
         """A tick has gone by, and its command is on its way."""
         before, self._mode = self._mode, output.mode
-        if output.mode != before and before == LAUNCHING:
+        vehicle, position_ok = output.vehicle, output.health.position_ok
+        self._flies = is_in_no_hand(vehicle, position_ok, output.margins.clearance_m)
+        ended = not output.active and is_flying(before)
+        if ended or (output.mode != before and before == LAUNCHING):
             self._put_back("LNC_START")
+        self._end_wait(output)
+        self._end_break(output)
         if not output.active:
-            if is_flying(before):
+            if ended:
                 self._put_back("ESC_START")
             self._told_m = inf
         elif not goes_home(output.mode):
             self._tell(output.passage.height_left_m, output.passage.time_left_s)
+
+    def _end_wait(self, output: Output) -> None:
+        """A launch that nobody has engaged is over: an engagement hours later is none."""
+        now = output.time_s
+        if output.active or self._settings.values["LNC_START"] == 0.0 or now < self._unasked_s:
+            self._unasked_s = now
+        elif now - self._unasked_s >= WAIT_S:
+            self._put_back("LNC_START")
+            text = f"LNC_START is 0 again: nothing was engaged within {WAIT_S:g} s"
+            self._outbox.tell(SEVERITY_WARNING, text)
+
+    def _end_break(self, output: Output) -> None:
+        """What has broken off need not be asked for any more."""
+        now = output.time_s
+        asks = goes_home(output.mode) and self._settings.values["ESC_START"] == BREAK
+        if not asks or now < self._here_s:
+            self._here_s = now
+        elif now - self._here_s >= SHOW_BREAK_S:
+            self._put_back("ESC_START")
 
     def _put_back(self, name: str) -> None:
         if self._settings.values[name] != STAY:
