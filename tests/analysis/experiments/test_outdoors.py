@@ -36,6 +36,20 @@ def test_what_counts_as_landed(landed: FlownPassage) -> None:
         assert not replace(good, **bad).landed
 
 
+def test_who_hits_the_ground_while_soaring_does_not_soar(landed: FlownPassage) -> None:
+    soared = (*landed.modes[:-2], (5.0, "soaring", "on the line"))
+    assert replace(landed, modes=soared, ended="").soars
+    assert not replace(landed, modes=soared).soars
+
+
+def test_a_launch_that_is_given_up_must_land_to_count(landed: FlownPassage) -> None:
+    good = replace(landed, along_m=0.0, across_m=0.0, sink_mps=0.5, left_m=1.0)
+    for across_m, held in ((0.0, True), (6.4, False)):
+        given_up = replace(good, kind=outdoors.LAUNCH, across_m=across_m)
+        claims = outdoors._claims({"launch": [given_up], "landing": [good], "lull": [good]})
+        assert [claim.holds for claim in claims] == [held, True, True]
+
+
 def test_the_tables_the_claims_and_the_figure(tmp_path: Path) -> None:
     context = Context(Flyer(), figures=tmp_path, episodes=1)
     result = outdoors.run(context)
