@@ -270,7 +270,7 @@ def draw(path: Path, found: Sequence[Timed], looks: Sequence[Look]) -> None:
         right.plot([x.flown for x in looks], [x.resident_mib for x in looks], color=LEG_COLOURS[1])
         right.set_xlabel("flights kept")
         right.set_ylabel("memory of the parent [MiB]")
-        right.set_ylim(bottom=0.0)
+        right.set_ylim(0.0, 1.2 * max((x.resident_mib for x in looks), default=1.0))
         save(plt, figure, path)
 
 
