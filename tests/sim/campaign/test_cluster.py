@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import platform
 import signal
 import socket
 import subprocess
@@ -125,3 +126,36 @@ def test_where_nobody_answers_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster, "ANSWER_S", 1.0)
     with pytest.raises(ClusterError, match="no scheduler answers"):
         DaskCluster(f"tcp://127.0.0.1:{free_port()}")
+
+
+FAULTS = """
+import os, resource, sys
+import numpy as np
+from tgl_soar.sim.campaign.cluster import keep_memory
+
+if sys.argv[1] == "kept" and not keep_memory():
+    raise SystemExit("no mallopt")
+np.ones(400_000)
+before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+for _ in range(20):
+    np.ones(400_000)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+"""
+
+
+def page_faults(how: str) -> int:
+    """Of twenty arrays of 3.2 MB, one after the other, in a process as dask's nanny starts it."""
+    found = subprocess.run(
+        [sys.executable, "-c", FAULTS, how],
+        env={**os.environ, "MALLOC_TRIM_THRESHOLD_": "65536"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return int(found.stdout)
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="mallopt is glibc's")
+def test_a_worker_keeps_the_memory_of_a_flight_for_the_next() -> None:
+    assert page_faults("as started") > 20 * 400  # asked of the system anew each time
+    assert page_faults("kept") < 400
