@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 from tgl_soar.control import passage as way
 from tgl_soar.control import supervisor as modes
-from tgl_soar.control.brake import NO_POINT, BrakeEffect, BrakeState, PointReport
+from tgl_soar.control.brake import NO_POINT, BrakeEffect, BrakeState, PointReport, set_aside
 from tgl_soar.control.conditions import (
     blind_glide_s,
     excitation_hindrance,
@@ -286,7 +286,7 @@ def _idle(
             laws.excitation, state.excitation, inputs.time_s, 0.0, NOT_SOARING
         ),
         forecast=forecast,
-        brake=NO_POINT,
+        brake=set_aside(state.brake),
         passage=way.NO_PASSAGE,
     )
 

@@ -18,11 +18,14 @@ from tgl_soar.control.brake import (
     NO_BRAKE,
     NO_POINT,
     OUTSIDE_S,
+    RESTS,
+    UNEVEN,
     Around,
     BrakeGains,
     BrakeState,
     brake_effect,
     brake_step,
+    set_aside,
 )
 from tgl_soar.control.laws import Laws, laws_from
 from tgl_soar.control.target_line import TargetLine
@@ -94,9 +97,10 @@ def around(state: BrakeState) -> Around:
 
 def test_it_fades_in_to_its_bias_where_nothing_disturbs_and_out_again() -> None:
     state = steps(gains(), at(0.0), 1.0)
-    assert state.standing == HOLDS
+    assert state.standing == RESTS
     assert state.brake == pytest.approx(0.5 * FADE_PER_S, abs=1e-9)
     state = steps(gains(), at(0.0), 2.0, state)
+    assert state.standing == HOLDS
     assert state.brake == pytest.approx(0.5, abs=1e-9)
     state = steps(gains(wanted=False), at(0.0), 1.0, state)
     assert state.standing == LINE_ONLY
@@ -156,7 +160,16 @@ def test_a_brake_that_does_not_answer_ends_it_until_the_operator_asks_again() ->
     state = steps(gains(), at(0.0), 3.0, state)
     assert (state.standing, state.brake) == (DEAD, 0.0)
     state = steps(gains(wanted=False), at(0.0), DT, state)
-    assert steps(gains(), at(0.0), DT, state).standing == HOLDS
+    assert steps(gains(), at(0.0), 3.0, state).standing == HOLDS
+
+
+@pytest.mark.parametrize("standing", [DEAD, UNEVEN])
+def test_a_brake_that_was_given_up_is_not_tried_by_the_next_flight_either(standing: int) -> None:
+    flown = steps(gains(), at(0.0), 3.0)._replace(standing=standing)
+    again = steps(gains(), at(0.0), 3.0, set_aside(flown))
+    assert (again.standing, again.brake) == (standing, 0.0)
+    well = set_aside(steps(gains(), at(0.0), 3.0))
+    assert well == NO_POINT
 
 
 def test_without_a_brake_or_a_route_for_it_the_line_alone_is_flown_and_that_is_said() -> None:
@@ -171,8 +184,10 @@ def test_off_the_line_or_without_a_place_it_fades_out_and_begins_at_the_aircraft
     for lost in (
         steps(gains(), at(0.0), 0.1, state, on_the_line=False),
         steps(gains(), at(nan), 0.1, state),
+        steps(gains(), at(0.0, nan), 0.1, state),
     ):
         assert lost.brake == pytest.approx(0.475)
+        assert lost.standing == RESTS
         back = steps(gains(), at(0.2), DT, lost)
         assert back.off_m == pytest.approx(0.0, abs=0.01)
 

@@ -48,6 +48,14 @@ def station(bounds: LineBounds, presets: Presets = (), **changes: float) -> Stat
         # Across the slope, not above it: 0.6 / sqrt 2.
         ({"TGL_X": 1.0, "TGL_Z": 1.6, "CLEAR_MIN": 0.5}, "0.42 m from the ground"),
         ({"TGL_X": 1.0, "TGL_Z": 0.9}, "0.00 m from the ground (CLEAR_MIN is 0 m)"),
+        # The point that is held, not that of a line alone.
+        ({"TGL_HOLD": 1.0, "TGL_ALONG": -0.5}, ""),
+        ({"TGL_HOLD": 0.0, "TGL_ALONG": -3.0}, ""),
+        (
+            {"TGL_HOLD": 1.0, "TGL_ALONG": -3.0},
+            "the point that is held (TGL_ALONG) is outside the fence (FENCE_Z_MIN is 0 m)",
+        ),
+        ({"TGL_HOLD": 2.0, "TGL_ALONG": -0.6, "CLEAR_MIN": 0.5}, "TGL_ALONG) is 0."),
     ],
 )
 def test_where_a_line_s_point_may_be(changes: dict[str, float], reported: str) -> None:
@@ -80,6 +88,20 @@ def test_a_fence_that_is_not_set_is_reported() -> None:
 
 
 # --- what is set ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("flying", [False, True])
+def test_a_point_that_slips_is_refused_and_one_can_always_be_let_go(flying: bool) -> None:
+    there = station(LineBounds(EDGE, GROUND), (), TGL_HOLD=1.0)
+    there.set("TGL_ALONG", -17.0, flying=flying)
+    assert there.shown["TGL_ALONG"] == 0.0
+    assert "TGL_ALONG = -17: the point that is held (TGL_ALONG) is outside" in there.words
+    there.set("TGL_HOLD", 0.0, flying=flying)
+    there.set("TGL_ALONG", -17.0, flying=flying)  # of no account while nothing is held
+    assert there.server.values["TGL_ALONG"] == -17.0
+    there.set("TGL_HOLD", 1.0, flying=flying)
+    assert there.server.values["TGL_HOLD"] == 0.0
+    assert there.words.startswith("TGL_HOLD = 1: the point that is held")
 
 
 @pytest.mark.parametrize("flying", [False, True])

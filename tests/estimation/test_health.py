@@ -560,6 +560,23 @@ def test_surfaces_that_are_not_known_are_no_fault() -> None:
     assert watch.reported == 0
 
 
+def test_a_brake_is_dead_when_samples_go_on_saying_so_and_not_by_one_before_a_silence() -> None:
+    def out(brake: float) -> Any:
+        return lambda i, k: SurfacesSample(k, i.time_s, 0.0, 0.0, 0.0, brake)
+
+    watch = Watch()
+    watch.flying = True
+    watch.run(128, surfaces=out(0.0)).run(1, surfaces=out(1.0))
+    odd = watch.k
+    watch.run(128, surfaces=lambda _i, _k: SurfacesSample(odd, odd * DT, 0.0, 0.0, 0.0, 1.0))
+    assert watch.reported == 0
+    watch.run(1, surfaces=out(0.0))
+    watch.run(round(0.9 * h.BRAKE_DEAD_S / DT), surfaces=out(1.0)).run(1, surfaces=out(0.0))
+    assert watch.reported == 0
+    watch.run(round(1.1 * h.BRAKE_DEAD_S / DT) + 1, surfaces=out(1.0))
+    assert watch.reported == h.BRAKE
+
+
 # --- words --------------------------------------------------------------------------------------
 
 

@@ -127,7 +127,7 @@ class LineChanges:
 
     def _answer(self, name: str, before: ParameterSet, after: ParameterSet, flying: bool) -> Answer:
         """Errors: `ParameterError` for a line that is refused."""
-        moved = _line(before) != _line(after)
+        moved = _line(before) != _line(after) or _held(after) not in (None, _held(before))
         bounded = any(before[bound] != after[bound] for bound in BOUNDS)
         fault = ""
         if moved or bounded:
@@ -206,6 +206,11 @@ def _selected(
 
 def _line(values: ParameterSet) -> tuple[float, float, float]:
     return values["TGL_X"], values["TGL_Z"], values["TGL_LEAN"]
+
+
+def _held(values: ParameterSet) -> float | None:
+    """Where on its line a point is held [m]; None: nowhere."""
+    return values["TGL_ALONG"] if values["TGL_HOLD"] != 0.0 else None
 
 
 class ContourCrossing(NamedTuple):

@@ -77,6 +77,10 @@ OUTSIDE: Final = 0.8
 INSIDE: Final = 0.5
 BRAKE_MIN_SINK_MPS: Final = 0.02  # that all of it must add: less holds nothing
 HELD: Final = 0.05  # further from where it is wanted the brake is held by something else
+FOLLOWS: Final = 0.005  # nearer than this it is where it is wanted: a fortieth of the shake
+# As near as this to an end of its travel the law stands at it: the integral stops before its sum
+# has passed the end, by a step of its own or by what the proportional part makes of a gust.
+AT_END: Final = 0.02
 GIVE_WAY: Final = 1.0 / 3.0  # of the speed at which the point moves
 MIDDLE: Final = 0.1  # of the travel: as near to its bias a mean of some seconds in gusts stays
 
@@ -90,6 +94,7 @@ DEAD: Final = 5
 UNEVEN: Final = 6
 TRIES: Final = 7
 GIVES_WAY: Final = 8
+RESTS: Final = 9  # asked for, but no line is flown, or the brake still fades in
 POINT_TEXTS: Final = (
     "the line alone",
     "held",
@@ -100,6 +105,7 @@ POINT_TEXTS: Final = (
     "brake pulls to one side: line alone",
     "at an end of the brake: trying it",
     "gives way along the line",
+    "not held yet",
 )
 
 
@@ -211,10 +217,12 @@ def brake_step(
     fade = FADE_PER_S * dt_s
     along_x, along_z = cos(eta_rad), sin(eta_rad)
     off_now = along_x * vehicle.x_m + along_z * vehicle.z_m
-    if not (acts(standing) and around.on_the_line and isfinite(off_now)):
+    speed = along_x * vehicle.velocity_x_mps + along_z * vehicle.climb_mps
+    if not (acts(standing) and around.on_the_line and isfinite(off_now + speed)):
         weight = max(0.0, state.weight - fade)
         # Towards nothing from where it was: no law acts any more.
         brake = state.brake * weight / state.weight if state.weight > 0.0 else 0.0
+        standing = RESTS if acts(standing) else standing
         return NO_POINT._replace(standing=standing, weight=weight, brake=brake)
 
     state = _way_given(gains, state, target, around, dt_s)
@@ -222,38 +230,39 @@ def brake_step(
     off = off_now - along_x * x - along_z * z
     moves = (along_x * moved_x + along_z * moved_z) / dt_s if dt_s > 0.0 else 0.0
     back = max(-gains.speed_max_mps, min(gains.speed_max_mps, -gains.kp_per_s * off))
-    speed = along_x * vehicle.velocity_x_mps + along_z * vehicle.climb_mps
     slope = polar_slope(aerodynamics.polar, airspeed_mps)
     sinks = along_z - slope * along_x if isfinite(slope) else along_z
     law = _law(gains, most)
     error = sinks * (speed - moves - back)
     pid, terms = pid_step(law, state.pid, error, 0.0, gains.bias * most, dt_s, around.blocked)
     share = dt_s / (OUTSIDE_S + dt_s)
-    ended = state.ended + (terms.saturated - state.ended) * share
     asked = terms.output / most
+    end = _end(error, asked, around.blocked)
+    ended = state.ended + (end - state.ended) * share
     mean = state.mean + (asked - state.mean) * share
     weight = min(1.0, state.weight + fade)
     even, trial, shake = state.even, state.trial, state.shake
-    if weight == 1.0:
-        # The roll loop does not follow a shake as it follows the law.
+    if weight == 1.0 and abs(around.brake - state.brake) < FOLLOWS:
+        # Not where roll takes of its travel: there it follows the aileron.  And the roll loop does
+        # not follow a shake as it follows the law.
         even = even_step(even, around.brake - shake.shaken, around.aileron, dt_s)
     if weight == 1.0 and around.felt and abs(aerodynamics.CL_brake) >= LIFT_MIN:
         lifts = _lift(aerodynamics, airspeed_mps)
         if shake.on and abs(ended) > INSIDE:  # so far in that it can go both ways
             asked = max(SHAKEN, min(1.0 - SHAKEN, asked))
-        shake = shake_step(
-            shake, terms.saturated, asked, around.brake, vehicle.climb_mps, lifts, dt_s
-        )
+        shake = shake_step(shake, end, asked, around.brake, vehicle.climb_mps, lifts, dt_s)
         trial = NOT_TRIED
     elif weight == 1.0:
         shake = NOT_SHAKEN
         held = abs(around.brake - state.brake) > HELD
         expected = TRIED * most / sinks if sinks > 0.0 else float("nan")
-        trial = trial_step(trial, terms.saturated, ended, held, speed, expected, dt_s)
+        trial = trial_step(trial, end, ended, held, speed, expected, dt_s)
     if trial.on:  # meanwhile the law rests
         pid, ended, mean, asked = state.pid, state.ended, state.mean, tried_brake(trial)
     return BrakeState(
-        standing=_stands(gains, standing, trial, shake, ended, mean, around),
+        standing=_stands(gains, standing, trial, shake, ended, mean, around)
+        if weight == 1.0
+        else RESTS,
         x_m=x,
         z_m=z,
         off_m=off,
@@ -284,6 +293,15 @@ def _law(gains: BrakeGains, most_mps: float) -> PidGains:
     )
 
 
+def _end(error_mps: float, asked: float, blocked: int) -> int:
+    """At which end of what the brake can do the law stands, and would go on: -1, 0 or +1."""
+    if error_mps > 0.0 and (asked >= 1.0 - AT_END or blocked > 0):
+        return 1
+    if error_mps < 0.0 and (asked <= AT_END or blocked < 0):
+        return -1
+    return 0
+
+
 def _lift(aerodynamics: Aerodynamics, airspeed_mps: float) -> float:
     """The acceleration [m/s²], up, that all of the brake makes before incidence follows."""
     pressure = 0.5 * aerodynamics.air_density_kgpm3 * airspeed_mps * airspeed_mps
@@ -292,7 +310,15 @@ def _lift(aerodynamics: Aerodynamics, airspeed_mps: float) -> float:
 
 def acts(standing: int) -> bool:
     """Whether a point is held, or as near to it as the brake can."""
-    return HOLDS <= standing <= BELOW_BAND or standing >= TRIES
+    return HOLDS <= standing <= BELOW_BAND or standing in (TRIES, GIVES_WAY)
+
+
+def set_aside(state: BrakeState) -> BrakeState:
+    """Before another flight: of what was remembered only that a brake is bad is left.  It does not
+    mend itself while the pilot flies."""
+    if state.standing in (DEAD, UNEVEN):
+        return NO_POINT._replace(standing=state.standing)
+    return NO_POINT
 
 
 def _begun(gains: BrakeGains, state: BrakeState, around: Around, most_mps: float) -> int:
@@ -309,7 +335,7 @@ def _begun(gains: BrakeGains, state: BrakeState, around: Around, most_mps: float
         return NO_BRAKE
     if pulls(state.even):
         return UNEVEN
-    return HOLDS if state.standing in (LINE_ONLY, NO_BRAKE) else state.standing
+    return HOLDS if state.standing in (LINE_ONLY, NO_BRAKE, RESTS) else state.standing
 
 
 def _stands(
@@ -344,6 +370,8 @@ def _way_given(
     z = target.z_m + gains.along_m * sin(target.eta_rad)
     if x != state.ordered_x_m or z != state.ordered_z_m:  # true for NaN: none yet
         return state._replace(given_way_m=0.0, ordered_x_m=x, ordered_z_m=z)
+    if not gains.gives_way:
+        return state._replace(given_way_m=0.0)
     if state.standing != GIVES_WAY:
         return state
     rate = GIVE_WAY * max(-1.0, min(1.0, 2.0 * (state.mean - gains.bias)))

@@ -134,7 +134,10 @@ def shake_step(
     if not state.on:
         rest_s = max(0.0, state.rest_s - dt_s)
         on = rest_s <= 0.0 and pressed >= PRESSED
-        return state._replace(pressed=pressed, rest_s=rest_s, on=on, climb_mps=climb_mps)
+        found = NOTHING if on else state.found  # that it acted once is no answer to this
+        return state._replace(
+            pressed=pressed, rest_s=rest_s, on=on, climb_mps=climb_mps, found=found
+        )
     phase = 2.0 * pi * SHAKE_HZ * state.time_s
     s, c = sin(phase), cos(phase)
     rise = (climb_mps - state.climb_mps) / (dt_s * lifts_mps2 * GAIN)
@@ -209,10 +212,5 @@ def _judged(state: ShakeState) -> ShakeState:
 
 
 def _over(state: ShakeState, found: int) -> ShakeState:
-    """It rests; what was found before stays until something else is."""
-    return NOT_SHAKEN._replace(
-        rest_s=REST_S,
-        q=state.q,
-        sigma=state.sigma,
-        found=found if found != NOTHING else state.found,
-    )
+    """It rests; what was found stays until it is shaken again."""
+    return NOT_SHAKEN._replace(rest_s=REST_S, q=state.q, sigma=state.sigma, found=found)

@@ -4,13 +4,13 @@ An output that is read back is where the autopilot sends a servo, not where the 
 
 **To one side.**  If one half jams, the other half rolls the aircraft, and the roll loop holds
 against it: its aileron follows the brake.  With <…> the mean over WATCH_S of what is left when
-each one's own mean is taken off,
+each one's own mean over MEAN_S is taken off,
 
     r = <b a> / <b b>           aileron for all of the brake
     s² = (<a a> - r <b a>) / <b b> N            its variance, N independent samples of SAMPLE_S
 
 Gusts move both, but not together.  |r| of UNEVEN or more, and of UNEVEN_SIGMAS s, is a brake that
-pulls to one side.
+pulls to one side, as soon as N is SAMPLES.
 
 **At all.**  Where accelerations are known and the brake takes lift, `brake_shake` tells; else this.
 The law asks for an end of the travel for long where the point is outside the band, and
@@ -37,7 +37,12 @@ from tgl_soar.types import isfinite
 # In gusts of 1 to 5 % a brake that is well shows an r of 0.01 to 0.02, 0.6 to 0.8 of this s.
 WATCH_S: Final = 20.0
 SAMPLE_S: Final = 0.3
-WATCHED: Final = 0.2  # of what a mean over WATCH_S holds; before that it is not judged: 4.5 s
+# After a capture both settle, and a point that is moved takes the brake along, once each: that two
+# slow ways go together says nothing, and no number of samples of them makes it more.
+MEAN_S: Final = 2.0
+# Nine seconds at least.  Of fewer the deviation s is itself not known: with half as many four of it
+# come by chance once in 700 flights, in their first seconds.
+SAMPLES: Final = 30.0
 # Less than a twelfth of the aileron is no loss; three quarters of this is taken by the trim.
 UNEVEN: Final = 0.08
 UNEVEN_SIGMAS: Final = 4.0
@@ -97,7 +102,12 @@ class TrialState(NamedTuple):
 
 
 NOT_WATCHED: Final = EvenState(
-    brake=0.0, aileron=0.0, brake_2=0.0, both=0.0, aileron_2=0.0, watched=0.0
+    brake=0.0,
+    aileron=0.0,
+    brake_2=0.0,
+    both=0.0,
+    aileron_2=0.0,
+    watched=0.0,
 )
 NOT_TRIED: Final = TrialState(
     pressed=0.0,
@@ -125,25 +135,27 @@ def even_step(state: EvenState, brake: float, aileron: float, dt_s: float) -> Ev
     gain = dt_s / (WATCH_S + dt_s)
     watched = state.watched + (1.0 - state.watched) * gain
     share = gain / watched  # 1 at first: the mean of what has come so far
-    left = 1.0 - share
-    off_brake, off_aileron = brake - state.brake, aileron - state.aileron
+    nearer = max(share, dt_s / (MEAN_S + dt_s))
+    mean_brake = state.brake + nearer * (brake - state.brake)
+    mean_aileron = state.aileron + nearer * (aileron - state.aileron)
+    b, a = brake - mean_brake, aileron - mean_aileron
     return EvenState(
-        brake=state.brake + share * off_brake,
-        aileron=state.aileron + share * off_aileron,
-        brake_2=left * (state.brake_2 + share * off_brake * off_brake),
-        both=left * (state.both + share * off_brake * off_aileron),
-        aileron_2=left * (state.aileron_2 + share * off_aileron * off_aileron),
+        brake=mean_brake,
+        aileron=mean_aileron,
+        brake_2=state.brake_2 + share * (b * b - state.brake_2),
+        both=state.both + share * (a * b - state.both),
+        aileron_2=state.aileron_2 + share * (a * a - state.aileron_2),
         watched=watched,
     )
 
 
 def pulls(state: EvenState) -> bool:
     """Whether the brake pulls to one side."""
-    if state.watched < WATCHED or not state.brake_2 > MOVED * MOVED:
+    samples = state.watched * WATCH_S / SAMPLE_S
+    if samples < SAMPLES or not state.brake_2 > MOVED * MOVED:
         return False
     slope = state.both / state.brake_2
     left = max(0.0, state.aileron_2 - slope * state.both)
-    samples = state.watched * WATCH_S / SAMPLE_S
     variance = left / (state.brake_2 * samples)
     sigmas_2 = UNEVEN_SIGMAS * UNEVEN_SIGMAS
     return abs(slope) >= UNEVEN and slope * slope >= sigmas_2 * variance

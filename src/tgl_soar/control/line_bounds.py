@@ -2,6 +2,8 @@
 
     fence     the line's point (TGL_X, TGL_Z) lies inside FENCE_X and FENCE_Z
     ground    it is CLEAR_MIN or more from the [ground] of the site
+    point     where one is held (TGL_HOLD), the same is true of it: a brake takes the aircraft down
+              to where the line alone would not settle
     margins   the loop has a margin on a line of this lean, with what is known of airframe and link
     contour   the line crosses the site's zero excess updraft contour where excess updraft falls
               going up the line, inside the fence and clear of the ground: there the aircraft
@@ -16,6 +18,7 @@ Pure: values in, words out.
 
 from __future__ import annotations
 
+from math import cos, radians, sin
 from typing import Final
 
 from tgl_soar.config.line_changes import Contour, PresetLine, Presets, crossings
@@ -30,6 +33,7 @@ from tgl_soar.control.envelope import (
     outside,
 )
 from tgl_soar.control.loop_margin import margin_fault
+from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.types import NO_GROUND, Ground
 
 FENCE: Final = ("FENCE_X_MIN", "FENCE_X_MAX", "FENCE_Y_MAX", "FENCE_Z_MIN", "FENCE_Z_MAX")
@@ -53,6 +57,8 @@ class LineBounds:
         x_m, z_m = values["TGL_X"], values["TGL_Z"]
         if words := self._place_fault(values, x_m, z_m):
             return f"the line's point is {words}"
+        if words := self._held_fault(values):
+            return f"the point that is held (TGL_ALONG) is {words}"
         if words := margin_fault(values):
             return words
         if not self._contour:
@@ -80,6 +86,14 @@ class LineBounds:
             return self.fault(values.changed(preset.parameters()))
         except ParameterError as error:
             return str(error)
+
+    def _held_fault(self, values: ParameterSet) -> str:
+        if values["TGL_HOLD"] == 0.0:
+            return ""
+        eta, along_m = eta_from_lean(radians(values["TGL_LEAN"])), values["TGL_ALONG"]
+        return self._place_fault(
+            values, values["TGL_X"] + along_m * cos(eta), values["TGL_Z"] + along_m * sin(eta)
+        )
 
     def _place_fault(self, values: ParameterSet, x_m: float, z_m: float) -> str:
         out = outside(_fence(values), x_m, 0.0, z_m)

@@ -279,7 +279,8 @@ def health_step(
     if surfaces.sequence > 0 and now - inputs.surfaces.time_s <= STALE_S:
         answer = 0 if now - surfaces.dead_s > DEAD_S else 1
     faults |= _reported_faults(inputs, tilt, answer)
-    if now - surfaces.brake_dead_s > BRAKE_DEAD_S:
+    # Between two that were seen: one odd sample before a silence is none.
+    if inputs.surfaces.time_s - surfaces.brake_dead_s > BRAKE_DEAD_S:
         faults |= BRAKE
     return HealthState(
         position=position, attitude=attitude, frame=frame, tilt=tilt, surfaces=surfaces

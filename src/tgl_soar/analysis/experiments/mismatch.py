@@ -48,6 +48,7 @@ class MismatchRanges(NamedTuple):
     slope_rad: Range = (radians(-1.0), radians(1.0))  # of a board in a jet
     wind: Range = (0.97, 1.03)
     length: Range = (0.67, 1.5)  # of the turbulence
+    brake: Range = (0.8, 1.2)  # of all that the brake does
 
 
 RANGES: Final = MismatchRanges()
@@ -72,6 +73,7 @@ class Mismatch(NamedTuple):
     slope_rad: float
     wind: float
     length: float
+    brake: float
 
 
 def drawn_mismatch(seed: int) -> Mismatch:
@@ -120,6 +122,9 @@ def mismatched_figures(airframe: Airframe, drawn: Mismatch) -> tuple[tuple[str, 
         "servo_lag_radps": given["servo_lag_radps"] * drawn.servo_lag,
         "servo_delay_s": given["servo_delay_s"] + drawn.late_s,
     }
+    for key in ("CL_brake", "CD_brake", "Cm_brake"):
+        if key in given:  # not every airframe has one
+            model[key] = given[key] * drawn.brake
     inertia = {
         "ixx_kgm2": bench.ixx_kgm2 * drawn.inertia,
         "iyy_kgm2": bench.iyy_kgm2 * drawn.inertia,
