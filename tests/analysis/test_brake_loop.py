@@ -52,6 +52,10 @@ def test_the_loop_along_the_line_bears_half(
     found = margin(speed_mps, lean_deg, delay_s)
     assert found.alpha >= 0.5
     assert 0.5 < found.crossover_radps < 15.0
+    # What the brake does to pitch is undone before it: the elevator's loop loses nothing.
+    assert found.elevator_alpha >= 0.98 * found.line_alpha
+    if delay_s < 0.01:
+        assert found.elevator_alpha >= 0.5
 
 
 def test_too_much_of_it_does_not() -> None:

@@ -26,6 +26,7 @@ from tgl_soar.control.brake import (
     acts,
     brake_step,
 )
+from tgl_soar.control.brake_shake import BLOCK_S, SHAKEN, SHAKES_FEWEST
 from tgl_soar.control.brake_watch import (
     HALF_S,
     MOVED,
@@ -68,7 +69,8 @@ class Slide:
 
     `room`: how far the brake may go; `effect`: of what the brake is commanded, what it does;
     `stuck`: where a half or all of it stands that does not move; `roll`: aileron for all of the
-    difference of two halves; `trim`, `throw`: of ailerons that are the brake too.
+    difference of two halves; `trim`, `throw`: of ailerons that are the brake too; `felt`:
+    accelerations are known.
     """
 
     def __init__(
@@ -80,10 +82,11 @@ class Slide:
         gusts: float = 0.0,
         speed_mps: float = SPEED_MPS,
         room: float = 1.0,
+        felt: bool = False,
         seed: int = 3,
     ) -> None:
         self.effect, self.stuck, self.roll, self.gusts = effect, stuck, roll, gusts
-        self.airspeed_mps, self.room = speed_mps, room
+        self.airspeed_mps, self.room, self.felt = speed_mps, room, felt
         self.along_m = self.speed_mps = self.gust_mps = self.aileron = 0.0
         self.roll_gust = self.trim = self.throw = 0.0
         self.bound = 0
@@ -119,7 +122,7 @@ class Slide:
                 blocked=brake_blocked(brake, self.state.brake, room),
                 brake=brake,
                 aileron=self.aileron,
-                felt=False,
+                felt=self.felt,
                 up_free=up_free,
                 down_free=down_free,
             )
@@ -185,6 +188,43 @@ def test_outside_the_band_a_brake_that_acts_is_tried_once_and_goes_on(
     tried_s = flight.standings.count(TRIES) * DT
     assert 2.0 * HALF_S * TRIED_FEWEST <= tried_s + 0.1 < 80.0  # two trials at most
     assert 0.0 < flight.state.trial.rest_s < TRIED_REST_S
+
+
+@pytest.mark.parametrize("gusts", [0.0, 0.5])
+@pytest.mark.parametrize("speed", [9.0, 11.0])
+def test_a_law_at_an_end_shakes_the_brake_and_gives_up_one_that_has_jammed(
+    speed: float, gusts: float
+) -> None:
+    flight = Slide(effect=0.0, stuck=0.9, gusts=gusts, speed_mps=speed, felt=True)
+    shaken = []
+    for _ in range(600):
+        flight.fly(LAWS.brake._replace(gives_way=True), 0.11)  # no whole part of a shake
+        shaken.append(flight.state.shake.shaken)
+        if flight.state.standing == DEAD:
+            break
+    assert flight.order_of_standings() == [RESTS, HOLDS, ABOVE_BAND, DEAD]
+    assert (min(shaken), max(shaken)) == pytest.approx((-SHAKEN, SHAKEN), rel=0.1)
+    assert flight.fly(LAWS.brake, 2.1).state.brake == 0.0
+
+
+@pytest.mark.parametrize("gusts", [0.0, 0.5])
+def test_outside_the_band_a_brake_that_acts_is_shaken_and_then_the_point_may_give_way(
+    gusts: float,
+) -> None:
+    along = LAWS.brake._replace(along_m=0.35)
+    stays = Slide(gusts=gusts, felt=True).fly(along, 120.0)
+    assert set(stays.standings) == {RESTS, HOLDS, ABOVE_BAND}
+    gives = Slide(gusts=gusts, felt=True).fly(along._replace(gives_way=True), 120.0)
+    assert GIVES_WAY in gives.standings
+    assert gives.state.standing == HOLDS
+    # Not on the word of a shake that is long past.
+    first = gives.standings.index(GIVES_WAY)
+    assert gives.standings[:first].count(ABOVE_BAND) * DT > 0.9 * BLOCK_S * SHAKES_FEWEST
+    gives.effect, gives.stuck = 0.0, 0.95
+    again = len(gives.standings)
+    gives.fly(along._replace(gives_way=True, along_m=0.3), 60.0)
+    assert GIVES_WAY not in gives.standings[again:]
+    assert gives.state.standing == DEAD
 
 
 @pytest.mark.parametrize("speed", [8.0, 9.6, 11.0, 12.0])

@@ -28,6 +28,7 @@ from tgl_soar.config.files import (
 )
 from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterSet
 from tgl_soar.config.site import Site, Tether
+from tgl_soar.control.brake import ABOVE_BAND, HOLDS
 from tgl_soar.control.envelope import EnvelopeLimits, limit_surfaces
 from tgl_soar.control.laws import laws_from
 from tgl_soar.control.supervisor import MODE_NAMES
@@ -74,9 +75,12 @@ ALL_SENSORS = Sensors(
 
 
 @lru_cache(maxsize=4)
-def place(name: str) -> tuple[Airframe, Site, ParameterSet, WindField, tuple[Change, ...]]:
+def place(
+    name: str, airframe_name: str = "eclipson_c"
+) -> tuple[Airframe, Site, ParameterSet, WindField, tuple[Change, ...]]:
     """A shipped site, its field, and two of its lines to move between."""
-    airframe_path, site_path = shipped("airframes/eclipson_c.toml"), shipped(f"sites/{name}.toml")
+    airframe_path = shipped(f"airframes/{airframe_name}.toml")
+    site_path = shipped(f"sites/{name}.toml")
     airframe, site = load_airframe(airframe_path), load_site(site_path)
     assert site.air is not None
     changes = tuple(
@@ -94,9 +98,10 @@ def both(
     changes: tuple[Change, ...] | None = None,
     duration_s: float = FLIGHT_S,
     sensors: Sensors = USUAL_SENSORS,
+    airframe_name: str = "eclipson_c",
 ) -> tuple[Trajectory, Trajectory]:
     """The same flight, plain and all compiled."""
-    airframe, site, values, site_field, lines = place(name)
+    airframe, site, values, site_field, lines = place(name, airframe_name)
     changes = lines if changes is None else changes
     field = field or site_field
     world, other = (
@@ -396,6 +401,23 @@ def test_a_multisine_is_the_same_compiled() -> None:
     runs = (plain["time_s"] > 7.5) & (plain["time_s"] < 9.5)
     assert np.std(plain["injected_rad"][runs]) > radians(0.2)
     assert not np.any(plain["injected_rad"][plain["time_s"] > 9.51])
+    assert_same(plain, fast)
+
+
+@needs_numba
+def test_a_point_is_held_alike_compiled() -> None:
+    """Within the band, then far above it, where the law comes to an end and the brake is shaken."""
+    changes = (
+        Change(0.0, {"TGL_HOLD": 2.0, "TGL_ALONG": -0.1}),
+        Change(8.0, {"TGL_ALONG": 0.3}),
+    )
+    plain, fast = both(
+        "tunnel", 3, 0.01, None, changes, 20.0, ALL_SENSORS, airframe_name="eclipson_c_spoilers"
+    )
+    assert {HOLDS, ABOVE_BAND} <= set(plain["point"])
+    assert np.ptp(plain["brake"]) > 0.3
+    late = plain["time_s"] > 14.0
+    assert np.ptp(plain["brake"][late]) > 0.15  # it is shaken
     assert_same(plain, fast)
 
 

@@ -1,9 +1,9 @@
-"""How much the loop along the line bears: the brake's, with the pitch loops closed below it.
+"""How much the two loops bear that hold a point: one opened while the other is closed.
 
 The rigid body hovers in an air of a given gradient, linearised by differences of the very functions
-that fly: servo, aircraft, the line's law, pitch, and the brake's feed-forward.  The loop is opened
-at the brake's command.  Measurements are taken as they are; what is late in them counts as delay
-of the commands.
+that fly: servo, aircraft, the line's law, pitch, and the brake's feed-forward.  Along the line the
+loop is opened at the brake's command, across it at the elevator's, where the line alone is looked
+at too.  Measurements are taken as they are; what is late in them counts as delay of the commands.
 
     L(z) = -C_s(z) S_b^-1 P(z)      C_s = D (K + K_i T / (z - 1)) (v_s + k_s e_s)
     alpha = min 2 |1 + L| / |1 - L|                 the balanced disk margin
@@ -18,6 +18,7 @@ from math import cos, sin
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgl_soar.analysis.linear_model import Condition, Matrix, differences
 from tgl_soar.control.attitude import attitude_step
@@ -40,54 +41,82 @@ _UNLIMITED: Final = 1e9
 
 
 class BrakeMargin(NamedTuple):
-    """Of the loop along the line."""
+    """Disk margins; 0: unstable."""
 
-    alpha: float  # disk margin; 0: unstable
-    at_radps: float  # where it is least
-    crossover_radps: float  # the highest at which the loop's gain is 1; 0: nowhere
-    stable: bool  # closed
+    alpha: float  # of the brake's loop, the elevator's closed
+    crossover_radps: float  # of it: the highest at which its gain is 1; 0: nowhere
+    elevator_alpha: float  # of the elevator's loop, the brake's closed
+    line_alpha: float  # of the elevator's loop with the brake at rest
+
+
+class _Opened(NamedTuple):
+    """x' = a x + brake u_b + elevator u_e; the laws ask for asks x + through u_b of elevator."""
+
+    a: Matrix
+    brake: Matrix
+    elevator: Matrix
+    asks: Matrix
+    through: float
+    along: Matrix  # place and speed along the line
 
 
 def brake_margin(laws: Laws, condition: Condition) -> BrakeMargin:
     """The margin about half of the brake.  Errors: ValueError without a glide or a brake."""
     if not laws.brake.available:
         raise ValueError("no brake: this airframe has none, or the route does not command it")
-    a, b, c = _opened(laws, condition)
-    dt, gains = 1.0 / condition.step_hz, laws.brake
-    speed = condition.speed_mps
+    opened = _opened(laws, condition)
+    dt, gains, speed = 1.0 / condition.step_hz, laws.brake, condition.speed_mps
     eta = eta_from_lean(condition.lean_rad)
     sinks = sin(eta) - polar_slope(laws.wind.aerodynamics.polar, speed) * cos(eta)
-    by_place, by_speed = gains.kp_per_s, 1.0
     scale = sinks / (gains.sink * speed**3)
-    law = np.array([[by_place, by_speed]]) @ c
 
-    # The integral is one state more: closed, its poles say whether the loop is stable.
-    n = len(a)
-    whole = np.zeros((n + 1, n + 1))
-    whole[:n, :n] = a + scale * gains.kv * (b @ law)
-    whole[:n, n:] = scale * b
-    whole[n:, :n] = gains.ki_per_s * dt * law
-    whole[n, n] = 1.0
-    stable = bool(np.abs(np.linalg.eigvals(whole)).max() < 1.0 + 1e-9)
+    # The integral of the brake's law is one state more.
+    n = len(opened.a)
+    asked = np.zeros((1, n + 1))
+    asked[:, :n] = np.array([[gains.kp_per_s, 1.0]]) @ opened.along
+    a = np.zeros((n + 1, n + 1))
+    a[:n, :n] = opened.a
+    a[n:] = gains.ki_per_s * dt * asked
+    a[n, n] = 1.0
+    brake, elevator = (np.vstack([b, [[0.0]]]) for b in (opened.brake, opened.elevator))
+    by_brake = scale * gains.kv * asked
+    by_brake[0, n] = scale
+    by_elevator = np.hstack([opened.asks, [[0.0]]])
 
-    loop = np.empty(len(FREQUENCIES_RADPS), dtype=np.complex128)
-    for i, frequency in enumerate(FREQUENCIES_RADPS):
-        z = np.exp(1j * frequency * dt)
-        answer = (law @ np.linalg.solve(z * np.eye(n) - a, b))[0, 0]
-        loop[i] = -scale * (gains.kv + gains.ki_per_s * dt / (z - 1.0)) * answer
-    ratio = 2.0 * np.abs(1.0 + loop) / np.abs(1.0 - loop)
-    least = int(np.argmin(ratio))
-    above = np.flatnonzero(np.abs(loop) >= 1.0)
+    both = brake + elevator * opened.through  # what a brake does, its feed-forward with it
+    pitched = a + elevator @ by_elevator
+    stable = _is_stable(pitched + both @ by_brake)
+    along = _loop(pitched, both, by_brake, dt)
+    held = _loop(a + brake @ by_brake, elevator, by_elevator + opened.through * by_brake, dt)
+    alone = _loop(opened.a, opened.elevator, opened.asks, dt)
+    above = np.flatnonzero(np.abs(along) >= 1.0)
     return BrakeMargin(
-        alpha=float(ratio[least]) if stable else 0.0,
-        at_radps=float(FREQUENCIES_RADPS[least]),
+        alpha=_disk(along) if stable else 0.0,
         crossover_radps=float(FREQUENCIES_RADPS[above[-1]]) if len(above) else 0.0,
-        stable=stable,
+        elevator_alpha=_disk(held) if stable else 0.0,
+        line_alpha=_disk(alone) if _is_stable(opened.a + opened.elevator @ opened.asks) else 0.0,
     )
 
 
-def _opened(laws: Laws, condition: Condition) -> tuple[Matrix, Matrix, Matrix]:
-    """(A, B, C) from the brake's command to place and speed along the line, pitch loops closed."""
+def _loop(a: Matrix, b: Matrix, c: Matrix, dt_s: float) -> NDArray[np.complex128]:
+    """L(z) = -c (z - a)^-1 b at every frequency: c asks for what b then does."""
+    found = np.empty(len(FREQUENCIES_RADPS), dtype=np.complex128)
+    for i, frequency in enumerate(FREQUENCIES_RADPS):
+        z = np.exp(1j * frequency * dt_s)
+        found[i] = -(c @ np.linalg.solve(z * np.eye(len(a)) - a, b))[0, 0]
+    return found
+
+
+def _disk(loop: NDArray[np.complex128]) -> float:
+    return float(np.min(2.0 * np.abs(1.0 + loop) / np.abs(1.0 - loop)))
+
+
+def _is_stable(a: Matrix) -> bool:
+    return bool(np.abs(np.linalg.eigvals(a)).max() < 1.0 + 1e-9)
+
+
+def _opened(laws: Laws, condition: Condition) -> _Opened:
+    """Aircraft, servos, delays and the laws of pitch, opened at both commands."""
     bias = 0.5
     trim = glide_at(braked(condition.model, bias), condition.speed_mps)
     dt, eta = 1.0 / condition.step_hz, eta_from_lean(condition.lean_rad)
@@ -100,7 +129,7 @@ def _opened(laws: Laws, condition: Condition) -> tuple[Matrix, Matrix, Matrix]:
         outer, outer_rate, inner, inner_rate = (float(v) for v in vector[_BODY : _BODY + _LAWS])
         elevators = list(vector[_BODY + _LAWS : _BODY + _LAWS + waits])
         brakes = list(vector[_BODY + _LAWS + waits : _BODY + _LAWS + 2 * waits])
-        command = float(vector[-1])
+        command, moved = float(vector[-2]), float(vector[-1])
         effect = brake_effect(laws.brake, bias + command, condition.speed_mps)
         line, terms = soaring_step(
             soaring,
@@ -153,18 +182,23 @@ def _opened(laws: Laws, condition: Condition) -> tuple[Matrix, Matrix, Matrix]:
                 *(angle_next - trim.pitch_rad, after.pitch_rate_frd_radps),
                 *(elevator_next - trim.elevator, brake_next - bias),
                 *(line.pid.integral, line.pid.rate, law.integral, law.rate),
-                *elevators[1:],
+                *(*elevators[1:], moved, *brakes[1:], command),
                 moves.output,
-                *brakes[1:],
-                command,
             ]
         )
 
     size = _BODY + _LAWS + 2 * waits
-    jacobian = differences(tick, np.zeros(size + 1))
-    c = np.zeros((2, size))
-    c[0, :2] = c[1, 2:4] = cos(eta), sin(eta)
-    return jacobian[:, :size], jacobian[:, size:], c
+    jacobian = differences(tick, np.zeros(size + 2))
+    along = np.zeros((2, size))
+    along[0, :2] = along[1, 2:4] = cos(eta), sin(eta)
+    return _Opened(
+        a=jacobian[:size, :size],
+        brake=jacobian[:size, size : size + 1],
+        elevator=jacobian[:size, size + 1 :],
+        asks=jacobian[size:, :size],
+        through=float(jacobian[size:, size][0]),
+        along=along,
+    )
 
 
 def _gains(laws: Laws, condition: Condition) -> tuple[SoaringGains, PidGains]:

@@ -28,6 +28,7 @@ from tgl_soar.autopilot import AutopilotState, initial_state, step
 from tgl_soar.cli.app import app
 from tgl_soar.config.files import ConfigError
 from tgl_soar.config.parameters import INDEX, ParameterError, ParameterSet
+from tgl_soar.control.brake import HOLDS
 from tgl_soar.control.laws import Laws
 from tgl_soar.onboard.flightlog.declaration import (
     TOPICS,
@@ -145,6 +146,25 @@ def test_a_flight_between_real_processes_replays_bit_for_bit(tmp_path: Path) -> 
     assert is_the_same(result)
     assert result.logged["active"].sum() > 400
     assert not replay_wire(path.with_suffix(".tlog"), AIRFRAME, SITE).missed
+
+
+def test_a_flight_that_holds_a_point_replays_bit_for_bit(tmp_path: Path) -> None:
+    with_brake = AIRFRAME.with_name("eclipson_c_spoilers.toml")
+    texts = {"airframe": with_brake.read_text(), "site": SITE.read_text()}
+    recorder = FlightRecorder(tmp_path, FACTS._replace(texts=texts), 0.0, patient=True)
+    recorder.start()
+    flight = LoggedFlight(
+        recorder, airframe_path=with_brake, parameters={"TGL_HOLD": 1.0, "TGL_ALONG": -0.1}
+    )
+    flight.run(7.0)
+    flight.set("TGL_ALONG", 0.05)
+    flight.run(2.0)
+    recorder.stop()
+    result = replay(read_log(logs_in(tmp_path)[0]), workers=1)
+    assert is_the_same(result)
+    held = result.logged["point_standing"] == HOLDS
+    assert held.sum() > 500
+    assert np.ptp(result.logged["command_brake"][held]) > 0.1
 
 
 def test_every_part_of_a_cut_log_replays_by_itself(tmp_path: Path) -> None:

@@ -27,9 +27,17 @@ ENGAGED_S, MOVED_S = 0.4, 2.0  # when the operator engages, and when the line is
 class LoggedFlight:
     """The paper's tunnel, from the release on; `run` flies it on."""
 
-    def __init__(self, recorder: FlightRecorder, *, seed: int = 1, **options: Any) -> None:
-        airframe, site = load_airframe(AIRFRAME), load_site(SITE)
-        values = load_parameters(airframe, AIRFRAME, site, SITE)
+    def __init__(
+        self,
+        recorder: FlightRecorder,
+        *,
+        seed: int = 1,
+        airframe_path: Path = AIRFRAME,
+        parameters: dict[str, float] | None = None,
+        **options: Any,
+    ) -> None:
+        airframe, site = load_airframe(airframe_path), load_site(SITE)
+        values = load_parameters(airframe, airframe_path, site, SITE).changed(parameters or {})
         self.world = make_world(airframe, site, seed=seed, turbulence=0.02)
         self.world.held = True
         self.console: list[str] = []
@@ -48,7 +56,7 @@ class LoggedFlight:
 
     def run(self, seconds: float) -> None:
         world, onboard = self.world, self.onboard
-        command = SurfaceCommand(world.trim.elevator, 0.0, 0.0)
+        command = SurfaceCommand(world.trim.elevator, 0.0, 0.0, 0.0)
         for _ in range(round(seconds * world.step_hz)):
             now_s = world.time_s
             step = round(now_s * world.step_hz)

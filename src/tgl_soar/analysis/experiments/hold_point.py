@@ -23,6 +23,16 @@ from tgl_soar.analysis.experiments.brake_faults import (
 )
 from tgl_soar.analysis.experiments.context import Context, with_turbulence
 from tgl_soar.analysis.experiments.flights import FlownScenario
+from tgl_soar.analysis.experiments.good_brakes import (
+    DispersedPoint,
+    fly_good_brakes,
+    good_brakes_table,
+)
+from tgl_soar.analysis.experiments.point_margins import (
+    margins_claim,
+    margins_table,
+    point_margins,
+)
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.experiments.scenario import (
     PositionSpec,
@@ -222,14 +232,16 @@ def run(context: Context) -> Result:
     shapes = _shapes(paths, flights)
     sink = brake_sink(prepared.airframe.aerodynamics())
     cost = 0.5 * sink * float(np.median(flights["point", INTENSITIES[0]][0].path["wind_mps"])) ** 3
+    held_at = [kinds["point"], _held_on_the_hill(context)]
     bad = context.flyer.each(
-        fly_faulty,
-        faulty_jobs(
-            [kinds["point"], _held_on_the_hill(context)], 8 if context.quick else FLIGHTS, SEED
-        ),
-        compiled=True,
+        fly_faulty, faulty_jobs(held_at, 8 if context.quick else FLIGHTS, SEED), compiled=True
     )
-    claims = [*_claims(kept), _still_claim(peaks["cameras"]), _taken_claim(kept), faults_claim(bad)]
+    good = fly_good_brakes(context, held_at)
+    margins = point_margins({"tunnel": prepared, "hill": prepare(context.scenario("point_hill"))})
+    claims = [
+        *(*_claims(kept), _still_claim(peaks["cameras"]), _taken_claim(kept, good)),
+        *(faults_claim(bad), margins_claim(margins)),
+    ]
     figure = context.figure("point")
     if figure is not None:
         square_flight = flights["tunnel", "square of 20 cm", 0.0][0]
@@ -244,13 +256,17 @@ def run(context: Context) -> Result:
         f" where none of it does; half of it costs {cost:.2f} m/s of sink.",
         tuple(claims),
         "",
-        (_table(kept), _calm_table(peaks), shapes, faults_table(bad)),
+        (
+            *(_table(kept), _calm_table(peaks), shapes),
+            *(faults_table(bad), good_brakes_table(good), margins_table(margins)),
+        ),
         {
             "band_m": [all_of_it, half, none],
             "bias_sink_mps": cost,
             "calm_peaks_m": {name: list(each) for name, each in peaks.items()},
             "held": {f"{kind} {100 * i:g} %": h._asdict() for (kind, i), h in kept.items()},
             "bad_brakes": [flight._asdict() for flight in bad],
+            "good_brakes": [flight._asdict() for flight in good],
         },
         () if figure is None else (figure.name,),
         ("point", "point_hill"),
@@ -264,11 +280,16 @@ def _held_on_the_hill(context: Context) -> Scenario:
     return with_point(base, band(prepare(base))[1])
 
 
-def _taken_claim(kept: dict[tuple[str, float], Held]) -> Claim:
+def _taken_claim(kept: dict[tuple[str, float], Held], dispersed: Sequence[DispersedPoint]) -> Claim:
     """Of brakes that are well."""
     points = [each for (kind, _), each in kept.items() if kind == "point"]
     taken, flown = sum(each.given_up for each in points), sum(each.flown for each in points)
-    return Claim("no brake that is well is given up", taken == 0, f"{taken} of {flown} flights")
+    unlike = sum(each.given_up for each in dispersed)
+    return Claim(
+        "no brake that is well is given up",
+        taken + unlike == 0,
+        f"{taken} of {flown} flights, {unlike} of {len(dispersed)} with aircraft unlike their file",
+    )
 
 
 class PathFlight(NamedTuple):

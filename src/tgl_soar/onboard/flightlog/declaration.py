@@ -216,7 +216,7 @@ MEANINGS: Final = {
     "BrakeState.standing": "as point_standing",
     "PointReport.standing": "the point on the line: 0 the line alone, 1 held, 2 above the band,"
     " 3 below, 4 no brake, 5 it does not answer, 6 it pulls to one side, 7 it is tried,"
-    " 8 the point gives way",
+    " 8 the point gives way, 9 it is not held yet",
     "BrakeState.z_m": "height of the point that is flown",
     "BrakeState.ordered_z_m": "height of the point as it was ordered last",
     "EvenState.brake": "mean of some seconds, of the brake as it was commanded",

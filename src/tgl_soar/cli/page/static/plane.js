@@ -48,6 +48,7 @@ export class Plane {
     add("point", "g", { visibility: "hidden", id: "held-point" });
     add("pointBand", "line", { class: "point-band" }, this.part.point);
     add("pointReach", "circle", { class: "reach", r: 15, id: "along-handle" }, this.part.point);
+    add("pointFlown", "circle", { class: "point-flown", r: 5, "pointer-events": "none" }, this.part.point);
     add("pointMark", "path", { class: "point-mark", "pointer-events": "none" }, this.part.point);
     add("pointTag", "text", { class: "tag p", "pointer-events": "none" }, this.part.point);
     add("foreseen", "g", { visibility: "hidden", "pointer-events": "none" }); // the knob may be below it
@@ -281,6 +282,12 @@ export class Plane {
     set(this.part.pointReach, { cx: x, cy: z });
     set(this.part.pointMark, { d: `M${x} ${z - 9}L${x + 9} ${z}L${x} ${z + 9}L${x - 9} ${z}Z` });
     set(this.part.pointTag, { x: x - 14, y: z + 4, "text-anchor": "end" });
+    // The point that is flown, where it is another one: on its way, or it has given way.
+    const off = known(now.pt_off + now.soar_x + now.soar_z) ? alongOf(line, { x: now.soar_x, z: now.soar_z }) - now.pt_off : along;
+    this.show("pointFlown", Math.abs(off - along) > 0.02, () => {
+      const flown = ahead(line, off);
+      return { cx: this.X(flown.x), cy: this.Z(flown.z), visibility: "inherit" };
+    });
     const stands = known(now.pt_state) ? scene.points?.[now.pt_state] : "";
     words(this.part.pointTag, this.wishAlong !== null ? `${fixed(along, 2)} m along the line` : holds ? stands : "");
     const ends = bandOn(line, scene);
