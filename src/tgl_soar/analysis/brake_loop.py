@@ -188,9 +188,13 @@ def _opened(laws: Laws, condition: Condition) -> _Opened:
         )
 
     size = _BODY + _LAWS + 2 * waits
-    jacobian = differences(tick, np.zeros(size + 2))
+    return _parts(differences(tick, np.zeros(size + 2)), size, eta)
+
+
+def _parts(jacobian: Matrix, size: int, eta_rad: float) -> _Opened:
+    """Of a state of that size, then the commands of brake and elevator."""
     along = np.zeros((2, size))
-    along[0, :2] = along[1, 2:4] = cos(eta), sin(eta)
+    along[0, :2] = along[1, 2:4] = cos(eta_rad), sin(eta_rad)
     return _Opened(
         a=jacobian[:size, :size],
         brake=jacobian[:size, size : size + 1],
