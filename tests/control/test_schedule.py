@@ -48,6 +48,7 @@ FOUND_ON = Dynamics(
     damping=0.75,
     effect_radps2=31.0,
     late_s=0.026,
+    lag_s=0.0185,
     glide_ratio=6.45,
     best_glide_mps=9.25,
 )
@@ -112,16 +113,34 @@ def test_a_line_that_leans_by_less_than_the_glide_asks_for_less() -> None:
     assert flat.kp < 0.2 * steep.kp
 
 
+def lateness_of(late_s: float, lag_s: float) -> float:
+    """T of an elevator, of which the lag is a part."""
+    return late_s - 0.5 * lag_s + HOLD_S
+
+
+T_0 = lateness_of(0.026, 0.0185)
+# Twice as late, by delay alone.
+TWICE_S = 0.026 + T_0
+
+
 def test_a_late_elevator_is_flown_with_less_and_an_early_one_with_no_more() -> None:
-    """In proportion to 1 / T of what lies between tick and surface."""
-    late = on(late_s=2.0 * 0.026 + 0.0025)
-    halved = pitch_gains(PID, late, SPEED)
-    assert halved.kp == pytest.approx(0.5 * PID.kp)
-    assert halved.kd == pytest.approx(0.5 * PID.kd)
-    assert soaring(15.0, schedule=late).kd < 0.7 * soaring(15.0).kd
+    late = on(late_s=TWICE_S)
+    slower = pitch_gains(PID, late, SPEED)
+    assert slower.kp == pytest.approx(0.5**0.95 * PID.kp)
+    assert slower.kd == pytest.approx(0.5**0.65 * PID.kd)
+    assert soaring(15.0, schedule=late).kd < 0.75 * soaring(15.0).kd
     # Fixes are old already: there the same delay costs less.
-    assert soaring(15.0, schedule=late, imu=0.0).kd > 1.1 * soaring(15.0, schedule=late).kd
+    assert soaring(15.0, schedule=late, imu=0.0).kd > 1.05 * soaring(15.0, schedule=late).kd
     assert on(late_s=0.0)._replace(late_s=AS_FOUND.late_s) == AS_FOUND
+
+
+def test_a_lag_delays_the_loop_by_half_of_a_delay() -> None:
+    """Servos of 18.5 and 38.5 ms: 20 ms of lag more are 10 ms of delay."""
+    slow = on(late_s=0.046, lag_s=0.0385)
+    assert slow.late_s == pytest.approx(T_0 + 0.010)
+    delayed = on(late_s=0.036)
+    assert slow == pytest.approx(delayed)
+    assert on(late_s=0.010, lag_s=0.5).late_s == pytest.approx(lateness_of(0.010, 0.010))
 
 
 def test_an_elevator_of_more_effect_is_moved_less() -> None:
@@ -133,19 +152,19 @@ def test_an_elevator_of_more_effect_is_moved_less() -> None:
 def test_an_airframe_with_less_damping_of_its_own_is_flown_with_less_stiffness() -> None:
     soft = on(short_period_radps=6.6)
     loop = pitch_gains(PID, soft, SPEED)
-    assert loop.kd == pytest.approx(PID.kd)
-    assert loop.kp == pytest.approx(PID.kp * (6.6 / 11.5) ** 1.5)
+    assert loop.kd == pytest.approx(PID.kd * (6.6 / 11.5) ** 0.35)
+    assert loop.kp == pytest.approx(PID.kp * (6.6 / 11.5) ** 2.0)
     assert soaring(15.0, schedule=soft).kp < 0.9 * soaring(15.0).kp
 
 
 def test_the_line_sees_less_of_a_slow_pitch_loop_than_that_loop() -> None:
     """The airframe of half the period, and an elevator that is twice as late."""
-    soft, late = on(short_period_radps=6.6), on(late_s=2.0 * 0.026 + 0.0025)
+    soft, late = on(short_period_radps=6.6), on(late_s=TWICE_S)
     for schedule in (soft, late):
         slower = schedule.stiffness
         assert slower < schedule.bandwidth_imu < schedule.bandwidth < 1.0
-    assert soft.bandwidth_imu == pytest.approx((6.6 / 11.5) ** 0.25)
-    assert late.bandwidth_imu == pytest.approx(0.5**0.85)
+    assert soft.bandwidth_imu == pytest.approx((6.6 / 11.5) ** 0.45)
+    assert late.bandwidth_imu == pytest.approx(0.5**0.65)
 
 
 def test_the_airframe_may_be_known_at_another_speed() -> None:
@@ -155,14 +174,17 @@ def test_the_airframe_may_be_known_at_another_speed() -> None:
 
 
 def test_an_unknown_airframe_is_taken_to_be_that_of_the_finding() -> None:
-    unknown = Dynamics(*(0.0,) * 7)._replace(late_s=0.026)
+    unknown = Dynamics(*(0.0,) * 8)._replace(late_s=0.026, lag_s=0.0185)
     schedule = schedule_of(SPEED, LEAN, FOUND_ON, unknown)
     assert (schedule.stiffness, schedule.damping, schedule.bandwidth_imu) == (1.0, 1.0, 1.0)
     assert soaring(15.0, schedule=schedule).kd == pytest.approx(PID.kd)
 
 
 def test_the_gains_of_pitch_fall_with_speed() -> None:
-    assert pitch_gains(PID, AS_FOUND, 2.0 * SPEED).kp == pytest.approx(0.5 * PID.kp)
+    """By less than the effect grows, V²: the airframe's own damping grows, too."""
+    fast = pitch_gains(PID, AS_FOUND, 2.0 * SPEED)
+    assert fast.kp == pytest.approx(PID.kp * 2.0 ** (1.2 - 2.0))
+    assert fast.kd == pytest.approx(PID.kd * 2.0 ** (0.8 - 2.0))
     assert pitch_gains(PID, AS_FOUND, nan) == pytest.approx(PID)
 
 
@@ -211,15 +233,15 @@ def test_whatever_comes_the_gains_are_finite_and_act_the_right_way(
     assert isfinite(speed_within(schedule, inf))
 
 
-def test_old_attitudes_slow_the_loop_as_a_late_elevator_does() -> None:
+def test_old_attitudes_slow_the_loop_as_a_late_elevator_does_and_more() -> None:
     """An age of twice what the elevator is late, and an elevator that is three times as late."""
-    age = AGE_FOUND_S + 2.0 * (FOUND_ON.late_s + HOLD_S)
-    old = schedule_at_age(AS_FOUND, age)
-    late = on(late_s=3.0 * FOUND_ON.late_s + 2.0 * HOLD_S)
-    assert old[4:8] == pytest.approx(late[4:8])
-    assert old.stiffness == pytest.approx(AS_FOUND.stiffness / 3.0)
-    assert old.bandwidth_imu == pytest.approx(AS_FOUND.bandwidth_imu / 3.0)
-    assert old.bandwidth_imu < late.bandwidth_imu
+    old = schedule_at_age(AS_FOUND, AGE_FOUND_S + 2.0 * T_0)
+    late = on(late_s=0.026 + 2.0 * T_0)
+    assert old[4:6] == pytest.approx(late[4:6])
+    for field in ("stiffness", "damping", "bandwidth_imu"):
+        slowed = getattr(old, field)
+        assert slowed == pytest.approx(getattr(AS_FOUND, field) / 3.0)
+        assert slowed < getattr(late, field)
     assert old.bandwidth < late.bandwidth
     assert schedule_at_age(AS_FOUND, AGE_FOUND_S) is AS_FOUND
 
@@ -227,15 +249,15 @@ def test_old_attitudes_slow_the_loop_as_a_late_elevator_does() -> None:
 def test_an_early_elevator_pays_for_old_attitudes_first() -> None:
     """No gain was added for it, so that none is lost until both are later than as found."""
     early = on(late_s=0.006)
-    assert schedule_at_age(early, AGE_FOUND_S + 0.02) == pytest.approx(early)
-    assert schedule_at_age(early, AGE_FOUND_S + 0.04).stiffness < early.stiffness
+    assert schedule_at_age(early, AGE_FOUND_S + 0.012) == pytest.approx(early)
+    assert schedule_at_age(early, AGE_FOUND_S + 0.03).stiffness < early.stiffness
 
 
 def test_the_age_is_averaged_so_that_a_hiccup_hardly_counts() -> None:
     age, dt = 0.005, 0.005
     for tick in range(10):  # 50 ms without an attitude
         age = age_step(age, 0.005 + tick * dt, dt)
-    assert schedule_at_age(AS_FOUND, age).stiffness > 0.95 * AS_FOUND.stiffness
+    assert schedule_at_age(AS_FOUND, age).stiffness > 0.94 * AS_FOUND.stiffness
     for _ in range(round(3.0 * AGE_UP_S / dt)):
         age = age_step(age, 0.1, dt)
     assert age == pytest.approx(0.1, rel=0.06)

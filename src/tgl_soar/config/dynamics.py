@@ -35,6 +35,7 @@ _KEYS: Final = {
     "damping": "DYN_DAMP",
     "elevator_effect_radps2": "DYN_EFFECT",
     "servo_s": "DYN_SERVO",
+    "servo_lag_s": "DYN_LAG",
     "path_s": "DYN_PATH",
     "glide_ratio": "DYN_GLIDE",
     "best_glide_mps": "DYN_BEST",
@@ -51,6 +52,7 @@ class MeasuredDynamics(Strict, frozen=True):
     elevator_effect_radps2: Positive | None = None
     path_s: Positive | None = None
     servo_s: Positive | None = None  # lag and delay together
+    servo_lag_s: Positive | None = None  # of that, the time constant
     glide_ratio: Positive | None = None
     best_glide_mps: Positive | None = None
     command_delay_s: Positive | None = None
@@ -69,7 +71,10 @@ def dynamics_parameters(
     if route in USUAL_DELAY_S:
         found["CMD_DELAY"] = USUAL_DELAY_S[route]
     if lag := model.get("servo_lag_radps", 0.0):
-        found["DYN_SERVO"] = 1.0 / lag + model.get("servo_delay_s", 0.0)
+        found["DYN_LAG"] = 1.0 / lag
+        found["DYN_SERVO"] = found["DYN_LAG"] + model.get("servo_delay_s", 0.0)
+    elif given.servo_s is not None:
+        found["DYN_LAG"] = given.servo_s  # nobody has told them apart: most of it is lag
     found.update(_glide(bench, model, polar))
     speed = given.speed_mps or found["DYN_BEST"]
     found["DYN_SPEED"] = speed

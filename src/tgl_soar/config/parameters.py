@@ -209,7 +209,10 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="PITCH_TRIM", unit="deg", minimum=-30, maximum=30, default=0.0,
-        meaning="theta_0: pitch setpoint on the line, without any error.",
+        meaning="theta_0: pitch setpoint on the line, without any error. Where the airframe file"
+                " gives none of PITCH_TRIM, PITCH_MIN, PITCH_MAX and REC_PITCH and has lift and"
+                " drag in [model], the pitch of a glide at 0.94 of the best glide's speed, and the"
+                " others 10.5 deg below, 7.5 deg above and 2.5 deg below it.",
     ),
     Parameter(
         name="PITCH_MIN", unit="deg", minimum=-45, maximum=45, default=-15.0,
@@ -272,6 +275,11 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
                 " later elevator is flown with less gain, an earlier one with no more.",
     ),
     Parameter(
+        name="ELE_LAG", unit="s", minimum=0, maximum=0.3, default=0.0185,
+        meaning="Of ELE_LATE, the servo's time constant: it delays the loop by half as much as a"
+                " pure delay of that length.",
+    ),
+    Parameter(
         name="ELE_TRIM", unit="", minimum=-1, maximum=1, default=0.0,
         meaning="Elevator in trimmed flight on the line.",
     ),
@@ -297,6 +305,10 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     Parameter(
         name="DYN_SERVO", unit="s", minimum=0, maximum=0.3, default=0.0185,
         meaning="Lag and delay of this airframe's elevator servo.",
+    ),
+    Parameter(
+        name="DYN_LAG", unit="s", minimum=0, maximum=0.3, default=0.0185,
+        meaning="Of DYN_SERVO, the servo's time constant; the rest is pure delay.",
     ),
     Parameter(
         name="DYN_PATH", unit="s", minimum=0, maximum=5, default=0.0,
@@ -440,7 +452,8 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     Parameter(
         name="SPEED_MIN", unit="m/s", minimum=0, maximum=50, default=6.0,
         meaning="Smallest airspeed, where it is known: from 1 m/s above it the nose is kept from"
-                " rising, 1 m/s below it the module recovers.",
+                " rising, 1 m/s below it the module recovers. The default is 0.79 of the slowest"
+                " speed of the airframe file's [polar].",
     ),
     Parameter(
         name="SINK_MAX", unit="m/s", minimum=0.5, maximum=50, default=6.0,

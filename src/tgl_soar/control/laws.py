@@ -308,6 +308,7 @@ def dynamics_of(values: ParameterSet) -> Dynamics:
         damping=values["DYN_DAMP"],
         effect_radps2=values["DYN_EFFECT"],
         late_s=values["DYN_SERVO"] + values["CMD_DELAY"],
+        lag_s=min(values["DYN_LAG"], values["DYN_SERVO"]),
         glide_ratio=values["DYN_GLIDE"],
         best_glide_mps=values["DYN_BEST"],
     )
@@ -320,6 +321,7 @@ def _schedule(values: ParameterSet) -> GainSchedule:
         damping=values["ELE_DAMP"],
         effect_radps2=values["ELE_EFFECT"],
         late_s=values["ELE_LATE"],
+        lag_s=values["ELE_LAG"],
         glide_ratio=0.0,
         best_glide_mps=0.0,
     )

@@ -9,7 +9,7 @@ the airspeed V whose path falls by g_d, with v the speed along the path, g its a
     M' g + (s² - M_q s - M') t = M δ                                    M_q = L'/V - 2 ζ ω
     de_rho/dt = v cos(l - g_d) - V sin(l - g_d) g                       M'  = -ω² - M_q L'/V
 
-The elevator answers as exp(-s (delay + half a tick)) / (1 + s servo).  Fixes are old by A and are
+The elevator answers as exp(-s (delay + half a tick)) / (1 + s lag).  Fixes are old by A and are
 carried on by their velocity: e (1 + s A) exp(-s A), its rate exp(-s A) late; with accelerometers
 neither.  The loop is opened at the elevator and at e_rho, and
 
@@ -60,8 +60,8 @@ class Flown(NamedTuple):
 
     airframe: Dynamics
     path_s: float  # path lag at the speed of `airframe`
-    servo_s: float
-    delay_s: float
+    lag_s: float  # the servo's
+    delay_s: float  # of the servo, and of the command's way to it
     speed_mps: float
     lean_rad: float
     inertial: bool  # accelerations are in use
@@ -108,7 +108,7 @@ def margin_when_late(values: ParameterSet, delay_s: float) -> float:
         disk_margin(
             flown(
                 laws, values, fraction * airframe.best_glide_mps, values["TGL_LEAN"], inertial
-            )._replace(delay_s=delay_s)
+            )._replace(delay_s=delay_s + airframe.late_s - values["CMD_DELAY"] - airframe.lag_s)
         )
         for inertial in sets
         for fraction in SPEEDS
@@ -128,11 +128,12 @@ def flown(
     soaring = laws.soaring_imu if inertial else laws.soaring
     pitch = laws.pitch_imu if inertial else laws.pitch
     eta = eta_from_lean(radians(lean_deg))
+    airframe = dynamics_of(values)
     return Flown(
-        airframe=dynamics_of(values),
+        airframe=airframe,
         path_s=values["DYN_PATH"],
-        servo_s=values["DYN_SERVO"],
-        delay_s=values["CMD_DELAY"],
+        lag_s=airframe.lag_s,
+        delay_s=airframe.late_s - airframe.lag_s,
         speed_mps=max(SPEED_MIN_MPS, speed_mps),
         lean_rad=radians(lean_deg),
         inertial=inertial,
@@ -160,7 +161,7 @@ def _open_loops(loop: Flown, radps: float) -> tuple[complex, complex]:
     s = 1j * radps
     rate, pitch = _answer(loop, s)
     age, late = (0.0, 0.0) if loop.inertial else (FIX_AGE_S, ATTITUDE_AGE_S)
-    surface = exp(-s * (loop.delay_s + HOLD_S)) / (1.0 + s * loop.servo_s)
+    surface = exp(-s * (loop.delay_s + HOLD_S)) / (1.0 + s * loop.lag_s)
     old = exp(-s * age)
     outer, inner = loop.soaring, loop.pitch
     setpoint = (

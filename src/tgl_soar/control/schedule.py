@@ -1,17 +1,21 @@
 """The gains of pitch, from those found on one aircraft at one speed, lean and latency.
 
 What was found is kept where it matters to the loop; what changes is the aircraft, its speed V, the
-line's lean and the lateness T of the elevator (servo, command's way, half a tick).  Index 0: as
-found.  No number is tuned to an aircraft; the shape was found on the linear model over short
-periods of 6 to 15 rad/s, servos of 15 to 80 ms, delays of 5 to 40 ms, and is tested over them.
+line's lean and the lateness T of the elevator.  Index 0: as found.  No number is tuned to an
+aircraft; the powers were found on the linear model of 36 drawn aircraft (short periods of 6 to 15
+rad/s, servos of 15 to 80 ms, delays of 5 to 40 ms, leans of 5 to 45 degrees, 0.85 to 1.5 of the
+best glide's speed) and tested on others: docs/margins.md.
 
 **Pitch to elevator.**  The loop of the pitch rate crosses over at M kd, M the pitch acceleration of
-a full deflection; lateness allows a crossover in proportion to 1 / T.  How stiff the loop can be
-depends on the damping 2 ζ ω that the airframe brings with it:
+a full deflection; lateness allows a crossover that falls with T.  How stiff the loop can be depends
+on the damping 2 ζ ω that the airframe brings with it.  With v = V / V_0,
 
-    f_e = min(1, T_0 / T)         d = ζ ω / (ζ ω)_0, within 0.2 and 1.2
-    M kd = (M kd)_0 f_e           M kp = (M kp)_0 f_e d^1.5        at the speed of the finding
-    kp, kd ~ 1 / V                (M grows with V², the airframe's damping with V)
+    T = delay + half a tick + the servo's time constant / 2
+    f = min(1, T_0 / T)         d = ζ ω / (ζ ω)_0, within 0.2 and 1.2, at one speed
+    M kd = (M kd)_0 f^0.65 d^0.35 v^0.8       M kp = (M kp)_0 f^0.95 d^2 v^1.2
+
+A servo's lag counts half: it turns the phase of slow signals as a delay of its length does, but
+lets less of the fast ones through.
 
 **Line to pitch.**  With l the lean, the flight path falls by D/L, and pitch moves e_rho by rising
 across it and by drifting back; the drag that comes with lift turns the rise by dD/dL:
@@ -26,32 +30,29 @@ first, and the gains fall with it.  To the highest order of each frequency the l
     h   = kd b                    its gain beyond the crossover, down to which it falls
     2 ζ = w_c / sqrt((1 + h) kp g cos l)                its damping
 
-What the pitch loop and old fixes leave of bandwidth is f = (t + A) / (t / p + A), t its lag and A
-the age of fixes (0 with accelerometers), and
+What the pitch loop and old fixes leave of bandwidth is F = (t + A) / (t / p + A), t its lag and A
+the age of fixes; with accelerometers A is 0, and F = p.  Of its own
 
-    p = f_e^0.85 d^0.25
+    p = f^0.65 d^0.45       without accelerometers, where fixes are late already, f^0.8 d^0.45
 
-of its own.  A pitch loop that is slower by f_e d is so where it crosses over; the line's loop, some
-three times slower, sees less of that: a stiffness lowered for want of damping leaves the crossover
-M kd of the rate where it was, and costs the line next to nothing.  The powers are round numbers at
-which the least margin of drawn aircraft stays above 0.5.  With u = b / b_0 held within 0 and 1,
+With u = b / b_0 held within 0 and 1,
 
-    w_c = w_c0 f (1 + u (sqrt(V / V_0) - 1))
-    kd  = f^0.75 (0.7 + 0.3 u) min(h_0 / b, kd_0 cos l_0 / cos l)    the second also where b <= 0,
+    w_c = w_c0 F (1 + u (v^0.35 - 1))
+    kd  = F^0.75 (0.7 + 0.3 u) min(h_0 / b, kd_0 cos l_0 / cos l)    the second also where b <= 0,
                                                           there by 1 / (1 + 3 kd |b|) less
     kp  = min((w_c - kd g cos l) / b, w² / (4 ζ² (1 + h) g cos l)),  w = kd g cos l + u (w_c - …)
 
-Attitudes that are old by a on average, from AGE_FOUND_S on, delay the loop as the elevator does:
-T + a - AGE_FOUND_S in the place of T, and p by all of it: the velocity is turned by them, too.
-
 ζ² going from ζ_0² at u = 1 to 1 at u = 0, where nothing but kd damps.  ki keeps its ratio to kp,
-less by f.  All is continuous in lean and speed; integrals are in the unit of the output whatever
+less by F.  All is continuous in lean and speed; integrals are in the unit of the output whatever
 the gain, so that no command steps.
+
+Attitudes that are old by a on average, from AGE_FOUND_S on, delay the loop as the elevator does:
+T + a - AGE_FOUND_S in the place of T, and all gains by all of it: they turn the velocity, too.
 """
 
 from __future__ import annotations
 
-from math import atan, cos, pi, sin, sqrt
+from math import atan, cos, pi, sin
 from typing import Final, NamedTuple
 
 from tgl_soar.control.pid import PidGains
@@ -68,10 +69,19 @@ SLOWEST: Final = 0.6
 FASTEST: Final = 2.5
 DAMPING_MIN: Final = 0.2  # of d; 0.5 is the least that was tested
 DAMPING_MAX: Final = 1.2
-STIFFNESS_POWER: Final = 1.5
-# Of the line's loop: how much of a later elevator, and of less damping, it sees.
-LATE_POWER: Final = 0.85
-DAMPED_POWER: Final = 0.25
+LAG_SHARE: Final = 0.5  # of T: how much of a delay a lag is
+# Of lateness f, of damping d, and of speed v: in the stiffness M kp of the pitch loop, in its rate
+# gain M kd, in the line's crossover.
+STIFF_LATE: Final = 0.95
+STIFF_DAMPED: Final = 2.0
+STIFF_SPEED: Final = 1.2
+RATE_LATE: Final = 0.65
+RATE_DAMPED: Final = 0.35
+RATE_SPEED: Final = 0.8
+SWIFT_LATE: Final = 0.65
+SWIFT_LATE_FIXES: Final = 0.8  # without accelerometers
+SWIFT_DAMPED: Final = 0.45
+SWIFT_SPEED: Final = 0.35
 LEAD_POWER: Final = 0.75
 LEAST_LEAD: Final = 0.7
 WRONG_WAY: Final = 3.0
@@ -92,6 +102,7 @@ class Dynamics(NamedTuple):
     damping: float
     effect_radps2: float  # pitch acceleration of a full deflection
     late_s: float  # servo, and the command's way to it
+    lag_s: float  # of that, the servo's time constant
     glide_ratio: float
     best_glide_mps: float
 
@@ -100,7 +111,7 @@ class GainSchedule(NamedTuple):
     """What is flown where, from `schedule_of`."""
 
     speed_mps: float  # of the finding; below SPEED_MIN_MPS: gains are flown as they stand
-    late_found_s: float  # T_0, half a tick with it
+    late_found_s: float  # T_0
     late_s: float  # T, likewise
     lean_rad: float  # of the finding, beyond the glide's own
     drag: float  # 1 / 2E; 0: unknown
@@ -144,7 +155,7 @@ def schedule_of(
     speed_mps: float, lean_rad: float, found_on: Dynamics, airframe: Dynamics
 ) -> GainSchedule:
     """The schedule of gains that were found on one airframe, for another one."""
-    late = min(1.0, (found_on.late_s + HOLD_S) / (airframe.late_s + HOLD_S))
+    late = min(1.0, lateness(found_on) / lateness(airframe))
     effect, damped = 1.0, 1.0
     known = airframe.speed_mps >= SPEED_MIN_MPS and found_on.speed_mps >= SPEED_MIN_MPS
     if known and airframe.effect_radps2 >= EFFECT_MIN_RADPS2:
@@ -155,20 +166,27 @@ def schedule_of(
         if airframe.damping * airframe.short_period_radps > 0.0:
             damped = airframe.damping * airframe.short_period_radps / before
             damped = max(DAMPING_MIN, min(DAMPING_MAX, damped))
-    swift = late**LATE_POWER * damped**DAMPED_POWER
+    swift = late**SWIFT_LATE * damped**SWIFT_DAMPED
+    swift_fixes = late**SWIFT_LATE_FIXES * damped**SWIFT_DAMPED
     glides = airframe.glide_ratio >= 1.0 and airframe.best_glide_mps >= SPEED_MIN_MPS
     return GainSchedule(
         speed_mps=speed_mps,
-        late_found_s=found_on.late_s + HOLD_S,
-        late_s=airframe.late_s + HOLD_S,
+        late_found_s=lateness(found_on),
+        late_s=lateness(airframe),
         lean_rad=lean_rad,
         drag=0.5 / airframe.glide_ratio if glides else 0.0,
         best_glide_mps=airframe.best_glide_mps if glides else 1.0,
-        stiffness=effect * late * damped**STIFFNESS_POWER,
-        damping=effect * late,
-        bandwidth=(PITCH_LAG_S + FIX_AGE_S) / (PITCH_LAG_S / swift + FIX_AGE_S),
+        stiffness=effect * late**STIFF_LATE * damped**STIFF_DAMPED,
+        damping=effect * late**RATE_LATE * damped**RATE_DAMPED,
+        bandwidth=(PITCH_LAG_S + FIX_AGE_S) / (PITCH_LAG_S / swift_fixes + FIX_AGE_S),
         bandwidth_imu=swift,
     )
+
+
+def lateness(airframe: Dynamics) -> float:
+    """T: what delays the loop as a pure delay of that length would."""
+    lag_s = min(airframe.lag_s, airframe.late_s)  # a lag is part of what is late
+    return airframe.late_s - (1.0 - LAG_SHARE) * lag_s + HOLD_S
 
 
 def age_step(before_s: float, age_s: float, dt_s: float) -> float:
@@ -180,7 +198,7 @@ def age_step(before_s: float, age_s: float, dt_s: float) -> float:
 
 
 def slowed(late_found_s: float, late_s: float, age_s: float) -> float:
-    """By what old attitudes slow the loop further: T + age in the place of T, in `f_e`."""
+    """By what old attitudes slow the loop further: T + age in the place of T, in `f`."""
     older = max(0.0, age_s - AGE_FOUND_S)
     return max(late_found_s, late_s) / max(late_found_s, late_s + older)
 
@@ -226,12 +244,13 @@ def pitch_gains(gains: PidGains, schedule: GainSchedule, airspeed_mps: float) ->
     """The pitch loop's gains at an airspeed."""
     if not schedule.speed_mps >= SPEED_MIN_MPS:
         return gains
-    slower = schedule.speed_mps / speed_within(schedule, airspeed_mps)
-    stiffness = schedule.stiffness * slower
+    slower = schedule.speed_mps / speed_within(schedule, airspeed_mps)  # M grows with V²
+    stiffness = schedule.stiffness * slower ** (2.0 - STIFF_SPEED)
+    damping = schedule.damping * slower ** (2.0 - RATE_SPEED)
     return PidGains(
         kp=gains.kp * stiffness,
         ki=gains.ki * stiffness,
-        kd=gains.kd * schedule.damping * slower,
+        kd=gains.kd * damping,
         rate_filter_radps=gains.rate_filter_radps,
         integral_max=gains.integral_max,
         output_min=gains.output_min,
@@ -265,7 +284,8 @@ def soaring_gains(
     bandwidth = schedule.bandwidth + imu_weight * (schedule.bandwidth_imu - schedule.bandwidth)
 
     wanted = pid.kp * rise_found + pid.kd * drift_found
-    crossover = wanted * bandwidth * (1.0 + u * (sqrt(speed / schedule.speed_mps) - 1.0))
+    faster = (speed / schedule.speed_mps) ** SWIFT_SPEED
+    crossover = wanted * bandwidth * (1.0 + u * (faster - 1.0))
     lead = drift_found / drift
     if rise > 0.0:
         lead = min(lead, rise_found / rise)

@@ -56,7 +56,10 @@ INTEGRALS: Final = {
     PLAIN: {"RHO_I": "RHO_P", "ELE_I": "ELE_P"},
     INERTIAL: {"RHO_I_IMU": "RHO_P_IMU", "ELE_I_IMU": "ELE_P_IMU"},
 }
-ANCHORS: Final = ("RHO_SPEED", "RHO_LEAN", "ELE_FREQ", "ELE_DAMP", "ELE_EFFECT", "ELE_LATE")
+ANCHORS: Final = (
+    *("RHO_SPEED", "RHO_LEAN", "ELE_FREQ", "ELE_DAMP", "ELE_EFFECT"),
+    *("ELE_LATE", "ELE_LAG"),
+)
 
 # As fractions of the best glide's speed: 7.6, 9.25 and 14 m/s on the shipped aircraft.
 SLOWEST, FASTEST = 0.82, 1.51
@@ -136,6 +139,7 @@ def anchored(values: ParameterSet, lean_deg: float) -> ParameterSet:
         values["DYN_DAMP"],
         values["DYN_EFFECT"],
         values["DYN_SERVO"] + values["CMD_DELAY"],
+        min(values["DYN_LAG"], values["DYN_SERVO"]),
     )
     return values.changed({**changed, **dict(zip(ANCHORS, anchors, strict=True))})
 
