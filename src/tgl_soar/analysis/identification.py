@@ -339,7 +339,25 @@ class _Problem:
         drift = np.ones(a.shape[1])
         drift[others] = -np.linalg.lstsq(a[:, others], a[:, _DELAY], rcond=None)[0]
         covariance += np.outer(drift, drift) * self._log.elevator_step_s**2 / 12.0
-        return point.unknowns, covariance[: len(self.steps), : len(self.steps)]
+        turn = self._measured_alpha(point)
+        shared = len(turn[0])
+        known = np.concatenate([point.unknowns, point.errors])
+        return turn @ known, turn @ covariance[:shared, :shared] @ turn.T
+
+    def _measured_alpha(self, point: _Point) -> Floats:
+        """From unknowns and errors to unknowns that go with the angle of attack as it is measured.
+
+        Lift and moment do not tell an error of that angle from C_L0 and C_m0 of a wing set at
+        another one; whoever flies has the same attitude, with the same error in it.
+        """
+        import numpy as np
+
+        own = len(self.steps)
+        turn = np.eye(own, own + len(_ERRORS))
+        askew = own + _ERRORS.index("alpha")
+        for level, slope in (("CL0", "CL_alpha"), ("Cm0", "Cm_alpha")):
+            turn[NAMES.index(level), askew] = -point.unknowns[NAMES.index(slope)]
+        return turn
 
     def _starts(self) -> Floats:
         """Each manoeuvre's first measurements, shape (3, manoeuvres)."""

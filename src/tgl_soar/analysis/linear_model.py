@@ -1,6 +1,6 @@
 """The loop, linear about a hovering glide: poles, margins, and what gusts do to it.
 
-Everything is made by central differences of what flies and of what is flown: `aircraft.step`,
+Everything is made by differences of what flies and of what is flown: `aircraft.step`,
 `servo_step`, `dryden_step`, the laws `soaring_step` and `attitude_step`, and the estimator's
 `spread`, `position_taken` and `velocity_taken`.  Nothing is written down a second time but how
 these are connected, tick by tick:
@@ -391,10 +391,8 @@ def linear_controller(laws: Laws, condition: Condition, errors: bool = False) ->
 
     a, b, c, d = [], [], [], []
     for phase in range(period):
-        jacobian = differences(
-            lambda vector, phase=phase: tick(phase, vector),  # type: ignore[misc]
-            np.zeros(size + _TRUTH + 1 + _NOISES),
-        )
+        inputs = np.eye(size + _TRUTH + 1 + _NOISES)  # no limit acts: it is linear as it stands
+        jacobian = np.array([tick(phase, unit) for unit in inputs]).T
         a.append(jacobian[:size, :size])
         b.append(jacobian[:size, size:])
         c.append(jacobian[size:, :size])

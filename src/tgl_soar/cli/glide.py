@@ -34,7 +34,7 @@ def glide(
 
     The log is what `tgl-soar polar fit` and `tgl-soar identify` take.
     """
-    from tgl_soar.sim.glide_test import WIND_MPS, fly
+    from tgl_soar.sim.glide_test import fly, wind_of
 
     try:
         plane = load_airframe(airframe)
@@ -62,4 +62,4 @@ def glide(
         console.print(text, highlight=False, soft_wrap=True)
     if recorder.path is None:
         fail(f"--out {out}: no log could be written")
-    console.print(f"the wind was {WIND_MPS:g} m/s from north, the same everywhere")
+    console.print(f"the wind was {wind_of(plane):g} m/s from north, the same everywhere")

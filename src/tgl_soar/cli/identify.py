@@ -2,44 +2,33 @@
 
 from __future__ import annotations
 
-import re
 import tempfile
-from collections.abc import Sequence
 from math import isfinite, radians
 from pathlib import Path
-from typing import Annotated, Final, NamedTuple
+from typing import Annotated, Final
 
 import typer
 from msgspec.structs import asdict
 from rich.progress import Progress, SpinnerColumn, TextColumn
 from rich.table import Table
 
-from tgl_soar.analysis.drag import drag_of
 from tgl_soar.analysis.identification import (
     IdentificationError,
     Identified,
-    KnownAircraft,
     body_from,
     identify,
 )
+from tgl_soar.analysis.identified_file import (
+    BRAKE_KEYS,
+    KEYS,
+    Gliding,
+    glided,
+    with_identified,
+)
 from tgl_soar.analysis.logs.reader import LogError
 from tgl_soar.cli.console import AIRFRAME, AIRFRAME_FILE, console, errors, fail, say
-from tgl_soar.config.airframe import OF_THE_BRAKE
 from tgl_soar.config.files import ConfigError, load_airframe
-from tgl_soar.estimation.polar import GlideStretch, fit_polar, fit_polar_family
 
-# What an identification writes into [model] of an airframe file, and from what.
-KEYS: Final = {
-    "CL0": "CL0",  # with Cm0: an angle of attack that is measured askew is in both
-    "CL_alpha": "CL_alpha",
-    "CL_elevator": "CL_elevator",
-    "Cm0": "Cm0",
-    "Cm_alpha": "Cm_alpha",
-    "Cm_q": "Cm_q",
-    "Cm_elevator": "Cm_elevator",
-    "servo_delay_s": "delay",
-}
-BRAKE_KEYS: Final = {"CL_brake": "CL_brake", "Cm_brake": "Cm_brake"}
 WORDS: Final = {
     "frequency": "short period, undamped",
     "damping": "short period, damping",
@@ -48,21 +37,6 @@ WORDS: Final = {
     "delay": "servo: delay alone",
 }
 EXPLAINED_MIN: Final = 0.8  # of those held out; below, the model is not to be trusted
-
-
-class Written(NamedTuple):
-    """A number of [model], and half of its band of 95 %."""
-
-    value: float
-    half_band: float
-
-
-class Gliding(NamedTuple):
-    """What the steady glides tell beside the manoeuvres."""
-
-    written: dict[str, Written]
-    polar: str  # the keys of [polar], a line each; "": none
-    words: str
 
 
 WindOption = Annotated[
@@ -137,54 +111,6 @@ def identify_command(
         )
 
 
-def glided(stretches: Sequence[GlideStretch], body: KnownAircraft) -> Gliding:
-    """Drag and polar of steady glides.  Errors: ValueError saying what they lack."""
-    speeds = [each.speed_mps for each in stretches]
-    sinks, brakes = [each.sink_mps for each in stretches], [each.brake for each in stretches]
-    drag = drag_of(stretches, body)
-    braked = any(each.name == "CD_brake" for each in drag)
-    fitted = fit_polar_family(speeds, sinks, brakes).fit if braked else fit_polar(speeds, sinks)
-    polar = fitted.polar
-    lines = "\n".join(f"{key} = {value:.8g}" for key, value in polar._asdict().items())
-    return Gliding(
-        {each.name: Written(each.value, each.half_band) for each in drag},
-        lines,
-        f"polar of {len(stretches)} glides, {polar.speed_min_mps:.2f} to"
-        f" {polar.speed_max_mps:.2f} m/s, residual {fitted.residual_rms_mps:.3f} m/s",
-    )
-
-
-def with_identified(airframe: Path, found: Identified, gliding: Gliding) -> str:
-    """The text of an airframe file with the identified values, each with its band beside it.
-
-    Errors: `ConfigError` for a key that its [model] lacks, or a file without [polar].
-    """
-    text = airframe.read_text(encoding="utf-8")
-    head, table, rest = text.partition("\n[model]")
-    body, bracket, tail = rest.partition("\n[")
-    for key, each in {**_of_manoeuvres(found), **gliding.written}.items():
-        line = f"{key} = {each.value:.5g}  # identified: ± {each.half_band:.2g} at 95 %"
-        body, count = re.subn(rf"(?m)^{key}\s*=.*$", line, body)
-        if count == 0 and key in OF_THE_BRAKE:  # a file need not have them
-            body, count = f"{body.rstrip()}\n{line}\n", 1
-        if count != 1:
-            raise ConfigError(f"{airframe}: model.{key}: missing, so it cannot be replaced")
-    text = head + table + body + bracket + tail
-    if gliding.polar:
-        text, count = re.subn(r"(?m)^\[polar\]\n(?:[^\[]*)", f"[polar]\n{gliding.polar}\n\n", text)
-        if count != 1:
-            raise ConfigError(f"{airframe}: [polar]: missing, so it cannot be replaced")
-    return text.rstrip() + "\n"
-
-
-def _of_manoeuvres(found: Identified) -> dict[str, Written]:
-    keys = KEYS if found.no_brake else {**KEYS, **BRAKE_KEYS}
-    return {
-        key: Written(found[name].value, 0.5 * (found[name].high - found[name].low))
-        for key, name in keys.items()
-    }
-
-
 def _print(found: Identified, gliding: Gliding, model: dict[str, float]) -> None:
     console.print(
         f"{len(found.manoeuvres)} manoeuvres fitted, {len(found.held_out)} held out;"
@@ -222,7 +148,7 @@ def _print(found: Identified, gliding: Gliding, model: dict[str, float]) -> None
 def _write(out: Path, airframe: Path, found: Identified, gliding: Gliding) -> None:
     """The new airframe file, once it is known to be one."""
     try:
-        text = with_identified(airframe, found, gliding)
+        text = with_identified(airframe.read_text(encoding="utf-8"), str(airframe), found, gliding)
         with tempfile.TemporaryDirectory() as folder:
             trial = Path(folder) / out.name
             trial.write_text(text, encoding="utf-8")

@@ -12,6 +12,7 @@ from msgspec import Meta, field
 from msgspec.structs import force_setattr, replace
 
 from tgl_soar.config.dynamics import MeasuredDynamics, dynamics_parameters
+from tgl_soar.config.glide_limits import pitch_limits, slowest_airspeed
 from tgl_soar.config.stall_limit import stall_limit
 from tgl_soar.config.strict import Finite, Positive, Strict, SystemId
 from tgl_soar.types import NO_AERODYNAMICS, Aerodynamics, GlidePolar
@@ -184,13 +185,19 @@ class Airframe(Strict, frozen=True):
                 raise ValueError(f"model.{key} = {self.model[key]:g}: must be above 0")
 
     def all_parameters(self) -> dict[str, float]:
-        """What the file gives: of the airframe in pitch, its stall, and `[parameters]`, which come
-        first."""
+        """What the file gives: of the airframe in pitch, its stall and glide, and `[parameters]`,
+        which come first."""
         facts = self.airframe
         bench = {name: getattr(facts, name) for name in (*_ON_THE_BENCH, "iyy_kgm2")}
         polar, route = self.polar.as_polar(), (self.autopilot.firmware, self.autopilot.route)
         derived = dynamics_parameters(self.dynamics, bench, self.model, polar, route)
-        return {**stall_limit(self.model), **derived, **self.parameters}
+        return {
+            **stall_limit(self.model),
+            **pitch_limits(self.model, self.parameters),
+            **slowest_airspeed(polar.speed_min_mps),
+            **derived,
+            **self.parameters,
+        }
 
     def flown_as(self, kind: ModelKind | None) -> Airframe:
         """The same with another kind of model; None: its own."""

@@ -4,12 +4,15 @@ High up and far from everything, in a wind that is the same everywhere: the airc
 upwind at about the wind's speed, so that it falls but hardly moves over the ground.  A pilot
 flies it by hand, as one would: pitch held steady for the glides, the elevator let stand, thrown
 to one side and the other for the doublets.  The module is on board, watches and logs.
+
+Speeds are those of an aircraft whose best glide is at `BEST_MPS` and its slowest at `SLOW_MPS`;
+another one's lie between its own, and its pilot moves surfaces that do more by less.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import inf
+from math import inf, sqrt
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -45,6 +48,12 @@ STEP_S: Final = 1.0 / 200.0
 HEIGHT_M: Final = 500.0
 WIND_MPS: Final = 9.2
 SPEEDS_MPS: Final = (9.0, 8.6, 8.2, 7.9, 7.6, 8.4, 9.3, 10.0, 10.7, 11.4)  # of the steady glides
+BEST_MPS: Final = 9.2
+SLOW_MPS: Final = 7.4
+PACE_STEP: Final = 0.05  # no pilot knows it better
+# Pitch and roll acceleration of full deflections at these speeds, that the pilot's hand is for.
+HAND_RADPS2: Final = 31.0, 67.0
+HAND_MPS: Final = 8.5
 GLIDE_S: Final = 8.0  # at each of them, the way there included
 DOUBLETS: Final = 8
 DOUBLET_EVERY_S: Final = 4.0
@@ -114,15 +123,18 @@ def fly(
 ) -> Iterator[GlideTick]:
     """The flight, tick by tick.  `servo_delay_s`: where it is not that of the airframe file;
     brakes: at each of them every speed is glided; the doublets are flown with the first, and then,
-    if they are several, the brake is moved to the last and back, `pulses` times."""
+    if they are several, the brake is moved to the last and back, `pulses` times; speeds_mps: of an
+    aircraft of the usual pace."""
     model = aircraft_model(asdict(airframe.airframe), airframe.model)
+    pace = pace_of(model)
+    wind_mps = pace * WIND_MPS
     servo = servo_params(airframe.model)
     if servo_delay_s is not None:
         servo = servo._replace(delay_s=servo_delay_s)
     world = World(
         model,
         servo,
-        EvenAir(WIND_MPS),
+        EvenAir(wind_mps),
         SoaringFrame(0.0, 0.0, 0.0, 0.0),
         Start(0.0, HEIGHT_M),
         seed=seed,
@@ -132,11 +144,12 @@ def fly(
             imu=MEMS_IMU if imu else None, airspeed=PITOT if pitot else None, surfaces=READ_BACK
         ),
     )
-    plan = [(brake, _glide(model, speed, brake)) for brake in brakes for speed in speeds_mps]
-    throwing = brakes[0], glide_at(braked(model, brakes[0]), DOUBLET_SPEED_MPS)
+    speeds = _speeds(model, pace, speeds_mps)
+    plan = [(brake, _glide(model, speed, brake)) for brake in brakes for speed in speeds]
+    throwing = brakes[0], _glide(model, pace * DOUBLET_SPEED_MPS, brakes[0])
     laws = laws_from(ParameterSet(), world.frame)
     state = initial_state()
-    pilot = _Pilot()
+    pilot = _Pilot(wind_mps, *_hand(model, pace))
     gliding_s = len(plan) * GLIDE_S
     throws = doublets + (pulses if len(brakes) > 1 else 0)
     end_s = gliding_s + (DOUBLET_EVERY_S * (throws + 1) if throws else 0.0)
@@ -169,6 +182,38 @@ def fly(
         )
 
 
+def pace_of(model: AircraftModel) -> float:
+    """How fast this aircraft glides, of one whose best glide is at `BEST_MPS`."""
+    lift = sqrt(model.CD0 / model.CD_lift)
+    weight = model.mass_kg * model.gravity_mps2
+    best = sqrt(2.0 * weight / (model.air_density_kgpm3 * model.wing_area_m2 * lift))
+    return round(best / BEST_MPS / PACE_STEP) * PACE_STEP
+
+
+def _speeds(model: AircraftModel, pace: float, usual: tuple[float, ...]) -> list[float]:
+    """The speeds of this aircraft: below its best glide's nearer to that, or further, as its
+    slowest is."""
+    best = pace * BEST_MPS
+    slow = (best - highest_pitch_glide(model).horizontal_mps) / (BEST_MPS - SLOW_MPS)
+    slow = round(slow, 1)
+    if (pace, slow) == (1.0, 1.0):
+        return list(usual)
+    return [best + (pace if speed > BEST_MPS else slow) * (speed - BEST_MPS) for speed in usual]
+
+
+def wind_of(airframe: Airframe) -> float:
+    """The wind [m/s], from north, that this aircraft glides against."""
+    return pace_of(aircraft_model(asdict(airframe.airframe), airframe.model)) * WIND_MPS
+
+
+def _hand(model: AircraftModel, pace: float) -> tuple[float, float]:
+    """By how much the elevator, and the ailerons, are moved, of what is usual."""
+    pressure = 0.5 * model.air_density_kgpm3 * (pace * HAND_MPS) ** 2 * model.wing_area_m2
+    pitch = pressure * model.chord_m * model.Cm_elevator / model.iyy_kgm2
+    roll = pressure * model.span_m * model.Cl_aileron / model.ixx_kgm2
+    return round(HAND_RADPS2[0] / pitch, 1), round(HAND_RADPS2[1] / roll, 1)
+
+
 def _glide(model: AircraftModel, speed_mps: float, brake: float) -> Glide:
     """At a speed, or at the slowest that the aircraft can be held at with this brake."""
     own = braked(model, brake)
@@ -178,7 +223,8 @@ def _glide(model: AircraftModel, speed_mps: float, brake: float) -> Glide:
 class _Pilot:
     """Holds pitch and wings with an eye on the speed; lets the elevator stand, and throws it."""
 
-    def __init__(self) -> None:
+    def __init__(self, wind_mps: float, elevator: float, ailerons: float) -> None:
+        self._wind_mps, self._elevator, self._ailerons = wind_mps, elevator, ailerons
         self._standing = 0.0
         self._integral = 0.0
         self._pitch_trim_rad = 0.0
@@ -192,19 +238,21 @@ class _Pilot:
             return SurfaceCommand(glide.elevator, 0.0, 0.0)
         roll, pitch, heading = euler_from_quaternion(*inputs.attitude[2:6])
         p, q, r = inputs.attitude[6:9]
-        sides = SurfaceCommand(0.0, -1.2 * roll - 0.06 * p, -0.6 * heading - 0.2 * r)
+        aileron = self._ailerons * (-1.2 * roll - 0.06 * p)
+        sides = SurfaceCommand(0.0, aileron, -0.6 * heading - 0.2 * r)
         if since_s < REST_S + 2.0 * HALF_S + AFTER_S:
             throw = 0.0
             if throws and REST_S <= since_s < REST_S + HALF_S:
                 throw = THROW
             elif throws and REST_S + HALF_S <= since_s < REST_S + 2.0 * HALF_S:
                 throw = -THROW
-            return sides._replace(elevator=self._standing + throw)
+            return sides._replace(elevator=self._standing + self._elevator * throw)
         # Facing north into a wind from there: the wind, and how fast it is gone against.
-        speed_mps = WIND_MPS + inputs.position.velocity_north_mps
+        speed_mps = self._wind_mps + inputs.position.velocity_north_mps
         too_fast_mps = min(max(speed_mps - glide.horizontal_mps, -1.0), 1.0)
         self._pitch_trim_rad += 0.008 * too_fast_mps * STEP_S
         error = glide.pitch_rad + self._pitch_trim_rad - pitch
         self._integral += error * STEP_S
-        self._standing = glide.elevator + 1.5 * error + self._integral - 0.15 * q
+        hold = 1.5 * error + self._integral - 0.15 * q
+        self._standing = glide.elevator + self._elevator * hold
         return sides._replace(elevator=self._standing)

@@ -98,7 +98,8 @@ def drawn_aircraft(airframe: Airframe, ranges: Ranges, seed: tuple[int, ...]) ->
     table.update(_stiffness(airframe, replace(airframe, airframe=bench, model=table), factor))
     table.update(_trimmed_as(given, table))
     model = aircraft_model(asdict(bench), table)
-    fit = glide_polar_fit(model)
+    # Its best glide is at the airframe's own speed: drag's two parts are drawn as one.
+    fit = glide_polar_fit(model, airframe.polar.speed_max_mps)
     polar = Polar(
         c0=fit.polar.c0,
         c1=fit.polar.c1,
