@@ -39,6 +39,7 @@ class PositionFix(NamedTuple):
     velocity_down_mps: float
     source: int = 0  # which sensor it comes from (`link.sources`)
     sigma_m: float = NAN  # standard deviation of each axis as reported; NaN: not reported
+    reckoned: bool = False  # the source says that it is dead reckoned, and not measured
 
 
 class AttitudeSample(NamedTuple):
@@ -216,11 +217,12 @@ class MotionQuality(NamedTuple):
     fix_refused: bool
     jumped: bool  # the estimated position was reset in this tick
     inertial: bool  # accelerations are in use
+    reckoned_s: float  # for so long it has been dead reckoned alone; 0: it is measured
 
 
 NO_QUALITY: Final = MotionQuality(
     *(NAN, NAN, NAN, NAN, NAN, NAN, 0.0, 0.0, 0.0, NAN, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0),
-    *(False, False, False, False),
+    *(False, False, False, False, 0.0),
 )
 
 

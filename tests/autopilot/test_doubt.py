@@ -14,13 +14,14 @@ import pytest
 from tgl_soar.autopilot import (
     AutopilotState,
     Output,
+    fault_text,
     initial_state,
     step,
 )
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.conditions import UNCERTAINTY_MAX
 from tgl_soar.control.laws import laws_from
-from tgl_soar.estimation.health import FROZEN
+from tgl_soar.estimation.health import FROZEN, RECKONED
 from tgl_soar.estimation.motion import GRAVITY_MPS2, IMU_SILENT_S, JUMP_S
 from tgl_soar.estimation.motion_state import OUTLIERS_ACCEPTED
 from tgl_soar.geometry import SoaringFrame
@@ -184,6 +185,30 @@ def test_a_position_that_has_jumped_is_none_for_a_while() -> None:
     assert all(oks[:jump])
     assert not any(oks[jump : jump + round(JUMP_S / DT) - 1])
     assert all(oks[jump + round(JUMP_S / DT) + 1 :])
+
+
+def reckoned(since: int, until: int, value: float) -> list[Output]:
+    """Of positions that are dead reckoned between two ticks, with this AGE_POS_DR."""
+    received = (
+        held(n)._replace(position=held(n).position._replace(reckoned=since <= n - n % 4 < until))
+        for n in range(1000)
+    )
+    return [output for _, output in ticks(received, VALUES.changed({"AGE_POS_DR": value}))]
+
+
+@pytest.mark.parametrize("longest_s", [0.0, 1.0, 60.0])
+def test_a_dead_reckoned_position_is_flown_with_for_so_long_and_then_at_once_when_it_is_measured(
+    longest_s: float,
+) -> None:
+    outputs = reckoned(200, 800, longest_s)
+    for n, output in enumerate(outputs):
+        for_s = (n - 200) * DT
+        if n > 25:
+            assert output.health.position_ok == (not (200 < n < 800 and for_s > longest_s + 1e-9))
+        assert bool(output.health.faults & RECKONED) == (200 <= n < 800)
+        if 200 <= n < 800:
+            assert output.quality.reckoned_s == pytest.approx(for_s)
+            assert "position only dead reckoned" in fault_text(output.health.faults)
 
 
 # --- what is felt -------------------------------------------------------------------------------

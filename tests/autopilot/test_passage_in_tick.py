@@ -6,7 +6,7 @@ from math import isfinite, isnan, nan, radians
 
 import pytest
 
-from tgl_soar.autopilot import Output, initial_state, step
+from tgl_soar.autopilot import Output, entry_lacks, initial_state, step
 from tgl_soar.config.files import (
     airframe_file,
     load_airframe,
@@ -23,12 +23,14 @@ from tgl_soar.control.supervisor import (
     HOLDING,
     LANDING,
     LAUNCHING,
+    POSITION_SANE,
     READY,
     REASON_BREAK,
     REASON_FENCE,
     REASON_LANDED,
     REASON_POSITION_LOST,
     REASON_SOAR_ON,
+    RECOVERING,
     RELEASED,
     SOARING,
     STANDBY,
@@ -184,6 +186,64 @@ def test_a_lost_position_does_not_break_off_by_itself() -> None:
     outputs = blind_ticks(flown, 10.0)
     assert BREAKING_OFF not in [output.mode for output in outputs]
     assert outputs[-1].mode == RELEASED
+
+
+def reckoned_ticks(flown: Flown, seconds: float, until: int = -1) -> list[Output]:
+    """Flown on with positions that the autopilot says it only dead reckons."""
+    laws, state = flown.loop._laws, flown.loop.state
+    world, output = flown.loop.world, flown.output
+    outputs = []
+    for _ in range(round(seconds * world.step_hz)):
+        world.step(output.command)
+        fix = world.position._replace(reckoned=True)
+        samples = world.now.samples._replace(position=fix)
+        state, output = step(laws, state, inputs_at(world.time_s, samples, True))
+        outputs.append(output)
+        if output.mode in (until, RELEASED) or world.crashed:
+            break
+    return outputs
+
+
+def test_by_itself_it_breaks_off_when_it_was_dead_reckoned_for_too_long_and_comes_home() -> None:
+    flown = soaring(ESC_AUTO=1.0, AGE_POS_DR=1.5).fly(3.0)
+    assert flown.output.passage.height_left_m > 0.0
+    begin_s = flown.loop.world.time_s
+    outputs = reckoned_ticks(flown, 90.0)
+    breaks = next(output for output in outputs if output.mode != SOARING)
+    assert (breaks.mode, breaks.reason) == (BREAKING_OFF, REASON_BREAK)
+    assert breaks.time_s - begin_s == pytest.approx(1.5, abs=0.05)
+    world, values = flown.loop.world, flown.loop.values
+    assert "ground" in world.crashed
+    assert abs(world.state.x_m - values["LND_X"]) < 10.0
+    assert abs(world.state.y_m - values["LND_Y"]) < 5.0
+
+
+def test_without_leave_it_is_held_and_handed_over_as_without_a_position() -> None:
+    flown = soaring(AGE_POS_DR=1.5).fly(3.0)
+    outputs = reckoned_ticks(flown, 20.0)
+    modes = [output.mode for output in outputs]
+    assert modes.index(HOLDING) < modes.index(RECOVERING)
+    assert BREAKING_OFF not in modes
+    assert modes[-1] == RELEASED
+
+
+def test_a_dead_reckoned_position_is_enough_for_the_way_home_and_not_to_be_engaged() -> None:
+    flown = soaring(AGE_POS_DR=0.0)
+    flown.loop.change({"ESC_START": 1.0})
+    flown.fly(1.0)
+    outputs = reckoned_ticks(flown, 90.0)
+    assert not any(output.health.position_ok for output in outputs[10:])
+    assert {output.mode for output in outputs} == {BREAKING_OFF, LANDING}
+    assert "ground" in flown.loop.world.crashed
+    on_ground = Flown(world_of(), values_of())
+    on_ground.loop.engage = False
+    laws, world = on_ground.fly(0.5).loop._laws, on_ground.loop.world
+    for reckons in (True, False):
+        fix = world.position._replace(sequence=10_000, time_s=world.time_s, reckoned=reckons)
+        samples = world.now.samples._replace(position=fix)
+        inputs = inputs_at(world.time_s, samples, False)
+        state, output = step(laws, on_ground.loop.state, inputs)
+        assert bool(entry_lacks(laws, state, inputs, output) & POSITION_SANE) == reckons
 
 
 def test_beyond_the_fence_downstream_the_way_home_lets_go() -> None:

@@ -12,6 +12,7 @@ from tgl_soar.estimation.motion import motion_quality, motion_step, unshifted
 from tgl_soar.estimation.motion_state import (
     NO_SHIFT,
     OUTLIERS_ACCEPTED,
+    RECKONED_KEPT_S,
     FrameShift,
     MotionState,
     initial_motion,
@@ -124,6 +125,16 @@ def silent_before(k: int) -> PositionFix | None:
     return None if MOVED_S - GAP_S - 0.1 <= k * DT < MOVED_S else reset_at(MOVED_S)(k)
 
 
+def reckoned_before(k: int, over_s: float = 0.5) -> PositionFix:
+    """The source says that it dead reckons, until some time before it is corrected."""
+    fix = reset_at(MOVED_S)(k)
+    return fix._replace(reckoned=0.2 <= k * DT <= MOVED_S - over_s)
+
+
+def reckoned_until_then(k: int) -> PositionFix:
+    return reset_at(MOVED_S)(k)._replace(reckoned=0.2 <= k * DT <= MOVED_S + 0.2)
+
+
 @pytest.mark.parametrize(
     ("fixes", "reset_max_m"),
     [
@@ -132,8 +143,13 @@ def silent_before(k: int) -> PositionFix | None:
         (reset_at(MOVED_S, speed=(3.0, 0.0, 0.0)), 10.0),
         (frozen_before, 10.0),
         (silent_before, 10.0),
+        (reckoned_before, 10.0),
+        (reckoned_until_then, 10.0),
     ],
-    ids=["farther than allowed", "not allowed", "with another velocity", "frozen", "silent"],
+    ids=[
+        *("farther than allowed", "not allowed", "with another velocity", "frozen", "silent"),
+        *("dead reckoned before", "dead reckoned until it was corrected"),
+    ],
 )
 def test_where_the_aircraft_may_have_moved_itself_the_line_begins_anew(
     fixes: Fixes, reset_max_m: float
@@ -141,6 +157,30 @@ def test_where_the_aircraft_may_have_moved_itself_the_line_begins_anew(
     _, state, _, jumped = last_of(fixes, reset_max_m=reset_max_m)
     assert state.shift == NO_SHIFT
     assert jumped
+
+
+def test_long_after_dead_reckoning_a_reset_moves_the_frame_again() -> None:
+    def fixes(k: int) -> PositionFix:
+        return reset_at(4.0)(k)._replace(reckoned=1.0 <= k * DT < 4.0 - RECKONED_KEPT_S - 0.1)
+
+    states = [(time_s, state, quality) for time_s, state, _, quality in flight(fixes, 5.0)]
+    for time_s, _, quality in states:
+        since_s = time_s - 1.0
+        reckons = 0.0 <= since_s < 3.0 - RECKONED_KEPT_S - 0.1 - DT
+        if reckons and since_s > FIX_TICKS * DT:
+            assert quality.reckoned_s == pytest.approx(since_s, abs=FIX_TICKS * DT)
+    assert quality.reckoned_s == 0.0
+    assert tuple(states[-1][1].shift) == pytest.approx(RESET, abs=1e-3)
+
+
+def test_stretches_of_dead_reckoning_close_to_each_other_are_one() -> None:
+    def flickering(k: int) -> PositionFix:
+        return fix_at(k, place(k * DT), SPEED)._replace(
+            reckoned=k * DT >= 0.5 and k // 100 % 3 != 0
+        )
+
+    longest = max(quality.reckoned_s for _, _, _, quality in flight(flickering, 4.0))
+    assert longest > 3.0
 
 
 def test_resets_add_up_to_the_most_that_is_allowed() -> None:

@@ -14,6 +14,7 @@ from tgl_soar.link.messages import (
     AttitudeQuaternion,
     CommandAck,
     CommandLong,
+    EkfStatusReport,
     Heartbeat,
     Inbound,
     LocalPositionNed,
@@ -199,7 +200,9 @@ def test_a_stream_that_comes_is_not_asked_for_again() -> None:
             hear(talk, VfrHud(9.0, 0.0), now)
         if i % 200 == 0:
             hear(talk, SysStatus(0, 0), now)
-    assert len(made) == 6
+        if i % 40 == 0:
+            hear(talk, EkfStatusReport(831), now)
+    assert len(made) == 7
 
 
 def test_a_stream_that_stays_away_is_asked_for_ever_more_seldom() -> None:
@@ -207,8 +210,8 @@ def test_a_stream_that_stays_away_is_asked_for_ever_more_seldom() -> None:
     hear(talk, MANUAL, 0.0)
     first = asked_over(talk, 12.0, result=None)
     later = asked_over(talk, 100.0, result=None, start_s=12.0)
-    assert 6 * 3 <= first <= 6 * 4
-    assert 6 * 5 <= later <= 6 * 8
+    assert 7 * 3 <= first <= 7 * 4
+    assert 7 * 5 <= later <= 7 * 8
 
 
 def test_a_stream_that_is_too_slow_is_asked_for_again() -> None:
@@ -291,7 +294,7 @@ def test_an_answer_to_somebody_else_is_not_ours() -> None:
 def test_after_a_reboot_all_is_asked_for_again_and_we_greet_at_once() -> None:
     talk = session()
     hear(talk, MANUAL, 0.0)
-    assert asked_over(talk, 1.0, result=0) == 6
+    assert asked_over(talk, 1.0, result=0) == 7
     hear(talk, attitude(300_000), 1.0)
     hear(talk, position(300_000), 1.0)
     for late_ms in (1_000, 1_005):

@@ -19,9 +19,13 @@ from tgl_soar.config.files import (
     shipped,
 )
 from tgl_soar.control.supervisor import CAPTURING, RECOVERING, RELEASED, SOARING
+from tgl_soar.control.target_line import e_rho, eta_from_lean
 from tgl_soar.geometry import SoaringFrame, ned_vector_from_soaring
-from tgl_soar.link.messages import SEVERITY_WARNING
-from tgl_soar.onboard.reports import FrameWords
+from tgl_soar.link.messages import SEVERITY_INFO, SEVERITY_WARNING
+from tgl_soar.onboard.reports import FrameWords, ReckoningWords
+from tgl_soar.sim.closed_loop import ClosedLoop
+from tgl_soar.sim.faults import parse_fault
+from tgl_soar.sim.injection import Injection
 from tgl_soar.sim.world import build_field, make_world
 from tgl_soar.types import Inputs
 
@@ -31,6 +35,7 @@ DT_S = 0.005
 RESET_S, STAY_S = 8.0, 8.0  # soaring since the sixth second
 E_RHO_M = 0.05  # as far as a reset may move e_rho; gusts of 1 % make a centimetre of it
 
+Words = tuple[int, str]
 Spoil = Callable[[SoaringFrame, Inputs], Inputs]
 
 
@@ -130,3 +135,46 @@ def test_fence_and_ground_hold_in_the_frame_of_before_and_in_the_new_one(
     assert reason_text(ended[0].reason) == reason
     # Five fixes, and what is wrong must last for longer than noise does.
     assert ended[0].time_s - RESET_S < 0.5
+
+
+def dead_reckoned(told_s: float, lasts_s: float = 15.0) -> tuple[list[Output], list[Words], float]:
+    """Fixes missing for so long, and as long again: how far [m] it truly is off its line then.
+
+    told_s: after how long the autopilot says so.
+    """
+    airframe, site = load_airframe(AIRFRAME), load_site(SITE)
+    assert site.air is not None
+    values = load_parameters(airframe, AIRFRAME, site, SITE)
+    values = values.changed({**line_parameters(next(iter(site.lines.values()))), "AGE_POS_DR": 20})
+    world = make_world(airframe, site, seed=3, turbulence=TURBULENCE, field=build_field(site.air))
+    # 1.7 m at last, along the wind of this site: what was seen through a real autopilot.
+    fault = f"position.reckoned start={RESET_S} for={lasts_s} north=0 east=-0.015 told={told_s}"
+    loop = ClosedLoop(world, values, Injection([parse_fault(fault)]))
+    frame, reckoning = FrameWords(), ReckoningWords()
+    outputs, words = [], []
+    for k in range(round((RESET_S + 2.0 * lasts_s) / DT_S)):
+        output = loop.tick()
+        if k >= round(RESET_S / DT_S):
+            outputs.append(output)
+            words += frame.look(output) + reckoning.look(output)
+    eta_rad = eta_from_lean(radians(values["TGL_LEAN"]))
+    off_m = e_rho(values["TGL_X"], values["TGL_Z"], eta_rad, world.truth.x_m, world.truth.z_m)
+    return outputs, words, abs(off_m)
+
+
+def test_what_is_corrected_after_dead_reckoning_moves_no_frame() -> None:
+    outputs, words, off_m = dead_reckoned(told_s=7.0)
+    assert outputs[-1].quality.shift_x_m == 0.0
+    assert outputs[-1].mode in (CAPTURING, SOARING)
+    assert off_m < E_RHO_M
+    assert words == [
+        (SEVERITY_WARNING, "position is only dead reckoned: fixes are missing"),
+        (SEVERITY_INFO, "position is measured again"),
+    ]
+
+
+def test_not_told_of_it_the_line_stays_where_the_reckoning_ended() -> None:
+    """What the autopilot's word is asked for: the same flight without it."""
+    outputs, _, off_m = dead_reckoned(told_s=1e6)
+    assert abs(outputs[-1].quality.shift_x_m) > 1.0
+    assert off_m > 1.0

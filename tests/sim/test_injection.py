@@ -156,6 +156,19 @@ def test_a_bias_is_added_in_the_units_that_it_is_given_in() -> None:
     assert degrees(pitch) == pytest.approx(degrees(0.2))
 
 
+def test_a_dead_reckoned_position_drifts_away_says_so_late_and_comes_back() -> None:
+    # At half steps: arithmetic decides no comparison.
+    found = positions("position.reckoned start=0.095 for=0.3 north=8 east=-2 told=0.2")
+    for here in found:
+        true, at_s = fix(here.sequence), here.sequence * DT
+        lasted_s = at_s - 0.095 if 0.095 <= at_s < 0.395 else 0.0
+        assert here.north_m - true.north_m == pytest.approx(4.0 * lasted_s**2)
+        assert here.east_m - true.east_m == pytest.approx(-(lasted_s**2))
+        north_mps = here.velocity_north_mps - true.velocity_north_mps
+        assert north_mps == pytest.approx(8.0 * lasted_s)
+        assert here.reckoned == (0.295 <= at_s < 0.395)
+
+
 def test_noise_has_the_standard_deviation_asked_for() -> None:
     reported = positions("position.noise start=0 for=99 sigma=0.2", count=2000)
     errors = [f.east_m - 2.0 for f in reported]

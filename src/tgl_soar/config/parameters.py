@@ -571,6 +571,15 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
                 " come leave it uncertain: recover, wings level at REC_PITCH, for REC_TIME; then"
                 " hand over.",
     ),
+    # An estimator says late that it is not aided any more: EKF3 after 7 s. Its accelerations are
+    # wrong by g times the error of its tilt, 0.2 deg or 0.03 m/s^2: it is off by 0.7 m then, and by
+    # 1.2 m two seconds later; 3 m are all of the lift over a small hill.
+    Parameter(
+        name="AGE_POS_DR", unit="s", minimum=0, maximum=60, default=2.0,
+        meaning="So long a position is flown with that the autopilot's estimator only dead reckons,"
+                " as EKF_STATUS_REPORT or ESTIMATOR_STATUS says; then as one that is lost (with"
+                " ESC_AUTO 1 it breaks off). 0: not at all.",
+    ),
     Parameter(
         name="AGE_FROZEN", unit="s", minimum=0.1, maximum=10, default=1.0,
         meaning="If a source repeats the same numbers for longer than this, its age counts from"

@@ -85,8 +85,10 @@ EXCITED_STALL_RAD: Final = 0.5 * MARGIN_FULL
 LINE_UPRIGHT: Final = 0.1  # sine of a line's inclination, below which it has no upstream side
 
 
-def with_uncertainty(guards: SupervisorLimits, health: Health, quality: MotionQuality) -> Health:
-    """Health as the estimator's doubt has it, and not the age of the last fix alone.
+def is_place_known(guards: SupervisorLimits, health: Health, quality: MotionQuality) -> bool:
+    """Whether the position may be flown with, for all that the estimator knows.
+
+    health: of which `position_ok` says how old the last fix is, and no more.
 
     With accelerations the position is flown with until it is too uncertain; where it has jumped
     it is not, so that the line starts anew at the aircraft and no law sees the step.  A fix that
@@ -102,7 +104,13 @@ def with_uncertainty(guards: SupervisorLimits, health: Health, quality: MotionQu
         and health.position_age_s <= guards.position_age_max_s
         and not health.faults & FROZEN  # the estimator knows no better
     )
-    sure = (young or carried) and not quality.jumped
+    return (young or carried) and not quality.jumped
+
+
+def with_uncertainty(guards: SupervisorLimits, health: Health, quality: MotionQuality) -> Health:
+    """Health as the estimator's doubt has it, and the autopilot's own of what it reckons."""
+    sure = is_place_known(guards, health, quality)
+    sure = sure and (quality.reckoned_s == 0.0 or quality.reckoned_s <= guards.reckoned_max_s)
     return health if sure == health.position_ok else health._replace(position_ok=sure)
 
 

@@ -60,6 +60,7 @@ class SupervisorLimits(NamedTuple):
     tilt_max_rad: float
     position_age_max_s: float  # since the last confident position; holding ends here
     position_sd_max_m: float  # until then the line is flown, where accelerations are known
+    reckoned_max_s: float  # a position that is only dead reckoned is flown with for so long
     recover_s: float  # the longest time of it
 
 
@@ -236,6 +237,7 @@ def _supervisor_limits(values: ParameterSet) -> SupervisorLimits:
         tilt_max_rad=radians(values["TILT_MAX"]),
         position_age_max_s=values["AGE_POS_MAX"],
         position_sd_max_m=values["EST_SD_MAX"],
+        reckoned_max_s=values["AGE_POS_DR"],
         recover_s=values["REC_TIME"],
     )
 

@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 
 from tgl_soar.control import landing, launch
 from tgl_soar.control import supervisor as modes
+from tgl_soar.control.conditions import is_place_known
 from tgl_soar.control.envelope import OUT_DOWNSTREAM, Margins
 from tgl_soar.control.estimates import Estimates
 from tgl_soar.control.heading import heading_setpoint, sideways_held
@@ -96,7 +97,7 @@ def passage_step(
         )
         began = launch_step(laws.launch, began, launching, view, dt_s)
     in_air, lands = not launching or is_aloft(began), mode == modes.LANDING
-    sure, air = estimates.health.position_ok, estimates.air
+    sure, air = knows_place(laws, estimates), estimates.air
     escape = escape_step(laws.landing, state.escape, in_air, lands, sure, vehicle, air, dt_s)
     glide = state.glide if modes.goes_home(mode) else NO_GLIDE
     return PassageState(began, escape, glide)
@@ -131,8 +132,9 @@ def passage_conditions(laws: Laws, mode: int, state: PassageState, estimates: Es
         found |= modes.LAUNCH_HIGH
     if standing != launch.FAR:
         found |= modes.LINE_IN_REACH
-    sure, clearance_m = estimates.health.position_ok, estimates.margins.clearance_m
+    sure, clearance_m = knows_place(laws, estimates), estimates.margins.clearance_m
     short = sure and is_short(state.escape, vehicle.time_s)
+    short = short or (sure and _is_reckoned_too_long(laws, state, estimates))
     if home.asked == landing.BREAK or (home.asked == landing.STAY and home.auto and short):
         found |= modes.BREAK_OFF
     if home.asked == landing.SOAR_ON:
@@ -150,7 +152,27 @@ def passage_conditions(laws: Laws, mode: int, state: PassageState, estimates: Es
     blind_max_s = laws.guards.position_age_max_s + laws.guards.recover_s
     if estimates.health.position_age_s <= blind_max_s and -FUTURE_S <= blind_s <= blind_max_s:
         found |= modes.NOT_BLIND  # false for NaN
+    if sure:
+        found |= modes.NOT_BLIND
     return found
+
+
+def knows_place(laws: Laws, estimates: Estimates) -> bool:
+    """Whether the position is good enough to go home by: dead reckoned for however long, too.
+
+    Metres beside the landing place are less than what a glide without any position is off.
+    """
+    health, quality = estimates.health, estimates.quality
+    if health.position_ok or quality.reckoned_s == 0.0:
+        return health.position_ok
+    young = health.position_age_s <= laws.health.position_age_max_s
+    return is_place_known(laws.guards, health._replace(position_ok=young), quality)
+
+
+def _is_reckoned_too_long(laws: Laws, state: PassageState, estimates: Estimates) -> bool:
+    """Whether the line is not to be flown any longer by dead reckoning, and there is a way home."""
+    too_long = estimates.quality.reckoned_s > laws.guards.reckoned_max_s
+    return too_long and state.escape.armed and state.escape.left_m >= 0.0  # false for NaN
 
 
 def passage_line(
@@ -222,7 +244,7 @@ def _wish(
             pitch = min(pitch, laws.envelope.glide_pitch_rad)
         return state, GlideWish(pitch, upwind, NAN)
     home = laws.landing
-    outward, sure = mode == modes.BREAKING_OFF, estimates.health.position_ok
+    outward, sure = mode == modes.BREAKING_OFF, knows_place(laws, estimates)
     clearance_m = estimates.margins.clearance_m
     glide, speed = glide_step(home, state.glide, outward, sure, vehicle, air, clearance_m, dt_s)
     polar = home.polar

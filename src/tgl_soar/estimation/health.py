@@ -82,6 +82,7 @@ SURFACES: Final = 1 << 14
 FAILSAFE: Final = 1 << 15
 DISARMED: Final = 1 << 16
 BRAKE: Final = 1 << 17
+RECKONED: Final = 1 << 18
 FAULT_TEXTS: Final = (
     "position has gaps",
     "position frozen",
@@ -101,10 +102,11 @@ FAULT_TEXTS: Final = (
     "autopilot in failsafe",
     "autopilot disarmed",
     "brake does not follow commands",
+    "position only dead reckoned",
 )
-STREAM_FAULTS: Final = SURFACES - 1  # of position, attitude, accelerations, airspeed
+STREAM_FAULTS: Final = (SURFACES - 1) | RECKONED  # of position, attitude, accelerations, airspeed
 # A position with one of these is not engaged with.
-INSANE: Final = FROZEN | JUMP | NOT_FINITE | BACKWARDS | WRONG
+INSANE: Final = FROZEN | JUMP | NOT_FINITE | BACKWARDS | WRONG | RECKONED
 
 
 class HealthLimits(NamedTuple):
@@ -282,6 +284,8 @@ def health_step(
     # Between two that were seen: one odd sample before a silence is none.
     if inputs.surfaces.time_s - surfaces.brake_dead_s > BRAKE_DEAD_S:
         faults |= BRAKE
+    if motion.reckoning.now:
+        faults |= RECKONED
     return HealthState(
         position=position, attitude=attitude, frame=frame, tilt=tilt, surfaces=surfaces
     ), Health(

@@ -31,12 +31,14 @@ from tgl_soar.estimation.inertial_track import Track, new_track, track_at, track
 from tgl_soar.estimation.motion_state import (
     FUTURE_S,
     NO_OUTLIERS,
+    NO_RECKONING,
     NO_SHIFT,
     OUTLIERS_ACCEPTED,
     LastAttitude,
     LastImu,
     MotionGains,
     MotionState,
+    Reckoning,
     covariance_at,
     errors_when_switched,
     initial_motion,
@@ -135,6 +137,7 @@ def motion_quality(
         fix_refused=refused,
         jumped=time_s - after.jump_s < JUMP_S,  # false for NaN
         inertial=after.inertial,
+        reckoned_s=_reckoned_for(after.reckoning, time_s),
     )
 
 
@@ -146,6 +149,11 @@ def unshifted(state: MotionState, now_s: float) -> MotionState:
     errors = state.errors
     moved = errors._replace(x_m=errors.x_m + x, y_m=errors.y_m + y, z_m=errors.z_m + z)
     return state._replace(errors=moved, shift=NO_SHIFT, jump_s=now_s)
+
+
+def _reckoned_for(reckoning: Reckoning, now_s: float) -> float:
+    """For how long the position has been dead reckoned alone; 0: it is measured."""
+    return max(0.0, now_s - reckoning.since_s) if reckoning.now else 0.0
 
 
 def _root(variance: float) -> float:
@@ -171,6 +179,7 @@ def _forgotten(state: MotionState, now_s: float) -> MotionState:
         fix=state.fix._replace(time_s=NAN),
         shift=NO_SHIFT,
         outliers=NO_OUTLIERS,
+        reckoning=NO_RECKONING,
         jump_s=NAN,
     )
 
@@ -247,6 +256,7 @@ def _carried(
         shift=state.shift,
         innovation=state.innovation,
         outliers=state.outliers,
+        reckoning=state.reckoning,
         rejected=rejected,
         jump_s=state.jump_s,
     )

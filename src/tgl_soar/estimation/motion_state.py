@@ -19,6 +19,10 @@ IMU_INTERVAL_S: Final = 0.005  # between two accelerations, until it is known
 IMU_INTERVAL_MIN_S: Final = 0.001
 BIAS_S: Final = 300.0  # in which a bias may become another one: it turns with the aircraft
 ACCELERATION_S: Final = 0.1  # how long an acceleration that nobody measures lasts
+# An estimator says once a second, at the slowest, how it stands, and its correction may come with
+# the first fixes after that: for so long after a dead-reckoned fix what is corrected is the
+# reckoning, and no frame is taken for moved.
+RECKONED_KEPT_S: Final = 2.0
 OUTLIERS_ACCEPTED: Final = 5  # of them in a row that agree with each other
 
 
@@ -63,6 +67,15 @@ class LastAttitude(NamedTuple):
     used: AttitudeSample  # that sample
     refused: AttitudeSample  # the last one that was turned too far from it
     refused_in_a_row: int  # so many that agree with each other
+
+
+class Reckoning(NamedTuple):
+    """Fixes that their source says are dead reckoned; stretches that follow each other within
+    `RECKONED_KEPT_S` count as one."""
+
+    since_s: float  # when this stretch began; NaN: there was none
+    last_s: float  # of the last of them; NaN: there was none
+    now: bool  # the last fix used is one of them
 
 
 class Offset(NamedTuple):
@@ -116,12 +129,14 @@ class MotionState(NamedTuple):
     shift: FrameShift
     innovation: Innovation
     outliers: Outliers
+    reckoning: Reckoning
     rejected: int  # samples refused so far
     jump_s: float  # the tick in which the position last jumped; NaN: never
 
 
 NO_OFFSET: Final = Offset(0.0, 0.0, 0.0)
 NO_SHIFT: Final = FrameShift(0.0, 0.0, 0.0)
+NO_RECKONING: Final = Reckoning(NAN, NAN, False)
 NO_OUTLIERS: Final = Outliers(in_a_row=0, time_s=NAN, gap=False, x_m=NAN, y_m=NAN, z_m=NAN)
 
 
@@ -145,6 +160,7 @@ def initial_motion() -> MotionState:
         shift=NO_SHIFT,
         innovation=Innovation(NAN, NAN, NAN, NAN),
         outliers=NO_OUTLIERS,
+        reckoning=NO_RECKONING,
         rejected=0,
         jump_s=NAN,
     )

@@ -17,6 +17,10 @@ it says is then moved back by that innovation (`MotionState.shift`), up to EST_R
 estimate goes on as if nothing had been, and so do line and lift.  In which of the two frames the
 ground is right is unknown: margins to ground and fence are the smaller of both.
 
+A source that says that it dead reckons (`PositionFix.reckoned`) is used on, for how long is not
+decided here.  What is corrected right after that is what it reckoned wrongly: the aircraft has been
+elsewhere, no frame has moved.
+
 Another `PositionFix.source` has another origin, by some centimetres.  The innovation of its first
 fix, as far as the filter's own uncertainty does not explain it, is learnt as the source's offset,
 and removed slowly: the position slides over, and the velocity is not affected.  Which of both
@@ -41,6 +45,7 @@ from tgl_soar.estimation.motion_state import (
     NO_OFFSET,
     NO_OUTLIERS,
     OUTLIERS_ACCEPTED,
+    RECKONED_KEPT_S,
     FrameShift,
     Innovation,
     LastFix,
@@ -48,6 +53,7 @@ from tgl_soar.estimation.motion_state import (
     MotionState,
     Offset,
     Outliers,
+    Reckoning,
     covariance_at,
     is_later,
     track_errors_at,
@@ -126,12 +132,13 @@ def take_fix(
 ) -> MotionState:
     """The estimate with a new fix taken in or refused."""
     measured = _measured(gains, frame, state.shift, fix)
-    time_s, last_s = measured.time_s, state.errors.time_s
-    source = state.fix.source
+    time_s = measured.time_s
     if not _is_usable(state, fix, measured, now_s):
         latest = state.fix._replace(sequence=fix.sequence)
         return state._replace(fix=latest, rejected=state.rejected + 1)
 
+    if fix.reckoned or state.reckoning.now:
+        state = state._replace(reckoning=_reckoning(state.reckoning, fix.reckoned, time_s))
     total = _sum(fix)
     latest = LastFix(
         sequence=fix.sequence,
@@ -140,6 +147,15 @@ def take_fix(
         sum=total,
         repeated=state.fix.repeated + 1 if total == state.fix.sum else 0,
     )
+    return _compared(gains, state, latest, measured, now_s)
+
+
+def _compared(
+    gains: MotionGains, state: MotionState, latest: LastFix, measured: _Measured, now_s: float
+) -> MotionState:
+    """The estimate with a usable fix taken in, or refused as an outlier."""
+    time_s, last_s = measured.time_s, state.errors.time_s
+    source = state.fix.source
     place = track_at(state.track, time_s)
     if last_s != last_s:  # NaN: the first
         return _start(gains, state, latest, measured, place)
@@ -151,7 +167,7 @@ def take_fix(
     track_x, track_y, track_z, track_vx, track_vy, track_climb = place
     x, y, z, vx, vy, climb = track_errors_at(state, time_s)
     scatter = pp + measured.variance_m2
-    same_source = fix.source == source
+    same_source = latest.source == source
     offset = state.offset if same_source else NO_OFFSET
     ox, oy, oz = offset
     rx = measured.x_m - ox - track_x - x
@@ -305,6 +321,14 @@ def _start(
     )
 
 
+def _reckoning(before: Reckoning, reckoned: bool, time_s: float) -> Reckoning:
+    """With one more fix."""
+    if not reckoned:
+        return Reckoning(before.since_s, before.last_s, False)
+    goes_on = 0.0 <= time_s - before.last_s <= RECKONED_KEPT_S  # false for NaN: the first
+    return Reckoning(before.since_s if goes_on else time_s, time_s, True)
+
+
 def _outliers(
     gains: MotionGains, state: MotionState, innovation: Innovation, time_s: float
 ) -> Outliers:
@@ -317,6 +341,7 @@ def _outliers(
     agrees = count > 0 and _length(rx - x, ry - y, rz - z) <= near
     if not agrees:
         gap = state.fix.repeated >= REPEATED or not time_s - state.fix.time_s <= GAP_S
+        gap = gap or time_s - state.reckoning.last_s <= RECKONED_KEPT_S  # false for NaN: none
     return Outliers(
         in_a_row=count + 1 if agrees else 1,
         time_s=time_s,

@@ -14,6 +14,8 @@ from tgl_soar.link.messages import (
     CommandAck,
     CommandInt,
     CommandLong,
+    EkfStatusReport,
+    EstimatorStatus,
     FileTransferProtocol,
     Heartbeat,
     Inbound,
@@ -57,6 +59,14 @@ def _vfr_hud(m: Any) -> Inbound:
 
 def _sys_status(m: Any) -> Inbound:
     return SysStatus(m.onboard_control_sensors_present, m.onboard_control_sensors_health)
+
+
+def _ekf_status_report(m: Any) -> Inbound:
+    return EkfStatusReport(m.flags)
+
+
+def _estimator_status(m: Any) -> Inbound:
+    return EstimatorStatus(m.flags)
 
 
 def _command_long(m: Any) -> Inbound:
@@ -132,6 +142,8 @@ INBOUND: Final[dict[int, Callable[[Any], Inbound]]] = {
     dialect.MAVLINK_MSG_ID_VISION_POSITION_ESTIMATE: _vision_position_estimate,
     dialect.MAVLINK_MSG_ID_VFR_HUD: _vfr_hud,
     dialect.MAVLINK_MSG_ID_SYS_STATUS: _sys_status,
+    dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT: _ekf_status_report,
+    dialect.MAVLINK_MSG_ID_ESTIMATOR_STATUS: _estimator_status,
     dialect.MAVLINK_MSG_ID_COMMAND_LONG: _command_long,
     dialect.MAVLINK_MSG_ID_COMMAND_INT: _command_int,
     dialect.MAVLINK_MSG_ID_COMMAND_ACK: _command_ack,

@@ -30,6 +30,13 @@ STATE_EMERGENCY: Final = 6
 SENSOR_DIFFERENTIAL_PRESSURE: Final = 16  # MAV_SYS_STATUS_SENSOR: a pitot tube
 ESTIMATOR_VISION: Final = 2  # MAV_ESTIMATOR_TYPE
 
+# EKF_STATUS_FLAGS and ESTIMATOR_STATUS_FLAGS
+ESTIMATOR_POSITION_RELATIVE: Final = 1 << 3
+ESTIMATOR_POSITION_ABSOLUTE: Final = 1 << 4
+ESTIMATOR_POSITION_CONSTANT: Final = 1 << 7
+ESTIMATOR_PREDICTS_RELATIVE: Final = 1 << 8
+ESTIMATOR_PREDICTS_ABSOLUTE: Final = 1 << 9
+
 # MAV_SEVERITY
 SEVERITY_CRITICAL: Final = 2
 SEVERITY_ERROR: Final = 3
@@ -88,6 +95,8 @@ ID_HIGHRES_IMU: Final = 105
 ID_TIMESYNC: Final = 111
 ID_SCALED_IMU2: Final = 116
 ID_SCALED_IMU3: Final = 129
+ID_EKF_STATUS_REPORT: Final = 193
+ID_ESTIMATOR_STATUS: Final = 230
 ID_ODOMETRY: Final = 331
 
 # Numbers of messages that we send, for stations that ask for them
@@ -233,6 +242,18 @@ class VfrHud(NamedTuple):
 class SysStatus(NamedTuple):
     sensors_present: int  # MAV_SYS_STATUS_SENSOR
     sensors_health: int
+
+
+class EkfStatusReport(NamedTuple):
+    """ArduPilot's; of it the flags alone."""
+
+    flags: int  # EKF_STATUS_FLAGS
+
+
+class EstimatorStatus(NamedTuple):
+    """PX4's; of it the flags alone."""
+
+    flags: int  # ESTIMATOR_STATUS_FLAGS, which are the same where both are used here
 
 
 class ServoOutputRaw(NamedTuple):
@@ -428,6 +449,8 @@ Inbound: TypeAlias = (
     | RawImu
     | VfrHud
     | SysStatus
+    | EkfStatusReport
+    | EstimatorStatus
     | ServoOutputRaw
     | CommandLong
     | CommandInt

@@ -22,6 +22,8 @@ from tgl_soar.link.messages import (
     SEVERITY_WARNING,
     AttitudeQuaternion,
     CommandAck,
+    EkfStatusReport,
+    EstimatorStatus,
     GlobalPositionInt,
     Heartbeat,
     HighresImu,
@@ -45,6 +47,7 @@ from tgl_soar.link.sources import PositionSources
 from tgl_soar.link.streams import StreamRequests
 from tgl_soar.link.tangent_plane import Home
 from tgl_soar.link.timesync import RoundTrip
+from tgl_soar.link.vehicle.estimator_aids import EstimatorAids
 from tgl_soar.link.vehicle.ledger import Ledger, SessionCounters
 from tgl_soar.link.vehicle.message_rates import MessageRates
 from tgl_soar.link.vehicle.position_samples import PositionSamples
@@ -103,8 +106,15 @@ class Session:
             self.autopilot, ledger, self._autopilot_restarted, lockstep=options.lockstep
         )
         self.samples = SensorSamples(flavour, self._times, ledger)
+        self._aids = EstimatorAids(ledger)
         self._positions = PositionSamples(
-            self.sources, options.home, options.vision_from, self.samples, self._times, ledger
+            self.sources,
+            options.home,
+            options.vision_from,
+            self.samples,
+            self._times,
+            self._aids,
+            ledger,
         )
         self._rates = MessageRates(flavour, options.imu, options.loop_rate_hz, self.sources, ledger)
 
@@ -218,6 +228,7 @@ class Session:
     def _autopilot_restarted(self, now_s: float) -> None:
         """The vehicle's clock is another one: greet again, ask again."""
         self.vehicle.restarted()
+        self._aids.restarted()
         self._heartbeat_due_s = now_s
         self.streams.restart()
         self.round_trip.restart()
@@ -249,6 +260,8 @@ class Session:
             self.samples.on_hud(message, now_s)
         elif isinstance(message, SysStatus):
             self.samples.on_sys_status(message)
+        elif isinstance(message, EkfStatusReport | EstimatorStatus):
+            self._aids.on_status(message)
         elif isinstance(message, Heartbeat):
             self.vehicle.on_heartbeat(message, now_s)
         elif isinstance(message, ParamValue):
@@ -298,4 +311,6 @@ _MEASUREMENTS: Final = (
     GlobalPositionInt,
     VfrHud,
     ServoOutputRaw,
+    EkfStatusReport,
+    EstimatorStatus,
 )

@@ -168,7 +168,7 @@ class PositionSources:
                 self._report_apart(source, health, now_s)
                 return False
             self._switch(source, now_s)
-        _, time_s, x, y, z, u, v, w, _, sigma_m = measured
+        _, time_s, x, y, z, u, v, w, _, sigma_m, reckoned = measured
         number = self.position.sequence + 1
         self.position = PositionFix(
             sequence=number,
@@ -181,6 +181,7 @@ class PositionSources:
             velocity_down_mps=w,
             source=source,
             sigma_m=sigma_m,
+            reckoned=reckoned,
         )
         self.attitude = attitude
         return True

@@ -52,7 +52,7 @@ class Reports:
         self._first_words = list(first_words)
         self._busy_s = self._slow_line_s = float("-inf")  # when reported last
         self._late = self._left_out = 0  # up to then
-        self._words = (ForecastWords(), FrameWords(), PointWords())
+        self._words = (ForecastWords(), FrameWords(), ReckoningWords(), PointWords())
         for _, text in self._first_words:
             outbox.console(text)
 
@@ -154,6 +154,22 @@ class FrameWords:
         x, y, z = (round(a - b, 1) + 0.0 for a, b in zip(self._shift, before, strict=True))
         moved = f"position was reset by {x:+.1f} {y:+.1f} {z:+.1f} m (x y z)"
         return [(SEVERITY_WARNING, f"{moved}: the line moves with it")]
+
+
+class ReckoningWords:
+    """Reports that the autopilot only dead reckons its position, and when that is over."""
+
+    def __init__(self) -> None:
+        self._reckoned = False
+
+    def look(self, output: autopilot.Output) -> list[tuple[int, str]]:
+        """What is to be said after a tick: severities and texts."""
+        before, self._reckoned = self._reckoned, output.quality.reckoned_s > 0.0
+        if self._reckoned == before or not output.active:
+            return []
+        if self._reckoned:
+            return [(SEVERITY_WARNING, "position is only dead reckoned: fixes are missing")]
+        return [(SEVERITY_INFO, "position is measured again")]
 
 
 class PointWords:

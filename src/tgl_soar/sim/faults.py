@@ -309,7 +309,42 @@ _OF_A_FIRMWARE: Final = (
     ),
 )
 
+
+def _drift(axis: str, default: float) -> Number:
+    return Number(
+        name=axis,
+        unit="m/s²",
+        low=-10.0,
+        high=10.0,
+        default=default,
+        drawn=(-0.04, 0.04),
+        what="by which its accelerations are wrong",
+    )
+
+
+# g times a tilt that is 0.2 deg off is 0.03 m/s^2; EKF3 says so after 7 s.
+_RECKONED: Final = FaultKind(
+    "position.reckoned",
+    "no fixes: the autopilot's estimator dead reckons, says so late, and is reset in the end",
+    (
+        _START,
+        _for(15.0, 1.0, 30.0),
+        _drift("north", 0.03),
+        _drift("east", 0.0),
+        Number(
+            name="told",
+            unit="s",
+            low=0.0,
+            high=_LONGEST_S,
+            default=7.0,
+            drawn=(5.0, 10.0),
+            what="since it began, when it says so",
+        ),
+    ),
+)
+
 _KINDS: Final[tuple[FaultKind, ...]] = (
+    _RECKONED,
     *_OF_THE_BRAKE,
     *_OF_A_FIRMWARE,
     *(kind for of, passing in _PASSING.items() for kind in _ways(of, passing)),

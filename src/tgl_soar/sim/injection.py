@@ -173,6 +173,8 @@ class Measured(Generic[Sample]):
                     sample = _without_numbers(sample)
             elif fault.way == "bias":
                 sample = _wrong_by(sample, fault.offsets)
+            elif fault.way == "reckoned":
+                sample = _dead_reckoned(sample, fault, now_s)
             elif fault.way == "noise":
                 sigma, gauss = fault["sigma"], self._random.gauss
                 sample = _wrong_by(sample, (gauss(0, sigma), gauss(0, sigma), gauss(0, sigma)))
@@ -181,11 +183,12 @@ class Measured(Generic[Sample]):
         return sample
 
 
+_NO_NUMBERS: Final = ("sequence", "time_s", "source", "reckoned")
+
+
 def _without_numbers(sample: Sample) -> Sample:
     """As of a filter that has diverged: stamps go on, values are not numbers."""
-    lies: dict[str, Any] = {
-        name: NAN for name in sample._fields if name not in ("sequence", "time_s", "source")
-    }
+    lies: dict[str, Any] = {name: NAN for name in sample._fields if name not in _NO_NUMBERS}
     return sample._replace(**lies)
 
 
@@ -208,6 +211,19 @@ def _wrong_by(sample: Any, error: Sequence[float]) -> Any:
             force_z_frd_mps2=sample.force_z_frd_mps2 + error[2],
         )
     return sample._replace(airspeed_mps=max(0.0, sample.airspeed_mps + error[0]))
+
+
+def _dead_reckoned(sample: Any, fault: Fault, now_s: float) -> Any:
+    """A position that is carried on by accelerations which are wrong."""
+    lasted_s = now_s - fault.start_s
+    north, east = fault["north"] * lasted_s, fault["east"] * lasted_s
+    return sample._replace(
+        north_m=sample.north_m + 0.5 * lasted_s * north,
+        east_m=sample.east_m + 0.5 * lasted_s * east,
+        velocity_north_mps=sample.velocity_north_mps + north,
+        velocity_east_mps=sample.velocity_east_mps + east,
+        reckoned=lasted_s >= fault["told"],
+    )
 
 
 def _turned(sample: AttitudeSample, by: tuple[float, float, float, float]) -> AttitudeSample:

@@ -237,6 +237,7 @@ def measure_position(
         velocity_down_mps=v_down + velocity_error_mps[2],
         source=0,
         sigma_m=NAN,
+        reckoned=False,
     )
 
 

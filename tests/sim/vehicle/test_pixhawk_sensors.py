@@ -12,6 +12,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.airframe import Surface, Surfaces
 from tgl_soar.config.site import HomePosition
+from tgl_soar.link.decoder import Decoder
+from tgl_soar.link.messages import EkfStatusReport
+from tgl_soar.link.streams import StreamRequests
+from tgl_soar.link.vehicle.estimator_aids import EstimatorAids
+from tgl_soar.link.vehicle.ledger import Ledger, SessionCounters
 from tgl_soar.sim.vehicle.pixhawk import Pixhawk
 from tgl_soar.sim.vehicle.sensed import Sensed
 from tgl_soar.types import AirspeedSample, AttitudeSample, ImuSample, PositionFix
@@ -98,6 +103,30 @@ def test_inertial_messages_come_at_the_rate_asked_for_in_their_own_units() -> No
     assert (high[-1].xacc, high[-1].zgyro) == pytest.approx((FORCE[0], RATES[2]))
     assert raw[-1].time_usec == high[-1].time_usec == pytest.approx(100.99e6)
     assert scaled[-1].time_boot_ms == 100_990
+
+
+@pytest.mark.parametrize("reckoned", [False, True])
+def test_the_estimator_says_whether_its_position_is_measured(reckoned: bool) -> None:
+    """As EKF3: without fixes the absolute position goes, what the wind aids stays."""
+    wire = Wire()
+    wire.wants(193, 5.0)
+    aids = EstimatorAids(Ledger(SessionCounters(), [], StreamRequests(1)))
+    for reckons in (False, reckoned):
+        for _ in range(200):
+            now = sensed(wire.pixhawk.steps + 1)
+            now = now._replace(position=now.position._replace(reckoned=reckons))
+            wire.pixhawk.step(now)
+        datagrams = [data for _, data in wire.pixhawk.take_datagrams()]
+        reports = [
+            received.message
+            for data in datagrams
+            for received in Decoder(stream=False).feed(data)
+            if isinstance(received.message, EkfStatusReport)
+        ]
+        assert len(reports) == pytest.approx(200 / STEP_HZ * 5, abs=1)
+        for report in reports[1:]:
+            aids.on_status(report)
+            assert aids.reckons == reckons
 
 
 def test_the_attitude_goes_out_last_in_every_step() -> None:

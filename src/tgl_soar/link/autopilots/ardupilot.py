@@ -35,6 +35,7 @@ from tgl_soar.link.autopilots.requirements import MUST, SHOULD, Answers, Needs, 
 from tgl_soar.link.messages import (
     AUTOPILOT_ARDUPILOT,
     COMPONENT_AUTOPILOT,
+    ID_EKF_STATUS_REPORT,
     ID_RAW_IMU,
     ID_SCALED_IMU,
     ID_VFR_HUD,
@@ -175,7 +176,10 @@ class ArduPilot:
     # differential pressure of its HIGHRES_IMU is the barometer's, less that at the ground.
     # The airspeed is read ten times a second; twice as often, so that it is not old as well.
     sensors: ClassVar[SensorMessages] = SensorMessages(
-        (ID_RAW_IMU, ID_SCALED_IMU), Wanted(ID_VFR_HUD, "VFR_HUD", 20.0), pitot_in_imu=False
+        imu=(ID_RAW_IMU, ID_SCALED_IMU),
+        airspeed=Wanted(ID_VFR_HUD, "VFR_HUD", 20.0),
+        pitot_in_imu=False,
+        estimator=Wanted(ID_EKF_STATUS_REPORT, "EKF_STATUS_REPORT", 5.0),
     )
 
     def __init__(

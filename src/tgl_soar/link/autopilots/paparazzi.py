@@ -72,7 +72,10 @@ class Paparazzi:
     routes: ClassVar[Mapping[str, CommandRoute]] = {OVERRIDE.name: OVERRIDE}
     asked: ClassVar[tuple[str, ...]] = ()
     sensors: ClassVar[SensorMessages] = SensorMessages(
-        (), Wanted(ID_VFR_HUD, "VFR_HUD", 20.0), pitot_in_imu=False
+        imu=(),
+        airspeed=Wanted(ID_VFR_HUD, "VFR_HUD", 20.0),
+        pitot_in_imu=False,
+        estimator=None,
     )
 
     def __init__(

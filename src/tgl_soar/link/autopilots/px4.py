@@ -30,6 +30,7 @@ from tgl_soar.link.autopilots.requirements import MUST, SHOULD, Answers, Needs, 
 from tgl_soar.link.messages import (
     AUTOPILOT_PX4,
     COMPONENT_AUTOPILOT,
+    ID_ESTIMATOR_STATUS,
     ID_HIGHRES_IMU,
     ID_VFR_HUD,
     IGNORE_RATES,
@@ -198,7 +199,10 @@ class Px4:
     }
     asked: ClassVar[tuple[str, ...]] = ()
     sensors: ClassVar[SensorMessages] = SensorMessages(
-        (ID_HIGHRES_IMU,), Wanted(ID_VFR_HUD, "VFR_HUD", 20.0), pitot_in_imu=True
+        imu=(ID_HIGHRES_IMU,),
+        airspeed=Wanted(ID_VFR_HUD, "VFR_HUD", 20.0),
+        pitot_in_imu=True,
+        estimator=Wanted(ID_ESTIMATOR_STATUS, "ESTIMATOR_STATUS", 5.0),
     )
 
     def __init__(

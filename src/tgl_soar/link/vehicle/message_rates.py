@@ -7,6 +7,8 @@ from typing import Final
 from tgl_soar.link.autopilots.base import Flavour
 from tgl_soar.link.messages import (
     ID_ATTITUDE_QUATERNION,
+    ID_EKF_STATUS_REPORT,
+    ID_ESTIMATOR_STATUS,
     ID_GLOBAL_POSITION_INT,
     ID_HEARTBEAT,
     ID_HIGHRES_IMU,
@@ -56,6 +58,8 @@ class MessageRates:
         self.set_loop_rate(loop_rate_hz)
         streams.want(*flavour.sensors.airspeed)
         streams.want(ID_SYS_STATUS, "SYS_STATUS", STATUS_HZ)
+        if flavour.sensors.estimator is not None:
+            streams.want(*flavour.sensors.estimator)
         if flavour.route.mode_to_enter is not None:
             streams.want(ID_HEARTBEAT, "HEARTBEAT", HEARTBEAT_HZ, urgent=True)
 
@@ -82,6 +86,11 @@ class MessageRates:
             text = f"{stream.name} at {rate_hz:g} Hz {word}"
             if stream.message_id == ID_HEARTBEAT:
                 text += ": a mode that the pilot chooses is seen up to a second later"
+            elif stream.given_up and stream.message_id in (
+                ID_EKF_STATUS_REPORT,
+                ID_ESTIMATOR_STATUS,
+            ):
+                text += ": a position that is only dead reckoned looks like any other"
             elif word == "denied":
                 text += f": {self._flavour.way_to_rate(rate_hz)}"
             if not stream.given_up:

@@ -23,6 +23,7 @@ from tgl_soar.link.messages import (
 )
 from tgl_soar.link.sensing import sigma_of
 from tgl_soar.link.sources import (
+    EXTERNAL,
     GLOBAL_POSITION,
     LOCAL_POSITION,
     ODOMETRY,
@@ -31,6 +32,7 @@ from tgl_soar.link.sources import (
     Quaternion,
 )
 from tgl_soar.link.tangent_plane import Home, TangentPlane
+from tgl_soar.link.vehicle.estimator_aids import EstimatorAids
 from tgl_soar.link.vehicle.ledger import Ledger
 from tgl_soar.link.vehicle.sample_times import SampleTimes
 from tgl_soar.link.vehicle.sensor_samples import SensorSamples
@@ -52,6 +54,7 @@ class PositionSamples:
         vision_from: Collection[Source],
         samples: SensorSamples,
         times: SampleTimes,
+        aids: EstimatorAids,
         ledger: Ledger,
     ) -> None:
         """`samples`: take the attitude of ODOMETRY; their newest stamp is the time in lockstep."""
@@ -60,6 +63,7 @@ class PositionSamples:
         self._vision_from = frozenset(vision_from)
         self._samples = samples
         self._times = times
+        self._aids = aids
         self._counters, self._notices, self._streams = ledger
 
     def on_local_position(self, m: LocalPositionNed, now_s: float) -> None:
@@ -156,6 +160,7 @@ class PositionSamples:
             velocity_down_mps=w,
             source=source,
             sigma_m=sigma_m,
+            reckoned=source not in EXTERNAL and self._aids.reckons,
         )
         if self._times.lockstep:  # the vehicle's time is at least this, though attitudes be lost
             newest_s = self._samples.vehicle_time_s

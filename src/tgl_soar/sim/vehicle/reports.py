@@ -25,6 +25,13 @@ from tgl_soar.sim.vehicle.surface_outputs import SurfaceOutputs
 from tgl_soar.sim.vehicle.vehicle_clock import VehicleClock
 from tgl_soar.types import AttitudeSample
 
+_EKF_ATTITUDE_AND_HEIGHT: Final = (
+    mavlink.EKF_ATTITUDE | mavlink.EKF_VELOCITY_VERT | mavlink.EKF_POS_VERT_ABS
+)
+_EKF_RELATIVE: Final = (
+    mavlink.EKF_VELOCITY_HORIZ | mavlink.EKF_POS_HORIZ_REL | mavlink.EKF_PRED_POS_HORIZ_REL
+)
+_EKF_ABSOLUTE: Final = mavlink.EKF_POS_HORIZ_ABS | mavlink.EKF_PRED_POS_HORIZ_ABS
 _ATTITUDES_KEPT: Final = 128  # of which ODOMETRY takes the one nearest to its position
 
 _ATTITUDE_STREAMS: Final = frozenset(
@@ -135,6 +142,7 @@ class VehicleReports:
             mavlink.MAVLINK_MSG_ID_SCALED_IMU: self._scaled_imu,
             mavlink.MAVLINK_MSG_ID_HIGHRES_IMU: self._highres_imu,
             mavlink.MAVLINK_MSG_ID_VFR_HUD: self._vfr_hud,
+            mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: self._ekf_status,
             mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: self._servo_output,
             mavlink.MAVLINK_MSG_ID_RC_CHANNELS: self._rc_channels,
         }
@@ -152,6 +160,16 @@ class VehicleReports:
         return mavlink.MAVLink_sys_status_message(
             has, has, has, 250, 11400, -1, -1, 0, 0, 0, 0, 0, 0
         )
+
+    def _ekf_status(self) -> Any:
+        """As EKF3's: aided, aided by the wind alone, or not at all; its variances are not known."""
+        flags = _EKF_ATTITUDE_AND_HEIGHT
+        if self.sensed.position.sequence == 0:
+            flags |= mavlink.EKF_CONST_POS_MODE
+        else:
+            flags |= _EKF_RELATIVE
+            flags |= 0 if self.sensed.position.reckoned else _EKF_ABSOLUTE
+        return mavlink.MAVLink_ekf_status_report_message(flags, 0.0, 0.0, 0.0, 0.0, 0.0)
 
     def _system_time(self) -> Any:
         return mavlink.MAVLink_system_time_message(0, self._clock.boot_ms(self._clock.time_s))
