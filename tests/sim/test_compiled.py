@@ -302,6 +302,29 @@ def test_faults_act_alike_in_a_plain_and_in_a_compiled_world() -> None:
 
 
 @needs_numba
+def test_what_is_set_between_two_ticks_acts_in_a_compiled_loop_too() -> None:
+    """A parameter, and where the aircraft is put."""
+    airframe, site, values, field, _ = place("tunnel")
+    rows = []
+    for loop_kind, compiles in ((ClosedLoop, False), (CompiledLoop, True)):
+        world = make_world(
+            airframe, site, seed=3, turbulence=0.02, field=field, sensors=ALL_SENSORS
+        )
+        if compiles:
+            world = CompiledWorld(prepare(world, 6.0), 3)
+        loop = loop_kind(world, values.changed(line_parameters(site.lines["b"])))
+        for k in range(900):
+            if k == 500:
+                before = world.state
+                loop.change({"TGL_Z": loop.values["TGL_Z"] + 0.2})
+                world.state = before._replace(y_m=before.y_m + 0.1)
+            loop.tick()
+        rows.append((world.state.x_m, world.state.y_m, world.state.z_m))
+    assert rows[0] == pytest.approx(rows[1], abs=AGREE)
+    assert abs(before.z_m - rows[0][2]) > 0.05
+
+
+@needs_numba
 def test_an_hour_is_flown_without_drift() -> None:
     """Time and the laws' memories, over 720,000 ticks of one flight; `campaign long` does more."""
     airframe, site, values, field, _ = place("tunnel")

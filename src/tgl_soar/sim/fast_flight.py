@@ -189,7 +189,7 @@ class CompiledWorld(World):
 
     def _set(self, now: WorldNow) -> None:
         super()._set(now)
-        self._now_cell.value = now
+        self._now_cell = cell(now)  # only compiled functions write to one
 
 
 class CompiledLoop(ClosedLoop):
@@ -210,7 +210,7 @@ class CompiledLoop(ClosedLoop):
     def change(self, parameters: dict[str, float]) -> None:
         """Set parameters between two ticks.  Errors: `ParameterError`."""
         super().change(parameters)
-        self._laws_cell.value = self._laws
+        self._laws_cell = cell(self._laws)  # only compiled functions write to one
 
     def _decide(self, inputs: Inputs) -> Output:
         if self._first is None:

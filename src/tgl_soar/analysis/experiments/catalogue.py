@@ -22,6 +22,7 @@ from tgl_soar.analysis.experiments import (
     outdoors,
     places,
     robustness,
+    satellites,
     search,
     sensitivity,
     still_lines,
@@ -58,6 +59,7 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "forecast": forecast.run,
     "point": hold_point.run,
     "outdoors": outdoors.run,
+    "satellites": satellites.run,
 }
 
 # Our own aims; the others are the paper's claims and fly on either model.  These are about what
@@ -76,11 +78,12 @@ RIGID_BODY_ALONE: Final = (
     "forecast",
     "point",
     "outdoors",
+    "satellites",
 )
 OURS: Final = frozenset(RIGID_BODY_ALONE)
 # `all` leaves them out: they have pages of their own; the first takes longer than all others, the
 # second flies another airframe.
-APART: Final = ("search", "point", "outdoors")
+APART: Final = ("search", "point", "outdoors", "satellites")
 # By the name under which they are flown together: both pages, and either of them.
 TOGETHER: Final = {
     "all": tuple(name for name in EXPERIMENTS if name not in APART),
@@ -121,6 +124,7 @@ TITLES: Final = {
     "forecast": "who is told that a line has no place to settle, and who wrongly",
     "point": "a point of the line held with a brake",
     "outdoors": "launches from the hand, and break-offs that end on the ground",
+    "satellites": "a receiver that drifts, steps and falls silent; an estimator that is reset",
 }
 
 

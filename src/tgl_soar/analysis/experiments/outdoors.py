@@ -309,7 +309,7 @@ def _launches(flown: list[FlownPassage]) -> Table:
     given_up = [each for each in flown if each.broke_off]
     others = [each for each in flown if not each.soars and not each.broke_off]
     rows = [
-        (name, f"{len(some)}", *(_span([get(e) for e in some]) for get in _LAUNCH_COLUMNS.values()))
+        (name, f"{len(some)}", *(span([get(e) for e in some]) for get in _LAUNCH_COLUMNS.values()))
         for name, some in (
             ("captured", captured),
             ("given up, of these landed", given_up),
@@ -345,11 +345,11 @@ def _landings(by_kind: dict[str, list[FlownPassage]]) -> Table:
             (
                 name,
                 share(sum(e.landed for e in some), len(some)),
-                _span([e.left_m for e in some]),
-                _span([e.broke_at_m for e in some]),
-                _span([e.along_m for e in some]),
-                _span([e.across_m for e in some]),
-                _span([e.sink_mps for e in some], 2),
+                span([e.left_m for e in some]),
+                span([e.broke_at_m for e in some]),
+                span([e.along_m for e in some]),
+                span([e.across_m for e in some]),
+                span([e.sink_mps for e in some], 2),
             )
         )
     columns = (
@@ -359,7 +359,8 @@ def _landings(by_kind: dict[str, list[FlownPassage]]) -> Table:
     return Table("Landings: least, median, most", columns, tuple(rows))
 
 
-def _span(values: list[float], digits: int = 1) -> str:
+def span(values: list[float], digits: int = 1) -> str:
+    """Least, median and most of the numbers that are known."""
     known = [value for value in values if isfinite(value)]
     if not known:
         return "–"
