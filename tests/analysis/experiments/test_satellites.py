@@ -58,7 +58,8 @@ def test_what_counts_as_lost_and_as_landed(flown: dict[str, SatelliteFlight]) ->
     home = replace(plain, ended="hit the ground", landing=True, along_m=9, across_m=-4, sink_mps=1)
     assert home.landed
     assert not home.lost
-    for bad in ({"along_m": -10.1}, {"across_m": 5.1}, {"sink_mps": 1.6}):
+    wrong: tuple[dict[str, Any], ...] = ({"along_m": -10.1}, {"across_m": 5.1}, {"sink_mps": 1.6})
+    for bad in wrong:
         assert not replace(home, **bad).landed
 
 

@@ -124,7 +124,7 @@ class SatelliteFlight:
         )
 
 
-class Flown(NamedTuple):
+class SinceFault(NamedTuple):
     """What is looked at in a flight, tick by tick, since what goes wrong began."""
 
     ended: str
@@ -197,7 +197,7 @@ def _duration_s(kind: str) -> float:
     return BEGIN_S[1] + LOST_S + (LANDING_S if kind == HOME else AFTER_S)
 
 
-def _fly(job: SatelliteJob, faults: tuple[Fault, ...]) -> Flown:
+def _fly(job: SatelliteJob, faults: tuple[Fault, ...]) -> SinceFault:
     """Fly it with these faults; what is drawn besides is the seed's alone."""
     duration_s = _duration_s(job.kind)
     world, values, frame = _world(job, Random(f"air {job.seed}"), duration_s)
@@ -230,7 +230,7 @@ def _fly(job: SatelliteJob, faults: tuple[Fault, ...]) -> Flown:
             fix_off = max(fix_off, abs(wrong))
     touch = values["LND_X"] - state.x_m, state.y_m - values["LND_Y"], -state.velocity_z_mps
     landing = mode == LANDING and "ground" in ended
-    return Flown(
+    return SinceFault(
         ended=ended,
         duration_s=world.time_s,
         captures=captures,
@@ -255,7 +255,7 @@ def _moved_to_the_lift(loop: ClosedLoop, frame: SoaringFrame) -> tuple[float, fl
     return away_x, away_z
 
 
-class _Watched:
+class _ShowsFixes:
     """A loop that shows which fix the module was given."""
 
     given: PositionFix
@@ -265,11 +265,11 @@ class _Watched:
         return super()._decide(inputs)  # type: ignore[misc]
 
 
-class _WatchedLoop(_Watched, ClosedLoop):
+class _WatchedLoop(_ShowsFixes, ClosedLoop):
     pass
 
 
-class _WatchedCompiledLoop(_Watched, CompiledLoop):
+class _WatchedCompiledLoop(_ShowsFixes, CompiledLoop):
     pass
 
 
