@@ -4,6 +4,7 @@
     python tools/measure_autopilot.py latency ardupilot override --firmware .../bin/arduplane
     python tools/measure_autopilot.py silence out/sitl
     python tools/measure_autopilot.py along out/sitl out/other --point -0.12
+    python tools/measure_autopilot.py shakes out/sitl out/other
 
 `latency`: the aircraft is held over the hill, the autopilot runs in lockstep at the pace of the
 clock, and a companion that thinks in no time steps elevator or bank to and fro.
@@ -18,6 +19,9 @@ docs/performance.md.
 
 `along`: how far it drifted along the last line and across it, in the last minute, of flights of
 `tgl-soar sitl` together; about the mean of each, or about a point held by TGL_ALONG.
+
+`shakes`: what shakes of the brake found (`control.brake_shake`) in flights of `tgl-soar sitl`, from
+the states that their logs keep: the last of each shake, up to `STATE_TICKS` before it was over.
 """
 
 from __future__ import annotations
@@ -30,13 +34,14 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from math import cos, degrees, hypot, sin, sqrt
+from math import atan2, cos, degrees, hypot, sin, sqrt
 from pathlib import Path
 from statistics import mean, median
 from typing import Any, Final, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tgl_soar.analysis.logs.reader import read_log
 from tgl_soar.analysis.report.style import drawing, save
 from tgl_soar.config.files import load_airframe, load_site, shipped
 from tgl_soar.link.autopilots import flavour
@@ -284,6 +289,76 @@ def along(found: Drift) -> dict[str, float | str]:
     }
 
 
+class Shake(NamedTuple):
+    """One shake of a brake, or several together: the sums of `control.brake_shake`."""
+
+    blocks: float
+    y: complex
+    b: complex
+    y_2: float  # Σ |Y|²
+    b_2: float  # Σ |B|²
+    yb: complex  # Σ Y B*
+
+    def words(self) -> str:
+        """Gain and lag, with what is not certain of them."""
+        r = self.y / self.b
+        left = self.y_2 - 2.0 * (r.conjugate() * self.yb).real + abs(r) ** 2 * self.b_2
+        sigma = sqrt(max(0.0, left) / (2.0 * abs(self.b) ** 2))
+        lag = atan2(-r.imag, r.real)
+        return (
+            f"{self.blocks:4.0f} s, gain {abs(r):.2f} ± {sigma:.2f}, lag {lag:.2f} rad"
+            f" ± {sigma / abs(r):.2f}"
+        )
+
+
+def shakes(folder: Path) -> tuple[list[Shake], list[str]]:
+    """Those of a flight, and what the module has said of its point."""
+    (path,) = folder.glob("logs/*/*.ulg")
+    log = read_log(path)
+    rows = log.topics["state"]
+
+    def column(name: str) -> Any:
+        return rows[f"brake_shake_{name}"]
+
+    def pair(name: str, i: int) -> complex:
+        return complex(column(f"{name}_re")[i], column(f"{name}_im")[i])
+
+    blocks = [*column("blocks"), 0.0]
+    found = [
+        Shake(
+            blocks=blocks[i],
+            y=pair("y", i),
+            b=pair("b", i),
+            y_2=column("y_2")[i],
+            b_2=column("b_2")[i],
+            yb=pair("yb", i),
+        )
+        for i in range(len(blocks) - 1)
+        if blocks[i] > blocks[i + 1]
+    ]
+    return found, [f"{words.time_s:.1f} s: {words.text}" for words in log.words
+                   if words.text.startswith("point: ")]  # fmt: skip
+
+
+def together(found: list[Shake]) -> Shake:
+    """As one."""
+    blocks, y, b, y_2, b_2, yb = (sum(column) for column in zip(*found, strict=True))
+    return Shake(blocks=blocks, y=y, b=b, y_2=y_2, b_2=b_2, yb=yb)
+
+
+def tell_shakes(folders: list[Path]) -> None:
+    """Of all flights, and of all together."""
+    every: list[Shake] = []
+    for folder in folders:
+        found, words = shakes(folder)
+        every += found
+        print(f"{folder}: {'; '.join(words)}")
+        for shake in found:
+            print(f"    {shake.words()}")
+    if every:
+        print(f"together: {together(every).words()}")
+
+
 def clouds(path: Path, panels: dict[str, Drift]) -> None:
     """Positions of flights beside those of others, along and across the line."""
     with drawing() as plt:
@@ -315,7 +390,12 @@ def main() -> int:
     last.add_argument("--point", type=float, metavar="M", help="TGL_ALONG that was held")
     last.add_argument("--beside", type=Path, action="append", help="flights on the line alone")
     last.add_argument("--picture", type=Path, help="of both: positions along and across")
+    shaken = what.add_parser("shakes", help="what shakes of the brake found")
+    shaken.add_argument("folders", type=Path, nargs="+", help="of tgl-soar sitl")
     arguments = parser.parse_args()
+    if arguments.what == "shakes":
+        tell_shakes(arguments.folders)
+        return 0
     if arguments.what != "latency":
         flown = (
             silence(arguments.folder)

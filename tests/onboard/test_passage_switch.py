@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import degrees, radians
 from typing import Any
 
 import pytest
@@ -9,11 +10,24 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from test_onboard import Flight, texts
 
 from tgl_soar.autopilot import Output
+from tgl_soar.config.site import HomePosition, PositionSettings
 from tgl_soar.control.passage import PassageReport
 from tgl_soar.control.supervisor import BREAKING_OFF, LANDING, LAUNCHING, READY, RELEASED, SOARING
+from tgl_soar.geometry import SoaringFrame
 from tgl_soar.link.autopilots.ardupilot import MODE_AUTO
 from tgl_soar.link.autopilots.px4 import MODE_RETURN
-from tgl_soar.link.messages import COMMAND_DO_LAND_START, COMMAND_DO_SET_MODE
+from tgl_soar.link.messages import (
+    COMMAND_DO_LAND_START,
+    COMMAND_DO_SET_MODE,
+    COMMAND_REQUEST_MESSAGE,
+    MissionCount,
+    MissionCurrent,
+    MissionItemInt,
+    MissionRequestInt,
+    MissionRequestList,
+    Source,
+)
+from tgl_soar.link.mission import MissionReading
 from tgl_soar.link.mode_change import TRIES
 from tgl_soar.onboard.firmware_landing import FirmwareLanding
 from tgl_soar.onboard.passage_switch import PassageSwitch
@@ -159,11 +173,19 @@ def test_a_break_off_by_command_over_the_air() -> None:
     assert flown.onboard.settings.values["ESC_START"] == 0.0
 
 
+HOME = HomePosition(latitude_deg=52.0, longitude_deg=4.4, altitude_m=10.0)
+LANDING_ITEMS = ((16, 0.0), (189, 0.0), (16, 15.0), (21, 28.0))  # command, west of home [m]
+
+
 class Firmware:
     """A setup and a session with a firmware that may land."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, items: tuple[tuple[int, float], ...] = LANDING_ITEMS) -> None:
         self.name = name
+        self.mission = MissionReading(Source(1, 191))
+        self.position = PositionSettings(home=HOME)
+        self.frame = SoaringFrame(0.0, 0.0, 0.0, radians(270.0))
+        self._items = items
         self.flavour = self
         self.status = self
         self.time_s = 0.0
@@ -173,29 +195,149 @@ class Firmware:
     def autopilot(self) -> Any:
         return type("Source", (), {"system": 1})
 
+    def answers(self, now_s: float) -> None:
+        """What is asked of its mission."""
+        for _ in range(2 * len(self._items) + 2):
+            for message in self.mission.poll(now_s):
+                if isinstance(message, MissionRequestList):
+                    self.mission.take(MissionCount(1, 191, len(self._items)))
+                elif isinstance(message, MissionRequestInt):
+                    command, west_m = self._items[message.seq]
+                    self.mission.take(
+                        MissionItemInt(
+                            target_system=1,
+                            target_component=191,
+                            seq=message.seq,
+                            command=command,
+                            x=round(HOME.latitude_deg * 1e7),
+                            y=round((HOME.longitude_deg - degrees(west_m / 3.9349e6)) * 1e7),
+                        )
+                    )
+
     def ask_for_mode(self, custom_mode: int) -> Any:
         return type("Asked", (), {"command": COMMAND_DO_SET_MODE, "mode": custom_mode})
 
 
+PLACE = {"LND_X": -28.0, "LND_Y": 0.0, "LND_LEN": 20.0}
+
+
+def landing_by(firmware: Firmware, said: Said, by: float, **values: float) -> Any:
+    settings: Any = Settings(LND_BY=by, **{**PLACE, **values})
+    return FirmwareLanding(firmware, settings, firmware, said)  # type: ignore[arg-type]
+
+
+def test_the_landing_of_a_mission_is_read_asked_for_and_checked(flight: Flight) -> None:
+    firmware, said = Firmware("ardupilot"), Said()
+    landing = landing_by(firmware, said, 1.0)
+    landing.tick(output_of(flight, SOARING, 0.5))
+    firmware.answers(0.6)
+    landing.tick(output_of(flight, BREAKING_OFF, 1.0))
+    assert not firmware.mission.is_known  # it is read again: a station may have changed it
+    firmware.time_s = 2.0
+    landing.tick(output_of(flight, LANDING, 2.0))
+    assert said.sent == []  # until it is known
+    firmware.answers(2.1)
+    for k in range(100):
+        landing.tick(output_of(flight, LANDING, 2.2 + 0.005 * k))
+    assert [message.command for message in said.sent] == [COMMAND_DO_LAND_START]
+    firmware.time_s, firmware.custom_mode = 3.0, MODE_AUTO
+    firmware.mission.take(MissionCurrent(2))  # of before
+    landing.tick(output_of(flight, RELEASED, 3.0))
+    landing.tick(output_of(flight, RELEASED, 3.1))
+    assert [message.command for message in said.sent[1:]] == [COMMAND_REQUEST_MESSAGE]
+    assert said.words == []
+    firmware.mission.take(MissionCurrent(2))
+    landing.tick(output_of(flight, RELEASED, 3.2))
+    assert said.words == ["the autopilot lands: item 2 of its mission"]
+
+
+def test_a_mission_that_flies_elsewhere_is_told(flight: Flight) -> None:
+    for item, words in ((0, "at item 0"), (None, "at an item that it does not tell")):
+        firmware, said = Firmware("ardupilot"), Said()
+        landing = landing_by(firmware, said, 1.0)
+        landing.tick(output_of(flight, LANDING, 1.0))
+        firmware.answers(1.1)
+        firmware.time_s = 2.0
+        landing.tick(output_of(flight, LANDING, 2.0))
+        firmware.custom_mode = MODE_AUTO
+        landing.tick(output_of(flight, RELEASED, 2.5))
+        if item is not None:
+            firmware.mission.take(MissionCurrent(item))
+        for k in range(100):
+            landing.tick(output_of(flight, RELEASED, 2.6 + 0.1 * k))
+        assert said.words == [f"the autopilot is in its mission {words}, not landing: take over"]
+        asked = [m for m in said.sent if m.command == COMMAND_REQUEST_MESSAGE]
+        assert 4 <= len(asked) <= 7
+
+
 @pytest.mark.parametrize(
-    ("name", "by", "command", "custom_mode"),
+    ("items", "why"),
     [
-        ("ardupilot", 1.0, COMMAND_DO_LAND_START, MODE_AUTO),
-        ("px4", 2.0, COMMAND_DO_SET_MODE, MODE_RETURN),
+        (((16, 0.0), (21, 28.0)), "its mission has no landing (DO_LAND_START, then NAV_LAND)"),
+        (((16, 0.0), (189, 0.0), (16, 9.0)), "its mission has no landing"),
+        ((), "its mission has no landing"),
+        ((*LANDING_ITEMS, (189, 0.0), (21, 60.0)), "item 5, is 32 m from LND_X and LND_Y"),
     ],
 )
-def test_the_firmwares_landing_is_asked_for_and_seen(
-    flight: Flight, name: str, by: float, command: int, custom_mode: int
+def test_a_mission_that_does_not_land_there_is_not_asked_for(
+    flight: Flight, items: tuple[tuple[int, float], ...], why: str
 ) -> None:
-    firmware, said = Firmware(name), Said()
-    landing: Any = FirmwareLanding(firmware, Settings(LND_BY=by), firmware, said)  # type: ignore[arg-type]
+    firmware, said = Firmware("ardupilot", items), Said()
+    landing = landing_by(firmware, said, 1.0)
+    landing.tick(output_of(flight, READY, 0.5))
+    firmware.answers(0.6)
+    landing.tick(output_of(flight, READY, 0.7))
+    assert len(said.words) == 1  # on the ground
+    assert why in said.words[0]
+    assert said.words[0].startswith("LND_BY 1: ")
+    landing.tick(output_of(flight, LANDING, 1.0))
+    firmware.answers(1.1)
+    for k in range(10):
+        firmware.time_s = 2.0 + k
+        landing.tick(output_of(flight, LANDING, 2.0 + k))
+    assert said.sent == []
+    assert said.words[1:] == [said.words[0].removeprefix("LND_BY 1: ")]
+
+
+def test_a_landing_within_the_strip_and_what_receivers_differ_by_is_the_place(
+    flight: Flight,
+) -> None:
+    for length, place, told in (
+        (20.0, -28.0, 0),
+        (20.0, -47.0, 0),
+        (20.0, -49.0, 1),
+        (0.0, 0.0, 0),
+    ):
+        firmware, said = Firmware("ardupilot"), Said()
+        landing = landing_by(firmware, said, 1.0, LND_LEN=length, LND_X=place)
+        landing.tick(output_of(flight, READY, 0.5))
+        firmware.answers(0.6)
+        landing.tick(output_of(flight, READY, 0.7))
+        assert len(said.words) == told
+
+
+def test_a_mission_that_cannot_be_read_is_not_asked_for(flight: Flight) -> None:
+    firmware, said = Firmware("ardupilot"), Said()
+    landing = landing_by(firmware, said, 1.0)
+    for k in range(60):
+        now = 1.0 + 0.1 * k
+        firmware.time_s = now
+        landing.tick(output_of(flight, LANDING, now))
+        firmware.mission.poll(now)
+    assert said.sent == []
+    assert said.words == ["its mission cannot be read: no answer: we land"]
+
+
+def test_a_return_that_lands_is_asked_for_and_seen(flight: Flight) -> None:
+    firmware, said = Firmware("px4"), Said()
+    landing = landing_by(firmware, said, 2.0)
     landing.tick(output_of(flight, BREAKING_OFF, 1.0))
     assert said.sent == []
     firmware.time_s = 2.0
     for k in range(100):
         landing.tick(output_of(flight, LANDING, 2.0 + 0.005 * k))
-    assert [message.command for message in said.sent] == [command]  # once for each heartbeat
-    firmware.time_s, firmware.custom_mode = 3.0, custom_mode
+    assert [message.command for message in said.sent] == [COMMAND_DO_SET_MODE]
+    firmware.time_s, firmware.custom_mode = 3.0, MODE_RETURN
     landing.tick(output_of(flight, RELEASED, 3.0))
     assert said.words == ["the autopilot lands"]
 
@@ -226,10 +368,13 @@ def test_a_return_that_does_not_land_is_not_asked_for(flight: Flight) -> None:
     """Not by a value from a file either."""
     firmware, said = Firmware("ardupilot"), Said()
     landing: Any = FirmwareLanding(firmware, Settings(LND_BY=2.0), firmware, said)  # type: ignore[arg-type]
+    landing.tick(output_of(flight, READY, 0.5))
     for k in range(10):
         firmware.time_s = float(k + 1)
         landing.tick(output_of(flight, LANDING, float(k + 1)))
-    assert (said.sent, said.words) == ([], [])
+    assert said.sent == []
+    told = "LND_BY 2: the return of ardupilot does not land, unless RTL_AUTOLAND says so: we land"
+    assert said.words == [told, told]  # when it was read from the file, and on the way home
 
 
 def test_an_operator_who_takes_the_landing_back_is_told_of_no_other(flight: Flight) -> None:

@@ -34,6 +34,7 @@ class FakePhysics:
 
     name = "Fake"
     step_hz = STEP_HZ
+    first_item = 0
     manual_mode = MANUAL
     obeys: Mapping[str, int] = {"SET_ATTITUDE_TARGET": OBEYS}
 

@@ -19,6 +19,9 @@ from tgl_soar.link.messages import (
     FileTransferProtocol,
     Heartbeat,
     Inbound,
+    MissionCount,
+    MissionCurrent,
+    MissionItemInt,
     ParamRequestList,
     ParamRequestRead,
     ParamSet,
@@ -99,6 +102,25 @@ def _command_ack(m: Any) -> Inbound:
     )
 
 
+def _mission_count(m: Any) -> Inbound:
+    return MissionCount(m.target_system, m.target_component, m.count)
+
+
+def _mission_item_int(m: Any) -> Inbound:
+    return MissionItemInt(
+        target_system=m.target_system,
+        target_component=m.target_component,
+        seq=m.seq,
+        command=m.command,
+        x=m.x,
+        y=m.y,
+    )
+
+
+def _mission_current(m: Any) -> Inbound:
+    return MissionCurrent(m.seq)
+
+
 def _param_request_list(m: Any) -> Inbound:
     return ParamRequestList(m.target_system, m.target_component)
 
@@ -147,6 +169,9 @@ INBOUND: Final[dict[int, Callable[[Any], Inbound]]] = {
     dialect.MAVLINK_MSG_ID_COMMAND_LONG: _command_long,
     dialect.MAVLINK_MSG_ID_COMMAND_INT: _command_int,
     dialect.MAVLINK_MSG_ID_COMMAND_ACK: _command_ack,
+    dialect.MAVLINK_MSG_ID_MISSION_COUNT: _mission_count,
+    dialect.MAVLINK_MSG_ID_MISSION_ITEM_INT: _mission_item_int,
+    dialect.MAVLINK_MSG_ID_MISSION_CURRENT: _mission_current,
     dialect.MAVLINK_MSG_ID_RC_CHANNELS: _rc_channels,
     dialect.MAVLINK_MSG_ID_PARAM_REQUEST_LIST: _param_request_list,
     dialect.MAVLINK_MSG_ID_PARAM_REQUEST_READ: _param_request_read,

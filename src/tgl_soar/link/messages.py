@@ -45,6 +45,7 @@ SEVERITY_NOTICE: Final = 5
 SEVERITY_INFO: Final = 6
 
 # MAV_CMD and MAV_RESULT
+COMMAND_NAV_LAND: Final = 21
 COMMAND_DO_SET_MODE: Final = 176
 COMMAND_DO_LAND_START: Final = 189
 COMMAND_GET_MESSAGE_INTERVAL: Final = 510
@@ -80,6 +81,7 @@ IGNORE_THRUST: Final = 64
 
 # Message numbers of the streams that are asked for
 ID_SYS_STATUS: Final = 1
+ID_MISSION_CURRENT: Final = 42
 ID_SCALED_IMU: Final = 26
 ID_RAW_IMU: Final = 27
 ID_ATTITUDE_QUATERNION: Final = 31
@@ -287,6 +289,42 @@ class CommandAck(NamedTuple):
     progress: int = 0  # of IN_PROGRESS [%], 255: unknown
 
 
+class MissionCount(NamedTuple):
+    target_system: int
+    target_component: int
+    items: int  # MAVLink: count
+
+
+class MissionItemInt(NamedTuple):
+    target_system: int
+    target_component: int
+    seq: int
+    command: int
+    x: int  # latitude [1e-7 deg]
+    y: int  # longitude
+
+
+class MissionCurrent(NamedTuple):
+    seq: int
+
+
+class MissionRequestList(NamedTuple):
+    target_system: int
+    target_component: int
+
+
+class MissionRequestInt(NamedTuple):
+    target_system: int
+    target_component: int
+    seq: int
+
+
+class MissionAck(NamedTuple):
+    target_system: int
+    target_component: int
+    type: int  # MAV_MISSION_RESULT, 0: accepted
+
+
 class RcChannels(NamedTuple):
     chancount: int
     channels: tuple[int, ...]  # 18 pulse widths [us], 65535: not there
@@ -455,6 +493,9 @@ Inbound: TypeAlias = (
     | CommandLong
     | CommandInt
     | CommandAck
+    | MissionCount
+    | MissionItemInt
+    | MissionCurrent
     | RcChannels
     | ParamRequestList
     | ParamRequestRead
@@ -469,6 +510,9 @@ Outbound: TypeAlias = (
     Heartbeat
     | CommandLong
     | CommandAck
+    | MissionRequestList
+    | MissionRequestInt
+    | MissionAck
     | ParamRequestRead
     | ParamValue
     | ParamError

@@ -16,6 +16,9 @@ from tgl_soar.link.messages import (
     Heartbeat,
     ManualControl,
     MessageInterval,
+    MissionAck,
+    MissionRequestInt,
+    MissionRequestList,
     NavControllerOutput,
     Odometry,
     Outbound,
@@ -45,6 +48,18 @@ def _pack_command_ack(m: Any) -> Any:
     return dialect.MAVLink_command_ack_message(
         m.command, m.result, m.progress, 0, m.target_system, m.target_component
     )
+
+
+def _pack_mission_request_list(m: Any) -> Any:
+    return dialect.MAVLink_mission_request_list_message(m.target_system, m.target_component)
+
+
+def _pack_mission_request_int(m: Any) -> Any:
+    return dialect.MAVLink_mission_request_int_message(m.target_system, m.target_component, m.seq)
+
+
+def _pack_mission_ack(m: Any) -> Any:
+    return dialect.MAVLink_mission_ack_message(m.target_system, m.target_component, m.type)
 
 
 def _pack_param_request_read(m: Any) -> Any:
@@ -157,6 +172,9 @@ OUTBOUND: Final[dict[type[Outbound], Callable[[Any], Any]]] = {
     Heartbeat: _pack_heartbeat,
     CommandLong: _pack_command_long,
     CommandAck: _pack_command_ack,
+    MissionRequestList: _pack_mission_request_list,
+    MissionRequestInt: _pack_mission_request_int,
+    MissionAck: _pack_mission_ack,
     ParamRequestRead: _pack_param_request_read,
     ParamError: _pack_param_error,
     ParamValue: _pack_param_value,

@@ -29,6 +29,9 @@ from tgl_soar.link.messages import (
     HighresImu,
     Inbound,
     LocalPositionNed,
+    MissionCount,
+    MissionCurrent,
+    MissionItemInt,
     Odometry,
     Outbound,
     ParamValue,
@@ -42,6 +45,7 @@ from tgl_soar.link.messages import (
     VfrHud,
     VisionPositionEstimate,
 )
+from tgl_soar.link.mission import MissionReading
 from tgl_soar.link.presence import Presence
 from tgl_soar.link.sources import PositionSources
 from tgl_soar.link.streams import StreamRequests
@@ -97,6 +101,7 @@ class Session:
         self.presence = Presence(options.start)
         self.round_trip = RoundTrip()
         self.inquiry = SetupInquiry(flavour, own.system, options.override_system, options.needs)
+        self.mission = MissionReading(own)
         self.sources = options.sources or PositionSources()
         self.streams = StreamRequests(own.system)
         self._heartbeat_due_s = float("-inf")
@@ -204,6 +209,7 @@ class Session:
                 outbound.append(question)
             requests, complaints = self.inquiry.poll(now_s)
             outbound.extend(requests)
+            outbound.extend(self.mission.poll(now_s))
             self.notices.extend((SEVERITY_WARNING, complaint) for complaint in complaints)
         self._times.poll(now_s)
         if self.streams.notices:
@@ -223,6 +229,7 @@ class Session:
         self.round_trip.restart()
         self._times.take_queue(0.0, now_s)
         self.inquiry.restart()
+        self.mission.restart()
         self.vehicle.rebase(now_s)
 
     def _autopilot_restarted(self, now_s: float) -> None:
@@ -234,6 +241,7 @@ class Session:
         self.round_trip.restart()
         self._times.take_queue(0.0, now_s)
         self.inquiry.restart()
+        self.mission.restart()
 
     def handle(self, received: Received, now_s: float) -> list[Outbound]:
         """Take one message; the answers that are to be sent at once."""
@@ -268,6 +276,8 @@ class Session:
             self.inquiry.take(message)
         elif isinstance(message, CommandAck):
             self._on_ack(message, now_s)
+        elif isinstance(message, (MissionCount, MissionItemInt, MissionCurrent)):
+            self.mission.take(message)
         elif isinstance(message, VisionPositionEstimate):
             self._positions.on_vision(source, message, now_s)
         return []

@@ -4,8 +4,11 @@ The module flies its own approach meanwhile.  It is the autopilot's heartbeat th
 mode of its landing our commands do not act any more, and the supervisor lets go.  So nobody waits
 for anybody; a firmware that does not take the landing leaves the module to land.
 
+    read     the mission, where that lands: when LND_BY is set, and again when it breaks off.  One
+             without a landing, or with one elsewhere than the landing place, is not asked for
     ask      right after a heartbeat, `TRIES` times, a request may be lost
     done     a heartbeat shows the mode; an acknowledgement alone says nothing
+    check    the item that it flies: a mission's mode may be anywhere in it
 
 ArduPlane's return circles over home, with a throttle that we do not have, unless RTL_AUTOLAND says
 otherwise; that is not read.
@@ -13,21 +16,28 @@ otherwise; that is not read.
 
 from __future__ import annotations
 
+from math import hypot
 from typing import Final
 
 from tgl_soar.autopilot import Output
-from tgl_soar.control.supervisor import LANDING
+from tgl_soar.control.supervisor import BREAKING_OFF, LANDING
+from tgl_soar.geometry import soaring_from_ned
 from tgl_soar.link.autopilots.ardupilot import MODE_AUTO
 from tgl_soar.link.autopilots.px4 import MODE_MISSION, MODE_RETURN
 from tgl_soar.link.messages import (
     COMMAND_DO_LAND_START,
+    COMMAND_REQUEST_MESSAGE,
     COMPONENT_AUTOPILOT,
+    ID_MISSION_CURRENT,
+    SEVERITY_CRITICAL,
     SEVERITY_NOTICE,
     SEVERITY_WARNING,
     CommandLong,
 )
+from tgl_soar.link.mission import MissionLanding, landings_of
 from tgl_soar.link.mode_change import ANSWER_S, TRIES
 from tgl_soar.link.session import Session
+from tgl_soar.link.tangent_plane import Home, TangentPlane
 from tgl_soar.onboard.outbound import Outbox
 from tgl_soar.onboard.settings import FlightSettings
 from tgl_soar.onboard.setup import ModuleSetup
@@ -40,6 +50,10 @@ LANDING_MODES: Final = {
     "px4": {BY_MISSION: MODE_MISSION, BY_RETURN: MODE_RETURN},
 }
 NO_PARAMS: Final = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+# Of a touch-down from the landing place, beside half of its strip: what two receivers differ by.
+# The height left is that of the landing place; whether it reaches another one nobody has asked.
+ELSEWHERE_M: Final = 10.0
+CHECK_S: Final = 3.0  # three requests and their answers
 
 
 class FirmwareLanding:
@@ -53,23 +67,41 @@ class FirmwareLanding:
         self._tries = 0
         self._asked_for = -1  # custom_mode
         self._asked_s = self._looked_s = float("-inf")
+        self._by = 0  # LND_BY in the last tick
+        self._mode = -1
+        self._unfit: str | None = None  # why the mission does not land there; None: not known yet
+        self._said = False  # that we land, on this way home
+        self._handed_over_s = float("nan")  # since then the item is looked for
+        self._checked_s = float("-inf")  # it was asked for last
+        self._currents = 0  # MISSION_CURRENT that had come by then
 
     def refusal(self, value: float) -> str:
         """Why LND_BY may not be set so; "" if it may."""
-        name = self._setup.flavour.name
-        modes = LANDING_MODES.get(name)
-        if value == 0.0 or (modes and value in modes):
+        modes = LANDING_MODES.get(self._setup.flavour.name, {})
+        if value == 0.0 or value in modes:
             return ""
-        if modes:
-            return f"the return of {name} does not land, unless RTL_AUTOLAND says so: 0 or 1"
-        return f"no landing of {name} is known: 0"
+        return f"{self._unknown()}: {' or '.join(map(str, (0, *modes)))}"
+
+    def _unknown(self) -> str:
+        """What another LND_BY than those that are known would ask for."""
+        name = self._setup.flavour.name
+        if name in LANDING_MODES:
+            return f"the return of {name} does not land, unless RTL_AUTOLAND says so"
+        return f"no landing of {name} is known"
 
     def tick(self, output: Output) -> None:
         """A tick has gone by."""
         by = int(self._settings.values["LND_BY"])
         modes = LANDING_MODES.get(self._setup.flavour.name, {})
+        self._read(by, output, known=by in modes)
+        self._check(output)
         if output.mode != LANDING or by not in modes:
-            self._ended()
+            self._ended(output, by)
+            return
+        if by == BY_MISSION and self._unfit != "":
+            if self._unfit is not None and not self._said:
+                self._said = True
+                self._outbox.tell(SEVERITY_WARNING, f"{self._unfit}: we land")
             return
         heard_s = self._session.status.time_s
         if not heard_s > self._looked_s or self._tries > TRIES:
@@ -87,19 +119,106 @@ class FirmwareLanding:
         self._asked_for = modes[by]
         self._outbox.say_all((self._request(by, modes[by]),), self._outbox.autopilot)
 
+    def _read(self, by: int, output: Output, *, known: bool) -> None:
+        """The mission, where it is to land; `known`: this firmware can land so."""
+        mission = self._session.mission
+        breaks_off = output.mode in (BREAKING_OFF, LANDING)
+        begins = breaks_off and self._mode not in (BREAKING_OFF, LANDING)
+        self._mode = output.mode
+        if by != self._by or begins:
+            self._unfit, self._said = None, False
+            if by and not known:  # of a file: an operator is refused it
+                self._outbox.tell(SEVERITY_WARNING, f"LND_BY {by}: {self._unknown()}: we land")
+            elif by == BY_MISSION:
+                mission.begin()
+        self._by = by
+        if (
+            by == BY_MISSION
+            and known
+            and self._unfit is None
+            and (mission.is_known or mission.failed)
+        ):
+            self._unfit = self._unfitness()
+            if self._unfit and not breaks_off:
+                self._outbox.tell(SEVERITY_WARNING, f"LND_BY {by}: {self._unfit}: we land")
+
+    def _unfitness(self) -> str:
+        """Why the mission does not land where it should; "" if it does, or nobody can say."""
+        mission = self._session.mission
+        if mission.failed:
+            return mission.failed
+        landings = landings_of(mission.items)
+        if not landings:
+            return "its mission has no landing (DO_LAND_START, then NAV_LAND)"
+        for landing in landings:  # the firmware chooses the nearest one
+            off_m = self._off(landing)
+            if off_m > 0.5 * self._settings.values["LND_LEN"] + ELSEWHERE_M:
+                return (
+                    f"the landing of its mission, item {landing.touches}, is {off_m:.0f} m from"
+                    " LND_X and LND_Y"
+                )
+        return ""
+
+    def _off(self, landing: MissionLanding) -> float:
+        """How far its touch-down is from the landing place [m]; 0 where either is not known."""
+        home, values = self._setup.position.home, self._settings.values
+        if home is None or not values["LND_LEN"] > 0.0:
+            return 0.0
+        origin = Home(home.latitude_deg, home.longitude_deg, home.altitude_m)
+        north, east, down = TangentPlane(origin).ned_m(
+            landing.latitude_deg, landing.longitude_deg, home.altitude_m
+        )
+        x, y, _ = soaring_from_ned(self._setup.frame, north, east, down)
+        return hypot(x - values["LND_X"], y - values["LND_Y"])
+
     def _request(self, by: int, custom_mode: int) -> CommandLong:
         if by == BY_RETURN:
             return self._setup.flavour.ask_for_mode(custom_mode)
+        return self._command(COMMAND_DO_LAND_START, NO_PARAMS)
+
+    def _command(
+        self, command: int, params: tuple[float, float, float, float, float, float, float]
+    ) -> CommandLong:
         return CommandLong(
             target_system=self._session.autopilot.system,
             target_component=COMPONENT_AUTOPILOT,
-            command=COMMAND_DO_LAND_START,
+            command=command,
             confirmation=0,
-            params=NO_PARAMS,
+            params=params,
         )
 
-    def _ended(self) -> None:
+    def _ended(self, output: Output, by: int) -> None:
         if self._tries and self._session.custom_mode == self._asked_for:
-            self._outbox.tell(SEVERITY_NOTICE, "the autopilot lands")
+            if by == BY_MISSION:
+                self._handed_over_s = output.time_s
+                self._currents = self._session.mission.current_count
+            else:
+                self._outbox.tell(SEVERITY_NOTICE, "the autopilot lands")
         self._tries = 0
         self._asked_s = self._looked_s = float("-inf")
+
+    def _check(self, output: Output) -> None:
+        """Which item it flies, after it was handed over."""
+        since_s = output.time_s - self._handed_over_s
+        if since_s != since_s:  # NaN
+            return
+        mission = self._session.mission
+        item = mission.current if mission.current_count != self._currents else -1
+        lands = any(land.begins <= item <= land.touches for land in landings_of(mission.items))
+        if self._session.custom_mode != self._asked_for:  # somebody has taken over
+            self._handed_over_s = float("nan")
+        elif lands:
+            self._handed_over_s = float("nan")
+            self._outbox.tell(SEVERITY_NOTICE, f"the autopilot lands: item {item} of its mission")
+        elif since_s > CHECK_S:
+            self._handed_over_s = float("nan")
+            where = f"at item {item}" if item >= 0 else "at an item that it does not tell"
+            self._outbox.tell(
+                SEVERITY_CRITICAL,
+                f"the autopilot is in its mission {where}, not landing: take over",
+            )
+        elif output.time_s - self._checked_s >= ANSWER_S:
+            self._checked_s = output.time_s
+            asked = (float(ID_MISSION_CURRENT), *NO_PARAMS[1:])
+            request = self._command(COMMAND_REQUEST_MESSAGE, asked)
+            self._outbox.say_all((request,), self._outbox.autopilot)

@@ -20,6 +20,7 @@ RETRY_S = 0.5
 GIVE_UP_S = 10.0  # without an answer to a set for so long, nobody is there
 LOOK_S = 1.0  # the position is watched for so long before engaging
 LEG_TIMEOUT_S = 40.0  # for a line to come to its target
+HOME_TIMEOUT_S = 180.0  # from breaking off to the ground
 SEARCH_TIMEOUT_S = 120.0  # for a search to find one
 WORDS_S = 0.5  # the reason of a release may come after it
 READY_S = 60.0  # a crashed aircraft lies for 3 s and is carried back to the start
@@ -85,10 +86,12 @@ class Operator:
         when_armed: bool = False,
         again: int = 0,
         watch_s: float | None = None,
+        goes_home: bool = False,
     ) -> None:
         """`when_armed`: it engages nothing before the vehicle is armed.  `again`: so often it
         engages again and repeats the leg where a hiccup of the machine has ended the flight.
-        `watch_s`: where the module disengages by itself it looks on for so long, and is done."""
+        `watch_s`: where the module disengages by itself it looks on for so long, and is done.
+        `goes_home`: after the last leg it breaks off, and the module lands."""
         self.seen = LastTelemetry()
         self.hiccups: list[str] = []  # the report of each
         self.flown: list[FlownLeg] = []
@@ -97,6 +100,8 @@ class Operator:
         self._when_armed = when_armed
         self._again = again
         self._watch_s = watch_s
+        self._goes_home = goes_home
+        self._homeward_s = float("nan")
         self._released_s = float("nan")
         self._target = (system, component)
         self._codec = mavlink.MAVLink(None, own_system, mavlink.MAV_COMP_ID_MISSIONPLANNER)
@@ -216,16 +221,30 @@ class Operator:
             elif self.seen.time_s - flown.stopped_s >= flown.leg.stay_s:
                 flown.ended_s = self.seen.time_s
                 if len(self.flown) == len(self._legs):
-                    self.done = True
+                    self._legs_flown()
                 else:
                     self._begin_leg(len(self.flown))
+        elif self._stage == "home" and self.seen.time_s - self._homeward_s > HOME_TIMEOUT_S:
+            raise OperatorError(
+                f"not down within {HOME_TIMEOUT_S:g} s of breaking off: {self._last_words()}"
+            )
         if self._engaged and self.seen.parameters.get("OP_ENGAGE") == 0.0 and not self._to_set:
             self._engaged, self._engaged_s = False, float("nan")
             self._stage, self._released_s = "released", self.seen.time_s
             if self._watch_s is not None:
                 self._stage = "watch"
+            elif isfinite(self._homeward_s):
+                self.done = True
             elif self._again <= len(self.hiccups):
                 raise OperatorError(f"the module disengaged by itself: {self._last_words()}")
+
+    def _legs_flown(self) -> None:
+        """All of them: it is over, or the way home begins."""
+        if self._goes_home:
+            self._stage, self._homeward_s = "home", self.seen.time_s
+            self._to_set = [("ESC_START", 1.0)]
+        else:
+            self.done = True
 
     def _look_on(self) -> None:
         """The module has disengaged by itself, as was to be seen."""
@@ -234,7 +253,8 @@ class Operator:
             flown = self.flown[-1]
             if not isfinite(flown.stopped_s):
                 flown.stopped_s = flown.asked_s
-            flown.ended_s = self._released_s
+            if not isfinite(flown.ended_s):
+                flown.ended_s = self._released_s
             self.done = True
 
     def _recover(self) -> None:

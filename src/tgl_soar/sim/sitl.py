@@ -117,6 +117,7 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> SitlFligh
         airframe.autopilot.component_id,
         when_armed=options.autopilot != "builtin",
         watch_s=options.watch_s,
+        goes_home=options.goes_home,
         again=AGAIN if options.realtime and not options.faults and options.kill_s is None else 0,
     )
     processes = SitlProcesses(options.out)

@@ -33,6 +33,8 @@ class SitlOptions:
     autopilot_parameters: tuple[str, ...] = ()  # NAME=NUMBER, or NAME=NUMBER@SECONDS
     search: bool = False  # the first leg is a search for lift, and the only one if none is named
     kill_s: float | None = None  # the module is killed so long after its line first stood
+    mission: Path | None = None  # of the firmware, as ground stations write it
+    goes_home: bool = False  # after the last leg it breaks off and lands
     watch_s: float | None = None  # where it disengages by itself, fly on so long and end well
     # Real time alone is open to others, on the ports that the firmwares' simulators have.
     gcs: str = "127.0.0.1:14550"

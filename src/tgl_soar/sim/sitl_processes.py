@@ -77,6 +77,8 @@ def bridge_command(
         command += ["--autopilot", options.autopilot, "--firmware", str(options.firmware)]
         command += ["--firmware-folder", str(options.out / "firmware")]
         command += ["--record", str(options.out / "companion.tlog")]
+    if options.mission is not None:
+        command += ["--mission", str(options.mission)]
     for setting in options.autopilot_parameters:
         command += ["--autopilot-parameter", setting]
     for fault in options.faults:

@@ -179,12 +179,14 @@ def _simulated(options: BridgeOptions, airframe: Airframe, site: Site) -> Simula
     if firmware is None:
         return Simulation(airframe, site, options.simulation, folder)
     # What a firmware needs is loaded only where there is one.
+    from tgl_soar.sim.firmware.mission import read_mission
     from tgl_soar.sim.firmware.simulation import FirmwareSimulation
     from tgl_soar.sim.firmware.starts import STARTS
 
     if firmware.program is None:
         raise ValueError(f"--autopilot {firmware.name}: give its program with --firmware")
+    mission = () if firmware.mission is None else read_mission(firmware.mission)
     parameters = dict(options.simulation.parameters)
     start = STARTS[firmware.name]
     physics, relay = start(firmware.program, firmware.folder, airframe, site, parameters)
-    return FirmwareSimulation(airframe, site, options.simulation, folder, physics, relay)
+    return FirmwareSimulation(airframe, site, options.simulation, folder, physics, relay, mission)

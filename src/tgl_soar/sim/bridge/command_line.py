@@ -42,7 +42,9 @@ def parsed(words: Sequence[str]) -> BridgeOptions:
         ),
         firmware=None
         if builtin
-        else FirmwareOptions(arguments.autopilot, arguments.firmware, arguments.firmware_folder),
+        else FirmwareOptions(
+            arguments.autopilot, arguments.firmware, arguments.firmware_folder, arguments.mission
+        ),
         mocap=mocap_options(arguments),
     )
 
@@ -171,11 +173,7 @@ def _parser() -> argparse.ArgumentParser:
         "--autopilot", choices=("builtin", "px4", "ardupilot"), default="builtin",
         help="the simulated Pixhawk, or a real firmware in its place (default: builtin)",
     )  # fmt: skip
-    add("--firmware", type=Path, metavar="PATH", help="the firmware's program")
-    add(
-        "--firmware-folder", type=Path, default=Path("out/firmware"), metavar="DIR",
-        help="where the firmware runs and keeps its files (default out/firmware)",
-    )  # fmt: skip
+    _add_firmware(parser)
     add("--record", type=Path, metavar="FILE", help="traffic of firmware and companion, as .tlog")
     add("--no-truth", action="store_true", help="send no truth to ground stations")
     add("--odometry", action="store_true", help="stream ODOMETRY, which ArduPlane denies")
@@ -197,3 +195,16 @@ def _parser() -> argparse.ArgumentParser:
     add("--patience", type=_number(0.1, 3600.0), default=5.0, metavar="S", help="(default 5)")
     add("--start-timeout", type=_number(0.1, 3600.0), default=30.0, metavar="S")
     return parser
+
+
+def _add_firmware(parser: argparse.ArgumentParser) -> None:
+    """Of a real one alone."""
+    add = parser.add_argument
+    add("--firmware", type=Path, metavar="PATH", help="the firmware's program")
+    add(
+        "--firmware-folder", type=Path, default=Path("out/firmware"), metavar="DIR",
+        help="where the firmware runs and keeps its files (default out/firmware)",
+    )  # fmt: skip
+    add(
+        "--mission", type=Path, metavar="FILE", help="for the firmware, as ground stations write it"
+    )

@@ -38,6 +38,7 @@ class FirmwareOptions:
     name: str  # one of `sim.firmware.starts.STARTS`
     program: Path | None
     folder: Path = Path("out/firmware")  # where it runs and keeps its files
+    mission: Path | None = None  # a file that it is given before it is armed
 
 
 @dataclass(frozen=True)

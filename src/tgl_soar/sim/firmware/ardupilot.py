@@ -70,6 +70,7 @@ class ArduPlanePhysics:
 
     name = "ArduPlane"
     step_hz = STEP_HZ
+    first_item = 0
     manual_mode = MODE_MANUAL
     obeys: Mapping[str, int] = {
         "RC_CHANNELS_OVERRIDE": MODE_MANUAL,

@@ -68,6 +68,7 @@ class Px4Physics:
 
     name = "PX4"
     step_hz = STEP_HZ
+    first_item = 1  # it has its home by itself
     manual_mode = custom_mode(MAIN_MANUAL)
     obeys: Mapping[str, int] = {
         "SET_ATTITUDE_TARGET": custom_mode(MAIN_OFFBOARD),

@@ -23,6 +23,7 @@ from typing import Any, BinaryIO, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tgl_soar.sim.firmware.mission import MissionUpload
 from tgl_soar.sim.ports import Address
 from tgl_soar.sim.routing import LinkId, RoutedFrame, split_frames
 
@@ -108,6 +109,7 @@ class Relay:
         self.last_command = ""
         self.commanded_step = -1
         self.hears_stations = True  # False: what ground stations send does not arrive
+        self.mission: MissionUpload | None = None  # hears what the firmware says of missions
         self.record: BinaryIO | None = None  # of the companion's link, both ways, as a .tlog
         self._system = system
         self._ground, self._companion = ground, companion
@@ -288,3 +290,7 @@ class Relay:
             elif kind == "STATUSTEXT":
                 self.texts.add(message.text)
                 self._events.append(f"it reports: {message.text}")
+            elif kind.startswith("MISSION_") and self.mission is not None:
+                answer = self.mission.answer(message)
+                if answer is not None:
+                    self.command(answer)

@@ -3,7 +3,7 @@
 An aircraft without a propeller cannot take off.  So it is launched in the air, step by step:
 
     boots     time goes on, the aircraft is held at the start, in the wind
-    aligns    until the firmware reports that it could be armed
+    aligns    until the firmware reports that it could be armed, and has its mission, if any
     armed     by a ground station's command, in the mode for sticks
     free      when a companion commands the surfaces in the mode that obeys it
 
@@ -22,6 +22,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.site import Site
 from tgl_soar.sim.channels import NEUTRAL
+from tgl_soar.sim.firmware import FirmwareError
+from tgl_soar.sim.firmware.mission import MissionItem, MissionUpload
 from tgl_soar.sim.firmware.relay import Relay
 from tgl_soar.sim.firmware.sensors import FirmwareSensors, Readings, firmware_sensors
 from tgl_soar.sim.injection import Injection
@@ -62,6 +64,7 @@ class Physics(Protocol):
 
     name: str
     step_hz: int
+    first_item: int  # of a mission file: 0: home is an item of it
     manual_mode: int  # custom_mode in which sticks move the surfaces, and it is armed
     obeys: Mapping[str, int]  # command message of a companion: custom_mode that obeys it
 
@@ -93,7 +96,9 @@ class FirmwareSimulation:
         folder: Path,
         physics: Physics,
         relay: Relay,
+        mission: tuple[MissionItem, ...] = (),
     ) -> None:
+        """`mission`: what it is given before it is armed, home first; none: nothing."""
         self.injection = Injection(options.faults, options.seed)
         field = None if site.air is None else self.injection.field(build_field(site.air, folder))
         self.world: World = make_world(
@@ -111,6 +116,9 @@ class FirmwareSimulation:
         self.crashes = 0
         self._physics = physics
         self._system = airframe.autopilot.system_id
+        self._mission = MissionUpload(mission[physics.first_item :], self._system)
+        self._mission.accepted = not mission
+        relay.mission = self._mission
         self._options = options
         self._sensors = FirmwareSensors(
             self.world, site.position.home, options.seed, gps=site.mocap is None
@@ -250,8 +258,12 @@ class FirmwareSimulation:
         due = world.steps % self._ask_every == 0
         if self._stage == 0 and self.booted:
             self._next(f"{physics.name} has booted: waiting until its estimator has aligned")
-        elif self._stage == 1 and relay.ready:
+        elif self._stage == 1 and relay.ready and self._mission.accepted:
             self._next("aligned: arming it")
+        elif self._stage == 1 and relay.ready and due:
+            if self._mission.refused:
+                raise FirmwareError(f"{physics.name} refuses the mission: {self._mission.refused}")
+            relay.command(self._mission.begin())
         elif self._stage == 2 and relay.armed:
             self._next("armed: held until a companion commands the surfaces")
         elif self._stage == 2 and due:
