@@ -9,7 +9,7 @@ import pytest
 
 from tgl_soar.autopilot import Output
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
-from tgl_soar.control.brake import DEAD, HOLDS, LINE_ONLY
+from tgl_soar.control.brake import DEAD, HOLDS, LINE_ONLY, RESTS
 from tgl_soar.estimation.health import BRAKE
 from tgl_soar.sim.closed_loop import Change, ClosedLoop, Trajectory, fly
 from tgl_soar.sim.sensors import MEMS_IMU, READ_BACK, Sensors
@@ -81,12 +81,12 @@ def test_a_brake_that_does_not_answer_leaves_the_line_flown() -> None:
         assert output.active or k < 60
     assert faults & BRAKE
     seen = [a for a, b in zip(standings, [*standings[1:], -1], strict=True) if a != b]
-    assert seen == [LINE_ONLY, HOLDS, DEAD]
+    assert seen == [LINE_ONLY, RESTS, DEAD]  # before it has faded in
     assert output.command.brake == 0.0
     loop.change({"TGL_HOLD": 0.0})
     loop.tick()
     loop.change({"TGL_HOLD": 1.0})
-    assert loop.tick().point.standing == HOLDS
+    assert loop.tick().point.standing == RESTS
 
 
 @pytest.mark.parametrize("name", ["eclipson_c"])
