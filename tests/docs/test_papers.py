@@ -42,7 +42,12 @@ def test_what_is_to_come_is_sorted_and_names_what_there_is() -> None:
     assert set(re.findall(r"`tgl-soar (\w+)", text)) <= commands
     parameters = set(re.findall(r"`([A-Z]+_[A-Z_]*[A-Z])`", text))
     assert "TGL_STEP_MAX" in parameters
-    assert parameters - {"RC_OVERRIDE_TIME", "MAV_STATE", "EKF_STATUS_REPORT", "ESTIMATOR_STATUS"} <= set(INDEX)
+    assert parameters - {
+        "RC_OVERRIDE_TIME",
+        "MAV_STATE",
+        "EKF_STATUS_REPORT",
+        "ESTIMATOR_STATUS",
+    } <= set(INDEX)
 
 
 def test_types_may_be_used_by_others() -> None:
