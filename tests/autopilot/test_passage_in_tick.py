@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import isfinite, isnan, nan, radians
+from typing import Any
 
 import pytest
 
@@ -16,13 +17,18 @@ from tgl_soar.config.files import (
 )
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Start
+from tgl_soar.control.estimates import estimate
+from tgl_soar.control.landing import SOAR_ON
 from tgl_soar.control.laws import laws_from
+from tgl_soar.control.passage import with_way_home
 from tgl_soar.control.supervisor import (
+    BREAK_OFF,
     BREAKING_OFF,
     CAPTURING,
     HOLDING,
     LANDING,
     LAUNCHING,
+    NEAR_LINE,
     POSITION_SANE,
     READY,
     REASON_BREAK,
@@ -32,6 +38,7 @@ from tgl_soar.control.supervisor import (
     REASON_SOAR_ON,
     RECOVERING,
     RELEASED,
+    SETTLES,
     SOARING,
     STANDBY,
 )
@@ -108,6 +115,45 @@ def test_the_height_left_is_watched_in_every_flight_and_breaks_off_only_where_as
         assert flown.output.mode == mode
         assert flown.output.passage.height_left_m < 0.0
         assert flown.output.passage.time_left_s == 0.0
+
+
+@pytest.mark.parametrize("auto", [0.0, 1.0])
+def test_low_over_the_ground_it_goes_home_where_it_may(auto: float) -> None:
+    flown = soaring(ESC_AUTO=auto, ESC_CLEAR=0.0).fly(3.0)
+    assert flown.output.passage.height_left_m > 0.0
+    flown.loop.change({"ESC_CLEAR": 50.0})
+    flown.fly(2.0, BREAKING_OFF)
+    assert flown.output.mode == (BREAKING_OFF if auto else SOARING)
+
+
+def test_a_line_that_is_given_up_is_left_for_home_where_there_is_height_for_it() -> None:
+    flown = soaring(ESC_AUTO=1.0).fly(3.0)
+    laws, state, world = flown.loop._laws, flown.loop.state, flown.loop.world
+    inputs = inputs_at(world.time_s, world.now.samples, True)
+    now = estimate(laws, state.memory, inputs, True, state.loops.limited, 0.005)
+    assert state.passage.escape.left_m > 0.0
+
+    def breaks(found: int, mode: int = SOARING, **changes: Any) -> bool:
+        supervisor = state.supervisor._replace(mode=mode)
+        home = laws._replace(landing=laws.landing._replace(**changes))
+        return bool(with_way_home(home, supervisor, state.passage, now, found) & BREAK_OFF)
+
+    assert not breaks(SETTLES | NEAR_LINE)
+    for lacking in (SETTLES, NEAR_LINE):
+        given_up = (SETTLES | NEAR_LINE) & ~lacking
+        assert breaks(given_up)
+        assert breaks(given_up, CAPTURING)
+        assert not breaks(given_up, HOLDING)
+        assert not breaks(given_up, auto=False)
+        assert not breaks(given_up, asked=SOAR_ON)
+    recovering = state.supervisor._replace(mode=RECOVERING)
+    for share, goes in ((0.49, False), (0.51, True)):  # of its longest time
+        begun_s = now.vehicle.time_s - share * laws.guards.recover_s
+        since = recovering._replace(since_s=begun_s)
+        found = with_way_home(laws, since, state.passage, now, SETTLES | NEAR_LINE)
+        assert bool(found & BREAK_OFF) == goes
+    gone = state.passage._replace(escape=state.passage.escape._replace(left_m=-0.1))
+    assert not with_way_home(laws, state.supervisor, gone, now, SETTLES) & BREAK_OFF
 
 
 def test_without_a_landing_place_nothing_is_known_of_the_height() -> None:

@@ -48,6 +48,7 @@ PARAMS = LandingParams(
     spare_m=1.0,
     asked=landing.STAY,
     auto=True,
+    clearance_m=3.0,
     polar=POLAR,
     best_glide_mps=9.2,
     speed_min_mps=6.0,

@@ -571,14 +571,12 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
                 " come leave it uncertain: recover, wings level at REC_PITCH, for REC_TIME; then"
                 " hand over.",
     ),
-    # An estimator says late that it is not aided any more: EKF3 after 7 s. Its accelerations are
-    # wrong by g times the error of its tilt, 0.2 deg or 0.03 m/s^2: it is off by 0.7 m then, and by
+    # EKF3 says so after 7 s. By g times 0.2 deg of tilt, 0.03 m/s^2, it is off by 0.7 m then, and by
     # 1.2 m two seconds later; 3 m are all of the lift over a small hill.
     Parameter(
         name="AGE_POS_DR", unit="s", minimum=0, maximum=60, default=2.0,
         meaning="So long a position is flown with that the autopilot's estimator only dead reckons,"
-                " as EKF_STATUS_REPORT or ESTIMATOR_STATUS says; then as one that is lost (with"
-                " ESC_AUTO 1 it breaks off). 0: not at all.",
+                " as it says itself; then as one that is lost (ESC_AUTO 1: it breaks off).",
     ),
     Parameter(
         name="AGE_FROZEN", unit="s", minimum=0.1, maximum=10, default=1.0,
@@ -734,8 +732,13 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     Parameter(
         name="ESC_AUTO", unit="", minimum=0, maximum=1, default=0,
         meaning="1: break off by itself as soon as the glide to the landing place would leave less"
-                " than ESC_SPARE of height; 0: only say so.",
+                " than ESC_SPARE of height, or the flight would end on the slope; 0: only say so.",
         integer=True,
+    ),
+    # To gain 2 m/s over a wind of 8 takes (10^2 - 8^2) / 2g = 1.8 m, and a second of dive another.
+    Parameter(
+        name="ESC_CLEAR", unit="m", minimum=0, maximum=50, default=3.0,
+        meaning="Soaring nearer to the ground than this it breaks off by itself, with ESC_AUTO 1.",
     ),
     Parameter(
         name="ESC_SPARE", unit="m", minimum=0, maximum=50, default=1.0,

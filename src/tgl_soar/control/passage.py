@@ -157,6 +157,33 @@ def passage_conditions(laws: Laws, mode: int, state: PassageState, estimates: Es
     return found
 
 
+def with_way_home(
+    laws: Laws,
+    supervisor: modes.SupervisorState,
+    state: PassageState,
+    estimates: Estimates,
+    found: int,
+) -> int:
+    """The conditions of a tick, and to break off in place of what would end a flight on the slope.
+
+    Where it may break off by itself and there is height for a landing, a line that is given up is
+    left for home, and so is one along which it has sunk to ESC_CLEAR, and recovering that has
+    lasted for half of its time.
+    """
+    home, mode = laws.landing, supervisor.mode
+    if not (home.auto and home.asked == landing.STAY and state.escape.armed):
+        return found
+    if not (knows_place(laws, estimates) and state.escape.left_m >= 0.0):  # false for NaN
+        return found
+    flown = modes.SETTLES | modes.NEAR_LINE
+    on_line = mode in (modes.CAPTURING, modes.SOARING, modes.SEARCHING)
+    given_up = on_line and found & flown != flown
+    low = mode == modes.SOARING and estimates.margins.clearance_m < home.clearance_m
+    recovering_s = estimates.vehicle.time_s - supervisor.since_s
+    sinks = mode == modes.RECOVERING and recovering_s >= 0.5 * laws.guards.recover_s
+    return found | modes.BREAK_OFF if given_up or low or sinks else found
+
+
 def knows_place(laws: Laws, estimates: Estimates) -> bool:
     """Whether the position is good enough to go home by: dead reckoned for however long, too.
 

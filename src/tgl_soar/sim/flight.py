@@ -68,6 +68,7 @@ class Row(NamedTuple):
     brake: float  # commanded, 0 … 1
     point: float  # how it stands, as control.brake numbers it
     point_off_m: float  # along the line, as the law sees it; NaN: no point is held
+    height_left_m: float  # that the glide to the landing place would leave; NaN: not known
 
 
 class Flight(NamedTuple):
@@ -156,6 +157,7 @@ def row_of(
         brake=output.command.brake,
         point=float(output.point.standing),
         point_off_m=output.point.off_m,
+        height_left_m=output.passage.height_left_m,
     )
 
 
