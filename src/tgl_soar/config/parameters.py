@@ -571,7 +571,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
                 " come leave it uncertain: recover, wings level at REC_PITCH, for REC_TIME; then"
                 " hand over.",
     ),
-    # EKF3 says so after 7 s. By g times 0.2 deg of tilt, 0.03 m/s^2, it is off by 0.7 m then, and by
+    # EKF3 says so after 7 s. By g times 0.2 deg of tilt, 0.03 m/s^2, it is 0.7 m off then, and
     # 1.2 m two seconds later; 3 m are all of the lift over a small hill.
     Parameter(
         name="AGE_POS_DR", unit="s", minimum=0, maximum=60, default=2.0,
