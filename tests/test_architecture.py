@@ -226,7 +226,7 @@ CLASS_LINES = 300
 FUNCTION_LINES = 80
 # What is longer, how long it may be, and why.
 LONGER: dict[str, tuple[int, str]] = {
-    "config/parameters.py": (970, "a table: one declaration a parameter, and it grows with them"),
+    "config/parameters.py": (990, "a table: one declaration a parameter, and it grows with them"),
     "analysis/linear_model.py": (660, "one linear model; its matrices are read beside each other"),
     "analysis/linear_model.py linear_controller": (116, "the matrices of one controller, by rows"),
 }
