@@ -146,6 +146,16 @@ def test_a_line_that_is_given_up_is_left_for_home_where_there_is_height_for_it()
         assert not breaks(given_up, HOLDING)
         assert not breaks(given_up, auto=False)
         assert not breaks(given_up, asked=SOAR_ON)
+    least = laws.landing.polar.speed_min_mps
+    for wind, slow in ((least - 0.4, False), (least - 0.6, True), (nan, False)):
+        weak = now._replace(air=now.air._replace(wind_mps=wind, wind_sigma_mps=0.5))
+        found = with_way_home(laws, state.supervisor, state.passage, weak, SETTLES | NEAR_LINE)
+        assert bool(found & BREAK_OFF) == slow
+    high = now.margins.clearance_m - laws.landing.clearance_m
+    for climb, low in ((-0.45 * high, False), (-0.55 * high, True), (9.0, False)):
+        sinks = now._replace(vehicle=now.vehicle._replace(climb_mps=climb))
+        found = with_way_home(laws, state.supervisor, state.passage, sinks, SETTLES | NEAR_LINE)
+        assert bool(found & BREAK_OFF) == low
     recovering = state.supervisor._replace(mode=RECOVERING)
     for share, goes in ((0.49, False), (0.51, True)):  # of its longest time
         begun_s = now.vehicle.time_s - share * laws.guards.recover_s

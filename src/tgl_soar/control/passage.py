@@ -45,6 +45,8 @@ from tgl_soar.estimation.aerodynamics import glide_pitch
 from tgl_soar.estimation.motion_state import FUTURE_S
 from tgl_soar.types import NAN, THEIRS, Health, Inputs, VehicleState
 
+SINKS_S: Final = 2.0  # of a second each to find out and to gain speed
+
 
 class PassageState(NamedTuple):
     """What these modes remember."""
@@ -167,8 +169,9 @@ def with_way_home(
     """The conditions of a tick, and to break off in place of what would end a flight on the slope.
 
     Where it may break off by itself and there is height for a landing, a line that is given up is
-    left for home, and so is one along which it has sunk to ESC_CLEAR, and recovering that has
-    lasted for half of its time.
+    left for home, and so is one along which it sinks to ESC_CLEAR within SINKS_S, and one in a wind
+    that is slower than the aircraft flies, by more than its standard deviation; and so is
+    recovering that has lasted for half of its time.
     """
     home, mode = laws.landing, supervisor.mode
     if not (home.auto and home.asked == landing.STAY and state.escape.armed):
@@ -178,10 +181,13 @@ def with_way_home(
     flown = modes.SETTLES | modes.NEAR_LINE
     on_line = mode in (modes.CAPTURING, modes.SOARING, modes.SEARCHING)
     given_up = on_line and found & flown != flown
-    low = mode == modes.SOARING and estimates.margins.clearance_m < home.clearance_m
+    sinks_m = SINKS_S * min(0.0, estimates.vehicle.climb_mps)
+    low = mode == modes.SOARING and estimates.margins.clearance_m + sinks_m < home.clearance_m
+    air = estimates.air
+    slow = on_line and air.wind_mps + air.wind_sigma_mps < home.polar.speed_min_mps
     recovering_s = estimates.vehicle.time_s - supervisor.since_s
-    sinks = mode == modes.RECOVERING and recovering_s >= 0.5 * laws.guards.recover_s
-    return found | modes.BREAK_OFF if given_up or low or sinks else found
+    falls = mode == modes.RECOVERING and recovering_s >= 0.5 * laws.guards.recover_s
+    return found | modes.BREAK_OFF if given_up or low or slow or falls else found
 
 
 def knows_place(laws: Laws, estimates: Estimates) -> bool:

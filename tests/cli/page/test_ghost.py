@@ -13,7 +13,14 @@ from page_flight import AIRFRAME, SITE, SOARING, Flown
 from tgl_soar.air.zeuc import stable_crossing
 from tgl_soar.cli.page.ghost import Foresight, GhostLine, GhostStart
 from tgl_soar.cli.page.scene import Place, place_of
-from tgl_soar.config.files import load_airframe, load_parameters, load_site, preset_lines
+from tgl_soar.config.files import (
+    airframe_file,
+    load_airframe,
+    load_parameters,
+    load_site,
+    preset_lines,
+    site_file,
+)
 from tgl_soar.config.line_changes import LineChanges
 from tgl_soar.config.parameters import ParameterError
 from tgl_soar.control.line_bounds import LineBounds
@@ -121,3 +128,13 @@ def test_an_aircraft_whose_place_is_not_known_has_no_time() -> None:
     assert ghost.settles_s is None
     assert ghost.place is not None
     assert ghost.path == ()
+
+
+def test_a_landing_place_is_in_view() -> None:
+    airframe_path, site_path = airframe_file("eclipson_c"), site_file("hill")
+    airframe, site = load_airframe(airframe_path), load_site(site_path)
+    values = load_parameters(airframe, airframe_path, site, site_path)
+    seen = place_of(airframe, site, values, site_path.parent).scene["view"]
+    assert seen[0] < values["LND_X"] < values["FENCE_X_MIN"]
+    without = place_of(airframe, site, values.changed({"LND_LEN": 0.0}), site_path.parent)
+    assert without.scene["view"][0] > values["LND_X"]

@@ -297,6 +297,20 @@ def test_what_the_module_foresees_and_measures_is_seen(
     words = window.value("page.plane.part.foreseenTag.textContent")
     assert words == "no place to settle · 1.5 s"
     assert not window.page.evaluate(seen, "foreseenRing")
+    # The way home: what it would leave, and where it leads, where there is a place at all.
+    assert "height left for landing" not in window.page.inner_text("#gauge-list")
+    for name, value in ((b"esc_left", 1.2), (b"esc_time", 12.0)):
+        named = mavlink.MAVLink_named_value_float_message(0, name, value)
+        frames[name] = bytes(named.pack(module))
+    window.shows("#gauge-list", "height left for landing\n1.2 m, gone in 12 s – close")
+    assert window.page.query_selector(".landing") is None
+    window.value("Object.assign(m.parameters, { LND_X: 0.5, LND_Z: 0.2, LND_LEN: 0.6 }) && 0")
+    window.until(lambda: window.page.query_selector(".landing") is not None)
+    ends = (
+        "['x1', 'x2'].map((name) => Number(document.querySelector('.landing').getAttribute(name)))"
+    )
+    left, right = window.value(ends)
+    assert right - left == pytest.approx(0.6 * window.value("page.plane.scale"))
     flying.flown.altered = bytes
     window.page.click("#release")
     window.until(lambda: not window.page.evaluate(seen, "foreseen"))

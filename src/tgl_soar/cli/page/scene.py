@@ -128,6 +128,9 @@ def _view(site: Site, values: ParameterSet, known: Any) -> list[float]:
         found.extend(values[n] for n in names if values[n] != PARAMETERS[INDEX[n]].default)
     if site.ground is not None and xs:
         zs += [z for x, z in site.ground.profile if min(xs) <= x <= max(xs)]
+    if xs and values["LND_LEN"] > 0.0:  # a landing place
+        xs.append(values["LND_X"])
+        zs.append(values["LND_Z"])
     if not (xs and zs):
         x, z = values["TGL_X"], values["TGL_Z"]
         xs, zs = [x - EMPTY_M, x + EMPTY_M], [z - EMPTY_M, z + EMPTY_M]

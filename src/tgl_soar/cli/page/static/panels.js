@@ -31,6 +31,7 @@ function gauges({ now, parameters: p, alive, silence_s: silence, isRecording, sc
   add("height over the ground", fixed(height, 2, "m"), p.CLEAR_MIN > 0 ? p.CLEAR_MIN / height : null);
   add("margin to the stall", fixed(now.stall, 1, "°"), known(now.stall) ? 1 - now.stall / 8 : null);
   add("place to settle", ...settling(now, p, scene.forecasts));
+  if (known(now.esc_left)) add("height left for landing", ...wayHome(now));
   add("position age", fixed(now.age_pos, 2, "s"), now.age_pos / p.AGE_POS_HOLD);
   add("attitude age", fixed(now.age_att, 3, "s"), now.age_att / p.AGE_ATT_MAX);
   add("autopilot's heartbeat", fixed(now.age_ap, 1, "s"), now.age_ap / p.AGE_AP_MAX);
@@ -47,6 +48,12 @@ function settling({ fc_state: state, fc_chance: chance, fc_time: seconds, fc_z: 
   const when = known(seconds) ? ` in ${fixed(seconds, 1)} s` : "";
   if (state > 1) return [`none: ${texts[state] ?? "not known why"}${when}`, 1.2];
   return [`z ${fixed(z, 2)} m${when}`, (1 - chance) / (1 - (known(p.FC_CHANCE) ? p.FC_CHANCE : 0))];
+}
+
+// What the way home would leave: at its limit where there is none, far from it at 5 m.
+function wayHome({ esc_left: left, esc_time: seconds }) {
+  const when = left > 0 && known(seconds) && seconds < 600 ? `, gone in ${fixed(seconds, 0)} s` : "";
+  return [`${fixed(left, 1, "m")}${when}`, 1 - left / 5];
 }
 
 export function updateGauges(model) {

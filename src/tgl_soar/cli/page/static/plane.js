@@ -96,7 +96,7 @@ export class Plane {
 
   drawStill() {
     const { scene, parameters: p } = this.model;
-    const names = ["FENCE_X_MIN", "FENCE_X_MAX", "FENCE_Z_MIN", "FENCE_Z_MAX", "CLEAR_MIN"];
+    const names = ["FENCE_X_MIN", "FENCE_X_MAX", "FENCE_Z_MIN", "FENCE_Z_MAX", "CLEAR_MIN", "LND_X", "LND_Z", "LND_LEN"];
     const key = names.map((name) => p[name]).join();
     if (this.key === key) return;
     this.key = key;
@@ -114,6 +114,7 @@ export class Plane {
     const low = braked.reduce((a, b) => (b[1] > a[1] ? b : a), braked[0]);
     if (low) this.tag(add, "tag c", low, "… with all of the brake", "end");
     this.drawFence(add, p);
+    this.drawLanding(add, p);
     for (const preset of scene.presets) {
       add("line", { class: "preset", ...this.ends(preset) });
       add("circle", { class: "preset-dot", cx: this.X(preset.x), cy: this.Z(preset.z), r: 3 });
@@ -210,6 +211,16 @@ export class Plane {
     const low = Math.min(this.Z(p.FENCE_Z_MIN), this.height + 20);
     add("rect", { class: "fence", x, y, width: Math.max(0, right - x), height: Math.max(0, low - y) });
     add("text", { class: "tag f", x: right - 36, y: Math.max(14, y - 5) }, "fence");
+  }
+
+  // The strip about the landing point; none is known where it has no length.
+  drawLanding(add, p) {
+    if (!["LND_X", "LND_Z", "LND_LEN"].every((name) => known(p[name])) || !(p.LND_LEN > 0)) return;
+    const half = 0.5 * p.LND_LEN;
+    const z = this.Z(p.LND_Z);
+    add("line", { class: "landing", x1: this.X(p.LND_X - half), y1: z, x2: this.X(p.LND_X + half), y2: z });
+    add("circle", { class: "landing-dot", cx: this.X(p.LND_X), cy: z, r: 4 });
+    this.tag(add, "tag l", [p.LND_X, p.LND_Z], "landing place");
   }
 
   // --- what moves ----------------------------------------------------------------------------
