@@ -3,6 +3,7 @@
 
     python tools/measure_failsafes.py ardupilot override --firmware .../bin/arduplane
     python tools/measure_failsafes.py ardupilot attitude --firmware PATH --only radio --out out/fs
+    python tools/measure_failsafes.py px4 attitude --firmware .../bin/px4
 
 Each trial is a flight over the hill by satellites, in calm air, as `tgl-soar sitl` flies it: the
 module soars leg a, then something fails.  A row says when the module has disengaged and by which
@@ -35,7 +36,6 @@ from tgl_soar.sim.sitl_options import SitlError, SitlOptions
 
 FAILS_S: Final = 80.0  # it has aligned after some 25 s, and soars leg a from then on
 WATCH_S: Final = 20.0
-LINE_STANDS_S: Final = 40.0  # some time before it stands
 STATION: Final = 254  # system id of the operator of `tgl-soar sitl`
 AT: Final = f"@{FAILS_S:g}"
 # As preflight asks for.
@@ -55,8 +55,9 @@ class Trial:
 
     name: str
     settings: tuple[str, ...]  # of the firmware
-    fault: str = ""  # of the catalogue, without its start
+    fault: str = ""  # of the catalogue, without its start; several with "; " between them
     watched_s: float = 30.0  # where the module flies on
+    fails_s: float = FAILS_S
     station: bool = False  # the operator is the firmware's own ground station
 
 
@@ -68,8 +69,8 @@ def _gps(words: str, *settings: str) -> Trial:
     return Trial(f"estimator: {words}", (*GOOD, *settings), watched_s=60.0)
 
 
-def _at(seconds: float) -> str:
-    return f"@{FAILS_S + seconds:g}"
+def _at(seconds: float, fails_s: float = FAILS_S) -> str:
+    return f"@{fails_s + seconds:g}"
 
 
 ARDUPILOT: Final = (
@@ -108,7 +109,48 @@ ARDUPILOT: Final = (
     _gps("first compass off by 60 mG from then on", f"SIM_MAG1_OFS_X=60{AT}"),
     _gps("first accelerometer off by 3 m/s² from then on", f"SIM_ACC1_BIAS_X=3{AT}"),
 )  # fmt: skip
-TRIALS: Final = {"ardupilot": ARDUPILOT}
+PX4_FAILS_S: Final = 40.0  # it has aligned after some 5 s
+
+
+def _then(seconds: float) -> str:
+    return _at(seconds, PX4_FAILS_S)
+
+
+# PX4's battery is a model of its own, which drains while it is armed.
+PX4_BATTERY: Final = ("SIM_BAT_MIN_PCT=0", "SIM_BAT_DRAIN=86400", f"SIM_BAT_DRAIN=2{_then(0)}")
+PX4_FENCE: Final = (f"GF_MAX_VER_DIST=1{_then(0)}",)  # over home, at the origin: below the aircraft
+
+
+def _px4(words: str, fault: str, *settings: str, watched_s: float = 25.0) -> Trial:
+    return Trial(words, settings, fault, watched_s=watched_s, fails_s=PX4_FAILS_S)
+
+
+PX4: Final = (
+    _px4("all, as asked for: radio 2 s, battery after 5 s, fence after 12 s, station after 20 s",
+         f"transmitter.silent for=2; station.silent for=999 start={PX4_FAILS_S + 20:g}",
+         *PX4_BATTERY[:2], f"SIM_BAT_DRAIN=2{_then(5)}", f"GF_MAX_VER_DIST=1{_then(12)}",
+         "GF_ACTION=1", watched_s=40.0),
+    _px4("radio: none for good", "transmitter.silent for=999"),
+    _px4("radio: none for 2 s, COM_RCL_EXCEPT 0", "transmitter.silent for=2", "COM_RCL_EXCEPT=0"),
+    _px4("radio: none for good, COM_RCL_EXCEPT 0", "transmitter.silent for=999",
+         "COM_RCL_EXCEPT=0"),
+    _px4("radio: none for good, COM_RCL_EXCEPT 0, NAV_RCL_ACT 3 (Land)",
+         "transmitter.silent for=999", "COM_RCL_EXCEPT=0", "NAV_RCL_ACT=3"),
+    _px4("station: silent for good, NAV_DLL_ACT 2 (Return)", "station.silent for=999",
+         "NAV_DLL_ACT=2", "COM_DL_LOSS_T=5"),
+    _px4("battery: empty, COM_LOW_BAT_ACT 3 (Return, Land)", "", *PX4_BATTERY,
+         "COM_LOW_BAT_ACT=3"),
+    _px4("fence: too high, GF_ACTION 2 (Hold)", "", *PX4_FENCE, "GF_ACTION=2"),
+    _px4("fence: too high, GF_ACTION 3 (Return)", "", *PX4_FENCE, "GF_ACTION=3"),
+    _px4("estimator: no fix for 5 s", "", f"EKF2_GPS_CTRL=0{_then(0)}",
+         f"EKF2_GPS_CTRL=7{_then(5)}"),
+    _px4("estimator: no fix for 15 s", "", f"EKF2_GPS_CTRL=0{_then(0)}",
+         f"EKF2_GPS_CTRL=7{_then(15)}", watched_s=40.0),
+)  # fmt: skip
+TRIALS: Final = {"ardupilot": ARDUPILOT, "px4": PX4}
+PX4_MODES: Final = {1: "MANUAL", 2: "ALTCTL", 3: "POSCTL", 5: "ACRO", 6: "OFFBOARD",
+                    7: "STABILIZED", 10: "TERMINATION"}  # fmt: skip
+PX4_AUTO: Final = {3: "HOLD", 4: "MISSION", 5: "RETURN", 6: "LAND", 9: "PRECLAND"}
 
 
 @dataclass(frozen=True)
@@ -124,12 +166,23 @@ class Outcome:
     away_m: float  # at most, from where it was when it failed
 
 
-def outcome(folder: Path, line: tuple[float, float, float]) -> Outcome:
+def mode_word(firmware: str, custom_mode: int) -> str:
+    """As the firmware's own pages call it."""
+    if firmware == "px4":
+        main, sub = custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF
+        return PX4_AUTO.get(sub, f"AUTO {sub}") if main == 4 else PX4_MODES.get(main, str(main))
+    names = mavutil.mode_mapping_bynumber(mavlink.MAV_TYPE_FIXED_WING) or {}
+    return str(names.get(custom_mode, custom_mode))
+
+
+def outcome(
+    firmware: str, fails_s: float, folder: Path, line: tuple[float, float, float]
+) -> Outcome:
     """Of a flight in a folder; line: x0 [m], z0 [m], eta [rad]."""
     with (folder / "truth.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     truth = {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
-    since = truth["time_s"] - FAILS_S
+    since = truth["time_s"] - fails_s
     after = since >= 0.0
     commanded = since[(truth["overridden"] > 0.0) & after]
     released = float(commanded[-1]) if commanded.size and commanded[-1] < since[-1] - 1.0 else inf
@@ -140,9 +193,8 @@ def outcome(folder: Path, line: tuple[float, float, float]) -> Outcome:
     begin = int(np.argmax(after))
     in_air = after & (since < (down[0] if down.size else inf))
     ways = np.hypot(truth["x_m"] - truth["x_m"][begin], truth["z_m"] - truth["z_m"][begin])[in_air]
-    names = mavutil.mode_mapping_bynumber(mavlink.MAV_TYPE_FIXED_WING) or {}
     changes = [
-        (float(s), names.get(int(mode), str(int(mode))))
+        (float(s), mode_word(firmware, int(mode)))
         for (_, before), (s, mode) in pairwise(
             zip(since[begin - 1 :], truth["mode"][begin - 1 :], strict=True)
         )
@@ -179,10 +231,14 @@ def flown(
             site=shipped("sites/hill.toml"),
             out=folder,
             legs=("a",),
-            stay_s=FAILS_S + trial.watched_s - LINE_STANDS_S,
+            stay_s=0.5 * trial.fails_s + trial.watched_s,  # its line stands by the half of it
             seed=seed,
             settings=(("OP_FORCE", 1.0),),  # with settings that the module refuses, too
-            faults=(f"{trial.fault} start={FAILS_S:g}",) if trial.fault else (),
+            faults=tuple(
+                fault if "start=" in fault else f"{fault} start={trial.fails_s:g}"
+                for fault in trial.fault.split("; ")
+                if fault
+            ),
             autopilot=firmware,
             firmware=program,
             route=route,
@@ -191,7 +247,7 @@ def flown(
         ),
         lambda _: None,
     )
-    return outcome(folder, flight.lines[0])
+    return outcome(firmware, trial.fails_s, folder, flight.lines[0])
 
 
 def row(name: str, found: Outcome) -> str:

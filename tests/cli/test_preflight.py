@@ -25,7 +25,7 @@ from tgl_soar.link.messages import (
     Heartbeat,
     ParamValue,
 )
-from tgl_soar.onboard.setup import surface_channels
+from tgl_soar.onboard.setup import needs_of, surface_channels
 from tgl_soar.sim.firmware.ardupilot import flight_parameters
 
 PLANE = load_airframe(AIRFRAME)
@@ -64,6 +64,16 @@ def wrong(route: str, needs: Needs, **changes: float) -> list[Finding]:
 @pytest.mark.parametrize("needs", [HALL, HILL])
 def test_what_we_have_flown_with_is_right(route: str, needs: Needs) -> None:
     assert wrong(route, needs) == []
+
+
+def test_an_arduplane_that_is_to_land_by_its_mission_must_be_armed_with_one() -> None:
+    lands = HILL._replace(lands=True)
+    assert wrong("override", lands, RTL_AUTOLAND=2.0) == []
+    assert [found.name for found in wrong("override", lands, RTL_AUTOLAND=0.0)] == ["RTL_AUTOLAND"]
+    assert wrong("override", HILL, RTL_AUTOLAND=0.0) == []
+    values = load_parameters(PLANE, AIRFRAME, load_site(SITE), SITE)
+    for by, asked in ((0.0, False), (1.0, True), (2.0, False)):
+        assert needs_of(PLANE, load_site(SITE), values.changed({"LND_BY": by})).lands is asked
 
 
 @pytest.mark.parametrize(

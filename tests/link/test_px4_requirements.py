@@ -32,6 +32,12 @@ DEFAULTS = {  # of the firmware, as a fixed wing
     "COM_OBL_RC_ACT": 0.0,
     "COM_RC_IN_MODE": 3.0,
     "COM_RC_LOSS_T": 0.5,
+    "COM_RCL_EXCEPT": 0.0,
+    "COM_LOW_BAT_ACT": 0.0,
+    "COM_FLTT_LOW_ACT": 0.0,
+    "COM_FLT_TIME_MAX": -1.0,
+    "COM_WIND_MAX_ACT": 0.0,
+    "GF_ACTION": 2.0,
     "EKF2_EV_CTRL": 0.0,
     "EKF2_HGT_REF": 1.0,
     "EKF2_MAG_TYPE": 0.0,
@@ -69,6 +75,13 @@ def test_a_vehicle_as_it_comes_is_wrong_in_a_hall(route: str) -> None:
         ("attitude", "COM_RC_IN_MODE", 4.0, "set COM_RC_IN_MODE to anything but 4"),
         ("attitude", "NAV_RCL_ACT", 6.0, "set NAV_RCL_ACT to anything but 6"),
         ("attitude", "MAV_TYPE", 2.0, "set MAV_TYPE to 1"),
+        ("attitude", "COM_RCL_EXCEPT", 3.0, "set bit 2 of COM_RCL_EXCEPT (to 7)"),
+        ("attitude", "NAV_DLL_ACT", 2.0, "set NAV_DLL_ACT to 0"),
+        ("attitude", "COM_LOW_BAT_ACT", 3.0, "set COM_LOW_BAT_ACT to 0"),
+        ("attitude", "COM_FLTT_LOW_ACT", 3.0, "set COM_FLTT_LOW_ACT to at most 1"),
+        ("manual_control", "GF_ACTION", 2.0, "set GF_ACTION to at most 1"),
+        ("manual_control", "COM_FLT_TIME_MAX", 600.0, "set COM_FLT_TIME_MAX to at most 0"),
+        ("manual_control", "COM_WIND_MAX_ACT", 3.0, "set COM_WIND_MAX_ACT to at most 1"),
         ("manual_control", "COM_RC_IN_MODE", 0.0, "set COM_RC_IN_MODE to anything but 0"),
         ("manual_control", "COM_RC_IN_MODE", 5.0, "set COM_RC_IN_MODE to anything but 5"),
         ("manual_control", "COM_DISARM_LAND", 2.0, "set COM_DISARM_LAND to at most 0"),
@@ -85,14 +98,14 @@ def test_each_wrong_one_is_named_with_the_way_out(
 
 
 def test_what_matters_in_one_route_alone_is_not_asked_of_the_other() -> None:
-    assert wrong("manual_control", HILL, COM_OBL_RC_ACT=7.0) == []
+    assert wrong("manual_control", HILL, COM_OBL_RC_ACT=7.0, COM_RCL_EXCEPT=0.0) == []
     assert wrong("attitude", HILL, COM_RC_IN_MODE=0.0) == []
 
 
 def test_an_old_release_answers_by_its_own_names() -> None:
     old = {name: value for name, value in DEFAULTS.items() if not name.startswith("EKF2_")}
     old |= {"EKF2_AID_MASK": 24.0, "EKF2_HGT_MODE": 3.0, "EKF2_MAG_TYPE": 5.0}
-    old |= {"COM_DISARM_LAND": -1.0, "COM_OBL_RC_ACT": 2.0}
+    old |= {"COM_DISARM_LAND": -1.0, "COM_OBL_RC_ACT": 2.0, "COM_RCL_EXCEPT": 4.0, "GF_ACTION": 1.0}
     rows = flavour("px4", "attitude", CHANNELS, 1).requirements(HALL)
     assert [f for f in compare(rows, old) if not f.ok and f.requirement.level == MUST] == []
     old["EKF2_AID_MASK"] = 1.0

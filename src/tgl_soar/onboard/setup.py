@@ -104,6 +104,7 @@ def needs_of(airframe: Airframe, site: Site, values: ParameterSet) -> Needs:
         loop_rate_hz=values["LOOP_RATE"],
         external_pose=site.forward is not None,
         gps=site.mocap is None,
+        lands=values["LND_BY"] == 1.0,
     )
 
 

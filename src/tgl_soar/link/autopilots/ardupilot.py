@@ -163,6 +163,12 @@ SATELLITES: Final = (
 )
 
 
+LANDS: Final = (
+    _row("RTL_AUTOLAND", "is not", 0,
+         "with a landing in its mission it refuses to arm; 2 flies straight to that landing"),
+)  # fmt: skip
+
+
 class ArduPilot:
     """ArduPlane 4.x."""
 
@@ -264,6 +270,7 @@ class ArduPilot:
         return (
             rows
             + HOVER
+            + (LANDS if needs.lands else ())
             + (POSES if needs.external_pose else ())
             + (SATELLITES if needs.gps else ())
         )

@@ -133,7 +133,15 @@ HOVER: Final = (
     ),
     _row("NAV_RCL_ACT", "is not", 5, "a lost radio must not terminate the flight", old=False),
     _row("NAV_RCL_ACT", "is not", 6, "a lost radio must not disarm in the air", old=False),
-    _row("NAV_DLL_ACT", "is", 0, "a ground station that is lost must not end the flight", SHOULD),
+    _row("NAV_DLL_ACT", "is", 0,
+         "a ground station that is lost must not circle or fly home without a propeller"),
+    _row("COM_LOW_BAT_ACT", "is", 0, "a low battery must not fly home without a propeller"),
+    _row("COM_FLTT_LOW_ACT", "at most", 1, "a low battery must not fly home without a propeller"),
+    _row("GF_ACTION", "at most", 1,
+         "its own fence must not fly anywhere without a propeller: the module has one"),
+    _row("COM_FLT_TIME_MAX", "at most", 0, "a long flight must not end by flying home"),
+    _row("COM_WIND_MAX_ACT", "at most", 1,
+         "wind is what soars: it must not fly home without a propeller for it"),
     _row(
         "MAV_0_FORWARD", "is", 1,
         "ground stations reach the module through the autopilot", SHOULD,
@@ -152,6 +160,11 @@ BY_OFFBOARD: Final = (
     _row(
         "COM_OBL_RC_ACT", "is", 2,
         "then the pilot flies by his sticks: all other modes need a propeller or end the flight",
+    ),
+    _row(
+        "COM_RCL_EXCEPT", "has bit", 2,
+        "a lost radio circles in Hold, or flies home, without a propeller, and none of its modes"
+        " glides without a pilot: the module flies on",
     ),
     _row("COM_RC_IN_MODE", "is not", 1, "the pilot's transmitter would not be read", old=False),
     _row("COM_RC_IN_MODE", "is not", 4, "the pilot could not take over", old=False),

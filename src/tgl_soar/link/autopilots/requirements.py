@@ -24,6 +24,7 @@ class Needs(NamedTuple):
     loop_rate_hz: float
     external_pose: bool  # positions are forwarded to it (`[forward]` of the site)
     gps: bool  # its position comes from satellites
+    lands: bool = False  # it is asked for the landing of its mission (LND_BY 1)
 
 
 class Requirement(NamedTuple):

@@ -81,6 +81,22 @@ def read_mission(path: Path) -> tuple[MissionItem, ...]:
     return tuple(items)
 
 
+def set_home(system: int, home: MissionItem) -> Any:
+    """The command that puts home where the file has it: else it is where the aircraft is armed."""
+    return mavlink.MAVLink_command_int_message(
+        system,
+        mavlink.MAV_COMP_ID_AUTOPILOT1,
+        mavlink.MAV_FRAME_GLOBAL,
+        mavlink.MAV_CMD_DO_SET_HOME,
+        0,
+        0,
+        *(0.0, 0.0, 0.0, 0.0),
+        round(home.latitude_deg * 1e7),
+        round(home.longitude_deg * 1e7),
+        home.height_m,
+    )
+
+
 class MissionUpload:
     """One upload, from message to message."""
 

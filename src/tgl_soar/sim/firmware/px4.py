@@ -287,7 +287,9 @@ BENCH: Final[Mapping[str, float]] = {
     "COM_DISARM_LAND": -1,
     "COM_DISARM_PRFLT": -1,
     "NAV_DLL_ACT": 0,
-    "NAV_RCL_ACT": 1,  # Hold; the radio is not lost here
+    "NAV_RCL_ACT": 1,  # Hold
+    "COM_RCL_EXCEPT": 4,  # not in OFFBOARD
+    "GF_ACTION": 0,
     "FD_FAIL_P": 0,
     "FD_FAIL_R": 0,
     "COM_OF_LOSS_T": 0.5,

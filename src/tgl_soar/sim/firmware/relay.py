@@ -231,7 +231,8 @@ class Relay:
         """A ground station's heartbeat; on the companion's link until a companion has spoken, as
         PX4 sends nothing there before it has received something."""
         beat = bytes(HEARTBEAT.pack(self._own))
-        self._ground.send(beat)
+        if self.hears_stations:  # this one, too: PX4 does not ask whose they are
+            self._ground.send(beat)
         if not any(self._heartbeats[link] for link, ground in self._links.items() if not ground):
             self._companion.send(beat)
 

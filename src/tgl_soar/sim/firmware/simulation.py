@@ -23,7 +23,7 @@ from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.site import Site
 from tgl_soar.sim.channels import NEUTRAL
 from tgl_soar.sim.firmware import FirmwareError
-from tgl_soar.sim.firmware.mission import MissionItem, MissionUpload
+from tgl_soar.sim.firmware.mission import MissionItem, MissionUpload, set_home
 from tgl_soar.sim.firmware.relay import Relay
 from tgl_soar.sim.firmware.sensors import FirmwareSensors, Readings, firmware_sensors
 from tgl_soar.sim.injection import Injection
@@ -98,7 +98,7 @@ class FirmwareSimulation:
         relay: Relay,
         mission: tuple[MissionItem, ...] = (),
     ) -> None:
-        """`mission`: what it is given before it is armed, home first; none: nothing."""
+        """`mission`: what it is given before it is armed, and its home then; none: nothing."""
         self.injection = Injection(options.faults, options.seed)
         field = None if site.air is None else self.injection.field(build_field(site.air, folder))
         self.world: World = make_world(
@@ -118,6 +118,7 @@ class FirmwareSimulation:
         self._system = airframe.autopilot.system_id
         self._mission = MissionUpload(mission[physics.first_item :], self._system)
         self._mission.accepted = not mission
+        self._home = mission[0] if mission else None
         relay.mission = self._mission
         self._options = options
         self._sensors = FirmwareSensors(
@@ -265,6 +266,8 @@ class FirmwareSimulation:
                 raise FirmwareError(f"{physics.name} refuses the mission: {self._mission.refused}")
             relay.command(self._mission.begin())
         elif self._stage == 2 and relay.armed:
+            if self._home is not None:
+                relay.command(set_home(self._system, self._home))
             self._next("armed: held until a companion commands the surfaces")
         elif self._stage == 2 and due:
             wrong = relay.custom_mode != physics.manual_mode
