@@ -19,7 +19,8 @@ CHAPTERS = {
     ),
     "Look up": ("parameters", "logs"),
     "Understand": (
-        "theory", "experiments", "aims", "campaigns", "gym", "search", "model", "performance",
+        "theory", "margins", "experiments", "aims", "campaigns", "gym", "search", "model",
+        "performance",
     ),
     "Change": ("architecture", "decisions/index", "mutants"),
 }  # fmt: skip

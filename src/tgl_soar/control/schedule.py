@@ -12,7 +12,7 @@ on the damping 2 ζ ω that the airframe brings with it.  With v = V / V_0,
 
     T = delay + half a tick + the servo's time constant / 2
     f = min(1, T_0 / T)         d = ζ ω / (ζ ω)_0, within 0.2 and 1.2, at one speed
-    M kd = (M kd)_0 f^0.65 d^0.35 v^0.8       M kp = (M kp)_0 f^0.95 d^2 v^1.2
+    M kd = (M kd)_0 f^0.65 d^0.35 v^0.8       M kp = (M kp)_0 f^0.95 d^1.8 v^1.2
 
 A servo's lag counts half: it turns the phase of slow signals as a delay of its length does, but
 lets less of the fast ones through.
@@ -33,7 +33,7 @@ first, and the gains fall with it.  To the highest order of each frequency the l
 What the pitch loop and old fixes leave of bandwidth is F = (t + A) / (t / p + A), t its lag and A
 the age of fixes; with accelerometers A is 0, and F = p.  Of its own
 
-    p = f^0.65 d^0.45       without accelerometers, where fixes are late already, f^0.8 d^0.45
+    p = f^0.7 d^0.2         without accelerometers, where fixes are late already, f^0.8 d^0.45
 
 With u = b / b_0 held within 0 and 1,
 
@@ -73,14 +73,15 @@ LAG_SHARE: Final = 0.5  # of T: how much of a delay a lag is
 # Of lateness f, of damping d, and of speed v: in the stiffness M kp of the pitch loop, in its rate
 # gain M kd, in the line's crossover.
 STIFF_LATE: Final = 0.95
-STIFF_DAMPED: Final = 2.0
+STIFF_DAMPED: Final = 1.8
 STIFF_SPEED: Final = 1.2
 RATE_LATE: Final = 0.65
 RATE_DAMPED: Final = 0.35
 RATE_SPEED: Final = 0.8
-SWIFT_LATE: Final = 0.65
+SWIFT_LATE: Final = 0.7
+SWIFT_DAMPED: Final = 0.2
 SWIFT_LATE_FIXES: Final = 0.8  # without accelerometers
-SWIFT_DAMPED: Final = 0.45
+SWIFT_DAMPED_FIXES: Final = 0.45
 SWIFT_SPEED: Final = 0.35
 LEAD_POWER: Final = 0.75
 LEAST_LEAD: Final = 0.7
@@ -167,7 +168,7 @@ def schedule_of(
             damped = airframe.damping * airframe.short_period_radps / before
             damped = max(DAMPING_MIN, min(DAMPING_MAX, damped))
     swift = late**SWIFT_LATE * damped**SWIFT_DAMPED
-    swift_fixes = late**SWIFT_LATE_FIXES * damped**SWIFT_DAMPED
+    swift_fixes = late**SWIFT_LATE_FIXES * damped**SWIFT_DAMPED_FIXES
     glides = airframe.glide_ratio >= 1.0 and airframe.best_glide_mps >= SPEED_MIN_MPS
     return GainSchedule(
         speed_mps=speed_mps,

@@ -9,6 +9,7 @@ from typing import Final
 
 from tgl_soar.analysis.experiments import (
     air_speed,
+    airframes,
     changing_air,
     dispersed,
     estimator,
@@ -53,6 +54,7 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "command_delay": robustness.command_delay,
     "dispersed": dispersed.dispersed,
     "unseen": unseen.unseen,
+    "airframes": airframes.airframes,
     "incidence": incidence.incidence,
     "lift_map": lift_map.run,
     "search": search.run,
@@ -72,6 +74,7 @@ RIGID_BODY_ALONE: Final = (
     "command_delay",
     "dispersed",
     "unseen",
+    "airframes",
     "incidence",
     "lift_map",
     "search",
@@ -82,8 +85,11 @@ RIGID_BODY_ALONE: Final = (
 )
 OURS: Final = frozenset(RIGID_BODY_ALONE)
 # `all` leaves them out: they have pages of their own; the first takes longer than all others, the
-# second flies another airframe.
-APART: Final = ("search", "point", "outdoors", "satellites")
+# others fly other airframes, or other satellites.
+APART: Final = (
+    *("search", "point", "outdoors", "satellites"),
+    *("unseen", "dispersed", "airframes"),
+)
 # By the name under which they are flown together: both pages, and either of them.
 TOGETHER: Final = {
     "all": tuple(name for name in EXPERIMENTS if name not in APART),
@@ -118,6 +124,7 @@ TITLES: Final = {
     "command_delay": "who lasts where commands come later than known",
     "dispersed": "who lasts of aircraft drawn about the airframe file",
     "unseen": "an aircraft and air that no gain was found on, beside a plain PID",
+    "airframes": "aircraft of any size, from a glide's log to the line",
     "incidence": "the angle of attack as read on board, by the true one",
     "lift_map": "how far the lift map can be trusted",
     "search": "a place to soar without knowing the wind",

@@ -16,7 +16,13 @@ IMAGES: Final = "images/experiments"
 PAPER: Final = "experiments.md"
 AIMS: Final = "aims.md"
 # Experiments whose section stands on a page that is written by hand, between two marks.
-OWN_PAGES: Final = {"point": "point.md", "satellites": "outdoors.md"}
+OWN_PAGES: Final = {
+    "point": "point.md",
+    "satellites": "outdoors.md",
+    "unseen": "margins.md",
+    "dispersed": "margins.md",
+    "airframes": "margins.md",
+}
 
 
 def pages(results: Sequence[Result], ends: Ends) -> dict[str, str]:

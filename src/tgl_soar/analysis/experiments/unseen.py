@@ -25,7 +25,7 @@ import msgspec
 from tgl_soar.analysis.experiments.context import Context, with_turbulence
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.experiments.scenario import Scenario, prepare
-from tgl_soar.analysis.tuning.flights import DrawnFlight, fly_late
+from tgl_soar.analysis.tuning.flights import DrawnFlight, fly_late, fly_whole
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.sim.world import make_world
 
@@ -165,9 +165,12 @@ def fly_unseen(job: UnseenJob) -> DrawnFlight:
     scenario = scenario_of(job)
     prepared = prepare(scenario)
     airframe = prepared.airframe
+    model = dict(airframe.model)
     if row.servo_s:
-        model = {**airframe.model, "servo_lag_radps": 1.0 / row.servo_s}
-        airframe = msgspec.structs.replace(airframe, model=model)
+        model["servo_lag_radps"] = 1.0 / row.servo_s
+    if not row.late_s:
+        model["servo_delay_s"] += LINK_S  # the same to the aircraft, and to be flown as a whole
+    airframe = msgspec.structs.replace(airframe, model=model)
     world = make_world(
         airframe,
         prepared.site,
@@ -176,6 +179,8 @@ def fly_unseen(job: UnseenJob) -> DrawnFlight:
         sensors=scenario.sensors.as_sensors(),
     )
     values = pilots_values(prepared.values, job.pilot, row.outer)
+    if not row.late_s:
+        return fly_whole(world, job.seed, values, row.duration_s)
     return fly_late(world, job.seed, values, LINK_S + row.late_s, row.duration_s)
 
 
