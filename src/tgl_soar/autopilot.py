@@ -286,7 +286,7 @@ def _idle(
             laws.excitation, state.excitation, inputs.time_s, 0.0, NOT_SOARING
         ),
         forecast=forecast,
-        brake=set_aside(state.brake),
+        brake=set_aside(laws.brake, state.brake),
         passage=way.NO_PASSAGE,
     )
 

@@ -20,7 +20,7 @@ from tgl_soar.config.site import Start
 from tgl_soar.control.estimates import estimate
 from tgl_soar.control.landing import SOAR_ON
 from tgl_soar.control.laws import laws_from
-from tgl_soar.control.passage import with_way_home
+from tgl_soar.control.passage import LOW_S, SLOW_S, Lull, passage_step, with_way_home
 from tgl_soar.control.supervisor import (
     BREAK_OFF,
     BREAKING_OFF,
@@ -126,6 +126,33 @@ def test_low_over_the_ground_it_goes_home_where_it_may(auto: float) -> None:
     assert flown.output.mode == (BREAKING_OFF if auto else SOARING)
 
 
+def test_a_lull_is_counted_while_it_lasts_and_off_while_it_does_not() -> None:
+    flown = soaring(ESC_AUTO=1.0).fly(3.0)
+    laws, state, world = flown.loop._laws, flown.loop.state, flown.loop.world
+    inputs = inputs_at(world.time_s, world.now.samples, True)
+    now = estimate(laws, state.memory, inputs, True, state.loops.limited, 0.005)
+    least = laws.landing.polar.speed_min_mps
+    high = now.margins.clearance_m - laws.landing.clearance_m
+
+    def after(
+        mode: int = SOARING, wind: float = least, cross: float = nan, climb: float = 0.0
+    ) -> Lull:
+        air = now.air._replace(wind_mps=wind, wind_sigma_mps=0.5, cross_wind_mps=cross)
+        then = now._replace(air=air, vehicle=now.vehicle._replace(climb_mps=climb))
+        there = state.passage._replace(lull=Lull(0.1, 0.1))
+        return passage_step(laws, there, mode, inputs, then, state.line, 0.005).lull
+
+    more, less = pytest.approx(0.105), pytest.approx(0.095)
+    for wind, slow in ((least - 0.4, less), (least - 0.6, more), (nan, less)):
+        assert after(wind=wind).slow_s == slow
+        assert after(CAPTURING, wind=wind).slow_s == slow
+    assert after(wind=least - 0.6, cross=4.0).slow_s == less  # it blows from the side as well
+    for climb, low in ((-0.45 * high, less), (-0.55 * high, more), (9.0, less), (nan, less)):
+        assert after(climb=climb).low_s == low
+    assert after(CAPTURING, climb=-9.0 * high).low_s == less
+    assert after(HOLDING, wind=0.0) == Lull(0.0, 0.0)
+
+
 def test_a_line_that_is_given_up_is_left_for_home_where_there_is_height_for_it() -> None:
     flown = soaring(ESC_AUTO=1.0).fly(3.0)
     laws, state, world = flown.loop._laws, flown.loop.state, flown.loop.world
@@ -146,16 +173,14 @@ def test_a_line_that_is_given_up_is_left_for_home_where_there_is_height_for_it()
         assert not breaks(given_up, HOLDING)
         assert not breaks(given_up, auto=False)
         assert not breaks(given_up, asked=SOAR_ON)
-    least = laws.landing.polar.speed_min_mps
-    for wind, slow in ((least - 0.4, False), (least - 0.6, True), (nan, False)):
-        weak = now._replace(air=now.air._replace(wind_mps=wind, wind_sigma_mps=0.5))
-        found = with_way_home(laws, state.supervisor, state.passage, weak, SETTLES | NEAR_LINE)
-        assert bool(found & BREAK_OFF) == slow
-    high = now.margins.clearance_m - laws.landing.clearance_m
-    for climb, low in ((-0.45 * high, False), (-0.55 * high, True), (9.0, False)):
-        sinks = now._replace(vehicle=now.vehicle._replace(climb_mps=climb))
-        found = with_way_home(laws, state.supervisor, state.passage, sinks, SETTLES | NEAR_LINE)
-        assert bool(found & BREAK_OFF) == low
+    for lull, goes in (
+        (Lull(SLOW_S - 0.01, LOW_S - 0.01), False),
+        (Lull(SLOW_S, 0.0), True),
+        (Lull(0.0, LOW_S), True),
+    ):
+        weak = state.passage._replace(lull=lull)
+        found = with_way_home(laws, state.supervisor, weak, now, SETTLES | NEAR_LINE)
+        assert bool(found & BREAK_OFF) == goes
     recovering = state.supervisor._replace(mode=RECOVERING)
     for share, goes in ((0.49, False), (0.51, True)):  # of its longest time
         begun_s = now.vehicle.time_s - share * laws.guards.recover_s

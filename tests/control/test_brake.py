@@ -87,6 +87,7 @@ def around(state: BrakeState) -> Around:
         on_the_line=True,
         answers=True,
         blocked=0,
+        room=1.0,
         brake=state.brake,
         aileron=0.0,
         felt=False,
@@ -166,10 +167,11 @@ def test_a_brake_that_does_not_answer_ends_it_until_the_operator_asks_again() ->
 @pytest.mark.parametrize("standing", [DEAD, UNEVEN])
 def test_a_brake_that_was_given_up_is_not_tried_by_the_next_flight_either(standing: int) -> None:
     flown = steps(gains(), at(0.0), 3.0)._replace(standing=standing)
-    again = steps(gains(), at(0.0), 3.0, set_aside(flown))
+    again = steps(gains(), at(0.0), 3.0, set_aside(gains(), flown))
     assert (again.standing, again.brake) == (standing, 0.0)
-    well = set_aside(steps(gains(), at(0.0), 3.0))
+    well = set_aside(gains(), steps(gains(), at(0.0), 3.0))
     assert well == NO_POINT
+    assert set_aside(gains(wanted=False), flown) == NO_POINT  # it was mended on the ground
 
 
 def test_without_a_brake_or_a_route_for_it_the_line_alone_is_flown_and_that_is_said() -> None:

@@ -90,6 +90,7 @@ class Slide:
         self.along_m = self.speed_mps = self.gust_mps = self.aileron = 0.0
         self.roll_gust = self.trim = self.throw = 0.0
         self.bound = 0
+        self.brake, self.rate = 0.0, 200.0
         self.state: BrakeState = NO_POINT
         self.standings: list[int] = []
         self._random = Random(seed)
@@ -106,7 +107,8 @@ class Slide:
             if self.throw > 0.0:
                 room = min(room, (1.0 - abs(self.aileron)) / self.throw)
                 self.bound += self.state.brake > room
-            brake = min(room, self.state.brake)
+            brake = max(self.brake - self.rate * DT, min(self.brake + self.rate * DT, room))
+            brake = self.brake = max(self.brake - self.rate * DT, min(brake, self.state.brake))
             does = self.effect * brake + (1.0 - self.effect) * self.stuck
             self.aileron = self.trim + self.roll_gust - self.roll * (brake - self.stuck)
             white = self._random.gauss(0.0, 1.0), self._random.gauss(0.0, 1.0)
@@ -120,6 +122,7 @@ class Slide:
                 on_the_line=True,
                 answers=True,
                 blocked=brake_blocked(brake, self.state.brake, room),
+                room=room,
                 brake=brake,
                 aileron=self.aileron,
                 felt=self.felt,
@@ -251,6 +254,15 @@ def test_where_the_envelope_leaves_a_part_of_the_brake_the_end_of_that_is_an_end
     assert BELOW_BAND in flight.standings
     assert {TRIES, DEAD} & set(flight.standings) <= {TRIES}  # no jam is made of it
     assert flight.state.standing == BELOW_BAND
+
+
+@pytest.mark.parametrize("rate", [2.0, 0.5])
+def test_a_brake_that_goes_only_so_fast_is_at_no_end(rate: float) -> None:
+    flight = Slide(gusts=0.5, felt=True)
+    flight.rate = rate
+    flight.fly(LAWS.brake, 60.0)
+    assert set(flight.standings) == {RESTS, HOLDS}
+    assert flight.state.shake.pressed < 0.2
 
 
 @pytest.mark.parametrize("trim", [0.0, 0.1, -0.2])

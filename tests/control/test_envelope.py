@@ -244,6 +244,7 @@ def test_a_mode_that_does_not_fly_puts_nothing_out() -> None:
         elevator_blocked=0,
         aileron_blocked=0,
         brake_blocked=0,
+        brake_max=1.0,
         finite=True,
         cut=CUT_MODE,
     )

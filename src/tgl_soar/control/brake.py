@@ -152,6 +152,7 @@ class Around(NamedTuple):
     on_the_line: bool  # the module flies a line now
     answers: bool  # what is read back goes where it is commanded
     blocked: int  # +1 if the brake can go no further out, -1 in
+    room: float  # the furthest that it may go, 0 … 1
     brake: float  # as it was commanded last
     aileron: float  # the same
     felt: bool  # the motion is estimated with accelerations
@@ -237,7 +238,7 @@ def brake_step(
     pid, terms = pid_step(law, state.pid, error, 0.0, gains.bias * most, dt_s, around.blocked)
     share = dt_s / (OUTSIDE_S + dt_s)
     asked = terms.output / most
-    end = _end(error, asked, around.blocked)
+    end = _end(error, asked, around.room)
     ended = state.ended + (end - state.ended) * share
     mean = state.mean + (asked - state.mean) * share
     weight = min(1.0, state.weight + fade)
@@ -293,13 +294,12 @@ def _law(gains: BrakeGains, most_mps: float) -> PidGains:
     )
 
 
-def _end(error_mps: float, asked: float, blocked: int) -> int:
-    """At which end of what the brake can do the law stands, and would go on: -1, 0 or +1."""
-    if error_mps > 0.0 and (asked >= 1.0 - AT_END or blocked > 0):
+def _end(error_mps: float, asked: float, room: float) -> int:
+    """At which end of what the brake may do the law stands, and would go on: -1, 0 or +1.  One that
+    has not come there yet, for it goes only so fast, is at none."""
+    if error_mps > 0.0 and asked >= room - AT_END:
         return 1
-    if error_mps < 0.0 and (asked <= AT_END or blocked < 0):
-        return -1
-    return 0
+    return -1 if error_mps < 0.0 and asked <= AT_END else 0
 
 
 def _lift(aerodynamics: Aerodynamics, airspeed_mps: float) -> float:
@@ -313,10 +313,10 @@ def acts(standing: int) -> bool:
     return HOLDS <= standing <= BELOW_BAND or standing in (TRIES, GIVES_WAY)
 
 
-def set_aside(state: BrakeState) -> BrakeState:
-    """Before another flight: of what was remembered only that a brake is bad is left.  It does not
-    mend itself while the pilot flies."""
-    if state.standing in (DEAD, UNEVEN):
+def set_aside(gains: BrakeGains, state: BrakeState) -> BrakeState:
+    """Before another flight: of what was remembered only that a brake is bad is left, until the
+    point is asked for no more.  It does not mend itself while the pilot flies."""
+    if gains.wanted and state.standing in (DEAD, UNEVEN):
         return NO_POINT._replace(standing=state.standing)
     return NO_POINT
 

@@ -107,6 +107,7 @@ class Limited(NamedTuple):
     elevator_blocked: int  # +1: can deflect no further up, -1: no further down, else 0
     aileron_blocked: int
     brake_blocked: int
+    brake_max: float  # the furthest that the brake might go, 0 … 1
     finite: bool
     cut: int  # bits CUT_…
 
@@ -194,6 +195,7 @@ def limit_surfaces(
             elevator_blocked=0,
             aileron_blocked=0,
             brake_blocked=0,
+            brake_max=1.0,
             finite=True,
             cut=CUT_MODE,
         )
@@ -233,6 +235,7 @@ def limit_surfaces(
         else blocked_side(limits.deflection_max, elevator, wanted.elevator),
         aileron_blocked=blocked_side(limits.deflection_max, aileron, wanted.aileron),
         brake_blocked=brake_blocked(brake, wanted.brake, brake_max),
+        brake_max=max(0.0, min(1.0, brake_max)),
         finite=finite,
         cut=cut,
     )
@@ -245,6 +248,7 @@ def unlimited(command: SurfaceCommand) -> Limited:
         elevator_blocked=0,
         aileron_blocked=0,
         brake_blocked=0,
+        brake_max=1.0,
         finite=True,
         cut=0,
     )

@@ -6,6 +6,7 @@ supervisor and the attitude loops are told of them.
 
 from __future__ import annotations
 
+from math import hypot
 from typing import Final, NamedTuple
 
 from tgl_soar.control import landing, launch
@@ -43,9 +44,19 @@ from tgl_soar.control.surface_loops import LoopsState
 from tgl_soar.control.target_line import LineState, e_rho, line_at, line_step
 from tgl_soar.estimation.aerodynamics import glide_pitch
 from tgl_soar.estimation.motion_state import FUTURE_S
-from tgl_soar.types import NAN, THEIRS, Health, Inputs, VehicleState
+from tgl_soar.types import NAN, THEIRS, Health, Inputs, VehicleState, isfinite
 
 SINKS_S: Final = 2.0  # of a second each to find out and to gain speed
+# A gust of some metres' eddy is over in half of it, and its own speed carries an aircraft so long.
+SLOW_S: Final = 2.0
+LOW_S: Final = 0.3  # of the two seconds: a thermal's edge or an estimate's step is no sink
+
+
+class Lull(NamedTuple):
+    """For how long the air has not carried, less for how long it has since."""
+
+    slow_s: float  # a wind in which the aircraft cannot stand
+    low_s: float  # sinking to the least height
 
 
 class PassageState(NamedTuple):
@@ -54,6 +65,7 @@ class PassageState(NamedTuple):
     launch: LaunchState
     escape: EscapeState
     glide: GlideState
+    lull: Lull
 
 
 class PassageReport(NamedTuple):
@@ -64,7 +76,8 @@ class PassageReport(NamedTuple):
     time_left_s: float  # until it is gone, as it goes now; inf: it does not; NaN: not known
 
 
-NO_PASSAGE: Final = PassageState(launch=NO_LAUNCH, escape=NO_ESCAPE, glide=NO_GLIDE)
+NO_LULL: Final = Lull(0.0, 0.0)
+NO_PASSAGE: Final = PassageState(launch=NO_LAUNCH, escape=NO_ESCAPE, glide=NO_GLIDE, lull=NO_LULL)
 
 
 def passage_step(
@@ -102,7 +115,26 @@ def passage_step(
     sure, air = knows_place(laws, estimates), estimates.air
     escape = escape_step(laws.landing, state.escape, in_air, lands, sure, vehicle, air, dt_s)
     glide = state.glide if modes.goes_home(mode) else NO_GLIDE
-    return PassageState(began, escape, glide)
+    lull = _lull_step(laws, state.lull, mode, estimates, dt_s)
+    return PassageState(launch=began, escape=escape, glide=glide, lull=lull)
+
+
+def _lull_step(laws: Laws, before: Lull, mode: int, estimates: Estimates, dt_s: float) -> Lull:
+    """One tick more of it; the wind is that of both axes, where both are known."""
+    if mode not in (modes.CAPTURING, modes.SOARING, modes.SEARCHING):
+        return NO_LULL
+    home, air = laws.landing, estimates.air
+    wind = air.wind_mps
+    if isfinite(air.cross_wind_mps):
+        wind = hypot(wind, air.cross_wind_mps)
+    slow = wind + air.wind_sigma_mps < home.polar.speed_min_mps  # false for NaN
+    sinks_m = SINKS_S * min(0.0, estimates.vehicle.climb_mps)
+    low = estimates.margins.clearance_m + sinks_m < home.clearance_m
+    low = low and mode == modes.SOARING
+    return Lull(
+        slow_s=max(0.0, before.slow_s + (dt_s if slow else -dt_s)),
+        low_s=max(0.0, before.low_s + (dt_s if low else -dt_s)),
+    )
 
 
 def hand_conditions(laws: Laws, vehicle: VehicleState, health: Health, margins: Margins) -> int:
@@ -169,9 +201,9 @@ def with_way_home(
     """The conditions of a tick, and to break off in place of what would end a flight on the slope.
 
     Where it may break off by itself and there is height for a landing, a line that is given up is
-    left for home, and so is one along which it sinks to ESC_CLEAR within SINKS_S, and one in a wind
-    that is slower than the aircraft flies, by more than its standard deviation; and so is
-    recovering that has lasted for half of its time.
+    left for home, and so is one along which it sinks to ESC_CLEAR within SINKS_S, for LOW_S, and
+    one in a wind that is slower than the aircraft flies by more than its standard deviation, for
+    SLOW_S; and so is recovering that has lasted for half of its time.
     """
     home, mode = laws.landing, supervisor.mode
     if not (home.auto and home.asked == landing.STAY and state.escape.armed):
@@ -181,10 +213,7 @@ def with_way_home(
     flown = modes.SETTLES | modes.NEAR_LINE
     on_line = mode in (modes.CAPTURING, modes.SOARING, modes.SEARCHING)
     given_up = on_line and found & flown != flown
-    sinks_m = SINKS_S * min(0.0, estimates.vehicle.climb_mps)
-    low = mode == modes.SOARING and estimates.margins.clearance_m + sinks_m < home.clearance_m
-    air = estimates.air
-    slow = on_line and air.wind_mps + air.wind_sigma_mps < home.polar.speed_min_mps
+    low, slow = state.lull.low_s >= LOW_S, state.lull.slow_s >= SLOW_S
     recovering_s = estimates.vehicle.time_s - supervisor.since_s
     falls = mode == modes.RECOVERING and recovering_s >= 0.5 * laws.guards.recover_s
     return found | modes.BREAK_OFF if given_up or low or slow or falls else found

@@ -50,6 +50,7 @@ def point_step(
             on_the_line=mode in (CAPTURING, SOARING),
             answers=faults & BRAKE == 0,
             blocked=limited.brake_blocked,
+            room=limited.brake_max,
             brake=limited.command.brake,
             aileron=limited.command.aileron,
             felt=felt,

@@ -230,6 +230,7 @@ def _left_to_firmware(limited: Limited, loops: int, surfaces: SurfacesSample) ->
         elevator_blocked=blocked,
         aileron_blocked=0,
         brake_blocked=0,
+        brake_max=1.0,
         finite=limited.finite,
         cut=limited.cut,
     )

@@ -8,7 +8,7 @@ from typing import Final
 from tgl_soar import autopilot
 from tgl_soar.config.parameter_store import ParameterStore
 from tgl_soar.config.parameters import ParameterSet
-from tgl_soar.control.brake import HOLDS, LINE_ONLY, POINT_TEXTS
+from tgl_soar.control.brake import HOLDS, LINE_ONLY, POINT_TEXTS, RESTS
 from tgl_soar.control.forecast import SETTLES, UNKNOWN, forecast_words
 from tgl_soar.control.supervisor import FAILED, HOLDING, REASON_NOWHERE, RECOVERING, RELEASED
 from tgl_soar.link.messages import SEVERITY_ERROR, SEVERITY_INFO, SEVERITY_WARNING
@@ -184,7 +184,8 @@ class PointWords:
         self._standing = standing
         if standing == before:
             return []
-        severity = SEVERITY_INFO if standing in (LINE_ONLY, HOLDS) else SEVERITY_WARNING
+        good = standing in (LINE_ONLY, HOLDS, RESTS)
+        severity = SEVERITY_INFO if good else SEVERITY_WARNING
         return [(severity, f"point: {POINT_TEXTS[standing]}")]
 
 

@@ -213,6 +213,9 @@ MEANINGS: Final = {
     "LineState.moving": "it is on its way to its target",
     "Limited.aileron_blocked": "as the elevator's",
     "Limited.brake_blocked": "as the elevator's",
+    "Limited.brake_max": "the furthest that the brake might go: stall, height and roll come first",
+    "Lull.slow_s": "for how long the wind has been too slow to stand in, less since",
+    "Lull.low_s": "for how long it has sunk to the least height, less since",
     "BrakeState.standing": "as point_standing",
     "PointReport.standing": "the point on the line: 0 the line alone, 1 held, 2 above the band,"
     " 3 below, 4 no brake, 5 it does not answer, 6 it pulls to one side, 7 it is tried,"

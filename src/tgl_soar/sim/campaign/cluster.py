@@ -141,7 +141,8 @@ def keep_memory() -> bool:
     glibc from learning which sizes come again, so that each flight's arrays are asked of the
     system anew, a page fault for every 4 KiB: a fifth of a worker's time.  False where the C
     library has no such setting."""
-    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
-    if mallopt is None:
+    try:
+        mallopt = ctypes.CDLL(None).mallopt
+    except (AttributeError, OSError, TypeError):  # another C library, another system
         return False
     return bool(mallopt(M_MMAP_THRESHOLD, LARGE_BYTES) and mallopt(M_TRIM_THRESHOLD, KEPT_BYTES))
