@@ -30,6 +30,13 @@ def test_what_was_measured_comes_before_what_the_model_says() -> None:
     assert by_hand.all_parameters()["DYN_FREQ"] == 9.0
 
 
+def test_a_servo_of_which_only_the_whole_is_known_is_taken_for_no_more_lag_than_is_usual() -> None:
+    for whole_s, lag_s in ((0.012, 0.012), (0.06, 0.0185)):
+        measured = MeasuredDynamics(servo_s=whole_s)
+        found = replace(AIRFRAME, model={}, dynamics=measured).all_parameters()
+        assert (found["DYN_SERVO"], found["DYN_LAG"]) == (whole_s, lag_s)
+
+
 def test_without_a_model_the_polar_tells_the_glide_and_nothing_tells_the_rest() -> None:
     found = replace(AIRFRAME, model={}).all_parameters()
     assert found["DYN_BEST"] == pytest.approx(9.2, abs=0.3)

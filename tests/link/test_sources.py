@@ -192,6 +192,23 @@ def test_a_frozen_source_is_left_and_taken_back_when_it_has_long_thawed() -> Non
     assert back == pytest.approx(10.0 + RETURN_S, abs=0.02)
 
 
+def test_a_source_that_reckons_is_left_for_one_that_measures_and_kept_where_there_is_none() -> None:
+    sources, alone = PositionSources((LOCAL_POSITION, MOCAP)), PositionSources((LOCAL_POSITION,))
+    chosen = []
+    for i in range(1000):
+        now = i * 1e-2
+        reckons = moving_fix(now)._replace(reckoned=i >= 500)
+        for source, offered in ((LOCAL_POSITION, reckons), (MOCAP, moving_fix(now - 0.005))):
+            sources.take(source, offered, now)
+        alone.take(LOCAL_POSITION, reckons, now)
+        chosen.append(sources.chosen)
+    assert chosen[499] == LOCAL_POSITION
+    assert chosen.index(MOCAP) < 560
+    assert chosen[-1] == MOCAP
+    assert "local_position is dead reckoned" in sources.notices[-1][1]
+    assert alone.chosen == LOCAL_POSITION
+
+
 def test_who_stands_still_may_say_so_as_often_as_he_likes() -> None:
     sources = PositionSources((LOCAL_POSITION, MOCAP))
     assert hang(sources, 0.0, 5.0, frozen=moving_fix(0.0, speed_mps=0.0))[1:] == []

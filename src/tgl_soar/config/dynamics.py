@@ -22,6 +22,7 @@ from tgl_soar.config.strict import Positive, Strict
 from tgl_soar.types import GlidePolar
 
 GRAVITY_MPS2: Final = 9.80665
+USUAL_LAG_S: Final = 0.0185  # of a digital servo of this size, by 54 rad/s
 # From a sensor to the servo's input [s] by firmware and route, where nobody has measured it: the
 # medians of docs/autopilots.md.  ArduPlane takes overrides up 50 times a second, attitudes at once.
 USUAL_DELAY_S: Final[Mapping[tuple[str, str | None], float]] = {
@@ -74,7 +75,9 @@ def dynamics_parameters(
         found["DYN_LAG"] = 1.0 / lag
         found["DYN_SERVO"] = found["DYN_LAG"] + model.get("servo_delay_s", 0.0)
     elif given.servo_s is not None:
-        found["DYN_LAG"] = given.servo_s  # nobody has told them apart: most of it is lag
+        # Nobody has told them apart.  A lag counts less than a delay, so that no more of it is
+        # taken for one than usual servos have.
+        found["DYN_LAG"] = min(given.servo_s, USUAL_LAG_S)
     found.update(_glide(bench, model, polar))
     speed = given.speed_mps or found["DYN_BEST"]
     found["DYN_SPEED"] = speed

@@ -71,9 +71,9 @@ class LastAttitude(NamedTuple):
 
 class Reckoning(NamedTuple):
     """Fixes that their source says are dead reckoned; stretches that follow each other within
-    `RECKONED_KEPT_S` count as one."""
+    `RECKONED_KEPT_S` count as one, without what is between them."""
 
-    since_s: float  # when this stretch began; NaN: there was none
+    since_s: float  # when this stretch began, as if without gaps; NaN: there was none
     last_s: float  # of the last of them; NaN: there was none
     now: bool  # the last fix used is one of them
 

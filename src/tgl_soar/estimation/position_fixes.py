@@ -325,8 +325,13 @@ def _reckoning(before: Reckoning, reckoned: bool, time_s: float) -> Reckoning:
     """With one more fix."""
     if not reckoned:
         return Reckoning(before.since_s, before.last_s, False)
-    goes_on = 0.0 <= time_s - before.last_s <= RECKONED_KEPT_S  # false for NaN: the first
-    return Reckoning(before.since_s if goes_on else time_s, time_s, True)
+    gap_s = time_s - before.last_s
+    if not 0.0 <= gap_s <= RECKONED_KEPT_S:  # true for NaN: the first
+        return Reckoning(time_s, time_s, True)
+    measured_s = (
+        0.0 if before.now else gap_s
+    )  # what was measured between two stretches is not theirs
+    return Reckoning(before.since_s + measured_s, time_s, True)
 
 
 def _outliers(

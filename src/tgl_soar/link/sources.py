@@ -75,6 +75,7 @@ class SourceHealth:
         "not_finite",
         "period_s",
         "received_s",
+        "reckons",
         "repeats",
         "reports_standstill",
         "steady_s",
@@ -82,6 +83,7 @@ class SourceHealth:
 
     def __init__(self) -> None:
         self.fixes = 0  # usable ones
+        self.reckons = False  # the newest says that it is dead reckoned
         self.not_finite = 0
         self.late = 0  # out of order, or older than a second
         self.future = 0
@@ -230,6 +232,7 @@ class PositionSources:
 
     def _compare(self, health: SourceHealth, fix: PositionFix, now_s: float) -> None:
         """Compare a fix with the one before."""
+        health.reckons = fix.reckoned
         velocity = fix.velocity_north_mps, fix.velocity_east_mps, fix.velocity_down_mps
         u, v, w = velocity
         newest: tuple[float, ...] = fix.north_m, fix.east_m, fix.down_m, u, v, w
@@ -248,7 +251,8 @@ class PositionSources:
         if not self.is_fresh(source, now_s):
             return 0
         distrusted = now_s - self.health[source].distrusted_s < DISTRUST_S
-        return 1 if distrusted or self._is_frozen(source, now_s) else 2
+        health = self.health[source]
+        return 1 if distrusted or health.reckons or self._is_frozen(source, now_s) else 2
 
     def _is_frozen(self, source: int, now_s: float) -> bool:
         health = self.health[source]
@@ -293,7 +297,8 @@ class PositionSources:
         text = f"position from {NAMES[source]}"
         if (standing := self._standing(before, now_s)) < 2:
             frozen = self._is_frozen(before, now_s)
-            why = "silent" if standing == 0 else "frozen" if frozen else "not sane"
+            why = "dead reckoned" if self.health[before].reckons else "not sane"
+            why = "silent" if standing == 0 else "frozen" if frozen else why
             text += f": {NAMES[before]} is {why}"
         apart_m = self.health[source].apart_m
         if isfinite(apart_m):

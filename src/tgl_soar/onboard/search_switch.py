@@ -231,7 +231,7 @@ class SearchSwitch:
                 changed = self._settings.values.changed(wanted, flying=True)
             except ParameterError:
                 continue
-            if not self._bounds.fault(changed):
+            if not self._bounds.fault(changed.changed({"TGL_HOLD": 0.0})):  # it rests meanwhile
                 for name, value in wanted.items():
                     if self._settings.values[name] != value:
                         self._settings.assign(name, value)

@@ -343,7 +343,7 @@ def _claims(by_kind: dict[str, list[SatelliteFlight]]) -> tuple[Claim, ...]:
     drifted = by_kind[RECEIVER]
     beside = max((each.off_m - each.fix_off_m for each in drifted), default=nan)
     held = [each for each in by_kind[HELD] if not each.ended]
-    off = max((each.last_off_m for each in held), default=0.0)
+    off = max((each.last_off_m for each in held), default=nan)
     return (
         Claim(
             f"a reset of {RESET_M:g} m, or by {TURN_DEG:g}° of heading, moves e_rho by less than"
