@@ -15,6 +15,7 @@ import pytest
 from firmware_step import AIRFRAME, NO_STICKS, READINGS, leg
 
 from tgl_soar.config.files import shipped
+from tgl_soar.link.autopilots.ardupilot import MODE_AUTO
 from tgl_soar.sim.firmware import FirmwareError, ardupilot
 from tgl_soar.sim.firmware.ardupilot import (
     MAGIC,
@@ -28,6 +29,7 @@ from tgl_soar.sim.firmware.ardupilot import (
 )
 from tgl_soar.sim.firmware.sensors import SOMEWHERE
 from tgl_soar.sim.firmware.simulation import NO_PULSES, THROTTLE_LOW, Sticks
+from tgl_soar.sim.sensor_messages import geodetic
 from tgl_soar.sim.sitl import fly, passed
 from tgl_soar.types import SurfaceCommand
 
@@ -284,3 +286,35 @@ def test_a_search_finds_a_place_over_the_hill_through_a_real_arduplane(tmp_path:
     assert abs(truth["x_m"][0] + 3.0) < 0.1
     assert np.ptp(truth["z_m"][stays]) < 1.0
     assert "soaring: a place to soar is found" in (tmp_path / "module.log").read_text()
+
+
+LANDING = ((16, 0.0, 0.0), (189, 0.0, 0.0), (16, -14.0, 9.0), (21, -28.0, 0.0))  # command, x, z
+
+
+@REAL
+def test_a_real_arduplane_takes_over_with_the_landing_of_its_mission(tmp_path: Path) -> None:
+    """LND_BY 1, from a break-off by command; home is at the foot of the hill, as in the file."""
+    mission = tmp_path / "mission.txt"
+    rows = ["QGC WPL 110"]
+    for i, (command, x_m, z_m) in enumerate(LANDING):
+        latitude, longitude, height = geodetic(SOMEWHERE, 0.0, x_m, -z_m)  # wind from the west
+        place = f"{latitude:.8f}\t{longitude:.8f}\t{height:.2f}"
+        rows.append(f"{i}\t0\t0\t{command}\t0\t0\t0\t0\t{place}\t1")
+    mission.write_text("\n".join(rows))
+    options = replace(
+        leg(tmp_path, "ardupilot", os.environ["TGL_SOAR_ARDUPLANE"], "override", stay_s=4.0),
+        site=shipped("sites/hill.toml"),
+        mocap=False,
+        settings=(("LND_BY", 1.0),),
+        autopilot_parameters=("RTL_AUTOLAND=2",),
+        mission=mission,
+        goes_home=True,
+        watch_s=6.0,
+    )
+    flight = fly(options, lambda _: None)
+    assert flight.truth["mode"][-1] == MODE_AUTO
+    assert not flight.truth["overridden"][-1]
+    said = (tmp_path / "module.log").read_text()
+    assert "landing: away from the slope" in said
+    assert "the autopilot lands: item 2 of its mission" in said
+    assert "LND_BY" not in said  # nothing is amiss with the mission
