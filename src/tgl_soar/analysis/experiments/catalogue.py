@@ -30,6 +30,7 @@ from tgl_soar.analysis.experiments import (
     unseen,
     wind_estimate,
     wind_use,
+    windy_hour,
 )
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.result import DISPERSED_AIRCRAFT, POINT_MASS, Result
@@ -62,6 +63,7 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "point": hold_point.run,
     "outdoors": outdoors.run,
     "satellites": satellites.run,
+    "hour": windy_hour.run,
 }
 
 # Our own aims; the others are the paper's claims and fly on either model.  These are about what
@@ -82,12 +84,13 @@ RIGID_BODY_ALONE: Final = (
     "point",
     "outdoors",
     "satellites",
+    "hour",
 )
 OURS: Final = frozenset(RIGID_BODY_ALONE)
 # `all` leaves them out: they have pages of their own; the first takes longer than all others, the
 # others fly other airframes, or other satellites.
 APART: Final = (
-    *("search", "point", "outdoors", "satellites"),
+    *("search", "point", "outdoors", "satellites", "hour"),
     *("unseen", "dispersed", "airframes"),
 )
 # By the name under which they are flown together: both pages, and either of them.
@@ -132,6 +135,7 @@ TITLES: Final = {
     "point": "a point of the line held with a brake",
     "outdoors": "launches from the hand, and break-offs that end on the ground",
     "satellites": "a receiver that drifts, steps and falls silent; an estimator that is reset",
+    "hour": "up to an hour in a wind that turns, dies and comes again",
 }
 
 
