@@ -119,7 +119,8 @@ def _then(seconds: float) -> str:
 
 
 # PX4's battery is a model of its own, which drains while it is armed.
-PX4_BATTERY: Final = ("SIM_BAT_MIN_PCT=0", "SIM_BAT_DRAIN=86400", f"SIM_BAT_DRAIN=2{_then(0)}")
+PX4_CHECKED: Final = ("CBRK_SUPPLY_CHK=0", "SIM_BAT_MIN_PCT=0", "SIM_BAT_DRAIN=86400")
+PX4_BATTERY: Final = (*PX4_CHECKED, f"SIM_BAT_DRAIN=2{_then(0)}")
 PX4_FENCE: Final = (f"GF_MAX_VER_DIST=1{_then(0)}",)  # over home, at the origin: below the aircraft
 
 
@@ -132,7 +133,7 @@ def _px4(words: str, fault: str, *settings: str, watched_s: float = 25.0) -> Tri
 PX4: Final = (
     _px4("all, as asked for: radio for 2 s, battery after 5 s, fence after 12 s",
          "transmitter.silent for=2",
-         *PX4_BATTERY[:2], f"SIM_BAT_DRAIN=2{_then(5)}", f"GF_MAX_VER_DIST=1{_then(12)}",
+         *PX4_CHECKED, f"SIM_BAT_DRAIN=2{_then(5)}", f"GF_MAX_VER_DIST=1{_then(12)}",
          "GF_ACTION=1"),
     _px4("station: silent for good", "station.silent for=999"),
     _px4("radio: none for good", "transmitter.silent for=999"),
@@ -147,10 +148,6 @@ PX4: Final = (
          "COM_LOW_BAT_ACT=3"),
     _px4("fence: too high, GF_ACTION 2 (Hold)", "", *PX4_FENCE, "GF_ACTION=2"),
     _px4("fence: too high, GF_ACTION 3 (Return)", "", *PX4_FENCE, "GF_ACTION=3"),
-    _px4("estimator: no fix for 5 s", "", f"EKF2_GPS_CTRL=0{_then(0)}",
-         f"EKF2_GPS_CTRL=7{_then(5)}"),
-    _px4("estimator: no fix for 15 s", "", f"EKF2_GPS_CTRL=0{_then(0)}",
-         f"EKF2_GPS_CTRL=7{_then(15)}", watched_s=40.0),
 )  # fmt: skip
 TRIALS: Final = {"ardupilot": ARDUPILOT, "px4": PX4}
 PX4_MODES: Final = {1: "MANUAL", 2: "ALTCTL", 3: "POSCTL", 5: "ACRO", 6: "OFFBOARD",

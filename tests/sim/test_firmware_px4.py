@@ -6,6 +6,7 @@ import os
 import socket
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ import pytest
 from firmware_step import AIRFRAME, NO_STICKS, READINGS, leg
 from pymavlink.dialects.v20 import common as mavlink
 
+from tgl_soar.config.files import shipped
+from tgl_soar.link.autopilots.px4 import MODE_OFFBOARD
 from tgl_soar.sim.firmware import FirmwareError, px4
 from tgl_soar.sim.firmware.px4 import (
     Px4Physics,
@@ -28,6 +31,7 @@ from tgl_soar.sim.firmware.simulation import Sticks
 from tgl_soar.sim.sitl import fly, passed
 from tgl_soar.types import SurfaceCommand
 
+MODE_HOLD = 4 << 16 | 3 << 24
 BARE = READINGS._replace(magnetic_frd_gauss=None, pressure_pa=None, differential_pressure_pa=None)
 
 
@@ -219,10 +223,13 @@ def test_a_program_that_is_not_there_is_named(tmp_path: Path) -> None:
         Px4Program(alone, tmp_path, AIRFRAME.surfaces, {})
 
 
-@pytest.mark.skipif(
+REAL = pytest.mark.skipif(
     "TGL_SOAR_PX4" not in os.environ,
     reason="needs a real PX4: set TGL_SOAR_PX4 to its program",
 )
+
+
+@REAL
 @pytest.mark.parametrize("route", ["attitude", "manual_control"])
 def test_a_leg_through_a_real_px4(tmp_path: Path, route: str) -> None:
     flight = fly(
@@ -237,3 +244,32 @@ def test_a_leg_through_a_real_px4(tmp_path: Path, route: str) -> None:
         lambda _: None,
     )
     assert passed(flight)
+
+
+@REAL
+@pytest.mark.parametrize("exempt", [True, False])
+def test_a_radio_that_is_lost_in_offboard_on_a_real_px4(tmp_path: Path, exempt: bool) -> None:
+    """Set up as preflight asks, the module flies on.  Else PX4 circles, and the module lets go of
+    it: OFFBOARD does not come back to nobody when the radio does."""
+    fails_s = 30.0
+    options = replace(
+        leg(tmp_path, "px4", os.environ["TGL_SOAR_PX4"], "attitude", stay_s=30.0),
+        site=shipped("sites/hill.toml"),
+        mocap=False,
+        faults=(f"transmitter.silent start={fails_s:g} for=2",),
+        autopilot_parameters=() if exempt else ("COM_RCL_EXCEPT=0",),
+        settings=() if exempt else (("OP_FORCE", 1.0),),  # the module refuses that
+        watch_s=5.0,
+    )
+    flight = fly(options, lambda _: None)
+    after = flight.truth["time_s"] > fails_s
+    modes = flight.truth["mode"][after]
+    said = (tmp_path / "module.log").read_text()
+    if exempt:
+        assert (modes == MODE_OFFBOARD).all()
+        assert flight.truth["flying"][after].all()
+        assert passed(flight)
+    else:
+        changes = modes[:1].tolist() + modes[1:][modes[1:] != modes[:-1]].tolist()
+        assert changes == [MODE_OFFBOARD, MODE_HOLD]
+        assert "released: autopilot in failsafe" in said
