@@ -561,14 +561,19 @@ def test_surfaces_that_are_not_known_are_no_fault() -> None:
 
 
 def test_a_brake_is_dead_when_samples_go_on_saying_so_and_not_by_one_before_a_silence() -> None:
+    def seen(sequence: int, time_s: float, brake: float) -> SurfacesSample:
+        return SurfacesSample(
+            sequence=sequence, time_s=time_s, elevator=0.0, aileron=0.0, rudder=0.0, brake=brake
+        )
+
     def out(brake: float) -> Any:
-        return lambda i, k: SurfacesSample(k, i.time_s, 0.0, 0.0, 0.0, brake)
+        return lambda i, k: seen(k, i.time_s, brake)
 
     watch = Watch()
     watch.flying = True
     watch.run(128, surfaces=out(0.0)).run(1, surfaces=out(1.0))
     odd = watch.k
-    watch.run(128, surfaces=lambda _i, _k: SurfacesSample(odd, odd * DT, 0.0, 0.0, 0.0, 1.0))
+    watch.run(128, surfaces=lambda _i, _k: seen(odd, odd * DT, 1.0))
     assert watch.reported == 0
     watch.run(1, surfaces=out(0.0))
     watch.run(round(0.9 * h.BRAKE_DEAD_S / DT), surfaces=out(1.0)).run(1, surfaces=out(0.0))
