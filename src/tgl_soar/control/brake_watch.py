@@ -102,12 +102,7 @@ class TrialState(NamedTuple):
 
 
 NOT_WATCHED: Final = EvenState(
-    brake=0.0,
-    aileron=0.0,
-    brake_2=0.0,
-    both=0.0,
-    aileron_2=0.0,
-    watched=0.0,
+    brake=0.0, aileron=0.0, brake_2=0.0, both=0.0, aileron_2=0.0, watched=0.0
 )
 NOT_TRIED: Final = TrialState(
     pressed=0.0,

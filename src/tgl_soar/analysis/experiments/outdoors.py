@@ -114,12 +114,13 @@ class FlownPassage:
     @property
     def landed(self) -> bool:
         """Whether it touched down as it should."""
-        return (
-            "ground" in self.ended
-            and abs(self.along_m) <= ALONG_M
-            and abs(self.across_m) <= ACROSS_M
-            and self.sink_mps <= SINK_MPS
-        )
+        well = touches_down_well(self.along_m, self.across_m, self.sink_mps)
+        return "ground" in self.ended and well
+
+
+def touches_down_well(along_m: float, across_m: float, sink_mps: float) -> bool:
+    """Whether a touchdown is near enough to the landing point, and soft enough; false for NaN."""
+    return abs(along_m) <= ALONG_M and abs(across_m) <= ACROSS_M and sink_mps <= SINK_MPS
 
 
 def _files() -> tuple[Airframe, Site, ParameterSet]:

@@ -27,7 +27,7 @@ from typing import Any, Final, NamedTuple
 import msgspec
 
 from tgl_soar.analysis.experiments.context import Context
-from tgl_soar.analysis.experiments.outdoors import ACROSS_M, ALONG_M, SINK_MPS, span
+from tgl_soar.analysis.experiments.outdoors import span, touches_down_well
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.search.scoring import share
 from tgl_soar.config.files import (
@@ -116,12 +116,7 @@ class SatelliteFlight:
     @property
     def landed(self) -> bool:
         """It touched down as it should."""
-        return (
-            self.landing
-            and abs(self.along_m) <= ALONG_M
-            and abs(self.across_m) <= ACROSS_M
-            and self.sink_mps <= SINK_MPS
-        )
+        return self.landing and touches_down_well(self.along_m, self.across_m, self.sink_mps)
 
 
 class SinceFault(NamedTuple):
