@@ -63,6 +63,21 @@ def test_progress_is_gone_on_with_unless_it_is_of_another_task(
     assert not progress.exists()
 
 
+def test_gains_for_one_aircraft_keep_no_margin_for_others(tmp_path: Path) -> None:
+    """And are another task: progress of the one is not gone on with by the other."""
+    found = {}
+    for name, options in (("own", ["--own"]), ("any", [])):
+        out = tmp_path / f"{name}.toml"
+        result = CliRunner().invoke(app, [*FEW, *options, "--out", str(out)])
+        assert result.exit_code == 0, result.output
+        found[name] = tomllib.loads(out.read_text(encoding="utf-8"))["tuned"]
+    own, every = found["own"]["ranges"], found["any"]["ranges"]
+    assert own["short_period"] == own["lift"] == [1.0, 1.0]
+    assert own["unknown_effect"] == [0.9, 1.1]
+    assert every["short_period"] != [1.0, 1.0]
+    assert found["own"]["task"] != found["any"]["task"]
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

@@ -33,6 +33,7 @@ from tgl_soar.config.parameter_store import write_state
 from tgl_soar.config.parameters import ParameterError
 
 if TYPE_CHECKING:
+    from tgl_soar.analysis.tuning.aircraft import Ranges
     from tgl_soar.analysis.tuning.progress_file import ProgressFile
     from tgl_soar.analysis.tuning.tune import Task, Tuned
 
@@ -60,6 +61,13 @@ def tune_command(
         float | None,
         typer.Option(help="Of the line that gains are sought on \\[degrees].", min=5.0, max=45.0),
     ] = None,
+    own: Annotated[
+        bool,
+        typer.Option(
+            "--own",
+            help="For this very aircraft: no margin is kept for others that a file may describe.",
+        ),
+    ] = False,
     floor: Annotated[float, typer.Option(help="Least disk margin.", min=0.1, max=1.0)] = 0.5,
     seed: Annotated[int, typer.Option(help="Of all that is drawn.", min=0)] = 1,
     workers: Annotated[
@@ -83,6 +91,8 @@ def tune_command(
     try:
         task = _task(airframe, site, line, lean, (quick, flights))
         task = task._replace(floor=floor, seed=seed, workers=workers)
+        if own:
+            task = task._replace(ranges=_of_one(task))
         progress = _progress(task, out, restart=restart)
         tuned = _tuned(task, progress)
         _write(task, tuned, airframe, line or "", out, airframe_out, figure)
@@ -145,6 +155,12 @@ def _task(
         lean_deg=values["RHO_LEAN"] if lean is None else lean,
         effort=asked,
     )
+
+
+def _of_one(task: Task) -> Ranges:
+    from tgl_soar.analysis.tuning.aircraft import ranges_of_one
+
+    return ranges_of_one(task.airframe, task.values["CMD_DELAY"])
 
 
 def _progress(task: Task, out: Path, *, restart: bool) -> ProgressFile:

@@ -8,7 +8,14 @@ from math import degrees
 import pytest
 from msgspec.structs import asdict, replace
 
-from tgl_soar.analysis.tuning.aircraft import TICK_S, Drawn, Ranges, drawn_aircraft
+from tgl_soar.analysis.tuning.aircraft import (
+    SLOWER_LINK_S,
+    TICK_S,
+    Drawn,
+    Ranges,
+    drawn_aircraft,
+    ranges_of_one,
+)
 from tgl_soar.config.files import load_airframe, shipped
 from tgl_soar.sim.aircraft import aircraft_model, glide_at
 
@@ -47,6 +54,31 @@ def test_what_no_file_knows_is_in_the_aircraft_alone() -> None:
         assert 1.1 < degrees(drawn.sensors.attitude.bias_rad) < 1.2
     assert 0.7 <= min(errors) < 0.8
     assert 1.2 < max(errors) <= 1.3
+
+
+def test_of_one_aircraft_the_file_is_right_but_for_what_is_left_open() -> None:
+    """Nothing that the schedule goes by differs; the elevator's effect and the balance do."""
+    own = AIRFRAME.all_parameters()
+    latency_s = 0.0075
+    ranges = ranges_of_one(AIRFRAME, latency_s)
+    effects = []
+    for i in range(40):
+        drawn = drawn_aircraft(AIRFRAME, ranges, (1, i))
+        known = drawn.known.all_parameters()
+        for name in ("DYN_FREQ", "DYN_DAMP", "DYN_EFFECT", "DYN_BEST", "DYN_GLIDE", "DYN_LAG"):
+            assert known[name] == pytest.approx(own[name], rel=0.02), name
+        model = aircraft_model(asdict(drawn.known.airframe), drawn.known.model)
+        effects.append(drawn.true.Cm_elevator / model.Cm_elevator)
+        late = drawn.latency_s - latency_s
+        assert -TICK_S <= late <= SLOWER_LINK_S + TICK_S
+    assert 0.9 <= min(effects) < 0.95
+    assert 1.05 < max(effects) <= 1.1
+
+
+def test_of_one_aircraft_the_servo_must_be_known() -> None:
+    model = {k: v for k, v in AIRFRAME.model.items() if k != "servo_lag_radps"}
+    with pytest.raises(ValueError, match="servo_lag_radps"):
+        ranges_of_one(replace(AIRFRAME, model=model), 0.0075)
 
 
 def test_each_is_trimmed_near_its_best_glide() -> None:

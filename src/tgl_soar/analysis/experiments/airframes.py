@@ -7,7 +7,7 @@ airframe's, which is wrong:
 
     1. glide      a simulated test flight in an even wind, and the log that the module writes
     2. identify   as `tgl-soar identify --out` does: lift, moments, drag, polar, the servo's delay
-    3. tune       as `tgl-soar tune` does, with fewer generations, and none flown to choose
+    3. tune       as `tgl-soar tune --own` does, with fewer generations, and none flown to choose
     4. soar       the drawn aircraft, with the file that came of it, over a hill at 1 %
 
 The hill is the shipped one; its wind is the first of `WINDS`, as fractions of the identified best
@@ -40,7 +40,7 @@ from tgl_soar.analysis.identified_file import glided, with_identified
 from tgl_soar.analysis.logs.flight_data import steered
 from tgl_soar.analysis.logs.gliding import MeanWind, glides, longitudinal
 from tgl_soar.analysis.logs.reading import read_flight
-from tgl_soar.analysis.tuning.aircraft import TICK_S
+from tgl_soar.analysis.tuning.aircraft import TICK_S, ranges_of_one
 from tgl_soar.analysis.tuning.demands import INERTIAL, SETS
 from tgl_soar.analysis.tuning.flights import START_M, DrawnFlight, fly_late, line_of
 from tgl_soar.analysis.tuning.progress_file import ProgressFile
@@ -168,6 +168,7 @@ def tuned_for(text: str, name: str, effort: Effort, folder: Path) -> tuple[str, 
         lean_deg=LEAN_DEG,
         effort=effort,
         workers=0,
+        ranges=ranges_of_one(plane, values["CMD_DELAY"]),
     )
     progress = ProgressFile(folder / f"{name}.progress", digest(task))
     found = tune(task, progress, lambda _words, _done: None)

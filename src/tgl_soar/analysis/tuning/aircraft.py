@@ -9,6 +9,10 @@ Each aircraft is drawn about the airframe file that gains are sought for:
 
 The schedule of gains is given the first, and has to bear the second.  The short period is drawn as
 a factor of the airframe's own: 6 to 15 rad/s for the shipped aircraft, whose own is 11.5.
+
+`Ranges()` is for gains that are to serve every aircraft by its file, as the shipped ones do.
+Whoever tunes for one aircraft has `ranges_of_one`: there the file is right but for what an
+identification leaves open, and no margin is paid for aircraft that are never flown with it.
 """
 
 from __future__ import annotations
@@ -42,6 +46,33 @@ class Ranges(NamedTuple):
     unknown_effect: tuple[float, float] = (0.7, 1.3)
     # In mean chords: a battery of a tenth of the mass, put in a fifth of a chord away.
     centre_of_gravity: tuple[float, float] = (-0.02, 0.02)
+
+
+# What the link of one aircraft may be later than measured on the bench: a busier day on it.
+SLOWER_LINK_S: Final = 0.010
+
+
+def ranges_of_one(airframe: Airframe, latency_s: float) -> Ranges:
+    """Of one aircraft, whose file was identified.
+
+    latency_s: of the command's way, measured.  The elevator's effect and the centre of gravity are
+    drawn as `analysis.experiments.mismatch` has them, where the ranges are argued.
+    Errors: ValueError for a [model] without a servo.
+    """
+    lag = airframe.model.get("servo_lag_radps", 0.0)
+    if not lag > 0.0:
+        raise ValueError("[model] servo_lag_radps: not known, and must be above 0")
+    right = (1.0, 1.0)
+    return Ranges(
+        short_period=right,
+        lift=right,
+        drag=right,
+        inertia=right,
+        effect=right,
+        servo_s=(1.0 / lag, 1.0 / lag),
+        latency_s=(latency_s, latency_s + SLOWER_LINK_S),
+        unknown_effect=(0.9, 1.1),
+    )
 
 
 class _Factors(NamedTuple):

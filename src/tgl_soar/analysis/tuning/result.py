@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Final
 
 from tgl_soar import __version__
-from tgl_soar.analysis.tuning.aircraft import Ranges
 from tgl_soar.analysis.tuning.demands import SETS, Given
 from tgl_soar.analysis.tuning.search import PRICE_M, RESERVE, front
 from tgl_soar.analysis.tuning.tune import FlownRow, Judged, Task, Tuned, digest
@@ -23,6 +22,7 @@ _NONE: Final = "nan"
 def as_toml(task: Task, tuned: Tuned, airframe_name: str, line: str) -> str:
     """`[parameters]`, and all that they were tuned for."""
     effort = task.effort
+    ranges = task.ranges._asdict()
     lines = [
         f"# Gains for {task.airframe.airframe.name}, by `tgl-soar tune`.  What flies is in",
         "# [parameters], which belongs into the airframe file; the rest says what they are for.",
@@ -47,7 +47,7 @@ def as_toml(task: Task, tuned: Tuned, airframe_name: str, line: str) -> str:
         f"lean_deg = [{task.values['TGL_LEAN_MIN']:g}, {task.values['TGL_LEAN_MAX']:g}]",
         "",
         "[tuned.ranges]  # of the drawn aircraft; factors of the airframe file's own",
-        *(f"{name} = [{low:.4g}, {high:.4g}]" for name, (low, high) in Ranges()._asdict().items()),
+        *(f"{name} = [{low:.4g}, {high:.4g}]" for name, (low, high) in ranges.items()),
     ]
     for kind in SETS:
         lines += [

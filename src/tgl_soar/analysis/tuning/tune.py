@@ -20,6 +20,7 @@ import msgspec
 
 from tgl_soar import __version__
 from tgl_soar.analysis.tuning import flights
+from tgl_soar.analysis.tuning.aircraft import Ranges
 from tgl_soar.analysis.tuning.demands import (
     ANCHORS,
     FOR_CHOICE,
@@ -86,6 +87,7 @@ class Task(NamedTuple):
     effort: Effort = Effort()
     floor: float = FLOOR
     workers: int = 1  # processes; 0: none but this one
+    ranges: Ranges = Ranges()  # of the aircraft that the gains are to serve
 
 
 class Judged(NamedTuple):
@@ -129,7 +131,7 @@ def digest(task: Task) -> str:
         msgspec.json.encode(task.airframe).decode(),
         task.site_path.read_text(encoding="utf-8"),
         repr([(p.name, task.values[p.name]) for p in PARAMETERS]),
-        repr((task.lean_deg, task.seed, task.effort, task.floor)),
+        repr((task.lean_deg, task.seed, task.effort, task.floor, task.ranges)),
     ]
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
 
@@ -144,6 +146,7 @@ def tune(task: Task, progress: ProgressFile, report: Report) -> Tuned:
     demands = Demands(
         airframe=task.airframe,
         values=start,
+        ranges=task.ranges,
         aircraft=task.effort.aircraft,
         seed=task.seed,
         grid=task.effort.grid,
