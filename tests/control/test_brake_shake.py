@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import inf, nan
+from math import cos, inf, nan, pi, sin
 from random import Random
 
 import pytest
@@ -12,6 +12,7 @@ from tgl_soar.control.brake_shake import (
     NOT_SHAKEN,
     PRESSED,
     REST_S,
+    SHAKE_HZ,
     SHAKEN,
     SHAKES_FEWEST,
     ShakeState,
@@ -163,3 +164,19 @@ def test_a_time_that_stands_still_or_no_air_over_the_brake_leaves_it(
 ) -> None:
     state = NOT_SHAKEN._replace(on=True, pressed=1.0, climb_mps=0.0)
     assert shake_step(state, 1, 0.5, 0.5, 0.1, lifts_mps2, dt_s) == state
+
+
+def test_a_climb_that_grows_steadily_is_no_answer_whatever_the_ticks() -> None:
+    """Ticks are twice as long in one half of each period: sines and cosines of them do not sum to
+    nothing, and what is steady must be taken off by what they do sum to."""
+    state = NOT_SHAKEN._replace(on=True, pressed=1.0, climb_mps=0.0)
+    climb_mps, ended = 0.0, False
+    while not ended:
+        phase = 2.0 * pi * SHAKE_HZ * state.time_s
+        dt_s = DT if sin(phase) + cos(phase) > 0.0 else 2.0 * DT
+        climb_mps += 0.5 * dt_s
+        state = shake_step(state, 1, 0.5, 0.5, climb_mps, LIFTS_MPS2, dt_s)
+        ended = state.blocks > 0.0
+    steady = 0.5 / abs(LIFTS_MPS2)  # of all that the brake could do, a second
+    assert abs(state.y_re) < 0.01 * steady
+    assert abs(state.y_im) < 0.01 * steady
