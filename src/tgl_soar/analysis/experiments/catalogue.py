@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Final
 
 from tgl_soar.analysis.experiments import (
+    accepted_leans,
     air_speed,
     airframes,
     changing_air,
@@ -55,6 +56,7 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "command_delay": robustness.command_delay,
     "dispersed": dispersed.dispersed,
     "unseen": unseen.unseen,
+    "leans": accepted_leans.leans,
     "airframes": airframes.airframes,
     "incidence": incidence.incidence,
     "lift_map": lift_map.run,
@@ -76,6 +78,7 @@ RIGID_BODY_ALONE: Final = (
     "command_delay",
     "dispersed",
     "unseen",
+    "leans",
     "airframes",
     "incidence",
     "lift_map",
@@ -91,7 +94,7 @@ OURS: Final = frozenset(RIGID_BODY_ALONE)
 # others fly other airframes, or other satellites.
 APART: Final = (
     *("search", "point", "outdoors", "satellites", "hour"),
-    *("unseen", "dispersed", "airframes"),
+    *("unseen", "dispersed", "leans", "airframes"),
 )
 # By the name under which they are flown together: both pages, and either of them.
 TOGETHER: Final = {
@@ -127,6 +130,7 @@ TITLES: Final = {
     "command_delay": "who lasts where commands come later than known",
     "dispersed": "who lasts of aircraft drawn about the airframe file",
     "unseen": "an aircraft and air that no gain was found on, beside a plain PID",
+    "leans": "every lean that is accepted, on the shipped aircraft",
     "airframes": "aircraft of any size, from a glide's log to the line",
     "incidence": "the angle of attack as read on board, by the true one",
     "lift_map": "how far the lift map can be trusted",

@@ -21,6 +21,7 @@ OWN_PAGES: Final = {
     "satellites": "outdoors.md",
     "unseen": "margins.md",
     "dispersed": "margins.md",
+    "leans": "margins.md",
     "airframes": "margins.md",
 }
 
