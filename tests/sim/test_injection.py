@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from itertools import pairwise
 from math import degrees, hypot, isnan
+from random import Random
+from typing import Any
 
 import pytest
 
@@ -12,7 +14,7 @@ from tgl_soar.config.files import load_airframe, load_parameters, load_site, shi
 from tgl_soar.geometry import euler_from_quaternion, quaternion_from_euler
 from tgl_soar.sim.closed_loop import ClosedLoop, fly
 from tgl_soar.sim.faults import parse_fault
-from tgl_soar.sim.injection import DirectLink, FaultChannel, Injection
+from tgl_soar.sim.injection import DirectLink, FaultChannel, Injection, Measured
 from tgl_soar.sim.sensors import MEMS_IMU, PITOT, READ_BACK, Sensors
 from tgl_soar.sim.world import make_world
 from tgl_soar.types import (
@@ -326,3 +328,11 @@ def test_a_brake_that_is_stuck_stays() -> None:
     injection = Injection([parse_fault("brake.stuck start=1 for=1")])
     injection.surfaces(0.0, SurfaceCommand(0.0, 0.0, 0.0, 0.4), DT)
     assert injection.surfaces(1.0, SurfaceCommand(0.0, 0.1, 0.0, 1.0), DT) == (0.0, 0.1, 0.0, 0.4)
+
+
+@pytest.mark.parametrize("of", ["position", "attitude", "imu", "airspeed"])
+def test_what_a_fault_draws_is_not_what_the_sensor_drew(of: str) -> None:
+    """One stream for both tied a sensor's bias to which of its samples were lost."""
+    lossy = parse_fault(f"{of}.loss start=0 for=9 share=0.5")
+    channel = Measured[Any](of, (lossy,), 3)._fault_channel
+    assert channel._random.random() != Random(f"3/{of}").random()

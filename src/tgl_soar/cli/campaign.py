@@ -53,7 +53,14 @@ def faults(
     dropouts: Annotated[
         int, typer.Option(help="Of each drop-out that must be survived.", min=0, max=100_000)
     ] = 200,
-    seed: Annotated[int, typer.Option(help="Of all that is drawn.", min=0)] = 1,
+    seed: Annotated[
+        int,
+        typer.Option(
+            help="Of the first flight; the others have those after it, so that campaigns whose"
+            " seeds are nearer than their flights share some.",
+            min=0,
+        ),
+    ] = 1,
     model: Annotated[FlightModel | None, typer.Option(help=MODEL_HELP)] = None,
     dispersion: Dispersion = False,
     workers: Workers = ALL,

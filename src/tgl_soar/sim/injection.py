@@ -138,7 +138,7 @@ class Measured(Generic[Sample]):
         self._lies = [fault for fault in faults if fault.of == of]
         self._second = [fault for fault in faults if fault.kind.name == SECOND_AUTOPILOT]
         self._random = Random(f"{seed}/{of} lies")
-        self._fault_channel: FaultChannel[Sample] = FaultChannel(faults, f"{seed}/{of}")
+        self._fault_channel: FaultChannel[Sample] = FaultChannel(faults, f"{seed}/{of} faults")
         self._frozen: Sample | None = None
         self._seen = 0
         self._arrived = 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import sqrt
+from typing import Any
 
 import numpy as np
 import pytest
@@ -71,7 +72,7 @@ def test_every_place_is_flown_on_a_line_of_that_lean() -> None:
         (0.03, {"rms_e_rho_m": 0.0151}, []),
     ],
 )
-def test_one_lean_decides(turbulence: float, changes: dict[str, float], fails: list[int]) -> None:
+def test_one_lean_decides(turbulence: float, changes: dict[str, Any], fails: list[int]) -> None:
     good = LeanCount(flights=96, lost=0, rms_e_rho_m=0.014, rms_y_m=0.1, ended="")
     counts = {LeanCase("with", t, deg): good for t in (0.01, 0.03) for deg in (5.0, 10.0, 45.0)}
     counts[LeanCase("with", turbulence, 45.0)] = good._replace(**changes)

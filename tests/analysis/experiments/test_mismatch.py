@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from msgspec.structs import asdict
 
-from tgl_soar.air.gusts import BlendedField, ScaledField
+from tgl_soar.air.gusts import BlendedField, ScaledField, Schedule
 from tgl_soar.analysis.experiments import campaign, catalogue
 from tgl_soar.analysis.experiments.campaign import FaultJob, FaultJobs, place, world_of
 from tgl_soar.analysis.experiments.context import Context
@@ -25,7 +25,7 @@ from tgl_soar.analysis.flown_airframe import flown_airframe
 from tgl_soar.config.files import ConfigError
 from tgl_soar.sim.aircraft import AircraftModel, aircraft_model
 from tgl_soar.sim.injection import Injection
-from tgl_soar.sim.sensors import MEMS_IMU, PITOT, USUAL_SENSORS, Sensors
+from tgl_soar.sim.sensors import MEMS_IMU, PITOT, Sensors
 
 NONE = Mismatch(
     *(0.0 if name.endswith(("_rad", "_s", "_m")) else 1.0 for name in Mismatch._fields)
@@ -56,7 +56,8 @@ def test_draws_fill_their_bounds_and_repeat_with_their_seed() -> None:
 def test_no_mismatch_is_the_airframe_file() -> None:
     airframe = place().airframe
     assert model_of(NONE) == aircraft_model(asdict(airframe.airframe), airframe.model)
-    assert mismatched_sensors(USUAL_SENSORS, NONE) == USUAL_SENSORS
+    imu = mismatched_sensors(Sensors(imu=MEMS_IMU, airspeed=PITOT), NONE)
+    assert (imu.imu, imu.airspeed) == (MEMS_IMU, PITOT)
 
 
 def test_a_centre_of_gravity_further_aft_is_less_stable() -> None:
@@ -83,9 +84,25 @@ def test_the_air_is_another() -> None:
     assert other.air.turbulence.length_scale_m == 1.5 * site.air.turbulence.length_scale_m
 
 
+def test_a_wind_that_changes_is_that_over_another_board_too() -> None:
+    """As the experiments `wind` and `gust` have it; one that is tilted in flight stays as it is."""
+    _, site, _, field = place()
+    changing = ScaledField(field, Schedule([0.0, 1.0], [1.0, 1.1]))
+    at = (0.6, 0.0, 1.2)
+    for time_s in (0.0, 1.0):
+        flatter, steeper = (
+            mismatched_field(changing, site, NONE._replace(slope_rad=slope)).wind_at(*at, time_s)
+            for slope in RANGES.slope_rad
+        )
+        assert flatter[2] < changing.wind_at(*at, time_s)[2] < steeper[2]
+    tilted = BlendedField(field, field, Schedule([0.0], [0.5]))
+    other = mismatched_field(tilted, site, NONE._replace(slope_rad=RANGES.slope_rad[1]))
+    assert other.wind_at(*at, 0.0) == tilted.wind_at(*at, 0.0)
+
+
 def test_sensors_are_worse_never_better_aligned() -> None:
     every = Sensors(imu=MEMS_IMU, airspeed=PITOT)
-    drawn = NONE._replace(alignment_rad=0.035, position_m=0.01, force_bias=2.0, pressure_bias=3.0)
+    drawn = NONE._replace(force_bias=2.0, pressure_bias=3.0)
     worse = mismatched_sensors(every, drawn)
     assert worse.attitude.bias_rad == pytest.approx(0.035 / 3**0.5)
     assert worse.position.bias_m == pytest.approx(0.01 / 3**0.5)

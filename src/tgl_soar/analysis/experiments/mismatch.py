@@ -41,8 +41,6 @@ class MismatchRanges(NamedTuple):
     centre_of_gravity: Range = (-0.02, 0.02)  # in mean chords, aft
     servo_lag: Range = (0.8, 1.25)  # of its rate constant
     late_s: Range = (0.0, 0.0049)  # of every command, beyond what is known: less than a tick
-    alignment_rad: Range = (0.0, 0.035)  # of the attitude, each axis up to it
-    position_m: Range = (0.0, 0.01)  # of the origin of positions, each axis up to it
     force_bias: Range = (0.5, 2.0)  # of the accelerometers' usual one
     pressure_bias: Range = (0.0, 3.0)  # of the pitot tube's usual one
     slope_rad: Range = (radians(-1.0), radians(1.0))  # of a board in a jet
@@ -52,6 +50,12 @@ class MismatchRanges(NamedTuple):
 
 
 RANGES: Final = MismatchRanges()
+
+# Of the attitude and of the origin of positions, on each axis: sensors draw a bias from a normal
+# distribution by the flight's seed, here of the standard deviation of an even draw within 2 degrees
+# and 1 cm.
+ALIGNMENT_RAD: Final = 0.035 / sqrt(3.0)
+ORIGIN_M: Final = 0.01 / sqrt(3.0)
 
 
 class Mismatch(NamedTuple):
@@ -66,8 +70,6 @@ class Mismatch(NamedTuple):
     centre_of_gravity: float
     servo_lag: float
     late_s: float
-    alignment_rad: float
-    position_m: float
     force_bias: float
     pressure_bias: float
     slope_rad: float
@@ -137,20 +139,11 @@ def mismatched_figures(airframe: Airframe, drawn: Mismatch) -> tuple[tuple[str, 
 
 
 def mismatched_sensors(sensors: Sensors, drawn: Mismatch) -> Sensors:
-    """The sensors that it carries.
-
-    A bias here is the standard deviation of one that a flight draws by its seed: that of an even
-    draw up to a bound is the bound over √3.
-    """
-    even = 1.0 / sqrt(3.0)
+    """The sensors that it carries; a bias is the standard deviation of what a flight draws."""
     imu, airspeed = sensors.imu, sensors.airspeed
     return sensors._replace(
-        position=sensors.position._replace(
-            bias_m=max(sensors.position.bias_m, drawn.position_m * even)
-        ),
-        attitude=sensors.attitude._replace(
-            bias_rad=max(sensors.attitude.bias_rad, drawn.alignment_rad * even)
-        ),
+        position=sensors.position._replace(bias_m=max(sensors.position.bias_m, ORIGIN_M)),
+        attitude=sensors.attitude._replace(bias_rad=max(sensors.attitude.bias_rad, ALIGNMENT_RAD)),
         imu=imu and imu._replace(force_bias_mps2=imu.force_bias_mps2 * drawn.force_bias),
         airspeed=airspeed
         and airspeed._replace(pressure_bias_pa=airspeed.pressure_bias_pa * drawn.pressure_bias),
@@ -161,14 +154,21 @@ def mismatched_field(field: WindField, site: Site, drawn: Mismatch) -> WindField
     """The mean wind that blows: another wind; in a jet another slope of the board, too.
 
     Between two slopes the fields are blended, so that no jet is computed for a single flight; a
-    place must lie in both, and so clear of the steeper board.
+    place must lie in both, and so clear of the steeper board.  A board that is tilted in flight is
+    a blend already, and stays the one that it is.
     """
-    if isinstance(field, SlopeJet) and isinstance(site.air, JetAir):
-        low, high = RANGES.slope_rad
-        weight = (drawn.slope_rad - low) / (high - low)
-        flatter, steeper = (_sloped(site.air, shift) for shift in RANGES.slope_rad)
-        field = BlendedField(flatter, steeper, Schedule([0.0], [weight]))
-    return ScaledField(field, drawn.wind)
+    return ScaledField(_tilted(field, site, drawn.slope_rad), drawn.wind)
+
+
+def _tilted(field: WindField, site: Site, slope_rad: float) -> WindField:
+    if isinstance(field, ScaledField):
+        return ScaledField(_tilted(field.field, site, slope_rad), field.factor)
+    if not (isinstance(field, SlopeJet) and isinstance(site.air, JetAir)):
+        return field
+    low, high = RANGES.slope_rad
+    weight = (slope_rad - low) / (high - low)
+    flatter, steeper = (_sloped(site.air, shift) for shift in RANGES.slope_rad)
+    return BlendedField(flatter, steeper, Schedule([0.0], [weight]))
 
 
 def mismatched_site(site: Site, drawn: Mismatch) -> Site:
