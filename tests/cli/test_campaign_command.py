@@ -92,6 +92,30 @@ def test_a_cluster_that_is_not_there_is_said(command: Command) -> None:
     assert "no scheduler answers" in refused.stderr
 
 
+def test_a_cluster_that_is_not_there_costs_no_flights(command: Command, tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    pytest.importorskip("pyarrow")
+    command()
+    before = (tmp_path / "out" / ROWS).read_bytes()
+    refused = command("--restart", "--scheduler", "nonsense://nowhere")
+    assert refused.exit_code == 2
+    assert (tmp_path / "out" / ROWS).read_bytes() == before
+    again = command()
+    assert again.exit_code == 2
+    assert "a finished campaign's flights are there" in again.stderr
+
+
+def test_a_drop_out_that_is_lost_is_trouble_like_any_flight() -> None:
+    name = campaign.FaultJobs(0, 1, 1)[0].row
+    of = campaign.Outcome(
+        row=name, seed=1, faults="", result=campaign.LOST, reason="hit the board", ended_s=1.0,
+        bad_commands=2, error="ValueError",
+    )  # fmt: skip
+    counted = campaign.count([of])
+    assert (counted.bad_commands, counted.raised, counted.troubles) == (2, 1, [of])
+    assert counted.survivals[0].survived == 0
+
+
 @pytest.mark.parametrize(
     ("seconds", "words"), [(42.3, "42 s"), (89.6, "90 s"), (180.0, "3 min"), (4800.0, "1 h 20 min")]
 )

@@ -90,10 +90,16 @@ def faults(
     jobs = campaign.FaultJobs(flights, dropouts, seed, kind, dispersion)
     begun = time.monotonic()
     try:
+        executor = executor_of(workers, scheduler)  # before anything that is there goes
         with CampaignFolder(
             out, campaign.campaign_of(jobs), resume=resume, restart=restart
         ) as folder:
-            _fly(folder, executor_of(workers, scheduler))
+            if folder.damaged:
+                hint(
+                    f"{out / JOURNAL}: {folder.damaged} bytes were damaged; their flights are flown"
+                    " again"
+                )
+            _fly(folder, executor)
             counted = campaign.count(folder)
             tabulated = folder.finish()
     except (JournalError, WorkerLost, ClusterError) as error:
@@ -103,7 +109,9 @@ def faults(
     where = out / ROWS if tabulated else f"{out / JOURNAL}, no table: {MISSING}"
     say(f"{len(jobs)} flights in {took:.0f} s; every one of them in {where}")
     if page is not None:
-        command = f"tgl-soar campaign faults --flights {flights} --seed {seed}"
+        command = (
+            f"tgl-soar campaign faults --flights {flights} --dropouts {dropouts} --seed {seed}"
+        )
         written = campaign.section(counted, command)
         page.write_text(
             campaign.with_section(page.read_text(encoding="utf-8"), written), encoding="utf-8"

@@ -22,6 +22,7 @@ from tgl_soar.analysis.experiments.scenario import load_scenario
 from tgl_soar.config.files import shipped
 from tgl_soar.sim.campaign.encoding import decoder, digest, result_type
 from tgl_soar.sim.campaign.executors import InLine
+from tgl_soar.sim.campaign.folder import CampaignFolder
 from tgl_soar.sim.campaign.journal import JournalError
 from tgl_soar.sim.campaign.rows import columns_of
 
@@ -74,6 +75,34 @@ def test_an_experiment_that_is_run_again_finds_its_flights(tmp_path: Path) -> No
         fly_twice(FlownFolder(tmp_path))
     assert fly_twice(FlownFolder(tmp_path, restart=True)) == first
     assert len(flown) == 6
+
+
+def test_no_list_goes_before_every_list_has_its_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A disk that fills at the second table leaves both lists to be gone on with."""
+    pytest.importorskip("pyarrow")
+    flown.clear()
+    folder = FlownFolder(tmp_path)
+    first = fly_twice(folder)
+    whole = CampaignFolder.tabulate
+
+    def full(self: CampaignFolder[Any, Any]) -> bool:
+        if self.path.name.startswith("02"):
+            raise JournalError("No space left")
+        return whole(self)
+
+    again = FlownFolder(tmp_path, resume=True)
+    flyer = Flyer(executor=InLine(), folder=again)
+    again.begin("one")
+    assert [flyer.each(margin, seeds) for seeds in ([1, 2], [3])] == first
+    with monkeypatch.context() as context:
+        context.setattr(CampaignFolder, "tabulate", full)
+        with pytest.raises(JournalError, match="No space left"):
+            again.finish()
+    again.close()
+    assert fly_twice(FlownFolder(tmp_path, resume=True)) == first
+    assert flown == [1, 2, 3]
 
 
 def test_other_jobs_are_another_campaign(tmp_path: Path) -> None:

@@ -16,7 +16,13 @@ from cheap_flights import CheapJob, cheap_campaign, cheap_jobs, fly_cheaply
 
 from tgl_soar.sim.campaign.executors import InLine, LocalProcesses
 from tgl_soar.sim.campaign.flight_list import Campaign
-from tgl_soar.sim.campaign.folder import JOURNAL, ROWS, CampaignFolder, read_manifest
+from tgl_soar.sim.campaign.folder import (
+    JOURNAL,
+    MANIFEST,
+    ROWS,
+    CampaignFolder,
+    read_manifest,
+)
 from tgl_soar.sim.campaign.journal import JournalError
 from tgl_soar.sim.campaign.run import Progress
 
@@ -76,7 +82,82 @@ def test_the_table_holds_every_flight_and_is_the_same_whoever_flew(tmp_path: Pat
     assert tables[0] == tables[1]
     with pytest.raises(JournalError, match="complete already: see `tgl-soar campaign report"):
         CampaignFolder(tmp_path / "a", cheap_campaign(COUNT), resume=True)
-    CampaignFolder(tmp_path / "a", cheap_campaign(COUNT)).__exit__(None, None, None)  # once more
+
+
+def test_a_finished_campaign_goes_only_where_that_is_asked_for(tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow")
+    with CampaignFolder(tmp_path, cheap_campaign(COUNT)) as folder:
+        folder.fly(InLine())
+        folder.finish()
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    with pytest.raises(JournalError, match=r"a finished campaign's flights.*--restart"):
+        CampaignFolder(tmp_path, cheap_campaign(COUNT))
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+    for options in ({"again": True}, {"restart": True}):
+        with CampaignFolder(tmp_path, cheap_campaign(COUNT), **options) as folder:
+            assert not (tmp_path / ROWS).exists()
+            folder.fly(InLine())
+            folder.finish()
+
+
+@pytest.mark.parametrize("name", [ROWS, JOURNAL])
+def test_what_is_of_nobody_known_is_left_alone(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(b"somebody's")
+    for again in (False, True):
+        with pytest.raises(JournalError, match="--restart"):
+            CampaignFolder(tmp_path, cheap_campaign(COUNT), again=again)
+    assert (tmp_path / name).read_bytes() == b"somebody's"
+
+
+@pytest.mark.parametrize("options", [{}, {"resume": True}, {"restart": True}])
+def test_two_processes_do_not_share_a_folder(tmp_path: Path, options: dict[str, bool]) -> None:
+    """From the first moment: the second deletes nothing, whatever it is told."""
+    with CampaignFolder(tmp_path, cheap_campaign(COUNT)) as folder:
+        with pytest.raises(JournalError, match="another process flies this campaign"):
+            CampaignFolder(tmp_path, cheap_campaign(COUNT), **options)
+        folder.fly(InLine())
+        assert list(folder) == EXPECTED
+        folder.finish()
+
+
+@pytest.mark.parametrize("damage", [b"{", None])
+def test_a_manifest_that_is_lost_costs_no_flights(tmp_path: Path, damage: bytes | None) -> None:
+    stopped(tmp_path)
+    manifest = tmp_path / MANIFEST
+    manifest.unlink() if damage is None else manifest.write_bytes(damage)
+    with CampaignFolder(tmp_path, cheap_campaign(COUNT), resume=True) as folder:
+        assert folder.flown == 20
+        folder.fly(InLine())
+        assert list(folder) == EXPECTED
+
+
+def test_flights_of_other_libraries_are_not_mixed_in(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stopped(tmp_path)
+    monkeypatch.setattr("tgl_soar.sim.campaign.folder.libraries", lambda: {"numba": ""})
+    with pytest.raises(JournalError, match="another campaign"):
+        CampaignFolder(tmp_path, cheap_campaign(COUNT), resume=True)
+
+
+def test_a_table_that_cannot_be_written_leaves_nothing_of_itself(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+
+    class Full(parquet.ParquetWriter):  # type: ignore[misc,name-defined]
+        def write_table(self, *_: object) -> None:
+            raise OSError(28, "No space left on device")
+
+    with CampaignFolder(tmp_path, cheap_campaign(COUNT)) as folder:
+        folder.fly(InLine())
+        with monkeypatch.context() as context:
+            context.setattr(parquet, "ParquetWriter", Full)
+            with pytest.raises(JournalError, match="No space left"):
+                folder.finish()
+    assert {path.name for path in tmp_path.iterdir()} == {JOURNAL, MANIFEST}
+    with CampaignFolder(tmp_path, cheap_campaign(COUNT), resume=True) as folder:
+        assert folder.flown == COUNT
 
 
 def test_without_pyarrow_the_flights_stay_as_they_are(

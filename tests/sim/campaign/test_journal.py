@@ -67,6 +67,27 @@ def test_a_damaged_record_is_flown_again(tmp_path: Path) -> None:
     path.write_bytes(data)
     with journal(path) as again:
         assert again.missing() == [range(2, 10)]
+        assert again.damaged > 0
+
+
+@pytest.mark.parametrize("where", [3, 11, 17, 25])  # in its head, and in what it holds
+def test_what_comes_after_a_damaged_record_is_kept(tmp_path: Path, where: int) -> None:
+    path = tmp_path / "flights"
+    with journal(path) as kept:
+        kept.put(0, RESULTS[:2])
+        before = path.stat().st_size
+        kept.put(2, RESULTS[2:4])
+        kept.put(4, RESULTS[4:9])
+    data = bytearray(path.read_bytes())
+    data[before + where] ^= 4
+    path.write_bytes(data)
+    with journal(path) as again:
+        assert again.missing() == [range(2, 4), range(9, 10)]
+        assert again.damaged > where
+        again.put(2, RESULTS[2:4])
+        assert list(again) == RESULTS[:9]
+    with journal(path) as last:
+        assert list(last) == RESULTS[:9]
 
 
 def test_flights_that_are_there_twice_count_once(tmp_path: Path) -> None:

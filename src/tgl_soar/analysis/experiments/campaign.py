@@ -340,8 +340,8 @@ class Counted(NamedTuple):
 
     rows: list[FaultRow]  # by fault, in the catalogue's order, pairs last
     survivals: list[Survival]  # of the drop-outs that must be survived
-    results: Counter[str]  # of the rows, as are the next three
-    bad_commands: int
+    results: Counter[str]  # of the rows
+    bad_commands: int  # of all, drop-outs included, as are the next two
     raised: int
     troubles: list[Outcome]  # lost, or with bad commands, or ended by an exception
 
@@ -359,16 +359,16 @@ def count(outcomes: Iterable[Outcome]) -> Counted:
     bad_commands = raised = 0
     troubles = []
     for o in outcomes:
+        bad_commands += o.bad_commands
+        raised += bool(o.error)
+        if o.bad_commands or o.error or o.result == LOST:
+            troubles.append(o)
         if o.row in lengths:
             lengths[o.row][o.result in (SOARING, FLYING)] += 1
             continue
         results[o.row][o.result] += 1
         if o.result in (RELEASED, LOST):
             reasons[o.row][o.reason] += 1
-        bad_commands += o.bad_commands
-        raised += bool(o.error)
-        if o.bad_commands or o.error or o.result == LOST:
-            troubles.append(o)
     return Counted(
         rows=[
             FaultRow(name, found.total(), found, reasons[name])

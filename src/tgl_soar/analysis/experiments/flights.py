@@ -320,14 +320,20 @@ class FlownFolder:
             parameters={"experiment": self._experiment, "jobs": digest(jobs)},
             seeds=(min(seeds), max(seeds)) if seeds else None,
         )
-        folder = CampaignFolder(self.path / self._experiment / name, campaign, **self._options)
+        path = self.path / self._experiment / name
+        folder = CampaignFolder(path, campaign, **self._options, again=True)
         self._open.append(folder)
         return folder
 
     def finish(self) -> bool:
-        """All is done: tables instead of journals.  Whether there are tables.  Errors:
-        `JournalError`."""
-        written = [folder.finish() for folder in self._open]
+        """All is done: tables instead of journals.  Whether there are tables.
+
+        No journal goes before every table is there: a list without one cannot be gone on with.
+        Errors: `JournalError`.
+        """
+        written = [folder.tabulate() for folder in self._open]
+        for folder in self._open:
+            folder.conclude()
         return all(written)
 
     def close(self) -> None:

@@ -7,6 +7,8 @@ manifest.json     version, commit, source, parameters, seeds, computers
 
 from __future__ import annotations
 
+import fcntl
+import os
 from collections.abc import Iterator
 from contextlib import suppress
 from datetime import UTC, datetime
@@ -22,7 +24,7 @@ from tgl_soar.sim.campaign.encoding import digest, result_type
 from tgl_soar.sim.campaign.executors import Executor
 from tgl_soar.sim.campaign.flight_list import Campaign
 from tgl_soar.sim.campaign.journal import Journal, JournalError
-from tgl_soar.sim.campaign.provenance import commit, host_facts, source_digest
+from tgl_soar.sim.campaign.provenance import commit, host_facts, libraries, source_digest
 from tgl_soar.sim.campaign.rows import available, write_rows
 from tgl_soar.sim.campaign.run import OnProgress, run, silent
 
@@ -71,27 +73,32 @@ class CampaignFolder(Generic[Job, Flown]):
         *,
         resume: bool = False,
         restart: bool = False,
+        again: bool = False,
     ) -> None:
-        """resume: go on with what is there; restart: delete it.  Neither: begin, unless flights
-        of an unfinished campaign lie there.
+        """resume: go on with what is there; restart: delete it; again: delete it if it is a
+        finished campaign.  None of them: begin, where nothing lies there.
 
+        The folder is this process's alone from here on until it is closed.
         Errors: `JournalError`; TypeError for flights that cannot be kept.
         """
         self.path = path
         self.campaign = campaign
         self.manifest = _manifest_of(campaign)
-        journal = path / JOURNAL
-        if restart or not resume:
-            self._begin(journal, restart)
-        found = read_manifest(path) if resume else None
-        if found is not None and found.complete and not journal.exists():
-            raise JournalError(f"{path}: complete already: see `tgl-soar campaign report {path}`")
-        if found is not None:
-            self.manifest.runs = found.runs
         self._kind = result_type(campaign.fly)
-        manifest = self.manifest
-        key = digest((manifest.source, manifest.flight, manifest.parameters_digest))
-        self._journal = Journal(journal, key[:32], len(campaign.jobs), self._kind)
+        manifest, journal = self.manifest, path / JOURNAL
+        self._lock = _locked(path)
+        try:
+            if resume and not restart:
+                manifest.runs = self._runs_before(journal)
+            else:
+                self._begin(journal, restart=restart, again=again)
+            key = digest(
+                (manifest.source, manifest.flight, manifest.parameters_digest, libraries())
+            )
+            self._journal = Journal(journal, key[:32], len(campaign.jobs), self._kind)
+        except BaseException:
+            os.close(self._lock)
+            raise
 
     def __enter__(self) -> CampaignFolder[Job, Flown]:
         return self
@@ -107,6 +114,14 @@ class CampaignFolder(Generic[Job, Flown]):
     def close(self) -> None:
         """No more is flown; what is there stays."""
         self._journal.close()
+        if self._lock >= 0:
+            os.close(self._lock)
+            self._lock = -1
+
+    @property
+    def damaged(self) -> int:
+        """How many bytes of what was kept before are of no use; their flights are missing."""
+        return self._journal.damaged
 
     @property
     def flown(self) -> int:
@@ -150,6 +165,13 @@ class CampaignFolder(Generic[Job, Flown]):
     def finish(self) -> bool:
         """Write the table and the manifest and delete the journal; without pyarrow there is no
         table, and the journal stays.  Whether there is a table.  Errors: `JournalError`."""
+        written = self.tabulate()
+        self.conclude()
+        return written
+
+    def tabulate(self) -> bool:
+        """Write the table, of which nothing else depends yet.  Whether there is one: without
+        pyarrow there is none.  Errors: `JournalError`."""
         written = available()
         if written:
             jobs = self.campaign.jobs
@@ -160,20 +182,46 @@ class CampaignFolder(Generic[Job, Flown]):
                 write_rows(self.path / ROWS, kind, self._kind, pairs, kept)
             except OSError as error:
                 raise JournalError(f"{self.path / ROWS}: cannot be written: {error}") from None
+        return written
+
+    def conclude(self) -> None:
+        """All is done: the manifest says so, and where there is a table the journal goes."""
         self.manifest.complete = True
         self.manifest.runs[-1]["ended"] = _now()
         self._write_manifest()
-        if written:
+        if (self.path / ROWS).exists():
             (self.path / JOURNAL).unlink()
-        return written
 
-    def _begin(self, journal: Path, restart: bool) -> None:
-        manifest = read_manifest(self.path) if not restart else None
-        if journal.exists() and manifest is not None and not manifest.complete:
+    def _runs_before(self, journal: Path) -> list[dict[str, Any]]:
+        """Of what is gone on with.  Its journal says what it is of: a manifest that is damaged or
+        gone loses no more than who flew it."""
+        try:
+            found = read_manifest(self.path)
+        except JournalError:
+            if not journal.exists():
+                raise
+            return []
+        if found is not None and found.complete and not journal.exists():
             raise JournalError(
-                f"{journal}: flights of a campaign that was not finished: go on with --resume, or"
-                " begin again with --restart"
+                f"{self.path}: complete already: see `tgl-soar campaign report {self.path}`"
             )
+        return [] if found is None else found.runs
+
+    def _begin(self, journal: Path, *, restart: bool, again: bool) -> None:
+        """Delete what may be.  Errors: `JournalError` for what may not."""
+        if not restart:
+            manifest = read_manifest(self.path)
+            finished = manifest is not None and manifest.complete
+            if journal.exists() and not finished:
+                raise JournalError(
+                    f"{journal}: flights of a campaign that was not finished: go on with --resume,"
+                    " or begin again with --restart"
+                )
+            if (finished or (self.path / ROWS).exists()) and not (finished and again):
+                raise JournalError(
+                    f"{self.path}: a finished campaign's flights are there: name another folder, or"
+                    " write over them with --restart"
+                )
         for name in (JOURNAL, ROWS, MANIFEST):
             with suppress(FileNotFoundError):
                 (self.path / name).unlink()
@@ -184,6 +232,21 @@ class CampaignFolder(Generic[Job, Flown]):
             write_state(path, msgspec.json.format(msgspec.json.encode(self.manifest)), None)
         except OSError as error:
             raise JournalError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def _locked(path: Path) -> int:
+    """The folder, held by this process.  Errors: `JournalError`."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        held = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    except OSError as error:
+        raise JournalError(f"{path}: cannot be written: {error.strerror}") from None
+    try:
+        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(held)
+        raise JournalError(f"{path}: another process flies this campaign") from None
+    return held
 
 
 def _manifest_of(campaign: Campaign[Any, Any]) -> Manifest:

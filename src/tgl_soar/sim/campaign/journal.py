@@ -3,7 +3,8 @@
 Each record holds the results of consecutive flights, with their first number, their count, a
 length and a check sum.  A record that a kill, a power cut or a full disk has cut off is found by
 these, taken off, and its flights are flown again; one that holds flights that are there already
-is passed over.  So every flight is there once or not at all.
+is passed over.  One that is damaged is passed over, too: what comes after it is found by its check
+sum.  So every flight is there once or not at all.
 """
 
 from __future__ import annotations
@@ -97,6 +98,7 @@ class Journal:
         self._records: dict[int, _Record] = {}
         self._there = bytearray(count)
         self.flown = 0
+        self.damaged = 0  # bytes that are of no use: records cut off or not what they were
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file: BinaryIO = path.open("a+b", buffering=0)
@@ -197,17 +199,30 @@ class Journal:
                 f"{self.path}: flights of another campaign, of other options or of another version"
                 " of this program: name another folder, or begin again with --restart"
             )
-        at = len(head)
+        at = whole_until = len(head)
         while at + _HEAD.size <= size:
-            first, count, length, expected = _HEAD.unpack(file.read(_HEAD.size))
-            data = file.read(length) if at + _HEAD.size + length <= size else b""
-            whole = len(data) == length and _sum(first, count, data) == expected
-            if not whole or first + count > self.count:
-                break
-            if not any(self._there[first : first + count]):
-                self._enter(_Record(first, count, at + _HEAD.size, length))
-            at += _HEAD.size + length
-        return at
+            record = self._record_at(at, size)
+            if record is None:
+                at += 1
+                continue
+            self.damaged += at - whole_until
+            if not any(self._there[record.first : record.first + record.flights]):
+                self._enter(record)
+            at = whole_until = record.offset + record.size
+        self.damaged += size - whole_until
+        return whole_until
+
+    def _record_at(self, at: int, size: int) -> _Record | None:
+        """None: no whole record of this campaign begins there."""
+        descriptor = self._file.fileno()
+        first, count, length, expected = _HEAD.unpack(os.pread(descriptor, _HEAD.size, at))
+        begin = at + _HEAD.size
+        if count == 0 or first + count > self.count or begin + length > size:
+            return None
+        data = os.pread(descriptor, length, begin)
+        if len(data) < length or _sum(first, count, data) != expected:
+            return None
+        return _Record(first, count, begin, length)
 
 
 def _sum(first: int, count: int, data: bytes) -> int:

@@ -53,8 +53,14 @@ def host_facts() -> dict[str, Any]:
         "machine": platform.machine(),
         "processors": os.cpu_count() or 1,
         "python": platform.python_version(),
-        **{name: _version(name) for name in _CHANGES_FLIGHTS},
+        **libraries(),
     }
+
+
+def libraries() -> dict[str, str]:
+    """Versions of those whose rounding is in every flight; "": not installed, and then flights
+    are plain where they would be compiled."""
+    return {name: _version(name) for name in _CHANGES_FLIGHTS}
 
 
 def _version(name: str) -> str:

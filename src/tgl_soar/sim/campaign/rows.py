@@ -79,13 +79,16 @@ def write_rows(
     )
     new = path.with_name(path.name + ".new")
     numbered = enumerate(flights)
-    with pyarrow.parquet.ParquetWriter(new, schema, compression="zstd") as writer:
-        while chunk := list(islice(numbered, GROUP)):
-            cells: dict[str, list[Any]] = {FLIGHT: [number for number, _ in chunk]}
-            cells |= {c.name: [c.read(flight[1]) for _, flight in chunk] for c in own}
-            cells |= {c.name: [c.read(flight[0]) for _, flight in chunk] for c in given}
-            writer.write_table(pyarrow.table(cells, schema))
-    new.replace(path)
+    try:
+        with pyarrow.parquet.ParquetWriter(new, schema, compression="zstd") as writer:
+            while chunk := list(islice(numbered, GROUP)):
+                cells: dict[str, list[Any]] = {FLIGHT: [number for number, _ in chunk]}
+                cells |= {c.name: [c.read(flight[1]) for _, flight in chunk] for c in own}
+                cells |= {c.name: [c.read(flight[0]) for _, flight in chunk] for c in given}
+                writer.write_table(pyarrow.table(cells, schema))
+        new.replace(path)
+    finally:
+        new.unlink(missing_ok=True)  # what a full disk has cut off
 
 
 def read_columns(path: Path) -> dict[str, str]:
