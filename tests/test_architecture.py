@@ -32,6 +32,7 @@ TABLE: dict[str, set[str]] = {
     "control.laws": {"control", "estimation"},  # it holds the parameters of both
     "control.conditions": {"control.laws"},
     "control.search": {"control.laws"},
+    "control.survey": {"control.laws"},
     "control.loop_margin": {"control.laws"},
     "control.line_bounds": {"control.loop_margin"},
     "control.margins": {"control.laws"},
@@ -51,6 +52,7 @@ TABLE: dict[str, set[str]] = {
         "autopilot",
         "control.line_bounds",
         "control.search",
+        "control.survey",
         "link",
         "config",
         "onboard.flightlog",
@@ -83,6 +85,7 @@ PURE = {
     "control.conditions", "control.margins", "control.point", "control.estimates",
     "control.surface_loops", "control.passage",
     "control.loop_margin", "control.line_bounds", "control.search",
+    "control.survey",
     "estimation", "autopilot",
 }  # fmt: skip
 IMPURE = {
@@ -226,7 +229,7 @@ CLASS_LINES = 300
 FUNCTION_LINES = 80
 # What is longer, how long it may be, and why.
 LONGER: dict[str, tuple[int, str]] = {
-    "config/parameters.py": (990, "a table: one declaration a parameter, and it grows with them"),
+    "config/parameters.py": (1020, "a table: one declaration a parameter, and it grows with them"),
     "analysis/linear_model.py": (660, "one linear model; its matrices are read beside each other"),
     "analysis/linear_model.py linear_controller": (116, "the matrices of one controller, by rows"),
 }

@@ -2,6 +2,7 @@
 
 from itertools import pairwise
 from math import nan, radians, tan
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -10,6 +11,8 @@ from hypothesis import strategies as st
 from tgl_soar.config.line_changes import (
     LineChanges,
     PresetLine,
+    contour_length,
+    contour_place,
     crossings,
     settled,
     with_changes,
@@ -273,3 +276,62 @@ def test_no_sequence_of_sets_leaves_an_inconsistent_set(data: st.DataObject) -> 
         assert settled(values, PRESETS) == values
         assert values.changed({}) == values
         assert not line.staged or values["TGL_STAGE"] == 1.0
+
+
+# --- a place along the contour ------------------------------------------------------------------
+
+# Upstream, as all of a contour whose rising air is on its left and below: 5 m, and a shorter part.
+CONTOUR = (((5.0, 1.0), (4.0, 1.0)), ((3.0, 4.0), (0.0, 0.0)))
+
+
+def placed() -> Station:
+    return Station(LineChanges(PRESETS, contour=CONTOUR))
+
+
+def test_a_place_puts_the_point_on_the_longest_part_from_its_upstream_end() -> None:
+    station = placed()
+    assert station.set("TGL_PLACE", 2.5) == ["TGL_PLACE", "TGL_X", "TGL_Z"]
+    assert station.server.values["TGL_X"] == pytest.approx(1.5)
+    assert station.server.values["TGL_Z"] == pytest.approx(2.0)
+    assert contour_length(CONTOUR) == 5.0
+    assert contour_place(CONTOUR, 0.0) == (0.0, 0.0)
+    assert contour_place(CONTOUR, 5.0) == (3.0, 4.0)
+    assert contour_place(CONTOUR, 9.0) == (3.0, 4.0)
+
+
+def test_a_place_goes_back_to_none_where_the_point_is_moved_and_not_where_it_leans() -> None:
+    station = placed()
+    station.set("TGL_PLACE", 2.5)
+    station.set("TGL_LEAN", 20.0)
+    assert station.server.values["TGL_PLACE"] == 2.5
+    assert "TGL_PLACE" in station.set("TGL_X", 1.6)
+    assert station.server.values["TGL_PLACE"] == -1.0
+    station.set("TGL_PLACE", 1.0)
+    station.set("TGL_PRESET", 2)
+    assert station.server.values["TGL_PLACE"] == -1.0
+    station.set("TGL_PLACE", 1.0)
+    assert station.server.values["TGL_PRESET"] == 0.0
+    station.set("TGL_PLACE", -1.0)
+    assert station.server.values["TGL_X"] == pytest.approx(0.6)  # it stays
+
+
+@pytest.mark.parametrize(
+    ("contour", "value", "why"),
+    [(CONTOUR, 5.1, "from 0 to 5 m"), (CONTOUR, -0.5, "from 0 to 5 m"), ((), 1.0, "contour")],
+)
+def test_a_place_that_is_not_there_is_refused(contour: Any, value: float, why: str) -> None:
+    changes = LineChanges(PRESETS, contour=contour)
+    with pytest.raises(ParameterError, match=why):
+        changes.set(ParameterSet(), "TGL_PLACE", value, flying=False)
+
+
+def test_a_place_is_checked_as_any_move_is() -> None:
+    changes = LineChanges(PRESETS, contour=CONTOUR)
+    with pytest.raises(ParameterError, match="TGL_STEP_MAX"):
+        changes.set(ParameterSet(), "TGL_PLACE", 4.9, flying=True)
+    no = LineChanges(PRESETS, lambda _: "nowhere to settle", CONTOUR)
+    with pytest.raises(ParameterError, match="nowhere to settle"):
+        no.set(ParameterSet(), "TGL_PLACE", 1.0, flying=True)
+    staging = changes.set(ParameterSet(), "TGL_STAGE", 1.0, flying=False).values
+    with pytest.raises(ParameterError, match="a move is being staged"):
+        changes.set(staging, "TGL_PLACE", 1.0, flying=False)

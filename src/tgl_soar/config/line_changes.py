@@ -2,6 +2,9 @@
 
     preset   TGL_PRESET = n puts TGL_X, TGL_Z and TGL_LEAN on the site's n-th line as one change.
              It goes back to 0 as soon as the line stands elsewhere.
+    place    TGL_PLACE = d puts TGL_X and TGL_Z where d metres along the site's contour end, its
+             longest part, from the upstream end: one number moves the aircraft along what a
+             survey has drawn.  It goes back to -1 as soon as the point is elsewhere.
     staging  TGL_STAGE = 1: sets of TGL_X, TGL_Z, TGL_LEAN and TGL_SLEW are checked one by one
              and held; 0: all of them at once, or none; 2: dropped.  From 2 there is no way to 0
              but over 1, so that a repeated commit that was refused is refused again.
@@ -24,7 +27,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from itertools import pairwise
-from math import cos, hypot, pi, radians, sin
+from math import cos, dist, hypot, pi, radians, sin
 from typing import Final, NamedTuple
 
 from tgl_soar.config.parameters import ParameterError, ParameterSet, as_wire_value, checked_value
@@ -34,6 +37,7 @@ STAGED: Final = (*LINE, "TGL_SLEW")
 BOUNDS: Final = ("FENCE_X_MIN", "FENCE_X_MAX", "FENCE_Z_MIN", "FENCE_Z_MAX", "CLEAR_MIN")
 OVERRIDE: Final = "OP_FORCE 1 overrides once"
 MOVED, STAGING, DROPPED = 0.0, 1.0, 2.0  # of TGL_STAGE
+ELSEWHERE: Final = -1.0  # TGL_PLACE of a point that it has not placed
 
 # Lines through (x, z) [m] where excess updraft is zero; rising air is on their left.
 Contour = tuple[tuple[tuple[float, float], ...], ...]
@@ -73,12 +77,17 @@ class LineChanges:
     """Knows the site's lines and bounds, and holds what is staged."""
 
     def __init__(
-        self, presets: Presets = (), fault: Callable[[ParameterSet], str] = _never
+        self,
+        presets: Presets = (),
+        fault: Callable[[ParameterSet], str] = _never,
+        contour: Contour = (),
     ) -> None:
-        """`fault`: why no aircraft can be held by a line; "" if it can (`line_bounds`)."""
+        """`fault`: why no aircraft can be held by a line; "" if it can (`line_bounds`).  `contour`:
+        the site's, for TGL_PLACE."""
         self.staged: dict[str, float] = {}
         self.fault = fault
         self._presets = presets
+        self._contour = contour
 
     def set(self, values: ParameterSet, name: str, value: float, *, flying: bool) -> Answer:
         """What one set makes of the values that stand.
@@ -91,12 +100,14 @@ class LineChanges:
             if name in STAGED:
                 self.staged[name] = checked_value(name, value, flying=flying)
                 return Answer(values, (name,))
-            if name == "TGL_PRESET":
+            if name in ("TGL_PRESET", "TGL_PLACE"):
                 raise ParameterError(
                     name, f"{value:g}", "a move is being staged: set TGL_STAGE to 0 or 2 first"
                 )
         if name == "TGL_PRESET":
             after = _selected(values, {name: value}, self._presets, flying)
+        elif name == "TGL_PLACE":
+            after = settled(_placed(values, value, self._contour, flying), self._presets)
         else:
             after = settled(values.changed({name: value}, flying=flying), self._presets)
         return self._answer(name, values, after, flying)
@@ -127,6 +138,7 @@ class LineChanges:
 
     def _answer(self, name: str, before: ParameterSet, after: ParameterSet, flying: bool) -> Answer:
         """Errors: `ParameterError` for a line that is refused."""
+        after = _no_place_elsewhere(before, after)
         moved = _line(before) != _line(after) or _held(after) not in (None, _held(before))
         bounded = any(before[bound] != after[bound] for bound in BOUNDS)
         fault = ""
@@ -149,6 +161,62 @@ class LineChanges:
         if moved and flying:
             return True
         return (moved or flying) and not self.fault(before)
+
+
+def _placed(values: ParameterSet, value: float, contour: Contour, flying: bool) -> ParameterSet:
+    """TGL_PLACE, and the point that it means."""
+    along_m = checked_value("TGL_PLACE", value)
+    if along_m == ELSEWHERE:
+        return values.changed({"TGL_PLACE": along_m}, flying=flying)
+    if not contour:
+        raise ParameterError(
+            "TGL_PLACE", f"{value:g}", "the site file has no [contour] for this airframe"
+        )
+    length_m = contour_length(contour)
+    if not 0.0 <= along_m <= as_wire_value(length_m):
+        raise ParameterError(
+            "TGL_PLACE", f"{value:g}", f"the contour runs from 0 to {length_m:g} m"
+        )
+    x_m, z_m = contour_place(contour, along_m)
+    place = {"TGL_PLACE": along_m, "TGL_X": x_m, "TGL_Z": z_m}
+    try:
+        return values.changed(place, flying=flying)
+    except ParameterError as error:
+        raise ParameterError("TGL_PLACE", f"{value:g}", str(error)) from None
+
+
+def _no_place_elsewhere(before: ParameterSet, after: ParameterSet) -> ParameterSet:
+    """Values whose TGL_PLACE is true: -1 where something else has moved the point."""
+    stays = _line(before)[:2] == _line(after)[:2]
+    if after["TGL_PLACE"] == ELSEWHERE or after["TGL_PLACE"] != before["TGL_PLACE"] or stays:
+        return after
+    return after.changed({"TGL_PLACE": ELSEWHERE})
+
+
+def contour_length(contour: Contour) -> float:
+    """Of its longest part [m]; 0 where there is none."""
+    return max((_length(part) for part in contour), default=0.0)
+
+
+def contour_place(contour: Contour, along_m: float) -> tuple[float, float]:
+    """x and z [m] of a place of the longest part, at a distance from its upstream end.
+
+    Rising air is on the left of a part, and below it where an aircraft settles: it runs upstream.
+    Beyond its ends it is the end.  Errors: ValueError for no contour.
+    """
+    points = max(contour, key=_length)[::-1]
+    left_m = along_m
+    for a, b in pairwise(points):
+        step_m = dist(a, b)
+        if left_m <= step_m:
+            way = max(0.0, left_m) / step_m if step_m > 0.0 else 0.0
+            return a[0] + way * (b[0] - a[0]), a[1] + way * (b[1] - a[1])
+        left_m -= step_m
+    return points[-1]
+
+
+def _length(part: tuple[tuple[float, float], ...]) -> float:
+    return sum(dist(a, b) for a, b in pairwise(part))
 
 
 def _step_fault(before: ParameterSet, after: ParameterSet) -> str:

@@ -74,6 +74,10 @@ GROUPS: Final[tuple[Group, ...]] = (
         "The module looks for a place to soar without knowing the wind.",
     ),
     Group(
+        "The survey", ("SRV",),
+        "A slow slide there and back, from which the contour is drawn.",
+    ),
+    Group(
         "Launching", ("LNC",),
         "From the hand to the line.",
     ),

@@ -154,6 +154,12 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
                 " towards the upper end. The point that is flown follows at BRK_SPEED.",
     ),
     Parameter(
+        name="TGL_PLACE", unit="m", minimum=-1, maximum=2000, default=-1,
+        meaning="Puts the line's point onto the site's contour: the distance along it from its"
+                " upstream end. It is -1 (set by hand) while the point is elsewhere.",
+        in_files=False,
+    ),
+    Parameter(
         name="TGL_CAPTURE", unit="m", minimum=0.01, maximum=2.0, default=0.05,
         meaning="The mode becomes soaring when the line stands still and the aircraft has been"
                 " within this distance of it for one second.",
@@ -686,6 +692,27 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
                 " disengages; then 0. Setting any TGL_ parameter ends a search. It needs a fence on"
                 " every side, [polar] and [model] in the airframe file.",
         integer=True, in_files=False,
+    ),
+    # --- the survey --------------------------------------------------------------------------
+    Parameter(
+        name="SRV_START", unit="", minimum=0, maximum=3, default=0,
+        meaning="1: survey the contour: soaring, the module slides the line slowly downstream until"
+                " a guard stops it, back past where it began to the other end, and home; `tgl-soar"
+                " survey` draws the contour from the log. The module shows 2 on the way upstream, 3"
+                " on the way home, and 0 when it has ended. 0 stops the line where it is; setting"
+                " any TGL_ parameter ends a survey. It needs a fence on every side, the forecast"
+                " (FC_ACT), [polar] and [model] in the airframe file.",
+        integer=True, in_files=False,
+    ),
+    # 3.5 m of contour there and back, the line moving 0.9 m for each metre of it, in 105 s.
+    Parameter(
+        name="SRV_SPEED", unit="m/s", minimum=0.01, maximum=1.0, default=0.06,
+        meaning="As TGL_SLEW, while a survey moves the line. The aircraft is late by about half of"
+                " it over the rate at which it returns to its place.",
+    ),
+    Parameter(
+        name="SRV_REACH", unit="m", minimum=0.1, maximum=500, default=5.0,
+        meaning="Farthest that a survey moves the line to either side of where it began.",
     ),
     # --- from the hand to the line ---------------------------------------------------------
     Parameter(

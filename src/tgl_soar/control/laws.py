@@ -95,6 +95,7 @@ class Laws(NamedTuple):
     forecast: ForecastParams
     brake: BrakeGains
     search: int  # SEARCH_…
+    survey_reach_m: float  # to either side of where it began
     launch: LaunchParams
     landing: LandingParams
 
@@ -134,7 +135,7 @@ def laws_from(
         target=TargetLine(
             values["TGL_X"], values["TGL_Z"], eta_from_lean(radians(values["TGL_LEAN"]))
         ),
-        line=LineLimits(values["TGL_SLEW"], values["TGL_ACCEL"], radians(values["TGL_ROT_SLEW"])),
+        line=_line_limits(values),
         soaring=soaring,
         soaring_imu=soaring_imu,
         pitch=pitch,
@@ -169,9 +170,18 @@ def laws_from(
         ),
         brake=_brake_gains(values, aerodynamics, loops),
         search=int(values["SRCH_START"]),
+        survey_reach_m=values["SRV_REACH"],
         launch=_launch_params(values),
         landing=_landing_params(values, frame, aerodynamics),
     )
+
+
+def _line_limits(values: ParameterSet) -> LineLimits:
+    """How fast the line moves; in a survey no faster than that is to be."""
+    speed_mps = values["TGL_SLEW"]
+    if values["SRV_START"] != 0.0:
+        speed_mps = min(speed_mps, values["SRV_SPEED"])
+    return LineLimits(speed_mps, values["TGL_ACCEL"], radians(values["TGL_ROT_SLEW"]))
 
 
 def _launch_params(values: ParameterSet) -> LaunchParams:

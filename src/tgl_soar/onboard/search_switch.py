@@ -12,11 +12,10 @@ Where FC_ACT is 4 the module starts a search by itself when no place to settle i
 
 from __future__ import annotations
 
-from math import cos, degrees, isfinite, pi, sin
+from math import cos, isfinite, sin
 from typing import Final, Protocol
 
 from tgl_soar.autopilot import Output
-from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterError, as_wire_value
 from tgl_soar.control.forecast import SEARCH_FIRST, nowhere
 from tgl_soar.control.laws import (
     SEARCH_GIVEN_UP,
@@ -39,6 +38,7 @@ from tgl_soar.control.search.glimpse import (
 from tgl_soar.control.supervisor import HOLDING, RECOVERING
 from tgl_soar.control.target_line import TargetLine, e_rho
 from tgl_soar.link.messages import SEVERITY_ERROR, SEVERITY_INFO, SEVERITY_WARNING
+from tgl_soar.onboard.line_moves import is_moved, open_fence
 from tgl_soar.onboard.outbound import Outbox
 from tgl_soar.onboard.settings import FlightSettings
 from tgl_soar.onboard.setup import ModuleSetup
@@ -46,7 +46,6 @@ from tgl_soar.types import NAN, VehicleState
 
 # A plan is due once a second and takes a few hundredths: three of them missed is no search.
 LATE_S: Final = 3.0
-SIDES: Final = ("FENCE_X_MIN", "FENCE_X_MAX", "FENCE_Z_MIN", "FENCE_Z_MAX")
 
 
 class SearchEngine(Protocol):
@@ -103,9 +102,7 @@ class SearchSwitch:
             return self._engine.failure
         if not isfinite(self._settings.laws.wind.aerodynamics.polar.c0):
             return "the airframe file has no [polar] and [model] to read the air by"
-        values = self._settings.values
-        open_ = [name for name in SIDES if values[name] == PARAMETERS[INDEX[name]].default]
-        return f"the fence is open: set {', '.join(open_)}" if open_ else ""
+        return open_fence(self._settings)
 
     def tick(self, output: Output) -> None:
         """A tick has gone by, and its command is on its way."""
@@ -220,25 +217,10 @@ class SearchSwitch:
     def _move(self, wish: LineWish) -> None:
         """The line as the parameters have it; its point where the aircraft is to settle."""
         target = wish.target
-        lean_deg = as_wire_value(degrees(target.eta_rad - 0.5 * pi))
-        for x_m, z_m in (*_settled_on(target, wish.place_x_m, wish.place_z_m), target[:2]):
-            wanted = {
-                "TGL_X": as_wire_value(x_m),
-                "TGL_Z": as_wire_value(z_m),
-                "TGL_LEAN": lean_deg,
-            }
-            try:
-                changed = self._settings.values.changed(wanted, flying=True)
-            except ParameterError:
-                continue
-            if not self._bounds.fault(changed.changed({"TGL_HOLD": 0.0})):  # it rests meanwhile
-                for name, value in wanted.items():
-                    if self._settings.values[name] != value:
-                        self._settings.assign(name, value)
-                if self._settings.values["TGL_PRESET"] != 0.0:
-                    self._settings.assign("TGL_PRESET", 0.0)
-                return
-        self._is_refused = True
+        places = (*_settled_on(target, wish.place_x_m, wish.place_z_m), target[:2])
+        lines = (TargetLine(x_m, z_m, target.eta_rad) for x_m, z_m in places)
+        if not any(is_moved(self._settings, self._bounds, line) for line in lines):
+            self._is_refused = True
 
     def _end(self, severity: int, text: str) -> None:
         """The line stays where it is."""

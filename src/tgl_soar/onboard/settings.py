@@ -36,7 +36,8 @@ class FlightSettings:
         recorder: Recorder,
         counters: Counters,
     ) -> None:
-        line = LineChanges(setup.presets, LineBounds(setup.contour, setup.ground).fault)
+        bounds = LineBounds(setup.contour, setup.ground)
+        line = LineChanges(setup.presets, bounds.fault, setup.contour)
         self.server = ParameterServer(setup.own, setup.parameters, outbox.texts, line)
         self.values = self.server.values
         self.laws = laws_of(setup, self.values)

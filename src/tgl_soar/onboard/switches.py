@@ -1,5 +1,5 @@
 """Switches that act from tick to tick and go back by themselves: the multisine's, the search's,
-a launch's and the way home's."""
+the survey's, a launch's and the way home's."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from tgl_soar.onboard.passage_switch import PassageSwitch
 from tgl_soar.onboard.search_switch import SearchEngine, SearchSwitch
 from tgl_soar.onboard.settings import FlightSettings
 from tgl_soar.onboard.setup import ModuleSetup
+from tgl_soar.onboard.survey_switch import SurveySwitch
 
 
 class Switches:
@@ -27,6 +28,7 @@ class Switches:
     ) -> None:
         self._excitation = ExcitationSwitch(settings, outbox)
         self._search = SearchSwitch(setup, settings, outbox, search)
+        self._survey = SurveySwitch(setup, settings, outbox)
         self._passage = PassageSwitch(settings, outbox)
         self._firmware = FirmwareLanding(setup, settings, session, outbox)
         self._active = False
@@ -35,6 +37,7 @@ class Switches:
         """A tick has gone by, and its command is on its way."""
         self._excitation.tick(output.excitation)
         self._search.tick(output)
+        self._survey.tick(output)
         self._passage.tick(output)
         self._firmware.tick(output)
         self._active = output.active
@@ -45,6 +48,8 @@ class Switches:
             return self._passage.refusal(name, value, active=self._active)
         if name == "LND_BY":
             return self._firmware.refusal(value)
+        if name == "SRV_START":
+            return self._survey.refusal(value)
         if name != "SRCH_START" or value == 0.0:
             return ""
         if value != 1.0:
@@ -55,3 +60,4 @@ class Switches:
         """An operator has set a parameter."""
         if name.startswith("TGL_"):
             self._search.taken_back()
+            self._survey.taken_back()

@@ -1,0 +1,1 @@
+"""Surveys: a contour drawn from a slide there and back, and how well."""

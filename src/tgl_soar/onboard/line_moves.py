@@ -1,0 +1,52 @@
+"""A line that the module moves itself, taken as an operator's: in the parameters that all see."""
+
+from __future__ import annotations
+
+from math import degrees, pi
+from typing import Final
+
+from tgl_soar.config.line_changes import ELSEWHERE
+from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterError, as_wire_value
+from tgl_soar.control.line_bounds import LineBounds
+from tgl_soar.control.target_line import TargetLine
+from tgl_soar.onboard.settings import FlightSettings
+
+SIDES: Final = ("FENCE_X_MIN", "FENCE_X_MAX", "FENCE_Z_MIN", "FENCE_Z_MAX")
+
+
+def lean_of(line: TargetLine) -> float:
+    """TGL_LEAN of a line [deg]."""
+    return as_wire_value(degrees(line.eta_rad - 0.5 * pi))
+
+
+def is_moved(settings: FlightSettings, bounds: LineBounds, line: TargetLine) -> bool:
+    """Put the line there if the bounds allow it; whether they do.
+
+    bounds: without a contour, which is of another day's wind.  TGL_STEP_MAX guards against slips
+    of the hand and is not asked; the point that a brake holds rests meanwhile.
+    """
+    wanted = {
+        "TGL_X": as_wire_value(line.x_m),
+        "TGL_Z": as_wire_value(line.z_m),
+        "TGL_LEAN": lean_of(line),
+    }
+    try:
+        changed = settings.values.changed(wanted, flying=True)
+    except ParameterError:
+        return False
+    if bounds.fault(changed.changed({"TGL_HOLD": 0.0})):
+        return False
+    for name, value in wanted.items():
+        if settings.values[name] != value:
+            settings.assign(name, value)
+    for name, elsewhere in (("TGL_PRESET", 0.0), ("TGL_PLACE", ELSEWHERE)):
+        if settings.values[name] != elsewhere:
+            settings.assign(name, elsewhere)
+    return True
+
+
+def open_fence(settings: FlightSettings) -> str:
+    """Why nothing may move the line by itself; "" where the fence has every side."""
+    values = settings.values
+    open_ = [name for name in SIDES if values[name] == PARAMETERS[INDEX[name]].default]
+    return f"the fence is open: set {', '.join(open_)}" if open_ else ""

@@ -1,0 +1,164 @@
+"""SRV_START, the switch of the survey: what it looks at, where its line goes, what it says.
+
+The law is `control.survey`.  Its line is taken as the search's is (`line_moves`), and slides at
+SRV_SPEED as long as SRV_START is not 0.  All that it does is in the parameters, so that a log
+repeats it, and shows by SRV_START when it went which way.
+"""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import Final
+
+from tgl_soar.autopilot import Output
+from tgl_soar.control.forecast import OFF
+from tgl_soar.control.laws import SEARCH_OFF
+from tgl_soar.control.line_bounds import LineBounds
+from tgl_soar.control.supervisor import CAPTURING, SOARING
+from tgl_soar.control.survey import (
+    DONE,
+    DOWNSTREAM,
+    HOMEWARD,
+    IDLE,
+    LOOK_S,
+    NOT_HELD,
+    SURVEY_TEXTS,
+    UPSTREAM,
+    SurveyLook,
+    SurveyState,
+    is_cut_short,
+    stopped,
+    survey_begun,
+    survey_place,
+    survey_refused,
+    survey_step,
+    survey_task,
+)
+from tgl_soar.control.target_line import TargetLine
+from tgl_soar.link.messages import SEVERITY_INFO, SEVERITY_WARNING
+from tgl_soar.onboard.line_moves import is_moved, open_fence
+from tgl_soar.onboard.outbound import Outbox
+from tgl_soar.onboard.settings import FlightSettings
+from tgl_soar.onboard.setup import ModuleSetup
+
+PROGRESS_S: Final = 15.0  # between two words of where it is
+WAYS: Final = {DOWNSTREAM: "downstream", UPSTREAM: "upstream", HOMEWARD: "home"}
+
+
+def look_of(output: Output) -> SurveyLook:
+    """What a survey sees of a tick."""
+    vehicle = output.vehicle
+    return SurveyLook(
+        time_s=vehicle.time_s,
+        x_m=vehicle.x_m,
+        z_m=vehicle.z_m,
+        climb_mps=vehicle.climb_mps,
+        airspeed_mps=output.air.airspeed_mps,
+        stall_rad=output.margins.stall_rad,
+        line=output.line,
+        forecast=output.forecast,
+        held=output.mode in (CAPTURING, SOARING),
+    )
+
+
+class SurveySwitch:
+    """Follows the survey from tick to tick."""
+
+    def __init__(self, setup: ModuleSetup, settings: FlightSettings, outbox: Outbox) -> None:
+        self._settings = settings
+        self._outbox = outbox
+        self._bounds = LineBounds((), setup.ground)
+        self._state: SurveyState | None = None  # None: there is none
+        self._output: Output | None = None  # of the last tick
+        self._told_s = 0.0  # when it said last where it is
+
+    def refusal(self, value: float) -> str:
+        """Why SRV_START may not be set to this; "" if it may."""
+        values, output = self._settings.values, self._output
+        if value == IDLE:
+            return ""
+        if value != DOWNSTREAM:
+            return "set 1 to survey, 0 to end it: the others are what the module shows"
+        if self._state is not None:
+            return "a survey is under way"
+        if not isfinite(self._settings.laws.wind.aerodynamics.polar.c0):
+            return "the airframe file has no [polar] and [model] to foresee the air by"
+        if values["FC_ACT"] == OFF:
+            return "the forecast is off: set FC_ACT to 1 or more"
+        if values["SRCH_START"] != SEARCH_OFF:
+            return "a search has the line: set SRCH_START to 0 first"
+        if values["TGL_HOLD"] != 0.0:
+            return "a point of the line is held, not the contour: set TGL_HOLD to 0 first"
+        if output is None or output.mode != SOARING or output.line.moving:
+            return "it does not soar on a line that stands still"
+        if values["CLEAR_MIN"] == 0.0:
+            return "CLEAR_MIN is 0: what a survey keeps from fence and ground follows from it"
+        return open_fence(self._settings)
+
+    def tick(self, output: Output) -> None:
+        """A tick has gone by, and its command is on its way."""
+        self._output = output
+        wanted = self._settings.values["SRV_START"] != IDLE
+        if not (wanted or self._state is not None):
+            return
+        if not output.active or self._settings.values["SRCH_START"] != SEARCH_OFF:
+            over = "a search has begun" if output.active else SURVEY_TEXTS[NOT_HELD]
+            self._end(SEVERITY_WARNING, f"survey ended: {over}")
+        elif not wanted:
+            assert self._state is not None
+            self._move(stopped(self._state, output.line, IDLE).target)
+            self._end(SEVERITY_INFO, "survey ended by the operator; the line stays")
+        else:
+            self._survey(output)
+
+    def taken_back(self) -> None:
+        """An operator has set a parameter of the line: it is theirs."""
+        if self._state is not None or self._settings.values["SRV_START"] != IDLE:
+            self._end(SEVERITY_INFO, "survey ended: the line was set by hand")
+
+    def _survey(self, output: Output) -> None:
+        look, before = look_of(output), self._state
+        if before is None:
+            self._state, self._told_s = survey_begun(look), look.time_s
+            speed = self._settings.laws.line.speed_mps
+            self._outbox.tell(SEVERITY_INFO, f"survey: downstream at {speed:.2g} m/s")
+            return
+        if 0.0 <= look.time_s - before.time_s < LOOK_S - 1e-6:
+            return
+        after = survey_step(survey_task(self._settings.laws), before, look)
+        if after.target != before.target and not self._move(after.target):
+            after = survey_refused(before, output.line)
+            self._move(after.target)
+        self._state = after
+        if after.standing in WAYS:
+            self._tell_way(before, after)
+            return
+        if after.standing == DONE and not is_cut_short(after):
+            self._end(SEVERITY_INFO, "survey: done")
+        else:
+            where = "is home" if after.standing == DONE else "stays"
+            reason = SURVEY_TEXTS[after.reason]
+            self._end(SEVERITY_WARNING, f"survey ended: {reason}; the line {where}")
+
+    def _tell_way(self, before: SurveyState, after: SurveyState) -> None:
+        """Where it turns, and now and then where it is."""
+        x_m, z_m = survey_place(after)
+        place = f"x {x_m:.2f}, z {z_m:.2f} m"
+        if after.standing != before.standing:
+            severity = SEVERITY_WARNING if is_cut_short(after) else SEVERITY_INFO
+            reason, way = SURVEY_TEXTS[after.reason], WAYS[after.standing]
+            self._outbox.tell(severity, f"survey: {way} from {place}: {reason}")
+            self._settings.assign("SRV_START", float(after.standing))
+            self._told_s = after.time_s
+        elif not 0.0 <= after.time_s - self._told_s < PROGRESS_S:
+            self._outbox.tell(SEVERITY_INFO, f"survey: {WAYS[after.standing]}, {place}")
+            self._told_s = after.time_s
+
+    def _move(self, target: TargetLine) -> bool:
+        return is_moved(self._settings, self._bounds, target)
+
+    def _end(self, severity: int, text: str) -> None:
+        self._outbox.tell(severity, text)
+        self._state = None
+        if self._settings.values["SRV_START"] != IDLE:
+            self._settings.assign("SRV_START", IDLE)
