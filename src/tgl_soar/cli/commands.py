@@ -21,6 +21,7 @@ COMMANDS: Final = {
     "docs": "docs:docs",
     "align": "align:align",
     "report": "report:report",
+    "survey": "survey:survey",
     "sitl": "sitl:sitl",
     "page": "page.command:page",
     "glide": "glide:glide",

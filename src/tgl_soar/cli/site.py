@@ -160,15 +160,21 @@ def contour_toml(
     parts = [[(float(x), float(z)) for x, z in part] for part in found]
     longest = max(map(_length, parts))
     parts = [part for part in parts if _length(part) >= LONGEST_FRACTION * longest]
-    lines = [
+    comment = (
         f"# Where excess updraft is zero, rising air on the left, by `tgl-soar site contour` for a"
-        f"\n# wind of {site.air.wind_mps:g} m/s. A line that does not cross it is refused.",
-        "[contour]",
-        f"airframe = {json.dumps(airframe.airframe.name)}",
-        "parts = [",
-    ]
+        f"\n# wind of {site.air.wind_mps:g} m/s. A line that does not cross it is refused."
+    )
+    parts = [_rising_on_the_left(field, polar, part) for part in parts]
+    return contour_table(comment, airframe.airframe.name, parts, tolerance_m)
+
+
+def contour_table(
+    comment: str, airframe: str, parts: list[list[Point]], tolerance_m: float = TOLERANCE_M
+) -> str:
+    """The text of a `[contour]` table: parts with rising air on their left, thinned."""
+    lines = [comment, "[contour]", f"airframe = {json.dumps(airframe)}", "parts = ["]
     for part in parts:
-        points = _thinned(_rising_on_the_left(field, polar, part), tolerance_m)
+        points = _thinned(part, tolerance_m)
         lines += ["  [", *_wrapped([f"[{x:.3f}, {z:.3f}]" for x, z in points]), "  ],"]
     return "\n".join([*lines, "]", ""])
 

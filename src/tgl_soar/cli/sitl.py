@@ -146,6 +146,9 @@ WithSearch = Annotated[
         help="Search for lift first, from where no line holds the aircraft; then --legs, if any.",
     ),
 ]
+WithSurvey = Annotated[
+    bool, typer.Option("--survey", help="Survey the contour from the last line of --legs.")
+]
 KillModule = Annotated[
     float | None,
     typer.Option(
@@ -181,6 +184,7 @@ def sitl(
     route: Route = None,
     autopilot_parameter: AutopilotParameters = None,
     search: WithSearch = False,
+    survey: WithSurvey = False,
     kill_module: KillModule = None,
     out: Out = Path("out/sitl"),
     report: WithReport = False,
@@ -219,6 +223,7 @@ def sitl(
         route=route,
         autopilot_parameters=tuple(autopilot_parameter or ()),
         search=search,
+        survey=survey,
         kill_s=kill_module,
         gcs_local=gcs_local,
     )

@@ -43,6 +43,7 @@ class PlannedLeg:
     parameters: dict[str, float]
     stay_s: float
     searches: bool = False  # the module is to find the line itself
+    surveys: bool = False  # the module moves the line itself, and is done where SRV_START is 0
 
 
 @dataclass
@@ -218,7 +219,7 @@ class Operator:
             self._moved_by_hand(flown)
             if flown.leg.searches and not (self._line_stands(flown.leg) or flown.by_hand):
                 self._stage = "move"  # it has found a better one, or its place is gone
-            elif self.seen.time_s - flown.stopped_s >= flown.leg.stay_s:
+            elif self.seen.time_s - flown.stopped_s >= flown.leg.stay_s or self._surveyed(flown):
                 flown.ended_s = self.seen.time_s
                 if len(self.flown) == len(self._legs):
                     self._legs_flown()
@@ -301,6 +302,10 @@ class Operator:
             for name, value in flown.leg.parameters.items()
         )
         return flown.by_hand
+
+    def _surveyed(self, flown: FlownLeg) -> bool:
+        """Whether this leg was a survey, and that has ended."""
+        return flown.leg.surveys and self.seen.parameters.get("SRV_START") == 0.0
 
     def _line_stands(self, leg: PlannedLeg) -> bool:
         """Whether the line that is flown is the one that was asked for: before it is engaged the

@@ -52,6 +52,8 @@ Floats = NDArray[np.float64]
 START_S = 120.0  # for the first datagram: on a busy machine air and module take their time
 SILENCE_S = 20.0  # without a datagram for so long the bridge is taken for dead
 SEARCH = "search"  # the name of the leg that looks for lift
+SURVEY = "survey"
+SURVEY_S = 180.0  # at most
 AGAIN = 3  # engagements after the first, in real time
 
 
@@ -84,14 +86,19 @@ def plan(site: Site, values: ParameterSet, options: SitlOptions) -> list[Planned
         raise SitlError(
             f"{options.site}: no line named {unknown[0]!r}; it has {', '.join(site.lines)}"
         )
-    return [search] * options.search + [
-        PlannedLeg(
-            name,
-            {"TGL_LEAN": values["TGL_LEAN"], **line_parameters(site.lines[name]), **settings},
-            options.stay_s,
-        )
-        for name in names
-    ]
+    survey = PlannedLeg(SURVEY, {"SRV_START": 1.0}, SURVEY_S, surveys=True)
+    return (
+        [search] * options.search
+        + [
+            PlannedLeg(
+                name,
+                {"TGL_LEAN": values["TGL_LEAN"], **line_parameters(site.lines[name]), **settings},
+                options.stay_s,
+            )
+            for name in names
+        ]
+        + [survey] * options.survey
+    )
 
 
 def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> SitlFlight:

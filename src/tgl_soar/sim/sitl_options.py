@@ -32,6 +32,7 @@ class SitlOptions:
     route: str | None = None  # by which the module commands it; None: the firmware's usual one
     autopilot_parameters: tuple[str, ...] = ()  # NAME=NUMBER, or NAME=NUMBER@SECONDS
     search: bool = False  # the first leg is a search for lift, and the only one if none is named
+    survey: bool = False  # on the last line the contour is surveyed
     kill_s: float | None = None  # the module is killed so long after its line first stood
     mission: Path | None = None  # of the firmware, as ground stations write it
     goes_home: bool = False  # after the last leg it breaks off and lands

@@ -28,6 +28,7 @@ from tgl_soar.analysis.experiments import (
     search,
     sensitivity,
     still_lines,
+    survey,
     unseen,
     wind_estimate,
     wind_use,
@@ -61,6 +62,7 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "incidence": incidence.incidence,
     "lift_map": lift_map.run,
     "search": search.run,
+    "survey": survey.run,
     "forecast": forecast.run,
     "point": hold_point.run,
     "outdoors": outdoors.run,
@@ -83,6 +85,7 @@ RIGID_BODY_ALONE: Final = (
     "incidence",
     "lift_map",
     "search",
+    "survey",
     "forecast",
     "point",
     "outdoors",
@@ -93,7 +96,7 @@ OURS: Final = frozenset(RIGID_BODY_ALONE)
 # `all` leaves them out: they have pages of their own; the first takes longer than all others, the
 # others fly other airframes, or other satellites.
 APART: Final = (
-    *("search", "point", "outdoors", "satellites", "hour"),
+    *("search", "survey", "point", "outdoors", "satellites", "hour"),
     *("unseen", "dispersed", "leans", "airframes"),
 )
 # By the name under which they are flown together: both pages, and either of them.
@@ -135,6 +138,7 @@ TITLES: Final = {
     "incidence": "the angle of attack as read on board, by the true one",
     "lift_map": "how far the lift map can be trusted",
     "search": "a place to soar without knowing the wind",
+    "survey": "the contour drawn by a slide there and back",
     "forecast": "who is told that a line has no place to settle, and who wrongly",
     "point": "a point of the line held with a brake",
     "outdoors": "launches from the hand, and break-offs that end on the ground",

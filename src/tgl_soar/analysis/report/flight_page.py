@@ -41,6 +41,7 @@ from tgl_soar.analysis.report.point_figure import point_figure, point_words
 from tgl_soar.analysis.report.spectra import SEGMENT_S, Spectrum, spectrum_of
 from tgl_soar.analysis.report.streams import Stream, streams_of
 from tgl_soar.analysis.report.style import drawing
+from tgl_soar.analysis.report.survey_figure import survey_figure, survey_words
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.sim.score import SETTLE_S, SETTLED_FOR_S, SETTLED_M, TAIL_S
 
@@ -156,6 +157,12 @@ def _wanted(analysis: Analysis) -> list[tuple[str, str, str, _Draw]]:
             "Holding a point of the line",
             point_words(flight),
             lambda plt: point_figure(plt, flight),
+        ),
+        (
+            "survey",
+            "The contour surveyed",
+            survey_words(flight),
+            lambda plt: survey_figure(plt, flight),
         ),
         (
             "longitudinal",

@@ -5,10 +5,10 @@ that is carried along it returns to its place at the rate lambda, and is late, b
 
     s(t) = f(q(t)) + e(t) + drift in gusts         e' = -lambda e - f'(q) q'
 
-f is a broken line of KNOTS points, found by least squares with the penalty mu on its second
-differences.  mu and lambda are those with which parts of the flight that are left out are foretold
-best: gusts differ from one passage to the next, the contour does not.  f' is that of the f before,
-first of the one without e: passages both ways leave little of e in it.
+f is a broken line of KNOTS points, found by least squares with the penalty mu on its third
+differences: a parabola costs nothing.  mu and lambda are those with which parts of the flight that
+are left out are foretold best: gusts differ from one passage to the next, the contour does not.  f'
+is that of the f before, first of the one without e: passages both ways leave little of e in it.
 
 How certain f is follows from what is left: white noise of the residuals' spectrum at zero
 frequency, that is their variance times the time over which they are alike.
@@ -28,12 +28,15 @@ from tgl_soar.control.survey import UPSTREAM
 
 KNOTS: Final = 41
 TIMES: Final = 3  # f is found, each time with f' of the time before
-PENALTIES: Final = tuple(10.0**power for power in range(-1, 8))
+# Over how many knots f is smoothed; mu is its sixth power, times the samples at a knot.  What a
+# gust does lasts for 1 / lambda, in which the line passes two knots: over less than three of those
+# it would be taken for the contour's shape.
+WIDTHS: Final = (6.0, 8.0, 12.0, 16.0, 24.0, 48.0)
 # lambda: 0.15 over a small hill, 2 in a tunnel at its strongest.
 RETURNS_PER_S: Final = tuple(0.1 * 2.0 ** (0.5 * power) for power in range(11))
 # Of the time, each left out once: a part is longer than a gust's effect lasts, which is a few
 # 1 / lambda, and shorter than a way, so that the other passage of the same place is kept.
-PARTS: Final = 20
+PARTS: Final = 10
 LEAST_S: Final = 10.0  # of survey on each way: less draws nothing
 LEAST_M: Final = 0.1
 
@@ -90,15 +93,15 @@ def drawn_contour(path: SurveyPath) -> DrawnContour:
     moved = np.diff(c * path.line_z_m - s * path.line_x_m, prepend=np.nan)
     moved[0] = 0.0
     flown = _Slid(time_s=path.time_s, q=q, along=along, moved=moved, inside=inside)
-    found = _fitted(flown, knots, np.zeros(len(q)), PENALTIES)
+    found = _fitted(flown, knots, np.zeros(len(q)), WIDTHS)
     rate, late = np.inf, np.zeros(len(q))
     for _ in range(TIMES):
         slope = np.gradient(found.f, knots)
         lates = {each: _late(flown, knots, slope, each) for each in RETURNS_PER_S}
-        fits = {each: _fitted(flown, knots, late, (found.mu,)) for each, late in lates.items()}
+        fits = {each: _fitted(flown, knots, late, (found.width,)) for each, late in lates.items()}
         rate = min(fits, key=lambda each: fits[each].foretold)
         late = lates[rate]
-        found = _fitted(flown, knots, late, PENALTIES)
+        found = _fitted(flown, knots, late, WIDTHS)
     return DrawnContour(
         x_m=c * found.f - s * knots,
         z_m=s * found.f + c * knots,
@@ -125,7 +128,7 @@ class _Drawn(NamedTuple):
     f: Floats
     sigma: Floats
     left: float  # rms of what it leaves
-    mu: float
+    width: float  # of `WIDTHS`
     foretold: float  # mean square by which parts that are left out differ
 
 
@@ -139,15 +142,17 @@ def _late(flown: _Slid, knots: Floats, slope: Floats, rate_per_s: float) -> Floa
     return late
 
 
-def _fitted(flown: _Slid, knots: Floats, late: Floats, penalties: Sequence[float]) -> _Drawn:
-    """The best f of these penalties."""
+def _fitted(flown: _Slid, knots: Floats, late: Floats, widths: Sequence[float]) -> _Drawn:
+    """The best f of these widths."""
     inside = flown.inside
     hats, y = _hats(flown.q[inside], knots), (flown.along - late)[inside]
-    bend = np.diff(np.eye(len(knots)), 2, axis=0)
+    bend = np.diff(np.eye(len(knots)), 3, axis=0)
     penalty = bend.T @ bend
     time_s = flown.time_s[inside]
+    penalties = [len(y) / KNOTS * width**6 for width in widths]
     errors = [_foretold(hats, y, time_s, mu * penalty) for mu in penalties]
-    mu = penalties[int(np.argmin(errors))]
+    best = int(np.argmin(errors))
+    mu = penalties[best]
     normal = hats.T @ hats
     inverse = np.linalg.inv(normal + mu * penalty)
     f = inverse @ hats.T @ y
@@ -158,7 +163,7 @@ def _fitted(flown: _Slid, knots: Floats, late: Floats, penalties: Sequence[float
         f=f,
         sigma=np.sqrt(np.diag(covariance)),
         left=float(np.sqrt(np.mean(left**2))),
-        mu=mu,
+        width=widths[best],
         foretold=min(errors),
     )
 

@@ -1,0 +1,141 @@
+"""`tgl-soar survey`: the contour of a place, as a survey has drawn it."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import msgspec
+import numpy as np
+import typer
+
+from tgl_soar.analysis.logs.reader import LogError
+from tgl_soar.cli.console import AIRFRAME_FILE, SITE_FILE, fail, hint, say
+from tgl_soar.cli.site import contour_table
+from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.files import ConfigError, airframe_from, load_airframe, load_site, site_from
+
+if TYPE_CHECKING:
+    from tgl_soar.analysis.logs.flight_data import FlightData
+    from tgl_soar.analysis.survey.drawn import DrawnContour
+
+_TABLE = re.compile(r"(?m)^\[{1,2}[A-Za-z]")
+
+
+def survey(
+    log: Annotated[Path, typer.Argument(help="The module's flight log, or another of its flight.")],
+    into: Annotated[
+        Path | None,
+        typer.Option(
+            help="Site file whose \\[contour] it becomes. Else it is printed.", **SITE_FILE
+        ),
+    ] = None,
+    airframe: Annotated[
+        Path | None,
+        typer.Option(help="Airframe file. Default: that of the module's log.", **AIRFRAME_FILE),
+    ] = None,
+    number: Annotated[
+        int, typer.Option(min=0, help="Which survey of the flight, from 1. 0: the last.")
+    ] = 0,
+) -> None:
+    """Draw the contour that a survey has flown, as the \\[contour] table of a site file.
+
+    Nothing else of the site file is changed. Exit code 2: the log holds no survey to draw by.
+    """
+    from tgl_soar.analysis.logs.reading import read_flight
+    from tgl_soar.analysis.survey.drawn import SurveyError, drawn_contour
+    from tgl_soar.analysis.survey.flown import surveys_of
+
+    try:
+        flight = read_flight(log)
+        plane = _airframe(flight, airframe, log)
+        surveys = surveys_of(flight)
+        if number > len(surveys):
+            raise SurveyError(f"--number {number}: the flight has surveys 1 to {len(surveys)}")
+        drawn = drawn_contour(surveys[number - 1])
+        text = _table(drawn, plane.airframe.name, log)
+        if into is not None:
+            write_contour(into, text)
+    except SurveyError as error:
+        fail(f"{log}: {error}")
+    except (LogError, ConfigError, ImportError) as error:
+        fail(error)
+    except OSError as error:
+        fail(f"{error.filename or into}: cannot be written: {error.strerror}")
+    words = (
+        f"{drawn.length_m:.2f} m of contour, ± {100.0 * float(np.median(drawn.sigma_m)):.1f} cm"
+        f" along the line, at its ends ± {100.0 * float(drawn.sigma_m[[0, -1]].max()):.1f} cm"
+    )
+    if into is None:
+        print(text, end="")
+        hint(words)
+    else:
+        say(f"{into}: {words}")
+
+
+def _airframe(flight: FlightData, path: Path | None, log: Path) -> Airframe:
+    """Errors: `ConfigError`."""
+    if path is not None:
+        return load_airframe(path)
+    text = flight.files.get("airframe", "")
+    if not text:
+        raise ConfigError(f"{log}: holds no airframe file: name one by --airframe")
+    return airframe_from(text, f"{log}, airframe file")
+
+
+def _table(drawn: DrawnContour, airframe: str, log: Path) -> str:
+    comment = (
+        "# Where updraft equals sink, rising air on the left, as a survey has drawn it"
+        f"\n# (`tgl-soar survey {log.name}`). A line that does not cross it is refused."
+    )
+    points = list(zip(drawn.x_m.tolist(), drawn.z_m.tolist(), strict=True))
+    return contour_table(comment, airframe, [points])
+
+
+def write_contour(path: Path, table: str) -> None:
+    """Put a `[contour]` table in the place of a site file's, or at its end; all else stays.
+
+    Errors: `ConfigError` for a file that is none, or in which more than the contour would change;
+    OSError.
+    """
+    before = load_site(path)
+    old = path.read_text(encoding="utf-8")
+    new = with_contour(old, table)
+    after = site_from(new, str(path))
+    if msgspec.structs.replace(after, contour=None) != msgspec.structs.replace(
+        before, contour=None
+    ):
+        raise ConfigError(f"{path}: [contour] cannot be replaced alone: put the table in by hand")
+    with tempfile.NamedTemporaryFile(
+        "w", encoding="utf-8", dir=path.parent, prefix=".site-", delete=False
+    ) as file:
+        file.write(new)
+    staged = Path(file.name)
+    try:
+        staged.chmod(path.stat().st_mode & 0o777)
+        staged.replace(path)
+    except OSError:
+        staged.unlink()
+        raise
+
+
+def with_contour(text: str, table: str) -> str:
+    """A site file's text with another `[contour]` table; comments before it go with the old one."""
+    found = re.search(r"(?m)^\[contour\]", text)
+    if found is None:
+        return f"{text.rstrip()}\n\n{table}"
+    following = _TABLE.search(text, found.end())
+    end = len(text) if following is None else following.start()
+    ahead = text[: found.start()].split("\n")[:-1]
+    while ahead and ahead[-1].startswith("#"):
+        ahead.pop()
+    # What is written over the next table is that one's.
+    body = text[found.start() : end].rstrip("\n").split("\n")
+    own = len(body)
+    while own and (not body[own - 1].strip() or body[own - 1].startswith("#")):
+        own -= 1
+    rest = "\n".join(body[own:]).strip("\n")
+    tail = "\n".join(part for part in (rest, text[end:]) if part)
+    return "\n".join([*ahead, table.rstrip("\n")]) + (f"\n\n{tail}" if tail else "\n")

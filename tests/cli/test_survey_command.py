@@ -1,0 +1,98 @@
+"""`tgl-soar survey`: a log's survey becomes the [contour] of a site file, and no more of it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import msgspec
+import pytest
+from slid_contour import flown, logged
+from typer.testing import CliRunner
+
+from tgl_soar.analysis.logs import reading
+from tgl_soar.analysis.logs.flight_data import FlightData
+from tgl_soar.cli.app import app
+from tgl_soar.cli.survey import with_contour, write_contour
+from tgl_soar.config.files import ConfigError, load_site, shipped
+
+AIRFRAME = shipped("airframes/eclipson_c.toml").read_text(encoding="utf-8")
+TABLE = """\
+# drawn
+[contour]
+airframe = "Eclipson Model C"
+parts = [
+  [
+    [1.0, 2.0], [0.0, 1.0],
+  ],
+]
+"""
+
+
+def run(monkeypatch: pytest.MonkeyPatch, flight: FlightData, *words: str) -> tuple[int, str]:
+    monkeypatch.setattr(reading, "read_flight", lambda _path: flight)
+    result = CliRunner().invoke(app, ["survey", "flight.ulg", *words])
+    return result.exit_code, re.sub(r"\s+", " ", result.output)
+
+
+def surveyed() -> FlightData:
+    return FlightData(**{**vars(logged(flown())), "files": {"airframe": AIRFRAME}})
+
+
+def test_it_prints_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    code, text = run(monkeypatch, surveyed())
+    assert code == 0
+    assert '[contour] airframe = "Eclipson Model C" parts = [ [ [' in text
+    assert "m of contour, ±" in text
+
+
+@pytest.mark.parametrize("name", ["tunnel", "hill"])
+def test_it_becomes_the_contour_of_a_site_file_and_all_else_stays(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, name: str
+) -> None:
+    site = tmp_path / "site.toml"
+    text = shipped(f"sites/{name}.toml").read_text(encoding="utf-8")
+    site.write_text(text, encoding="utf-8")
+    before = load_site(site)
+    code, _ = run(monkeypatch, surveyed(), "--into", str(site))
+    assert code == 0
+    after = load_site(site)
+    assert after.contour != before.contour
+    assert after.contour is not None
+    assert after.contour_for("Eclipson Model C")[0][0][0] > after.contour.parts[0][-1][0]
+    assert msgspec.structs.replace(after, contour=before.contour) == before
+    assert site.read_text(encoding="utf-8").startswith(text.partition("# Where excess")[0].rstrip())
+    again = site.read_text(encoding="utf-8")
+    run(monkeypatch, surveyed(), "--into", str(site))
+    assert site.read_text(encoding="utf-8") == again
+    assert [path.name for path in tmp_path.iterdir()] == ["site.toml"]
+
+
+def test_what_stands_after_the_table_keeps_its_comment() -> None:
+    text = "a = 1\n\n# old\n[contour]\nparts = []\n\n# of the start\n[start]\nx_m = 1\n"
+    changed = with_contour(text, TABLE)
+    assert changed == f"a = 1\n\n{TABLE}\n# of the start\n[start]\nx_m = 1\n"
+    assert with_contour("a = 1\n", TABLE) == f"a = 1\n\n{TABLE}"
+
+
+def test_a_file_in_which_more_would_change_is_left_alone(tmp_path: Path) -> None:
+    site = tmp_path / "site.toml"
+    text = shipped("sites/tunnel.toml").read_text(encoding="utf-8")
+    site.write_text(text, encoding="utf-8")
+    more = TABLE + "\n[position]\nsilence_s = 0.2\n"
+    with pytest.raises(ConfigError, match="by hand"):
+        write_contour(site, more)
+    assert site.read_text(encoding="utf-8") == text
+
+
+def test_without_a_survey_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    bare = FlightData("log", "a log", files={"airframe": AIRFRAME})
+    code, text = run(monkeypatch, bare)
+    assert code == 2
+    assert "holds no survey: set SRV_START to 1" in text
+    code, text = run(monkeypatch, logged(flown()))
+    assert code == 2
+    assert "--airframe" in text
+    code, text = run(monkeypatch, surveyed(), "--number", "3")
+    assert code == 2
+    assert "surveys 1 to 1" in text
