@@ -62,7 +62,7 @@ def logged(path: SurveyPath, *, ended: bool = True) -> FlightData:
     turns = np.flatnonzero(np.diff(path.standing)) + 1
     events = [
         Event(3.0, "parameter", "SRV_START 0 → 1"),
-        Event(3.0, "message", "survey: downstream"),
+        Event(3.0, "message", "survey: downstream at 0.06 m/s"),
     ]
     for n in turns:
         text = f"SRV_START {path.standing[n - 1]:g} → {path.standing[n]:g}"

@@ -73,6 +73,8 @@ HOMEWARD: Final = 3  # to where it began
 DONE: Final = 4  # it is there
 STOPPED: Final = 5  # the line stays where it is
 
+BEGINS: Final = "survey: downstream at"  # the words with which one begins
+
 NO_REASON: Final = 0
 AT_FENCE: Final = 1
 AT_GROUND: Final = 2

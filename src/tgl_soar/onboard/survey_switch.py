@@ -16,6 +16,7 @@ from tgl_soar.control.laws import SEARCH_OFF
 from tgl_soar.control.line_bounds import LineBounds
 from tgl_soar.control.supervisor import CAPTURING, SOARING
 from tgl_soar.control.survey import (
+    BEGINS,
     DONE,
     DOWNSTREAM,
     HOMEWARD,
@@ -121,7 +122,7 @@ class SurveySwitch:
         if before is None:
             self._state, self._told_s = survey_begun(look), look.time_s
             speed = self._settings.laws.line.speed_mps
-            self._outbox.tell(SEVERITY_INFO, f"survey: downstream at {speed:.2g} m/s")
+            self._outbox.tell(SEVERITY_INFO, f"{BEGINS} {speed:.2g} m/s")
             return
         if 0.0 <= look.time_s - before.time_s < LOOK_S - 1e-6:
             return

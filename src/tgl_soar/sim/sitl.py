@@ -86,19 +86,20 @@ def plan(site: Site, values: ParameterSet, options: SitlOptions) -> list[Planned
         raise SitlError(
             f"{options.site}: no line named {unknown[0]!r}; it has {', '.join(site.lines)}"
         )
-    survey = PlannedLeg(SURVEY, {"SRV_START": 1.0}, SURVEY_S, surveys=True)
-    return (
-        [search] * options.search
-        + [
-            PlannedLeg(
-                name,
-                {"TGL_LEAN": values["TGL_LEAN"], **line_parameters(site.lines[name]), **settings},
-                options.stay_s,
-            )
-            for name in names
-        ]
-        + [survey] * options.survey
-    )
+    legs = [
+        PlannedLeg(
+            name,
+            {"TGL_LEAN": values["TGL_LEAN"], **line_parameters(site.lines[name]), **settings},
+            options.stay_s,
+        )
+        for name in names
+    ]
+    if options.survey and not legs:
+        raise SitlError("a survey begins on a line: name one by --legs")
+    if options.survey:
+        begins = {**legs[-1].parameters, "SRV_START": 1.0}
+        legs.append(PlannedLeg(SURVEY, begins, SURVEY_S, surveys=True))
+    return [search] * options.search + legs
 
 
 def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> SitlFlight:
@@ -130,13 +131,14 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> SitlFligh
     processes = SitlProcesses(options.out)
     killed_s = _fly(options, truth_file, operator, processes, progress)
     truth = _read_truth(truth_file)
-    lines = [_line(flown.found or flown.leg.parameters) for flown in operator.flown]
+    flown = [each for each in operator.flown if not each.leg.surveys]  # it is on no line
+    lines = [_line(each.found or each.leg.parameters) for each in flown]
     field, polar = build_field(site.air, options.site.parent), airframe.polar.as_polar()
     crossings = [stable_crossing(field, polar, line) for line in lines]
     notes = [f"engaged again after a hiccup of this machine: {w}" for w in operator.hiccups]
     flight = SitlFlight(
-        flown=operator.flown,
-        scores=_scores(operator.flown, lines, crossings, truth),
+        flown=flown,
+        scores=_scores(flown, lines, crossings, truth),
         crossings=crossings,
         lines=lines,
         truth=truth,

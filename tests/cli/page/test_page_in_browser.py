@@ -27,7 +27,8 @@ from page_flight import (
 from page_window import PageWindow
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.config.files import shipped
+from tgl_soar.config.files import load_site, shipped
+from tgl_soar.config.line_changes import contour_place
 from tgl_soar.link.frames import first_frame
 
 pytest.importorskip("starlette", reason="the extra `page` is not installed")
@@ -348,6 +349,34 @@ def test_a_point_is_held_and_dragged_along_the_line(browser: Any) -> None:
         window.page.click("#hold-point")
         flying.until(lambda flown: flown.value("TGL_HOLD") == 0.0)
         window.close()
+
+
+def test_a_survey_is_begun_and_stopped_and_the_aircraft_moved_along_the_contour(
+    browser: Any, flight: tuple[Flying, Served]
+) -> None:
+    flying, served = flight
+    window = Window(browser, served.address).loaded()
+    engaged(window, flying)
+    flying.until(lambda flown: flown.mode == SOARING)
+    window.until(lambda: window.page.is_enabled("#survey"))
+    window.page.click("#survey")
+    flying.until(lambda flown: flown.value("SRV_START") == 1.0)
+    window.shows("#survey", "Stop the survey (downstream)")
+    assert window.page.is_disabled("#place")
+    window.page.click("#survey")
+    flying.until(lambda flown: flown.value("SRV_START") == 0.0)
+    window.shows("#message-list", "survey ended by the operator")
+    window.until(lambda: window.page.is_enabled("#place"))
+    assert window.page.inner_text("#place-words") == "elsewhere"
+    window.page.fill("#place", "1.2")
+    window.page.dispatch_event("#place", "change")
+    flying.until(lambda flown: flown.value("TGL_PLACE") == pytest.approx(1.2))
+    window.shows("#place-words", "1.20 m")
+    x_m, z_m = contour_place(load_site(SITE).contour_for("Eclipson Model C"), 1.2)
+    assert flying.flown.value("TGL_X") == pytest.approx(x_m)
+    assert flying.flown.value("TGL_Z") == pytest.approx(z_m)
+    assert window.errors == []
+    window.close()
 
 
 def test_a_wrong_token_and_a_dead_server_are_reported(

@@ -275,7 +275,8 @@ def survey_figure(
     from tgl_soar.analysis.report.style import drawing
 
     with drawing() as plt:
-        figure, axes = plt.subplots(1, len(groups), figsize=(10.0, 3.4), sharey=True)
+        size = {"figsize": (9.0, 2.7), "layout": "constrained"}
+        figure, axes = plt.subplots(1, len(groups), sharey=True, **size)
         for ax, ((turbulence, speed), flown) in zip(axes, groups.items(), strict=True):
             looks = flown[0].flight.looks
             ax.plot(looks["true_x_m"], looks["true_z_m"], color="0.8", lw=0.5)

@@ -7,12 +7,13 @@ from typing import Final
 
 import numpy as np
 
-from tgl_soar.analysis.logs.flight_data import FlightData
+from tgl_soar.analysis.logs.flight_data import Event, FlightData
 from tgl_soar.analysis.survey.drawn import SurveyError, SurveyPath
-from tgl_soar.control.survey import DOWNSTREAM, IDLE
+from tgl_soar.control.survey import BEGINS, DOWNSTREAM, IDLE
 
 SAMPLE_S: Final = 0.1  # a gust's effect lasts several of them
 LEAN_RAD: Final = 0.005  # by which the line may have turned meanwhile: telemetry's last digit
+SAME_S: Final = 1.0
 _SHOWN: Final = re.compile(r"SRV_START (?:\S+ → )?(\d)")
 
 
@@ -23,10 +24,12 @@ def surveys_of(flight: FlightData) -> list[SurveyPath]:
     """
     spans: list[list[tuple[float, int]]] = []
     for event in sorted(flight.events):
-        shown = _SHOWN.fullmatch(event.text) if event.kind == "parameter" else None
-        if shown is None:
+        standing = _standing(event)
+        if standing is None:
             continue
-        standing = int(shown[1])
+        last_s, last = spans[-1][-1] if spans else (-np.inf, IDLE)
+        if standing == last and event.time_s - last_s < SAME_S:  # as a word, and as a value
+            continue
         if standing == DOWNSTREAM or not spans:
             spans.append([])
         spans[-1].append((event.time_s, standing))
@@ -38,6 +41,14 @@ def surveys_of(flight: FlightData) -> list[SurveyPath]:
         lacking = "path in the soaring frame" if flight.path is None else "target gradient line"
         raise SurveyError(f"the log holds no {lacking}, from which a contour is drawn")
     return [_path(flight, span) for span in spans]
+
+
+def _standing(event: Event) -> int | None:
+    """SRV_START from here on; a telemetry log may have its beginning in words alone."""
+    if event.kind == "message" and event.text.startswith(BEGINS):
+        return DOWNSTREAM
+    shown = _SHOWN.fullmatch(event.text) if event.kind == "parameter" else None
+    return None if shown is None else int(shown[1])
 
 
 def _path(flight: FlightData, span: list[tuple[float, int]]) -> SurveyPath:

@@ -17,7 +17,8 @@ from tgl_soar.cli.page.ghost import Foresight
 from tgl_soar.cli.page.measured_air import MeasuredAir
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import preset_lines
-from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterSet
+from tgl_soar.config.line_changes import contour_length
+from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterSet, as_wire_value
 from tgl_soar.config.site import Site
 from tgl_soar.control.brake import POINT_TEXTS
 from tgl_soar.control.forecast import FORECAST_TEXTS
@@ -77,6 +78,7 @@ def place_of(airframe: Airframe, site: Site, values: ParameterSet, folder: Path)
         "braked": band,
         "has_brake": has_brake,
         "known": [list(part) for part in known],
+        "contour_m": as_wire_value(contour_length(known)),
         "updraft": updraft,
         "presets": [{"name": p.name, "x": p.x_m, "z": p.z_m, "lean": p.lean_deg} for p in presets],
         **meanings(),

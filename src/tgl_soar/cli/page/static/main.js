@@ -45,6 +45,19 @@ function presets(model, ask) {
   });
 }
 
+// The survey's button, and the place on the contour as the module echoes it.
+function surveyed(model) {
+  const { SRV_START: way, TGL_PLACE: place } = model.parameters;
+  const cannot = model.isRecording || !model.connected || model.heldByOther;
+  words($("survey"), way ? `Stop the survey (${["", "downstream", "upstream", "home"][way]})` : "Survey the contour");
+  $("survey").disabled = cannot || !(way || model.mode === "soaring");
+  $("place").disabled = cannot || Boolean(way);
+  if (document.activeElement === $("place")) return;
+  const known = place !== undefined && place >= 0;
+  if (known) $("place").value = place;
+  words($("place-words"), known ? `${place.toFixed(2)} m` : "elsewhere");
+}
+
 function theme() {
   const asked = localStorage.getItem("theme");
   const dark = matchMedia("(prefers-color-scheme: dark)");
@@ -87,6 +100,15 @@ async function begin() {
   for (const id of ["engage", "release", "abort", "undo"]) $(id).addEventListener("click", () => ask(id));
   $("along").addEventListener("change", (event) => { hand.along = event.target.checked; });
 
+  $("survey").addEventListener("click", () => ask("set", { name: "SRV_START", value: model.parameters.SRV_START ? 0 : 1 }));
+  $("place-row").hidden = !scene.contour_m;
+  $("place").max = scene.contour_m;
+  $("place").addEventListener("input", (event) => words($("place-words"), `${Number(event.target.value).toFixed(2)} m`));
+  $("place").addEventListener("change", (event) => {
+    ask("set", { name: "TGL_PLACE", value: Number(event.target.value) });
+    event.target.blur(); // from here on it shows the module's echo
+  });
+
   $("point-row").hidden = !scene.has_brake;
   $("hold-point").addEventListener("change", (event) => {
     const { checked } = event.target;
@@ -118,6 +140,7 @@ async function begin() {
       button.setAttribute("aria-pressed", String(number === i + 1));
       button.disabled = model.isRecording || !model.line || model.heldByOther || !model.connected;
     });
+    surveyed(model);
     $("undo").disabled = !model.undo || model.heldByOther;
     if (model.received && model.received !== measured.last) {
       measured.last = model.received;
