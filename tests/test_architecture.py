@@ -63,8 +63,9 @@ TABLE: dict[str, set[str]] = {
     },
     "air": {"geometry"},
     "sim.campaign": {"config"},  # many flights, whatever a flight is
+    "sim.lines_ahead": {"air", "control.search"},  # rollouts, compiled for experiments
     "sim": {"autopilot", "air", "link", "config", "onboard.realtime", "sim.campaign"},
-    "analysis": {"sim", "onboard", "air"},
+    "analysis": {"sim", "sim.lines_ahead", "onboard", "air"},
     "gym": {"analysis"},
     "cli": {"analysis", "onboard", "sim"},
 }

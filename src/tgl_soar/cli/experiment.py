@@ -55,7 +55,7 @@ COLOURS = {
 }
 
 
-EPISODES = typer.Option(help="Of `search`: places of each kind; default 40.", min=1, max=10_000)
+EPISODES = typer.Option(help="Of `search`, `nowhere`: places of each kind.", min=1, max=10_000)
 
 
 def experiment(

@@ -85,10 +85,14 @@ MODULES: Final = (
     "tgl_soar.sim.stepping",
     "tgl_soar.sim.flight",
     "tgl_soar.sim.commanded_flight",
+    "tgl_soar.sim.watched_flight",
+    "tgl_soar.estimation.lift_map.sinking",
+    "tgl_soar.control.search.ahead",
+    "tgl_soar.sim.lines_ahead",
 )
 
 # Functions of these names, which write to a list, or a whole row of an array.
-COUNTED: Final = frozenset({"keep_sample", "delivered", "fly_given"})
+COUNTED: Final = frozenset({"keep_sample", "delivered", "fly_given", "fly_to_look"})
 # Nothing calls a function inside a kernel from Python: numba makes no wrapper for that, which would
 # take longer than the function wherever it is handed hundreds of numbers.
 _OPTIONS: Final[dict[str, Any]] = {

@@ -161,26 +161,26 @@ def row_of(
     )
 
 
-def fly_ticks(
+def fly_to_look(
     parts: Parts,
     laws: Laws,
     flight: Flight,
     until_step: int,
     target_changes: int,
     rows: FloatArray,
-) -> Flight:
-    """Fly on to a step, or until the module hands over or the aircraft crashes.
-
-    As `sim.closed_loop.fly`; `rows[n]`, a `Row`, is filled for the tick at step n.
-    """
+) -> tuple[Flight, Output]:
+    """`fly_ticks`, and what the module would report in the tick that is due then: a tick is pure,
+    and this one is forgotten."""
     n, standing, reason = flight.steps, flight.standing, flight.reason
     world, autopilot = flight.world, flight.autopilot
     command, held = flight.command, flight.held
     dt = 1.0 / parts.step_hz
-    while n < until_step and standing == FLIES:
+    while True:
         now = n * dt
-        autopilot, output = autopilot_step(laws, autopilot, inputs_at(now, world.samples, True))
-        reason = output.reason
+        ticked, output = autopilot_step(laws, autopilot, inputs_at(now, world.samples, True))
+        if n >= until_step or standing != FLIES:
+            break
+        autopilot, reason = ticked, output.reason
         if output.active:
             command = output.command
             held = False
@@ -199,7 +199,23 @@ def fly_ticks(
         command=command,
         held=held,
         autopilot=autopilot,
-    )
+    ), output
+
+
+def fly_ticks(
+    parts: Parts,
+    laws: Laws,
+    flight: Flight,
+    until_step: int,
+    target_changes: int,
+    rows: FloatArray,
+) -> Flight:
+    """Fly on to a step, or until the module hands over or the aircraft crashes.
+
+    As `sim.closed_loop.fly`; `rows[n]`, a `Row`, is filled for the tick at step n.
+    """
+    flight, _ = fly_to_look(parts, laws, flight, until_step, target_changes, rows)
+    return flight
 
 
 def decide_in_cells(laws_cell: Cell, state_cell: Cell, inputs: Inputs) -> LoopDecision:

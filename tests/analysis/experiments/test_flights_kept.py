@@ -13,6 +13,7 @@ from tgl_soar.analysis.experiments import (
     estimator_flights,
     flights,
     identification,
+    nowhere,
     search,
     wind_estimate,
 )
@@ -36,7 +37,8 @@ from tgl_soar.sim.campaign.rows import columns_of
         estimator_flights.fly_scored_compiled,
         estimator_flights.watch,
         identification.examine,
-        search.fly_place,
+        search.fly_search,
+        nowhere.fly_line,
         wind_estimate.look_on,
         dispersed.margin_of,
         dispersed._fly,

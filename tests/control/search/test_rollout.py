@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tgl_soar.config.files import load_airframe, shipped
+from tgl_soar.control.search.ahead import GRAVITY_MPS2
 from tgl_soar.control.search.rollout import (
-    GRAVITY_MPS2,
     Fields,
     Grid,
     Guards,

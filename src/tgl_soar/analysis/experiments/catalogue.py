@@ -21,6 +21,7 @@ from tgl_soar.analysis.experiments import (
     incidence,
     lift_map,
     line_lean,
+    nowhere,
     outdoors,
     places,
     robustness,
@@ -63,6 +64,7 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "lift_map": lift_map.run,
     "search": search.run,
     "survey": survey.run,
+    "nowhere": nowhere.run,
     "forecast": forecast.run,
     "point": hold_point.run,
     "outdoors": outdoors.run,
@@ -86,6 +88,7 @@ RIGID_BODY_ALONE: Final = (
     "lift_map",
     "search",
     "survey",
+    "nowhere",
     "forecast",
     "point",
     "outdoors",
@@ -96,7 +99,7 @@ OURS: Final = frozenset(RIGID_BODY_ALONE)
 # `all` leaves them out: they have pages of their own; the first takes longer than all others, the
 # others fly other airframes, or other satellites.
 APART: Final = (
-    *("search", "survey", "point", "outdoors", "satellites", "hour"),
+    *("search", "survey", "nowhere", "point", "outdoors", "satellites", "hour"),
     *("unseen", "dispersed", "leans", "airframes"),
 )
 # By the name under which they are flown together: both pages, and either of them.
@@ -139,6 +142,7 @@ TITLES: Final = {
     "lift_map": "how far the lift map can be trusted",
     "search": "a place to soar without knowing the wind",
     "survey": "the contour drawn by a slide there and back",
+    "nowhere": "starts on a line without a place to settle",
     "forecast": "who is told that a line has no place to settle, and who wrongly",
     "point": "a point of the line held with a brake",
     "outdoors": "launches from the hand, and break-offs that end on the ground",

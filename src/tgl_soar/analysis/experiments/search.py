@@ -2,24 +2,26 @@
 
 Fields, starts and wind are random (`analysis.search.places`); every searcher flies the same places
 with the same gusts and sensors, in the module's own closed loop with its own estimates.  The
-figures to reach are those of search.md's prototype or better, argued before the flights:
+figures to reach were argued before the flights:
 
-    soared, of what the oracle soars    ≥ 90 % (tunnel), ≥ 75 % (hill, in changing wind)
+    soared, of what the oracle soars    ≥ 90 % (tunnel; 95 % from below 0.75 of the ceiling, where
+                                        there is time to move), ≥ 95 % (hill, steady wind),
+                                        ≥ 75 % (hill, where it falls by 10–15 %)
+    without a pitot                     within 3 points: the variometer fixes w − S
     false claims                        ≤ 2 %, ≤ 1 %: an operator who hears "soaring" looks away
     nowhere to soar: given up in time   ≥ 95 %, ≥ 99 %: else it costs the aircraft
     settled                             ≤ 6 s, ≤ 25 s: a few times 1/λ of the place
+    beside AOSoar's walk                a place ≥ 10 times sooner
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
 from functools import lru_cache
-from math import isfinite
+from math import inf, isfinite
 from pathlib import Path
 from statistics import mean, median
-from typing import Final, NamedTuple
-
-import numpy as np
+from typing import Any, Final, NamedTuple
 
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
@@ -31,37 +33,61 @@ from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import load_airframe, shipped
 from tgl_soar.control.search.lift_search import Sighting
 
-EPISODES: Final = 40  # of each kind
+EPISODES: Final = 300  # of each kind
+OTHERS: Final = 50  # of each kind flown by the baselines that nothing is claimed of
 QUICK: Final = 2
+BLOCK: Final = 50  # places in a list that is flown: what is done stays done where fewer are asked
 KINDS: Final[tuple[Kind, ...]] = ("tunnel", "hill")
 MAP: Final = "map and rollouts"
 ORACLE: Final = "oracle"
+START: Final = "line through the start"
+WALK: Final = "AOSoar's walk"
 NO_PITOT: Final = "map, no pitot"
+MANY: Final = (MAP, NO_PITOT, START, WALK, ORACLE)
+FEW: Final = tuple(name for name in SEARCHERS if name not in MANY)
 AIRFRAME: Final = "airframes/eclipson_c.toml"
 FRAMES_S: Final = {"tunnel": (0.6, 2.0, 6.0, 15.0), "hill": (1.0, 5.0, 20.0, 60.0)}
-SOARED: Final = {"tunnel": 0.90, "hill": 0.75}
 FALSE: Final = {"tunnel": 0.02, "hill": 0.01}
 IN_TIME: Final = {"tunnel": 0.95, "hill": 0.99}
 SETTLED_S: Final = {"tunnel": 6.0, "hill": 25.0}
+PITOT: Final = 0.03
+SOONER: Final = 10.0
+LOW: Final = 0.75  # of the ceiling
+FALLEN: Final = 0.90  # times the wind, or less
 
 
 class SearchJob(NamedTuple):
-    """One place, for every searcher."""
+    """One place, for one searcher."""
 
     kind: Kind
     seed: int
+    searcher: str
 
 
-@dataclass(frozen=True)
-class SearchedPlace:
-    """How every searcher did at one place."""
+class PlaceGroup(NamedTuple):
+    """Places that are looked at apart."""
 
-    scores: tuple[Score, ...]
+    name: str
+    has: Callable[[Score], bool]
+    soared: float  # that share of them; inf: nothing is asked
 
-    @property
-    def duration_s(self) -> float:
-        """Flown in all."""
-        return sum(each.flown_s for each in self.scores)
+
+GROUPS: Final[dict[Kind, tuple[PlaceGroup, ...]]] = {
+    "tunnel": (
+        PlaceGroup("all", lambda _: True, 0.90),
+        PlaceGroup("from below 0.75 of the ceiling", lambda s: s.begins < LOW, 0.95),
+        PlaceGroup("steady wind", lambda s: s.change == 1.0, inf),
+        PlaceGroup("falling wind", lambda s: s.change < 1.0, inf),
+        PlaceGroup("rising wind", lambda s: s.change > 1.0, inf),
+    ),
+    "hill": (
+        PlaceGroup("all", lambda _: True, inf),
+        PlaceGroup("steady wind", lambda s: s.change == 1.0, 0.95),
+        PlaceGroup("wind that falls by 10–15 %", lambda s: s.change <= FALLEN, 0.75),
+        PlaceGroup("wind that falls by less", lambda s: FALLEN < s.change < 1.0, inf),
+        PlaceGroup("rising wind", lambda s: s.change > 1.0, inf),
+    ),
+}
 
 
 @lru_cache(maxsize=1)
@@ -69,61 +95,65 @@ def _airframe() -> Airframe:
     return load_airframe(shipped(AIRFRAME))
 
 
-def fly_place(job: SearchJob) -> SearchedPlace:
-    """Fly all searchers at one place.  Errors: `ConfigError`."""
-    there = place(job.kind, job.seed)
-    scores = [_flown(there, name)[0] for name in SEARCHERS]
-    scores.append(_flown(there, MAP, pitot=False, called=NO_PITOT)[0])
-    return SearchedPlace(tuple(scores))
+def fly_search(job: SearchJob) -> Score:
+    """Fly one searcher at one place.  Errors: `ConfigError`."""
+    return _flown(place(job.kind, job.seed), job.searcher)[0]
 
 
 def _flown(
-    there: SearchPlace,
-    name: str,
-    *,
-    pitot: bool = True,
-    called: str = "",
-    keep: tuple[float, ...] = (),
+    there: SearchPlace, called: str, keep: tuple[float, ...] = ()
 ) -> tuple[Score, Episode, Searcher | None]:
     """One searcher at one place."""
     polar = _airframe().polar.as_polar()
     made: list[Searcher] = []
 
     def make(sighting: Sighting) -> Searcher:
-        made.append(
-            MapSearch(polar, keep) if name == MAP else searcher(name, there, polar, sighting)
-        )
+        is_map = called in (MAP, NO_PITOT)
+        made.append(MapSearch(polar, keep) if is_map else searcher(called, there, polar, sighting))
         return made[0]
 
-    episode = fly_episode(there, _airframe(), called or name, make, pitot=pitot)
-    somebody = made[0] if made else None
-    if isinstance(somebody, MapSearch):
-        episode.plan_ms, episode.reading_ms = somebody.plan_ms, somebody.reading_ms
-    return score(episode), episode, somebody
+    episode = fly_episode(there, _airframe(), called, make, pitot=called != NO_PITOT)
+    return score(episode), episode, made[0] if made else None
+
+
+def jobs_of(episodes: int) -> list[list[SearchJob]]:
+    """What is flown, in blocks of places."""
+    last = PUBLISHED + episodes
+    return [
+        [
+            SearchJob(kind, seed, name)
+            for seed in range(first, min(first + BLOCK, last))
+            for kind in KINDS
+            for name in (MANY if seed >= PUBLISHED + OTHERS else (*MANY, *FEW))
+        ]
+        for first in range(PUBLISHED, last, BLOCK)
+    ]
 
 
 def run(context: Context) -> Result:
     """Fly the places, tabulate, draw."""
     episodes = QUICK if context.quick else context.episodes or EPISODES
-    jobs = [
-        SearchJob(kind, seed) for kind in KINDS for seed in range(PUBLISHED, PUBLISHED + episodes)
+    scores = [
+        each
+        for jobs in jobs_of(episodes)
+        for each in context.flyer.each(fly_search, jobs, compiled=True)
     ]
-    flown = context.flyer.each(fly_place, jobs, compiled=True)
-    scores = [each for searched in flown for each in searched.scores]
     figures = [] if context.figures is None else _draw(context.figures, scores)
     claims = [claim for kind in KINDS for claim in _claims(kind, scores)]
-    tables = [_table(kind, scores) for kind in KINDS]
+    tables = [table for kind in KINDS for table in (_table(kind, scores), _groups(kind, scores))]
+    fewer = min(episodes, OTHERS)
     return Result(
         name="search",
         title="a place to soar without knowing the wind",
         flown=(
             f"{episodes} random tunnels and {episodes} random hills, seeds {PUBLISHED} to"
-            f" {PUBLISHED + episodes - 1}, each flown by {len(SEARCHERS) + 1} searchers in the same"
-            " air. Shares stand with their exact 95 % intervals (Clopper and Pearson)."
+            f" {PUBLISHED + episodes - 1}, flown by {', '.join(MANY)} in the same air;"
+            f" {', '.join(FEW)} flew the first {fewer} of each. Shares stand with their exact 95 %"
+            " intervals (Clopper and Pearson)."
         ),
         claims=tuple(claims),
         why=_failures(scores),
-        tables=(*tables, _costs(scores)),
+        tables=tuple(tables),
         numbers={"scores": [vars(each) for each in scores]},
         figures=tuple(figures),
         seeds=tuple(range(PUBLISHED, PUBLISHED + episodes)),
@@ -135,61 +165,96 @@ def of(scores: list[Score], kind: str, name: str) -> dict[int, Score]:
     return {s.seed: s for s in scores if s.kind == kind and s.searcher == name}
 
 
+def soarable(scores: list[Score], kind: str, group: PlaceGroup) -> list[int]:
+    """The seeds of a group's places that the oracle soars."""
+    return [s.seed for s in of(scores, kind, ORACLE).values() if s.soared and group.has(s)]
+
+
+def _soared(scores: list[Score], kind: Kind, name: str, group: PlaceGroup) -> tuple[int, int]:
+    """How many of those that the oracle soars somebody does, and of how many that flew there."""
+    here = of(scores, kind, name)
+    seeds = [seed for seed in soarable(scores, kind, group) if seed in here]
+    return sum(here[seed].soared for seed in seeds), len(seeds)
+
+
 def _claims(kind: Kind, scores: list[Score]) -> list[Claim]:
     ours, oracle = of(scores, kind, MAP), of(scores, kind, ORACLE)
-    soarable = [seed for seed, s in oracle.items() if s.soared]
+    everywhere = GROUPS[kind][0]
+    seeds = soarable(scores, kind, everywhere)
     nowhere = [seed for seed, s in oracle.items() if not s.soared]
-    both = sum(ours[seed].soared for seed in soarable)
     false = sum(s.false_claim for s in ours.values())
     in_time = sum(ours[seed].in_time or ours[seed].soared for seed in nowhere)
-    settled = [ours[seed].settled_s for seed in soarable if ours[seed].soared]
-    middle = median(settled) if settled else float("inf")
-
-    def claim(words: str, holds: bool, measured: str) -> Claim:
-        return Claim(f"{kind}: {words}", holds, measured)
-
-    return [
-        claim(
-            f"soars ≥ {100 * SOARED[kind]:.0f} % of what the oracle soars",
-            both >= SOARED[kind] * len(soarable),
-            share(both, len(soarable)),
+    settled = [ours[seed].settled_s for seed in seeds if ours[seed].soared]
+    middle = median(settled) if settled else inf
+    claims = []
+    for group in GROUPS[kind]:
+        if isfinite(group.soared):
+            both, there = _soared(scores, kind, MAP, group)
+            words = "" if group is everywhere else f", {group.name}"
+            text = f"soars ≥ {100 * group.soared:.0f} % of what the oracle soars{words}"
+            claims.append(Claim(text, both >= group.soared * there, share(both, there)))
+    with_pitot, there = _soared(scores, kind, MAP, everywhere)
+    without, _ = _soared(scores, kind, NO_PITOT, everywhere)
+    lost = (with_pitot - without) / max(1, there)
+    found_s, walk_s = (_found(scores, kind, name, seeds) for name in (MAP, WALK))
+    claims += [
+        Claim(
+            f"without a pitot within {100 * PITOT:.0f} points",
+            lost <= PITOT,
+            f"{100 * lost:+.1f} points fewer",
         ),
-        claim(
+        Claim(
             f"false claims in ≤ {100 * FALSE[kind]:.0f} %",
             false <= FALSE[kind] * len(ours),
             share(false, len(ours)),
         ),
-        claim(
+        Claim(
             f"given up in time in ≥ {100 * IN_TIME[kind]:.0f} % where the oracle does not soar",
             in_time >= IN_TIME[kind] * len(nowhere),
             share(in_time, len(nowhere)),
         ),
-        claim(
+        Claim(
             f"median settling ≤ {SETTLED_S[kind]:.0f} s",
             middle <= SETTLED_S[kind],
             f"{middle:.1f} s",
         ),
+        Claim(
+            f"a place found ≥ {SOONER:.0f} times sooner than by AOSoar's walk (medians)",
+            isfinite(found_s) and walk_s >= SOONER * found_s,
+            f"{found_s:.1f} s, {_seconds(walk_s)}",
+        ),
     ]
+    return [Claim(f"{kind}: {c.text}", c.holds, c.measured) for c in claims]
+
+
+def _found(scores: list[Score], kind: Kind, name: str, seeds: list[int]) -> float:
+    """Median time to a claim that was true to the end; inf: in half of the places there is none."""
+    here = of(scores, kind, name)
+    return median(here[seed].found_s for seed in seeds) if seeds else inf
+
+
+def _seconds(time_s: float) -> str:
+    return f"{time_s:.1f} s" if isfinite(time_s) else "not in half of them"
 
 
 def _table(kind: Kind, scores: list[Score]) -> Table:
     oracle = of(scores, kind, ORACLE)
-    soarable = [seed for seed, s in oracle.items() if s.soared]
+    everywhere = GROUPS[kind][0]
     rows = []
-    for name in (MAP, NO_PITOT, *SEARCHERS[1:]):
+    for name in (*MANY[:-1], *FEW, ORACLE):
         here = of(scores, kind, name)
-        soared = [seed for seed in soarable if here[seed].soared]
+        seeds = [seed for seed in soarable(scores, kind, everywhere) if seed in here]
+        soared = [seed for seed in seeds if here[seed].soared]
         settled = [here[seed].settled_s for seed in soared]
-        calm = [t for t in settled if isfinite(t)]
-        nowhere = [here[seed] for seed in here if seed not in soarable]
+        nowhere = [s for seed, s in here.items() if not oracle[seed].soared]
         fell = [s.height_lost_m for s in here.values()]
         room = [oracle[seed].room_m - here[seed].room_m for seed in soared]
         rows.append(
             (
                 name,
-                share(len(soared), len(soarable)),
-                f"{median(settled):.1f}" if settled else "–",
-                f"{len(calm)} of {len(settled)}",
+                share(len(soared), len(seeds)),
+                f"{median(settled):.1f}" if settled and isfinite(median(settled)) else "–",
+                _seconds(_found(scores, kind, name, seeds)).removesuffix(" s"),
                 share(sum(s.false_claim for s in here.values()), len(here)),
                 share(sum(s.in_time for s in nowhere), len(nowhere)),
                 str(sum(bool(s.ended) for s in here.values())),
@@ -197,35 +262,32 @@ def _table(kind: Kind, scores: list[Score]) -> Table:
                 f"{mean(room):+.2f}" if room else "–",
             )
         )
+    count = len(soarable(scores, kind, everywhere))
     return Table(
-        f"{kind}: {len(soarable)} of {len(oracle)} places are soared by the oracle",
+        f"{kind}: {count} of {len(oracle)} places are soared by the oracle",
         (
             "searcher",
             "soared, of these",
             "median settling [s]",
-            "settled",
+            "found after, median [s]",
             "false claims",
             "given up in time, of the others",
             "lost, of all",
             "median height lost [m]",
-            "regret: room less than the oracle's [m]",
+            "room less than the oracle's [m]",
         ),
         tuple(rows),
     )
 
 
-def _costs(scores: list[Score]) -> Table:
-    ours = [s for s in scores if s.searcher == MAP]
-    plans = np.array([ms for s in ours for ms in s.plan_ms] or [np.nan])
-    readings = np.array([ms for s in ours for ms in s.reading_ms] or [np.nan])
-    return Table(
-        "What it costs, processor time of one core [ms]",
-        ("", "median", "99 %"),
-        tuple(
-            (name, f"{np.median(ms):.2f}", f"{np.percentile(ms, 99):.2f}")
-            for name, ms in (("a reading", readings), ("a plan", plans))
-        ),
+def _groups(kind: Kind, scores: list[Score]) -> Table:
+    """Shares of what the oracle soars, by how the wind changes and where the aircraft begins."""
+    names = (MAP, NO_PITOT, START, WALK)
+    rows = tuple(
+        (group.name, *(share(*_soared(scores, kind, name, group)) for name in names))
+        for group in GROUPS[kind]
     )
+    return Table(f"{kind}: soared, of what the oracle soars", ("places", *names), rows)
 
 
 def failed(scores: list[Score]) -> list[Score]:
@@ -268,15 +330,14 @@ def _draw(folder: Path, scores: list[Score]) -> list[str]:
         found.sort(key=lambda s: not _moved(s, scores))  # one that had to move, if there is one
         if not found:
             continue
-        there = place(kind, found[0].seed)
-        _, episode, somebody = _flown(there, MAP, keep=FRAMES_S[kind])
+        _, episode, somebody = _flown(place(kind, found[0].seed), MAP, FRAMES_S[kind])
         assert isinstance(somebody, MapSearch)
         names.append(f"search_{kind}.png")
         grid = somebody.grid
         search_figure(folder / names[-1], episode, somebody.snapshots, polar, grid.x_m, grid.z_m)
-    missed = failed(scores)
+    missed: Any = failed(scores)
     if missed:
-        again = [(_flown(place(s.kind, s.seed), MAP)[1], reason(s)) for s in missed[:12]]  # type: ignore[arg-type]
+        again = [(_flown(place(s.kind, s.seed), MAP)[1], reason(s)) for s in missed[:12]]
         names.append("search_failures.png")
         failures_figure(folder / names[-1], again, polar)
     return names
@@ -284,4 +345,4 @@ def _draw(folder: Path, scores: list[Score]) -> list[str]:
 
 def _moved(ours: Score, scores: list[Score]) -> bool:
     """Whether the search was needed: the line through the start does not soar there."""
-    return not of(scores, ours.kind, "line through the start")[ours.seed].soared
+    return not of(scores, ours.kind, START)[ours.seed].soared

@@ -1,7 +1,8 @@
 """One episode: the module's own closed loop, and somebody who moves its line.
 
-Between two looks (`LOOK_S`) the module's tick and the world fly compiled.  A look sees what the
-module has aboard, and nothing else: its position, its estimate of the air, its line.
+Between two looks (`LOOK_S`) the module's tick and the world fly compiled, and so does the tick that
+a look takes.  It sees what the module has aboard, and nothing else: its position, its estimate of
+the air, its line.
 """
 
 from __future__ import annotations
@@ -9,24 +10,25 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import degrees, pi
-from typing import Final, Protocol
+from types import SimpleNamespace
+from typing import Any, Final, Protocol
 
 import numpy as np
 
 from tgl_soar.air.field import FloatArray
 from tgl_soar.analysis.flown_airframe import flown_airframe
 from tgl_soar.analysis.search.places import SearchPlace
-from tgl_soar.autopilot import Output
-from tgl_soar.autopilot import step as autopilot_step
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import load_parameters
 from tgl_soar.control.laws import SEARCH_LOOKS, SEARCH_SOARS, laws_from
 from tgl_soar.control.search.glimpse import LOOK_S, Glimpse, LineWish, task_of
 from tgl_soar.control.search.lift_search import Sighting, floor_at, guards_of, sighting_of
 from tgl_soar.control.target_line import TargetLine
-from tgl_soar.sim.fast_flight import begun, fly_on, prepare, why_ended
-from tgl_soar.sim.flight import FLIES, Row, inputs_at
+from tgl_soar.sim.compiled import cell, compiled
+from tgl_soar.sim.fast_flight import begun, prepare, why_it_stands_so
+from tgl_soar.sim.flight import FLIES, Row
 from tgl_soar.sim.sensors import MEMS_IMU, PITOT, READ_BACK, Sensors
+from tgl_soar.sim.watched_flight import Looked, fly_to_look_in_cells
 from tgl_soar.sim.world import make_world
 
 _COLUMN: Final = {name: n for n, name in enumerate(Row._fields)}
@@ -52,8 +54,102 @@ class Episode:
     claims: list[tuple[float, bool]] = field(default_factory=list)  # changes of the claim
     height_left_m: float = 0.0  # over the ground at the end
     landing_m: float = 0.0
-    plan_ms: list[float] = field(default_factory=list)
-    reading_ms: list[float] = field(default_factory=list)
+
+
+class EpisodeFlight:
+    """The module's closed loop at a place, looked at every `LOOK_S`."""
+
+    def __init__(
+        self,
+        place: SearchPlace,
+        airframe: Airframe,
+        parameters: dict[str, float],
+        *,
+        pitot: bool = True,
+        plain: bool = False,
+    ) -> None:
+        """parameters: beside those of the site; plain: nothing compiled, a hundred times as long.
+
+        Errors: `ConfigError`; ImportError without numba.
+        """
+        factor = place.sink_factor
+        drag = [(f"model.{key}", airframe.model[key] * factor) for key in ("CD0", "CD_lift")]
+        self.place, self.pitot = place, pitot
+        self.world = world = make_world(
+            flown_airframe(airframe, drag),
+            place.site,
+            seed=place.seed,
+            field=place.field,
+            sensors=Sensors(imu=MEMS_IMU, airspeed=PITOT if pitot else None, surfaces=READ_BACK),
+        )
+        world.aerodynamics = airframe.aerodynamics()
+        name = place.site.site.name
+        self.values = load_parameters(airframe, name, place.site, name).changed(parameters)
+        laws = laws_from(self.values, world.frame, world.aerodynamics, world.ground)
+        self.guards = guards_of(task_of(laws)._replace(polar=airframe.polar.as_polar()))
+        parts, flight = begun(prepare(world, place.duration_s), place.seed)
+        self._cell: Callable[[object], Any] = _plain_cell if plain else cell
+        self._fly = fly_to_look_in_cells if plain else compiled(fly_to_look_in_cells)
+        self._parts, self._laws = self._cell(parts), self._cell(laws)
+        self._flight = self._cell(flight)
+        self.rows = np.empty((round(place.duration_s * world.step_hz), len(Row._fields)))
+        self._changes = 0
+        self.now: Looked | None = None  # the last look; None: there was none
+        self._before: Looked | None = None  # the one before it, in control
+
+    @property
+    def time_s(self) -> float:
+        """Since the start."""
+        return 0.0 if self.now is None else self.now.steps / self.world.step_hz
+
+    @property
+    def flies(self) -> bool:
+        """Whether it goes on."""
+        now = self.now
+        return now is None or (now.steps < len(self.rows) and now.standing == FLIES)
+
+    def look(self) -> Sighting | None:
+        """Fly on to the next look; None: the search sees nothing in it."""
+        begin = 0 if self.now is None else self.now.steps
+        until = min(begin + round(LOOK_S * self.world.step_hz), len(self.rows))
+        now = self._fly(self._parts, self._laws, self._flight, until, self._changes, self.rows)
+        self.now, before = now, self._before
+        self._before = now
+        if before is None or not now.active or not before.active:
+            return None
+        since = self.rows[begin : now.steps]
+        glimpse = Glimpse(
+            before=before.vehicle,
+            now=now.vehicle,
+            line=now.line,
+            wind_mps=float(np.mean(since[:, _COLUMN["air_wind_mps"]])),
+            updraft_mps=float(np.mean(since[:, _COLUMN["air_updraft_mps"]])),
+            pitot=self.pitot,
+            seeks=True,
+            refused=False,
+        )
+        return sighting_of(self.guards, glimpse)
+
+    def set(self, wanted: dict[str, float]) -> None:
+        """Set parameters between two ticks.  Errors: `ParameterError`."""
+        if any(self.values[key] != value for key, value in wanted.items()):
+            world = self.world
+            self.values = self.values.changed(wanted, flying=True)
+            laws = laws_from(self.values, world.frame, world.aerodynamics, world.ground)
+            self._laws = self._cell(laws)  # only compiled functions write to one
+            self._changes += 1
+
+    def ended(self, episode: Episode) -> Episode:
+        """The episode with what the flight came to."""
+        now, place, world = self.now, self.place, self.world
+        assert now is not None
+        episode.ended = why_it_stands_so(world, now.standing, now.reason, now.aircraft)
+        episode.flown_s = self.time_s
+        kept = self.rows[: now.steps : world.step_hz // 10]
+        episode.path = {column: kept[:, n].copy() for column, n in _COLUMN.items()}
+        floor_m = floor_at(place.ground, place.box, now.aircraft.x_m)
+        episode.height_left_m = now.aircraft.z_m - floor_m
+        return episode
 
 
 def fly_episode(
@@ -63,78 +159,44 @@ def fly_episode(
     searcher: Callable[[Sighting], Searcher],
     *,
     pitot: bool = True,
+    plain: bool = False,
 ) -> Episode:
-    """Fly one episode; the searcher is made of the first look.  Errors: `ConfigError`."""
-    factor = place.sink_factor
-    drag = [(f"model.{key}", airframe.model[key] * factor) for key in ("CD0", "CD_lift")]
-    world = make_world(
-        flown_airframe(airframe, drag),
-        place.site,
-        seed=place.seed,
-        field=place.field,
-        sensors=Sensors(imu=MEMS_IMU, airspeed=PITOT if pitot else None, surfaces=READ_BACK),
-    )
-    world.aerodynamics = airframe.aerodynamics()
-    values = load_parameters(airframe, name, place.site, place.site.site.name)
+    """Fly one episode; the searcher is made of the first look.
+
+    pitot, plain, errors: as of `EpisodeFlight`.
+    """
     # SAOS's upright line; and whoever searches flies in mode searching.
-    values = values.changed({"TGL_LEAN_MIN": -5.0, "SRCH_START": SEARCH_LOOKS})
-    task = task_of(laws_from(values, world.frame, world.aerodynamics, world.ground))
-    guards = guards_of(task._replace(polar=airframe.polar.as_polar()))
-    parts, flight = begun(prepare(world, place.duration_s), place.seed)
-    rows = np.empty((round(place.duration_s * world.step_hz), len(Row._fields)))
-    episode = Episode(place, name, "", "", 0.0, {}, landing_m=guards.landing_m)
-    every = round(LOOK_S * world.step_hz)
+    parameters = {"TGL_LEAN_MIN": -5.0, "SRCH_START": float(SEARCH_LOOKS)}
+    flight = EpisodeFlight(place, airframe, parameters, pitot=pitot, plain=plain)
+    episode = Episode(place, name, "", "", 0.0, {}, landing_m=flight.guards.landing_m)
     somebody: Searcher | None = None
-    before: Output | None = None
-    claimed = False
-    changes = 0
-    while flight.steps < len(rows) and flight.standing == FLIES:
-        laws = laws_from(values, world.frame, world.aerodynamics, world.ground)
-        begin = flight.steps
-        flight = fly_on(parts, laws, flight, min(begin + every, len(rows)), changes, rows)
-        now_s = flight.steps / world.step_hz
-        # The tick is pure: what the module would report at this instant.
-        inputs = inputs_at(now_s, flight.world.samples, True)
-        _, output = autopilot_step(laws, flight.autopilot, inputs)
-        if before is None or not output.active or not before.active:
-            before = output
-            continue
-        since = rows[begin : flight.steps]
-        glimpse = Glimpse(
-            before=before.vehicle,
-            now=output.vehicle,
-            line=output.line,
-            wind_mps=float(np.mean(since[:, _COLUMN["air_wind_mps"]])),
-            updraft_mps=float(np.mean(since[:, _COLUMN["air_updraft_mps"]])),
-            pitot=pitot,
-            seeks=True,
-            refused=False,
-        )
-        before = output
-        look = sighting_of(guards, glimpse)
+    while flight.flies:
+        look = flight.look()
         if look is None:
             continue
         if somebody is None:
             somebody = searcher(look)
-        decision = somebody.look(look)
-        if decision.soaring != claimed:
-            claimed = decision.soaring
-            episode.claims.append((now_s, claimed))
-        if decision.given_up:
-            episode.given_up = decision.given_up
+        if not obeyed(flight, episode, somebody.look(look)):
             break
-        wanted = _parameters(decision.target)
-        wanted["SRCH_START"] = SEARCH_SOARS if decision.soaring else SEARCH_LOOKS
-        if any(values[key] != value for key, value in wanted.items()):
-            values = values.changed(wanted, flying=True)
-            changes += 1
-    episode.ended = why_ended(world, flight)
-    episode.flown_s = flight.steps / world.step_hz
-    kept = rows[: flight.steps : world.step_hz // 10]
-    episode.path = {column: kept[:, n].copy() for column, n in _COLUMN.items()}
-    last = flight.world.aircraft
-    episode.height_left_m = last.z_m - floor_at(place.ground, place.box, last.x_m)
-    return episode
+    return flight.ended(episode)
+
+
+def obeyed(flight: EpisodeFlight, episode: Episode, wish: LineWish) -> bool:
+    """Move the line as it is wished for; whether the search goes on."""
+    claimed = bool(episode.claims) and episode.claims[-1][1]
+    if wish.soaring != claimed:
+        episode.claims.append((flight.time_s, wish.soaring))
+    if wish.given_up:
+        episode.given_up = wish.given_up
+        return False
+    standing = SEARCH_SOARS if wish.soaring else SEARCH_LOOKS
+    flight.set(_parameters(wish.target) | {"SRCH_START": float(standing)})
+    return True
+
+
+def _plain_cell(value: object) -> SimpleNamespace:
+    """A cell of plain Python."""
+    return SimpleNamespace(value=value)
 
 
 def _parameters(target: TargetLine) -> dict[str, float]:

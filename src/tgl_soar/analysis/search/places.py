@@ -36,7 +36,7 @@ from tgl_soar.types import Ground
 
 Kind = Literal["tunnel", "hill"]
 TUNED_ON: Final = 10_000  # the first of the seeds that the search was built with
-PUBLISHED: Final = 41  # the first of those whose flights are published; those below were seen
+PUBLISHED: Final = 1_001  # the first of those whose flights are published; those below were seen
 
 BOARD_M: Final = 2.45
 WIND_MPS: Final = (7.0, 11.0)

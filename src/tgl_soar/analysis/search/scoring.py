@@ -26,9 +26,12 @@ class Score:
     kind: str
     seed: int
     words: str
+    change: float  # of the wind, from beginning to end
+    begins: float  # height at the start over the fence's ceiling
     searcher: str
     soared: bool  # flew to the end, and does not sink there
     settled_s: float  # since when; inf: it did not
+    found_s: float  # since when it said so, to the end, where it soared; inf: it did not
     claimed: bool  # at any time
     false_claim: bool  # lost, or sinking at the end, while it said that it soars
     given_up: str  # the reason; ""
@@ -38,8 +41,6 @@ class Score:
     height_lost_m: float  # from the start to the lowest place
     room_m: float  # at the end, least distance to ground and fence
     flown_s: float
-    plan_ms: tuple[float, ...] = ()
-    reading_ms: tuple[float, ...] = ()
 
     @property
     def duration_s(self) -> float:
@@ -70,9 +71,12 @@ def score(episode: Episode) -> Score:
         kind=place.kind,
         seed=place.seed,
         words=place.words,
+        change=place.change,
+        begins=float(z[0]) / box.z_max_m,
         searcher=episode.searcher,
         soared=soared,
         settled_s=settling_s(time, z) if soared else inf,
+        found_s=last_claim if soared and not withdrawn else inf,
         claimed=bool(stood),
         false_claim=false,
         given_up=given_up,
@@ -82,8 +86,6 @@ def score(episode: Episode) -> Score:
         height_lost_m=float(z[0] - z.min()),
         room_m=room if soared else nan,
         flown_s=over,
-        plan_ms=tuple(episode.plan_ms),
-        reading_ms=tuple(episode.reading_ms),
     )
 
 

@@ -7,7 +7,6 @@ height that landing needs is near.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from math import exp, pi, sin
 from typing import Final, NamedTuple
@@ -15,6 +14,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from tgl_soar.air.field import WindField
+from tgl_soar.analysis.search.compiled_rollouts import fastest_roll_out
 from tgl_soar.analysis.search.flying import Searcher
 from tgl_soar.analysis.search.places import SearchPlace
 from tgl_soar.control.search.glimpse import (
@@ -26,14 +26,13 @@ from tgl_soar.control.search.glimpse import (
     LineWish,
 )
 from tgl_soar.control.search.lift_search import AVERAGING_S, LiftSearch, Sighting
-from tgl_soar.control.search.plan import LinePlan, plan_in
+from tgl_soar.control.search.plan import plan_in
 from tgl_soar.control.search.rollout import Fields, Grid
 from tgl_soar.control.search.search import (
     CLAIM_CLIMB_MPS,
     CLAIM_S,
     KEEP_CLIMB_MPS,
     REACTION_S,
-    SearchState,
     climb_s,
     plan_due,
     search_step,
@@ -54,19 +53,16 @@ class Snapshot(NamedTuple):
 
 
 class MapSearch(LiftSearch):
-    """The search that flies, timed, and with its map kept for figures."""
+    """The search that flies, with its rollouts compiled, and its map kept for figures."""
 
     def __init__(self, polar: GlidePolar, keep: tuple[float, ...] = ()) -> None:
         super().__init__(polar)
-        self.plan_ms: list[float] = []
-        self.reading_ms: list[float] = []
+        self.roll = fastest_roll_out()
         self.keep = list(keep)
         self.snapshots: list[Snapshot] = []
 
     def look(self, look: Sighting) -> LineWish:
-        begun = time.process_time()
         self.listen(look)
-        self.reading_ms.append(1e3 * (time.process_time() - begun))
         wish = self.seek(look)
         self._keep(look)
         return wish
@@ -80,12 +76,6 @@ class MapSearch(LiftSearch):
         if self.keep and look.time_s >= self.keep[0]:
             self.keep.pop(0)
             self.snapshots.append(self._snapshot(look.time_s))
-
-    def planned(self, look: Sighting, state: SearchState) -> LinePlan:
-        begun = time.process_time()
-        plan = super().planned(look, state)
-        self.plan_ms.append(1e3 * (time.process_time() - begun))
-        return plan
 
     def _snapshot(self, time_s: float) -> Snapshot:
         x, z = np.meshgrid(self.grid.x_m, self.grid.z_m, indexing="ij")
@@ -106,6 +96,7 @@ class Oracle:
         self.grid = Grid(FlowBasis(look.guards.ground, look.guards.box), look.guards.ground)
         line = look.moving.line
         self.state = started(TargetLine(line.x_m, line.z_m, line.eta_rad))
+        self.roll = fastest_roll_out()
 
     def look(self, look: Sighting) -> LineWish:
         plan = None
@@ -121,7 +112,14 @@ class Oracle:
             wind = self.place.field.reference_wind_mps
             diffusion = 0.5 * (gusts * wind) ** 2 * AVERAGING_S
             plan = plan_in(
-                self.grid, both, self.polar, look.guards, look.moving, self.state.target, diffusion
+                self.grid,
+                both,
+                self.polar,
+                look.guards,
+                look.moving,
+                self.state.target,
+                diffusion,
+                roll=self.roll,
             )
         self.state = search_step(
             self.state,

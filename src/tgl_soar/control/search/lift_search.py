@@ -10,9 +10,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from tgl_soar.control.search.ahead import GRAVITY_MPS2
 from tgl_soar.control.search.glimpse import Glimpse, LineWish, SearchTask
 from tgl_soar.control.search.plan import DRAWS, SPREAD, LinePlan, likely_fields, plan_in
-from tgl_soar.control.search.rollout import GRAVITY_MPS2, Grid, Guards, Moving
+from tgl_soar.control.search.rollout import Grid, Guards, Moving, RollOut, roll_out
 from tgl_soar.control.search.search import (
     SearchState,
     keep_worth,
@@ -109,6 +110,7 @@ class LiftSearch:
 
     def __init__(self, polar: GlidePolar) -> None:
         self.polar = polar
+        self.roll: RollOut = roll_out  # or the same compiled, in simulation
         self.state: SearchState | None = None  # None: no line was wanted yet
         self.plan: LinePlan | None = None  # the last
         self._map: LiftMap | None = None
@@ -198,6 +200,7 @@ class LiftSearch:
             state.target,
             diffusion,
             keep_worth(state),
+            self.roll,
         )
 
 

@@ -29,6 +29,7 @@ from tgl_soar.control.search.rollout import (
     Guards,
     Lines,
     Moving,
+    RollOut,
     Rollouts,
     roll_out,
     wells,
@@ -130,15 +131,17 @@ def plan_in(
     target: TargetLine,
     diffusion_m2ps: float,
     keep_worth: float = float("inf"),
+    roll: RollOut = roll_out,
 ) -> LinePlan:
     """The best line in fields of which the first is the mean.
 
-    keep_worth: of the present line, from which on no other one is looked for.
+    keep_worth: of the present line, from which on no other one is looked for.  roll: `roll_out`,
+    or the same compiled.
     """
     height = guards.box.height_m
     horizon = horizon_of(height)
     lines = candidates(now, target, height, guards.line.acceleration_mps2)
-    out = roll_out(grid, fields, polar, guards, now, lines, horizon, STEPS)
+    out = roll(grid, fields, polar, guards, now, lines, horizon, STEPS)
     soars = ~np.isfinite(out.failed_s) & (out.climb_mps > CLIMB_LEAST_MPS)
     well = wells(grid, fields, polar, guards, lines, out.x_m[0], out.z_m[0], diffusion_m2ps)
     shallow = np.where(soars[0], 1.0 - np.minimum(well.holds_s / HOLDS_S, 1.0), 0.0)

@@ -19,21 +19,28 @@ too fast for the polar.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import pi
 from typing import Final, NamedTuple
 
 import numpy as np
 
+from tgl_soar.control.search.ahead import (
+    Ahead,
+    LineWay,
+    Mesh,
+    Within,
+    ahead_step,
+    air_at,
+    clearance_at,
+)
 from tgl_soar.control.target_line import LineLimits, LineState
 from tgl_soar.estimation.lift_map.basis import Box, Floats, FlowBasis
 from tgl_soar.estimation.lift_map.sinking import sink, sink_slope
 from tgl_soar.types import GlidePolar, Ground
 
-GRAVITY_MPS2: Final = 9.80665
 NODES_ALONG_H: Final = 24  # of the grid: half a pole's depth apart
 NODES_MAX: Final = 60  # along x
-LAG_LEAST_S: Final = 0.02  # of an upright line, which has none
-SLOWEST_MPS: Final = 1.0
 
 
 class Guards(NamedTuple):
@@ -96,7 +103,18 @@ class Grid:
         self.basis = basis
         x, z = np.meshgrid(self.x_m, self.z_m, indexing="ij")
         self.u, self.w = (part.T.copy() for part in basis.features(x.ravel(), z.ravel()))
-        self.floor_m, self.steepness = floor_of(ground, self.x_m, box.z_min_m)
+        floor_m, steepness = floor_of(ground, self.x_m, box.z_min_m)
+        nx, nz = self.x_m.size, self.z_m.size
+        self.mesh = Mesh(
+            x_min_m=float(self.x_m[0]),
+            z_min_m=float(self.z_m[0]),
+            x_per_m=float((nx - 1) / (self.x_m[-1] - self.x_m[0])),
+            z_per_m=float((nz - 1) / (self.z_m[-1] - self.z_m[0])),
+            nx=nx,
+            nz=nz,
+            floor_m=floor_m,
+            steepness=steepness,
+        )
 
     def fields(self, weights: Floats, factors: Floats) -> Fields:
         """The fields of m rows of weights, (m, n), the wind times a factor (m,) of each."""
@@ -109,37 +127,14 @@ class Grid:
 
     def at(self, fields: Fields, x_m: Floats, z_m: Floats) -> tuple[Floats, Floats]:
         """u and w [m/s] of field i at places (m, n), bilinear; beyond the grid its edge's."""
-        nx, nz = self.x_m.size, self.z_m.size
-        across = (x_m - self.x_m[0]) * ((nx - 1) / (self.x_m[-1] - self.x_m[0]))
-        up = (z_m - self.z_m[0]) * ((nz - 1) / (self.z_m[-1] - self.z_m[0]))
-        across = np.minimum(np.maximum(across, 0.0), nx - 1.000001)
-        up = np.minimum(np.maximum(up, 0.0), nz - 1.000001)
-        i, k = across.astype(np.intp), up.astype(np.intp)
-        a, b = across - i, up - k
-        row = np.arange(len(x_m))[:, None] * (nx * nz)
-        node = row + i * nz + k
-        low_left, low_right = (1.0 - a) * (1.0 - b), a * (1.0 - b)
-        up_left, up_right = (1.0 - a) * b, a * b
-        found = []
-        for field in (fields.wind_mps, fields.updraft_mps):
-            flat = field.ravel()
-            found.append(
-                low_left * flat[node]
-                + up_left * flat[node + 1]
-                + low_right * flat[node + nz]
-                + up_right * flat[node + nz + 1]
-            )
-        return found[0], found[1]
+        first = np.arange(len(x_m))[:, None] * (self.mesh.nx * self.mesh.nz)
+        wind, updraft = fields.wind_mps.ravel(), fields.updraft_mps.ravel()
+        u, w = air_at(self.mesh, wind, updraft, first, x_m, z_m)
+        return u, w
 
     def clearance(self, x_m: Floats, z_m: Floats) -> Floats:
         """Distance to the ground [m], by its slope below."""
-        nx = self.x_m.size
-        across = (x_m - self.x_m[0]) * ((nx - 1) / (self.x_m[-1] - self.x_m[0]))
-        across = np.minimum(np.maximum(across, 0.0), nx - 1.000001)
-        i = across.astype(np.intp)
-        a = across - i
-        floor = self.floor_m[i] + a * (self.floor_m[i + 1] - self.floor_m[i])
-        result: Floats = (z_m - floor) * self.steepness[i]
+        result: Floats = clearance_at(self.mesh, x_m, z_m)
         return result
 
 
@@ -151,6 +146,37 @@ def floor_of(ground: Ground, x_m: Floats, level_m: float) -> tuple[Floats, Float
     floor = np.interp(x_m, x, z)
     slope = np.gradient(floor, x_m)
     return floor, 1.0 / np.hypot(1.0, slope)
+
+
+def within_of(guards: Guards) -> Within:
+    """The guards as a step needs them."""
+    box, line = guards.box, guards.line
+    return Within(
+        x_min_m=box.x_min_m,
+        x_max_m=box.x_max_m,
+        z_min_m=box.z_min_m,
+        z_max_m=box.z_max_m,
+        clearance_m=guards.clearance_m,
+        speed_min_mps=guards.speed_min_mps,
+        speed_max_mps=guards.speed_max_mps,
+        slide_mps=line.speed_mps,
+        acceleration_mps2=line.acceleration_mps2,
+    )
+
+
+def turning(now: Moving, lines: Lines, turn_rad: float, steps: int) -> tuple[Floats, Floats]:
+    """Sine and cosine of each line's inclination in each step, (steps, n); turn_rad: the most in
+    a step."""
+    eta = np.full(lines.x_m.shape, now.line.eta_rad)
+    turned = np.empty((steps, eta.size))
+    for n in range(steps):
+        eta = eta + np.minimum(np.maximum(lines.eta_rad - eta, -turn_rad), turn_rad)
+        turned[n] = eta
+    return np.sin(turned), np.cos(turned)
+
+
+# (grid, fields, polar, guards, now, lines, horizon_s, steps): `roll_out`, or the same compiled.
+RollOut = Callable[[Grid, Fields, GlidePolar, Guards, Moving, Lines, float, int], Rollouts]
 
 
 def roll_out(
@@ -166,69 +192,53 @@ def roll_out(
     """Fly every line in every field for a time, in so many steps."""
     shape = (len(fields.sink_scale), len(lines.x_m))
     dt = horizon_s / steps
-    x, z = np.full(shape, now.x_m), np.full(shape, now.z_m)
-    climb = np.full(shape, now.climb_mps)
-    eta = np.full(lines.x_m.shape, now.line.eta_rad)
-    speed = np.full(shape, now.line.speed_mps)
+    mesh, within = grid.mesh, within_of(guards)
+    wind, updraft = fields.wind_mps.ravel(), fields.updraft_mps.ravel()
+    first = np.arange(shape[0])[:, None] * (mesh.nx * mesh.nz)
     scale = fields.sink_scale[:, None]
+    sines, cosines = turning(now, lines, guards.line.turn_rate_radps * dt, steps)
+    sine, cosine = np.sin(lines.eta_rad), np.cos(lines.eta_rad)
+    at = Ahead(
+        x_m=np.full(shape, now.x_m),
+        z_m=np.full(shape, now.z_m),
+        climb_mps=np.full(shape, now.climb_mps),
+        speed_mps=np.full(shape, now.line.speed_mps),
+        margin_m=np.full(shape, np.inf),
+        aside_mps=np.full(shape, np.inf),
+    )
     failed = np.full(shape, np.inf)
-    margin = np.full(shape, np.inf)
-    aside = np.full(shape, np.inf)
-    turn = guards.line.turn_rate_radps * dt
-    change = guards.line.acceleration_mps2 * dt
     flies = np.ones(shape, dtype=bool)
     for n in range(steps):
-        eta = eta + np.minimum(np.maximum(lines.eta_rad - eta, -turn), turn)
-        sine, cosine = np.sin(eta), np.cos(eta)
-        before = speed
-        speed = _line_speed(guards.line, lines, x, z, speed, change, dt)
-        u, w = grid.at(fields, x, z)
-        vx = (climb * cosine - speed) / sine
-        airspeed = np.maximum(u - vx, SLOWEST_MPS)
-        lag = np.maximum(airspeed * (-cosine / sine / GRAVITY_MPS2), LAG_LEAST_S)
-        pull = airspeed * (speed - before) / (sine * (GRAVITY_MPS2 * dt))
-        goal = w - scale * sink(polar, airspeed) - pull
-        share = dt / lag
-        new = (climb + share * goal) / (1.0 + share)
-        climb = np.where(flies, new, climb)
-        x = np.where(flies, x + dt * (climb * cosine - speed) / sine, x)
-        z = np.where(flies, z + dt * climb, z)
-        clear = grid.clearance(x, z) - guards.clearance_m
-        box = guards.box
-        inside = np.minimum(
-            np.minimum(x - box.x_min_m, box.x_max_m - x),
-            np.minimum(z - box.z_min_m, box.z_max_m - z),
+        slide = LineWay(
+            x_m=lines.x_m,
+            z_m=lines.z_m,
+            sine=sine,
+            cosine=cosine,
+            sine_now=sines[n],
+            cosine_now=cosines[n],
         )
-        least = np.minimum(clear, inside)
-        aside = np.minimum(airspeed - guards.speed_min_mps, guards.speed_max_mps - airspeed)
-        lost = flies & ((least < 0.0) | (aside < 0.0))
-        failed = np.where(lost, (n + 1) * dt, failed)
+        new = ahead_step(mesh, wind, updraft, first, polar, scale, within, slide, at, dt)
+        lost = flies & ((new.margin_m < 0.0) | (new.aside_mps < 0.0))
+        at = Ahead(
+            x_m=np.where(flies, new.x_m, at.x_m),
+            z_m=np.where(flies, new.z_m, at.z_m),
+            climb_mps=np.where(flies, new.climb_mps, at.climb_mps),
+            speed_mps=new.speed_mps,
+            margin_m=np.where(flies, np.minimum(new.margin_m, at.margin_m), at.margin_m),
+            aside_mps=np.where(flies, new.aside_mps, at.aside_mps),
+        )
+        failed[lost] = (n + 1) * dt
         flies &= ~lost
-        margin = np.minimum(margin, least)
         if not flies.any():
             break
     return Rollouts(
-        failed_s=failed, climb_mps=climb, x_m=x, z_m=z, margin_m=margin, speed_margin_mps=aside
+        failed_s=failed,
+        climb_mps=at.climb_mps,
+        x_m=at.x_m,
+        z_m=at.z_m,
+        margin_m=at.margin_m,
+        speed_margin_mps=at.aside_mps,
     )
-
-
-def _line_speed(
-    limits: LineLimits,
-    lines: Lines,
-    x: Floats,
-    z: Floats,
-    speed: Floats,
-    change: float,
-    dt: float,
-) -> Floats:
-    """The line's speed across itself, as `target_line.line_step` moves it."""
-    sine, cosine = np.sin(lines.eta_rad), np.cos(lines.eta_rad)
-    to_go = sine * (x - lines.x_m) - cosine * (z - lines.z_m)  # positive: upstream
-    away = np.abs(to_go)
-    most = np.minimum(limits.speed_mps, np.sqrt(2.0 * limits.acceleration_mps2 * away))
-    wanted = np.copysign(np.minimum(most, away / dt), to_go)
-    result: Floats = speed + np.minimum(np.maximum(wanted - speed, -change), change)
-    return result
 
 
 class Well(NamedTuple):

@@ -7,7 +7,7 @@ look as if one could soar there.
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,14 +18,18 @@ from tgl_soar.types import GlidePolar
 BEYOND_PER_MPS: Final = 0.25  # m/s of sink more at 1 m/s beyond an end: three times the polar's own
 
 
-def sink(polar: GlidePolar, speed_mps: ArrayLike) -> Floats:
-    """Sink [m/s, positive down] at horizontal airspeeds [m/s]."""
-    speed = np.asarray(speed_mps, dtype=np.float64)
+def sink_at(polar: GlidePolar, speed: Any) -> Any:
+    """Sink [m/s, positive down] at horizontal airspeeds [m/s]: an array, or one number."""
     within = np.minimum(np.maximum(speed, polar.speed_min_mps), polar.speed_max_mps)
     beyond = speed - within
     sinks = polar.c0 + within * (polar.c1 + within * (polar.c2 + within * polar.c3))
     slope = polar.c1 + within * (2.0 * polar.c2 + within * (3.0 * polar.c3))
-    result: Floats = sinks + beyond * (slope + BEYOND_PER_MPS * beyond)
+    return sinks + beyond * (slope + BEYOND_PER_MPS * beyond)
+
+
+def sink(polar: GlidePolar, speed_mps: ArrayLike) -> Floats:
+    """Sink [m/s, positive down] at horizontal airspeeds [m/s]."""
+    result: Floats = sink_at(polar, np.asarray(speed_mps, dtype=np.float64))
     return result
 
 
