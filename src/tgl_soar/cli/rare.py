@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 import typer
 from rich.table import Table
@@ -21,6 +20,8 @@ from tgl_soar.analysis.rare.splitting import (
     climb,
     estimated,
     pilot_levels,
+    plain_seeds,
+    pooled_causes,
 )
 from tgl_soar.cli.console import (
     AIRFRAME,
@@ -32,7 +33,7 @@ from tgl_soar.cli.console import (
     fail,
     say,
 )
-from tgl_soar.cli.flying import ALL, Scheduler, Workers, executor_of, flight_bar
+from tgl_soar.cli.flying import ALL, FlightBar, Scheduler, Workers, executor_of, flight_bar
 from tgl_soar.config.files import (
     ConfigError,
     line_parameters,
@@ -45,6 +46,11 @@ from tgl_soar.sim.campaign.cluster import ClusterError
 from tgl_soar.sim.campaign.executors import Executor, WorkerLost
 from tgl_soar.sim.campaign.run import fly_all
 from tgl_soar.sim.compiled import available
+
+RESULT: Final = "rare.json"
+# What a batch leaves in memory is some megabytes, and to begin another takes less than a second of
+# the quarter of an hour that it flies.
+BATCH: Final = 100_000
 
 
 def rare(
@@ -63,6 +69,9 @@ def rare(
     seed: Annotated[int, typer.Option(help="Of all that is drawn.", min=0)] = 1,
     workers: Workers = ALL,
     scheduler: Scheduler = None,
+    restart: Annotated[
+        bool, typer.Option("--restart", help=f"Write over the {RESULT} of an earlier run.")
+    ] = False,
     out: Annotated[Path, typer.Option(help="Folder for the ladder and the losses.")] = Path(
         "out/rare"
     ),
@@ -73,6 +82,8 @@ def rare(
     """
     if not available():
         fail("splitting flies compiled: pip install 'tgl_soar[fast]'")
+    if (out / RESULT).exists() and not restart:
+        fail(f"{out / RESULT}: an earlier run's; --restart writes over it, --out goes elsewhere")
     executor = executor_of(workers, scheduler)
     try:
         process = SoaringProcess(_case(airframe, site, line, turbulence, seconds))
@@ -82,9 +93,9 @@ def rare(
             for i in range(ladders):
                 bar.title("ladders")
                 bar.show(i, ladders, 0.0, float("inf"))
-                climbed.append(climb(process, levels, effort, seed + 1 + i, executor))
+                climbed.append(climb(process, levels, effort, seed, executor, ladder=i))
             bar.title("plain flights")
-            lost = _plain(process, plain, seed, executor)
+            lost = _plain(process, plain, seed, executor, bar)
     except (ConfigError, ParameterError, ClusterError, WorkerLost, ValueError) as error:
         fail(error)
     except KeyboardInterrupt:
@@ -92,9 +103,9 @@ def rare(
     found = estimated(climbed)
     _print(process, climbed, found, seconds)
     if plain:
-        low, high = wilson(len(lost), plain)
-        say(f"plain: {len(lost)} of {plain} lost, {low:.3g} to {high:.3g} at 95 %")
-    _write(out, process, climbed, found, (plain, len(lost)))
+        low, high = wilson(lost, plain)
+        say(f"plain: {lost} of {plain} lost, {low:.3g} to {high:.3g} at 95 %")
+    _write(out, process, climbed, found, (plain, lost))
 
 
 def _case(
@@ -117,15 +128,19 @@ def _case(
     )
 
 
-def _plain(process: SoaringProcess, flights: int, seed: int, executor: Executor) -> list[str]:
-    """The causes of those that are lost."""
-    seeds = range(1_000_000 + seed, 1_000_000 + seed + flights)
-    flown = fly_all(partial(_fly_plain, process), seeds, executor)
-    return [cause for cause in flown if cause]
+def _plain(
+    process: SoaringProcess, flights: int, seed: int, executor: Executor, bar: FlightBar
+) -> int:
+    """How many of them are lost; in memory is one batch."""
+    seeds, lost = plain_seeds(flights, seed), 0
+    for first in range(0, flights, BATCH):
+        bar.show(first, flights, 0.0, float("inf"))
+        lost += sum(fly_all(partial(_is_lost, process), seeds[first : first + BATCH], executor))
+    return lost
 
 
-def _fly_plain(process: SoaringProcess, seed: int) -> str:
-    return process.passage(process.begun(seed), seed, 0.0).cause
+def _is_lost(process: SoaringProcess, seed: int) -> bool:
+    return process.passage(process.begun(seed), seed, 0.0).state is not None
 
 
 def _print(
@@ -153,9 +168,8 @@ def _print(
             f"Kramers, {name}: {60.0 * end.rate_per_s:.2g} a minute"
             f" ({end.s_m:+.2f} m along the line, {rim})"
         )
-    causes = Counter(loss.cause for ladder in climbed for loss in ladder.losses)
-    for cause, count in causes.most_common():
-        say(f"{count:6d}  {cause}")
+    for cause in pooled_causes(climbed):
+        say(f"{100.0 * cause.fraction:6.2f} %  {cause.text} ({cause.losses} losses)")
 
 
 def _write(
@@ -173,19 +187,28 @@ def _write(
         "plain": {"flights": plain[0], "lost": plain[1]},
         "kramers": [end._asdict() for end in process.exits],
         "ladders": [[rung._asdict() for rung in ladder.rungs] for ladder in climbed],
-        "last_seconds": {"columns": SHOWN, "losses": [_last(loss) for loss in losses]},
+        "causes": [cause._asdict() for cause in pooled_causes(climbed)],
+        "last_seconds": {
+            "columns": SHOWN,
+            "losses": [
+                _last(number, ladder.weight, loss)
+                for number, ladder in enumerate(climbed)
+                for loss in ladder.losses
+            ],
+        },
     }
     try:
         out.mkdir(parents=True, exist_ok=True)
-        (out / "rare.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        (out / RESULT).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     except OSError as error:
         fail(f"{out}: cannot be written: {error.strerror}")
     _draw(out / "rare.png", climbed, losses)
     say(f"numbers and the last seconds of every loss in {out}/")
 
 
-def _last(loss: Passage) -> dict[str, Any]:
-    return {"cause": loss.cause, "rows": loss.state.last.round(4).tolist()}
+def _last(ladder: int, weight: float, loss: Passage) -> dict[str, Any]:
+    rows = loss.state.last.round(4).tolist()
+    return {"ladder": ladder, "weight": weight, "cause": loss.cause, "rows": rows}
 
 
 def _draw(path: Path, climbed: Sequence[Ladder], losses: Sequence[Passage]) -> None:

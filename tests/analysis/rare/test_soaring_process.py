@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 from math import exp, inf
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 pytest.importorskip("numba")
 
 from tgl_soar.analysis.experiments.campaign import EVERY_SENSOR, SENSORS, place
+from tgl_soar.analysis.rare import soaring
 from tgl_soar.analysis.rare.soaring import (
     AHEAD_S,
     EDGE,
@@ -132,6 +134,24 @@ def test_a_flight_that_ends_has_no_margin_left() -> None:
     rows[:, 0] = np.arange(len(rows)) / ours.prepared.world.step_hz
     crashed = state.flight._replace(standing=CRASHED)
     assert ours._first_below(-1.0, 0, crashed, rows) == (crashed.steps, 0.0, 0.0)
+
+
+def test_a_loss_keeps_its_cause_on_all_rungs_that_are_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Handed over above the first level, it passes them all, and the last knows why."""
+    ours = process()
+
+    def handed_over(parts: Any, laws: Any, flight: Any, until: int, changes: int, rows: Any) -> Any:
+        del parts, laws, changes
+        rows[: ours._look, 0] = 1.0
+        return flight._replace(steps=min(until, ours._look - 1), standing=CRASHED)
+
+    monkeypatch.setattr(soaring, "fly_on", handed_over)
+    first = ours.passage(ours.begun(1), 2, 0.5)
+    assert first.cause
+    assert first.state.margin == 0.0
+    for level in (0.2, 0.0):
+        later = ours.passage(first.state, 3, level)
+        assert later.cause == first.cause
 
 
 def test_theory_knows_the_ends_of_the_well() -> None:

@@ -19,6 +19,8 @@ from tgl_soar.analysis.rare.splitting import (
     climb,
     estimated,
     pilot_levels,
+    plain_seeds,
+    pooled_causes,
 )
 from tgl_soar.sim.aircraft import Wind
 from tgl_soar.sim.campaign.executors import InLine, LocalProcesses
@@ -135,6 +137,31 @@ def test_a_ladder_is_the_same_whoever_climbs_it() -> None:
     assert climb(process, levels, 40, 5, InLine()) == climb(
         process, levels, 40, 5, LocalProcesses(2)
     )
+
+
+def test_each_loss_weighs_as_much_as_its_ladder() -> None:
+    """Ladders of 0.2 and of 0.001: the hundred losses of the second are of little account."""
+    often = Ladder((Rung(0.0, 10, 2),), (Passage(0.0, 1, "floor"), Passage(0.0, 1, "board")))
+    seldom = Ladder((Rung(1.0, 1000, 2), Rung(0.0, 200, 100)), (Passage(0.0, 1, "board"),) * 100)
+    assert seldom.probability == pytest.approx(0.001)
+    board, floor = pooled_causes([often, seldom])
+    assert (board.text, board.losses, floor.text, floor.losses) == ("board", 101, "floor", 1)
+    assert board.fraction == pytest.approx(0.101 / 0.201)
+    assert floor.fraction == pytest.approx(0.1 / 0.201)
+    assert pooled_causes([Ladder((Rung(1.0, 10, 0),), ())]) == []
+
+
+def test_ladders_and_plain_flights_of_two_seeds_are_strangers() -> None:
+    process = Forgetful(3.0)
+    levels = pilot_levels(process, 40, 1, InLine())
+    climbed = [
+        climb(process, levels, 40, seed, InLine(), ladder=n) for seed in (1, 2) for n in range(3)
+    ]
+    assert all(climbed.count(ladder) == 1 for ladder in climbed)
+    ours, theirs = plain_seeds(10**8, 1), plain_seeds(10**8, 2)
+    assert len(ours) == 10**8
+    assert ours == plain_seeds(10**8, 1)
+    assert ours[-1] < theirs[0] or theirs[-1] < ours[0]
 
 
 def test_what_never_happens_has_an_upper_bound() -> None:

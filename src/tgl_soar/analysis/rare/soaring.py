@@ -83,6 +83,7 @@ class PartedFlight(NamedTuple):
     lines: tuple[tuple[Any, ...], ...]
     margin: float
     last: FloatArray  # (n, columns of SHOWN): the last seconds
+    cause: str  # why it has ended; "" while it flies
 
 
 class SoaringProcess:
@@ -145,12 +146,13 @@ class SoaringProcess:
             lines=lines_of(parts),
             margin=inf,
             last=np.empty((0, len(SHOWN))),
+            cause="",
         )
 
     def passage(self, state: PartedFlight, seed: int, level: float) -> Passage:
         """Fly on with the noise of a seed until the margin is at or below a level."""
-        if state.margin <= level:
-            return Passage(state.margin, state, "")
+        if state.margin <= level:  # a hand-over passes all that is left of a ladder at once
+            return Passage(state.margin, state, state.cause)
         prepared, begin = self.prepared, state.flight
         rows = np.empty((prepared.ticks, len(Row._fields)))
         parts = continued(prepared, state.seed, state.lines, seed)
@@ -163,10 +165,15 @@ class SoaringProcess:
             flight = fly_on(parts, self.laws, begin, step, 0, rows)
         shown = np.concatenate([state.last, rows[begin.steps : step : SHOWN_EVERY, _KEPT]])
         keep = round(LAST_S * prepared.world.step_hz / SHOWN_EVERY)
-        now = PartedFlight(
-            seed=state.seed, flight=flight, lines=lines_of(parts), margin=margin, last=shown[-keep:]
-        )
         cause = why_ended(prepared.world, flight).partition(" at x")[0]
+        now = PartedFlight(
+            seed=state.seed,
+            flight=flight,
+            lines=lines_of(parts),
+            margin=margin,
+            last=shown[-keep:],
+            cause=cause,
+        )
         return Passage(lowest, now, cause)
 
     def _first_below(

@@ -16,10 +16,13 @@ trajectories, so that one in five passes each, near the e⁻² that costs least.
 
 Trajectories of a ladder share ancestors: its rungs say little of its own variance.  So several
 ladders are climbed with seeds of their own, and the scatter of their estimates gives the interval.
+A loss stands for its ladder's estimate, divided among the losses of that ladder: where causes are
+pooled, a ladder that hardly ever comes down has no more of a say than its estimate.
 """
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from functools import partial
 from math import exp, inf, sqrt
@@ -35,6 +38,7 @@ RUNGS_MOST: Final = 40  # 0.2⁴⁰: rarer than anything that is asked for
 LOST: Final = 0.0
 _PILOT: Final = 1  # streams of a seed
 _CLIMB: Final = 2
+_PLAIN: Final = 3
 
 
 class Passage(NamedTuple):
@@ -79,6 +83,19 @@ class Ladder(NamedTuple):
             product *= rung.passed / rung.tried
         return product
 
+    @property
+    def weight(self) -> float:
+        """Of each of its losses: the probability that it stands for; 0: it has none."""
+        return self.probability / len(self.losses) if self.losses else 0.0
+
+
+class Cause(NamedTuple):
+    """What some of the losses are lost by."""
+
+    text: str
+    losses: int
+    fraction: float  # of the probability of a loss
+
 
 class RareEstimate(NamedTuple):
     """Of several ladders."""
@@ -101,7 +118,7 @@ def pilot_levels(process: Process, effort: int, seed: int, executor: Executor) -
     effort: trajectories a level.  Errors: ValueError where the margin does not go down.
     """
     levels: list[float] = []
-    draw = np.random.default_rng((seed, _PILOT))
+    draw = _stream(seed, _PILOT)
     states = _begun(effort, draw)
     while len(levels) < RUNGS_MOST:
         flown = _fly(process, states, -inf, draw, executor, effort)
@@ -120,10 +137,19 @@ def pilot_levels(process: Process, effort: int, seed: int, executor: Executor) -
 
 
 def climb(
-    process: Process, levels: Sequence[float], effort: int, seed: int, executor: Executor
+    process: Process,
+    levels: Sequence[float],
+    effort: int,
+    seed: int,
+    executor: Executor,
+    *,
+    ladder: int = 0,
 ) -> Ladder:
-    """One ladder of so many trajectories a rung."""
-    draw = np.random.default_rng((seed, _CLIMB))
+    """One ladder of so many trajectories a rung.
+
+    ladder: its number; ladders of one seed share no random number, nor do those of two seeds.
+    """
+    draw = _stream(seed, _CLIMB, ladder)
     states = _begun(effort, draw)
     rungs: list[Rung] = []
     passed: list[Passage] = []
@@ -152,6 +178,33 @@ def estimated(ladders: Sequence[Ladder]) -> RareEstimate:
     error = float(found.std(ddof=1)) / sqrt(len(found)) / mean
     factor = exp(float(t.ppf(0.975, len(found) - 1)) * error)
     return RareEstimate(mean, mean / factor, mean * factor, trajectories)
+
+
+def pooled_causes(ladders: Sequence[Ladder]) -> list[Cause]:
+    """What they are lost by, the most probable first; each loss by its ladder's own estimate."""
+    counts: defaultdict[str, int] = defaultdict(int)
+    weights: defaultdict[str, float] = defaultdict(float)
+    for ladder in ladders:
+        for loss in ladder.losses:
+            counts[loss.cause] += 1
+            weights[loss.cause] += ladder.weight
+    whole = sum(ladder.probability for ladder in ladders)
+    found = [Cause(text, counts[text], weight / whole) for text, weight in weights.items()]
+    return sorted(found, key=lambda cause: cause.fraction, reverse=True)
+
+
+def plain_seeds(flights: int, seed: int) -> range:
+    """Of plain flights; two runs' begin so far apart that they share none.
+
+    2⁶² places to begin at: of two runs of 10⁸ flights, one pair in 2 · 10¹⁰ overlaps.
+    """
+    first = int(_stream(seed, _PLAIN).integers(2**62))
+    return range(first, first + flights)
+
+
+def _stream(seed: int, *key: int) -> np.random.Generator:
+    """Random numbers of one part of a run: hashed, so that neighbouring seeds share no part."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
 
 
 def _never(ladders: Sequence[Ladder]) -> float:
