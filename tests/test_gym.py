@@ -240,14 +240,53 @@ def test_dispersion_flies_another_aircraft_in_each_episode() -> None:
     [
         ({"action": "throttle"}, "action 'throttle': one of line, pitch, surfaces"),
         ({"turbulence": -0.1}, "turbulence -0.1: 0 to 0.5"),
-        ({"seconds": 0.0}, "seconds 0.0: more than 0"),
-        ({"period_s": 0.001}, "period_s 0.001: at least 0.005"),
+        ({"seconds": 0.0}, "seconds 0.0: more than 0, to 3600"),
+        ({"seconds": np.inf}, "seconds inf: more than 0, to 3600"),
+        ({"seconds": 1e7}, "seconds 10000000.0: more than 0, to 3600"),
+        ({"period_s": 0.001}, "period_s 0.001: a whole multiple of 0.005"),
+        ({"period_s": 0.007}, "period_s 0.007: a whole multiple of 0.005"),
+        ({"period_s": np.inf}, "period_s inf: .* from 0.005 to 3600"),
+        ({"period_s": np.nan}, "period_s nan: a whole multiple"),
         ({"render_mode": "human"}, "render_mode 'human': there is none"),
     ],
 )
 def test_bad_options_are_refused(options: dict[str, Any], says: str) -> None:
     with pytest.raises(ValueError, match=says):
         plain(**{"action": "line", **options})
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"gaol": (0.5, 1.5)}, "reset option 'gaol': one of goal, flight"),
+        ({"goal": (np.nan, 1.5)}, r"goal \(nan, 1.5\): x from -500 to 500 and z from"),
+        ({"goal": (0.5, np.inf)}, "z from -100 to 1000 m"),
+        ({"goal": (0.5,)}, "z from -100 to 1000 m"),
+        ({"goal": 3.0}, "z from -100 to 1000 m"),
+        ({"flight": -1}, "flight -1: a whole number from 0 to"),
+        ({"flight": 2.7}, "flight 2.7: a whole number from 0 to"),
+    ],
+)
+def test_bad_reset_options_are_refused(options: dict[str, Any], says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        plain("line").reset(seed=1, options=options)
+
+
+def test_a_step_before_a_reset_is_said() -> None:
+    with pytest.raises(gymnasium.error.ResetNeeded, match="call reset first"):
+        plain("line").step(np.zeros(2))
+
+
+def test_a_flights_reward_does_not_hang_on_the_period() -> None:
+    """At the edge of reach: some ticks are within it, some are not, and the bound is each one's."""
+    sums = []
+    _, info = plain("line").reset(seed=1)
+    for period_s in (0.005, 0.1):
+        env = plain("pitch", period_s=period_s)
+        env.reset(seed=1, options={"flight": 7, "goal": (info["x_m"] + 0.99, info["z_m"])})
+        sums.append(sum(env.step(np.zeros(1))[1] for _ in range(round(0.2 / period_s))))
+    assert sums[0] == pytest.approx(sums[1], rel=1e-9)
+    assert sums[0] > 0.0
 
 
 @pytest.mark.parametrize("action", [[0.0], [np.nan, 0.0], [0.0, 0.0, 0.0]])

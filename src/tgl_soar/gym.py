@@ -14,11 +14,13 @@ The task is one for all: come to a place in the rising air, and stay there.  The
 some line between the site's first and last meets the contour of zero excess updraft; it is drawn
 for each episode, and so is all that is random in the air and the sensors.
 
-    reward of a step   the time that it lasts [s], times 1 − d / 1 m, not less than 0
-    d                  true distance from the place [m], on average over the step's ticks
+    reward of a tick   the time that it lasts [s], times 1 − d / 1 m, not less than 0
+    reward of a step   the sum of its ticks'
+    d                  true distance from the place [m]
 
-So an episode gives at most its length in seconds, and one that ends early (crash, fence, stall,
-off the line) gives nothing more.  docs/gym.md has tables of actions and observations.
+The bound is each tick's own, so that a flight's reward does not hang on the period.  An episode
+gives at most its length in seconds, and one that ends early (crash, fence, stall, off the line)
+gives nothing more.  docs/gym.md has tables of actions and observations.
 """
 
 from __future__ import annotations
@@ -44,7 +46,7 @@ from tgl_soar.analysis.experiments.mismatch import mismatched
 from tgl_soar.autopilot import mode_name
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
-from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterSet
 from tgl_soar.config.site import Site
 from tgl_soar.control.laws import Laws, laws_from
 from tgl_soar.control.target_line import TargetLine, eta_from_lean
@@ -72,6 +74,10 @@ PERIODS_S: Final = {"line": 1.0, "pitch": 0.05, "surfaces": 0.02}
 SHIFT_M: Final = 0.5  # of the line, at most: most of the way between the tunnel's lines
 LEAN_RAD: Final = radians(8.0)  # of the line, likewise: the tunnel's 15 degrees stay above 5
 REACH_M: Final = 1.0  # from the place: further away there is no reward
+SECONDS_MAX: Final = 3600.0  # noise and rows of a whole flight are held in memory
+WHOLE: Final = 1e-6  # of a tick: what a decimal number of seconds may be off by in binary
+OPTIONS: Final = ("goal", "flight")
+FLIGHT_MAX: Final = 2**63 - 1
 
 
 class Observed(NamedTuple):
@@ -145,6 +151,48 @@ def _found(given: str | Path, folder: str) -> Path:
     return path if path.suffix == ".toml" else shipped(f"{folder}/{given}.toml")
 
 
+def _whole_ticks(period_s: float, hz: float) -> int:
+    """Errors: ValueError for what is no whole number of ticks."""
+    if 0.0 < period_s <= SECONDS_MAX:
+        count = round(period_s * hz)
+        if count >= 1 and abs(period_s * hz - count) <= WHOLE:
+            return count
+    tick = 1.0 / hz
+    raise ValueError(
+        f"period_s {period_s}: a whole multiple of {tick:g}, one tick, from {tick:g} to"
+        f" {SECONDS_MAX:g}"
+    )
+
+
+def _checked_options(options: dict[str, Any]) -> dict[str, Any]:
+    """Of `SoaringEnv.reset`.  Errors: ValueError naming the option."""
+    unknown = [name for name in options if name not in OPTIONS]
+    if unknown:
+        raise ValueError(f"reset option {unknown[0]!r}: one of {', '.join(OPTIONS)}")
+    checked: dict[str, Any] = {}
+    if "goal" in options:
+        x, z = (PARAMETERS[INDEX[name]] for name in ("TGL_X", "TGL_Z"))  # a line leads through it
+        says = (
+            f"reset option goal {options['goal']!r}: x from {x.minimum:g} to {x.maximum:g} and"
+            f" z from {z.minimum:g} to {z.maximum:g} m"
+        )
+        try:
+            x_m, z_m = (float(number) for number in options["goal"])
+        except (TypeError, ValueError):
+            raise ValueError(says) from None
+        if not (x.minimum <= x_m <= x.maximum and z.minimum <= z_m <= z.maximum):
+            raise ValueError(says)
+        checked["goal"] = x_m, z_m
+    if "flight" in options:
+        flight = options["flight"]
+        if not isinstance(flight, int | np.integer) or not 0 <= flight <= FLIGHT_MAX:
+            raise ValueError(
+                f"reset option flight {flight!r}: a whole number from 0 to {FLIGHT_MAX}"
+            )
+        checked["flight"] = int(flight)
+    return checked
+
+
 class SoaringEnv(gymnasium.Env):  # type: ignore[misc]
     """One flight an episode, in a vertical plane of rising air."""
 
@@ -174,8 +222,8 @@ class SoaringEnv(gymnasium.Env):  # type: ignore[misc]
             raise ValueError(f"action {action!r}: one of {', '.join(KINDS)}")
         if not 0.0 <= turbulence <= 0.5:
             raise ValueError(f"turbulence {turbulence}: 0 to 0.5")
-        if not seconds > 0.0:
-            raise ValueError(f"seconds {seconds}: more than 0")
+        if not 0.0 < seconds <= SECONDS_MAX:
+            raise ValueError(f"seconds {seconds}: more than 0, to {SECONDS_MAX:g}")
         if render_mode is not None:
             raise ValueError(f"render_mode {render_mode!r}: there is none")
         self.action, self.render_mode = action, render_mode
@@ -186,9 +234,7 @@ class SoaringEnv(gymnasium.Env):  # type: ignore[misc]
         self._prepared = self._world(None)
         self._hz = self._prepared.world.step_hz
         period = PERIODS_S[action] if period_s is None else period_s
-        self._period = round(period * self._hz)
-        if self._period < 1:
-            raise ValueError(f"period_s {period}: at least {1.0 / self._hz:g}, one tick")
+        self._period = _whole_ticks(period, self._hz)
         values = self._place.values
         self._lean_rad = radians(values["TGL_LEAN"])
         self._pitches_rad = radians(values["PITCH_MIN"]), radians(values["PITCH_MAX"])
@@ -205,6 +251,7 @@ class SoaringEnv(gymnasium.Env):  # type: ignore[misc]
         self._known = np.full((1, len(KnownAboard._fields)), np.nan)
         self._rows = np.empty((self._prepared.ticks, len(Row._fields)))
         self._steps = 0
+        self._engaged = False
         self.goal = (0.0, 0.0)
         self.action_space = Box(-1.0, 1.0, (SIZES[action],), np.float32)
         self.observation_space = Box(_LOW, _HIGH, dtype=np.float32)
@@ -215,14 +262,16 @@ class SoaringEnv(gymnasium.Env):  # type: ignore[misc]
         """A new flight, from its start to the tick in which the module takes the surfaces.
 
         options: `goal`, a place (x, z) [m]; `flight`, the seed of one flight's air and sensors.
-        Errors: RuntimeError where the module does not engage.
+        Errors: ValueError for other options or bad ones; RuntimeError where the module does not
+        engage.
         """
+        options = _checked_options(options or {})
+        self._engaged = False
         super().reset(seed=seed)
-        options = options or {}
         # Both are drawn in any case: what comes after does not hang on the options.
         flight, along = int(self.np_random.integers(2**31)), float(self.np_random.random())
-        flight = int(options.get("flight", flight))
-        self.goal = tuple(options["goal"]) if "goal" in options else self._goal(along)
+        flight = options.get("flight", flight)
+        self.goal = options["goal"] if "goal" in options else self._goal(along)
         if self._dispersed:
             self._prepared = self._world(flight)
         parts, start = begun(self._prepared, flight)
@@ -233,11 +282,14 @@ class SoaringEnv(gymnasium.Env):  # type: ignore[misc]
             raise RuntimeError(
                 "the module does not engage at this start: fly it with tgl-soar sitl"
             )
+        self._engaged = True
         return self._observation(), self._info(standing)
 
     def step(self, action: Any) -> _Step:
         """Fly on under an action for one period.  Errors: ValueError for one of another shape or
-        that is not finite."""
+        that is not finite; `gymnasium.error.ResetNeeded` before a reset."""
+        if not self._engaged:
+            raise gymnasium.error.ResetNeeded("step: call reset first, which begins a flight")
         numbers = np.asarray(action, dtype=np.float64).reshape(-1)
         if numbers.shape != self.action_space.shape or not np.isfinite(numbers).all():
             raise ValueError(f"action {action}: {SIZES[self.action]} finite numbers")
