@@ -24,6 +24,7 @@ from tgl_soar.link.messages import (
 )
 from tgl_soar.link.session import Session
 from tgl_soar.link.sources import LOCAL_POSITION, VISION, PositionSources
+from tgl_soar.link.vehicle.estimator_aids import STATUS_AGE_MAX_S
 
 HEIGHT = mavlink.EKF_ATTITUDE | mavlink.EKF_VELOCITY_VERT | mavlink.EKF_POS_VERT_ABS
 RELATIVE = mavlink.EKF_VELOCITY_HORIZ | mavlink.EKF_POS_HORIZ_REL | mavlink.EKF_PRED_POS_HORIZ_REL
@@ -98,7 +99,7 @@ def test_a_position_is_reckoned_where_the_estimator_has_lost_what_it_had(
     assert not place(talk, 1600)
 
 
-def test_the_last_word_holds_until_the_autopilot_restarts() -> None:
+def test_a_doubt_holds_until_the_autopilot_restarts() -> None:
     talk = session()
     hear(talk, ekf3(AIDED), 500.0)
     hear(talk, ekf3(HEIGHT | RELATIVE), 500.2)
@@ -113,6 +114,48 @@ def test_the_last_word_holds_until_the_autopilot_restarts() -> None:
         hear(talk, at, 560.1 + 0.02 * k)
     assert talk.position.time_s == pytest.approx(560.88)
     assert not talk.position.reckoned
+
+
+def of_the_silence(talk: Session) -> list[str]:
+    texts = [text for _, text in talk.notices if "estimator" in text and "EKF" not in text]
+    talk.notices.clear()
+    return texts
+
+
+@pytest.mark.parametrize(
+    ("said", "words", "reckoned"),
+    [(AIDED, "measured, which nobody knows now", False), (HEIGHT, "dead reckoned, which", True)],
+)
+def test_what_was_said_too_long_ago_is_told_once_and_a_doubt_stays(
+    said: int, words: str, reckoned: bool
+) -> None:
+    talk = session()
+    hear(talk, ekf3(AIDED), 1.0)
+    hear(talk, ekf3(said), 1.2)
+    talk.poll(1.2 + STATUS_AGE_MAX_S)
+    assert of_the_silence(talk) == []
+    for k in range(50):
+        talk.poll(1.3 + STATUS_AGE_MAX_S + 0.1 * k)
+    (told,) = of_the_silence(talk)
+    assert words in told
+    assert place(talk, 12_000) == reckoned
+    hear(talk, ekf3(AIDED), 12.1)
+    assert not place(talk, 12_200)
+    (told,) = of_the_silence(talk)
+    assert told.endswith("reports again")
+    talk.poll(12.0 + STATUS_AGE_MAX_S)
+    assert of_the_silence(talk) == []
+
+
+def test_who_never_spoke_is_not_missed_and_a_clock_that_is_set_makes_no_silence() -> None:
+    talk = session()
+    talk.poll(1000.0)
+    hear(talk, ekf3(AIDED), 1000.1)
+    talk.rebase(5000.0)
+    talk.poll(5000.0 + STATUS_AGE_MAX_S)
+    assert of_the_silence(talk) == []
+    talk.poll(5000.1 + STATUS_AGE_MAX_S)
+    assert len(of_the_silence(talk)) == 1
 
 
 def test_nobody_else_has_a_say_and_what_the_autopilot_did_not_measure_is_not_meant() -> None:

@@ -251,6 +251,57 @@ def test_the_landing_of_a_mission_is_read_asked_for_and_checked(flight: Flight) 
     assert said.words == ["the autopilot lands: item 2 of its mission"]
 
 
+def handed_over(flight: Flight, time_s: float) -> tuple[Firmware, Said, Any]:
+    """A mission that was asked for in LANDING, and is flown since `time_s`."""
+    firmware, said = Firmware("ardupilot"), Said()
+    landing = landing_by(firmware, said, 1.0)
+    landing.tick(output_of(flight, LANDING, time_s - 1.0))
+    firmware.answers(time_s - 0.9)
+    firmware.time_s = time_s - 0.5
+    landing.tick(output_of(flight, LANDING, time_s - 0.5))
+    assert [message.command for message in said.sent] == [COMMAND_DO_LAND_START]
+    firmware.time_s, firmware.custom_mode = time_s, MODE_AUTO
+    landing.tick(output_of(flight, RELEASED, time_s))
+    return firmware, said, landing
+
+
+@pytest.mark.parametrize("since_s", [0.5, 2.9])
+@pytest.mark.parametrize("clock_s", [0.0, 4000.0, -95.0])
+def test_a_conversation_that_begins_anew_after_the_hand_over_is_no_false_alarm(
+    flight: Flight, since_s: float, clock_s: float
+) -> None:
+    """The autopilot has restarted, or our clock was set by so much: its mission is not known for
+    a while, and no item was told yet."""
+    firmware, said, landing = handed_over(flight, 100.0)
+    landing.tick(output_of(flight, RELEASED, 100.0 + since_s))
+    firmware.mission.restart()
+    anew = 100.0 + since_s + clock_s
+    for k in range(20):
+        landing.tick(output_of(flight, RELEASED, anew + 0.1 * k))
+    firmware.mission.take(MissionCurrent(2))
+    landing.tick(output_of(flight, RELEASED, anew + 2.5))
+    assert said.words == ["the autopilot lands: item 2 of its mission"]
+
+
+def test_one_that_begins_anew_and_does_not_land_is_told_all_the_same(flight: Flight) -> None:
+    firmware, said, landing = handed_over(flight, 100.0)
+    firmware.mission.restart()
+    for k in range(100):
+        landing.tick(output_of(flight, RELEASED, 102.0 + 0.1 * k))
+    told = "the autopilot is in its mission at an item that it does not tell, not landing"
+    assert said.words == [f"{told}: take over"]
+
+
+def test_a_clock_that_goes_back_does_not_keep_it_from_asking(flight: Flight) -> None:
+    firmware, said = Firmware("px4"), Said()
+    landing = landing_by(firmware, said, 2.0)
+    for now in (5000.0, 1.0):
+        firmware.time_s = now
+        landing.tick(output_of(flight, LANDING, now))
+        firmware.mission.restart()
+    assert [message.command for message in said.sent] == [COMMAND_DO_SET_MODE] * 2
+
+
 def test_a_mission_that_flies_elsewhere_is_told(flight: Flight) -> None:
     for item, words in ((0, "at item 0"), (None, "at an item that it does not tell")):
         firmware, said = Firmware("ardupilot"), Said()

@@ -65,6 +65,7 @@ class MissionReading:
         self.failed = ""  # why they are not
         self.current = -1  # item that is flown, by the newest MISSION_CURRENT; -1: none came
         self.current_count = 0  # of those
+        self.restarts = 0  # so often what was asked for was asked for anew
         self._own = own
         self._count = -1
         self._asks = False
@@ -81,6 +82,7 @@ class MissionReading:
     def restart(self) -> None:
         """The autopilot may be another one, or the clock is: what was asked for is asked again."""
         self.current = -1
+        self.restarts += 1
         if self._asks or self.is_known or self.failed:
             self.begin()
 

@@ -212,6 +212,7 @@ class Session:
             outbound.extend(self.mission.poll(now_s))
             self.notices.extend((SEVERITY_WARNING, complaint) for complaint in complaints)
         self._times.poll(now_s)
+        self._aids.poll(now_s)
         if self.streams.notices:
             self._rates.poll_refusals()
         if self.sources.notices:
@@ -230,6 +231,7 @@ class Session:
         self._times.take_queue(0.0, now_s)
         self.inquiry.restart()
         self.mission.restart()
+        self._aids.rebase(now_s)
         self.vehicle.rebase(now_s)
 
     def _autopilot_restarted(self, now_s: float) -> None:
@@ -269,7 +271,7 @@ class Session:
         elif isinstance(message, SysStatus):
             self.samples.on_sys_status(message)
         elif isinstance(message, EkfStatusReport | EstimatorStatus):
-            self._aids.on_status(message)
+            self._aids.on_status(message, now_s)
         elif isinstance(message, Heartbeat):
             self.vehicle.on_heartbeat(message, now_s)
         elif isinstance(message, ParamValue):

@@ -8,7 +8,8 @@ for anybody; a firmware that does not take the landing leaves the module to land
              without a landing, or with one elsewhere than the landing place, is not asked for
     ask      right after a heartbeat, `TRIES` times, a request may be lost
     done     a heartbeat shows the mode; an acknowledgement alone says nothing
-    check    the item that it flies: a mission's mode may be anywhere in it
+    check    the item that it flies: a mission's mode may be anywhere in it.  Where the autopilot
+             restarts meanwhile, or our clock is set, that begins anew, by the mission as it was
 
 ArduPlane's return circles over home, with a throttle that we do not have, unless RTL_AUTOLAND says
 otherwise; that is not read.
@@ -74,6 +75,8 @@ class FirmwareLanding:
         self._handed_over_s = float("nan")  # since then the item is looked for
         self._checked_s = float("-inf")  # it was asked for last
         self._currents = 0  # MISSION_CURRENT that had come by then
+        self._landings: list[MissionLanding] = []  # of the mission as it was read last
+        self._restarts = session.mission.restarts  # of the conversation, in the last tick
 
     def refusal(self, value: float) -> str:
         """Why LND_BY may not be set so; "" if it may."""
@@ -93,6 +96,7 @@ class FirmwareLanding:
         """A tick has gone by."""
         by = int(self._settings.values["LND_BY"])
         modes = LANDING_MODES.get(self._setup.flavour.name, {})
+        self._begin_anew(output)
         self._read(by, output, known=by in modes)
         self._check(output)
         if output.mode != LANDING or by not in modes:
@@ -118,6 +122,16 @@ class FirmwareLanding:
             return
         self._asked_for = modes[by]
         self._outbox.say_all((self._request(by, modes[by]),), self._outbox.autopilot)
+
+    def _begin_anew(self, output: Output) -> None:
+        """Whose clock has begun anew: times of before say nothing, and what was asked is lost."""
+        mission = self._session.mission
+        if mission.restarts == self._restarts:
+            return
+        self._restarts = mission.restarts
+        self._asked_s = self._looked_s = self._checked_s = float("-inf")
+        if self._handed_over_s == self._handed_over_s:  # not NaN
+            self._handed_over_s, self._currents = output.time_s, mission.current_count
 
     def _read(self, by: int, output: Output, *, known: bool) -> None:
         """The mission, where it is to land; `known`: this firmware can land so."""
@@ -147,7 +161,7 @@ class FirmwareLanding:
         mission = self._session.mission
         if mission.failed:
             return mission.failed
-        landings = landings_of(mission.items)
+        landings = self._landings = landings_of(mission.items)
         if not landings:
             return "its mission has no landing (DO_LAND_START, then NAV_LAND)"
         for landing in landings:  # the firmware chooses the nearest one
@@ -204,7 +218,7 @@ class FirmwareLanding:
             return
         mission = self._session.mission
         item = mission.current if mission.current_count != self._currents else -1
-        lands = any(land.begins <= item <= land.touches for land in landings_of(mission.items))
+        lands = any(land.begins <= item <= land.touches for land in self._landings)
         if self._session.custom_mode != self._asked_for:  # somebody has taken over
             self._handed_over_s = float("nan")
         elif lands:

@@ -125,7 +125,7 @@ def test_the_estimator_says_whether_its_position_is_measured(reckoned: bool) -> 
         ]
         assert len(reports) == pytest.approx(200 / STEP_HZ * 5, abs=1)
         for report in reports[1:]:
-            aids.on_status(report)
+            aids.on_status(report, 1.0)
             assert aids.reckons == reckons
 
 
