@@ -500,9 +500,9 @@ def _guide(
     )
     passage = state.passage
     if way.flies_no_line(decision.mode, passage):
-        mode, blocked = decision.mode, limited.aileron_blocked
+        mode = decision.mode
         passage, soaring, terms, sideways, sideways_terms, psi_setpoint = way.passage_guide(
-            laws, passage, mode, estimates, soaring, sideways, blocked, dt_s
+            laws, passage, mode, estimates, soaring, sideways, limited, dt_s
         )
     elif decision.mode == modes.HOLDING:
         # Without a position: the pitch that held the line, wings level, the heading as it was.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import acos, cos, hypot, inf, isfinite, isnan, nan, radians, sin, sqrt
+from math import acos, cos, exp, hypot, inf, isfinite, isnan, nan, radians, sin, sqrt
 from typing import Any
 
 import pytest
@@ -12,6 +12,8 @@ from tgl_soar.control.landing import (
     NO_ESCAPE,
     NO_GLIDE,
     EscapeState,
+    GlidePitches,
+    GlideState,
     LandingParams,
     LandingPlace,
     across,
@@ -58,6 +60,10 @@ PARAMS = LandingParams(
     glide_pitch_rad=radians(-4.0),
 )
 SLOWEST = 7.6 + landing.POLAR_BY_MPS
+
+
+def pitched(wanted_rad: float, slowest_rad: float = nan, fastest_rad: float = nan) -> GlidePitches:
+    return GlidePitches(wanted_rad, slowest_rad, fastest_rad)
 
 
 def at(time_s: float = 0.0, **changes: Any) -> VehicleState:
@@ -173,16 +179,16 @@ def test_the_approach_is_as_slow_as_still_gets_there() -> None:
 
 def test_height_left_over_is_woven_off() -> None:
     high = at(x_m=-14.0, z_m=14.0)
-    angle = weave(PARAMS, True, SLOWEST, high, air())
+    angle = weave(PARAMS, True, SLOWEST, nan, high, air())
     assert angle > 0.3
-    assert weave(PARAMS, False, SLOWEST, high, air()) == -angle
+    assert weave(PARAMS, False, SLOWEST, nan, high, air()) == -angle
     final_m = landing.FINAL_M * (9.2 - landing.WIND_BELOW * 7.0) / polar_sink(POLAR, 9.2)
     wanted = (13.0 - final_m) * polar_sink(POLAR, SLOWEST) / (14.0 - landing.FINAL_M)
     assert angle == pytest.approx(
         min(landing.WEAVE_RAD, acos((7.0 + max(-landing.BACK_MPS, wanted)) / SLOWEST))
     )
-    assert weave(PARAMS, True, SLOWEST, at(x_m=60.0, z_m=14.0), air()) == 0.0
-    assert weave(PARAMS, True, SLOWEST, at(x_m=-14.0, z_m=4.0), air()) == 0.0
+    assert weave(PARAMS, True, SLOWEST, nan, at(x_m=60.0, z_m=14.0), air()) == 0.0
+    assert weave(PARAMS, True, SLOWEST, nan, at(x_m=-14.0, z_m=4.0), air()) == 0.0
 
 
 def test_it_turns_back_so_that_it_stays_near_the_approach() -> None:
@@ -191,8 +197,8 @@ def test_it_turns_back_so_that_it_stays_near_the_approach() -> None:
     for k in range(round(20.0 / DT)):
         vehicle = at(k * DT, x_m=-14.0, y_m=y, z_m=14.0)
         now = air(airspeed_mps=SLOWEST)
-        state, _ = glide_step(PARAMS, state, False, True, vehicle, now, 14.0, DT)
-        wish = glide_wish(PARAMS, state, False, True, -0.02, vehicle, now, 14.0)
+        state, _ = glide_step(PARAMS, state, False, True, vehicle, now, 14.0, False, DT)
+        wish = glide_wish(PARAMS, state, False, True, pitched(-0.02), vehicle, now, 14.0)
         y += wish.sideways_mps * DT
         worst = max(worst, abs(y)) if k > 1000 else worst
     assert 1.0 < worst < landing.WEAVE_M + 0.5
@@ -203,48 +209,139 @@ def test_a_slow_aircraft_does_not_turn() -> None:
     slow = air(airspeed_mps=SLOWEST - 1.0)
     for k in range(300):
         vehicle = at(k * DT, x_m=-14.0, z_m=14.0)
-        state, _ = glide_step(PARAMS, state, False, True, vehicle, slow, 14.0, DT)
+        state, _ = glide_step(PARAMS, state, False, True, vehicle, slow, 14.0, False, DT)
     assert state.weave_rad == 0.0
+
+
+def test_what_the_air_carries_is_not_woven_off_there() -> None:
+    """It goes on upstream, even where it is beyond the straight rest's beginning."""
+    sink = polar_sink(POLAR, SLOWEST)
+    for x_m in (-14.0, -30.0):
+        high = at(x_m=x_m, z_m=14.0)
+        carried = weave(PARAMS, True, SLOWEST, 0.4 * sink, high, air())
+        assert carried == pytest.approx(acos((7.0 + landing.OUT_MPS) / SLOWEST))
+        sinks = weave(PARAMS, True, SLOWEST, 0.6 * sink, high, air())
+        assert sinks == weave(PARAMS, True, SLOWEST, nan, high, air()) > carried
+    state = NO_GLIDE
+    for k in range(round(10.0 / DT)):
+        vehicle = at(k * DT, x_m=-14.0, z_m=14.0, climb_mps=-1.0 if k * DT < 3.0 else 0.2)
+        state, _ = glide_step(PARAMS, state, False, True, vehicle, air(), 14.0, False, DT)
+        if k * DT < 3.0:
+            assert state.sink_mps == pytest.approx(1.0)
+    assert state.sink_mps == pytest.approx(-0.2 + 1.2 * exp(-7.0 / landing.CARRIED_S), abs=0.01)
+
+
+@pytest.mark.parametrize("speed_mps", [nan, 7.0, 9.5, 14.0])
+def test_an_airspeed_that_is_not_measured_lowers_the_nose_and_does_not_raise_it_beyond_the_slowest(
+    speed_mps: float,
+) -> None:
+    state = NO_GLIDE._replace(speed_mps=8.4, integral_rad=0.05)
+    pitches = pitched(-0.04, slowest_rad=-0.01, fastest_rad=-0.13)
+    found = [
+        glide_wish(
+            PARAMS, state, False, True, pitches, at(), air(airspeed_mps=speed_mps, measured=it), inf
+        ).pitch_rad
+        for it in (True, False)
+    ]
+    free = 0.01 + (landing.KP * (speed_mps - 8.4) if isfinite(speed_mps) else 0.0)
+    assert found == pytest.approx([free, min(free, -0.01)])
+
+
+def held(
+    seconds: float,
+    state: GlideState,
+    start_s: float = 0.0,
+    *,
+    climb_mps: float = -2.5,
+    nose_held: bool = True,
+    sure: bool = True,
+) -> GlideState:
+    """Weaving high, tick by tick."""
+    for k in range(round(seconds / DT)):
+        vehicle = at(start_s + k * DT, x_m=-14.0, z_m=14.0, climb_mps=climb_mps)
+        state, _ = glide_step(PARAMS, state, False, sure, vehicle, air(), 14.0, nose_held, DT)
+    return state
+
+
+def test_a_stall_is_told_by_the_elevator_and_ends_with_the_nose_down() -> None:
+    flown = held(2.0, NO_GLIDE, nose_held=False)
+    assert abs(flown.weave_rad) > 0.3
+    almost = held(landing.STALL_S - 2.0 * DT, flown, 2.0)
+    assert not almost.stalled
+    stalled = held(landing.STALL_S, flown, 2.0)
+    assert stalled.stalled
+    pitches = pitched(-0.04, slowest_rad=-0.01, fastest_rad=-0.13)
+    wish = glide_wish(PARAMS, stalled, False, True, pitches, at(), air(), 14.0)
+    assert wish.pitch_rad <= -0.13
+    nothing = glide_wish(PARAMS, stalled, False, True, pitched(nan), at(), air(), 14.0)
+    assert nothing.pitch_rad <= PARAMS.glide_pitch_rad
+    after = held(landing.RECOVER_S + DT, stalled, 3.0, nose_held=False)
+    assert after.recovers_s == 0.0
+    wish = glide_wish(PARAMS, after, False, True, pitches, at(), air(), 14.0)
+    assert wish.pitch_rad > -0.13
+    later = held(3.0, after, 5.0, nose_held=False)
+    assert later.weave_rad == 0.0  # not on this way home
+    assert later.speed_mps == pytest.approx(PARAMS.best_glide_mps)
+
+
+def test_what_is_no_stall() -> None:
+    sink = polar_sink(POLAR, SLOWEST)
+    for climb, nose_held in ((-2.5, False), (-sink - 0.4, True), (1.0, True)):
+        assert not held(5.0, NO_GLIDE, climb_mps=climb, nose_held=nose_held).stalled
+    assert held(5.0, NO_GLIDE, climb_mps=0.0, sure=False).stalled  # nobody knows how it sinks
+    flaring = NO_GLIDE
+    for k in range(400):
+        vehicle = at(k * DT, z_m=1.5, climb_mps=-2.5)
+        flaring, _ = glide_step(PARAMS, flaring, False, True, vehicle, air(), 1.5, True, DT)
+        assert flaring.flares
+    assert not flaring.stalled
+    shaken = NO_GLIDE
+    for k in range(20):  # gusts: half of the time
+        shaken = held(0.3, shaken, 0.6 * k)
+        shaken = held(0.3, shaken, 0.6 * k + 0.3, nose_held=False)
+    assert not shaken.stalled
 
 
 def test_speed_is_held_by_pitch() -> None:
     state = NO_GLIDE._replace(speed_mps=9.0)
     for speed, sign in ((10.0, 1.0), (8.0, -1.0)):
-        wish = glide_wish(PARAMS, state, True, True, -0.03, at(), air(airspeed_mps=speed), inf)
+        wish = glide_wish(
+            PARAMS, state, True, True, pitched(-0.03), at(), air(airspeed_mps=speed), inf
+        )
         assert wish.pitch_rad == pytest.approx(-0.03 + sign * landing.KP)
-    state, _ = glide_step(PARAMS, state, True, True, at(), air(airspeed_mps=12.0), 10.0, 0.1)
+    state, _ = glide_step(PARAMS, state, True, True, at(), air(airspeed_mps=12.0), 10.0, False, 0.1)
     assert state.integral_rad > 0.0
 
 
 def test_the_flare_holds_a_sink_that_dies_out() -> None:
     falling = at(z_m=1.0, climb_mps=-1.4)
-    state, _ = glide_step(PARAMS, NO_GLIDE, False, True, falling, air(), 1.0, DT)
+    state, _ = glide_step(PARAMS, NO_GLIDE, False, True, falling, air(), 1.0, False, DT)
     assert state.flares
-    wish = glide_wish(PARAMS, state, False, True, -0.03, falling, air(), 1.0)
+    wish = glide_wish(PARAMS, state, False, True, pitched(-0.03), falling, air(), 1.0)
     assert wish.pitch_rad == pytest.approx(-0.03 + landing.KF * (1.4 - 1.0) / 8.5)
-    state, _ = glide_step(PARAMS, NO_GLIDE, False, True, falling, air(), 1.6, DT)
+    state, _ = glide_step(PARAMS, NO_GLIDE, False, True, falling, air(), 1.6, False, DT)
     assert not state.flares
     # Without a known ground the height over the place counts.
-    state, _ = glide_step(PARAMS, NO_GLIDE, False, True, falling, air(), inf, DT)
+    state, _ = glide_step(PARAMS, NO_GLIDE, False, True, falling, air(), inf, False, DT)
     assert state.flares
 
 
 def test_it_returns_to_the_approach_and_into_the_bearing() -> None:
     state = NO_GLIDE._replace(speed_mps=9.0)
-    right = glide_wish(PARAMS, state, False, True, 0.0, at(y_m=2.0), air(), inf)
+    right = glide_wish(PARAMS, state, False, True, pitched(0.0), at(y_m=2.0), air(), inf)
     assert right.sideways_mps == pytest.approx(-2.0 / landing.CROSS_S)
     assert right.heading_rad == pytest.approx(-sin(1.0 / 8.5), abs=0.01)
     b = radians(30.0)
     turned = PARAMS._replace(place=PLACE._replace(y_m=0.0, bearing_rad=b))
     x, y = -27.0 + 20.0 * cos(b), -20.0 * sin(b)
-    wish = glide_wish(turned, state, False, True, 0.0, at(x_m=x, y_m=y), air(), inf)
+    wish = glide_wish(turned, state, False, True, pitched(0.0), at(x_m=x, y_m=y), air(), inf)
     v = sqrt(8.5**2 - (7.0 * sin(b)) ** 2) - 7.0 * cos(b)
     assert wish.sideways_mps == pytest.approx(v * sin(b))
 
 
 def test_without_a_position_it_glides_straight_on() -> None:
-    state, speed = glide_step(PARAMS, NO_GLIDE, False, False, at(), air(), inf, DT)
-    wish = glide_wish(PARAMS, state, False, False, -0.03, at(y_m=9.0), air(), inf)
+    state, speed = glide_step(PARAMS, NO_GLIDE, False, False, at(), air(), inf, False, DT)
+    wish = glide_wish(PARAMS, state, False, False, pitched(-0.03), at(y_m=9.0), air(), inf)
     assert (wish.heading_rad, wish.sideways_mps) == (0.0, 0.0)
     assert speed == pytest.approx(8.5, abs=0.1)
 
@@ -302,6 +399,8 @@ def test_the_glide_is_a_number_whatever_the_best_speed_and_the_polar_are(best_mp
         for now in (air(), NO_AIR, air(airspeed_mps=0.0)):
             for height in (0.2, 14.0):
                 vehicle = at(x_m=-14.0, z_m=height)
-                glide, _ = glide_step(params, NO_GLIDE, False, True, vehicle, now, height, DT)
-                wish = glide_wish(params, glide, False, True, nan, vehicle, now, height)
+                glide, _ = glide_step(
+                    params, NO_GLIDE, False, True, vehicle, now, height, False, DT
+                )
+                wish = glide_wish(params, glide, False, True, pitched(nan), vehicle, now, height)
                 assert isfinite(wish.pitch_rad + wish.heading_rad + wish.sideways_mps)

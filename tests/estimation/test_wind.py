@@ -19,8 +19,8 @@ from msgspec.structs import asdict, replace
 
 from tgl_soar.config.files import ConfigError, load_airframe, shipped
 from tgl_soar.estimation.aerodynamics import glide_pitch, lift_drag
+from tgl_soar.estimation.body_axes import body_axes, through_air
 from tgl_soar.estimation.wind import (
-    BIAS_S,
     DRAG_ERROR,
     FORCE_NOISE_MPS2,
     GLIDE_RATIO,
@@ -29,14 +29,10 @@ from tgl_soar.estimation.wind import (
     PITOT_NOISE_MPS,
     STALL_NOISE_MPS2,
     TRIM_ERROR_RAD,
-    Averages,
     WindParams,
     WindState,
-    _body,
     _take_forces,
-    _unbiased,
     initial_wind,
-    through_air,
     wind_step,
 )
 from tgl_soar.geometry import euler_from_quaternion
@@ -207,31 +203,9 @@ def test_the_pitch_s_error_is_counted_as_it_acts(imu: bool, pitot: bool, climb_m
         assert one - other == pytest.approx((slope * sigma) ** 2, rel=0.2, abs=1e-6), name
 
 
-def test_the_bias_of_a_force_is_not_an_acceleration_that_lasts() -> None:
-    """In an acceleration a for far longer than BIAS_S the averaged velocity is a BIAS_S behind,
-    and the averaged force is a + bias: what is left of the force is a, along the body's axes."""
-    read = vehicle_of(Glide(9.0, (8.5, 0.0, 1.4)).state, 0.0)._replace(roll_rad=0.2)
-    frame = _body(read)
-    up_mps2, downwind_mps2 = 0.3, -0.7
-    behind = Averages(
-        velocity_x_mps=frame.velocity_x_mps - downwind_mps2 * BIAS_S,
-        climb_mps=frame.climb_mps - up_mps2 * BIAS_S,
-        force_x_mps2=0.11,
-        force_z_mps2=-0.23,
-    )
-    force = NO_IMU._replace(force_x_frd_mps2=0.11, force_z_frd_mps2=-0.23)
-    # x of the soaring frame runs downwind and its z upward, the body's axes n upwind and d down.
-    assert _unbiased(behind, frame, force) == pytest.approx(
-        (
-            -frame.x_n * downwind_mps2 - frame.x_d * up_mps2,
-            -frame.z_n * downwind_mps2 - frame.z_d * up_mps2,
-        )
-    )
-
-
 def test_two_forces_taken_one_after_the_other_are_taken_at_once() -> None:
     """Both are linear about the same place: the same as one update with both of them."""
-    frame = _body(vehicle_of(Glide(9.0, (8.5, 0.0, 1.4)).state, 0.0))
+    frame = body_axes(vehicle_of(Glide(9.0, (8.5, 0.0, 1.4)).state, 0.0))
     elevator, noise = 0.0, 0.05
     mean, covariance = np.array([8.1, 1.1]), np.array([[1.0, 0.2], [0.2, 0.8]])
     k = 0.5 * AERO.air_density_kgpm3 * AERO.wing_area_m2 / AERO.mass_kg

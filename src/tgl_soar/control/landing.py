@@ -26,13 +26,24 @@ may be nothing at all, and turns back so that it stays within WEAVE_M of the app
 
     cos chi = (u + v_d) / V        v_d = D' S / h'     with D', h' as far as to the straight rest
 
-and the straight rest is flown at the best glide's speed, which the flare lives on.
+and the straight rest is flown at the best glide's speed, which the flare lives on.  Where the air
+carries it, so that it sinks by less than half of S, no weave brings it down: it goes on upstream by
+v_d >= OUT_MPS, and comes back where it sinks again.
 
     theta_sp = theta_glide(V_sp) + KP (V − V_sp) + KI ∫ (V − V_sp) dt
 
 Held pitch alone brings V to its place in 3.6 s (2 g alpha / V² of it); KP makes 1.5 s of that, KI a
-wrong theta_glide good in 4 s, damped by 0.8.  **The flare** holds the sink that dies out with the
-height h,
+wrong theta_glide good in 4 s, damped by 0.8.  An airspeed that no pitot tube measures may lower the
+nose by this and not raise it above theta_glide of the slowest V: drag that nobody knows of looks
+like speed, in a weave and near the stall, and to slow down for it is how a stall begins, while a
+pitch is certain to some tenths of a degree and keeps V by itself.
+
+**A stall** that came all the same is told by the elevator: as far up as it may go while the nose
+stays below its setpoint and the aircraft sinks faster than any glide at the slowest V.  Then the
+nose goes down to the pitch of the fastest glide for RECOVER_S, where no wing stays stalled; from
+then on it does not weave and flies no slower than the best glide.
+
+**The flare** holds the sink that dies out with the height h,
 
     sink_sp = max(SINK_MPS, h / FLARE_S)
     theta_sp = theta_glide(V) + KF (sink − sink_sp) / V
@@ -62,6 +73,18 @@ TURNS_BY_MPS: Final = 0.6  # slower than wanted by more than that it does not tu
 WEAVE_MIN_RAD: Final = 0.15  # 1 %: not worth turning for
 WEAVE_M: Final = 3.0  # off the approach, at most, if turns began at once
 BACK_MPS: Final = 1.0  # downwind, at most, of one that is beyond the straight rest's beginning
+OUT_MPS: Final = 1.0  # upstream, at least, of one that the air carries
+CARRIED: Final = 0.5  # of the polar's sink: sinking by less the air carries it
+CARRIED_S: Final = 3.0  # averaged over: an eddy of some metres is over in a second, a turn in two
+# A stall. Gusts of 10 % take the elevator to its end for some tenths of a second, and the nose
+# comes up then; a loop that follows its setpoint is off it by a degree. Twice that, for as long as
+# the pitch takes to follow (ELE_P, 0.2 s) and as much again.
+STALL_S: Final = 0.5
+STALL_RAD: Final = 0.035
+STALL_SINK_MPS: Final = 0.5  # more than the glide: sink that a gust makes is half of it
+# From a stall at 6 m/s, sinking by 4: it falls on at 1.5 m/s^2 or more for each second that the
+# nose is down, and flies again from 7.6 m/s on.
+RECOVER_S: Final = 1.5
 KP: Final = 0.05  # rad for each m/s
 KI: Final = 0.015  # rad for each m
 INTEGRAL_MAX_RAD: Final = 0.1
@@ -138,6 +161,18 @@ class GlideState(NamedTuple):
     flares: bool  # it is near the ground
     weave_rad: float  # heading from the wind, to the right; 0: it flies straight
     goes_right: bool  # the weave
+    sink_mps: float  # over the ground, averaged; NaN: not yet
+    stalling_s: float  # for so long it has looked like a stall
+    recovers_s: float  # so long the nose stays down
+    stalled: bool  # it has, on this way home
+
+
+class GlidePitches(NamedTuple):
+    """theta_glide at three airspeeds; NaN: not known."""
+
+    wanted_rad: float  # of the setpoint's
+    slowest_rad: float
+    fastest_rad: float
 
 
 class GlideWish(NamedTuple):
@@ -150,7 +185,15 @@ class GlideWish(NamedTuple):
 
 NO_ESCAPE: Final = EscapeState(left_m=NAN, rate_mps=0.0, since_s=NAN, armed=False, still_s=NAN)
 NO_GLIDE: Final = GlideState(
-    speed_mps=NAN, integral_rad=0.0, flares=False, weave_rad=0.0, goes_right=True
+    speed_mps=NAN,
+    integral_rad=0.0,
+    flares=False,
+    weave_rad=0.0,
+    goes_right=True,
+    sink_mps=NAN,
+    stalling_s=0.0,
+    recovers_s=0.0,
+    stalled=False,
 )
 
 
@@ -250,10 +293,14 @@ def weave(
     params: LandingParams,
     goes_right: bool,
     speed_mps: float,
+    sinks_mps: float,
     vehicle: VehicleState,
     air: AirEstimate,
 ) -> float:
-    """The heading from the wind that uses up the height left over at a speed; 0: none is."""
+    """The heading from the wind that uses up the height left over at a speed; 0: none is.
+
+    sinks_mps: how it sinks over the ground, averaged; NaN: not known.
+    """
     place, wind = params.place, air.wind_mps
     height = vehicle.z_m - place.z_m - FINAL_M
     final_mps = ground_speed(params.best_glide_mps, WIND_BELOW * wind, place.bearing_rad)
@@ -265,6 +312,8 @@ def weave(
     if not (height > 0.0 and sink > 0.0 and distance < INFINITE):
         return 0.0
     advance = max(-BACK_MPS, distance * sink / height)
+    if sinks_mps < CARRIED * sink:  # false for NaN
+        advance = max(advance, OUT_MPS)
     cosine = (wind + advance) / speed_mps
     angle = min(WEAVE_RAD, acos(max(0.0, cosine))) if cosine < 1.0 else 0.0
     if angle < WEAVE_MIN_RAD:
@@ -354,15 +403,19 @@ def glide_step(
     vehicle: VehicleState,
     air: AirEstimate,
     clearance_m: float,
+    nose_held: bool,
     dt_s: float,
 ) -> tuple[GlideState, float]:
     """One tick of the glide; also the airspeed that its trim is for.
 
     outward: away from the slope yet, else on the approach.  clearance_m: inf where the ground is
-    not known.
+    not known.  nose_held: it stays below its setpoint with all of the elevator that there is.
     """
     known = position_ok and params.place.length_m > 0.0
     wanted = approach_speed(params, vehicle, air) if known else params.best_glide_mps
+    state = _stall_step(params, state, position_ok, nose_held, vehicle, dt_s)
+    if state.stalled:
+        wanted = max(wanted, params.best_glide_mps)
     low, high = slowest(params), params.polar.speed_max_mps
     speed = state.speed_mps
     if speed != speed:
@@ -377,8 +430,8 @@ def glide_step(
     if known and not outward and vehicle.z_m - params.place.z_m <= FINAL_M:
         wanted = max(wanted, params.best_glide_mps)
     elif known and not outward and wanted <= low:
-        weaves = weave(params, goes_right, low, vehicle, air)
-    if not air.airspeed_mps >= low - TURNS_BY_MPS:  # NaN: not known
+        weaves = weave(params, goes_right, low, state.sink_mps, vehicle, air)
+    if state.stalled or not air.airspeed_mps >= low - TURNS_BY_MPS:  # NaN: not known
         weaves = 0.0
     turn = WEAVE_RADPS * dt_s
     weaves = state.weave_rad + max(-turn, min(turn, weaves - state.weave_rad))
@@ -391,7 +444,7 @@ def glide_step(
     flares = position_ok and flare_height(params, vehicle, clearance_m) <= max(
         FLARE_MIN_M, -vehicle.climb_mps * FLARE_S
     )
-    if error == error and not flares:
+    if error == error and not flares and state.recovers_s <= 0.0:
         integral = max(-INTEGRAL_MAX_RAD, min(INTEGRAL_MAX_RAD, integral + KI * error * dt_s))
     state = GlideState(
         speed_mps=speed,
@@ -399,8 +452,40 @@ def glide_step(
         flares=flares,
         weave_rad=weaves,
         goes_right=goes_right,
+        sink_mps=state.sink_mps,
+        stalling_s=state.stalling_s,
+        recovers_s=state.recovers_s,
+        stalled=state.stalled,
     )
     return state, air.airspeed_mps if flares else speed
+
+
+def _stall_step(
+    params: LandingParams,
+    state: GlideState,
+    position_ok: bool,
+    nose_held: bool,
+    vehicle: VehicleState,
+    dt_s: float,
+) -> GlideState:
+    """How it sinks, and whether that is a stall; a flare is none.
+
+    Where the sink is not known, or no glide's, the nose alone tells.
+    """
+    now = -vehicle.climb_mps
+    sinks = state.sink_mps
+    sinks = sinks + (1.0 - exp(-dt_s / CARRIED_S)) * (now - sinks) if sinks == sinks else now
+    glide_sink = polar_sink(params.polar, slowest(params))
+    falls = not position_ok or not now <= glide_sink + STALL_SINK_MPS  # true for NaN
+    looks = nose_held and falls and state.recovers_s <= 0.0 and not state.flares
+    stalling_s = max(0.0, state.stalling_s + (dt_s if looks else -dt_s))
+    recovers_s = max(0.0, state.recovers_s - dt_s)
+    stalled = state.stalled
+    if stalling_s >= STALL_S:
+        stalling_s, recovers_s, stalled = 0.0, RECOVER_S, True
+    return state._replace(
+        sink_mps=sinks, stalling_s=stalling_s, recovers_s=recovers_s, stalled=stalled
+    )
 
 
 def flare_height(params: LandingParams, vehicle: VehicleState, clearance_m: float) -> float:
@@ -415,21 +500,28 @@ def glide_wish(
     state: GlideState,
     outward: bool,
     position_ok: bool,
-    trim_pitch_rad: float,
+    pitches: GlidePitches,
     vehicle: VehicleState,
     air: AirEstimate,
     clearance_m: float,
 ) -> GlideWish:
-    """What follows of it.  trim_pitch_rad: theta_glide at that speed; NaN: not known."""
-    pitch = trim_pitch_rad if trim_pitch_rad == trim_pitch_rad else params.glide_pitch_rad
+    """What follows of it."""
+    known = pitches.wanted_rad == pitches.wanted_rad  # not NaN
+    pitch = pitches.wanted_rad if known else params.glide_pitch_rad
     pitch += state.integral_rad
     speed = air.airspeed_mps if air.airspeed_mps > 1.0 else max(1.0, params.best_glide_mps)
     if state.flares:
         height = flare_height(params, vehicle, clearance_m)
         sink_wanted = max(SINK_MPS, height / FLARE_S)
         pitch += KF * (-vehicle.climb_mps - sink_wanted) / speed
-    elif air.airspeed_mps == air.airspeed_mps:
-        pitch += KP * (air.airspeed_mps - state.speed_mps)
+    else:
+        if air.airspeed_mps == air.airspeed_mps:
+            pitch += KP * (air.airspeed_mps - state.speed_mps)
+        if not air.measured and pitch > pitches.slowest_rad:  # false for NaN
+            pitch = pitches.slowest_rad
+        if state.recovers_s > 0.0:
+            fastest = pitches.fastest_rad
+            pitch = min(pitch, fastest if fastest == fastest else params.glide_pitch_rad)
     if not (position_ok and params.place.length_m > 0.0):
         return GlideWish(pitch, 0.0, 0.0)
     if state.weave_rad != 0.0:

@@ -12,13 +12,15 @@ from typing import Final, NamedTuple
 from tgl_soar.control import landing, launch
 from tgl_soar.control import supervisor as modes
 from tgl_soar.control.conditions import is_place_known
-from tgl_soar.control.envelope import OUT_DOWNSTREAM, Margins
+from tgl_soar.control.envelope import OUT_DOWNSTREAM, Limited, Margins
 from tgl_soar.control.estimates import Estimates
 from tgl_soar.control.heading import heading_setpoint, sideways_held
 from tgl_soar.control.landing import (
     NO_ESCAPE,
     NO_GLIDE,
+    STALL_RAD,
     EscapeState,
+    GlidePitches,
     GlideState,
     GlideWish,
     escape_step,
@@ -26,6 +28,7 @@ from tgl_soar.control.landing import (
     glide_wish,
     is_on_ground,
     is_short,
+    slowest,
     time_left,
 )
 from tgl_soar.control.lateral_schedule import lateral_bandwidth, sideways_gains
@@ -276,11 +279,13 @@ def passage_guide(
     estimates: Estimates,
     soaring: SoaringState,
     sideways: PidState,
-    aileron_blocked: int,
+    limited: Limited,
     dt_s: float,
 ) -> tuple[PassageState, SoaringState, PidTerms, PidState, PidTerms, float]:
-    """Pitch, bank and heading of these modes without a line."""
-    state, wish = _wish(laws, state, mode, estimates, dt_s)
+    """Pitch, bank and heading of these modes without a line.  limited: the last command."""
+    below = estimates.vehicle.pitch_rad < soaring.pitch_setpoint_rad - STALL_RAD
+    nose_held = below and limited.elevator_blocked > 0
+    state, wish = _wish(laws, state, mode, estimates, nose_held, dt_s)
     soaring, terms = gliding_step(laws.soaring, soaring, wish.pitch_rad, dt_s)
     sideways_terms = sideways_held(sideways)
     if wish.sideways_mps == wish.sideways_mps and laws.loops != THEIRS:
@@ -289,13 +294,13 @@ def passage_guide(
         gains = sideways_gains(laws.sideways, laws.lateral_schedule, bandwidth)
         error = wish.sideways_mps - estimates.vehicle.velocity_y_mps
         sideways, sideways_terms = pid_step(
-            gains, sideways, error, error, 0.0, dt_s, aileron_blocked
+            gains, sideways, error, error, 0.0, dt_s, limited.aileron_blocked
         )
     return state, soaring, terms, sideways, sideways_terms, wish.heading_rad
 
 
 def _wish(
-    laws: Laws, state: PassageState, mode: int, estimates: Estimates, dt_s: float
+    laws: Laws, state: PassageState, mode: int, estimates: Estimates, nose_held: bool, dt_s: float
 ) -> tuple[PassageState, GlideWish]:
     """Pitch, heading and sideways speed; NaN: wings level."""
     vehicle, air = estimates.vehicle, estimates.air
@@ -308,11 +313,17 @@ def _wish(
     home = laws.landing
     outward, sure = mode == modes.BREAKING_OFF, knows_place(laws, estimates)
     clearance_m = estimates.margins.clearance_m
-    glide, speed = glide_step(home, state.glide, outward, sure, vehicle, air, clearance_m, dt_s)
-    polar = home.polar
+    glide, speed = glide_step(
+        home, state.glide, outward, sure, vehicle, air, clearance_m, nose_held, dt_s
+    )
+    polar, aerodynamics = home.polar, laws.wind.aerodynamics
     trimmed = max(polar.speed_min_mps, min(polar.speed_max_mps, speed))
-    pitch = glide_pitch(laws.wind.aerodynamics, trimmed)
-    wish = glide_wish(home, glide, outward, sure, pitch, vehicle, air, clearance_m)
+    pitches = GlidePitches(
+        wanted_rad=glide_pitch(aerodynamics, trimmed),
+        slowest_rad=glide_pitch(aerodynamics, slowest(home)),
+        fastest_rad=glide_pitch(aerodynamics, polar.speed_max_mps),
+    )
+    wish = glide_wish(home, glide, outward, sure, pitches, vehicle, air, clearance_m)
     if not sure:
         wish = wish._replace(sideways_mps=NAN)
     return state._replace(glide=glide), wish

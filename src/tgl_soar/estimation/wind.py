@@ -32,26 +32,26 @@ error with each is carried along, so that no sensor weighs more than its bias al
     b_t   of the trim: where the centre of gravity lies
     δ     of the pitch             the attitude's alignment: Ŵ = v + R(θ + δ) (u, w)
 
-The accelerometers' own bias is removed beforehand, by the attitude: over seconds flight is
-unaccelerated, and there R f + g = dv/dt.  What is left is the attitude's error, g δ, along x: alpha
-from the force's direction is as much too high as the pitch, and their difference, which gives the
-updraft, is hardly affected.
+The accelerometers' own bias is removed beforehand, by the attitude (`estimation.force_bias`).  What
+is left is the attitude's error, g δ, along x: alpha from the force's direction is as much too high
+as the pitch, and their difference, which gives the updraft, is hardly affected.
 
 Excess updraft: the updraft less the sink of the glide polar at the horizontal airspeed.
 """
 
 from __future__ import annotations
 
-from math import atan2, cos, sin, sqrt
+from math import atan2, sqrt
 from typing import Final, NamedTuple
 
 from tgl_soar.estimation.aerodynamics import lift_drag
+from tgl_soar.estimation.body_axes import BodyAxes, body_axes, body_motion, through_air
+from tgl_soar.estimation.force_bias import ForceAverages, averaged, begun, unbiased
 from tgl_soar.types import (
     NAN,
     NO_AIR,
     Aerodynamics,
     AirEstimate,
-    ImuSample,
     Inputs,
     VehicleState,
     isfinite,
@@ -76,7 +76,6 @@ UNSTEADY_Z_MPS2: Final = 1.3
 UNSTEADY_S: Final = 0.1
 FORCE_AGE_MAX_S: Final = 0.1
 PITOT_AGE_MAX_S: Final = 0.5
-BIAS_S: Final = 5.0  # over so long flight is unaccelerated
 FIRST_GUESS_MPS: Final = 4.0
 GATE: Final = 5.0  # standard deviations beyond which a measurement is refused
 RESTART_S: Final = 1.0  # after a gap of this length nothing is known any more
@@ -124,35 +123,12 @@ WindErrors = tuple[float, float, float, float, float, float, float, float, float
 Numbers = tuple[WindMean, WindCovariance, WindErrors]
 
 
-class BodyAxes(NamedTuple):
-    """The body's x and z axes in upwind NED (two columns of R), and its velocity."""
-
-    x_n: float
-    x_e: float
-    x_d: float
-    z_n: float
-    z_e: float
-    z_d: float
-    velocity_x_mps: float
-    velocity_y_mps: float
-    climb_mps: float
-
-
-class Averages(NamedTuple):
-    """Over `BIAS_S`; from them the accelerometers' bias follows."""
-
-    velocity_x_mps: float  # over the ground, downstream
-    climb_mps: float  # over the ground, up
-    force_x_mps2: float  # specific force plus gravity, body axes
-    force_z_mps2: float  # specific force plus gravity, body axes
-
-
 class WindState(NamedTuple):
     """What the estimator remembers."""
 
     time_s: float  # NaN: nothing is known yet
     posterior: WindPosterior
-    average: Averages
+    average: ForceAverages
     imu_sequence: int  # of the last sample looked at
     imu_time_s: float  # of the tick that used the last sample; NaN: none yet
     airspeed_sequence: int  # of the last sample looked at
@@ -181,7 +157,7 @@ def initial_wind() -> WindState:
             pitch_x=0.0,
             pitch_z=0.0,
         ),
-        average=Averages(0.0, 0.0, 0.0, 0.0),
+        average=ForceAverages(forward_mps=0.0, down_mps=0.0, force_x_mps2=0.0, force_z_mps2=0.0),
         imu_sequence=0,
         imu_time_s=NAN,
         airspeed_sequence=0,
@@ -205,9 +181,9 @@ def wind_step(
     -1 … 1; NaN: not known.  imu_valid: new accelerations are of now and may be used; a spike
     stays in the averages for BIAS_S.
     """
-    aero, imu, pitot = params.aerodynamics, inputs.imu, inputs.airspeed
-    now = inputs.time_s
-    frame = _body(vehicle)
+    aero, imu, pitot, now = params.aerodynamics, inputs.imu, inputs.airspeed, inputs.time_s
+    frame = body_axes(vehicle)
+    motion = body_motion(frame, vehicle)
     usable = isfinite(
         aero.mass_kg
         + (frame.x_n + frame.velocity_x_mps + frame.velocity_y_mps + frame.climb_mps)
@@ -217,7 +193,7 @@ def wind_step(
     known, average = state.posterior, state.average
     if not 0.0 <= dt < RESTART_S:  # NaN: nothing is known yet
         known, dt = _first_guess(aero, frame), 0.0
-        average = Averages(frame.velocity_x_mps, frame.climb_mps, 0.0, 0.0)
+        average = begun(motion)
     posterior = _propagated(known, 2.0 * params.change * params.change * dt)
     refused, imu_time, pitot_time = state.refused, state.imu_time_s, state.airspeed_time_s
 
@@ -226,8 +202,8 @@ def wind_step(
     fx, fz, noise_x, noise_z = 0.0, 0.0, FORCE_NOISE_MPS2, FORCE_NOISE_MPS2
     if imu.sequence != state.imu_sequence:
         if imu_valid and isfinite(imu.force_x_frd_mps2) and isfinite(imu.force_z_frd_mps2):
-            average = _averaged(average, frame, imu, gravity, dt)
-            fx, fz = _unbiased(average, frame, imu)
+            average = averaged(average, frame, motion, imu, gravity, _since(imu_time, now, dt))
+            fx, fz = unbiased(average, motion, imu)
             imu_time = now
             forces = 2
     elif dt > 0.0 and not now - imu_time <= FORCE_AGE_MAX_S:
@@ -255,8 +231,7 @@ def wind_step(
         else:
             refused += 1
 
-    known = _named(posterior)
-    air = NO_AIR
+    known, air = _named(posterior), NO_AIR
     if usable:
         measured = now - pitot_time <= PITOT_AGE_MAX_S
         air = _estimate(params, known, frame, velocity_sigma_mps, measured)
@@ -272,40 +247,10 @@ def wind_step(
     ), air
 
 
-def _body(vehicle: VehicleState) -> BodyAxes:
-    _, _, _, _, velocity_x, velocity_y, climb, roll, pitch, heading, _, _, _ = vehicle
-    if not isfinite(roll + pitch + heading):
-        return BodyAxes(
-            x_n=NAN,
-            x_e=NAN,
-            x_d=NAN,
-            z_n=NAN,
-            z_e=NAN,
-            z_d=NAN,
-            velocity_x_mps=NAN,
-            velocity_y_mps=NAN,
-            climb_mps=NAN,
-        )
-    sr, cr, sp, cp = sin(roll), cos(roll), sin(pitch), cos(pitch)
-    sh, ch = sin(heading), cos(heading)
-    return BodyAxes(
-        x_n=ch * cp,
-        x_e=sh * cp,
-        x_d=-sp,
-        z_n=ch * sp * cr + sh * sr,
-        z_e=sh * sp * cr - ch * sr,
-        z_d=cp * cr,
-        velocity_x_mps=velocity_x,
-        velocity_y_mps=velocity_y,
-        climb_mps=climb,
-    )
-
-
-def through_air(frame: BodyAxes, wind_mps: float, updraft_mps: float) -> tuple[float, float]:
-    """(u, w) [m/s]: the velocity through the air along the body's x and z axes."""
-    x_n, x_e, x_d, z_n, z_e, z_d, velocity_x, east, climb = frame
-    north, down = wind_mps - velocity_x, updraft_mps - climb
-    return x_n * north + x_e * east + x_d * down, z_n * north + z_e * east + z_d * down
+def _since(imu_time_s: float, now_s: float, dt_s: float) -> float:
+    """How long the last force was ago: forces may come less often than ticks."""
+    since = now_s - imu_time_s  # NaN: there was none
+    return since if 0.0 < dt_s <= since < RESTART_S else dt_s
 
 
 def _first_guess(aero: Aerodynamics, frame: BodyAxes) -> WindPosterior:
@@ -352,20 +297,6 @@ def _named(numbers: Numbers) -> WindPosterior:
     )
 
 
-def _averaged(
-    average: Averages, frame: BodyAxes, imu: ImuSample, gravity_mps2: float, dt_s: float
-) -> Averages:
-    blend = min(1.0, dt_s / BIAS_S)
-    force_x = imu.force_x_frd_mps2 + gravity_mps2 * frame.x_d
-    force_z = imu.force_z_frd_mps2 + gravity_mps2 * frame.z_d
-    return Averages(
-        average.velocity_x_mps + blend * (frame.velocity_x_mps - average.velocity_x_mps),
-        average.climb_mps + blend * (frame.climb_mps - average.climb_mps),
-        average.force_x_mps2 + blend * (force_x - average.force_x_mps2),
-        average.force_z_mps2 + blend * (force_z - average.force_z_mps2),
-    )
-
-
 def _steady_force(
     frame: BodyAxes, gravity_mps2: float, dt_s: float
 ) -> tuple[float, float, float, float]:
@@ -376,19 +307,6 @@ def _steady_force(
         -gravity_mps2 * frame.z_d,
         UNSTEADY_X_MPS2 * samples,
         UNSTEADY_Z_MPS2 * samples,
-    )
-
-
-def _unbiased(average: Averages, frame: BodyAxes, imu: ImuSample) -> tuple[float, float]:
-    """The specific force less what its average leaves when the true acceleration is taken out.
-
-    With one low-pass for both, that of dv/dt is (v − v averaged) / BIAS_S.
-    """
-    north = (average.velocity_x_mps - frame.velocity_x_mps) / BIAS_S
-    down = (average.climb_mps - frame.climb_mps) / BIAS_S
-    return (
-        imu.force_x_frd_mps2 - average.force_x_mps2 + frame.x_n * north + frame.x_d * down,
-        imu.force_z_frd_mps2 - average.force_z_mps2 + frame.z_n * north + frame.z_d * down,
     )
 
 

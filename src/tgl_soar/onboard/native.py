@@ -75,6 +75,8 @@ MODULES: Final = (
     "tgl_soar.estimation.motion",
     "tgl_soar.estimation.turning",
     "tgl_soar.estimation.aerodynamics",
+    "tgl_soar.estimation.body_axes",
+    "tgl_soar.estimation.force_bias",
     "tgl_soar.estimation.wind",
     "tgl_soar.estimation.cross_wind",
     "tgl_soar.control.laws",
