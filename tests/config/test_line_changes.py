@@ -18,6 +18,7 @@ from tgl_soar.config.line_changes import (
     with_changes,
 )
 from tgl_soar.config.parameters import ParameterError, ParameterSet, as_wire_value
+from tgl_soar.control.line_bounds import LineBounds
 from tgl_soar.control.target_line import e_rho, eta_from_lean
 from tgl_soar.link.messages import (
     Outbound,
@@ -28,6 +29,7 @@ from tgl_soar.link.messages import (
     StatusText,
 )
 from tgl_soar.link.parameters import ParameterServer
+from tgl_soar.types import NO_GROUND
 
 A, B, C = PresetLine("a", 0.2, 1.15, 15), PresetLine("b", 0.6, 1.6, 15), PresetLine("c", 1, 2, 20)
 PRESETS = (A, B, C)
@@ -335,3 +337,15 @@ def test_a_place_is_checked_as_any_move_is() -> None:
     staging = changes.set(ParameterSet(), "TGL_STAGE", 1.0, flying=False).values
     with pytest.raises(ParameterError, match="a move is being staged"):
         changes.set(staging, "TGL_PLACE", 1.0, flying=False)
+
+
+@pytest.mark.parametrize("end", [0, 1])
+def test_both_ends_of_a_contour_can_be_flown_to(end: int) -> None:
+    """A point in 32 bits lies beside the end, and a line through it may miss the contour."""
+    contour = (((2.3, 3.1), (0.9, 1.3), (0.1, 0.7)),)
+    length_m = as_wire_value(contour_length(contour))
+    bounds = LineBounds(contour, NO_GROUND)
+    changes = LineChanges(PRESETS, bounds.fault, contour)
+    values = changes.set(ParameterSet(), "TGL_PLACE", end * length_m, flying=False).values
+    assert values["TGL_PLACE"] == end * length_m
+    assert not bounds.fault(values)

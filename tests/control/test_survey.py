@@ -299,15 +299,17 @@ def test_what_is_odd_sends_it_home_and_stops_it_where_it_lasts(
         lambda look: look._replace(climb_mps=inf),
     ],
 )
-def test_where_it_is_not_held_by_the_line_any_more_it_ends_and_the_target_stays(
+def test_where_it_is_not_held_by_the_line_any_more_it_ends_and_the_line_stays(
     alter: Alter,
 ) -> None:
+    """Where the line is, not where it was sent, which is ahead of it."""
     slide = Slide()
     slide.run(20.0)
-    target = slide.state.target
+    line = slide.look().line
     ended = survey_step(TASK, slide.state, alter(slide.look()))
     assert (ended.standing, ended.reason) == (STOPPED, NOT_HELD)
-    assert ended.target == target
+    assert ended.target == TargetLine(line.x_m, line.z_m, ETA)
+    assert ended.target != slide.state.target
     assert survey_step(TASK, ended, slide.look()) == ended
 
 

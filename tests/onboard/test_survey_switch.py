@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from math import inf, radians, tan
 
 import pytest
@@ -119,7 +120,21 @@ def test_an_operator_takes_the_line_back_at_any_moment(name: str) -> None:
     flight.run(0.5)
     assert value(flight, "SRV_START") == 0.0
     assert value(flight, name) == pytest.approx(wanted)
-    assert "survey ended: the line was set by hand" in "".join(words(flight))
+    assert re.search(f"survey ended(:| by) {name}", "".join(words(flight)))
+
+
+def test_where_nobody_says_where_the_line_is_to_be_it_stays() -> None:
+    """The target of a slide is ahead of the line; at another speed it would go on to there."""
+    flight = soaring()
+    flight.set("SRV_START", 1.0)
+    flight.run(8.0)
+    output = flight.onboard.output
+    assert output is not None
+    assert abs(value(flight, "TGL_X") - output.line.x_m) > 0.1
+    flight.set("TGL_SLEW", 0.25)
+    flight.run(0.1)
+    assert value(flight, "TGL_X") == pytest.approx(output.line.x_m, abs=0.02)
+    assert "survey ended by TGL_SLEW: the line stays" in "".join(words(flight))
 
 
 def test_the_operators_0_stops_the_line_where_it_is() -> None:

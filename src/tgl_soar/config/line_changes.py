@@ -163,6 +163,9 @@ class LineChanges:
         return (moved or flying) and not self.fault(before)
 
 
+END_M: Final = 0.001
+
+
 def _placed(values: ParameterSet, value: float, contour: Contour, flying: bool) -> ParameterSet:
     """TGL_PLACE, and the point that it means."""
     along_m = checked_value("TGL_PLACE", value)
@@ -177,7 +180,9 @@ def _placed(values: ParameterSet, value: float, contour: Contour, flying: bool) 
         raise ParameterError(
             "TGL_PLACE", f"{value:g}", f"the contour runs from 0 to {length_m:g} m"
         )
-    x_m, z_m = contour_place(contour, along_m)
+    # A line through the very end misses the contour by rounding.
+    within_m = min(max(along_m, END_M), max(END_M, length_m - END_M))
+    x_m, z_m = contour_place(contour, within_m)
     place = {"TGL_PLACE": along_m, "TGL_X": x_m, "TGL_Z": z_m}
     try:
         return values.changed(place, flying=flying)

@@ -214,7 +214,9 @@ def survey_step(task: SurveyTask, state: SurveyState, look: SurveyLook) -> Surve
         return state
     known = look.x_m + look.z_m + look.climb_mps + look.line.x_m + look.line.z_m
     if not (look.held and isfinite(known)):
-        return _ended(state, STOPPED, NOT_HELD)
+        if not isfinite(look.line.x_m + look.line.z_m):
+            return _ended(state, STOPPED, NOT_HELD)
+        return stopped(state, look.line, NOT_HELD)
     dt = max(0.0, min(1.0, look.time_s - state.time_s))
     state = state._replace(time_s=look.time_s, means=_averaged(state, look, dt))
     q_m = _way(state.start, look.line)

@@ -23,6 +23,7 @@ from tgl_soar.control.survey import (
     IDLE,
     LOOK_S,
     NOT_HELD,
+    STOPPED,
     SURVEY_TEXTS,
     UPSTREAM,
     SurveyLook,
@@ -35,7 +36,7 @@ from tgl_soar.control.survey import (
     survey_step,
     survey_task,
 )
-from tgl_soar.control.target_line import TargetLine
+from tgl_soar.control.target_line import LineTracking, TargetLine
 from tgl_soar.link.messages import SEVERITY_INFO, SEVERITY_WARNING
 from tgl_soar.onboard.line_moves import is_moved, open_fence
 from tgl_soar.onboard.outbound import Outbox
@@ -60,6 +61,12 @@ def look_of(output: Output) -> SurveyLook:
         forecast=output.forecast,
         held=output.mode in (CAPTURING, SOARING),
     )
+
+
+# Whoever sets one of these has said where the line is to be.
+PLACING: Final = (
+    *("TGL_X", "TGL_Z", "TGL_LEAN", "TGL_PRESET", "TGL_PLACE", "TGL_HOLD", "TGL_ALONG"),
+)
 
 
 class SurveySwitch:
@@ -107,15 +114,21 @@ class SurveySwitch:
             self._end(SEVERITY_WARNING, f"survey ended: {over}")
         elif not wanted:
             assert self._state is not None
-            self._move(stopped(self._state, output.line, IDLE).target)
-            self._end(SEVERITY_INFO, "survey ended by the operator; the line stays")
+            stays = self._halt(self._state, output.line)
+            self._end(SEVERITY_INFO, f"survey ended by the operator; the line {stays}")
         else:
             self._survey(output)
 
-    def taken_back(self) -> None:
-        """An operator has set a parameter of the line: it is theirs."""
-        if self._state is not None or self._settings.values["SRV_START"] != IDLE:
-            self._end(SEVERITY_INFO, "survey ended: the line was set by hand")
+    def taken_back(self, name: str) -> None:
+        """An operator has set a parameter of the line: it is theirs.  Where that says nothing of
+        the line's place, the line stays where it is."""
+        if self._state is None and self._settings.values["SRV_START"] == IDLE:
+            return
+        text = f"survey ended: {name} was set by hand"
+        if name not in PLACING and self._state is not None and self._output is not None:
+            stays = self._halt(self._state, self._output.line)
+            text = f"survey ended by {name}: the line {stays}"
+        self._end(SEVERITY_INFO, text)
 
     def _survey(self, output: Output) -> None:
         look, before = look_of(output), self._state
@@ -127,9 +140,15 @@ class SurveySwitch:
         if 0.0 <= look.time_s - before.time_s < LOOK_S - 1e-6:
             return
         after = survey_step(survey_task(self._settings.laws), before, look)
-        if after.target != before.target and not self._move(after.target):
-            after = survey_refused(before, output.line)
-            self._move(after.target)
+        stays = "stays"
+        moves = after.target != before.target and after.standing in WAYS
+        if moves and not self._move(after.target):
+            # A way home that may not be flown is no way out: it ends there.
+            after = survey_refused(after if after.standing == HOMEWARD else before, output.line)
+            if after.standing in WAYS:
+                self._move(after.target)
+        if after.standing == STOPPED:
+            stays = self._halt(after, output.line)
         self._state = after
         if after.standing in WAYS:
             self._tell_way(before, after)
@@ -137,7 +156,7 @@ class SurveySwitch:
         if after.standing == DONE and not is_cut_short(after):
             self._end(SEVERITY_INFO, "survey: done")
         else:
-            where = "is home" if after.standing == DONE else "stays"
+            where = "is home" if after.standing == DONE else stays
             reason = SURVEY_TEXTS[after.reason]
             self._end(SEVERITY_WARNING, f"survey ended: {reason}; the line {where}")
 
@@ -154,6 +173,19 @@ class SurveySwitch:
         elif not 0.0 <= after.time_s - self._told_s < PROGRESS_S:
             self._outbox.tell(SEVERITY_INFO, f"survey: {WAYS[after.standing]}, {place}")
             self._told_s = after.time_s
+
+    def _halt(self, state: SurveyState, line: LineTracking) -> str:
+        """The line goes no farther than it is; where the bounds do not have it there, through where
+        the aircraft is in the mean.  What it does."""
+        x_m, z_m = survey_place(state)
+        for target in (
+            stopped(state, line, IDLE).target,
+            TargetLine(x_m, z_m, state.start.eta_rad),
+            state.start,
+        ):
+            if self._move(target):
+                return "goes home" if target == state.start else "stays"
+        return "goes on to where it was sent: set it by hand"
 
     def _move(self, target: TargetLine) -> bool:
         return is_moved(self._settings, self._bounds, target)

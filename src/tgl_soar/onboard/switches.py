@@ -60,4 +60,4 @@ class Switches:
         """An operator has set a parameter."""
         if name.startswith("TGL_"):
             self._search.taken_back()
-            self._survey.taken_back()
+            self._survey.taken_back(name)

@@ -107,6 +107,27 @@ def test_no_list_goes_before_every_list_has_its_table(
     assert flown == [1, 2, 3]
 
 
+def test_one_that_is_flown_again_and_stopped_can_be_gone_on_with(tmp_path: Path) -> None:
+    """Lists that the second run did not come to are those of the first, and flown once more."""
+    pytest.importorskip("pyarrow")
+    folder = FlownFolder(tmp_path)
+    first = fly_twice(folder)
+    again = FlownFolder(tmp_path, resume=True)
+    flyer = Flyer(executor=InLine(), folder=again)
+    again.begin("one")
+    for seeds in ([1, 2], [3]):
+        flyer.each(margin, seeds)
+    again.finish()
+    again.close()
+    second = FlownFolder(tmp_path)
+    second.begin("one")
+    Flyer(executor=InLine(), folder=second).each(margin, [1, 2])
+    second.close()
+    flown.clear()
+    assert fly_twice(FlownFolder(tmp_path, resume=True)) == first
+    assert flown == [3]
+
+
 def test_other_jobs_are_another_campaign(tmp_path: Path) -> None:
     fly_twice(FlownFolder(tmp_path))
     folder = FlownFolder(tmp_path, resume=True)

@@ -26,7 +26,7 @@ from tgl_soar.control.target_line import TargetLine
 from tgl_soar.sim.campaign.encoding import digest
 from tgl_soar.sim.campaign.executors import Executor, InLine, local
 from tgl_soar.sim.campaign.flight_list import Campaign
-from tgl_soar.sim.campaign.folder import CampaignFolder
+from tgl_soar.sim.campaign.folder import CampaignFolder, is_finished
 from tgl_soar.sim.campaign.run import Progress, fly_all
 from tgl_soar.sim.closed_loop import Trajectory, fly
 from tgl_soar.sim.fast_flight import fly_compiled
@@ -321,7 +321,10 @@ class FlownFolder:
             seeds=(min(seeds), max(seeds)) if seeds else None,
         )
         path = self.path / self._experiment / name
-        folder = CampaignFolder(path, campaign, **self._options, again=True)
+        options = self._options
+        if options["resume"] and is_finished(path):  # once more, beside lists that are not
+            options = {"resume": False, "restart": options["restart"]}
+        folder = CampaignFolder(path, campaign, **options, again=True)
         self._open.append(folder)
         return folder
 

@@ -63,6 +63,15 @@ def read_manifest(folder: Path) -> Manifest | None:
         raise JournalError(f"{path}: no manifest of a campaign: {error}") from None
 
 
+def is_finished(folder: Path) -> bool:
+    """Whether a campaign lies there that has nothing left to go on with."""
+    try:
+        found = read_manifest(folder)
+    except JournalError:
+        return False
+    return found is not None and found.complete and not (folder / JOURNAL).exists()
+
+
 class CampaignFolder(Generic[Job, Flown]):
     """One campaign in one folder; a context manager."""
 
