@@ -6,7 +6,13 @@ from math import degrees, pi
 from typing import Final
 
 from tgl_soar.config.line_changes import ELSEWHERE
-from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterError, as_wire_value
+from tgl_soar.config.parameters import (
+    INDEX,
+    PARAMETERS,
+    ParameterError,
+    ParameterSet,
+    as_wire_value,
+)
 from tgl_soar.control.line_bounds import LineBounds
 from tgl_soar.control.target_line import TargetLine
 from tgl_soar.onboard.settings import FlightSettings
@@ -19,24 +25,33 @@ def lean_of(line: TargetLine) -> float:
     return as_wire_value(degrees(line.eta_rad - 0.5 * pi))
 
 
-def is_moved(settings: FlightSettings, bounds: LineBounds, line: TargetLine) -> bool:
-    """Put the line there if the bounds allow it; whether they do.
-
-    bounds: without a contour, which is of another day's wind.  TGL_STEP_MAX guards against slips
-    of the hand and is not asked; the point that a brake holds rests meanwhile.
-    """
-    wanted = {
+def line_parameters_of(line: TargetLine) -> dict[str, float]:
+    """A line as parameters, which are 32-bit floats."""
+    return {
         "TGL_X": as_wire_value(line.x_m),
         "TGL_Z": as_wire_value(line.z_m),
         "TGL_LEAN": lean_of(line),
     }
+
+
+def moved(values: ParameterSet, bounds: LineBounds, line: TargetLine) -> ParameterSet | None:
+    """The values with the line there; None where the bounds do not allow it.
+
+    bounds: without a contour, which is of another day's wind.  TGL_STEP_MAX guards against slips
+    of the hand and is not asked; the point that a brake holds rests meanwhile.
+    """
     try:
-        changed = settings.values.changed(wanted, flying=True)
+        changed = values.changed(line_parameters_of(line), flying=True)
     except ParameterError:
+        return None
+    return None if bounds.fault(changed.changed({"TGL_HOLD": 0.0})) else changed
+
+
+def is_moved(settings: FlightSettings, bounds: LineBounds, line: TargetLine) -> bool:
+    """Put the line there if the bounds allow it, as `moved` asks them; whether they do."""
+    if moved(settings.values, bounds, line) is None:
         return False
-    if bounds.fault(changed.changed({"TGL_HOLD": 0.0})):
-        return False
-    for name, value in wanted.items():
+    for name, value in line_parameters_of(line).items():
         if settings.values[name] != value:
             settings.assign(name, value)
     for name, elsewhere in (("TGL_PRESET", 0.0), ("TGL_PLACE", ELSEWHERE)):

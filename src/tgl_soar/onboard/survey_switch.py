@@ -64,8 +64,8 @@ def look_of(output: Output) -> SurveyLook:
 
 
 # Whoever sets one of these has said where the line is to be.
-PLACING: Final = (
-    *("TGL_X", "TGL_Z", "TGL_LEAN", "TGL_PRESET", "TGL_PLACE", "TGL_HOLD", "TGL_ALONG"),
+PLACING: Final = frozenset(
+    ("TGL_X", "TGL_Z", "TGL_LEAN", "TGL_PRESET", "TGL_PLACE", "TGL_HOLD", "TGL_ALONG")
 )
 
 

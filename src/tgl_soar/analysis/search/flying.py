@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import degrees, pi
 from types import SimpleNamespace
 from typing import Any, Final, Protocol
 
@@ -23,7 +22,7 @@ from tgl_soar.config.files import load_parameters
 from tgl_soar.control.laws import SEARCH_LOOKS, SEARCH_SOARS, laws_from
 from tgl_soar.control.search.glimpse import LOOK_S, Glimpse, LineWish, task_of
 from tgl_soar.control.search.lift_search import Sighting, floor_at, guards_of, sighting_of
-from tgl_soar.control.target_line import TargetLine
+from tgl_soar.onboard.line_moves import line_parameters_of
 from tgl_soar.sim.compiled import cell, compiled
 from tgl_soar.sim.fast_flight import begun, prepare, why_it_stands_so
 from tgl_soar.sim.flight import FLIES, Row
@@ -190,19 +189,10 @@ def obeyed(flight: EpisodeFlight, episode: Episode, wish: LineWish) -> bool:
         episode.given_up = wish.given_up
         return False
     standing = SEARCH_SOARS if wish.soaring else SEARCH_LOOKS
-    flight.set(_parameters(wish.target) | {"SRCH_START": float(standing)})
+    flight.set(line_parameters_of(wish.target) | {"SRCH_START": float(standing)})
     return True
 
 
 def _plain_cell(value: object) -> SimpleNamespace:
     """A cell of plain Python."""
     return SimpleNamespace(value=value)
-
-
-def _parameters(target: TargetLine) -> dict[str, float]:
-    """A target line as parameters, which are 32-bit floats."""
-    return {
-        "TGL_X": float(np.float32(target.x_m)),
-        "TGL_Z": float(np.float32(target.z_m)),
-        "TGL_LEAN": float(np.float32(degrees(target.eta_rad - 0.5 * pi))),
-    }

@@ -7,14 +7,13 @@ has aboard, and its line goes into the parameters as the switch on board puts it
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import degrees, pi
 from typing import Final
 
 import numpy as np
 
 from tgl_soar.analysis.logs.flight_data import Floats
 from tgl_soar.autopilot import step as autopilot_step
-from tgl_soar.config.parameters import ParameterError, ParameterSet, as_wire_value
+from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.laws import laws_from
 from tgl_soar.control.line_bounds import LineBounds
 from tgl_soar.control.supervisor import SOARING
@@ -31,7 +30,7 @@ from tgl_soar.control.survey import (
     survey_step,
     survey_task,
 )
-from tgl_soar.control.target_line import TargetLine
+from tgl_soar.onboard.line_moves import moved
 from tgl_soar.onboard.survey_switch import look_of
 from tgl_soar.sim.fast_flight import begun, fly_on, prepare, why_ended
 from tgl_soar.sim.flight import FLIES, Row, inputs_at
@@ -81,11 +80,11 @@ def fly_survey(world: World, values: ParameterSet, seed: int, longest_s: float) 
             continue
         before, state = state, survey_step(survey_task(laws), state, look)
         if state.target != before.target:
-            moved = _moved(values, bounds, state.target)
-            if moved is None:
+            there = moved(values, bounds, state.target)
+            if there is None:
                 state = survey_refused(before, output.line)
-                moved = _moved(values, bounds, state.target) or values
-            values, changes = moved, changes + 1
+                there = moved(values, bounds, state.target) or values
+            values, changes = there, changes + 1
         true = flight.world.aircraft
         here = (look.time_s, look.x_m, look.z_m, look.line.x_m, look.line.z_m)
         looks.append((*here, float(before.standing), true.x_m, true.z_m))
@@ -105,17 +104,3 @@ def fly_survey(world: World, values: ParameterSet, seed: int, longest_s: float) 
         eta_rad=state.start.eta_rad if state is not None else float("nan"),
         looks={name: found[:, n] for n, name in enumerate(LOOKED)},
     )
-
-
-def _moved(values: ParameterSet, bounds: LineBounds, line: TargetLine) -> ParameterSet | None:
-    """The values with the line there; None where it is refused."""
-    wanted = {
-        "TGL_X": as_wire_value(line.x_m),
-        "TGL_Z": as_wire_value(line.z_m),
-        "TGL_LEAN": as_wire_value(degrees(line.eta_rad - 0.5 * pi)),
-    }
-    try:
-        changed = values.changed(wanted, flying=True)
-    except ParameterError:
-        return None
-    return None if bounds.fault(changed) else changed
