@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from drawn_again import shows_what_it_showed  # noqa: F401 - a fixture
 from hypothesis import settings
 from wheel import Installed, install
 
@@ -44,8 +45,13 @@ ONE_WORKER: dict[str, tuple[str, ...]] = {
         "peers/test_mavproxy.py", "peers/test_mavsdk.py", "sim/test_bridge.py",
         "sim/test_motive.py", "sim/test_real_time.py", "sim/test_sitl.py",
     ),
-    # They compile the same kernels, which takes a minute or two each: once is enough.
-    "kernels": ("sim/test_batch.py", "sim/test_compiled.py", "sim/test_kernel_cache.py"),
+    # They compile the same kernels, which takes minutes: once is enough.  What one worker has
+    # compiled of one kernel serves the next; another worker would begin at the beginning.
+    "kernels": (
+        "analysis/search/test_compiled_search.py", "analysis/search/test_searchers.py",
+        "sim/test_batch.py", "sim/test_compiled.py",
+        "sim/test_kernel_cache.py",
+    ),
     # They read the logs of one flight, which is flown and written once.
     "one flight": (
         "analysis/logs/test_bad_logs.py", "analysis/logs/test_reading.py",
@@ -127,6 +133,22 @@ def once_for_all(folder: Path, make: Callable[[Path], Installed]) -> Installed:
         found = pickle.loads(made.read_bytes())
     assert isinstance(found, Installed)
     return found
+
+
+def entered_kernels() -> int:
+    """How many compiled kernels have been called for in this process."""
+    module = sys.modules.get("tgl_soar.sim.compiled")
+    return 0 if module is None else module._entry.cache_info().currsize
+
+
+@pytest.fixture(autouse=True)
+def compiled_by_one_worker(request: pytest.FixtureRequest) -> Iterator[None]:
+    """No test compiles a kernel that another worker compiles beside it."""
+    before = entered_kernels()
+    yield
+    groups = [mark.args[0] for mark in request.node.iter_markers("xdist_group")]
+    if "kernels" not in groups and not request.node.get_closest_marker("long"):
+        assert entered_kernels() == before, "a kernel: it belongs to tests/conftest.py's kernels"
 
 
 @pytest.fixture(autouse=True)

@@ -3,10 +3,15 @@
 The copies are whole, so that processes that tests start fly the mutant too.  A mutant that cannot
 be imported, and one that never ends, count as noticed.  A test that fails in the unchanged copy as
 well notices nothing: it is left out from then on.
+
+A mutant's tests share its processor time.  So of a file's tests those that are known to take long
+come last, and numba is hidden: tests that compile kernels, which takes minutes for each mutant,
+skip themselves, and the others of their files run.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import resource
 import shutil
@@ -15,27 +20,31 @@ import subprocess
 import sys
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final, NamedTuple
 
 import pytest
 from mutations import Mutation, changed
-from tests_reaching import Imports
+from tests_reaching import Imports, names_at
 
 BUDGET_S: Final = 30.0  # processor time for a mutant's tests, its processes' included
 PROGRESS: Final = 10  # mutants from one line of progress to the next
 LOOPING_S: Final = 60.0  # processor time beyond it: no test takes as much
 HANGING_S: Final = 900.0  # on the clock, for a mutant that waits forever
-LEFT_OUT: Final = ("real time", "kernels")  # groups of tests/conftest.py
+LEFT_OUT: Final = ("real time",)  # groups of tests/conftest.py
+HIDDEN: Final = "numba"
+SLOW_S: Final = 1.0  # a test that takes longer comes after the others of its file
 # Loaded once, before a process is split off for each mutant: what the tests load but for us.
 AHEAD: Final = (
     *("numpy", "scipy.optimize", "scipy.signal", "scipy.spatial", "hypothesis", "typer.testing"),
     *("pymavlink.dialects.v20.ardupilotmega", "pymavlink.mavutil", "msgspec", "rich.console"),
 )
 _ANSWER: Final = ".mutant-answer"
+_SLOW: Final = ".mutant-slow"
 
 
 class Mutant(NamedTuple):
@@ -58,9 +67,10 @@ class Verdict(NamedTuple):
 class _Watch:
     """Stops at the first failure or when the time is used up, and knows which it was."""
 
-    def __init__(self, budget_s: float, broken: frozenset[str]) -> None:
+    def __init__(self, budget_s: float, broken: frozenset[str], slow: Mapping[str, float]) -> None:
         self.failed = ""
         self.is_over = False
+        self.slow = dict(slow)  # tests, and how long they take [s]
         self._budget_s = budget_s
         self._broken = broken
 
@@ -75,7 +85,7 @@ class _Watch:
             groups = [mark.args[0] for mark in item.iter_markers("xdist_group")]
             is_out = item.nodeid in self._broken or any(group in LEFT_OUT for group in groups)
             (left_out if is_out else kept).append(item)
-        items[:] = kept
+        items[:] = sorted(kept, key=lambda item: self.slow.get(item.nodeid, 0.0))
         config.hook.pytest_deselected(items=left_out)
 
     def pytest_runtest_logfinish(self) -> None:
@@ -86,9 +96,11 @@ class _Watch:
             pytest.exit("the mutant's time is used up", returncode=0)
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        """Remembers the first failure."""
+        """Remembers the first failure, and what takes long."""
         if report.failed and not self.failed:
             self.failed = report.nodeid
+        elif report.passed and report.duration > SLOW_S:
+            self.slow.setdefault(report.nodeid, report.duration)
 
     def pytest_collectreport(self, report: pytest.CollectReport) -> None:
         """A file of tests that cannot be imported is a failure too."""
@@ -96,32 +108,43 @@ class _Watch:
             self.failed = report.nodeid
 
 
-def _judge(tests: list[str], budget_s: float, broken: frozenset[str], answer: Path) -> None:
-    """Run tests here, one file after the other, and write down the first that fails."""
+def _judge(
+    tests: list[str], budget_s: float, broken: frozenset[str], slow: Mapping[str, float]
+) -> str:
+    """Run tests here, one file after the other: the first that fails, or none."""
     source = str(Path("src").absolute())
     sys.path.insert(0, source)
     os.environ["PYTHONPATH"] = source
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     sys.dont_write_bytecode = False
-    watch = _Watch(budget_s + sum(os.times()[:4]), broken)
+    sys.modules[HIDDEN] = None  # type: ignore[assignment]  # whoever looks for it finds none
+    watch = _Watch(budget_s + sum(os.times()[:4]), broken, slow)
     for test in tests:
         if test not in broken:
             options = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:randomly"]
             code = pytest.main([*options, test], plugins=[watch])
             known = (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED)
+            Path(_SLOW).write_text(json.dumps(watch.slow), encoding="utf-8")
             if watch.failed or code not in known:
-                answer.write_text(watch.failed or test, encoding="utf-8")
-                return
+                return watch.failed or test
             if watch.is_over:
                 break
-    answer.write_text("", encoding="utf-8")
+    return ""
 
 
 def started(
-    folder: Path, tests: list[str], budget_s: float = BUDGET_S, broken: frozenset[str] = frozenset()
+    folder: Path,
+    tests: list[str],
+    budget_s: float = BUDGET_S,
+    broken: frozenset[str] = frozenset(),
+    slow: Mapping[str, float] = MappingProxyType({}),
 ) -> int:
-    """A process of its own that runs tests in a copy of the project; `finished` knows the rest."""
-    (folder / _ANSWER).unlink(missing_ok=True)
+    """A process of its own that runs tests in a copy of the project; `finished` knows the rest.
+
+    slow: tests that are known to take long, and how long [s].
+    """
+    for name in (_ANSWER, _SLOW):
+        (folder / name).unlink(missing_ok=True)
     child = os.fork()
     if child == 0:
         try:
@@ -132,7 +155,8 @@ def started(
             for stream in (0, 1, 2):
                 os.dup2(quiet, stream)
             os.chdir(folder)
-            _judge(tests, budget_s, broken, folder / _ANSWER)
+            failed = _judge(tests, budget_s, broken, slow)
+            (folder / _ANSWER).write_text(failed, encoding="utf-8")
         finally:
             os._exit(0)
     return child
@@ -147,6 +171,15 @@ def finished(child: int, folder: Path) -> Verdict:
     except FileNotFoundError:
         return Verdict(True, "")  # it hung, or it died
     return Verdict(bool(failed), failed)
+
+
+def found_slow(folder: Path) -> dict[str, float]:
+    """Tests that a process found to take long, with what it was told of others."""
+    try:
+        found: dict[str, float] = json.loads((folder / _SLOW).read_text(encoding="utf-8"))
+    except (FileNotFoundError, ValueError):  # it ended early
+        return {}
+    return found
 
 
 # --- copies of the project ------------------------------------------------------------------------
@@ -187,6 +220,7 @@ class Workshop:
         self._running: dict[int, tuple[Path, Mutant, float]] = {}  # with the time of its end
         self._sound: set[str] = set()
         self._broken: set[str] = set()
+        self._slow: dict[str, float] = {}
         self.verdicts: dict[Mutant, Verdict] = {}
 
     def try_all(self, mutants: list[Mutant]) -> None:
@@ -217,14 +251,16 @@ class Workshop:
         folder = self._free.pop()
         source = (self._root / mutant.path).read_text(encoding="utf-8")
         (folder / mutant.path).write_text(changed(source, mutant.change), encoding="utf-8")
-        tests = [str(path) for path in self._imports.tests_of(mutant.path)]
-        child = started(folder, tests, self._budget_s, frozenset(self._broken))
+        names = names_at(source, mutant.change.line)
+        tests = [str(path) for path in self._imports.tests_of(mutant.path, names)]
+        child = started(folder, tests, self._budget_s, frozenset(self._broken), self._slow)
         self._running[child] = folder, mutant, time.monotonic() + HANGING_S
 
     def _end(self, child: int) -> Mutant | None:
         """Takes the verdict; the mutant, if it is to be tried again."""
         folder, mutant, _until_s = self._running.pop(child)
         verdict = finished(child, folder)
+        self._slow |= found_slow(folder)
         shutil.copy2(self._root / mutant.path, folder / mutant.path)
         sound = not verdict.by or self._is_sound(verdict.by, folder)
         self._free.append(folder)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from mutant_trials import BUDGET_S, Mutant, Verdict
+from mutations import LEFT_OUT
 
 NOT_LOOKED_AT: Final = "not looked at yet"
 _TEXT: Final = """\
@@ -21,6 +22,15 @@ drawn with seed {seed} from all {total} that are possible. The tests notice {not
 Tests that need real time or compile kernels are left out; the others have {budget_s:.0f} s of
 processor time for each change. The reasons in the last table are written by hand, and a new run
 keeps them.
+
+Some tests keep what short flights, experiments' plans, figures, claims and defaults were the last
+time ([CONTRIBUTING.md](../CONTRIBUTING.md)): they notice that something has changed, not that it is
+wrong. Mutants that people made, of what matters most, are tried by
+`python tools/mutate.py --named`.
+
+Some kinds of change are not tried, as nobody who uses the program could tell:
+
+{left_out}
 
 | folder or file | changes | noticed |
 |---|---|---|
@@ -67,6 +77,7 @@ def page_of(verdicts: dict[Mutant, Verdict], total: int, seed: int, root: Path, 
         noticed=noticed.total(),
         share=100.0 * noticed.total() / max(len(verdicts), 1),
         budget_s=BUDGET_S,
+        left_out=";\n".join(f"- {each}" for each in LEFT_OUT) + ".",
         doors="\n".join(_row(door, str(tried[door]), str(noticed[door])) for door in sorted(tried)),
         rows="\n".join(rows),
     )

@@ -3,6 +3,7 @@
     python tools/mutate.py --sample 500 --page docs/mutants.md      over all of src
     python tools/mutate.py src/tgl_soar/control/envelope.py         every change of one file
     python tools/mutate.py src/tgl_soar/control --sample 100 --seed 7
+    python tools/mutate.py --named                                  those that people made
 
 `tools/mutations.py` lists the kinds of change.  Each is made in a copy of the project, where the
 tests that reach the file are run, those that mirror it first, until one fails or the mutant's
@@ -30,6 +31,7 @@ from typing import Final
 from mutant_trials import Mutant, Workshop, copied
 from mutants_page import page_of
 from mutations import mutations
+from named_mutants import NAMED, SOURCE, mutation_of
 
 ROOT: Final = Path(__file__).parents[1]
 
@@ -44,6 +46,17 @@ def all_mutants(root: Path, places: list[Path]) -> list[Mutant]:
     ]
 
 
+def named_mutants(root: Path) -> list[Mutant]:
+    """Those that people made.  Errors: ValueError where the source has moved on."""
+    return [
+        Mutant(
+            SOURCE / named.file,
+            mutation_of(named, (root / SOURCE / named.file).read_text(encoding="utf-8")),
+        )
+        for named in NAMED
+    ]
+
+
 def main(arguments: list[str], root: Path = ROOT) -> int:
     """0 if every mutant, or at least the share that is asked for, is noticed."""
     parser = argparse.ArgumentParser(
@@ -55,8 +68,11 @@ def main(arguments: list[str], root: Path = ROOT) -> int:
     parser.add_argument("--jobs", type=int, default=2, help="at a time (%(default)s)")
     parser.add_argument("--least", type=float, default=100.0, help="per cent to be noticed")
     parser.add_argument("--page", type=Path, help="where the page is written")
+    parser.add_argument(
+        "--named", action="store_true", help="those that people made, and no others"
+    )
     options = parser.parse_args(arguments)
-    mutants = all_mutants(root, options.places)
+    mutants = named_mutants(root) if options.named else all_mutants(root, options.places)
     total = len(mutants)
     if options.sample is not None and options.sample < total:
         mutants = random.Random(options.seed).sample(mutants, options.sample)

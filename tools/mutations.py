@@ -12,12 +12,25 @@ A change is one of these:
 
 Annotations, decorators, error messages and strings stay as they are.  All else of the source keeps
 its place, so that a line's number means the same in the changed source, up to a table's row.
+
+Some changes are not tried, as whoever uses the program cannot tell them from the source as it was,
+whatever the tests (`LEFT_OUT` says it for the page):
+
+- `<` for `<=` and the like, where neither side is a count, zero, or the bound of what may be given:
+  two measured numbers are equal with probability zero, and a tick's time meets a limit to the last
+  bit by chance.  Turned round (`<` for `>=`) every comparison is;
+- how a picture is drawn: `STYLES`, such as the width of a line or the size of a type;
+- what guards a sum, a comparison or a minimum against rounding: numbers of 1e-6 and less there (a
+  factor of 1e-6 or 1e-7 is a unit, and is changed);
+- which seed a generator is given;
+- `strict` of `zip`, an assertion that no input can fail.
 """
 
 from __future__ import annotations
 
 import ast
 import copy
+import re
 from collections.abc import Iterator
 from typing import Final, NamedTuple
 
@@ -44,6 +57,9 @@ _COMPARES: Final[dict[type[ast.cmpop], tuple[type[ast.cmpop], ...]]] = {
     ast.In: (ast.NotIn,),
     ast.NotIn: (ast.In,),
 }
+_BOUNDARIES: Final = frozenset(
+    ((ast.Lt, ast.LtE), (ast.LtE, ast.Lt), (ast.Gt, ast.GtE), (ast.GtE, ast.Gt))
+)
 _OPERATIONS: Final[dict[type[ast.operator], type[ast.operator]]] = {
     ast.Add: ast.Sub,
     ast.Sub: ast.Add,
@@ -63,6 +79,33 @@ _OPPOSITES: Final = {**dict(_PAIRS), **{other: name for name, other in _PAIRS}}
 _GENERIC: Final = frozenset(
     ("Annotated", "Callable", "Final", "Literal", "dict", "frozenset", "list", "set", "tuple")
 )
+# What a change of which is not tried, in a page's words; the module's page has the reasons.
+LEFT_OUT: Final = (
+    "the very boundary of a comparison (`<` for `<=`) where neither side is a count, zero or the "
+    "bound of what may be given: two measured numbers are never equal (the comparison turned round "
+    "is tried everywhere)",
+    "how a picture is drawn: widths of lines, sizes of type and the like",
+    "numbers of 1e-6 and less that guard a sum, a comparison or a minimum against rounding",
+    "the seed that a generator is given, and `strict` of `zip`",
+)
+STYLES: Final = frozenset((
+    *("alpha", "capsize", "columnspacing", "dash_capstyle", "dpi", "figsize", "fontsize", "hspace"),
+    *("handlelength", "labelpad", "labelsize", "labelspacing", "linewidth", "linewidths", "lw"),
+    *("markeredgewidth", "markersize", "mew", "ms", "rotation", "wspace", "zorder"),
+))  # fmt: skip
+_GENERATORS: Final = frozenset(("Random", "default_rng"))
+_ROUNDING: Final = 1e-6
+# A name that is or ends so counts, numbers things, or is what somebody gives or may give: the
+# bound of a range is given more often than any other number.
+_COUNTING: Final = re.compile(
+    "^([ijkmn]|at|end|high|low|value|values)$|(^|_)(begin|boots|column|count|counts|head|index|"
+    "kind|maximum|minimum|misses|needed|number|offset|place|repeats|row|rows|sequence|size|"
+    "standing|step|steps|stop|ticks|tries|version|windows|words)$"
+)
+# What these give is counted.
+_COUNTS: Final = frozenset(("count", "count_nonzero", "index", "int", "len", "ord", "qsize", "sum"))
+# A constant that ends so is measured.
+_UNIT: Final = re.compile("_(M|S|MS|US|HZ|RAD|DEG|MPS|MPS2|RADPS|FACTOR|SHARE|SD)$")
 # Names that only tools read.
 _NOT_CODE: Final = frozenset(("__all__", "__slots__", "__match_args__"))
 _WORDS: Final = 100  # characters of a side of a change that are shown
@@ -155,19 +198,72 @@ def _code_below(node: ast.AST) -> Iterator[ast.AST]:
             pass
         case ast.JoinedStr() | ast.Raise():
             pass
+        case ast.Call():
+            yield node.func
+            yield from (each for each in node.args if not _is_untold(node, each))
+            yield from (
+                each for each in node.keywords if not _is_untold(node, each.value, each.arg)
+            )
+        case ast.BinOp(op=ast.Add() | ast.Sub()) | ast.Compare():
+            yield from (each for each in ast.iter_child_nodes(node) if not _is_rounding(each))
         case _:
             yield from ast.iter_child_nodes(node)
+
+
+def _is_untold(call: ast.Call, value: ast.expr, keyword: str | None = None) -> bool:
+    """Whether no user can tell what a call is given from another number or truth."""
+    plain = all(isinstance(each, ast.Constant | ast.Tuple | ast.Load) for each in ast.walk(value))
+    name = ast.unparse(call.func).rpartition(".")[2]
+    return (plain and (keyword in STYLES or keyword == "seed" or name in _GENERATORS)) or (
+        (name == "zip" and keyword == "strict")
+        or (name in ("min", "max", "minimum", "maximum") and _is_rounding(value))
+    )
+
+
+def _is_rounding(node: ast.AST) -> bool:
+    """Whether it is a number that only keeps rounding from deciding."""
+    match node:
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            return _is_rounding(operand)
+        case ast.Constant(value=float(value)):
+            return 0.0 < value <= _ROUNDING
+    return False
+
+
+def _counts(node: ast.expr) -> bool:
+    """Whether it may be the same as another to the last bit: a count, a number of something, zero,
+    a bound, or a constant of which nothing says that it is measured."""
+    match node:
+        case ast.Constant(value=value):
+            return isinstance(value, int) or value == 0.0
+        case ast.UnaryOp(operand=operand):
+            return _counts(operand)
+        case ast.Call(func=ast.Name(id=name) | ast.Attribute(attr=name)):
+            return name in _COUNTS
+        case ast.Name(id=name) | ast.Attribute(attr=name):
+            is_measured = not name.isupper() or _UNIT.search(name) is not None
+            return not is_measured or _COUNTING.search(name) is not None
+        case ast.BinOp(op=ast.Add() | ast.Sub() | ast.FloorDiv() | ast.Mod()):
+            return _counts(node.left) and _counts(node.right)
+    return False
 
 
 def _replacements(node: _Placed) -> Iterator[ast.AST]:
     """What a node may be changed to."""
     match node:
         case ast.Compare(ops=ops):
+            sides = [node.left, *node.comparators]
             for i, op in enumerate(ops):
+                counted = _counts(sides[i]) or _counts(sides[i + 1])
                 for other in _COMPARES[type(op)]:
-                    compare = copy.deepcopy(node)
-                    compare.ops[i] = other()
-                    yield compare
+                    if counted or (type(op), other) not in _BOUNDARIES:
+                        compare = copy.deepcopy(node)
+                        compare.ops[i] = other()
+                        yield compare
+        case ast.BinOp(op=ast.Add() | ast.Sub()) if _is_rounding(node.left) or _is_rounding(
+            node.right
+        ):
+            pass
         case ast.BinOp(op=op) if type(op) in _OPERATIONS:
             yield ast.BinOp(node.left, _OPERATIONS[type(op)](), node.right)
         case ast.AugAssign(op=op) if type(op) in _OPERATIONS:

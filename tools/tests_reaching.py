@@ -1,12 +1,21 @@
-"""Which test files reach a module, by what imports what, the nearest first."""
+"""Which test files reach a module, by what imports what, the nearest first.
+
+Nearer than by its imports is a test file that speaks of what is changed by name, or of what uses it
+in the same module (`names_at`).
+"""
 
 from __future__ import annotations
 
 import ast
+import re
 from collections import deque
+from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 
 PACKAGE = "tgl_soar"
+# Short flights of everything that flies: wherever a change acts in flight, they notice.
+FLIGHTS = Path("tests/sim/test_kept_flights.py")
 
 
 class Imports:
@@ -27,28 +36,87 @@ class Imports:
                 if imported := self._files.get(name):
                     self._importers.setdefault(imported, set()).add(path)
 
-    def tests_of(self, path: Path) -> list[Path]:
-        """Test files that reach a file (relative paths): those that mirror it, then those of the
-        same folder and others by the number of imports between, small ones first."""
-        steps = {self._root / path: 0}
-        queue = deque(steps)
+    def tests_of(self, path: Path, names: Sequence[str] = ()) -> list[Path]:
+        """Test files that reach a file (relative paths): those that mirror it, then `FLIGHTS`, then
+        those of the same folder and others by the number of imports between, small ones first.
+
+        names: of what is changed and of what uses it, the nearest first: a test file that speaks of
+        the first counts as two imports nearer, of another as one.
+        """
+        found = {self._root / path: 0}
+        queue = deque(found)
         while queue:
             each = queue.popleft()
             for importer in self._importers.get(each, ()):
-                if importer not in steps:
-                    steps[importer] = steps[each] + 1
+                if importer not in found:
+                    found[importer] = found[each] + 1
                     queue.append(importer)
         mirror = Path("tests", *path.parent.parts[2:])
-        reached = {file: n for file, n in steps.items() if file.name.startswith("test_")}
-        mirrored = self._root / mirror / f"test_{path.stem}.py"
-        if mirrored.is_file():
-            reached.setdefault(mirrored, 0)
+        reached = {file: n for file, n in found.items() if file.name.startswith("test_")}
+        name = f"test_{path.stem}.py"
+        mirrored = {self._root / mirror / name, self._root / mirror / path.stem / name}
+        for file in mirrored:
+            if file.is_file():
+                reached.setdefault(file, 0)
 
-        def order(file: Path) -> tuple[bool, int, bool, int]:
+        def order(file: Path) -> tuple[bool, bool, int, bool, int]:
             away = file.parent != self._root / mirror
-            return file != mirrored, reached[file], away, file.stat().st_size
+            spoken = _words(file)
+            nearer = 2 if names and names[0] in spoken else int(any(n in spoken for n in names))
+            flies = file == self._root / FLIGHTS
+            steps = reached[file] - nearer
+            return file not in mirrored, not flies, steps, away, file.stat().st_size
 
         return [file.relative_to(self._root) for file in sorted(reached, key=order)]
+
+
+def names_at(source: str, line: int) -> list[str]:
+    """The names of what a line is part of (a method and its class, a function, a constant), then
+    those of what uses it in the same module, by way of others too.
+
+    Errors: SyntaxError where it cannot be parsed.
+    """
+    found: list[str] = []
+    uses: dict[str, set[str]] = {}
+    for node in ast.parse(source).body:
+        used = {name for each in ast.walk(node) for name in _mentioned(each)}
+        uses |= dict.fromkeys(_defined(node), used)
+        if _holds(node, line):
+            methods = node.body if isinstance(node, ast.ClassDef) else []
+            inner = [name for each in methods if _holds(each, line) for name in _defined(each)]
+            found = [name for name in inner if not name.startswith("__")] + _defined(node)
+    for name in found:  # it grows
+        found += [user for user, used in uses.items() if name in used and user not in found]
+    return found
+
+
+def _holds(node: ast.stmt, line: int) -> bool:
+    return node.lineno <= line <= (node.end_lineno or node.lineno)
+
+
+def _defined(node: ast.stmt) -> list[str]:
+    """What a statement gives a name to."""
+    match node:
+        case ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name) | ast.ClassDef(name=name):
+            return [name]
+        case ast.AnnAssign(target=ast.Name(id=name)):
+            return [name]
+        case ast.Assign(targets=targets):
+            return [each.id for each in targets if isinstance(each, ast.Name)]
+    return []
+
+
+def _mentioned(node: ast.AST) -> list[str]:
+    match node:
+        case ast.Name(id=name) | ast.Attribute(attr=name):
+            return [name]
+    return []
+
+
+@cache
+def _words(file: Path) -> frozenset[str]:
+    """All names in a file of tests."""
+    return frozenset(re.findall(r"\w+", file.read_text(encoding="utf-8")))
 
 
 def _named(folder: Path, pattern: str) -> dict[str, Path]:

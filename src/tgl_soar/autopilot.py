@@ -44,6 +44,7 @@ from tgl_soar.control.margins import pitch_kept
 from tgl_soar.control.passage import PassageReport, PassageState
 from tgl_soar.control.pid import PidGains, PidState, PidTerms
 from tgl_soar.control.point import point_step
+from tgl_soar.control.power import power_conditions, power_off, power_step, with_power, with_push
 from tgl_soar.control.schedule import NO_GAINS, ScheduledGains
 from tgl_soar.control.soaring import (
     SoaringState,
@@ -70,6 +71,7 @@ from tgl_soar.control.target_line import (
     line_step,
     line_tracking,
 )
+from tgl_soar.control.throttle import NO_THROTTLE, ThrottleReport, ThrottleState, throttle_report
 from tgl_soar.estimation.health import STREAM_FAULTS, fault_words
 from tgl_soar.types import (
     NAN,
@@ -105,6 +107,7 @@ class AutopilotState(NamedTuple):
     forecast: ForecastState
     brake: BrakeState
     passage: PassageState
+    throttle: ThrottleState
 
 
 class Output(NamedTuple):
@@ -134,6 +137,7 @@ class Output(NamedTuple):
     forecast: Forecast
     point: PointReport
     passage: PassageReport
+    throttle: ThrottleReport
 
 
 def mode_name(mode: int) -> str:
@@ -223,6 +227,7 @@ def initial_state() -> AutopilotState:
         forecast=initial_forecast(),
         brake=NO_POINT,
         passage=way.NO_PASSAGE,
+        throttle=NO_THROTTLE,
     )
 
 
@@ -232,6 +237,7 @@ def step(laws: Laws, state: AutopilotState, inputs: Inputs) -> tuple[AutopilotSt
     dt = min(DT_MAX_S, dt) if dt > 0.0 else 0.0  # NaN: the first tick
     flying = modes.is_flying(state.supervisor.mode)
     airborne = flying and not way.is_in_hand(state.passage)
+    laws = with_push(laws, state.throttle)
     estimates = estimate(laws, state.memory, inputs, airborne, state.loops.limited, dt)
     if flying:
         return _fly(laws, state, inputs, estimates, dt, modes.REASON_NONE)
@@ -288,6 +294,7 @@ def _idle(
         forecast=forecast,
         brake=set_aside(laws.brake, state.brake),
         passage=way.NO_PASSAGE,
+        throttle=power_off(laws, state.throttle, inputs),
     )
 
 
@@ -326,6 +333,7 @@ def _output(
         forecast=state.forecast.foreseen,
         point=PointReport(state.brake.standing, state.brake.off_m),
         passage=way.passage_report(state.passage),
+        throttle=throttle_report(state.throttle),
     )
 
 
@@ -379,17 +387,19 @@ def _fly(
     passage = way.passage_step(laws, state.passage, mode, inputs, estimates, line, dt_s)
     line = way.passage_line(laws, passage, line, vehicle, dt_s)
     tracking = line_tracking(line, vehicle)
-    if line.moving or not abs(tracking.e_rho_m) <= laws.guards.capture_distance_m:
+    on_its_way = line.moving and not laws.surveys
+    if on_its_way or not abs(tracking.e_rho_m) <= laws.guards.capture_distance_m:
         off_line_s = inputs.time_s
     on_line = inputs.time_s - off_line_s >= ON_LINE_S
 
     found = _conditions(laws, state, inputs, estimates) | _own_conditions(state, line)
-    found |= line_conditions(laws.guards, tracking.e_rho_m, on_line, line.moving)
+    found |= line_conditions(laws.guards, tracking.e_rho_m, on_line, on_its_way)
     found |= search_conditions(laws, line.moving)
     found |= way.passage_conditions(laws, mode, passage, estimates)
     air, quality = estimates.air, estimates.quality
     forecast = forecast_of(laws, mode, state.forecast, line, vehicle, air, quality)
     found |= forecast_conditions(laws, mode, forecast.foreseen)
+    found |= power_conditions(laws, mode, state.throttle, forecast.foreseen, estimates)
     found = way.with_way_home(laws, state.supervisor, passage, estimates, found)
     supervisor, decision = _decide(laws, state, inputs, found)
     mode, reason = decision.mode, decision.reason or engaged_because
@@ -413,6 +423,8 @@ def _fly(
     excitation = excitation_step(laws.excitation, state.excitation, inputs.time_s, dt_s, hindrance)
     state = state._replace(excitation=excitation, passage=passage)
     guidance = _guide(laws, state, estimates, decision, line, tracking, off_line_s, dt_s)
+    seen, left = forecast.foreseen, state.throttle
+    throttle = power_step(laws, left, mode, seen, guidance.passage, estimates, dt_s)
     loops, flown = _control(laws, state.loops, inputs, estimates, guidance, dt_s)
     state = AutopilotState(
         time_s=inputs.time_s,
@@ -428,6 +440,7 @@ def _fly(
         forecast=forecast,
         brake=guidance.brake,
         passage=guidance.passage,
+        throttle=throttle,
     )
     return state, _output(state, inputs, estimates, mode, reason, guidance.tracking, flown)
 
@@ -498,6 +511,7 @@ def _guide(
     held, effect = point_step(
         laws, state.brake, limited, decision.mode, line.eta_rad, vehicle, speed, felt, faults, dt_s
     )
+    gains, effect = with_power(gains, effect, state.throttle)
     passage = state.passage
     if way.flies_no_line(decision.mode, passage):
         mode = decision.mode

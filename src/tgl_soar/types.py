@@ -330,13 +330,16 @@ class Aerodynamics(NamedTuple):
     CD_brake: float
     Cm_brake: float
     brake_throw: float  # of each aileron's that all of it takes; 0: a surface of its own
+    propeller_thrust_n: float  # at full throttle and no airspeed; 0: there is no propeller
+    propeller_speed_mps: float  # the airspeed at which nothing of it is left
+    propeller_lag_s: float
     polar: GlidePolar  # with the brake retracted
 
 
 NO_POLAR: Final = GlidePolar(c0=NAN, c1=NAN, c2=NAN, c3=NAN, speed_min_mps=NAN, speed_max_mps=NAN)
 NO_AERODYNAMICS: Final = Aerodynamics(
     *(NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN),
-    *(0.0, 0.0, 0.0, 0.0),
+    *(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     NO_POLAR,
 )
 

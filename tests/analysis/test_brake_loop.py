@@ -7,7 +7,7 @@ from math import radians
 import pytest
 
 from tgl_soar.analysis.brake_loop import BrakeMargin, brake_margin
-from tgl_soar.analysis.linear_model import Condition
+from tgl_soar.analysis.linear_plant import Condition
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.control.laws import laws_from
 from tgl_soar.geometry import SoaringFrame

@@ -7,7 +7,7 @@ import pytest
 from slid_contour import ETA, SPEED_MPS, flown, logged, true_points
 
 from tgl_soar.analysis.experiments.survey import errors_of
-from tgl_soar.analysis.logs.flight_data import FlightData
+from tgl_soar.analysis.logs.flight_data import Event, FlightData
 from tgl_soar.analysis.survey.drawn import SurveyError, drawn_contour
 from tgl_soar.analysis.survey.flown import surveys_of
 from tgl_soar.control.survey import DOWNSTREAM, HOMEWARD, UPSTREAM
@@ -83,3 +83,21 @@ def test_a_telemetry_log_that_has_the_beginning_in_words_alone_draws_the_same() 
     (first,), (second,) = surveys_of(whole), surveys_of(told)
     assert np.array_equal(first.time_s, second.time_s)
     assert np.array_equal(first.standing, second.standing)
+
+
+def test_a_value_that_is_shown_again_begins_and_ends_nothing() -> None:
+    whole = logged(flown())
+    end_s = whole.events[-1].time_s
+    shown = [
+        Event(1.0, "parameter", "SRV_START 0"),
+        *whole.events,
+        Event(20.0, "parameter", "SRV_START 1"),
+        Event(end_s + 30.0, "parameter", "SRV_START 0"),
+    ]
+    (found,) = surveys_of(FlightData(**{**vars(whole), "events": shown}))
+    (alone,) = surveys_of(whole)
+    assert np.array_equal(found.time_s, alone.time_s)
+    assert np.array_equal(found.standing, alone.standing)
+    nothing = FlightData(**{**vars(whole), "events": shown[:1]})
+    with pytest.raises(SurveyError, match="holds no survey"):
+        surveys_of(nothing)

@@ -10,7 +10,6 @@ from msgspec.structs import asdict
 
 from tgl_soar.analysis.lateral_model import BREAKS, lateral_loop
 from tgl_soar.analysis.linear_model import (
-    Condition,
     Loop,
     is_stable,
     margin,
@@ -19,6 +18,7 @@ from tgl_soar.analysis.linear_model import (
     promised_gain_db,
     promised_phase_rad,
 )
+from tgl_soar.analysis.linear_plant import Condition
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.control.laws import laws_from
 from tgl_soar.sim.aircraft import aircraft_model

@@ -12,26 +12,28 @@ from msgspec.structs import asdict, replace
 
 from tgl_soar.air.field import WindField
 from tgl_soar.air.zeuc import stable_crossing
+from tgl_soar.analysis.linear_controller import linear_controller
 from tgl_soar.analysis.linear_model import (
     BREAKS,
     FREQUENCIES_RADPS,
-    Condition,
-    Gusts,
     Loop,
     activity,
     close_loop,
-    differences,
     disk_margin,
-    field_gradient,
     is_stable,
-    linear_controller,
-    linear_plant,
     margin,
     open_loop,
     poles,
     promised_gain_db,
     promised_phase_rad,
     sensitivity,
+)
+from tgl_soar.analysis.linear_plant import (
+    Condition,
+    Gusts,
+    differences,
+    field_gradient,
+    linear_plant,
 )
 from tgl_soar.config.files import (
     line_parameters,

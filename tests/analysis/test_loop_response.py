@@ -11,16 +11,9 @@ import pytest
 from msgspec.structs import asdict
 from typer.testing import CliRunner
 
-from tgl_soar.analysis.linear_model import (
-    Condition,
-    Loop,
-    close_loop,
-    field_gradient,
-    linear_controller,
-    linear_plant,
-    margin,
-    sensitivity,
-)
+from tgl_soar.analysis.linear_controller import linear_controller
+from tgl_soar.analysis.linear_model import Loop, close_loop, margin, sensitivity
+from tgl_soar.analysis.linear_plant import Condition, field_gradient, linear_plant
 from tgl_soar.analysis.logs.flight_data import Series
 from tgl_soar.analysis.logs.reading import read_flight
 from tgl_soar.analysis.loop_response import (

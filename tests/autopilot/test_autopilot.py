@@ -1005,6 +1005,38 @@ def test_where_the_elevator_cannot_follow_the_outer_loop_waits() -> None:
     assert integrated(side) == 0.0
 
 
+@pytest.mark.parametrize(
+    ("loop", "blocked"), [("pitch", "elevator_blocked"), ("roll", "aileron_blocked")]
+)
+def test_where_a_surface_cannot_follow_its_loop_waits(loop: str, blocked: str) -> None:
+    """Each loop knows of its own surface, and of no other."""
+    flight = Flight().fly(1.0)
+    state, last = flight.state, flight.inputs[-1]
+    laws = flight.laws._replace(
+        pitch=flight.laws.pitch._replace(ki=1.0), roll=flight.laws.roll._replace(ki=1.0)
+    )
+    turned = last.attitude._replace(qx=last.attitude.qx + 0.05)
+    later = last._replace(time_s=last.time_s + DT, attitude=turned)
+
+    def integrated(name: str, side: int) -> float:
+        told: dict[str, Any] = {name: side}
+        limited = state.loops.limited._replace(**told)
+        before = state._replace(loops=state.loops._replace(limited=limited))
+        after, output = step(laws, before, later)
+        assert output.active
+        then, now = getattr(state.loops, loop), getattr(after.loops, loop)
+        return float(now.integral - then.integral)
+
+    free = integrated(blocked, 0)
+    assert abs(free) > 1e-6
+    side = 1 if free > 0.0 else -1
+    # The outer loop is told as well, and moves the setpoint a little.
+    assert integrated(blocked, -side) == pytest.approx(free, rel=0.01)
+    assert integrated(blocked, side) == 0.0
+    (other,) = {"elevator_blocked", "aileron_blocked"} - {blocked}
+    assert integrated(other, side) == pytest.approx(free, rel=0.01)
+
+
 def test_a_long_pause_is_not_integrated_over() -> None:
     laws = laws_with(AIL_P=0.0, AIL_D=0.0, AIL_I=1.0)
     state = ready(laws, roll=0.1)

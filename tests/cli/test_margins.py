@@ -10,7 +10,9 @@ from typer.testing import CliRunner
 
 from tgl_soar.cli.app import app
 from tgl_soar.cli.console import console
+from tgl_soar.config.files import shipped
 
+AIRFRAME = shipped("airframes/eclipson_c.toml")
 FEW = ["--speed", "8.5", "--lean", "15", "--delay", "7.5"]
 
 
@@ -47,3 +49,29 @@ def test_a_lean_that_no_line_may_have_is_an_error() -> None:
     result = CliRunner().invoke(app, ["margins", "--speed", "8.5", "--lean", "70"])
     assert result.exit_code == 2
     assert "TGL_LEAN" in result.output
+
+
+def test_accelerometers_that_are_not_used_have_no_row(tmp_path: Path) -> None:
+    plane = tmp_path / "plane.toml"
+    text = AIRFRAME.read_text(encoding="utf-8")
+    plane.write_text(text.replace("[parameters]", "[parameters]\nEST_IMU = 0"), encoding="utf-8")
+    result = CliRunner().invoke(app, ["margins", *FEW, "--airframe", str(plane)])
+    assert result.exit_code == 0, result.output
+    assert re.search(r"^fixes ", result.output, re.MULTILINE)
+    assert not re.search(r"^imu ", result.output, re.MULTILINE)
+    assert "without accelerometers" in result.output
+
+
+@pytest.mark.parametrize(
+    ("firmware", "is_told"), [('"px4"\nroute = "attitude"', True), ('"ardupilot"', False)]
+)
+def test_loops_that_rest_on_a_route_are_told(firmware: str, is_told: bool, tmp_path: Path) -> None:
+    plane = tmp_path / "plane.toml"
+    text = AIRFRAME.read_text(encoding="utf-8")
+    assert 'firmware = "bridge"' in text
+    plane.write_text(
+        text.replace('firmware = "bridge"', f"firmware = {firmware}"), encoding="utf-8"
+    )
+    result = CliRunner().invoke(app, ["margins", *FEW, "--airframe", str(plane)])
+    assert result.exit_code == 0, result.output
+    assert ("the firmware's hold the attitude" in result.output) == is_told

@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 from bench_bridge import AIRFRAME, bridge
 from free_ports import free_port
+from msgspec.structs import replace
 
-from tgl_soar.cli.preflight import _place_reported
+from tgl_soar.cli.preflight import _margin_reported, _place_reported
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.link.autopilots import FIRMWARES, flavour
 from tgl_soar.link.autopilots.requirements import MUST, Finding, Needs, compare
@@ -327,6 +328,36 @@ def test_what_is_wrong_with_fence_and_lines_is_reported(
     good, words = reported("[parameters]\nTGL_Z = 40\nFENCE_Z_MAX = 30\n")
     assert not good
     assert "cannot be engaged: the line's point is outside the fence" in words
+
+
+@pytest.mark.parametrize(
+    ("changes", "is_enough", "words"),
+    [
+        ({}, True, " of 0.5, at the line, "),
+        ({"AIL_D": 1.0}, False, "0.00 of 0.5, at the aileron, "),
+        ({"RHO_D": 1.0}, False, "0.00 of 0.5, at the elevator, "),
+        ({"RHO_D_IMU": 1.2, "EST_IMU": 0.0}, True, " of 0.5, at the line, "),
+    ],
+)
+def test_the_least_margin_of_all_loops_is_told(
+    changes: dict[str, float], is_enough: bool, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of roll and heading, too, which nothing else refuses."""
+    values = load_parameters(PLANE, AIRFRAME, load_site(SITE), SITE).changed(changes)
+    assert _margin_reported(PLANE, values) == is_enough
+    said = " ".join(capsys.readouterr().out.split())
+    assert said.startswith("least margin of the loops: ")
+    assert words in said
+
+
+def test_of_a_model_that_is_not_complete_no_margin_is_known(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    model = {name: value for name, value in PLANE.model.items() if name != "Cm_q"}
+    plane = replace(PLANE, model=model)
+    values = load_parameters(plane, AIRFRAME, load_site(SITE), SITE)
+    assert _margin_reported(plane, values)
+    assert "no gain is checked" in capsys.readouterr().out
 
 
 def test_nobody_there() -> None:

@@ -12,6 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from tgl_soar.air.field import FloatArray
+from tgl_soar.analysis.rare import kept
 from tgl_soar.analysis.rare.kramers import WellExit
 from tgl_soar.analysis.rare.soaring import SHOWN, SoaringCase
 from tgl_soar.analysis.rare.splitting import Passage
@@ -41,6 +42,9 @@ class Halving:
         del seed
         return Fallen(1.0, np.zeros((4, len(SHOWN))), "")
 
+    def shown(self, state: Fallen) -> FloatArray:
+        return state.last
+
     def passage(self, state: Fallen, seed: int, level: float) -> Passage:
         draw = random.Random(seed)
         margin, cause = state.margin, state.cause
@@ -65,7 +69,7 @@ def halving(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("halving")
 def test_the_ladder_is_printed_and_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rare, "BATCH", 150)  # three of them and a part
+    monkeypatch.setattr(kept, "BATCH", 150)  # three of them and a part
     words = [*WORDS, "--effort", "200", "--ladders", "6"]
     done = CliRunner().invoke(app, [*words, "--plain", "500", "--out", str(tmp_path)])
     assert done.exit_code == 0, done.output
@@ -115,6 +119,58 @@ def test_neighbouring_seeds_share_no_ladder(tmp_path: Path) -> None:
         content = json.loads((tmp_path / seed / "rare.json").read_text())
         seen += [[rung["passed"] for rung in rungs] for rungs in content["ladders"]]
     assert all(seen.count(ladder) == 1 for ladder in seen)
+
+
+@pytest.mark.usefixtures("halving")
+def test_a_run_that_is_stopped_is_gone_on_with(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Stopped at any time, and gone on with, it says what it says when it is never stopped."""
+    monkeypatch.setattr(kept, "BATCH", 100)
+    words = [*WORDS, "--effort", "60", "--ladders", "9", "--plain", "350"]
+    whole = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "whole")])
+    assert whole.exit_code == 0, whole.output
+    flown = 0
+    passage = Halving.passage
+
+    def stopped(self: Halving, state: Fallen, seed: int, level: float) -> Passage:
+        nonlocal flown
+        flown += 1
+        if flown == 700:
+            raise KeyboardInterrupt
+        return passage(self, state, seed, level)
+
+    monkeypatch.setattr(Halving, "passage", stopped)
+    words += ["--out", str(tmp_path / "parts")]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 130
+    assert "--resume goes on" in " ".join(done.stderr.split())
+    refused = CliRunner().invoke(app, words)
+    assert refused.exit_code == 2
+    assert "go on with --resume" in " ".join(refused.stderr.split())
+    stops = 1
+    while done.exit_code == 130:
+        flown = 0
+        done = CliRunner().invoke(app, [*words, "--resume"])
+        stops += done.exit_code == 130
+    assert done.exit_code == 0, done.output
+    assert stops >= 2
+    ours, theirs = ((tmp_path / name / "rare.json").read_text() for name in ("parts", "whole"))
+    assert ours == theirs
+    flown = 0
+    again = CliRunner().invoke(app, [*words, "--resume"])  # nothing is left to fly
+    assert again.exit_code == 0, again.output
+    assert flown == 0
+
+
+@pytest.mark.usefixtures("halving")
+def test_what_was_kept_of_other_air_is_not_gone_on_with(tmp_path: Path) -> None:
+    words = [*WORDS, "--effort", "60", "--ladders", "2", "--out", str(tmp_path)]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    for other in (["--turbulence", "0.02"], ["--dispersion"], ["--seed", "2"]):
+        refused = CliRunner().invoke(app, [*words, "--resume", *other])
+        assert refused.exit_code == 2, refused.output
+        assert "of another" in " ".join(refused.stderr.split()), refused.stderr
 
 
 def test_without_numba_it_says_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -53,7 +53,8 @@ def test_who_names_neither_is_told_the_names(tmp_path: Path) -> None:
         match=r"hil.*by name: hill, tunnel, tunnel_mocap, tunnel_polynomial, tunnel_search$",
     ):
         load_site(site_file(tmp_path / "hil"))
-    with pytest.raises(ConfigError, match=r"known by name: eclipson_c, eclipson_c_spoilers$"):
+    known = r"known by name: eclipson_c, eclipson_c_propeller, eclipson_c_spoilers$"
+    with pytest.raises(ConfigError, match=known):
         load_airframe(airframe_file(tmp_path / "x.toml"))
 
 

@@ -68,6 +68,26 @@ def test_it_becomes_the_contour_of_a_site_file_and_all_else_stays(
     assert [path.name for path in tmp_path.iterdir()] == ["site.toml"]
 
 
+def test_through_a_link_the_file_behind_it_is_written(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    there = tmp_path / "there" / "site.toml"
+    there.parent.mkdir()
+    there.write_text(shipped("sites/tunnel.toml").read_text(encoding="utf-8"), encoding="utf-8")
+    there.chmod(0o640)
+    link = tmp_path / "site.toml"
+    link.symlink_to(there)
+    synced: list[int] = []
+    monkeypatch.setattr("tgl_soar.config.parameter_store.os.fsync", synced.append)
+    code, _ = run(monkeypatch, surveyed(), "--into", str(link))
+    assert code == 0
+    assert link.is_symlink()
+    assert "as a survey has drawn it" in there.read_text(encoding="utf-8")
+    assert there.stat().st_mode & 0o777 == 0o640
+    assert len(synced) == 2  # the file, and its name in the folder
+    assert [path.name for path in there.parent.iterdir()] == ["site.toml"]
+
+
 def test_what_stands_after_the_table_keeps_its_comment() -> None:
     text = "a = 1\n\n# old\n[contour]\nparts = []\n\n# of the start\n[start]\nx_m = 1\n"
     changed = with_contour(text, TABLE)

@@ -97,6 +97,25 @@ def test_what_cannot_be_is_refused_before_anything_is_sought(
     assert not list(tmp_path.iterdir())
 
 
+def test_a_site_where_nobody_can_fly_is_refused_before_anything_is_sought(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And the way out that is told is one: nothing of another task is in its way."""
+    text = shipped("sites/tunnel.toml").read_text(encoding="utf-8")
+    for table in ("air", "start"):
+        text = re.sub(rf"(?ms)^\[{table}\].*?(?=^\[)", "", text)
+    site, out = tmp_path / "site.toml", tmp_path / "t.toml"
+    site.write_text(text, encoding="utf-8")
+    options = ["--own", "--site", str(site), "--out", str(out)]
+    with monkeypatch.context() as context:
+        context.setattr(tuning, "given_by", lambda *_: pytest.fail("sought before it was refused"))
+        refused = CliRunner().invoke(app, [*FEW, *options, "--flights", "2"])
+    assert refused.exit_code == 2
+    assert "no [air] to fly in: name another --site, or --flights 0" in refused.output
+    again = CliRunner().invoke(app, [*FEW, *options, "--flights", "0"])
+    assert again.exit_code == 0, again.output
+
+
 def test_a_margin_below_the_floor_is_an_exit_code(tmp_path: Path) -> None:
     out = tmp_path / "t.toml"
     result = CliRunner().invoke(app, [*FEW, "--out", str(out), "--floor", "1"])

@@ -384,3 +384,18 @@ def test_the_state_lies_where_a_users_programs_keep_it() -> None:
     assert state_file(Path("/s"), "x/my_glider.toml", Path("hill.toml")) == Path(
         "/s/my_glider-hill.params"
     )
+
+
+def test_a_file_that_cannot_be_replaced_stays_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    file = tmp_path / "site.toml"
+    file.write_bytes(b"old")
+    monkeypatch.setattr(parameter_store.os, "fsync", full)
+    with pytest.raises(OSError, match="No space"):
+        parameter_store.write_state(file, b"new", None)
+    assert file.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [file]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import acos, cos, exp, hypot, inf, isfinite, isnan, nan, radians, sin, sqrt
+from math import acos, asin, cos, exp, hypot, inf, isfinite, isnan, nan, radians, sin, sqrt
 from typing import Any
 
 import pytest
@@ -168,12 +168,12 @@ def test_the_time_left_is_the_height_by_how_fast_it_goes() -> None:
 
 
 def test_the_approach_is_as_slow_as_still_gets_there() -> None:
-    wind = landing.WIND_BELOW * 7.0
+    distance = 21.0 - landing.FLOAT_S * (PARAMS.best_glide_mps - 7.0)
     assert approach_speed(PARAMS, at(z_m=30.0), air()) == SLOWEST
-    speed = approach_speed(PARAMS, at(z_m=10.0), air())
+    speed = approach_speed(PARAMS, at(z_m=12.0), air())
     assert SLOWEST < speed < 12.0
-    assert height_left(PARAMS, 21.0, 10.0, 8.5, speed, wind) == pytest.approx(0.0, abs=0.1)
-    assert height_left(PARAMS, 21.0, 10.0, 8.5, speed - 0.3, wind) < 0.0
+    assert height_left(PARAMS, distance, 12.0, 8.5, speed, 7.0) == pytest.approx(0.0, abs=0.1)
+    assert height_left(PARAMS, distance, 12.0, 8.5, speed - 0.3, 7.0) < 0.0
     assert approach_speed(PARAMS, at(z_m=nan), air()) == PARAMS.best_glide_mps
 
 
@@ -182,13 +182,69 @@ def test_height_left_over_is_woven_off() -> None:
     angle = weave(PARAMS, True, SLOWEST, nan, high, air())
     assert angle > 0.3
     assert weave(PARAMS, False, SLOWEST, nan, high, air()) == -angle
-    final_m = landing.FINAL_M * (9.2 - landing.WIND_BELOW * 7.0) / polar_sink(POLAR, 9.2)
+    final_m = (landing.FINAL_M / polar_sink(POLAR, 9.2) + landing.FLOAT_S) * (9.2 - 7.0)
     wanted = (13.0 - final_m) * polar_sink(POLAR, SLOWEST) / (14.0 - landing.FINAL_M)
     assert angle == pytest.approx(
         min(landing.WEAVE_RAD, acos((7.0 + max(-landing.BACK_MPS, wanted)) / SLOWEST))
     )
     assert weave(PARAMS, True, SLOWEST, nan, at(x_m=60.0, z_m=14.0), air()) == 0.0
     assert weave(PARAMS, True, SLOWEST, nan, at(x_m=-14.0, z_m=4.0), air()) == 0.0
+
+
+def touched_down(wind_mps: float, x_m: float, z_m: float, falls: float = 0.0) -> float:
+    """How far beyond the place [m] it touches down, as a point that does what it is told; falls:
+    the share of the wind that is gone at the ground, evenly from 14 m on."""
+    state, speed, y_m = NO_GLIDE, SLOWEST, 0.0
+    sinks = polar_sink(POLAR, speed)
+    for k in range(round(60.0 / DT)):
+        u = wind_mps * (1.0 - falls * max(0.0, 1.0 - z_m / 14.0))
+        vehicle = at(k * DT, x_m=x_m, y_m=y_m, z_m=z_m, climb_mps=-sinks)
+        met = air(airspeed_mps=speed, wind_mps=u)
+        state, _ = glide_step(PARAMS, state, False, True, vehicle, met, z_m, False, DT)
+        wish = glide_wish(PARAMS, state, False, True, pitched(0.0), vehicle, met, z_m)
+        y_m += wish.sideways_mps * DT
+        psi = asin(max(-1.0, min(1.0, wish.sideways_mps / speed)))
+        if state.flares:
+            wanted = max(landing.SINK_MPS, z_m / landing.FLARE_S)
+            sinks = (polar_sink(POLAR, speed) + landing.KF * wanted) / (1.0 + landing.KF)
+            speed -= DT * G / speed * (polar_sink(POLAR, speed) - sinks)
+        else:
+            sinks = polar_sink(POLAR, speed)
+            z_m -= (state.speed_mps**2 - speed**2) / (2.0 * G)
+            speed = state.speed_mps
+        x_m -= (speed * cos(psi) - u) * DT
+        z_m -= sinks * DT
+        if z_m <= 0.0:
+            return PLACE.x_m - x_m
+    return inf
+
+
+@pytest.mark.parametrize(
+    ("wind_mps", "x_m", "z_m"),
+    [(7.0, -14.0, 14.0), (7.4, -20.0, 10.0), (6.5, -9.0, 14.0), (7.0, -9.0, 14.0)],
+)  # fmt: skip
+def test_it_touches_down_at_the_place(wind_mps: float, x_m: float, z_m: float) -> None:
+    """From higher than the slowest glide needs, and from where it must hurry."""
+    assert abs(touched_down(wind_mps, x_m, z_m)) < 1.5
+
+
+def test_what_is_too_near_or_loses_the_wind_is_flown_over() -> None:
+    """The weave has an end, and no brake helps it."""
+    assert touched_down(5.5, -20.0, 10.0) > 10.0
+    assert 3.0 < touched_down(7.0, -14.0, 14.0, 0.2) < 8.0
+
+
+def test_what_the_air_slows_has_more_time() -> None:
+    """It advances by less for as much as it sinks by less, never by more than in still air."""
+    sink, high = polar_sink(POLAR, SLOWEST), at(x_m=-14.0, z_m=14.0)
+
+    def advance(sinks_mps: float) -> float:
+        return SLOWEST * cos(weave(PARAMS, True, SLOWEST, sinks_mps, high, air())) - 7.0
+
+    still = advance(nan)
+    assert 0.2 < still < 1.0
+    assert advance(0.5 * sink) == pytest.approx(0.5 * still)
+    assert advance(2.0 * sink) == pytest.approx(still)
 
 
 def test_it_turns_back_so_that_it_stays_near_the_approach() -> None:
@@ -201,7 +257,46 @@ def test_it_turns_back_so_that_it_stays_near_the_approach() -> None:
         wish = glide_wish(PARAMS, state, False, True, pitched(-0.02), vehicle, now, 14.0)
         y += wish.sideways_mps * DT
         worst = max(worst, abs(y)) if k > 1000 else worst
-    assert 1.0 < worst < landing.WEAVE_M + 0.5
+    assert 3.0 < worst < landing.WEAVE_M + 0.5
+
+
+def test_near_the_straight_rest_it_stays_near_the_middle() -> None:
+    """From as far off as it is high over that, it comes back before it gets there."""
+    for height in (landing.FINAL_M + 1.0, landing.FINAL_M + 3.0):
+        state = NO_GLIDE._replace(weave_rad=0.3, goes_right=True)
+        y = height - landing.FINAL_M
+        vehicle = at(x_m=-14.0, y_m=y, z_m=height)
+        state, _ = glide_step(PARAMS, state, False, True, vehicle, air(), height, False, DT)
+        assert not state.goes_right
+        vehicle = at(x_m=-14.0, y_m=0.0, z_m=14.0)
+        state, _ = glide_step(
+            PARAMS, state._replace(goes_right=True), False, True, vehicle, air(), 14.0, False, DT
+        )
+        assert state.goes_right
+
+
+def test_it_looks_upwind_when_the_straight_rest_begins() -> None:
+    """As far off the wind as it can turn back from until a metre below that, and no farther."""
+    sink = polar_sink(POLAR, SLOWEST)
+    for over in (0.1, 0.5, 8.0):
+        near = at(x_m=-26.0, z_m=landing.FINAL_M + over)
+        chi = weave(PARAMS, True, SLOWEST, nan, near, air())
+        back_s = (over + landing.STRAIGHT_BY_M) / sink
+        assert 0.3 < chi <= landing.WEAVE_RADPS * back_s + 1e-9
+        assert chi <= landing.WEAVE_RAD
+
+
+def test_a_flare_covers_as_much_more_as_is_planned() -> None:
+    """Integrated step by step at one speed: how much later than a glide it is on the ground."""
+    sink = polar_sink(POLAR, PARAMS.best_glide_mps)
+    height, gone_s = sink * landing.FLARE_S, 0.0
+    while height > 1e-6 and gone_s < 9.0:
+        height -= 1e-4 * (sink + landing.KF * height / landing.FLARE_S) / (1.0 + landing.KF)
+        gone_s += 1e-4
+    assert gone_s - landing.FLARE_S == pytest.approx(landing.FLOAT_S, abs=0.01)
+    planned = landing.float_length(PARAMS, 7.0)
+    assert planned == pytest.approx(landing.FLOAT_S * (PARAMS.best_glide_mps - 7.0))
+    assert landing.float_length(PARAMS, 10.0) == 0.0  # it gets nowhere
 
 
 def test_a_slow_aircraft_does_not_turn() -> None:
@@ -218,10 +313,9 @@ def test_what_the_air_carries_is_not_woven_off_there() -> None:
     sink = polar_sink(POLAR, SLOWEST)
     for x_m in (-14.0, -30.0):
         high = at(x_m=x_m, z_m=14.0)
-        carried = weave(PARAMS, True, SLOWEST, 0.4 * sink, high, air())
+        carried = weave(PARAMS, True, SLOWEST, 0.2 * sink, high, air())
         assert carried == pytest.approx(acos((7.0 + landing.OUT_MPS) / SLOWEST))
-        sinks = weave(PARAMS, True, SLOWEST, 0.6 * sink, high, air())
-        assert sinks == weave(PARAMS, True, SLOWEST, nan, high, air()) > carried
+        assert weave(PARAMS, True, SLOWEST, 0.6 * sink, high, air()) > carried
     state = NO_GLIDE
     for k in range(round(10.0 / DT)):
         vehicle = at(k * DT, x_m=-14.0, z_m=14.0, climb_mps=-1.0 if k * DT < 3.0 else 0.2)

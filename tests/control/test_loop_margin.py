@@ -8,15 +8,12 @@ from math import isnan, radians
 import pytest
 from msgspec.structs import asdict
 
-from tgl_soar.analysis.linear_model import (
-    Condition,
-    close_loop,
-    disk_margin,
-    linear_controller,
-    linear_plant,
-)
+from tgl_soar.analysis.linear_controller import linear_controller
+from tgl_soar.analysis.linear_model import close_loop, disk_margin
+from tgl_soar.analysis.linear_plant import Condition, linear_plant
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
-from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.config.line_changes import LineChanges
+from tgl_soar.config.parameters import ParameterError, ParameterSet
 from tgl_soar.control import loop_margin
 from tgl_soar.control.laws import laws_from
 from tgl_soar.control.line_bounds import LineBounds
@@ -90,6 +87,52 @@ def test_what_has_no_margin_is_refused_with_the_reason() -> None:
     assert LineBounds().fault(values.changed({"TGL_LEAN": 45.0})) == words
     late = values.changed({"TGL_LEAN": 15.0, "CMD_DELAY": 0.06})
     assert "60 ms late, without accelerometers" in margin_fault(late)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("RHO_D_IMU", 2.0), ("RHO_P", 2.5), ("ELE_D", 1.5), ("ELE_D_FILT", 1.0), ("ELE_EFFECT", 90.0)],
+)
+def test_a_gain_that_leaves_no_margin_is_refused_in_flight(name: str, value: float) -> None:
+    """On the ground it is warned of: what engages asks again.  The way back is open."""
+    before = shipped_values()
+    changes = LineChanges(fault=LineBounds().fault, ringing=LineBounds().ringing)
+    with pytest.raises(ParameterError, match=f"{name} = .*: no margin at lean 15 deg.*OP_FORCE 1"):
+        changes.set(before, name, value, flying=True)
+    warned = changes.set(before, name, value, flying=False)
+    assert warned.warning.startswith("no margin at lean 15 deg")
+    assert warned.values[name] == pytest.approx(value)
+    back = changes.set(warned.values, name, before[name], flying=True)
+    assert (back.values[name], back.warning) == (before[name], "")
+    forced = changes.set(before.changed({"OP_FORCE": 1.0}), name, value, flying=True)
+    assert forced.values[name] == pytest.approx(value)
+    assert forced.values["OP_FORCE"] == 0.0
+    assert forced.warning.startswith("no margin")
+
+
+@pytest.mark.parametrize("name", ["ELE_P", "ELE_P_IMU"])
+def test_half_a_gain_is_taken_in_flight_with_a_warning(name: str) -> None:
+    """Where the aircraft swings that the model says does not, its operator goes back with it."""
+    before = shipped_values()
+    changes = LineChanges(fault=LineBounds().fault, ringing=LineBounds().ringing)
+    taken = changes.set(before, name, 0.5 * before[name], flying=True)
+    assert taken.values[name] == pytest.approx(0.5 * before[name])
+    assert ": 0.4" in taken.warning
+
+
+def test_a_margin_is_never_shown_as_more_than_it_is() -> None:
+    """1.4 times RHO_D leaves 0.497: refused as 0.50 of 0.5 it would read as a mistake."""
+    before = shipped_values()
+    words = margin_fault(before.changed({"RHO_D": 1.4 * before["RHO_D"]}))
+    assert words.endswith(": 0.49 of 0.5")
+
+
+def test_a_gain_that_leaves_its_margin_is_taken_without_a_word() -> None:
+    changes = LineChanges(fault=LineBounds().fault)
+    before = shipped_values().changed({"OP_FORCE": 1.0})
+    taken = changes.set(before, "RHO_P", 0.5, flying=True)
+    assert (taken.values["RHO_P"], taken.warning) == (0.5, "")
+    assert taken.values["OP_FORCE"] == 1.0  # not used up
 
 
 def test_of_an_unknown_airframe_nothing_is_said() -> None:

@@ -25,7 +25,7 @@ def override(messages: object) -> RcChannelsOverride:
 
 @pytest.mark.parametrize("flavour", FLAVOURS)
 def test_our_three_channels_and_no_other(flavour: type[ArduPilot]) -> None:
-    pilot = flavour(SurfaceChannels(PLAIN, CROOKED, HIGH), 7)
+    pilot = flavour(SurfaceChannels(elevator=PLAIN, aileron=CROOKED, rudder=HIGH), 7)
     message = override(pilot.commands(SurfaceCommand(0.5, -1.0, 0.25), NO_SETPOINTS))
     assert message.target_system == 7
     assert message.target_component == 1
@@ -36,7 +36,9 @@ def test_our_three_channels_and_no_other(flavour: type[ArduPilot]) -> None:
 
 @pytest.mark.parametrize("flavour", FLAVOURS)
 def test_letting_go_touches_no_other_channel(flavour: type[ArduPilot]) -> None:
-    message = override(flavour(SurfaceChannels(PLAIN, CROOKED, HIGH), 7).release())
+    message = override(
+        flavour(SurfaceChannels(elevator=PLAIN, aileron=CROOKED, rudder=HIGH), 7).release()
+    )
     expected = [65535] * 8 + [0] * 10
     expected[1], expected[0], expected[11] = 0, 0, 65534
     assert list(message.channels) == expected
@@ -82,7 +84,7 @@ def test_a_pulse_never_leaves_the_channel_s_limits(
 
 
 def test_surfaces_obey_in_manual_only() -> None:
-    pilot = ArduPilot(SurfaceChannels(PLAIN, CROOKED, HIGH), 1)
+    pilot = ArduPilot(SurfaceChannels(elevator=PLAIN, aileron=CROOKED, rudder=HIGH), 1)
     for mode in range(26):
         assert pilot.obeys(
             Heartbeat(type=1, autopilot=3, base_mode=81, custom_mode=mode, system_status=4)

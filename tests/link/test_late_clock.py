@@ -98,7 +98,9 @@ def test_a_counter_that_wraps_is_no_restart() -> None:
 def test_the_session_asks_again_and_says_so() -> None:
     talk = Session(
         SessionOptions(
-            own=OWN, flavour=ArduPilot(SurfaceChannels(SERVO, SERVO, SERVO), 1), loop_rate_hz=200.0
+            own=OWN,
+            flavour=ArduPilot(SurfaceChannels(elevator=SERVO, aileron=SERVO, rudder=SERVO), 1),
+            loop_rate_hz=200.0,
         )
     )
 

@@ -42,7 +42,7 @@ def ages(
 
     `pace`: of its clock.
     """
-    channels = SurfaceChannels(SERVO, SERVO, SERVO)
+    channels = SurfaceChannels(elevator=SERVO, aileron=SERVO, rudder=SERVO)
     own = Source(1, 191)
     session = Session(SessionOptions(own=own, flavour=ArduPilot(channels, 1), loop_rate_hz=RATE_HZ))
     count, found = 0, []

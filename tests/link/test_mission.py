@@ -9,6 +9,8 @@ from tgl_soar.link.decoder import Decoder
 from tgl_soar.link.encoder import Encoder
 from tgl_soar.link.inquiry import ASK_S, ASK_TIMES
 from tgl_soar.link.messages import (
+    CommandLong,
+    HomeMessage,
     MissionAck,
     MissionCount,
     MissionCurrent,
@@ -32,7 +34,12 @@ def test_it_asks_item_by_item_and_thanks() -> None:
     reading = MissionReading(OWN)
     assert reading.poll(0.0) == []  # nobody has asked for it
     reading.begin()
-    assert reading.poll(0.0) == [MissionRequestList(1, 1)]
+    home, asked = reading.poll(0.0)
+    assert isinstance(home, CommandLong)
+    assert (home.target_system, home.command, home.params[0]) == (1, 512, 242.0)
+    assert asked == MissionRequestList(1, 1)
+    reading.take(HomeMessage(1, 2, 3))
+    assert reading.home == HomeMessage(1, 2, 3)
     assert reading.poll(0.1) == []
     reading.take(MissionCount(1, 190, 9))  # a ground station's
     reading.take(MissionCount(1, 191, 2))
@@ -50,7 +57,8 @@ def test_it_asks_item_by_item_and_thanks() -> None:
     assert reading.poll(9.0) == []
     reading.restart()
     assert not reading.is_known
-    assert reading.poll(9.0) == [MissionRequestList(1, 1)]
+    assert reading.home is None
+    assert reading.poll(9.0) == [home, asked]
 
 
 def test_a_lost_answer_is_asked_for_again_and_then_given_up() -> None:
@@ -60,7 +68,7 @@ def test_a_lost_answer_is_asked_for_again_and_then_given_up() -> None:
     while not reading.failed and now < 60.0:
         sent += len(reading.poll(now))
         now += 0.05
-    assert sent == ASK_TIMES
+    assert sent == 2 * ASK_TIMES  # its home, too
     assert reading.failed == "its mission cannot be read: no answer"
     assert now == pytest.approx(ASK_TIMES * ASK_S, abs=0.2)
     assert not reading.is_known
@@ -90,12 +98,14 @@ def test_its_messages_pass_the_codec() -> None:
         theirs.mission_count_encode(1, 191, 3),
         theirs.mission_item_int_encode(1, 191, 2, 6, 21, 0, 1, 0, 0, 0, 0, 520000000, -44000000, 5),
         theirs.mission_current_encode(7),
+        theirs.home_position_encode(520000000, -44000000, -3500, 0, 0, 0, (1, 0, 0, 0), 0, 0, 0, 0),
     )
     heard = [decoder.feed(bytes(message.pack(theirs)))[0].message for message in sent]
     assert heard == [
         MissionCount(1, 191, 3),
         item(2, 21, x=520000000, y=-44000000),
         MissionCurrent(7),
+        HomeMessage(520000000, -44000000, -3500),
     ]
     reader = mavlink.MAVLink(None)
     said = b"".join(

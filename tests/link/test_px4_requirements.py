@@ -14,9 +14,9 @@ from tgl_soar.sim.firmware.px4 import flight_parameters
 
 AIRFRAME = load_airframe(Path(__file__).parents[2] / "config/airframes/eclipson_c.toml")
 CHANNELS = SurfaceChannels(
-    SurfaceChannel(channel=2, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
-    SurfaceChannel(channel=1, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
-    SurfaceChannel(channel=4, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
+    elevator=SurfaceChannel(channel=2, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
+    aileron=SurfaceChannel(channel=1, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
+    rudder=SurfaceChannel(channel=4, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
 )
 HALL = Needs(override_system=255, loop_rate_hz=200.0, external_pose=True, gps=False)
 HILL = Needs(override_system=255, loop_rate_hz=200.0, external_pose=False, gps=True)

@@ -36,9 +36,9 @@ OWN = Source(1, 191)
 AUTOPILOT = Source(1, 1)
 STATION = Source(255, 190)
 CHANNELS = SurfaceChannels(
-    SurfaceChannel(channel=2, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
-    SurfaceChannel(channel=1, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
-    SurfaceChannel(channel=4, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
+    elevator=SurfaceChannel(channel=2, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
+    aileron=SurfaceChannel(channel=1, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
+    rudder=SurfaceChannel(channel=4, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
 )
 MANUAL = Heartbeat(type=1, autopilot=3, base_mode=81 | 128, custom_mode=0, system_status=4)
 AUTO = Heartbeat(type=1, autopilot=3, base_mode=81, custom_mode=10, system_status=4)

@@ -45,9 +45,9 @@ from tgl_soar.types import NO_AIRSPEED, NO_IMU, NO_SURFACES
 
 OWN, AUTOPILOT, STRANGER, BRIDGE = Source(1, 191), Source(1, 1), Source(9, 1), Source(1, 197)
 CHANNELS = SurfaceChannels(
-    SurfaceChannel(channel=2, pwm_min=1100, pwm_trim=1500, pwm_max=1900, reversed=True),
-    SurfaceChannel(channel=1, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
-    SurfaceChannel(channel=4, pwm_min=1200, pwm_trim=1510, pwm_max=1800),
+    elevator=SurfaceChannel(channel=2, pwm_min=1100, pwm_trim=1500, pwm_max=1900, reversed=True),
+    aileron=SurfaceChannel(channel=1, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
+    rudder=SurfaceChannel(channel=4, pwm_min=1200, pwm_trim=1510, pwm_max=1800),
 )
 HOME = Home(51.99, 4.375, 20.0)
 G = 9.80665

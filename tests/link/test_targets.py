@@ -25,9 +25,9 @@ from tgl_soar.link.mode_change import ANSWER_S, PATIENCE_S, TRIES, ModeChange
 from tgl_soar.types import NO_SETPOINTS, OURS, THEIRS_WITH_RUDDER, Setpoints, SurfaceCommand
 
 CHANNELS = SurfaceChannels(
-    SurfaceChannel(channel=2, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
-    SurfaceChannel(channel=1, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
-    SurfaceChannel(channel=4, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
+    elevator=SurfaceChannel(channel=2, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
+    aileron=SurfaceChannel(channel=1, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
+    rudder=SurfaceChannel(channel=4, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
 )
 ALL = [(firmware, route.name) for firmware in FIRMWARES for route in routes(firmware)]
 AUTOPILOT = {"ardupilot": 3, "bridge": 3, "px4": 12, "paparazzi": 9}

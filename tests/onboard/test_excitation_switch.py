@@ -66,6 +66,26 @@ def test_the_operators_0_ends_it_and_says_so() -> None:
     assert output.excitation.pitch_rad == 0.0
 
 
+def test_another_gain_ends_it_and_what_is_no_gain_does_not() -> None:
+    """The periods before and after it would be of two loops."""
+    flight = soaring()
+    start(flight)
+    flight.run(5.0)
+    words(flight)
+    flight.set("TGL_SLEW", 0.2)
+    flight.run(0.1)
+    assert words(flight) == []
+    gain = flight.onboard.settings.values["RHO_P"]
+    flight.set("RHO_P", 0.95 * gain)
+    flight.run(0.02)
+    assert words(flight) == [
+        "multisine: another loop is to be measured now",
+        "multisine: stopped: by the operator",
+    ]
+    assert flight.onboard.settings.values["EXC_START"] == 0.0
+    assert start(flight) == 1.0  # of the new loop
+
+
 def test_leaving_the_line_ends_it() -> None:
     """The module hands over: nothing of the multisine is left for the next engagement."""
     flight = soaring()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pty
+import re
 import subprocess
 import sys
 import threading
@@ -19,6 +20,7 @@ from tgl_soar.link.transport import baud_of
 from tgl_soar.link.transports.base import LinkError
 from tgl_soar.onboard import process
 from tgl_soar.onboard.line_load import RATES_BAUD, USED_MAX, LineLoad, load_of
+from tgl_soar.onboard.module import Onboard
 from tgl_soar.onboard.setup import ModuleSetup, setup_from
 
 
@@ -47,6 +49,23 @@ def test_the_pages_rates_are_judged_as_the_page_says() -> None:
     assert load.is_carried_by(921_600)
     signed = load_of(flown(), signed=True)
     assert signed.to_autopilot - load.to_autopilot == pytest.approx(200 * 13 + 13)
+
+
+def test_the_page_lists_the_rates_that_are_asked_for() -> None:
+    """docs/hardware.md, `to the companion`: each message that the module wants, and how often."""
+    page = (Path(__file__).parents[2] / "docs/hardware.md").read_text(encoding="utf-8")
+    table = page.partition("| to the companion | Hz |")[2].partition("| **from the companion** |")[
+        0
+    ]
+    rows = [row.split("|")[1:3] for row in table.splitlines() if row.startswith("| ")]
+    listed = {
+        name: float(rate) for what, rate in rows for name in re.findall(r"`([A-Z_]{7,})`", what)
+    }
+    module = Onboard(flown(OP_RC_CHAN=7.0), lambda _: True, 0.0)
+    wanted = {each.name: each.rate_hz for each in module.session.streams.all_wanted()}
+    often = {name: rate_hz for name, rate_hz in wanted.items() if rate_hz >= 10.0}
+    assert {"LOCAL_POSITION_NED", "SERVO_OUTPUT_RAW", "RC_CHANNELS"} <= often.keys()
+    assert often == {name: listed[name] for name in often}
 
 
 def test_the_way_out_is_the_lowest_rate_that_carries_it() -> None:

@@ -34,9 +34,9 @@ from tgl_soar.onboard.setup import ModuleSetup
 from tgl_soar.onboard.surfaces import RELEASE_FRAMES
 
 CHANNELS = SurfaceChannels(
-    SurfaceChannel(channel=2, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
-    SurfaceChannel(channel=1, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
-    SurfaceChannel(channel=4, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
+    elevator=SurfaceChannel(channel=2, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
+    aileron=SurfaceChannel(channel=1, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
+    rudder=SurfaceChannel(channel=4, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
 )
 STEP_S = 0.0005
 

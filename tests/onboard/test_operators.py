@@ -322,6 +322,26 @@ def test_a_channel_that_moves_a_surface_is_no_switch() -> None:
     assert flight.onboard.parameters.values["OP_RC_CHAN"] == 3.0
 
 
+def test_a_budget_without_a_propeller_is_refused_in_flight_too(flight: Flight) -> None:
+    flight.engaged()
+    flight.set("THR_BUDGET", 10.0)
+    assert flight.onboard.parameters.values["THR_BUDGET"] == 0.0
+    words = "".join(texts(flight.said()))
+    assert "no propeller: the airframe file needs [surfaces.throttle]" in words
+    flight.set("THR_BUDGET", 0.0)
+    assert "no propeller" not in "".join(texts(flight.said()))
+
+
+def test_a_budget_with_a_propeller_is_taken_in_flight() -> None:
+    flight = Flight()
+    aerodynamics = setup().aerodynamics._replace(propeller_thrust_n=4.0)
+    values = setup()._replace(aerodynamics=aerodynamics)
+    flight.onboard = Onboard(values, flight._send, flight.now_s)
+    flight.run(0.1)
+    flight.set("THR_BUDGET", 10.0)
+    assert flight.onboard.parameters.values["THR_BUDGET"] == 10.0
+
+
 # --- telemetry --------------------------------------------------------------------------------
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import degrees, radians
+from math import degrees, nan, radians
 from typing import Any
 
 import pytest
@@ -20,6 +20,7 @@ from tgl_soar.link.messages import (
     COMMAND_DO_LAND_START,
     COMMAND_DO_SET_MODE,
     COMMAND_REQUEST_MESSAGE,
+    HomeMessage,
     MissionCount,
     MissionCurrent,
     MissionItemInt,
@@ -249,6 +250,35 @@ def test_the_landing_of_a_mission_is_read_asked_for_and_checked(flight: Flight) 
     firmware.mission.take(MissionCurrent(2))
     landing.tick(output_of(flight, RELEASED, 3.2))
     assert said.words == ["the autopilot lands: item 2 of its mission"]
+
+
+@pytest.mark.parametrize(
+    ("name", "over_home_m", "asked"),
+    [
+        ("ardupilot", 13.0, True),
+        ("ardupilot", 9.0, False),
+        ("ardupilot", nan, True),
+        ("px4", 9.0, True),
+    ],
+)
+def test_an_arduplane_that_takes_itself_for_not_launched_is_not_asked(
+    flight: Flight, name: str, over_home_m: float, asked: bool
+) -> None:
+    firmware, said = Firmware(name), Said()
+    landing = landing_by(firmware, said, 1.0)
+    high = output_of(flight, LANDING, 1.0)
+    if over_home_m == over_home_m:
+        up_m = HOME.altitude_m + high.vehicle.z_m - over_home_m
+        place = (round(HOME.latitude_deg * 1e7), round(HOME.longitude_deg * 1e7))
+        firmware.mission.take(HomeMessage(*place, round(1000.0 * up_m)))
+    landing.tick(high)
+    firmware.answers(1.1)
+    for k in range(5):
+        firmware.time_s = 2.0 + 0.1 * k
+        landing.tick(high._replace(time_s=2.0 + 0.1 * k))
+    assert [message.command for message in said.sent] == ([COMMAND_DO_LAND_START] if asked else [])
+    words = "its home is 9 m below us, and within 10 m of that it takes itself for not launched"
+    assert said.words == ([] if asked else [f"{words}: we land"])
 
 
 def handed_over(flight: Flight, time_s: float) -> tuple[Firmware, Said, Any]:

@@ -116,6 +116,22 @@ def test_the_module_flies_the_line_that_the_search_wants_and_soars_where_it_says
     assert value(flight, "SRCH_START") == 1.0
 
 
+def test_the_search_knows_whether_there_is_power_left() -> None:
+    """And a propeller alone is none, without a budget."""
+    propelled = AERODYNAMICS._replace(propeller_thrust_n=6.0, propeller_speed_mps=20.0)
+    for budget_s, carried in ((20.0, {True}), (0.0, {False})):
+        search = ReportedSearch()
+        flown = equipped()._replace(aerodynamics=propelled)
+        values = flown.parameters.changed({"THR_BUDGET": budget_s})
+        flight = Flight(flown=flown._replace(parameters=values), search=search)
+        search.wishes(0.0)
+        flight.run(1.0)
+        flight.set("SRCH_START", 1.0)
+        flight.engaged().run(2.0)
+        found = {each.carried for each in search.glimpses[-3:] if each is not None}
+        assert found == carried
+
+
 def test_it_never_soars_while_the_search_does_not_say_so() -> None:
     flight, _ = searching()
     flight.run(6.0)  # on its line, at rest: soaring without a search

@@ -96,17 +96,28 @@ def test_it_slides_there_and_back_and_says_so() -> None:
 
 def test_its_line_is_slow_and_in_the_parameters_that_all_see() -> None:
     flight = soaring(SRV_SPEED=0.1)
+    flight.said()
     flight.set("SRV_START", 1.0)
     flight.run(8.0)
-    flight.said()
     before = flight.onboard.output
     flight.run(2.0)
     after = flight.onboard.output
     assert before is not None
     assert after is not None
     assert abs(after.line.x_m - before.line.x_m) == pytest.approx(0.2, abs=0.03)
-    shown = {m.param_id for m in flight.said("PARAM_VALUE")}
+    said = flight.said()
+    shown = {m.param_id for m in said if m.get_type() == "PARAM_VALUE"}
     assert {"TGL_X", "TGL_Z"} <= shown
+    assert flight.mode_now == SOARING
+    assert "line moves" not in "".join(texts(said))
+
+
+def test_a_line_that_an_operator_sends_away_from_a_survey_is_captured_anew() -> None:
+    flight = soaring()
+    flight.set("SRV_START", 1.0)
+    flight.run(8.0)
+    flight.set("TGL_X", 0.2)
+    flight.run(0.3)
     assert flight.mode_now == CAPTURING
 
 
@@ -193,6 +204,35 @@ def test_what_cannot_be_surveyed_is_refused(
     flight.run(0.1)
     assert value(flight, "SRV_START") == 0.0
     assert why in "".join(texts(flight.said()))
+
+
+@pytest.mark.parametrize(
+    ("name", "without", "why"),
+    [
+        ("FENCE_X_MIN", -5000.0, "the fence is open: set FENCE_X_MIN"),
+        ("FC_ACT", 0.0, "the forecast is off"),
+        ("CLEAR_MIN", 0.0, "CLEAR_MIN is 0"),
+    ],
+)
+def test_a_guard_that_is_taken_away_under_way_ends_it_there(
+    name: str, without: float, why: str
+) -> None:
+    flight = soaring()
+    flight.set("SRV_START", 1.0)
+    flight.run(8.0)
+    flight.said()
+    flight.set(name, without)
+    flight.run(0.5)
+    output = flight.onboard.output
+    assert output is not None
+    assert value(flight, name) == pytest.approx(without)
+    assert value(flight, "SRV_START") == 0.0
+    assert value(flight, "TGL_X") == pytest.approx(output.line.x_m, abs=0.12)
+    told = "".join(texts(flight.said()))  # in parts of 50 characters
+    assert f"survey ended: {why}" in told
+    assert "the line stays" in told
+    flight.run(3.0)
+    assert flight.mode_now == SOARING
 
 
 def test_it_begins_only_on_a_line_that_stands_still() -> None:

@@ -134,7 +134,7 @@ def test_left_and_right_are_alike() -> None:
         left = step(
             MODEL, left, SurfaceCommand(e, -a, -r), (8.0, -1.0, 0.5), (8.0, -1.0, 0.5), DT_S
         )
-    mirror = (1, -1, 1, 1, -1, 1, 1, -1, 1, -1, -1, 1, -1, 1, -1, -1, 1)
+    mirror = (1, -1, 1, 1, -1, 1, 1, -1, 1, -1, -1, 1, -1, 1, -1, -1, 1, 1)
     assert abs(right.y_m) > 0.1
     assert list(left) == pytest.approx([m * v for m, v in zip(mirror, right, strict=True)])
 

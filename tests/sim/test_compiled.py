@@ -445,6 +445,20 @@ def test_a_point_is_held_alike_compiled() -> None:
 
 
 @needs_numba
+def test_a_throttle_opens_alike_compiled() -> None:
+    """On a line upstream of the board without a place to settle, and after its budget is gone."""
+    changes = (
+        Change(0.0, {"THR_BUDGET": 0.6}),
+        Change(3.0, {"TGL_X": -0.3, "TGL_Z": 1.3}),
+    )
+    name = "eclipson_c_propeller"
+    plain, fast = both("tunnel", 3, 0.01, None, changes, 12.0, ALL_SENSORS, airframe_name=name)
+    assert 0.1 < plain["throttle"].max() < 1.0
+    assert plain["throttle"].sum() / 200.0 == pytest.approx(0.6)
+    assert_same(plain, fast)
+
+
+@needs_numba
 def test_only_functions_of_the_kernel_have_one() -> None:
     with pytest.raises(KeyError):
         compiled(make_world)

@@ -33,6 +33,7 @@ class FakePhysics:
     """A firmware that puts out the trim, or what its pilot asks for."""
 
     name = "Fake"
+    throttle = 0.0
     step_hz = STEP_HZ
     first_item = 0
     manual_mode = MANUAL

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from mutant_trials import Mutant, Verdict, described, finished
+from mutant_trials import Mutant, Verdict, described, finished, found_slow, started
 from mutants_page import NOT_LOOKED_AT, page_of, reasons_of
-from mutate import all_mutants
-from mutations import Mutation
-from tests_reaching import Imports
+from mutate import all_mutants, named_mutants
+from mutations import LEFT_OUT, Mutation, changed
+from named_mutants import Named, mutation_of
+from tests_reaching import Imports, names_at
 
 ROOT = Path(__file__).parents[2]
 
@@ -91,6 +93,21 @@ def test_what_goes_unnoticed_is_listed(project: Path) -> None:
     assert (project / "src/tgl_soar/law.py").read_text() == LAW
 
 
+def test_those_that_people_made_are_changes_of_the_source_as_it_is() -> None:
+    for mutant in named_mutants(ROOT):
+        source = (ROOT / mutant.path).read_text(encoding="utf-8")
+        assert ast.dump(ast.parse(changed(source, mutant.change))) != ast.dump(ast.parse(source))
+        assert (
+            changed(source, mutant.change).splitlines()[: mutant.change.line - 1]
+            == (source.splitlines()[: mutant.change.line - 1])
+        )
+    named = Named("a.py", "    b\n    c\n", "", "b and c are left out")
+    assert mutation_of(named, "a\n    b\n    c\n").line == 2
+    for source in ("a\n", 2 * named.old):
+        with pytest.raises(ValueError, match=r"a\.py: \d times '    b"):
+            mutation_of(named, source)
+
+
 def test_a_process_that_gives_no_answer_has_noticed(tmp_path: Path) -> None:
     """It hung and was ended, or the mutant took it down."""
     with subprocess.Popen(["true"], start_new_session=True) as process:
@@ -105,13 +122,96 @@ def test_a_process_that_gives_no_answer_has_noticed(tmp_path: Path) -> None:
 def test_tests_of_a_file_come_nearest_first() -> None:
     imports = Imports(ROOT)
     tests = [str(path) for path in imports.tests_of(Path("src/tgl_soar/control/supervisor.py"))]
-    assert tests[0] == "tests/control/test_supervisor.py"
+    assert tests[:2] == ["tests/control/test_supervisor.py", "tests/sim/test_kept_flights.py"]
     assert "tests/autopilot/test_autopilot.py" in tests  # the autopilot imports it
     assert tests.index("tests/autopilot/test_autopilot.py") < tests.index("tests/cli/test_init.py")
     assert "tests/air/test_hill.py" not in tests  # no way leads there
+    at_the_root = imports.tests_of(Path("src/tgl_soar/autopilot.py"))
+    assert at_the_root[0] == Path("tests/autopilot/test_autopilot.py")
+    spectra = imports.tests_of(Path("src/tgl_soar/analysis/report/spectra.py"))
+    assert Path("tests/sim/test_kept_flights.py") not in spectra
     # Through a helper of tests, and through a package's front door.
     helped = imports.tests_of(Path("src/tgl_soar/onboard/flightlog/writer.py"))
     assert Path("tests/analysis/replay/test_replay.py") in helped
+
+
+def test_a_line_is_known_by_its_names_and_by_what_uses_it() -> None:
+    source = """\
+LEAST = 3
+MOST = LEAST + 1
+
+
+class Box:
+    wide: int = 2
+
+    def __init__(self):
+        self.n = MOST
+
+    def holds(self, n):
+        return n < self.wide
+
+
+def _checked(n):
+    return Box().holds(n)
+
+
+def run(n):
+    return _checked(n)
+"""
+    assert names_at(source, 1) == ["LEAST", "MOST", "Box", "_checked", "run"]
+    assert names_at(source, 6) == ["wide", "Box", "_checked", "run"]
+    assert names_at(source, 9) == ["Box", "_checked", "run"]
+    assert names_at(source, 12) == ["holds", "Box", "_checked", "run"]
+    assert names_at(source, 20) == ["run"]
+    assert names_at(source, 3) == []
+
+
+def test_a_test_file_that_speaks_of_it_is_nearer(project: Path) -> None:
+    """`far` is three imports away and names the constant; `near` is two and names its user."""
+    for name, text in {
+        "src/tgl_soar/middle.py": "import tgl_soar.law\n",
+        "src/tgl_soar/outer.py": "import tgl_soar.middle\n",
+        "tests/test_far.py": "import tgl_soar.outer\nMOST = 4.0\n",
+        "tests/test_near.py": "import tgl_soar.middle\nlimited = 3\n",
+        "tests/test_other.py": "import tgl_soar.middle\n",
+    }.items():
+        (project / name).write_text(text, encoding="utf-8")
+    law = Path("src/tgl_soar/law.py")
+    imports = Imports(project)
+
+    def told(*names: str) -> list[str]:
+        stems = [path.stem for path in imports.tests_of(law, names)]
+        assert stems[0] == "test_law"
+        return [stem for stem in stems if stem in ("test_far", "test_near", "test_other")]
+
+    assert told() == ["test_other", "test_near", "test_far"]
+    assert told("LIMITS", "limited") == ["test_near", "test_other", "test_far"]
+    assert told("MOST", "limited") == ["test_far", "test_near", "test_other"]
+
+
+def test_what_takes_long_comes_last_and_nothing_is_compiled(tmp_path: Path) -> None:
+    (tmp_path / "src").mkdir()
+    (tmp_path / "test_it.py").write_text("""\
+import time
+from importlib.util import find_spec
+
+def test_slow():
+    time.sleep(1.1)
+
+def test_of_numba():
+    assert find_spec("numba") is None
+
+def test_that_fails():
+    assert not find_spec("json")
+""")
+    slow: dict[str, float] = {}
+    for found in ({"test_it.py::test_slow"}, set()):  # then it is known, and never begun
+        child = started(tmp_path, ["test_it.py"], slow=slow)
+        os.waitpid(child, 0)
+        assert finished(child, tmp_path).by == "test_it.py::test_that_fails"
+        assert found_slow(tmp_path).keys() - slow.keys() == found
+        slow = found_slow(tmp_path)
+        assert slow["test_it.py::test_slow"] == pytest.approx(1.1, abs=1.0)
 
 
 def test_the_places_are_files_and_folders(project: Path) -> None:
@@ -130,6 +230,7 @@ def test_a_page_counts_by_folder_and_keeps_its_reasons(project: Path) -> None:
     assert "tries 2 changes, drawn with seed 5 from all 77" in " ".join(page.split())
     assert "notice 1 (50.0 %)" in " ".join(page.split())
     assert "| law.py | 2 | 1 |" in page
+    assert all(f"- {kind}" in page for kind in LEFT_OUT)
     key = ("src/tgl_soar/law.py", "`a | b  ->  a & b`", "`MOST = 4.0`")
     assert reasons_of(page) == {key: NOT_LOOKED_AT}
     # Somebody writes the reason; the line moves, and the reason goes along.

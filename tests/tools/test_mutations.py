@@ -23,7 +23,7 @@ def made(source: str) -> list[str]:
 @pytest.mark.parametrize(
     ("source", "expected"),
     [
-        ("x = a < b", ["x = (a <= b)", "x = (a >= b)"]),
+        ("x = n < b", ["x = (n <= b)", "x = (n >= b)"]),
         ("x = a is None", ["x = (a is not None)"]),
         ("x = a not in b", ["x = (a in b)"]),
         ("x = a - b", ["x = (a + b)"]),
@@ -62,6 +62,32 @@ def made(source: str) -> list[str]:
         ("if __name__ == '__main__':\n    f(3)", []),
         ("__all__ = ['a', 'b']", []),
         ("x = f'{a:3.1f} {a + 1}'", []),
+        # Boundaries where equality can be: counts, zero, bounds, constants that are not measured.
+        ("x = a_m < b_m", ["x = (a_m >= b_m)"]),
+        ("x = now_s - since_s >= HOLD_S", ["x = (now_s + since_s) >= HOLD_S",
+                                           "x = (now_s - since_s < HOLD_S)"]),
+        ("x = len(a) > MOST", ["x = (len(a) >= MOST)", "x = (len(a) <= MOST)"]),
+        ("x = a_m <= 0.0", ["x = (a_m < 0.0)", "x = (a_m > 0.0)", "x = a_m <= 1.0"]),
+        ("x = low <= a_m < most_m", ["x = (low < a_m < most_m)", "x = (low > a_m < most_m)",
+                                     "x = (low <= a_m >= most_m)"]),
+        ("x = a < SLOTS", ["x = (a <= SLOTS)", "x = (a >= SLOTS)"]),
+        # What nobody can tell from the source as it was.
+        ("axes.plot(2 * b, lw=0.8, alpha=0.5, ls=3)", [
+            "axes.plot((2 / b), lw=0.8, alpha=0.5, ls=3)",
+            "axes.plot(3 * b, lw=0.8, alpha=0.5, ls=3)",
+            "axes.plot(2 * b, lw=0.8, alpha=0.5, ls=4)",
+            "pass",
+        ]),
+        ("x = f(lw=2.0 * a)", ["x = f(lw=(2.0 / a))", "x = f(lw=4.0 * a)"]),
+        ("x = np.random.default_rng(7)", []),
+        ("x = Random(seed)", []),
+        ("x = fly(seed=7)", []),
+        ("x = zip(a, b, strict=True)", []),
+        ("x = sorted(a, strict=True)", ["x = sorted(a, strict=False)"]),
+        ("x = max(a, 1e-9)", ["x = min(a, 1e-09)"]),
+        ("x = tip - 1e-9", []),
+        ("x = a_m < -1e-9", ["x = (a_m >= -1e-09)"]),
+        ("x = 1e-6 * us", ["x = (1e-06 / us)", "x = 2e-06 * us"]),
     ],
 )  # fmt: skip
 def test_each_kind_of_change(source: str, expected: list[str]) -> None:

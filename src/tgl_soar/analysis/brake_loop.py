@@ -20,7 +20,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tgl_soar.analysis.linear_model import Condition, Matrix, differences
+from tgl_soar.analysis.linear_plant import Condition, Matrix, differences
 from tgl_soar.control.attitude import attitude_step
 from tgl_soar.control.brake import brake_effect
 from tgl_soar.control.laws import Laws

@@ -23,14 +23,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from tgl_soar.analysis.linear_model import (
-    Condition,
-    Loop,
-    Matrix,
-    Periodic,
-    differences,
-    fix_matrices,
-)
+from tgl_soar.analysis.linear_controller import fix_matrices
+from tgl_soar.analysis.linear_model import Loop
+from tgl_soar.analysis.linear_plant import Condition, Matrix, Periodic, differences
 from tgl_soar.control.attitude import attitude_step
 from tgl_soar.control.heading import (
     heading_setpoint,

@@ -16,17 +16,9 @@ from typing import NamedTuple
 from msgspec.structs import asdict
 
 from tgl_soar.analysis.lateral_model import lateral_loop
-from tgl_soar.analysis.linear_model import (
-    BREAKS,
-    Condition,
-    Gusts,
-    Margin,
-    activity,
-    close_loop,
-    linear_controller,
-    linear_plant,
-    margin,
-)
+from tgl_soar.analysis.linear_controller import linear_controller
+from tgl_soar.analysis.linear_model import BREAKS, Margin, activity, close_loop, margin
+from tgl_soar.analysis.linear_plant import Condition, Gusts, linear_plant
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.laws import laws_from

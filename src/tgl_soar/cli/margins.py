@@ -21,6 +21,8 @@ from tgl_soar.cli.console import (
 )
 from tgl_soar.config.files import ConfigError, load_airframe, load_parameters, load_site
 from tgl_soar.config.parameters import ParameterError
+from tgl_soar.onboard.setup import flavour_of
+from tgl_soar.types import OURS
 
 if TYPE_CHECKING:
     from tgl_soar.analysis.margins import CaseMargins
@@ -51,17 +53,20 @@ def margins(
     below the floor.
     """
     from tgl_soar.analysis import margins as found
-    from tgl_soar.analysis.linear_model import Gusts
+    from tgl_soar.analysis.linear_plant import Gusts
 
     try:
         plane, place = load_airframe(airframe), load_site(site)
         values = load_parameters(plane, airframe, place, site)
+        is_ours = flavour_of(plane).route.loops == OURS
         best = values["DYN_BEST"]
         cases = found.grid(
             speed or [round(share * best, 1) for share in (0.9, 1.0, 1.3)],
             lean or [values["TGL_LEAN"]],
             [ms / 1e3 for ms in delay] if delay else [values["CMD_DELAY"]],
         )
+        if values["EST_IMU"] == 0.0:  # nobody flies with them
+            cases = [case for case in cases if not case.inertial]
         gusts = Gusts(turbulence, best)
         each = track(
             found.case_margins(plane, values, cases, gusts),
@@ -74,6 +79,8 @@ def margins(
     except (ConfigError, ParameterError, ValueError) as error:
         fail(error)
     console.print(_table(rows, floor))
+    if not is_ours:
+        say("of our own loops: on this route the firmware's hold the attitude, and ours rest")
     least = found.worst(rows)
     case = least.case
     say(

@@ -22,6 +22,7 @@ from tgl_soar.config.files import (
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Site
 from tgl_soar.control.line_bounds import LineBounds, open_sides
+from tgl_soar.control.loop_margin import FLOOR
 from tgl_soar.link.autopilots.requirements import MUST, wish
 from tgl_soar.link.checks.preflight import Preflight
 from tgl_soar.link.keys import SigningError
@@ -29,6 +30,7 @@ from tgl_soar.link.transport import baud_of
 from tgl_soar.link.transports.base import LinkError
 from tgl_soar.onboard.line_load import load_of
 from tgl_soar.onboard.setup import flavour_of, needs_of, setup_from
+from tgl_soar.types import OURS
 
 
 def preflight(
@@ -47,7 +49,8 @@ def preflight(
 ) -> None:
     """Read the autopilot's parameters and list what to change before flight; change nothing.
 
-    Of the site file, the fence and the lines are checked.
+    Of the site file, the fence and the lines are checked; of the airframe file, the margin of the
+    loops of pitch, line, roll and heading.
 
     Exit code 0: all as needed; 1: something must be changed; 2: not possible.
     """
@@ -66,8 +69,9 @@ def preflight(
         fail("stopped", 130)
     too_slow = "" if baud is None else load.refusal(baud)
     line_is_good = _place_reported(plane, place, values)
+    has_margin = _margin_reported(plane, values)
     code = _reported(check, too_slow, show_all=show_all)
-    raise typer.Exit(code if line_is_good else 1)
+    raise typer.Exit(code if line_is_good and has_margin else 1)
 
 
 def _read(check: Preflight, conversation: Conversation, timeout_s: float) -> None:
@@ -104,6 +108,36 @@ def _place_reported(plane: Airframe, place: Site, values: ParameterSet) -> bool:
         text = f"cannot be engaged: {fault}"
         console.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
     return not fault
+
+
+def _margin_reported(plane: Airframe, values: ParameterSet) -> bool:
+    """What the loops of these files can bear at the best glide's speed, by the linear model, roll
+    and heading too, of which no line's refusal knows; whether it is enough, or not known."""
+    from tgl_soar.analysis.linear_plant import Gusts
+    from tgl_soar.analysis.margins import case_margins, grid, worst
+
+    if flavour_of(plane).route.loops != OURS:
+        return True
+    best = values["DYN_BEST"]
+    cases = grid([best], [values["TGL_LEAN"]], [values["CMD_DELAY"]])
+    if values["EST_IMU"] == 0.0:
+        cases = [case for case in cases if not case.inertial]
+    try:
+        least = worst(list(case_margins(plane, values, cases, Gusts(0.0, best))))
+    except ValueError as error:
+        text = f"no gain is checked, the margin of the loops is not known: {error}"
+        console.print(text, style="yellow", highlight=False, markup=False, soft_wrap=True)
+        return True
+    names = ("elevator", "line", "aileron", "rudder")
+    name, found = min(zip(names, least.breaks, strict=True), key=lambda each: each[1].alpha)
+    text = (
+        f"least margin of the loops: {found.alpha:.2f} of {FLOOR:g}, at the {name},"
+        f" {best:.1f} m/s, lean {values['TGL_LEAN']:g} deg, commands"
+        f" {1e3 * values['CMD_DELAY']:.3g} ms late"
+    )
+    is_enough = found.alpha >= FLOOR
+    console.print(text, style=None if is_enough else "red", highlight=False, soft_wrap=True)
+    return is_enough
 
 
 def _reported(check: Preflight, too_slow: str, *, show_all: bool) -> int:

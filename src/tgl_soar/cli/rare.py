@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -12,15 +11,13 @@ import typer
 from rich.table import Table
 
 from tgl_soar.analysis.experiments.campaign import EVERY_SENSOR, SENSORS, wilson
+from tgl_soar.analysis.rare.kept import RareRequest, fly_kept
 from tgl_soar.analysis.rare.soaring import SHOWN, SoaringCase, SoaringProcess
 from tgl_soar.analysis.rare.splitting import (
     Ladder,
-    Passage,
+    Loss,
     RareEstimate,
-    climb,
     estimated,
-    pilot_levels,
-    plain_seeds,
     pooled_causes,
 )
 from tgl_soar.cli.console import (
@@ -33,7 +30,16 @@ from tgl_soar.cli.console import (
     fail,
     say,
 )
-from tgl_soar.cli.flying import ALL, FlightBar, Scheduler, Workers, executor_of, flight_bar
+from tgl_soar.cli.flying import (
+    ALL,
+    Dispersion,
+    Restart,
+    Resume,
+    Scheduler,
+    Workers,
+    executor_of,
+    flight_bar,
+)
 from tgl_soar.config.files import (
     ConfigError,
     line_parameters,
@@ -43,14 +49,14 @@ from tgl_soar.config.files import (
 )
 from tgl_soar.config.parameters import ParameterError
 from tgl_soar.sim.campaign.cluster import ClusterError
-from tgl_soar.sim.campaign.executors import Executor, WorkerLost
-from tgl_soar.sim.campaign.run import fly_all
+from tgl_soar.sim.campaign.encoding import digest
+from tgl_soar.sim.campaign.executors import WorkerLost
+from tgl_soar.sim.campaign.journal import JournalError
+from tgl_soar.sim.campaign.run import Progress
 from tgl_soar.sim.compiled import available
 
 RESULT: Final = "rare.json"
-# What a batch leaves in memory is some megabytes, and to begin another takes less than a second of
-# the quarter of an hour that it flies.
-BATCH: Final = 100_000
+KEPT: Final = "flights"  # of --out
 
 
 def rare(
@@ -69,9 +75,9 @@ def rare(
     seed: Annotated[int, typer.Option(help="Of all that is drawn.", min=0)] = 1,
     workers: Workers = ALL,
     scheduler: Scheduler = None,
-    restart: Annotated[
-        bool, typer.Option("--restart", help=f"Write over the {RESULT} of an earlier run.")
-    ] = False,
+    resume: Resume = False,
+    restart: Restart = False,
+    dispersion: Dispersion = False,
     out: Annotated[Path, typer.Option(help="Folder for the ladder and the losses.")] = Path(
         "out/rare"
     ),
@@ -82,24 +88,35 @@ def rare(
     """
     if not available():
         fail("splitting flies compiled: pip install 'tgl_soar[fast]'")
-    if (out / RESULT).exists() and not restart:
+    if (out / RESULT).exists() and not (restart or resume):
         fail(f"{out / RESULT}: an earlier run's; --restart writes over it, --out goes elsewhere")
     executor = executor_of(workers, scheduler)
     try:
-        process = SoaringProcess(_case(airframe, site, line, turbulence, seconds))
+        case = _case(airframe, site, line, turbulence, seconds)._replace(dispersed=dispersion)
+        process = SoaringProcess(case)
         with flight_bar("pilot") as bar:
-            levels = pilot_levels(process, effort, seed, executor)
-            climbed = []
-            for i in range(ladders):
-                bar.title("ladders")
-                bar.show(i, ladders, 0.0, float("inf"))
-                climbed.append(climb(process, levels, effort, seed, executor, ladder=i))
-            bar.title("plain flights")
-            lost = _plain(process, plain, seed, executor, bar)
-    except (ConfigError, ParameterError, ClusterError, WorkerLost, ValueError) as error:
+
+            def on_part(title: str, progress: Progress) -> None:
+                bar.title(title)
+                bar.show(*progress)
+
+            flown = fly_kept(
+                process,
+                RareRequest(effort=effort, ladders=ladders, plain=plain, seed=seed),
+                executor,
+                out / KEPT,
+                parameters=_manifest(case),
+                resume=resume,
+                restart=restart,
+                on_part=on_part,
+            )
+    except (
+        *(ConfigError, ParameterError, ClusterError, JournalError, WorkerLost, ValueError),
+    ) as error:
         fail(error)
     except KeyboardInterrupt:
-        fail("stopped", 130)
+        fail(f"stopped: what was done is kept in {out / KEPT}; --resume goes on", 130)
+    climbed, lost = flown.ladders, flown.lost
     found = estimated(climbed)
     _print(process, climbed, found, seconds)
     if plain:
@@ -128,19 +145,17 @@ def _case(
     )
 
 
-def _plain(
-    process: SoaringProcess, flights: int, seed: int, executor: Executor, bar: FlightBar
-) -> int:
-    """How many of them are lost; in memory is one batch."""
-    seeds, lost = plain_seeds(flights, seed), 0
-    for first in range(0, flights, BATCH):
-        bar.show(first, flights, 0.0, float("inf"))
-        lost += sum(fly_all(partial(_is_lost, process), seeds[first : first + BATCH], executor))
-    return lost
-
-
-def _is_lost(process: SoaringProcess, seed: int) -> bool:
-    return process.passage(process.begun(seed), seed, 0.0).state is not None
+def _manifest(case: SoaringCase) -> dict[str, Any]:
+    """All that its flights depend on."""
+    return {
+        "turbulence": case.turbulence,
+        "duration_s": case.duration_s,
+        "dispersed": case.dispersed,
+        "airframe": digest(case.airframe),
+        "site": digest(case.site),
+        "autopilot": digest(case.values),
+        "sensors": digest(case.sensors),
+    }
 
 
 def _print(
@@ -183,6 +198,7 @@ def _write(
     content: dict[str, Any] = {
         "turbulence": process.case.turbulence,
         "seconds": process.case.duration_s,
+        "dispersed": process.case.dispersed,
         "estimate": found._asdict(),
         "plain": {"flights": plain[0], "lost": plain[1]},
         "kramers": [end._asdict() for end in process.exits],
@@ -206,15 +222,15 @@ def _write(
     say(f"numbers and the last seconds of every loss in {out}/")
 
 
-def _last(ladder: int, weight: float, loss: Passage) -> dict[str, Any]:
-    rows = loss.state.last.round(4).tolist()
+def _last(ladder: int, weight: float, loss: Loss) -> dict[str, Any]:
+    rows = loss.last.round(4).tolist()
     return {"ladder": ladder, "weight": weight, "cause": loss.cause, "rows": rows}
 
 
-def _draw(path: Path, climbed: Sequence[Ladder], losses: Sequence[Passage]) -> None:
+def _draw(path: Path, climbed: Sequence[Ladder], losses: Sequence[Loss]) -> None:
     from tgl_soar.analysis.report.rare_figure import rare_figure
 
-    causes, last = [loss.cause for loss in losses], [loss.state.last for loss in losses]
+    causes, last = [loss.cause for loss in losses], [loss.last for loss in losses]
     try:
         rare_figure(path, [ladder.rungs for ladder in climbed], causes, last)
     except ImportError as error:

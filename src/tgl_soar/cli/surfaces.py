@@ -83,26 +83,35 @@ def surfaces(
     except _Ended as end:
         fail("stopped; the surfaces are released", 128 + end.signal_number)
     code = _reported(check, wrong)
-    console.print(latency_words(check.latency_s, plane), highlight=False, soft_wrap=True)
+    console.print(latency_words(check.latencies_s, plane), highlight=False, soft_wrap=True)
     raise typer.Exit(code)
 
 
-def latency_words(latency_s: float, plane: Airframe) -> str:
-    """What the latency of commands is, and what it leaves of the loop's margin."""
+def latency_words(latencies_s: tuple[float, float], plane: Airframe) -> str:
+    """What the latency of commands is, least and most, and what it leaves of the loop's margin."""
     values = ParameterSet().changed(plane.all_parameters())
     known_ms = 1e3 * values["CMD_DELAY"]
-    if not isfinite(latency_s):
+    least_s, most_s = latencies_s
+    if not isfinite(least_s):
         return f"CMD_DELAY {known_ms:.3g} ms: not measured, no output was read back in time"
     words = (
-        f"from a command to the output read back: {1e3 * latency_s:.0f} ms, the way back with it;"
-        f" CMD_DELAY is {known_ms:.3g} ms"
+        f"from a command to the output read back: {1e3 * least_s:.0f} to {1e3 * most_s:.0f} ms, the"
+        f" way back and the wait for an output with it; CMD_DELAY is {known_ms:.3g} ms"
     )
-    left = margin_when_late(values, latency_s)
+    left, left_most = (margin_when_late(values, each) for each in latencies_s)
     if not isfinite(left):
         return f"{words}; what it leaves of the loop's margin is not known of this airframe"
-    words += f"; were all of it delay of commands, it would leave a margin of {left:.2f}"
-    if left >= FLOOR:
+    words += (
+        "; were all of it delay of commands, it would leave a margin of"
+        f" {left:.2f} to {left_most:.2f}"
+    )
+    if min(left, left_most) >= FLOOR:
         return words
+    if left >= FLOOR:
+        return (
+            f"{words}, of {FLOOR:g}: if the link is that late at times, set CMD_DELAY"
+            " (command_delay_s of [dynamics]) to what it then is"
+        )
     return (
         f"{words}, of {FLOOR:g}: make the link faster, or set CMD_DELAY (command_delay_s of"
         " [dynamics]) to what it is"

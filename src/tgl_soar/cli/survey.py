@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,6 +15,7 @@ from tgl_soar.cli.console import AIRFRAME_FILE, SITE_FILE, fail, hint, say
 from tgl_soar.cli.site import contour_table
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import ConfigError, airframe_from, load_airframe, load_site, site_from
+from tgl_soar.config.parameter_store import write_state
 
 if TYPE_CHECKING:
     from tgl_soar.analysis.logs.flight_data import FlightData
@@ -108,17 +108,7 @@ def write_contour(path: Path, table: str) -> None:
         before, contour=None
     ):
         raise ConfigError(f"{path}: [contour] cannot be replaced alone: put the table in by hand")
-    with tempfile.NamedTemporaryFile(
-        "w", encoding="utf-8", dir=path.parent, prefix=".site-", delete=False
-    ) as file:
-        file.write(new)
-    staged = Path(file.name)
-    try:
-        staged.chmod(path.stat().st_mode & 0o777)
-        staged.replace(path)
-    except OSError:
-        staged.unlink()
-        raise
+    write_state(path.resolve(), new.encode(), None)  # of a link, what it points to
 
 
 def with_contour(text: str, table: str) -> str:

@@ -45,6 +45,18 @@ class Mixing(Strict, frozen=True):
     brake: Literal["up", "down"] = "up"  # the way that both go
 
 
+class Throttle(Strict, frozen=True):
+    """The channel of a propeller: its pulse goes from pwm_min, closed, to pwm_max, all of it."""
+
+    channel: Channel
+    pwm_min: Pwm = 1000
+    pwm_max: Pwm = 2000
+
+    def __post_init__(self) -> None:
+        if not self.pwm_min < self.pwm_max:
+            raise ValueError(f"pwm_min {self.pwm_min} < pwm_max {self.pwm_max} must hold")
+
+
 class Surfaces(Strict, frozen=True):
     """The surfaces of the aircraft: elevator, rudder, and one aileron channel or two.
 
@@ -60,6 +72,7 @@ class Surfaces(Strict, frozen=True):
     flap: Surface | None = None
     spoiler: Surface | None = None
     mixing: Mixing | None = None
+    throttle: Throttle | None = None  # of a propeller, which THR_BUDGET lets the module use
 
     def __post_init__(self) -> None:
         left, right = self.aileron_left, self.aileron_right
@@ -77,6 +90,8 @@ class Surfaces(Strict, frozen=True):
         channels = [surface.channel for surface in self.driven()]
         if len(set(channels)) != len(channels):
             raise ValueError(f"two surfaces share a channel: {channels}")
+        if self.throttle is not None and self.throttle.channel in channels:
+            raise ValueError(f"throttle shares channel {self.throttle.channel} with a surface")
 
     @property
     def brake(self) -> Surface | None:
@@ -94,6 +109,11 @@ class Surfaces(Strict, frozen=True):
         """Elevator, aileron and rudder, and what brakes."""
         three = self.elevator, self.aileron, self.rudder
         return three if self.brake is None else (*three, self.brake)
+
+    def channels(self) -> frozenset[int]:
+        """Of all that the module may move: none of them can be a switch of the pilot's."""
+        moved = [surface.channel for surface in self.driven()]
+        return frozenset(moved if self.throttle is None else (*moved, self.throttle.channel))
 
 
 # Who is an operator unless the airframe file says otherwise: the ids that ground stations use
@@ -183,6 +203,7 @@ class Airframe(Strict, frozen=True):
         for key in _POSITIVE:
             if not self.model.get(key, 1.0) > 0.0:
                 raise ValueError(f"model.{key} = {self.model[key]:g}: must be above 0")
+        _check_propeller(self.model)
 
     def all_parameters(self) -> dict[str, float]:
         """What the file gives: of the airframe in pitch, its stall and glide, and `[parameters]`,
@@ -209,20 +230,41 @@ class Airframe(Strict, frozen=True):
         if not all(key in model for key in _AERODYNAMIC):
             return NO_AERODYNAMICS
         bench = {key: getattr(facts, key) for key in _ON_THE_BENCH}
-        known = {**dict.fromkeys(OF_THE_BRAKE, 0.0), **bench, **model}
+        known = {**dict.fromkeys((*OF_THE_BRAKE, *OF_THE_PROPELLER), 0.0), **bench, **model}
         if self.surfaces.brake is None:  # nothing moves it
             known.update(dict.fromkeys(OF_THE_BRAKE, 0.0))
+        if self.surfaces.throttle is None:  # nor that
+            known.update(dict.fromkeys(OF_THE_PROPELLER, 0.0))
         known.update(brake_throw=abs(self.surfaces.brake_throw))
         figures = (known[name] for name in Aerodynamics._fields if name != "polar")
         return Aerodynamics._make((*figures, self.polar.as_polar()))
 
 
+def _check_propeller(model: dict[str, float]) -> None:
+    """Errors: ValueError for half of a propeller's figures, or some out of their range."""
+    for key, low, high in _PROPELLER_RANGES:
+        value = model.get(key)
+        if value is not None and not low <= value <= high:
+            raise ValueError(f"model.{key} = {value:g}: must be from {low:g} to {high:g}")
+    given = [key for key in OF_THE_PROPELLER[:2] if key in model]
+    if len(given) == 1:
+        missing = next(key for key in OF_THE_PROPELLER if key not in model)
+        raise ValueError(f"model.{missing}: missing, where {given[0]} is given")
+
+
 _ON_THE_BENCH: Final = ("mass_kg", "wing_area_m2", "chord_m")
 OF_THE_BRAKE: Final = ("CL_brake", "CD_brake", "Cm_brake")  # 0 where [model] has none
+# Without one there are none of them; a lag that is not given is none.
+OF_THE_PROPELLER: Final = ("propeller_thrust_n", "propeller_speed_mps", "propeller_lag_s")
+_PROPELLER_RANGES: Final = (
+    ("propeller_thrust_n", 0.0, 1e4),
+    ("propeller_speed_mps", 1.0, 200.0),
+    ("propeller_lag_s", 0.0, 2.0),
+)
 _AERODYNAMIC: Final = tuple(
     name
     for name in Aerodynamics._fields
-    if name not in ("polar", "brake_throw", *_ON_THE_BENCH, *OF_THE_BRAKE)
+    if name not in ("polar", "brake_throw", *_ON_THE_BENCH, *OF_THE_BRAKE, *OF_THE_PROPELLER)
 )
 _POSITIVE: Final = (
     "gravity_mps2",

@@ -25,6 +25,7 @@ from tgl_soar.config.lateral_gains import lateral_gains
 from tgl_soar.config.line_changes import PresetLine, Presets, with_changes
 from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterError, ParameterSet
 from tgl_soar.config.site import Line, Site
+from tgl_soar.types import Aerodynamics
 
 
 class ConfigError(ValueError):
@@ -91,12 +92,12 @@ def load_parameters(
     """Defaults, then the airframe's values, then the site's.  Errors: `ConfigError`."""
     given = {**lateral_gains(airframe), **airframe.all_parameters()}
     values = _check_parameters(airframe_path, ParameterSet(), given)
-    _check_switch(airframe_path, values, airframe)
+    _check_against_airframe(airframe_path, values, airframe)
     of_site = site.parameters
     if site.landing is not None:
         of_site = {**site.landing.parameters(), **of_site}
     values = _check_parameters(site_path, values, of_site, preset_lines(site, values))
-    _check_switch(site_path, values, airframe)
+    _check_against_airframe(site_path, values, airframe)
     for name, line in site.lines.items():
         try:
             values.changed(line_parameters(line))
@@ -124,11 +125,24 @@ def switch_refusal(channel: float, surface_channels: frozenset[int]) -> str:
     return f"this channel moves a surface: 1 to 18 but none of {taken}; 0: no switch"
 
 
-def _check_switch(path: str | Path, values: ParameterSet, airframe: Airframe) -> None:
-    driven = frozenset(surface.channel for surface in airframe.surfaces.driven())
+def budget_refusal(budget_s: float, aerodynamics: Aerodynamics) -> str:
+    """Why no throttle can be used; "" if it can, or if none is wanted."""
+    if not budget_s > 0.0 or aerodynamics.propeller_thrust_n > 0.0:
+        return ""
+    # Plain letters: it is also sent as a STATUSTEXT.
+    return (
+        "no propeller: the airframe file needs [surfaces.throttle] and propeller_thrust_n; 0: none"
+    )
+
+
+def _check_against_airframe(path: str | Path, values: ParameterSet, airframe: Airframe) -> None:
+    driven = airframe.surfaces.channels()
     if refusal := switch_refusal(values["OP_RC_CHAN"], driven):
         channel = values["OP_RC_CHAN"]
         raise ConfigError(f"{path}: parameters.OP_RC_CHAN = {channel:g}: {refusal}")
+    if refusal := budget_refusal(values["THR_BUDGET"], airframe.aerodynamics()):
+        budget_s = values["THR_BUDGET"]
+        raise ConfigError(f"{path}: parameters.THR_BUDGET = {budget_s:g}: {refusal}")
 
 
 _LINE_KEYS: Final = {"TGL_X": "x_m", "TGL_Z": "z_m", "TGL_LEAN": "lean_deg"}

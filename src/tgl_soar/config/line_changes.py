@@ -10,6 +10,8 @@
              but over 1, so that a repeated commit that was refused is refused again.
     bounds   A line by which no aircraft can be held (`line_bounds`) is refused, and so is one
              in flight whose point is farther than TGL_STEP_MAX from the one that stands.
+    loop     A gain, a latency or a figure of the airframe that leaves the loop without its margin
+             on the line that stands is refused in flight, and warned of on the ground.
     force    OP_FORCE = 1: the next move, or a bound that is refused, passes all the same, and
              OP_FORCE is 0 again, as it is where nothing was forced for a while
              (`onboard.engage_switch`).
@@ -30,11 +32,22 @@ from itertools import pairwise
 from math import cos, dist, hypot, pi, radians, sin
 from typing import Final, NamedTuple
 
-from tgl_soar.config.parameters import ParameterError, ParameterSet, as_wire_value, checked_value
+from tgl_soar.config.parameters import (
+    PARAMETERS,
+    ParameterError,
+    ParameterSet,
+    as_wire_value,
+    checked_value,
+)
 
 LINE: Final = ("TGL_X", "TGL_Z", "TGL_LEAN")
 STAGED: Final = (*LINE, "TGL_SLEW")
 BOUNDS: Final = ("FENCE_X_MIN", "FENCE_X_MAX", "FENCE_Z_MIN", "FENCE_Z_MAX", "CLEAR_MIN")
+# What the margin of the loop on a line is made of, apart from its lean.
+LOOP: Final = (
+    *(p.name for p in PARAMETERS if p.name.startswith(("RHO_", "ELE_", "DYN_"))),
+    *("CMD_DELAY", "EST_IMU"),
+)
 OVERRIDE: Final = "OP_FORCE 1 overrides once"
 MOVED, STAGING, DROPPED = 0.0, 1.0, 2.0  # of TGL_STAGE
 ELSEWHERE: Final = -1.0  # TGL_PLACE of a point that it has not placed
@@ -81,11 +94,13 @@ class LineChanges:
         presets: Presets = (),
         fault: Callable[[ParameterSet], str] = _never,
         contour: Contour = (),
+        ringing: Callable[[ParameterSet], str] = _never,
     ) -> None:
         """`fault`: why no aircraft can be held by a line; "" if it can (`line_bounds`).  `contour`:
-        the site's, for TGL_PLACE."""
+        the site's, for TGL_PLACE.  `ringing`: why its loop would swing, likewise."""
         self.staged: dict[str, float] = {}
         self.fault = fault
+        self.ringing = ringing
         self._presets = presets
         self._contour = contour
 
@@ -139,12 +154,15 @@ class LineChanges:
     def _answer(self, name: str, before: ParameterSet, after: ParameterSet, flying: bool) -> Answer:
         """Errors: `ParameterError` for a line that is refused."""
         after = _no_place_elsewhere(before, after)
+        other = {name for name in (*BOUNDS, *LOOP) if before[name] != after[name]}
         moved = _line(before) != _line(after) or _held(after) not in (None, _held(before))
-        bounded = any(before[bound] != after[bound] for bound in BOUNDS)
         fault = ""
-        if moved or bounded:
+        if moved or other:
             fault = self.fault(after) or (_step_fault(before, after) if flying and moved else "")
-        is_refused = fault != "" and self._is_refused(before, moved, flying)
+        if other.issubset(LOOP) and not moved:
+            is_refused = flying and self.ringing(after) != "" and not self.ringing(before)
+        else:
+            is_refused = fault != "" and self._is_refused(before, moved, flying)
         if (moved or is_refused) and before["OP_FORCE"] != 0.0:
             after = after.changed({"OP_FORCE": 0.0})
         elif is_refused:
@@ -156,7 +174,8 @@ class LineChanges:
     def _is_refused(self, before: ParameterSet, moved: bool, flying: bool) -> bool:
         """Whether a line with a fault is: where it is flown, or where the one before had none.
 
-        A fence or a clearance that shuts the line out is refused only in flight: it ends it.
+        A fence or a clearance that shuts the line out is refused only in flight: it ends it.  (A
+        gain is, in flight, where the loop would swing with it and did not before.)
         """
         if moved and flying:
             return True

@@ -45,6 +45,10 @@ GROUPS: Final[tuple[Group, ...]] = (
         "The point on the line", ("BRK",),
         "The brake holds a point of the line: the second axis, where TGL_HOLD is 1 or 2.",
     ),
+    Group(
+        "The throttle", ("THR",),
+        "A propeller in reserve, for where the air does not carry.",
+    ),
     Group("Surfaces", ("SURF",), "The last limit of every command."),
     Group(
         "The envelope", ("ALPHA", "SPEED", "SINK", "CLEAR", "FENCE"),

@@ -22,6 +22,7 @@ import os
 import queue
 import threading
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 from zlib import crc32
@@ -126,7 +127,8 @@ def restored(
 
 
 def write_state(path: Path, data: bytes, previous: bytes | None) -> None:
-    """Put a new text in place of the file, and its last good one beside it.  Errors: OSError."""
+    """Put a new text in place of the file, whole or not at all, and its last good one beside it; a
+    file that is replaced keeps who may read it.  Errors: OSError."""
     path.parent.mkdir(parents=True, exist_ok=True)
     if previous is not None:
         _replace(_beside(path, ".previous"), previous)
@@ -140,11 +142,18 @@ def write_state(path: Path, data: bytes, previous: bytes | None) -> None:
 
 def _replace(path: Path, data: bytes) -> None:
     new = _beside(path, ".new")
-    with new.open("wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-    new.replace(path)
+    try:
+        with new.open("wb") as file:
+            file.write(data)
+            file.flush()
+            with suppress(FileNotFoundError):
+                os.fchmod(file.fileno(), path.stat().st_mode & 0o777)
+            os.fsync(file.fileno())
+        new.replace(path)
+    except OSError:
+        with suppress(OSError):
+            new.unlink(missing_ok=True)
+        raise
 
 
 def _beside(path: Path, ending: str) -> Path:

@@ -332,7 +332,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     Parameter(
         name="CMD_DELAY", unit="s", minimum=0, maximum=0.2, default=0.0075,
         meaning="Latency from a tick to the servo's input: the link and the autopilot's loop."
-                " `tgl-soar surfaces` measures an upper bound, where outputs are read back.",
+                " `tgl-soar surfaces` measures it with the way back, where outputs are read back.",
     ),
     # --- roll -> aileron (eq. 17) --------------------------------------------------------
     Parameter(
@@ -669,6 +669,17 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         name="BRK_BIAS", unit="", minimum=0, maximum=1, default=0.5,
         meaning="Fraction of the brake that is out where nothing disturbs, so that it acts both"
                 " ways. It costs that fraction of the sink that all of it adds.",
+    ),
+    # --- a propeller ----------------------------------------------------------------------
+    Parameter(
+        name="THR_BUDGET", unit="s", minimum=0, maximum=600, default=0,
+        meaning="Full throttle that a flight may use where no place to settle is foreseen, the"
+                " height for the way home is gone, or it sinks low; 0: none. Only for an airframe"
+                " with a propeller, [surfaces.throttle]. Disarming begins another flight.",
+    ),
+    Parameter(
+        name="THR_MAX", unit="", minimum=0, maximum=1, default=1,
+        meaning="Largest throttle of that.",
     ),
     # --- margins measured in flight --------------------------------------------------------
     Parameter(

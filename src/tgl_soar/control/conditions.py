@@ -201,7 +201,11 @@ def flight_conditions(
 def line_conditions(
     guards: SupervisorLimits, distance_m: float, on_line: bool, moving: bool
 ) -> int:
-    """What holds of the line that is flown, and of the aircraft's distance from it."""
+    """What holds of the line that is flown, and of the aircraft's distance from it.
+
+    moving: on its way to where it was sent.  In a survey it is on none: it slides so slowly that
+    the aircraft soars all along.
+    """
     found = 0
     if moving:
         found |= LINE_MOVING

@@ -45,6 +45,9 @@ LOW_FACTOR: Final = 2.0  # of the least clearance: further up nothing is low
 LOW_AHEAD_S: Final = 1.0  # a change of pitch turns the flight path in about V / g, 0.9 s at 8.5 m/s
 CLEAR_FACTOR: Final = 1.3  # of the least clearance: clear of the ground again
 
+# Half a second from closed to open: as fast as small motors spin up, and no jerk of the pitch.
+THROTTLE_PER_S: Final = 2.0
+
 # What was cut.
 CUT_TRAVEL: Final = 1
 CUT_RATE: Final = 2
@@ -268,6 +271,15 @@ def brake_room(limits: EnvelopeLimits, aileron: float) -> float:
     if limits.brake_throw <= 0.0:
         return 1.0
     return max(0.0, min(1.0, (limits.deflection_max - abs(aileron)) / limits.brake_throw))
+
+
+def limit_throttle(last: float, wanted: float, most: float, dt_s: float) -> float:
+    """The throttle that may be sent: within 0 and `most`, opened no faster than THROTTLE_PER_S and
+    closed at once where that is asked for; 0 for what is not a number."""
+    if not (isfinite(wanted) and isfinite(last) and isfinite(most)):
+        return 0.0
+    opened = last + max(0.0, THROTTLE_PER_S * dt_s)  # in this order: 0 for NaN
+    return max(0.0, min(wanted, opened, most, 1.0))
 
 
 def brake_blocked(given: float, wanted: float, furthest: float) -> int:

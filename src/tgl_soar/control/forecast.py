@@ -15,6 +15,8 @@ trades for speed over the ground.  With v the velocity downstream, the energy of
 
     z' = w − S(V) + (V/g) v'         gives         h' = E + S(u) − S(V),   h = z − (V/g) v
 
+Of an aircraft with a propeller, what that climbs with (T V / m g) is taken off h' first.
+
 h needs no model of sink but its slope, and no calibrated updraft: an aircraft that stands still
 has E = 0, however wrong either is.  A Kalman filter, every PERIOD_S, holds h, a = E at the
 aircraft, and b = dE/ds; the wind u and its slope have a filter of their own:
@@ -136,6 +138,7 @@ class ForecastParams(NamedTuple):
     clearance_min_m: float
     speed_min_mps: float
     polar: GlidePolar
+    pushed_mps: float = 0.0  # climb that a propeller adds now: no lift of the air's
 
 
 class Forecast(NamedTuple):
@@ -293,7 +296,7 @@ def forecast_step(
     begun, held, forecast = now, 0, NO_FORECAST
     if 0.0 <= passed < GAP_S:
         begun = state.begun_s
-        lift = _lift_read(params.polar, state, sight, passed)
+        lift = _lift_read(params.polar, params.pushed_mps, state, sight, passed)
         wind = _wind_read(state, sight, passed)
         gusts = _gusts_read(params.polar, state, lift.a_mps, air, passed)
     else:  # NaN: the first
@@ -385,7 +388,9 @@ def _moved(state: ForecastState, sight: _Sight) -> tuple[float, float]:
     return dx * c + dz * s, dz * c - dx * s
 
 
-def _lift_read(polar: GlidePolar, state: ForecastState, sight: _Sight, dt_s: float) -> LiftReadings:
+def _lift_read(
+    polar: GlidePolar, pushed_mps: float, state: ForecastState, sight: _Sight, dt_s: float
+) -> LiftReadings:
     """h, a and b carried on from the last reading, and corrected by this one's h."""
     h, a, b, hh, ha, hb, aa, ab, bb = state.lift
     vx, u, depth_m = sight.vehicle.velocity_x_mps, state.wind.u_mps, sight.depth_m
@@ -394,7 +399,7 @@ def _lift_read(polar: GlidePolar, state: ForecastState, sight: _Sight, dt_s: flo
     slope, change = sink / depth_m, CHANGE * sink
     speed = sight.air.wind_mps - vx
     # F = [1 dt 0; 0 1 ds; 0 0 1], then b fades towards what it is expected to be
-    h += (a + sink - _sink(polar, u - vx)) * dt_s
+    h += (a + sink - _sink(polar, u - vx) + pushed_mps) * dt_s
     a += b * ds
     on_ha, on_hb = ha + dt_s * aa, hb + dt_s * ab
     hh += dt_s * (ha + on_ha) + 2.0 * state.gusts.variance_m2ps2 * depth_m / speed * dt_s

@@ -18,17 +18,23 @@ height back before that, but must be paid first: that is the other term.  **The 
 is that some V of the polar has left(V) >= spare, in u + 2 sigma and with no lift on the way: the
 moment before it ends is the last one to break off.
 
-**The approach** is flown at the slowest V that still reaches the place: height that gets short
-becomes speed.  Wind falls towards the ground, and what carries the aircraft beyond the place cannot
-be taken back: u counts as WIND_BELOW of what is met.  Where even the slowest V has height left over
-it weaves, down to FINAL_M: with the nose off the wind by chi it advances by V cos chi − u, which
-may be nothing at all, and turns back so that it stays within WEAVE_M of the approach,
+**The approach** is flown at the slowest V that still reaches the place, in the wind that is met:
+height that gets short becomes speed, and where the wind falls towards the ground it slows down
+again.  The flare, quasi-steady from the height S FLARE_S on, takes (1 + KF) / KF ln(1 + KF) FLARE_S
+where a glide would take FLARE_S, and what it covers meanwhile counts: it aims by FLOAT_S v(Vf)
+short of the place.  Where even the slowest V has height left over it weaves, down to FINAL_M: with
+the nose off the wind by chi it advances by V cos chi − u, which may be nothing at all, and turns
+back so that it stays within WEAVE_M of the approach, and h' of it,
 
-    cos chi = (u + v_d) / V        v_d = D' S / h'     with D', h' as far as to the straight rest
+    cos chi = (u + v_d) / V        v_d = D' s / h'     with D', h' as far as to the straight rest
 
-and the straight rest is flown at the best glide's speed, which the flare lives on.  Where the air
-carries it, so that it sinks by less than half of S, no weave brings it down: it goes on upstream by
-v_d >= OUT_MPS, and comes back where it sinks again.
+and s its sink over the ground, averaged: where rising air slows that, it has more time.
+
+The straight rest is as short as turning straight allows, for nothing corrects it but more speed:
+chi is no more than WEAVE_RADPS takes back until then.  It is flown at the best glide's speed at
+least, which the flare lives on: a weave takes speed that is not measured, and nobody knows of it.
+Where the air carries it, so that it sinks by less than a quarter of S, no weave brings it down: it
+goes on upstream by v_d >= OUT_MPS, and comes back where it sinks again.
 
     theta_sp = theta_glide(V_sp) + KP (V − V_sp) + KI ∫ (V − V_sp) dt
 
@@ -54,7 +60,7 @@ then on it does not weave and flies no slower than the best glide.
 
 from __future__ import annotations
 
-from math import acos, asin, cos, exp, pi, sin, sqrt
+from math import acos, asin, cos, exp, log, pi, sin, sqrt
 from typing import Final, NamedTuple
 
 from tgl_soar.types import NAN, AirEstimate, GlidePolar, VehicleState, polar_sink
@@ -63,18 +69,24 @@ GRAVITY_MPS2: Final = 9.80665
 INFINITE: Final = float("inf")
 SPEEDS: Final = 9  # of the polar that are tried
 ADVANCE_MPS: Final = 0.5  # over the ground, at least: what advances less arrives nowhere
-WIND_BELOW: Final = 0.8  # of the wind that is met, towards the ground
 SLOW_BY_MPS: Final = 1.0  # above SPEED_MIN: all of the elevator is left
 POLAR_BY_MPS: Final = 0.8  # above the polar's slow end: a gust of 10 %
-FINAL_M: Final = 6.0  # 4 to 5 s at the best glide's sink: to turn straight, and to gain its speed
+# At the best glide's sink of 1.4 m/s: CROSS_S to come back, and a second and a half for the heading
+# that follows, the speed and the flare's beginning.
+FINAL_M: Final = 5.0
+STRAIGHT_BY_M: Final = 1.0  # below it the nose is to be upwind
 WEAVE_RAD: Final = 0.9  # from the wind, at most: cos 52 degrees, 0.4 of the speed
 WEAVE_RADPS: Final = 0.6  # a third of it by SIDE_BANK's 10 degrees, the other by the rudder
 TURNS_BY_MPS: Final = 0.6  # slower than wanted by more than that it does not turn
 WEAVE_MIN_RAD: Final = 0.15  # 1 %: not worth turning for
-WEAVE_M: Final = 3.0  # off the approach, at most, if turns began at once
+# Off the approach, at most, if turns began at once, and by no more than there is height down to the
+# straight rest: from there it comes back twice as fast as it sinks.  Narrower it turns too often:
+# in each turn it looks upwind and goes on; within 3 m to either side its nose is off by 0.4 rad on
+# average, and it advances by 0.93 V − u at least, within 6 m by 0.87 V − u.
+WEAVE_M: Final = 6.0
 BACK_MPS: Final = 1.0  # downwind, at most, of one that is beyond the straight rest's beginning
 OUT_MPS: Final = 1.0  # upstream, at least, of one that the air carries
-CARRIED: Final = 0.5  # of the polar's sink: sinking by less the air carries it
+CARRIED: Final = 0.25  # of the polar's sink: sinking by less the air carries it
 CARRIED_S: Final = 3.0  # averaged over: an eddy of some metres is over in a second, a turn in two
 # A stall. Gusts of 10 % take the elevator to its end for some tenths of a second, and the nose
 # comes up then; a loop that follows its setpoint is off it by a degree. Twice that, for as long as
@@ -93,6 +105,7 @@ FLARE_S: Final = 1.0
 FLARE_MIN_M: Final = 0.5
 SINK_MPS: Final = 0.4
 KF: Final = 3.0
+FLOAT_S: Final = FLARE_S * ((1.0 + KF) / KF * log(1.0 + KF) - 1.0)  # beyond the glide's end
 CROSS_S: Final = 2.0
 CROSS_MPS: Final = 3.0
 # From upwind, and what 32 bits of degrees lose: further off the nose leaves what it may turn to.
@@ -262,6 +275,12 @@ def escape_height(params: LandingParams, vehicle: VehicleState, air: AirEstimate
     return max(-DEEP_M, best - params.spare_m) if high > low else NAN
 
 
+def float_length(params: LandingParams, wind_mps: float) -> float:
+    """How much farther than a glide a flare goes [m]; 0 where it gets nowhere against the wind."""
+    v = ground_speed(params.best_glide_mps, wind_mps, params.place.bearing_rad)
+    return FLOAT_S * v if v > 0.0 else 0.0  # false for NaN
+
+
 def approach_speed(params: LandingParams, vehicle: VehicleState, air: AirEstimate) -> float:
     """The slowest V [m/s] that reaches the place, or the one that comes nearest to it."""
     low, high = slowest(params), params.polar.speed_max_mps
@@ -273,7 +292,8 @@ def approach_speed(params: LandingParams, vehicle: VehicleState, air: AirEstimat
         and distance + height + air.wind_mps + air.airspeed_mps < INFINITE
     ):
         return params.best_glide_mps
-    wind = WIND_BELOW * air.wind_mps
+    wind = air.wind_mps
+    distance -= float_length(params, wind)
     best, best_speed, before = -INFINITE, low, -INFINITE
     step = (high - low) / (SPEEDS - 1)
     for k in range(SPEEDS):
@@ -303,19 +323,23 @@ def weave(
     """
     place, wind = params.place, air.wind_mps
     height = vehicle.z_m - place.z_m - FINAL_M
-    final_mps = ground_speed(params.best_glide_mps, WIND_BELOW * wind, place.bearing_rad)
+    final_mps = ground_speed(params.best_glide_mps, wind, place.bearing_rad)
     final_sink = polar_sink(params.polar, params.best_glide_mps)
     sink = polar_sink(params.polar, speed_mps)
     if not final_sink > 0.0:  # no polar is known there
         return 0.0
-    distance = along(place, vehicle.x_m, vehicle.y_m) - FINAL_M * final_mps / final_sink
+    distance = along(place, vehicle.x_m, vehicle.y_m) - float_length(params, wind)
+    distance -= FINAL_M * final_mps / final_sink
     if not (height > 0.0 and sink > 0.0 and distance < INFINITE):
         return 0.0
-    advance = max(-BACK_MPS, distance * sink / height)
+    sinks = max(CARRIED * sink, min(sink, sinks_mps)) if sinks_mps == sinks_mps else sink
+    advance = max(-BACK_MPS, distance * sinks / height)
     if sinks_mps < CARRIED * sink:  # false for NaN
         advance = max(advance, OUT_MPS)
     cosine = (wind + advance) / speed_mps
-    angle = min(WEAVE_RAD, acos(max(0.0, cosine))) if cosine < 1.0 else 0.0
+    straight_s = (height + STRAIGHT_BY_M) / sink  # until it is to look upwind again
+    most = min(WEAVE_RAD, WEAVE_RADPS * straight_s)
+    angle = min(most, acos(max(0.0, cosine))) if cosine < 1.0 else 0.0
     if angle < WEAVE_MIN_RAD:
         return 0.0
     return angle if goes_right else -angle
@@ -426,8 +450,10 @@ def glide_step(
     off = across(params.place, vehicle.x_m, vehicle.y_m)
     off += turning_m if state.weave_rad > 0.0 else -turning_m
     weaves = 0.0
-    goes_right = off < WEAVE_M if state.goes_right else off < -WEAVE_M
-    if known and not outward and vehicle.z_m - params.place.z_m <= FINAL_M:
+    height = vehicle.z_m - params.place.z_m
+    most_off = max(0.0, min(WEAVE_M, height - FINAL_M))
+    goes_right = off < most_off if state.goes_right else off < -most_off
+    if known and not outward and height <= FINAL_M:
         wanted = max(wanted, params.best_glide_mps)
     elif known and not outward and wanted <= low:
         weaves = weave(params, goes_right, low, state.sink_mps, vehicle, air)

@@ -27,6 +27,7 @@ from tgl_soar.control.pid import PidGains
 from tgl_soar.control.schedule import Dynamics, GainSchedule, schedule_of
 from tgl_soar.control.soaring import SoaringGains, TrimGains
 from tgl_soar.control.target_line import LineLimits, TargetLine, eta_from_lean
+from tgl_soar.control.throttle import ThrottleParams
 from tgl_soar.estimation.aerodynamics import brake_sink
 from tgl_soar.estimation.cross_wind import CrossWindParams
 from tgl_soar.estimation.health import HealthLimits
@@ -95,9 +96,11 @@ class Laws(NamedTuple):
     forecast: ForecastParams
     brake: BrakeGains
     search: int  # SEARCH_…
+    surveys: bool  # the line slides from one place where it soars to the next
     survey_reach_m: float  # to either side of where it began
     launch: LaunchParams
     landing: LandingParams
+    throttle: ThrottleParams
 
 
 def laws_from(
@@ -170,9 +173,11 @@ def laws_from(
         ),
         brake=_brake_gains(values, aerodynamics, loops),
         search=int(values["SRCH_START"]),
+        surveys=values["SRV_START"] != 0.0,
         survey_reach_m=values["SRV_REACH"],
         launch=_launch_params(values),
         landing=_landing_params(values, frame, aerodynamics),
+        throttle=_throttle_params(values, aerodynamics, loops),
     )
 
 
@@ -285,6 +290,18 @@ def _brake_gains(values: ParameterSet, aero: Aerodynamics, loops: int) -> BrakeG
         sink=brake_sink(aero) if available else 0.0,
         lift_rad=incidence,
         elevator=elevator,
+    )
+
+
+def _throttle_params(values: ParameterSet, aero: Aerodynamics, loops: int) -> ThrottleParams:
+    """No budget where nothing would turn: such a one is refused, but a log's may be of others."""
+    available = loops == OURS and aero.propeller_thrust_n > 0.0
+    return ThrottleParams(
+        budget_s=values["THR_BUDGET"] if available else 0.0,
+        most=values["THR_MAX"],
+        thrust_mps2=aero.propeller_thrust_n / aero.mass_kg if available else 0.0,
+        speed_mps=aero.propeller_speed_mps,
+        lag_s=aero.propeller_lag_s,
     )
 
 

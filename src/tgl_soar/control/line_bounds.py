@@ -32,7 +32,7 @@ from tgl_soar.control.envelope import (
     clearance,
     outside,
 )
-from tgl_soar.control.loop_margin import margin_fault
+from tgl_soar.control.loop_margin import RINGS, margin_fault
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.types import NO_GROUND, Ground
 
@@ -75,6 +75,10 @@ class LineBounds:
             if not words:
                 return ""
         return f"where the line crosses the known contour is {words}"
+
+    def ringing(self, values: ParameterSet) -> str:
+        """Why the loop of these values would swing; "" if it has some margin."""
+        return margin_fault(values, RINGS)
 
     def preset_faults(self, values: ParameterSet, presets: Presets) -> list[str]:
         """What is wrong with the site's own lines, each with its name."""

@@ -133,7 +133,7 @@ def _lull_step(laws: Laws, before: Lull, mode: int, estimates: Estimates, dt_s: 
     slow = wind + air.wind_sigma_mps < home.polar.speed_min_mps  # false for NaN
     sinks_m = SINKS_S * min(0.0, estimates.vehicle.climb_mps)
     low = estimates.margins.clearance_m + sinks_m < home.clearance_m
-    low = low and mode == modes.SOARING
+    low = low and mode == modes.SOARING and not laws.surveys  # which turns there by itself
     return Lull(
         slow_s=max(0.0, before.slow_s + (dt_s if slow else -dt_s)),
         low_s=max(0.0, before.low_s + (dt_s if low else -dt_s)),

@@ -4,7 +4,7 @@
     standby     the module watches, and something that engaging needs is missing
     ready       all of it is there: engaging would be granted now
     capturing   in control; the line it flies slides from the aircraft to its target
-    soaring     the line stands still and the aircraft is on it
+    soaring     the line stands still, or slides slowly in a survey, and the aircraft is on it
     holding     no confident position for a short, limited time: pitch, wings and heading are held
     recovering  nose down to the best glide, wings level, for a limited time: after a stall, too
                 low, or after too long without a confident position

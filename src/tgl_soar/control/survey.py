@@ -32,6 +32,7 @@ never farther ahead than AHEAD_S, so that what ends the module's attention ends 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import cos, sin, sqrt
 from typing import Final, NamedTuple
 
@@ -72,6 +73,7 @@ UPSTREAM: Final = 2  # the second, past where it began
 HOMEWARD: Final = 3  # to where it began
 DONE: Final = 4  # it is there
 STOPPED: Final = 5  # the line stays where it is
+UNDER_WAY: Final = (DOWNSTREAM, UPSTREAM, HOMEWARD)
 
 BEGINS: Final = "survey: downstream at"  # the words with which one begins
 
@@ -210,7 +212,7 @@ def survey_begun(look: SurveyLook) -> SurveyState:
 
 def survey_step(task: SurveyTask, state: SurveyState, look: SurveyLook) -> SurveyState:
     """One look.  Once ended it stays so."""
-    if state.standing not in (DOWNSTREAM, UPSTREAM, HOMEWARD):
+    if state.standing not in UNDER_WAY:
         return state
     known = look.x_m + look.z_m + look.climb_mps + look.line.x_m + look.line.z_m
     if not (look.held and isfinite(known)):
@@ -239,6 +241,21 @@ def survey_step(task: SurveyTask, state: SurveyState, look: SurveyLook) -> Surve
         if barred != NO_REASON:
             return _turned(state, look.line, barred)
     return _ahead(task, state, q_m)
+
+
+def survey_moved(
+    task: SurveyTask, state: SurveyState, look: SurveyLook, move: Callable[[TargetLine], bool]
+) -> SurveyState:
+    """One look, and the line moved as it says; move: puts the line there, and says whether it may
+    be there."""
+    after = survey_step(task, state, look)
+    if after.standing not in UNDER_WAY or after.target == state.target or move(after.target):
+        return after
+    # A way home that may not be flown is no way out: it ends there.
+    after = survey_refused(after if after.standing == HOMEWARD else state, look.line)
+    if after.standing in UNDER_WAY:
+        move(after.target)
+    return after
 
 
 def survey_refused(state: SurveyState, line: LineTracking) -> SurveyState:

@@ -32,6 +32,8 @@ error with each is carried along, so that no sensor weighs more than its bias al
     b_t   of the trim: where the centre of gravity lies
     δ     of the pitch             the attitude's alignment: Ŵ = v + R(θ + δ) (u, w)
 
+What a propeller pulls with, as far as it is known, is taken off the axial force.
+
 The accelerometers' own bias is removed beforehand, by the attitude (`estimation.force_bias`).  What
 is left is the attitude's error, g δ, along x: alpha from the force's direction is as much too high
 as the pitch, and their difference, which gives the updraft, is hardly affected.
@@ -92,6 +94,7 @@ class WindParams(NamedTuple):
     aerodynamics: Aerodynamics
     change: float  # q: process noise of the wind at the aircraft [m/s per root second]
     alignment_rad: float  # standard deviation of δ
+    push_mps2: float = 0.0  # of a propeller along x: no force of the air's on the airframe
 
 
 class WindPosterior(NamedTuple):
@@ -215,7 +218,7 @@ def wind_step(
             posterior,
             frame,
             params.alignment_rad,
-            (fx, fz),
+            (fx - params.push_mps2, fz),
             (noise_x, noise_z),
             elevator if isfinite(elevator) else 0.0,
         )

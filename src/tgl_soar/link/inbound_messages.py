@@ -18,6 +18,7 @@ from tgl_soar.link.messages import (
     EstimatorStatus,
     FileTransferProtocol,
     Heartbeat,
+    HomeMessage,
     Inbound,
     MissionCount,
     MissionCurrent,
@@ -121,6 +122,10 @@ def _mission_current(m: Any) -> Inbound:
     return MissionCurrent(m.seq)
 
 
+def _home_position(m: Any) -> Inbound:
+    return HomeMessage(m.latitude, m.longitude, m.altitude)
+
+
 def _param_request_list(m: Any) -> Inbound:
     return ParamRequestList(m.target_system, m.target_component)
 
@@ -172,6 +177,7 @@ INBOUND: Final[dict[int, Callable[[Any], Inbound]]] = {
     dialect.MAVLINK_MSG_ID_MISSION_COUNT: _mission_count,
     dialect.MAVLINK_MSG_ID_MISSION_ITEM_INT: _mission_item_int,
     dialect.MAVLINK_MSG_ID_MISSION_CURRENT: _mission_current,
+    dialect.MAVLINK_MSG_ID_HOME_POSITION: _home_position,
     dialect.MAVLINK_MSG_ID_RC_CHANNELS: _rc_channels,
     dialect.MAVLINK_MSG_ID_PARAM_REQUEST_LIST: _param_request_list,
     dialect.MAVLINK_MSG_ID_PARAM_REQUEST_READ: _param_request_read,

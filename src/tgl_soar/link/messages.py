@@ -106,6 +106,7 @@ ID_HEARTBEAT: Final = 0
 ID_NAV_CONTROLLER_OUTPUT: Final = 62
 ID_AUTOPILOT_VERSION: Final = 148
 ID_WIND_COV: Final = 231
+ID_HOME_POSITION: Final = 242
 ID_MESSAGE_INTERVAL: Final = 244
 ID_NAMED_VALUE_FLOAT: Final = 251
 ID_DEBUG_FLOAT_ARRAY: Final = 350
@@ -308,6 +309,14 @@ class MissionCurrent(NamedTuple):
     seq: int
 
 
+class HomeMessage(NamedTuple):
+    """HOME_POSITION."""
+
+    latitude: int  # [1e-7 deg]
+    longitude: int
+    altitude: int  # over the sea [mm]
+
+
 class MissionRequestList(NamedTuple):
     target_system: int
     target_component: int
@@ -496,6 +505,7 @@ Inbound: TypeAlias = (
     | MissionCount
     | MissionItemInt
     | MissionCurrent
+    | HomeMessage
     | RcChannels
     | ParamRequestList
     | ParamRequestRead

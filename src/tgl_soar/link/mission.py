@@ -1,6 +1,8 @@
-"""The mission of the autopilot, read as far as its landing needs it, and the item that it flies.
+"""The mission of the autopilot, read as far as its landing needs it, the item that it flies, and
+its home.
 
-    ask        MISSION_REQUEST_LIST  ->  MISSION_COUNT
+    ask        HOME_POSITION, by REQUEST_MESSAGE; without an answer it is not known
+               MISSION_REQUEST_LIST  ->  MISSION_COUNT
                MISSION_REQUEST_INT k ->  MISSION_ITEM_INT k, one after the other
     the end    MISSION_ACK
 
@@ -17,7 +19,11 @@ from tgl_soar.link.inquiry import ASK_S, ASK_TIMES
 from tgl_soar.link.messages import (
     COMMAND_DO_LAND_START,
     COMMAND_NAV_LAND,
+    COMMAND_REQUEST_MESSAGE,
     COMPONENT_AUTOPILOT,
+    ID_HOME_POSITION,
+    CommandLong,
+    HomeMessage,
     MissionAck,
     MissionCount,
     MissionCurrent,
@@ -65,6 +71,7 @@ class MissionReading:
         self.failed = ""  # why they are not
         self.current = -1  # item that is flown, by the newest MISSION_CURRENT; -1: none came
         self.current_count = 0  # of those
+        self.home: HomeMessage | None = None  # the newest; None: none came
         self.restarts = 0  # so often what was asked for was asked for anew
         self._own = own
         self._count = -1
@@ -81,13 +88,16 @@ class MissionReading:
 
     def restart(self) -> None:
         """The autopilot may be another one, or the clock is: what was asked for is asked again."""
-        self.current = -1
+        self.current, self.home = -1, None
         self.restarts += 1
         if self._asks or self.is_known or self.failed:
             self.begin()
 
-    def take(self, message: MissionCount | MissionItemInt | MissionCurrent) -> None:
+    def take(self, message: MissionCount | MissionItemInt | MissionCurrent | HomeMessage) -> None:
         """Take in one message of the autopilot."""
+        if isinstance(message, HomeMessage):
+            self.home = message
+            return
         if isinstance(message, MissionCurrent):
             self.current = message.seq
             self.current_count += 1
@@ -122,8 +132,17 @@ class MissionReading:
         self._tries += 1
         self._asked_s = now_s
         if self._count < 0:
-            return [MissionRequestList(system, COMPONENT_AUTOPILOT)]
+            return [self._home_request(), MissionRequestList(system, COMPONENT_AUTOPILOT)]
         return [MissionRequestInt(system, COMPONENT_AUTOPILOT, len(self.items))]
+
+    def _home_request(self) -> CommandLong:
+        return CommandLong(
+            target_system=self._own.system,
+            target_component=COMPONENT_AUTOPILOT,
+            command=COMMAND_REQUEST_MESSAGE,
+            confirmation=0,
+            params=(float(ID_HOME_POSITION), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        )
 
     def _answered(self) -> None:
         self._tries, self._asked_s = 0, NEVER

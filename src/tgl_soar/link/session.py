@@ -27,6 +27,7 @@ from tgl_soar.link.messages import (
     GlobalPositionInt,
     Heartbeat,
     HighresImu,
+    HomeMessage,
     Inbound,
     LocalPositionNed,
     MissionCount,
@@ -278,7 +279,7 @@ class Session:
             self.inquiry.take(message)
         elif isinstance(message, CommandAck):
             self._on_ack(message, now_s)
-        elif isinstance(message, (MissionCount, MissionItemInt, MissionCurrent)):
+        elif isinstance(message, (MissionCount, MissionItemInt, MissionCurrent, HomeMessage)):
             self.mission.take(message)
         elif isinstance(message, VisionPositionEstimate):
             self._positions.on_vision(source, message, now_s)

@@ -7,6 +7,9 @@ for anybody; a firmware that does not take the landing leaves the module to land
     read     the mission, where that lands: when LND_BY is set, and again when it breaks off.  One
              without a landing, or with one elsewhere than the landing place, is not asked for
     ask      right after a heartbeat, `TRIES` times, a request may be lost
+    home     an ArduPlane that is not LAUNCHED_M over its home, and slower than 5 m/s over the
+             ground, takes itself for one that was not launched yet, and lands nothing: it is not
+             asked either
     done     a heartbeat shows the mode; an acknowledgement alone says nothing
     check    the item that it flies: a mission's mode may be anywhere in it.  Where the autopilot
              restarts meanwhile, or our clock is set, that begins anew, by the mission as it was
@@ -21,6 +24,7 @@ from math import hypot
 from typing import Final
 
 from tgl_soar.autopilot import Output
+from tgl_soar.config.site import HomePosition
 from tgl_soar.control.supervisor import BREAKING_OFF, LANDING
 from tgl_soar.geometry import soaring_from_ned
 from tgl_soar.link.autopilots.ardupilot import MODE_AUTO
@@ -54,6 +58,7 @@ NO_PARAMS: Final = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 # Of a touch-down from the landing place, beside half of its strip: what two receivers differ by.
 # The height left is that of the landing place; whether it reaches another one nobody has asked.
 ELSEWHERE_M: Final = 10.0
+LAUNCHED_M: Final = 10.0  # ArduPlane 4.6: below it its loop of speed and height does not run
 CHECK_S: Final = 3.0  # three requests and their answers
 
 
@@ -102,6 +107,8 @@ class FirmwareLanding:
         if output.mode != LANDING or by not in modes:
             self._ended(output, by)
             return
+        if by == BY_MISSION and self._unfit == "" and self._tries == 0:
+            self._unfit = self._too_near_home(output)
         if by == BY_MISSION and self._unfit != "":
             if self._unfit is not None and not self._said:
                 self._said = True
@@ -175,15 +182,41 @@ class FirmwareLanding:
 
     def _off(self, landing: MissionLanding) -> float:
         """How far its touch-down is from the landing place [m]; 0 where either is not known."""
-        home, values = self._setup.position.home, self._settings.values
-        if home is None or not values["LND_LEN"] > 0.0:
+        origin, values = self._setup.position.home, self._settings.values
+        if origin is None or not values["LND_LEN"] > 0.0:
             return 0.0
-        origin = Home(home.latitude_deg, home.longitude_deg, home.altitude_m)
-        north, east, down = TangentPlane(origin).ned_m(
-            landing.latitude_deg, landing.longitude_deg, home.altitude_m
-        )
-        x, y, _ = soaring_from_ned(self._setup.frame, north, east, down)
+        x, y, _ = self._place(origin, landing.latitude_deg, landing.longitude_deg)
         return hypot(x - values["LND_X"], y - values["LND_Y"])
+
+    def _too_near_home(self, output: Output) -> str:
+        """Why an ArduPlane would not land from here; "" if it would, or nobody can say."""
+        origin, home = self._setup.position.home, self._session.mission.home
+        if self._setup.flavour.name != "ardupilot" or origin is None or home is None:
+            return ""
+        _, _, z = self._place(
+            origin, 1e-7 * home.latitude, 1e-7 * home.longitude, 1e-3 * home.altitude
+        )
+        over_m = output.vehicle.z_m - z
+        if not over_m < LAUNCHED_M:  # true for NaN
+            return ""
+        return (
+            f"its home is {over_m:.0f} m below us, and within {LAUNCHED_M:.0f} m of that it takes"
+            " itself for not launched"
+        )
+
+    def _place(
+        self,
+        origin: HomePosition,
+        latitude_deg: float,
+        longitude_deg: float,
+        altitude_m: float | None = None,
+    ) -> tuple[float, float, float]:
+        """x, y, z in the soaring frame; altitude_m: None: as high as the frame's origin."""
+        plane = TangentPlane(Home(origin.latitude_deg, origin.longitude_deg, origin.altitude_m))
+        height_m = origin.altitude_m if altitude_m is None else altitude_m
+        return soaring_from_ned(
+            self._setup.frame, *plane.ned_m(latitude_deg, longitude_deg, height_m)
+        )
 
     def _request(self, by: int, custom_mode: int) -> CommandLong:
         if by == BY_RETURN:

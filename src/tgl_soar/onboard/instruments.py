@@ -15,6 +15,7 @@ exactly.  `entry` says what engaging still lacks, by the bits of the supervisor'
 to settle, and `fc_time` is the time until the limit is reached, at the height `fc_z`.
 `pt_state` is how the point on the line stands, as `control.brake` numbers it, `pt_off` the distance
 from it along the line.
+`thr_used` is the integral of `throttle` over the flight, in seconds of full throttle.
 """
 
 from __future__ import annotations
@@ -62,6 +63,7 @@ SLOW: Final = (
     *("fc_state", "fc_chance", "fc_time", "fc_z"),
     *("pt_state", "pt_off", "brake"),
     *("esc_left", "esc_time"),
+    *("throttle", "thr_used"),
 )
 ARRAY: Final = (
     *("mode", "e_rho", "e_rho_rate", "line_x", "line_z", "line_lean", "line_moving"),
@@ -213,6 +215,8 @@ def slow_value(
         output.command.brake,
         output.passage.height_left_m,
         output.passage.time_left_s if isfinite(output.passage.time_left_s) else NAN,
+        output.throttle.share,
+        output.throttle.used_s,
     )[turn]
 
 

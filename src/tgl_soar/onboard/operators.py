@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Final
 
 from tgl_soar import autopilot
-from tgl_soar.config.files import switch_refusal
+from tgl_soar.config.files import budget_refusal, switch_refusal
 from tgl_soar.config.parameters import INDEX
 from tgl_soar.link.commands import ENGAGE, NOTHING, CommandServer
 from tgl_soar.link.component_metadata import metadata_files
@@ -172,6 +172,8 @@ class Operators:
         if message.param_id == "OP_RC_CHAN":
             driven = self._setup.surface_channels
             refusal = refusal or switch_refusal(message.param_value, driven)
+        if message.param_id == "THR_BUDGET":
+            refusal = refusal or budget_refusal(message.param_value, self._setup.aerodynamics)
         return refusal or self._switches.refusal(message.param_id, message.param_value)
 
     def _obey(

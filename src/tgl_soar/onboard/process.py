@@ -22,6 +22,7 @@ from tgl_soar import __version__
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import (
     ConfigError,
+    budget_refusal,
     load_airframe,
     load_parameters,
     load_site,
@@ -247,7 +248,8 @@ def _restored(
 ) -> tuple[ModuleSetup, list[tuple[int, str]]]:
     """With the values that were kept, and what is to be said of them.
 
-    Errors: `ConfigError` for a pilot's switch that has become a surface's channel since.
+    Errors: `ConfigError` for a pilot's switch that has become a surface's channel since, or the
+    budget of a propeller that has gone.
     """
     if store is None:
         return setup, []
@@ -260,6 +262,12 @@ def _restored(
     if refusal := switch_refusal(channel, setup.surface_channels):
         raise ConfigError(
             f"{store.path}: OP_RC_CHAN = {channel:g}: {refusal}; set it with `tgl-soar params"
+            " import`, or remove this file"
+        )
+    budget_s = found.values["THR_BUDGET"]
+    if refusal := budget_refusal(budget_s, setup.aerodynamics):
+        raise ConfigError(
+            f"{store.path}: THR_BUDGET = {budget_s:g}: {refusal}; set it with `tgl-soar params"
             " import`, or remove this file"
         )
     return setup._replace(parameters=found.values), words

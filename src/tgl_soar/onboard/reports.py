@@ -11,6 +11,7 @@ from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.brake import HOLDS, LINE_ONLY, POINT_TEXTS, RESTS
 from tgl_soar.control.forecast import SETTLES, UNKNOWN, forecast_words
 from tgl_soar.control.supervisor import FAILED, HOLDING, REASON_NOWHERE, RECOVERING, RELEASED
+from tgl_soar.control.throttle import CALLED_TEXTS, CLOSED, NOT_CALLED, OFF, OPEN, USED_UP
 from tgl_soar.link.messages import SEVERITY_ERROR, SEVERITY_INFO, SEVERITY_WARNING
 from tgl_soar.link.session import Session
 from tgl_soar.link.signing import Signing
@@ -52,7 +53,7 @@ class Reports:
         self._first_words = list(first_words)
         self._busy_s = self._slow_line_s = float("-inf")  # when reported last
         self._late = self._left_out = 0  # up to then
-        self._words = (ForecastWords(), FrameWords(), ReckoningWords(), PointWords())
+        self._words = (ForecastWords(), FrameWords(), ReckoningWords(), PointWords(), PowerWords())
         for _, text in self._first_words:
             outbox.console(text)
 
@@ -187,6 +188,30 @@ class PointWords:
         good = standing in (LINE_ONLY, HOLDS, RESTS)
         severity = SEVERITY_INFO if good else SEVERITY_WARNING
         return [(severity, f"point: {POINT_TEXTS[standing]}")]
+
+
+class PowerWords:
+    """Reports why the throttle opens, that it is closed, and that its budget is used up."""
+
+    def __init__(self) -> None:
+        self._standing = OFF
+        self._called = NOT_CALLED
+
+    def look(self, output: autopilot.Output) -> list[tuple[int, str]]:
+        """What is to be said after a tick: severities and texts."""
+        now, standing, called = output.throttle, self._standing, self._called
+        self._standing, self._called = now.standing, now.called
+        if now.standing == OPEN and (standing != OPEN or called != now.called):
+            if now.called == NOT_CALLED:
+                return []
+            return [(SEVERITY_WARNING, f"throttle: {CALLED_TEXTS[now.called]}")]
+        if standing == now.standing or standing not in (OPEN, CLOSED):
+            return []
+        if now.standing == USED_UP:
+            return [(SEVERITY_WARNING, f"throttle used up: {now.used_s:.1f} s")]
+        if standing == OPEN:
+            return [(SEVERITY_INFO, f"throttle closed: {now.used_s:.1f} s used")]
+        return []
 
 
 def start_faults(settings: FlightSettings, signing: Signing) -> list[tuple[int, str]]:

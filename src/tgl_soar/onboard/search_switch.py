@@ -37,6 +37,7 @@ from tgl_soar.control.search.glimpse import (
 )
 from tgl_soar.control.supervisor import HOLDING, RECOVERING
 from tgl_soar.control.target_line import TargetLine, e_rho
+from tgl_soar.control.throttle import can_hold
 from tgl_soar.link.messages import SEVERITY_ERROR, SEVERITY_INFO, SEVERITY_WARNING
 from tgl_soar.onboard.line_moves import is_moved, open_fence
 from tgl_soar.onboard.outbound import Outbox
@@ -82,7 +83,7 @@ class SearchSwitch:
         self._bounds = LineBounds((), setup.ground)
         self._laws: Laws | None = None  # that the engine knows
         self._before: VehicleState | None = None  # at the last glimpse
-        self._wind = self._updraft = 0.0  # sums since then
+        self._wind = self._updraft = self._pushed = 0.0  # sums since then
         self._count = 0
         self._was_active = False
         self._received_s = NAN  # when it answered last, or was asked first; NaN: nobody seeks
@@ -157,6 +158,7 @@ class SearchSwitch:
             return
         self._wind += output.air.wind_mps
         self._updraft += output.air.updraft_mps
+        self._pushed += output.throttle.climb_mps
         self._count += 1
         before = self._before
         if before is not None and 0.0 <= output.time_s - before.time_s < LOOK_S - 1e-6:
@@ -172,11 +174,18 @@ class SearchSwitch:
                 pitot=output.air.measured,
                 seeks=self._standing in (SEARCH_LOOKS, SEARCH_SOARS),
                 refused=self._is_refused,
+                pushed_mps=self._pushed / self._count,
+                carried=can_hold(
+                    self._settings.laws.throttle,
+                    output.throttle.used_s,
+                    min(0.0, output.vehicle.climb_mps),
+                    output.air.airspeed_mps,
+                ),
             )
             self._is_refused = False
             engine.send(glimpse)
         self._before = output.vehicle
-        self._wind = self._updraft = 0.0
+        self._wind = self._updraft = self._pushed = 0.0
         self._count = 0
 
     def _tell_task(self, engine: SearchEngine) -> None:

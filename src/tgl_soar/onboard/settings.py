@@ -37,7 +37,7 @@ class FlightSettings:
         counters: Counters,
     ) -> None:
         bounds = LineBounds(setup.contour, setup.ground)
-        line = LineChanges(setup.presets, bounds.fault, setup.contour)
+        line = LineChanges(setup.presets, bounds.fault, setup.contour, bounds.ringing)
         self.server = ParameterServer(setup.own, setup.parameters, outbox.texts, line)
         self.values = self.server.values
         self.laws = laws_of(setup, self.values)

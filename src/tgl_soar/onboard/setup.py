@@ -10,7 +10,7 @@ from math import radians
 from typing import Final, NamedTuple
 
 from tgl_soar.config.airframe import OPERATORS, Airframe, Surface
-from tgl_soar.config.files import ConfigError, preset_lines, switch_refusal
+from tgl_soar.config.files import ConfigError, budget_refusal, preset_lines, switch_refusal
 from tgl_soar.config.line_changes import Contour, Presets
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Forward, PositionSettings, Site
@@ -18,7 +18,13 @@ from tgl_soar.control.laws import Laws, laws_from
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.link.autopilots import flavour as autopilot_flavour
 from tgl_soar.link.autopilots import routes
-from tgl_soar.link.autopilots.base import BrakeChannel, Flavour, SurfaceChannel, SurfaceChannels
+from tgl_soar.link.autopilots.base import (
+    BrakeChannel,
+    Flavour,
+    SurfaceChannel,
+    SurfaceChannels,
+    ThrottleChannel,
+)
 from tgl_soar.link.autopilots.requirements import Needs
 from tgl_soar.link.messages import ID_HIGHRES_IMU, ID_RAW_IMU, ID_SCALED_IMU, Source
 from tgl_soar.link.pose_forwarding import PoseForwarding
@@ -59,7 +65,7 @@ class ModuleSetup(NamedTuple):
 
 def surface_channels(airframe: Airframe) -> SurfaceChannels:
     """The channels of an airframe's surfaces."""
-    surfaces = airframe.surfaces
+    surfaces, motor = airframe.surfaces, airframe.surfaces.throttle
     return SurfaceChannels(
         elevator=_channel(surfaces.elevator),
         aileron=_channel(surfaces.aileron),
@@ -67,6 +73,9 @@ def surface_channels(airframe: Airframe) -> SurfaceChannels:
         brake=None
         if surfaces.brake is None
         else BrakeChannel(_channel(surfaces.brake), surfaces.brake_throw),
+        throttle=None
+        if motor is None
+        else ThrottleChannel(motor.channel, motor.pwm_min, motor.pwm_max),
     )
 
 
@@ -114,9 +123,13 @@ def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Modu
     channels, flavour = surface_channels(airframe), flavour_of(airframe)
     if parameters["OP_ENGAGE"] != 0.0:  # a restarted module must never engage by itself
         parameters = parameters.changed({"OP_ENGAGE": 0.0})
-    driven = frozenset(channel.channel for channel in channels.driven())
+    driven = frozenset(channels.numbers())
     if refusal := switch_refusal(parameters["OP_RC_CHAN"], driven):
         raise ConfigError(f"parameters.OP_RC_CHAN = {parameters['OP_RC_CHAN']:g}: {refusal}")
+    aerodynamics = airframe.aerodynamics()
+    if refusal := budget_refusal(parameters["THR_BUDGET"], aerodynamics):
+        budget_s = parameters["THR_BUDGET"]
+        raise ConfigError(f"parameters.THR_BUDGET = {budget_s:g}: {refusal}")
     accepted_bridges(site.position, Source(link.system_id, link.component_id))
     needs = needs_of(airframe, site, parameters)
     # Its own local position may also come from poses that somebody else sends to it: only a site
@@ -135,7 +148,7 @@ def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Modu
         position=site.position,
         imu=_IMUS[link.imu],
         forward=site.forward,
-        aerodynamics=airframe.aerodynamics(),
+        aerodynamics=aerodynamics,
         ground=site.known_ground(),
         tracked_attitude=site.mocap is not None and site.mocap.attitude,
         needs=needs,

@@ -55,7 +55,8 @@ class SurfaceControl:
         if output.active and is_finite_command(output, self._loops):
             if not self.is_active:
                 self._before_first()
-            self._outbox.command(self._flavour.commands(output.command, output.setpoints))
+            share = output.throttle.share
+            self._outbox.command(self._flavour.commands(output.command, output.setpoints, share))
             self._counters.surface_frames += 1
             self._releases = 0
         elif self.is_active and not output.active:

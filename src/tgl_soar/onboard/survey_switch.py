@@ -31,9 +31,8 @@ from tgl_soar.control.survey import (
     is_cut_short,
     stopped,
     survey_begun,
+    survey_moved,
     survey_place,
-    survey_refused,
-    survey_step,
     survey_task,
 )
 from tgl_soar.control.target_line import LineTracking, TargetLine
@@ -89,16 +88,21 @@ class SurveySwitch:
             return "set 1 to survey, 0 to end it: the others are what the module shows"
         if self._state is not None:
             return "a survey is under way"
-        if not isfinite(self._settings.laws.wind.aerodynamics.polar.c0):
-            return "the airframe file has no [polar] and [model] to foresee the air by"
-        if values["FC_ACT"] == OFF:
-            return "the forecast is off: set FC_ACT to 1 or more"
         if values["SRCH_START"] != SEARCH_OFF:
             return "a search has the line: set SRCH_START to 0 first"
         if values["TGL_HOLD"] != 0.0:
             return "a point of the line is held, not the contour: set TGL_HOLD to 0 first"
         if output is None or output.mode != SOARING or output.line.moving:
             return "it does not soar on a line that stands still"
+        return self._lacks()
+
+    def _lacks(self) -> str:
+        """What a survey's guards need and do not have, before it and under way; "" for nothing."""
+        values = self._settings.values
+        if not isfinite(self._settings.laws.wind.aerodynamics.polar.c0):
+            return "the airframe file has no [polar] and [model] to foresee the air by"
+        if values["FC_ACT"] == OFF:
+            return "the forecast is off: set FC_ACT to 1 or more"
         if values["CLEAR_MIN"] == 0.0:
             return "CLEAR_MIN is 0: what a survey keeps from fence and ground follows from it"
         return open_fence(self._settings)
@@ -139,14 +143,13 @@ class SurveySwitch:
             return
         if 0.0 <= look.time_s - before.time_s < LOOK_S - 1e-6:
             return
-        after = survey_step(survey_task(self._settings.laws), before, look)
+        lacks = self._lacks()
+        if lacks:
+            stays = self._halt(before, output.line)
+            self._end(SEVERITY_WARNING, f"survey ended: {lacks}; the line {stays}")
+            return
+        after = survey_moved(survey_task(self._settings.laws), before, look, self._move)
         stays = "stays"
-        moves = after.target != before.target and after.standing in WAYS
-        if moves and not self._move(after.target):
-            # A way home that may not be flown is no way out: it ends there.
-            after = survey_refused(after if after.standing == HOMEWARD else before, output.line)
-            if after.standing in WAYS:
-                self._move(after.target)
         if after.standing == STOPPED:
             stays = self._halt(after, output.line)
         self._state = after

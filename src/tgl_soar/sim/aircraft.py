@@ -27,19 +27,19 @@ stream.  Moments:
     M_y = Q S c (C_m0 + C_mb δb + C_mα sin α + (c / 2V) C_mq q + C_mδe δe)
     M_z = Q S b (C_nβ sin β + (b / 2V)(C_np p + C_nr r) + C_nδr δr + C_nδa δa)
 
-Sines stand for the angles so that a tumbling aircraft still meets bounded moments.  A
-gust that turns the air with the rate p_g about the body's x axis (`air.gusts`) is what the air
-meets of p: p − p_g stands for p in both.  Not modelled: other gradients of the wind over the
-aircraft, downwash lag (its damping is in C_mq), ground effect, Ixz.  Textbook: Etkin and Reid,
-Dynamics of Flight, chapters 4–6; every number's origin stands in the airframe file.
+Sines stand for the angles so that a tumbling aircraft still meets bounded moments. A gust that
+turns the air with the rate p_g about the body's x axis (`air.gusts`) is what the air meets of p: p
+− p_g stands for p in both. A propeller adds to F along x (`sim.propeller`). Not modelled: other
+gradients of the wind over the aircraft, downwash lag (its damping is in C_mq), ground effect, Ixz,
+slipstream. Textbook: Etkin and Reid, Dynamics of Flight, chapters 4–6; every number's origin stands
+in the airframe file.
 
-Time stepping is Heun's method.  Its second stage lies at x + v dt, which is known beforehand:
-the wind there is an argument, so a step calls nothing back, takes any wind, and is compiled
-by numba as it stands.  At 5 ms, after 4 s of waggling all surfaces with the servos at their
-limits, it is 4 mm of 5 m, 3 mm/s and 0.5 mrad from the exact flight: the error of servos that
-answer 0.1 ms later.  Runge–Kutta of fourth order costs twice the time and is no better unless
-surfaces and wind are given between the ends of the step too; the coefficients are not known to
-a thousandth.
+Time stepping is Heun's method. Its second stage lies at x + v dt, which is known beforehand: the
+wind there is an argument, so a step calls nothing back, takes any wind, and numba compiles it. At 5
+ms, after 4 s of waggling all surfaces with the servos at their limits, it is 4 mm of 5 m, 3 mm/s
+and 0.5 mrad from the exact flight: the error of servos that answer 0.1 ms later. Runge–Kutta of
+fourth order costs twice the time and is no better unless surfaces and wind are given between the
+ends of the step too; the coefficients are not known to a thousandth.
 """
 
 from __future__ import annotations
@@ -48,9 +48,10 @@ from collections.abc import Mapping
 from math import atan2, cos, exp, log1p, sin, sqrt
 from typing import NamedTuple
 
-from tgl_soar.config.airframe import OF_THE_BRAKE
+from tgl_soar.config.airframe import OF_THE_BRAKE, OF_THE_PROPELLER
 from tgl_soar.estimation.polar import PolarFit, fit_polar
 from tgl_soar.geometry import in_body_axes, quaternion_from_euler
+from tgl_soar.sim.propeller import spun, thrust
 from tgl_soar.types import GlidePolar, SurfaceCommand
 
 Wind = tuple[float, float, float]  # (u, v, w) [m/s], soaring frame
@@ -103,6 +104,9 @@ class AircraftModel(NamedTuple):
     CL_brake: float  # of all of the brake; all three are 0 without one
     CD_brake: float
     Cm_brake: float
+    propeller_thrust_n: float  # `sim.propeller`; all three are 0 without one
+    propeller_speed_mps: float
+    propeller_lag_s: float
 
     # What the world asks of any aircraft (`sim.flown_aircraft`):
 
@@ -119,6 +123,10 @@ class AircraftModel(NamedTuple):
         """The aircraft `dt_s` [s] later."""
         here, ahead = roll_gust_here_radps, roll_gust_ahead_radps
         return step(self, state, surfaces, wind_here, wind_ahead, dt_s, here, ahead)
+
+    def spun(self, throttle: float, wanted: float, dt_s: float) -> float:
+        """The throttle that the propeller turns at, `dt_s` [s] later, told another one."""
+        return spun(self, throttle, wanted, dt_s)
 
     def specific_force_frd(self, state: AircraftState, wind: Wind) -> tuple[float, float, float]:
         """What an accelerometer at the centre of gravity feels [m/s², FRD]."""
@@ -153,6 +161,7 @@ class AircraftState(NamedTuple):
     aileron: float
     rudder: float
     brake: float = 0.0  # 0 … 1
+    throttle: float = 0.0  # that the propeller turns at, 0 … 1
 
 
 class AirData(NamedTuple):
@@ -190,6 +199,7 @@ _POSITIVE = (
     "Cn_rudder",
 )
 _NEGATIVE = ("stall_alpha_negative_rad", "Cl_p", "Cm_alpha", "Cm_q", "Cn_r")
+_MAY_BE_MISSING = (*OF_THE_BRAKE, *OF_THE_PROPELLER)
 
 
 def aircraft_model(airframe: Mapping[str, object], model: Mapping[str, float]) -> AircraftModel:
@@ -205,7 +215,7 @@ def aircraft_model(airframe: Mapping[str, object], model: Mapping[str, float]) -
     values = []
     for name in AircraftModel._fields:
         table, where = (airframe, "airframe") if name in _METADATA else (model, "model")
-        value = table.get(name, 0.0) if name in OF_THE_BRAKE else table.get(name)
+        value = table.get(name, 0.0 if name in _MAY_BE_MISSING else None)
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise ValueError(f"{where}.{name} = {value}: a number is needed")
         number = float(value)
@@ -266,7 +276,7 @@ def _air_loads(
         cd0, cd_lift, cd_separated, cd_beta, cy_beta, cy_rudder,
         croll_beta, croll_p, croll_r, croll_aileron,
         cm0, cm_alpha, cm_q, cm_elevator,
-        cn_beta, cn_p, cn_r, cn_rudder, cn_aileron, _, _, _,
+        cn_beta, cn_p, cn_r, cn_rudder, cn_aileron, _, _, _, _, _, _,
     ) = model  # fmt: skip
     plane2 = ub * ub + wb * wb
     speed = sqrt(plane2 + vb * vb)
@@ -336,6 +346,7 @@ def _accelerations(
     elevator: float,
     aileron: float,
     rudder: float,
+    throttle: float,
     wind: Wind,
     roll_gust: float,
 ) -> tuple[float, float, float, float, float, float]:
@@ -351,19 +362,13 @@ def _accelerations(
     r31, r32, r33 = xz - wy, yz + wx, 1.0 - xx - yy
     wind_x, wind_y, wind_z = wind
     north, east, down = wind_x - vx, vy - wind_y, wind_z - vz  # N' = −x, E' = y, D' = −z
+    forward = r11 * north + r21 * east + r31 * down
     fx, fy, fz, p_dot, q_dot, r_dot = _air_loads(
-        model,
-        r11 * north + r21 * east + r31 * down,
-        r12 * north + r22 * east + r32 * down,
-        r13 * north + r23 * east + r33 * down,
-        p,
-        q,
-        r,
-        elevator,
-        aileron,
-        rudder,
-        roll_gust,
-    )
+        model, forward, r12 * north + r22 * east + r32 * down,
+        r13 * north + r23 * east + r33 * down, p, q, r, elevator, aileron, rudder, roll_gust,
+    )  # fmt: skip
+    if throttle > 0.0:
+        fx += thrust(model, throttle, forward) / model.mass_kg
     return (
         -(r11 * fx + r12 * fy + r13 * fz),
         r21 * fx + r22 * fy + r23 * fz,
@@ -403,13 +408,13 @@ def step(
     place and time, `wind_ahead` that at `place_ahead`, one step later; the roll gusts [rad/s] are
     those of the same times.
     """
-    x, y, z, vx, vy, vz, qw, qx, qy, qz, p, q, r, elevator, aileron, rudder, brake = state
+    x, y, z, vx, vy, vz, qw, qx, qy, qz, p, q, r, elevator, aileron, rudder, brake, throttle = state
     elevator_end, aileron_end, rudder_end, brake_end = surfaces
     half = 0.5 * dt_s
 
     ax, ay, az, p_dot, q_dot, r_dot = _accelerations(
         braked(model, brake), vx, vy, vz, qw, qx, qy, qz, p, q, r,
-        elevator, aileron, rudder, wind_here, roll_gust_here_radps,
+        elevator, aileron, rudder, throttle, wind_here, roll_gust_here_radps,
     )  # fmt: skip
     dqw = -qx * p - qy * q - qz * r  # twice dq/dt
     dqx = qw * p + qy * r - qz * q
@@ -421,7 +426,7 @@ def step(
     p2, q2, r2 = p + dt_s * p_dot, q + dt_s * q_dot, r + dt_s * r_dot
     ax2, ay2, az2, p_dot2, q_dot2, r_dot2 = _accelerations(
         braked(model, brake_end), vx2, vy2, vz2, qw2, qx2, qy2, qz2, p2, q2, r2,
-        elevator_end, aileron_end, rudder_end, wind_ahead, roll_gust_ahead_radps,
+        elevator_end, aileron_end, rudder_end, throttle, wind_ahead, roll_gust_ahead_radps,
     )  # fmt: skip
     quarter = 0.5 * half
     qw += quarter * (dqw - qx2 * p2 - qy2 * q2 - qz2 * r2)
@@ -451,6 +456,7 @@ def step(
         aileron=aileron_end,
         rudder=rudder_end,
         brake=brake_end,
+        throttle=throttle,
     )
 
 
@@ -483,18 +489,12 @@ def specific_force_frd(
     """What an accelerometer at the centre of gravity feels [m/s², FRD]: no gravity in it."""
     ub, vb, wb = air_velocity_frd(state, wind)
     fx, fy, fz, _, _, _ = _air_loads(
-        braked(model, state.brake),
-        ub,
-        vb,
-        wb,
-        state.roll_rate_frd_radps,
-        state.pitch_rate_frd_radps,
-        state.yaw_rate_frd_radps,
-        state.elevator,
-        state.aileron,
-        state.rudder,
-        0.0,
-    )
+        braked(model, state.brake), ub, vb, wb,
+        state.roll_rate_frd_radps, state.pitch_rate_frd_radps, state.yaw_rate_frd_radps,
+        state.elevator, state.aileron, state.rudder, 0.0,
+    )  # fmt: skip
+    if state.throttle > 0.0:
+        fx += thrust(model, state.throttle, ub) / model.mass_kg
     return fx, fy, fz
 
 
@@ -596,5 +596,5 @@ def gliding_state(
         velocity_z_mps=wind[2] - glide.sink_mps,
         qw=qw, qx=qx, qy=qy, qz=qz,
         roll_rate_frd_radps=0.0, pitch_rate_frd_radps=0.0, yaw_rate_frd_radps=0.0,
-        elevator=glide.elevator, aileron=0.0, rudder=0.0, brake=0.0,
+        elevator=glide.elevator, aileron=0.0, rudder=0.0, brake=0.0, throttle=0.0,
     )  # fmt: skip

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from tgl_soar.config.airframe import Surface, Surfaces
+from tgl_soar.config.airframe import Surface, Surfaces, Throttle
 from tgl_soar.link.autopilots.mixing import mixed, unmixed
 from tgl_soar.types import SurfaceCommand
 
@@ -85,6 +85,12 @@ def pwm_from_deflection(surface: Surface, deflection: float) -> int:
     return pwm_from_stick(
         deflection, surface.pwm_min, surface.pwm_trim, surface.pwm_max, surface.reversed
     )
+
+
+def throttle_from_pwm(throttle: Throttle, pwm: float) -> float:
+    """What the motor is told at a pulse width, 0 … 1; 0 where there is none."""
+    share = (pwm - throttle.pwm_min) / (throttle.pwm_max - throttle.pwm_min)
+    return min(1.0, max(0.0, share))
 
 
 def deflections_of(surfaces: Surfaces, command: SurfaceCommand) -> tuple[float, ...]:

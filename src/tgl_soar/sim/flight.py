@@ -16,6 +16,7 @@ from tgl_soar.control.brake import PointReport
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.supervisor import FAILED, RELEASED
 from tgl_soar.control.target_line import e_rho
+from tgl_soar.control.throttle import ThrottleReport
 from tgl_soar.geometry import euler_from_quaternion
 from tgl_soar.sim.aircraft import AircraftState, Wind, air_data
 from tgl_soar.sim.sensing import Samples
@@ -57,6 +58,7 @@ class Row(NamedTuple):
     air_updraft_sigma_mps: float
     injected_rad: float  # into the pitch setpoint, which has it in it
     mode: float
+    reason: float  # of a change of mode in this tick, else REASON_NONE
     forecast: float  # how it stands, as control.forecast numbers it
     forecast_x_m: float
     forecast_z_m: float
@@ -69,6 +71,7 @@ class Row(NamedTuple):
     point: float  # how it stands, as control.brake numbers it
     point_off_m: float  # along the line, as the law sees it; NaN: no point is held
     height_left_m: float  # that the glide to the landing place would leave; NaN: not known
+    throttle: float  # that a propeller is told, 0 … 1
 
 
 class Flight(NamedTuple):
@@ -91,6 +94,7 @@ class LoopDecision(NamedTuple):
     active: bool
     command: SurfaceCommand
     point: PointReport
+    throttle: ThrottleReport
 
 
 def inputs_at(now_s: float, samples: Samples, engage: bool) -> Inputs:
@@ -146,6 +150,7 @@ def row_of(
         air_updraft_sigma_mps=estimated.updraft_sigma_mps,
         injected_rad=output.excitation.pitch_rad,
         mode=float(output.mode),
+        reason=float(output.reason),
         forecast=float(foreseen.standing),
         forecast_x_m=foreseen.x_m,
         forecast_z_m=foreseen.z_m,
@@ -158,6 +163,7 @@ def row_of(
         point=float(output.point.standing),
         point_off_m=output.point.off_m,
         height_left_m=output.passage.height_left_m,
+        throttle=output.throttle.share,
     )
 
 
@@ -186,6 +192,7 @@ def fly_to_look(
             held = False
         rows[n] = row_of(now, world.aircraft, world.wind, output, target_changes)
         n += 1
+        world = world._replace(throttle=output.throttle.share)
         world = world_step(parts, world, n, command, held)
         if world.crashed:
             standing = CRASHED
@@ -230,4 +237,5 @@ def decide_in_cells(laws_cell: Cell, state_cell: Cell, inputs: Inputs) -> LoopDe
         active=output.active,
         command=output.command,
         point=output.point,
+        throttle=output.throttle,
     )

@@ -49,6 +49,9 @@ class FlownAircraft(Protocol):
         at `aircraft.place_ahead`, one step later; the roll gusts are those of the same times.
         """
 
+    def spun(self, throttle: float, wanted: float, dt_s: float) -> float:
+        """The throttle that a propeller turns at, `dt_s` [s] later, told another one."""
+
     def specific_force_frd(self, state: AircraftState, wind: Wind) -> tuple[float, float, float]:
         """What an accelerometer at the centre of gravity feels [m/s², FRD], gravity apart."""
 

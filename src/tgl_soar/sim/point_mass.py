@@ -124,6 +124,15 @@ class PointMass(NamedTuple):
         gust = roll_gust_ahead_radps
         return point_mass_step(self, state, surfaces, wind_here, wind_ahead, dt_s, gust)
 
+    def spun(
+        self,
+        throttle: float,  # noqa: ARG002 - its thrust is constant
+        wanted: float,  # noqa: ARG002
+        dt_s: float,  # noqa: ARG002
+    ) -> float:
+        """No throttle moves it."""
+        return 0.0
+
     def specific_force_frd(self, state: AircraftState, wind: Wind) -> tuple[float, float, float]:
         """What an accelerometer feels [m/s², FRD]."""
         ub, vb, wb = air_velocity_frd(state, wind)
@@ -252,7 +261,7 @@ def point_mass_step(
     The bank's rate, whose lag is the shortest, is stepped implicitly: no airspeed makes it swing.
     The rates of the state are those at the end of the step.
     """
-    x, y, z, vx, vy, vz, qw, qx, qy, qz, p, _, _, elevator, _, rudder, brake = state
+    x, y, z, vx, vy, vz, qw, qx, qy, qz, p, _, _, elevator, _, rudder, brake, _ = state
     elevator_end, aileron_end, rudder_end, brake_end = surfaces
     half = 0.5 * dt_s
 
@@ -298,6 +307,7 @@ def point_mass_step(
         aileron=aileron_end,
         rudder=rudder_end,
         brake=brake_end,
+        throttle=0.0,
     )
 
 
@@ -387,6 +397,11 @@ def point_mass(
     if not (isfinite(thrust) and thrust >= 0.0):
         raise ValueError(f"model.{THRUST} = {thrust}: must be 0 or above")
     body = aircraft_model(airframe, {key: value for key, value in model.items() if key != THRUST})
+    if body.propeller_thrust_n > 0.0:
+        raise ValueError(
+            f"model.propeller_thrust_n = {body.propeller_thrust_n:g}: a throttle moves the rigid"
+            f" body only; a point mass has {THRUST}, which is constant"
+        )
     if not body.Cn_beta > 0.0:
         raise ValueError(f"model.Cn_beta = {body.Cn_beta}: must be above 0 for a point mass")
     a0, a1, a2 = _drag_of(

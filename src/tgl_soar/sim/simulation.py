@@ -193,6 +193,7 @@ class Simulation:
         self._launch_or_carry_back()
         if self._options.pilot:
             self._fly_by_hand()
+        world.throttle = pixhawk.outputs.throttle if pixhawk.armed else 0.0
         world.step(injection.surfaces(self.time_s, pixhawk.surfaces, 1.0 / world.step_hz))
         if world.crashed and self._lying_until < 0:
             self.crashes += 1

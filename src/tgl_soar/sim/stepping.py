@@ -91,6 +91,7 @@ class WorldNow(NamedTuple):
     aileron: ServoState
     rudder: ServoState
     brake: ServoState
+    throttle: float  # that a propeller is told, 0 … 1
     turbulence: DrydenState
     gust_mps: Wind  # the turbulence's own
     roll_gust_radps: float
@@ -161,6 +162,8 @@ def world_step(
             brake=surfaces.brake,
         )
     else:
+        turns = parts.model.spun(aircraft.throttle, now.throttle, dt)
+        aircraft = aircraft._replace(throttle=turns)
         x, y, z = place_ahead(aircraft, dt)
         ahead = local_wind(parts, gust, n, x, y, z)
         aircraft = parts.model.step(
@@ -182,6 +185,7 @@ def world_step(
         aileron=aileron,
         rudder=rudder,
         brake=brake,
+        throttle=now.throttle,
         turbulence=turbulence,
         gust_mps=gust,
         roll_gust_radps=roll_gust,

@@ -27,6 +27,7 @@ class Looked(NamedTuple):
     forecast: int  # how it stands, as control.forecast numbers it
     vehicle: VehicleState
     line: LineTracking
+    pushed_mps: float  # the climb that a propeller gives
 
 
 def fly_to_look_in_cells(
@@ -52,4 +53,5 @@ def fly_to_look_in_cells(
         forecast=output.forecast.standing,
         vehicle=output.vehicle,
         line=output.line,
+        pushed_mps=output.throttle.climb_mps,
     )

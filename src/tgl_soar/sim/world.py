@@ -221,6 +221,7 @@ class World:
             aileron=surface,
             rudder=surface,
             brake=surface,
+            throttle=0.0,
             turbulence=eddies,
             gust_mps=(0.0, 0.0, 0.0),
             roll_gust_radps=roll_gust_radps,
@@ -243,6 +244,16 @@ class World:
     @state.setter
     def state(self, state: AircraftState) -> None:
         self._set(self.now._replace(aircraft=state))
+
+    @property
+    def throttle(self) -> float:
+        """What a propeller is told, 0 … 1."""
+        return self.now.throttle
+
+    @throttle.setter
+    def throttle(self, throttle: float) -> None:
+        if throttle != self.now.throttle:
+            self._set(self.now._replace(throttle=throttle))
 
     @property
     def wind(self) -> Wind:
@@ -270,6 +281,7 @@ class World:
                 aileron=surface,
                 rudder=surface,
                 brake=surface,
+                throttle=0.0,
                 wind=local_wind(
                     self.parts, self.now.gust_mps, self.steps, start.x_m, start.y_m, start.z_m
                 ),

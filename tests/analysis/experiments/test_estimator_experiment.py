@@ -16,6 +16,7 @@ from tgl_soar.analysis.experiments.estimator import (
     MARGIN,
     PLAIN_FASTER,
     SAME_GAINS,
+    _plan,
     least_margins,
     margin_claim,
     margin_words,
@@ -42,7 +43,9 @@ from tgl_soar.analysis.experiments.estimator_flights import (
     WatchedFlight,
     _ticks,
     _values,
+    _world,
     fly_scored,
+    fly_scored_compiled,
     gains_exchanged,
     in_gap,
     known,
@@ -53,6 +56,8 @@ from tgl_soar.analysis.experiments.estimator_flights import (
 )
 from tgl_soar.analysis.experiments.flights import Flyer
 from tgl_soar.analysis.experiments.result import as_json
+from tgl_soar.sim import fast_flight
+from tgl_soar.sim.flight import fly_ticks
 from tgl_soar.sim.sensors import AUTOPILOT_POSITION, Sensors
 from tgl_soar.types import NO_FIX, PositionFix
 
@@ -235,6 +240,30 @@ def test_nobody_tells_the_estimator_the_noise_of_the_fixes() -> None:
         )
         == 1
     )
+
+
+def test_a_dispersed_flight_is_of_another_aircraft_than_is_known_aboard(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Each seed its own, the same for plain and compiled flights."""
+    pytest.importorskip("numba")
+    monkeypatch.setattr(fast_flight, "_kernel_for", lambda _: fly_ticks)
+    filed = EstimatorFlight(line="b", seed=3, sensors=IMU, duration_s=8.5)
+    flights = [filed._replace(dispersed=True, seed=seed) for seed in (3, 4)]
+    models = [_world(each).model for each in (filed, *flights)]
+    assert all(models.count(model) == 1 for model in models)
+    assert len({_world(each).aerodynamics for each in (filed, *flights)}) == 1
+    flown = [fly_scored(each) for each in (filed, *flights)]
+    assert flown == [fly_scored_compiled(each) for each in (filed, *flights)]
+    assert len({each.e_rho_m2 for each in flown}) == 3
+
+
+def test_a_dispersed_estimate_is_of_dispersed_flights_alone() -> None:
+    for apart in (False, True):
+        plan = _plan(quick=True, dispersed=apart)
+        lists = [*plan.watched.values(), *plan.corrupted.values(), *plan.scored.values()]
+        assert {flight.dispersed for each in lists for flight in each} == {apart}
+        assert plan.through.dispersed == apart
 
 
 def test_ratios_are_of_pairs_in_the_same_air() -> None:

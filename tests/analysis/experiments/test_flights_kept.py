@@ -14,6 +14,7 @@ from tgl_soar.analysis.experiments import (
     flights,
     identification,
     nowhere,
+    powered_search,
     search,
     wind_estimate,
 )
@@ -39,6 +40,7 @@ from tgl_soar.sim.campaign.rows import columns_of
         identification.examine,
         search.fly_search,
         nowhere.fly_line,
+        powered_search.fly_powered,
         wind_estimate.look_on,
         dispersed.margin_of,
         dispersed._fly,

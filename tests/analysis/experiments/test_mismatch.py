@@ -138,5 +138,5 @@ def test_a_scenario_is_flown_by_another_aircraft() -> None:
 
 
 def test_an_experiment_that_draws_its_own_is_refused() -> None:
-    with pytest.raises(ConfigError, match="estimator: --dispersion goes with places, static"):
-        catalogue.run("estimator", Context(Flyer(), dispersion=True))
+    with pytest.raises(ConfigError, match="identification: --dispersion goes with places, static"):
+        catalogue.run("identification", Context(Flyer(), dispersion=True))

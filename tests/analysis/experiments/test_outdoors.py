@@ -46,7 +46,8 @@ def test_a_launch_that_is_given_up_must_land_to_count(landed: FlownPassage) -> N
     good = replace(landed, along_m=0.0, across_m=0.0, sink_mps=0.5, left_m=1.0)
     for across_m, held in ((0.0, True), (6.4, False)):
         given_up = replace(good, kind=outdoors.LAUNCH, across_m=across_m)
-        claims = outdoors._claims({"launch": [given_up], "landing": [good], "lull": [good]})
+        others = {kind: [good] for kind in (outdoors.LAND, outdoors.FELT, outdoors.LULLED)}
+        claims = outdoors._claims({outdoors.LAUNCH: [given_up]} | others)
         assert [claim.holds for claim in claims] == [held, True, True]
 
 
@@ -55,5 +56,5 @@ def test_the_tables_the_claims_and_the_figure(tmp_path: Path) -> None:
     result = outdoors.run(context)
     assert len(result.claims) == 3
     assert (tmp_path / "outdoors.png").stat().st_size > 10_000
-    assert [len(table.rows) for table in result.tables] == [3, 4]
-    assert len(result.numbers["flights"]) == 3
+    assert [len(table.rows) for table in result.tables] == [3, 6]
+    assert len(result.numbers["flights"]) == 4

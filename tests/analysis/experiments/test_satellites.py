@@ -13,12 +13,15 @@ from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.flights import Flyer
 from tgl_soar.analysis.experiments.satellites import SatelliteFlight, SatelliteJob, fly_satellites
 
+FLIES_COMPILED = pytest.mark.xdist_group("kernels")
+
 
 @pytest.fixture(scope="module")
 def flown() -> dict[str, SatelliteFlight]:
     return {kind: fly_satellites(SatelliteJob(kind, 1)) for kind in sat.KINDS}
 
 
+@FLIES_COMPILED
 def test_a_reset_moves_the_frame_and_nothing_else(flown: dict[str, SatelliteFlight]) -> None:
     """As far as the fixes are off the aircraft is not; the claim is that of the experiment."""
     for kind in (sat.RESET, sat.TURNED):
@@ -28,12 +31,14 @@ def test_a_reset_moves_the_frame_and_nothing_else(flown: dict[str, SatelliteFlig
     assert flown[sat.TURNED].fix_off_m < 0.1
 
 
+@FLIES_COMPILED
 def test_dead_reckoning_ends_at_home_where_it_may(flown: dict[str, SatelliteFlight]) -> None:
     assert flown[sat.HOME].landing
     assert not flown[sat.HOME].lost
     assert flown[sat.UNTOLD].fix_off_m > 0.2
 
 
+@FLIES_COMPILED
 def test_a_drifting_receiver_begins_where_the_operator_has_put_the_line(
     flown: dict[str, SatelliteFlight],
 ) -> None:
@@ -45,6 +50,7 @@ def test_a_drifting_receiver_begins_where_the_operator_has_put_the_line(
     assert len(drifted.faults) == 5
 
 
+@FLIES_COMPILED
 def test_the_same_seed_is_the_same_flight(flown: dict[str, SatelliteFlight]) -> None:
     again = fly_satellites(SatelliteJob(sat.RESET, 1))
     assert (again.apart_m, again.off_m) == (flown[sat.RESET].apart_m, flown[sat.RESET].off_m)
@@ -53,6 +59,7 @@ def test_the_same_seed_is_the_same_flight(flown: dict[str, SatelliteFlight]) -> 
     )
 
 
+@FLIES_COMPILED
 def test_what_counts_as_lost_and_as_landed(flown: dict[str, SatelliteFlight]) -> None:
     plain = replace(flown[sat.RESET], ended="", landing=False)
     assert not plain.lost
@@ -103,6 +110,7 @@ def test_whoever_is_let_go_high_and_without_leave_fails_only_what_it_does_not_so
     assert all(found.holds for found in sat._claims(by_kind))
 
 
+@FLIES_COMPILED
 def test_the_table_has_a_row_for_each_kind() -> None:
     result = sat.run(Context(Flyer(), figures=None, episodes=1))
     (table,) = result.tables

@@ -6,6 +6,7 @@ import json
 from functools import lru_cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tgl_soar.analysis.experiments.catalogue import run
@@ -21,6 +22,7 @@ from tgl_soar.analysis.experiments.wind_estimate import (
     ObservedFlight,
     WindFlight,
     WindScore,
+    _place,
     honest_claim,
     look_on,
     plain_rms,
@@ -28,13 +30,17 @@ from tgl_soar.analysis.experiments.wind_estimate import (
     wrong_wing,
 )
 from tgl_soar.estimation.wind import DRAG_ERROR, LIFT_ERROR
-from tgl_soar.types import NO_AERODYNAMICS
+from tgl_soar.types import NO_AERODYNAMICS, polar_sink
 
 
 @lru_cache(maxsize=1)
 def flights() -> tuple[ObservedFlight, ...]:
     """The slowest place, near the stall, and the fastest; the pitch wrong up and down."""
-    return tuple(look_on(WindFlight((p,), s, 9.0, tuple(CASES))) for p in "ac" for s in (1, 2))
+    return tuple(
+        look_on(WindFlight(lines=(p,), seed=s, leg_s=9.0, cases=tuple(CASES)))
+        for p in "ac"
+        for s in (1, 2)
+    )
 
 
 def test_the_updraft_is_known_as_well_as_it_is_said_to_be() -> None:
@@ -92,6 +98,19 @@ def test_honest_is_every_case_and_both_ways(of: str) -> None:
         assert not honest_claim({**scores, case: one._replace(**{of: 2.1})}).holds
         timid = honest_claim({**scores, case: one._replace(**{of: 0.3})})
         assert timid.holds is not what.wing_is_wrong
+
+
+def test_a_dispersed_flight_is_of_another_aircraft_than_is_known_aboard() -> None:
+    """The polar of the plain estimate, and the wing of the others, stay those of the file."""
+    filed = WindFlight(lines=("b",), seed=2, leg_s=0.5, cases=(WITHOUT,))
+    ours, theirs = look_on(filed), look_on(filed._replace(dispersed=True))
+    assert not np.array_equal(ours.truth, theirs.truth)
+    known = _place()[0].aerodynamics().polar
+    for seen in (ours, theirs):
+        airspeed, wind_x = seen.truth[0, 0], seen.truth[0, 2]
+        assert airspeed == pytest.approx(wind_x, rel=0.05)  # at rest
+        sink = seen.truth[0, 3] - seen.truth[0, 4]
+        assert sink == pytest.approx(polar_sink(known, wind_x), abs=0.02)
 
 
 @pytest.mark.long

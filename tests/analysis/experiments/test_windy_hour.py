@@ -21,11 +21,15 @@ HOME = replace(
 )
 
 
+FLIES_COMPILED = pytest.mark.xdist_group("kernels")
+
+
 @pytest.fixture(scope="module")
 def flown() -> FlownHour:
     return fly_hour(HourJob(8.0, 1, 120.0))
 
 
+@FLIES_COMPILED
 def test_a_flight_is_that_of_its_seed(flown: FlownHour) -> None:
     assert flown == fly_hour(HourJob(8.0, 1, 120.0))
     assert flown.soared_s != fly_hour(HourJob(8.0, 2, 120.0)).soared_s
@@ -37,6 +41,9 @@ def test_what_counts_as_lost_and_as_landed() -> None:
     assert not HOME.lost
     assert HOME.landed
     assert replace(HOME, landing=False).lost
+    for sink in (1.6, nan):
+        assert replace(HOME, sink_mps=sink).lost
+    assert not replace(HOME, along_m=30.0, sink_mps=1.4).lost
     assert not replace(GOOD, ended="let go: too low").lost
     for bad in (
         replace(HOME, along_m=10.1),
@@ -52,6 +59,7 @@ def test_what_counts_as_lost_and_as_landed() -> None:
     ("bad", "claim"),
     [
         (replace(HOME, landing=False, left_m=nan), 0),
+        (replace(HOME, sink_mps=1.6, left_m=nan), 0),
         (replace(GOOD, ended="let go: too low"), 1),
         (replace(HOME, across_m=5.1), 2),
     ],
@@ -62,6 +70,7 @@ def test_each_claim_can_fail(bad: FlownHour, claim: int) -> None:
     assert [each.holds for each in found] == [i != claim for i in range(3)]
 
 
+@FLIES_COMPILED
 def test_the_table_and_the_figure(flown: FlownHour, tmp_path: Path) -> None:
     table = windy_hour._table({8.0: [flown, HOME], 30.0: [GOOD]})
     assert all(len(row) == len(table.columns) for row in table.rows)

@@ -154,6 +154,31 @@ def test_a_loss_keeps_its_cause_on_all_rungs_that_are_left(monkeypatch: pytest.M
         assert later.cause == first.cause
 
 
+def test_a_dispersed_flight_has_an_aircraft_of_its_own_all_along() -> None:
+    """Drawn by the seed that it began with, whatever noise it is gone on with; aboard the file is
+    known, and margins are those of the file's aircraft."""
+    ours = SoaringProcess(process().case._replace(dispersed=True))
+    ours._look = round(HALF_S * ours.prepared.world.step_hz)
+    one, other = ours._prepared(1).world, ours._prepared(2).world
+    file = process().prepared.world
+    assert one.model != other.model != file.model
+    assert one.aerodynamics == file.aerodynamics
+    assert ours._usual == process()._usual
+    state = ours.passage(ours.begun(1), 1, 1e9).state
+    flown: list[object] = []
+
+    def watched(parts: Any, *rest: Any) -> Any:
+        flown.append(parts.model)
+        return fast_flight.fly_on(parts, *rest)
+
+    patch = pytest.MonkeyPatch()
+    with patch.context() as patched:
+        patched.setattr(soaring, "fly_on", watched)
+        ours.passage(state._replace(margin=inf), 99, 1e9)
+    begun, _ = fast_flight.begun(ours._prepared(1), 1)
+    assert flown[0] == begun.model
+
+
 def test_theory_knows_the_ends_of_the_well() -> None:
     low, high = process().exits
     assert low.s_m < 0.0 < high.s_m

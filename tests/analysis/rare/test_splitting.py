@@ -14,6 +14,7 @@ from scipy.special import erfc
 from tgl_soar.analysis.rare.kramers import cliff_rate, smooth_rate, well_exits
 from tgl_soar.analysis.rare.splitting import (
     Ladder,
+    Loss,
     Passage,
     Rung,
     climb,
@@ -57,6 +58,9 @@ class Forgetful:
         lost = margin[first] <= 0.0
         lowest = float(margin[: first + 1].min())
         return Passage(lowest, At(state.step + first, float(x[first])), "over" if lost else "")
+
+    def shown(self, state: At) -> Floats:
+        return np.array([[state.x]])
 
     def path(self, state: At, seed: int) -> Floats:
         noise = np.random.default_rng(seed).standard_normal(STEPS - state.step)
@@ -141,8 +145,9 @@ def test_a_ladder_is_the_same_whoever_climbs_it() -> None:
 
 def test_each_loss_weighs_as_much_as_its_ladder() -> None:
     """Ladders of 0.2 and of 0.001: the hundred losses of the second are of little account."""
-    often = Ladder((Rung(0.0, 10, 2),), (Passage(0.0, 1, "floor"), Passage(0.0, 1, "board")))
-    seldom = Ladder((Rung(1.0, 1000, 2), Rung(0.0, 200, 100)), (Passage(0.0, 1, "board"),) * 100)
+    last = np.zeros((1, 1))
+    often = Ladder((Rung(0.0, 10, 2),), (Loss("floor", last), Loss("board", last)))
+    seldom = Ladder((Rung(1.0, 1000, 2), Rung(0.0, 200, 100)), (Loss("board", last),) * 100)
     assert seldom.probability == pytest.approx(0.001)
     board, floor = pooled_causes([often, seldom])
     assert (board.text, board.losses, floor.text, floor.losses) == ("board", 101, "floor", 1)
@@ -183,6 +188,9 @@ class Safe:
     def passage(self, state: float, seed: int, level: float) -> Passage:
         del seed
         return Passage(state, state if state <= level else None, "")
+
+    def shown(self, state: float) -> Floats:
+        return np.array([[state]])
 
 
 def test_a_margin_that_does_not_go_down_is_said() -> None:

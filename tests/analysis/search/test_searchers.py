@@ -60,6 +60,7 @@ def sighting(time_s: float, climb_mps: float = 0.0, energy_mps: float = 0.0) -> 
         over_ground_m=10.0,
         guards=GUARDS,
         pitot=True,
+        carried=False,
     )
 
 

@@ -6,7 +6,9 @@ from math import radians
 
 import pytest
 
-from tgl_soar.analysis.linear_model import close_loop, disk_margin, linear_controller, linear_plant
+from tgl_soar.analysis.linear_controller import linear_controller
+from tgl_soar.analysis.linear_model import close_loop, disk_margin
+from tgl_soar.analysis.linear_plant import linear_plant
 from tgl_soar.analysis.tuning.demands import (
     INERTIAL,
     PLAIN,
@@ -61,6 +63,16 @@ def test_anchored_gains_fly_as_they_did_where_they_are_anchored(lean: float) -> 
 def test_an_airframe_that_is_not_known_is_refused_with_what_lacks() -> None:
     with pytest.raises(ValueError, match=r"DYN_FREQ = 0: .*\[dynamics\]"):
         anchored(VALUES.changed({"DYN_FREQ": 0.0}), 15.0)
+
+
+@pytest.mark.parametrize(
+    "changes", [{"RHO_D": 0.0}, {"ELE_D": 0.0}, {"RHO_D": 0.0, "RHO_D_IMU": 0.0}]
+)
+def test_a_gain_of_nothing_is_named(changes: dict[str, float]) -> None:
+    """Of IMU gains 0 means those without, and is none of nothing."""
+    with pytest.raises(ValueError, match=f"{next(iter(changes))} = 0: gains are sought as factors"):
+        anchored(VALUES.changed(changes), 15.0)
+    assert anchored(VALUES.changed({"RHO_D_IMU": 0.0}), 15.0)["RHO_D_IMU"] > 0.0
 
 
 @pytest.mark.parametrize("kind", SETS)

@@ -100,6 +100,19 @@ def test_an_airframe_file_flies_with_them(tuned: tuning.Tuned) -> None:
     assert (new.model, new.polar) == (AIRFRAME.model, AIRFRAME.polar)
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[parameters]\n  RHO_P = 0.1\n[polar]\nc0 = 1",
+        "[ parameters ] # mine\n'RHO_P' = 0.1 # old\n  [polar]\n  RHO_P = 3",
+        '[parameters]\n"RHO_P"=0.1',
+    ],
+)
+def test_a_key_is_replaced_however_it_is_written(text: str) -> None:
+    before, table = tomllib.loads(text), tomllib.loads(airframe_with(text, {"RHO_P": 0.5}))
+    assert table == {**before, "parameters": {"RHO_P": 0.5}}
+
+
 @pytest.mark.parametrize("text", ["[airframe]\na = 1", "[parameters]", "[parameters]\n[polar]\n"])
 def test_a_file_without_any_gains_gets_them(text: str) -> None:
     table = tomllib.loads(airframe_with(text, {"RHO_P": 0.5, "RHO_SPEED": 9.0}))

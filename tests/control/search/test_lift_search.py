@@ -17,7 +17,9 @@ from tgl_soar.control.search.plan import LinePlan
 from tgl_soar.control.search.search import (
     CLAIM_CHANCE,
     CLAIM_S,
+    FAILS_WORTH,
     KEEP_CHANCE,
+    SOARS_WORTH,
     SearchState,
     keep_worth,
     plan_due,
@@ -51,12 +53,15 @@ def after(
     climb_mps: float = 0.0,
     over_ground_m: float = 10.0,
     moving: bool = False,
+    carried: bool = False,
 ) -> SearchState:
     """The state after some seconds of the same."""
     state = started(LINE) if state is None else state
     for _ in range(round(seconds / DT_S)):
         due = plan if plan_due(state) else None
-        state = search_step(state, GUARDS, due, climb_mps, over_ground_m, moving, DT_S)
+        state = search_step(
+            state, GUARDS, due, climb_mps, over_ground_m, moving, DT_S, carried=carried
+        )
     return state
 
 
@@ -126,11 +131,23 @@ def test_it_gives_up_while_there_is_height_to_land() -> None:
 
 def test_low_with_a_good_line_it_goes_on_while_it_does_not_sink() -> None:
     assert after(9.0, over_ground_m=1.9).status == SOARING
-    assert after(0.4, over_ground_m=1.95, climb_mps=-1.0).status == LOOKING
-    assert after(1.0, over_ground_m=1.85, climb_mps=-1.0).status == GIVEN_UP
+    # The rollouts have begun with this sink: a gust's dip is waited for, down to the height itself.
+    assert after(1.0, over_ground_m=1.55, climb_mps=-1.0).status == LOOKING
+    assert after(1.0, over_ground_m=1.45, climb_mps=-1.0).status == GIVEN_UP
     # Where fewer fields soar the dive is not waited for.
     doubtful = GOOD._replace(chance=0.7)
     assert after(0.4, doubtful, over_ground_m=1.95, climb_mps=-1.0).status == GIVEN_UP
+
+
+def test_with_power_left_no_height_runs_out() -> None:
+    poor = GOOD._replace(chance=0.3, stay_chance=0.3, most_chance=0.3, stays=False)
+    on = after(3.0, poor, climb_mps=-1.5, over_ground_m=1.2, carried=True)
+    assert on.status == LOOKING
+    used_up = after(0.4, poor, state=on, climb_mps=-1.5, over_ground_m=1.2)
+    assert (used_up.status, used_up.reason) == (GIVEN_UP, TOO_LOW)
+    nowhere = poor._replace(chance=0.0, stay_chance=0.0, most_chance=0.0)
+    hopeless = after(4.0, nowhere, climb_mps=-1.5, over_ground_m=1.2, carried=True)
+    assert (hopeless.status, hopeless.reason) == (GIVEN_UP, NO_PLACE)
 
 
 def test_low_and_rising_on_a_poor_line_it_goes_on() -> None:
@@ -141,5 +158,18 @@ def test_low_and_rising_on_a_poor_line_it_goes_on() -> None:
 
 def test_a_line_has_to_be_as_good_as_a_claim_once_it_had_the_time_for_one() -> None:
     state = after(4.0)
-    assert keep_worth(state) == KEEP_CHANCE
-    assert keep_worth(after(CLAIM_S + 0.4, GOOD._replace(stay_chance=0.7))) == CLAIM_CHANCE
+    wait = after(CLAIM_S + 0.4, GOOD._replace(stay_chance=0.7))
+    # Of a line that soars in so many fields and fails in the others.
+    for kept, chance in ((state, KEEP_CHANCE), (wait, CLAIM_CHANCE)):
+        worth = chance * SOARS_WORTH + (1.0 - chance) * FAILS_WORTH
+        assert keep_worth(kept) == pytest.approx(worth)
+    assert keep_worth(state) < 0.5 < keep_worth(wait)
+
+
+def test_two_seconds_without_a_line_are_two_seconds_when_plans_are_rare_too() -> None:
+    nowhere = GOOD._replace(chance=0.09, stay_chance=0.0, most_chance=0.09, stays=False)
+    late = after(20.0)
+    assert after(1.0, nowhere, state=late, climb_mps=-0.5).status != GIVEN_UP
+    given_up = after(4.2, nowhere, state=late, climb_mps=-0.5)
+    assert given_up.status == GIVEN_UP
+    assert given_up.time_s - late.time_s <= 3.7  # three plans

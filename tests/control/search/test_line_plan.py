@@ -93,11 +93,41 @@ def test_worth_has_its_order() -> None:
         x_m=np.zeros((1, 6)),
         z_m=np.array([[10.0, 10.0, 10.0, 5.0, 1.0, 1.0]]),
         margin_m=np.array([[5.0, 0.1, 5.0, 3.0, -0.1, -0.1]]),
-        speed_margin_mps=np.array([[1.0, 0.1, 1.0, 1.0, 1.0, 1.0]]),
+        speed_margin_mps=np.array([[1.0, 0.3, 1.0, 1.0, 1.0, 1.0]]),
     )
-    worth = worths(out, 10.0, 20.0, 0.0)[0]
+    worth = worths(out, 10.0, 20.0, 0.0, 0.0)[0]
     assert (np.diff(worth) < 0.0).all()
     assert worth[1] >= 1.0 > 0.5 >= worth[2] > 0.0 > worth[4]
+
+
+def soaring(margin_m: float, speed_margin_mps: float, lull_mps: float) -> float:
+    """The worth of one that soars."""
+    out = Rollouts(
+        failed_s=np.full((1, 1), np.inf),
+        climb_mps=np.zeros((1, 1)),
+        x_m=np.zeros((1, 1)),
+        z_m=np.full((1, 1), 10.0),
+        margin_m=np.full((1, 1), margin_m),
+        speed_margin_mps=np.full((1, 1), speed_margin_mps),
+    )
+    return float(worths(out, 10.0, 20.0, 0.0, lull_mps)[0, 0])
+
+
+def test_who_would_settle_slower_than_the_polar_is_worth_less() -> None:
+    """0.3 m/s is the polar's slowest; a lull of 0.2 m/s has to be borne as well."""
+    assert soaring(5.0, 0.3, 0.0) > 1.0
+    assert soaring(5.0, 0.3, 0.2) < soaring(5.0, 0.5, 0.2) - 0.3
+    assert soaring(5.0, 0.0, 0.0) == pytest.approx(soaring(5.0, 0.3, 0.0) - 0.5, abs=0.1)
+    slow = plan_in(GRID, lift_at(0.0, 1.6, 7.5), POLAR, GUARDS, at_rest(), HERE, 0.001)
+    assert slow.stay_chance == 0.0
+    assert slow.most_chance == 1.0
+
+
+def test_gusts_reach_the_guard_that_a_rollout_comes_near_to() -> None:
+    """V sigma / g of 0.2 m/s is 0.2 m: at one of these from a guard 16 % leave it."""
+    far, near = soaring(2.0, 2.0, 0.2), soaring(0.2, 2.0, 0.2)
+    assert near < far - 0.16 * 1.5
+    assert soaring(0.2, 2.0, 0.0) > 1.0
 
 
 def test_likely_fields_are_the_mean_in_three_winds_and_the_draws() -> None:

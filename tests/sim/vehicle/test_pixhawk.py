@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.airframe import Surface, Surfaces
+from tgl_soar.config.files import load_airframe, shipped
 from tgl_soar.sim.channels import deflection_from_pwm, pwm_from_deflection
 from tgl_soar.sim.routing import MAX_ROUTES, split_frames
 from tgl_soar.sim.vehicle.modes import FBWA, MANUAL
@@ -808,3 +809,21 @@ def test_before_the_first_sample_no_sensor_stream_goes_out() -> None:
     assert {m.get_type() for m in collect(pixhawk)[COMPANION]} == {"HEARTBEAT"}
     companion(pixhawk).command(mavlink.MAV_CMD_REQUEST_MESSAGE, LOCAL_POSITION_NED)
     assert ack(pixhawk) == mavlink.MAV_RESULT_FAILED
+
+
+def test_a_throttle_follows_its_override_and_is_the_pilots_closed_one_without() -> None:
+    surfaces = load_airframe(shipped("airframes/eclipson_c_propeller.toml")).surfaces
+    pixhawk = Pixhawk(surfaces, STEP_HZ)
+    pixhawk.add_link(GROUND, ground=True)
+    pixhawk.add_link(COMPANION, ground=False)
+    run(pixhawk, 1)
+    assert pixhawk.outputs.throttle == 0.0
+    master(pixhawk).override(1500, 1500, 1600, 1500)
+    run(pixhawk, 1)
+    assert pixhawk.outputs.throttle == pytest.approx(0.6)
+    master(pixhawk).override(1500, 1500, 0, 1500)  # released
+    run(pixhawk, 1)
+    assert pixhawk.outputs.throttle == 0.0
+    master(pixhawk).override(1500, 1500, 1600, 1500)
+    run(pixhawk, STEP_HZ)  # nobody repeats it
+    assert pixhawk.outputs.throttle == 0.0

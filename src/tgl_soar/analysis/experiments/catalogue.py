@@ -24,6 +24,7 @@ from tgl_soar.analysis.experiments import (
     nowhere,
     outdoors,
     places,
+    powered_search,
     robustness,
     satellites,
     search,
@@ -63,6 +64,7 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "incidence": incidence.incidence,
     "lift_map": lift_map.run,
     "search": search.run,
+    "throttle": powered_search.run,
     "survey": survey.run,
     "nowhere": nowhere.run,
     "forecast": forecast.run,
@@ -87,6 +89,7 @@ RIGID_BODY_ALONE: Final = (
     "incidence",
     "lift_map",
     "search",
+    "throttle",
     "survey",
     "nowhere",
     "forecast",
@@ -99,7 +102,7 @@ OURS: Final = frozenset(RIGID_BODY_ALONE)
 # `all` leaves them out: they have pages of their own; the first takes longer than all others, the
 # others fly other airframes, or other satellites.
 APART: Final = (
-    *("search", "survey", "nowhere", "point", "outdoors", "satellites", "hour"),
+    *("search", "throttle", "survey", "nowhere", "point", "outdoors", "satellites", "hour"),
     *("unseen", "dispersed", "leans", "airframes"),
 )
 # By the name under which they are flown together: both pages, and either of them.
@@ -114,7 +117,7 @@ NOT_FLOWN: Final = ("field",)  # computed from the air alone
 # own, or fly none.
 DISPERSED: Final = (
     "places", "static", "translate", "back", "rotate", "slope", "wind", "gust", "lean", "speed",
-    "incidence",
+    "estimator", "wind_estimate", "wind_use", "command_delay", "incidence",
 )  # fmt: skip
 
 TITLES: Final = {
@@ -141,6 +144,7 @@ TITLES: Final = {
     "incidence": "the angle of attack as read on board, by the true one",
     "lift_map": "how far the lift map can be trusted",
     "search": "a place to soar without knowing the wind",
+    "throttle": "the search with a propeller to fall back on",
     "survey": "the contour drawn by a slide there and back",
     "nowhere": "starts on a line without a place to settle",
     "forecast": "who is told that a line has no place to settle, and who wrongly",

@@ -27,13 +27,9 @@ from scipy.stats import binomtest
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.experiments.scenario import prepare
-from tgl_soar.analysis.linear_model import (
-    Condition,
-    close_loop,
-    disk_margin,
-    linear_controller,
-    linear_plant,
-)
+from tgl_soar.analysis.linear_controller import linear_controller
+from tgl_soar.analysis.linear_model import close_loop, disk_margin
+from tgl_soar.analysis.linear_plant import Condition, linear_plant
 from tgl_soar.analysis.tuning.aircraft import Ranges
 from tgl_soar.analysis.tuning.demands import FREQUENCIES_RADPS, INERTIAL, SETS
 from tgl_soar.analysis.tuning.flights import (

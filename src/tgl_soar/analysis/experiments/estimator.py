@@ -91,7 +91,7 @@ class _Plan(NamedTuple):
     scored: dict[str, list[EstimatorFlight]]
 
 
-def _plan(quick: bool) -> _Plan:
+def _plan(quick: bool, dispersed: bool = False) -> _Plan:
     lines = places()[:1] if quick else places()
     seeds = SEEDS[:1] if quick else SEEDS
     few = seeds[:FEW]
@@ -100,7 +100,7 @@ def _plan(quick: bool) -> _Plan:
 
     def all_of(seeds: Sequence[int], sensors: Sensors, **what: Any) -> list[EstimatorFlight]:
         return [
-            EstimatorFlight(line=place, seed=seed, sensors=sensors, **what)
+            EstimatorFlight(line=place, seed=seed, sensors=sensors, dispersed=dispersed, **what)
             for place in lines
             for seed in seeds
         ]
@@ -108,7 +108,12 @@ def _plan(quick: bool) -> _Plan:
     def all_rough(sensors: Sensors) -> list[EstimatorFlight]:
         return [
             EstimatorFlight(
-                line=slowest, seed=seed, sensors=sensors, turbulence=ROUGH, duration_s=ROUGH_S
+                line=slowest,
+                seed=seed,
+                sensors=sensors,
+                turbulence=ROUGH,
+                duration_s=ROUGH_S,
+                dispersed=dispersed,
             )
             for seed in rough
         ]
@@ -130,6 +135,7 @@ def _plan(quick: bool) -> _Plan:
             turbulence=CALM,
             duration_s=WATCHED_S,
             reception="with one gap",
+            dispersed=dispersed,
         ),
         corrupted={
             "accelerations, gaps": gaps(seeds, IMU),
@@ -218,7 +224,7 @@ def _outcome(
 
 def estimator(context: Context) -> Result:
     """Ratios against the law without accelerations, errors, gaps, latency, the lab's chain."""
-    plan = _plan(context.quick)
+    plan = _plan(context.quick, context.dispersion)
     seen = fly_each(context.flyer, watch, {**plan.watched, "through": [plan.through]})
     outcome = _outcome(plan, seen, fly_named(context.flyer, plan.corrupted, plan.scored))
     survival = outcome.survival

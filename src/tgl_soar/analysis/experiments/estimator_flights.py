@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from tgl_soar.air.field import WindField
 from tgl_soar.analysis.experiments.campaign import wilson
 from tgl_soar.analysis.experiments.flights import Flyer, Timed
-from tgl_soar.analysis.linear_model import Gusts
+from tgl_soar.analysis.experiments.mismatch import mismatched
+from tgl_soar.analysis.linear_plant import Gusts
 from tgl_soar.analysis.margins import CaseMargins, MarginCase, case_margins
 from tgl_soar.autopilot import Output, reason_text
 from tgl_soar.config.airframe import Airframe
@@ -163,6 +164,7 @@ class EstimatorFlight(NamedTuple):
     reception: Reception = "all"
     changes: tuple[tuple[str, float], ...] = ()  # of parameters
     tracked: AttitudeParams | None = None  # a tracker's attitude, flown with as `[mocap]` has it
+    dispersed: bool = False  # another aircraft than the file's, in other air than the site's
 
 
 class Scored(NamedTuple):
@@ -193,7 +195,10 @@ def fly_scored(flight: EstimatorFlight) -> Scored:
 
 def fly_scored_compiled(flight: EstimatorFlight) -> Scored:
     """The same where all fixes are received, compiled."""
-    prepared = _prepared(flight._replace(seed=1, scale=1.0, changes=()))
+    if flight.dispersed:  # each has an aircraft of its own
+        prepared = prepare(_world(flight), flight.duration_s)
+    else:
+        prepared = _prepared(flight._replace(seed=1, scale=1.0, changes=()))
     return _scored(fly_compiled(prepared, flight.seed, _values(flight), ()))
 
 
@@ -327,14 +332,20 @@ def _world(flight: EstimatorFlight) -> World:
     site, _, field = _place()
     line = site.lines[flight.line]
     start = Start(x_m=line.x_m + START_M, z_m=line.z_m)
-    return make_world(
-        _airframe(),
-        msgspec.structs.replace(site, start=start),
+    site = msgspec.structs.replace(site, start=start)
+    airframe, sensors = _airframe(), flight.sensors
+    if flight.dispersed:
+        airframe, site, field, sensors = mismatched(airframe, site, field, sensors, flight.seed)
+    world = make_world(
+        airframe,
+        site,
         seed=flight.seed,
         turbulence=flight.turbulence,
         field=field,
-        sensors=flight.sensors,
+        sensors=sensors,
     )
+    world.aerodynamics = _airframe().aerodynamics()  # what is known aboard
+    return world
 
 
 @lru_cache(maxsize=64)

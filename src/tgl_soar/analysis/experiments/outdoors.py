@@ -1,7 +1,7 @@
 """`outdoors`: launches from the hand, and break-offs that end on the ground, over the hill.
 
-The module's tick flies in plain Python: the flights are few and short.  Each has its own wind,
-gusts and line, drawn from its seed.
+Each flight has its own wind, gusts and line, drawn from its seed.  Those from a hand fly in plain
+Python: the others are compiled where numba is installed.
 """
 
 from __future__ import annotations
@@ -19,32 +19,25 @@ from tgl_soar.air.gusts import ScaledField, Schedule
 from tgl_soar.air.hill import HillField
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
+from tgl_soar.analysis.experiments.shipped_hill import ShippedHill, shipped_hill
 from tgl_soar.analysis.search.scoring import share
-from tgl_soar.config.airframe import Airframe
-from tgl_soar.config.files import (
-    airframe_file,
-    load_airframe,
-    load_parameters,
-    load_site,
-    site_file,
-)
-from tgl_soar.config.parameters import ParameterSet
-from tgl_soar.config.site import HillAir, Site, Start
+from tgl_soar.config.site import Start
+from tgl_soar.control.envelope import clearance
 from tgl_soar.control.supervisor import (
     BREAKING_OFF,
-    FAILED,
     LANDING,
     MODE_NAMES,
     REASON_TEXTS,
-    RELEASED,
     SOARING,
 )
-from tgl_soar.sim.closed_loop import ClosedLoop
+from tgl_soar.sim.closed_loop import Change, Trajectory, fly
+from tgl_soar.sim.compiled import available
+from tgl_soar.sim.fast_flight import fly_compiled, prepare
+from tgl_soar.sim.sensors import MEMS_IMU, USUAL_SENSORS, Sensors
 from tgl_soar.sim.throw import Throw, ThrownWorld
 from tgl_soar.sim.world import make_world
+from tgl_soar.types import Ground
 
-AIRFRAME: Final = "eclipson_c"
-SITE: Final = "hill"
 FLIGHTS: Final = 100  # launches, and break-offs by command
 LULLS: Final = 5  # a fifth of that in a lull: these fly for longest
 QUICK: Final = 2
@@ -68,8 +61,8 @@ LULL_S: Final = (12.0, 6.0)  # when it begins, and how long the wind takes to fa
 TRACE_S: Final = 0.1  # between two points of a drawn path
 
 
-LAUNCH, LAND, LULLED = "launch", "landing", "lull"
-KINDS: Final = (LAUNCH, LAND, LULLED)
+LAUNCH, LAND, FELT, LULLED = "launch", "landing", "landing with accelerometers", "lull"
+KINDS: Final = (LAUNCH, LAND, FELT, LULLED)
 
 
 class PassageJob(NamedTuple):
@@ -123,32 +116,20 @@ def touches_down_well(along_m: float, across_m: float, sink_mps: float) -> bool:
     return abs(along_m) <= ALONG_M and abs(across_m) <= ACROSS_M and sink_mps <= SINK_MPS
 
 
-def _files() -> tuple[Airframe, Site, ParameterSet]:
-    airframe_path, site_path = airframe_file(AIRFRAME), site_file(SITE)
-    airframe, site = load_airframe(airframe_path), load_site(site_path)
-    return airframe, site, load_parameters(airframe, airframe_path, site, site_path)
-
-
-def _air(site: Site, random: Random) -> tuple[Site, float, float]:
-    wind, intensity = random.uniform(*WIND_MPS), random.uniform(*INTENSITY)
-    assert isinstance(site.air, HillAir)
-    return (
-        msgspec.structs.replace(site, air=msgspec.structs.replace(site.air, wind_mps=wind)),
-        wind,
-        intensity,
-    )
+def _hill(random: Random) -> tuple[ShippedHill, float]:
+    """The hill in a wind that is drawn, and the intensity of its gusts."""
+    return shipped_hill().blown(random.uniform(*WIND_MPS)), random.uniform(*INTENSITY)
 
 
 def fly_passage(job: PassageJob) -> FlownPassage:
     """Fly one of them.  Errors: `ConfigError`."""
-    return launch(job.seed) if job.kind == LAUNCH else land(job.seed, lull=job.kind == LULLED)
+    return launch(job.seed) if job.kind == LAUNCH else land(job.kind, job.seed)
 
 
 def launch(seed: int) -> FlownPassage:
     """One launch from the hand."""
     random = Random(f"launch {seed}")
-    airframe, site, values = _files()
-    site, wind, intensity = _air(site, random)
+    hill, intensity = _hill(random)
     off = random.uniform
     throw = Throw(
         time_s=THROW_S,
@@ -157,85 +138,81 @@ def launch(seed: int) -> FlownPassage:
         pitch_rad=radians(off(-THROW_OFF_DEG, THROW_OFF_DEG)),
         heading_rad=radians(off(-THROW_OFF_DEG, THROW_OFF_DEG)),
     )
-    site = msgspec.structs.replace(site, start=HAND)
-    world = make_world(airframe, site, seed=seed, turbulence=intensity)
-    loop = ClosedLoop(ThrownWorld(world, throw), values.changed({"LNC_START": 1.0}))
-    return _flown(LAUNCH, seed, wind, intensity, throw, loop, LAUNCH_S)
+    site = msgspec.structs.replace(hill.site, start=HAND)
+    world = make_world(hill.airframe, site, seed=seed, turbulence=intensity)
+    values = hill.values.changed({"LNC_START": 1.0})
+    flown = fly(ThrownWorld(world, throw), values, (), LAUNCH_S)
+    return _seen(PassageJob(LAUNCH, seed), hill, intensity, throw, world.ground, flown)
 
 
-def land(seed: int, *, lull: bool = False) -> FlownPassage:
+def land(kind: str, seed: int) -> FlownPassage:
     """One break-off from the line: by command at some time, or by itself in a lull."""
     random = Random(f"landing {seed}")
-    airframe, site, values = _files()
-    site, wind, intensity = _air(site, random)
-    line = site.lines[random.choice(sorted(site.lines))]
-    site = msgspec.structs.replace(site, start=Start(x_m=line.x_m, z_m=line.z_m - 0.5))
-    values = values.changed({"TGL_X": line.x_m, "TGL_Z": line.z_m})
-    break_s = random.uniform(3.0, 15.0)
-    if lull:
-        values, break_s = values.changed({"ESC_AUTO": 1.0}), inf
-    field = None
-    if lull:
-        assert isinstance(site.air, HillAir)
+    hill, intensity = _hill(random)
+    hill = hill.on_line(random.choice(sorted(hill.site.lines)))
+    changes: tuple[Change, ...] = (Change(random.uniform(3.0, 15.0), {"ESC_START": 1.0}),)
+    values, field = hill.values, None
+    if kind == LULLED:
+        values, changes = values.changed({"ESC_AUTO": 1.0}), ()
         begins, takes = LULL_S
         calmer = Schedule([0.0, begins, begins + takes], [1.0, 1.0, LULL])
-        field = ScaledField(HillField(wind, site.air.radius_m), calmer)
-    world = make_world(airframe, site, seed=seed, turbulence=intensity, field=field)
-    loop = ClosedLoop(world, values)
-    return _flown(LULLED if lull else LAND, seed, wind, intensity, None, loop, LANDING_S, break_s)
+        field = ScaledField(HillField(hill.air.wind_mps, hill.air.radius_m), calmer)
+    world = make_world(
+        hill.airframe,
+        hill.site,
+        seed=seed,
+        turbulence=intensity,
+        field=field,
+        sensors=Sensors(imu=MEMS_IMU) if kind == FELT else USUAL_SENSORS,
+    )
+    ground = world.ground
+    if available():
+        flown = fly_compiled(prepare(world, LANDING_S), seed, values, changes)
+    else:
+        flown = fly(world, values, changes, LANDING_S)
+    return _seen(PassageJob(kind, seed), hill, intensity, None, ground, flown)
 
 
-def _flown(
-    kind: str,
-    seed: int,
-    wind_mps: float,
+def _seen(
+    job: PassageJob,
+    hill: ShippedHill,
     intensity: float,
     throw: Throw | None,
-    loop: ClosedLoop,
-    duration_s: float,
-    break_s: float = inf,
+    ground: Ground,
+    flown: Trajectory,
 ) -> FlownPassage:
-    world = loop.world
-    modes: list[tuple[float, str, str]] = []
-    path: list[tuple[float, float, float]] = []
-    left, broke_at, clearance = nan, nan, inf
-    mode, state = -1, world.state
-    for k in range(round(duration_s * world.step_hz)):
-        if world.time_s >= break_s:
-            loop.change({"ESC_START": 1.0})
-            break_s = inf
-        before = loop.output
-        output = loop.tick()
-        if output.mode != mode:
-            mode = output.mode
-            modes.append((world.time_s, MODE_NAMES[mode], REASON_TEXTS[output.reason]))
-            if mode == BREAKING_OFF:
-                left = (before or output).passage.height_left_m
-                broke_at = world.state.z_m - loop.values["LND_Z"]
-        if mode not in (BREAKING_OFF, LANDING) and world.time_s > THROW_S + 1.0:
-            clearance = min(clearance, output.margins.clearance_m)
-        if world.crashed or mode in (RELEASED, FAILED):
-            break
-        state = world.state
-        if k % round(TRACE_S * world.step_hz) == 0:
-            path.append((round(state.x_m, 2), round(state.y_m, 2), round(state.z_m, 2)))
+    """What there is to say of a flight."""
+    times, mode = flown["time_s"], flown["mode"]
+    x, y, z = flown["x_m"], flown["y_m"], flown["z_m"]
+    place = hill.values
+    changed = [0, *(np.flatnonzero(np.diff(mode)) + 1).tolist()]
+    modes = tuple(
+        (float(times[k]), MODE_NAMES[int(mode[k])], REASON_TEXTS[int(flown["reason"][k])])
+        for k in changed
+    )
+    broke = next((k for k in changed if int(mode[k]) == BREAKING_OFF), None)
+    soars = (mode != BREAKING_OFF) & (mode != LANDING) & (times > THROW_S + 1.0)
+    drawn = slice(None, None, round(TRACE_S / (times[1] - times[0])))
+    path = zip(*(column[drawn].round(2).tolist() for column in (x, y, z)), strict=True)
     return FlownPassage(
-        kind=kind,
-        seed=seed,
-        duration_s=world.time_s,
-        wind_mps=wind_mps,
+        kind=job.kind,
+        seed=job.seed,
+        duration_s=float(times[-1]),
+        wind_mps=hill.air.wind_mps,
         intensity=intensity,
         throw_mps=throw.speed_mps if throw else nan,
         throw_pitch_deg=degrees(throw.pitch_rad) if throw else nan,
         throw_heading_deg=degrees(throw.heading_rad) if throw else nan,
-        modes=tuple(modes),
-        ended=world.crashed,
-        left_m=left,
-        broke_at_m=broke_at,
-        over_ground_m=clearance,
-        along_m=loop.values["LND_X"] - state.x_m,
-        across_m=state.y_m - loop.values["LND_Y"],
-        sink_mps=-state.velocity_z_mps,
+        modes=modes,
+        ended=flown.ended,
+        left_m=nan if broke is None else float(flown["height_left_m"][max(0, broke - 1)]),
+        broke_at_m=nan if broke is None else float(z[broke]) - place["LND_Z"],
+        over_ground_m=min(
+            (clearance(ground, x[k], z[k]) for k in np.flatnonzero(soars)), default=inf
+        ),
+        along_m=place["LND_X"] - float(x[-1]),
+        across_m=float(y[-1]) - place["LND_Y"],
+        sink_mps=float((z[-2] - z[-1]) / (times[-1] - times[-2])),
         path=tuple(path),
     )
 
@@ -245,7 +222,7 @@ def run(context: Context) -> Result:
     count = QUICK if context.quick else context.episodes or FLIGHTS
     seeds = range(FIRST_SEED, FIRST_SEED + count)
     lulls = seeds[: max(1, count // LULLS)]
-    jobs = [PassageJob(kind, seed) for kind in (LAUNCH, LAND) for seed in seeds]
+    jobs = [PassageJob(kind, seed) for kind in (LAUNCH, LAND, FELT) for seed in seeds]
     jobs += [PassageJob(LULLED, seed) for seed in lulls]
     flown = context.flyer.each(fly_passage, jobs)
     by_kind = {kind: [each for each in flown if each.kind == kind] for kind in KINDS}
@@ -254,16 +231,18 @@ def run(context: Context) -> Result:
         from tgl_soar.analysis.report.passage_figure import passage_figure
 
         path = context.figures / "outdoors.png"
-        passage_figure(path, _files()[1], by_kind)
+        passage_figure(path, shipped_hill().site, by_kind)
         figure = (path.name,)
     return Result(
         "outdoors",
         "from the hand to the line, and home",
-        f"{count} launches, {count} break-offs by command and {len(lulls)} in a lull to {LULL:g} of"
-        f" the wind, over the half cylinder of 8 m in {WIND_MPS[0]:g} to {WIND_MPS[1]:g} m/s of"
-        f" wind with gusts of up to {100 * INTENSITY[1]:g} %. Thrown at {THROW_MPS:g} ±"
-        f" {THROW_OFF_MPS:g} m/s, ± {THROW_OFF_DEG:g}° of pitch and heading. Without a pitot tube"
-        " or accelerometers.",
+        f"{count} launches, twice {count} break-offs by command and {len(lulls)} in a lull to"
+        f" {LULL:g} of the wind, over the half cylinder of 8 m in {WIND_MPS[0]:g} to"
+        f" {WIND_MPS[1]:g} m/s of wind with gusts of up to {100 * INTENSITY[1]:g} %. Thrown"
+        f" at {THROW_MPS:g} ± {THROW_OFF_MPS:g} m/s, ± {THROW_OFF_DEG:g}° of pitch and"
+        f" heading. Without a pitot tube; with accelerometers in the second {count} break-offs"
+        f" alone. Seeds from {seeds[0]}; those below {FIRST_SEED} were looked at while it was"
+        " built.",
         _claims(by_kind),
         _why(flown),
         (_launches(by_kind[LAUNCH]), _landings(by_kind)),
@@ -276,7 +255,9 @@ def run(context: Context) -> Result:
 def _claims(by_kind: dict[str, list[FlownPassage]]) -> tuple[Claim, ...]:
     launches = by_kind[LAUNCH]
     good = [each for each in launches if each.soars or each.landed]
-    promised = [each for kind in (LAND, LULLED) for each in by_kind[kind] if each.left_m >= 0.0]
+    promised = [
+        each for kind in (LAND, FELT, LULLED) for each in by_kind[kind] if each.left_m >= 0.0
+    ]
     landed = [each for each in promised if each.landed]
     lulls = by_kind[LULLED]
     safe = [each for each in lulls if each.soars or (each.broke_off and each.landed)]
@@ -339,6 +320,8 @@ def _landings(by_kind: dict[str, list[FlownPassage]]) -> Table:
     for name, some in (
         ("by command, height left", [e for e in by_kind[LAND] if e.left_m >= 0.0]),
         ("by command, less than promised", [e for e in by_kind[LAND] if e.left_m < 0.0]),
+        ("with accelerometers, height left", [e for e in by_kind[FELT] if e.left_m >= 0.0]),
+        ("with accelerometers, less", [e for e in by_kind[FELT] if e.left_m < 0.0]),
         ("by itself in a lull", [e for e in by_kind[LULLED] if e.broke_off]),
         ("launches given up", [e for e in by_kind[LAUNCH] if e.broke_off]),
     ):

@@ -18,11 +18,15 @@ AIMS: Final = "aims.md"
 # Experiments whose section stands on a page that is written by hand, between two marks.
 OWN_PAGES: Final = {
     "point": "point.md",
+    "outdoors": "outdoors.md",
     "satellites": "outdoors.md",
+    "hour": "outdoors.md",
     "unseen": "margins.md",
     "dispersed": "margins.md",
     "leans": "margins.md",
     "airframes": "margins.md",
+    "search": "search.md",
+    "nowhere": "search.md",
 }
 
 

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 from tgl_soar.analysis.brake_loop import BrakeMargin, brake_margin
 from tgl_soar.analysis.experiments.result import Claim, Table
 from tgl_soar.analysis.experiments.scenario import PreparedScenario
-from tgl_soar.analysis.linear_model import Condition, field_gradient
+from tgl_soar.analysis.linear_plant import Condition, field_gradient
 from tgl_soar.control.laws import laws_from
 from tgl_soar.sim.aircraft import AircraftModel
 from tgl_soar.sim.sensors import MEMS_IMU, Sensors

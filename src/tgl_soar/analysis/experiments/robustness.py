@@ -108,7 +108,12 @@ def command_delay(context: Context) -> Result:
                         here = msgspec.structs.replace(here, parameters=parameters)
                     figures = (("model.servo_delay_s", servo_s + late),)
                     jobs[imu, known, late, place] = [
-                        ScenarioJob(scenario=here, seed=seed, aircraft=figures)
+                        ScenarioJob(
+                            scenario=here,
+                            seed=seed,
+                            aircraft=figures,
+                            dispersed=context.dispersion,
+                        )
                         for seed in scenario.seeds
                     ]
     # Plain: another delay is another delay line, for which all would be compiled once more.

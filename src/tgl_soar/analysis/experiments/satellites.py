@@ -24,22 +24,12 @@ from math import cos, inf, isfinite, nan, pi, radians, sin
 from random import Random
 from typing import Any, Final, NamedTuple
 
-import msgspec
-
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.outdoors import span, touches_down_well
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
+from tgl_soar.analysis.experiments.shipped_hill import shipped_hill
 from tgl_soar.analysis.search.scoring import share
-from tgl_soar.config.files import (
-    airframe_file,
-    line_parameters,
-    load_airframe,
-    load_parameters,
-    load_site,
-    site_file,
-)
 from tgl_soar.config.parameters import ParameterSet
-from tgl_soar.config.site import HillAir, Start
 from tgl_soar.control.envelope import clearance
 from tgl_soar.control.supervisor import (
     CAPTURING,
@@ -59,7 +49,7 @@ from tgl_soar.sim.sensors import AUTOPILOT_POSITION, DRIFTING_POSITION, MEMS_IMU
 from tgl_soar.sim.world import World, make_world
 from tgl_soar.types import Inputs, PositionFix
 
-AIRFRAME, SITE, LINE = "eclipson_c", "hill", "a"
+LINE: Final = "a"
 FLIGHTS: Final = 100
 QUICK: Final = 2
 FIRST_SEED: Final = 8001
@@ -173,27 +163,20 @@ def _drawn_faults(job: SatelliteJob, random: Random) -> tuple[str, ...]:
 def _world(
     job: SatelliteJob, random: Random, duration_s: float
 ) -> tuple[World, ParameterSet, SoaringFrame]:
-    airframe_path, site_path = airframe_file(AIRFRAME), site_file(SITE)
-    airframe, site = load_airframe(airframe_path), load_site(site_path)
-    values = load_parameters(airframe, airframe_path, site, site_path)
-    line = site.lines[LINE]
-    assert isinstance(site.air, HillAir)
+    hill = shipped_hill().blown(random.uniform(*WIND_MPS)).on_line(LINE)
     position = DRIFTING_POSITION if job.kind == RECEIVER else AUTOPILOT_POSITION
-    changes = line_parameters(line) | {"ESC_AUTO": float(job.kind == HOME)}
+    changes = {"ESC_AUTO": float(job.kind == HOME)}
     if job.kind == RECEIVER:
         changes["EST_FIX_SD"] = DRIFTING_POSITION.noise_m
-    site = msgspec.structs.replace(
-        site,
-        air=msgspec.structs.replace(site.air, wind_mps=random.uniform(*WIND_MPS)),
-        start=Start(x_m=line.x_m, z_m=line.z_m - 0.5),
-    )
     intensity = max(1e-6, random.uniform(*INTENSITY))  # one compiled kind of air for all
     sensors = Sensors(position=position, imu=MEMS_IMU)
-    world = make_world(airframe, site, seed=job.seed, turbulence=intensity, sensors=sensors)
+    world = make_world(
+        hill.airframe, hill.site, seed=job.seed, turbulence=intensity, sensors=sensors
+    )
     frame = world.frame
     if available():
         world = CompiledWorld(prepare(world, duration_s), job.seed)
-    return world, values.changed(changes), frame
+    return world, hill.values.changed(changes), frame
 
 
 def _duration_s(kind: str) -> float:

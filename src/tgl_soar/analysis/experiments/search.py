@@ -21,12 +21,12 @@ from functools import lru_cache
 from math import inf, isfinite
 from pathlib import Path
 from statistics import mean, median
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.search.flying import Episode, Searcher, fly_episode
-from tgl_soar.analysis.search.places import PUBLISHED, Kind, SearchPlace, place
+from tgl_soar.analysis.search.places import DURATION_S, PUBLISHED, Kind, SearchPlace, place
 from tgl_soar.analysis.search.scoring import Score, score, share
 from tgl_soar.analysis.search.searchers import SEARCHERS, MapSearch, searcher
 from tgl_soar.config.airframe import Airframe
@@ -54,6 +54,8 @@ PITOT: Final = 0.03
 SOONER: Final = 10.0
 LOW: Final = 0.75  # of the ceiling
 FALLEN: Final = 0.90  # times the wind, or less
+DRAWN: Final = 12  # failures at each kind of place
+SINKS: Final = "sinks at the end"
 
 
 class SearchJob(NamedTuple):
@@ -141,6 +143,7 @@ def run(context: Context) -> Result:
     figures = [] if context.figures is None else _draw(context.figures, scores)
     claims = [claim for kind in KINDS for claim in _claims(kind, scores)]
     tables = [table for kind in KINDS for table in (_table(kind, scores), _groups(kind, scores))]
+    tables.append(_reasons(scores))
     fewer = min(episodes, OTHERS)
     return Result(
         name="search",
@@ -197,6 +200,7 @@ def _claims(kind: Kind, scores: list[Score]) -> list[Claim]:
     without, _ = _soared(scores, kind, NO_PITOT, everywhere)
     lost = (with_pitot - without) / max(1, there)
     found_s, walk_s = (_found(scores, kind, name, seeds) for name in (MAP, WALK))
+    walked_s = min(walk_s, DURATION_S[kind])  # no more is known of a walk that has found none
     claims += [
         Claim(
             f"without a pitot within {100 * PITOT:.0f} points",
@@ -220,8 +224,9 @@ def _claims(kind: Kind, scores: list[Score]) -> list[Claim]:
         ),
         Claim(
             f"a place found ≥ {SOONER:.0f} times sooner than by AOSoar's walk (medians)",
-            isfinite(found_s) and walk_s >= SOONER * found_s,
-            f"{found_s:.1f} s, {_seconds(walk_s)}",
+            isfinite(found_s) and walked_s >= SOONER * found_s,
+            f"{found_s:.1f} s, {_seconds(walk_s)}: {'at least ' if walked_s < walk_s else ''}"
+            f"{walked_s / found_s:.1f} times",
         ),
     ]
     return [Claim(f"{kind}: {c.text}", c.holds, c.measured) for c in claims]
@@ -304,9 +309,25 @@ def failed(scores: list[Score]) -> list[Score]:
 
 def reason(s: Score) -> str:
     """Why a search failed, in words."""
-    how = s.ended or s.given_up or "sinks at the end"
+    how = s.ended or s.given_up or SINKS
     return f"{how} after {s.flown_s:.0f} s, {s.height_left_m:.1f} m over the ground" + (
         ", while it claimed to soar" if s.false_claim else ""
+    )
+
+
+def _reasons(scores: list[Score]) -> Table:
+    """How often a search fails by what."""
+    columns: dict[tuple[str, str], list[Score]] = {}
+    for s in failed(scores):
+        columns.setdefault((s.kind, s.ended or s.given_up or SINKS), []).append(s)
+    rows = tuple(
+        (kind, how, str(len(those)), str(sum(s.false_claim for s in those)))
+        for (kind, how), those in sorted(columns.items(), key=lambda each: -len(each[1]))
+    )
+    return Table(
+        "Searches that do not soar where the oracle does, are lost, or claim what is not so",
+        ("place", "how it ends", "episodes", "while it claimed to soar"),
+        rows,
     )
 
 
@@ -335,9 +356,12 @@ def _draw(folder: Path, scores: list[Score]) -> list[str]:
         names.append(f"search_{kind}.png")
         grid = somebody.grid
         search_figure(folder / names[-1], episode, somebody.snapshots, polar, grid.x_m, grid.z_m)
-    missed: Any = failed(scores)
+    all_missed = failed(scores)
+    missed = [
+        (kind, s) for kind in KINDS for s in [m for m in all_missed if m.kind == kind][:DRAWN]
+    ]
     if missed:
-        again = [(_flown(place(s.kind, s.seed), MAP)[1], reason(s)) for s in missed[:12]]
+        again = [(_flown(place(kind, s.seed), MAP)[1], reason(s)) for kind, s in missed]
         names.append("search_failures.png")
         failures_figure(folder / names[-1], again, polar)
     return names

@@ -36,7 +36,7 @@ from tgl_soar.sim.world import build_field, make_world
 AIRFRAME: Final = "airframes/eclipson_c.toml"
 SITE: Final = "sites/tunnel.toml"
 LINE: Final = "b"
-FIRST_SEED: Final = 41  # 1 to 20 were seen while the drawing was built
+FIRST_SEED: Final = 61  # those below were seen while the drawing and its claim were built
 FLIGHTS: Final = 20
 LONGEST_S: Final = 300.0
 USUAL_MPS: Final = 0.06  # of SRV_SPEED, and half of it
@@ -207,6 +207,7 @@ def _table(groups: dict[tuple[float, float], list[SurveyedOnce]]) -> Table:
     for (turbulence, speed), flown in groups.items():
         drawn = [(one, one.drawn) for one in flown if one.drawn is not None]
         errors = [one.rms_m for one, _ in drawn]
+        claimed = [float(np.sqrt(np.mean(each.sigma_m**2))) for _, each in drawn]
         every = np.concatenate([one.errors_m for one, _ in drawn]) if drawn else np.full(1, np.nan)
         rows.append(
             (
@@ -219,7 +220,7 @@ def _table(groups: dict[tuple[float, float], list[SurveyedOnce]]) -> Table:
                 f"{100.0 * sqrt(mean([e * e for e in errors])):.1f}" if errors else "–",
                 f"{100.0 * float(np.mean(every)):+.1f}",
                 f"{100.0 * float(np.percentile(np.abs(every), 95)):.1f}",
-                _median([100.0 * float(np.median(each.sigma_m)) for _, each in drawn], "{:.1f}"),
+                f"{100.0 * sqrt(mean([c * c for c in claimed])):.1f}" if claimed else "–",
                 _median([100.0 * each.late_m for _, each in drawn], "{:.1f}"),
                 _median([each.return_per_s for _, each in drawn], "{:.2f}"),
                 _median([100.0 * each.drift_m for _, each in drawn], "{:.1f}"),
@@ -229,7 +230,7 @@ def _table(groups: dict[tuple[float, float], list[SurveyedOnce]]) -> Table:
         "Contours drawn; medians of the flights that drew one",
         (
             *("turbulence [%]", "line [m/s]", "came home", "lost", "lasted [s]", "drawn [m]"),
-            *("error, rms [cm]", "bias [cm]", "95 % [cm]", "claimed [cm]"),
+            *("error, rms [cm]", "bias [cm]", "95 % [cm]", "claimed, rms [cm]"),
             *("lag taken out [cm]", "λ [1/s]", "drift, rms [cm]"),
         ),
         tuple(rows),

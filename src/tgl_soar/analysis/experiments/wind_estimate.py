@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from tgl_soar.air.field import WindField
 from tgl_soar.analysis.experiments.context import Context
+from tgl_soar.analysis.experiments.mismatch import mismatched
 from tgl_soar.analysis.experiments.result import ChangedThreshold, Claim, Result, Table
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import (
@@ -99,6 +100,7 @@ class WindFlight(NamedTuple):
     seed: int
     leg_s: float
     cases: tuple[str, ...]
+    dispersed: bool = False  # another aircraft than the file's, in other air than the site's
 
 
 @dataclass(frozen=True)
@@ -133,9 +135,13 @@ def look_on(flight: WindFlight) -> ObservedFlight:
     sensors = Sensors(
         attitude=AUTOPILOT_ATTITUDE._replace(bias_rad=0.0), imu=MEMS_IMU, airspeed=PITOT
     )
+    known = airframe.aerodynamics()
+    if flight.dispersed:
+        airframe, site, field, sensors = mismatched(airframe, site, field, sensors, flight.seed)
     world = make_world(
         airframe, site, seed=flight.seed, turbulence=TURBULENCE, field=field, sensors=sensors
     )
+    world.aerodynamics = known
     loop = ClosedLoop(world, values)
     wind = laws_from(values, world.frame, world.aerodynamics).wind
     tilt = PITCH_ERROR_RAD if flight.seed % 2 else -PITCH_ERROR_RAD
@@ -259,8 +265,15 @@ def wind_estimate(context: Context) -> Result:
     """Three places, many seeds, and one flight across the plane to look at."""
     places = tuple(_place()[1].lines)
     seeds = SEEDS[:2] if context.quick else SEEDS
-    jobs = [WindFlight((p,), s, FLIGHT_S, tuple(CASES)) for p in places for s in seeds]
-    tour = WindFlight(places, 1, TOUR_S, (WITH_PITOT, WITHOUT))
+    apart = context.dispersion
+    jobs = [
+        WindFlight(lines=(p,), seed=s, leg_s=FLIGHT_S, cases=tuple(CASES), dispersed=apart)
+        for p in places
+        for s in seeds
+    ]
+    tour = WindFlight(
+        lines=places, seed=1, leg_s=TOUR_S, cases=(WITH_PITOT, WITHOUT), dispersed=apart
+    )
     *flights, across = context.flyer.each(look_on, [*jobs, tour])
     whole = [seen for seen in flights if seen.duration_s > SETTLE_S + 1.0]
     scores = {case: score(whole, case) for case in CASES}

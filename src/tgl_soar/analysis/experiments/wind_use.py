@@ -40,7 +40,12 @@ def wind_use(context: Context) -> Result:
     named = {
         f"{use}, {turbulence:g}": [
             EstimatorFlight(
-                line=line, seed=seed, sensors=SENSORS, turbulence=turbulence, changes=changes
+                line=line,
+                seed=seed,
+                sensors=SENSORS,
+                turbulence=turbulence,
+                changes=changes,
+                dispersed=context.dispersion,
             )
             for line in lines
             for seed in seeds

@@ -25,19 +25,12 @@ import numpy as np
 from tgl_soar.air.hill import HillField
 from tgl_soar.air.wind_record import RecordedField, SyntheticWind, WindRecord, synthetic_record
 from tgl_soar.analysis.experiments.context import Context
-from tgl_soar.analysis.experiments.outdoors import span, touches_down_well
+from tgl_soar.analysis.experiments.outdoors import SINK_MPS, span, touches_down_well
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
+from tgl_soar.analysis.experiments.shipped_hill import BELOW_M, shipped_hill
 from tgl_soar.analysis.search.scoring import share
-from tgl_soar.config.files import (
-    airframe_file,
-    line_parameters,
-    load_airframe,
-    load_parameters,
-    load_site,
-    site_file,
-)
 from tgl_soar.config.parameters import ParameterSet
-from tgl_soar.config.site import HillAir, Start
+from tgl_soar.config.site import Start
 from tgl_soar.control.supervisor import BREAKING_OFF, LANDING, MODE_NAMES, SOARING
 from tgl_soar.sim.closed_loop import Trajectory, fly
 from tgl_soar.sim.compiled import available
@@ -45,15 +38,16 @@ from tgl_soar.sim.fast_flight import fly_compiled, prepare
 from tgl_soar.sim.sensors import MEMS_IMU, Sensors
 from tgl_soar.sim.world import World, make_world
 
-AIRFRAME, SITE, LINE = "eclipson_c", "hill", "a"
+LINE: Final = "a"
 FLIGHTS: Final = 100
 QUICK: Final = 1
-FIRST_SEED: Final = 9001
+FIRST_SEED: Final = 9101  # those from 9001 on were flown in 8 m/s
 HOUR_S: Final = 3600.0
-MEAN_MPS: Final = 8.0
+# What the site is made for. In 8 m/s, flown first, nearly all broke off within minutes as the wind
+# rose: against 9 m/s the landing place is out of reach, and no lull was waited for.
+MEAN_MPS: Final = 7.0
 INTENSITY: Final = 0.03
-SHIPPED_M: Final = 8.0
-RADII_M: Final = (8.0, 30.0)
+RADII_M: Final = (8.0, 30.0)  # the first is the shipped one
 BEFORE_M: Final = 50.0  # the larger hill's landing place before its foot
 # The nose may turn by twice the veer that is laid over the record: its spectra add to that.
 VEER_MAX_DEG: Final = 45.0
@@ -88,8 +82,13 @@ class FlownHour:
 
     @property
     def lost(self) -> bool:
-        """It hit something, and was not landing."""
-        return bool(self.ended) and not self.ended.startswith("let go") and not self.landing
+        """It hit something, and was not landing, or landing it hit the ground harder than it may.
+
+        SINK_MPS is the fall from 0.11 m, of those landings that end as they should: it is no limit
+        of a structure, which nobody has tested, and counts more as lost than may have broken.
+        """
+        soft = self.landing and self.sink_mps <= SINK_MPS
+        return bool(self.ended) and not self.ended.startswith("let go") and not soft
 
     @property
     def landed(self) -> bool:
@@ -103,27 +102,25 @@ def record_of(job: HourJob) -> WindRecord:
 
 
 def _world_of(job: HourJob, record: WindRecord) -> tuple[World, ParameterSet]:
-    airframe_path, site_path = airframe_file(AIRFRAME), site_file(SITE)
-    airframe, site = load_airframe(airframe_path), load_site(site_path)
-    values = load_parameters(airframe, airframe_path, site, site_path)
-    assert isinstance(site.air, HillAir)
+    hill = shipped_hill().on_line(LINE)
+    site, values = hill.site, hill.values
     assert site.ground is not None
-    by, line = job.radius_m / SHIPPED_M, site.lines[LINE]
-    x, z = line.x_m * by, line.z_m * by
-    changes = line_parameters(line) | {"ESC_AUTO": 1.0, "VEER_MAX": VEER_MAX_DEG}
+    by = job.radius_m / hill.air.radius_m
+    changes = {"ESC_AUTO": 1.0, "VEER_MAX": VEER_MAX_DEG}
     if by != 1.0:
+        x, z = values["TGL_X"] * by, values["TGL_Z"] * by
         changes |= {name: values[name] * by for name in SCALED}
         changes |= {"TGL_X": x, "TGL_Z": z, "LND_X": -job.radius_m - BEFORE_M}
         profile = [(a * by, b * by) for a, b in site.ground.profile]
         site = msgspec.structs.replace(
             site,
             ground=msgspec.structs.replace(site.ground, profile=profile),
-            air=msgspec.structs.replace(site.air, radius_m=job.radius_m),
+            air=msgspec.structs.replace(hill.air, radius_m=job.radius_m),
+            start=Start(x_m=x, z_m=z - BELOW_M),
         )
-    site = msgspec.structs.replace(site, start=Start(x_m=x, z_m=z - 0.5))
-    field = RecordedField(HillField(site.air.wind_mps, job.radius_m), record)  # type: ignore[union-attr]
+    field = RecordedField(HillField(hill.air.wind_mps, job.radius_m), record)
     world = make_world(
-        airframe,
+        hill.airframe,
         site,
         seed=job.seed,
         turbulence=INTENSITY,
@@ -213,7 +210,12 @@ def _claims(flown: list[FlownHour]) -> tuple[Claim, ...]:
     landed = sum(each.landed for each in left)
     least = min((each.left_m for each in left), default=nan)
     return (
-        Claim("none is lost", lost == 0, f"{share(lost, len(flown))} lost"),
+        Claim(
+            f"none hits anything before it lands, nor the ground at more than {SINK_MPS:g} m/s of"
+            " sink",
+            lost == 0,
+            f"{share(lost, len(flown))} lost",
+        ),
         Claim(
             "every lull that the line does not survive is left by itself",
             let_go == 0,
@@ -247,14 +249,15 @@ def _table(by_hill: dict[float, list[FlownHour]]) -> Table:
                 span([each.wind_mps for each in home]),
                 span([each.along_m for each in home]),
                 span([each.across_m for each in home]),
+                span([each.sink_mps for each in home], 2),
             )
         )
     columns = (
         "hill [m]", "flights", "soared to the end", "broke off", "landed as they should", "let go",
         "lost", "soared [min]", "height left then [m]", "from [m]", "wind then [m/s]", "along [m]",
-        "across [m]",
+        "across [m]", "sink [m/s]",
     )  # fmt: skip
-    return Table("Least, median, most", columns, tuple(rows))
+    return Table("An hour: least, median, most", columns, tuple(rows))
 
 
 def _why(flown: list[FlownHour]) -> str:

@@ -28,6 +28,7 @@ from msgspec.structs import replace
 
 from tgl_soar.air.field import FloatArray
 from tgl_soar.air.zeuc import stable_crossing
+from tgl_soar.analysis.experiments.mismatch import mismatched
 from tgl_soar.analysis.rare.kramers import WellExit, well_exits
 from tgl_soar.analysis.rare.splitting import LOST, Passage
 from tgl_soar.config.airframe import Airframe
@@ -47,7 +48,7 @@ from tgl_soar.sim.fast_flight import (
 )
 from tgl_soar.sim.flight import FLIES, Flight, Row
 from tgl_soar.sim.sensors import Sensors
-from tgl_soar.sim.world import build_field, make_world
+from tgl_soar.sim.world import World, build_field, make_world
 
 LOOK_S: Final = 0.1  # between two looks at the margin: a third of the short period's time
 LAST_S: Final = 5.0  # of a flight that is lost, shown
@@ -73,6 +74,7 @@ class SoaringCase(NamedTuple):
     sensors: Sensors
     turbulence: float
     duration_s: float
+    dispersed: bool = False  # each flight another aircraft than the file's, in other air
 
 
 class PartedFlight(NamedTuple):
@@ -104,22 +106,15 @@ class SoaringProcess:
         if at is None:
             raise ValueError("the line crosses the contour nowhere: there is no place to hover")
         self.place = (at.x_m, at.z_m)
-        world = make_world(
-            case.airframe,
-            # At rest where it hovers: how it comes there is no part of the question.
-            _started(site, at.x_m, at.z_m),
-            turbulence=case.turbulence,
-            field=field,
-            sensors=case.sensors,
-        )
-        model = world.model
-        if not isinstance(model, AircraftModel):
+        self._field = field
+        # That of the files, dispersed or not: what lies about the place is known by it.
+        self.prepared: Prepared = prepare(self._world(None), case.duration_s)
+        if not isinstance(self.prepared.world.model, AircraftModel):
             raise ValueError("the point mass knows no stall: fly the rigid body")
-        self.prepared: Prepared = prepare(world, case.duration_s)
         self._usual = self._distances(at.x_m, 0.0, at.z_m)
         if min(self._usual) <= 0.0:
             raise ValueError(f"where it hovers it has no margin: {self._usual}")
-        self._look = round(LOOK_S * world.step_hz)
+        self._look = round(LOOK_S * self.prepared.world.step_hz)
 
     @cached_property
     def exits(self) -> tuple[WellExit, WellExit]:
@@ -137,9 +132,36 @@ class SoaringProcess:
             lambda x, z: min(self._distances(x, 0.0, z)) > 0.0,
         )
 
+    def _world(self, seed: int | None) -> World:
+        """The aircraft of a flight and its air; None: those of the files."""
+        case = self.case
+        airframe, site, field, sensors = case.airframe, case.site, self._field, case.sensors
+        if seed is not None:
+            airframe, site, field, sensors = mismatched(airframe, site, field, sensors, seed)
+        world = make_world(
+            airframe,
+            # At rest where the file's hovers: how it comes there is no part of the question.
+            _started(site, *self.place),
+            turbulence=case.turbulence,
+            field=field,
+            sensors=sensors,
+        )
+        world.aerodynamics = case.airframe.aerodynamics()  # what is known aboard
+        return world
+
+    def _prepared(self, seed: int) -> Prepared:
+        """Of the flight that began with this seed."""
+        if not self.case.dispersed:
+            return self.prepared
+        return prepare(self._world(seed), self.case.duration_s)
+
+    def shown(self, state: PartedFlight) -> FloatArray:
+        """Of `splitting.Process`: columns of SHOWN."""
+        return state.last
+
     def begun(self, seed: int) -> PartedFlight:
         """A flight before its first tick."""
-        parts, flight = begun(self.prepared, seed)
+        parts, flight = begun(self._prepared(seed), seed)
         return PartedFlight(
             seed=seed,
             flight=flight,
@@ -153,7 +175,7 @@ class SoaringProcess:
         """Fly on with the noise of a seed until the margin is at or below a level."""
         if state.margin <= level:  # a hand-over passes all that is left of a ladder at once
             return Passage(state.margin, state, state.cause)
-        prepared, begin = self.prepared, state.flight
+        prepared, begin = self._prepared(state.seed), state.flight
         rows = np.empty((prepared.ticks, len(Row._fields)))
         parts = continued(prepared, state.seed, state.lines, seed)
         flight = fly_on(parts, self.laws, begin, prepared.ticks, 0, rows)

@@ -30,6 +30,7 @@ from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
 
+from tgl_soar.air.field import FloatArray
 from tgl_soar.sim.campaign.executors import Executor
 from tgl_soar.sim.campaign.run import fly_all
 
@@ -60,6 +61,10 @@ class Process(Protocol):
         """From a state on with the noise of a seed until its margin is at or below a level."""
         ...
 
+    def shown(self, state: Any) -> FloatArray:
+        """The last seconds before a state, (n, columns)."""
+        ...
+
 
 class Rung(NamedTuple):
     """One level of a ladder."""
@@ -69,11 +74,18 @@ class Rung(NamedTuple):
     passed: int
 
 
+class Loss(NamedTuple):
+    """One trajectory that came to the end of a ladder."""
+
+    cause: str
+    last: FloatArray  # what `Process.shown` shows of it
+
+
 class Ladder(NamedTuple):
     """One estimate."""
 
     rungs: tuple[Rung, ...]
-    losses: tuple[Passage, ...]
+    losses: tuple[Loss, ...]
 
     @property
     def probability(self) -> float:
@@ -160,7 +172,9 @@ def climb(
         if not passed:
             break
         states = [each.state for each in passed]
-    return Ladder(tuple(rungs), tuple(passed) if len(rungs) == len(levels) else ())
+    lost = passed if len(rungs) == len(levels) else []
+    losses = tuple(Loss(each.cause, process.shown(each.state)) for each in lost)
+    return Ladder(tuple(rungs), losses)
 
 
 def estimated(ladders: Sequence[Ladder]) -> RareEstimate:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import fill
 from typing import Any, Final
 
 import numpy as np
@@ -15,7 +16,7 @@ from tgl_soar.estimation.lift_map.sinking import sink
 from tgl_soar.types import GlidePolar
 
 LEVELS: Final = np.linspace(-3.0, 3.0, 13)
-PANELS: Final = 12  # failures drawn at most
+PANELS: Final = 24  # failures drawn at most
 
 
 def true_excess(
@@ -87,10 +88,10 @@ def failures_figure(path: Path, failed: list[tuple[Episode, str]], polar: GlideP
     import matplotlib.pyplot as plt
 
     shown = failed[:PANELS]
-    columns = min(4, max(1, len(shown)))
+    columns = min(6, max(1, len(shown)))
     rows = -(-len(shown) // columns) or 1
     figure, axes = plt.subplots(
-        rows, columns, figsize=(3.6 * columns, 3.3 * rows), squeeze=False, layout="constrained"
+        rows, columns, figsize=(3.0 * columns, 2.8 * rows), squeeze=False, layout="constrained"
     )
     for axis in axes.ravel():
         axis.set_visible(False)
@@ -105,7 +106,8 @@ def failures_figure(path: Path, failed: list[tuple[Episode, str]], polar: GlideP
         axis.fill_between(x, z[0], _floor(place, x), color="0.6")
         axis.plot(episode.path["x_m"], episode.path["z_m"], color="magenta", lw=1.2)
         axis.plot(episode.path["x_m"][0], episode.path["z_m"][0], "o", color="magenta", ms=4)
-        axis.set_title(f"{place.kind} {place.seed}: {place.words}\n{why}", fontsize=6)
+        words = fill(f"{place.kind} {place.seed}: {place.words}", 52) + "\n" + fill(why, 52)
+        axis.set_title(words, fontsize=6)
         axis.set_ylim(z[0], z[-1])
         axis.tick_params(labelsize=6)
     figure.savefig(path, dpi=110)

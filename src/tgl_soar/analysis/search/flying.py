@@ -22,6 +22,7 @@ from tgl_soar.config.files import load_parameters
 from tgl_soar.control.laws import SEARCH_LOOKS, SEARCH_SOARS, laws_from
 from tgl_soar.control.search.glimpse import LOOK_S, Glimpse, LineWish, task_of
 from tgl_soar.control.search.lift_search import Sighting, floor_at, guards_of, sighting_of
+from tgl_soar.control.throttle import can_hold
 from tgl_soar.onboard.line_moves import line_parameters_of
 from tgl_soar.sim.compiled import cell, compiled
 from tgl_soar.sim.fast_flight import begun, prepare, why_it_stands_so
@@ -31,6 +32,9 @@ from tgl_soar.sim.watched_flight import Looked, fly_to_look_in_cells
 from tgl_soar.sim.world import make_world
 
 _COLUMN: Final = {name: n for n, name in enumerate(Row._fields)}
+_THROTTLE: Final = _COLUMN["throttle"]
+# SAOS's upright line; and whoever searches flies in mode searching.
+SEARCHING: Final = {"TGL_LEAN_MIN": -5.0, "SRCH_START": float(SEARCH_LOOKS)}
 
 
 class Searcher(Protocol):
@@ -90,6 +94,8 @@ class EpisodeFlight:
         self._cell: Callable[[object], Any] = _plain_cell if plain else cell
         self._fly = fly_to_look_in_cells if plain else compiled(fly_to_look_in_cells)
         self._parts, self._laws = self._cell(parts), self._cell(laws)
+        self._throttle = laws.throttle
+        self.used_s = 0.0  # of full throttle
         self._flight = self._cell(flight)
         self.rows = np.empty((round(place.duration_s * world.step_hz), len(Row._fields)))
         self._changes = 0
@@ -114,18 +120,27 @@ class EpisodeFlight:
         now = self._fly(self._parts, self._laws, self._flight, until, self._changes, self.rows)
         self.now, before = now, self._before
         self._before = now
+        self.used_s += float(self.rows[begin : now.steps, _THROTTLE].sum()) / self.world.step_hz
         if before is None or not now.active or not before.active:
             return None
         since = self.rows[begin : now.steps]
+        wind_mps = float(np.mean(since[:, _COLUMN["air_wind_mps"]]))
         glimpse = Glimpse(
             before=before.vehicle,
             now=now.vehicle,
             line=now.line,
-            wind_mps=float(np.mean(since[:, _COLUMN["air_wind_mps"]])),
+            wind_mps=wind_mps,
             updraft_mps=float(np.mean(since[:, _COLUMN["air_updraft_mps"]])),
             pitot=self.pitot,
             seeks=True,
             refused=False,
+            pushed_mps=0.5 * (before.pushed_mps + now.pushed_mps),
+            carried=can_hold(
+                self._throttle,
+                self.used_s,
+                min(0.0, now.vehicle.climb_mps),
+                wind_mps - now.vehicle.velocity_x_mps,
+            ),
         )
         return sighting_of(self.guards, glimpse)
 
@@ -160,14 +175,17 @@ def fly_episode(
     pitot: bool = True,
     plain: bool = False,
 ) -> Episode:
-    """Fly one episode; the searcher is made of the first look.
+    """Fly one episode; searcher: as of `flown_by`.
 
     pitot, plain, errors: as of `EpisodeFlight`.
     """
-    # SAOS's upright line; and whoever searches flies in mode searching.
-    parameters = {"TGL_LEAN_MIN": -5.0, "SRCH_START": float(SEARCH_LOOKS)}
-    flight = EpisodeFlight(place, airframe, parameters, pitot=pitot, plain=plain)
-    episode = Episode(place, name, "", "", 0.0, {}, landing_m=flight.guards.landing_m)
+    flight = EpisodeFlight(place, airframe, SEARCHING, pitot=pitot, plain=plain)
+    return flown_by(flight, name, searcher)
+
+
+def flown_by(flight: EpisodeFlight, name: str, searcher: Callable[[Sighting], Searcher]) -> Episode:
+    """Fly an episode to its end; the searcher is made of the first look."""
+    episode = Episode(flight.place, name, "", "", 0.0, {}, landing_m=flight.guards.landing_m)
     somebody: Searcher | None = None
     while flight.flies:
         look = flight.look()

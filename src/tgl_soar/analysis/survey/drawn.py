@@ -10,8 +10,12 @@ differences: a parabola costs nothing.  mu and lambda are those with which parts
 are left out are foretold best: gusts differ from one passage to the next, the contour does not.  f'
 is that of the f before, first of the one without e: passages both ways leave little of e in it.
 
-How certain f is follows from what is left: white noise of the residuals' spectrum at zero
-frequency, that is their variance times the time over which they are alike.
+How certain f is follows from what is left: noise of the residuals' spectrum at zero frequency,
+that is their variance times the time over which they are alike.  Two things belong to it that the
+residuals do not show.  f has followed the noise with as many of its freedoms as the penalty leaves
+it, so that of n / alike independent residuals that many are missing; and what the penalty has
+smoothed away is missing in f.  The penalty is what is believed of f beforehand, and f's posterior
+covariance, s² (H'H + mu P)^-1, has both (Wahba, J. R. Stat. Soc. B 45, 1983).
 """
 
 from __future__ import annotations
@@ -37,6 +41,7 @@ RETURNS_PER_S: Final = tuple(0.1 * 2.0 ** (0.5 * power) for power in range(11))
 # Of the time, each left out once: a part is longer than a gust's effect lasts, which is a few
 # 1 / lambda, and shorter than a way, so that the other passage of the same place is kept.
 PARTS: Final = 10
+FREE_LEAST: Final = 0.1  # of the independent residuals that f has not followed: fewer say nothing
 LEAST_S: Final = 10.0  # of survey on each way: less draws nothing
 LEAST_M: Final = 0.1
 
@@ -157,11 +162,12 @@ def _fitted(flown: _Slid, knots: Floats, late: Floats, widths: Sequence[float]) 
     inverse = np.linalg.inv(normal + mu * penalty)
     f = inverse @ hats.T @ y
     left = y - hats @ f
-    variance = float(np.mean(left**2)) * _alike(left)
-    covariance = variance * inverse @ normal @ inverse
+    alike = _alike(left)
+    free = 1.0 - float(np.trace(normal @ inverse)) * alike / len(y)
+    variance = float(np.mean(left**2)) * alike / max(free, FREE_LEAST)
     return _Drawn(
         f=f,
-        sigma=np.sqrt(np.diag(covariance)),
+        sigma=np.sqrt(variance * np.diag(inverse)),
         left=float(np.sqrt(np.mean(left**2))),
         width=widths[best],
         foretold=min(errors),

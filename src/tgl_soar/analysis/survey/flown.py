@@ -28,7 +28,10 @@ def surveys_of(flight: FlightData) -> list[SurveyPath]:
         if standing is None:
             continue
         last_s, last = spans[-1][-1] if spans else (-np.inf, IDLE)
-        if standing == last and event.time_s - last_s < SAME_S:  # as a word, and as a value
+        # A value that is shown again, as when a station asks for all of them, is nothing new; a
+        # beginning that is said again later is, where the log lacks the end before it.
+        said_again = event.kind == "message" and event.time_s - last_s >= SAME_S
+        if standing == last and not said_again:
             continue
         if standing == DOWNSTREAM or not spans:
             spans.append([])

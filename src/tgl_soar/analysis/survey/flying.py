@@ -26,10 +26,10 @@ from tgl_soar.control.survey import (
     SurveyState,
     is_cut_short,
     survey_begun,
-    survey_refused,
-    survey_step,
+    survey_moved,
     survey_task,
 )
+from tgl_soar.control.target_line import TargetLine
 from tgl_soar.onboard.line_moves import moved
 from tgl_soar.onboard.survey_switch import look_of
 from tgl_soar.sim.fast_flight import begun, fly_on, prepare, why_ended
@@ -38,6 +38,23 @@ from tgl_soar.sim.world import World
 
 BEGIN_S: Final = 12.0  # the line is reached and the aircraft at its place: some 1 / lambda
 LOOKED: Final = ("time_s", "x_m", "z_m", "line_x_m", "line_z_m", "standing", "true_x_m", "true_z_m")
+
+
+@dataclass
+class _MovedLine:
+    """The line in the parameters, moved within its bounds."""
+
+    values: ParameterSet
+    bounds: LineBounds
+    moves: int = 0
+
+    def move(self, target: TargetLine) -> bool:
+        """Put it there; whether it may be there."""
+        there = moved(self.values, self.bounds, target)
+        if there is None:
+            return False
+        self.values, self.moves = there, self.moves + 1
+        return True
 
 
 @dataclass(frozen=True)
@@ -78,13 +95,9 @@ def fly_survey(world: World, values: ParameterSet, seed: int, longest_s: float) 
                 values = values.changed({"SRV_START": float(DOWNSTREAM)})
                 state, changes = survey_begun(look), changes + 1
             continue
-        before, state = state, survey_step(survey_task(laws), state, look)
-        if state.target != before.target:
-            there = moved(values, bounds, state.target)
-            if there is None:
-                state = survey_refused(before, output.line)
-                there = moved(values, bounds, state.target) or values
-            values, changes = there, changes + 1
+        line = _MovedLine(values, bounds)
+        before, state = state, survey_moved(survey_task(laws), state, look, line.move)
+        values, changes = line.values, changes + line.moves
         true = flight.world.aircraft
         here = (look.time_s, look.x_m, look.z_m, look.line.x_m, look.line.z_m)
         looks.append((*here, float(before.standing), true.x_m, true.z_m))

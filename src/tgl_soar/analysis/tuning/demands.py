@@ -18,16 +18,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from msgspec.structs import asdict
 
-from tgl_soar.analysis.linear_model import (
-    Condition,
-    Gusts,
-    Plant,
-    activity,
-    close_loop,
-    disk_margin,
-    linear_controller,
-    linear_plant,
-)
+from tgl_soar.analysis.linear_controller import linear_controller
+from tgl_soar.analysis.linear_model import activity, close_loop, disk_margin
+from tgl_soar.analysis.linear_plant import Condition, Gusts, Plant, linear_plant
 from tgl_soar.analysis.tuning.aircraft import Ranges, drawn_aircraft
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterSet
@@ -141,6 +134,12 @@ def anchored(values: ParameterSet, lean_deg: float) -> ParameterSet:
         values["DYN_SERVO"] + values["CMD_DELAY"],
         min(values["DYN_LAG"], values["DYN_SERVO"]),
     )
+    for name in (name for kind in SETS for name in SOUGHT[kind]):
+        if not changed.get(name, values[name]) > 0.0:
+            raise ValueError(
+                f"{name} = 0: gains are sought as factors of what is flown now, and of nothing"
+                " there are none; give it a value above 0, or leave it out"
+            )
     return values.changed({**changed, **dict(zip(ANCHORS, anchors, strict=True))})
 
 

@@ -99,18 +99,18 @@ def _number(value: float) -> str:
 
 def airframe_with(text: str, parameters: Mapping[str, float]) -> str:
     """An airframe file's text with these in its [parameters]: in place, or added to the table."""
-    table = re.search(r"(?m)^\[parameters\].*$", text)
+    table = re.search(r"(?m)^[ \t]*\[[ \t]*parameters[ \t]*\].*$", text)
     if table is None:
         head, rest = f"{text.rstrip()}\n\n[parameters]\n", ""
     else:
         head, rest = text[: table.end()] + "\n", text[table.end() + 1 :]
-    following = re.search(r"(?m)^\[", rest)
+    following = re.search(r"(?m)^[ \t]*\[", rest)
     end = following.start() if following is not None else len(rest)
     body, tail = rest[:end], rest[end:]
     added = []
     for name, value in parameters.items():
         line = f"{name} = {shortest(value)}  # tuned"
-        body, count = re.subn(rf"(?m)^{name}\s*=.*$", line, body)
+        body, count = re.subn(rf"(?m)^[ \t]*[\"']?{name}[\"']?[ \t]*=.*$", line, body)
         if count == 0:
             added.append(line + "\n")
     return head + "".join(added) + body + tail

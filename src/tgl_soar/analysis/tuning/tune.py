@@ -157,6 +157,7 @@ def tune(task: Task, progress: ProgressFile, report: Report) -> Tuned:
         ranges=demands.ranges,
         duration_s=task.effort.flight_s,
     )
+    _check_air(task, field, start)
     candidates: dict[str, list[Candidate]] = {}
     after: dict[str, Given] = {}
     values = start
@@ -187,6 +188,17 @@ def tune(task: Task, progress: ProgressFile, report: Report) -> Tuned:
         flown=flown,
         candidates=candidates,
     )
+
+
+def _check_air(task: Task, field: flights.FlyingPlace, start: ParameterSet) -> None:
+    """Before minutes of search: whether any aircraft has a place to fly at, where some are to fly.
+
+    Errors: ValueError, `ConfigError`.
+    """
+    purposes = ((FOR_CHOICE, task.effort.choosing), (FOR_JUDGING, task.effort.judging))
+    for purpose, count in purposes:
+        if count:
+            flights.soaring_aircraft(field, start, (task.seed, purpose, 0))
 
 
 # --- the search ----------------------------------------------------------------------------------

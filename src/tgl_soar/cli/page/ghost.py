@@ -102,7 +102,7 @@ class Foresight:
 
     def verdict(self, values: ParameterSet, wanted: GhostLine, *, flying: bool) -> tuple[str, str]:
         """Why the module would refuse a line, and what it would warn of; "" where it would not."""
-        changes = LineChanges(self._presets, self._bounds.fault)
+        changes = LineChanges(self._presets, self._bounds.fault, ringing=self._bounds.ringing)
         try:
             values = changes.set(values, "TGL_STAGE", 2.0, flying=flying).values
             values = changes.set(values, "TGL_STAGE", 1.0, flying=flying).values

@@ -61,6 +61,8 @@ class Glimpse(NamedTuple):
     pitot: bool
     seeks: bool  # a line is wanted; else it only listens
     refused: bool  # the last line that was wished for
+    pushed_mps: float = 0.0  # mean of the climb that a propeller gave
+    carried: bool = False  # what is left of the throttle's budget can keep it from sinking
 
 
 class LineWish(NamedTuple):

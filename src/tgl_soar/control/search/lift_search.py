@@ -12,7 +12,14 @@ import numpy as np
 
 from tgl_soar.control.search.ahead import GRAVITY_MPS2
 from tgl_soar.control.search.glimpse import Glimpse, LineWish, SearchTask
-from tgl_soar.control.search.plan import DRAWS, SPREAD, LinePlan, likely_fields, plan_in
+from tgl_soar.control.search.plan import (
+    DRAWS,
+    FLOWN_THROUGH_MPS,
+    SPREAD,
+    LinePlan,
+    likely_fields,
+    plan_in,
+)
 from tgl_soar.control.search.rollout import Grid, Guards, Moving, RollOut, roll_out
 from tgl_soar.control.search.search import (
     SearchState,
@@ -27,7 +34,6 @@ from tgl_soar.estimation.lift_map.lift_map import LiftMap, Reading
 from tgl_soar.types import NAN, GlidePolar, Ground
 
 AVERAGING_S: Final = 0.2  # of a reading: what is left of gusts has this much behind it
-SPEED_MIN_MARGIN: Final = 0.3  # m/s under the polar's slowest: flown through, not held
 SPEED_MAX_MARGIN: Final = 1.0
 LANDING: Final = 1.5  # of CLEAR_MIN: half of it is left when recovering would begin
 
@@ -43,6 +49,7 @@ class Sighting(NamedTuple):
     over_ground_m: float
     guards: Guards
     pitot: bool
+    carried: bool
 
 
 def guards_of(task: SearchTask) -> Guards:
@@ -53,7 +60,7 @@ def guards_of(task: SearchTask) -> Guards:
         ground=task.ground,
         clearance_m=task.clearance_min_m,
         landing_m=LANDING * task.clearance_min_m,
-        speed_min_mps=task.polar.speed_min_mps - SPEED_MIN_MARGIN,
+        speed_min_mps=task.polar.speed_min_mps - FLOWN_THROUGH_MPS,
         speed_max_mps=task.polar.speed_max_mps + SPEED_MAX_MARGIN,
         line=task.line,
     )
@@ -74,7 +81,7 @@ def sighting_of(guards: Guards, glimpse: Glimpse) -> Sighting | None:
         wind_mps=glimpse.wind_mps,
         updraft_mps=glimpse.updraft_mps,
         airspeed_mps=airspeed,
-        energy_mps=climb - airspeed / GRAVITY_MPS2 * change,
+        energy_mps=climb - glimpse.pushed_mps - airspeed / GRAVITY_MPS2 * change,
         since_s=dt,
     )
     across_mps = e_rho(0.0, 0.0, line.eta_rad, new.velocity_x_mps, new.climb_mps)
@@ -94,6 +101,7 @@ def sighting_of(guards: Guards, glimpse: Glimpse) -> Sighting | None:
         over_ground_m=new.z_m - floor_at(guards.ground, guards.box, new.x_m),
         guards=guards,
         pitot=glimpse.pitot,
+        carried=glimpse.carried,
     )
 
 
@@ -174,6 +182,7 @@ class LiftSearch:
             look.over_ground_m,
             line.moving,
             look.dt_s,
+            carried=look.carried,
         )
         place = self.plan
         return LineWish(

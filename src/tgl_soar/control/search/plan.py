@@ -8,12 +8,21 @@ The worth of a rollout
 
     soars, climbing more than CLIMB_LEAST at the end     1 + 0.3 tanh(margin / 0.1 H)
                                                            + 0.2 tanh(airspeed's margin / 1 m/s)
+        slower than it can be held                       up to 0.5 less
     still flies, and sinks                               0 … 0.5, by the time that is left
     leaves a guard                                       −1 … −0.5, by when
 
 and the best mean worth wins, less a small price on moving, where the present line is not good
 enough.  A place whose well would let gusts
 carry the aircraft out within HOLDS_S is worth less by up to 1.
+
+Rollouts fly through air that is a little slower than the polar's slow end, but no aircraft is held
+there: below it sink grows as it slows, and a lull of a second, in which an aircraft at V loses what
+it has to lose (V/g), takes it from there to the stall.
+
+Nor do rollouts know the gusts to come, which carry an aircraft up and down about its rollout by
+V sigma / g.  One that comes within that of a guard leaves it as likely as the normal distribution
+says, and is worth so much less.
 """
 
 from __future__ import annotations
@@ -54,6 +63,11 @@ FAR_PRICE: Final = 0.2  # for each H that the line is moved: what is far is know
 LEAN_PRICE: Final = 0.03  # the gains are for the lean that is set
 MARGIN_SHARE: Final = 0.10  # of H
 HOLDS_S: Final = 300.0
+FLOWN_THROUGH_MPS: Final = 0.3  # under the polar's slowest
+LULL_S: Final = 1.0
+LOGISTIC: Final = 1.702  # a logistic of so many standard deviations is the normal distribution's
+LEFT_WORTH: Final = -0.5  # of one that leaves a guard at its end
+UNHELD: Final = 0.5  # so much less worth is who would settle that much too slow
 SURVIVES: Final = 0.5  # the most that a line that does not soar is worth
 
 
@@ -64,7 +78,7 @@ class LinePlan(NamedTuple):
     stays: bool  # it is the one that the line goes to already
     worth: float
     chance: float  # share of the fields in which the best line soars
-    stay_chance: float  # the same of the present target
+    stay_chance: float  # that the present one soars, and a lull does not stall it
     most_chance: float  # of any candidate
     lasts_s: float  # mean time until the best leaves a guard; the horizon where it does not
     place_x_m: float  # where the best ends in the mean field
@@ -106,18 +120,26 @@ def likely_fields(grid: Grid, mean: Floats, draws: Floats) -> Fields:
     return grid.fields(weights, np.array([*FACTORS, *([1.0] * len(draws))]))
 
 
-def worths(out: Rollouts, horizon_s: float, height_m: float, landing_m: float) -> Floats:
-    """The worth of each rollout (m, n); landing_m: the height at which a sinking one is over."""
+def worths(
+    out: Rollouts, horizon_s: float, height_m: float, landing_m: float, lull_mps: float
+) -> Floats:
+    """The worth of each rollout (m, n); landing_m: the height at which a sinking one is over;
+    lull_mps: standard deviation of the wind's means over LULL_S."""
     margin = np.tanh(np.maximum(out.margin_m, 0.0) / (MARGIN_SHARE * height_m))
     aside = np.tanh(np.maximum(out.speed_margin_mps, 0.0))
-    soaring = 1.0 + 0.3 * margin + 0.2 * aside
+    slow = (FLOWN_THROUGH_MPS + lull_mps - out.speed_margin_mps) / FLOWN_THROUGH_MPS
+    soaring = 1.0 + 0.3 * margin + 0.2 * aside - UNHELD * np.clip(slow, 0.0, 1.0)
     left_s = np.maximum(out.z_m - landing_m, 0.0) / np.maximum(-out.climb_mps, 0.01)
     sinking = SURVIVES * left_s / (left_s + horizon_s)
+    # V/g is LULL_S, near enough.
+    beyond = np.exp(np.minimum(-LOGISTIC * out.margin_m / max(lull_mps * LULL_S, 1e-6), 50.0))
+    leaves = beyond / (1.0 + beyond)
     early = -1.0 + 0.5 * np.minimum(out.failed_s, horizon_s) / horizon_s
     result: Floats = np.where(
         np.isfinite(out.failed_s),
         early,
-        np.where(out.climb_mps > CLIMB_LEAST_MPS, soaring, sinking),
+        (1.0 - leaves) * np.where(out.climb_mps > CLIMB_LEAST_MPS, soaring, sinking)
+        + leaves * LEFT_WORTH,
     )
     return result
 
@@ -145,7 +167,9 @@ def plan_in(
     soars = ~np.isfinite(out.failed_s) & (out.climb_mps > CLIMB_LEAST_MPS)
     well = wells(grid, fields, polar, guards, lines, out.x_m[0], out.z_m[0], diffusion_m2ps)
     shallow = np.where(soars[0], 1.0 - np.minimum(well.holds_s / HOLDS_S, 1.0), 0.0)
-    worth = worths(out, horizon, height, guards.box.z_min_m).mean(axis=0) - shallow
+    lull = float(np.sqrt(2.0 * diffusion_m2ps / LULL_S))
+    held = soars[:, 0] & (out.speed_margin_mps[:, 0] >= FLOWN_THROUGH_MPS + lull)
+    worth = worths(out, horizon, height, guards.box.z_min_m, lull).mean(axis=0) - shallow
     price = np.full(len(worth), MOVE_PRICE)
     price += FAR_PRICE * np.abs(lines.x_m - now.x_m) / height
     price[0] = 0.0
@@ -159,7 +183,7 @@ def plan_in(
         stays=best == 0,
         worth=float(worth[best]),
         chance=float(chances[best]),
-        stay_chance=float(chances[0]),
+        stay_chance=float(held.mean()),
         most_chance=float(chances.max()),
         lasts_s=float(np.minimum(out.failed_s[:, best], horizon).mean()),
         place_x_m=float(out.x_m[0, best]),

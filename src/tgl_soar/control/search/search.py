@@ -32,8 +32,11 @@ KEEP_CHANCE: Final = 0.5  # a claim is withdrawn below
 KEEP_CLIMB_MPS: Final = 0.15
 CLIMB_S: Final = 3.0  # over which the climb is averaged, or CLIMB_SHARE of a rollout's horizon:
 CLIMB_SHARE: Final = 0.25  # where the box is larger, so are the gusts, and all is slower
-HOPELESS: Final = 0.05  # chance of the best line: one of eleven fields is more
+# Chance of the best line: that of one field in eleven, as a rule of a wind a tenth stronger.
+HOPELESS: Final = 0.10
 HOPELESS_S: Final = 2.0  # so long before it is believed
+SOARS_WORTH: Final = 1.2  # of a rollout, with some margin: `plan.worths`
+FAILS_WORTH: Final = -0.6
 PLAN_EARLY_S: Final = 0.4
 PLAN_S: Final = 1.0
 EARLY_S: Final = 8.0
@@ -79,10 +82,10 @@ def keep_worth(state: SearchState) -> float:
 
     A line settles the aircraft wherever it has a crossing, and every move costs height and begins
     with little known: a line that will as likely as not do is given the time to show it.  After
-    that it has to be one that can be claimed.  A line that is sure to soar is worth 1, and more by
-    its margins.
+    that it has to be one that can be claimed.
     """
-    return CLAIM_CHANCE if state.still_s >= CLAIM_S else KEEP_CHANCE
+    chance = CLAIM_CHANCE if state.still_s >= CLAIM_S else KEEP_CHANCE
+    return chance * SOARS_WORTH + (1.0 - chance) * FAILS_WORTH
 
 
 def climb_s(height_m: float) -> float:
@@ -98,8 +101,11 @@ def search_step(
     over_ground_m: float,
     moving: bool,
     dt_s: float,
+    *,
+    carried: bool = False,
 ) -> SearchState:
-    """Go on by dt_s; plan: a new one, or None; over_ground_m: height; moving: the line slides."""
+    """Go on by dt_s; plan: a new one, or None; over_ground_m: height; moving: the line slides;
+    carried: power can keep the aircraft from sinking."""
     if state.status == GIVEN_UP:
         return state
     share = min(1.0, dt_s / climb_s(guards.box.height_m))
@@ -115,11 +121,11 @@ def search_step(
     hopeless = plan.most_chance < HOPELESS and abs(state.climb_mps) > CLAIM_CLIMB_MPS
     state = state._replace(
         since_plan_s=0.0,
-        hopeless_s=state.hopeless_s + PLAN_EARLY_S if hopeless else 0.0,
+        hopeless_s=state.hopeless_s + state.since_plan_s if hopeless else 0.0,
         target=plan.target,
         still_s=state.still_s if plan.stays else 0.0,
     )
-    reason = _why_not(state, guards, plan, climb_mps, over_ground_m)
+    reason = _why_not(state, guards, plan, climb_mps, over_ground_m, carried)
     if reason != NO_REASON:
         return state._replace(status=GIVEN_UP, reason=reason)
     return state._replace(status=SOARING if _soars(state, plan) else LOOKING)
@@ -138,17 +144,25 @@ def _soars(state: SearchState, plan: LinePlan) -> bool:
 
 
 def _why_not(
-    state: SearchState, guards: Guards, plan: LinePlan, climb_mps: float, over_ground_m: float
+    state: SearchState,
+    guards: Guards,
+    plan: LinePlan,
+    climb_mps: float,
+    over_ground_m: float,
+    carried: bool,
 ) -> int:
     """Why the search is over, if it is."""
     if state.hopeless_s >= HOPELESS_S:
         return NO_PLACE
+    if carried:  # no height runs out as long as there is power
+        return NO_REASON
     sinks = max(-climb_mps, 0.0)
     left_m = over_ground_m - guards.landing_m
     rises = climb_mps > CLAIM_CLIMB_MPS
     soon = REACTION_S * max(sinks, 0.5 * GLIDE_SINK_MPS)
     if plan.chance < KEEP_CHANCE and not rises and left_m < soon:
         return TOO_LOW
-    # Rollouts know how a dive ends: where nearly all of them soar it is waited for that.
-    reaction_s = PLAN_EARLY_S if plan.chance >= CLAIM_CHANCE else REACTION_S
+    # Rollouts have begun with this very sink and know how it ends: where nearly all of them soar a
+    # gust's dip is waited for, as long as there is the height.
+    reaction_s = 0.0 if plan.chance >= CLAIM_CHANCE else REACTION_S
     return TOO_LOW if left_m < reaction_s * sinks else NO_REASON

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from tgl_soar.link.autopilots.ardupilot import ArduPilot
+from tgl_soar.link.autopilots.ardupilot import ATTITUDE, ArduPilot
 from tgl_soar.link.autopilots.base import CommandRoute, Flavour, SurfaceChannels
 from tgl_soar.link.autopilots.bridge import BridgeAutopilot
 from tgl_soar.link.autopilots.paparazzi import Paparazzi
@@ -30,6 +30,10 @@ def flavour(firmware: str, route: str | None, channels: SurfaceChannels, system_
             f"{firmware} takes no fourth surface by any of its routes, and mixes its outputs"
             " itself: give one [surfaces.aileron] and neither flap nor spoiler"
         )
+    if channels.throttle is not None and not issubclass(kind, ArduPilot):
+        raise ValueError(f"{firmware} takes no throttle of ours: leave out [surfaces.throttle]")
+    if channels.throttle is not None and route == ATTITUDE.name:
+        raise ValueError(f"{route} takes no throttle of ours: leave out [surfaces.throttle]")
     if route is None:
         return kind(channels, system_id)
     if route not in kind.routes:

@@ -29,6 +29,7 @@ from tgl_soar.link.autopilots.base import (
     firmware_mismatch,
     pulse_width,
     set_mode,
+    throttle_pulse,
     value_cast,
 )
 from tgl_soar.link.autopilots.requirements import MUST, SHOULD, Answers, Needs, Requirement
@@ -61,6 +62,7 @@ MODE_RTL: Final = 11
 CHANNELS: Final = 18
 RCIN: Final = 50  # and the channel: SERVOn_FUNCTION of an output that repeats a channel
 FUNCTIONS: Final = (19, 4, 21)  # SERVOn_FUNCTION of elevator, aileron, rudder
+THROTTLE: Final = 70  # SERVOn_FUNCTION of the motor
 STICKS: Final = ("RCMAP_PITCH", "RCMAP_ROLL", "RCMAP_YAW")
 RUDDER_RAD: Final = pi / 4.0  # yaw of the quaternion that is full rudder
 _FIRST_EIGHT: Final = 8
@@ -219,8 +221,14 @@ class ArduPilot:
         """Whether it is an ArduPlane."""
         return firmware_mismatch(heartbeat, AUTOPILOT_ARDUPILOT, "an ArduPilot")
 
-    def commands(self, surfaces: SurfaceCommand, setpoints: Setpoints) -> tuple[Outbound, ...]:
-        """One frame: our channels, the others left to the pilot; or the attitude."""
+    def commands(
+        self, surfaces: SurfaceCommand, setpoints: Setpoints, throttle: float = 0.0
+    ) -> tuple[Outbound, ...]:
+        """One frame: our channels, the others left to the pilot; or the attitude.
+
+        The throttle is the pilot's where we ask for none: a receiver that says by it that it has
+        lost its signal is heard again (THR_FAILSAFE).
+        """
         if self.route is ATTITUDE:
             return (self._attitude(surfaces.rudder, setpoints),)
         elevator, aileron, rudder = self._channels[:3]
@@ -230,6 +238,10 @@ class ArduPilot:
         values[rudder.channel - 1] = pulse_width(rudder, surfaces.rudder)
         for channel, pulse in brake_pulses(self._channels, surfaces):
             values[channel - 1] = pulse
+        if (motor := self._channels.throttle) is not None:
+            released = _release_of(motor.channel)
+            pulse = throttle_pulse(motor, throttle) if throttle > 0.0 else released
+            values[motor.channel - 1] = pulse
         return (RcChannelsOverride(self._system_id, COMPONENT_AUTOPILOT, tuple(values)),)
 
     def release(self) -> tuple[Outbound, ...]:
@@ -265,7 +277,7 @@ class ArduPilot:
 
     def requirements(self, needs: Needs) -> tuple[Requirement, ...]:
         """Those of the route, of streams and surfaces, of a hovering aircraft, of the poses."""
-        rows = (self._loop(needs), *self._calibration(), *self._functions())
+        rows = (self._loop(needs), *self._calibration(), *self._functions(), *self._throttle())
         rows += BY_ATTITUDE if self.route is ATTITUDE else BY_OVERRIDE
         return (
             rows
@@ -324,6 +336,26 @@ class ArduPilot:
             rows.append(_row(f"SERVO{channel}_FUNCTION", "is", RCIN + channel, why))
         return tuple(rows)
 
+    def _throttle(self) -> tuple[Requirement, ...]:
+        """Of a propeller's motor: nothing without one."""
+        motor = self._channels.throttle
+        if motor is None:
+            return ()
+        channel, why = motor.channel, "throttle as in the airframe file"
+        rows = [
+            _row(f"SERVO{channel}_FUNCTION", "is", THROTTLE, f"the motor is on channel {channel}"),
+            _row("RCMAP_THROTTLE", "is", channel, f"the throttle is on channel {channel}"),
+        ]
+        for prefix in ("RC", "SERVO"):
+            rows += (
+                _row(f"{prefix}{channel}_MIN", "is", motor.pwm_min, why, old=False),
+                _row(f"{prefix}{channel}_MAX", "is", motor.pwm_max, why, old=False),
+                _row(f"{prefix}{channel}_REVERSED", "is", 0.0, why, old=False),
+            )
+        dead = "a small throttle would be swallowed"
+        rows.append(_row(f"RC{channel}_DZ", "is", 0, dead, SHOULD))
+        return tuple(rows)
+
     def _braking(self) -> tuple[SurfaceChannel, ...]:
         """What brakes, and what is mixed with it."""
         channels = self._channels
@@ -344,7 +376,11 @@ class ArduPilot:
 
     def _released(self) -> RcChannelsOverride:
         values = self._untouched.copy()
-        for surface in self._channels.driven():
-            first = surface.channel <= _FIRST_EIGHT
-            values[surface.channel - 1] = _RELEASE_FIRST if first else _RELEASE_LATER
+        for channel in self._channels.numbers():
+            values[channel - 1] = _release_of(channel)
         return RcChannelsOverride(self._system_id, COMPONENT_AUTOPILOT, tuple(values))
+
+
+def _release_of(channel: int) -> int:
+    """The value that gives a channel back."""
+    return _RELEASE_FIRST if channel <= _FIRST_EIGHT else _RELEASE_LATER

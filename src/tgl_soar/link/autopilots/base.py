@@ -45,18 +45,32 @@ class BrakeChannel(NamedTuple):
     throw: float = 0.0  # `mixing`; 0: a surface of its own
 
 
+class ThrottleChannel(NamedTuple):
+    """Which channel a propeller's motor is on."""
+
+    channel: int  # from 1
+    pwm_min: int  # closed
+    pwm_max: int  # all of it
+
+
 class SurfaceChannels(NamedTuple):
-    """The channels of the three surfaces, and of what brakes."""
+    """The channels of the three surfaces, of what brakes, and of a propeller."""
 
     elevator: SurfaceChannel
     aileron: SurfaceChannel  # of two that brake too: the left one
     rudder: SurfaceChannel
     brake: BrakeChannel | None = None  # None: nothing brakes
+    throttle: ThrottleChannel | None = None  # None: there is no propeller
 
     def driven(self) -> tuple[SurfaceChannel, ...]:
-        """All of them."""
+        """All surfaces."""
         three = self.elevator, self.aileron, self.rudder
         return three if self.brake is None else (*three, self.brake.surface)
+
+    def numbers(self) -> tuple[int, ...]:
+        """The channels of all that the module may move."""
+        moved = tuple(surface.channel for surface in self.driven())
+        return moved if self.throttle is None else (*moved, self.throttle.channel)
 
 
 class Wanted(NamedTuple):
@@ -109,9 +123,11 @@ class Flavour(Protocol):
         """Why this is not the firmware or the kind of vehicle of the airframe file; or ""."""
         ...
 
-    def commands(self, surfaces: SurfaceCommand, setpoints: Setpoints) -> tuple[Outbound, ...]:
-        """What a tick asks for.  Of a direct route only the surfaces count, of the others pitch
-        and roll of the setpoints, and the rudder where the route has it."""
+    def commands(
+        self, surfaces: SurfaceCommand, setpoints: Setpoints, throttle: float = 0.0
+    ) -> tuple[Outbound, ...]:
+        """What a tick asks for.  Of a direct route only surfaces and throttle count, of the others
+        pitch and roll of the setpoints, and the rudder where the route has it."""
         ...
 
     def release(self) -> tuple[Outbound, ...]:
@@ -228,6 +244,12 @@ def deflections(channels: SurfaceChannels, servos: Sequence[int]) -> SurfaceComm
         else:
             brake = 0.5 * (1.0 + brake)
     return SurfaceCommand(elevator, aileron, rudder, brake)
+
+
+def throttle_pulse(throttle: ThrottleChannel, share: float) -> int:
+    """Pulse width [us] of a throttle, 0 … 1; what is not a number is closed."""
+    share = min(1.0, share) if share > 0.0 else 0.0  # false for NaN
+    return round(throttle.pwm_min + share * (throttle.pwm_max - throttle.pwm_min))
 
 
 def brake_pulses(

@@ -93,7 +93,12 @@ class Paparazzi:
         """Whether it is a Paparazzi."""
         return firmware_mismatch(heartbeat, AUTOPILOT_PAPARAZZI, "a Paparazzi")
 
-    def commands(self, surfaces: SurfaceCommand, setpoints: Setpoints) -> tuple[Outbound, ...]:
+    def commands(
+        self,
+        surfaces: SurfaceCommand,
+        setpoints: Setpoints,
+        throttle: float = 0.0,
+    ) -> tuple[Outbound, ...]:
         """One frame with all four channels: its outputs' limits and trims are its own."""
         pulses = (
             _pulse(surfaces.aileron, FULL_ROLL_PITCH_US),

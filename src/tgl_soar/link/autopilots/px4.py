@@ -233,7 +233,12 @@ class Px4:
         """Whether it is a PX4."""
         return firmware_mismatch(heartbeat, AUTOPILOT_PX4, "a PX4")
 
-    def commands(self, surfaces: SurfaceCommand, setpoints: Setpoints) -> tuple[Outbound, ...]:
+    def commands(
+        self,
+        surfaces: SurfaceCommand,
+        setpoints: Setpoints,
+        throttle: float = 0.0,
+    ) -> tuple[Outbound, ...]:
         """One frame."""
         if self.route is ATTITUDE:
             return (

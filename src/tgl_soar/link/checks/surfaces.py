@@ -188,13 +188,16 @@ class SurfaceCheck:
         self._sent_s = float("-inf")
 
     @property
-    def latency_s(self) -> float:
-        """The least time from a command to an output received that shows it; NaN: none did.
+    def latencies_s(self) -> tuple[float, float]:
+        """The least and the greatest time from a command to an output received that shows it; NaN:
+        none did.
 
-        The way back and the time to the next output are in it: the servo's input has the command
-        no later than this.
+        The way back and the wait for an output are in both; the least has little of that wait.  On
+        a link that is always as late, the servo's input has the command no later than the least;
+        on one that is not, between the two.
         """
-        return min(self._latencies_s, default=float("nan"))
+        found = self._latencies_s or [float("nan")]
+        return min(found), max(found)
 
     def _step_us(self) -> tuple[int, int]:
         """The pulse widths of this surface before and at this stop; (0, 0): nothing moves."""

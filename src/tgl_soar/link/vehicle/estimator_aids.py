@@ -14,8 +14,9 @@ that the wind alone aids.  PX4 sets that flag for an aircraft at rest too, where
 
 It is said late: EKF3 waits for 7 s without fixes, with velocities for 10 s.
 
-Nothing said is no doubt: some estimators send no report at all.  What was said holds until the next
-word, for STATUS_AGE_MAX_S, or until the autopilot restarts.  After that
+Nothing said is no doubt: some estimators send no report at all, ArduPilot's DCM among them; an
+older one sends a report without any flag, which is level 0, and nobody engages with it.  What was
+said holds until the next word, for STATUS_AGE_MAX_S, or until the autopilot restarts.  After that
 
     measured   is not known any more, and the operator is told: nobody would notice satellites go
     reckoned   holds on: nobody said that it is measured again

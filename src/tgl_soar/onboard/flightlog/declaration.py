@@ -86,6 +86,10 @@ _SMALL: Final = {
     "ExcitationState.standing": "uint8_t",
     "Forecast.standing": "uint8_t",
     "LaunchState.standing": "uint8_t",
+    "ThrottleReport.standing": "uint8_t",
+    "ThrottleReport.called": "uint8_t",
+    "ThrottleState.standing": "uint8_t",
+    "ThrottleState.called": "uint8_t",
 }
 
 # Samples whose numbers, but for their times, the wire brings in single precision.
@@ -107,7 +111,8 @@ _LEFT_OUT: Final = frozenset(
 _SLOW: Final = re.compile(
     r"air_\w+|sideways_\w+|\w+_feedforward|health_(rejected|gaps|heartbeat_age_s|attitude_age_s)"
     r"|health_\w+_(interval|jitter)_s|setpoints_(roll|heading)_rad|rudder_i|line_eta_rad"
-    r"|quality_\w+|gains_\w+|forecast_\w+|passage_\w+|imu_share|(elevator|aileron|rudder)_output"
+    r"|quality_\w+|gains_\w+|forecast_\w+|passage_\w+|throttle_\w+|imu_share"
+    r"|(elevator|aileron|rudder)_output"
 )
 
 # Columns that keep their names of this layout, whatever the tuples they come from are called: a
@@ -232,6 +237,10 @@ MEANINGS: Final = {
     "TrialState.q_sum": "of what the brake did in each, by what it should",
     "TrialState.q_2_sum": "of its squares",
     "Limited.finite": "the last command was finite",
+    "ThrottleReport.standing": "0 off, 1 closed, 2 open, 3 the budget is used up",
+    "ThrottleReport.called": "by: 0 nothing, 1 no place to settle, 2 way home, 3 low and sinks",
+    "ThrottleReport.share": "what is sent, 0 … 1",
+    "ThrottleState.standing": "as throttle_standing",
     "ExcitationState.standing": "multisine: 0 none, 1 running, 2 done, 3 … why it ended or did not"
     " begin",
 }

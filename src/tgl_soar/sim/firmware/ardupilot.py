@@ -28,13 +28,14 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.airframe import Airframe, Surfaces
 from tgl_soar.config.site import HomePosition, Site
-from tgl_soar.link.autopilots.ardupilot import FUNCTIONS, RCIN
+from tgl_soar.link.autopilots.ardupilot import FUNCTIONS, RCIN, THROTTLE
 from tgl_soar.sim.channels import (
     NEUTRAL,
     command_of,
     deflection_from_pwm,
     deflections_of,
     pwm_from_deflection,
+    throttle_from_pwm,
 )
 from tgl_soar.sim.firmware import FirmwareError, program
 from tgl_soar.sim.firmware.relay import FirmwareLink, Relay
@@ -123,6 +124,14 @@ class ArduPlanePhysics:
         if not self._receive(PATIENCE_S):
             raise FirmwareError(f"ArduPlane has not answered a step for {PATIENCE_S:g} s")
         return self._reported()
+
+    @property
+    def throttle(self) -> float:
+        """What a propeller's motor is commanded, 0 … 1; 0 without one."""
+        motor = self._file.throttle
+        if motor is None or not self._pulses:
+            return 0.0
+        return throttle_from_pwm(motor, self._pulses[motor.channel - 1])
 
     def close(self) -> None:
         """Give the port back."""
@@ -225,6 +234,12 @@ def channel_parameters(surfaces: Surfaces) -> dict[str, float]:
             parameters[f"{name}_REVERSED"] = surface.reversed
         parameters[f"RC{surface.channel}_DZ"] = 0
         parameters[f"SERVO{surface.channel}_FUNCTION"] = function
+    if (motor := surfaces.throttle) is not None:
+        parameters["RCMAP_THROTTLE"] = motor.channel
+        parameters[f"SERVO{motor.channel}_FUNCTION"] = THROTTLE
+        for prefix in ("RC", "SERVO"):
+            parameters[f"{prefix}{motor.channel}_MIN"] = motor.pwm_min
+            parameters[f"{prefix}{motor.channel}_MAX"] = motor.pwm_max
     return parameters
 
 

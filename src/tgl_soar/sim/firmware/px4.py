@@ -129,6 +129,8 @@ class Px4Physics:
             0.0,
         )
 
+    throttle = 0.0  # it takes none of ours
+
     def exchange(self, readings: Readings, sticks: Sticks) -> SurfaceCommand:
         """One step: what the sensors read, then the servos' commands; neutral at first.
 

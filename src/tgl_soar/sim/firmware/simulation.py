@@ -72,6 +72,11 @@ class Physics(Protocol):
         """One step in lockstep: the servos' commands."""
         ...
 
+    @property
+    def throttle(self) -> float:
+        """What a propeller's motor is commanded since, 0 … 1; 0 without one."""
+        ...
+
     def helped(self, readings: Readings, texts: Collection[str], /) -> Any | None:
         """What a ground station sends to help its estimator start; `texts`: its messages so far."""
         ...
@@ -191,6 +196,7 @@ class FirmwareSimulation:
                 self.pixhawk.hears_stations = not begins
         self._set_parameters()
         self._launch()
+        world.throttle = self._physics.throttle
         world.step(self.injection.surfaces(self.time_s, self._surfaces, 1.0 / world.step_hz))
         if world.crashed and self._lying_until < 0:
             self.crashes += 1

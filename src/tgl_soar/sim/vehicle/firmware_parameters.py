@@ -38,6 +38,11 @@ class FirmwareParameters:
                 self._table[f"{name}_TRIM"] = (float(surface.pwm_trim), 800.0, 2200.0)
                 self._table[f"{name}_MAX"] = (float(surface.pwm_max), 800.0, 2200.0)
                 self._table[f"{name}_REVERSED"] = (0.0, 0.0, 1.0)
+        if (motor := surfaces.throttle) is not None:
+            for prefix in ("RC", "SERVO"):
+                name = f"{prefix}{motor.channel}"
+                self._table[f"{name}_MIN"] = (float(motor.pwm_min), 800.0, 2200.0)
+                self._table[f"{name}_MAX"] = (float(motor.pwm_max), 800.0, 2200.0)
         self.names = tuple(self._table)
         for name, value in (values or {}).items():
             if not self.set(name, value):

@@ -19,6 +19,7 @@ from tgl_soar.sim.channels import (
     pwm_from_deflection,
     pwm_from_stick,
     stick_from_pwm,
+    throttle_from_pwm,
 )
 from tgl_soar.sim.vehicle.firmware_parameters import OVERRIDES_NEVER_EXPIRE, FirmwareParameters
 from tgl_soar.sim.vehicle.level_flight import LevelFlight
@@ -35,6 +36,7 @@ class SurfaceOutputs:
     ) -> None:
         self.overrides = Overrides()
         self.deflections = NEUTRAL  # what the servos are commanded
+        self.throttle = 0.0  # what a propeller's motor is commanded, 0 … 1; the pilot's is closed
         self._file = surfaces
         self._surfaces = surfaces.driven()
         self._parameters = parameters
@@ -95,6 +97,10 @@ class SurfaceOutputs:
             self._servo_pwm[surface.channel - 1] = pwm
             deflections.append(deflection_from_pwm(surface, pwm))
         self.deflections = command_of(self._file, deflections)
+        if (motor := self._file.throttle) is not None:
+            pwm = self.overrides.on(motor.channel) or motor.pwm_min
+            self._channel_pwm[motor.channel - 1] = self._servo_pwm[motor.channel - 1] = pwm
+            self.throttle = throttle_from_pwm(motor, pwm)
 
     def _level_flight(self, sticks: list[float], attitude: AttitudeSample) -> list[float]:
         # A stick's sign on the wire follows the airframe file; the law's is ours.

@@ -1,0 +1,53 @@
+"""The shipped hill and the aircraft that flies there, as the experiments outdoors begin with it."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import msgspec
+
+from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.files import (
+    airframe_file,
+    line_parameters,
+    load_airframe,
+    load_parameters,
+    load_site,
+    site_file,
+)
+from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.config.site import HillAir, Line, Site, Start
+
+AIRFRAME: Final = "eclipson_c"
+SITE: Final = "hill"
+BELOW_M: Final = 0.5  # its line, where it is let go
+
+
+class ShippedHill(NamedTuple):
+    """The files, and what they set."""
+
+    airframe: Airframe
+    site: Site
+    air: HillAir  # of the site
+    values: ParameterSet
+
+    def blown(self, wind_mps: float) -> ShippedHill:
+        """The same in another wind."""
+        air = msgspec.structs.replace(self.air, wind_mps=wind_mps)
+        return self._replace(site=msgspec.structs.replace(self.site, air=air), air=air)
+
+    def on_line(self, name: str) -> ShippedHill:
+        """The same with one of its lines to be flown, let go below it."""
+        line: Line = self.site.lines[name]
+        start = Start(x_m=line.x_m, z_m=line.z_m - BELOW_M)
+        site = msgspec.structs.replace(self.site, start=start)
+        return self._replace(site=site, values=self.values.changed(line_parameters(line)))
+
+
+def shipped_hill() -> ShippedHill:
+    """As shipped.  Errors: `ConfigError`."""
+    airframe_path, site_path = airframe_file(AIRFRAME), site_file(SITE)
+    airframe, site = load_airframe(airframe_path), load_site(site_path)
+    assert isinstance(site.air, HillAir)
+    values = load_parameters(airframe, airframe_path, site, site_path)
+    return ShippedHill(airframe=airframe, site=site, air=site.air, values=values)

@@ -1,0 +1,221 @@
+"""Mutants that people made: changes of what matters most, through which wrong code once passed.
+
+`python tools/mutate.py --named` tries them.  Each is a piece of a source, which stands there once,
+and what is put in its place.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from mutations import Mutation
+
+SOURCE: Final = Path("src/tgl_soar")
+
+
+class Named(NamedTuple):
+    """A change, by the text that it replaces in a file below `SOURCE`."""
+
+    file: str
+    old: str
+    new: str
+    words: str  # what is wrong then
+
+
+NAMED: Final = (
+    # The supervisor's table and the envelope's constants.
+    Named(
+        "control/supervisor.py",
+        "    Transition(HOLDING, TROUBLED, AIR_SAFE, RECOVERING, GLIDE, REASON_STALL),\n",
+        "",
+        "holding does not recover from a stall",
+    ),
+    Named(
+        "control/supervisor.py",
+        "    Transition(HOLDING, TROUBLED, HIGH_ENOUGH, RECOVERING, GLIDE, REASON_LOW),\n",
+        "",
+        "holding does not recover from flying low",
+    ),
+    Named(
+        "control/supervisor.py",
+        "        Transition(mode, TROUBLED, AIR_SAFE, RECOVERING, GLIDE, REASON_STALL),\n",
+        "",
+        "a line is flown on in a stall",
+    ),
+    Named(
+        "control/envelope.py",
+        "STALL_BEYOND: Final = 0.05",
+        "STALL_BEYOND: Final = 0.5",
+        "a stall begins ten times as deep",
+    ),
+    Named(
+        "control/envelope.py",
+        "CLEAR_FACTOR: Final = 1.3",
+        "CLEAR_FACTOR: Final = 0.5",
+        "clear of the ground again below the least clearance",
+    ),
+    # What one law is told of another.
+    Named(
+        "control/surface_loops.py",
+        "            dt_s,\n            state.limited.elevator_blocked,\n        )\n",
+        "            dt_s,\n            0,\n        )\n",
+        "the pitch loop is not told that the elevator is blocked",
+    ),
+    Named(
+        "autopilot.py",
+        "        blocked = limited.elevator_blocked\n",
+        "        blocked = 0\n",
+        "the outer loop is not told that the elevator is blocked",
+    ),
+    # The estimators.
+    Named(
+        "estimation/position_fixes.py",
+        "weight = OFFSET_M * OFFSET_M / (OFFSET_M * OFFSET_M + scatter)",
+        "weight = 1.0",
+        "all of a difference between two sources is the offset",
+    ),
+    Named(
+        "estimation/position_fixes.py",
+        "    if _length(rx, ry, rz) > _velocity_gate(errors.covariance.vv, variance):\n",
+        "    if False:\n",
+        "any velocity is taken in, however far off",
+    ),
+    Named(
+        "estimation/wind.py",
+        "        0.0,\n        0.0,\n        tilted,\n",
+        "        0.0,\n        0.0,\n        0.0,\n",
+        "the axial force's bias knows nothing of the pitch's",
+    ),
+    Named(
+        "estimation/wind.py",
+        "flat * flat * delta + 2.0 * flat * posterior.pitch_z",
+        "flat * flat * delta - 2.0 * flat * posterior.pitch_z",
+        "the sign of the pitch in the updraft's standard deviation",
+    ),
+    Named(
+        "estimation/wind.py",
+        "down * down * delta - 2.0 * down * posterior.pitch_x",
+        "down * down * delta + 2.0 * down * posterior.pitch_x",
+        "the sign of the pitch in the wind's standard deviation",
+    ),
+    Named(
+        "estimation/wind.py",
+        "force_x_mps2 - kv * along - moved,",
+        "force_x_mps2 - kv * along,",
+        "the second force forgets what the first has moved",
+    ),
+    Named(
+        "estimation/force_bias.py",
+        "        + (motion.forward_mps - average.forward_mps) / BIAS_S,\n",
+        "        + 0.0,\n",
+        "the bias takes a change of speed for its own (x)",
+    ),
+    Named(
+        "estimation/force_bias.py",
+        "average.force_z_mps2 + (motion.down_mps - average.down_mps) / BIAS_S,",
+        "average.force_z_mps2,",
+        "the bias takes a change of speed for its own (z)",
+    ),
+    # The links.
+    Named(
+        "link/signing.py",
+        "            self._streams.clear()\n",
+        "            pass\n",
+        "streams of another key are kept",
+    ),
+    Named(
+        "link/signing.py",
+        "    return frame[-_BLOCK], source_of(frame)\n",
+        "    return 0, source_of(frame)\n",
+        "the link's id is ignored",
+    ),
+    Named(
+        "link/signing.py",
+        "        return len(self._streams) < MAX_STREAMS\n",
+        "        return True\n",
+        "any number of streams is kept",
+    ),
+    Named(
+        "link/natnet/clock.py",
+        "            self._low_s -= DRIFT * elapsed_s\n",
+        "            self._low_s += DRIFT * elapsed_s\n",
+        "the clock's bounds close in with time",
+    ),
+    # The world.
+    Named("air/jet.py", "SPREADING = 11.0", "SPREADING = 13.0", "the jet spreads less"),
+    Named(
+        "air/jet.py",
+        "lip_ahead_m: float = 0.5  #",
+        "lip_ahead_m: float = 0.9  #",
+        "the nozzle's lip stands elsewhere",
+    ),
+    Named(
+        "sim/sensors.py",
+        "    force_bias_mps2=0.10,\n    rate_noise_radps=0.01,\n    rate_bias_radps=0.002,\n",
+        "    force_bias_mps2=0.0,\n    rate_noise_radps=0.01,\n    rate_bias_radps=0.002,\n",
+        "accelerometers without a bias",
+    ),
+    # What is made of a flight.
+    Named("sim/score.py", "TAIL_S = 8.0", "TAIL_S = 2.0", "a leg's end is a quarter as long"),
+    Named(
+        "analysis/report/legs.py",
+        "SAME_LINE_M = 0.005",
+        "SAME_LINE_M = 0.5",
+        "a leg has the name of a line far away",
+    ),
+    Named(
+        "analysis/report/legs.py",
+        "SAME_LINE_RAD = 0.01",
+        "SAME_LINE_RAD = 1.0",
+        "a leg has the name of a line of another lean",
+    ),
+    Named(
+        "analysis/report/spectra.py",
+        "np.argmax(frequency * density)",
+        "np.argmax(density)",
+        "the peak is that of the density, not per octave",
+    ),
+    Named(
+        "analysis/experiments/still_lines.py",
+        "bool(summaries) and all(abs(s.miss_m) <= miss_most_m for s in summaries)",
+        "True",
+        "every place is the predicted one",
+    ),
+    Named(
+        "analysis/experiments/still_lines.py",
+        "survived == len(flights) and reached and slowest <= settle_most_s,",
+        "survived == len(flights) and reached,",
+        "a line is reached however long it takes",
+    ),
+    Named(
+        "analysis/experiments/estimator.py",
+        '        lost == 0,\n        f"{lost} of {sum(',
+        '        True,\n        f"{lost} of {sum(',
+        "no law is ever lost at its margin",
+    ),
+    Named(
+        "analysis/experiments/wind_estimate.py",
+        "        all(\n            (HONEST_LEAST if",
+        "        True or all(\n            (HONEST_LEAST if",
+        "every standard deviation is honest",
+    ),
+)
+
+
+def mutation_of(named: Named, source: str) -> Mutation:
+    """The change of a source.
+
+    Errors: ValueError where the text does not stand there once.
+    """
+    if source.count(named.old) != 1:
+        raise ValueError(f"{named.file}: {source.count(named.old)} times {named.old!r}, not once")
+    at = source.index(named.old)
+    start = len(source[:at].encode())
+    return Mutation(
+        line=source[: at + len(named.old) - len(named.old.lstrip())].count("\n") + 1,
+        start=start,
+        end=start + len(named.old.encode()),
+        text=named.new,
+        words=named.words,
+    )
