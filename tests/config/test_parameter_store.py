@@ -394,7 +394,7 @@ def test_a_file_that_cannot_be_replaced_stays_alone(
 
     file = tmp_path / "site.toml"
     file.write_bytes(b"old")
-    monkeypatch.setattr(parameter_store.os, "fsync", full)
+    monkeypatch.setattr("tgl_soar.config.parameter_store.os.fsync", full)
     with pytest.raises(OSError, match="No space"):
         parameter_store.write_state(file, b"new", None)
     assert file.read_bytes() == b"old"

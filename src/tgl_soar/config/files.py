@@ -116,6 +116,19 @@ def preset_lines(site: Site, values: ParameterSet) -> Presets:
     )
 
 
+def airframe_refusal(
+    values: ParameterSet, driven: frozenset[int], aerodynamics: Aerodynamics
+) -> str:
+    """Which value the airframe has no room for, "NAME = value: why"; "" if none."""
+    for name, refusal in (
+        ("OP_RC_CHAN", switch_refusal(values["OP_RC_CHAN"], driven)),
+        ("THR_BUDGET", budget_refusal(values["THR_BUDGET"], aerodynamics)),
+    ):
+        if refusal:
+            return f"{name} = {values[name]:g}: {refusal}"
+    return ""
+
+
 def switch_refusal(channel: float, surface_channels: frozenset[int]) -> str:
     """Why a channel cannot be the pilot's switch; "" if it can."""
     if channel not in surface_channels:
@@ -136,13 +149,9 @@ def budget_refusal(budget_s: float, aerodynamics: Aerodynamics) -> str:
 
 
 def _check_against_airframe(path: str | Path, values: ParameterSet, airframe: Airframe) -> None:
-    driven = airframe.surfaces.channels()
-    if refusal := switch_refusal(values["OP_RC_CHAN"], driven):
-        channel = values["OP_RC_CHAN"]
-        raise ConfigError(f"{path}: parameters.OP_RC_CHAN = {channel:g}: {refusal}")
-    if refusal := budget_refusal(values["THR_BUDGET"], airframe.aerodynamics()):
-        budget_s = values["THR_BUDGET"]
-        raise ConfigError(f"{path}: parameters.THR_BUDGET = {budget_s:g}: {refusal}")
+    known, channels = airframe.aerodynamics(), airframe.surfaces.channels()
+    if refusal := airframe_refusal(values, channels, known):
+        raise ConfigError(f"{path}: parameters.{refusal}")
 
 
 _LINE_KEYS: Final = {"TGL_X": "x_m", "TGL_Z": "z_m", "TGL_LEAN": "lean_deg"}

@@ -22,11 +22,10 @@ from tgl_soar import __version__
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import (
     ConfigError,
-    budget_refusal,
+    airframe_refusal,
     load_airframe,
     load_parameters,
     load_site,
-    switch_refusal,
 )
 from tgl_soar.config.parameter_store import Identity, ParameterStore, state_file
 from tgl_soar.config.site import Site
@@ -258,17 +257,9 @@ def _restored(
     if found.kept:
         names = ", ".join(found.kept)
         words.append((SEVERITY_NOTICE, f"{len(found.kept)} stored parameters: {names}"))
-    channel = found.values["OP_RC_CHAN"]
-    if refusal := switch_refusal(channel, setup.surface_channels):
+    if refusal := airframe_refusal(found.values, setup.surface_channels, setup.aerodynamics):
         raise ConfigError(
-            f"{store.path}: OP_RC_CHAN = {channel:g}: {refusal}; set it with `tgl-soar params"
-            " import`, or remove this file"
-        )
-    budget_s = found.values["THR_BUDGET"]
-    if refusal := budget_refusal(budget_s, setup.aerodynamics):
-        raise ConfigError(
-            f"{store.path}: THR_BUDGET = {budget_s:g}: {refusal}; set it with `tgl-soar params"
-            " import`, or remove this file"
+            f"{store.path}: {refusal}; set it with `tgl-soar params import`, or remove this file"
         )
     return setup._replace(parameters=found.values), words
 

@@ -10,7 +10,7 @@ from math import radians
 from typing import Final, NamedTuple
 
 from tgl_soar.config.airframe import OPERATORS, Airframe, Surface
-from tgl_soar.config.files import ConfigError, budget_refusal, preset_lines, switch_refusal
+from tgl_soar.config.files import ConfigError, airframe_refusal, preset_lines
 from tgl_soar.config.line_changes import Contour, Presets
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Forward, PositionSettings, Site
@@ -120,16 +120,12 @@ def needs_of(airframe: Airframe, site: Site, values: ParameterSet) -> Needs:
 def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> ModuleSetup:
     """Configuration files' contents as the flying module takes them."""
     link = airframe.autopilot
-    channels, flavour = surface_channels(airframe), flavour_of(airframe)
+    flavour = flavour_of(airframe)
     if parameters["OP_ENGAGE"] != 0.0:  # a restarted module must never engage by itself
         parameters = parameters.changed({"OP_ENGAGE": 0.0})
-    driven = frozenset(channels.numbers())
-    if refusal := switch_refusal(parameters["OP_RC_CHAN"], driven):
-        raise ConfigError(f"parameters.OP_RC_CHAN = {parameters['OP_RC_CHAN']:g}: {refusal}")
-    aerodynamics = airframe.aerodynamics()
-    if refusal := budget_refusal(parameters["THR_BUDGET"], aerodynamics):
-        budget_s = parameters["THR_BUDGET"]
-        raise ConfigError(f"parameters.THR_BUDGET = {budget_s:g}: {refusal}")
+    driven, aerodynamics = airframe.surfaces.channels(), airframe.aerodynamics()
+    if refusal := airframe_refusal(parameters, driven, aerodynamics):
+        raise ConfigError(f"parameters.{refusal}")
     accepted_bridges(site.position, Source(link.system_id, link.component_id))
     needs = needs_of(airframe, site, parameters)
     # Its own local position may also come from poses that somebody else sends to it: only a site

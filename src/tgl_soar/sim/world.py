@@ -540,11 +540,13 @@ def make_world(
     folder: Path | None = None,
     field: WindField | None = None,
     sensors: Sensors = USUAL_SENSORS,
+    known: Airframe | None = None,
 ) -> World:
     """The world of an airframe and a site file.
 
     turbulence: its intensity where it is not the site's.  field: one that was built before, to
     save the time where many worlds share it.  sensors: what the aircraft carries.
+    known: what the module takes the aircraft for, where it is not what flies.
     Errors: `ConfigError`.
     """
     if site.air is None:
@@ -566,7 +568,7 @@ def make_world(
             step_hz=step_hz,
             bounds=_bounds(site.air),
             sensors=sensors,
-            aerodynamics=airframe.aerodynamics(),
+            aerodynamics=(known or airframe).aerodynamics(),
             ground=site.known_ground(),
             tether=_tether_of(site.tether, model.mass_kg),
         )

@@ -243,8 +243,8 @@ def place() -> CampaignPlace:
 def world_of(job: FaultJob, injection: Injection, duration_s: float = DURATION_S) -> World:
     """The world of a flight, compiled where numba is there."""
     airframe, site, _, field = place()
-    airframe, sensors = airframe.flown_as(job.model), SENSORS[job.aboard]
-    known = airframe.aerodynamics()
+    known, sensors = airframe.flown_as(job.model), SENSORS[job.aboard]
+    airframe = known
     if job.dispersed:
         airframe, site, field, sensors = mismatched(airframe, site, field, sensors, job.seed)
     world = make_world(
@@ -254,8 +254,8 @@ def world_of(job: FaultJob, injection: Injection, duration_s: float = DURATION_S
         turbulence=max(job.turbulence, 1e-6),  # one compiled kind of air for all
         field=injection.field(field),
         sensors=sensors,
+        known=known,
     )
-    world.aerodynamics = known
     return CompiledWorld(prepare(world, duration_s), job.seed) if available() else world
 
 

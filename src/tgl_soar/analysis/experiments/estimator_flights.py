@@ -336,16 +336,15 @@ def _world(flight: EstimatorFlight) -> World:
     airframe, sensors = _airframe(), flight.sensors
     if flight.dispersed:
         airframe, site, field, sensors = mismatched(airframe, site, field, sensors, flight.seed)
-    world = make_world(
+    return make_world(
         airframe,
         site,
         seed=flight.seed,
         turbulence=flight.turbulence,
         field=field,
         sensors=sensors,
+        known=_airframe(),
     )
-    world.aerodynamics = _airframe().aerodynamics()  # what is known aboard
-    return world
 
 
 @lru_cache(maxsize=64)

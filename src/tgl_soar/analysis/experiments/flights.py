@@ -129,15 +129,14 @@ def scenario_world(
     field, sensors = prepared.field, job.scenario.sensors.as_sensors()
     if job.dispersed:
         airframe, site, field, sensors = mismatched(airframe, site, field, sensors, job.seed)
-    world = make_world(
+    return make_world(
         airframe,
         site,
         seed=job.seed,
         field=field if injection is None else injection.field(field),
         sensors=sensors,
+        known=prepared.airframe,
     )
-    world.aerodynamics = prepared.airframe.aerodynamics()
-    return world
 
 
 def _flown(job: ScenarioJob, prepared: PreparedScenario, trajectory: Trajectory) -> FlownScenario:

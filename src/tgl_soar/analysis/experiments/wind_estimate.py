@@ -130,18 +130,23 @@ class WindScore(NamedTuple):
 
 def look_on(flight: WindFlight) -> ObservedFlight:
     """Fly one flight with all its estimators.  Errors: `ConfigError`."""
-    airframe, site, values, field = _place()
+    known, site, values, field = _place()
+    airframe = known
     values = values.changed(line_parameters(site.lines[flight.lines[0]]))
     sensors = Sensors(
         attitude=AUTOPILOT_ATTITUDE._replace(bias_rad=0.0), imu=MEMS_IMU, airspeed=PITOT
     )
-    known = airframe.aerodynamics()
     if flight.dispersed:
         airframe, site, field, sensors = mismatched(airframe, site, field, sensors, flight.seed)
     world = make_world(
-        airframe, site, seed=flight.seed, turbulence=TURBULENCE, field=field, sensors=sensors
+        airframe,
+        site,
+        seed=flight.seed,
+        turbulence=TURBULENCE,
+        field=field,
+        sensors=sensors,
+        known=known,
     )
-    world.aerodynamics = known
     loop = ClosedLoop(world, values)
     wind = laws_from(values, world.frame, world.aerodynamics).wind
     tilt = PITCH_ERROR_RAD if flight.seed % 2 else -PITCH_ERROR_RAD

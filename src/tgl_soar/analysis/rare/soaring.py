@@ -138,16 +138,15 @@ class SoaringProcess:
         airframe, site, field, sensors = case.airframe, case.site, self._field, case.sensors
         if seed is not None:
             airframe, site, field, sensors = mismatched(airframe, site, field, sensors, seed)
-        world = make_world(
+        return make_world(
             airframe,
             # At rest where the file's hovers: how it comes there is no part of the question.
             _started(site, *self.place),
             turbulence=case.turbulence,
             field=field,
             sensors=sensors,
+            known=case.airframe,
         )
-        world.aerodynamics = case.airframe.aerodynamics()  # what is known aboard
-        return world
 
     def _prepared(self, seed: int) -> Prepared:
         """Of the flight that began with this seed."""

@@ -84,8 +84,8 @@ class EpisodeFlight:
             seed=place.seed,
             field=place.field,
             sensors=Sensors(imu=MEMS_IMU, airspeed=PITOT if pitot else None, surfaces=READ_BACK),
+            known=airframe,
         )
-        world.aerodynamics = airframe.aerodynamics()
         name = place.site.site.name
         self.values = load_parameters(airframe, name, place.site, name).changed(parameters)
         laws = laws_from(self.values, world.frame, world.aerodynamics, world.ground)
