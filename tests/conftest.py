@@ -6,7 +6,6 @@ import pickle
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from drawn_again import shows_what_it_showed  # noqa: F401 - a fixture
@@ -52,6 +51,8 @@ ONE_WORKER: dict[str, tuple[str, ...]] = {
         "sim/test_batch.py", "sim/test_compiled.py",
         "sim/test_kernel_cache.py",
     ),
+    # They go through all conditions of each mode: thirty million of some.
+    "the walk": ("control/test_reported_faults.py", "control/test_supervisor.py"),
     # They read the logs of one flight, which is flown and written once.
     "one flight": (
         "analysis/logs/test_bad_logs.py", "analysis/logs/test_reading.py",
@@ -75,16 +76,17 @@ LATER_FILES = (
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Tests that share something go to one worker, and native code has no seams for some.
+    """Tests of a file go to one worker, which makes once what they share, and native code has no
+    seams for some.
 
     The longest go first: one worker begins with the one group, the other with the next, and the
-    many single tests at the end are divided so that both end together.
+    many short files at the end are divided so that both end together.
     """
     later = {TESTS / file for file in LATER_FILES}
     group_of = {TESTS / file: name for name, files in ONE_WORKER.items() for file in files}
     for item in items:
-        group = group_of.get(item.path) or (shares(item) and str(item.path))
-        if group and item.get_closest_marker("xdist_group") is None:
+        if item.get_closest_marker("xdist_group") is None:
+            group = group_of.get(item.path) or item.path.relative_to(TESTS).as_posix()
             item.add_marker(pytest.mark.xdist_group(group))
         own = item.get_closest_marker("xdist_group")
         if item.path in later or (own is not None and own.args[0] in LATER_GROUPS):
@@ -101,17 +103,9 @@ def turn(item: pytest.Item) -> int:
     if item.get_closest_marker("first"):
         return 0
     mark = item.get_closest_marker("xdist_group")
-    if mark is None:
-        return len(ONE_WORKER) + 2
+    assert mark is not None
     groups = list(ONE_WORKER)
     return 1 + (groups.index(mark.args[0]) if mark.args[0] in groups else len(groups))
-
-
-def shares(item: pytest.Item) -> bool:
-    """Whether a test has something in common with others of its file."""
-    info: Any = getattr(item, "_fixtureinfo", None)
-    found = info.name2fixturedefs.values() if info else ()
-    return any(each[-1].scope == "module" for each in found)
 
 
 @pytest.fixture(scope="session")

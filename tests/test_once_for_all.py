@@ -32,7 +32,7 @@ def test_groups_are_handed_out_as_groups(request: pytest.FixtureRequest) -> None
     assert request.node.nodeid.endswith("@of one worker")
 
 
-def test_the_long_groups_begin_and_single_tests_end(request: pytest.FixtureRequest) -> None:
+def test_the_long_groups_begin_and_short_files_end(request: pytest.FixtureRequest) -> None:
     """With a long group at the end one worker would wait for the other."""
     assert list(ONE_WORKER)[:2] == ["real time", "kernels"]
     turns = [turn(item) for item in request.session.items]
