@@ -25,7 +25,8 @@ def test_the_array_holds_each_number_under_its_name() -> None:
         pitch_rad=0.72,
         heading_rad=0.73,
     )
-    output = output._replace(line=line, vehicle=vehicle)
+    throttle = output.throttle._replace(climb_mps=0.35)
+    output = output._replace(line=line, vehicle=vehicle, throttle=throttle)
     reported = dict(zip(ARRAY, float_array(output, 1.0).data, strict=True))
     assert reported["mode"] == output.mode
     assert (reported["e_rho"], reported["e_rho_rate"]) == (0.11, 0.12)
@@ -41,6 +42,7 @@ def test_the_array_holds_each_number_under_its_name() -> None:
     assert (reported["elevator"], reported["aileron"], reported["rudder"]) == tuple(command)[:3]
     assert reported["ele_p"] == output.elevator.p
     assert reported["rud_d"] == output.rudder.d
+    assert reported["pushed"] == 0.35
     ages = health.position_age_s, health.attitude_age_s, health.heartbeat_age_s
     assert (reported["age_pos"], reported["age_att"], reported["age_ap"]) == ages
     assert reported["imu_weight"] == output.imu_weight

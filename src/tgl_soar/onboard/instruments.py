@@ -15,7 +15,8 @@ exactly.  `entry` says what engaging still lacks, by the bits of the supervisor'
 to settle, and `fc_time` is the time until the limit is reached, at the height `fc_z`.
 `pt_state` is how the point on the line stands, as `control.brake` numbers it, `pt_off` the distance
 from it along the line.
-`thr_used` is the integral of `throttle` over the flight, in seconds of full throttle.
+`thr_used` is the integral of `throttle` over the flight, in seconds of full throttle, and `pushed`
+the climb that the propeller gives.
 """
 
 from __future__ import annotations
@@ -72,7 +73,7 @@ ARRAY: Final = (
     *("rho_p", "rho_i", "rho_d", "rho_saturated"),
     *("elevator", "ele_p", "ele_i", "ele_d", "ele_saturated"),
     *("aileron", "ail_p", "ail_i", "ail_d", "ail_saturated"),
-    *("rudder", "rud_p", "rud_d", "rud_saturated"),
+    *("rudder", "rud_p", "rud_d", "pushed"),
     *("age_pos", "age_att", "age_ap", "health"),
     *("airspeed", "alpha", "wind", "updraft", "excess", "wind_sd", "updraft_sd"),
     *("imu_weight", "faults"),
@@ -256,7 +257,7 @@ def float_array(output: Output, vehicle_time_s: float) -> DebugFloatArray:
         float(soaring.saturated),
         *(command.elevator, elevator.p, elevator.i, elevator.d, float(elevator.saturated)),
         *(command.aileron, aileron.p, aileron.i, aileron.d, float(aileron.saturated)),
-        *(command.rudder, rudder.p, rudder.d, float(rudder.saturated)),
+        *(command.rudder, rudder.p, rudder.d, output.throttle.climb_mps),
         health.position_age_s,
         health.attitude_age_s,
         health.heartbeat_age_s,

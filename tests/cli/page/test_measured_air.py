@@ -22,6 +22,7 @@ from tgl_soar.cli.page.measured_air import (
 from tgl_soar.cli.page.scene import Place, place_of
 from tgl_soar.cli.page.station import Station
 from tgl_soar.config.files import load_airframe, load_parameters, load_site
+from tgl_soar.estimation.lift_map.lift_map import LiftMap, Reading
 from tgl_soar.sim.world import build_field
 from tgl_soar.types import NO_GROUND, Ground
 
@@ -180,6 +181,15 @@ def test_what_is_no_measurement_changes_nothing(name: str, bad: float) -> None:
         measured.take(sample(2.5 + 0.5 * i), flying=True)
     measured.draw_whole()
     assert measured.readings == 4
+
+
+def test_the_climb_of_a_propeller_is_no_lift(monkeypatch: pytest.MonkeyPatch) -> None:
+    taken: list[Reading] = []
+    monkeypatch.setattr(LiftMap, "take", lambda _map, reading: taken.append(reading))
+    measured = air()
+    for i, pushed_mps in enumerate((0.3, 0.3, 0.1, 0.0)):
+        measured.take(sample(0.5 * i, z_m=1.2 + 0.1 * i, pushed_mps=pushed_mps), flying=True)
+    assert [r.energy_mps for r in taken] == pytest.approx([-0.1, 0.0, 0.15])
 
 
 def test_whatever_is_sent_the_drawing_is_finite_and_bounded() -> None:

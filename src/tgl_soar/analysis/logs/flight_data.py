@@ -42,6 +42,7 @@ COLUMNS: Final[dict[str, tuple[str, ...]]] = {
     "ages": ("position_age_s", "attitude_age_s", "heartbeat_age_s"),
     "margins": ("clearance_m", "stall_rad"),  # to the ground, of the angle of attack
     "forecast": ("standing", "chance", "ahead_s", "z_m"),  # as `control.forecast` has them
+    "throttle": ("share", "climb_mps"),  # sent, 0 … 1, and what climb the propeller gives
     # How a point of the line is held (`control.brake`), how far along the line the aircraft is off
     # it, and the brake as it is commanded.
     "point": ("standing", "off_m", "brake"),
@@ -67,6 +68,7 @@ WORDS: Final[dict[str, str]] = {
     "ages": "ages of the inputs",
     "margins": "margins to ground and stall",
     "forecast": "forecast of where it settles",
+    "throttle": "throttle",
     "point": "point of the line that is held",
     "excitation": "multisine on the pitch setpoint",
     "path": "path in the soaring frame",
@@ -152,6 +154,7 @@ class FlightData:
     ages: Series | None = None
     margins: Series | None = None
     forecast: Series | None = None
+    throttle: Series | None = None
     point: Series | None = None
     excitation: Series | None = None
     modes: tuple[LoggedMode, ...] = ()  # of the module that soars

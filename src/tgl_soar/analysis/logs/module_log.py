@@ -39,6 +39,7 @@ _OF_THE_TICK: Final = {
     "ages": "health_",
     "margins": "margins_",
     "forecast": "forecast_",
+    "throttle": "throttle_",
     "line": "line_",
     "tracking": "",
 }

@@ -47,7 +47,7 @@ READS: Final = 20  # datagrams and reads of a stream at once: a flood waits for 
 NOTICES: Final = 50
 FOUND_LINE: Final = ("line_x", "line_z", "line_lean")
 _MODE: Final = ARRAY.index("mode")
-_AIR: Final = tuple(map(ARRAY.index, ("x", "z", "speed_x", "wind", "updraft")))
+_AIR: Final = tuple(map(ARRAY.index, ("x", "z", "speed_x", "wind", "updraft", "pushed")))
 
 
 class Desk:

@@ -54,6 +54,7 @@ class AirSample(NamedTuple):
     velocity_x_mps: float  # over the ground, downstream
     wind_mps: float
     updraft_mps: float
+    pushed_mps: float = 0.0  # climb that a propeller gives: no lift
 
 
 def box_of(parameters: Mapping[str, float], view: list[float]) -> Box:
@@ -117,7 +118,8 @@ class MeasuredAir:
         wind_mps = 0.5 * (before.wind_mps + sample.wind_mps)
         airspeed_mps = wind_mps - 0.5 * (before.velocity_x_mps + sample.velocity_x_mps)
         change_mps2 = (sample.velocity_x_mps - before.velocity_x_mps) / dt_s
-        climb_mps = (sample.z_m - before.z_m) / dt_s
+        pushed_mps = 0.5 * (before.pushed_mps + sample.pushed_mps)
+        climb_mps = (sample.z_m - before.z_m) / dt_s - pushed_mps
         since_s = sample.time_s - self._read_s
         reading = Reading(
             x_m=0.5 * (before.x_m + sample.x_m),
@@ -148,6 +150,7 @@ class MeasuredAir:
             and 0.0 < sample.wind_mps < FASTEST_MPS
             and abs(sample.updraft_mps) < FASTEST_MPS
             and abs(sample.velocity_x_mps) < FASTEST_MPS
+            and abs(sample.pushed_mps) < FASTEST_MPS
         )
 
     def draw_on(self) -> None:

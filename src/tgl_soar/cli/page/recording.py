@@ -88,6 +88,7 @@ def _measure(flight: FlightData, air: MeasuredAir, duration_s: float) -> None:
     times = np.arange(0.0, duration_s, ARRAY_S)
     names = ("soar_x", "soar_z", "velocity_x", "wind", "updraft")
     columns = [_value(flight, _SOURCES[name], times) for name in names]
+    columns.append(np.nan_to_num(_value(flight, ("throttle", "climb_mps", 1.0), times)))
     modes = _modes(flight, times)
     air.bound(flight.parameters)
     for row, mode in zip(np.column_stack([times, *columns]).tolist(), modes.tolist(), strict=True):
