@@ -6,11 +6,13 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any, cast
 
 import pytest
 
+from tgl_soar.geometry import SoaringFrame, ned_from_soaring, ned_vector_from_soaring
 from tgl_soar.sim import kernel_cache
-from tgl_soar.sim.compiled import MODULES, available
+from tgl_soar.sim.compiled import MODULES, _kernels, available, compiled
 from tgl_soar.sim.kernel_cache import KEPT, source_key
 
 needs_numba = pytest.mark.skipif(not available(), reason="numba is not installed")
@@ -102,6 +104,22 @@ def test_what_is_used_stays_whatever_its_size(
 ) -> None:
     monkeypatch.setattr(kernel_cache, "KEPT_BYTES", 0)
     assert kept_beside(monkeypatch, tmp_path, [1]) == []
+
+
+@needs_numba
+def test_what_is_inlined_becomes_no_machine_code_of_its_own() -> None:
+    from numba import typeof
+
+    from tgl_soar.sim.inner_code import InnerLibrary
+
+    place = SoaringFrame(1.0, 2.0, -3.0, 0.4), 5.0, 6.0, 7.0
+    assert compiled(ned_from_soaring)(*place) == ned_from_soaring(*place)
+    called: Any = ned_vector_from_soaring
+    kernel, kind_of = _kernels()[called], cast(Any, typeof)
+    kernel.compile(tuple(kind_of(argument) for argument in place))
+    (inner,) = kernel.overloads.values()
+    assert isinstance(inner.library, InnerLibrary)
+    assert not inner.library.get_pointer_to_function(inner.fndesc.llvm_func_name)
 
 
 def one_more(number: int) -> int:

@@ -98,15 +98,6 @@ MODULES: Final = (
 
 # Functions of these names, which write to a list, or a whole row of an array.
 COUNTED: Final = frozenset({"keep_sample", "delivered", "fly_given", "fly_to_look"})
-# Nothing calls a function inside a kernel from Python: numba makes no wrapper for that, which would
-# take longer than the function wherever it is handed hundreds of numbers.
-_OPTIONS: Final[dict[str, Any]] = {
-    "nogil": True,
-    "forceinline": True,
-    "no_cpython_wrapper": True,
-    "no_cfunc_wrapper": True,
-}
-
 Plain = TypeVar("Plain", bound=Callable[..., Any])
 
 
@@ -141,6 +132,24 @@ def _entry(function: FunctionType) -> Any:
 
 
 @cache
+def _options() -> dict[str, Any]:
+    """Of a function inside a kernel.
+
+    Nothing calls it from Python: numba makes no wrapper for that, which would take longer than the
+    function wherever it is handed hundreds of numbers, and no machine code.
+    """
+    from tgl_soar.sim.inner_code import InnerCompiler
+
+    return {
+        "nogil": True,
+        "forceinline": True,
+        "no_cpython_wrapper": True,
+        "no_cfunc_wrapper": True,
+        "pipeline_class": InnerCompiler,
+    }
+
+
+@cache
 def _kernels() -> dict[FunctionType, Any]:
     try:
         from numba import njit
@@ -157,7 +166,7 @@ def _kernels() -> dict[FunctionType, Any]:
         for name, value in vars(module).items():
             if isinstance(value, FunctionType) and value.__module__ == module.__name__:
                 kernel = FunctionType(value.__code__, space, name, value.__defaults__)
-                kernels[value] = compiles(**_OPTIONS, _nrt=name in COUNTED)(kernel)
+                kernels[value] = compiles(**_options(), _nrt=name in COUNTED)(kernel)
     _teach_methods(spaces, compiles)
     named = {module: ModuleType(module.__name__) for module in modules}
     for module, space in spaces.items():
@@ -181,9 +190,9 @@ def _teach_methods(spaces: dict[ModuleType, dict[str, Any]], njit: Callable[...,
             for name, method in vars(kind).items():
                 if isinstance(method, FunctionType) and not name.startswith("_"):
                     kernel = FunctionType(method.__code__, space, name, method.__defaults__)
-                    methods.setdefault(name, {})[kind] = njit(**_OPTIONS, _nrt=False)(kernel)
+                    methods.setdefault(name, {})[kind] = njit(**_options(), _nrt=False)(kernel)
     for name, kernels in methods.items():
-        teach: Any = overload_method(types.BaseNamedTuple, name, jit_options=_OPTIONS)  # type: ignore[call-arg]
+        teach: Any = overload_method(types.BaseNamedTuple, name, jit_options=_options())  # type: ignore[call-arg]
         teach(_method_of(kernels))
 
 
