@@ -13,8 +13,11 @@ from tgl_soar.control.schedule import (
     AGE_DOWN_S,
     AGE_FOUND_S,
     AGE_UP_S,
+    FIX_AGE_S,
     GRAVITY_MPS2,
     HOLD_S,
+    LAG_LEFT_S,
+    LAG_TURNS_S,
     SPEED_S,
     Dynamics,
     GainSchedule,
@@ -51,6 +54,7 @@ FOUND_ON = Dynamics(
     lag_s=0.0185,
     glide_ratio=6.45,
     best_glide_mps=9.25,
+    path_s=0.0,
 )
 AS_FOUND = schedule_of(SPEED, LEAN, FOUND_ON, FOUND_ON)
 
@@ -174,7 +178,7 @@ def test_the_airframe_may_be_known_at_another_speed() -> None:
 
 
 def test_an_unknown_airframe_is_taken_to_be_that_of_the_finding() -> None:
-    unknown = Dynamics(*(0.0,) * 8)._replace(late_s=0.026, lag_s=0.0185)
+    unknown = Dynamics(*(0.0,) * 9)._replace(late_s=0.026, lag_s=0.0185)
     schedule = schedule_of(SPEED, LEAN, FOUND_ON, unknown)
     assert (schedule.stiffness, schedule.damping, schedule.bandwidth_imu) == (1.0, 1.0, 1.0)
     assert soaring(15.0, schedule=schedule).kd == pytest.approx(PID.kd)
@@ -200,12 +204,102 @@ def test_an_airspeed_is_averaged_and_kept_where_it_is_not_known() -> None:
     assert speed_within(AS_FOUND, 0.0) == 0.6 * SPEED
 
 
+# The aircraft of the finding with the lag of its path, and one that is soft and late.
+KNOWN = on(path_s=0.16)
+SOFT = on(path_s=0.2, short_period_radps=6.6, late_s=0.05, lag_s=0.03)
+
+
+def crossover(pid: PidGains, lean: float, speed: float) -> float:
+    return pid.kp * rise(lean, speed) + pid.kd * drift(lean)
+
+
+WANTED = PID.kp * SPEED * sin(LEAN) + PID.kd * GRAVITY_MPS2 * cos(LEAN)  # as found
+
+
+def path_lag(schedule: GainSchedule, speed: float) -> float:
+    return schedule.path_s * SPEED / speed
+
+
+def other_lag(schedule: GainSchedule, speed: float, imu: float) -> float:
+    """Of the pitch loop, of the elevator, and of fixes."""
+    own: float = schedule.pitch_lag_s * (SPEED / speed) ** 0.4
+    return own + schedule.late_s + (1.0 - imu) * FIX_AGE_S
+
+
+@given(st.floats(5.0, 59.0), st.floats(7.0, 12.0), st.sampled_from([0.0, 1.0]))
+def test_what_lead_leaves_of_the_lag_has_a_limit(lean: float, speed: float, imu: float) -> None:
+    for schedule in (KNOWN, SOFT):
+        pid = soaring(lean, speed, schedule, imu)
+        lag = path_lag(schedule, speed) + other_lag(schedule, speed, imu)
+        left = lag * crossover(pid, lean, speed) - pid.kd * rise(lean, speed)
+        assert left / WANTED <= LAG_LEFT_S + (1.0 - imu) * FIX_AGE_S + 1e-9
+
+
+@given(st.floats(10.0, 59.0), st.floats(7.0, 12.0))
+def test_by_fixes_what_lag_turns_at_the_crossover_has_a_limit(lean: float, speed: float) -> None:
+    schedule = SOFT._replace(path_s=0.1)
+    pid = soaring(lean, speed, schedule, 0.0)
+    faster = pid.kd * rise(lean, speed) / path_lag(schedule, speed) + crossover(pid, lean, speed)
+    assert faster / WANTED * other_lag(schedule, speed, 0.0) <= LAG_TURNS_S + 1e-9
+
+
+@given(st.floats(5.0, 59.0), st.floats(1.1, 4.0))
+def test_gains_that_are_raised_yield_by_no_more(lean: float, factor: float) -> None:
+    raised = GAINS._replace(pid=PID._replace(kp=factor * PID.kp, kd=factor * PID.kd))
+    eta = eta_from_lean(radians(lean))
+    kept = [
+        soaring_gains(gains, SOFT, 0.0, SPEED, eta).pid.kd
+        / soaring_gains(gains, SOFT._replace(path_s=0.0), 0.0, SPEED, eta).pid.kd
+        for gains in (GAINS, raised)
+    ]
+    if rise(lean, SPEED) > 0.0:
+        assert kept[1] == pytest.approx(kept[0], rel=0.2)
+
+
+def test_the_line_of_the_finding_yields_nothing_and_a_flat_or_soft_one_does() -> None:
+    for lean in (15.0, 20.0, 23.0, 30.0):
+        known, plain = soaring(lean, schedule=KNOWN), soaring(lean)
+        assert known.kd == pytest.approx(plain.kd, rel=0.02)
+        assert known.kp == pytest.approx(plain.kp, rel=0.02)
+    assert soaring(5.0, schedule=KNOWN).kd < 0.95 * soaring(5.0).kd
+    unknown = SOFT._replace(path_s=0.0)
+    for lean in (5.0, 45.0):
+        yielding, firm = soaring(lean, schedule=SOFT), soaring(lean, schedule=unknown)
+        assert yielding.kd < firm.kd
+        assert yielding.kp / firm.kp == pytest.approx((yielding.kd / firm.kd) ** 2)
+        assert yielding.ki / yielding.kp == pytest.approx(firm.ki / firm.kp)
+
+
+def test_a_quick_path_costs_gain_by_fixes_alone() -> None:
+    """There the pitch loop has less rate gain to bear a loop that crosses over late."""
+    quick = SOFT._replace(path_s=0.1)
+    firm = SOFT._replace(path_s=0.0)
+    by_fixes, felt = (
+        soaring(30.0, schedule=quick, imu=imu).kd / soaring(30.0, schedule=firm, imu=imu).kd
+        for imu in (0.0, 1.0)
+    )
+    assert by_fixes < 0.9
+    assert felt > 0.99
+
+
+def test_the_lag_of_the_path_is_that_of_the_speed_of_the_finding() -> None:
+    """It falls with speed; known at twice the speed of the finding, it is twice as long there."""
+    assert on(path_s=0.08, speed_mps=2.0 * SPEED).path_s == pytest.approx(0.16)
+    assert schedule_at_age(KNOWN, 0.1).path_s == KNOWN.path_s
+
+
 @given(st.floats(-20.0, 59.0), st.floats(6.0, 20.0), st.floats(0.0, 0.1))
 @example(16.0, 19.0, 0.0625)
 def test_gains_change_by_no_step(lean: float, speed: float, turned: float) -> None:
     """A tenth of a degree is a tick at 20 deg/s, four times TGL_ROT_SLEW's usual 5: 2 %, in the
     fastest air 4."""
-    before, after = soaring(lean, speed), soaring(lean + turned, speed + 0.1 * turned)
+    for schedule in (AS_FOUND, KNOWN, SOFT):
+        no_step(schedule, lean, speed, turned)
+
+
+def no_step(schedule: GainSchedule, lean: float, speed: float, turned: float) -> None:
+    before = soaring(lean, speed, schedule)
+    after = soaring(lean + turned, speed + 0.1 * turned, schedule)
     for one, other in ((before.kp, after.kp), (before.kd, after.kd), (before.ki, after.ki)):
         assert abs(other - one) <= 0.5 * turned * max(one, other) + 1e-9
 
@@ -218,11 +312,25 @@ def test_gains_change_by_no_step(lean: float, speed: float, turned: float) -> No
     st.floats(0.0, 60.0),
     st.floats(0.0, 500.0),
     st.floats(0.0, 80.0),
+    st.floats(0.0, 5.0),
 )
 def test_whatever_comes_the_gains_are_finite_and_act_the_right_way(
-    eta: float, speed: float, kp: float, late: float, period: float, effect: float, ratio: float
+    eta: float,
+    speed: float,
+    kp: float,
+    late: float,
+    period: float,
+    effect: float,
+    ratio: float,
+    path: float,
 ) -> None:
-    schedule = on(late_s=late, short_period_radps=period, effect_radps2=effect, glide_ratio=ratio)
+    schedule = on(
+        late_s=late,
+        short_period_radps=period,
+        effect_radps2=effect,
+        glide_ratio=ratio,
+        path_s=path,
+    )
     gains = GAINS._replace(pid=PID._replace(kp=kp))
     pid = soaring_gains(gains, schedule, 0.5, speed, eta).pid
     inner = pitch_gains(PID, schedule, speed)

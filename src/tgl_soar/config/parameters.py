@@ -319,7 +319,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     Parameter(
         name="DYN_PATH", unit="s", minimum=0, maximum=5, default=0.0,
         meaning="Time constant with which the flight path follows the pitch, V / (lift per mass and"
-                " radian), at DYN_SPEED: for the check of margins; 0: not known.",
+                " radian), at DYN_SPEED: for the schedule and the check of margins; 0: not known.",
     ),
     Parameter(
         name="DYN_GLIDE", unit="", minimum=0, maximum=80, default=0.0,

@@ -341,6 +341,7 @@ def dynamics_of(values: ParameterSet) -> Dynamics:
         lag_s=min(values["DYN_LAG"], values["DYN_SERVO"]),
         glide_ratio=values["DYN_GLIDE"],
         best_glide_mps=values["DYN_BEST"],
+        path_s=values["DYN_PATH"],
     )
 
 
@@ -354,6 +355,7 @@ def _schedule(values: ParameterSet) -> GainSchedule:
         lag_s=values["ELE_LAG"],
         glide_ratio=0.0,
         best_glide_mps=0.0,
+        path_s=0.0,
     )
     return schedule_of(
         values["RHO_SPEED"], radians(values["RHO_LEAN"]), found_on, dynamics_of(values)

@@ -61,6 +61,7 @@ USUAL: Final = (0.92, 1.15)  # where it soars in a tunnel and on a hill
 FREQUENCIES_RADPS: Final = np.geomspace(0.5, 200.0, 60)
 # What aircraft are drawn for: none serves twice.
 FOR_SEARCH, FOR_CHOICE, FOR_JUDGING = 0, 1, 2
+ROUNDS: Final = 20  # of anchoring: what is left then is the rounding of parameters
 _HERE: Final = SoaringFrame(0.0, 0.0, 0.0, 0.0)
 
 
@@ -105,29 +106,12 @@ def anchored(values: ParameterSet, lean_deg: float) -> ParameterSet:
                 f"{name} = {values[name]:g}: not known of this airframe, and must be above 0;"
                 " complete its [model] or give it in [dynamics] (`tgl-soar identify`)"
             )
-    laws = laws_from(values, _HERE)
+    schedule = laws_from(values, _HERE).schedule
     speed = max(SPEED_MIN_MPS, values["DYN_SPEED"])
-    eta = eta_from_lean(radians(lean_deg))
-    changed: dict[str, float] = {}
-    for weight, suffix, soaring, pitch in (
-        (0.0, "", laws.soaring, laws.pitch),
-        (1.0, "_IMU", laws.soaring_imu, laws.pitch_imu),
-    ):
-        outer = soaring_gains(soaring, laws.schedule, weight, speed, eta).pid
-        inner = pitch_gains(pitch, laws.schedule, speed)
-        for letter, out, within in (
-            ("P", outer.kp, inner.kp),
-            ("I", outer.ki, inner.ki),
-            ("D", outer.kd, inner.kd),
-        ):
-            changed[f"RHO_{letter}{suffix}"] = out
-            changed[f"ELE_{letter}{suffix}"] = within
-        filtered = "RHO_DF_IMU" if weight else "RHO_D_FILT"
-        changed[filtered] = outer.rate_filter_radps / (2.0 * pi)
-    beyond = lean_deg - degrees(lean_of_glide(laws.schedule, speed))
+    wanted = _flown(values, speed, lean_deg)
     anchors = (
         speed,
-        beyond,
+        lean_deg - degrees(lean_of_glide(schedule, speed)),
         values["DYN_FREQ"],
         values["DYN_DAMP"],
         values["DYN_EFFECT"],
@@ -135,12 +119,45 @@ def anchored(values: ParameterSet, lean_deg: float) -> ParameterSet:
         min(values["DYN_LAG"], values["DYN_SERVO"]),
     )
     for name in (name for kind in SETS for name in SOUGHT[kind]):
-        if not changed.get(name, values[name]) > 0.0:
+        if not wanted.get(name, values[name]) > 0.0:
             raise ValueError(
                 f"{name} = 0: gains are sought as factors of what is flown now, and of nothing"
                 " there are none; give it a value above 0, or leave it out"
             )
-    return values.changed({**changed, **dict(zip(ANCHORS, anchors, strict=True))})
+    start = values.changed({**wanted, **dict(zip(ANCHORS, anchors, strict=True))})
+    for _ in range(ROUNDS):  # what yields at this lean yields again
+        flown = _flown(start, speed, lean_deg)
+        start = start.changed(
+            {
+                name: min(PARAMETERS[INDEX[name]].maximum, start[name] * gain / flown[name])
+                for name, gain in wanted.items()
+                if flown[name] > 0.0
+            }
+        )
+    return start
+
+
+def _flown(values: ParameterSet, speed_mps: float, lean_deg: float) -> dict[str, float]:
+    """The gains that are flown there, by the names of the parameters that give them."""
+    laws = laws_from(values, _HERE)
+    eta = eta_from_lean(radians(lean_deg))
+    found: dict[str, float] = {}
+    for weight, suffix, soaring, pitch in (
+        (0.0, "", laws.soaring, laws.pitch),
+        (1.0, "_IMU", laws.soaring_imu, laws.pitch_imu),
+    ):
+        outer = soaring_gains(soaring, laws.schedule, weight, speed_mps, eta).pid
+        inner = pitch_gains(pitch, laws.schedule, speed_mps)
+        for letter, out, within in (
+            ("P", outer.kp, inner.kp),
+            ("I", outer.ki, inner.ki),
+            ("D", outer.kd, inner.kd),
+        ):
+            found[f"RHO_{letter}{suffix}"] = out
+            found[f"ELE_{letter}{suffix}"] = within
+        filtered = "RHO_DF_IMU" if weight else "RHO_D_FILT"
+        found[filtered] = outer.rate_filter_radps / (2.0 * pi)
+    return found
 
 
 def with_gains(values: ParameterSet, kind: str, gains: Sequence[float]) -> ParameterSet:
