@@ -26,14 +26,16 @@ TABLE: dict[str, set[str]] = {
     "geometry": {"types"},
     "config.parameters": {"types"},
     "config.line_changes": {"config.parameters"},
-    "config": {"config.line_changes", "geometry"},
+    "config.lateral_dynamics": set(),
+    "config": {"config.line_changes", "config.lateral_dynamics", "geometry"},
     "control": {"config.line_changes", "geometry"},
     "estimation": {"config.parameters", "geometry"},
     "control.laws": {"control", "estimation"},  # it holds the parameters of both
     "control.conditions": {"control.laws"},
     "control.search": {"control.laws"},
     "control.survey": {"control.laws"},
-    "control.loop_margin": {"control.laws"},
+    "control.lateral_margin": {"control.laws", "config.lateral_dynamics"},
+    "control.loop_margin": {"control.lateral_margin"},
     "control.line_bounds": {"control.loop_margin"},
     "control.margins": {"control.laws"},
     "control.surface_loops": {"control.laws"},
@@ -83,10 +85,11 @@ STAYS_ON_THE_GROUND = DOORS - FLIES
 
 # A law knows no clock, no file and no wire.
 PURE = {
-    "types", "geometry", "config.parameters", "config.line_changes", "control", "control.laws",
+    "types", "geometry", "config.parameters", "config.line_changes", "config.lateral_dynamics",
+    "control", "control.laws",
     "control.conditions", "control.margins", "control.point", "control.estimates",
     "control.surface_loops", "control.passage", "control.power",
-    "control.loop_margin", "control.line_bounds", "control.search",
+    "control.lateral_margin", "control.loop_margin", "control.line_bounds", "control.search",
     "control.survey",
     "estimation", "autopilot",
 }  # fmt: skip

@@ -24,6 +24,7 @@ from tgl_soar.control.loop_margin import FLOOR, flown, margin_fault
 from tgl_soar.sim.aircraft import aircraft_model
 from tgl_soar.sim.sensors import MEMS_IMU, USUAL_SENSORS, Sensors
 from tgl_soar.sim.servos import servo_params
+from tgl_soar.types import THEIRS
 
 AIRFRAME_PATH, SITE_PATH = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
 AIRFRAME, SITE = load_airframe(AIRFRAME_PATH), load_site(SITE_PATH)
@@ -172,6 +173,25 @@ def test_a_gain_that_leaves_its_margin_is_taken_without_a_word() -> None:
     taken = changes.set(before, "RHO_P", 0.5, flying=True)
     assert (taken.values["RHO_P"], taken.warning) == (0.5, "")
     assert taken.values["OP_FORCE"] == 1.0  # not used up
+
+
+def test_where_nothing_is_judged_it_is_told() -> None:
+    """Of an airframe that is not known, and by an attitude route, where no ELE_ gain is flown."""
+    known, bounds = shipped_values(), LineBounds()
+    assert bounds.unjudged(known) == ""
+    unknown = known.changed({"DYN_PATH": 0.0})
+    words = "no margin is judged: of the airframe DYN_PATH is not known"
+    assert bounds.unjudged(unknown) == words
+    changes = LineChanges(fault=bounds.fault, ringing=bounds.ringing, unjudged=bounds.unjudged)
+    for flying in (True, False):
+        assert changes.set(known, "DYN_PATH", 0.0, flying=flying).warning == words
+        assert changes.set(unknown, "ELE_D", 1.5, flying=flying).warning == words
+    assert changes.set(unknown, "TGL_X", known["TGL_X"] + 0.01, flying=False).warning == ""
+    theirs = LineBounds(loops=THEIRS)
+    routed = LineChanges(fault=theirs.fault, ringing=theirs.ringing, unjudged=theirs.unjudged)
+    taken = routed.set(known, "ELE_D", 1.5, flying=True)
+    assert taken.values["ELE_D"] == 1.5
+    assert taken.warning == "no margin is judged: the autopilot's own loops hold the attitude"
 
 
 def test_of_an_unknown_airframe_nothing_is_said() -> None:

@@ -35,6 +35,7 @@ from tgl_soar.config.parameter_store import Identity, ParameterStore, state_file
 from tgl_soar.config.parameters import PARAMETERS, ParameterError, ParameterSet
 from tgl_soar.config.site import Site
 from tgl_soar.control.line_bounds import LineBounds
+from tgl_soar.onboard.setup import bounds_from
 
 params_app = Commands()
 
@@ -134,7 +135,7 @@ def beginning(airframe_path: Path, site_path: Path, state: Path | None) -> Begin
         values=found.values,
         kept=found.kept,
         presets=presets,
-        bounds=LineBounds(site.contour_for(airframe.airframe.name), site.known_ground()),
+        bounds=bounds_from(airframe, site),
         store=store,
         notes=found.notes,
     )

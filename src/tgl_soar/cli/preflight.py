@@ -21,7 +21,7 @@ from tgl_soar.config.files import (
 )
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Site
-from tgl_soar.control.line_bounds import LineBounds, open_sides
+from tgl_soar.control.line_bounds import open_sides
 from tgl_soar.control.loop_margin import FLOOR
 from tgl_soar.link.autopilots.requirements import MUST, wish
 from tgl_soar.link.checks.preflight import Preflight
@@ -29,7 +29,7 @@ from tgl_soar.link.keys import SigningError
 from tgl_soar.link.transport import baud_of
 from tgl_soar.link.transports.base import LinkError
 from tgl_soar.onboard.line_load import load_of
-from tgl_soar.onboard.setup import flavour_of, needs_of, setup_from
+from tgl_soar.onboard.setup import bounds_from, flavour_of, needs_of, setup_from
 from tgl_soar.types import OURS
 
 
@@ -99,8 +99,9 @@ def _read(check: Preflight, conversation: Conversation, timeout_s: float) -> Non
 
 def _place_reported(plane: Airframe, place: Site, values: ParameterSet) -> bool:
     """What is to be said of the fence and the lines; whether the files' line can be engaged on."""
-    bounds = LineBounds(place.contour_for(plane.airframe.name), place.known_ground())
-    for words in (open_sides(values), *bounds.preset_faults(values, preset_lines(place, values))):
+    bounds = bounds_from(plane, place)
+    faults = bounds.preset_faults(values, preset_lines(place, values))
+    for words in (open_sides(values), bounds.unjudged(values), *faults):
         if words:
             console.print(words, style="yellow", highlight=False, markup=False, soft_wrap=True)
     fault = bounds.fault(values)
@@ -112,7 +113,7 @@ def _place_reported(plane: Airframe, place: Site, values: ParameterSet) -> bool:
 
 def _margin_reported(plane: Airframe, values: ParameterSet) -> bool:
     """What the loops of these files can bear at the best glide's speed, by the linear model, roll
-    and heading too, of which no line's refusal knows; whether it is enough, or not known."""
+    and heading too; whether it is enough, or not known."""
     from tgl_soar.analysis.linear_plant import Gusts
     from tgl_soar.analysis.margins import case_margins, grid, worst
 

@@ -32,6 +32,7 @@ from math import pi, sqrt
 from typing import Final
 
 from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.lateral_dynamics import UNKNOWN, LateralDynamics
 from tgl_soar.config.parameters import INDEX, PARAMETERS
 
 # From an attitude to the servo: the latest of the links that are flown; half of it is usual.
@@ -49,44 +50,55 @@ _NEEDED: Final = (
 )
 
 
-def lateral_gains(airframe: Airframe) -> dict[str, float]:
-    """Parameters by name, each within its range; none where the file lacks what they need."""
+def lateral_dynamics(airframe: Airframe) -> LateralDynamics:
+    """At the speed that gains are found for; `UNKNOWN` where the file lacks what it needs."""
     model, bench = airframe.model, airframe.airframe
     if not all(name in model for name in _NEEDED):
-        return {}
+        return UNKNOWN
     if not (model["Cl_aileron"] > 0.0 > model["Cl_p"] and model["Cn_rudder"] > 0.0):
-        return {}
+        return UNKNOWN
     if not (model["servo_lag_radps"] > 0.0 and model["servo_delay_s"] >= 0.0):
-        return {}
+        return UNKNOWN
     speed = SPEED_FACTOR * airframe.polar.speed_min_mps
     pressure = 0.5 * model["air_density_kgpm3"] * speed * speed
     span_force = pressure * bench.wing_area_m2 * bench.span_m
-    late_s = 1.0 / model["servo_lag_radps"] + model["servo_delay_s"] + LATENCY_S
     half_turn_s = 0.5 * bench.span_m / speed
+    roll, yaw = span_force / bench.ixx_kgm2, span_force / bench.izz_kgm2
+    return LateralDynamics(
+        speed_mps=speed,
+        roll_effect_radps2=roll * model["Cl_aileron"],
+        roll_damping_per_s=-roll * model["Cl_p"] * half_turn_s,
+        yaw_effect_radps2=yaw * model["Cn_rudder"],
+        yaw_damping_per_s=-yaw * model["Cn_r"] * half_turn_s,
+        yaw_stiffness_per_s2=yaw * max(0.0, model["Cn_beta"]),
+        lag_s=1.0 / model["servo_lag_radps"],
+    )
 
-    roll = span_force / bench.ixx_kgm2
-    roll_effect, roll_damping = roll * model["Cl_aileron"], -roll * model["Cl_p"] * half_turn_s
+
+def lateral_gains(airframe: Airframe) -> dict[str, float]:
+    """Parameters by name, each within its range; none where the file lacks what they need."""
+    known, model = lateral_dynamics(airframe), airframe.model
+    if known == UNKNOWN:
+        return {}
+    late_s = known.lag_s + model["servo_delay_s"] + LATENCY_S
     bandwidth = ROLL_PHASE_RAD / late_s
-    ail_p = bandwidth * roll_damping / roll_effect
+    ail_p = bandwidth * known.roll_damping_per_s / known.roll_effect_radps2
 
-    yaw = span_force / bench.izz_kgm2
-    yaw_effect, yaw_damping = yaw * model["Cn_rudder"], -yaw * model["Cn_r"] * half_turn_s
-    stiffness = max(0.0, model["Cn_beta"])
-    rud_p = FIN_FRACTION * stiffness / model["Cn_rudder"]
-    turn = sqrt(yaw * stiffness + yaw_effect * rud_p)
-    rud_d = min(2.0 * YAW_DAMPING * turn - yaw_damping, YAW_PHASE_RAD / late_s) / yaw_effect
+    rud_p = FIN_FRACTION * known.yaw_stiffness_per_s2 / known.yaw_effect_radps2
+    turn = sqrt(known.yaw_stiffness_per_s2 + known.yaw_effect_radps2 * rud_p)
+    damped = min(2.0 * YAW_DAMPING * turn - known.yaw_damping_per_s, YAW_PHASE_RAD / late_s)
 
     side_p = bandwidth / (ROLL_OVER_SIDEWAYS * model["gravity_mps2"])
     return _within_range(
         {
             "AIL_P": ail_p,
             "AIL_I": ail_p * bandwidth / 15.0,
-            "AIL_D": bandwidth / roll_effect,
+            "AIL_D": bandwidth / known.roll_effect_radps2,
             "RUD_P": rud_p,
-            "RUD_D": rud_d,
+            "RUD_D": damped / known.yaw_effect_radps2,
             "SIDE_P": side_p,
             "SIDE_I": side_p / SIDE_S,
-            "LAT_SPEED": speed,
+            "LAT_SPEED": known.speed_mps,
             "LAT_LATE": late_s,
         }
     )

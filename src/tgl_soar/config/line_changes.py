@@ -10,8 +10,10 @@
              but over 1, so that a repeated commit that was refused is refused again.
     bounds   A line by which no aircraft can be held (`line_bounds`) is refused, and so is one
              in flight whose point is farther than TGL_STEP_MAX from the one that stands.
-    loop     A gain, a latency or a figure of the airframe that leaves the loop without its margin
-             on the line that stands is refused in flight, and warned of on the ground.
+    loop     A gain, a latency or a figure of the airframe is refused in flight where the loop would
+             swing with it and did not before (a margin below `loop_margin.RINGS`), and warned of
+             where less is left than a line is engaged with (`loop_margin.FLOOR`), or where nothing
+             can be said of it.
     force    OP_FORCE = 1: the next move, or a bound that is refused, passes all the same, and
              OP_FORCE is 0 again, as it is where nothing was forced for a while
              (`onboard.engage_switch`).
@@ -43,9 +45,10 @@ from tgl_soar.config.parameters import (
 LINE: Final = ("TGL_X", "TGL_Z", "TGL_LEAN")
 STAGED: Final = (*LINE, "TGL_SLEW")
 BOUNDS: Final = ("FENCE_X_MIN", "FENCE_X_MAX", "FENCE_Z_MIN", "FENCE_Z_MAX", "CLEAR_MIN")
-# What the margin of the loop on a line is made of, apart from its lean.
+# What the margins of the loops are made of, apart from the line's lean.
+_LOOPS: Final = ("RHO_", "ELE_", "DYN_", "AIL_", "RUD_", "SIDE_", "LAT_")
 LOOP: Final = (
-    *(p.name for p in PARAMETERS if p.name.startswith(("RHO_", "ELE_", "DYN_"))),
+    *(p.name for p in PARAMETERS if p.name.startswith(_LOOPS) and not p.name.endswith("_TRIM")),
     *("CMD_DELAY", "EST_IMU"),
 )
 OVERRIDE: Final = "OP_FORCE 1 overrides once"
@@ -95,12 +98,15 @@ class LineChanges:
         fault: Callable[[ParameterSet], str] = _never,
         contour: Contour = (),
         ringing: Callable[[ParameterSet], str] = _never,
+        unjudged: Callable[[ParameterSet], str] = _never,
     ) -> None:
         """`fault`: why no aircraft can be held by a line; "" if it can (`line_bounds`).  `contour`:
-        the site's, for TGL_PLACE.  `ringing`: why its loop would swing, likewise."""
+        the site's, for TGL_PLACE.  `ringing`: why its loop would swing, likewise; `unjudged`: why
+        nothing is said of that."""
         self.staged: dict[str, float] = {}
         self.fault = fault
         self.ringing = ringing
+        self.unjudged = unjudged
         self._presets = presets
         self._contour = contour
 
@@ -159,24 +165,32 @@ class LineChanges:
         fault = ""
         if moved or other:
             fault = self.fault(after) or (_step_fault(before, after) if flying and moved else "")
-        if other.issubset(LOOP) and not moved:
-            is_refused = flying and self.ringing(after) != "" and not self.ringing(before)
-        else:
-            is_refused = fault != "" and self._is_refused(before, moved, flying)
+        loop_alone = not moved and other.issubset(LOOP)
+        is_refused = fault != "" and self._is_refused(before, after, moved, loop_alone, flying)
         if (moved or is_refused) and before["OP_FORCE"] != 0.0:
             after = after.changed({"OP_FORCE": 0.0})
         elif is_refused:
             raise ParameterError(name, f"{after[name]:g}", f"{fault}; {OVERRIDE}")
         changed = [p.name for (p, old), (_, new) in zip(before, after, strict=True) if old != new]
         reported = (name, *(other for other in changed if other != name))
-        return Answer(after, reported, warning=fault)
+        not_judged = self.unjudged(after) if other.intersection(LOOP) else ""
+        return Answer(after, reported, warning=fault or not_judged)
 
-    def _is_refused(self, before: ParameterSet, moved: bool, flying: bool) -> bool:
+    def _is_refused(
+        self,
+        before: ParameterSet,
+        after: ParameterSet,
+        moved: bool,
+        loop_alone: bool,
+        flying: bool,
+    ) -> bool:
         """Whether a line with a fault is: where it is flown, or where the one before had none.
 
-        A fence or a clearance that shuts the line out is refused only in flight: it ends it.  (A
-        gain is, in flight, where the loop would swing with it and did not before.)
+        A fence or a clearance that shuts the line out is refused only in flight: it ends it.  So is
+        what changes the loop alone, where it would swing with it and did not before.
         """
+        if loop_alone:
+            return flying and self.ringing(after) != "" and not self.ringing(before)
         if moved and flying:
             return True
         return (moved or flying) and not self.fault(before)

@@ -4,7 +4,8 @@
     ground    it is CLEAR_MIN or more from the [ground] of the site
     point     where one is held (TGL_HOLD), the same is true of it: a brake takes the aircraft down
               to where the line alone would not settle
-    margins   the loop has a margin on a line of this lean, with what is known of airframe and link
+    margins   the loop has a margin on a line of this lean, and so have roll and heading, with what
+              is known of airframe and link; where a firmware's loops fly, none is judged
     contour   the line crosses the site's zero excess updraft contour where excess updraft falls
               going up the line, inside the fence and clear of the ground: there the aircraft
               settles
@@ -21,6 +22,7 @@ from __future__ import annotations
 from math import cos, radians, sin
 from typing import Final
 
+from tgl_soar.config.lateral_dynamics import UNKNOWN, LateralDynamics
 from tgl_soar.config.line_changes import Contour, PresetLine, Presets, crossings
 from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterError, ParameterSet
 from tgl_soar.control.envelope import (
@@ -32,9 +34,9 @@ from tgl_soar.control.envelope import (
     clearance,
     outside,
 )
-from tgl_soar.control.loop_margin import RINGS, margin_fault
+from tgl_soar.control.loop_margin import FLOOR, RINGS, margin_fault, unjudged
 from tgl_soar.control.target_line import eta_from_lean
-from tgl_soar.types import NO_GROUND, Ground
+from tgl_soar.types import NO_GROUND, OURS, Ground
 
 FENCE: Final = ("FENCE_X_MIN", "FENCE_X_MAX", "FENCE_Y_MAX", "FENCE_Z_MIN", "FENCE_Z_MAX")
 _SIDES: Final = (
@@ -48,9 +50,18 @@ _SIDES: Final = (
 class LineBounds:
     """What a site allows of a line."""
 
-    def __init__(self, contour: Contour = (), ground: Ground = NO_GROUND) -> None:
+    def __init__(
+        self,
+        contour: Contour = (),
+        ground: Ground = NO_GROUND,
+        lateral: LateralDynamics = UNKNOWN,
+        loops: int = OURS,
+    ) -> None:
+        """`lateral`: the airframe's.  `loops`: whose move the surfaces, as `types` numbers them."""
         self._contour = contour
         self._ground = ground
+        self._lateral = lateral
+        self._ours = loops == OURS
 
     def fault(self, values: ParameterSet) -> str:
         """Why an aircraft cannot be held by the line of these values; "" if it can."""
@@ -59,7 +70,7 @@ class LineBounds:
             return f"the line's point is {words}"
         if words := self._held_fault(values):
             return f"the point that is held (TGL_ALONG) is {words}"
-        if words := margin_fault(values):
+        if words := self._margin_fault(values, FLOOR):
             return words
         if not self._contour:
             return ""
@@ -78,12 +89,21 @@ class LineBounds:
 
     def ringing(self, values: ParameterSet) -> str:
         """Why the loop of these values would swing; "" if it has some margin."""
-        return margin_fault(values, RINGS)
+        return self._margin_fault(values, RINGS)
+
+    def unjudged(self, values: ParameterSet) -> str:
+        """Why nothing is said of the loop's margin; "" where it is judged."""
+        if not self._ours:
+            return "no margin is judged: the autopilot's own loops hold the attitude"
+        return unjudged(values)
 
     def preset_faults(self, values: ParameterSet, presets: Presets) -> list[str]:
         """What is wrong with the site's own lines, each with its name."""
         found = [(preset.name, self._preset_fault(values, preset)) for preset in presets]
         return [f"line {name}: {words}" for name, words in found if words]
+
+    def _margin_fault(self, values: ParameterSet, floor: float) -> str:
+        return margin_fault(values, floor, self._lateral) if self._ours else ""
 
     def _preset_fault(self, values: ParameterSet, preset: PresetLine) -> str:
         try:

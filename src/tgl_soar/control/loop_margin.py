@@ -19,7 +19,11 @@ The sum of turns of 1 + L is that of a stable loop: half a turn forward; an unst
 Without lift of the elevator and beyond the stall it is not exact: within 0.1 of the linear model
 from 8.5 m/s on (tests/control/test_loop_margin.py).
 
-Not for the tick: about half a millisecond a loop, six loops a line; what does not change is kept.
+Roll and heading are judged likewise (`lateral_margin`), where the airframe file tells their
+dynamics.
+
+Not for the tick: about half a millisecond a loop, six loops a line and six sideways; what does not
+change is kept.
 """
 
 from __future__ import annotations
@@ -29,7 +33,9 @@ from functools import lru_cache
 from math import atan, cos, radians, sin
 from typing import Final, NamedTuple
 
+from tgl_soar.config.lateral_dynamics import UNKNOWN, LateralDynamics
 from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.control.lateral_margin import disk_margins, sideways_flown
 from tgl_soar.control.laws import Laws, dynamics_of, laws_from
 from tgl_soar.control.pid import PidGains
 from tgl_soar.control.schedule import (
@@ -58,11 +64,16 @@ _ANYWHERE: Final = {"TGL_X": 0.0, "TGL_Z": 0.0, "TGL_PRESET": 0.0}
 _HERE: Final = SoaringFrame(0.0, 0.0, 0.0, 0.0)
 
 
+# What of an airframe has to be known of it in pitch.
+_NEEDED: Final = (
+    *("DYN_SPEED", "DYN_FREQ", "DYN_DAMP", "DYN_EFFECT", "DYN_PATH", "DYN_GLIDE", "DYN_BEST"),
+)
+
+
 class Flown(NamedTuple):
     """A loop: airframe, place, and the gains there."""
 
     airframe: Dynamics
-    path_s: float  # path lag at the speed of `airframe`
     lag_s: float  # the servo's
     delay_s: float  # of the servo, and of the command's way to it
     speed_mps: float
@@ -72,56 +83,107 @@ class Flown(NamedTuple):
     pitch: PidGains
 
 
-def margin_fault(values: ParameterSet, floor: float = FLOOR) -> str:
-    """Why the line of these values cannot be flown with a margin; "" if it can, or if too little is
-    known of the airframe."""
-    return _fault(values.changed(_ANYWHERE), floor)
+class LoopMargin(NamedTuple):
+    """What a loop leaves."""
+
+    alpha: float
+    name: str  # of the loop, and where
+
+
+def margin_fault(
+    values: ParameterSet, floor: float = FLOOR, lateral: LateralDynamics = UNKNOWN
+) -> str:
+    """Why the line of these values cannot be flown with a margin, or roll and heading not on any;
+    "" if they can, or if too little is known of the airframe."""
+    for found in margins(values, lateral):
+        if found.alpha < floor:
+            shown = int(100.0 * found.alpha) / 100.0  # no 0.497 is 0.5
+            return f"no margin {found.name}: {shown:.2f} of {floor:g}"
+    return ""
+
+
+def unjudged(values: ParameterSet) -> str:
+    """Why nothing is said of the margin; "" where it is judged."""
+    missing = [name for name in _NEEDED if not values[name] > 0.0]
+    if missing:
+        return f"no margin is judged: of the airframe {', '.join(missing)} is not known"
+    return "" if is_known(dynamics_of(values)) else "no margin is judged: DYN_GLIDE or DYN_BEST < 1"
+
+
+def margins(values: ParameterSet, lateral: LateralDynamics = UNKNOWN) -> tuple[LoopMargin, ...]:
+    """Of all loops that are known: the line's first, then roll and heading, on whatever line."""
+    upright = {"TGL_Z": 0.0, "TGL_PRESET": 0.0, "TGL_LEAN": values["TGL_LEAN_MIN"]}
+    sideways = _lateral_margins(values.changed(upright), lateral)
+    return _line_margins(values.changed(_ANYWHERE)) + sideways
 
 
 @lru_cache(maxsize=16)
-def _fault(values: ParameterSet, floor: float) -> str:
-    airframe = dynamics_of(values)
-    if not (is_known(airframe) and values["DYN_PATH"] > 0.0):
-        return ""
-    laws = laws_from(values, _HERE)
-    sets = (False, True) if laws.motion.use_imu and values["RHO_P_IMU"] > 0.0 else (False,)
-    for inertial in sets:
+def _line_margins(values: ParameterSet) -> tuple[LoopMargin, ...]:
+    lean_deg = values["TGL_LEAN"]
+    return tuple(
+        LoopMargin(
+            disk_margin(loop),
+            f"at lean {lean_deg:g} deg and {_where(values, loop.speed_mps, loop.inertial)}",
+        )
+        for loop in _loops(values)
+    )
+
+
+@lru_cache(maxsize=16)
+def _lateral_margins(values: ParameterSet, lateral: LateralDynamics) -> tuple[LoopMargin, ...]:
+    best_mps = values["DYN_BEST"]
+    if not (lateral.speed_mps >= SPEED_MIN_MPS and best_mps >= SPEED_MIN_MPS):
+        return ()
+    laws, late_s = laws_from(values, _HERE), dynamics_of(values).late_s
+    found = []
+    for inertial in _sets(laws, values):
         for share in SPEEDS:
-            speed = share * airframe.best_glide_mps
-            alpha = disk_margin(flown(laws, values, speed, values["TGL_LEAN"], inertial))
-            if alpha < floor:
-                shown = int(100.0 * alpha) / 100.0  # no 0.497 is 0.5
-                return (
-                    f"no margin at lean {values['TGL_LEAN']:g} deg and {speed:.1f} m/s,"
-                    f" {1e3 * values['CMD_DELAY']:.3g} ms late, with{'' if inertial else 'out'}"
-                    f" accelerometers: {shown:.2f} of {floor:g}"
-                )
-    return ""
+            speed = share * best_mps
+            where = _where(values, speed, inertial)
+            loop = sideways_flown(laws, lateral, late_s, speed, inertial)
+            both = zip(("roll", "heading"), disk_margins(loop), strict=True)
+            found += [LoopMargin(alpha, f"in {name} at {where}") for name, alpha in both]
+    return tuple(found)
+
+
+def _where(values: ParameterSet, speed_mps: float, inertial: bool) -> str:
+    return (
+        f"{speed_mps:.1f} m/s, {1e3 * values['CMD_DELAY']:.3g} ms late,"
+        f" with{'' if inertial else 'out'} accelerometers"
+    )
+
+
+@lru_cache(maxsize=16)
+def _loops(values: ParameterSet) -> tuple[Flown, ...]:
+    """What may be flown on the line of these values; none where too little is known."""
+    if unjudged(values):
+        return ()
+    laws, best_mps = laws_from(values, _HERE), values["DYN_BEST"]
+    return tuple(
+        flown(laws, values, share * best_mps, values["TGL_LEAN"], inertial)
+        for inertial in _sets(laws, values)
+        for share in SPEEDS
+    )
+
+
+def _sets(laws: Laws, values: ParameterSet) -> tuple[bool, ...]:
+    """Without accelerometers, and with them where they have gains."""
+    return (False, True) if laws.motion.use_imu and values["RHO_P_IMU"] > 0.0 else (False,)
 
 
 def margin_when_late(values: ParameterSet, delay_s: float) -> float:
     """alpha of the worst speed and set of gains where commands take `delay_s` [s], and the schedule
     is given CMD_DELAY; NaN: too little is known of the airframe."""
-    values = values.changed(_ANYWHERE)
-    airframe = dynamics_of(values)
-    if not (is_known(airframe) and values["DYN_PATH"] > 0.0):
-        return NAN
-    laws = laws_from(values, _HERE)
-    sets = (False, True) if laws.motion.use_imu and values["RHO_P_IMU"] > 0.0 else (False,)
-    return min(
-        disk_margin(
-            flown(
-                laws, values, fraction * airframe.best_glide_mps, values["TGL_LEAN"], inertial
-            )._replace(delay_s=delay_s + airframe.late_s - values["CMD_DELAY"] - airframe.lag_s)
-        )
-        for inertial in sets
-        for fraction in SPEEDS
-    )
+    later_s = delay_s - values["CMD_DELAY"]
+    loops = _loops(values.changed(_ANYWHERE))
+    late = (loop._replace(delay_s=max(0.0, loop.delay_s + later_s)) for loop in loops)
+    return min((disk_margin(loop) for loop in late), default=NAN)
 
 
 def is_known(airframe: Dynamics) -> bool:
     """Whether enough is known for a margin."""
-    return min(airframe[:4]) > 0.0 and min(airframe.glide_ratio, airframe.best_glide_mps) >= 1.0
+    enough = min(airframe[:4]) > 0.0 and airframe.path_s > 0.0
+    return enough and min(airframe.glide_ratio, airframe.best_glide_mps) >= 1.0
 
 
 def flown(
@@ -135,7 +197,6 @@ def flown(
     airframe = dynamics_of(values)
     return Flown(
         airframe=airframe,
-        path_s=values["DYN_PATH"],
         lag_s=airframe.lag_s,
         delay_s=airframe.late_s - airframe.lag_s,
         speed_mps=max(SPEED_MIN_MPS, speed_mps),
@@ -192,7 +253,7 @@ def _answer(loop: Flown, s: complex) -> tuple[complex, complex]:
     ratio = v / known.speed_mps
     square = (v / known.best_glide_mps) ** 2
     falls = atan(0.5 / known.glide_ratio * (square + 1.0 / square))
-    lift = v * ratio / loop.path_s  # L'
+    lift = v * ratio / known.path_s  # L'
     drag = lift / (known.glide_ratio * square)  # D'
     period = known.short_period_radps * ratio
     damped = lift / v - 2.0 * known.damping * period

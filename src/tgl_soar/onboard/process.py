@@ -29,7 +29,7 @@ from tgl_soar.config.files import (
 )
 from tgl_soar.config.parameter_store import Identity, ParameterStore, state_file
 from tgl_soar.config.site import Site
-from tgl_soar.control.line_bounds import LineBounds, open_sides
+from tgl_soar.control.line_bounds import open_sides
 from tgl_soar.control.supervisor import MODE_NAMES, REASON_TEXTS
 from tgl_soar.link.keys import (
     SigningError,
@@ -56,7 +56,7 @@ from tgl_soar.onboard.flightlog.writer import FlightRecorder
 from tgl_soar.onboard.mocap import MocapFeed, from_server
 from tgl_soar.onboard.module import Onboard
 from tgl_soar.onboard.search_beside import SearchBeside, SearchHere
-from tgl_soar.onboard.setup import ModuleSetup, setup_from
+from tgl_soar.onboard.setup import ModuleSetup, bounds_of, setup_from
 from tgl_soar.onboard.stand_in import hand_over, open_for
 
 EXIT_OK: Final = 0
@@ -265,9 +265,13 @@ def _restored(
 
 
 def _words_of_place(setup: ModuleSetup) -> list[tuple[int, str]]:
-    """What is to be said of the fence and of the site's own lines."""
-    bounds = LineBounds(setup.contour, setup.ground)
-    words = [open_sides(setup.parameters), *bounds.preset_faults(setup.parameters, setup.presets)]
+    """What is to be said of the fence, of margins and of the site's own lines."""
+    values, bounds = setup.parameters, bounds_of(setup, setup.contour)
+    words = [
+        open_sides(values),
+        bounds.unjudged(values),
+        *bounds.preset_faults(values, setup.presets),
+    ]
     return [(SEVERITY_WARNING, text) for text in words if text]
 
 

@@ -24,7 +24,6 @@ from tgl_soar.control.laws import (
     SEARCH_SOARS,
     Laws,
 )
-from tgl_soar.control.line_bounds import LineBounds
 from tgl_soar.control.search.glimpse import (
     GIVEN_UP,
     LOOK_S,
@@ -42,7 +41,7 @@ from tgl_soar.link.messages import SEVERITY_ERROR, SEVERITY_INFO, SEVERITY_WARNI
 from tgl_soar.onboard.line_moves import is_moved, open_fence
 from tgl_soar.onboard.outbound import Outbox
 from tgl_soar.onboard.settings import FlightSettings
-from tgl_soar.onboard.setup import ModuleSetup
+from tgl_soar.onboard.setup import ModuleSetup, bounds_of
 from tgl_soar.types import NAN, VehicleState
 
 # A plan is due once a second and takes a few hundredths: three of them missed is no search.
@@ -80,7 +79,7 @@ class SearchSwitch:
         self._settings = settings
         self._outbox = outbox
         self._engine = engine
-        self._bounds = LineBounds((), setup.ground)
+        self._bounds = bounds_of(setup, ())
         self._laws: Laws | None = None  # that the engine knows
         self._before: VehicleState | None = None  # at the last glimpse
         self._wind = self._updraft = self._pushed = 0.0  # sums since then

@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import Final
 
 from tgl_soar.config.line_changes import LineChanges
-from tgl_soar.control.line_bounds import LineBounds
 from tgl_soar.link.engagement import Engagement
 from tgl_soar.link.messages import ID_RC_CHANNELS
 from tgl_soar.link.parameters import ParameterServer
@@ -18,7 +17,7 @@ from tgl_soar.onboard.counters import Counters
 from tgl_soar.onboard.flightlog.recorder import Recorder
 from tgl_soar.onboard.outbound import Outbox
 from tgl_soar.onboard.pacing import Pacer
-from tgl_soar.onboard.setup import ModuleSetup, laws_of
+from tgl_soar.onboard.setup import ModuleSetup, bounds_of, laws_of
 
 PILOT_SWITCH_HZ: Final = 10.0
 
@@ -36,8 +35,10 @@ class FlightSettings:
         recorder: Recorder,
         counters: Counters,
     ) -> None:
-        bounds = LineBounds(setup.contour, setup.ground)
-        line = LineChanges(setup.presets, bounds.fault, setup.contour, bounds.ringing)
+        bounds = bounds_of(setup, setup.contour)
+        line = LineChanges(
+            setup.presets, bounds.fault, setup.contour, bounds.ringing, bounds.unjudged
+        )
         self.server = ParameterServer(setup.own, setup.parameters, outbox.texts, line)
         self.values = self.server.values
         self.laws = laws_of(setup, self.values)

@@ -11,10 +11,13 @@ from typing import Final, NamedTuple
 
 from tgl_soar.config.airframe import OPERATORS, Airframe, Surface
 from tgl_soar.config.files import ConfigError, airframe_refusal, preset_lines
+from tgl_soar.config.lateral_dynamics import UNKNOWN, LateralDynamics
+from tgl_soar.config.lateral_gains import lateral_dynamics
 from tgl_soar.config.line_changes import Contour, Presets
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Forward, PositionSettings, Site
 from tgl_soar.control.laws import Laws, laws_from
+from tgl_soar.control.line_bounds import LineBounds
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.link.autopilots import flavour as autopilot_flavour
 from tgl_soar.link.autopilots import routes
@@ -58,6 +61,7 @@ class ModuleSetup(NamedTuple):
     imu: int | None = None  # the message that is to carry accelerations; None: the usual one
     forward: Forward | None = None  # what the autopilot is told of the position
     aerodynamics: Aerodynamics = NO_AERODYNAMICS  # of the airframe, to read the air by
+    lateral: LateralDynamics = UNKNOWN  # of the airframe, to judge gains by
     ground: Ground = NO_GROUND  # of the site, to keep away from
     tracked_attitude: bool = False  # the tracker's attitude is flown with
     needs: Needs | None = None  # what the autopilot's parameters are read for; None: they are not
@@ -145,9 +149,25 @@ def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Modu
         imu=_IMUS[link.imu],
         forward=site.forward,
         aerodynamics=aerodynamics,
+        lateral=lateral_dynamics(airframe),
         ground=site.known_ground(),
         tracked_attitude=site.mocap is not None and site.mocap.attitude,
         needs=needs,
+    )
+
+
+def bounds_of(setup: ModuleSetup, contour: Contour) -> LineBounds:
+    """What is allowed of lines and gains."""
+    return LineBounds(contour, setup.ground, setup.lateral, setup.flavour.route.loops)
+
+
+def bounds_from(airframe: Airframe, site: Site) -> LineBounds:
+    """What these files allow of lines and gains.  Errors: `ConfigError` for an unknown route."""
+    return LineBounds(
+        site.contour_for(airframe.airframe.name),
+        site.known_ground(),
+        lateral_dynamics(airframe),
+        flavour_of(airframe).route.loops,
     )
 
 

@@ -13,7 +13,6 @@ from typing import Final
 from tgl_soar.autopilot import Output
 from tgl_soar.control.forecast import OFF
 from tgl_soar.control.laws import SEARCH_OFF
-from tgl_soar.control.line_bounds import LineBounds
 from tgl_soar.control.supervisor import CAPTURING, SOARING
 from tgl_soar.control.survey import (
     BEGINS,
@@ -40,7 +39,7 @@ from tgl_soar.link.messages import SEVERITY_INFO, SEVERITY_WARNING
 from tgl_soar.onboard.line_moves import is_moved, open_fence
 from tgl_soar.onboard.outbound import Outbox
 from tgl_soar.onboard.settings import FlightSettings
-from tgl_soar.onboard.setup import ModuleSetup
+from tgl_soar.onboard.setup import ModuleSetup, bounds_of
 
 PROGRESS_S: Final = 15.0  # between two words of where it is
 WAYS: Final = {DOWNSTREAM: "downstream", UPSTREAM: "upstream", HOMEWARD: "home"}
@@ -74,7 +73,7 @@ class SurveySwitch:
     def __init__(self, setup: ModuleSetup, settings: FlightSettings, outbox: Outbox) -> None:
         self._settings = settings
         self._outbox = outbox
-        self._bounds = LineBounds((), setup.ground)
+        self._bounds = bounds_of(setup, ())
         self._state: SurveyState | None = None  # None: there is none
         self._output: Output | None = None  # of the last tick
         self._told_s = 0.0  # when it said last where it is

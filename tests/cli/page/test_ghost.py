@@ -25,6 +25,7 @@ from tgl_soar.config.line_changes import LineChanges
 from tgl_soar.config.parameters import ParameterError
 from tgl_soar.control.line_bounds import LineBounds
 from tgl_soar.control.target_line import eta_from_lean
+from tgl_soar.onboard.setup import bounds_from
 from tgl_soar.sim.world import build_field
 
 A, C = GhostLine(0.20, 1.15, 15.0), GhostLine(1.05, 2.00, 15.0)
@@ -113,7 +114,7 @@ def test_a_line_off_the_air_has_no_place() -> None:
 def test_without_a_model_the_place_is_the_known_contours() -> None:
     airframe, site = load_airframe(AIRFRAME), load_site(SITE)
     values, contour = tunnel().values, site.contour_for(airframe.airframe.name)
-    blind = Foresight(preset_lines(site, values), contour, site.known_ground(), None)
+    blind = Foresight(preset_lines(site, values), contour, bounds_from(airframe, site), None)
     ghost = blind.ghost(values, C, GhostStart(0.2, 1.2, A), flying=True)
     modelled = tunnel().foresight.ghost(values, C, GhostStart(0.2, 1.2, A), flying=True)
     assert ghost.settles_s is None

@@ -31,7 +31,7 @@ from tgl_soar.control.target_line import (
     line_at,
     line_step,
 )
-from tgl_soar.types import GlidePolar, Ground, polar_slope
+from tgl_soar.types import GlidePolar, polar_slope
 
 STEP_S: Final = 0.1
 LONGEST_S: Final = 120.0
@@ -75,12 +75,12 @@ class Foresight:
         self,
         presets: Presets,
         contour: Contour,
-        ground: Ground,
+        bounds: LineBounds,
         air: tuple[WindField, GlidePolar] | None,
     ) -> None:
         self._presets = presets
         self._contour = contour
-        self._bounds = LineBounds(contour, ground)
+        self._bounds = bounds
         self._air = air
 
     def ghost(

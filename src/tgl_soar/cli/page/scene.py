@@ -26,6 +26,7 @@ from tgl_soar.control.supervisor import CONDITION_TEXTS, ENTRY, MODE_NAMES
 from tgl_soar.estimation.aerodynamics import braked
 from tgl_soar.estimation.health import FAULT_TEXTS
 from tgl_soar.onboard.instruments import HELD_BACK
+from tgl_soar.onboard.setup import bounds_from
 from tgl_soar.sim.world import build_field, ground_outline
 from tgl_soar.types import GlidePolar, Ground
 
@@ -86,7 +87,7 @@ def place_of(airframe: Airframe, site: Site, values: ParameterSet, folder: Path)
     air = None if field is None else (field, polar)
     return Place(
         scene=scene,
-        foresight=Foresight(presets, known, ground, air),
+        foresight=Foresight(presets, known, bounds_from(airframe, site), air),
         values=values,
         ground=ground,
         polar=polar,

@@ -1,0 +1,137 @@
+"""Roll's and heading's rule on board against the linear model, and what it refuses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import radians
+
+import pytest
+from msgspec.structs import asdict
+
+from tgl_soar.analysis.lateral_model import BREAKS, lateral_loop
+from tgl_soar.analysis.linear_model import margin
+from tgl_soar.analysis.linear_plant import Condition
+from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
+from tgl_soar.config.lateral_dynamics import UNKNOWN
+from tgl_soar.config.lateral_gains import lateral_dynamics
+from tgl_soar.config.line_changes import LineChanges
+from tgl_soar.config.parameters import ParameterError
+from tgl_soar.control.lateral_margin import disk_margins, sideways_flown
+from tgl_soar.control.laws import laws_from
+from tgl_soar.control.line_bounds import LineBounds
+from tgl_soar.control.loop_margin import FLOOR, RINGS, margin_fault, margins
+from tgl_soar.sim.aircraft import aircraft_model
+from tgl_soar.sim.sensors import MEMS_IMU, USUAL_SENSORS, Sensors
+from tgl_soar.sim.servos import servo_params
+from tgl_soar.types import THEIRS
+
+AIRFRAME_PATH, SITE_PATH = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
+AIRFRAME, SITE = load_airframe(AIRFRAME_PATH), load_site(SITE_PATH)
+VALUES = load_parameters(AIRFRAME, AIRFRAME_PATH, SITE, SITE_PATH)
+MODEL = aircraft_model(asdict(AIRFRAME.airframe), AIRFRAME.model)
+KNOWN = lateral_dynamics(AIRFRAME)
+BOUNDS = LineBounds(lateral=KNOWN)
+
+
+def both(
+    changes: Mapping[str, float], speed: float, inertial: bool
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """The margins at aileron and rudder by the rule and by the linear model."""
+    values = VALUES.changed(changes)
+    laws = laws_from(values, SITE.frame())
+    condition = Condition(
+        model=MODEL,
+        servo=servo_params(AIRFRAME.model),
+        speed_mps=speed,
+        lean_rad=radians(15.0),
+        sensors=Sensors(imu=MEMS_IMU) if inertial else USUAL_SENSORS,
+        command_delay_s=values["CMD_DELAY"],
+    )
+    loop = lateral_loop(laws, condition)
+    late_s = values["DYN_SERVO"] + values["CMD_DELAY"]
+    rule = disk_margins(sideways_flown(laws, KNOWN, late_s, speed, inertial))
+    return rule, tuple(margin(loop, at).alpha for at in BREAKS)
+
+
+def raised(name: str, factor: float) -> dict[str, float]:
+    return {name: factor * VALUES[name]}
+
+
+@pytest.mark.parametrize("inertial", [True, False])
+@pytest.mark.parametrize("late_s", [0.0075, 0.04])
+def test_with_shipped_gains_the_rule_and_the_model_have_margin(
+    inertial: bool, late_s: float
+) -> None:
+    for speed in (7.8, 10.0, 14.0):
+        rule, model = both({"CMD_DELAY": late_s}, speed, inertial)
+        assert min(*rule, *model) > 0.6
+        assert rule == pytest.approx(model, abs=0.2)
+
+
+@pytest.mark.parametrize("inertial", [True, False])
+@pytest.mark.parametrize(
+    ("name", "factor"),
+    [("AIL_P", 3.0), ("AIL_D", 3.0), ("RUD_D", 4.0), ("RUD_D", 10.0), ("RUD_P", 5.0)],
+)
+def test_beside_the_floor_the_rule_agrees_with_the_model(
+    name: str, factor: float, inertial: bool
+) -> None:
+    rule, model = both(raised(name, factor), 10.0, inertial)
+    assert min(rule) == pytest.approx(min(model), abs=0.2)
+
+
+@pytest.mark.parametrize("inertial", [True, False])
+@pytest.mark.parametrize(("name", "factor"), [("AIL_P", 7.5), ("AIL_D", 8.0), ("SIDE_P", 4.0)])
+def test_the_rule_knows_what_is_unstable(name: str, factor: float, inertial: bool) -> None:
+    rule, model = both(raised(name, factor), 10.0, inertial)
+    assert min(model) == 0.0
+    assert min(rule) < RINGS
+
+
+@pytest.mark.parametrize(
+    "changes", [{"SIDE_P": 0.0, "SIDE_I": 0.0}, {"SIDE_I": 0.0}, {"AIL_I": 0.0}, {"RUD_P": 0.0}]
+)
+def test_a_loop_without_one_of_its_gains_is_not_taken_for_unstable(
+    changes: dict[str, float],
+) -> None:
+    rule, _ = both(changes, 10.0, True)
+    assert min(rule) > FLOOR
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "loop"),
+    [("AIL_P", 7.5, "roll"), ("AIL_D", 8.0, "roll"), ("RUD_P", 10.0, "heading")],
+)
+def test_a_gain_that_swings_is_refused_in_flight_and_warned_of_on_the_ground(
+    name: str, factor: float, loop: str
+) -> None:
+    changes = LineChanges(fault=BOUNDS.fault, ringing=BOUNDS.ringing)
+    value = factor * VALUES[name]
+    with pytest.raises(ParameterError, match=f"{name} = .*: no margin in {loop} at .*OP_FORCE 1"):
+        changes.set(VALUES, name, value, flying=True)
+    warned = changes.set(VALUES, name, value, flying=False)
+    assert warned.warning.startswith(f"no margin in {loop} at ")
+
+
+def test_a_gain_that_leaves_little_is_taken_in_flight_with_a_warning() -> None:
+    changes = LineChanges(fault=BOUNDS.fault, ringing=BOUNDS.ringing)
+    taken = changes.set(VALUES, "AIL_P", 3.2 * VALUES["AIL_P"], flying=True)
+    assert taken.values["AIL_P"] == pytest.approx(3.2 * VALUES["AIL_P"])
+    assert taken.warning.startswith("no margin in roll at ")
+    assert changes.set(VALUES, "AIL_TRIM", 0.1, flying=True).warning == ""
+
+
+def test_without_lateral_dynamics_or_by_another_s_loops_nothing_is_said() -> None:
+    swings = VALUES.changed(raised("AIL_P", 7.5))
+    assert margin_fault(swings) == ""
+    assert margin_fault(swings, lateral=UNKNOWN) == ""
+    assert margin_fault(swings, lateral=KNOWN) != ""
+    theirs = LineBounds(lateral=KNOWN, loops=THEIRS)
+    assert theirs.fault(swings) == theirs.ringing(swings) == ""
+
+
+def test_every_loop_is_named_once() -> None:
+    """Two sets of gains, three speeds: the line's six, and roll and heading likewise."""
+    names = [each.name for each in margins(VALUES, KNOWN)]
+    assert len(names) == len(set(names)) == 18
+    assert len(margins(VALUES.changed({"EST_IMU": 0.0}), KNOWN)) == 9

@@ -1,0 +1,38 @@
+"""By what the module judges a gain: the airframe file's own dynamics, and whose loops fly."""
+
+from __future__ import annotations
+
+import pytest
+from msgspec.structs import replace
+
+from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
+from tgl_soar.config.lateral_gains import lateral_dynamics
+from tgl_soar.onboard.setup import bounds_from, bounds_of, setup_from
+
+AIRFRAME_PATH, SITE_PATH = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
+AIRFRAME, SITE = load_airframe(AIRFRAME_PATH), load_site(SITE_PATH)
+VALUES = load_parameters(AIRFRAME, AIRFRAME_PATH, SITE, SITE_PATH)
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "loop"), [("AIL_P", 7.5, "in roll"), ("ELE_D", 5.0, "at lean 15 deg")]
+)
+def test_a_gain_that_swings_is_known_to_the_module_and_on_the_ground(
+    name: str, factor: float, loop: str
+) -> None:
+    setup = setup_from(AIRFRAME, SITE, VALUES)
+    assert setup.lateral == lateral_dynamics(AIRFRAME)
+    swings = VALUES.changed({name: factor * VALUES[name]})
+    for bounds in (bounds_of(setup, setup.contour), bounds_from(AIRFRAME, SITE)):
+        assert bounds.ringing(VALUES) == bounds.unjudged(VALUES) == ""
+        assert bounds.ringing(swings).startswith(f"no margin {loop}")
+
+
+def test_by_an_attitude_route_no_elevator_is_ours_to_judge() -> None:
+    pilot = replace(AIRFRAME.autopilot, firmware="ardupilot", route="attitude")
+    airframe = replace(AIRFRAME, autopilot=pilot)
+    setup = setup_from(airframe, SITE, VALUES)
+    swings = VALUES.changed({"ELE_D": 5.0 * VALUES["ELE_D"], "AIL_P": 7.5 * VALUES["AIL_P"]})
+    for bounds in (bounds_of(setup, setup.contour), bounds_from(airframe, SITE)):
+        assert bounds.ringing(swings) == bounds.fault(swings) == ""
+        assert "the autopilot's own loops hold the attitude" in bounds.unjudged(VALUES)
