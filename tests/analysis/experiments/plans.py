@@ -26,7 +26,7 @@ NAMED: Final = ("seed", "duration_s", "turbulence", "intensity", "line", "first_
 MOST: Final = 8  # listed one by one
 
 # Those that fly by themselves, or nothing.
-NOT_PLANNED: Final = frozenset(("field", "forecast", "lift_map"))
+NOT_PLANNED: Final = frozenset(("field", "forecast", "lift_map", "margins"))
 PLANNED: Final = tuple(name for name in EXPERIMENTS if name not in NOT_PLANNED)
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from math import degrees
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 from scipy.stats import binom
@@ -34,8 +36,11 @@ from tgl_soar.config.files import (
     shipped,
 )
 from tgl_soar.control.envelope import clearance
+from tgl_soar.control.supervisor import SOARING
 from tgl_soar.estimation.polar import best_glide_speed
+from tgl_soar.geometry import quaternion_from_euler
 from tgl_soar.sim.aircraft import glide_at
+from tgl_soar.sim.closed_loop import ClosedLoop
 
 AIRFRAME_PATH, SITE_PATH = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
 AIRFRAME, SITE = load_airframe(AIRFRAME_PATH), load_site(SITE_PATH)
@@ -77,9 +82,16 @@ def test_an_unknown_delay_costs_margin() -> None:
 def flights(up: int, of: int) -> list[DrawnFlight]:
     """So many that lasted, and the rest on the board."""
     lost = DrawnFlight(
-        up=False, rms_e_rho_m=0.3, duration_s=4.0, ended="hit the board at x 1.0, y 0.1, z 0.4 m"
+        up=False,
+        rms_e_rho_m=0.3,
+        duration_s=4.0,
+        ended="hit the board at x 1.0, y 0.1, z 0.4 m",
+        rms_y_m=0.4,
+        rms_bank_rad=0.2,
     )
-    kept = DrawnFlight(up=True, rms_e_rho_m=0.01, duration_s=30.0, ended="")
+    kept = DrawnFlight(
+        up=True, rms_e_rho_m=0.01, duration_s=30.0, ended="", rms_y_m=0.1, rms_bank_rad=0.05
+    )
     return [kept] * up + [lost] * (of - up)
 
 
@@ -88,6 +100,28 @@ def test_the_lost_count_with_their_cause_and_in_the_mean() -> None:
     assert (found.up, found.flights) == (3, 4)
     assert found.causes == (("hit the board", 1),)
     assert found.rms_e_rho_m == pytest.approx(((3 * 0.01**2 + 0.3**2) / 4) ** 0.5)
+    assert found.rms_y_m == pytest.approx(((3 * 0.1**2 + 0.4**2) / 4) ** 0.5)
+    assert found.rms_bank_rad == pytest.approx(((3 * 0.05**2 + 0.2**2) / 4) ** 0.5)
+
+
+class Banked:
+    """A loop whose aircraft hangs to one side, banked."""
+
+    def __init__(self) -> None:
+        q = quaternion_from_euler(-0.1, 0.05, 0.2)
+        state = SimpleNamespace(x_m=0.0, y_m=-0.2, z_m=1.0)
+        state.qw, state.qx, state.qy, state.qz = q
+        self.world = SimpleNamespace(step_hz=200, state=state, crashed=False)
+
+    def tick(self) -> SimpleNamespace:
+        return SimpleNamespace(mode=SOARING, reason=0)
+
+
+def test_side_and_bank_are_measured_where_they_are_flown() -> None:
+    flown = tuning_flights._flown(cast(ClosedLoop, Banked()), (0.0, 1.0, 1.8), 0.1)
+    assert flown.up
+    assert flown.rms_y_m == pytest.approx(0.2)
+    assert flown.rms_bank_rad == pytest.approx(0.1)
 
 
 def test_the_interval_is_exact() -> None:

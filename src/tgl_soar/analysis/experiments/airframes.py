@@ -19,8 +19,8 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Mapping
-from math import inf, isfinite
+from collections.abc import Mapping, Sequence
+from math import degrees, inf, isfinite
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -278,7 +278,8 @@ def airframes(context: Context) -> Result:
                 "",
                 (
                     "airframe", "short period off by", "elevator's effect", "sink", "α without",
-                    "α with", "e_rho without [cm]", "e_rho with accelerometers [cm]", "ended",
+                    "α with", "e_rho without [cm]", "e_rho with accelerometers [cm]",
+                    "y without, with [cm]", "bank without, with [°]", "ended",
                 ),
                 tuple(_row(each) for each in built),
             ),
@@ -318,12 +319,18 @@ def _row(each: BuiltAirframe) -> tuple[str, ...]:
         *(f"{100 * error:+.1f} %" if isfinite(error) else "–" for error in errors),
         *(f"{each.alpha[kind]:.2f}" if kind in each.alpha else "–" for kind in SETS),
         *(_rms_cm(each.flights, kind) for kind in SETS),
+        _both([100.0 * flight.rms_y_m for flight in each.flights.values()], 0),
+        _both([degrees(flight.rms_bank_rad) for flight in each.flights.values()], 1),
         ended or "–",
     )
 
 
 def _rms_cm(flights: Mapping[str, DrawnFlight], kind: str) -> str:
     return f"{100 * flights[kind].rms_e_rho_m:.2f}" if kind in flights else "–"
+
+
+def _both(values: Sequence[float], digits: int) -> str:
+    return ", ".join(f"{value:.{digits}f}" for value in values) or "–"
 
 
 def _numbers(each: BuiltAirframe) -> dict[str, object]:

@@ -19,8 +19,10 @@ from tgl_soar.analysis.experiments import (
     hold_point,
     identification,
     incidence,
+    later_link,
     lift_map,
     line_lean,
+    margin_tables,
     nowhere,
     outdoors,
     places,
@@ -61,6 +63,8 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "unseen": unseen.unseen,
     "leans": accepted_leans.leans,
     "airframes": airframes.airframes,
+    "margins": margin_tables.margins,
+    "latency": later_link.latency,
     "incidence": incidence.incidence,
     "lift_map": lift_map.run,
     "search": search.run,
@@ -86,6 +90,8 @@ RIGID_BODY_ALONE: Final = (
     "unseen",
     "leans",
     "airframes",
+    "margins",
+    "latency",
     "incidence",
     "lift_map",
     "search",
@@ -103,7 +109,7 @@ OURS: Final = frozenset(RIGID_BODY_ALONE)
 # others fly other airframes, or other satellites.
 APART: Final = (
     *("search", "throttle", "survey", "nowhere", "point", "outdoors", "satellites", "hour"),
-    *("unseen", "dispersed", "leans", "airframes"),
+    *("unseen", "dispersed", "leans", "airframes", "margins", "latency"),
 )
 # By the name under which they are flown together: both pages, and either of them.
 TOGETHER: Final = {
@@ -141,6 +147,8 @@ TITLES: Final = {
     "unseen": "an aircraft and air that no gain was found on, beside a plain PID",
     "leans": "every lean that is accepted, on the shipped aircraft",
     "airframes": "aircraft of any size, from a glide's log to the line",
+    "margins": "what the loops can bear, by the linear model",
+    "latency": "leans and places by a faster and by a slower link",
     "incidence": "the angle of attack as read on board, by the true one",
     "lift_map": "how far the lift map can be trusted",
     "search": "a place to soar without knowing the wind",

@@ -17,8 +17,8 @@ aircraft is looked at where it hovers, errors included.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from math import radians, sqrt
+from collections.abc import Iterable, Sequence
+from math import degrees, radians, sqrt
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -69,6 +69,8 @@ class DispersedScore(NamedTuple):
     flights: int
     up: int
     rms_e_rho_m: float  # of all, the lost ones as far as they flew
+    rms_y_m: float  # likewise
+    rms_bank_rad: float
     causes: tuple[tuple[str, int], ...]
 
     @property
@@ -102,11 +104,16 @@ class LinearMargin(NamedTuple):
 def scored(flights: Sequence[DrawnFlight]) -> DispersedScore:
     """Count and measure; no flight is left out."""
     causes = Counter(flight.ended.split(" at x ")[0] for flight in flights if not flight.up)
-    square = sum(flight.rms_e_rho_m**2 for flight in flights) / len(flights)
+
+    def rms(each: Iterable[float]) -> float:
+        return sqrt(sum(value * value for value in each) / len(flights))
+
     return DispersedScore(
         flights=len(flights),
         up=sum(flight.up for flight in flights),
-        rms_e_rho_m=sqrt(square),
+        rms_e_rho_m=rms(flight.rms_e_rho_m for flight in flights),
+        rms_y_m=rms(flight.rms_y_m for flight in flights),
+        rms_bank_rad=rms(flight.rms_bank_rad for flight in flights),
         causes=tuple(causes.most_common()),
     )
 
@@ -194,7 +201,7 @@ def dispersed(context: Context) -> Result:
                 "",
                 (
                     "sensors", "turbulence", "later by [ms]", "place", "flown to the end",
-                    "95 % interval", "rms e_rho [cm]", "lost by",
+                    "95 % interval", "rms e_rho [cm]", "rms y [cm]", "rms bank [°]", "lost by",
                 ),
                 tuple(_row(case, score) for case, score in scores.items()),
             ),
@@ -261,5 +268,7 @@ def _row(case: DispersedCase, score: DispersedScore) -> tuple[Any, ...]:
         f"{score.up} of {score.flights}",
         f"{100 * low:.0f} to {100 * high:.0f} %",
         f"{100 * score.rms_e_rho_m:.2f}",
+        f"{100 * score.rms_y_m:.0f}",
+        f"{degrees(score.rms_bank_rad):.1f}",
         ", ".join(f"{cause} {count}" for cause, count in score.causes) or "–",
     )

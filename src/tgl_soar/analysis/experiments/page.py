@@ -25,6 +25,8 @@ OWN_PAGES: Final = {
     "dispersed": "margins.md",
     "leans": "margins.md",
     "airframes": "margins.md",
+    "margins": "margins.md",
+    "latency": "margins.md",
     "search": "search.md",
     "nowhere": "search.md",
 }

@@ -34,6 +34,7 @@ from tgl_soar.config.site import Site, Start
 from tgl_soar.control.envelope import clearance, outside
 from tgl_soar.control.laws import laws_from
 from tgl_soar.control.target_line import e_rho, eta_from_lean
+from tgl_soar.geometry import euler_from_quaternion
 from tgl_soar.sim.aircraft import aircraft_model, glide_at
 from tgl_soar.sim.closed_loop import ClosedLoop
 from tgl_soar.sim.compiled import available
@@ -68,6 +69,7 @@ class DrawnFlight(NamedTuple):
     duration_s: float
     ended: str  # why; ""
     rms_y_m: float = nan  # from the middle, likewise
+    rms_bank_rad: float = nan  # likewise
 
 
 class FlyingPlace(NamedTuple):
@@ -173,6 +175,7 @@ def fly_whole(world: World, seed: int, values: ParameterSet, duration_s: float) 
         duration_s=flown.ticks / world.step_hz,
         ended=flown.ended.removeprefix("let go: "),
         rms_y_m=_rms(flown["y_m"][settle:]),
+        rms_bank_rad=_rms(flown["roll_rad"][settle:]),
     )
 
 
@@ -180,11 +183,14 @@ def _flown(loop: ClosedLoop, line: tuple[float, float, float], duration_s: float
     world = loop.world
     distances: list[float] = []
     sideways: list[float] = []
+    banks: list[float] = []
     ended = ""
     for _ in range(round(duration_s * world.step_hz)):
         output = loop.tick()
         distances.append(e_rho(line[0], line[1], line[2], world.state.x_m, world.state.z_m))
         sideways.append(world.state.y_m)
+        state = world.state
+        banks.append(euler_from_quaternion(state.qw, state.qx, state.qy, state.qz)[0])
         if world.crashed:
             ended = world.why_lost(world.state)
             break
@@ -198,6 +204,7 @@ def _flown(loop: ClosedLoop, line: tuple[float, float, float], duration_s: float
         duration_s=len(distances) / world.step_hz,
         ended=ended,
         rms_y_m=_rms(sideways[settle:] or sideways),
+        rms_bank_rad=_rms(banks[settle:] or banks),
     )
 
 
