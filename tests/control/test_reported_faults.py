@@ -10,6 +10,7 @@ from test_supervisor import FLYING, RECOVER_S, WELL, Flown, walk
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.control import supervisor as s
 from tgl_soar.control.conditions import stream_conditions
+from tgl_soar.control.envelope import Fence
 from tgl_soar.control.laws import laws_from
 from tgl_soar.control.margins import margins_of
 from tgl_soar.estimation import health as h
@@ -46,6 +47,23 @@ SOUND = Health(
     attitude_jitter_s=0.0,
     gaps=0,
     surfaces_answer=1,
+)
+
+
+STILL = VehicleState(
+    time_s=NOW_S,
+    x_m=0.6,
+    y_m=0.0,
+    z_m=1.6,
+    velocity_x_mps=0.0,
+    velocity_y_mps=0.0,
+    climb_mps=0.0,
+    roll_rad=0.0,
+    pitch_rad=0.0,
+    heading_rad=0.0,
+    roll_rate_radps=0.0,
+    pitch_rate_radps=0.0,
+    heading_rate_radps=0.0,
 )
 
 
@@ -104,22 +122,21 @@ def test_trouble_of_either_kind_is_recovered_from_and_then_released(
 
 def test_an_implausible_airspeed_is_not_what_keeps_it_from_the_stall() -> None:
     """A reading of 5 m/s says that it stalls; the same one, found implausible, says nothing."""
-    still = VehicleState(
-        time_s=NOW_S,
-        x_m=0.6,
-        y_m=0.0,
-        z_m=1.6,
-        velocity_x_mps=0.0,
-        velocity_y_mps=0.0,
-        climb_mps=0.0,
-        roll_rad=0.0,
-        pitch_rad=0.0,
-        heading_rad=0.0,
-        roll_rate_radps=0.0,
-        pitch_rate_radps=0.0,
-        heading_rate_radps=0.0,
-    )
     inputs = INPUTS._replace(airspeed=AirspeedSample(1, NOW_S, 5.0))
-    assert margins_of(LAWS, inputs, still, SOUND, NO_AIR, (0.0, 0.0, 0.0), True).stall_rad < 0.0
+    assert margins_of(LAWS, inputs, STILL, SOUND, NO_AIR, (0.0, 0.0, 0.0), True).stall_rad < 0.0
     faulty = SOUND._replace(faults=h.AIRSPEED)
-    assert margins_of(LAWS, inputs, still, faulty, NO_AIR, (0.0, 0.0, 0.0), True).stall_rad == inf
+    assert margins_of(LAWS, inputs, STILL, faulty, NO_AIR, (0.0, 0.0, 0.0), True).stall_rad == inf
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_where_the_source_says_it_is_counts_too(axis: int) -> None:
+    """Whatever is taken off a position, a metre or a little: outside in either frame is outside."""
+    upper, place = ("x_max_m", "y_max_m", "z_max_m"), (STILL.x_m, STILL.y_m, STILL.z_m)
+    wide = Fence(x_min_m=-10.0, x_max_m=10.0, y_max_m=10.0, z_min_m=-10.0, z_max_m=10.0)
+    for off_m in (1.0, 1e-3):
+        fence = wide._replace(**{upper[axis]: place[axis] + 0.5 * off_m})
+        laws = LAWS._replace(fence=fence)
+        dx, dy, dz = (off_m if n == axis else 0.0 for n in range(3))
+        for shift, is_outside in (((0.0, 0.0, 0.0), False), ((dx, dy, dz), True)):
+            found = margins_of(laws, INPUTS, STILL, SOUND, NO_AIR, shift, True)
+            assert bool(found.outside) == is_outside

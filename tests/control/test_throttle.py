@@ -186,6 +186,7 @@ def test_what_it_can_hold() -> None:
     assert not can_hold(PARAMS, 0.0, -2.5, 9.0)  # weaker than that
     assert not can_hold(PARAMS._replace(most=0.3), 0.0, -1.0, 9.0)
     assert not can_hold(PARAMS, 20.0, -1.0, 9.0)
+    assert not can_hold(PARAMS, PARAMS.budget_s - 0.01, -1.0, 9.0)  # not for long
     assert not can_hold(PARAMS, 0.0, -1.0, nan)
     assert not can_hold(PARAMS, 0.0, nan, 9.0)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from itertools import pairwise
 from math import cos, nan, pi, radians, sin
 
@@ -48,6 +49,16 @@ class Flight:
             self.words += [text for _, text in self.tracked.notices]
             self.tracked.notices.clear()
         return self
+
+
+def test_attitudes_that_are_the_same_stand_at_no_angle() -> None:
+    """Rounding makes the cosine between them more than 1 now and then."""
+    flight, dice = Flight(), random.Random(5)
+    for _ in range(300):
+        w, x, y, z = (dice.gauss(0.0, 1.0) for _ in range(4))
+        k = dice.uniform(0.5, 2.0)  # of another length, too
+        flight.runs(0.01, (w, x, y, z), (k * w, k * x, k * y, k * z))
+    assert flight.tracked.refused == 0
 
 
 def test_a_steady_tracker_is_taken_with_the_gyros_rates() -> None:
