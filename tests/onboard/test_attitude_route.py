@@ -362,3 +362,13 @@ def test_mavlink_has_the_numbers_that_are_used() -> None:
     assert PX4[1] == mavlink.MAV_AUTOPILOT_PX4
     assert mavlink.MAV_AUTOPILOT_PPZ == 9
     assert mavlink.PLANE_MODE_GUIDED == GUIDED
+
+
+def test_an_elevator_gain_that_nobody_flies_is_taken_and_said_not_to_be_judged() -> None:
+    flight = Guided()
+    flight.run(1.2)
+    flight.set("ELE_D", 3.0)
+    Flight.run(flight, 0.5)  # Guided's own reads what is said
+    words = "".join(texts(flight.said()))
+    assert "no margin is judged: the autopilot's own loops hold the attitude" in words
+    assert "ELE_D = 3" not in words  # as a refusal begins

@@ -7,6 +7,7 @@ from msgspec.structs import replace
 
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.config.lateral_gains import lateral_dynamics
+from tgl_soar.onboard import process
 from tgl_soar.onboard.setup import bounds_from, bounds_of, setup_from
 
 AIRFRAME_PATH, SITE_PATH = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
@@ -36,3 +37,11 @@ def test_by_an_attitude_route_no_elevator_is_ours_to_judge() -> None:
     for bounds in (bounds_of(setup, setup.contour), bounds_from(airframe, SITE)):
         assert bounds.ringing(swings) == bounds.fault(swings) == ""
         assert "the autopilot's own loops hold the attitude" in bounds.unjudged(VALUES)
+
+
+def test_what_is_not_judged_is_said_at_start() -> None:
+    unknown = setup_from(AIRFRAME, SITE, VALUES.changed({"DYN_PATH": 0.0}))
+    words = [text for _, text in process._words_of_place(unknown)]
+    assert "no margin is judged: of the airframe DYN_PATH is not known" in words
+    known = process._words_of_place(setup_from(AIRFRAME, SITE, VALUES))
+    assert not any("judged" in text for _, text in known)
