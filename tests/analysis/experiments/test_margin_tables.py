@@ -24,8 +24,8 @@ from tgl_soar.analysis.experiments.result import as_json
 from tgl_soar.analysis.linear_model import Margin
 from tgl_soar.analysis.tuning.demands import INERTIAL, PLAIN
 
-HERE, BY_FIXES = TableJob(*FOUND, True), TableJob(*FOUND, False)
-FAR = TableJob(14.0, 45.0, 0.04, False)
+HERE, BY_FIXES = FOUND, FOUND._replace(inertial=False)
+FAR = TableJob(speed_mps=14.0, lean_deg=45.0, delay_s=0.04, inertial=False)
 NONE = tuple(False for _ in REFUSED_LEANS_DEG)
 
 
@@ -43,7 +43,7 @@ def bears(alpha: float = 0.8, gain_db: float = 7.0, phase_deg: float = 46.0) -> 
 def found(
     line: Margin, elevator: Margin | None = None, aileron: float = 0.9, rudder: float = 1.0
 ) -> TableFound:
-    return TableFound(elevator or bears(), line, aileron, rudder)
+    return TableFound(elevator=elevator or bears(), line=line, aileron=aileron, rudder=rudder)
 
 
 def test_the_worst_case_is_judged_and_named() -> None:
@@ -97,7 +97,7 @@ def test_a_drawn_aircraft_is_refused_on_a_flat_line_only_with_gains_that_do_not_
 
 
 def test_old_attitudes_are_unstable_where_the_schedule_does_not_know_them() -> None:
-    late = TableJob(*FOUND, True, 0.1)
+    late = FOUND._replace(late_s=0.1)
     assert table_margins(late).alpha > 0.5
     assert table_margins(late._replace(known=False)).alpha == 0.0
 

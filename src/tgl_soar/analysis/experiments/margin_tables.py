@@ -44,7 +44,6 @@ from tgl_soar.sim.servos import servo_params
 SPEEDS_MPS: Final = (7.7, 8.5, 10.0, 12.0, 14.0)
 LEANS_DEG: Final = (5.0, 15.0, 30.0, 45.0)
 DELAYS_S: Final = (0.0075, 0.0245, 0.040)
-FOUND: Final = (8.5, 15.0, 0.0075)  # speed, lean, delay: where gains were found
 LATE_S: Final = (0.005, 0.020, 0.050, 0.100, 0.150, 0.200)  # of attitudes, to AGE_ATT_MAX
 REFUSED_LEANS_DEG: Final = tuple(float(deg) for deg in range(5, 46, 5))
 REFUSED_OF: Final = 1000
@@ -67,6 +66,10 @@ class TableJob(NamedTuple):
     inertial: bool
     late_s: float | None = None  # of attitudes; None: as they usually are
     known: bool = True  # that age, to the schedule
+
+
+# Where gains were found.
+FOUND: Final = TableJob(speed_mps=8.5, lean_deg=15.0, delay_s=0.0075, inertial=True)
 
 
 class TableFound(NamedTuple):
@@ -203,7 +206,7 @@ def _drawn_alpha(
     lean_deg: float,
     job: DrawnJob,
 ) -> float:
-    at = TableJob(speed_mps, lean_deg, drawn.latency_s, job.kind == INERTIAL)
+    at = _case(speed_mps, lean_deg, drawn.latency_s, job.kind == INERTIAL)
     condition = _condition(model, drawn.known, at)
     laws = laws_from(values.changed({"TGL_LEAN": lean_deg}), _HERE, drawn.known.aerodynamics())
     loop = close_loop(linear_plant(condition), linear_controller(laws, condition))
@@ -214,14 +217,14 @@ def margins(context: Context) -> Result:
     """All of it."""
     quick = context.quick
     grid = [
-        TableJob(speed, lean, delay, inertial)
+        _case(speed, lean, delay, inertial)
         for speed in (SPEEDS_MPS[1:2] if quick else SPEEDS_MPS)
         for lean in (LEANS_DEG[1:2] if quick else LEANS_DEG)
         for delay in (DELAYS_S[:1] if quick else DELAYS_S)
         for inertial in (True, False)
     ]
     aged = [
-        TableJob(*FOUND, inertial, late_s, known)
+        FOUND._replace(inertial=inertial, late_s=late_s, known=known)
         for inertial in (True, False)
         for known in (False, True)
         for late_s in (LATE_S[::5] if quick else LATE_S)
@@ -260,6 +263,10 @@ def margins(context: Context) -> Result:
     )
 
 
+def _case(speed_mps: float, lean_deg: float, delay_s: float, inertial: bool) -> TableJob:
+    return TableJob(speed_mps=speed_mps, lean_deg=lean_deg, delay_s=delay_s, inertial=inertial)
+
+
 def _words(inertial: bool) -> str:
     return "with accelerometers" if inertial else "without"
 
@@ -282,13 +289,13 @@ def shipped_claims(cases: dict[TableJob, TableFound]) -> list[Claim]:
         )
     ]
     for inertial in (True, False):
-        found = cases[TableJob(*FOUND, inertial)]
+        found = cases[FOUND._replace(inertial=inertial)]
         both = (found.elevator, found.line)
         gain = float(min(min(each.gain_up_db, -each.gain_down_db) for each in both))
         phase = float(min(each.phase_deg for each in both))
         claims.append(
             Claim(
-                f"at {FOUND[0]:g} m/s, {FOUND[1]:g}° and {1e3 * FOUND[2]:g} ms,"
+                f"at {FOUND.speed_mps:g} m/s, {FOUND.lean_deg:g}° and {1e3 * FOUND.delay_s:g} ms,"
                 f" {_words(inertial)}: {GAIN_DB:g} dB and {PHASE_DEG:g}° at elevator and line",
                 gain >= GAIN_DB and phase >= PHASE_DEG,
                 f"{gain:.1f} dB and {phase:.0f}°",
@@ -345,7 +352,7 @@ def _pitch_table(cases: dict[TableJob, TableFound]) -> Table:
             (
                 f"{speed:g} m/s, {lean:g}°",
                 *(
-                    f"{cases[TableJob(speed, lean, delay, inertial)].alpha:.2f}"
+                    f"{cases[_case(speed, lean, delay, inertial)].alpha:.2f}"
                     for inertial, delay in links
                 ),
             )
@@ -358,7 +365,7 @@ def _lateral_table(cases: dict[TableJob, TableFound]) -> Table:
     links, lean = _links(cases), next(iter(cases)).lean_deg
     rows = []
     for speed in dict.fromkeys(job.speed_mps for job in cases):
-        found = [cases[TableJob(speed, lean, delay, inertial)] for inertial, delay in links]
+        found = [cases[_case(speed, lean, delay, inertial)] for inertial, delay in links]
         rows.append((f"{speed:g} m/s", *(f"{e.aileron:.2f} / {e.rudder:.2f}" for e in found)))
     return Table(
         "The shipped aircraft: α at aileron / rudder, whatever the lean",
@@ -378,17 +385,18 @@ def _heads(links: Sequence[tuple[bool, float]]) -> list[str]:
 
 def _age_table(cases: dict[TableJob, TableFound], aged: Sequence[TableJob]) -> Table:
     lates = list(dict.fromkeys(job.late_s or 0.0 for job in aged))
+
+    def alpha(inertial: bool, known: bool, late_s: float) -> float:
+        return cases[FOUND._replace(inertial=inertial, late_s=late_s, known=known)].alpha
+
     return Table(
-        f"α of pitch at {FOUND[0]:g} m/s, {FOUND[1]:g}° and {1e3 * FOUND[2]:g} ms with attitudes"
-        " late by (0: unstable)",
+        f"α of pitch at {FOUND.speed_mps:g} m/s, {FOUND.lean_deg:g}° and {1e3 * FOUND.delay_s:g} ms"
+        " with attitudes late by (0: unstable)",
         ("", *(f"{1e3 * late_s:g} ms" for late_s in lates)),
         tuple(
             (
                 f"{_words(inertial)}, age {'in the schedule' if known else 'unknown'}",
-                *(
-                    f"{cases[TableJob(*FOUND, inertial, late_s, known)].alpha:.2f}"
-                    for late_s in lates
-                ),
+                *(f"{alpha(inertial, known, late_s):.2f}" for late_s in lates),
             )
             for inertial in (True, False)
             for known in (False, True)
