@@ -19,7 +19,13 @@ from tgl_soar.config.parameters import ParameterError
 from tgl_soar.control.lateral_margin import disk_margins, sideways_flown
 from tgl_soar.control.laws import laws_from
 from tgl_soar.control.line_bounds import LineBounds
-from tgl_soar.control.loop_margin import FLOOR, RINGS, margin_fault, margins
+from tgl_soar.control.loop_margin import (
+    FLOOR,
+    RINGS,
+    lateral_margins,
+    line_margins,
+    margin_fault,
+)
 from tgl_soar.sim.aircraft import aircraft_model
 from tgl_soar.sim.sensors import MEMS_IMU, USUAL_SENSORS, Sensors
 from tgl_soar.sim.servos import servo_params
@@ -114,10 +120,11 @@ def test_a_gain_that_swings_is_refused_in_flight_and_warned_of_on_the_ground(
 
 
 def test_a_gain_that_leaves_little_is_taken_in_flight_with_a_warning() -> None:
-    changes = LineChanges(fault=BOUNDS.fault, ringing=BOUNDS.ringing)
+    changes = LineChanges(fault=BOUNDS.fault, ringing=BOUNDS.ringing, doubt=BOUNDS.doubt)
     taken = changes.set(VALUES, "AIL_P", 3.2 * VALUES["AIL_P"], flying=True)
     assert taken.values["AIL_P"] == pytest.approx(3.2 * VALUES["AIL_P"])
-    assert taken.warning.startswith("no margin in roll at ")
+    assert taken.warning.startswith("little margin in roll at ")
+    assert BOUNDS.fault(taken.values) == ""  # nor is it a reason not to engage
     assert changes.set(VALUES, "AIL_TRIM", 0.1, flying=True).warning == ""
 
 
@@ -132,6 +139,8 @@ def test_without_lateral_dynamics_or_by_another_s_loops_nothing_is_said() -> Non
 
 def test_every_loop_is_named_once() -> None:
     """Two sets of gains, three speeds: the line's six, and roll and heading likewise."""
-    names = [each.name for each in margins(VALUES, KNOWN)]
+    names = [each.name for each in (*line_margins(VALUES), *lateral_margins(VALUES, KNOWN))]
     assert len(names) == len(set(names)) == 18
-    assert len(margins(VALUES.changed({"EST_IMU": 0.0}), KNOWN)) == 9
+    without = VALUES.changed({"EST_IMU": 0.0})
+    assert len(line_margins(without)) == 3
+    assert len(lateral_margins(without, KNOWN)) == 6

@@ -98,15 +98,15 @@ class LineChanges:
         fault: Callable[[ParameterSet], str] = _never,
         contour: Contour = (),
         ringing: Callable[[ParameterSet], str] = _never,
-        unjudged: Callable[[ParameterSet], str] = _never,
+        doubt: Callable[[ParameterSet], str] = _never,
     ) -> None:
         """`fault`: why no aircraft can be held by a line; "" if it can (`line_bounds`).  `contour`:
-        the site's, for TGL_PLACE.  `ringing`: why its loop would swing, likewise; `unjudged`: why
-        nothing is said of that."""
+        the site's, for TGL_PLACE.  `ringing`: why its loop would swing, likewise; `doubt`: what is
+        to be said of margins that refuse nothing."""
         self.staged: dict[str, float] = {}
         self.fault = fault
         self.ringing = ringing
-        self.unjudged = unjudged
+        self.doubt = doubt
         self._presets = presets
         self._contour = contour
 
@@ -173,8 +173,8 @@ class LineChanges:
             raise ParameterError(name, f"{after[name]:g}", f"{fault}; {OVERRIDE}")
         changed = [p.name for (p, old), (_, new) in zip(before, after, strict=True) if old != new]
         reported = (name, *(other for other in changed if other != name))
-        not_judged = self.unjudged(after) if other.intersection(LOOP) else ""
-        return Answer(after, reported, warning=fault or not_judged)
+        doubt = self.doubt(after) if other.intersection(LOOP) else ""
+        return Answer(after, reported, warning=fault or doubt)
 
     def _is_refused(
         self,

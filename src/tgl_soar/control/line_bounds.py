@@ -4,8 +4,8 @@
     ground    it is CLEAR_MIN or more from the [ground] of the site
     point     where one is held (TGL_HOLD), the same is true of it: a brake takes the aircraft down
               to where the line alone would not settle
-    margins   the loop has a margin on a line of this lean, and so have roll and heading, with what
-              is known of airframe and link; where a firmware's loops fly, none is judged
+    margins   the loop has a margin on a line of this lean, and roll and heading do not swing, with
+              what is known of airframe and link; where a firmware's loops fly, none is judged
     contour   the line crosses the site's zero excess updraft contour where excess updraft falls
               going up the line, inside the fence and clear of the ground: there the aircraft
               settles
@@ -34,7 +34,7 @@ from tgl_soar.control.envelope import (
     clearance,
     outside,
 )
-from tgl_soar.control.loop_margin import FLOOR, RINGS, margin_fault, unjudged
+from tgl_soar.control.loop_margin import FLOOR, RINGS, margin_doubt, margin_fault
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.types import NO_GROUND, OURS, Ground
 
@@ -91,11 +91,11 @@ class LineBounds:
         """Why the loop of these values would swing; "" if it has some margin."""
         return self._margin_fault(values, RINGS)
 
-    def unjudged(self, values: ParameterSet) -> str:
-        """Why nothing is said of the loop's margin; "" where it is judged."""
+    def doubt(self, values: ParameterSet) -> str:
+        """What is to be said of margins that refuse nothing; "" where all is well."""
         if not self._ours:
             return "no margin is judged: the autopilot's own loops hold the attitude"
-        return unjudged(values)
+        return margin_doubt(values, self._lateral)
 
     def preset_faults(self, values: ParameterSet, presets: Presets) -> list[str]:
         """What is wrong with the site's own lines, each with its name."""

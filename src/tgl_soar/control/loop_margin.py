@@ -93,28 +93,54 @@ class LoopMargin(NamedTuple):
 def margin_fault(
     values: ParameterSet, floor: float = FLOOR, lateral: LateralDynamics = UNKNOWN
 ) -> str:
-    """Why the line of these values cannot be flown with a margin, or roll and heading not on any;
-    "" if they can, or if too little is known of the airframe."""
-    for found in margins(values, lateral):
+    """Why the line of these values cannot be flown with a margin, or why roll or heading would
+    swing on any; "" if neither, or if too little is known of the airframe.
+
+    Roll and heading are known within 0.2 (`control.lateral_margin`), and heading has less than
+    FLOOR on one in ten aircraft with a slow servo and a late link that fly well: they are refused
+    below RINGS alone, and what is between is a doubt.
+    """
+    for found in line_margins(values):
         if found.alpha < floor:
-            shown = int(100.0 * found.alpha) / 100.0  # no 0.497 is 0.5
-            return f"no margin {found.name}: {shown:.2f} of {floor:g}"
+            return f"no margin {_shown(found, floor)}"
+    for found in lateral_margins(values, lateral):
+        if found.alpha < min(floor, RINGS):
+            return f"no margin {_shown(found, min(floor, RINGS))}"
     return ""
 
 
-def unjudged(values: ParameterSet) -> str:
-    """Why nothing is said of the margin; "" where it is judged."""
+def margin_doubt(values: ParameterSet, lateral: LateralDynamics = UNKNOWN) -> str:
+    """What is to be said of margins that refuse nothing: that nobody knows them, or that roll or
+    heading has little; "" where all is well."""
+    if words := _unjudged(values):
+        return words
+    least = min(lateral_margins(values, lateral), default=None)
+    return "" if least is None or least.alpha >= FLOOR else f"little margin {_shown(least, FLOOR)}"
+
+
+def _shown(found: LoopMargin, floor: float) -> str:
+    shown = int(100.0 * found.alpha) / 100.0  # no 0.497 is 0.5
+    return f"{found.name}: {shown:.2f} of {floor:g}"
+
+
+def _unjudged(values: ParameterSet) -> str:
     missing = [name for name in _NEEDED if not values[name] > 0.0]
     if missing:
         return f"no margin is judged: of the airframe {', '.join(missing)} is not known"
     return "" if is_known(dynamics_of(values)) else "no margin is judged: DYN_GLIDE or DYN_BEST < 1"
 
 
-def margins(values: ParameterSet, lateral: LateralDynamics = UNKNOWN) -> tuple[LoopMargin, ...]:
-    """Of all loops that are known: the line's first, then roll and heading, on whatever line."""
+def line_margins(values: ParameterSet) -> tuple[LoopMargin, ...]:
+    """Of the line's loop, with both sets of gains at three speeds; () where it is not known."""
+    return _line_margins(values.changed(_ANYWHERE))
+
+
+def lateral_margins(
+    values: ParameterSet, lateral: LateralDynamics = UNKNOWN
+) -> tuple[LoopMargin, ...]:
+    """Of roll and heading, on whatever line; () where they are not known."""
     upright = {"TGL_Z": 0.0, "TGL_PRESET": 0.0, "TGL_LEAN": values["TGL_LEAN_MIN"]}
-    sideways = _lateral_margins(values.changed(upright), lateral)
-    return _line_margins(values.changed(_ANYWHERE)) + sideways
+    return _lateral_margins(values.changed(upright), lateral)
 
 
 @lru_cache(maxsize=16)
@@ -156,7 +182,7 @@ def _where(values: ParameterSet, speed_mps: float, inertial: bool) -> str:
 @lru_cache(maxsize=16)
 def _loops(values: ParameterSet) -> tuple[Flown, ...]:
     """What may be flown on the line of these values; none where too little is known."""
-    if unjudged(values):
+    if _unjudged(values):
         return ()
     laws, best_mps = laws_from(values, _HERE), values["DYN_BEST"]
     return tuple(
