@@ -4,7 +4,7 @@ potential flow.  Errors are those of excess updraft, over what the map says of t
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import nan, radians
+from math import exp, nan, radians
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +15,14 @@ from tgl_soar.air.hill import HillField
 from tgl_soar.air.jet import SlopeJet
 from tgl_soar.config.files import load_airframe, load_site, shipped
 from tgl_soar.estimation.lift_map.basis import Box, Floats
-from tgl_soar.estimation.lift_map.lift_map import LiftMap, Reading, root_of
+from tgl_soar.estimation.lift_map.lift_map import (
+    TREND_PER_S,
+    TREND_S,
+    LiftMap,
+    Reading,
+    lasting_s,
+    root_of,
+)
 from tgl_soar.estimation.lift_map.sinking import sink
 from tgl_soar.types import GROUND_POINTS, NO_GROUND, Ground
 
@@ -276,6 +283,52 @@ def test_a_map_forgets_in_a_changing_wind() -> None:
     before = lift.at(-6.0, 12.0).wind_sd_mps[0]
     lift.take(read((0.0, 23.0), 9.0, nan, nan, nan, since_s=60.0))
     assert lift.at(-6.0, 12.0).wind_sd_mps[0] > before
+
+
+def in_a_wind_that_changes(share_per_s: float, gusts_mps: float, seed: int = 0) -> LiftMap:
+    """8 s at rest at a place: all winds change by a share in each second, in white gusts."""
+    x, z, rng = -5.0, 13.0, np.random.default_rng(seed)
+    ground = Ground(1, (0.0,) * GROUND_POINTS, (0.0,) * GROUND_POINTS)
+    lift = LiftMap(ground, HILL_BOX, POLAR, read((x, z), 9.0, 1.4, 9.0, 0.0), pitot=True)
+    for time_s in np.arange(0.2, 8.0, 0.2).tolist():
+        now = exp(share_per_s * time_s)
+        u, w = 9.0 * now + rng.normal(0.0, gusts_mps), 1.4 * now + rng.normal(0.0, gusts_mps)
+        lift.take(read((x, z), u, w, u, w - float(sink(POLAR, u))))
+    return lift
+
+
+def test_a_wind_that_falls_is_foreseen_to_fall() -> None:
+    """2 % in a second, two standard deviations beforehand: half of it is found in 8 s, and the rest
+    taken for a change of this place's wind alone."""
+    calm = in_a_wind_that_changes(-0.02, 0.0)
+    rate_per_s, sd_per_s = calm.trend
+    assert -0.022 < rate_per_s < -0.010
+    assert sd_per_s < 0.85 * TREND_PER_S
+    # What is foreseen has an end: T seconds of it.
+    assert calm.ahead(100.0) == pytest.approx(exp(rate_per_s * TREND_S))
+    assert calm.ahead(1.0) == pytest.approx(1.0 + rate_per_s, abs=0.003)
+    assert in_a_wind_that_changes(0.02, 0.0).trend[0] == pytest.approx(-rate_per_s, abs=0.003)
+    assert abs(in_a_wind_that_changes(0.0, 0.0).trend[0]) < 0.001
+
+
+def test_gusts_are_no_trend_and_its_error_is_what_is_claimed() -> None:
+    found = [in_a_wind_that_changes(0.0, 0.3, seed).trend for seed in range(12)]
+    normalised = [rate / sd for rate, sd in found]
+    assert np.mean(np.square(normalised)) < 1.5
+    calm_sd = in_a_wind_that_changes(0.0, 0.0).trend[1]
+    assert all(calm_sd < sd < TREND_PER_S for _, sd in found)
+
+
+def test_each_draw_has_a_trend_of_its_own() -> None:
+    lift = in_a_wind_that_changes(-0.02, 0.1)
+    rng = np.random.default_rng(3)
+    normals = rng.normal(size=(400, lift.basis.count))
+    drawn = np.log(lift.draws_ahead(normals, rng.normal(size=400), 1.0)) / lasting_s(1.0)
+    rate_per_s, sd_per_s = lift.trend
+    assert float(np.mean(drawn)) == pytest.approx(rate_per_s, abs=4.0 * sd_per_s / 20.0)
+    assert float(np.std(drawn)) == pytest.approx(sd_per_s, rel=0.15)
+    none = lift.draws_ahead(0.0 * normals[:1], np.zeros(1), 1.0)
+    assert none[0] == pytest.approx(lift.ahead(1.0))
 
 
 @pytest.mark.parametrize("wind_mps", [nan, 0.0, -3.0])

@@ -17,16 +17,21 @@ where the ground is wrong, or the flow leaves it, the streamline is given up: th
 its innovation.  What is predicted is their mixture.
 
 Slow change: all winds scale together (q² dt θ θᵀ), and in FORGET_S anything may have become what it
-might have been at first.
+might have been at first.  Beside that random walk the wind has a trend r, the same everywhere:
+
+    θ̇ = r θ,   ṙ = −r / T + noise                         a Gauss–Markov process of deviation σ
+
+Its covariance c with the weights and its variance follow the same Kalman filter, so that readings
+give r as far as gusts let them; after t the wind is foreseen to be e^(r T (1 − e^(−t/T))) of now.
 """
 
 from __future__ import annotations
 
-from math import exp, isfinite, log
+from math import exp, isfinite, log, sqrt
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from tgl_soar.estimation.lift_map.basis import Box, Floats, FlowBasis
 from tgl_soar.estimation.lift_map.sinking import sink, sink_slope
@@ -46,8 +51,12 @@ GUSTS_S: Final = 3.0  # in which the gusts that are met are averaged
 GUSTS_FIRST: Final = 0.03  # of the wind, until they are
 GATE: Final = 5.0  # standard deviations: what is farther off is pulled in to this
 
-SCALE_PER_ROOT_S: Final = 0.012  # q
+SCALE_PER_ROOT_S: Final = 0.006  # q: what the trend leaves
 FORGET_S: Final = 400.0
+# Of the trend: a wind that rises or falls by 7.5 % in ten seconds is one standard deviation, and
+# after TREND_S a third of a trend is left.
+TREND_PER_S: Final = 0.010
+TREND_S: Final = 5.0
 JITTER: Final = 1e-12  # of the largest variance, added to all of them: what rounding may have taken
 JITTERS: Final = 5  # each a hundred times the last; then the weights are drawn without correlation
 BETWEEN_M: Final = 0.01  # of H: between the places of a gradient's differences
@@ -83,9 +92,22 @@ class Weights(NamedTuple):
     covariance: Floats  # (n, n)
 
 
+class Trend(NamedTuple):
+    """How all winds change together."""
+
+    rate_per_s: float  # r, as a share of them
+    variance: float  # of it
+    shared: Floats  # (n,) its covariance with the weights
+
+
 def _updated(
-    mean: Floats, covariance: Floats, rows: Floats, measured: Floats, noise: Floats
-) -> tuple[Weights, float]:
+    mean: Floats,
+    covariance: Floats,
+    trend: Trend,
+    rows: Floats,
+    measured: Floats,
+    noise: Floats,
+) -> tuple[Weights, Trend, float]:
     """After m measurements (m,) with rows (m, n) and variances (m,); and how well they were
     foreseen, as the logarithm of their likelihood."""
     crossed = rows @ covariance
@@ -97,11 +119,15 @@ def _updated(
     likelihood = -0.5 * float(foreseen @ foreseen) - float(np.log(np.diag(root)).sum())
     most = GATE * np.sqrt(np.diag(spread))
     learned = white @ crossed
-    after = Weights(
-        mean + (white @ np.clip(innovation, -most, most)) @ learned,
-        covariance - learned.T @ learned,
+    news = white @ np.clip(innovation, -most, most)
+    weights = Weights(mean + news @ learned, covariance - learned.T @ learned)
+    of_trend = white @ (rows @ trend.shared)
+    changed = Trend(
+        rate_per_s=trend.rate_per_s + float(of_trend @ news),
+        variance=max(0.0, trend.variance - float(of_trend @ of_trend)),
+        shared=trend.shared - of_trend @ learned,
     )
-    return after, likelihood
+    return weights, changed, likelihood
 
 
 def root_of(covariance: Floats) -> Floats:
@@ -115,6 +141,11 @@ def root_of(covariance: Floats) -> Floats:
         else:
             return np.asarray(root, dtype=np.float64)
     return np.diag(np.sqrt(np.diag(covariance).clip(0.0)))
+
+
+def lasting_s(time_s: float) -> float:
+    """For how long a trend of now goes on within a time [s], in the mean."""
+    return TREND_S * (1.0 - exp(-time_s / TREND_S))
 
 
 class LiftMap:
@@ -138,6 +169,8 @@ class LiftMap:
         priors = [self.basis.prior(x, z, wind_mps, pitot, sd) for sd in (STREAMLINE_MPS, LOOSE_MPS)]
         self.maps = [Weights(prior.mean, prior.covariance) for prior in priors]
         self._forgotten = [prior.covariance / FORGET_S for prior in priors]
+        steady = Trend(0.0, TREND_PER_S**2, np.zeros(self.basis.count))
+        self.trends = [steady, steady]
         self.gusts_mps2 = (GUSTS_FIRST * wind_mps) ** 2  # their variance
         self.readings = 0
         self._log_odds = log(LOOSE_FIRST / (1.0 - LOOSE_FIRST))
@@ -158,8 +191,9 @@ class LiftMap:
         matrix, measured, variance = np.array(rows), np.array(values), np.array(noise)
         likelihood = [0.0, 0.0]
         for k in range(2):
-            self.maps[k], likelihood[k] = _updated(
-                self.maps[k].mean, self._changed(k, reading.since_s), matrix, measured, variance
+            changed, trend = self._changed(k, reading.since_s)
+            self.maps[k], self.trends[k], likelihood[k] = _updated(
+                *changed, trend, matrix, measured, variance
             )
         limit = log(1.0 / WEIGHT_LEAST)
         moved = self._log_odds + likelihood[1] - likelihood[0]
@@ -194,16 +228,28 @@ class LiftMap:
             noise.append(SAMPLES_W * (gusts + SD_E_MPS**2))
         return rows, values, noise
 
-    def _changed(self, k: int, since_s: float) -> Floats:
-        """The covariance after some time without a reading."""
+    def _changed(self, k: int, since_s: float) -> tuple[Weights, Trend]:
+        """Weights and trend after some time without a reading."""
         mean, covariance = self.maps[k]
+        rate_per_s, variance, shared = self.trends[k]
         dt = max(0.0, since_s) if isfinite(since_s) else 0.0
+        kept = exp(-dt / TREND_S)
+        for_s = TREND_S * (1.0 - kept)
         flow = mean.copy()
         flow[self.basis.flow :] = 0.0  # a polar and a sensor do not change with the wind
         grown: Floats = dt * self._forgotten[k]
         grown += covariance
-        grown += np.outer(SCALE_PER_ROOT_S**2 * dt * flow, flow)
-        return grown
+        # (for_s c + ½ v θ) θᵀ and its transpose: one outer product of the two that are the same.
+        scaled = for_s**2 * variance + SCALE_PER_ROOT_S**2 * dt
+        half = np.outer(for_s * shared + (0.5 * scaled) * flow, flow)
+        grown += half
+        grown += half.T
+        trend = Trend(
+            rate_per_s=kept * rate_per_s,
+            variance=kept * kept * variance + (1.0 - kept * kept) * TREND_PER_S**2,
+            shared=kept * (shared + for_s * variance * flow),
+        )
+        return Weights(mean + for_s * rate_per_s * flow, grown), trend
 
     def _watch_gusts(self, reading: Reading, u: Floats, w: Floats) -> None:
         """Follow the variance of what the field does not explain."""
@@ -269,15 +315,41 @@ class LiftMap:
         """The weights (n,) that are most likely."""
         return self.maps[int(self._log_odds > 0.0)].mean
 
+    @property
+    def trend(self) -> tuple[float, float]:
+        """How fast all winds change [1/s, a share of them], and its standard deviation."""
+        chosen = self.trends[int(self._log_odds > 0.0)]
+        return chosen.rate_per_s, sqrt(chosen.variance)
+
+    def ahead(self, time_s: float) -> float:
+        """The wind that is foreseen after a time [s], as a multiple of what it is now."""
+        return exp(self.trend[0] * lasting_s(time_s))
+
+    def draws_ahead(self, normals: Floats, others: Floats, time_s: float) -> Floats:
+        """The same (m,) of the rows of `draws`, each with a trend drawn with it: others, m normal
+        numbers."""
+        rates = np.empty(len(normals))
+        for k, chosen in enumerate(self._shares(len(normals))):
+            if chosen.any():
+                rate_per_s, variance, shared = self.trends[k]
+                known = np.linalg.solve(root_of(self.maps[k].covariance), shared)
+                left = sqrt(max(0.0, variance - float(known @ known)))
+                rates[chosen] = rate_per_s + normals[chosen] @ known + left * others[chosen]
+        result: Floats = np.exp(rates * lasting_s(time_s))
+        return result
+
+    def _shares(self, rows: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Which rows of a sample are of which of the two maps: as many as its weight says."""
+        loose = (np.arange(rows) + 0.5) / rows < self.loose
+        return ~loose, loose
+
     def draws(self, normals: Floats, spread: float = 1.0) -> Floats:
         """Weights (m, n) drawn from the posterior, of m rows of normal numbers (m, n).
 
         Each map has as many rows as its weight says; spread widens them about its mean.
         """
-        rows = len(normals)
         drawn = np.empty_like(normals)
-        loose = (np.arange(rows) + 0.5) / rows < self.loose
-        for k, chosen in enumerate((~loose, loose)):
+        for k, chosen in enumerate(self._shares(len(normals))):
             if chosen.any():
                 mean, covariance = self.maps[k]
                 drawn[chosen] = mean + spread * normals[chosen] @ root_of(covariance).T
