@@ -29,6 +29,7 @@ OWN_PAGES: Final = {
     "latency": "margins.md",
     "search": "search.md",
     "nowhere": "search.md",
+    "throttle": "search.md",
 }
 
 

@@ -32,10 +32,11 @@ class Score:
     soared: bool  # flew to the end, and does not sink there
     settled_s: float  # since when; inf: it did not
     found_s: float  # since when it said so, to the end, where it soared; inf: it did not
-    claimed: bool  # at any time
+    claimed_s: float  # when it said so first; inf: never
     false_claim: bool  # lost, or sinking at the end, while it said that it soars
     given_up: str  # the reason; ""
     in_time: bool  # given up above the height that landing needs
+    aloft: bool  # flew to the end of the episode, and was above that height there
     ended: str  # why the module disengaged, or what was hit; ""
     height_left_m: float
     height_lost_m: float  # from the start to the lowest place
@@ -77,10 +78,11 @@ def score(episode: Episode) -> Score:
         soared=soared,
         settled_s=settling_s(time, z) if soared else inf,
         found_s=last_claim if soared and not withdrawn else inf,
-        claimed=bool(stood),
+        claimed_s=stood[0] if stood else inf,
         false_claim=false,
         given_up=given_up,
         in_time=bool(given_up) and episode.height_left_m >= episode.landing_m,
+        aloft=flew_on and episode.height_left_m >= episode.landing_m,
         ended="" if by_forecast else episode.ended,
         height_left_m=episode.height_left_m,
         height_lost_m=float(z[0] - z.min()),
