@@ -35,6 +35,9 @@ GOOD = LinePlan(
     worth=1.3,
     chance=1.0,
     stay_chance=1.0,
+    stay_falls=True,
+    stay_lasts_s=30.0,
+    stay_holds_s=1e6,
     most_chance=1.0,
     lasts_s=30.0,
     place_x_m=0.0,
@@ -120,40 +123,68 @@ def test_at_rest_it_does_not_give_up_whatever_the_map_says() -> None:
     assert after(20.0, nowhere).status == LOOKING
 
 
+def test_where_every_line_is_lost_before_the_next_plans_it_gives_up_at_once() -> None:
+    """Under the ceiling and climbing, for one: there is height to land, and nothing to wait for."""
+    lost = GOOD._replace(chance=0.0, most_chance=0.0, stays=False, lasts_s=0.7)
+    given_up = after(0.4, lost, climb_mps=1.0)
+    assert (given_up.status, given_up.reason) == (GIVEN_UP, NO_PLACE)
+    assert after(1.0, lost._replace(lasts_s=0.9), climb_mps=1.0).status == LOOKING
+    assert after(1.0, lost._replace(most_chance=0.2), climb_mps=1.0).status == LOOKING
+    assert after(1.0, lost, climb_mps=-0.5, carried=True).status == LOOKING
+
+
 def test_it_gives_up_while_there_is_height_to_land() -> None:
-    """At 1.5 m/s of sink and 0.8 s: 1.2 m above the landing height of 1.5 m."""
+    """At 1.5 m/s of sink and 0.4 s: 0.6 m above the landing height of 1.5 m."""
     poor = GOOD._replace(chance=0.3, stay_chance=0.3, most_chance=0.3, stays=False)
-    assert after(1.0, poor, climb_mps=-1.5, over_ground_m=2.8).status == LOOKING
-    low = after(1.0, poor, climb_mps=-1.5, over_ground_m=2.6)
+    assert after(1.0, poor, climb_mps=-1.5, over_ground_m=2.2).status == LOOKING
+    low = after(1.0, poor, climb_mps=-1.5, over_ground_m=2.0)
     assert (low.status, low.reason) == (GIVEN_UP, TOO_LOW)
     assert low.time_s <= 0.4
+    # A poor line that hardly sinks yet will: by half of a glide's sink, 0.28 m above.
+    assert after(1.0, poor, over_ground_m=1.77).status == GIVEN_UP
+    assert after(1.0, poor, over_ground_m=1.79).status == LOOKING
 
 
 def test_low_with_a_good_line_it_goes_on_while_it_does_not_sink() -> None:
     assert after(9.0, over_ground_m=1.9).status == SOARING
-    # The rollouts have begun with this sink: a gust's dip is waited for, down to the height itself.
-    assert after(1.0, over_ground_m=1.55, climb_mps=-1.0).status == LOOKING
-    assert after(1.0, over_ground_m=1.45, climb_mps=-1.0).status == GIVEN_UP
+    # The rollouts have begun with this sink: a gust's dip is waited for, down to the look before
+    # the height is gone.
+    assert after(1.0, over_ground_m=1.75, climb_mps=-1.0).status == LOOKING
+    assert after(1.0, over_ground_m=1.65, climb_mps=-1.0).status == GIVEN_UP
     # Where fewer fields soar the dive is not waited for.
     doubtful = GOOD._replace(chance=0.7)
-    assert after(0.4, doubtful, over_ground_m=1.95, climb_mps=-1.0).status == GIVEN_UP
+    assert after(0.4, doubtful, over_ground_m=1.85, climb_mps=-1.0).status == GIVEN_UP
+
+
+def test_height_runs_out_between_two_plans_as_well() -> None:
+    """A second after a plan the next one is due; 0.2 s after it the height is gone."""
+    state = after(20.0)
+    while not plan_due(state):
+        state = after(DT_S, state=state)
+    state = after(DT_S, state=state)
+    assert not plan_due(state)
+    low = search_step(state, GUARDS, None, -1.0, 1.6, False, DT_S)
+    assert (low.status, low.reason) == (GIVEN_UP, TOO_LOW)
+    assert search_step(state, GUARDS, None, -1.0, 1.6, False, DT_S, carried=True).status == SOARING
 
 
 def test_with_power_left_no_height_runs_out() -> None:
     poor = GOOD._replace(chance=0.3, stay_chance=0.3, most_chance=0.3, stays=False)
     on = after(3.0, poor, climb_mps=-1.5, over_ground_m=1.2, carried=True)
     assert on.status == LOOKING
-    used_up = after(0.4, poor, state=on, climb_mps=-1.5, over_ground_m=1.2)
+    used_up = after(DT_S, poor, state=on, climb_mps=-1.5, over_ground_m=1.2)
     assert (used_up.status, used_up.reason) == (GIVEN_UP, TOO_LOW)
     nowhere = poor._replace(chance=0.0, stay_chance=0.0, most_chance=0.0)
     hopeless = after(4.0, nowhere, climb_mps=-1.5, over_ground_m=1.2, carried=True)
     assert (hopeless.status, hopeless.reason) == (GIVEN_UP, NO_PLACE)
 
 
-def test_low_and_rising_on_a_poor_line_it_goes_on() -> None:
+def test_low_and_rising_it_goes_on() -> None:
     poor = GOOD._replace(chance=0.3, stay_chance=0.3, most_chance=0.3, stays=False)
-    assert after(1.0, poor, climb_mps=0.3, over_ground_m=1.9).status == LOOKING
-    assert after(1.0, poor, climb_mps=0.0, over_ground_m=1.9).status == GIVEN_UP
+    assert after(1.0, poor, climb_mps=0.3, over_ground_m=1.7).status == LOOKING
+    assert after(1.0, poor, climb_mps=0.0, over_ground_m=1.7).status == GIVEN_UP
+    assert after(1.0, climb_mps=0.3, over_ground_m=1.45).status == LOOKING
+    assert after(1.0, climb_mps=0.0, over_ground_m=1.45).status == GIVEN_UP
 
 
 def test_a_line_has_to_be_as_good_as_a_claim_once_it_had_the_time_for_one() -> None:

@@ -128,6 +128,24 @@ def test_the_fence_and_a_hill_in_the_way_are_lost() -> None:
     assert np.isfinite(out.failed_s[0, 0])
 
 
+def test_over_raised_ground_the_clearance_is_the_height_that_landing_needs() -> None:
+    """1.5 m in place of 1 m over level ground; on a slope of 45° 1.41 m is 1 m away from it."""
+    falls = polar_sink(POLAR, WIND_MPS)
+    lines = Lines(np.array([0.0]), np.array([10.0]), np.array([ETA]))
+    raised = GRID.above(GUARDS)
+    for grid, height_m in ((GRID, 10.0 - 1.0), (raised, 10.0 - 1.5)):
+        out = roll_out(grid, fields(falls, 0.0), POLAR, GUARDS, at_rest(), lines, 5.0, 50)
+        assert out.margin_m[0, 0] == pytest.approx(height_m, abs=0.05)
+    assert GRID.above(GUARDS._replace(landing_m=0.0)).mesh.floor_m == pytest.approx(
+        GRID.mesh.floor_m
+    )
+    ramp = Ground(2, (-20.0, 20.0, *(20.0,) * 6), (-30.0, 10.0, *(10.0,) * 6))
+    steep = Grid(FlowBasis(ramp, BOX), ramp)
+    at = np.array([[0.0]]), np.array([[-10.0 + 1.5]])
+    assert steep.above(GUARDS).clearance(*at)[0, 0] == pytest.approx(1.0, abs=1e-6)
+    assert steep.clearance(*at)[0, 0] == pytest.approx(1.5 * cos(radians(45.0)), abs=1e-6)
+
+
 def test_the_well_is_that_of_a_parabola() -> None:
     """E = −k (z − 10): λ = k sin η / c, and ΔV up to the guard: ½ λ (distance)²."""
     falls = polar_sink(POLAR, WIND_MPS)

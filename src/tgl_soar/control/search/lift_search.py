@@ -17,6 +17,7 @@ from tgl_soar.control.search.plan import (
     FLOWN_THROUGH_MPS,
     SPREAD,
     LinePlan,
+    horizon_of,
     likely_fields,
     plan_in,
 )
@@ -124,6 +125,7 @@ class LiftSearch:
         self._map: LiftMap | None = None
         self._grid: Grid | None = None
         self._normals = np.zeros((DRAWS, 0))
+        self._trend_normals = np.zeros(DRAWS)
 
     @property
     def map(self) -> LiftMap:
@@ -149,7 +151,9 @@ class LiftSearch:
                 look.guards.ground, look.guards.box, self.polar, reading, pitot=look.pitot
             )
             self._grid = Grid(self._map.basis, look.guards.ground)
-            self._normals = np.random.default_rng(0).normal(size=(DRAWS, self._map.basis.count))
+            rng = np.random.default_rng(0)
+            self._normals = rng.normal(size=(DRAWS, self._map.basis.count))
+            self._trend_normals = rng.normal(size=DRAWS)
         try:
             self._map.take(reading)
         except np.linalg.LinAlgError:  # what no aircraft measures
@@ -197,14 +201,18 @@ class LiftSearch:
     def planned(self, look: Sighting, state: SearchState) -> LinePlan:
         """The best line by the map as it is."""
         draws = self.map.draws(self._normals, SPREAD)
-        fields = likely_fields(self.grid, self.map.mean(), draws)
+        over_s = horizon_of(look.guards.box.height_m)
+        drawn = self.map.draws_ahead(self._normals, self._trend_normals, over_s)
+        fields = likely_fields(self.grid, self.map.mean(), draws, self.map.ahead(over_s), drawn)
+        # With power no height runs out.
+        guards = look.guards._replace(landing_m=0.0) if look.carried else look.guards
         # White gusts: means over T have the variance 2 σ² τ / T, so D = σ² τ is half of it times T.
         diffusion = 0.5 * self.map.gusts_mps2 * AVERAGING_S
         return plan_in(
             self.grid,
             fields,
             self.polar,
-            look.guards,
+            guards,
             look.moving,
             state.target,
             diffusion,

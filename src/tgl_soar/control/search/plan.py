@@ -1,8 +1,9 @@
 """Which line is best: every candidate flown ahead in every field that may be.
 
 Fields: the map's mean, draws from its posterior (SPREAD wider than it claims), and the mean in a
-wind of 0.9 and 1.1.  Candidates: stay on the line's target, stop where the line is, and lines at
-distances from the aircraft to both sides, at the line's lean and at others.
+wind of 0.9 and 1.1; each as the wind's trend will have made it.  Candidates: stay on the line's
+target, stop where the line is, and lines at distances from the aircraft to both sides, at the
+line's lean and at others.
 
 The worth of a rollout
 
@@ -12,9 +13,10 @@ The worth of a rollout
     still flies, and sinks                               0 … 0.5, by the time that is left
     leaves a guard                                       −1 … −0.5, by when
 
-and the best mean worth wins, less a small price on moving, where the present line is not good
-enough.  A place whose well would let gusts
-carry the aircraft out within HOLDS_S is worth less by up to 1.
+Guards are the fence, the polar's ends, and the ground: not its clearance alone but the height over
+it at which the search gives up.  The best mean worth wins, less a small price on moving, where the
+present line is not good enough.  A place whose well would let gusts carry the aircraft out within
+HOLDS_S is worth less by up to 1.
 
 Rollouts fly through air that is a little slower than the polar's slow end, but no aircraft is held
 there: below it sink grows as it slows, and a lull of a second, in which an aircraft at V loses what
@@ -50,6 +52,7 @@ from tgl_soar.types import GlidePolar
 DRAWS: Final = 8
 SPREAD: Final = 1.3  # of the posterior: the far field is overconfident
 FACTORS: Final = (1.0, 0.9, 1.1)  # of the wind in the mean field
+FORESEEN: Final = (0.8, 1.2)  # the most that a wind is foreseen to change
 STEPS: Final = 64  # of a rollout
 HORIZON_S: Final = 8.0
 SLIDE_MPS: Final = 1.33  # and so long as the box is high at a glide's sink
@@ -79,6 +82,9 @@ class LinePlan(NamedTuple):
     worth: float
     chance: float  # share of the fields in which the best line soars
     stay_chance: float  # that the present one soars, and a lull does not stall it
+    stay_falls: bool  # it does so in the mean in a wind of 0.9
+    stay_lasts_s: float
+    stay_holds_s: float
     most_chance: float  # of any candidate
     lasts_s: float  # mean time until the best leaves a guard; the horizon where it does not
     place_x_m: float  # where the best ends in the mean field
@@ -114,10 +120,17 @@ def candidates(now: Moving, target: TargetLine, height_m: float, deceleration_mp
     return Lines(columns[:, 0], columns[:, 1], columns[:, 2])
 
 
-def likely_fields(grid: Grid, mean: Floats, draws: Floats) -> Fields:
-    """The mean field as it is and in other winds, and the draws (m, n): the mean is first."""
+def likely_fields(
+    grid: Grid, mean: Floats, draws: Floats, ahead: float = 1.0, draws_ahead: Floats | None = None
+) -> Fields:
+    """The mean field as it is and in other winds, and the draws (m, n): the mean is first.
+
+    ahead, draws_ahead (m,): the wind that is foreseen, as a multiple of the present one.
+    """
     weights = np.vstack([*([mean] * len(FACTORS)), draws])
-    return grid.fields(weights, np.array([*FACTORS, *([1.0] * len(draws))]))
+    drawn = np.ones(len(draws)) if draws_ahead is None else draws_ahead
+    factors = np.concatenate([ahead * np.array(FACTORS), drawn])
+    return grid.fields(weights, np.clip(factors, *FORESEEN))
 
 
 def worths(
@@ -163,7 +176,7 @@ def plan_in(
     height = guards.box.height_m
     horizon = horizon_of(height)
     lines = candidates(now, target, height, guards.line.acceleration_mps2)
-    out = roll(grid, fields, polar, guards, now, lines, horizon, STEPS)
+    out = roll(grid.above(guards), fields, polar, guards, now, lines, horizon, STEPS)
     soars = ~np.isfinite(out.failed_s) & (out.climb_mps > CLIMB_LEAST_MPS)
     well = wells(grid, fields, polar, guards, lines, out.x_m[0], out.z_m[0], diffusion_m2ps)
     shallow = np.where(soars[0], 1.0 - np.minimum(well.holds_s / HOLDS_S, 1.0), 0.0)
@@ -184,6 +197,9 @@ def plan_in(
         worth=float(worth[best]),
         chance=float(chances[best]),
         stay_chance=float(held.mean()),
+        stay_falls=bool(held[1]),
+        stay_lasts_s=float(np.minimum(out.failed_s[:, 0], horizon).mean()),
+        stay_holds_s=float(well.holds_s[0]),
         most_chance=float(chances.max()),
         lasts_s=float(np.minimum(out.failed_s[:, best], horizon).mean()),
         place_x_m=float(out.x_m[0, best]),

@@ -20,6 +20,7 @@ too fast for the polar.
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from math import pi
 from typing import Final, NamedTuple
 
@@ -124,6 +125,15 @@ class Grid:
             updraft_mps=(weights @ self.w) * scale,
             sink_scale=1.0 + weights[:, self.basis.sink_scale],
         )
+
+    def above(self, guards: Guards) -> Grid:
+        """The same over ground that is raised: who keeps the clearance to it keeps the height over
+        the true one that landing needs, too."""
+        mesh = self.mesh
+        more = np.maximum(guards.landing_m - guards.clearance_m / mesh.steepness, 0.0)
+        raised = copy(self)
+        raised.mesh = mesh._replace(floor_m=mesh.floor_m + more)
+        return raised
 
     def at(self, fields: Fields, x_m: Floats, z_m: Floats) -> tuple[Floats, Floats]:
         """u and w [m/s] of field i at places (m, n), bilinear; beyond the grid its edge's."""

@@ -15,6 +15,7 @@ from typing import Final, NamedTuple
 
 from tgl_soar.control.search.glimpse import (
     GIVEN_UP,
+    LOOK_S,
     LOOKING,
     NO_PLACE,
     NO_REASON,
@@ -40,7 +41,8 @@ FAILS_WORTH: Final = -0.6
 PLAN_EARLY_S: Final = 0.4
 PLAN_S: Final = 1.0
 EARLY_S: Final = 8.0
-REACTION_S: Final = 0.8  # two plans: before the height is needed
+REACTION_S: Final = 0.4  # two looks, before the height is needed
+LOST_S: Final = 0.8  # two early plans: what every line is lost in
 GLIDE_SINK_MPS: Final = 1.4  # what a glider sinks, where it does not climb
 
 
@@ -55,6 +57,7 @@ class SearchState(NamedTuple):
     still_s: float  # since the line came to rest
     hopeless_s: float
     since_plan_s: float
+    chance: float  # of the last plan's line
 
 
 def started(target: TargetLine) -> SearchState:
@@ -68,6 +71,7 @@ def started(target: TargetLine) -> SearchState:
         still_s=0.0,
         hopeless_s=0.0,
         since_plan_s=PLAN_S,
+        chance=1.0,
     )
 
 
@@ -115,20 +119,27 @@ def search_step(
         still_s=0.0 if moving else state.still_s + dt_s,
         since_plan_s=state.since_plan_s + dt_s,
     )
+    if plan is not None:
+        state = _planned(state, plan)
+    reason = _why_not(state, guards, plan, climb_mps, over_ground_m, carried)
+    if reason != NO_REASON:
+        return state._replace(status=GIVEN_UP, reason=reason)
     if plan is None:
         return state
+    return state._replace(status=SOARING if _soars(state, plan) else LOOKING)
+
+
+def _planned(state: SearchState, plan: LinePlan) -> SearchState:
+    """With what a new plan says."""
     # At rest there is nothing to lose: whatever the map says, the aircraft soars.
     hopeless = plan.most_chance < HOPELESS and abs(state.climb_mps) > CLAIM_CLIMB_MPS
-    state = state._replace(
+    return state._replace(
         since_plan_s=0.0,
         hopeless_s=state.hopeless_s + state.since_plan_s if hopeless else 0.0,
         target=plan.target,
         still_s=state.still_s if plan.stays else 0.0,
+        chance=plan.chance,
     )
-    reason = _why_not(state, guards, plan, climb_mps, over_ground_m, carried)
-    if reason != NO_REASON:
-        return state._replace(status=GIVEN_UP, reason=reason)
-    return state._replace(status=SOARING if _soars(state, plan) else LOOKING)
 
 
 def _soars(state: SearchState, plan: LinePlan) -> bool:
@@ -143,10 +154,15 @@ def _soars(state: SearchState, plan: LinePlan) -> bool:
     )
 
 
+def is_lost(plan: LinePlan) -> bool:
+    """Whether on every line the aircraft leaves a guard before there is much more to know."""
+    return plan.most_chance < HOPELESS and plan.lasts_s < LOST_S
+
+
 def _why_not(
     state: SearchState,
     guards: Guards,
-    plan: LinePlan,
+    plan: LinePlan | None,
     climb_mps: float,
     over_ground_m: float,
     carried: bool,
@@ -154,15 +170,15 @@ def _why_not(
     """Why the search is over, if it is."""
     if state.hopeless_s >= HOPELESS_S:
         return NO_PLACE
-    if carried:  # no height runs out as long as there is power
+    if plan is not None and not carried and abs(climb_mps) > CLAIM_CLIMB_MPS and is_lost(plan):
+        return NO_PLACE
+    if carried or climb_mps > CLAIM_CLIMB_MPS:  # no height runs out
         return NO_REASON
     sinks = max(-climb_mps, 0.0)
     left_m = over_ground_m - guards.landing_m
-    rises = climb_mps > CLAIM_CLIMB_MPS
-    soon = REACTION_S * max(sinks, 0.5 * GLIDE_SINK_MPS)
-    if plan.chance < KEEP_CHANCE and not rises and left_m < soon:
-        return TOO_LOW
+    if state.chance < KEEP_CHANCE:
+        return TOO_LOW if left_m < REACTION_S * max(sinks, 0.5 * GLIDE_SINK_MPS) else NO_REASON
     # Rollouts have begun with this very sink and know how it ends: where nearly all of them soar a
-    # gust's dip is waited for, as long as there is the height.
-    reaction_s = 0.0 if plan.chance >= CLAIM_CHANCE else REACTION_S
+    # gust's dip is waited for, until there is just the height at the next look.
+    reaction_s = LOOK_S if state.chance >= CLAIM_CHANCE else REACTION_S
     return TOO_LOW if left_m < reaction_s * sinks else NO_REASON
