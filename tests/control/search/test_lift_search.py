@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from test_rollout import ETA, GUARDS
+from test_rollout import BOX, ETA, GUARDS
 
 from tgl_soar.control.search.glimpse import (
     GIVEN_UP,
@@ -19,12 +19,14 @@ from tgl_soar.control.search.search import (
     CLAIM_S,
     FAILS_WORTH,
     KEEP_CHANCE,
+    KEEP_CLIMB_MPS,
     SOARS_WORTH,
     SearchState,
     keep_worth,
     plan_due,
     search_step,
     started,
+    sunk_s,
 )
 from tgl_soar.control.target_line import TargetLine
 
@@ -81,6 +83,7 @@ def test_soaring_is_claimed_after_six_still_seconds() -> None:
         {"moving": True},
         {"plan": GOOD._replace(stay_chance=0.7)},
         {"plan": GOOD._replace(stays=False)},
+        {"plan": GOOD._replace(stay_falls=False)},
     ],
 )
 def test_it_is_not_claimed_where_it_is_not_so(hindered: dict[str, object]) -> None:
@@ -93,6 +96,39 @@ def test_a_claim_is_withdrawn() -> None:
     lost = after(3.0, GOOD._replace(stay_chance=0.4), state=soaring)
     assert lost.status == LOOKING
     assert after(8.0, state=soaring, climb_mps=-0.4).status == LOOKING
+
+
+def test_a_claim_ends_where_its_line_is_left() -> None:
+    other = GOOD._replace(target=TargetLine(3.0, 10.0, ETA), stays=False)
+    assert after(1.4, other, state=after(8.0)).status == LOOKING
+
+
+def test_a_claim_is_withdrawn_between_two_plans() -> None:
+    state = after(12.0)
+    while not plan_due(state):
+        state = after(DT_S, state=state)
+    state = after(DT_S, state=state)
+    assert state.status == SOARING
+    assert not plan_due(state)
+    state = state._replace(climb_mps=-KEEP_CLIMB_MPS)
+    assert search_step(state, GUARDS, None, -1.0, 10.0, False, DT_S).status == LOOKING
+
+
+def test_a_claim_is_withdrawn_when_it_has_sunk_by_a_metre_in_twenty_seconds() -> None:
+    """0.05 m/s in the mean of 20 s: slower than a claim is withdrawn for at once."""
+    claimed = after(8.0)
+    assert sunk_s(BOX.height_m) == 20.0
+    assert after(30.0, state=claimed, climb_mps=-0.045).status == SOARING
+    sinks = after(14.0, state=claimed, climb_mps=-0.06)
+    assert sinks.status == SOARING
+    sunk = after(8.0, state=sinks, climb_mps=-0.06)
+    assert sunk.status == LOOKING
+    # It is not claimed again before that is so long ago.
+    assert after(3.0, state=sunk).status == LOOKING
+    assert after(20.0, state=sunk).status == SOARING
+    # The slide to a place is not counted: only what comes after the first claim.
+    slid = after(8.0, climb_mps=-0.3)
+    assert after(40.0, state=slid).status == SOARING
 
 
 def test_the_best_line_is_flown() -> None:

@@ -2,7 +2,9 @@
 
     looking   the best candidate's line is flown
     soaring   claimed when the line has stood still for CLAIM_S, the aircraft neither climbs nor
-              sinks, and CLAIM_CHANCE of the likely fields keep it there; withdrawn when not
+              sinks, and CLAIM_CHANCE of the likely fields keep it there, and so does a wind a tenth
+              weaker; withdrawn when it climbs, sinks, has sunk, the line moves, or half of
+              the fields do not keep it
     given up  no likely field has a line that soars, or the height that landing needs is near and
               nothing that will do is found: with the reason, while there is height to land
 
@@ -31,6 +33,9 @@ CLAIM_CLIMB_MPS: Final = 0.05
 CLAIM_CHANCE: Final = 0.8
 KEEP_CHANCE: Final = 0.5  # a claim is withdrawn below
 KEEP_CLIMB_MPS: Final = 0.15
+# In the mean of SUNK_S, a rollout's horizon at most: as fast as a claim allows when it is made.
+SUNK_MPS: Final = 0.05
+SUNK_S: Final = 20.0
 CLIMB_S: Final = 3.0  # over which the climb is averaged, or CLIMB_SHARE of a rollout's horizon:
 CLIMB_SHARE: Final = 0.25  # where the box is larger, so are the gusts, and all is slower
 # Chance of the best line: that of one field in eleven, as a rule of a wind a tenth stronger.
@@ -58,6 +63,9 @@ class SearchState(NamedTuple):
     hopeless_s: float
     since_plan_s: float
     chance: float  # of the last plan's line
+    climbed_m: float  # since the start
+    # Time and climbed_m at the plans of the last SUNK_S, since the line's first claim.
+    heights: tuple[tuple[float, float], ...]
 
 
 def started(target: TargetLine) -> SearchState:
@@ -72,6 +80,8 @@ def started(target: TargetLine) -> SearchState:
         hopeless_s=0.0,
         since_plan_s=PLAN_S,
         chance=1.0,
+        climbed_m=0.0,
+        heights=(),
     )
 
 
@@ -118,19 +128,29 @@ def search_step(
         climb_mps=state.climb_mps + share * (climb_mps - state.climb_mps),
         still_s=0.0 if moving else state.still_s + dt_s,
         since_plan_s=state.since_plan_s + dt_s,
+        climbed_m=state.climbed_m + climb_mps * dt_s,
     )
     if plan is not None:
-        state = _planned(state, plan)
+        state = _planned(state, plan, guards.box.height_m)
     reason = _why_not(state, guards, plan, climb_mps, over_ground_m, carried)
     if reason != NO_REASON:
         return state._replace(status=GIVEN_UP, reason=reason)
-    if plan is None:
-        return state
-    return state._replace(status=SOARING if _soars(state, plan) else LOOKING)
+    return state._replace(status=SOARING if _soars(state, plan, guards) else LOOKING)
 
 
-def _planned(state: SearchState, plan: LinePlan) -> SearchState:
+def sunk_s(height_m: float) -> float:
+    """Over how long a claim may not sink [s] in a box of this height [m]."""
+    return min(SUNK_S, horizon_of(height_m))
+
+
+def _planned(state: SearchState, plan: LinePlan, height_m: float) -> SearchState:
     """With what a new plan says."""
+    heights = state.heights
+    if not plan.stays or state.still_s == 0.0:
+        heights = ()
+    elif heights or state.status == SOARING:
+        begin_s = state.time_s - sunk_s(height_m)
+        heights = (*(h for h in heights if h[0] >= begin_s), (state.time_s, state.climbed_m))
     # At rest there is nothing to lose: whatever the map says, the aircraft soars.
     hopeless = plan.most_chance < HOPELESS and abs(state.climb_mps) > CLAIM_CLIMB_MPS
     return state._replace(
@@ -139,19 +159,34 @@ def _planned(state: SearchState, plan: LinePlan) -> SearchState:
         target=plan.target,
         still_s=state.still_s if plan.stays else 0.0,
         chance=plan.chance,
+        heights=heights,
     )
 
 
-def _soars(state: SearchState, plan: LinePlan) -> bool:
-    """Whether the claim may be made, or kept."""
+def _soars(state: SearchState, plan: LinePlan | None, guards: Guards) -> bool:
+    """Whether the claim may be made, which takes a plan, or kept."""
     if state.status == SOARING:
-        return plan.stay_chance >= KEEP_CHANCE and abs(state.climb_mps) < KEEP_CLIMB_MPS
+        good = abs(state.climb_mps) < KEEP_CLIMB_MPS
+        if plan is None:
+            return good
+        sunk = _has_sunk(state, guards.box.height_m)
+        return good and plan.stays and plan.stay_chance >= KEEP_CHANCE and not sunk
     return (
-        state.still_s >= CLAIM_S
+        plan is not None
+        and state.still_s >= CLAIM_S
         and plan.stays
         and abs(state.climb_mps) < CLAIM_CLIMB_MPS
         and plan.stay_chance >= CLAIM_CHANCE
+        and plan.stay_falls
+        and not _has_sunk(state, guards.box.height_m)
     )
+
+
+def _has_sunk(state: SearchState, height_m: float) -> bool:
+    """Whether on a line that was claimed it sank faster than that in the mean of the last time."""
+    if not state.heights:
+        return False
+    return state.heights[0][1] - state.climbed_m > SUNK_MPS * sunk_s(height_m)
 
 
 def is_lost(plan: LinePlan) -> bool:
