@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from test_rollout import BOX, ETA, GUARDS
+from test_rollout import ETA, GUARDS
 
 from tgl_soar.control.search.glimpse import (
     GIVEN_UP,
@@ -26,7 +26,6 @@ from tgl_soar.control.search.search import (
     plan_due,
     search_step,
     started,
-    sunk_s,
 )
 from tgl_soar.control.target_line import TargetLine
 
@@ -38,8 +37,6 @@ GOOD = LinePlan(
     chance=1.0,
     stay_chance=1.0,
     stay_falls=True,
-    stay_lasts_s=30.0,
-    stay_holds_s=1e6,
     most_chance=1.0,
     lasts_s=30.0,
     place_x_m=0.0,
@@ -114,23 +111,6 @@ def test_a_claim_is_withdrawn_between_two_plans() -> None:
     assert search_step(state, GUARDS, None, -1.0, 10.0, False, DT_S).status == LOOKING
 
 
-def test_a_claim_is_withdrawn_when_it_has_sunk_by_a_metre_in_twenty_seconds() -> None:
-    """0.05 m/s in the mean of 20 s: slower than a claim is withdrawn for at once."""
-    claimed = after(8.0)
-    assert sunk_s(BOX.height_m) == 20.0
-    assert after(30.0, state=claimed, climb_mps=-0.045).status == SOARING
-    sinks = after(14.0, state=claimed, climb_mps=-0.06)
-    assert sinks.status == SOARING
-    sunk = after(8.0, state=sinks, climb_mps=-0.06)
-    assert sunk.status == LOOKING
-    # It is not claimed again before that is so long ago.
-    assert after(3.0, state=sunk).status == LOOKING
-    assert after(20.0, state=sunk).status == SOARING
-    # The slide to a place is not counted: only what comes after the first claim.
-    slid = after(8.0, climb_mps=-0.3)
-    assert after(40.0, state=slid).status == SOARING
-
-
 def test_the_best_line_is_flown() -> None:
     other = GOOD._replace(target=TargetLine(3.0, 10.0, ETA), stays=False)
     assert after(1.0, other).target == other.target
@@ -160,11 +140,12 @@ def test_at_rest_it_does_not_give_up_whatever_the_map_says() -> None:
 
 
 def test_where_every_line_is_lost_before_the_next_plans_it_gives_up_at_once() -> None:
-    """Under the ceiling and climbing, for one: there is height to land, and nothing to wait for."""
-    lost = GOOD._replace(chance=0.0, most_chance=0.0, stays=False, lasts_s=0.7)
+    """Under the ceiling and climbing, for one: there is height to land, and nothing to wait for.
+    A rollout looks 23 s ahead here."""
+    lost = GOOD._replace(chance=0.0, most_chance=0.0, stays=False, lasts_s=1.7)
     given_up = after(0.4, lost, climb_mps=1.0)
     assert (given_up.status, given_up.reason) == (GIVEN_UP, NO_PLACE)
-    assert after(1.0, lost._replace(lasts_s=0.9), climb_mps=1.0).status == LOOKING
+    assert after(1.0, lost._replace(lasts_s=2.0), climb_mps=1.0).status == LOOKING
     assert after(1.0, lost._replace(most_chance=0.2), climb_mps=1.0).status == LOOKING
     assert after(1.0, lost, climb_mps=-0.5, carried=True).status == LOOKING
 
@@ -204,15 +185,17 @@ def test_height_runs_out_between_two_plans_as_well() -> None:
     assert search_step(state, GUARDS, None, -1.0, 1.6, False, DT_S, carried=True).status == SOARING
 
 
-def test_with_power_left_no_height_runs_out() -> None:
+def test_with_power_left_it_looks_on() -> None:
     poor = GOOD._replace(chance=0.3, stay_chance=0.3, most_chance=0.3, stays=False)
     on = after(3.0, poor, climb_mps=-1.5, over_ground_m=1.2, carried=True)
     assert on.status == LOOKING
     used_up = after(DT_S, poor, state=on, climb_mps=-1.5, over_ground_m=1.2)
     assert (used_up.status, used_up.reason) == (GIVEN_UP, TOO_LOW)
     nowhere = poor._replace(chance=0.0, stay_chance=0.0, most_chance=0.0)
-    hopeless = after(4.0, nowhere, climb_mps=-1.5, over_ground_m=1.2, carried=True)
-    assert (hopeless.status, hopeless.reason) == (GIVEN_UP, NO_PLACE)
+    looks_on = after(4.0, nowhere, climb_mps=-1.5, over_ground_m=1.2, carried=True)
+    assert looks_on.status == LOOKING
+    given_up = after(DT_S, nowhere, state=looks_on, climb_mps=-1.5, over_ground_m=9.0)
+    assert (given_up.status, given_up.reason) == (GIVEN_UP, NO_PLACE)
 
 
 def test_low_and_rising_it_goes_on() -> None:

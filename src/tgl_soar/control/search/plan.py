@@ -83,8 +83,6 @@ class LinePlan(NamedTuple):
     chance: float  # share of the fields in which the best line soars
     stay_chance: float  # that the present one soars, and a lull does not stall it
     stay_falls: bool  # it does so in the mean in a wind of 0.9
-    stay_lasts_s: float
-    stay_holds_s: float
     most_chance: float  # of any candidate
     lasts_s: float  # mean time until the best leaves a guard; the horizon where it does not
     place_x_m: float  # where the best ends in the mean field
@@ -198,8 +196,6 @@ def plan_in(
         chance=float(chances[best]),
         stay_chance=float(held.mean()),
         stay_falls=bool(held[1]),
-        stay_lasts_s=float(np.minimum(out.failed_s[:, 0], horizon).mean()),
-        stay_holds_s=float(well.holds_s[0]),
         most_chance=float(chances.max()),
         lasts_s=float(np.minimum(out.failed_s[:, best], horizon).mean()),
         place_x_m=float(out.x_m[0, best]),

@@ -3,8 +3,8 @@
     looking   the best candidate's line is flown
     soaring   claimed when the line has stood still for CLAIM_S, the aircraft neither climbs nor
               sinks, and CLAIM_CHANCE of the likely fields keep it there, and so does a wind a tenth
-              weaker; withdrawn when it climbs, sinks, has sunk, the line moves, or half of
-              the fields do not keep it
+              weaker; withdrawn when it climbs, sinks, the line moves, or half of the
+              fields do not keep it
     given up  no likely field has a line that soars, or the height that landing needs is near and
               nothing that will do is found: with the reason, while there is height to land
 
@@ -32,10 +32,7 @@ CLAIM_S: Final = 6.0
 CLAIM_CLIMB_MPS: Final = 0.05
 CLAIM_CHANCE: Final = 0.8
 KEEP_CHANCE: Final = 0.5  # a claim is withdrawn below
-KEEP_CLIMB_MPS: Final = 0.15
-# In the mean of SUNK_S, a rollout's horizon at most: as fast as a claim allows when it is made.
-SUNK_MPS: Final = 0.05
-SUNK_S: Final = 20.0
+KEEP_CLIMB_MPS: Final = 0.12
 CLIMB_S: Final = 3.0  # over which the climb is averaged, or CLIMB_SHARE of a rollout's horizon:
 CLIMB_SHARE: Final = 0.25  # where the box is larger, so are the gusts, and all is slower
 # Chance of the best line: that of one field in eleven, as a rule of a wind a tenth stronger.
@@ -47,7 +44,7 @@ PLAN_EARLY_S: Final = 0.4
 PLAN_S: Final = 1.0
 EARLY_S: Final = 8.0
 REACTION_S: Final = 0.4  # two looks, before the height is needed
-LOST_S: Final = 0.8  # two early plans: what every line is lost in
+LOST_SHARE: Final = 0.08  # of a rollout's horizon, two early plans in a tunnel: then all is lost
 GLIDE_SINK_MPS: Final = 1.4  # what a glider sinks, where it does not climb
 
 
@@ -63,9 +60,6 @@ class SearchState(NamedTuple):
     hopeless_s: float
     since_plan_s: float
     chance: float  # of the last plan's line
-    climbed_m: float  # since the start
-    # Time and climbed_m at the plans of the last SUNK_S, since the line's first claim.
-    heights: tuple[tuple[float, float], ...]
 
 
 def started(target: TargetLine) -> SearchState:
@@ -80,8 +74,6 @@ def started(target: TargetLine) -> SearchState:
         hopeless_s=0.0,
         since_plan_s=PLAN_S,
         chance=1.0,
-        climbed_m=0.0,
-        heights=(),
     )
 
 
@@ -128,29 +120,17 @@ def search_step(
         climb_mps=state.climb_mps + share * (climb_mps - state.climb_mps),
         still_s=0.0 if moving else state.still_s + dt_s,
         since_plan_s=state.since_plan_s + dt_s,
-        climbed_m=state.climbed_m + climb_mps * dt_s,
     )
     if plan is not None:
-        state = _planned(state, plan, guards.box.height_m)
+        state = _planned(state, plan)
     reason = _why_not(state, guards, plan, climb_mps, over_ground_m, carried)
     if reason != NO_REASON:
         return state._replace(status=GIVEN_UP, reason=reason)
-    return state._replace(status=SOARING if _soars(state, plan, guards) else LOOKING)
+    return state._replace(status=SOARING if _soars(state, plan) else LOOKING)
 
 
-def sunk_s(height_m: float) -> float:
-    """Over how long a claim may not sink [s] in a box of this height [m]."""
-    return min(SUNK_S, horizon_of(height_m))
-
-
-def _planned(state: SearchState, plan: LinePlan, height_m: float) -> SearchState:
+def _planned(state: SearchState, plan: LinePlan) -> SearchState:
     """With what a new plan says."""
-    heights = state.heights
-    if not plan.stays or state.still_s == 0.0:
-        heights = ()
-    elif heights or state.status == SOARING:
-        begin_s = state.time_s - sunk_s(height_m)
-        heights = (*(h for h in heights if h[0] >= begin_s), (state.time_s, state.climbed_m))
     # At rest there is nothing to lose: whatever the map says, the aircraft soars.
     hopeless = plan.most_chance < HOPELESS and abs(state.climb_mps) > CLAIM_CLIMB_MPS
     return state._replace(
@@ -159,18 +139,14 @@ def _planned(state: SearchState, plan: LinePlan, height_m: float) -> SearchState
         target=plan.target,
         still_s=state.still_s if plan.stays else 0.0,
         chance=plan.chance,
-        heights=heights,
     )
 
 
-def _soars(state: SearchState, plan: LinePlan | None, guards: Guards) -> bool:
+def _soars(state: SearchState, plan: LinePlan | None) -> bool:
     """Whether the claim may be made, which takes a plan, or kept."""
     if state.status == SOARING:
-        good = abs(state.climb_mps) < KEEP_CLIMB_MPS
-        if plan is None:
-            return good
-        sunk = _has_sunk(state, guards.box.height_m)
-        return good and plan.stays and plan.stay_chance >= KEEP_CHANCE and not sunk
+        still = abs(state.climb_mps) < KEEP_CLIMB_MPS
+        return still and (plan is None or (plan.stays and plan.stay_chance >= KEEP_CHANCE))
     return (
         plan is not None
         and state.still_s >= CLAIM_S
@@ -178,20 +154,12 @@ def _soars(state: SearchState, plan: LinePlan | None, guards: Guards) -> bool:
         and abs(state.climb_mps) < CLAIM_CLIMB_MPS
         and plan.stay_chance >= CLAIM_CHANCE
         and plan.stay_falls
-        and not _has_sunk(state, guards.box.height_m)
     )
 
 
-def _has_sunk(state: SearchState, height_m: float) -> bool:
-    """Whether on a line that was claimed it sank faster than that in the mean of the last time."""
-    if not state.heights:
-        return False
-    return state.heights[0][1] - state.climbed_m > SUNK_MPS * sunk_s(height_m)
-
-
-def is_lost(plan: LinePlan) -> bool:
+def is_lost(plan: LinePlan, height_m: float) -> bool:
     """Whether on every line the aircraft leaves a guard before there is much more to know."""
-    return plan.most_chance < HOPELESS and plan.lasts_s < LOST_S
+    return plan.most_chance < HOPELESS and plan.lasts_s < LOST_SHARE * horizon_of(height_m)
 
 
 def _why_not(
@@ -203,11 +171,13 @@ def _why_not(
     carried: bool,
 ) -> int:
     """Why the search is over, if it is."""
-    if state.hopeless_s >= HOPELESS_S:
+    if carried:  # as long as there is power it can go and look elsewhere
+        return NO_REASON
+    moves = abs(climb_mps) > CLAIM_CLIMB_MPS
+    lost = plan is not None and moves and is_lost(plan, guards.box.height_m)
+    if lost or state.hopeless_s >= HOPELESS_S:
         return NO_PLACE
-    if plan is not None and not carried and abs(climb_mps) > CLAIM_CLIMB_MPS and is_lost(plan):
-        return NO_PLACE
-    if carried or climb_mps > CLAIM_CLIMB_MPS:  # no height runs out
+    if climb_mps > CLAIM_CLIMB_MPS:  # no height runs out
         return NO_REASON
     sinks = max(-climb_mps, 0.0)
     left_m = over_ground_m - guards.landing_m
