@@ -44,7 +44,9 @@ PLAN_EARLY_S: Final = 0.4
 PLAN_S: Final = 1.0
 EARLY_S: Final = 8.0
 REACTION_S: Final = 0.4  # two looks, before the height is needed
-LOST_SHARE: Final = 0.08  # of a rollout's horizon, two early plans in a tunnel: then all is lost
+# Lost by every line within two early plans in a tunnel, as a share of a rollout's horizon, or before
+# it would be believed.
+LOST_SHARE: Final = 0.08
 GLIDE_SINK_MPS: Final = 1.4  # what a glider sinks, where it does not climb
 
 
@@ -159,7 +161,8 @@ def _soars(state: SearchState, plan: LinePlan | None) -> bool:
 
 def is_lost(plan: LinePlan, height_m: float) -> bool:
     """Whether on every line the aircraft leaves a guard before there is much more to know."""
-    return plan.most_chance < HOPELESS and plan.lasts_s < LOST_SHARE * horizon_of(height_m)
+    soon_s = min(HOPELESS_S, LOST_SHARE * horizon_of(height_m))
+    return plan.most_chance < HOPELESS and plan.lasts_s < soon_s
 
 
 def _why_not(
