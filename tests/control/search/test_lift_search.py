@@ -140,12 +140,15 @@ def test_at_rest_it_does_not_give_up_whatever_the_map_says() -> None:
     assert after(20.0, nowhere).status == LOOKING
 
 
-def test_where_every_line_is_lost_before_the_next_plans_it_gives_up_at_once() -> None:
+def test_where_by_two_plans_every_line_is_lost_soon_it_gives_up() -> None:
     """Under the ceiling and climbing, for one: there is height to land, and nothing to wait for.
     A rollout looks 23 s ahead here; in the highest box it is no longer than what is believed."""
     lost = GOOD._replace(chance=0.0, most_chance=0.0, stays=False, lasts_s=1.7)
-    given_up = after(0.4, lost, climb_mps=1.0)
+    assert after(0.4, lost, climb_mps=1.0).status == LOOKING  # a lull, perhaps
+    given_up = after(0.6, lost, climb_mps=1.0)
     assert (given_up.status, given_up.reason) == (GIVEN_UP, NO_PLACE)
+    between = after(0.4, GOOD, state=after(0.4, lost, climb_mps=1.0), climb_mps=1.0)
+    assert after(0.4, lost, state=between, climb_mps=1.0).status == LOOKING
     assert after(1.0, lost._replace(lasts_s=2.0), climb_mps=1.0).status == LOOKING
     assert is_lost(lost._replace(lasts_s=1.9), 200.0)
     assert not is_lost(lost._replace(lasts_s=2.1), 200.0)

@@ -44,8 +44,8 @@ PLAN_EARLY_S: Final = 0.4
 PLAN_S: Final = 1.0
 EARLY_S: Final = 8.0
 REACTION_S: Final = 0.4  # two looks, before the height is needed
-# Lost by every line within two early plans in a tunnel, as a share of a rollout's horizon, or before
-# it would be believed.
+# Lost by every line within two early plans in a tunnel, as a share of a rollout's horizon, and
+# before it would be believed.
 LOST_SHARE: Final = 0.08
 GLIDE_SINK_MPS: Final = 1.4  # what a glider sinks, where it does not climb
 
@@ -62,6 +62,7 @@ class SearchState(NamedTuple):
     hopeless_s: float
     since_plan_s: float
     chance: float  # of the last plan's line
+    lost: bool  # by the last plan every line was lost soon
 
 
 def started(target: TargetLine) -> SearchState:
@@ -76,6 +77,7 @@ def started(target: TargetLine) -> SearchState:
         hopeless_s=0.0,
         since_plan_s=PLAN_S,
         chance=1.0,
+        lost=False,
     )
 
 
@@ -123,9 +125,13 @@ def search_step(
         still_s=0.0 if moving else state.still_s + dt_s,
         since_plan_s=state.since_plan_s + dt_s,
     )
+    lost = False
     if plan is not None:
-        state = _planned(state, plan)
-    reason = _why_not(state, guards, plan, climb_mps, over_ground_m, carried)
+        # A lull of a second looks as if all were lost: two plans one after the other are believed.
+        soon = abs(climb_mps) > CLAIM_CLIMB_MPS and is_lost(plan, guards.box.height_m)
+        lost = soon and state.lost
+        state = _planned(state, plan)._replace(lost=soon)
+    reason = _why_not(state, guards, lost, climb_mps, over_ground_m, carried)
     if reason != NO_REASON:
         return state._replace(status=GIVEN_UP, reason=reason)
     return state._replace(status=SOARING if _soars(state, plan) else LOOKING)
@@ -168,7 +174,7 @@ def is_lost(plan: LinePlan, height_m: float) -> bool:
 def _why_not(
     state: SearchState,
     guards: Guards,
-    plan: LinePlan | None,
+    lost: bool,
     climb_mps: float,
     over_ground_m: float,
     carried: bool,
@@ -176,8 +182,6 @@ def _why_not(
     """Why the search is over, if it is."""
     if carried:  # as long as there is power it can go and look elsewhere
         return NO_REASON
-    moves = abs(climb_mps) > CLAIM_CLIMB_MPS
-    lost = plan is not None and moves and is_lost(plan, guards.box.height_m)
     if lost or state.hopeless_s >= HOPELESS_S:
         return NO_PLACE
     if climb_mps > CLAIM_CLIMB_MPS:  # no height runs out
