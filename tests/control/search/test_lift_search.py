@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import pytest
 from test_rollout import ETA, GUARDS
 
@@ -66,6 +68,18 @@ def after(
             state, GUARDS, due, climb_mps, over_ground_m, moving, DT_S, carried=carried
         )
     return state
+
+
+def test_plans_are_made_every_other_look_at_first_and_once_a_second_later() -> None:
+    state, due = started(LINE), []
+    for _ in range(60):
+        if plan_due(state):
+            due.append(state.time_s)
+        state = after(DT_S, state=state)
+    early = [t for t in due if t < 7.0]
+    assert early == pytest.approx([0.4 * k for k in range(len(early))])
+    late = [t for t in due if t > 8.5]
+    assert [b - a for a, b in pairwise(late)] == pytest.approx([1.0] * (len(late) - 1))
 
 
 def test_soaring_is_claimed_after_six_still_seconds() -> None:
@@ -144,7 +158,7 @@ def test_where_by_two_plans_every_line_is_lost_soon_it_gives_up() -> None:
     """Under the ceiling and climbing, for one: there is height to land, and nothing to wait for.
     A rollout looks 23 s ahead here; in the highest box it is no longer than what is believed."""
     lost = GOOD._replace(chance=0.0, most_chance=0.0, stays=False, lasts_s=1.7)
-    assert after(0.4, lost, climb_mps=1.0).status == LOOKING  # a lull, perhaps
+    assert after(0.2, lost, climb_mps=1.0).status == LOOKING  # a lull, perhaps
     given_up = after(0.6, lost, climb_mps=1.0)
     assert (given_up.status, given_up.reason) == (GIVEN_UP, NO_PLACE)
     between = after(0.4, GOOD, state=after(0.4, lost, climb_mps=1.0), climb_mps=1.0)

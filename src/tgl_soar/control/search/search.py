@@ -82,9 +82,9 @@ def started(target: TargetLine) -> SearchState:
 
 
 def plan_due(state: SearchState) -> bool:
-    """Whether it is time for a plan."""
+    """Whether it is time for a plan at the look that comes now."""
     every = PLAN_EARLY_S if state.time_s < EARLY_S else PLAN_S
-    return state.status != GIVEN_UP and state.since_plan_s >= every - 1e-9
+    return state.status != GIVEN_UP and state.since_plan_s + LOOK_S >= every - 1e-9
 
 
 def keep_worth(state: SearchState) -> float:
