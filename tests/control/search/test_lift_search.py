@@ -13,6 +13,7 @@ from tgl_soar.control.search.glimpse import (
     NO_PLACE,
     REASONS,
     SOARING,
+    TOO_HIGH,
     TOO_LOW,
 )
 from tgl_soar.control.search.plan import LinePlan
@@ -203,6 +204,22 @@ def test_height_runs_out_between_two_plans_as_well() -> None:
     low = search_step(state, GUARDS, None, -1.0, 1.6, False, DT_S)
     assert (low.status, low.reason) == (GIVEN_UP, TOO_LOW)
     assert search_step(state, GUARDS, None, -1.0, 1.6, False, DT_S, carried=True).status == SOARING
+
+
+def test_it_gives_up_before_it_leaves_through_the_ceiling() -> None:
+    """At 1 m/s of climb and 0.4 s: 0.4 m under it, where fewer than half of the fields soar."""
+    poor = GOOD._replace(chance=0.4, stay_chance=0.4, most_chance=0.4, stays=False)
+
+    def step(plan: LinePlan, climb_mps: float, under_ceiling_m: float) -> SearchState:
+        state = started(LINE)
+        return search_step(
+            state, GUARDS, plan, climb_mps, 9.0, False, DT_S, under_ceiling_m=under_ceiling_m
+        )
+
+    assert step(poor, 1.0, 0.39).reason == TOO_HIGH
+    assert "ceiling" in REASONS[TOO_HIGH]
+    for going_on in (step(poor, 1.0, 0.41), step(poor, 0.5, 0.39), step(GOOD, 1.0, 0.39)):
+        assert going_on.status == LOOKING
 
 
 def test_with_power_left_it_looks_on() -> None:

@@ -129,6 +129,7 @@ class Oracle:
             look.over_ground_m,
             look.moving.line.moving,
             look.dt_s,
+            under_ceiling_m=look.guards.box.z_max_m - look.moving.z_m,
             carried=look.carried,
         )
         return _wish(look, self.state.target, self.state.status, self.state.reason)

@@ -22,10 +22,12 @@ GIVEN_UP: Final = 2
 NO_REASON: Final = 0
 NO_PLACE: Final = 1  # in no likely field
 TOO_LOW: Final = 2
+TOO_HIGH: Final = 3
 REASONS: Final = (
     "",
     "no line soars in any wind that fits the readings",
     "height for landing is running out before a place to soar",
+    "room under the fence's ceiling is running out before a place to soar",
 )
 
 

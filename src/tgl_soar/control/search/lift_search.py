@@ -186,6 +186,7 @@ class LiftSearch:
             look.over_ground_m,
             line.moving,
             look.dt_s,
+            under_ceiling_m=look.guards.box.z_max_m - look.moving.z_m,
             carried=look.carried,
         )
         place = self.plan

@@ -5,14 +5,16 @@
               sinks, and CLAIM_CHANCE of the likely fields keep it there, and so does a wind a tenth
               weaker; withdrawn when it climbs, sinks, the line moves, or half of the
               fields do not keep it
-    given up  no likely field has a line that soars, or the height that landing needs is near and
-              nothing that will do is found: with the reason, while there is height to land
+    given up  no likely field has a line that soars, or the height that landing needs is near, or
+              the ceiling, and nothing that will do is found: with the reason, while there is height
+              to land
 
 `search_step` is pure: the time is that between two calls, what the map says comes in as a plan.
 """
 
 from __future__ import annotations
 
+from math import inf
 from typing import Final, NamedTuple
 
 from tgl_soar.control.search.glimpse import (
@@ -22,6 +24,7 @@ from tgl_soar.control.search.glimpse import (
     NO_PLACE,
     NO_REASON,
     SOARING,
+    TOO_HIGH,
     TOO_LOW,
 )
 from tgl_soar.control.search.plan import LinePlan, horizon_of
@@ -112,10 +115,11 @@ def search_step(
     moving: bool,
     dt_s: float,
     *,
+    under_ceiling_m: float = inf,
     carried: bool = False,
 ) -> SearchState:
     """Go on by dt_s; plan: a new one, or None; over_ground_m: height; moving: the line slides;
-    carried: power can keep the aircraft from sinking."""
+    carried: power can keep the aircraft from sinking; under_ceiling_m: to the fence's."""
     if state.status == GIVEN_UP:
         return state
     share = min(1.0, dt_s / climb_s(guards.box.height_m))
@@ -132,6 +136,10 @@ def search_step(
         lost = soon and state.lost
         state = _planned(state, plan)._replace(lost=soon)
     reason = _why_not(state, guards, lost, climb_mps, over_ground_m, carried)
+    # The module disengages at the fence: as well before it, in words.
+    leaves = under_ceiling_m < REACTION_S * climb_mps and state.chance < KEEP_CHANCE
+    if reason == NO_REASON and leaves:
+        reason = TOO_HIGH
     if reason != NO_REASON:
         return state._replace(status=GIVEN_UP, reason=reason)
     return state._replace(status=SOARING if _soars(state, plan) else LOOKING)
