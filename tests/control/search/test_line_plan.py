@@ -142,6 +142,36 @@ def test_likely_fields_are_the_mean_in_three_winds_and_the_draws() -> None:
     assert radians(15.0) + 0.5 * np.pi == pytest.approx(ETA)
 
 
+def test_fields_are_what_the_wind_s_trend_will_have_made_of_them() -> None:
+    mean = np.zeros(GRID.basis.count)
+    mean[0] = 9.0
+    draws = np.tile(mean, (3, 1))
+    fields = likely_fields(GRID, mean, draws, 0.95, np.array([0.9, 1.05, 0.5]))
+    factors = [*(0.95 * f for f in FACTORS), 0.9, 1.05, 0.8]  # no trend is believed without end
+    assert fields.wind_mps[:, 0] == pytest.approx([9.0 * f for f in factors])
+
+
+def test_a_line_on_which_it_would_have_given_up_does_not_soar() -> None:
+    """At rest 1.3 m over the ground: over the clearance of 1 m, under the 1.5 m of landing."""
+    air = lift_at(0.0, 1.6)
+    falls = polar_sink(POLAR, 9.0)
+    air = air._replace(updraft_mps=np.full_like(air.updraft_mps, falls))
+    here = TargetLine(0.0, 1.3, ETA)
+    low = plan_in(GRID, air, POLAR, GUARDS, at_rest(0.0, 1.3), here, 1e-6)
+    assert low.stay_chance == 0.0
+    free = GUARDS._replace(landing_m=0.0)
+    assert plan_in(GRID, air, POLAR, free, at_rest(0.0, 1.3), here, 1e-6).stay_chance == 1.0
+
+
+def test_it_knows_whether_a_weaker_wind_would_leave_it() -> None:
+    """The second field is that of a wind of 0.9."""
+    good, bad = lift_at(0.0, 1.6, copies=1), lift_at(0.0, -2.5, copies=1)
+    for order, falls in (((good, good, bad), True), ((good, bad, good), False)):
+        fields = Fields(*(np.concatenate(parts) for parts in zip(*order, strict=True)))
+        plan = plan_in(GRID, fields, POLAR, GUARDS, at_rest(), HERE, 0.01)
+        assert plan.stay_falls is falls
+
+
 def test_a_line_that_will_do_is_not_left_for_a_better_one() -> None:
     fields = lift_at(-1.5, 1.8)
     free = plan_in(GRID, fields, POLAR, GUARDS, at_rest(), HERE, 1e-4)
