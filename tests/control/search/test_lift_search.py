@@ -207,7 +207,7 @@ def test_height_runs_out_between_two_plans_as_well() -> None:
 
 
 def test_it_gives_up_before_it_leaves_through_the_ceiling() -> None:
-    """At 1 m/s of climb and 0.4 s: 0.4 m under it, where fewer than half of the fields soar."""
+    """At 1 m/s of climb a look before it, 0.2 m under it, where fewer than half of the fields soar."""
     poor = GOOD._replace(chance=0.4, stay_chance=0.4, most_chance=0.4, stays=False)
 
     def step(plan: LinePlan, climb_mps: float, under_ceiling_m: float) -> SearchState:
@@ -216,9 +216,9 @@ def test_it_gives_up_before_it_leaves_through_the_ceiling() -> None:
             state, GUARDS, plan, climb_mps, 9.0, False, DT_S, under_ceiling_m=under_ceiling_m
         )
 
-    assert step(poor, 1.0, 0.39).reason == TOO_HIGH
+    assert step(poor, 1.0, 0.19).reason == TOO_HIGH
     assert "ceiling" in REASONS[TOO_HIGH]
-    for going_on in (step(poor, 1.0, 0.41), step(poor, 0.5, 0.39), step(GOOD, 1.0, 0.39)):
+    for going_on in (step(poor, 1.0, 0.21), step(poor, 0.5, 0.19), step(GOOD, 1.0, 0.19)):
         assert going_on.status == LOOKING
 
 
