@@ -207,7 +207,7 @@ def test_height_runs_out_between_two_plans_as_well() -> None:
 
 
 def test_it_gives_up_before_it_leaves_through_the_ceiling() -> None:
-    """At 1 m/s of climb a look before it, 0.2 m under it, where fewer than half of the fields soar."""
+    """At 1 m/s of climb a look before it, 0.2 m under it, where less than half of all soars."""
     poor = GOOD._replace(chance=0.4, stay_chance=0.4, most_chance=0.4, stays=False)
 
     def step(plan: LinePlan, climb_mps: float, under_ceiling_m: float) -> SearchState:
