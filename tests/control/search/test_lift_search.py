@@ -116,6 +116,13 @@ def test_a_claim_ends_where_its_line_is_left() -> None:
     assert after(1.4, other, state=after(8.0)).status == LOOKING
 
 
+def test_a_claim_is_withdrawn_where_it_sinks_and_a_weaker_wind_would_not_leave_it() -> None:
+    claimed, weak = after(8.0), GOOD._replace(stay_falls=False)
+    assert after(4.0, weak, state=claimed).status == SOARING
+    assert after(8.0, climb_mps=-0.04, state=claimed).status == SOARING
+    assert after(8.0, weak, climb_mps=-0.04, state=claimed).status == LOOKING
+
+
 def test_a_claim_is_withdrawn_between_two_plans() -> None:
     state = after(12.0)
     while not plan_due(state):

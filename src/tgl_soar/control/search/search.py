@@ -3,8 +3,8 @@
     looking   the best candidate's line is flown
     soaring   claimed when the line has stood still for CLAIM_S, the aircraft neither climbs nor
               sinks, and CLAIM_CHANCE of the likely fields keep it there, and so does a wind a tenth
-              weaker; withdrawn when it climbs, sinks, the line moves, or half of the
-              fields do not keep it
+              weaker; withdrawn when it climbs, sinks, the line moves, half of the
+              fields do not keep it, or it sinks a little where a weaker wind would not leave it
     given up  no likely field has a line that soars, or the height that landing needs is near, or
               the ceiling, and nothing that will do is found: with the reason, while there is height
               to land
@@ -36,6 +36,7 @@ CLAIM_CLIMB_MPS: Final = 0.05
 CLAIM_CHANCE: Final = 0.8
 KEEP_CHANCE: Final = 0.5  # a claim is withdrawn below
 KEEP_CLIMB_MPS: Final = 0.12
+WEAKER_SINK_MPS: Final = 0.02  # so little where a weaker wind would not leave the place
 CLIMB_S: Final = 3.0  # over which the climb is averaged, or CLIMB_SHARE of a rollout's horizon:
 CLIMB_SHARE: Final = 0.25  # where the box is larger, so are the gusts, and all is slower
 # Chance of the best line: that of one field in eleven, as a rule of a wind a tenth stronger.
@@ -163,7 +164,10 @@ def _soars(state: SearchState, plan: LinePlan | None) -> bool:
     """Whether the claim may be made, which takes a plan, or kept."""
     if state.status == SOARING:
         still = abs(state.climb_mps) < KEEP_CLIMB_MPS
-        return still and (plan is None or (plan.stays and plan.stay_chance >= KEEP_CHANCE))
+        if plan is None:
+            return still
+        firm = plan.stay_falls or state.climb_mps > -WEAKER_SINK_MPS
+        return still and firm and plan.stays and plan.stay_chance >= KEEP_CHANCE
     return (
         plan is not None
         and state.still_s >= CLAIM_S
