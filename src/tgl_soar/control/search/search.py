@@ -49,6 +49,7 @@ PLAN_S: Final = 1.0
 EARLY_S: Final = 8.0
 REACTION_S: Final = 0.4  # two looks, before the height is needed
 CEILING_S: Final = LOOK_S  # nothing is needed beyond it
+CEILING_CHANCE: Final = 1.0 / 3.0  # near a limit two to one against it is enough, as in `forecast`
 # Lost by every line within two early plans in a tunnel, as a share of a rollout's horizon, and
 # before it would be believed.
 LOST_SHARE: Final = 0.08
@@ -139,7 +140,7 @@ def search_step(
         state = _planned(state, plan)._replace(lost=soon)
     reason = _why_not(state, guards, lost, climb_mps, over_ground_m, carried)
     # The module disengages at the fence: as well before it, in words.
-    leaves = under_ceiling_m < CEILING_S * climb_mps and state.chance < KEEP_CHANCE
+    leaves = under_ceiling_m < CEILING_S * climb_mps and state.chance < CEILING_CHANCE
     if reason == NO_REASON and leaves:
         reason = TOO_HIGH
     if reason != NO_REASON:
