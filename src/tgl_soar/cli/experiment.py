@@ -48,6 +48,7 @@ COLOURS = {
     "agrees": "green",
     "agrees in part": "yellow",
     "differs": "red",
+    "undecided": "yellow",
     "by construction": "cyan",
     "met": "green",
     "met in part": "yellow",
@@ -229,6 +230,8 @@ def _print(result: Result) -> None:
     console.print(f"verdict: [{colour}]{result.verdict}[/{colour}]")
     for claim in result.claims:
         mark = "[green]✓[/green]" if claim.holds else "[red]✗[/red]"
+        if claim.undecided:
+            mark = "[yellow]?[/yellow] undecided:"
         console.print(f"  {mark} ", end="")
         text = f"{claim.text} (by construction)" if claim.by_construction else claim.text
         console.print(f"{text}: {claim.measured}", markup=False, highlight=False)

@@ -96,6 +96,22 @@ def test_pooled_dispersion_counts_the_spread_of_the_means(flown: FlownScenario) 
     assert pooled_dispersion(apart) == pytest.approx((0.03**2 + 0.1**2) ** 0.5)
 
 
+def test_a_drawn_aircraft_hovers_at_its_own_place_and_not_at_the_files(scenario: Scenario) -> None:
+    """Seed 1 draws one that hovers 16 cm below the files' place; its own it misses by less than
+    the 3 standard errors of twelve seconds in calm air, 1 cm."""
+    calm = with_turbulence(msgspec.structs.replace(scenario, duration_s=12.0, changes=[]), 0.0)
+    (leg,) = fly_job(ScenarioJob(scenario=calm, seed=1, dispersed=True)).legs
+    assert abs(leg.miss_m) > 0.1
+    assert abs(leg.own_miss_m) < 0.01
+    (file,) = fly_job(ScenarioJob(scenario=calm, seed=1)).legs
+    assert file.own_miss_m == file.miss_m
+    apart = [
+        leg,
+        replace(leg, along_m=leg.along_m + 0.2, own_predicted_along_m=leg.own_along_m + 0.2),
+    ]
+    assert pooled_dispersion(apart) == pytest.approx(leg.dispersion_m)  # what flew is not in it
+
+
 def test_an_aircraft_may_differ_from_its_file_which_the_module_goes_by(scenario: Scenario) -> None:
     airframe = prepare(scenario).airframe
     figures = (("model.CD0", 0.07), ("airframe.iyy_kgm2", 0.02))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from math import hypot, inf, nan, radians
 from pathlib import Path
@@ -21,9 +22,21 @@ from tgl_soar.analysis.experiments.air_speed import (
     speed_claims,
     speed_why,
 )
-from tgl_soar.analysis.experiments.changing_air import Shift, WindShift, slope_claims, wind_claims
+from tgl_soar.analysis.experiments.changing_air import (
+    Shift,
+    WindShift,
+    slope_claims,
+    wind_claims,
+    wind_why,
+)
 from tgl_soar.analysis.experiments.context import Context
-from tgl_soar.analysis.experiments.flights import FlownScenario, Flyer, ScoredLeg
+from tgl_soar.analysis.experiments.flights import (
+    FlownScenario,
+    Flyer,
+    ScoredLeg,
+    mean_of_flights,
+    rms_error,
+)
 from tgl_soar.analysis.experiments.hill_positions import (
     POLAR,
     RADIUS_M,
@@ -35,6 +48,7 @@ from tgl_soar.analysis.experiments.line_lean import (
     HELD_M,
     SCHEDULED,
     LeanScore,
+    along_words,
     lean_claims,
     lean_why,
     refusal,
@@ -47,14 +61,19 @@ from tgl_soar.analysis.experiments.result import (
     Claim,
     Result,
     Table,
+    all_of,
     as_json,
     as_markdown,
+    decided,
     plain,
 )
 from tgl_soar.analysis.experiments.sensitivity import WindEffect, sensitivity_claims
 from tgl_soar.analysis.experiments.still_lines import (
     MISS_MOST_M,
     LegSummary,
+    MissOfFlight,
+    dispersion_note,
+    known_place_claim,
     place_claim,
     settled_claim,
 )
@@ -104,6 +123,25 @@ def test_what_is_true_by_construction_is_marked_and_decides_nothing() -> None:
     assert result(given).verdict == "by construction"
     assert counted(result(YES, NO, given)) == "agrees in part: 1 of 2, and 1 by construction"
     assert "- ✓ an identity (true by construction): 0." in as_markdown(result(given), "images")
+
+
+def test_what_is_undecided_does_not_hold_and_is_marked() -> None:
+    left_open = Claim("it may", False, "1 ± 2 cm", undecided=True)
+    assert result(YES, left_open).verdict == "agrees in part"
+    assert result(left_open).verdict == "undecided"
+    assert result(NO, left_open).verdict == "undecided"
+    assert counted(result(YES, left_open)) == "agrees in part: 1 of 2, 1 undecided"
+    assert "- ? undecided: it may: 1 ± 2 cm." in as_markdown(result(left_open), "images")
+    with pytest.raises(ValueError, match="undecided does not hold"):
+        Claim("it may", True, "", undecided=True)
+    pair = replace(
+        result(YES), also={DISPERSED_AIRCRAFT: result(replace(left_open, text=YES.text))}
+    )
+    assert "**Dispersion changes:** “it does” (✓ → ?)." in as_markdown(pair, "").splitlines()
+    assert decided("x", None, "").undecided
+    assert all_of([True, None]) is None
+    assert all_of([None, False]) is False
+    assert all_of([]) is False
 
 
 @pytest.mark.parametrize(
@@ -218,13 +256,39 @@ def test_the_hill_has_its_three_places() -> None:
 
 
 def test_slope_needs_contour_and_aircraft_to_rise_alike() -> None:
-    same = [Shift("a", 0.10, 0.10, 0.09), Shift("b", 0.12, 0.11, 0.11)]
-    assert [c.holds for c in slope_claims(same)] == [True, True]
-    apart = [same[0]._replace(flown_m=0.02), same[1]]
-    assert [c.holds for c in slope_claims(apart)] == [True, False]
+    same = [slope_shift("a", 0.10, 0.0), slope_shift("b", 0.12, 0.01)]
+    assert signs(slope_claims(same)) == "✓✓"
+    assert signs(slope_claims([slope_shift("a", 0.02, -0.08), same[1]])) == "✓✗"
+    # 1.5 cm off, known to 0.4 cm: 2.4 of these go beyond the 2 cm that are asked.
+    assert signs(slope_claims([slope_shift("a", 0.10, 0.015), same[1]])) == "✓?"
+    assert signs(slope_claims([same[0]._replace(error_m=0.05), same[1]])) == "✓?"
 
 
-def leg(miss_m: float = 0.01, settling_s: float = 1.0) -> LegSummary:
+def slope_shift(line: str, flown_m: float, off_m: float) -> Shift:
+    return Shift(
+        line=line,
+        flown_m=flown_m,
+        predicted_m=0.1,
+        up_m=flown_m,
+        error_m=0.004,
+        off_m=off_m,
+        off_error_m=0.004,
+        worst_off_m=2.0 * off_m,
+    )
+
+
+def signs(claims: Sequence[Claim]) -> str:
+    return "".join("?" if c.undecided else "✓" if c.holds else "✗" for c in claims)
+
+
+def leg(
+    miss_m: float = 0.01,
+    settling_s: float = 1.0,
+    error_m: float = 0.002,
+    one_m: float | None = None,
+    one_error_m: float = 0.006,
+) -> LegSummary:
+    one = MissOfFlight(miss_m if one_m is None else one_m, one_error_m)
     return LegSummary(
         line="a",
         flights=8,
@@ -234,7 +298,13 @@ def leg(miss_m: float = 0.01, settling_s: float = 1.0) -> LegSummary:
         rms_y_m=0.1,
         rms_bank_rad=0.02,
         miss_m=miss_m,
-        miss_error_m=0.002,
+        miss_error_m=error_m,
+        apart_m=0.09,
+        own_miss_m=miss_m,
+        own_error_m=error_m,
+        worst_own=one,
+        worst_file=one,
+        known_to_m=one_error_m,
         dispersion_m=0.03,
         dispersion_formula_m=0.03,
         stalled_fraction=0.0,
@@ -244,17 +314,54 @@ def leg(miss_m: float = 0.01, settling_s: float = 1.0) -> LegSummary:
 
 
 @pytest.mark.parametrize(
-    ("misses_m", "holds"),
+    ("legs", "sign"),
     [
-        ((0.01, -0.02), True),
-        ((0.01, MISS_MOST_M + 0.001), False),
-        ((0.01, -MISS_MOST_M - 0.001), False),
-        ((0.01, nan), False),  # the line meets no contour
-        ((), False),
+        ((leg(0.01), leg(-0.02)), "✓"),
+        ((leg(0.01), leg(MISS_MOST_M + 0.006)), "✗"),
+        ((leg(0.01), leg(-MISS_MOST_M - 0.006)), "✗"),
+        ((leg(0.01), leg(MISS_MOST_M - 0.004)), "?"),  # 2.4 errors of 2 mm go beyond
+        ((leg(0.01, error_m=0.03),), "?"),  # the mean of flights that are far apart
+        ((leg(0.0, one_m=0.09),), "✗"),  # each is 9 cm off, the mean of all is not
+        ((leg(0.0, one_error_m=0.016),), "?"),  # one flight is not known to half the bound
+        ((leg(0.01), leg(nan)), "✗"),  # the line meets no contour
+        ((), "✗"),
     ],
 )
-def test_it_hovers_at_the_crossing_on_every_leg(misses_m: tuple[float, ...], holds: bool) -> None:
-    assert place_claim([leg(miss_m=miss) for miss in misses_m]).holds is holds
+def test_it_hovers_at_the_crossing_on_every_leg(legs: tuple[LegSummary, ...], sign: str) -> None:
+    assert signs([place_claim(list(legs))]) == sign
+
+
+def test_whoever_has_the_files_alone_is_told_how_far_off_each_aircraft_is() -> None:
+    far = known_place_claim([leg(0.0, one_m=-0.157)])
+    assert signs([far]) == "✗"
+    assert "at most 15.7 ± 0.6 cm from it (line a)" in far.measured
+    assert "9.0 cm apart" in far.measured
+    assert signs([known_place_claim([leg(0.0)])]) == "✓"
+    assert signs([known_place_claim([leg(0.0, one_error_m=0.02)])]) == "?"
+
+
+def test_the_error_of_a_mean_is_that_of_the_flights_and_not_of_their_samples() -> None:
+    """Two aircraft that each stay where they are, 18 cm apart: ± 9 cm, not nothing."""
+    one, other = (
+        replace(flight(1).legs[0], along_m=along, dispersion_m=1e-4) for along in (-0.09, 0.09)
+    )
+    mean = mean_of_flights(each.along_m for each in (one, other))
+    assert mean.mean == pytest.approx(0.0)
+    assert mean.error == pytest.approx(0.09)
+    assert mean_of_flights([0.1]).error == inf
+    assert rms_error([1.0, 1.0]) == 0.0
+    assert rms_error([1.0]) == inf
+
+
+def test_dispersion_that_is_not_the_formulas_is_not_laid_on_the_stall_where_none_stalled() -> None:
+    much = leg()._replace(dispersion_m=0.06)
+    assert "the stall is not the reason" in dispersion_note({0.01: [much]})
+    stalled = much._replace(stalled_fraction=0.185)
+    assert "beyond the stall's incidence 18.5 % of the time" in dispersion_note({0.05: [stalled]})
+    assert "has no stall" in dispersion_note({0.05: [stalled]}, stalls=False)
+    assert "stall" not in dispersion_note({0.01: [leg()]})
+    calm = leg()._replace(dispersion_formula_m=0.0, apart_m=0.086)
+    assert "differs by 8.6 cm (standard" in dispersion_note({0.0: [calm], 0.01: [leg()]})
 
 
 def flight(legs: int, ended: str = "") -> FlownScenario:
@@ -310,26 +417,41 @@ def shift(line: str, flown_m: float, predicted_m: float | None = None, lost: int
         polar_error_m=0.0,
         lost=lost,
         dispersion_m=0.03,
-        error_m=0.004,
+        error_m=0.001,
+        off_m=flown_m - predicted,
+        off_error_m=0.001,
+        worst_off_m=flown_m - predicted,
     )
 
 
 def test_wind_asks_for_a_rise_a_rest_and_a_fall() -> None:
-    small = [shift("a", 0.06), shift("b", 0.03), shift("c", 0.0), shift("d", -0.01)]
-    large = [shift("a", 0.06), shift("b", 0.05), shift("c", 0.0), shift("d", -0.03)]
-    assert all(claim.holds for claim in wind_claims(small, large))
-    sinking = [*large[:2], shift("c", -0.06), large[3]]
-    assert [claim.holds for claim in wind_claims(small, sinking)] == [True, False, True, True]
-    unresolved = [*small[:3], shift("d", -0.007)]  # within two standard errors of nothing
-    assert [claim.holds for claim in wind_claims(unresolved, large)] == [False, True, True, True]
-    far = [shift("a", 0.061), *large[1:]]  # more than two standard deviations
-    assert [claim.holds for claim in wind_claims(small, far)] == [True, True, True, False]
-    lost = [shift("a", 0.06, lost=1), *large[1:]]
-    assert [claim.holds for claim in wind_claims(small, lost)] == [True, False, False, False]
+    small = [shift("a", 0.05), shift("b", 0.03), shift("c", 0.0), shift("d", -0.01)]
+    large = [shift("a", 0.05), shift("b", 0.05), shift("c", 0.0), shift("d", -0.03)]
+    assert signs(wind_claims(small, large)) == "✓✓✓✓"
+    sinking = [*large[:2], shift("c", -0.05), large[3]]
+    assert signs(wind_claims(small, sinking)) == "✓✗✓✓"
+    unresolved = [*small[:3], shift("d", -0.002)]  # within 2.4 standard errors of nothing
+    assert signs(wind_claims(unresolved, large)) == "?✓✓✓"
+    nearly = [*small[:2], shift("c", 0.013), small[3]]  # 1.4 cm are asked
+    assert signs(wind_claims(nearly, large)) == "?✓✓✓"
+    far = [shift("a", 0.063), *large[1:]]  # more than two standard deviations
+    assert signs(wind_claims(small, far)) == "✓✓✓✗"
+    assert signs(wind_claims(small, [shift("a", 0.059), *large[1:]])) == "✓✓✓?"
+    lost = [shift("a", 0.05, lost=1), *large[1:]]
+    assert signs(wind_claims(small, lost)) == "✓✗✗✗"
+    assert "(1 flights lost)" in wind_claims(small, lost)[1].measured
     nowhere = [shift("a", 0.05, nan), *large[1:]]
-    assert [claim.holds for claim in wind_claims(small, nowhere)] == [True, True, False, True]
+    assert signs(wind_claims(small, nowhere)) == "✓✓✗✓"
     astray = [shift("a", 0.3, 0.1), *large[1:]]
-    assert [claim.holds for claim in wind_claims(small, astray)] == [True, True, False, False]
+    assert signs(wind_claims(small, astray)) == "✓✓✗✗"
+
+
+def test_what_calm_air_leaves_is_of_both_steps_and_names_its_losses() -> None:
+    full = [shift("a", 0.05)]
+    calm = [*full, shift("a", 0.161, 0.056, lost=1)]
+    assert "agree within 10.5 cm" in wind_why(full, calm, dispersed=True)
+    assert "1 of the flights in calm air were lost" in wind_why(full, calm, dispersed=True)
+    assert "lost" not in wind_why(full, full)
 
 
 def gust_change(
@@ -377,11 +499,14 @@ def lean_score(
         rms_y_m=0.1,
         rms_bank_rad=0.02,
         dispersion_m=0.05,
+        apart_m=0.02,
         dispersion_formula_m=0.05,
         drift_m=0,
         rate_per_s=1,
         stalled_fraction=0,
         ended="",
+        oscillation_error=0.03,
+        from_line_error=0.03,
     )
 
 
@@ -408,6 +533,31 @@ def test_lean_asks_for_the_least_at_the_perpendicular_and_more_far_from_it() -> 
     assert reported_of_leans(downwind, upright) == [False, False, True]
     lost = lean_score(40, 0.010, 0.001, survived=7)
     assert reported_of_leans(downwind, upright, lost) == [False, False, True]
+
+
+def test_a_drift_that_is_known_to_a_quarter_decides_nothing_a_fifth_apart() -> None:
+    """The rms of eight means: 0.09 against 0.11 cm is within its error, four times is not."""
+    across, upright = lean_score(40, 0.010, 0.0009), lean_score(10, 0.015, 0.0011)
+    coarse = [s._replace(from_line_error=0.25) for s in (across, upright)]
+    claims = lean_claims(coarse, 44.0, "so")
+    assert signs(claims) == "✓?✗"
+    assert "known to a factor of 2.34" in claims[1].measured
+    assert "on the steep side alone, as no lean beyond 74° was flown" in claims[1].measured
+    far = [coarse[0], coarse[1]._replace(from_line_m=0.0040)]
+    assert signs(lean_claims(far, 44.0, "so")) == "✓✓✗"
+    flat = [*coarse, lean_score(75, 0.02, 0.01)]
+    assert "steep side" not in lean_claims(flat, 44.0, "so")[1].measured
+
+
+def test_a_dispersion_that_does_not_follow_its_formula_is_said_not_to() -> None:
+    follows = lean_score(40, 0.010, 0.001)
+    assert "follows its formula on the lines that were held, 1.00 to 1.00" in along_words([follows])
+    apart = follows._replace(dispersion_m=0.13, stalled_fraction=0.04)
+    words = along_words([follows, apart])
+    assert "does not follow its formula on 1 of 2 lines" in words
+    assert "2.60 times it" in words
+    assert "stall's incidence 4.0 % of the time" in words
+    assert "no lean was held" in along_words([])
 
 
 def test_a_downwind_lean_is_held_or_lost() -> None:
@@ -441,6 +591,7 @@ def speed_score(wind_mps: float, rms_m: float, survived: int = 8) -> SpeedScore:
         flights=8,
         survived=survived,
         rms_e_rho_m=rms_m if survived == 8 else inf,
+        oscillation_m=rms_m if survived == 8 else inf,
         error=0.05,
         rms_y_m=0.1,
         rms_bank_rad=0.02,
@@ -453,17 +604,20 @@ def test_speed_asks_both_with_margin_and_without() -> None:
         [speed_score(8.3, a), speed_score(9.3, b)]
         for a, b in ((0.02, 0.01), (0.02, 0.03), (0.02, 0.022))
     )
-    quiet = [score._replace(rms_e_rho_m=0.003) for score in falls]
+    quiet = [score._replace(oscillation_m=0.003) for score in falls]
+    biased = [score._replace(rms_e_rho_m=0.02) for score in quiet]  # beside the line, and steady
 
-    def reported(
-        fixed: list[SpeedScore], calm: dict[float, list[SpeedScore]] | None = None
-    ) -> list[bool]:
-        return [c.holds for c in speed_claims({"without": fixed}, calm or {1.0: quiet})]
+    def reported(fixed: list[SpeedScore], calm: dict[float, list[SpeedScore]] | None = None) -> str:
+        return signs(speed_claims({"without": fixed}, calm or {1.0: quiet}))
 
-    assert reported(falls, {1.0: quiet, 2.5: grows}) == [False, True]
-    assert reported(grows) == [True, False]
-    assert reported(same) == [False, False]  # within two standard errors
-    assert reported(grows, {2.5: grows, 4.0: falls}) == [True, False]  # of all gains that ring
+    assert reported(falls, {1.0: quiet, 2.5: grows}) == "✗✓"
+    assert reported(falls, {1.0: biased, 2.5: grows}) == "✗✓"
+    assert reported(grows) == "✓✗"
+    assert reported(same) == "?✗"  # within 2.4 standard errors
+    assert reported(grows, {2.5: grows, 4.0: falls}) == "✓✗"  # of all gains that ring
+    words = speed_claims({}, {2.5: grows, 4.0: falls})[0].measured
+    assert "at × 2.5, where it grows" in words
+    assert "at × 4, where it falls" in words
 
 
 def test_a_lost_flight_counts_at_its_place() -> None:
@@ -481,4 +635,5 @@ def test_scores_of_a_place_are_of_all_its_flights() -> None:
     path = {"time_s": np.arange(0.0, 20.0, 0.02), "pitch_rad": np.zeros(1000)}
     lasted = replace(flight(1), path=path)
     assert score_speed([lasted, lasted], "a", 8.0).rms_e_rho_m == pytest.approx(0.005)
+    assert score_speed([lasted], "a", 8.0).oscillation_m == pytest.approx(24e-6**0.5)
     assert score_speed([lasted, replace(lasted, ended="hit")], "a", 8.0).rms_e_rho_m == inf

@@ -10,8 +10,16 @@ import msgspec
 import numpy as np
 
 from tgl_soar.analysis.experiments.context import Context, with_turbulence
-from tgl_soar.analysis.experiments.flights import FlownScenario, legs_named, rms
-from tgl_soar.analysis.experiments.result import ChangedThreshold, Claim, Result, Table
+from tgl_soar.analysis.experiments.flights import FlownScenario, legs_named, rms, rms_error
+from tgl_soar.analysis.experiments.result import (
+    RESOLVED,
+    ChangedThreshold,
+    Claim,
+    Result,
+    Table,
+    all_of,
+    decided,
+)
 from tgl_soar.analysis.experiments.scenario import (
     PreparedScenario,
     Scenario,
@@ -23,8 +31,7 @@ from tgl_soar.estimation.polar import best_glide_speed
 OUTER: Final = ("RHO_P", "RHO_I", "RHO_D", "RHO_P_IMU", "RHO_I_IMU", "RHO_D_IMU")
 FACTORS: Final = (1.0, 2.0, 3.0, 4.0)  # of the outer gains, in calm air
 CALM_S: Final = 20.0
-RINGS_M: Final = 0.01  # rms e_rho in calm air, where noise alone makes a quarter of it
-RESOLVED: Final = 2.0  # standard errors beyond which a ratio is not 1 (95 %)
+RINGS_M: Final = 0.01  # oscillation in calm air, where noise alone makes a quarter of it
 SENSORS: Final = {"without": SensorSpec(), "with": SensorSpec(imu=True)}  # accelerometers
 SCHEDULED_MPS: Final = 8.5  # RHO_SPEED as shipped
 FIXED, SCHEDULED = "one set of gains", "scheduled"
@@ -33,8 +40,15 @@ CHANGED: Final = (
         "oscillation grows downstream",
         "fastest over slowest place above 1, of flights that lasted, one seed in calm air",
         f"above 1 by {RESOLVED:g} standard errors, every lost flight counted at its place, eight"
-        " seeds",
+        " seeds; undecided within them",
         "the slowest place is the first to be lost, and without it the ratio is another's",
+    ),
+    ChangedThreshold(
+        "oscillation; where the loop rings",
+        "rms e_rho",
+        "rms of e_rho about each flight's mean",
+        "an aircraft whose positions or attitude are biased flies beside its line, and does not"
+        " oscillate for it",
     ),
     ChangedThreshold(
         "places", "0.90 to 1.00 of best glide", "0.825 to 1.05", "the polar ends at 0.820"
@@ -50,6 +64,7 @@ class SpeedScore(NamedTuple):
     flights: int
     survived: int
     rms_e_rho_m: float  # over all flights
+    oscillation_m: float  # about each flight's mean
     error: float  # standard error of that, relative
     rms_y_m: float  # of those that lasted; NaN: none, as are the next two
     rms_bank_rad: float
@@ -57,7 +72,7 @@ class SpeedScore(NamedTuple):
 
 
 class Growth(NamedTuple):
-    """Oscillation at the fastest place over that at the slowest, losses counted."""
+    """Oscillation about the line at the fastest place over that at the slowest, losses counted."""
 
     ratio: float  # inf: lost at the fastest alone; 0: at the slowest alone; NaN: at both
     error: float  # standard error
@@ -66,6 +81,13 @@ class Growth(NamedTuple):
     def shown(self) -> bool:
         """Whether it grows for certain."""
         return self.ratio - RESOLVED * self.error > 1.0
+
+    @property
+    def decided(self) -> bool | None:
+        """The same; None where neither growing nor not is certain."""
+        if self.shown or self.ratio != self.ratio:
+            return self.shown
+        return None if self.ratio + RESOLVED * self.error > 1.0 else False
 
 
 def speed(context: Context) -> Result:
@@ -96,7 +118,8 @@ def speed(context: Context) -> Result:
         f" (`RHO_SPEED` 0), and beside it the schedule over speed. In {100 * intensity:g} % of"
         " turbulence, without accelerometers and with them; and in calm air, without, with the"
         " outer gains raised together, to see where the loop begins to ring. A place that loses"
-        " one flight has no rms: it counts as worse than any that lost none.",
+        " one flight has no rms: it counts as worse than any that lost none. Oscillation is the rms"
+        " of e_rho about each flight's mean.",
         speed_claims(fixed, calm),
         speed_why(fixed, scheduled, calm),
         (
@@ -104,14 +127,14 @@ def speed(context: Context) -> Result:
                 f"{100 * intensity:g} % of turbulence",
                 (
                     "accelerometers", "gains", "line", "u / best glide", "local wind [m/s]",
-                    "flown to the end", "rms e_rho [cm]", "rms y [cm]", "rms bank [°]",
-                    "rms pitch rate [°/s]",
+                    "flown to the end", "rms e_rho [cm]", "oscillation [cm]", "rms y [cm]",
+                    "rms bank [°]", "rms pitch rate [°/s]",
                 ),
                 tuple(
                     (
                         imu, kind, s.line, f"{s.wind_mps / best:.3f}", f"{s.wind_mps:.2f}",
                         f"{s.survived} of {s.flights}",
-                        _cm(s.rms_e_rho_m, 2), _cm(s.rms_y_m, 1),
+                        _cm(s.rms_e_rho_m, 2), _cm(s.oscillation_m, 2), _cm(s.rms_y_m, 1),
                         f"{degrees(s.rms_bank_rad):.1f}",
                         f"{degrees(s.rms_pitch_rate_radps):.1f}",
                     )
@@ -121,7 +144,8 @@ def speed(context: Context) -> Result:
                 ),
             ),
             Table(
-                "Calm air, without accelerometers, outer gains times …: rms e_rho [cm]",
+                "Calm air, without accelerometers, outer gains times …: oscillation about the line"
+                " [cm]",
                 ("line", "local wind [m/s]", *(f"× {f:g}" for f in factors)),
                 tuple(
                     (line, f"{winds[line]:.2f}", *(_reported(calm[f][i]) for f in factors))
@@ -180,7 +204,7 @@ def _cm(value_m: float, digits: int) -> str:
 
 def _reported(s: SpeedScore) -> str:
     lost = s.flights - s.survived
-    return f"{lost} of {s.flights} lost" if lost else _cm(s.rms_e_rho_m, 2)
+    return f"{lost} of {s.flights} lost" if lost else _cm(s.oscillation_m, 2)
 
 
 def score_speed(flights: list[FlownScenario], line: str, wind_mps: float) -> SpeedScore:
@@ -192,19 +216,16 @@ def score_speed(flights: list[FlownScenario], line: str, wind_mps: float) -> Spe
         time = flight.path["time_s"]
         rows = time >= leg.end_s - leg.scored_s
         rates.append(float(np.std(np.gradient(flight.path["pitch_rad"][rows], time[rows]))))
-    squares = np.array([leg.rms_e_rho_m**2 for leg in legs])
+    squares = [max(0.0, leg.rms_e_rho_m**2 - leg.mean_e_rho_m**2) for leg in legs]
     all_lasted = len(whole) == len(flights)
-    error = inf
-    if all_lasted and len(squares) > 1:
-        # Half the relative error of the mean square.
-        error = 0.5 * float(np.std(squares, ddof=1) / np.mean(squares)) / sqrt(len(squares))
     return SpeedScore(
         line=line,
         wind_mps=wind_mps,
         flights=len(flights),
         survived=len(whole),
         rms_e_rho_m=rms(leg.rms_e_rho_m for leg in legs) if all_lasted else inf,
-        error=error,
+        oscillation_m=rms(map(sqrt, squares)) if all_lasted else inf,
+        error=rms_error(squares) if all_lasted else inf,
         rms_y_m=rms(leg.rms_y_m for leg in legs),
         rms_bank_rad=rms(leg.rms_bank_rad for leg in legs),
         rms_pitch_rate_radps=rms(rates),
@@ -214,7 +235,7 @@ def score_speed(flights: list[FlownScenario], line: str, wind_mps: float) -> Spe
 def growth(scores: Sequence[SpeedScore]) -> Growth:
     """From the slowest place to the fastest; no place is left out for having lost flights."""
     first, last = scores[0], scores[-1]
-    slow, fast = first.rms_e_rho_m, last.rms_e_rho_m
+    slow, fast = first.oscillation_m, last.oscillation_m
     if not isfinite(slow) and not isfinite(fast):
         return Growth(float("nan"), 0.0)
     ratio = fast / slow if isfinite(slow) else 0.0
@@ -235,7 +256,7 @@ def _words(of: Growth) -> str:
 
 def rings(scores: Sequence[SpeedScore]) -> bool:
     """Whether the loop rings somewhere in calm air, or is lost to it."""
-    return any(not s.rms_e_rho_m <= RINGS_M for s in scores)
+    return any(not s.oscillation_m <= RINGS_M for s in scores)
 
 
 def speed_claims(
@@ -245,26 +266,31 @@ def speed_claims(
     ringing = {factor: growth(scores) for factor, scores in calm.items() if rings(scores)}
     return (
         *(
-            Claim(
+            decided(
                 "with fixed gains the oscillation grows downstream, as airspeed grows"
                 f" ({imu} accelerometers)",
-                growth(scores).shown,
+                growth(scores).decided,
                 f"in turbulence, fastest over slowest place {_words(growth(scores))}",
             )
             for imu, scores in fixed.items()
         ),
-        Claim(
+        decided(
             "the same with every gain that is too high, where the loop rings",
-            bool(ringing) and all(of.shown for of in ringing.values()),
+            all_of(of.decided for of in ringing.values()),
             "no gain tried made it ring"
             if not ringing
             else "fastest over slowest place: "
-            + ", ".join(f"{_words(of)} at × {factor:g}" for factor, of in ringing.items()),
+            + ", ".join(
+                f"{_words(of)} at × {factor:g}, where it {_trend(of)}"
+                for factor, of in ringing.items()
+            ),
         ),
     )
 
 
 def _trend(of: Growth) -> str:
+    if of.ratio != of.ratio:
+        return "is not to be told"
     if of.shown:
         return "grows"
     return "falls" if of.ratio + RESOLVED * of.error < 1.0 else "shows no trend"
@@ -277,8 +303,8 @@ def speed_why(
 ) -> str:
     """What the numbers say, and what is behind it."""
     trends = "; ".join(
-        f"{imu} accelerometers e_rho {_trend(growth(fixed[imu]))} ({_words(growth(fixed[imu]))}),"
-        f" with the schedule it {_trend(growth(scheduled[imu]))}"
+        f"{imu} accelerometers the oscillation {_trend(growth(fixed[imu]))}"
+        f" ({_words(growth(fixed[imu]))}), with the schedule it {_trend(growth(scheduled[imu]))}"
         f" ({_words(growth(scheduled[imu]))})"
         for imu in fixed
     )
@@ -309,10 +335,10 @@ def _draw(
     from tgl_soar.analysis.report.style import LEG_COLOURS
 
     def curve(scores: list[SpeedScore], label: str, i: int, style: str = "-") -> DrawnCurve:
-        flown = [s for s in scores if isfinite(s.rms_e_rho_m)]
+        flown = [s for s in scores if isfinite(s.oscillation_m)]
         return DrawnCurve(
             [s.wind_mps for s in flown],
-            [100 * s.rms_e_rho_m for s in flown],
+            [100 * s.oscillation_m for s in flown],
             label,
             LEG_COLOURS[i % len(LEG_COLOURS)],
             style,
@@ -325,7 +351,7 @@ def _draw(
         for kind, several, style in ((FIXED, fixed, "-"), (SCHEDULED, scheduled, "--"))
     ]
     raised = [curve(calm[f], f"outer gains × {f:g}", i) for i, f in enumerate(calm)]
-    axes = "local wind [m/s]", "rms e_rho [cm], where none was lost"
+    axes = "local wind [m/s]", "oscillation [cm], where none was lost"
     curves_figure(
         path,
         [

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, inf, sin, sqrt
+from math import cos, inf, isfinite, sin, sqrt
 from typing import Any, Final, NamedTuple
 
 import msgspec
@@ -17,8 +17,18 @@ from tgl_soar.analysis.experiments.context import (
     with_turbulence,
 )
 from tgl_soar.analysis.experiments.dispersion import dryden_dispersion
-from tgl_soar.analysis.experiments.flights import FlownScenario
-from tgl_soar.analysis.experiments.result import ChangedThreshold, Claim, Result, Table
+from tgl_soar.analysis.experiments.flights import FlownScenario, ScoredLeg, mean_of_flights
+from tgl_soar.analysis.experiments.result import (
+    RESOLVED,
+    ChangedThreshold,
+    Claim,
+    Result,
+    Table,
+    above,
+    all_of,
+    decided,
+    within,
+)
 from tgl_soar.analysis.experiments.scenario import (
     PreparedScenario,
     Scenario,
@@ -29,9 +39,9 @@ from tgl_soar.analysis.experiments.scenario import (
 from tgl_soar.analysis.experiments.still_lines import (
     LEG_COLUMNS,
     draw,
-    leg_by_line,
     leg_rows,
     polar_bias_m,
+    pooled_or_nan,
     settled_claim,
     summarise,
 )
@@ -44,8 +54,6 @@ from tgl_soar.estimation.polar import best_glide_speed
 AGREE_M: Final = 0.02
 # What the cubic's residual alone leaves of a place that should not move.
 STAYS_M: Final = 0.014
-# Standard errors of the flown shift beyond which its sign is known (95 %).
-RESOLVED: Final = 2.0
 # Standard deviations of the place itself: a shift within them is within what the aircraft does all
 # the time, and nobody who watches it sees that it has moved.
 HARDLY: Final = 2.0
@@ -53,16 +61,32 @@ CHANGED: Final = (
     ChangedThreshold(
         "rises, stays, falls",
         "calm air; 1 cm",
-        f"1 % of turbulence; {RESOLVED:g} standard errors, stays within {100 * STAYS_M:g} cm",
+        f"1 % of turbulence; {RESOLVED:g} standard errors of the flights' own shifts, stays within"
+        f" {100 * STAYS_M:g} cm; undecided where these errors leave it open",
         "like every other experiment; a sign is known beyond its standard error, and the fitted"
         " cubic moves a place by so much",
     ),
     ChangedThreshold(
         "wind hardly moves the hovering point",
         "15 cm, calm air",
-        f"{HARDLY:g} standard deviations of the place at 1 %",
+        f"{HARDLY:g} standard deviations of the place at 1 %, by the formula or as flown, whichever"
+        " is less",
         "15 cm had no reason; nobody sees a shift that is smaller than the dispersion",
     ),
+    ChangedThreshold(
+        "the place moves as TGL ∩ ZEUC does",
+        "means of all flights, by samples in time",
+        "each flight's shift less that of its own aircraft's place in its own air; undecided where"
+        " the standard error of these leaves it open",
+        "aircraft that are not alike have places that are not",
+    ),
+)
+SLOPE_CHANGED: Final = ChangedThreshold(
+    "the aircraft rises with the contour",
+    "means of all flights",
+    "each flight's rise less that of its own aircraft's place in its own air; undecided where the"
+    " standard error of these leaves it open",
+    "aircraft that are not alike have places that are not",
 )
 LATE_S: Final = 1e6  # after every change of the air
 
@@ -71,9 +95,13 @@ class Shift(NamedTuple):
     """How far a place moved up its line."""
 
     line: str
-    flown_m: float
-    predicted_m: float  # of TGL ∩ ZEUC, before and after
+    flown_m: float  # mean of the flights that flew both legs
+    predicted_m: float  # of the files' TGL ∩ ZEUC, before and after
     up_m: float  # of the flown one, vertically
+    error_m: float  # standard error of the flown one, by the flights' own shifts
+    off_m: float  # flown less what each flight's own contour moves by, mean
+    off_error_m: float  # standard error of that
+    worst_off_m: float  # of the flight with the largest
 
 
 def _along(target: TargetLine, x_m: float, z_m: float) -> float:
@@ -82,13 +110,38 @@ def _along(target: TargetLine, x_m: float, z_m: float) -> float:
 
 def shift_of(prepared: PreparedScenario, flights: list[FlownScenario], line: str) -> Shift:
     """From the first leg on a line to the last, means over all flights."""
-    before, after = leg_by_line(flights, line, 0), leg_by_line(flights, line, 1)
-    nan = float("nan")
-    flown = up = nan
-    if before and after:
-        flown = float(np.mean([a.along_m for a in after]) - np.mean([b.along_m for b in before]))
-        up = float(np.mean([a.mean_z_m for a in after]) - np.mean([b.mean_z_m for b in before]))
-    return Shift(line, flown, predicted_shift(prepared, line), up if before else nan)
+    pairs = both_legs(flights, line)
+    flown = mean_of_flights(b.along_m - a.along_m for a, b in pairs)
+    off = [b.own_miss_m - a.own_miss_m for a, b in pairs]
+    of_all = mean_of_flights(off)
+    alone = _alone(prepared, line, pairs)
+    return Shift(
+        line=line,
+        flown_m=flown.mean,
+        predicted_m=predicted_shift(prepared, line),
+        up_m=mean_of_flights(b.mean_z_m - a.mean_z_m for a, b in pairs).mean,
+        error_m=min(alone, flown.error),
+        off_m=of_all.mean,
+        off_error_m=min(alone, of_all.error),
+        worst_off_m=max(off, key=abs, default=float("nan")),
+    )
+
+
+def both_legs(flights: list[FlownScenario], line: str) -> list[tuple[ScoredLeg, ScoredLeg]]:
+    """First and second leg on a line, of the flights that flew both."""
+    found = ([leg for leg in flight.legs if leg.line == line] for flight in flights)
+    return [(legs[0], legs[1]) for legs in found if len(legs) > 1]
+
+
+def _alone(
+    prepared: PreparedScenario, line: str, pairs: list[tuple[ScoredLeg, ScoredLeg]]
+) -> float:
+    """Standard error [m] of a single flight's shift, by its samples in time; inf of several."""
+    target, at = prepared.lines[line]
+    if len(pairs) != 1 or at is None:
+        return inf
+    rate = slide_at(prepared.polar, target, at).rate_per_s
+    return sqrt(sum(leg.dispersion_m**2 / max(1.0, leg.scored_s * rate / 2.0) for leg in pairs[0]))
 
 
 def predicted_shift(prepared: PreparedScenario, line: str) -> float:
@@ -117,7 +170,8 @@ def slope(context: Context) -> Result:
             "calm" if i == 0.0 else f"{100 * i:g} %",
             s.line,
             f"{100 * s.predicted_m:+.1f}",
-            f"{100 * s.flown_m:+.1f}",
+            f"{100 * s.flown_m:+.1f} ± {_error_cm(s.error_m)}",
+            f"{100 * s.off_m:+.1f} ± {_error_cm(s.off_error_m)}",
             f"{100 * s.up_m:+.1f}",
         )
         for i in intensities
@@ -146,7 +200,10 @@ def slope(context: Context) -> Result:
         (
             Table(
                 "Shift from 23° to 25°, up the line",
-                ("turbulence", "line", "TGL ∩ ZEUC [cm]", "flown [cm]", "flown, vertically [cm]"),
+                (
+                    "turbulence", "line", "TGL ∩ ZEUC [cm]", "flown [cm]",
+                    "flown, less that of what flew [cm]", "flown, vertically [cm]",
+                ),
                 rows,
             ),
             Table("Legs (the formula of dispersion is that at 23°)", LEG_COLUMNS, legs),
@@ -158,23 +215,45 @@ def slope(context: Context) -> Result:
         figures,
         ("slope",),
         tuple(scenario.seeds),
-    )
+        (SLOPE_CHANGED,),
+    )  # fmt: skip
 
 
 def slope_claims(shifts: list[Shift], agree_m: float = AGREE_M) -> tuple[Claim, ...]:
     """Contour and aircraft rise, by the same."""
     contour = ", ".join(f"{100 * s.predicted_m:+.1f} cm at {s.line}" for s in shifts)
-    flown = ", ".join(f"{100 * s.flown_m:+.1f} cm at {s.line}" for s in shifts)
-    worst = max(abs(s.flown_m - s.predicted_m) for s in shifts)
+    flown = ", ".join(_shift_words(s) for s in shifts)
+    worst = max(shifts, key=lambda s: abs(s.off_m))
     return (
         Claim(
             "a steeper slope raises the contour", all(s.predicted_m > 0 for s in shifts), contour
         ),
-        Claim(
+        decided(
             "the aircraft rises with it",
-            all(s.flown_m > 0.0 for s in shifts) and worst <= agree_m,
-            f"{flown}, within {100 * worst:.1f} cm of the contour's own shift",
+            all_of(
+                part
+                for s in shifts
+                for part in (above(s.flown_m, s.error_m), within(s.off_m, s.off_error_m, agree_m))
+            ),
+            f"{flown}; {_off_words(worst)}",
         ),
+    )
+
+
+def _error_cm(error_m: float) -> str:
+    return f"{100 * error_m:.1f}" if isfinite(error_m) else "–"
+
+
+def _shift_words(s: Shift | WindShift) -> str:
+    return f"{100 * s.flown_m:+.1f} ± {_error_cm(s.error_m)} cm at {s.line}"
+
+
+def _off_words(s: Shift | WindShift) -> str:
+    """How far it is from what it should be where that is worst."""
+    return (
+        f"off the shift of what flew by at most {100 * abs(s.off_m):.1f} ±"
+        f" {_error_cm(s.off_error_m)} cm in the mean ({s.line}), of one flight there"
+        f" {100 * abs(s.worst_off_m):.1f} cm"
     )
 
 
@@ -194,8 +273,13 @@ class WindShift(NamedTuple):
     flown_m: float
     polar_error_m: float  # what the aircraft's own glides add to the fitted cubic's prediction
     lost: int  # flights that did not last
-    dispersion_m: float  # along the line before, by the formula; 0 in calm air
-    error_m: float  # standard error of the flown shift; inf: too few flights
+    # Along the line before: by the formula, or that of the flights about their own places where
+    # that is less; 0 in calm air.
+    dispersion_m: float
+    error_m: float  # standard error of the flown shift, by the flights' own; inf: too few flights
+    off_m: float  # flown less what each flight's own contour moves by, mean
+    off_error_m: float  # standard error of that
+    worst_off_m: float  # of the flight with the largest
 
 
 _WIND_WORDS: Final = {
@@ -217,7 +301,8 @@ def _wind_row(words: str, s: WindShift) -> tuple[str, ...]:
         f"{100 * s.half_way_m:+.1f}",
         f"{100 * s.predicted_m:+.1f}",
         f"{100 * (s.predicted_m + s.polar_error_m):+.1f}",
-        f"{100 * s.flown_m:+.1f} ± {100 * s.error_m:.1f}",
+        f"{100 * s.flown_m:+.1f} ± {_error_cm(s.error_m)}",
+        f"{100 * s.off_m:+.1f} ± {_error_cm(s.off_error_m)}",
         f"{s.lost}",
     )
 
@@ -254,7 +339,6 @@ def wind(context: Context) -> Result:
     few, many = ("small, calm", "calm") if context.quick else ("small", "1 %")
     small_shifts = [shifts[line, few] for line in scenario.lines]
     full_shifts = [shifts[line, many] for line in scenario.lines]
-    calm_shifts = [shifts[line, "calm"] for line in scenario.lines]
     figures = _draw_wind(context, scenario, variants, flights)
     return Result(
         "wind",
@@ -265,15 +349,19 @@ def wind(context: Context) -> Result:
         " about the wind that the places are named in, and once from 8.5 to 9.5 m/s. The claims"
         " are judged at 1 % of turbulence.",
         wind_claims(small_shifts, full_shifts),
-        wind_why(calm_shifts),
+        wind_why(
+            [shifts[line, "calm"] for line in scenario.lines],
+            [s for (_, kind), s in shifts.items() if "calm" in kind],
+            context.dispersion,
+        ),
         (
             Table(
                 "Shift up the line",
                 (
                     "wind [m/s]", "line", "u / best glide", "sink/u − S′ before", "half-way",
                     "shift from the one before [cm]", "from half-way [cm]",
-                    "TGL ∩ ZEUC [cm]", "with the aircraft's own glides [cm]", "flown [cm]",
-                    "lost",
+                    "TGL ∩ ZEUC [cm]", "with the file's aircraft's own glides [cm]",
+                    "flown [cm]", "less that of what flew [cm]", "lost",
                 ),
                 rows,
             ),
@@ -320,13 +408,11 @@ def _wind_shift(
     flown = shift_of(prepared, flights, line)
     slide = slide_at(prepared.polar, target, here)
     sigma, tau = turbulence_of(prepared)
-    dispersion_m = dryden_dispersion(slide, sigma, tau) if sigma > 0.0 else 0.0
-    # A first-order low-pass of rate λ gives an independent value every 2/λ.
-    known = [
-        sum(leg.scored_s for leg in leg_by_line(flights, line, k)) * slide.rate_per_s / 2.0
-        for k in (0, 1)
-    ]
-    error_m = dispersion_m * sqrt(sum(1.0 / n for n in known)) if min(known) > 0.0 else inf
+    dispersion_m = 0.0
+    if sigma > 0.0:
+        formula = dryden_dispersion(slide, sigma, tau)
+        as_flown = pooled_or_nan([before for before, _ in both_legs(flights, line)])
+        dispersion_m = min(formula, as_flown) if isfinite(as_flown) else formula
     return WindShift(
         line=line,
         speed_ratio=here.wind_mps / best_glide_speed(prepared.polar),
@@ -339,18 +425,23 @@ def _wind_shift(
         polar_error_m=polar_bias_m(prepared, after) - polar_bias_m(prepared, here),
         lost=sum(not flight.survived for flight in flights),
         dispersion_m=dispersion_m,
-        error_m=error_m,
+        error_m=flown.error_m,
+        off_m=flown.off_m,
+        off_error_m=flown.off_error_m,
+        worst_off_m=flown.worst_off_m,
     )
 
 
-def rises_stays_falls(shifts: list[WindShift]) -> bool:
+def rises_stays_falls(shifts: list[WindShift]) -> bool | None:
     """Two places on the slow side, one at best glide, one beyond; a place that lost any fails."""
     a, b, c, d = shifts
-    return (
-        all(s.flown_m > RESOLVED * s.error_m for s in (a, b))
-        and abs(c.flown_m) <= STAYS_M
-        and d.flown_m < -RESOLVED * d.error_m
-        and not any(s.lost for s in shifts)
+    return all_of(
+        (
+            *(above(s.flown_m, s.error_m) for s in (a, b)),
+            within(c.flown_m, c.error_m, STAYS_M),
+            above(-d.flown_m, d.error_m),
+            not any(s.lost for s in shifts),
+        )
     )
 
 
@@ -358,35 +449,45 @@ def wind_claims(small: list[WindShift], full: list[WindShift]) -> tuple[Claim, .
     """Signs and sizes, to first order and for the whole step."""
     both = (*small, *full)
     lost = sum(s.lost for s in both)
-    worst = max((abs(s.flown_m - s.predicted_m) for s in both), key=_or_worse)
-    most = max(abs(s.flown_m) / s.dispersion_m if s.dispersion_m else inf for s in full)
-    flown = ", ".join(f"{100 * s.flown_m:+.1f} cm at {s.line}" for s in small)
-    whole = ", ".join(f"{100 * s.flown_m:+.1f} cm at {s.line}" for s in full)
+    worst = max(both, key=lambda s: _or_worse(abs(s.off_m)))
+    farthest = max(full, key=lambda s: _or_worse(_deviations(s)))
     return (
-        Claim(
+        decided(
             "for a small change of wind the aircraft rises on the slow side, stays at best glide"
             f" (within {100 * STAYS_M:g} cm), falls beyond",
             rises_stays_falls(small),
-            f"{flown}, from 8.25 to 8.75 m/s",
+            f"{_all_shifts(small)}, from 8.25 to 8.75 m/s",
         ),
-        Claim(
-            "the same from 8.5 to 9.5 m/s",
-            rises_stays_falls(full),
-            whole,
-        ),
-        Claim(
+        decided("the same from 8.5 to 9.5 m/s", rises_stays_falls(full), _all_shifts(full)),
+        decided(
             "the place moves as TGL ∩ ZEUC does",
-            worst <= AGREE_M and not lost,
-            f"flown and computed shifts differ by at most {100 * worst:.1f} cm;"
-            f" {lost} flights lost",
+            all_of((*(within(s.off_m, s.off_error_m, AGREE_M) for s in both), not lost)),
+            f"{_off_words(worst)}; {lost} flights lost",
         ),
-        Claim(
+        decided(
             "wind speed hardly moves the hovering point (near best glide): by no more than"
             f" {HARDLY:g} standard deviations of its place",
-            most <= HARDLY and not any(s.lost for s in full),
-            f"12 % more wind moved it by at most {100 * max(abs(s.flown_m) for s in full):.1f} cm,"
-            f" {most:.1f} standard deviations",
+            all_of(
+                (
+                    *(within(s.flown_m, s.error_m, HARDLY * s.dispersion_m) for s in full),
+                    not any(s.lost for s in full),
+                )
+            ),
+            f"12 % more wind moved it by at most {100 * abs(farthest.flown_m):.1f} ±"
+            f" {_error_cm(farthest.error_m)} cm (at {farthest.line}),"
+            f" {_deviations(farthest):.1f} standard deviations; {sum(s.lost for s in full)}"
+            " flights lost",
         ),
+    )
+
+
+def _deviations(s: WindShift) -> float:
+    return abs(s.flown_m) / s.dispersion_m if s.dispersion_m else inf
+
+
+def _all_shifts(shifts: list[WindShift]) -> str:
+    return ", ".join(
+        _shift_words(s) + (f" ({s.lost} flights lost)" if s.lost else "") for s in shifts
     )
 
 
@@ -394,11 +495,21 @@ def _or_worse(value: float) -> float:
     return inf if value != value else value
 
 
-def wind_why(full: list[WindShift]) -> str:
-    """Why the whole step is not the first order."""
+def wind_why(full: list[WindShift], calm: list[WindShift], dispersed: bool = False) -> str:
+    """Why the whole step is not the first order; calm: of both steps, in calm air."""
     before = max(abs(s.first_order_m - s.predicted_m) for s in full)
     half = max(abs(s.half_way_m - s.predicted_m) for s in full)
-    own = max(abs(s.predicted_m + s.polar_error_m - s.flown_m) for s in full)
+    lost = sum(s.lost for s in calm)
+
+    def off_m(s: WindShift) -> float:
+        return s.worst_off_m if dispersed else s.flown_m - s.predicted_m - s.polar_error_m
+
+    worst = max(calm, key=lambda s: _or_worse(abs(off_m(s))))
+    whose = (
+        "With each flight's own glides and air in place of the files'"
+        if dispersed
+        else "With the simulated aircraft's own glides in place of the cubic fitted to them"
+    )
     return (
         "A step of 1 m/s is no small change: S′ grows with speed, and the aircraft ends up in"
         " faster air, where sink grows faster and updraft no more than before. sink/u − S′ *before*"
@@ -410,9 +521,9 @@ def wind_why(full: list[WindShift]) -> str:
             if half < 0.5 * before
             else " Neither is the shift of a finite step."
         )
-        + " With the simulated aircraft's own glides in place of"
-        f" the cubic fitted to them, computed and flown shifts agree within {100 * own:.1f} cm in"
-        " calm air."
+        + f" {whose}, computed and flown shifts agree within {100 * abs(off_m(worst)):.1f} cm in"
+        f" calm air, in both steps (worst at {worst.line})"
+        + (f"; {lost} of the flights in calm air were lost and are not in it." if lost else ".")
     )
 
 

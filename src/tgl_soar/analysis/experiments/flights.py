@@ -8,8 +8,8 @@ the dispersion along the line, which it does not, are scored apart.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from math import cos, sin
+from dataclasses import dataclass, replace
+from math import cos, sin, sqrt
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar
 
@@ -17,11 +17,13 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from tgl_soar.air.field import WindField
 from tgl_soar.air.zeuc import stable_crossing
 from tgl_soar.analysis.experiments.mismatch import mismatched
 from tgl_soar.analysis.experiments.scenario import PreparedScenario, Scenario, prepare
 from tgl_soar.analysis.flown_airframe import flown_airframe
-from tgl_soar.config.site import Start
+from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.site import Site, Start
 from tgl_soar.control.target_line import TargetLine
 from tgl_soar.sim.campaign.encoding import digest
 from tgl_soar.sim.campaign.executors import Executor, InLine, local
@@ -32,11 +34,19 @@ from tgl_soar.sim.closed_loop import Trajectory, fly
 from tgl_soar.sim.fast_flight import fly_compiled
 from tgl_soar.sim.fast_flight import prepare as prepare_compiled
 from tgl_soar.sim.faults import parse_faults
+from tgl_soar.sim.flown_aircraft import FlownAircraft
 from tgl_soar.sim.injection import Injection
 from tgl_soar.sim.score import settling_time
-from tgl_soar.sim.world import World, make_world
+from tgl_soar.sim.sensors import Sensors
+from tgl_soar.sim.world import World, flown_aircraft, make_world
 
 SETTLE_S = 5.0
+# Where a drawn aircraft's own place is looked for: about the files' one, farther than drawn wind
+# and drag (3 % and 10 %) move it where the contour is flattest, at [a] on the hill (2 m).
+OWN_REACH_M = 4.0
+OWN_GRID_M = 0.01  # excess updraft is straight over it to a millimetre
+OWN_STEP_MPS = 0.1  # sink is straight over it to 0.3 mm/s
+OWN_FASTEST_MPS = 14.0
 KEEP_EVERY = 4  # of a flight's rows one in so many is kept: 50 a second are enough to draw
 
 Floats = NDArray[np.float64]
@@ -75,11 +85,25 @@ class ScoredLeg:
     predicted: tuple[float, float] | None  # TGL ∩ ZEUC (x, z) in the air at the leg's end
     predicted_along_m: float  # the same, along the line; NaN: none
     scored_s: float  # how long was scored
+    # The same crossing of the aircraft that flew in the air that blew, where they are not those of
+    # the files: its own glides, on the line that it was in fact held on.  None: they are.
+    own_predicted_along_m: float | None = None
 
     @property
     def miss_m(self) -> float:
-        """Mean place to predicted place, along the line, positive up."""
+        """Mean place to the place that the files give, along the line, positive up."""
         return self.along_m - self.predicted_along_m
+
+    @property
+    def own_along_m(self) -> float:
+        """Where line and contour of what flew meet, along the line; NaN: nowhere."""
+        own = self.own_predicted_along_m
+        return self.predicted_along_m if own is None else own
+
+    @property
+    def own_miss_m(self) -> float:
+        """Mean place to that, along the line, positive up."""
+        return self.along_m - self.own_along_m
 
 
 @dataclass(frozen=True)
@@ -117,18 +141,25 @@ def fly_job_compiled(job: ScenarioJob) -> FlownScenario:
     return _flown(job, prepared, fly_compiled(world, job.seed, prepared.values, prepared.changes))
 
 
+def _what_flies(
+    job: ScenarioJob, prepared: PreparedScenario
+) -> tuple[Airframe, Site, WindField, Sensors]:
+    """The files' own, or what is drawn in their place."""
+    airframe = flown_airframe(prepared.airframe, job.aircraft)
+    site, field, sensors = prepared.site, prepared.field, job.scenario.sensors.as_sensors()
+    if job.dispersed:
+        return mismatched(airframe, site, field, sensors, job.seed)
+    return airframe, site, field, sensors
+
+
 def scenario_world(
     job: ScenarioJob, prepared: PreparedScenario, injection: Injection | None
 ) -> World:
     """The world of a flight.  Errors: `ConfigError`."""
-    site = prepared.site
+    airframe, site, field, sensors = _what_flies(job, prepared)
     if job.start_xz_m is not None:
         x_m, z_m = job.start_xz_m
         site = msgspec.structs.replace(site, start=Start(x_m=x_m, z_m=z_m))
-    airframe = flown_airframe(prepared.airframe, job.aircraft)
-    field, sensors = prepared.field, job.scenario.sensors.as_sensors()
-    if job.dispersed:
-        airframe, site, field, sensors = mismatched(airframe, site, field, sensors, job.seed)
     return make_world(
         airframe,
         site,
@@ -141,13 +172,46 @@ def scenario_world(
 
 def _flown(job: ScenarioJob, prepared: PreparedScenario, trajectory: Trajectory) -> FlownScenario:
     path = {name: column[::KEEP_EVERY].copy() for name, column in trajectory.columns.items()}
-    return FlownScenario(
-        job.seed,
-        trajectory.ended,
-        float(trajectory["time_s"][-1]),
-        score_legs(prepared, trajectory),
-        path,
-    )
+    legs = score_legs(prepared, trajectory)
+    if job.dispersed:
+        airframe, _, field, _ = _what_flies(job, prepared)
+        glides = own_glides(flown_aircraft(airframe))
+        legs = tuple(_with_own_place(leg, field, glides) for leg in legs)
+    return FlownScenario(job.seed, trajectory.ended, float(trajectory["time_s"][-1]), legs, path)
+
+
+def own_glides(model: FlownAircraft) -> tuple[Floats, Floats]:
+    """Horizontal airspeeds and sinks [m/s] of an aircraft's steady glides, slowest first."""
+    slowest = model.highest_pitch_glide().horizontal_mps
+    speeds = np.arange(slowest, OWN_FASTEST_MPS, OWN_STEP_MPS)
+    return speeds, np.array([model.glide_at(float(speed)).sink_mps for speed in speeds])
+
+
+def _with_own_place(leg: ScoredLeg, field: WindField, glides: tuple[Floats, Floats]) -> ScoredLeg:
+    return replace(leg, own_predicted_along_m=own_place(leg, field, glides))
+
+
+def own_place(leg: ScoredLeg, field: WindField, glides: tuple[Floats, Floats]) -> float:
+    """Where an aircraft with these glides hovers stably on the line that it was held on.
+
+    Along the line [m], up from its point; of several such places the nearest to the one that the
+    files give.  NaN: there is none within `OWN_REACH_M` of that, or the files give none.
+    """
+    c, s = cos(leg.target.eta_rad), sin(leg.target.eta_rad)
+    x0 = leg.target.x_m - s * leg.mean_e_rho_m
+    z0 = leg.target.z_m + c * leg.mean_e_rho_m
+    speeds, sinks = glides
+    along = leg.predicted_along_m + np.arange(-OWN_REACH_M, OWN_REACH_M, OWN_GRID_M)
+    if not np.all(np.isfinite(along)):
+        return float("nan")
+    u, _, w = field.wind(x0 + c * along, 0.0, z0 + s * along, leg.end_s)
+    # NaN, which crosses nothing, where it has no glide and where there is no air.
+    excess = w - np.interp(u, speeds, sinks, left=np.nan, right=np.nan)
+    at = np.flatnonzero((excess[:-1] >= 0.0) & (excess[1:] < 0.0))
+    if not at.size:
+        return float("nan")
+    places = along[at] + OWN_GRID_M * excess[at] / (excess[at] - excess[at + 1])
+    return float(places[np.argmin(np.abs(places - leg.predicted_along_m))])
 
 
 def score_legs(prepared: PreparedScenario, trajectory: Trajectory) -> tuple[ScoredLeg, ...]:
@@ -345,19 +409,53 @@ class FlownFolder:
 
 
 def pooled_dispersion(legs: Sequence[ScoredLeg]) -> float:
-    """Standard deviation along the line [m] of several flights of one leg, about their mean.
+    """Standard deviation along the line [m] of several flights of one leg, each about its own
+    place and the mean distance from it.
 
     The mean of one flight follows its own slow dispersion; taken over all flights it does not.
+    Where each flight has an aircraft of its own, what sets their places apart is not in it.
     """
-    along = np.array([leg.along_m for leg in legs])
+    own = np.array([leg.own_miss_m for leg in legs])
+    if not np.all(np.isfinite(own)):  # no contour: there is no place to be off
+        own = np.array([leg.along_m for leg in legs])
     inside = np.array([leg.dispersion_m for leg in legs])
-    return float(np.sqrt(np.mean(inside**2 + (along - along.mean()) ** 2)))
+    return float(np.sqrt(np.mean(inside**2 + (own - own.mean()) ** 2)))
+
+
+class MeanOfFlights(NamedTuple):
+    """A mean of one figure of each flight."""
+
+    mean: float
+    error: float  # standard error: of the flights' own figures; inf of fewer than two
+    apart: float  # standard deviation of the flights' own figures; 0 of fewer than two
+
+
+def mean_of_flights(values: Iterable[float]) -> MeanOfFlights:
+    """A flight is one draw, of its air and where they are drawn of its aircraft: its samples in
+    time say nothing of another.  NaN of nothing."""
+    array = np.fromiter(values, dtype=np.float64)
+    if not array.size:
+        return MeanOfFlights(float("nan"), float("inf"), float("nan"))
+    if array.size == 1:
+        return MeanOfFlights(float(array[0]), float("inf"), 0.0)
+    apart = float(np.std(array, ddof=1))
+    return MeanOfFlights(float(np.mean(array)), apart / sqrt(array.size), apart)
 
 
 def rms(values: Iterable[float]) -> float:
     """Root of the mean square; NaN of nothing."""
     array = np.fromiter(values, dtype=np.float64)
     return float(np.sqrt(np.mean(array**2))) if array.size else float("nan")
+
+
+def rms_error(squares: Sequence[float]) -> float:
+    """Relative standard error of the root of a mean square, by the flights' own squares; inf of
+    fewer than two."""
+    if len(squares) < 2 or not any(squares):
+        return float("inf")
+    # Half the relative error of the mean square.
+    of_flights = mean_of_flights(squares)
+    return 0.5 * of_flights.error / of_flights.mean
 
 
 def legs_named(flights: Sequence[FlownScenario], line: str) -> list[ScoredLeg]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import degrees, inf, sqrt
+from collections.abc import Sequence
+from math import degrees, exp, hypot, inf, log, sqrt
 from typing import Any, Final, NamedTuple
 
 import msgspec
@@ -11,8 +12,23 @@ import numpy as np
 from tgl_soar.air.zeuc import excess_gradient
 from tgl_soar.analysis.experiments.context import Context, turbulence_of
 from tgl_soar.analysis.experiments.dispersion import dryden_dispersion
-from tgl_soar.analysis.experiments.flights import FlownScenario, legs_named, pooled_dispersion, rms
-from tgl_soar.analysis.experiments.result import ChangedThreshold, Claim, Result, Table
+from tgl_soar.analysis.experiments.flights import (
+    FlownScenario,
+    legs_named,
+    mean_of_flights,
+    pooled_dispersion,
+    rms,
+    rms_error,
+)
+from tgl_soar.analysis.experiments.result import (
+    RESOLVED,
+    ChangedThreshold,
+    Claim,
+    Result,
+    Table,
+    all_of,
+    decided,
+)
 from tgl_soar.analysis.experiments.scenario import (
     PreparedScenario,
     Scenario,
@@ -24,14 +40,19 @@ from tgl_soar.analysis.experiments.scenario import (
 from tgl_soar.config.parameters import ParameterError, ParameterSet
 from tgl_soar.types import polar_slope
 
+FOLLOWS: Final = 1.15  # as `still_lines` has it
 LEANS_DEG: Final = (-20, -10, -5, 0, 5, 10, 15, 20, 30, 40, 50, 60)
 LINE: Final = "b"
 # rms e_rho beyond this is no flight on a line any more: a fifth of the chord, by which the aircraft
 # is seen to leave it; the turbulence flown in moves it by a third of that on a line that is held.
 HELD_M: Final = 0.03
 # The rms of 8 flights of 25 s whose e_rho forgets within half a second is known to 3.5 %, a ratio
-# of two to 5 %: beyond two standard errors one is larger.
-RESOLVED: Final = 1.1
+# of two to 5 %: beyond two standard errors one is larger.  That is the oscillation's; the rms of 8
+# flights' means is known to 25 % (1 / √(2 n)), so each ratio is held against its own error, too.
+LARGER: Final = 1.1
+# A ratio whose error leaves more than this open is too coarse to say that two leans are alike:
+# twice what the oscillation's leaves.
+COARSE: Final = LARGER**2
 NEAR_DEG: Final = 10.0  # of the perpendicular: the leans flown stand 10° apart there
 FAR_DEG: Final = 30.0
 SENSORS: Final = {"without": SensorSpec(), "with": SensorSpec(imu=True)}  # accelerometers
@@ -49,6 +70,13 @@ CHANGED: Final = (
         "gains for each lean; near the perpendicular no more than 1.1 times the least, far from"
         " it more",
         "one set of gains confounds the lean with a loop whose gain grows with it",
+    ),
+    ChangedThreshold(
+        "oscillation, drift: more, and about the least",
+        "1.1 times for both",
+        f"1.1 times and {RESOLVED:g} standard errors of the ratio; undecided where these are wider"
+        f" than {COARSE:.2f} times",
+        "1.1 is what the rms oscillation is known to; the rms of eight means is known to 25 %",
     ),
     ChangedThreshold(
         "a line that leans downwind",
@@ -71,12 +99,15 @@ class LeanScore(NamedTuple):
     from_line_m: float  # rms of the means: drift from the line
     rms_y_m: float  # of those that lasted; NaN: none
     rms_bank_rad: float
-    dispersion_m: float
+    dispersion_m: float  # of each flight about its own place
+    apart_m: float  # standard deviation of the flights' mean places
     dispersion_formula_m: float
-    drift_m: float  # mean place to TGL ∩ ZEUC, along the line
+    drift_m: float  # mean place to TGL ∩ ZEUC of the files, along the line
     rate_per_s: float  # λ
     stalled_fraction: float  # of the time, with an angle of attack beyond the stall's
     ended: str  # why the first that was lost was lost
+    oscillation_error: float  # standard error of the oscillation, relative; inf: of too few
+    from_line_error: float  # of the drift from the line
 
     @property
     def held(self) -> bool:
@@ -156,7 +187,8 @@ def lean(context: Context) -> Result:
 COLUMNS: Final = (
     "lean [°]", "off the perpendicular [°]", "flown to the end", "rms e_rho [cm]",
     "oscillation about the line [cm]", "drift from the line [cm]", "rms y [cm]", "rms bank [°]",
-    "dispersion [cm]", "formula [cm]", "mean to TGL ∩ ZEUC [cm]", "λ [1/s]",
+    "dispersion about their own places [cm]", "formula [cm]", "flights' means apart [cm]",
+    "mean to TGL ∩ ZEUC [cm]", "λ [1/s]",
 )  # fmt: skip
 
 
@@ -172,6 +204,7 @@ def _row(s: LeanScore) -> tuple[str, ...]:
         f"{degrees(s.rms_bank_rad):.1f}",
         _cm(s.dispersion_m, 1),
         _cm(s.dispersion_formula_m, 1),
+        _cm(s.apart_m, 1),
         _cm(s.drift_m, 1),
         f"{s.rate_per_s:.2f}",
     )
@@ -203,18 +236,19 @@ def score_lean(
     if line.crossing is not None:
         slide = slide_at(prepared.polar, line.target, line.crossing)
         rate, formula = slide.rate_per_s, dryden_dispersion(slide, sigma, tau)
-    about = rms(sqrt(max(0.0, leg.rms_e_rho_m**2 - leg.mean_e_rho_m**2)) for leg in legs)
+    about = [max(0.0, leg.rms_e_rho_m**2 - leg.mean_e_rho_m**2) for leg in legs]
     return LeanScore(
         lean_deg=float(lean_deg),
         off_perpendicular_deg=lean_deg - across_deg,
         flights=len(flights),
         survived=len(whole),
         rms_e_rho_m=rms(leg.rms_e_rho_m for leg in legs) if all_lasted else inf,
-        oscillation_m=about if all_lasted else inf,
+        oscillation_m=rms(map(sqrt, about)) if all_lasted else inf,
         from_line_m=rms(leg.mean_e_rho_m for leg in legs) if all_lasted else inf,
         rms_y_m=rms(leg.rms_y_m for leg in legs),
         rms_bank_rad=rms(leg.rms_bank_rad for leg in legs),
         dispersion_m=pooled_dispersion(legs) if legs else nan,
+        apart_m=mean_of_flights(leg.along_m for leg in legs).apart,
         dispersion_formula_m=formula,
         drift_m=float(np.mean([leg.miss_m for leg in legs])) if legs else nan,
         rate_per_s=rate,
@@ -222,6 +256,8 @@ def score_lean(
         if whole
         else nan,
         ended=next((flight.ended.split(" at x")[0] for flight in flights if flight.ended), ""),
+        oscillation_error=rms_error(about),
+        from_line_error=rms_error([leg.mean_e_rho_m**2 for leg in legs]),
     )
 
 
@@ -231,44 +267,90 @@ def lean_claims(scores: list[LeanScore], across_deg: float, flown: str) -> tuple
     held = [s for s in downwind if s.held]
     return (
         _grows_off_perpendicular(
-            scores,
-            [s.oscillation_m for s in scores],
+            [Of(s, s.oscillation_m, s.oscillation_error) for s in scores],
             across_deg,
             "oscillates about the line",
             flown,
         ),
         _grows_off_perpendicular(
-            scores, [s.from_line_m for s in scores], across_deg, "drifts from the line", flown
+            [Of(s, s.from_line_m, s.from_line_error) for s in scores],
+            across_deg,
+            "drifts from the line",
+            flown,
         ),
         Claim(
             f"a line that leans downwind cannot be flown well ({flown})",
             bool(downwind) and not held,
-            f"{len(held)} of {len(downwind)} such leans are held within {100 * HELD_M:g} cm rms;"
-            f" {sum(s.flights - s.survived for s in downwind)} of"
+            f"{len(held)} of {len(downwind)} such leans are held within {100 * HELD_M:g} cm rms"
+            + (f" ({', '.join(f'{s.lean_deg:.0f}°' for s in held)})" if held else "")
+            + f"; {sum(s.flights - s.survived for s in downwind)} of"
             f" {sum(s.flights for s in downwind)} flights were lost",
         ),
     )
 
 
-def _grows_off_perpendicular(
-    scores: list[LeanScore], measured_m: list[float], across_deg: float, does: str, flown: str
-) -> Claim:
-    """Near the perpendicular about the least, and more on either side far from it."""
-    pairs = list(zip(scores, measured_m, strict=True))
-    least, least_m = min(pairs, key=lambda pair: pair[1])
-    near = min(pairs, key=lambda pair: abs(pair[0].off_perpendicular_deg))
-    far = [value for s, value in pairs if abs(s.off_perpendicular_deg) >= FAR_DEG]
-    at_hand = abs(near[0].off_perpendicular_deg) <= NEAR_DEG
-    return Claim(
+class Of(NamedTuple):
+    """One measure of one lean."""
+
+    score: LeanScore
+    value_m: float  # inf: a flight was lost
+    error: float  # standard error, relative
+
+
+def _open(one: Of, other: Of) -> float:
+    """How far the errors of two leave their ratio open: a factor, 1 where one lost a flight."""
+    if inf in (one.value_m, other.value_m):
+        return 1.0
+    return exp(min(9.0, RESOLVED * hypot(one.error, other.error)))
+
+
+def _more(one: Of, other: Of) -> bool | None:
+    """Whether one is larger; None where the errors leave open whether it is."""
+    if inf in (one.value_m, other.value_m):
+        return one.value_m == inf and other.value_m < inf
+    factor = _open(one, other)
+    if one.value_m > max(LARGER, factor) * other.value_m:
+        return True
+    coarse = factor > COARSE and one.value_m * factor > other.value_m
+    return None if coarse else False
+
+
+def _no_more(one: Of, least: Of) -> bool | None:
+    """Whether one is about the least; None where the errors leave it open."""
+    if one is least:
+        return one.value_m < inf
+    if inf in (one.value_m, least.value_m) or _more(one, least):
+        return False
+    factor = _open(one, least)
+    if factor > COARSE:
+        return None
+    return one.value_m <= LARGER * least.value_m
+
+
+def _grows_off_perpendicular(several: list[Of], across_deg: float, does: str, flown: str) -> Claim:
+    """Near the perpendicular about the least, and more on every lean far from it that was flown;
+    the module takes no line as flat as those on the perpendicular's other side."""
+    least = min(several, key=lambda one: one.value_m)
+    near = min(several, key=lambda one: abs(one.score.off_perpendicular_deg))
+    far = [one for one in several if abs(one.score.off_perpendicular_deg) >= FAR_DEG]
+    flat = [one for one in far if one.score.off_perpendicular_deg > 0.0]
+    at_hand = abs(near.score.off_perpendicular_deg) <= NEAR_DEG
+    smallest = min(far, key=lambda one: one.value_m, default=None)
+    known = "" if smallest is None else f", known to a factor of {_open(smallest, near):.2f}"
+    return decided(
         f"the less perpendicular to the contour a line is, the more the aircraft {does} ({flown})",
-        at_hand
-        and near[1] <= RESOLVED * least_m < inf
-        and bool(far)
-        and all(value > RESOLVED * near[1] for value in far),
-        f"least {_cm(least_m, 2)} cm at {least.lean_deg:.0f}°,"
-        f" {abs(least.off_perpendicular_deg):.0f}° from the perpendicular ({across_deg:.0f}°);"
-        f" {_cm(near[1], 2)} cm at {near[0].lean_deg:.0f}°;"
-        f" {FAR_DEG:g}° off and further from {_cm(min(far, default=inf), 2)} cm on",
+        all_of((at_hand, bool(far), _no_more(near, least), *(_more(one, near) for one in far))),
+        f"least {_cm(least.value_m, 2)} cm at {least.score.lean_deg:.0f}°,"
+        f" {abs(least.score.off_perpendicular_deg):.0f}° from the perpendicular"
+        f" ({across_deg:.0f}°); {_cm(near.value_m, 2)} cm at {near.score.lean_deg:.0f}°;"
+        f" {FAR_DEG:g}° off and further from"
+        f" {_cm(inf if smallest is None else smallest.value_m, 2)} cm on{known}"
+        + (
+            ""
+            if flat
+            else f"; on the steep side alone, as no lean beyond {across_deg + FAR_DEG:.0f}° was"
+            " flown"
+        ),
     )
 
 
@@ -312,15 +394,6 @@ def lean_why(
             and limits["TGL_LEAN_MIN"] <= s.lean_deg <= limits["TGL_LEAN_MAX"]
             and not s.held
         ]
-    worst = max(
-        (
-            abs(s.dispersion_m / s.dispersion_formula_m - 1.0)
-            for several in scores.values()
-            for s in several
-            if s.held
-        ),
-        default=float("nan"),
-    )
     front = "stable, but" if horizontal_rate > 0.0 else "not stable at all:"
     return (
         f"Held within {100 * HELD_M:g} cm are "
@@ -332,8 +405,8 @@ def lean_why(
             else "Every lean flown that the module accepts by default is held."
         )
         + " *Along* the line the slope of excess updraft counts, which is steepest across the"
-        f" contour ({across_deg:.0f}° here), against the height that a lean costs; the dispersion"
-        f" follows its formula within {100 * worst:.0f} % on the lines that were held. *Across* it"
+        f" contour ({across_deg:.0f}° here), against the height that a lean costs;"
+        f" {along_words([s for several in scores.values() for s in several if s.held])} *Across* it"
         " attitude counts: pitching up raises the aircraft first and drifts it back after. On a"
         " line that leans upwind both bring it to the same side; on one that leans downwind the"
         " first is the wrong way round, a zero of the right half plane near (g/V) tan η. The"
@@ -345,6 +418,35 @@ def lean_why(
         " upstream side either, so that e_rho has no sign. The module refuses it"
         f" ({refusal(90.0)}) and one that leans downwind ({refusal(-10.0)})."
     )
+
+
+def along_words(held: Sequence[LeanScore]) -> str:
+    """Whether the dispersion on the lines that were held follows its formula, and if not where."""
+    compared = [
+        s for s in held if s.dispersion_formula_m > 0.0 and s.dispersion_m == s.dispersion_m
+    ]
+    if not compared:
+        return "no lean was held, so that no dispersion is held against its formula."
+    off = [s for s in compared if not 1.0 / FOLLOWS <= _of_formula(s) <= FOLLOWS]
+    if not off:
+        ratios = [_of_formula(s) for s in compared]
+        return (
+            f"the dispersion follows its formula on the lines that were held, {min(ratios):.2f} to"
+            f" {max(ratios):.2f} times it."
+        )
+    worst = max(off, key=lambda s: abs(log(_of_formula(s))))
+    leans = sorted({round(s.lean_deg) for s in off})
+    return (
+        f"the dispersion does not follow its formula on {len(off)} of {len(compared)} lines that"
+        f" were held ({', '.join(f'{lean}°' for lean in leans)}): on that of"
+        f" {worst.lean_deg:.0f}° it is {_of_formula(worst):.2f} times it, each flight about its own"
+        f" place, with the wing beyond the stall's incidence {100 * worst.stalled_fraction:.1f} %"
+        " of the time."
+    )
+
+
+def _of_formula(s: LeanScore) -> float:
+    return s.dispersion_m / s.dispersion_formula_m
 
 
 def _draw(

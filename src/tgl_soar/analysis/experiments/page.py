@@ -94,7 +94,10 @@ def page(results: Sequence[Result], ends: Ends) -> str:
         " **dispersion**, the standard deviation along the line, which follows from turbulence and"
         " the slope of excess updraft and which no still line changes. The letters a, b, c, d name"
         " lines or places of their own section and nothing else. A claim that is an identity of the"
-        " model says so and decides no verdict. Our own aims stand in [aims.md](aims.md).",
+        " model says so and decides no verdict. **?** is a claim that was left undecided: the"
+        " bound lies within 2.4 standard errors of what was measured, and it counts as not held."
+        " A standard error is that of the flights' own means, as each flight is one draw of"
+        " aircraft and air. Our own aims stand in [aims.md](aims.md).",
         "",
         "Each is flown by two models of one aircraft: the **rigid body** with six degrees of"
         " freedom, and the **point mass** that the paper simulates, its equations corrected and"
@@ -113,6 +116,8 @@ def counted(result: Result) -> str:
     """A verdict with the claims that it rests on."""
     judged = result.judged
     words = f"{result.verdict}: {sum(c.holds for c in judged)} of {len(judged)}"
+    if undecided := sum(c.undecided for c in judged):
+        words += f", {undecided} undecided"
     given = len(result.claims) - len(judged)
     return words if not given else f"{words}, and {given} by construction"
 

@@ -11,19 +11,29 @@ steps of a twentieth, whose contour holds it within the bounds of the site.
 
 from __future__ import annotations
 
-from math import cos, inf, isfinite, nan, sin, sqrt
+from math import cos, hypot, inf, isfinite, nan, sin
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import msgspec
+import numpy as np
 
 from tgl_soar.air.zeuc import ZeucError, stable_crossing, wind_sensitivity
-from tgl_soar.analysis.experiments.changing_air import LATE_S, RESOLVED, Shift, shift_of
+from tgl_soar.analysis.experiments.changing_air import LATE_S, Shift, shift_of
 from tgl_soar.analysis.experiments.context import Context, turbulence_of, with_turbulence
 from tgl_soar.analysis.experiments.dispersion import dryden_dispersion, leverage
-from tgl_soar.analysis.experiments.flights import FlownScenario, rms
+from tgl_soar.analysis.experiments.flights import FlownScenario, mean_of_flights, rms
 from tgl_soar.analysis.experiments.line_lean import HELD_M
-from tgl_soar.analysis.experiments.result import Claim, Result, Table
+from tgl_soar.analysis.experiments.result import (
+    RESOLVED,
+    ChangedThreshold,
+    Claim,
+    Result,
+    Table,
+    above,
+    all_of,
+    decided,
+)
 from tgl_soar.analysis.experiments.scenario import (
     PreparedScenario,
     Scenario,
@@ -49,6 +59,17 @@ STEP_S: Final = 100.0  # a flight with that step in it
 LEFT_ALONE_S: Final = 17.0
 JUDGED, ROUGH = 0.01, 0.03  # turbulence
 SLOPE_OVER_M: Final = 0.1  # two cells of the public CFD planes
+# How long before the end of a flight a wing that stalled counts as its reason: the slide down from
+# the place takes some two seconds (a metre at the sink's growth of 0.5 m/s²).
+STALLED_WITHIN_S: Final = 3.0
+CHANGED: Final = (
+    ChangedThreshold(
+        "more wind lifts it at [a], lowers it at [c], and at [b] is in between",
+        "2 standard errors, by the file's formula of dispersion",
+        f"{RESOLVED:g} standard errors, by the flights' own shifts; undecided within them",
+        "aircraft that are not alike move by more or less than the file's does",
+    ),
+)
 
 
 class FlownPlace(NamedTuple):
@@ -69,12 +90,18 @@ class FlownPlace(NamedTuple):
     flights: int
     survived: dict[float, int]  # by turbulence
     rms_e_rho_m: dict[float, float]  # over all flights; inf: one was lost
-    dispersion_m: dict[float, float]
+    dispersion_m: dict[float, float]  # of each flight about its own place
+    apart_m: dict[float, float]  # standard deviation of the flights' mean places
     formula_m: dict[float, float]
     shift: Shift  # in STRONGER times the wind
-    shift_error_m: float  # standard error of what was flown
     shift_lost: int
+    stalled: int  # of all flights that were lost, those whose wing was beyond its stall before
     ended: tuple[str, ...]  # why flights were lost
+
+    @property
+    def lost(self) -> int:
+        """Of the flights at both turbulences and with the step."""
+        return sum(self.flights - up for up in self.survived.values()) + self.shift_lost
 
 
 def places(context: Context) -> Result:
@@ -113,6 +140,7 @@ def places(context: Context) -> Result:
         _draw(context, here),
         ("places",),
         tuple(scenario.seeds),
+        CHANGED,
     )
 
 
@@ -175,11 +203,9 @@ def score_place(
         i: dryden_dispersion(slide, *turbulence_of(prepare(with_turbulence(scenario, i))))
         for i in still
     }
-    known = [
-        sum(leg.scored_s for leg in leg_by_line(stepping, line, k)) * slide.rate_per_s / 2.0
-        for k in (0, 1)
-    ]
-    error = inf if min(known) <= 0.0 else formula[JUDGED] * sqrt(sum(1.0 / n for n in known))
+    every = [flight for flown in (*still.values(), stepping) for flight in flown]
+    whose = prepared.airframe  # a point mass has an angle of attack, and no stall
+    stall = whose.model["stall_alpha_rad"] if whose.model_kind == "rigid_body" else inf
     return FlownPlace(
         site=site,
         line=line,
@@ -197,12 +223,22 @@ def score_place(
         survived={i: sum(f.survived for f in flown) for i, flown in still.items()},
         rms_e_rho_m={i: _rms_of_all(flown) for i, flown in still.items()},
         dispersion_m={i: pooled_or_nan(leg_by_line(f, line, 0)) for i, f in still.items()},
+        apart_m={
+            i: mean_of_flights(leg.along_m for leg in leg_by_line(f, line, 0)).apart
+            for i, f in still.items()
+        },
         formula_m=formula,
         shift=_shift(risen, stepping, line),
-        shift_error_m=error,
         shift_lost=sum(not f.survived for f in stepping),
-        ended=tuple(f.ended for f in (*still[JUDGED], *still[ROUGH], *stepping) if f.ended),
+        stalled=sum(_stalled(f, stall) for f in every if f.ended),
+        ended=tuple(f.ended for f in every if f.ended),
     )
+
+
+def _stalled(flight: FlownScenario, stall_rad: float) -> bool:
+    """Whether its wing was beyond the stall shortly before the end."""
+    last = flight.path["time_s"] >= flight.duration_s - STALLED_WITHIN_S
+    return bool(np.any(flight.path["alpha_rad"][last] > stall_rad))
 
 
 def wind_slope(prepared: PreparedScenario, line: str) -> float:
@@ -255,16 +291,25 @@ def place_claims(scored: list[FlownPlace]) -> tuple[Claim, ...]:
                 )
                 for where, several in (("[a]", slow), ("[b] and [c]", others))
             ),
-            Claim(
+            decided(
                 f"more wind lifts it at [a], lowers it at [c], and at [b] is in between ({site})",
-                a.shift.flown_m > RESOLVED * a.shift_error_m
-                and c.shift.flown_m < -RESOLVED * c.shift_error_m
-                and c.shift.flown_m < b.shift.flown_m < a.shift.flown_m
-                and not any(s.shift_lost for s in (a, b, c)),
+                all_of(
+                    (
+                        above(a.shift.flown_m, a.shift.error_m),
+                        above(-c.shift.flown_m, c.shift.error_m),
+                        *(_more(one.shift, other.shift) for one, other in ((a, b), (b, c))),
+                        not any(s.shift_lost for s in (a, b, c)),
+                    )
+                ),
                 ", ".join(_shifted(s) for s in of.values()),
             ),
         ]
     return tuple(claims)
+
+
+def _more(one: Shift, other: Shift) -> bool | None:
+    """Whether one place is lifted by more than another."""
+    return above(one.flown_m - other.flown_m, hypot(one.error_m, other.error_m))
 
 
 def _held(s: FlownPlace) -> str:
@@ -281,7 +326,8 @@ def _shifted(s: FlownPlace) -> str:
 
 
 def _shift_cm(s: FlownPlace) -> str:
-    return f"{100 * s.shift.flown_m:+.1f} ± {100 * s.shift_error_m:.1f}"
+    error = f"{100 * s.shift.error_m:.1f}" if isfinite(s.shift.error_m) else "–"
+    return f"{100 * s.shift.flown_m:+.1f} ± {error}"
 
 
 def places_why(scored: list[FlownPlace]) -> str:
@@ -289,10 +335,11 @@ def places_why(scored: list[FlownPlace]) -> str:
     text = []
     for site in dict.fromkeys(s.site for s in scored):
         of = {s.line: s for s in scored if s.site == site}
-        lost = ", ".join(f"{s.flights - s.survived[ROUGH]} at [{s.line}]" for s in of.values())
+        lost = ", ".join(f"{s.lost} at [{s.line}]" for s in of.values())
         text.append(
             f"{site}: wind grows by {of['a'].wind_slope_per_s:+.2f} m/s for each metre up the line"
-            f" at [a]; lost of {of['a'].flights} at {100 * ROUGH:g} % of turbulence: {lost}"
+            f" at [a]; lost of {_flown(of['a'])} at {100 * JUDGED:g} % and {100 * ROUGH:g} % of"
+            f" turbulence and in the stronger wind: {lost}"
         )
     reasons = list(dict.fromkeys(end.split(" at x")[0] for s in scored for end in s.ended))
     return (
@@ -306,32 +353,47 @@ def places_why(scored: list[FlownPlace]) -> str:
     )
 
 
+def _flown(s: FlownPlace) -> int:
+    """At both turbulences and with the step."""
+    return s.flights * (len(s.survived) + 1)
+
+
 def _lost_near_the_stall(slow: list[FlownPlace]) -> str:
-    """Whether flights are lost where the wind falls going down the line, and there alone."""
-    falls, grows = (
-        sum(s.flights - s.survived[ROUGH] for s in slow if (s.wind_slope_per_s > 0.0) == falling)
-        for falling in (True, False)
+    """Of all flights there: whether their wings stalled, and what the wind does down the line."""
+    lost = sum(s.lost for s in slow)
+    if not lost:
+        return f" Near it no flight of {sum(map(_flown, slow))} was lost."
+    stalled = sum(s.stalled for s in slow)
+    falls = sum(s.lost for s in slow if s.wind_slope_per_s > 0.0)
+    text = (
+        f" Near it {lost} flights of {sum(map(_flown, slow))} were lost; in {stalled} of them the"
+        f" angle of attack was beyond the stall's within the last {STALLED_WITHIN_S:g} s."
     )
-    if not falls and not grows:
-        return f" Near it no flight was lost at {100 * ROUGH:g} % of turbulence."
-    if grows:
-        return (
-            f" Near it {falls} flights were lost where the wind falls going down the line, and"
-            f" {grows} where it grows: what the wind does along the line is not the whole reason."
+    if falls < lost:
+        return text + (
+            f" {falls} were lost where the wind falls going down the line, and {lost - falls} where"
+            " it grows: what the wind does along the line is not the whole reason."
         )
-    return (
-        f" All {falls} flights that were lost near it were where the wind falls going down the"
-        " line: there an aircraft that a gust puts below [a] is in air that is slower than it can"
-        " fly in, and slides on down; where the wind grows going down, it is in faster air and"
-        " comes back."
+    return text + (
+        f" All {falls} were where the wind falls going down the line: an aircraft that a gust puts"
+        " below [a] is in slower air there"
+        + (
+            ", and its wing, which has no more lift to give, stalls and slides on down; where the"
+            " wind grows going down, it is in faster air and comes back."
+            if 2 * stalled > lost
+            else ", but most of them did not stall: the wind's slope alone is not shown to be the"
+            " reason."
+        )
     )
 
 
 COLUMNS: Final = (
     "air", "place", "wind [m/s]", "x, z [m]", "local wind [m/s]", "u / best glide", "S′",
     "sink/u − S′", "du/ds up the line [1/s]",
-    "flown to the end at 1 %", "rms e_rho [cm]", "dispersion [cm]", "formula [cm]",
-    "flown to the end at 3 %", "rms e_rho [cm]", "shift in 3 % more wind [cm]", "TGL ∩ ZEUC [cm]",
+    "flown to the end at 1 %", "rms e_rho [cm]", "flights' means apart [cm]",
+    "dispersion about their own places [cm]", "formula [cm]",
+    "flown to the end at 3 %", "rms e_rho [cm]", "shift in 3 % more wind [cm]",
+    "less that of what flew [cm]", "TGL ∩ ZEUC [cm]",
 )  # fmt: skip
 
 
@@ -341,9 +403,10 @@ def _row(s: FlownPlace) -> tuple[str, ...]:
         f"{s.local_mps:.2f}", f"{s.speed_ratio:.3f}", f"{s.polar_slope:+.3f}", f"{s.margin:+.3f}",
         f"{s.wind_slope_per_s:+.2f}",
         f"{s.survived[JUDGED]} of {s.flights}", _cm(s.rms_e_rho_m[JUDGED]),
-        _cm(s.dispersion_m[JUDGED]), _cm(s.formula_m[JUDGED]),
+        _cm(s.apart_m[JUDGED]), _cm(s.dispersion_m[JUDGED]), _cm(s.formula_m[JUDGED]),
         f"{s.survived[ROUGH]} of {s.flights}", _cm(s.rms_e_rho_m[ROUGH]),
         _shift_cm(s) if isfinite(s.shift.flown_m) else "lost",
+        f"{100 * s.shift.off_m:+.1f}" if isfinite(s.shift.off_m) else "–",
         f"{100 * s.shift.predicted_m:+.1f}" if isfinite(s.shift.predicted_m) else "–",
     )  # fmt: skip
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
@@ -12,9 +12,19 @@ import numpy as np
 import tgl_soar
 
 Verdict = Literal[
-    "agrees", "agrees in part", "differs", "by construction", "met", "met in part", "missed"
+    "agrees",
+    "agrees in part",
+    "differs",
+    "undecided",
+    "by construction",
+    "met",
+    "met in part",
+    "missed",
 ]
 
+# Standard errors of a mean of eight flights beyond which its sign is known, and within which it is
+# not: 95 % of Student's t with 7 degrees of freedom, 2.365.
+RESOLVED: Final = 2.4
 RIGID_BODY: Final = "rigid body"
 POINT_MASS: Final = "point mass"
 DISPERSED_AIRCRAFT: Final = "rigid body, dispersed"
@@ -28,6 +38,49 @@ class Claim:
     holds: bool
     measured: str
     by_construction: bool = False  # an identity of model or air: it holds whatever is measured
+    undecided: bool = False  # what was measured is no finer than the bound; it does not hold then
+
+    def __post_init__(self) -> None:
+        if self.undecided and self.holds:
+            raise ValueError(f"{self.text}: what is undecided does not hold")
+
+
+def decided(
+    text: str, holds: bool | None, measured: str, *, by_construction: bool = False
+) -> Claim:
+    """A claim; None: undecided."""
+    return Claim(text, holds is True, measured, by_construction, holds is None)
+
+
+def all_of(parts: Iterable[bool | None]) -> bool | None:
+    """Whether all hold: one that does not decides; else one that is undecided does.  Of none:
+    False."""
+    found = list(parts)
+    if not found or False in found:
+        return False
+    return None if None in found else True
+
+
+def within(off: float, error: float, bound: float) -> bool | None:
+    """Whether something lies within a bound; None where `RESOLVED` standard errors leave it open.
+
+    False for NaN, which is of nothing measured.
+    """
+    if off != off:
+        return False
+    reach = RESOLVED * error
+    if abs(off) + reach <= bound:
+        return True
+    return False if abs(off) - reach > bound else None
+
+
+def above(value: float, error: float) -> bool | None:
+    """Whether something is greater than nothing, as `within`."""
+    if value != value:
+        return False
+    if abs(value) <= RESOLVED * error:
+        return None
+    return value > 0.0
 
 
 @dataclass(frozen=True)
@@ -71,7 +124,10 @@ class Result:
 
     @property
     def verdict(self) -> Verdict:
-        """All claims hold, some, or none; what is true by construction decides nothing."""
+        """All claims hold, some, or none; what is true by construction decides nothing.
+
+        None holds and one could not be decided: so is the whole.
+        """
         held = [claim.holds for claim in self.judged]
         if not held:
             return "by construction"
@@ -79,6 +135,8 @@ class Result:
             return "met" if self.own else "agrees"
         if any(held):
             return "met in part" if self.own else "agrees in part"
+        if any(claim.undecided for claim in self.judged):
+            return "undecided"
         return "missed" if self.own else "differs"
 
     @property
@@ -93,14 +151,14 @@ def by_model(result: Result) -> dict[str, Result]:
 
 
 def changed_by_dispersion(result: Result) -> list[tuple[Claim, Claim]]:
-    """Claims that hold of the aircraft of the airframe file and not of dispersed ones, or the
-    other way round: (of the file's, of dispersed)."""
+    """Claims that do not turn out alike of the aircraft of the airframe file and of dispersed
+    ones: (of the file's, of dispersed)."""
     dispersed = result.also.get(DISPERSED_AIRCRAFT)
     if dispersed is None:
         return []
     there = {claim.text: claim for claim in dispersed.claims}
     pairs = [(claim, there[claim.text]) for claim in result.judged if claim.text in there]
-    return [(here, other) for here, other in pairs if here.holds != other.holds]
+    return [(here, other) for here, other in pairs if _sign(here) != _sign(other)]
 
 
 def tables_of(result: Result) -> tuple[Table, ...]:
@@ -144,6 +202,7 @@ def as_json(result: Result) -> dict[str, Any]:
                 "holds": c.holds,
                 "measured": c.measured,
                 "by_construction": c.by_construction,
+                "undecided": c.undecided,
             }
             for c in result.claims
         ],
@@ -226,12 +285,18 @@ def _dispersed(result: Result) -> list[str]:
     changed = changed_by_dispersion(result)
     if not changed:
         return ["", "Dispersion changes none of these."]
-    words = "; ".join(f"“{here.text}” ({_mark(here)} → {_mark(there)})" for here, there in changed)
+    words = "; ".join(f"“{here.text}” ({_sign(here)} → {_sign(there)})" for here, there in changed)
     return ["", f"**Dispersion changes:** {words}."]
 
 
-def _mark(claim: Claim) -> str:
+def _sign(claim: Claim) -> str:
+    if claim.undecided:
+        return "?"
     return "✓" if claim.holds else "✗"
+
+
+def _mark(claim: Claim) -> str:
+    return f"{_sign(claim)} undecided:" if claim.undecided else _sign(claim)
 
 
 def _text(claim: Claim) -> str:
