@@ -278,7 +278,7 @@ def test_ratios_are_of_pairs_in_the_same_air() -> None:
         lost,
         Scored(duration_s=30.0, ended="", e_rho_m2=100.0, activity_2ps2=100.0),
     ]
-    assert paired_ratios(flown, others) == (0.5, 2.0)
+    assert paired_ratios(flown, others) == (0.5, 2.0, 2)
 
 
 def test_errors_are_lengths_and_held_against_their_sigmas() -> None:

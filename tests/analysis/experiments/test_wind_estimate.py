@@ -27,6 +27,7 @@ from tgl_soar.analysis.experiments.wind_estimate import (
     look_on,
     plain_rms,
     score,
+    timid_claim,
     wrong_wing,
 )
 from tgl_soar.estimation.wind import DRAG_ERROR, LIFT_ERROR
@@ -94,10 +95,17 @@ def test_honest_is_every_case_and_both_ways(of: str) -> None:
     )
     scores = dict.fromkeys(CASES, one)
     assert honest_claim(scores).holds
+    assert timid_claim(scores).holds
     for case, what in CASES.items():
-        assert not honest_claim({**scores, case: one._replace(**{of: 2.1})}).holds
-        timid = honest_claim({**scores, case: one._replace(**{of: 0.3})})
-        assert timid.holds is not what.wing_is_wrong
+        bold = {**scores, case: one._replace(**{of: 2.1})}
+        assert not honest_claim(bold).holds
+        assert timid_claim(bold).holds
+        timid = {**scores, case: one._replace(**{of: 0.3})}
+        assert honest_claim(timid).holds
+        assert not timid_claim(timid).holds
+        assert ("allows for one that is wrong" in timid_claim(timid).measured) is (
+            not what.wing_is_wrong
+        )
 
 
 def test_a_dispersed_flight_is_of_another_aircraft_than_is_known_aboard() -> None:

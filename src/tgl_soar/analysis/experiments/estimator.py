@@ -259,7 +259,7 @@ def estimator(context: Context) -> Result:
 def split_words(of_plain: dict[str, Ratios]) -> str:
     """What of the gain is the sensor's and what the gains' that it allows."""
     reported = "; ".join(
-        f"{what} {of_plain[name].e_rho:.2f} of the plain law's rms e_rho, for"
+        f"{what} {of_plain[name].e_rho:.2f} of the plain law's rms e_rho{of_plain[name].words}, for"
         f" {of_plain[name].activity:.2f} of its elevator activity"
         for what, name in (
             ("the sensor alone, with the plain law's gains,", SAME_GAINS),
@@ -329,31 +329,34 @@ def tracked_claim(scores: dict[str, EstimatorScore], of_plain: dict[str, Ratios]
         f"{name}, in place of the autopilot's, costs at most"
         f" {100 * (TRACKED_COST - 1):.0f} % of rms e_rho",
         ratio <= TRACKED_COST and s.lost == 0,
-        f"rms e_rho {1e3 * s.e_rho_m:.1f} mm, {ratio:.2f} of the plain law's; {s.lost} of"
-        f" {s.flights} lost",
+        f"rms e_rho {1e3 * s.e_rho_m:.1f} mm, {ratio:.2f} of the plain law's"
+        f"{of_plain[name].words}; {s.lost} of {s.flights} lost",
     )
 
 
 def _claims(outcome: _Outcome) -> tuple[Claim, ...]:
     plan, scores, of_plain, knowledge, survival, cost = outcome
     plain, imu = scores["plain"], scores["accelerations"]
-    ratio, activity = of_plain["accelerations"]
+    both = of_plain["accelerations"]
+    ratio, activity = both.e_rho, both.activity
+    lost = f"; {imu.lost} of {imu.flights} lost, {plain.lost} of {plain.flights} without"
     late = [_late_name(late) for late in LATENCIES_S]
     gaps, lab = scores["accelerations, gaps"], scores["laboratory's chain"]
-    lab_ratio = of_plain["laboratory's chain"].e_rho
+    of_lab = of_plain["laboratory's chain"]
     percent = f"{100 * TURBULENCE:g} %"
     low, high = survival.interval
     return (
         Claim(
             f"with accelerations rms e_rho at {percent} is at most {RATIO:g} of what it is"
-            f" without, {len(plan.scored['plain'])} flights each",
+            f" without, {len(plan.scored['plain'])} flights each, none lost",
             ratio <= RATIO and not plain.lost and not imu.lost,
-            f"{1e3 * imu.e_rho_m:.1f} of {1e3 * plain.e_rho_m:.1f} mm: {ratio:.2f}",
+            f"{1e3 * imu.e_rho_m:.1f} of {1e3 * plain.e_rho_m:.1f} mm: {ratio:.2f}{both.words}"
+            f"{lost if imu.lost or plain.lost else ''}",
         ),
         Claim(
             f"for an elevator activity of at most {ACTIVITY:g} times",
             activity <= ACTIVITY,
-            f"{activity:.2f}",
+            f"{activity:.2f}{both.words}",
         ),
         margin_claim(scores),
         Claim(
@@ -368,7 +371,8 @@ def _claims(outcome: _Outcome) -> tuple[Claim, ...]:
             f"position up to {1e3 * LATENCIES_S[-1]:g} ms late costs at most"
             f" {100 * (LATENCY_COST - 1):.0f} % of rms e_rho",
             cost <= LATENCY_COST and not any(scores[name].lost for name in late),
-            f"{100 * (cost - 1):.0f} %",
+            f"{100 * (cost - 1):.0f} %; {sum(scores[name].lost for name in late)} of"
+            f" {sum(scores[name].flights for name in late)} flights lost",
         ),
         Claim(
             f"no flight is lost to gaps of {GAP_S:g} s every {GAP_EVERY_S:g} s at {100 * CALM:g} %",
@@ -392,7 +396,7 @@ def _claims(outcome: _Outcome) -> tuple[Claim, ...]:
             f" arrival, velocity from differences over {CHAIN} samples, no accelerometers",
             lab.lost == 0,
             f"{lab.lost} of {lab.flights} lost; rms e_rho {1e3 * lab.e_rho_m:.1f} mm,"
-            f" {lab_ratio:.2f} of the plain law's",
+            f" {of_lab.e_rho:.2f} of the plain law's{of_lab.words}",
         ),
         tracked_claim(scores, of_plain),
     )
@@ -458,7 +462,11 @@ def _row(
         f"{s.flights}",
         f"{s.lost}",
         f"{1e3 * s.e_rho_m:.1f}",
-        *(("", "") if of_plain is None else (f"{ratio:.2f}" for ratio in of_plain)),
+        *(
+            ("", "")
+            if of_plain is None
+            else (f"{of_plain.e_rho:.2f}{of_plain.words}", f"{of_plain.activity:.2f}")
+        ),
         f"{100 * s.y_m:.1f}",
         f"{degrees(s.bank_rad):.1f}",
     )

@@ -424,17 +424,28 @@ class Ratios(NamedTuple):
 
     e_rho: float
     activity: float
+    left_out: int = 0  # pairs of which one ended before it was scored
+
+    @property
+    def words(self) -> str:
+        """What the ratio does not know; "" where it knows all."""
+        return f", without {self.left_out} pairs not scored" if self.left_out else ""
 
 
 def paired_ratios(flown: Sequence[Scored], others: Sequence[Scored]) -> Ratios:
-    """Of flights to others in the same air, one by one; a pair with one not scored is left out."""
+    """Of flights to others in the same air, one by one; a pair with one not scored is left out,
+    and counted."""
     pairs = [
         (one, other)
         for one, other in zip(flown, others, strict=True)
         if one.e_rho_m2 == one.e_rho_m2 and other.e_rho_m2 == other.e_rho_m2
     ]
     one, other = score([one for one, _ in pairs]), score([other for _, other in pairs])
-    return Ratios(one.e_rho_m / other.e_rho_m, one.activity_ps / other.activity_ps)
+    return Ratios(
+        one.e_rho_m / other.e_rho_m,
+        one.activity_ps / other.activity_ps,
+        len(flown) - len(pairs),
+    )
 
 
 def paired_difference(both: int, first: int, second: int, neither: int) -> tuple[float, float]:
