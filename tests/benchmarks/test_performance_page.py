@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import pytest
 from benchmarks.__main__ import GROUPS
+from benchmarks.closed_loop import LOOP_TIMES, POINT_MASS_TIMES
 from benchmarks.page import (
     BEGIN,
     END,
@@ -86,6 +87,54 @@ def test_an_aim_that_is_missed_says_so_on_the_page(results: str) -> None:
     rows = rows_of(results)
     assert len(rows) > 80
     assert [row for row in rows if not row.is_honest] == []
+
+
+# What the prose takes from the tables: a row, what it stands beside, and how its figures are told.
+TOLD = (
+    ("a tick after 5 ms of sleep, p50", "one right after the other", "{ratio:.1f} times as long"),
+    ("the flying process, UDP", "what is allowed", "take {value} % of a core in the table"),
+    ("sensor to surface, UDP, p50", "a minimal responder with mavutil", "answer of {beside} µs"),
+    (
+        "sensor to surface, UDP, --power-saving, p50",
+        "a minimal responder in C that sleeps",
+        "answers in {ratio} × the time of C",
+    ),
+    ("writing RC_CHANNELS_OVERRIDE", "MAVLink's C library", "takes {value} µs, {ratio:.0f} times"),
+    ("a set, to its confirmation", "pymavlink parses the PARAM_SET", "takes {value} µs to its"),
+)
+
+
+@pytest.mark.parametrize(("what", "beside_what", "words"), TOLD)
+def test_prose_has_the_figures_of_the_tables(
+    results: str, what: str, beside_what: str, words: str
+) -> None:
+    text = (ROOT / "docs/performance.md").read_text(encoding="utf-8")
+    prose = " ".join((text.partition(BEGIN)[0] + text.partition(END)[2]).split())
+    rows = [line.strip("| ").split(" | ") for line in results.splitlines()]
+    ((value, beside, ratio),) = {
+        (row[1].split()[0], row[2].split()[0], float(row[4].strip(" |")))
+        for row in rows
+        if (row[0], row[3:4]) == (what, [beside_what])
+    }
+    assert words.format(value=value, beside=beside, ratio=ratio) in prose
+
+
+def test_prose_says_what_power_saving_takes_and_what_is_asked_of_simulations(results: str) -> None:
+    text = " ".join((ROOT / "docs/performance.md").read_text(encoding="utf-8").split())
+    took = [
+        float(re.findall(rf"the flying process, {kind} \| ([0-9.]+) %", results)[0])
+        for kind in ("UDP", "UDP, --power-saving")
+    ]
+    assert f"takes {100 * (1 - took[1] / took[0]):.0f} % less" in text
+    read, wrote = (
+        float(re.findall(rf"of a tick: {part} \| ([0-9.]+) µs", results)[0])
+        for part in ("decode", "encode")
+    )
+    assert f"frames of a tick take {read + wrote:.2f} µs together" in text
+    asked = [f"{times:,.0f} ×" for times in (LOOP_TIMES, POINT_MASS_TIMES)]
+    assert f"where {asked[0]} are asked of the whole loop and {asked[1]} of the point mass" in text
+    for what in ("the closed loop, all compiled", "the point mass, 200 steps a second"):
+        assert f"| a second of {what} |" in results
 
 
 def test_a_row_is_read_as_it_is_written() -> None:

@@ -1,0 +1,92 @@
+"""What prose says of a table is what the table says: where flights change, words must too."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+def page(name: str) -> str:
+    return (DOCS / name).read_text(encoding="utf-8")
+
+
+def words(name: str) -> str:
+    return " ".join(page(name).split())
+
+
+def rows(text: str, begins: str) -> list[list[str]]:
+    """The cells of every row whose first begin so."""
+    found = [line.strip().strip("|").split("|") for line in text.splitlines()]
+    cells = [[cell.strip() for cell in row] for row in found if len(row) > 1]
+    return [row for row in cells if row[0].startswith(begins)]
+
+
+def test_the_campaign_as_the_files_say_is_the_one_below() -> None:
+    (whole,) = rows(page("safety.md"), "**all**")
+    (above,) = rows(page("safety.md"), "as the files say (below)")
+    flights, soaring, flying, released, lost = (int(cell.strip("*")) for cell in whole[1:6])
+    assert flying == 0
+    assert [int(cell.split(" ")[0].replace(",", "")) for cell in above[1:5]] == [
+        flights,
+        soaring,
+        released,
+        lost,
+    ]
+    assert [re.findall(r"\((\d+) %", cell) for cell in above[2:4]] == [
+        [f"{100 * n / flights:.0f}"] for n in (soaring, released)
+    ]
+
+
+def test_brakes_that_are_not_given_up_are_counted_as_in_the_table() -> None:
+    stuck, half = (
+        {
+            row[0].split(", ")[1]: (int(row[5]), int(row[1]))
+            for row in rows(page("point.md"), f"brake.{kind}, ")
+        }
+        for kind in ("stuck", "one_side")
+    )
+
+    def told(counts: list[tuple[int, int]]) -> str:
+        return " of ".join(str(sum(each)) for each in zip(*counts, strict=True))
+
+    text = words("point.md")
+    assert f"{told([*stuck.values()])} brakes that had jammed as a whole were given up" in text
+    assert (
+        f"{told([stuck['tunnel']])} in the tunnel and {told([stuck['hill']])} on the hill" in text
+    )
+    assert f"and {told([*half.values()])} of which one half had jammed" in text
+    lasted = [row[2] for row in rows(page("point.md"), "tunnel") + rows(page("point.md"), "hill")]
+    dispersed = [re.fullmatch(r"(\d+) of (\d+)", cell) for cell in lasted]
+    lost = sum(int(found[2]) - int(found[1]) for found in dispersed if found)
+    assert lost == 1
+    assert "One of those 1,200 flights" in text
+
+
+def test_landings_that_were_too_hard_are_those_of_the_table() -> None:
+    text = page("outdoors.md").partition("**Landings")[2].partition("![")[0]
+    landed = [re.match(r"(\d+) of (\d+) \(", row[1]) for row in rows(text, "") if len(row) > 1]
+    counts = [(int(found[1]), int(found[2])) for found in landed if found]
+    failed, flown = sum(b - a for a, b in counts), sum(b for _, b in counts)
+    assert failed == 3
+    assert f"Three of the {flown} landings in the table came down too hard" in words("outdoors.md")
+
+
+@pytest.mark.parametrize("gains", ["gains for each lean", "one set of gains"])
+def test_the_decision_on_leans_has_the_figures_that_were_measured(gains: str) -> None:
+    decision = page("decisions/leaning-line.md")
+    (leans,) = rows(decision, "lean")
+    (stated,) = rows(decision, gains)
+    table = page("experiments.md").partition(f"**{gains}, without accelerometers**")[2]
+    table = table.partition("\n**")[0]
+    (head,) = rows(table, "model")
+    column = head.index("rms e_rho [cm]")
+    measured = {
+        float(row[1]): row[column] for row in rows(table, "rigid body") if row[0] == "rigid body"
+    }
+    for lean, value in zip(leans[1:], stated[1:], strict=True):
+        degrees = 0.0 if lean == "upright" else float(lean.strip("°").replace("−", "-"))
+        assert value == measured[degrees], lean
