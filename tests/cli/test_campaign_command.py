@@ -7,12 +7,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from rich.table import Table
 from typer.testing import CliRunner, Result
 
 from tgl_soar.analysis.experiments import campaign
 from tgl_soar.analysis.experiments.campaign import FaultJob, Outcome
 from tgl_soar.cli.app import app
-from tgl_soar.cli.flying import duration
+from tgl_soar.cli.console import show
+from tgl_soar.cli.flying import FlightLines, duration
 from tgl_soar.sim.campaign.folder import JOURNAL, MANIFEST, ROWS
 
 flown: list[int] = []
@@ -50,6 +52,36 @@ def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
         return CliRunner().invoke(app, [*words, "--out", str(tmp_path / "out"), *options])
 
     return invoke
+
+
+def test_nothing_is_resumed_where_nothing_was_flown(command: Command, tmp_path: Path) -> None:
+    refused = command("--resume")
+    assert refused.exit_code == 2
+    assert f"no flights of an earlier run are in {tmp_path / 'out'}" in refused.stderr
+    assert flown == []
+
+
+def test_a_pipe_is_told_how_far_it_is_every_half_minute(capsys: pytest.CaptureFixture[str]) -> None:
+    now = [100.0]
+    lines = FlightLines("faults", clock=lambda: now[0])
+    for seconds, done in ((0.0, 1), (29.9, 50), (30.0, 60), (59.0, 90), (60.1, 120)):
+        now[0] = 100.0 + seconds
+        lines.show(done, 1000, 2.0, 0.5 * (1000 - done))
+    told = capsys.readouterr().err.splitlines()
+    assert told == [
+        "faults: 60 of 1000 flights, 2 a second, 8 min left",
+        "faults: 120 of 1000 flights, 2 a second, 7 min left",
+    ]
+
+
+def test_no_name_is_cut_in_a_pipe(capsys: pytest.CaptureFixture[str]) -> None:
+    cells = [f"{'a_long_name_of_a_fault.' * 2}{i}" for i in range(4)]
+    table = Table(*cells)
+    table.add_row(*cells)
+    show(table)
+    shown = capsys.readouterr().out
+    assert "…" not in shown
+    assert all(shown.count(cell) == 2 for cell in cells)
 
 
 def test_stopped_and_gone_on_with_it_flies_every_flight_once(
@@ -90,6 +122,7 @@ def test_a_cluster_that_is_not_there_is_said(command: Command) -> None:
     refused = command("--scheduler", "nonsense://nowhere")
     assert refused.exit_code == 2
     assert "no scheduler answers" in refused.stderr
+    assert "nothing has been flown" in refused.stderr
 
 
 def test_a_cluster_that_is_not_there_costs_no_flights(command: Command, tmp_path: Path) -> None:

@@ -23,6 +23,7 @@ from tgl_soar.cli.console import (
     fail,
     hint,
     say,
+    show,
 )
 from tgl_soar.cli.flying import (
     ALL,
@@ -33,6 +34,7 @@ from tgl_soar.cli.flying import (
     Workers,
     executor_of,
     flight_bar,
+    nothing_to_resume,
 )
 from tgl_soar.cli.rare import rare
 from tgl_soar.sim.campaign.cluster import ClusterError
@@ -89,6 +91,7 @@ def faults(
     kind = None if model is None else model.kind
     jobs = campaign.FaultJobs(flights, dropouts, seed, kind, dispersion)
     begun = time.monotonic()
+    nothing_to_resume(out, resume)
     try:
         executor = executor_of(workers, scheduler)  # before anything that is there goes
         with CampaignFolder(
@@ -177,7 +180,7 @@ def _print_report(found: campaign_report.Report) -> None:
                 group.name, str(spread.flights), str(spread.unknown), *(f"{n:.4g}" for n in numbers)
             )
     console.print(f"{found.of}, by {found.by or 'nothing'}")
-    console.print(shown)
+    show(shown)
 
 
 @campaign_app.command()
@@ -217,7 +220,7 @@ def long(
 
         kind = None if model is None else model.kind
         flight = fly_long(3600.0 * hours, seed=seed, on_part=on_part, model=kind)
-    console.print(shown)
+    show(shown)
     console.print(
         f"{flight.ticks:,} ticks of {flight.expected_ticks:,}; {flight.reboots} restarts seen,"
         f" {flight.stale} stale and {flight.lost} lost frames;"
@@ -233,7 +236,7 @@ def _print(counted: campaign.Counted) -> None:
         counts = (row.results[r] for r in campaign.RESULTS)
         why = ", ".join(f"{reason} ({n})" for reason, n in row.reasons.most_common())
         shown.add_row(row.name, str(row.flights), *(str(n) if n else "·" for n in counts), why)
-    console.print(shown)
+    show(shown)
     for each in counted.survivals:
         low, high = each.interval
         console.print(

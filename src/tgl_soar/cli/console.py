@@ -9,6 +9,7 @@ from typing import Any, Final, NoReturn
 
 import typer
 from rich.console import Console
+from rich.table import Table
 from typer.core import TyperCommand
 from typer.models import CommandFunctionType
 
@@ -66,6 +67,17 @@ class Commands(typer.Typer):
     ) -> Callable[[CommandFunctionType], CommandFunctionType]:
         """As typer's own."""
         return super().command(name, **{"cls": FiniteCommand, **options})
+
+
+PIPED_WIDTH: Final = 240  # columns: in a file no name has to be cut
+
+
+def show(table: Table) -> None:
+    """Print a table; where nobody's terminal is asked for its width no cell is cut."""
+    if console.is_terminal:
+        console.print(table)
+    else:
+        Console(file=console.file, width=max(console.width, PIPED_WIDTH)).print(table)
 
 
 def say(message: object) -> None:

@@ -26,7 +26,7 @@ from tgl_soar.analysis.experiments.flights import FlownFolder, Flyer
 from tgl_soar.analysis.experiments.page import IMAGES, OWN_PAGES, counted, pages, with_result
 from tgl_soar.analysis.experiments.result import Result, as_json
 from tgl_soar.analysis.experiments.staleness import probe
-from tgl_soar.cli.console import MODEL_HELP, FlightModel, console, fail, hint, say
+from tgl_soar.cli.console import MODEL_HELP, FlightModel, console, fail, hint, say, show
 from tgl_soar.cli.flying import (
     ALL,
     Dispersion,
@@ -36,6 +36,7 @@ from tgl_soar.cli.flying import (
     Workers,
     executor_of,
     flight_bar,
+    nothing_to_resume,
 )
 from tgl_soar.config.files import ConfigError
 from tgl_soar.sim.campaign.cluster import ClusterError
@@ -105,6 +106,7 @@ def experiment(
     run = run_experiment if docs is None or name in OWN_PAGES else run_whole
     begun = time.monotonic()
     results: list[Result] = []
+    nothing_to_resume(out / FLIGHTS, resume)
     folder = FlownFolder(out / FLIGHTS, resume=resume, restart=restart)
     executor = executor_of(workers, scheduler)
     try:
@@ -176,7 +178,7 @@ def _print_titles() -> None:
     table = Table("name", "what", box=None)
     for known, title in TITLES.items():
         table.add_row(known, title)
-    console.print(table)
+    show(table)
 
 
 def _refuse(
@@ -225,7 +227,7 @@ def _print(result: Result) -> None:
         table = Table(*map(escape, content.columns), title=title, title_justify="left")
         for row in content.rows:
             table.add_row(*map(escape, row))
-        console.print(table)
+        show(table)
     colour = COLOURS[result.verdict]
     console.print(f"verdict: [{colour}]{result.verdict}[/{colour}]")
     for claim in result.claims:
@@ -248,4 +250,4 @@ def _print_summary(results: list[Result]) -> None:
             f"[{COLOURS[r.verdict]}]{counted(r)}[/{COLOURS[r.verdict]}]",
             f"{r.seconds:.0f} s",
         )
-    console.print(table)
+    show(table)

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from math import isfinite
+from pathlib import Path
 from typing import Annotated, Final
 
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn
 
-from tgl_soar.cli.console import errors, fail
+from tgl_soar.cli.console import errors, fail, hint
 from tgl_soar.sim.campaign.cluster import ClusterError, DaskCluster
 from tgl_soar.sim.campaign.executors import Executor, local
+from tgl_soar.sim.campaign.folder import JOURNAL, MANIFEST
 
+LINE_S: Final = 30.0  # between two lines of progress: nobody waits longer without a sign of life
 ALL: Final = os.cpu_count() or 1
 Workers = Annotated[
     int, typer.Option(help="Processes that fly; 0: none but this one.", min=0, max=256)
@@ -52,6 +56,15 @@ def executor_of(workers: int, scheduler: str | None) -> Executor:
         fail(error)
 
 
+def nothing_to_resume(folder: Path, resume: bool) -> None:
+    """End where flights are to be gone on with and there are none."""
+    if resume and not any(next(folder.rglob(name), None) for name in (JOURNAL, MANIFEST)):
+        fail(
+            f"--resume: no flights of an earlier run are in {folder}: go without it, or name the"
+            " folder of that run with --out"
+        )
+
+
 class FlightBar:
     """How far it is, with rate and time left."""
 
@@ -64,13 +77,41 @@ class FlightBar:
 
     def show(self, flown: int, of: int, per_s: float, left_s: float) -> None:
         """Of flights; left_s: inf where it is not known."""
-        pace = f"{per_s:.3g} a second, {duration(left_s)} left" if isfinite(left_s) else ""
-        self._progress.update(self._task, completed=flown, total=of, pace=pace)
+        self._progress.update(self._task, completed=flown, total=of, pace=pace_words(per_s, left_s))
+
+
+class FlightLines:
+    """The same for a file or a pipe: a line every `LINE_S`, and none of what is done sooner."""
+
+    def __init__(self, title: str, clock: Callable[[], float] = time.monotonic) -> None:
+        self._title, self._clock = title, clock
+        self._last_s = clock()
+
+    def title(self, text: str) -> None:
+        """What is flown."""
+        self._title = text
+
+    def show(self, flown: int, of: int, per_s: float, left_s: float) -> None:
+        """As `FlightBar`."""
+        now_s = self._clock()
+        if now_s - self._last_s < LINE_S:
+            return
+        self._last_s = now_s
+        pace = pace_words(per_s, left_s)
+        hint(f"{self._title}: {flown} of {of} flights" + (f", {pace}" if pace else ""))
+
+
+def pace_words(per_s: float, left_s: float) -> str:
+    """Rate and time left; "" where they are not known."""
+    return f"{per_s:.3g} a second, {duration(left_s)} left" if isfinite(left_s) else ""
 
 
 @contextmanager
-def flight_bar(title: str) -> Iterator[FlightBar]:
-    """A bar on the terminal while flights are flown."""
+def flight_bar(title: str) -> Iterator[FlightBar | FlightLines]:
+    """A bar on the terminal while flights are flown; lines where there is none."""
+    if not errors.is_terminal:
+        yield FlightLines(title)
+        return
     with Progress(
         TextColumn("{task.description}"),
         BarColumn(),

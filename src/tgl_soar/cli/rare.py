@@ -29,6 +29,7 @@ from tgl_soar.cli.console import (
     errors,
     fail,
     say,
+    show,
 )
 from tgl_soar.cli.flying import (
     ALL,
@@ -39,6 +40,7 @@ from tgl_soar.cli.flying import (
     Workers,
     executor_of,
     flight_bar,
+    nothing_to_resume,
 )
 from tgl_soar.config.files import (
     ConfigError,
@@ -90,6 +92,7 @@ def rare(
         fail("splitting flies compiled: pip install 'tgl_soar[fast]'")
     if (out / RESULT).exists() and not (restart or resume):
         fail(f"{out / RESULT}: an earlier run's; --restart writes over it, --out goes elsewhere")
+    nothing_to_resume(out / KEPT, resume)
     executor = executor_of(workers, scheduler)
     try:
         case = _case(airframe, site, line, turbulence, seconds)._replace(dispersed=dispersion)
@@ -166,7 +169,7 @@ def _print(
         there = [ladder.rungs[rung] for ladder in climbed if rung < len(ladder.rungs)]
         tried, passed = sum(r.tried for r in there), sum(r.passed for r in there)
         table.add_row(f"{there[0].level:.3f}", str(tried), str(passed), f"{passed / tried:.3f}")
-    console.print(table)
+    show(table)
     each = ", ".join(f"{ladder.probability:.2g}" for ladder in climbed)
     console.print(f"ladders: {each}", highlight=False)
     minute = 60.0 / seconds

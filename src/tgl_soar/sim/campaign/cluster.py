@@ -47,7 +47,7 @@ class DaskCluster:
         nobody answers or no worker is there."""
         self._scheduler = scheduler
         self._patience_s = patience_s
-        client = self._client(ANSWER_S)
+        client = self._client(ANSWER_S, "nothing has been flown; start one with `dask scheduler`")
         try:
             self.workers = sum(client.nthreads().values())
         finally:
@@ -60,7 +60,7 @@ class DaskCluster:
         """Of `Executor`."""
         shard_queue = ShardQueue(shards, AHEAD * self.workers)
         while shard_queue.left:
-            client = self._client(self._patience_s)
+            client = self._client(self._patience_s, "what was flown is kept")
             try:
                 yield from self._until_it_is_gone(client, fly, shard_queue)
             finally:
@@ -101,7 +101,7 @@ class DaskCluster:
             if client.status == "running":
                 client.cancel([future for future, _ in flying.values()])
 
-    def _client(self, patience_s: float) -> Any:
+    def _client(self, patience_s: float, so_far: str) -> Any:
         try:
             from distributed import Client
         except ImportError as error:
@@ -110,8 +110,7 @@ class DaskCluster:
             return Client(self._scheduler, timeout=patience_s, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
             raise ClusterError(
-                f"{self._scheduler}: no scheduler answers: {error or 'in vain'};"
-                " what was flown is kept"
+                f"{self._scheduler}: no scheduler answers: {error or 'in vain'}; {so_far}"
             ) from None
 
 
