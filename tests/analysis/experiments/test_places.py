@@ -163,6 +163,7 @@ def place(
             off_m=shift_m - shift_m,
             off_error_m=0.01,
             worst_off_m=0.0,
+            worst_glide_m=0.0,
         ),
         shift_lost=lost,
         stalled=0,

@@ -274,6 +274,7 @@ def slope_shift(line: str, flown_m: float, off_m: float) -> Shift:
         off_m=off_m,
         off_error_m=0.004,
         worst_off_m=2.0 * off_m,
+        worst_glide_m=off_m,
     )
 
 
@@ -304,6 +305,7 @@ def leg(
         own_error_m=error_m,
         worst_own=one,
         worst_file=one,
+        worst_glide_m=0.001,
         known_to_m=one_error_m,
         dispersion_m=0.03,
         dispersion_formula_m=0.03,
@@ -421,6 +423,7 @@ def shift(line: str, flown_m: float, predicted_m: float | None = None, lost: int
         off_m=flown_m - predicted,
         off_error_m=0.001,
         worst_off_m=flown_m - predicted,
+        worst_glide_m=flown_m - predicted,
     )
 
 

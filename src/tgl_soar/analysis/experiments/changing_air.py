@@ -102,6 +102,7 @@ class Shift(NamedTuple):
     off_m: float  # flown less what each flight's own contour moves by, mean
     off_error_m: float  # standard error of that
     worst_off_m: float  # of the flight with the largest
+    worst_glide_m: float  # the same with each flight's own glides in place of the cubic
 
 
 def _along(target: TargetLine, x_m: float, z_m: float) -> float:
@@ -124,6 +125,9 @@ def shift_of(prepared: PreparedScenario, flights: list[FlownScenario], line: str
         off_m=of_all.mean,
         off_error_m=min(alone, of_all.error),
         worst_off_m=max(off, key=abs, default=float("nan")),
+        worst_glide_m=max(
+            (b.glide_miss_m - a.glide_miss_m for a, b in pairs), key=abs, default=float("nan")
+        ),
     )
 
 
@@ -280,6 +284,7 @@ class WindShift(NamedTuple):
     off_m: float  # flown less what each flight's own contour moves by, mean
     off_error_m: float  # standard error of that
     worst_off_m: float  # of the flight with the largest
+    worst_glide_m: float  # the same with each flight's own glides in place of the cubic
 
 
 _WIND_WORDS: Final = {
@@ -429,6 +434,7 @@ def _wind_shift(
         off_m=flown.off_m,
         off_error_m=flown.off_error_m,
         worst_off_m=flown.worst_off_m,
+        worst_glide_m=flown.worst_glide_m,
     )
 
 
@@ -502,7 +508,7 @@ def wind_why(full: list[WindShift], calm: list[WindShift], dispersed: bool = Fal
     lost = sum(s.lost for s in calm)
 
     def off_m(s: WindShift) -> float:
-        return s.worst_off_m if dispersed else s.flown_m - s.predicted_m - s.polar_error_m
+        return s.worst_glide_m if dispersed else s.flown_m - s.predicted_m - s.polar_error_m
 
     worst = max(calm, key=lambda s: _or_worse(abs(off_m(s))))
     whose = (

@@ -25,6 +25,7 @@ from tgl_soar.analysis.flown_airframe import flown_airframe
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.site import Site, Start
 from tgl_soar.control.target_line import TargetLine
+from tgl_soar.sim.aircraft import AircraftModel, glide_polar
 from tgl_soar.sim.campaign.encoding import digest
 from tgl_soar.sim.campaign.executors import Executor, InLine, local
 from tgl_soar.sim.campaign.flight_list import Campaign
@@ -34,11 +35,11 @@ from tgl_soar.sim.closed_loop import Trajectory, fly
 from tgl_soar.sim.fast_flight import fly_compiled
 from tgl_soar.sim.fast_flight import prepare as prepare_compiled
 from tgl_soar.sim.faults import parse_faults
-from tgl_soar.sim.flown_aircraft import FlownAircraft
 from tgl_soar.sim.injection import Injection
 from tgl_soar.sim.score import settling_time
 from tgl_soar.sim.sensors import Sensors
 from tgl_soar.sim.world import World, flown_aircraft, make_world
+from tgl_soar.types import polar_sink
 
 SETTLE_S = 5.0
 # Where a drawn aircraft's own place is looked for: about the files' one, farther than drawn wind
@@ -86,8 +87,10 @@ class ScoredLeg:
     predicted_along_m: float  # the same, along the line; NaN: none
     scored_s: float  # how long was scored
     # The same crossing of the aircraft that flew in the air that blew, where they are not those of
-    # the files: its own glides, on the line that it was in fact held on.  None: they are.
+    # the files, on the line that it was in fact held on: by a cubic polar that is fitted to its own
+    # glides as the file's is to the file's, and by those glides themselves.  None: they are.
     own_predicted_along_m: float | None = None
+    own_glide_along_m: float | None = None
 
     @property
     def miss_m(self) -> float:
@@ -104,6 +107,13 @@ class ScoredLeg:
     def own_miss_m(self) -> float:
         """Mean place to that, along the line, positive up."""
         return self.along_m - self.own_along_m
+
+    @property
+    def glide_miss_m(self) -> float:
+        """Mean place to where its own glides put it, along the line; as `own_miss_m` where what
+        flew is the files'."""
+        own = self.own_glide_along_m
+        return self.own_miss_m if own is None else self.along_m - own
 
 
 @dataclass(frozen=True)
@@ -175,20 +185,33 @@ def _flown(job: ScenarioJob, prepared: PreparedScenario, trajectory: Trajectory)
     legs = score_legs(prepared, trajectory)
     if job.dispersed:
         airframe, _, field, _ = _what_flies(job, prepared)
-        glides = own_glides(flown_aircraft(airframe))
-        legs = tuple(_with_own_place(leg, field, glides) for leg in legs)
+        model = flown_aircraft(airframe)
+        assert isinstance(model, AircraftModel)  # `mismatched` draws no other
+        glides, cubic = own_glides(model), own_cubic(model)
+        legs = tuple(
+            replace(
+                leg,
+                own_predicted_along_m=own_place(leg, field, cubic),
+                own_glide_along_m=own_place(leg, field, glides),
+            )
+            for leg in legs
+        )
     return FlownScenario(job.seed, trajectory.ended, float(trajectory["time_s"][-1]), legs, path)
 
 
-def own_glides(model: FlownAircraft) -> tuple[Floats, Floats]:
+def own_cubic(model: AircraftModel) -> tuple[Floats, Floats]:
+    """The same of the cubic polar that is fitted to them, as the airframe file's is."""
+    polar = glide_polar(model)
+    slowest = model.highest_pitch_glide().horizontal_mps
+    speeds = np.arange(slowest, OWN_FASTEST_MPS, OWN_STEP_MPS)
+    return speeds, np.array([polar_sink(polar, float(speed)) for speed in speeds])
+
+
+def own_glides(model: AircraftModel) -> tuple[Floats, Floats]:
     """Horizontal airspeeds and sinks [m/s] of an aircraft's steady glides, slowest first."""
     slowest = model.highest_pitch_glide().horizontal_mps
     speeds = np.arange(slowest, OWN_FASTEST_MPS, OWN_STEP_MPS)
     return speeds, np.array([model.glide_at(float(speed)).sink_mps for speed in speeds])
-
-
-def _with_own_place(leg: ScoredLeg, field: WindField, glides: tuple[Floats, Floats]) -> ScoredLeg:
-    return replace(leg, own_predicted_along_m=own_place(leg, field, glides))
 
 
 def own_place(leg: ScoredLeg, field: WindField, glides: tuple[Floats, Floats]) -> float:

@@ -107,7 +107,9 @@ def page(results: Sequence[Result], ends: Ends) -> str:
         " that is not the airframe file's, and air that is not the site's, while the module on"
         " board is given the files"
         " ([what a controller does not know](theory.md#what-a-controller-does-not-know))."
-        " Figures show the rigid body of the file.",
+        " Its places are judged flight by flight against the contour of what flew, which is what"
+        " the paper's claims are about; what an operator knows is the files' contour alone, and how"
+        " far from that they are stands beside it. Figures show the rigid body of the file.",
     ]
     return _whole(head, results, ends)
 

@@ -57,7 +57,7 @@ PLACE_CHANGED: Final = ChangedThreshold(
     "it settles where the line meets the contour",
     "the mean of all flights within 3 cm, by samples in time",
     "that mean with its error, by the flights' own means, and each flight, to the contour of what"
-    " flew; undecided where these errors leave it open",
+    " flew (its own cubic polar, the air that blew); undecided where these errors leave it open",
     "eight aircraft that are each 9 cm off can have a mean that is not",
 )
 SETTLE_MOST_S: Final = (
@@ -96,6 +96,7 @@ class LegSummary(NamedTuple):
     own_error_m: float
     worst_own: MissOfFlight  # of the flight that is farthest from its own place
     worst_file: MissOfFlight  # and from that of the files
+    worst_glide_m: float  # the farthest that a flight is from where its own glides put it
     known_to_m: float  # largest standard error of one flight's mean, by its dispersion
     dispersion_m: float  # each flight's about its own place
     dispersion_formula_m: float  # 0 in calm air
@@ -143,6 +144,7 @@ def summarise(prepared: PreparedScenario, flights: list[FlownScenario]) -> list[
                 own_error_m=errors[0] if one else own.error,
                 worst_own=_farthest([leg.own_miss_m for leg in legs], errors),
                 worst_file=_farthest([leg.miss_m for leg in legs], errors),
+                worst_glide_m=max((leg.glide_miss_m for leg in legs), key=abs),
                 known_to_m=max(errors),
                 dispersion_m=pooled_dispersion(legs),
                 dispersion_formula_m=formula,
@@ -301,11 +303,11 @@ def apart_note(summaries: list[LegSummary]) -> str:
     if not calm:
         return ""
     worst = max(calm, key=lambda s: s.apart_m)
-    own = max(calm, key=lambda s: abs(s.worst_own.miss_m)).worst_own.miss_m
+    own = max(abs(s.worst_glide_m) for s in calm)
     return (
         f" From aircraft to aircraft the place differs by {100 * worst.apart_m:.1f} cm (standard"
         f" deviation, calm air, line {worst.line}): each hovers where its own glides and the wind"
-        f" that blew put it, {100 * abs(own):.1f} cm from there at most."
+        f" that blew put it, {100 * own:.1f} cm from there at most."
     )
 
 
