@@ -12,9 +12,9 @@ from tgl_soar.analysis.experiments import windy_hour
 from tgl_soar.analysis.experiments.windy_hour import FlownHour, HourJob, fly_hour
 
 GOOD = FlownHour(
-    radius_m=30.0, seed=1, duration_s=3600.0, soared_s=3600.0, ended="", left_m=nan,
-    broke_at_m=nan, wind_mps=6.0, veer_deg=20.0, along_m=0.0, across_m=0.0, sink_mps=0.0,
-    landing=False,
+    radius_m=30.0, seed=1, duration_s=3600.0, possible_s=3600.0, soarable=1.0, soared_s=3600.0,
+    ended="", left_m=nan, broke_at_m=nan, wind_mps=6.0, veer_deg=20.0, along_m=0.0, across_m=0.0,
+    sink_mps=0.0, landing=False,
 )  # fmt: skip
 HOME = replace(
     GOOD, soared_s=600.0, ended="hit the ground", left_m=12.0, broke_at_m=40.0, landing=True
