@@ -48,7 +48,24 @@ def test_a_launch_that_is_given_up_must_land_to_count(landed: FlownPassage) -> N
         given_up = replace(good, kind=outdoors.LAUNCH, across_m=across_m)
         others = {kind: [good] for kind in (outdoors.LAND, outdoors.FELT, outdoors.LULLED)}
         claims = outdoors._claims({outdoors.LAUNCH: [given_up]} | others)
-        assert [claim.holds for claim in claims] == [held, True, True]
+        assert [claim.undecided for claim in claims] == [held, True, True]  # of one flight each
+        assert not any(claim.holds for claim in claims)
+
+
+@pytest.mark.parametrize(
+    ("count", "of", "least", "held"),
+    [
+        (99, 100, 0.99, None),  # 95 to 100 %
+        (368, 368, 0.99, True),
+        (367, 367, 0.99, None),
+        (98, 100, 0.99, False),
+        (0, 0, 0.95, False),
+    ],
+)
+def test_a_share_is_shown_by_its_interval_and_not_by_its_count(
+    count: int, of: int, least: float, held: bool | None
+) -> None:
+    assert outdoors.shown(count, of, least) is held
 
 
 def test_the_tables_the_claims_and_the_figure(tmp_path: Path) -> None:

@@ -251,6 +251,8 @@ def _words(of: Growth) -> str:
         return "flights lost at the slowest place"
     if not isfinite(of.ratio):
         return "flights lost at the fastest place"
+    if not isfinite(of.error):
+        return f"{of.ratio:.2f}, of too few flights to know it"
     return f"{of.ratio:.2f} ± {of.error:.2f}"
 
 
