@@ -178,8 +178,8 @@ NAMED: Final = (
     ),
     Named(
         "analysis/experiments/still_lines.py",
-        "bool(summaries) and all(abs(s.miss_m) <= miss_most_m for s in summaries)",
-        "True",
+        "all_of(part for s in summaries for part in _at_its_place(s, miss_most_m)),",
+        "True,",
         "every place is the predicted one",
     ),
     Named(
@@ -196,8 +196,8 @@ NAMED: Final = (
     ),
     Named(
         "analysis/experiments/wind_estimate.py",
-        "        all(\n            (HONEST_LEAST if",
-        "        True or all(\n            (HONEST_LEAST if",
+        "        all(n <= HONEST_MOST for s",
+        "        True or all(n <= HONEST_MOST for s",
         "every standard deviation is honest",
     ),
 )

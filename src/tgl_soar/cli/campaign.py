@@ -34,7 +34,7 @@ from tgl_soar.cli.flying import (
     Workers,
     executor_of,
     flight_bar,
-    nothing_to_resume,
+    to_resume,
 )
 from tgl_soar.cli.rare import rare
 from tgl_soar.sim.campaign.cluster import ClusterError
@@ -91,7 +91,7 @@ def faults(
     kind = None if model is None else model.kind
     jobs = campaign.FaultJobs(flights, dropouts, seed, kind, dispersion)
     begun = time.monotonic()
-    nothing_to_resume(out, resume)
+    to_resume(out, resume)
     try:
         executor = executor_of(workers, scheduler)  # before anything that is there goes
         with CampaignFolder(

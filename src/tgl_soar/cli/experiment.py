@@ -36,7 +36,7 @@ from tgl_soar.cli.flying import (
     Workers,
     executor_of,
     flight_bar,
-    nothing_to_resume,
+    to_resume,
 )
 from tgl_soar.config.files import ConfigError
 from tgl_soar.sim.campaign.cluster import ClusterError
@@ -106,8 +106,7 @@ def experiment(
     run = run_experiment if docs is None or name in OWN_PAGES else run_whole
     begun = time.monotonic()
     results: list[Result] = []
-    nothing_to_resume(out / FLIGHTS, resume)
-    folder = FlownFolder(out / FLIGHTS, resume=resume, restart=restart)
+    folder = FlownFolder(to_resume(out / FLIGHTS, resume), resume=resume, restart=restart)
     executor = executor_of(workers, scheduler)
     try:
         with closing(folder), flight_bar(names[0]) as bar:

@@ -56,13 +56,14 @@ def executor_of(workers: int, scheduler: str | None) -> Executor:
         fail(error)
 
 
-def nothing_to_resume(folder: Path, resume: bool) -> None:
-    """End where flights are to be gone on with and there are none."""
+def to_resume(folder: Path, resume: bool) -> Path:
+    """The folder; ends where flights are to be gone on with and there are none."""
     if resume and not any(next(folder.rglob(name), None) for name in (JOURNAL, MANIFEST)):
         fail(
             f"--resume: no flights of an earlier run are in {folder}: go without it, or name the"
             " folder of that run with --out"
         )
+    return folder
 
 
 class FlightBar:

@@ -40,7 +40,7 @@ from tgl_soar.cli.flying import (
     Workers,
     executor_of,
     flight_bar,
-    nothing_to_resume,
+    to_resume,
 )
 from tgl_soar.config.files import (
     ConfigError,
@@ -92,7 +92,7 @@ def rare(
         fail("splitting flies compiled: pip install 'tgl_soar[fast]'")
     if (out / RESULT).exists() and not (restart or resume):
         fail(f"{out / RESULT}: an earlier run's; --restart writes over it, --out goes elsewhere")
-    nothing_to_resume(out / KEPT, resume)
+    to_resume(out / KEPT, resume)
     executor = executor_of(workers, scheduler)
     try:
         case = _case(airframe, site, line, turbulence, seconds)._replace(dispersed=dispersion)

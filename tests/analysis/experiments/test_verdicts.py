@@ -129,7 +129,7 @@ def test_what_is_undecided_does_not_hold_and_is_marked() -> None:
     left_open = Claim("it may", False, "1 ± 2 cm", undecided=True)
     assert result(YES, left_open).verdict == "agrees in part"
     assert result(left_open).verdict == "undecided"
-    assert result(NO, left_open).verdict == "undecided"
+    assert result(NO, left_open).verdict == "differs"
     assert counted(result(YES, left_open)) == "agrees in part: 1 of 2, 1 undecided"
     assert "- ? undecided: it may: 1 ± 2 cm." in as_markdown(result(left_open), "images")
     with pytest.raises(ValueError, match="undecided does not hold"):

@@ -175,7 +175,7 @@ def slope(context: Context) -> Result:
             s.line,
             f"{100 * s.predicted_m:+.1f}",
             f"{100 * s.flown_m:+.1f} ± {_error_cm(s.error_m)}",
-            f"{100 * s.off_m:+.1f} ± {_error_cm(s.off_error_m)}",
+            _off_cm(s),
             f"{100 * s.up_m:+.1f}",
         )
         for i in intensities
@@ -248,6 +248,11 @@ def _error_cm(error_m: float) -> str:
     return f"{100 * error_m:.1f}" if isfinite(error_m) else "–"
 
 
+def _off_cm(s: Shift | WindShift) -> str:
+    """– where a flight has no place of its own to be off, or none flew both legs."""
+    return f"{100 * s.off_m:+.1f} ± {_error_cm(s.off_error_m)}" if isfinite(s.off_m) else "–"
+
+
 def _shift_words(s: Shift | WindShift) -> str:
     return f"{100 * s.flown_m:+.1f} ± {_error_cm(s.error_m)} cm at {s.line}"
 
@@ -307,7 +312,7 @@ def _wind_row(words: str, s: WindShift) -> tuple[str, ...]:
         f"{100 * s.predicted_m:+.1f}",
         f"{100 * (s.predicted_m + s.polar_error_m):+.1f}",
         f"{100 * s.flown_m:+.1f} ± {_error_cm(s.error_m)}",
-        f"{100 * s.off_m:+.1f} ± {_error_cm(s.off_error_m)}",
+        _off_cm(s),
         f"{s.lost}",
     )
 

@@ -126,7 +126,7 @@ class Result:
     def verdict(self) -> Verdict:
         """All claims hold, some, or none; what is true by construction decides nothing.
 
-        None holds and one could not be decided: so is the whole.
+        None could be decided: so is the whole.
         """
         held = [claim.holds for claim in self.judged]
         if not held:
@@ -135,7 +135,7 @@ class Result:
             return "met" if self.own else "agrees"
         if any(held):
             return "met in part" if self.own else "agrees in part"
-        if any(claim.undecided for claim in self.judged):
+        if all(claim.undecided for claim in self.judged):
             return "undecided"
         return "missed" if self.own else "differs"
 
