@@ -9,8 +9,15 @@ from typing import NamedTuple
 import pytest
 from typer.testing import CliRunner
 
-from tgl_soar.analysis.campaign_report import Report, ReportError, report
-from tgl_soar.analysis.report.campaign_figure import campaign_figure
+from tgl_soar.analysis.campaign_report import (
+    Report,
+    ReportError,
+    Share,
+    TwoShares,
+    beside,
+    report,
+)
+from tgl_soar.analysis.report.campaign_figure import campaign_figure, two_campaigns_figure
 from tgl_soar.cli.app import app
 from tgl_soar.sim.campaign.folder import ROWS
 from tgl_soar.sim.campaign.rows import write_rows
@@ -86,6 +93,73 @@ def test_it_is_drawn(folder: Path, tmp_path: Path, of: str) -> None:
     campaign_figure(tmp_path / "a.png", report(folder, "row", of))
     campaign_figure(tmp_path / "b.png", report(folder, "row", of))
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+@pytest.fixture
+def another(tmp_path: Path) -> Path:
+    came = [
+        *(Came("wind", "lost", False, 1.0) for _ in range(20)),
+        Came("gust", "soaring", True, 3.0),
+        Came("fault", "soaring", True, 3.0),
+    ]
+    path = tmp_path / "another"
+    path.mkdir()
+    pairs = ((Seeded(n), flight) for n, flight in enumerate(came))
+    write_rows(path / ROWS, Seeded, Came, pairs, {})
+    return path
+
+
+def test_two_campaigns_stand_beside_one_another(folder: Path, another: Path) -> None:
+    two = beside(report(folder), report(another))
+    assert (two.by, two.of, two.counted) == ("row", "result", "soaring")
+    assert [(row.name, *row.shares) for row in two.rows] == [
+        ("wind", (2, 3), (0, 20)),
+        ("gust", (1, 1), (1, 1)),
+        ("all", (3, 4), (1, 21)),
+    ]
+    assert [row.is_apart for row in two.rows] == [True, False, True]
+    assert two.alone == ([], ["fault"])
+    assert beside(report(another), report(folder)).alone == (["fault"], [])
+    with pytest.raises(ReportError, match="two campaigns are compared by classes"):
+        beside(report(folder, "row", "error_m"), report(another, "row", "error_m"))
+
+
+@pytest.mark.parametrize(
+    ("shares", "apart"),
+    [
+        # The examples of Newcombe's table II, by his method 10: 0.0524 to 0.3339, and so on.
+        (((56, 70), (48, 80)), True),
+        (((9, 10), (3, 10)), True),
+        (((6, 7), (2, 7)), True),  # 0.0582 to 0.8062
+        (((5, 56), (0, 29)), False),  # -0.0381 to 0.1926
+        (((0, 10), (0, 20)), False),
+        (((10, 10), (0, 20)), True),
+    ],
+)
+def test_a_difference_is_told_apart_by_both_intervals(
+    shares: tuple[tuple[int, int], tuple[int, int]], apart: bool
+) -> None:
+    one, other = Share(*shares[0]), Share(*shares[1])
+    assert TwoShares("", (one, other)).is_apart is apart
+    assert TwoShares("", (other, one)).is_apart is apart
+
+
+def test_two_are_drawn(folder: Path, another: Path, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    two = beside(report(folder), report(another))
+    two_campaigns_figure(tmp_path / "two.png", two, ("one", "another"))
+    assert (tmp_path / "two.png").stat().st_size > 1000
+
+
+def test_the_command_prints_two(folder: Path, another: Path, tmp_path: Path) -> None:
+    words = ["campaign", "report", str(folder), "--beside", str(another)]
+    done = CliRunner().invoke(app, [*words, "--figure", str(tmp_path / "two.png")])
+    assert done.exit_code == 0, done.output
+    assert "result soaring, by row" in done.stdout
+    assert "alone: fault" in done.stdout
+    assert (tmp_path / "two.png").stat().st_size > 1000
+    refused = CliRunner().invoke(app, [*words, "--of", "error_m"])
+    assert refused.exit_code == 2
 
 
 def test_the_command_prints_it(folder: Path, tmp_path: Path) -> None:

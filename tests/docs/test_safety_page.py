@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import pytest
 
-from tgl_soar.analysis.experiments.campaign import BEGIN, END
+from tgl_soar.analysis.experiments.campaign import DISPERSED_MARKS, MARKS
 from tgl_soar.config.parameters import INDEX
 
 ROOT = Path(__file__).parents[2]
@@ -148,4 +148,4 @@ def test_every_parameter_that_the_page_names_is_one(name: str) -> None:
 def test_its_figure_and_the_place_for_its_table_are_there() -> None:
     for image in re.findall(r"!\[.*?\]\((.*?)\)", PAGE):
         assert (ROOT / "docs" / image).stat().st_size < 300_000
-    assert PAGE.count(BEGIN) == PAGE.count(END) == 1
+    assert [PAGE.count(mark) for mark in (*MARKS, *DISPERSED_MARKS)] == [1, 1, 1, 1]

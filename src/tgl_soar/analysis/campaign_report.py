@@ -7,11 +7,13 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
+from math import hypot
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from tgl_soar.analysis.experiments.campaign import wilson
 from tgl_soar.sim.campaign.folder import ROWS
 from tgl_soar.sim.campaign.rows import FLIGHT, read_columns, read_rows
 
@@ -20,6 +22,49 @@ ALL: Final = "all"
 # What is looked at where nobody says: what campaigns are about, by their own names for it.
 USUAL_BY: Final = ("row", "kind", "place", "scenario_title")
 USUAL_OF: Final = ("result", "ended", "up", "rms_e_rho_m", "alpha")
+
+
+class Share(NamedTuple):
+    """Flights of one class among those of a group; there is at least one."""
+
+    counted: int
+    of: int
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """In which the true share lies, at 95 % (Wilson)."""
+        return wilson(self.counted, self.of)
+
+
+class TwoShares(NamedTuple):
+    """A group of two campaigns."""
+
+    name: str
+    shares: tuple[Share, Share]
+
+    @property
+    def is_apart(self) -> bool:
+        """The difference is not zero, at 95 %.
+
+        By the intervals of the two shares put together: method 10 of R. G. Newcombe, "Interval
+        estimation for the difference between independent proportions", Statistics in Medicine
+        17 (1998), 873-890.  Of twenty groups that do not differ one is told apart all the same.
+        """
+        (p, q) = (share.counted / share.of for share in self.shares)
+        (p_low, p_high), (q_low, q_high) = (share.interval for share in self.shares)
+        low = p - q - hypot(p - p_low, q_high - q)
+        high = p - q + hypot(p_high - p, q - q_low)
+        return not low <= 0.0 <= high
+
+
+class TwoCampaigns(NamedTuple):
+    """Two campaigns, group by group."""
+
+    by: str
+    of: str
+    counted: str  # the class whose shares they are
+    rows: list[TwoShares]  # of groups that both have; all together last
+    alone: tuple[list[str], list[str]]  # groups that only one of them has
 
 
 class ReportError(ValueError):
@@ -118,6 +163,29 @@ def report(path: Path, by: str | None = None, of: str | None = None) -> Report:
         else:
             groups[name].classes[_text(value)] += 1
     return Report(by, of, list(groups.values()))
+
+
+def beside(first: Report, second: Report) -> TwoCampaigns:
+    """The shares of the first's most frequent class in both.
+
+    Errors: `ReportError` for numbers, which have no classes, and where no group is in both.
+    """
+    if not first.is_counted or not second.is_counted:
+        raise ReportError(f"--of {first.of}: numbers, and two campaigns are compared by classes")
+    counted = first.classes[0]
+    groups = [{group.name: group.classes for group in found.groups} for found in (first, second)]
+    names = [name for name in groups[0] if name in groups[1]]
+    if not names:
+        raise ReportError(f"--by {first.by}: the two campaigns have no group in common")
+    pairs = [(name, [each[name] for each in groups]) for name in names]
+    if len(names) > 1:
+        pairs.append((ALL, [sum((each[n] for n in names), Counter()) for each in groups]))
+    rows = []
+    for name, classes in pairs:
+        one, other = (Share(found[counted], found.total()) for found in classes)
+        rows.append(TwoShares(name, (one, other)))
+    alone = ([n for n in groups[0] if n not in groups[1]], [n for n in groups[1] if n not in names])
+    return TwoCampaigns(first.by, first.of, counted, rows, alone)
 
 
 def _chosen(

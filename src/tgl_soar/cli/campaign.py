@@ -73,7 +73,10 @@ def faults(
         "out/campaign"
     ),
     docs: Annotated[
-        Path | None, typer.Option(help="Write the table and its figure into safety.md here.")
+        Path | None,
+        typer.Option(
+            help="Write the table into safety.md here, with --dispersion into the section of those."
+        ),
     ] = None,
 ) -> None:
     """Fly with faults drawn at random; exit code 1 if any flight was lost or any command bad.
@@ -84,8 +87,8 @@ def faults(
     page = docs / "safety.md" if docs is not None else None
     if page is not None and not page.is_file():
         fail(f"--docs {docs}: there is no {page}")
-    if page is not None and (model is not None or dispersion):
-        fail("--docs goes without --model and --dispersion: the table is the airframe file's own")
+    if page is not None and model is not None:
+        fail("--docs goes without --model: the tables are of the airframe file's own")
     if dispersion and model == FlightModel.POINT_MASS:
         fail("--dispersion is of the rigid body: the point mass has no such figures")
     kind = None if model is None else model.kind
@@ -113,14 +116,15 @@ def faults(
     say(f"{len(jobs)} flights in {took:.0f} s; every one of them in {where}")
     if page is not None:
         command = (
-            f"tgl-soar campaign faults --flights {flights} --dropouts {dropouts} --seed {seed}"
+            f"{campaign.COMMAND} --flights {flights} --dropouts {dropouts} --seed {seed}"
+            f"{' --dispersion' if dispersion else ''}"
         )
+        whole = page.read_text(encoding="utf-8")
         written = campaign.section(counted, command)
-        page.write_text(
-            campaign.with_section(page.read_text(encoding="utf-8"), written), encoding="utf-8"
-        )
+        page.write_text(campaign.with_section(whole, written, dispersion), encoding="utf-8")
         say(f"table in {page}")
-        _draw(page.parent / TIMELINE)
+        if not dispersion:
+            _draw(page.parent / TIMELINE)
     if counted.troubles:
         first = counted.troubles[0]
         fail(f"{len(counted.troubles)} flights were lost, or had bad commands; first: {first}", 1)
@@ -143,23 +147,50 @@ def report_command(
         str | None, typer.Option(help="Column whose values make groups; '' for all together.")
     ] = None,
     of: Annotated[str | None, typer.Option(help="Column that is counted or averaged.")] = None,
+    beside: Annotated[
+        Path | None,
+        typer.Option(help="Another campaign; shares of the class that is most frequent, of both."),
+    ] = None,
     figure: Annotated[
         Path | None, typer.Option(help="Draw it, too (.png, .svg).", dir_okay=False)
     ] = None,
 ) -> None:
     """Tabulate the flights of any campaign or experiment by any of their columns, and draw them."""
-    from tgl_soar.analysis.report.campaign_figure import campaign_figure
+    from tgl_soar.analysis.report.campaign_figure import campaign_figure, two_campaigns_figure
 
     try:
         found = campaign_report.report(path, by, of)
-        _print_report(found)
+        if beside is not None:
+            other = campaign_report.report(beside, found.by, found.of)
+            two = campaign_report.beside(found, other)
+            _print_two(two, path, beside)
+            if figure is not None:
+                two_campaigns_figure(figure, two, (path.name, beside.name))
+        else:
+            _print_report(found)
+            if figure is not None:
+                campaign_figure(figure, found)
         if figure is not None:
-            campaign_figure(figure, found)
             say(f"figure in {figure}")
     except ImportError as error:
         fail(MISSING if error.name == "pyarrow" else error)
     except (OSError, ValueError) as error:
         fail(error)
+
+
+def _print_two(two: campaign_report.TwoCampaigns, first: Path, second: Path) -> None:
+    shown = Table(two.by, str(first), "95 % interval", str(second), "95 % interval", "")
+    for row in two.rows:
+        cells = []
+        for share in row.shares:
+            low, high = share.interval
+            cells += [f"{share.counted} of {share.of}", f"{100 * low:.3g} to {100 * high:.3g} %"]
+        shown.add_row(row.name, *cells, "apart" if row.is_apart else "")
+    console.print(f"{two.of} {two.counted}, by {two.by or 'nothing'}")
+    show(shown)
+    for path, names in zip((first, second), two.alone, strict=True):
+        if names:
+            say(f"in {path} alone: {', '.join(names)}")
 
 
 def _print_report(found: campaign_report.Report) -> None:

@@ -11,10 +11,10 @@ import pytest
 
 from tgl_soar.analysis.experiments import campaign
 from tgl_soar.analysis.experiments.campaign import (
-    BEGIN,
+    DISPERSED_MARKS,
     DRAWN,
-    END,
     LOST,
+    MARKS,
     PAIRS,
     RELEASED,
     SOARING,
@@ -216,12 +216,18 @@ def test_the_section_is_written_between_its_marks_and_counts_right() -> None:
     assert "| two at once | 1 | · | · | · | 1 | hit the board (1) |" in written
     assert count(outcomes).troubles == outcomes[2:]
     assert "| **all** | **3** | 1 | 0 | 1 | 1 | |" in written
-    page = f"before\n{BEGIN}\nold\n{END}\nafter\n"
+    page = "before\n{}\nold\n{}\nbetween\n{}\nof others\n{}\nafter\n".format(
+        *MARKS, *DISPERSED_MARKS
+    )
     new = with_section(page, written)
     assert "old" not in new
+    assert "of others" in new
     assert new.startswith("before\n")
     assert new.endswith("after\n")
     assert with_section(new, written) == new
+    dispersed = with_section(page, written, dispersed=True)
+    assert "old" in dispersed
+    assert "of others" not in dispersed
     with pytest.raises(ValueError, match="no marks"):
         with_section("nothing", written)
 

@@ -405,13 +405,17 @@ def table(counted: Counted) -> list[str]:
 
 
 def section(counted: Counted, command: str) -> str:
-    """The generated part of docs/safety.md."""
+    """A generated part of docs/safety.md."""
     lines = [
         f"{counted.flights:,} flights of {DURATION_S:g} s: {counted.bad_commands} commands not"
         f" finite or outside the envelope, {counted.raised} exceptions, {counted.results[LOST]}"
         f" flights lost while the module had the surfaces. Measured by `{command}`.",
         "",
         *table(counted),
+    ]
+    if not counted.survivals:
+        return "\n".join(lines) + "\n"
+    lines += [
         "",
         "Drop-outs that must be survived, on the same line:",
         "",
@@ -427,10 +431,17 @@ def section(counted: Counted, command: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-BEGIN: Final = "<!-- campaign: begin; written by `tgl-soar campaign faults --docs docs` -->"
-END: Final = "<!-- campaign: end -->"
+COMMAND: Final = "tgl-soar campaign faults"
+# Of the files' own aircraft and air, and of others than the files say.
+MARKS: Final = (
+    f"<!-- campaign: begin; written by `{COMMAND} --docs docs` -->", "<!-- campaign: end -->"
+)  # fmt: skip
+DISPERSED_MARKS: Final = (
+    f"<!-- dispersed: begin; written by `{COMMAND} --dispersion --docs docs` -->",
+    "<!-- dispersed: end -->",
+)
 
 
-def with_section(page: str, written: str) -> str:
-    """A page with what lies between the marks replaced.  Errors: ValueError without marks."""
-    return between(page, BEGIN, END, written)
+def with_section(page: str, written: str, dispersed: bool = False) -> str:
+    """A page with what lies between its marks replaced.  Errors: ValueError without marks."""
+    return between(page, *(DISPERSED_MARKS if dispersed else MARKS), written)

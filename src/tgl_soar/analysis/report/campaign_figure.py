@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from tgl_soar.analysis.report.style import LEG_COLOURS, drawing, save
 
 if TYPE_CHECKING:
-    from tgl_soar.analysis.campaign_report import Report
+    from tgl_soar.analysis.campaign_report import Report, TwoCampaigns
 
 
 def campaign_figure(path: Path, report: Report) -> None:
@@ -25,6 +25,30 @@ def campaign_figure(path: Path, report: Report) -> None:
         axes.set_yticks(range(len(names)), names)
         axes.set_ylim(len(names) - 0.5, -0.5)
         axes.grid(visible=False, axis="y")
+        save(plt, figure, path)
+
+
+def two_campaigns_figure(path: Path, two: TwoCampaigns, names: tuple[str, str]) -> None:
+    """Write the figure: a share and its interval for each, group under group.  Errors: as above."""
+    with drawing() as plt:
+        height = 1.2 + 0.26 * len(two.rows)
+        figure, axes = plt.subplots(figsize=(8.0, height), layout="constrained")
+        for i, (name, colour) in enumerate(zip(names, LEG_COLOURS, strict=False)):
+            places = [place + (i - 0.5) * 0.3 for place in range(len(two.rows))]
+            shares = [row.shares[i] for row in two.rows]
+            for place, share in zip(places, shares, strict=True):
+                low, high = share.interval
+                axes.plot((100.0 * low, 100.0 * high), (place, place), color=colour, lw=1.5)
+            middles = [100.0 * share.counted / share.of for share in shares]
+            axes.plot(middles, places, "os"[i], color=colour, ms=4.0, ls="none", label=name)
+        axes.set_yticks(
+            range(len(two.rows)),
+            [f"{row.name} ({row.shares[0].of:,}, {row.shares[1].of:,})" for row in two.rows],
+        )
+        axes.set_ylim(len(two.rows) - 0.5, -0.5)
+        axes.set_xlim(-1.0, 101.0)
+        axes.set_xlabel(f"{two.of} {two.counted}: share of the flights, and its 95 % interval [%]")
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -1.0 / len(two.rows) - 0.02), ncols=2)
         save(plt, figure, path)
 
 
