@@ -16,6 +16,7 @@ from pathlib import Path
 PACKAGE = "tgl_soar"
 # Short flights of everything that flies: wherever a change acts in flight, they notice.
 FLIGHTS = Path("tests/sim/test_kept_flights.py")
+JUST_BEFORE = 0.5  # imports away: after those that are nearest, before all others
 
 
 class Imports:
@@ -37,11 +38,12 @@ class Imports:
                     self._importers.setdefault(imported, set()).add(path)
 
     def tests_of(self, path: Path, names: Sequence[str] = ()) -> list[Path]:
-        """Test files that reach a file (relative paths): those that mirror it, then `FLIGHTS`, then
-        those of the same folder and others by the number of imports between, small ones first.
+        """Test files that reach a file (relative paths): those that mirror it, then those nearest,
+        then `FLIGHTS`, then the others by the number of imports between, small ones first.
 
         names: of what is changed and of what uses it, the nearest first: a test file that speaks of
-        the first counts as two imports nearer, of another as one.
+        the first counts as two imports nearer, of another as one.  The nearest are those that
+        import the file and speak of what is changed: their tests cost less than flights do.
         """
         found = {self._root / path: 0}
         queue = deque(found)
@@ -59,13 +61,14 @@ class Imports:
             if file.is_file():
                 reached.setdefault(file, 0)
 
-        def order(file: Path) -> tuple[bool, bool, int, bool, int]:
+        def order(file: Path) -> tuple[bool, float, bool, int]:
             away = file.parent != self._root / mirror
             spoken = _words(file)
             nearer = 2 if names and names[0] in spoken else int(any(n in spoken for n in names))
-            flies = file == self._root / FLIGHTS
-            steps = reached[file] - nearer
-            return file not in mirrored, not flies, steps, away, file.stat().st_size
+            steps: float = reached[file] - nearer
+            if file == self._root / FLIGHTS:
+                steps = min(steps, JUST_BEFORE)
+            return file not in mirrored, steps, away, file.stat().st_size
 
         return [file.relative_to(self._root) for file in sorted(reached, key=order)]
 

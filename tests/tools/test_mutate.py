@@ -189,6 +189,20 @@ def test_a_test_file_that_speaks_of_it_is_nearer(project: Path) -> None:
     assert told("MOST", "limited") == ["test_far", "test_near", "test_other"]
 
 
+def test_flights_come_after_what_is_nearest_and_before_the_rest(project: Path) -> None:
+    (project / "tests/sim").mkdir()
+    for name, text in {
+        "src/tgl_soar/flown.py": "import tgl_soar.law\n",
+        "tests/sim/test_kept_flights.py": "import tgl_soar.flown\n",
+        "tests/test_nearest.py": "import tgl_soar.law\nMOST = 4.0\n",
+        "tests/test_further.py": "import tgl_soar.law\n",
+    }.items():
+        (project / name).write_text(text, encoding="utf-8")
+    told = [path.stem for path in Imports(project).tests_of(Path("src/tgl_soar/law.py"), ["MOST"])]
+    those = ("test_law", "test_nearest", "test_kept_flights", "test_further")
+    assert [stem for stem in told if stem in those] == list(those)
+
+
 def test_what_takes_long_comes_last_and_nothing_is_compiled(tmp_path: Path) -> None:
     (tmp_path / "src").mkdir()
     (tmp_path / "test_it.py").write_text("""\
