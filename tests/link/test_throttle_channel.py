@@ -10,11 +10,11 @@ from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import (
     ConfigError,
     airframe_from,
-    budget_refusal,
     load_airframe,
     load_parameters,
     load_site,
     shipped,
+    value_refusal,
 )
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.link.autopilots.requirements import Needs
@@ -90,9 +90,11 @@ def test_what_an_arduplane_has_to_be_set_to() -> None:
 
 def test_a_budget_without_a_propeller_is_refused() -> None:
     airframe, site = load_airframe(shipped("airframes/eclipson_c.toml")), load_site(SITE)
-    assert budget_refusal(0.0, airframe.aerodynamics()) == ""
-    assert "no propeller" in budget_refusal(5.0, airframe.aerodynamics())
-    assert budget_refusal(5.0, plane().aerodynamics()) == ""
+    known, none = airframe.aerodynamics(), frozenset[int]()
+    assert value_refusal("THR_BUDGET", 0.0, none, known) == ""
+    assert "no propeller" in value_refusal("THR_BUDGET", 5.0, none, known)
+    assert value_refusal("THR_BUDGET", 5.0, none, plane().aerodynamics()) == ""
+    assert value_refusal("TGL_X", 5.0, frozenset({5}), known) == ""
     with pytest.raises(ConfigError, match=r"THR_BUDGET = 5: no propeller"):
         setup_from(airframe, site, ParameterSet().changed({"THR_BUDGET": 5.0}))
     text = shipped("airframes/eclipson_c.toml").read_text(encoding="utf-8")

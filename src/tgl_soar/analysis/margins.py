@@ -157,12 +157,15 @@ def margins_figure(path: Path, rows: Sequence[CaseMargins], floor: float, title:
 
 
 def grid(
-    speeds_mps: Sequence[float], leans_deg: Sequence[float], delays_s: Sequence[float]
+    values: ParameterSet,
+    speeds_mps: Sequence[float],
+    leans_deg: Sequence[float],
+    delays_s: Sequence[float],
 ) -> list[MarginCase]:
-    """All of them, with accelerometers first."""
+    """All of them, with accelerometers first; without alone where the parameters use none."""
     return [
         MarginCase(speed, lean, delay, inertial)
-        for inertial in (True, False)
+        for inertial in ((True, False) if values["EST_IMU"] else (False,))
         for delay in delays_s
         for lean in leans_deg
         for speed in speeds_mps

@@ -61,12 +61,11 @@ def margins(
         is_ours = flavour_of(plane).route.loops == OURS
         best = values["DYN_BEST"]
         cases = found.grid(
+            values,
             speed or [round(share * best, 1) for share in (0.9, 1.0, 1.3)],
             lean or [values["TGL_LEAN"]],
             [ms / 1e3 for ms in delay] if delay else [values["CMD_DELAY"]],
         )
-        if values["EST_IMU"] == 0.0:  # nobody flies with them
-            cases = [case for case in cases if not case.inertial]
         gusts = Gusts(turbulence, best)
         each = track(
             found.case_margins(plane, values, cases, gusts),

@@ -120,9 +120,7 @@ def _margin_reported(plane: Airframe, values: ParameterSet) -> bool:
     if flavour_of(plane).route.loops != OURS:
         return True
     best = values["DYN_BEST"]
-    cases = grid([best], [values["TGL_LEAN"]], [values["CMD_DELAY"]])
-    if values["EST_IMU"] == 0.0:
-        cases = [case for case in cases if not case.inertial]
+    cases = grid(values, [best], [values["TGL_LEAN"]], [values["CMD_DELAY"]])
     try:
         least = worst(list(case_margins(plane, values, cases, Gusts(0.0, best))))
     except ValueError as error:

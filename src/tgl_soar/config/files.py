@@ -120,17 +120,26 @@ def airframe_refusal(
     values: ParameterSet, driven: frozenset[int], aerodynamics: Aerodynamics
 ) -> str:
     """Which value the airframe has no room for, "NAME = value: why"; "" if none."""
-    for name, refusal in (
-        ("OP_RC_CHAN", switch_refusal(values["OP_RC_CHAN"], driven)),
-        ("THR_BUDGET", budget_refusal(values["THR_BUDGET"], aerodynamics)),
-    ):
-        if refusal:
+    for name in ("OP_RC_CHAN", "THR_BUDGET"):
+        if refusal := value_refusal(name, values[name], driven, aerodynamics):
             return f"{name} = {values[name]:g}: {refusal}"
     return ""
 
 
-def switch_refusal(channel: float, surface_channels: frozenset[int]) -> str:
-    """Why a channel cannot be the pilot's switch; "" if it can."""
+def value_refusal(
+    name: str, value: float, driven: frozenset[int], aerodynamics: Aerodynamics
+) -> str:
+    """Why the airframe has no room for a parameter's value; "" if it has, or has no say in it."""
+    match name:
+        case "OP_RC_CHAN":
+            return _switch_refusal(value, driven)
+        case "THR_BUDGET":
+            return _budget_refusal(value, aerodynamics)
+        case _:
+            return ""
+
+
+def _switch_refusal(channel: float, surface_channels: frozenset[int]) -> str:
     if channel not in surface_channels:
         return ""
     # Plain letters: it is also sent as a STATUSTEXT.
@@ -138,8 +147,7 @@ def switch_refusal(channel: float, surface_channels: frozenset[int]) -> str:
     return f"this channel moves a surface: 1 to 18 but none of {taken}; 0: no switch"
 
 
-def budget_refusal(budget_s: float, aerodynamics: Aerodynamics) -> str:
-    """Why no throttle can be used; "" if it can, or if none is wanted."""
+def _budget_refusal(budget_s: float, aerodynamics: Aerodynamics) -> str:
     if not budget_s > 0.0 or aerodynamics.propeller_thrust_n > 0.0:
         return ""
     # Plain letters: it is also sent as a STATUSTEXT.

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Final
 
 from tgl_soar import autopilot
-from tgl_soar.config.files import budget_refusal, switch_refusal
+from tgl_soar.config.files import value_refusal
 from tgl_soar.config.parameters import INDEX
 from tgl_soar.link.commands import ENGAGE, NOTHING, CommandServer
 from tgl_soar.link.component_metadata import metadata_files
@@ -169,12 +169,9 @@ class Operators:
             refusal = refusal or self._engage_switch.refusal(now_s)
         if engages and message.param_value == ENGAGED and not self._settings.engage:
             refusal = refusal or "2 is what a module shows that has engaged: set 1"
-        if message.param_id == "OP_RC_CHAN":
-            driven = self._setup.surface_channels
-            refusal = refusal or switch_refusal(message.param_value, driven)
-        if message.param_id == "THR_BUDGET":
-            refusal = refusal or budget_refusal(message.param_value, self._setup.aerodynamics)
-        return refusal or self._switches.refusal(message.param_id, message.param_value)
+        name, value, setup = message.param_id, message.param_value, self._setup
+        refusal = refusal or value_refusal(name, value, setup.surface_channels, setup.aerodynamics)
+        return refusal or self._switches.refusal(name, value)
 
     def _obey(
         self, route: Route, source: Source, message: CommandLong | CommandInt, now_s: float

@@ -33,6 +33,7 @@ _SOURCES: Final[dict[str, tuple[str, str, float]]] = {
     "airspeed": ("airspeed", "airspeed_mps", 1.0),
     "climb": ("motion", "climb_mps", 1.0),
     "velocity_x": ("motion", "velocity_x_mps", 1.0),
+    "pushed": ("throttle", "climb_mps", 1.0),
     "line_x": ("line", "x_m", 1.0),
     "line_z": ("line", "z_m", 1.0),
     "line_lean": ("line", "eta_rad", _DEGREES),
@@ -86,9 +87,9 @@ def recording_of(flight: FlightData, site: Site, air: MeasuredAir | None = None)
 def _measure(flight: FlightData, air: MeasuredAir, duration_s: float) -> None:
     """All samples of the air, as far apart as telemetry's."""
     times = np.arange(0.0, duration_s, ARRAY_S)
-    names = ("soar_x", "soar_z", "velocity_x", "wind", "updraft")
+    names = ("soar_x", "soar_z", "velocity_x", "wind", "updraft", "pushed")
     columns = [_value(flight, _SOURCES[name], times) for name in names]
-    columns.append(np.nan_to_num(_value(flight, ("throttle", "climb_mps", 1.0), times)))
+    columns[-1] = np.nan_to_num(columns[-1])  # a log without a propeller has none
     modes = _modes(flight, times)
     air.bound(flight.parameters)
     for row, mode in zip(np.column_stack([times, *columns]).tolist(), modes.tolist(), strict=True):
