@@ -71,8 +71,8 @@ def experiment(
         Path | None,
         typer.Option(
             help="With `all`, `paper`, `aims`: fly both models and dispersed aircraft, write"
-            " experiments.md, aims.md and figures into this folder; with `point`: write its"
-            " section of point.md."
+            " experiments.md, aims.md and figures into this folder; with `point` and others: fly"
+            " dispersed aircraft too, write its section of point.md."
         ),
     ] = None,
     model: Annotated[FlightModel | None, typer.Option(help=MODEL_HELP)] = None,
@@ -103,7 +103,7 @@ def experiment(
         figures = None
     # Of many, what is compiled for one experiment serves the next.
     compiled_from = 2 if name in TOGETHER and not quick else COMPILED_FROM
-    run = run_experiment if docs is None or name in OWN_PAGES else run_whole
+    run = run_experiment if docs is None else run_whole
     begun = time.monotonic()
     results: list[Result] = []
     folder = FlownFolder(to_resume(out / FLIGHTS, resume), resume=resume, restart=restart)

@@ -118,10 +118,12 @@ def fly(
     doublets: int = DOUBLETS,
     pitot: bool = False,
     imu: bool = True,
+    sensors: Sensors | None = None,
     brakes: tuple[float, ...] = (0.0,),
     pulses: int = PULSES,
 ) -> Iterator[GlideTick]:
     """The flight, tick by tick.  `servo_delay_s`: where it is not that of the airframe file;
+    sensors: in place of those of pitot and imu;
     brakes: at each of them every speed is glided; the doublets are flown with the first, and then,
     if they are several, the brake is moved to the last and back, `pulses` times; speeds_mps: of an
     aircraft of the usual pace."""
@@ -140,9 +142,7 @@ def fly(
         seed=seed,
         turbulence=turbulence,
         length_scale_m=20.0,
-        sensors=Sensors(
-            imu=MEMS_IMU if imu else None, airspeed=PITOT if pitot else None, surfaces=READ_BACK
-        ),
+        sensors=sensors or sensors_of(pitot=pitot, imu=imu),
     )
     speeds = _speeds(model, pace, speeds_mps)
     plan = [(brake, _glide(model, speed, brake)) for brake in brakes for speed in speeds]
@@ -218,6 +218,13 @@ def _glide(model: AircraftModel, speed_mps: float, brake: float) -> Glide:
     """At a speed, or at the slowest that the aircraft can be held at with this brake."""
     own = braked(model, brake)
     return glide_at(own, max(1.02 * highest_pitch_glide(own).horizontal_mps, speed_mps))
+
+
+def sensors_of(*, pitot: bool = False, imu: bool = True) -> Sensors:
+    """What the aircraft carries."""
+    return Sensors(
+        imu=MEMS_IMU if imu else None, airspeed=PITOT if pitot else None, surfaces=READ_BACK
+    )
 
 
 class _Pilot:

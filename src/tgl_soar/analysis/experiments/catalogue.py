@@ -119,12 +119,17 @@ TOGETHER: Final = {
 }
 NOT_FLOWN: Final = ("field",)  # computed from the air alone
 
-# They fly scenarios, and may fly them with `--dispersion`; the others draw aircraft or air of their
-# own, or fly none.
-DISPERSED: Final = (
-    "places", "static", "translate", "back", "rotate", "slope", "wind", "gust", "lean", "speed",
-    "estimator", "wind_estimate", "wind_use", "command_delay", "incidence",
-)  # fmt: skip
+# Why these do not fly with `--dispersion`; all others do.
+NOT_DISPERSED: Final = {
+    "field": "flies nothing; `places` flies its places, dispersed too",
+    "margins": "flies nothing; `dispersed` looks at drawn aircraft on the same linear model",
+    "dispersed": "draws each aircraft further apart than that, and unlike its own file",
+    "airframes": "draws each aircraft, and its file is what a glide's log says of it",
+    "lift_map": "draws air and sink, and flies no aircraft: a line that is held without error",
+    "forecast": "draws air and sink, and flies no aircraft: a line that is held without error;"
+    " `nowhere` flies it whole, dispersed too",
+}
+DISPERSED: Final = tuple(name for name in EXPERIMENTS if name not in NOT_DISPERSED)
 
 TITLES: Final = {
     "field": "a hill of potential flow, an illustrative polar, three places",
@@ -170,8 +175,8 @@ def run(name: str, context: Context) -> Result:
     """
     if context.model == "point_mass" and name in RIGID_BODY_ALONE:
         raise ConfigError(f"{name}: flies the rigid body alone; leave --model out")
-    if context.dispersion and name not in DISPERSED:
-        raise ConfigError(f"{name}: --dispersion goes with {', '.join(DISPERSED)}")
+    if context.dispersion and name in NOT_DISPERSED:
+        raise ConfigError(f"{name}: no --dispersion: {NOT_DISPERSED[name]}")
     begun = time.monotonic()
     result = EXPERIMENTS[name](context)
     return replace(result, own=name in OURS, seconds=time.monotonic() - begun)

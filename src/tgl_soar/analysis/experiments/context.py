@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Protocol, Self, TypeVar
 
 import msgspec
 
 from tgl_soar.analysis.experiments.flights import (
     FlownScenario,
     Flyer,
+    Lasted,
     ScenarioJob,
     fly_job_compiled,
 )
@@ -29,6 +31,15 @@ from tgl_soar.sim.compiled import available
 from tgl_soar.sim.world import ground_outline
 
 COMPILED_FROM: Final = 120  # flights: compiling takes as long as flying fewer of them plainly
+
+
+class DispersibleJob(Protocol):
+    """A flight to be flown, by the aircraft and air of the files or by others."""
+
+    def _replace(self, *, dispersed: bool) -> Self: ...
+
+
+Dispersible = TypeVar("Dispersible", bound=DispersibleJob)
 
 
 @dataclass(frozen=True)
@@ -65,12 +76,24 @@ class Context:
 
     def fly_jobs(self, jobs: list[ScenarioJob]) -> list[FlownScenario]:
         """In the order given; compiled where numba is installed and many are to be flown."""
-        if self.dispersion:
-            jobs = [job._replace(dispersed=True) for job in jobs]
+        jobs = self._dispersed(jobs)
         faulty = any(job.scenario.faults for job in jobs)
         if len(jobs) < self.compiled_from or faulty or not available():
             return self.flyer.fly(jobs)
         return self.flyer.each(fly_job_compiled, jobs, compiled=True)
+
+    def each(
+        self,
+        fly: Callable[[Dispersible], Lasted],
+        jobs: Sequence[Dispersible],
+        *,
+        compiled: bool = False,
+    ) -> list[Lasted]:
+        """As `Flyer.each`, of flights that may be of dispersed aircraft."""
+        return self.flyer.each(fly, self._dispersed(jobs), compiled=compiled)
+
+    def _dispersed(self, jobs: Sequence[Dispersible]) -> list[Dispersible]:
+        return [job._replace(dispersed=True) if self.dispersion else job for job in jobs]
 
     def figure(self, name: str) -> Path | None:
         """The path of a figure; None: draw none."""

@@ -233,7 +233,7 @@ def run(context: Context) -> Result:
     sink = brake_sink(prepared.airframe.aerodynamics())
     cost = 0.5 * sink * float(np.median(flights["point", INTENSITIES[0]][0].path["wind_mps"])) ** 3
     held_at = [kinds["point"], _held_on_the_hill(context)]
-    bad = context.flyer.each(
+    bad = context.each(
         fly_faulty, faulty_jobs(held_at, 8 if context.quick else FLIGHTS, SEED), compiled=True
     )
     good = fly_good_brakes(context, held_at)

@@ -2,7 +2,9 @@
 
 Every flight has a servo delay and sensor errors of its own.  Its log gives a polar from the
 steady glides and short period, elevator and servo delay from the doublets; both are held against
-the model that flew, and the bands of 95 % against how often they hold it.
+the model that flew, and the bands of 95 % against how often they hold it.  Dispersed, every flight
+has an aircraft of its own, which is its truth; of what is known beforehand, inertia and the servo's
+rate constant are the file's, and wrong.
 """
 
 from __future__ import annotations
@@ -15,7 +17,13 @@ import numpy as np
 from msgspec.structs import asdict
 
 from tgl_soar.analysis.experiments.context import Context
+from tgl_soar.analysis.experiments.mismatch import (
+    drawn_mismatch,
+    mismatched_figures,
+    mismatched_sensors,
+)
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
+from tgl_soar.analysis.flown_airframe import flown_airframe
 from tgl_soar.analysis.identification import (
     Identified,
     KnownAircraft,
@@ -28,10 +36,12 @@ from tgl_soar.analysis.logs.gliding import MeanWind, glides, longitudinal
 from tgl_soar.analysis.manoeuvres import LongitudinalLog
 from tgl_soar.analysis.report.identification_figure import identification_figure
 from tgl_soar.analysis.report.polar_figure import polar_figure
+from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import load_airframe, shipped
 from tgl_soar.estimation.polar import PolarFit, fit_polar, sink_band
 from tgl_soar.sim.aircraft import AircraftModel, aircraft_model, glide_at, glide_polar, lift_drag
-from tgl_soar.sim.glide_test import WIND_MPS, GlideTick, fly
+from tgl_soar.sim.glide_test import WIND_MPS, GlideTick, fly, sensors_of
+from tgl_soar.sim.sensors import Sensors
 from tgl_soar.types import polar_sink
 
 AIRFRAME: Final = shipped("airframes/eclipson_c.toml")
@@ -42,6 +52,23 @@ CHECKED_MPS: Final = tuple(8.2 + 0.4 * i for i in range(8))  # where polars are 
 SINK_WITHIN, PERIOD_WITHIN, EFFECT_WITHIN, DELAY_WITHIN_S = 0.05, 0.10, 0.10, 0.005
 COVERED_LEAST: Final = 0.90
 FIGURES: Final = ("identification.png", "identified_polar.png")
+ALREADY: Final = ("late_s",)  # in the servo's delay, which every flight draws
+
+
+class GlideJob(NamedTuple):
+    """One test flight."""
+
+    seed: int
+    dispersed: bool = False  # another aircraft than the file's
+
+
+class GlideTruth(NamedTuple):
+    """What flew."""
+
+    airframe: Airframe
+    model: AircraftModel
+    body: KnownAircraft
+    sensors: Sensors
 
 
 class Examined(NamedTuple):
@@ -93,10 +120,13 @@ def delay_of(seed: int) -> float:
     return random.Random(f"{seed}/delay").uniform(0.0, DELAY_MAX_S)
 
 
-def fitted(seed: int) -> tuple[PolarFit, tuple[list[float], list[float]], LongitudinalLog, float]:
+def fitted(
+    job: GlideJob,
+) -> tuple[PolarFit, tuple[list[float], list[float]], LongitudinalLog, float]:
     """The polar of one flight, its glides, its columns for identification, and its length."""
-    airframe = load_airframe(AIRFRAME)
-    flight = logged(list(fly(airframe, seed=seed, servo_delay_s=delay_of(seed))))
+    flew, delay_s = flies(job), delay_of(job.seed)
+    ticks = fly(flew.airframe, seed=job.seed, servo_delay_s=delay_s, sensors=flew.sensors)
+    flight = logged(list(ticks))
     wind = MeanWind(WIND_MPS, 0.0)
     found = glides(flight, wind)
     speeds, sinks = [g.speed_mps for g in found], [g.sink_mps for g in found]
@@ -105,10 +135,26 @@ def fitted(seed: int) -> tuple[PolarFit, tuple[list[float], list[float]], Longit
 
 
 def truth() -> tuple[AircraftModel, KnownAircraft]:
-    """The model that flies, and what is known of it beforehand."""
+    """The model of the airframe file, and what is known beforehand of whatever flies."""
     airframe = load_airframe(AIRFRAME)
     facts = asdict(airframe.airframe)
     return aircraft_model(facts, airframe.model), body_from(facts, airframe.model)
+
+
+def flies(job: GlideJob) -> GlideTruth:
+    """What flies."""
+    airframe, sensors = load_airframe(AIRFRAME), sensors_of()
+    if job.dispersed:
+        drawn = drawn_mismatch(job.seed, ALREADY)
+        airframe = flown_airframe(airframe, mismatched_figures(airframe, drawn))
+        sensors = mismatched_sensors(sensors, drawn)
+    facts = asdict(airframe.airframe)
+    return GlideTruth(
+        airframe=airframe,
+        model=aircraft_model(facts, airframe.model),
+        body=body_from(facts, airframe.model),
+        sensors=sensors,
+    )
 
 
 def true_period(model: AircraftModel, body: KnownAircraft, airspeed_mps: float) -> float:
@@ -118,12 +164,12 @@ def true_period(model: AircraftModel, body: KnownAircraft, airspeed_mps: float) 
     return short_period(slope, model.Cm_alpha, model.Cm_q, body, airspeed_mps)[0]
 
 
-def examine(seed: int) -> Examined:
+def examine(job: GlideJob) -> Examined:
     """Fly, identify, compare."""
-    model, body = truth()
+    _, model, body, _ = flies(job)
     try:
-        polar, _, columns, duration_s = fitted(seed)
-        found = identify(columns, body)
+        polar, _, columns, duration_s = fitted(job)
+        found = identify(columns, truth()[1])
     except ValueError:  # counts as a miss of everything
         missed = (False,) * len(CHECKED_MPS)
         return Examined(
@@ -141,7 +187,7 @@ def examine(seed: int) -> Examined:
         for u in CHECKED_MPS
     ]
     period, effect = true_period(model, body, found.airspeed_mps), true_effect(model, body, found)
-    delay_s = delay_of(seed)
+    delay_s = delay_of(job.seed)
     return Examined(
         duration_s=duration_s,
         sink_error=max(abs(seen / true - 1.0) for seen, true, _ in sinks),
@@ -167,7 +213,7 @@ def true_effect(model: AircraftModel, body: KnownAircraft, found: Identified) ->
 def identification(context: Context) -> Result:
     """All flights, and one of them drawn."""
     seeds = tuple(range(1, (QUICK_SEEDS if context.quick else SEEDS) + 1))
-    flights = context.flyer.each(examine, seeds)
+    flights = context.each(examine, [GlideJob(seed) for seed in seeds])
     sink = np.array([f.sink_error for f in flights])
     period = np.abs([f.period_error for f in flights])
     effect = np.abs([f.effect_error for f in flights])
@@ -180,7 +226,8 @@ def identification(context: Context) -> Result:
         ("elevator's effect", effect, EFFECT_WITHIN, held[1], 100.0, "%"),
         ("servo's delay", delay, DELAY_WITHIN_S, held[2], 1e3, "ms"),
     )
-    figures = () if context.figures is None else _draw(context, seeds[0])
+    figures = () if context.figures is None else _draw(context, GlideJob(seeds[0]))
+    exact = "but for inertia and lag, which are the file's," if context.dispersion else "exactly"
     return Result(
         "identification",
         "a gliding test flight's log, and the model that flew it",
@@ -204,7 +251,7 @@ def identification(context: Context) -> Result:
             )
             for what, _, _, share, _, _ in rows
         ),
-        "What is known beforehand (mass, size, inertia, the servo's lag and rate) is known exactly"
+        f"What is known beforehand (mass, size, inertia, the servo's lag and rate) is known {exact}"
         " here, and the air is still. The bands are wider than these errors because they also hold"
         " what a stepwise read-back of the elevator leaves open of its timing.",
         (
@@ -242,11 +289,12 @@ def identification(context: Context) -> Result:
     )
 
 
-def _draw(context: Context, seed: int) -> tuple[str, ...]:
+def _draw(context: Context, job: GlideJob) -> tuple[str, ...]:
     assert context.figures is not None
-    polar, (speeds, sinks), columns, _ = fitted(seed)
-    model, body = truth()
-    identification_figure(context.figures / FIGURES[0], identify(columns, body), "One flight")
+    job = job._replace(dispersed=context.dispersion)
+    polar, (speeds, sinks), columns, _ = fitted(job)
+    found = identify(columns, truth()[1])
+    identification_figure(context.figures / FIGURES[0], found, "One flight")
     polar_figure(
         context.figures / FIGURES[1],
         polar.polar,
@@ -254,6 +302,6 @@ def _draw(context: Context, seed: int) -> tuple[str, ...]:
         polar,
         speeds,
         sinks,
-        glide_polar(model),
+        glide_polar(flies(job).model),
     )
     return FIGURES

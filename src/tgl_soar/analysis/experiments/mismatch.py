@@ -8,6 +8,7 @@ aircraft too: further apart, each with a file of its own.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import lru_cache
 from math import degrees, radians, sqrt
 from typing import Final, NamedTuple
@@ -21,8 +22,8 @@ from tgl_soar.air.jet import SlopeJet
 from tgl_soar.analysis.flown_airframe import flown_airframe
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.site import JetAir, Site
-from tgl_soar.sim.sensors import Sensors
-from tgl_soar.sim.world import build_field
+from tgl_soar.sim.sensors import USUAL_SENSORS, Sensors
+from tgl_soar.sim.world import World, build_field, make_world
 
 _STREAM: Final = 0xD15  # beside those of sensors and turbulence
 
@@ -78,17 +79,77 @@ class Mismatch(NamedTuple):
     brake: float
 
 
-def drawn_mismatch(seed: int) -> Mismatch:
-    """Of a flight's seed."""
+AS_FILED: Final = Mismatch(
+    lift=1.0,
+    drag=1.0,
+    stall_rad=0.0,
+    inertia=1.0,
+    pitch_effect=1.0,
+    turn_effect=1.0,
+    centre_of_gravity=0.0,
+    servo_lag=1.0,
+    late_s=0.0,
+    force_bias=1.0,
+    pressure_bias=1.0,
+    slope_rad=0.0,
+    wind=1.0,
+    length=1.0,
+    brake=1.0,
+)
+
+
+def drawn_mismatch(seed: int, already: Iterable[str] = ()) -> Mismatch:
+    """Of a flight's seed; already: the fields that an experiment draws by itself, and further from
+    what the module is given: these are not drawn a second time."""
     draw = np.random.default_rng((seed, _STREAM))
-    return Mismatch(*(float(draw.uniform(low, high)) for low, high in RANGES))
+    drawn = Mismatch(*(float(draw.uniform(low, high)) for low, high in RANGES))
+    return drawn._replace(**{name: getattr(AS_FILED, name) for name in already})
+
+
+def flown_world(
+    known: Airframe,
+    site: Site,
+    seed: int,
+    *,
+    dispersed: bool,
+    flies: Airframe | None = None,
+    already: Iterable[str] = (),
+    field: WindField | None = None,
+    sensors: Sensors = USUAL_SENSORS,
+    turbulence: float | None = None,
+) -> World:
+    """The world of a flight as the files have it or, dispersed, of what is drawn in their place;
+    the module is given the files.
+
+    flies: the aircraft that flies, where an experiment has one of its own; already: as of
+    `drawn_mismatch`; the others, errors: as of `make_world`.
+    """
+    airframe = flies or known
+    if dispersed:
+        assert site.air is not None
+        field = field if field is not None else build_field(site.air)
+        airframe, site, field, sensors = mismatched(airframe, site, field, sensors, seed, already)
+    return make_world(
+        airframe,
+        site,
+        seed=seed,
+        turbulence=turbulence,
+        field=field,
+        sensors=sensors,
+        known=known,
+    )
 
 
 def mismatched(
-    airframe: Airframe, site: Site, field: WindField, sensors: Sensors, seed: int
+    airframe: Airframe,
+    site: Site,
+    field: WindField,
+    sensors: Sensors,
+    seed: int,
+    already: Iterable[str] = (),
 ) -> tuple[Airframe, Site, WindField, Sensors]:
-    """What flies in the place of these, as drawn for a seed."""
-    drawn = drawn_mismatch(seed)
+    """What flies in the place of these, as drawn for a seed; already: as of `drawn_mismatch`."""
+    drawn = drawn_mismatch(seed, already)
     return (
         flown_airframe(airframe, mismatched_figures(airframe, drawn)),
         mismatched_site(site, drawn),
@@ -155,9 +216,11 @@ def mismatched_field(field: WindField, site: Site, drawn: Mismatch) -> WindField
 
     Between two slopes the fields are blended, so that no jet is computed for a single flight; a
     place must lie in both, and so clear of the steeper board.  A board that is tilted in flight is
-    a blend already, and stays the one that it is.
+    a blend already, and stays the one that it is.  What is not drawn leaves the field as it is.
     """
-    return ScaledField(_tilted(field, site, drawn.slope_rad), drawn.wind)
+    if drawn.slope_rad != AS_FILED.slope_rad:
+        field = _tilted(field, site, drawn.slope_rad)
+    return field if drawn.wind == AS_FILED.wind else ScaledField(field, drawn.wind)
 
 
 def _tilted(field: WindField, site: Site, slope_rad: float) -> WindField:

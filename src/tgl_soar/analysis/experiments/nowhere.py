@@ -72,6 +72,7 @@ class LineJob(NamedTuple):
     seed: int
     settles: bool  # the line has a place
     act: int  # FC_ACT
+    dispersed: bool = False  # the aircraft differs from its file by more than its sink
 
 
 class LineFlown(NamedTuple):
@@ -190,7 +191,8 @@ def fly_line(job: LineJob) -> LineFlown:
     """Fly one.  Errors: `ConfigError`."""
     polar = _airframe().polar.as_polar()
     rng = np.random.default_rng((job.seed, job.kind == "hill", job.settles, 18))
-    there = line_place(place(job.kind, job.seed), polar, job.settles, rng)
+    drawn = place(job.kind, job.seed)._replace(dispersed=job.dispersed)
+    there = line_place(drawn, polar, job.settles, rng)
     if there is None:
         return LineFlown(
             found=False,
@@ -255,7 +257,7 @@ def run(context: Context) -> Result:
         for settles in (False, True)
         for seed in range(FIRST_SEED, FIRST_SEED + count)
     ]
-    flown = dict(zip(jobs, context.flyer.each(fly_line, jobs, compiled=True), strict=True))
+    flown = dict(zip(jobs, context.each(fly_line, jobs, compiled=True), strict=True))
 
     def of(kind: Kind, act: int, settles: bool) -> list[LineFlown]:
         return [

@@ -18,6 +18,7 @@ import numpy as np
 from tgl_soar.air.gusts import ScaledField, Schedule
 from tgl_soar.air.hill import HillField
 from tgl_soar.analysis.experiments.context import Context
+from tgl_soar.analysis.experiments.mismatch import flown_world
 from tgl_soar.analysis.experiments.result import (
     ChangedThreshold,
     Claim,
@@ -41,7 +42,6 @@ from tgl_soar.sim.compiled import available
 from tgl_soar.sim.fast_flight import fly_compiled, prepare
 from tgl_soar.sim.sensors import MEMS_IMU, USUAL_SENSORS, Sensors
 from tgl_soar.sim.throw import Throw, ThrownWorld
-from tgl_soar.sim.world import make_world
 from tgl_soar.types import Ground
 
 FLIGHTS: Final = 100  # launches, and break-offs by command
@@ -52,6 +52,7 @@ FIRST_SEED: Final = 6001  # seeds below were looked at while this was built
 # place, 19 m before the hill, is as far as it may be.
 WIND_MPS: Final = (6.8, 7.6)
 INTENSITY: Final = (0.0, 0.05)
+ALREADY: Final = ("wind",)  # that is drawn here, and the module is given none of it
 THROW_MPS: Final = 3.0  # into 8 to 10 m/s of wind at the edge: a push, no throw with a run
 THROW_OFF_MPS: Final = 1.0
 THROW_OFF_DEG: Final = 20.0
@@ -84,6 +85,7 @@ class PassageJob(NamedTuple):
 
     kind: str
     seed: int
+    dispersed: bool = False  # another aircraft than the file's, and other gusts
 
 
 @dataclass(frozen=True)
@@ -137,12 +139,12 @@ def _hill(random: Random) -> tuple[ShippedHill, float]:
 
 def fly_passage(job: PassageJob) -> FlownPassage:
     """Fly one of them.  Errors: `ConfigError`."""
-    return launch(job.seed) if job.kind == LAUNCH else land(job.kind, job.seed)
+    return launch(job) if job.kind == LAUNCH else land(job)
 
 
-def launch(seed: int) -> FlownPassage:
+def launch(job: PassageJob) -> FlownPassage:
     """One launch from the hand."""
-    random = Random(f"launch {seed}")
+    random = Random(f"launch {job.seed}")
     hill, intensity = _hill(random)
     off = random.uniform
     throw = Throw(
@@ -153,38 +155,47 @@ def launch(seed: int) -> FlownPassage:
         heading_rad=radians(off(-THROW_OFF_DEG, THROW_OFF_DEG)),
     )
     site = msgspec.structs.replace(hill.site, start=HAND)
-    world = make_world(hill.airframe, site, seed=seed, turbulence=intensity)
+    world = flown_world(
+        hill.airframe,
+        site,
+        job.seed,
+        dispersed=job.dispersed,
+        already=ALREADY,
+        turbulence=intensity,
+    )
     values = hill.values.changed({"LNC_START": 1.0})
     flown = fly(ThrownWorld(world, throw), values, (), LAUNCH_S)
-    return _seen(PassageJob(LAUNCH, seed), hill, intensity, throw, world.ground, flown)
+    return _seen(job, hill, intensity, throw, world.ground, flown)
 
 
-def land(kind: str, seed: int) -> FlownPassage:
+def land(job: PassageJob) -> FlownPassage:
     """One break-off from the line: by command at some time, or by itself in a lull."""
-    random = Random(f"landing {seed}")
+    random = Random(f"landing {job.seed}")
     hill, intensity = _hill(random)
     hill = hill.on_line(random.choice(sorted(hill.site.lines)))
     changes: tuple[Change, ...] = (Change(random.uniform(3.0, 15.0), {"ESC_START": 1.0}),)
     values, field = hill.values, None
-    if kind == LULLED:
+    if job.kind == LULLED:
         values, changes = values.changed({"ESC_AUTO": 1.0}), ()
         begins, takes = LULL_S
         calmer = Schedule([0.0, begins, begins + takes], [1.0, 1.0, LULL])
         field = ScaledField(HillField(hill.air.wind_mps, hill.air.radius_m), calmer)
-    world = make_world(
+    world = flown_world(
         hill.airframe,
         hill.site,
-        seed=seed,
+        job.seed,
+        dispersed=job.dispersed,
+        already=ALREADY,
         turbulence=intensity,
         field=field,
-        sensors=Sensors(imu=MEMS_IMU) if kind == FELT else USUAL_SENSORS,
+        sensors=Sensors(imu=MEMS_IMU) if job.kind == FELT else USUAL_SENSORS,
     )
     ground = world.ground
     if available():
-        flown = fly_compiled(prepare(world, LANDING_S), seed, values, changes)
+        flown = fly_compiled(prepare(world, LANDING_S), job.seed, values, changes)
     else:
         flown = fly(world, values, changes, LANDING_S)
-    return _seen(PassageJob(kind, seed), hill, intensity, None, ground, flown)
+    return _seen(job, hill, intensity, None, ground, flown)
 
 
 def _seen(
@@ -238,7 +249,7 @@ def run(context: Context) -> Result:
     lulls = seeds[: max(1, count // LULLS)]
     jobs = [PassageJob(kind, seed) for kind in (LAUNCH, LAND, FELT) for seed in seeds]
     jobs += [PassageJob(LULLED, seed) for seed in lulls]
-    flown = context.flyer.each(fly_passage, jobs)
+    flown = context.each(fly_passage, jobs)
     by_kind = {kind: [each for each in flown if each.kind == kind] for kind in KINDS}
     figure: tuple[str, ...] = ()
     if context.figures is not None:

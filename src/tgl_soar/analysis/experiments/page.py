@@ -9,7 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from tgl_soar.analysis.experiments.result import Result, as_markdown, versions
+from tgl_soar.analysis.experiments.result import (
+    DISPERSED_AIRCRAFT,
+    Result,
+    as_markdown,
+    versions,
+)
 from tgl_soar.analysis.experiments.staleness import Ends, mark
 
 IMAGES: Final = "images/experiments"
@@ -32,6 +37,12 @@ OWN_PAGES: Final = {
     "throttle": "search.md",
 }
 
+DISPERSED_WORDS: Final = (
+    "*Dispersed*: every flight draws an aircraft that is not the airframe file's, and air that is"
+    " not the site's, while the module on board is given the files"
+    " ([what a controller does not know](theory.md#what-a-controller-does-not-know))."
+)
+
 
 def pages(results: Sequence[Result], ends: Ends) -> dict[str, str]:
     """The pages that have results, in Markdown by file name; ends: of the probes,
@@ -47,6 +58,8 @@ def with_result(text: str, result: Result) -> str:
     name = result.name
     begin = f"<!-- {name}: begin; written by `tgl-soar experiment {name} --docs docs` -->"
     section = as_markdown(result, IMAGES).partition("\n")[2]  # the page has a heading of its own
+    if DISPERSED_AIRCRAFT in result.also:
+        section += f"\n{DISPERSED_WORDS}\n"
     return between(text, begin, f"<!-- {name}: end -->", section)
 
 

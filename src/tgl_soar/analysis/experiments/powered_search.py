@@ -45,6 +45,7 @@ class PoweredJob(NamedTuple):
     kind: Kind
     seed: int
     called: str
+    dispersed: bool = False  # the aircraft differs from its file by more than its sink
 
 
 class PoweredFlown(NamedTuple):
@@ -72,7 +73,8 @@ def _airframe() -> Airframe:
 
 def fly_powered(job: PoweredJob) -> PoweredFlown:
     """Fly one.  Errors: `ConfigError`; ImportError without numba."""
-    return fly_at(place(job.kind, job.seed), job.called)
+    there = place(job.kind, job.seed)._replace(dispersed=job.dispersed)
+    return fly_at(there, job.called)
 
 
 def fly_at(there: SearchPlace, called: str, *, plain: bool = False) -> PoweredFlown:
@@ -105,7 +107,7 @@ def run(context: Context) -> Result:
     episodes = QUICK if context.quick else context.episodes or EPISODES
     seeds = range(PUBLISHED, PUBLISHED + episodes)
     jobs = [PoweredJob(kind, seed, name) for kind in KINDS for seed in seeds for name in FLOWN]
-    flown = dict(zip(jobs, context.flyer.each(fly_powered, jobs, compiled=True), strict=True))
+    flown = dict(zip(jobs, context.each(fly_powered, jobs, compiled=True), strict=True))
     return Result(
         name="throttle",
         title="the search with a propeller to fall back on",

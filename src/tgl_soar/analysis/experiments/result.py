@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -162,20 +162,25 @@ def changed_by_dispersion(result: Result) -> list[tuple[Claim, Claim]]:
 
 
 def tables_of(result: Result) -> tuple[Table, ...]:
-    """The tables; where several models flew, each row begins with its model.
+    """The tables; where several models flew, each row begins with its model, or, where what was
+    measured is in title or columns, each model's table stands by itself.
 
-    Errors: ValueError for models whose tables are not the same.
+    Errors: ValueError for models that have not as many tables.
     """
     flown = by_model(result)
     if len(flown) == 1:
         return result.tables
 
-    def together(title: str, several: tuple[Table, ...]) -> Table:
-        rows = ((name, *row) for name, one in zip(flown, several, strict=True) for row in one.rows)
-        return Table(title, ("model", *several[0].columns), tuple(rows))
+    def together(several: tuple[Table, ...]) -> list[Table]:
+        first = several[0]
+        named = list(zip(flown, several, strict=True))
+        if any((one.title, one.columns) != (first.title, first.columns) for one in several):
+            return [replace(one, title=f"{name.capitalize()}: {one.title}") for name, one in named]
+        rows = tuple((name, *row) for name, one in named for row in one.rows)
+        return [Table(first.title, ("model", *first.columns), rows)]
 
     same = zip(*(each.tables for each in flown.values()), strict=True)
-    return tuple(together(several[0].title, several) for several in same)
+    return tuple(table for several in same for table in together(several))
 
 
 def versions() -> dict[str, str]:

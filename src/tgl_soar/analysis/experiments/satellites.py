@@ -25,7 +25,8 @@ from random import Random
 from typing import Any, Final, NamedTuple
 
 from tgl_soar.analysis.experiments.context import Context
-from tgl_soar.analysis.experiments.outdoors import span, touches_down_well
+from tgl_soar.analysis.experiments.mismatch import flown_world
+from tgl_soar.analysis.experiments.outdoors import ALREADY, span, touches_down_well
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.experiments.shipped_hill import shipped_hill
 from tgl_soar.analysis.search.scoring import share
@@ -46,7 +47,7 @@ from tgl_soar.sim.fast_flight import CompiledLoop, CompiledWorld, prepare
 from tgl_soar.sim.faults import Fault, parse_fault
 from tgl_soar.sim.injection import Injection
 from tgl_soar.sim.sensors import AUTOPILOT_POSITION, DRIFTING_POSITION, MEMS_IMU, Sensors
-from tgl_soar.sim.world import World, make_world
+from tgl_soar.sim.world import World
 from tgl_soar.types import Inputs, PositionFix
 
 LINE: Final = "a"
@@ -80,6 +81,7 @@ class SatelliteJob(NamedTuple):
 
     kind: str
     seed: int
+    dispersed: bool = False  # another aircraft than the file's, and other gusts
 
 
 @dataclass(frozen=True)
@@ -170,8 +172,14 @@ def _world(
         changes["EST_FIX_SD"] = DRIFTING_POSITION.noise_m
     intensity = max(1e-6, random.uniform(*INTENSITY))  # one compiled kind of air for all
     sensors = Sensors(position=position, imu=MEMS_IMU)
-    world = make_world(
-        hill.airframe, hill.site, seed=job.seed, turbulence=intensity, sensors=sensors
+    world: World = flown_world(
+        hill.airframe,
+        hill.site,
+        job.seed,
+        dispersed=job.dispersed,
+        already=ALREADY,
+        turbulence=intensity,
+        sensors=sensors,
     )
     frame = world.frame
     if available():
@@ -309,7 +317,7 @@ def run(context: Context) -> Result:
     count = QUICK if context.quick else context.episodes or FLIGHTS
     seeds = range(FIRST_SEED, FIRST_SEED + count)
     jobs = [SatelliteJob(kind, seed) for kind in KINDS for seed in seeds]
-    flown = context.flyer.each(fly_satellites, jobs)
+    flown = context.each(fly_satellites, jobs)
     by_kind = {kind: [each for each in flown if each.kind == kind] for kind in KINDS}
     return Result(
         "satellites",

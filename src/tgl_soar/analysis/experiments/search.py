@@ -73,6 +73,7 @@ class SearchJob(NamedTuple):
     kind: Kind
     seed: int
     searcher: str
+    dispersed: bool = False  # the aircraft differs from its file by more than its sink
 
 
 class PlaceGroup(NamedTuple):
@@ -108,7 +109,7 @@ def _airframe() -> Airframe:
 
 def fly_search(job: SearchJob) -> Score:
     """Fly one searcher at one place.  Errors: `ConfigError`."""
-    there = place(job.kind, job.seed)
+    there = place(job.kind, job.seed)._replace(dispersed=job.dispersed)
     if job.searcher == PATIENT:  # the wind changes when it does in the others' flights
         there = there._replace(duration_s=GIVEN_S[job.kind])
         return _flown(there, WALK)[0]
@@ -151,7 +152,7 @@ def run(context: Context) -> Result:
     scores = [
         replace(each, searcher=job.searcher)
         for jobs in jobs_of(episodes)
-        for job, each in zip(jobs, context.flyer.each(fly_search, jobs, compiled=True), strict=True)
+        for job, each in zip(jobs, context.each(fly_search, jobs, compiled=True), strict=True)
     ]
     figures = [] if context.figures is None else _draw(context.figures, scores)
     claims = [claim for kind in KINDS for claim in _claims(kind, scores)]

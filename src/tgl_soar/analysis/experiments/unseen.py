@@ -23,11 +23,11 @@ from typing import Any, Final, NamedTuple
 import msgspec
 
 from tgl_soar.analysis.experiments.context import Context, with_turbulence
+from tgl_soar.analysis.experiments.mismatch import flown_world
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.experiments.scenario import Scenario, prepare
 from tgl_soar.analysis.tuning.flights import DrawnFlight, fly_late, fly_whole
 from tgl_soar.config.parameters import ParameterSet
-from tgl_soar.sim.world import make_world
 
 WITH, WITHOUT, PLAIN = "with accelerometers", "without", "plain PID"
 PILOTS: Final = (WITH, WITHOUT, PLAIN)
@@ -118,6 +118,7 @@ class UnseenJob(NamedTuple):
     pilot: str
     place: str
     seed: int
+    dispersed: bool = False  # another aircraft than its file's, in other air than the site's
 
 
 class UnseenScore(NamedTuple):
@@ -171,10 +172,12 @@ def fly_unseen(job: UnseenJob) -> DrawnFlight:
     if not row.late_s:
         model["servo_delay_s"] += LINK_S  # the same to the aircraft, and to be flown as a whole
     airframe = msgspec.structs.replace(airframe, model=model)
-    world = make_world(
-        airframe,
+    world = flown_world(
+        prepared.airframe,
         prepared.site,
-        seed=job.seed,
+        job.seed,
+        dispersed=job.dispersed,
+        flies=airframe,
         field=prepared.field,
         sensors=scenario.sensors.as_sensors(),
     )
@@ -221,7 +224,7 @@ def fly_rows(
         for place in row.places
         for seed in seeds_of(row)
     ]
-    flown = iter(context.flyer.each(fly_unseen, jobs, compiled=True))
+    flown = iter(context.each(fly_unseen, jobs, compiled=True))
     return {
         (row.name, pilot): score_unseen(
             {place: [next(flown) for _ in seeds_of(row)] for place in row.places}

@@ -33,19 +33,32 @@ from tgl_soar.analysis.experiments.hour_bound import (
     share_soarable,
     wind_across,
 )
-from tgl_soar.analysis.experiments.outdoors import SINK_MPS, span, touches_down_well
+from tgl_soar.analysis.experiments.mismatch import (
+    drawn_mismatch,
+    flown_world,
+    mismatched_figures,
+)
+from tgl_soar.analysis.experiments.outdoors import (
+    ALREADY,
+    SINK_MPS,
+    span,
+    touches_down_well,
+)
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.experiments.shipped_hill import BELOW_M, shipped_hill
+from tgl_soar.analysis.flown_airframe import flown_airframe
 from tgl_soar.analysis.search.scoring import share
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Start
 from tgl_soar.control.envelope import Fence
 from tgl_soar.control.supervisor import BREAKING_OFF, LANDING, MODE_NAMES, SOARING
+from tgl_soar.sim.aircraft import AircraftModel, glide_polar
 from tgl_soar.sim.closed_loop import Trajectory, fly
 from tgl_soar.sim.compiled import available
 from tgl_soar.sim.fast_flight import fly_compiled, prepare
 from tgl_soar.sim.sensors import MEMS_IMU, Sensors
-from tgl_soar.sim.world import World, make_world
+from tgl_soar.sim.world import World, flown_aircraft
+from tgl_soar.types import GlidePolar
 
 LINE: Final = "a"
 FLIGHTS: Final = 100
@@ -69,6 +82,7 @@ class HourJob(NamedTuple):
     radius_m: float
     seed: int
     duration_s: float = HOUR_S
+    dispersed: bool = False  # another aircraft than the file's, and other gusts
 
 
 @dataclass(frozen=True)
@@ -130,10 +144,12 @@ def _world_of(job: HourJob, record: WindRecord) -> tuple[World, ParameterSet]:
             start=Start(x_m=x, z_m=z - BELOW_M),
         )
     field = RecordedField(HillField(hill.air.wind_mps, job.radius_m), record)
-    world = make_world(
+    world = flown_world(
         hill.airframe,
         site,
-        seed=job.seed,
+        job.seed,
+        dispersed=job.dispersed,
+        already=ALREADY,
         turbulence=INTENSITY,
         field=field,
         sensors=Sensors(imu=MEMS_IMU),
@@ -158,8 +174,18 @@ def hill_of(job: HourJob, values: ParameterSet) -> SoaredHill:
         z_min_m=values["FENCE_Z_MIN"],
         z_max_m=values["FENCE_Z_MAX"],
     )
-    polar = shipped_hill().airframe.polar.as_polar()
-    return SoaredHill(job.radius_m, fence, values["CLEAR_MIN"], polar)
+    return SoaredHill(job.radius_m, fence, values["CLEAR_MIN"], _polar_of(job))
+
+
+def _polar_of(job: HourJob) -> GlidePolar:
+    """Of the aircraft that flies: the file's, or as the file's was fitted to its glides."""
+    airframe = shipped_hill().airframe
+    if not job.dispersed:
+        return airframe.polar.as_polar()
+    figures = mismatched_figures(airframe, drawn_mismatch(job.seed, ALREADY))
+    model = flown_aircraft(flown_airframe(airframe, figures))
+    assert isinstance(model, AircraftModel)  # `mismatched_figures` are of no other
+    return glide_polar(model)
 
 
 def fly_hour(job: HourJob) -> FlownHour:
@@ -200,7 +226,7 @@ def run(context: Context) -> Result:
     seeds = range(FIRST_SEED, FIRST_SEED + count)
     duration_s = HOUR_S / 20.0 if context.quick else HOUR_S
     jobs = [HourJob(radius, seed, duration_s) for radius in RADII_M for seed in seeds]
-    flown = context.flyer.each(fly_hour, jobs)
+    flown = context.each(fly_hour, jobs)
     by_hill = {radius: [e for e in flown if e.radius_m == radius] for radius in RADII_M}
     figures: tuple[str, ...] = ()
     if context.figures is not None:

@@ -15,6 +15,7 @@ from typing import Any, Final, Protocol
 import numpy as np
 
 from tgl_soar.air.field import FloatArray
+from tgl_soar.analysis.experiments.mismatch import flown_world
 from tgl_soar.analysis.flown_airframe import flown_airframe
 from tgl_soar.analysis.search.places import SearchPlace
 from tgl_soar.config.airframe import Airframe
@@ -29,11 +30,11 @@ from tgl_soar.sim.fast_flight import begun, prepare, why_it_stands_so
 from tgl_soar.sim.flight import FLIES, Row
 from tgl_soar.sim.sensors import MEMS_IMU, PITOT, READ_BACK, Sensors
 from tgl_soar.sim.watched_flight import Looked, fly_to_look_in_cells
-from tgl_soar.sim.world import make_world
 
 _COLUMN: Final = {name: n for n, name in enumerate(Row._fields)}
 _THROTTLE: Final = _COLUMN["throttle"]
 # SAOS's upright line; and whoever searches flies in mode searching.
+ALREADY: Final = ("drag", "wind", "slope_rad")  # of a place: drawn with it, and known to no file
 SEARCHING: Final = {"TGL_LEAN_MIN": -5.0, "SRCH_START": float(SEARCH_LOOKS)}
 
 
@@ -78,13 +79,15 @@ class EpisodeFlight:
         factor = place.sink_factor
         drag = [(f"model.{key}", airframe.model[key] * factor) for key in ("CD0", "CD_lift")]
         self.place, self.pitot = place, pitot
-        self.world = world = make_world(
-            flown_airframe(airframe, drag),
+        self.world = world = flown_world(
+            airframe,
             place.site,
-            seed=place.seed,
+            place.seed,
+            dispersed=place.dispersed,
+            flies=flown_airframe(airframe, drag),
+            already=ALREADY,
             field=place.field,
             sensors=Sensors(imu=MEMS_IMU, airspeed=PITOT if pitot else None, surfaces=READ_BACK),
-            known=airframe,
         )
         name = place.site.site.name
         self.values = load_parameters(airframe, name, place.site, name).changed(parameters)

@@ -62,6 +62,7 @@ class SearchPlace(NamedTuple):
     sink_factor: float  # of the true aircraft's drag
     change: float  # of the wind, from beginning to end
     words: str
+    dispersed: bool = False  # the aircraft differs from its file by more than its sink
 
 
 def place(kind: Kind, seed: int) -> SearchPlace:
