@@ -2,34 +2,60 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+from typing import Any
+
 import msgspec
 import numpy as np
 import pytest
 from msgspec.structs import asdict
 
 from tgl_soar.air.gusts import BlendedField, ScaledField, Schedule
-from tgl_soar.analysis.experiments import campaign, catalogue
+from tgl_soar.analysis.experiments import (
+    campaign,
+    catalogue,
+    identification,
+    nowhere,
+    outdoors,
+    powered_search,
+    satellites,
+    search,
+    survey,
+    windy_hour,
+)
 from tgl_soar.analysis.experiments.campaign import FaultJob, FaultJobs, place, world_of
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.flights import Flyer, ScenarioJob, fly_job
+from tgl_soar.analysis.experiments.identification import GlideJob
 from tgl_soar.analysis.experiments.mismatch import (
+    AS_FILED,
     RANGES,
     Mismatch,
     drawn_mismatch,
+    flown_world,
     mismatched_field,
     mismatched_figures,
     mismatched_sensors,
     mismatched_site,
 )
+from tgl_soar.analysis.experiments.nowhere import LineJob
+from tgl_soar.analysis.experiments.outdoors import PassageJob
+from tgl_soar.analysis.experiments.powered_search import PoweredJob
+from tgl_soar.analysis.experiments.satellites import SatelliteJob
+from tgl_soar.analysis.experiments.search import SearchJob
+from tgl_soar.analysis.experiments.shipped_hill import shipped_hill
+from tgl_soar.analysis.experiments.survey import SurveyJob
+from tgl_soar.analysis.experiments.windy_hour import HourJob
 from tgl_soar.analysis.flown_airframe import flown_airframe
-from tgl_soar.config.files import ConfigError
+from tgl_soar.analysis.search import flying
+from tgl_soar.config.files import ConfigError, load_airframe, load_site, shipped
 from tgl_soar.sim.aircraft import AircraftModel, aircraft_model
 from tgl_soar.sim.injection import Injection
 from tgl_soar.sim.sensors import MEMS_IMU, PITOT, Sensors
+from tgl_soar.sim.world import World
+from tgl_soar.types import polar_sink
 
-NONE = Mismatch(
-    *(0.0 if name.endswith(("_rad", "_s", "_m")) else 1.0 for name in Mismatch._fields)
-)._replace(centre_of_gravity=0.0)
+NONE = AS_FILED
 
 
 @pytest.fixture(autouse=True)
@@ -72,11 +98,11 @@ def test_the_air_is_another() -> None:
     flatter, steeper = (
         mismatched_field(field, site, NONE._replace(slope_rad=slope)) for slope in RANGES.slope_rad
     )
-    assert isinstance(flatter, ScaledField)
-    assert isinstance(flatter.field, BlendedField)
+    assert isinstance(flatter, BlendedField)
     at = (0.6, 0.0, 1.2, 0.0)
     assert flatter.wind_at(*at)[2] < field.wind_at(*at)[2] < steeper.wind_at(*at)[2]
     faster = mismatched_field(field, site, NONE._replace(wind=1.03))
+    assert isinstance(faster, ScaledField)
     assert faster.wind_at(*at)[0] > 1.02 * field.wind_at(*at)[0]
     other = mismatched_site(site, NONE._replace(length=1.5))
     assert other.air is not None
@@ -137,6 +163,147 @@ def test_a_scenario_is_flown_by_another_aircraft() -> None:
     assert not np.array_equal(own, other)
 
 
-def test_an_experiment_that_draws_its_own_is_refused() -> None:
-    with pytest.raises(ConfigError, match="identification: --dispersion goes with places, static"):
-        catalogue.run("identification", Context(Flyer(), dispersion=True))
+def test_what_an_experiment_draws_by_itself_is_not_drawn_again() -> None:
+    _, site, _, field = place()
+    drawn = drawn_mismatch(7, ("wind", "slope_rad"))
+    assert drawn == drawn_mismatch(7)._replace(wind=1.0, slope_rad=0.0)
+    assert mismatched_field(field, site, drawn) is field
+
+
+@pytest.mark.parametrize("name", catalogue.NOT_DISPERSED)
+def test_who_is_not_dispersed_says_why(name: str) -> None:
+    with pytest.raises(ConfigError, match=f"{name}: no --dispersion: (draws|flies nothing)"):
+        catalogue.run(name, Context(Flyer(), dispersion=True))
+
+
+class Asked(Exception):
+    """An experiment has said what it flies first."""
+
+
+class FirstJobs(Flyer):
+    """Flies nothing."""
+
+    def each(
+        self,
+        fly: Callable[[Any], Any],  # noqa: ARG002
+        jobs: Iterable[Any],
+        **_: bool,
+    ) -> list[Any]:
+        """Keeps the first list."""
+        queue = list(jobs)
+        if not queue:
+            return []
+        self.asked = queue
+        raise Asked
+
+
+@pytest.mark.parametrize("name", catalogue.DISPERSED)
+@pytest.mark.parametrize("dispersion", [False, True])
+def test_all_that_an_experiment_flies_is_dispersed_or_nothing_is(
+    name: str, dispersion: bool
+) -> None:
+    flyer = FirstJobs()
+    context = Context(flyer, quick=True, model="rigid_body", dispersion=dispersion)
+    with pytest.raises(Asked):
+        catalogue.run(name, context)
+    assert {job.dispersed for job in flyer.asked} == {dispersion}
+
+
+def worlds(module: Any, monkeypatch: pytest.MonkeyPatch, fly: Callable[[bool], Any]) -> list[World]:
+    """Those of a flight by the files, and dispersed; neither is flown."""
+
+    def made(*args: Any, **wanted: Any) -> World:
+        found.append(flown_world(*args, **wanted))
+        raise Asked
+
+    found: list[World] = []
+    monkeypatch.setattr(module, "flown_world", made)
+    for dispersed in (False, True):
+        with pytest.raises(Asked):
+            fly(dispersed)
+    return found
+
+
+HILL, SEARCH = "wind on a hill is drawn by the flight", "and so are air and sink of a place"
+FLOWN: dict[str, tuple[Any, Callable[[bool], Any], str]] = {
+    "launch": (outdoors, lambda d: outdoors.launch(PassageJob(outdoors.LAUNCH, 3, d)), HILL),
+    "landing": (outdoors, lambda d: outdoors.land(PassageJob(outdoors.LAND, 3, d)), HILL),
+    "satellites": (
+        satellites,
+        lambda d: satellites.fly_satellites(SatelliteJob(satellites.RESET, 3, d)),
+        HILL,
+    ),
+    "hour": (windy_hour, lambda d: windy_hour.fly_hour(HourJob(8.0, 3, 60.0, d)), HILL),
+    "survey": (survey, lambda d: survey.fly_once(SurveyJob(0.01, 0.06, 3, d)), ""),
+    "search": (
+        flying,
+        lambda d: search.fly_search(SearchJob("hill", 3, search.MAP, d)),
+        SEARCH,
+    ),
+    "throttle": (
+        flying,
+        lambda d: powered_search.fly_powered(PoweredJob("hill", 3, powered_search.WITH, d)),
+        SEARCH,
+    ),
+    "nowhere": (
+        flying,
+        lambda d: nowhere.fly_line(LineJob("tunnel", 3001, True, 2, d)),
+        SEARCH,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FLOWN)
+def test_the_truth_differs_and_what_the_module_is_given_does_not(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module, fly, already = FLOWN[name]
+    own, other = worlds(module, monkeypatch, fly)
+    assert other.model != own.model
+    assert other.parts.servo != own.parts.servo
+    assert other.parts.turbulence.params != own.parts.turbulence.params
+    assert other.sensors.attitude.bias_rad > own.sensors.attitude.bias_rad
+    assert other.aerodynamics == own.aerodynamics
+    assert other.ground == own.ground
+    assert other.frame == own.frame
+    at = own.start.x_m, 0.0, own.start.z_m, 0.0
+    assert (other.field.wind_at(*at) == own.field.wind_at(*at)) == bool(already)
+    assert isinstance(own.model, AircraftModel)
+    assert isinstance(other.model, AircraftModel)
+    assert (other.model.CD0 == own.model.CD0) == (already == SEARCH)
+
+
+def test_a_test_flight_is_held_against_the_aircraft_that_flew() -> None:
+    own, other = (identification.flies(GlideJob(3, dispersed)) for dispersed in (False, True))
+    model, known = identification.truth()
+    assert (own.model, own.body) == (model, known)
+    assert other.model.CD0 != model.CD0
+    assert other.body.iyy_kgm2 != known.iyy_kgm2
+    assert other.sensors.attitude.bias_rad > own.sensors.attitude.bias_rad
+
+
+def test_what_can_be_soared_of_an_hour_is_by_the_polar_of_what_flies() -> None:
+    values = shipped_hill().on_line("a").values
+    own, other = (windy_hour.hill_of(HourJob(8.0, 3, 60.0, d), values) for d in (False, True))
+    assert own.polar == shipped_hill().airframe.polar.as_polar()
+    drag = drawn_mismatch(3).drag
+    # All of the drag is drawn by one factor; 3 % is what a cubic and another trim differ by.
+    assert polar_sink(other.polar, 9.3) == pytest.approx(
+        drag * polar_sink(own.polar, 9.3), rel=0.03
+    )
+
+
+def test_the_contour_of_a_dispersed_survey_is_that_of_what_flew() -> None:
+    """On it the air rises as fast as that aircraft sinks in its steady glide at that wind."""
+    airframe, site = load_airframe(shipped(survey.AIRFRAME)), load_site(shipped(survey.SITE))
+    seed = min(range(1, 40), key=lambda seed: drawn_mismatch(seed).drag)
+    world = flown_world(airframe, site, seed, dispersed=True)
+    model = world.model
+    assert isinstance(model, AircraftModel)
+    x, z = max(survey.contour_flown(world), key=len).T
+    u, _, w = world.field.wind(x, 0.0 * x, z)
+    glides = (u > 8.0) & (u < 10.5)
+    sinks = np.array([model.glide_at(float(speed)).sink_mps for speed in u[glides]])
+    # A cubic's misfit, and a grid of 2 cm; 10 % of drag are 0.06 m/s of sink.
+    assert np.all(np.abs(w[glides] - sinks) < 0.03)
+    assert np.count_nonzero(glides) > 20

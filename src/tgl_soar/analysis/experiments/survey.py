@@ -34,7 +34,7 @@ from tgl_soar.analysis.survey.flying import SurveyFlight, fly_survey
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.sim.aircraft import AircraftModel, glide_polar
 from tgl_soar.sim.sensors import MEMS_IMU, PITOT, READ_BACK, Sensors
-from tgl_soar.sim.world import build_field
+from tgl_soar.sim.world import World, build_field
 from tgl_soar.types import GlidePolar
 
 AIRFRAME: Final = "airframes/eclipson_c.toml"
@@ -109,11 +109,7 @@ def fly_once(job: SurveyJob) -> SurveyedOnce:
         drawn = drawn_contour(path)
     except SurveyError as error:
         return SurveyedOnce(job, flight, None, str(error), np.zeros(0))
-    if job.dispersed:
-        assert isinstance(world.model, AircraftModel)  # `flown_world` draws no other
-        true = contour_of(world.field, glide_polar(world.model))
-    else:
-        true = true_contour()
+    true = contour_flown(world) if job.dispersed else true_contour()
     return SurveyedOnce(job, flight, drawn, "", errors_of(drawn, true))
 
 
@@ -122,6 +118,12 @@ def true_contour() -> list[Floats]:
     airframe, site = load_airframe(shipped(AIRFRAME)), load_site(shipped(SITE))
     assert site.air is not None
     return contour_of(build_field(site.air, None), airframe.polar.as_polar())
+
+
+def contour_flown(world: World) -> list[Floats]:
+    """Of a world's air and its aircraft's own glides, fitted as the file's are."""
+    assert isinstance(world.model, AircraftModel)  # `flown_world` draws no other
+    return contour_of(world.field, glide_polar(world.model))
 
 
 def contour_of(field: WindField, polar: GlidePolar) -> list[Floats]:
