@@ -18,7 +18,7 @@ from tgl_soar.analysis.linear_model import (
     promised_gain_db,
     promised_phase_rad,
 )
-from tgl_soar.analysis.linear_plant import Condition
+from tgl_soar.analysis.linear_plant import Condition, Periodic, without_idle
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.control.laws import laws_from
 from tgl_soar.sim.aircraft import aircraft_model
@@ -125,3 +125,42 @@ def test_old_attitudes_leave_a_margin(sensors: Sensors) -> None:
         late = late._replace(imu=sensors.imu._replace(delay_s=0.05))
     loop = loop_of(sensors=late, delay_s=0.0075)
     assert min(margin(loop, at).alpha for at in BREAKS) >= 0.5
+
+
+@pytest.mark.parametrize(
+    ("changes", "fewer"),
+    [({"SIDE_I": 0.0}, 1), ({"AIL_I": 0.0}, 1), ({"SIDE_I": 0.0, "AIL_I": 0.0}, 2)],
+)
+def test_an_integral_that_nothing_moves_is_no_state_of_the_loop(
+    changes: dict[str, float], fewer: int
+) -> None:
+    """Its pole at 0 would be taken for a loop that does not settle.  The proportional and rate
+    parts have a margin, and not a smaller one at the aileron without the integrals' lag."""
+    whole, without = loop_of(), loop_of(changes)
+    assert len(whole.system.a[0]) - len(without.system.a[0]) == fewer
+    assert is_stable(without)
+    assert np.max(poles(without).real) < -0.05
+    assert margin(without, "aileron").alpha >= margin(whole, "aileron").alpha - 0.01
+    assert margin(without, "rudder").alpha > 0.5
+
+
+def test_an_integral_that_is_used_stays_a_state_however_slow() -> None:
+    slow = loop_of({"SIDE_I": 1e-4, "AIL_I": 1e-4})
+    assert len(slow.system.a[0]) == len(loop_of().system.a[0])
+    assert np.max(poles(slow).real) > -0.01
+
+
+def test_what_nothing_moves_is_left_out_and_what_grows_is_not() -> None:
+    """Three states: one is driven, one is held, one grows by itself; two ticks, in only one of
+    which the first is driven."""
+    a = np.diag([0.9, 1.0, 1.1])
+    a[0, 1] = 0.3
+    b = np.array([[1.0], [0.0], [0.0]])
+    c, d = np.array([[1.0, 2.0, 3.0]]), np.zeros((1, 1))
+    kept = without_idle(Periodic([a, a], [b, 0.0 * b], [c, c], [d, d]))
+    for each in kept.a:
+        assert each.tolist() == [[0.9, 0.0], [0.0, 1.1]]
+    assert kept.b[0].tolist() == [[1.0], [0.0]]
+    assert kept.c[1].tolist() == [[1.0, 3.0]]
+    driven = without_idle(Periodic([np.eye(1)] * 2, [0.0 * b[:1], b[:1]], [c[:, :1]] * 2, [d] * 2))
+    assert len(driven.a[0]) == 1

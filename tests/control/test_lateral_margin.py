@@ -15,13 +15,15 @@ from tgl_soar.config.files import load_airframe, load_parameters, load_site, shi
 from tgl_soar.config.lateral_dynamics import UNKNOWN
 from tgl_soar.config.lateral_gains import lateral_dynamics
 from tgl_soar.config.line_changes import LineChanges
-from tgl_soar.config.parameters import ParameterError
+from tgl_soar.config.parameters import ParameterError, ParameterSet
+from tgl_soar.control import loop_margin
 from tgl_soar.control.lateral_margin import disk_margins, sideways_flown
 from tgl_soar.control.laws import laws_from
 from tgl_soar.control.line_bounds import LineBounds
 from tgl_soar.control.loop_margin import (
     FLOOR,
     RINGS,
+    WAY_STEP_M,
     lateral_margins,
     line_margins,
     margin_fault,
@@ -144,3 +146,45 @@ def test_every_loop_is_named_once() -> None:
     without = VALUES.changed({"EST_IMU": 0.0})
     assert len(line_margins(without)) == 3
     assert len(lateral_margins(without, KNOWN)) == 6
+
+
+def at_way(way_m: float, changes: Mapping[str, float] | None = None) -> ParameterSet:
+    return VALUES.changed({"WPT_X": -5.5, "TGL_X": way_m - 5.5, **(changes or {})})
+
+
+def test_moving_the_line_within_a_step_asks_the_model_nothing() -> None:
+    """R from 6 m on: 6.0 and 6.49 are one step, 6.51 is the next."""
+    loop_margin._lateral_margins.cache_clear()
+    for way_m in (6.01, 6.3, 6.49):
+        assert lateral_margins(at_way(way_m), KNOWN) == lateral_margins(at_way(6.01), KNOWN)
+    assert loop_margin._lateral_margins.cache_info().misses == 1
+    assert lateral_margins(at_way(6.51), KNOWN) != lateral_margins(at_way(6.49), KNOWN)
+    assert loop_margin._lateral_margins.cache_info().misses == 2
+    assert loop_margin._lateral_margins.cache_info().maxsize is not None
+
+
+def test_an_aileron_gain_is_judged_anew_on_the_same_line() -> None:
+    first = lateral_margins(at_way(6.2), KNOWN)
+    assert lateral_margins(at_way(6.2, raised("AIL_P", 3.0)), KNOWN) != first
+
+
+@pytest.mark.parametrize("late_s", [0.0075, 0.04])
+def test_alpha_hardly_moves_within_a_step_and_its_shortest_way_has_the_least(
+    late_s: float,
+) -> None:
+    """By a twentieth at most, four times less than what the rule may be wrong by: the far end of
+    each step, without keeping, beside what is kept for it."""
+    for step in range(6, 60, 3):
+        way_m = (step + 1) * WAY_STEP_M - 0.01
+        values = at_way(way_m, {"CMD_DELAY": late_s})
+        kept = lateral_margins(values, KNOWN)
+        exact = loop_margin._lateral_margins.__wrapped__(values, KNOWN)
+        for near, far in zip(kept, exact, strict=True):
+            assert -0.001 <= far.alpha - near.alpha <= 0.05
+            if "heading" in near.name:
+                assert far.alpha == near.alpha
+
+
+def test_a_line_far_from_its_waypoint_is_judged_too() -> None:
+    far = VALUES.changed({"WPT_X": -2000.0, "TGL_X": 500.0})
+    assert min(lateral_margins(far, KNOWN)).alpha > FLOOR

@@ -25,7 +25,13 @@ import numpy as np
 
 from tgl_soar.analysis.linear_controller import fix_matrices
 from tgl_soar.analysis.linear_model import Loop
-from tgl_soar.analysis.linear_plant import Condition, Matrix, Periodic, differences
+from tgl_soar.analysis.linear_plant import (
+    Condition,
+    Matrix,
+    Periodic,
+    differences,
+    without_idle,
+)
 from tgl_soar.control.attitude import attitude_step
 from tgl_soar.control.heading import (
     heading_setpoint,
@@ -109,11 +115,13 @@ def lateral_loop(laws: Laws, condition: Condition) -> Loop:
     ]
     return Loop(
         dt,
-        Periodic(
-            [each[:size, :size] for each in jacobians],
-            [each[:size, size:] for each in jacobians],
-            [each[size:, :size] for each in jacobians],
-            [each[size:, size:] for each in jacobians],
+        without_idle(
+            Periodic(
+                [each[:size, :size] for each in jacobians],
+                [each[:size, size:] for each in jacobians],
+                [each[size:, :size] for each in jacobians],
+                [each[size:, size:] for each in jacobians],
+            )
         ),
         BREAKS,
     )

@@ -47,6 +47,7 @@ from tgl_soar.analysis.linear_plant import (
     Periodic,
     Plant,
     linear_plant,
+    without_idle,
 )
 from tgl_soar.control.laws import Laws
 
@@ -117,7 +118,7 @@ def close_loop(plant: Plant, controller: Periodic) -> Loop:
         b.append(into)
         c.append(out)
         d.append(through)
-    return Loop(1.0 / plant.condition.step_hz, Periodic(a, b, c, d))
+    return Loop(1.0 / plant.condition.step_hz, without_idle(Periodic(a, b, c, d)))
 
 
 def poles(loop: Loop) -> Complex:

@@ -25,6 +25,9 @@ Matrix = NDArray[np.float64]
 
 TRUTH: Final = 4  # e_rho, its rate, pitch, pitch rate: what the controller measures
 _STEP: Final = 1e-6  # of differences: far inside every limit, far above rounding
+# A state that a tick changes by less is held: far below what an integral adds in one, far above
+# rounding in differences.
+HELD: Final = 1e-9
 _UNIFORM: Final = (0.0, 0.0, 0.0, 0.0)
 _AIRCRAFT: Final = 7  # x, z, vx, vz, pitch, pitch rate, deflection; then pending, then gusts
 _GUST: Final = 4  # u, w, and two memories of w
@@ -79,6 +82,24 @@ def field_gradient(field: WindField, x_m: float, z_m: float) -> tuple[float, flo
 
     (u_x, u_z), (w_x, w_z) = differences(wind, np.array([x_m, z_m])).tolist()
     return u_x, u_z, w_x, w_z
+
+
+def without_idle(system: Periodic) -> Periodic:
+    """Without states that nothing moves: an integral whose gain is 0 stays where it is, at 0.
+
+    No input reaches it; left in, its pole at 0 would be taken for a loop that does not settle.
+    """
+    a, b, c, d = system
+    hold = np.eye(len(a[0]))
+    moved = np.zeros(len(hold), dtype=bool)
+    for ak, bk in zip(a, b, strict=True):
+        moved |= np.any(np.abs(ak - hold) > HELD, axis=1) | np.any(np.abs(bk) > HELD, axis=1)
+    return Periodic(
+        [ak[np.ix_(moved, moved)] for ak in a],
+        [bk[moved] for bk in b],
+        [ck[:, moved] for ck in c],
+        d,
+    )
 
 
 class Plant(NamedTuple):

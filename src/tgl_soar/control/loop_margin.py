@@ -55,6 +55,8 @@ FLOOR: Final = 0.5  # 4.4 dB and 28 degrees at once: the least that is flown
 # 2.2 dB and 14 degrees: less than the model may be wrong by. Between both an operator who sees that
 # the aircraft is not the model's, and goes back with a gain, is warned and has his way.
 RINGS: Final = 0.25
+WAY_STEP_M: Final = 0.5  # of the way to the waypoint: one answer for roll and heading
+FARTHEST_M: Final = 2000.0  # WPT_X reaches no further; nothing changes there
 # Of the best glide's speed: where it soars in a tunnel and on a hill, 8.5 to 10.6 m/s for 9.25.
 SPEEDS: Final = (0.92, 1.0, 1.15)
 ATTITUDE_AGE_S: Final = 0.005  # without accelerometers' stream; carried on by the rate
@@ -96,16 +98,16 @@ def margin_fault(
     """Why the line of these values cannot be flown with a margin, or why roll or heading would
     swing on any; "" if neither, or if too little is known of the airframe.
 
-    Roll and heading are known within 0.2 (`control.lateral_margin`), and heading has less than
-    FLOOR on one in ten aircraft with a slow servo and a late link that fly well: they are refused
-    below RINGS alone, and what is between is a doubt.
+    Roll and heading are known within 0.2 (`control.lateral_margin`): they are refused below RINGS
+    alone, and what is between is a doubt.
     """
     for found in line_margins(values):
         if found.alpha < floor:
             return f"no margin {_shown(found, floor)}"
+    sideways_floor = min(floor, RINGS)
     for found in lateral_margins(values, lateral):
-        if found.alpha < min(floor, RINGS):
-            return f"no margin {_shown(found, min(floor, RINGS))}"
+        if found.alpha < sideways_floor:
+            return f"no margin {_shown(found, sideways_floor)}"
     return ""
 
 
@@ -138,9 +140,25 @@ def line_margins(values: ParameterSet) -> tuple[LoopMargin, ...]:
 def lateral_margins(
     values: ParameterSet, lateral: LateralDynamics = UNKNOWN
 ) -> tuple[LoopMargin, ...]:
-    """Of roll and heading, on whatever line; () where they are not known."""
+    """Of roll and heading, on whatever line; () where they are not known.
+
+    Of a line they know the way R to the waypoint alone: lines whose R is within a step of
+    WAY_STEP_M have one answer, that of the step's shortest way, so that moving the line costs the
+    process that flies nothing.  R is seen as V_l / R = min(V / R, g kv) alone.  Up to V / (g kv),
+    5 m and more with a kv as computed (`config.lateral_gains`), nothing changes at all; beyond, a
+    step changes V / R by 0.5 m of 5 m and more, a tenth at most, which is half or so of the
+    sideways loop where that crosses over: alpha moves by a twentieth at most, where the rule is
+    within 0.2, and the shortest way has the least.  Heading knows no R.
+    """
+    return _lateral_margins(values.changed(_of_the_way(values)), lateral)
+
+
+def _of_the_way(values: ParameterSet) -> dict[str, float]:
+    """Values that stand for all lines with the same step of the way to the waypoint."""
+    steps = (values["TGL_X"] - values["WPT_X"]) // WAY_STEP_M
+    nearest_m = min(FARTHEST_M, max(values["WPT_R_MIN"], steps * WAY_STEP_M))
     upright = {"TGL_Z": 0.0, "TGL_PRESET": 0.0, "TGL_LEAN": values["TGL_LEAN_MIN"]}
-    return _lateral_margins(values.changed(upright), lateral)
+    return {**upright, "TGL_X": 0.0, "WPT_X": -nearest_m}
 
 
 @lru_cache(maxsize=16)
@@ -155,7 +173,7 @@ def _line_margins(values: ParameterSet) -> tuple[LoopMargin, ...]:
     )
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=64)
 def _lateral_margins(values: ParameterSet, lateral: LateralDynamics) -> tuple[LoopMargin, ...]:
     best_mps = values["DYN_BEST"]
     if not (lateral.speed_mps >= SPEED_MIN_MPS and best_mps >= SPEED_MIN_MPS):

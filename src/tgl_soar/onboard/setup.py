@@ -158,17 +158,20 @@ def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Modu
 
 def bounds_of(setup: ModuleSetup, contour: Contour) -> LineBounds:
     """What is allowed of lines and gains."""
-    return LineBounds(contour, setup.ground, setup.lateral, setup.flavour.route.loops)
+    return _bounds(contour, setup.ground, setup.lateral, setup.flavour)
 
 
 def bounds_from(airframe: Airframe, site: Site) -> LineBounds:
     """What these files allow of lines and gains.  Errors: `ConfigError` for an unknown route."""
-    return LineBounds(
-        site.contour_for(airframe.airframe.name),
-        site.known_ground(),
-        lateral_dynamics(airframe),
-        flavour_of(airframe).route.loops,
-    )
+    contour = site.contour_for(airframe.airframe.name)
+    lateral, flavour = lateral_dynamics(airframe), flavour_of(airframe)
+    return _bounds(contour, site.known_ground(), lateral, flavour)
+
+
+def _bounds(
+    contour: Contour, ground: Ground, lateral: LateralDynamics, flavour: Flavour
+) -> LineBounds:
+    return LineBounds(contour, ground, lateral, flavour.route.loops)
 
 
 def known_systems(setup: ModuleSetup) -> frozenset[int]:
