@@ -115,9 +115,8 @@ def test_two_campaigns_stand_beside_one_another(folder: Path, another: Path) -> 
     assert [(row.name, *row.shares) for row in two.rows] == [
         ("wind", (2, 3), (0, 20)),
         ("gust", (1, 1), (1, 1)),
-        ("all", (3, 4), (1, 21)),
     ]
-    assert [row.is_apart for row in two.rows] == [True, False, True]
+    assert [row.is_apart for row in two.rows] == [True, False]
     assert two.alone == ([], ["fault"])
     assert beside(report(another), report(folder)).alone == (["fault"], [])
     with pytest.raises(ReportError, match="two campaigns are compared by classes"):

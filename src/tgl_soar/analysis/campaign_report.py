@@ -63,7 +63,7 @@ class TwoCampaigns(NamedTuple):
     by: str
     of: str
     counted: str  # the class whose shares they are
-    rows: list[TwoShares]  # of groups that both have; all together last
+    rows: list[TwoShares]  # of groups that both have; no sum, as each has its own number of each
     alone: tuple[list[str], list[str]]  # groups that only one of them has
 
 
@@ -177,12 +177,9 @@ def beside(first: Report, second: Report) -> TwoCampaigns:
     names = [name for name in groups[0] if name in groups[1]]
     if not names:
         raise ReportError(f"--by {first.by}: the two campaigns have no group in common")
-    pairs = [(name, [each[name] for each in groups]) for name in names]
-    if len(names) > 1:
-        pairs.append((ALL, [sum((each[n] for n in names), Counter()) for each in groups]))
     rows = []
-    for name, classes in pairs:
-        one, other = (Share(found[counted], found.total()) for found in classes)
+    for name in names:
+        one, other = (Share(each[name][counted], each[name].total()) for each in groups)
         rows.append(TwoShares(name, (one, other)))
     alone = ([n for n in groups[0] if n not in groups[1]], [n for n in groups[1] if n not in names])
     return TwoCampaigns(first.by, first.of, counted, rows, alone)

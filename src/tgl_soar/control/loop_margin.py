@@ -53,7 +53,7 @@ from tgl_soar.types import NAN
 
 FLOOR: Final = 0.5  # 4.4 dB and 28 degrees at once: the least that is flown
 # 2.2 dB and 14 degrees: less than the model may be wrong by. Between both an operator who sees that
-# the aircraft is not the model's, and goes back with a gain, is warned and has his way.
+# the aircraft is not the model's, and goes back with a gain, is warned and has their way.
 RINGS: Final = 0.25
 WAY_STEP_M: Final = 0.5  # of the way to the waypoint: one answer for roll and heading
 FARTHEST_M: Final = 2000.0  # WPT_X reaches no further; nothing changes there

@@ -31,8 +31,8 @@ def campaign_figure(path: Path, report: Report) -> None:
 def two_campaigns_figure(path: Path, two: TwoCampaigns, names: tuple[str, str]) -> None:
     """Write the figure: a share and its interval for each, group under group.  Errors: as above."""
     with drawing() as plt:
-        height = 1.2 + 0.26 * len(two.rows)
-        figure, axes = plt.subplots(figsize=(8.0, height), layout="constrained")
+        height = 1.2 + 0.22 * len(two.rows)
+        figure, axes = plt.subplots(figsize=(9.0, height), layout="constrained")
         for i, (name, colour) in enumerate(zip(names, LEG_COLOURS, strict=False)):
             places = [place + (i - 0.5) * 0.3 for place in range(len(two.rows))]
             shares = [row.shares[i] for row in two.rows]
@@ -41,14 +41,12 @@ def two_campaigns_figure(path: Path, two: TwoCampaigns, names: tuple[str, str]) 
                 axes.plot((100.0 * low, 100.0 * high), (place, place), color=colour, lw=1.5)
             middles = [100.0 * share.counted / share.of for share in shares]
             axes.plot(middles, places, "os"[i], color=colour, ms=4.0, ls="none", label=name)
-        axes.set_yticks(
-            range(len(two.rows)),
-            [f"{row.name} ({row.shares[0].of:,}, {row.shares[1].of:,})" for row in two.rows],
-        )
+        rows = [f"{row.name} ({row.shares[0].of:,}; {row.shares[1].of:,})" for row in two.rows]
+        axes.set_yticks(range(len(rows)), rows, fontsize="small")
         axes.set_ylim(len(two.rows) - 0.5, -0.5)
         axes.set_xlim(-1.0, 101.0)
-        axes.set_xlabel(f"{two.of} {two.counted}: share of the flights, and its 95 % interval [%]")
-        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -1.0 / len(two.rows) - 0.02), ncols=2)
+        axes.set_xlabel(f"{two.of} {two.counted} [%], 95 % intervals")
+        figure.legend(loc="outside upper right", ncols=2)
         save(plt, figure, path)
 
 
