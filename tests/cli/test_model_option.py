@@ -166,3 +166,24 @@ def test_the_whole_module_flies_it() -> None:
     # the same seed on the other model is another flight
     other = long_flight.fly_long(4.0)
     assert flight.parts[-1].largest_e_rho_m != other.parts[-1].largest_e_rho_m
+
+
+def test_a_section_is_flown_by_dispersed_aircraft_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flown: list[tuple[bool, bool]] = []
+
+    def fly(context: Context) -> Result:
+        flown.append((context.dispersion, context.figures is not None))
+        landed = Claim("they land", not context.dispersion, "all")
+        return Result("outdoors", "home", "", (landed,), "", (), {})
+
+    monkeypatch.setattr(catalogue, "EXPERIMENTS", {**catalogue.EXPERIMENTS, "outdoors": fly})
+    page = tmp_path / "outdoors.md"
+    mark = "<!-- outdoors: begin; written by `tgl-soar experiment outdoors --docs docs` -->"
+    page.write_text(f"before {mark} <!-- outdoors: end --> after", encoding="utf-8")
+    words = ["--workers", "0", "--out", str(tmp_path / "out"), "--docs", str(tmp_path)]
+    reported = RUN.invoke(app, ["experiment", "outdoors", *words])
+    assert reported.exit_code == 0, reported.output
+    assert flown == [(False, True), (True, False)]
+    assert "**Dispersion changes:** “they land” (✓ → ✗)." in page.read_text(encoding="utf-8")

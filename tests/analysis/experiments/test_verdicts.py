@@ -53,7 +53,13 @@ from tgl_soar.analysis.experiments.line_lean import (
     lean_why,
     refusal,
 )
-from tgl_soar.analysis.experiments.page import counted, page, pages
+from tgl_soar.analysis.experiments.page import (
+    DISPERSED_WORDS,
+    counted,
+    page,
+    pages,
+    with_result,
+)
 from tgl_soar.analysis.experiments.result import (
     DISPERSED_AIRCRAFT,
     POINT_MASS,
@@ -181,6 +187,24 @@ def test_both_models_stand_beside_each_other_in_every_table() -> None:
     assert "| [`name`](#name) | title | agrees in part: 1 of 2 | agrees: 2 of 2 |" in whole
     assert "| [`alone`](#alone) | title | agrees: 1 of 1 | – |" in whole
     assert as_json(on_both(point))["also"]["point mass"]["verdict"] == "agrees"
+
+
+def test_a_table_with_measurements_in_its_head_stands_by_itself() -> None:
+    other = replace(result(YES), tables=(Table("two", ("a", "b [m]"), (("x", "7"),)),))
+    text = as_markdown(on_both(other), "images").splitlines()
+    heads = [line for line in text if line.startswith(("**Rigid", "**Point", "| a |", "| x |"))]
+    assert heads == [
+        *("**Rigid body: one**", "| a | b [m] |", "| x | 1 |"),
+        *("**Point mass: two**", "| a | b [m] |", "| x | 7 |"),
+    ]
+
+
+def test_a_section_with_dispersed_aircraft_says_what_they_are() -> None:
+    begin = "<!-- name: begin; written by `tgl-soar experiment name --docs docs` -->"
+    marks = f"{begin}<!-- name: end -->"
+    alone, both = result(YES), replace(result(YES), also={DISPERSED_AIRCRAFT: result(YES)})
+    assert DISPERSED_WORDS not in with_result(marks, alone)
+    assert DISPERSED_WORDS in with_result(marks, both)
 
 
 def test_what_both_models_say_alike_is_said_once() -> None:

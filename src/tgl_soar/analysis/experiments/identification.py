@@ -227,7 +227,11 @@ def identification(context: Context) -> Result:
         ("servo's delay", delay, DELAY_WITHIN_S, held[2], 1e3, "ms"),
     )
     figures = () if context.figures is None else _draw(context, GlideJob(seeds[0]))
-    exact = "but for inertia and lag, which are the file's," if context.dispersion else "exactly"
+    exact = (
+        "is the file's, and of it mass, size and the servo's rate are right, inertia and lag wrong"
+        if context.dispersion
+        else "(mass, size, inertia, the servo's lag and rate) is known exactly"
+    )
     return Result(
         "identification",
         "a gliding test flight's log, and the model that flew it",
@@ -251,9 +255,9 @@ def identification(context: Context) -> Result:
             )
             for what, _, _, share, _, _ in rows
         ),
-        f"What is known beforehand (mass, size, inertia, the servo's lag and rate) is known {exact}"
-        " here, and the air is still. The bands are wider than these errors because they also hold"
-        " what a stepwise read-back of the elevator leaves open of its timing.",
+        f"What is known beforehand {exact} here, and the air is still. The bands are wider than"
+        " these errors because they also hold what a stepwise read-back of the elevator leaves open"
+        " of its timing.",
         (
             Table(
                 "Errors",

@@ -33,6 +33,7 @@ OWN_PAGES: Final = {
     "margins": "margins.md",
     "latency": "margins.md",
     "search": "search.md",
+    "survey": "search.md",
     "nowhere": "search.md",
     "throttle": "search.md",
 }
