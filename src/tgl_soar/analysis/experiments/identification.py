@@ -227,11 +227,6 @@ def identification(context: Context) -> Result:
         ("servo's delay", delay, DELAY_WITHIN_S, held[2], 1e3, "ms"),
     )
     figures = () if context.figures is None else _draw(context, GlideJob(seeds[0]))
-    exact = (
-        "is the file's, and of it mass, size and the servo's rate are right, inertia and lag wrong"
-        if context.dispersion
-        else "(mass, size, inertia, the servo's lag and rate) is known exactly"
-    )
     return Result(
         "identification",
         "a gliding test flight's log, and the model that flew it",
@@ -255,9 +250,7 @@ def identification(context: Context) -> Result:
             )
             for what, _, _, share, _, _ in rows
         ),
-        f"What is known beforehand {exact} here, and the air is still. The bands are wider than"
-        " these errors because they also hold what a stepwise read-back of the elevator leaves open"
-        " of its timing.",
+        _why(context.dispersion),
         (
             Table(
                 "Errors",
@@ -290,6 +283,19 @@ def identification(context: Context) -> Result:
         },
         figures,
         seeds=seeds if context.quick else (seeds[0], seeds[-1]),
+    )
+
+
+def _why(dispersion: bool) -> str:
+    known = (
+        "is the file's, and of it mass, size and the servo's rate are right, inertia and lag wrong"
+        if dispersion
+        else "(mass, size, inertia, the servo's lag and rate) is known exactly"
+    )
+    return (
+        f"What is known beforehand {known} here, and the air is still. The bands are wider than"
+        " these errors because they also hold what a stepwise read-back of the elevator leaves open"
+        " of its timing."
     )
 
 
