@@ -13,6 +13,12 @@ raised gains of roll and heading leave it is within 0.2 of the linear model's, w
 the bank up to 0.3 more (tests/control/test_lateral_margin.py).  The surfaces answer as the elevator
 does.
 
+With a slow servo on a late link heading is better than this has it.  A nose that swings rolls the
+wing by its yaw rate (C_lr), and that roll yaws it back (C_np): damping that is not here, and counts
+where lag has taken the rudder's.  Of 40 aircraft that this doubts at 40 ms the linear model has
+0.55 and more (docs/margins.md); without C_lr both agree within 0.2
+(tests/analysis/test_lateral_model.py).
+
     alpha = min 1 / |S - 1/2|,     S = 1 / (1 + L)       0 where 1 + L turns the wrong way round 0
 
 The rudder's L ends as it begins; of the aileron's each integral adds a quarter of a turn forward.

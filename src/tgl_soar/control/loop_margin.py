@@ -98,7 +98,8 @@ def margin_fault(
     """Why the line of these values cannot be flown with a margin, or why roll or heading would
     swing on any; "" if neither, or if too little is known of the airframe.
 
-    Roll and heading are known within 0.2 (`control.lateral_margin`): they are refused below RINGS
+    Roll and heading are known within 0.2 on the shipped aircraft, and heading has more than that
+    to spare where the rule knows least (`control.lateral_margin`): they are refused below RINGS
     alone, and what is between is a doubt.
     """
     for found in line_margins(values):
