@@ -23,11 +23,7 @@ from tgl_soar.control.conditions import (
     stream_conditions,
     target_conditions,
 )
-from tgl_soar.control.envelope import (
-    Margins,
-    brake_limit,
-    unlimited,
-)
+from tgl_soar.control.envelope import Margins, brake_limit, unlimited
 from tgl_soar.control.estimates import Estimates, EstimatorMemory, estimate, initial_memory
 from tgl_soar.control.excitation import (
     IDLE,
@@ -72,6 +68,7 @@ from tgl_soar.control.target_line import (
     line_tracking,
 )
 from tgl_soar.control.throttle import NO_THROTTLE, ThrottleReport, ThrottleState, throttle_report
+from tgl_soar.estimation.ground_range import GroundRange
 from tgl_soar.estimation.health import STREAM_FAULTS, fault_words
 from tgl_soar.types import (
     NAN,
@@ -130,6 +127,7 @@ class Output(NamedTuple):
     air: AirEstimate
     quality: MotionQuality
     margins: Margins
+    ground_range: GroundRange
     cut: int  # what the envelope cut off the command, bits CUT_…
     imu_weight: float  # of the gains with accelerations in those flown, 0 … 1
     gains: ScheduledGains  # in the modes in control
@@ -159,9 +157,8 @@ def entry_lacks(laws: Laws, state: AutopilotState, inputs: Inputs, output: Outpu
     """The conditions of an entry, as bits, that do not hold after a tick; state: after it."""
     held = stream_conditions(laws.guards, inputs, output.health, state.memory.confident_s)
     held |= flight_conditions(laws, output.vehicle, output.margins) | target_conditions(laws)
-    return modes.ENTRY & ~(
-        held | way.hand_conditions(laws, output.vehicle, output.health, output.margins)
-    )
+    held |= way.hand_conditions(laws, output.vehicle, output.health, output.margins)
+    return modes.ENTRY & ~held
 
 
 class _Guidance(NamedTuple):
@@ -326,6 +323,7 @@ def _output(
         air=estimates.air,
         quality=estimates.quality,
         margins=estimates.margins,
+        ground_range=estimates.ground_range,
         cut=flown.cut,
         imu_weight=estimates.memory.imu_weight,
         gains=flown.gains,

@@ -77,6 +77,14 @@ class AirspeedSample(NamedTuple):
     airspeed_mps: float
 
 
+class RangeSample(NamedTuple):
+    """One sample of a rangefinder that looks down along the body's third axis."""
+
+    sequence: int  # grows by one with every sample; 0: none yet
+    time_s: float  # when it was measured, loop's clock
+    range_m: float  # along the beam, within what the sensor says that it can measure
+
+
 class AutopilotStatus(NamedTuple):
     """What is known of the autopilot that moves the surfaces."""
 
@@ -133,6 +141,7 @@ NO_AIRSPEED: Final = AirspeedSample(0, NAN, NAN)
 NO_SURFACES: Final = SurfacesSample(
     sequence=0, time_s=NAN, elevator=NAN, aileron=NAN, rudder=NAN, brake=NAN
 )
+NO_RANGE: Final = RangeSample(0, NAN, NAN)
 
 
 class Inputs(NamedTuple):
@@ -146,6 +155,7 @@ class Inputs(NamedTuple):
     imu: ImuSample = NO_IMU
     airspeed: AirspeedSample = NO_AIRSPEED
     surfaces: SurfacesSample = NO_SURFACES
+    rangefinder: RangeSample = NO_RANGE
 
 
 class AirEstimate(NamedTuple):

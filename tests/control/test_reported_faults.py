@@ -14,6 +14,7 @@ from tgl_soar.control.envelope import Fence
 from tgl_soar.control.laws import laws_from
 from tgl_soar.control.margins import margins_of
 from tgl_soar.estimation import health as h
+from tgl_soar.estimation.ground_range import NO_GROUND_RANGE
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.sim.world import make_world
 from tgl_soar.types import NO_AIR, AirspeedSample, AutopilotStatus, Health, Inputs, VehicleState
@@ -123,9 +124,10 @@ def test_trouble_of_either_kind_is_recovered_from_and_then_released(
 def test_an_implausible_airspeed_is_not_what_keeps_it_from_the_stall() -> None:
     """A reading of 5 m/s says that it stalls; the same one, found implausible, says nothing."""
     inputs = INPUTS._replace(airspeed=AirspeedSample(1, NOW_S, 5.0))
-    assert margins_of(LAWS, inputs, STILL, SOUND, NO_AIR, (0.0, 0.0, 0.0), True).stall_rad < 0.0
+    unmoved = NO_AIR, (0.0, 0.0, 0.0), NO_GROUND_RANGE, True
+    assert margins_of(LAWS, inputs, STILL, SOUND, *unmoved).stall_rad < 0.0
     faulty = SOUND._replace(faults=h.AIRSPEED)
-    assert margins_of(LAWS, inputs, STILL, faulty, NO_AIR, (0.0, 0.0, 0.0), True).stall_rad == inf
+    assert margins_of(LAWS, inputs, STILL, faulty, *unmoved).stall_rad == inf
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
@@ -138,5 +140,5 @@ def test_where_the_source_says_it_is_counts_too(axis: int) -> None:
         laws = LAWS._replace(fence=fence)
         dx, dy, dz = (off_m if n == axis else 0.0 for n in range(3))
         for shift, is_outside in (((0.0, 0.0, 0.0), False), ((dx, dy, dz), True)):
-            found = margins_of(laws, INPUTS, STILL, SOUND, NO_AIR, shift, True)
+            found = margins_of(laws, INPUTS, STILL, SOUND, NO_AIR, shift, NO_GROUND_RANGE, True)
             assert bool(found.outside) == is_outside

@@ -591,6 +591,7 @@ def test_every_fault_has_its_words() -> None:
         *streams,
         *(bit << ATTITUDE_SHIFT for bit in streams),
         *(h.DISAGREES, h.AIRSPEED, h.SURFACES, h.FAILSAFE, h.DISARMED, h.BRAKE, h.RECKONED),
+        h.RANGE,
     ]
     assert bits == [1 << i for i in range(len(FAULT_TEXTS))]
     assert fault_words(0) == ""

@@ -24,6 +24,7 @@ from tgl_soar.link.decoder import Decoder
 from tgl_soar.link.messages import (
     CommandAck,
     CommandLong,
+    DistanceSensor,
     GlobalPositionInt,
     Heartbeat,
     HighresImu,
@@ -41,7 +42,7 @@ from tgl_soar.link.messages import (
 from tgl_soar.link.session import Session, SessionOptions
 from tgl_soar.link.sources import GLOBAL_POSITION, LOCAL_POSITION, VISION, PositionSources
 from tgl_soar.link.tangent_plane import Home, TangentPlane
-from tgl_soar.types import NO_AIRSPEED, NO_IMU, NO_SURFACES
+from tgl_soar.types import NO_AIRSPEED, NO_IMU, NO_RANGE, NO_SURFACES
 
 OWN, AUTOPILOT, STRANGER, BRIDGE = Source(1, 191), Source(1, 1), Source(9, 1), Source(1, 197)
 CHANNELS = SurfaceChannels(
@@ -604,3 +605,117 @@ def test_the_nose_of_a_level_aircraft_is_where_its_yaw_says() -> None:
     assert talk.sources.attitude is not None
     w, x, y, z = talk.sources.attitude
     assert degrees(asin(2.0 * (w * y - z * x))) == pytest.approx(30.0)
+
+
+# --- a rangefinder --------------------------------------------------------------------------------
+
+DOWN = DistanceSensor(
+    time_boot_ms=1000,
+    min_distance=20,
+    max_distance=4000,
+    current_distance=1234,
+    id=0,
+    orientation=25,
+    signal_quality=0,
+)
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"orientation": 0},  # ahead
+        {"orientation": 24},  # up
+        {"signal_quality": 1},
+        {"current_distance": 0},
+        {"current_distance": 20},  # at its smallest: nearer than that for all that is known
+        {"current_distance": 4000},
+        {"current_distance": 65535},
+        {"min_distance": 5000},
+        {"max_distance": 0},
+        {"min_distance": 0, "max_distance": 0, "current_distance": 0},
+    ],
+)
+def test_what_is_no_distance_to_the_ground_below_is_refused(fields: dict[str, int]) -> None:
+    talk = session()
+    hear(talk, DOWN._replace(**fields), 1.0)
+    assert talk.rangefinder == NO_RANGE
+    assert (talk.counters.ranges, talk.counters.no_range) == (0, 1)
+
+
+@pytest.mark.parametrize("quality", [0, 2, 100])
+def test_a_distance_to_the_ground_below_is_in_metres(quality: int) -> None:
+    talk = session()
+    hear(talk, DOWN._replace(signal_quality=quality), 1.0)
+    assert talk.rangefinder.sequence == 1
+    assert talk.rangefinder.range_m == pytest.approx(12.34)
+    assert talk.rangefinder.time_s <= 1.0
+
+
+def test_a_distance_of_another_sender_is_counted_and_ignored() -> None:
+    talk = session()
+    for source in (STRANGER, BRIDGE, OWN):
+        hear(talk, DOWN, 1.0, source)
+    assert talk.rangefinder == NO_RANGE
+    assert talk.counters.foreign == 3
+
+
+def test_of_several_rangefinders_one_is_used_until_it_is_silent() -> None:
+    talk = session()
+    for k in range(4):
+        now = 1.0 + 0.05 * k
+        stamp = round(1000.0 * now)
+        hear(talk, DOWN._replace(time_boot_ms=stamp), now)
+        hear(talk, DOWN._replace(time_boot_ms=stamp, id=1, current_distance=900), now)
+        assert talk.rangefinder.range_m == pytest.approx(12.34)
+    for k in range(13):
+        now = 1.2 + 0.05 * k
+        hear(talk, DOWN._replace(time_boot_ms=round(1000 * now), id=1, current_distance=900), now)
+    assert talk.rangefinder.range_m == pytest.approx(9.0)
+    assert talk.counters.stale == 0
+
+
+def test_a_distance_that_comes_again_or_late_is_no_new_one() -> None:
+    talk = session()
+    hear(talk, DOWN, 1.0)
+    hear(talk, DOWN, 1.05)
+    hear(talk, DOWN._replace(time_boot_ms=900), 1.1)
+    assert talk.rangefinder.sequence == 1
+
+
+@pytest.mark.parametrize("fitted", [False, True])
+def test_distances_are_asked_for_where_a_rangefinder_is_fitted(fitted: bool) -> None:
+    talk = session(rangefinder=fitted)
+    wanted = talk.streams.wanted(132)
+    assert (wanted is not None) == fitted
+    if wanted is not None:
+        assert (wanted.name, wanted.rate_hz) == ("DISTANCE_SENSOR", 20.0)
+
+
+@settings(max_examples=60)
+@given(
+    stamp=st.integers(0, 2**32 - 1),
+    near=st.integers(0, 65535),
+    far=st.integers(0, 65535),
+    here=st.integers(0, 65535),
+    number=st.integers(0, 255),
+    turned=st.integers(0, 255),
+    quality=st.integers(0, 255),
+)
+def test_any_distance_on_the_wire_is_a_sane_one_or_none(
+    stamp: int, near: int, far: int, here: int, number: int, turned: int, quality: int
+) -> None:
+    """Every payload, by pymavlink's encoder and through our decoder."""
+    sender = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+    message = mavlink.MAVLink_distance_sensor_message(
+        stamp, near, far, here, 0, number, turned, 255, signal_quality=quality
+    )
+    talk = session()
+    for received in Decoder(stream=False).feed(message.pack(sender)):
+        talk.handle(received, 1.0)
+    sample = talk.rangefinder
+    assert talk.counters.ranges + talk.counters.no_range + talk.counters.stale >= 1
+    if sample.sequence:
+        assert turned == 25
+        assert quality != 1
+        assert near < here < far
+        assert sample.range_m == pytest.approx(0.01 * here)

@@ -132,6 +132,7 @@ class AutopilotLink(Strict, frozen=True):
     operators: frozenset[SystemId] = OPERATORS  # who may set parameters and command
     # The message that brings accelerations; "usual" is what the firmware does best.
     imu: Literal["usual", "raw_imu", "scaled_imu", "highres_imu", "none"] = "usual"
+    rangefinder: bool = False  # one that looks down is fitted: its distances are asked for
 
 
 # What the simulation flies: six degrees of freedom, or the paper's point mass.

@@ -56,6 +56,10 @@ GROUPS: Final[tuple[Group, ...]] = (
     ),
     Group("Estimation", ("EST",), "How position and velocity follow from delayed fixes."),
     Group(
+        "The rangefinder", ("RNG",),
+        "Height over the ground, measured: a bound, and a correction of the receiver's.",
+    ),
+    Group(
         "The air", ("WIND",),
         "Airspeed, angle of attack, wind and updraft, estimated from all that is measured.",
     ),

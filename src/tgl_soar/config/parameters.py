@@ -536,6 +536,21 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
                 " all, so that the aircraft stays where its lift is. Beyond, or at 0, the line"
                 " stays where it is in the source's frame, and is captured again.",
     ),
+    # Only a bound by default: it makes the ground nearer and never farther. A profile of a few
+    # points that is off by a metre moves the line by a metre, so who has surveyed it asks for 2.
+    Parameter(
+        name="RNG_USE", unit="", minimum=0, maximum=2, default=1,
+        meaning="What a rangefinder that looks down is used for. 1: ground that it sees nearer than"
+                " the position says counts for CLEAR_MIN, flare and way home; 2: it also corrects"
+                " the height, slowly, where the site file knows the ground; 0: nothing.",
+        integer=True,
+    ),
+    # 1.5 standard deviations of a receiver's height of 2 m; twice as much, three, is the most.
+    Parameter(
+        name="RNG_GATE", unit="m", minimum=0.2, maximum=20, default=3.0,
+        meaning="A rangefinder that steps by more than this against the position, or that differs"
+                " by more than twice this, is not used.",
+    ),
     Parameter(
         name="EST_DELAY", unit="s", minimum=0, maximum=0.5, default=0.0,
         meaning="Delay of the position source that its time stamps do not include.",

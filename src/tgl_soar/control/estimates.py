@@ -14,6 +14,13 @@ from tgl_soar.control.scheduling import weight_step
 from tgl_soar.control.soaring import TrimState, trim_step
 from tgl_soar.estimation.aerodynamics import glide_pitch
 from tgl_soar.estimation.cross_wind import across_air, cross_wind_step, veer
+from tgl_soar.estimation.ground_range import (
+    NO_RANGE_STATE,
+    GroundRange,
+    RangeState,
+    range_step,
+)
+from tgl_soar.estimation.health import RANGE as RANGE_FAULT
 from tgl_soar.estimation.health import HealthState, health_step, initial_health
 from tgl_soar.estimation.motion import is_imu_valid, motion_quality, motion_step, unshifted
 from tgl_soar.estimation.motion_state import MotionState, initial_motion
@@ -44,6 +51,7 @@ class EstimatorMemory(NamedTuple):
     gain_speed_mps: float  # averaged airspeed that the gains are for; NaN: not known yet
     gain_age_s: float  # averaged age of attitudes, likewise
     confident_s: float  # of when the last fix is that made the position confident; NaN: none
+    rangefinder: RangeState
 
 
 class Estimates(NamedTuple):
@@ -54,6 +62,7 @@ class Estimates(NamedTuple):
     health: Health
     air: AirEstimate
     margins: Margins
+    ground_range: GroundRange
     veer_rad: float  # where the wind comes from: zero along the frame, positive to the right
     memory: EstimatorMemory
 
@@ -71,6 +80,7 @@ def initial_memory() -> EstimatorMemory:
         gain_speed_mps=NAN,
         gain_age_s=0.0,
         confident_s=NAN,
+        rangefinder=NO_RANGE_STATE,
     )
 
 
@@ -102,6 +112,9 @@ def estimate(
         dt_s,
     )
     health = with_uncertainty(laws.guards, health, quality)
+    rangefinder, ground_range, health = _over_ground(
+        laws, before.rangefinder, inputs, vehicle, health, quality.jumped, flying
+    )
     wind, air = wind_step(
         wind_with_brake(laws, limited, flying, inputs.surfaces),
         before.wind,
@@ -122,12 +135,16 @@ def estimate(
     trim, gust = trim_step(
         laws.pitch_trim, before.pitch_trim, glide, air.updraft_mps, air.airspeed_mps, dt_s
     )
+    margins = margins_of(laws, inputs, vehicle, health, air, motion.shift, ground_range, flying)
+    if ground_range.correction_m != 0.0:
+        vehicle = vehicle._replace(z_m=vehicle.z_m + ground_range.correction_m)
     return Estimates(
         vehicle=vehicle,
         quality=quality,
         health=health,
         air=air,
-        margins=margins_of(laws, inputs, vehicle, health, air, motion.shift, flying),
+        margins=margins,
+        ground_range=ground_range,
         veer_rad=veer(laws.cross_wind, cross_wind, air.wind_mps),
         memory=EstimatorMemory(
             motion=motion,
@@ -140,8 +157,28 @@ def estimate(
             gain_speed_mps=speed_step(before.gain_speed_mps, air.airspeed_mps, dt_s),
             gain_age_s=age_step(before.gain_age_s, health.attitude_age_s, dt_s),
             confident_s=motion.fix.time_s if health.position_ok else before.confident_s,
+            rangefinder=rangefinder,
         ),
     )
+
+
+def _over_ground(
+    laws: Laws,
+    before: RangeState,
+    inputs: Inputs,
+    vehicle: VehicleState,
+    health: Health,
+    jumped: bool,
+    flying: bool,
+) -> tuple[RangeState, GroundRange, Health]:
+    """What a rangefinder says of the height, and health with what is wrong with it."""
+    sample, certain = inputs.rangefinder, health.position_ok
+    after, found = range_step(
+        laws.rangefinder, laws.ground, before, sample, vehicle, certain, jumped, flying
+    )
+    if found.refused:
+        health = health._replace(faults=health.faults | RANGE_FAULT)
+    return after, found, health
 
 
 def _elevator(inputs: Inputs, flying: bool, commanded: SurfaceCommand) -> float:

@@ -30,6 +30,7 @@ from tgl_soar.control.target_line import LineLimits, TargetLine, eta_from_lean
 from tgl_soar.control.throttle import ThrottleParams
 from tgl_soar.estimation.aerodynamics import brake_sink
 from tgl_soar.estimation.cross_wind import CrossWindParams
+from tgl_soar.estimation.ground_range import RangeGains
 from tgl_soar.estimation.health import HealthLimits
 from tgl_soar.estimation.motion_state import MotionGains
 from tgl_soar.estimation.wind import WindParams
@@ -90,6 +91,7 @@ class Laws(NamedTuple):
     cross_wind: CrossWindParams
     fence: Fence
     ground: Ground
+    rangefinder: RangeGains
     pitch_trim: TrimGains
     loops: int  # whose loops move the surfaces: OURS, THEIRS or THEIRS_WITH_RUDDER
     excitation: Excitation
@@ -155,6 +157,7 @@ def laws_from(
         cross_wind=CrossWindParams(radians(values["VEER_MAX"]), values["VEER_T"]),
         fence=_fence(values),
         ground=ground,
+        rangefinder=RangeGains(int(values["RNG_USE"]), values["RNG_GATE"]),
         pitch_trim=TrimGains(
             radians(values["PITCH_TRIM"]),
             values["WIND_TRIM"],

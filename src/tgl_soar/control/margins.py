@@ -21,6 +21,7 @@ from tgl_soar.control.envelope import (
     stall_margin,
 )
 from tgl_soar.control.laws import Laws
+from tgl_soar.estimation.ground_range import GroundRange
 from tgl_soar.estimation.health import AIRSPEED
 from tgl_soar.types import NAN, AirEstimate, Health, Inputs, VehicleState, isfinite
 
@@ -35,12 +36,16 @@ def margins_of(
     health: Health,
     air: AirEstimate,
     shift: tuple[float, float, float],
+    ground_range: GroundRange,
     flying: bool,
 ) -> Margins:
     """The margins of one tick.
 
     shift: what is taken off the source's position [m], soaring frame.  Nobody knows in which of the
     two frames the ground is right: the nearer one counts, and what is outside in either is outside.
+    vehicle: by its position alone, to which a rangefinder's correction is added here.  Where that
+    sees the ground nearer, that counts; ground of which the site knows nothing is as near as it
+    sees it.
     A lost place that nobody can even estimate is not outside: its age ends the flight, with a
     reason of its own.
     """
@@ -50,12 +55,15 @@ def margins_of(
         alpha, airspeed = air.alpha_rad, air.airspeed_mps
     elif not health.faults & AIRSPEED:
         airspeed = inputs.airspeed.airspeed_mps
-    x, y, z = vehicle.x_m, vehicle.y_m, vehicle.z_m
+    x, y, z = vehicle.x_m, vehicle.y_m, vehicle.z_m + ground_range.correction_m
     dx, dy, dz = shift
     near, beyond = clearance(laws.ground, x, z), outside(laws.fence, x, y, z)
     if dx != 0.0 or dy != 0.0 or dz != 0.0:
         near = min(near, clearance(laws.ground, x + dx, z + dz))
         beyond |= outside(laws.fence, x + dx, y + dy, z + dz)
+    bound = vehicle.z_m + ground_range.bound_m
+    if isfinite(bound):
+        near = min(near, clearance(laws.ground, x, bound) if laws.ground.points > 0 else bound)
     unknown = not health.position_ok and not isfinite(x + y + z)
     return Margins(
         stall_margin(laws.envelope, alpha, airspeed),

@@ -83,6 +83,7 @@ FAILSAFE: Final = 1 << 15
 DISARMED: Final = 1 << 16
 BRAKE: Final = 1 << 17
 RECKONED: Final = 1 << 18
+RANGE: Final = 1 << 19
 FAULT_TEXTS: Final = (
     "position has gaps",
     "position frozen",
@@ -103,8 +104,10 @@ FAULT_TEXTS: Final = (
     "autopilot disarmed",
     "brake does not follow commands",
     "position only dead reckoned",
+    "rangefinder not used: frozen, or far from what the position says",
 )
-STREAM_FAULTS: Final = (SURFACES - 1) | RECKONED  # of position, attitude, accelerations, airspeed
+# Of position, attitude, accelerations, airspeed and rangefinder.
+STREAM_FAULTS: Final = (SURFACES - 1) | RECKONED | RANGE
 # A position with one of these is not engaged with.
 INSANE: Final = FROZEN | JUMP | NOT_FINITE | BACKWARDS | WRONG | RECKONED
 

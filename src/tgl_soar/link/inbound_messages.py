@@ -14,6 +14,7 @@ from tgl_soar.link.messages import (
     CommandAck,
     CommandInt,
     CommandLong,
+    DistanceSensor,
     EkfStatusReport,
     EstimatorStatus,
     FileTransferProtocol,
@@ -63,6 +64,18 @@ def _vfr_hud(m: Any) -> Inbound:
 
 def _sys_status(m: Any) -> Inbound:
     return SysStatus(m.onboard_control_sensors_present, m.onboard_control_sensors_health)
+
+
+def _distance_sensor(m: Any) -> Inbound:
+    return DistanceSensor(
+        time_boot_ms=m.time_boot_ms,
+        min_distance=m.min_distance,
+        max_distance=m.max_distance,
+        current_distance=m.current_distance,
+        id=m.id,
+        orientation=m.orientation,
+        signal_quality=m.signal_quality,
+    )
 
 
 def _ekf_status_report(m: Any) -> Inbound:
@@ -169,6 +182,7 @@ INBOUND: Final[dict[int, Callable[[Any], Inbound]]] = {
     dialect.MAVLINK_MSG_ID_VISION_POSITION_ESTIMATE: _vision_position_estimate,
     dialect.MAVLINK_MSG_ID_VFR_HUD: _vfr_hud,
     dialect.MAVLINK_MSG_ID_SYS_STATUS: _sys_status,
+    dialect.MAVLINK_MSG_ID_DISTANCE_SENSOR: _distance_sensor,
     dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT: _ekf_status_report,
     dialect.MAVLINK_MSG_ID_ESTIMATOR_STATUS: _estimator_status,
     dialect.MAVLINK_MSG_ID_COMMAND_LONG: _command_long,

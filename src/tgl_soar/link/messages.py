@@ -29,6 +29,8 @@ STATE_CRITICAL: Final = 5
 STATE_EMERGENCY: Final = 6
 SENSOR_DIFFERENTIAL_PRESSURE: Final = 16  # MAV_SYS_STATUS_SENSOR: a pitot tube
 ESTIMATOR_VISION: Final = 2  # MAV_ESTIMATOR_TYPE
+ORIENTATION_DOWN: Final = 25  # MAV_SENSOR_ROTATION_PITCH_270
+QUALITY_INVALID: Final = 1  # DISTANCE_SENSOR.signal_quality: 0 is not reported
 
 # EKF_STATUS_FLAGS and ESTIMATOR_STATUS_FLAGS
 ESTIMATOR_POSITION_RELATIVE: Final = 1 << 3
@@ -97,6 +99,7 @@ ID_HIGHRES_IMU: Final = 105
 ID_TIMESYNC: Final = 111
 ID_SCALED_IMU2: Final = 116
 ID_SCALED_IMU3: Final = 129
+ID_DISTANCE_SENSOR: Final = 132
 ID_EKF_STATUS_REPORT: Final = 193
 ID_ESTIMATOR_STATUS: Final = 230
 ID_ODOMETRY: Final = 331
@@ -257,6 +260,16 @@ class EstimatorStatus(NamedTuple):
     """PX4's; of it the flags alone."""
 
     flags: int  # ESTIMATOR_STATUS_FLAGS, which are the same where both are used here
+
+
+class DistanceSensor(NamedTuple):
+    time_boot_ms: int
+    min_distance: int  # cm
+    max_distance: int  # cm
+    current_distance: int  # cm
+    id: int  # of the sensor, among those of one autopilot
+    orientation: int  # MAV_SENSOR_ORIENTATION
+    signal_quality: int  # 0: not reported, 1: no valid signal, else in per cent
 
 
 class ServoOutputRaw(NamedTuple):
@@ -498,6 +511,7 @@ Inbound: TypeAlias = (
     | SysStatus
     | EkfStatusReport
     | EstimatorStatus
+    | DistanceSensor
     | ServoOutputRaw
     | CommandLong
     | CommandInt

@@ -22,7 +22,15 @@ from math import sqrt
 from struct import Struct
 from typing import Final
 
-from tgl_soar.link.messages import HighresImu, RawImu, ScaledImu, VfrHud
+from tgl_soar.link.messages import (
+    ORIENTATION_DOWN,
+    QUALITY_INVALID,
+    DistanceSensor,
+    HighresImu,
+    RawImu,
+    ScaledImu,
+    VfrHud,
+)
 from tgl_soar.types import NAN, isfinite
 
 MILLI_G_MPS2: Final = 9.80665e-3
@@ -94,6 +102,19 @@ def airspeed_of_hud(message: VfrHud) -> float | None:
     height_m = min(max(message.alt, -500.0), 9000.0) if isfinite(message.alt) else 0.0
     ratio = (1.0 - 2.25577e-5 * height_m) ** 4.2559
     return _plausible(message.airspeed / sqrt(ratio))
+
+
+def range_of(message: DistanceSensor) -> float | None:
+    """Distance [m] along the body's third axis; None: no measurement of the ground below.
+
+    A sensor shows what lies beyond its reach at its largest distance or farther, and what is too
+    near at its smallest or below: both ends count as beyond.  Whether its variance is known or not
+    is the same here: what is wrong with a height over the ground is the ground.
+    """
+    near, far, here = message.min_distance, message.max_distance, message.current_distance
+    if message.orientation != ORIENTATION_DOWN or message.signal_quality == QUALITY_INVALID:
+        return None
+    return 0.01 * here if here > 0 and near < here < far else None
 
 
 def _plausible(airspeed_mps: float) -> float | None:

@@ -22,6 +22,7 @@ from tgl_soar.link.messages import (
     SEVERITY_WARNING,
     AttitudeQuaternion,
     CommandAck,
+    DistanceSensor,
     EkfStatusReport,
     EstimatorStatus,
     GlobalPositionInt,
@@ -65,6 +66,7 @@ from tgl_soar.types import (
     AutopilotStatus,
     ImuSample,
     PositionFix,
+    RangeSample,
     SurfacesSample,
 )
 
@@ -84,6 +86,7 @@ class SessionOptions(NamedTuple):
     home: Home | None = None  # the origin for latitude and longitude
     vision_from: Collection[Source] = ()  # whose VISION_POSITION_ESTIMATE is accepted
     imu: int | None = None  # message with accelerations; None: the firmware's usual one, 0: none
+    rangefinder: bool = False  # one that looks down is fitted
     start: int = 1  # a number of this start of the module, for its heartbeat
     needs: Needs | None = None  # what parameters are checked for; None: only whom it obeys
 
@@ -123,6 +126,8 @@ class Session:
             ledger,
         )
         self._rates = MessageRates(flavour, options.imu, options.loop_rate_hz, self.sources, ledger)
+        if options.rangefinder:
+            self._rates.want_rangefinder()
 
     def set_loop_rate(self, loop_rate_hz: float) -> None:
         """Attitude and accelerations are needed once a tick."""
@@ -142,6 +147,11 @@ class Session:
     def airspeed(self) -> AirspeedSample:
         """The newest."""
         return self.samples.airspeed
+
+    @property
+    def rangefinder(self) -> RangeSample:
+        """The newest distance to the ground."""
+        return self.samples.rangefinder
 
     @property
     def surfaces(self) -> SurfacesSample:
@@ -269,6 +279,8 @@ class Session:
             return self._on_timesync(source, message, now_s)
         elif isinstance(message, VfrHud):
             self.samples.on_hud(message, now_s)
+        elif isinstance(message, DistanceSensor):
+            self.samples.on_distance(message, now_s)
         elif isinstance(message, SysStatus):
             self.samples.on_sys_status(message)
         elif isinstance(message, EkfStatusReport | EstimatorStatus):
@@ -324,6 +336,7 @@ _MEASUREMENTS: Final = (
     GlobalPositionInt,
     VfrHud,
     ServoOutputRaw,
+    DistanceSensor,
     EkfStatusReport,
     EstimatorStatus,
 )

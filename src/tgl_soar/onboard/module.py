@@ -119,9 +119,8 @@ class Onboard:
         need not sign on its own link.  `keep_key`: keeps a key that came over the air, or raises
         OSError; without it none is accepted.  `recorder`: is told all that a log holds.  `start`:
         tells this module from another one that was given the same identity by mistake.
-        `send_command`, `clear_for_release`: as `Route` takes them, for the first link.
-        `before_first`: is called before the first frame that takes the surfaces is sent.  `search`:
-        looks for lift beside the ticks.
+        `send_command`, `clear_for_release`: as `Route` takes them, for the first link.  `search`:
+        looks for lift.  `before_first`: is called before the first frame that takes the surfaces.
         """
         self.counters = Counters()
         self.output: autopilot.Output | None = None  # of the last tick
@@ -294,6 +293,7 @@ class Onboard:
             imu=session.imu,
             airspeed=session.airspeed,
             surfaces=session.surfaces,
+            rangefinder=session.rangefinder,
         )
         self.warm_ups.keep(self._state, inputs)
         self._state, output = autopilot.step(self.settings.laws, self._state, inputs)

@@ -69,6 +69,7 @@ MODULES: Final = (
     "tgl_soar.control.target_line",
     "tgl_soar.control.throttle",
     "tgl_soar.estimation.fix_filter",
+    "tgl_soar.estimation.ground_range",
     "tgl_soar.estimation.health",
     "tgl_soar.estimation.inertial_track",
     "tgl_soar.estimation.motion_state",

@@ -59,6 +59,7 @@ class ModuleSetup(NamedTuple):
     surface_channels: frozenset[int] = frozenset()  # none of them can be the pilot's switch
     position: PositionSettings = PositionSettings()  # the site's sources
     imu: int | None = None  # the message that is to carry accelerations; None: the usual one
+    rangefinder: bool = False  # one is fitted
     forward: Forward | None = None  # what the autopilot is told of the position
     aerodynamics: Aerodynamics = NO_AERODYNAMICS  # of the airframe, to read the air by
     lateral: LateralDynamics = UNKNOWN  # of the airframe, to judge gains by
@@ -147,6 +148,7 @@ def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> Modu
         surface_channels=driven,
         position=site.position,
         imu=_IMUS[link.imu],
+        rangefinder=link.rangefinder,
         forward=site.forward,
         aerodynamics=aerodynamics,
         lateral=lateral_dynamics(airframe),
@@ -212,6 +214,7 @@ def session_of(setup: ModuleSetup, *, lockstep: bool, start: int) -> Session:
             home=Home(home.latitude_deg, home.longitude_deg, home.altitude_m) if home else None,
             vision_from=accepted_bridges(position, setup.own),
             imu=setup.imu,
+            rangefinder=setup.rangefinder,
             start=start,
             needs=setup.needs,
         )

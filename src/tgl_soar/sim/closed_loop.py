@@ -86,6 +86,7 @@ class ClosedLoop:
             imu=world.imu,
             airspeed=world.airspeed,
             surfaces=world.surfaces,
+            rangefinder=world.rangefinder,
         )
         inputs = inputs_at(now, samples, self.engage)
         if self._link is not None:

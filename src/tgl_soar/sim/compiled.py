@@ -57,6 +57,7 @@ MODULES: Final = (
     "tgl_soar.estimation.motion_state",
     "tgl_soar.estimation.position_fixes",
     "tgl_soar.estimation.motion",
+    "tgl_soar.estimation.ground_range",
     "tgl_soar.estimation.health",
     "tgl_soar.estimation.aerodynamics",
     "tgl_soar.estimation.body_axes",

@@ -121,7 +121,7 @@ def fly_on(
 
 def lines_of(parts: Parts) -> tuple[tuple[Any, ...], ...]:
     """What lies in the delay lines of a flight's sensors: beside `Flight`, all that goes on."""
-    sensors: tuple[Any, ...] = parts.sensors  # of five types
+    sensors: tuple[Any, ...] = parts.sensors  # of six types
     return tuple(tuple(sensor.line) for sensor in sensors)
 
 
@@ -135,7 +135,7 @@ def continued(
     """
     own, _ = _draw(prepared, seed)
     noise, _ = _draw(prepared, noise_seed) if noise_seed != seed else (own, None)
-    biased: tuple[Any, ...] = own.sensors  # of five types
+    biased: tuple[Any, ...] = own.sensors  # of six types
     noisy: tuple[Any, ...] = noise.sensors
     sensors = []
     for sensor, other, line in zip(biased, noisy, lines, strict=True):
@@ -232,7 +232,9 @@ def _draw(prepared: Prepared, seed: int) -> tuple[Parts, WorldNow]:
     parts = plain._replace(
         air=air,
         turbulence=plain.turbulence._replace(white=white, rolling=rolling),
-        sensors=flown_sensors(world.sensors, world.step_hz, drawn_before(seed, ticks), _line),
+        sensors=flown_sensors(
+            world.sensors, world.step_hz, drawn_before(seed, ticks), _line, world.ground
+        ),
     )
     start = world.now._replace(turbulence=eddies, roll_gust_radps=roll_gust)
     command = SurfaceCommand(world.trim.elevator, 0.0, 0.0)

@@ -343,6 +343,8 @@ _RECKONED: Final = FaultKind(
     ),
 )
 
+_RANGES: Final = "distances to the ground"
+
 _KINDS: Final[tuple[FaultKind, ...]] = (
     _RECKONED,
     *_OF_THE_BRAKE,
@@ -358,6 +360,9 @@ _KINDS: Final[tuple[FaultKind, ...]] = (
     *_errors("attitude", _PASSING["attitude"], "deg", ("roll", "pitch", "heading"), 8.0),
     *_errors("imu", _PASSING["imu"], "m/s²", ("x", "y", "z"), 2.0),
     *_errors("airspeed", _PASSING["airspeed"], "m/s", ("ahead",), 2.0),
+    *_lies("rangefinder", _RANGES),
+    *_errors("rangefinder", _RANGES, "m", ("away",), 2.0),
+    FaultKind("rangefinder.dropout", f"no {_RANGES} arrive", (_START, _for(3.0, 0.5, 10.0))),
     FaultKind(
         "link.corrupt",
         "bits of some datagrams are turned, both ways",

@@ -110,6 +110,7 @@ def inputs_at(now_s: float, samples: Samples, engage: bool) -> Inputs:
         imu=samples.imu,
         airspeed=samples.airspeed,
         surfaces=samples.surfaces,
+        rangefinder=samples.rangefinder,
     )
 
 

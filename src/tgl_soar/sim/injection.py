@@ -31,14 +31,23 @@ from tgl_soar.types import (
     ImuSample,
     Inputs,
     PositionFix,
+    RangeSample,
     SurfaceCommand,
     SurfacesSample,
 )
 
 Item = TypeVar("Item")
-Sample = TypeVar("Sample", PositionFix, AttitudeSample, ImuSample, AirspeedSample, SurfacesSample)
+Sample = TypeVar(
+    "Sample",
+    PositionFix,
+    AttitudeSample,
+    ImuSample,
+    AirspeedSample,
+    SurfacesSample,
+    RangeSample,
+)
 
-MEASURED: Final = ("position", "attitude", "imu", "airspeed")
+MEASURED: Final = ("position", "attitude", "imu", "airspeed", "rangefinder")
 BOTH_WAYS: Final = ("delay", "jitter", "reorder", "duplicate", "loss", "corrupt")
 SURFACES: Final = ("elevator", "aileron", "rudder", "brake")
 HEARTBEAT_S: Final = 1.0
@@ -210,6 +219,8 @@ def _wrong_by(sample: Any, error: Sequence[float]) -> Any:
             force_y_frd_mps2=sample.force_y_frd_mps2 + error[1],
             force_z_frd_mps2=sample.force_z_frd_mps2 + error[2],
         )
+    if isinstance(sample, RangeSample):
+        return sample._replace(range_m=max(0.0, sample.range_m + error[0]))
     return sample._replace(airspeed_mps=max(0.0, sample.airspeed_mps + error[0]))
 
 

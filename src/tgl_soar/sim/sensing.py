@@ -8,6 +8,7 @@ and its delay line, the only thing that changes.  Plain Python and numba take th
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import erf, sqrt
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 from tgl_soar.geometry import SoaringFrame
@@ -18,6 +19,7 @@ from tgl_soar.sim.sensors import (
     AttitudeParams,
     ImuParams,
     PositionParams,
+    RangeParams,
     Sensors,
     SensorTiming,
     Triple,
@@ -25,6 +27,7 @@ from tgl_soar.sim.sensors import (
     measure_attitude,
     measure_imu,
     measure_position,
+    measure_range,
     samples_delivered,
     sensor_timing,
 )
@@ -35,17 +38,29 @@ from tgl_soar.types import (
     NO_AIRSPEED,
     NO_ATTITUDE,
     NO_FIX,
+    NO_GROUND,
     NO_IMU,
+    NO_RANGE,
     NO_SURFACES,
     AirspeedSample,
     AttitudeSample,
+    Ground,
     ImuSample,
     PositionFix,
+    RangeSample,
     SurfaceCommand,
     SurfacesSample,
 )
 
-Sample = TypeVar("Sample", PositionFix, AttitudeSample, ImuSample, AirspeedSample, SurfacesSample)
+Sample = TypeVar(
+    "Sample",
+    PositionFix,
+    AttitudeSample,
+    ImuSample,
+    AirspeedSample,
+    SurfacesSample,
+    RangeSample,
+)
 
 
 class DelayLine(Protocol[Sample]):
@@ -126,6 +141,17 @@ class SurfacesSensor(NamedTuple):
     line: DelayLine[SurfacesSample]
 
 
+class RangeSensor(NamedTuple):
+    """A rangefinder that looks down at the site's own profile of the ground."""
+
+    fitted: bool
+    params: RangeParams
+    timing: SensorTiming
+    ground: Ground
+    white: Rows  # of every sample: distance, and whether anything comes back
+    line: DelayLine[RangeSample]
+
+
 class FlownSensors(NamedTuple):
     """All sensors in one flight."""
 
@@ -134,6 +160,7 @@ class FlownSensors(NamedTuple):
     imu: ImuSensor
     airspeed: AirspeedSensor
     surfaces: SurfacesSensor
+    rangefinder: RangeSensor
 
 
 class Samples(NamedTuple):
@@ -144,6 +171,7 @@ class Samples(NamedTuple):
     imu: ImuSample
     airspeed: AirspeedSample
     surfaces: SurfacesSample
+    rangefinder: RangeSample
 
 
 NO_SAMPLES = Samples(
@@ -152,6 +180,7 @@ NO_SAMPLES = Samples(
     imu=NO_IMU,
     airspeed=NO_AIRSPEED,
     surfaces=NO_SURFACES,
+    rangefinder=NO_RANGE,
 )
 # One that is not fitted needs figures, too: numba wants every field.
 _NO_IMU = ImuParams(
@@ -163,6 +192,7 @@ _NO_IMU = ImuParams(
     rate_bias_radps=0.0,
 )
 _NO_PITOT = AirspeedParams(1.0, 0.0, 0.0, 0.0)
+_NO_RANGEFINDER = RangeParams(1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _NEVER = 1_000_000_000  # steps
 
 
@@ -171,8 +201,11 @@ def flown_sensors(
     step_rate_hz: float,
     white: White,
     line: Callable[[Any, int], Any] = lambda nothing, length: [nothing] * length,
+    ground: Ground = NO_GROUND,
 ) -> FlownSensors:
     """The sensors of one flight: `white` is its randomness, `line` makes the delay lines.
+
+    ground: what a rangefinder looks at.
 
     Errors: ValueError for a rate that does not divide the step rate.
     """
@@ -235,6 +268,27 @@ def flown_sensors(
         imu=an_imu,
         airspeed=an_airspeed,
         surfaces=surfaces,
+        rangefinder=_rangefinder(
+            sensors.rangefinder, timing("rangefinder", sensors.rangefinder), ground, white, line
+        ),
+    )
+
+
+def _rangefinder(
+    params: RangeParams | None,
+    timing: SensorTiming,
+    ground: Ground,
+    white: White,
+    line: Callable[[Any, int], Any],
+) -> RangeSensor:
+    _, ranges = white("rangefinder", timing.period_steps, 0, 2)
+    return RangeSensor(
+        fitted=params is not None and ground.points > 0,
+        params=params or _NO_RANGEFINDER,
+        timing=timing,
+        ground=ground,
+        white=ranges,
+        line=line(NO_RANGE, line_length(timing)),
     )
 
 
@@ -371,6 +425,27 @@ def sense_surfaces(sensor: SurfacesSensor, command: SurfaceCommand, step: int) -
     return delivered(timing, sensor.line, step)
 
 
+def sense_range(sensor: RangeSensor, state: AircraftState, step: int) -> RangeSample:
+    """The newest distance that has arrived by this step (0, 1, 2 …); sequence 0: none yet.
+
+    What is out of reach, or does not come back, is a sample without a number.
+    """
+    timing, params = sensor.timing, sensor.params
+    if not sensor.fitted:
+        return NO_RANGE
+    if step % timing.period_steps == 0:
+        k = step // timing.period_steps
+        white = sensor.white[k]
+        time_s, error_m = step / timing.step_rate_hz, white[0] * params.noise_m
+        sample = measure_range(sensor.ground, state, k + 1, time_s, error_m)
+        # Of a white number, the fraction of its distribution that lies below it.
+        lost = 0.5 * (1.0 + erf(white[1] / sqrt(2.0))) < params.lost
+        if lost or not params.min_m <= sample.range_m <= params.max_m:
+            sample = sample._replace(range_m=NAN)
+        keep_sample(sensor.line, k, sample)
+    return delivered(timing, sensor.line, step)
+
+
 def sense(
     sensors: FlownSensors,
     frame: SoaringFrame,
@@ -392,4 +467,5 @@ def sense(
         imu=sense_imu(sensors.imu, aircraft, state, wind, rests, step, pull_mps2),
         airspeed=sense_airspeed(sensors.airspeed, aircraft, state, wind, step),
         surfaces=sense_surfaces(sensors.surfaces, command, step),
+        rangefinder=sense_range(sensors.rangefinder, state, step),
     )

@@ -8,13 +8,14 @@ ones.  The airspeed that it shows is the equivalent one, read ten times a second
 
 from __future__ import annotations
 
-from math import cos, degrees, radians, sin, sqrt
+from math import cos, degrees, isfinite, radians, sin, sqrt
 from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.site import HomePosition
-from tgl_soar.types import AirspeedSample, ImuSample, PositionFix
+from tgl_soar.sim.sensors import RangeParams
+from tgl_soar.types import AirspeedSample, ImuSample, PositionFix, RangeSample
 
 MILLI_G_MPS2: Final = 9.80665e-3
 PITOT_READ_S: Final = 0.1
@@ -82,6 +83,26 @@ def highres_imu(
         height_m,
         TEMPERATURE_C,
         updated,
+    )
+
+
+def distance_sensor(sample: RangeSample, params: RangeParams, time_ms: int) -> Any:
+    """DISTANCE_SENSOR of a laser that looks down, in whole centimetres.
+
+    What does not come back is shown beyond the largest distance, and of no quality.
+    """
+    largest_cm = round(100.0 * params.max_m)
+    seen = isfinite(sample.range_m)
+    return mavlink.MAVLink_distance_sensor_message(
+        time_ms,
+        round(100.0 * params.min_m),
+        largest_cm,
+        round(100.0 * min(sample.range_m, 655.0)) if seen else largest_cm + 100,
+        mavlink.MAV_DISTANCE_SENSOR_LASER,
+        0,
+        mavlink.MAV_SENSOR_ROTATION_PITCH_270,
+        255,
+        signal_quality=100 if seen else 1,
     )
 
 

@@ -21,7 +21,7 @@ from tgl_soar.sim.faults import Fault
 from tgl_soar.sim.injection import Injection, of_duplicate
 from tgl_soar.sim.pilot import SafetyPilot
 from tgl_soar.sim.routing import LinkId
-from tgl_soar.sim.sensors import MEMS_IMU, PITOT, Sensors
+from tgl_soar.sim.sensors import LASER_RANGE, MEMS_IMU, PITOT, Sensors
 from tgl_soar.sim.truth_log import TruthLog
 from tgl_soar.sim.vehicle.modes import FBWA, MANUAL
 from tgl_soar.sim.vehicle.pixhawk import Pixhawk
@@ -82,6 +82,7 @@ class Options:
     allow_odometry: bool = False
     faults: tuple[Fault, ...] = ()
     pitot: bool = True
+    rangefinder: bool = False
     parameters: tuple[tuple[str, float], ...] = ()  # of the autopilot
     later: tuple[TimedSetting, ...] = ()  # of a firmware: set in flight
     record: Path | None = None  # what passed between a firmware and its companion, as .tlog
@@ -103,7 +104,11 @@ class Simulation:
             step_hz=options.step_hz,
             folder=folder,
             field=field,
-            sensors=Sensors(imu=MEMS_IMU, airspeed=PITOT if options.pitot else None),
+            sensors=Sensors(
+                imu=MEMS_IMU,
+                airspeed=PITOT if options.pitot else None,
+                rangefinder=LASER_RANGE if options.rangefinder else None,
+            ),
         )
         self._home = site.position.home
         # Where poses are forwarded the autopilot is set up to take them.
@@ -258,6 +263,7 @@ class Simulation:
             position=sample("position", self.time_s, sensed.position),
             imu=sample("imu", self.time_s, sensed.imu),
             pitot=sample("airspeed", self.time_s, sensed.pitot),
+            rangefinder=sample("rangefinder", self.time_s, sensed.rangefinder),
         )
 
     def _launch_or_carry_back(self) -> None:
@@ -300,6 +306,7 @@ class Simulation:
             flying=flying,
             imu=world.imu,
             pitot=world.airspeed,
+            rangefinder=world.rangefinder,
         )
 
     def _report_truth(self) -> None:

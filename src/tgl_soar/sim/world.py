@@ -207,7 +207,7 @@ class World:
             turbulence=FlownTurbulence(
                 blows=blows, params=dryden, white=white, rolls=rolls, rolling=rolling
             ),
-            sensors=flown_sensors(sensors, step_hz, drawn_as_needed(seed)),
+            sensors=flown_sensors(sensors, step_hz, drawn_as_needed(seed), ground=ground),
             tether=tether,
         )
         self._polled_position = self._polled_attitude = 0
@@ -312,6 +312,7 @@ class World:
             self.imu,
             self.airspeed,
             self.surfaces,
+            self.rangefinder,
         ) = now.samples
 
     def _launched(self) -> AircraftState:

@@ -53,8 +53,8 @@ DURATION_S: Final = 30.0
 TURBULENCE: Final = 0.02  # drawn from 0 to this
 TWO_OF: Final = 4  # one flight in so many has two faults
 PAIRS: Final = "two at once"
-# It flies without a brake, and without a firmware.
-NOT_DRAWN: Final = ("brake.", "transmitter.", "station.", "position.reckoned")
+# It flies without a brake, a rangefinder and a firmware.
+NOT_DRAWN: Final = ("brake.", "rangefinder.", "transmitter.", "station.", "position.reckoned")
 DRAWN: Final = tuple(name for name in CATALOGUE if not name.startswith(NOT_DRAWN))
 LINE: Final = "b"
 # What an operator sets for this line: nearer to the board, lower or further than this is trouble.

@@ -248,7 +248,7 @@ def _ticks(flight: EstimatorFlight) -> Iterator[_Tick]:
         if body is not None:
             world.attitude = body.attitude(world)
         status = AutopilotStatus(time_s=now, accepts_surfaces=True, armed=True)
-        sensors = world.imu, world.airspeed, world.surfaces
+        sensors = world.imu, world.airspeed, world.surfaces, world.rangefinder
         inputs = Inputs(now, reception, world.attitude, status, True, *sensors)
         output = loop.tick()
         ended = world.crashed

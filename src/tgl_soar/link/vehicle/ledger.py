@@ -20,6 +20,8 @@ class SessionCounters:
     not_finite: int = 0
     imus: int = 0  # taken
     airspeeds: int = 0  # taken
+    ranges: int = 0  # taken
+    no_range: int = 0  # of a rangefinder: out of its reach, no valid signal, or not looking down
     no_measurement: int = 0  # of accelerations or airspeed that cannot be
     far: int = 0  # GLOBAL_POSITION_INT that is nowhere near the home
     wrong_frame: int = 0  # ODOMETRY in a frame that is not understood

@@ -7,6 +7,7 @@ from typing import Final
 from tgl_soar.link.autopilots.base import Flavour
 from tgl_soar.link.messages import (
     ID_ATTITUDE_QUATERNION,
+    ID_DISTANCE_SENSOR,
     ID_EKF_STATUS_REPORT,
     ID_ESTIMATOR_STATUS,
     ID_GLOBAL_POSITION_INT,
@@ -28,6 +29,7 @@ HEARTBEAT_HZ: Final = 5.0
 POSITION_HZ: Final = 50.0
 SERVO_HZ: Final = 50.0
 STATUS_HZ: Final = 1.0
+RANGE_HZ: Final = 20.0  # a bound of three distances is 0.15 s old: 0.2 m at the best glide's sink
 IMU_NAMES: Final = {
     ID_RAW_IMU: "RAW_IMU",
     ID_SCALED_IMU: "SCALED_IMU",
@@ -70,6 +72,10 @@ class MessageRates:
         if self._imus:
             self._streams.want(self._imus[0], IMU_NAMES[self._imus[0]], loop_rate_hz)
 
+    def want_rangefinder(self) -> None:
+        """The distances of one that is fitted."""
+        self._streams.want(ID_DISTANCE_SENSOR, "DISTANCE_SENSOR", RANGE_HZ)
+
     def _want_positions(self) -> None:
         """ODOMETRY carries what LOCAL_POSITION_NED does: requested where that is refused."""
         named = self._sources.health
@@ -91,6 +97,8 @@ class MessageRates:
                 ID_ESTIMATOR_STATUS,
             ):
                 text += ": a position that is only dead reckoned looks like any other"
+            elif stream.given_up and stream.message_id == ID_DISTANCE_SENSOR:
+                text += ": height over the ground is not measured"
             elif word == "denied":
                 text += f": {self._flavour.way_to_rate(rate_hz)}"
             if not stream.given_up:

@@ -13,7 +13,13 @@ from math import inf
 from typing import Final
 
 from tgl_soar.link.clock import MILLISECONDS_WRAP_S, StampedStreams
-from tgl_soar.link.messages import SEVERITY_ERROR, SEVERITY_INFO, SEVERITY_WARNING, Source
+from tgl_soar.link.messages import (
+    ID_DISTANCE_SENSOR,
+    SEVERITY_ERROR,
+    SEVERITY_INFO,
+    SEVERITY_WARNING,
+    Source,
+)
 from tgl_soar.link.timesync import SLACK_S
 from tgl_soar.link.vehicle.ledger import Ledger
 
@@ -60,6 +66,13 @@ class SampleTimes:
         """When a sample was true, on our clock and on the vehicle's; None: it is not taken."""
         return self._time_of(
             message_id, stamp_ms * 1e-3, now_s, wrap_s=MILLISECONDS_WRAP_S, quantised=True
+        )
+
+    def of_distance(self, sensor: int, stamp_ms: int, now_s: float) -> tuple[float, float] | None:
+        """The same of one of several rangefinders, each with a stamp of its own."""
+        key = ID_DISTANCE_SENSOR, sensor
+        return self._time_of(
+            key, stamp_ms * 1e-3, now_s, wrap_s=MILLISECONDS_WRAP_S, quantised=True
         )
 
     def of_microseconds(

@@ -12,6 +12,7 @@ from tgl_soar.link.autopilots.base import Flavour
 from tgl_soar.link.clock import MICROSECONDS_WRAP_S
 from tgl_soar.link.messages import (
     ID_ATTITUDE_QUATERNION,
+    ID_DISTANCE_SENSOR,
     ID_HIGHRES_IMU,
     ID_ODOMETRY,
     ID_RAW_IMU,
@@ -20,6 +21,7 @@ from tgl_soar.link.messages import (
     ID_VFR_HUD,
     SENSOR_DIFFERENTIAL_PRESSURE,
     AttitudeQuaternion,
+    DistanceSensor,
     HighresImu,
     Odometry,
     RawImu,
@@ -28,7 +30,7 @@ from tgl_soar.link.messages import (
     SysStatus,
     VfrHud,
 )
-from tgl_soar.link.sensing import airspeed_of_hud, airspeed_of_pressure, imu_of
+from tgl_soar.link.sensing import airspeed_of_hud, airspeed_of_pressure, imu_of, range_of
 from tgl_soar.link.sources import Quaternion
 from tgl_soar.link.vehicle.ledger import Ledger
 from tgl_soar.link.vehicle.sample_times import SampleTimes
@@ -37,10 +39,12 @@ from tgl_soar.types import (
     NO_AIRSPEED,
     NO_ATTITUDE,
     NO_IMU,
+    NO_RANGE,
     NO_SURFACES,
     AirspeedSample,
     AttitudeSample,
     ImuSample,
+    RangeSample,
     SurfacesSample,
     isfinite,
 )
@@ -77,18 +81,21 @@ class SensorSamples:
         self.imu = NO_IMU
         self.airspeed = NO_AIRSPEED
         self.surfaces = NO_SURFACES
+        self.rangefinder = NO_RANGE
         self.servos_us: tuple[int, ...] = ()
         self.vehicle_time_s = NAN  # newest stamp of the attitude, vehicle's clock
         self._flavour = flavour
         self._times = times
         self._counters, self._streams = ledger.counters, ledger.streams
         self._attitude_choice, self._imu_choice = MessageChoice(), MessageChoice()
+        self._range_choice = MessageChoice()
         self._has_pitot = False
 
     def rebase(self) -> None:
         """The loop's clock is another one from here on."""
         self._attitude_choice.rebase()
         self._imu_choice.rebase()
+        self._range_choice.rebase()
 
     def on_attitude_quaternion(self, m: AttitudeQuaternion, now_s: float) -> None:
         """Use an attitude."""
@@ -150,6 +157,18 @@ class SensorSamples:
             measured = airspeed_of_hud(m)
             self._counters.no_measurement += measured is None
             self._set_airspeed(measured, self.vehicle_time_s if self._times.lockstep else now_s)
+
+    def on_distance(self, m: DistanceSensor, now_s: float) -> None:
+        """Use a distance to the ground; of several rangefinders that look down one at a time."""
+        self._streams.received(ID_DISTANCE_SENSOR)
+        measured = range_of(m)
+        if measured is None:
+            self._counters.no_range += 1
+            return
+        times = self._times.of_distance(m.id, m.time_boot_ms, now_s)
+        if times is not None and self._range_choice.selects(m.id, now_s):
+            self._counters.ranges += 1
+            self.rangefinder = RangeSample(self.rangefinder.sequence + 1, times[0], measured)
 
     def on_sys_status(self, m: SysStatus) -> None:
         """Whether there is a pitot tube, and in good health."""

@@ -85,6 +85,8 @@ _SMALL: Final = {
     "Output.cut": "uint16_t",
     "ExcitationState.standing": "uint8_t",
     "Forecast.standing": "uint8_t",
+    "GroundRange.standing": "uint8_t",
+    "RangeState.standing": "uint8_t",
     "LaunchState.standing": "uint8_t",
     "ThrottleReport.standing": "uint8_t",
     "ThrottleReport.called": "uint8_t",
@@ -111,7 +113,7 @@ _LEFT_OUT: Final = frozenset(
 _SLOW: Final = re.compile(
     r"air_\w+|sideways_\w+|\w+_feedforward|health_(rejected|gaps|heartbeat_age_s|attitude_age_s)"
     r"|health_\w+_(interval|jitter)_s|setpoints_(roll|heading)_rad|rudder_i|line_eta_rad"
-    r"|quality_\w+|gains_\w+|forecast_\w+|passage_\w+|throttle_\w+|imu_share"
+    r"|ground_range_\w+|quality_\w+|gains_\w+|forecast_\w+|passage_\w+|throttle_\w+|imu_share"
     r"|(elevator|aileron|rudder)_output"
 )
 
@@ -176,6 +178,13 @@ MEANINGS: Final = {
     "SurfacesSample.aileron": "as the elevator",
     "SurfacesSample.rudder": "as the elevator",
     "AirEstimate.updraft_sigma_mps": "standard deviation of the updraft",
+    "GroundRange.standing": "of the last distance: 0 none, 1 used, 2 tilted, 3 frozen, 4 far off,"
+    " 5 stamp refused, 6 no number",
+    "RangeState.standing": "as ground_range_standing",
+    "RangeState.off_m": "the height over the ground as measured, less as the position has it",
+    "RangeState.off_1_m": "the same of the sample before",
+    "RangeState.off_2_m": "the same of the one before that",
+    "RangeState.correction_m": "of the position's height, as it is known",
     "Output.mode": "by number: Modes, below",
     "Output.reason": "why the mode changed in this tick, by number: Reasons, below",
     "LineTracking.x_m": "of the line's point, downstream",

@@ -64,6 +64,7 @@ def _simulation_options(arguments: argparse.Namespace) -> Options:
         allow_odometry=arguments.odometry,
         faults=tuple(arguments.fault),
         pitot=not arguments.no_pitot,
+        rangefinder=arguments.rangefinder,
         parameters=tuple((c.name, c.value) for c in settings if c.at_s == 0.0),
         later=tuple(change for change in settings if change.at_s > 0.0),
         record=arguments.record,
@@ -177,6 +178,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--record", type=Path, metavar="FILE", help="traffic of firmware and companion, as .tlog")
     add("--no-truth", action="store_true", help="send no truth to ground stations")
     add("--odometry", action="store_true", help="stream ODOMETRY, which ArduPlane denies")
+    add("--rangefinder", action="store_true", help="a laser that looks down: DISTANCE_SENSOR")
     add("--no-pitot", action="store_true", help="VFR_HUD then shows a guess, as ArduPlane does")
     add(
         "--autopilot-parameter", type=_setting, action="append", default=[],

@@ -14,11 +14,13 @@ from tgl_soar.geometry import euler_from_quaternion
 from tgl_soar.sim.channels import CHANNELS
 from tgl_soar.sim.sensor_messages import (
     ShownAirspeed,
+    distance_sensor,
     global_position,
     highres_imu,
     raw_imu,
     scaled_imu,
 )
+from tgl_soar.sim.sensors import LASER_RANGE
 from tgl_soar.sim.vehicle.modes import FlightStatus
 from tgl_soar.sim.vehicle.sensed import GROUNDED, Sensed
 from tgl_soar.sim.vehicle.surface_outputs import SurfaceOutputs
@@ -110,6 +112,8 @@ class VehicleReports:
             return self.sensed.position.sequence
         if message_id in _IMU_STREAMS:
             return self.sensed.imu.sequence
+        if message_id == mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR:
+            return self.sensed.rangefinder.sequence
         return self._clock.steps + 1
 
     def heartbeat(self) -> Any:
@@ -145,6 +149,7 @@ class VehicleReports:
             mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: self._ekf_status,
             mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: self._servo_output,
             mavlink.MAVLINK_MSG_ID_RC_CHANNELS: self._rc_channels,
+            mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR: self._distance_sensor,
         }
         if self._px4:
             table[mavlink.MAVLINK_MSG_ID_ODOMETRY] = self._odometry
@@ -256,6 +261,10 @@ class VehicleReports:
         self._pitot_reported = pitot.sequence
         time_us = self._clock.boot_us(sample.time_s)
         return highres_imu(sample, time_us, self._height_m, pitot, px4=self._px4, new=new)
+
+    def _distance_sensor(self) -> Any:
+        sample = self.sensed.rangefinder
+        return distance_sensor(sample, LASER_RANGE, self._clock.boot_ms(sample.time_s))
 
     def _servo_output(self) -> Any:
         time_us = self._clock.boot_us(self._clock.time_s) & 0xFFFFFFFF

@@ -7,10 +7,12 @@ from typing import Final, NamedTuple
 from tgl_soar.types import (
     NO_AIRSPEED,
     NO_IMU,
+    NO_RANGE,
     AirspeedSample,
     AttitudeSample,
     ImuSample,
     PositionFix,
+    RangeSample,
 )
 
 
@@ -23,6 +25,7 @@ class Sensed(NamedTuple):
     flying: bool  # False while held or lying on the ground: no failsafe acts
     imu: ImuSample = NO_IMU  # sequence 0: it has none
     pitot: AirspeedSample = NO_AIRSPEED
+    rangefinder: RangeSample = NO_RANGE  # a sample without a number: nothing comes back
 
 
 GROUNDED: Final = Sensed(

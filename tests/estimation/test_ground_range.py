@@ -1,0 +1,346 @@
+"""A rangefinder: the height that it measures, what it bounds and corrects, and what it may not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import cos, inf, isfinite, isnan, nan, radians, sin
+from random import Random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tgl_soar.estimation.ground_range import (
+    CORRECTION_MPS,
+    MOST_GATES,
+    NO_GROUND_RANGE,
+    NO_RANGE_STATE,
+    RANGE_BOUNDS,
+    RANGE_CORRECTS,
+    RANGE_FAR_OFF,
+    RANGE_FROZEN,
+    RANGE_INVALID,
+    RANGE_NOTHING,
+    RANGE_TILTED,
+    RANGE_UNUSED,
+    RANGE_USED,
+    REFUSED_S,
+    GroundRange,
+    RangeGains,
+    RangeState,
+    ground_height,
+    range_step,
+)
+from tgl_soar.types import NO_GROUND, Ground, RangeSample, VehicleState
+
+CORRECTS = RangeGains(RANGE_CORRECTS, 3.0)
+BOUNDS = RangeGains(RANGE_BOUNDS, 3.0)
+RATE_HZ = 20.0
+LEVEL = Ground(2, (-100.0, 100.0, *(0.0,) * 6), (2.0, 2.0, *(0.0,) * 6))
+SLOPE = Ground(2, (-100.0, 100.0, *(0.0,) * 6), (-100.0, 100.0, *(0.0,) * 6))
+HEIGHT_M = 10.0
+
+
+def vehicle(time_s: float, **fields: float) -> VehicleState:
+    still = dict.fromkeys(VehicleState._fields, 0.0)
+    return VehicleState(**(still | {"time_s": time_s, "z_m": 12.0} | fields))
+
+
+class Sensor:
+    """A rangefinder over LEVEL, and a position that is wrong by `bias_m`."""
+
+    def __init__(self, gains: RangeGains = CORRECTS, ground: Ground = LEVEL) -> None:
+        self.gains, self.ground = gains, ground
+        self.state: RangeState = NO_RANGE_STATE
+        self.found: GroundRange = NO_GROUND_RANGE
+        self.sequence, self.time_s = 0, 0.0
+        self.noise = Random(1)
+
+    def fly(
+        self,
+        seconds: float,
+        *,
+        bias_m: Callable[[float], float] = lambda _: 0.0,
+        reading: Callable[[float, float], float] = lambda _, true_m: true_m,
+        height_m: Callable[[float], float] = lambda _: HEIGHT_M,
+        flying: bool = True,
+        certain: bool = True,
+        jumped: bool = False,
+        **fields: float,
+    ) -> Sensor:
+        """Samples for so long; each function takes the time since this call [s]."""
+        for k in range(round(seconds * RATE_HZ)):
+            self.time_s += 1.0 / RATE_HZ
+            since_s = k / RATE_HZ
+            true_m = height_m(since_s) + self.noise.gauss(0.0, 0.01)
+            self.sequence += 1
+            sample = RangeSample(self.sequence, self.time_s, reading(since_s, true_m))
+            z = 2.0 + height_m(since_s) + bias_m(since_s)
+            at = vehicle(self.time_s, z_m=z, **fields)
+            self.state, self.found = range_step(
+                self.gains, self.ground, self.state, sample, at, certain, jumped, flying
+            )
+        return self
+
+
+# --- what it measures ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("pitch_deg", [-15.0, 0.0, 10.0])
+@pytest.mark.parametrize("roll_deg", [-20.0, 0.0, 15.0])
+@pytest.mark.parametrize("heading_deg", [-60.0, 0.0, 40.0])
+@pytest.mark.parametrize("ground", [LEVEL, SLOPE])
+def test_the_beam_meets_the_ground_where_its_geometry_says(
+    roll_deg: float, pitch_deg: float, heading_deg: float, ground: Ground
+) -> None:
+    """Against the body's axis as a vector: where the beam's end lies on the profile, the position
+    is right and nothing differs."""
+    roll, pitch, heading = (radians(a) for a in (roll_deg, pitch_deg, heading_deg))
+    # The third row of FRD in (upwind, right, down), from the angles one after the other.
+    upwind = cos(roll) * sin(pitch) * cos(heading) + sin(roll) * sin(heading)
+    down = cos(roll) * cos(pitch)
+    x, z = 5.0, 20.0
+    slope, level = (1.0, 0.0) if ground is SLOPE else (0.0, 2.0)
+    range_m = (z - level - slope * x) / (down - slope * upwind)
+    assert ground_height(ground, x - range_m * upwind) == pytest.approx(z - range_m * down)
+    at = vehicle(1.0, x_m=x, z_m=z, roll_rad=roll, pitch_rad=pitch, heading_rad=heading)
+    sample = RangeSample(1, 1.0, range_m)
+    state, found = range_step(CORRECTS, ground, NO_RANGE_STATE, sample, at, True, False, True)
+    assert state.standing == RANGE_USED
+    assert found.bound_m == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_sample_is_carried_on_with_the_climb_until_the_tick() -> None:
+    sample = RangeSample(1, 0.9, 10.0)
+    at = vehicle(1.0, climb_mps=-2.0)
+    _, found = range_step(BOUNDS, LEVEL, NO_RANGE_STATE, sample, at, True, False, True)
+    assert found.bound_m == pytest.approx(-0.2)
+
+
+# --- the bound and the correction -----------------------------------------------------------------
+
+
+def test_ground_that_is_nearer_is_a_bound_within_three_samples() -> None:
+    """The position is 2 m too high: so much nearer is the ground, and nothing is corrected."""
+    sensor = Sensor(BOUNDS).fly(3.0 / RATE_HZ, bias_m=lambda _: 2.0)
+    assert sensor.found.bound_m == pytest.approx(-2.0, abs=0.05)
+    assert sensor.found.correction_m == 0.0
+
+
+@pytest.mark.parametrize("short", [1, 2])
+def test_one_or_two_short_readings_bring_no_ground_near(short: int) -> None:
+    """Dust and insects; a third is one too many to be nothing."""
+    sensor = Sensor(BOUNDS).fly(1.0)
+    sensor.fly(short / RATE_HZ, reading=lambda _, true_m: true_m - 2.5)
+    assert sensor.state.standing == RANGE_USED
+    assert sensor.found.bound_m == pytest.approx(0.0, abs=0.05)
+    sensor.fly((3 - short) / RATE_HZ, reading=lambda _, true_m: true_m - 2.5)
+    assert sensor.found.bound_m == pytest.approx(-2.5, abs=0.05)
+
+
+@pytest.mark.parametrize("bias_m", [-4.0, 2.0, 4.0])
+def test_before_a_flight_the_height_is_right_at_once(bias_m: float) -> None:
+    """A receiver that is wrong by two of its standard deviations.  A ground that is farther than
+    the position says is followed by one gate only."""
+    sensor = Sensor().fly(0.5, bias_m=lambda _: bias_m, flying=False)
+    assert sensor.found.correction_m == pytest.approx(min(-bias_m, CORRECTS.gate_m), abs=0.05)
+
+
+def test_in_flight_a_drift_is_followed_no_faster_than_a_line_slides() -> None:
+    sensor = Sensor().fly(1.0, flying=False)
+    before = sensor.found.correction_m
+    sensor.fly(2.0, bias_m=lambda _: 1.5)
+    assert abs(sensor.found.correction_m - before) <= 2.0 * CORRECTION_MPS + 1e-9
+    sensor.fly(20.0, bias_m=lambda _: 1.5)
+    assert sensor.found.correction_m == pytest.approx(-1.5, abs=0.05)
+
+
+def test_a_gauss_markov_drift_is_left_with_what_was_argued() -> None:
+    """1 m with 300 s, within the limits: 0.08 m by the lag of 2 s."""
+    random = Random(3)
+    share = 1.0 / RATE_HZ / 300.0
+    drift, errors = 0.0, []
+    sensor = Sensor().fly(1.0, flying=False)
+    for _ in range(round(1200.0 * RATE_HZ)):
+        drift += -share * drift + (2.0 * share) ** 0.5 * random.gauss(0.0, 1.0)
+        held = drift
+        sensor.fly(1.0 / RATE_HZ, bias_m=lambda _, held=held: held)  # type: ignore[misc]
+        errors.append(drift + sensor.found.correction_m)
+    rms = (sum(e * e for e in errors) / len(errors)) ** 0.5
+    assert rms == pytest.approx((2.0 / 302.0) ** 0.5, rel=0.25)
+
+
+def test_over_a_slope_a_part_is_left_to_the_place() -> None:
+    """A slope of 1, and the position 1 m too far downstream: it looks 1 m too low over the ground,
+    of which four fifths count as height."""
+    sensor = Sensor(ground=SLOPE)
+    for _ in range(round(2.0 * RATE_HZ)):
+        sensor.sequence += 1
+        sensor.time_s += 1.0 / RATE_HZ
+        sample = RangeSample(sensor.sequence, sensor.time_s, 9.0 + 0.001 * (sensor.sequence % 7))
+        sensor.state, sensor.found = range_step(
+            sensor.gains,
+            SLOPE,
+            sensor.state,
+            sample,
+            vehicle(sensor.time_s, x_m=1.0, z_m=9.0),
+            True,
+            False,
+            False,
+        )
+    assert sensor.found.correction_m == pytest.approx(0.8, abs=0.02)
+    assert sensor.found.bound_m == pytest.approx(1.0, abs=0.02)
+
+
+def test_where_the_ground_is_not_known_it_only_bounds() -> None:
+    sensor = Sensor(ground=NO_GROUND).fly(2.0, height_m=lambda _: 8.0)
+    assert sensor.found.correction_m == 0.0
+    assert 10.0 + sensor.found.bound_m == pytest.approx(8.0, abs=0.05)  # of z = 10 m
+
+
+def test_without_a_certain_position_it_bounds_and_corrects_nothing() -> None:
+    sensor = Sensor().fly(1.0, flying=False)
+    before = sensor.found.correction_m
+    sensor.fly(3.0, bias_m=lambda _: 1.0, certain=False)
+    assert sensor.found.correction_m == before
+    assert sensor.found.bound_m == pytest.approx(-1.0, abs=0.05)
+
+
+def test_in_a_drop_out_the_correction_stays_and_the_bound_ends() -> None:
+    sensor = Sensor().fly(1.0, bias_m=lambda _: 1.0, flying=False)
+    held = sensor.found.correction_m
+    sensor.fly(30.0, bias_m=lambda _: 1.0, reading=lambda _t, _r: nan)
+    assert sensor.state.standing == RANGE_NOTHING
+    assert sensor.found.correction_m == held
+    assert isnan(sensor.found.bound_m)
+    assert not sensor.found.refused
+
+
+# --- what is refused ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("reading_m", [0.3, 1.0, 30.0, 39.9])
+def test_what_steps_in_flight_without_the_position_is_not_used(reading_m: float) -> None:
+    """A tether, a wheel, dust on the window; and the far end that some sensors show instead of
+    nothing."""
+    sensor = Sensor().fly(1.0)
+    sensor.fly(30.0, reading=lambda _t, _r: reading_m + sensor.noise.gauss(0.0, 0.02))
+    assert sensor.state.standing == RANGE_FAR_OFF
+    assert abs(sensor.found.correction_m) < 0.05
+    assert isnan(sensor.found.bound_m)
+    assert sensor.found.refused
+    sensor.fly(1.0)
+    assert sensor.state.standing == RANGE_USED
+    assert not sensor.found.refused
+
+
+def test_a_frozen_one_is_found_before_it_has_moved_anything_far() -> None:
+    """The aircraft sinks by 0.3 m/s under a sensor that says that it does not."""
+    sensor = Sensor().fly(1.0)
+    sensor.fly(5.0, reading=lambda _t, _r: HEIGHT_M, height_m=lambda t: HEIGHT_M - 0.3 * t)
+    assert sensor.state.standing == RANGE_FROZEN
+    assert abs(sensor.found.correction_m) <= 0.1
+    assert isnan(sensor.found.bound_m)
+
+
+def test_refusing_is_reported_after_a_second() -> None:
+    sensor = Sensor().fly(1.0)
+    sensor.fly(REFUSED_S - 0.1, reading=lambda _t, _r: 0.3)
+    assert not sensor.found.refused
+    sensor.fly(0.2, reading=lambda _t, _r: 0.3)
+    assert sensor.found.refused
+
+
+@pytest.mark.parametrize("angle", ["roll", "pitch"])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_tilted_one_is_not_looked_at_and_that_is_no_fault(angle: str, sign: float) -> None:
+    roll, pitch = (sign * 0.5, 0.0) if angle == "roll" else (0.0, sign * 0.5)
+    sensor = Sensor().fly(2.0, roll_rad=roll, pitch_rad=pitch)
+    assert sensor.state.standing == RANGE_TILTED
+    assert not sensor.found.refused
+    assert isnan(sensor.found.bound_m)
+
+
+@pytest.mark.parametrize(("height_m", "used"), [(2.5, False), (3.5, True)])
+def test_over_unknown_ground_a_first_reading_in_flight_is_not_short(
+    height_m: float, used: bool
+) -> None:
+    sensor = Sensor(ground=NO_GROUND).fly(2.0, height_m=lambda _: height_m)
+    assert (sensor.state.standing == RANGE_USED) == used
+
+
+def test_unknown_ground_that_comes_nearer_is_followed_down_to_it() -> None:
+    sensor = Sensor(ground=NO_GROUND).fly(10.0, height_m=lambda t: 10.5 - t)
+    assert sensor.state.standing == RANGE_USED
+    assert 2.0 + 0.55 + sensor.found.bound_m == pytest.approx(0.55, abs=0.05)
+
+
+def test_a_jump_of_the_position_begins_again() -> None:
+    sensor = Sensor().fly(1.0, bias_m=lambda _: 1.0, flying=False)
+    sensor.fly(0.1, bias_m=lambda _: 2.0, jumped=True)
+    assert sensor.found.correction_m == 0.0
+    assert not sensor.state.known
+    sensor.fly(20.0, bias_m=lambda _: 2.0)
+    assert sensor.found.correction_m == pytest.approx(-2.0, abs=0.05)
+
+
+def test_it_never_corrects_by_more_than_its_limits() -> None:
+    """However slowly a sensor or a receiver goes wrong: two gates nearer, one farther."""
+    nearer = Sensor().fly(300.0, bias_m=lambda t: 0.05 * t)
+    assert nearer.found.correction_m == pytest.approx(-MOST_GATES * CORRECTS.gate_m, abs=0.2)
+    farther = Sensor().fly(300.0, bias_m=lambda t: -0.05 * t)
+    assert farther.found.correction_m <= CORRECTS.gate_m
+
+
+def test_unused_it_says_nothing() -> None:
+    sensor = Sensor(RangeGains(RANGE_UNUSED, 3.0)).fly(1.0, bias_m=lambda _: 2.0)
+    assert sensor.found == NO_GROUND_RANGE
+    assert sensor.state == NO_RANGE_STATE
+
+
+anything = st.floats(allow_nan=True, allow_infinity=True)
+usual = st.floats(-100.0, 100.0)
+
+
+@given(
+    steps=st.lists(
+        st.tuples(
+            st.integers(0, 4),
+            st.one_of(anything, st.floats(-1.0, 1.0)),
+            st.one_of(anything, st.floats(0.0, 60.0)),
+            st.tuples(*(st.one_of(usual, anything) for _ in range(4))),
+            st.booleans(),
+            st.booleans(),
+            st.booleans(),
+        ),
+        max_size=12,
+    ),
+    use=st.integers(0, 2),
+    ground=st.sampled_from([LEVEL, SLOPE, NO_GROUND]),
+)
+def test_whatever_comes_the_correction_is_a_number_within_its_limits(
+    steps: list[tuple[int, float, float, tuple[float, float, float, float], bool, bool, bool]],
+    use: int,
+    ground: Ground,
+) -> None:
+    gains, state, now = RangeGains(use, 3.0), NO_RANGE_STATE, 0.0
+    for sequence, age, reading, (x, z, roll, pitch), certain, jumped, flying in steps:
+        now += 0.02
+        at = vehicle(now, x_m=x, z_m=z, roll_rad=roll, pitch_rad=pitch, climb_mps=x)
+        # A vehicle's angles are finite where anything is known of them: sines of inf raise.
+        if not (isfinite(roll) and isfinite(pitch)):
+            at = at._replace(roll_rad=nan, pitch_rad=nan)
+        sample = RangeSample(sequence, now - age, reading)
+        state, found = range_step(gains, ground, state, sample, at, certain, jumped, flying)
+        assert isfinite(found.correction_m)
+        assert -MOST_GATES * gains.gate_m <= found.correction_m <= gains.gate_m
+        assert isnan(found.bound_m) or abs(found.bound_m) < inf
+
+
+def test_stamps_that_go_back_or_lie_ahead_are_refused() -> None:
+    for time_s in (0.5, 1.0, 2.0):
+        sensor = Sensor().fly(1.0)
+        sample = RangeSample(99, time_s, HEIGHT_M)
+        at = vehicle(sensor.time_s + 0.05)
+        state, _ = range_step(CORRECTS, LEVEL, sensor.state, sample, at, True, False, True)
+        assert state.standing == RANGE_INVALID
