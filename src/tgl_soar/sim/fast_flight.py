@@ -195,8 +195,8 @@ class CompiledWorld(World):
 class CompiledLoop(ClosedLoop):
     """A closed loop whose laws are compiled too, for faults in plain Python between the two.
 
-    Its outputs hold mode, reason, command, whether it is sent, and how the point on the line
-    stands; all else is that of the first tick.
+    Its outputs hold mode, reason, command, whether it is sent, how the point on the line stands and
+    what a rangefinder says; all else is that of the first tick.
     """
 
     def __init__(

@@ -17,6 +17,7 @@ from tgl_soar.control.laws import Laws
 from tgl_soar.control.supervisor import FAILED, RELEASED
 from tgl_soar.control.target_line import e_rho
 from tgl_soar.control.throttle import ThrottleReport
+from tgl_soar.estimation.ground_range import GroundRange
 from tgl_soar.geometry import euler_from_quaternion
 from tgl_soar.sim.aircraft import AircraftState, Wind, air_data
 from tgl_soar.sim.sensing import Samples
@@ -95,6 +96,7 @@ class LoopDecision(NamedTuple):
     command: SurfaceCommand
     point: PointReport
     throttle: ThrottleReport
+    ground_range: GroundRange
 
 
 def inputs_at(now_s: float, samples: Samples, engage: bool) -> Inputs:
@@ -239,4 +241,5 @@ def decide_in_cells(laws_cell: Cell, state_cell: Cell, inputs: Inputs) -> LoopDe
         command=output.command,
         point=output.point,
         throttle=output.throttle,
+        ground_range=output.ground_range,
     )

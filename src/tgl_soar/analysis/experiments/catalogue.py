@@ -27,6 +27,7 @@ from tgl_soar.analysis.experiments import (
     outdoors,
     places,
     powered_search,
+    rangefinder,
     robustness,
     satellites,
     search,
@@ -75,6 +76,7 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "point": hold_point.run,
     "outdoors": outdoors.run,
     "satellites": satellites.run,
+    "rangefinder": rangefinder.run,
     "hour": windy_hour.run,
 }
 
@@ -102,6 +104,7 @@ RIGID_BODY_ALONE: Final = (
     "point",
     "outdoors",
     "satellites",
+    "rangefinder",
     "hour",
 )
 OURS: Final = frozenset(RIGID_BODY_ALONE)
@@ -109,7 +112,7 @@ OURS: Final = frozenset(RIGID_BODY_ALONE)
 # others fly other airframes, or other satellites.
 APART: Final = (
     *("search", "throttle", "survey", "nowhere", "point", "outdoors", "satellites", "hour"),
-    *("unseen", "dispersed", "leans", "airframes", "margins", "latency"),
+    *("rangefinder", "unseen", "dispersed", "leans", "airframes", "margins", "latency"),
 )
 # By the name under which they are flown together: both pages, and either of them.
 TOGETHER: Final = {
@@ -164,6 +167,7 @@ TITLES: Final = {
     "point": "a point of the line held with a brake",
     "outdoors": "launches from the hand, and break-offs that end on the ground",
     "satellites": "a receiver that drifts, steps and falls silent; an estimator that is reset",
+    "rangefinder": "a position that drifts, with and without a rangefinder",
     "hour": "up to an hour in a wind that turns, dies and comes again",
 }
 

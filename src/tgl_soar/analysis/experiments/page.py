@@ -25,6 +25,7 @@ OWN_PAGES: Final = {
     "point": "point.md",
     "outdoors": "outdoors.md",
     "satellites": "outdoors.md",
+    "rangefinder": "outdoors.md",
     "hour": "outdoors.md",
     "unseen": "margins.md",
     "dispersed": "margins.md",
