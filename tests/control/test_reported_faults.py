@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import inf
+from math import inf, nan
 
 import pytest
 from test_supervisor import FLYING, RECOVER_S, WELL, Flown, walk
@@ -10,14 +10,23 @@ from test_supervisor import FLYING, RECOVER_S, WELL, Flown, walk
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.control import supervisor as s
 from tgl_soar.control.conditions import stream_conditions
-from tgl_soar.control.envelope import Fence
+from tgl_soar.control.envelope import OUT_BELOW, Fence
 from tgl_soar.control.laws import laws_from
 from tgl_soar.control.margins import margins_of
 from tgl_soar.estimation import health as h
 from tgl_soar.estimation.ground_range import NO_GROUND_RANGE
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.sim.world import make_world
-from tgl_soar.types import NO_AIR, AirspeedSample, AutopilotStatus, Health, Inputs, VehicleState
+from tgl_soar.types import (
+    NO_AIR,
+    NO_GROUND,
+    AirspeedSample,
+    AutopilotStatus,
+    Ground,
+    Health,
+    Inputs,
+    VehicleState,
+)
 
 AIRFRAME_PATH, SITE_PATH = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
 AIRFRAME, SITE = load_airframe(AIRFRAME_PATH), load_site(SITE_PATH)
@@ -142,3 +151,33 @@ def test_where_the_source_says_it_is_counts_too(axis: int) -> None:
         for shift, is_outside in (((0.0, 0.0, 0.0), False), ((dx, dy, dz), True)):
             found = margins_of(laws, INPUTS, STILL, SOUND, NO_AIR, shift, NO_GROUND_RANGE, True)
             assert bool(found.outside) == is_outside
+
+
+@pytest.mark.parametrize(
+    ("bound_m", "clearance_m"), [(-2.0, 3.0), (0.0, 5.0), (2.0, 5.0), (nan, 5.0)]
+)
+@pytest.mark.parametrize("known", [True, False])
+def test_a_nearer_ground_counts_as_clearance_and_a_farther_one_does_not(
+    bound_m: float, clearance_m: float, known: bool
+) -> None:
+    """5 m over a level ground; where that is not known it is as far as the rangefinder sees it."""
+    level = Ground(2, (-50.0, 50.0, *(0.0,) * 6), (0.0,) * 8)
+    laws = LAWS._replace(ground=level if known else NO_GROUND)
+    seen = NO_GROUND_RANGE._replace(bound_m=bound_m)
+    at = STILL._replace(x_m=0.0, z_m=5.0)
+    found = margins_of(laws, INPUTS, at, SOUND, NO_AIR, (0.0, 0.0, 0.0), seen, True)
+    if known:
+        assert found.clearance_m == clearance_m
+    else:
+        assert found.clearance_m == (inf if bound_m != bound_m else 5.0 + bound_m)
+
+
+def test_a_corrected_height_is_what_clearance_and_fence_go_by() -> None:
+    level = Ground(2, (-50.0, 50.0, *(0.0,) * 6), (0.0,) * 8)
+    fence = Fence(x_min_m=-50.0, x_max_m=50.0, y_max_m=50.0, z_min_m=4.0, z_max_m=40.0)
+    laws = LAWS._replace(ground=level, fence=fence)
+    at = STILL._replace(x_m=0.0, z_m=5.0)
+    lower = NO_GROUND_RANGE._replace(bound_m=-1.5, correction_m=-1.5)
+    found = margins_of(laws, INPUTS, at, SOUND, NO_AIR, (0.0, 0.0, 0.0), lower, True)
+    assert found.clearance_m == 3.5
+    assert found.outside == OUT_BELOW

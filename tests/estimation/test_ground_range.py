@@ -216,10 +216,38 @@ def test_in_a_drop_out_the_correction_stays_and_the_bound_ends() -> None:
     assert not sensor.found.refused
 
 
+def test_one_short_reading_corrects_nothing() -> None:
+    sensor = Sensor().fly(3.0)
+    before = sensor.found.correction_m
+    sensor.fly(1.0 / RATE_HZ, reading=lambda _, true_m: true_m - 2.5)
+    assert sensor.found.correction_m == pytest.approx(before, abs=0.002)
+
+
+@pytest.mark.parametrize("bias_m", [-8.0, 8.0])
+def test_a_position_that_is_off_by_more_than_a_receiver_is_corrects_nothing(bias_m: float) -> None:
+    """Another ground, or another origin: to be looked at before a flight, not to be flown with."""
+    sensor = Sensor().fly(2.0, bias_m=lambda _: bias_m, flying=False)
+    assert sensor.state.standing == RANGE_FAR_OFF
+    assert sensor.found.refused
+    assert sensor.found.correction_m == 0.0
+
+
+@pytest.mark.parametrize("flying", [False, True])
+def test_what_was_known_is_kept_in_a_flight_alone(flying: bool) -> None:
+    """Carried about without a distance to the ground nobody knows what the position is off by."""
+    sensor = Sensor().fly(1.0, bias_m=lambda _: 1.0, flying=False)
+    held = sensor.found.correction_m
+    last = RangeSample(sensor.sequence, sensor.time_s, HEIGHT_M)
+    at = vehicle(sensor.time_s + 1.0)
+    _, found = range_step(CORRECTS, LEVEL, sensor.state, last, at, True, False, flying)
+    assert found.correction_m == (held if flying else 0.0)
+    assert not found.refused
+
+
 # --- what is refused ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("reading_m", [0.3, 1.0, 30.0, 39.9])
+@pytest.mark.parametrize("reading_m", [0.3, 1.0, 5.5, 14.5, 30.0, 39.9])
 def test_what_steps_in_flight_without_the_position_is_not_used(reading_m: float) -> None:
     """A tether, a wheel, dust on the window; and the far end that some sensors show instead of
     nothing."""

@@ -31,16 +31,19 @@ from tgl_soar.sim.sensing import (
     sense_attitude,
     sense_imu,
     sense_position,
+    sense_range,
 )
 from tgl_soar.sim.sensors import (
     AUTOPILOT_ATTITUDE,
     AUTOPILOT_POSITION,
     DRIFTING_POSITION,
+    LASER_RANGE,
     MEMS_IMU,
     MOTION_CAPTURE,
     PITOT,
     AttitudeParams,
     PositionParams,
+    RangeParams,
     Sensors,
     measure_airspeed,
     measure_attitude,
@@ -51,7 +54,7 @@ from tgl_soar.sim.sensors import (
     sensor_timing,
 )
 from tgl_soar.sim.white import drawn_as_needed, drawn_before
-from tgl_soar.types import NO_FIX
+from tgl_soar.types import NO_FIX, NO_GROUND, NO_RANGE, Ground
 
 _AIRFRAME = load_airframe(shipped("airframes/eclipson_c.toml"))
 MODEL = aircraft_model(asdict(_AIRFRAME.airframe), _AIRFRAME.model)
@@ -395,3 +398,54 @@ def test_samples_are_plain() -> None:
     fix = sense_position(flown(Sensors(position=AUTOPILOT_POSITION), 1).position, FRAME, STATE, 0)
     assert all(type(v) is float for v in fix[1:8])
     assert isinstance(STATE, AircraftState)
+
+
+# --- a rangefinder ----------------------------------------------------------------------------
+
+EXACT_RANGE = LASER_RANGE._replace(noise_m=0.0, delay_s=0.0, lost=0.0)
+PLAIN = Ground(2, (-100.0, 100.0, *(0.0,) * 6), (-3.0, -3.0, *(0.0,) * 6))
+RISING = Ground(2, (-100.0, 100.0, *(0.0,) * 6), (-103.0, 97.0, *(0.0,) * 6))
+
+
+def looking(ground: Ground, params: RangeParams = EXACT_RANGE, seed: int = 1) -> FlownSensors:
+    sensors = Sensors(rangefinder=params)
+    return flown_sensors(sensors, 200.0, drawn_as_needed(seed), ground=ground)
+
+
+@pytest.mark.parametrize("ground", [PLAIN, RISING])
+@pytest.mark.parametrize("pitch_deg", [-20.0, 0.0, 15.0])
+@pytest.mark.parametrize("roll_deg", [-15.0, 0.0, 20.0])
+def test_the_beam_ends_on_the_ground(ground: Ground, pitch_deg: float, roll_deg: float) -> None:
+    """Against the quaternion's own axis: the end of the beam lies on the profile."""
+    roll, pitch, heading = radians(roll_deg), radians(pitch_deg), radians(30.0)
+    qw, qx, qy, qz = quaternion_from_euler(roll, pitch, heading)
+    state = STATE._replace(qw=qw, qx=qx, qy=qy, qz=qz, x_m=1.0, z_m=9.0)
+    sample = sense_range(looking(ground).rangefinder, state, 0)
+    upwind, down = 2.0 * (qx * qz + qw * qy), 1.0 - 2.0 * (qx * qx + qy * qy)
+    x, z = 1.0 - sample.range_m * upwind, 9.0 - sample.range_m * down
+    assert z == pytest.approx(-3.0 if ground is PLAIN else x - 3.0, abs=0.02 * sample.range_m)
+    if ground is PLAIN:
+        assert sample.range_m == pytest.approx(12.0 / down)
+
+
+def test_what_is_out_of_reach_is_no_number() -> None:
+    for away_m in (0.1, 41.0):
+        state = STATE._replace(z_m=away_m - 3.0)
+        assert isnan(sense_range(looking(PLAIN).rangefinder, state, 0).range_m)
+    upside_down = STATE._replace(qw=0.0, qx=1.0, qy=0.0, qz=0.0)
+    assert isnan(sense_range(looking(PLAIN).rangefinder, upside_down, 0).range_m)
+
+
+def test_so_many_distances_are_lost_and_the_others_have_so_much_noise() -> None:
+    noisy = looking(PLAIN, LASER_RANGE._replace(lost=0.1, noise_m=0.05, delay_s=0.0)).rangefinder
+    state = STATE._replace(qw=1.0, qx=0.0, qy=0.0, qz=0.0, z_m=9.0)
+    every = [sense_range(noisy, state, 10 * k).range_m for k in range(4000)]
+    numbers = [value for value in every if not isnan(value)]
+    assert len(numbers) == pytest.approx(3600, abs=4 * sqrt(360))
+    assert fmean(numbers) == pytest.approx(12.0, abs=0.004)
+    assert stdev(numbers) == pytest.approx(0.05, rel=0.05)
+
+
+def test_where_the_ground_is_not_known_there_is_nothing_to_look_at() -> None:
+    assert sense_range(looking(NO_GROUND).rangefinder, STATE, 0) == NO_RANGE
+    assert sense_range(flown(Sensors(), 1).rangefinder, STATE, 0) == NO_RANGE

@@ -56,6 +56,10 @@ GROUPS: Final[tuple[Group, ...]] = (
     ),
     Group("Estimation", ("EST",), "How position and velocity follow from delayed fixes."),
     Group(
+        "The receiver", ("GPS",),
+        "How accurate satellites have to be, by the receiver's own word.",
+    ),
+    Group(
         "The rangefinder", ("RNG",),
         "Height over the ground, measured: a bound, and a correction of the receiver's.",
     ),

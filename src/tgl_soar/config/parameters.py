@@ -536,6 +536,17 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
                 " all, so that the aircraft stays where its lift is. Beyond, or at 0, the line"
                 " stays where it is in the source's frame, and is captured again.",
     ),
+    # What PX4's filter asks of a receiver before it begins (EKF2_REQ_EPH, EKF2_REQ_EPV): worse, the
+    # firmware's own position would not be used either.
+    Parameter(
+        name="GPS_ACC_H", unit="m", minimum=0, maximum=100, default=3.0,
+        meaning="Where the site counts on latitude and longitude: engaging is refused while the"
+                " receiver reports a larger standard deviation of its horizontal place. 0: any.",
+    ),
+    Parameter(
+        name="GPS_ACC_V", unit="m", minimum=0, maximum=100, default=5.0,
+        meaning="The same of its height.",
+    ),
     # Only a bound by default: it makes the ground nearer and never farther. A profile of a few
     # points that is off by a metre moves the line by a metre, so who has surveyed it asks for 2.
     Parameter(

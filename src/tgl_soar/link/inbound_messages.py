@@ -18,6 +18,7 @@ from tgl_soar.link.messages import (
     EkfStatusReport,
     EstimatorStatus,
     FileTransferProtocol,
+    GpsRawInt,
     Heartbeat,
     HomeMessage,
     Inbound,
@@ -76,6 +77,10 @@ def _distance_sensor(m: Any) -> Inbound:
         orientation=m.orientation,
         signal_quality=m.signal_quality,
     )
+
+
+def _gps_raw_int(m: Any) -> Inbound:
+    return GpsRawInt(m.fix_type, m.h_acc, m.v_acc)
 
 
 def _ekf_status_report(m: Any) -> Inbound:
@@ -182,6 +187,7 @@ INBOUND: Final[dict[int, Callable[[Any], Inbound]]] = {
     dialect.MAVLINK_MSG_ID_VISION_POSITION_ESTIMATE: _vision_position_estimate,
     dialect.MAVLINK_MSG_ID_VFR_HUD: _vfr_hud,
     dialect.MAVLINK_MSG_ID_SYS_STATUS: _sys_status,
+    dialect.MAVLINK_MSG_ID_GPS_RAW_INT: _gps_raw_int,
     dialect.MAVLINK_MSG_ID_DISTANCE_SENSOR: _distance_sensor,
     dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT: _ekf_status_report,
     dialect.MAVLINK_MSG_ID_ESTIMATOR_STATUS: _estimator_status,

@@ -99,6 +99,7 @@ ID_HIGHRES_IMU: Final = 105
 ID_TIMESYNC: Final = 111
 ID_SCALED_IMU2: Final = 116
 ID_SCALED_IMU3: Final = 129
+ID_GPS_RAW_INT: Final = 24
 ID_DISTANCE_SENSOR: Final = 132
 ID_EKF_STATUS_REPORT: Final = 193
 ID_ESTIMATOR_STATUS: Final = 230
@@ -260,6 +261,14 @@ class EstimatorStatus(NamedTuple):
     """PX4's; of it the flags alone."""
 
     flags: int  # ESTIMATOR_STATUS_FLAGS, which are the same where both are used here
+
+
+class GpsRawInt(NamedTuple):
+    """Of it the receiver's own accuracy."""
+
+    fix_type: int  # GPS_FIX_TYPE
+    h_acc: int  # mm; 0 or all bits: not reported
+    v_acc: int  # mm, likewise
 
 
 class DistanceSensor(NamedTuple):
@@ -512,6 +521,7 @@ Inbound: TypeAlias = (
     | EkfStatusReport
     | EstimatorStatus
     | DistanceSensor
+    | GpsRawInt
     | ServoOutputRaw
     | CommandLong
     | CommandInt

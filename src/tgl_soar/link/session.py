@@ -26,6 +26,7 @@ from tgl_soar.link.messages import (
     EkfStatusReport,
     EstimatorStatus,
     GlobalPositionInt,
+    GpsRawInt,
     Heartbeat,
     HighresImu,
     HomeMessage,
@@ -57,6 +58,7 @@ from tgl_soar.link.vehicle.estimator_aids import EstimatorAids
 from tgl_soar.link.vehicle.ledger import Ledger, SessionCounters
 from tgl_soar.link.vehicle.message_rates import MessageRates
 from tgl_soar.link.vehicle.position_samples import PositionSamples
+from tgl_soar.link.vehicle.receiver import ReceiverAccuracy
 from tgl_soar.link.vehicle.sample_times import SampleTimes
 from tgl_soar.link.vehicle.sensor_samples import SensorSamples
 from tgl_soar.link.vehicle.status import VehicleStatus
@@ -116,6 +118,8 @@ class Session:
         )
         self.samples = SensorSamples(flavour, self._times, ledger)
         self._aids = EstimatorAids(ledger)
+        satellites = options.needs is not None and options.needs.gps
+        self.receiver = ReceiverAccuracy(ledger, counts=satellites)
         self._positions = PositionSamples(
             self.sources,
             options.home,
@@ -126,6 +130,8 @@ class Session:
             ledger,
         )
         self._rates = MessageRates(flavour, options.imu, options.loop_rate_hz, self.sources, ledger)
+        if satellites:
+            self._rates.want_accuracy()
         if options.rangefinder:
             self._rates.want_rangefinder()
 
@@ -243,12 +249,14 @@ class Session:
         self.inquiry.restart()
         self.mission.restart()
         self._aids.rebase(now_s)
+        self.receiver.restarted()
         self.vehicle.rebase(now_s)
 
     def _autopilot_restarted(self, now_s: float) -> None:
         """The vehicle's clock is another one: greet again, ask again."""
         self.vehicle.restarted()
         self._aids.restarted()
+        self.receiver.restarted()
         self._heartbeat_due_s = now_s
         self.streams.restart()
         self.round_trip.restart()
@@ -285,6 +293,8 @@ class Session:
             self.samples.on_sys_status(message)
         elif isinstance(message, EkfStatusReport | EstimatorStatus):
             self._aids.on_status(message, now_s)
+        elif isinstance(message, GpsRawInt):
+            self.receiver.take(message, now_s)
         elif isinstance(message, Heartbeat):
             self.vehicle.on_heartbeat(message, now_s)
         elif isinstance(message, ParamValue):
@@ -337,6 +347,7 @@ _MEASUREMENTS: Final = (
     VfrHud,
     ServoOutputRaw,
     DistanceSensor,
+    GpsRawInt,
     EkfStatusReport,
     EstimatorStatus,
 )

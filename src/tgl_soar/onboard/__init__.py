@@ -11,6 +11,7 @@ The module
   engage_switch        OP_ENGAGE, OP_FORCE and the pilot's switch: what engages and disengages
   excitation_switch    EXC_START, the multisine;  switches: both that act from tick to tick
   search_switch        SRCH_START, the search for lift;  search_beside: its process
+  receiver_watch       whether the receiver is accurate enough to engage with
   station_watch        what the silence of every ground station means
   instruments          the numbers of the telemetry;  reports: what is sent unasked
   counters             what the module counts of its own work

@@ -32,6 +32,7 @@ from tgl_soar.link.messages import (
 )
 from tgl_soar.link.session import Session
 from tgl_soar.onboard.outbound import Outbox
+from tgl_soar.onboard.receiver_watch import ReceiverWatch
 from tgl_soar.onboard.settings import FlightSettings
 from tgl_soar.onboard.station_watch import StationWatch
 from tgl_soar.onboard.surfaces import SurfaceControl
@@ -68,6 +69,7 @@ class EngageSwitch:
         self._surfaces = surfaces
         self._outbox = outbox
         self.stations = StationWatch(settings, outbox)
+        self._receiver = ReceiverWatch(settings, session.receiver, outbox)
         self._engaged_s = now_s
         self._turned_back_s = float("-inf")  # the module has disengaged by itself
         self._unforced_s = now_s  # when OP_FORCE was 0 last
@@ -91,6 +93,7 @@ class EngageSwitch:
         self.show_engaged(now_s)
         self.end_force(now_s)
         self.watch_pilot_switch(now_s)
+        self._receiver.look(now_s)
         if lost := self.stations.look(now_s):
             self.end(f"disengaged: {lost}", now_s)
 
@@ -110,14 +113,15 @@ class EngageSwitch:
         silence = self._pilot_switch_silence(now_s)
         if silence:
             return f"the pilot's switch: {silence}"
-        return self._engagement.held_back() or self.stations.refusal(now_s) or self._unfit()
+        return self._engagement.held_back() or self.stations.refusal(now_s) or self._unfit(now_s)
 
-    def _unfit(self) -> str:
+    def _unfit(self, now_s: float) -> str:
         """Why what stands is not to be flown with; "" once it flies, or by OP_FORCE."""
         values = self._settings.values
         if self._settings.engage or values["OP_FORCE"] != 0.0:
             return ""
         fault = self._settings.server.line.fault(values) or self._session.inquiry.held_back()
+        fault = fault or self._receiver.refusal(now_s)
         return f"{fault}; {OVERRIDE}" if fault else ""
 
     # --- turned -------------------------------------------------------------------------------

@@ -192,7 +192,7 @@ _NO_IMU = ImuParams(
     rate_bias_radps=0.0,
 )
 _NO_PITOT = AirspeedParams(1.0, 0.0, 0.0, 0.0)
-_NO_RANGEFINDER = RangeParams(1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+_NO_RANGEFINDER = RangeParams(rate_hz=1.0, delay_s=0.0, noise_m=0.0, min_m=0.0, max_m=0.0, lost=0.0)
 _NEVER = 1_000_000_000  # steps
 
 

@@ -106,6 +106,35 @@ def distance_sensor(sample: RangeSample, params: RangeParams, time_ms: int) -> A
     )
 
 
+def gps_raw_int(
+    fix: PositionFix, home: HomePosition | None, time_us: int, accuracy_m: tuple[float, float]
+) -> Any:
+    """GPS_RAW_INT of a place near a home; no fix without one.
+
+    accuracy_m: what the receiver reports, horizontally and in height; dilutions are not known.
+    """
+    if home is None or fix.down_m != fix.down_m:
+        return mavlink.MAVLink_gps_raw_int_message(
+            time_us, mavlink.GPS_FIX_TYPE_NO_FIX, 0, 0, 0, 65535, 65535, 65535, 65535, 255
+        )
+    latitude_deg, longitude_deg, height_m = geodetic(home, fix.north_m, fix.east_m, fix.down_m)
+    horizontal, vertical = (round(1e3 * each) for each in accuracy_m)
+    return mavlink.MAVLink_gps_raw_int_message(
+        time_us,
+        mavlink.GPS_FIX_TYPE_3D_FIX,
+        round(latitude_deg * 1e7),
+        round(longitude_deg * 1e7),
+        round(height_m * 1e3),
+        65535,
+        65535,
+        65535,
+        65535,
+        14,
+        h_acc=horizontal,
+        v_acc=vertical,
+    )
+
+
 def density_ratio(height_m: float) -> float:
     """Of the standard atmosphere, to sea level."""
     return float((1.0 - 2.25577e-5 * height_m) ** 4.2559)

@@ -13,13 +13,14 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tgl_soar.config.airframe import Surface, Surfaces
 from tgl_soar.config.site import HomePosition
 from tgl_soar.link.decoder import Decoder
-from tgl_soar.link.messages import EkfStatusReport
+from tgl_soar.link.messages import DistanceSensor, EkfStatusReport, GpsRawInt
+from tgl_soar.link.sensing import range_of
 from tgl_soar.link.streams import StreamRequests
 from tgl_soar.link.vehicle.estimator_aids import EstimatorAids
 from tgl_soar.link.vehicle.ledger import Ledger, SessionCounters
 from tgl_soar.sim.vehicle.pixhawk import Pixhawk
 from tgl_soar.sim.vehicle.sensed import Sensed
-from tgl_soar.types import AirspeedSample, AttitudeSample, ImuSample, PositionFix
+from tgl_soar.types import AirspeedSample, AttitudeSample, ImuSample, PositionFix, RangeSample
 
 STEP_HZ = 200
 LINK = 1
@@ -246,3 +247,42 @@ def test_no_pose_can_stop_it(pose: list[float], stamp: int) -> None:
         wire.wants(message_id, 50.0)
     wire.says(mavlink.MAVLink_vision_position_estimate_message(stamp, *pose, [nan] * 21))
     assert len(named(wire.runs(8), "LOCAL_POSITION_NED")) == 2
+
+
+def test_a_rangefinders_distances_reach_the_module_as_they_are() -> None:
+    """Through pymavlink and our decoder; what does not come back is refused there."""
+    wire = Wire(uptime_s=10.0)
+    wire.wants(132, 20.0)
+    reports: list[DistanceSensor] = []
+    for k in range(200):
+        now = sensed(wire.pixhawk.steps + 1)
+        away_m = 12.345 if k < 100 else nan
+        sample = RangeSample(1 + k // 10, now.attitude.time_s, away_m)
+        wire.pixhawk.step(now._replace(rangefinder=sample))
+        for _, data in wire.pixhawk.take_datagrams():
+            received = Decoder(stream=False).feed(data)
+            reports += [r.message for r in received if isinstance(r.message, DistanceSensor)]
+    assert len(reports) == pytest.approx(20, abs=2)
+    measured = [range_of(report) for report in reports]
+    assert measured[0] == pytest.approx(12.345, abs=0.006)
+    assert measured[-1] is None
+    assert (reports[0].min_distance, reports[0].max_distance) == (20, 4000)
+
+
+def test_without_a_rangefinder_no_distance_is_sent() -> None:
+    wire = Wire()
+    wire.wants(132, 20.0)
+    assert named(wire.runs(100), "DISTANCE_SENSOR") == []
+
+
+def test_the_receiver_reports_its_accuracy_and_no_dilution() -> None:
+    wire = Wire()
+    wire.wants(24, 1.0)
+    reports = []
+    for _ in range(400):
+        wire.pixhawk.step(sensed(wire.pixhawk.steps + 1))
+        for _, data in wire.pixhawk.take_datagrams():
+            received = Decoder(stream=False).feed(data)
+            reports += [r.message for r in received if isinstance(r.message, GpsRawInt)]
+    assert reports
+    assert (reports[-1].fix_type, reports[-1].h_acc, reports[-1].v_acc) == (3, 800, 1200)

@@ -11,6 +11,7 @@ from tgl_soar.link.messages import (
     ID_EKF_STATUS_REPORT,
     ID_ESTIMATOR_STATUS,
     ID_GLOBAL_POSITION_INT,
+    ID_GPS_RAW_INT,
     ID_HEARTBEAT,
     ID_HIGHRES_IMU,
     ID_LOCAL_POSITION_NED,
@@ -72,6 +73,10 @@ class MessageRates:
         if self._imus:
             self._streams.want(self._imus[0], IMU_NAMES[self._imus[0]], loop_rate_hz)
 
+    def want_accuracy(self) -> None:
+        """What the receiver says of its own accuracy."""
+        self._streams.want(ID_GPS_RAW_INT, "GPS_RAW_INT", STATUS_HZ)
+
     def want_rangefinder(self) -> None:
         """The distances of one that is fitted."""
         self._streams.want(ID_DISTANCE_SENSOR, "DISTANCE_SENSOR", RANGE_HZ)
@@ -97,6 +102,8 @@ class MessageRates:
                 ID_ESTIMATOR_STATUS,
             ):
                 text += ": a position that is only dead reckoned looks like any other"
+            elif stream.given_up and stream.message_id == ID_GPS_RAW_INT:
+                text += ": how accurate the receiver is remains unknown"
             elif stream.given_up and stream.message_id == ID_DISTANCE_SENSOR:
                 text += ": height over the ground is not measured"
             elif word == "denied":

@@ -106,6 +106,8 @@ _LEFT_OUT: Final = frozenset(
         "ExcitationState.amplitude_rad",
         "ExcitationState.limited_s",
         "PassageReport.launch",
+        "GroundRange.bound_m",  # in the clearance
+        "GroundRange.refused",  # in the faults
     }
 )
 

@@ -16,6 +16,7 @@ from tgl_soar.sim.sensor_messages import (
     ShownAirspeed,
     distance_sensor,
     global_position,
+    gps_raw_int,
     highres_imu,
     raw_imu,
     scaled_imu,
@@ -34,6 +35,7 @@ _EKF_RELATIVE: Final = (
     mavlink.EKF_VELOCITY_HORIZ | mavlink.EKF_POS_HORIZ_REL | mavlink.EKF_PRED_POS_HORIZ_REL
 )
 _EKF_ABSOLUTE: Final = mavlink.EKF_POS_HORIZ_ABS | mavlink.EKF_PRED_POS_HORIZ_ABS
+RECEIVER_ACCURACY_M: Final = (0.8, 1.2)  # as a receiver reports it under an open sky
 _ATTITUDES_KEPT: Final = 128  # of which ODOMETRY takes the one nearest to its position
 
 _ATTITUDE_STREAMS: Final = frozenset(
@@ -44,6 +46,7 @@ _POSITION_STREAMS: Final = frozenset(
         mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
         mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
         mavlink.MAVLINK_MSG_ID_ODOMETRY,
+        mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,
     }
 )
 _IMU_STREAMS: Final = frozenset(
@@ -150,6 +153,7 @@ class VehicleReports:
             mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: self._servo_output,
             mavlink.MAVLINK_MSG_ID_RC_CHANNELS: self._rc_channels,
             mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR: self._distance_sensor,
+            mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: self._gps_raw,
         }
         if self._px4:
             table[mavlink.MAVLINK_MSG_ID_ODOMETRY] = self._odometry
@@ -246,6 +250,11 @@ class VehicleReports:
         fix = self.sensed.position
         _, _, yaw = euler_from_quaternion(*self.sensed.attitude[2:6])
         return global_position(fix, self._home, self._clock.boot_ms(fix.time_s), yaw)
+
+    def _gps_raw(self) -> Any:
+        fix = self.sensed.position
+        time_us = self._clock.boot_us(fix.time_s)
+        return gps_raw_int(fix, self._home, time_us, RECEIVER_ACCURACY_M)
 
     def _raw_imu(self) -> Any:
         sample = self.sensed.imu
