@@ -22,19 +22,38 @@ moment before it ends is the last one to break off.
 height that gets short becomes speed, and where the wind falls towards the ground it slows down
 again.  The flare, quasi-steady from the height S FLARE_S on, takes (1 + KF) / KF ln(1 + KF) FLARE_S
 where a glide would take FLARE_S, and what it covers meanwhile counts: it aims by FLOAT_S v(Vf)
-short of the place.  Where even the slowest V has height left over it weaves, down to FINAL_M: with
-the nose off the wind by chi it advances by V cos chi − u, which may be nothing at all, and turns
-back so that it stays within WEAVE_M of the approach, and h' of it,
+short of the place.
 
-    cos chi = (u + v_d) / V        v_d = D' s / h'     with D', h' as far as to the straight rest
+**Too much height** is lost by time alone: a glide sinks by S whatever way its nose points, and more
+speed loses it sooner but advances by more for each metre lost.  So where even the slowest V has
+height left over it weaves, down to FINAL_M: from side to side, b to either side of the approach,
+the nose off the wind by chi on the straight legs and turning through the wind between them.  Each
+way from side to side has a turn from one side of the wind to the other, at omega, and a leg of t_l:
 
-and s its sink over the ground, averaged: where rising air slows that, it has more time.
+    m(chi) = (2 sin chi / omega + t_l cos chi) / (2 chi / omega + t_l)
+    t_l V sin chi = 2 b − 2 V (1 − cos chi) / omega
+
+is what of V is kept upwind on average, less the farther off the nose is and the wider the weave.
+chi is the least that keeps no more than it may:
+
+    V m(chi) = u + v_d        v_d = D' s / h'     with D', h' as far as to the straight rest
+
+and s its sink over the ground, averaged: where rising air slows that, it has more time.  v_d is of
+now and here: a wind that is wrong, or drag that nobody knows, changes D' / h', and chi follows.
+Beyond the straight rest's beginning v_d is negative, and the weave comes back as slowly.  With all
+of WEAVE_RAD and WEAVE_M 0.36 of V would be kept if the nose followed at once; as it follows, some
+0.6, so that it stands still in 5 m/s of wind.  In less what is too high flies over the place: to
+turn the nose farther, towards the slope, is the only other way, and is not done: it stays within 90
+degrees of the approach.
+
+b is no more than there is height to come back from: WEAVE_WIDER h' near the straight rest, h' and
+WEAVE_BASE_M higher up, WEAVE_M and the fence at most.
 
 The straight rest is as short as turning straight allows, for nothing corrects it but more speed:
-chi is no more than WEAVE_RADPS takes back until then.  It is flown at the best glide's speed at
-least, which the flare lives on: a weave takes speed that is not measured, and nobody knows of it.
-Where the air carries it, so that it sinks by less than a quarter of S, no weave brings it down: it
-goes on upstream by v_d >= OUT_MPS, and comes back where it sinks again.
+chi is no more than omega takes back until then.  It is flown at the best glide's speed at least,
+which the flare lives on: a weave takes speed that is not measured, and nobody knows of it.  Where
+the air carries it, so that it sinks by less than a quarter of S, no weave brings it down: it goes
+on upstream by v_d >= OUT_MPS, and comes back where it sinks again.
 
     theta_sp = theta_glide(V_sp) + KP (V − V_sp) + KI ∫ (V − V_sp) dt
 
@@ -60,7 +79,7 @@ then on it does not weave and flies no slower than the best glide.
 
 from __future__ import annotations
 
-from math import acos, asin, cos, exp, log, pi, sin, sqrt
+from math import acos, asin, atan2, cos, exp, log, pi, sin, sqrt
 from typing import Final, NamedTuple
 
 from tgl_soar.types import NAN, AirEstimate, GlidePolar, VehicleState, polar_sink
@@ -73,18 +92,23 @@ SLOW_BY_MPS: Final = 1.0  # above SPEED_MIN: all of the elevator is left
 POLAR_BY_MPS: Final = 0.8  # above the polar's slow end: a gust of 10 %
 # At the best glide's sink of 1.4 m/s: CROSS_S to come back, and a second and a half for the heading
 # that follows, the speed and the flare's beginning.
-FINAL_M: Final = 5.0
+FINAL_M: Final = 4.5
 STRAIGHT_BY_M: Final = 1.0  # below it the nose is to be upwind
-WEAVE_RAD: Final = 0.9  # from the wind, at most: cos 52 degrees, 0.4 of the speed
-WEAVE_RADPS: Final = 0.6  # a third of it by SIDE_BANK's 10 degrees, the other by the rudder
+WEAVE_RAD: Final = 1.5  # from the wind, at most: cos 86 degrees, next to nothing of the speed
+# omega, of the setpoint: the nose, turned by SIDE_BANK's 10 degrees and the rudder, follows at 0.5.
+WEAVE_RADPS: Final = 0.9
+WEAVE_LAG_S: Final = 1.0  # the nose and the path follow their setpoint by so much later
 TURNS_BY_MPS: Final = 0.6  # slower than wanted by more than that it does not turn
 WEAVE_MIN_RAD: Final = 0.15  # 1 %: not worth turning for
-# Off the approach, at most, if turns began at once, and by no more than there is height down to the
-# straight rest: from there it comes back twice as fast as it sinks.  Narrower it turns too often:
-# in each turn it looks upwind and goes on; within 3 m to either side its nose is off by 0.4 rad on
-# average, and it advances by 0.93 V − u at least, within 6 m by 0.87 V − u.
-WEAVE_M: Final = 6.0
-BACK_MPS: Final = 1.0  # downwind, at most, of one that is beyond the straight rest's beginning
+HALVINGS: Final = 8  # of chi: to a third of a degree
+# Off the approach, at most.  Narrower it turns too often, and in each turn it looks upwind and goes
+# on: within 6 m to either side it keeps 0.87 of V.
+WEAVE_M: Final = 24.0
+# From a side it comes back at V sin chi, 5 m/s, while it sinks by 1.3 m/s: 4 m for each metre, less
+# what the turn takes.  CROSS_S takes up what is left in the straight rest.
+WEAVE_WIDER: Final = 2.5
+WEAVE_BASE_M: Final = 7.0  # as wide as that at 4.7 m, and then by a metre for each
+BACK_MPS: Final = 2.0  # downwind, at most, of one that is beyond the straight rest's beginning
 OUT_MPS: Final = 1.0  # upstream, at least, of one that the air carries
 CARRIED: Final = 0.25  # of the polar's sink: sinking by less the air carries it
 CARRIED_S: Final = 3.0  # averaged over: an eddy of some metres is over in a second, a turn in two
@@ -154,6 +178,7 @@ class LandingParams(NamedTuple):
     sigmas: float  # of the wind, against which the way home is reckoned
     wind_share: float  # of the wind that is met, on the way home
     glide_pitch_rad: float  # where the airframe's is not known
+    side_max_m: float  # of the fence: no weave is meant to go farther to either side
 
 
 class EscapeState(NamedTuple):
@@ -336,13 +361,48 @@ def weave(
     advance = max(-BACK_MPS, distance * sinks / height)
     if sinks_mps < CARRIED * sink:  # false for NaN
         advance = max(advance, OUT_MPS)
-    cosine = (wind + advance) / speed_mps
     straight_s = (height + STRAIGHT_BY_M) / sink  # until it is to look upwind again
-    most = min(WEAVE_RAD, WEAVE_RADPS * straight_s)
-    angle = min(most, acos(max(0.0, cosine))) if cosine < 1.0 else 0.0
+    drift = air.cross_wind_mps if air.cross_wind_mps == air.cross_wind_mps else 0.0
+    veer = atan2(-drift, wind) - place.bearing_rad if wind > 0.0 else 0.0
+    to_abeam = pi / 2.0 - veer if goes_right else pi / 2.0 + veer
+    most = max(0.0, min(WEAVE_RAD, WEAVE_RADPS * straight_s, to_abeam))
+    width = half_width(params, height)
+    angle = weave_angle((wind + advance) / speed_mps, width, speed_mps, most)
     if angle < WEAVE_MIN_RAD:
         return 0.0
     return angle if goes_right else -angle
+
+
+def half_width(params: LandingParams, over_m: float) -> float:
+    """b [m], at a height over the straight rest's beginning."""
+    most = min(WEAVE_M, params.side_max_m, WEAVE_WIDER * over_m, WEAVE_BASE_M + over_m)
+    return max(0.0, most)
+
+
+def mean_cosine(angle_rad: float, half_width_m: float, speed_mps: float) -> float:
+    """m(chi): what a weave keeps of its airspeed upwind; chi > 0."""
+    turn_s = 2.0 * angle_rad / WEAVE_RADPS
+    turn_m = 2.0 * speed_mps * (1.0 - cos(angle_rad)) / WEAVE_RADPS
+    leg_s = max(0.0, 2.0 * half_width_m - turn_m) / (speed_mps * sin(angle_rad))
+    upwind_s = 2.0 * sin(angle_rad) / WEAVE_RADPS + leg_s * cos(angle_rad)
+    return upwind_s / (turn_s + leg_s)
+
+
+def weave_angle(cosine: float, half_width_m: float, speed_mps: float, most_rad: float) -> float:
+    """chi [rad], the least that keeps no more of the airspeed than a cosine, or the most there is:
+    most_rad, or what turns without a leg between them make of the width."""
+    narrowest = 1.0 - half_width_m * WEAVE_RADPS / speed_mps
+    high = min(most_rad, acos(narrowest)) if narrowest > -1.0 else most_rad
+    if not (cosine < 1.0 and high > WEAVE_MIN_RAD):  # false for NaN
+        return 0.0
+    low = 0.0
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        if mean_cosine(middle, half_width_m, speed_mps) > cosine:
+            low = middle
+        else:
+            high = middle
+    return high
 
 
 def escape_step(
@@ -449,9 +509,10 @@ def glide_step(
     turning_m = speed * (1.0 - cos(state.weave_rad)) / WEAVE_RADPS
     off = across(params.place, vehicle.x_m, vehicle.y_m)
     off += turning_m if state.weave_rad > 0.0 else -turning_m
+    off += WEAVE_LAG_S * speed * sin(state.weave_rad)
     weaves = 0.0
     height = vehicle.z_m - params.place.z_m
-    most_off = max(0.0, min(WEAVE_M, height - FINAL_M))
+    most_off = half_width(params, height - FINAL_M)
     goes_right = off < most_off if state.goes_right else off < -most_off
     if known and not outward and height <= FINAL_M:
         wanted = max(wanted, params.best_glide_mps)

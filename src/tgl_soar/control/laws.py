@@ -232,6 +232,7 @@ def _landing_params(
         sigmas=values["ESC_SIGMA"],
         wind_share=values["ESC_WIND"],
         glide_pitch_rad=radians(values["REC_PITCH"]),
+        side_max_m=values["FENCE_Y_MAX"],
     )
 
 
