@@ -236,14 +236,13 @@ def test_the_nose_is_as_far_off_as_is_needed_and_no_farther() -> None:
         assert weave_angle(cosine, width, 8.4, most) == 0.0
 
 
-def test_all_of_the_weave_stands_still_in_the_wind_that_is_told() -> None:
+def test_all_of_the_weave_would_stand_still_in_less_wind_than_it_flies_in() -> None:
     kept = mean_cosine(landing.WEAVE_RAD, landing.WEAVE_M, SLOWEST) * SLOWEST
-    assert 2.8 < kept < 3.2
+    assert 2.2 < kept < 2.6
 
 
 def test_the_weave_is_as_wide_as_there_is_height_and_a_fence() -> None:
     assert half_width(PARAMS, 4.0) == pytest.approx(4.0 * landing.WEAVE_WIDER)
-    assert half_width(PARAMS, 9.0) == pytest.approx(landing.WEAVE_BASE_M + 9.0)
     assert half_width(PARAMS, 40.0) == landing.WEAVE_M
     assert half_width(PARAMS._replace(side_max_m=3.0), 40.0) == 3.0
     assert half_width(PARAMS, -1.0) == 0.0
@@ -255,7 +254,7 @@ def test_no_nose_is_turned_towards_the_slope(bearing_deg: float) -> None:
     veer, bearing = radians(40.0), radians(bearing_deg)
     place = PLACE._replace(bearing_rad=bearing, x_m=-20.0, y_m=0.0)
     params = PARAMS._replace(place=place)
-    met = air(wind_mps=5.0 * cos(veer), cross_wind_mps=-5.0 * sin(veer), airspeed_mps=SLOWEST)
+    met = air(wind_mps=2.0 * cos(veer), cross_wind_mps=-2.0 * sin(veer), airspeed_mps=SLOWEST)
     high = at(x_m=-25.0, z_m=40.0)
     right = weave(params, True, SLOWEST, nan, high, met)
     left = weave(params, False, SLOWEST, nan, high, met)
@@ -320,12 +319,12 @@ def test_from_a_high_hill_it_touches_down_at_the_place_too(wind_mps: float) -> N
     assert abs(touched_down(wind_mps, -38.0, 50.0, params=HIGH, lag_s=0.7)) < 4.0
 
 
-@pytest.mark.parametrize(("wrong_mps", "most_m"), [(-1.0, 10.0), (1.0, 10.0), (-2.0, 18.0)])
+@pytest.mark.parametrize(("wrong_mps", "most_m"), [(-1.0, 12.0), (1.0, 12.0), (-2.0, 24.0)])
 def test_a_wind_that_is_wrong_carries_it_no_farther_than_it_is_wrong(
     wrong_mps: float, most_m: float
 ) -> None:
-    """Some 8 s: 3 of them are the straight rest's and the flare's, the others the weave's, which
-    follows D' / h' as it finds it."""
+    """Twelve seconds of it: the straight rest and the flare, and the last way from side to side and
+    back, which the height over the rest no longer corrects."""
     found = touched_down(6.5, -38.0, 50.0, params=HIGH, lag_s=0.7, wrong_mps=wrong_mps)
     assert abs(found) < most_m
 

@@ -41,13 +41,12 @@ chi is the least that keeps no more than it may:
 and s its sink over the ground, averaged: where rising air slows that, it has more time.  v_d is of
 now and here: a wind that is wrong, or drag that nobody knows, changes D' / h', and chi follows.
 Beyond the straight rest's beginning v_d is negative, and the weave comes back as slowly.  With all
-of WEAVE_RAD and WEAVE_M 0.36 of V would be kept if the nose followed at once; as it follows, some
+of WEAVE_RAD and WEAVE_M 0.29 of V would be kept if the nose followed at once; as it follows, some
 0.6, so that it stands still in 5 m/s of wind.  In less what is too high flies over the place: to
 turn the nose farther, towards the slope, is the only other way, and is not done: it stays within 90
 degrees of the approach.
 
-b is no more than there is height to come back from: WEAVE_WIDER h' near the straight rest, h' and
-WEAVE_BASE_M higher up, WEAVE_M and the fence at most.
+b is no more than there is height to come back from: WEAVE_WIDER h', WEAVE_M and the fence at most.
 
 The straight rest is as short as turning straight allows, for nothing corrects it but more speed:
 chi is no more than omega takes back until then.  It is flown at the best glide's speed at least,
@@ -90,24 +89,23 @@ SPEEDS: Final = 9  # of the polar that are tried
 ADVANCE_MPS: Final = 0.5  # over the ground, at least: what advances less arrives nowhere
 SLOW_BY_MPS: Final = 1.0  # above SPEED_MIN: all of the elevator is left
 POLAR_BY_MPS: Final = 0.8  # above the polar's slow end: a gust of 10 %
-# At the best glide's sink of 1.4 m/s: CROSS_S to come back, and a second and a half for the heading
-# that follows, the speed and the flare's beginning.
+# At the best glide's sink of 1.4 m/s: CROSS_S to come back, and a second for the heading that
+# follows, the speed and the flare's beginning.
 FINAL_M: Final = 4.5
 STRAIGHT_BY_M: Final = 1.0  # below it the nose is to be upwind
 WEAVE_RAD: Final = 1.5  # from the wind, at most: cos 86 degrees, next to nothing of the speed
 # omega, of the setpoint: the nose, turned by SIDE_BANK's 10 degrees and the rudder, follows at 0.5.
-WEAVE_RADPS: Final = 0.9
-WEAVE_LAG_S: Final = 1.0  # the nose and the path follow their setpoint by so much later
+WEAVE_RADPS: Final = 1.0
+WEAVE_LAG_S: Final = 1.4  # the nose and the path follow their setpoint by so much later
 TURNS_BY_MPS: Final = 0.6  # slower than wanted by more than that it does not turn
 WEAVE_MIN_RAD: Final = 0.15  # 1 %: not worth turning for
 HALVINGS: Final = 8  # of chi: to a third of a degree
 # Off the approach, at most.  Narrower it turns too often, and in each turn it looks upwind and goes
 # on: within 6 m to either side it keeps 0.87 of V.
-WEAVE_M: Final = 24.0
+WEAVE_M: Final = 30.0
 # From a side it comes back at V sin chi, 5 m/s, while it sinks by 1.3 m/s: 4 m for each metre, less
 # what the turn takes.  CROSS_S takes up what is left in the straight rest.
-WEAVE_WIDER: Final = 2.5
-WEAVE_BASE_M: Final = 7.0  # as wide as that at 4.7 m, and then by a metre for each
+WEAVE_WIDER: Final = 2.3
 BACK_MPS: Final = 2.0  # downwind, at most, of one that is beyond the straight rest's beginning
 OUT_MPS: Final = 1.0  # upstream, at least, of one that the air carries
 CARRIED: Final = 0.25  # of the polar's sink: sinking by less the air carries it
@@ -375,8 +373,7 @@ def weave(
 
 def half_width(params: LandingParams, over_m: float) -> float:
     """b [m], at a height over the straight rest's beginning."""
-    most = min(WEAVE_M, params.side_max_m, WEAVE_WIDER * over_m, WEAVE_BASE_M + over_m)
-    return max(0.0, most)
+    return max(0.0, min(WEAVE_M, params.side_max_m, WEAVE_WIDER * over_m))
 
 
 def mean_cosine(angle_rad: float, half_width_m: float, speed_mps: float) -> float:
