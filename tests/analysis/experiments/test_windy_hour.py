@@ -8,8 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from tgl_soar.air.gusts import Schedule
+from tgl_soar.air.wind_record import WindRecord
 from tgl_soar.analysis.experiments import windy_hour
-from tgl_soar.analysis.experiments.windy_hour import FlownHour, HourJob, fly_hour
+from tgl_soar.analysis.experiments.outdoors import touches_down_well
+from tgl_soar.analysis.experiments.windy_hour import FlownHour, HourJob, fly_hour, path_of
 
 GOOD = FlownHour(
     radius_m=30.0, seed=1, duration_s=3600.0, possible_s=3600.0, soarable=1.0, soared_s=3600.0,
@@ -34,6 +37,21 @@ def test_a_flight_is_that_of_its_seed(flown: FlownHour) -> None:
     assert flown == fly_hour(HourJob(8.0, 1, 120.0))
     assert flown.soared_s != fly_hour(HourJob(8.0, 2, 120.0)).soared_s
     assert 0.0 < flown.soared_s <= flown.duration_s <= 120.0
+
+
+@FLIES_COMPILED
+def test_from_the_large_hill_it_lands_at_the_place_although_the_wind_has_died() -> None:
+    """Some 20 m too high, in 6 m/s: what half a minute and more of a glide must not advance by.
+
+    With turns within 6 m to either side it came down 40 m beyond the place.
+    """
+    falls = WindRecord(Schedule([0.0, 12.0, 20.0], [7.2, 7.2, 6.0]), Schedule([0.0], [0.0]))
+    flown, values = path_of(HourJob(30.0, 2, 300.0), falls)
+    x, y, z = (flown[name] for name in ("x_m", "y_m", "z_m"))
+    sink = (z[-2] - z[-1]) / (flown["time_s"][-1] - flown["time_s"][-2])
+    assert "ground" in flown.ended
+    assert z.max() > 40.0
+    assert touches_down_well(values["LND_X"] - x[-1], y[-1] - values["LND_Y"], sink)
 
 
 def test_what_counts_as_lost_and_as_landed() -> None:
