@@ -42,7 +42,7 @@ and s its sink over the ground, averaged: where rising air slows that, it has mo
 now and here: a wind that is wrong, or drag that nobody knows, changes D' / h', and chi follows.
 Beyond the straight rest's beginning v_d is negative, and the weave comes back as slowly.  With all
 of WEAVE_RAD and WEAVE_M 0.29 of V would be kept if the nose followed at once; as it follows, some
-0.6, so that it stands still in 5 m/s of wind.  In less what is too high flies over the place: to
+0.65, so that it stands still in 5.5 m/s of wind.  In less what is too high flies over the place: to
 turn the nose farther, towards the slope, is the only other way, and is not done: it stays within 90
 degrees of the approach.
 
