@@ -124,23 +124,37 @@ def test_two_campaigns_stand_beside_one_another(folder: Path, another: Path) -> 
 
 
 @pytest.mark.parametrize(
-    ("shares", "apart"),
-    [
-        # The examples of Newcombe's table II, by his method 10: 0.0524 to 0.3339, and so on.
-        (((56, 70), (48, 80)), True),
-        (((9, 10), (3, 10)), True),
-        (((6, 7), (2, 7)), True),  # 0.0582 to 0.8062
-        (((5, 56), (0, 29)), False),  # -0.0381 to 0.1926
-        (((0, 10), (0, 20)), False),
-        (((10, 10), (0, 20)), True),
+    ("shares", "difference"),
+    [  # Newcombe's examples (a) to (h) and what his method 10 makes of them.
+        (((56, 70), (48, 80)), (0.0524, 0.3339)),
+        (((9, 10), (3, 10)), (0.1705, 0.8090)),
+        (((6, 7), (2, 7)), (0.0582, 0.8062)),
+        (((5, 56), (0, 29)), (-0.0381, 0.1926)),
+        (((0, 10), (0, 20)), (-0.1611, 0.2775)),
+        (((0, 10), (0, 10)), (-0.2775, 0.2775)),
+        (((10, 10), (0, 20)), (0.6791, 1.0)),
+        (((10, 10), (0, 10)), (0.6075, 1.0)),
     ],
 )
 def test_a_difference_is_told_apart_by_both_intervals(
-    shares: tuple[tuple[int, int], tuple[int, int]], apart: bool
+    shares: tuple[tuple[int, int], tuple[int, int]], difference: tuple[float, float]
 ) -> None:
     one, other = Share(*shares[0]), Share(*shares[1])
-    assert TwoShares("", (one, other)).is_apart is apart
-    assert TwoShares("", (other, one)).is_apart is apart
+    low, high = difference
+    forth, back = TwoShares("", (one, other)), TwoShares("", (other, one))
+    assert forth.difference == pytest.approx((low, high), abs=1e-4)
+    assert back.difference == pytest.approx((-high, -low), abs=1e-4)
+    assert forth.is_apart is back.is_apart is (low > 0.0)
+
+
+def test_any_class_may_be_asked_for(folder: Path, another: Path) -> None:
+    two = beside(report(folder), report(another), "lost")
+    assert [(row.name, *row.shares) for row in two.rows] == [
+        ("wind", (1, 3), (20, 20)),
+        ("gust", (0, 1), (0, 1)),
+    ]
+    with pytest.raises(ReportError, match="--class gone: result is one of soaring, lost"):
+        beside(report(folder), report(another), "gone")
 
 
 def test_two_are_drawn(folder: Path, another: Path, tmp_path: Path) -> None:

@@ -43,17 +43,21 @@ class TwoShares(NamedTuple):
     shares: tuple[Share, Share]
 
     @property
-    def is_apart(self) -> bool:
-        """The difference is not zero, at 95 %.
+    def difference(self) -> tuple[float, float]:
+        """In which the first share less the second lies, at 95 %.
 
-        By the intervals of the two shares put together: method 10 of R. G. Newcombe, "Interval
-        estimation for the difference between independent proportions", Statistics in Medicine
-        17 (1998), 873-890.  Of twenty groups that do not differ one is told apart all the same.
+        By the intervals of the two put together: method 10 of R. G. Newcombe, "Interval estimation
+        for the difference between independent proportions", Statistics in Medicine 17 (1998),
+        873-890.
         """
         (p, q) = (share.counted / share.of for share in self.shares)
         (p_low, p_high), (q_low, q_high) = (share.interval for share in self.shares)
-        low = p - q - hypot(p - p_low, q_high - q)
-        high = p - q + hypot(p_high - p, q - q_low)
+        return p - q - hypot(p - p_low, q_high - q), p - q + hypot(p_high - p, q - q_low)
+
+    @property
+    def is_apart(self) -> bool:
+        """They differ, at 95 %: of twenty groups that do not, one is told apart all the same."""
+        low, high = self.difference
         return not low <= 0.0 <= high
 
 
@@ -165,14 +169,18 @@ def report(path: Path, by: str | None = None, of: str | None = None) -> Report:
     return Report(by, of, list(groups.values()))
 
 
-def beside(first: Report, second: Report) -> TwoCampaigns:
-    """The shares of the first's most frequent class in both.
+def beside(first: Report, second: Report, counted: str | None = None) -> TwoCampaigns:
+    """The shares of one class in both; None: of the first's most frequent one.
 
-    Errors: `ReportError` for numbers, which have no classes, and where no group is in both.
+    Errors: `ReportError` for numbers, which have no classes, for a class that neither has, and
+    where no group is in both.
     """
     if not first.is_counted or not second.is_counted:
         raise ReportError(f"--of {first.of}: numbers, and two campaigns are compared by classes")
-    counted = first.classes[0]
+    there = list(dict.fromkeys([*first.classes, *second.classes]))
+    counted = there[0] if counted is None else counted
+    if counted not in there:
+        raise ReportError(f"--class {counted}: {first.of} is one of {', '.join(there)}")
     groups = [{group.name: group.classes for group in found.groups} for found in (first, second)]
     names = [name for name in groups[0] if name in groups[1]]
     if not names:

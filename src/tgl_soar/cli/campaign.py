@@ -149,7 +149,11 @@ def report_command(
     of: Annotated[str | None, typer.Option(help="Column that is counted or averaged.")] = None,
     beside: Annotated[
         Path | None,
-        typer.Option(help="Another campaign; shares of the class that is most frequent, of both."),
+        typer.Option(help="Another campaign: shares of one class in both, group by group."),
+    ] = None,
+    counted: Annotated[
+        str | None,
+        typer.Option("--class", help="With --beside: whose shares; the first's most frequent."),
     ] = None,
     figure: Annotated[
         Path | None, typer.Option(help="Draw it, too (.png, .svg).", dir_okay=False)
@@ -162,10 +166,10 @@ def report_command(
         found = campaign_report.report(path, by, of)
         if beside is not None:
             other = campaign_report.report(beside, found.by, found.of)
-            two = campaign_report.beside(found, other)
+            two = campaign_report.beside(found, other, counted)
             _print_two(two, path, beside)
             if figure is not None:
-                two_campaigns_figure(figure, two, (path.name, beside.name))
+                two_campaigns_figure(figure, two, (_folder(path), _folder(beside)))
         else:
             _print_report(found)
             if figure is not None:
@@ -178,6 +182,12 @@ def report_command(
         fail(error)
 
 
+def _folder(path: Path) -> str:
+    """The name of a campaign's folder, whether it is named or its table."""
+    whole = path.resolve()
+    return whole.name if whole.is_dir() else whole.parent.name
+
+
 def _print_two(two: campaign_report.TwoCampaigns, first: Path, second: Path) -> None:
     shown = Table(two.by, str(first), "95 % interval", str(second), "95 % interval", "")
     for row in two.rows:
@@ -188,6 +198,7 @@ def _print_two(two: campaign_report.TwoCampaigns, first: Path, second: Path) -> 
         shown.add_row(row.name, *cells, "apart" if row.is_apart else "")
     console.print(f"{two.of} {two.counted}, by {two.by or 'nothing'}")
     show(shown)
+    say("apart: the difference is not zero, at 95 %; of twenty that are alike one is by chance")
     for path, names in zip((first, second), two.alone, strict=True):
         if names:
             say(f"in {path} alone: {', '.join(names)}")

@@ -71,8 +71,8 @@ def experiment(
         Path | None,
         typer.Option(
             help="With `all`, `paper`, `aims`: fly both models and dispersed aircraft, write"
-            " experiments.md, aims.md and figures into this folder; with `point` and others: fly"
-            " dispersed aircraft too, write its section of point.md."
+            " experiments.md, aims.md and figures into this folder; with an experiment that has"
+            " a section on another page: fly dispersed aircraft too, and write that."
         ),
     ] = None,
     model: Annotated[FlightModel | None, typer.Option(help=MODEL_HELP)] = None,

@@ -18,6 +18,7 @@ from tgl_soar.analysis.experiments import (
     nowhere,
     outdoors,
     powered_search,
+    rangefinder,
     satellites,
     search,
     survey,
@@ -41,6 +42,7 @@ from tgl_soar.analysis.experiments.mismatch import (
 from tgl_soar.analysis.experiments.nowhere import LineJob
 from tgl_soar.analysis.experiments.outdoors import PassageJob
 from tgl_soar.analysis.experiments.powered_search import PoweredJob
+from tgl_soar.analysis.experiments.rangefinder import RangeJob
 from tgl_soar.analysis.experiments.satellites import SatelliteJob
 from tgl_soar.analysis.experiments.search import SearchJob
 from tgl_soar.analysis.experiments.shipped_hill import shipped_hill
@@ -231,6 +233,11 @@ FLOWN: dict[str, tuple[Any, Callable[[bool], Any], str]] = {
     "satellites": (
         satellites,
         lambda d: satellites.fly_satellites(SatelliteJob(satellites.RESET, 3, d)),
+        HILL,
+    ),
+    "rangefinder": (
+        rangefinder,
+        lambda d: rangefinder.fly_range(RangeJob(rangefinder.RECEIVER, 3, d)),
         HILL,
     ),
     "hour": (windy_hour, lambda d: windy_hour.fly_hour(HourJob(8.0, 3, 60.0, d)), HILL),

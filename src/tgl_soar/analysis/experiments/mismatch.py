@@ -1,8 +1,8 @@
 """An aircraft unlike its file in air unlike its site's: what a controller does not know.
 
-Every figure below is drawn evenly about what the module is given, for each flight by its own seed.
-The ranges are what is left after the aircraft has been identified and the site surveyed; where they
-come from stands in docs/theory.md ("What a controller does not know").  `tuning.aircraft` draws
+Every figure below is drawn evenly within its range, for each flight by its own seed.  The ranges
+are what is left after the aircraft has been identified and the site surveyed; where they come from
+stands in docs/theory.md ("What a controller does not know").  `tuning.aircraft` draws
 aircraft too: further apart, each with a file of its own.
 """
 

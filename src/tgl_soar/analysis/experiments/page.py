@@ -41,8 +41,8 @@ OWN_PAGES: Final = {
 
 DISPERSED_WORDS: Final = (
     "*Dispersed*: every flight draws an aircraft that is not the airframe file's, and air that is"
-    " not the site's, while the module on board is given the files"
-    " ([what a controller does not know](theory.md#what-a-controller-does-not-know))."
+    " not the site's where the experiment draws none by itself, while the module on board is given"
+    " the files ([what a controller does not know](theory.md#what-a-controller-does-not-know))."
 )
 
 

@@ -23,7 +23,8 @@ from random import Random
 from typing import Final, NamedTuple
 
 from tgl_soar.analysis.experiments.context import Context
-from tgl_soar.analysis.experiments.outdoors import span
+from tgl_soar.analysis.experiments.mismatch import flown_world
+from tgl_soar.analysis.experiments.outdoors import ALREADY, span
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.experiments.shipped_hill import shipped_hill
 from tgl_soar.analysis.search.scoring import share
@@ -45,7 +46,7 @@ from tgl_soar.sim.sensors import (
     MEMS_IMU,
     Sensors,
 )
-from tgl_soar.sim.world import World, make_world
+from tgl_soar.sim.world import World
 
 LINE: Final = "a"
 FLIGHTS: Final = 100
@@ -72,6 +73,7 @@ class RangeJob(NamedTuple):
 
     kind: str
     seed: int
+    dispersed: bool = False  # another aircraft than the file's, and other gusts
 
 
 @dataclass(frozen=True)
@@ -129,10 +131,12 @@ def _loop(job: RangeJob, ranged: bool, faults: tuple[Fault, ...], seconds: float
         position = position._replace(drift_m=0.0)
     if ranged:
         changes["RNG_USE"] = float(RANGE_CORRECTS)
-    world: World = make_world(
+    world: World = flown_world(
         hill.airframe,
         hill.site,
-        seed=job.seed,
+        job.seed,
+        dispersed=job.dispersed,
+        already=ALREADY,
         turbulence=intensity,
         sensors=Sensors(
             position=position, imu=MEMS_IMU, rangefinder=LASER_RANGE if ranged else None
@@ -239,7 +243,7 @@ def run(context: Context) -> Result:
     count = QUICK if context.quick else context.episodes or FLIGHTS
     seeds = range(FIRST_SEED, FIRST_SEED + count)
     jobs = [RangeJob(kind, seed) for kind in KINDS for seed in seeds]
-    flown = context.flyer.each(fly_range, jobs)
+    flown = context.each(fly_range, jobs)
     by_kind = {kind: [each for each in flown if each.kind == kind] for kind in KINDS}
     return Result(
         "rangefinder",

@@ -161,6 +161,15 @@ def changed_by_dispersion(result: Result) -> list[tuple[Claim, Claim]]:
     return [(here, other) for here, other in pairs if _sign(here) != _sign(other)]
 
 
+def missed_by_dispersion(result: Result) -> list[Claim]:
+    """Claims that are made of dispersed flights alone, and that they do not meet."""
+    dispersed = result.also.get(DISPERSED_AIRCRAFT)
+    if dispersed is None:
+        return []
+    here = {claim.text for claim in result.claims}
+    return [each for each in dispersed.judged if each.text not in here and not each.holds]
+
+
 def tables_of(result: Result) -> tuple[Table, ...]:
     """The tables; where several models flew, each row begins with its model, or, where what was
     measured is in title or columns, each model's table stands by itself.
@@ -287,11 +296,17 @@ def _dispersed(result: Result) -> list[str]:
     """What dispersion changes, in words; nothing where it was not flown."""
     if DISPERSED_AIRCRAFT not in result.also:
         return []
-    changed = changed_by_dispersion(result)
-    if not changed:
+    words = [
+        f"“{here.text}” ({_sign(here)} → {_sign(there)})"
+        for here, there in changed_by_dispersion(result)
+    ]
+    words += [
+        f"“{claim.text}”, asked of dispersed flights alone ({_sign(claim)})"
+        for claim in missed_by_dispersion(result)
+    ]
+    if not words:
         return ["", "Dispersion changes none of these."]
-    words = "; ".join(f"“{here.text}” ({_sign(here)} → {_sign(there)})" for here, there in changed)
-    return ["", f"**Dispersion changes:** {words}."]
+    return ["", f"**Dispersion changes:** {'; '.join(words)}."]
 
 
 def _sign(claim: Claim) -> str:

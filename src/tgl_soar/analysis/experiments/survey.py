@@ -191,7 +191,10 @@ def _claims(
     usual = groups[0.03, USUAL_MPS]
     drawn = [one for one in usual if one.drawn is not None]
     error = sqrt(mean([one.rms_m**2 for one in drawn])) if drawn else float("inf")
-    done = sum(one.flight.done and not one.flight.cut_short for one in usual)
+    gusty = [
+        one for (turbulence, _), flown in groups.items() if turbulence == 0.03 for one in flown
+    ]
+    done = sum(one.flight.done and not one.flight.cut_short for one in gusty)
     paces = [
         one.drawn.length_m / one.flight.lasted_s
         for one in groups[0.0, USUAL_MPS]
@@ -211,8 +214,8 @@ def _claims(
             f"{LONG_M / pace if pace else float('inf'):.0f} s, rests and turns in it",
         ),
         Claim(
-            "at 3 % every survey comes home, and none is cut short", done == len(usual),
-            share(done, len(usual)),
+            "at 3 %, at either pace, every survey comes home, and none is cut short",
+            done == len(gusty), share(done, len(gusty)),
         ),
     )  # fmt: skip
 

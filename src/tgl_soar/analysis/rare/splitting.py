@@ -179,7 +179,13 @@ def climb(
 
 def estimated(ladders: Sequence[Ladder]) -> RareEstimate:
     """Their mean, and where it lies: the interval of a mean on a logarithmic scale, for the
-    estimates scatter by a factor.  Errors: ValueError for fewer than two ladders."""
+    estimates scatter by a factor.
+
+    Asked for 95 %, it holds the truth in 94 % where the ladders' logarithms have a standard
+    deviation of 0.5, in 89 % at 1 and in 70 % at 2, by five ladders; what it misses lies above.
+
+    Errors: ValueError for fewer than two ladders.
+    """
     if len(ladders) < 2:
         raise ValueError(f"{len(ladders)} ladders: an interval needs two or more")
     from scipy.stats import t  # of the ground alone, and slow to import

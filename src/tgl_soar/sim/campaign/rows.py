@@ -5,9 +5,7 @@ itself.  Tuples within tuples are columns with both names (`score_rms_m`), sever
 list of structures; arrays stay out.  Rows stand in the order of the flights, in groups of a fixed
 size, so that a campaign has one file, whoever flew it.
 
-Parquet is written by pyarrow (the extra `parquet`).  Of the writers it is neither the smallest nor
-the quickest to import (170 MB, 0.34 s; polars 181 MB, 0.40 s; duckdb 68 MB, 0.15 s), but it alone
-writes nested columns by a schema as a stream, and pandas reads through it.
+Parquet is written by pyarrow (the extra `parquet`); why is docs/decisions/parquet.md.
 """
 
 from __future__ import annotations
