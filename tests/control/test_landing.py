@@ -28,11 +28,10 @@ from tgl_soar.control.landing import (
     height_left,
     is_on_ground,
     is_short,
-    mean_cosine,
     time_left,
     weave,
-    weave_angle,
 )
+from tgl_soar.control.weaving import WEAVE_RADPS, mean_cosine, weave_angle
 from tgl_soar.types import NO_AIR, NO_POLAR, AirEstimate, GlidePolar, VehicleState, polar_sink
 
 DT = 0.005
@@ -203,16 +202,16 @@ def test_what_a_weave_keeps_upwind_is_what_a_flown_one_covers(
 ) -> None:
     """Integrated tick by tick, to the right and back, turning so that it just fills its width."""
     speed, dt = 8.4, 1e-3
-    turns_m = speed * (1.0 - cos(chi)) / landing.WEAVE_RADPS
+    turns_m = speed * (1.0 - cos(chi)) / WEAVE_RADPS
     if turns_m > half_width_m:  # what fits is told by `weave_angle`
         assert weave_angle(-1.0, half_width_m, speed, chi) < chi
         return
     psi, y, x, t, right, ways = 0.0, -half_width_m, 0.0, 0.0, True, 0
     while ways < 2:
-        turning_m = speed * (1.0 - cos(psi)) / landing.WEAVE_RADPS
+        turning_m = speed * (1.0 - cos(psi)) / WEAVE_RADPS
         left_m = half_width_m - y if right else half_width_m + y
         wanted = 0.0 if left_m <= turning_m and t > dt else (chi if right else -chi)
-        psi += max(-landing.WEAVE_RADPS * dt, min(landing.WEAVE_RADPS * dt, wanted - psi))
+        psi += max(-WEAVE_RADPS * dt, min(WEAVE_RADPS * dt, wanted - psi))
         x, y, t = x + speed * cos(psi) * dt, y + speed * sin(psi) * dt, t + dt
         if abs(psi) < 1e-9:
             right, ways = not right, ways + 1
@@ -231,7 +230,7 @@ def test_the_nose_is_as_far_off_as_is_needed_and_no_farther() -> None:
     assert weave_angle(0.2, 15.0, 8.4, 0.5) == pytest.approx(0.5)
     # Turns alone fill 4 m to either side: V (1 − cos chi) / omega of them.
     narrow = weave_angle(0.2, 4.0, 8.4, 1.4)
-    assert 8.4 * (1.0 - cos(narrow)) / landing.WEAVE_RADPS == pytest.approx(4.0, abs=0.05)
+    assert 8.4 * (1.0 - cos(narrow)) / WEAVE_RADPS == pytest.approx(4.0, abs=0.05)
     for cosine, width, most in ((1.0, 15.0, 1.4), (nan, 15.0, 1.4), (0.5, 0.0, 1.4), (0.5, 15, 0)):
         assert weave_angle(cosine, width, 8.4, most) == 0.0
 
@@ -390,7 +389,7 @@ def test_it_looks_upwind_when_the_straight_rest_begins() -> None:
         near = at(x_m=-26.0, z_m=landing.FINAL_M + over)
         chi = weave(PARAMS, True, SLOWEST, nan, near, air())
         back_s = (over + landing.STRAIGHT_BY_M) / sink
-        assert 0.2 < chi <= landing.WEAVE_RADPS * back_s + 1e-9
+        assert 0.2 < chi <= WEAVE_RADPS * back_s + 1e-9
         assert chi <= landing.WEAVE_RAD
 
 

@@ -190,7 +190,7 @@ def beside(first: Report, second: Report, counted: str | None = None) -> TwoCamp
         one, other = (Share(each[name][counted], each[name].total()) for each in groups)
         rows.append(TwoShares(name, (one, other)))
     alone = ([n for n in groups[0] if n not in groups[1]], [n for n in groups[1] if n not in names])
-    return TwoCampaigns(first.by, first.of, counted, rows, alone)
+    return TwoCampaigns(by=first.by, of=first.of, counted=counted, rows=rows, alone=alone)
 
 
 def _chosen(

@@ -27,13 +27,9 @@ short of the place.
 **Too much height** is lost by time alone: a glide sinks by S whatever way its nose points, and more
 speed loses it sooner but advances by more for each metre lost.  So where even the slowest V has
 height left over it weaves, down to FINAL_M: from side to side, b to either side of the approach,
-the nose off the wind by chi on the straight legs and turning through the wind between them.  Each
-way from side to side has a turn from one side of the wind to the other, at omega, and a leg of t_l:
+the nose off the wind by chi on the straight legs and turning through the wind between them, so
+that m(chi) of V is kept upwind on average (`control.weaving`).
 
-    m(chi) = (2 sin chi / omega + t_l cos chi) / (2 chi / omega + t_l)
-    t_l V sin chi = 2 b − 2 V (1 − cos chi) / omega
-
-is what of V is kept upwind on average, less the farther off the nose is and the wider the weave.
 chi is the least that keeps no more than it may:
 
     V m(chi) = u + v_d        v_d = D' s / h'     with D', h' as far as to the straight rest
@@ -78,9 +74,10 @@ then on it does not weave and flies no slower than the best glide.
 
 from __future__ import annotations
 
-from math import acos, asin, atan2, cos, exp, log, pi, sin, sqrt
+from math import asin, atan2, cos, exp, log, pi, sin, sqrt
 from typing import Final, NamedTuple
 
+from tgl_soar.control.weaving import WEAVE_MIN_RAD, WEAVE_RADPS, weave_angle
 from tgl_soar.types import NAN, AirEstimate, GlidePolar, VehicleState, polar_sink
 
 GRAVITY_MPS2: Final = 9.80665
@@ -94,12 +91,8 @@ POLAR_BY_MPS: Final = 0.8  # above the polar's slow end: a gust of 10 %
 FINAL_M: Final = 4.5
 STRAIGHT_BY_M: Final = 1.0  # below it the nose is to be upwind
 WEAVE_RAD: Final = 1.5  # from the wind, at most: cos 86 degrees, next to nothing of the speed
-# omega, of the setpoint: the nose, turned by SIDE_BANK's 10 degrees and the rudder, follows at 0.5.
-WEAVE_RADPS: Final = 1.0
 WEAVE_LAG_S: Final = 1.4  # the nose and the path follow their setpoint by so much later
 TURNS_BY_MPS: Final = 0.6  # slower than wanted by more than that it does not turn
-WEAVE_MIN_RAD: Final = 0.15  # 1 %: not worth turning for
-HALVINGS: Final = 8  # of chi: to a third of a degree
 # Off the approach, at most.  Narrower it turns too often, and in each turn it looks upwind and goes
 # on: within 6 m to either side it keeps 0.87 of V.
 WEAVE_M: Final = 30.0
@@ -374,32 +367,6 @@ def weave(
 def half_width(params: LandingParams, over_m: float) -> float:
     """b [m], at a height over the straight rest's beginning."""
     return max(0.0, min(WEAVE_M, params.side_max_m, WEAVE_WIDER * over_m))
-
-
-def mean_cosine(angle_rad: float, half_width_m: float, speed_mps: float) -> float:
-    """m(chi): what a weave keeps of its airspeed upwind; chi > 0."""
-    turn_s = 2.0 * angle_rad / WEAVE_RADPS
-    turn_m = 2.0 * speed_mps * (1.0 - cos(angle_rad)) / WEAVE_RADPS
-    leg_s = max(0.0, 2.0 * half_width_m - turn_m) / (speed_mps * sin(angle_rad))
-    upwind_s = 2.0 * sin(angle_rad) / WEAVE_RADPS + leg_s * cos(angle_rad)
-    return upwind_s / (turn_s + leg_s)
-
-
-def weave_angle(cosine: float, half_width_m: float, speed_mps: float, most_rad: float) -> float:
-    """chi [rad], the least that keeps no more of the airspeed than a cosine, or the most there is:
-    most_rad, or what turns without a leg between them make of the width."""
-    narrowest = 1.0 - half_width_m * WEAVE_RADPS / speed_mps
-    high = min(most_rad, acos(narrowest)) if narrowest > -1.0 else most_rad
-    if not (cosine < 1.0 and high > WEAVE_MIN_RAD):  # false for NaN
-        return 0.0
-    low = 0.0
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        if mean_cosine(middle, half_width_m, speed_mps) > cosine:
-            low = middle
-        else:
-            high = middle
-    return high
 
 
 def escape_step(

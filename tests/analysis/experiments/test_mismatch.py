@@ -254,7 +254,9 @@ FLOWN: dict[str, tuple[Any, Callable[[bool], Any], str]] = {
     ),
     "nowhere": (
         flying,
-        lambda d: nowhere.fly_line(LineJob("tunnel", 3001, True, 2, d)),
+        lambda d: nowhere.fly_line(
+            LineJob(kind="tunnel", seed=3001, settles=True, act=2, dispersed=d)
+        ),
         SEARCH,
     ),
 }

@@ -251,7 +251,7 @@ def run(context: Context) -> Result:
     """Fly them all."""
     count = QUICK if context.quick else context.episodes or FLIGHTS
     jobs = [
-        LineJob(kind, seed, settles, act)
+        LineJob(kind=kind, seed=seed, settles=settles, act=act)
         for kind in KINDS
         for act in ACTS
         for settles in (False, True)
