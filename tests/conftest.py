@@ -47,8 +47,8 @@ ONE_WORKER: dict[str, tuple[str, ...]] = {
     # They compile the same kernels, which takes minutes: once is enough.  What one worker has
     # compiled of one kernel serves the next; another worker would begin at the beginning.
     "kernels": (
-        "analysis/search/test_compiled_search.py", "analysis/search/test_searchers.py",
-        "sim/test_batch.py", "sim/test_compiled.py",
+        "analysis/experiments/test_powered_search.py", "analysis/search/test_compiled_search.py",
+        "analysis/search/test_searchers.py", "sim/test_batch.py", "sim/test_compiled.py",
         "sim/test_kernel_cache.py",
     ),
     # They go through all conditions of each mode: thirty million of some.

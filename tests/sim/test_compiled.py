@@ -148,7 +148,8 @@ def test_a_compiled_flight_lets_go_of_all_that_it_was_handed() -> None:
     laws = laws_from(values, world.frame, world.aerodynamics, world.ground)
     rows = np.empty((200, len(Row._fields)))
     before = holders((parts, rows))
-    assert len(before) == 29  # 17 of the air, 2 of the turbulence, 9 of the sensors, and the rows
+    # 17 of the air, 2 of the turbulence, 11 of the sensors, and the rows
+    assert len(before) == 31
     flown = fly_on(parts, laws, flight, 200, 0, rows)
     assert flown.steps == 200
     assert holders((parts, rows)) == before

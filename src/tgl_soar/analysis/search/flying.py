@@ -33,8 +33,8 @@ from tgl_soar.sim.watched_flight import Looked, fly_to_look_in_cells
 
 _COLUMN: Final = {name: n for n, name in enumerate(Row._fields)}
 _THROTTLE: Final = _COLUMN["throttle"]
-# SAOS's upright line; and whoever searches flies in mode searching.
 ALREADY: Final = ("drag", "wind", "slope_rad")  # of a place: drawn with it, and known to no file
+# SAOS's upright line; and whoever searches flies in mode searching.
 SEARCHING: Final = {"TGL_LEAN_MIN": -5.0, "SRCH_START": float(SEARCH_LOOKS)}
 
 
