@@ -365,3 +365,16 @@ class Ground(NamedTuple):
 GROUND_POINTS: Final = 8
 _NOUGHTS = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 NO_GROUND: Final = Ground(0, _NOUGHTS, _NOUGHTS)
+
+
+def ground_segment(ground: Ground, x_m: float) -> int:
+    """Which point of a known profile ends the stretch that x lies on: 1 … points − 1; 0 upstream
+    of the first point, points from the last one on: it is level there."""
+    if not x_m > ground.x_m[0]:  # true for NaN
+        return 0
+    if x_m >= ground.x_m[ground.points - 1]:
+        return ground.points
+    i = 1
+    while x_m > ground.x_m[i]:
+        i += 1
+    return i

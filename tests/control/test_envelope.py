@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from itertools import product
 from math import inf, isfinite, nan, nextafter
 
@@ -40,7 +41,7 @@ from tgl_soar.control.envelope import (
     pitch_within,
     stall_margin,
 )
-from tgl_soar.types import GROUND_POINTS, NO_GROUND, Ground, SurfaceCommand
+from tgl_soar.types import GROUND_POINTS, NO_GROUND, Ground, SurfaceCommand, ground_segment
 
 LIMITS = EnvelopeLimits(
     deflection_max=0.8,
@@ -530,6 +531,16 @@ def test_a_profile_may_have_as_many_points_as_there_is_room_for() -> None:
             pytest.approx(0.0, abs=1e-12), 0.5  # on the slope, or before the first point
         )  # fmt: skip
     assert clearance(stairs, 100.0, 2.0) == 1.0  # level beyond the last
+
+
+@given(st.lists(st.floats(-50.0, 50.0), min_size=2, max_size=GROUND_POINTS, unique=True), st.data())
+def test_a_stretch_of_the_profile_is_the_one_that_it_lies_on(
+    places: list[float], data: st.DataObject
+) -> None:
+    places.sort()
+    x = data.draw(st.floats(-60.0, 60.0) | st.sampled_from(places))
+    i = ground_segment(ground(*((place, 0.0) for place in places)), x)
+    assert i == (len(places) if x >= places[-1] else bisect_left(places, x))
 
 
 def test_where_no_ground_is_known_nothing_is_low() -> None:

@@ -35,7 +35,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import Final, NamedTuple
 
-from tgl_soar.types import Ground, SurfaceCommand, isfinite
+from tgl_soar.types import Ground, SurfaceCommand, ground_segment, isfinite
 
 INFINITE: Final = float("inf")
 PITCH_PER_SPEED: Final = 0.05  # rad for each m/s: a glider that slows down gains alpha so
@@ -332,13 +332,9 @@ def clearance(ground: Ground, x_m: float, z_m: float) -> float:
     count = ground.points
     if count == 0:
         return INFINITE
-    if not x_m > ground.x_m[0]:
-        return z_m - ground.z_m[0]
-    if x_m >= ground.x_m[count - 1]:
-        return z_m - ground.z_m[count - 1]
-    i = 1
-    while x_m > ground.x_m[i]:
-        i += 1
+    i = ground_segment(ground, x_m)
+    if i == 0 or i == count:
+        return z_m - ground.z_m[min(i, count - 1)]
     length = ground.x_m[i] - ground.x_m[i - 1]
     rise = ground.z_m[i] - ground.z_m[i - 1]
     height = z_m - ground.z_m[i - 1] - rise * (x_m - ground.x_m[i - 1]) / length

@@ -58,7 +58,7 @@ from __future__ import annotations
 from math import cos, exp, sin
 from typing import Final, NamedTuple
 
-from tgl_soar.types import NAN, Ground, RangeSample, VehicleState, isfinite
+from tgl_soar.types import NAN, Ground, RangeSample, VehicleState, ground_segment, isfinite
 
 # What a rangefinder is used for: RNG_USE.
 RANGE_UNUSED: Final = 0
@@ -139,13 +139,9 @@ def ground_height(ground: Ground, x_m: float) -> float:
     count = ground.points
     if count == 0:
         return 0.0
-    if not x_m > ground.x_m[0]:
-        return ground.z_m[0]
-    if x_m >= ground.x_m[count - 1]:
-        return ground.z_m[count - 1]
-    i = 1
-    while x_m > ground.x_m[i]:
-        i += 1
+    i = ground_segment(ground, x_m)
+    if i == 0 or i == count:
+        return ground.z_m[min(i, count - 1)]
     before_x, before_z = ground.x_m[i - 1], ground.z_m[i - 1]
     slope = (ground.z_m[i] - before_z) / (ground.x_m[i] - before_x)
     return before_z + slope * (x_m - before_x)
@@ -153,13 +149,10 @@ def ground_height(ground: Ground, x_m: float) -> float:
 
 def ground_slope(ground: Ground, x_m: float) -> float:
     """How steeply it rises there, downstream."""
-    i = 1
-    while i < ground.points:
-        if ground.x_m[i - 1] < x_m <= ground.x_m[i]:
-            rise = ground.z_m[i] - ground.z_m[i - 1]
-            return rise / (ground.x_m[i] - ground.x_m[i - 1])
-        i += 1
-    return 0.0
+    i = ground_segment(ground, x_m)
+    if i == 0 or i >= ground.points:
+        return 0.0
+    return (ground.z_m[i] - ground.z_m[i - 1]) / (ground.x_m[i] - ground.x_m[i - 1])
 
 
 def beam_drop(roll_rad: float, pitch_rad: float) -> float:

@@ -6,11 +6,12 @@ Python: the others are compiled where numba is installed.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import degrees, inf, isfinite, nan, radians
 from random import Random
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Protocol
 
 import msgspec
 import numpy as np
@@ -384,6 +385,22 @@ def span(values: list[float], digits: int = 1) -> str:
         return "–"
     low, middle, high = np.percentile(known, [0, 50, 100])
     return f"{low:.{digits}f}, {middle:.{digits}f}, {high:.{digits}f}"
+
+
+class Ended(Protocol):
+    """A flight that knows how it ended; "": it flew to the end."""
+
+    @property
+    def ended(self) -> str: ...
+
+
+def ends_by_kind(by_kind: Mapping[str, Sequence[Ended]]) -> str:
+    """How the flights ended that ended early, the most frequent end of each kind first."""
+    told = []
+    for kind, some in by_kind.items():
+        ends = Counter(each.ended for each in some if each.ended)
+        told += [f"{kind}: {end} ({count})" for end, count in ends.most_common()]
+    return "; ".join(told)
 
 
 def _why(flown: list[FlownPassage]) -> str:

@@ -16,7 +16,6 @@ the lift is.
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass
 from math import inf, isfinite, nan, radians, sqrt
 from random import Random
@@ -24,7 +23,7 @@ from typing import Final, NamedTuple
 
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.mismatch import flown_world
-from tgl_soar.analysis.experiments.outdoors import ALREADY, span
+from tgl_soar.analysis.experiments.outdoors import ALREADY, ends_by_kind, span
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.experiments.shipped_hill import shipped_hill
 from tgl_soar.analysis.search.scoring import share
@@ -256,7 +255,7 @@ def run(context: Context) -> Result:
         f" noise, 2 % lost). One that is wrong for {WRONG_S:g} s: frozen, off by up to 12 m, noisy"
         " by up to 3 m, silent.",
         _claims(by_kind),
-        _why(flown),
+        ends_by_kind(by_kind),
         (_table(by_kind),),
         {"flights": [_numbers(each) for each in flown]},
         (),
@@ -312,15 +311,6 @@ def _table(by_kind: dict[str, list[RangeFlight]]) -> Table:
         "least clearance [m]", "e_rho moved by it [m]",
     )  # fmt: skip
     return Table("Rangefinder: least, median, most", columns, tuple(rows))
-
-
-def _why(flown: list[RangeFlight]) -> str:
-    """How the flights ended that ended early."""
-    told = []
-    for kind in KINDS:
-        ends = Counter(each.ended for each in flown if each.kind == kind and each.ended)
-        told += [f"{kind}: {end} ({count})" for end, count in ends.most_common()]
-    return "; ".join(told)
 
 
 def _numbers(each: RangeFlight) -> dict[str, object]:

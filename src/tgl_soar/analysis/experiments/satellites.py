@@ -18,7 +18,6 @@ e_rho is that of the truth, to the line where the lift is.
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass
 from math import cos, inf, isfinite, nan, pi, radians, sin
 from random import Random
@@ -26,7 +25,7 @@ from typing import Any, Final, NamedTuple
 
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.mismatch import flown_world
-from tgl_soar.analysis.experiments.outdoors import ALREADY, span, touches_down_well
+from tgl_soar.analysis.experiments.outdoors import ALREADY, ends_by_kind, span, touches_down_well
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.experiments.shipped_hill import shipped_hill
 from tgl_soar.analysis.search.scoring import share
@@ -330,7 +329,7 @@ def run(context: Context) -> Result:
         f" for {RECEIVER_S:g} s; no satellites for {LOST_S:g} s, dead reckoned with"
         f" {RECKONED_MPS2:g} m/s² of error, told after 5 to 10 s.",
         _claims(by_kind),
-        _why(flown),
+        ends_by_kind(by_kind),
         (_table(by_kind),),
         {"flights": [_numbers(each) for each in flown]},
         (),
@@ -416,15 +415,6 @@ def _table(by_kind: dict[str, list[SatelliteFlight]]) -> Table:
         "e_rho moved [cm]",
     )  # fmt: skip
     return Table("Satellites: least, median, most", columns, tuple(rows))
-
-
-def _why(flown: list[SatelliteFlight]) -> str:
-    """How the flights ended that ended early."""
-    told = []
-    for kind in KINDS:
-        ends = Counter(each.ended for each in flown if each.kind == kind and each.ended)
-        told += [f"{kind}: {end} ({count})" for end, count in ends.most_common()]
-    return "; ".join(told)
 
 
 def _numbers(each: SatelliteFlight) -> dict[str, object]:
