@@ -230,12 +230,6 @@ class MotionQuality(NamedTuple):
     reckoned_s: float  # for so long it has been dead reckoned alone; 0: it is measured
 
 
-NO_QUALITY: Final = MotionQuality(
-    *(NAN, NAN, NAN, NAN, NAN, NAN, 0.0, 0.0, 0.0, NAN, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0),
-    *(False, False, False, False, 0.0),
-)
-
-
 class Health(NamedTuple):
     """How old the inputs are and whether they may be flown with."""
 

@@ -32,7 +32,6 @@ from tgl_soar.control.envelope import (
     brake_limit,
     brake_room,
     clearance,
-    cut_words,
     elevator_limit,
     is_air_safe,
     is_clear,
@@ -254,9 +253,6 @@ def test_a_mode_that_does_not_fly_puts_nothing_out() -> None:
 def test_every_cut_has_its_word() -> None:
     bits = [v for k, v in vars(envelope).items() if k.startswith("CUT_") and isinstance(v, int)]
     assert sorted(bits) == [1 << i for i in range(len(envelope.CUT_TEXTS))]
-    assert cut_words(0) == ""
-    assert cut_words(CUT_TRAVEL | CUT_MODE) == "travel, mode"
-    assert cut_words(CUT_NOSE_UP) == "nose-up, near the stall"
 
 
 # --- the stall ----------------------------------------------------------------------------------

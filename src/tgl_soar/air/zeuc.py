@@ -75,7 +75,6 @@ class WindSensitivity(NamedTuple):
     answer: Literal["rise", "stay", "fall"]
     margin: float  # sink/u − d sink/du [-]: positive on the slow side of best glide
     along_m_per_mps: float  # shift up the line per m/s of the field's reference wind
-    normal_m_per_mps: float  # shift of the contour itself, towards less excess updraft
 
 
 def excess_updraft(
@@ -433,7 +432,7 @@ def wind_sensitivity(
     answer: Literal["rise", "stay", "fall"] = "stay"
     if abs(shift) > STAY_M_PER_MPS:
         answer = "rise" if shift > 0.0 else "fall"
-    return WindSensitivity(answer, margin, shift, growth / steepness)
+    return WindSensitivity(answer, margin, shift)
 
 
 def core(

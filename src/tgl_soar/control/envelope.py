@@ -339,8 +339,3 @@ def clearance(ground: Ground, x_m: float, z_m: float) -> float:
     rise = ground.z_m[i] - ground.z_m[i - 1]
     height = z_m - ground.z_m[i - 1] - rise * (x_m - ground.x_m[i - 1]) / length
     return height * length / sqrt(length * length + rise * rise)
-
-
-def cut_words(cut: int) -> str:
-    """The words of what was cut, by commas; "" where nothing was."""
-    return ", ".join(text for i, text in enumerate(CUT_TEXTS) if cut >> i & 1)

@@ -20,7 +20,6 @@ from tgl_soar.types import AirspeedSample, ImuSample, PositionFix, RangeSample
 MILLI_G_MPS2: Final = 9.80665e-3
 PITOT_READ_S: Final = 0.1
 SEA_LEVEL_HPA: Final = 1013.25
-SEA_LEVEL_KGPM3: Final = 1.225
 TEMPERATURE_C: Final = 15.0
 INERTIAL: Final = (
     mavlink.HIGHRES_IMU_UPDATED_XACC

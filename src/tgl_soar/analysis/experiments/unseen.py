@@ -18,7 +18,7 @@ from collections import Counter
 from collections.abc import Sequence
 from math import sqrt
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import msgspec
 
@@ -299,12 +299,3 @@ def row_claims(row: UnseenRow, scores: dict[tuple[str, str], UnseenScore]) -> tu
             )
         )
     return tuple(claims)
-
-
-def causes_of(scores: dict[Any, UnseenScore]) -> str:
-    """Why flights ended, in words."""
-    return "; ".join(
-        f"{', '.join(key)}: {', '.join(f'{cause} {n}' for cause, n in score.causes)}"
-        for key, score in scores.items()
-        if score.causes
-    )

@@ -58,7 +58,6 @@ MODE_MANUAL: Final = 0
 MODE_FBWA: Final = 5
 MODE_GUIDED: Final = 15
 MODE_AUTO: Final = 10
-MODE_RTL: Final = 11
 CHANNELS: Final = 18
 RCIN: Final = 50  # and the channel: SERVOn_FUNCTION of an output that repeats a channel
 FUNCTIONS: Final = (19, 4, 21)  # SERVOn_FUNCTION of elevator, aileron, rudder

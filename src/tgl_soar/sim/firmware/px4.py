@@ -97,11 +97,6 @@ class Px4Physics:
         self._server.listen(1)
         self.port: int = self._server.getsockname()[1]
 
-    @property
-    def is_connected(self) -> bool:
-        """Whether PX4 is there."""
-        return self._connection is not None
-
     def connect(self, timeout_s: float) -> bool:
         """Wait for PX4; whether it came."""
         if self._connection is None and select.select([self._server], [], [], timeout_s)[0]:
