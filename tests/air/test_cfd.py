@@ -12,8 +12,8 @@ from math import hypot, inf, radians
 
 import numpy as np
 import pytest
+from compare_cfd import compare_jet
 
-from tgl_soar.air.comparison import compare_jet
 from tgl_soar.air.grid import GridField
 from tgl_soar.air.grid_files import Layout, read_grid
 from tgl_soar.air.jet import JetShape
