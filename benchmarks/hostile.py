@@ -23,7 +23,7 @@ from time import perf_counter, thread_time
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.analysis.experiments.long_flight import resident_kib
+from tgl_soar.analysis.campaigns.long_flight import resident_kib
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.onboard.module import Onboard
 from tgl_soar.onboard.setup import setup_from

@@ -47,9 +47,9 @@ ONE_WORKER: dict[str, tuple[str, ...]] = {
     # They compile the same kernels, which takes minutes: once is enough.  What one worker has
     # compiled of one kernel serves the next; another worker would begin at the beginning.
     "kernels": (
-        "analysis/experiments/test_powered_search.py", "analysis/search/test_compiled_search.py",
-        "analysis/search/test_searchers.py", "sim/test_batch.py", "sim/test_compiled.py",
-        "sim/test_kernel_cache.py",
+        "analysis/experiments/lift/test_powered_search.py",
+        "analysis/search/test_compiled_search.py", "analysis/search/test_searchers.py",
+        "sim/test_batch.py", "sim/test_compiled.py", "sim/test_kernel_cache.py",
     ),
     # They go through all conditions of each mode: thirty million of some.
     "the walk": ("control/test_reported_faults.py", "control/test_supervisor.py"),

@@ -14,7 +14,7 @@ pytest.importorskip("numba")  # delay lines of prepared flights are its lists
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 
 from tgl_soar import gym  # noqa: E402
-from tgl_soar.analysis.experiments.campaign import EVERY_SENSOR, SENSORS  # noqa: E402
+from tgl_soar.analysis.campaigns.drawn_faults import EVERY_SENSOR, SENSORS  # noqa: E402
 from tgl_soar.autopilot import initial_state  # noqa: E402
 from tgl_soar.autopilot import step as autopilot_step  # noqa: E402
 from tgl_soar.control.envelope import STALL_BEYOND  # noqa: E402

@@ -47,7 +47,7 @@ def _watched() -> AbstractContextManager[Any]:
 
 
 with _watched():
-    from tgl_soar.analysis.experiments.campaign import place
+    from tgl_soar.analysis.campaigns.drawn_faults import place
     from tgl_soar.analysis.experiments.scenario import Scenario
     from tgl_soar.analysis.logs.dataflash import MAGIC
     from tgl_soar.analysis.logs.flight_data import FlightData

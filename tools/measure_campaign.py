@@ -27,7 +27,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from tgl_soar.analysis.experiments.campaign import EVERY_SENSOR, SENSORS, place
+from tgl_soar.analysis.campaigns.drawn_faults import EVERY_SENSOR, SENSORS, place
 from tgl_soar.sim.campaign.cluster import ClusterError, DaskCluster
 from tgl_soar.sim.campaign.executors import Executor, local
 from tgl_soar.sim.campaign.flight_list import Campaign

@@ -41,7 +41,7 @@ except ImportError as error:
 
 from tgl_soar.air.field import WindField
 from tgl_soar.air.zeuc import stable_crossing
-from tgl_soar.analysis.experiments.campaign import EVERY_SENSOR, SENSORS
+from tgl_soar.analysis.campaigns.drawn_faults import EVERY_SENSOR, SENSORS
 from tgl_soar.analysis.experiments.mismatch import mismatched
 from tgl_soar.autopilot import mode_name
 from tgl_soar.config.airframe import Airframe

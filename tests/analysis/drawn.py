@@ -23,19 +23,25 @@ KEPT: Final = Path(__file__).with_name("drawn.json")
 KEEP: Final = "TGL_SOAR_KEEP_DRAWN"
 SAME: Final = 1e-4
 FAR: Final = 1e12  # a band over all of an axis has corners that are no data
+
+
+def _in(folder: str, *names: str) -> tuple[str, ...]:
+    return tuple(f"{folder}/test_{name}.py" for name in names)
+
+
 # Tests that show the same whenever they are run: nothing in them is of the clock.
 FILES: Final = (
-    *(
-        f"experiments/test_{name}.py"
-        for name in (
-            *("accepted_leans", "airframes", "brake_faults", "dispersed", "estimator_experiment"),
-            *("forecast_experiment", "hold_point", "incidence", "lift_map_experiment", "nowhere"),
-            *("outdoors", "places", "robustness", "safety_timeline", "satellites", "unseen"),
-            *("verdicts", "wind_estimate", "wind_use", "windy_hour"),
-        )
-    ),
-    *("report/test_figures.py", "report/test_flight_report.py", "report/test_point_figure.py"),
-    *("search/test_flown_map.py", "search/test_search_scoring.py", "test_campaign_report.py"),
+    *_in("campaigns", "campaign_report", "safety_timeline"),
+    *_in("experiments", "verdicts"),
+    *_in("experiments/aircraft", "airframes", "dispersed", "unseen"),
+    *_in("experiments/estimates", "estimator_experiment", "incidence", "wind_estimate", "wind_use"),
+    *_in("experiments/lift", "forecast_experiment", "lift_map_experiment", "nowhere"),
+    *_in("experiments/loop", "accepted_leans", "command_delay"),
+    *_in("experiments/outdoors", "outdoors", "satellites", "windy_hour"),
+    *_in("experiments/paper", "places"),
+    *_in("experiments/point", "brake_faults", "hold_point"),
+    *_in("report", "figures", "flight_report", "point_figure"),
+    *_in("search", "flown_map", "search_scoring"),
 )
 
 Shown = dict[str, Any]

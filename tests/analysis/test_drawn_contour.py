@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from slid_contour import ETA, SPEED_MPS, flown, logged, true_points
 
-from tgl_soar.analysis.experiments.survey import errors_of
+from tgl_soar.analysis.experiments.lift.survey import errors_of
 from tgl_soar.analysis.logs.flight_data import Event, FlightData
 from tgl_soar.analysis.survey.drawn import SurveyError, drawn_contour
 from tgl_soar.analysis.survey.flown import surveys_of

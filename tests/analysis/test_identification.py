@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tgl_soar.analysis.experiments.identification import (
+from tgl_soar.analysis.experiments.aircraft.identification import (
     AIRFRAME,
     logged,
     true_effect,

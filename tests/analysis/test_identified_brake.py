@@ -10,7 +10,7 @@ import pytest
 from msgspec.structs import asdict
 
 from tgl_soar.analysis.drag import drag_of
-from tgl_soar.analysis.experiments.identification import logged
+from tgl_soar.analysis.experiments.aircraft.identification import logged
 from tgl_soar.analysis.identification import Identified, KnownAircraft, body_from, identify
 from tgl_soar.analysis.logs.flight_data import FlightData
 from tgl_soar.analysis.logs.gliding import MeanWind, glides, longitudinal

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from tgl_soar.analysis.experiments.shipped_hill import shipped_hill
+from tgl_soar.analysis.experiments.outdoors.shipped_hill import shipped_hill
 from tgl_soar.autopilot import fault_text
 from tgl_soar.control.supervisor import SOARING
 from tgl_soar.estimation.health import RANGE

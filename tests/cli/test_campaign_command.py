@@ -10,8 +10,8 @@ import pytest
 from rich.table import Table
 from typer.testing import CliRunner, Result
 
-from tgl_soar.analysis.experiments import campaign
-from tgl_soar.analysis.experiments.campaign import FaultJob, Outcome
+from tgl_soar.analysis.campaigns import drawn_faults
+from tgl_soar.analysis.campaigns.drawn_faults import FaultJob, Outcome
 from tgl_soar.cli.app import app
 from tgl_soar.cli.console import show
 from tgl_soar.cli.flying import FlightLines, duration
@@ -30,7 +30,7 @@ def fly(job: FaultJob) -> Outcome:
         row=job.row,
         seed=job.seed,
         faults="; ".join(map(str, job.faults)),
-        result=campaign.LOST if job.seed == 5 else campaign.SOARING,
+        result=drawn_faults.LOST if job.seed == 5 else drawn_faults.SOARING,
         reason="hit the board" if job.seed == 5 else "",
         ended_s=30.0,
         bad_commands=0,
@@ -43,7 +43,7 @@ Command = Callable[..., Result]
 
 @pytest.fixture
 def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
-    monkeypatch.setattr(campaign, "fly_fault_job", fly)
+    monkeypatch.setattr(drawn_faults, "fly_fault_job", fly)
     flown.clear()
     stop.clear()
 
@@ -139,12 +139,12 @@ def test_a_cluster_that_is_not_there_costs_no_flights(command: Command, tmp_path
 
 
 def test_a_drop_out_that_is_lost_is_trouble_like_any_flight() -> None:
-    name = campaign.FaultJobs(0, 1, 1)[0].row
-    of = campaign.Outcome(
-        row=name, seed=1, faults="", result=campaign.LOST, reason="hit the board", ended_s=1.0,
+    name = drawn_faults.FaultJobs(0, 1, 1)[0].row
+    of = drawn_faults.Outcome(
+        row=name, seed=1, faults="", result=drawn_faults.LOST, reason="hit the board", ended_s=1.0,
         bad_commands=2, error="ValueError",
     )  # fmt: skip
-    counted = campaign.count([of])
+    counted = drawn_faults.count([of])
     assert (counted.bad_commands, counted.raised, counted.troubles) == (2, 1, [of])
     assert counted.survivals[0].survived == 0
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from tgl_soar.analysis.experiments.identification import AIRFRAME
+from tgl_soar.analysis.experiments.aircraft.identification import AIRFRAME
 from tgl_soar.cli.app import app
 from tgl_soar.config.files import load_airframe
 from tgl_soar.config.parameters import ParameterSet

@@ -10,7 +10,8 @@ import msgspec
 import pytest
 from typer.testing import CliRunner
 
-from tgl_soar.analysis.experiments import campaign, catalogue, long_flight, staleness
+from tgl_soar.analysis.campaigns import drawn_faults, long_flight
+from tgl_soar.analysis.experiments import catalogue, staleness
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.flights import Flyer
 from tgl_soar.analysis.experiments.result import Claim, Result
@@ -151,12 +152,12 @@ def test_the_page_of_the_paper_is_flown_by_both_models_and_dispersed(
 
 
 def test_a_campaign_flies_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    (job,) = campaign.FaultJobs(1, 0, 1)
-    monkeypatch.setattr(campaign, "available", lambda: False)
-    world = campaign.world_of(job._replace(model="point_mass"), Injection((), 1))
-    place = campaign.place()
+    (job,) = drawn_faults.FaultJobs(1, 0, 1)
+    monkeypatch.setattr(drawn_faults, "available", lambda: False)
+    world = drawn_faults.world_of(job._replace(model="point_mass"), Injection((), 1))
+    place = drawn_faults.place()
     assert world.model == make_world(place.airframe.flown_as("point_mass"), place.site).model
-    assert world.model != campaign.world_of(job, Injection((), 1)).model
+    assert world.model != drawn_faults.world_of(job, Injection((), 1)).model
 
 
 def test_the_whole_module_flies_it() -> None:

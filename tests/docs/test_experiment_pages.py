@@ -11,7 +11,7 @@ import pytest
 from tgl_soar.analysis.experiments import staleness
 from tgl_soar.analysis.experiments.catalogue import TOGETHER
 from tgl_soar.analysis.experiments.flights import ScenarioJob, fly_job
-from tgl_soar.analysis.experiments.page import AIMS, PAPER, page
+from tgl_soar.analysis.experiments.pages import AIMS, PAPER, page
 from tgl_soar.analysis.experiments.scenario import load_scenario, prepare
 from tgl_soar.config.files import shipped
 

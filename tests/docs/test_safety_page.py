@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import pytest
 
-from tgl_soar.analysis.experiments.campaign import DISPERSED_MARKS, MARKS
+from tgl_soar.analysis.campaigns.drawn_faults import DISPERSED_MARKS, MARKS
 from tgl_soar.config.parameters import INDEX
 
 ROOT = Path(__file__).parents[2]

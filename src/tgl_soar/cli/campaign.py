@@ -10,10 +10,9 @@ import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from tgl_soar.analysis import campaign_report
-from tgl_soar.analysis.experiments import campaign
-from tgl_soar.analysis.experiments.long_flight import Part, fly_long
-from tgl_soar.analysis.experiments.safety_timeline import draw_safety_timeline
+from tgl_soar.analysis.campaigns import drawn_faults, report
+from tgl_soar.analysis.campaigns.long_flight import Part, fly_long
+from tgl_soar.analysis.campaigns.safety_timeline import draw_safety_timeline
 from tgl_soar.cli.console import (
     MODEL_HELP,
     Commands,
@@ -92,13 +91,13 @@ def faults(
     if dispersion and model == FlightModel.POINT_MASS:
         fail("--dispersion is of the rigid body: the point mass has no such figures")
     kind = None if model is None else model.kind
-    jobs = campaign.FaultJobs(flights, dropouts, seed, kind, dispersion)
+    jobs = drawn_faults.FaultJobs(flights, dropouts, seed, kind, dispersion)
     begun = time.monotonic()
     to_resume(out, resume)
     try:
         executor = executor_of(workers, scheduler)  # before anything that is there goes
         with CampaignFolder(
-            out, campaign.campaign_of(jobs), resume=resume, restart=restart
+            out, drawn_faults.campaign_of(jobs), resume=resume, restart=restart
         ) as folder:
             if folder.damaged:
                 hint(
@@ -106,7 +105,7 @@ def faults(
                     " again"
                 )
             _fly(folder, executor)
-            counted = campaign.count(folder)
+            counted = drawn_faults.count(folder)
             tabulated = folder.finish()
     except (JournalError, WorkerLost, ClusterError) as error:
         fail(error)
@@ -116,12 +115,12 @@ def faults(
     say(f"{len(jobs)} flights in {took:.0f} s; every one of them in {where}")
     if page is not None:
         command = (
-            f"{campaign.COMMAND} --flights {flights} --dropouts {dropouts} --seed {seed}"
+            f"{drawn_faults.COMMAND} --flights {flights} --dropouts {dropouts} --seed {seed}"
             f"{' --dispersion' if dispersion else ''}"
         )
         whole = page.read_text(encoding="utf-8")
-        written = campaign.section(counted, command)
-        page.write_text(campaign.with_section(whole, written, dispersion), encoding="utf-8")
+        written = drawn_faults.section(counted, command)
+        page.write_text(drawn_faults.with_section(whole, written, dispersion), encoding="utf-8")
         say(f"table in {page}")
         if not dispersion:
             _draw(page.parent / TIMELINE)
@@ -163,10 +162,10 @@ def report_command(
     from tgl_soar.analysis.report.campaign_figure import campaign_figure, two_campaigns_figure
 
     try:
-        found = campaign_report.report(path, by, of)
+        found = report.report(path, by, of)
         if beside is not None:
-            other = campaign_report.report(beside, found.by, found.of)
-            two = campaign_report.beside(found, other, counted)
+            other = report.report(beside, found.by, found.of)
+            two = report.beside(found, other, counted)
             _print_two(two, path, beside)
             if figure is not None:
                 two_campaigns_figure(figure, two, (_folder(path), _folder(beside)))
@@ -188,7 +187,7 @@ def _folder(path: Path) -> str:
     return whole.name if whole.is_dir() else whole.parent.name
 
 
-def _print_two(two: campaign_report.TwoCampaigns, first: Path, second: Path) -> None:
+def _print_two(two: report.TwoCampaigns, first: Path, second: Path) -> None:
     shown = Table(two.by, str(first), "95 % interval", str(second), "95 % interval", "")
     for row in two.rows:
         cells = []
@@ -204,12 +203,12 @@ def _print_two(two: campaign_report.TwoCampaigns, first: Path, second: Path) -> 
             say(f"in {path} alone: {', '.join(names)}")
 
 
-def _print_report(found: campaign_report.Report) -> None:
+def _print_report(found: report.Report) -> None:
     if found.is_counted:
         classes = found.classes
         shown = Table(found.by, "flights", *classes, f"{classes[0]}, 95 % interval")
         for group in found.groups:
-            low, high = campaign.wilson(group.classes[classes[0]], group.flights)
+            low, high = drawn_faults.wilson(group.classes[classes[0]], group.flights)
             counts = (str(group.classes[name] or "·") for name in classes)
             between = f"{100 * low:.3g} to {100 * high:.3g} %"
             shown.add_row(group.name, str(group.flights), *counts, between)
@@ -272,10 +271,10 @@ def long(
         fail(f"ended early: {flight.ended}" if flight.ended else "the flight was not well", 1)
 
 
-def _print(counted: campaign.Counted) -> None:
+def _print(counted: drawn_faults.Counted) -> None:
     shown = Table("fault", "flights", "soaring", "flying", "released", "lost", "why")
     for row in counted.rows:
-        counts = (row.results[r] for r in campaign.RESULTS)
+        counts = (row.results[r] for r in drawn_faults.RESULTS)
         why = ", ".join(f"{reason} ({n})" for reason, n in row.reasons.most_common())
         shown.add_row(row.name, str(row.flights), *(str(n) if n else "·" for n in counts), why)
     show(shown)

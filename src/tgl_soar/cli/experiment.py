@@ -23,7 +23,7 @@ from tgl_soar.analysis.experiments.catalogue import (
 from tgl_soar.analysis.experiments.catalogue import run as run_experiment
 from tgl_soar.analysis.experiments.context import COMPILED_FROM, Context
 from tgl_soar.analysis.experiments.flights import FlownFolder, Flyer
-from tgl_soar.analysis.experiments.page import IMAGES, OWN_PAGES, counted, pages, with_result
+from tgl_soar.analysis.experiments.pages import IMAGES, OWN_PAGES, counted, pages, with_result
 from tgl_soar.analysis.experiments.result import Result, as_json
 from tgl_soar.analysis.experiments.staleness import probe
 from tgl_soar.cli.console import MODEL_HELP, FlightModel, console, fail, hint, say, show

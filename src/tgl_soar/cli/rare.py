@@ -10,7 +10,7 @@ from typing import Annotated, Any, Final
 import typer
 from rich.table import Table
 
-from tgl_soar.analysis.experiments.campaign import EVERY_SENSOR, SENSORS, wilson
+from tgl_soar.analysis.campaigns.drawn_faults import EVERY_SENSOR, SENSORS, wilson
 from tgl_soar.analysis.rare.kept import RareRequest, fly_kept
 from tgl_soar.analysis.rare.soaring import SHOWN, SoaringCase, SoaringProcess
 from tgl_soar.analysis.rare.splitting import (

@@ -18,8 +18,8 @@ from tgl_soar.analysis.experiments.flights import (
     fly_job_compiled,
     pooled_dispersion,
 )
+from tgl_soar.analysis.experiments.paper.still_lines import polar_bias_m
 from tgl_soar.analysis.experiments.scenario import Scenario, load_scenario, prepare
-from tgl_soar.analysis.experiments.still_lines import polar_bias_m
 from tgl_soar.analysis.flown_airframe import flown_airframe
 from tgl_soar.config.airframe import ModelKind
 from tgl_soar.config.files import shipped

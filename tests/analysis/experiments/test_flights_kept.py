@@ -8,18 +8,12 @@ from typing import Any
 
 import pytest
 
-from tgl_soar.analysis.experiments import (
-    dispersed,
-    estimator_flights,
-    flights,
-    identification,
-    nowhere,
-    powered_search,
-    search,
-    wind_estimate,
-)
-from tgl_soar.analysis.experiments.dispersed import LinearMargin
+from tgl_soar.analysis.experiments import flights
+from tgl_soar.analysis.experiments.aircraft import dispersed, identification
+from tgl_soar.analysis.experiments.aircraft.dispersed import LinearMargin
+from tgl_soar.analysis.experiments.estimates import estimator_flights, wind_estimate
 from tgl_soar.analysis.experiments.flights import FlownFolder, Flyer, ScenarioJob
+from tgl_soar.analysis.experiments.lift import nowhere, powered_search, search
 from tgl_soar.analysis.experiments.scenario import load_scenario
 from tgl_soar.config.files import shipped
 from tgl_soar.sim.campaign.encoding import decoder, digest, result_type

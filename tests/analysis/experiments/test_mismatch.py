@@ -11,23 +11,18 @@ import pytest
 from msgspec.structs import asdict
 
 from tgl_soar.air.gusts import BlendedField, ScaledField, Schedule
-from tgl_soar.analysis.experiments import (
-    campaign,
-    catalogue,
-    identification,
-    nowhere,
-    outdoors,
-    powered_search,
-    rangefinder,
-    satellites,
-    search,
-    survey,
-    windy_hour,
-)
-from tgl_soar.analysis.experiments.campaign import FaultJob, FaultJobs, place, world_of
+from tgl_soar.analysis.campaigns import drawn_faults
+from tgl_soar.analysis.campaigns.drawn_faults import FaultJob, FaultJobs, place, world_of
+from tgl_soar.analysis.experiments import catalogue
+from tgl_soar.analysis.experiments.aircraft import identification
+from tgl_soar.analysis.experiments.aircraft.identification import GlideJob
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.flights import Flyer, ScenarioJob, fly_job
-from tgl_soar.analysis.experiments.identification import GlideJob
+from tgl_soar.analysis.experiments.lift import nowhere, powered_search, search, survey
+from tgl_soar.analysis.experiments.lift.nowhere import LineJob
+from tgl_soar.analysis.experiments.lift.powered_search import PoweredJob
+from tgl_soar.analysis.experiments.lift.search import SearchJob
+from tgl_soar.analysis.experiments.lift.survey import SurveyJob
 from tgl_soar.analysis.experiments.mismatch import (
     AS_FILED,
     RANGES,
@@ -39,15 +34,12 @@ from tgl_soar.analysis.experiments.mismatch import (
     mismatched_sensors,
     mismatched_site,
 )
-from tgl_soar.analysis.experiments.nowhere import LineJob
-from tgl_soar.analysis.experiments.outdoors import PassageJob
-from tgl_soar.analysis.experiments.powered_search import PoweredJob
-from tgl_soar.analysis.experiments.rangefinder import RangeJob
-from tgl_soar.analysis.experiments.satellites import SatelliteJob
-from tgl_soar.analysis.experiments.search import SearchJob
-from tgl_soar.analysis.experiments.shipped_hill import shipped_hill
-from tgl_soar.analysis.experiments.survey import SurveyJob
-from tgl_soar.analysis.experiments.windy_hour import HourJob
+from tgl_soar.analysis.experiments.outdoors import outdoors, rangefinder, satellites, windy_hour
+from tgl_soar.analysis.experiments.outdoors.outdoors import PassageJob
+from tgl_soar.analysis.experiments.outdoors.rangefinder import RangeJob
+from tgl_soar.analysis.experiments.outdoors.satellites import SatelliteJob
+from tgl_soar.analysis.experiments.outdoors.shipped_hill import shipped_hill
+from tgl_soar.analysis.experiments.outdoors.windy_hour import HourJob
 from tgl_soar.analysis.flown_airframe import flown_airframe
 from tgl_soar.analysis.search import flying
 from tgl_soar.config.files import ConfigError, load_airframe, load_site, shipped
@@ -62,7 +54,7 @@ NONE = AS_FILED
 
 @pytest.fixture(autouse=True)
 def plain(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(campaign, "available", lambda: False)
+    monkeypatch.setattr(drawn_faults, "available", lambda: False)
 
 
 def model_of(drawn: Mismatch) -> AircraftModel:

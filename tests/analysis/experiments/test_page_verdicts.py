@@ -15,7 +15,7 @@ from tgl_soar.analysis.experiments import staleness
 from tgl_soar.analysis.experiments.catalogue import TOGETHER, run_whole
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.flights import Flyer
-from tgl_soar.analysis.experiments.page import AIMS, PAPER, counted
+from tgl_soar.analysis.experiments.pages import AIMS, PAPER, counted
 
 DOCS = Path(__file__).parents[3] / "docs"
 AT_ONCE = ("field",)  # nothing is flown

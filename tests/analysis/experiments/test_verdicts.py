@@ -14,21 +14,6 @@ import pytest
 from tgl_soar.air.hill import HillField
 from tgl_soar.air.zeuc import stable_crossing
 from tgl_soar.analysis.experiments import catalogue
-from tgl_soar.analysis.experiments.air_speed import (
-    SpeedScore,
-    growth,
-    rings,
-    score_speed,
-    speed_claims,
-    speed_why,
-)
-from tgl_soar.analysis.experiments.changing_air import (
-    Shift,
-    WindShift,
-    slope_claims,
-    wind_claims,
-    wind_why,
-)
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.flights import (
     FlownScenario,
@@ -37,14 +22,37 @@ from tgl_soar.analysis.experiments.flights import (
     mean_of_flights,
     rms_error,
 )
-from tgl_soar.analysis.experiments.hill_positions import (
+from tgl_soar.analysis.experiments.pages import (
+    DISPERSED_WORDS,
+    counted,
+    page,
+    pages,
+    with_result,
+)
+from tgl_soar.analysis.experiments.paper.air_speed import (
+    SpeedScore,
+    growth,
+    rings,
+    score_speed,
+    speed_claims,
+    speed_why,
+)
+from tgl_soar.analysis.experiments.paper.changing_air import (
+    Shift,
+    WindShift,
+    slope_claims,
+    wind_claims,
+    wind_why,
+)
+from tgl_soar.analysis.experiments.paper.gust_response import WindEffect, sensitivity_claims
+from tgl_soar.analysis.experiments.paper.hill_positions import (
     POLAR,
     RADIUS_M,
     WIND_MPS,
     claims_of,
     positions,
 )
-from tgl_soar.analysis.experiments.line_lean import (
+from tgl_soar.analysis.experiments.paper.line_lean import (
     HELD_M,
     SCHEDULED,
     LeanScore,
@@ -53,12 +61,14 @@ from tgl_soar.analysis.experiments.line_lean import (
     lean_why,
     refusal,
 )
-from tgl_soar.analysis.experiments.page import (
-    DISPERSED_WORDS,
-    counted,
-    page,
-    pages,
-    with_result,
+from tgl_soar.analysis.experiments.paper.still_lines import (
+    MISS_MOST_M,
+    LegSummary,
+    MissOfFlight,
+    dispersion_note,
+    known_place_claim,
+    place_claim,
+    settled_claim,
 )
 from tgl_soar.analysis.experiments.result import (
     DISPERSED_AIRCRAFT,
@@ -72,16 +82,6 @@ from tgl_soar.analysis.experiments.result import (
     as_markdown,
     decided,
     plain,
-)
-from tgl_soar.analysis.experiments.sensitivity import WindEffect, sensitivity_claims
-from tgl_soar.analysis.experiments.still_lines import (
-    MISS_MOST_M,
-    LegSummary,
-    MissOfFlight,
-    dispersion_note,
-    known_place_claim,
-    place_claim,
-    settled_claim,
 )
 from tgl_soar.control.target_line import TargetLine, eta_from_lean
 from tgl_soar.types import polar_sink

@@ -9,7 +9,7 @@ import flown
 import numpy as np
 import pytest
 
-from tgl_soar.analysis.experiments.identification import true_effect, true_period, truth
+from tgl_soar.analysis.experiments.aircraft.identification import true_effect, true_period, truth
 from tgl_soar.analysis.identification import identify
 from tgl_soar.analysis.logs.flight_data import FlightData, steered
 from tgl_soar.analysis.logs.gliding import MeanWind, glides, longitudinal

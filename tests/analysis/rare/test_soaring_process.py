@@ -11,7 +11,7 @@ import pytest
 
 pytest.importorskip("numba")
 
-from tgl_soar.analysis.experiments.campaign import EVERY_SENSOR, SENSORS, place
+from tgl_soar.analysis.campaigns.drawn_faults import EVERY_SENSOR, SENSORS, place
 from tgl_soar.analysis.rare import soaring
 from tgl_soar.analysis.rare.soaring import (
     AHEAD_S,

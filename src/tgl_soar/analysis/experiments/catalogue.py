@@ -7,39 +7,34 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
-from tgl_soar.analysis.experiments import (
-    accepted_leans,
-    air_speed,
-    airframes,
-    changing_air,
-    dispersed,
-    estimator,
-    forecast,
-    hill_positions,
-    hold_point,
-    identification,
-    incidence,
-    later_link,
-    lift_map,
-    line_lean,
-    margin_tables,
-    nowhere,
-    outdoors,
-    places,
-    powered_search,
-    rangefinder,
-    robustness,
-    satellites,
-    search,
-    sensitivity,
-    still_lines,
-    survey,
-    unseen,
-    wind_estimate,
-    wind_use,
-    windy_hour,
-)
+from tgl_soar.analysis.experiments.aircraft import airframes, dispersed, identification, unseen
 from tgl_soar.analysis.experiments.context import Context
+from tgl_soar.analysis.experiments.estimates import estimator, incidence, wind_estimate, wind_use
+from tgl_soar.analysis.experiments.lift import (
+    forecast,
+    lift_map,
+    nowhere,
+    powered_search,
+    search,
+    survey,
+)
+from tgl_soar.analysis.experiments.loop import (
+    accepted_leans,
+    command_delay,
+    later_link,
+    margin_tables,
+)
+from tgl_soar.analysis.experiments.outdoors import outdoors, rangefinder, satellites, windy_hour
+from tgl_soar.analysis.experiments.paper import (
+    air_speed,
+    changing_air,
+    gust_response,
+    hill_positions,
+    line_lean,
+    places,
+    still_lines,
+)
+from tgl_soar.analysis.experiments.point import hold_point
 from tgl_soar.analysis.experiments.result import DISPERSED_AIRCRAFT, POINT_MASS, Result
 from tgl_soar.config.files import ConfigError
 
@@ -52,14 +47,14 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "rotate": still_lines.rotate,
     "slope": changing_air.slope,
     "wind": changing_air.wind,
-    "gust": sensitivity.gust,
+    "gust": gust_response.gust,
     "lean": line_lean.lean,
     "speed": air_speed.speed,
     "identification": identification.identification,
     "estimator": estimator.estimator,
     "wind_estimate": wind_estimate.wind_estimate,
     "wind_use": wind_use.wind_use,
-    "command_delay": robustness.command_delay,
+    "command_delay": command_delay.command_delay,
     "dispersed": dispersed.dispersed,
     "unseen": unseen.unseen,
     "leans": accepted_leans.leans,

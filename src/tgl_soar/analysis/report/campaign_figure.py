@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from tgl_soar.analysis.report.style import LEG_COLOURS, drawing, save
 
 if TYPE_CHECKING:
-    from tgl_soar.analysis.campaign_report import Report, TwoCampaigns
+    from tgl_soar.analysis.campaigns.report import Report, TwoCampaigns
 
 
 def campaign_figure(path: Path, report: Report) -> None:

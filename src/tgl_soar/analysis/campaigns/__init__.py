@@ -1,0 +1,7 @@
+"""Many flights with faults, long flights, and reports of any campaign.
+
+drawn_faults         thousands of flights, each with faults drawn by lot
+long_flight          the whole module for hours
+safety_timeline      the figure of docs/safety.md
+report               flights of any campaign by any of their columns
+"""

@@ -1,0 +1,1 @@
+"""Finding lift and keeping it: the map, the search, the survey, the forecast of no place."""

@@ -1,0 +1,1 @@
+"""Over the hill: launches and landings, satellites, a rangefinder, an hour of turning wind."""

@@ -1,0 +1,1 @@
+"""A point of the line held with a brake, and brakes that jam."""

@@ -1,0 +1,49 @@
+"""What anybody could soar of an hour."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tgl_soar.analysis.experiments.outdoors.hour_bound import (
+    SoaredHill,
+    longest_s,
+    share_soarable,
+    soarable_winds,
+    wind_across,
+)
+from tgl_soar.analysis.experiments.outdoors.shipped_hill import shipped_hill
+from tgl_soar.analysis.experiments.outdoors.windy_hour import HourJob, hill_of, record_of
+
+
+@pytest.fixture(scope="module")
+def hill() -> SoaredHill:
+    return hill_of(HourJob(8.0, 1), shipped_hill().on_line("a").values)
+
+
+def test_there_are_places_between_two_winds_alone(hill: SoaredHill) -> None:
+    winds, possible = soarable_winds(hill, 20.0)
+    slowest, fastest = hill.speeds_mps
+    assert not possible[winds < slowest / 2.0].any()  # nowhere is the air twice as fast
+    least = winds[possible].min()
+    assert slowest / 2.0 < least < 5.0
+    assert possible[(winds >= least) & (winds < fastest)].all()
+
+
+def test_the_share_is_that_of_the_time(hill: SoaredHill) -> None:
+    winds = np.array([7.0] * 30 + [3.0] * 10)
+    assert share_soarable(hill, winds) == pytest.approx(0.75)
+
+
+def test_a_path_goes_on_in_a_steady_wind_and_falls_down_without(hill: SoaredHill) -> None:
+    assert longest_s(hill, np.full(300, 7.0), -6.2, 14.2) == 300.0
+    dies = np.array([7.0] * 100 + [1.0] * 200)
+    assert 100.0 < longest_s(hill, dies, -6.2, 14.2) < 120.0
+    assert longest_s(hill, np.full(300, 7.0), -23.0, 1.6) < 30.0  # no height, and no lift there
+
+
+def test_the_wind_is_that_across_the_ridge() -> None:
+    record = record_of(HourJob(8.0, 1))
+    winds = wind_across(record, 60.0)
+    assert len(winds) == 60
+    assert winds[7] == pytest.approx(record.wind_mps.at(7.0) * np.cos(record.veer_rad.at(7.0)))

@@ -1,0 +1,77 @@
+"""`outdoors`: what its flights say, and how they are counted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tgl_soar.analysis.experiments.context import Context
+from tgl_soar.analysis.experiments.flights import Flyer
+from tgl_soar.analysis.experiments.outdoors import outdoors
+from tgl_soar.analysis.experiments.outdoors.outdoors import FlownPassage, PassageJob, fly_passage
+
+
+@pytest.fixture(scope="module")
+def landed() -> FlownPassage:
+    return fly_passage(PassageJob(outdoors.LAND, 1))
+
+
+def test_a_break_off_ends_on_the_ground(landed: FlownPassage) -> None:
+    assert [mode for _, mode, _ in landed.modes[-2:]] == ["breaking off", "landing"]
+    assert "ground" in landed.ended
+    assert landed.broke_off
+    assert landed.path[-1][2] < 0.5
+    again = fly_passage(PassageJob(outdoors.LAND, 1))
+    assert (again.along_m, again.sink_mps) == (landed.along_m, landed.sink_mps)
+
+
+def test_what_counts_as_landed(landed: FlownPassage) -> None:
+    good = replace(landed, along_m=9.9, across_m=-4.9, sink_mps=1.4)
+    assert good.landed
+    for bad in (
+        {"along_m": -10.1}, {"across_m": 5.1}, {"sink_mps": 1.6}, {"ended": "flew out at the side"}
+    ):  # fmt: skip
+        assert not replace(good, **bad).landed
+
+
+def test_who_hits_the_ground_while_soaring_does_not_soar(landed: FlownPassage) -> None:
+    soared = (*landed.modes[:-2], (5.0, "soaring", "on the line"))
+    assert replace(landed, modes=soared, ended="").soars
+    assert not replace(landed, modes=soared).soars
+
+
+def test_a_launch_that_is_given_up_must_land_to_count(landed: FlownPassage) -> None:
+    good = replace(landed, along_m=0.0, across_m=0.0, sink_mps=0.5, left_m=1.0)
+    for across_m, held in ((0.0, True), (6.4, False)):
+        given_up = replace(good, kind=outdoors.LAUNCH, across_m=across_m)
+        others = {kind: [good] for kind in (outdoors.LAND, outdoors.FELT, outdoors.LULLED)}
+        claims = outdoors._claims({outdoors.LAUNCH: [given_up]} | others)
+        assert [claim.undecided for claim in claims] == [held, True, True]  # of one flight each
+        assert not any(claim.holds for claim in claims)
+
+
+@pytest.mark.parametrize(
+    ("count", "of", "least", "held"),
+    [
+        (99, 100, 0.99, None),  # 95 to 100 %
+        (368, 368, 0.99, True),
+        (367, 367, 0.99, None),
+        (98, 100, 0.99, False),
+        (0, 0, 0.95, False),
+    ],
+)
+def test_a_share_is_shown_by_its_interval_and_not_by_its_count(
+    count: int, of: int, least: float, held: bool | None
+) -> None:
+    assert outdoors.shown(count, of, least) is held
+
+
+def test_the_tables_the_claims_and_the_figure(tmp_path: Path) -> None:
+    context = Context(Flyer(), figures=tmp_path, episodes=1)
+    result = outdoors.run(context)
+    assert len(result.claims) == 3
+    assert (tmp_path / "outdoors.png").stat().st_size > 10_000
+    assert [len(table.rows) for table in result.tables] == [3, 6]
+    assert len(result.numbers["flights"]) == 4

@@ -1,0 +1,102 @@
+"""`hour`: what its flights say, and how they are counted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf, nan
+from pathlib import Path
+
+import pytest
+
+from tgl_soar.air.gusts import Schedule
+from tgl_soar.air.wind_record import WindRecord
+from tgl_soar.analysis.experiments.outdoors import windy_hour
+from tgl_soar.analysis.experiments.outdoors.outdoors import touches_down_well
+from tgl_soar.analysis.experiments.outdoors.windy_hour import (
+    FlownHour,
+    HourJob,
+    fly_hour,
+    path_of,
+)
+
+GOOD = FlownHour(
+    radius_m=30.0, seed=1, duration_s=3600.0, possible_s=3600.0, soarable=1.0, soared_s=3600.0,
+    ended="", left_m=nan, broke_at_m=nan, wind_mps=6.0, veer_deg=20.0, along_m=0.0, across_m=0.0,
+    sink_mps=0.0, landing=False,
+)  # fmt: skip
+HOME = replace(
+    GOOD, soared_s=600.0, ended="hit the ground", left_m=12.0, broke_at_m=40.0, landing=True
+)
+
+
+FLIES_COMPILED = pytest.mark.xdist_group("kernels")
+
+
+@pytest.fixture(scope="module")
+def flown() -> FlownHour:
+    return fly_hour(HourJob(8.0, 1, 120.0))
+
+
+@FLIES_COMPILED
+def test_a_flight_is_that_of_its_seed(flown: FlownHour) -> None:
+    assert flown == fly_hour(HourJob(8.0, 1, 120.0))
+    assert flown.soared_s != fly_hour(HourJob(8.0, 2, 120.0)).soared_s
+    assert 0.0 < flown.soared_s <= flown.duration_s <= 120.0
+
+
+@FLIES_COMPILED
+def test_from_the_large_hill_it_lands_at_the_place_although_the_wind_has_died() -> None:
+    """Some 20 m too high, in 6 m/s: what half a minute and more of a glide must not advance by.
+
+    With turns within 6 m to either side it came down 40 m beyond the place.
+    """
+    falls = WindRecord(Schedule([0.0, 12.0, 20.0], [7.2, 7.2, 6.0]), Schedule([0.0], [0.0]))
+    flown, values = path_of(HourJob(30.0, 2, 300.0), falls)
+    x, y, z = (flown[name] for name in ("x_m", "y_m", "z_m"))
+    sink = (z[-2] - z[-1]) / (flown["time_s"][-1] - flown["time_s"][-2])
+    assert "ground" in flown.ended
+    assert z.max() > 40.0
+    assert touches_down_well(values["LND_X"] - x[-1], y[-1] - values["LND_Y"], sink)
+
+
+def test_what_counts_as_lost_and_as_landed() -> None:
+    assert not GOOD.lost
+    assert not HOME.lost
+    assert HOME.landed
+    assert replace(HOME, landing=False).lost
+    for sink in (1.6, nan):
+        assert replace(HOME, sink_mps=sink).lost
+    assert not replace(HOME, along_m=30.0, sink_mps=1.4).lost
+    assert not replace(GOOD, ended="let go: too low").lost
+    for bad in (
+        replace(HOME, along_m=10.1),
+        replace(HOME, across_m=-5.1),
+        replace(HOME, sink_mps=1.6),
+        replace(HOME, along_m=nan),
+        replace(HOME, across_m=inf),
+    ):
+        assert not bad.landed
+
+
+@pytest.mark.parametrize(
+    ("bad", "claim"),
+    [
+        (replace(HOME, landing=False, left_m=nan), 0),
+        (replace(HOME, sink_mps=1.6, left_m=nan), 0),
+        (replace(GOOD, ended="let go: too low"), 1),
+        (replace(HOME, across_m=5.1), 2),
+    ],
+)
+def test_each_claim_can_fail(bad: FlownHour, claim: int) -> None:
+    assert all(found.holds for found in windy_hour._claims([GOOD, HOME]))
+    found = windy_hour._claims([GOOD, HOME, bad])
+    assert [each.holds for each in found] == [i != claim for i in range(3)]
+
+
+@FLIES_COMPILED
+def test_the_table_and_the_figure(flown: FlownHour, tmp_path: Path) -> None:
+    table = windy_hour._table({8.0: [flown, HOME], 30.0: [GOOD]})
+    assert all(len(row) == len(table.columns) for row in table.rows)
+    assert windy_hour.drawn_seed([GOOD, replace(HOME, seed=7)]) == 7
+    windy_hour.draw_hour(tmp_path / "hour.png", HourJob(8.0, 1, 120.0))
+    assert (tmp_path / "hour.png").stat().st_size > 10_000
