@@ -7,6 +7,7 @@ that; a new file in a folder falls under the folder's row by itself, a new folde
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -15,6 +16,7 @@ from pathlib import Path
 import pytest
 
 import tgl_soar
+from tgl_soar.cli.commands import COMMANDS
 
 SOURCE = Path(tgl_soar.__file__).parent
 PACKAGE = "tgl_soar"
@@ -286,6 +288,61 @@ def test_no_exception_outlives_its_reason() -> None:
 def test_what_is_too_long_is_found(tmp_path: Path, code: str, found: list[str]) -> None:
     (tmp_path / "a.py").write_text(code, encoding="utf-8")
     assert [line.split(":")[0] for line in too_long(tmp_path, {})] == found
+
+
+# Rooms of more modules than that say in their `__init__` what each of them is for.
+MANY = 12
+LISTED = re.compile(r"^(?:  )?([a-z_][\w/, ]*?)  +\S", re.MULTILINE)
+
+
+def unlisted(source: Path, commands: set[str]) -> list[str]:
+    """Modules that the list of their room leaves out, and rooms and modules on it that are not
+    there.  A figure and a command are found by their names."""
+    found = []
+    for room in sorted(path.parent for path in source.rglob("__init__.py")):
+        inside = {f.stem for f in room.glob("*.py")} | {f.parent.name for f in room.glob("*/*.py")}
+        inside -= {"__init__", "__main__"}
+        text = ast.get_docstring(ast.parse((room / "__init__.py").read_text(encoding="utf-8")))
+        listing = (text or "").partition("\n\n")[2]
+        if room == source or not (listing or len(inside) > MANY):
+            continue
+        by_name = {name for name in inside if name.endswith("_figure")}
+        by_name |= commands if room == source / "cli" else set()
+        missing = inside - by_name - set(re.findall(r"\w+", listing))
+        named = [name for names in LISTED.findall(listing) for name in names.split(",")]
+        named += re.findall(r";  (\w+)/?:", listing)
+        strange = {name.strip(" /") for name in named} - inside - {"__main__", "static"}
+        where = room.relative_to(source).as_posix()
+        found += [f"{where}: {name} is not on its list" for name in sorted(missing)]
+        found += [f"{where}: there is no {name}" for name in sorted(strange)]
+    return found
+
+
+def test_a_room_of_many_says_where_each_thing_is() -> None:
+    commands = {place.partition(":")[0] for place in COMMANDS.values()}
+    assert unlisted(SOURCE, commands) == []
+
+
+@pytest.mark.parametrize(
+    ("listing", "found"),
+    [
+        ("Room.", ["room: a is not on its list", "room: b is not on its list"]),
+        ("Room.\n\n  a, b      two of them\n", []),
+        ("Room.\n\n  a         one;  b: another\n", []),
+        ("Room.\n\n  a         one of them\n", ["room: b is not on its list"]),
+        ("Room.\n\n  a, b      two\n  c/        gone\n", ["room: there is no c"]),
+        ("Room.\n\n  a, b      two;  c: gone\n", ["room: there is no c"]),
+    ],
+)
+def test_what_a_list_leaves_out_is_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, listing: str, found: list[str]
+) -> None:
+    monkeypatch.setitem(globals(), "MANY", 1)
+    (tmp_path / "room").mkdir()
+    for name in ("a.py", "b.py", "draws_figure.py"):
+        (tmp_path / "room" / name).touch()
+    (tmp_path / "room" / "__init__.py").write_text(f'"""{listing}"""\n', encoding="utf-8")
+    assert unlisted(tmp_path, set()) == found
 
 
 def test_imports_go_downward_only() -> None:

@@ -35,19 +35,6 @@ def test_each_task_names_source_tests_and_page(task: str) -> None:
     assert {"src", "tests", "docs"} <= {name.partition("/")[0] for name in files}
 
 
-@pytest.mark.parametrize("folder", ["link", "onboard"])
-def test_a_folder_that_lists_its_files_lists_what_is_there(folder: str) -> None:
-    place = ROOT / "src" / "tgl_soar" / folder
-    text = ast.get_docstring(ast.parse((place / "__init__.py").read_text(encoding="utf-8"))) or ""
-    rows = re.findall(r"(?m)^  (\w[\w/]*(?:, \w[\w/]*)*)  ", text)
-    rows += re.findall(r";  (\w+/?):", text)
-    listed = [name for row in rows for name in row.split(", ")]
-    assert len(listed) > 15
-    missing = [name for name in listed if not (place / name).is_dir()
-               and not (place / f"{name}.py").is_file()]  # fmt: skip
-    assert not missing, f"moved or renamed: correct {folder}/__init__.py"
-
-
 def test_every_folder_of_tests_has_its_layer() -> None:
     layers = PAGE.partition("## Tests by layer")[2].partition("\n## ")[0]
     there = {

@@ -1,1 +1,18 @@
-"""The command line: `tgl-soar COMMAND`, one file a command."""
+"""The command line: `tgl-soar COMMAND`, one file a command.
+
+  __main__, app        where it begins;  all commands at once;  `run` goes on in `onboard/process`
+  commands             every command and the file that it is in: one is loaded when asked for
+  console              where commands print, and how they fail
+  conversation         talking to an autopilot on the ground: options of preflight, surfaces, align
+  flying               options of what flies many flights: campaign, experiment, rare
+
+Commands of more than one file, and what goes with one
+  page/                `tgl-soar page`
+  params               params_page: docs/parameters.md
+  compile              direct_tuples: named tuples in the copy that is compiled
+  init                 service_unit: the systemd unit
+  site                 site_init: `tgl-soar site init`
+  log                  layouts: PlotJuggler's and Foxglove's
+  campaign             rare: `tgl-soar campaign rare`
+  mavproxy_tgl         no command of ours: `tgl` at MAVProxy's prompt
+"""

@@ -1,1 +1,17 @@
-"""Airframe and site files, every parameter declared once, their files and store."""
+"""Airframe and site files, every parameter declared once, their files and store.
+
+Parameters
+  parameters           every one, declared: name, unit, range, default, meaning; rules between them
+  parameter_groups     by topic;  parameter_files: ground stations' files
+  parameter_store      changed over the air, kept over a restart
+  line_changes         setting the line: presets, staged moves, what is refused
+
+Files
+  airframe, site       the airframe file;  the site file;  strict: what their tables are made of
+  files                reading them: strict TOML to validated objects
+
+What follows from an airframe file
+  dynamics             what the schedule of pitch knows;  lateral_dynamics: of roll and yaw
+  lateral_gains        gains of roll, heading and bank
+  glide_limits         pitch attitudes, slowest airspeed;  stall_limit: largest angle of attack
+"""

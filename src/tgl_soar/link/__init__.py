@@ -16,7 +16,7 @@ The autopilot
   streams              requesting messages at a rate, until they come
   sensing              sensor messages in SI units;  sensor_clock: when a sample was taken
   clock, timesync      its clock against ours;  the round trip, and queues on the link
-  mode_change          into the mode of a route and back
+  mode_change          into the mode of a route and back;  mission: its own landing
   inquiry              its set-up, read before an engagement
   checks/              `tgl-soar preflight` and `tgl-soar surfaces`
 
@@ -24,6 +24,7 @@ Position
   sources              which source of position is used
   natnet/, optitrack   the protocol of Motive;  position fixes from it
   pose_forwarding      the tracked pose, sent to the autopilot
+  tracked_attitude     a tracker's attitude in place of the autopilot's
   tangent_plane        latitude and longitude to local NED
 
 Ground stations
@@ -32,5 +33,5 @@ Ground stations
   parameters           the MAVLink parameter server
   telemetry            texts and numbers within a budget of bytes
   presence             our heartbeat, and duplicates of this module
-  file_transfer        refuses every request for files
+  component_metadata   what parameters mean, as files;  file_transfer: sends these and no others
 """

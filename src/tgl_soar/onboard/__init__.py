@@ -9,8 +9,11 @@ The module
   positions, mocap     positions from elsewhere than the autopilot;  OptiTrack's sockets
   operators            what operators ask for, and who may
   engage_switch        OP_ENGAGE, OP_FORCE and the pilot's switch: what engages and disengages
-  excitation_switch    EXC_START, the multisine;  switches: both that act from tick to tick
-  search_switch        SRCH_START, the search for lift;  search_beside: its process
+  switches             the others, which act from tick to tick and go back by themselves:
+                       excitation_switch, search_switch, survey_switch, passage_switch
+  search_beside        the search for lift in a process of its own
+  line_moves           a line that the module moves itself
+  firmware_landing     the firmware's own landing, asked for
   receiver_watch       whether the receiver is accurate enough to engage with
   station_watch        what the silence of every ground station means
   instruments          the numbers of the telemetry;  reports: what is sent unasked

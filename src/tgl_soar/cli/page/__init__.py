@@ -1,5 +1,7 @@
 """The operator's page: a ground station of its own, and one page for browsers.
 
+command      `tgl-soar page`
+desk         all parts together, and the pages that watch
 station      what telemetry reported, and parameters as the module echoes them
 orders       what is asked of the module, until it is confirmed or refused
 ghost        where a line would settle, when, and why it would be refused
