@@ -19,6 +19,7 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 NAN: Final = float("nan")
+GRAVITY_MPS2: Final = 9.80665  # what it is elsewhere is a bias of the accelerometers
 
 
 def isfinite(number: float) -> bool:

@@ -22,10 +22,17 @@ from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.conditions import UNCERTAINTY_MAX
 from tgl_soar.control.laws import laws_from
 from tgl_soar.estimation.health import FROZEN, RECKONED
-from tgl_soar.estimation.motion import GRAVITY_MPS2, IMU_SILENT_S, JUMP_S
+from tgl_soar.estimation.motion import IMU_SILENT_S, JUMP_S
 from tgl_soar.estimation.motion_state import OUTLIERS_ACCEPTED
 from tgl_soar.geometry import SoaringFrame
-from tgl_soar.types import AttitudeSample, AutopilotStatus, ImuSample, Inputs, PositionFix
+from tgl_soar.types import (
+    GRAVITY_MPS2,
+    AttitudeSample,
+    AutopilotStatus,
+    ImuSample,
+    Inputs,
+    PositionFix,
+)
 
 DT = 0.005
 FIX_TICKS = 4

@@ -24,6 +24,7 @@ from tgl_soar.control.forecast import (
     initial_forecast,
 )
 from tgl_soar.types import (
+    GRAVITY_MPS2,
     NO_AIR,
     NO_GROUND,
     GlidePolar,
@@ -103,7 +104,7 @@ class Slide:
             airspeed = self.wind_mps + gust[0] - vx
             excess = updraft + gust[1] - polar_sink(POLAR, airspeed)
             force = sin(self.eta_rad) * speed - excess
-            speed += DT_S * force * f.GRAVITY_MPS2 / (airspeed * cos(self.eta_rad))
+            speed += DT_S * force * GRAVITY_MPS2 / (airspeed * cos(self.eta_rad))
             s += DT_S * speed
             gust = keeps * gust + sd * sqrt(1.0 - keeps * keeps) * rng.normal(size=2)
         return reported

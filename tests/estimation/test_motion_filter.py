@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from tgl_soar.estimation.motion import (
-    GRAVITY_MPS2,
     IMU_SILENT_S,
     IMU_STEADY_S,
     motion_quality,
@@ -38,6 +37,7 @@ from tgl_soar.geometry import (
     soaring_from_ned,
 )
 from tgl_soar.types import (
+    GRAVITY_MPS2,
     NO_AIRSPEED,
     NO_ATTITUDE,
     NO_FIX,

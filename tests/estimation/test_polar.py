@@ -13,7 +13,6 @@ from msgspec.structs import asdict
 
 from tgl_soar.config.files import load_airframe, shipped
 from tgl_soar.estimation.polar import (
-    GRAVITY_MPS2,
     PolarFit,
     fit_polar,
     glides_from_log,
@@ -23,7 +22,7 @@ from tgl_soar.estimation.polar import (
 )
 from tgl_soar.geometry import euler_from_quaternion
 from tgl_soar.sim.aircraft import aircraft_model, glide_at, gliding_state, step
-from tgl_soar.types import GlidePolar, SurfaceCommand, polar_sink
+from tgl_soar.types import GRAVITY_MPS2, GlidePolar, SurfaceCommand, polar_sink
 
 # 1.3 + 0.12 (u − 8.6)² − 0.006 (u − 8.6)³: an aircraft with room between least sink and stall
 TRUE = GlidePolar(

@@ -16,7 +16,8 @@ from math import atan2, cos, hypot, sin
 from typing import Final, NamedTuple
 
 from tgl_soar.analysis.identification import KnownAircraft
-from tgl_soar.estimation.polar import BRAKE_SLACK, BRAKE_SPAN, GRAVITY_MPS2, GlideStretch, student_t
+from tgl_soar.estimation.polar import BRAKE_SLACK, BRAKE_SPAN, GlideStretch, student_t
+from tgl_soar.types import GRAVITY_MPS2
 
 # The stall of a wing begins some 2 to 3 degrees before its largest lift: with a slope of 4 to 6
 # that is a fifth of a C_L of about one.

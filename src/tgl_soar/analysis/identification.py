@@ -43,7 +43,8 @@ from tgl_soar.analysis.manoeuvres import (
     brakings,
     manoeuvres,
 )
-from tgl_soar.estimation.polar import BRAKE_SPAN, GRAVITY_MPS2, student_t
+from tgl_soar.estimation.polar import BRAKE_SPAN, student_t
+from tgl_soar.types import GRAVITY_MPS2
 
 if TYPE_CHECKING:
     import numpy as np

@@ -19,9 +19,8 @@ from math import isfinite, sqrt
 from typing import Final
 
 from tgl_soar.config.strict import Positive, Strict
-from tgl_soar.types import GlidePolar
+from tgl_soar.types import GRAVITY_MPS2, GlidePolar
 
-GRAVITY_MPS2: Final = 9.80665
 USUAL_LAG_S: Final = 0.0185  # of a digital servo of this size, by 54 rad/s
 # From a sensor to the servo's input [s] by firmware and route, where nobody has measured it: the
 # medians of docs/autopilots.md.  ArduPlane takes overrides up 50 times a second, attitudes at once.

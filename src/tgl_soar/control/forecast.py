@@ -59,6 +59,7 @@ from typing import Final, NamedTuple
 
 from tgl_soar.control.envelope import LOW_AHEAD_S, Fence, clearance
 from tgl_soar.types import (
+    GRAVITY_MPS2,
     NAN,
     AirEstimate,
     GlidePolar,
@@ -69,7 +70,6 @@ from tgl_soar.types import (
     polar_slope,
 )
 
-GRAVITY_MPS2: Final = 9.80665
 INFINITE: Final = float("inf")
 
 # A slide takes half a second or more for its 63 % (1 / λ), and a gust of a metre as long to pass.

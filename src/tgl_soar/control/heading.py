@@ -36,12 +36,11 @@ bank instead (the paper has no such flight):
 from __future__ import annotations
 
 from math import atan, sin
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from tgl_soar.control.pid import PidGains, PidState, PidTerms, pid_step
 from tgl_soar.geometry import wrap_angle
-
-GRAVITY_MPS2: Final = 9.80665
+from tgl_soar.types import GRAVITY_MPS2
 
 
 class HeadingGains(NamedTuple):

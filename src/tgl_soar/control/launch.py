@@ -25,9 +25,8 @@ from math import exp, hypot, sin
 from typing import Final, NamedTuple
 
 from tgl_soar.control.target_line import LineLimits
-from tgl_soar.types import ImuSample, VehicleState
+from tgl_soar.types import GRAVITY_MPS2, ImuSample, VehicleState
 
-GRAVITY_MPS2: Final = 9.80665
 INFINITE: Final = float("inf")
 PUSH_S: Final = 0.5  # a throw takes 0.2 to 0.4 s; a stride, forth and back, about as long
 SPEED_S: Final = 0.2  # so long must the speed last: a gust is no speed

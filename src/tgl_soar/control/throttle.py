@@ -34,9 +34,8 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 from tgl_soar.control.envelope import limit_throttle
-from tgl_soar.types import isfinite
+from tgl_soar.types import GRAVITY_MPS2, isfinite
 
-GRAVITY_MPS2: Final = 9.80665
 CLIMB_MPS: Final = 0.3  # regained: a fifth of the sink of small gliders, seen through gusts of 3 %
 GAIN: Final = 1.0
 INTEGRAL_PER_S: Final = 1.0  # slower than λ (1 + K) and the motor together by far

@@ -58,6 +58,7 @@ from tgl_soar.estimation.turning import (
 )
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.types import (
+    GRAVITY_MPS2,
     NAN,
     NO_ATTITUDE,
     AttitudeSample,
@@ -67,7 +68,6 @@ from tgl_soar.types import (
     VehicleState,
 )
 
-GRAVITY_MPS2: Final = 9.80665  # what it is elsewhere is a bias of the vertical acceleration
 FORCE_MAX_MPS2: Final = 200.0  # of 20 g nothing soars; hostile or broken
 IMU_GAP_S: Final = 0.055  # accelerations are counted on where they come more often than this
 IMU_STEADY_S: Final = 0.1  # and have done so for this long

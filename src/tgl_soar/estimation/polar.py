@@ -37,7 +37,7 @@ from itertools import pairwise
 from math import hypot, isfinite, nan, sqrt
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from tgl_soar.types import GlidePolar, polar_sink, polar_slope
+from tgl_soar.types import GRAVITY_MPS2, GlidePolar, polar_sink, polar_slope
 
 if TYPE_CHECKING:
     import numpy as np
@@ -49,7 +49,6 @@ FEWEST_SPEEDS: Final = 6
 SAME_SPEED_MPS: Final = 0.1
 # The slowest and fastest glide: nearer to each other, the curvature is noise.
 NARROWEST_SPAN: Final = 1.15
-GRAVITY_MPS2: Final = 9.80665
 # Glides are of one position of the brake as long as that stays within a fiftieth; a family needs
 # the sink of a quarter of it, some 0.08 m/s, to be told from noise.
 BRAKE_SLACK: Final = 0.02

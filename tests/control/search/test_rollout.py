@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from tgl_soar.config.files import load_airframe, shipped
-from tgl_soar.control.search.ahead import GRAVITY_MPS2
 from tgl_soar.control.search.rollout import (
     Fields,
     Grid,
@@ -21,7 +20,7 @@ from tgl_soar.control.search.rollout import (
 )
 from tgl_soar.control.target_line import LineLimits, LineState, eta_from_lean
 from tgl_soar.estimation.lift_map.basis import Box, FlowBasis
-from tgl_soar.types import GROUND_POINTS, Ground, polar_sink, polar_slope
+from tgl_soar.types import GRAVITY_MPS2, GROUND_POINTS, Ground, polar_sink, polar_slope
 
 POLAR = load_airframe(shipped("airframes/eclipson_c.toml")).polar.as_polar()
 BOX = Box(x_min_m=-20.0, x_max_m=20.0, z_min_m=0.0, z_max_m=20.0)

@@ -29,14 +29,13 @@ from tgl_soar.config.parameters import INDEX, PARAMETERS
 from tgl_soar.estimation.lift_map.basis import Box
 from tgl_soar.estimation.lift_map.lift_map import LiftMap, Reading
 from tgl_soar.estimation.lift_map.sinking import sink
-from tgl_soar.types import GlidePolar, Ground
+from tgl_soar.types import GRAVITY_MPS2, GlidePolar, Ground
 
 CELLS: Final = 40  # nodes of the grid, along its longer side
 FEWEST: Final = 16  # along the other, of a fence that is long and low
 GAP_S: Final = 1.2  # two samples of 2 Hz, one of them lost
 # No glider is soared in a wind of half of this; what is faster is no measurement.
 FASTEST_MPS: Final = 100.0
-GRAVITY_MPS2: Final = 9.80665
 FENCE: Final = ("FENCE_X_MIN", "FENCE_X_MAX", "FENCE_Z_MIN", "FENCE_Z_MAX")
 NEAR: Final = 0.3  # of H, the height of the fence, from where the aircraft was
 KNOWN: Final = 0.5  # of the sink there: E's standard deviation at most

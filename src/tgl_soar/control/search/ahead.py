@@ -14,11 +14,10 @@ import numpy as np
 
 from tgl_soar.estimation.lift_map.basis import Floats
 from tgl_soar.estimation.lift_map.sinking import sink_at
-from tgl_soar.types import GlidePolar
+from tgl_soar.types import GRAVITY_MPS2, GlidePolar
 
 Numbers = Any  # an array, or where it is compiled one number
 
-GRAVITY_MPS2: Final = 9.80665
 LAG_LEAST_S: Final = 0.02  # of an upright line, which has none
 SLOWEST_MPS: Final = 1.0
 EDGE: Final = 1.000001  # nodes from the last one: so near it there is still a cell

@@ -10,7 +10,6 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from tgl_soar.control.search.ahead import GRAVITY_MPS2
 from tgl_soar.control.search.glimpse import Glimpse, LineWish, SearchTask
 from tgl_soar.control.search.plan import (
     DRAWS,
@@ -32,7 +31,7 @@ from tgl_soar.control.search.search import (
 from tgl_soar.control.target_line import LineState, TargetLine, e_rho
 from tgl_soar.estimation.lift_map.basis import Box
 from tgl_soar.estimation.lift_map.lift_map import LiftMap, Reading
-from tgl_soar.types import NAN, GlidePolar, Ground
+from tgl_soar.types import GRAVITY_MPS2, NAN, GlidePolar, Ground
 
 AVERAGING_S: Final = 0.2  # of a reading: what is left of gusts has this much behind it
 SPEED_MAX_MARGIN: Final = 1.0

@@ -36,7 +36,7 @@ from tgl_soar.sim.sensors import (
     sensor_timing,
 )
 from tgl_soar.sim.world import World
-from tgl_soar.types import PositionFix
+from tgl_soar.types import GRAVITY_MPS2, PositionFix
 
 SOMEWHERE: Final = HomePosition(latitude_deg=51.990, longitude_deg=4.375, altitude_m=0.0)
 FIELD_EPOCH: Final = datetime(2025, 1, 1)  # of the coefficients
@@ -46,7 +46,6 @@ SEA_LEVEL_PA: Final = 101325.0
 SEA_LEVEL_K: Final = 288.15
 LAPSE_KPM: Final = 0.0065
 GAS_JPKGK: Final = 287.05287
-GRAVITY_MPS2: Final = 9.80665
 ZERO_CELSIUS_K: Final = 273.15
 GAUSS_PER_NT: Final = 1e-5
 

@@ -30,7 +30,6 @@ from tgl_soar.control.envelope import Fence, clearance, outside
 from tgl_soar.control.forecast import (
     DISENGAGE,
     FORECAST_TEXTS,
-    GRAVITY_MPS2,
     WINDOW_S,
     Forecast,
     ForecastParams,
@@ -40,7 +39,7 @@ from tgl_soar.control.forecast import (
 )
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.estimation.lift_map.sinking import sink
-from tgl_soar.types import NO_AIR, GlidePolar, Ground, VehicleState
+from tgl_soar.types import GRAVITY_MPS2, NO_AIR, GlidePolar, Ground, VehicleState
 
 FloatArray = NDArray[np.float64]
 
