@@ -22,7 +22,8 @@ from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import load_parameters
 from tgl_soar.control.laws import SEARCH_LOOKS, SEARCH_SOARS, laws_from
 from tgl_soar.control.search.glimpse import LOOK_S, Glimpse, LineWish, task_of
-from tgl_soar.control.search.lift_search import Sighting, floor_at, guards_of, sighting_of
+from tgl_soar.control.search.lift_search import Sighting, guards_of, sighting_of
+from tgl_soar.control.search.rollout import floor_at
 from tgl_soar.control.throttle import can_hold
 from tgl_soar.onboard.line_moves import line_parameters_of
 from tgl_soar.sim.compiled import cell, compiled
@@ -164,7 +165,7 @@ class EpisodeFlight:
         episode.flown_s = self.time_s
         kept = self.rows[: now.steps : world.step_hz // 10]
         episode.path = {column: kept[:, n].copy() for column, n in _COLUMN.items()}
-        floor_m = floor_at(place.ground, place.box, now.aircraft.x_m)
+        floor_m = float(floor_at(place.ground, now.aircraft.x_m, place.box.z_min_m))
         episode.height_left_m = now.aircraft.z_m - floor_m
         return episode
 

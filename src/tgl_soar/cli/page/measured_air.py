@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgl_soar.config.parameters import INDEX, PARAMETERS
+from tgl_soar.control.search.rollout import floor_at
 from tgl_soar.estimation.lift_map.basis import Box
 from tgl_soar.estimation.lift_map.lift_map import LiftMap, Reading
 from tgl_soar.estimation.lift_map.sinking import sink
@@ -161,7 +162,7 @@ class MeasuredAir:
         found = self._map.at(self._x, z_m)
         limit = KNOWN * sink(self._polar, found.wind_mps)
         known = (found.excess_sd_mps <= limit) & self._is_near[j]
-        over_m = self._over_ground(z_m)
+        over_m = z_m - floor_at(self._ground, self._x, -np.inf)
         # The ground is drawn over the map: a node below its edge keeps that from being jagged.
         updraft = np.where(known & (over_m > -self._step_z), found.updraft_mps, np.nan)
         self._rows.append((updraft, np.where(known & (over_m > 0.0), found.excess_mps, np.nan)))
@@ -189,14 +190,6 @@ class MeasuredAir:
         self.draw_on()
         while self._rows:
             self.draw_on()
-
-    def _over_ground(self, z_m: Floats) -> Floats:
-        """How high places above the grid's columns are over the ground; inf: it is not known."""
-        points = self._ground.points
-        if points == 0:
-            return np.full(z_m.shape, np.inf)
-        floor = np.interp(self._x, self._ground.x_m[:points], self._ground.z_m[:points])
-        return np.asarray(z_m - floor)
 
     @property
     def _step_z(self) -> float:

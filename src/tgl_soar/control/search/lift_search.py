@@ -20,7 +20,7 @@ from tgl_soar.control.search.plan import (
     likely_fields,
     plan_in,
 )
-from tgl_soar.control.search.rollout import Grid, Guards, Moving, RollOut, roll_out
+from tgl_soar.control.search.rollout import Grid, Guards, Moving, RollOut, floor_at, roll_out
 from tgl_soar.control.search.search import (
     SearchState,
     keep_worth,
@@ -31,7 +31,7 @@ from tgl_soar.control.search.search import (
 from tgl_soar.control.target_line import LineState, TargetLine, e_rho
 from tgl_soar.estimation.lift_map.basis import Box
 from tgl_soar.estimation.lift_map.lift_map import LiftMap, Reading
-from tgl_soar.types import GRAVITY_MPS2, NAN, GlidePolar, Ground
+from tgl_soar.types import GRAVITY_MPS2, NAN, GlidePolar
 
 AVERAGING_S: Final = 0.2  # of a reading: what is left of gusts has this much behind it
 SPEED_MAX_MARGIN: Final = 1.0
@@ -98,19 +98,11 @@ def sighting_of(guards: Guards, glimpse: Glimpse) -> Sighting | None:
         reading=reading,
         moving=Moving(new.x_m, new.z_m, new.climb_mps, flown),
         climb_mps=climb,
-        over_ground_m=new.z_m - floor_at(guards.ground, guards.box, new.x_m),
+        over_ground_m=new.z_m - float(floor_at(guards.ground, new.x_m, guards.box.z_min_m)),
         guards=guards,
         pitot=glimpse.pitot,
         carried=glimpse.carried,
     )
-
-
-def floor_at(ground: Ground, box: Box, x_m: float) -> float:
-    """Height of the ground; the box's floor where it is not known."""
-    n = ground.points
-    if n == 0:
-        return box.z_min_m
-    return float(np.interp(x_m, ground.x_m[:n], ground.z_m[:n]))
 
 
 class LiftSearch:

@@ -104,7 +104,7 @@ class Grid:
         self.basis = basis
         x, z = np.meshgrid(self.x_m, self.z_m, indexing="ij")
         self.u, self.w = (part.T.copy() for part in basis.features(x.ravel(), z.ravel()))
-        floor_m, steepness = floor_of(ground, self.x_m, box.z_min_m)
+        floor_m = floor_at(ground, self.x_m, box.z_min_m)
         nx, nz = self.x_m.size, self.z_m.size
         self.mesh = Mesh(
             x_min_m=float(self.x_m[0]),
@@ -114,7 +114,7 @@ class Grid:
             nx=nx,
             nz=nz,
             floor_m=floor_m,
-            steepness=steepness,
+            steepness=1.0 / np.hypot(1.0, np.gradient(floor_m, self.x_m)),
         )
 
     def fields(self, weights: Floats, factors: Floats) -> Fields:
@@ -148,14 +148,12 @@ class Grid:
         return result
 
 
-def floor_of(ground: Ground, x_m: Floats, level_m: float) -> tuple[Floats, Floats]:
-    """Height of the ground [m] and the cosine of its slope, (n,) each; level where unknown."""
-    if ground.points == 0:
-        return np.full(x_m.shape, level_m), np.ones(x_m.shape)
-    x, z = np.array(ground.x_m[: ground.points]), np.array(ground.z_m[: ground.points])
-    floor = np.interp(x_m, x, z)
-    slope = np.gradient(floor, x_m)
-    return floor, 1.0 / np.hypot(1.0, slope)
+def floor_at(ground: Ground, x_m: Floats | float, unknown_m: float) -> Floats:
+    """Height of the ground [m], level beyond its ends; unknown_m where it is not known."""
+    n = ground.points
+    if n == 0:
+        return np.full(np.shape(x_m), unknown_m)
+    return np.asarray(np.interp(x_m, ground.x_m[:n], ground.z_m[:n]))
 
 
 def within_of(guards: Guards) -> Within:
