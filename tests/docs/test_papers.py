@@ -32,6 +32,14 @@ def test_the_changelog_has_this_version_and_what_is_to_come() -> None:
     assert headings[1].split()[0] == tgl_soar.__version__
 
 
+def test_every_page_says_at_its_beginning_what_it_is_for() -> None:
+    """Those of decisions all have the same headings, and say it in their index."""
+    pages = sorted((ROOT / "docs").glob("*.md"))
+    assert len(pages) > 20
+    begun = {page.name: page.read_text(encoding="utf-8").partition("\n## ")[0] for page in pages}
+    assert [name for name, text in begun.items() if "This page " not in text] == []
+
+
 # Messages, and parameters of the firmwares.
 THEIR_NAMES = frozenset(
     {
