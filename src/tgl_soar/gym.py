@@ -45,7 +45,7 @@ from tgl_soar.analysis.campaigns.drawn_faults import EVERY_SENSOR, SENSORS
 from tgl_soar.analysis.experiments.mismatch import mismatched
 from tgl_soar.autopilot import mode_name
 from tgl_soar.config.airframe import Airframe
-from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
+from tgl_soar.config.files import load_flight, shipped
 from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterSet
 from tgl_soar.config.site import Site
 from tgl_soar.control.laws import Laws, laws_from
@@ -138,10 +138,9 @@ class GymPlace(NamedTuple):
 @lru_cache(maxsize=4)
 def _place(airframe_path: Path, site_path: Path) -> GymPlace:
     """Errors: `ConfigError`; ValueError for a site without air."""
-    airframe, site = load_airframe(airframe_path), load_site(site_path)
+    airframe, site, values = load_flight(airframe_path, site_path)
     if site.air is None:
         raise ValueError(f"{site_path}: no [air] table, so there is no wind to fly in")
-    values = load_parameters(airframe, airframe_path, site, site_path)
     return GymPlace(airframe, site, values, build_field(site.air, site_path.parent))
 
 

@@ -14,6 +14,10 @@ import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn
 
 from tgl_soar.cli.console import errors, fail, hint
+from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.files import line_parameters, load_flight
+from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.config.site import Site
 from tgl_soar.sim.campaign.cluster import ClusterError, DaskCluster
 from tgl_soar.sim.campaign.executors import Executor, local
 from tgl_soar.sim.campaign.folder import JOURNAL, MANIFEST
@@ -44,6 +48,20 @@ Dispersion = Annotated[
         " site's.",
     ),
 ]
+
+
+def files_of(airframe: Path, site: Path, line: str | None) -> tuple[Airframe, Site, ParameterSet]:
+    """Both files and their parameters, on one of the site's lines; ends where it has no such line.
+
+    Errors: `ConfigError`, `ParameterError`.
+    """
+    plane, place, values = load_flight(airframe, site)
+    if line is None:
+        return plane, place, values
+    if line not in place.lines:
+        known = ", ".join(place.lines) or "none"
+        fail(f"--line {line}: no line of {site}; it has {known}")
+    return plane, place, values.changed(line_parameters(place.lines[line]))
 
 
 def executor_of(workers: int, scheduler: str | None) -> Executor:

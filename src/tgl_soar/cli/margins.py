@@ -19,7 +19,7 @@ from tgl_soar.cli.console import (
     fail,
     say,
 )
-from tgl_soar.config.files import ConfigError, load_airframe, load_parameters, load_site
+from tgl_soar.config.files import ConfigError, load_flight
 from tgl_soar.config.parameters import ParameterError
 from tgl_soar.onboard.setup import flavour_of
 from tgl_soar.types import OURS
@@ -56,8 +56,7 @@ def margins(
     from tgl_soar.analysis.linear_plant import Gusts
 
     try:
-        plane, place = load_airframe(airframe), load_site(site)
-        values = load_parameters(plane, airframe, place, site)
+        plane, _, values = load_flight(airframe, site)
         is_ours = flavour_of(plane).route.loops == OURS
         best = values["DYN_BEST"]
         cases = found.grid(

@@ -14,13 +14,7 @@ from rich.table import Table
 from tgl_soar.cli.console import AIRFRAME_FILE, SITE_FILE, Commands, console, errors, fail
 from tgl_soar.cli.params_page import page
 from tgl_soar.config.airframe import Airframe
-from tgl_soar.config.files import (
-    ConfigError,
-    load_airframe,
-    load_parameters,
-    load_site,
-    preset_lines,
-)
+from tgl_soar.config.files import ConfigError, load_flight, preset_lines
 from tgl_soar.config.line_changes import Presets, with_changes
 from tgl_soar.config.parameter_files import (
     Format,
@@ -116,8 +110,7 @@ class Beginning(NamedTuple):
 
 def beginning(airframe_path: Path, site_path: Path, state: Path | None) -> Beginning:
     """Errors: `ConfigError`."""
-    airframe, site = load_airframe(airframe_path), load_site(site_path)
-    files = load_parameters(airframe, airframe_path, site, site_path)
+    airframe, site, files = load_flight(airframe_path, site_path)
     presets = preset_lines(site, files)
     folder = state or state_folder(os.environ)
     if folder is None:

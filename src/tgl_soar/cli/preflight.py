@@ -12,13 +12,7 @@ from rich.table import Table
 from tgl_soar.cli.console import AIRFRAME_FILE, SITE_FILE, console, fail
 from tgl_soar.cli.conversation import Conversation, KeyOption, LinkOption, TimeoutOption
 from tgl_soar.config.airframe import Airframe
-from tgl_soar.config.files import (
-    ConfigError,
-    load_airframe,
-    load_parameters,
-    load_site,
-    preset_lines,
-)
+from tgl_soar.config.files import ConfigError, load_flight, preset_lines
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Site
 from tgl_soar.control.line_bounds import open_sides
@@ -55,8 +49,7 @@ def preflight(
     Exit code 0: all as needed; 1: something must be changed; 2: not possible.
     """
     try:
-        plane, place = load_airframe(airframe), load_site(site)
-        values = load_parameters(plane, airframe, place, site)
+        plane, place, values = load_flight(airframe, site)
         flavour = flavour_of(plane)
         check = Preflight(flavour, needs_of(plane, place, values), plane.autopilot.system_id)
         baud = baud_of(link)

@@ -39,16 +39,11 @@ from tgl_soar.cli.flying import (
     Scheduler,
     Workers,
     executor_of,
+    files_of,
     flight_bar,
     to_resume,
 )
-from tgl_soar.config.files import (
-    ConfigError,
-    line_parameters,
-    load_airframe,
-    load_parameters,
-    load_site,
-)
+from tgl_soar.config.files import ConfigError
 from tgl_soar.config.parameters import ParameterError
 from tgl_soar.sim.campaign.cluster import ClusterError
 from tgl_soar.sim.campaign.encoding import digest
@@ -131,13 +126,7 @@ def rare(
 def _case(
     airframe: Path, site: Path, line: str | None, turbulence: float, seconds: float
 ) -> SoaringCase:
-    plane, place = load_airframe(airframe), load_site(site)
-    values = load_parameters(plane, airframe, place, site)
-    if line is not None:
-        if line not in place.lines:
-            known = ", ".join(place.lines) or "none"
-            fail(f"--line {line}: no line of {site}; it has {known}")
-        values = values.changed(line_parameters(place.lines[line]))
+    plane, place, values = files_of(airframe, site, line)
     return SoaringCase(
         airframe=plane,
         site=place,

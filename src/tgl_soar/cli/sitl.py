@@ -29,7 +29,7 @@ from tgl_soar.cli.console import (
 )
 from tgl_soar.cli.report import Named, write
 from tgl_soar.config.airframe import MODEL_OPTIONS
-from tgl_soar.config.files import ConfigError, load_airframe, load_parameters, load_site
+from tgl_soar.config.files import ConfigError, load_airframe, load_flight, load_site
 from tgl_soar.config.site import PolynomialAir
 from tgl_soar.onboard.flightlog.files import kept_in
 
@@ -445,9 +445,8 @@ def _draw_map(options: SitlOptions, log: Path, path: Path) -> None:
     from tgl_soar.onboard.setup import laws_of, setup_from
     from tgl_soar.sim.world import build_field
 
-    airframe, site = load_airframe(options.airframe), load_site(options.site)
+    airframe, site, values = load_flight(options.airframe, options.site)
     assert site.air is not None  # it was flown in
-    values = load_parameters(airframe, options.airframe, site, options.site)
     flown = read_flight(log)
     modes = [mode for mode in flown.modes if mode.name in ("capturing", "searching", "soaring")]
     if not modes:

@@ -22,13 +22,8 @@ from tgl_soar.cli.console import (
     hint,
     say,
 )
-from tgl_soar.config.files import (
-    ConfigError,
-    line_parameters,
-    load_airframe,
-    load_parameters,
-    load_site,
-)
+from tgl_soar.cli.flying import files_of
+from tgl_soar.config.files import ConfigError, load_airframe
 from tgl_soar.config.parameter_store import write_state
 from tgl_soar.config.parameters import ParameterError
 
@@ -137,13 +132,7 @@ def _task(
     """What the files and options ask for.  Errors: `ConfigError`, `ParameterError`."""
     from tgl_soar.analysis.tuning import tune as tuning
 
-    plane, place = load_airframe(airframe), load_site(site)
-    values = load_parameters(plane, airframe, place, site)
-    if line is not None:
-        if line not in place.lines:
-            known = ", ".join(place.lines) or "none"
-            fail(f"--line {line}: no line of {site}; it has {known}")
-        values = values.changed(line_parameters(place.lines[line]))
+    plane, _, values = files_of(airframe, site, line)
     quick, flights = effort
     asked = tuning.QUICK if quick else tuning.Effort()
     if flights is not None:

@@ -28,7 +28,7 @@ from tgl_soar.analysis.experiments.scenario import (
     search_bounds,
 )
 from tgl_soar.cli.console import AIRFRAME, AIRFRAME_FILE, SITE, SITE_FILE, console, fail, hint, say
-from tgl_soar.config.files import ConfigError, load_airframe, load_parameters, load_site
+from tgl_soar.config.files import ConfigError, load_flight
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Site
 from tgl_soar.control.target_line import TargetLine, eta_from_lean
@@ -56,8 +56,7 @@ def zeuc(
 ) -> None:
     """Draw where the aircraft can hover: excess updraft, its zero contour, lines and crossings."""
     try:
-        loaded, place = load_airframe(airframe), load_site(site)
-        values = load_parameters(loaded, airframe, place, site)
+        loaded, place, values = load_flight(airframe, site)
         if place.air is None:
             raise ConfigError(f"{site}: no [air] table, so there is no wind to map")
         field = build_field(place.air, site.parent)

@@ -107,6 +107,14 @@ def load_parameters(
     return values
 
 
+def load_flight(
+    airframe_path: str | Path, site_path: str | Path
+) -> tuple[Airframe, Site, ParameterSet]:
+    """Both files, and the parameters with which a flight by them begins.  Errors: `ConfigError`."""
+    airframe, site = load_airframe(airframe_path), load_site(site_path)
+    return airframe, site, load_parameters(airframe, airframe_path, site, site_path)
+
+
 def preset_lines(site: Site, values: ParameterSet) -> Presets:
     """The site's lines for TGL_PRESET; one without a lean of its own has that of the files."""
     lean = site.parameters.get("TGL_LEAN", values["TGL_LEAN"])

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgl_soar.air.zeuc import Crossing, stable_crossing
-from tgl_soar.config.files import line_parameters, load_airframe, load_parameters, load_site
+from tgl_soar.config.files import line_parameters, load_flight
 from tgl_soar.config.parameters import ParameterError, ParameterSet, checked_value
 from tgl_soar.config.site import Site
 from tgl_soar.control.target_line import eta_from_lean
@@ -107,9 +107,7 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> SitlFligh
 
     Errors: `SitlError`, `tgl_soar.config.files.ConfigError`.
     """
-    airframe = load_airframe(options.airframe)
-    site = load_site(options.site)
-    values = load_parameters(airframe, options.airframe, site, options.site)
+    airframe, site, values = load_flight(options.airframe, options.site)
     if site.air is None:
         raise SitlError(f"{options.site}: no [air] table, so there is no wind to fly in")
     legs = plan(site, values, options)

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from typing import Final, NoReturn
 
-from tgl_soar.config.files import load_airframe, load_parameters, load_site
+from tgl_soar.config.files import load_flight
 from tgl_soar.sim.sitl_options import SitlError, SitlOptions
 from tgl_soar.sim.sitl_processes import (
     SitlProcesses,
@@ -30,8 +30,7 @@ def host(options: SitlOptions, port: int, opened: Callable[[str], None]) -> NoRe
 
     Errors: `SitlError`, `tgl_soar.config.files.ConfigError`.
     """
-    airframe, site = load_airframe(options.airframe), load_site(options.site)
-    load_parameters(airframe, options.airframe, site, options.site)
+    _, site, _ = load_flight(options.airframe, options.site)
     if site.air is None:
         raise SitlError(f"{options.site}: no [air] table, so there is no wind to fly in")
     truth_file = prepared(options)

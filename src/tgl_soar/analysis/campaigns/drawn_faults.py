@@ -29,13 +29,7 @@ from tgl_soar.analysis.experiments.mismatch import mismatched
 from tgl_soar.analysis.experiments.pages import between
 from tgl_soar.autopilot import Output, mode_name, reason_text
 from tgl_soar.config.airframe import Airframe, ModelKind
-from tgl_soar.config.files import (
-    line_parameters,
-    load_airframe,
-    load_parameters,
-    load_site,
-    shipped,
-)
+from tgl_soar.config.files import line_parameters, load_flight, shipped
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Site
 from tgl_soar.sim.campaign.encoding import digest
@@ -233,8 +227,7 @@ class CampaignPlace(NamedTuple):
 def place() -> CampaignPlace:
     """The tunnel, line b."""
     airframe_path, site_path = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
-    airframe, site = load_airframe(airframe_path), load_site(site_path)
-    values = load_parameters(airframe, airframe_path, site, site_path)
+    airframe, site, values = load_flight(airframe_path, site_path)
     assert site.air is not None
     values = values.changed({**line_parameters(site.lines[LINE]), **ENVELOPE})
     return CampaignPlace(airframe, site, values, build_field(site.air, site_path.parent))

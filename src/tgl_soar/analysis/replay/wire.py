@@ -27,7 +27,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tgl_soar.analysis.logs.reader import Array, LogError
 from tgl_soar.analysis.replay.logged import NEVER_DEAD
 from tgl_soar.autopilot import AutopilotState, Output
-from tgl_soar.config.files import load_airframe, load_parameters, load_site
+from tgl_soar.config.files import load_flight
 from tgl_soar.config.parameters import INDEX, ParameterError
 from tgl_soar.control.supervisor import is_flying
 from tgl_soar.link.clock import ClockMap
@@ -216,8 +216,7 @@ def replay_wire(
     """
     frames, losses = read_wire(path)
     notes = list(losses)
-    airframe, site = load_airframe(airframe_path), load_site(site_path)
-    values = load_parameters(airframe, airframe_path, site, site_path)
+    airframe, site, values = load_flight(airframe_path, site_path)
     link = airframe.autopilot
     own = (link.system_id, link.component_id)
     decoded = list(_decoded(frames))

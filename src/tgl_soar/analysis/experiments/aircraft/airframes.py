@@ -47,7 +47,14 @@ from tgl_soar.analysis.tuning.progress_file import ProgressFile
 from tgl_soar.analysis.tuning.result import airframe_with
 from tgl_soar.analysis.tuning.tune import Effort, Task, Tuned, digest, tune
 from tgl_soar.config.airframe import Airframe
-from tgl_soar.config.files import airframe_from, load_airframe, load_parameters, load_site, shipped
+from tgl_soar.config.files import (
+    airframe_from,
+    load_airframe,
+    load_flight,
+    load_parameters,
+    load_site,
+    shipped,
+)
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import HillAir, Site, Start
 from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata
@@ -159,8 +166,7 @@ def tuned_for(text: str, name: str, effort: Effort, folder: Path) -> tuple[str, 
     """The airframe file with gains for it, and what they give.  Errors: ValueError."""
     path = folder / name
     path.write_text(text, encoding="utf-8")
-    plane, site = load_airframe(path), load_site(HILL)
-    values = load_parameters(plane, path, site, HILL)
+    plane, _, values = load_flight(path, HILL)
     task = Task(
         airframe=plane,
         site_path=HILL,

@@ -20,13 +20,7 @@ from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.mismatch import mismatched
 from tgl_soar.analysis.experiments.result import ChangedThreshold, Claim, Result, Table
 from tgl_soar.config.airframe import Airframe
-from tgl_soar.config.files import (
-    line_parameters,
-    load_airframe,
-    load_parameters,
-    load_site,
-    shipped,
-)
+from tgl_soar.config.files import line_parameters, load_flight, shipped
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Site
 from tgl_soar.control.laws import laws_from
@@ -231,8 +225,7 @@ def wrong_wing(aerodynamics: Aerodynamics, seed: int) -> Aerodynamics:
 @lru_cache(maxsize=1)
 def _place() -> tuple[Airframe, Site, ParameterSet, WindField]:
     airframe_path, site_path = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
-    airframe, site = load_airframe(airframe_path), load_site(site_path)
-    values = load_parameters(airframe, airframe_path, site, site_path)
+    airframe, site, values = load_flight(airframe_path, site_path)
     assert site.air is not None
     return airframe, site, values, build_field(site.air)
 

@@ -31,7 +31,7 @@ from tgl_soar.analysis.tuning.aircraft import Drawn, Ranges, drawn_aircraft
 from tgl_soar.analysis.tuning.demands import FREQUENCIES_RADPS, INERTIAL, PLAIN
 from tgl_soar.analysis.tuning.flights import values_of
 from tgl_soar.config.airframe import Airframe
-from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
+from tgl_soar.config.files import load_flight, shipped
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control import loop_margin
 from tgl_soar.control.laws import Laws, laws_from
@@ -113,9 +113,9 @@ class DrawnFound(NamedTuple):
 
 @lru_cache(maxsize=1)
 def _shipped() -> tuple[Airframe, ParameterSet]:
-    path, site = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
-    airframe = load_airframe(path)
-    return airframe, load_parameters(airframe, path, load_site(site), site)
+    path, site_path = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
+    airframe, _, values = load_flight(path, site_path)
+    return airframe, values
 
 
 def table_margins(job: TableJob) -> TableFound:

@@ -7,14 +7,7 @@ from typing import Final, NamedTuple
 import msgspec
 
 from tgl_soar.config.airframe import Airframe
-from tgl_soar.config.files import (
-    airframe_file,
-    line_parameters,
-    load_airframe,
-    load_parameters,
-    load_site,
-    site_file,
-)
+from tgl_soar.config.files import airframe_file, line_parameters, load_flight, site_file
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import HillAir, Line, Site, Start
 
@@ -46,8 +39,6 @@ class ShippedHill(NamedTuple):
 
 def shipped_hill() -> ShippedHill:
     """As shipped.  Errors: `ConfigError`."""
-    airframe_path, site_path = airframe_file(AIRFRAME), site_file(SITE)
-    airframe, site = load_airframe(airframe_path), load_site(site_path)
+    airframe, site, values = load_flight(airframe_file(AIRFRAME), site_file(SITE))
     assert isinstance(site.air, HillAir)
-    values = load_parameters(airframe, airframe_path, site, site_path)
     return ShippedHill(airframe=airframe, site=site, air=site.air, values=values)
