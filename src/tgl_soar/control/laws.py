@@ -155,7 +155,7 @@ def laws_from(
         trim=SurfaceCommand(values["ELE_TRIM"], values["AIL_TRIM"], values["RUD_TRIM"], 0.0),
         wind=WindParams(aerodynamics, values["WIND_CHANGE"], radians(values["WIND_ALIGN"])),
         cross_wind=CrossWindParams(radians(values["VEER_MAX"]), values["VEER_T"]),
-        fence=_fence(values),
+        fence=fence_of(values),
         ground=ground,
         rangefinder=RangeGains(int(values["RNG_USE"]), values["RNG_GATE"]),
         pitch_trim=TrimGains(
@@ -309,7 +309,8 @@ def _throttle_params(values: ParameterSet, aero: Aerodynamics, loops: int) -> Th
     )
 
 
-def _fence(values: ParameterSet) -> Fence:
+def fence_of(values: ParameterSet) -> Fence:
+    """The sides of the fence, as the operator has set them."""
     return Fence(
         x_min_m=values["FENCE_X_MIN"],
         x_max_m=values["FENCE_X_MAX"],

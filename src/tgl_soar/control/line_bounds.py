@@ -30,10 +30,10 @@ from tgl_soar.control.envelope import (
     OUT_BELOW,
     OUT_DOWNSTREAM,
     OUT_UPSTREAM,
-    Fence,
     clearance,
     outside,
 )
+from tgl_soar.control.laws import fence_of
 from tgl_soar.control.loop_margin import FLOOR, RINGS, margin_doubt, margin_fault
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.types import NO_GROUND, OURS, Ground
@@ -120,7 +120,7 @@ class LineBounds:
         )
 
     def _place_fault(self, values: ParameterSet, x_m: float, z_m: float) -> str:
-        out = outside(_fence(values), x_m, 0.0, z_m)
+        out = outside(fence_of(values), x_m, 0.0, z_m)
         for bit, name in _SIDES:
             if out & bit:
                 return f"outside the fence ({name} is {values[name]:g} m)"
@@ -141,13 +141,3 @@ def open_sides(values: ParameterSet) -> str:
     if len(widest) == len(FENCE):
         return "no fence: set FENCE_X_MIN and its like to where the pilot is to have the aircraft"
     return f"the fence is open: {', '.join(widest)} not set"
-
-
-def _fence(values: ParameterSet) -> Fence:
-    return Fence(
-        x_min_m=values["FENCE_X_MIN"],
-        x_max_m=values["FENCE_X_MAX"],
-        y_max_m=values["FENCE_Y_MAX"],
-        z_min_m=values["FENCE_Z_MIN"],
-        z_max_m=values["FENCE_Z_MAX"],
-    )

@@ -50,7 +50,7 @@ from tgl_soar.analysis.flown_airframe import flown_airframe
 from tgl_soar.analysis.search.scoring import share
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Start
-from tgl_soar.control.envelope import Fence
+from tgl_soar.control.laws import fence_of
 from tgl_soar.control.supervisor import BREAKING_OFF, LANDING, MODE_NAMES, SOARING
 from tgl_soar.sim.aircraft import AircraftModel, glide_polar
 from tgl_soar.sim.closed_loop import Trajectory, fly
@@ -167,14 +167,7 @@ def path_of(job: HourJob, record: WindRecord) -> tuple[Trajectory, ParameterSet]
 
 def hill_of(job: HourJob, values: ParameterSet) -> SoaredHill:
     """The hill as the bounds know it."""
-    fence = Fence(
-        x_min_m=values["FENCE_X_MIN"],
-        x_max_m=values["FENCE_X_MAX"],
-        y_max_m=values["FENCE_Y_MAX"],
-        z_min_m=values["FENCE_Z_MIN"],
-        z_max_m=values["FENCE_Z_MAX"],
-    )
-    return SoaredHill(job.radius_m, fence, values["CLEAR_MIN"], _polar_of(job))
+    return SoaredHill(job.radius_m, fence_of(values), values["CLEAR_MIN"], _polar_of(job))
 
 
 def _polar_of(job: HourJob) -> GlidePolar:
