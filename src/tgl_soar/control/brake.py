@@ -322,7 +322,7 @@ def set_aside(gains: BrakeGains, state: BrakeState) -> BrakeState:
 
 
 def _begun(gains: BrakeGains, state: BrakeState, around: Around, most_mps: float) -> int:
-    """How it stands before a step.  What ends it for a fault lasts until the operator asks anew."""
+    """How it stands before a step.  An end for a fault lasts until the operator asks again."""
     if not gains.wanted:
         return LINE_ONLY
     if state.standing in (DEAD, UNEVEN):

@@ -91,7 +91,7 @@ def is_place_known(guards: SupervisorLimits, health: Health, quality: MotionQual
     health: of which `position_ok` says how old the last fix is, and no more.
 
     With accelerations the position is flown with until it is too uncertain; where it has jumped
-    it is not, so that the line starts anew at the aircraft and no law sees the step.  A fix that
+    it is not, so that the line is reset to the aircraft and no law sees the step.  A fix that
     says little is young and helps no one: then the position is as uncertain as before.
     """
     young = (

@@ -73,7 +73,7 @@ MINIMUM_S: Final = 0.2
 READY_S: Final = 1.0
 TROUBLE_S: Final = 0.1
 CLEAR_S: Final = 0.3
-LONG_GAP_S: Final = 0.3  # of holding, after which the line starts anew at the aircraft
+LONG_GAP_S: Final = 0.3  # of holding, after which the line is reset to the aircraft
 
 # Conditions that the tick finds.
 ENGAGE: Final = 1 << 0

@@ -22,7 +22,7 @@ needs none for it yet); or, for LOW_S, it sinks so that the least clearance is r
 AHEAD_S.  It is let go HOLD_S after the last of them, fading, so that gusts do not switch it; in
 doubt (the place unknown, a mode that flies no line, tilted) it is closed at once.
 
-**Told**: ∫ η dt, in seconds of full throttle.  It never exceeds the budget, and begins anew where
+**Told**: ∫ η dt, in seconds of full throttle.  It never exceeds the budget, and is reset where
 the autopilot is disarmed, not with every engagement.  It is counted tick by tick: an autopilot that
 goes on with the last command while the process stands still uses more than is told.
 

@@ -72,7 +72,7 @@ class MissionReading:
         self.current = -1  # item that is flown, by the newest MISSION_CURRENT; -1: none came
         self.current_count = 0  # of those
         self.home: HomeMessage | None = None  # the newest; None: none came
-        self.restarts = 0  # so often what was asked for was asked for anew
+        self.restarts = 0  # so often what was asked for was asked for again
         self._own = own
         self._count = -1
         self._asks = False

@@ -1,4 +1,4 @@
-"""Faults at work: what stands between the world, the autopilot and the module, and spoils it.
+"""Faults at work: what stands between the world, the autopilot and the module, and corrupts it.
 
     world ──samples──► Injection.sample ──► autopilot ──┐ link ┌──► module
     world ◄─surfaces── Injection.surfaces ◄─ autopilot ◄┘      └─── module

@@ -107,7 +107,7 @@ class Dataflash:
 def _index(data: bytes) -> tuple[list[tuple[_Kind, list[int]]], int]:
     """The kinds, where the records of each are, and how many bytes belong to none.
 
-    A number that is described anew stands for another kind from there on.
+    A number that is described again stands for another kind from there on.
     """
     own = _Kind("FMT", _FORMAT_LENGTH, "BBnNZ", ("Type", "Length", "Name", "Format", "Columns"))
     kinds: dict[int, tuple[_Kind, list[int]]] = {_FORMAT: (own, [])}

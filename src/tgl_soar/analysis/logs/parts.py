@@ -32,7 +32,7 @@ def joined(parts: Sequence[FlightData]) -> FlightData:
     shifts, end = [], 0.0
     for part in parts:
         shift = part.start_s - first.start_s
-        # A clock that began anew between two parts tells nothing of the time between them.
+        # A clock that was reset between two parts tells nothing of the time between them.
         shifts.append(max(shift, end))
         end = shifts[-1] + part.duration_s
     timed = list(zip(parts, shifts, strict=True))

@@ -151,7 +151,7 @@ class LiftSearch:
             self._map = self._grid = None
 
     def rest(self) -> None:
-        """No line is wanted any more; the next search begins anew, with the same map."""
+        """No line is wanted any more; the next search begins from the start, with the same map."""
         self.state = self.plan = None
 
     def stays(self, look: Sighting) -> None:
@@ -222,7 +222,7 @@ class Seeker:
         self.search: LiftSearch | None = None
 
     def begin(self, task: SearchTask) -> None:
-        """How the line may be moved has changed, or the place: then the map begins anew."""
+        """How the line may be moved has changed, or the place: then the map is reset."""
         before, self._task = self._task, task
         self._guards = guards_of(task)
         if (

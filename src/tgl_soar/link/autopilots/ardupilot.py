@@ -125,7 +125,7 @@ BY_OVERRIDE: Final = (
 BY_ATTITUDE: Final = (
     _row("STALL_PREVENTION", "is", 0, "near the stall it would bank and pitch otherwise than asked",
          SHOULD),
-    _row("STICK_MIXING", "is not", 0, "the pilot's sticks would do nothing until he leaves GUIDED",
+    _row("STICK_MIXING", "is not", 0, "the pilot's sticks would do nothing until they leave GUIDED",
          SHOULD),
 )  # fmt: skip
 HOVER: Final = (

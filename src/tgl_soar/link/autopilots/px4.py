@@ -159,7 +159,7 @@ BY_OFFBOARD: Final = (
     _row("COM_OF_LOSS_T", "at most", 0.5, "the same, and shorter is safer", SHOULD),
     _row(
         "COM_OBL_RC_ACT", "is", 2,
-        "then the pilot flies by his sticks: all other modes need a propeller or end the flight",
+        "then the pilot flies by the sticks: all other modes need a propeller or end the flight",
     ),
     _row(
         "COM_RCL_EXCEPT", "has bit", 2,

@@ -138,7 +138,7 @@ def keep_memory() -> bool:
 
     dask's nanny starts workers with MALLOC_TRIM_THRESHOLD_=65536; any such setting also keeps
     glibc from learning which sizes come again, so that each flight's arrays are asked of the
-    system anew, a page fault for every 4 KiB: a fifth of a worker's time.  False where the C
+    system again, a page fault for every 4 KiB: a fifth of a worker's time.  False where the C
     library has no such setting."""
     try:
         mallopt = ctypes.CDLL(None).mallopt
