@@ -1,8 +1,8 @@
 """The simulated world as a bridge steps it: world, Pixhawk, pilot, faults and log, no sockets.
 
 A bridge gives it time and carries its datagrams; here is what stands behind them.  A real firmware
-in the place of the Pixhawk has a simulation of its own (`sim.firmware.simulation`), which shares
-the options, the truth that is reported, and the log.
+in the place of the Pixhawk has a simulation of its own (`sim.firmware.simulation`); what both have
+is `SteppedWorld`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from tgl_soar.sim.vehicle.modes import FBWA, MANUAL
 from tgl_soar.sim.vehicle.pixhawk import Pixhawk
 from tgl_soar.sim.vehicle.sensed import Sensed
 from tgl_soar.sim.world import World, build_field, make_world
-from tgl_soar.types import GlidePolar, polar_sink
+from tgl_soar.types import AttitudeSample, SurfaceCommand, polar_sink
 
 LYING_S: Final = 3.0  # after a crash, before somebody has carried the aircraft back
 TRUTH_HZ: Final = 5
@@ -90,10 +90,18 @@ class Options:
     log_hz: int = 50
 
 
-class Simulation:
-    """World, Pixhawk, pilot and log, one step at a time; no sockets, no clock."""
+class SteppedWorld:
+    """World, pilot, faults and log around an autopilot, whichever it is."""
 
-    def __init__(self, airframe: Airframe, site: Site, options: Options, folder: Path) -> None:
+    def __init__(
+        self,
+        airframe: Airframe,
+        site: Site,
+        options: Options,
+        folder: Path,
+        step_hz: int,
+        sensors: Sensors,
+    ) -> None:
         self.injection = Injection(options.faults, options.seed)
         field = None if site.air is None else self.injection.field(build_field(site.air, folder))
         self.world: World = make_world(
@@ -101,15 +109,100 @@ class Simulation:
             site,
             seed=options.seed,
             turbulence=options.turbulence,
-            step_hz=options.step_hz,
+            step_hz=step_hz,
             folder=folder,
             field=field,
-            sensors=Sensors(
-                imu=MEMS_IMU,
-                airspeed=PITOT if options.pitot else None,
-                rangefinder=LASER_RANGE if options.rangefinder else None,
-            ),
+            sensors=sensors,
         )
+        self.crashes = 0
+        self._options = options
+        self._polar = airframe.polar.as_polar()
+        self._pilot = SafetyPilot(self.world.trim_pitch_rad, 1.0 / step_hz)
+        self._lying_until = -1  # step
+        self._truth_every = step_hz // TRUTH_HZ
+        self._log_every = max(1, round(step_hz / options.log_hz))
+        self._events: list[str] = []
+        self._log = TruthLog(options.log, LOG_COLUMNS) if options.log is not None else None
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time."""
+        return self.world.time_s
+
+    @property
+    def flying(self) -> bool:
+        """Neither held nor lying on the ground."""
+        return not self.world.held and not self.world.crashed
+
+    def _turns(self) -> list[tuple[Fault, bool]]:
+        """The faults that begin (true) or are over now, which the console reports."""
+        turns = self.injection.turns(self.time_s)
+        self._events += [f"fault {'begins' if b else 'is over'}: {fault}" for fault, b in turns]
+        return turns
+
+    def _step_world(self, surfaces: SurfaceCommand) -> None:
+        world = self.world
+        world.step(self.injection.surfaces(self.time_s, surfaces, 1.0 / world.step_hz))
+        if world.crashed and self._lying_until < 0:
+            self.crashes += 1
+            self._lying_until = world.steps + round(LYING_S * world.step_hz)
+            self._events.append(f"lost: {world.crashed}")
+
+    def _carry_back(self) -> bool:
+        """Hold at the start again what has lain there for long enough; whether it has."""
+        if not 0 <= self._lying_until <= self.world.steps:
+            return False
+        self._lying_until = -1
+        self.world.relaunch()
+        self.world.held = True
+        self._events.append("carried back and held at the start again")
+        return True
+
+    def _pilots_sticks(
+        self, attitude: AttitudeSample, manual: bool, elevator: float
+    ) -> SurfaceCommand:
+        """How the safety pilot holds the sticks, in manual flight or in a mode that helps."""
+        truth = self.world.truth
+        return self._pilot.sticks(
+            (truth.x_m, truth.y_m, truth.z_m),
+            (truth.velocity_x_mps, truth.velocity_y_mps, truth.climb_mps),
+            truth.heading_rad,
+            attitude,
+            manual,
+            elevator,
+        )
+
+    def _truth_due(self) -> tuple[tuple[bytes, float], ...]:
+        """What is to be reported of the truth to ground stations in this step, by name."""
+        if not self._options.truth or self.world.steps % self._truth_every:
+            return ()
+        truth = self.world.truth
+        return (
+            (b"updraft", truth.updraft_mps),
+            (b"sink", polar_sink(self._polar, truth.wind_x_mps)),
+            (b"true_x", truth.x_m),
+            (b"true_y", truth.y_m),
+            (b"true_z", truth.z_m),
+            (b"airspeed", truth.airspeed_mps),
+        )
+
+    def _log_row(self, time_s: float, mode: int, overridden: bool) -> None:
+        """time_s: on the autopilot's clock."""
+        if self._log is not None:
+            row = (time_s, *self.world.truth[1:])
+            self._log.add((*row, mode, self.flying, overridden))
+
+
+class Simulation(SteppedWorld):
+    """World, Pixhawk, pilot and log, one step at a time; no sockets, no clock."""
+
+    def __init__(self, airframe: Airframe, site: Site, options: Options, folder: Path) -> None:
+        sensors = Sensors(
+            imu=MEMS_IMU,
+            airspeed=PITOT if options.pitot else None,
+            rangefinder=LASER_RANGE if options.rangefinder else None,
+        )
+        super().__init__(airframe, site, options, folder, options.step_hz, sensors)
         self._home = site.position.home
         # Where poses are forwarded the autopilot is set up to take them.
         self._parameters = {"VISO_TYPE": 1.0} if site.forward is not None else {}
@@ -122,19 +215,10 @@ class Simulation:
             if self._duplicates
             else None
         )
-        self.crashes = 0
         self._passed_over_s = 0.0
-        self._options = options
-        self._polar = airframe.polar.as_polar()
-        self._pilot = SafetyPilot(self.world.trim_pitch_rad, 1.0 / options.step_hz)
-        self._lying_until = -1  # step
-        self._truth_every = options.step_hz // TRUTH_HZ
-        self._log_every = max(1, round(options.step_hz / options.log_hz))
-        self._events: list[str] = []
         self._sensed = self._sense(False)
-        self._log = TruthLog(options.log, LOG_COLUMNS) if options.log is not None else None
         self.world.held = options.held
-        self._log_row()
+        self._log_step()
 
     def _autopilot(
         self, airframe: Airframe, options: Options, uptime_s: float, *, armed: bool
@@ -181,29 +265,15 @@ class Simulation:
 
     # --- time ----------------------------------------------------------------------------
 
-    @property
-    def time_s(self) -> float:
-        """Simulated time."""
-        return self.world.time_s
-
-    @property
-    def flying(self) -> bool:
-        """Neither held nor lying on the ground."""
-        return not self.world.held and not self.world.crashed
-
     def step(self) -> None:
         """One step of everything."""
-        world, pixhawk, injection = self.world, self.pixhawk, self.injection
+        world, pixhawk = self.world, self.pixhawk
         self._turn_faults()
         self._launch_or_carry_back()
         if self._options.pilot:
             self._fly_by_hand()
         world.throttle = pixhawk.outputs.throttle if pixhawk.armed else 0.0
-        world.step(injection.surfaces(self.time_s, pixhawk.surfaces, 1.0 / world.step_hz))
-        if world.crashed and self._lying_until < 0:
-            self.crashes += 1
-            self._lying_until = world.steps + round(LYING_S * self._options.step_hz)
-            self._events.append(f"lost: {world.crashed}")
+        self._step_world(pixhawk.surfaces)
         self._sensed = self._sense(self.flying)
         reported = self._corrupted(self._sensed)
         pixhawk.step(self._sensed, reported)
@@ -214,10 +284,13 @@ class Simulation:
                     position=of_duplicate(reported.position),
                 )
             )
-        if self._options.truth and world.steps % self._truth_every == 0:
-            self._report_truth()
+        for name, value in self._truth_due():
+            pixhawk.broadcast(
+                mavlink.MAVLink_named_value_float_message(pixhawk.boot_ms, name, value),
+                ground_only=True,
+            )
         if world.steps % self._log_every == 0:
-            self._log_row()
+            self._log_step()
 
     def take_events(self) -> list[str]:
         """What the console should report, each once."""
@@ -246,8 +319,7 @@ class Simulation:
     def _turn_faults(self) -> None:
         """Report what begins and what is over, and what becomes of the autopilot by it."""
         pixhawk = self.pixhawk
-        for fault, begins in self.injection.turns(self.time_s):
-            self._events.append(f"fault {'begins' if begins else 'is over'}: {fault}")
+        for fault, begins in self._turns():
             if fault.kind.name == "autopilot.reboot":
                 (pixhawk.shut_down if begins else pixhawk.boot)()
             elif fault.kind.name == "pilot.takes":
@@ -268,12 +340,8 @@ class Simulation:
 
     def _launch_or_carry_back(self) -> None:
         world, pixhawk = self.world, self.pixhawk
-        if 0 <= self._lying_until <= world.steps:
-            self._lying_until = -1
-            world.relaunch()
-            world.held = True
+        if self._carry_back():
             pixhawk.restart()
-            self._events.append("carried back and held at the start again")
         elif world.held and pixhawk.armed and pixhawk.mode == MANUAL and pixhawk.is_overridden():
             world.held = False
             self._events.append("launched: the surfaces are overridden")
@@ -284,14 +352,8 @@ class Simulation:
             self._pilot.hand_over()
             pixhawk.pilot_sticks = NEUTRAL
             return
-        truth = self.world.truth
-        pixhawk.pilot_sticks = self._pilot.sticks(
-            (truth.x_m, truth.y_m, truth.z_m),
-            (truth.velocity_x_mps, truth.velocity_y_mps, truth.climb_mps),
-            truth.heading_rad,
-            self._sensed.attitude,
-            pixhawk.mode == MANUAL,
-            pixhawk.surfaces.elevator,
+        pixhawk.pilot_sticks = self._pilots_sticks(
+            self._sensed.attitude, pixhawk.mode == MANUAL, pixhawk.surfaces.elevator
         )
 
     def _sense(self, flying: bool) -> Sensed:
@@ -309,19 +371,9 @@ class Simulation:
             rangefinder=world.rangefinder,
         )
 
-    def _report_truth(self) -> None:
-        for name, value in reported_truth(self.world, self._polar):
-            self.pixhawk.broadcast(
-                mavlink.MAVLink_named_value_float_message(self.pixhawk.boot_ms, name, value),
-                ground_only=True,
-            )
-
-    def _log_row(self) -> None:
-        if self._log is not None:
-            pixhawk = self.pixhawk
-            state = (pixhawk.mode, self.flying, pixhawk.is_overridden())
-            time_s = self._options.uptime_s + self._passed_over_s + self.world.time_s
-            self._log.add((*truth_row(time_s, self.world), *state))
+    def _log_step(self) -> None:
+        time_s = self._options.uptime_s + self._passed_over_s + self.world.time_s
+        self._log_row(time_s, self.pixhawk.mode, self.pixhawk.is_overridden())
 
     def pass_over(self, seconds: float) -> None:
         """So long no step was made: the autopilot's clock runs on, as a real one does.
@@ -332,24 +384,3 @@ class Simulation:
         self.pixhawk.pass_over(seconds)
         if self._duplicate is not None:
             self._duplicate.pass_over(seconds)
-
-
-def reported_truth(world: World, polar: GlidePolar) -> tuple[tuple[bytes, float], ...]:
-    """What is reported of the truth to ground stations, by name."""
-    truth = world.truth
-    return (
-        (b"updraft", truth.updraft_mps),
-        (b"sink", polar_sink(polar, truth.wind_x_mps)),
-        (b"true_x", truth.x_m),
-        (b"true_y", truth.y_m),
-        (b"true_z", truth.z_m),
-        (b"airspeed", truth.airspeed_mps),
-    )
-
-
-def truth_row(time_s: float, world: World) -> tuple[float, ...]:
-    """A row of the log at a time on the autopilot's clock, but for the last three columns."""
-    return (time_s, *world.truth[1:])
-
-
-# --- the process ---------------------------------------------------------------------------

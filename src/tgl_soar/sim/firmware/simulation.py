@@ -26,19 +26,8 @@ from tgl_soar.sim.firmware import FirmwareError
 from tgl_soar.sim.firmware.mission import MissionItem, MissionUpload, set_home
 from tgl_soar.sim.firmware.relay import Relay
 from tgl_soar.sim.firmware.sensors import FirmwareSensors, Readings, firmware_sensors
-from tgl_soar.sim.injection import Injection
-from tgl_soar.sim.pilot import SafetyPilot
 from tgl_soar.sim.routing import LinkId
-from tgl_soar.sim.simulation import (
-    LOG_COLUMNS,
-    LYING_S,
-    TRUTH_HZ,
-    Options,
-    reported_truth,
-    truth_row,
-)
-from tgl_soar.sim.truth_log import TruthLog
-from tgl_soar.sim.world import World, build_field, make_world
+from tgl_soar.sim.simulation import Options, SteppedWorld
 from tgl_soar.types import SurfaceCommand
 
 ASK_S: Final = 1.0  # between two requests to arm, or for a mode
@@ -90,7 +79,7 @@ class Physics(Protocol):
         ...
 
 
-class FirmwareSimulation:
+class FirmwareSimulation(SteppedWorld):
     """World, firmware, pilot and log, one step at a time."""
 
     def __init__(
@@ -104,44 +93,26 @@ class FirmwareSimulation:
         mission: tuple[MissionItem, ...] = (),
     ) -> None:
         """`mission`: what it is given before it is armed, and its home then; none: nothing."""
-        self.injection = Injection(options.faults, options.seed)
-        field = None if site.air is None else self.injection.field(build_field(site.air, folder))
-        self.world: World = make_world(
-            airframe.flown_as(options.model),
-            site,
-            seed=options.seed,
-            turbulence=options.turbulence,
-            step_hz=physics.step_hz,
-            folder=folder,
-            field=field,
-            sensors=firmware_sensors(physics.step_hz, pitot=options.pitot),
-        )
+        sensors = firmware_sensors(physics.step_hz, pitot=options.pitot)
+        super().__init__(airframe, site, options, folder, physics.step_hz, sensors)
         self.world.held = True
         self.pixhawk = relay
-        self.crashes = 0
         self._physics = physics
         self._system = airframe.autopilot.system_id
         self._mission = MissionUpload(mission[physics.first_item :], self._system)
         self._mission.accepted = not mission
         self._home = mission[0] if mission else None
         relay.mission = self._mission
-        self._options = options
         self._sensors = FirmwareSensors(
             self.world, site.position.home, options.seed, gps=site.mocap is None
         )
-        self._polar = airframe.polar.as_polar()
-        self._pilot = SafetyPilot(self.world.trim_pitch_rad, 1.0 / physics.step_hz)
         self._pilot_takes = False
         self._signal = RECEIVED
         self._later = sorted(options.later, key=lambda change: change.at_s)
         self._surfaces = NEUTRAL
-        self._lying_until = -1  # step
-        self._truth_every = physics.step_hz // TRUTH_HZ
-        self._log_every = max(1, round(physics.step_hz / options.log_hz))
         self._ask_every = round(ASK_S * physics.step_hz)
         self._stage = 0
-        self._events: list[str] = [f"waiting for {physics.name} to boot; the aircraft is held"]
-        self._log = TruthLog(options.log, LOG_COLUMNS) if options.log is not None else None
+        self._events.append(f"waiting for {physics.name} to boot; the aircraft is held")
         self._record = None if options.record is None else options.record.open("wb")
         relay.record = self._record
 
@@ -169,16 +140,6 @@ class FirmwareSimulation:
         """A firmware in the loop takes its time from our steps, and so do its stamps."""
 
     @property
-    def time_s(self) -> float:
-        """Simulated time."""
-        return self.world.time_s
-
-    @property
-    def flying(self) -> bool:
-        """Neither held nor lying on the ground."""
-        return not self.world.held and not self.world.crashed
-
-    @property
     def booted(self) -> bool:
         """Whether the firmware speaks."""
         return self.pixhawk.custom_mode >= 0
@@ -186,8 +147,7 @@ class FirmwareSimulation:
     def step(self) -> None:
         """One step of everything."""
         world = self.world
-        for fault, begins in self.injection.turns(self.time_s):
-            self._events.append(f"fault {'begins' if begins else 'is over'}: {fault}")
+        for fault, begins in self._turns():
             if fault.kind.name == "pilot.takes":
                 self._pilot_takes = begins
             elif fault.of == "transmitter":
@@ -197,11 +157,7 @@ class FirmwareSimulation:
         self._set_parameters()
         self._launch()
         world.throttle = self._physics.throttle
-        world.step(self.injection.surfaces(self.time_s, self._surfaces, 1.0 / world.step_hz))
-        if world.crashed and self._lying_until < 0:
-            self.crashes += 1
-            self._lying_until = world.steps + round(LYING_S * world.step_hz)
-            self._events.append(f"lost: {world.crashed}")
+        self._step_world(self._surfaces)
         readings = self._sensors.read()
         self._surfaces = self._physics.exchange(readings, self._sticks())
         help_ = self._physics.helped(readings, self.pixhawk.texts)
@@ -210,13 +166,12 @@ class FirmwareSimulation:
         self.pixhawk.step(self.time_s)
         if world.steps % world.step_hz == 0:
             self.pixhawk.greet()
-        if self._options.truth and world.steps % self._truth_every == 0:
-            for name, value in reported_truth(world, self._polar):
-                self.pixhawk.broadcast(
-                    mavlink.MAVLink_named_value_float_message(round(1e3 * self.time_s), name, value)
-                )
+        for name, value in self._truth_due():
+            self.pixhawk.broadcast(
+                mavlink.MAVLink_named_value_float_message(round(1e3 * self.time_s), name, value)
+            )
         if world.steps % self._log_every == 0:
-            self._log_row()
+            self._log_row(self.time_s, self.pixhawk.custom_mode, self.pixhawk.is_commanded)
 
     def take_events(self) -> list[str]:
         """What the console should report, each once."""
@@ -256,12 +211,8 @@ class FirmwareSimulation:
     def _launch(self) -> None:
         """The next stage of the launch, once it is due."""
         world, relay, physics = self.world, self.pixhawk, self._physics
-        if 0 <= self._lying_until <= world.steps:
-            self._lying_until = -1
-            world.relaunch()
-            world.held = True
+        if self._carry_back():
             self._stage = min(self._stage, 3)
-            self._events.append("carried back and held at the start again")
         due = world.steps % self._ask_every == 0
         if self._stage == 0 and self.booted:
             self._next(f"{physics.name} has booted: waiting until its estimator has aligned")
@@ -301,24 +252,9 @@ class FirmwareSimulation:
         if not self.flying or (relay.is_commanded and obeyed):
             self._pilot.hand_over()
             return Sticks(NEUTRAL, self._pilot_takes, self._signal)
-        truth = world.truth
-        return Sticks(
-            self._pilot.sticks(
-                (truth.x_m, truth.y_m, truth.z_m),
-                (truth.velocity_x_mps, truth.velocity_y_mps, truth.climb_mps),
-                truth.heading_rad,
-                world.attitude,
-                relay.custom_mode == self._physics.manual_mode,
-                self._surfaces.elevator,
-            ),
-            self._pilot_takes,
-            self._signal,
-        )
-
-    def _log_row(self) -> None:
-        if self._log is not None:
-            state = (self.pixhawk.custom_mode, self.flying, self.pixhawk.is_commanded)
-            self._log.add((*truth_row(self.time_s, self.world), *state))
+        manual = relay.custom_mode == self._physics.manual_mode
+        sticks = self._pilots_sticks(world.attitude, manual, self._surfaces.elevator)
+        return Sticks(sticks, self._pilot_takes, self._signal)
 
 
 def arm(system: int) -> Any:
