@@ -32,7 +32,7 @@ from tgl_soar.link.autopilots.base import (
     throttle_pulse,
     value_cast,
 )
-from tgl_soar.link.autopilots.requirements import MUST, SHOULD, Answers, Needs, Requirement
+from tgl_soar.link.autopilots.requirements import SHOULD, Answers, Needs, Requirement, need
 from tgl_soar.link.messages import (
     AUTOPILOT_ARDUPILOT,
     COMPONENT_AUTOPILOT,
@@ -98,74 +98,60 @@ ATTITUDE: Final = CommandRoute(
 )
 
 
-def _row(
-    names: str, relation: str, wanted: float, why: str, level: str = MUST, *, old: bool = True
-) -> Requirement:
-    """`old`: there are releases without it, which need nothing."""
-    return Requirement(
-        names=tuple(names.split()),
-        relation=relation,
-        wanted=wanted,
-        why=why,
-        level=level,
-        missing_ok=old,
-    )
-
-
 BY_OVERRIDE: Final = (
-    _row(
+    need(
         "RC_OVERRIDE_TIME", "at most", 0.5,
         "the surfaces keep the last command for so long when the module falls silent",
         old=False,
     ),
-    _row("RC_OVERRIDE_TIME", "at least", 0.1, "0 takes no overrides, -1 lets none run out",
+    need("RC_OVERRIDE_TIME", "at least", 0.1, "0 takes no overrides, -1 lets none run out",
          old=False),
-    _row("RC_OPTIONS", "lacks bit", 1, "overrides would be ignored"),
+    need("RC_OPTIONS", "lacks bit", 1, "overrides would be ignored"),
 )  # fmt: skip
 BY_ATTITUDE: Final = (
-    _row("STALL_PREVENTION", "is", 0, "near the stall it would bank and pitch otherwise than asked",
+    need("STALL_PREVENTION", "is", 0, "near the stall it would bank and pitch otherwise than asked",
          SHOULD),
-    _row("STICK_MIXING", "is not", 0, "the pilot's sticks would do nothing until they leave GUIDED",
+    need("STICK_MIXING", "is not", 0, "the pilot's sticks would do nothing until they leave GUIDED",
          SHOULD),
 )  # fmt: skip
 HOVER: Final = (
-    _row("CRASH_DETECT", "lacks bit", 0,
+    need("CRASH_DETECT", "lacks bit", 0,
          "standing over the ground may be taken for a crash, and would disarm in the air"),
-    _row("FS_SHORT_ACTN", "is", 2,
+    need("FS_SHORT_ACTN", "is", 2,
          "a lost radio glides in FBWA: 0 and 1 circle and 4 climbs without a propeller, and with 3"
          " the surfaces stay at their trims"),
-    _row("FS_LONG_ACTN", "is", 2,
+    need("FS_LONG_ACTN", "is", 2,
          "a radio that stays lost glides on in FBWA: 0 and 1 fly home without a propeller"),
-    _row("THR_FAILSAFE", "is not", 2,
+    need("THR_FAILSAFE", "is not", 2,
          "the receiver's failsafe would put the surfaces to their trims under the module"),
-    _row("THR_FAILSAFE", "is", 1,
+    need("THR_FAILSAFE", "is", 1,
          "a lost radio goes unnoticed, and MANUAL would be left with nobody at the sticks", SHOULD),
-    _row("BATT_FS_LOW_ACT", "is", 0, "a low battery must not fly home without a propeller"),
-    _row("BATT_FS_CRT_ACT", "is", 0, "a low battery must not fly home without a propeller"),
-    _row("FENCE_ACTION", "is", 0,
+    need("BATT_FS_LOW_ACT", "is", 0, "a low battery must not fly home without a propeller"),
+    need("BATT_FS_CRT_ACT", "is", 0, "a low battery must not fly home without a propeller"),
+    need("FENCE_ACTION", "is", 0,
          "its own fence must not fly anywhere without a propeller: the module has one"),
-    _row("FS_GCS_ENABL", "is", 0, "a ground station that is lost must not end the flight", SHOULD),
+    need("FS_GCS_ENABL", "is", 0, "a ground station that is lost must not end the flight", SHOULD),
 )  # fmt: skip
 POSES: Final = (
-    _row("VISO_TYPE", "is", 1, "poses come by MAVLink", old=False),
-    _row("EK3_SRC1_POSXY", "is", 6, "its estimator takes the poses' place"),
-    _row("EK3_SRC1_POSZ", "is", 6, "its estimator takes the poses' height"),
-    _row("EK3_SRC1_YAW", "is", 6, "its estimator takes the poses' heading"),
-    _row("EK3_SRC1_VELXY", "is not", 3, "there are no satellites to measure its velocity"),
-    _row("EK3_SRC1_VELZ", "is not", 3, "there are no satellites to measure its climb"),
-    _row(
+    need("VISO_TYPE", "is", 1, "poses come by MAVLink", old=False),
+    need("EK3_SRC1_POSXY", "is", 6, "its estimator takes the poses' place"),
+    need("EK3_SRC1_POSZ", "is", 6, "its estimator takes the poses' height"),
+    need("EK3_SRC1_YAW", "is", 6, "its estimator takes the poses' heading"),
+    need("EK3_SRC1_VELXY", "is not", 3, "there are no satellites to measure its velocity"),
+    need("EK3_SRC1_VELZ", "is not", 3, "there are no satellites to measure its climb"),
+    need(
         "GPS1_TYPE GPS_TYPE", "is", 14,
         "its estimator begins with a fix: a ground station gives it one by GPS_INPUT", SHOULD,
     ),
 )  # fmt: skip
 SATELLITES: Final = (
-    _row("GPS1_TYPE GPS_TYPE", "is not", 0, "its position comes from satellites"),
-    _row("EK3_SRC1_POSXY", "is", 3, "its position comes from satellites"),
+    need("GPS1_TYPE GPS_TYPE", "is not", 0, "its position comes from satellites"),
+    need("EK3_SRC1_POSXY", "is", 3, "its position comes from satellites"),
 )
 
 
 LANDS: Final = (
-    _row("RTL_AUTOLAND", "is not", 0,
+    need("RTL_AUTOLAND", "is not", 0,
          "with a landing in its mission it refuses to arm; 2 flies straight to that landing"),
 )  # fmt: skip
 
@@ -287,7 +273,7 @@ class ArduPilot:
         )
 
     def _loop(self, needs: Needs) -> Requirement:
-        return _row(
+        return need(
             "SCHED_LOOP_RATE",
             "at least",
             max(250.0, needs.loop_rate_hz / 0.8),
@@ -307,10 +293,10 @@ class ArduPilot:
             for prefix in prefixes:
                 name = f"{prefix}{surface.channel}"
                 rows += (
-                    _row(f"{name}_MIN", "is", surface.pwm_min, why, old=False),
-                    _row(f"{name}_TRIM", "is", surface.pwm_trim, why, old=False),
-                    _row(f"{name}_MAX", "is", surface.pwm_max, why, old=False),
-                    _row(f"{name}_REVERSED", "is", float(surface.reversed), why, old=False),
+                    need(f"{name}_MIN", "is", surface.pwm_min, why, old=False),
+                    need(f"{name}_TRIM", "is", surface.pwm_trim, why, old=False),
+                    need(f"{name}_MAX", "is", surface.pwm_max, why, old=False),
+                    need(f"{name}_REVERSED", "is", float(surface.reversed), why, old=False),
                 )
         return tuple(rows)
 
@@ -324,15 +310,15 @@ class ArduPilot:
             if what == "aileron" and len(self._braking()) > 1:
                 continue  # it is one half of the brake
             why = f"the {what} is on channel {channel}"
-            rows.append(_row(f"SERVO{channel}_FUNCTION", "is", function, why))
+            rows.append(need(f"SERVO{channel}_FUNCTION", "is", function, why))
             if self.route is OVERRIDE:
-                rows.append(_row(stick, "is", channel, why))
+                rows.append(need(stick, "is", channel, why))
                 dead = "small deflections would be swallowed"
-                rows.append(_row(f"RC{channel}_DZ", "is", 0, dead, SHOULD))
+                rows.append(need(f"RC{channel}_DZ", "is", 0, dead, SHOULD))
         for surface in self._braking() if self.route is OVERRIDE else ():
             channel = surface.channel
             why = f"channel {channel} passes through: the module mixes aileron and brake"
-            rows.append(_row(f"SERVO{channel}_FUNCTION", "is", RCIN + channel, why))
+            rows.append(need(f"SERVO{channel}_FUNCTION", "is", RCIN + channel, why))
         return tuple(rows)
 
     def _throttle(self) -> tuple[Requirement, ...]:
@@ -342,17 +328,17 @@ class ArduPilot:
             return ()
         channel, why = motor.channel, "throttle as in the airframe file"
         rows = [
-            _row(f"SERVO{channel}_FUNCTION", "is", THROTTLE, f"the motor is on channel {channel}"),
-            _row("RCMAP_THROTTLE", "is", channel, f"the throttle is on channel {channel}"),
+            need(f"SERVO{channel}_FUNCTION", "is", THROTTLE, f"the motor is on channel {channel}"),
+            need("RCMAP_THROTTLE", "is", channel, f"the throttle is on channel {channel}"),
         ]
         for prefix in ("RC", "SERVO"):
             rows += (
-                _row(f"{prefix}{channel}_MIN", "is", motor.pwm_min, why, old=False),
-                _row(f"{prefix}{channel}_MAX", "is", motor.pwm_max, why, old=False),
-                _row(f"{prefix}{channel}_REVERSED", "is", 0.0, why, old=False),
+                need(f"{prefix}{channel}_MIN", "is", motor.pwm_min, why, old=False),
+                need(f"{prefix}{channel}_MAX", "is", motor.pwm_max, why, old=False),
+                need(f"{prefix}{channel}_REVERSED", "is", 0.0, why, old=False),
             )
         dead = "a small throttle would be swallowed"
-        rows.append(_row(f"RC{channel}_DZ", "is", 0, dead, SHOULD))
+        rows.append(need(f"RC{channel}_DZ", "is", 0, dead, SHOULD))
         return tuple(rows)
 
     def _braking(self) -> tuple[SurfaceChannel, ...]:

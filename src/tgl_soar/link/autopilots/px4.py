@@ -26,7 +26,7 @@ from tgl_soar.link.autopilots.base import (
     set_mode,
     value_bytewise,
 )
-from tgl_soar.link.autopilots.requirements import MUST, SHOULD, Answers, Needs, Requirement
+from tgl_soar.link.autopilots.requirements import SHOULD, Answers, Needs, Requirement, need
 from tgl_soar.link.messages import (
     AUTOPILOT_PX4,
     COMPONENT_AUTOPILOT,
@@ -92,86 +92,62 @@ MANUAL_CONTROL: Final = CommandRoute(
     takeover="none by radio: its mode, arm and kill switches are ignored; a ground station's mode",
     releases=False,
 )
-ACTUATORS: Final = CommandRoute(
-    name="actuators",
-    message="SET_ACTUATOR_CONTROL_TARGET",
-    mode="OFFBOARD",
-    loops=OURS,
-    as_operator=False,
-    mode_to_enter=MODE_OFFBOARD,
-    mode_to_leave=MODE_STABILIZED,
-    silence_s=1.0,
-    after_silence="COM_OBL_RC_ACT acts (COM_OF_LOSS_T)",
-    takeover="the mode switch",
-    releases=False,
+ACTUATORS: Final = ATTITUDE._replace(
+    name="actuators", message="SET_ACTUATOR_CONTROL_TARGET", loops=OURS
 )
 
 
-def _row(
-    names: str, relation: str, wanted: float, why: str, level: str = MUST, *, old: bool = True
-) -> Requirement:
-    """`old`: there are releases without it, which need nothing."""
-    return Requirement(
-        names=tuple(names.split()),
-        relation=relation,
-        wanted=wanted,
-        why=why,
-        level=level,
-        missing_ok=old,
-    )
-
-
 HOVER: Final = (
-    _row("MAV_TYPE", "is", 1, "the aircraft is a fixed wing", old=False),
-    _row(
+    need("MAV_TYPE", "is", 1, "the aircraft is a fixed wing", old=False),
+    need(
         "COM_DISARM_LAND", "at most", 0,
         "standing over the ground may be taken for having landed, and would disarm in the air",
         old=False,
     ),
-    _row(
+    need(
         "COM_DISARM_PRFLT", "at most", 0, "an aircraft that is launched by hand waits for it, armed"
     ),
-    _row("NAV_RCL_ACT", "is not", 5, "a lost radio must not terminate the flight", old=False),
-    _row("NAV_RCL_ACT", "is not", 6, "a lost radio must not disarm in the air", old=False),
-    _row("NAV_DLL_ACT", "is", 0,
+    need("NAV_RCL_ACT", "is not", 5, "a lost radio must not terminate the flight", old=False),
+    need("NAV_RCL_ACT", "is not", 6, "a lost radio must not disarm in the air", old=False),
+    need("NAV_DLL_ACT", "is", 0,
          "a ground station that is lost must not circle or fly home without a propeller"),
-    _row("COM_LOW_BAT_ACT", "is", 0, "a low battery must not fly home without a propeller"),
-    _row("COM_FLTT_LOW_ACT", "at most", 1, "a low battery must not fly home without a propeller"),
-    _row("GF_ACTION", "at most", 1,
+    need("COM_LOW_BAT_ACT", "is", 0, "a low battery must not fly home without a propeller"),
+    need("COM_FLTT_LOW_ACT", "at most", 1, "a low battery must not fly home without a propeller"),
+    need("GF_ACTION", "at most", 1,
          "its own fence must not fly anywhere without a propeller: the module has one"),
-    _row("COM_FLT_TIME_MAX", "at most", 0, "a long flight must not end by flying home"),
-    _row("COM_WIND_MAX_ACT", "at most", 1,
+    need("COM_FLT_TIME_MAX", "at most", 0, "a long flight must not end by flying home"),
+    need("COM_WIND_MAX_ACT", "at most", 1,
          "wind is what soars: it must not fly home without a propeller for it"),
-    _row(
+    need(
         "MAV_0_FORWARD", "is", 1,
         "ground stations reach the module through the autopilot", SHOULD,
     ),
-    _row(
+    need(
         "MAV_1_FORWARD", "is", 1,
         "ground stations reach the module through the autopilot", SHOULD,
     ),
 )  # fmt: skip
 BY_OFFBOARD: Final = (
-    _row(
+    need(
         "COM_OF_LOSS_T", "at most", 1.0,
         "it keeps the last setpoint for so long when the module falls silent", old=False,
     ),
-    _row("COM_OF_LOSS_T", "at most", 0.5, "the same, and shorter is safer", SHOULD),
-    _row(
+    need("COM_OF_LOSS_T", "at most", 0.5, "the same, and shorter is safer", SHOULD),
+    need(
         "COM_OBL_RC_ACT", "is", 2,
         "then the pilot flies by the sticks: all other modes need a propeller or end the flight",
     ),
-    _row(
+    need(
         "COM_RCL_EXCEPT", "has bit", 2,
         "a lost radio circles in Hold, or flies home, without a propeller, and none of its modes"
         " glides without a pilot: the module flies on",
     ),
-    _row("COM_RC_IN_MODE", "is not", 1, "the pilot's transmitter would not be read", old=False),
-    _row("COM_RC_IN_MODE", "is not", 4, "the pilot could not take over", old=False),
+    need("COM_RC_IN_MODE", "is not", 1, "the pilot's transmitter would not be read", old=False),
+    need("COM_RC_IN_MODE", "is not", 4, "the pilot could not take over", old=False),
 )  # fmt: skip
 BY_STICKS: Final = (
     *(
-        _row("COM_RC_IN_MODE", "is not", number, why, old=False)
+        need("COM_RC_IN_MODE", "is not", number, why, old=False)
         for number, why in (
             (0, "MANUAL_CONTROL is ignored: 1, or 6 where it is known"),
             (4, "MANUAL_CONTROL is ignored: 1, or 6 where it is known"),
@@ -179,27 +155,27 @@ BY_STICKS: Final = (
             (7, "the module would be ignored whenever a radio is received"),
         )
     ),
-    _row(
+    need(
         "COM_RC_LOSS_T", "at most", 0.5,
         "the surfaces keep the last command for so long when the module falls silent",
         SHOULD,
     ),
 )  # fmt: skip
 POSES: Final = (
-    _row("EKF2_EV_CTRL", "has bit", 0, "its estimator takes the poses' place"),
-    _row("EKF2_EV_CTRL", "has bit", 1, "its estimator takes the poses' height"),
-    _row("EKF2_EV_CTRL", "has bit", 3, "its estimator takes the poses' heading"),
-    _row("EKF2_AID_MASK", "has bit", 3, "up to v1.13: its estimator takes the poses' place"),
-    _row("EKF2_AID_MASK", "has bit", 4, "up to v1.13: its estimator takes the poses' heading"),
+    need("EKF2_EV_CTRL", "has bit", 0, "its estimator takes the poses' place"),
+    need("EKF2_EV_CTRL", "has bit", 1, "its estimator takes the poses' height"),
+    need("EKF2_EV_CTRL", "has bit", 3, "its estimator takes the poses' heading"),
+    need("EKF2_AID_MASK", "has bit", 3, "up to v1.13: its estimator takes the poses' place"),
+    need("EKF2_AID_MASK", "has bit", 4, "up to v1.13: its estimator takes the poses' heading"),
 )
 NO_SATELLITES: Final = (
-    _row("EKF2_HGT_REF EKF2_HGT_MODE", "is", 3, "its height is that of the poses", old=False),
-    _row("EKF2_MAG_TYPE", "is", 5, "steel and motors turn a compass in a hall", old=False),
-    _row("EKF2_GPS_CTRL", "is", 0, "there are no satellites, and reflections are worse than none"),
+    need("EKF2_HGT_REF EKF2_HGT_MODE", "is", 3, "its height is that of the poses", old=False),
+    need("EKF2_MAG_TYPE", "is", 5, "steel and motors turn a compass in a hall", old=False),
+    need("EKF2_GPS_CTRL", "is", 0, "there are no satellites, and reflections are worse than none"),
 )
 SATELLITES: Final = (
-    _row("EKF2_GPS_CTRL", "is not", 0, "its position comes from satellites"),
-    _row("SYS_HAS_GPS", "is", 1, "its position comes from satellites"),
+    need("EKF2_GPS_CTRL", "is not", 0, "its position comes from satellites"),
+    need("SYS_HAS_GPS", "is", 1, "its position comes from satellites"),
 )
 
 

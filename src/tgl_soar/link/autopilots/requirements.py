@@ -38,6 +38,20 @@ class Requirement(NamedTuple):
     missing_ok: bool = False  # releases without it need nothing
 
 
+def need(
+    names: str, relation: str, wanted: float, why: str, level: str = MUST, *, old: bool = True
+) -> Requirement:
+    """names: by spaces; old: there are releases without it, which need nothing."""
+    return Requirement(
+        names=tuple(names.split()),
+        relation=relation,
+        wanted=wanted,
+        why=why,
+        level=level,
+        missing_ok=old,
+    )
+
+
 def _close(a: float, b: float) -> bool:
     return abs(a - b) <= _TOLERANCE * max(1.0, abs(b))
 
