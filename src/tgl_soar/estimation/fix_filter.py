@@ -81,6 +81,24 @@ def errors_at(errors: Errors, time_s: float, coupling: float) -> Place:
     )
 
 
+def errors_carried(before: Errors, time_s: float, at: Place, covariance: Moments) -> Errors:
+    """The errors carried on to a time, where they are `at`; the biases stay."""
+    x, y, z, vx, vy, climb = at
+    return Errors(
+        time_s=time_s,
+        x_m=x,
+        y_m=y,
+        z_m=z,
+        velocity_x_mps=vx,
+        velocity_y_mps=vy,
+        climb_mps=climb,
+        bias_x_mps2=before.bias_x_mps2,
+        bias_y_mps2=before.bias_y_mps2,
+        bias_z_mps2=before.bias_z_mps2,
+        covariance=Covariance(*covariance),
+    )
+
+
 def spread(
     covariance: Moments, t_s: float, coupling: float, density: float, bias_density: float
 ) -> Moments:

@@ -9,7 +9,14 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from tgl_soar.estimation.fix_filter import Covariance, Errors, Moments, errors_at, spread
+from tgl_soar.estimation.fix_filter import (
+    Covariance,
+    Errors,
+    Moments,
+    errors_at,
+    errors_carried,
+    spread,
+)
 from tgl_soar.estimation.inertial_track import Place, Track, new_track
 from tgl_soar.estimation.turning import NO_ATTITUDE_TRACK, AttitudeTrack
 from tgl_soar.types import NAN, NO_ATTITUDE, AttitudeSample
@@ -180,21 +187,8 @@ def track_errors_at(state: MotionState, time_s: float) -> Place:
 def errors_when_switched(state: MotionState, covariance: Moments) -> Errors:
     """The same, with a covariance, when the errors last began to grow in another way."""
     errors, time_s = state.errors, state.switched_s
-    x, y, z, vx, vy, climb = errors_at(errors, time_s, 0.0 if state.inertial else 1.0)
-    bx, by, bz = errors.bias_x_mps2, errors.bias_y_mps2, errors.bias_z_mps2
-    return Errors(
-        time_s=time_s,
-        x_m=x,
-        y_m=y,
-        z_m=z,
-        velocity_x_mps=vx,
-        velocity_y_mps=vy,
-        climb_mps=climb,
-        bias_x_mps2=bx,
-        bias_y_mps2=by,
-        bias_z_mps2=bz,
-        covariance=Covariance(*covariance),
-    )
+    at = errors_at(errors, time_s, 0.0 if state.inertial else 1.0)
+    return errors_carried(errors, time_s, at, covariance)
 
 
 def covariance_at(gains: MotionGains, state: MotionState, time_s: float) -> Moments:

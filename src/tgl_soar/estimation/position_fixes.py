@@ -37,6 +37,7 @@ from tgl_soar.estimation.fix_filter import (
     Covariance,
     Errors,
     Moments,
+    errors_carried,
     position_taken,
     velocity_taken,
 )
@@ -205,7 +206,7 @@ def _compared(
             return _start(gains, compared, latest, measured, place)
         rx, ry, rz = 0.0, 0.0, 0.0
 
-    errors = _errors(state.errors, time_s, (x, y, z, vx, vy, climb), covariance)
+    errors = errors_carried(state.errors, time_s, (x, y, z, vx, vy, climb), covariance)
     errors = position_taken(errors, rx, ry, rz, measured.variance_m2)
     if measured.has_velocity:
         errors = _with_velocity(errors, measured, place)
@@ -216,24 +217,6 @@ def _compared(
         shift=shift,
         innovation=innovation,
         outliers=NO_OUTLIERS,
-    )
-
-
-def _errors(before: Errors, time_s: float, at: Place, covariance: Moments) -> Errors:
-    """The errors carried on to a time, where they are `at`."""
-    x, y, z, vx, vy, climb = at
-    return Errors(
-        time_s=time_s,
-        x_m=x,
-        y_m=y,
-        z_m=z,
-        velocity_x_mps=vx,
-        velocity_y_mps=vy,
-        climb_mps=climb,
-        bias_x_mps2=before.bias_x_mps2,
-        bias_y_mps2=before.bias_y_mps2,
-        bias_z_mps2=before.bias_z_mps2,
-        covariance=Covariance(*covariance),
     )
 
 

@@ -23,9 +23,9 @@ from tgl_soar.air.field import WindField
 from tgl_soar.air.gusts import Gust, GustyField, ScaledField, Schedule
 from tgl_soar.geometry import quaternion_from_euler, quaternion_product
 from tgl_soar.sim.faults import Fault
+from tgl_soar.sim.sensing import Sample
 from tgl_soar.types import (
     NAN,
-    AirspeedSample,
     AttitudeSample,
     AutopilotStatus,
     ImuSample,
@@ -33,19 +33,9 @@ from tgl_soar.types import (
     PositionFix,
     RangeSample,
     SurfaceCommand,
-    SurfacesSample,
 )
 
 Item = TypeVar("Item")
-Sample = TypeVar(
-    "Sample",
-    PositionFix,
-    AttitudeSample,
-    ImuSample,
-    AirspeedSample,
-    SurfacesSample,
-    RangeSample,
-)
 
 MEASURED: Final = ("position", "attitude", "imu", "airspeed", "rangefinder")
 BOTH_WAYS: Final = ("delay", "jitter", "reorder", "duplicate", "loss", "corrupt")
