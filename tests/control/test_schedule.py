@@ -204,6 +204,16 @@ def test_an_airspeed_is_averaged_and_kept_where_it_is_not_known() -> None:
     assert speed_within(AS_FOUND, 0.0) == 0.6 * SPEED
 
 
+@pytest.mark.parametrize("speed_mps", [0.0, 0.5])
+def test_without_a_schedule_the_airspeed_is_what_it_is(speed_mps: float) -> None:
+    """The bank's law and the brake take it from here, and want no 0."""
+    stands = schedule_of(speed_mps, LEAN, FOUND_ON, FOUND_ON)
+    assert speed_within(stands, 9.0) == 9.0
+    assert speed_within(stands, nan) == FOUND_ON.best_glide_mps
+    unknown = FOUND_ON._replace(glide_ratio=0.0, best_glide_mps=0.0)
+    assert speed_within(schedule_of(speed_mps, LEAN, FOUND_ON, unknown), nan) > 0.0
+
+
 # The aircraft of the finding with the lag of its path, and one that is soft and late.
 KNOWN = on(path_s=0.16)
 SOFT = on(path_s=0.2, short_period_radps=6.6, late_s=0.05, lag_s=0.03)

@@ -82,6 +82,13 @@ def test_a_roll_angle_that_is_wrong_leaves_nothing_in_the_end(error_deg: float) 
     assert np.abs(flight["y_m"]).max() < 0.4
 
 
+def test_a_law_without_a_schedule_leads_to_the_middle_as_well() -> None:
+    """The same, of gains that are flown as they stand: V of the law is the airspeed."""
+    flight = flown(1, 0.0, 2.0, 25.0, RHO_SPEED=0.0)
+    assert flight.ended == ""
+    assert np.abs(flight["y_m"][-400:]).max() < 0.05
+
+
 def test_level_wings_are_flown_where_the_gains_are_zero() -> None:
     flight = flown(1, 0.0, 2.0, 15.0, **LEVEL_WINGS)
     assert abs(flight["y_m"][-1]) > 0.4

@@ -270,7 +270,13 @@ def speed_step(before_mps: float, airspeed_mps: float, dt_s: float) -> float:
 
 
 def speed_within(schedule: GainSchedule, airspeed_mps: float) -> float:
-    """The airspeed that gains are for: that of the finding where it is not known."""
+    """The airspeed that gains are for: that of the finding where it is not known.
+
+    Without a schedule there is no finding, and what needs an airspeed takes it as it is, or that of
+    the best glide: 1 m/s where nobody knows that either.
+    """
+    if not schedule.speed_mps >= SPEED_MIN_MPS:
+        return airspeed_mps if isfinite(airspeed_mps) else schedule.best_glide_mps
     if not isfinite(airspeed_mps):
         return schedule.speed_mps
     return max(SLOWEST * schedule.speed_mps, min(FASTEST * schedule.speed_mps, airspeed_mps))
