@@ -8,6 +8,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.control.laws import dynamics_of, laws_from
 from tgl_soar.control.pid import PidGains
 from tgl_soar.control.schedule import (
     AGE_DOWN_S,
@@ -32,6 +34,7 @@ from tgl_soar.control.schedule import (
 )
 from tgl_soar.control.soaring import SoaringGains
 from tgl_soar.control.target_line import eta_from_lean
+from tgl_soar.geometry import SoaringFrame
 
 PID = PidGains(
     kp=0.95,
@@ -202,6 +205,22 @@ def test_an_airspeed_is_averaged_and_kept_where_it_is_not_known() -> None:
     assert speed_within(AS_FOUND, nan) == SPEED
     assert speed_within(AS_FOUND, 100.0) == 2.5 * SPEED
     assert speed_within(AS_FOUND, 0.0) == 0.6 * SPEED
+
+
+def test_half_a_tick_of_a_slow_loop_delays_as_a_late_command_does() -> None:
+    """A command holds for a whole tick, and the gains were found at 200 Hz."""
+    known = {"DYN_SPEED": 9.25, "DYN_FREQ": 11.5, "DYN_DAMP": 0.75, "DYN_EFFECT": 31.0}
+    values = ParameterSet().changed({**known, "CMD_DELAY": 0.02, "LAT_LATE": 0.03})
+    later = values.changed({"CMD_DELAY": 0.0225})
+    slow, usual, fast = (values.changed({"LOOP_RATE": hz}) for hz in (100.0, 200.0, 250.0))
+    assert dynamics_of(slow).late_s == pytest.approx(dynamics_of(later).late_s)
+    assert dynamics_of(slow).lag_s == dynamics_of(usual).lag_s
+    here = SoaringFrame(0.0, 0.0, 0.0, 0.0)
+    slow_laws, later_laws, usual_laws = (laws_from(v, here) for v in (slow, later, usual))
+    assert slow_laws.schedule == pytest.approx(later_laws.schedule)
+    assert slow_laws.schedule.damping < usual_laws.schedule.damping
+    assert slow_laws.lateral_schedule == pytest.approx(later_laws.lateral_schedule)
+    assert laws_from(fast, here).schedule == usual_laws.schedule  # nothing is flown faster for it
 
 
 @pytest.mark.parametrize("speed_mps", [0.0, 0.5])

@@ -24,7 +24,7 @@ from tgl_soar.control.landing import (
 from tgl_soar.control.lateral_schedule import LateralSchedule, lateral_schedule_of
 from tgl_soar.control.launch import LaunchParams
 from tgl_soar.control.pid import PidGains
-from tgl_soar.control.schedule import Dynamics, GainSchedule, schedule_of
+from tgl_soar.control.schedule import HOLD_S, Dynamics, GainSchedule, schedule_of
 from tgl_soar.control.soaring import SoaringGains, TrimGains
 from tgl_soar.control.target_line import LineLimits, TargetLine, eta_from_lean
 from tgl_soar.control.throttle import ThrottleParams
@@ -123,9 +123,7 @@ def laws_from(
             pid=_imu_gains(values, "RHO", soaring.pid, values["RHO_DF_IMU"])
         )
     pitch = _surface_gains(values, "ELE")
-    lateral = lateral_schedule_of(
-        values["LAT_SPEED"], values["LAT_LATE"], values["DYN_SERVO"] + values["CMD_DELAY"]
-    )
+    lateral = lateral_schedule_of(values["LAT_SPEED"], values["LAT_LATE"], late_by_s(values))
     return Laws(
         frame=frame,
         motion=_motion_gains(values),
@@ -335,6 +333,13 @@ def _soaring_gains(values: ParameterSet) -> SoaringGains:
     )
 
 
+def late_by_s(values: ParameterSet) -> float:
+    """How late the surfaces are [s]: servo, the command's way, and where the loop is slower than
+    200 Hz what half a tick is longer than HOLD_S, which the schedules add."""
+    longer_s = max(0.0, 0.5 / values["LOOP_RATE"] - HOLD_S)
+    return values["DYN_SERVO"] + values["CMD_DELAY"] + longer_s
+
+
 def dynamics_of(values: ParameterSet) -> Dynamics:
     """The airframe that flies, as its parameters have it."""
     return Dynamics(
@@ -342,7 +347,7 @@ def dynamics_of(values: ParameterSet) -> Dynamics:
         short_period_radps=values["DYN_FREQ"],
         damping=values["DYN_DAMP"],
         effect_radps2=values["DYN_EFFECT"],
-        late_s=values["DYN_SERVO"] + values["CMD_DELAY"],
+        late_s=late_by_s(values),
         lag_s=min(values["DYN_LAG"], values["DYN_SERVO"]),
         glide_ratio=values["DYN_GLIDE"],
         best_glide_mps=values["DYN_BEST"],
