@@ -19,11 +19,13 @@ PARAMS = LaunchParams(
 
 
 def view(time_s: float, **changes: Any) -> LaunchView:
-    """Nothing moves; `push`: what the accelerometer feels beyond gravity along x."""
+    """Nothing moves; `push`: what the accelerometer feels beyond gravity along x; `old_s`: how old
+    that is."""
     push, pitch = changes.pop("push", 0.0), changes.pop("pitch_rad", 0.05)
     speed, climb = changes.pop("upwind_mps", 0.0), changes.pop("climb_mps", 0.0)
     vehicle = VehicleState(*(time_s, 0, 0, 5, -speed, 0, climb, 0, pitch, 0, 0, 0, 0))
-    imu = NO_IMU._replace(force_x_frd_mps2=push + 9.80665 * sin(pitch))
+    felt_s = time_s - changes.pop("old_s", 0.0)
+    imu = NO_IMU._replace(time_s=felt_s, force_x_frd_mps2=push + 9.80665 * sin(pitch))
     usual = LaunchView(
         vehicle=vehicle,
         imu=imu,
@@ -89,6 +91,15 @@ def test_shaking_and_carrying_are_no_throw() -> None:
         launched.look(0.1, push=12.0 if k % 2 else -12.0)
     assert launched.standing == launch.HELD
     assert launched.look(1.0, upwind_mps=1.4).standing == launch.HELD
+
+
+def test_a_jolt_before_a_silence_is_no_push_that_lasts() -> None:
+    """The last sample stands until another one comes: counted on it would be a throw in 0.6 s."""
+    launched = Launched().look()
+    for k in range(400):
+        launched.look(push=4.0, old_s=k * DT)
+    assert launched.standing == launch.HELD
+    assert launched.state.push_mps < 0.1  # and what it was has faded
 
 
 def test_what_flies_evidently_is_in_no_hand() -> None:

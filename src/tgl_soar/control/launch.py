@@ -29,6 +29,9 @@ from tgl_soar.types import GRAVITY_MPS2, ImuSample, VehicleState
 
 INFINITE: Final = float("inf")
 PUSH_S: Final = 0.5  # a throw takes 0.2 to 0.4 s; a stride, forth and back, about as long
+# An older acceleration is none of now: four samples of the slowest stream that counts (55 ms), and
+# as long as a throw.
+PUSH_AGE_S: Final = 0.2
 SPEED_S: Final = 0.2  # so long must the speed last: a gust is no speed
 FLIES_BY_MPS: Final = 1.0  # above SPEED_MIN: 0.05 rad of incidence, all of the elevator
 # Without a pitot tube: the air that was read in a hand is wrong, and the wind's estimate follows
@@ -140,8 +143,9 @@ def _held(params: LaunchParams, state: LaunchState, view: LaunchView, dt_s: floa
     vehicle = view.vehicle
     now, push = vehicle.time_s, state.push_mps
     forward = view.imu.force_x_frd_mps2 - GRAVITY_MPS2 * sin(vehicle.pitch_rad)
-    if forward == forward:
-        push = push * exp(-dt_s / PUSH_S) + forward * dt_s
+    push *= exp(-dt_s / PUSH_S)
+    if forward == forward and now - view.imu.time_s <= PUSH_AGE_S:  # false for NaN
+        push += forward * dt_s
     low = min(view.clearance_min_m, HAND_SHARE * view.clearance_m)
     state = state._replace(push_mps=push, high_s=now, low_m=low)
     speed = _speed(vehicle) if view.position_ok else 0.0
