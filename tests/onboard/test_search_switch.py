@@ -25,7 +25,7 @@ from tgl_soar.control.search.glimpse import (
     SearchTask,
     task_of,
 )
-from tgl_soar.control.supervisor import CAPTURING, SEARCHING, is_flying
+from tgl_soar.control.supervisor import CAPTURING, LAUNCHING, SEARCHING, is_flying
 from tgl_soar.control.supervisor import SOARING as SOARS
 from tgl_soar.control.target_line import LineTracking, TargetLine, eta_from_lean
 from tgl_soar.onboard.search_beside import SearchBeside, SearchHere
@@ -155,6 +155,19 @@ def test_what_the_search_is_reported() -> None:
     last = search.glimpses[-1]
     assert last is not None
     assert not last.seeks
+
+
+def test_it_does_not_learn_the_air_from_a_hand() -> None:
+    """What hangs in a hand neither climbs nor sinks: taken for air, that is a place to soar."""
+    search = ReportedSearch()
+    flight = Flight(flown=equipped(LNC_START=1.0), search=search)
+    flight.run(1.0)
+    flight.set("SRCH_START", 1.0)
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(LATE_S + 1.0)
+    assert flight.mode_now == LAUNCHING
+    assert not [glimpse for glimpse in search.glimpses if glimpse is not None]
+    assert value(flight, "SRCH_START") == 1.0  # nobody was asked, and nobody is late
 
 
 @pytest.mark.parametrize("name", ["TGL_X", "TGL_LEAN", "TGL_SLEW"])

@@ -34,7 +34,7 @@ from tgl_soar.control.search.glimpse import (
     SearchTask,
     task_of,
 )
-from tgl_soar.control.supervisor import HOLDING, RECOVERING
+from tgl_soar.control.supervisor import HOLDING, LAUNCHING, RECOVERING
 from tgl_soar.control.target_line import TargetLine, e_rho
 from tgl_soar.control.throttle import can_hold
 from tgl_soar.link.messages import SEVERITY_ERROR, SEVERITY_INFO, SEVERITY_WARNING
@@ -112,6 +112,9 @@ class SearchSwitch:
         self._was_active = True
         engine = self._engine
         if engine is None:
+            return
+        if output.mode == LAUNCHING:  # a hand carries what the air does not: nothing is asked yet
+            self._before, self._received_s = None, NAN
             return
         if self._standing == SEARCH_OFF:
             self._received_s, self._target = NAN, None
