@@ -206,6 +206,17 @@ def test_uneven_axis_is_resampled_between_its_places(tmp_path: Path) -> None:
         read_grid(tmp_path / "wild.npz")
 
 
+def test_air_above_the_ground_stays_air_where_an_uneven_axis_is_resampled(tmp_path: Path) -> None:
+    """The places of the axis come again, as 0.09999999999999999: of no solid below or beside."""
+    z = np.array([0.0, 0.1, 0.2, 0.4, 0.6])
+    u, w = np.full((len(X), 5), 8.0), np.full((len(X), 5), 1.0)
+    u[:, 0] = w[:, 0] = 0.0  # the ground
+    np.savez(tmp_path / "ground.npz", x=X, z=z, u=u, w=w)
+    field = read_grid(tmp_path / "ground.npz", zero_cells="solid")
+    assert not field.inside(-44.0, 0.0, 0.05)
+    assert field.inside(-44.0, 0.0, 0.15)
+
+
 def test_decreasing_axis_is_turned_with_its_nodes(tmp_path: Path) -> None:
     u, _, w = _nodes()
     np.savez(tmp_path / "down.npz", x=X, z=Z[::-1], u=u[:, ::-1], w=w[:, ::-1])

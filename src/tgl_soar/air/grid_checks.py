@@ -114,7 +114,10 @@ def even_out(
         cell = np.clip(np.searchsorted(axis, even, side="right") - 1, 0, len(axis) - 2)
         column = [1] * solid.ndim
         column[n] = count
-        weight = ((even - axis[cell]) / steps[cell]).reshape(column)
+        weight = (even - axis[cell]) / steps[cell]
+        # A place of the axis itself, but for rounding, knows nothing of its neighbours.
+        whole = np.round(weight)
+        weight = np.where(np.abs(weight - whole) < 1e-9, whole, weight).reshape(column)
         wind = [
             (1.0 - weight) * part.take(cell, axis=n) + weight * part.take(cell + 1, axis=n)
             for part in wind
