@@ -249,6 +249,21 @@ def test_the_ground_is_a_slope() -> None:
     assert below.down_m == 0.0
 
 
+def test_a_ridge_bars_the_line_that_comes_out_behind_it() -> None:
+    """Through the ridge and out at its back the fence's bottom is clear of the ground again."""
+    ground = Ground(5, (-10.0, 0.0, 6.0, 8.0, 9.0, *[9.0] * 3), (0.0, 0.0, 6.0, 6.0, *[0.0] * 4))
+    fence = WIDE._replace(z_min_m=0.5)
+    eta = radians(90.0 + 45.0)
+    limits = f._limits(PARAMS, fence, ground, 3.0, 7.0, eta)
+    assert not limits.down_is_fence
+    # The slope of 1 is 4 m below the aircraft, and meets the line at right angles.
+    assert limits.down_m == pytest.approx(4.0 * cos(radians(45.0)) - CLEAR_M, abs=0.005)
+    # Where the line passes over the ridge, the fence is what ends it.
+    over = f._limits(PARAMS, fence, ground, 8.0, 16.0, eta)
+    assert over.down_is_fence
+    assert over.down_m == pytest.approx(15.5 / sin(eta), abs=1e-9)
+
+
 # --- the law ----------------------------------------------------------------------------------
 
 

@@ -484,20 +484,42 @@ def _limits(
         down = min(down, (x_m - fence.x_min_m) / along_x)
         up = min(up, (fence.x_max_m - x_m) / along_x)
     down, up = max(0.0, down), max(0.0, up)
-    near, far = 0.0, min(down, DEPTH_MAX_M)
-    by_fence = not clearance(ground, x_m - far * along_x, z_m - far * along_z) < least
-    if not by_fence:
-        if clearance(ground, x_m, z_m) < least:
-            far = 0.0
-        for _ in range(HALVINGS):
-            middle = 0.5 * (near + far)
-            if clearance(ground, x_m - middle * along_x, z_m - middle * along_z) < least:
-                far = middle
-            else:
-                near = middle
-        down = near
+    far = min(down, DEPTH_MAX_M)
+    by_fence = True
+    if clearance(ground, x_m - far * along_x, z_m - far * along_z) < least:
+        by_fence = False
+        down = _way_to_ground(ground, x_m, z_m, along_x, along_z, far, least)
+    # Below a ridge the line may come out again: the first corner that is too near bars it.
+    for i in range(ground.points):
+        way = (x_m - ground.x_m[i]) / along_x if along_x != 0.0 else 0.0
+        is_near = clearance(ground, ground.x_m[i], z_m - way * along_z) < least
+        if is_near and 0.0 < way < min(down, DEPTH_MAX_M):
+            by_fence = False
+            down = _way_to_ground(ground, x_m, z_m, along_x, along_z, way, least)
     depth = max(DEPTH_MIN_M, min(DEPTH_MAX_M, down + least))
     return _Limits(down, by_fence, up, depth)
+
+
+def _way_to_ground(
+    ground: Ground,
+    x_m: float,
+    z_m: float,
+    along_x: float,
+    along_z: float,
+    far_m: float,
+    least_m: float,
+) -> float:
+    """How far down the line the clearance is as much as that; at `far_m` it is less."""
+    near, far = 0.0, far_m
+    if clearance(ground, x_m, z_m) < least_m:
+        far = 0.0
+    for _ in range(HALVINGS):
+        middle = 0.5 * (near + far)
+        if clearance(ground, x_m - middle * along_x, z_m - middle * along_z) < least_m:
+            far = middle
+        else:
+            near = middle
+    return near
 
 
 def _below(mean: float, variance: float) -> float:
