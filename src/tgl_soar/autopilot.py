@@ -23,7 +23,7 @@ from tgl_soar.control.conditions import (
     stream_conditions,
     target_conditions,
 )
-from tgl_soar.control.envelope import Margins, brake_limit, unlimited
+from tgl_soar.control.envelope import CUT_NOSE_UP, Margins, brake_limit, unlimited
 from tgl_soar.control.estimates import Estimates, EstimatorMemory, estimate, initial_memory
 from tgl_soar.control.excitation import (
     IDLE,
@@ -546,6 +546,8 @@ def _guide(
     wanted_rad = soaring.pitch_setpoint_rad + state.excitation.pitch_rad
     held_rad = theta_0 + soaring.pid.integral + effect.pitch_rad
     pitch_setpoint, cut = pitch_kept(laws, estimates.margins, vehicle, wanted_rad, held_rad)
+    if cut != 0:  # held back as by its own rate limit: its integral must not wind up either
+        soaring = soaring._replace(slewing=1 if cut == CUT_NOSE_UP else -1)
     roll_setpoint = sideways_terms.output
     if laws.loops == THEIRS:
         roll_setpoint = bank_setpoint(laws.bank, psi_setpoint, vehicle.heading_rad)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import cos, degrees, hypot, inf, isfinite, nan, radians, sin
 
 import pytest
@@ -10,6 +11,7 @@ from tgl_soar.autopilot import Output
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.control.envelope import CUT_NOSE_UP, PITCH_PER_SPEED
 from tgl_soar.control.margins import STALL_UNCERTAINTY_MAX_RAD, stall_uncertainty
+from tgl_soar.control.supervisor import CAPTURING, SOARING
 from tgl_soar.sim.closed_loop import ClosedLoop
 from tgl_soar.sim.sensors import MEMS_IMU, READ_BACK, USUAL_SENSORS, Sensors
 from tgl_soar.sim.world import build_field, make_world
@@ -92,3 +94,21 @@ def test_near_the_limit_the_nose_is_kept_from_rising() -> None:
         highest = max(radians(REC_PITCH), output.vehicle.pitch_rad + output.margins.stall_rad)
         assert output.setpoints.pitch_rad <= highest
     assert any(output.cut & CUT_NOSE_UP for output in near)
+
+
+def test_what_the_envelope_cuts_off_the_setpoint_winds_up_no_integral() -> None:
+    """Upstream of its line and near the stall the law asks for more nose than it may have."""
+    outputs, _ = flown(FELT, ALPHA_MAX=10.0, SPEED_MIN=1.0, REC_PITCH=REC_PITCH)
+    flown_on = [
+        (before, after)
+        for before, after in pairwise(outputs)
+        if before.mode == after.mode and after.mode in (CAPTURING, SOARING)
+    ]
+    cut = [
+        (before, after)
+        for before, after in flown_on
+        if before.cut & CUT_NOSE_UP and after.line.e_rho_m > 0.0
+    ]
+    assert len(cut) > 10
+    for before, after in cut:
+        assert after.soaring.i <= before.soaring.i

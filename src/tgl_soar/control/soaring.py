@@ -35,7 +35,7 @@ class SoaringState(NamedTuple):
 
     pid: PidState
     pitch_setpoint_rad: float
-    slewing: int  # +1 or -1 while the rate limit holds the setpoint back, else 0
+    slewing: int  # +1 or -1 while rate limit or envelope hold the setpoint back, else 0
 
 
 class TrimGains(NamedTuple):
