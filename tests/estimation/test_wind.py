@@ -141,6 +141,20 @@ class Glide:
             yield state, air
 
 
+def test_a_polar_that_ends_soon_is_enough_to_read_the_air_by() -> None:
+    """The first guess lies within it: beyond its end there is no sink to begin with."""
+    polar = AERO.polar._replace(speed_max_mps=1.1 * AERO.polar.speed_min_mps)
+    params = PARAMS._replace(aerodynamics=AERO._replace(polar=polar))
+    glide = Glide(1.05 * polar.speed_min_mps, (8.5, 0.0, 1.4))
+    state = initial_wind()
+    for n in range(1, 400):
+        vehicle, force = vehicle_of(glide.state, n * DT), imu_of(glide.state, glide.air, n, n * DT)
+        state, air = wind_step(
+            params, state, vehicle, inputs_at(n * DT, force), SURE, glide.elevator, True
+        )
+    assert air.airspeed_mps == pytest.approx(glide.truth.airspeed_mps, abs=0.5)
+
+
 @pytest.mark.parametrize("speed_mps", [7.8, 9.0, 11.0])
 @pytest.mark.parametrize(
     ("imu", "pitot"), [(True, True), (True, False), (False, True), (False, False)]

@@ -258,7 +258,7 @@ def _since(imu_time_s: float, now_s: float, dt_s: float) -> float:
 
 def _first_guess(aero: Aerodynamics, frame: BodyAxes) -> WindPosterior:
     """The wind in which the aircraft would glide a little faster than its slowest."""
-    speed = 1.15 * aero.polar.speed_min_mps
+    speed = min(1.15 * aero.polar.speed_min_mps, aero.polar.speed_max_mps)
     unknown = FIRST_GUESS_MPS * FIRST_GUESS_MPS
     return WindPosterior(
         frame.velocity_x_mps + speed,
