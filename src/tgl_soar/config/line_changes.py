@@ -49,7 +49,7 @@ BOUNDS: Final = ("FENCE_X_MIN", "FENCE_X_MAX", "FENCE_Z_MIN", "FENCE_Z_MAX", "CL
 _LOOPS: Final = ("RHO_", "ELE_", "DYN_", "AIL_", "RUD_", "SIDE_", "LAT_")
 LOOP: Final = (
     *(p.name for p in PARAMETERS if p.name.startswith(_LOOPS) and not p.name.endswith("_TRIM")),
-    *("CMD_DELAY", "EST_IMU"),
+    *("CMD_DELAY", "EST_IMU", "LOOP_RATE"),
 )
 OVERRIDE: Final = "OP_FORCE 1 overrides once"
 MOVED, STAGING, DROPPED = 0.0, 1.0, 2.0  # of TGL_STAGE
