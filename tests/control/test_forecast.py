@@ -23,6 +23,7 @@ from tgl_soar.control.forecast import (
     forecast_step,
     initial_forecast,
 )
+from tgl_soar.control.line_room import line_room
 from tgl_soar.types import (
     GRAVITY_MPS2,
     NO_AIR,
@@ -239,13 +240,13 @@ def test_without_ground_and_fence_no_place_is_too_low() -> None:
 def test_the_ground_is_a_slope() -> None:
     """Down the line x grows, and with it the ground: the clearance is the distance to the plane."""
     ground = Ground(2, (0.0, 10.0, *[10.0] * 6), (0.0, 5.0, *[5.0] * 6))
-    limits = f._limits(PARAMS, WIDE, ground, 2.0, 4.0, ETA)
+    limits = line_room(CLEAR_M, WIDE, ground, 2.0, 4.0, ETA)
     x, z = 2.0 - limits.down_m * cos(ETA), 4.0 - limits.down_m * sin(ETA)
     assert (z - 0.5 * x) * cos(np.arctan(0.5)) == pytest.approx(CLEAR_M, abs=0.005)
     assert limits.down_m >= 0.0
     assert limits.depth_m == pytest.approx(limits.down_m + CLEAR_M)
     assert not limits.down_is_fence
-    below = f._limits(PARAMS, WIDE, ground, 2.0, 1.2, ETA)
+    below = line_room(CLEAR_M, WIDE, ground, 2.0, 1.2, ETA)
     assert below.down_m == 0.0
 
 
@@ -254,12 +255,12 @@ def test_a_ridge_bars_the_line_that_comes_out_behind_it() -> None:
     ground = Ground(5, (-10.0, 0.0, 6.0, 8.0, 9.0, *[9.0] * 3), (0.0, 0.0, 6.0, 6.0, *[0.0] * 4))
     fence = WIDE._replace(z_min_m=0.5)
     eta = radians(90.0 + 45.0)
-    limits = f._limits(PARAMS, fence, ground, 3.0, 7.0, eta)
+    limits = line_room(CLEAR_M, fence, ground, 3.0, 7.0, eta)
     assert not limits.down_is_fence
     # The slope of 1 is 4 m below the aircraft, and meets the line at right angles.
     assert limits.down_m == pytest.approx(4.0 * cos(radians(45.0)) - CLEAR_M, abs=0.005)
     # Where the line passes over the ridge, the fence is what ends it.
-    over = f._limits(PARAMS, fence, ground, 8.0, 16.0, eta)
+    over = line_room(CLEAR_M, fence, ground, 8.0, 16.0, eta)
     assert over.down_is_fence
     assert over.down_m == pytest.approx(15.5 / sin(eta), abs=1e-9)
 

@@ -57,7 +57,8 @@ from __future__ import annotations
 from math import cos, erf, log, sin, sqrt
 from typing import Final, NamedTuple
 
-from tgl_soar.control.envelope import LOW_AHEAD_S, Fence, clearance
+from tgl_soar.control.envelope import LOW_AHEAD_S, Fence
+from tgl_soar.control.line_room import DEPTH_MAX_M, LineRoom, line_room
 from tgl_soar.types import (
     GRAVITY_MPS2,
     NAN,
@@ -99,10 +100,7 @@ HEIGHT_SD_M: Final = 0.01  # of h, beside what the velocity's uncertainty makes 
 # At most: without accelerometers an estimate allows for any manoeuvre. Held by a line an aircraft
 # accelerates by g times its pitch's error, 0.025 rad, for the 0.2 s by which such a velocity lags.
 VELOCITY_SD_MAX_MPS: Final = 0.05
-DEPTH_MIN_M: Final = 0.3  # no air is rougher than this, however near the ground
-DEPTH_MAX_M: Final = 50.0  # where the ground is farther, or not known
 PLACES: Final = 6  # where E is looked at: at the limit, half-way there, half of that …
-HALVINGS: Final = 14  # of the search for the clearance: 50 m to 3 mm
 STOPPED: Final = 3.0  # time constants 1 / λ after which the aircraft counts as stopped: 95 %
 
 # What is done about it: FC_ACT.
@@ -223,15 +221,6 @@ _NO_LIFT: Final = LiftReadings(
 _NO_WIND: Final = WindReadings(u_mps=NAN, g_per_s=NAN, p_uu=NAN, p_ug=NAN, p_gg=NAN)
 
 
-class _Limits(NamedTuple):
-    """How far along the line the aircraft may go from where it is, and how deep the air is."""
-
-    down_m: float  # 0 or more
-    down_is_fence: bool
-    up_m: float
-    depth_m: float
-
-
 class _Sight(NamedTuple):
     """What one reading sees."""
 
@@ -285,7 +274,7 @@ def forecast_step(
     known = known and isfinite(air.wind_mps + air.updraft_mps + air.wind_sigma_mps)
     if not (known and isfinite(velocity_sigma_mps) and air.wind_mps > vx):
         return state if 0.0 <= passed < GAP_S else initial_forecast()
-    limits = _limits(params, fence, ground, vehicle.x_m, vehicle.z_m, eta_rad)
+    limits = line_room(params.clearance_min_m, fence, ground, vehicle.x_m, vehicle.z_m, eta_rad)
     sight = _Sight(
         vehicle=vehicle,
         air=air,
@@ -470,58 +459,6 @@ def _gusts_read(
     )
 
 
-def _limits(
-    params: ForecastParams, fence: Fence, ground: Ground, x_m: float, z_m: float, eta_rad: float
-) -> _Limits:
-    """How far the aircraft may slide down and up the line."""
-    along_x, along_z = cos(eta_rad), max(0.1, sin(eta_rad))
-    least = params.clearance_min_m
-    down, up = (z_m - fence.z_min_m) / along_z, (fence.z_max_m - z_m) / along_z
-    if along_x < 0.0:  # up the line is upstream
-        down = min(down, (fence.x_max_m - x_m) / -along_x)
-        up = min(up, (x_m - fence.x_min_m) / -along_x)
-    elif along_x > 0.0:
-        down = min(down, (x_m - fence.x_min_m) / along_x)
-        up = min(up, (fence.x_max_m - x_m) / along_x)
-    down, up = max(0.0, down), max(0.0, up)
-    far = min(down, DEPTH_MAX_M)
-    by_fence = True
-    if clearance(ground, x_m - far * along_x, z_m - far * along_z) < least:
-        by_fence = False
-        down = _way_to_ground(ground, x_m, z_m, along_x, along_z, far, least)
-    # Below a ridge the line may come out again: the first corner that is too near bars it.
-    for i in range(ground.points):
-        way = (x_m - ground.x_m[i]) / along_x if along_x != 0.0 else 0.0
-        is_near = clearance(ground, ground.x_m[i], z_m - way * along_z) < least
-        if is_near and 0.0 < way < min(down, DEPTH_MAX_M):
-            by_fence = False
-            down = _way_to_ground(ground, x_m, z_m, along_x, along_z, way, least)
-    depth = max(DEPTH_MIN_M, min(DEPTH_MAX_M, down + least))
-    return _Limits(down, by_fence, up, depth)
-
-
-def _way_to_ground(
-    ground: Ground,
-    x_m: float,
-    z_m: float,
-    along_x: float,
-    along_z: float,
-    far_m: float,
-    least_m: float,
-) -> float:
-    """How far down the line the clearance is as much as that; at `far_m` it is less."""
-    near, far = 0.0, far_m
-    if clearance(ground, x_m, z_m) < least_m:
-        far = 0.0
-    for _ in range(HALVINGS):
-        middle = 0.5 * (near + far)
-        if clearance(ground, x_m - middle * along_x, z_m - middle * along_z) < least_m:
-            far = middle
-        else:
-            near = middle
-    return near
-
-
 def _below(mean: float, variance: float) -> float:
     """The chance that a normal number is negative."""
     if not variance > 0.0:
@@ -547,7 +484,7 @@ def _foreseen(
     params: ForecastParams,
     lift: LiftReadings,
     wind: WindReadings,
-    limits: _Limits,
+    limits: LineRoom,
     sight: _Sight,
     moving: bool,
 ) -> Forecast:
