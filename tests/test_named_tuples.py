@@ -19,20 +19,21 @@ from tgl_soar.onboard import native
 
 ROOT = Path(tgl_soar.__file__).parents[2]
 AT_MOST_BY_PLACE = 4
+DATA_CLASSES = {"Result"}  # of an experiment: ten fields, some of them empty
 ROWS_OF_TABLES = {"Transition"}  # read as columns, and every row of it is tested by itself
 FOLDERS = {"src": ROOT / "src", "tests": ROOT / "tests", "tools": ROOT / "tools"}
 Fields = dict[str, tuple[str, ...]]  # of each named tuple, by the name that it has somewhere
 
 
 def declared(tree: ast.Module) -> Fields:
-    """The named tuples that a module declares."""
+    """The named tuples that a module declares, and `DATA_CLASSES`."""
     return {
         kind.name: tuple(
             ast.unparse(line.target) for line in kind.body if isinstance(line, ast.AnnAssign)
         )
         for kind in ast.walk(tree)
         if isinstance(kind, ast.ClassDef)
-        and any(ast.unparse(base) == "NamedTuple" for base in kind.bases)
+        and (kind.name in DATA_CLASSES or "NamedTuple" in map(ast.unparse, kind.bases))
     }
 
 

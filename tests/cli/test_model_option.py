@@ -116,7 +116,9 @@ def test_the_page_of_the_paper_is_flown_by_both_models_and_dispersed(
             flown.append((name, context.model, context.dispersion, draws))
             holds = context.model == "rigid_body" and not context.dispersion
             held = Claim("it is held", holds, f"by the {context.model}")
-            return Result(name, name, "", (held,), "", (), {})
+            return Result(
+                name=name, title=name, flown="", claims=(held,), why="", tables=(), numbers={}
+            )
 
         return fly
 
@@ -177,7 +179,9 @@ def test_a_section_is_flown_by_dispersed_aircraft_too(
     def fly(context: Context) -> Result:
         flown.append((context.dispersion, context.figures is not None))
         landed = Claim("they land", not context.dispersion, "all")
-        return Result("outdoors", "home", "", (landed,), "", (), {})
+        return Result(
+            name="outdoors", title="home", flown="", claims=(landed,), why="", tables=(), numbers={}
+        )
 
     monkeypatch.setattr(catalogue, "EXPERIMENTS", {**catalogue.EXPERIMENTS, "outdoors": fly})
     page = tmp_path / "outdoors.md"

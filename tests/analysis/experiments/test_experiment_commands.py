@@ -147,7 +147,7 @@ def test_a_site_file_gives_its_air_to_the_places(
 
     def fly(name: str, context: Context) -> Result:
         given.append(context.field)
-        return Result(name, "", "", (), "", (), {})
+        return Result(name=name, title="", flown="", claims=(), why="", tables=(), numbers={})
 
     monkeypatch.setattr(experiment_command, "run_experiment", fly)
     words = ["experiment", "places", "--workers", "0", "--out", str(tmp_path)]

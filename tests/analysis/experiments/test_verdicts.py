@@ -91,7 +91,16 @@ YES, NO = Claim("it does", True, "1 cm"), Claim("it does not", False, "2 cm")
 
 def result(*claims: Claim) -> Result:
     table = Table("one", ("a", "b [m]"), (("x", "1"),))
-    return Result("name", "title", "flown.", claims, "because.", (table,), {"n": 1.0}, ("f.png",))
+    return Result(
+        name="name",
+        title="title",
+        flown="flown.",
+        claims=claims,
+        why="because.",
+        tables=(table,),
+        numbers={"n": 1.0},
+        figures=("f.png",),
+    )
 
 
 @pytest.mark.parametrize(

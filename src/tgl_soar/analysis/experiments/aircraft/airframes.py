@@ -267,9 +267,9 @@ def airframes(context: Context) -> Result:
     built = context.flyer.each(build_and_soar, jobs, compiled=True)
     of = AirframeRanges()
     return Result(
-        "airframes",
-        "aircraft of any size, from a glide's log to the line",
-        f"{len(built)} airframes: span {of.span_m[0]:g} to {of.span_m[1]:g} m,"
+        name="airframes",
+        title="aircraft of any size, from a glide's log to the line",
+        flown=f"{len(built)} airframes: span {of.span_m[0]:g} to {of.span_m[1]:g} m,"
         f" {of.loading_npm2[0]:g} to {of.loading_npm2[1]:g} N/m², commands"
         f" {1e3 * of.link_s[0]:g} to {1e3 * of.link_s[1]:g} ms late, servos of"
         f" {1e3 * of.servo_s[0]:g} to {1e3 * of.servo_s[1]:g} ms. Each glides in an even wind;"
@@ -277,9 +277,9 @@ def airframes(context: Context) -> Result:
         f" the hill for {DURATION_S:g} s in {100 * TURBULENCE:g} % of turbulence, with the file"
         " that came of it. From the bench: mass, size, inertia, the servo's time constant, the"
         " latency.",
-        _claims(built),
-        "",
-        (
+        claims=_claims(built),
+        why="",
+        tables=(
             Table(
                 "",
                 (
@@ -290,10 +290,10 @@ def airframes(context: Context) -> Result:
                 tuple(_row(each) for each in built),
             ),
         ),
-        {each.name: _numbers(each) for each in built},
-        (),
-        (),
-        (SEED,),
+        numbers={each.name: _numbers(each) for each in built},
+        figures=(),
+        scenarios=(),
+        seeds=(SEED,),
     )  # fmt: skip
 
 

@@ -188,15 +188,15 @@ def dispersed(context: Context) -> Result:
         case: scored(flown[i * flown_each : (i + 1) * flown_each]) for i, case in enumerate(cases)
     }
     return Result(
-        "dispersed",
-        scenario.title,
-        _what(flown_each),
-        (
+        name="dispersed",
+        title=scenario.title,
+        flown=_what(flown_each),
+        claims=(
             *(_unstable(kind, [m.alpha for m in margins[kind]]) for kind in reversed(SETS)),
             *_claims(scores),
         ),
-        "",
-        (
+        why="",
+        tables=(
             Table(
                 "",
                 (
@@ -206,10 +206,10 @@ def dispersed(context: Context) -> Result:
                 tuple(_row(case, score) for case, score in scores.items()),
             ),
         ),
-        {", ".join(map(str, case)): score._asdict() for case, score in scores.items()},
-        (),
-        ("dispersed",),
-        (SEED,),
+        numbers={", ".join(map(str, case)): score._asdict() for case, score in scores.items()},
+        figures=(),
+        scenarios=("dispersed",),
+        seeds=(SEED,),
     )  # fmt: skip
 
 

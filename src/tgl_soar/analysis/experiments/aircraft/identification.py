@@ -228,13 +228,14 @@ def identification(context: Context) -> Result:
     )
     figures = () if context.figures is None else _draw(context, GlideJob(seeds[0]))
     return Result(
-        "identification",
-        "a gliding test flight's log, and the model that flew it",
-        f"{len(seeds)} gliding flights of {max(f.duration_s for f in flights):.0f} s in still air,"
-        " each with a servo delay of 0 to 40 ms and sensor errors of its own: ten speeds, then"
-        " eight doublets. `tgl-soar polar fit` and `tgl-soar identify` do the same with a log. Of"
+        name="identification",
+        title="a gliding test flight's log, and the model that flew it",
+        flown=f"{len(seeds)} gliding flights of {max(f.duration_s for f in flights):.0f} s in"
+        " still air, each with a servo delay of 0 to 40 ms and sensor errors of its own: ten"
+        " speeds, then eight doublets. `tgl-soar polar fit` and `tgl-soar identify` do the same"
+        " with a log. Of"
         " sink the worst of eight speeds counts, and truth is the model's own polar, no cubic.",
-        tuple(
+        claims=tuple(
             Claim(
                 f"{what} within {within * scale:g} {unit}",
                 bool(errors.max() <= within),
@@ -250,8 +251,8 @@ def identification(context: Context) -> Result:
             )
             for what, _, _, share, _, _ in rows
         ),
-        _why(context.dispersion),
-        (
+        why=_why(context.dispersion),
+        tables=(
             Table(
                 "Errors",
                 ("what", "median", "95 % of flights", "largest", "band holds"),
@@ -272,7 +273,7 @@ def identification(context: Context) -> Result:
                 ),
             ),
         ),
-        {
+        numbers={
             "sink_error": sink,
             "period_error": period,
             "effect_error": effect,
@@ -281,7 +282,7 @@ def identification(context: Context) -> Result:
             "band_holds": held,
             "explained": [f.explained for f in flights],
         },
-        figures,
+        figures=figures,
         seeds=seeds if context.quick else (seeds[0], seeds[-1]),
     )
 

@@ -238,17 +238,18 @@ def unseen(context: Context) -> Result:
     """Every row with each of the three."""
     scores = fly_rows(context, ROWS, seeds=1 if context.quick else None)
     return Result(
-        "unseen",
-        context.scenario("unseen").title,
-        "A short period of 6.6 rad/s in place of the 11.5 that the shipped gains were found on, a"
-        " servo of 30 ms, a stall of its own, another jet and board; the module has its airframe"
-        " file and the shipped gains. Beside it a plain PID with gains that were sought for this"
+        name="unseen",
+        title=context.scenario("unseen").title,
+        flown="A short period of 6.6 rad/s in place of the 11.5 that the shipped gains were found"
+        " on, a servo of 30 ms, a stall of its own, another jet and board; the module has its"
+        " airframe file and the shipped gains. Beside it a plain PID with gains that were sought"
+        " for this"
         " very aircraft, which nothing but board, floor and walls ends. Places a, b and c: 8.5, 8.7"
         " and 9.0 m/s; slow and fast: 8.0 and 9.5 m/s. The slowest steady glide is at 7.6 m/s."
         " e_rho and y are root mean squares of all flights, the lost ones as far as they flew.",
-        tuple(claim for row in ROWS for claim in row_claims(row, scores)),
-        "",
-        (
+        claims=tuple(claim for row in ROWS for claim in row_claims(row, scores)),
+        why="",
+        tables=(
             Table(
                 "",
                 ("", *(f"{pilot}: {what}" for pilot in PILOTS for what in COLUMNS)),
@@ -261,10 +262,10 @@ def unseen(context: Context) -> Result:
                 ),
             ),
         ),
-        {", ".join(key): score._asdict() for key, score in scores.items()},
-        (),
-        ("unseen",),
-        context.scenario("unseen").seeds,
+        numbers={", ".join(key): score._asdict() for key, score in scores.items()},
+        figures=(),
+        scenarios=("unseen",),
+        seeds=context.scenario("unseen").seeds,
     )
 
 

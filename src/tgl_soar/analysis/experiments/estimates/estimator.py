@@ -229,19 +229,20 @@ def estimator(context: Context) -> Result:
     outcome = _outcome(plan, seen, fly_named(context.flyer, plan.corrupted, plan.scored))
     survival = outcome.survival
     return Result(
-        "estimator",
-        "what accelerometers are worth to estimate and flight",
-        f"Flights of {FLIGHT_S:g} s on the lines {', '.join(plan.lines)} of the tunnel, the first"
-        f" {SETTLE_S:g} s not scored, at {100 * TURBULENCE:g} % of turbulence where nothing else is"
-        " said. Both laws have the autopilot's position (50 Hz, 40 ms late, 2 mm) and attitude; the"
+        name="estimator",
+        title="what accelerometers are worth to estimate and flight",
+        flown=f"Flights of {FLIGHT_S:g} s on the lines {', '.join(plan.lines)} of the tunnel, the"
+        f" first {SETTLE_S:g} s not scored, at {100 * TURBULENCE:g} % of turbulence where nothing"
+        " else is said. Both laws have the autopilot's position (50 Hz, 40 ms late, 2 mm) and"
+        " attitude; the"
         " plain one flies with its gains and without accelerometers, the other with accelerometers"
         " of 200 Hz (0.1 m/s² of bias and noise) and the gains that belong to them. Every pair has"
         " the same air and the same noise, and every ratio is one of such pairs. Elevator activity"
         " is the rms of its rate of change.",
-        _claims(outcome),
-        split_words(outcome.of_plain) + margin_words(least_margins(), outcome.of_plain),
-        _tables(outcome),
-        {
+        claims=_claims(outcome),
+        why=split_words(outcome.of_plain) + margin_words(least_margins(), outcome.of_plain),
+        tables=_tables(outcome),
+        numbers={
             "scores": {name: s._asdict() for name, s in outcome.scores.items()},
             "of plain": {name: r._asdict() for name, r in outcome.of_plain.items()},
             "known": {
@@ -249,10 +250,10 @@ def estimator(context: Context) -> Result:
             },
             "survival": {"difference": survival.difference, "interval": survival.interval},
         },
-        _draw(context, seen["through"][0]),
-        (),
-        plan.seeds,
-        CHANGED,
+        figures=_draw(context, seen["through"][0]),
+        scenarios=(),
+        seeds=plan.seeds,
+        changed=CHANGED,
     )
 
 

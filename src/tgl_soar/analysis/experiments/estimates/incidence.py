@@ -125,17 +125,17 @@ def incidence(context: Context) -> Result:
     read = {wing: angles([next(flown) for _ in each]) for wing, each in jobs.items()}
     found = {wing: bands(*both, limit_deg) for wing, both in read.items()}
     return Result(
-        "incidence",
-        scenario.title,
-        f"Flights of {scenario.duration_s:g} s on still lines through the places"
+        name="incidence",
+        title=scenario.title,
+        flown=f"Flights of {scenario.duration_s:g} s on still lines through the places"
         f" {', '.join(scenario.lines)} of the tunnel at {100 * scenario.turbulence.intensity:g} %"
         " of turbulence, with accelerometers and no pitot tube. The module goes by the airframe"
         f" file, whose limit of the angle of attack is {limit_deg:g}°; the wing that flies is that"
         " of the file, or stalls elsewhere. What is told of each range of the true angle is the"
         " error of the estimate, and how often it lies beyond the limit.",
-        tuple(_claims(read, limit_deg)),
-        "",
-        (
+        claims=tuple(_claims(read, limit_deg)),
+        why="",
+        tables=(
             Table(
                 "",
                 (
@@ -145,10 +145,10 @@ def incidence(context: Context) -> Result:
                 tuple((wing, *_cells(band)) for wing, each in found.items() for band in each),
             ),
         ),
-        {wing: [band._asdict() for band in each] for wing, each in found.items()},
-        (),
-        ("incidence",),
-        tuple(rough.seeds),
+        numbers={wing: [band._asdict() for band in each] for wing, each in found.items()},
+        figures=(),
+        scenarios=("incidence",),
+        seeds=tuple(rough.seeds),
     )  # fmt: skip
 
 

@@ -287,17 +287,17 @@ def wind_estimate(context: Context) -> Result:
     }
     with_pitot, without = scores[WITH_PITOT], scores[WITHOUT]
     return Result(
-        "wind_estimate",
-        "wind and updraft as read on board",
-        f"{len(jobs)} flights of {FLIGHT_S:g} s at {100 * TURBULENCE:g} % of turbulence on the"
-        f" lines {', '.join(places)} of the tunnel, the first {SETTLE_S:g} s not scored. Beside"
+        name="wind_estimate",
+        title="wind and updraft as read on board",
+        flown=f"{len(jobs)} flights of {FLIGHT_S:g} s at {100 * TURBULENCE:g} % of turbulence on"
+        f" the lines {', '.join(places)} of the tunnel, the first {SETTLE_S:g} s not scored. Beside"
         " each flight several estimators look on, with other sensors each, the pitch wrong by half"
         " a degree, up in odd seeds and down in even ones; accelerometers of 0.1 m/s² bias and"
         " noise, a pitot tube of 1 Pa of bias. In the last two rows the wing is not the one they"
         f" know: its lift by up to {100 * LIFT_WITHIN:g} %, its drag by up to"
         f" {100 * DRAG_WITHIN:g} %. The plain estimate is the climb plus the polar's sink at the"
         " true airspeed, which it is given.",
-        (
+        claims=(
             Claim(
                 f"with a pitot tube the updraft is known to {PITOT_RMS_MPS:g} m/s rms",
                 with_pitot.updraft_mps <= PITOT_RMS_MPS,
@@ -311,16 +311,17 @@ def wind_estimate(context: Context) -> Result:
             honest_claim(scores),
             timid_claim(scores),
         ),
-        "Without a pitot tube airspeed follows from the direction of the force and the elevator's"
+        why="Without a pitot tube airspeed follows from the direction of the force and the"
+        " elevator's"
         " trim. The updraft suffers less than the airspeed, because what the pitch is wrong by the"
         " angle of attack is wrong by too. Without accelerometers turbulence is seen only when it"
         " has moved the aircraft.",
-        _tables(scores, by_place, plain),
-        {"cases": {case: s._asdict() for case, s in scores.items()}, "plain_mps": plain},
-        _draw(context, across),
-        (),
-        seeds,
-        CHANGED,
+        tables=_tables(scores, by_place, plain),
+        numbers={"cases": {case: s._asdict() for case, s in scores.items()}, "plain_mps": plain},
+        figures=_draw(context, across),
+        scenarios=(),
+        seeds=seeds,
+        changed=CHANGED,
     )
 
 

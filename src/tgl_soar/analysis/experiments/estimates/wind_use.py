@@ -80,18 +80,18 @@ def wind_use(context: Context) -> Result:
             rows.append(_row(turbulence, use, scores[name], ratios))
             compared[name] = Compared(ratios, scores[name].lost, score(plain).lost)
     return Result(
-        "wind_use",
-        "what the laws may make of the wind they read",
-        f"Flights of {FLIGHT_S:g} s on the lines {', '.join(lines)} of the tunnel, the first"
+        name="wind_use",
+        title="what the laws may make of the wind they read",
+        flown=f"Flights of {FLIGHT_S:g} s on the lines {', '.join(lines)} of the tunnel, the first"
         f" {SETTLE_S:g} s not scored, with accelerometers and a pitot tube. `WIND_TRIM` puts the"
         " pitch of the steady glide at the local wind's speed in the place of `PITCH_TRIM`,"
         " `WIND_FF` takes out a share of the incidence that a gust of updraft makes; both are off"
         " as shipped. Ratios are of flights in the same air with the same noise.",
-        (
+        claims=(
             worth_claim(compared),
         ),
-        "",
-        (
+        why="",
+        tables=(
             Table(
                 "flights",
                 (
@@ -103,11 +103,11 @@ def wind_use(context: Context) -> Result:
                 tuple(rows),
             ),
         ),
-        {name: each._asdict() for name, each in scores.items()},
-        (),
-        (),
-        seeds,
-        CHANGED,
+        numbers={name: each._asdict() for name, each in scores.items()},
+        figures=(),
+        scenarios=(),
+        seeds=seeds,
+        changed=CHANGED,
     )  # fmt: skip
 
 

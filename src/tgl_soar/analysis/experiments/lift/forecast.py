@@ -134,17 +134,18 @@ def run(context: Context) -> Result:
             starts = [drawn(place, polar, settles, rng) for _ in range(count)]
             kind[place.name] = fly(place, polar, starts, rng)
     return Result(
-        "forecast",
-        "the place to settle foreseen",
-        f"At each place {count} starts at rest on a line that has no place to settle above the"
-        f" clearance, inside the fence and the polar, and {count} within {START_M:g} m of one that"
-        " has. Wind 0.75 to 1.15 of the place's, in half of the latter changing by 0.85 to 1.2;"
+        name="forecast",
+        title="the place to settle foreseen",
+        flown=f"At each place {count} starts at rest on a line that has no place to settle above"
+        f" the clearance, inside the fence and the polar, and {count} within {START_M:g} m of one"
+        " that has. Wind 0.75 to 1.15 of the place's, in half of the latter changing by 0.85 to"
+        " 1.2;"
         " gusts of 1, 3 and 5 %; leans of 10 to 25°; sink 0.9 to 1.1 of the file's. It could be"
         " known when the line has no such place in the true field and the first window of"
         f" {WINDOW_S:g} s is filled.",
-        claims(without, having),
-        "",
-        (
+        claims=claims(without, having),
+        why="",
+        tables=(
             Table(
                 "No place to settle",
                 (
@@ -160,7 +161,7 @@ def run(context: Context) -> Result:
                 tuple(_false_row(name, flights) for name, flights in having.items()),
             ),
         ),
-        {
+        numbers={
             "without": {k: [s.time_s for s in v if s.foreseen] for k, v in without.items()},
             "false": {k: sum(s.foreseen is not None for s in v) for k, v in having.items()},
         },

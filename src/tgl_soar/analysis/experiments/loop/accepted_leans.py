@@ -98,14 +98,14 @@ def leans(context: Context) -> Result:
     each = len(scenario.lines) * len(seeds)
     counts = {case: counted(flown[i * each : (i + 1) * each]) for i, case in enumerate(cases)}
     return Result(
-        "leans",
-        scenario.title,
-        f"The shipped aircraft at three places of the tunnel, {len(seeds)} flights of"
+        name="leans",
+        title=scenario.title,
+        flown=f"The shipped aircraft at three places of the tunnel, {len(seeds)} flights of"
         f" {scenario.duration_s:g} s at each, with every {STEP_DEG:g}° of the leans that are"
         " accepted by default. e_rho and y of all flights, the lost ones as far as they flew.",
-        lean_count_claims(counts),
-        "",
-        (
+        claims=lean_count_claims(counts),
+        why="",
+        tables=(
             Table(
                 "",
                 (
@@ -115,10 +115,10 @@ def leans(context: Context) -> Result:
                 tuple(_row(case, count) for case, count in counts.items()),
             ),
         ),
-        {", ".join(map(str, case)): count._asdict() for case, count in counts.items()},
-        (),
-        ("leans",),
-        (first,),
+        numbers={", ".join(map(str, case)): count._asdict() for case, count in counts.items()},
+        figures=(),
+        scenarios=("leans",),
+        seeds=(first,),
     )  # fmt: skip
 
 

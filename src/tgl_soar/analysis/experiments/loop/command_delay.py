@@ -120,13 +120,13 @@ def command_delay(context: Context) -> Result:
     flown = iter(context.flyer.fly([job for each in jobs.values() for job in each]))
     scores = {key: score_place([next(flown) for _ in each], key[3]) for key, each in jobs.items()}
     return Result(
-        "command_delay",
-        scenario.title,
-        f"Still lines through the places {', '.join(places)} at {100 * DELAY_TURBULENCE:g} % of"
-        " turbulence; between the tick and the servo a delay that the module does not know, or that"
-        f" `CMD_DELAY` states. The seconds are those beyond the {1e3 * known_s:g} ms that the"
+        name="command_delay",
+        title=scenario.title,
+        flown=f"Still lines through the places {', '.join(places)} at {100 * DELAY_TURBULENCE:g} %"
+        " of turbulence; between the tick and the servo a delay that the module does not know, or"
+        f" that `CMD_DELAY` states. The seconds are those beyond the {1e3 * known_s:g} ms that the"
         " shipped value states.",
-        tuple(
+        claims=tuple(
             survival_claim(
                 f"no flight is lost where the command comes {1e3 * late:g} ms later,"
                 f" {known} to the module ({imu} accelerometers)",
@@ -135,8 +135,8 @@ def command_delay(context: Context) -> Result:
             )
             for imu, known, late in dict.fromkeys(key[:3] for key in scores)
         ),
-        "",
-        (
+        why="",
+        tables=(
             Table(
                 "",
                 ("accelerometers", "later by [ms]", "the delay is", *COLUMNS),
@@ -146,8 +146,8 @@ def command_delay(context: Context) -> Result:
                 ),
             ),
         ),
-        {", ".join(map(str, key)): s._asdict() for key, s in scores.items()},
-        (),
-        ("command_delay",),
-        tuple(scenario.seeds),
+        numbers={", ".join(map(str, key)): s._asdict() for key, s in scores.items()},
+        figures=(),
+        scenarios=("command_delay",),
+        seeds=tuple(scenario.seeds),
     )

@@ -63,14 +63,14 @@ def latency(context: Context) -> Result:
         for case, each in jobs.items()
     }
     return Result(
-        "latency",
-        "leans and places by a faster and by a slower link",
-        "The leans of [`lean`](experiments.md#lean) and the places of"
+        name="latency",
+        title="leans and places by a faster and by a slower link",
+        flown="The leans of [`lean`](experiments.md#lean) and the places of"
         " [`speed`](experiments.md#speed) with the scheduled gains, commands"
         f" {' and '.join(f'{1e3 * each:g}' for each in LATENCIES_S)} ms late and known to be.",
-        latency_claims(scores),
-        "",
-        (
+        claims=latency_claims(scores),
+        why="",
+        tables=(
             Table(
                 "",
                 (
@@ -80,10 +80,10 @@ def latency(context: Context) -> Result:
                 tuple(_row(case, score) for case, score in scores.items()),
             ),
         ),
-        {", ".join(map(str, case)): score._asdict() for case, score in scores.items()},
-        (),
-        tuple(scenarios),
-        tuple(scenarios["lean"].seeds),
+        numbers={", ".join(map(str, case)): score._asdict() for case, score in scores.items()},
+        figures=(),
+        scenarios=tuple(scenarios),
+        seeds=tuple(scenarios["lean"].seeds),
     )  # fmt: skip
 
 

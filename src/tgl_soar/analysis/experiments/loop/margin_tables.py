@@ -239,27 +239,31 @@ def margins(context: Context) -> Result:
     drawn = {kind: context.flyer.each(drawn_margins, jobs) for kind, jobs in lists.items()}
     shipped_cases = {job: cases[job] for job in grid}
     return Result(
-        "margins",
-        "what the loops can bear, by the linear model",
-        f"The shipped aircraft over speed, lean and latency, {len(counted)} drawn aircraft by the"
-        f" rule on board, and {' and '.join(str(len(jobs)) for jobs in lists.values())} others on"
-        " the linear model. α is the disk margin of the worse break; nothing is flown.",
-        (*shipped_claims(shipped_cases), *_age_claims(cases, aged), *drawn_claims(counted, drawn)),
-        "",
-        (
+        name="margins",
+        title="what the loops can bear, by the linear model",
+        flown=f"The shipped aircraft over speed, lean and latency, {len(counted)} drawn aircraft"
+        f" by the rule on board, and {' and '.join(str(len(jobs)) for jobs in lists.values())}"
+        " others on the linear model. α is the disk margin of the worse break; nothing is flown.",
+        claims=(
+            *shipped_claims(shipped_cases),
+            *_age_claims(cases, aged),
+            *drawn_claims(counted, drawn),
+        ),
+        why="",
+        tables=(
             _pitch_table(shipped_cases),
             _lateral_table(shipped_cases),
             _age_table(cases, aged),
             refused_table(counted),
             _drawn_table(drawn),
         ),
-        {
+        numbers={
             "least": {kind: [each.near for each in of] for kind, of in drawn.items()},
             "refused": [sum(column) for column in zip(*(e.now for e in counted), strict=True)],
         },
-        (),
-        (),
-        (SEED,),
+        figures=(),
+        scenarios=(),
+        seeds=(SEED,),
     )
 
 

@@ -260,20 +260,20 @@ def run(context: Context) -> Result:
         passage_figure(path, shipped_hill().site, by_kind)
         figure = (path.name,)
     return Result(
-        "outdoors",
-        "from the hand to the line, and home",
-        f"{count} launches, twice {count} break-offs by command and {len(lulls)} in a lull to"
+        name="outdoors",
+        title="from the hand to the line, and home",
+        flown=f"{count} launches, twice {count} break-offs by command and {len(lulls)} in a lull to"
         f" {LULL:g} of the wind, over the half cylinder of 8 m in {WIND_MPS[0]:g} to"
         f" {WIND_MPS[1]:g} m/s of wind with gusts of up to {100 * INTENSITY[1]:g} %. Thrown"
         f" at {THROW_MPS:g} ± {THROW_OFF_MPS:g} m/s, ± {THROW_OFF_DEG:g}° of pitch and"
         f" heading. Without a pitot tube; with accelerometers in the second {count} break-offs"
         f" alone. Seeds from {seeds[0]}; those below {FIRST_SEED} were looked at while it was"
         " built.",
-        _claims(by_kind),
-        _why(flown),
-        (_launches(by_kind[LAUNCH]), _landings(by_kind)),
-        {"flights": [_numbers(each) for each in flown]},
-        figure,
+        claims=_claims(by_kind),
+        why=_why(flown),
+        tables=(_launches(by_kind[LAUNCH]), _landings(by_kind)),
+        numbers={"flights": [_numbers(each) for each in flown]},
+        figures=figure,
         seeds=tuple(seeds),
         changed=CHANGED,
     )

@@ -245,20 +245,20 @@ def run(context: Context) -> Result:
     flown = context.each(fly_range, jobs)
     by_kind = {kind: [each for each in flown if each.kind == kind] for kind in KINDS}
     return Result(
-        "rangefinder",
-        "a position that drifts, with and without a rangefinder; and a wrong rangefinder",
-        f"{count} flights of each kind over the half cylinder of 8 m, on its line {LINE}, in"
+        name="rangefinder",
+        title="a position that drifts, with and without a rangefinder; and a wrong rangefinder",
+        flown=f"{count} flights of each kind over the half cylinder of 8 m, on its line {LINE}, in"
         f" {WIND_MPS[0]:g} to {WIND_MPS[1]:g} m/s of wind with gusts of up to"
         f" {100 * INTENSITY[1]:g} %, with accelerometers, without a pitot tube. A position that"
         f" drifts by 1 m horizontally and 2 m in height, or in height alone, with a time constant"
         f" of 300 s, for {DRIFT_S:g} s; `RNG_USE` 2 where there is a rangefinder (20 Hz, 3 cm of"
         f" noise, 2 % lost). One that is wrong for {WRONG_S:g} s: frozen, off by up to 12 m, noisy"
         " by up to 3 m, silent.",
-        _claims(by_kind),
-        ends_by_kind(by_kind),
-        (_table(by_kind),),
-        {"flights": [_numbers(each) for each in flown]},
-        (),
+        claims=_claims(by_kind),
+        why=ends_by_kind(by_kind),
+        tables=(_table(by_kind),),
+        numbers={"flights": [_numbers(each) for each in flown]},
+        figures=(),
         seeds=tuple(seeds),
     )
 

@@ -324,20 +324,20 @@ def run(context: Context) -> Result:
     flown = context.each(fly_satellites, jobs)
     by_kind = {kind: [each for each in flown if each.kind == kind] for kind in KINDS}
     return Result(
-        "satellites",
-        "a receiver that drifts, steps and falls silent, and an estimator that is reset",
-        f"{count} flights of each kind over the half cylinder of 8 m, on its line {LINE}, in"
+        name="satellites",
+        title="a receiver that drifts, steps and falls silent, and an estimator that is reset",
+        flown=f"{count} flights of each kind over the half cylinder of 8 m, on its line {LINE}, in"
         f" {WIND_MPS[0]:g} to {WIND_MPS[1]:g} m/s of wind with gusts of up to"
         f" {100 * INTENSITY[1]:g} %, with accelerometers, without a pitot tube. Resets of"
         f" {RESET_M:g} m horizontally and up to {RESET_UP_M:g} m in height; turns of {TURN_DEG:g}°;"
         " a receiver that is off by a Gauss-Markov process, by steps of up to 2 m and by drop-outs"
         f" for {RECEIVER_S:g} s; no satellites for {LOST_S:g} s, dead reckoned with"
         f" {RECKONED_MPS2:g} m/s² of error, told after 5 to 10 s.",
-        _claims(by_kind),
-        ends_by_kind(by_kind),
-        (_table(by_kind),),
-        {"flights": [_numbers(each) for each in flown]},
-        (),
+        claims=_claims(by_kind),
+        why=ends_by_kind(by_kind),
+        tables=(_table(by_kind),),
+        numbers={"flights": [_numbers(each) for each in flown]},
+        figures=(),
         seeds=tuple(seeds),
     )
 

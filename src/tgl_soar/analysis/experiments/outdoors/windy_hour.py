@@ -227,19 +227,20 @@ def run(context: Context) -> Result:
         draw_hour(path, HourJob(RADII_M[-1], drawn_seed(by_hill[RADII_M[-1]]), duration_s))
         figures = (path.name,)
     return Result(
-        "hour",
-        "up to an hour in a wind that turns, dies and comes again",
-        f"{count} flights over each of two half cylinders, of {RADII_M[0]:g} and {RADII_M[1]:g} m,"
+        name="hour",
+        title="up to an hour in a wind that turns, dies and comes again",
+        flown=f"{count} flights over each of two half cylinders, of {RADII_M[0]:g} and"
+        f" {RADII_M[1]:g} m,"
         f" each in a synthetic wind of {MEAN_MPS:g} m/s on average: the spectra of Kaimal and"
         " others below 0.05 Hz, lulls by 10 to 30 %, veer of 20° to either side; gusts of"
         f" {100 * INTENSITY:g} %. The line stands still. *Possible* is a path on no line that knows"
         " the wind to come; *soarable* the share of the hour in which there is any place. With"
         " accelerometers, without a pitot tube, `ESC_AUTO` 1.",
-        _claims(flown),
-        _why(flown),
-        (_table(by_hill),),
-        {"flights": [each.__dict__ for each in flown]},
-        figures,
+        claims=_claims(flown),
+        why=_why(flown),
+        tables=(_table(by_hill),),
+        numbers={"flights": [each.__dict__ for each in flown]},
+        figures=figures,
         seeds=tuple(seeds),
     )
 

@@ -111,18 +111,19 @@ def speed(context: Context) -> Result:
     assert scenario.turbulence is not None
     intensity = scenario.turbulence.intensity
     return Result(
-        "speed",
-        scenario.title,
-        f"Still lines from {winds[lines[0]] / best:.3f} to {winds[lines[-1]] / best:.3f} of best"
-        f" glide's speed ({best:.2f} m/s) on a hill of 10 m radius, one set of gains as it stands"
-        f" (`RHO_SPEED` 0), and beside it the schedule over speed. In {100 * intensity:g} % of"
+        name="speed",
+        title=scenario.title,
+        flown=f"Still lines from {winds[lines[0]] / best:.3f} to {winds[lines[-1]] / best:.3f} of"
+        f" best glide's speed ({best:.2f} m/s) on a hill of 10 m radius, one set of gains as it"
+        f" stands (`RHO_SPEED` 0), and beside it the schedule over speed. In {100 * intensity:g} %"
+        " of"
         " turbulence, without accelerometers and with them; and in calm air, without, with the"
         " outer gains raised together, to see where the loop begins to ring. A place that loses"
         " one flight has no rms: it counts as worse than any that lost none. Oscillation is the rms"
         " of e_rho about each flight's mean.",
-        speed_claims(fixed, calm),
-        speed_why(fixed, scheduled, calm),
-        (
+        claims=speed_claims(fixed, calm),
+        why=speed_why(fixed, scheduled, calm),
+        tables=(
             Table(
                 f"{100 * intensity:g} % of turbulence",
                 (
@@ -153,7 +154,7 @@ def speed(context: Context) -> Result:
                 ),
             ),
         ),
-        {
+        numbers={
             "turbulence": {
                 f"{kind}, accelerometers {imu}": [s._asdict() for s in several[imu]]
                 for kind, several in ((FIXED, fixed), (SCHEDULED, scheduled))
@@ -162,10 +163,10 @@ def speed(context: Context) -> Result:
             "calm": {str(f): [s._asdict() for s in calm[f]] for f in factors},
             "best_glide_mps": best,
         },
-        _draw(context, fixed, scheduled, calm),
-        ("speed",),
-        tuple(scenario.seeds),
-        CHANGED,
+        figures=_draw(context, fixed, scheduled, calm),
+        scenarios=("speed",),
+        seeds=tuple(scenario.seeds),
+        changed=CHANGED,
     )  # fmt: skip
 
 

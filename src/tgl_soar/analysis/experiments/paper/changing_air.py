@@ -192,16 +192,16 @@ def slope(context: Context) -> Result:
         later="ZEUC at 25°",
     )
     return Result(
-        "slope",
-        scenario.title,
-        "The line goes a, b, c in front of a board of 23°; at c the board is raised to 25° within"
-        " 10 s; the line goes back b, a. The field is a blend of the fields of both slopes.",
-        (
+        name="slope",
+        title=scenario.title,
+        flown="The line goes a, b, c in front of a board of 23°; at c the board is raised to 25°"
+        " within 10 s; the line goes back b, a. The field is a blend of the fields of both slopes.",
+        claims=(
             *slope_claims(shifts[0.01], AGREE_M * (2.0 if context.quick else 1.0)),
             settled_claim(flights[0.01], summaries[0.01], 6),
         ),
-        "",
-        (
+        why="",
+        tables=(
             Table(
                 "Shift from 23° to 25°, up the line",
                 (
@@ -212,14 +212,14 @@ def slope(context: Context) -> Result:
             ),
             Table("Legs (the formula of dispersion is that at 23°)", LEG_COLUMNS, legs),
         ),
-        {
+        numbers={
             "shifts": {str(i): [s._asdict() for s in shifts[i]] for i in intensities},
             "legs": {str(i): [s._asdict() for s in summaries[i]] for i in intensities},
         },
-        figures,
-        ("slope",),
-        tuple(scenario.seeds),
-        (SLOPE_CHANGED,),
+        figures=figures,
+        scenarios=("slope",),
+        seeds=tuple(scenario.seeds),
+        changed=(SLOPE_CHANGED,),
     )  # fmt: skip
 
 
@@ -351,20 +351,21 @@ def wind(context: Context) -> Result:
     full_shifts = [shifts[line, many] for line in scenario.lines]
     figures = _draw_wind(context, scenario, variants, flights)
     return Result(
-        "wind",
-        scenario.title,
-        "Still lines through four places of the contour, from the slow side of best glide (a, b) to"
-        " best glide (c) and a little beyond (d, as far as this contour goes). The wind rises"
-        " within 10 s; the aircraft's mean place before and after. Once from 8.25 to 8.75 m/s,"
+        name="wind",
+        title=scenario.title,
+        flown="Still lines through four places of the contour, from the slow side of best glide"
+        " (a, b) to best glide (c) and a little beyond (d, as far as this contour goes). The wind"
+        " rises within 10 s; the aircraft's mean place before and after. Once from 8.25 to 8.75"
+        " m/s,"
         " about the wind that the places are named in, and once from 8.5 to 9.5 m/s. The claims"
         " are judged at 1 % of turbulence.",
-        wind_claims(small_shifts, full_shifts),
-        wind_why(
+        claims=wind_claims(small_shifts, full_shifts),
+        why=wind_why(
             [shifts[line, "calm"] for line in scenario.lines],
             [s for (_, kind), s in shifts.items() if "calm" in kind],
             context.dispersion,
         ),
-        (
+        tables=(
             Table(
                 "Shift up the line",
                 (
@@ -376,12 +377,14 @@ def wind(context: Context) -> Result:
                 rows,
             ),
         ),
-        {"shifts": {f"{a}, {_WIND_WORDS[kind]}": s._asdict() for (a, kind), s in shifts.items()},
-         "best_glide_mps": best_glide_speed(prepare(scenario).polar)},
-        figures,
-        ("wind",),
-        tuple(scenario.seeds),
-        CHANGED,
+        numbers={
+            "shifts": {f"{a}, {_WIND_WORDS[kind]}": s._asdict() for (a, kind), s in shifts.items()},
+            "best_glide_mps": best_glide_speed(prepare(scenario).polar),
+        },
+        figures=figures,
+        scenarios=("wind",),
+        seeds=tuple(scenario.seeds),
+        changed=CHANGED,
     )  # fmt: skip
 
 

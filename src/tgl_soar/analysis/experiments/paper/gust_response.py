@@ -90,15 +90,16 @@ def gust(context: Context) -> Result:
     best = best_glide_speed(placed.polar)
     figures = _draw(context, prepared, changes, flights, best)
     return Result(
-        "gust",
-        "a sudden change of wind: updraft against sink",
-        "At the four places of `wind`: what updraft and sink gain for each m/s of local wind while"
-        " the aircraft keeps its place; and, in calm air, what the simulated aircraft does after"
-        f" the wind of the tunnel grows from {winds[0]:g} to {winds[1]:g} m/s within 0.2 s (the"
+        name="gust",
+        title="a sudden change of wind: updraft against sink",
+        flown="At the four places of `wind`: what updraft and sink gain for each m/s of local wind"
+        " while the aircraft keeps its place; and, in calm air, what the simulated aircraft does"
+        f" after the wind of the tunnel grows from {winds[0]:g} to {winds[1]:g} m/s within 0.2 s"
+        " (the"
         " mean of several seeds of the sensors' noise): at once, and when it has settled.",
-        sensitivity_claims(changes, best),
-        gust_why(changes),
-        (
+        claims=sensitivity_claims(changes, best),
+        why=gust_why(changes),
+        tables=(
             Table(
                 "For each m/s of local wind",
                 ("place", "u [m/s]", "sink [m/s]", "updraft gains", "sink gains", "difference"),
@@ -125,11 +126,14 @@ def gust(context: Context) -> Result:
                 ),
             ),
         ),
-        {"places": [c._asdict() | {"margin": c.margin} for c in changes], "best_glide_mps": best},
-        figures,
-        ("gust",),
-        tuple(scenario.seeds),
-        CHANGED,
+        numbers={
+            "places": [c._asdict() | {"margin": c.margin} for c in changes],
+            "best_glide_mps": best,
+        },
+        figures=figures,
+        scenarios=("gust",),
+        seeds=tuple(scenario.seeds),
+        changed=CHANGED,
     )  # fmt: skip
 
 

@@ -152,18 +152,18 @@ def run(context: Context) -> Result:
         )
     b = places[1]
     return Result(
-        "field",
-        "three places on a hill of potential flow",
-        f"Half cylinder of {RADIUS_M:g} m radius in {WIND_MPS:g} m/s of wind, and a parabola as"
-        f" polar, sink = {LEAST_MPS:g} + {CURVATURE:g} (u − {MIDDLE_MPS:g})², which is no"
+        name="field",
+        title="three places on a hill of potential flow",
+        flown=f"Half cylinder of {RADIUS_M:g} m radius in {WIND_MPS:g} m/s of wind, and a parabola"
+        f" as polar, sink = {LEAST_MPS:g} + {CURVATURE:g} (u − {MIDDLE_MPS:g})², which is no"
         " aircraft's: it is made so that two speeds share a sink of 1.7 m/s. Nothing is flown.",
-        claims_of(places),
-        f"The parabola, the wind and the radius are ours. [b] holds still to first order only:"
+        claims=claims_of(places),
+        why=f"The parabola, the wind and the radius are ours. [b] holds still to first order only:"
         f" {100 * (STRONGER - 1):.0f} % more wind already move it by {b.shift_m:+.2f} m, because"
         " past best glide sink grows faster than updraft. And the perpendicular at [b] and [c],"
         " above the shoulder of the hill, leans downwind: the module refuses such a line (see"
         " `lean`) and flies these places on lines that lean upwind, which are stable there too.",
-        (
+        tables=(
             Table(
                 "",
                 (
@@ -174,8 +174,8 @@ def run(context: Context) -> Result:
                 rows,
             ),
         ),
-        {"best_glide_mps": best_glide_speed(POLAR), "sink_at_best_glide_mps": polar_sink(
+        numbers={"best_glide_mps": best_glide_speed(POLAR), "sink_at_best_glide_mps": polar_sink(
             POLAR, best_glide_speed(POLAR)), "places": [p._asdict() | {
                 "sensitivity": p.sensitivity._asdict()} for p in places]},
-        () if path is None else (path.name,),
+        figures=() if path is None else (path.name,),
     )  # fmt: skip

@@ -145,27 +145,27 @@ def lean(context: Context) -> Result:
     slope = polar_slope(base.polar, at.wind_mps)
     horizontal = horizontal_line(base)
     return Result(
-        "lean",
-        scenario.title,
-        f"The place at {at.wind_mps:.2f} m/s of local wind, at {100 * _intensity(base):g} % of"
-        f" turbulence, with lines of every lean through it; positive leans upwind. The contour's"
+        name="lean",
+        title=scenario.title,
+        flown=f"The place at {at.wind_mps:.2f} m/s of local wind, at {100 * _intensity(base):g} %"
+        f" of turbulence, with lines of every lean through it; positive leans upwind. The contour's"
         f" perpendicular leans {across:.0f}° there. The default limits"
         f" ({limits['TGL_LEAN_MIN']:g}° to {limits['TGL_LEAN_MAX']:g}°) are raised for this. The"
         " claims are judged with gains for each lean (the schedule); flown beside them, one set of"
         " gains as it stands (`RHO_SPEED` 0), in which the lean is confounded with a loop whose"
         " gain grows with it. Without accelerometers and with them. A lean that loses one flight"
         " counts as worse than any that lost none.",
-        tuple(
+        claims=tuple(
             claim
             for imu in SENSORS
             for claim in lean_claims(scores[imu, SCHEDULED], across, f"{imu} accelerometers")
         ),
-        lean_why(scores, across, slope, horizontal),
-        tuple(
+        why=lean_why(scores, across, slope, horizontal),
+        tables=tuple(
             Table(f"{gains}, {imu} accelerometers", COLUMNS, tuple(map(_row, several)))
             for (imu, gains), several in scores.items()
         ),
-        {
+        numbers={
             "perpendicular_lean_deg": across,
             "leans": {
                 f"{gains}, accelerometers {imu}": [s._asdict() for s in several]
@@ -177,10 +177,10 @@ def lean(context: Context) -> Result:
                 "refused": refusal(90.0),
             },
         },
-        _draw(context, scores, across),
-        ("lean",),
-        tuple(scenario.seeds),
-        CHANGED,
+        figures=_draw(context, scores, across),
+        scenarios=("lean",),
+        seeds=tuple(scenario.seeds),
+        changed=CHANGED,
     )
 
 

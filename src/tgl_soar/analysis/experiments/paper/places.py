@@ -125,22 +125,22 @@ def places(context: Context) -> Result:
         for key, (place, wind_mps) in here.items()
     ]  # fmt: skip
     return Result(
-        "places",
-        scenario.title,
-        "Still lines through [a] and [a2], near the stall, where sink falls as wind grows; [b],"
-        " best glide; and [c], beyond it; at"
+        name="places",
+        title=scenario.title,
+        flown="Still lines through [a] and [a2], near the stall, where sink falls as wind grows;"
+        " [b], best glide; and [c], beyond it; at"
         f" {', '.join(f'{spec.speed_ratio:g}' for spec in scenario.lines.values())} of best glide's"
         " speed. On the hill, before the board of the tunnel, and in the air of any site"
         " given by `--field`; each place in the wind nearest to the site's own that has it. A"
         f" minute each; and once more with {100 * (STRONGER - 1):.0f} % more wind half-way.",
-        place_claims(scored),
-        places_why(scored),
-        (Table("", COLUMNS, tuple(_row(s) for s in scored)),),
-        {"places": [s._asdict() | {"shift": s.shift._asdict()} for s in scored]},
-        _draw(context, here),
-        ("places",),
-        tuple(scenario.seeds),
-        CHANGED,
+        claims=place_claims(scored),
+        why=places_why(scored),
+        tables=(Table("", COLUMNS, tuple(_row(s) for s in scored)),),
+        numbers={"places": [s._asdict() | {"shift": s.shift._asdict()} for s in scored]},
+        figures=_draw(context, here),
+        scenarios=("places",),
+        seeds=tuple(scenario.seeds),
+        changed=CHANGED,
     )
 
 

@@ -437,19 +437,19 @@ def _result(
         f"{scenario.title}, turbulence {100 * judged:g} %",
     )
     result = Result(
-        name,
-        scenario.title,
-        flown,
-        (
+        name=name,
+        title=scenario.title,
+        flown=flown,
+        claims=(
             settled_claim(flights[judged], summaries[judged], legs),
             place_claim(summaries[judged], most_m),
             *((known_place_claim(summaries[judged], most_m),) if context.dispersion else ()),
             *extra,
         ),
-        dispersion_note(summaries, stalls=stalls)
+        why=dispersion_note(summaries, stalls=stalls)
         + ("" if context.dispersion else f" {bias_note(prepared, flown_lines(scenario))}"),
-        (Table("", LEG_COLUMNS, tuple(rows)),),
-        {
+        tables=(Table("", LEG_COLUMNS, tuple(rows)),),
+        numbers={
             "judged_at_turbulence": judged,
             "lines": {
                 line: {
@@ -468,10 +468,10 @@ def _result(
             },
             "ended": [f.ended for i in intensities for f in flights[i] if f.ended],
         },
-        figures,
-        (name,),
-        tuple(scenario.seeds),
-        (PLACE_CHANGED,),
+        figures=figures,
+        scenarios=(name,),
+        seeds=tuple(scenario.seeds),
+        changed=(PLACE_CHANGED,),
     )
     return result, summaries
 

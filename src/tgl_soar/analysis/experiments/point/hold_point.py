@@ -247,20 +247,20 @@ def run(context: Context) -> Result:
         square_flight = flights["tunnel", "square of 20 cm", 0.0][0]
         _draw(figure, flights["line", 0.03], flights["point", 0.03], square_flight, half, prepared)
     return Result(
-        "point",
-        base.title,
-        f"Flights of {base.duration_s:g} s on a line through the tunnel's place b, with"
+        name="point",
+        title=base.title,
+        flown=f"Flights of {base.duration_s:g} s on a line through the tunnel's place b, with"
         " accelerometers; with the line alone, and holding the middle of the band with the spoilers"
         f" of {prepared.airframe.airframe.name}, in the same gusts. In calm air all of the brake"
         f" rests {all_of_it - none:+.2f} m and half of it {half - none:+.2f} m along the line from"
         f" where none of it does; half of it costs {cost:.2f} m/s of sink.",
-        tuple(claims),
-        "",
-        (
+        claims=tuple(claims),
+        why="",
+        tables=(
             *(_table(kept), _calm_table(peaks), shapes),
             *(faults_table(bad), good_brakes_table(good), margins_table(margins)),
         ),
-        {
+        numbers={
             "band_m": [all_of_it, half, none],
             "bias_sink_mps": cost,
             "calm_peaks_m": {name: list(each) for name, each in peaks.items()},
@@ -268,9 +268,9 @@ def run(context: Context) -> Result:
             "bad_brakes": [flight._asdict() for flight in bad],
             "good_brakes": [flight._asdict() for flight in good],
         },
-        () if figure is None else (figure.name,),
-        ("point", "point_hill"),
-        tuple(base.seeds),
+        figures=() if figure is None else (figure.name,),
+        scenarios=("point", "point_hill"),
+        seeds=tuple(base.seeds),
     )
 
 
