@@ -5,14 +5,18 @@ from __future__ import annotations
 from itertools import pairwise
 from math import cos, sin
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import pytest
+from free_ports import free_port
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar import autopilot
 from tgl_soar.config.files import ConfigError, load_airframe, load_parameters, load_site, shipped
+from tgl_soar.link.natnet.sockets import NatNetSockets
 from tgl_soar.link.sources import GLOBAL_POSITION, MOCAP, VISION
+from tgl_soar.onboard import loop
 from tgl_soar.onboard.module import Onboard
 from tgl_soar.onboard.setup import ModuleSetup, setup_from
 from tgl_soar.types import NAN, NO_FIX, Inputs, PositionFix
@@ -215,3 +219,30 @@ def test_a_hill_needs_no_more_than_its_home(tmp_path: Path) -> None:
     bench.hears(place)
     assert bench.onboard.session.position[2:5] == pytest.approx((0.0, 0.0, -5.0), abs=1e-6)
     assert bench.onboard.session.position.source == GLOBAL_POSITION
+
+
+def test_a_server_that_streams_elsewhere_does_not_end_the_loop(tmp_path: Path) -> None:
+    """It is followed by another socket, and the first one is closed: nobody may wait on that."""
+    group = "239.255.42.98"
+    feed: Any = NatNetSockets(
+        "127.0.0.1", free_port(), interface="127.0.0.1", group=group, port=free_port()
+    )
+    silent: Any = SimpleNamespace(generation=0, fileno=lambda: -1, is_stream=False)
+    silent.receive = lambda _now_s, _most: []
+    rounds = 0
+
+    def stop() -> bool:
+        nonlocal rounds
+        rounds += 1
+        if rounds == 3:
+            before = feed.filenos()
+            feed.follow(group, free_port())
+            assert feed.filenos() != before
+        return rounds == 6
+
+    try:
+        onboard = Bench(setup_of(tmp_path, HALL_TABLE)).onboard
+        assert loop.run(onboard, [silent], stop, print, mocap=feed)
+    finally:
+        feed.close()
+    assert rounds == 6

@@ -49,10 +49,11 @@ def run(
     pacer.begin(now_s)
     watch = _Watch(began_s)
     links = Links(onboard, transports, clock, mocap, heartbeat)
-    poses = mocap.filenos() if mocap is not None else []
     while not stop():
         warm_up_s = inf if power_saving else onboard.warm_up_s
         until_s = min(onboard.clocking.wake_s(now_s), warm_up_s)
+        # Asked for in every round: a server may say that it streams elsewhere, by another socket.
+        poses = mocap.filenos() if mocap is not None else []
         now_s, ready = waiter.wait([*poses, *links.filenos()], until_s, pacer.expected_s)
         if now_s >= warm_up_s and not ready:
             onboard.warm_up()
