@@ -640,3 +640,20 @@ def test_frames_that_were_long_under_way_are_no_reboot() -> None:
         assert order_of(streams, late, new) == [False, True]
     assert order_of(streams, 5.0, 4.0, 3.0, 2.0) == [False] * 4
     assert streams.reboots == 0
+
+
+def test_a_parameter_that_is_no_number_is_told_and_holds_back() -> None:
+    """RC_OPTIONS is looked at bit by bit: a NaN has none, and must not end the process."""
+    needs = Needs(override_system=255, loop_rate_hz=200.0, external_pose=False, gps=False)
+    talk = Session(
+        SessionOptions(own=OWN, flavour=ArduPilot(CHANNELS, 1), loop_rate_hz=200.0, needs=needs)
+    )
+    hear(talk, MANUAL, 0.0)
+    sent = ParamValue(
+        param_id="RC_OPTIONS", param_value=nan, param_type=9, param_count=900, param_index=5
+    )
+    hear(talk, sent, 0.0)
+    for i in range(3000):
+        talk.poll(i * 0.02)
+    assert any("RC_OPTIONS" in text for _, text in talk.notices)
+    assert "RC_OPTIONS" in talk.inquiry.held_back()

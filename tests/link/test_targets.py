@@ -2,14 +2,14 @@
 
 import struct
 from itertools import pairwise
-from math import isfinite, pi
+from math import inf, isfinite, nan, pi
 
 import pytest
 
 from tgl_soar.geometry import euler_from_quaternion
 from tgl_soar.link.autopilots import FIRMWARES, flavour, routes
 from tgl_soar.link.autopilots.base import Flavour, SurfaceChannel, SurfaceChannels, value_bytewise
-from tgl_soar.link.autopilots.requirements import Requirement, compare, wish
+from tgl_soar.link.autopilots.requirements import RELATIONS, Requirement, compare, wish
 from tgl_soar.link.encoder import Encoder
 from tgl_soar.link.messages import (
     CommandLong,
@@ -371,6 +371,16 @@ def test_a_requirement_holds_or_says_what_to_set(
     assert silent.value is None
     assert not silent.ok
     assert compare((row._replace(missing_ok=True),), {})[0].ok
+
+
+@pytest.mark.parametrize("relation", RELATIONS)
+@pytest.mark.parametrize("value", [nan, inf, -inf])
+def test_what_is_no_number_meets_no_requirement(relation: str, value: float) -> None:
+    """An autopilot's parameter, or what somebody sends in its name, ends no flight."""
+    row = Requirement(names=("X",), relation=relation, wanted=1.0, why="because")
+    (found,) = compare((row,), {"X": value})
+    assert not found.ok
+    assert "X" in wish(found)
 
 
 def test_every_route_says_all_that_people_must_know() -> None:

@@ -7,6 +7,7 @@ and the pages of docs are made from the same.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from math import isfinite
 from typing import Final, NamedTuple
 
 Answers = Mapping[str, float]  # parameter's name: value; what did not answer is not in it
@@ -79,6 +80,8 @@ class Finding(NamedTuple):
         row = self.requirement
         if self.value is None:
             return row.missing_ok
+        if not isfinite(self.value):  # whatever sends that: no parameter is so set up
+            return False
         return RELATIONS[row.relation](self.value, row.wanted)
 
 
@@ -104,7 +107,7 @@ def wish(finding: Finding) -> str:
 
 
 def _with_bit(finding: Finding, *, on: bool) -> str:
-    if finding.value is None:
+    if finding.value is None or not isfinite(finding.value):
         return ""
     bit, value = 1 << int(finding.requirement.wanted), int(finding.value)
     return f" (to {value | bit if on else value & ~bit})"
