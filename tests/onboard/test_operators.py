@@ -113,6 +113,29 @@ def test_what_asked_for_one_engagement_does_not_ask_for_the_next(flight: Flight)
     assert flight.mode_now == CAPTURING
 
 
+@pytest.mark.parametrize("way_out", [RELEASE, ABORT])
+def test_a_way_out_whose_first_frame_was_lost_is_no_repetition_of_an_earlier_one(
+    flight: Flight, way_out: int
+) -> None:
+    """On the bench: engaged, out, engaged again; the next way out arrives by its repetition."""
+    order(flight, ENGAGE)
+    flight.run(0.5)
+    order(flight, way_out)
+    flight.run(0.5)
+    order(flight, RELEASE)  # what an abort needs
+    flight.run(0.5)
+    order(flight, ENGAGE)
+    flight.run(0.5)
+    assert flight.mode_now == CAPTURING
+    order(flight, way_out, confirmation=1)
+    flight.run(0.1)
+    assert flight.mode_now == READY
+    if way_out == ABORT:
+        flight.said()
+        order(flight, ENGAGE)
+        assert acks(flight.said()) == [(ENGAGE, REJECTED)]
+
+
 def test_an_abort_stands_against_every_way_to_engage(flight: Flight) -> None:
     order(flight, ENGAGE)
     flight.run(0.1)

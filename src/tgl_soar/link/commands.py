@@ -12,7 +12,9 @@ Engaging takes time: the entry checks are the next tick's, and the line then sli
 aircraft to its target.  So its answer is IN_PROGRESS, again once a second, and in the end
 ACCEPTED (the aircraft is on the line), TEMPORARILY_REJECTED (a check refused), FAILED (the module
 disengaged by itself) or CANCELLED (an operator released).  A station that repeats a
-command, because the answer was lost, gets the answer again; nothing is done twice.
+command, because the answer was lost, gets the answer again; nothing is done twice.  But what looks
+like a repeated release may be a new one whose first frame was lost: while the module is engaged it
+is done, and an abort always is.
 """
 
 from __future__ import annotations
@@ -146,15 +148,18 @@ class CommandServer:
         *,
         forbidden: str = "",
         held_back: str = "",
+        engaged: bool = False,
     ) -> CommandAnswer:
         """What a command for us leads to.
 
         `forbidden`: why this sender may not command at all; `held_back`: why nobody can engage
-        now; "" if they may.
+        now; "" if they may.  `engaged`: the module is, or is about to be.
         """
         self.counters.commands += 1
         number = message.command
         before = self._done.get((source, number))
+        if number == ABORT or (number == RELEASE and engaged):
+            before = None  # never taken for a repetition: the one before is undone
         confirmation = message.confirmation if isinstance(message, CommandLong) else 0
         if before is not None and confirmation > 0 and now_s - before.time_s <= REPEAT_S:
             self.counters.repeated += 1

@@ -181,7 +181,12 @@ class Operators:
             return
         held_back = self._engage_switch.refusal(now_s) if message.command == ENGAGE else ""
         answer = commands.handle(
-            source, message, now_s, forbidden=self._forbidden(source), held_back=held_back
+            source,
+            message,
+            now_s,
+            forbidden=self._forbidden(source),
+            held_back=held_back,
+            engaged=self._settings.engage,
         )
         self._outbox.say_all(answer.outbound, route)
         if answer.reason and not 0.0 <= now_s - self._refused_s < REFUSALS_S:
