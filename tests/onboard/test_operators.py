@@ -248,6 +248,53 @@ def test_the_pilot_s_switch_engages_releases_and_holds_back(flight: Flight) -> N
     assert flight.onboard.parameters.values["OP_ENGAGE"] == 0.0
 
 
+OTHER = mavlink.MAVLink(None, 245, 190)
+
+
+@pytest.mark.parametrize("way_out", ["another station", "its command", "the pilot"])
+def test_what_asked_for_an_engagement_does_not_ask_for_it_again_after_others_have_ended_it(
+    flight: Flight, way_out: str
+) -> None:
+    """A station that has not seen its OP_ENGAGE 1 confirmed repeats it, a second apart."""
+    flight.set("OP_RC_CHAN", 8.0)
+    switch(flight, 1500)
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(0.5)
+    assert flight.mode_now == CAPTURING
+    if way_out == "the pilot":
+        switch(flight, 1100, 0.1)
+        switch(flight, 1500, 0.1)
+    else:
+        release = (
+            mavlink.MAVLink_param_set_message(1, 191, b"OP_ENGAGE", 0.0, 9)
+            if way_out == "another station"
+            else mavlink.MAVLink_command_long_message(1, 191, RELEASE, 0, *[0] * 7)
+        )
+        flight.onboard.event(bytes(release.pack(OTHER)), flight.now_s)
+    flight.run(0.2)
+    assert flight.mode_now == READY
+    switch(flight, 1500, 0.5)
+    flight.set("OP_ENGAGE", 1.0)
+    order(flight, ENGAGE, confirmation=1)
+    flight.run(0.2)
+    assert flight.mode_now == READY
+    assert "somebody else has released" in "".join(texts(flight.said()))
+    switch(flight, 1500, 4.0)
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(0.2)
+    assert flight.mode_now == CAPTURING
+
+
+def test_who_has_released_may_engage_again_at_once(flight: Flight) -> None:
+    for _ in range(3):
+        flight.set("OP_ENGAGE", 1.0)
+        flight.run(0.3)
+        assert flight.mode_now == CAPTURING
+        flight.set("OP_ENGAGE", 0.0)
+        flight.run(0.3)
+        assert flight.mode_now == READY
+
+
 def with_switch(channel: float) -> Flight:
     """A module that starts with a switch, as from its stored parameters."""
     values = setup()

@@ -40,7 +40,8 @@ from tgl_soar.onboard.surfaces import SurfaceControl
 ENGAGED: Final = 2.0  # OP_ENGAGE of a module that is in control
 SHOW_ENGAGED_S: Final = 1.0
 # Stations repeat a PARAM_SET that they have not seen confirmed: MAVProxy and QGroundControl three
-# times, a second apart.  What asked for this engagement must not ask for the next one.
+# times, a second apart.  What asked for this engagement must not ask for the next one: neither
+# after the module has disengaged by itself, nor where the pilot or another station has released.
 REPEATS_S: Final = 4.0
 FORCE_S: Final = 60.0  # to type or stage what OP_FORCE is meant for; what comes later is not it
 IDENTITY_REMEDY: Final = "stop one, or give it another component_id in [autopilot]"
@@ -72,6 +73,8 @@ class EngageSwitch:
         self._receiver = ReceiverWatch(settings, session.receiver, outbox)
         self._engaged_s = now_s
         self._turned_back_s = float("-inf")  # the module has disengaged by itself
+        self._released_s = float("-inf")  # somebody has released what was engaged
+        self._released_by: Source | None = None  # who; None: the pilot, by their switch
         self._unforced_s = now_s  # when OP_FORCE was 0 last
         self._silence_reported = False  # of the pilot's switch
         self._duplicate_reported_s = float("-inf")
@@ -86,7 +89,7 @@ class EngageSwitch:
         self._engagement.switch.reset()
         self.stations.restart()
         self._engaged_s = self._unforced_s = now_s
-        self._turned_back_s = float("-inf")
+        self._turned_back_s = self._released_s = float("-inf")
 
     def watch(self, now_s: float) -> None:
         """What is looked at beside the ticks: its own value and force, pilot, stations."""
@@ -99,13 +102,16 @@ class EngageSwitch:
 
     # --- may it -------------------------------------------------------------------------------
 
-    def refusal(self, now_s: float) -> str:
-        """Why nobody can engage now; "" if it can be tried."""
+    def refusal(self, now_s: float, station: Source | None = None) -> str:
+        """Why nobody can engage now; "" if it can be tried.  `station`: that asks; None: none."""
         mode = self.mode
         if mode == RELEASED:
             return "it has just disengaged: try again"
         if not self._settings.engage and 0.0 <= now_s - self._turned_back_s < REPEATS_S:
             return f"it has disengaged by itself: try again after {REPEATS_S:g} s"
+        is_others = station is not None and station != self._released_by
+        if is_others and 0.0 <= now_s - self._released_s < REPEATS_S:
+            return f"somebody else has released: try again after {REPEATS_S:g} s"
         if mode == FAILED:
             return "it has failed: start it again"
         if not self._surfaces.is_active and not self._session.presence.is_alone(now_s):
@@ -126,23 +132,25 @@ class EngageSwitch:
 
     # --- turned -------------------------------------------------------------------------------
 
-    def turn(self, wish: int, by: str) -> None:
-        """Somebody who may has asked for it."""
+    def turn(self, wish: int, by: str, now_s: float, station: Source | None = None) -> None:
+        """Somebody who may has asked for it.  `station`: which; None: the pilot's switch."""
         if wish == ABORT:
             self._engagement.abort(by)
             text = f"aborted by {by}: no engagement until released"
             self._outbox.tell(SEVERITY_WARNING, text)
         elif wish == RELEASE:
-            self.released()
+            self.released(now_s, station)
         if wish == ENGAGE and self._settings.engage:
             self.report_progress()  # it flies already
         elif self._settings.engage != (wish == ENGAGE):
             self._settings.assign("OP_ENGAGE", float(wish == ENGAGE))
             self._outbox.console(f"{'engaged' if wish == ENGAGE else 'released'} by {by}")
 
-    def released(self) -> None:
+    def released(self, now_s: float, station: Source | None) -> None:
         """An operator has released: an abort holds nobody back any more."""
         self._engagement.clear()
+        if self._settings.engage:
+            self._released_s, self._released_by = now_s, station
 
     def turn_back(self, now_s: float) -> None:
         """The module disengages by itself: the switch goes back, for all to see."""
@@ -211,7 +219,7 @@ class EngageSwitch:
             text = f"the pilot's switch cannot engage: {refusal}"
             self._outbox.tell(SEVERITY_WARNING, text)
         elif wish != NOTHING:
-            self.turn(wish, "the pilot's switch")
+            self.turn(wish, "the pilot's switch", now_s)
 
     def watch_pilot_switch(self, now_s: float) -> None:
         """One that has fallen silent in flight: told, and after a while the engagement ends."""

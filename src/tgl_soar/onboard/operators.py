@@ -154,7 +154,7 @@ class Operators:
         said = server.handle(source, message, now_s, flying=self._surfaces.is_active)
         accepted = bool(said) and server.counters.refused == refused
         if accepted and message.param_id == "OP_ENGAGE" and message.param_value == 0.0:
-            self._engage_switch.released()
+            self._engage_switch.released(now_s, source)
         if server.values is not self._settings.values:
             self._settings.changed()
         if accepted:
@@ -166,7 +166,7 @@ class Operators:
         engages = message.param_id == "OP_ENGAGE" and message.param_value >= 0.5
         refusal = self._forbidden(source)
         if engages:
-            refusal = refusal or self._engage_switch.refusal(now_s)
+            refusal = refusal or self._engage_switch.refusal(now_s, source)
         if engages and message.param_value == ENGAGED and not self._settings.engage:
             refusal = refusal or "2 is what a module shows that has engaged: set 1"
         name, value, setup = message.param_id, message.param_value, self._setup
@@ -179,7 +179,8 @@ class Operators:
         commands = self._commands
         if not commands.is_for_us(source, message):
             return
-        held_back = self._engage_switch.refusal(now_s) if message.command == ENGAGE else ""
+        engages = message.command == ENGAGE
+        held_back = self._engage_switch.refusal(now_s, source) if engages else ""
         answer = commands.handle(
             source,
             message,
@@ -193,7 +194,7 @@ class Operators:
             self._refused_s = now_s
             self._outbox.tell(SEVERITY_WARNING, f"command refused: {answer.reason}")
         if answer.wish != NOTHING:
-            self._engage_switch.turn(answer.wish, f"system {source.system}")
+            self._engage_switch.turn(answer.wish, f"system {source.system}", now_s, source)
 
     # --- files --------------------------------------------------------------------------------
 
