@@ -266,6 +266,28 @@ def test_the_life_sign_is_what_was_shown_last() -> None:
     assert heartbeat.read().rounds == 0
 
 
+def test_at_no_moment_does_the_page_say_that_nothing_is_commanded() -> None:
+    """Whenever it is killed, a process that commands the surfaces leaves a page that says so."""
+    page = ProcessHeartbeat()
+    page.show(True, peer=("192.168.1.17", 14550))
+    pid = os.fork()
+    if pid == 0:
+        while True:
+            page.show(True, peer=("192.168.1.17", 14550))
+    seen: dict[int, Sign] = {}
+    try:
+        end = time.monotonic() + PATIENCE_S
+        while len(seen) < 500:  # one in twenty was torn, where the page was cleared first
+            assert time.monotonic() < end
+            sign = page.read()
+            seen[sign.rounds] = sign
+            time.sleep(0.0001)
+    finally:
+        os.kill(pid, signal.SIGKILL)
+        os.waitpid(pid, 0)
+    assert all(sign.has_surfaces and sign.host == "192.168.1.17" for sign in seen.values())
+
+
 class Watched(Flight):
     """Each frame that takes the surfaces, and whether the page said so before it left."""
 

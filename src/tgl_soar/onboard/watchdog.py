@@ -77,7 +77,8 @@ class Sign(NamedTuple):
 class ProcessHeartbeat:
     """A page of memory that the child writes and the parent reads.
 
-    A torn read is possible and harmless: it is looked at again, or belongs to a dead child.
+    A torn read is possible and harmless: every byte is that of this round or of the one before,
+    and is looked at again, or belongs to a dead child.
     """
 
     def __init__(self) -> None:
@@ -96,10 +97,11 @@ class ProcessHeartbeat:
         """The loop has gone round once more."""
         self._rounds += 1
         host, port = peer or ("", 0)
-        _PAGE.pack_into(
-            self._page, 0, self._rounds, timestamp, has_surfaces, version1,
-            host.encode(), port, key or _NO_KEY,
-        )  # fmt: skip
+        # Not by `pack_into`, which clears the page first: a child that is killed then would leave
+        # one that says that it had no surfaces, and no peer to release them to.
+        self._page[: _PAGE.size] = _PAGE.pack(
+            self._rounds, timestamp, has_surfaces, version1, host.encode(), port, key or _NO_KEY
+        )
 
     def take_surfaces(self) -> None:
         """The next frame will take the surfaces: whoever dies right behind it had them."""
