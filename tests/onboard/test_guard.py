@@ -6,6 +6,8 @@ import os
 import re
 import signal
 import socket
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -215,6 +217,48 @@ def test_what_keeps_dying_is_given_up(module: Module) -> None:
         time.sleep(0.01)
     assert module.process.returncode == EXIT_KEEPS_DYING
     assert "giving up" in module.words()
+
+
+WATCHED = """
+import os, signal, time
+from tgl_soar.onboard import watchdog
+
+def dies(heartbeat, became):
+    if became:
+        return 0
+    heartbeat.show(True)
+    os.kill(os.getpid(), signal.SIGRTMIN + 1)
+    time.sleep(60.0)
+
+def fails(heartbeat, became):
+    def raises(*_):
+        raise OSError("on its way out")
+    signal.signal(signal.SIGTERM, raises)
+    heartbeat.show(True)
+    os.kill(os.getppid(), signal.SIGTERM)
+    time.sleep(60.0)
+
+print(watchdog.watch({child}, lambda _sign, became: print("released:", became), print))
+"""
+
+
+@pytest.mark.parametrize(
+    ("child", "became", "code"),
+    [("dies", "was killed by signal", EXIT_OK), ("fails", "ended with exit code 1", EXIT_ERROR)],
+)
+def test_whatever_a_process_ends_by_its_surfaces_are_released(
+    child: str, became: str, code: int
+) -> None:
+    """By a signal without a name; or by an error, when it was asked to end."""
+    watching = subprocess.run(
+        [sys.executable, "-c", WATCHED.replace("{child}", child)],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+    )
+    assert f"released: {became}" in watching.stdout, watching.stderr
+    assert watching.stdout.splitlines()[-1] == str(code)
 
 
 def is_fed(systemd: socket.socket) -> bool:

@@ -145,12 +145,12 @@ def watch(child: Child, release: Release, say: Callable[[str], None]) -> int:
         while True:
             heartbeat.clear()
             code, became = _watch_one(_start(child, heartbeat, became), heartbeat)
+            sign = heartbeat.read()
             if became:
-                sign = heartbeat.read()
                 say(f"the flying process {became}")
-                if sign.has_surfaces:
-                    release(sign, became)
-                    say("the watchdog released the surfaces")
+            if sign.has_surfaces:  # also of one that ended, and failed to give them back
+                release(sign, became or f"ended with exit code {code}")
+                say("the watchdog released the surfaces")
             if code is not None:
                 return code
             now_s = clock_s()
@@ -225,7 +225,9 @@ def _watch_one(pid: int, heartbeat: ProcessHeartbeat) -> tuple[int | None, str]:
 
 def _end_of(status: int, *, reported: bool) -> tuple[int | None, str]:
     if os.WIFSIGNALED(status):
-        name = signal.Signals(os.WTERMSIG(status)).name
+        number = os.WTERMSIG(status)
+        known = {int(each): each.name for each in signal.Signals}
+        name = known.get(number, f"signal {number}")  # a real-time signal has no name
         return (0 if reported else None), f"was killed by {name}"
     code = os.WEXITSTATUS(status)
     if code == 1 and not reported:  # Python's own, after a traceback
