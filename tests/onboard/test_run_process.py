@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 from free_ports import free_port
-from module_process import SITE, Module, arguments
+from module_process import PATIENCE_S, SITE, Module, arguments
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.onboard.process import EXIT_CANNOT_START, EXIT_NO_AUTOPILOT, EXIT_OK, main
@@ -165,3 +165,36 @@ def test_a_key_that_others_can_read_is_refused(
         == EXIT_CANNOT_START
     )
     assert "others may read" in capsys.readouterr().err
+
+
+SECOND_SIGNAL = """
+import signal, sys
+from tgl_soar.onboard import process
+
+stop = process.StopFlag()
+process._stop_on_signals(stop)
+left = 30
+
+def again(*_):
+    global left
+    left -= 1
+    if left > 0:
+        signal.raise_signal(signal.SIGTERM)
+
+sys.setprofile(again)
+signal.raise_signal(signal.SIGINT)
+sys.setprofile(None)
+print(stop.is_set())
+"""
+
+
+def test_a_second_signal_in_the_middle_of_the_first_one_ends_it_all_the_same() -> None:
+    """Ctrl-C sends both, a moment apart; at every step of the first one's handler."""
+    handled = subprocess.run(
+        [sys.executable, "-c", SECOND_SIGNAL],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+    )
+    assert handled.stdout == "True\n", handled.stderr

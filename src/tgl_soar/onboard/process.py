@@ -142,8 +142,8 @@ def _run(
         # A link that worked before may work again, such as a line pulled for a moment: the watchdog
         # tries again.
         return EXIT_ERROR if became else EXIT_CANNOT_START
-    stopped = threading.Event()
-    restore = _stop_on_signals(stopped)
+    stop = StopFlag()
+    restore = _stop_on_signals(stop)
     with _lowered_priority(options):
         end_keeping = keep_timestamp(signing, options.secret.key_file, say)
     words = [(SEVERITY_ERROR, f"restarted: the flying process {became}")] if became else []
@@ -160,7 +160,7 @@ def _run(
         first_words=[*words, *restored_words],
     )
     try:
-        return _fly(opened, options, stopped.is_set, heartbeat)
+        return _fly(opened, options, stop.is_set, heartbeat)
     finally:
         end_keeping()
         restore()
@@ -275,12 +275,32 @@ def _words_of_place(setup: ModuleSetup) -> list[tuple[int, str]]:
     return [(SEVERITY_WARNING, text) for text in words if text]
 
 
-def _stop_on_signals(stopped: threading.Event) -> Callable[[], None]:
+class StopFlag:
+    """Whether a signal has asked the process to end.
+
+    A handler may be interrupted by the next signal's: Ctrl-C sends SIGINT to both processes, and
+    the watchdog SIGTERM behind it.  So there is no lock in it, as `threading.Event` has one, that
+    the second one would wait for while it keeps the first from giving it back.
+    """
+
+    def __init__(self) -> None:
+        self._asked = False
+
+    def ask(self, _number: int, _frame: object) -> None:
+        """A signal's handler."""
+        self._asked = True
+
+    def is_set(self) -> bool:
+        """Whether one has come."""
+        return self._asked
+
+
+def _stop_on_signals(stop: StopFlag) -> Callable[[], None]:
     """SIGINT, SIGTERM, SIGQUIT and a lost terminal set the flag; what would stop the process, or
     end it for no reason of ours, does nothing; the way back."""
     if threading.current_thread() is not threading.main_thread():
         return lambda: None
-    before = {number: signal.signal(number, lambda *_: stopped.set()) for number in watchdog.ENDS}
+    before = {number: signal.signal(number, stop.ask) for number in watchdog.ENDS}
     before |= {number: signal.signal(number, signal.SIG_IGN) for number in watchdog.IGNORED}
 
     def restore() -> None:
