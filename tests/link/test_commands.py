@@ -322,6 +322,30 @@ def test_silence_engages_nothing_even_when_the_switch_comes_back_up() -> None:
     assert take(switch, HIGH, 3.7) == NOTHING
 
 
+def stamped(switch: PilotSwitch, pulse_us: int, now_s: float, stamp_ms: int) -> int:
+    message = RcChannels(18, (pulse_us,) * 18, stamp_ms)
+    return switch.take(message, now_s, 8, ON_US, OFF_US)
+
+
+def test_a_message_that_was_overtaken_does_not_undo_the_pilot_s_way_out() -> None:
+    switch = PilotSwitch()
+    stamped(switch, HIGH, 0.0, 10_000)
+    assert stamped(switch, LOW, 0.1, 10_200) == RELEASE
+    for late_ms in (10_100, 10_200, 10_000):  # overtaken, twice, an old one once more
+        assert stamped(switch, HIGH, 0.2, late_ms) == NOTHING
+        assert switch.is_low
+    assert stamped(switch, HIGH, 0.3, 10_300) == ENGAGE
+
+
+@pytest.mark.parametrize(
+    ("before_ms", "after_ms"), [(2**32 - 100, 50), (500_000, 3_000)], ids=["wrap", "restart"]
+)
+def test_stamps_that_begin_again_are_new_ones(before_ms: int, after_ms: int) -> None:
+    switch = PilotSwitch()
+    assert stamped(switch, LOW, 0.0, before_ms) == RELEASE
+    assert stamped(switch, HIGH, 0.1, after_ms) == ENGAGE
+
+
 def test_no_channel_and_no_pulse_is_no_switch() -> None:
     switch = PilotSwitch()
     for channel in (0, 19, -3):

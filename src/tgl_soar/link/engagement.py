@@ -7,7 +7,8 @@ The switch is a channel of the pilot's transmitter, as RC_CHANNELS carries it:
     high   above OP_RC_ON    coming from low, the module engages
 
 Only the way up from a low that was received engages: a switch that is up when the module starts, or
-when RC_CHANNELS come back after a silence, does not.
+when RC_CHANNELS come back after a silence, does not.  Nor does an earlier message that comes behind
+a later one, or twice: the pilot's way out would be undone by the way in before it.
 
 A pilot who has a switch counts on it.  So it cannot be engaged while its channel is not received:
 no RC_CHANNELS, too few channels in them, or no pulses on it.  In flight such a silence is reported
@@ -21,12 +22,15 @@ from __future__ import annotations
 
 from typing import Final
 
+from tgl_soar.link.clock import HELD_S
 from tgl_soar.link.commands import ENGAGE, NOTHING, RELEASE
 from tgl_soar.link.messages import RcChannels
 
 SILENCE_S: Final = 1.0
 GONE_S: Final = 3.0
 PULSES_US: Final = range(700, 2301)  # anything else is no pulse width
+HELD_MS: Final = round(1e3 * HELD_S)  # a stamp that is further back is that of a restart
+_STAMPS: Final = 2**32  # they begin again at zero
 
 
 class PilotSwitch:
@@ -37,6 +41,7 @@ class PilotSwitch:
         self._count = 0  # of the channels that the last RC_CHANNELS had
         self._pulse_us = 0  # of ours in it
         self._received_s = float("-inf")  # when that came
+        self._stamp_ms = 0  # of the newest
         self._low = False  # now
         self._primed = False  # a low was received, and no silence since
         self._pulse_s = float("-inf")  # a pulse
@@ -72,6 +77,8 @@ class PilotSwitch:
         if channel != self._channel:
             self._channel = channel
             self.reset()
+        if self._is_late(message.time_boot_ms):
+            return NOTHING
         self._received_s, self._count = now_s, min(message.chancount, len(message.channels))
         if not 1 <= channel <= self._count:
             return NOTHING
@@ -89,6 +96,14 @@ class PilotSwitch:
             self._primed = False
             return ENGAGE
         return NOTHING
+
+    def _is_late(self, stamp_ms: int) -> bool:
+        """Whether a later message has come before, or the same."""
+        before_ms, self._stamp_ms = self._stamp_ms, stamp_ms
+        if 0 in (stamp_ms, before_ms) or (before_ms - stamp_ms) % _STAMPS >= HELD_MS:
+            return False
+        self._stamp_ms = before_ms
+        return True
 
 
 class Engagement:

@@ -109,7 +109,7 @@ def _command_int(m: Any) -> Inbound:
 
 def _rc_channels(m: Any) -> Inbound:
     channels = tuple(int(getattr(m, f"chan{i}_raw")) for i in range(1, 19))
-    return RcChannels(m.chancount, channels)
+    return RcChannels(m.chancount, channels, m.time_boot_ms)
 
 
 def _command_ack(m: Any) -> Inbound:

@@ -359,6 +359,7 @@ class MissionAck(NamedTuple):
 class RcChannels(NamedTuple):
     chancount: int
     channels: tuple[int, ...]  # 18 pulse widths [us], 65535: not there
+    time_boot_ms: int = 0  # 0: not known
 
 
 class AutopilotVersion(NamedTuple):
