@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import stat
 import time
 from pathlib import Path
 from typing import Any
@@ -390,6 +392,23 @@ def test_a_missing_key_file_says_how_to_make_one(tmp_path: Path) -> None:
         signing_from(Secret(tmp_path / "none"), 0.0)
     assert not signing_from(Secret(tmp_path / "none", allow_setup=True), 0.0).is_on
     assert not signing_from(Secret(), 0.0).is_on
+
+
+def test_what_is_reserved_outlasts_a_loss_of_power(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The new file is on the disk before it has its name, and the name before it is used."""
+    synced: list[tuple[bool, bool]] = []  # a folder, with the new name in it
+    sync, file = os.fsync, tmp_path / "key.timestamp"
+
+    def fsync(fd: int) -> None:
+        sync(fd)
+        synced.append((stat.S_ISDIR(os.fstat(fd).st_mode), file.exists()))
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    ours = Signing(KEY, time.time(), 0.0)
+    TimestampFile(tmp_path / "key").reserve(ours)
+    assert synced == [(False, False), (True, True)]
 
 
 def test_the_timestamp_is_kept_and_garbage_is_no_timestamp(tmp_path: Path) -> None:

@@ -185,3 +185,8 @@ def _replace(path: Path, content: bytes) -> None:
     finally:
         os.close(fd)
     beside.replace(path)
+    folder = os.open(path.parent, os.O_RDONLY)  # the new name, too: power may be lost right now
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)
