@@ -521,6 +521,20 @@ def test_an_answer_goes_where_the_question_came_from_and_telemetry_everywhere(
         assert seqs == [(seqs[0] + i) % 256 for i in range(len(seqs))]
 
 
+def test_a_station_is_answered_however_many_others_were_received_before(flight: Flight) -> None:
+    """A swarm on one radio; or somebody who counts through all ids."""
+    for system in (*range(2, 100), 255):
+        for component in range(1, 41) if system == 255 else (1,):
+            beat = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
+            flight.onboard.event(
+                bytes(beat.pack(mavlink.MAVLink(None, system, component))), flight.now_s
+            )
+    flight.said()
+    order(flight, ENGAGE)
+    flight.run(0.05)
+    assert acks(flight.said()) == [(ENGAGE, IN_PROGRESS)]
+
+
 def test_nobody_but_the_autopilot_s_own_link_measures(flight: Flight) -> None:
     liar = Station(flight, 1)
     liar._codec = mavlink.MAVLink(None, 1, 1)

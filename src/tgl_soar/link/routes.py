@@ -111,8 +111,11 @@ class Route:
         if source is self._last_sender:
             return
         self._last_sender = source
-        if source not in self._senders and len(self._senders) < MAX_SENDERS:
-            self._senders[source] = None
+        if source in self._senders or not (source.system in self._known or not self._known):
+            return
+        if len(self._senders) >= MAX_SENDERS:  # one that still sends is remembered again
+            del self._senders[next(iter(self._senders))]
+        self._senders[source] = None
 
     def leads_to(self, source: Source) -> bool:
         """Whether a sender is reached by this link."""
