@@ -141,3 +141,9 @@ def test_another_clock_forgets_what_was_timed_by_the_old_one() -> None:
     flight.tracked.reset()
     reported = AttitudeSample(9, 0.0, *rolled(0.0), 0.0, 0.0, 0.0)
     assert flight.tracked.choose(0.0, reported)[2:6] == rolled(0.0)
+
+
+def test_a_pose_without_a_rotation_is_not_flown_with() -> None:
+    flight = Flight().runs(3.0, turned(0.5)).runs(0.2, (0.0, 0.0, 0.0, 0.0))
+    assert not flight.tracked.is_chosen
+    assert flight.given[-1][2:6] == LEVEL

@@ -46,7 +46,7 @@ class TrackedAttitude:
     def take(self, turned: Quaternion, time_s: float, reported: AttitudeSample) -> None:
         """A pose, FRD to local NED, that was true at `time_s` [s]; reported: the autopilot's."""
         known = reported.sequence > 0 and abs(time_s - reported.time_s) <= FRESH_S
-        if known and _tilt_between(turned, reported) > TILT_RAD:
+        if known and not _tilt_between(turned, reported) <= TILT_RAD:  # NaN: one is no rotation
             self.refused += 1
             apart_deg = degrees(_tilt_between(turned, reported))
             if self._steady_s == self._steady_s:
