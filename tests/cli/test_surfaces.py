@@ -113,6 +113,20 @@ def test_every_surface_goes_both_ways_and_back_and_all_is_as_in_the_file() -> No
     assert rudder == ("rudder", (), 1500, 1300, 1700)
 
 
+def test_outputs_of_another_port_are_not_those_of_the_surfaces() -> None:
+    """An ArduPlane sends its outputs from 17 on as port 1, a PX4 those of its second board."""
+    bench = Bench()
+    take = bench.check.take
+
+    def both(message: object, now_s: float) -> None:
+        take(message, now_s)
+        if isinstance(message, ServoOutputRaw):
+            take(ServoOutputRaw(0, 1, (0,) * 16), now_s)
+
+    bench.check.take = both  # type: ignore[method-assign]
+    assert not any(bench.faults().values())
+
+
 def test_commands_go_out_often_enough_to_be_kept() -> None:
     bench = Bench()
     sent = 0

@@ -105,7 +105,7 @@ class SurfaceCheck:
         """Take in one message of the autopilot."""
         if isinstance(message, Heartbeat):
             self._heartbeat, self._heartbeat_s = message, now_s
-        elif isinstance(message, ServoOutputRaw):
+        elif isinstance(message, ServoOutputRaw) and message.port == 0:
             self._servos, self._servos_s = message.servos, now_s
             self._time_step(now_s)
         elif isinstance(message, LocalPositionNed):
