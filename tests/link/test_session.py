@@ -31,6 +31,7 @@ from tgl_soar.link.messages import (
     VfrHud,
 )
 from tgl_soar.link.session import Session, SessionOptions
+from tgl_soar.link.streams import StreamRequests
 
 OWN = Source(1, 191)
 AUTOPILOT = Source(1, 1)
@@ -252,6 +253,22 @@ def test_a_denied_rate_is_reported_once_with_the_way_out_and_a_lower_one_asked_f
         "ATTITUDE_QUATERNION at 200 Hz denied: set SCHED_LOOP_RATE to 250 or more;"
         " asking for 160 Hz"
     ]
+
+
+def test_a_refusal_that_comes_late_is_not_that_of_the_next_stream() -> None:
+    """On a busy line: the acknowledgement names no message."""
+    streams = StreamRequests(1)
+    streams.want(132, "DISTANCE_SENSOR", 20.0)
+    streams.want(31, "ATTITUDE_QUATERNION", 200.0)
+    (first,), (second,) = streams.poll(0.0), streams.poll(0.6)
+    assert (first.params[0], second.params[0]) == (132.0, 31.0)
+    streams.acknowledged(3, 0.7)  # unsupported: the rangefinder
+    attitude = streams.wanted(31)
+    assert attitude is not None
+    assert not attitude.given_up
+    asked_s = next(s for s in range(1, 60) if any(m.params[0] == 31.0 for m in streams.poll(s)))
+    streams.acknowledged(3, asked_s + 0.1)
+    assert attitude.given_up
 
 
 def test_an_unsupported_position_leads_to_odometry() -> None:

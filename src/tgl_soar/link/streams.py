@@ -1,6 +1,8 @@
 """Asking the autopilot for its messages at the rates that the loop needs.
 
-One MAV_CMD_SET_MESSAGE_INTERVAL at a time, for its acknowledgement does not name the message.
+One MAV_CMD_SET_MESSAGE_INTERVAL at a time, for its acknowledgement does not name the message.  On a
+slow line it may come when the next one is asked for already: a refusal that may be that of the one
+before is not believed until it comes once more.
 A stream that does not come, or comes too slowly, is requested again, ever less often.  A rate that
 is refused is reported once, with the way out, and a lower one is requested.
 """
@@ -24,6 +26,7 @@ from tgl_soar.link.messages import (
 )
 
 ACK_WAIT_S: Final = 0.5
+ACK_LATE_S: Final = 2.0  # after that none comes any more
 CHECK_S: Final = 2.0  # a rate is measured over this long
 CHECK_MAX_S: Final = 16.0
 ENOUGH: Final = 0.7  # of the rate asked for: a lossy link is not asked again and again
@@ -52,6 +55,7 @@ class RequestedStream:
     measured_hz: float = 0.0
     given_up: bool = False
     reported: bool = False
+    doubted: bool = False  # it was refused once, or the one before it
 
 
 class StreamRequests:
@@ -66,6 +70,7 @@ class StreamRequests:
         self._streams: dict[int, RequestedStream] = {}
         self._waiting: RequestedStream | None = None
         self._waiting_until_s = 0.0
+        self._unanswered_s = -inf  # when a request was given up whose answer may still come
         self._due_s = -inf  # nothing is to be done before
 
     def want(self, message_id: int, name: str, rate_hz: float, *, urgent: bool = False) -> None:
@@ -92,7 +97,7 @@ class StreamRequests:
 
     def restart(self) -> None:
         """The autopilot has restarted: ask again for what was wanted."""
-        self._waiting = None
+        self._waiting, self._unanswered_s = None, -inf
         self._due_s = -inf
         for stream in self._streams.values():
             stream.due_s = -inf
@@ -108,6 +113,9 @@ class StreamRequests:
             return
         if result == RESULT_TEMPORARILY_REJECTED:
             return  # asked again when the measurement ends
+        if now_s - self._unanswered_s <= ACK_LATE_S and not stream.doubted:
+            stream.doubted = True
+            return  # likewise
         refused_hz = stream.rate_hz
         lower = next((rate for rate in LOWER_RATES_HZ if rate < stream.rate_hz), None)
         if result == RESULT_DENIED and lower is not None:
@@ -125,7 +133,8 @@ class StreamRequests:
         """At most one request."""
         if now_s < self._due_s or (self._waiting is not None and now_s < self._waiting_until_s):
             return []
-        self._waiting = None
+        if self._waiting is not None:
+            self._waiting, self._unanswered_s = None, now_s
         next_s = inf
         for stream in self._streams.values():
             if stream.given_up:
