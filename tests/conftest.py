@@ -38,11 +38,11 @@ if NATIVE:
 ONE_WORKER: dict[str, tuple[str, ...]] = {
     # They need real time: beside one another they would take it from each other.
     "real time": (
-        "cli/test_preflight.py", "cli/test_surfaces.py", "docs/test_readme.py",
+        "cli/test_preflight_command.py", "cli/test_surfaces_command.py", "docs/test_readme.py",
         "onboard/test_guard.py", "onboard/test_realtime.py", "onboard/test_run_process.py",
         "onboard/test_signed_restart.py", "onboard/test_stored_parameters.py",
-        "peers/test_mavproxy.py", "peers/test_mavsdk.py", "sim/test_bridge.py",
-        "sim/test_motive.py", "sim/test_real_time.py", "sim/test_sitl.py",
+        "peers/test_mavproxy.py", "peers/test_mavsdk.py", "sim/test_bridge_process.py",
+        "sim/test_motive.py", "sim/test_sitl.py",
     ),
     # They compile the same kernels, which takes minutes: once is enough.  What one worker has
     # compiled of one kernel serves the next; another worker would begin at the beginning.

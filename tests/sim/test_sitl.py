@@ -21,9 +21,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from typer.testing import CliRunner
 
 from tgl_soar.cli.app import app
-from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
+from tgl_soar.config.files import shipped
 from tgl_soar.sim.operator import Operator
-from tgl_soar.sim.sitl import busy_hint, fly, passed, plan
+from tgl_soar.sim.sitl import fly, passed
 from tgl_soar.sim.sitl_options import SitlError, SitlOptions
 from tgl_soar.sim.sitl_processes import OVERRIDE_TIME_S
 
@@ -86,41 +86,6 @@ def test_a_flight_by_motion_capture_repeats_bit_for_bit(tmp_path: Path) -> None:
     assert rows[0][:shorter] == rows[1][:shorter]
 
 
-def test_motion_capture_needs_a_site_that_has_it(tmp_path: Path) -> None:
-    with pytest.raises(SitlError, match=r"tunnel\.toml: no \[mocap\] table"):
-        fly(options(tmp_path, mocap=True), quietly)
-
-
-def test_a_firmware_flies_the_airframe_file_with_its_name_and_is_told_the_hall_s_poses(
-    tmp_path: Path,
-) -> None:
-    """Fails at the missing program, with both files as they would be flown in the folder."""
-    flown = options(
-        tmp_path,
-        site=SITE_MOCAP,
-        mocap=True,
-        autopilot="px4",
-        firmware=tmp_path / "px4",
-        route="manual_control",
-    )
-    with pytest.raises(SitlError, match="there is no program"):
-        fly(flown, quietly)
-    airframe = load_airframe(tmp_path / "eclipson_c.toml")
-    assert (airframe.autopilot.firmware, airframe.autopilot.route) == ("px4", "manual_control")
-    assert load_site(tmp_path / "tunnel_mocap.toml").forward is not None
-
-
-def test_an_output_folder_that_cannot_be_is_named(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("in the way")
-    with pytest.raises(SitlError, match=r"--out .*file: cannot be written"):
-        fly(options(tmp_path / "file"), quietly)
-
-
-def test_an_unknown_leg_is_named(tmp_path: Path) -> None:
-    with pytest.raises(SitlError, match=r"no line named 'q'; it has a, b, c"):
-        fly(options(tmp_path, legs=("q",)), quietly)
-
-
 # --- by the clock --------------------------------------------------------------------------
 
 
@@ -164,12 +129,6 @@ def test_a_port_that_is_taken_is_reported_with_the_option_that_there_is(tmp_path
             fly(options(tmp_path, realtime=True, gcs_local=address), quietly)
     offered = CliRunner().invoke(app, ["sitl", "--help"], env={"COLUMNS": "200"}).output
     assert "--gcs-local" in offered
-
-
-def test_a_busy_machine_is_named() -> None:
-    assert "whose load is 6.0 on 2 processors" in busy_hint(6.0, 2)
-    assert "load" not in busy_hint(0.5, 2)
-    assert "without --realtime" in busy_hint(0.5, 2)
 
 
 # --- the module is killed in flight --------------------------------------------------------
@@ -350,26 +309,3 @@ def test_a_search_finds_a_place_from_where_no_line_holds_and_a_line_follows(tmp_
     said = (tmp_path / "module.log").read_text()
     assert "searching: searches for a place to soar" in said
     assert "soaring: a place to soar is found" in said
-
-
-def test_who_searches_names_legs_or_none(tmp_path: Path) -> None:
-    airframe, site = load_airframe(AIRFRAME), load_site(SITE)
-    values = load_parameters(airframe, AIRFRAME, site, SITE)
-    alone = plan(site, values, options(tmp_path, search=True))
-    assert [(leg.name, leg.searches) for leg in alone] == [("search", True)]
-    more = plan(site, values, options(tmp_path, search=True, legs=("b",)))
-    assert [leg.name for leg in more] == ["search", "b"]
-    assert "TGL_X" in more[1].parameters
-
-
-def test_parameters_of_the_module_are_set_with_each_leg(tmp_path: Path) -> None:
-    airframe, site = load_airframe(AIRFRAME), load_site(SITE)
-    values = load_parameters(airframe, AIRFRAME, site, SITE)
-    held = (("TGL_HOLD", 1.0), ("TGL_ALONG", -0.25))
-    legs = plan(site, values, options(tmp_path, legs=("b", "c"), settings=held))
-    for leg in legs:
-        assert (leg.parameters["TGL_HOLD"], leg.parameters["TGL_ALONG"]) == (1.0, -0.25)
-        assert "TGL_X" in leg.parameters
-    for wrong, says in ((("TGL_HODL", 1.0), "no such parameter"), (("TGL_HOLD", 3.0), "allowed 0")):
-        with pytest.raises(SitlError, match=says):
-            plan(site, values, options(tmp_path, settings=(wrong,)))

@@ -1,0 +1,88 @@
+"""What the flight between processes is to be, and what it refuses before any process is started."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
+from tgl_soar.sim.sitl import busy_hint, fly, plan
+from tgl_soar.sim.sitl_options import SitlError, SitlOptions
+
+AIRFRAME = shipped("airframes/eclipson_c.toml")
+SITE = shipped("sites/tunnel.toml")
+SITE_MOCAP = shipped("sites/tunnel_mocap.toml")
+
+
+def options(out: Path, **changes: Any) -> SitlOptions:
+    return SitlOptions(**{"airframe": AIRFRAME, "site": SITE, "out": out, **changes})
+
+
+def quietly(_operator: object) -> None:
+    return None
+
+
+def test_motion_capture_needs_a_site_that_has_it(tmp_path: Path) -> None:
+    with pytest.raises(SitlError, match=r"tunnel\.toml: no \[mocap\] table"):
+        fly(options(tmp_path, mocap=True), quietly)
+
+
+def test_a_firmware_flies_the_airframe_file_with_its_name_and_is_told_the_hall_s_poses(
+    tmp_path: Path,
+) -> None:
+    """Fails at the missing program, with both files as they would be flown in the folder."""
+    flown = options(
+        tmp_path,
+        site=SITE_MOCAP,
+        mocap=True,
+        autopilot="px4",
+        firmware=tmp_path / "px4",
+        route="manual_control",
+    )
+    with pytest.raises(SitlError, match="there is no program"):
+        fly(flown, quietly)
+    airframe = load_airframe(tmp_path / "eclipson_c.toml")
+    assert (airframe.autopilot.firmware, airframe.autopilot.route) == ("px4", "manual_control")
+    assert load_site(tmp_path / "tunnel_mocap.toml").forward is not None
+
+
+def test_an_output_folder_that_cannot_be_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(SitlError, match=r"--out .*file: cannot be written"):
+        fly(options(tmp_path / "file"), quietly)
+
+
+def test_an_unknown_leg_is_named(tmp_path: Path) -> None:
+    with pytest.raises(SitlError, match=r"no line named 'q'; it has a, b, c"):
+        fly(options(tmp_path, legs=("q",)), quietly)
+
+
+def test_a_busy_machine_is_named() -> None:
+    assert "whose load is 6.0 on 2 processors" in busy_hint(6.0, 2)
+    assert "load" not in busy_hint(0.5, 2)
+    assert "without --realtime" in busy_hint(0.5, 2)
+
+
+def test_who_searches_names_legs_or_none(tmp_path: Path) -> None:
+    airframe, site = load_airframe(AIRFRAME), load_site(SITE)
+    values = load_parameters(airframe, AIRFRAME, site, SITE)
+    alone = plan(site, values, options(tmp_path, search=True))
+    assert [(leg.name, leg.searches) for leg in alone] == [("search", True)]
+    more = plan(site, values, options(tmp_path, search=True, legs=("b",)))
+    assert [leg.name for leg in more] == ["search", "b"]
+    assert "TGL_X" in more[1].parameters
+
+
+def test_parameters_of_the_module_are_set_with_each_leg(tmp_path: Path) -> None:
+    airframe, site = load_airframe(AIRFRAME), load_site(SITE)
+    values = load_parameters(airframe, AIRFRAME, site, SITE)
+    held = (("TGL_HOLD", 1.0), ("TGL_ALONG", -0.25))
+    legs = plan(site, values, options(tmp_path, legs=("b", "c"), settings=held))
+    for leg in legs:
+        assert (leg.parameters["TGL_HOLD"], leg.parameters["TGL_ALONG"]) == (1.0, -0.25)
+        assert "TGL_X" in leg.parameters
+    for wrong, says in ((("TGL_HODL", 1.0), "no such parameter"), (("TGL_HOLD", 3.0), "allowed 0")):
+        with pytest.raises(SitlError, match=says):
+            plan(site, values, options(tmp_path, settings=(wrong,)))
