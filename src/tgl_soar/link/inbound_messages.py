@@ -37,13 +37,6 @@ from tgl_soar.link.messages import (
 )
 
 
-def _text(value: Any) -> str:
-    """A char field, which pymavlink gives as text or as bytes."""
-    return (
-        value if isinstance(value, str) else bytes(value).split(b"\0")[0].decode("ascii", "replace")
-    )
-
-
 def _heartbeat(m: Any) -> Inbound:
     return Heartbeat(
         type=m.type,
@@ -149,14 +142,14 @@ def _param_request_list(m: Any) -> Inbound:
 
 
 def _param_request_read(m: Any) -> Inbound:
-    return ParamRequestRead(m.target_system, m.target_component, _text(m.param_id), m.param_index)
+    return ParamRequestRead(m.target_system, m.target_component, m.param_id, m.param_index)
 
 
 def _param_set(m: Any) -> Inbound:
     return ParamSet(
         target_system=m.target_system,
         target_component=m.target_component,
-        param_id=_text(m.param_id),
+        param_id=m.param_id,
         param_value=m.param_value,
         param_type=m.param_type,
     )
@@ -164,7 +157,7 @@ def _param_set(m: Any) -> Inbound:
 
 def _param_value(m: Any) -> Inbound:
     return ParamValue(
-        param_id=_text(m.param_id),
+        param_id=m.param_id,
         param_value=m.param_value,
         param_type=m.param_type,
         param_count=m.param_count,
