@@ -344,15 +344,14 @@ def _shapes(
 
 
 def _peaks(flights: Sequence[FlownScenario]) -> tuple[float, float]:
-    """The farthest that any of them was from its point, along and across [m]."""
-    rows = [flight.path["time_s"] >= SETTLE_S for flight in flights]
-    return (
-        max(
-            float(np.abs(f.path["point_off_m"][r]).max())
-            for f, r in zip(flights, rows, strict=True)
-        ),
-        max(float(np.abs(f.path["e_rho_m"][r]).max()) for f, r in zip(flights, rows, strict=True)),
+    """The farthest that any of them was from its point, along and across [m]; of those that were
+    lost before they had settled there is nothing to tell.  NaN of none."""
+    scored = [(flight.path, flight.path["time_s"] >= SETTLE_S) for flight in flights]
+    along, across = (
+        [float(np.abs(path[name][rows]).max()) for path, rows in scored if rows.any()]
+        for name in ("point_off_m", "e_rho_m")
     )
+    return max(along, default=float("nan")), max(across, default=float("nan"))
 
 
 def _claims(kept: dict[tuple[str, float], Held]) -> list[Claim]:

@@ -1,0 +1,97 @@
+"""What every experiment concludes, from flights that nobody flew (`made_up.py`).
+
+Its claims are judged and its tables filled without the hours that its flights take; what they show
+is kept (`drawn.py`), with the words that stand beside them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Final
+
+import pytest
+from made_up import MadeUp
+from plans import PLANNED
+
+from tgl_soar.analysis.experiments import context as contexts
+from tgl_soar.analysis.experiments import estimator_flights
+from tgl_soar.analysis.experiments.catalogue import EXPERIMENTS, run
+from tgl_soar.analysis.experiments.context import Context
+from tgl_soar.analysis.experiments.result import Result, Table, plain
+
+# Those that look for dozens of lines on the contour, which takes seconds, are asked for one seed.
+MANY_LINES: Final = ("command_delay", "latency", "lean", "places", "speed")
+NAMES: Final = tuple(name for name in (*PLANNED, "margins") if name != "leans")
+QUICKLY: Final = tuple(name for name in NAMES if name not in MANY_LINES)
+# Whose flights say all by themselves: no path is scored against an aircraft that is drawn.
+DISPERSED: Final = (
+    *("estimator", "hour", "identification", "nowhere", "outdoors", "rangefinder", "satellites"),
+    *("search", "survey", "throttle", "unseen", "wind_estimate", "wind_use"),
+)
+# They tell nothing of flights that are all lost: `unseen` compares two pilots, who do alike then;
+# `wind_estimate` raises ValueError, as nothing was flown that it could measure.
+NOT_OF_NONE: Final = ("unseen", "wind_estimate")
+
+
+def case(name: str) -> Any:
+    """An experiment, and in the test's name the module that it is in: `tools/mutate.py` begins with
+    the tests that are named after what it has changed."""
+    return pytest.param(name, id=f"{name}-{EXPERIMENTS[name].__module__.rpartition('.')[2]}")
+
+
+@pytest.fixture(autouse=True)
+def the_same_everywhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With numba and without."""
+    for module in (contexts, estimator_flights):
+        monkeypatch.setattr(module, "available", lambda: False)
+
+
+def told(result: Result, flyer: MadeUp) -> Table:
+    """What stands beside claims, tables and figures."""
+    rows = [
+        ("flown", result.flown),
+        ("why", result.why),
+        ("verdict", result.verdict),
+        ("of", f"{result.scenarios} {result.seeds[:9]} {result.figures} {result.own}"),
+        *((f"asked for by {by}", str(count)) for by, count in flyer.lists),
+        *((each.claim, f"{each.was} / {each.now} / {each.why}") for each in result.changed),
+        *((name, sums(value)) for name, value in list(plain(result.numbers).items())[:12]),
+    ]
+    return Table(result.title, ("what", "is"), tuple(rows))
+
+
+def sums(value: Any) -> str:
+    """How many numbers something holds, and their sum."""
+    found = list(numbers(value))
+    return f"{len(found)} of {sum(found):.5g}"
+
+
+def numbers(value: Any) -> Iterator[float]:
+    if isinstance(value, dict | list):
+        for each in value.values() if isinstance(value, dict) else value:
+            yield from numbers(each)
+    elif isinstance(value, int | float):
+        yield float(value)
+
+
+@pytest.mark.parametrize("name", map(case, NAMES))
+def test_an_experiment_concludes(name: str) -> None:
+    flyer = MadeUp()
+    result = run(name, Context(flyer=flyer, quick=name in MANY_LINES))
+    assert all(len(row) == len(table.columns) for table in result.tables for row in table.rows)
+    texts = [claim.text for claim in result.claims]
+    assert len(set(texts)) == len(texts)  # a page lists them by their text
+    told(result, flyer)
+
+
+@pytest.mark.parametrize("name", map(case, DISPERSED))
+def test_a_few_dispersed_flights_conclude(name: str) -> None:
+    flyer = MadeUp()
+    told(run(name, Context(flyer=flyer, quick=True, dispersion=True)), flyer)
+
+
+@pytest.mark.parametrize("name", [case(name) for name in QUICKLY if name not in NOT_OF_NONE])
+def test_what_loses_every_flight_is_not_said_to_agree(name: str) -> None:
+    """Losses are counted: whatever claims something of flights does not hold of none."""
+    result = run(name, Context(flyer=MadeUp(lost=True), quick=True))
+    assert result.verdict not in ("agrees", "met"), result.claims
