@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import random
+import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -92,6 +93,17 @@ def test_the_ladder_is_printed_and_written(tmp_path: Path, monkeypatch: pytest.M
     assert first < second  # ranked
     assert "Kramers, below: 6e-05 a minute (-0.50 m along the line, cut off" in done.stdout
     assert "Kramers, above: 0.00012 a minute" in done.stdout
+
+
+@pytest.mark.usefixtures("halving")
+def test_the_chance_in_a_minute_is_that_of_the_time_flown_by_its_length(tmp_path: Path) -> None:
+    """Rare losses come as a Poisson process: in half the time half of them."""
+    words = [*WORDS, "--effort", "60", "--ladders", "3", "--seconds", "30", "--out", str(tmp_path)]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.output
+    found = re.search(r"lost within 30 s: (\S+), .* a minute: (\S+);", done.stdout)
+    assert found
+    assert float(found[2]) == pytest.approx(2.0 * float(found[1]), rel=0.01)
 
 
 @pytest.mark.usefixtures("halving")

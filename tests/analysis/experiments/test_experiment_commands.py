@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from tgl_soar.analysis.experiments.context import Context
-from tgl_soar.analysis.experiments.result import Result
+from tgl_soar.analysis.experiments.catalogue import RIGID_BODY_ALONE, TOGETHER
+from tgl_soar.analysis.experiments.context import COMPILED_FROM, Context
+from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.cli import experiment as experiment_command
 from tgl_soar.cli.app import app
 from tgl_soar.config.files import shipped
@@ -138,6 +139,80 @@ def test_experiment_lists_runs_and_refuses(tmp_path: Path) -> None:
     reported = json.loads((tmp_path / "field.json").read_text())
     assert reported["verdict"] == "agrees"
     assert (tmp_path / "field.png").stat().st_size > 20_000
+
+
+def test_a_result_is_printed_with_its_marks_and_several_are_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A claim that does not hold must not look like one that does, nor one that is undecided."""
+    claims = (
+        Claim("it does", True, "1 cm"),
+        Claim("it does not", False, "2 cm"),
+        Claim("it may", False, "3 cm", undecided=True),
+        Claim("it must", True, "0", by_construction=True),
+    )
+    table = Table("t [m]", ("x [m]", "y"), (("7 [m]", "8"),))
+    asked: list[tuple[str, bool, int]] = []
+
+    def fly(name: str, context: Context) -> Result:
+        asked.append((name, context.quick, context.compiled_from))
+        held = claims[:1] if name == "field" else claims
+        return Result(name, "title", "flown so.", held, "because.", (table,), {"n": 1.0})
+
+    monkeypatch.setattr(experiment_command, "run_experiment", fly)
+    words = ["--workers", "0", "--out", str(tmp_path)]
+    one = run.invoke(app, ["experiment", "wind", *words])
+    assert one.exit_code == 0, one.output
+    lines = [line.strip() for line in one.stdout.splitlines()]
+    for line in (
+        "flown so.",
+        "t [m]",
+        "verdict: agrees in part",
+        "✓ it does: 1 cm",
+        "✗ it does not: 2 cm",
+        "? undecided: it may: 3 cm",
+        "✓ it must (by construction): 0",
+        "because.",
+    ):
+        assert line in lines
+    assert "x [m]" in one.stdout
+    assert "experiment │" not in one.stdout.replace("┃", "│")  # one needs no summary
+    assert json.loads((tmp_path / "wind.json").read_text())["numbers"] == {"n": 1.0}
+    several = run.invoke(app, ["experiment", "paper", *words])
+    assert several.exit_code == 0, several.output
+    summary = {row.split()[1]: row for row in several.stdout.splitlines() if " of " in row}
+    assert "agrees: 1 of 1" in summary["field"]
+    assert "agrees in part: 1 of 3, 1 undecided, and 1 by construction" in summary["wind"]
+    # Of many, what is compiled for one serves the next; one alone flies few of them plainly.
+    assert asked[0] == ("wind", False, COMPILED_FROM)
+    assert [name for name, _, _ in asked[1:]] == list(TOGETHER["paper"])
+    assert {compiled_from for _, _, compiled_from in asked[1:]} == {2}
+    point_mass = run.invoke(app, ["experiment", "all", "--model", "point-mass", *words])
+    assert point_mass.exit_code == 0, point_mass.output
+    flown = [name for name, _, _ in asked[1 + len(TOGETHER["paper"]) :]]
+    assert flown == [name for name in TOGETHER["all"] if name not in RIGID_BODY_ALONE]
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (["all", "--docs", "x", "--quick"], "without --quick"),
+        (["static", "--docs", "x"], "--docs goes with"),
+        (["point", "--docs", "x"], "there is no x/point.md"),
+        (["paper", "--docs", "x", "--model", "point-mass"], "--docs goes without --model"),
+        (["paper", "--dispersion"], "--dispersion goes with one experiment"),
+        (["static", "--dispersion", "--model", "point-mass"], "--dispersion goes with one"),
+        (["static", "--resume"], "no flights of an earlier run"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(
+    words: list[str], why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(experiment_command, "run_experiment", lambda *_: pytest.fail("it was run"))
+    refused = run.invoke(app, ["experiment", *words, "--workers", "0"])
+    assert refused.exit_code == 2
+    assert why in " ".join(refused.stderr.split())
 
 
 def test_a_site_file_gives_its_air_to_the_places(
