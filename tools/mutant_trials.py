@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import resource
 import shutil
 import signal
@@ -20,7 +21,7 @@ import subprocess
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
@@ -28,6 +29,7 @@ from types import MappingProxyType
 from typing import Final, NamedTuple
 
 import pytest
+from mutation_reach import HIDDEN, Lines, Reach, left_out, lines_of
 from mutations import Mutation, changed
 from tests_reaching import Imports, names_at
 
@@ -35,8 +37,6 @@ BUDGET_S: Final = 30.0  # processor time for a mutant's tests, its processes' in
 PROGRESS: Final = 10  # mutants from one line of progress to the next
 LOOPING_S: Final = 60.0  # processor time beyond it: no test takes as much
 HANGING_S: Final = 900.0  # on the clock, for a mutant that waits forever
-LEFT_OUT: Final = ("real time",)  # groups of tests/conftest.py
-HIDDEN: Final = "numba"
 SLOW_S: Final = 1.0  # a test that takes longer comes after the others of its file
 # Loaded once, before a process is split off for each mutant: what the tests load but for us.
 AHEAD: Final = (
@@ -54,6 +54,14 @@ class Mutant(NamedTuple):
     change: Mutation
 
 
+class Tried(NamedTuple):
+    """A file of tests to be run."""
+
+    file: str
+    only: frozenset[str] = frozenset()  # these of its tests; empty: all
+    but: frozenset[str] = frozenset()  # without these
+
+
 class Verdict(NamedTuple):
     """Whether a test failed with the mutant, and which (none: it hung, or the process died)."""
 
@@ -67,10 +75,14 @@ class Verdict(NamedTuple):
 class _Watch:
     """Stops at the first failure or when the time is used up, and knows which it was."""
 
-    def __init__(self, budget_s: float, broken: frozenset[str], slow: Mapping[str, float]) -> None:
+    def __init__(
+        self, budget_s: float, broken: frozenset[str], slow: Mapping[str, float], stem: str
+    ) -> None:
         self.failed = ""
         self.is_over = False
         self.slow = dict(slow)  # tests, and how long they take [s]
+        self.tried = Tried("")
+        self._stem = stem
         self._budget_s = budget_s
         self._broken = broken
 
@@ -80,13 +92,19 @@ class _Watch:
     ) -> None:
         """Tests that may judge a mutant."""
         kept: list[pytest.Item] = []
-        left_out: list[pytest.Item] = []
+        others: list[pytest.Item] = []
         for item in items:
-            groups = [mark.args[0] for mark in item.iter_markers("xdist_group")]
-            is_out = item.nodeid in self._broken or any(group in LEFT_OUT for group in groups)
-            (left_out if is_out else kept).append(item)
-        items[:] = sorted(kept, key=lambda item: self.slow.get(item.nodeid, 0.0))
-        config.hook.pytest_deselected(items=left_out)
+            is_out = item.nodeid in self._broken or left_out(item)
+            is_out |= item.nodeid in self.tried.but
+            is_out |= bool(self.tried.only) and item.nodeid not in self.tried.only
+            (others if is_out else kept).append(item)
+        items[:] = sorted(kept, key=self._turn)
+        config.hook.pytest_deselected(items=others)
+
+    def _turn(self, item: pytest.Item) -> tuple[bool, float]:
+        """Those named after the file that was changed come first, what takes long last."""
+        is_named = re.search(rf"(?<![a-z]){self._stem}(?![a-z])", item.name) is not None
+        return not is_named, self.slow.get(item.nodeid, 0.0)
 
     def pytest_runtest_logfinish(self) -> None:
         """Ends the run once the time is used up."""
@@ -109,7 +127,11 @@ class _Watch:
 
 
 def _judge(
-    tests: list[str], budget_s: float, broken: frozenset[str], slow: Mapping[str, float]
+    tests: list[Tried],
+    budget_s: float,
+    broken: frozenset[str],
+    slow: Mapping[str, float],
+    stem: str,
 ) -> str:
     """Run tests here, one file after the other: the first that fails, or none."""
     source = str(Path("src").absolute())
@@ -118,15 +140,16 @@ def _judge(
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     sys.dont_write_bytecode = False
     sys.modules[HIDDEN] = None  # type: ignore[assignment]  # whoever looks for it finds none
-    watch = _Watch(budget_s + sum(os.times()[:4]), broken, slow)
+    watch = _Watch(budget_s + sum(os.times()[:4]), broken, slow, stem)
     for test in tests:
-        if test not in broken:
+        if test.file not in broken:
+            watch.tried = test
             options = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:randomly"]
-            code = pytest.main([*options, test], plugins=[watch])
+            code = pytest.main([*options, test.file], plugins=[watch])
             known = (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED)
             Path(_SLOW).write_text(json.dumps(watch.slow), encoding="utf-8")
             if watch.failed or code not in known:
-                return watch.failed or test
+                return watch.failed or test.file
             if watch.is_over:
                 break
     return ""
@@ -134,14 +157,15 @@ def _judge(
 
 def started(
     folder: Path,
-    tests: list[str],
+    tests: list[Tried],
     budget_s: float = BUDGET_S,
     broken: frozenset[str] = frozenset(),
     slow: Mapping[str, float] = MappingProxyType({}),
+    stem: str = "no file",
 ) -> int:
     """A process of its own that runs tests in a copy of the project; `finished` knows the rest.
 
-    slow: tests that are known to take long, and how long [s].
+    slow: tests that are known to take long, and how long [s].  stem: of the file that is changed.
     """
     for name in (_ANSWER, _SLOW):
         (folder / name).unlink(missing_ok=True)
@@ -155,7 +179,7 @@ def started(
             for stream in (0, 1, 2):
                 os.dup2(quiet, stream)
             os.chdir(folder)
-            failed = _judge(tests, budget_s, broken, slow)
+            failed = _judge(tests, budget_s, broken, slow, stem)
             (folder / _ANSWER).write_text(failed, encoding="utf-8")
         finally:
             os._exit(0)
@@ -208,6 +232,7 @@ class Workshop:
         folders: list[Path],
         report: Callable[[str], None],
         budget_s: float = BUDGET_S,
+        reach: Reach | None = None,
     ) -> None:
         for name in AHEAD:
             with suppress(ImportError):
@@ -217,10 +242,13 @@ class Workshop:
         self._free = folders
         self._budget_s = budget_s
         self._report = report
+        self._reach = reach
         self._running: dict[int, tuple[Path, Mutant, float]] = {}  # with the time of its end
         self._sound: set[str] = set()
         self._broken: set[str] = set()
         self._slow: dict[str, float] = {}
+        if reach is not None:
+            self._slow = {test: s for test, s in reach.seconds.items() if s > SLOW_S}
         self.verdicts: dict[Mutant, Verdict] = {}
 
     def try_all(self, mutants: list[Mutant]) -> None:
@@ -251,10 +279,20 @@ class Workshop:
         folder = self._free.pop()
         source = (self._root / mutant.path).read_text(encoding="utf-8")
         (folder / mutant.path).write_text(changed(source, mutant.change), encoding="utf-8")
-        names = names_at(source, mutant.change.line)
-        tests = [str(path) for path in self._imports.tests_of(mutant.path, names)]
-        child = started(folder, tests, self._budget_s, frozenset(self._broken), self._slow)
+        tests = self._tests_of(mutant, source)
+        broken, stem = frozenset(self._broken), mutant.path.stem
+        child = started(folder, tests, self._budget_s, broken, self._slow, stem)
         self._running[child] = folder, mutant, time.monotonic() + HANGING_S
+
+    def _tests_of(self, mutant: Mutant, source: str) -> list[Tried]:
+        """What is run, in that order: by what was recorded, where the file is as it was then."""
+        names = names_at(source, mutant.change.line)
+        order = self._imports.tests_of(mutant.path, names)
+        if self._reach is None or not self._reach.knows(mutant.path):
+            return [Tried(str(path)) for path in order]
+        return in_order(
+            self._reach, mutant.path, lines_of(source, mutant.change.line, names), order
+        )
 
     def _end(self, child: int) -> Mutant | None:
         """Takes the verdict; the mutant, if it is to be tried again."""
@@ -277,13 +315,38 @@ class Workshop:
     def _is_sound(self, test: str, folder: Path) -> bool:
         """Whether a test passes in the unchanged copy."""
         if test not in self._sound | self._broken:
-            child = started(folder, [test])
+            file = test.partition("::")[0]
+            child = started(folder, [Tried(file, frozenset({test} - {file}))])
             os.waitpid(child, 0)
             kind = self._broken if finished(child, folder).noticed else self._sound
             kind.add(test)
             if kind is self._broken:
                 self._report(f"{test} fails in the unchanged source: left out")
         return test in self._sound
+
+
+def in_order(reach: Reach, path: Path, lines: Lines, order: Sequence[Path]) -> list[Tried]:
+    """Tests that execute a line, by file: first the file that mirrors it, then by the time that
+    those of a file take, then files that are not recorded.  At last the other tests of these files,
+    as something may be computed once for several; where a line acts without being executed, of all
+    files.
+
+    order: all files of tests that reach the file by imports, the nearest first.
+    """
+    at = reach.tests_at(path, lines)
+    files = [str(each) for each in order]
+    unknown = [file for file in files if not reach.records(file)]
+
+    def turn(file: str) -> tuple[bool, bool, float]:
+        seconds = sum(at.get(file, {}).values())
+        return Path(file).stem != f"test_{path.stem}", file not in at, seconds
+
+    first = sorted((*at, *unknown), key=turn)
+    others = sorted(at, key=turn) if lines.is_all else [f for f in files if reach.records(f)]
+    return [
+        *(Tried(file, only=frozenset(at.get(file, ()))) for file in first),
+        *(Tried(file, but=frozenset(at.get(file, ()))) for file in others),
+    ]
 
 
 def described(mutant: Mutant, root: Path) -> str:

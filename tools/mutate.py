@@ -7,10 +7,11 @@
 
 `tools/mutations.py` lists the kinds of change.  Each is made in a copy of the project, where the
 tests that reach the file are run, those that mirror it first, until one fails or the mutant's
-processor time is used up.  A mutant that cannot be imported, and one that never ends, count as
-noticed.  A test that fails in the unchanged copy as well notices nothing: it is left out.  Tests
-that need real time or compile kernels are left out too, for the first would fail on a busy machine
-and the others take minutes each.
+processor time is used up.  With `--reach` it is known which tests execute the line, and these are
+run before others, the quickest first (`tools/mutation_reach.py`).  A mutant that cannot be
+imported, and one that never ends, count as noticed.  A test that fails in the unchanged copy as
+well notices nothing: it is left out.  Tests that need real time or compile kernels are left out
+too, for the first would fail on a busy machine and the others take minutes each.
 
 Mutants that no test notices are listed with file and line, and written into a page beside the
 reason for each, which people write there and a new run keeps.
@@ -30,6 +31,7 @@ from typing import Final
 
 from mutant_trials import Mutant, Workshop, copied
 from mutants_page import page_of
+from mutation_reach import FOLDER, Reach, record
 from mutations import mutations
 from named_mutants import NAMED, SOURCE, mutation_of
 
@@ -57,6 +59,16 @@ def named_mutants(root: Path) -> list[Mutant]:
     ]
 
 
+def recorded(root: Path, jobs: int, *, anew: bool) -> Reach:
+    """What executes what; it is recorded where it never was.  Errors: CalledProcessError."""
+    if anew or not (root / FOLDER / "known.json").exists():
+        began_s = time.monotonic()
+        print("recording which tests execute which lines", flush=True)
+        record(root, jobs)
+        print(f"recorded in {(time.monotonic() - began_s) / 60.0:.0f} min", flush=True)
+    return Reach(root, root / FOLDER)
+
+
 def main(arguments: list[str], root: Path = ROOT) -> int:
     """0 if every mutant, or at least the share that is asked for, is noticed."""
     parser = argparse.ArgumentParser(
@@ -71,6 +83,13 @@ def main(arguments: list[str], root: Path = ROOT) -> int:
     parser.add_argument(
         "--named", action="store_true", help="those that people made, and no others"
     )
+    parser.add_argument(
+        "--reach",
+        action="store_true",
+        help="try the tests that execute a line, which a run of `make test` records first unless"
+        " it was recorded before (in .cache/mutants; --reach-anew: once more)",
+    )
+    parser.add_argument("--reach-anew", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args(arguments)
     mutants = named_mutants(root) if options.named else all_mutants(root, options.places)
     total = len(mutants)
@@ -79,9 +98,12 @@ def main(arguments: list[str], root: Path = ROOT) -> int:
     # What is compiled of the unchanged source is shared with the tests.
     os.environ.setdefault("XDG_CACHE_HOME", str(root / ".cache"))
     began_s = time.monotonic()
+    reach = None
+    if options.reach or options.reach_anew:
+        reach = recorded(root, options.jobs, anew=options.reach_anew)
     with tempfile.TemporaryDirectory(prefix="mutants-") as place:
         folders = [copied(root, Path(place, str(i))) for i in range(options.jobs)]
-        workshop = Workshop(root, folders, lambda line: print(line, flush=True))
+        workshop = Workshop(root, folders, lambda line: print(line, flush=True), reach=reach)
         with suppress(KeyboardInterrupt):  # what is known by then is worth a page
             workshop.try_all(mutants)
     verdicts = workshop.verdicts

@@ -14,8 +14,14 @@ from functools import cache
 from pathlib import Path
 
 PACKAGE = "tgl_soar"
-# Short flights of everything that flies: wherever a change acts in flight, they notice.
+# Short flights of everything that flies: wherever a change acts in flight, they notice.  What all
+# experiments conclude, of flights that nobody flew, and what is sent over the wire, likewise.
 FLIGHTS = Path("tests/sim/test_kept_flights.py")
+KEPT = (
+    Path("tests/analysis/experiments/test_concluded.py"),
+    Path("tests/onboard/test_kept_wire.py"),
+    FLIGHTS,
+)
 JUST_BEFORE = 0.5  # imports away: after those that are nearest, before all others
 
 
@@ -39,7 +45,7 @@ class Imports:
 
     def tests_of(self, path: Path, names: Sequence[str] = ()) -> list[Path]:
         """Test files that reach a file (relative paths): those that mirror it, then those nearest,
-        then `FLIGHTS`, then the others by the number of imports between, small ones first.
+        then `KEPT`, then the others by the number of imports between, small ones first.
 
         names: of what is changed and of what uses it, the nearest first: a test file that speaks of
         the first counts as two imports nearer, of another as one.  The nearest are those that
@@ -66,7 +72,7 @@ class Imports:
             spoken = _words(file)
             nearer = 2 if names and names[0] in spoken else int(any(n in spoken for n in names))
             steps: float = reached[file] - nearer
-            if file == self._root / FLIGHTS:
+            if file.relative_to(self._root) in KEPT:
                 steps = min(steps, JUST_BEFORE)
             return file not in mirrored, steps, away, file.stat().st_size
 

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from mutant_trials import Mutant, Verdict, described, finished, found_slow, started
+from mutant_trials import Mutant, Tried, Verdict, described, finished, found_slow, started
 from mutants_page import NOT_LOOKED_AT, page_of, reasons_of
 from mutate import all_mutants, named_mutants
 from mutations import LEFT_OUT, Mutation, changed
@@ -220,12 +220,27 @@ def test_that_fails():
 """)
     slow: dict[str, float] = {}
     for found in ({"test_it.py::test_slow"}, set()):  # then it is known, and never begun
-        child = started(tmp_path, ["test_it.py"], slow=slow)
+        child = started(tmp_path, [Tried("test_it.py")], slow=slow)
         os.waitpid(child, 0)
         assert finished(child, tmp_path).by == "test_it.py::test_that_fails"
         assert found_slow(tmp_path).keys() - slow.keys() == found
         slow = found_slow(tmp_path)
         assert slow["test_it.py::test_slow"] == pytest.approx(1.1, abs=1.0)
+
+
+def test_what_is_named_after_the_changed_file_comes_first(tmp_path: Path) -> None:
+    (tmp_path / "src").mkdir()
+    (tmp_path / "test_it.py").write_text("""\
+import pytest
+
+@pytest.mark.parametrize("n", [1, 2, 3], ids=["slow-wind", "winding", "x-wind"])
+def test_it(n):
+    assert n == 1
+""")
+    for stem, first in (("winding", "winding"), ("wind", "x-wind"), ("law", "winding")):
+        child = started(tmp_path, [Tried("test_it.py")], stem=stem)
+        os.waitpid(child, 0)
+        assert finished(child, tmp_path).by == f"test_it.py::test_it[{first}]"
 
 
 def test_the_places_are_files_and_folders(project: Path) -> None:

@@ -1,0 +1,176 @@
+"""What is recorded of tests and lines, and in which order tests are tried by it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from mutant_trials import Tried, in_order
+from mutate import main
+from mutation_reach import FOLDER, Lines, Reach, lines_of, plain, record
+
+SOURCE = """\
+MOST = 4.0
+
+
+class Box:
+    wide: float = 2.0
+
+    def holds(self, x):
+        if x > self.wide:
+            return False
+        return x < MOST
+
+
+def doubled(x: float, by: float = 2.0):
+    return (
+        x
+        * by
+    )
+"""
+TEST_OF_BOX = """\
+import time
+import pytest
+from tgl_soar.box import Box
+
+@pytest.fixture(scope="module")
+def held():
+    return Box().holds(1.0)
+
+def test_first(held):
+    time.sleep(0.3)
+
+def test_second(held):
+    assert held
+
+def test_wide():
+    assert not Box().holds(3.0)
+
+def test_nothing():
+    pass
+"""
+TEST_OF_DOUBLED = """\
+import pytest
+from tgl_soar.box import doubled, Box
+
+@pytest.mark.parametrize("x", [1.0, 2.0])
+def test_doubled(x):
+    assert doubled(x) == 2.0 * x
+
+def test_box():
+    assert Box().holds(0.5)
+
+@pytest.mark.xdist_group("real time")
+def test_of_real_time():
+    assert doubled(1.0) == 2.0
+"""
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A package of one module, with what was recorded of its tests."""
+    root = tmp_path_factory.mktemp("project")
+    for name, text in {
+        "src/tgl_soar/__init__.py": "",
+        "src/tgl_soar/box.py": SOURCE,
+        "tests/test_box.py": TEST_OF_BOX,
+        "tests/test_doubled.py": TEST_OF_DOUBLED,
+        "pyproject.toml": "[tool.pytest.ini_options]\ntestpaths = ['tests']\n"
+        "markers = ['long', 'later']\n",
+    }.items():
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_text(text, encoding="utf-8")
+    subprocess.run(["git", "init", "-q"], cwd=root, check=True)
+    record(root, 1)
+    return root
+
+
+BOX, OF_BOX, OF_DOUBLED = Path("src/tgl_soar/box.py"), "tests/test_box.py", "tests/test_doubled.py"
+DOUBLED = {f"{OF_DOUBLED}::test_doubled[{x}]" for x in ("1.0", "2.0")}
+
+
+@pytest.fixture
+def reach(project: Path) -> Reach:
+    return Reach(project, project / FOLDER)
+
+
+def test_a_line_is_executed_by_the_tests_that_execute_it(reach: Reach) -> None:
+    assert reach.knows(BOX)
+    doubled = reach.tests_at(BOX, Lines(frozenset((14, 15, 16)), True))
+    assert {file: set(tests) for file, tests in doubled.items()} == {OF_DOUBLED: DOUBLED}
+    wide = reach.tests_at(BOX, Lines(frozenset((9,)), True))
+    assert {file: set(tests) for file, tests in wide.items()} == {OF_BOX: {f"{OF_BOX}::test_wide"}}
+    # What a fixture executes that several tests share is any test's of that file.
+    held = reach.tests_at(BOX, Lines(frozenset((10,)), True))
+    assert len(held[OF_BOX]) == 4
+    assert set(held[OF_DOUBLED]) == {f"{OF_DOUBLED}::test_box"}
+    assert held[OF_BOX][f"{OF_BOX}::test_first"] >= 0.3
+    assert not any("real_time" in test for test in reach.seconds)
+
+
+def test_what_acts_with_a_line_is_its_statement_or_whoever_uses_it() -> None:
+    assert lines_of(SOURCE, 15, []) == Lines(frozenset((14, 15, 16, 17)), True)
+    assert lines_of(SOURCE, 8, []) == Lines(frozenset((8,)), True)  # an if is not what it guards
+    assert lines_of(SOURCE, 9, []) == Lines(frozenset((9,)), True)
+    assert lines_of(SOURCE, 1, ["MOST", "Box"]) == Lines(frozenset((8, 9, 10)), False)
+    assert lines_of(SOURCE, 5, ["wide", "Box"]) == Lines(frozenset((8, 9, 10)), False)
+    assert lines_of(SOURCE, 13, ["doubled"]) == Lines(frozenset((14, 15, 16, 17)), False)
+    assert lines_of(SOURCE, 2, []) == Lines(frozenset(), False)
+
+
+def test_those_that_execute_a_line_come_first(reach: Reach) -> None:
+    order = [Path("tests/test_new.py"), Path(OF_DOUBLED), Path(OF_BOX)]
+    inside = in_order(reach, BOX, lines_of(SOURCE, 15, []), order)
+    assert inside == [
+        Tried(OF_DOUBLED, only=frozenset(DOUBLED)),
+        Tried("tests/test_new.py"),  # nothing is known of it
+        Tried(OF_DOUBLED, but=frozenset(DOUBLED)),
+    ]
+    # A constant may act anywhere: all files follow, and of each what has not been run.
+    constant = in_order(reach, BOX, lines_of(SOURCE, 1, ["MOST", "Box"]), order)
+    assert [tried.file for tried in constant] == [
+        OF_BOX,  # it mirrors the file
+        OF_DOUBLED,
+        "tests/test_new.py",
+        OF_DOUBLED,
+        OF_BOX,
+    ]
+    assert constant[-1].but == constant[0].only
+
+
+def test_what_has_changed_since_is_not_known(project: Path, reach: Reach) -> None:
+    test = project / OF_DOUBLED
+    test.write_text(TEST_OF_DOUBLED + "\n", encoding="utf-8")
+    assert not reach.records(OF_DOUBLED)
+    assert reach.records(OF_BOX)
+    assert OF_DOUBLED not in reach.tests_at(BOX, Lines(frozenset((15,)), True))
+    test.write_text(TEST_OF_DOUBLED, encoding="utf-8")
+    assert reach.records(OF_DOUBLED)
+
+
+def test_the_groups_of_xdist_are_no_part_of_a_test() -> None:
+    assert plain("tests/a.py::b@real time") == "tests/a.py::b"
+    assert plain("tests/a.py::b[x@y]@air/a.py") == "tests/a.py::b[x@y]"
+    assert plain("tests/a.py::b[x@y]") == "tests/a.py::b[x@y]"
+    assert plain("tests/a.py::b") == "tests/a.py::b"
+
+
+def test_mutants_are_tried_by_what_is_recorded(project: Path) -> None:
+    code = "import sys; from pathlib import Path; from mutate import main; "
+    code += "sys.exit(main(sys.argv[1:], Path.cwd()))"
+    assert main.__module__ == "mutate"
+    run = subprocess.run(
+        [sys.executable, "-c", code, "--reach", "--least", "50"],
+        cwd=project,
+        env={"PYTHONPATH": str(Path(__file__).parents[2] / "tools"), "PATH": "/usr/bin:/bin"},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert run.stderr == ""
+    assert run.returncode == 0, run.stdout
+    # Nobody asks for x at exactly 4 or at exactly 2, and no box is as wide as 4.
+    assert "recording" not in run.stdout
+    assert "box.py:16" not in run.stdout
