@@ -203,6 +203,32 @@ def test_a_power_saving_loop_does_not_warm_up(
     assert sum(warmed_up) == (0 if power_saving else 2)
 
 
+@pytest.mark.interpreted
+def test_crafted_datagrams_in_a_tracker_s_name_hold_up_a_tick_by_one_of_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Each takes 8 ms to be refused; 16 of them wait, always."""
+    now_s, onboard = 1000.0, Flight().onboard
+
+    def clock() -> float:
+        nonlocal now_s
+        now_s += 1e-5
+        return now_s
+
+    def pose(*_: object) -> None:
+        nonlocal now_s
+        now_s += 0.008
+
+    monkeypatch.setattr("tgl_soar.onboard.realtime.clock_s", clock)
+    monkeypatch.setattr(onboard.positions, "pose", pose)
+    silent: Any = SimpleNamespace(generation=0, fileno=lambda: -1, is_stream=False)
+    silent.receive = lambda _now_s, _most: []
+    flood: Any = SimpleNamespace(filenos=list)
+    flood.receive = lambda most=16: [(b"", ("10.0.0.2", 1510))] * most
+    loop.run(onboard, [silent], lambda: now_s > 1002.0, print, mocap=flood)
+    assert onboard.counters.ticks > 150  # in 2 s: one in 13 ms, where each waits for one
+
+
 @pytest.mark.parametrize(
     ("options", "realtime_options"),
     [

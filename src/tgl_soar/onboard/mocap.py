@@ -12,7 +12,7 @@ from tgl_soar.config.site import Mocap, Site
 from tgl_soar.link.natnet import layout
 from tgl_soar.link.natnet.server import MulticastStream
 from tgl_soar.link.natnet.settings import OptitrackSettings
-from tgl_soar.link.natnet.sockets import Address, NatNetSockets
+from tgl_soar.link.natnet.sockets import MAX_DATAGRAMS, Address, NatNetSockets
 from tgl_soar.link.optitrack import Optitrack
 
 
@@ -50,9 +50,9 @@ class MocapFeed:
         """To wait on."""
         return self._sockets.filenos()
 
-    def receive(self) -> list[tuple[bytes, Address]]:
-        """The datagrams that have come, with their senders.  Bounded."""
-        return self._sockets.receive()
+    def receive(self, most: int = MAX_DATAGRAMS) -> list[tuple[bytes, Address]]:
+        """The datagrams that have come, with their senders; at most so many of each socket."""
+        return self._sockets.receive(most)
 
     def send(self, data: bytes) -> None:
         """A request of the client's."""

@@ -11,7 +11,7 @@ from typing import Final
 
 from tgl_soar.link.natnet.layout import MAX_DATAGRAM_BYTES
 
-MAX_DATAGRAMS: Final = 16  # in one call and of one socket: the tick must not wait for a flood
+MAX_DATAGRAMS: Final = 16  # at once and of one socket: a flood must have an end
 RECEIVE_BUFFER_BYTES: Final = 1 << 20
 DISCOVERY: Final = "255.255.255.255"  # whom to ask who is there
 
@@ -53,11 +53,11 @@ class NatNetSockets:
         """To wait on."""
         return [s.fileno() for s in (self._commands, self._stream) if s is not None]
 
-    def receive(self) -> list[tuple[bytes, Address]]:
-        """The datagrams that have come, with their senders.  Bounded."""
+    def receive(self, most: int = MAX_DATAGRAMS) -> list[tuple[bytes, Address]]:
+        """The datagrams that have come, with their senders; at most so many of each socket."""
         received: list[tuple[bytes, Address]] = []
         for source in (self._commands, self._stream):
-            for _ in range(MAX_DATAGRAMS if source is not None else 0):
+            for _ in range(most if source is not None else 0):
                 try:
                     assert source is not None
                     data, sender = source.recvfrom(MAX_DATAGRAM_BYTES)
