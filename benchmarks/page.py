@@ -142,7 +142,16 @@ def _aims(page: str) -> list[_Aim]:
         if line.startswith("| ") and len(cells) == 6 and cells[5].startswith("≤"):
             what, _measured, _reference, beside, ratio, aim = cells
             is_missed = aim.endswith(MISSED)
-            found.append(_Aim(group, what, beside, ratio, aim.removesuffix(MISSED), is_missed))
+            found.append(
+                _Aim(
+                    group=group,
+                    what=what,
+                    beside=beside,
+                    ratio=ratio,
+                    aim=aim.removesuffix(MISSED),
+                    is_missed=is_missed,
+                )
+            )
     return found
 
 

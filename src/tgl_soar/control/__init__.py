@@ -22,6 +22,6 @@ Other ways to fly
   excitation           a multisine that shows the margins
 
 Whether a line can be flown
-  line_bounds          fence, ground, contour
+  line_bounds          fence, ground, contour;  line_room: how far down and up a line there is room
   loop_margin          the loop's disk margin;  lateral_margin: of roll and heading
 """

@@ -18,7 +18,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tgl_soar.analysis.experiments.estimator_flights import EstimatorFlight, WatchedFlight
+from tgl_soar.analysis.experiments.estimates.estimator_flights import EstimatorFlight, WatchedFlight
+from tgl_soar.analysis.experiments.estimates.wind_estimate import ObservedFlight, WindFlight
 from tgl_soar.analysis.experiments.flights import (
     KEEP_EVERY,
     FlownScenario,
@@ -26,10 +27,9 @@ from tgl_soar.analysis.experiments.flights import (
     ScenarioJob,
     score_legs,
 )
-from tgl_soar.analysis.experiments.margin_tables import REFUSED_LEANS_DEG, RefusedFound
+from tgl_soar.analysis.experiments.lift.survey import SurveyedOnce, SurveyJob
+from tgl_soar.analysis.experiments.loop.margin_tables import REFUSED_LEANS_DEG, RefusedFound
 from tgl_soar.analysis.experiments.scenario import prepare
-from tgl_soar.analysis.experiments.survey import SurveyedOnce, SurveyJob
-from tgl_soar.analysis.experiments.wind_estimate import ObservedFlight, WindFlight
 from tgl_soar.analysis.survey.drawn import DrawnContour
 from tgl_soar.analysis.survey.flying import SurveyFlight
 from tgl_soar.analysis.tuning.demands import SETS

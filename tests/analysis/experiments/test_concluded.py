@@ -14,9 +14,9 @@ from made_up import MadeUp
 from plans import PLANNED
 
 from tgl_soar.analysis.experiments import context as contexts
-from tgl_soar.analysis.experiments import estimator_flights
 from tgl_soar.analysis.experiments.catalogue import EXPERIMENTS, run
 from tgl_soar.analysis.experiments.context import Context
+from tgl_soar.analysis.experiments.estimates import estimator_flights
 from tgl_soar.analysis.experiments.result import Result, Table, plain
 
 # These look for many lines on the contour, which takes seconds each; some are asked for one seed.

@@ -157,7 +157,15 @@ def test_a_result_is_printed_with_its_marks_and_several_are_counted(
     def fly(name: str, context: Context) -> Result:
         asked.append((name, context.quick, context.compiled_from))
         held = claims[:1] if name == "field" else claims
-        return Result(name, "title", "flown so.", held, "because.", (table,), {"n": 1.0})
+        return Result(
+            name=name,
+            title="title",
+            flown="flown so.",
+            claims=held,
+            why="because.",
+            tables=(table,),
+            numbers={"n": 1.0},
+        )
 
     monkeypatch.setattr(experiment_command, "run_experiment", fly)
     words = ["--workers", "0", "--out", str(tmp_path)]

@@ -578,14 +578,8 @@ def _draw_wind(
         heights.append(
             Trace(np.array([40.0, time[-1]]), np.full(2, 100 * later), None, colour, "--", 1.6)
         )
-        winds.append(
-            Trace(
-                time[show],
-                np.mean([f.path["wind_mps"][:length] for f in several], axis=0)[show],
-                None,
-                colour,
-            )
-        )
+        wind = np.mean([f.path["wind_mps"][:length] for f in several], axis=0)
+        winds.append(Trace(time[show], wind[show], None, colour))
     mean = f"mean of {len(flights['a', kind])} flights" if kind != "calm" else "calm air"
     flight_figure(
         path,
