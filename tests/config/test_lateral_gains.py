@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from math import pi, tan
 
 import numpy as np
@@ -118,12 +119,21 @@ def linear(model: AircraftModel, speed_mps: float) -> tuple[Floats, Floats]:
     return np.array(a).T / (2.0 * small), np.array(b).T / (2.0 * small)
 
 
-def disk_margins(airframe: Airframe, speed_mps: float, late_s: float) -> tuple[float, float]:
-    """Of the loops opened at aileron and rudder, one at a time, the other closed."""
+def disk_margins(
+    airframe: Airframe,
+    speed_mps: float,
+    late_s: float,
+    changes: Mapping[str, float] | None = None,
+) -> tuple[float, float]:
+    """Of the loops opened at aileron and rudder, one at a time, the other closed; 0: unstable.
+
+    changes: factors of the parameters that the file gives.
+    """
     model = aircraft_model(asdict(airframe.airframe), airframe.model)
     a, b = linear(model, speed_mps)
     servo = airframe.model["servo_lag_radps"]
     values = load_parameters(airframe, AIRFRAME_PATH, load_site(SITE_PATH), SITE_PATH)
+    values = values.changed({name: by * values[name] for name, by in (changes or {}).items()})
     laws = laws_from(values.changed({"CMD_DELAY": late_s}), SoaringFrame(0.0, 0.0, 0.0, 0.0))
     schedule = laws.lateral_schedule
     f = lateral_bandwidth(schedule, 0.0)
@@ -134,8 +144,8 @@ def disk_margins(airframe: Airframe, speed_mps: float, late_s: float) -> tuple[f
         laws.heading, side.kd, WAYPOINT_M + laws.heading.waypoint_x_m, speed_mps
     )
     y, v, roll, heading, p, r = np.eye(6)
-    worst = [0.0, 0.0]
-    for w in FREQUENCIES:
+
+    def opened(w: float) -> NDArray[np.complex128]:
         s = 1j * w
         plant = np.linalg.solve(s * np.eye(6) - a, b)
         actuator = servo / (s + servo) * np.exp(-s * (late_s + HOLD_S))
@@ -145,11 +155,50 @@ def disk_margins(airframe: Airframe, speed_mps: float, late_s: float) -> tuple[f
         bank = sideways * (leading * setpoint - v)
         aileron = (ail.kp + ail.ki / s) * (bank - roll) - ail.kd * filtered * p
         rudder = rud.kp * (setpoint - heading) - rud.kd * filtered * r
-        loop = -actuator * np.array([aileron, rudder]) @ plant
+        return np.asarray(-actuator * np.array([aileron, rudder]) @ plant)
+
+    if not settles(a, opened):
+        return 0.0, 0.0
+    worst = [0.0, 0.0]
+    for w in FREQUENCIES:
+        loop = opened(w)
         for k, other in ((0, 1), (1, 0)):
             closed = loop[k, k] - loop[k, other] * loop[other, k] / (1.0 + loop[other, other])
             worst[k] = max(worst[k], abs(1.0 / (1.0 + closed) - 0.5))
     return 1.0 / worst[0], 1.0 / worst[1]
+
+
+def settles(a: Floats, opened: Callable[[float], NDArray[np.complex128]]) -> bool:
+    """Whether all of the closed loop decays: Nyquist's criterion of det(1 + L), times what the
+    aircraft and the two integrals of the laws have of their own, over as many poles at -1.
+
+    That is 1 far above all, and real far below; of each growing root it turns back by half a turn.
+    """
+    turns = 0.0
+    before = complex(1.0)
+    for k, w in enumerate(np.geomspace(1e-3, 1e3, 600)):
+        s = 1j * w
+        whole = np.linalg.det(s * np.eye(6) - a) * np.linalg.det(np.eye(2) + opened(w))
+        now = complex(whole * s**2 / (s + 1.0) ** 8)
+        if k > 0:
+            turns += float(np.angle(now / before))
+        before = now
+    return turns > -0.5 * pi
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"AIL_P": 7.5},
+        {"RUD_D": 15.0},
+        {"SIDE_P": 6.0},
+        {"SIDE_P": 0.05, "SIDE_I": 20.0},  # an integral alone, that swings slowly
+    ],
+)
+def test_what_is_unstable_has_no_margin(changes: dict[str, float]) -> None:
+    """|1 / (1 + L) - 1/2| is as small as ever on the far side of -1: it tells of no stability."""
+    assert disk_margins(AIRFRAME, 8.7, 0.0245, changes) == (0.0, 0.0)
+    assert min(disk_margins(AIRFRAME, 8.7, 0.0245)) > 0.5
 
 
 @pytest.mark.parametrize("servo_s", [0.015, 0.0185, 0.030, 0.080])
