@@ -6,6 +6,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from tgl_soar.analysis.tuning import flights
 from tgl_soar.analysis.tuning import tune as tuning
@@ -23,6 +24,7 @@ from tgl_soar.config.files import (
     load_site,
     shipped,
 )
+from tgl_soar.config.lateral_gains import lateral_gains
 from tgl_soar.sim.world import World, make_world
 from tgl_soar.types import SurfaceCommand
 
@@ -173,6 +175,20 @@ def test_an_aircraft_flies_with_what_its_file_says(kind: str) -> None:
         assert values[name] - values["PITCH_TRIM"] == pytest.approx(
             VALUES[name] - VALUES["PITCH_TRIM"], abs=1e-5
         )
+
+
+def test_an_aircraft_flies_with_the_roll_and_heading_gains_of_its_own_file() -> None:
+    """A servo of another lag and other inertia want other gains; what the file gives stands."""
+    drawn, _, _ = flights.soaring_aircraft(FIELD, VALUES, (1, FOR_JUDGING, 0))
+    values = flights.values_of(VALUES, drawn, INERTIAL)
+    for name, gain in lateral_gains(drawn.known).items():
+        assert values[name] == pytest.approx(gain, rel=1e-6)
+    assert values["AIL_P"] != pytest.approx(VALUES["AIL_P"], rel=0.01)
+    slowest = drawn.known.all_parameters()["SPEED_MIN"]
+    assert values["SPEED_MIN"] == pytest.approx(slowest, rel=1e-6)
+    given = replace(drawn.known, parameters={**drawn.known.parameters, "AIL_P": 0.75})
+    values = flights.values_of(VALUES.changed({"AIL_P": 0.75}), drawn._replace(known=given), PLAIN)
+    assert values["AIL_P"] == 0.75
 
 
 def test_a_site_where_none_can_soar_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

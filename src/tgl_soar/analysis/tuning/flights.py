@@ -29,6 +29,7 @@ from tgl_soar.analysis.tuning.demands import INERTIAL
 from tgl_soar.autopilot import mode_name, reason_text
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import load_site
+from tgl_soar.config.lateral_gains import lateral_gains
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Site, Start
 from tgl_soar.control.envelope import clearance, outside
@@ -290,9 +291,14 @@ def _dispersion_m(
 
 
 def values_of(values: ParameterSet, drawn: Drawn, kind: str) -> ParameterSet:
-    """The parameters that an aircraft flies with: as its own file has them."""
+    """The parameters that an aircraft flies with: as its own file has them.
+
+    All that follows from the aircraft, the gains of roll and heading with it, follows from the one
+    that was drawn; what the file gives in [parameters] is in `values`.
+    """
     own = drawn.known.all_parameters()
-    known = {name: value for name, value in own.items() if name.startswith("DYN_")}
+    derived = {**lateral_gains(drawn.known), **own}
+    known = {name: value for name, value in derived.items() if name not in drawn.known.parameters}
     model = aircraft_model(asdict(drawn.known.airframe), drawn.known.model)
     trim = degrees(glide_at(model, max(own["DYN_BEST"], _slowest(drawn))).pitch_rad)
     shift = trim - values["PITCH_TRIM"]
