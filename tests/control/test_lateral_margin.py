@@ -39,6 +39,8 @@ VALUES = load_parameters(AIRFRAME, AIRFRAME_PATH, SITE, SITE_PATH)
 MODEL = aircraft_model(asdict(AIRFRAME.airframe), AIRFRAME.model)
 KNOWN = lateral_dynamics(AIRFRAME)
 BOUNDS = LineBounds(lateral=KNOWN)
+# As the elevator's rule (test_loop_margin.py): what a margin of 0.5 is known to anyway, 1 dB.
+AGREES = 0.1
 
 
 def both(
@@ -73,19 +75,22 @@ def test_with_shipped_gains_the_rule_and_the_model_have_margin(
     for speed in (7.8, 10.0, 14.0):
         rule, model = both({"CMD_DELAY": late_s}, speed, inertial)
         assert min(*rule, *model) > 0.6
-        assert rule == pytest.approx(model, abs=0.2)
+        assert rule == pytest.approx(model, abs=AGREES)
 
 
 @pytest.mark.parametrize("inertial", [True, False])
 @pytest.mark.parametrize(
     ("name", "factor"),
-    [("AIL_P", 3.0), ("AIL_D", 3.0), ("RUD_D", 4.0), ("RUD_D", 10.0), ("RUD_P", 5.0)],
+    [
+        *(("AIL_P", 3.0), ("AIL_D", 3.0), ("RUD_D", 4.0), ("RUD_D", 10.0), ("RUD_P", 5.0)),
+        *(("SIDE_P", 2.0), ("SIDE_I", 8.0), ("AIL_I", 8.0)),
+    ],
 )
 def test_beside_the_floor_the_rule_agrees_with_the_model(
     name: str, factor: float, inertial: bool
 ) -> None:
     rule, model = both(raised(name, factor), 10.0, inertial)
-    assert min(rule) == pytest.approx(min(model), abs=0.2)
+    assert min(rule) == pytest.approx(min(model), abs=AGREES)
 
 
 @pytest.mark.parametrize("inertial", [True, False])
@@ -172,17 +177,35 @@ def test_an_aileron_gain_is_judged_anew_on_the_same_line() -> None:
 def test_alpha_hardly_moves_within_a_step_and_its_shortest_way_has_the_least(
     late_s: float,
 ) -> None:
-    """By a twentieth at most, four times less than what the rule may be wrong by: the far end of
-    each step, without keeping, beside what is kept for it."""
+    """By less of itself than V / R does, a tenth: the far end of each step, without keeping,
+    beside what is kept for it."""
     for step in range(6, 60, 3):
         way_m = (step + 1) * WAY_STEP_M - 0.01
         values = at_way(way_m, {"CMD_DELAY": late_s})
         kept = lateral_margins(values, KNOWN)
         exact = loop_margin._lateral_margins.__wrapped__(values, KNOWN)
         for near, far in zip(kept, exact, strict=True):
-            assert -0.001 <= far.alpha - near.alpha <= 0.05
-            if "heading" in near.name:
-                assert far.alpha == near.alpha
+            if "heading" in near.name:  # the waypoint is too slow to be of any weight
+                assert far.alpha == pytest.approx(near.alpha, abs=0.005)
+            else:
+                assert -0.001 <= far.alpha - near.alpha <= 0.1 * near.alpha
+
+
+def test_a_spiral_that_grows_by_itself_is_no_instability_of_the_loop() -> None:
+    """Without dihedral, and with twice the roll by yaw, the glide alone turns ever steeper; the
+    bank's loop is hundreds of times faster."""
+    alone = KNOWN._replace(roll_of_slip_per_s2=0.0, roll_of_yaw_per_s=2.0 * KNOWN.roll_of_yaw_per_s)
+    open_loops = VALUES.changed(
+        dict.fromkeys(("AIL_P", "AIL_I", "AIL_D", "RUD_P", "RUD_D", "SIDE_P", "SIDE_I"), 0.0)
+    )
+    laws, closed = (laws_from(values, SITE.frame()) for values in (open_loops, VALUES))
+    assert disk_margins(sideways_flown(laws, alone, 0.026, 9.0, True)) == (0.0, 0.0)
+    assert min(disk_margins(sideways_flown(closed, alone, 0.026, 9.0, True))) > FLOOR
+
+
+def test_an_integral_too_slow_for_the_sweep_is_not_taken_for_a_growing_root() -> None:
+    slow = {"AIL_I": 1e-4 * VALUES["AIL_P"], "SIDE_I": 0.0}
+    assert min(both(slow, 10.0, True)[0]) > FLOOR
 
 
 def test_a_line_far_from_its_waypoint_is_judged_too() -> None:

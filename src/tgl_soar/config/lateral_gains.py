@@ -5,6 +5,7 @@ At the speed V of a glide a little faster than the slowest, Q = ½ ρ V²,
     L_δ = Q S b C_lδa / Ixx                aileron's effect [rad/s²]
     L_p = −Q S b² C_lp / (2 V Ixx)         roll damping [1/s], one over the roll mode's time
     N_δ, N_β, N_r                          likewise of the rudder, of sideslip, of the yaw rate
+    L_β, L_r, N_p, N_δa                    likewise; the side force's over the mass
     T   = servo's lag and delay + LATENCY_S
 
 **Roll.**  Aileron moves the bank by L_δ / (s (s + L_p)).  A derivative with k_d = k_p / L_p cancels
@@ -64,6 +65,9 @@ def lateral_dynamics(airframe: Airframe) -> LateralDynamics:
     span_force = pressure * bench.wing_area_m2 * bench.span_m
     half_turn_s = 0.5 * bench.span_m / speed
     roll, yaw = span_force / bench.ixx_kgm2, span_force / bench.izz_kgm2
+    side, weight = pressure * bench.wing_area_m2, bench.mass_kg * model["gravity_mps2"]
+    lift_slope = model.get("CL_alpha", 0.0)
+    lifts = lift_slope > 0.0
     return LateralDynamics(
         speed_mps=speed,
         roll_effect_radps2=roll * model["Cl_aileron"],
@@ -72,6 +76,14 @@ def lateral_dynamics(airframe: Airframe) -> LateralDynamics:
         yaw_damping_per_s=-yaw * model["Cn_r"] * half_turn_s,
         yaw_stiffness_per_s2=yaw * max(0.0, model["Cn_beta"]),
         lag_s=1.0 / model["servo_lag_radps"],
+        roll_of_slip_per_s2=roll * model.get("Cl_beta", 0.0),
+        roll_of_yaw_per_s=roll * model.get("Cl_r", 0.0) * half_turn_s,
+        yaw_of_roll_per_s=yaw * model.get("Cn_p", 0.0) * half_turn_s,
+        yaw_of_aileron_radps2=yaw * model.get("Cn_aileron", 0.0),
+        side_of_slip_mps2=side * model.get("CY_beta", 0.0) / bench.mass_kg,
+        side_of_rudder_mps2=side * model.get("CY_rudder", 0.0) / bench.mass_kg,
+        lift_rad=weight / (side * lift_slope) if lifts else 0.0,
+        rigging_rad=-model.get("CL0", 0.0) / lift_slope if lifts else 0.0,
     )
 
 

@@ -98,9 +98,9 @@ def margin_fault(
     """Why the line of these values cannot be flown with a margin, or why roll or heading would
     swing on any; "" if neither, or if too little is known of the airframe.
 
-    Roll and heading are known within 0.2 on the shipped aircraft, and heading has more than that
-    to spare where the rule knows least (`control.lateral_margin`): they are refused below RINGS
-    alone, and what is between is a doubt.
+    Roll and heading are known within 0.1 (`control.lateral_margin`).  A line that leans otherwise
+    would not help them, so that they are refused where they would swing, below RINGS, and what is
+    between is a doubt.
     """
     for found in line_margins(values):
         if found.alpha < floor:
@@ -148,8 +148,8 @@ def lateral_margins(
     process that flies nothing.  R is seen as V_l / R = min(V / R, g kv) alone.  Up to V / (g kv),
     5 m and more with a kv as computed (`config.lateral_gains`), nothing changes at all; beyond, a
     step changes V / R by 0.5 m of 5 m and more, a tenth at most, which is half or so of the
-    sideways loop where that crosses over: alpha moves by a twentieth at most, where the rule is
-    within 0.2, and the shortest way has the least.  Heading knows no R.
+    sideways loop where that crosses over: alpha moves by less than a tenth of itself, and the
+    shortest way has the least.  To heading R is of no weight.
     """
     return _lateral_margins(values.changed(_of_the_way(values)), lateral)
 
