@@ -205,6 +205,19 @@ def test_latency_and_lean_cost_margin_until_the_loop_is_unstable() -> None:
         activity(as_they_stand, hovering(45.0, delay_s=0.04), Gusts(0.01, 8.5))
 
 
+@pytest.mark.parametrize("names", [("RHO_I",), ("ELE_I",), ("RHO_I", "ELE_I")])
+def test_an_integral_that_nothing_moves_is_no_pole_of_the_loop(names: tuple[str, ...]) -> None:
+    """It would stand at 0, and be taken for a loop that does not settle."""
+    both_sets = [*names, *(f"{name}_IMU" for name in names)]
+    here, without = hovering(), laws(dict.fromkeys(both_sets, 0.0))
+    loop = loop_at(here, without)
+    assert len(loop_at(here).system.a[0]) - len(loop.system.a[0]) == len(names)
+    assert is_stable(loop)
+    assert poles(loop)[0].real < -0.01
+    assert disk_margin(loop) > 0.5
+    assert activity(without, here, Gusts(0.01, 8.5)).e_rho_m > 0.0
+
+
 def test_sensitivity_and_open_loop_are_one() -> None:
     loop = loop_at(hovering())
     s = sensitivity(loop, "e_rho", FREQUENCIES_RADPS)
