@@ -293,6 +293,13 @@ def test_who_has_released_may_engage_again_at_once(flight: Flight) -> None:
         flight.set("OP_ENGAGE", 0.0)
         flight.run(0.3)
         assert flight.mode_now == READY
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(0.3)
+    flight.said()
+    engage = mavlink.MAVLink_command_long_message(1, 191, ENGAGE, 0, *[0] * 7)
+    flight.onboard.event(bytes(engage.pack(OTHER)), flight.now_s)  # it flies already
+    flight.run(0.1)
+    assert acks(flight.said()) == [(ENGAGE, IN_PROGRESS)]
 
 
 def with_switch(channel: float) -> Flight:

@@ -107,10 +107,11 @@ class EngageSwitch:
         mode = self.mode
         if mode == RELEASED:
             return "it has just disengaged: try again"
-        if not self._settings.engage and 0.0 <= now_s - self._turned_back_s < REPEATS_S:
+        is_idle = not self._settings.engage
+        if is_idle and 0.0 <= now_s - self._turned_back_s < REPEATS_S:
             return f"it has disengaged by itself: try again after {REPEATS_S:g} s"
         is_others = station is not None and station != self._released_by
-        if is_others and 0.0 <= now_s - self._released_s < REPEATS_S:
+        if is_idle and is_others and 0.0 <= now_s - self._released_s < REPEATS_S:
             return f"somebody else has released: try again after {REPEATS_S:g} s"
         if mode == FAILED:
             return "it has failed: start it again"
