@@ -10,7 +10,7 @@ from __future__ import annotations
 import types
 import typing
 from collections.abc import Callable, Iterable
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from math import cos, inf, pi, sin
 from random import Random
 from typing import Any, Final
@@ -248,6 +248,7 @@ def surveyed(job: SurveyJob, random: Random, lost: bool) -> SurveyedOnce:
     if lost:
         return SurveyedOnce(job, flight, None, "too few places", np.zeros(0))
     x = np.linspace(0.0, random.uniform(0.6, 1.4), 30)
+    flight = replace(flight, looks={"true_x_m": x, "true_z_m": 1.01 + 0.6 * x})
     drawn = DrawnContour(
         x_m=x,
         z_m=1.0 + 0.6 * x,

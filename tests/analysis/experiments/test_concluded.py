@@ -1,12 +1,13 @@
 """What every experiment concludes, from flights that nobody flew (`made_up.py`).
 
-Its claims are judged and its tables filled without the hours that its flights take; what they show
-is kept (`drawn.py`), with the words that stand beside them.
+Its claims are judged, its tables filled and its figures drawn without the hours that its flights
+take; what they show is kept (`drawn.py`), with the words that stand beside them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any, Final
 
 import pytest
@@ -21,8 +22,10 @@ from tgl_soar.analysis.experiments.result import Result, Table, plain
 
 # These look for many lines on the contour, which takes seconds each; some are asked for one seed.
 LEFT_OUT: Final = ("command_delay", "leans")
-MANY_LINES: Final = ("incidence", "latency", "lean", "places", "point", "speed")
+FEW: Final = ("back", "incidence", "latency", "lean", "places", "point", "speed", "wind")
 NAMES: Final = tuple(name for name in (*PLANNED, "margins") if name not in LEFT_OUT)
+# These fly or compute for long to draw.
+NOT_DRAWN: Final = ("hour", "identification", "places", "point", "search")
 # Whose flights say all by themselves: no path is scored against an aircraft that is drawn.
 TOLD: Final = (
     *("hour", "identification", "nowhere", "outdoors", "rangefinder", "satellites", "search"),
@@ -42,9 +45,18 @@ def case(name: str) -> Any:
 
 @pytest.fixture(autouse=True)
 def the_same_everywhere(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With numba and without."""
+    """With numba and without; and of a figure no pixels are painted."""
     for module in (contexts, estimator_flights):
         monkeypatch.setattr(module, "available", lambda: False)
+    backends = pytest.importorskip("matplotlib.backend_bases", reason="figures need matplotlib")
+    monkeypatch.setattr(backends.FigureCanvasBase, "print_figure", speck)
+
+
+def speck(_canvas: object, file: Any, **_: object) -> None:
+    """The least picture that there is, in the place of a figure."""
+    from PIL import Image
+
+    Image.new("RGB", (1, 1)).save(file, format="png")
 
 
 def told(result: Result, flyer: MadeUp) -> Table:
@@ -76,9 +88,10 @@ def numbers(value: Any) -> Iterator[float]:
 
 
 @pytest.mark.parametrize("name", list(map(case, NAMES)))
-def test_an_experiment_concludes(name: str) -> None:
+def test_an_experiment_concludes(name: str, tmp_path: Path) -> None:
     flyer = MadeUp()
-    result = run(name, Context(flyer=flyer, quick=name in MANY_LINES))
+    figures = None if name in NOT_DRAWN else tmp_path
+    result = run(name, Context(flyer=flyer, figures=figures, quick=name in FEW))
     assert all(len(row) == len(table.columns) for table in result.tables for row in table.rows)
     texts = [claim.text for claim in result.claims]
     assert len(set(texts)) == len(texts)  # a page lists them by their text
