@@ -18,6 +18,7 @@ from tgl_soar.analysis.experiments import context as contexts
 from tgl_soar.analysis.experiments.catalogue import EXPERIMENTS, run
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.estimates import estimator_flights
+from tgl_soar.analysis.experiments.point import good_brakes
 from tgl_soar.analysis.experiments.result import Result, Table, plain
 
 # These look for many lines on the contour, which takes seconds each; some are asked for one seed.
@@ -48,6 +49,7 @@ def the_same_everywhere(monkeypatch: pytest.MonkeyPatch) -> None:
     """With numba and without; and of a figure no pixels are painted."""
     for module in (contexts, estimator_flights):
         monkeypatch.setattr(module, "available", lambda: False)
+    monkeypatch.setattr(good_brakes, "available", lambda: True)  # it flies nothing without
     backends = pytest.importorskip("matplotlib.backend_bases", reason="figures need matplotlib")
     monkeypatch.setattr(backends.FigureCanvasBase, "print_figure", speck)
 
