@@ -18,18 +18,15 @@ import msgspec
 import pytest
 from module_process import AIRFRAME, PATIENCE_S, SITE, Module
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from test_onboard import CHANNELS, Flight, setup
 
 from tgl_soar.config.files import load_airframe, load_site
 from tgl_soar.config.parameters import ParameterSet
-from tgl_soar.link.autopilots import flavour
 from tgl_soar.link.decoder import Decoder
 from tgl_soar.link.keys import save_key
-from tgl_soar.link.messages import Source
 from tgl_soar.onboard import process
 from tgl_soar.onboard.command_line import RunOptions
 from tgl_soar.onboard.process import EXIT_CANNOT_START, EXIT_ERROR, EXIT_OK
-from tgl_soar.onboard.setup import ModuleSetup, setup_from
+from tgl_soar.onboard.setup import setup_from
 from tgl_soar.onboard.stand_in import hand_over
 from tgl_soar.onboard.surfaces import RELEASE_FRAMES
 from tgl_soar.onboard.watchdog import (
@@ -298,18 +295,6 @@ def test_systemd_is_told_of_the_start_of_every_round_and_of_the_end(
             module.close()
 
 
-def test_the_life_sign_is_what_was_shown_last() -> None:
-    heartbeat = ProcessHeartbeat()
-    assert heartbeat.read() == (0, 0, False, False, "", 0, None)
-    key = bytes(range(32))
-    heartbeat.show(True, version1=True, peer=("192.168.1.17", 14550), timestamp=2**47, key=key)
-    assert heartbeat.read() == (1, 2**47, True, True, "192.168.1.17", 14550, key)
-    heartbeat.show(False)
-    assert heartbeat.read() == (2, 0, False, False, "", 0, None)
-    heartbeat.clear()
-    assert heartbeat.read().rounds == 0
-
-
 def test_at_no_moment_does_the_page_say_that_nothing_is_commanded() -> None:
     """Whenever it is killed, a process that commands the surfaces leaves a page that says so."""
     page = ProcessHeartbeat()
@@ -330,36 +315,6 @@ def test_at_no_moment_does_the_page_say_that_nothing_is_commanded() -> None:
         os.kill(pid, signal.SIGKILL)
         os.waitpid(pid, 0)
     assert all(sign.has_surfaces and sign.host == "192.168.1.17" for sign in seen.values())
-
-
-class Watched(Flight):
-    """Each frame that takes the surfaces, and whether the page said so before it left."""
-
-    def __init__(self, flown: ModuleSetup) -> None:
-        self.page, self.shown = ProcessHeartbeat(), list[bool]()
-        super().__init__(flown=flown, before_first=self.page.take_surfaces)
-
-    def _send(self, frame: bytes) -> bool:
-        if int.from_bytes(frame[7:10], "little") in (70, 82):  # an override, an attitude target
-            self.shown.append(self.page.read().has_surfaces)
-        return super()._send(frame)
-
-
-@pytest.mark.parametrize(("route", "mode"), [("override", 0), ("attitude", 5)])  # MANUAL, FBWA
-def test_whoever_dies_right_behind_the_first_command_had_the_surfaces(
-    route: str, mode: int
-) -> None:
-    """The guard gives back what the page says is commanded: that must not come a round later."""
-    pilot = flavour("ardupilot", route, CHANNELS, 1)
-    flight = Watched(setup()._replace(flavour=pilot, override=Source(1, 191)))
-    flight.mode = mode  # an attitude route asks for another one, and streams meanwhile
-    flight.run(1.2)
-    assert not flight.page.read().has_surfaces
-    flight.set("OP_ENGAGE", 1.0)
-    flight.run(0.1)
-    assert flight.shown
-    assert all(flight.shown)
-    assert flight.onboard.has_surfaces  # the round after it says the same
 
 
 class Pilot:

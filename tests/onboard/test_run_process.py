@@ -4,7 +4,6 @@ import os
 import pty
 import select
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -15,10 +14,10 @@ from typing import Any
 
 import pytest
 from free_ports import free_port
-from module_process import PATIENCE_S, SITE, Module, arguments
+from module_process import PATIENCE_S, Module, arguments
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.onboard.process import EXIT_CANNOT_START, EXIT_NO_AUTOPILOT, EXIT_OK, main
+from tgl_soar.onboard.process import EXIT_NO_AUTOPILOT, EXIT_OK
 
 HEAVY = ("numpy", "scipy", "matplotlib", "rich", "typer", "pymavlink.mavutil", "serial", "pyulog")
 
@@ -31,20 +30,6 @@ def test_the_flying_process_loads_nothing_that_does_not_fly() -> None:
     assert [name for name in HEAVY if name in loaded] == []
     ours = [name for name in loaded if name.startswith("tgl_soar.")]
     assert [name for name in ours if name.split(".")[1] in ("sim", "report", "air")] == []
-
-
-def test_a_port_in_use_is_said_without_a_traceback(capsys: pytest.CaptureFixture[str]) -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
-        other.bind(("127.0.0.1", 0))
-        link = f"udp:127.0.0.1:{other.getsockname()[1]}"
-        assert main(arguments(link, "--no-guard")) == EXIT_CANNOT_START
-    assert "is in use" in capsys.readouterr().err
-
-
-def test_a_missing_file_is_said_without_a_traceback(capsys: pytest.CaptureFixture[str]) -> None:
-    command = ["--airframe", "none.toml", "--site", str(SITE), "--link", "udp:127.0.0.1:1"]
-    assert main(command) == EXIT_CANNOT_START
-    assert "none.toml" in capsys.readouterr().err
 
 
 @pytest.fixture
@@ -152,19 +137,6 @@ def test_an_open_unsigned_link_is_warned_of_and_a_loopback_is_not() -> None:
     assert len(warnings) == 1
     assert "udp:0.0.0.0" in warnings[0]
     assert "unsigned" in warnings[0]
-
-
-def test_a_key_that_others_can_read_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    key = tmp_path / "key"
-    key.write_bytes(bytes(range(32)))
-    key.chmod(0o644)
-    assert (
-        main(arguments("udp:127.0.0.1:1", "--no-guard", "--signing-key", str(key)))
-        == EXIT_CANNOT_START
-    )
-    assert "others may read" in capsys.readouterr().err
 
 
 SECOND_SIGNAL = """

@@ -5,10 +5,12 @@ from __future__ import annotations
 from math import inf, nan, radians, sqrt
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from scipy.spatial.transform import Rotation
 
 from tgl_soar.config.airframe import Surface, Surfaces
 from tgl_soar.config.site import HomePosition
@@ -19,8 +21,16 @@ from tgl_soar.link.streams import StreamRequests
 from tgl_soar.link.vehicle.estimator_aids import EstimatorAids
 from tgl_soar.link.vehicle.ledger import Ledger, SessionCounters
 from tgl_soar.sim.vehicle.pixhawk import Pixhawk
+from tgl_soar.sim.vehicle.reports import _body_from_ned
 from tgl_soar.sim.vehicle.sensed import Sensed
-from tgl_soar.types import AirspeedSample, AttitudeSample, ImuSample, PositionFix, RangeSample
+from tgl_soar.types import (
+    NO_ATTITUDE,
+    AirspeedSample,
+    AttitudeSample,
+    ImuSample,
+    PositionFix,
+    RangeSample,
+)
 
 STEP_HZ = 200
 LINK = 1
@@ -286,3 +296,14 @@ def test_the_receiver_reports_its_accuracy_and_no_dilution() -> None:
             reports += [r.message for r in received if isinstance(r.message, GpsRawInt)]
     assert reports
     assert (reports[-1].fix_type, reports[-1].h_acc, reports[-1].v_acc) == (3, 800, 1200)
+
+
+def test_odometry_turns_velocities_into_the_body() -> None:
+    """Against scipy's rotations, whatever the attitude."""
+    draw = np.random.default_rng(5)
+    for turned in Rotation.random(20, rng=5):
+        x, y, z, w = turned.as_quat()
+        attitude = NO_ATTITUDE._replace(qw=w, qx=x, qy=y, qz=z)
+        velocity = draw.normal(size=3)
+        found = _body_from_ned(attitude, *velocity)
+        assert found == pytest.approx(turned.inv().apply(velocity), abs=1e-12)

@@ -1,0 +1,58 @@
+"""What the flying process refuses, and what it warns of, before it flies."""
+
+import socket
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from module_process import SITE, arguments
+
+from tgl_soar.link.messages import Source
+from tgl_soar.onboard import process
+from tgl_soar.onboard.process import EXIT_CANNOT_START, main
+
+
+def test_a_port_in_use_is_said_without_a_traceback(capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", 0))
+        link = f"udp:127.0.0.1:{other.getsockname()[1]}"
+        assert main(arguments(link, "--no-guard")) == EXIT_CANNOT_START
+    assert "is in use" in capsys.readouterr().err
+
+
+def test_a_missing_file_is_said_without_a_traceback(capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["--airframe", "none.toml", "--site", str(SITE), "--link", "udp:127.0.0.1:1"]
+    assert main(command) == EXIT_CANNOT_START
+    assert "none.toml" in capsys.readouterr().err
+
+
+def test_a_key_that_others_can_read_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    key = tmp_path / "key"
+    key.write_bytes(bytes(range(32)))
+    key.chmod(0o644)
+    assert (
+        main(arguments("udp:127.0.0.1:1", "--no-guard", "--signing-key", str(key)))
+        == EXIT_CANNOT_START
+    )
+    assert "others may read" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("signs", [False, True])
+def test_a_link_that_others_reach_is_warned_of_unless_it_is_signed(
+    signs: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whoever reaches an open link could fly the aircraft; nobody reaches a loopback's."""
+    names = ("udp:0.0.0.0:14550", "udp:127.0.0.1:14551")
+    opened: Any = SimpleNamespace(
+        transports=[SimpleNamespace(name=name) for name in names],
+        setup=SimpleNamespace(own=Source(1, 191)),
+    )
+    words: list[str] = []
+    monkeypatch.setattr(process, "say", words.append)
+    process._tell_start(opened, signs=signs)
+    assert words[0] == "listening on udp:0.0.0.0:14550, udp:127.0.0.1:14551 as 1:191"
+    warned = [line.split()[1] for line in words[1:] if line.startswith("WARNING")]
+    assert warned == ([] if signs else ["udp:0.0.0.0:14550"])
