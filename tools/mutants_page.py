@@ -23,8 +23,9 @@ Tests that need real time or compile kernels are left out; the others have {budg
 processor time for each change. The reasons in the last table are written by hand, and a new run
 keeps them.
 
-Some tests keep what short flights, experiments' plans, figures, claims and defaults were the last
-time ([CONTRIBUTING.md](../CONTRIBUTING.md)): they notice that something has changed, not that it is
+Some tests keep what short flights, their messages, experiments' plans, figures and claims (of flown
+and of made-up flights), what commands print and defaults were the last time
+([CONTRIBUTING.md](../CONTRIBUTING.md)): they notice that something has changed, not that it is
 wrong. Mutants that people made, of what matters most, are tried by
 `python tools/mutate.py --named`.
 
