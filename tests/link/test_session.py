@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tgl_soar.link.autopilots.ardupilot import ArduPilot
 from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels
 from tgl_soar.link.autopilots.requirements import Needs
-from tgl_soar.link.clock import ClockMap, StampedStreams
+from tgl_soar.link.clock import MICROSECONDS_WRAP_S, ClockMap, StampedStreams
 from tgl_soar.link.messages import (
     AttitudeQuaternion,
     CommandAck,
@@ -674,3 +674,22 @@ def test_a_parameter_that_is_no_number_is_told_and_holds_back() -> None:
         talk.poll(i * 0.02)
     assert any("RC_OPTIONS" in text for _, text in talk.notices)
     assert "RC_OPTIONS" in talk.inquiry.held_back()
+
+
+@pytest.mark.parametrize("silent_s", [250.0, 700.0, 4000.0, 9000.0])
+def test_a_counter_that_has_begun_again_in_a_long_silence_goes_on(silent_s: float) -> None:
+    """SERVO_OUTPUT_RAW counts microseconds in 32 bits: 71.6 minutes."""
+    streams, times = StampedStreams(lockstep=False), []
+    step_s, begins_s, resumes_s = 0.25, 4100.0, 4100.0 + silent_s
+    for i in range(round((silent_s + 200.0) / step_s)):
+        stamp_s = 4000.0 + step_s * i
+        now_s = stamp_s + 7000.0
+        assert streams.time_of("attitude", stamp_s, now_s, quantised=True) is not None
+        if not begins_s < stamp_s < resumes_s:
+            stamp_us = round(stamp_s * 1e6) % 2**32
+            found = streams.time_of("servos", stamp_us * 1e-6, now_s, wrap_s=MICROSECONDS_WRAP_S)
+            assert found is not None
+            times.append(found[0] - now_s)
+    assert len(times) > 700
+    assert max(map(abs, times)) < 1e-3
+    assert streams.reboots == streams.refused == 0

@@ -29,7 +29,8 @@ skip is late itself, as after a stall of ours or on a link with a queue.  (For a
 the autopilot's, whose other streams are not received, it always is.)
 
 A stamp that counts milliseconds in 32 bits begins again at zero after 49.7 days, one that counts
-microseconds after 71.6 minutes; and one of whole milliseconds is made finer by `sensor_clock`.
+microseconds after 71.6 minutes, perhaps more than once while its stream is silent; and one of whole
+milliseconds is made finer by `sensor_clock`.
 """
 
 from __future__ import annotations
@@ -191,10 +192,15 @@ class StampedStream:
         """Whether its clock is more than one stamp that may have been wrong."""
         return self.fitted_s - self.begun_s >= PROVEN_S
 
-    def unwrapped(self, stamp_s: float) -> float:
+    def unwrapped(self, stamp_s: float, now_s: float) -> float:
         """The stamp as if its counter had no end; remembered only once it is taken."""
         stamp_s += self._ahead_s
         gone_back_s = self.newest_s - stamp_s  # NaN: the first one
+        if abs(gone_back_s) > GAP_S and self._wrap_s != INF:  # after a long silence
+            late_s = now_s - stamp_s - self.map.offset_s
+            rounds_s = self._wrap_s * round(late_s / self._wrap_s) if late_s == late_s else 0.0
+            if abs(late_s - rounds_s) <= LATE_S:
+                return stamp_s + rounds_s
         if gone_back_s > self._wrap_s - NEAR_WRAP_S:
             return stamp_s + self._wrap_s
         if -gone_back_s > self._wrap_s - NEAR_WRAP_S:  # of before, and long under way
@@ -203,7 +209,7 @@ class StampedStream:
 
     def take(self, stamp_s: float) -> None:
         """The newest stamp, unwrapped."""
-        if stamp_s >= self._ahead_s + self._wrap_s:
+        while stamp_s >= self._ahead_s + self._wrap_s:
             self._ahead_s += self._wrap_s
         self.newest_s = stamp_s
 
@@ -278,7 +284,7 @@ class StampedStreams:
             stream = self._streams[key] = StampedStream(
                 wrap_s, quantised=quantised, foreign=foreign
             )
-        unwrapped_s = stream.unwrapped(stamp_s)
+        unwrapped_s = stream.unwrapped(stamp_s, now_s)
         if self._lockstep:
             return self._in_lockstep(stream, stamp_s, unwrapped_s)
         verdict = self._judge(stream, unwrapped_s, now_s)
