@@ -7,11 +7,17 @@ from typing import Any
 
 import pytest
 
-from tgl_soar.control import landing
-from tgl_soar.control.landing import (
+from tgl_soar.control import escape, landing
+from tgl_soar.control.escape import (
     NO_ESCAPE,
-    NO_GLIDE,
     EscapeState,
+    escape_step,
+    is_on_ground,
+    is_short,
+    time_left,
+)
+from tgl_soar.control.landing import (
+    NO_GLIDE,
     GlidePitches,
     GlideState,
     LandingParams,
@@ -20,15 +26,11 @@ from tgl_soar.control.landing import (
     along,
     approach_speed,
     escape_height,
-    escape_step,
     glide_step,
     glide_wish,
     ground_speed,
     half_width,
     height_left,
-    is_on_ground,
-    is_short,
-    time_left,
     weave,
 )
 from tgl_soar.control.weaving import WEAVE_RADPS, mean_cosine, weave_angle
@@ -563,7 +565,7 @@ def test_it_lies_on_the_ground_when_it_has_stood_still_low() -> None:
     for k in range(300):
         vehicle = at(k * DT, z_m=0.1, climb_mps=0.0)
         state = escape_step(PARAMS, state, True, True, True, vehicle, air(), DT)
-        assert is_on_ground(PARAMS, state, vehicle, inf) == (k * DT >= landing.STILL_S - 1e-9)
+        assert is_on_ground(PARAMS, state, vehicle, inf) == (k * DT >= escape.STILL_S - 1e-9)
     hovering = at(299 * DT, z_m=5.0, climb_mps=0.0)
     assert not is_on_ground(PARAMS, state, hovering, inf)
 

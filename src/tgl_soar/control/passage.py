@@ -13,23 +13,25 @@ from tgl_soar.control import landing, launch
 from tgl_soar.control import supervisor as modes
 from tgl_soar.control.conditions import is_place_known
 from tgl_soar.control.envelope import OUT_DOWNSTREAM, Limited, Margins
+from tgl_soar.control.escape import (
+    NO_ESCAPE,
+    EscapeState,
+    escape_step,
+    is_on_ground,
+    is_short,
+    time_left,
+)
 from tgl_soar.control.estimates import Estimates
 from tgl_soar.control.heading import heading_setpoint, sideways_held
 from tgl_soar.control.landing import (
-    NO_ESCAPE,
     NO_GLIDE,
     STALL_RAD,
-    EscapeState,
     GlidePitches,
     GlideState,
     GlideWish,
-    escape_step,
     glide_step,
     glide_wish,
-    is_on_ground,
-    is_short,
     slowest,
-    time_left,
 )
 from tgl_soar.control.lateral_schedule import lateral_bandwidth, sideways_gains
 from tgl_soar.control.launch import (

@@ -7,9 +7,9 @@ from typing import Final
 from tgl_soar.control import supervisor as modes
 from tgl_soar.control.brake import BrakeEffect
 from tgl_soar.control.envelope import Margins
+from tgl_soar.control.escape import time_left
 from tgl_soar.control.estimates import Estimates
 from tgl_soar.control.forecast import OUTSIDE, SETTLES, TOO_LOW, Forecast
-from tgl_soar.control.landing import time_left
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.passage import PassageState
 from tgl_soar.control.soaring import SoaringGains

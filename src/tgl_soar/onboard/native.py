@@ -60,6 +60,7 @@ MODULES: Final = (
     "tgl_soar.control.heading",
     "tgl_soar.control.weaving",
     "tgl_soar.control.landing",
+    "tgl_soar.control.escape",
     "tgl_soar.control.lateral_schedule",
     "tgl_soar.control.launch",
     "tgl_soar.control.schedule",

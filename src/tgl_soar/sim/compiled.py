@@ -72,6 +72,7 @@ MODULES: Final = (
     "tgl_soar.control.launch",
     "tgl_soar.control.weaving",
     "tgl_soar.control.landing",
+    "tgl_soar.control.escape",
     "tgl_soar.control.surface_loops",
     "tgl_soar.control.passage",
     "tgl_soar.control.power",
