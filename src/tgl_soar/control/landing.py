@@ -58,6 +58,12 @@ nose by this and not raise it above theta_glide of the slowest V: drag that nobo
 like speed, in a weave and near the stall, and to slow down for it is how a stall begins, while a
 pitch is certain to some tenths of a degree and keeps V by itself.
 
+**What is not measured may be wrong**: without a pitot tube V is what turns have shown it to be
+(`control.turning_airspeed`), with a standard deviation sigma, and the wind is as much less as V is.
+Then the slowest V is the best glide's, and as long as sigma is more than LOOK_MPS it looks: its
+nose goes LOOK_RAD to either side at least, as wide as a weave, down to LOOK_ABOVE_M over the
+straight rest.
+
 **A stall** that came all the same is told by the elevator: as far up as it may go while the nose
 stays below its setpoint and the aircraft sinks faster than any glide at the slowest V.  Then the
 nose goes down to the pitch of the fastest glide for RECOVER_S, where no wing stays stalled; from
@@ -77,6 +83,13 @@ from __future__ import annotations
 from math import asin, atan2, cos, exp, log, pi, sin, sqrt
 from typing import Final, NamedTuple
 
+from tgl_soar.control.turning_airspeed import (
+    NO_TURNING,
+    TurningState,
+    air_by_turning,
+    airspeed_sigma,
+    turning_step,
+)
 from tgl_soar.control.weaving import WEAVE_MIN_RAD, WEAVE_RADPS, weave_angle
 from tgl_soar.types import NAN, AirEstimate, GlidePolar, VehicleState, polar_sink
 
@@ -91,15 +104,19 @@ POLAR_BY_MPS: Final = 0.8  # above the polar's slow end: a gust of 10 %
 FINAL_M: Final = 4.5
 STRAIGHT_BY_M: Final = 1.0  # below it the nose is to be upwind
 WEAVE_RAD: Final = 1.5  # from the wind, at most: cos 86 degrees, next to nothing of the speed
-WEAVE_LAG_S: Final = 1.4  # the nose and the path follow their setpoint by so much later
+WEAVE_LAG_S: Final = 1.3  # the nose and the path follow their setpoint by so much later
 TURNS_BY_MPS: Final = 0.6  # slower than wanted by more than that it does not turn
 # Off the approach, at most.  Narrower it turns too often, and in each turn it looks upwind and goes
 # on: within 6 m to either side it keeps 0.87 of V.
 WEAVE_M: Final = 30.0
 # From a side it comes back at V sin chi, 5 m/s, while it sinks by 1.3 m/s: 4 m for each metre, less
-# what the turn takes.  CROSS_S takes up what is left in the straight rest.
-WEAVE_WIDER: Final = 2.3
+# what the turn takes.  CROSS_S takes up what is left in the straight rest, 9 m.
+WEAVE_WIDER: Final = 3.5
 BACK_MPS: Final = 2.0  # downwind, at most, of one that is beyond the straight rest's beginning
+# A look: 0.43 of V across, enough to tell V to LOOK_MPS in 7 s, for a tenth of V upwind.
+LOOK_MPS: Final = 0.5  # of sigma: the best glide is 0.8 m/s above the slowest approach
+LOOK_RAD: Final = 0.45
+LOOK_ABOVE_M: Final = 2.0  # 1.4 s to turn back in
 OUT_MPS: Final = 1.0  # upstream, at least, of one that the air carries
 CARRIED: Final = 0.25  # of the polar's sink: sinking by less the air carries it
 CARRIED_S: Final = 3.0  # averaged over: an eddy of some metres is over in a second, a turn in two
@@ -175,6 +192,7 @@ class GlideState(NamedTuple):
     stalling_s: float  # for so long it has looked like a stall
     recovers_s: float  # so long the nose stays down
     stalled: bool  # it has, on this way home
+    turning: TurningState  # what turns have shown of the airspeed, where it is not measured
 
 
 class GlidePitches(NamedTuple):
@@ -203,6 +221,7 @@ NO_GLIDE: Final = GlideState(
     stalling_s=0.0,
     recovers_s=0.0,
     stalled=False,
+    turning=NO_TURNING,
 )
 
 
@@ -228,6 +247,11 @@ def ground_speed(speed_mps: float, wind_mps: float, bearing_rad: float) -> float
 def slowest(params: LandingParams) -> float:
     """The slowest airspeed of an approach [m/s]."""
     return max(params.polar.speed_min_mps + POLAR_BY_MPS, params.speed_min_mps + SLOW_BY_MPS)
+
+
+def slowest_known(params: LandingParams, measured: bool) -> float:
+    """The same, which an airspeed that nobody measures keeps at the best glide's."""
+    return slowest(params) if measured else max(slowest(params), params.best_glide_mps)
 
 
 def height_left(
@@ -277,9 +301,11 @@ def float_length(params: LandingParams, wind_mps: float) -> float:
     return FLOAT_S * v if v > 0.0 else 0.0  # false for NaN
 
 
-def approach_speed(params: LandingParams, vehicle: VehicleState, air: AirEstimate) -> float:
-    """The slowest V [m/s] that reaches the place, or the one that comes nearest to it."""
-    low, high = slowest(params), params.polar.speed_max_mps
+def approach_speed(
+    params: LandingParams, low_mps: float, vehicle: VehicleState, air: AirEstimate
+) -> float:
+    """The slowest V [m/s] from low_mps on that reaches the place, or comes nearest to it."""
+    low, high = low_mps, params.polar.speed_max_mps
     distance = along(params.place, vehicle.x_m, vehicle.y_m)
     height = vehicle.z_m - params.place.z_m
     if not (
@@ -333,15 +359,20 @@ def weave(
     if sinks_mps < CARRIED * sink:  # false for NaN
         advance = max(advance, OUT_MPS)
     straight_s = (height + STRAIGHT_BY_M) / sink  # until it is to look upwind again
-    drift = air.cross_wind_mps if air.cross_wind_mps == air.cross_wind_mps else 0.0
-    veer = atan2(-drift, wind) - place.bearing_rad if wind > 0.0 else 0.0
-    to_abeam = pi / 2.0 - veer if goes_right else pi / 2.0 + veer
-    most = max(0.0, min(WEAVE_RAD, WEAVE_RADPS * straight_s, to_abeam))
+    most = max(0.0, min(WEAVE_RAD, WEAVE_RADPS * straight_s, to_abeam(place, goes_right, air)))
     width = half_width(params, height)
     angle = weave_angle((wind + advance) / speed_mps, width, speed_mps, most)
     if angle < WEAVE_MIN_RAD:
         return 0.0
     return angle if goes_right else -angle
+
+
+def to_abeam(place: LandingPlace, goes_right: bool, air: AirEstimate) -> float:
+    """How far off the wind [rad] the nose is abeam of the approach: no farther, or it looks at the
+    slope."""
+    drift = air.cross_wind_mps if air.cross_wind_mps == air.cross_wind_mps else 0.0
+    veer = atan2(-drift, air.wind_mps) - place.bearing_rad if air.wind_mps > 0.0 else 0.0
+    return pi / 2.0 - veer if goes_right else pi / 2.0 + veer
 
 
 def half_width(params: LandingParams, over_m: float) -> float:
@@ -366,29 +397,33 @@ def glide_step(
     not known.  nose_held: it stays below its setpoint with all of the elevator that there is.
     """
     known = position_ok and params.place.length_m > 0.0
-    wanted = approach_speed(params, vehicle, air) if known else params.best_glide_mps
+    turning = state.turning
+    if position_ok and not air.measured:
+        turning = turning_step(turning, vehicle, air.airspeed_mps, dt_s)
+    air = air_by_turning(turning, air)
+    low, high = slowest_known(params, air.measured), params.polar.speed_max_mps
+    wanted = approach_speed(params, low, vehicle, air) if known else params.best_glide_mps
     state = _stall_step(params, state, position_ok, nose_held, vehicle, dt_s)
     if state.stalled:
         wanted = max(wanted, params.best_glide_mps)
-    low, high = slowest(params), params.polar.speed_max_mps
     speed = state.speed_mps
     if speed != speed:
         speed = air.airspeed_mps if air.airspeed_mps == air.airspeed_mps else wanted
         speed = max(low, min(high, speed)) if high > low else wanted
-    # How far off the aircraft will be when it has turned into the wind: V ∫ sin psi dt.
-    turning_m = speed * (1.0 - cos(state.weave_rad)) / WEAVE_RADPS
-    off = across(params.place, vehicle.x_m, vehicle.y_m)
-    off += turning_m if state.weave_rad > 0.0 else -turning_m
-    off += WEAVE_LAG_S * speed * sin(state.weave_rad)
-    weaves = 0.0
-    height = vehicle.z_m - params.place.z_m
-    most_off = half_width(params, height - FINAL_M)
-    goes_right = off < most_off if state.goes_right else off < -most_off
-    if known and not outward and height <= FINAL_M:
+    over_m = vehicle.z_m - params.place.z_m - FINAL_M
+    weaves, goes_right = 0.0, _goes_right(params, state, speed, over_m, vehicle)
+    if known and not outward and over_m <= 0.0:
         wanted = max(wanted, params.best_glide_mps)
-    elif known and not outward and wanted <= low:
-        weaves = weave(params, goes_right, low, state.sink_mps, vehicle, air)
-    if state.stalled or not air.airspeed_mps >= low - TURNS_BY_MPS:  # NaN: not known
+    elif known and not outward:
+        if wanted <= low:
+            weaves = weave(params, goes_right, low, state.sink_mps, vehicle, air)
+        looks = over_m > LOOK_ABOVE_M and airspeed_sigma(turning, air) > LOOK_MPS
+        if looks:
+            most = max(abs(weaves), min(LOOK_RAD, to_abeam(params.place, goes_right, air)))
+            weaves = most if goes_right else -most
+    # From the best glide's speed there is more to be lost.
+    turns_by = TURNS_BY_MPS if air.measured else 2.0 * TURNS_BY_MPS
+    if state.stalled or not air.airspeed_mps >= low - turns_by:  # NaN: not known
         weaves = 0.0
     turn = WEAVE_RADPS * dt_s
     weaves = state.weave_rad + max(-turn, min(turn, weaves - state.weave_rad))
@@ -413,8 +448,26 @@ def glide_step(
         stalling_s=state.stalling_s,
         recovers_s=state.recovers_s,
         stalled=state.stalled,
+        turning=turning,
     )
     return state, air.airspeed_mps if flares else speed
+
+
+def _goes_right(
+    params: LandingParams,
+    state: GlideState,
+    speed_mps: float,
+    over_m: float,
+    vehicle: VehicleState,
+) -> bool:
+    """Whether a weave goes on to the right, or turns there."""
+    # How far off the aircraft will be when it has turned into the wind: V ∫ sin psi dt.
+    turning_m = speed_mps * (1.0 - cos(state.weave_rad)) / WEAVE_RADPS
+    off = across(params.place, vehicle.x_m, vehicle.y_m)
+    off += turning_m if state.weave_rad > 0.0 else -turning_m
+    off += WEAVE_LAG_S * speed_mps * sin(state.weave_rad)
+    most = half_width(params, over_m)
+    return off < most if state.goes_right else off < -most
 
 
 def _stall_step(
@@ -463,6 +516,7 @@ def glide_wish(
     clearance_m: float,
 ) -> GlideWish:
     """What follows of it."""
+    air = air_by_turning(state.turning, air)
     known = pitches.wanted_rad == pitches.wanted_rad  # not NaN
     pitch = pitches.wanted_rad if known else params.glide_pitch_rad
     pitch += state.integral_rad

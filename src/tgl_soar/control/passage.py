@@ -31,7 +31,7 @@ from tgl_soar.control.landing import (
     GlideWish,
     glide_step,
     glide_wish,
-    slowest,
+    slowest_known,
 )
 from tgl_soar.control.lateral_schedule import lateral_bandwidth, sideways_gains
 from tgl_soar.control.launch import (
@@ -322,7 +322,7 @@ def _wish(
     trimmed = max(polar.speed_min_mps, min(polar.speed_max_mps, speed))
     pitches = GlidePitches(
         wanted_rad=glide_pitch(aerodynamics, trimmed),
-        slowest_rad=glide_pitch(aerodynamics, slowest(home)),
+        slowest_rad=glide_pitch(aerodynamics, slowest_known(home, air.measured)),
         fastest_rad=glide_pitch(aerodynamics, polar.speed_max_mps),
     )
     wish = glide_wish(home, glide, outward, sure, pitches, vehicle, air, clearance_m)

@@ -1,0 +1,124 @@
+"""Home without a pitot tube: the look that tells the airspeed, and how slowly it may be flown."""
+
+from __future__ import annotations
+
+from math import cos, exp, inf, nan, radians, sin
+from typing import Any, NamedTuple
+
+import pytest
+from test_landing import DT, PARAMS, POLAR, SLOWEST, at, pitched
+from test_landing import air as any_air
+
+from tgl_soar.control import landing
+from tgl_soar.control.landing import NO_GLIDE, GlideState, glide_step, glide_wish, slowest_known
+from tgl_soar.control.turning_airspeed import NOSE_S, SPREAD_MPS, airspeed_error, error_sigma
+from tgl_soar.types import AirEstimate, polar_sink
+
+PLACE_FAR = PARAMS._replace(place=PARAMS.place._replace(x_m=-80.0))
+
+
+def air(**changes: Any) -> AirEstimate:
+    return any_air(measured=False)._replace(**changes)
+
+
+class Flown(NamedTuple):
+    """A way home."""
+
+    slowest_mps: float  # true airspeed from 4 s after its beginning on
+    off_m: float  # from the approach, at most
+    nose_rad: float  # to either side, at most
+    state: GlideState
+    y_m: float  # where it begins to flare
+
+
+def flown_home(misread_mps: float, *, z_m: float, measured: bool = False) -> Flown:
+    """A point that holds the airspeed that is read in 1.5 s, and whose path follows its nose in
+    1.4 s; misread_mps: what is read is so much too high, and so is the wind."""
+    params, wind_mps = PLACE_FAR, 7.0
+    state, true_mps, x_m, y_m, psi, path = NO_GLIDE, 9.2 - misread_mps, -50.0, 0.0, 0.0, 0.0
+    least, off, nose, time_s = inf, 0.0, 0.0, 0.0
+    while not state.flares and time_s < 60.0:
+        sink = polar_sink(POLAR, max(7.6, min(12.0, true_mps)))
+        sideways = true_mps * path
+        vehicle = at(time_s, x_m=x_m, y_m=y_m, z_m=z_m, climb_mps=-sink)
+        vehicle = vehicle._replace(heading_rad=psi, velocity_y_mps=sideways)
+        read = true_mps + misread_mps
+        met = air(airspeed_mps=read, wind_mps=wind_mps + misread_mps)._replace(measured=measured)
+        state, _ = glide_step(params, state, False, True, vehicle, met, z_m, False, DT)
+        wish = glide_wish(params, state, False, True, pitched(0.0), vehicle, met, z_m)
+        told = min(0.0, airspeed_error(state.turning))
+        true_mps += (state.speed_mps - read - told) * DT / 1.5
+        psi += (wish.heading_rad - psi) * DT / 0.9
+        path += (1.0 - exp(-DT / NOSE_S)) * (sin(psi) - path)
+        x_m -= (true_mps - wind_mps) * DT
+        y_m += sideways * DT
+        z_m -= sink * DT
+        time_s += DT
+        if time_s > 4.0:
+            least = min(least, true_mps)
+        off, nose = max(off, abs(y_m)), max(nose, abs(psi))
+    return Flown(slowest_mps=least, off_m=off, nose_rad=nose, state=state, y_m=y_m)
+
+
+@pytest.mark.parametrize("misread_mps", [0.0, 1.0, 1.8])
+def test_an_airspeed_that_is_read_too_high_is_found_out_on_the_way(misread_mps: float) -> None:
+    """From 20 m, before the straight rest: what remains is what is expected of no error."""
+    flown = flown_home(misread_mps, z_m=20.0)
+    assert error_sigma(flown.state.turning) < SPREAD_MPS / 2.0
+    assert airspeed_error(flown.state.turning) == pytest.approx(-misread_mps, abs=0.4)
+    assert 0.4 < flown.nose_rad < 1.5
+    assert abs(flown.y_m) < 9.0  # and CROSS_MPS goes on for 3 s
+
+
+def test_read_too_high_it_flies_faster_than_it_would_without_turning() -> None:
+    """Of 1.8 m/s all but what is expected of no error is made good."""
+    flown = flown_home(1.8, z_m=20.0)
+    assert flown.slowest_mps > SLOWEST  # and an early stall is at 7.7
+    assert flown_home(0.0, z_m=20.0).slowest_mps > SLOWEST
+
+
+def test_what_is_measured_is_neither_looked_for_nor_corrected() -> None:
+    flown = flown_home(1.8, z_m=8.0, measured=True)
+    assert flown.nose_rad < 0.1
+    assert flown.state.turning == NO_GLIDE.turning or flown.state.turning.weight == 0.0
+
+
+def looked(height_m: float, state: GlideState = NO_GLIDE, **changes: Any) -> GlideState:
+    """A second of an approach that has no height left over."""
+    for k in range(200):
+        vehicle = at(k * DT, x_m=-14.0, z_m=height_m)
+        met = air(airspeed_mps=9.3, wind_mps=8.5)._replace(**changes)
+        state, _ = glide_step(PARAMS, state, False, True, vehicle, met, height_m, False, DT)
+    return state
+
+
+def test_it_looks_while_there_is_height_and_the_airspeed_is_not_known() -> None:
+    high = landing.FINAL_M + landing.LOOK_ABOVE_M + 0.1
+    assert looked(high + 1.0).weave_rad == pytest.approx(landing.LOOK_RAD)
+    assert looked(high - 0.2).weave_rad == 0.0
+    assert looked(high).weave_rad > 0.0  # near its end it is narrow
+    assert looked(high, measured=True).weave_rad == 0.0
+    told = NO_GLIDE.turning._replace(nose=0.0, sideways_mps=0.0, weight=40.0, by_nose2=6.0)
+    assert error_sigma(told) < landing.LOOK_MPS
+    assert looked(high, NO_GLIDE._replace(turning=told)).weave_rad == 0.0
+    assert looked(high, airspeed_mps=nan).weave_rad == 0.0
+    assert looked(high, airspeed_mps=SLOWEST - 1.0).weave_rad == 0.0  # slow: no turn
+
+
+def test_an_airspeed_that_is_not_measured_keeps_the_approach_at_the_best_glide() -> None:
+    assert slowest_known(PARAMS, True) == pytest.approx(SLOWEST)
+    assert slowest_known(PARAMS, False) == PARAMS.best_glide_mps
+    slow = PARAMS._replace(best_glide_mps=5.0)  # of a file that does not know it
+    assert slowest_known(slow, False) == pytest.approx(SLOWEST)
+
+
+def test_a_look_is_never_past_abeam_of_the_approach() -> None:
+    """A bearing 60 degrees off a wind that has veered by 15 more leaves 15 degrees on that side."""
+    veer, bearing = radians(15.0), radians(-60.0)
+    params = PARAMS._replace(place=PARAMS.place._replace(bearing_rad=bearing, y_m=0.0))
+    state = NO_GLIDE
+    for k in range(200):
+        vehicle = at(k * DT, x_m=-27.0, y_m=0.0, z_m=9.0)
+        met = air(airspeed_mps=9.3, wind_mps=7.0 * cos(veer), cross_wind_mps=-7.0 * sin(veer))
+        state, _ = glide_step(params, state, False, True, vehicle, met, 9.0, False, DT)
+    assert 0.0 < state.weave_rad <= radians(15.0) + 1e-9
