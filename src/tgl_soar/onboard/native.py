@@ -56,6 +56,7 @@ MODULES: Final = (
     "tgl_soar.control.brake_shake",
     "tgl_soar.control.brake",
     "tgl_soar.control.excitation",
+    "tgl_soar.control.line_room",
     "tgl_soar.control.forecast",
     "tgl_soar.control.heading",
     "tgl_soar.control.turning_airspeed",

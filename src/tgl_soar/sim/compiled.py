@@ -50,6 +50,7 @@ MODULES: Final = (
     "tgl_soar.control.envelope",
     "tgl_soar.control.throttle",
     "tgl_soar.control.excitation",
+    "tgl_soar.control.line_room",
     "tgl_soar.control.forecast",
     "tgl_soar.estimation.inertial_track",
     "tgl_soar.estimation.fix_filter",
