@@ -15,7 +15,8 @@ Deciding
   forecast             where the aircraft will stop
 
 Other ways to fly
-  passage              launch, way home and landing in a tick: launch, landing, weaving
+  passage              launch, way home and landing in a tick: launch, landing, weaving, escape,
+                       turning_airspeed
   point                the point on the line in a tick: brake, brake_watch, brake_shake
   power                a propeller in a tick: throttle
   search/, survey      looking for lift;  drawing the contour

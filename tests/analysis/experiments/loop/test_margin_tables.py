@@ -104,6 +104,6 @@ def test_old_attitudes_are_unstable_where_the_schedule_does_not_know_them() -> N
 
 def test_it_is_told_whole() -> None:
     result = run("margins", Context(flyer=Flyer(), quick=True))
-    assert [len(table.rows) for table in result.tables] == [1, 1, 4, 2, 2]
+    assert [len(table.rows) for table in result.tables] == [1, 1, 4, 2, 2, 6]
     assert all(len(row) == len(t.columns) for t in result.tables for row in t.rows)
     assert json.dumps(as_json(result))

@@ -7,6 +7,8 @@
                of each lean, with gains that yield to lag and without (`control.schedule`)
     drawn      others on the linear model: near the usual places, far from them, and with what no
                file knows
+    rule       others by the rule on board for roll and heading, beside the linear model
+               (`lateral_rule`)
 
 Drawn as `tuning.aircraft` has them, by seeds that no gain and no law was chosen by.
 """
@@ -22,6 +24,13 @@ import numpy as np
 from msgspec.structs import asdict
 
 from tgl_soar.analysis.experiments.context import Context
+from tgl_soar.analysis.experiments.loop.lateral_rule import (
+    OF_EACH,
+    both_answers,
+    rule_claims,
+    rule_jobs,
+    rule_table,
+)
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.lateral_model import lateral_loop
 from tgl_soar.analysis.linear_controller import linear_controller
@@ -237,17 +246,21 @@ def margins(context: Context) -> Result:
         kind: [DrawnJob(kind, i) for i in range(2 if quick else of)] for kind, of in DRAWN.items()
     }
     drawn = {kind: context.flyer.each(drawn_margins, jobs) for kind, jobs in lists.items()}
+    sideways = rule_jobs(SEED, 1 if quick else OF_EACH)
+    answers = context.flyer.each(both_answers, sideways)
     shipped_cases = {job: cases[job] for job in grid}
     return Result(
         name="margins",
         title="what the loops can bear, by the linear model",
         flown=f"The shipped aircraft over speed, lean and latency, {len(counted)} drawn aircraft"
         f" by the rule on board, and {' and '.join(str(len(jobs)) for jobs in lists.values())}"
-        " others on the linear model. α is the disk margin of the worse break; nothing is flown.",
+        f" others on the linear model; then {len(sideways)} more by both, for roll and heading."
+        " α is the disk margin of the worse break; nothing is flown.",
         claims=(
             *shipped_claims(shipped_cases),
             *_age_claims(cases, aged),
             *drawn_claims(counted, drawn),
+            *rule_claims(sideways, answers),
         ),
         why="",
         tables=(
@@ -256,10 +269,12 @@ def margins(context: Context) -> Result:
             _age_table(cases, aged),
             refused_table(counted),
             _drawn_table(drawn),
+            rule_table(sideways, answers),
         ),
         numbers={
             "least": {kind: [each.near for each in of] for kind, of in drawn.items()},
             "refused": [sum(column) for column in zip(*(e.now for e in counted), strict=True)],
+            "sideways": [answer[:2] for answer in answers],
         },
         figures=(),
         scenarios=(),
