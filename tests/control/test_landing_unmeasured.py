@@ -10,7 +10,14 @@ from test_landing import DT, PARAMS, POLAR, SLOWEST, at, pitched
 from test_landing import air as any_air
 
 from tgl_soar.control import landing
-from tgl_soar.control.landing import NO_GLIDE, GlideState, glide_step, glide_wish, slowest_known
+from tgl_soar.control.landing import (
+    NO_GLIDE,
+    GlideState,
+    glide_step,
+    glide_wish,
+    half_width,
+    slowest_known,
+)
 from tgl_soar.control.turning_airspeed import NOSE_S, SPREAD_MPS, airspeed_error, error_sigma
 from tgl_soar.types import AirEstimate, polar_sink
 
@@ -122,3 +129,9 @@ def test_a_look_is_never_past_abeam_of_the_approach() -> None:
         met = air(airspeed_mps=9.3, wind_mps=7.0 * cos(veer), cross_wind_mps=-7.0 * sin(veer))
         state, _ = glide_step(params, state, False, True, vehicle, met, 9.0, False, DT)
     assert 0.0 < state.weave_rad <= radians(15.0) + 1e-9
+
+
+def test_at_the_best_glide_it_weaves_wider() -> None:
+    assert half_width(PARAMS, 4.0, False) == pytest.approx(4.0 * landing.FAST_WIDER)
+    assert half_width(PARAMS, 4.0, False) > half_width(PARAMS, 4.0, True)
+    assert half_width(PARAMS, 40.0, False) == landing.WEAVE_M

@@ -42,7 +42,8 @@ of WEAVE_RAD and WEAVE_M 0.29 of V would be kept if the nose followed at once; a
 turn the nose farther, towards the slope, is the only other way, and is not done: it stays within 90
 degrees of the approach.
 
-b is no more than there is height to come back from: WEAVE_WIDER h', WEAVE_M and the fence at most.
+b is no more than there is height to come back from: WEAVE_WIDER h', WEAVE_M and the fence at most
+(FAST_WIDER h' at the speed of an airspeed that is not measured).
 
 The straight rest is as short as turning straight allows, for nothing corrects it but more speed:
 chi is no more than omega takes back until then.  It is flown at the best glide's speed at least,
@@ -104,14 +105,18 @@ POLAR_BY_MPS: Final = 0.8  # above the polar's slow end: a gust of 10 %
 FINAL_M: Final = 4.5
 STRAIGHT_BY_M: Final = 1.0  # below it the nose is to be upwind
 WEAVE_RAD: Final = 1.5  # from the wind, at most: cos 86 degrees, next to nothing of the speed
-WEAVE_LAG_S: Final = 1.3  # the nose and the path follow their setpoint by so much later
+WEAVE_LAG_S: Final = 1.4  # the nose and the path follow their setpoint by so much later
 TURNS_BY_MPS: Final = 0.6  # slower than wanted by more than that it does not turn
 # Off the approach, at most.  Narrower it turns too often, and in each turn it looks upwind and goes
 # on: within 6 m to either side it keeps 0.87 of V.
 WEAVE_M: Final = 30.0
 # From a side it comes back at V sin chi, 5 m/s, while it sinks by 1.3 m/s: 4 m for each metre, less
-# what the turn takes.  CROSS_S takes up what is left in the straight rest, 9 m.
-WEAVE_WIDER: Final = 3.5
+# what the turn takes.  CROSS_S takes up what is left in the straight rest.
+WEAVE_WIDER: Final = 2.3
+# The same at the best glide's speed, which advances by 0.8 m/s more: too narrow it spends the time
+# that it has on turns.  The straight rest takes up 9 m.
+FAST_WIDER: Final = 3.5
+FAST_LAG_S: Final = 1.3
 BACK_MPS: Final = 2.0  # downwind, at most, of one that is beyond the straight rest's beginning
 # A look: 0.43 of V across, enough to tell V to LOOK_MPS in 7 s, for a tenth of V upwind.
 LOOK_MPS: Final = 0.5  # of sigma: the best glide is 0.8 m/s above the slowest approach
@@ -360,7 +365,7 @@ def weave(
         advance = max(advance, OUT_MPS)
     straight_s = (height + STRAIGHT_BY_M) / sink  # until it is to look upwind again
     most = max(0.0, min(WEAVE_RAD, WEAVE_RADPS * straight_s, to_abeam(place, goes_right, air)))
-    width = half_width(params, height)
+    width = half_width(params, height, air.measured)
     angle = weave_angle((wind + advance) / speed_mps, width, speed_mps, most)
     if angle < WEAVE_MIN_RAD:
         return 0.0
@@ -375,9 +380,10 @@ def to_abeam(place: LandingPlace, goes_right: bool, air: AirEstimate) -> float:
     return pi / 2.0 - veer if goes_right else pi / 2.0 + veer
 
 
-def half_width(params: LandingParams, over_m: float) -> float:
-    """b [m], at a height over the straight rest's beginning."""
-    return max(0.0, min(WEAVE_M, params.side_max_m, WEAVE_WIDER * over_m))
+def half_width(params: LandingParams, over_m: float, measured: bool) -> float:
+    """b [m], at a height over the straight rest's beginning; measured: the airspeed is."""
+    wider = WEAVE_WIDER if measured else FAST_WIDER
+    return max(0.0, min(WEAVE_M, params.side_max_m, wider * over_m))
 
 
 def glide_step(
@@ -411,7 +417,7 @@ def glide_step(
         speed = air.airspeed_mps if air.airspeed_mps == air.airspeed_mps else wanted
         speed = max(low, min(high, speed)) if high > low else wanted
     over_m = vehicle.z_m - params.place.z_m - FINAL_M
-    weaves, goes_right = 0.0, _goes_right(params, state, speed, over_m, vehicle)
+    weaves, goes_right = 0.0, _goes_right(params, state, speed, over_m, air.measured, vehicle)
     if known and not outward and over_m <= 0.0:
         wanted = max(wanted, params.best_glide_mps)
     elif known and not outward:
@@ -458,6 +464,7 @@ def _goes_right(
     state: GlideState,
     speed_mps: float,
     over_m: float,
+    measured: bool,
     vehicle: VehicleState,
 ) -> bool:
     """Whether a weave goes on to the right, or turns there."""
@@ -465,8 +472,8 @@ def _goes_right(
     turning_m = speed_mps * (1.0 - cos(state.weave_rad)) / WEAVE_RADPS
     off = across(params.place, vehicle.x_m, vehicle.y_m)
     off += turning_m if state.weave_rad > 0.0 else -turning_m
-    off += WEAVE_LAG_S * speed_mps * sin(state.weave_rad)
-    most = half_width(params, over_m)
+    off += (WEAVE_LAG_S if measured else FAST_LAG_S) * speed_mps * sin(state.weave_rad)
+    most = half_width(params, over_m, measured)
     return off < most if state.goes_right else off < -most
 
 
