@@ -170,7 +170,7 @@ def test_what_nothing_moves_is_left_out_and_what_grows_is_not() -> None:
         assert len(driven.a[0]) == 1
 
 
-@pytest.mark.parametrize("speed_mps", [7.6, 10.0, 14.0])
+@pytest.mark.parametrize("speed_mps", [7.6, 9.25, 10.6])  # to the fastest that is asked for
 def test_the_rule_on_board_knows_what_the_roll_damps_of_the_yaw(speed_mps: float) -> None:
     """A servo of 80 ms and a link of 40, the yaw inertia and C_nr less by 30 %, C_nβ more: what is
     left of the rudder's damping is little, and the nose's own, by way of the roll (C_lr, C_lβ and
