@@ -131,7 +131,11 @@ def test_a_look_is_never_past_abeam_of_the_approach() -> None:
     assert 0.0 < state.weave_rad <= radians(15.0) + 1e-9
 
 
-def test_at_the_best_glide_it_weaves_wider() -> None:
-    assert half_width(PARAMS, 4.0, False) == pytest.approx(4.0 * landing.FAST_WIDER)
-    assert half_width(PARAMS, 4.0, False) > half_width(PARAMS, 4.0, True)
-    assert half_width(PARAMS, 40.0, False) == landing.WEAVE_M
+def test_at_the_best_glide_it_weaves_wider_near_the_ground() -> None:
+    assert half_width(PARAMS, 3.0, False) == pytest.approx(3.0 * landing.FAST_WIDER)
+    assert half_width(PARAMS, 3.0, False) > half_width(PARAMS, 3.0, True)
+    assert half_width(PARAMS, 5.0, False) == landing.FAST_M
+    for over_m in (7.0, 40.0):
+        assert half_width(PARAMS, over_m, False) == half_width(PARAMS, over_m, True)
+    assert half_width(PARAMS._replace(side_max_m=3.0), 40.0, False) == 3.0
+    assert half_width(PARAMS, -1.0, False) == 0.0

@@ -43,7 +43,7 @@ turn the nose farther, towards the slope, is the only other way, and is not done
 degrees of the approach.
 
 b is no more than there is height to come back from: WEAVE_WIDER h', WEAVE_M and the fence at most
-(FAST_WIDER h' at the speed of an airspeed that is not measured).
+(up to FAST_M FAST_WIDER h', at the speed of an airspeed that is not measured).
 
 The straight rest is as short as turning straight allows, for nothing corrects it but more speed:
 chi is no more than omega takes back until then.  It is flown at the best glide's speed at least,
@@ -113,9 +113,10 @@ WEAVE_M: Final = 30.0
 # From a side it comes back at V sin chi, 5 m/s, while it sinks by 1.3 m/s: 4 m for each metre, less
 # what the turn takes.  CROSS_S takes up what is left in the straight rest.
 WEAVE_WIDER: Final = 2.3
-# The same at the best glide's speed, which advances by 0.8 m/s more: too narrow it spends the time
-# that it has on turns.  The straight rest takes up 9 m.
+# Near the ground at the best glide's speed, which advances by 0.8 m/s more: too narrow it spends
+# the time that it has on turns.  The straight rest takes up 9 m.
 FAST_WIDER: Final = 3.5
+FAST_M: Final = 14.0  # no farther, from as high as WEAVE_WIDER allows more
 FAST_LAG_S: Final = 1.3
 BACK_MPS: Final = 2.0  # downwind, at most, of one that is beyond the straight rest's beginning
 # A look: 0.43 of V across, enough to tell V to LOOK_MPS in 7 s, for a tenth of V upwind.
@@ -382,8 +383,10 @@ def to_abeam(place: LandingPlace, goes_right: bool, air: AirEstimate) -> float:
 
 def half_width(params: LandingParams, over_m: float, measured: bool) -> float:
     """b [m], at a height over the straight rest's beginning; measured: the airspeed is."""
-    wider = WEAVE_WIDER if measured else FAST_WIDER
-    return max(0.0, min(WEAVE_M, params.side_max_m, wider * over_m))
+    wide_m = WEAVE_WIDER * over_m
+    if not measured:
+        wide_m = max(wide_m, min(FAST_M, FAST_WIDER * over_m))
+    return max(0.0, min(WEAVE_M, params.side_max_m, wide_m))
 
 
 def glide_step(
