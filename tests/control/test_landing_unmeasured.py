@@ -139,3 +139,17 @@ def test_at_the_best_glide_it_weaves_wider_near_the_ground() -> None:
         assert half_width(PARAMS, over_m, False) == half_width(PARAMS, over_m, True)
     assert half_width(PARAMS._replace(side_max_m=3.0), 40.0, False) == 3.0
     assert half_width(PARAMS, -1.0, False) == 0.0
+
+
+def test_the_nose_goes_down_by_what_turning_has_told() -> None:
+    """And not up: an airspeed that is read too low is safe."""
+    slow = NO_GLIDE.turning._replace(nose=0.0, sideways_mps=0.0, weight=40.0, by_nose2=6.0)
+    found = []
+    for by_both in (-9.0, 0.0, 9.0):
+        state = NO_GLIDE._replace(speed_mps=9.2, turning=slow._replace(by_both=by_both))
+        pitches = pitched(-0.04, slowest_rad=0.3)
+        found += [glide_wish(PARAMS, state, False, True, pitches, at(), air(), inf).pitch_rad]
+    error = -9.0 * error_sigma(slow) ** 2
+    assert error < -1.0
+    assert found[0] == pytest.approx(found[1] + landing.KP * error)
+    assert found[2] == found[1]
