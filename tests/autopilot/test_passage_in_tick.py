@@ -135,11 +135,15 @@ def test_a_lull_is_counted_while_it_lasts_and_off_while_it_does_not() -> None:
     high = now.margins.clearance_m - laws.landing.clearance_m
 
     def after(
-        mode: int = SOARING, wind: float = least, cross: float = nan, climb: float = 0.0
+        mode: int = SOARING,
+        wind: float = least,
+        cross: float = nan,
+        climb: float = 0.0,
+        before_s: float = 0.1,
     ) -> Lull:
         air = now.air._replace(wind_mps=wind, wind_sigma_mps=0.5, cross_wind_mps=cross)
         then = now._replace(air=air, vehicle=now.vehicle._replace(climb_mps=climb))
-        there = state.passage._replace(lull=Lull(0.1, 0.1))
+        there = state.passage._replace(lull=Lull(before_s, before_s))
         return passage_step(laws, there, mode, inputs, then, state.line, 0.005).lull
 
     more, less = pytest.approx(0.105), pytest.approx(0.095)
@@ -151,6 +155,8 @@ def test_a_lull_is_counted_while_it_lasts_and_off_while_it_does_not() -> None:
         assert after(climb=climb).low_s == low
     assert after(CAPTURING, climb=-9.0 * high).low_s == less
     assert after(HOLDING, wind=0.0) == Lull(0.0, 0.0)
+    # However long it has lasted, two seconds and a third of one are all there is to make good.
+    assert after(wind=least - 0.6, climb=-0.55 * high, before_s=3600.0) == (4.0, 0.6)
 
 
 def test_a_line_that_is_given_up_is_left_for_home_where_there_is_height_for_it() -> None:

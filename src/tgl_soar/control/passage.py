@@ -58,7 +58,11 @@ LOW_S: Final = 0.3  # of the two seconds: a thermal's edge or an estimate's step
 
 
 class Lull(NamedTuple):
-    """For how long the air has not carried, less for how long it has since."""
+    """For how long the air has not carried, less for how long it has since.
+
+    Each counts to twice what ends a flight, so that air that carries again is believed as soon as
+    air that does not: an hour of light wind with ESC_AUTO 0 must end nothing later.
+    """
 
     slow_s: float  # a wind in which the aircraft cannot stand
     low_s: float  # sinking to the least height
@@ -137,8 +141,8 @@ def _lull_step(laws: Laws, before: Lull, mode: int, estimates: Estimates, dt_s: 
     low = estimates.margins.clearance_m + sinks_m < home.clearance_m
     low = low and mode == modes.SOARING and not laws.surveys  # which turns there by itself
     return Lull(
-        slow_s=max(0.0, before.slow_s + (dt_s if slow else -dt_s)),
-        low_s=max(0.0, before.low_s + (dt_s if low else -dt_s)),
+        slow_s=max(0.0, min(2.0 * SLOW_S, before.slow_s + (dt_s if slow else -dt_s))),
+        low_s=max(0.0, min(2.0 * LOW_S, before.low_s + (dt_s if low else -dt_s))),
     )
 
 
