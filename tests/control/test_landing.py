@@ -185,17 +185,17 @@ def test_the_approach_is_as_slow_as_still_gets_there() -> None:
 
 def test_height_left_over_is_woven_off() -> None:
     high = at(x_m=-14.0, z_m=14.0)
-    angle = weave(PARAMS, True, SLOWEST, nan, high, air())
+    angle = weave(PARAMS, True, SLOWEST, nan, high, air(), False)
     assert angle > 0.3
-    assert weave(PARAMS, False, SLOWEST, nan, high, air()) == -angle
+    assert weave(PARAMS, False, SLOWEST, nan, high, air(), False) == -angle
     final_m = (landing.FINAL_M / polar_sink(POLAR, 9.2) + landing.FLOAT_S) * (9.2 - 7.0)
     over = 14.0 - landing.FINAL_M
     wanted = (13.0 - final_m) * polar_sink(POLAR, SLOWEST) / over
     assert wanted > 0.2
-    kept = mean_cosine(angle, half_width(PARAMS, over, True), SLOWEST)
+    kept = mean_cosine(angle, half_width(PARAMS, over, False), SLOWEST)
     assert SLOWEST * kept - 7.0 == pytest.approx(wanted, abs=0.05)
-    assert weave(PARAMS, True, SLOWEST, nan, at(x_m=60.0, z_m=14.0), air()) == 0.0
-    assert weave(PARAMS, True, SLOWEST, nan, at(x_m=-14.0, z_m=4.0), air()) == 0.0
+    assert weave(PARAMS, True, SLOWEST, nan, at(x_m=60.0, z_m=14.0), air(), False) == 0.0
+    assert weave(PARAMS, True, SLOWEST, nan, at(x_m=-14.0, z_m=4.0), air(), False) == 0.0
 
 
 @pytest.mark.parametrize("half_width_m", [4.0, 9.0, 15.0])
@@ -244,10 +244,10 @@ def test_all_of_the_weave_would_stand_still_in_less_wind_than_it_flies_in() -> N
 
 
 def test_the_weave_is_as_wide_as_there_is_height_and_a_fence() -> None:
-    assert half_width(PARAMS, 4.0, True) == pytest.approx(4.0 * landing.WEAVE_WIDER)
-    assert half_width(PARAMS, 40.0, True) == landing.WEAVE_M
-    assert half_width(PARAMS._replace(side_max_m=3.0), 40.0, True) == 3.0
-    assert half_width(PARAMS, -1.0, True) == 0.0
+    assert half_width(PARAMS, 4.0, False) == pytest.approx(4.0 * landing.WEAVE_WIDER)
+    assert half_width(PARAMS, 40.0, False) == landing.WEAVE_M
+    assert half_width(PARAMS._replace(side_max_m=3.0), 40.0, False) == 3.0
+    assert half_width(PARAMS, -1.0, False) == 0.0
 
 
 @pytest.mark.parametrize("bearing_deg", [0.0, 20.0])
@@ -258,8 +258,8 @@ def test_no_nose_is_turned_towards_the_slope(bearing_deg: float) -> None:
     params = PARAMS._replace(place=place)
     met = air(wind_mps=2.0 * cos(veer), cross_wind_mps=-2.0 * sin(veer), airspeed_mps=SLOWEST)
     high = at(x_m=-25.0, z_m=40.0)
-    right = weave(params, True, SLOWEST, nan, high, met)
-    left = weave(params, False, SLOWEST, nan, high, met)
+    right = weave(params, True, SLOWEST, nan, high, met, False)
+    left = weave(params, False, SLOWEST, nan, high, met, False)
     assert veer + right - bearing == pytest.approx(pi / 2.0, abs=0.01)
     assert left == pytest.approx(-landing.WEAVE_RAD)
 
@@ -340,7 +340,7 @@ def test_what_is_too_near_or_loses_the_wind_is_flown_over() -> None:
 
 def advance(chi: float, over_m: float) -> float:
     """What a weave that far off the wind advances by [m/s], at a height over the straight rest."""
-    return SLOWEST * mean_cosine(abs(chi), half_width(PARAMS, over_m, True), SLOWEST) - 7.0
+    return SLOWEST * mean_cosine(abs(chi), half_width(PARAMS, over_m, False), SLOWEST) - 7.0
 
 
 def test_what_the_air_slows_has_more_time() -> None:
@@ -348,7 +348,7 @@ def test_what_the_air_slows_has_more_time() -> None:
     sink, high = polar_sink(POLAR, SLOWEST), at(x_m=-14.0, z_m=14.0)
 
     def advances(sinks_mps: float) -> float:
-        chi = weave(PARAMS, True, SLOWEST, sinks_mps, high, air())
+        chi = weave(PARAMS, True, SLOWEST, sinks_mps, high, air(), False)
         return advance(chi, 14.0 - landing.FINAL_M)
 
     still = advances(nan)
@@ -374,7 +374,7 @@ def test_near_the_straight_rest_it_stays_near_the_middle() -> None:
     """From as far off as it is high over that, it comes back before it gets there."""
     for height in (landing.FINAL_M + 1.0, landing.FINAL_M + 3.0):
         state = NO_GLIDE._replace(weave_rad=0.3, goes_right=True)
-        y = half_width(PARAMS, height - landing.FINAL_M, True)
+        y = half_width(PARAMS, height - landing.FINAL_M, False)
         vehicle = at(x_m=-14.0, y_m=y, z_m=height)
         state, _ = glide_step(PARAMS, state, False, True, vehicle, air(), height, False, DT)
         assert not state.goes_right
@@ -390,7 +390,7 @@ def test_it_looks_upwind_when_the_straight_rest_begins() -> None:
     sink = polar_sink(POLAR, SLOWEST)
     for over in (0.1, 0.5, 8.0):
         near = at(x_m=-26.0, z_m=landing.FINAL_M + over)
-        chi = weave(PARAMS, True, SLOWEST, nan, near, air())
+        chi = weave(PARAMS, True, SLOWEST, nan, near, air(), False)
         back_s = (over + landing.STRAIGHT_BY_M) / sink
         assert 0.2 < chi <= WEAVE_RADPS * back_s + 1e-9
         assert chi <= landing.WEAVE_RAD
@@ -423,10 +423,10 @@ def test_what_the_air_carries_is_not_woven_off_there() -> None:
     sink = polar_sink(POLAR, SLOWEST)
     for x_m in (-14.0, -30.0):
         high = at(x_m=x_m, z_m=14.0)
-        carried = weave(PARAMS, True, SLOWEST, 0.2 * sink, high, air())
+        carried = weave(PARAMS, True, SLOWEST, 0.2 * sink, high, air(), False)
         over = 14.0 - landing.FINAL_M
         assert advance(carried, over) == pytest.approx(landing.OUT_MPS, abs=0.05)
-        assert weave(PARAMS, True, SLOWEST, 0.6 * sink, high, air()) > carried
+        assert weave(PARAMS, True, SLOWEST, 0.6 * sink, high, air(), False) > carried
     state = NO_GLIDE
     for k in range(round(10.0 / DT)):
         vehicle = at(k * DT, x_m=-14.0, z_m=14.0, climb_mps=-1.0 if k * DT < 3.0 else 0.2)

@@ -132,13 +132,13 @@ def test_a_look_is_never_past_abeam_of_the_approach() -> None:
 
 
 def test_at_the_best_glide_it_weaves_wider_near_the_ground() -> None:
-    assert half_width(PARAMS, 3.0, False) == pytest.approx(3.0 * landing.FAST_WIDER)
-    assert half_width(PARAMS, 3.0, False) > half_width(PARAMS, 3.0, True)
-    assert half_width(PARAMS, 5.0, False) == landing.FAST_M
+    assert half_width(PARAMS, 3.0, True) == pytest.approx(3.0 * landing.FAST_WIDER)
+    assert half_width(PARAMS, 3.0, True) > half_width(PARAMS, 3.0, False)
+    assert half_width(PARAMS, 5.0, True) == landing.FAST_M
     for over_m in (7.0, 40.0):
-        assert half_width(PARAMS, over_m, False) == half_width(PARAMS, over_m, True)
-    assert half_width(PARAMS._replace(side_max_m=3.0), 40.0, False) == 3.0
-    assert half_width(PARAMS, -1.0, False) == 0.0
+        assert half_width(PARAMS, over_m, True) == half_width(PARAMS, over_m, False)
+    assert half_width(PARAMS._replace(side_max_m=3.0), 40.0, True) == 3.0
+    assert half_width(PARAMS, -1.0, True) == 0.0
 
 
 def test_the_nose_goes_down_by_what_turning_has_told() -> None:
@@ -153,3 +153,19 @@ def test_the_nose_goes_down_by_what_turning_has_told() -> None:
     assert error < -1.0
     assert found[0] == pytest.approx(found[1] + landing.KP * error)
     assert found[2] == found[1]
+
+
+def test_what_comes_from_high_up_weaves_no_wider_near_the_ground() -> None:
+    """With all of its height still to lose it turns at its widest, and a turn takes some 3 m."""
+    low = looked(landing.FINAL_M + 3.0)
+    assert not low.from_high
+    high = looked(landing.FINAL_M + landing.HIGH_M + 0.1)
+    assert high.from_high
+    assert looked(landing.FINAL_M + 3.0, high).from_high  # and so it stays
+    # 8 m off to the right is beyond 2.3 m for each of 2.9 m, and within 3.5 m.
+    off = at(1.0, x_m=-14.0, y_m=8.0 + PARAMS.place.y_m, z_m=landing.FINAL_M + 2.9)
+    for began, goes_right in ((high, False), (low, True)):
+        began = began._replace(weave_rad=0.0, goes_right=True)
+        met = air(airspeed_mps=9.3, wind_mps=8.5)
+        then, _ = glide_step(PARAMS, began, False, True, off, met, 7.4, False, DT)
+        assert then.goes_right == goes_right

@@ -43,7 +43,8 @@ turn the nose farther, towards the slope, is the only other way, and is not done
 degrees of the approach.
 
 b is no more than there is height to come back from: WEAVE_WIDER h', WEAVE_M and the fence at most
-(up to FAST_M FAST_WIDER h', at the speed of an airspeed that is not measured).
+(up to FAST_M FAST_WIDER h', where it began low, and at the speed of an airspeed that is not
+measured: what has come from HIGH_M turns at its widest until the end, and could not come back).
 
 The straight rest is as short as turning straight allows, for nothing corrects it but more speed:
 chi is no more than omega takes back until then.  It is flown at the best glide's speed at least,
@@ -63,7 +64,8 @@ pitch is certain to some tenths of a degree and keeps V by itself.
 (`control.turning_airspeed`), with a standard deviation sigma, and the wind is as much less as V is.
 Then the slowest V is the best glide's, and as long as sigma is more than LOOK_MPS it looks: its
 nose goes LOOK_RAD to either side at least, as wide as a weave, down to LOOK_ABOVE_M over the
-straight rest.
+straight rest.  (As slow as a measured airspeed allows it was flown from high up, too: wings that
+stalled there were stalled on the ground, 3 more of 30 from 30 m.)
 
 **A stall** that came all the same is told by the elevator: as far up as it may go while the nose
 stays below its setpoint and the aircraft sinks faster than any glide at the slowest V.  Then the
@@ -116,8 +118,11 @@ WEAVE_WIDER: Final = 2.3
 # Near the ground at the best glide's speed, which advances by 0.8 m/s more: too narrow it spends
 # the time that it has on turns.  The straight rest takes up 9 m.
 FAST_WIDER: Final = 3.5
-FAST_M: Final = 14.0  # no farther, from as high as WEAVE_WIDER allows more
+FAST_M: Final = 14.0  # no farther: from higher up WEAVE_WIDER allows more
 FAST_LAG_S: Final = 1.3
+# From there on there is room for two ways from side to side: 28 m at 5 m/s, sinking by 1.4 m/s, and
+# a turn.
+HIGH_M: Final = 12.0
 BACK_MPS: Final = 2.0  # downwind, at most, of one that is beyond the straight rest's beginning
 # A look: 0.43 of V across, enough to tell V to LOOK_MPS in 7 s, for a tenth of V upwind.
 LOOK_MPS: Final = 0.5  # of sigma: the best glide is 0.8 m/s above the slowest approach
@@ -199,6 +204,7 @@ class GlideState(NamedTuple):
     recovers_s: float  # so long the nose stays down
     stalled: bool  # it has, on this way home
     turning: TurningState  # what turns have shown of the airspeed, where it is not measured
+    from_high: bool  # it has come from more than HIGH_M
 
 
 class GlidePitches(NamedTuple):
@@ -228,6 +234,7 @@ NO_GLIDE: Final = GlideState(
     recovers_s=0.0,
     stalled=False,
     turning=NO_TURNING,
+    from_high=False,
 )
 
 
@@ -344,10 +351,11 @@ def weave(
     sinks_mps: float,
     vehicle: VehicleState,
     air: AirEstimate,
+    fast: bool,
 ) -> float:
     """The heading from the wind that uses up the height left over at a speed; 0: none is.
 
-    sinks_mps: how it sinks over the ground, averaged; NaN: not known.
+    sinks_mps: how it sinks over the ground, averaged; NaN: not known.  fast: see `half_width`.
     """
     place, wind = params.place, air.wind_mps
     height = vehicle.z_m - place.z_m - FINAL_M
@@ -366,7 +374,7 @@ def weave(
         advance = max(advance, OUT_MPS)
     straight_s = (height + STRAIGHT_BY_M) / sink  # until it is to look upwind again
     most = max(0.0, min(WEAVE_RAD, WEAVE_RADPS * straight_s, to_abeam(place, goes_right, air)))
-    width = half_width(params, height, air.measured)
+    width = half_width(params, height, fast)
     angle = weave_angle((wind + advance) / speed_mps, width, speed_mps, most)
     if angle < WEAVE_MIN_RAD:
         return 0.0
@@ -381,10 +389,11 @@ def to_abeam(place: LandingPlace, goes_right: bool, air: AirEstimate) -> float:
     return pi / 2.0 - veer if goes_right else pi / 2.0 + veer
 
 
-def half_width(params: LandingParams, over_m: float, measured: bool) -> float:
-    """b [m], at a height over the straight rest's beginning; measured: the airspeed is."""
+def half_width(params: LandingParams, over_m: float, fast: bool) -> float:
+    """b [m], at a height over the straight rest's beginning; fast: all of it is flown at the best
+    glide's speed, as the airspeed is not measured and it began low."""
     wide_m = WEAVE_WIDER * over_m
-    if not measured:
+    if fast:
         wide_m = max(wide_m, min(FAST_M, FAST_WIDER * over_m))
     return max(0.0, min(WEAVE_M, params.side_max_m, wide_m))
 
@@ -420,12 +429,14 @@ def glide_step(
         speed = air.airspeed_mps if air.airspeed_mps == air.airspeed_mps else wanted
         speed = max(low, min(high, speed)) if high > low else wanted
     over_m = vehicle.z_m - params.place.z_m - FINAL_M
-    weaves, goes_right = 0.0, _goes_right(params, state, speed, over_m, air.measured, vehicle)
+    from_high = state.from_high or (known and over_m > HIGH_M)
+    fast = not air.measured and not from_high
+    weaves, goes_right = 0.0, _goes_right(params, state, speed, over_m, fast, vehicle)
     if known and not outward and over_m <= 0.0:
         wanted = max(wanted, params.best_glide_mps)
     elif known and not outward:
         if wanted <= low:
-            weaves = weave(params, goes_right, low, state.sink_mps, vehicle, air)
+            weaves = weave(params, goes_right, low, state.sink_mps, vehicle, air, fast)
         looks = over_m > LOOK_ABOVE_M and airspeed_sigma(turning, air) > LOOK_MPS
         if looks:
             most = max(abs(weaves), min(LOOK_RAD, to_abeam(params.place, goes_right, air)))
@@ -458,6 +469,7 @@ def glide_step(
         recovers_s=state.recovers_s,
         stalled=state.stalled,
         turning=turning,
+        from_high=from_high,
     )
     return state, air.airspeed_mps if flares else speed
 
@@ -467,7 +479,7 @@ def _goes_right(
     state: GlideState,
     speed_mps: float,
     over_m: float,
-    measured: bool,
+    fast: bool,
     vehicle: VehicleState,
 ) -> bool:
     """Whether a weave goes on to the right, or turns there."""
@@ -475,8 +487,8 @@ def _goes_right(
     turning_m = speed_mps * (1.0 - cos(state.weave_rad)) / WEAVE_RADPS
     off = across(params.place, vehicle.x_m, vehicle.y_m)
     off += turning_m if state.weave_rad > 0.0 else -turning_m
-    off += (WEAVE_LAG_S if measured else FAST_LAG_S) * speed_mps * sin(state.weave_rad)
-    most = half_width(params, over_m, measured)
+    off += (FAST_LAG_S if fast else WEAVE_LAG_S) * speed_mps * sin(state.weave_rad)
+    most = half_width(params, over_m, fast)
     return off < most if state.goes_right else off < -most
 
 
