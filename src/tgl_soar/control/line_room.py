@@ -48,8 +48,9 @@ def line_room(
     # Below a ridge the line may come out again: the first corner that is too near bars it.
     for i in range(ground.points):
         way = (x_m - ground.x_m[i]) / along_x if along_x != 0.0 else 0.0
-        is_near = clearance(ground, ground.x_m[i], z_m - way * along_z) < least_m
-        if is_near and 0.0 < way < min(down, DEPTH_MAX_M):
+        if not 0.0 < way < min(down, DEPTH_MAX_M):
+            continue
+        if clearance(ground, ground.x_m[i], z_m - way * along_z) < least_m:
             by_fence = False
             down = _way_to_ground(ground, x_m, z_m, along_x, along_z, way, least_m)
     depth = max(DEPTH_MIN_M, min(DEPTH_MAX_M, down + least_m))
