@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +12,14 @@ from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.flights import Flyer
 from tgl_soar.analysis.experiments.outdoors import outdoors
 from tgl_soar.analysis.experiments.outdoors.outdoors import FlownPassage, PassageJob, fly_passage
+
+
+@pytest.fixture(scope="module", autouse=True)
+def plainly() -> Iterator[None]:
+    """Half a dozen landings take less than the kernel's compiling: some seconds each."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(outdoors, "available", lambda: False)
+        yield
 
 
 @pytest.fixture(scope="module")
