@@ -7,13 +7,13 @@ from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from test_onboard import Flight, setup, texts
+from test_onboard import Flight, setup, simulator, texts
 
 from tgl_soar.control.supervisor import CAPTURING, READY, SOARING, STANDBY
 from tgl_soar.estimation.health import ATTITUDE_SHIFT, DISARMED, WRONG
 from tgl_soar.link.signing import EPOCH_S, Signing
+from tgl_soar.onboard import operators, realtime
 from tgl_soar.onboard import process as module
-from tgl_soar.onboard import realtime
 from tgl_soar.onboard.command_line import RunOptions
 from tgl_soar.onboard.instruments import ARRAY
 from tgl_soar.onboard.module import Onboard
@@ -42,6 +42,51 @@ def order(flight: Flight, number: int, *, component: int = 191, confirmation: in
 
 def acks(messages: list[Any]) -> list[tuple[int, int]]:
     return [(m.command, m.result) for m in messages if m.get_type() == "COMMAND_ACK"]
+
+
+# --- a staged move that is left ---------------------------------------------------------------
+
+
+@pytest.mark.interpreted
+def test_a_staged_move_that_is_left_is_dropped_and_reported(
+    flight: Flight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The station's link drops in the middle of it; another one sets 0 an hour later."""
+    assert operators.STAGE_S == 60.0  # as docs/operator.md, docs/safety.md and TGL_STAGE say
+    monkeypatch.setattr(operators, "STAGE_S", 2.0)
+    values, there = flight.onboard.parameters, flight.onboard.parameters.values["TGL_X"]
+    flight.set("TGL_STAGE", 1.0)
+    flight.run(1.5)
+    flight.set("TGL_X", 1.0)  # goes on with it
+    flight.run(1.5)
+    flight.set("TGL_Z", 5000.0)  # refused: nothing is staged by it
+    flight.run(0.4)
+    assert values.values["TGL_STAGE"] == 1.0
+    flight.said()
+    flight.run(0.2)
+    assert values.values["TGL_STAGE"] == 2.0
+    said = flight.said()
+    shown = {m.param_id: m.param_value for m in said if m.get_type() == "PARAM_VALUE"}
+    assert shown == {"TGL_STAGE": 2.0, "TGL_X": there}
+    assert "".join(texts(said)) == "staged move dropped: nothing was staged for 2 s"
+    flight.set("TGL_STAGE", 0.0)
+    flight.set("TGL_X", 2.0)
+    assert (values.values["TGL_STAGE"], values.values["TGL_X"]) == (2.0, 2.0)
+    flight.run(3.0)
+    assert "staged move" not in "".join(texts(flight.said()))  # once
+
+
+@pytest.mark.interpreted
+def test_in_lockstep_a_staged_move_is_left_by_the_clock_that_begins_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(operators, "STAGE_S", 1.0)
+    flight = Flight(lockstep=True)
+    for i in simulator(flight, 400):
+        if i == 390:
+            flight.set("TGL_STAGE", 1.0)
+    stage = [flight.onboard.parameters.values["TGL_STAGE"] for _ in simulator(flight, 300)]
+    assert (stage[150], stage[-1]) == (1.0, 2.0)
 
 
 # --- commands ---------------------------------------------------------------------------------

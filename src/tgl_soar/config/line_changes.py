@@ -7,7 +7,8 @@
              survey has drawn.  It goes back to -1 as soon as the point is elsewhere.
     staging  TGL_STAGE = 1: sets of TGL_X, TGL_Z, TGL_LEAN and TGL_SLEW are checked one by one
              and held; 0: all of them at once, or none; 2: dropped.  From 2 there is no way to 0
-             but over 1, so that a repeated commit that was refused is refused again.
+             but over 1, so that a repeated commit that was refused is refused again.  What nobody
+             goes on with is dropped after a while (`onboard.operators`, which has the time).
     bounds   A line by which no aircraft can be held (`line_bounds`) is refused, and so is one
              in flight whose point is farther than TGL_STEP_MAX from the one that stands.
     loop     A gain, a latency or a figure of the airframe is refused in flight where the loop would

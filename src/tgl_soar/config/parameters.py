@@ -96,7 +96,8 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     Parameter(
         name="TGL_STAGE", unit="", minimum=0, maximum=2, default=0,
         meaning="Several values as one move. 1: hold back new values of TGL_X, TGL_Z, TGL_LEAN and"
-                " TGL_SLEW; then 0: apply all of them at once, or 2: discard them.",
+                " TGL_SLEW; then 0: apply all of them at once, or 2: discard them. After 60 s"
+                " without another value they are discarded.",
         integer=True, in_files=False,
     ),
     Parameter(

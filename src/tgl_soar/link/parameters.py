@@ -22,7 +22,7 @@ from struct import pack, unpack
 from typing import Final
 from zlib import crc32
 
-from tgl_soar.config.line_changes import LineChanges
+from tgl_soar.config.line_changes import DROPPED, LineChanges
 from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterError, ParameterSet
 from tgl_soar.link.hot_frames import float32
 from tgl_soar.link.messages import (
@@ -118,6 +118,12 @@ class ParameterServer:
         """A change made by the module itself; it is sent to every station."""
         self.values = self.values.changed({name: value})
         return [self.value_message(INDEX[name])]
+
+    def drop_staged(self) -> list[Outbound]:
+        """The module itself drops a staged move: what stands in its place, for every station."""
+        answer = self.line.set(self.values, "TGL_STAGE", DROPPED, flying=False)
+        self.values = answer.values
+        return [self.value_message(INDEX[name]) for name in answer.reported]
 
     def refuse(
         self, source: Source, message: ParamSet, reason: str, now_s: float

@@ -372,7 +372,7 @@ class Onboard:
         self.session.rebase(now_s)
         self.positions.restart()
         self._telemetry.rebase()
-        self._operators.restart()
+        self._operators.restart(now_s)
         self.engage_switch.restart(now_s)
         self.links.restart(now_s)
         self._state = autopilot.initial_state()

@@ -10,6 +10,7 @@ from typing import Final
 
 from tgl_soar import autopilot
 from tgl_soar.config.files import value_refusal
+from tgl_soar.config.line_changes import STAGED, STAGING
 from tgl_soar.config.parameters import INDEX
 from tgl_soar.link.commands import ENGAGE, NOTHING, CommandServer
 from tgl_soar.link.component_metadata import metadata_files
@@ -40,6 +41,7 @@ from tgl_soar.onboard.switches import Switches
 ABSENT_S: Final = 5.0  # a station that was silent for longer may have missed a change
 REFUSALS_S: Final = 0.25  # between two words about commands that were refused
 COMPLAIN_S: Final = 5.0  # between two words about keys that were refused
+STAGE_S: Final = 60.0  # from one staged value to the next; a move that was left is nobody's wish
 FILES_FRACTION: Final = 0.5  # of the telemetry's budget: its numbers keep the other half
 
 
@@ -72,6 +74,7 @@ class Operators:
         self._keep_key = keep_key
         self._keys_refused_s = float("-inf")
         self._refused_s = float("-inf")
+        self._staged_s = float("-inf")  # when one was set last, or staging began
         self._files = FileServer(metadata_files())
         self._files_budget = Budget()
         self._met: dict[tuple[int, Source], float] = {}  # when each station was heard last
@@ -107,9 +110,10 @@ class Operators:
             self._outbox.say_words(SEVERITY_INFO, mode, route)
 
     def serve(self, now_s: float, *, sheds: bool) -> None:
-        """What was asked for and waits: values, and pieces of files.  `sheds`: there is no time
-        for files."""
+        """What was asked for and waits: values, and pieces of files; what was staged and left.
+        `sheds`: there is no time for files."""
         self._list_parameters(now_s)
+        self._drop_left_stage(now_s)
         if self._files.is_reading and not sheds:
             self._send_file_piece(now_s)
 
@@ -125,13 +129,23 @@ class Operators:
                 self._outbox.say_all(values, route)
                 route.asked = self._parameters.is_busy
 
+    def _drop_left_stage(self, now_s: float) -> None:
+        """A staged move whose station has gone: whoever sets 0 later would make a move that nobody
+        has in mind, and whoever sets a value meanwhile would stage it."""
+        if self._settings.values["TGL_STAGE"] != STAGING or now_s - self._staged_s < STAGE_S:
+            return
+        self._settings.drop_staged()
+        text = f"staged move dropped: nothing was staged for {STAGE_S:g} s"
+        self._outbox.tell(SEVERITY_WARNING, text)
+
     def acknowledge(self, now_s: float) -> None:
         """What is still to be said about commands."""
         for ack in self._commands.poll(now_s):
             self._outbox.say_to(Source(ack.target_system, ack.target_component), ack)
 
-    def restart(self) -> None:
+    def restart(self, now_s: float) -> None:
         """The clock was changed: what was timed by the old one is forgotten."""
+        self._staged_s = now_s
         self._parameters.rebase()
         self._commands.rebase()
         self._files.rebase()
@@ -157,6 +171,8 @@ class Operators:
             self._engage_switch.released(now_s, source)
         if server.values is not self._settings.values:
             self._settings.changed()
+        if accepted and message.param_id in (*STAGED, "TGL_STAGE"):
+            self._staged_s = now_s
         if accepted:
             self._switches.was_set(message.param_id)
         outbox.say_all(said)

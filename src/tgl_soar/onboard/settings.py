@@ -58,6 +58,11 @@ class FlightSettings:
         self._outbox.say_all(self.server.assign(name, value))
         self.changed()
 
+    def drop_staged(self) -> None:
+        """A staged move is given up by the module itself; every station hears of it."""
+        self._outbox.say_all(self.server.drop_staged())
+        self.changed()
+
     def changed(self) -> None:
         """The server has other values: they count from here on."""
         server = self.server
