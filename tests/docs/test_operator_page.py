@@ -9,7 +9,7 @@ from tgl_soar.config.parameters import INDEX
 from tgl_soar.control.supervisor import CONDITION_TEXTS, ENTRY, MODE_NAMES
 from tgl_soar.estimation.health import DISARMED, FAULT_TEXTS
 from tgl_soar.onboard.instruments import FAST, HELD_BACK, SLOW
-from tgl_soar.onboard.process import EXIT_CANNOT_START
+from tgl_soar.onboard.process import EXIT_CANNOT_START, EXIT_LINK_NOT_READY
 from tgl_soar.onboard.watchdog import EXIT_KEEPS_DYING, HANGS_FLYING_S, RESTARTS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "operator.md").read_text(encoding="utf-8")
@@ -62,7 +62,8 @@ def test_what_the_guard_does_is_reported_with_its_numbers() -> None:
     for words in (
         f"stands still for {HANGS_FLYING_S:g} s with the surfaces",
         f"it gives up (exit code {EXIT_KEEPS_DYING})",
-        f"code {EXIT_CANNOT_START} and is not tried again",
+        f"exit code {EXIT_CANNOT_START} and is not tried again",
+        f"is not up yet (exit code {EXIT_LINK_NOT_READY})",
         "config/systemd/tgl-soar.service",
     ):
         assert words in " ".join(service.split())

@@ -12,7 +12,12 @@ import pytest
 from free_ports import free_port
 
 from tgl_soar.link.transport import is_open, open_link
-from tgl_soar.link.transports.base import MAX_DATAGRAMS, LinkError, Transport
+from tgl_soar.link.transports.base import (
+    MAX_DATAGRAMS,
+    LinkError,
+    LinkNotReadyError,
+    Transport,
+)
 from tgl_soar.link.transports.serial_line import SerialLink
 from tgl_soar.link.transports.tcp import OTHERS_BYTES, TcpLink
 from tgl_soar.link.transports.udp import PEER_SILENCE_S, STRANGERS, UdpListener, UdpSpeaker
@@ -303,8 +308,26 @@ def test_a_link_that_cannot_be_opened_is_named_with_the_way_out(text: str, words
     assert repr(text) in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("text", "passes"),
+    [
+        ("serial:/dev/tty-none:921600", True),  # not enumerated yet
+        ("serial:/dev/null:921600", False),
+        ("serial:/dev/ttyS0:fast", False),
+        ("udp:192.0.2.1:14540", True),  # its interface is not up yet
+        ("udp:127.0.0.1:99999", False),
+        (f"tcp:{LOCAL}:1", True),  # its program is not started yet
+        ("carrier-pigeon:1", False),
+    ],
+)
+def test_what_may_pass_is_told_from_a_mistake(text: str, passes: bool) -> None:
+    with pytest.raises(LinkError) as caught:
+        open_link(text, is_frame)
+    assert isinstance(caught.value, LinkNotReadyError) is passes
+
+
 def test_a_port_in_use_says_so(listener: UdpListener) -> None:
-    with pytest.raises(LinkError, match="is in use; stop the other program"):
+    with pytest.raises(LinkNotReadyError, match="is in use; stop the other program"):
         open_link(listener.name, is_frame)
 
 

@@ -25,7 +25,7 @@ from tgl_soar.link.decoder import Decoder
 from tgl_soar.link.keys import save_key
 from tgl_soar.onboard import process
 from tgl_soar.onboard.command_line import RunOptions
-from tgl_soar.onboard.process import EXIT_CANNOT_START, EXIT_ERROR, EXIT_OK
+from tgl_soar.onboard.process import EXIT_ERROR, EXIT_LINK_NOT_READY, EXIT_OK
 from tgl_soar.onboard.setup import setup_from
 from tgl_soar.onboard.stand_in import hand_over
 from tgl_soar.onboard.surfaces import RELEASE_FRAMES
@@ -182,7 +182,7 @@ def test_the_guard_needs_no_key_file_to_give_the_surfaces_back(
 
 
 @pytest.mark.parametrize(
-    ("became", "code"), [("", EXIT_CANNOT_START), ("was killed by SIGKILL", EXIT_ERROR)]
+    ("became", "code"), [("", EXIT_LINK_NOT_READY), ("was killed by SIGKILL", EXIT_ERROR)]
 )
 def test_a_link_that_worked_before_is_tried_again(
     became: str, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

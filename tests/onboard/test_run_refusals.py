@@ -10,14 +10,14 @@ from module_process import SITE, arguments
 
 from tgl_soar.link.messages import Source
 from tgl_soar.onboard import process
-from tgl_soar.onboard.process import EXIT_CANNOT_START, main
+from tgl_soar.onboard.process import EXIT_CANNOT_START, EXIT_LINK_NOT_READY, main
 
 
 def test_a_port_in_use_is_said_without_a_traceback(capsys: pytest.CaptureFixture[str]) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("127.0.0.1", 0))
         link = f"udp:127.0.0.1:{other.getsockname()[1]}"
-        assert main(arguments(link, "--no-guard")) == EXIT_CANNOT_START
+        assert main(arguments(link, "--no-guard")) == EXIT_LINK_NOT_READY
     assert "is in use" in capsys.readouterr().err
 
 

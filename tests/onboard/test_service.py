@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tgl_soar.config.files import shipped
-from tgl_soar.onboard.process import EXIT_CANNOT_START, main
+from tgl_soar.onboard.process import EXIT_CANNOT_START, EXIT_LINK_NOT_READY, main
 from tgl_soar.onboard.realtime import PRIORITY
 from tgl_soar.onboard.stand_in import GIVE_BACK_INTERVAL_S
 from tgl_soar.onboard.surfaces import RELEASE_FRAMES
@@ -58,6 +58,21 @@ def test_it_starts_a_command_that_there_is(capsys: pytest.CaptureFixture[str]) -
     assert (program, run) == ("/opt/tgl_soar/bin/tgl-soar", "run")
     assert main([*options, "--no-guard"]) == EXIT_CANNOT_START  # and not: unknown option
     assert "/etc/tgl_soar/my_airframe.toml" in capsys.readouterr().err
+
+
+def test_a_device_that_is_not_there_yet_does_not_end_the_service_for_good(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A USB line that is enumerated later than the service is started."""
+    missing = tmp_path / "ttyUSB0"
+    given = ["--airframe", "eclipson_c", "--site", "hill", "--state", "none", "--no-guard"]
+    assert main([*given, "--link", f"serial:{missing}:921600"]) == EXIT_LINK_NOT_READY
+    assert f"there is no {missing}" in capsys.readouterr().err
+    assert setting("Restart") == "always"
+    assert str(EXIT_LINK_NOT_READY) not in setting("RestartPreventExitStatus").split()
+    # As often as it takes, with a start in each half second and what it takes itself.
+    assert (setting("StartLimitIntervalSec"), setting("RestartSec")) == ("0", "0.5")
+    assert main([*given, "--link", f"serial:{missing}:fast"]) == EXIT_CANNOT_START
 
 
 def test_its_numbers_are_those_of_the_program() -> None:

@@ -16,7 +16,13 @@ from collections.abc import Callable
 from typing import Final
 
 from tgl_soar.link.transports.addresses import host_and_port
-from tgl_soar.link.transports.base import MAX_DATAGRAMS, LinkCounters, LinkError, Transport
+from tgl_soar.link.transports.base import (
+    MAX_DATAGRAMS,
+    LinkCounters,
+    LinkError,
+    LinkNotReadyError,
+    Transport,
+)
 from tgl_soar.link.transports.serial_line import SerialLink, device_and_baud
 from tgl_soar.link.transports.tcp import TcpLink
 from tgl_soar.link.transports.udp import UdpListener, UdpSpeaker
@@ -26,6 +32,7 @@ __all__ = (
     "MAX_DATAGRAMS",
     "LinkCounters",
     "LinkError",
+    "LinkNotReadyError",
     "Transport",
     "UdpListener",
     "baud_of",
@@ -40,7 +47,8 @@ FORMS: Final = "udp:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:/dev/tt
 def open_link(text: str, is_frame: Callable[[bytes], bool], now_s: float = 0.0) -> Transport:
     """Open the link that a string names.
 
-    `is_frame`: whether a datagram begins with a MAVLink frame.  Errors: `LinkError`.
+    `is_frame`: whether a datagram begins with a MAVLink frame.  Errors: `LinkError`, and of these
+    `LinkNotReadyError` for what is no mistake in the string.
     """
     kind, _, rest = text.partition(":")
     if kind in ("udp", "udpin"):

@@ -42,10 +42,10 @@ from tgl_soar.link.messages import (
     SEVERITY_NOTICE,
     SEVERITY_WARNING,
 )
-from tgl_soar.link.natnet.sockets import NatNetError
+from tgl_soar.link.natnet.sockets import NatNetError, NatNetNotReadyError
 from tgl_soar.link.signing import Signing
 from tgl_soar.link.transport import baud_of, is_open
-from tgl_soar.link.transports.base import LinkError, Transport
+from tgl_soar.link.transports.base import LinkError, LinkNotReadyError, Transport
 from tgl_soar.onboard import line_load, loop, native, realtime, watchdog
 from tgl_soar.onboard.command_line import RunOptions, options_of
 from tgl_soar.onboard.console import say
@@ -63,6 +63,7 @@ EXIT_OK: Final = 0
 EXIT_ERROR: Final = 1
 EXIT_CANNOT_START: Final = 2
 EXIT_NO_AUTOPILOT: Final = 3
+EXIT_LINK_NOT_READY: Final = 5  # 4: `watchdog.EXIT_KEEPS_DYING`
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -97,7 +98,7 @@ def run(options: RunOptions) -> int:
 
     0: stopped by SIGINT, SIGTERM, SIGHUP or SIGQUIT; 2: configuration, key or link cannot be
     used; 3: no autopilot answered within `timeout_s`, if that was given; 4: guarded, and it keeps
-    dying.
+    dying; 5: what a link leads to is missing or busy, and may not be for long.
     """
     try:
         airframe = load_airframe(options.airframe)
@@ -141,7 +142,10 @@ def _run(
             transport.close()
         # A link that worked before may work again, such as a line pulled for a moment: the watchdog
         # tries again.
-        return EXIT_ERROR if became else EXIT_CANNOT_START
+        if became:
+            return EXIT_ERROR
+        passes = isinstance(error, LinkNotReadyError | NatNetNotReadyError)
+        return EXIT_LINK_NOT_READY if passes else EXIT_CANNOT_START
     stop = StopFlag()
     restore = _stop_on_signals(stop)
     with _lowered_priority(options):

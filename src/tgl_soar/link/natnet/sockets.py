@@ -22,6 +22,10 @@ class NatNetError(Exception):
     """A server or an interface that cannot be reached; the message names the key to change."""
 
 
+class NatNetNotReadyError(NatNetError):
+    """One that may be reached later with the same keys: its network is not up yet, or busy."""
+
+
 class NatNetSockets:
     """One server's command port, and where it streams."""
 
@@ -102,7 +106,7 @@ class NatNetSockets:
         except OSError as error:
             stream.close()
             where = f"interface {self._interface}" if self._interface else "any interface"
-            raise NatNetError(
+            raise NatNetNotReadyError(
                 f"mocap.group {group} cannot be joined on {where}: {error.strerror};"
                 " give mocap.interface the address that this computer has on the cameras' network"
             ) from None
@@ -116,7 +120,10 @@ def resolved(server: str) -> str:
     try:
         return socket.gethostbyname(server)
     except OSError as error:
-        raise NatNetError(f"mocap.server {server!r} is not known: {error.strerror}") from None
+        reason = f"mocap.server {server!r} is not known: {error.strerror}"
+        if error.errno == socket.EAI_AGAIN:  # nobody to ask: the network is not up
+            raise NatNetNotReadyError(reason) from None
+        raise NatNetError(reason) from None
 
 
 def _bound(host: str, port: int, keys: str, *, shared: bool = False) -> socket.socket:
@@ -129,5 +136,6 @@ def _bound(host: str, port: int, keys: str, *, shared: bool = False) -> socket.s
         made.bind((host, port))
     except (OSError, OverflowError) as error:
         made.close()
-        raise NatNetError(f"{keys} {host or '0.0.0.0'}:{port}: cannot listen: {error}") from None
+        kind = NatNetNotReadyError if isinstance(error, OSError) else NatNetError
+        raise kind(f"{keys} {host or '0.0.0.0'}:{port}: cannot listen: {error}") from None
     return made

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 
-from tgl_soar.link.transports.base import LinkError
+from tgl_soar.link.transports.base import LinkError, LinkNotReadyError
 
 
 def host_and_port(text: str, rest: str) -> tuple[str, int]:
@@ -22,5 +22,8 @@ def resolved(text: str, host: str, port: int, kind: int) -> tuple[int, tuple[str
     try:
         family, _, _, _, address = socket.getaddrinfo(host, port, type=kind)[0]
     except OSError as error:
-        raise LinkError(f"link {text!r}: host {host!r} is not known: {error.strerror}") from None
+        reason = f"link {text!r}: host {host!r} is not known: {error.strerror}"
+        if error.errno == socket.EAI_AGAIN:  # nobody to ask: the network is not up
+            raise LinkNotReadyError(reason) from None
+        raise LinkError(reason) from None
     return family, (str(address[0]), port)

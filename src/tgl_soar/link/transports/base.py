@@ -12,6 +12,10 @@ class LinkError(Exception):
     """A link that cannot be opened; the message names it and the way out."""
 
 
+class LinkNotReadyError(LinkError):
+    """One that may be opened later as it is: what it leads to is missing, busy or not up yet."""
+
+
 @dataclass(slots=True)
 class LinkCounters:
     """What a link carried."""

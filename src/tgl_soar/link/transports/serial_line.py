@@ -18,7 +18,7 @@ import termios
 from pathlib import Path
 from typing import Final
 
-from tgl_soar.link.transports.base import LinkError
+from tgl_soar.link.transports.base import LinkError, LinkNotReadyError
 from tgl_soar.link.transports.byte_stream import RETRY_S, ByteStream
 
 BITS_PER_BYTE: Final = 10  # on a serial line: a start and a stop bit
@@ -28,6 +28,8 @@ COMMAND_LATE_S: Final = 0.005
 # gap between two commands: a tenth of the 0.5 s after which an autopilot acts without them.
 OTHERS_LATE_S: Final = 0.05
 DEFAULT_BAUD: Final = 921_600
+# Of a device that is being plugged in or out.
+_PASSING: Final = (errno.EIO, errno.ENXIO, errno.ENODEV)
 
 
 def device_and_baud(text: str, rest: str) -> tuple[str, int]:
@@ -54,7 +56,7 @@ class SerialLink(ByteStream):
         except LinkError:
             raise
         except (OSError, ValueError, termios.error) as error:
-            raise LinkError(_why_no_serial(text, device, error)) from None
+            raise _no_serial(text, device, error) from None
         self._retry_s = now_s + RETRY_S
 
     def _open(self) -> None:
@@ -65,7 +67,7 @@ class SerialLink(ByteStream):
                 self._device, self._baud, timeout=0, write_timeout=0, exclusive=True
             )
         except serial.SerialException as error:
-            raise LinkError(_why_no_serial(self.name, self._device, error)) from None
+            raise _no_serial(self.name, self._device, error) from None
         fd = int(self._port.fileno())
         os.set_blocking(fd, False)
         # pyserial lets a read end with nothing; here nothing at all is to mean: hung up.
@@ -130,18 +132,23 @@ class SerialLink(ByteStream):
             return  # the device is gone: nothing is left to close
 
 
-def _why_no_serial(text: str, device: str, error: Exception) -> str:
+def _no_serial(text: str, device: str, error: Exception) -> LinkError:
+    """What is said of a device that cannot be opened; at boot it may appear later, its group, which
+    may open it, later still."""
     number = getattr(error, "errno", None)
     if number == errno.ENOENT or not Path(device).exists():
-        return (
+        return LinkNotReadyError(
             f"link {text!r}: there is no {device}; `ls /dev/tty*` lists the lines,"
             " and on a Raspberry Pi the serial port must be enabled"
         )
     if number == errno.EACCES:
-        return (
+        return LinkNotReadyError(
             f"link {text!r}: {device} may not be opened;"
             " add the user to its group (dialout) and log in again"
         )
     if number in (errno.EBUSY, errno.EAGAIN) or "exclusively lock" in str(error):
-        return f"link {text!r}: {device} is in use by another program; stop that first"
-    return f"link {text!r}: {device} cannot be opened as a serial line: {error}"
+        return LinkNotReadyError(
+            f"link {text!r}: {device} is in use by another program; stop that first"
+        )
+    reason = f"link {text!r}: {device} cannot be opened as a serial line: {error}"
+    return LinkNotReadyError(reason) if number in _PASSING else LinkError(reason)

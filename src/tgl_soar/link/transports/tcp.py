@@ -16,7 +16,7 @@ import sys
 from typing import Final
 
 from tgl_soar.link.transports.addresses import resolved
-from tgl_soar.link.transports.base import LinkError
+from tgl_soar.link.transports.base import LinkNotReadyError
 from tgl_soar.link.transports.byte_stream import MAX_UNSENT_BYTES, RETRY_S, ByteStream
 
 CONNECT_TIMEOUT_S: Final = 3.0
@@ -37,7 +37,7 @@ class TcpLink(ByteStream):
             self._socket.connect(self._address)
         except OSError as error:
             self._socket.close()
-            raise LinkError(
+            raise LinkNotReadyError(
                 f"link {text!r}: no connection: {error.strerror or error};"
                 " is something listening there?"
             ) from None

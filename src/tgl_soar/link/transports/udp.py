@@ -16,12 +16,19 @@ from collections.abc import Callable
 from typing import Final
 
 from tgl_soar.link.transports.addresses import resolved
-from tgl_soar.link.transports.base import MAX_DATAGRAMS, LinkCounters, LinkError
+from tgl_soar.link.transports.base import (
+    MAX_DATAGRAMS,
+    LinkCounters,
+    LinkError,
+    LinkNotReadyError,
+)
 
 PEER_SILENCE_S: Final = 3.0
 STRANGERS: Final = 16  # datagrams looked at for one that is the peer's
 MAX_DATAGRAM_BYTES: Final = 2048
 
+# Another program may end, and an interface of a network come up.
+_PASSING: Final = (errno.EADDRINUSE, errno.EADDRNOTAVAIL)
 _NOTHING: Final = bytes(4)
 
 
@@ -81,7 +88,8 @@ class UdpListener(_Udp):
             self._socket.bind(address)
         except OSError as error:
             self._socket.close()
-            raise LinkError(_why_not_bound(text, host, port, error)) from None
+            kind = LinkNotReadyError if error.errno in _PASSING else LinkError
+            raise kind(_why_not_bound(text, host, port, error)) from None
 
     def receive(self, now_s: float, most: int = MAX_DATAGRAMS) -> list[bytes]:
         received: list[bytes] = []
@@ -156,7 +164,8 @@ class UdpSpeaker(_Udp):
             self._socket.connect(self._address)
         except OSError as error:
             self._socket.close()
-            raise LinkError(f"link {text!r}: no way to {host}: {error.strerror}") from None
+            reason = f"link {text!r}: no way to {host}: {error.strerror}"
+            raise LinkNotReadyError(reason) from None
 
     def receive(
         self,
