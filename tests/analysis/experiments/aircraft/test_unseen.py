@@ -96,6 +96,15 @@ def test_places_are_compared_one_by_one_and_e_rho_where_all_last() -> None:
     assert not lasting.holds
 
 
+def test_pilots_who_both_lose_every_flight_have_shown_nothing() -> None:
+    none = score_unseen({"a": of(0, 6, 0.01), "b": of(0, 6, 0.01)})
+    (lasting,) = row_claims(ROW, {(ROW.name, WITH): none, (ROW.name, PLAIN): none})
+    assert not lasting.holds
+    assert lasting.measured == "0 / 0 and 0 / 0, of 6"
+    one = score_unseen({"a": of(1, 6, 0.01), "b": of(0, 6, 0.01)})
+    assert row_claims(ROW, {(ROW.name, WITH): one, (ROW.name, PLAIN): none})[0].holds
+
+
 def test_the_lost_count() -> None:
     found = score_unseen({"a": of(1, 2, 0.01), "b": of(2, 2, 0.03)})
     assert found.up == {"a": 1, "b": 2}

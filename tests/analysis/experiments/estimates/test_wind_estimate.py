@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from functools import lru_cache
+from math import isnan
 from pathlib import Path
 
 import numpy as np
@@ -106,6 +107,13 @@ def test_honest_is_every_case_and_both_ways(of: str) -> None:
         assert ("allows for one that is wrong" in timid_claim(timid).measured) is (
             not what.wing_is_wrong
         )
+
+
+def test_of_no_flight_nothing_is_claimed() -> None:
+    scores = {case: score([], case) for case in CASES}
+    assert isnan(plain_rms([]))
+    assert not honest_claim(scores).holds
+    assert not timid_claim(scores).holds
 
 
 def test_a_dispersed_flight_is_of_another_aircraft_than_is_known_aboard() -> None:

@@ -279,12 +279,15 @@ def cells(score: UnseenScore) -> tuple[str, str, str]:
 
 
 def row_claims(row: UnseenRow, scores: dict[tuple[str, str], UnseenScore]) -> tuple[Claim, ...]:
-    """As many last with accelerometers as with the plain PID at each place; nearer to the line."""
+    """As many last with accelerometers as with the plain PID at each place, and some do; nearer to
+    the line."""
     inertial, plain = scores[row.name, WITH], scores[row.name, PLAIN]
     claims = [
         Claim(
             f"{row.name}: with accelerometers as many last at each place as with the plain PID",
-            all(inertial.up[place] >= plain.up[place] for place in row.places),
+            # Where both lose every flight neither has shown anything.
+            inertial.lasted > 0
+            and all(inertial.up[place] >= plain.up[place] for place in row.places),
             f"{cells(inertial)[0]} and {cells(plain)[0]}, of {plain.flights}",
         )
     ]
