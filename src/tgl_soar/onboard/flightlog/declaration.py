@@ -87,6 +87,8 @@ _SMALL: Final = {
     "Forecast.standing": "uint8_t",
     "GroundRange.standing": "uint8_t",
     "RangeState.standing": "uint8_t",
+    "PointReport.standing": "uint8_t",
+    "BrakeState.standing": "uint8_t",
     "LaunchState.standing": "uint8_t",
     "ThrottleReport.standing": "uint8_t",
     "ThrottleReport.called": "uint8_t",
