@@ -72,15 +72,12 @@ def turning_step(
     known = vehicle.heading_rad + vehicle.velocity_y_mps + airspeed_mps
     if not (isfinite(known) and dt_s > 0.0):
         return state
-    nose_now = sin(vehicle.heading_rad)
-    sideways_now = airspeed_mps * nose_now
-    follows = 1.0 - exp(-dt_s / NOSE_S) if state.nose == state.nose else 1.0  # NaN: the first
-    nose = nose_now if follows == 1.0 else state.nose + follows * (nose_now - state.nose)
-    sideways = (
-        sideways_now
-        if follows == 1.0
-        else state.sideways_mps + follows * (sideways_now - state.sideways_mps)
-    )
+    nose = sin(vehicle.heading_rad)
+    sideways = airspeed_mps * nose
+    if isfinite(state.nose):  # not the first
+        follows = 1.0 - exp(-dt_s / NOSE_S)
+        nose = state.nose + follows * (nose - state.nose)
+        sideways = state.sideways_mps + follows * (sideways - state.sideways_mps)
     keeps = exp(-dt_s / FADE_S)
     counts = dt_s / (2.0 * GUST_S * GUST_MPS * GUST_MPS)
     unlike = vehicle.velocity_y_mps - sideways
