@@ -1,4 +1,5 @@
-"""The README, and how docs/hardware.md installs: every command and snippet, run as it is printed.
+"""The README, how docs/hardware.md installs and how docs/safety.md breaks a flight: every command
+and snippet, run as it is printed.
 
 Each command that a page prints is named by the test that proves it; a new one that none names
 fails.  What is changed before it is run stands in that test, and is no more than this: ports that
@@ -39,6 +40,8 @@ OF_MAKE = ("ARGS", "MAKEFLAGS", "MAKEOVERRIDES", "MAKELEVEL")  # of the make tha
 MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
 HARDWARE = (manual() / "hardware.md").read_text(encoding="utf-8")
 INSTALLING = HARDWARE.partition("\n## Installing\n")[2].partition("\n## ")[0]
+SAFETY = (manual() / "safety.md").read_text(encoding="utf-8")
+BREAKING = SAFETY.partition("\n## Break it\n")[2].partition("\n## ")[0]
 
 PROGRAMS = "make|tgl-soar|pip|python|kill|pkill|param set|sudo"
 PATIENCE_S = 120.0  # for what takes seconds, were the machine not busy with other things
@@ -73,7 +76,7 @@ def snippet() -> str:
 
 
 def test_every_command_is_proved() -> None:
-    printed = set(commands_in(README)) | set(commands_in(INSTALLING))
+    printed = {each for page in (README, INSTALLING, BREAKING) for each in commands_in(page)}
     assert printed - set(PROVED) == set(), "a command that no test runs"
     assert set(PROVED) - printed == set(), "a test of a command that is not printed"
     assert len(re.findall(r"(?m)^ *```", README)) == 2, "a snippet that no test runs"
