@@ -20,7 +20,6 @@ from msgspec.structs import asdict
 
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.sim.aircraft import aircraft_model, step
-from tgl_soar.sim.batch import Plan, fly_batch
 from tgl_soar.sim.closed_loop import fly
 from tgl_soar.sim.compiled import available
 from tgl_soar.sim.fast_flight import Prepared, fly_compiled, prepare
@@ -28,6 +27,7 @@ from tgl_soar.sim.sensors import USUAL_SENSORS
 from tgl_soar.sim.world import build_field
 from tgl_soar.types import SurfaceCommand
 
+from .batch import Plan, fly_batch
 from .result import ALLOWED, Result
 
 FLIGHT_S = 30.0

@@ -49,7 +49,7 @@ ONE_WORKER: dict[str, tuple[str, ...]] = {
     "kernels": (
         "analysis/experiments/lift/test_powered_search.py",
         "analysis/search/test_compiled_search.py", "analysis/search/test_searchers.py",
-        "sim/test_batch.py", "sim/test_compiled.py", "sim/test_kernel_cache.py",
+        "benchmarks/test_batch.py", "sim/test_compiled.py", "sim/test_kernel_cache.py",
     ),
     # They go through all conditions of each mode: thirty million of some.
     "the walk": ("control/test_reported_faults.py", "control/test_supervisor.py"),
@@ -66,11 +66,11 @@ TESTS = Path(__file__).parent
 LATER_GROUPS = ("kernels", "real time", "page in a browser", "one flight")
 LATER_FILES = (
     "analysis/replay/test_replay.py", "analysis/report/test_flight_report.py",
-    "analysis/test_linear_model.py", "analysis/test_loop_response.py",
+    "analysis/test_linear_model.py", "analysis/test_loop_response.py", "benchmarks/test_batch.py",
     "cli/page/test_page_for_a_day.py", "cli/page/test_server.py", "cli/test_direct_tuples.py",
     "cli/test_identify_command.py", "cli/test_native.py", "docs/test_site.py",
     "fuzz/test_hostile.py", "peers/test_mavproxy_tgl.py", "peers/test_metadata.py",
-    "sim/test_batch.py", "sim/test_closed_loop.py", "sim/test_point_mass.py", "test_gym.py",
+    "sim/test_closed_loop.py", "sim/test_point_mass.py", "test_gym.py",
 )  # fmt: skip
 
 

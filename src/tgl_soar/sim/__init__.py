@@ -11,8 +11,7 @@ The world and what is in it
 Flights in one process
   flight               one flight, a pure function;  closed_loop: the same on a `World`
   fast_flight          compiled;  watched_flight: looked at now and then;  commanded_flight: gym's
-  batch, score         many seeds of one plan;  what a flight was worth
-  campaign/            many flights on many processors
+  campaign/            many flights on many processors;  score: what a flight was worth
   glide_test           a gliding test flight
 
 Compiling them (numba)

@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from benchmarks.batch import FlightScore, Plan, fly_batch
 
 from tgl_soar.config.files import (
     line_parameters,
@@ -15,7 +16,6 @@ from tgl_soar.config.files import (
     load_site,
     shipped,
 )
-from tgl_soar.sim.batch import FlightScore, Plan, fly_batch
 from tgl_soar.sim.closed_loop import Change
 from tgl_soar.sim.compiled import available
 from tgl_soar.sim.sensors import MEMS_IMU, Sensors
