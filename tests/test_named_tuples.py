@@ -1,4 +1,5 @@
-"""Named tuples of more than four fields are built by keyword.
+"""Named tuples of more than four fields are built by keyword; of a dataclass, whose many fields
+mostly have defaults, no more than the first four are given by their place.
 
 Two floats that have changed places pass every type check and most tests; two names do not.  Where
 native code is made, keywords stand in the order of the fields, so that the compiler's copy of the
@@ -9,7 +10,7 @@ iterable that it spreads has an order of its own.
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -19,26 +20,40 @@ from tgl_soar.onboard import native
 
 ROOT = Path(tgl_soar.__file__).parents[2]
 AT_MOST_BY_PLACE = 4
-DATA_CLASSES = {"Result"}  # of an experiment: ten fields, some of them empty
+AS_NAMED_TUPLES = {"Result"}  # of an experiment: a dataclass of ten fields, some of them empty
 ROWS_OF_TABLES = {"Transition"}  # read as columns, and every row of it is tested by itself
 FOLDERS = {"src": ROOT / "src", "tests": ROOT / "tests", "tools": ROOT / "tools"}
-Fields = dict[str, tuple[str, ...]]  # of each named tuple, by the name that it has somewhere
+Fields = dict[str, tuple[str, ...]]  # of each class, by the name that it has somewhere
+Declared = Callable[[ast.Module], Fields]
 
 
-def declared(tree: ast.Module) -> Fields:
-    """The named tuples that a module declares, and `DATA_CLASSES`."""
+def named_tuples(tree: ast.Module) -> Fields:
+    """The named tuples that a module declares, and `AS_NAMED_TUPLES`."""
     return {
-        kind.name: tuple(
-            ast.unparse(line.target) for line in kind.body if isinstance(line, ast.AnnAssign)
-        )
+        kind.name: fields_of(kind)
         for kind in ast.walk(tree)
         if isinstance(kind, ast.ClassDef)
-        and (kind.name in DATA_CLASSES or "NamedTuple" in map(ast.unparse, kind.bases))
+        and (kind.name in AS_NAMED_TUPLES or "NamedTuple" in map(ast.unparse, kind.bases))
     }
 
 
-def known(tree: ast.Module, modules: dict[str, Fields]) -> Fields:
-    """The named tuples that a module can name: its own, imported ones, those of its imports."""
+def dataclasses(tree: ast.Module) -> Fields:
+    """The dataclasses that a module declares."""
+    return {
+        kind.name: fields_of(kind)
+        for kind in ast.walk(tree)
+        if isinstance(kind, ast.ClassDef)
+        and any(ast.unparse(each).startswith("dataclass") for each in kind.decorator_list)
+    }
+
+
+def fields_of(kind: ast.ClassDef) -> tuple[str, ...]:
+    """In their order."""
+    return tuple(ast.unparse(line.target) for line in kind.body if isinstance(line, ast.AnnAssign))
+
+
+def known(tree: ast.Module, modules: dict[str, Fields], declared: Declared) -> Fields:
+    """The classes that a module can name: its own, imported ones, those of its imports."""
     found = dict(declared(tree))
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom):
@@ -68,6 +83,18 @@ def by_place(tree: ast.Module, kinds: Fields) -> list[int]:
     return [call.lineno for call, _ in calls(tree, kinds) if call.args]
 
 
+def too_many_by_place(tree: ast.Module, kinds: Fields) -> list[int]:
+    """The lines of calls that give more of a class's fields by place than one can tell apart."""
+    return [
+        call.lineno
+        for call in ast.walk(tree)
+        if isinstance(call, ast.Call)
+        and ast.unparse(call.func) in kinds
+        and len(call.args) > AT_MOST_BY_PLACE
+        and not any(isinstance(argument, ast.Starred) for argument in call.args)
+    ]
+
+
 def out_of_order(tree: ast.Module, kinds: Fields) -> list[int]:
     """The lines of calls that name all fields, but not in the order of their declaration."""
     return [
@@ -92,31 +119,49 @@ def trees() -> dict[Path, ast.Module]:
     return {file: ast.parse(file.read_text(encoding="utf-8")) for file in files}
 
 
+def everywhere(trees: dict[Path, ast.Module], declared: Declared) -> dict[Path, Fields]:
+    """What each file can name, also where it comes by way of another module."""
+    own = {module_of(file): declared(tree) for file, tree in trees.items()}
+    found = {module_of(file): known(tree, own, declared) for file, tree in trees.items()}
+    return {file: known(tree, found, declared) for file, tree in trees.items()}
+
+
 @pytest.fixture(scope="module")
-def modules(trees: dict[Path, ast.Module]) -> dict[str, Fields]:
-    found = {module_of(file): declared(tree) for file, tree in trees.items()}
-    return {module_of(file): known(tree, found) for file, tree in trees.items()}
+def kinds(trees: dict[Path, ast.Module]) -> dict[Path, Fields]:
+    return everywhere(trees, named_tuples)
 
 
 def test_no_field_of_many_is_given_by_its_place(
-    trees: dict[Path, ast.Module], modules: dict[str, Fields]
+    trees: dict[Path, ast.Module], kinds: dict[Path, Fields]
 ) -> None:
     wrong = [
         f"{file.relative_to(ROOT)}:{line}"
         for file, tree in trees.items()
-        for line in by_place(tree, known(tree, modules))
+        for line in by_place(tree, kinds[file])
+    ]
+    assert wrong == []
+
+
+def test_no_more_than_the_first_fields_of_a_dataclass_are_given_by_their_place(
+    trees: dict[Path, ast.Module],
+) -> None:
+    kinds = everywhere(trees, dataclasses)
+    wrong = [
+        f"{file.relative_to(ROOT)}:{line}"
+        for file, tree in trees.items()
+        for line in too_many_by_place(tree, kinds[file])
     ]
     assert wrong == []
 
 
 def test_what_is_compiled_names_fields_in_their_order(
-    trees: dict[Path, ast.Module], modules: dict[str, Fields]
+    trees: dict[Path, ast.Module], kinds: dict[Path, Fields]
 ) -> None:
     wrong = [
         f"{file.relative_to(ROOT)}:{line}"
         for file, tree in trees.items()
         if module_of(file) in native.MODULES
-        for line in out_of_order(tree, known(tree, modules))
+        for line in out_of_order(tree, kinds[file])
     ]
     assert wrong == []
 
@@ -138,8 +183,25 @@ KINDS = "class Five(NamedTuple):\n    a: int\n    b: int\n    c: int\n    d: int
     ],
 )
 def test_a_planted_call_is_found(call: str, placed: bool, disordered: bool) -> None:
-    origin = {"some.kinds": declared(ast.parse(KINDS))}
+    origin = {"some.kinds": named_tuples(ast.parse(KINDS))}
     tree = ast.parse(f"from some import kinds\nfrom some.kinds import Five\n{call}\n")
-    here = known(tree, origin)
+    here = known(tree, origin, named_tuples)
     assert (by_place(tree, here) == [3]) is placed
     assert (out_of_order(tree, here) == [3]) is disordered
+
+
+@pytest.mark.parametrize("decorator", ["dataclass", "dataclass(frozen=True)"])
+@pytest.mark.parametrize(
+    ("call", "wrong"),
+    [
+        ("Five(1, 2, 3, 4, 5)", True),
+        ("Five(1, 2, 3, 4, e=5)", False),
+        ("Five(*range(5))", False),
+        ("kinds.Five(1, 2, 3, 4, 5)", True),
+    ],
+)
+def test_a_planted_call_of_a_dataclass_is_found(decorator: str, call: str, wrong: bool) -> None:
+    kinds = ast.parse(f"@{decorator}\n{KINDS.replace('(NamedTuple)', '')}")
+    origin = {"some.kinds": dataclasses(kinds)}
+    tree = ast.parse(f"from some import kinds\nfrom some.kinds import Five\n{call}\n")
+    assert (too_many_by_place(tree, known(tree, origin, dataclasses)) == [3]) is wrong

@@ -259,7 +259,14 @@ class Hall:
         """What the server sends now."""
         self._frames += 1
         ticks = round(self.now_s * CLOCK_HZ)
-        scene = Scene(self._frames, [self._body()], self.now_s, ticks - 30_000, ticks, ticks)
+        scene = Scene(
+            number=self._frames,
+            bodies=[self._body()],
+            time_s=self.now_s,
+            exposed_ticks=ticks - 30_000,
+            received_ticks=ticks,
+            sent_ticks=ticks,
+        )
         return encode_frame(self.version, scene)
 
     def _body(self) -> SimulatedBody:

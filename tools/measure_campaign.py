@@ -188,7 +188,9 @@ def long_campaign(out: Path, flights: int, workers: int, resume: bool) -> list[L
     """One campaign in its folder; what the parent weighs meanwhile."""
     jobs = [PlainJob(i) for i in range(flights)]
     parameters = {"duration_s": DURATION_S, "turbulence": TURBULENCE}
-    campaign = Campaign("plain", fly_plain, jobs, parameters, (0, flights - 1))
+    campaign = Campaign(
+        name="plain", fly=fly_plain, jobs=jobs, parameters=parameters, seeds=(0, flights - 1)
+    )
     looks: list[Look] = []
     begun = time.monotonic()
 

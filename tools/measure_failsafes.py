@@ -206,13 +206,13 @@ def outcome(
     bridge = (folder / "bridge.log").read_text(errors="replace")
     words = re.findall(r"released: (.*)", module)
     return Outcome(
-        released,
-        words[-1] if words else "",
-        changes,
-        re.findall(r"it reports: (.*)", bridge),
-        float(down[0]) if down.size else inf,
-        float(np.sqrt(np.mean(e[flown] ** 2))) if flown.any() else float("nan"),
-        float(ways.max()),
+        released_s=released,
+        words=words[-1] if words else "",
+        modes=changes,
+        texts=re.findall(r"it reports: (.*)", bridge),
+        lost_s=float(down[0]) if down.size else inf,
+        rms_e_m=float(np.sqrt(np.mean(e[flown] ** 2))) if flown.any() else float("nan"),
+        away_m=float(ways.max()),
     )
 
 

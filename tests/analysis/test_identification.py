@@ -109,7 +109,20 @@ def test_a_log_without_doublets_says_how_to_fly_them() -> None:
     with pytest.raises(IdentificationError, match=r"0 manoeuvres found, 4 are needed.*doublet"):
         identify(still, truth()[1])
     no = np.zeros(3)
-    assert manoeuvres(LongitudinalLog(no, no, no, no, no, no, no)) == []
+    assert (
+        manoeuvres(
+            LongitudinalLog(
+                time_s=no,
+                elevator=no,
+                pitch_rad=no,
+                pitch_rate_radps=no,
+                roll_rad=no,
+                airspeed_mps=no,
+                path_angle_rad=no,
+            )
+        )
+        == []
+    )
 
 
 def test_what_the_airframe_file_lacks_is_named() -> None:

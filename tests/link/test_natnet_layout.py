@@ -121,7 +121,19 @@ def test_a_server_is_read_back() -> None:
 
 def test_later_versions_are_stepped_through_by_their_sizes() -> None:
     """4.3 may lengthen a rigid body and add to the end: what is known keeps its place."""
-    data = bytearray(encoded((4, 2), scene=Scene(1, BODIES[:1], 0.0, 5, 6, 7)))
+    data = bytearray(
+        encoded(
+            (4, 2),
+            scene=Scene(
+                number=1,
+                bodies=BODIES[:1],
+                time_s=0.0,
+                exposed_ticks=5,
+                received_ticks=6,
+                sent_ticks=7,
+            ),
+        )
+    )
     at = data.index(struct.pack("<i", 1) + struct.pack("<i", 38)) + 4
     data[at : at + 4] = struct.pack("<i", 46)
     data[at + 42 : at + 42] = bytes(8)

@@ -197,17 +197,17 @@ def identify(log: LongitudinalLog, body: KnownAircraft) -> Identified:
         explained = _explained(checked)
         fits += checked
     return Identified(
-        derivatives,
-        no_brake,
-        derived[0],
-        derived[1],
-        derived[2],
-        derived[3],
-        speed,
-        tuple(float(log.time_s[rows.start]) for rows in fitted),
-        tuple(float(log.time_s[rows.start]) for rows in held),
-        explained,
-        tuple(sorted(fits, key=lambda fit: float(fit.time_s[0]))),
+        derivatives=derivatives,
+        no_brake=no_brake,
+        frequency=derived[0],
+        damping=derived[1],
+        effectiveness=derived[2],
+        response_delay=derived[3],
+        airspeed_mps=speed,
+        manoeuvres=tuple(float(log.time_s[rows.start]) for rows in fitted),
+        held_out=tuple(float(log.time_s[rows.start]) for rows in held),
+        explained=explained,
+        fits=tuple(sorted(fits, key=lambda fit: float(fit.time_s[0]))),
     )
 
 
@@ -413,11 +413,11 @@ class _Problem:
             n = rows.stop - rows.start
             result.append(
                 Fit(
-                    self._log.time_s[rows],
-                    self._log.elevator[rows],
-                    self._log.pitch_rate_radps[rows],
-                    modelled[0, :n, i],
-                    fitted,
+                    time_s=self._log.time_s[rows],
+                    elevator=self._log.elevator[rows],
+                    pitch_rate_radps=self._log.pitch_rate_radps[rows],
+                    model_pitch_rate_radps=modelled[0, :n, i],
+                    fitted=fitted,
                 )
             )
         return result

@@ -91,7 +91,9 @@ def faults(
     if dispersion and model == FlightModel.POINT_MASS:
         fail("--dispersion is of the rigid body: the point mass has no such figures")
     kind = None if model is None else model.kind
-    jobs = drawn_faults.FaultJobs(flights, dropouts, seed, kind, dispersion)
+    jobs = drawn_faults.FaultJobs(
+        flights=flights, dropouts=dropouts, seed=seed, model=kind, dispersed=dispersion
+    )
     begun = time.monotonic()
     to_resume(out, resume)
     try:

@@ -421,7 +421,15 @@ def _draw(options: SitlOptions, flight: SitlFlight, path: Path) -> None:
     flying = truth["time_s"] <= flight.flown[-1].ended_s
     columns = {name: truth[name][flying] for name in ("x_m", "y_m", "z_m")}
     legs = [
-        ReportLeg(score.name, line, flown.stopped_s, flown.ended_s, score, crossing, float("nan"))
+        ReportLeg(
+            name=score.name,
+            line=line,
+            begin_s=flown.stopped_s,
+            end_s=flown.ended_s,
+            score=score,
+            crossing=crossing,
+            crossing_sigma_m=float("nan"),
+        )
         for flown, line, score, crossing in zip(
             flight.flown, flight.lines, flight.scores, flight.crossings, strict=True
         )

@@ -322,7 +322,16 @@ class Decoder:
         source = self._sources.get(about[:2]) or Source(about[0], about[1])
         is_watched = source == self._watched
         if reader is None:
-            return _KnownHeader(source, is_watched, crc_extra, 0, None, None, None, convert)
+            return _KnownHeader(
+                source=source,
+                is_watched=is_watched,
+                crc_extra=crc_extra,
+                needed=0,
+                kind=None,
+                fields=None,
+                all_fields=None,
+                convert=convert,
+            )
         return _KnownHeader(source, is_watched, crc_extra, *reader, None)
 
     def _keep(self, about: bytes, known: _KnownHeader) -> None:

@@ -174,7 +174,12 @@ class Motive:
         late_s = LATE_S if self._has("late", now_s) else 0.0
         due_s = now_s + self.options.latency_s + late_s
         due_s += self._random.random() * self.options.jitter_s
-        heapq.heappush(self._waiting, _Waiting(due_s, clock_s, self._number, bodies, changed))
+        heapq.heappush(
+            self._waiting,
+            _Waiting(
+                due_s=due_s, exposed_s=clock_s, number=self._number, bodies=bodies, changed=changed
+            ),
+        )
 
     def send(self, clock_s: float, now_s: float) -> None:
         """Stream what is due, with ticks of now."""
@@ -232,12 +237,12 @@ class Motive:
         self.counts["frames"] += 1
         exposed, sent = self._ticks(waiting.exposed_s), self._ticks(clock_s)
         scene = Scene(
-            waiting.number,
-            waiting.bodies,
-            waiting.exposed_s,
-            exposed,
-            (exposed + sent) // 2,
-            sent,
+            number=waiting.number,
+            bodies=waiting.bodies,
+            time_s=waiting.exposed_s,
+            exposed_ticks=exposed,
+            received_ticks=(exposed + sent) // 2,
+            sent_ticks=sent,
             models_changed=waiting.changed,
         )
         if self._has("second", now_s):

@@ -79,16 +79,16 @@ def score_leg(
     if crossing is not None:
         distance = float(np.hypot(mean_x - crossing[0], mean_z - crossing[1]))
     return LegScore(
-        name,
-        settling_time(time_s, e),
-        float(np.sqrt(np.mean(e[scored] ** 2))),
-        float(np.max(np.abs(e[scored]))),
-        mean_x,
-        mean_z,
-        float(np.std(along[tail])),
-        distance,
-        _rms(y_m, scored),
-        _rms(bank_rad, scored),
+        name=name,
+        settling_s=settling_time(time_s, e),
+        rms_e_rho_m=float(np.sqrt(np.mean(e[scored] ** 2))),
+        peak_e_rho_m=float(np.max(np.abs(e[scored]))),
+        mean_x_m=mean_x,
+        mean_z_m=mean_z,
+        dispersion_m=float(np.std(along[tail])),
+        crossing_m=distance,
+        rms_y_m=_rms(y_m, scored),
+        rms_bank_rad=_rms(bank_rad, scored),
     )
 
 

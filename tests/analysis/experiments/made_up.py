@@ -186,7 +186,9 @@ def scenario_flown(job: ScenarioJob, random: Random, lost: bool) -> FlownScenari
     trajectory = Trajectory(columns, random.choice(ENDS) if lost else "", len(time))
     path = {name: column[::KEEP_EVERY] for name, column in columns.items()}
     legs = score_legs(prepared, trajectory)
-    return FlownScenario(job.seed, trajectory.ended, float(time[-1]), legs, path)
+    return FlownScenario(
+        seed=job.seed, ended=trajectory.ended, duration_s=float(time[-1]), legs=legs, path=path
+    )
 
 
 def _swing(time: Floats, random: Random, most: float) -> Floats:
@@ -225,7 +227,14 @@ def watched(job: EstimatorFlight, random: Random, lost: bool) -> WatchedFlight:
         errors = np.stack([_swing(time, random, wrong) for _ in range(6)], axis=1)
         read[imu] = np.column_stack([truth + errors, np.full((len(time), 2), 0.6 * wrong)])
     ended = ENDS[0] if lost else ""
-    return WatchedFlight(job, LOST_AT_S if lost else job.duration_s, ended, time, truth, read)
+    return WatchedFlight(
+        flight=job,
+        duration_s=LOST_AT_S if lost else job.duration_s,
+        ended=ended,
+        time_s=time,
+        truth=truth,
+        read=read,
+    )
 
 
 def observed(job: WindFlight, random: Random, lost: bool) -> ObservedFlight:
@@ -239,14 +248,24 @@ def observed(job: WindFlight, random: Random, lost: bool) -> ObservedFlight:
         read[case] = np.column_stack([truth + errors, np.full((len(time), 2), 0.08)])
     plain = truth[:, 3] + _swing(time, random, 0.4)
     duration_s = float(time[-1]) + 0.1
-    return ObservedFlight(job, duration_s, time, _swing(time, random, 1.0), truth, plain, read)
+    return ObservedFlight(
+        flight=job,
+        duration_s=duration_s,
+        time_s=time,
+        x_m=_swing(time, random, 1.0),
+        truth=truth,
+        plain=plain,
+        read=read,
+    )
 
 
 def surveyed(job: SurveyJob, random: Random, lost: bool) -> SurveyedOnce:
     """A piece of contour, some centimetres off; of a lost survey none."""
     flight = _Maker(job, random, lost).made(SurveyFlight)
     if lost:
-        return SurveyedOnce(job, flight, None, "too few places", np.zeros(0))
+        return SurveyedOnce(
+            job=job, flight=flight, drawn=None, why_not="too few places", errors_m=np.zeros(0)
+        )
     x = np.linspace(0.0, random.uniform(0.6, 1.4), 30)
     flight = replace(flight, looks={"true_x_m": x, "true_z_m": 1.01 + 0.6 * x})
     drawn = DrawnContour(
@@ -257,7 +276,9 @@ def surveyed(job: SurveyJob, random: Random, lost: bool) -> SurveyedOnce:
         late_m=random.uniform(0.001, 0.02),
         drift_m=random.uniform(0.005, 0.03),
     )
-    return SurveyedOnce(job, flight, drawn, "", _swing(x, random, 0.05))
+    return SurveyedOnce(
+        job=job, flight=flight, drawn=drawn, why_not="", errors_m=_swing(x, random, 0.05)
+    )
 
 
 def refused(_job: int, random: Random, _lost: bool) -> RefusedFound:

@@ -422,7 +422,7 @@ def flight(legs: int, ended: str = "") -> FlownScenario:
         predicted_along_m=nan,
         scored_s=15.0,
     )
-    return FlownScenario(1, ended, 20.0, (scored,) * legs, {})
+    return FlownScenario(seed=1, ended=ended, duration_s=20.0, legs=(scored,) * legs, path={})
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,13 @@ def inked(path: Path) -> float:
 
 
 def test_the_contour_map_is_drawn_as_png_and_svg(tmp_path: Path) -> None:
-    line = DrawnLine("a", -30.7, 30.7, 2.0, [(-30.7, 30.7, True), (-28.0, 20.0, False)])
+    line = DrawnLine(
+        name="a",
+        x0_m=-30.7,
+        z0_m=30.7,
+        eta_rad=2.0,
+        crossings=[(-30.7, 30.7, True), (-28.0, 20.0, False)],
+    )
     for name in ("map.png", "map.svg"):
         zeuc_figure(tmp_path / name, HILL, POLAR, BOUNDS, [line], (-15.0, 18.0), "a hill")
     assert inked(tmp_path / "map.png") > 0.3
@@ -65,7 +71,7 @@ def test_a_flight_is_drawn_beside_its_histories(tmp_path: Path) -> None:
     flight_figure(
         tmp_path / "flight.png",
         MapAir(HILL, POLAR, BOUNDS, None, later_s=5.0),
-        [DrawnLine("a", -30.7, 30.7, 2.0, [])],
+        [DrawnLine(name="a", x0_m=-30.7, z0_m=30.7, eta_rad=2.0, crossings=[])],
         -30.0 + np.sin(time),
         30.0 + np.cos(time),
         [HistoryPanel("z [m]", [Trace(time, 30.0 + np.cos(time), "flown")])],
@@ -89,7 +95,14 @@ def test_wind_and_updraft_are_drawn_side_by_side_without_their_walls(tmp_path: P
 def test_curves_take_logarithms_marks_and_notes(tmp_path: Path) -> None:
     series = [DrawnCurve([0.0, 1.0], [0.1, 10.0], "one", "black")]
     panels = [
-        CurvePanel("left", "x [m]", "y [m]", series, [Note(0.5, 1.0, "here")], [Mark(0.2, "mark")]),
+        CurvePanel(
+            title="left",
+            x_label="x [m]",
+            y_label="y [m]",
+            series=series,
+            notes=[Note(0.5, 1.0, "here")],
+            marks=[Mark(0.2, "mark")],
+        ),
         CurvePanel("right", "x [m]", "y [m]", series, y_log=True),
     ]
     curves_figure(tmp_path / "curves.png", panels, "curves")

@@ -43,12 +43,12 @@ def known() -> Surroundings:
     assert site.air is not None
     lines = {name: (line.x_m, line.z_m, 0.5 * pi + LEAN_RAD) for name, line in site.lines.items()}
     return Surroundings(
-        site.site.name,
-        airframe.airframe.name,
-        lines,
-        build_field(site.air),
-        airframe.polar.as_polar(),
-        ground_outline(site.air),
+        site=site.site.name,
+        airframe=airframe.airframe.name,
+        lines=lines,
+        field=build_field(site.air),
+        polar=airframe.polar.as_polar(),
+        ground=ground_outline(site.air),
     )
 
 

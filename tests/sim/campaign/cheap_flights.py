@@ -54,7 +54,13 @@ def cheap_jobs(count: int, nap_s: float = 0.0) -> list[CheapJob]:
 
 def cheap_campaign(count: int, nap_s: float = 0.0) -> Campaign[CheapJob, CheapResult]:
     """They as a campaign; the nap changes no result."""
-    return Campaign("cheap", fly_cheaply, cheap_jobs(count, nap_s), {"count": count}, (0, count))
+    return Campaign(
+        name="cheap",
+        fly=fly_cheaply,
+        jobs=cheap_jobs(count, nap_s),
+        parameters={"count": count},
+        seeds=(0, count),
+    )
 
 
 def main() -> None:

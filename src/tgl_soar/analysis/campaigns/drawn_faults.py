@@ -204,7 +204,7 @@ def campaign_of(jobs: FaultJobs) -> Campaign[FaultJob, Outcome]:
     values = digest(place().values)
     parameters = {**asdict(jobs), "duration_s": DURATION_S, "autopilot": values}
     seeds = (jobs.seed, jobs.seed + max(jobs.flights, jobs.dropouts) - 1)
-    return Campaign("faults", fly_fault_job, jobs, parameters, seeds)
+    return Campaign(name="faults", fly=fly_fault_job, jobs=jobs, parameters=parameters, seeds=seeds)
 
 
 def _name(text: str, turbulence: float, aboard: str) -> str:

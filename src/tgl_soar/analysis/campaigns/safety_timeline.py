@@ -44,7 +44,16 @@ def fly_timeline(title: str, text: str) -> Timeline:
         modes.append(mode_name(output.mode))
     time, distance, age, command, surface = np.array(rows).T
     end = min(fault.end_s, END_S)
-    return Timeline(title, (fault.start_s, end), time, modes, distance, age, command, surface)
+    return Timeline(
+        title=title,
+        fault=(fault.start_s, end),
+        time_s=time,
+        mode=modes,
+        e_rho_m=distance,
+        age_s=age,
+        commanded=command,
+        surface=surface,
+    )
 
 
 def draw_safety_timeline(path: Path) -> None:

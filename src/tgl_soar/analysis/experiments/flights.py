@@ -196,7 +196,13 @@ def _flown(job: ScenarioJob, prepared: PreparedScenario, trajectory: Trajectory)
             )
             for leg in legs
         )
-    return FlownScenario(job.seed, trajectory.ended, float(trajectory["time_s"][-1]), legs, path)
+    return FlownScenario(
+        seed=job.seed,
+        ended=trajectory.ended,
+        duration_s=float(trajectory["time_s"][-1]),
+        legs=legs,
+        path=path,
+    )
 
 
 def own_cubic(model: AircraftModel) -> tuple[Floats, Floats]:
@@ -278,23 +284,23 @@ def _score(
         predicted = (crossing.x_m, crossing.z_m)
         predicted_along = c * (crossing.x_m - target.x_m) + s * (crossing.z_m - target.z_m)
     return ScoredLeg(
-        name,
-        target,
-        float(time[0]),
-        end,
-        settling,
-        float(np.sqrt(np.mean(e[scored] ** 2))),
-        float(np.max(np.abs(e[scored]))),
-        float(np.mean(e[scored])),
-        rms(trajectory["y_m"][rows][scored]),
-        rms(trajectory["roll_rad"][rows][scored]),
-        float(np.mean(x[scored])),
-        float(np.mean(z[scored])),
-        float(np.mean(along[scored])),
-        float(np.std(along[scored])),
-        predicted,
-        predicted_along,
-        end - float(time[0]) - SETTLE_S,
+        line=name,
+        target=target,
+        begin_s=float(time[0]),
+        end_s=end,
+        settling_s=settling,
+        rms_e_rho_m=float(np.sqrt(np.mean(e[scored] ** 2))),
+        peak_e_rho_m=float(np.max(np.abs(e[scored]))),
+        mean_e_rho_m=float(np.mean(e[scored])),
+        rms_y_m=rms(trajectory["y_m"][rows][scored]),
+        rms_bank_rad=rms(trajectory["roll_rad"][rows][scored]),
+        mean_x_m=float(np.mean(x[scored])),
+        mean_z_m=float(np.mean(z[scored])),
+        along_m=float(np.mean(along[scored])),
+        dispersion_m=float(np.std(along[scored])),
+        predicted=predicted,
+        predicted_along_m=predicted_along,
+        scored_s=end - float(time[0]) - SETTLE_S,
     )
 
 

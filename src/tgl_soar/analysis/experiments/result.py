@@ -49,7 +49,13 @@ def decided(
     text: str, holds: bool | None, measured: str, *, by_construction: bool = False
 ) -> Claim:
     """A claim; None: undecided."""
-    return Claim(text, holds is True, measured, by_construction, holds is None)
+    return Claim(
+        text=text,
+        holds=holds is True,
+        measured=measured,
+        by_construction=by_construction,
+        undecided=holds is None,
+    )
 
 
 def all_of(parts: Iterable[bool | None]) -> bool | None:

@@ -166,16 +166,16 @@ def longitudinal(flight: FlightData, wind: MeanWind = STILL) -> LongitudinalLog:
             alpha = pitch - path_angle
             lift = fx * np.sin(alpha) - fz * np.cos(alpha)
     return LongitudinalLog(
-        times,
-        _held(surfaces, "elevator", times + ahead_s),
-        pitch,
-        _pitch_rate(flight, pitch, times),
-        on_grid(attitude, "roll_rad", times),
-        np.hypot(air.horizontal_mps, air.climb_mps),
-        path_angle,
-        lift,
-        step_s,
-        None if flight.brake is None else _held(flight.brake, "brake", times + ahead_s),
+        time_s=times,
+        elevator=_held(surfaces, "elevator", times + ahead_s),
+        pitch_rad=pitch,
+        pitch_rate_radps=_pitch_rate(flight, pitch, times),
+        roll_rad=on_grid(attitude, "roll_rad", times),
+        airspeed_mps=np.hypot(air.horizontal_mps, air.climb_mps),
+        path_angle_rad=path_angle,
+        lift_force_mps2=lift,
+        elevator_step_s=step_s,
+        brake=None if flight.brake is None else _held(flight.brake, "brake", times + ahead_s),
     )
 
 

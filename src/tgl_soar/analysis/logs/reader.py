@@ -141,17 +141,19 @@ def log_from(data: bytes, path: Path) -> FlightLog:
     _spread_slow(topics)
     info = dict(ulog.msg_info_dict)
     log = FlightLog(
-        path,
-        topics,
-        dict(ulog.initial_parameters),
-        _changes(topics, ulog),
-        [
+        path=path,
+        topics=topics,
+        parameters=dict(ulog.initial_parameters),
+        changes=_changes(topics, ulog),
+        words=[
             Words(m.timestamp * 1e-6, m.log_level - ord("0"), m.message)
             for m in ulog.logged_messages
         ],
-        info,
-        {key: "".join(map(str, values[0])) for key, values in ulog.msg_info_multiple_dict.items()},
-        losses,
+        info=info,
+        texts={
+            key: "".join(map(str, values[0])) for key, values in ulog.msg_info_multiple_dict.items()
+        },
+        losses=losses,
     )
     losses += [
         f"nothing was written for {d.duration} ms: disk or computer were too slow"

@@ -197,14 +197,14 @@ def replay(
     if compile and not changed and (differences or torn):
         return replay(log, workers=workers, compile=False)
     return Replay(
-        logged["time_s"],
-        logged,
-        replayed,
-        differences,
-        int(np.count_nonzero(~known)),
-        time.perf_counter() - began,
-        changed,
-        notes,
+        time_s=logged["time_s"],
+        logged=logged,
+        replayed=replayed,
+        differences=differences,
+        left_out=int(np.count_nonzero(~known)),
+        took_s=time.perf_counter() - began,
+        changed=changed,
+        notes=notes,
     )
 
 

@@ -263,7 +263,14 @@ def replay_wire(
             " or its files are others (--airframe, --site)"
         )
     return WireReplay(
-        memory.outputs, memory.inputs, again.compared, again.now_s, missed, took, notes, losses
+        outputs=memory.outputs,
+        inputs=memory.inputs,
+        compared=again.compared,
+        seconds=again.now_s,
+        missed=missed,
+        took_s=took,
+        notes=notes,
+        losses=losses,
     )
 
 

@@ -63,7 +63,17 @@ def legs_of(
         place = None if crossing is None else (crossing.x_m, crossing.z_m)
         score = score_leg(name, line, place, time, x, z)
         sigma = nan if place is None else _distance_sigma(line, place, time, x, z)
-        legs.append(ReportLeg(name, line, float(time[0]), float(time[-1]), score, crossing, sigma))
+        legs.append(
+            ReportLeg(
+                name=name,
+                line=line,
+                begin_s=float(time[0]),
+                end_s=float(time[-1]),
+                score=score,
+                crossing=crossing,
+                crossing_sigma_m=sigma,
+            )
+        )
     return legs
 
 

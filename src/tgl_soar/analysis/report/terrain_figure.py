@@ -99,7 +99,9 @@ def plane_figure(path: Path, draft: SiteDraft, polar: GlidePolar, title: str) ->
         figure.colorbar(shades, ax=axes, label="excess updraft w − sink(u) [m/s]", shrink=0.8)
         for i, (name, (line_x, line_z)) in enumerate(draft.lines.items()):
             eta = eta_from_lean(radians(LEAN_DEG))
-            drawn = DrawnLine(name, line_x, line_z, eta, [(line_x, line_z, True)])
+            drawn = DrawnLine(
+                name=name, x0_m=line_x, z0_m=line_z, eta_rad=eta, crossings=[(line_x, line_z, True)]
+            )
             draw_line(
                 axes, drawn, LEG_COLOURS[i % len(LEG_COLOURS)], 0.2 * (z1 - z0), f"TGL {name}"
             )

@@ -101,7 +101,9 @@ def map_figure(
         "x_m": np.array([look.moving.x_m for look in looks]),
         "z_m": np.array([look.moving.z_m for look in looks]),
     }
-    episode = Episode(place, "map", "", "", duration_s, rows)
+    episode = Episode(
+        place=place, searcher="map", ended="", given_up="", flown_s=duration_s, path=rows
+    )
     grid = search.grid
     search_figure(path, episode, search.snapshots, polar, grid.x_m, grid.z_m)
     return True

@@ -189,7 +189,15 @@ def fly_episode(
 
 def flown_by(flight: EpisodeFlight, name: str, searcher: Callable[[Sighting], Searcher]) -> Episode:
     """Fly an episode to its end; the searcher is made of the first look."""
-    episode = Episode(flight.place, name, "", "", 0.0, {}, landing_m=flight.guards.landing_m)
+    episode = Episode(
+        place=flight.place,
+        searcher=name,
+        ended="",
+        given_up="",
+        flown_s=0.0,
+        path={},
+        landing_m=flight.guards.landing_m,
+    )
     somebody: Searcher | None = None
     while flight.flies:
         look = flight.look()

@@ -285,7 +285,19 @@ def test_errors_are_lengths_and_held_against_their_sigmas() -> None:
     flight = EstimatorFlight(line="a", seed=1, sensors=IMU)
     truth = np.zeros((10, 6))
     read = np.tile([0.003, 0.0, 0.004, 0.0, 0.1, 0.0, 0.005, 0.1], (10, 1))
-    found = known([WatchedFlight(flight, 1.0, "", np.zeros(10), truth, {True: read})], True)
+    found = known(
+        [
+            WatchedFlight(
+                flight=flight,
+                duration_s=1.0,
+                ended="",
+                time_s=np.zeros(10),
+                truth=truth,
+                read={True: read},
+            )
+        ],
+        True,
+    )
     assert found == pytest.approx(Known(5.0, 100.0, 1.0 / 3.0, 1.0 / 3.0))
 
 

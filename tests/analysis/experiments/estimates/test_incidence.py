@@ -59,7 +59,9 @@ def test_what_is_flown_before_the_air_is_known_does_not_count() -> None:
         "alpha_rad": np.radians([1.0, 2.0, 3.0]),
         "air_alpha_rad": np.radians([4.0, 5.0, 6.0]),
     }
-    true, read = angles([FlownScenario(1, "hit the board", 2.1, (), path)])
+    true, read = angles(
+        [FlownScenario(seed=1, ended="hit the board", duration_s=2.1, legs=(), path=path)]
+    )
     assert (true.tolist(), read.tolist()) == (pytest.approx([3.0]), pytest.approx([6.0]))
 
 

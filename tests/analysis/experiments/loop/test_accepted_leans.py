@@ -30,7 +30,7 @@ def flight(e_rho_m: float, ended: str = "", until_s: float = 10.0) -> FlownScena
         "e_rho_m": np.where(time_s < 5.0, 1.0, e_rho_m),
         "y_m": np.full_like(time_s, 0.2),
     }
-    return FlownScenario(1, ended, until_s, (), path)
+    return FlownScenario(seed=1, ended=ended, duration_s=until_s, legs=(), path=path)
 
 
 def test_the_leans_are_those_that_a_station_may_set() -> None:

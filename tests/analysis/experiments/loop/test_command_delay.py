@@ -30,7 +30,11 @@ def test_places_are_judged_one_by_one() -> None:
 
 def test_a_lost_flight_counts_at_its_place() -> None:
     found = score_place(
-        [FlownScenario(1, "", 20.0, (), {}), FlownScenario(2, "hit the board", 3.0, (), {})], "a"
+        [
+            FlownScenario(seed=1, ended="", duration_s=20.0, legs=(), path={}),
+            FlownScenario(seed=2, ended="hit the board", duration_s=3.0, legs=(), path={}),
+        ],
+        "a",
     )
     assert (found.flights, found.survived) == (2, 1)
     assert found.rms_e_rho_m == pytest.approx(nan, nan_ok=True)

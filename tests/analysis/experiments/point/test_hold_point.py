@@ -38,7 +38,7 @@ def flight(off_m: float, e_rho_m: float, ended: str = "", held_: bool = True) ->
         "brake": 0.5 + 0.0 * time,
         "point": (1.0 if held_ else 0.0) + 0.0 * time,
     }
-    return FlownScenario(1, ended, 30.0, (), path)
+    return FlownScenario(seed=1, ended=ended, duration_s=30.0, legs=(), path=path)
 
 
 @pytest.mark.parametrize(("scenario", "width"), [(TUNNEL, 0.33), (HILL, 1.6)])

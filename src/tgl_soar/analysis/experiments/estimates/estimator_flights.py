@@ -509,12 +509,12 @@ def watch(flight: EstimatorFlight) -> WatchedFlight:
     truth = np.array(truths)
     rows = truth[:, 0] > SETTLE_S
     return WatchedFlight(
-        flight,
-        float(truth[-1, 0]),
-        ended,
-        truth[rows, 0],
-        truth[rows, 1:],
-        {imu: np.array(values)[rows] for imu, values in read.items()},
+        flight=flight,
+        duration_s=float(truth[-1, 0]),
+        ended=ended,
+        time_s=truth[rows, 0],
+        truth=truth[rows, 1:],
+        read={imu: np.array(values)[rows] for imu, values in read.items()},
     )
 
 

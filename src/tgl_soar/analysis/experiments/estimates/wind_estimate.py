@@ -201,13 +201,13 @@ def look_on(flight: WindFlight) -> ObservedFlight:
             break
     table = np.array(rows)
     return ObservedFlight(
-        flight,
-        len(rows) / world.step_hz,
-        table[:, 0],
-        table[:, 1],
-        table[:, 2:7],
-        table[:, 7],
-        {name: np.array(values) for name, values in read.items()},
+        flight=flight,
+        duration_s=len(rows) / world.step_hz,
+        time_s=table[:, 0],
+        x_m=table[:, 1],
+        truth=table[:, 2:7],
+        plain=table[:, 7],
+        read={name: np.array(values) for name, values in read.items()},
     )
 
 

@@ -205,7 +205,15 @@ def fly_line(job: LineJob) -> LineFlown:
             flown_s=0.0,
         )
     flight = EpisodeFlight(there, _airframe(), {"FC_ACT": float(job.act)})
-    episode = Episode(there, "forecast", "", "", 0.0, {}, landing_m=flight.guards.landing_m)
+    episode = Episode(
+        place=there,
+        searcher="forecast",
+        ended="",
+        given_up="",
+        flown_s=0.0,
+        path={},
+        landing_m=flight.guards.landing_m,
+    )
     search: MapSearch | None = None
     seeks_s = inf
     while flight.flies:

@@ -108,9 +108,13 @@ def fly_once(job: SurveyJob) -> SurveyedOnce:
     try:
         drawn = drawn_contour(path)
     except SurveyError as error:
-        return SurveyedOnce(job, flight, None, str(error), np.zeros(0))
+        return SurveyedOnce(
+            job=job, flight=flight, drawn=None, why_not=str(error), errors_m=np.zeros(0)
+        )
     true = contour_flown(world) if job.dispersed else true_contour()
-    return SurveyedOnce(job, flight, drawn, "", errors_of(drawn, true))
+    return SurveyedOnce(
+        job=job, flight=flight, drawn=drawn, why_not="", errors_m=errors_of(drawn, true)
+    )
 
 
 def true_contour() -> list[Floats]:

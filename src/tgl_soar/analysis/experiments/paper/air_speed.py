@@ -340,11 +340,11 @@ def _draw(
     def curve(scores: list[SpeedScore], label: str, i: int, style: str = "-") -> DrawnCurve:
         flown = [s for s in scores if isfinite(s.oscillation_m)]
         return DrawnCurve(
-            [s.wind_mps for s in flown],
-            [100 * s.oscillation_m for s in flown],
-            label,
-            LEG_COLOURS[i % len(LEG_COLOURS)],
-            style,
+            x=[s.wind_mps for s in flown],
+            y=[100 * s.oscillation_m for s in flown],
+            label=label,
+            colour=LEG_COLOURS[i % len(LEG_COLOURS)],
+            style=style,
             marker="os^vDP"[i % 6],
         )
 

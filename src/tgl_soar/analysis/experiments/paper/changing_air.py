@@ -576,7 +576,14 @@ def _draw_wind(
         show = time > 5.0
         heights.append(Trace(time[show], 100 * (along - base)[show], line, colour))
         heights.append(
-            Trace(np.array([40.0, time[-1]]), np.full(2, 100 * later), None, colour, "--", 1.6)
+            Trace(
+                time_s=np.array([40.0, time[-1]]),
+                y=np.full(2, 100 * later),
+                label=None,
+                colour=colour,
+                style="--",
+                width=1.6,
+            )
         )
         wind = np.mean([f.path["wind_mps"][:length] for f in several], axis=0)
         winds.append(Trace(time[show], wind[show], None, colour))

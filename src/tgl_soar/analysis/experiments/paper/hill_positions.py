@@ -145,7 +145,14 @@ def run(context: Context) -> Result:
             BOUNDS,
             RADIUS_M,
             [
-                MarkedPlace(p.name, p.x_m, p.z_m, p.wind_mps, p.updraft_mps, p.lean_rad)
+                MarkedPlace(
+                    name=p.name,
+                    x_m=p.x_m,
+                    z_m=p.z_m,
+                    wind_mps=p.wind_mps,
+                    updraft_mps=p.updraft_mps,
+                    lean_rad=p.lean_rad,
+                )
                 for p in places
             ],
             f"ZEUC in {100 * (STRONGER - 1):.0f} % more wind",

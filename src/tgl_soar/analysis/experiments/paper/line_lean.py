@@ -478,28 +478,44 @@ def _draw(
 
     first = next(iter(scores.values()))
     formula = DrawnCurve(
-        [s.lean_deg for s in first],
-        [100 * s.dispersion_formula_m for s in first],
-        "formula",
-        "0.3",
-        "--",
+        x=[s.lean_deg for s in first],
+        y=[100 * s.dispersion_formula_m for s in first],
+        label="formula",
+        colour="0.3",
+        style="--",
     )
     curves_figure(
         path,
         [
             CurvePanel(
-                "about the line", label, "oscillation [cm]", curve("oscillation_m"), [], marks,
-                y_log=True, legend="upper right",
+                title="about the line",
+                x_label=label,
+                y_label="oscillation [cm]",
+                series=curve("oscillation_m"),
+                notes=[],
+                marks=marks,
+                y_log=True,
+                legend="upper right",
             ),
             CurvePanel(
-                "from the line", label, "mean e_rho, rms of flights [cm]", curve("from_line_m"),
-                [], marks, y_log=True,
+                title="from the line",
+                x_label=label,
+                y_label="mean e_rho, rms of flights [cm]",
+                series=curve("from_line_m"),
+                notes=[],
+                marks=marks,
+                y_log=True,
             ),
             CurvePanel(
-                "along the line", label, "dispersion [cm]", [*curve("dispersion_m"), formula], [],
-                marks, y_log=True,
+                title="along the line",
+                x_label=label,
+                y_label="dispersion [cm]",
+                series=[*curve("dispersion_m"), formula],
+                notes=[],
+                marks=marks,
+                y_log=True,
             ),
         ],
         "lines of every lean through one place, where none was lost",
-    )  # fmt: skip
+    )
     return (path.name,)

@@ -354,12 +354,12 @@ def draw(
     steps = [leg for leg in flight.legs if leg.predicted is not None]
     dashes = [
         Trace(
-            np.array([leg.begin_s, leg.end_s]),
-            np.array([leg.predicted[1]] * 2) if leg.predicted else np.zeros(2),
-            "TGL ∩ ZEUC" if i == 0 else None,
-            "#D55E00",
-            "--",
-            1.4,
+            time_s=np.array([leg.begin_s, leg.end_s]),
+            y=np.array([leg.predicted[1]] * 2) if leg.predicted else np.zeros(2),
+            label="TGL ∩ ZEUC" if i == 0 else None,
+            colour="#D55E00",
+            style="--",
+            width=1.4,
         )
         for i, leg in enumerate(steps)
     ]
