@@ -142,6 +142,10 @@ def drawn_before(seed: int, steps: int) -> White:
     return white
 
 
+# The streams of a flight's seed: turbulence 0, roll gusts 1.  Whatever else numpy draws for it is
+# to end its seed with another number, and not to be without one: seed draws what [seed, 0] does.
+
+
 def turbulence_as_needed(params: DrydenParams, seed: int) -> tuple[DrydenState, Rows]:
     """The turbulence's state before step 0, and rows of three numbers for all steps."""
     rng = np.random.default_rng([seed, 0])

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import spearmanr
 
+from tgl_soar.air.gusts import dryden_params, dryden_step, roll_gust_params
 from tgl_soar.air.hill import HillField
 from tgl_soar.analysis.search.places import (
     CHANGE,
@@ -12,9 +14,11 @@ from tgl_soar.analysis.search.places import (
     PUBLISHED,
     TUNED_ON,
     SearchPlace,
+    _air,
     ellipse_wind,
     place,
 )
+from tgl_soar.sim.white import roll_gusts_before, turbulence_before
 
 
 def test_a_circle_is_the_hill_of_the_paper() -> None:
@@ -53,6 +57,36 @@ def test_the_ellipse_s_flow_has_neither_source_nor_curl() -> None:
     curl = at(0.0, h)[0] - at(0.0, -h)[0] - at(h, 0.0)[1] + at(-h, 0.0)[1]
     assert np.abs(divergence / (2.0 * h)).max() < 1e-5
     assert np.abs(curl / (2.0 * h)).max() < 1e-5
+
+
+@pytest.mark.parametrize("kind", ["tunnel", "hill"])
+def test_a_place_tells_nothing_of_the_gusts_that_share_its_stream(kind: str) -> None:
+    """[s, 0] and [s, 1] are also the seeds of turbulence and roll gusts: of 500 seeds the rank
+    correlations of wind, gusts and change with the mean and the size of a first second's gusts are
+    no more than chance makes them (3.5 standard errors, of 18 and 6 numbers)."""
+    turbulence = dryden_params(0.03, 9.0, 1.5, 0.005)
+    rolling = roll_gust_params(0.03, 9.0, 1.5, 1.0, 0.005)
+    rows = []
+    for seed in range(500):
+        wind, intensity, _, last = _air(np.random.default_rng((seed, kind == "hill")), 40.0)
+        if kind == "tunnel":
+            state, white = turbulence_before(turbulence, seed, 199)
+            blown = []
+            for three in white:
+                state, gust = dryden_step(turbulence, state, *three)
+                blown.append(gust)
+        else:
+            roll, white = roll_gusts_before(rolling, seed, 199)
+            blown = []
+            for (one,) in white:
+                roll = rolling.a * roll + rolling.gain_radps * one
+                blown.append((roll,))
+        found = np.array(blown)
+        sizes = np.sqrt(np.mean(found**2, axis=0))
+        rows.append([wind, intensity, last, *np.mean(found, axis=0), *sizes])
+    apart = np.abs(spearmanr(np.array(rows)).statistic[:3, 3:])
+    assert apart.shape == ((3, 6) if kind == "tunnel" else (3, 2))
+    assert apart.max() < 3.5 / 500**0.5
 
 
 def hills(count: int) -> list[SearchPlace]:

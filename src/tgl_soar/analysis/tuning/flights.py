@@ -131,6 +131,7 @@ def fly_attempt(field: FlyingPlace, attempt: Attempt) -> DrawnFlight:
     """One flight.  Errors: `ConfigError`; ValueError where no aircraft finds a place to soar."""
     site, air = _place(field.site_path)
     drawn, place, on_line = soaring_aircraft(field, attempt.values, attempt.seed)
+    # Of the same bits as the first number of the aircraft (*seed, 0); but a seed is hashed.
     seed = int(np.random.default_rng(attempt.seed).integers(2**31))
     world = make_world(
         drawn.known,

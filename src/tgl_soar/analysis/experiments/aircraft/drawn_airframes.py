@@ -83,6 +83,8 @@ _LATERAL: Final = ("Cl_beta", "Cl_p", "Cl_r", "Cl_aileron", "Cn_beta", "Cn_r", "
 
 def drawn_airframe(usual: Airframe, seed: tuple[int, ...]) -> DrawnAirframe:
     """The airframe of a seed; `usual`: the shipped one, for what is drawn about it."""
+    # (SEED, i) draws what (SEED, i, 0) does, with which `dispersed` begins an aircraft of its own:
+    # other quantities in another experiment, which are not compared.
     generator = np.random.default_rng(seed)
     while True:
         draw = _Draw(*(float(generator.uniform(low, high)) for low, high in AirframeRanges()))

@@ -189,6 +189,8 @@ def _least(laws: Laws, values: ParameterSet, lean_deg: float) -> float:
 def drawn_margins(job: DrawnJob) -> DrawnFound:
     """Of one drawn aircraft, by the linear model."""
     airframe, base = _shipped()
+    # The first, (SEED, 1, 0), is the aircraft (SEED, 1) of `refused`: one of two tables that are
+    # counted apart.
     seed = (SEED, 1, job.number)
     drawn = drawn_aircraft(airframe, Ranges(), seed)
     values = values_of(base, drawn, job.kind)
