@@ -51,6 +51,8 @@ FLIGHT_RESOLVED: Final = 3.0
 # A dispersion follows its formula within this: some 8 % that the two kinds of turbulence differ
 # by, and two standard errors of a deviation of eight flights of a minute (5 %).
 FOLLOWS: Final = 1.15
+INTENSITIES: Final = (0.0, 0.01, 0.03)  # of the turbulence that each is flown in
+JUDGED: Final = 0.01  # of these, what the claims go by
 STALLS: Final = 0.01  # of the time: less is no more than the gusts beyond three deviations
 SETTLES: Final = "it settles where the line meets the zero excess updraft contour"
 PLACE_CHANGED: Final = ChangedThreshold(
@@ -416,15 +418,13 @@ def _result(
     context: Context,
     name: str,
     flown: str,
-    intensities: tuple[float, ...],
-    judged: float,
-    extra: tuple[Claim, ...] = (),
+    intensities: tuple[float, ...] = INTENSITIES,
 ) -> tuple[Result, dict[float, list[LegSummary]]]:
     scenario = context.scenario(name)
     if context.quick:
-        intensities = (judged,)
+        intensities = (JUDGED,)
     flights, summaries = _fly_at(context, scenario, intensities)
-    prepared = prepare(with_turbulence(scenario, judged))
+    prepared = prepare(with_turbulence(scenario, JUDGED))
     stalls = prepared.airframe.model_kind == "rigid_body"
     legs = 1 + sum(change.line is not None for change in scenario.changes)
     rows = [row for i in intensities for row in leg_rows(i, flights[i], summaries[i])]
@@ -433,24 +433,23 @@ def _result(
         context,
         name,
         prepared,
-        flights[judged][0],
-        f"{scenario.title}, turbulence {100 * judged:g} %",
+        flights[JUDGED][0],
+        f"{scenario.title}, turbulence {100 * JUDGED:g} %",
     )
     result = Result(
         name=name,
         title=scenario.title,
         flown=flown,
         claims=(
-            settled_claim(flights[judged], summaries[judged], legs),
-            place_claim(summaries[judged], most_m),
-            *((known_place_claim(summaries[judged], most_m),) if context.dispersion else ()),
-            *extra,
+            settled_claim(flights[JUDGED], summaries[JUDGED], legs),
+            place_claim(summaries[JUDGED], most_m),
+            *((known_place_claim(summaries[JUDGED], most_m),) if context.dispersion else ()),
         ),
         why=dispersion_note(summaries, stalls=stalls)
         + ("" if context.dispersion else f" {bias_note(prepared, flown_lines(scenario))}"),
         tables=(Table("", LEG_COLUMNS, tuple(rows)),),
         numbers={
-            "judged_at_turbulence": judged,
+            "judged_at_turbulence": JUDGED,
             "lines": {
                 line: {
                     "x_m": placed.target.x_m,
@@ -485,8 +484,7 @@ def static(context: Context) -> Result:
         " let go 0.3 m downstream of the crossing, at rest over the ground, and flown for a"
         f" minute. The first {SETTLE_S:g} s after the line stands still are not scored. The claims"
         " are judged at 1 % of turbulence, scale 1.5 m.",
-        (0.0, 0.01, 0.03, 0.05),
-        0.01,
+        (*INTENSITIES, 0.05),
     )
     return result
 
@@ -498,21 +496,13 @@ def translate(context: Context) -> Result:
         "translate",
         "The operator moves the line from a to b to c, downstream, as with `PARAM_SET`; it slides"
         " at 0.3 m/s. Places at 0.90, 0.94 and 0.98 of best glide's speed.",
-        (0.0, 0.01, 0.03),
-        0.01,
     )
     return result
 
 
 def back(context: Context) -> Result:
     """The line moves upstream."""
-    result, _ = _result(
-        context,
-        "back",
-        "The same lines the other way, c to b to a.",
-        (0.0, 0.01, 0.03),
-        0.01,
-    )
+    result, _ = _result(context, "back", "The same lines the other way, c to b to a.")
     return result
 
 
@@ -523,10 +513,8 @@ def rotate(context: Context) -> Result:
         "rotate",
         "The line turns about a point half a metre below the aircraft, from a lean of 12° to 35°"
         " upwind and back, at 5°/s.",
-        (0.0, 0.01, 0.03),
-        0.01,
     )
-    legs = summaries[0.01]
+    legs = summaries[JUDGED]
     if len(legs) < 3:
         return result
     there = legs[1].mean_x_m - legs[0].mean_x_m, legs[1].mean_z_m - legs[0].mean_z_m
