@@ -11,6 +11,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -126,12 +127,18 @@ def module_name(source: Path, file: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
+@cache
+def tree_of(text: str) -> ast.Module:
+    """Each file is asked for half a dozen times."""
+    return ast.parse(text)
+
+
 def imports_of(source: Path, file: Path) -> Iterator[tuple[int, str]]:
     """(line, full module name) of every import in a file, also those inside functions."""
     package = module_name(source, file).split(".")
     if file.name != "__init__.py":
         package = package[:-1]
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree_of(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             for name in node.names:
                 yield node.lineno, name.name
@@ -211,7 +218,7 @@ def class_names(source: Path) -> dict[str, list[str]]:
     """Where each class name stands."""
     found: dict[str, list[str]] = {}
     for file in sorted(source.rglob("*.py")):
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        for node in ast.walk(tree_of(file.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ClassDef):
                 where = f"{file.relative_to(source)}:{node.lineno}"
                 found.setdefault(node.name, []).append(where)
@@ -245,7 +252,7 @@ def lengths(source: Path) -> Iterator[tuple[str, int, int]]:
     for file in sorted(source.rglob("*.py")):
         name, text = str(file.relative_to(source)), file.read_text(encoding="utf-8")
         yield name, len(text.splitlines()), MODULE_LINES
-        for node in ast.walk(ast.parse(text)):
+        for node in ast.walk(tree_of(text)):
             if isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
                 lines = (node.end_lineno or node.lineno) - node.lineno + 1
                 most = CLASS_LINES if isinstance(node, ast.ClassDef) else FUNCTION_LINES

@@ -12,6 +12,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -24,26 +25,57 @@ AS_NAMED_TUPLES = {"Result"}  # of an experiment: a dataclass of ten fields, som
 ROWS_OF_TABLES = {"Transition"}  # read as columns, and every row of it is tested by itself
 FOLDERS = {"src": ROOT / "src", "tests": ROOT / "tests", "tools": ROOT / "tools"}
 Fields = dict[str, tuple[str, ...]]  # of each class, by the name that it has somewhere
-Declared = Callable[[ast.Module], Fields]
+Declared = Callable[["Module"], Fields]
 
 
-def named_tuples(tree: ast.Module) -> Fields:
+class Module(NamedTuple):
+    """What counts of a module here, gathered in one walk through its tree."""
+
+    classes: list[ast.ClassDef]
+    imports: list[ast.ImportFrom]
+    calls: list[
+        tuple[str, ast.Call]
+    ]  # but for those that spread something; named by what is called
+
+
+def parsed(text: str) -> Module:
+    """Errors: SyntaxError."""
+    module = Module([], [], [])
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.ClassDef):
+            module.classes.append(node)
+        elif isinstance(node, ast.ImportFrom):
+            module.imports.append(node)
+        elif isinstance(node, ast.Call) and not any(
+            isinstance(argument, ast.Starred) for argument in node.args
+        ):
+            module.calls.append((name_of(node.func), node))
+    return module
+
+
+def name_of(called: ast.expr) -> str:
+    """Of a class, or of one in an imported module; empty for what is no name."""
+    if isinstance(called, ast.Attribute):
+        owner = name_of(called.value)
+        return f"{owner}.{called.attr}" if owner else ""
+    return called.id if isinstance(called, ast.Name) else ""
+
+
+def named_tuples(module: Module) -> Fields:
     """The named tuples that a module declares, and `AS_NAMED_TUPLES`."""
     return {
         kind.name: fields_of(kind)
-        for kind in ast.walk(tree)
-        if isinstance(kind, ast.ClassDef)
-        and (kind.name in AS_NAMED_TUPLES or "NamedTuple" in map(ast.unparse, kind.bases))
+        for kind in module.classes
+        if kind.name in AS_NAMED_TUPLES or "NamedTuple" in map(ast.unparse, kind.bases)
     }
 
 
-def dataclasses(tree: ast.Module) -> Fields:
+def dataclasses(module: Module) -> Fields:
     """The dataclasses that a module declares."""
     return {
         kind.name: fields_of(kind)
-        for kind in ast.walk(tree)
-        if isinstance(kind, ast.ClassDef)
-        and any(ast.unparse(each).startswith("dataclass") for each in kind.decorator_list)
+        for kind in module.classes
+        if any(ast.unparse(each).startswith("dataclass") for each in kind.decorator_list)
     }
 
 
@@ -52,54 +84,47 @@ def fields_of(kind: ast.ClassDef) -> tuple[str, ...]:
     return tuple(ast.unparse(line.target) for line in kind.body if isinstance(line, ast.AnnAssign))
 
 
-def known(tree: ast.Module, modules: dict[str, Fields], declared: Declared) -> Fields:
+def known(module: Module, modules: dict[str, Fields], declared: Declared) -> Fields:
     """The classes that a module can name: its own, imported ones, those of its imports."""
-    found = dict(declared(tree))
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom):
-            origin = modules.get(node.module or "", {})
-            for name in node.names:
-                here = name.asname or name.name
-                if name.name in origin:
-                    found[here] = origin[name.name]
-                inner = modules.get(f"{node.module}.{name.name}", {})
-                found |= {f"{here}.{kind}": fields for kind, fields in inner.items()}
+    found = dict(declared(module))
+    for node in module.imports:
+        origin = modules.get(node.module or "", {})
+        for name in node.names:
+            here = name.asname or name.name
+            if name.name in origin:
+                found[here] = origin[name.name]
+            inner = modules.get(f"{node.module}.{name.name}", {})
+            found |= {f"{here}.{kind}": fields for kind, fields in inner.items()}
     return found
 
 
-def calls(tree: ast.Module, kinds: Fields) -> Iterator[tuple[ast.Call, tuple[str, ...]]]:
-    """Every call that builds a named tuple of many fields, but for those that spread something."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Call):
-            fields = kinds.get(ast.unparse(node.func), ())
-            spread = any(isinstance(argument, ast.Starred) for argument in node.args)
-            row = ast.unparse(node.func) in ROWS_OF_TABLES
-            if len(fields) > AT_MOST_BY_PLACE and not spread and not row:
-                yield node, fields
+def calls(module: Module, kinds: Fields) -> Iterator[tuple[ast.Call, tuple[str, ...]]]:
+    """Every call that builds a named tuple of many fields, but for rows of tables."""
+    for name, call in module.calls:
+        fields = kinds.get(name, ())
+        if len(fields) > AT_MOST_BY_PLACE and name not in ROWS_OF_TABLES:
+            yield call, fields
 
 
-def by_place(tree: ast.Module, kinds: Fields) -> list[int]:
+def by_place(module: Module, kinds: Fields) -> list[int]:
     """The lines of calls that give a field by its place."""
-    return [call.lineno for call, _ in calls(tree, kinds) if call.args]
+    return [call.lineno for call, _ in calls(module, kinds) if call.args]
 
 
-def too_many_by_place(tree: ast.Module, kinds: Fields) -> list[int]:
+def too_many_by_place(module: Module, kinds: Fields) -> list[int]:
     """The lines of calls that give more of a class's fields by place than one can tell apart."""
     return [
         call.lineno
-        for call in ast.walk(tree)
-        if isinstance(call, ast.Call)
-        and ast.unparse(call.func) in kinds
-        and len(call.args) > AT_MOST_BY_PLACE
-        and not any(isinstance(argument, ast.Starred) for argument in call.args)
+        for name, call in module.calls
+        if name in kinds and len(call.args) > AT_MOST_BY_PLACE
     ]
 
 
-def out_of_order(tree: ast.Module, kinds: Fields) -> list[int]:
+def out_of_order(module: Module, kinds: Fields) -> list[int]:
     """The lines of calls that name all fields, but not in the order of their declaration."""
     return [
         call.lineno
-        for call, fields in calls(tree, kinds)
+        for call, fields in calls(module, kinds)
         if len(call.keywords) == len(fields) and [k.arg for k in call.keywords] != list(fields)
     ]
 
@@ -113,55 +138,58 @@ def module_of(file: Path) -> str:
 
 
 @pytest.fixture(scope="module")
-def trees() -> dict[Path, ast.Module]:
+def files() -> dict[Path, Module]:
     folders = [*FOLDERS.values(), ROOT / "benchmarks"]
-    files = [file for folder in folders for file in sorted(folder.rglob("*.py"))]
-    return {file: ast.parse(file.read_text(encoding="utf-8")) for file in files}
+    return {
+        file: parsed(file.read_text(encoding="utf-8"))
+        for folder in folders
+        for file in sorted(folder.rglob("*.py"))
+    }
 
 
-def everywhere(trees: dict[Path, ast.Module], declared: Declared) -> dict[Path, Fields]:
+def everywhere(files: dict[Path, Module], declared: Declared) -> dict[Path, Fields]:
     """What each file can name, also where it comes by way of another module."""
-    own = {module_of(file): declared(tree) for file, tree in trees.items()}
-    found = {module_of(file): known(tree, own, declared) for file, tree in trees.items()}
-    return {file: known(tree, found, declared) for file, tree in trees.items()}
+    own = {module_of(file): declared(module) for file, module in files.items()}
+    found = {module_of(file): known(module, own, declared) for file, module in files.items()}
+    return {file: known(module, found, declared) for file, module in files.items()}
 
 
 @pytest.fixture(scope="module")
-def kinds(trees: dict[Path, ast.Module]) -> dict[Path, Fields]:
-    return everywhere(trees, named_tuples)
+def kinds(files: dict[Path, Module]) -> dict[Path, Fields]:
+    return everywhere(files, named_tuples)
 
 
 def test_no_field_of_many_is_given_by_its_place(
-    trees: dict[Path, ast.Module], kinds: dict[Path, Fields]
+    files: dict[Path, Module], kinds: dict[Path, Fields]
 ) -> None:
     wrong = [
         f"{file.relative_to(ROOT)}:{line}"
-        for file, tree in trees.items()
-        for line in by_place(tree, kinds[file])
+        for file, module in files.items()
+        for line in by_place(module, kinds[file])
     ]
     assert wrong == []
 
 
 def test_no_more_than_the_first_fields_of_a_dataclass_are_given_by_their_place(
-    trees: dict[Path, ast.Module],
+    files: dict[Path, Module],
 ) -> None:
-    kinds = everywhere(trees, dataclasses)
+    kinds = everywhere(files, dataclasses)
     wrong = [
         f"{file.relative_to(ROOT)}:{line}"
-        for file, tree in trees.items()
-        for line in too_many_by_place(tree, kinds[file])
+        for file, module in files.items()
+        for line in too_many_by_place(module, kinds[file])
     ]
     assert wrong == []
 
 
 def test_what_is_compiled_names_fields_in_their_order(
-    trees: dict[Path, ast.Module], kinds: dict[Path, Fields]
+    files: dict[Path, Module], kinds: dict[Path, Fields]
 ) -> None:
     wrong = [
         f"{file.relative_to(ROOT)}:{line}"
-        for file, tree in trees.items()
+        for file, module in files.items()
         if module_of(file) in native.MODULES
-        for line in out_of_order(tree, kinds[file])
+        for line in out_of_order(module, kinds[file])
     ]
     assert wrong == []
 
@@ -183,11 +211,11 @@ KINDS = "class Five(NamedTuple):\n    a: int\n    b: int\n    c: int\n    d: int
     ],
 )
 def test_a_planted_call_is_found(call: str, placed: bool, disordered: bool) -> None:
-    origin = {"some.kinds": named_tuples(ast.parse(KINDS))}
-    tree = ast.parse(f"from some import kinds\nfrom some.kinds import Five\n{call}\n")
-    here = known(tree, origin, named_tuples)
-    assert (by_place(tree, here) == [3]) is placed
-    assert (out_of_order(tree, here) == [3]) is disordered
+    origin = {"some.kinds": named_tuples(parsed(KINDS))}
+    module = parsed(f"from some import kinds\nfrom some.kinds import Five\n{call}\n")
+    here = known(module, origin, named_tuples)
+    assert (by_place(module, here) == [3]) is placed
+    assert (out_of_order(module, here) == [3]) is disordered
 
 
 @pytest.mark.parametrize("decorator", ["dataclass", "dataclass(frozen=True)"])
@@ -201,7 +229,7 @@ def test_a_planted_call_is_found(call: str, placed: bool, disordered: bool) -> N
     ],
 )
 def test_a_planted_call_of_a_dataclass_is_found(decorator: str, call: str, wrong: bool) -> None:
-    kinds = ast.parse(f"@{decorator}\n{KINDS.replace('(NamedTuple)', '')}")
+    kinds = parsed(f"@{decorator}\n{KINDS.replace('(NamedTuple)', '')}")
     origin = {"some.kinds": dataclasses(kinds)}
-    tree = ast.parse(f"from some import kinds\nfrom some.kinds import Five\n{call}\n")
-    assert (too_many_by_place(tree, known(tree, origin, dataclasses)) == [3]) is wrong
+    module = parsed(f"from some import kinds\nfrom some.kinds import Five\n{call}\n")
+    assert (too_many_by_place(module, known(module, origin, dataclasses)) == [3]) is wrong
