@@ -549,17 +549,7 @@ def _curve(
     """The curve, where there is a number in it."""
     if series is None or column not in series.columns or not np.isfinite(series[column]).any():
         return []
-    return [
-        Curve(
-            series=series,
-            column=column,
-            scale=scale,
-            label=label,
-            colour=colour,
-            width=width,
-            band=band,
-        )
-    ]
+    return [Curve(series, column, scale, label, colour=colour, width=width, band=band)]
 
 
 # --- in frequency ---------------------------------------------------------------------------

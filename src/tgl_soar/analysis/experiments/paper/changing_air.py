@@ -575,16 +575,8 @@ def _draw_wind(
         later = predicted_shift(prepare(variants[line, kind]), line)
         show = time > 5.0
         heights.append(Trace(time[show], 100 * (along - base)[show], line, colour))
-        heights.append(
-            Trace(
-                time_s=np.array([40.0, time[-1]]),
-                y=np.full(2, 100 * later),
-                label=None,
-                colour=colour,
-                style="--",
-                width=1.6,
-            )
-        )
+        ends, height = np.array([40.0, time[-1]]), np.full(2, 100 * later)
+        heights.append(Trace(ends, height, None, colour, style="--", width=1.6))
         wind = np.mean([f.path["wind_mps"][:length] for f in several], axis=0)
         winds.append(Trace(time[show], wind[show], None, colour))
     mean = f"mean of {len(flights['a', kind])} flights" if kind != "calm" else "calm air"

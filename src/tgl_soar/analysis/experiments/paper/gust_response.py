@@ -271,11 +271,7 @@ def _draw(
                 reach.tolist(), (c.updraft_gain * reach).tolist(), f"updraft at {c.line}", colour
             )
         )
-        points.append(
-            DrawnCurve(
-                x=[c.wind_mps], y=[c.margin], label=None, colour=colour, style="", marker="o"
-            )
-        )
+        points.append(DrawnCurve([c.wind_mps], [c.margin], None, colour, style="", marker="o"))
         margin_notes.append(Note(c.wind_mps, c.margin, c.line, colour))
         time, moved = _moved(scenarios[c.line], flights[c.line], c.line)
         show = (time > -1.0) & (time < 8.0)
@@ -284,9 +280,7 @@ def _draw(
         )
         ends.append(Note(7.9, 100.0 * float(moved[show][-1]), c.line, colour))
         histories.append(
-            DrawnCurve(
-                x=[6.5, 8.0], y=[100.0 * c.predicted_m] * 2, label=None, colour=colour, style="--"
-            )
+            DrawnCurve([6.5, 8.0], [100.0 * c.predicted_m] * 2, None, colour, style="--")
         )
     curves_figure(
         path,
