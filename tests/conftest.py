@@ -61,16 +61,32 @@ ONE_WORKER: dict[str, tuple[str, ...]] = {
     ),
 }  # fmt: skip
 TESTS = Path(__file__).parent
-# More than half of the time of all tests: `make test` leaves them to `make ci`.  They need a
-# compiled kernel, the clock on the wall, a browser, another program, or a whole log and its report.
+# Two thirds of the time of all tests: `make test` leaves them to `make ci`.  They need a compiled
+# kernel, the clock on the wall, a browser, another program, a whole log and its report, or flights
+# that take seconds.
 LATER_GROUPS = ("kernels", "real time", "page in a browser", "one flight")
 LATER_FILES = (
-    "analysis/replay/test_replay.py", "analysis/report/test_flight_report.py",
-    "analysis/test_linear_model.py", "analysis/test_loop_response.py", "benchmarks/test_batch.py",
-    "cli/page/test_page_for_a_day.py", "cli/page/test_server.py", "cli/test_direct_tuples.py",
-    "cli/test_identify_command.py", "cli/test_native.py", "docs/test_site.py",
-    "fuzz/test_hostile.py", "peers/test_mavproxy_tgl.py", "peers/test_metadata.py",
-    "sim/test_closed_loop.py", "sim/test_point_mass.py", "test_gym.py",
+    "analysis/campaigns/test_drawn_faults.py",
+    "analysis/experiments/estimates/test_estimator_experiment.py",
+    "analysis/experiments/estimates/test_wind_estimate.py",
+    "analysis/experiments/estimates/test_wind_use.py",
+    "analysis/experiments/outdoors/test_outdoors.py", "analysis/experiments/test_catalogue.py",
+    "analysis/experiments/test_concluded.py", "analysis/experiments/test_flights.py",
+    "analysis/logs/test_models_from_other_logs.py", "analysis/replay/test_replay.py",
+    "analysis/report/test_flight_report.py", "analysis/report/test_point_figure.py",
+    "analysis/test_identified_brake.py", "analysis/test_linear_model.py",
+    "analysis/test_loop_response.py", "analysis/tuning/test_tune.py",
+    "autopilot/test_passage_in_tick.py", "benchmarks/test_batch.py",
+    "cli/page/test_measured_air.py", "cli/page/test_orders.py", "cli/page/test_page_for_a_day.py",
+    "cli/page/test_server.py", "cli/test_identify_command.py",
+    "cli/test_native.py", "cli/test_params.py", "cli/test_rare_command.py", "cli/test_site_init.py",
+    "control/test_brake_watch.py", "docs/test_site.py", "estimation/test_cross_wind.py",
+    "estimation/test_motion_filter.py", "estimation/test_wind.py", "fuzz/test_hostile.py",
+    "onboard/test_operator_slips.py", "onboard/test_operators.py", "onboard/test_survey_switch.py",
+    "peers/test_mavproxy_tgl.py", "peers/test_metadata.py", "sim/campaign/test_cluster.py",
+    "sim/test_bridge_faults.py", "sim/test_closed_loop.py", "sim/test_frame_resets.py",
+    "sim/test_point_mass.py", "sim/test_sideways.py", "tools/test_mutate.py",
+    "tools/test_mutation_reach.py", "test_gym.py",
 )  # fmt: skip
 
 

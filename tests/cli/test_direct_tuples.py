@@ -131,21 +131,30 @@ def test_a_module_that_makes_no_tuples_stays_as_it_is() -> None:
     assert direct("some.plain", source, {"some.plain": {}}) == source
 
 
+@pytest.fixture(scope="module")
+def sources() -> dict[str, str]:
+    """Of all that is compiled, and of what declares tuples for it."""
+    names = (*native.MODULES, "tgl_soar.types", "tgl_soar.link.messages")
+    return {name: native.file_of(name).read_text(encoding="utf-8") for name in names}
+
+
+@pytest.fixture(scope="module")
+def declared(sources: dict[str, str]) -> dict[str, Any]:
+    return {module: kinds_of(source) for module, source in sources.items()}
+
+
 @pytest.mark.parametrize("name", native.MODULES)
-def test_all_that_is_compiled_can_be_made_direct(name: str) -> None:
-    sources = {
-        module: native.file_of(module).read_text(encoding="utf-8")
-        for module in (*native.MODULES, "tgl_soar.types", "tgl_soar.link.messages")
-    }
-    declared = {module: kinds_of(source) for module, source in sources.items()}
+def test_all_that_is_compiled_can_be_made_direct(
+    name: str, sources: dict[str, str], declared: dict[str, Any]
+) -> None:
     found = direct(name, sources[name], declared)
     compile(found, name, "exec")
     assert found.count("\n") == sources[name].count("\n")
 
 
-def test_most_of_what_a_tick_makes_is_made_direct() -> None:
+def test_most_of_what_a_tick_makes_is_made_direct(
+    sources: dict[str, str], declared: dict[str, Any]
+) -> None:
     names = [name for name in native.MODULES if "control" in name or "estimation" in name]
-    sources = {n: native.file_of(n).read_text(encoding="utf-8") for n in [*names, "tgl_soar.types"]}
-    declared = {module: kinds_of(source) for module, source in sources.items()}
     made = sum(direct(n, sources[n], declared).count("_direct_make(_direct_") for n in names)
     assert made > 60

@@ -53,6 +53,7 @@ def memory_of(telemetry_s: float, at_hours: list[float]) -> list[Memory]:
     return found
 
 
+@pytest.mark.long
 def test_ten_minutes_more_need_no_more_memory() -> None:
     # What is bounded by number is full: 50 lines to undo after 12.5 minutes, 200 texts after 7.
     before, after = memory_of(3.0, [14 * MINUTE_H, 24 * MINUTE_H])

@@ -17,7 +17,7 @@ from tgl_soar.analysis.experiments.outdoors.satellites import (
     fly_satellites,
 )
 
-FLIES_COMPILED = pytest.mark.xdist_group("kernels")
+FLIES_COMPILED = pytest.mark.long  # a kernel of its own, and minutes of flight
 
 
 @pytest.fixture(scope="module")
