@@ -42,6 +42,25 @@ def test_the_file_of_each_has_what_was_drawn_for_it() -> None:
         assert drawn.latency_s / TICK_S == pytest.approx(round(drawn.latency_s / TICK_S))
 
 
+@pytest.mark.parametrize(
+    ("field", "goes_with"),
+    [
+        ("lift", ("CL_alpha", "CL0")),
+        ("drag", ("CD0", "CD_lift")),
+        ("effect", ("Cm_elevator", "CL_elevator")),
+    ],
+)
+def test_what_is_drawn_is_a_factor_of_all_that_it_stands_for(
+    field: str, goes_with: tuple[str, ...]
+) -> None:
+    right = Ranges(*[(1.0, 1.0)] * 5, (0.02, 0.02), (0.01, 0.01), (1.0, 1.0), (0.0, 0.0))
+    given = AIRFRAME.model
+    drawn = drawn_aircraft(AIRFRAME, right._replace(**{field: (1.2, 1.2)}), (1,)).known.model
+    for name in ("CL_alpha", "CL0", "CD0", "CD_lift", "Cm_elevator", "CL_elevator"):
+        factor = 1.2 if name in goes_with else 1.0
+        assert drawn[name] == pytest.approx(factor * given[name]), name
+
+
 def test_what_no_file_knows_is_in_the_aircraft_alone() -> None:
     errors = []
     for drawn in forty():
