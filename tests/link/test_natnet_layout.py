@@ -100,6 +100,26 @@ def test_a_frame_is_read_back(version: layout.Version, precise: bool) -> None:
 
 
 @each
+def test_all_bodies_of_a_frame_are_listed(version: layout.Version, precise: bool) -> None:
+    data = encoded(version, precise)
+    found = layout.bodies_of(data, version)
+    assert found == [layout.frame_of(data, version, body.id).body for body in BODIES]
+
+
+def test_bodies_that_say_to_be_longer_than_the_frame_are_refused() -> None:
+    data = encoded((4, 2))
+    found = layout.bodies_of(data, (4, 2))
+    at = data.index(struct.pack("<i", BODIES[0].id) + struct.pack("<f", BODIES[0].position_m[0]))
+    size = struct.calcsize("<i8fh") * len(found)
+    count = struct.pack("<ii", len(found), size)
+    assert data[at - 8 : at] == count
+    for wrong in ((len(found), len(data)), (len(found), size - 1), (-1, size)):
+        bad = data[: at - 8] + struct.pack("<ii", *wrong) + data[at:]
+        with pytest.raises(Malformed, match=rf"{wrong[0]} rigid bodies in {wrong[1]} bytes"):
+            layout.bodies_of(bad, (4, 2))
+
+
+@each
 def test_a_frame_may_lack_its_end_mark(version: layout.Version, precise: bool) -> None:
     data = encoded(version, precise)
     assert layout.frame_of(data[:-4], version, 1) == layout.frame_of(data, version, 1)

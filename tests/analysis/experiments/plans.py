@@ -1,4 +1,5 @@
-"""What each experiment would fly first: how many flights, of which seeds, how long, in which air.
+"""What each experiment would fly first: how many flights, of which seeds, how long, in which air;
+and what a campaign draws faults from.
 
     python tests/analysis/experiments/plans.py        keeps them anew
 
@@ -18,6 +19,7 @@ from typing import Any, Final
 from tgl_soar.analysis.experiments.catalogue import EXPERIMENTS
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.flights import Flyer
+from tgl_soar.sim.faults import CATALOGUE
 
 KEPT: Final = Path(__file__).with_name("plans.json")
 Plan = dict[str, Any]
@@ -27,6 +29,7 @@ MOST: Final = 8  # listed one by one
 
 # Those that fly by themselves, or nothing.
 NOT_PLANNED: Final = frozenset(("field", "forecast", "lift_map", "margins"))
+FAULTS: Final = "faults of a campaign"
 PLANNED: Final = tuple(name for name in EXPERIMENTS if name not in NOT_PLANNED)
 
 
@@ -82,8 +85,17 @@ def key(name: str, *, quick: bool) -> str:
     return f"{name}, quick" if quick else name
 
 
+def drawn_faults() -> Plan:
+    """From where a campaign draws each number of each fault, and within which bounds one may give
+    it."""
+    return {
+        name: [[n.name, *n.drawn, n.low, n.high] for n in kind.numbers]
+        for name, kind in CATALOGUE.items()
+    }
+
+
 if __name__ == "__main__":
-    found = {
+    found = {FAULTS: drawn_faults()} | {
         key(name, quick=quick): planned(name, quick=quick)
         for name in PLANNED
         for quick in (False, True)
