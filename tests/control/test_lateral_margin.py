@@ -203,6 +203,24 @@ def test_a_spiral_that_grows_by_itself_is_no_instability_of_the_loop() -> None:
     assert min(disk_margins(sideways_flown(closed, alone, 0.026, 9.0, True))) > FLOOR
 
 
+def test_an_aircraft_that_turns_its_tail_to_the_wind_is_unstable_by_one_root() -> None:
+    """Its fin pulls the wrong way by as much, faster than the rudder can hold: the root that
+    grows is a single one, half a turn less than of those that swing."""
+    wrong = KNOWN._replace(yaw_stiffness_per_s2=-KNOWN.yaw_stiffness_per_s2)
+    laws = laws_from(VALUES, SITE.frame())
+    assert min(laws.roll.ki, laws.sideways.ki) > 0.0
+    assert disk_margins(sideways_flown(laws, wrong, 0.026, 9.0, True)) == (0.0, 0.0)
+    condition = Condition(
+        model=MODEL._replace(Cn_beta=-MODEL.Cn_beta),
+        servo=servo_params(AIRFRAME.model),
+        speed_mps=9.0,
+        lean_rad=radians(15.0),
+        sensors=Sensors(imu=MEMS_IMU),
+        command_delay_s=0.0075,
+    )
+    assert margin(lateral_loop(laws, condition), BREAKS[0]).alpha == 0.0
+
+
 def test_an_integral_too_slow_for_the_sweep_is_not_taken_for_a_growing_root() -> None:
     slow = {"AIL_I": 1e-4 * VALUES["AIL_P"], "SIDE_I": 0.0}
     assert min(both(slow, 10.0, True)[0]) > FLOOR

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from math import degrees
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -71,6 +73,46 @@ def test_draws_fill_their_bounds_and_repeat_with_their_seed() -> None:
     assert np.all(draws.min(axis=0) < low + 0.05 * (high - low))
     assert np.all(draws.max(axis=0) > high - 0.05 * (high - low))
     assert drawn_mismatch(7) == drawn_mismatch(7) != drawn_mismatch(8)
+
+
+def test_the_bounds_are_those_that_the_page_of_theory_argues() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "theory.md").read_text(encoding="utf-8")
+    section = page.partition("## What a controller does not know")[2]
+    rows = [row.strip("| ").split(" | ") for row in section.splitlines() if row.startswith("| ")]
+    told = {row[0]: row[1] for row in rows if len(row) == 3}
+
+    def share(low: float, high: float) -> str:
+        return f"± {round(100.0 * (high - 1.0)):d} %" if low + high == pytest.approx(2.0) else ""
+
+    def ratios(low: float, high: float) -> str:
+        return f"× {low:g} to {high:g}"
+
+    ranges, bias = RANGES, "bias of accelerometers; of the pitot tube"
+    shares = {
+        "lift slope and lift at zero incidence": ranges.lift,
+        "drag": ranges.drag,
+        "inertia": ranges.inertia,
+        "elevator's effect": ranges.pitch_effect,
+        "ailerons' and rudder's effect": ranges.turn_effect,
+        "mean wind": ranges.wind,
+        "what the brake does": ranges.brake,
+    }
+    for what, within in shares.items():
+        assert told[what] == share(*within), what
+    assert told["servo's rate constant"] == ratios(*ranges.servo_lag)
+    assert told["length of the turbulence"] == ratios(*ranges.length)
+    assert told[bias] == f"{ratios(*ranges.force_bias)}; {ratios(*ranges.pressure_bias)}"
+    for what, (low, high) in (
+        ("angle of attack of the stall", ranges.stall_rad),
+        ("slope of the board", ranges.slope_rad),
+    ):
+        assert low == -high
+        assert told[what] == f"± {round(degrees(high), 1):g}°"
+    low, high = ranges.centre_of_gravity
+    assert low == -high
+    assert told["centre of gravity"] == f"± {100.0 * high:g} % of the chord"
+    assert told["commands, beyond the known delay"] == f"up to {1000.0 * ranges.late_s[1]:g} ms"
+    assert ranges.late_s[0] == 0.0
 
 
 def test_no_mismatch_is_the_airframe_file() -> None:
