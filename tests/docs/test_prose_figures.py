@@ -68,9 +68,9 @@ def test_landings_that_were_too_hard_are_those_of_the_table() -> None:
     commanded = [row for row in own if row[1].startswith(("by command", "with accelerometers"))]
     landed = [re.match(r"(\d+) of (\d+) \(", row[2]) for row in commanded]
     counts = [(int(found[1]), int(found[2])) for found in landed if found]
-    assert sum(b for _, b in counts) == 200
     assert all(a == b for a, b in counts)
-    said = "all 200 that broke off by command touched down as they should, at 1.5 m/s of sink"
+    count = sum(b for _, b in counts)
+    said = f"all {count} that broke off by command touched down as they should, at 1.5 m/s of sink"
     assert said in words("outdoors.md")
     assert max(float(row[-1].split(",")[-1]) for row in commanded) <= 1.5
 

@@ -238,6 +238,8 @@ def _print(result: Result) -> None:
         console.print(f"{text}: {claim.measured}", markup=False, highlight=False)
     if result.why:
         console.print(result.why, markup=False, highlight=False)
+    for flight in result.badly:
+        console.print(f"  - {flight}", markup=False, highlight=False)
     console.print()
 
 

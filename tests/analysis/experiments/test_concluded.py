@@ -63,6 +63,7 @@ def told(result: Result, flyer: MadeUp) -> Table:
     rows = [
         ("flown", result.flown),
         ("why", result.why),
+        *(("badly", f"{len(result.badly)}: {each}; …") for each in result.badly[:1]),
         ("verdict", result.verdict),
         ("of", f"{result.scenarios} {result.seeds[:9]} {result.figures} {result.own}"),
         *((f"asked for by {by}", str(count)) for by, count in flyer.lists),

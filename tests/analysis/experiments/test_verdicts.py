@@ -111,6 +111,36 @@ def test_the_verdict_follows_from_the_claims(claims: tuple[Claim, ...], verdict:
     assert result(*claims).verdict == verdict
 
 
+def test_flights_that_ended_badly_are_folded_model_by_model() -> None:
+    """The empty lines are what GitHub and Sphinx read a list within HTML by."""
+    far = replace(result(YES), badly=("landing 1: far",))
+    many = replace(result(NO), badly=("landing 2: far", "lull 3: hard"))
+    both = replace(far, also={DISPERSED_AIRCRAFT: many})
+    lines = as_markdown(both, "images").splitlines()
+    ends = lines.index("</details>") + 1
+    assert lines[ends - 6 : ends] == [
+        "<details>",
+        "<summary>Rigid body: 1 flight that did not end well</summary>",
+        "",
+        "- landing 1: far",
+        "",
+        "</details>",
+    ]
+    assert lines[ends:] == [
+        "",
+        "<details>",
+        "<summary>Rigid body, dispersed: 2 flights that did not end well</summary>",
+        "",
+        "- landing 2: far",
+        "- lull 3: hard",
+        "",
+        "</details>",
+    ]
+    assert lines[ends - 7] == ""
+    assert "<details>" not in as_markdown(result(YES), "images")
+    assert as_json(both)["also"][DISPERSED_AIRCRAFT]["badly"] == ["landing 2: far", "lull 3: hard"]
+
+
 def test_a_result_tells_everything_in_json_and_markdown() -> None:
     reported = as_json(result(YES, NO))
     assert json.loads(json.dumps(reported)) == reported

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal
 
@@ -124,6 +124,7 @@ class Result:
     seeds: tuple[int, ...] = ()
     changed: tuple[ChangedThreshold, ...] = ()
     own: bool = False  # holds this project's aims, not claims of the paper
+    badly: tuple[str, ...] = ()  # the flights that did not end as they should, in words
     # The same flown otherwise: by what flew it, `POINT_MASS`, `DISPERSED_AIRCRAFT`.
     also: Mapping[str, Result] = field(default_factory=dict)
     seconds: float = field(default=0.0, compare=False)  # wall clock
@@ -227,6 +228,7 @@ def as_json(result: Result) -> dict[str, Any]:
             for c in result.claims
         ],
         "why": result.why,
+        "badly": list(result.badly),
         "numbers": plain(result.numbers),
         "also": {name: as_json(each) for name, each in result.also.items()},
         "scenarios": list(result.scenarios),
@@ -330,13 +332,29 @@ def _text(claim: Claim) -> str:
 
 
 def _reasons(result: Result) -> list[str]:
-    """What stands beside the claims; once where all models say the same."""
-    reasons = {name: each.why for name, each in by_model(result).items()}
+    """What stands beside the claims, once where all models say the same, and each model's flights
+    that did not end as they should."""
+    flown = by_model(result)
+    reasons = {name: each.why for name, each in flown.items()}
     if len(set(reasons.values())) == 1:
-        return ["", result.why] if result.why else []
-    return [
-        line
-        for name, why in reasons.items()
-        for line in ("", f"*{name.capitalize()}*: {why}")
-        if why
-    ]
+        lines = ["", result.why] if result.why else []
+    else:
+        lines = [
+            line
+            for name, why in reasons.items()
+            for line in ("", f"*{name.capitalize()}*: {why}")
+            if why
+        ]
+    for name, each in flown.items():
+        lines += _folded(name, each.badly)
+    return lines
+
+
+def _folded(name: str, badly: Sequence[str]) -> list[str]:
+    """A list that a reader opens: Markdown within HTML needs its empty lines."""
+    if not badly:
+        return []
+    flights = "flight" if len(badly) == 1 else "flights"
+    title = f"{name.capitalize()}: {len(badly)} {flights} that did not end well"
+    head = ["", "<details>", f"<summary>{title}</summary>", ""]
+    return [*head, *(f"- {each}" for each in badly), "", "</details>"]

@@ -77,6 +77,32 @@ def test_a_share_is_shown_by_its_interval_and_not_by_its_count(
     assert outdoors.shown(count, of, least) is held
 
 
+@pytest.mark.parametrize("least", [outdoors.CAPTURED, outdoors.LANDED])
+def test_flights_that_all_end_well_show_it_and_one_less_would_not(least: float) -> None:
+    enough = outdoors.flights_to_show(least)
+    assert outdoors.shown(enough, enough, least) is True
+    assert outdoors.shown(enough - 1, enough - 1, least) is None
+
+
+def test_as_many_are_flown_as_can_decide_each_claim() -> None:
+    assert outdoors.flights_to_show(outdoors.CAPTURED) <= outdoors.FLIGHTS
+    lulls = outdoors.FLIGHTS // outdoors.LULLS
+    assert outdoors.flights_to_show(outdoors.LANDED) <= lulls
+    # Of 200 break-offs by command 58 had height left, whatever law flew them home.
+    assert outdoors.flights_to_show(outdoors.LANDED) <= 0.29 * 2 * outdoors.FLIGHTS
+
+
+def test_every_flight_that_does_not_end_well_is_told_by_itself(landed: FlownPassage) -> None:
+    good = replace(landed, along_m=0.0, across_m=0.0, sink_mps=0.5)
+    far = replace(good, seed=77, along_m=12.3)
+    hard = replace(good, seed=78, sink_mps=2.0)
+    told = outdoors._badly([good, far, hard])
+    assert len(told) == 2
+    assert told[0].startswith("landing 77 (")
+    assert "along 12.3 m" in told[0]
+    assert "sink 2.00 m/s" in told[1]
+
+
 def test_the_tables_the_claims_and_the_figure(tmp_path: Path) -> None:
     context = Context(Flyer(), figures=tmp_path, episodes=1)
     result = outdoors.run(context)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import degrees, inf, isfinite, nan, radians
+from math import ceil, degrees, inf, isfinite, log, nan, radians
 from random import Random
 from typing import Final, NamedTuple, Protocol
 
@@ -45,8 +45,23 @@ from tgl_soar.sim.sensors import MEMS_IMU, USUAL_SENSORS, Sensors
 from tgl_soar.sim.throw import Throw, ThrownWorld
 from tgl_soar.types import Ground
 
-FLIGHTS: Final = 100  # launches, and break-offs by command
-LULLS: Final = 5  # a fifth of that in a lull: these fly for longest
+CAPTURED: Final = 0.99  # of launches, as the first claim asks
+LANDED: Final = 0.95  # of break-offs, with height left and in a lull
+
+
+def flights_to_show(least: float) -> int:
+    """How many flights show such a share if all of them end well.
+
+    The exact 95 % interval of n of n begins at 0.025 ** (1 / n).
+    """
+    return ceil(log(0.025) / log(least))
+
+
+# 368 launches, and as many break-offs by command of each kind, of which more than a quarter have
+# height left; a fifth, 73 where 72 are enough, in a lull.  On one core a launch takes 4 s and any
+# other flight 0.1 s: half an hour, and as long again for dispersed ones.
+FLIGHTS: Final = flights_to_show(CAPTURED)
+LULLS: Final = 5
 QUICK: Final = 2
 FIRST_SEED: Final = 6001  # seeds below were looked at while this was built
 # At the slower of these winds the aircraft just stays on the lines; at the faster the landing
@@ -270,7 +285,8 @@ def run(context: Context) -> Result:
         f" alone. Seeds from {seeds[0]}; those below {FIRST_SEED} were looked at while it was"
         " built.",
         claims=_claims(by_kind),
-        why=_why(flown),
+        why="",
+        badly=_badly(flown),
         tables=(_launches(by_kind[LAUNCH]), _landings(by_kind)),
         numbers={"flights": [_numbers(each) for each in flown]},
         figures=figure,
@@ -294,20 +310,21 @@ def _claims(by_kind: dict[str, list[FlownPassage]]) -> tuple[Claim, ...]:
     )
     return (
         decided(
-            f"of launches 99 % or more are captured, or given up and touch down {touched}",
-            shown(len(good), len(launches), 0.99),
+            f"of launches {100 * CAPTURED:g} % or more are captured, or given up and touch down"
+            f" {touched}",
+            shown(len(good), len(launches), CAPTURED),
             f"{share(len(good), len(launches))}; captured {sum(e.soars for e in launches)}, given"
             f" up {sum(e.broke_off for e in launches)}",
         ),
         decided(
-            f"of break-offs with height left 95 % or more touch down {touched}",
-            shown(len(landed), len(promised), 0.95),
+            f"of break-offs with height left {100 * LANDED:g} % or more touch down {touched}",
+            shown(len(landed), len(promised), LANDED),
             share(len(landed), len(promised)),
         ),
         decided(
-            f"in a lull to {LULL:g} of the wind 95 % or more soar on, or break off by themselves"
-            " and touch down so",
-            shown(len(safe), len(lulls), 0.95),
+            f"in a lull to {LULL:g} of the wind {100 * LANDED:g} % or more soar on, or break off by"
+            " themselves and touch down so",
+            shown(len(safe), len(lulls), LANDED),
             f"{share(len(safe), len(lulls))}; soared on {soared}, landed {len(safe) - soared}",
         ),
     )
@@ -403,7 +420,7 @@ def ends_by_kind(by_kind: Mapping[str, Sequence[Ended]]) -> str:
     return "; ".join(told)
 
 
-def _why(flown: list[FlownPassage]) -> str:
+def _badly(flown: list[FlownPassage]) -> tuple[str, ...]:
     """Every flight that did not end as it should."""
     bad = [each for each in flown if not each.soars and not each.landed]
     told = []
@@ -414,7 +431,7 @@ def _why(flown: list[FlownPassage]) -> str:
             f" {modes}; {each.ended or 'flies'}, along {each.along_m:.1f} m, across"
             f" {each.across_m:.1f} m, sink {each.sink_mps:.2f} m/s, height left {each.left_m:.1f} m"
         )
-    return "; ".join(told)
+    return tuple(told)
 
 
 def _numbers(each: FlownPassage) -> dict[str, object]:
