@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import isfinite, isnan, nan, radians
+from math import degrees, isfinite, isnan, nan, radians
 from typing import Any
 
 import pytest
@@ -18,9 +18,16 @@ from tgl_soar.config.files import (
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Start
 from tgl_soar.control.estimates import estimate
-from tgl_soar.control.landing import SOAR_ON
+from tgl_soar.control.landing import FINAL_M, SOAR_ON
 from tgl_soar.control.laws import laws_from
-from tgl_soar.control.passage import LOW_S, SLOW_S, Lull, passage_step, with_way_home
+from tgl_soar.control.passage import (
+    LOW_S,
+    SLOW_S,
+    Lull,
+    passage_guide,
+    passage_step,
+    with_way_home,
+)
 from tgl_soar.control.supervisor import (
     BREAK_OFF,
     BREAKING_OFF,
@@ -195,6 +202,31 @@ def test_a_line_that_is_given_up_is_left_for_home_where_there_is_height_for_it()
         assert bool(found & BREAK_OFF) == goes
     gone = state.passage._replace(escape=state.passage.escape._replace(left_m=-0.1))
     assert not with_way_home(laws, state.supervisor, gone, now, SETTLES) & BREAK_OFF
+
+
+@pytest.mark.parametrize(("over_m", "bank_deg"), [(20.0, 15.0), (2.5, 10.0)])
+def test_a_weave_high_up_banks_by_half_as_much_again(over_m: float, bank_deg: float) -> None:
+    """To either side; the estimate moves sideways so that all of the bank is asked for."""
+    flown = soaring()
+    laws, state, world = flown.loop._laws, flown.loop.state, flown.loop.world
+    inputs = inputs_at(world.time_s, world.now.samples, True)
+    now = estimate(laws, state.memory, inputs, True, state.loops.limited, 0.005)
+    told = state.passage.glide.turning._replace(
+        nose=0.0, sideways_mps=0.0, weight=40.0, by_nose2=6.0
+    )
+    z_m = laws.landing.place.z_m + FINAL_M + over_m
+    for side in (1.0, -1.0):
+        vehicle = now.vehicle._replace(z_m=z_m, velocity_y_mps=-20.0 * side)
+        air = now.air._replace(airspeed_mps=9.3, wind_mps=8.5, measured=False)
+        then = now._replace(vehicle=vehicle, air=air)
+        glide = state.passage.glide._replace(
+            speed_mps=9.2, weave_rad=0.9 * side, goes_right=side > 0.0, turning=told
+        )
+        there = state.passage._replace(glide=glide)
+        *_, sideways, _ = passage_guide(
+            laws, there, LANDING, then, state.soaring, state.sideways, state.loops.limited, 0.005
+        )
+        assert degrees(sideways.output) == pytest.approx(side * bank_deg)
 
 
 def test_without_a_landing_place_nothing_is_known_of_the_height() -> None:

@@ -358,7 +358,7 @@ def test_what_the_air_slows_has_more_time() -> None:
 
 
 def test_it_turns_back_so_that_it_stays_near_the_approach() -> None:
-    state, wish = NO_GLIDE, landing.GlideWish(0.0, 0.0, 0.0)
+    state, wish = NO_GLIDE, landing.GlideWish(0.0, 0.0, 0.0, 0.0)
     y = worst = 0.0
     for k in range(round(20.0 / DT)):
         vehicle = at(k * DT, x_m=-14.0, y_m=y, z_m=14.0)

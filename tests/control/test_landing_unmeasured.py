@@ -17,6 +17,7 @@ from tgl_soar.control.landing import (
     glide_wish,
     half_width,
     slowest_known,
+    steeper_bank,
 )
 from tgl_soar.control.turning_airspeed import NOSE_S, SPREAD_MPS, airspeed_error, error_sigma
 from tgl_soar.types import AirEstimate, polar_sink
@@ -169,3 +170,48 @@ def test_what_comes_from_high_up_weaves_no_wider_near_the_ground() -> None:
         met = air(airspeed_mps=9.3, wind_mps=8.5)
         then, _ = glide_step(PARAMS, began, False, True, off, met, 7.4, False, DT)
         assert then.goes_right == goes_right
+
+
+def steeper(
+    over_m: float, *, weave_rad: float = 0.9, by_nose2: float = 1.0, **changes: Any
+) -> float:
+    """What a wish has of it at a height over the straight rest; by_nose2: what turns have told."""
+    told = NO_GLIDE.turning._replace(nose=0.0, sideways_mps=0.0, weight=40.0, by_nose2=by_nose2)
+    stalled = changes.pop("stalled", False)
+    state = NO_GLIDE._replace(speed_mps=9.2, weave_rad=weave_rad, turning=told, stalled=stalled)
+    high = at(x_m=-14.0, z_m=PARAMS.place.z_m + landing.FINAL_M + over_m)
+    wish = glide_wish(PARAMS, state, False, True, pitched(-0.04), high, air(**changes), inf)
+    return wish.steeper
+
+
+def test_it_banks_steeper_high_up_alone() -> None:
+    full_m = landing.STEEP_ABOVE_M + landing.STEEP_WITHIN_M
+    for over_m in (-1.0, 3.0, landing.STEEP_ABOVE_M):
+        assert steeper(over_m) == 0.0
+    middle_m = landing.STEEP_ABOVE_M + 0.5 * landing.STEEP_WITHIN_M
+    assert steeper(middle_m) == pytest.approx(0.5 * landing.STEEPER)
+    for over_m in (full_m, 40.0):
+        assert steeper(over_m) == pytest.approx(landing.STEEPER)
+    assert steeper(full_m, weave_rad=-0.9) == pytest.approx(landing.STEEPER)
+    # Level in three seconds of the best glide's sink, before the straight rest.
+    assert 2.5 * polar_sink(POLAR, PARAMS.best_glide_mps) < landing.STEEP_ABOVE_M
+
+
+def test_it_banks_no_steeper_where_that_may_stall_it_or_is_of_no_use() -> None:
+    """Not before turns have told the airspeed; and the weave of a measured one stays as it was."""
+    for by_nose2, is_known in ((0.5, False), (0.6, True)):
+        told = NO_GLIDE.turning._replace(nose=0.0, weight=40.0, by_nose2=by_nose2)
+        assert (error_sigma(told) <= landing.STEEP_MPS) == is_known
+        assert (steeper(20.0, by_nose2=by_nose2) > 0.0) == is_known
+    assert steeper(20.0, stalled=True) == 0.0
+    assert steeper(20.0, measured=True) == 0.0
+    assert steeper(20.0, weave_rad=0.0) == 0.0
+
+
+def test_a_steeper_bank_is_of_the_operators_own_and_has_an_end() -> None:
+    assert steeper_bank(radians(10.0), 0.5) == pytest.approx(radians(15.0))
+    assert steeper_bank(radians(16.0), 0.5) == landing.STEEP_MAX_RAD
+    assert steeper_bank(radians(25.0), 0.5) == radians(25.0)
+    # The stall's speed grows with the root of the load; from the best glide there is 1.5 m/s to it.
+    load = 1.0 / cos(landing.STEEP_MAX_RAD)
+    assert PARAMS.best_glide_mps - POLAR.speed_min_mps * load**0.5 > 1.3

@@ -65,7 +65,10 @@ pitch is certain to some tenths of a degree and keeps V by itself.
 Then the slowest V is the best glide's, and as long as sigma is more than LOOK_MPS it looks: its
 nose goes LOOK_RAD to either side at least, as wide as a weave, down to LOOK_ABOVE_M over the
 straight rest.  (As slow as a measured airspeed allows it was flown from high up, too: wings that
-stalled there were stalled on the ground, 3 more of 30 from 30 m.)
+stalled there were stalled on the ground, 3 more of 30 from 30 m.)  So height is lost by path alone,
+and a weave that turns slowly is mostly turns, in which it goes on upwind: with a sigma of STEEP_MPS
+or less it may bank by STEEPER more than SIDE_BANK, but not near the ground: from STEEP_ABOVE_M over
+the straight rest on, and by all of that from STEEP_WITHIN_M higher up.
 
 **A stall** that came all the same is told by the elevator: as far up as it may go while the nose
 stays below its setpoint and the aircraft sinks faster than any glide at the slowest V.  Then the
@@ -128,6 +131,13 @@ BACK_MPS: Final = 2.0  # downwind, at most, of one that is beyond the straight r
 LOOK_MPS: Final = 0.5  # of sigma: the best glide is 0.8 m/s above the slowest approach
 LOOK_RAD: Final = 0.45
 LOOK_ABOVE_M: Final = 2.0  # 1.4 s to turn back in
+# 15 degrees in place of 10: the wing carries 1.035 of the weight, and its stall comes 1 % faster.
+# At 20 degrees it turns so well that the weave drifts back into the lift, and stays there.
+STEEPER: Final = 0.5
+STEEP_MPS: Final = 1.0  # of sigma: the best glide is 1.5 m/s faster than a stall
+STEEP_MAX_RAD: Final = 0.35  # of a bank that is made steeper: 20 degrees, 1.03 of the stall's speed
+STEEP_ABOVE_M: Final = 4.0  # 8.5 m over the place: three seconds to be level in before the rest
+STEEP_WITHIN_M: Final = 2.0
 OUT_MPS: Final = 1.0  # upstream, at least, of one that the air carries
 CARRIED: Final = 0.25  # of the polar's sink: sinking by less the air carries it
 CARRIED_S: Final = 3.0  # averaged over: an eddy of some metres is over in a second, a turn in two
@@ -221,6 +231,7 @@ class GlideWish(NamedTuple):
     pitch_rad: float
     heading_rad: float  # from the wind's direction of the frame
     sideways_mps: float  # over the ground, to the right
+    steeper: float  # by so much of itself the largest bank may be more
 
 
 NO_GLIDE: Final = GlideState(
@@ -556,9 +567,10 @@ def glide_wish(
             fastest = pitches.fastest_rad
             pitch = min(pitch, fastest if fastest == fastest else params.glide_pitch_rad)
     if not (position_ok and params.place.length_m > 0.0):
-        return GlideWish(pitch, 0.0, 0.0)
+        return GlideWish(pitch, 0.0, 0.0, 0.0)
     if state.weave_rad != 0.0:
-        return GlideWish(pitch, state.weave_rad, speed * sin(state.weave_rad))
+        steeper = _steeper(params, state, vehicle, air)
+        return GlideWish(pitch, state.weave_rad, speed * sin(state.weave_rad), steeper)
     bearing = params.escape_rad if outward else params.place.bearing_rad
     wind = air.wind_mps if air.wind_mps == air.wind_mps else 0.0
     forward = ground_speed(speed, wind, bearing)
@@ -570,4 +582,19 @@ def glide_wish(
     drift = air.cross_wind_mps if air.cross_wind_mps == air.cross_wind_mps else 0.0
     heading = asin(max(-1.0, min(1.0, (sideways - drift) / max(speed, 1.0))))
     most = params.heading_max_rad
-    return GlideWish(pitch, max(-most, min(most, heading)), sideways)
+    return GlideWish(pitch, max(-most, min(most, heading)), sideways, 0.0)
+
+
+def _steeper(
+    params: LandingParams, state: GlideState, vehicle: VehicleState, air: AirEstimate
+) -> float:
+    """By how much of itself the largest bank of a weave may be more: 0 … STEEPER."""
+    if air.measured or state.stalled or airspeed_sigma(state.turning, air) > STEEP_MPS:
+        return 0.0
+    over_m = vehicle.z_m - params.place.z_m - FINAL_M - STEEP_ABOVE_M
+    return STEEPER * max(0.0, min(1.0, over_m / STEEP_WITHIN_M))
+
+
+def steeper_bank(bank_rad: float, steeper: float) -> float:
+    """The largest bank [rad], made steeper: up to STEEP_MAX_RAD, where it is not more already."""
+    return max(bank_rad, min(STEEP_MAX_RAD, bank_rad * (1.0 + steeper)))

@@ -32,6 +32,7 @@ from tgl_soar.control.landing import (
     glide_step,
     glide_wish,
     slowest_known,
+    steeper_bank,
 )
 from tgl_soar.control.lateral_schedule import lateral_bandwidth, sideways_gains
 from tgl_soar.control.launch import (
@@ -298,6 +299,9 @@ def passage_guide(
         age_s = estimates.memory.gain_age_s
         bandwidth = lateral_bandwidth(laws.lateral_schedule, age_s)
         gains = sideways_gains(laws.sideways, laws.lateral_schedule, bandwidth)
+        if wish.steeper > 0.0:
+            bank = steeper_bank(gains.output_max, wish.steeper)
+            gains = gains._replace(output_min=-bank, output_max=bank)
         error = wish.sideways_mps - estimates.vehicle.velocity_y_mps
         sideways, sideways_terms = pid_step(
             gains, sideways, error, error, 0.0, dt_s, limited.aileron_blocked
@@ -315,7 +319,7 @@ def _wish(
         pitch = laws.launch.pitch_rad
         if air.airspeed_mps < laws.landing.best_glide_mps:  # false for NaN
             pitch = min(pitch, laws.envelope.glide_pitch_rad)
-        return state, GlideWish(pitch, upwind, NAN)
+        return state, GlideWish(pitch, upwind, NAN, 0.0)
     home = laws.landing
     outward, sure = mode == modes.BREAKING_OFF, knows_place(laws, estimates)
     clearance_m = estimates.margins.clearance_m
