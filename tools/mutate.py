@@ -101,7 +101,7 @@ def main(arguments: list[str], root: Path = ROOT) -> int:
     reach = None
     if options.reach or options.reach_anew:
         reach = recorded(root, options.jobs, anew=options.reach_anew)
-    with tempfile.TemporaryDirectory(prefix="mutants-") as place:
+    with tempfile.TemporaryDirectory(prefix="mutants-", ignore_cleanup_errors=True) as place:
         folders = [copied(root, Path(place, str(i))) for i in range(options.jobs)]
         workshop = Workshop(root, folders, lambda line: print(line, flush=True), reach=reach)
         with suppress(KeyboardInterrupt):  # what is known by then is worth a page

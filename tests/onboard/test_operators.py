@@ -114,6 +114,20 @@ def test_engage_and_release_by_command(flight: Flight) -> None:
     assert "standby: operator disengaged" in texts(said)
 
 
+def test_engaged_it_shows_1_for_a_second_and_then_what_a_file_may_hold(
+    flight: Flight,
+) -> None:
+    """Whoever has set 1 sees it confirmed; a file that keeps it later engages nothing."""
+    order(flight, ENGAGE)
+    flight.run(0.9)
+    assert flight.onboard.settings.values["OP_ENGAGE"] == 1.0
+    flight.said()
+    flight.run(0.2)
+    assert flight.onboard.settings.values["OP_ENGAGE"] == 2.0
+    shown = [m.param_value for m in flight.said() if m.get_type() == "PARAM_VALUE"]
+    assert shown == [2.0]
+
+
 def test_an_entry_check_that_refuses_is_a_rejection_with_its_reason(flight: Flight) -> None:
     flight.mode = 10
     flight.run(1.0)
