@@ -53,7 +53,18 @@ def test_the_file_of_each_has_what_was_drawn_for_it() -> None:
 def test_what_is_drawn_is_a_factor_of_all_that_it_stands_for(
     field: str, goes_with: tuple[str, ...]
 ) -> None:
-    right = Ranges(*[(1.0, 1.0)] * 5, (0.02, 0.02), (0.01, 0.01), (1.0, 1.0), (0.0, 0.0))
+    one = (1.0, 1.0)
+    right = Ranges(
+        short_period=one,
+        lift=one,
+        drag=one,
+        inertia=one,
+        effect=one,
+        servo_s=(0.02, 0.02),
+        latency_s=(0.01, 0.01),
+        unknown_effect=one,
+        centre_of_gravity=(0.0, 0.0),
+    )
     given = AIRFRAME.model
     drawn = drawn_aircraft(AIRFRAME, right._replace(**{field: (1.2, 1.2)}), (1,)).known.model
     for name in ("CL_alpha", "CL0", "CD0", "CD_lift", "Cm_elevator", "CL_elevator"):
