@@ -53,12 +53,15 @@ class CurvePanel:
     marks: list[Mark] = field(default_factory=list)
     y_from_zero: bool = False
     y_log: bool = False
-    legend: Literal["best", "upper left", "upper right", "center right", "lower left"] = "best"
+    legend: Literal["best", "upper left", "center right", "lower left"] = "best"
 
 
-def curves_figure(path: Path, panels: list[CurvePanel], title: str) -> None:
+def curves_figure(
+    path: Path, panels: list[CurvePanel], title: str, *, one_legend: bool = False
+) -> None:
     """Write the panels to `path`.
 
+    one_legend: below all panels, for what is alike in them, where it hides no curve.
     Errors: ImportError naming the extra where matplotlib is missing.
     """
     with drawing() as plt:
@@ -112,8 +115,14 @@ def curves_figure(path: Path, panels: list[CurvePanel], title: str) -> None:
                     fontsize=8,
                 )
             axes.set(title=panel.title, xlabel=panel.x_label, ylabel=panel.y_label)
-            if any(s.label for s in panel.series):
+            if any(s.label for s in panel.series) and not one_legend:
                 axes.legend(loc=panel.legend, framealpha=0.9)
+        if one_legend:
+            drawn = [axes.get_legend_handles_labels() for axes in rows[0]]
+            by_label = {label: line for pair in drawn for line, label in zip(*pair, strict=True)}
+            figure.legend(
+                by_label.values(), by_label, loc="outside lower center", ncols=len(by_label)
+            )
         if title:
             figure.suptitle(title, fontsize=11)
         save(plt, figure, path)

@@ -495,7 +495,6 @@ def _draw(
                 notes=[],
                 marks=marks,
                 y_log=True,
-                legend="upper right",
             ),
             CurvePanel(
                 title="from the line",
@@ -517,5 +516,6 @@ def _draw(
             ),
         ],
         "lines of every lean through one place, where none was lost",
+        one_legend=True,
     )
     return (path.name,)
