@@ -87,6 +87,6 @@ $(VENV)/.run: $(VENV)/.made pyproject.toml constraints.txt
 	$(PIP) -e '.[figures,logs,page]'
 	@touch $@
 
-$(VENV)/.test: $(VENV)/.run pyproject.toml constraints.txt
-	$(PIP) -e '.[dev,peers]'
-	@touch $@
+$(VENV)/.test: $(VENV)/.made pyproject.toml constraints.txt
+	$(PIP) -e '.[figures,logs,page,dev,peers]'
+	@touch $(VENV)/.run $@
