@@ -306,6 +306,7 @@ def wind_estimate(context: Context) -> Result:
         honest_claim(scores),
         timid_claim(scores),
     )
+    early = len(jobs) - len(whole)
     if not whole:
         nothing = f"of {len(jobs)} flights none lasted for {LEAST_S:g} s"
         claims = tuple(replace(claim, measured=nothing) for claim in claims)
@@ -319,7 +320,8 @@ def wind_estimate(context: Context) -> Result:
         " noise, a pitot tube of 1 Pa of bias. In the last two rows the wing is not the one they"
         f" know: its lift by up to {100 * LIFT_WITHIN:g} %, its drag by up to"
         f" {100 * DRAG_WITHIN:g} %. The plain estimate is the climb plus the polar's sink at the"
-        " true airspeed, which it is given.",
+        " true airspeed, which it is given."
+        + (f" {early} ended within {LEAST_S:g} s: no figure has them." if early else ""),
         claims=claims,
         why="Without a pitot tube airspeed follows from the direction of the force and the"
         " elevator's"
