@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from math import inf, nan
 from pathlib import Path
@@ -28,22 +29,27 @@ HOME = replace(
 )
 
 
-FLIES_COMPILED = pytest.mark.xdist_group("kernels")
+@pytest.fixture(scope="module", autouse=True)
+def plainly() -> Iterator[None]:
+    """A few landings take less than the kernel's compiling, which takes minutes."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(windy_hour, "available", lambda: False)
+        yield
 
 
 @pytest.fixture(scope="module")
 def flown() -> FlownHour:
-    return fly_hour(HourJob(8.0, 1, 120.0))
+    return fly_hour(HourJob(8.0, 4, 60.0))
 
 
-@FLIES_COMPILED
 def test_a_flight_is_that_of_its_seed(flown: FlownHour) -> None:
-    assert flown == fly_hour(HourJob(8.0, 1, 120.0))
-    assert flown.soared_s != fly_hour(HourJob(8.0, 2, 120.0)).soared_s
-    assert 0.0 < flown.soared_s <= flown.duration_s <= 120.0
+    first, again, other = (fly_hour(HourJob(8.0, seed, 12.0)) for seed in (1, 1, 2))
+    assert first == again
+    assert first.across_m != other.across_m
+    assert 0.0 < flown.soared_s < flown.duration_s < 60.0
+    assert flown.landing
 
 
-@FLIES_COMPILED
 def test_from_the_large_hill_it_lands_softly_although_the_wind_has_died() -> None:
     """Some 20 m too high, in 6 m/s: what half a minute and more of a glide must not advance by.
 
@@ -95,10 +101,9 @@ def test_each_claim_can_fail(bad: FlownHour, claim: int) -> None:
     assert [each.holds for each in found] == [i != claim for i in range(3)]
 
 
-@FLIES_COMPILED
 def test_the_table_and_the_figure(flown: FlownHour, tmp_path: Path) -> None:
     table = windy_hour._table({8.0: [flown, HOME], 30.0: [GOOD]})
     assert all(len(row) == len(table.columns) for row in table.rows)
     assert windy_hour.drawn_seed([GOOD, replace(HOME, seed=7)]) == 7
-    windy_hour.draw_hour(tmp_path / "hour.png", HourJob(8.0, 1, 120.0))
+    windy_hour.draw_hour(tmp_path / "hour.png", HourJob(8.0, 4, 60.0))
     assert (tmp_path / "hour.png").stat().st_size > 10_000
