@@ -213,6 +213,12 @@ def test_a_surface_that_sticks_is_seen_when_it_does_not_come_back() -> None:
     assert any("does not come back" in fault for fault in found.faults)
 
 
+def test_after_three_heartbeats_that_did_not_come_nothing_is_moved() -> None:
+    bench = Bench()
+    assert bench.check.refusal(bench.now_s + 2.9) == ""
+    assert "no heartbeat" in bench.check.refusal(bench.now_s + 3.1)
+
+
 def test_nothing_is_moved_on_an_armed_aircraft() -> None:
     bench = Bench()
     bench.base_mode |= MODE_FLAG_ARMED

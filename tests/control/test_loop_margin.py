@@ -18,7 +18,7 @@ from tgl_soar.config.files import load_airframe, load_parameters, load_site, shi
 from tgl_soar.config.line_changes import LineChanges
 from tgl_soar.config.parameters import ParameterError, ParameterSet
 from tgl_soar.control import loop_margin
-from tgl_soar.control.laws import laws_from
+from tgl_soar.control.laws import dynamics_of, laws_from
 from tgl_soar.control.line_bounds import LineBounds
 from tgl_soar.control.loop_margin import FLOOR, flown, margin_fault
 from tgl_soar.sim.aircraft import aircraft_model
@@ -51,6 +51,20 @@ def both(values: ParameterSet, speed: float, lean: float, inertial: bool) -> tup
     airspeed = plant.trim.airspeed_mps
     model = disk_margin(close_loop(plant, linear_controller(laws, condition)))
     return loop_margin.disk_margin(flown(laws, values, airspeed, lean, inertial)), model
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        *({name: 0.0} for name in ("speed_mps", "short_period_radps", "damping", "effect_radps2")),
+        *({name: 0.9} for name in ("glide_ratio", "best_glide_mps")),
+        {"path_s": 0.0},
+    ],
+)
+def test_a_margin_is_of_an_airframe_of_which_all_is_known(changes: dict[str, float]) -> None:
+    known = dynamics_of(shipped_values())
+    assert loop_margin.is_known(known)
+    assert not loop_margin.is_known(known._replace(**changes))
 
 
 @pytest.mark.parametrize("inertial", [True, False])

@@ -496,12 +496,13 @@ def test_of_a_new_source_s_difference_its_origin_has_what_the_filter_is_sure_of(
         for old in range(0, 400, FIX_TICKS):
             fix = fix_at(old, (1.0, 2.0, 3.0), source=1)
             state, _ = motion_step(gains, FRAME, state, tick(old * DT, fix))
-        fix = fix_at(k, (1.0, 2.0, 3.2), source=2)
+        fix = fix_at(k, (1.1, 1.9, 3.2), source=2)
         state, _ = motion_step(gains, FRAME, state, tick(k * DT, fix))
         left = state.innovation
         variance = (left.x_m**2 + left.y_m**2 + left.z_m**2) / left.nis
-        fraction = state.offset.z_m / (state.offset.z_m + left.z_m)
-        assert fraction == pytest.approx(OFFSET_M**2 / (OFFSET_M**2 + variance))
+        fraction = OFFSET_M**2 / (OFFSET_M**2 + variance)
+        for taken, kept in zip(state.offset, left[:3], strict=True):
+            assert taken / (taken + kept) == pytest.approx(fraction)
         fractions.append(fraction)
     assert fractions[0] > 0.99
     assert fractions[1] < 0.8

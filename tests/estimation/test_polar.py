@@ -45,6 +45,8 @@ def test_a_cubic_is_recovered() -> None:
     assert list(fit.polar) == pytest.approx(list(TRUE), rel=1e-8)
     assert fit.residual_max_mps < 1e-12
     assert (fit.speeds, fit.degrees_of_freedom) == (8, 4)
+    # Powers of a speed about the middle of the range are told apart best.
+    assert (fit.centre_mps, fit.scale_mps) == pytest.approx((9.6, 2.4))
 
 
 def test_least_sink_and_best_glide_are_those_of_the_curve() -> None:

@@ -254,6 +254,22 @@ def test_a_server_that_counts_anew_is_asked_for_its_bodies() -> None:
     assert "the last was 10.5 ms old, give or take 0.5" in hall.client.summary()
 
 
+def test_frames_that_are_numbered_anew_without_a_pause_make_it_ask_for_the_bodies() -> None:
+    """A take that is played in a loop, or a server that was restarted: ids may be others."""
+    hall = Hall().run(3.0)
+    asked, count = hall.asked.count(layout.MODELS_REQUEST), len(hall.fixes)
+
+    def renumbered(data: bytes) -> bytes:
+        if data[0] != layout.FRAME:
+            return data
+        (number,) = struct.unpack_from("<i", data, 4)
+        return data[:4] + struct.pack("<i", number - 200) + data[8:]
+
+    hall.run(0.1, renumbered)
+    assert hall.asked.count(layout.MODELS_REQUEST) == asked + 1
+    assert len(hall.fixes) > count  # and it goes on
+
+
 def test_one_frame_with_another_clock_is_not_believed() -> None:
     hall = Hall().run(1.0)
     count = len(hall.fixes)

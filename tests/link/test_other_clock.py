@@ -20,6 +20,10 @@ from tgl_soar.link.clock import (
     ClockMap,
     StampedStreams,
 )
+from tgl_soar.link.messages import Source
+from tgl_soar.link.streams import StreamRequests
+from tgl_soar.link.vehicle.ledger import Ledger, SessionCounters
+from tgl_soar.link.vehicle.sample_times import SampleTimes
 
 ATTITUDE, POSITION, UNUSED = "attitude", "position", "unused"
 AGE_ATT_MAX_S = 0.2
@@ -362,3 +366,19 @@ def test_in_lockstep_order_alone_tells() -> None:
 
 def test_the_numbers_stand_in_order() -> None:
     assert AHEAD_S < AGE_ATT_MAX_S < LASTS_S < CONTEST_S <= LATE_S < CALM_S < WINDOW_S
+
+
+def test_another_clock_is_told_of_once_in_ten_seconds_and_counted() -> None:
+    ledger = Ledger(SessionCounters(), [], StreamRequests(1))
+    times = SampleTimes(Source(1, 1), ledger, lambda _: None, lockstep=False)
+    for i in range(round(14.0 * 50)):
+        now_s = 1000.0 + 0.02 * i
+        assert times.of_milliseconds(30, 50_000 + 20 * i, now_s) is not None
+        if i % 100 == 99:  # three frames of another autopilot, every two seconds
+            for late in range(3):
+                stamp_ms = 450_000 + 20 * (i + late)
+                assert times.of_milliseconds(30, stamp_ms, now_s + 0.001 * late) is None
+    told = [text for _, text in ledger.notices if "another clock" in text]
+    assert told == ["stamps of another clock, 400.0 s ahead of the autopilot's: refused"] * 2
+    assert ledger.counters.other_clock == 21
+    assert ledger.counters.reboots == 0

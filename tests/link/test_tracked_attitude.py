@@ -102,6 +102,15 @@ def test_a_body_that_is_tilted_against_the_autopilot_s_vertical_is_refused(
     assert (flight.tracked.refused > 0) is not taken
 
 
+def test_the_first_attitude_of_an_autopilot_is_enough_to_refuse_a_body_that_is_tilted() -> None:
+    tracked = TrackedAttitude()
+    reported = AttitudeSample(1, 10.0, *rolled(0.0), 0.0, 0.0, 0.0)
+    tracked.take(rolled(2.0 * TILT_RAD), 10.0, reported)
+    assert (tracked.used, tracked.refused) == (0, 1)
+    tracked.take(rolled(2.0 * TILT_RAD), 10.0, NO_ATTITUDE)  # nobody to ask
+    assert (tracked.used, tracked.refused) == (1, 1)
+
+
 def test_a_marker_mistaken_in_flight_changes_the_source_at_once() -> None:
     flight = Flight().runs(3.0, turned(0.5)).runs(0.02, rolled(radians(40.0)))
     assert flight.given[-1][2:6] == rolled(0.0)

@@ -21,7 +21,7 @@ from tgl_soar.cli.console import console
 from tgl_soar.config.files import ConfigError, load_site, shipped
 from tgl_soar.config.site import Mocap
 from tgl_soar.link.natnet.sockets import NatNetError, NatNetNotReadyError
-from tgl_soar.onboard.mocap import MocapFeed, from_server
+from tgl_soar.onboard.mocap import MocapFeed, from_server, server_address
 from tgl_soar.sim.bridge.process import main as bridge_main
 from tgl_soar.sim.motive import HallFault, Motive, MotiveOptions, MotiveServer
 from tgl_soar.types import PositionFix
@@ -156,7 +156,9 @@ def test_another_server_may_be_given_on_the_command_line() -> None:
     changed = from_server(site, "10.1.2.3:1600").mocap
     assert changed is not None
     assert (changed.server, changed.command_port) == ("10.1.2.3", 1600)
-    for text in ("", ":1510", "host:0", "host:x"):
+    assert server_address("--mocap-server", "host:65535") == ("host", 65535)
+    assert server_address("--mocap-server", "host:1") == ("host", 1)
+    for text in ("", ":1510", "host:0", "host:65536", "host:x"):
         with pytest.raises(ConfigError, match="write HOST or HOST:PORT"):
             from_server(site, text)
     with pytest.raises(ConfigError, match=r"has no \[mocap\] table"):
