@@ -69,9 +69,17 @@ def test_a_staged_move_that_is_left_is_dropped_and_reported(
     shown = {m.param_id: m.param_value for m in said if m.get_type() == "PARAM_VALUE"}
     assert shown == {"TGL_STAGE": 2.0, "TGL_X": there}
     assert "".join(texts(said)) == "staged move dropped: nothing was staged for 2 s"
+    # Its link is back, and it goes on with the second half: that is no move by itself.
+    line = values.values["TGL_X"], values.values["TGL_Z"]
+    flight.set("TGL_Z", line[1] + 0.1)
+    assert "a staged move was dropped: set TGL_STAGE to 1" in "".join(texts(flight.said()))
     flight.set("TGL_STAGE", 0.0)
+    flight.set("TGL_X", line[0] + 0.1)
+    assert (values.values["TGL_X"], values.values["TGL_Z"]) == line
+    flight.set("TGL_STAGE", 2.0)
     flight.set("TGL_X", 2.0)
     assert (values.values["TGL_STAGE"], values.values["TGL_X"]) == (2.0, 2.0)
+    flight.said()
     flight.run(3.0)
     assert "staged move" not in "".join(texts(flight.said()))  # once
 

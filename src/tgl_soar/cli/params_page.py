@@ -56,8 +56,9 @@ sent with the reason. |
 After 2, begin with 1: 0 is refused, so that a repeated 0 does not look like a successful move.
 While values are held `TGL_PRESET` is refused; all other parameters act at once. Engaging flies the
 line in force, not the held one. There is one set of held values for all ground stations. A restart
-discards it, and so do 60 s without another value of it, with a `STATUSTEXT`: a station whose link
-has dropped leaves no half move behind.
+discards it, and so do 60 s without another value of it, with a `STATUSTEXT`. A station whose link
+has dropped leaves no half move behind, and cannot make one when it comes back: until somebody sets
+`TGL_STAGE` to 1 or 2, new values of these four are refused.
 
 **A line by which no aircraft can be held** (outside the fence, too near to the ground, not crossing
 the site's contour, too far away) is refused with the reason:

@@ -105,6 +105,7 @@ class LineChanges:
         the site's, for TGL_PLACE.  `ringing`: why its loop would swing, likewise; `doubt`: what is
         to be said of margins that refuse nothing."""
         self.staged: dict[str, float] = {}
+        self._was_left = False  # what was staged was dropped, and nobody has set TGL_STAGE since
         self.fault = fault
         self.ringing = ringing
         self.doubt = doubt
@@ -117,7 +118,15 @@ class LineChanges:
         Errors: `ParameterError`; then nothing has changed, here neither.
         """
         if name == "TGL_STAGE":
-            return self._stage(values, checked_value(name, value), flying)
+            wanted = checked_value(name, value)
+            self._was_left &= wanted == MOVED  # which is refused
+            return self._stage(values, wanted, flying)
+        if name in STAGED and self._was_left:
+            raise ParameterError(
+                name,
+                f"{value:g}",
+                "a staged move was dropped: set TGL_STAGE to 1 to stage again, to 2 to move at once",
+            )
         if values["TGL_STAGE"] == STAGING:
             if name in STAGED:
                 self.staged[name] = checked_value(name, value, flying=flying)
@@ -133,6 +142,13 @@ class LineChanges:
         else:
             after = settled(values.changed({name: value}, flying=flying), self._presets)
         return self._answer(name, values, after, flying)
+
+    def leave(self, values: ParameterSet) -> Answer:
+        """What was staged is dropped by the module itself: whoever staged it may not know, and go
+        on with the rest of a move, half of which is gone."""
+        answer = self._stage(values, DROPPED, flying=False)
+        self._was_left = True
+        return answer
 
     def shown(self, values: ParameterSet, name: str) -> float:
         """The value to answer with: a staged one hides the one that stands."""

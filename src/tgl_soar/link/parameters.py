@@ -22,7 +22,7 @@ from struct import pack, unpack
 from typing import Final
 from zlib import crc32
 
-from tgl_soar.config.line_changes import DROPPED, LineChanges
+from tgl_soar.config.line_changes import LineChanges
 from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterError, ParameterSet
 from tgl_soar.link.hot_frames import float32
 from tgl_soar.link.messages import (
@@ -121,7 +121,7 @@ class ParameterServer:
 
     def drop_staged(self) -> list[Outbound]:
         """The module itself drops a staged move: what stands in its place, for every station."""
-        answer = self.line.set(self.values, "TGL_STAGE", DROPPED, flying=False)
+        answer = self.line.leave(self.values)
         self.values = answer.values
         return [self.value_message(INDEX[name]) for name in answer.reported]
 
