@@ -63,6 +63,7 @@ PARAMS = LandingParams(
     wind_share=1.0,
     glide_pitch_rad=radians(-4.0),
     side_max_m=60.0,
+    tilt_max_rad=radians(60.0),
 )
 SLOWEST = 7.6 + landing.POLAR_BY_MPS
 

@@ -209,9 +209,15 @@ def test_it_banks_no_steeper_where_that_may_stall_it_or_is_of_no_use() -> None:
 
 
 def test_a_steeper_bank_is_of_the_operators_own_and_has_an_end() -> None:
-    assert steeper_bank(radians(10.0), 0.5) == pytest.approx(radians(15.0))
-    assert steeper_bank(radians(16.0), 0.5) == landing.STEEP_MAX_RAD
-    assert steeper_bank(radians(25.0), 0.5) == radians(25.0)
+    for bank_deg, most_deg in ((10.0, 15.0), (16.0, 20.0), (25.0, 25.0)):
+        assert steeper_bank(PARAMS, radians(bank_deg), 0.5) == pytest.approx(radians(most_deg))
+    # What the envelope takes for an upset is never near, whatever the operator made of it.
+    for tilt_deg in (20.0, 30.0, 40.0):
+        upright = PARAMS._replace(tilt_max_rad=radians(tilt_deg))
+        most_rad = max(radians(12.0), 0.5 * radians(tilt_deg))
+        assert steeper_bank(upright, radians(12.0), 0.5) == pytest.approx(
+            min(radians(18.0), most_rad)
+        )
     # The stall's speed grows with the root of the load; from the best glide there is 1.5 m/s to it.
     load = 1.0 / cos(landing.STEEP_MAX_RAD)
     assert PARAMS.best_glide_mps - POLAR.speed_min_mps * load**0.5 > 1.3

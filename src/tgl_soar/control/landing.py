@@ -86,7 +86,7 @@ then on it does not weave and flies no slower than the best glide.
 
 from __future__ import annotations
 
-from math import asin, atan2, cos, exp, log, pi, sin, sqrt
+from math import asin, atan2, cos, exp, log, pi, radians, sin, sqrt
 from typing import Final, NamedTuple
 
 from tgl_soar.control.turning_airspeed import (
@@ -135,7 +135,8 @@ LOOK_ABOVE_M: Final = 2.0  # 1.4 s to turn back in
 # At 20 degrees it turns so well that the weave drifts back into the lift, and stays there.
 STEEPER: Final = 0.5
 STEEP_MPS: Final = 1.0  # of sigma: the best glide is 1.5 m/s faster than a stall
-STEEP_MAX_RAD: Final = 0.35  # of a bank that is made steeper: 20 degrees, 1.03 of the stall's speed
+STEEP_MAX_RAD: Final = radians(20.0)  # of a bank that is made steeper: 1.03 of the stall's speed
+STEEP_SHARE: Final = 0.5  # of TILT_MAX, likewise: gusts and what a bank overshoots have the other
 STEEP_ABOVE_M: Final = 4.0  # 8.5 m over the place: three seconds to be level in before the rest
 STEEP_WITHIN_M: Final = 2.0
 OUT_MPS: Final = 1.0  # upstream, at least, of one that the air carries
@@ -199,6 +200,7 @@ class LandingParams(NamedTuple):
     wind_share: float  # of the wind that is met, on the way home
     glide_pitch_rad: float  # where the airframe's is not known
     side_max_m: float  # of the fence: no weave is meant to go farther to either side
+    tilt_max_rad: float  # beyond it the envelope hands over
 
 
 class GlideState(NamedTuple):
@@ -595,6 +597,8 @@ def _steeper(
     return STEEPER * max(0.0, min(1.0, over_m / STEEP_WITHIN_M))
 
 
-def steeper_bank(bank_rad: float, steeper: float) -> float:
-    """The largest bank [rad], made steeper: up to STEEP_MAX_RAD, where it is not more already."""
-    return max(bank_rad, min(STEEP_MAX_RAD, bank_rad * (1.0 + steeper)))
+def steeper_bank(params: LandingParams, bank_rad: float, steeper: float) -> float:
+    """The largest bank [rad], made steeper: up to STEEP_MAX_RAD and well within what the envelope
+    allows, where it is not more already."""
+    most = min(STEEP_MAX_RAD, STEEP_SHARE * params.tilt_max_rad)
+    return max(bank_rad, min(most, bank_rad * (1.0 + steeper)))

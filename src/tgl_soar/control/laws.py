@@ -231,6 +231,7 @@ def _landing_params(
         wind_share=values["ESC_WIND"],
         glide_pitch_rad=radians(values["REC_PITCH"]),
         side_max_m=values["FENCE_Y_MAX"],
+        tilt_max_rad=radians(values["TILT_MAX"]),
     )
 
 

@@ -300,7 +300,7 @@ def passage_guide(
         bandwidth = lateral_bandwidth(laws.lateral_schedule, age_s)
         gains = sideways_gains(laws.sideways, laws.lateral_schedule, bandwidth)
         if wish.steeper > 0.0:
-            bank = steeper_bank(gains.output_max, wish.steeper)
+            bank = steeper_bank(laws.landing, gains.output_max, wish.steeper)
             gains = gains._replace(output_min=-bank, output_max=bank)
         error = wish.sideways_mps - estimates.vehicle.velocity_y_mps
         sideways, sideways_terms = pid_step(
