@@ -28,15 +28,22 @@ from tgl_soar.control.brake import (
 )
 from tgl_soar.control.brake_shake import BLOCK_S, SHAKEN, SHAKES_FEWEST
 from tgl_soar.control.brake_watch import (
+    ACTS,
+    DOES_NOT,
     HALF_S,
     MOVED,
+    NOT_TRIED,
     NOT_WATCHED,
+    NOTHING,
     SAMPLE_S,
     SAMPLES,
     TRIED,
     TRIED_FEWEST,
+    TRIED_LEAST,
     TRIED_REST_S,
+    TRIED_SIGMAS,
     WATCH_S,
+    _judged,
     even_step,
     pulls,
 )
@@ -352,3 +359,26 @@ def test_what_acts_is_said_of_every_standing() -> None:
         TRIES,
         GIVES_WAY,
     ]
+
+
+@pytest.mark.parametrize(("beyond", "found"), [(1.02, True), (0.98, False)])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_it_is_told_by_three_standard_errors_of_the_mean(
+    beyond: float, found: bool, side: float
+) -> None:
+    """Of as few as there may be, of which the deviation is over one less than their number."""
+    tries = TRIED_FEWEST
+    deviation = 0.5
+    sigma = deviation * (tries / (tries - 1.0)) ** 0.5  # half of them above, half below
+    mean = TRIED_LEAST + side * beyond * TRIED_SIGMAS * sigma / tries**0.5
+    state = NOT_TRIED
+    for i in range(round(tries)):
+        q = mean + (deviation if i % 2 else -deviation)
+        state = state._replace(
+            trial_tries=state.trial_tries + 1.0,
+            tries=state.tries + 1.0,
+            q_sum=state.q_sum + q,
+            q_2_sum=state.q_2_sum + q * q,
+        )
+    told = ACTS if side > 0.0 else DOES_NOT
+    assert _judged(state).found == (told if found else NOTHING)

@@ -125,7 +125,7 @@ class LineChanges:
             raise ParameterError(
                 name,
                 f"{value:g}",
-                "a staged move was dropped: set TGL_STAGE to 1 to stage again, to 2 to move at once",
+                "a staged move was dropped: set TGL_STAGE to 1 to stage again, to 2 to end it",
             )
         if values["TGL_STAGE"] == STAGING:
             if name in STAGED:

@@ -434,8 +434,8 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     Parameter(
         name="SIDE_BANK", unit="deg", minimum=0, maximum=30, default=10.0,
         meaning="Largest bank setpoint from SIDE_P and SIDE_I, half of it from the integral."
-                " High up on the way home, without a pitot tube, it may be half as much again, up to"
-                " 20 degrees and half of TILT_MAX.",
+                " High up on the way home, without a pitot tube, it may be half as much again, up"
+                " to 20 degrees and half of TILT_MAX.",
     ),
     # --- surfaces ------------------------------------------------------------------------
     Parameter(

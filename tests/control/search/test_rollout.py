@@ -16,6 +16,7 @@ from tgl_soar.control.search.rollout import (
     Moving,
     Rollouts,
     roll_out,
+    turning,
     wells,
 )
 from tgl_soar.control.target_line import LineLimits, LineState, eta_from_lean
@@ -169,3 +170,14 @@ def test_a_place_that_drives_away_holds_for_no_time() -> None:
     )
     assert well.rate_per_s[0] < 0.0
     assert well.holds_s[0] == 0.0
+
+
+def test_a_line_turns_to_where_it_is_wanted_by_no_more_than_it_may() -> None:
+    wanted = np.array([ETA + 0.25, ETA - 0.25, ETA + 0.04, ETA])
+    lines = Lines(np.zeros(4), np.full(4, 10.0), wanted)
+    sines, cosines = turning(at_rest(), lines, 0.1, 4)
+    turned = np.arctan2(sines, cosines) - ETA
+    assert turned[:, 0] == pytest.approx([0.1, 0.2, 0.25, 0.25])
+    assert turned[:, 1] == pytest.approx([-0.1, -0.2, -0.25, -0.25])
+    assert turned[:, 2] == pytest.approx([0.04] * 4)
+    assert turned[:, 3] == pytest.approx([0.0] * 4)
