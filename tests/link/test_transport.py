@@ -316,6 +316,7 @@ def test_a_link_that_cannot_be_opened_is_named_with_the_way_out(text: str, words
         ("serial:/dev/ttyS0:fast", False),
         ("udp:192.0.2.1:14540", True),  # its interface is not up yet
         ("udp:127.0.0.1:99999", False),
+        ("udpout:255.255.255.255:14550", False),  # to all, which nobody may
         (f"tcp:{LOCAL}:1", True),  # its program is not started yet
         ("carrier-pigeon:1", False),
     ],

@@ -20,7 +20,7 @@ from tgl_soar.cli.app import app
 from tgl_soar.cli.console import console
 from tgl_soar.config.files import ConfigError, load_site, shipped
 from tgl_soar.config.site import Mocap
-from tgl_soar.link.natnet.sockets import NatNetError, NatNetNotReadyError
+from tgl_soar.link.natnet.sockets import NatNetError, NatNetNotReadyError, NatNetSockets
 from tgl_soar.onboard.mocap import MocapFeed, from_server, server_address
 from tgl_soar.sim.bridge.process import main as bridge_main
 from tgl_soar.sim.motive import HallFault, Motive, MotiveOptions, MotiveServer
@@ -149,6 +149,9 @@ def test_what_cannot_be_opened_names_the_key() -> None:
     # Its network may come up later; a mistyped server is not retried.
     with pytest.raises(NatNetNotReadyError, match=r"mocap\.interface 203\.0\.113\.7"):
         MocapFeed(Mocap(server="127.0.0.1", body=1, interface="203.0.113.7"))
+    with pytest.raises(NatNetError, match=r"mocap\.interface camera net") as caught:
+        NatNetSockets("127.0.0.1", 1510, interface="camera net")
+    assert not isinstance(caught.value, NatNetNotReadyError)
 
 
 def test_another_server_may_be_given_on_the_command_line() -> None:

@@ -16,8 +16,8 @@ from __future__ import annotations
 from math import acos, cos, sin
 from typing import Final
 
-# omega, of the setpoint.  The nose follows slower, in the first turns at 0.3 with 10 degrees of
-# bank and the rudder (docs/theory.md): what they go upwind beyond m(chi) is planned for as it comes.
+# omega, of the setpoint.  The nose follows slower, with 10 degrees of bank and the rudder at 0.3 in
+# the first turns: what they go upwind beyond m(chi) is planned for as it comes (docs/theory.md).
 WEAVE_RADPS: Final = 1.0
 WEAVE_MIN_RAD: Final = 0.15  # 1 %: not worth turning for
 HALVINGS: Final = 8  # of chi: to a third of a degree

@@ -10,6 +10,7 @@ import socket
 from typing import Final
 
 from tgl_soar.link.natnet.layout import MAX_DATAGRAM_BYTES
+from tgl_soar.link.transports.base import PASSING_ERRORS
 
 MAX_DATAGRAMS: Final = 16  # at once and of one socket: a flood must have an end
 RECEIVE_BUFFER_BYTES: Final = 1 << 20
@@ -106,7 +107,8 @@ class NatNetSockets:
         except OSError as error:
             stream.close()
             where = f"interface {self._interface}" if self._interface else "any interface"
-            raise NatNetNotReadyError(
+            kind = NatNetNotReadyError if error.errno in PASSING_ERRORS else NatNetError
+            raise kind(
                 f"mocap.group {group} cannot be joined on {where}: {error.strerror};"
                 " give mocap.interface the address that this computer has on the cameras' network"
             ) from None
@@ -120,10 +122,8 @@ def resolved(server: str) -> str:
     try:
         return socket.gethostbyname(server)
     except OSError as error:
-        reason = f"mocap.server {server!r} is not known: {error.strerror}"
-        if error.errno == socket.EAI_AGAIN:  # nobody to ask: the network is not up
-            raise NatNetNotReadyError(reason) from None
-        raise NatNetError(reason) from None
+        kind = NatNetNotReadyError if error.errno in PASSING_ERRORS else NatNetError
+        raise kind(f"mocap.server {server!r} is not known: {error.strerror}") from None
 
 
 def _bound(host: str, port: int, keys: str, *, shared: bool = False) -> socket.socket:
@@ -136,6 +136,7 @@ def _bound(host: str, port: int, keys: str, *, shared: bool = False) -> socket.s
         made.bind((host, port))
     except (OSError, OverflowError) as error:
         made.close()
-        kind = NatNetNotReadyError if isinstance(error, OSError) else NatNetError
+        number = getattr(error, "errno", None)  # of an OverflowError: there is no such port
+        kind = NatNetNotReadyError if number in PASSING_ERRORS else NatNetError
         raise kind(f"{keys} {host or '0.0.0.0'}:{port}: cannot listen: {error}") from None
     return made

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 
-from tgl_soar.link.transports.base import LinkError, LinkNotReadyError
+from tgl_soar.link.transports.base import PASSING_ERRORS, LinkError, LinkNotReadyError
 
 
 def host_and_port(text: str, rest: str) -> tuple[str, int]:
@@ -22,8 +22,6 @@ def resolved(text: str, host: str, port: int, kind: int) -> tuple[int, tuple[str
     try:
         family, _, _, _, address = socket.getaddrinfo(host, port, type=kind)[0]
     except OSError as error:
-        reason = f"link {text!r}: host {host!r} is not known: {error.strerror}"
-        if error.errno == socket.EAI_AGAIN:  # nobody to ask: the network is not up
-            raise LinkNotReadyError(reason) from None
-        raise LinkError(reason) from None
+        kind = LinkNotReadyError if error.errno in PASSING_ERRORS else LinkError
+        raise kind(f"link {text!r}: host {host!r} is not known: {error.strerror}") from None
     return family, (str(address[0]), port)

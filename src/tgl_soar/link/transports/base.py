@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+import errno
+import socket
 from dataclasses import dataclass
 from typing import Final, Protocol
 
+# What passes without a change of the name: another program ends, a network or whoever knows its
+# names comes up.
+PASSING_ERRORS: Final = (
+    errno.EADDRINUSE, errno.EADDRNOTAVAIL, errno.ENODEV, errno.ENETDOWN, errno.ENETUNREACH,
+    errno.EHOSTUNREACH, socket.EAI_AGAIN,
+)  # fmt: skip
 MAX_DATAGRAMS: Final = 64  # in one call: the tick must not wait for a flood
 
 

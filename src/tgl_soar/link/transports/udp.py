@@ -18,6 +18,7 @@ from typing import Final
 from tgl_soar.link.transports.addresses import resolved
 from tgl_soar.link.transports.base import (
     MAX_DATAGRAMS,
+    PASSING_ERRORS,
     LinkCounters,
     LinkError,
     LinkNotReadyError,
@@ -27,8 +28,6 @@ PEER_SILENCE_S: Final = 3.0
 STRANGERS: Final = 16  # datagrams looked at for one that is the peer's
 MAX_DATAGRAM_BYTES: Final = 2048
 
-# Another program may end, and an interface of a network come up.
-_PASSING: Final = (errno.EADDRINUSE, errno.EADDRNOTAVAIL)
 _NOTHING: Final = bytes(4)
 
 
@@ -88,7 +87,7 @@ class UdpListener(_Udp):
             self._socket.bind(address)
         except OSError as error:
             self._socket.close()
-            kind = LinkNotReadyError if error.errno in _PASSING else LinkError
+            kind = LinkNotReadyError if error.errno in PASSING_ERRORS else LinkError
             raise kind(_why_not_bound(text, host, port, error)) from None
 
     def receive(self, now_s: float, most: int = MAX_DATAGRAMS) -> list[bytes]:
@@ -164,8 +163,8 @@ class UdpSpeaker(_Udp):
             self._socket.connect(self._address)
         except OSError as error:
             self._socket.close()
-            reason = f"link {text!r}: no way to {host}: {error.strerror}"
-            raise LinkNotReadyError(reason) from None
+            kind = LinkNotReadyError if error.errno in PASSING_ERRORS else LinkError
+            raise kind(f"link {text!r}: no way to {host}: {error.strerror}") from None
 
     def receive(
         self,
