@@ -24,6 +24,7 @@ AT_MOST_BY_PLACE = 4
 AS_NAMED_TUPLES = {"Result"}  # of an experiment: a dataclass of ten fields, some of them empty
 ROWS_OF_TABLES = {"Transition"}  # read as columns, and every row of it is tested by itself
 FOLDERS = {"src": ROOT / "src", "tests": ROOT / "tests", "tools": ROOT / "tools"}
+BENCHMARKS = ROOT / "benchmarks"
 Fields = dict[str, tuple[str, ...]]  # of each class, by the name that it has somewhere
 Declared = Callable[["Module"], Fields]
 
@@ -88,12 +89,15 @@ def known(module: Module, modules: dict[str, Fields], declared: Declared) -> Fie
     """The classes that a module can name: its own, imported ones, those of its imports."""
     found = dict(declared(module))
     for node in module.imports:
-        origin = modules.get(node.module or "", {})
+        # `benchmarks` alone imports by where it is.
+        names = ["benchmarks"] * (node.level > 0) + [node.module] * (node.module is not None)
+        origin_name = ".".join(names)
+        origin = modules.get(origin_name, {})
         for name in node.names:
             here = name.asname or name.name
             if name.name in origin:
                 found[here] = origin[name.name]
-            inner = modules.get(f"{node.module}.{name.name}", {})
+            inner = modules.get(f"{origin_name}.{name.name}", {})
             found |= {f"{here}.{kind}": fields for kind, fields in inner.items()}
     return found
 
@@ -131,6 +135,8 @@ def out_of_order(module: Module, kinds: Fields) -> list[int]:
 
 def module_of(file: Path) -> str:
     """Its full name, or that by which tests and tools import it."""
+    if file.is_relative_to(BENCHMARKS):
+        return f"benchmarks.{file.stem}"
     if not file.is_relative_to(FOLDERS["src"]):
         return file.stem
     parts = file.relative_to(FOLDERS["src"]).with_suffix("").parts
@@ -139,7 +145,7 @@ def module_of(file: Path) -> str:
 
 @pytest.fixture(scope="module")
 def files() -> dict[Path, Module]:
-    folders = [*FOLDERS.values(), ROOT / "benchmarks"]
+    folders = [*FOLDERS.values(), BENCHMARKS]
     return {
         file: parsed(file.read_text(encoding="utf-8"))
         for folder in folders
@@ -216,6 +222,16 @@ def test_a_planted_call_is_found(call: str, placed: bool, disordered: bool) -> N
     here = known(module, origin, named_tuples)
     assert (by_place(module, here) == [3]) is placed
     assert (out_of_order(module, here) == [3]) is disordered
+
+
+@pytest.mark.parametrize(
+    "line", ["from .kinds import Five", "from benchmarks.kinds import Five", "from . import kinds"]
+)
+def test_a_planted_call_of_what_benchmarks_declare_is_found(line: str) -> None:
+    name = "kinds.Five" if line.endswith("kinds") else "Five"
+    origin = {"benchmarks.kinds": named_tuples(parsed(KINDS))}
+    module = parsed(f"{line}\n{name}(1, 2, 3, 4, 5)\n")
+    assert by_place(module, known(module, origin, named_tuples)) == [2]
 
 
 @pytest.mark.parametrize("decorator", ["dataclass", "dataclass(frozen=True)"])

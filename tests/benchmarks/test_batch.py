@@ -35,7 +35,15 @@ def plan() -> Plan:
     values = load_parameters(airframe, airframe_path, site, site_path)
     values = values.changed(line_parameters(site.lines["a"]))
     changes = (Change(5.0, line_parameters(site.lines["b"])),)
-    return Plan(airframe, site, values, changes, 10.0, 0.03, field=build_field(site.air))
+    return Plan(
+        airframe,
+        site,
+        values,
+        changes=changes,
+        duration_s=10.0,
+        turbulence=0.03,
+        field=build_field(site.air),
+    )
 
 
 @pytest.mark.parametrize("compile", [False, COMPILED])

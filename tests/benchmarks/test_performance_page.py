@@ -25,6 +25,7 @@ from benchmarks.result import Result
 import tgl_soar
 
 ROOT = Path(__file__).parents[2]
+LATE = Result(what="a wake-up", value=30.0, reference=20.0, unit="µs", reference_what="C", aim=1.3)
 MAKE = 'make bench ARGS="--page docs/performance.md --readme README.md"'
 
 
@@ -139,7 +140,7 @@ def test_prose_says_what_power_saving_takes_and_what_is_asked_of_simulations(res
 
 def test_a_row_is_read_as_it_is_written() -> None:
     """A page edited by hand, or an aim changed in it, is found out."""
-    missed = Result("a wake-up", 30.0, 20.0, "µs", "C", 1.3)
+    missed = LATE
     met = missed._replace(value=20.0)
     written = markdown((Group("On time", [missed, met]),))
     assert [row.is_honest for row in rows_of(written)] == [True, True]
@@ -158,7 +159,7 @@ def test_the_readme_lists_the_missed_aims_of_the_page() -> None:
 
 
 def test_missed_aims_are_counted_by_part_with_the_worst() -> None:
-    late = Result("a wake-up", 30.0, 20.0, "µs", "C", 1.3)
+    late = LATE
     met, aimless = late._replace(value=20.0), late._replace(aim=float("inf"))
     # 1.4 of what is wanted is worse than 1.5 / 1.3 of it, though its ratio is smaller.
     worst = late._replace(what="a frame", value=14.0, reference=10.0, aim=1.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import spearmanr
 
-from tgl_soar.air.gusts import dryden_params, dryden_step, roll_gust_params
+from tgl_soar.air.gusts import DrydenState, dryden_params, dryden_step, roll_gust_params
 from tgl_soar.air.hill import HillField
 from tgl_soar.analysis.search.places import (
     CHANGE,
@@ -19,6 +19,10 @@ from tgl_soar.analysis.search.places import (
     place,
 )
 from tgl_soar.sim.white import roll_gusts_before, turbulence_before
+
+SEEDS = 4000
+STEPS = 200  # a second
+CHANCE = 3.5 / SEEDS**0.5  # a rank correlation of independent numbers, in 18 of them
 
 
 def test_a_circle_is_the_hill_of_the_paper() -> None:
@@ -61,31 +65,40 @@ def test_the_ellipse_s_flow_has_neither_source_nor_curl() -> None:
 
 @pytest.mark.parametrize("kind", ["tunnel", "hill"])
 def test_a_place_tells_nothing_of_the_gusts_that_share_its_stream(kind: str) -> None:
-    """[s, 0] and [s, 1] are also the seeds of turbulence and roll gusts: of 500 seeds the rank
-    correlations of wind, gusts and change with the mean and the size of a first second's gusts are
-    no more than chance makes them (3.5 standard errors, of 18 and 6 numbers)."""
-    turbulence = dryden_params(0.03, 9.0, 1.5, 0.005)
-    rolling = roll_gust_params(0.03, 9.0, 1.5, 1.0, 0.005)
-    rows = []
-    for seed in range(500):
-        wind, intensity, _, last = _air(np.random.default_rng((seed, kind == "hill")), 40.0)
-        blown: list[tuple[float, ...]] = []
-        if kind == "tunnel":
-            state, white = turbulence_before(turbulence, seed, 199)
-            for k in range(200):
-                state, gust = dryden_step(turbulence, state, *white[k])
-                blown.append(gust)
-        else:
-            roll, white = roll_gusts_before(rolling, seed, 199)
-            for k in range(200):
-                roll = rolling.a * roll + rolling.gain_radps * white[k][0]
-                blown.append((roll,))
-        found = np.array(blown)
-        sizes = np.sqrt(np.mean(found**2, axis=0))
-        rows.append([wind, intensity, last, *np.mean(found, axis=0), *sizes])
-    apart = np.abs(np.asarray(spearmanr(np.array(rows)).statistic)[:3, 3:])
+    """[s, 0] and [s, 1] are also the seeds of turbulence and roll gusts: the rank correlations of
+    wind, gusts and change with the mean and the size of a first second's gusts are no more than
+    chance makes them."""
+    drawn = [_air(np.random.default_rng((s, kind == "hill")), 40.0) for s in range(SEEDS)]
+    air = np.array([[wind, intensity, last] for wind, intensity, _, last in drawn])
+    if kind == "tunnel":
+        turbulence = dryden_params(0.03, 9.0, 1.5, 0.005)
+        begun = [turbulence_before(turbulence, s, STEPS - 1) for s in range(SEEDS)]
+        states, white = (np.array(each) for each in zip(*begun, strict=True))
+        state, blown = DrydenState(*states.T), []
+        for k in range(STEPS):  # of all seeds at once
+            state, gust = dryden_step(turbulence, state, *white[:, k].T)
+            blown.append(np.array(gust))
+    else:
+        rolling = roll_gust_params(0.03, 9.0, 1.5, 1.0, 0.005)
+        rolls = [roll_gusts_before(rolling, s, STEPS - 1) for s in range(SEEDS)]
+        roll, white = (np.array(each) for each in zip(*rolls, strict=True))
+        blown = []
+        for k in range(STEPS):
+            roll = rolling.a * roll + rolling.gain_radps * white[:, k, 0]
+            blown.append(roll[None])
+    gusts = np.array(blown)  # (steps, axes, seeds)
+    sizes = np.sqrt(np.mean(gusts**2, axis=0))
+    numbers = np.vstack([air.T, np.mean(gusts, axis=0), sizes])
+    apart = np.abs(np.asarray(spearmanr(numbers.T).statistic)[:3, 3:])
     assert apart.shape == ((3, 6) if kind == "tunnel" else (3, 2))
-    assert apart.max() < 3.5 / 500**0.5
+    assert apart.max() < CHANCE
+
+
+def test_a_normal_number_of_the_bits_of_a_uniform_one_would_be_found() -> None:
+    streams = [(np.random.default_rng((s, 0)), np.random.default_rng((s, 0))) for s in range(SEEDS)]
+    sizes = [abs(float(first.standard_normal())) for first, _ in streams]
+    uniform = [float(second.uniform()) for _, second in streams]
+    assert abs(float(spearmanr(sizes, uniform).statistic)) > 1.3 * CHANCE
 
 
 def hills(count: int) -> list[SearchPlace]:
