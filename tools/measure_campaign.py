@@ -101,18 +101,29 @@ class Look(NamedTuple):
     resident_mib: float  # of the parent
 
 
-def timed(name: str, executor: Executor, task: int) -> Timed:
-    """One task for each worker, after a flight by each that loads what has been compiled."""
+def timed(name: str, executor: Executor, task: int, known: list[PlainFlight]) -> Timed:
+    """One task for each worker, after a flight by each that loads what has been compiled.
+
+    known: what others flew of the same seeds, which is extended.  Errors: ValueError where a
+    flight is another one than theirs.
+    """
     warm = [PlainJob(i) for i in range(2 * executor.workers)]
     run(fly_plain, warm, executor, InMemory(len(warm)), size=1)
     jobs = [PlainJob(i) for i in range(task * executor.workers)]
     load, begun = os.getloadavg()[0], time.monotonic()
-    run(fly_plain, jobs, executor, InMemory(len(jobs)), size=task)
+    kept = InMemory(len(jobs))
+    run(fly_plain, jobs, executor, kept, size=task)
+    seconds = time.monotonic() - begun
+    flown = kept.results()
+    for before, now in zip(known, flown, strict=False):
+        if before != now:
+            raise ValueError(f"{name} flies seed {now.seed} otherwise: {now}, not {before}")
+    known += flown[len(known) :]
     return Timed(
         name=name,
         workers=executor.workers,
         flights=len(jobs),
-        seconds=time.monotonic() - begun,
+        seconds=seconds,
         load=load,
     )
 
@@ -167,13 +178,14 @@ def _joined(address: str, workers: int) -> DaskCluster:
 def rounds(count: int, task: int, folder: Path) -> list[Timed]:
     """All executors in turn, so many times."""
     found: list[Timed] = []
+    known: list[PlainFlight] = []
     for _ in range(count):
         for name, workers in (("in line", 0), ("local, 1 worker", 1), ("local, 2 workers", 2)):
-            found.append(timed(name, local(workers), task))
+            found.append(timed(name, local(workers), task, known))
             print(found[-1], f"{found[-1].per_s:.1f}/s", flush=True)
         for name, groups in GROUPS.items():
             with cluster(groups, folder) as workers_of_dask:
-                found.append(timed(name, workers_of_dask, task))
+                found.append(timed(name, workers_of_dask, task, known))
             print(found[-1], f"{found[-1].per_s:.1f}/s", flush=True)
     return found
 

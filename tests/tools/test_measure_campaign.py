@@ -6,7 +6,9 @@ from pathlib import Path
 
 import measure_campaign
 import pytest
-from measure_campaign import Look, Timed, draw, medians, report
+from measure_campaign import Look, PlainFlight, PlainJob, Timed, draw, medians, report, timed
+
+from tgl_soar.sim.campaign.executors import InLine
 
 
 def rounds() -> list[Timed]:
@@ -49,6 +51,20 @@ def test_the_report_says_what_was_measured() -> None:
 
 def test_without_the_long_campaign_nothing_is_said_of_it() -> None:
     assert "MiB" not in report(rounds(), [], 1000)
+
+
+def fly_at_once(job: PlainJob) -> PlainFlight:
+    return PlainFlight(job.seed, "", 30.0)
+
+
+def test_rows_that_differ_by_who_flies_them_are_no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(measure_campaign, "fly_plain", fly_at_once)
+    known = [PlainFlight(0, "", 30.0)]
+    assert timed("in line", InLine(), 3, known).flights == 3
+    assert [flight.seed for flight in known] == [0, 1, 2]
+    known[1] = PlainFlight(1, "", 29.5)
+    with pytest.raises(ValueError, match="in line flies seed 1 otherwise"):
+        timed("in line", InLine(), 3, known)
 
 
 def test_the_figure_is_drawn(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from cheap_flights import cheap_jobs, fly_cheaply
 from tgl_soar.sim.campaign import cluster
 from tgl_soar.sim.campaign.cluster import ClusterError, DaskCluster
 from tgl_soar.sim.campaign.journal import InMemory
+from tgl_soar.sim.campaign.provenance import libraries
 from tgl_soar.sim.campaign.run import Progress, fly_all, run
 
 pytest.importorskip("distributed")
@@ -117,9 +118,16 @@ def test_workers_and_scheduler_die_and_the_flights_are_the_same(
 
     with pytest.raises(ArithmeticError, match="seed 3"):
         fly_all(fly_cheaply, [jobs[3]._replace(raises=True)], executor)
-    monkeypatch.setattr(cluster, "source_digest", lambda: "another")
-    with pytest.raises(ClusterError, match=r"a worker has another source .* than who asks"):
-        fly_all(fly_cheaply, jobs[:2], executor)
+    with monkeypatch.context() as patch:
+        patch.setattr(cluster, "source_digest", lambda: "another")
+        with pytest.raises(ClusterError, match=r"a worker has another source .* than who asks"):
+            fly_all(fly_cheaply, jobs[:2], executor)
+    with monkeypatch.context() as patch:
+        patch.setattr(cluster, "libraries", lambda: {**libraries(), "numpy": "0.1"})
+        with pytest.raises(
+            ClusterError, match=r"a worker flies with numpy \S+ and not 0\.1"
+        ):
+            fly_all(fly_cheaply, jobs[:2], executor)
 
 
 def test_where_nobody_answers_is_said(monkeypatch: pytest.MonkeyPatch) -> None:

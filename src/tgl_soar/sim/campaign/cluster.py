@@ -20,7 +20,7 @@ from typing import Any, Final
 
 from tgl_soar.sim.campaign.executors import AHEAD, Fly, Results, ShardQueue
 from tgl_soar.sim.campaign.flight_list import Shard
-from tgl_soar.sim.campaign.provenance import source_digest
+from tgl_soar.sim.campaign.provenance import libraries, source_digest
 
 PATIENCE_S: Final = 300.0  # for a scheduler that is gone: a machine's restart
 ANSWER_S: Final = 10.0  # of one that should be there
@@ -75,7 +75,8 @@ class DaskCluster:
         try:
             while True:
                 for shard in shards.take():
-                    future = client.submit(_fly_there, fly, shard.jobs, source_digest(), pure=False)
+                    ours = source_digest(), libraries()
+                    future = client.submit(_fly_there, fly, shard.jobs, *ours, pure=False)
                     flying[future.key] = future, shard
                     future.add_done_callback(done.put)
                 if not flying:
@@ -121,13 +122,26 @@ def _next(done: queue.SimpleQueue[Any]) -> Any:
         return None
 
 
-def _fly_there(fly: Callable[[Any], Any], jobs: Sequence[Any], source: str) -> list[Any]:
-    """In a worker."""
+def _fly_there(
+    fly: Callable[[Any], Any], jobs: Sequence[Any], source: str, theirs: dict[str, str]
+) -> list[Any]:
+    """In a worker: nothing that would round otherwise than who asks."""
     keep_memory()
     if source_digest() != source:
         raise ClusterError(
             f"a worker has another source ({source_digest()}) than who asks ({source}): install the"
             " same version on all machines"
+        )
+    here = libraries()
+    other = [
+        f"{name} {here.get(name) or 'none'} and not {version or 'none'}"
+        for name, version in theirs.items()
+        if here.get(name) != version
+    ]
+    if other:
+        raise ClusterError(
+            f"a worker flies with {', '.join(other)}, whose rounding is in every flight: install"
+            " the same versions on all machines"
         )
     return [fly(job) for job in jobs]
 
