@@ -54,9 +54,11 @@ from tgl_soar.analysis.experiments.paper.hill_positions import (
 )
 from tgl_soar.analysis.experiments.paper.line_lean import (
     HELD_M,
+    ONE_SET,
     SCHEDULED,
     LeanScore,
     along_words,
+    downwind_words,
     lean_claims,
     lean_why,
     refusal,
@@ -645,6 +647,18 @@ def test_leans_that_are_accepted_and_not_held_are_named() -> None:
     named = lean_why({("with", SCHEDULED): [poor, good]}, 44.0, 0.1, 6.0)
     assert "not held: 5° (with accelerometers, 3.2 cm)" in named
     assert "Every lean flown" in lean_why({("with", SCHEDULED): [good]}, 44.0, 0.1, 6.0)
+
+
+def test_a_downwind_lean_that_is_held_is_named_where_the_formula_speaks_against_it() -> None:
+    held, lost, upwind = (
+        lean_score(*of) for of in ((-5, 0.01, 0.0), (-10, 0.1, 0.0), (5, 0.01, 0))
+    )
+    named = downwind_words({("with", SCHEDULED): [held, upwind], ("with", ONE_SET): [held, lost]})
+    assert named == (
+        ", far enough out at -5° with accelerometers, -5° with accelerometers and one set of gains"
+        " for the line to be held"
+    )
+    assert downwind_words({("with", SCHEDULED): [lost, upwind]}) == ""
 
 
 def test_the_module_refuses_flat_lines_and_lines_that_lean_downwind() -> None:

@@ -124,9 +124,7 @@ def test_workers_and_scheduler_die_and_the_flights_are_the_same(
             fly_all(fly_cheaply, jobs[:2], executor)
     with monkeypatch.context() as patch:
         patch.setattr(cluster, "libraries", lambda: {**libraries(), "numpy": "0.1"})
-        with pytest.raises(
-            ClusterError, match=r"a worker flies with numpy \S+ and not 0\.1"
-        ):
+        with pytest.raises(ClusterError, match=r"a worker flies with numpy \S+ and not 0\.1"):
             fly_all(fly_cheaply, jobs[:2], executor)
 
 

@@ -114,11 +114,11 @@ half of the shipped gain (0.95) would have commanded while accelerometers are in
 *The pitch setpoint shrinks with the gain. The elevator grows: the integral of the pitch loop keeps
 adding up an error that a real aircraft would have answered.*
 
-**Speed.** In plain Python a replay is 30 to 50 times faster than the flight on each processor.
+**Speed.** In plain Python a replay is some 15 times faster than the flight on each processor.
 `tgl-soar replay --compile` compiles the laws with numba, once for each version; from then on logs
-of more than 100 s are replayed over 1000 times faster than they were flown. Where compiled laws
-differ from the log in one bit, the interpreted ones replay it again, and their verdict counts. The
-newest figures are in [performance.md](performance.md).
+of more than 100 s are replayed several hundred times faster than they were flown. Where compiled
+laws differ from the log in one bit, the interpreted ones replay it again, and their verdict counts.
+The figures behind this are in [performance.md](performance.md).
 
 ## Topics and fields
 

@@ -50,7 +50,7 @@ FEW: Final = 8  # seeds, of what is only compared
 WATCHED: Final = 3
 WATCHED_S: Final = 20.0
 LATENCIES_S: Final = (0.0, 0.04, 0.08, 0.12)
-MARGIN: Final = (0.5, 1.8)
+MARGIN: Final = (0.5, 1.8)  # factors of gain: 6 dB less and 5 dB more, where 4.4 is asked of loops
 GAPS_S: Final = 21.0
 
 RATIO: Final = 0.6  # of sensor and gains together: less would not be worth another sensor

@@ -104,7 +104,9 @@ ASKED_IMU: Final = ImuParams(
 
 
 class Asked(NamedTuple):
-    """A set of sensors, and how well position and velocity are to be known with it."""
+    """A set of sensors, and how well position and velocity are to be known with it: within a tenth
+    of the 3 cm within which a line is held where fixes are good, half of them where they are poor,
+    and a velocity that makes no more of it while the loop answers, a tenth of a second and more."""
 
     sensors: Sensors
     position_mm: float

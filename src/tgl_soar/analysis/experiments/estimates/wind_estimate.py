@@ -49,8 +49,9 @@ FLIGHT_S: Final = 12.0
 SEEDS: Final = tuple(range(1, 33))
 TOUR_S: Final = 12.0  # on each line of the flight that is drawn
 
-PITOT_RMS_MPS: Final = 0.15  # what is asked of the updraft's error
-PLAIN_RATIO: Final = 0.7
+# Of the updraft's error: 0.6 of what gusts of 3 % are, 0.25 m/s; else their mean would do as well.
+PITOT_RMS_MPS: Final = 0.15
+PLAIN_RATIO: Final = 0.7  # half of its variance: less would not be worth an estimator
 # How wrong a wing may be that was taken from geometry, ± 30 % by the airframe file, and put right
 # by a few timed glides: not the estimator's own figures, and evenly spread where it takes a bell.
 LIFT_WITHIN: Final = 0.10

@@ -29,7 +29,7 @@ from tgl_soar.sim.sensors import MEMS_IMU, PITOT, Sensors
 TURBULENCES: Final = (0.01, 0.03, 0.05)
 SEEDS: Final = tuple(range(1, 12))
 SENSORS: Final = Sensors(imu=MEMS_IMU, airspeed=PITOT)
-WORTH: Final = 0.05
+WORTH: Final = 0.05  # of e_rho: less is not worth a law that may read the wind wrongly
 CHANGED: Final = (
     ChangedThreshold(
         "none of it is worth 5 %",

@@ -317,11 +317,8 @@ def speed_why(
         for s in scores
         if s.survived < s.flights
     ]
-    return (
-        "Two things grow with airspeed: what a radian of pitch does to the aircraft, which tightens"
-        " the loop, and with it the loop's gain, which uses up its phase margin. In turbulence,"
-        f" {trends}."
-        + (f" In calm air were lost: {'; '.join(lost)}." if lost else " In calm air none was lost.")
+    return f"In turbulence, {trends}." + (
+        f" In calm air were lost: {'; '.join(lost)}." if lost else " In calm air none was lost."
     )
 
 

@@ -54,7 +54,7 @@ LARGER: Final = 1.1
 # twice what the oscillation's leaves.
 COARSE: Final = LARGER**2
 NEAR_DEG: Final = 10.0  # of the perpendicular: the leans flown stand 10° apart there
-FAR_DEG: Final = 30.0
+FAR_DEG: Final = 30.0  # sin of it: half of what pitching does there is along the line
 SENSORS: Final = {"without": SensorSpec(), "with": SensorSpec(imu=True)}  # accelerometers
 SCHEDULED, ONE_SET = "gains for each lean", "one set of gains"
 CHANGED: Final = (
@@ -375,6 +375,18 @@ def refusal(lean_deg: float) -> str:
     return ""
 
 
+def downwind_words(scores: dict[tuple[str, str], list[LeanScore]]) -> str:
+    """Which of the lines that lean downwind are held all the same."""
+    held = [
+        f"{s.lean_deg:.0f}° {imu} accelerometers"
+        + (" and one set of gains" if gains == ONE_SET else "")
+        for (imu, gains), several in scores.items()
+        for s in several
+        if s.lean_deg < 0.0 and s.held
+    ]
+    return f", far enough out at {', '.join(held)} for the line to be held" if held else ""
+
+
 def lean_why(
     scores: dict[tuple[str, str], list[LeanScore]],
     across_deg: float,
@@ -409,9 +421,9 @@ def lean_why(
         f" {along_words([s for several in scores.values() for s in several if s.held])} *Across* it"
         " attitude counts: pitching up raises the aircraft first and drifts it back after. On a"
         " line that leans upwind both bring it to the same side; on one that leans downwind the"
-        " first is the wrong way round, a zero of the right half plane near (g/V) tan η. The"
-        " further a line leans upwind, the more of e_rho is the fast effect, and the higher is the"
-        " gain of a loop whose gains stay as they are.\n\n"
+        " first is the wrong way round, a zero of the right half plane near (g/V) tan η"
+        f"{downwind_words(scores)}. The further a line leans upwind, the more of e_rho is the fast"
+        " effect, and the higher is the gain of a loop whose gains stay as they are.\n\n"
         f"A *horizontal* line leaves the place along the wind to S′ alone (here {slope:+.3f}):"
         f" the slide is {front} at a rate of {horizontal_rate:.1f} 1/s, by a formula that takes the"
         " glide to be steady; on the slow side of least sink, where S′ < 0, it runs away. It has no"

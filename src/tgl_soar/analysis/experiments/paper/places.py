@@ -52,7 +52,9 @@ from tgl_soar.types import polar_slope
 SLOW: Final = ("a", "a2")
 SITES: Final = ("sites/hill.toml", "sites/tunnel.toml")
 WINDS: Final = (1.0, 0.95, 1.05, 0.9, 1.1, 0.85, 1.15)  # of the site's own, the nearest first
-STRONGER: Final = 1.03  # the wind of the second half, over that of the first
+# The wind of the second half, over that of the first: as much as a mean wind is known to, and small
+# enough that no place comes to the polar's end.
+STRONGER: Final = 1.03
 RISES_S: Final = (40.0, 45.0)  # while the wind does
 STEP_S: Final = 100.0  # a flight with that step in it
 # The slowest slide, on the hill: 1/λ is 8 s, and after two of them 13 % of a shift are still to go.
