@@ -11,7 +11,7 @@ import pytest
 from tgl_soar.analysis.experiments import staleness
 from tgl_soar.analysis.experiments.catalogue import TOGETHER
 from tgl_soar.analysis.experiments.flights import ScenarioJob, fly_job
-from tgl_soar.analysis.experiments.pages import AIMS, PAPER, page
+from tgl_soar.analysis.experiments.pages import AIMS, ONCE, PAPER, page
 from tgl_soar.analysis.experiments.scenario import load_scenario, prepare
 from tgl_soar.config.files import shipped
 
@@ -37,6 +37,18 @@ def test_a_page_is_of_what_flies_or_says_that_it_is_older(name: str, now: stalen
     says_so = staleness.OLDER in text
     assert says_so == bool(older), f"docs/{name}: {older}; {MAKE}, or begin with {staleness.OLDER}"
     assert not says_so or MAKE in text.partition(staleness.OLDER)[2].partition("\n\n")[0]
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_what_was_said_once_stands_beside_what_is_said_now(name: str) -> None:
+    text = (DOCS / name).read_text(encoding="utf-8")
+    summary = dict(
+        re.findall(r"^\| \[`(\w+)`\]\(#\w+\) \| [^|]* \| ([^|]*) \|", text, re.MULTILINE)
+    )
+    rows = re.findall(r"^\| `(\w+)` \| ([^|]*) \| ([^|]*) \|$", text, re.MULTILINE)
+    assert {each for each, _, _ in rows} == ONCE.keys() & summary.keys()
+    for each, once, today in rows:
+        assert (once, today) == (ONCE[each], summary[each])
 
 
 def wrong_seeds(text: str) -> list[str]:

@@ -161,6 +161,10 @@ def test_a_result_tells_everything_in_json_and_markdown() -> None:
     whole = page([result(YES, NO)], {})
     assert as_markdown(result(YES, NO), "images/experiments") in whole
     assert "| [`name`](#name) | title | agrees in part: 1 of 2 |" in whole
+    assert "| `speed` | agrees in part: 1 of 2 | differs: 0 of 1 |" in page(
+        [replace(result(NO), name="speed"), result(YES)], {}
+    )
+    assert "| once | today |" not in whole
 
 
 def test_what_is_true_by_construction_is_marked_and_decides_nothing() -> None:
