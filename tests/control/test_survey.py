@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import cos, inf, isfinite, nan, radians, sin
+from math import cos, inf, isfinite, nan, radians, sin, tan
+from statistics import median
 
 import pytest
 
@@ -140,6 +141,21 @@ class Slide:
                 break
             self.step()
         return self.state
+
+
+@pytest.mark.parametrize("standing", [DOWNSTREAM, UPSTREAM])
+def test_the_contour_s_slope_is_known_on_the_way_there_and_on_the_way_back(standing: int) -> None:
+    """ds/dq along z = 1.5 + x tan 30 deg, whichever way the line goes first."""
+    rise = tan(radians(30.0))
+    expected = (cos(ETA) + sin(ETA) * rise) / (cos(ETA) * rise - sin(ETA))
+    slide, found = Slide(), []
+    for _ in range(400):
+        state = slide.step()
+        if state.standing == standing:
+            found.append(state.means.slope)
+            if standing == UPSTREAM:  # as if nothing had been learnt on the way there
+                slide.state = state._replace(means=state.means._replace(slope=0.0))
+    assert median(found[len(found) // 2 :]) == pytest.approx(expected, rel=0.1)
 
 
 def test_it_goes_downstream_back_past_its_start_and_home() -> None:

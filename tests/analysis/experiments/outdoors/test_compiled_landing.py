@@ -1,5 +1,5 @@
-"""A way home is the same compiled: the figures of `outdoors` and `hour` are of compiled flights, and
-their quick tests are not."""
+"""A way home is the same compiled: the figures of `outdoors` and `hour` are of compiled flights,
+and their quick tests are not."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ pytestmark = [
 ]
 
 
-def test_a_break_off_in_a_dying_wind_ends_on_the_same_place(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_break_off_in_a_dying_wind_ends_on_the_same_place(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     job = HourJob(8.0, 4, 60.0)
     compiled = fly_hour(job)
     monkeypatch.setattr(windy_hour, "available", lambda: False)
