@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 from pathlib import Path
 from typing import NamedTuple
@@ -70,6 +71,61 @@ def test_every_group_of_benchmarks_is_on_the_page_in_order(results: str) -> None
     there = [title for title, _ in GROUPS.values()]
     assert titles == [title for title in there if title not in unmeasured], f"stale: {MAKE}"
     assert set(unmeasured) <= set(there)
+
+
+# Of the ten minutes that `--long` adds, which the page does not show.
+NOT_SHOWN = "long_run"
+
+
+def pattern_of(node: ast.AST) -> str:
+    """What a string of the source may be; empty for what is none, or says next to nothing."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        return re.escape(node.value) if len(node.value) >= 4 else ""
+    if not isinstance(node, ast.JoinedStr):
+        return ""
+    return "".join(
+        re.escape(str(part.value)) if isinstance(part, ast.Constant) else ".+"
+        for part in node.values
+    )
+
+
+def measured_by(text: str) -> tuple[set[str], set[str]]:
+    """Of a benchmark's source: the rows that it names itself, and where others are named
+    elsewhere in it, all that they may be."""
+    tree = ast.parse(text)
+    calls = [
+        node
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Result"
+    ]
+    whats = [
+        [*call.args, *(k.value for k in call.keywords if k.arg == "what")][0] for call in calls
+    ]
+    own = {pattern_of(what) for what in whats}
+    others = {pattern_of(node) for node in ast.walk(tree)} if "" in own else set()
+    return own - {""}, others - {""}
+
+
+def test_every_figure_that_is_measured_has_its_row_and_every_row_its_benchmark(
+    results: str,
+) -> None:
+    rows = {row.what for row in rows_of(results)}
+    found = {
+        file.stem: measured_by(file.read_text(encoding="utf-8"))
+        for file in (ROOT / "benchmarks").glob("*.py")
+    }
+    own = {each for name, (named, _) in found.items() if name != NOT_SHOWN for each in named}
+    every = {each for both in found.values() for patterns in both for each in patterns}
+    assert len(own) > 40
+    assert [p for p in own if not any(re.fullmatch(p, row) for row in rows)] == [], f"stale: {MAKE}"
+    assert [row for row in rows if not any(re.fullmatch(p, row) for p in every)] == []
+
+
+def test_what_a_benchmark_measures_is_read_from_its_source() -> None:
+    direct = 'Result("one tick", 1.0), Result(what=f"a {kind} tick, p99", value=2.0)'
+    assert measured_by(direct) == ({"one\\ tick", "a\\ .+\\ tick,\\ p99"}, set())
+    own, others = measured_by('ROWS = ("the other",)\nResult(what, 1.0)')
+    assert (own, others) == (set(), {"the\\ other"})
 
 
 def test_it_was_measured_with_what_is_pinned(results: str) -> None:
