@@ -90,8 +90,7 @@ def known(module: Module, modules: dict[str, Fields], declared: Declared) -> Fie
     found = dict(declared(module))
     for node in module.imports:
         # `benchmarks` alone imports by where it is.
-        names = ["benchmarks"] * (node.level > 0) + [node.module] * (node.module is not None)
-        origin_name = ".".join(names)
+        origin_name = ".".join(filter(None, ("benchmarks" * (node.level > 0), node.module)))
         origin = modules.get(origin_name, {})
         for name in node.names:
             here = name.asname or name.name

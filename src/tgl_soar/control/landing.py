@@ -64,11 +64,8 @@ pitch is certain to some tenths of a degree and keeps V by itself.
 (`control.turning_airspeed`), with a standard deviation sigma, and the wind is as much less as V is.
 Then the slowest V is the best glide's, and as long as sigma is more than LOOK_MPS it looks: its
 nose goes LOOK_RAD to either side at least, as wide as a weave, down to LOOK_ABOVE_M over the
-straight rest.  (As slow as a measured airspeed allows it was flown from high up, too: wings that
-stalled there were stalled on the ground, 3 more of 30 from 30 m.)  So height is lost by path alone,
-and a weave that turns slowly is mostly turns, in which it goes on upwind: with a sigma of STEEP_MPS
-or less it may bank by STEEPER more than SIDE_BANK, but not near the ground: from STEEP_ABOVE_M over
-the straight rest on, and by all of that from STEEP_WITHIN_M higher up.
+straight rest.  In slow turns it goes on upwind: with a sigma of STEEP_MPS or less it may bank by
+STEEPER more than SIDE_BANK from STEEP_ABOVE_M over that on, by all of it STEEP_WITHIN_M higher up.
 
 **A stall** that came all the same is told by the elevator: as far up as it may go while the nose
 stays below its setpoint and the aircraft sinks faster than any glide at the slowest V.  Then the
@@ -598,7 +595,6 @@ def _steeper(
 
 
 def steeper_bank(params: LandingParams, bank_rad: float, steeper: float) -> float:
-    """The largest bank [rad], made steeper: up to STEEP_MAX_RAD and well within what the envelope
-    allows, where it is not more already."""
+    """The largest bank [rad], made steeper within these bounds, where it is not more already."""
     most = min(STEEP_MAX_RAD, STEEP_SHARE * params.tilt_max_rad)
     return max(bank_rad, min(most, bank_rad * (1.0 + steeper)))

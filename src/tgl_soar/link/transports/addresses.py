@@ -22,6 +22,6 @@ def resolved(text: str, host: str, port: int, kind: int) -> tuple[int, tuple[str
     try:
         family, _, _, _, address = socket.getaddrinfo(host, port, type=kind)[0]
     except OSError as error:
-        kind = LinkNotReadyError if error.errno in PASSING_ERRORS else LinkError
-        raise kind(f"link {text!r}: host {host!r} is not known: {error.strerror}") from None
+        refused = LinkNotReadyError if error.errno in PASSING_ERRORS else LinkError
+        raise refused(f"link {text!r}: host {host!r} is not known: {error.strerror}") from None
     return family, (str(address[0]), port)
