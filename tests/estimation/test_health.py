@@ -639,3 +639,13 @@ def test_no_inputs_raise(data: st.DataObject) -> None:
         )
         assert 0 <= found.faults < 1 << len(FAULT_TEXTS)
         assert found.surfaces_answer in (-1, 0, 1)
+
+
+@pytest.mark.parametrize(
+    ("seen", "off"),
+    [(0.75, 0.25), (0.5, 0.0), (0.0, 0.0), (-0.25, 0.0), (-0.75, 0.5), (nan, 0.0)],
+)
+def test_a_surface_is_off_by_what_it_is_beyond_the_commands_of_late(
+    seen: float, off: float
+) -> None:
+    assert h._outside(h.BandState(-0.25, 0.5), seen) == off

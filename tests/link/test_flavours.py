@@ -1,13 +1,16 @@
 """How ArduPlane wants its surfaces: channels, pulses, and the two ways to let go."""
 
+from math import nan, radians
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tgl_soar.link.autopilots.ardupilot import ArduPilot
+from tgl_soar.geometry import euler_from_quaternion
+from tgl_soar.link.autopilots.ardupilot import ATTITUDE, ArduPilot
 from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels, pulse_width
 from tgl_soar.link.autopilots.bridge import BridgeAutopilot
-from tgl_soar.link.messages import Heartbeat, RcChannelsOverride
+from tgl_soar.link.messages import Heartbeat, RcChannelsOverride, SetAttitudeTarget
 from tgl_soar.types import NO_SETPOINTS, SurfaceCommand
 
 PLAIN = SurfaceChannel(channel=2, pwm_min=1100, pwm_trim=1500, pwm_max=1900)
@@ -92,3 +95,15 @@ def test_surfaces_obey_in_manual_only() -> None:
     assert not pilot.obeys(
         Heartbeat(type=1, autopilot=3, base_mode=80, custom_mode=0, system_status=4)
     )  # without a custom mode 0 means nothing
+
+
+@pytest.mark.parametrize(
+    ("rudder", "yaw_deg"), [(1.0, 45.0), (-0.5, -22.5), (3.0, 45.0), (nan, 0.0)]
+)
+def test_the_yaw_of_an_attitude_is_the_rudder(rudder: float, yaw_deg: float) -> None:
+    pilot = ArduPilot(SurfaceChannels(elevator=PLAIN, aileron=CROOKED, rudder=HIGH), 1, ATTITUDE)
+    (asked,) = pilot.commands(
+        SurfaceCommand(0.0, 0.0, rudder), NO_SETPOINTS._replace(roll_rad=0.1, pitch_rad=-0.05)
+    )
+    assert isinstance(asked, SetAttitudeTarget)
+    assert euler_from_quaternion(*asked.q) == pytest.approx((0.1, -0.05, radians(yaw_deg)))
