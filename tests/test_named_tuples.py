@@ -90,7 +90,8 @@ def known(module: Module, modules: dict[str, Fields], declared: Declared) -> Fie
     found = dict(declared(module))
     for node in module.imports:
         # `benchmarks` alone imports by where it is.
-        origin_name = ".".join(filter(None, ("benchmarks" * (node.level > 0), node.module)))
+        package = "benchmarks" if node.level > 0 else ""
+        origin_name = ".".join(filter(None, (package, node.module)))
         origin = modules.get(origin_name, {})
         for name in node.names:
             here = name.asname or name.name

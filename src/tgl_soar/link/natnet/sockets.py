@@ -10,7 +10,7 @@ import socket
 from typing import Final
 
 from tgl_soar.link.natnet.layout import MAX_DATAGRAM_BYTES
-from tgl_soar.link.transports.base import PASSING_ERRORS
+from tgl_soar.link.transports.base import passes
 
 MAX_DATAGRAMS: Final = 16  # at once and of one socket: a flood must have an end
 RECEIVE_BUFFER_BYTES: Final = 1 << 20
@@ -107,11 +107,11 @@ class NatNetSockets:
         except OSError as error:
             stream.close()
             where = f"interface {self._interface}" if self._interface else "any interface"
-            kind = NatNetNotReadyError if error.errno in PASSING_ERRORS else NatNetError
-            raise kind(
+            words = (
                 f"mocap.group {group} cannot be joined on {where}: {error.strerror};"
                 " give mocap.interface the address that this computer has on the cameras' network"
-            ) from None
+            )
+            raise _not_reached(error, words) from None
         return stream
 
 
@@ -122,8 +122,8 @@ def resolved(server: str) -> str:
     try:
         return socket.gethostbyname(server)
     except OSError as error:
-        kind = NatNetNotReadyError if error.errno in PASSING_ERRORS else NatNetError
-        raise kind(f"mocap.server {server!r} is not known: {error.strerror}") from None
+        words = f"mocap.server {server!r} is not known: {error.strerror}"
+        raise _not_reached(error, words) from None
 
 
 def _bound(host: str, port: int, keys: str, *, shared: bool = False) -> socket.socket:
@@ -136,7 +136,10 @@ def _bound(host: str, port: int, keys: str, *, shared: bool = False) -> socket.s
         made.bind((host, port))
     except (OSError, OverflowError) as error:
         made.close()
-        number = getattr(error, "errno", None)  # of an OverflowError: there is no such port
-        kind = NatNetNotReadyError if number in PASSING_ERRORS else NatNetError
-        raise kind(f"{keys} {host or '0.0.0.0'}:{port}: cannot listen: {error}") from None
+        words = f"{keys} {host or '0.0.0.0'}:{port}: cannot listen: {error}"
+        raise _not_reached(error, words) from None
     return made
+
+
+def _not_reached(error: Exception, words: str) -> NatNetError:
+    return NatNetNotReadyError(words) if passes(error) else NatNetError(words)

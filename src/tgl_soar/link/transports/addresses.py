@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 
-from tgl_soar.link.transports.base import PASSING_ERRORS, LinkError, LinkNotReadyError
+from tgl_soar.link.transports.base import LinkError, not_opened
 
 
 def host_and_port(text: str, rest: str) -> tuple[str, int]:
@@ -22,6 +22,6 @@ def resolved(text: str, host: str, port: int, kind: int) -> tuple[int, tuple[str
     try:
         family, _, _, _, address = socket.getaddrinfo(host, port, type=kind)[0]
     except OSError as error:
-        refused = LinkNotReadyError if error.errno in PASSING_ERRORS else LinkError
-        raise refused(f"link {text!r}: host {host!r} is not known: {error.strerror}") from None
+        words = f"link {text!r}: host {host!r} is not known: {error.strerror}"
+        raise not_opened(error, words) from None
     return family, (str(address[0]), port)

@@ -7,9 +7,8 @@ import socket
 from dataclasses import dataclass
 from typing import Final, Protocol
 
-# What passes without a change of the name: another program ends, a network or whoever knows its
-# names comes up.
-PASSING_ERRORS: Final = (
+# Another program ends, a network or whoever knows its names comes up.
+_PASSING: Final = (
     errno.EADDRINUSE, errno.EADDRNOTAVAIL, errno.ENODEV, errno.ENETDOWN, errno.ENETUNREACH,
     errno.EHOSTUNREACH, socket.EAI_AGAIN,
 )  # fmt: skip
@@ -22,6 +21,16 @@ class LinkError(Exception):
 
 class LinkNotReadyError(LinkError):
     """One that may be opened later as it is: what it leads to is missing, busy or not up yet."""
+
+
+def passes(error: Exception) -> bool:
+    """Whether what keeps a socket from being opened may pass without a change of its name."""
+    return getattr(error, "errno", None) in _PASSING
+
+
+def not_opened(error: OSError, words: str) -> LinkError:
+    """What is raised of a link's socket that cannot be opened."""
+    return LinkNotReadyError(words) if passes(error) else LinkError(words)
 
 
 @dataclass(slots=True)

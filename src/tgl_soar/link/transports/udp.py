@@ -18,10 +18,8 @@ from typing import Final
 from tgl_soar.link.transports.addresses import resolved
 from tgl_soar.link.transports.base import (
     MAX_DATAGRAMS,
-    PASSING_ERRORS,
     LinkCounters,
-    LinkError,
-    LinkNotReadyError,
+    not_opened,
 )
 
 PEER_SILENCE_S: Final = 3.0
@@ -87,8 +85,7 @@ class UdpListener(_Udp):
             self._socket.bind(address)
         except OSError as error:
             self._socket.close()
-            kind = LinkNotReadyError if error.errno in PASSING_ERRORS else LinkError
-            raise kind(_why_not_bound(text, host, port, error)) from None
+            raise not_opened(error, _why_not_bound(text, host, port, error)) from None
 
     def receive(self, now_s: float, most: int = MAX_DATAGRAMS) -> list[bytes]:
         received: list[bytes] = []
@@ -163,8 +160,8 @@ class UdpSpeaker(_Udp):
             self._socket.connect(self._address)
         except OSError as error:
             self._socket.close()
-            kind = LinkNotReadyError if error.errno in PASSING_ERRORS else LinkError
-            raise kind(f"link {text!r}: no way to {host}: {error.strerror}") from None
+            words = f"link {text!r}: no way to {host}: {error.strerror}"
+            raise not_opened(error, words) from None
 
     def receive(
         self,

@@ -72,10 +72,10 @@ class DaskCluster:
 
         done: queue.SimpleQueue[Any] = queue.SimpleQueue()
         flying: dict[str, tuple[Any, Shard]] = {}
+        ours = source_digest(), libraries()
         try:
             while True:
                 for shard in shards.take():
-                    ours = source_digest(), libraries()
                     future = client.submit(_fly_there, fly, shard.jobs, *ours, pure=False)
                     flying[future.key] = future, shard
                     future.add_done_callback(done.put)

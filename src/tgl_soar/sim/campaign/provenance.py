@@ -63,6 +63,7 @@ def libraries() -> dict[str, str]:
     return {name: _version(name) for name in _CHANGES_FLIGHTS}
 
 
+@cache
 def _version(name: str) -> str:
     try:
         return version(name)
