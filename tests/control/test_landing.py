@@ -28,12 +28,12 @@ from tgl_soar.control.landing import (
     escape_height,
     glide_step,
     glide_wish,
-    ground_speed,
     half_width,
     height_left,
     weave,
 )
 from tgl_soar.control.weaving import WEAVE_RADPS, mean_cosine, weave_angle
+from tgl_soar.control.wind_triangle import ground_speed, wind_veer
 from tgl_soar.types import NO_AIR, NO_POLAR, AirEstimate, GlidePolar, VehicleState, polar_sink
 
 DT = 0.005
@@ -95,12 +95,21 @@ def test_along_and_across_are_the_same_place_seen_along_the_bearing(bearing_deg:
 
 
 def test_ground_speed_is_the_wind_triangle() -> None:
-    assert ground_speed(9.0, 7.0, 0.0) == pytest.approx(2.0)
+    assert ground_speed(9.0, 7.0, 0.0, 0.0) == pytest.approx(2.0)
     b = radians(40.0)
-    v = ground_speed(9.0, 7.0, b)
+    v = ground_speed(9.0, 7.0, 0.0, b)
     # Along the bearing over the ground, the air brings the rest: its length is the airspeed.
     assert hypot(v * cos(b) + 7.0, v * sin(b)) == pytest.approx(9.0)
-    assert isnan(ground_speed(5.0, 9.0, radians(60.0)))
+    v = ground_speed(9.0, 7.0, -2.0, b)  # a wind from the right
+    assert hypot(v * cos(b) + 7.0, v * sin(b) + 2.0) == pytest.approx(9.0)
+    assert isnan(ground_speed(5.0, 9.0, 0.0, radians(60.0)))
+    assert isnan(ground_speed(5.0, 0.0, 9.0, 0.0))
+
+
+def test_a_wind_from_the_right_is_to_the_right_and_one_from_behind_is_nowhere() -> None:
+    assert wind_veer(air(wind_mps=6.0, cross_wind_mps=-6.0)) == pytest.approx(radians(45.0))
+    assert wind_veer(air(wind_mps=6.0, cross_wind_mps=nan)) == 0.0
+    assert wind_veer(air(wind_mps=-6.0, cross_wind_mps=6.0)) == 0.0
 
 
 def test_the_height_left_is_what_a_flown_glide_leaves() -> None:
@@ -112,12 +121,12 @@ def test_the_height_left_is_what_a_flown_glide_leaves() -> None:
         gone += (speed - wind) * DT
         z -= polar_sink(POLAR, speed) * DT
     z += (speed**2 - PARAMS.best_glide_mps**2) / (2 * G)
-    left = height_left(PARAMS, distance, height, begins, speed, wind)
+    left = height_left(PARAMS, distance, height, begins, speed, wind, 0.0)
     assert left == pytest.approx(z, abs=0.02)
 
 
 def test_the_dive_must_be_paid_before_it_is_given_back() -> None:
-    near = height_left(PARAMS, 0.1, 2.0, 8.5, 12.0, 7.0)
+    near = height_left(PARAMS, 0.1, 2.0, 8.5, 12.0, 7.0, 0.0)
     assert near == pytest.approx(2.0 + (8.5**2 - 12.0**2) / (2 * G))
 
 
@@ -125,13 +134,67 @@ def test_the_escape_condition_is_the_best_speed_against_two_sigma() -> None:
     vehicle, now = at(), air()
     wind = now.wind_mps + 2.0 * now.wind_sigma_mps
     speeds = [SLOWEST + k * (12.0 - SLOWEST) / 400 for k in range(401)]
-    best = max(height_left(PARAMS, 21.0, 14.0, 8.5, v, wind) for v in speeds)
+    best = max(height_left(PARAMS, 21.0, 14.0, 8.5, v, wind, 0.0) for v in speeds)
     found = escape_height(PARAMS, vehicle, now)
     assert found == pytest.approx(best - PARAMS.spare_m, abs=0.1)
     assert found <= best - PARAMS.spare_m
     surer = escape_height(PARAMS, vehicle, air(wind_sigma_mps=0.0))
     assert surer > found + 0.5
     assert escape_height(PARAMS._replace(wind_share=0.8), vehicle, now) > found + 1.0
+
+
+@pytest.mark.parametrize("bearing_deg", [0.0, 30.0])
+@pytest.mark.parametrize("veer_deg", [-20.0, 0.0, 20.0, 40.0])
+@pytest.mark.parametrize("wind_mps", [7.0, 8.0])
+def test_what_it_says_is_left_is_left_in_a_wind_across(
+    wind_mps: float, veer_deg: float, bearing_deg: float
+) -> None:
+    """Flown tick by tick along the approach, as the wind triangle of all the wind has it."""
+    veer, bearing = radians(veer_deg), radians(bearing_deg)
+    params = PARAMS._replace(place=PLACE._replace(x_m=0.0, bearing_rad=bearing))
+    now = air(wind_mps=wind_mps * cos(veer), cross_wind_mps=-wind_mps * sin(veer), wind_sigma_mps=0)
+    begin = at(x_m=30.0 * cos(bearing), y_m=-30.0 * sin(bearing), z_m=25.0)
+    told = escape_height(params, begin, now)
+    energy_m, best = begin.z_m + now.airspeed_mps**2 / (2 * G), -inf
+    for k in range(41):
+        speed = SLOWEST + (12.0 - SLOWEST) * k / 40
+        x, y, z = begin.x_m, begin.y_m, energy_m - speed**2 / (2 * G)
+        off = veer - bearing
+        if speed <= wind_mps * abs(sin(off)):
+            continue
+        heading = bearing + asin(wind_mps * sin(off) / speed)  # so that it keeps to the bearing
+        step = 0.02
+        for _ in range(5000):
+            if along(params.place, x, y) <= 0.0:
+                best = max(best, z + (speed**2 - PARAMS.best_glide_mps**2) / (2 * G))
+                break
+            x -= (speed * cos(heading) - now.wind_mps) * step
+            y += (speed * sin(heading) + now.cross_wind_mps) * step
+            z -= polar_sink(POLAR, speed) * step
+            assert abs(across(params.place, x, y)) < 0.05
+    assert told == pytest.approx(best - params.spare_m, abs=0.15)
+
+
+@pytest.mark.parametrize("turned_deg", [-40.0, 15.0])
+def test_all_of_it_turned_about_the_place_is_the_same(turned_deg: float) -> None:
+    """Place, approach, aircraft and wind, to the side by so much."""
+    turned = radians(turned_deg)
+    place = LandingPlace(x_m=0.0, y_m=0.0, z_m=0.0, bearing_rad=turned, length_m=20.0)
+    params = PARAMS._replace(place=place)
+    straight = PARAMS._replace(place=place._replace(bearing_rad=0.0))
+    wind = air(wind_mps=6.5 * cos(turned), cross_wind_mps=-6.5 * sin(turned))
+    right = turned < 0.0  # to the other side the frame leaves less
+    straight_wind = air(wind_mps=6.5)
+    for away_m, z_m in ((8.0, 14.0), (25.0, 9.0)):
+        there = at(x_m=away_m * cos(turned), y_m=-away_m * sin(turned), z_m=z_m)
+        ahead = at(x_m=away_m, y_m=0.0, z_m=z_m)
+        speeds = approach_speed(params, SLOWEST, there, wind)
+        assert speeds == pytest.approx(approach_speed(straight, SLOWEST, ahead, straight_wind))
+        angle = weave(params, right, SLOWEST, nan, there, wind, False)
+        assert angle == pytest.approx(
+            weave(straight, right, SLOWEST, nan, ahead, straight_wind, False), abs=1e-9
+        )
+        assert (away_m > 20.0) == (angle == 0.0)
 
 
 def test_wind_that_no_speed_beats_leaves_nothing_and_what_is_unknown_is_not_known() -> None:
@@ -179,8 +242,8 @@ def test_the_approach_is_as_slow_as_still_gets_there() -> None:
     assert approach_speed(PARAMS, SLOWEST, at(z_m=30.0), air()) == SLOWEST
     speed = approach_speed(PARAMS, SLOWEST, at(z_m=12.0), air())
     assert SLOWEST < speed < 12.0
-    assert height_left(PARAMS, distance, 12.0, 8.5, speed, 7.0) == pytest.approx(0.0, abs=0.1)
-    assert height_left(PARAMS, distance, 12.0, 8.5, speed - 0.3, 7.0) < 0.0
+    assert height_left(PARAMS, distance, 12.0, 8.5, speed, 7.0, 0.0) == pytest.approx(0.0, abs=0.1)
+    assert height_left(PARAMS, distance, 12.0, 8.5, speed - 0.3, 7.0, 0.0) < 0.0
     assert approach_speed(PARAMS, SLOWEST, at(z_m=nan), air()) == PARAMS.best_glide_mps
 
 
@@ -261,11 +324,36 @@ def test_no_nose_is_turned_towards_the_slope(bearing_deg: float) -> None:
     high = at(x_m=-25.0, z_m=40.0)
     right = weave(params, True, SLOWEST, nan, high, met, False)
     left = weave(params, False, SLOWEST, nan, high, met, False)
-    assert veer + right - bearing == pytest.approx(pi / 2.0, abs=0.01)
+    assert veer + right <= min(landing.WEAVE_RAD, bearing + pi / 2.0) + 1e-9
+    assert veer + right == pytest.approx(landing.WEAVE_RAD, abs=0.01)
     assert left == pytest.approx(-landing.WEAVE_RAD)
 
 
-def touched_down(
+@pytest.mark.parametrize("veer_deg", [-60.0, -20.0, 0.0, 20.0, 60.0])
+@pytest.mark.parametrize("bearing_deg", [-60.0, 0.0, 30.0, 60.0])
+def test_the_nose_is_flown_within_what_the_supervisor_lets_and_the_approach(
+    bearing_deg: float, veer_deg: float
+) -> None:
+    """To both sides, in so little wind that it turns as far as it may."""
+    veer, bearing = radians(veer_deg), radians(bearing_deg)
+    place = PLACE._replace(bearing_rad=bearing, x_m=-20.0, y_m=0.0)
+    params = PARAMS._replace(place=place)
+    met = air(wind_mps=2.5 * cos(veer), cross_wind_mps=-2.5 * sin(veer), airspeed_mps=SLOWEST)
+    high = at(x_m=-25.0, z_m=40.0)
+    for right in (True, False):
+        angle = weave(params, right, SLOWEST, nan, high, met, False)
+        state = NO_GLIDE._replace(speed_mps=SLOWEST, goes_right=right, weave_rad=angle)
+        wish = glide_wish(params, state, False, True, pitched(0.0), high, met, inf)
+        assert abs(wish.heading_rad) <= landing.WEAVE_RAD + 1e-9
+        if angle != 0.0:
+            assert abs(wish.heading_rad - bearing) <= pi / 2.0 + 1e-9
+            # And it is off the wind by just that, over the ground to the side that follows.
+            assert wish.heading_rad == pytest.approx(veer + angle)
+            drifts = SLOWEST * sin(wish.heading_rad) + met.cross_wind_mps
+            assert wish.sideways_mps == pytest.approx(drifts)
+
+
+def touch_down(
     wind_mps: float,
     x_m: float,
     z_m: float,
@@ -274,21 +362,23 @@ def touched_down(
     params: LandingParams = PARAMS,
     lag_s: float = 0.0,
     wrong_mps: float = 0.0,
-) -> float:
-    """How far beyond the place [m] it touches down, as a point that does what it is told; falls:
-    the share of the wind that is gone at the ground, evenly from 14 m on; lag_s: of the nose;
-    wrong_mps: by which the wind is taken for more than it is."""
+    cross_mps: float = 0.0,
+) -> tuple[float, float]:
+    """How far beyond the place and to the right of it [m] it touches down, as a point that does
+    what it is told; falls: the share of the wind that is gone at the ground, evenly from 14 m on;
+    lag_s: of the nose; wrong_mps: by which the wind is taken for more than it is; cross_mps: wind
+    to the right."""
     state, speed, y_m, psi = NO_GLIDE, SLOWEST, 0.0, 0.0
     sinks = polar_sink(POLAR, speed)
     for k in range(round(150.0 / DT)):
         u = wind_mps * (1.0 - falls * max(0.0, 1.0 - z_m / 14.0))
         vehicle = at(k * DT, x_m=x_m, y_m=y_m, z_m=z_m, climb_mps=-sinks)
-        met = air(airspeed_mps=speed, wind_mps=u + wrong_mps)
+        met = air(airspeed_mps=speed, wind_mps=u + wrong_mps, cross_wind_mps=cross_mps)
         state, _ = glide_step(params, state, False, True, vehicle, met, z_m, False, DT)
         wish = glide_wish(params, state, False, True, pitched(0.0), vehicle, met, z_m)
-        wanted_rad = asin(max(-1.0, min(1.0, wish.sideways_mps / speed)))
+        wanted_rad = asin(max(-1.0, min(1.0, (wish.sideways_mps - cross_mps) / speed)))
         psi += (wanted_rad - psi) * min(1.0, DT / max(DT, lag_s))
-        y_m += speed * sin(psi) * DT
+        y_m += (speed * sin(psi) + cross_mps) * DT
         if state.flares:
             wanted = max(landing.SINK_MPS, z_m / landing.FLARE_S)
             sinks = (polar_sink(POLAR, speed) + landing.KF * wanted) / (1.0 + landing.KF)
@@ -300,8 +390,13 @@ def touched_down(
         x_m -= (speed * cos(psi) - u) * DT
         z_m -= sinks * DT
         if z_m <= 0.0:
-            return params.place.x_m - x_m
-    return inf
+            return params.place.x_m - x_m, y_m - params.place.y_m
+    return inf, inf
+
+
+def touched_down(wind_mps: float, x_m: float, z_m: float, falls: float = 0.0, **more: Any) -> float:
+    """How far beyond the place."""
+    return touch_down(wind_mps, x_m, z_m, falls, **more)[0]
 
 
 @pytest.mark.parametrize(
@@ -320,6 +415,19 @@ HIGH = PARAMS._replace(place=PLACE._replace(x_m=-80.0))
 def test_from_a_high_hill_it_touches_down_at_the_place_too(wind_mps: float) -> None:
     """From 50 m, two metres upstream of a foot at −38 m: half a minute of glide too many."""
     assert abs(touched_down(wind_mps, -38.0, 50.0, params=HIGH, lag_s=0.7)) < 4.0
+
+
+@pytest.mark.parametrize("veer_deg", [-30.0, -15.0, 15.0, 30.0])
+@pytest.mark.parametrize("wind_mps", [6.5, 7.5, 8.5])
+def test_in_a_wind_across_it_touches_down_at_the_place(wind_mps: float, veer_deg: float) -> None:
+    """The same, in a wind that comes from one side: as near as a landing is to be."""
+    veer = radians(veer_deg)
+    cross_mps, params = -wind_mps * sin(veer), HIGH._replace(heading_max_rad=radians(60.0))
+    beyond_m, right_m = touch_down(
+        wind_mps * cos(veer), -38.0, 50.0, params=params, lag_s=0.7, cross_mps=cross_mps
+    )
+    assert abs(beyond_m) < 10.0
+    assert abs(right_m) < 5.0
 
 
 @pytest.mark.parametrize(("wrong_mps", "most_m"), [(-1.0, 12.0), (1.0, 12.0), (-2.0, 24.0)])
@@ -405,9 +513,9 @@ def test_a_flare_covers_as_much_more_as_is_planned() -> None:
         height -= 1e-4 * (sink + landing.KF * height / landing.FLARE_S) / (1.0 + landing.KF)
         gone_s += 1e-4
     assert gone_s - landing.FLARE_S == pytest.approx(landing.FLOAT_S, abs=0.01)
-    planned = landing.float_length(PARAMS, 7.0)
+    planned = landing.float_length(PARAMS, 7.0, 0.0)
     assert planned == pytest.approx(landing.FLOAT_S * (PARAMS.best_glide_mps - 7.0))
-    assert landing.float_length(PARAMS, 10.0) == 0.0  # it gets nowhere
+    assert landing.float_length(PARAMS, 10.0, 0.0) == 0.0  # it gets nowhere
 
 
 def test_a_slow_aircraft_does_not_turn() -> None:

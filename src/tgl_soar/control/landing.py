@@ -5,9 +5,9 @@ right.  Along the approach and across it, to the right,
 
     a = (−cos beta, sin beta)      r = (sin beta, cos beta)
 
-At an airspeed V in wind u the ground is covered along a at
+At an airspeed V in a wind of u downstream and c to the right the ground is covered along a at
 
-    v(V) = sqrt(V² − (u sin beta)²) − u cos beta
+    v(V) = sqrt(V² − (u sin beta + c cos beta)²) − (u cos beta − c sin beta)
 
 and a place D ahead is reached with the height to spare
 
@@ -28,11 +28,12 @@ short of the place.
 speed loses it sooner but advances by more for each metre lost.  So where even the slowest V has
 height left over it weaves, down to FINAL_M: from side to side, b to either side of the approach,
 the nose off the wind by chi on the straight legs and turning through the wind between them, so
-that m(chi) of V is kept upwind on average (`control.weaving`).
+that m(chi) of V is kept upwind on average (`control.weaving`).  The wind is that of both axes.
 
 chi is the least that keeps no more than it may:
 
-    V m(chi) = u + v_d        v_d = D' s / h'     with D', h' as far as to the straight rest
+    V m(chi) = W + v_d        W = |(u, c)|
+    v_d = D' s / h'           with D', h' as far as to the straight rest
 
 and s its sink over the ground, averaged: where rising air slows that, it has more time.  v_d is of
 now and here: a wind that is wrong, or drag that nobody knows, changes D' / h', and chi follows.
@@ -40,7 +41,7 @@ Beyond the straight rest's beginning v_d is negative, and the weave comes back a
 of WEAVE_RAD and WEAVE_M 0.29 of V would be kept if the nose followed at once; as it follows, some
 0.65, so that it stands still in 5.5 m/s of wind.  In less what is too high flies over the place: to
 turn the nose farther, towards the slope, is the only other way, and is not done: it stays within 90
-degrees of the approach.
+degrees of the approach, and as far from downwind of the frame as WEAVE_RAD is.
 
 b is no more than there is height to come back from: WEAVE_WIDER h', WEAVE_M and the fence at most
 (up to FAST_M FAST_WIDER h', where it began low, and at the speed of an airspeed that is not
@@ -83,7 +84,7 @@ then on it does not weave and flies no slower than the best glide.
 
 from __future__ import annotations
 
-from math import asin, atan2, cos, exp, log, pi, radians, sin, sqrt
+from math import asin, cos, exp, hypot, log, pi, radians, sin
 from typing import Final, NamedTuple
 
 from tgl_soar.control.turning_airspeed import (
@@ -94,6 +95,7 @@ from tgl_soar.control.turning_airspeed import (
     turning_step,
 )
 from tgl_soar.control.weaving import WEAVE_MIN_RAD, WEAVE_RADPS, weave_angle
+from tgl_soar.control.wind_triangle import cross_wind, ground_speed, wind_veer
 from tgl_soar.types import NAN, AirEstimate, GlidePolar, VehicleState, polar_sink
 
 GRAVITY_MPS2: Final = 9.80665
@@ -106,7 +108,8 @@ POLAR_BY_MPS: Final = 0.8  # above the polar's slow end: a gust of 10 %
 # follows, the speed and the flare's beginning.
 FINAL_M: Final = 4.5
 STRAIGHT_BY_M: Final = 1.0  # below it the nose is to be upwind
-WEAVE_RAD: Final = 1.5  # from the wind, at most: cos 86 degrees, next to nothing of the speed
+# From the wind, at most: cos 86 degrees; and from straight upwind, as 90 degrees are too many.
+WEAVE_RAD: Final = 1.5
 WEAVE_LAG_S: Final = 1.4  # the nose and the path follow their setpoint by so much later
 TURNS_BY_MPS: Final = 0.6  # slower than wanted by more than that it does not turn
 # Off the approach, at most.  Narrower it turns too often, and in each turn it looks upwind and goes
@@ -228,7 +231,7 @@ class GlideWish(NamedTuple):
     """What the glide home asks of the attitude loops."""
 
     pitch_rad: float
-    heading_rad: float  # from the wind's direction of the frame
+    heading_rad: float  # from straight upwind of the frame
     sideways_mps: float  # over the ground, to the right
     steeper: float  # by so much of itself the largest bank may be more
 
@@ -260,13 +263,6 @@ def across(place: LandingPlace, x_m: float, y_m: float) -> float:
     return sin(b) * (x_m - place.x_m) + cos(b) * (y_m - place.y_m)
 
 
-def ground_speed(speed_mps: float, wind_mps: float, bearing_rad: float) -> float:
-    """v(V) [m/s] along a bearing; NaN where the wind blows the aircraft off it."""
-    side = wind_mps * sin(bearing_rad)
-    square = speed_mps * speed_mps - side * side
-    return sqrt(square) - wind_mps * cos(bearing_rad) if square > 0.0 else NAN
-
-
 def slowest(params: LandingParams) -> float:
     """The slowest airspeed of an approach [m/s]."""
     return max(params.polar.speed_min_mps + POLAR_BY_MPS, params.speed_min_mps + SLOW_BY_MPS)
@@ -284,9 +280,10 @@ def height_left(
     airspeed_mps: float,
     speed_mps: float,
     wind_mps: float,
+    cross_wind_mps: float,
 ) -> float:
     """left(V) [m]; −inf where the place is not reached at all."""
-    v = ground_speed(speed_mps, wind_mps, params.place.bearing_rad)
+    v = ground_speed(speed_mps, wind_mps, cross_wind_mps, params.place.bearing_rad)
     energy_m = height_m + speed_height(airspeed_mps)
     if distance_m <= 0.0:
         return energy_m - speed_height(params.best_glide_mps)
@@ -307,20 +304,21 @@ def escape_height(params: LandingParams, vehicle: VehicleState, air: AirEstimate
     distance = along(place, vehicle.x_m, vehicle.y_m)
     height = vehicle.z_m - place.z_m
     wind = params.wind_share * air.wind_mps + params.sigmas * air.wind_sigma_mps
+    cross = params.wind_share * cross_wind(air)
     if not (place.length_m > 0.0 and distance + height + wind + air.airspeed_mps < INFINITE):
         return NAN
     low, high = slowest(params), params.polar.speed_max_mps
     best = -INFINITE
     for k in range(SPEEDS):
         speed = low + (high - low) * k / (SPEEDS - 1)
-        left = height_left(params, distance, height, air.airspeed_mps, speed, wind)
+        left = height_left(params, distance, height, air.airspeed_mps, speed, wind, cross)
         best = max(best, left)
     return max(-DEEP_M, best - params.spare_m) if high > low else NAN
 
 
-def float_length(params: LandingParams, wind_mps: float) -> float:
+def float_length(params: LandingParams, wind_mps: float, cross_wind_mps: float) -> float:
     """How much farther than a glide a flare goes [m]; 0 where it gets nowhere against the wind."""
-    v = ground_speed(params.best_glide_mps, wind_mps, params.place.bearing_rad)
+    v = ground_speed(params.best_glide_mps, wind_mps, cross_wind_mps, params.place.bearing_rad)
     return FLOAT_S * v if v > 0.0 else 0.0  # false for NaN
 
 
@@ -337,13 +335,13 @@ def approach_speed(
         and distance + height + air.wind_mps + air.airspeed_mps < INFINITE
     ):
         return params.best_glide_mps
-    wind = air.wind_mps
-    distance -= float_length(params, wind)
+    wind, cross = air.wind_mps, cross_wind(air)
+    distance -= float_length(params, wind, cross)
     best, best_speed, before = -INFINITE, low, -INFINITE
     step = (high - low) / (SPEEDS - 1)
     for k in range(SPEEDS):
         speed = low + step * k
-        left = height_left(params, distance, height, air.airspeed_mps, speed, wind)
+        left = height_left(params, distance, height, air.airspeed_mps, speed, wind, cross)
         if left >= 0.0:
             if k > 0 and before > -INFINITE:
                 speed -= step * left / (left - before)
@@ -367,14 +365,14 @@ def weave(
 
     sinks_mps: how it sinks over the ground, averaged; NaN: not known.  fast: see `half_width`.
     """
-    place, wind = params.place, air.wind_mps
+    place, wind, cross = params.place, air.wind_mps, cross_wind(air)
     height = vehicle.z_m - place.z_m - FINAL_M
-    final_mps = ground_speed(params.best_glide_mps, wind, place.bearing_rad)
+    final_mps = ground_speed(params.best_glide_mps, wind, cross, place.bearing_rad)
     final_sink = polar_sink(params.polar, params.best_glide_mps)
     sink = polar_sink(params.polar, speed_mps)
     if not final_sink > 0.0:  # no polar is known there
         return 0.0
-    distance = along(place, vehicle.x_m, vehicle.y_m) - float_length(params, wind)
+    distance = along(place, vehicle.x_m, vehicle.y_m) - float_length(params, wind, cross)
     distance -= FINAL_M * final_mps / final_sink
     if not (height > 0.0 and sink > 0.0 and distance < INFINITE):
         return 0.0
@@ -385,6 +383,7 @@ def weave(
     straight_s = (height + STRAIGHT_BY_M) / sink  # until it is to look upwind again
     most = max(0.0, min(WEAVE_RAD, WEAVE_RADPS * straight_s, to_abeam(place, goes_right, air)))
     width = half_width(params, height, fast)
+    wind = hypot(wind, cross) if wind > 0.0 else wind
     angle = weave_angle((wind + advance) / speed_mps, width, speed_mps, most)
     if angle < WEAVE_MIN_RAD:
         return 0.0
@@ -392,11 +391,11 @@ def weave(
 
 
 def to_abeam(place: LandingPlace, goes_right: bool, air: AirEstimate) -> float:
-    """How far off the wind [rad] the nose is abeam of the approach: no farther, or it looks at the
-    slope."""
-    drift = air.cross_wind_mps if air.cross_wind_mps == air.cross_wind_mps else 0.0
-    veer = atan2(-drift, air.wind_mps) - place.bearing_rad if air.wind_mps > 0.0 else 0.0
-    return pi / 2.0 - veer if goes_right else pi / 2.0 + veer
+    """How far off the wind [rad] the nose is abeam of the approach, or WEAVE_RAD from straight
+    upwind: no farther, or it looks at the slope."""
+    veer, side = wind_veer(air), 1.0 if goes_right else -1.0
+    off = veer - place.bearing_rad if air.wind_mps > 0.0 else 0.0
+    return min(pi / 2.0 - side * off, WEAVE_RAD - side * veer)
 
 
 def half_width(params: LandingParams, over_m: float, fast: bool) -> float:
@@ -569,16 +568,17 @@ def glide_wish(
         return GlideWish(pitch, 0.0, 0.0, 0.0)
     if state.weave_rad != 0.0:
         steeper = _steeper(params, state, vehicle, air)
-        return GlideWish(pitch, state.weave_rad, speed * sin(state.weave_rad), steeper)
+        heading = wind_veer(air) + state.weave_rad
+        return GlideWish(pitch, heading, speed * sin(heading) + cross_wind(air), steeper)
     bearing = params.escape_rad if outward else params.place.bearing_rad
     wind = air.wind_mps if air.wind_mps == air.wind_mps else 0.0
-    forward = ground_speed(speed, wind, bearing)
+    drift = cross_wind(air)
+    forward = ground_speed(speed, wind, drift, bearing)
     forward = forward if forward >= ADVANCE_MPS else ADVANCE_MPS
     sideways = forward * sin(bearing)
     if not outward:
         back = -across(params.place, vehicle.x_m, vehicle.y_m) / CROSS_S
         sideways += max(-CROSS_MPS, min(CROSS_MPS, back)) * cos(bearing)
-    drift = air.cross_wind_mps if air.cross_wind_mps == air.cross_wind_mps else 0.0
     heading = asin(max(-1.0, min(1.0, (sideways - drift) / max(speed, 1.0))))
     most = params.heading_max_rad
     return GlideWish(pitch, max(-most, min(most, heading)), sideways, 0.0)

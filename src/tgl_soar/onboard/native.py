@@ -60,6 +60,7 @@ MODULES: Final = (
     "tgl_soar.control.forecast",
     "tgl_soar.control.heading",
     "tgl_soar.control.turning_airspeed",
+    "tgl_soar.control.wind_triangle",
     "tgl_soar.control.weaving",
     "tgl_soar.control.landing",
     "tgl_soar.control.escape",

@@ -72,6 +72,7 @@ MODULES: Final = (
     "tgl_soar.control.estimates",
     "tgl_soar.control.launch",
     "tgl_soar.control.turning_airspeed",
+    "tgl_soar.control.wind_triangle",
     "tgl_soar.control.weaving",
     "tgl_soar.control.landing",
     "tgl_soar.control.escape",

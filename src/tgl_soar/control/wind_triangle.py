@@ -1,0 +1,31 @@
+"""The wind triangle: over the ground along a bearing, in a wind along both axes.
+
+Bearings and veer from straight upwind of the soaring frame, positive to the right.
+"""
+
+from __future__ import annotations
+
+from math import atan2, cos, sin, sqrt
+
+from tgl_soar.types import NAN, AirEstimate
+
+
+def ground_speed(
+    speed_mps: float, wind_mps: float, cross_wind_mps: float, bearing_rad: float
+) -> float:
+    """v(V) [m/s] along a bearing; NaN where the wind blows the aircraft off it."""
+    side = wind_mps * sin(bearing_rad) + cross_wind_mps * cos(bearing_rad)
+    head = wind_mps * cos(bearing_rad) - cross_wind_mps * sin(bearing_rad)
+    square = speed_mps * speed_mps - side * side
+    return sqrt(square) - head if square > 0.0 else NAN
+
+
+def cross_wind(air: AirEstimate) -> float:
+    """c [m/s], to the right; 0 where it is not known."""
+    return air.cross_wind_mps if air.cross_wind_mps == air.cross_wind_mps else 0.0
+
+
+def wind_veer(air: AirEstimate) -> float:
+    """Where the wind comes from [rad], from straight upwind, positive to the right; 0 where it
+    comes from behind."""
+    return atan2(-cross_wind(air), air.wind_mps) if air.wind_mps > 0.0 else 0.0
