@@ -54,7 +54,7 @@ def compile_command(
         bool, typer.Option("--remove", help="Remove the native code; the source then flies.")
     ] = False,
 ) -> None:
-    """Make native code of what flies: a tick is four times as fast. Takes some minutes, once.
+    """Make native code of what flies: a tick is more than twice as fast. Takes some minutes, once.
 
     It is stored beside the package, or in the folder that TGL_SOAR_NATIVE names.
     """
