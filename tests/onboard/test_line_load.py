@@ -32,7 +32,7 @@ def flown(**changes: float) -> ModuleSetup:
 
 def test_it_is_the_sum_of_what_is_asked_for_and_sent() -> None:
     slow, fast = load_of(flown(LOOP_RATE=100.0)), load_of(flown(LOOP_RATE=200.0))
-    override, attitude, accelerations = 30, 32 + 12, 26 + 12
+    override, attitude, accelerations = 30, 32 + 12, 29 + 12
     assert fast.to_autopilot - slow.to_autopilot == pytest.approx(100 * override)
     quiet = load_of(flown(TEL_BUDGET=400.0))
     talkative = load_of(flown(TEL_BUDGET=2400.0))
@@ -66,6 +66,22 @@ def test_the_page_lists_the_rates_that_are_asked_for() -> None:
     often = {name: rate_hz for name, rate_hz in wanted.items() if rate_hz >= 10.0}
     assert {"LOCAL_POSITION_NED", "SERVO_OUTPUT_RAW", "RC_CHANNELS"} <= often.keys()
     assert often == {name: listed[name] for name in often}
+
+
+def test_the_page_counts_whole_messages() -> None:
+    """docs/hardware.md: payload and header of a message, times its rate, as the sum has them."""
+    page = (Path(__file__).parents[2] / "docs/hardware.md").read_text(encoding="utf-8")
+    table = page.partition("| to the companion | Hz |")[2].partition("\n\n")[0]
+    sizes = {name: int(size) for name, size in re.findall(r"`([A-Z_]+)` \((\d+) \+ 12", table)}
+    messages = {message.msgname: message.unpacker.size for message in mavlink.mavlink_map.values()}
+    assert {"RAW_IMU", "HIGHRES_IMU", "SERVO_OUTPUT_RAW"} <= sizes.keys()
+    ours = {"RC_CHANNELS_OVERRIDE": 18}  # the channels 9 to 18 are zeros, and cut off
+    assert sizes == {name: ours.get(name, messages[name]) for name in sizes}
+    for cells in (row.split("|")[1:4] for row in table.splitlines() if " + 12" in row):
+        each = [(int(size) + 12) * float(cells[1]) for size in re.findall(r"(\d+) \+ 12", cells[0])]
+        assert [float(n.replace(" ", "")) for n in cells[2].split(" or ")] == pytest.approx(
+            each, abs=50.0
+        )
 
 
 def test_the_way_out_is_the_lowest_rate_that_carries_it() -> None:

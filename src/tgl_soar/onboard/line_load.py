@@ -17,9 +17,6 @@ from tgl_soar.link.messages import (
     ID_ATTITUDE_QUATERNION,
     ID_HEARTBEAT,
     ID_ODOMETRY,
-    ID_RAW_IMU,
-    ID_SCALED_IMU,
-    ID_SERVO_OUTPUT_RAW,
     ID_VISION_POSITION_ESTIMATE,
 )
 from tgl_soar.link.transports.serial_line import BITS_PER_BYTE
@@ -31,13 +28,9 @@ USED_MAX: Final = 0.8  # of what the line carries
 RATES_BAUD: Final = (57_600, 115_200, 230_400, 460_800, 921_600, 1_500_000, 3_000_000)
 FRAME_BYTES: Final = 12  # of a MAVLink 2 frame besides its payload
 SIGNATURE_BYTES: Final = 13
-# Payloads without the fields that were added later and are mostly zero, and so cut off.
-_PAYLOAD_BYTES: Final = {
-    ID_ATTITUDE_QUATERNION: 32,
-    ID_RAW_IMU: 26,
-    ID_SCALED_IMU: 22,
-    ID_SERVO_OUTPUT_RAW: 21,
-}
+# MAVLink 2 cuts off the zeros at the end of a payload.  Only repr_offset_q is sure to be zero here;
+# RAW_IMU and SCALED_IMU end with the temperature, which ArduPlane fills in.
+_PAYLOAD_BYTES: Final = {ID_ATTITUDE_QUATERNION: 32}
 _FORWARDED: Final = {
     "vision_position_estimate": ID_VISION_POSITION_ESTIMATE,
     "odometry": ID_ODOMETRY,
@@ -92,6 +85,6 @@ def load_of(setup: ModuleSetup, *, signed: bool = False) -> LineLoad:
 
 
 def _payload_bytes(message_id: int) -> int:
-    """At most, or mostly."""
+    """At most."""
     whole: int = dialect.mavlink_map[message_id].unpacker.size
     return _PAYLOAD_BYTES.get(message_id, whole)
