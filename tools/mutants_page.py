@@ -15,9 +15,9 @@ _TEXT: Final = """\
 
 This page shows developers how well the tests detect faults. A mutant is a small change of the
 source, such as an inverted comparison, a doubled number or a missing row of a table
-(`tools/mutations.py` lists the kinds). `make mutate` makes this page: it tries {tried} changes,
-drawn with seed {seed} from all {total} that are possible. The tests notice {noticed}
-({share:.1f} %).
+(`tools/mutations.py` lists the kinds). `make mutate` makes this page from 500 changes; the run
+shown here tried {tried}, drawn with seed {seed} from all {total} that are possible. The tests
+notice {noticed} ({share:.1f} %).
 
 Tests that need real time or compile kernels are left out; the others have {budget_s:.0f} s of
 processor time for each change. The reasons in the last table are written by hand, and a new run

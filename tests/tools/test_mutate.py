@@ -256,7 +256,7 @@ def test_a_page_counts_by_folder_and_keeps_its_reasons(project: Path) -> None:
     mutants = [Mutant(Path("src/tgl_soar/law.py"), change._replace(line=n)) for n in (1, 2)]
     verdicts = dict(zip(mutants, (Verdict(True, "t"), Verdict(False, "")), strict=True))
     page = page_of(verdicts, 77, 5, project, "")
-    assert "tries 2 changes, drawn with seed 5 from all 77" in " ".join(page.split())
+    assert "tried 2, drawn with seed 5 from all 77 that" in " ".join(page.split())
     assert "notice 1 (50.0 %)" in " ".join(page.split())
     assert "| law.py | 2 | 1 |" in page
     assert all(f"- {kind}" in page for kind in LEFT_OUT)
