@@ -210,10 +210,6 @@ def _reached_from(name: str, graph: dict[str, set[str]]) -> set[str]:
     return found
 
 
-# One name for two classes, and why.
-TWICE = {"Cell": "the protocol of the simulation's memory, and the numba type that fulfils it"}
-
-
 def class_names(source: Path) -> dict[str, list[str]]:
     """Where each class name stands."""
     found: dict[str, list[str]] = {}
@@ -227,8 +223,7 @@ def class_names(source: Path) -> dict[str, list[str]]:
 
 def test_a_class_name_stands_for_one_thing() -> None:
     found = {name: places for name, places in class_names(SOURCE).items() if len(places) > 1}
-    assert {name: places for name, places in found.items() if name not in TWICE} == {}
-    assert set(TWICE) <= set(found), "stands once: take it off the list"
+    assert found == {}
 
 
 def test_a_class_name_that_stands_twice_is_found(tmp_path: Path) -> None:

@@ -16,11 +16,11 @@ class CellType(types.StructRef):
     """The type of a cell, as numba sees it."""
 
 
-class Cell(structref.StructRefProxy):
+class NumbaCell(structref.StructRefProxy):
     """One field, `value`."""
 
     def __new__(cls, value: object) -> Any:
         return structref.StructRefProxy.__new__(cls, value)  # type: ignore[no-untyped-call]
 
 
-structref.define_proxy(Cell, CellType, ["value"])  # type: ignore[no-untyped-call]
+structref.define_proxy(NumbaCell, CellType, ["value"])  # type: ignore[no-untyped-call]

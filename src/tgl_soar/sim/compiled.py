@@ -126,9 +126,9 @@ def cell(value: object) -> Any:
 
     Handing a cell over costs as much as handing over a float, whatever lies in it.
     """
-    from tgl_soar.sim.cells import Cell
+    from tgl_soar.sim.cells import NumbaCell
 
-    return Cell(value)
+    return NumbaCell(value)
 
 
 @cache
