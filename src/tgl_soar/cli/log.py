@@ -18,7 +18,7 @@ from tgl_soar.cli.console import Commands, console, errors, fail
 if TYPE_CHECKING:
     from tgl_soar.analysis.loop_response import LoopResponse
 
-log_app = Commands(help="What a flight log holds, and other formats.", no_args_is_help=True)
+log_app = Commands(help="Inspect a flight log and convert it.", no_args_is_help=True)
 
 
 def read(path: Path) -> FlightLog:

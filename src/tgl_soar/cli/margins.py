@@ -47,10 +47,10 @@ def margins(
     floor: Annotated[float, typer.Option(help="Least disk margin.", min=0.0, max=2.0)] = 0.5,
     out: Annotated[Path | None, typer.Option(help="Figure to write, PNG or SVG.")] = None,
 ) -> None:
-    """Disk, gain, phase and delay margins of the scheduled gains, and what gusts do.
+    """Margins of the scheduled gains, and e_rho and elevator activity in turbulence.
 
-    By the linear model of the airframe, at elevator, line, aileron and rudder. Exit code 1: one is
-    below the floor.
+    Disk, gain, phase and delay margins by the linear model of the airframe, at elevator, line,
+    aileron and rudder. Exit code 1: one is below the floor.
     """
     from tgl_soar.analysis import margins as found
     from tgl_soar.analysis.linear_plant import Gusts

@@ -32,7 +32,11 @@ from tgl_soar.config.site import Site
 from tgl_soar.sim.world import build_field, wind_misfit_text
 from tgl_soar.types import GlidePolar
 
-site_app = Commands(help="A place: its contour, its wind, and the fit of it.", no_args_is_help=True)
+site_app = Commands(
+    help="Site files: draft one, compute its contour, write a wind record,"
+    " check a polynomial wind.",
+    no_args_is_help=True,
+)
 
 TOLERANCE_M = 0.005  # of a point left out: less than any tracker's noise on a line
 LONGEST_FRACTION = 0.05  # a shorter part, of the longest one, is noise of the search
@@ -44,7 +48,7 @@ Point = tuple[float, float]
 
 @site_app.callback()
 def site_() -> None:
-    """A place: its contour, its wind, and the fit of it."""
+    """Draft and complete site files."""
 
 
 @site_app.command("contour")
