@@ -209,7 +209,7 @@ def test_a_source_that_reckons_is_left_for_one_that_measures_and_kept_where_ther
     assert alone.chosen == LOCAL_POSITION
 
 
-def test_who_stands_still_may_say_so_as_often_as_he_likes() -> None:
+def test_who_stands_still_may_say_so_as_often_as_it_likes() -> None:
     sources = PositionSources((LOCAL_POSITION, MOCAP))
     assert hang(sources, 0.0, 5.0, frozen=moving_fix(0.0, speed_mps=0.0))[1:] == []
     assert sources.chosen == LOCAL_POSITION

@@ -311,7 +311,7 @@ def test_a_gap_in_the_position_is_flown_through_and_one_in_the_attitude_is_not()
     assert "attitude lost" in flown("attitude.dropout start=4 for=1")
 
 
-def test_the_pilot_has_the_aircraft_when_he_wants_it() -> None:
+def test_the_pilot_has_the_aircraft_when_they_want_it() -> None:
     assert flown("pilot.takes start=4 for=2").startswith("let go")
 
 

@@ -27,7 +27,7 @@ class Parameter(NamedTuple):
     maximum: float
     default: float
     meaning: str
-    in_flight: bool = True  # may it change while the module has the surfaces?
+    in_flight: bool = True  # may it change while the module is engaged?
     integer: bool = False  # whole numbers only
     in_files: bool = True  # may a file give it, and is it kept over a restart?
 
@@ -46,10 +46,11 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     # --- the operator's switch -----------------------------------------------------------
     Parameter(
         name="OP_ENGAGE", unit="", minimum=0, maximum=2, default=0,
-        meaning="1: take the surfaces and soar; 0: disengage. A second after it has engaged the"
-                " module shows 2, which engages nothing when it is set: a file that a ground"
-                " station has saved in flight does not engage when it is loaded. When the module"
-                " disengages by itself it shows 0, so that it never engages again unasked.",
+        meaning="1: take the surfaces and soar; 0: disengage. A second after the module has"
+                " engaged, OP_ENGAGE reads 2; a module that is not engaged refuses to be set to"
+                " 2: a file that a ground station has saved in flight does not engage when it is"
+                " loaded. When the module disengages by itself it shows 0, so that it never engages"
+                " again unasked.",
         integer=True, in_files=False,
     ),
     Parameter(

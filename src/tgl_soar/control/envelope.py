@@ -2,7 +2,7 @@
 
     |u| <= deflection_max,   |u - u_last| <= rate_max dt,   nothing unless the mode flies
 
-A command that is not finite never passes: the caller is told and lets go.
+A command that is not finite never passes: the caller is told and disengages.
 
 A brake stays within 0 and what is left for it.  Where both ailerons are the brake, roll comes
 first: the brake has what the aileron leaves of their throw, at once, whatever its own rate.  Near

@@ -190,7 +190,7 @@ class CommandServer:
     def engagement(self, *, flying: bool, settled: bool, withdrawn: bool) -> list[CommandAck]:
         """The module's mode has changed: the answers to those who asked it to engage.
 
-        flying: it has the surfaces; settled: and is on its line; withdrawn: an operator released.
+        flying: it is engaged; settled: and is on its line; withdrawn: an operator released.
         """
         outbound: list[CommandAck] = []
         for (source, number), done in self._done.items():

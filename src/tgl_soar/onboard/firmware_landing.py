@@ -1,8 +1,8 @@
 """LND_BY: the firmware's own landing, asked for once the slope is left behind.
 
 The module flies its own approach meanwhile.  It is the autopilot's heartbeat that ends it: in the
-mode of its landing our commands do not act any more, and the supervisor lets go.  So nobody waits
-for anybody; a firmware that does not take the landing leaves the module to land.
+mode of its landing our commands do not act any more, and the supervisor disengages.  So nobody
+waits for anybody; a firmware that does not take the landing leaves the module to land.
 
     read     the mission, where that lands: when LND_BY is set, and again when it breaks off.  One
              without a landing, or with one elsewhere than the landing place, is not asked for

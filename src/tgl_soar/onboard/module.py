@@ -383,7 +383,7 @@ class Onboard:
         self.session.presence.mode = BOOT
 
     def stop(self) -> None:
-        """The process ends: give the surfaces back, and say so."""
+        """The process ends: hand over, and say so."""
         self._surfaces.stop(obeys=self.session.status.accepts_surfaces)
         self.outbox.tell(SEVERITY_NOTICE, "tgl_soar stopped")
         self._reports.stop(self.settings.values)

@@ -4,7 +4,7 @@ say         a message of ours, on one link or on all
 tell        words, on all links, on the console and in the log
 command     what a tick asks of the surfaces: it goes at once or is left out, as the next
             tick's is newer
-hand_over   what gives the surfaces back: it is never left out
+hand_over   what releases the surfaces: it is never left out
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ class Outbox:
                 self._counters.left_out += 1
 
     def hand_over(self, messages: tuple[Outbound, ...]) -> int:
-        """What gives the surfaces back; the bytes of it."""
+        """What releases the surfaces; the bytes of it."""
         route = self.routes[0]
         return sum([self._send(route, route.override, message) for message in messages])
 

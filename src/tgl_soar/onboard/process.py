@@ -1,7 +1,7 @@
 """The process around the module: links, what is kept, signals.
 
 `module.Onboard` knows neither socket nor clock; here they are opened, `loop` waits for them and
-reads them, and whatever ends the process gives the surfaces back first.
+reads them, and whatever ends the process hands over first.
 """
 
 from __future__ import annotations
@@ -320,7 +320,7 @@ def _fly(
     stop: Callable[[], bool],
     heartbeat: watchdog.ProcessHeartbeat | None = None,
 ) -> int:
-    """Until told to stop; whatever ends it gives the surfaces back first."""
+    """Until told to stop; whatever ends it hands over first."""
     onboard = _module(opened, options, heartbeat)
     _tell_start(opened, signs=onboard.signing.is_on)
     recorder, mocap = opened.recorder, opened.mocap

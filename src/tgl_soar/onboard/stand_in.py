@@ -26,7 +26,7 @@ from tgl_soar.onboard.setup import ModuleSetup
 from tgl_soar.onboard.surfaces import RELEASE_FRAMES, outlast_cut_frame
 from tgl_soar.onboard.watchdog import Sign
 
-GIVE_BACK_INTERVAL_S: Final = 0.02  # between frames that give the surfaces back for a dead process
+GIVE_BACK_INTERVAL_S: Final = 0.02  # between frames that release the surfaces for a dead process
 
 
 def open_for(setup: ModuleSetup, options: RunOptions, link: str, signing: Signing) -> Transport:

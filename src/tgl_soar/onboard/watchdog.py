@@ -5,7 +5,7 @@ runs out of memory, crashes in a library or hangs does not: an autopilot then wa
 time-out, and 3 s without a hand on the elevator are too long.  So `run` flies in a child, and the
 parent does nothing but watch it:
 
-    the child has died, or its loop has stood still    kill it, give the surfaces back, say so
+    the child has died, or its loop has stood still    kill it, release the surfaces, say so
     that was not asked for                             start it again; it never engages by itself
     SIGTERM, SIGINT, SIGHUP, SIGQUIT                   pass it on, wait, then as above
     SIGTSTP, SIGTTIN, SIGTTOU                          nothing: neither of the two may be stopped
@@ -128,7 +128,7 @@ class ProcessHeartbeat:
 Child = Callable[
     [ProcessHeartbeat, str], int
 ]  # (life sign, what became of the one before) -> exit code
-Release = Callable[[Sign, str], None]  # give the surfaces back, and say why
+Release = Callable[[Sign, str], None]  # release the surfaces, and say why
 
 
 def watch(child: Child, release: Release, say: Callable[[str], None]) -> int:

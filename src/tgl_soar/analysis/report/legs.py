@@ -97,7 +97,7 @@ def stands(flight: FlightData) -> list[tuple[float, float, Line]]:
 
 
 def flying_at(flight: FlightData, time_s: Floats) -> NDArray[np.bool_]:
-    """When the module had the surfaces; all along where the log tells no mode of it."""
+    """When the module was engaged; all along where the log tells no mode of it."""
     if not flight.modes:
         return np.ones(len(time_s), dtype=bool)
     begins = np.array([change.time_s for change in flight.modes])

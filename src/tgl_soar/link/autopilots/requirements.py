@@ -1,7 +1,7 @@
 """What a firmware's parameters must be, declared row by row, and whether they are.
 
-The rows are data: `tgl-soar preflight` reads the vehicle's values and holds them against these,
-and the pages of docs are made from the same.
+The rows are data: `tgl-soar preflight` and the module read the vehicle's values and hold them
+against these.  The tables of docs/hardware.md say the same; they are written by hand.
 """
 
 from __future__ import annotations
