@@ -88,7 +88,8 @@ class NatNetServer:
         """Whether an answer is of a server that can be read and is not the known one."""
         if not layout.OLDEST <= info.version < (layout.NEWEST[0] + 1, 0):
             self._counters.wrong_version += 1
-            text = f"{_description(info, sender)}: 3.0 to 4.2 can be read"
+            known = f"{_number(layout.OLDEST)} to {_number(layout.NEWEST)}"
+            text = f"{_description(info, sender)}: {known} can be read"
             self._notices.report("version", SEVERITY_WARNING, text)
             return False
         if info == self.info:
@@ -102,7 +103,7 @@ class NatNetServer:
         self._find_body()
         text = f"{_description(info, sender)}, clock {info.clock_hz} Hz"
         if info.version > layout.NEWEST:
-            text += ", read as 4.2"
+            text += f", read as {_number(layout.NEWEST)}"
         self._notices.add(SEVERITY_INFO, text)
         if info.is_multicast:
             self.stream = MulticastStream(info.group, info.data_port)
@@ -153,4 +154,8 @@ class NatNetServer:
 
 
 def _description(info: ServerInfo, sender: Address) -> str:
-    return f"{info.name} at {sender[0]} speaks NatNet {info.version[0]}.{info.version[1]}"
+    return f"{info.name} at {sender[0]} speaks NatNet {_number(info.version)}"
+
+
+def _number(version: layout.Version) -> str:
+    return f"{version[0]}.{version[1]}"
