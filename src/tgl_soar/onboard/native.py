@@ -377,7 +377,7 @@ def use() -> bool:
         kept = folder()
         if not os.path.lexists(kept):
             stale = " (what was compiled is of another version)" if others() else ""
-            _reported = f"interpreted{stale}; `tgl-soar compile` makes it four times as quick"
+            _reported = f"interpreted{stale}; `tgl-soar compile` makes it more than twice as fast"
             return False
         if early := [name for name in MODULES if name in sys.modules]:
             raise ImportError(f"{early[0]} was imported before it")  # never half of each
