@@ -15,6 +15,9 @@ from tgl_soar.estimation.ground_range import (
     MOST_GATES,
     NO_GROUND_RANGE,
     NO_RANGE_STATE,
+    PROOF_BAND_M,
+    PROOF_M,
+    PROOF_S,
     RANGE_BOUNDS,
     RANGE_CORRECTS,
     RANGE_FAR_OFF,
@@ -301,6 +304,144 @@ def test_unknown_ground_that_comes_nearer_is_followed_down_to_it() -> None:
     sensor = Sensor(ground=NO_GROUND).fly(10.0, height_m=lambda t: 10.5 - t)
     assert sensor.state.standing == RANGE_USED
     assert 2.0 + 0.55 + sensor.found.bound_m == pytest.approx(0.55, abs=0.05)
+
+
+# --- what was refused, and is right after all -----------------------------------------------------
+
+
+def swaying(since_s: float) -> float:
+    """A height that goes through 1.2 m in 4 s, as one on a line in gusts does."""
+    return HEIGHT_M + 0.6 * sin(radians(45.0 * since_s))
+
+
+def nothing(_since_s: float, _true_m: float) -> float:
+    return nan
+
+
+def test_after_minutes_out_of_reach_a_height_that_has_drifted_is_not_held_against_it() -> None:
+    """One standard deviation to the one side before, and two to the other after it: the ground is
+    nearer by a metre more than the gate than the position says, and 5 m from where it was."""
+    sensor = Sensor().fly(1.0, bias_m=lambda _: -1.0, flying=False)
+    sensor.fly(180.0, reading=nothing)
+    sensor.fly(0.5, bias_m=lambda _: 4.0)
+    assert sensor.state.standing == RANGE_USED
+    assert sensor.found.bound_m == pytest.approx(-4.0, abs=0.1)
+    sensor.fly(30.0, bias_m=lambda _: 4.0)
+    assert sensor.found.correction_m == pytest.approx(-4.0, abs=0.1)
+
+
+@pytest.mark.parametrize("off_m", [-6.5, 3.5])
+def test_after_a_gap_it_is_still_judged_by_what_a_receiver_may_be_off_by(off_m: float) -> None:
+    """Twice the gate nearer, once farther, and no more."""
+    sensor = Sensor().fly(1.0).fly(180.0, reading=nothing)
+    sensor.fly(10.0, bias_m=lambda _: -off_m)
+    assert sensor.state.standing == RANGE_FAR_OFF
+    assert isnan(sensor.found.bound_m)
+
+
+def test_a_far_end_that_some_show_instead_of_nothing_is_such_a_gap_too() -> None:
+    sensor = Sensor().fly(1.0, bias_m=lambda _: -1.0, flying=False)
+    sensor.fly(180.0, reading=lambda _t, _r: 40.0 + sensor.noise.gauss(0.0, 0.02))
+    sensor.fly(0.5, bias_m=lambda _: 2.5)
+    assert sensor.found.bound_m == pytest.approx(-2.5, abs=0.1)
+
+
+def test_the_edge_of_an_unknown_plateau_refuses_for_no_longer_than_a_gap() -> None:
+    """Out over it the ground is 12 m lower at once, which is a step without the position's."""
+    sensor = Sensor(ground=NO_GROUND).fly(2.0, height_m=lambda _: 8.0)
+    sensor.fly(1.0, height_m=lambda _: 20.0, bias_m=lambda _: -12.0)
+    assert sensor.state.standing == RANGE_USED
+    assert not sensor.found.refused
+    assert 10.0 + sensor.found.bound_m == pytest.approx(20.0, abs=0.1)
+
+
+@pytest.mark.parametrize("ground", [LEVEL, NO_GROUND])
+def test_nearer_ground_that_stays_while_the_aircraft_moves_is_a_bound_and_no_more(
+    ground: Ground,
+) -> None:
+    """Ground 7.8 m nearer, 2.2 m below, over none that is known; 4.5 m nearer over a known one.
+    The proof takes PROOF_S, and until the height has gone through PROOF_M: here 4 s at the most."""
+    nearer_m = 4.5 if ground.points else 7.8
+
+    def over(since_s: float) -> float:
+        return swaying(since_s) - nearer_m
+
+    sensor = Sensor(ground=ground).fly(1.0, height_m=swaying)
+    began = sensor.found.correction_m
+    sensor.fly(PROOF_S - 0.1, bias_m=lambda _: nearer_m, height_m=over)
+    assert sensor.state.standing == RANGE_FAR_OFF
+    sensor.fly(6.0, bias_m=lambda _: nearer_m, height_m=over)
+    assert sensor.state.standing == RANGE_USED
+    before_m = 0.0 if ground.points else 2.0  # a position over 0 where no ground is known
+    assert sensor.found.bound_m == pytest.approx(-nearer_m - before_m, abs=0.1)
+    assert sensor.found.correction_m == began
+
+
+def test_what_passes_below_is_over_before_it_is_proven() -> None:
+    """A tree of 10 m at 7 m/s, while a gust lifts and drops the aircraft by more than PROOF_M."""
+    sensor = Sensor().fly(1.0)
+    sensor.fly(10.0 / 7.0, bias_m=lambda _: 4.5, height_m=lambda t: HEIGHT_M + sin(5.0 * t))
+    assert sensor.state.proof_high_m - sensor.state.proof_low_m > PROOF_M
+    assert sensor.state.standing == RANGE_FAR_OFF
+
+
+def test_from_within_the_gate_on_it_corrects_again() -> None:
+    sensor = Sensor().fly(1.0, flying=False)
+    sensor.fly(8.0, bias_m=lambda _: 4.5, height_m=swaying)
+    assert sensor.state.standing == RANGE_USED
+    assert not sensor.state.corrects
+    sensor.fly(15.0, bias_m=lambda t: 4.5 - 0.1 * t, height_m=swaying)
+    assert sensor.found.correction_m == pytest.approx(0.0, abs=0.05)
+    sensor.fly(30.0, bias_m=lambda _: 2.5, height_m=swaying)
+    assert sensor.found.correction_m == pytest.approx(-2.5, abs=0.05)
+
+
+@pytest.mark.parametrize("ground", [LEVEL, NO_GROUND])
+@pytest.mark.parametrize("reading_m", [0.3, 2.5, 5.5])
+@pytest.mark.parametrize("noise_m", [0.0, 0.004, 0.03])
+def test_what_is_stuck_is_not_proven_however_the_aircraft_moves(
+    ground: Ground, reading_m: float, noise_m: float
+) -> None:
+    """A wheel, a tether, dirt on the window, frozen or noisy, for a minute: over a known ground
+    refused in every tick; over none what is nearer than the gate."""
+    sensor = Sensor(ground=ground).fly(1.0, height_m=swaying)
+    if not ground.points:
+        reading_m = min(reading_m, 2.5)
+    for _ in range(60):
+        sensor.fly(
+            1.0,
+            reading=lambda _t, _r: max(0.1, reading_m + sensor.noise.gauss(0.0, noise_m)),
+            height_m=lambda _: swaying(sensor.time_s),
+        )
+        assert sensor.state.standing in (RANGE_FAR_OFF, RANGE_FROZEN)
+        assert isnan(sensor.found.bound_m)
+    assert sensor.found.refused
+
+
+def test_a_number_that_is_stuck_but_for_its_last_digit_is_no_silence() -> None:
+    """Frozen between two changes by a centimetre, it would else be judged as after a gap."""
+    sensor = Sensor().fly(1.0, height_m=swaying)
+    for k in range(60):
+        sensor.fly(
+            1.0,
+            reading=lambda _t, _r, k=k: 5.5 + 0.01 * (k % 2),  # type: ignore[misc]
+            height_m=lambda _: swaying(sensor.time_s),
+        )
+        assert isnan(sensor.found.bound_m)
+
+
+def test_over_a_known_ground_nothing_proves_itself_beyond_the_gates() -> None:
+    """Farther than the gate, nearer than two: a position or a sensor that is off by so much is for
+    the operator."""
+    for nearer_m in (-3.5, 6.5):
+        sensor = Sensor().fly(1.0, height_m=swaying)
+        sensor.fly(20.0, bias_m=lambda _, off=nearer_m: off, height_m=swaying)  # type: ignore[misc]
+        assert sensor.state.standing == RANGE_FAR_OFF
+
+
+def test_the_band_is_too_narrow_for_what_is_stuck() -> None:
+    """Through its own breadth and six standard deviations of a laser's noise, 3 cm."""
+    assert PROOF_M > 2.0 * PROOF_BAND_M + 6.0 * 0.03
 
 
 def test_a_jump_of_the_position_begins_again() -> None:

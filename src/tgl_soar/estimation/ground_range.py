@@ -43,6 +43,21 @@ keeps c: it is the best guess for as long as 300 s ln 2.
     from near   over ground without a profile a first reading in flight that is no farther than
                 the gate: ground comes into sight from afar, and what is suddenly near is no ground
 
+What was used LATE_S ago or longer refuses nothing: the height may have drifted since, or other
+ground lie below.  Then a sample is judged as the first in a flight; and if nothing was measured
+for as long, over a known ground it may be nearer by twice the gate, as where it is corrected.
+
+**What is refused may be right**: then its d stays while the aircraft moves.  That of a sensor that
+is frozen, noise or none, or that sees its own wheel, moves as the aircraft does.  So it is taken
+after all where d has stayed within PROOF_BAND_M of where it began for PROOF_S, while the height
+over the ground by the position went through PROOF_M.  A reading that is stuck would have left the
+band by then: within it that height goes through no more than 2 PROOF_BAND_M and the spread of the
+noise, 0.6 m + 6 · 0.03 m.  Ground that is right stays in it: the difference of two readings is
+0.3 m off at seven of its standard deviations, and the receiver drifts by 0.24 m in PROOF_S.  What
+passes below, a tree or a car of 10 m at 7 m/s, is over by then.  Over a known ground only nearer
+ground is taken so, up to twice the gate, and as a bound: a sensor that is off by a constant proves
+itself, too, and must not move the line.  From d within the gate on it corrects again.
+
 After a jump of the position it begins again, without a correction: its frame may be another.
 What is refused for REFUSED_S is reported and ends nothing.
 
@@ -73,6 +88,9 @@ FROZEN_M: Final = 0.1
 LATE_S: Final = 0.5  # an older sample, and what came before such a gap, is none of now
 REFUSED_S: Final = 1.0  # of good attitude, as long as a fault of another stream stands
 MOST_GATES: Final = 2.0  # times the gate
+PROOF_S: Final = 2.0
+PROOF_BAND_M: Final = 0.3
+PROOF_M: Final = 1.0
 
 # How the last sample was taken.
 NO_RANGE_YET: Final = 0
@@ -105,6 +123,12 @@ class RangeState(NamedTuple):
     reading_m: float  # the last reading looked at
     turned_m: float  # height over the ground by the position when that reading came first
     sound_s: float  # the tick in which a sample was last used, or none came
+    corrects: bool  # d may correct the height; else it only bounds
+    measured_s: float  # of the last sample that had a number
+    proof_s: float  # of the sample from which on d has stayed
+    proof_off_m: float  # d of that sample
+    proof_low_m: float  # least height over the ground by the position since then
+    proof_high_m: float  # and the largest
 
 
 class GroundRange(NamedTuple):
@@ -128,6 +152,12 @@ NO_RANGE_STATE: Final = RangeState(
     reading_m=NAN,
     turned_m=NAN,
     sound_s=NAN,
+    corrects=True,
+    measured_s=NAN,
+    proof_s=NAN,
+    proof_off_m=NAN,
+    proof_low_m=NAN,
+    proof_high_m=NAN,
 )
 NO_GROUND_RANGE: Final = GroundRange(
     standing=NO_RANGE_YET, bound_m=NAN, correction_m=0.0, refused=False
@@ -227,6 +257,7 @@ def _taken(
         turned = reported
 
     standing = RANGE_USED
+    corrects = state.corrects
     if not (isfinite(sample.range_m) and sample.range_m > 0.0):
         standing, turned = RANGE_NOTHING, NAN
     elif not (isfinite(off) and abs(age_s) <= LATE_S) or sample.time_s <= last_s:
@@ -235,29 +266,54 @@ def _taken(
         standing = RANGE_TILTED
     elif abs(reported - turned) > FROZEN_M:
         standing = RANGE_FROZEN
-    elif not _is_ground(gains.gate_m, ground.points > 0, state, off, height, flying):
-        standing = RANGE_FAR_OFF
+    else:
+        ground_known = ground.points > 0
+        silent = not sample.time_s - state.measured_s <= LATE_S  # true for NaN
+        state = _with_proof(state, sample.time_s, off, reported)
+        if _is_ground(gains.gate_m, ground_known, state, sample, off, height, silent, flying):
+            corrects = corrects or abs(off) <= gains.gate_m
+        elif _is_proven(gains.gate_m, ground_known, state, off):
+            corrects = False
+        else:
+            standing = RANGE_FAR_OFF
+    if standing in (RANGE_TILTED, RANGE_FROZEN):  # numbers, and no proof
+        state = state._replace(measured_s=sample.time_s, proof_off_m=NAN)
     sound_s = state.sound_s
     refused = standing in (RANGE_INVALID, RANGE_FROZEN, RANGE_FAR_OFF)
     if not refused or not isfinite(sound_s):
         sound_s = now
+    state = state._replace(
+        sequence=sample.sequence,
+        standing=standing,
+        reading_m=sample.range_m,
+        turned_m=turned,
+        sound_s=sound_s,
+        corrects=corrects,
+    )
     if standing != RANGE_USED:
-        return state._replace(
-            sequence=sample.sequence,
-            standing=standing,
-            reading_m=sample.range_m,
-            turned_m=turned,
-            sound_s=sound_s,
-        )
+        return state
+    return _used(gains, ground, state, sample.time_s, off, foot, certain, flying)
 
-    interval = sample.time_s - last_s
+
+def _used(
+    gains: RangeGains,
+    ground: Ground,
+    state: RangeState,
+    time_s: float,
+    off_m: float,
+    foot_m: float,
+    certain: bool,
+    flying: bool,
+) -> RangeState:
+    """With one more d, of ground at foot_m, in the bound and the correction."""
+    interval = time_s - state.time_s
     follows = interval <= LATE_S  # false for NaN: the first
-    off_1 = state.off_m if follows else off
-    off_2 = state.off_1_m if follows else off
+    off_1 = state.off_m if follows else off_m
+    off_2 = state.off_1_m if follows else off_m
     correction = state.correction_m
-    if ground.points > 0 and certain:
-        middle = off + off_1 + off_2 - max(off, off_1, off_2) - min(off, off_1, off_2)
-        leans = RATIO * ground_slope(ground, foot)
+    if ground.points > 0 and certain and state.corrects:
+        middle = off_m + off_1 + off_2 - max(off_m, off_1, off_2) - min(off_m, off_1, off_2)
+        leans = RATIO * ground_slope(ground, foot_m)
         middle /= 1.0 + leans * leans
         if not flying and not state.known:
             correction = middle
@@ -268,18 +324,13 @@ def _taken(
                 change = max(-most, min(most, change))
             correction += change
         correction = max(-MOST_GATES * gains.gate_m, min(gains.gate_m, correction))
-    return RangeState(
-        sequence=sample.sequence,
-        time_s=sample.time_s,
-        standing=RANGE_USED,
-        off_m=off,
+    return state._replace(
+        time_s=time_s,
+        off_m=off_m,
         off_1_m=off_1,
         off_2_m=off_2,
         correction_m=correction,
         known=True,
-        reading_m=sample.range_m,
-        turned_m=turned,
-        sound_s=sound_s,
     )
 
 
@@ -287,15 +338,49 @@ def _is_ground(
     gate_m: float,
     ground_known: bool,
     state: RangeState,
+    sample: RangeSample,
     off_m: float,
     height_m: float,
+    silent: bool,
     flying: bool,
 ) -> bool:
-    """Whether a sample is one of the ground, as far as that can be known."""
+    """Whether a sample is one of the ground, as far as that can be known.
+
+    silent: nothing was measured for LATE_S before it.
+    """
     if ground_known and abs(off_m) > MOST_GATES * gate_m:
         return False
-    if not flying:
+    if not flying or (state.known and abs(off_m - state.off_m) <= gate_m):
         return True
-    if state.known:
-        return abs(off_m - state.off_m) <= gate_m
-    return abs(off_m) <= gate_m if ground_known else height_m > gate_m
+    if state.known and sample.time_s - state.time_s <= LATE_S:
+        return False
+    if not ground_known:
+        return height_m > gate_m
+    nearest = MOST_GATES if state.known and silent else 1.0
+    return -nearest * gate_m <= off_m <= gate_m
+
+
+def _with_proof(state: RangeState, time_s: float, off_m: float, reported_m: float) -> RangeState:
+    """For how long d has stayed, and which heights the position went through meanwhile."""
+    stays = abs(off_m - state.proof_off_m) <= PROOF_BAND_M  # false for NaN
+    if stays and time_s - state.measured_s <= LATE_S:
+        return state._replace(
+            measured_s=time_s,
+            proof_low_m=min(state.proof_low_m, reported_m),
+            proof_high_m=max(state.proof_high_m, reported_m),
+        )
+    return state._replace(
+        measured_s=time_s,
+        proof_s=time_s,
+        proof_off_m=off_m,
+        proof_low_m=reported_m,
+        proof_high_m=reported_m,
+    )
+
+
+def _is_proven(gate_m: float, ground_known: bool, state: RangeState, off_m: float) -> bool:
+    """Whether d has stayed while the aircraft moved, and may be taken for that."""
+    if ground_known and not -MOST_GATES * gate_m <= off_m < 0.0:
+        return False
+    moved = state.proof_high_m - state.proof_low_m >= PROOF_M
+    return moved and state.measured_s - state.proof_s >= PROOF_S

@@ -189,6 +189,8 @@ MEANINGS: Final = {
     "RangeState.off_1_m": "the same of the sample before",
     "RangeState.off_2_m": "the same of the one before that",
     "RangeState.correction_m": "of the position's height, as it is known",
+    "RangeState.corrects": "off_m may correct the height; else it only bounds",
+    "RangeState.proof_off_m": "off_m of the first of the samples that have agreed since",
     "Output.mode": "by number: Modes, below",
     "Output.reason": "why the mode changed in this tick, by number: Reasons, below",
     "LineTracking.x_m": "of the line's point, downstream",
