@@ -17,18 +17,21 @@ from tgl_soar.config.files import (
 )
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Start
+from tgl_soar.control.escape import STILL_S
 from tgl_soar.control.estimates import estimate
-from tgl_soar.control.landing import FINAL_M, SOAR_ON
+from tgl_soar.control.landing import FINAL_M, FLARE_MIN_M, SOAR_ON
 from tgl_soar.control.laws import laws_from
 from tgl_soar.control.passage import (
     LOW_S,
     SLOW_S,
     Lull,
+    passage_conditions,
     passage_guide,
     passage_step,
     with_way_home,
 )
 from tgl_soar.control.supervisor import (
+    AWAY,
     BREAK_OFF,
     BREAKING_OFF,
     CAPTURING,
@@ -36,6 +39,7 @@ from tgl_soar.control.supervisor import (
     LANDING,
     LAUNCHING,
     NEAR_LINE,
+    ON_GROUND,
     POSITION_SANE,
     READY,
     REASON_BREAK,
@@ -109,6 +113,46 @@ def test_it_breaks_off_by_command_and_touches_down_at_the_place() -> None:
     assert "ground" in world.crashed
     assert abs(world.state.x_m - values["LND_X"]) < 10.0
     assert abs(world.state.y_m - values["LND_Y"]) < 5.0
+
+
+@pytest.mark.parametrize("mode", [BREAKING_OFF, LANDING])
+@pytest.mark.parametrize("clear_min_m", [0.0, 0.05, 1.0])
+def test_on_the_ground_the_way_home_is_over_whatever_clear_min_is(
+    mode: int, clear_min_m: float
+) -> None:
+    """It lies at 0.15 m, half of what counts as height, and far from ESC_X: that of a slope that it
+    slid down, or of a landing place that it never reached."""
+    flown = soaring(CLEAR_MIN=clear_min_m)
+    values = values_of(CLEAR_MIN=clear_min_m, ESC_X=-60.0)
+    world = flown.loop.world
+    laws = laws_from(values, world.frame, world.aerodynamics, world.ground)
+    before = flown.loop.state
+    inputs = inputs_at(world.time_s, world.now.samples, True)
+    now = estimate(laws, before.memory, inputs, True, before.loops.limited, 0.005)
+    vehicle = now.vehicle._replace(
+        x_m=-30.0, z_m=0.15, velocity_x_mps=0.0, velocity_y_mps=0.0, climb_mps=0.0
+    )
+    state, found, at = before.passage, 0, now
+    for k in range(round(1.2 / 0.05)):
+        at = now._replace(
+            vehicle=vehicle._replace(time_s=now.vehicle.time_s + 0.05 * k),
+            margins=now.margins._replace(clearance_m=0.15, outside=0),
+        )
+        state = passage_step(laws, state, mode, inputs, at, before.line, 0.05)
+        found = passage_conditions(laws, mode, state, at)
+        assert bool(found & ON_GROUND) == (0.05 * k >= STILL_S - 1e-9)
+    assert found & AWAY
+    higher = at._replace(margins=at.margins._replace(clearance_m=0.6))
+    assert bool(passage_conditions(laws, mode, state, higher) & AWAY) == (clear_min_m == 1.0)
+
+
+def test_breaking_off_ends_on_a_ground_that_no_clearance_is_kept_to() -> None:
+    """The slope is never left behind, and CLEAR_MIN is 0: it lands where it comes down."""
+    flown = soaring(CLEAR_MIN=0.0, ESC_X=-200.0)
+    flown.loop.change({"ESC_START": 1.0})
+    flown.fly(60.0, LANDING)
+    assert flown.output.mode == LANDING
+    assert flown.output.margins.clearance_m <= FLARE_MIN_M
 
 
 def test_the_height_left_is_watched_in_every_flight_and_breaks_off_only_where_asked() -> None:

@@ -478,6 +478,7 @@ FLYING_ROWS = {
     ],
     s.BREAKING_OFF: [
         *HOME_ROWS,
+        (s.ON_GROUND, 0, *LET_GO, s.REASON_LANDED),
         (s.AWAY | s.SETTLED, 0, s.LANDING, s.NOTHING, s.REASON_AWAY),
     ],
     s.LANDING: [*HOME_ROWS, (s.ON_GROUND, 0, *LET_GO, s.REASON_LANDED)],
@@ -623,6 +624,7 @@ SOUGHT = s.SEARCH | s.PLACE_FOUND
         (s.SOARING, 0, s.BREAK_OFF, s.BREAKING_OFF, s.REASON_BREAK),
         (s.BREAKING_OFF, 0, 0, s.BREAKING_OFF, s.REASON_NONE),  # whatever becomes of its cause
         (s.BREAKING_OFF, 0, s.AWAY, s.LANDING, s.REASON_AWAY),
+        (s.BREAKING_OFF, 0, s.AWAY | s.ON_GROUND, s.RELEASED, s.REASON_LANDED),
         (s.BREAKING_OFF, 0, s.SOAR_ON, s.CAPTURING, s.REASON_SOAR_ON),
         (s.LANDING, 0, s.SOAR_ON, s.CAPTURING, s.REASON_SOAR_ON),
         (s.LANDING, s.INSIDE_FENCE, s.SOAR_ON, s.LANDING, s.REASON_NONE),

@@ -31,7 +31,7 @@ class EscapeState(NamedTuple):
     rate_mps: float  # at which it changes, averaged
     since_s: float  # since when there is some left, or none
     armed: bool  # there was some left in this flight
-    still_s: float  # when the aircraft moved last, or did not land yet
+    still_s: float  # when the aircraft moved last, or was not on its way home yet
 
 
 NO_ESCAPE: Final = EscapeState(left_m=NAN, rate_mps=0.0, since_s=NAN, armed=False, still_s=NAN)
@@ -47,7 +47,7 @@ def escape_step(
     air: AirEstimate,
     dt_s: float,
 ) -> EscapeState:
-    """One tick of the watch.  flying: in the air and in control; lands: the mode.
+    """One tick of the watch.  flying: in the air and in control; lands: it is on its way home.
 
     Without a position the height is not known: what the estimate coasts to must end no flight.
     """
@@ -105,7 +105,7 @@ def time_left(state: EscapeState) -> float:
 def is_on_ground(
     params: LandingParams, state: EscapeState, vehicle: VehicleState, clearance_m: float
 ) -> bool:
-    """Whether the aircraft lies on the ground: it landed, does not move, and has no height; where
-    its height is not known nobody can say."""
+    """Whether the aircraft lies on the ground: it was on its way home, does not move, and has no
+    height; where its height is not known nobody can say."""
     low = flare_height(params, vehicle, clearance_m) <= GROUND_M  # false for NaN
     return low and vehicle.time_s - state.still_s >= STILL_S

@@ -121,7 +121,7 @@ def passage_step(
             line_rests=not line.moving,
         )
         began = launch_step(laws.launch, began, launching, view, dt_s)
-    in_air, lands = not launching or is_aloft(began), mode == modes.LANDING
+    in_air, lands = not launching or is_aloft(began), modes.goes_home(mode)
     sure, air = knows_place(laws, estimates), estimates.air
     escape = escape_step(laws.landing, state.escape, in_air, lands, sure, vehicle, air, dt_s)
     glide = state.glide if modes.goes_home(mode) else NO_GLIDE
@@ -184,10 +184,12 @@ def passage_conditions(laws: Laws, mode: int, state: PassageState, estimates: Es
     if home.asked == landing.SOAR_ON:
         found |= modes.SOAR_ON
     low = landing.flare_height(home, vehicle, clearance_m)
-    near_m = 2.0 * laws.envelope.clearance_min_m
+    # With a small CLEAR_MIN or none, where it flares: what has come down so far goes nowhere else.
+    near_m = max(2.0 * laws.envelope.clearance_min_m, landing.FLARE_MIN_M)
     if sure and (vehicle.x_m <= home.away_x_m or low <= near_m):
         found |= modes.AWAY
-    if mode == modes.LANDING and sure and is_on_ground(home, state.escape, vehicle, clearance_m):
+    goes_home = modes.goes_home(mode)
+    if goes_home and sure and is_on_ground(home, state.escape, vehicle, clearance_m):
         found |= modes.ON_GROUND
     if not estimates.margins.outside & OUT_DOWNSTREAM:
         found |= modes.INSIDE_LEE
