@@ -5,8 +5,9 @@ from __future__ import annotations
 from itertools import pairwise
 
 import pytest
-from test_rollout import ETA, GUARDS
+from test_rollout import ETA, GUARDS, POLAR
 
+from tgl_soar.control.envelope import Fence
 from tgl_soar.control.search.glimpse import (
     GIVEN_UP,
     LOOKING,
@@ -15,6 +16,14 @@ from tgl_soar.control.search.glimpse import (
     SOARING,
     TOO_HIGH,
     TOO_LOW,
+    Glimpse,
+    SearchTask,
+)
+from tgl_soar.control.search.lift_search import (
+    LiftSearch,
+    guards_of,
+    landing_height,
+    sighting_of,
 )
 from tgl_soar.control.search.plan import LinePlan
 from tgl_soar.control.search.search import (
@@ -31,7 +40,8 @@ from tgl_soar.control.search.search import (
     search_step,
     started,
 )
-from tgl_soar.control.target_line import TargetLine
+from tgl_soar.control.target_line import LineTracking, TargetLine
+from tgl_soar.types import Ground, VehicleState
 
 LINE = TargetLine(0.0, 10.0, ETA)
 GOOD = LinePlan(
@@ -188,6 +198,45 @@ def test_it_gives_up_while_there_is_height_to_land() -> None:
     # A poor line that hardly sinks yet will: by half of a glide's sink, 0.28 m above.
     assert after(1.0, poor, over_ground_m=1.77).status == GIVEN_UP
     assert after(1.0, poor, over_ground_m=1.79).status == LOOKING
+
+
+@pytest.mark.parametrize(("x_m", "low_m"), [(-30.0, 1.5), (0.0, 5.0**0.5)])
+def test_over_a_slope_it_gives_up_while_there_is_clearance_along_its_normal(
+    x_m: float, low_m: float
+) -> None:
+    """CLEAR_MIN is 1 m.  Over a slope of 2 that is gone √5 m up, above the 1.5 m of landing."""
+    steep = Ground(2, (-20.0, 20.0, *(20.0,) * 6), (-40.0, 40.0, *(40.0,) * 6))
+    task = SearchTask(
+        fence=Fence(x_min_m=-40.0, x_max_m=20.0, y_max_m=10.0, z_min_m=-60.0, z_max_m=60.0),
+        ground=steep,
+        polar=POLAR,
+        clearance_min_m=1.0,
+        line=GUARDS.line,
+    )
+    still = dict.fromkeys(VehicleState._fields, 0.0)
+    over_m = low_m + 0.05
+    now = VehicleState(
+        **(still | {"time_s": 1.0, "x_m": x_m, "z_m": max(-40.0, 2.0 * x_m) + over_m})
+    )
+    glimpse = Glimpse(
+        before=now._replace(time_s=0.8, z_m=now.z_m + 0.2),
+        now=now,
+        line=LineTracking(
+            x_m=x_m, z_m=now.z_m, eta_rad=ETA, moving=False, e_rho_m=0.0, e_rho_rate_mps=0.0
+        ),
+        wind_mps=9.0,
+        updraft_mps=0.0,
+        pitot=True,
+        seeks=True,
+        refused=False,
+    )
+    look = sighting_of(guards_of(task), glimpse)
+    assert look is not None
+    assert look.over_ground_m == pytest.approx(over_m)
+    assert landing_height(look) == pytest.approx(low_m)
+    wish = LiftSearch(POLAR).seek(look)  # without a map: it knows no line that would carry it
+    assert wish.reason == TOO_LOW
+    assert wish.over_ground_m == pytest.approx(over_m)
 
 
 def test_low_with_a_good_line_it_goes_on_while_it_does_not_sink() -> None:

@@ -7,7 +7,8 @@ from math import cos, inf, radians, sin, tan
 import numpy as np
 import pytest
 
-from tgl_soar.config.files import load_airframe, shipped
+from tgl_soar.config.files import load_airframe, load_site, shipped
+from tgl_soar.control.envelope import clearance
 from tgl_soar.control.search.rollout import (
     Fields,
     Grid,
@@ -15,13 +16,14 @@ from tgl_soar.control.search.rollout import (
     Lines,
     Moving,
     Rollouts,
+    floor_at,
     roll_out,
     turning,
     wells,
 )
 from tgl_soar.control.target_line import LineLimits, LineState, eta_from_lean
 from tgl_soar.estimation.lift_map.basis import Box, FlowBasis
-from tgl_soar.types import GRAVITY_MPS2, GROUND_POINTS, Ground, polar_sink, polar_slope
+from tgl_soar.types import GRAVITY_MPS2, GROUND_POINTS, NO_GROUND, Ground, polar_sink, polar_slope
 
 POLAR = load_airframe(shipped("airframes/eclipson_c.toml")).polar.as_polar()
 BOX = Box(x_min_m=-20.0, x_max_m=20.0, z_min_m=0.0, z_max_m=20.0)
@@ -136,14 +138,61 @@ def test_over_raised_ground_the_clearance_is_the_height_that_landing_needs() -> 
     for grid, height_m in ((GRID, 10.0 - 1.0), (raised, 10.0 - 1.5)):
         out = roll_out(grid, fields(falls, 0.0), POLAR, GUARDS, at_rest(), lines, 5.0, 50)
         assert out.margin_m[0, 0] == pytest.approx(height_m, abs=0.05)
-    assert GRID.above(GUARDS._replace(landing_m=0.0)).mesh.floor_m == pytest.approx(
-        GRID.mesh.floor_m
+    assert GRID.above(GUARDS._replace(landing_m=0.0)).mesh.floor.height_m == pytest.approx(
+        GRID.mesh.floor.height_m
     )
     ramp = Ground(2, (-20.0, 20.0, *(20.0,) * 6), (-30.0, 10.0, *(10.0,) * 6))
     steep = Grid(FlowBasis(ramp, BOX), ramp)
     at = np.array([[0.0]]), np.array([[-10.0 + 1.5]])
     assert steep.above(GUARDS).clearance(*at)[0, 0] == pytest.approx(1.0, abs=1e-6)
     assert steep.clearance(*at)[0, 0] == pytest.approx(1.5 * cos(radians(45.0)), abs=1e-6)
+
+
+def ground_of(*points: tuple[float, float]) -> Ground:
+    rest = (0.0,) * (GROUND_POINTS - len(points))
+    x, z = zip(*points, strict=True)
+    return Ground(len(points), (*x, *rest), (*z, *rest))
+
+
+HILL = load_site(shipped("sites/hill.toml")).ground
+assert HILL is not None
+PROFILES = {
+    "the shipped hill": ground_of(*HILL.profile),
+    "a roof and a wall": ground_of((-9.0, 0.0), (-4.0, 6.0), (-3.9, 6.0), (2.0, 1.0), (2.05, 4.0)),
+    "one point": ground_of((0.0, 3.0)),
+}
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+@pytest.mark.parametrize("reach_m", [30.0, 200.0, 5000.0])
+def test_the_guards_ground_is_the_envelopes_however_long_the_fence_is(
+    profile: str, reach_m: float
+) -> None:
+    """What rollouts keep clear of and what the tick judges by are one: to rounding, 1e-9 m.  A
+    corner between the wind's nodes is met, and over no slope is a place allowed where the tick says
+    that there is less than the clearance, nor one with less height than landing needs."""
+    ground = PROFILES[profile]
+    box = Box(x_min_m=-reach_m, x_max_m=0.5 * reach_m, z_min_m=0.0, z_max_m=24.0)
+    grid = Grid(FlowBasis(ground, box), ground)
+    guards = GUARDS._replace(box=box, ground=ground)
+    random = np.random.default_rng(5)
+    ends = (max(box.x_min_m, -40.0), min(box.x_max_m, 20.0))
+    corners = np.array(ground.x_m[: ground.points])
+    near = (corners[:, None] + np.array([-1e-6, 1e-6, -0.1, 0.1])).ravel()
+    x = np.concatenate([random.uniform(*ends, 3000), near, near])
+    z = floor_at(ground, x, 0.0) + random.uniform(-1.0, 6.0, x.size)
+    true = np.array([clearance(ground, *place) for place in zip(x, z, strict=True)])
+    assert np.abs(grid.clearance(x, z) - true).max() < 1e-9
+    allowed = grid.above(guards).clearance(x, z) >= guards.clearance_m
+    assert 0.1 < allowed.mean() < 0.9
+    assert true[allowed].min() > guards.clearance_m - 1e-9
+    assert (z - floor_at(ground, x, 0.0))[allowed].min() > guards.landing_m - 1e-9
+
+
+def test_over_ground_that_nobody_knows_the_fences_floor_is_level() -> None:
+    grid = Grid(FlowBasis(NO_GROUND, BOX), NO_GROUND)
+    x = np.array([-25.0, 0.0, 25.0])
+    assert grid.clearance(x, np.full(3, 4.0)) == pytest.approx(4.0 - BOX.z_min_m)
 
 
 def test_the_well_is_that_of_a_parabola() -> None:

@@ -25,7 +25,12 @@ from tgl_soar.control.search.glimpse import (
     TOO_LOW,
     LineWish,
 )
-from tgl_soar.control.search.lift_search import AVERAGING_S, LiftSearch, Sighting
+from tgl_soar.control.search.lift_search import (
+    AVERAGING_S,
+    LiftSearch,
+    Sighting,
+    landing_height,
+)
 from tgl_soar.control.search.plan import plan_in
 from tgl_soar.control.search.rollout import Fields, Grid
 from tgl_soar.control.search.search import (
@@ -123,7 +128,7 @@ class Oracle:
             )
         self.state = search_step(
             self.state,
-            look.guards,
+            look.guards._replace(landing_m=landing_height(look)),
             plan,
             look.climb_mps,
             look.over_ground_m,
@@ -181,7 +186,7 @@ class Baseline:
             self.soaring = not moved and abs(self.climb) < KEEP_CLIMB_MPS
         else:
             self.soaring = self.still >= CLAIM_S and abs(self.climb) < CLAIM_CLIMB_MPS
-        left = look.over_ground_m - look.guards.landing_m
+        left = look.over_ground_m - landing_height(look)
         low = left < REACTION_S * max(-look.climb_mps, 0.0)
         status = SOARING if self.soaring else LOOKING
         if low:

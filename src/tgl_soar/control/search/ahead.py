@@ -23,6 +23,16 @@ SLOWEST_MPS: Final = 1.0
 EDGE: Final = 1.000001  # nodes from the last one: so near it there is still a cell
 
 
+class Floor(NamedTuple):
+    """The ground's profile in stretches from corner to corner, level before and beyond: of n
+    corners n + 1."""
+
+    corner_x_m: Floats  # (n,) growing
+    height_m: Floats  # (n + 1,) of each stretch, carried on to x = 0
+    slope: Floats  # (n + 1,)
+    steepness: Floats  # (n + 1,) cosine of its slope
+
+
 class Mesh(NamedTuple):
     """The nodes of a grid, and the ground below them."""
 
@@ -32,8 +42,7 @@ class Mesh(NamedTuple):
     z_per_m: float
     nx: int
     nz: int
-    floor_m: Floats  # (nx,) height of the ground
-    steepness: Floats  # (nx,) cosine of its slope
+    floor: Floor
 
 
 class Within(NamedTuple):
@@ -104,14 +113,14 @@ def air_at(
     return u, w
 
 
-def clearance_at(mesh: Mesh, x_m: Numbers, z_m: Numbers) -> Numbers:
-    """Distance to the ground [m], by its slope below."""
-    across = (x_m - mesh.x_min_m) * mesh.x_per_m
-    across = np.minimum(np.maximum(across, 0.0), mesh.nx - EDGE)
-    i = np.intp(across)
-    a = across - i
-    floor = mesh.floor_m[i] + a * (mesh.floor_m[i + 1] - mesh.floor_m[i])
-    return (z_m - floor) * mesh.steepness[i]
+def clearance_at(floor: Floor, x_m: Numbers, z_m: Numbers) -> Numbers:
+    """Distance to the ground [m], by its slope below: that of `envelope.clearance`.
+
+    The stretch itself is looked up, and no nodes of a grid: a crest between two of them would be
+    cut off, and it is where an aircraft comes nearest.
+    """
+    i = np.searchsorted(floor.corner_x_m, x_m)
+    return (z_m - floor.height_m[i] - floor.slope[i] * x_m) * floor.steepness[i]
 
 
 def line_speed(
@@ -152,7 +161,7 @@ def ahead_step(
     climb = (climb + share * goal) / (1.0 + share)
     x = x + dt_s * (climb * cosine - speed) / sine
     z = z + dt_s * climb
-    clear = clearance_at(mesh, x, z) - within.clearance_m
+    clear = clearance_at(mesh.floor, x, z) - within.clearance_m
     inside = np.minimum(
         np.minimum(x - within.x_min_m, within.x_max_m - x),
         np.minimum(z - within.z_min_m, within.z_max_m - z),

@@ -5,7 +5,7 @@ The map listens to every glimpse; a plan is made, and the line moved, only where
 
 from __future__ import annotations
 
-from math import isfinite
+from math import hypot, isfinite
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -29,6 +29,7 @@ from tgl_soar.control.search.search import (
     started,
 )
 from tgl_soar.control.target_line import LineState, TargetLine, e_rho
+from tgl_soar.estimation.ground_range import ground_slope
 from tgl_soar.estimation.lift_map.basis import Box
 from tgl_soar.estimation.lift_map.lift_map import LiftMap, Reading
 from tgl_soar.types import GRAVITY_MPS2, NAN, GlidePolar
@@ -105,6 +106,14 @@ def sighting_of(guards: Guards, glimpse: Glimpse) -> Sighting | None:
     )
 
 
+def landing_height(look: Sighting) -> float:
+    """Height [m] over the ground here at which a search is over: that which landing needs, or where
+    the ground is so steep that CLEAR_MIN, which is along its normal, is gone before, that one."""
+    guards = look.guards
+    slope = ground_slope(guards.ground, look.moving.x_m)
+    return max(guards.landing_m, guards.clearance_m * hypot(1.0, slope))
+
+
 class LiftSearch:
     """The search of one flight."""
 
@@ -171,7 +180,7 @@ class LiftSearch:
             plan = self.plan = self.planned(look, self.state)
         self.state = search_step(
             self.state,
-            look.guards,
+            look.guards._replace(landing_m=landing_height(look)),
             plan,
             look.climb_mps,
             look.over_ground_m,

@@ -28,6 +28,7 @@ import numpy as np
 
 from tgl_soar.control.search.ahead import (
     Ahead,
+    Floor,
     LineWay,
     Mesh,
     Within,
@@ -104,7 +105,6 @@ class Grid:
         self.basis = basis
         x, z = np.meshgrid(self.x_m, self.z_m, indexing="ij")
         self.u, self.w = (part.T.copy() for part in basis.features(x.ravel(), z.ravel()))
-        floor_m = floor_at(ground, self.x_m, box.z_min_m)
         nx, nz = self.x_m.size, self.z_m.size
         self.mesh = Mesh(
             x_min_m=float(self.x_m[0]),
@@ -113,8 +113,7 @@ class Grid:
             z_per_m=float((nz - 1) / (self.z_m[-1] - self.z_m[0])),
             nx=nx,
             nz=nz,
-            floor_m=floor_m,
-            steepness=1.0 / np.hypot(1.0, np.gradient(floor_m, self.x_m)),
+            floor=floor_of(ground, box.z_min_m),
         )
 
     def fields(self, weights: Floats, factors: Floats) -> Fields:
@@ -129,10 +128,10 @@ class Grid:
     def above(self, guards: Guards) -> Grid:
         """The same over ground that is raised: who keeps the clearance to it keeps the height over
         the true one that landing needs, too."""
-        mesh = self.mesh
-        more = np.maximum(guards.landing_m - guards.clearance_m / mesh.steepness, 0.0)
+        floor = self.mesh.floor
+        more = np.maximum(guards.landing_m - guards.clearance_m / floor.steepness, 0.0)
         raised = copy(self)
-        raised.mesh = mesh._replace(floor_m=mesh.floor_m + more)
+        raised.mesh = self.mesh._replace(floor=floor._replace(height_m=floor.height_m + more))
         return raised
 
     def at(self, fields: Fields, x_m: Floats, z_m: Floats) -> tuple[Floats, Floats]:
@@ -144,7 +143,7 @@ class Grid:
 
     def clearance(self, x_m: Floats, z_m: Floats) -> Floats:
         """Distance to the ground [m], by its slope below."""
-        result: Floats = clearance_at(self.mesh, x_m, z_m)
+        result: Floats = clearance_at(self.mesh.floor, x_m, z_m)
         return result
 
 
@@ -154,6 +153,23 @@ def floor_at(ground: Ground, x_m: Floats | float, unknown_m: float) -> Floats:
     if n == 0:
         return np.full(np.shape(x_m), unknown_m)
     return np.asarray(np.interp(x_m, ground.x_m[:n], ground.z_m[:n]))
+
+
+def floor_of(ground: Ground, unknown_m: float) -> Floor:
+    """The same in stretches."""
+    n = ground.points
+    if n == 0:
+        level = np.zeros(1)
+        return Floor(np.zeros(0), level + unknown_m, level, level + 1.0)
+    x, z = np.array(ground.x_m[:n]), np.array(ground.z_m[:n])
+    slope = np.concatenate(([0.0], np.diff(z) / np.diff(x), [0.0]))
+    begins = np.concatenate(([0], np.arange(n)))  # a corner that each stretch has
+    return Floor(
+        corner_x_m=x,
+        height_m=z[begins] - slope * x[begins],
+        slope=slope,
+        steepness=1.0 / np.hypot(1.0, slope),
+    )
 
 
 def within_of(guards: Guards) -> Within:
