@@ -2,7 +2,9 @@
 # make test   lint, types and tests: those that are quick
 # make long   the tests that take minutes: whole experiments, an hour's flight of the whole module,
 #             native code made and tested, and every property with more examples
-# make ci     lint, types and all tests but the long ones: what continuous integration runs
+# make ci     lint, types, the quick tests and a fifth of the others, in twelve minutes: what
+#             continuous integration runs; which fifth follows from the commit (tests/later.py)
+# make all    lint, types and all tests but the long ones: before what you push, and a release
 # make bench  timings, as ratios against references of the same run
 # make docs   the pages as a site: out/docs/index.html
 # make pictures  the README's pictures, flown and drawn again
@@ -18,14 +20,15 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3.14 python3; 
 	{ echo $$p; break; }; done)
 VENV ?= .venv
 BIN := $(VENV)/bin
-PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+# Byte code is made of what is imported, when it is: of all that comes along it takes a minute.
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt
 export PIP_ROOT_USER_ACTION := ignore
 # In the order of tests/conftest.py, the longest first; xdist's would begin with what has the most
 # cases.
 WORKERS := -n 2 --dist loadgroup --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
-.PHONY: help run test lint long ci bench docs pictures cover mutate clean
+.PHONY: help run test lint long ci all bench docs pictures cover mutate clean
 
 help:
 	@sed -n 's/^# \(make .*\)/\1/p' Makefile
@@ -34,18 +37,21 @@ run: $(VENV)/.run
 	$(BIN)/tgl-soar sitl $(ARGS)
 
 test: $(VENV)/.test lint
-	$(BIN)/pytest $(WORKERS) -m "not long and not later" $(ARGS)
+	$(BIN)/pytest $(WORKERS) --later none $(ARGS)
 
 lint: $(VENV)/.test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
+	$(BIN)/mypy --num-workers 2
 
 long: $(VENV)/.test
 	$(BIN)/pytest -m long $(ARGS)
 	$(BIN)/pytest $(WORKERS) -m hypothesis --hypothesis-profile long
 
 ci: $(VENV)/.test lint
+	$(BIN)/pytest $(WORKERS) --later turn:$$(git rev-parse HEAD 2>/dev/null) $(ARGS)
+
+all: $(VENV)/.test lint
 	$(BIN)/pytest $(WORKERS) $(ARGS)
 
 bench: $(VENV)/.test

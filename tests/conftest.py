@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from drawn_again import shows_what_it_showed  # noqa: F401 - a fixture
 from hypothesis import settings
+from later import PARTS, chosen, part_of
 from wheel import Installed, install
 
 from tgl_soar.onboard import native
@@ -61,54 +62,47 @@ ONE_WORKER: dict[str, tuple[str, ...]] = {
     ),
 }  # fmt: skip
 TESTS = Path(__file__).parent
-# Two thirds of the time of all tests: `make test` leaves them to `make ci`.  They need a compiled
-# kernel, the clock on the wall, a browser, another program, a whole log and its report, or flights
-# that take seconds.
-LATER_GROUPS = ("kernels", "real time", "page in a browser", "one flight")
-LATER_FILES = (
-    "analysis/campaigns/test_drawn_faults.py",
-    "analysis/experiments/estimates/test_estimator_experiment.py",
-    "analysis/experiments/estimates/test_wind_estimate.py",
-    "analysis/experiments/estimates/test_wind_use.py",
-    "analysis/experiments/outdoors/test_outdoors.py",
-    "analysis/experiments/outdoors/test_windy_hour.py", "analysis/experiments/test_catalogue.py",
-    "analysis/experiments/test_concluded.py", "analysis/experiments/test_flights.py",
-    "analysis/logs/test_models_from_other_logs.py", "analysis/replay/test_replay.py",
-    "analysis/report/test_flight_report.py", "analysis/report/test_point_figure.py",
-    "analysis/test_identified_brake.py", "analysis/test_linear_model.py",
-    "analysis/test_loop_response.py", "analysis/tuning/test_tune.py",
-    "autopilot/test_passage_in_tick.py", "benchmarks/test_batch.py",
-    "cli/page/test_measured_air.py", "cli/page/test_orders.py", "cli/page/test_page_for_a_day.py",
-    "cli/page/test_server.py", "cli/test_identify_command.py",
-    "cli/test_native.py", "cli/test_params.py", "cli/test_rare_command.py", "cli/test_site_init.py",
-    "control/test_brake_watch.py", "docs/test_site.py", "estimation/test_cross_wind.py",
-    "estimation/test_motion_filter.py", "estimation/test_wind.py", "fuzz/test_hostile.py",
-    "onboard/test_operator_slips.py", "onboard/test_operators.py", "onboard/test_survey_switch.py",
-    "peers/test_mavproxy_tgl.py", "peers/test_metadata.py", "sim/campaign/test_cluster.py",
-    "sim/test_bridge_faults.py", "sim/test_closed_loop.py", "sim/test_frame_resets.py",
-    "sim/test_point_mass.py", "sim/test_sideways.py", "tools/test_mutate.py",
-    "tools/test_mutation_reach.py", "test_gym.py",
-)  # fmt: skip
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Which tests that are not quick are run: see tests/later.py."""
+    words = "tests that are not quick: all, none, some of " + ", ".join(PARTS) + ", or turn:HASH"
+    parser.addoption("--later", default="all", metavar="PARTS", help=words)
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Says which they were."""
+    words = terminalreporter.config.getoption("later")
+    if words != "all":
+        parts = ", ".join(chosen(words)) or "none of the others"
+        terminalreporter.write_line(f"the quick tests, and {parts} (tests/later.py)")
 
 
 @pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Tests of a file go to one worker, which makes once what they share, and native code has no
     seams for some.
 
     The longest go first: one worker begins with the one group, the other with the next, and the
     many short files at the end are divided so that both end together.
     """
-    later = {TESTS / file for file in LATER_FILES}
+    parts = chosen(config.getoption("later"))
+    kept: list[pytest.Item] = []
+    left: list[pytest.Item] = []
     group_of = {TESTS / file: name for name, files in ONE_WORKER.items() for file in files}
     for item in items:
-        if item.get_closest_marker("xdist_group") is None:
-            group = group_of.get(item.path) or item.path.relative_to(TESTS).as_posix()
-            item.add_marker(pytest.mark.xdist_group(group))
+        file = item.path.relative_to(TESTS).as_posix()
         own = item.get_closest_marker("xdist_group")
-        if item.path in later or (own is not None and own.args[0] in LATER_GROUPS):
+        group = own.args[0] if own is not None else group_of.get(item.path) or file
+        if own is None:
+            item.add_marker(pytest.mark.xdist_group(group))
+        part = part_of(file, group)
+        if part:
             item.add_marker(pytest.mark.later)
-    items.sort(key=turn)
+        (kept if not part or part in parts else left).append(item)
+    if left:
+        config.hook.pytest_deselected(items=left)
+    items[:] = sorted(kept, key=turn)
     if NATIVE:
         for item in items:
             if item.get_closest_marker("interpreted"):
