@@ -69,7 +69,7 @@ class ReportedSearch:
 
 def equipped(**changes: float) -> ModuleSetup:
     plain = setup()
-    values = plain.parameters.changed({**FENCE, "FC_ACT": 0.0, **changes})
+    values = plain.parameters.changed({**FENCE, "FC_ACT": 0.0, "CLEAR_MIN": 0.5, **changes})
     return plain._replace(parameters=values, aerodynamics=AERODYNAMICS)
 
 
@@ -266,6 +266,7 @@ def test_a_search_that_dies_or_is_late_ends_and_the_line_stays() -> None:
     [
         (equipped(), None, "no search in this process"),
         (equipped(FENCE_Z_MAX=5000.0), ReportedSearch(), "FENCE_Z_MAX"),
+        (equipped(CLEAR_MIN=0.0), ReportedSearch(), "CLEAR_MIN is 0"),
         (setup()._replace(parameters=equipped().parameters), ReportedSearch(), "[polar]"),
     ],
 )
@@ -279,6 +280,19 @@ def test_what_cannot_be_searched_is_refused(
     flight.run(0.1)
     assert value(flight, "SRCH_START") == 0.0
     assert why in "".join(texts(flight.said()))
+
+
+@pytest.mark.parametrize(
+    ("name", "number", "why"),
+    [("CLEAR_MIN", 0.0, "CLEAR_MIN is 0"), ("FENCE_Z_MAX", 5000.0, "the fence is open")],
+)
+def test_a_search_ends_where_a_guard_is_taken_away(name: str, number: float, why: str) -> None:
+    flight, _ = searching()
+    flight.said()
+    flight.set(name, number)
+    flight.run(0.05)
+    assert value(flight, "SRCH_START") == 0.0
+    assert f"search ended: {why}" in "".join(texts(flight.said()))
 
 
 @pytest.mark.parametrize("number", [2.0, 3.0])

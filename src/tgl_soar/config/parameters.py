@@ -731,7 +731,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
                 " mode searching, and soars where it finds one; 0: the line stays where it is. The"
                 " module shows 2 while it says that it soars, and 3 where it has given up, which"
                 " disengages; then 0. Setting any TGL_ parameter ends a search. It needs a fence on"
-                " every side, [polar] and [model] in the airframe file.",
+                " every side, CLEAR_MIN, [polar] and [model] in the airframe file.",
         integer=True, in_files=False,
     ),
     # --- the survey --------------------------------------------------------------------------

@@ -102,6 +102,8 @@ class SearchSwitch:
             return self._engine.failure
         if not isfinite(self._settings.laws.wind.aerodynamics.polar.c0):
             return "the airframe file has no [polar] and [model] to read the air by"
+        if self._settings.values["CLEAR_MIN"] == 0.0:
+            return "CLEAR_MIN is 0: the height for landing that a search keeps follows from it"
         return open_fence(self._settings)
 
     def tick(self, output: Output) -> None:
@@ -198,7 +200,10 @@ class SearchSwitch:
             self._laws = laws
 
     def _follow(self, engine: SearchEngine, output: Output) -> None:
-        """Take its answer; without one for too long the search is over."""
+        """Take its answer; without one for too long, or without what it needs, it is over."""
+        if lacks := self.refusal():
+            self._end(SEVERITY_ERROR, f"search ended: {lacks}")
+            return
         now_s = output.time_s
         if not self._received_s <= now_s:  # NaN: it was asked just now
             self._received_s = now_s
