@@ -25,7 +25,14 @@ from tgl_soar.control.search.glimpse import (
     SearchTask,
     task_of,
 )
-from tgl_soar.control.supervisor import CAPTURING, LAUNCHING, SEARCHING, is_flying
+from tgl_soar.control.supervisor import (
+    CAPTURING,
+    HOLDING,
+    LAUNCHING,
+    RECOVERING,
+    SEARCHING,
+    is_flying,
+)
 from tgl_soar.control.supervisor import SOARING as SOARS
 from tgl_soar.control.target_line import LineTracking, TargetLine, eta_from_lean
 from tgl_soar.onboard.search_beside import SearchBeside, SearchHere
@@ -259,6 +266,33 @@ def test_a_search_that_dies_or_is_late_ends_and_the_line_stays() -> None:
     flight.run(0.4)
     assert f"search ended: no answer for {LATE_S:g} s" in words(flight)
     assert flight.mode_now == CAPTURING
+
+
+def ticks(flight: Flight, mode: int, seconds: float) -> None:
+    """Ticks of the switches in a mode, on simulated time, with what the last tick had."""
+    onboard = flight.onboard
+    output = onboard.output
+    assert output is not None
+    for _ in range(round(seconds / 0.005)):
+        time_s = output.time_s + 0.005
+        vehicle = output.vehicle._replace(time_s=time_s)
+        output = output._replace(time_s=time_s, mode=mode, vehicle=vehicle)
+        onboard.output = output
+        onboard._switches.tick(output)
+
+
+@pytest.mark.parametrize("mode", [HOLDING, RECOVERING])
+def test_nobody_is_late_who_was_not_asked(mode: int) -> None:
+    flight, search = searching()
+    flight.said()
+    search.answer = None
+    before = len(search.glimpses)
+    ticks(flight, mode, LATE_S + 1.0)
+    assert len(search.glimpses) == before
+    ticks(flight, SEARCHING, LATE_S - 0.5)  # it may take as long as ever
+    assert value(flight, "SRCH_START") == 1.0
+    ticks(flight, SEARCHING, 1.0)
+    assert value(flight, "SRCH_START") == 0.0
 
 
 @pytest.mark.parametrize(

@@ -46,6 +46,7 @@ from tgl_soar.types import NAN, VehicleState
 
 # A plan is due once a second and takes a few hundredths: three of them missed is no search.
 LATE_S: Final = 3.0
+UNASKED: Final = (HOLDING, RECOVERING)  # without a place, or thrown about
 
 
 class SearchEngine(Protocol):
@@ -157,7 +158,7 @@ class SearchSwitch:
 
     def _look(self, engine: SearchEngine, output: Output) -> None:
         """A glimpse for the search, where one is due."""
-        if output.mode in (HOLDING, RECOVERING):  # without a place, or thrown about
+        if output.mode in UNASKED:
             self._before = None
             return
         self._wind += output.air.wind_mps
@@ -205,7 +206,8 @@ class SearchSwitch:
             self._end(SEVERITY_ERROR, f"search ended: {lacks}")
             return
         now_s = output.time_s
-        if not self._received_s <= now_s:  # NaN: it was asked just now
+        # NaN: it was asked just now.  In these modes nobody is asked, so that nobody is late.
+        if output.mode in UNASKED or not self._received_s <= now_s:
             self._received_s = now_s
         wish = engine.receive()
         if wish is not None:
