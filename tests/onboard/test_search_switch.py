@@ -26,11 +26,14 @@ from tgl_soar.control.search.glimpse import (
     task_of,
 )
 from tgl_soar.control.supervisor import (
+    BREAKING_OFF,
     CAPTURING,
     HOLDING,
+    LANDING,
     LAUNCHING,
     RECOVERING,
     SEARCHING,
+    goes_home,
     is_flying,
 )
 from tgl_soar.control.supervisor import SOARING as SOARS
@@ -293,6 +296,52 @@ def test_nobody_is_late_who_was_not_asked(mode: int) -> None:
     assert value(flight, "SRCH_START") == 1.0
     ticks(flight, SEARCHING, 1.0)
     assert value(flight, "SRCH_START") == 0.0
+
+
+@pytest.mark.parametrize("mode", [BREAKING_OFF, LANDING])
+def test_on_the_way_home_there_is_no_search(mode: int) -> None:
+    flight, search = searching()
+    flight.said()
+    before, x_m = len(search.glimpses), value(flight, "TGL_X")
+    search.wishes(0.4)
+    ticks(flight, mode, LATE_S + 1.0)
+    assert len(search.glimpses) == before
+    assert value(flight, "TGL_X") == x_m
+    assert value(flight, "SRCH_START") == 0.0
+    flight.set("SRCH_START", 1.0)  # it is refused with the reason
+    assert value(flight, "SRCH_START") == 0.0
+    flight.run(0.05)
+    said = texts(flight.said())
+    assert "search ended: it goes home" in said
+    assert "ESC_START" in "".join(said)
+
+
+def test_no_search_begins_by_itself_on_the_way_home() -> None:
+    flight = Flight(flown=equipped(FC_ACT=4.0), search=ReportedSearch())
+    flight.engaged().run(0.5)
+    output = flight.onboard.output
+    assert output is not None
+    lost = output._replace(forecast=output.forecast._replace(standing=SINKS))
+    flight.onboard._switches.tick(lost._replace(mode=BREAKING_OFF))
+    assert value(flight, "SRCH_START") == 0.0
+
+
+def test_who_soars_on_from_the_way_home_is_not_released_by_a_search_that_had_given_up() -> None:
+    flight, search = searching()
+    flight.set("ESC_START", 1.0)
+    assert search.answer is not None
+    search.answer = search.answer._replace(status=GIVEN_UP, reason=TOO_LOW)
+    flight.onboard.settings.assign("SRCH_START", 3.0)  # in the tick in which it breaks off
+    flight.run(0.5)
+    assert goes_home(flight.mode_now)
+    assert value(flight, "SRCH_START") == 0.0
+    flight.set("ESC_START", 2.0)
+    flight.run(1.0)
+    assert flight.mode_now == CAPTURING
+    search.wishes(0.0)
+    flight.set("SRCH_START", 1.0)  # and another one begins
+    flight.run(0.5)
+    assert flight.mode_now == SEARCHING
 
 
 @pytest.mark.parametrize(

@@ -34,7 +34,7 @@ from tgl_soar.control.search.glimpse import (
     SearchTask,
     task_of,
 )
-from tgl_soar.control.supervisor import HOLDING, LAUNCHING, RECOVERING
+from tgl_soar.control.supervisor import HOLDING, LAUNCHING, RECOVERING, goes_home
 from tgl_soar.control.target_line import TargetLine, e_rho
 from tgl_soar.control.throttle import can_hold
 from tgl_soar.link.messages import SEVERITY_ERROR, SEVERITY_INFO, SEVERITY_WARNING
@@ -86,6 +86,7 @@ class SearchSwitch:
         self._wind = self._updraft = self._pushed = 0.0  # sums since then
         self._count = 0
         self._was_active = False
+        self._goes_home = False
         self._received_s = NAN  # when it answered last, or was asked first; NaN: nobody seeks
         self._target: TargetLine | None = None  # the last that was taken
         self._is_refused = False  # that one
@@ -96,7 +97,13 @@ class SearchSwitch:
         return int(self._settings.values["SRCH_START"])
 
     def refusal(self) -> str:
-        """Why no search can begin; "" if it can."""
+        """Why no search can begin now; "" if it can."""
+        if self._goes_home:
+            return "it goes home: set ESC_START to 2 first, to soar on"
+        return self._lacks()
+
+    def _lacks(self) -> str:
+        """What a search needs and does not have, before it and under way; "" for nothing."""
         if self._engine is None:
             return "there is no search in this process"
         if self._engine.failure:
@@ -109,12 +116,16 @@ class SearchSwitch:
 
     def tick(self, output: Output) -> None:
         """A tick has gone by, and its command is on its way."""
+        self._goes_home = goes_home(output.mode)
         if not output.active:
             self._landed()
             return
         self._was_active = True
         engine = self._engine
         if engine is None:
+            return
+        if self._goes_home:
+            self._end_on_way_home()
             return
         if output.mode == LAUNCHING:  # a hand carries what the air does not: nothing is asked yet
             self._before, self._received_s = None, NAN
@@ -143,6 +154,14 @@ class SearchSwitch:
         if self._standing != SEARCH_OFF:
             self._settings.assign("SRCH_START", SEARCH_OFF)
 
+    def _end_on_way_home(self) -> None:
+        """No line is flown there, and whoever soars on from there begins anew."""
+        if self._standing in (SEARCH_LOOKS, SEARCH_SOARS):
+            self._end(SEVERITY_INFO, "search ended: it goes home")
+        elif self._standing != SEARCH_OFF:
+            self._settings.assign("SRCH_START", SEARCH_OFF)
+        self._before, self._received_s, self._target = None, NAN, None
+
     def _start_by_forecast(self, output: Output) -> None:
         """FC_ACT 4: a line that holds no place is left for one that does; once in a flight, so
         that nobody's line is taken away again who took it back."""
@@ -150,7 +169,7 @@ class SearchSwitch:
             not self._has_begun
             and self._settings.values["FC_ACT"] == SEARCH_FIRST
             and nowhere(output.forecast)
-            and not self.refusal()
+            and not self._lacks()
         ):
             self._has_begun = True
             self._settings.assign("SRCH_START", SEARCH_LOOKS)
@@ -168,7 +187,7 @@ class SearchSwitch:
         before = self._before
         if before is not None and 0.0 <= output.time_s - before.time_s < LOOK_S - 1e-6:
             return
-        if before is not None and not self.refusal():
+        if before is not None and not self._lacks():
             self._tell_task(engine)
             glimpse = Glimpse(
                 before=before,
@@ -202,7 +221,7 @@ class SearchSwitch:
 
     def _follow(self, engine: SearchEngine, output: Output) -> None:
         """Take its answer; without one for too long, or without what it needs, it is over."""
-        if lacks := self.refusal():
+        if lacks := self._lacks():
             self._end(SEVERITY_ERROR, f"search ended: {lacks}")
             return
         now_s = output.time_s
