@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import os
+import pickle
 import signal
+import socket
+import threading
 import time
 from math import degrees, nan, pi, radians, tan
 
@@ -38,7 +41,7 @@ from tgl_soar.control.supervisor import (
 )
 from tgl_soar.control.supervisor import SOARING as SOARS
 from tgl_soar.control.target_line import LineTracking, TargetLine, eta_from_lean
-from tgl_soar.onboard.search_beside import SearchBeside, SearchHere
+from tgl_soar.onboard.search_beside import LARGEST_BYTES, SearchBeside, SearchHere, serve
 from tgl_soar.onboard.search_switch import LATE_S
 from tgl_soar.onboard.setup import ModuleSetup
 from tgl_soar.types import NO_GROUND, VehicleState
@@ -49,22 +52,40 @@ AERODYNAMICS = load_airframe(shipped("airframes/eclipson_c.toml")).aerodynamics(
 
 
 class ReportedSearch:
-    """A search that answers what a test wants."""
+    """A search that answers each glimpse once, with what a test wants."""
 
     def __init__(self) -> None:
         self.tasks: list[SearchTask] = []
         self.glimpses: list[Glimpse | None] = []
-        self.answer: LineWish | None = None
+        self.answer: LineWish | None = None  # to what is asked; None: it is silent
+        self.late = 0  # glimpses that it has not got to yet
+        self.has_room = True  # for what it is told
         self.failure = ""
+        self._answers: list[LineWish] = []  # that were not received yet
 
-    def begin(self, task: SearchTask) -> None:
-        self.tasks.append(task)
+    def begin(self, task: SearchTask) -> bool:
+        if self.has_room:
+            self.tasks.append(task)
+        return self.has_room
 
-    def send(self, glimpse: Glimpse | None) -> None:
+    def send(self, glimpse: Glimpse | None) -> bool:
+        if not self.has_room:
+            return False
         self.glimpses.append(glimpse)
+        asked = self.glimpses[-1 - self.late] if len(self.glimpses) > self.late else None
+        if asked is not None and asked.seeks:
+            self.answers(asked)
+        return True
+
+    def answers(self, glimpse: Glimpse) -> None:
+        if self.answer is not None:
+            stamp = {"time_s": glimpse.now.time_s, "search": glimpse.search}
+            self._answers.append(self.answer._replace(**stamp))
 
     def receive(self) -> LineWish | None:
-        return self.answer
+        newest = self._answers[-1] if self._answers else None
+        self._answers.clear()
+        return newest
 
     def wishes(self, x_m: float, lean_deg: float = 15.0, status: int = LOOKING) -> None:
         self.answer = LineWish(
@@ -107,7 +128,7 @@ def test_the_module_flies_the_line_that_the_search_wants_and_soars_where_it_says
     flight, search = searching()
     assert "searching: searches for a place to soar" in words(flight)
     search.wishes(0.1, lean_deg=20.0)
-    flight.run(0.1)
+    flight.run(0.25)
     shown = {m.param_id: m.param_value for m in flight.said("PARAM_VALUE")}
     assert shown["TGL_X"] == pytest.approx(0.1)
     assert shown["TGL_LEAN"] == pytest.approx(20.0)
@@ -184,11 +205,11 @@ def test_it_does_not_learn_the_air_from_a_hand() -> None:
 def test_an_operator_takes_the_line_back_at_any_moment(name: str) -> None:
     flight, search = searching()
     search.wishes(0.3)
-    flight.run(0.05)
+    flight.run(0.25)
     wanted = {"TGL_X": -0.2, "TGL_LEAN": 12.0, "TGL_SLEW": 0.25}[name]
     flight.set(name, wanted)
     search.wishes(-0.4)
-    flight.run(0.1)
+    flight.run(0.3)
     assert value(flight, "SRCH_START") == 0.0
     assert value(flight, name) == pytest.approx(wanted)
     assert "search ended: the line was set by hand" in words(flight)
@@ -201,7 +222,7 @@ def test_the_operators_0_ends_it() -> None:
     flight, search = searching()
     flight.set("SRCH_START", 0.0)
     search.wishes(0.4)
-    flight.run(0.1)
+    flight.run(0.3)
     assert flight.mode_now == CAPTURING
     assert value(flight, "TGL_X") == pytest.approx(0.0, abs=0.01)
 
@@ -210,7 +231,7 @@ def test_given_up_it_hands_over_with_the_reason_and_the_height() -> None:
     flight, search = searching()
     assert search.answer is not None
     search.answer = search.answer._replace(status=GIVEN_UP, reason=TOO_LOW)
-    flight.run(0.1)
+    flight.run(0.3)
     said = texts(flight.said())
     whole = "".join(said)  # a long text comes in pieces
     assert "height for landing is running out" in whole
@@ -226,13 +247,13 @@ def test_a_line_outside_the_fence_is_not_flown_and_the_search_is_reported() -> N
     flight, search = searching()
     x_m = value(flight, "TGL_X")
     search.wishes(7.0)
-    flight.run(0.1)
+    flight.run(0.25)
     assert value(flight, "TGL_X") == x_m
     flight.run(0.3)
     last = [g for g in search.glimpses if g is not None]
     assert any(g.refused for g in last)
     search.wishes(0.0, lean_deg=50.0)  # beyond TGL_LEAN_MAX
-    flight.run(0.1)
+    flight.run(0.25)
     assert value(flight, "TGL_LEAN") == 15.0
     assert flight.mode_now == SEARCHING
 
@@ -244,7 +265,7 @@ def test_the_point_of_the_line_is_where_the_aircraft_is_to_settle() -> None:
     assert search.answer is not None
     far = search.answer.target._replace(z_m=-7.0 / tan(radians(15.0)))
     search.answer = search.answer._replace(target=far, place_x_m=-0.5, place_z_m=2.0)
-    flight.run(0.1)
+    flight.run(0.25)
     x_m, z_m = value(flight, "TGL_X"), value(flight, "TGL_Z")
     assert z_m == pytest.approx(2.0, abs=0.02)
     assert degrees(ETA - 0.5 * pi) == pytest.approx(value(flight, "TGL_LEAN"))
@@ -268,7 +289,7 @@ def test_a_search_that_dies_or_is_late_ends_and_the_line_stays() -> None:
     assert flight.mode_now == SEARCHING
     flight.run(0.4)
     assert f"search ended: no answer for {LATE_S:g} s" in words(flight)
-    assert flight.mode_now == CAPTURING
+    assert flight.mode_now in (CAPTURING, SOARS)
 
 
 def ticks(flight: Flight, mode: int, seconds: float) -> None:
@@ -284,6 +305,87 @@ def ticks(flight: Flight, mode: int, seconds: float) -> None:
         onboard._switches.tick(output)
 
 
+def asked_last(search: ReportedSearch) -> Glimpse:
+    return [glimpse for glimpse in search.glimpses if glimpse is not None][-1]
+
+
+def test_what_an_ended_flight_had_asked_does_not_end_the_next() -> None:
+    flight, search = searching()
+    flight.set("OP_ENGAGE", 0.0)
+    flight.run(0.1)
+    assert not is_flying(flight.mode_now)
+    kept = search.answer
+    assert kept is not None
+    search.answer = kept._replace(status=GIVEN_UP, reason=TOO_LOW)
+    search.answers(asked_last(search))  # late by milliseconds
+    search.answer = kept
+    flight.set("SRCH_START", 1.0)
+    flight.engaged().run(1.0)
+    assert flight.mode_now == SEARCHING
+
+
+@pytest.mark.parametrize("status", [SOARING, GIVEN_UP])
+def test_what_an_ended_search_had_asked_is_not_obeyed_by_the_next(status: int) -> None:
+    flight, search = searching()
+    flight.set("SRCH_START", 0.0)
+    search.wishes(0.9, status=status)
+    search.answers(asked_last(search))  # it was under way
+    search.wishes(0.0)
+    flight.run(0.01)
+    flight.set("SRCH_START", 1.0)
+    flight.run(0.01)
+    assert value(flight, "TGL_X") == pytest.approx(0.0, abs=1e-6)
+    flight.run(1.0)
+    assert value(flight, "SRCH_START") == 1.0
+    assert flight.mode_now == SEARCHING
+
+
+def test_late_is_who_answers_old_glimpses_however_often() -> None:
+    """A process that falls ever further behind answers five times a second."""
+    flight, search = searching()
+    flight.said()
+    for late in range(1, round(LATE_S / LOOK_S) + 2):
+        search.late = late
+        flight.run(LOOK_S)
+        if late < round(LATE_S / LOOK_S) - 1:
+            assert flight.mode_now == SEARCHING
+            flight.run(LOOK_S)
+    assert f"search ended: no answer for {LATE_S:g} s" in words(flight)
+    assert value(flight, "SRCH_START") == 0.0
+
+
+def test_what_found_no_room_is_sent_again() -> None:
+    """The task, the word that a line was refused, and that the flight is over."""
+    search = ReportedSearch()
+    flight = Flight(flown=equipped(), search=search)
+    search.wishes(0.0)
+    search.has_room = False
+    flight.run(1.0)
+    flight.set("SRCH_START", 1.0)
+    flight.engaged().run(1.0)
+    assert not search.glimpses
+    search.has_room = True
+    flight.run(0.5)
+    assert search.tasks == [task_of(flight.onboard.settings.laws)]
+    assert search.glimpses
+    search.wishes(7.0)
+    flight.run(LOOK_S)
+    search.has_room = False
+    flight.run(2.0 * LOOK_S)
+    assert not any(glimpse.refused for glimpse in search.glimpses if glimpse is not None)
+    search.has_room = True
+    flight.run(LOOK_S + 0.01)
+    assert any(glimpse.refused for glimpse in search.glimpses if glimpse is not None)
+    search.has_room = False
+    flight.set("OP_ENGAGE", 0.0)
+    flight.run(0.5)
+    assert search.glimpses[-1] is not None
+    search.has_room = True
+    flight.run(0.5)
+    assert search.glimpses[-1] is None
+    assert search.glimpses.count(None) == 1
+
+
 @pytest.mark.parametrize("mode", [HOLDING, RECOVERING])
 def test_nobody_is_late_who_was_not_asked(mode: int) -> None:
     flight, search = searching()
@@ -292,6 +394,11 @@ def test_nobody_is_late_who_was_not_asked(mode: int) -> None:
     before = len(search.glimpses)
     ticks(flight, mode, LATE_S + 1.0)
     assert len(search.glimpses) == before
+    search.wishes(0.4)
+    search.answers(asked_last(search))  # of so long ago it is not obeyed
+    search.answer = None
+    ticks(flight, mode, 0.01)
+    assert value(flight, "TGL_X") == pytest.approx(0.0, abs=1e-6)
     ticks(flight, SEARCHING, LATE_S - 0.5)  # it may take as long as ever
     assert value(flight, "SRCH_START") == 1.0
     ticks(flight, SEARCHING, 1.0)
@@ -483,6 +590,45 @@ def test_the_process_answers_what_the_same_search_answers_here_and_may_die() -> 
         beside.send(glimpse_at(11.0, 0.6, 1.5, 0.0))  # and that harms nobody
     finally:
         beside.close()
+
+
+def test_a_process_that_is_behind_listens_to_all_and_answers_the_newest() -> None:
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    glimpses = [glimpse_at(10.0 + LOOK_S * k, 0.6, 1.5 - 0.02 * k, -0.1) for k in range(8)]
+    here = SearchHere()
+    with ours, theirs:
+        ours.send(pickle.dumps(tunnel_task()))
+        here.begin(tunnel_task())
+        for glimpse in glimpses:
+            ours.send(pickle.dumps(glimpse._replace(search=3)))
+            here.send(glimpse)
+        process = threading.Thread(target=serve, args=(theirs,))
+        process.start()
+        answer = pickle.loads(ours.recv(LARGEST_BYTES))
+        ours.shutdown(socket.SHUT_WR)
+        process.join()
+        theirs.close()
+        assert ours.recv(LARGEST_BYTES) == b""  # and it was the only one
+    assert (answer.time_s, answer.search) == (glimpses[-1].now.time_s, 3)
+    expected = here.receive()
+    assert expected is not None
+    assert answer.over_ground_m == pytest.approx(expected.over_ground_m)
+
+
+def test_another_search_begins_from_the_start() -> None:
+    """Also where nobody said between the two that no line is wanted."""
+    here = SearchHere()
+    here.begin(tunnel_task())
+    for k in range(20):  # it falls to the floor
+        here.send(glimpse_at(10.0 + LOOK_S * k, 0.6, 1.5 - 0.06 * k, -0.3)._replace(search=1))
+        answer = here.receive()
+        assert answer is not None
+    assert answer.status == GIVEN_UP
+    assert answer.search == 1
+    here.send(glimpse_at(20.0, 0.6, 1.5, 0.0)._replace(search=3))
+    answer = here.receive()
+    assert answer is not None
+    assert (answer.status, answer.search) == (LOOKING, 3)
 
 
 def test_a_process_that_hangs_keeps_nobody_waiting() -> None:

@@ -5,6 +5,9 @@ has time for neither.  What goes to and fro are datagrams of a pair of sockets. 
 one that finds no room is dropped, and where the process dies the flight goes on without a search.
 The process ends with the one that flies, whatever ends that: the pair is closed then.
 
+A process that is slow does not fall behind: the map listens to every glimpse, but only the newest
+is planned for and answered.
+
 In lockstep, where the time stands still until the tick is through, the search is in the tick's own
 process, so that a flight repeats exactly (`SearchHere`).
 """
@@ -13,6 +16,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import select
 import signal
 import socket
 import subprocess
@@ -54,13 +58,13 @@ class SearchBeside:
         """Why there will be no answer any more."""
         return self._failure
 
-    def begin(self, task: SearchTask) -> None:
-        """Another place, polar or slew than before."""
-        self._send(task)
+    def begin(self, task: SearchTask) -> bool:
+        """Another place, polar or slew than before; whether it was sent."""
+        return self._send(task)
 
-    def send(self, glimpse: Glimpse | None) -> None:
-        """What the module knows."""
-        self._send(glimpse)
+    def send(self, glimpse: Glimpse | None) -> bool:
+        """What the module knows; whether it was sent."""
+        return self._send(glimpse)
 
     def receive(self) -> LineWish | None:
         """The newest answer."""
@@ -78,15 +82,18 @@ class SearchBeside:
             newest = pickle.loads(data)  # of our own process, by a socket of nobody else's
         return None if self._failure else newest
 
-    def _send(self, said: SearchTask | Glimpse | None) -> None:
+    def _send(self, said: SearchTask | Glimpse | None) -> bool:
         if self._failure:
-            return
+            return False
         try:
             self._socket.send(pickle.dumps(said))
         except BlockingIOError:
             self.dropped += 1
+            return False
         except OSError:
             self._failure = "its process has died"
+            return False
+        return True
 
     def close(self) -> None:
         """End it."""
@@ -108,13 +115,15 @@ class SearchHere:
         self._answer: LineWish | None = None
         self.failure = ""
 
-    def begin(self, task: SearchTask) -> None:
+    def begin(self, task: SearchTask) -> bool:
         """Another place, polar or slew than before."""
         self._seeker.begin(task)
+        return True
 
-    def send(self, glimpse: Glimpse | None) -> None:
+    def send(self, glimpse: Glimpse | None) -> bool:
         """What the module knows."""
         self._answer = self._seeker.take(glimpse)
+        return True
 
     def receive(self) -> LineWish | None:
         """The newest answer."""
@@ -141,8 +150,9 @@ def serve(ours: socket.socket) -> None:
         if isinstance(said, SearchTask):
             seeker.begin(said)
             continue
-        answer = seeker.take(said)
-        if answer is not None:
+        is_newest = not select.select([ours], [], [], 0.0)[0]
+        answer = seeker.take(said, plans=is_newest)
+        if is_newest and answer is not None:
             with suppress(BlockingIOError):
                 ours.send(pickle.dumps(answer))
 

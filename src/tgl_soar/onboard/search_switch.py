@@ -7,6 +7,9 @@ asked: the contour of the site, which is of another day's wind, and TGL_STEP_MAX
 against slips of the hand.  An answer that is late or never comes leaves the line where it is, and
 ends the search.
 
+Every answer says which glimpse it is of, and of which search: what an ended search or flight had
+asked for is not obeyed, and late is who answers glimpses of LATE_S ago.
+
 Where FC_ACT is 4 the module starts a search by itself when no place to settle is foreseen.
 """
 
@@ -52,11 +55,11 @@ UNASKED: Final = (HOLDING, RECOVERING)  # without a place, or thrown about
 class SearchEngine(Protocol):
     """Who has the map and the rollouts."""
 
-    def begin(self, task: SearchTask) -> None:
-        """Another place, polar or slew than before."""
+    def begin(self, task: SearchTask) -> bool:
+        """Another place, polar or slew than before; whether it was sent.  It never waits."""
 
-    def send(self, glimpse: Glimpse | None) -> None:
-        """What the module knows; None: the flight is over.  It never waits."""
+    def send(self, glimpse: Glimpse | None) -> bool:
+        """What the module knows; None: the flight is over.  Whether it was sent; it never waits."""
 
     def receive(self) -> LineWish | None:
         """The newest answer, once; None: there is no new one.  It never waits."""
@@ -82,12 +85,16 @@ class SearchSwitch:
         self._engine = engine
         self._bounds = bounds_of(setup, ())
         self._laws: Laws | None = None  # that the engine knows
+        self._owes_end = False  # it does not know yet that the last flight is over
         self._before: VehicleState | None = None  # at the last glimpse
         self._wind = self._updraft = self._pushed = 0.0  # sums since then
         self._count = 0
         self._was_active = False
         self._goes_home = False
-        self._received_s = NAN  # when it answered last, or was asked first; NaN: nobody seeks
+        self._search = 0  # its number: another one for each that begins, and after each that ends
+        self._seeks = False
+        # Of the glimpse that was answered last, or when one was asked first; NaN: none was.
+        self._answered_s = NAN
         self._target: TargetLine | None = None  # the last that was taken
         self._is_refused = False  # that one
         self._has_begun = False  # by itself, in this flight
@@ -95,6 +102,10 @@ class SearchSwitch:
     @property
     def _standing(self) -> int:
         return int(self._settings.values["SRCH_START"])
+
+    @property
+    def _is_wanted(self) -> bool:
+        return self._standing in (SEARCH_LOOKS, SEARCH_SOARS)
 
     def refusal(self) -> str:
         """Why no search can begin now; "" if it can."""
@@ -128,39 +139,43 @@ class SearchSwitch:
             self._end_on_way_home()
             return
         if output.mode == LAUNCHING:  # a hand carries what the air does not: nothing is asked yet
-            self._before, self._received_s = None, NAN
+            self._before, self._answered_s = None, NAN
             return
         if self._standing == SEARCH_OFF:
-            self._received_s, self._target = NAN, None
             self._start_by_forecast(output)
+        if self._seeks != self._is_wanted:
+            self._renew(seeks=self._is_wanted)
         self._look(engine, output)
-        if self._standing in (SEARCH_LOOKS, SEARCH_SOARS):
+        if self._seeks:
             self._follow(engine, output)
 
     def taken_back(self) -> None:
         """An operator has set a parameter of the line: it is theirs."""
-        if self._standing in (SEARCH_LOOKS, SEARCH_SOARS) and self._was_active:
+        if self._is_wanted and self._was_active:
             self._end(SEVERITY_INFO, "search ended: the line was set by hand")
 
     def _landed(self) -> None:
         """The module is not in control: what was searched in that flight is over."""
         if not self._was_active:
+            self._tell_end()
             return
         self._was_active = False
-        self._before, self._laws, self._received_s, self._target = None, None, NAN, None
-        self._has_begun = False
-        if self._engine is not None:
-            self._engine.send(None)
+        self._before, self._laws = None, None
+        self._has_begun, self._owes_end = False, True
+        self._renew(seeks=False)
+        self._tell_end()
         if self._standing != SEARCH_OFF:
             self._settings.assign("SRCH_START", SEARCH_OFF)
 
     def _end_on_way_home(self) -> None:
         """No line is flown there, and whoever soars on from there begins anew."""
-        if self._standing in (SEARCH_LOOKS, SEARCH_SOARS):
+        if self._is_wanted:
             self._end(SEVERITY_INFO, "search ended: it goes home")
         elif self._standing != SEARCH_OFF:
             self._settings.assign("SRCH_START", SEARCH_OFF)
-        self._before, self._received_s, self._target = None, NAN, None
+        if self._seeks:
+            self._renew(seeks=False)
+        self._before = None
 
     def _start_by_forecast(self, output: Output) -> None:
         """FC_ACT 4: a line that holds no place is left for one that does; once in a flight, so
@@ -188,7 +203,6 @@ class SearchSwitch:
         if before is not None and 0.0 <= output.time_s - before.time_s < LOOK_S - 1e-6:
             return
         if before is not None and not self._lacks():
-            self._tell_task(engine)
             glimpse = Glimpse(
                 before=before,
                 now=output.vehicle,
@@ -196,7 +210,7 @@ class SearchSwitch:
                 wind_mps=self._wind / self._count,
                 updraft_mps=self._updraft / self._count,
                 pitot=output.air.measured,
-                seeks=self._standing in (SEARCH_LOOKS, SEARCH_SOARS),
+                seeks=self._seeks,
                 refused=self._is_refused,
                 pushed_mps=self._pushed / self._count,
                 carried=can_hold(
@@ -205,19 +219,37 @@ class SearchSwitch:
                     min(0.0, output.vehicle.climb_mps),
                     output.air.airspeed_mps,
                 ),
+                search=self._search,
             )
-            self._is_refused = False
-            engine.send(glimpse)
+            if self._is_told(engine) and engine.send(glimpse):
+                self._is_refused = False
         self._before = output.vehicle
         self._wind = self._updraft = self._pushed = 0.0
         self._count = 0
 
-    def _tell_task(self, engine: SearchEngine) -> None:
+    def _tell_end(self) -> None:
+        """What found no room is sent again."""
+        if self._owes_end and self._engine is not None:
+            self._owes_end = not self._engine.send(None)
+
+    def _is_told(self, engine: SearchEngine) -> bool:
+        """Whether it knows that the flight before is over, and its task: sent until it is."""
+        self._tell_end()
+        if self._owes_end:
+            return False
         laws = self._settings.laws
         if laws is not self._laws:
-            if self._laws is None or task_of(laws) != task_of(self._laws):
-                engine.begin(task_of(laws))
+            is_known = self._laws is not None and task_of(laws) == task_of(self._laws)
+            if not is_known and not engine.begin(task_of(laws)):
+                return False
             self._laws = laws
+        return True
+
+    def _renew(self, *, seeks: bool) -> None:
+        """A search begins or is over: answers to what was asked before are not this one's."""
+        self._search += 1
+        self._seeks = seeks
+        self._answered_s, self._target, self._is_refused = NAN, None, False
 
     def _follow(self, engine: SearchEngine, output: Output) -> None:
         """Take its answer; without one for too long, or without what it needs, it is over."""
@@ -226,15 +258,19 @@ class SearchSwitch:
             return
         now_s = output.time_s
         # NaN: it was asked just now.  In these modes nobody is asked, so that nobody is late.
-        if output.mode in UNASKED or not self._received_s <= now_s:
-            self._received_s = now_s
+        if output.mode in UNASKED or not self._answered_s <= now_s:
+            self._answered_s = now_s
         wish = engine.receive()
-        if wish is not None:
-            self._received_s = now_s
+        if (
+            wish is not None
+            and wish.search == self._search
+            and 0.0 <= now_s - wish.time_s <= LATE_S  # false for NaN
+        ):
+            self._answered_s = max(self._answered_s, wish.time_s)
             self._obey(wish)
         elif engine.failure:
             self._end(SEVERITY_ERROR, f"search ended: {engine.failure}")
-        elif now_s - self._received_s > LATE_S:
+        elif now_s - self._answered_s > LATE_S:
             self._end(SEVERITY_ERROR, f"search ended: no answer for {LATE_S:g} s")
 
     def _obey(self, wish: LineWish) -> None:
@@ -263,6 +299,7 @@ class SearchSwitch:
         """The line stays where it is."""
         self._outbox.tell(severity, text)
         self._settings.assign("SRCH_START", SEARCH_OFF)
+        self._renew(seeks=False)
 
 
 def _settled_on(target: TargetLine, x_m: float, z_m: float) -> tuple[tuple[float, float], ...]:

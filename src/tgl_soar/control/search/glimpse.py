@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 from tgl_soar.control.envelope import Fence
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.target_line import LineLimits, LineTracking, TargetLine
-from tgl_soar.types import GlidePolar, Ground, VehicleState
+from tgl_soar.types import NAN, GlidePolar, Ground, VehicleState
 
 LOOK_S: Final = 0.2  # between two glimpses
 
@@ -53,7 +53,7 @@ def task_of(laws: Laws) -> SearchTask:
 
 
 class Glimpse(NamedTuple):
-    """What the module knows at one instant, and since the glimpse before it."""
+    """What the module knows at one instant, `now.time_s`, and since the glimpse before it."""
 
     before: VehicleState
     now: VehicleState
@@ -65,6 +65,7 @@ class Glimpse(NamedTuple):
     refused: bool  # the last line that was wished for
     pushed_mps: float = 0.0  # mean of the climb that a propeller gave
     carried: bool = False  # what is left of the throttle's budget can keep it from sinking
+    search: int = 0  # the search that asks; another number: another search
 
 
 class LineWish(NamedTuple):
@@ -76,6 +77,8 @@ class LineWish(NamedTuple):
     place_x_m: float  # where the aircraft is to settle on it; NaN: not known
     place_z_m: float
     over_ground_m: float
+    time_s: float = NAN  # of the glimpse that is answered
+    search: int = 0  # that had asked
 
     @property
     def soaring(self) -> bool:

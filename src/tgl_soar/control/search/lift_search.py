@@ -170,13 +170,13 @@ class LiftSearch:
             here = TargetLine(line.x_m, line.z_m, line.eta_rad)
             self.state = self.state._replace(target=here)
 
-    def seek(self, look: Sighting) -> LineWish:
-        """Where the line is to go, after `listen`."""
+    def seek(self, look: Sighting, *, plans: bool = True) -> LineWish:
+        """Where the line is to go, after `listen`; plans: a plan may be made."""
         line = look.moving.line
         if self.state is None:
             self.state = started(TargetLine(line.x_m, line.z_m, line.eta_rad))
         plan = None
-        if self._map is not None and plan_due(self.state):
+        if plans and self._map is not None and plan_due(self.state):
             plan = self.plan = self.planned(look, self.state)
         self.state = search_step(
             self.state,
@@ -229,6 +229,7 @@ class Seeker:
         self._task: SearchTask | None = None
         self._guards: Guards | None = None
         self.search: LiftSearch | None = None
+        self._number = 0  # of the search that asked last
 
     def begin(self, task: SearchTask) -> None:
         """How the line may be moved has changed, or the place: then the map is reset."""
@@ -242,8 +243,9 @@ class Seeker:
         ):
             self.search = None
 
-    def take(self, glimpse: Glimpse | None) -> LineWish | None:
-        """A glimpse, in order; None: the flight is over, and what was measured in it is past."""
+    def take(self, glimpse: Glimpse | None, *, plans: bool = True) -> LineWish | None:
+        """A glimpse, in order; None: the flight is over, and what was measured in it is past.
+        plans: not where it is known to be an old one."""
         if glimpse is None or self._guards is None or self._task is None:
             self.search = None
             return None
@@ -253,9 +255,13 @@ class Seeker:
         if self.search is None:
             self.search = LiftSearch(self._task.polar)
         self.search.listen(look)
+        if glimpse.search != self._number:
+            self._number = glimpse.search
+            self.search.rest()
         if glimpse.refused:
             self.search.stays(look)
         if not glimpse.seeks:
             self.search.rest()
             return None
-        return self.search.seek(look)
+        wish = self.search.seek(look, plans=plans)
+        return wish._replace(time_s=glimpse.now.time_s, search=glimpse.search)
